@@ -1,0 +1,95 @@
+#pragma once
+#include <filesystem>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "pipeline/base/command_line.hpp"
+#include "pipeline/base/json.hpp"
+
+namespace emmetrope {
+
+/// Holds the right to write into a case: an advisory lock on CASE/.lock, inherited by the stages that a driver starts.
+class CaseLock {
+ public:
+  /// \param create  make the folder where it does not exist
+  /// \throw Error (not_writable) when another run holds it or the folder cannot be written,
+  ///        (input_invalid) when it does not exist and is not to be made
+  CaseLock(const std::filesystem::path& case_folder, bool create);
+  ~CaseLock();
+  CaseLock(const CaseLock&) = delete;
+  CaseLock& operator=(const CaseLock&) = delete;
+
+ private:
+  int descriptor_ = -1;
+  bool inherited_ = false;
+};
+
+/// One input of a stage: a name that does not depend on where the case lies, and the file.
+struct StageInput {
+  std::string name;
+  std::filesystem::path path;
+};
+
+/// What a stage is about to do; two runs with the same spec and inputs' contents give the same bytes.
+struct StageSpec {
+  std::string stage;                ///< folder in the case: "segmentation"
+  Json parameters = Json::object(); ///< all that decides the result, and nothing else (no threads, no verbosity)
+  std::vector<StageInput> inputs;
+  bool uses_opencl = false;         ///< the device is then part of the key
+  std::string device;               ///< name and driver, when it uses OpenCL
+};
+
+/// What the stage found.
+struct StageVerdict {
+  ExitStatus status = ExitStatus::done;  ///< done, partial or no_result
+  std::vector<std::string> reasons;      ///< why it is not done, or what to know
+};
+
+/// Where a stage writes: a folder beside the final one that takes its place when all is written.
+class StageWorkspace {
+ public:
+  explicit StageWorkspace(std::filesystem::path folder) : folder_(std::move(folder)) {}
+  /// Becomes CASE/<stage>.
+  const std::filesystem::path& folder() const { return folder_; }
+  /// A file at the top of the case that belongs to this stage, such as case.json: the path to write it at.
+  std::filesystem::path case_file(const std::string& name);
+  /// Goes to standard error now and into stage.json.
+  void warn(const std::string& text);
+  /// Extra provenance, merged into stage.json.
+  Json& provenance() { return provenance_; }
+  const std::vector<std::string>& warnings() const { return warnings_; }
+  const std::vector<std::string>& case_files() const { return case_files_; }
+
+ private:
+  std::filesystem::path folder_;
+  std::vector<std::string> warnings_;
+  std::vector<std::string> case_files_;
+  Json provenance_ = Json::object();
+};
+
+struct StageOutcome {
+  StageVerdict verdict;
+  bool skipped = false;  ///< all was up to date
+  double wall_s = 0;
+  Json stage_json;
+};
+
+/// Runs `work` unless CASE/<stage>/stage.json shows, by SHA-256 of inputs and outputs, that its result is there already.
+/// The result and its stage.json (program version, command line, parameters, seed, SHA-256 of every input and output,
+/// OpenCL device, wall seconds, warnings, verdict) appear together or not at all. `work` returns done, partial or
+/// no_result; when it throws, the case stays as it was.
+StageOutcome run_stage(const std::filesystem::path& case_folder, const StageSpec& spec, const CommonOptions& common,
+                       const std::function<StageVerdict(StageWorkspace&)>& work);
+
+/// The verdict of a finished stage.
+/// \throw Error (input_invalid) when CASE/<stage>/stage.json is missing or broken, naming the command that makes it
+StageVerdict read_verdict(const std::filesystem::path& case_folder, const std::string& stage);
+
+/// All regular files below a folder of the case, sorted, named relative to the case: the inputs a stage declares.
+std::vector<StageInput> inputs_below(const std::filesystem::path& case_folder, const std::string& subfolder);
+
+/// "skipped (up to date)" or "done in 3.1 s", for a stage's text answer.
+std::string describe(const StageOutcome& outcome);
+
+}  // namespace emmetrope

@@ -1,0 +1,122 @@
+#include "pipeline/base/files.hpp"
+
+#include <fcntl.h>
+#include <openssl/evp.h>
+#include <unistd.h>
+
+#include <array>
+#include <cerrno>
+#include <cstdlib>
+#include <cstring>
+#include <fstream>
+#include <memory>
+
+#include "pipeline/base/error.hpp"
+
+namespace emmetrope {
+namespace {
+
+/// A file descriptor that closes itself.
+class Descriptor {
+ public:
+  explicit Descriptor(int value) : value_(value) {}
+  ~Descriptor() {
+    if (value_ >= 0) ::close(value_);
+  }
+  Descriptor(const Descriptor&) = delete;
+  Descriptor& operator=(const Descriptor&) = delete;
+  int get() const { return value_; }
+  /// The result of close(), which a full disk may only show here.
+  int close() { return ::close(std::exchange(value_, -1)); }
+
+ private:
+  int value_;
+};
+
+/// SHA-256 over pieces.
+class Sha256 {
+ public:
+  Sha256() : context_(EVP_MD_CTX_new(), &EVP_MD_CTX_free) { EVP_DigestInit_ex(context_.get(), EVP_sha256(), nullptr); }
+  void add(const void* bytes, std::size_t size) { EVP_DigestUpdate(context_.get(), bytes, size); }
+  std::string hex() {
+    std::array<unsigned char, EVP_MAX_MD_SIZE> digest{};
+    unsigned size = 0;
+    EVP_DigestFinal_ex(context_.get(), digest.data(), &size);
+    static constexpr char digits[] = "0123456789abcdef";
+    std::string text;
+    for (unsigned i = 0; i < size; ++i) {
+      text += digits[digest[i] >> 4];
+      text += digits[digest[i] & 15];
+    }
+    return text;
+  }
+
+ private:
+  std::unique_ptr<EVP_MD_CTX, decltype(&EVP_MD_CTX_free)> context_;
+};
+
+[[noreturn]] void throw_not_written(const std::filesystem::path& file, int reason) {
+  throw output_error("cannot write " + file.string() + ": " + std::strerror(reason),
+                     reason == ENOSPC || reason == EFBIG ? "free some disk space" : "check the folder and its permissions");
+}
+
+}  // namespace
+
+std::string read_file(const std::filesystem::path& file) {
+  std::error_code status;
+  if (!std::filesystem::is_regular_file(file, status))
+    throw input_error("cannot read " + file.string() + ": it is not a regular file or does not exist");
+  std::ifstream stream(file, std::ios::binary);
+  std::string bytes{std::istreambuf_iterator<char>(stream), std::istreambuf_iterator<char>()};
+  if (!stream || stream.bad()) throw input_error("cannot read " + file.string() + ": " + std::strerror(errno));
+  return bytes;
+}
+
+void write_file(const std::filesystem::path& file, std::string_view bytes) {
+  std::string name = file.string() + ".XXXXXX";
+  Descriptor descriptor(::mkstemp(name.data()));
+  if (descriptor.get() < 0) throw_not_written(file, errno);
+  try {
+    for (std::size_t done = 0; done < bytes.size();) {
+      const ssize_t written = ::write(descriptor.get(), bytes.data() + done, bytes.size() - done);
+      if (written < 0 && errno != EINTR) throw_not_written(file, errno);
+      if (written > 0) done += static_cast<std::size_t>(written);
+    }
+    ::fchmod(descriptor.get(), 0644);
+    if (::fsync(descriptor.get()) != 0 || descriptor.close() != 0) throw_not_written(file, errno);
+    if (::rename(name.c_str(), file.c_str()) != 0) throw_not_written(file, errno);
+  } catch (...) {
+    ::unlink(name.c_str());
+    throw;
+  }
+}
+
+std::string sha256_of(std::string_view bytes) {
+  Sha256 hash;
+  hash.add(bytes.data(), bytes.size());
+  return hash.hex();
+}
+
+std::string sha256_of_file(const std::filesystem::path& file) {
+  std::ifstream stream(file, std::ios::binary);
+  if (!stream) throw input_error("cannot read " + file.string() + ": " + std::strerror(errno));
+  Sha256 hash;
+  std::array<char, 1 << 16> buffer{};
+  while (stream.read(buffer.data(), buffer.size()) || stream.gcount() > 0)
+    hash.add(buffer.data(), static_cast<std::size_t>(stream.gcount()));
+  if (stream.bad()) throw input_error("cannot read " + file.string() + ": " + std::strerror(errno));
+  return hash.hex();
+}
+
+std::filesystem::path executable_folder() { return std::filesystem::read_symlink("/proc/self/exe").parent_path(); }
+
+std::filesystem::path data_folder() {
+  const auto installed = executable_folder() / ".." / "share" / "emmetrope";
+  if (std::filesystem::is_directory(installed)) return std::filesystem::canonical(installed);
+  const std::filesystem::path source = EMMETROPE_SOURCE_FOLDER;
+  if (std::filesystem::is_directory(source)) return source;
+  throw Error(ExitStatus::fault, "the program's data are neither in " + installed.string() + " nor in " + source.string(),
+              "install Emmetrope again with cmake --install");
+}
+
+}  // namespace emmetrope

@@ -1,0 +1,26 @@
+#pragma once
+#include <array>
+#include <string>
+
+#include "pipeline/base/json.hpp"
+
+namespace emmetrope {
+
+/// A measured number: its value, 95 % interval and where it comes from.
+/// JSON: {"value": v, "ci95": [lo, hi], "source": "mri" | "prior" | "keratometry" | ...}
+struct Measured {
+  double value = 0;
+  std::array<double, 2> ci95{0, 0};
+  std::string source = "mri";
+
+  /// The normal approximation: value -+ 1.96 sigma.
+  static Measured from_sigma(double value, double sigma, std::string source);
+  /// Half the width of the interval over 1.96.
+  double sigma() const { return (ci95[1] - ci95[0]) / (2 * 1.959963985); }
+};
+
+void to_json(Json& json, const Measured& measured);
+/// \throw Error (input_invalid) when a key is missing
+void from_json(const Json& json, Measured& measured);
+
+}  // namespace emmetrope

@@ -1,0 +1,93 @@
+#pragma once
+#include <Eigen/Core>
+#include <array>
+#include <cstdint>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "pipeline/base/progress.hpp"
+#include "raytrace/eye/exact_trace.hpp"
+#include "raytrace/eye/eye_model.hpp"
+#include "raytrace/scene/scene.hpp"
+
+namespace emmetrope::raytrace {
+
+/// How the eye's surfaces are represented on the device.
+enum class Representation { analytic, triangles, smooth, fast };
+
+/// The image plane: pixels equidistant in eye x and y on the retina, centred on the pole.
+struct RetinalGrid {
+  int width = 500, height = 500;
+  double field_x_mm = 6, field_y_mm = 6;
+  Eigen::Vector2d centre_mm{0, 0};  ///< from the pole, eye x and y
+};
+
+struct TraceSettings {
+  std::optional<Representation> representation;  ///< default: analytic for formulas, smooth for meshes
+  RetinalGrid grid;
+  int samples = 128;                     ///< rays a pixel
+  std::uint64_t seed = 1;                ///< common random numbers: same seed, same rays
+  std::optional<double> wavelength_nm;   ///< monochromatic; spectral by default
+  double gaze_horizontal_deg = 0, gaze_vertical_deg = 0;
+  bool illuminance = false;              ///< weight by relative retinal illuminance
+  int vertices = 800;                    ///< a surface, where a schematic eye is meshed
+  Verbosity verbosity;
+};
+
+/// Linear-light image, row after row from the top as the patient perceives it, channels interleaved.
+struct LinearImage {
+  int width = 0, height = 0, channels = 3;
+  std::vector<float> values;
+  float at(int column, int row, int channel) const {
+    return values[(static_cast<std::size_t>(row) * width + column) * channels + channel];
+  }
+};
+
+/// A direction in which the image is differentiated: one unit of the parameter adds `curvature_per_unit` (1/mm, textbook
+/// sign, over eye x and y) to the vertex curvature matrix of `surface`. Spectacle and anterior cornea are the cheap ones.
+struct CurvatureTangent {
+  std::string surface;
+  Eigen::Matrix2d curvature_per_unit;
+};
+
+struct TraceResult {
+  LinearImage image;
+  std::vector<LinearImage> derivatives;  ///< one per tangent
+  std::map<RayState, std::uint64_t> states;
+  std::uint64_t rays = 0;
+  double wall_s = 0;                     ///< scene included
+  std::string device;
+  double rays_per_s() const { return wall_s > 0 ? static_cast<double>(rays) / wall_s : 0; }
+};
+
+/// An OpenCL device with its programs; keeps compiled kernels between calls.
+class Tracer {
+ public:
+  /// \param device  index or part of its name; empty: the first
+  /// \throw Error (no_device) with the remedy
+  explicit Tracer(const std::string& device, int threads = 0);
+  ~Tracer();
+  Tracer(Tracer&&) noexcept;
+  Tracer& operator=(Tracer&&) noexcept;
+
+  /// Name and driver version, for provenance.
+  std::string device_name() const;
+
+  /// Traces backward from the retina through the pupil of `eye` into `scene`.
+  TraceResult trace(const EyeModel& eye, const Scene& scene, const TraceSettings& settings,
+                    const std::vector<CurvatureTangent>& tangents = {}) const;
+
+ private:
+  struct State;
+  std::unique_ptr<State> state_;
+};
+
+/// Writes sRGB-encoded PNG from linear light; whole or not at all.
+void write_png(const std::filesystem::path& file, const LinearImage& image);
+/// Writes float TIFF of the linear values.
+void write_tiff(const std::filesystem::path& file, const LinearImage& image);
+
+}  // namespace emmetrope::raytrace
