@@ -9,10 +9,11 @@
 
 namespace emmetrope {
 
-/// Holds the right to write into a case: an advisory lock on CASE/.lock, inherited by the stages that a driver starts.
+/// Holds the right to write into a case: an advisory lock on CASE/.lock, inherited by the stages that a
+/// driver starts.
 class CaseLock {
  public:
-  /// \param create  make the folder where it does not exist
+  /// \param create  make the folder where it does not exist; it goes again if nothing is put into it
   /// \throw Error (not_writable) when another run holds it or the folder cannot be written,
   ///        (input_invalid) when it does not exist and is not to be made
   CaseLock(const std::filesystem::path& case_folder, bool create);
@@ -21,7 +22,9 @@ class CaseLock {
   CaseLock& operator=(const CaseLock&) = delete;
 
  private:
+  std::filesystem::path folder_;
   int descriptor_ = -1;
+  bool created_ = false;
   bool inherited_ = false;
 };
 
@@ -33,11 +36,12 @@ struct StageInput {
 
 /// What a stage is about to do; two runs with the same spec and inputs' contents give the same bytes.
 struct StageSpec {
-  std::string stage;                ///< folder in the case: "segmentation"
-  Json parameters = Json::object(); ///< all that decides the result, and nothing else (no threads, no verbosity)
+  std::string stage;  ///< folder in the case: "segmentation"
+  Json parameters =
+      Json::object();  ///< all that decides the result, and nothing else (no threads, no verbosity)
   std::vector<StageInput> inputs;
-  bool uses_opencl = false;         ///< the device is then part of the key
-  std::string device;               ///< name and driver, when it uses OpenCL
+  bool uses_opencl = false;  ///< the device is then part of the key
+  std::string device;        ///< name and driver, when it uses OpenCL
 };
 
 /// What the stage found.
@@ -75,18 +79,20 @@ struct StageOutcome {
   Json stage_json;
 };
 
-/// Runs `work` unless CASE/<stage>/stage.json shows, by SHA-256 of inputs and outputs, that its result is there already.
-/// The result and its stage.json (program version, command line, parameters, seed, SHA-256 of every input and output,
-/// OpenCL device, wall seconds, warnings, verdict) appear together or not at all. `work` returns done, partial or
-/// no_result; when it throws, the case stays as it was.
-StageOutcome run_stage(const std::filesystem::path& case_folder, const StageSpec& spec, const CommonOptions& common,
-                       const std::function<StageVerdict(StageWorkspace&)>& work);
+/// Runs `work` unless CASE/<stage>/stage.json shows, by SHA-256 of inputs and outputs, that its result is
+/// there already. The result and its stage.json (program version, command line, parameters, seed, SHA-256 of
+/// every input and output, OpenCL device, wall seconds, warnings, verdict) appear together or not at all.
+/// `work` returns done, partial or no_result; when it throws, the case stays as it was.
+StageOutcome run_stage(const std::filesystem::path& case_folder, const StageSpec& spec,
+                       const CommonOptions& common, const std::function<StageVerdict(StageWorkspace&)>& work);
 
 /// The verdict of a finished stage.
-/// \throw Error (input_invalid) when CASE/<stage>/stage.json is missing or broken, naming the command that makes it
+/// \throw Error (input_invalid) when CASE/<stage>/stage.json is missing or broken, naming the command that
+/// makes it
 StageVerdict read_verdict(const std::filesystem::path& case_folder, const std::string& stage);
 
-/// All regular files below a folder of the case, sorted, named relative to the case: the inputs a stage declares.
+/// All regular files below a folder of the case, sorted, named relative to the case: the inputs a stage
+/// declares.
 std::vector<StageInput> inputs_below(const std::filesystem::path& case_folder, const std::string& subfolder);
 
 /// "skipped (up to date)" or "done in 3.1 s", for a stage's text answer.

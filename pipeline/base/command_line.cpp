@@ -18,7 +18,8 @@ std::string joined(int argc, char** argv) {
   std::string line;
   for (int i = 0; i < argc; ++i) {
     const std::string word = i == 0 ? std::filesystem::path(argv[0]).filename().string() : argv[i];
-    const bool plain = !word.empty() && word.find_first_of(" \t\n'\"\\$*?;&|<>()[]{}#~`!") == std::string::npos;
+    const bool plain =
+        !word.empty() && word.find_first_of(" \t\n'\"\\$*?;&|<>()[]{}#~`!") == std::string::npos;
     line += (i == 0 ? "" : " ") + (plain ? word : "'" + word + "'");
   }
   return line;
@@ -31,8 +32,11 @@ void declare_common(CLI::App& app, CommonOptions& common) {
   app.add_flag("--json", common.json, "The answer on standard output as one JSON document")->group(group);
   app.add_flag("--quiet", common.verbosity.quiet, "No progress and no notes")->group(group);
   app.add_flag("--force", common.force, "Redo what is up to date")->group(group);
-  app.add_option("--device", common.device, "OpenCL device by index or name (see emmetrope devices)")->group(group);
-  app.add_option("--threads", common.threads, "CPU threads; 0: all cores")->check(CLI::Range(0, 1024))->group(group);
+  app.add_option("--device", common.device, "OpenCL device by index or name (see emmetrope devices)")
+      ->group(group);
+  app.add_option("--threads", common.threads, "CPU threads; 0: all cores")
+      ->check(CLI::Range(0, 1024))
+      ->group(group);
   app.add_option("--seed", common.seed, "Seed of all random numbers")->capture_default_str()->group(group);
   app.add_option("--laterality", common.laterality, "od, os or both")
       ->transform(CLI::CheckedTransformer(eyes, CLI::ignore_case).description(""))
@@ -45,8 +49,9 @@ int report_failure(const std::string& command, const CommonOptions& common, cons
   for (const auto& doing : error.context()) std::cerr << "  while " << doing << "\n";
   if (!error.remedy().empty()) std::cerr << "  remedy: " << error.remedy() << "\n";
   if (common.json) {
-    const Json answer{{"status", static_cast<int>(error.status())},
-                      {"error", {{"message", error.what()}, {"context", error.context()}, {"remedy", error.remedy()}}}};
+    const Json answer{
+        {"status", static_cast<int>(error.status())},
+        {"error", {{"message", error.what()}, {"context", error.context()}, {"remedy", error.remedy()}}}};
     std::cout << answer.dump(2, ' ', false, Json::error_handler_t::replace) << std::endl;
   }
   return static_cast<int>(error.status());
@@ -92,7 +97,8 @@ int run_command(int argc, char** argv, const Command& command) {
   } catch (const Error& error) {
     return report_failure(command.name, common, error);
   } catch (const std::bad_alloc&) {
-    return report_failure(command.name, common, Error(ExitStatus::fault, "out of memory", "use a machine with more memory"));
+    return report_failure(command.name, common,
+                          Error(ExitStatus::fault, "out of memory", "use a machine with more memory"));
   } catch (const std::filesystem::filesystem_error& fault) {
     return report_failure(command.name, common, output_error(fault.what()));
   } catch (const std::exception& fault) {

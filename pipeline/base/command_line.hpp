@@ -13,11 +13,11 @@ namespace emmetrope {
 
 /// Options that every command has.
 struct CommonOptions {
-  bool json = false;         ///< the answer as one JSON document on standard output
-  bool force = false;        ///< redo what is up to date
+  bool json = false;   ///< the answer as one JSON document on standard output
+  bool force = false;  ///< redo what is up to date
   Verbosity verbosity;
-  std::string device;        ///< OpenCL device by index or part of its name; empty: the first
-  int threads = 0;           ///< 0: all cores
+  std::string device;  ///< OpenCL device by index or part of its name; empty: the first
+  int threads = 0;     ///< 0: all cores
   std::uint64_t seed = 1;
   LateralityChoice laterality = LateralityChoice::both;
   std::string command_line;  ///< as it was typed, for provenance
@@ -42,8 +42,8 @@ struct Command {
   std::function<Answer(const CommonOptions&)> run;
 };
 
-/// Parses, runs, prints the answer on standard output and everything else on standard error; turns exceptions into a
-/// message and an exit status. To be returned from main.
+/// Parses, runs, prints the answer on standard output and everything else on standard error; turns exceptions
+/// into a message and an exit status. To be returned from main.
 int run_command(int argc, char** argv, const Command& command);
 
 }  // namespace emmetrope

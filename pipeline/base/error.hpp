@@ -8,19 +8,20 @@ namespace emmetrope {
 /// Exit status of every command. docs/exit-status.md is the user's copy of this table.
 enum class ExitStatus {
   done = 0,
-  fault = 1,           ///< unexpected: a defect of the program
-  usage = 2,           ///< wrong usage, an unknown eye's name too
-  input_invalid = 3,   ///< input invalid or incomplete, a bad eye.json too
-  unsupported = 4,     ///< data of a kind not supported
-  not_writable = 5,    ///< output not writable: disk full, case in use by another run
-  no_result = 6,       ///< the data do not support a result: no clinical number is given
-  no_device = 7,       ///< no usable OpenCL device
-  partial = 8,         ///< partial result, one eye of two, say
+  fault = 1,          ///< unexpected: a defect of the program
+  usage = 2,          ///< wrong usage, an unknown eye's name too
+  input_invalid = 3,  ///< input invalid or incomplete, a bad eye.json too
+  unsupported = 4,    ///< data of a kind not supported
+  not_writable = 5,   ///< output not writable: disk full, case in use by another run
+  no_result = 6,      ///< the data do not support a result: no clinical number is given
+  no_device = 7,      ///< no usable OpenCL device
+  partial = 8,        ///< partial result, one eye of two, say
   interrupted = 130,
   terminated = 143,
 };
 
-/// A failure that the user can understand: what is wrong (which file, tag or parameter), what was found, what to do.
+/// A failure that the user can understand: what is wrong (which file, tag or parameter), what was found, what
+/// to do.
 class Error : public std::runtime_error {
  public:
   /// \param what    names the file, tag or parameter and what was found there

@@ -2,6 +2,7 @@
 
 #include <fcntl.h>
 #include <openssl/evp.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <array>
@@ -36,7 +37,9 @@ class Descriptor {
 /// SHA-256 over pieces.
 class Sha256 {
  public:
-  Sha256() : context_(EVP_MD_CTX_new(), &EVP_MD_CTX_free) { EVP_DigestInit_ex(context_.get(), EVP_sha256(), nullptr); }
+  Sha256() : context_(EVP_MD_CTX_new(), &EVP_MD_CTX_free) {
+    EVP_DigestInit_ex(context_.get(), EVP_sha256(), nullptr);
+  }
   void add(const void* bytes, std::size_t size) { EVP_DigestUpdate(context_.get(), bytes, size); }
   std::string hex() {
     std::array<unsigned char, EVP_MAX_MD_SIZE> digest{};
@@ -56,8 +59,9 @@ class Sha256 {
 };
 
 [[noreturn]] void throw_not_written(const std::filesystem::path& file, int reason) {
-  throw output_error("cannot write " + file.string() + ": " + std::strerror(reason),
-                     reason == ENOSPC || reason == EFBIG ? "free some disk space" : "check the folder and its permissions");
+  throw output_error(
+      "cannot write " + file.string() + ": " + std::strerror(reason),
+      reason == ENOSPC || reason == EFBIG ? "free some disk space" : "check the folder and its permissions");
 }
 
 }  // namespace
@@ -68,7 +72,8 @@ std::string read_file(const std::filesystem::path& file) {
     throw input_error("cannot read " + file.string() + ": it is not a regular file or does not exist");
   std::ifstream stream(file, std::ios::binary);
   std::string bytes{std::istreambuf_iterator<char>(stream), std::istreambuf_iterator<char>()};
-  if (!stream || stream.bad()) throw input_error("cannot read " + file.string() + ": " + std::strerror(errno));
+  if (!stream || stream.bad())
+    throw input_error("cannot read " + file.string() + ": " + std::strerror(errno));
   return bytes;
 }
 
@@ -108,14 +113,17 @@ std::string sha256_of_file(const std::filesystem::path& file) {
   return hash.hex();
 }
 
-std::filesystem::path executable_folder() { return std::filesystem::read_symlink("/proc/self/exe").parent_path(); }
+std::filesystem::path executable_folder() {
+  return std::filesystem::read_symlink("/proc/self/exe").parent_path();
+}
 
 std::filesystem::path data_folder() {
   const auto installed = executable_folder() / ".." / "share" / "emmetrope";
   if (std::filesystem::is_directory(installed)) return std::filesystem::canonical(installed);
   const std::filesystem::path source = EMMETROPE_SOURCE_FOLDER;
   if (std::filesystem::is_directory(source)) return source;
-  throw Error(ExitStatus::fault, "the program's data are neither in " + installed.string() + " nor in " + source.string(),
+  throw Error(ExitStatus::fault,
+              "the program's data are neither in " + installed.string() + " nor in " + source.string(),
               "install Emmetrope again with cmake --install");
 }
 

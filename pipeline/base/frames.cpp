@@ -11,7 +11,8 @@ Eigen::Isometry3d lps_from_eye(const Eigen::Vector3d& apex_in_lps, const Eigen::
   const Eigen::Vector3d superior = Eigen::Vector3d::UnitZ();
   // x has no superior component; it points to the patient's left when the eye looks forward (-y).
   const Eigen::Vector3d across = superior.cross(z);
-  if (!(across.norm() > 1e-6)) throw input_error("the eye's axis is vertical: its horizontal direction is undefined");
+  if (!(across.norm() > 1e-6))
+    throw input_error("the eye's axis is vertical: its horizontal direction is undefined");
   const Eigen::Vector3d x = across.normalized();
   Eigen::Isometry3d transform = Eigen::Isometry3d::Identity();
   transform.linear() << x, z.cross(x), z;

@@ -7,8 +7,10 @@
 /// Frames of the project, all right-handed, lengths in mm. Transforms are named target_from_source.
 ///
 /// lps: DICOM patient frame: +x to the patient's left, +y posterior, +z superior.
-/// eye: ANSI Z80.28 / ISO 24157: +z out of the eye along its axis, +x horizontal (no superior component) to the
-///      examiner's right, which is the patient's left, +y up; origin at the anterior corneal apex. OD and OS alike.
+/// eye: ANSI Z80.28 / ISO 24157: +z out of the eye along its axis, +x horizontal (no superior component) to
+/// the
+///      examiner's right, which is the patient's left, +y up; origin at the anterior corneal apex. OD and OS
+///      alike.
 /// A depth d is a distance behind the apex into the eye: d = -z.
 namespace emmetrope {
 

@@ -5,12 +5,13 @@
 
 #include <sys/types.h>
 
-/// Ctrl-C and SIGTERM end a command within a moment and leave nothing behind: one thread waits for the signals, kills
-/// registered children, removes registered folders and leaves with status 130 or 143. No stage has to poll.
+/// Ctrl-C and SIGTERM end a command within a moment and leave nothing behind: one thread waits for the
+/// signals, kills registered children, removes registered folders and leaves with status 130 or 143. No stage
+/// has to poll.
 namespace emmetrope {
 
-/// Blocks SIGINT and SIGTERM in all threads and starts the waiting thread; ignores SIGPIPE and SIGXFSZ, so that they
-/// become write errors. To be called first in main; `run_command` does.
+/// Blocks SIGINT and SIGTERM in all threads and starts the waiting thread; ignores SIGPIPE and SIGXFSZ, so
+/// that they become write errors. To be called first in main; `run_command` does.
 void handle_interrupts();
 
 /// While it lives, an interrupt removes this folder (or file).

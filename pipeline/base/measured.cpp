@@ -6,7 +6,8 @@ namespace emmetrope {
 
 Measured Measured::from_sigma(double value, double sigma, std::string source) {
   constexpr double normal_quantile_975 = 1.959963985;
-  return {value, {value - normal_quantile_975 * sigma, value + normal_quantile_975 * sigma}, std::move(source)};
+  return {
+      value, {value - normal_quantile_975 * sigma, value + normal_quantile_975 * sigma}, std::move(source)};
 }
 
 void to_json(Json& json, const Measured& measured) {

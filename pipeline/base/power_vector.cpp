@@ -25,9 +25,9 @@ SpheroCylinder to_sphero_cylinder(const PowerVector& refraction) {
 PowerVector move_towards_eye(const PowerVector& refraction, double distance_mm) {
   // Dioptric power matrix (Long 1976); F' = (1 - d F)^-1 F acts on both principal meridians at once.
   Eigen::Matrix2d power;
-  power << refraction.M_D + refraction.J0_D, refraction.J45_D, refraction.J45_D, refraction.M_D - refraction.J0_D;
-  const Eigen::Matrix2d moved =
-      (Eigen::Matrix2d::Identity() - distance_mm * 1e-3 * power).inverse() * power;
+  power << refraction.M_D + refraction.J0_D, refraction.J45_D, refraction.J45_D,
+      refraction.M_D - refraction.J0_D;
+  const Eigen::Matrix2d moved = (Eigen::Matrix2d::Identity() - distance_mm * 1e-3 * power).inverse() * power;
   return {(moved(0, 0) + moved(1, 1)) / 2, (moved(0, 0) - moved(1, 1)) / 2, (moved(0, 1) + moved(1, 0)) / 2};
 }
 

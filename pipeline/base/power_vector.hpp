@@ -21,8 +21,9 @@ PowerVector to_power_vector(const SpheroCylinder& refraction);
 /// The same refraction in minus cylinder; the axis of a sphere is 0.
 SpheroCylinder to_sphero_cylinder(const PowerVector& refraction);
 
-/// Moves a refraction by `distance_mm` along the direction of light (towards the eye positive): in each meridian
-/// F' = F / (1 - d F). From the spectacle plane to the cornea distance_mm is the vertex distance, back it is minus it.
+/// Moves a refraction by `distance_mm` along the direction of light (towards the eye positive): in each
+/// meridian F' = F / (1 - d F). From the spectacle plane to the cornea distance_mm is the vertex distance,
+/// back it is minus it.
 PowerVector move_towards_eye(const PowerVector& refraction, double distance_mm);
 
 }  // namespace emmetrope

@@ -46,15 +46,17 @@ void Progress::advance(std::size_t steps) {
 void Progress::draw(bool last) {
   const double elapsed_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count();
   const double fraction = static_cast<double>(done_) / static_cast<double>(total_);
-  const std::string time = last             ? describe_seconds(elapsed_s)
+  const std::string time = last              ? describe_seconds(elapsed_s)
                            : fraction > 0.02 ? describe_seconds(elapsed_s / fraction - elapsed_s) + " left"
                                              : std::string();
   if (terminal_) {
     constexpr int width = 30;
     const int filled = static_cast<int>(fraction * width);
     const std::string bar = std::string(filled, '#') + std::string(width - filled, '.');
-    std::fputs(fmt::format("\r\x1b[K{:<34} [{}] {:3.0f} % {}{}", doing_, bar, 100 * fraction, time, last ? "\n" : "").c_str(),
-               stderr);
+    std::fputs(
+        fmt::format("\r\x1b[K{:<34} [{}] {:3.0f} % {}{}", doing_, bar, 100 * fraction, time, last ? "\n" : "")
+            .c_str(),
+        stderr);
   } else {
     std::fputs(fmt::format("{}: {:.0f} % {}\n", doing_, 100 * fraction, time).c_str(), stderr);
   }

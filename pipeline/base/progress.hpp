@@ -11,8 +11,8 @@ struct Verbosity {
   bool quiet = false;  ///< no progress, no notes; warnings and errors still appear
 };
 
-/// Progress of one piece of work: a bar with the time left on a terminal, a line now and then on a pipe, nothing when
-/// quiet. Thread-safe.
+/// Progress of one piece of work: a bar with the time left on a terminal, a line now and then on a pipe,
+/// nothing when quiet. Thread-safe.
 class Progress {
  public:
   /// \param doing  what is done, in the user's words: "fitting the right eye"

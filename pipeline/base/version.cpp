@@ -2,6 +2,8 @@
 
 namespace emmetrope {
 
-std::string version() { return EMMETROPE_VERSION; }
+std::string version() {
+  return EMMETROPE_VERSION;
+}
 
 }  // namespace emmetrope

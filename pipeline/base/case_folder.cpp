@@ -1,0 +1,257 @@
+#include "pipeline/base/case_folder.hpp"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <sys/file.h>
+#include <sys/stat.h>
+#include <sys/syscall.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <chrono>
+#include <cstdlib>
+#include <cstring>
+#include <fstream>
+
+#include "pipeline/base/files.hpp"
+#include "pipeline/base/interrupt.hpp"
+#include "pipeline/base/log.hpp"
+#include "pipeline/base/version.hpp"
+
+namespace emmetrope {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr const char* lock_name = ".lock";
+constexpr const char* lock_variable =
+    "EMMETROPE_CASE_LOCK";  // "<descriptor>" that a driver hands to its stages
+constexpr const char* stage_file = "stage.json";
+
+bool is_same_file(int descriptor, const fs::path& file) {
+  struct stat held {};
+  struct stat wanted {};
+  return ::fstat(descriptor, &held) == 0 && ::stat(file.c_str(), &wanted) == 0 &&
+         held.st_dev == wanted.st_dev && held.st_ino == wanted.st_ino;
+}
+
+/// The driver's lock, where this process was started by one and it is for the same case.
+std::optional<int> inherited_lock(const fs::path& lock_file) {
+  const char* text = std::getenv(lock_variable);
+  if (text == nullptr) return std::nullopt;
+  const int descriptor = static_cast<int>(std::strtol(text, nullptr, 10));
+  return is_same_file(descriptor, lock_file) ? std::optional(descriptor) : std::nullopt;
+}
+
+/// Forces a folder's entries to disk, so that a rename survives a power cut.
+void sync_folder(const fs::path& folder) {
+  const int descriptor = ::open(folder.c_str(), O_RDONLY | O_DIRECTORY);
+  if (descriptor < 0) return;
+  ::fsync(descriptor);
+  ::close(descriptor);
+}
+
+/// Puts `fresh` in the place of `final` in one step where the file system can (Linux 3.15, renameat2).
+void replace_folder(const fs::path& fresh, const fs::path& final) {
+  constexpr unsigned exchange = 2;  // RENAME_EXCHANGE
+  if (!fs::exists(final)) {
+    fs::rename(fresh, final);
+  } else if (::syscall(SYS_renameat2, AT_FDCWD, fresh.c_str(), AT_FDCWD, final.c_str(), exchange) != 0) {
+    const fs::path old = fresh.string() + ".old";
+    fs::rename(final, old);
+    fs::rename(fresh, final);
+    fs::remove_all(old);
+    return;
+  }
+  fs::remove_all(fresh);
+}
+
+Json hashes_of(const std::vector<StageInput>& inputs) {
+  Json hashes = Json::object();
+  for (const auto& input : inputs) hashes[input.name] = sha256_of_file(input.path);
+  return hashes;
+}
+
+/// What a result depends on. The seed is part of it, threads and verbosity are not.
+Json key_of(const StageSpec& spec, const CommonOptions& common) {
+  Json key{{"version", version()}, {"parameters", spec.parameters}, {"seed", common.seed}};
+  if (spec.uses_opencl) key["device"] = spec.device;
+  key["inputs"] = hashes_of(spec.inputs);
+  return key;
+}
+
+/// The stored outcome, if it was made from the same key and its outputs are still what was written.
+std::optional<Json> finished(const fs::path& case_folder, const std::string& stage, const Json& key) {
+  const fs::path file = case_folder / stage / stage_file;
+  if (!fs::exists(file)) return std::nullopt;
+  try {
+    const Json stored = read_json(file);
+    for (const auto& [name, value] : key.items())
+      if (stored.at(name) != value) return std::nullopt;
+    for (const auto& [name, hash] : stored.at("outputs").items())
+      if (sha256_of_file(case_folder / name) != hash.get<std::string>()) return std::nullopt;
+    return stored;
+  } catch (const std::exception&) {
+    return std::nullopt;  // unreadable or incomplete: make it again
+  }
+}
+
+StageVerdict verdict_from(const Json& stage_json) {
+  const Json& verdict = stage_json.at("verdict");
+  return {static_cast<ExitStatus>(verdict.at("status").get<int>()),
+          verdict.at("reasons").get<std::vector<std::string>>()};
+}
+
+/// Left over from runs that were killed; nobody else writes while we hold the lock.
+void remove_leftovers(const fs::path& case_folder) {
+  for (const auto& entry : fs::directory_iterator(case_folder)) {
+    const std::string name = entry.path().filename().string();
+    if (name.rfind(".writing-", 0) == 0) fs::remove_all(entry.path());
+  }
+}
+
+}  // namespace
+
+CaseLock::CaseLock(const fs::path& case_folder, bool create) : folder_(case_folder) {
+  std::error_code fault;
+  if (create) created_ = fs::create_directories(case_folder, fault);
+  if (fault)
+    throw output_error("cannot make the case folder " + case_folder.string() + ": " + fault.message());
+  if (!fs::is_directory(case_folder))
+    throw input_error("the case folder " + case_folder.string() + " does not exist",
+                      "make it with: emmetrope segment STUDY -o " + case_folder.string());
+  const fs::path lock_file = case_folder / lock_name;
+  if (const auto inherited = inherited_lock(lock_file)) {
+    descriptor_ = *inherited;
+    inherited_ = true;
+    return;
+  }
+  descriptor_ = ::open(lock_file.c_str(), O_RDWR | O_CREAT, 0644);
+  if (descriptor_ < 0)
+    throw output_error("cannot write in the case folder " + case_folder.string() + ": " +
+                       std::strerror(errno));
+  // A lock on a file that its last holder has just removed would keep nobody out.
+  if (::flock(descriptor_, LOCK_EX | LOCK_NB) != 0 || !is_same_file(descriptor_, lock_file)) {
+    ::close(descriptor_);
+    throw output_error("the case " + case_folder.string() + " is in use by another run",
+                       "wait for it to end, or write to another folder");
+  }
+  ::setenv(lock_variable, std::to_string(descriptor_).c_str(), 1);
+  remove_leftovers(case_folder);
+}
+
+CaseLock::~CaseLock() {
+  if (inherited_) return;
+  ::unsetenv(lock_variable);
+  std::error_code ignored;
+  const auto entries = std::distance(fs::directory_iterator(folder_, ignored), fs::directory_iterator());
+  if (created_ && entries == 1) fs::remove_all(folder_, ignored);  // only the lock: nothing came of it
+  ::close(descriptor_);
+}
+
+fs::path StageWorkspace::case_file(const std::string& name) {
+  case_files_.push_back(name);
+  return folder_ / (".case-" + name);
+}
+
+void StageWorkspace::warn(const std::string& text) {
+  spdlog::warn("{}", text);
+  warnings_.push_back(text);
+}
+
+StageOutcome run_stage(const fs::path& case_folder, const StageSpec& spec, const CommonOptions& common,
+                       const std::function<StageVerdict(StageWorkspace&)>& work) {
+  const auto start = std::chrono::steady_clock::now();
+  const CaseLock lock(case_folder, true);
+  const Json key = key_of(spec, common);
+  if (!common.force) {
+    if (const auto stored = finished(case_folder, spec.stage, key)) {
+      for (const auto& warning : stored->at("warnings")) spdlog::warn("{}", warning.get<std::string>());
+      return {verdict_from(*stored), true, 0, *stored};
+    }
+  }
+
+  const fs::path folder = case_folder / (".writing-" + spec.stage);
+  const RemoveOnInterrupt guard(folder);
+  try {
+    fs::remove_all(folder);
+    fs::create_directory(folder);
+    StageWorkspace workspace(folder);
+    const StageVerdict verdict = work(workspace);
+
+    Json outputs = Json::object();
+    std::vector<fs::path> files;
+    for (const auto& entry : fs::recursive_directory_iterator(folder))
+      if (entry.is_regular_file() && entry.path().filename().string().rfind(".case-", 0) != 0)
+        files.push_back(entry.path());
+    std::sort(files.begin(), files.end());
+    for (const auto& file : files)
+      outputs[(spec.stage / fs::relative(file, folder)).string()] = sha256_of_file(file);
+    for (const auto& name : workspace.case_files())
+      outputs[name] = sha256_of_file(folder / (".case-" + name));
+
+    const double wall_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    Json stage_json{{"stage", spec.stage}, {"command_line", common.command_line}};
+    stage_json.update(key);
+    stage_json["outputs"] = outputs;
+    stage_json["opencl_device"] = spec.uses_opencl ? Json(spec.device) : Json(nullptr);
+    stage_json["wall_s"] = wall_s;
+    stage_json["warnings"] = workspace.warnings();
+    stage_json["verdict"] = Json{{"status", static_cast<int>(verdict.status)}, {"reasons", verdict.reasons}};
+    stage_json.update(workspace.provenance());
+    write_json(folder / stage_file, stage_json);
+
+    {
+      const auto together = hold_interrupts();
+      for (const auto& name : workspace.case_files())
+        fs::rename(folder / (".case-" + name), case_folder / name);
+      replace_folder(folder, case_folder / spec.stage);
+      sync_folder(case_folder);
+    }
+    return {verdict, false, wall_s, stage_json};
+  } catch (const fs::filesystem_error& fault) {
+    std::error_code ignored;
+    fs::remove_all(folder, ignored);
+    throw output_error(std::string("cannot write the result of ") + spec.stage + ": " + fault.what());
+  } catch (...) {
+    std::error_code ignored;
+    fs::remove_all(folder, ignored);
+    throw;
+  }
+}
+
+StageVerdict read_verdict(const fs::path& case_folder, const std::string& stage) {
+  const std::map<std::string, std::string> command{{"segmentation", "segment"},
+                                                   {"meshing", "mesh"},
+                                                   {"raytrace", "trace"},
+                                                   {"correction", "correct"},
+                                                   {"report", "report"}};
+  const fs::path file = case_folder / stage / stage_file;
+  const auto maker = command.find(stage);
+  const std::string remedy = "make it with: emmetrope " + (maker == command.end() ? stage : maker->second) +
+                             " " + (stage == "segmentation" ? "STUDY -o " : "") + case_folder.string();
+  if (!fs::exists(file))
+    throw input_error("the case has no finished " + stage + ": " + file.string() + " is missing", remedy);
+  try {
+    return verdict_from(read_json(file));
+  } catch (const nlohmann::json::exception& fault) {
+    throw input_error(file.string() + " is broken: " + fault.what(), remedy);
+  }
+}
+
+std::vector<StageInput> inputs_below(const fs::path& case_folder, const std::string& subfolder) {
+  std::vector<StageInput> inputs;
+  const fs::path folder = case_folder / subfolder;
+  if (!fs::is_directory(folder)) return inputs;
+  for (const auto& entry : fs::recursive_directory_iterator(folder))
+    if (entry.is_regular_file() && entry.path().filename() != stage_file)
+      inputs.push_back({fs::relative(entry.path(), case_folder).string(), entry.path()});
+  std::sort(inputs.begin(), inputs.end(), [](const auto& a, const auto& b) { return a.name < b.name; });
+  return inputs;
+}
+
+std::string describe(const StageOutcome& outcome) {
+  return outcome.skipped ? "up to date, skipped" : fmt::format("done in {:.1f} s", outcome.wall_s);
+}
+
+}  // namespace emmetrope
