@@ -16,8 +16,9 @@ struct ParametricEye {
   Laterality laterality = Laterality::od;
   Eigen::Isometry3d lps_from_eye = Eigen::Isometry3d::Identity();
 
-  /// Anterior cornea: curvature matrix C = [[c + j0, j45], [j45, c - j0]] (1/mm), depth = S / (1 + sqrt(1 - (1 + Q) T)) with
-  /// S = x'Cx, T = x'C^2 x: a biconic with one Q in both meridians, smooth where the cylinder vanishes.
+  /// Anterior cornea: curvature matrix C = [[c + j0, j45], [j45, c - j0]] (1/mm), depth = S / (1 + sqrt(1 -
+  /// (1 + Q) T)) with S = x'Cx, T = x'C^2 x: a biconic with one Q in both meridians, smooth where the
+  /// cylinder vanishes.
   double cornea_c_per_mm = 1 / 7.8, cornea_j0_per_mm = 0, cornea_j45_per_mm = 0;
   double cornea_q = -0.2;
   double cornea_thickness_mm = 0.55;
@@ -31,10 +32,11 @@ struct ParametricEye {
   Eigen::Vector2d lens_tilt_deg{0, 0};  ///< about mid-lens: first about +x, then about +y
   double lens_equator_radius_mm = 4.6;
 
-  /// Vitreo-retinal interface: ellipsoid with centre on the axis at depth axial_length_mm - semi_axes.z, and a radial
-  /// displacement u(n) (mm, in the scaled sphere of radius 11 mm): the point along scaled unit direction n lies at scaled
-  /// radius 1 + u(n)/11. u is a sum of Gaussians exp(-angle^2 / (2 width^2)) about unit directions.
-  double axial_length_mm = 23.8;            ///< of the ellipsoid; with u: axial_length_mm + u(pole) semi_axes.z / 11
+  /// Vitreo-retinal interface: ellipsoid with centre on the axis at depth axial_length_mm - semi_axes.z, and
+  /// a radial displacement u(n) (mm, in the scaled sphere of radius 11 mm): the point along scaled unit
+  /// direction n lies at scaled radius 1 + u(n)/11. u is a sum of Gaussians exp(-angle^2 / (2 width^2)) about
+  /// unit directions.
+  double axial_length_mm = 23.8;  ///< of the ellipsoid; with u: axial_length_mm + u(pole) semi_axes.z / 11
   Eigen::Vector3d globe_semi_axes_mm{11.5, 11.4, 11.2};
   std::vector<Eigen::Vector3d> displacement_directions;
   std::vector<double> displacement_mm;
@@ -47,6 +49,8 @@ struct ParametricEye {
   Eigen::MatrixXd covariance;
   std::map<std::string, std::string> source;  ///< "mri", "prior", "keratometry", ... by name
 
+  /// C, the curvature matrix of the anterior cornea.
+  Eigen::Matrix2d cornea_curvature_per_mm() const;
   /// Depth of the anterior / posterior cornea at (x, y); \pre inside the surface's reach
   double cornea_anterior_depth_mm(double x_mm, double y_mm) const;
   double cornea_posterior_depth_mm(double x_mm, double y_mm) const;
@@ -54,16 +58,27 @@ struct ParametricEye {
   double displacement_at(const Eigen::Vector3d& scaled_direction) const;
   /// Point of the interface, eye frame, along scaled unit direction n.
   Eigen::Vector3d retina_point(const Eigen::Vector3d& scaled_direction) const;
+  /// Centre of the globe's ellipsoid, eye frame.
+  Eigen::Vector3d globe_centre_mm() const;
   /// Apex to the interface on the axis.
   double pole_depth_mm() const;
 
-  /// A parameter by its name in fit.json ("cornea_c_per_mm", "lens_tilt_x_deg", "displacement_012_mm", ...).
-  /// \throw Error (fault) for an unknown name
+  /// A parameter by its name in fit.json. Plain fields have their own names; parts of vectors are
+  /// lens_decentre_x_mm, lens_decentre_y_mm, lens_tilt_x_deg, lens_tilt_y_deg, globe_semi_axis_{x,y,z}_mm,
+  /// displacement_000_mm and on. The pose is apex_{x,y,z}_mm (LPS) with gaze_horizontal_deg (straight ahead
+  /// 0, positive to the patient's left) and gaze_vertical_deg (positive upwards); setting a gaze turns the
+  /// eye about its apex, its x axis stays horizontal. \throw Error (fault) for an unknown name
   double get(const std::string& name) const;
   void set(const std::string& name, double value);
 };
 
-/// The schema of fit.json's "eye": every field above, "parameters" (name, value, sigma, source) and "covariance".
+/// Whether `get` and `set` know the name.
+bool has_parameter(const ParametricEye& eye, const std::string& name);
+/// "displacement_012_mm" for 12.
+std::string displacement_name(std::size_t index);
+
+/// The schema of fit.json's "eye": every field above, "parameters" (name, value, sigma, source) and
+/// "covariance".
 Json to_json(const ParametricEye& eye);
 /// \throw Error (input_invalid) naming the key
 ParametricEye parametric_eye_from_json(const Json& json);
