@@ -5,19 +5,20 @@
 
 namespace emmetrope::segmentation {
 
-/// One stack of parallel MR slices. Every slice keeps the position that its header gives: a missing slice leaves a gap,
-/// it is never squeezed or filled in. LPS, mm.
+/// One stack of parallel MR slices. Every slice keeps the position that its header gives: a missing slice
+/// leaves a gap, it is never squeezed or filled in. LPS, mm.
 struct Stack {
-  std::string name;               ///< file-safe, never from a tag: "stack1"
+  std::string name;  ///< file-safe, never from a tag: "stack1"
   int columns = 0, rows = 0;
-  Eigen::Vector3d along_row;      ///< unit: direction in which the column index grows (ImageOrientationPatient 1 to 3)
-  Eigen::Vector3d along_column;   ///< unit: direction in which the row index grows (4 to 6)
-  Eigen::Vector3d normal;         ///< along_row x along_column; slices are ordered by position along it
-  double column_spacing_mm = 0;   ///< between columns, along_row (PixelSpacing 2)
-  double row_spacing_mm = 0;      ///< between rows, along_column (PixelSpacing 1)
+  Eigen::Vector3d
+      along_row;  ///< unit: direction in which the column index grows (ImageOrientationPatient 1 to 3)
+  Eigen::Vector3d along_column;  ///< unit: direction in which the row index grows (4 to 6)
+  Eigen::Vector3d normal;        ///< along_row x along_column; slices are ordered by position along it
+  double column_spacing_mm = 0;  ///< between columns, along_row (PixelSpacing 2)
+  double row_spacing_mm = 0;     ///< between rows, along_column (PixelSpacing 1)
   double slice_thickness_mm = 0;
-  std::vector<Eigen::Vector3d> slice_position;     ///< centre of the first voxel of each slice, LPS
-  std::vector<std::vector<float>> slice_intensity; ///< rows x columns, row after row, after rescale
+  std::vector<Eigen::Vector3d> slice_position;      ///< centre of the first voxel of each slice, LPS
+  std::vector<std::vector<float>> slice_intensity;  ///< rows x columns, row after row, after rescale
 
   int slices() const { return static_cast<int>(slice_position.size()); }
   float at(int column, int row, int slice) const {
@@ -25,9 +26,10 @@ struct Stack {
   }
   /// Centre of a voxel in LPS.
   Eigen::Vector3d position(double column, double row, int slice) const {
-    return slice_position[slice] + column * column_spacing_mm * along_row + row * row_spacing_mm * along_column;
+    return slice_position[slice] + column * column_spacing_mm * along_row +
+           row * row_spacing_mm * along_column;
   }
-  /// Median distance between neighbouring slices.
+  /// Median distance between neighbouring slices; the slice thickness where there is one slice only.
   double slice_spacing_mm() const;
 };
 

@@ -1,0 +1,30 @@
+#pragma once
+#include <Eigen/Core>
+#include <vector>
+
+#include "segmentation/volume.hpp"
+
+namespace emmetrope::segmentation {
+
+/// The regular grid of planes that fits the slices best. Slice i lies near plane[i]; planes without a slice
+/// are gaps.
+struct SliceGrid {
+  std::vector<int> plane;   ///< of each slice, ascending from 0
+  double spacing_mm = 0;    ///< of the planes
+  double start_mm = 0;      ///< projection of plane 0 on the normal
+  double deviation_mm = 0;  ///< largest distance of a slice from its plane along the normal
+
+  int planes() const { return plane.empty() ? 0 : plane.back() + 1; }
+  bool has_gaps() const { return planes() > static_cast<int>(plane.size()); }
+};
+
+/// A slice this near to its plane is on the grid: less than a hundredth of a dioptre of refraction each 0.004
+/// mm, and above the rounding of positions in headers.
+inline constexpr double on_grid_mm = 0.02;
+
+/// Least-squares grid through slice positions: plane numbers from the median step, then spacing and start.
+/// \param along_normal_mm  positions along the normal, ascending, at least one
+SliceGrid fit_slice_grid(const std::vector<double>& along_normal_mm);
+SliceGrid fit_slice_grid(const Stack& stack);
+
+}  // namespace emmetrope::segmentation

@@ -1,0 +1,136 @@
+#pragma once
+#include <Eigen/Core>
+#include <array>
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "pipeline/base/error.hpp"
+#include "pipeline/base/json.hpp"
+#include "pipeline/base/progress.hpp"
+#include "segmentation/volume.hpp"
+
+/// Reading a study: a folder of MR DICOM files (any depth, any names, other files mixed in) or NIfTI volumes.
+/// Files are parsed and decoded in a child process with limits (decoder.hpp), judged here
+/// (series_checks.hpp). docs/reading-dicom.md lists what is accepted, what is warned about and what is
+/// refused.
+namespace emmetrope::segmentation {
+
+/// What one study may cost; a file beyond them is refused, not half read.
+struct IntakeLimits {
+  std::size_t files = 20'000;
+  int depth = 16;                                    ///< of nested folders
+  std::uint64_t file_bytes = 200'000'000;            ///< pixels of one file, decoded
+  std::uint64_t series_bytes = 2'000'000'000;        ///< pixels of one series, decoded
+  std::uint64_t child_memory_bytes = 1'000'000'000;  ///< address space of the decoding process
+  double cpu_s = 4;    ///< processor time for a file, and 0.5 s for each MB of it
+  double wall_s = 30;  ///< time for a file, and 1 s for each MB of it
+};
+
+struct IntakeOptions {
+  IntakeLimits limits;
+  Verbosity verbosity;
+  bool any_modality = false;  ///< also take series that say that they are not MR, or a secondary capture
+  /// For a series with several images at one position: "UID,KEYWORD=VALUE" keeps the images with this value
+  /// of the tag, as in "1.2.3,EchoTime=91". A plain UID keeps all images.
+  std::vector<std::string> choices;
+};
+
+/// Where a slice of a series comes from.
+struct SliceSource {
+  std::filesystem::path file;   ///< relative to the study
+  int frame = 0;                ///< within the file, from 0
+  Eigen::Vector3d position_mm;  ///< ImagePositionPatient, LPS
+  double rescale_slope = 1, rescale_intercept = 0;
+};
+
+/// What a series says about itself and what the reader thinks of it. Numbers are absent where the files do
+/// not give them or are too broken to tell.
+struct SeriesInfo {
+  std::string name;         ///< file-safe and stable: "stack1"; used for the Stack and its files
+  std::string uid;          ///< SeriesInstanceUID; for a NIfTI volume "nifti-" and a hash of its bytes
+  std::string description;  ///< UTF-8 without control characters
+  std::string modality;
+  std::string study_uid, frame_of_reference_uid;
+  int number = 0;               ///< SeriesNumber
+  std::string transfer_syntax;  ///< UID
+  std::size_t files = 0;        ///< files used
+  int rows = 0, columns = 0;
+  std::optional<double> row_spacing_mm, column_spacing_mm;  ///< PixelSpacing 1 and 2
+  std::optional<double> slice_spacing_mm;                   ///< median distance of neighbouring slices
+  std::optional<double> slice_thickness_mm;                 ///< SliceThickness
+  bool uniform = false;                 ///< every slice within 0.02 mm of a regular grid without holes
+  std::array<double, 6> orientation{};  ///< direction cosines of a row, then of a column; orthonormal
+  std::vector<SliceSource> slices;      ///< ordered by position along row x column
+  std::optional<double> minimum, maximum, mean;  ///< of all voxels after rescale
+
+  // What helps to choose a stack and to model its acquisition.
+  std::string image_type;        ///< "ORIGINAL\\PRIMARY\\M\\ND"
+  std::string acquisition_type;  ///< "2D" or "3D"
+  std::string sequence;          ///< ScanningSequence
+  std::string body_part;
+  std::string image_laterality;  ///< "R", "L", "B", "U" or empty
+  std::optional<double> repetition_time_ms, echo_time_ms, inversion_time_ms, flip_angle_deg;
+  std::optional<double> field_strength_T, pixel_bandwidth_Hz;
+  std::string phase_encoding;  ///< InPlanePhaseEncodingDirection: "ROW", "COL" or empty
+  std::optional<std::array<double, 2>>
+      private_scaling;  ///< Philips (2005,100E) slope, (2005,100D) intercept; not applied
+
+  std::vector<std::string> warnings;
+  bool usable = false;
+  std::string reason;                              ///< why it is not usable: file, tag, what was found
+  ExitStatus refusal = ExitStatus::input_invalid;  ///< input_invalid or unsupported
+
+  bool is_nifti() const { return modality == "NIfTI"; }
+};
+
+struct SkippedFile {
+  std::filesystem::path file;  ///< relative to the study
+  std::string reason;
+};
+
+/// The patient without identity.
+struct Subject {
+  std::string id;  ///< hash of the study's UID and PatientID: the same study gives the same id
+  std::optional<double> age_years;  ///< PatientAge, or from the dates of birth and of the study
+  std::string sex;                  ///< "M", "F", "O" or empty
+};
+
+struct StudyInventory {
+  std::filesystem::path study;  ///< as given
+  std::filesystem::path root;   ///< what `file` paths are relative to
+  Subject subject;
+  std::vector<SeriesInfo> series;    ///< by SeriesNumber, then UID
+  std::vector<SkippedFile> skipped;  ///< by name
+
+  /// \throw Error (input_invalid) listing the series that there are, when there is none with this UID
+  const SeriesInfo& find(const std::string& uid) const;
+  bool any_usable() const;
+  /// Status of `inventory`: done when a series is usable, unsupported when all refusals are, else
+  /// input_invalid.
+  ExitStatus status() const;
+};
+
+/// Lists and judges what a study holds. All pixels are decoded once. Series that cannot be used are listed
+/// with the reason; only a study that cannot be read at all is an error. \param study  a folder, or one DICOM
+/// or NIfTI file \throw Error (input_invalid) when it does not exist or holds too many files
+StudyInventory read_inventory(const std::filesystem::path& study, const IntakeOptions& options = {});
+
+/// The voxels of one series of the inventory, every slice at its own position.
+/// \throw Error with the series' reason when it is not usable, (input_invalid) when its files changed
+/// meanwhile
+Stack read_series(const StudyInventory& inventory, const std::string& uid, const IntakeOptions& options = {});
+
+/// The document of `emmetrope inventory --json` as docs/reading-dicom.md describes it.
+Json to_json(const StudyInventory& inventory);
+/// One element of "series"; unknown numbers are null.
+Json to_json(const SeriesInfo& series);
+/// {"id", "age_years" (null when unknown), "sex"}
+Json to_json(const Subject& subject);
+
+/// The same for people: a table of the series, the reasons and the warnings.
+std::string describe(const StudyInventory& inventory);
+
+}  // namespace emmetrope::segmentation
