@@ -1,0 +1,82 @@
+#include "pipeline/base/process.hpp"
+
+#include <fcntl.h>
+#include <sys/resource.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <array>
+#include <cerrno>
+#include <chrono>
+#include <cstring>
+
+#include "pipeline/base/error.hpp"
+#include "pipeline/base/interrupt.hpp"
+
+namespace emmetrope {
+namespace {
+
+[[noreturn]] void execute(const std::vector<char*>& words, ChildOutput output, int pipe_end) {
+  restore_signals_in_child();
+  const int target = output == ChildOutput::capture   ? pipe_end
+                     : output == ChildOutput::discard ? ::open("/dev/null", O_WRONLY)
+                                                      : STDOUT_FILENO;
+  if (target != STDOUT_FILENO) ::dup2(target, STDOUT_FILENO);
+  ::execv(words[0], words.data());
+  ::_exit(127);
+}
+
+std::string read_all(int descriptor) {
+  std::string bytes;
+  std::array<char, 4096> buffer{};
+  for (;;) {
+    const ssize_t count = ::read(descriptor, buffer.data(), buffer.size());
+    if (count < 0 && errno == EINTR) continue;
+    if (count <= 0) return bytes;
+    bytes.append(buffer.data(), static_cast<std::size_t>(count));
+  }
+}
+
+}  // namespace
+
+ProcessResult run_process(const std::filesystem::path& program, const std::vector<std::string>& arguments,
+                          ChildOutput output) {
+  // All that allocates happens before the fork: another thread may hold the allocator's lock then.
+  std::vector<std::string> words{program.string()};
+  words.insert(words.end(), arguments.begin(), arguments.end());
+  std::vector<char*> pointers;
+  for (auto& word : words) pointers.push_back(word.data());
+  pointers.push_back(nullptr);
+  if (::access(program.c_str(), X_OK) != 0)
+    throw Error(ExitStatus::fault, "cannot run " + program.string() + ": " + std::strerror(errno),
+                "install Emmetrope again: its commands belong in one folder");
+
+  std::array<int, 2> ends{-1, -1};
+  if (output == ChildOutput::capture && ::pipe2(ends.data(), O_CLOEXEC) != 0)
+    throw Error(ExitStatus::fault, std::string("cannot make a pipe: ") + std::strerror(errno));
+  const auto start = std::chrono::steady_clock::now();
+  auto together = hold_interrupts();
+  const pid_t child = ::fork();
+  if (child == 0) execute(pointers, output, ends[1]);
+  if (child < 0)
+    throw Error(ExitStatus::fault, std::string("cannot start a process: ") + std::strerror(errno));
+  const EndOnInterrupt guard(child);
+  together.unlock();
+
+  ProcessResult result;
+  if (output == ChildOutput::capture) {
+    ::close(ends[1]);
+    result.output = read_all(ends[0]);
+    ::close(ends[0]);
+  }
+  int status = 0;
+  rusage usage{};
+  while (::wait4(child, &status, 0, &usage) < 0 && errno == EINTR) {
+  }
+  result.status = WIFSIGNALED(status) ? 128 + WTERMSIG(status) : WEXITSTATUS(status);
+  result.wall_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  result.peak_memory_MB = static_cast<double>(usage.ru_maxrss) / 1024;
+  return result;
+}
+
+}  // namespace emmetrope

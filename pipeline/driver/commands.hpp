@@ -1,0 +1,29 @@
+#pragma once
+#include <array>
+
+namespace emmetrope::driver {
+
+struct CommandSummary {
+  const char* name;
+  const char* summary;
+};
+
+/// Every command of `emmetrope`, in the order that a newcomer meets them; each is an executable
+/// emmetrope-<name>.
+inline constexpr std::array<CommandSummary, 13> commands{{
+    {"run", "from a DICOM folder to the report, all stages, resuming what is done"},
+    {"segment", "find the eyes in the MR images and fit their surfaces"},
+    {"mesh", "surfaces as triangle meshes; biometry and keratometry"},
+    {"trace", "what the eye sees: rays traced backward from the retina"},
+    {"correct", "the spectacle lens that sharpens the retinal image"},
+    {"report", "the clinical report of a case: HTML, PDF, DICOM"},
+    {"inventory", "the series of a DICOM folder and what is wrong with them"},
+    {"eye", "a schematic or measured eye: powers, cardinal points, pupils"},
+    {"ray", "one ray through an eye in float64"},
+    {"phantom", "a synthetic orbit MRI study with known truth"},
+    {"devices", "the OpenCL devices"},
+    {"doctor", "what this machine lacks, and the remedy"},
+    {"help", "this list, or the help of a command"},
+}};
+
+}  // namespace emmetrope::driver

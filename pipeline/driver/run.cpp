@@ -1,0 +1,147 @@
+#include "pipeline/driver/run.hpp"
+
+#include <fmt/format.h>
+
+#include <optional>
+
+#include "pipeline/base/case_folder.hpp"
+#include "pipeline/base/files.hpp"
+#include "pipeline/base/log.hpp"
+#include "pipeline/base/process.hpp"
+
+namespace emmetrope::driver {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct Stage {
+  std::string command;  ///< "segment"
+  std::string folder;   ///< "segmentation"
+  std::vector<std::string> arguments;
+};
+
+struct StageReport {
+  Stage stage;
+  ProcessResult process;
+  bool skipped = false;
+};
+
+std::vector<std::string> common_arguments(const CommonOptions& common) {
+  std::vector<std::string> words{"--json", "--seed", std::to_string(common.seed)};
+  if (common.force) words.emplace_back("--force");
+  if (common.verbosity.quiet) words.emplace_back("--quiet");
+  if (!common.device.empty()) words.insert(words.end(), {"--device", common.device});
+  if (common.threads > 0) words.insert(words.end(), {"--threads", std::to_string(common.threads)});
+  if (common.laterality != LateralityChoice::both)
+    words.insert(words.end(), {"--laterality", common.laterality == LateralityChoice::od ? "od" : "os"});
+  return words;
+}
+
+std::vector<Stage> stages_of(const RunOptions& options, const CommonOptions& common) {
+  const std::string folder = options.case_folder.string();
+  std::vector<Stage> stages{{"segment", "segmentation", {options.study.string(), "-o", folder}},
+                            {"mesh", "meshing", {folder}},
+                            {"trace", "raytrace", {folder}},
+                            {"correct", "correction", {folder}},
+                            {"report", "report", {folder}}};
+  const std::array<const std::vector<std::string>*, 5> own{&options.segment_options, &options.mesh_options,
+                                                           &options.trace_options, &options.correct_options,
+                                                           &options.report_options};
+  for (std::size_t i = 0; i < stages.size(); ++i) {
+    auto& words = stages[i].arguments;
+    words.insert(words.end(), own[i]->begin(), own[i]->end());
+    const auto shared = common_arguments(common);
+    words.insert(words.end(), shared.begin(), shared.end());
+  }
+  return stages;
+}
+
+/// A stage that had nothing to do leaves its stage.json untouched.
+std::optional<fs::file_time_type> time_of_result(const fs::path& case_folder, const Stage& stage) {
+  std::error_code missing;
+  const auto time = fs::last_write_time(case_folder / stage.folder / "stage.json", missing);
+  return missing ? std::nullopt : std::optional(time);
+}
+
+StageReport run_one(const Stage& stage, const fs::path& case_folder) {
+  const auto before = time_of_result(case_folder, stage);
+  StageReport report{stage,
+                     run_process(executable_folder() / ("emmetrope-" + stage.command), stage.arguments,
+                                 ChildOutput::discard),
+                     false};
+  report.skipped = before.has_value() && before == time_of_result(case_folder, stage);
+  return report;
+}
+
+bool gave_result(int status) {
+  return status == static_cast<int>(ExitStatus::done) || status == static_cast<int>(ExitStatus::partial);
+}
+
+/// What a stage that failed leaves behind from an earlier run would contradict the new report.
+void remove_stale(const fs::path& case_folder, const Stage& stage) {
+  std::error_code fault;
+  fs::remove_all(case_folder / stage.folder, fault);
+  if (fault)
+    throw output_error("cannot remove the outdated " + (case_folder / stage.folder).string() + ": " +
+                       fault.message());
+}
+
+Answer answer_of(const std::vector<StageReport>& reports, ExitStatus status, const fs::path& case_folder) {
+  Answer answer;
+  answer.status = status;
+  answer.json =
+      Json{{"status", static_cast<int>(status)}, {"case", case_folder.string()}, {"stages", Json::array()}};
+  double total_s = 0;
+  for (const auto& report : reports) {
+    answer.json["stages"].push_back(Json{{"stage", report.stage.command},
+                                         {"status", report.process.status},
+                                         {"skipped", report.skipped},
+                                         {"wall_s", report.process.wall_s},
+                                         {"peak_memory_MB", report.process.peak_memory_MB}});
+    answer.text += fmt::format("{:<9}{:>7.1f} s {:>6.0f} MB  {}\n", report.stage.command,
+                               report.process.wall_s, report.process.peak_memory_MB,
+                               report.skipped               ? "up to date, skipped"
+                               : report.process.status == 0 ? "done"
+                               : report.process.status == 6 ? "no result: the data do not support one"
+                               : report.process.status == 8 ? "partial result"
+                                                            : "failed");
+    total_s += report.process.wall_s;
+  }
+  answer.text += fmt::format("{:<9}{:>7.1f} s\n", "total", total_s);
+  answer.json["wall_s"] = total_s;
+  const fs::path report = fs::absolute(case_folder / "report" / "report.html").lexically_normal();
+  answer.json["report"] = report.string();
+  answer.text += "report: " + report.string() + "\n";
+  return answer;
+}
+
+}  // namespace
+
+Answer run_pipeline(const RunOptions& options, const CommonOptions& common) {
+  const CaseLock lock(options.case_folder, true);
+  std::vector<StageReport> reports;
+  ExitStatus status = ExitStatus::done;
+  for (const Stage& stage : stages_of(options, common)) {
+    if (status == ExitStatus::no_result && stage.command != "report") {
+      remove_stale(options.case_folder, stage);
+      continue;
+    }
+    spdlog::info("{} ...", stage.command);
+    reports.push_back(run_one(stage, options.case_folder));
+    const int ended = reports.back().process.status;
+    if (gave_result(ended)) {
+      if (ended != 0 && status == ExitStatus::done) status = ExitStatus::partial;
+    } else if (ended == static_cast<int>(ExitStatus::no_result)) {
+      status = ExitStatus::no_result;
+    } else {
+      throw Error(static_cast<ExitStatus>(ended < 128 ? ended : 1),
+                  ended < 128
+                      ? "the stage " + stage.command + " failed (its message is above)"
+                      : fmt::format("the stage {} was ended by signal {}", stage.command, ended - 128),
+                  "what is done is kept: the same command goes on from there");
+    }
+  }
+  return answer_of(reports, status, options.case_folder);
+}
+
+}  // namespace emmetrope::driver

@@ -1,0 +1,163 @@
+#include "pipeline/report/case_data.hpp"
+
+#include <algorithm>
+#include <charconv>
+#include <sstream>
+
+#include "pipeline/base/files.hpp"
+
+namespace emmetrope::report {
+namespace {
+
+namespace fs = std::filesystem;
+
+Json json_if_there(const fs::path& file) { return fs::exists(file) ? read_json(file) : Json(nullptr); }
+
+fs::path path_if_there(const fs::path& file) { return fs::exists(file) ? file : fs::path(); }
+
+bool ends_with(const std::string& text, const std::string& ending) {
+  return text.size() >= ending.size() &&
+         text.compare(text.size() - ending.size(), ending.size(), ending) == 0;
+}
+
+std::vector<std::string> cells_of(const std::string& line) {
+  std::vector<std::string> cells;
+  std::istringstream stream(line);
+  for (std::string cell; std::getline(stream, cell, ',');) cells.push_back(cell);
+  return cells;
+}
+
+std::optional<Sweep> read_sweep(const fs::path& file) {
+  if (!fs::exists(file)) return std::nullopt;
+  std::istringstream stream(read_file(file));
+  Sweep sweep;
+  std::string line;
+  while (std::getline(stream, line)) {
+    if (!line.empty() && line.back() == '\r') line.pop_back();
+    if (line.empty() || line[0] == '#') continue;
+    const auto cells = cells_of(line);
+    if (sweep.names.empty()) {
+      sweep.names = cells;
+      continue;
+    }
+    std::vector<double> row;
+    for (const auto& cell : cells) {
+      double value = 0;
+      const auto end = std::from_chars(cell.data(), cell.data() + cell.size(), value).ptr;
+      if (end != cell.data() + cell.size())
+        throw input_error(file.string() + ": \"" + cell + "\" is no number", "run emmetrope correct again");
+      row.push_back(value);
+    }
+    if (row.size() != sweep.names.size())
+      throw input_error(file.string() + ": a row of another length than its header",
+                        "run emmetrope correct again");
+    sweep.rows.push_back(row);
+  }
+  return sweep.rows.empty() ? std::nullopt : std::optional(sweep);
+}
+
+EyeData read_eye_data(const fs::path& folder, Laterality laterality) {
+  EyeData eye;
+  eye.laterality = laterality;
+  const std::string id = eye.id();
+  eye.fit = json_if_there(folder / "segmentation" / id / "fit.json");
+  eye.meshes = folder / "meshing" / id;
+  eye.biometry = json_if_there(eye.meshes / "biometry.json");
+  eye.optics = json_if_there(eye.meshes / "optics.json");
+  eye.wavefront = json_if_there(folder / "raytrace" / id / "wavefront.json");
+  eye.uncorrected_png = path_if_there(folder / "raytrace" / id / "uncorrected.png");
+  eye.prescription = json_if_there(folder / "correction" / id / "prescription.json");
+  eye.corrected_png = path_if_there(folder / "correction" / id / "corrected.png");
+  eye.sweep = read_sweep(folder / "correction" / id / "sweep.csv");
+  const fs::path pictures = folder / "segmentation" / id;
+  if (fs::is_directory(pictures))
+    for (const auto& entry : fs::directory_iterator(pictures))
+      if (entry.path().extension() == ".png") eye.overlays.push_back(entry.path());
+  std::sort(eye.overlays.begin(), eye.overlays.end());
+  return eye;
+}
+
+std::optional<StageData> read_stage(const fs::path& folder, const std::string& name) {
+  const fs::path file = folder / name / "stage.json";
+  if (!fs::exists(file)) return std::nullopt;
+  const Json json = read_json(file);
+  try {
+    StageData stage;
+    stage.name = name;
+    stage.status = static_cast<ExitStatus>(json.at("verdict").at("status").get<int>());
+    stage.reasons = json.at("verdict").at("reasons").get<std::vector<std::string>>();
+    stage.warnings = json.value("warnings", std::vector<std::string>{});
+    for (const char* key : {"version", "parameters", "seed", "opencl_device", "inputs", "outputs"})
+      if (json.contains(key)) stage.provenance[key] = json[key];
+    return stage;
+  } catch (const nlohmann::json::exception& fault) {
+    throw input_error(file.string() + " is broken: " + fault.what(), "run the stage again");
+  }
+}
+
+std::string text_of(const Json& json, std::initializer_list<const char*> keys) {
+  for (const char* key : keys)
+    if (json.is_object() && json.contains(key) && json[key].is_string()) return json[key].get<std::string>();
+  return {};
+}
+
+}  // namespace
+
+const StageData* CaseData::stage(const std::string& name) const {
+  const auto found =
+      std::find_if(stages.begin(), stages.end(), [&](const StageData& stage) { return stage.name == name; });
+  return found == stages.end() ? nullptr : &*found;
+}
+
+std::string CaseData::subject() const {
+  const Json subject = case_json.value("subject", Json::object());
+  const std::string id = text_of(subject, {"id", "pseudonym"});
+  return id.empty() ? "unknown" : id;
+}
+
+std::string CaseData::study_date() const {
+  std::string date = text_of(case_json, {"study_date", "date"});
+  if (date.empty()) date = text_of(case_json.value("study", Json::object()), {"date", "study_date"});
+  const auto is_digits = [](const std::string& text) {
+    return std::all_of(text.begin(), text.end(), [](unsigned char c) { return c >= '0' && c <= '9'; });
+  };
+  if (date.size() == 8 && is_digits(date))
+    return date.substr(0, 4) + "-" + date.substr(4, 2) + "-" + date.substr(6, 2);
+  const bool is_iso = date.size() == 10 && date[4] == '-' && date[7] == '-';
+  return is_iso && is_digits(date.substr(0, 4) + date.substr(5, 2) + date.substr(8)) ? date : "";
+}
+
+CaseData read_case(const fs::path& folder, LateralityChoice eyes) {
+  if (!fs::is_directory(folder))
+    throw input_error("the case folder " + folder.string() + " does not exist",
+                      "make it with: emmetrope run STUDY -o " + folder.string());
+  CaseData data;
+  data.folder = folder;
+  for (const char* name : {"segmentation", "meshing", "raytrace", "correction"})
+    if (auto stage = read_stage(folder, name)) data.stages.push_back(std::move(*stage));
+  if (data.stage("segmentation") == nullptr)
+    throw input_error("the case has no finished segmentation: " +
+                          (folder / "segmentation" / "stage.json").string() + " is missing",
+                      "make it with: emmetrope segment STUDY -o " + folder.string());
+  data.case_json = json_if_there(folder / "case.json");
+  if (!data.case_json.is_object()) data.case_json = Json::object();
+  for (const Laterality eye : both_eyes)
+    if (includes(eyes, eye)) data.eyes.push_back(read_eye_data(folder, eye));
+  for (const auto& entry : fs::directory_iterator(folder / "segmentation")) {
+    const std::string name = entry.path().filename().string();
+    if (ends_with(name, ".nii.gz") && !ends_with(name, "_labels.nii.gz")) data.stacks.push_back(entry.path());
+  }
+  std::sort(data.stacks.begin(), data.stacks.end());
+  return data;
+}
+
+std::optional<double> value_of(const Json& json, const std::string& key) {
+  if (!json.is_object() || !json.contains(key)) return std::nullopt;
+  const Json& found = json[key];
+  if (found.is_number()) return found.get<double>();
+  if (found.is_object() && found.contains("value") && found["value"].is_number())
+    return found["value"].get<double>();
+  return std::nullopt;
+}
+
+}  // namespace emmetrope::report

@@ -1,0 +1,62 @@
+#pragma once
+#include <filesystem>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "pipeline/base/error.hpp"
+#include "pipeline/base/json.hpp"
+#include "pipeline/base/laterality.hpp"
+
+/// What the stages left in a case, read and checked once.
+namespace emmetrope::report {
+
+/// correction/<eye>/sweep.csv: the first column is what was varied.
+struct Sweep {
+  std::vector<std::string> names;
+  std::vector<std::vector<double>> rows;
+};
+
+/// One eye's results. A file that a stage did not make is null or empty.
+struct EyeData {
+  Laterality laterality = Laterality::od;
+  Json fit, biometry, optics, wavefront, prescription;
+  std::optional<Sweep> sweep;
+  std::filesystem::path uncorrected_png, corrected_png;
+  std::vector<std::filesystem::path> overlays;  ///< pictures that segmentation left for this eye
+
+  std::string id() const { return to_string(laterality); }
+  std::filesystem::path mesh(const std::string& surface) const { return meshes / (surface + ".ply"); }
+  std::filesystem::path meshes;
+};
+
+/// One finished stage: what stage.json says, without what differs from run to run (times, paths).
+struct StageData {
+  std::string name;
+  ExitStatus status = ExitStatus::done;
+  std::vector<std::string> reasons, warnings;
+  Json provenance;  ///< version, parameters, seed, device, output hashes
+};
+
+struct CaseData {
+  std::filesystem::path folder;
+  Json case_json;
+  std::vector<StageData> stages;       ///< those that have run, in the pipeline's order
+  std::vector<EyeData> eyes;           ///< od, os: those that were asked for
+  std::vector<std::filesystem::path> stacks;  ///< segmentation/<stack>.nii.gz, without the label volumes
+
+  const StageData* stage(const std::string& name) const;
+  /// Pseudonym of the subject; "unknown" where case.json has none.
+  std::string subject() const;
+  /// Study date as YYYY-MM-DD, or empty.
+  std::string study_date() const;
+};
+
+/// \throw Error (input_invalid) when the case lacks case.json or segmentation, or a file is broken
+CaseData read_case(const std::filesystem::path& folder, LateralityChoice eyes);
+
+/// A number of a JSON document that may be plain or measured; nothing where it is missing or null.
+std::optional<double> value_of(const Json& json, const std::string& key);
+
+}  // namespace emmetrope::report

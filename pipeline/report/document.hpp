@@ -1,0 +1,89 @@
+#pragma once
+#include <string>
+#include <variant>
+#include <vector>
+
+/// The report's content, once, for every medium: HTML and PDF are two renderings of one Document, so that their numbers
+/// cannot differ. All text is plain UTF-8; renderers escape it.
+namespace emmetrope::report {
+
+/// A picture as a complete SVG document, with raster images inside as data URLs.
+struct Figure {
+  std::string id;       ///< [a-z0-9-], unique in the document
+  std::string title;
+  std::string caption;  ///< what to look for
+  std::string alt;      ///< for a reader who does not see it
+  std::string svg;
+  double width_px = 0, height_px = 0;  ///< of the SVG's viewBox
+};
+
+struct Paragraph {
+  std::string text;
+};
+
+struct BulletList {
+  std::vector<std::string> items;
+};
+
+/// The first cell of a row names it.
+struct Table {
+  std::string caption;
+  std::vector<std::string> header;
+  std::vector<std::vector<std::string>> rows;
+};
+
+/// Figures side by side.
+struct FigureRow {
+  std::vector<Figure> figures;
+  /// Slices in radiological convention, which the reader may switch.
+  bool anatomical = false;
+};
+
+/// Shown on demand; HTML only.
+struct Folded {
+  std::string summary;
+  std::string text;
+};
+
+enum class Light { green, amber, red };
+
+/// The answer for one eye.
+struct EyeCard {
+  std::string eye;       ///< "OD (right)"
+  std::string id;        ///< "od"
+  Light light = Light::red;
+  std::string verdict;   ///< the light in words
+  std::vector<std::string> reasons;
+  std::string prescription;       ///< rounded, clinical notation; empty when there is none
+  std::string prescription_note;  ///< vertex distance, what it holds for
+  Table details;                  ///< full precision with intervals
+  std::string before_png, after_png;  ///< bytes; empty when there are none
+  std::string picture_caption;
+};
+
+struct EyeCards {
+  std::vector<EyeCard> cards;
+};
+
+using Block = std::variant<Paragraph, BulletList, Table, FigureRow, Folded, EyeCards>;
+
+struct SectionBlock {
+  Block block;
+  bool in_pdf = true;
+};
+
+struct Section {
+  std::string id;
+  std::string title;
+  std::vector<SectionBlock> blocks;
+  bool page_break = false;  ///< starts a page of the PDF
+};
+
+struct Document {
+  std::string title;
+  std::vector<std::pair<std::string, std::string>> heading;  ///< "Case", "Study date", ...
+  std::vector<Section> sections;
+  std::string date_iso;  ///< of the study, "2026-03-14"; dates the PDF, so that the same case gives the same bytes
+};
+
+}  // namespace emmetrope::report

@@ -1,0 +1,34 @@
+#pragma once
+#include <string>
+
+#include "pipeline/base/json.hpp"
+#include "pipeline/base/measured.hpp"
+
+/// Numbers as the report writes them: one place, so that HTML, PDF and every table agree. ASCII signs, decimal point,
+/// whatever the locale.
+namespace emmetrope::report {
+
+/// "-2.25", "0.00" (never "-0.00")
+std::string fixed(double value, int decimals);
+/// "+1.25", "-2.25", "0.00"
+std::string signed_fixed(double value, int decimals);
+
+/// How a quantity is written.
+struct NumberStyle {
+  int decimals = 2;
+  bool with_sign = false;
+  std::string unit;  ///< after the number, with a space before it; "deg" becomes the degree sign without one
+};
+
+std::string format(double value, const NumberStyle& style);
+/// "23.55 to 23.67", no unit
+std::string format_interval(const Measured& measured, const NumberStyle& style);
+
+/// Minus-cylinder notation, 2 decimals, axis of three digits 001 to 180: "-2.25 / -1.00 x 180"; without a cylinder
+/// "-2.25 DS", "0.00 DS".
+std::string format_refraction(double sphere_D, double cylinder_D, double axis_deg);
+
+/// "mri" -> "MRI", "prior" -> "population prior", ...: sources in the reader's words; unknown ones as they are.
+std::string source_name(const std::string& source);
+
+}  // namespace emmetrope::report

@@ -1,0 +1,100 @@
+#include "pipeline/base/command_line.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <cstdio>
+#include <iostream>
+
+namespace emmetrope {
+namespace {
+
+using testing::HasSubstr;
+
+Command command() {
+  return {"try", "Tries.", "emmetrope try --radius 7.8",
+          [](CLI::App& app) { app.add_option("--radius", "Radius in mm")->check(CLI::PositiveNumber); },
+          [](const CommonOptions& common) -> Answer {
+            if (common.seed == 3) throw input_error("a.dcm lacks (0020,0032)", "export the series again");
+            if (common.seed == 4) throw std::runtime_error("surprise");
+            std::cerr << "laterality " << static_cast<int>(common.laterality) << " threads " << common.threads
+                      << "\n";
+            return {common.seed == 8 ? ExitStatus::partial : ExitStatus::done, Json{{"value", 1}}, "text\n"};
+          }};
+}
+
+struct Ended {
+  int status;
+  std::string out, err;
+};
+
+std::string rest_of(std::FILE* file) {
+  std::rewind(file);
+  std::string text;
+  for (int c = std::fgetc(file); c != EOF; c = std::fgetc(file)) text += static_cast<char>(c);
+  std::fclose(file);
+  return text;
+}
+
+/// run_command starts a thread and blocks signals: each call gets a process of its own.
+Ended run(std::vector<std::string> words) {
+  std::FILE* out = std::tmpfile();
+  std::FILE* err = std::tmpfile();
+  const pid_t child = ::fork();
+  if (child == 0) {
+    ::dup2(::fileno(out), STDOUT_FILENO);
+    ::dup2(::fileno(err), STDERR_FILENO);
+    words.insert(words.begin(), "emmetrope-try");
+    std::vector<char*> pointers;
+    for (auto& word : words) pointers.push_back(word.data());
+    const int status = run_command(static_cast<int>(pointers.size()), pointers.data(), command());
+    std::cout.flush();
+    ::_exit(status);
+  }
+  int status = 0;
+  ::waitpid(child, &status, 0);
+  return {WEXITSTATUS(status), rest_of(out), rest_of(err)};
+}
+
+TEST(CommandLine, ReturnsTheCommandsStatusAndAnswer) {
+  const Ended plain = run({"--laterality", "os", "--threads", "2"});
+  EXPECT_EQ(plain.status, 0);
+  EXPECT_EQ(plain.out, "text\n");
+  EXPECT_THAT(plain.err, HasSubstr("laterality 1 threads 2"));
+  const Ended partial = run({"--seed", "8", "--json"});
+  EXPECT_EQ(partial.status, 8);
+  EXPECT_EQ(Json::parse(partial.out)["value"], 1);
+}
+
+TEST(CommandLine, TurnsWrongUsageIntoStatus2) {
+  for (const auto& words : std::vector<std::vector<std::string>>{
+           {"--radius", "-1"}, {"--nonsense"}, {"--laterality", "left"}, {"--threads", "-3"}}) {
+    const Ended ended = run(words);
+    EXPECT_EQ(ended.status, 2) << words[0];
+    EXPECT_EQ(ended.out, "") << words[0];
+    EXPECT_THAT(ended.err, HasSubstr(words[0]));
+  }
+}
+
+TEST(CommandLine, PrintsErrorAndRemedyAndKeepsJsonValid) {
+  const Ended refused = run({"--seed", "3", "--json"});
+  EXPECT_EQ(refused.status, 3);
+  EXPECT_THAT(refused.err, HasSubstr("(0020,0032)\n  remedy: export"));
+  EXPECT_EQ(Json::parse(refused.out)["error"]["remedy"], "export the series again");
+  const Ended fault = run({"--seed", "4"});
+  EXPECT_EQ(fault.status, 1);
+  EXPECT_THAT(fault.err, HasSubstr("surprise"));
+}
+
+TEST(CommandLine, AnswersHelpAndVersionOnStandardOutput) {
+  const Ended help = run({"--help"});
+  EXPECT_EQ(help.status, 0);
+  EXPECT_THAT(help.out, HasSubstr("emmetrope try --radius 7.8"));
+  EXPECT_THAT(help.out, HasSubstr("Research use only"));
+  EXPECT_THAT(run({"--version"}).out, HasSubstr("emmetrope try "));
+}
+
+}  // namespace
+}  // namespace emmetrope
