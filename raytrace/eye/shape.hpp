@@ -3,6 +3,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "pipeline/base/json.hpp"
 
@@ -21,9 +22,9 @@ struct ShapeHit {
   Eigen::Vector3d normal;  ///< unit, with positive z (out of the eye)
 };
 
-/// The form of an optical surface in its own frame: origin at the vertex, z out of the eye like the eye's frame.
-/// Its depth d(x, y) behind the vertex plane is the textbook sag: z = -d. Radii are positive where the centre of
-/// curvature lies deeper than the vertex.
+/// The form of an optical surface in its own frame: origin at the vertex, z out of the eye like the eye's
+/// frame. Its depth d(x, y) behind the vertex plane is the textbook sag: z = -d. Radii are positive where the
+/// centre of curvature lies deeper than the vertex.
 ///
 /// A new type: one class derived from this one, and one line in the table of `shape_from_json` (shape.cpp).
 class Shape {
@@ -50,10 +51,19 @@ ShapePtr make_plane();
 ShapePtr make_sphere(double radius_mm);
 /// \param q  asphericity (conic constant): z-axis conic, 0 a sphere, -1 a paraboloid
 ShapePtr make_conic(double radius_mm, double q);
-/// d = (x^2/Rx + y^2/Ry) / (1 + sqrt(1 - (1+Qx) x^2/Rx^2 - (1+Qy) y^2/Ry^2)), x along the meridian `axis_deg`.
+/// d = (x^2/Rx + y^2/Ry) / (1 + sqrt(1 - (1+Qx) x^2/Rx^2 - (1+Qy) y^2/Ry^2)), x along the meridian
+/// `axis_deg`.
 ShapePtr make_biconic(double radius_x_mm, double radius_y_mm, double q_x, double q_y, double axis_deg);
-/// The vertex cap of an ellipsoid with half axes (x, y, z), vertex at its near pole; z > 0 for a centre deeper than the
-/// vertex, z < 0 for one in front of it (a retina).
+/// The vertex cap of an ellipsoid with half axes (x, y, z), vertex at its near pole; z > 0 for a centre
+/// deeper than the vertex, z < 0 for one in front of it (a retina).
 ShapePtr make_ellipsoid(const Eigen::Vector3d& semi_axes_mm, double axis_deg);
+/// A biconic (x along the meridian `axis_deg`) plus sum_j c_j Z_j(x/r, y/r): OSA order and normalisation,
+/// micrometres of depth, x and y in the surface's frame turned by axis_deg as well.
+ShapePtr make_zernike(double radius_x_mm, double radius_y_mm, double q_x, double q_y, double axis_deg,
+                      double norm_radius_mm, const std::vector<double>& coefficients_um);
+
+/// A shape from the keys of one entry of eye.json's "surfaces" that describe its form (not a mesh, which
+/// eye_model.cpp reads). \throw Error (input_invalid) naming the key, without the file
+ShapePtr shape_from_json(const Json& surface);
 
 }  // namespace emmetrope

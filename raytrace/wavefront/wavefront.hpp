@@ -1,0 +1,83 @@
+#pragma once
+#include <Eigen/Core>
+#include <optional>
+#include <vector>
+
+#include "pipeline/base/json.hpp"
+#include "pipeline/base/power_vector.hpp"
+#include "raytrace/eye/eye_model.hpp"
+
+/// Wavefront aberration of an eye, ANSI Z80.28 / ISO 24157, by exact rays from the retina outward.
+///
+/// The reference plane is the entrance pupil's, perpendicular to the line of sight (the ray from the retinal
+/// point through the centre of the stop); its x is the eye's horizontal, its y up. W (um) is positive where
+/// the emerging wavefront leads less, so that myopia has a positive defocus term: M = -4 sqrt(3) c20 / r^2
+/// with c in um and r in mm.
+namespace emmetrope {
+
+struct WavefrontSettings {
+  std::optional<double> wavelength_nm;      ///< default: the eye's reference wavelength
+  std::optional<double> entrance_pupil_mm;  ///< default: the paraxial image of the eye's stop
+  int order = 8;                            ///< highest radial order of the Zernike terms, 2 to 12
+  Eigen::Vector2d fovea_mm{0, 0};           ///< on the retina from the pole, eye x and y
+};
+
+struct Wavefront {
+  double wavelength_nm = 0;
+  double pupil_mm = 0;                      ///< diameter in the entrance pupil plane
+  double pupil_position_mm = 0;             ///< depth of that plane behind the corneal vertex
+  std::vector<double> zernike_um;           ///< OSA index order from 0; [0] is 0
+  double fit_residual_rms_um = 0;           ///< what the terms leave
+  Eigen::Vector2d line_of_sight_deg{0, 0};  ///< its angles against the eye's axis towards +x and +y
+
+  /// Vergences in the entrance pupil plane, air, 1/m: the three criteria that need no search.
+  PowerVector paraxial, minimum_rms_wavefront, minimum_rms_spot;
+
+  /// Without piston and tilt, that is from OSA index 3.
+  double rms_um() const;
+  /// Of the terms of third order and higher.
+  double higher_order_rms_um() const;
+};
+
+/// \throw Error (no_result) when too few rays reach the air to say anything
+Wavefront measure_wavefront(const EyeModel& eye, const WavefrontSettings& settings = {});
+
+/// Image quality in monochromatic light with the wavefront as it is (tilt removed) or with a lens in the
+/// entrance pupil.
+struct ImageQuality {
+  double strehl = 0;  ///< peak of the point spread function over that of the perfect pupil
+  double vsotf =
+      0;  ///< visual Strehl ratio by the OTF (Thibos et al. 2004), neural weights of Watson and Ahumada 2008
+  std::vector<double> cpd, mtf_tangential, mtf_sagittal;  ///< 0 to 60 cycles a degree; along eye y and x
+};
+/// \param lens_in_pupil  what a thin lens in the entrance pupil plane corrects, the sign of a prescription
+ImageQuality image_quality(const Wavefront& wavefront, const PowerVector& lens_in_pupil = {});
+
+/// The point spread function on a square grid, unit sum, row 0 at the top (+y), as projected to object space.
+struct PointSpread {
+  int size = 0;
+  double pitch_arcmin = 0;
+  std::vector<float> values;
+};
+PointSpread point_spread(const Wavefront& wavefront, const PowerVector& lens_in_pupil = {});
+
+/// The refraction by four criteria, all moved to the same vertex distance in front of the cornea.
+struct RefractionCriteria {
+  PowerVector paraxial, minimum_rms_wavefront, minimum_rms_spot, visual_strehl;
+};
+/// `visual_strehl` is a through-focus search of the best VSOTF over M, J0 and J45.
+RefractionCriteria refraction_by_wavefront(const Wavefront& wavefront, double vertex_distance_mm);
+RefractionCriteria refraction_by_wavefront(const EyeModel& eye, const WavefrontSettings& settings,
+                                           double vertex_distance_mm);
+
+/// A vergence in the entrance pupil plane as a prescription at the vertex distance, and back.
+PowerVector at_vertex(const Wavefront& wavefront, const PowerVector& in_pupil, double vertex_distance_mm);
+PowerVector in_pupil(const Wavefront& wavefront, const PowerVector& at_vertex, double vertex_distance_mm);
+
+/// wavefront.json of the case folder: pupil_mm, wavelength_nm, zernike_um, rms_um, strehl, vsotf, mtf, and
+/// more.
+Json wavefront_json(const Wavefront& wavefront);
+/// {"paraxial": {"M_D", "J0_D", "J45_D"}, ...}: `wavefront_check` of prescription.json.
+Json to_json(const RefractionCriteria& refraction);
+
+}  // namespace emmetrope
