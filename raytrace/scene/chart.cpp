@@ -1,0 +1,257 @@
+#include "raytrace/scene/chart.hpp"
+
+#include <charconv>
+#include <cmath>
+#include <functional>
+#include <limits>
+
+#include "pipeline/base/error.hpp"
+#include "pipeline/base/frames.hpp"
+#include "raytrace/scene/optotypes.hpp"
+
+namespace emmetrope::raytrace {
+namespace {
+
+/// Largest texture: 64 MB of floats would gain nothing that a retinal image of 500 pixels shows.
+constexpr int largest_texture = 2048;
+constexpr int texels_per_detail = 8;
+constexpr int subsamples = 4;  ///< in x and in y, in texels that an outline crosses
+
+/// Whether (x, y) is ink, in units of one minute of arc on the chart (x to the patient's right, y up, from
+/// its centre).
+using Ink = std::function<bool(double x, double y)>;
+
+/// Repeatable choice among n for cell (i, j).
+unsigned pick(int i, int j, unsigned n) {
+  unsigned h = static_cast<unsigned>(i) * 747796405U + static_cast<unsigned>(j) * 2891336453U + 12345U;
+  h = ((h >> ((h >> 28U) + 4U)) ^ h) * 277803737U;
+  return ((h >> 22U) ^ h) % n;
+}
+
+/// One optotype of 5 x 5 units about its centre; cell (i, j) decides which.
+using Optotype = std::function<bool(int i, int j, double x, double y)>;
+
+/// Optotypes of one size, one letter's width apart, as many as the chart holds whole.
+Ink even_rows(const Optotype& optotype, double detail, double extent) {
+  const double pitch = 10 * detail;
+  const double most = std::floor((0.5 * extent - 2.6 * detail) / pitch);
+  return [=](double x, double y) {
+    const double i = std::round(x / pitch), j = std::round(y / pitch);
+    return std::abs(i) <= most && std::abs(j) <= most &&
+           optotype(int(i), int(j), (x - i * pitch) / detail, (y - j * pitch) / detail);
+  };
+}
+
+/// ETDRS layout (Ferris 1982): five optotypes a row, gaps of one optotype, rows of falling size a row's
+/// height apart, as many as the chart holds; logMAR falls by 0.1 a row.
+Ink falling_rows(const Optotype& optotype, double extent) {
+  const double ratio = std::pow(10, -0.1);
+  // rows of height h r^k with gaps of the lower row's height: (h + h r) / (1 - r) high altogether
+  const double first = std::min(extent / 9.8, extent * 0.97 * (1 - ratio) / (1 + ratio));
+  struct Row {
+    double centre, height;
+  };
+  std::vector<Row> rows;
+  double top = 0.485 * extent, height = first;
+  while (height > 5 && rows.size() < 40) {
+    rows.push_back({top - height / 2, height});
+    top -= height * (1 + ratio);
+    height *= ratio;
+  }
+  return [=](double x, double y) {
+    for (std::size_t k = 0; k < rows.size(); ++k) {
+      const auto& row = rows[k];
+      if (std::abs(y - row.centre) > row.height / 2) continue;
+      const double pitch = 2 * row.height, i = std::round(x / pitch);
+      const double detail = row.height / 5;
+      return std::abs(i) <= 2 &&
+             optotype(int(i), int(k), (x - i * pitch) / detail, (y - row.centre) / detail);
+    }
+    return false;
+  };
+}
+
+bool sloan(int i, int j, double x, double y) {
+  return sloan_ink(sloan_letters[pick(i, j, 10)], x + 2.5, y + 2.5);
+}
+bool landolt(int i, int j, double x, double y) { return landolt_ink(x, y, 45.0 * pick(i, j, 8)); }
+bool tumbling_e(int i, int j, double x, double y) { return tumbling_e_ink(x, y, 90.0 * pick(i, j, 4)); }
+
+/// Bars of one detail's width every 15 degrees, from a tenth of the chart outwards.
+Ink dial(double detail, double extent) {
+  return [=](double x, double y) {
+    const double r = std::hypot(x, y);
+    if (r < 0.1 * extent || r > 0.48 * extent) return false;
+    const double nearest = std::round(std::atan2(y, x) / (15 * degree)) * 15 * degree;
+    return std::abs(y * std::cos(nearest) - x * std::sin(nearest)) <= detail / 2;
+  };
+}
+
+Ink siemens(double spokes, double extent) {
+  return [=](double x, double y) {
+    const double phase = std::atan2(y, x) / (2 * pi) * spokes;
+    return std::hypot(x, y) <= 0.48 * extent && phase - std::floor(phase) < 0.5;
+  };
+}
+
+/// Patches of three bars each (USAF 1951 form, bars 1 x 5), in four orientations.
+bool bars(int i, int j, double x, double y) {
+  const double angle = 45.0 * pick(i, j, 4) * degree, c = std::cos(angle), s = std::sin(angle);
+  const double u = c * x + s * y, v = c * y - s * x;
+  const double k = std::round(v / 2);
+  return std::abs(u) <= 2.5 && std::abs(k) <= 1 && std::abs(v - 2 * k) <= 0.5;
+}
+
+/// Single strokes 1 x 5 at angles in steps of 15 degrees: detail of every orientation in every part of the
+/// field.
+bool dashes(int i, int j, double x, double y) {
+  const double angle = 15.0 * pick(i, j, 12) * degree, c = std::cos(angle), s = std::sin(angle);
+  return std::abs(c * x + s * y) <= 2.5 && std::abs(c * y - s * x) <= 0.5;
+}
+
+Ink ink_of(const ChartSpec& spec, double extent) {
+  const double detail = std::pow(10, spec.logmar);
+  const auto rows = [&](const Optotype& optotype) {
+    return spec.logmar_given ? even_rows(optotype, detail, extent) : falling_rows(optotype, extent);
+  };
+  if (spec.name == "letters") return rows(sloan);
+  if (spec.name == "landolt") return rows(landolt);
+  if (spec.name == "tumbling-e") return rows(tumbling_e);
+  if (spec.name == "siemens") return siemens(spec.spokes, extent);
+  if (spec.name == "dial") return dial(detail, extent);
+  if (spec.name == "bars") return even_rows(bars, detail, extent);
+  if (spec.name == "dashes") return even_rows(dashes, detail, extent);
+  if (spec.name == "point") return [=](double x, double y) { return std::hypot(x, y) <= detail / 2; };
+  return [=](double x, double y) {  // grid: lines a degree apart
+    const auto near_line = [&](double v) { return std::abs(v - 60 * std::round(v / 60)) <= detail / 2; };
+    return near_line(x) || near_line(y);
+  };
+}
+
+/// Detail that a chart has where none is asked for, logMAR: what a 20 degree field of 500 pixels shows.
+double default_logmar(const std::string& name) { return name == "point" ? 0 : 0.9; }
+
+/// Share of ink in every texel. A texel whose corners and centre agree holds no outline, as strokes are
+/// texels wide.
+std::vector<float> rasterise(const Ink& ink, int size, double extent) {
+  const double step = extent / size;
+  const auto x_at = [&](double column) { return (column - 0.5 * size) * step; };
+  const auto y_at = [&](double row) { return (0.5 * size - row) * step; };
+  std::vector<float> share(static_cast<std::size_t>(size) * size);
+  std::vector<char> above(size + 1), below(size + 1);
+  for (int i = 0; i <= size; ++i) below[i] = ink(x_at(i), y_at(0));
+  for (int j = 0; j < size; ++j) {
+    above.swap(below);
+    for (int i = 0; i <= size; ++i) below[i] = ink(x_at(i), y_at(j + 1));
+    for (int i = 0; i < size; ++i) {
+      const int corners = above[i] + above[i + 1] + below[i] + below[i + 1];
+      const bool centre = ink(x_at(i + 0.5), y_at(j + 0.5));
+      float value = centre ? 1.F : 0.F;
+      if (corners != (centre ? 4 : 0)) {
+        int inside = 0;
+        for (int b = 0; b < subsamples; ++b)
+          for (int a = 0; a < subsamples; ++a)
+            inside += ink(x_at(i + (a + 0.5) / subsamples), y_at(j + (b + 0.5) / subsamples));
+        value = static_cast<float>(inside) / (subsamples * subsamples);
+      }
+      share[static_cast<std::size_t>(j) * size + i] = value;
+    }
+  }
+  return share;
+}
+
+double number(const std::string& key, const std::string& text) {
+  if (text == "inf" || text == "infinity") return std::numeric_limits<double>::infinity();
+  double value = 0;
+  const auto [end, fault] = std::from_chars(text.data(), text.data() + text.size(), value);
+  if (fault != std::errc() || end != text.data() + text.size())
+    throw usage_error("--scene: " + key + "=" + text + " is no number");
+  return value;
+}
+
+void check(bool good, const std::string& key, double value, const std::string& range) {
+  if (!good)
+    throw usage_error("--scene: " + key + "=" + std::to_string(value) + " is out of range", "give " + range);
+}
+
+}  // namespace
+
+std::vector<std::string> chart_names() {
+  return {"letters", "landolt", "tumbling-e", "siemens", "dial", "bars", "dashes", "point", "grid"};
+}
+
+ChartSpec parse_chart(const std::string& text) {
+  ChartSpec spec;
+  const auto colon = text.find(':');
+  spec.name = text.substr(0, colon);
+  const auto names = chart_names();
+  if (std::find(names.begin(), names.end(), spec.name) == names.end()) {
+    std::string known;
+    for (const auto& name : names) known += (known.empty() ? "" : ", ") + name;
+    throw usage_error("--scene: no chart or file is called \"" + spec.name + "\"",
+                      "use a scene.json or one of " + known);
+  }
+  spec.logmar = default_logmar(spec.name);
+  for (std::size_t at = colon; at != std::string::npos;) {
+    const std::size_t next = text.find(',', at + 1);
+    const std::string pair = text.substr(at + 1, next == std::string::npos ? next : next - at - 1);
+    const auto equals = pair.find('=');
+    if (equals == std::string::npos)
+      throw usage_error("--scene: \"" + pair + "\" is no key=value", "write NAME:key=value,key=value");
+    const std::string key = pair.substr(0, equals);
+    const double value = number(key, pair.substr(equals + 1));
+    if (key == "distance_mm")
+      spec.distance_mm = value;
+    else if (key == "logmar")
+      spec.logmar = value, spec.logmar_given = true;
+    else if (key == "extent_deg")
+      spec.extent_deg = value;
+    else if (key == "contrast")
+      spec.contrast = value;
+    else if (key == "spokes")
+      spec.spokes = value;
+    else
+      throw usage_error("--scene: unknown key \"" + key + "\"",
+                        "known keys: distance_mm, logmar, extent_deg, contrast, spokes");
+    at = next;
+  }
+  check(spec.distance_mm >= 20, "distance_mm", spec.distance_mm, "a distance of at least 20 mm, or inf");
+  check(spec.logmar >= -1 && spec.logmar <= 3, "logmar", spec.logmar, "-1 to 3");
+  check(spec.extent_deg > 0.01 && spec.extent_deg <= 120, "extent_deg", spec.extent_deg,
+        "0.01 to 120 degrees");
+  check(spec.contrast >= 0 && spec.contrast <= 1, "contrast", spec.contrast, "0 to 1");
+  check(spec.spokes >= 2 && spec.spokes <= 360 && spec.spokes == std::floor(spec.spokes), "spokes",
+        spec.spokes, "a whole number from 2 to 360");
+  return spec;
+}
+
+Scene draw_chart(const ChartSpec& spec) {
+  // The chart is flat: minutes of arc are counted at its centre, and its edge lies where extent_deg / 2 is
+  // seen.
+  const double minute = std::tan(degree / 60);
+  const double half = std::tan(0.5 * spec.extent_deg * degree);
+  const double extent = 2 * half / minute;
+  const double detail = spec.logmar_given || spec.name != "letters" ? std::pow(10, spec.logmar) : 1;
+  const int size = std::clamp(int(std::ceil(extent * texels_per_detail / detail)), 64, largest_texture);
+
+  const bool bright = spec.name == "point";  // a star on a dark ground; all others are ink on paper
+  Texture texture;
+  texture.width = texture.height = size;
+  texture.values = rasterise(ink_of(spec, extent), size, extent);
+  for (float& value : texture.values) value = bright ? value : 1 - static_cast<float>(spec.contrast) * value;
+
+  Scene scene;
+  scene.name = spec.name;
+  scene.background = Eigen::Vector3d::Constant(bright ? 0 : 1);
+  TexturedPlane plane;
+  plane.at_infinity = std::isinf(spec.distance_mm);
+  const double distance = plane.at_infinity ? 1 : spec.distance_mm;
+  plane.centre_mm = {0, 0, distance};
+  plane.right_mm = {-half * distance, 0, 0};
+  plane.up_mm = {0, half * distance, 0};
+  plane.texture = std::make_shared<const Texture>(std::move(texture));
+  scene.planes.push_back(std::move(plane));
+  return scene;
+}
+
+}  // namespace emmetrope::raytrace
