@@ -120,7 +120,7 @@ std::filesystem::path executable_folder() {
 std::filesystem::path data_folder() {
   const auto installed = executable_folder() / ".." / "share" / "emmetrope";
   if (std::filesystem::is_directory(installed)) return std::filesystem::canonical(installed);
-  const std::filesystem::path source = EMMETROPE_SOURCE_FOLDER;
+  std::filesystem::path source = EMMETROPE_SOURCE_FOLDER;
   if (std::filesystem::is_directory(source)) return source;
   throw Error(ExitStatus::fault,
               "the program's data are neither in " + installed.string() + " nor in " + source.string(),

@@ -86,9 +86,7 @@ EndOnInterrupt::~EndOnInterrupt() {
   children.erase(std::find(children.begin(), children.end(), child_));
 }
 
-std::unique_lock<std::recursive_mutex> hold_interrupts() {
-  return std::unique_lock(registered().mutex);
-}
+std::unique_lock<std::recursive_mutex> hold_interrupts() { return std::unique_lock(registered().mutex); }
 
 void restore_signals_in_child() {
   const sigset_t signals = interrupt_signals();

@@ -2,8 +2,6 @@
 
 namespace emmetrope {
 
-std::string version() {
-  return EMMETROPE_VERSION;
-}
+std::string version() { return EMMETROPE_VERSION; }
 
 }  // namespace emmetrope

@@ -31,9 +31,7 @@ TEST(EyeFrame, IsRightHandedWithHorizontalXForAnyGaze) {
   }
 }
 
-TEST(EyeFrame, RefusesAVerticalAxis) {
-  EXPECT_THROW(lps_from_eye({0, 0, 0}, {0, 0, 1}), Error);
-}
+TEST(EyeFrame, RefusesAVerticalAxis) { EXPECT_THROW(lps_from_eye({0, 0, 0}, {0, 0, 1}), Error); }
 
 TEST(EyeFrame, RoundTripsThroughJson) {
   const Eigen::Isometry3d frame = lps_from_eye({1.25, -3, 8}, {0.1, -1, -0.2});

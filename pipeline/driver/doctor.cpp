@@ -1,0 +1,135 @@
+#include "pipeline/driver/doctor.hpp"
+
+#include <fmt/format.h>
+#include <fontconfig/fontconfig.h>
+#include <unistd.h>
+
+#include <cstdlib>
+#include <memory>
+#include <sstream>
+
+#include "pipeline/base/files.hpp"
+#include "pipeline/base/process.hpp"
+#include "pipeline/driver/commands.hpp"
+
+namespace emmetrope::driver {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct Check {
+  std::string name;
+  bool good = true;
+  std::string found;
+  std::string remedy;                    ///< where it is not good
+  ExitStatus status = ExitStatus::done;  ///< what commands would end with; done for an optional thing
+};
+
+Check check_commands() {
+  Check check{"commands", true, "all in " + executable_folder().string(), {}, ExitStatus::done};
+  for (const auto& command : commands) {
+    const auto program = executable_folder() / (std::string("emmetrope-") + command.name);
+    if (std::string(command.name) == "help" || ::access(program.c_str(), X_OK) == 0) continue;
+    return {"commands", false, program.string() + " is missing",
+            "install Emmetrope again with cmake --install", ExitStatus::fault};
+  }
+  return check;
+}
+
+/// Asks in a process of its own: a damaged kernel cache or a broken driver may end the process that loads it.
+Check check_opencl(const CommonOptions& common) {
+  std::vector<std::string> arguments{"--json", "--quiet"};
+  if (!common.device.empty()) arguments.insert(arguments.end(), {"--device", common.device});
+  const ProcessResult asked =
+      run_process(executable_folder() / "emmetrope-devices", arguments, ChildOutput::capture);
+  const Json answer = Json::parse(asked.output, nullptr, false);
+  if (asked.status == 0 && answer.contains("devices") && !answer["devices"].empty()) {
+    const Json& device = answer["devices"][0];
+    return {"OpenCL",
+            true,
+            device.value("name", "a device") + ", kernel cache " + answer.value("kernel_cache", "default"),
+            {},
+            ExitStatus::done};
+  }
+  std::string found = fmt::format("emmetrope devices ended with status {}", asked.status);
+  std::string remedy =
+      "apt-get install pocl-opencl-icd; if it is there, remove its kernel cache (~/.cache/emmetrope)";
+  if (answer.is_object() && answer.contains("error")) {
+    found = answer["error"].value("message", found);
+    if (const std::string said = answer["error"].value("remedy", ""); !said.empty()) remedy = said;
+  }
+  return {"OpenCL", false, found, remedy, ExitStatus::no_device};
+}
+
+Check check_disk() {
+  constexpr double needed_GB = 1;  // a case with its report is 50 to 300 MB
+  std::error_code fault;
+  const auto space = fs::space(fs::current_path(), fault);
+  const double free_GB = fault ? 0 : static_cast<double>(space.available) / 1e9;
+  const std::string found = fmt::format("{:.1f} GB free in {}", free_GB, fs::current_path().string());
+  if (::access(".", W_OK) != 0)
+    return {"disk", false, fs::current_path().string() + " is not writable", "work in a folder of yours",
+            ExitStatus::not_writable};
+  if (free_GB < needed_GB)
+    return {"disk", false, found, "free some disk space: 1 GB", ExitStatus::not_writable};
+  return {"disk", true, found, {}, ExitStatus::done};
+}
+
+/// The report's PDF is set in a sans-serif font that has the minus sign and the degree sign.
+Check check_fonts() {
+  const std::unique_ptr<FcPattern, decltype(&FcPatternDestroy)> pattern(
+      FcNameParse(reinterpret_cast<const FcChar8*>("DejaVu Sans")), &FcPatternDestroy);
+  FcConfigSubstitute(nullptr, pattern.get(), FcMatchPattern);
+  FcDefaultSubstitute(pattern.get());
+  FcResult result = FcResultNoMatch;
+  const std::unique_ptr<FcPattern, decltype(&FcPatternDestroy)> match(
+      FcFontMatch(nullptr, pattern.get(), &result), &FcPatternDestroy);
+  FcChar8* family = nullptr;
+  if (match == nullptr || FcPatternGetString(match.get(), FC_FAMILY, 0, &family) != FcResultMatch)
+    return {"fonts", false, "no font at all", "apt-get install fonts-dejavu-core", ExitStatus::fault};
+  const std::string name = reinterpret_cast<const char*>(family);
+  if (name != "DejaVu Sans")
+    return {"fonts", false, "only " + name, "apt-get install fonts-dejavu-core", ExitStatus::done};
+  return {"fonts", true, name, {}, ExitStatus::done};
+}
+
+bool on_path(const std::string& program) {
+  const char* path = std::getenv("PATH");
+  std::istringstream folders(path == nullptr ? "/usr/bin:/bin" : path);
+  for (std::string folder; std::getline(folders, folder, ':');)
+    if (::access((fs::path(folder) / program).c_str(), X_OK) == 0) return true;
+  return false;
+}
+
+Check check_charts() {
+  if (on_path("gnuplot")) return {"charts", true, "gnuplot", {}, ExitStatus::done};
+  return {"charts", false, "gnuplot is missing: reports come without charts", "apt-get install gnuplot-nox",
+          ExitStatus::done};
+}
+
+Check check_dictionary() {
+  const char* given = std::getenv("DCMDICTPATH");
+  const fs::path dictionary = given == nullptr ? "/usr/share/libdcmtk17/dicom.dic" : given;
+  if (fs::exists(dictionary)) return {"DICOM dictionary", true, dictionary.string(), {}, ExitStatus::done};
+  return {"DICOM dictionary", false, dictionary.string() + " is missing",
+          "apt-get install --reinstall libdcmtk17, and unset DCMDICTPATH", ExitStatus::input_invalid};
+}
+
+}  // namespace
+
+Answer examine_machine(const CommonOptions& common) {
+  Answer answer;
+  answer.json = Json{{"checks", Json::array()}};
+  for (const Check& check : {check_commands(), check_opencl(common), check_disk(), check_fonts(),
+                             check_charts(), check_dictionary()}) {
+    answer.json["checks"].push_back(
+        Json{{"name", check.name}, {"good", check.good}, {"found", check.found}, {"remedy", check.remedy}});
+    answer.text += fmt::format("{:<5}{:<18}{}\n", check.good ? "ok" : "bad", check.name, check.found);
+    if (!check.good) answer.text += fmt::format("     {:<18}remedy: {}\n", "", check.remedy);
+    if (answer.status == ExitStatus::done) answer.status = check.status;
+  }
+  answer.json["status"] = static_cast<int>(answer.status);
+  return answer;
+}
+
+}  // namespace emmetrope::driver
