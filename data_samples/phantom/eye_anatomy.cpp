@@ -1,0 +1,172 @@
+#include <algorithm>
+#include <cmath>
+
+#include "data_samples/phantom/anatomy.hpp"
+#include "pipeline/base/frames.hpp"
+
+namespace emmetrope::phantom {
+namespace {
+
+using Eigen::Matrix2d;
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+
+constexpr double displacement_sphere_mm = 11;  // u is a length on a sphere of this radius
+constexpr double cornea_reach_mm = 5.5;        // deeper than this the globe alone is the eye
+constexpr double lens_edge_mm = 0.6;           // half axis of the rounded equator
+
+Matrix2d turn_to_meridian(double axis_deg) {
+  return Eigen::Rotation2Dd(-axis_deg * degree).toRotationMatrix();
+}
+
+double biconic_depth(const Vector2d& p, double rx, double ry, double qx, double qy) {
+  const double x = p.x() / rx;
+  const double y = p.y() / ry;
+  const double root = 1 - (1 + qx) * x * x - (1 + qy) * y * y;
+  return root <= 0 ? 1e3 : (p.x() * x + p.y() * y) / (1 + std::sqrt(root));
+}
+
+double conic_depth(double r2, double radius, double q) {
+  const double root = 1 - (1 + q) * r2 / (radius * radius);
+  return root <= 0 ? 1e3 : r2 / radius / (1 + std::sqrt(root));
+}
+
+/// Distance from an ellipsoid to first order, good near its surface.
+double ellipsoid_distance(const Vector3d& p, const Vector3d& half_axes) {
+  const Vector3d scaled = p.cwiseQuotient(half_axes);
+  const double k0 = scaled.norm();
+  const double k1 = scaled.cwiseQuotient(half_axes).norm();
+  return k1 > 0 ? k0 * (k0 - 1) / k1 : -half_axes.minCoeff();
+}
+
+}  // namespace
+
+EyeAnatomy::EyeAnatomy(const PlacedEye& eye)
+    : eye_(eye), rotation_(eye.lps_from_eye.linear().transpose()), apex_(eye.lps_from_eye.translation()) {
+  const EyeGeometry& g = eye.geometry;
+  cornea_turn_ = turn_to_meridian(g.cornea_axis_deg);
+  globe_turn_ = turn_to_meridian(g.globe_axis_deg);
+  inner_ = Vector3d(g.globe_semi_x_mm, g.globe_semi_y_mm, g.globe_semi_z_mm);
+  outer_ = inner_ + Vector3d(g.wall_lateral_mm, g.wall_lateral_mm, g.wall_axial_mm);
+  centre_depth_ = eye.globe_centre_depth_mm();
+  const double away = std::hypot(g.bulge_x_deg, g.bulge_y_deg) * degree;
+  const double around = std::atan2(g.bulge_y_deg, g.bulge_x_deg);
+  bulge_direction_ =
+      Vector3d(std::sin(away) * std::cos(around), std::sin(away) * std::sin(around), -std::cos(away));
+  lens_from_eye_ = (Eigen::AngleAxisd(g.lens_tilt_y_deg * degree, Vector3d::UnitY()) *
+                    Eigen::AngleAxisd(g.lens_tilt_x_deg * degree, Vector3d::UnitX()))
+                       .toRotationMatrix()
+                       .transpose();
+  lens_centre_ = Vector3d(g.lens_decentre_x_mm, g.lens_decentre_y_mm,
+                          -(g.anterior_chamber_depth_mm + g.lens_thickness_mm / 2));
+}
+
+double EyeAnatomy::cornea_front_mm(double x, double y) const {
+  const EyeGeometry& g = eye_.geometry;
+  return biconic_depth(cornea_turn_ * Vector2d(x, y), g.cornea_radius_x_mm, g.cornea_radius_y_mm,
+                       g.cornea_q_x, g.cornea_q_y);
+}
+
+double EyeAnatomy::cornea_back_mm(double x, double y) const {
+  const EyeGeometry& g = eye_.geometry;
+  const double k = g.cornea_back_ratio;
+  return g.cornea_thickness_mm + biconic_depth(cornea_turn_ * Vector2d(x, y), k * g.cornea_radius_x_mm,
+                                               k * g.cornea_radius_y_mm, g.cornea_q_x, g.cornea_q_y);
+}
+
+double EyeAnatomy::bulge(const Vector3d& scaled) const {
+  const EyeGeometry& g = eye_.geometry;
+  if (g.bulge_height_mm == 0 || scaled.z() > 0.5 * scaled.norm()) return 0;
+  const double angle = std::acos(std::clamp(scaled.normalized().dot(bulge_direction_), -1.0, 1.0));
+  const double width = g.bulge_width_deg * degree;
+  return g.bulge_height_mm * std::exp(-0.5 * angle * angle / (width * width)) / displacement_sphere_mm;
+}
+
+bool EyeAnatomy::in_lens(const Vector3d& p) const {
+  const EyeGeometry& g = eye_.geometry;
+  const Vector3d q = lens_from_eye_ * (p - lens_centre_);
+  const double r2 = q.x() * q.x() + q.y() * q.y();
+  const double reach = g.lens_equator_radius_mm;
+  if (r2 > reach * reach) return false;
+  const double front =
+      g.lens_thickness_mm / 2 - conic_depth(r2, g.lens_anterior_radius_mm, g.lens_anterior_q);
+  const double back =
+      -g.lens_thickness_mm / 2 + conic_depth(r2, g.lens_posterior_radius_mm, g.lens_posterior_q);
+  if (q.z() > front || q.z() < back) return false;
+  const double r = std::sqrt(r2);
+  const double beyond = (r - (reach - lens_edge_mm)) / lens_edge_mm;
+  if (beyond <= 0) return true;
+  const double half = (q.z() - (front + back) / 2) / std::max(0.05, (front - back) / 2);
+  return half * half + beyond * beyond < 1;
+}
+
+Tissue EyeAnatomy::content(const Vector3d& p, double scaled_radius) const {
+  const EyeGeometry& g = eye_.geometry;
+  const double d = -p.z();
+  const double lens_equator = g.anterior_chamber_depth_mm + 0.4 * g.lens_thickness_mm;
+  if (d > lens_equator + 4.5) return Tissue::vitreous;
+  if (in_lens(p)) return Tissue::lens;
+
+  const double r = std::hypot(p.x(), p.y());
+  // The iris rests on the lens at the pupil and runs slightly forward towards its root.
+  const double iris_back = g.anterior_chamber_depth_mm + 0.12 - 0.04 * (r - g.iris_diameter_mm / 2);
+  if (r > g.iris_diameter_mm / 2 && d < iris_back && d > iris_back - g.iris_thickness_mm) return Tissue::iris;
+  if (d < iris_back) return Tissue::aqueous;
+
+  // Ciliary body: a wedge on the wall, thick behind the iris root, running out towards the ora serrata.
+  const double along = (d - iris_back) / 4.5;
+  if (along < 1) {
+    const double from_wall = (1 - scaled_radius) * inner_.x();
+    if (from_wall < g.ciliary_thickness_mm * (1 - along)) return Tissue::ciliary_body;
+  }
+  const Vector3d q = p - lens_centre_;
+  return -q.z() < -0.1 * g.lens_thickness_mm ? Tissue::aqueous : Tissue::vitreous;
+}
+
+bool EyeAnatomy::contains(const Vector3d& p, Tissue& tissue) const {
+  const EyeGeometry& g = eye_.geometry;
+  const double d = -p.z();
+  const Vector2d across = globe_turn_ * p.head<2>();
+  const Vector3d from_centre(across.x(), across.y(), centre_depth_ - d);
+  if (d < -0.01 || from_centre.squaredNorm() > 400) return false;
+
+  const Vector3d scaled_in = from_centre.cwiseQuotient(inner_);
+  const double swell = 1 + bulge(Vector3d(p.x() / inner_.x(), p.y() / inner_.y(), scaled_in.z()));
+  const double rho_in = scaled_in.norm() / swell;
+  const bool near_cornea = d < cornea_reach_mm && p.head<2>().squaredNorm() < 64;
+  const bool in_cornea_front = near_cornea && d > cornea_front_mm(p.x(), p.y());
+  const bool in_cornea_back = in_cornea_front && d > cornea_back_mm(p.x(), p.y());
+  if (rho_in < 1 || in_cornea_back) {
+    tissue = content(p, rho_in);
+    return true;
+  }
+  if (in_cornea_front || from_centre.cwiseQuotient(outer_).norm() < swell) {
+    const bool cornea =
+        in_cornea_front && p.head<2>().squaredNorm() < g.limbus_radius_mm * g.limbus_radius_mm;
+    tissue = cornea ? Tissue::cornea : Tissue::wall;
+    return true;
+  }
+  return false;
+}
+
+double EyeAnatomy::distance_outside_mm(const Vector3d& p) const {
+  const double d = -p.z();
+  const Vector2d across = globe_turn_ * p.head<2>();
+  const Vector3d from_centre(across.x(), across.y(), centre_depth_ - d);
+  double distance = ellipsoid_distance(from_centre, outer_);
+  const double r2 = p.head<2>().squaredNorm();
+  if (r2 < 64 && d < cornea_reach_mm) {
+    const double front = cornea_front_mm(p.x(), p.y());
+    const double radius = eye_.geometry.cornea_radius_x_mm;
+    if (front < 100)
+      distance = std::min(distance, (front - d) * std::sqrt(std::max(0.05, 1 - r2 / (radius * radius))));
+  }
+  return distance;
+}
+
+double EyeAnatomy::outer_radius_mm(double depth_mm) const {
+  const double t = (depth_mm - centre_depth_) / outer_.z();
+  return std::abs(t) < 1 ? 0.5 * (outer_.x() + outer_.y()) * std::sqrt(1 - t * t) : 0;
+}
+
+}  // namespace emmetrope::phantom

@@ -1,0 +1,79 @@
+#include "data_samples/phantom/k_space.hpp"
+
+#include <cmath>
+#include <complex>
+#include <opencv2/core.hpp>
+#include <random>
+
+#include "pipeline/base/frames.hpp"
+
+namespace emmetrope::phantom {
+namespace {
+
+using Complex = std::complex<double>;
+
+cv::Mat spectrum_of(const std::vector<double>& image, int rows, int columns) {
+  const cv::Mat real(rows, columns, CV_64F, const_cast<double*>(image.data()));
+  cv::Mat spectrum;
+  cv::dft(real, spectrum, cv::DFT_COMPLEX_OUTPUT);
+  return spectrum;
+}
+
+/// Per frequency k of an image of n pixels: the factor that moves the fine grid's origin to the first pixel's
+/// centre and undoes the average over a fine cell.
+Complex fine_cell_factor(int k, int n) {
+  const double cycles = static_cast<double>(k) / (fine * n);  // per fine cell
+  const double blur = k == 0 ? 1 : std::sin(pi * cycles) / (pi * cycles);
+  return std::polar(1 / blur, 2 * pi * cycles * 0.5 * (fine - 1));
+}
+
+/// Largest frequency that is acquired; the Nyquist frequency itself has no partner and is left out.
+int last_frequency(double acquired, int n) { return static_cast<int>(std::ceil(acquired * n / 2)) - 1; }
+
+}  // namespace
+
+std::vector<float> magnitude_image(const FineSlice& object, const KSpace& k_space) {
+  const int rows = object.rows;
+  const int columns = object.columns;
+  const int fine_rows = fine * rows;
+  const int fine_columns = fine * columns;
+  const cv::Mat water = spectrum_of(object.water, fine_rows, fine_columns);
+  const cv::Mat fat = spectrum_of(object.fat, fine_rows, fine_columns);
+
+  const int reach_x = last_frequency(k_space.acquired_readout, columns);
+  const int reach_y = last_frequency(k_space.acquired_phase, rows);
+  const double acquired = (2.0 * reach_x + 1) * (2.0 * reach_y + 1);
+  // Sum over a fine grid to mean over the image; noise of unit variance per image pixel.
+  const double to_image = 1.0 / (fine * fine);
+  std::mt19937_64 random(k_space.seed);
+  std::normal_distribution<double> noise(0, k_space.sigma * rows * columns / std::sqrt(acquired));
+
+  cv::Mat image = cv::Mat::zeros(rows, columns, CV_64FC2);
+  for (int ky = -reach_y; ky <= reach_y; ++ky) {
+    const int fine_row = (ky + fine_rows) % fine_rows;
+    const Complex factor_y = fine_cell_factor(ky, rows) * to_image;
+    for (int kx = -reach_x; kx <= reach_x; ++kx) {
+      const int fine_column = (kx + fine_columns) % fine_columns;
+      const auto& w = water.at<cv::Vec2d>(fine_row, fine_column);
+      const auto& f = fat.at<cv::Vec2d>(fine_row, fine_column);
+      const Complex shift = std::polar(1.0, -2 * pi * kx * k_space.fat_shift_px / columns);
+      Complex signal =
+          (Complex(w[0], w[1]) + Complex(f[0], f[1]) * shift) * factor_y * fine_cell_factor(kx, columns);
+      const double real = noise(random);
+      signal += Complex(real, noise(random));
+      image.at<cv::Vec2d>((ky + rows) % rows, (kx + columns) % columns) = {signal.real(), signal.imag()};
+    }
+  }
+  cv::dft(image, image, cv::DFT_INVERSE | cv::DFT_SCALE);
+
+  std::vector<float> magnitude(static_cast<std::size_t>(rows) * columns);
+  for (int row = 0; row < rows; ++row)
+    for (int column = 0; column < columns; ++column) {
+      const auto& value = image.at<cv::Vec2d>(row, column);
+      magnitude[static_cast<std::size_t>(row) * columns + column] =
+          static_cast<float>(std::hypot(value[0], value[1]));
+    }
+  return magnitude;
+}
+
+}  // namespace emmetrope::phantom

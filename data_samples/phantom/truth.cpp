@@ -1,0 +1,199 @@
+#include "data_samples/phantom/truth.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "pipeline/base/frames.hpp"
+#include "pipeline/base/version.hpp"
+
+namespace emmetrope::phantom {
+namespace {
+
+using Eigen::Vector3d;
+
+constexpr double keratometry_zone_mm = 1.5;
+constexpr double retinal_depth_mm = 0.20;  // interface to photoreceptors
+
+/// A meridian of a biconic is a conic: curvature at the apex and asphericity.
+struct Meridian {
+  double curvature_per_mm, q;
+};
+
+Meridian meridian(const EyeGeometry& eye, double meridian_deg) {
+  const double angle = (meridian_deg - eye.cornea_axis_deg) * degree;
+  const double c2 = std::cos(angle) * std::cos(angle);
+  const double s2 = 1 - c2;
+  const double rx = eye.cornea_radius_x_mm;
+  const double ry = eye.cornea_radius_y_mm;
+  const double curvature = c2 / rx + s2 / ry;
+  const double k = (1 + eye.cornea_q_x) * c2 / (rx * rx) + (1 + eye.cornea_q_y) * s2 / (ry * ry);
+  return {curvature, k / (curvature * curvature) - 1};
+}
+
+/// Width of the cornea's section at a depth along a meridian.
+double section_mm(const EyeGeometry& eye, double meridian_deg, double depth_mm) {
+  const Meridian m = meridian(eye, meridian_deg);
+  return 2 * std::sqrt(2 * depth_mm / m.curvature_per_mm - (1 + m.q) * depth_mm * depth_mm);
+}
+
+/// Meridian in [0, 180) with the largest value of f, to 1e-6 deg: a scan and golden sections.
+template <class Function>
+double steepest_deg(const Function& f) {
+  double best = 0;
+  for (int i = 0; i < 180; ++i)
+    if (f(i) > f(best)) best = i;
+  double low = best - 1;
+  double high = best + 1;
+  constexpr double golden = 0.6180339887498949;
+  while (high - low > 1e-7) {
+    const double a = high - golden * (high - low);
+    const double b = low + golden * (high - low);
+    (f(a) < f(b) ? low : high) = f(a) < f(b) ? a : b;
+  }
+  return normalise_axis_deg((low + high) / 2);
+}
+
+const char* astigmatism_type(double steep_deg) {
+  const double from_horizontal = std::min(steep_deg, 180 - steep_deg);
+  return from_horizontal >= 60 ? "with-the-rule" : from_horizontal <= 30 ? "against-the-rule" : "oblique";
+}
+
+Json cornea_truth(const EyeGeometry& eye) {
+  const auto power = [&](double angle) { return 337.5 / keratometric_radius_mm(eye, angle); };
+  const double steep_deg = steepest_deg(power);
+  const double flat_deg = steepest_deg([&](double angle) { return -power(angle); });
+  const double steep_D = power(steep_deg);
+  const double flat_D = power(flat_deg);
+  double q = 0;
+  for (int i = 0; i < 180; ++i) q += meridian(eye, i).q / 180;
+
+  Json json = Json::object();
+  json["keratometry"] = {
+      {"flat", {{"radius_mm", 337.5 / flat_D}, {"power_D", flat_D}, {"axis_deg", flat_deg}}},
+      {"steep", {{"radius_mm", 337.5 / steep_D}, {"power_D", steep_D}, {"axis_deg", steep_deg}}},
+      {"cylinder_D", steep_D - flat_D},
+      {"asphericity_q", q}};
+  const double half = (steep_D - flat_D) / 2;
+  json["astigmatism"] = {
+      {"M_D", (steep_D + flat_D) / 2},
+      {"J0_D", half * std::cos(2 * flat_deg * degree)},
+      {"J45_D", half * std::sin(2 * flat_deg * degree)},
+      {"type", astigmatism_type(steep_deg)},
+      {"irregularity_um", 0.0},
+      {"section_2p3mm",
+       {{"vertical_mm", section_mm(eye, 90, 2.3)}, {"horizontal_mm", section_mm(eye, 0, 2.3)}}}};
+  return json;
+}
+
+/// Where the eye's axis meets a lens surface: with tilt and decentre not quite at its vertex.
+double lens_depth_mm(const EyeGeometry& eye, bool front) {
+  const double a = eye.lens_tilt_x_deg * degree;
+  const double b = eye.lens_tilt_y_deg * degree;
+  const double middle = eye.anterior_chamber_depth_mm + eye.lens_thickness_mm / 2;
+  const Eigen::Matrix3d lens_from_eye =
+      (Eigen::AngleAxisd(b, Vector3d::UnitY()) * Eigen::AngleAxisd(a, Vector3d::UnitX()))
+          .toRotationMatrix()
+          .transpose();
+  const double radius = front ? eye.lens_anterior_radius_mm : eye.lens_posterior_radius_mm;
+  const double q = front ? eye.lens_anterior_q : eye.lens_posterior_q;
+  const double sign = front ? 1 : -1;
+  // Newton in z along the axis on sign * z_lens + depth(r) - thickness / 2 = 0; the slope is close to sign.
+  double z = sign * eye.lens_thickness_mm / 2;
+  for (int i = 0; i < 20; ++i) {
+    const Vector3d p = lens_from_eye * Vector3d(-eye.lens_decentre_x_mm, -eye.lens_decentre_y_mm, z);
+    const double r2 = p.head<2>().squaredNorm();
+    const double depth = r2 / radius / (1 + std::sqrt(1 - (1 + q) * r2 / (radius * radius)));
+    z -= sign * (sign * p.z() + depth - eye.lens_thickness_mm / 2);
+  }
+  return middle - z;
+}
+
+Json globe_truth(const PlacedEye& eye) {
+  double low_x = 0, high_x = 0, low_y = 0, high_y = 0;
+  constexpr int steps = 2000;
+  // Along one coordinate the extreme lies on a ring through the poles of the other; with a bulge anywhere: a
+  // fine grid.
+  for (int i = 0; i <= steps / 2; ++i)
+    for (int j = 0; j < steps; ++j) {
+      const double polar = pi * i / (steps / 2);
+      const double around = 2 * pi * j / steps;
+      const Vector3d p = retina_point(
+          eye, {std::sin(polar) * std::cos(around), std::sin(polar) * std::sin(around), std::cos(polar)});
+      low_x = std::min(low_x, p.x());
+      high_x = std::max(high_x, p.x());
+      low_y = std::min(low_y, p.y());
+      high_y = std::max(high_y, p.y());
+      if (polar == 0) break;
+    }
+  return {{"globe_width_mm", high_x - low_x}, {"globe_height_mm", high_y - low_y}};
+}
+
+}  // namespace
+
+double keratometric_radius_mm(const EyeGeometry& eye, double meridian_deg) {
+  const Meridian m = meridian(eye, meridian_deg);
+  const double radius = 1 / m.curvature_per_mm;
+  return std::sqrt(radius * radius - m.q * keratometry_zone_mm * keratometry_zone_mm);
+}
+
+Vector3d retina_point(const PlacedEye& eye, const Vector3d& scaled_direction) {
+  const EyeGeometry& g = eye.geometry;
+  const double away = std::hypot(g.bulge_x_deg, g.bulge_y_deg) * degree;
+  const double around = std::atan2(g.bulge_y_deg, g.bulge_x_deg);
+  const Vector3d bulge(std::sin(away) * std::cos(around), std::sin(away) * std::sin(around), -std::cos(away));
+  const double angle = std::acos(std::clamp(scaled_direction.dot(bulge), -1.0, 1.0));
+  const double width = g.bulge_width_deg * degree;
+  const double radius = 1 + g.bulge_height_mm / 11 * std::exp(-0.5 * angle * angle / (width * width));
+  const Eigen::Rotation2Dd turn(g.globe_axis_deg * degree);
+  Vector3d in_globe = scaled_direction;
+  in_globe.head<2>() = turn.inverse() * in_globe.head<2>();
+  Vector3d p =
+      radius * Vector3d(g.globe_semi_x_mm, g.globe_semi_y_mm, g.globe_semi_z_mm).cwiseProduct(in_globe);
+  p.head<2>() = turn * p.head<2>();
+  return p - Vector3d(0, 0, eye.globe_centre_depth_mm());
+}
+
+double pole_depth_mm(const EyeGeometry& eye) {
+  PlacedEye placed;
+  placed.geometry = eye;
+  return -retina_point(placed, -Vector3d::UnitZ()).z();
+}
+
+Json eye_truth(const PlacedEye& eye, double lens_index) {
+  const EyeGeometry& g = eye.geometry;
+  HeadGeometry holder;
+  holder.od = g;
+  Json json = Json::object();
+  json["laterality"] = to_string(eye.laterality);
+  json["lps_from_eye"] = to_json_matrix(eye.lps_from_eye);
+  json["axial_length_mm"] = pole_depth_mm(g);
+  json["optical_axial_length_mm"] = pole_depth_mm(g) + retinal_depth_mm;
+  json["corneal_thickness_mm"] = g.cornea_thickness_mm;
+  const double front = lens_depth_mm(g, true);
+  json["anterior_chamber_depth_mm"] = front;
+  json["lens_thickness_mm"] = lens_depth_mm(g, false) - front;
+  json["lens_anterior_radius_mm"] = g.lens_anterior_radius_mm;
+  json["lens_posterior_radius_mm"] = g.lens_posterior_radius_mm;
+  json.update(globe_truth(eye));
+  json.update(cornea_truth(g));
+  json["lens_index"] = lens_index;
+  const Vector3d centre = eye.globe_centre_lps();
+  json["globe_centre_lps_mm"] = {centre.x(), centre.y(), centre.z()};
+  json["geometry"] = to_json(holder)["od"];
+  return json;
+}
+
+Json truth(const HeadGeometry& head) {
+  Json json = Json::object();
+  json["synthetic"] = true;
+  json["program"] = "emmetrope phantom " + version();
+  json["age_years"] = head.age_years;
+  json["head_roll_deg"] = head.roll_deg;
+  json["interpupillary_distance_mm"] = head.interpupillary_distance_mm;
+  for (const Laterality laterality : both_eyes)
+    json["eyes"][to_string(laterality)] = eye_truth(place(head, laterality), head.lens_index);
+  json["head"] = to_json(head);
+  return json;
+}
+
+}  // namespace emmetrope::phantom
