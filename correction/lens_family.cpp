@@ -1,0 +1,78 @@
+#include "correction/lens_family.hpp"
+
+#include <cmath>
+
+#include "pipeline/base/frames.hpp"
+#include "raytrace/spectacle/spectacle.hpp"
+
+namespace emmetrope::correction {
+namespace {
+
+/// Largest power that is sought in a meridian, D.
+constexpr double strongest_D = 30;
+constexpr double thin_lens_index = 1.5;  // of with_thin_lens
+
+/// Power matrix over eye x and y of a lens of unit M, J0, J45.
+Eigen::Matrix2d power_matrix(const PowerVector& power) {
+  Eigen::Matrix2d matrix;
+  matrix << power.M_D + power.J0_D, power.J45_D, power.J45_D, power.M_D - power.J0_D;
+  return matrix;
+}
+
+/// A back surface from glass to air: F = (1 - n) c, 1/mm against D.
+raytrace::CurvatureTangent back_tangent(const PowerVector& per_unit, double index) {
+  return {"spectacle_back", power_matrix(per_unit) * 1e-3 / (1 - index)};
+}
+
+PowerVector cylinder_power(int sign, const Eigen::VectorXd& lens) {
+  return {sign * std::hypot(lens[0], lens[1]), lens[0], lens[1]};
+}
+
+}  // namespace
+
+LensFamily thin_lens(double vertex_distance_mm) {
+  const auto power = [](const Eigen::VectorXd& lens) { return PowerVector{lens[0], lens[1], lens[2]}; };
+  return {"thin lens",
+          {Eigen::Vector3d(-strongest_D, -strongest_D / 2, -strongest_D / 2),
+           Eigen::Vector3d(strongest_D, strongest_D / 2, strongest_D / 2)},
+          [=](const EyeModel& eye, const Eigen::VectorXd& lens) {
+            return with_thin_lens(eye, power(lens), vertex_distance_mm);
+          },
+          [](const Eigen::VectorXd&) {
+            return std::vector{back_tangent({1, 0, 0}, thin_lens_index), back_tangent({0, 1, 0}, thin_lens_index),
+                               back_tangent({0, 0, 1}, thin_lens_index)};
+          },
+          power};
+}
+
+LensFamily plano_cylinder(int sign, double distance_mm, double index) {
+  const double largest_D = strongest_D / 2;
+  return {sign < 0 ? "plano-cylinder, minus" : "plano-cylinder, plus",
+          {Eigen::Vector2d(-largest_D, -largest_D), Eigen::Vector2d(largest_D, largest_D)},
+          [=](const EyeModel& eye, const Eigen::VectorXd& lens) {
+            const PlanoCylinder cylinder = plano_cylinder_of(sign, lens, index);
+            return with_plano_cylinder(eye, cylinder.radius_mm, cylinder.axis_deg, distance_mm, index);
+          },
+          [=](const Eigen::VectorXd& lens) {
+            const Eigen::Vector2d direction = sign * lens / std::max(lens.norm(), 1e-12);
+            return std::vector{back_tangent({direction[0], 1, 0}, index), back_tangent({direction[1], 0, 1}, index)};
+          },
+          [=](const Eigen::VectorXd& lens) { return cylinder_power(sign, lens); }};
+}
+
+PlanoCylinder plano_cylinder_of(int sign, const Eigen::VectorXd& lens, double index) {
+  // In minus cylinder a plus cylinder is S = C_plus, C = -C_plus, across: its meridian without power is the one where
+  // the power vector gives 0.
+  const double power_D = sign * 2 * std::hypot(lens[0], lens[1]);
+  const double axis_of_minus_deg = 0.5 * std::atan2(lens[1], lens[0]) / degree;
+  const double flattest_D = 1e-6;  // a radius of 500 km: no lens at all
+  return {1e3 * (1 - index) / (std::abs(power_D) < flattest_D ? sign * flattest_D : power_D),
+          normalise_axis_deg(sign < 0 ? axis_of_minus_deg : axis_of_minus_deg + 90), power_D};
+}
+
+Eigen::Vector2d plano_cylinder_parameters(double radius_mm, double axis_deg, double index) {
+  const PowerVector power = to_power_vector({0, 1e3 * (1 - index) / radius_mm, axis_deg});
+  return {power.J0_D, power.J45_D};
+}
+
+}  // namespace emmetrope::correction

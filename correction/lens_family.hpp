@@ -1,0 +1,44 @@
+#pragma once
+#include <Eigen/Core>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "correction/optimise.hpp"
+#include "pipeline/base/power_vector.hpp"
+#include "raytrace/eye/eye_model.hpp"
+#include "raytrace/tracer/tracer.hpp"
+
+namespace emmetrope::correction {
+
+/// A kind of correcting lens with the numbers that are sought. A parameter is a power in dioptres, so that steps and
+/// slopes compare between families.
+struct LensFamily {
+  std::string name;
+  Bounds bounds;
+  /// The eye with the lens before it.
+  std::function<EyeModel(const EyeModel& eye, const Eigen::VectorXd& lens)> before;
+  /// How the lens's surface changes with each parameter.
+  std::function<std::vector<raytrace::CurvatureTangent>(const Eigen::VectorXd& lens)> tangents;
+  /// Back vertex power.
+  std::function<PowerVector(const Eigen::VectorXd& lens)> power;
+};
+
+/// Thin sphero-cylindrical lens; parameters M, J0, J45 (D) at the vertex distance; 0 is a contact lens.
+LensFamily thin_lens(double vertex_distance_mm);
+
+/// The paper's spectacle: plano-cylinder of either sign. Parameters J0, J45 (D) of the lens; its M is -|J| for a minus
+/// cylinder and +|J| for a plus cylinder, so one family holds one sign.
+/// \param sign  -1 or +1
+LensFamily plano_cylinder(int sign, double distance_mm, double index);
+
+/// Radius and axis of a member of that family, in the contract's sense: radius of the back surface, +50 mm is -10 D at
+/// index 1.5; axis is the meridian without power.
+struct PlanoCylinder {
+  double radius_mm = 0, axis_deg = 0, power_D = 0;
+};
+PlanoCylinder plano_cylinder_of(int sign, const Eigen::VectorXd& lens, double index);
+/// The parameters of a plano-cylinder.
+Eigen::Vector2d plano_cylinder_parameters(double radius_mm, double axis_deg, double index);
+
+}  // namespace emmetrope::correction

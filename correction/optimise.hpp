@@ -1,0 +1,52 @@
+#pragma once
+#include <Eigen/Core>
+#include <functional>
+#include <string>
+
+namespace emmetrope::correction {
+
+/// Sharpness at a lens and its derivative by the lens's parameters.
+struct SharpnessValue {
+  double value = 0;
+  Eigen::VectorXd gradient;
+};
+using SharpnessFunction = std::function<SharpnessValue(const Eigen::VectorXd& lens)>;
+
+/// Box in which lenses are sought.
+struct Bounds {
+  Eigen::VectorXd lower, upper;
+  bool contain(const Eigen::VectorXd& lens) const {
+    return (lens.array() >= lower.array()).all() && (lens.array() <= upper.array()).all();
+  }
+};
+
+struct OptimiserSettings {
+  /// Converged when the slope of ln(sharpness) is below this everywhere (1/D).
+  double gradient_tolerance_per_D = 1e-3;
+  /// Or when a step gains less than this fraction.
+  double function_tolerance = 1e-6;
+  int max_iterations = 30;
+  /// Whatever Ceres says, a slope of ln(sharpness) above this is no optimum: a bound or a fault stopped the climb.
+  double accepted_gradient_per_D = 0.02;
+};
+
+struct Optimum {
+  Eigen::VectorXd lens;
+  double sharpness = 0;
+  Eigen::VectorXd gradient;  ///< of ln(sharpness)
+  int evaluations = 0;
+  bool converged = false;    ///< Ceres says CONVERGENCE; finite, inside the bounds, and flat
+  std::string reason;        ///< Ceres' message, or what is wrong
+};
+
+/// Climbs from `start` to a local maximum of sharpness with Ceres (BFGS, strong Wolfe line search). What is minimised is
+/// 1 / sharpness^2: far from focus sharpness falls as the inverse of the blur's width, so this is nearly a quadratic
+/// function of the lens's power over many dioptres.
+/// \throw Error (fault) when `start` is outside the bounds
+Optimum climb(const SharpnessFunction& sharpness, const Eigen::VectorXd& start, const Bounds& bounds,
+              const OptimiserSettings& settings);
+
+/// Matrix of second derivatives of ln(sharpness), from central differences of the gradient; 2 evaluations a parameter.
+Eigen::MatrixXd curvature_of_log(const SharpnessFunction& sharpness, const Eigen::VectorXd& lens, double step);
+
+}  // namespace emmetrope::correction

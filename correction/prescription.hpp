@@ -1,0 +1,79 @@
+#pragma once
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "correction/search.hpp"
+#include "correction/uncertain_eye.hpp"
+#include "correction/uncertainty.hpp"
+#include "pipeline/base/json.hpp"
+#include "pipeline/base/progress.hpp"
+#include "raytrace/wavefront/wavefront.hpp"
+
+namespace emmetrope::correction {
+
+/// What is asked for.
+struct PrescriptionSettings {
+  Measure criterion = Measure::gradient_energy;
+  std::string chart;                      ///< scene to judge sharpness on; empty: the refraction chart
+  double vertex_distance_mm = 12;
+  double pupil_mm = 3;                    ///< iris aperture
+  double wavelength_nm = 589.3;
+  Eigen::Vector2d fovea_mm{0, 0};         ///< on the retina from the pole
+  double plano_cylinder_distance_mm = 10;
+  double plano_cylinder_index = 1.5;
+  std::uint64_t seed = 1;
+  Verbosity verbosity;
+};
+
+/// One row of the sweep of the paper's Fig. 7: the plano-cylinder at its best axis, other radii.
+struct SweepRow {
+  double radius_mm = 0, power_D = 0;
+  std::array<double, all_measures.size()> sharpness{};
+};
+
+/// The paper's experiment.
+struct PlanoCylinderResult {
+  PlanoCylinder lens;
+  double sharpness = 0;
+  double radius_curvature_per_mm2 = 0;  ///< d^2 ln(sharpness) / d radius^2 at the optimum
+  SearchResult search;
+  std::vector<SweepRow> sweep;
+};
+
+/// Everything about one eye's correction, vergences at the vertex distance.
+struct Prescription {
+  PrescriptionSettings settings;
+  PowerVector refraction;              ///< the optimum of image sharpness
+  SearchResult search;
+  double sharpness_without_lens = 0;
+  PlanoCylinderResult plano_cylinder;
+  Wavefront wavefront;
+  RefractionCriteria check;
+};
+
+/// Finds the lens by image sharpness and by wavefront.
+/// \throw Error (no_result) when no sharpest lens is found, with the reason
+Prescription prescribe(const raytrace::Tracer& tracer, const EyeModel& eye, const PrescriptionSettings& settings);
+
+/// Where the numbers' uncertainty comes from.
+struct PrescriptionUncertainty {
+  std::vector<BudgetLine> budget;
+  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();  ///< of M, J0, J45, sampling included
+  struct Value {
+    std::string measurement;
+    BudgetLine sigma_after;
+  };
+  std::vector<Value> if_measured;  ///< what a further measurement would leave
+  std::string source = "model";    ///< of the prescription's numbers
+};
+/// \param eye  null for a schematic eye, whose geometry is exact: what is left is the image's sampling
+PrescriptionUncertainty uncertainty_of(const Prescription& prescription, const UncertainEye* eye);
+
+/// prescription.json of the case folder.
+/// \param laterality  "od", "os", or empty for a schematic eye
+Json to_json(const Prescription& prescription, const PrescriptionUncertainty& uncertainty,
+             const std::string& laterality);
+
+}  // namespace emmetrope::correction

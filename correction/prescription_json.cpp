@@ -1,0 +1,128 @@
+#include <fmt/core.h>
+
+#include <cmath>
+
+#include "correction/notation.hpp"
+#include "correction/prescription.hpp"
+#include "pipeline/base/version.hpp"
+
+namespace emmetrope::correction {
+namespace {
+
+Json notation_json(const PowerVector& power) {
+  const SpheroCylinder notation = to_sphero_cylinder(power);
+  return {{"sphere_D", notation.sphere_D},
+          {"cylinder_D", notation.cylinder_D},
+          {"axis_deg", notation.axis_deg},
+          {"text", format_refraction(notation)}};
+}
+
+Json rounded_json(const PowerVector& power) {
+  const RoundedRefraction rounded = round_refraction(power);
+  return {{"sphere_D", rounded.refraction.sphere_D},
+          {"cylinder_D", rounded.refraction.cylinder_D},
+          {"axis_deg", rounded.refraction.axis_deg},
+          {"residual_D", rounded.residual_D},
+          {"text", format_refraction(rounded.refraction)},
+          {"plus_cylinder_text", format_plus_cylinder(rounded.refraction)}};
+}
+
+Json line_json(const char* name_key, const std::string& name, const BudgetLine& line) {
+  return {{name_key, name}, {"M_D", line.M_D}, {"J0_D", line.J0_D}, {"J45_D", line.J45_D}};
+}
+
+Json search_json(const SearchResult& search) {
+  Json optima = Json::array();
+  for (const Eigen::VectorXd& lens : search.optima) optima.push_back(std::vector<double>(lens.begin(), lens.end()));
+  Json curvature = Json::array();
+  for (Eigen::Index i = 0; i < search.curvature.rows(); ++i) {
+    const Eigen::VectorXd row = search.curvature.row(i);
+    curvature.push_back(std::vector<double>(row.begin(), row.end()));
+  }
+  return {{"converged", search.accepted},
+          {"images", search.images},
+          {"log_curvature_per_D2", std::move(curvature)},
+          {"distinct_optima_D", std::move(optima)}};
+}
+
+/// Why the criteria differ, with this eye's numbers.
+Json difference_json(const Prescription& prescription) {
+  const PowerVector& sharpest = prescription.refraction;
+  const RefractionCriteria& check = prescription.check;
+  const Wavefront& wavefront = prescription.wavefront;
+  const double c40_um = wavefront.zernike_um.size() > 12 ? wavefront.zernike_um[12] : 0;
+  const double radius_mm = wavefront.pupil_mm / 2;
+  const double paraxial_M_D = 12 * std::sqrt(5.0) * c40_um / (radius_mm * radius_mm);
+  return {{"sharpness_minus_paraxial_M_D", sharpest.M_D - check.paraxial.M_D},
+          {"sharpness_minus_minimum_rms_wavefront_M_D", sharpest.M_D - check.minimum_rms_wavefront.M_D},
+          {"spherical_aberration_um", c40_um},
+          {"entrance_pupil_mm", wavefront.pupil_mm},
+          {"text",
+           fmt::format("Primary spherical aberration of {:+.3f} um over the {:.1f} mm entrance pupil makes the power "
+                       "at the pupil's centre differ from that of the whole pupil: the paraxial refraction lies {:+.2f} "
+                       "D from the minimum-rms-wavefront one, and the sharpest image ({:+.2f} D from it) is where "
+                       "most of the pupil's light agrees. The larger the pupil, the larger the difference.",
+                       c40_um, wavefront.pupil_mm, paraxial_M_D,
+                       sharpest.M_D - check.minimum_rms_wavefront.M_D)}};
+}
+
+}  // namespace
+
+Json to_json(const Prescription& prescription, const PrescriptionUncertainty& uncertainty,
+             const std::string& laterality) {
+  const PrescriptionSettings& settings = prescription.settings;
+  const RefractionIntervals intervals =
+      refraction_intervals(prescription.refraction, uncertainty.covariance, uncertainty.source, settings.seed);
+  const SpheroCylinder notation = to_sphero_cylinder(prescription.refraction);
+
+  Json json;
+  json["laterality"] = laterality.empty() ? Json(nullptr) : Json(laterality);
+  json["vertex_distance_mm"] = settings.vertex_distance_mm;
+  json["pupil_mm"] = settings.pupil_mm;
+  json["wavelength_nm"] = settings.wavelength_nm;
+  json["criterion"] = to_string(settings.criterion);
+  json["chart"] = settings.chart.empty() ? "refraction chart" : settings.chart;
+  json["sphere_D"] = intervals.sphere_D;
+  json["cylinder_D"] = intervals.cylinder_D;
+  json["axis_deg"] = intervals.axis_deg;
+  json["M_D"] = intervals.M_D;
+  json["J0_D"] = intervals.J0_D;
+  json["J45_D"] = intervals.J45_D;
+  json["text"] = format_refraction(notation);
+  json["plus_cylinder_text"] = format_plus_cylinder(notation);
+  json["rounded"] = rounded_json(prescription.refraction);
+
+  const PowerVector contact_lens = move_towards_eye(prescription.refraction, settings.vertex_distance_mm);
+  json["contact_lens"] = notation_json(contact_lens);
+  json["contact_lens"]["vertex_distance_mm"] = 0;
+  json["contact_lens"]["rounded"] = rounded_json(contact_lens);
+
+  const PlanoCylinderResult& plano = prescription.plano_cylinder;
+  json["plano_cylinder"] = {{"radius_mm", plano.lens.radius_mm},
+                            {"axis_deg", plano.lens.axis_deg},
+                            {"index", settings.plano_cylinder_index},
+                            {"vertex_distance_mm", settings.plano_cylinder_distance_mm},
+                            {"sharpness", plano.sharpness},
+                            {"power_D", plano.lens.power_D},
+                            {"log_curvature_per_mm2", plano.radius_curvature_per_mm2},
+                            {"search", search_json(plano.search)}};
+  if (!plano.search.accepted) json["plano_cylinder"]["reason"] = plano.search.reason;
+
+  json["wavefront_check"] = emmetrope::to_json(prescription.check);
+  json["difference"] = difference_json(prescription);
+  json["sharpness"] = {{"without_lens", prescription.sharpness_without_lens},
+                       {"with_lens", prescription.search.best.sharpness}};
+  json["search"] = search_json(prescription.search);
+
+  Json budget = Json::array();
+  for (const BudgetLine& line : uncertainty.budget) budget.push_back(line_json("source", line.source, line));
+  json["budget"] = std::move(budget);
+  Json values = Json::array();
+  for (const auto& value : uncertainty.if_measured)
+    values.push_back(line_json("measurement", value.measurement, value.sigma_after));
+  json["if_measured"] = std::move(values);
+  json["notice"] = research_notice;
+  return json;
+}
+
+}  // namespace emmetrope::correction

@@ -1,0 +1,39 @@
+#pragma once
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "correction/prescription.hpp"
+#include "pipeline/base/case_folder.hpp"
+#include "pipeline/base/command_line.hpp"
+
+namespace emmetrope::correction {
+
+/// How the corrected picture is made; as the uncorrected one of the trace stage.
+struct PictureSettings {
+  std::string scene = "letters";
+  int width = 500, height = 500;
+  double field_x_mm = 6, field_y_mm = 6;
+  int samples = 128;
+  double pupil_mm = 4;
+};
+
+struct CorrectionSettings {
+  PrescriptionSettings prescription;
+  PictureSettings picture;
+  double lens_index_sigma = 0.005;          ///< prior of a measured eye's lens index; 0 where it is known
+  std::vector<std::string> known_refractions;  ///< "od:-2.25/-1.00x180@12+-0.25"
+};
+
+/// CASE/correction/<eye>/: prescription.json, corrected.png, sweep.csv, sweep.svg, for every eye that was traced.
+/// An eye whose sharpest lens is not found gets no number; the reasons stand in stage.json.
+/// \throw Error (input_invalid) when the case has not been traced
+Answer correct_case(const std::filesystem::path& case_folder, const CorrectionSettings& settings,
+                    const CommonOptions& common);
+
+/// The same files for a schematic eye or an eye.json, in `output`.
+Answer correct_eye(const EyeModel& eye, const std::filesystem::path& output, const CorrectionSettings& settings,
+                   const CommonOptions& common);
+
+}  // namespace emmetrope::correction

@@ -1,0 +1,14 @@
+#pragma once
+#include <string>
+
+#include "correction/prescription.hpp"
+
+namespace emmetrope::correction {
+
+/// sweep.csv: radius_mm, power_D and each measure's sharpness; one header line.
+std::string sweep_csv(const PlanoCylinderResult& result);
+
+/// The same as a picture: sharpness against radius (logarithmic), the optimum marked, as SVG text.
+std::string sweep_svg(const PlanoCylinderResult& result);
+
+}  // namespace emmetrope::correction
