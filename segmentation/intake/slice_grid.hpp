@@ -18,9 +18,12 @@ struct SliceGrid {
   bool has_gaps() const { return planes() > static_cast<int>(plane.size()); }
 };
 
-/// A slice this near to its plane is on the grid: less than a hundredth of a dioptre of refraction each 0.004
-/// mm, and above the rounding of positions in headers.
+/// A slice this near to its plane is on the grid: 0.05 D of refraction at most, and above the rounding of
+/// headers.
 inline constexpr double on_grid_mm = 0.02;
+
+/// Median distance of neighbours. \param along_normal_mm  positions, ascending, at least two
+double median_step_mm(const std::vector<double>& along_normal_mm);
 
 /// Least-squares grid through slice positions: plane numbers from the median step, then spacing and start.
 /// \param along_normal_mm  positions along the normal, ascending, at least one

@@ -1,0 +1,224 @@
+#include "segmentation/intake/decoder.hpp"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <poll.h>
+#include <spawn.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <array>
+#include <cerrno>
+#include <chrono>
+#include <csignal>
+#include <cstring>
+
+#include "pipeline/base/files.hpp"
+#include "pipeline/base/interrupt.hpp"
+
+namespace emmetrope::segmentation {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+/// Longer messages than any sane file needs are taken as a fault of the child.
+constexpr std::uint64_t longest_json = 64'000'000;
+constexpr std::uint64_t longest_frame = 65'535ULL * 65'535ULL * sizeof(std::int32_t);
+
+/// The child ended or broke the protocol; the text says how.
+struct ChildFailure {
+  std::string text;
+};
+
+std::filesystem::path decoder_executable() {
+  const auto here = executable_folder();
+  for (const auto& folder : {here, here.parent_path() / "bin"})
+    if (std::filesystem::exists(folder / "emmetrope-decode")) return folder / "emmetrope-decode";
+  throw Error(ExitStatus::fault, "emmetrope-decode is missing beside " + here.string(),
+              "install Emmetrope again with cmake --install");
+}
+
+struct Pipe {
+  std::array<int, 2> ends{-1, -1};
+  Pipe() {
+    if (::pipe2(ends.data(), O_CLOEXEC) != 0)
+      throw Error(ExitStatus::fault, std::string("cannot make a pipe: ") + std::strerror(errno));
+  }
+  ~Pipe() {
+    close(0);
+    close(1);
+  }
+  Pipe(const Pipe&) = delete;
+  Pipe& operator=(const Pipe&) = delete;
+  void close(int end) {
+    if (ends[end] >= 0) ::close(std::exchange(ends[end], -1));
+  }
+};
+
+std::string describe_end(int status) {
+  if (WIFSIGNALED(status)) {
+    const int signal = WTERMSIG(status);
+    if (signal == SIGXCPU) return "took more processor time than the decoder is allowed";
+    return fmt::format("crashed the decoder (signal {}, {})", signal, ::strsignal(signal));
+  }
+  return fmt::format("ended the decoder with status {}", WEXITSTATUS(status));
+}
+
+}  // namespace
+
+/// One running emmetrope-decode.
+class Decoder::Child {
+ public:
+  explicit Child(const IntakeLimits& limits) {
+    const std::string program = decoder_executable();
+    std::array<std::string, 4> words{program, std::to_string(limits.child_memory_bytes),
+                                     std::to_string(limits.file_bytes), fmt::format("{}", limits.cpu_s)};
+    std::array<char*, 5> arguments{words[0].data(), words[1].data(), words[2].data(), words[3].data(),
+                                   nullptr};
+    // Nothing of the caller's environment: DCMTK's dictionary path and the locale could change what is read.
+    std::string locale = "LC_ALL=C";
+    std::array<char*, 2> environment{locale.data(), nullptr};
+
+    posix_spawn_file_actions_t actions;
+    ::posix_spawn_file_actions_init(&actions);
+    ::posix_spawn_file_actions_adddup2(&actions, to_child_.ends[0], STDIN_FILENO);
+    ::posix_spawn_file_actions_adddup2(&actions, from_child_.ends[1], STDOUT_FILENO);
+    // What libraries say may quote patient data.
+    ::posix_spawn_file_actions_addopen(&actions, STDERR_FILENO, "/dev/null", O_WRONLY, 0);
+    ::posix_spawn_file_actions_addclosefrom_np(&actions, 3);
+    posix_spawnattr_t attributes;
+    ::posix_spawnattr_init(&attributes);
+    sigset_t none, all;
+    sigemptyset(&none);
+    sigfillset(&all);
+    ::posix_spawnattr_setsigmask(&attributes, &none);
+    ::posix_spawnattr_setsigdefault(&attributes, &all);
+    ::posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF);
+    const int failure = ::posix_spawn(&process_, program.c_str(), &actions, &attributes, arguments.data(),
+                                      environment.data());
+    ::posix_spawnattr_destroy(&attributes);
+    ::posix_spawn_file_actions_destroy(&actions);
+    if (failure != 0)
+      throw Error(ExitStatus::fault, "cannot start " + program + ": " + std::strerror(failure));
+    to_child_.close(0);
+    from_child_.close(1);
+    ::fcntl(from_child_.ends[0], F_SETPIPE_SZ, 1 << 20);
+    end_on_interrupt_ = std::make_unique<EndOnInterrupt>(process_);
+  }
+
+  ~Child() {
+    to_child_.close(1);
+    if (process_ > 0) stop();
+  }
+  Child(const Child&) = delete;
+  Child& operator=(const Child&) = delete;
+
+  void ask(const std::filesystem::path& file) {
+    const std::string request = file.string() + '\0';
+    for (std::size_t done = 0; done < request.size();) {
+      const ssize_t written = ::write(to_child_.ends[1], request.data() + done, request.size() - done);
+      if (written < 0 && errno != EINTR) fail();
+      if (written > 0) done += static_cast<std::size_t>(written);
+    }
+  }
+
+  void read(void* target, std::size_t size, Clock::time_point deadline) {
+    for (auto* bytes = static_cast<char*>(target); size > 0;) {
+      const auto left =
+          std::chrono::duration_cast<std::chrono::milliseconds>(deadline - Clock::now()).count();
+      pollfd waiting{from_child_.ends[0], POLLIN, 0};
+      const int ready =
+          left <= 0 ? 0 : ::poll(&waiting, 1, static_cast<int>(std::min<long long>(left, 1'000'000)));
+      if (ready == 0) {
+        stop();
+        throw ChildFailure{"took longer than the decoder is allowed"};
+      }
+      if (ready < 0 && errno == EINTR) continue;
+      const ssize_t got = ::read(from_child_.ends[0], bytes, size);
+      if (got < 0 && errno == EINTR) continue;
+      if (got <= 0) fail();
+      bytes += got;
+      size -= static_cast<std::size_t>(got);
+    }
+  }
+
+ private:
+  /// The child closed its end: says how it ended.
+  [[noreturn]] void fail() {
+    int status = 0;
+    while (::waitpid(process_, &status, 0) < 0 && errno == EINTR) {
+    }
+    end_on_interrupt_.reset();
+    process_ = -1;
+    if (WIFEXITED(status) && WEXITSTATUS(status) == 2)
+      throw Error(ExitStatus::fault, "DCMTK's data dictionary is not installed",
+                  "install the package libdcmtk17");
+    throw ChildFailure{describe_end(status)};
+  }
+
+  void stop() {
+    ::kill(process_, SIGKILL);
+    while (::waitpid(process_, nullptr, 0) < 0 && errno == EINTR) {
+    }
+    end_on_interrupt_.reset();
+    process_ = -1;
+  }
+
+  Pipe to_child_, from_child_;
+  pid_t process_ = -1;
+  std::unique_ptr<EndOnInterrupt> end_on_interrupt_;
+};
+
+Decoder::Decoder(const IntakeLimits& limits) : limits_(limits) {}
+Decoder::~Decoder() = default;
+
+Decoder::File Decoder::decode(const std::filesystem::path& file, const FrameSink& sink) {
+  File result;
+  bool header_read = false;
+  try {
+    if (!child_) child_ = std::make_unique<Child>(limits_);
+    std::error_code unreadable;
+    const double megabytes = static_cast<double>(std::filesystem::file_size(file, unreadable)) / 1e6;
+    const auto deadline =
+        Clock::now() + std::chrono::milliseconds(static_cast<long long>(1000 * (limits_.wall_s + megabytes)));
+    child_->ask(file);
+    std::vector<std::int32_t> samples;
+    for (int frame = 0;;) {
+      MessageType type{};
+      std::uint64_t size = 0;
+      child_->read(&type, 1, deadline);
+      child_->read(&size, sizeof size, deadline);
+      if (type == MessageType::frame) {
+        if (!header_read || size == 0 || size % sizeof samples[0] != 0 || size > longest_frame)
+          throw ChildFailure{"made the decoder answer nonsense"};
+        samples.resize(size / sizeof samples[0]);
+        child_->read(samples.data(), size, deadline);
+        sink(frame++, samples);
+        continue;
+      }
+      if (size > longest_json) throw ChildFailure{"made the decoder answer nonsense"};
+      std::string text(size, '\0');
+      child_->read(text.data(), size, deadline);
+      const Json json = Json::parse(text);
+      if (type == MessageType::header) {
+        json.get_to(result.header);
+        header_read = true;
+      } else {
+        json.get_to(result.end);
+        return result;
+      }
+    }
+  } catch (const ChildFailure& failure) {
+    child_.reset();
+    if (header_read)
+      result.end.error = to_string(tag::pixel_data) + " " + failure.text;
+    else
+      result.header = {FileKind::damaged, failure.text};
+  } catch (const Json::exception&) {
+    child_.reset();
+    result.header = {FileKind::damaged, "made the decoder answer nonsense"};
+  }
+  return result;
+}
+
+}  // namespace emmetrope::segmentation

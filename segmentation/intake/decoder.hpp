@@ -1,0 +1,40 @@
+#pragma once
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "segmentation/intake/study.hpp"
+#include "segmentation/intake/wire.hpp"
+
+namespace emmetrope::segmentation {
+
+/// Parses and decodes files in a child process, emmetrope-decode, with limits on memory, processor time and
+/// wall clock. A file on which the child crashes, hangs or runs out of memory is reported as damaged; the
+/// next file gets a new child.
+class Decoder {
+ public:
+  explicit Decoder(const IntakeLimits& limits);
+  ~Decoder();
+  Decoder(const Decoder&) = delete;
+  Decoder& operator=(const Decoder&) = delete;
+
+  struct File {
+    ImageHeader header;
+    DecodeEnd end;
+  };
+  /// Stored values of one frame without rescale, rows x columns.
+  using FrameSink = std::function<void(int frame, const std::vector<std::int32_t>& samples)>;
+
+  /// \throw Error (fault) when the child cannot be started
+  File decode(const std::filesystem::path& file, const FrameSink& sink);
+
+ private:
+  class Child;
+  IntakeLimits limits_;
+  std::unique_ptr<Child> child_;
+};
+
+}  // namespace emmetrope::segmentation

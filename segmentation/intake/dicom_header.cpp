@@ -1,0 +1,193 @@
+#include "segmentation/intake/dicom_header.hpp"
+
+#include <dcmtk/config/osconfig.h>
+#include <dcmtk/dcmdata/dcspchrs.h>
+#include <dcmtk/dcmdata/dctk.h>
+#include <fmt/format.h>
+
+#include <array>
+#include <fstream>
+
+#include "pipeline/base/error.hpp"
+
+namespace emmetrope::segmentation {
+namespace {
+
+/// Levels of nested sequences; what real objects use is below 10, and DCMTK's own later limit is 64.
+constexpr int deepest_nesting = 64;
+
+DcmTagKey key(const Tag& tag) { return {tag.group, tag.element}; }
+
+enum class Guess { part10, bare_data_set, other };
+
+/// From the first bytes: a Part 10 file, a data set without preamble (it begins in group 2 or 8), or
+/// something else.
+Guess guess_format(const std::filesystem::path& file) {
+  std::array<unsigned char, 132> start{};
+  std::ifstream stream(file, std::ios::binary);
+  stream.read(reinterpret_cast<char*>(start.data()), start.size());
+  if (stream.gcount() == 132 && std::equal(start.begin() + 128, start.end(), "DICM")) return Guess::part10;
+  if (stream.gcount() < 16) return Guess::other;
+  const bool little = (start[0] == 2 || start[0] == 8) && start[1] == 0 && start[3] == 0 && start[2] < 0x20;
+  const bool big = start[0] == 0 && start[1] == 8 && start[2] == 0 && start[3] < 0x20;
+  return little || big ? Guess::bare_data_set : Guess::other;
+}
+
+bool is_text(DcmEVR vr) {
+  switch (vr) {
+    case EVR_FD:
+    case EVR_FL:
+    case EVR_OB:
+    case EVR_OW:
+    case EVR_SL:
+    case EVR_SQ:
+    case EVR_SS:
+    case EVR_UL:
+    case EVR_US:
+      return false;
+    default:
+      return true;
+  }
+}
+
+/// The element's value as text, empty when it is absent.
+/// \throw Error when its VR is of another kind than the standard's, so that its bytes mean something else
+std::string text_of(DcmItem& item, const Tag& tag) {
+  DcmElement* element = nullptr;
+  if (item.findAndGetElement(key(tag), element).bad() || element == nullptr) return {};
+  const DcmEVR expected = DcmTag(key(tag)).getEVR();
+  const bool comparable = (tag.group & 1) == 0 && expected != EVR_xs && element->getVR() != EVR_UN;
+  if (comparable && is_text(element->getVR()) != is_text(expected))
+    throw input_error(fmt::format("{} has the value representation {}, not {}", to_string(tag),
+                                  DcmVR(element->getVR()).getVRName(), DcmVR(expected).getVRName()));
+  OFString value;
+  if (item.findAndGetOFStringArray(key(tag), value).bad()) return {};
+  const auto last = value.find_last_not_of(std::string(" \0", 2).c_str());
+  return last == OFString_npos ? std::string() : std::string(value.c_str(), last + 1);
+}
+
+void read_frame(DcmItem& groups, TagValues& values) {
+  for (const auto& [macro, attribute] : tag::of_frames) {
+    DcmItem* item = nullptr;
+    if (groups.findAndGetSequenceItem(key(macro), item, 0).bad() || item == nullptr) continue;
+    if (auto value = text_of(*item, attribute); !value.empty()) values[attribute.keyword] = std::move(value);
+  }
+}
+
+/// Functional groups of each frame, the shared ones below its own; one empty entry for a classic image.
+std::vector<TagValues> read_frames(DcmDataset& data_set) {
+  TagValues shared;
+  DcmItem* groups = nullptr;
+  if (data_set.findAndGetSequenceItem(DCM_SharedFunctionalGroupsSequence, groups, 0).good() &&
+      groups != nullptr)
+    read_frame(*groups, shared);
+  DcmSequenceOfItems* per_frame = nullptr;
+  if (data_set.findAndGetSequence(DCM_PerFrameFunctionalGroupsSequence, per_frame).bad() ||
+      per_frame == nullptr)
+    return {shared};
+  std::vector<TagValues> frames;
+  for (auto* item = per_frame->nextInContainer(nullptr); item != nullptr;
+       item = per_frame->nextInContainer(item)) {
+    frames.push_back(shared);
+    read_frame(*dynamic_cast<DcmItem*>(item), frames.back());
+  }
+  return frames;
+}
+
+bool nests_deeper(DcmObject& object, int levels) {
+  if (levels < 0) return true;
+  for (auto* inner = object.nextInContainer(nullptr); inner != nullptr; inner = object.nextInContainer(inner))
+    if (!inner->isLeaf() && nests_deeper(*inner, levels - 1)) return true;
+  return false;
+}
+
+bool is_continuation(unsigned char byte) { return (byte & 0xC0) == 0x80; }
+
+/// Replaces what is no UTF-8 by U+FFFD and drops control characters. \return whether the text was valid UTF-8
+bool make_clean_utf8(std::string& text) {
+  std::string clean;
+  bool valid = true;
+  for (std::size_t i = 0; i < text.size();) {
+    const auto lead = static_cast<unsigned char>(text[i]);
+    const std::size_t length = lead < 0x80                   ? 1
+                               : lead >= 0xC2 && lead < 0xE0 ? 2
+                               : (lead & 0xF0) == 0xE0       ? 3
+                               : lead >= 0xF0 && lead < 0xF5 ? 4
+                                                             : 0;
+    bool whole = length > 0 && i + length <= text.size();
+    for (std::size_t k = 1; whole && k < length; ++k)
+      whole = is_continuation(static_cast<unsigned char>(text[i + k]));
+    if (!whole) {
+      clean += "\xEF\xBF\xBD";
+      valid = false;
+      ++i;
+      continue;
+    }
+    if (lead >= 0x20 && lead != 0x7F) clean.append(text, i, length);
+    i += length;
+  }
+  text = std::move(clean);
+  return valid;
+}
+
+void read_description(DcmDataset& data_set, ImageHeader& header) {
+  OFString raw;
+  if (data_set.findAndGetOFStringArray(key(tag::series_description), raw).bad()) return;
+  DcmSpecificCharacterSet converter;
+  OFString utf8;
+  const bool converted =
+      converter.selectCharacterSet(data_set).good() && converter.convertString(raw, utf8).good();
+  header.description = (converted ? utf8 : raw).c_str();
+  const bool valid = make_clean_utf8(header.description);
+  header.description_repaired = !valid || !converted;
+}
+
+}  // namespace
+
+ImageHeader read_header(const std::filesystem::path& file, DcmFileFormat& parsed) {
+  ImageHeader header;
+  const Guess guess = guess_format(file);
+  if (guess == Guess::other) {
+    header.reason = "not a DICOM file";
+    return header;
+  }
+  const OFCondition loaded = parsed.loadFile(file.c_str());
+  DcmDataset& data_set = *parsed.getDataset();
+  OFString value;
+  if (parsed.getMetaInfo()->findAndGetOFString(DCM_MediaStorageSOPClassUID, value).good() &&
+      value == uid::directory) {
+    header.kind = FileKind::directory;
+    header.reason = "a DICOMDIR, an index without images";
+    return header;
+  }
+  header.transfer_syntax = DcmXfer(data_set.getOriginalXfer()).getXferID();
+  header.kind = FileKind::damaged;
+  try {
+    if (nests_deeper(data_set, 2 * deepest_nesting))
+      throw input_error(fmt::format("sequences are nested more than {} deep", deepest_nesting));
+    for (const auto& wanted : tag::of_data_set)
+      if (auto text = text_of(data_set, wanted); !text.empty())
+        header.data_set[wanted.keyword] = std::move(text);
+    read_description(data_set, header);
+    header.frames = read_frames(data_set);
+  } catch (const Error& fault) {
+    header.reason = fault.what();
+    return header;
+  }
+  if (loaded.bad()) {
+    if (guess == Guess::bare_data_set && !header.has(tag::sop_class))
+      return {FileKind::not_dicom, "not a DICOM file"};
+    header.reason = fmt::format("cannot be parsed to its end: {}", loaded.text());
+    return header;
+  }
+  if (guess == Guess::bare_data_set && !header.has(tag::sop_class) && !header.has(tag::series_instance))
+    return {FileKind::not_dicom, "not a DICOM file"};
+  const bool is_mr = header.value(tag::sop_class).rfind(uid::mr_image, 0) == 0;
+  header.kind = is_mr || data_set.tagExists(DCM_PixelData) ? FileKind::image : FileKind::no_image;
+  if (header.kind == FileKind::no_image)
+    header.reason =
+        fmt::format("DICOM without pixels, {} {}", to_string(tag::sop_class), header.value(tag::sop_class));
+  return header;
+}
+
+}  // namespace emmetrope::segmentation

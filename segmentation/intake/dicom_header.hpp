@@ -1,0 +1,14 @@
+#pragma once
+#include <filesystem>
+
+#include "segmentation/intake/wire.hpp"
+
+class DcmFileFormat;
+
+namespace emmetrope::segmentation {
+
+/// Parses one file as far as it goes and picks the attributes of tags.hpp. Pixels stay in the file.
+/// Runs in the decoding process: DCMTK may crash or hang on hostile files.
+ImageHeader read_header(const std::filesystem::path& file, DcmFileFormat& parsed);
+
+}  // namespace emmetrope::segmentation

@@ -1,0 +1,31 @@
+#include <spdlog/spdlog.h>
+
+#include "pipeline/base/command_line.hpp"
+#include "segmentation/intake/study.hpp"
+
+int main(int argc, char** argv) {
+  using namespace emmetrope;
+  std::string study;
+  segmentation::IntakeOptions options;
+  Command command;
+  command.name = "inventory";
+  command.summary = "Lists the series of a study and what is wrong with them.";
+  command.example = "emmetrope inventory STUDY --json";
+  command.declare = [&](CLI::App& app) {
+    app.add_option("study", study, "A folder with DICOM files or NIfTI volumes, or one such file")
+        ->required();
+    app.add_option("--series", options.choices,
+                   "UID,KEYWORD=VALUE: of a series with several images at one place, those with this value");
+    app.add_flag("--any-modality", options.any_modality,
+                 "Also accept series that are not MR, and secondary captures");
+  };
+  command.run = [&](const CommonOptions& common) {
+    options.verbosity = common.verbosity;
+    const auto inventory = segmentation::read_inventory(study, options);
+    for (const auto& series : inventory.series)
+      if (!series.usable) spdlog::warn("{}: not usable: {}", series.name, series.reason);
+    if (inventory.series.empty()) spdlog::warn("no DICOM images and no NIfTI volumes in {}", study);
+    return Answer{inventory.status(), segmentation::to_json(inventory), segmentation::describe(inventory)};
+  };
+  return run_command(argc, argv, command);
+}

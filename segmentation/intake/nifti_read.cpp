@@ -1,0 +1,306 @@
+#include <fmt/format.h>
+#include <zlib.h>
+
+#include <array>
+#include <cmath>
+#include <cstring>
+#include <memory>
+
+#include "pipeline/base/error.hpp"
+#include "pipeline/base/frames.hpp"
+#include "segmentation/intake/nifti.hpp"
+
+namespace emmetrope::segmentation {
+namespace {
+
+constexpr std::uint64_t largest_volume_bytes = 4'000'000'000;
+constexpr double largest_shear_deg = 0.1;
+
+/// Bytes of a file, gzipped or not, in the order that they come.
+class ByteReader {
+ public:
+  explicit ByteReader(const std::filesystem::path& file)
+      : file_(file), stream_(::gzopen(file.c_str(), "rb"), &::gzclose) {
+    if (!stream_) throw input_error(file.string() + ": cannot be opened");
+    ::gzbuffer(stream_.get(), 1 << 17);
+  }
+  /// \throw Error when the file ends before
+  void read(void* target, std::uint64_t size, const char* what) {
+    auto* bytes = static_cast<char*>(target);
+    while (size > 0) {
+      const int got =
+          ::gzread(stream_.get(), bytes, static_cast<unsigned>(std::min<std::uint64_t>(size, 1 << 24)));
+      if (got <= 0)
+        throw input_error(fmt::format("{}: ends or is damaged within its {}", file_.string(), what));
+      bytes += got;
+      size -= static_cast<std::uint64_t>(got);
+    }
+  }
+  void skip(std::uint64_t size, const char* what) {
+    std::vector<char> unused(size);
+    read(unused.data(), size, what);
+  }
+
+ private:
+  std::filesystem::path file_;
+  std::unique_ptr<gzFile_s, decltype(&::gzclose)> stream_;
+};
+
+/// Fields of a header in either byte order.
+class Fields {
+ public:
+  Fields(std::vector<unsigned char> bytes, bool swapped) : bytes_(std::move(bytes)), swapped_(swapped) {}
+  template <typename T>
+  T at(std::size_t offset) const {
+    std::array<unsigned char, sizeof(T)> raw{};
+    std::copy_n(bytes_.begin() + static_cast<std::ptrdiff_t>(offset), sizeof(T), raw.begin());
+    if (swapped_) std::reverse(raw.begin(), raw.end());
+    T value;
+    std::memcpy(&value, raw.data(), sizeof(T));
+    return value;
+  }
+
+ private:
+  std::vector<unsigned char> bytes_;
+  bool swapped_;
+};
+
+/// What matters of a NIfTI-1 or NIfTI-2 header (nifti1.h, nifti2.h).
+struct Header {
+  bool swapped = false;
+  std::array<std::int64_t, 8> dim{};
+  std::array<double, 8> pixdim{};
+  int datatype = 0;
+  std::int64_t offset = 0;
+  double slope = 0, intercept = 0;
+  int qform_code = 0, sform_code = 0, units = 0;
+  std::array<double, 3> quaternion{}, q_offset{};
+  Eigen::Matrix4d sform = Eigen::Matrix4d::Identity();
+};
+
+/// Offsets of the fields; Int, Real and Code are the types of dim, of real numbers and of the form codes.
+struct Offsets {
+  std::size_t dim, pixdim, datatype, offset, slope, quaternion, q_offset, qform_code, sform_code, srow, units;
+};
+constexpr Offsets nifti1{40, 76, 70, 108, 112, 256, 268, 252, 254, 280, 123};
+constexpr Offsets nifti2{16, 80, 12, 168, 176, 352, 376, 344, 348, 400, 500};
+
+template <typename Int, typename Real, typename Code>
+void read_fields(const Fields& fields, const Offsets& at, Header& header) {
+  for (std::size_t i = 0; i < 8; ++i) {
+    header.dim[i] = fields.at<Int>(at.dim + i * sizeof(Int));
+    header.pixdim[i] = fields.at<Real>(at.pixdim + i * sizeof(Real));
+  }
+  header.datatype = fields.at<std::int16_t>(at.datatype);
+  header.slope = fields.at<Real>(at.slope);
+  header.intercept = fields.at<Real>(at.slope + sizeof(Real));
+  header.qform_code = fields.at<Code>(at.qform_code);
+  header.sform_code = fields.at<Code>(at.sform_code);
+  for (std::size_t i = 0; i < 3; ++i) {
+    header.quaternion[i] = fields.at<Real>(at.quaternion + i * sizeof(Real));
+    header.q_offset[i] = fields.at<Real>(at.q_offset + i * sizeof(Real));
+    for (std::size_t k = 0; k < 4; ++k)
+      header.sform(static_cast<int>(i), static_cast<int>(k)) =
+          fields.at<Real>(at.srow + (4 * i + k) * sizeof(Real));
+  }
+}
+
+Header read_header(ByteReader& reader, const std::string& name) {
+  std::vector<unsigned char> bytes(348);
+  reader.read(bytes.data(), bytes.size(), "header");
+  Header header;
+  const std::array<unsigned char, 4> size{bytes[0], bytes[1], bytes[2], bytes[3]};
+  using Size = std::array<unsigned char, 4>;
+  const bool first = size == Size{0x5C, 1, 0, 0} || size == Size{0, 0, 1, 0x5C};   // 348
+  const bool second = size == Size{0x1C, 2, 0, 0} || size == Size{0, 0, 2, 0x1C};  // 540
+  if (!first && !second) throw input_error(name + ": not a NIfTI file, sizeof_hdr is neither 348 nor 540");
+  header.swapped = size[0] == 0;
+  if (first) {
+    if (std::memcmp(bytes.data() + 344, "n+1", 4) != 0)
+      throw unsupported_error(
+          name + ": magic is not n+1; header and image in one .nii or .nii.gz file are required");
+    const Fields fields(bytes, header.swapped);
+    read_fields<std::int16_t, float, std::int16_t>(fields, nifti1, header);
+    header.units = bytes[nifti1.units];
+    const double offset = fields.at<float>(nifti1.offset);
+    header.offset = std::isfinite(offset) ? static_cast<std::int64_t>(std::clamp(offset, -1.0, 1e9)) : -1;
+  } else {
+    bytes.resize(540);
+    reader.read(bytes.data() + 348, 540 - 348, "header");
+    if (std::memcmp(bytes.data() + 4, "n+2", 4) != 0)
+      throw unsupported_error(
+          name + ": magic is not n+2; header and image in one .nii or .nii.gz file are required");
+    const Fields fields(bytes, header.swapped);
+    read_fields<std::int64_t, double, std::int32_t>(fields, nifti2, header);
+    header.units = fields.at<std::int32_t>(nifti2.units);
+    header.offset = fields.at<std::int64_t>(nifti2.offset);
+  }
+  const std::int64_t header_bytes = first ? 348 : 540;
+  if (header.offset < header_bytes || header.offset > header_bytes + (1 << 26))
+    throw input_error(fmt::format("{}: vox_offset {} is impossible", name, header.offset));
+  reader.skip(static_cast<std::uint64_t>(header.offset - header_bytes), "header extensions");
+  return header;
+}
+
+void check_sizes(const Header& header, const std::string& name) {
+  const auto& dim = header.dim;
+  if (dim[0] < 3 || dim[0] > 7)
+    throw unsupported_error(fmt::format("{}: dim[0] is {}; a volume has 3", name, dim[0]));
+  for (std::int64_t i = 1; i <= dim[0]; ++i) {
+    const std::int64_t size = dim[static_cast<std::size_t>(i)];
+    if (size < 1 || (i <= 3 && size > 65'535))
+      throw input_error(fmt::format("{}: dim[{}] is {}", name, i, size));
+    if (i > 3 && size > 1)
+      throw unsupported_error(fmt::format("{}: dim[{}] is {}: several volumes; give one", name, i, size));
+  }
+  if (static_cast<double>(dim[1]) * static_cast<double>(dim[2]) * static_cast<double>(dim[3]) *
+          sizeof(float) >
+      static_cast<double>(largest_volume_bytes))
+    throw input_error(fmt::format("{}: dim {} x {} x {} is too large", name, dim[1], dim[2], dim[3]));
+}
+
+Eigen::Matrix4d affine_of_qform(const Header& header) {
+  const auto [b, c, d] = header.quaternion;
+  const double a = std::sqrt(std::max(0.0, 1 - b * b - c * c - d * d));
+  Eigen::Matrix3d rotation = Eigen::Quaterniond(a, b, c, d).normalized().toRotationMatrix();
+  const double qfac = header.pixdim[0] < 0 ? -1 : 1;
+  rotation.col(2) *= qfac;
+  Eigen::Matrix4d affine = Eigen::Matrix4d::Identity();
+  for (int i = 0; i < 3; ++i) {
+    affine.block<3, 1>(0, i) = rotation.col(i) * header.pixdim[static_cast<std::size_t>(i) + 1];
+    affine(i, 3) = header.q_offset[static_cast<std::size_t>(i)];
+  }
+  return affine;
+}
+
+/// lps_from_voxel, mm.
+Eigen::Matrix4d affine_of(const Header& header, const std::string& name, std::vector<std::string>& warnings) {
+  if (header.sform_code <= 0 && header.qform_code <= 0)
+    throw input_error(name + ": sform_code and qform_code are 0: left and right cannot be told",
+                      "convert the scan again with a program that keeps its orientation");
+  Eigen::Matrix4d affine = header.sform_code > 0 ? header.sform : affine_of_qform(header);
+  if (!affine.allFinite()) throw input_error(name + ": its orientation is not finite");
+  if (header.sform_code > 0 && header.qform_code > 0) {
+    const Eigen::Vector4d far(static_cast<double>(header.dim[1]), static_cast<double>(header.dim[2]),
+                              static_cast<double>(header.dim[3]), 1);
+    const Eigen::Matrix4d difference = affine - affine_of_qform(header);
+    const double distance = std::max((difference * far).head<3>().norm(), difference.col(3).head<3>().norm());
+    if (!(distance < 0.1))
+      warnings.push_back(
+          fmt::format("{}: sform and qform differ by {:.2f} mm; the sform is used", name, distance));
+  }
+  const int unit = header.units & 7;
+  const double to_mm = unit == 1 ? 1000 : unit == 3 ? 1e-3 : 1;
+  affine.topRows<3>() *= to_mm;
+  affine.topRows<2>() *= -1;  // RAS to LPS
+  return affine;
+}
+
+template <typename T>
+void convert(const std::vector<unsigned char>& bytes, bool swapped, double slope, double intercept,
+             std::vector<float>& values) {
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    std::array<unsigned char, sizeof(T)> raw{};
+    std::copy_n(bytes.begin() + static_cast<std::ptrdiff_t>(i * sizeof(T)), sizeof(T), raw.begin());
+    if (swapped) std::reverse(raw.begin(), raw.end());
+    T value;
+    std::memcpy(&value, raw.data(), sizeof(T));
+    values[i] = static_cast<float>(slope * static_cast<double>(value) + intercept);
+  }
+}
+
+struct Format {
+  std::size_t bytes;
+  void (*convert)(const std::vector<unsigned char>&, bool, double, double, std::vector<float>&);
+};
+
+Format format_of(const Header& header, const std::string& name) {
+  switch (header.datatype) {
+    case 2:
+      return {1, convert<std::uint8_t>};
+    case 4:
+      return {2, convert<std::int16_t>};
+    case 8:
+      return {4, convert<std::int32_t>};
+    case 16:
+      return {4, convert<float>};
+    case 64:
+      return {8, convert<double>};
+    case 256:
+      return {1, convert<std::int8_t>};
+    case 512:
+      return {2, convert<std::uint16_t>};
+    case 768:
+      return {4, convert<std::uint32_t>};
+    default:
+      throw unsupported_error(
+          fmt::format("{}: datatype {} is not one real number a voxel", name, header.datatype));
+  }
+}
+
+Stack geometry_of(const Header& header, const Eigen::Matrix4d& affine, const std::string& name) {
+  Stack stack;
+  stack.columns = static_cast<int>(header.dim[1]);
+  stack.rows = static_cast<int>(header.dim[2]);
+  const Eigen::Vector3d i = affine.block<3, 1>(0, 0), j = affine.block<3, 1>(0, 1),
+                        k = affine.block<3, 1>(0, 2);
+  if (!(i.norm() > 0) || !(j.norm() > 0) || !(k.norm() > 0))
+    throw input_error(name + ": a voxel of its orientation has no size");
+  stack.column_spacing_mm = i.norm();
+  stack.row_spacing_mm = j.norm();
+  stack.slice_thickness_mm = k.norm();
+  stack.along_row = i.normalized();
+  const double skew = stack.along_row.dot(j.normalized());
+  stack.along_column = (j - stack.along_row * stack.along_row.dot(j)).normalized();
+  stack.normal = stack.along_row.cross(stack.along_column);
+  const double shear = std::acos(std::min(1.0, std::abs(k.normalized().dot(stack.normal)))) / degree;
+  if (std::abs(skew) > 1e-3 || shear > largest_shear_deg)
+    throw input_error(
+        fmt::format("{}: its axes are not at right angles (slices {:.2f} degrees off)", name, shear));
+  return stack;
+}
+
+}  // namespace
+
+Stack read_nifti(const std::filesystem::path& file, std::vector<std::string>& warnings) {
+  const std::string name = file.filename().string();
+  ByteReader reader(file);
+  const Header header = read_header(reader, name);
+  check_sizes(header, name);
+  const Format format = format_of(header, name);
+  if (!std::isfinite(header.slope) || !std::isfinite(header.intercept))
+    throw input_error(name + ": scl_slope or scl_inter is no number");
+  const double slope = header.slope == 0 ? 1 : header.slope,
+               intercept = header.slope == 0 ? 0 : header.intercept;
+  const Eigen::Matrix4d affine = affine_of(header, name, warnings);
+  Stack stack = geometry_of(header, affine, name);
+  stack.name = "volume";
+
+  const std::size_t voxels = static_cast<std::size_t>(stack.rows) * static_cast<std::size_t>(stack.columns);
+  std::vector<unsigned char> bytes(voxels * format.bytes);
+  std::vector<float> values(voxels);
+  for (std::int64_t k = 0; k < header.dim[3]; ++k) {
+    reader.read(bytes.data(), bytes.size(), "voxels");
+    format.convert(bytes, header.swapped, slope, intercept, values);
+    const auto missing =
+        std::count_if(values.begin(), values.end(), [](float value) { return !std::isfinite(value); });
+    if (missing == static_cast<std::ptrdiff_t>(voxels)) continue;  // a gap
+    if (missing > 0)
+      throw input_error(fmt::format("{}: {} voxels of slice {} are no numbers", name, missing, k));
+    stack.slice_position.emplace_back((affine * Eigen::Vector4d(0, 0, static_cast<double>(k), 1)).head<3>());
+    stack.slice_intensity.push_back(values);
+  }
+  if (stack.slices() == 0) throw input_error(name + ": no voxel holds a number");
+  if (affine.block<3, 1>(0, 2).dot(stack.normal) < 0) {
+    std::reverse(stack.slice_position.begin(), stack.slice_position.end());
+    std::reverse(stack.slice_intensity.begin(), stack.slice_intensity.end());
+  }
+  return stack;
+}
+
+Stack read_nifti(const std::filesystem::path& file) {
+  std::vector<std::string> unused;
+  return read_nifti(file, unused);
+}
+
+}  // namespace emmetrope::segmentation

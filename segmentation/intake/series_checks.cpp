@@ -1,0 +1,331 @@
+#include "segmentation/intake/series_checks.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <set>
+
+#include "segmentation/intake/tag_values.hpp"
+
+namespace emmetrope::segmentation {
+namespace {
+
+/// Largest difference of a direction cosine within a series.
+constexpr double same_orientation = 1e-4;
+/// Largest error of the norm and of the dot product of the two directions; below it they are made
+/// orthonormal.
+constexpr double orthonormal = 1e-3;
+/// Relative difference of pixel spacings within a series, the rounding of headers.
+constexpr double same_spacing = 1e-4;
+
+using Files = std::vector<ScannedFile>;
+
+std::string found(const ScannedFile& file, const Tag& tag, int frame = 0) {
+  const auto& value = file.header.value(tag, frame);
+  return fmt::format("{}: {} {}", file.file.string(), to_string(tag),
+                     value.empty() ? "is absent" : "is " + in_quotes(value));
+}
+
+bool contains(const std::string& text, std::string_view word) { return text.find(word) != std::string::npos; }
+
+std::optional<double> number_of(const ScannedFile& file, const Tag& tag) {
+  return parse_number(file.header.value(tag));
+}
+
+void describe_series(const Files& files, SeriesInfo& info) {
+  const ScannedFile& first = files.front();
+  const auto text = [&](const Tag& tag) { return first.header.value(tag); };
+  info.uid = text(tag::series_instance);
+  info.study_uid = text(tag::study_instance);
+  info.frame_of_reference_uid = text(tag::frame_of_reference);
+  info.description = first.header.description;
+  info.modality = text(tag::modality);
+  info.number = static_cast<int>(std::clamp(number_of(first, tag::series_number).value_or(0), -1e9, 1e9));
+  info.files = files.size();
+  info.rows = static_cast<int>(number_of(first, tag::rows).value_or(0));
+  info.columns = static_cast<int>(number_of(first, tag::columns).value_or(0));
+  info.image_type = text(tag::image_type);
+  info.acquisition_type = text(tag::acquisition_type);
+  info.sequence = text(tag::scanning_sequence);
+  info.body_part = text(tag::body_part);
+  info.image_laterality =
+      first.header.has(tag::image_laterality) ? text(tag::image_laterality) : text(tag::series_laterality);
+  info.repetition_time_ms = number_of(first, tag::repetition_time);
+  info.echo_time_ms = number_of(first, tag::echo_time);
+  if (!info.echo_time_ms) info.echo_time_ms = number_of(first, tag::effective_echo_time);
+  info.inversion_time_ms = number_of(first, tag::inversion_time);
+  info.flip_angle_deg = number_of(first, tag::flip_angle);
+  info.field_strength_T = number_of(first, tag::field_strength);
+  info.pixel_bandwidth_Hz = number_of(first, tag::pixel_bandwidth);
+  info.phase_encoding = text(tag::phase_encoding);
+  if (const auto thickness = number_of(first, tag::slice_thickness); thickness && *thickness > 0)
+    info.slice_thickness_mm = thickness;
+  const auto slope = number_of(first, tag::philips_scale_slope),
+             intercept = number_of(first, tag::philips_scale_intercept);
+  if (slope && intercept) info.private_scaling = {*slope, *intercept};
+  std::set<std::string> syntaxes;
+  for (const auto& file : files) syntaxes.insert(file.header.transfer_syntax);
+  for (const auto& syntax : syntaxes)
+    info.transfer_syntax += (info.transfer_syntax.empty() ? "" : ", ") + syntax;
+}
+
+/// One warning for all files that share a fault.
+template <typename Fault>
+void warn_of_files(const Files& files, const Fault& has_fault, const std::string& text, SeriesInfo& info) {
+  std::string first;
+  std::size_t count = 0;
+  for (const auto& file : files)
+    if (has_fault(file) && ++count == 1) first = file.file.string();
+  if (count > 0)
+    info.warnings.push_back(
+        fmt::format("{}{}: {}", first, count > 1 ? fmt::format(" and {} more", count - 1) : "", text));
+}
+
+void check_kind(const Files& files, bool any_modality) {
+  for (const auto& file : files) {
+    const auto& header = file.header;
+    const auto& sop_class = header.value(tag::sop_class);
+    const bool multi_frame_mr =
+        sop_class == uid::enhanced_mr_image || sop_class == uid::legacy_converted_enhanced_mr_image;
+    if (file.header.kind == FileKind::damaged)
+      throw input_error(file.file.string() + ": " + header.reason, "restore this file or move it away");
+    if (!header.has(tag::series_instance))
+      throw input_error(found(file, tag::series_instance) + "; its series is unknown");
+    if (!any_modality && header.value(tag::modality) != "MR")
+      throw unsupported_error(found(file, tag::modality) + "; MR is required (--any-modality overrides)");
+    if (!any_modality && sop_class.rfind(uid::secondary_capture, 0) == 0)
+      throw unsupported_error(found(file, tag::sop_class) +
+                              ", a secondary capture; an MR image is required (--any-modality overrides)");
+    if (header.value(tag::burned_in_annotation) == "YES")
+      throw input_error(found(file, tag::burned_in_annotation) +
+                        ": text drawn into the image would be measured");
+    if (contains(header.value(tag::image_type), "MOSAIC") || header.has(tag::mosaic_images))
+      throw unsupported_error(found(file, tag::image_type) +
+                              ": a Siemens mosaic shows many slices in one image; export single slices");
+    if (!multi_frame_mr && number_of(file, tag::number_of_frames).value_or(1) > 1)
+      throw unsupported_error(found(file, tag::number_of_frames) +
+                              ", without a position for each frame; enhanced MR is required");
+    if (multi_frame_mr &&
+        static_cast<double>(header.frames.size()) != number_of(file, tag::number_of_frames).value_or(-1))
+      throw input_error(fmt::format("{}, but there are functional groups for {} frames",
+                                    found(file, tag::number_of_frames), header.frames.size()));
+  }
+}
+
+void check_pixel_format(const Files& files) {
+  for (const auto& file : files) {
+    const auto& header = file.header;
+    for (const auto& tag : {tag::rows, tag::columns})
+      if (number_of(file, tag) != number_of(files.front(), tag))
+        throw input_error(fmt::format("{}, but {}", found(file, tag), found(files.front(), tag)),
+                          "a series has one size");
+    const auto& photometric = header.value(tag::photometric_interpretation);
+    if (photometric == "MONOCHROME1")
+      throw unsupported_error(found(file, tag::photometric_interpretation) +
+                              ": inverted; MONOCHROME2 is required");
+    if (photometric != "MONOCHROME2")
+      throw unsupported_error(found(file, tag::photometric_interpretation) + "; MONOCHROME2 is required");
+    if (number_of(file, tag::samples_per_pixel) != 1.0)
+      throw unsupported_error(found(file, tag::samples_per_pixel) + "; 1 is required");
+  }
+}
+
+/// A rescale of a frame, (0028,1053) and (0028,1052); 1 and 0 where both are absent.
+std::array<double, 2> rescale_of(const ScannedFile& file, int frame) {
+  std::array<double, 2> rescale{1, 0};
+  const std::array<Tag, 2> tags{tag::rescale_slope, tag::rescale_intercept};
+  for (std::size_t i = 0; i < 2; ++i) {
+    if (!file.header.has(tags[i], frame)) continue;
+    const auto value = parse_number(file.header.value(tags[i], frame));
+    if (!value || (i == 0 && *value == 0))
+      throw input_error(found(file, tags[i], frame) + "; a number other than 0 is required");
+    rescale[i] = *value;
+  }
+  return rescale;
+}
+
+std::array<double, 2> pixel_spacing_of(const ScannedFile& file, int frame) {
+  const auto spacing = parse_numbers(file.header.value(tag::pixel_spacing, frame), 2);
+  if (!spacing || !((*spacing)[0] > 0) || !((*spacing)[1] > 0))
+    throw input_error(found(file, tag::pixel_spacing, frame) + "; two positive numbers are required");
+  return {(*spacing)[0], (*spacing)[1]};
+}
+
+std::array<double, 6> orientation_of(const ScannedFile& file, int frame) {
+  const auto cosines = parse_numbers(file.header.value(tag::image_orientation, frame), 6);
+  if (!cosines) throw input_error(found(file, tag::image_orientation, frame) + "; six numbers are required");
+  const Eigen::Vector3d row(cosines->data()), column(cosines->data() + 3);
+  if (std::abs(row.norm() - 1) > orthonormal || std::abs(column.norm() - 1) > orthonormal ||
+      std::abs(row.dot(column)) > orthonormal)
+    throw input_error(found(file, tag::image_orientation, frame) +
+                      "; two unit vectors at a right angle are required");
+  std::array<double, 6> values{};
+  std::copy(cosines->begin(), cosines->end(), values.begin());
+  return values;
+}
+
+std::array<double, 6> made_orthonormal(const std::array<double, 6>& cosines) {
+  const Eigen::Vector3d row = Eigen::Vector3d(cosines.data()).normalized();
+  Eigen::Vector3d column(cosines.data() + 3);
+  column = (column - row * row.dot(column)).normalized();
+  return {row.x(), row.y(), row.z(), column.x(), column.y(), column.z()};
+}
+
+/// Every frame of the series, judged against the first.
+std::vector<SeriesImage> check_frames(const Files& files, SeriesInfo& info) {
+  std::vector<SeriesImage> images;
+  const auto spacing = pixel_spacing_of(files.front(), 0);
+  const auto orientation = orientation_of(files.front(), 0);
+  info.row_spacing_mm = spacing[0];
+  info.column_spacing_mm = spacing[1];
+  info.orientation = made_orthonormal(orientation);
+  for (const auto& file : files) {
+    if (file.header.value(tag::frame_of_reference) != info.frame_of_reference_uid)
+      throw input_error(fmt::format("{} and {}: different {} in one series", files.front().file.string(),
+                                    file.file.string(), to_string(tag::frame_of_reference)));
+    for (int frame = 0; frame < static_cast<int>(file.header.frames.size()); ++frame) {
+      const auto its_spacing = pixel_spacing_of(file, frame);
+      for (std::size_t i = 0; i < 2; ++i)
+        if (std::abs(its_spacing[i] - spacing[i]) > same_spacing * spacing[i])
+          throw input_error(fmt::format("{}, but {}", found(file, tag::pixel_spacing, frame),
+                                        found(files.front(), tag::pixel_spacing)));
+      const auto its_orientation = orientation_of(file, frame);
+      for (std::size_t i = 0; i < 6; ++i)
+        if (std::abs(its_orientation[i] - orientation[i]) > same_orientation)
+          throw input_error(fmt::format("{}, but {}: the slices are not parallel",
+                                        found(file, tag::image_orientation, frame),
+                                        found(files.front(), tag::image_orientation)));
+      const auto position = parse_numbers(file.header.value(tag::image_position, frame), 3);
+      if (!position)
+        throw input_error(found(file, tag::image_position, frame) + "; three numbers are required");
+      const auto [slope, intercept] = rescale_of(file, frame);
+      images.push_back({&file, frame, Eigen::Vector3d(position->data()), slope, intercept});
+    }
+  }
+  return images;
+}
+
+void check_pixels(const Files& files) {
+  for (const auto& file : files)
+    if (!file.end.error.empty()) {
+      const std::string text = file.file.string() + ": " + file.end.error;
+      throw file.end.unsupported ? unsupported_error(text) : input_error(text);
+    }
+}
+
+void check_total_size(const SeriesInfo& info, std::size_t images, std::uint64_t limit) {
+  const auto bytes = static_cast<std::uint64_t>(info.rows) * static_cast<std::uint64_t>(info.columns) *
+                     images * sizeof(float);
+  if (bytes > 2 * limit)  // stored with 16 bits, read with 32
+    throw input_error(fmt::format("{} rows x {} columns x {} slices are more than {} MB", info.rows,
+                                  info.columns, images, limit / 1'000'000));
+}
+
+/// Keeps the images that the user chose for this series, "UID,KEYWORD=VALUE".
+void apply_choice(const std::vector<std::string>& choices, const SeriesInfo& info,
+                  std::vector<SeriesImage>& images) {
+  for (const auto& choice : choices) {
+    const auto comma = choice.find(','), equals = choice.find('=', comma == std::string::npos ? 0 : comma);
+    if (comma == std::string::npos || choice.substr(0, comma) != info.uid) continue;
+    if (equals == std::string::npos)
+      throw usage_error("--series " + in_quotes(choice) + " is not UID,KEYWORD=VALUE");
+    const std::string keyword = choice.substr(comma + 1, equals - comma - 1),
+                      value = choice.substr(equals + 1);
+    const auto matches = [&](const SeriesImage& image) {
+      const auto& its = image.value(Tag{0, 0, keyword.c_str()});
+      const auto number = parse_number(value);
+      return its == value || (number && parse_number(its) == number);
+    };
+    images.erase(
+        std::remove_if(images.begin(), images.end(), [&](const auto& image) { return !matches(image); }),
+        images.end());
+    if (images.empty())
+      throw input_error("--series " + in_quotes(choice) + ": no image of the series has this value");
+  }
+}
+
+void add_statistics(const std::vector<SeriesImage>& images, SeriesInfo& info) {
+  double lowest = std::numeric_limits<double>::infinity(), highest = -lowest, sum = 0, count = 0;
+  for (const auto& image : images) {
+    const auto& stored = image.source->frames.at(static_cast<std::size_t>(image.frame));
+    const double a = image.slope * stored.minimum + image.intercept,
+                 b = image.slope * stored.maximum + image.intercept;
+    lowest = std::min({lowest, a, b});
+    highest = std::max({highest, a, b});
+    sum +=
+        image.slope * static_cast<double>(stored.sum) + image.intercept * static_cast<double>(stored.count);
+    count += static_cast<double>(stored.count);
+  }
+  info.minimum = lowest;
+  info.maximum = highest;
+  info.mean = sum / count;
+}
+
+bool shows_head(const std::string& body_part) {
+  for (const auto* part : {"HEAD", "BRAIN", "ORBIT", "EYE", "FACE", "SKULL"})
+    if (contains(body_part, part)) return true;
+  return body_part.empty();
+}
+
+void add_warnings(const Files& files, SeriesInfo& info) {
+  warn_of_files(
+      files, [](const auto& file) { return file.end.stray_bits; },
+      "samples have bits set outside " + to_string(tag::bits_stored) + "; they are masked", info);
+  warn_of_files(
+      files, [](const auto& file) { return file.end.extra_bytes > 0; },
+      to_string(tag::pixel_data) + " is longer than its image; the rest is ignored", info);
+  warn_of_files(
+      files, [](const auto& file) { return file.header.description_repaired; },
+      to_string(tag::series_description) + " is not in the character set " + to_string(tag::character_set),
+      info);
+  if (!shows_head(info.body_part))
+    info.warnings.push_back(to_string(tag::body_part) + " is " + in_quotes(info.body_part) +
+                            ", not the head");
+  const auto parts = split_values(info.image_type);
+  const auto& component = files.front().header.value(tag::complex_image_component);
+  if (component == "PHASE" || std::find(parts.begin(), parts.end(), "P") != parts.end() ||
+      std::find(parts.begin(), parts.end(), "PHASE") != parts.end())
+    info.warnings.push_back(to_string(tag::image_type) + " says that these are phase images, not magnitudes");
+  if (info.private_scaling)
+    info.warnings.push_back(
+        fmt::format("Philips private scaling (2005,100e) {:g}, (2005,100d) {:g} is recorded, not applied",
+                    (*info.private_scaling)[0], (*info.private_scaling)[1]));
+  if (!info.slice_thickness_mm)
+    info.warnings.push_back(to_string(tag::slice_thickness) + " is absent; the slice spacing is taken");
+}
+
+}  // namespace
+
+std::string SeriesImage::name() const {
+  const bool multi_frame = source->header.frames.size() > 1;
+  return source->file.string() + (multi_frame ? fmt::format(" frame {}", frame + 1) : "");
+}
+
+SeriesInfo judge_series(std::vector<ScannedFile> files, const IntakeOptions& options) {
+  // Names and order of files must not matter.
+  std::sort(files.begin(), files.end(), [](const auto& a, const auto& b) {
+    return std::tie(a.header.value(tag::sop_instance), a.file) <
+           std::tie(b.header.value(tag::sop_instance), b.file);
+  });
+  SeriesInfo info;
+  describe_series(files, info);
+  try {
+    check_kind(files, options.any_modality);
+    check_pixel_format(files);
+    auto images = check_frames(files, info);
+    apply_choice(options.choices, info, images);
+    check_pixels(files);
+    check_total_size(info, images.size(), options.limits.series_bytes);
+    add_statistics(images, info);
+    add_warnings(files, info);
+    judge_positions(std::move(images), info);
+    info.usable = true;
+  } catch (const Error& refusal) {
+    if (refusal.status() == ExitStatus::usage) throw;
+    info.reason = refusal.what() + (refusal.remedy().empty() ? "" : "; " + refusal.remedy());
+    info.refusal = refusal.status();
+  }
+  return info;
+}
+
+}  // namespace emmetrope::segmentation

@@ -1,0 +1,48 @@
+#pragma once
+#include <cstdint>
+#include <filesystem>
+#include <vector>
+
+#include "segmentation/intake/study.hpp"
+#include "segmentation/intake/wire.hpp"
+
+/// What makes a series usable. Rules and tolerances are listed in docs/reading-dicom.md.
+namespace emmetrope::segmentation {
+
+/// Of the stored values of one frame.
+struct FrameStatistics {
+  std::int32_t minimum = 0, maximum = 0;
+  std::int64_t sum = 0;
+  std::uint64_t count = 0;
+};
+
+/// One file as the decoding process told it.
+struct ScannedFile {
+  std::filesystem::path file;  ///< relative to the study
+  ImageHeader header;
+  DecodeEnd end;
+  std::vector<FrameStatistics> frames;
+};
+
+/// One image of a series: a file, or a frame of a multi-frame file.
+struct SeriesImage {
+  const ScannedFile* source;
+  int frame;
+  Eigen::Vector3d position_mm;
+  double slope, intercept;
+
+  const std::string& value(const Tag& tag) const { return source->header.value(tag, frame); }
+  /// "name.dcm" or "name.dcm frame 3"
+  std::string name() const;
+};
+
+/// Describes and judges the files of one SeriesInstanceUID.
+/// \param files  one of each SOP instance, at least one; their order does not matter
+SeriesInfo judge_series(std::vector<ScannedFile> files, const IntakeOptions& options);
+
+/// Orders the images along the normal of info.orientation and judges their positions: duplicates, shear,
+/// gaps, uneven spacing. Sets slices, slice_spacing_mm, uniform and warnings of `info`. \throw Error
+/// (input_invalid)
+void judge_positions(std::vector<SeriesImage> images, SeriesInfo& info);
+
+}  // namespace emmetrope::segmentation

@@ -1,0 +1,177 @@
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <set>
+
+#include "pipeline/base/error.hpp"
+#include "pipeline/base/frames.hpp"
+#include "segmentation/intake/series_checks.hpp"
+#include "segmentation/intake/slice_grid.hpp"
+#include "segmentation/intake/tag_values.hpp"
+
+namespace emmetrope::segmentation {
+namespace {
+
+/// Images nearer than this along the normal show the same place.
+constexpr double same_place_mm = 0.01;
+/// Angle between the normal and the line through the slices' first voxels.
+constexpr double largest_shear_deg = 0.1;
+
+/// What may tell images of one place apart, the most telling first.
+constexpr Tag distinguishing_tags[] = {tag::image_type,
+                                       tag::frame_type,
+                                       tag::complex_image_component,
+                                       tag::echo_time,
+                                       tag::effective_echo_time,
+                                       tag::echo_numbers,
+                                       tag::temporal_position_identifier,
+                                       tag::temporal_position_index,
+                                       tag::diffusion_b_value,
+                                       tag::inversion_time,
+                                       tag::flip_angle,
+                                       tag::acquisition_number,
+                                       tag::stack_id,
+                                       tag::trigger_time,
+                                       tag::acquisition_time,
+                                       tag::content_time};
+
+/// Index ranges [first, last) of images at one place.
+std::vector<std::pair<std::size_t, std::size_t>> shared_places(const std::vector<double>& along_normal) {
+  std::vector<std::pair<std::size_t, std::size_t>> places;
+  for (std::size_t first = 0, next = 1; first < along_normal.size(); first = next, next = first + 1) {
+    while (next < along_normal.size() && along_normal[next] - along_normal[first] < same_place_mm) ++next;
+    if (next - first > 1) places.emplace_back(first, next);
+  }
+  return places;
+}
+
+[[noreturn]] void refuse_shared_places(const std::vector<SeriesImage>& images,
+                                       const std::vector<std::pair<std::size_t, std::size_t>>& places,
+                                       const std::string& uid) {
+  std::vector<std::string> differences;
+  std::string choice;
+  for (const auto& tag : distinguishing_tags) {
+    std::set<std::string> values;
+    bool tells_apart = true;
+    for (const auto& [first, last] : places) {
+      std::set<std::string> here;
+      for (std::size_t i = first; i < last; ++i) here.insert(images[i].value(tag));
+      tells_apart = tells_apart && here.size() > 1;
+      values.insert(here.begin(), here.end());
+    }
+    if (!tells_apart || values.size() > 20) continue;
+    std::vector<std::string> shown;
+    for (const auto& value : values) shown.push_back(in_quotes(value));
+    differences.push_back(fmt::format("{} ({})", to_string(tag), fmt::join(shown, ", ")));
+    if (choice.empty()) choice = fmt::format("{},{}={}", uid, tag.keyword, *values.begin());
+    if (differences.size() == 3) break;
+  }
+  const auto& [first, last] = places.front();
+  throw input_error(fmt::format(
+      "{} and {}: the same {} {:.3f}\\{:.3f}\\{:.3f}, {} such places in the series; {}", images[first].name(),
+      images[first + 1].name(), to_string(tag::image_position), images[first].position_mm.x(),
+      images[first].position_mm.y(), images[first].position_mm.z(), places.size(),
+      differences.empty() ? std::string("no tag tells the images apart")
+                          : fmt::format("the images differ in {}; choose with --series '{}'",
+                                        fmt::join(differences, ", "), choice)));
+}
+
+/// The straight line that fits the positions best, as a function of the position along the normal.
+struct PositionLine {
+  Eigen::Vector3d drift_per_mm = Eigen::Vector3d::Zero();
+  double largest_residual_mm = 0;
+};
+
+PositionLine fit_line(const std::vector<SeriesImage>& images, const std::vector<double>& along_normal) {
+  const auto count = static_cast<double>(images.size());
+  double mean_s = 0;
+  Eigen::Vector3d mean_p = Eigen::Vector3d::Zero();
+  for (std::size_t i = 0; i < images.size(); ++i) {
+    mean_s += along_normal[i] / count;
+    mean_p += images[i].position_mm / count;
+  }
+  double ss = 0;
+  Eigen::Vector3d sp = Eigen::Vector3d::Zero();
+  for (std::size_t i = 0; i < images.size(); ++i) {
+    ss += (along_normal[i] - mean_s) * (along_normal[i] - mean_s);
+    sp += (along_normal[i] - mean_s) * (images[i].position_mm - mean_p);
+  }
+  PositionLine line{sp / ss, 0};
+  for (std::size_t i = 0; i < images.size(); ++i)
+    line.largest_residual_mm =
+        std::max(line.largest_residual_mm,
+                 (images[i].position_mm - mean_p - line.drift_per_mm * (along_normal[i] - mean_s)).norm());
+  return line;
+}
+
+void warn_of_gaps(const std::vector<SeriesImage>& images, const std::vector<double>& along_normal,
+                  const SliceGrid& grid, SeriesInfo& info) {
+  for (std::size_t i = 1; i < images.size(); ++i) {
+    const int missing = grid.plane[i] - grid.plane[i - 1] - 1;
+    if (missing > 0)
+      info.warnings.push_back(fmt::format(
+          "{} {} missing between {} and {}: {} are {:.3f} mm apart where {:.3f} mm is usual; nothing is "
+          "filled in",
+          missing, missing == 1 ? "slice is" : "slices are", images[i - 1].name(), images[i].name(),
+          to_string(tag::image_position), along_normal[i] - along_normal[i - 1], grid.spacing_mm));
+  }
+}
+
+void compare_stated_spacing(const SeriesImage& image, SeriesInfo& info) {
+  const auto stated = parse_number(image.value(tag::spacing_between_slices));
+  if (!stated || !info.slice_spacing_mm) return;
+  if (std::abs(std::abs(*stated) - *info.slice_spacing_mm) > 0.01 * *info.slice_spacing_mm)
+    info.warnings.push_back(
+        fmt::format("{} says {:g} mm, but the positions {} are {:.4g} mm apart; the positions are used",
+                    to_string(tag::spacing_between_slices), *stated, to_string(tag::image_position),
+                    *info.slice_spacing_mm));
+}
+
+}  // namespace
+
+void judge_positions(std::vector<SeriesImage> images, SeriesInfo& info) {
+  const Eigen::Vector3d along_row(info.orientation.data()), along_column(info.orientation.data() + 3);
+  const Eigen::Vector3d normal = along_row.cross(along_column);
+  std::stable_sort(images.begin(), images.end(), [&](const SeriesImage& a, const SeriesImage& b) {
+    return normal.dot(a.position_mm) < normal.dot(b.position_mm);
+  });
+  std::vector<double> along_normal;
+  for (const auto& image : images) {
+    info.slices.push_back({image.source->file, image.frame, image.position_mm, image.slope, image.intercept});
+    along_normal.push_back(normal.dot(image.position_mm));
+  }
+  if (images.size() == 1) {
+    info.warnings.emplace_back("one slice only: it shows no eye in three dimensions");
+    return;
+  }
+  if (const auto places = shared_places(along_normal); !places.empty())
+    refuse_shared_places(images, places, info.uid);
+
+  info.slice_spacing_mm = median_step_mm(along_normal);
+
+  const PositionLine line = fit_line(images, along_normal);
+  const double shear_deg =
+      std::atan((line.drift_per_mm - normal * normal.dot(line.drift_per_mm)).norm()) / degree;
+  if (shear_deg > largest_shear_deg)
+    throw input_error(
+        fmt::format("{} to {}: {} runs {:.2f} degrees off the normal of {} (sheared stack, gantry tilt); at "
+                    "most {} is read",
+                    images.front().name(), images.back().name(), to_string(tag::image_position), shear_deg,
+                    to_string(tag::image_orientation), largest_shear_deg));
+
+  const SliceGrid grid = fit_slice_grid(along_normal);
+  info.uniform =
+      !grid.has_gaps() && grid.deviation_mm <= on_grid_mm && line.largest_residual_mm <= on_grid_mm;
+  warn_of_gaps(images, along_normal, grid, info);
+  if (grid.deviation_mm > on_grid_mm)
+    info.warnings.push_back(fmt::format(
+        "uneven spacing: {} is up to {:.3f} mm off a grid of {:.3f} mm; every slice keeps its own position",
+        to_string(tag::image_position), grid.deviation_mm, grid.spacing_mm));
+  else if (line.largest_residual_mm > on_grid_mm)
+    info.warnings.push_back(
+        fmt::format("{} is up to {:.3f} mm off one line along the normal; every slice keeps its own position",
+                    to_string(tag::image_position), line.largest_residual_mm));
+  compare_stated_spacing(images.front(), info);
+}
+
+}  // namespace emmetrope::segmentation

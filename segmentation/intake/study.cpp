@@ -1,0 +1,257 @@
+#include "segmentation/intake/study.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <map>
+
+#include "pipeline/base/files.hpp"
+#include "segmentation/intake/decoder.hpp"
+#include "segmentation/intake/file_list.hpp"
+#include "segmentation/intake/nifti.hpp"
+#include "segmentation/intake/series_checks.hpp"
+#include "segmentation/intake/slice_grid.hpp"
+#include "segmentation/intake/subject.hpp"
+
+namespace emmetrope::segmentation {
+namespace {
+
+namespace fs = std::filesystem;
+using SeriesFiles = std::map<std::string, std::vector<ScannedFile>>;  // by SeriesInstanceUID
+
+bool ends_with(const std::string& text, std::string_view end) {
+  return text.size() >= end.size() && text.compare(text.size() - end.size(), end.size(), end) == 0;
+}
+
+bool is_nifti_name(const fs::path& file) {
+  return ends_with(file.string(), ".nii") || ends_with(file.string(), ".nii.gz");
+}
+
+FrameStatistics statistics_of(const std::vector<std::int32_t>& samples) {
+  const auto [low, high] = std::minmax_element(samples.begin(), samples.end());
+  FrameStatistics statistics{*low, *high, 0, samples.size()};
+  for (const auto sample : samples) statistics.sum += sample;
+  return statistics;
+}
+
+ScannedFile scan(Decoder& decoder, const fs::path& root, const fs::path& file) {
+  ScannedFile scanned{file, {}, {}, {}};
+  auto decoded = decoder.decode(root / file, [&](int, const std::vector<std::int32_t>& samples) {
+    scanned.frames.push_back(statistics_of(samples));
+  });
+  scanned.header = std::move(decoded.header);
+  scanned.end = std::move(decoded.end);
+  return scanned;
+}
+
+/// A damaged file that does not say which series it belongs to spoils every series of its folder: a slice may
+/// be missing anywhere.
+void assign_damaged(const std::vector<ScannedFile>& damaged, SeriesFiles& series, StudyInventory& inventory) {
+  for (const auto& file : damaged) {
+    bool assigned = false;
+    for (auto& [uid, files] : series) {
+      const bool beside = std::any_of(files.begin(), files.end(), [&](const ScannedFile& other) {
+        return other.file.parent_path() == file.file.parent_path();
+      });
+      if (beside) files.push_back(file);
+      assigned = assigned || beside;
+    }
+    inventory.skipped.push_back({file.file, file.header.reason});
+  }
+}
+
+/// Of files with one SOPInstanceUID keeps the first when they are the same byte for byte.
+/// \return why not, when they differ
+std::string drop_copies(std::vector<ScannedFile>& files, const fs::path& root, StudyInventory& inventory) {
+  std::map<std::string, fs::path> first;
+  std::string fault;
+  const auto is_copy = [&](const ScannedFile& file) {
+    const auto& uid = file.header.value(tag::sop_instance);
+    const auto [entry, is_new] = first.try_emplace(uid, file.file);
+    if (is_new || uid.empty()) return false;
+    if (sha256_of_file(root / file.file) != sha256_of_file(root / entry->second)) {
+      fault = fmt::format("{} and {}: the same {}, but different contents", entry->second.string(),
+                          file.file.string(), to_string(tag::sop_instance));
+      return false;
+    }
+    inventory.skipped.push_back({file.file, "a copy of " + entry->second.string()});
+    return true;
+  };
+  files.erase(std::remove_if(files.begin(), files.end(), is_copy), files.end());
+  return fault;
+}
+
+void refuse(SeriesInfo& info, const std::string& reason) {
+  info.usable = false;
+  info.reason = reason;
+  info.refusal = ExitStatus::input_invalid;
+}
+
+SeriesInfo judge(std::vector<ScannedFile> files, const IntakeOptions& options, StudyInventory& inventory) {
+  const std::size_t all = files.size();
+  const std::string fault = drop_copies(files, inventory.root, inventory);
+  const std::size_t kept = files.size();
+  SeriesInfo info = judge_series(std::move(files), options);
+  if (kept < all)
+    info.warnings.push_back(fmt::format("{} of {} files are copies of others, {}; one of each is used",
+                                        all - kept, all, to_string(tag::sop_instance)));
+  if (!fault.empty()) refuse(info, fault);
+  return info;
+}
+
+SeriesInfo judge_nifti(const fs::path& root, const fs::path& file) {
+  SeriesInfo info;
+  info.uid = "nifti-" + sha256_of_file(root / file).substr(0, 16);
+  info.modality = "NIfTI";
+  info.description = file.string();
+  info.files = 1;
+  try {
+    const Stack stack = read_nifti(root / file, info.warnings);
+    info.rows = stack.rows;
+    info.columns = stack.columns;
+    info.row_spacing_mm = stack.row_spacing_mm;
+    info.column_spacing_mm = stack.column_spacing_mm;
+    info.slice_spacing_mm = stack.slice_spacing_mm();
+    info.slice_thickness_mm = stack.slice_thickness_mm;
+    info.uniform = !fit_slice_grid(stack).has_gaps();
+    for (int i = 0; i < 3; ++i) {
+      info.orientation[i] = stack.along_row[i];
+      info.orientation[i + 3] = stack.along_column[i];
+    }
+    double sum = 0, count = 0;
+    for (int slice = 0; slice < stack.slices(); ++slice) {
+      info.slices.push_back({file, slice, stack.slice_position[slice], 1, 0});
+      for (const float value : stack.slice_intensity[slice]) {
+        info.minimum = std::min(info.minimum.value_or(value), static_cast<double>(value));
+        info.maximum = std::max(info.maximum.value_or(value), static_cast<double>(value));
+        sum += value;
+      }
+      count += static_cast<double>(stack.slice_intensity[slice].size());
+    }
+    info.mean = sum / count;
+    info.usable = true;
+  } catch (const Error& fault) {
+    info.reason = fault.what();
+    info.refusal = fault.status();
+  }
+  return info;
+}
+
+}  // namespace
+
+const SeriesInfo& StudyInventory::find(const std::string& uid) const {
+  std::string known;
+  for (const auto& info : series) {
+    if (info.uid == uid) return info;
+    known += (known.empty() ? "" : ", ") + info.uid + " (" + info.description + ")";
+  }
+  throw input_error("the study has no series " + uid, known.empty() ? "" : "it has " + known);
+}
+
+bool StudyInventory::any_usable() const {
+  return std::any_of(series.begin(), series.end(), [](const SeriesInfo& info) { return info.usable; });
+}
+
+ExitStatus StudyInventory::status() const {
+  if (any_usable()) return ExitStatus::done;
+  const bool all_unsupported = std::all_of(series.begin(), series.end(), [](const SeriesInfo& info) {
+    return info.refusal == ExitStatus::unsupported;
+  });
+  return !series.empty() && all_unsupported ? ExitStatus::unsupported : ExitStatus::input_invalid;
+}
+
+StudyInventory read_inventory(const fs::path& study, const IntakeOptions& options) {
+  StudyInventory inventory;
+  auto list = list_files(study, options.limits);
+  inventory.study = study;
+  inventory.root = list.root;
+  inventory.skipped = std::move(list.skipped);
+
+  SeriesFiles series;
+  std::vector<ScannedFile> damaged;
+  Patients patients;
+  Decoder decoder(options.limits);
+  Progress progress("reading the study", list.files.size(), options.verbosity);
+  for (const auto& file : list.files) {
+    progress.advance();
+    if (is_nifti_name(file)) {
+      inventory.series.push_back(judge_nifti(inventory.root, file));
+      continue;
+    }
+    ScannedFile scanned = scan(decoder, inventory.root, file);
+    const auto& header = scanned.header;
+    if (header.kind == FileKind::image || header.kind == FileKind::no_image) patients.add(file, header);
+    if (header.kind == FileKind::damaged && !header.has(tag::series_instance))
+      damaged.push_back(std::move(scanned));
+    else if (header.kind == FileKind::image || header.kind == FileKind::damaged)
+      series[header.value(tag::series_instance)].push_back(std::move(scanned));
+    else
+      inventory.skipped.push_back({file, header.reason});
+  }
+  assign_damaged(damaged, series, inventory);
+  for (auto& [uid, files] : series) inventory.series.push_back(judge(std::move(files), options, inventory));
+  if (const auto conflict = patients.conflict(); !conflict.empty())
+    for (auto& info : inventory.series)
+      if (!info.is_nifti()) refuse(info, conflict);
+  inventory.subject = patients.subject();
+
+  std::sort(inventory.series.begin(), inventory.series.end(), [](const SeriesInfo& a, const SeriesInfo& b) {
+    return std::tie(a.number, a.uid) < std::tie(b.number, b.uid);
+  });
+  for (std::size_t i = 0; i < inventory.series.size(); ++i)
+    inventory.series[i].name = fmt::format("stack{}", i + 1);
+  std::sort(inventory.skipped.begin(), inventory.skipped.end(),
+            [](const SkippedFile& a, const SkippedFile& b) { return a.file < b.file; });
+  return inventory;
+}
+
+Stack read_series(const StudyInventory& inventory, const std::string& uid, const IntakeOptions& options) {
+  const SeriesInfo& info = inventory.find(uid);
+  if (!info.usable)
+    throw Error(info.refusal, fmt::format("series {} cannot be used: {}", info.uid, info.reason));
+  if (info.is_nifti()) {
+    Stack stack = read_nifti(inventory.root / info.slices.front().file);
+    stack.name = info.name;
+    return stack;
+  }
+  Stack stack;
+  stack.name = info.name;
+  stack.columns = info.columns;
+  stack.rows = info.rows;
+  stack.along_row = Eigen::Vector3d(info.orientation.data());
+  stack.along_column = Eigen::Vector3d(info.orientation.data() + 3);
+  stack.normal = stack.along_row.cross(stack.along_column);
+  stack.row_spacing_mm = *info.row_spacing_mm;
+  stack.column_spacing_mm = *info.column_spacing_mm;
+  stack.slice_thickness_mm = info.slice_thickness_mm.value_or(info.slice_spacing_mm.value_or(0));
+  stack.slice_intensity.resize(info.slices.size());
+
+  // Slices by file, as a multi-frame file is decoded once.
+  std::map<fs::path, std::map<int, std::size_t>> slices_of;
+  for (std::size_t i = 0; i < info.slices.size(); ++i) {
+    stack.slice_position.push_back(info.slices[i].position_mm);
+    slices_of[info.slices[i].file][info.slices[i].frame] = i;
+  }
+  const std::size_t voxels = static_cast<std::size_t>(info.rows) * static_cast<std::size_t>(info.columns);
+  Decoder decoder(options.limits);
+  Progress progress("decoding " + info.name, slices_of.size(), options.verbosity);
+  for (const auto& [file, slice_of_frame] : slices_of) {
+    const auto decoded =
+        decoder.decode(inventory.root / file, [&, &frames = slice_of_frame](int frame, const auto& samples) {
+          const auto slice = frames.find(frame);
+          if (slice == frames.end() || samples.size() != voxels) return;
+          const auto& source = info.slices[slice->second];
+          auto& target = stack.slice_intensity[slice->second];
+          target.reserve(voxels);
+          for (const auto sample : samples)
+            target.push_back(static_cast<float>(source.rescale_slope * sample + source.rescale_intercept));
+        });
+    progress.advance();
+    for (const auto& [frame, slice] : slice_of_frame)
+      if (!decoded.end.error.empty() || stack.slice_intensity[slice].size() != voxels)
+        throw input_error(fmt::format("{}: changed while it was read, {}", file.string(), decoded.end.error));
+  }
+  return stack;
+}
+
+}  // namespace emmetrope::segmentation

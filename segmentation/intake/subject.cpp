@@ -1,0 +1,74 @@
+#include "segmentation/intake/subject.hpp"
+
+#include <fmt/format.h>
+
+#include "pipeline/base/files.hpp"
+#include "segmentation/intake/tag_values.hpp"
+
+namespace emmetrope::segmentation {
+namespace {
+
+/// A date YYYYMMDD in years.
+std::optional<double> years_of(const std::string& date) {
+  if (date.size() != 8) return {};
+  const auto year = parse_number(date.substr(0, 4)), month = parse_number(date.substr(4, 2)),
+             day = parse_number(date.substr(6));
+  if (!year || !month || !day) return {};
+  return *year + (*month - 1) / 12 + (*day - 1) / 365.25;
+}
+
+/// PatientAge, an Age String (PS3.5 6.2): "026Y", "018M", "012W", "100D".
+std::optional<double> age_of(const std::string& text) {
+  if (text.size() != 4) return {};
+  const auto number = parse_number(text.substr(0, 3));
+  if (!number || *number < 0) return {};
+  switch (text[3]) {
+    case 'Y':
+      return *number;
+    case 'M':
+      return *number / 12;
+    case 'W':
+      return *number * 7 / 365.25;
+    case 'D':
+      return *number / 365.25;
+    default:
+      return {};
+  }
+}
+
+std::optional<double> age_of(const ImageHeader& header) {
+  if (const auto age = age_of(header.value(tag::patient_age))) return age;
+  const auto born = years_of(header.value(tag::patient_birth_date)),
+             studied = years_of(header.value(tag::study_date));
+  if (!born || !studied || *studied < *born) return {};
+  return std::floor(*studied - *born);
+}
+
+}  // namespace
+
+void Patients::compare(const Tag& tag, Found& first, const std::filesystem::path& file,
+                       const ImageHeader& header) {
+  const auto& value = header.value(tag);
+  if (value.empty()) return;
+  if (first.value.empty()) first = {file, value};
+  if (value != first.value && conflict_.empty())
+    conflict_ = fmt::format("{} and {} are of two patients: {} differs; give the study of one patient",
+                            first.file.string(), file.string(), to_string(tag));
+}
+
+void Patients::add(const std::filesystem::path& file, const ImageHeader& header) {
+  compare(tag::patient_id, first_id_, file, header);
+  compare(tag::patient_birth_date, first_birth_date_, file, header);
+  if (described_) return;
+  described_ = true;
+  subject_.id =
+      sha256_of(header.value(tag::study_instance) + '\n' + header.value(tag::patient_id)).substr(0, 16);
+  subject_.age_years = age_of(header);
+  const auto& sex = header.value(tag::patient_sex);
+  subject_.sex = sex == "M" || sex == "F" || sex == "O" ? sex : "";
+}
+
+std::string Patients::conflict() const { return conflict_; }
+Subject Patients::subject() const { return subject_; }
+
+}  // namespace emmetrope::segmentation

@@ -1,0 +1,55 @@
+#pragma once
+#include <cstdint>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "pipeline/base/json.hpp"
+#include "segmentation/intake/tags.hpp"
+
+/// What the decoding process tells its parent about one file, over a pipe. Each message is a type, its length
+/// as 8 bytes in the machine's order, and the bytes: first `header` (JSON of ImageHeader), then for an image
+/// `frame` for each frame (int32 samples, row after row, stored values without rescale), at the end `end`
+/// (JSON of DecodeEnd).
+namespace emmetrope::segmentation {
+
+enum class MessageType : char { header = 'H', frame = 'P', end = 'E' };
+
+enum class FileKind {
+  not_dicom,  ///< no DICOM file
+  directory,  ///< a DICOMDIR
+  no_image,   ///< DICOM without pixels: reports, presentation states
+  image,
+  damaged,  ///< DICOM that cannot be parsed to its end; its tags are what could be read
+};
+
+/// Values by keyword, as text; several values are separated by backslashes. Absent attributes have no entry.
+using TagValues = std::map<std::string, std::string>;
+
+struct ImageHeader {
+  FileKind kind = FileKind::not_dicom;
+  std::string reason{};               ///< why it is not an image
+  std::string transfer_syntax{};      ///< UID
+  std::string description{};          ///< SeriesDescription in UTF-8
+  bool description_repaired = false;  ///< it had bytes that its character set does not allow
+  TagValues data_set{};
+  std::vector<TagValues> frames{};  ///< functional groups of each frame; one empty entry for a classic image
+
+  /// The value for a frame: its functional group's, else the data set's, else empty.
+  const std::string& value(const Tag& tag, int frame = 0) const;
+  bool has(const Tag& tag, int frame = 0) const { return !value(tag, frame).empty(); }
+};
+
+struct DecodeEnd {
+  std::string error;              ///< empty when all frames were decoded; names the tag
+  bool unsupported = false;       ///< the error is a kind of data that we do not read
+  bool stray_bits = false;        ///< samples had bits set outside BitsStored
+  std::uint64_t extra_bytes = 0;  ///< pixel data beyond the last frame and its padding
+};
+
+void to_json(Json& json, const ImageHeader& header);
+void from_json(const Json& json, ImageHeader& header);
+void to_json(Json& json, const DecodeEnd& end);
+void from_json(const Json& json, DecodeEnd& end);
+
+}  // namespace emmetrope::segmentation
