@@ -28,12 +28,12 @@ struct RetinalGrid {
 struct TraceSettings {
   std::optional<Representation> representation;  ///< default: analytic for formulas, smooth for meshes
   RetinalGrid grid;
-  int samples = 128;                     ///< rays a pixel
-  std::uint64_t seed = 1;                ///< common random numbers: same seed, same rays
-  std::optional<double> wavelength_nm;   ///< monochromatic; spectral by default
+  int samples = 128;                    ///< rays a pixel
+  std::uint64_t seed = 1;               ///< common random numbers: same seed, same rays
+  std::optional<double> wavelength_nm;  ///< monochromatic; spectral by default
   double gaze_horizontal_deg = 0, gaze_vertical_deg = 0;
-  bool illuminance = false;              ///< weight by relative retinal illuminance
-  int vertices = 800;                    ///< a surface, where a schematic eye is meshed
+  bool illuminance = false;  ///< weight by relative retinal illuminance
+  int vertices = 800;        ///< a surface, where a schematic eye is meshed
   Verbosity verbosity;
 };
 
@@ -46,8 +46,9 @@ struct LinearImage {
   }
 };
 
-/// A direction in which the image is differentiated: one unit of the parameter adds `curvature_per_unit` (1/mm, textbook
-/// sign, over eye x and y) to the vertex curvature matrix of `surface`. Spectacle and anterior cornea are the cheap ones.
+/// A direction in which the image is differentiated: one unit of the parameter adds `curvature_per_unit`
+/// (1/mm, textbook sign, over eye x and y) to the vertex curvature matrix of `surface`. Spectacle and
+/// anterior cornea are the cheap ones.
 struct CurvatureTangent {
   std::string surface;
   Eigen::Matrix2d curvature_per_unit;
@@ -58,7 +59,7 @@ struct TraceResult {
   std::vector<LinearImage> derivatives;  ///< one per tangent
   std::map<RayState, std::uint64_t> states;
   std::uint64_t rays = 0;
-  double wall_s = 0;                     ///< scene included
+  double wall_s = 0;  ///< scene included
   std::string device;
   double rays_per_s() const { return wall_s > 0 ? static_cast<double>(rays) / wall_s : 0; }
 };

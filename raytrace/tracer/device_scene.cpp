@@ -1,0 +1,102 @@
+#include "raytrace/tracer/device_scene.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+
+#include "pipeline/base/error.hpp"
+
+namespace emmetrope::raytrace {
+namespace {
+
+float bits(std::size_t value) {
+  const auto integer = static_cast<std::int32_t>(value);
+  float result = 0;
+  std::memcpy(&result, &integer, sizeof result);
+  return result;
+}
+
+float luminance(const float* rgb) { return 0.2126F * rgb[0] + 0.7152F * rgb[1] + 0.0722F * rgb[2]; }
+
+std::uint32_t quantised(float value, std::uint32_t largest) {
+  return static_cast<std::uint32_t>(std::lround(std::clamp(value, 0.F, 1.F) * static_cast<float>(largest)));
+}
+
+/// The last row is repeated once, so that a bilinear look-up at the rim reads valid texels.
+void append(std::vector<std::uint32_t>& texels, const Texture& texture, int channels) {
+  const auto texel = [&](int x, int y) {
+    return &texture.values[(static_cast<std::size_t>(y) * texture.width + x) * texture.channels];
+  };
+  const auto grey = [&](int x, int y) {
+    const float* t = texel(std::min(x, texture.width - 1), y);
+    return quantised(texture.channels == 1 ? t[0] : luminance(t), 65535);
+  };
+  for (int row = 0; row <= texture.height; ++row) {
+    const int y = std::min(row, texture.height - 1);
+    for (int x = 0; x < texture.width; ++x) {
+      if (channels == 1) {
+        texels.push_back(grey(x, y) | grey(x + 1, y) << 16U);
+      } else {
+        const float* t = texel(x, y);
+        const bool colour = texture.channels == 3;
+        texels.push_back(quantised(t[0], 2047) | quantised(t[colour ? 1 : 0], 2047) << 11U |
+                         quantised(t[colour ? 2 : 0], 1023) << 22U);
+      }
+    }
+  }
+  texels.push_back(0);  // what the last texel's right neighbour would be
+}
+
+void append(std::vector<float>& planes, const TexturedPlane& plane, const Eigen::Isometry3d& eye_from_scene,
+            std::size_t first_texel) {
+  const Eigen::Matrix3d turn = eye_from_scene.linear();
+  const Eigen::Vector3d centre =
+      plane.at_infinity ? Eigen::Vector3d(turn * plane.centre_mm) : eye_from_scene * plane.centre_mm;
+  const Eigen::Vector3d right = turn * plane.right_mm, up = turn * plane.up_mm;
+  const Eigen::Vector3d normal = right.cross(up).normalized();
+  // Along the plane and free of the other edge, should the two not be at right angles.
+  const Eigen::Vector3d across_up = up.cross(normal), across_right = normal.cross(right);
+  const Eigen::Vector3d a = across_up / across_up.dot(right) * (0.5 * plane.texture->width);
+  const Eigen::Vector3d b = -across_right / across_right.dot(up) * (0.5 * plane.texture->height);
+  const double a0 = 0.5 * plane.texture->width - 0.5 - a.dot(centre),
+               b0 = 0.5 * plane.texture->height - 0.5 - b.dot(centre);
+  for (int i = 0; i < 3; ++i) planes.push_back(static_cast<float>(normal[i]));
+  planes.push_back(static_cast<float>(normal.dot(centre)));
+  for (int i = 0; i < 3; ++i) planes.push_back(static_cast<float>(a[i]));
+  planes.push_back(static_cast<float>(a0));
+  for (int i = 0; i < 3; ++i) planes.push_back(static_cast<float>(b[i]));
+  planes.push_back(static_cast<float>(b0));
+  planes.push_back(plane.at_infinity ? 0.F : 1.F);
+  planes.push_back(static_cast<float>(plane.texture->width - 1));
+  planes.push_back(static_cast<float>(plane.texture->height - 1));
+  planes.push_back(bits(plane.texture->width));
+  planes.push_back(bits(first_texel));
+  planes.insert(planes.end(), 3, 0.F);
+}
+
+}  // namespace
+
+DeviceScene make_device_scene(const Scene& scene, const Eigen::Isometry3d& eye_from_scene,
+                              bool monochromatic) {
+  DeviceScene result;
+  const bool grey_background =
+      scene.background.x() == scene.background.y() && scene.background.y() == scene.background.z();
+  bool coloured = !grey_background;
+  for (const auto& plane : scene.planes) coloured |= plane.texture->channels == 3;
+  result.channels = coloured && !monochromatic ? 3 : 1;
+  result.plane_count = static_cast<int>(scene.planes.size());
+  for (const auto& plane : scene.planes) {
+    if (result.texels.size() > (std::size_t{1} << 30U))
+      throw input_error("the scene's textures hold more than 2^30 texels", "use smaller pictures");
+    append(result.planes, plane, eye_from_scene, result.texels.size());
+    append(result.texels, *plane.texture, result.channels);
+  }
+  const Eigen::Vector3f background = scene.background.cast<float>();
+  if (result.channels == 1)
+    result.background = {luminance(background.data())};
+  else
+    result.background = {background.x(), background.y(), background.z()};
+  return result;
+}
+
+}  // namespace emmetrope::raytrace

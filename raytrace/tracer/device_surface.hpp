@@ -1,0 +1,24 @@
+#pragma once
+#include <string>
+#include <vector>
+
+#include "raytrace/eye/eye_model.hpp"
+#include "raytrace/tracer/optical_system.hpp"
+
+namespace emmetrope::raytrace {
+
+/// One surface in the form that its kernel takes, in its own frame turned by axis_deg about z.
+struct DeviceSurface {
+  Operation kind = Operation::quadric;
+  double axis_deg = 0;
+  double clear_radius_mm = 1e4;
+  std::vector<double> parameters;  ///< what stands from place 4 on (kernels/surfaces.cl)
+  std::vector<float> records;      ///< patches: 16 coefficients a cell, cell after cell along x
+  int columns = 0;                 ///< cells along x
+  std::string note;                ///< deviation of a fit from the surface
+};
+
+/// \throw Error (unsupported) naming the surface
+DeviceSurface device_surface(const Surface& surface, Representation representation, int vertices);
+
+}  // namespace emmetrope::raytrace

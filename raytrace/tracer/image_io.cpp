@@ -1,0 +1,44 @@
+#include <opencv2/imgcodecs.hpp>
+
+#include "pipeline/base/error.hpp"
+#include "pipeline/base/files.hpp"
+#include "raytrace/tracer/spectrum.hpp"
+#include "raytrace/tracer/tracer.hpp"
+
+namespace emmetrope::raytrace {
+namespace {
+
+/// OpenCV wants blue first.
+int source_channel(const LinearImage& image, int channel) { return image.channels == 3 ? 2 - channel : 0; }
+
+void write(const std::filesystem::path& file, const cv::Mat& picture, const std::string& ending,
+           const std::vector<int>& options) {
+  std::vector<unsigned char> bytes;
+  if (!cv::imencode(ending, picture, bytes, options))
+    throw Error(ExitStatus::fault, "cannot encode " + file.string());
+  write_file(file, {reinterpret_cast<const char*>(bytes.data()), bytes.size()});
+}
+
+}  // namespace
+
+void write_png(const std::filesystem::path& file, const LinearImage& image) {
+  cv::Mat picture(image.height, image.width, CV_8UC(image.channels));
+  for (int row = 0; row < image.height; ++row)
+    for (int column = 0; column < image.width; ++column)
+      for (int c = 0; c < image.channels; ++c)
+        picture.ptr<unsigned char>(row)[column * image.channels + c] = static_cast<unsigned char>(
+            std::lround(255 * srgb_encoded(image.at(column, row, source_channel(image, c)))));
+  write(file, picture, ".png", {cv::IMWRITE_PNG_COMPRESSION, 6});
+}
+
+void write_tiff(const std::filesystem::path& file, const LinearImage& image) {
+  cv::Mat picture(image.height, image.width, CV_32FC(image.channels));
+  for (int row = 0; row < image.height; ++row)
+    for (int column = 0; column < image.width; ++column)
+      for (int c = 0; c < image.channels; ++c)
+        picture.ptr<float>(row)[column * image.channels + c] =
+            image.at(column, row, source_channel(image, c));
+  write(file, picture, ".tiff", {});
+}
+
+}  // namespace emmetrope::raytrace

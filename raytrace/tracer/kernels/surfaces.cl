@@ -1,0 +1,190 @@
+// A ray and what surfaces do to it. Frame: the eye's, or that frame turned about its origin (ROTATE); mm. The ray runs
+// outward, N > 0. A surface's depth is d(x, y), z = -d in its own frame, whose origin is (o[0], o[1], o[2]).
+typedef struct {
+  vf x, y, z, L, M, N;
+  vi state;  // 0 while it lives; the first event is kept
+} ray;
+
+#define VIGNETTED 1
+#define TIR 2
+#define MISSED_SURFACE 3
+
+#define PARAMETERS 16  // floats an operation has
+#define O_X 0
+#define O_Y 1
+#define O_Z 2
+#define O_LIMIT2 3  // square of the clear radius
+
+AI void end(ray* r, vi event, int state) { r->state = select(r->state, (vi)state, event & (r->state == 0)); }
+
+// Refraction with a normal of any length: d' = eta d + g n. Events are rare: one test for all lanes.
+// e is negative where the ray missed the surface or passed outside its clear aperture.
+AI void refract(ray* r, vf nx, vf ny, vf nz, vf q, vf nd, vf eta, vf e) {
+  const vf c = eta * nd;
+  const vf s = q * (1.f - eta * eta) + c * c;
+  if (ANY(min(e, s) < 0.f)) {
+    end(r, e < 0.f, MISSED_SURFACE);
+    end(r, s < 0.f, TIR);
+  }
+  const vf g = (sqrt(AT_LEAST(0.f, s)) - c) * RECIP(q);
+  r->L = eta * r->L + g * nx;
+  r->M = eta * r->M + g * ny;
+  r->N = eta * r->N + g * nz;
+}
+
+// c (x^2 + y^2 + z^2) + 2 z = 0; vertex form, so that c = 0 is a plane and nothing cancels.
+AI void sphere(ray* r, constant float* restrict p, vf eta) {
+  const float c = p[4];
+  vf x = r->x - p[O_X], y = r->y - p[O_Y], z = r->z - p[O_Z];
+  const vf G = r->N + c * (x * r->L + y * r->M + z * r->N);
+  const vf F = c * (x * x + y * y + z * z) + 2.f * z;
+  const vf e = G * G - c * F;
+  const vf nd = sqrt(AT_LEAST(0.f, e));
+  const vf t = -F * RECIP(G + nd);
+  x += t * r->L;
+  y += t * r->M;
+  z += t * r->N;
+  r->x = x + p[O_X];
+  r->y = y + p[O_Y];
+  r->z = z + p[O_Z];
+  const vf k = 1.f - (eta * eta) * (1.f - nd * nd);
+  const vf inside = p[O_LIMIT2] - (x * x + y * y);
+  if (ANY(min(min(e, k), inside) < 0.f)) {
+    end(r, (e < 0.f) | (inside < 0.f), MISSED_SURFACE);
+    end(r, k < 0.f, TIR);
+  }
+  const vf g = sqrt(AT_LEAST(0.f, k)) - eta * nd;
+  const vf gc = g * c;
+  r->L = eta * r->L + gc * x;
+  r->M = eta * r->M + gc * y;
+  r->N = eta * r->N + gc * z + g;
+}
+
+// cx x^2 + cy y^2 + cz z^2 + 2 z = 0: conics, ellipsoids, cylinders, planes. p[4..6] = cx, cy, cz
+AI void quadric(ray* r, constant float* restrict p, vf eta) {
+  const float cx = p[4], cy = p[5], cz = p[6];
+  vf x = r->x - p[O_X], y = r->y - p[O_Y], z = r->z - p[O_Z];
+  const vf A = cx * r->L * r->L + cy * r->M * r->M + cz * r->N * r->N;
+  const vf G = r->N + cx * x * r->L + cy * y * r->M + cz * z * r->N;
+  const vf F = cx * x * x + cy * y * y + cz * z * z + 2.f * z;
+  const vf e = G * G - A * F;
+  const vf nd = sqrt(AT_LEAST(0.f, e));
+  const vf t = -F * RECIP(G + nd);
+  x += t * r->L;
+  y += t * r->M;
+  z += t * r->N;
+  r->x = x + p[O_X];
+  r->y = y + p[O_Y];
+  r->z = z + p[O_Z];
+  const vf nx = cx * x, ny = cy * y, nz = 1.f + cz * z;
+  refract(r, nx, ny, nz, nx * nx + ny * ny + nz * nz, nd, eta, min(e, p[O_LIMIT2] - (x * x + y * y)));
+}
+
+// Distance to the conic c (x^2 + y^2 + (1 + q) z^2) + 2 z = 0 with k = c (1 + q): where Newton starts.
+AI vf base_distance(const ray* r, vf x, vf y, vf z, float c, float k) {
+  const vf A = c * (r->L * r->L + r->M * r->M) + k * r->N * r->N;
+  const vf G = r->N + c * (x * r->L + y * r->M) + k * z * r->N;
+  const vf F = c * (x * x + y * y) + k * z * z + 2.f * z;
+  return -F * RECIP(G + sqrt(AT_LEAST(0.f, G * G - A * F)));
+}
+
+#if HAS_BICONIC
+// d = S / (1 + w), S = cx x^2 + cy y^2, w = sqrt(1 - T), T = kx x^2 + ky y^2 with k = (1 + Q) c^2.
+// p[4..7] = cx, cy, kx, ky; p[8], p[9]: base conic
+AI void biconic(ray* r, constant float* restrict p, vf eta) {
+  const float cx = p[4], cy = p[5], kx = p[6], ky = p[7];
+  const vf x0 = r->x - p[O_X], y0 = r->y - p[O_Y], z0 = r->z - p[O_Z];
+  vf t = base_distance(r, x0, y0, z0, p[8], p[9]), x, y, gx, gy, inside;
+  UNROLL for (int step = 0; step < 3; step++) {
+    x = x0 + t * r->L;
+    y = y0 + t * r->M;
+    const vf S = cx * x * x + cy * y * y;
+    inside = 1.f - (kx * x * x + ky * y * y);
+    const vf w = sqrt(AT_LEAST(1e-3f, inside)), a = RECIP(1.f + w), b = S * a * a * RECIP(w);
+    gx = x * (2.f * cx * a + kx * b);
+    gy = y * (2.f * cy * a + ky * b);
+    t -= (z0 + t * r->N + S * a) * RECIP(r->N + gx * r->L + gy * r->M);
+  }
+  r->x = x + p[O_X];
+  r->y = y + p[O_Y];
+  r->z = z0 + t * r->N + p[O_Z];
+  refract(r, gx, gy, (vf)1.f, 1.f + gx * gx + gy * gy, gx * r->L + gy * r->M + r->N, eta,
+          min(inside - 1e-3f, p[O_LIMIT2] - (x * x + y * y)));
+}
+#endif
+
+#if HAS_PATCH
+// Bicubic patches: a record of 16 coefficients a cell, a[4 j + i] u^i v^j with u, v in 0..1.
+// p[4], p[5]: base conic; p[6], p[7]: grid origin; p[8]: cells per mm; p[9], p[10]: last cell in x and y; p[11], p[12]: cells in
+// a row and the first record (as int bits); p[13]: offset of the base conic
+// The slopes are those of the last step's start: quadratic convergence has brought it within nanometres of the hit.
+#define NEWTON_STEPS 2
+#define PATCH_NEWTON(C)                                                                                      \
+  UNROLL for (int step = 0; step < NEWTON_STEPS; step++) {                                                   \
+    const vf u = (x0 + t * r->L - p[6]) * h - u0, v = (y0 + t * r->M - p[7]) * h - v0;                       \
+    const vf a0 = ((C(3) * u + C(2)) * u + C(1)) * u + C(0), a1 = ((C(7) * u + C(6)) * u + C(5)) * u + C(4), \
+             a2 = ((C(11) * u + C(10)) * u + C(9)) * u + C(8),                                               \
+             a3 = ((C(15) * u + C(14)) * u + C(13)) * u + C(12);                                             \
+    const vf d0 = (3.f * C(3) * u + 2.f * C(2)) * u + C(1), d1 = (3.f * C(7) * u + 2.f * C(6)) * u + C(5),   \
+             d2 = (3.f * C(11) * u + 2.f * C(10)) * u + C(9),                                                \
+             d3 = (3.f * C(15) * u + 2.f * C(14)) * u + C(13);                                               \
+    const vf depth = ((a3 * v + a2) * v + a1) * v + a0;                                                      \
+    gy = ((3.f * a3 * v + 2.f * a2) * v + a1) * h;                                                           \
+    gx = (((d3 * v + d2) * v + d1) * v + d0) * h;                                                            \
+    if (step == 0) slope = RECIP(r->N + gx * r->L + gy * r->M);                                              \
+    t -= (z0 + t * r->N + depth) * slope;                                                                    \
+  }
+#define VECTOR_COEFFICIENT(j) cell.m[j]
+#define SCALAR_COEFFICIENT(j) one[j]
+AI void patch(ray* r, constant float* restrict p, global const float* restrict records, vf eta) {
+  const float h = p[8];
+  const vf x0 = r->x - p[O_X], y0 = r->y - p[O_Y], z0 = r->z - p[O_Z];
+  vf t = base_distance(r, x0, y0, z0 + p[13], p[4], p[5]);
+  const vi column = TO_VI(CLAMPED((x0 + t * r->L - p[6]) * h, 0.f, p[9]));
+  const vi row = TO_VI(CLAMPED((y0 + t * r->M - p[7]) * h, 0.f, p[10]));
+  const vf u0 = TO_VF(column), v0 = TO_VF(row);
+  const vi id = (row * as_int(p[11]) + column) * 16;
+  global const float* cells = records + as_int(p[12]);
+  vf gx, gy, slope;
+#if SHARE_RECORDS
+  if (SAME(id)) {
+    global const float* one = cells + LANE0(id);
+    PATCH_NEWTON(SCALAR_COEFFICIENT)
+  } else
+#endif
+  {
+    record cell;
+    fetch(&cell, cells, id);
+    PATCH_NEWTON(VECTOR_COEFFICIENT)
+  }
+  const vf x = x0 + t * r->L, y = y0 + t * r->M;
+  r->x = x + p[O_X];
+  r->y = y + p[O_Y];
+  r->z = z0 + t * r->N + p[O_Z];
+  refract(r, gx, gy, (vf)1.f, 1.f + gx * gx + gy * gy, gx * r->L + gy * r->M + r->N, eta,
+          p[O_LIMIT2] - (x * x + y * y));
+}
+#endif
+
+AI void stop(ray* r, constant float* restrict p) {
+  const vf t = (p[O_Z] - r->z) * RECIP(r->N);
+  r->x += t * r->L;
+  r->y += t * r->M;
+  r->z = p[O_Z];
+  const vf x = r->x - p[O_X], y = r->y - p[O_Y];
+  const vf outside = x * x + y * y - p[O_LIMIT2];
+  if (ANY(outside > 0.f)) end(r, outside > 0.f, VIGNETTED);
+}
+
+#if HAS_ROTATE
+AI void rotate_vector(vf* x, vf* y, vf* z, constant float* restrict p) {
+  const vf a = *x, b = *y, c = *z;
+  *x = p[0] * a + p[1] * b + p[2] * c;
+  *y = p[3] * a + p[4] * b + p[5] * c;
+  *z = p[6] * a + p[7] * b + p[8] * c;
+}
+AI void rotate_ray(ray* r, constant float* restrict p) {
+  rotate_vector(&r->x, &r->y, &r->z, p);
+  rotate_vector(&r->L, &r->M, &r->N, p);
+}
+#endif
