@@ -1,10 +1,10 @@
 #pragma once
 #include <filesystem>
-#include <memory>
 #include <optional>
 
 #include "raytrace/eye/eye_model.hpp"
 #include "raytrace/eye/height_field.hpp"
+#include "raytrace/eye/triangle_hierarchy.hpp"
 #include "raytrace/eye/triangle_mesh.hpp"
 
 namespace emmetrope {
@@ -21,7 +21,6 @@ class MeshShape : public Shape {
   /// the vertex \param file           what eye.json names; may be empty for a mesh that is not on disk \throw
   /// Error (input_invalid) when the sheet does not cross the axis
   MeshShape(TriangleMesh mesh_in_shape, MeshInterpolation interpolation, std::filesystem::path file = {});
-  ~MeshShape() override;
 
   std::string type() const override { return "mesh"; }
   std::optional<double> depth_mm(double x_mm, double y_mm) const override;
@@ -41,12 +40,13 @@ class MeshShape : public Shape {
   const std::filesystem::path& file() const { return file_; }
 
  private:
-  class Hierarchy;
+  std::optional<ShapeHit> facing(double x_mm, double y_mm) const;
+
   TriangleMesh mesh_;
   MeshInterpolation interpolation_;
   std::filesystem::path file_;
+  TriangleHierarchy hierarchy_;
   std::optional<HeightField> patch_;
-  std::unique_ptr<const Hierarchy> hierarchy_;
 };
 
 /// An optical surface from a mesh in the eye's frame: position_mm is where the mesh crosses the eye's axis.

@@ -198,18 +198,31 @@ double ParametricEye::displacement_at(const Vector3d& scaled_direction) const {
   return sum;
 }
 
-Vector3d ParametricEye::globe_centre_mm() const {
-  return {0, 0, globe_semi_axes_mm.z() - axial_length_mm};
-}
+Vector3d ParametricEye::globe_centre_mm() const { return {0, 0, globe_semi_axes_mm.z() - axial_length_mm}; }
 
 Vector3d ParametricEye::retina_point(const Vector3d& scaled_direction) const {
   const double radius = 1 + displacement_at(scaled_direction) / displacement_sphere_mm;
   return globe_centre_mm() + radius * globe_semi_axes_mm.cwiseProduct(scaled_direction);
 }
 
-double ParametricEye::pole_depth_mm() const {
-  return -retina_point(-Vector3d::UnitZ()).z();
+Vector3d ParametricEye::retina_normal(const Vector3d& scaled_direction) const {
+  // Gradient of F = 1 + u(n)/11 - rho, which grows into the globe; first in scaled coordinates q = rho n.
+  const double scale = -0.5 / (displacement_width_rad * displacement_width_rad);
+  Vector3d gradient_of_u = Vector3d::Zero();  // with respect to the unit direction, along the sphere
+  for (std::size_t i = 0; i < displacement_mm.size(); ++i) {
+    const Vector3d& to = displacement_directions[i];
+    const double cosine = std::clamp(scaled_direction.dot(to), -1.0, 1.0);
+    const double angle = std::acos(cosine);
+    const double angle_over_sine = angle > 1e-6 ? angle / std::sin(angle) : 1;
+    gradient_of_u += -2 * scale * displacement_mm[i] * std::exp(scale * angle * angle) * angle_over_sine *
+                     (to - cosine * scaled_direction);
+  }
+  const double radius = 1 + displacement_at(scaled_direction) / displacement_sphere_mm;
+  const Vector3d gradient = gradient_of_u / (displacement_sphere_mm * radius) - scaled_direction;
+  return gradient.cwiseQuotient(globe_semi_axes_mm).normalized();
 }
+
+double ParametricEye::pole_depth_mm() const { return -retina_point(-Vector3d::UnitZ()).z(); }
 
 bool has_parameter(const ParametricEye& eye, const std::string& name) {
   return find_number(const_cast<ParametricEye&>(eye), name) != nullptr || apex_coordinate(name) ||

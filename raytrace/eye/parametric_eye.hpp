@@ -58,6 +58,8 @@ struct ParametricEye {
   double displacement_at(const Eigen::Vector3d& scaled_direction) const;
   /// Point of the interface, eye frame, along scaled unit direction n.
   Eigen::Vector3d retina_point(const Eigen::Vector3d& scaled_direction) const;
+  /// Unit normal of the interface at retina_point(n), into the vitreous (towards the light).
+  Eigen::Vector3d retina_normal(const Eigen::Vector3d& scaled_direction) const;
   /// Centre of the globe's ellipsoid, eye frame.
   Eigen::Vector3d globe_centre_mm() const;
   /// Apex to the interface on the axis.

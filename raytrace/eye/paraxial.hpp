@@ -4,8 +4,8 @@
 
 namespace emmetrope {
 
-/// Gaussian properties; depths behind the anterior corneal apex, mm. A toric eye's cardinal points use the mean
-/// curvature of each surface.
+/// Gaussian properties; depths behind the anterior corneal apex, mm. A toric eye's cardinal points use the
+/// mean curvature of each surface.
 struct CardinalPoints {
   double power_D = 0;
   double object_focal_mm = 0, image_focal_mm = 0;
@@ -19,7 +19,8 @@ struct Pupil {
   double position_mm = 0;
   double diameter_mm = 0;
 };
-/// The stop imaged by what is in front of it; the first lens surface's vertex plane is the stop where there is none.
+/// The stop imaged by what is in front of it; the first lens surface's vertex plane is the stop where there
+/// is none.
 Pupil entrance_pupil(const EyeModel& eye, double wavelength_nm);
 Pupil exit_pupil(const EyeModel& eye, double wavelength_nm);
 

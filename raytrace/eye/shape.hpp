@@ -62,8 +62,10 @@ ShapePtr make_ellipsoid(const Eigen::Vector3d& semi_axes_mm, double axis_deg);
 ShapePtr make_zernike(double radius_x_mm, double radius_y_mm, double q_x, double q_y, double axis_deg,
                       double norm_radius_mm, const std::vector<double>& coefficients_um);
 
-/// A shape from the keys of one entry of eye.json's "surfaces" that describe its form (not a mesh, which
-/// eye_model.cpp reads). \throw Error (input_invalid) naming the key, without the file
-ShapePtr shape_from_json(const Json& surface);
+class CheckedObject;
+/// A shape from the keys of one entry of eye.json's "surfaces" that describe its form, "type" read already; not a mesh, which
+/// eye_json.cpp reads with its file.
+/// \throw Error (input_invalid) naming the key
+ShapePtr shape_from_json(const std::string& type, CheckedObject& surface);
 
 }  // namespace emmetrope
