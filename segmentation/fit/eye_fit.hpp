@@ -1,0 +1,57 @@
+#pragma once
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "pipeline/base/laterality.hpp"
+#include "raytrace/eye/parametric_eye.hpp"
+#include "segmentation/fit/least_squares.hpp"
+#include "segmentation/fit/observation.hpp"
+
+namespace emmetrope::segmentation {
+
+/// Part of the eye whose residuals are judged together.
+struct RegionFit {
+  std::string name;  ///< "anterior segment", "globe", "vitreous"
+  int voxels = 0;
+  double chi2 = 0;      ///< mean squared standardised residual
+  double outliers = 0;  ///< share of voxels beyond 4 sigma
+};
+
+/// A fitted eye.
+struct EyeFit {
+  ParameterLayout layout;
+  Contrast contrast = Contrast::t2;
+  std::vector<ObservedStack> stacks;
+  ForwardModel model;
+  Eigen::VectorXd parameters;
+  std::vector<int> active;     ///< parameters that were free in the last pass
+  Eigen::MatrixXd covariance;  ///< of them, in this order, scaled by the residual of the region that each belongs to
+  Priors priors;
+  std::vector<Sample> samples;    ///< of the last pass
+  std::vector<double> residuals;  ///< standardised, of the samples
+  double chi2_per_voxel = 0;
+  std::vector<RegionFit> regions;
+  int iterations = 0;
+  bool converged = false;
+  /// Cost of the anterior fit from each start of the apex, lowest first subtracted, in the order of the starts.
+  std::vector<double> start_costs;
+
+  double value(int parameter) const { return parameters[parameter]; }
+  /// Standard deviation; of a frozen parameter its prior's, 0 where it is fixed by definition.
+  double sigma(int parameter) const;
+};
+
+/// Fits one eye to its stacks, which are of one contrast. The order that converges: globe, lens and pose without the
+/// cornea; the cornea from five depths; everything; everything once more with Rician weights.
+/// \param advance  called `fit_steps` times in all
+/// \throw Error (no_result) when the data cannot support a fit
+EyeFit fit_eye(const std::vector<const Stack*>& stacks, const EyeStart& start, Contrast contrast,
+               const std::function<void()>& advance = {});
+inline constexpr int fit_steps = 4;
+
+/// The eye for the next stages: named parameters, covariance and sources ("mri", or "prior" where the image narrowed
+/// the prior by less than a tenth).
+ParametricEye to_parametric_eye(const EyeFit& fit, Laterality laterality);
+
+}  // namespace emmetrope::segmentation

@@ -1,0 +1,153 @@
+#include "segmentation/fit/eye_parameters.hpp"
+
+#include <array>
+#include <cmath>
+
+#include "pipeline/base/frames.hpp"
+#include "raytrace/eye/parametric_eye.hpp"
+
+namespace emmetrope::segmentation {
+namespace {
+
+constexpr double no_belief = 1e6;
+
+/// Name, population mean and standard deviation. Sources are given in docs/segmentation.md, "Priors".
+struct Belief {
+  const char* name;
+  double mean, sigma;
+};
+
+constexpr double per_dioptre = 1 / 337.5;  ///< keratometric power to curvature, 1/mm
+
+const std::array<Belief, eye_parameter_count>& beliefs() {
+  static const std::array<Belief, eye_parameter_count> table{{
+      {"apex_x_mm", 0, no_belief},
+      {"apex_y_mm", 0, no_belief},
+      {"apex_z_mm", 0, no_belief},
+      {"gaze_horizontal_deg", 0, no_belief},
+      {"gaze_vertical_deg", 0, no_belief},
+      {"cornea_c_per_mm", 1 / 7.8, 1.6 * per_dioptre},
+      {"cornea_j0_per_mm", 0, 1.0 * per_dioptre},
+      {"cornea_j45_per_mm", 0, 1.0 * per_dioptre},
+      {"cornea_q", -0.2, 0.12},
+      {"cornea_thickness_mm", 0.55, 0.035},
+      {"cornea_back_ratio", 0.83, 0.015},
+      {"anterior_chamber_depth_mm", 3.5, 0.6},
+      {"lens_thickness_mm", 3.9, 0.6},
+      {"lens_anterior_radius_mm", 10.5, 1.5},
+      {"lens_posterior_radius_mm", 6.0, 0.6},
+      {"lens_anterior_q", -3, 2},
+      {"lens_posterior_q", -1, 1},
+      {"lens_decentre_x_mm", 0, 0.25},
+      {"lens_decentre_y_mm", 0, 0.25},
+      {"lens_tilt_x_deg", 0, 3},
+      {"lens_tilt_y_deg", 0, 3},
+      {"lens_equator_radius_mm", 4.6, 0.3},
+      {"axial_length_mm", 23.8, 2.5},
+      {"globe_semi_axis_x_mm", 11.5, 1.2},
+      {"globe_semi_axis_y_mm", 11.4, 1.2},
+      {"globe_semi_axis_z_mm", 11.2, 1.2},
+      {"wall_lateral_mm", 1.0, 0.3},
+      {"wall_axial_mm", 1.2, 0.4},
+      {"iris_depth_mm", 3.3, 0.7},
+      {"iris_slope", 0.05, 0.1},
+      {"iris_half_thickness_mm", 0.2, 0.06},
+      {"pupil_radius_mm", 2.0, 0.8},
+      {"lid_thickness_mm", 2.5, 1.0},
+      {"lid_tilt_x", 0, 0.3},
+      {"lid_tilt_y", 0, 0.3},
+      {"lid_xx_per_mm", 0.05, 0.03},
+      {"lid_yy_per_mm", 0.05, 0.03},
+      {"lid_xy_per_mm", 0, 0.03},
+      {"intensity_vitreous", 0, 0.5},
+      {"intensity_aqueous", 0, 0.5},
+      {"intensity_wall", 0, 0.5},
+      {"intensity_cornea", 0, 0.15},
+      {"intensity_lens", 0, 0.5},
+      {"intensity_iris", 0, 0.2},
+      {"intensity_lid", 0, 0.5},
+      {"intensity_air", 0, 0.1},
+      {"intensity_surround", 0, 0.5},
+  }};
+  return table;
+}
+
+bool is_intensity(int index) {
+  return index >= vitreous && index <= surround;
+}
+
+constexpr double coil_sigma = 0.3, gain_sigma = 0.3;
+constexpr double shift_sigma_mm = 3;     ///< the head moves 1 to 3 mm between series
+constexpr double sharpness_sigma = 0.03;
+constexpr double displacement_sigma_mm = 0.06, background_sigma = 0.15;
+
+}  // namespace
+
+std::string ParameterLayout::name(int index) const {
+  if (index < eye_parameter_count) return beliefs()[index].name;
+  const auto digits = [](int number) {
+    const std::string text = std::to_string(number);
+    return std::string(text.size() < 3 ? 3 - text.size() : 0, '0') + text;
+  };
+  if (index >= background()) return "background_" + digits(index - background());
+  if (index >= displacement()) return displacement_name(index - displacement());
+  const int at = index - eye_parameter_count;
+  const std::string of_stack = "stack" + std::to_string(at / stack_parameter_count + 1) + "_";
+  const int which = at % stack_parameter_count;
+  if (which < coil_count) return of_stack + "coil_" + std::to_string(which);
+  if (which == log_gain) return of_stack + "log_gain";
+  if (which == log_sharpness) return of_stack + "log_sharpness";
+  return of_stack + "shift_" + "xyz"[which - shift_first] + "_mm";
+}
+
+Eigen::VectorXd population_mean(const ParameterLayout& layout) {
+  Eigen::VectorXd mean = Eigen::VectorXd::Zero(layout.size());
+  for (int i = 0; i < eye_parameter_count; ++i) mean[i] = beliefs()[i].mean;
+  return mean;
+}
+
+Priors population_priors(const ParameterLayout& layout, const Eigen::VectorXd& start, Contrast contrast) {
+  Priors priors{population_mean(layout), Eigen::VectorXd::Constant(layout.size(), no_belief)};
+  for (int i = 0; i < eye_parameter_count; ++i) priors.sigma[i] = beliefs()[i].sigma;
+  for (int i = 0; i < eye_parameter_count; ++i) {
+    if (is_intensity(i) || i <= gaze_vertical) priors.mean[i] = start[i];
+  }
+  // In T1 the vitreous is dark and the tissues around it spread over a wider range of it.
+  if (contrast == Contrast::t1) priors.sigma[cornea] = 0.25;
+  for (int s = 0; s < layout.stacks; ++s) {
+    const int at = layout.stack(s);
+    priors.sigma.segment(at + coil_first, coil_count).setConstant(coil_sigma);
+    priors.sigma[at + log_gain] = gain_sigma;
+    priors.mean[at + log_gain] = start[at + log_gain];
+    priors.sigma.segment<3>(at + shift_first).setConstant(shift_sigma_mm);
+    priors.sigma[at + log_sharpness] = sharpness_sigma;
+  }
+  priors.sigma.segment(layout.displacement(), layout.bumps).setConstant(displacement_sigma_mm);
+  priors.sigma.segment(layout.background(), layout.bumps).setConstant(background_sigma);
+  return priors;
+}
+
+Eigen::Vector3d gaze_axis(double horizontal_deg, double vertical_deg) {
+  const double h = horizontal_deg * degree, v = vertical_deg * degree;
+  return {std::sin(h) * std::cos(v), -std::cos(h) * std::cos(v), std::sin(v)};
+}
+
+Eigen::Vector2d gaze_deg(const Eigen::Vector3d& axis) {
+  return {std::atan2(axis.x(), -axis.y()) / degree, std::asin(axis.z() / axis.norm()) / degree};
+}
+
+std::vector<Eigen::Vector3d> bump_directions() {
+  constexpr int lattice = 124;            // spacing 0.32 rad, one width
+  constexpr double cornea_cosine = 0.78;  // about 39 degrees around the axis, where the cornea is
+  const double golden_angle = pi * (3 - std::sqrt(5.0));
+  std::vector<Eigen::Vector3d> directions;
+  for (int i = 0; i < lattice; ++i) {
+    const double z = 1 - (2.0 * i + 1) / lattice;
+    if (z > cornea_cosine) continue;
+    const double r = std::sqrt(1 - z * z), angle = golden_angle * i;
+    directions.push_back({r * std::cos(angle), r * std::sin(angle), z});
+  }
+  return directions;
+}
+
+}  // namespace emmetrope::segmentation

@@ -1,0 +1,130 @@
+#pragma once
+#include <Eigen/Core>
+#include <cstdint>
+#include <vector>
+
+#include "segmentation/fit/eye_parameters.hpp"
+
+namespace emmetrope::segmentation {
+
+/// How a stack samples space.
+struct StackSampling {
+  Eigen::Vector3d along_row, along_column, normal;  ///< LPS unit vectors
+  double row_cutoff_per_mm = 0;                     ///< k-space cut-off along the row: 1 / (2 spacing) if not interpolated
+  double column_cutoff_per_mm = 0;
+  double thickness_mm = 0;  ///< of the box profile
+  int subslices = 1;
+  double noise = 0.05;  ///< sigma of one channel, in the unit of intensities
+};
+
+/// Which part of the eye explains a voxel. Chosen once a pass, so that the cost stays smooth.
+enum class Zone : std::uint8_t {
+  front,  ///< air, lid, cornea, aqueous, iris, front of the lens
+  rear,   ///< back of the lens, vitreous, wall, what surrounds the globe
+};
+
+/// One voxel that is compared with the model.
+struct Sample {
+  Eigen::Vector3d position;  ///< LPS, nominal centre
+  float value = 0;           ///< in the unit of intensities
+  float deviation = 1;       ///< standard deviation of its noise, frozen within a pass
+  std::uint8_t stack = 0;
+  Zone zone = Zone::rear;
+  bool near_wall = false, near_lens = false, near_cornea = false;
+  std::vector<std::uint8_t> bumps;  ///< those that matter here
+};
+
+/// One row of the Jacobian: dense storage, the touched places listed.
+class SparseRow {
+ public:
+  explicit SparseRow(int size) : value_(size, 0.0), listed_(size, 0) {}
+  void clear() {
+    for (const int i : touched_) {
+      value_[i] = 0;
+      listed_[i] = 0;
+    }
+    touched_.clear();
+  }
+  void add(int index, double derivative) {
+    if (!listed_[index]) {
+      listed_[index] = 1;
+      touched_.push_back(index);
+    }
+    value_[index] += derivative;
+  }
+  void scale(double factor) {
+    for (const int i : touched_) value_[i] *= factor;
+  }
+  double operator[](int index) const { return value_[index]; }
+  const std::vector<int>& touched() const { return touched_; }
+
+ private:
+  std::vector<double> value_;
+  std::vector<char> listed_;
+  std::vector<int> touched_;
+};
+
+/// Voxel intensities of an eye: nested tissues, each entering through its surface's edge response, averaged through the
+/// slice, times the coil's profile; without noise. Intensity is linear in nested layers, so that a cornea thinner than
+/// the blur is right.
+///
+/// Front: air + (lid - air) H_lid + (cornea - lid) H_front + (aqueous - cornea) H_back + (lens - aqueous) H_lens
+///        + (iris - aqueous) H_iris
+/// Rear:  surround(n) + (wall - surround(n)) H_outer + (vitreous - wall) H_inner + (lens - vitreous) H_lens
+/// The coil multiplies by exp(log_gain + polynomial in ((x, y, z) - reference) / 12 mm without constant).
+class ForwardModel {
+ public:
+  ForwardModel(ParameterLayout layout, std::vector<StackSampling> stacks, Eigen::Vector3d coil_reference);
+
+  const ParameterLayout& layout() const { return layout_; }
+  const std::vector<StackSampling>& stacks() const { return stacks_; }
+  std::vector<StackSampling>& stacks() { return stacks_; }
+
+  /// A model at fixed parameters. \pre parameters.size() == layout.size()
+  class AtParameters {
+   public:
+    AtParameters(const ForwardModel& model, const Eigen::VectorXd& parameters);
+    /// Intensity of a sample; the row, where given, is cleared and receives the derivatives. The derivative of the
+    /// distance's normalisation (second order in the distance to the edge) is left out.
+    double intensity(const Sample& sample, SparseRow* row) const;
+    /// A point of the stack's LPS in the eye frame.
+    Eigen::Vector3d to_eye(const Eigen::Vector3d& position, int stack) const;
+    /// Signed distances (mm, positive inside, first order) at a point of the eye frame: what voxels are chosen by.
+    struct Distances {
+      double lid, cornea_front, cornea_back, lens, lens_front, globe, outer, iris;
+      Eigen::Vector3d direction;  ///< scaled unit direction from the globe's centre
+    };
+    Distances distances(const Eigen::Vector3d& p) const;
+    /// Displacement u (mm) in a scaled direction, from all bumps.
+    double displacement(const Eigen::Vector3d& direction) const;
+
+   private:
+    struct Surface;
+    struct Wall;
+    Surface cornea_surface(const Eigen::Vector3d& p, bool back) const;
+    Surface lid_surface(const Eigen::Vector3d& p) const;
+    Surface globe_surface(const Eigen::Vector3d& p, bool outer, const Wall* wall) const;
+    void lens_surfaces(const Eigen::Vector3d& p, Surface& front, Surface& back, Surface& equator) const;
+    void iris_surfaces(const Eigen::Vector3d& p, Surface& top, Surface& bottom, Surface& pupil) const;
+    Wall wall_fields(const Sample& sample, const Eigen::Vector3d& p) const;
+    struct Edge;
+    Edge edge(const Surface& surface, int stack) const;
+
+    const ForwardModel& model_;
+    const Eigen::VectorXd& a_;
+    Eigen::Matrix3d eye_from_lps_, by_horizontal_, by_vertical_;
+    struct StackInEye {
+      Eigen::Vector3d row, column, normal;
+      double inverse_kx, inverse_ky;
+    };
+    std::vector<StackInEye> stack_in_eye_;
+  };
+
+ private:
+  ParameterLayout layout_;
+  std::vector<StackSampling> stacks_;
+  Eigen::Vector3d coil_reference_;
+  std::vector<Eigen::Vector3d> bumps_;
+};
+
+}  // namespace emmetrope::segmentation

@@ -1,0 +1,186 @@
+#include "segmentation/fit/least_squares.hpp"
+
+#include <ceres/ceres.h>
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+
+#include "pipeline/base/error.hpp"
+#include "segmentation/fit/rician.hpp"
+
+namespace emmetrope::segmentation {
+namespace {
+
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+/// Expected magnitude and its derivative by the signal.
+struct Expected {
+  double value, by_signal;
+};
+Expected expected(double signal, double noise, bool with_noise) {
+  if (!with_noise) return {signal, 1};
+  const RicianMean m = rician(std::abs(signal) / noise);
+  return {noise * m.mean, signal < 0 ? -m.derivative : m.derivative};
+}
+
+/// J'J = L L' of the moved combinations, L^-1 J'r, and what of the cost no step can remove.
+struct Condensed {
+  MatrixXd factor;
+  VectorXd residual;
+  double rest;
+};
+Condensed condense(const NormalEquations& equations, const Basis& basis) {
+  const MatrixXd hessian = basis.transpose() * (equations.hessian.selfadjointView<Eigen::Lower>() * MatrixXd(basis));
+  const VectorXd gradient = basis.transpose() * equations.gradient;
+  Eigen::LLT<MatrixXd> factor(hessian);
+  if (factor.info() != Eigen::Success) throw no_result_error("the fit's equations are singular");
+  Condensed condensed{factor.matrixL(), factor.matrixL().solve(gradient), 0};
+  condensed.rest = std::sqrt(std::max(2 * equations.cost - condensed.residual.squaredNorm(), 0.0));
+  return condensed;
+}
+
+/// The whole fit as one residual block with as many residuals as parameters, and one constant.
+class CondensedCost : public ceres::CostFunction {
+ public:
+  CondensedCost(const FitProblem& problem, const VectorXd& start, const Basis& basis)
+      : problem_(problem), start_(start), basis_(basis) {
+    set_num_residuals(static_cast<int>(basis.cols()) + 1);
+    mutable_parameter_block_sizes()->push_back(static_cast<int>(basis.cols()));
+  }
+
+  bool Evaluate(double const* const* z, double* residuals, double** jacobians) const override {
+    const Eigen::Index n = basis_.cols();
+    const VectorXd parameters = start_ + basis_ * Eigen::Map<const VectorXd>(z[0], n);
+    if (!plausible(parameters)) return false;
+    const bool derivatives = jacobians && jacobians[0];
+    const NormalEquations equations = evaluate(problem_, parameters, derivatives);
+    if (!std::isfinite(equations.cost)) return false;
+    Eigen::Map<VectorXd> r(residuals, n + 1);
+    if (!derivatives) {
+      // Only the sum of squares counts here.
+      r.setZero();
+      r[n] = std::sqrt(2 * equations.cost);
+      return true;
+    }
+    const Condensed condensed = condense(equations, basis_);
+    r.head(n) = condensed.residual;
+    r[n] = condensed.rest;
+    Eigen::Map<Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>> jacobian(jacobians[0], n + 1, n);
+    jacobian.topRows(n) = condensed.factor.transpose();
+    jacobian.row(n).setZero();
+    return true;
+  }
+
+ private:
+  /// Steps into shapes that are none are refused; Levenberg-Marquardt then takes a shorter one.
+  static bool plausible(const VectorXd& a) {
+    return a[cornea_c] > 1 / 12.0 && a[cornea_c] < 1 / 5.0 && a[cornea_back_ratio] > 0.6 && a[cornea_thickness] > 0.2 &&
+           a[lens_anterior_radius] > 4 && a[lens_posterior_radius] > 3 && a[lens_thickness] > 2 &&
+           a[anterior_chamber_depth] > 1.2 && a[globe_x] > 6 && a[globe_y] > 6 && a[globe_z] > 6 &&
+           a[wall_lateral] > 0.2 && a[wall_axial] > 0.2 && a[iris_half_thickness] > 0.02 && a[pupil_radius] > 0.4;
+  }
+
+  const FitProblem& problem_;
+  const VectorXd& start_;
+  const Basis& basis_;
+};
+
+}  // namespace
+
+double residual(const FitProblem& problem, const ForwardModel::AtParameters& at, const Sample& sample) {
+  const double noise = problem.model->stacks()[sample.stack].noise;
+  return (sample.value - expected(at.intensity(sample, nullptr), noise, problem.rician).value) / sample.deviation;
+}
+
+NormalEquations evaluate(const FitProblem& problem, const VectorXd& parameters, bool derivatives) {
+  const int size = problem.model->layout().size();
+  const ForwardModel::AtParameters at(*problem.model, parameters);
+  NormalEquations out;
+  if (derivatives) {
+    out.hessian = MatrixXd::Zero(size, size);
+    out.gradient = VectorXd::Zero(size);
+  }
+  SparseRow row(size);
+  std::vector<double> values;
+  std::vector<int> places;
+  const double c2 = problem.loss_scale * problem.loss_scale;
+
+  for (const Sample& sample : problem.samples) {
+    const double signal = at.intensity(sample, derivatives ? &row : nullptr);
+    const Expected e = expected(signal, problem.model->stacks()[sample.stack].noise, problem.rician);
+    const double r = (sample.value - e.value) / sample.deviation;
+    const double rho = c2 * std::log1p(r * r / c2);
+    out.cost += rho / 2;
+    if (!derivatives) continue;
+    // r' = sign(r) sqrt(rho): a least-squares residual whose square is the loss (Triggs' correction of first order).
+    const double robust = std::copysign(std::sqrt(rho), r);
+    const double by_r = std::abs(r) < 1e-6 ? 1 : r / (robust * (1 + r * r / c2));
+    const double factor = -by_r * e.by_signal / sample.deviation;
+    places = row.touched();
+    std::sort(places.begin(), places.end());
+    values.clear();
+    for (const int i : places) values.push_back(factor * row[i]);
+    for (std::size_t j = 0; j < places.size(); ++j) {
+      double* column = out.hessian.col(places[j]).data();
+      const double v = values[j];
+      if (v == 0) continue;
+      out.gradient[places[j]] += v * robust;
+      for (std::size_t i = j; i < places.size(); ++i) column[places[i]] += v * values[i];
+    }
+  }
+  const VectorXd pull = (parameters - problem.priors.mean).cwiseQuotient(problem.priors.sigma);
+  out.cost += pull.squaredNorm() / 2;
+  if (derivatives) {
+    out.gradient += pull.cwiseQuotient(problem.priors.sigma);
+    out.hessian.diagonal() += problem.priors.sigma.cwiseInverse().cwiseAbs2();
+  }
+  return out;
+}
+
+Basis select_parameters(int size, const std::vector<int>& active) {
+  Basis basis(size, static_cast<int>(active.size()));
+  for (std::size_t i = 0; i < active.size(); ++i) basis.insert(active[i], static_cast<int>(i)) = 1;
+  basis.makeCompressed();
+  return basis;
+}
+
+SolveResult solve(const FitProblem& problem, const VectorXd& start, const Basis& basis, int max_iterations) {
+  ceres::Problem::Options ownership;
+  ownership.cost_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
+  CondensedCost cost(problem, start, basis);
+  ceres::Problem ceres_problem(ownership);
+  VectorXd z = VectorXd::Zero(basis.cols());
+  ceres_problem.AddResidualBlock(&cost, nullptr, z.data());
+  ceres::Solver::Options options;
+  options.linear_solver_type = ceres::DENSE_QR;
+  options.max_num_iterations = max_iterations;
+  options.function_tolerance = 1e-6;
+  options.num_threads = 1;
+  options.logging_type = ceres::SILENT;
+  ceres::Solver::Summary summary;
+  ceres::Solve(options, &ceres_problem, &summary);
+  if (!summary.IsSolutionUsable()) throw no_result_error("the fit failed: " + summary.message);
+  return {start + basis * z, summary.final_cost, static_cast<int>(summary.iterations.size()) - 1,
+          summary.termination_type == ceres::CONVERGENCE};
+}
+
+MatrixXd covariance(const FitProblem& problem, const VectorXd& parameters, const Basis& basis) {
+  ceres::Problem::Options ownership;
+  ownership.cost_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
+  CondensedCost cost(problem, parameters, basis);
+  ceres::Problem ceres_problem(ownership);
+  VectorXd z = VectorXd::Zero(basis.cols());
+  ceres_problem.AddResidualBlock(&cost, nullptr, z.data());
+  ceres::Covariance::Options options;
+  options.algorithm_type = ceres::SPARSE_QR;
+  ceres::Covariance ceres_covariance(options);
+  if (!ceres_covariance.Compute(std::vector<const double*>{z.data()}, &ceres_problem))
+    throw no_result_error("the fit's parameters are not determined by image and priors (rank deficient)");
+  Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> result(basis.cols(), basis.cols());
+  ceres_covariance.GetCovarianceBlock(z.data(), z.data(), result.data());
+  return result;
+}
+
+}  // namespace emmetrope::segmentation

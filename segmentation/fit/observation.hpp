@@ -1,0 +1,46 @@
+#pragma once
+#include <Eigen/Core>
+#include <vector>
+
+#include "segmentation/fit/forward_model.hpp"
+#include "segmentation/volume.hpp"
+
+namespace emmetrope::segmentation {
+
+/// Where an eye is and where it looks, roughly: what the fit starts from.
+struct EyeStart {
+  Eigen::Vector3d globe_centre;  ///< LPS, mm
+  double globe_radius_mm = 11.5;
+  Eigen::Vector3d axis;  ///< unit, out of the eye, LPS
+};
+
+/// A stack as the fit sees it.
+struct ObservedStack {
+  const Stack* stack = nullptr;
+  double reference = 1;  ///< the intensity that becomes 1: vitreous in T2, what surrounds the globe in T1
+  StackSampling sampling;
+};
+
+/// Typical intensities of the tissues of an eye in one stack, in its own unit.
+struct TissueLevels {
+  double vitreous = 0, wall = 0, lens = 0, lid = 0, air = 0, surround = 0;
+};
+TissueLevels measure_levels(const std::vector<const Stack*>& stacks, const EyeStart& start, Contrast contrast);
+
+/// Sigma of the noise (one channel) in the vitreous: residual of a quadratic in each slice, corrected for the Rician
+/// magnitude. \throw Error (no_result) when there are too few voxels in it
+double vitreous_noise(const Stack& stack, const EyeStart& start);
+
+/// Normalises stacks and measures their noise and resolution.
+std::vector<ObservedStack> observe(const std::vector<const Stack*>& stacks, const EyeStart& start, Contrast contrast);
+
+/// Which voxels a pass uses.
+struct Selection {
+  bool cornea = true;  ///< voxels near the cornea and the lid
+  bool rear = true;    ///< voxels behind mid-lens
+};
+/// Voxels near a modelled surface at these parameters, with what matters to each; in the order of the stacks.
+std::vector<Sample> select_samples(const ForwardModel& model, const Eigen::VectorXd& parameters,
+                                   const std::vector<ObservedStack>& stacks, const Selection& selection);
+
+}  // namespace emmetrope::segmentation

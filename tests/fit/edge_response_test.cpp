@@ -1,0 +1,77 @@
+#include "segmentation/fit/edge_response.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "pipeline/base/frames.hpp"
+#include "segmentation/fit/rician.hpp"
+
+namespace emmetrope::segmentation {
+namespace {
+
+/// 1/2 + Si(pi t) / pi by Simpson's rule on a fine grid.
+double edge_by_quadrature(double t) {
+  const int steps = 20000;
+  const double h = t / steps;
+  const auto sinc = [](double x) { return std::abs(x) < 1e-12 ? 1 : std::sin(pi * x) / (pi * x); };
+  double sum = sinc(0) + sinc(t);
+  for (int i = 1; i < steps; ++i) sum += (i % 2 ? 4 : 2) * sinc(i * h);
+  return 0.5 + sum * h / 3;
+}
+
+TEST(EdgeResponse, IsTheSineIntegral) {
+  for (const double t : {-7.3, -1.0, -0.21, 0.0, 0.4, 1.0, 2.77, 11.1}) {
+    EXPECT_NEAR(edge_response(t), edge_by_quadrature(t), 1e-8) << t;
+  }
+  EXPECT_NEAR(edge_response(1), 1.0895, 1e-4);  // Wilbraham and Gibbs
+}
+
+TEST(EdgeResponse, AverageEqualsTheMeanOfManyThinSlices) {
+  for (const double t : {-3.0, -0.3, 0.1, 1.7}) {
+    for (const double h : {0.01, 0.3, 2.5, 40.0}) {
+      double mean = 0;
+      const int n = 4000;
+      for (int i = 0; i < n; ++i) mean += edge_response(t + h * ((2.0 * i + 1) / n - 1)) / n;
+      EXPECT_NEAR(averaged_edge(t, h).value, mean, 2e-4) << t << ' ' << h;
+    }
+  }
+}
+
+TEST(EdgeResponse, DerivativesMatchDifferences) {
+  for (const double t : {-3.0, -0.3, 0.1, 1.7}) {
+    for (const double h : {0.3, 2.5}) {
+      const double step = 1e-4;
+      const EdgeValue e = averaged_edge(t, h);
+      EXPECT_NEAR(e.derivative, (averaged_edge(t + step, h).value - averaged_edge(t - step, h).value) / (2 * step), 1e-4);
+      const double wider = 1 + step, narrower = 1 - step;
+      EXPECT_NEAR(e.scale_derivative,
+                  (averaged_edge(t * wider, h * wider).value - averaged_edge(t * narrower, h * narrower).value) / (2 * step),
+                  1e-4);
+    }
+  }
+}
+
+TEST(Rician, MomentsMatchQuadrature) {
+  for (const double nu : {0.0, 0.5, 2.0, 5.0, 11.9, 20.0}) {
+    double norm = 0, mean = 0, square = 0;
+    const double step = 1e-3;
+    for (double m = step / 2; m < nu + 12; m += step) {
+      // exp(-(m - nu)^2 / 2) times the scaled Bessel function keeps the product finite.
+      const double x = m * nu;
+      const double scaled = x < 600 ? std::cyl_bessel_i(0, x) * std::exp(-x) : 1 / std::sqrt(2 * pi * x);
+      const double p = m * std::exp(-(m - nu) * (m - nu) / 2) * scaled;
+      norm += p * step;
+      mean += p * m * step;
+      square += p * m * m * step;
+    }
+    EXPECT_NEAR(norm, 1, 1e-3);
+    const RicianMean r = rician(nu);
+    EXPECT_NEAR(r.mean, mean / norm, 1e-3) << nu;
+    EXPECT_NEAR(r.deviation, std::sqrt(square / norm - mean * mean / norm / norm), 2e-3) << nu;
+    EXPECT_NEAR(r.derivative, (rician(nu + 0.05).mean - rician(std::max(nu - 0.05, 0.0)).mean) / (nu < 0.05 ? 0.05 : 0.1), 0.02);
+  }
+}
+
+}  // namespace
+}  // namespace emmetrope::segmentation

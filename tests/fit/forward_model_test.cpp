@@ -1,0 +1,155 @@
+#include "segmentation/fit/forward_model.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <random>
+
+#include "segmentation/fit/least_squares.hpp"
+
+namespace emmetrope::segmentation {
+namespace {
+
+using Eigen::Vector3d;
+using Eigen::VectorXd;
+
+ParameterLayout test_layout() {
+  ParameterLayout layout;
+  layout.stacks = 2;
+  layout.bumps = static_cast<int>(bump_directions().size());
+  return layout;
+}
+
+ForwardModel test_model() {
+  StackSampling coronal{Vector3d::UnitX(), -Vector3d::UnitZ(), Vector3d::UnitY(), 1.6, 1.5, 2, 3, 0.05};
+  StackSampling oblique{Vector3d(0, 0.8, 0.6), Vector3d(0, 0.6, -0.8), -Vector3d::UnitX(), 1.6, 1.6, 2, 3, 0.05};
+  return {test_layout(), {coronal, oblique}, Vector3d(30, 12, 0)};
+}
+
+VectorXd test_parameters(unsigned seed) {
+  const ParameterLayout layout = test_layout();
+  std::mt19937 random(seed);
+  std::normal_distribution<double> normal;
+  VectorXd a = population_mean(layout);
+  a.segment<5>(0) << 30, 0, 0, 7, -12;
+  a[cornea_j0] = 0.003;
+  a[cornea_j45] = -0.002;
+  a[lens_tilt_x] = 3;
+  a[lens_tilt_y] = -2;
+  a[lens_decentre_x] = 0.2;
+  const double intensities[]{1, 0.95, 0.3, 0.25, 0.35, 0.2, 0.5, 0.02, 0.6};
+  for (int i = 0; i < 9; ++i) a[vitreous + i] = intensities[i];
+  for (int i = 0; i < layout.bumps; ++i) {
+    a[layout.displacement() + i] = 0.03 * normal(random);
+    a[layout.background() + i] = 0.1 * normal(random);
+  }
+  for (int s = 0; s < 2; ++s) {
+    for (int i = 0; i < coil_count; ++i) a[layout.stack(s) + i] = 0.1 * normal(random);
+  }
+  a.segment<3>(layout.stack(1) + shift_first) << 0.3, -0.2, 0.4;
+  return a;
+}
+
+/// Samples near every surface, in both stacks.
+std::vector<Sample> test_samples(const ForwardModel& model, const VectorXd& a) {
+  std::vector<Sample> samples;
+  const ForwardModel::AtParameters at(model, a);
+  std::mt19937 random(7);
+  std::uniform_real_distribution<double> uniform(-1, 1);
+  const auto bumps = bump_directions();
+  while (samples.size() < 600) {
+    Sample sample;
+    sample.position = Vector3d(30, 12, 0) + 14 * Vector3d(uniform(random), uniform(random), uniform(random));
+    sample.stack = samples.size() % 2;
+    const Vector3d p = at.to_eye(sample.position, sample.stack);
+    const auto d = at.distances(p);
+    const double r = std::hypot(p.x(), p.y()), depth = -p.z();
+    sample.zone = depth < 5.3 ? Zone::front : Zone::rear;
+    if (sample.zone == Zone::front && r > 4) continue;
+    if (sample.zone == Zone::rear && (d.outer < -2 || (r > 5 && depth < 11))) continue;
+    sample.near_cornea = sample.near_lens = true;
+    if (depth > 10) sample.near_lens = false;
+    sample.near_wall = true;
+    for (std::size_t i = 0; i < bumps.size(); ++i) {
+      if (bumps[i].dot(d.direction) > std::cos(0.96)) sample.bumps.push_back(static_cast<std::uint8_t>(i));
+    }
+    samples.push_back(sample);
+  }
+  return samples;
+}
+
+/// Each column of the Jacobian against central differences. The tolerance is the size of what is left out on purpose
+/// (the change of the distance's normalisation); a wrong sign or factor is far outside.
+TEST(ForwardModel, JacobianMatchesDifferences) {
+  const ForwardModel model = test_model();
+  const VectorXd a = test_parameters(1);
+  const std::vector<Sample> samples = test_samples(model, a);
+  const ForwardModel::AtParameters at(model, a);
+  const int size = model.layout().size();
+  Eigen::MatrixXd analytic(samples.size(), size), numeric(samples.size(), size);
+  SparseRow row(size);
+  for (std::size_t k = 0; k < samples.size(); ++k) {
+    at.intensity(samples[k], &row);
+    for (int i = 0; i < size; ++i) analytic(k, i) = row[i];
+  }
+  for (int i = 0; i < size; ++i) {
+    const double step = i == cornea_c || i == cornea_j0 || i == cornea_j45 ? 1e-6 : 1e-5;
+    VectorXd more = a, less = a;
+    more[i] += step;
+    less[i] -= step;
+    const ForwardModel::AtParameters above(model, more), below(model, less);
+    for (std::size_t k = 0; k < samples.size(); ++k)
+      numeric(k, i) = (above.intensity(samples[k], nullptr) - below.intensity(samples[k], nullptr)) / (2 * step);
+  }
+  for (int i = 0; i < size; ++i) {
+    const double scale = std::max(numeric.col(i).norm(), 1e-9);
+    EXPECT_LT((analytic.col(i) - numeric.col(i)).norm() / scale, 0.10) << model.layout().name(i) << ' ' << scale;
+  }
+}
+
+TEST(ForwardModel, IntensitiesFarFromEdgesAreTheTissues) {
+  const ForwardModel model = test_model();
+  VectorXd a = test_parameters(1);
+  for (int s = 0; s < 2; ++s) a.segment(model.layout().stack(s), coil_count).setZero();
+  const ForwardModel::AtParameters at(model, a);
+  Sample sample;
+  sample.zone = Zone::rear;
+  sample.near_lens = sample.near_wall = true;
+  const Vector3d axis(std::sin(7 * 0.01745329) * std::cos(12 * 0.01745329), -std::cos(7 * 0.01745329) * std::cos(12 * 0.01745329),
+                      -std::sin(12 * 0.01745329));
+  sample.position = Vector3d(30, 0, 0) - 14 * axis;
+  EXPECT_NEAR(at.intensity(sample, nullptr), 1, 0.02);
+  sample.zone = Zone::front;
+  sample.near_cornea = true;
+  sample.position = Vector3d(30, 0, 0) + 8 * axis;
+  EXPECT_NEAR(at.intensity(sample, nullptr), 0.02, 0.02);
+}
+
+/// The condensed problem's cost and gradient are those of the voxels.
+TEST(LeastSquares, GradientMatchesDifferencesOfTheCost) {
+  const ForwardModel model = test_model();
+  const VectorXd a = test_parameters(2);
+  FitProblem problem;
+  problem.model = &model;
+  problem.samples = test_samples(model, a);
+  const ForwardModel::AtParameters at(model, a);
+  std::mt19937 random(3);
+  std::normal_distribution<double> normal;
+  for (Sample& sample : problem.samples) {
+    sample.value = static_cast<float>(at.intensity(sample, nullptr) + 0.05 * normal(random));
+    sample.deviation = 0.05F;
+  }
+  problem.priors = population_priors(model.layout(), a, Contrast::t2);
+  problem.rician = true;
+  const NormalEquations equations = evaluate(problem, a, true);
+  for (const int i : {int(vitreous), int(lens), int(cornea), model.layout().stack(0) + 2, int(lid_thickness), int(pupil_radius)}) {
+    VectorXd more = a, less = a;
+    more[i] += 1e-5;
+    less[i] -= 1e-5;
+    const double slope = (evaluate(problem, more, false).cost - evaluate(problem, less, false).cost) / 2e-5;
+    EXPECT_NEAR(equations.gradient[i], slope, 0.03 * std::abs(slope) + 3) << model.layout().name(i);
+  }
+}
+
+}  // namespace
+}  // namespace emmetrope::segmentation
