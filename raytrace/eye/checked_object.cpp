@@ -11,7 +11,8 @@ bool is_finite_number(const Json& value) { return value.is_number() && std::isfi
 
 }  // namespace
 
-CheckedObject::CheckedObject(const Json& object, std::string place) : object_(object), place_(std::move(place)) {
+CheckedObject::CheckedObject(const Json& object, std::string place)
+    : object_(object), place_(std::move(place)) {
   if (!object_.is_object()) throw input_error(place_ + ": expected an object {...}, found " + object_.dump());
 }
 
@@ -64,7 +65,8 @@ std::vector<double> CheckedObject::numbers(const std::string& key, std::size_t c
     throw fault(key, "expected a list of " + wanted + ", found " + value.dump());
   std::vector<double> result;
   for (const Json& entry : value) {
-    if (!is_finite_number(entry)) throw fault(key, "expected a list of " + wanted + ", found " + value.dump());
+    if (!is_finite_number(entry))
+      throw fault(key, "expected a list of " + wanted + ", found " + value.dump());
     result.push_back(entry.get<double>());
   }
   return result;

@@ -11,8 +11,8 @@ constexpr double on_surface_mm = 1e-6;
 constexpr double coincident_mm = 1e-9, thin_lens_reach_mm = 5;
 
 /// Snell's law; nothing for total internal reflection. The normal may point either way.
-std::optional<Eigen::Vector3d> refract(const Eigen::Vector3d& direction, Eigen::Vector3d normal, double n_before,
-                                       double n_after) {
+std::optional<Eigen::Vector3d> refract(const Eigen::Vector3d& direction, Eigen::Vector3d normal,
+                                       double n_before, double n_after) {
   if (normal.dot(direction) > 0) normal = -normal;
   const double ratio = n_before / n_after;
   const double cosine = -normal.dot(direction);
@@ -73,11 +73,16 @@ GradientState sharma_step(const GradientState& s, double dt, const Value& value)
 
 const char* to_string(RayState state) {
   switch (state) {
-    case RayState::reached: return "reached";
-    case RayState::vignetted: return "vignetted";
-    case RayState::tir: return "tir";
-    case RayState::missed_surface: return "missed_surface";
-    case RayState::missed_scene: return "missed_scene";
+    case RayState::reached:
+      return "reached";
+    case RayState::vignetted:
+      return "vignetted";
+    case RayState::tir:
+      return "tir";
+    case RayState::missed_surface:
+      return "missed_surface";
+    case RayState::missed_scene:
+      return "missed_scene";
   }
   return "";
 }
@@ -138,7 +143,8 @@ std::optional<ShapeHit> ExactTracer::hit(const Step& step, const Ray& ray, bool 
                   step.surface_from_eye.linear() * ray.direction};
   std::optional<ShapeHit> result = step.shape->intersect(local);
   if (!result) return result;
-  if (step.semi_diameter_mm > 0 && result->position.head<2>().norm() > step.semi_diameter_mm) return std::nullopt;
+  if (step.semi_diameter_mm > 0 && result->position.head<2>().norm() > step.semi_diameter_mm)
+    return std::nullopt;
   result->distance_mm -= back;
   result->position = step.eye_from_surface * result->position;
   result->normal = step.eye_from_surface.linear() * result->normal;
@@ -156,8 +162,8 @@ bool ExactTracer::inside_body(int surface, int partner, const Eigen::Vector3d& p
   return inward ? -p.z() < *depth : -p.z() > *depth;
 }
 
-std::optional<ExactTracer::GradientArrival> ExactTracer::cross_gradient(int owner, const Step& target, const Ray& ray,
-                                                                        bool inward) const {
+std::optional<ExactTracer::GradientArrival> ExactTracer::cross_gradient(int owner, const Step& target,
+                                                                        const Ray& ray, bool inward) const {
   const Step& frame = steps_[owner];
   const Medium& medium = frame.medium_after;
   const double shift = medium.index_at(wavelength_nm_, reference_wavelength_nm_) - medium.index;
@@ -191,7 +197,8 @@ std::optional<ExactTracer::GradientArrival> ExactTracer::cross_gradient(int owne
     // The last step ends on the surface: false position on its length.
     double low = 0, low_value = *distance, high = dt, high_value = *next_distance;
     for (int iteration = 0; iteration < 60 && high - low > 1e-15; ++iteration) {
-      double middle = high_value > low_value ? low - low_value * (high - low) / (high_value - low_value) : low;
+      double middle =
+          high_value > low_value ? low - low_value * (high - low) / (high_value - low_value) : low;
       if (iteration % 3 == 2) middle = (low + high) / 2;
       next = sharma_step(state, middle, value);
       const double middle_value = beyond(next.r).value_or(0);
@@ -201,8 +208,8 @@ std::optional<ExactTracer::GradientArrival> ExactTracer::cross_gradient(int owne
     }
     const Eigen::Vector3d p = target_from_frame * next.r;
     if (target.semi_diameter_mm > 0 && p.head<2>().norm() > target.semi_diameter_mm) return std::nullopt;
-    return GradientArrival{frame.eye_from_surface * next.r, (frame.eye_from_surface.linear() * next.t).normalized(),
-                           next.opl};
+    return GradientArrival{frame.eye_from_surface * next.r,
+                           (frame.eye_from_surface.linear() * next.t).normalized(), next.opl};
   }
   return std::nullopt;
 }
@@ -241,13 +248,15 @@ ExactTracer::End ExactTracer::walk(const Ray& ray_in_eye, const Report& report) 
     if (!step.shape) {
       // A stop only looks at the ray: a decentred lens may bulge through its plane.
       const Ray local{step.surface_from_eye * ray.origin, step.surface_from_eye.linear() * ray.direction};
-      const Eigen::Vector3d crossing = local.origin - local.origin.z() / local.direction.z() * local.direction;
+      const Eigen::Vector3d crossing =
+          local.origin - local.origin.z() / local.direction.z() * local.direction;
       if (!(crossing.head<2>().norm() <= step.stop_radius_mm)) return ended(RayState::vignetted, k);
       continue;
     }
     const bool in_gradient = medium >= 0 && steps_[medium].medium_after.gradient.has_value();
-    const bool thin =
-        last_hit >= 0 && std::abs(steps_[last_hit].position_mm - step.position_mm) < coincident_mm && k != retina;
+    const bool thin = last_hit >= 0 &&
+                      std::abs(steps_[last_hit].position_mm - step.position_mm) < coincident_mm &&
+                      k != retina;
     Eigen::Vector3d normal;
     if (in_gradient) {
       const std::optional<GradientArrival> arrival = cross_gradient(medium, step, ray, inward);
@@ -303,7 +312,8 @@ ExactTracer::End ExactTracer::trace_end(const Ray& ray_in_eye) const {
   return walk({ray_in_eye.origin, ray_in_eye.direction.normalized()}, [](int, const End&) {});
 }
 
-RayPath trace_exact(const EyeModel& eye, const Ray& ray_in_eye, double wavelength_nm, double gradient_step_mm) {
+RayPath trace_exact(const EyeModel& eye, const Ray& ray_in_eye, double wavelength_nm,
+                    double gradient_step_mm) {
   return ExactTracer(eye, wavelength_nm, gradient_step_mm).trace(ray_in_eye);
 }
 

@@ -24,13 +24,14 @@ struct RayPath {
   std::string at;  ///< the surface where it ended
 };
 
-/// The float64 reference: exact rays through one eye at one wavelength, in either direction (a ray with direction z < 0 goes
-/// into the eye), through all surfaces that lie ahead of the origin.
+/// The float64 reference: exact rays through one eye at one wavelength, in either direction (a ray with
+/// direction z < 0 goes into the eye), through all surfaces that lie ahead of the origin.
 ///
-/// A body that a ray legitimately misses (a nucleus smaller than the lens) is skipped with the right media: surfaces i < j
-/// where the medium before i is the medium after j. The stop vignettes and is no hit. Surfaces whose vertices coincide
-/// (a thin lens) may be crossed in either order. Gradients are integrated by Sharma's Runge-Kutta scheme (Appl. Opt. 21,
-/// 984, 1982) at `gradient_step_mm`; halving the step of 0.02 mm moves no hit of the built-in eyes by 1e-9 mm.
+/// A body that a ray legitimately misses (a nucleus smaller than the lens) is skipped with the right media:
+/// surfaces i < j where the medium before i is the medium after j. The stop vignettes and is no hit. Surfaces
+/// whose vertices coincide (a thin lens) may be crossed in either order. Gradients are integrated by Sharma's
+/// Runge-Kutta scheme (Appl. Opt. 21, 984, 1982) at `gradient_step_mm`; halving the step of 0.02 mm moves no
+/// hit of the built-in eyes by 1e-9 mm.
 class ExactTracer {
  public:
   ExactTracer(const EyeModel& eye, double wavelength_nm, double gradient_step_mm = 0.02);
@@ -64,7 +65,8 @@ class ExactTracer {
     Eigen::Vector3d position, direction;
     double opl_mm;
   };
-  std::optional<GradientArrival> cross_gradient(int owner, const Step& target, const Ray& ray, bool inward) const;
+  std::optional<GradientArrival> cross_gradient(int owner, const Step& target, const Ray& ray,
+                                                bool inward) const;
   template <typename Report>
   End walk(const Ray& ray_in_eye, const Report& report) const;
 
@@ -73,6 +75,7 @@ class ExactTracer {
 };
 
 /// One ray: ExactTracer(eye, wavelength_nm, gradient_step_mm).trace(ray).
-RayPath trace_exact(const EyeModel& eye, const Ray& ray_in_eye, double wavelength_nm, double gradient_step_mm = 0.02);
+RayPath trace_exact(const EyeModel& eye, const Ray& ray_in_eye, double wavelength_nm,
+                    double gradient_step_mm = 0.02);
 
 }  // namespace emmetrope

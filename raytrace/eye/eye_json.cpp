@@ -18,21 +18,24 @@ struct FormulaKey {
   Formula formula;
   std::size_t count;
 };
-constexpr FormulaKey formula_keys[] = {{"cauchy", Formula::cauchy, 0},       {"conrady", Formula::conrady, 3},
-                                       {"cornu", Formula::cornu, 3},         {"herzberger", Formula::herzberger, 4},
-                                       {"sellmeier", Formula::sellmeier, 0}, {"polynomial", Formula::polynomial, 0},
-                                       {"abbe", Formula::abbe, 2},           {"table", Formula::table, 0}};
+constexpr FormulaKey formula_keys[] = {
+    {"cauchy", Formula::cauchy, 0},       {"conrady", Formula::conrady, 3},
+    {"cornu", Formula::cornu, 3},         {"herzberger", Formula::herzberger, 4},
+    {"sellmeier", Formula::sellmeier, 0}, {"polynomial", Formula::polynomial, 0},
+    {"abbe", Formula::abbe, 2},           {"table", Formula::table, 0}};
 
 double read_index(CheckedObject& json, const std::string& key) {
   const double index = json.number(key);
-  if (index < 1 || index > 4) throw json.fault(key, "a refractive index lies between 1 and 4, found " + std::to_string(index));
+  if (index < 1 || index > 4)
+    throw json.fault(key, "a refractive index lies between 1 and 4, found " + std::to_string(index));
   return index;
 }
 
 std::vector<double> read_table(CheckedObject& json) {
   const Json& rows = json.get("table");
   std::vector<double> result;
-  if (!rows.is_array() || rows.size() < 2) throw json.fault("table", "expected [[wavelength_nm, index], ...], two rows or more");
+  if (!rows.is_array() || rows.size() < 2)
+    throw json.fault("table", "expected [[wavelength_nm, index], ...], two rows or more");
   for (const Json& row : rows) {
     if (!row.is_array() || row.size() != 2 || !row[0].is_number() || !row[1].is_number())
       throw json.fault("table", "expected [[wavelength_nm, index], ...], found " + row.dump());
@@ -56,7 +59,8 @@ Dispersion read_dispersion(CheckedObject& json) {
         entry.formula == Formula::table ? read_table(json) : json.numbers(entry.key, entry.count);
     if (entry.formula == Formula::sellmeier && dispersion.coefficients.size() % 2 != 0)
       throw json.fault(entry.key, "expected pairs B1, C1, B2, C2, ...");
-    if (entry.formula == Formula::abbe && (dispersion.coefficients[0] <= 1 || dispersion.coefficients[1] <= 0))
+    if (entry.formula == Formula::abbe &&
+        (dispersion.coefficients[0] <= 1 || dispersion.coefficients[1] <= 0))
       throw json.fault(entry.key, "expected [n_d > 1, Abbe number > 0]");
   }
   return dispersion;
@@ -71,7 +75,8 @@ GradientIndex read_gradient(CheckedObject& json) {
     CheckedObject term(terms[k], json.place() + ".grin[" + std::to_string(k) + "]");
     const auto power = [&](const char* key) {
       const double value = term.number(key);
-      if (value < 0 || value > 20 || value != std::floor(value)) throw term.fault(key, "must be a whole number, 0 to 20");
+      if (value < 0 || value > 20 || value != std::floor(value))
+        throw term.fault(key, "must be a whole number, 0 to 20");
       return static_cast<int>(value);
     };
     gradient.terms.push_back({power("depth_power"), power("radius_power"), term.number("coefficient")});
@@ -96,8 +101,8 @@ Medium read_medium(const std::string& name, const Json& entry, double reference_
   medium.dispersion = read_dispersion(json);
   for (const double nm : {380.0, reference_nm, 780.0})
     if (const double index = medium.index_at(nm, reference_nm); !(index >= 1 && index <= 4))
-      throw input_error(json.place() + ": the dispersion gives an index of " + std::to_string(index) + " at " +
-                        std::to_string(static_cast<int>(nm)) + " nm");
+      throw input_error(json.place() + ": the dispersion gives an index of " + std::to_string(index) +
+                        " at " + std::to_string(static_cast<int>(nm)) + " nm");
   json.finish();
   return medium;
 }
@@ -114,8 +119,10 @@ Surface read_mesh_entry(CheckedObject& json, const std::string& name, const std:
                         const std::optional<Eigen::Isometry3d>& lps_from_eye) {
   MeshInterpolation interpolation = MeshInterpolation::smooth;
   const std::string word = json.text("interpolation", "smooth");
-  if (word == "triangles") interpolation = MeshInterpolation::triangles;
-  else if (word != "smooth") throw json.fault("interpolation", "must be \"smooth\" or \"triangles\", found \"" + word + "\"");
+  if (word == "triangles")
+    interpolation = MeshInterpolation::triangles;
+  else if (word != "smooth")
+    throw json.fault("interpolation", "must be \"smooth\" or \"triangles\", found \"" + word + "\"");
   Surface surface;
   try {
     surface = read_mesh_surface(name, folder / json.text("file"), lps_from_eye, {}, interpolation);
@@ -153,7 +160,8 @@ Surface read_surface(const Json& entry, std::size_t number, bool is_last, const 
   if (json.has("semi_diameter_mm")) surface.semi_diameter_mm = json.positive("semi_diameter_mm");
   if (is_last) {
     if (surface.is_stop()) throw json.fault("type", "the last surface is the retina and cannot be a stop");
-    if (json.has("medium_after")) throw json.fault("medium_after", "the last surface is the retina and has none");
+    if (json.has("medium_after"))
+      throw json.fault("medium_after", "the last surface is the retina and has none");
   } else if (!surface.is_stop()) {
     surface.medium_after = json.text("medium_after");
     if (surface.medium_after != "air" && eye.media.count(surface.medium_after) == 0)
@@ -174,8 +182,9 @@ void check_order(const EyeModel& eye) {
         throw input_error(place + ": key \"type\": an eye has one stop, and this is the second");
     }
     if (k > 0 && surface.position_mm < eye.surfaces[k - 1].position_mm - 1e-9)
-      throw input_error(place + ": key \"position_mm\": " + std::to_string(surface.position_mm) +
-                        " lies in front of the surface before it; surfaces stand in the order that light meets them");
+      throw input_error(
+          place + ": key \"position_mm\": " + std::to_string(surface.position_mm) +
+          " lies in front of the surface before it; surfaces stand in the order that light meets them");
   }
 }
 
@@ -195,7 +204,8 @@ Json medium_json(const Medium& medium) {
     const std::vector<double>& values = medium.dispersion.coefficients;
     if (entry.formula == Formula::table) {
       json[entry.key] = Json::array();
-      for (std::size_t k = 0; k + 1 < values.size(); k += 2) json[entry.key].push_back({values[k], values[k + 1]});
+      for (std::size_t k = 0; k + 1 < values.size(); k += 2)
+        json[entry.key].push_back({values[k], values[k + 1]});
     } else {
       json[entry.key] = values;
     }
@@ -216,7 +226,8 @@ Json surface_json(const Surface& surface) {
     for (const auto& [key, value] : form.items()) json[key] = value;
   }
   if (surface.semi_diameter_mm > 0) json["semi_diameter_mm"] = surface.semi_diameter_mm;
-  if (!surface.decentre_mm.isZero(0)) json["decentre_mm"] = {surface.decentre_mm.x(), surface.decentre_mm.y()};
+  if (!surface.decentre_mm.isZero(0))
+    json["decentre_mm"] = {surface.decentre_mm.x(), surface.decentre_mm.y()};
   if (!surface.tilt_deg.isZero(0)) json["tilt_deg"] = {surface.tilt_deg.x(), surface.tilt_deg.y()};
   if (!surface.medium_after.empty()) json["medium_after"] = surface.medium_after;
   return json;

@@ -19,7 +19,8 @@ constexpr int fewest_vertices = 12;
 /// A mesh that the spline misses by more is no smooth height field.
 constexpr double largest_rms_mm = 0.05;
 
-// --- the conic -------------------------------------------------------------------------------------------------
+// --- the conic
+// -------------------------------------------------------------------------------------------------
 
 /// d = offset + g.x + S / (1 + sqrt(1 - (1 + q) T)), S = x'Cx, T = x'C^2 x.
 struct Base {
@@ -81,7 +82,8 @@ Base fit_base(const Points& all) {
     Eigen::Matrix<double, 7, 7> normal = Eigen::Matrix<double, 7, 7>::Zero();
     Base::Parameters gradient = Base::Parameters::Zero();
     std::array<Base, 7> ahead, behind;
-    const Base::Parameters steps = (Base::Parameters() << 1e-5, 1e-5, 1e-5, 1e-6, 1e-6, 1e-6, 1e-4).finished();
+    const Base::Parameters steps =
+        (Base::Parameters() << 1e-5, 1e-5, 1e-5, 1e-6, 1e-6, 1e-6, 1e-4).finished();
     for (int k = 0; k < 7; ++k) {
       ahead[k] = Base::from(p + steps[k] * Base::Parameters::Unit(k));
       behind[k] = Base::from(p - steps[k] * Base::Parameters::Unit(k));
@@ -114,7 +116,8 @@ Base fit_base(const Points& all) {
   return base;
 }
 
-// --- uniform cubic B-splines -------------------------------------------------------------------------------------
+// --- uniform cubic B-splines
+// -------------------------------------------------------------------------------------
 
 /// Weights of the four control values of a cell at t in [0, 1], with derivatives with respect to t.
 struct Weights {
@@ -124,7 +127,8 @@ struct Weights {
 Weights weights(double t) {
   const double u = 1 - t;
   Weights w;
-  w.value << u * u * u / 6, (3 * t * t * t - 6 * t * t + 4) / 6, (3 * u * u * u - 6 * u * u + 4) / 6, t * t * t / 6;
+  w.value << u * u * u / 6, (3 * t * t * t - 6 * t * t + 4) / 6, (3 * u * u * u - 6 * u * u + 4) / 6,
+      t * t * t / 6;
   w.first << -u * u / 2, (3 * t * t - 4 * t) / 2, (4 * u - 3 * u * u) / 2, t * t / 2;
   w.second << u, 3 * t - 2, 3 * u - 2, t;
   return w;
@@ -138,8 +142,8 @@ int cell(double coordinate, double origin, double spacing, int count, double& t)
   return i;
 }
 
-HeightField::Jet evaluate(const Eigen::Vector2d& p, const Eigen::Vector2d& origin, double spacing, int columns,
-                          int rows, const std::vector<double>& controls) {
+HeightField::Jet evaluate(const Eigen::Vector2d& p, const Eigen::Vector2d& origin, double spacing,
+                          int columns, int rows, const std::vector<double>& controls) {
   double tx = 0, ty = 0;
   const int i = cell(p.x(), origin.x(), spacing, columns, tx), j = cell(p.y(), origin.y(), spacing, rows, ty);
   const Weights wx = weights(tx), wy = weights(ty);
@@ -183,8 +187,8 @@ Grid grid_over(const Points& points, double spacing, int margin) {
   return grid;
 }
 
-/// Least squares of the residuals with a weak penalty on second differences of the control values, which decides where
-/// vertices do not.
+/// Least squares of the residuals with a weak penalty on second differences of the control values, which
+/// decides where vertices do not.
 void fit_residual(Grid& grid, const Points& points, const Base& base) {
   const int unknowns = grid.columns * grid.rows;
   std::vector<Eigen::Triplet<double>> triplets;
@@ -229,7 +233,8 @@ void fit_residual(Grid& grid, const Points& points, const Base& base) {
   std::copy(solution.data(), solution.data() + unknowns, grid.controls.begin());
 }
 
-/// Control values of the spline that takes the given values at its nodes, along one line; ends without curvature.
+/// Control values of the spline that takes the given values at its nodes, along one line; ends without
+/// curvature.
 void interpolate_line(double* values, int count, std::ptrdiff_t stride) {
   if (count < 3) return;
   // c_0 = f_0, c_n = f_n; (c_{k-1} + 4 c_k + c_{k+1}) / 6 = f_k
@@ -309,8 +314,8 @@ std::optional<HeightField> HeightField::fit(const TriangleMesh& mesh) {
   Grid residual = grid_over(points, knots_mm, 1);
   fit_residual(residual, points, base);
 
-  // Resampled with the same knots and more between them, so that the residual's spline is reproduced exactly; a margin lets
-  // the ends' condition die away.
+  // Resampled with the same knots and more between them, so that the residual's spline is reproduced exactly;
+  // a margin lets the ends' condition die away.
   const double wanted_mm = std::clamp(knots_mm / 2, field.reach_ / 150, 0.2);
   const int split = std::max(1, static_cast<int>(std::ceil(knots_mm / wanted_mm)));
   Grid fine;
@@ -323,7 +328,8 @@ std::optional<HeightField> HeightField::fit(const TriangleMesh& mesh) {
   for (int j = 0; j < fine.rows; ++j)
     for (int i = 0; i < fine.columns; ++i) {
       const Eigen::Vector2d node = fine.origin + fine.spacing * Eigen::Vector2d(i, j);
-      fine.controls[static_cast<std::size_t>(j) * fine.columns + i] = base.depth(node) + residual.at(node).depth_mm;
+      fine.controls[static_cast<std::size_t>(j) * fine.columns + i] =
+          base.depth(node) + residual.at(node).depth_mm;
     }
   for (int j = 0; j < fine.rows; ++j)
     interpolate_line(&fine.controls[static_cast<std::size_t>(j) * fine.columns], fine.columns, 1);

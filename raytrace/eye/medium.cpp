@@ -16,7 +16,9 @@ double cauchy(const std::vector<double>& c, double um) {
   return sum;
 }
 
-double conrady(const std::vector<double>& c, double um) { return c[0] + c[1] / um + c[2] / std::pow(um, 3.5); }
+double conrady(const std::vector<double>& c, double um) {
+  return c[0] + c[1] / um + c[2] / std::pow(um, 3.5);
+}
 
 double cornu(const std::vector<double>& c, double nm) { return c[0] + c[1] / (nm - c[2]); }
 
@@ -44,7 +46,8 @@ double abbe(const std::vector<double>& c, double um) {
   return c[0] + slope * (1 / (um * um) - 1 / (d_um * d_um));
 }
 
-/// Pairs (nm, n) with wavelengths ascending: linear in 1 / wavelength^2, which dispersion nearly is, also beyond the ends.
+/// Pairs (nm, n) with wavelengths ascending: linear in 1 / wavelength^2, which dispersion nearly is, also
+/// beyond the ends.
 double table(const std::vector<double>& c, double nm) {
   const std::size_t rows = c.size() / 2;
   std::size_t k = 0;
@@ -59,15 +62,24 @@ double table(const std::vector<double>& c, double nm) {
 double Dispersion::formula_index(double wavelength_nm) const {
   const double um = wavelength_nm / 1000;
   switch (formula) {
-    case Formula::constant: return 0;
-    case Formula::cauchy: return cauchy(coefficients, um);
-    case Formula::conrady: return conrady(coefficients, um);
-    case Formula::cornu: return cornu(coefficients, wavelength_nm);
-    case Formula::herzberger: return herzberger(coefficients, um);
-    case Formula::sellmeier: return sellmeier(coefficients, um);
-    case Formula::polynomial: return polynomial(coefficients, um);
-    case Formula::abbe: return abbe(coefficients, um);
-    case Formula::table: return table(coefficients, wavelength_nm);
+    case Formula::constant:
+      return 0;
+    case Formula::cauchy:
+      return cauchy(coefficients, um);
+    case Formula::conrady:
+      return conrady(coefficients, um);
+    case Formula::cornu:
+      return cornu(coefficients, wavelength_nm);
+    case Formula::herzberger:
+      return herzberger(coefficients, um);
+    case Formula::sellmeier:
+      return sellmeier(coefficients, um);
+    case Formula::polynomial:
+      return polynomial(coefficients, um);
+    case Formula::abbe:
+      return abbe(coefficients, um);
+    case Formula::table:
+      return table(coefficients, wavelength_nm);
   }
   return 0;
 }

@@ -27,13 +27,17 @@ Scalar scalar_from(std::string_view name) {
 std::size_t size_of(Scalar scalar) {
   switch (scalar) {
     case Scalar::i8:
-    case Scalar::u8: return 1;
+    case Scalar::u8:
+      return 1;
     case Scalar::i16:
-    case Scalar::u16: return 2;
+    case Scalar::u16:
+      return 2;
     case Scalar::i32:
     case Scalar::u32:
-    case Scalar::f32: return 4;
-    case Scalar::f64: return 8;
+    case Scalar::f32:
+      return 4;
+    case Scalar::f64:
+      return 8;
   }
   return 0;
 }
@@ -72,10 +76,14 @@ Header read_header(const std::string& bytes) {
       if (line.find(space_lps) != std::string_view::npos) header.says_lps = true;
     } else if (key == "format") {
       const std::string_view name = words.word();
-      if (name == "ascii") header.encoding = Encoding::text;
-      else if (name == "binary_little_endian") header.encoding = Encoding::little;
-      else if (name == "binary_big_endian") header.encoding = Encoding::big;
-      else throw input_error("PLY format '" + std::string(name) + "' is not known");
+      if (name == "ascii")
+        header.encoding = Encoding::text;
+      else if (name == "binary_little_endian")
+        header.encoding = Encoding::little;
+      else if (name == "binary_big_endian")
+        header.encoding = Encoding::big;
+      else
+        throw input_error("PLY format '" + std::string(name) + "' is not known");
       has_format = true;
     } else if (key == "element") {
       Element element;
@@ -124,14 +132,22 @@ class Reader {
     at_ += size;
     if (encoding_ == Encoding::big) std::reverse(raw, raw + size);
     switch (scalar) {
-      case Scalar::i8: return as<std::int8_t>(raw);
-      case Scalar::u8: return as<std::uint8_t>(raw);
-      case Scalar::i16: return as<std::int16_t>(raw);
-      case Scalar::u16: return as<std::uint16_t>(raw);
-      case Scalar::i32: return as<std::int32_t>(raw);
-      case Scalar::u32: return as<std::uint32_t>(raw);
-      case Scalar::f32: return as<float>(raw);
-      case Scalar::f64: return as<double>(raw);
+      case Scalar::i8:
+        return as<std::int8_t>(raw);
+      case Scalar::u8:
+        return as<std::uint8_t>(raw);
+      case Scalar::i16:
+        return as<std::int16_t>(raw);
+      case Scalar::u16:
+        return as<std::uint16_t>(raw);
+      case Scalar::i32:
+        return as<std::int32_t>(raw);
+      case Scalar::u32:
+        return as<std::uint32_t>(raw);
+      case Scalar::f32:
+        return as<float>(raw);
+      case Scalar::f64:
+        return as<double>(raw);
     }
     return 0;
   }
@@ -162,7 +178,8 @@ void read_vertices(Reader& reader, const Element& element, TriangleMesh& mesh) {
     record += size_of(element.properties[p].scalar);
   }
   if (column[0] < 0 || column[1] < 0 || column[2] < 0) throw input_error("the PLY vertices have no x, y, z");
-  if (element.count > reader.left()) throw input_error("the PLY header promises more vertices than there are");
+  if (element.count > reader.left())
+    throw input_error("the PLY header promises more vertices than there are");
   const bool has_normals = column[3] >= 0 && column[4] >= 0 && column[5] >= 0;
   mesh.vertices.reserve(std::min(element.count, reader.left() / std::max<std::size_t>(1, record / 4)));
   std::vector<double> values(element.properties.size());
@@ -191,7 +208,8 @@ void read_others(Reader& reader, const Element& element, TriangleMesh& mesh) {
       corners.clear();
       for (int k = 0; k < static_cast<int>(length); ++k) {
         const double corner = reader.next(property.scalar);
-        if (std::abs(corner) > std::numeric_limits<int>::max()) throw input_error("a PLY vertex number is too large");
+        if (std::abs(corner) > std::numeric_limits<int>::max())
+          throw input_error("a PLY vertex number is too large");
         corners.push_back(static_cast<int>(corner));
       }
       if (element.name == "face" && (property.name == "vertex_indices" || property.name == "vertex_index"))
@@ -223,8 +241,10 @@ MeshFile parse_ply(const std::string& bytes) {
     // Even text takes two bytes a number.
     if (!element.properties.empty() && element.count > reader.left())
       throw input_error("PLY element '" + element.name + "' promises more than the file holds");
-    if (element.name == "vertex") read_vertices(reader, element, result.mesh);
-    else read_others(reader, element, result.mesh);
+    if (element.name == "vertex")
+      read_vertices(reader, element, result.mesh);
+    else
+      read_others(reader, element, result.mesh);
   }
   return result;
 }

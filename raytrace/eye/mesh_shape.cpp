@@ -43,7 +43,8 @@ void estimate_normals(TriangleMesh& mesh) {
   for (const auto& t : mesh.triangles)
     for (int k = 0; k < 3; ++k) {
       const Eigen::Vector3d& corner = mesh.vertices[t[k]];
-      const Eigen::Vector3d a = mesh.vertices[t[(k + 1) % 3]] - corner, b = mesh.vertices[t[(k + 2) % 3]] - corner;
+      const Eigen::Vector3d a = mesh.vertices[t[(k + 1) % 3]] - corner,
+                            b = mesh.vertices[t[(k + 2) % 3]] - corner;
       // |a x b| = l1 l2 sin(angle), so that the weight times the unit normal is a x b / (l1 l2)^2.
       const double lengths = a.squaredNorm() * b.squaredNorm();
       if (lengths > 0) mesh.normals[t[k]] += a.cross(b) / lengths;
@@ -60,7 +61,10 @@ TriangleMesh transformed(const Eigen::Isometry3d& target_from_source, const Tria
 }
 
 MeshShape::MeshShape(TriangleMesh mesh_in_shape, MeshInterpolation interpolation, std::filesystem::path file)
-    : mesh_(std::move(mesh_in_shape)), interpolation_(interpolation), file_(std::move(file)), hierarchy_(mesh_) {
+    : mesh_(std::move(mesh_in_shape)),
+      interpolation_(interpolation),
+      file_(std::move(file)),
+      hierarchy_(mesh_) {
   if (std::abs(axis_depth_mm(mesh_)) > 1e-6)
     throw input_error("the mesh does not cross the axis at its surface's vertex");
   if (mesh_.normals.empty()) estimate_normals(mesh_);
@@ -75,7 +79,8 @@ MeshShape::MeshShape(TriangleMesh mesh_in_shape, MeshInterpolation interpolation
 std::optional<ShapeHit> MeshShape::intersect_triangles(const Ray& ray) const {
   const std::optional<TriangleHierarchy::Hit> hit = hierarchy_.nearest(ray);
   if (!hit) return std::nullopt;
-  return ShapeHit{hit->distance_mm, ray.origin + hit->distance_mm * ray.direction, interpolated_normal(mesh_, *hit)};
+  return ShapeHit{hit->distance_mm, ray.origin + hit->distance_mm * ray.direction,
+                  interpolated_normal(mesh_, *hit)};
 }
 
 std::optional<ShapeHit> MeshShape::intersect(const Ray& ray) const {
@@ -84,7 +89,8 @@ std::optional<ShapeHit> MeshShape::intersect(const Ray& ray) const {
   return intersect_triangles(ray);
 }
 
-/// The sheet at (x, y) that looks out of the eye, first from the front: a globe's sheet may fold back beyond its equator.
+/// The sheet at (x, y) that looks out of the eye, first from the front: a globe's sheet may fold back beyond
+/// its equator.
 std::optional<ShapeHit> MeshShape::facing(double x_mm, double y_mm) const {
   const Ray ray{{x_mm, y_mm, 0}, {0, 0, -1}};
   for (const TriangleHierarchy::Hit& hit : hierarchy_.all(ray)) {
@@ -119,7 +125,8 @@ Eigen::Matrix2d MeshShape::vertex_curvature() const {
   Eigen::Matrix2d curvature = Eigen::Matrix2d::Zero();
   for (int k = 0; k < 2; ++k) {
     const Eigen::Vector2d step = h * Eigen::Vector2d::Unit(k);
-    const std::optional<Eigen::Vector3d> ahead = normal(step.x(), step.y()), behind = normal(-step.x(), -step.y());
+    const std::optional<Eigen::Vector3d> ahead = normal(step.x(), step.y()),
+                                         behind = normal(-step.x(), -step.y());
     if (!ahead || !behind) return Eigen::Matrix2d::Zero();
     curvature.col(k) = (ahead->head<2>() / ahead->z() - behind->head<2>() / behind->z()) / (2 * h);
   }
@@ -132,21 +139,23 @@ Json MeshShape::to_json() const {
   return json;
 }
 
-Surface make_mesh_surface(const std::string& name, const TriangleMesh& mesh_in_eye, const std::string& medium_after,
-                          MeshInterpolation interpolation, const std::filesystem::path& file) {
+Surface make_mesh_surface(const std::string& name, const TriangleMesh& mesh_in_eye,
+                          const std::string& medium_after, MeshInterpolation interpolation,
+                          const std::filesystem::path& file) {
   Surface surface;
   surface.name = name;
   surface.position_mm = axis_depth_mm(mesh_in_eye);
   surface.medium_after = medium_after;
   Eigen::Isometry3d surface_from_eye = Eigen::Isometry3d::Identity();
   surface_from_eye.translation().z() = surface.position_mm;
-  surface.shape = std::make_shared<MeshShape>(transformed(surface_from_eye, mesh_in_eye), interpolation, file);
+  surface.shape =
+      std::make_shared<MeshShape>(transformed(surface_from_eye, mesh_in_eye), interpolation, file);
   return surface;
 }
 
 Surface read_mesh_surface(const std::string& name, const std::filesystem::path& file,
-                          const std::optional<Eigen::Isometry3d>& lps_from_eye, const std::string& medium_after,
-                          MeshInterpolation interpolation) {
+                          const std::optional<Eigen::Isometry3d>& lps_from_eye,
+                          const std::string& medium_after, MeshInterpolation interpolation) {
   MeshFile read = read_mesh(file);
   if (read.says_lps) {
     if (!lps_from_eye)

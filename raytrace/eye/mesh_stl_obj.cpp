@@ -10,7 +10,8 @@
 namespace emmetrope {
 namespace {
 
-/// STL repeats each vertex in every triangle; equal coordinates become one vertex again, in order of appearance.
+/// STL repeats each vertex in every triangle; equal coordinates become one vertex again, in order of
+/// appearance.
 class Welder {
  public:
   explicit Welder(TriangleMesh& mesh) : mesh_(mesh) {}
@@ -40,8 +41,8 @@ void parse_binary_stl(const std::string& bytes, MeshFile& result) {
   std::memcpy(&count, bytes.data() + 80, sizeof count);
   const std::size_t expected = stl_header + stl_record * static_cast<std::size_t>(count);
   if (bytes.size() != expected)
-    throw input_error(fmt::format("the STL header promises {} triangles, {} bytes; the file has {} bytes", count,
-                                  expected, bytes.size()));
+    throw input_error(fmt::format("the STL header promises {} triangles, {} bytes; the file has {} bytes",
+                                  count, expected, bytes.size()));
   result.says_lps = bytes.substr(0, 80).find(space_lps) != std::string::npos;
   Welder welder(result.mesh);
   for (std::size_t t = 0; t < count; ++t) {
@@ -115,9 +116,12 @@ MeshFile parse_stl(const std::string& bytes) {
     binary = bytes.size() == stl_header + stl_record * static_cast<std::size_t>(count);
   }
   MeshFile result;
-  if (binary) parse_binary_stl(bytes, result);
-  else if (bytes.compare(0, 5, "solid") == 0) parse_text_stl(bytes, result);
-  else throw input_error("no STL file: shorter than its header");
+  if (binary)
+    parse_binary_stl(bytes, result);
+  else if (bytes.compare(0, 5, "solid") == 0)
+    parse_text_stl(bytes, result);
+  else
+    throw input_error("no STL file: shorter than its header");
   return result;
 }
 
@@ -131,8 +135,10 @@ MeshFile parse_obj(const std::string& bytes) {
     const std::string_view line = lines.line();
     TextScanner words(line);
     const std::string_view key = words.word();
-    if (key == "v") mesh.vertices.push_back(three_numbers(words, "v"));
-    else if (key == "vn") normals.push_back(three_numbers(words, "vn"));
+    if (key == "v")
+      mesh.vertices.push_back(three_numbers(words, "v"));
+    else if (key == "vn")
+      normals.push_back(three_numbers(words, "vn"));
     else if (key == "f") {
       corners.clear();
       normal_of_vertex.resize(mesh.vertices.size(), -1);
@@ -184,8 +190,9 @@ std::string format_obj(const TriangleMesh& mesh, bool says_lps) {
   for (const Eigen::Vector3d& v : mesh.vertices) text += fmt::format("v {} {} {}\n", v.x(), v.y(), v.z());
   for (const Eigen::Vector3d& n : mesh.normals) text += fmt::format("vn {} {} {}\n", n.x(), n.y(), n.z());
   for (const auto& t : mesh.triangles)
-    text += mesh.normals.empty() ? fmt::format("f {} {} {}\n", t[0] + 1, t[1] + 1, t[2] + 1)
-                                 : fmt::format("f {0}//{0} {1}//{1} {2}//{2}\n", t[0] + 1, t[1] + 1, t[2] + 1);
+    text += mesh.normals.empty()
+                ? fmt::format("f {} {} {}\n", t[0] + 1, t[1] + 1, t[2] + 1)
+                : fmt::format("f {0}//{0} {1}//{1} {2}//{2}\n", t[0] + 1, t[1] + 1, t[2] + 1);
   return text;
 }
 

@@ -41,7 +41,8 @@ MeshFile parse_vtp(const std::string& bytes) {
   reader->SetInputString(bytes);
   reader->Update();
   vtkPolyData* data = reader->GetOutput();
-  if (!listener.fault.empty() || reader->GetErrorCode() != 0 || data == nullptr || data->GetNumberOfPoints() == 0)
+  if (!listener.fault.empty() || reader->GetErrorCode() != 0 || data == nullptr ||
+      data->GetNumberOfPoints() == 0)
     throw input_error("no readable VTP mesh, or it is cut short");
 
   MeshFile result;
@@ -62,7 +63,8 @@ MeshFile parse_vtp(const std::string& bytes) {
   vtkCellArray* polygons = data->GetPolys();
   for (polygons->InitTraversal(); polygons->GetNextCell(cell) != 0;) {
     corners.clear();
-    for (vtkIdType k = 0; k < cell->GetNumberOfIds(); ++k) corners.push_back(static_cast<int>(cell->GetId(k)));
+    for (vtkIdType k = 0; k < cell->GetNumberOfIds(); ++k)
+      corners.push_back(static_cast<int>(cell->GetId(k)));
     add_polygon(result.mesh, corners);
   }
   auto* space = vtkStringArray::SafeDownCast(data->GetFieldData()->GetAbstractArray("SPACE"));
@@ -99,7 +101,8 @@ std::string format_vtp(const TriangleMesh& mesh, bool says_lps) {
   writer->SetInputData(data);
   writer->WriteToOutputStringOn();
   writer->SetDataModeToAppended();
-  if (writer->Write() != 1 || writer->GetErrorCode() != 0) throw output_error("the VTP mesh could not be written");
+  if (writer->Write() != 1 || writer->GetErrorCode() != 0)
+    throw output_error("the VTP mesh could not be written");
   return writer->GetOutputString();
 }
 

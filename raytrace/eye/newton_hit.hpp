@@ -45,7 +45,8 @@ std::optional<ShapeHit> newton_hit(const Ray& ray, double t, const SagAt& sag_at
   return std::nullopt;
 }
 
-/// Distances from which Newton's method is worth a try: the hits with the osculating sphere and with the vertex plane.
+/// Distances from which Newton's method is worth a try: the hits with the osculating sphere and with the
+/// vertex plane.
 std::vector<double> newton_starts(const Ray& ray, double mean_curvature_per_mm);
 
 }  // namespace emmetrope

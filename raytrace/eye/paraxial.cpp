@@ -9,7 +9,8 @@ namespace {
 // Paraxial rays as (y, p) in two meridians, p = n dy/d(depth): 4 x 4 matrices of 2 x 2 blocks [A B; C D].
 using Matrix4 = Eigen::Matrix4d;
 
-Matrix4 blocks(const Eigen::Matrix2d& a, const Eigen::Matrix2d& b, const Eigen::Matrix2d& c, const Eigen::Matrix2d& d) {
+Matrix4 blocks(const Eigen::Matrix2d& a, const Eigen::Matrix2d& b, const Eigen::Matrix2d& c,
+               const Eigen::Matrix2d& d) {
   Matrix4 m;
   m << a, b, c, d;
   return m;
@@ -54,7 +55,8 @@ class AxialSystem {
     return blocks(one, Eigen::Matrix2d::Zero(), -(index(surface, 0) - before) * curvature, one);
   }
 
-  /// From `start_mm`, in air before the first surface, to `end_mm` behind the surfaces that lie before index `end`.
+  /// From `start_mm`, in air before the first surface, to `end_mm` behind the surfaces that lie before index
+  /// `end`.
   Matrix4 from_air(double start_mm, int end, double end_mm) const {
     Matrix4 m = Matrix4::Identity();
     int owner = -1;
@@ -69,7 +71,8 @@ class AxialSystem {
     return travel(owner, at, end_mm) * m;
   }
 
-  /// From a stop-like plane at `start_mm` before surface `begin` to the vertex of the last refracting surface.
+  /// From a stop-like plane at `start_mm` before surface `begin` to the vertex of the last refracting
+  /// surface.
   Matrix4 to_last(int begin, double start_mm) const {
     Matrix4 m = Matrix4::Identity();
     int owner = owner_before(begin);
@@ -190,8 +193,7 @@ PowerVector paraxial_refraction(const EyeModel& eye, double wavelength_nm) {
   const int retina = static_cast<int>(eye.surfaces.size()) - 1;
   const Matrix4 m = system.from_air(0, retina, eye.axial_length_mm());
   // A y + B p = 0 on the retina for p = -L y: the vergence L that the eye focuses.
-  const Eigen::Matrix2d vergence =
-      1000 * m.topRightCorner<2, 2>().inverse() * m.topLeftCorner<2, 2>();
+  const Eigen::Matrix2d vergence = 1000 * m.topRightCorner<2, 2>().inverse() * m.topLeftCorner<2, 2>();
   return {(vergence(0, 0) + vergence(1, 1)) / 2, (vergence(0, 0) - vergence(1, 1)) / 2,
           (vergence(0, 1) + vergence(1, 0)) / 2};
 }

@@ -8,7 +8,8 @@
 #include "raytrace/eye/eye_model.hpp"
 #include "raytrace/eye/paraxial.hpp"
 
-// Published schematic eyes. docs/schematic-eyes.md names the sources and what was chosen where they say nothing.
+// Published schematic eyes. docs/schematic-eyes.md names the sources and what was chosen where they say
+// nothing.
 namespace emmetrope {
 namespace {
 
@@ -76,7 +77,8 @@ double radius_between(double relaxed_mm, double accommodated_mm, double fraction
   return 1 / between(1 / relaxed_mm, 1 / accommodated_mm, fraction);
 }
 
-/// Le Grand's Cornu dispersion n = n_inf + K / (nm - 130); also lent, as differences, to eyes whose source has none.
+/// Le Grand's Cornu dispersion n = n_inf + K / (nm - 130); also lent, as differences, to eyes whose source
+/// has none.
 Medium le_grand_medium(double index, double n_inf, double k) {
   return {index, {Dispersion::Formula::cornu, {n_inf, k, 130}}, {}};
 }
@@ -85,32 +87,36 @@ Medium aqueous(double index) { return le_grand_medium(index, 1.3221, 7.0096); }
 Medium lens(double index) { return le_grand_medium(index, 1.3999, 9.2492); }
 Medium vitreous(double index) { return le_grand_medium(index, 1.3208, 6.9806); }
 
-/// Gullstrand's exact eye; `demand_D` is the accommodation of Atchison and Smith's interpolation of its two states.
+/// Gullstrand's exact eye; `demand_D` is the accommodation of Atchison and Smith's interpolation of its two
+/// states.
 EyeModel gullstrand(double demand_D) {
-  const double f = (1.052 * demand_D - 0.00531 * demand_D * demand_D + 0.000048564 * std::pow(demand_D, 3)) / 10.87013;
+  const double f =
+      (1.052 * demand_D - 0.00531 * demand_D * demand_D + 0.000048564 * std::pow(demand_D, 3)) / 10.87013;
   const double front_cortex = between(0.546, 0.6725, f), core = between(2.419, 2.655, f);
   const double back_cortex = between(0.635, 0.6725, f), chamber = between(3.1, 2.7, f);
-  EyeModel eye = build("gullstrand", 589.3,
-                       {{"cornea_anterior", 7.7, 0, 0.5, "cornea"},
-                        {"cornea_posterior", 6.8, 0, chamber, "aqueous"},
-                        {"lens_anterior", radius_between(10, 5.333, f), 0, front_cortex, "lens_cortex"},
-                        {"nucleus_anterior", radius_between(7.911, 2.655, f), 0, core, "lens_core"},
-                        {"nucleus_posterior", radius_between(-5.76, -2.655, f), 0, back_cortex, "lens_cortex"},
-                        {"lens_posterior", radius_between(-6, -5.333, f), 0, 0, "vitreous"}},
-                       {{"cornea", cornea(1.376)},
-                        {"aqueous", aqueous(1.336)},
-                        {"lens_cortex", lens(1.386)},
-                        {"lens_core", lens(1.406)},
-                        {"vitreous", vitreous(1.336)}});
+  EyeModel eye =
+      build("gullstrand", 589.3,
+            {{"cornea_anterior", 7.7, 0, 0.5, "cornea"},
+             {"cornea_posterior", 6.8, 0, chamber, "aqueous"},
+             {"lens_anterior", radius_between(10, 5.333, f), 0, front_cortex, "lens_cortex"},
+             {"nucleus_anterior", radius_between(7.911, 2.655, f), 0, core, "lens_core"},
+             {"nucleus_posterior", radius_between(-5.76, -2.655, f), 0, back_cortex, "lens_cortex"},
+             {"lens_posterior", radius_between(-6, -5.333, f), 0, 0, "vitreous"}},
+            {{"cornea", cornea(1.376)},
+             {"aqueous", aqueous(1.336)},
+             {"lens_cortex", lens(1.386)},
+             {"lens_core", lens(1.406)},
+             {"vitreous", vitreous(1.336)}});
   return retina_at(eye, 24.3854);
 }
 
 EyeModel gullstrand_emsley(double f) {
-  EyeModel eye = build("gullstrand-emsley", 589.3,
-                       {{"cornea_anterior", 7.8, 0, between(3.6, 3.2, f), "aqueous"},
-                        {"lens_anterior", radius_between(10, 5, f), 0, between(3.6, 4, f), "lens"},
-                        {"lens_posterior", radius_between(-6, -5, f), 0, 0, "vitreous"}},
-                       {{"aqueous", aqueous(4.0 / 3)}, {"lens", lens(1.416)}, {"vitreous", vitreous(4.0 / 3)}});
+  EyeModel eye =
+      build("gullstrand-emsley", 589.3,
+            {{"cornea_anterior", 7.8, 0, between(3.6, 3.2, f), "aqueous"},
+             {"lens_anterior", radius_between(10, 5, f), 0, between(3.6, 4, f), "lens"},
+             {"lens_posterior", radius_between(-6, -5, f), 0, 0, "vitreous"}},
+            {{"aqueous", aqueous(4.0 / 3)}, {"lens", lens(1.416)}, {"vitreous", vitreous(4.0 / 3)}});
   return f == 0 ? retina_at(eye, cardinal_points(eye, 589.3).image_focal_mm)
                 : retina_at(eye, gullstrand_emsley(0).axial_length_mm());
 }
@@ -178,44 +184,48 @@ Medium gradient_medium(const GradientIndex& gradient, const Dispersion& dispersi
 
 EyeModel liou_brennan(double) {
   const Dispersion dispersion{Dispersion::Formula::polynomial, {0.0512, -0.1455, 0.0961}};
-  EyeModel eye =
-      build("liou-brennan", 555,
-            {{"cornea_anterior", 7.77, -0.18, 0.5, "cornea"},
-             {"cornea_posterior", 6.4, -0.6, 3.16, "aqueous"},
-             {"lens_anterior", 12.4, -0.94, 1.59, "lens_front"},
-             {"lens_middle", std::numeric_limits<double>::infinity(), 0, 2.43, "lens_back"},
-             {"lens_posterior", -8.1, 0.96, 16.27, "vitreous"}},
-            {{"cornea", {1.376, dispersion, {}}},
-             {"aqueous", {1.336, dispersion, {}}},
-             {"lens_front", gradient_medium({{{0, 0, 1.368}, {1, 0, 0.049057}, {2, 0, -0.015427}, {0, 2, -0.001978}}},
-                                            dispersion)},
-             {"lens_back", gradient_medium({{{0, 0, 1.407}, {2, 0, -0.006605}, {0, 2, -0.001978}}}, dispersion)},
-             {"vitreous", {1.336, dispersion, {}}}});
+  EyeModel eye = build(
+      "liou-brennan", 555,
+      {{"cornea_anterior", 7.77, -0.18, 0.5, "cornea"},
+       {"cornea_posterior", 6.4, -0.6, 3.16, "aqueous"},
+       {"lens_anterior", 12.4, -0.94, 1.59, "lens_front"},
+       {"lens_middle", std::numeric_limits<double>::infinity(), 0, 2.43, "lens_back"},
+       {"lens_posterior", -8.1, 0.96, 16.27, "vitreous"}},
+      {{"cornea", {1.376, dispersion, {}}},
+       {"aqueous", {1.336, dispersion, {}}},
+       {"lens_front",
+        gradient_medium({{{0, 0, 1.368}, {1, 0, 0.049057}, {2, 0, -0.015427}, {0, 2, -0.001978}}},
+                        dispersion)},
+       {"lens_back", gradient_medium({{{0, 0, 1.407}, {2, 0, -0.006605}, {0, 2, -0.001978}}}, dispersion)},
+       {"vitreous", {1.336, dispersion, {}}}});
   eye.surface("iris").decentre_mm = {0.5, 0};  // nasal in a right eye
   return eye;
 }
 
 EyeModel atchison(double spectacle_D) {
   const Dispersion lens_dispersion = lens(1).dispersion;
-  return build(
-      "atchison", 555,
-      {{"cornea_anterior", 7.77 + 0.022 * spectacle_D, -0.15, 0.55, "cornea"},
-       {"cornea_posterior", 6.4, -0.275, 3.15, "aqueous"},
-       {"lens_anterior", 11.48, -5, 1.44, "lens_front"},
-       {"lens_middle", std::numeric_limits<double>::infinity(), 0, 2.16, "lens_back"},
-       {"lens_posterior", -5.9, -2, 16.28 - 0.299 * spectacle_D, "vitreous"}},
-      {{"cornea", cornea(1.376)},
-       {"aqueous", aqueous(1.3374)},
-       {"lens_front",
-        gradient_medium({{{0, 0, 1.371}, {1, 0, 0.0652778}, {2, 0, -0.0226659}, {0, 2, -0.0020399}}}, lens_dispersion)},
-       {"lens_back", gradient_medium({{{0, 0, 1.418}, {2, 0, -0.0100737}, {0, 2, -0.0020399}}}, lens_dispersion)},
-       {"vitreous", vitreous(1.336)}},
-      make_biconic(-12.91 - 0.094 * spectacle_D, -12.72 + 0.004 * spectacle_D, 0.27 + 0.026 * spectacle_D,
-                   0.25 + 0.017 * spectacle_D, 0));
+  return build("atchison", 555,
+               {{"cornea_anterior", 7.77 + 0.022 * spectacle_D, -0.15, 0.55, "cornea"},
+                {"cornea_posterior", 6.4, -0.275, 3.15, "aqueous"},
+                {"lens_anterior", 11.48, -5, 1.44, "lens_front"},
+                {"lens_middle", std::numeric_limits<double>::infinity(), 0, 2.16, "lens_back"},
+                {"lens_posterior", -5.9, -2, 16.28 - 0.299 * spectacle_D, "vitreous"}},
+               {{"cornea", cornea(1.376)},
+                {"aqueous", aqueous(1.3374)},
+                {"lens_front",
+                 gradient_medium({{{0, 0, 1.371}, {1, 0, 0.0652778}, {2, 0, -0.0226659}, {0, 2, -0.0020399}}},
+                                 lens_dispersion)},
+                {"lens_back",
+                 gradient_medium({{{0, 0, 1.418}, {2, 0, -0.0100737}, {0, 2, -0.0020399}}}, lens_dispersion)},
+                {"vitreous", vitreous(1.336)}},
+               make_biconic(-12.91 - 0.094 * spectacle_D, -12.72 + 0.004 * spectacle_D,
+                            0.27 + 0.026 * spectacle_D, 0.25 + 0.017 * spectacle_D, 0));
 }
 
 EyeModel arizona(double a) {
-  const auto medium = [](double n_d, double v) { return Medium{n_d, {Dispersion::Formula::abbe, {n_d, v}}, {}}; };
+  const auto medium = [](double n_d, double v) {
+    return Medium{n_d, {Dispersion::Formula::abbe, {n_d, v}}, {}};
+  };
   return build("arizona", 587.6,
                {{"cornea_anterior", 7.8, -0.25, 0.55, "cornea"},
                 {"cornea_posterior", 6.5, -0.25, 2.97 - 0.04 * a, "aqueous"},
@@ -254,7 +264,8 @@ EyeModel bennett_rabbetts(double a) {
 struct Schematic {
   const char* name;
   EyeModel (*make)(double parameter);
-  /// Largest value of the model's own accommodation parameter, 0 at rest; 0 for a model that does not accommodate.
+  /// Largest value of the model's own accommodation parameter, 0 at rest; 0 for a model that does not
+  /// accommodate.
   double largest_parameter;
 };
 
@@ -299,7 +310,8 @@ EyeModel make_atchison(const std::string& name) {
 
 double refraction_D(const EyeModel& eye) { return paraxial_refraction(eye, eye.reference_wavelength_nm).M_D; }
 
-/// The model's own parameter for a change of refraction, by bisection: refraction falls as the parameter grows.
+/// The model's own parameter for a change of refraction, by bisection: refraction falls as the parameter
+/// grows.
 double parameter_for(const Schematic& schematic, double accommodation_D) {
   const double target_D = refraction_D(schematic.make(0)) - accommodation_D;
   double low = 0, high = schematic.largest_parameter;
@@ -325,7 +337,8 @@ EyeModel make_schematic(const Schematic& schematic, const EyeOptions& options) {
     throw unsupported_error(std::string("the ") + schematic.name + " eye has no accommodation");
   if (options.accommodation_D < 0) throw usage_error("--accommodation must not be negative");
   if (!options.accommodation_parameter)
-    return schematic.make(options.accommodation_D == 0 ? 0 : parameter_for(schematic, options.accommodation_D));
+    return schematic.make(options.accommodation_D == 0 ? 0
+                                                       : parameter_for(schematic, options.accommodation_D));
   const double parameter = *options.accommodation_parameter;
   if (!(parameter >= 0 && parameter <= schematic.largest_parameter))
     throw usage_error("--accommodation-parameter " + std::to_string(parameter) + ": the " + schematic.name +
@@ -358,7 +371,8 @@ EyeModel make_eye(const std::string& name_or_file, const EyeOptions& options) {
   } else if (is_atchison(name_or_file)) {
     if (accommodated) throw unsupported_error("the atchison eye has no accommodation");
     eye = make_atchison(name_or_file);
-  } else if (std::filesystem::exists(name_or_file) || std::filesystem::path(name_or_file).extension() == ".json") {
+  } else if (std::filesystem::exists(name_or_file) ||
+             std::filesystem::path(name_or_file).extension() == ".json") {
     eye = read_eye(name_or_file);
     if (accommodated) throw unsupported_error(name_or_file + ": an eye from a file has no accommodation");
     if (options.pupil_mm && eye.stop() == nullptr)
@@ -366,7 +380,8 @@ EyeModel make_eye(const std::string& name_or_file, const EyeOptions& options) {
   } else {
     std::string known;
     for (const std::string& name : schematic_eye_names()) known += " " + name;
-    throw usage_error("'" + name_or_file + "' is neither a schematic eye nor a file", "the schematic eyes are" + known);
+    throw usage_error("'" + name_or_file + "' is neither a schematic eye nor a file",
+                      "the schematic eyes are" + known);
   }
   if (options.pupil_mm) eye.set_stop_diameter(*options.pupil_mm);
   return eye;

@@ -16,7 +16,8 @@ namespace {
 /// Hits this little behind the origin still count: surfaces may touch.
 constexpr double behind_mm = 1e-9;
 
-/// Turns a rotationally incomplete form by axis_deg about z: the form is written in (u, v), u along the meridian.
+/// Turns a rotationally incomplete form by axis_deg about z: the form is written in (u, v), u along the
+/// meridian.
 class Turn {
  public:
   explicit Turn(double axis_deg)
@@ -38,10 +39,12 @@ class Turn {
   double axis_deg_, cosine_, sine_;
 };
 
-/// c_u u^2 + c_v v^2 + c_d d^2 - 2 d = 0: plane, sphere, conic, ellipsoid; the sheet with 1 - c_d d > 0 holds the vertex.
+/// c_u u^2 + c_v v^2 + c_d d^2 - 2 d = 0: plane, sphere, conic, ellipsoid; the sheet with 1 - c_d d > 0 holds
+/// the vertex.
 class Quadric : public Shape {
  public:
-  Quadric(double c_u, double c_v, double c_d, double axis_deg) : c_u_(c_u), c_v_(c_v), c_d_(c_d), turn_(axis_deg) {}
+  Quadric(double c_u, double c_v, double c_d, double axis_deg)
+      : c_u_(c_u), c_v_(c_v), c_d_(c_d), turn_(axis_deg) {}
 
   std::optional<double> depth_mm(double x_mm, double y_mm) const override {
     const Eigen::Vector2d p = turn_.to_form({x_mm, y_mm});
@@ -105,7 +108,10 @@ class Plane : public Quadric {
 class Conic : public Quadric {
  public:
   Conic(double radius_mm, double q, bool sphere)
-      : Quadric(1 / radius_mm, 1 / radius_mm, (1 + q) / radius_mm, 0), radius_(radius_mm), q_(q), sphere_(sphere) {}
+      : Quadric(1 / radius_mm, 1 / radius_mm, (1 + q) / radius_mm, 0),
+        radius_(radius_mm),
+        q_(q),
+        sphere_(sphere) {}
   std::string type() const override { return sphere_ ? "sphere" : "conic"; }
   Json to_json() const override {
     Json json{{"type", type()}, {"radius_mm", radius_}};
@@ -135,7 +141,8 @@ class Ellipsoid : public Quadric {
   Eigen::Vector3d semi_axes_;
 };
 
-/// A form that is known by its depth: rays are met by Newton's method from the osculating sphere at the vertex.
+/// A form that is known by its depth: rays are met by Newton's method from the osculating sphere at the
+/// vertex.
 class SagShape : public Shape {
  public:
   explicit SagShape(double axis_deg) : turn_(axis_deg) {}
@@ -180,7 +187,9 @@ class Biconic : public SagShape {
   Biconic(double radius_x_mm, double radius_y_mm, double q_x, double q_y, double axis_deg)
       : SagShape(axis_deg), radius_(radius_x_mm, radius_y_mm), q_(q_x, q_y) {}
   std::string type() const override { return "biconic"; }
-  Eigen::Matrix2d vertex_curvature() const override { return turn().from_form(1 / radius_.x(), 1 / radius_.y()); }
+  Eigen::Matrix2d vertex_curvature() const override {
+    return turn().from_form(1 / radius_.x(), 1 / radius_.y());
+  }
   Json to_json() const override {
     return {{"type", type()},
             {"radius_mm", {radius_.x(), radius_.y()}},
@@ -210,8 +219,8 @@ class Biconic : public SagShape {
 
 class ZernikeSag : public Biconic {
  public:
-  ZernikeSag(double radius_x_mm, double radius_y_mm, double q_x, double q_y, double axis_deg, double norm_radius_mm,
-             std::vector<double> coefficients_um)
+  ZernikeSag(double radius_x_mm, double radius_y_mm, double q_x, double q_y, double axis_deg,
+             double norm_radius_mm, std::vector<double> coefficients_um)
       : Biconic(radius_x_mm, radius_y_mm, q_x, q_y, axis_deg),
         norm_radius_(norm_radius_mm),
         coefficients_um_(std::move(coefficients_um)) {}
@@ -292,7 +301,8 @@ constexpr Reader readers[] = {
      [](CheckedObject& json) {
        const std::vector<double> axes = json.numbers("semi_axes_mm", 3);
        if (axes[0] <= 0 || axes[1] <= 0 || axes[2] == 0)
-         throw json.fault("semi_axes_mm", "the first two must be greater than 0, the third (along the axis) not 0");
+         throw json.fault("semi_axes_mm",
+                          "the first two must be greater than 0, the third (along the axis) not 0");
        return make_ellipsoid({axes[0], axes[1], axes[2]}, json.number("axis_deg", 0));
      }},
     {"zernike",
@@ -332,7 +342,8 @@ ShapePtr make_ellipsoid(const Eigen::Vector3d& semi_axes_mm, double axis_deg) {
 }
 ShapePtr make_zernike(double radius_x_mm, double radius_y_mm, double q_x, double q_y, double axis_deg,
                       double norm_radius_mm, const std::vector<double>& coefficients_um) {
-  return std::make_shared<ZernikeSag>(radius_x_mm, radius_y_mm, q_x, q_y, axis_deg, norm_radius_mm, coefficients_um);
+  return std::make_shared<ZernikeSag>(radius_x_mm, radius_y_mm, q_x, q_y, axis_deg, norm_radius_mm,
+                                      coefficients_um);
 }
 
 ShapePtr shape_from_json(const std::string& type, CheckedObject& surface) {

@@ -63,9 +63,8 @@ ShapePtr make_zernike(double radius_x_mm, double radius_y_mm, double q_x, double
                       double norm_radius_mm, const std::vector<double>& coefficients_um);
 
 class CheckedObject;
-/// A shape from the keys of one entry of eye.json's "surfaces" that describe its form, "type" read already; not a mesh, which
-/// eye_json.cpp reads with its file.
-/// \throw Error (input_invalid) naming the key
+/// A shape from the keys of one entry of eye.json's "surfaces" that describe its form, "type" read already;
+/// not a mesh, which eye_json.cpp reads with its file. \throw Error (input_invalid) naming the key
 ShapePtr shape_from_json(const std::string& type, CheckedObject& surface);
 
 }  // namespace emmetrope

@@ -30,7 +30,8 @@ int TriangleHierarchy::build(const TriangleMesh& mesh, const std::vector<Eigen::
                              int count) {
   const int self = static_cast<int>(nodes_.size());
   nodes_.emplace_back();
-  Eigen::Vector3d low = Eigen::Vector3d::Constant(infinity), high = -low, centre_low = low, centre_high = high;
+  Eigen::Vector3d low = Eigen::Vector3d::Constant(infinity), high = -low, centre_low = low,
+                  centre_high = high;
   for (int k = first; k < first + count; ++k) {
     for (const Eigen::Vector3d& corner : corners_[order_[k]]) {
       low = low.cwiseMin(corner);
@@ -76,7 +77,8 @@ std::optional<TriangleHierarchy::Hit> TriangleHierarchy::meet(const Ray& ray, in
 }
 
 template <typename Visit>
-void TriangleHierarchy::traverse(const Ray& ray, double shortest, const double& longest, const Visit& visit) const {
+void TriangleHierarchy::traverse(const Ray& ray, double shortest, const double& longest,
+                                 const Visit& visit) const {
   if (nodes_.empty()) return;
   const Eigen::Array3d inverse = ray.direction.array().inverse();
   std::array<int, 64> stack;
@@ -87,7 +89,8 @@ void TriangleHierarchy::traverse(const Ray& ray, double shortest, const double& 
     const Node& node = nodes_[index];
     double from = shortest, to = longest;
     for (int k = 0; k < 3; ++k) {
-      double near = (node.low[k] - ray.origin[k]) * inverse[k], far = (node.high[k] - ray.origin[k]) * inverse[k];
+      double near = (node.low[k] - ray.origin[k]) * inverse[k],
+             far = (node.high[k] - ray.origin[k]) * inverse[k];
       if (near > far) std::swap(near, far);
       // NaN (a ray within a box's face) leaves the bounds as they are.
       if (near > from) from = near;

@@ -17,7 +17,8 @@ class TriangleHierarchy {
     int triangle = -1;
     Eigen::Vector3d weights{0, 0, 0};  ///< barycentric, of the triangle's three corners
   };
-  /// The nearest hit at a distance of at least -1e-9 mm. Edges belong to their triangles, so that no ray slips through.
+  /// The nearest hit at a distance of at least -1e-9 mm. Edges belong to their triangles, so that no ray
+  /// slips through.
   std::optional<Hit> nearest(const Ray& ray) const;
   /// All hits, in order of distance; negative ones too.
   std::vector<Hit> all(const Ray& ray) const;

@@ -24,7 +24,8 @@ constexpr Format formats[] = {{".ply", parse_ply, format_ply},
 
 const Format& format_of(const std::filesystem::path& file) {
   std::string ending = file.extension().string();
-  std::transform(ending.begin(), ending.end(), ending.begin(), [](unsigned char c) { return std::tolower(c); });
+  std::transform(ending.begin(), ending.end(), ending.begin(),
+                 [](unsigned char c) { return std::tolower(c); });
   for (const Format& format : formats)
     if (ending == format.ending) return format;
   throw unsupported_error(file.string() + ": the ending '" + ending + "' is no mesh format that is known",
@@ -42,8 +43,8 @@ void check(const TriangleMesh& mesh) {
   for (std::size_t t = 0; t < mesh.triangles.size(); ++t)
     for (const int corner : mesh.triangles[t])
       if (corner < 0 || corner >= count)
-        throw input_error("triangle " + std::to_string(t) + " names vertex " + std::to_string(corner) + " of " +
-                          std::to_string(count));
+        throw input_error("triangle " + std::to_string(t) + " names vertex " + std::to_string(corner) +
+                          " of " + std::to_string(count));
 }
 
 // Files keep normals with few digits; a zero normal would poison interpolation, so all are then left out.

@@ -7,7 +7,8 @@
 namespace emmetrope {
 namespace {
 
-/// R_n^m(rho) = rho^m P(rho^2): P and its derivative with respect to rho^2, by Horner over the factorial formula.
+/// R_n^m(rho) = rho^m P(rho^2): P and its derivative with respect to rho^2, by Horner over the factorial
+/// formula.
 struct RadialFactor {
   double value = 0, derivative = 0;
 };
@@ -22,7 +23,8 @@ RadialFactor radial_factor(int n, int m, double rho_squared) {
     result.derivative = result.derivative * rho_squared + result.value;
     result.value = result.value * rho_squared + coefficient;
     if (s < half)
-      coefficient *= -static_cast<double>((n + m) / 2 - s) * (half - s) / (static_cast<double>(n - s) * (s + 1));
+      coefficient *=
+          -static_cast<double>((n + m) / 2 - s) * (half - s) / (static_cast<double>(n - s) * (s + 1));
   }
   return result;
 }
