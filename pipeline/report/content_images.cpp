@@ -1,0 +1,199 @@
+#include <fmt/format.h>
+
+#include "pipeline/base/files.hpp"
+#include "pipeline/base/frames.hpp"
+#include "pipeline/report/chart.hpp"
+#include "pipeline/report/content.hpp"
+#include "pipeline/report/cornea_map.hpp"
+#include "pipeline/report/encoding.hpp"
+#include "pipeline/report/numbers.hpp"
+#include "pipeline/report/slices.hpp"
+
+namespace emmetrope::report {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr double slice_field_mm = 46;
+constexpr double map_half_width_mm = 4;
+constexpr int map_cells = 81;
+
+struct SurfaceStyle {
+  const char *name, *colour, *label;
+};
+constexpr std::array<SurfaceStyle, 5> surfaces{{{"cornea_anterior", "#56c2ff", "cornea front (blue)"},
+                                                {"cornea_posterior", "#56c2ff", "cornea back (blue)"},
+                                                {"lens_anterior", "#ffb000", "lens front (orange)"},
+                                                {"lens_posterior", "#ffb000", "lens back (orange)"},
+                                                {"retina", "#ff5d8f", "retina (pink)"}}};
+
+std::vector<Contour> contours_of(const EyeData& eye) {
+  std::vector<Contour> contours;
+  for (const auto& surface : surfaces)
+    if (fs::exists(eye.mesh(surface.name)))
+      contours.push_back({read_mesh(eye.mesh(surface.name)).mesh, surface.colour, surface.label});
+  return contours;
+}
+
+/// Middle of the eye: the globe's centre from the fit, else the middle of its meshes.
+std::optional<Eigen::Vector3d> centre_of(const EyeData& eye) {
+  const Json centre = eye.fit.is_object() ? eye.fit.value("globe_centre_lps_mm", Json()) : Json();
+  if (centre.is_array() && centre.size() == 3)
+    return Eigen::Vector3d(centre[0].get<double>(), centre[1].get<double>(), centre[2].get<double>());
+  if (eye.biometry.is_object() && eye.biometry.contains("lps_from_eye")) {
+    const Eigen::Isometry3d lps_from_eye = isometry_from_json(eye.biometry["lps_from_eye"]);
+    return lps_from_eye * Eigen::Vector3d(0, 0, -value_of(eye.biometry, "axial_length_mm").value_or(24) / 2);
+  }
+  return std::nullopt;
+}
+
+/// Voxel spacings of a volume along the patient's axes: the finest stack for a plane shows it best.
+double blur_in_plane_mm(const Volume& volume, Plane plane) {
+  const Eigen::Matrix3d columns = volume.lps_from_voxel().block<3, 3>(0, 0).cwiseAbs();
+  const Eigen::Vector3d extent = columns.rowwise().maxCoeff();
+  switch (plane) {
+    case Plane::axial: return extent.x() * extent.y();
+    case Plane::coronal: return extent.x() * extent.z();
+    case Plane::sagittal: break;
+  }
+  return extent.y() * extent.z();
+}
+
+FigureRow slices_of(const EyeData& eye, const std::vector<std::pair<std::string, Volume>>& volumes,
+                    const Eigen::Vector3d& centre) {
+  FigureRow row;
+  row.anatomical = true;
+  const auto contours = contours_of(eye);
+  const std::array<std::pair<Plane, const char*>, 3> planes{
+      {{Plane::axial, "axial"}, {Plane::sagittal, "sagittal"}, {Plane::coronal, "coronal"}}};
+  for (const auto& [plane, name] : planes) {
+    const std::pair<std::string, Volume>* best = nullptr;
+    for (const auto& candidate : volumes) {
+      if (candidate.second.coverage(centre, 11) < 0.9) continue;
+      if (best == nullptr || blur_in_plane_mm(candidate.second, plane) < blur_in_plane_mm(best->second, plane))
+        best = &candidate;
+    }
+    if (best == nullptr) continue;
+    Figure figure = slice_figure(best->second, plane, centre, slice_field_mm, contours,
+                                 fmt::format("slice-{}-{}", eye.id(), name));
+    figure.title = std::string(eye.laterality == Laterality::od ? "OD" : "OS") + ", " + figure.title;
+    figure.caption = best->first + ".";
+    row.figures.push_back(std::move(figure));
+  }
+  if (!row.figures.empty())
+    row.figures.front().caption +=
+        contours.empty() ? " No surfaces were fitted."
+                         : " Look for contours that follow the edges: cornea blue, lens orange, inner retina pink.";
+  return row;
+}
+
+/// Pictures that segmentation left, as figures.
+FigureRow overlays_of(const EyeData& eye) {
+  constexpr std::uintmax_t largest_bytes = 1'500'000;
+  constexpr std::size_t most = 6;
+  FigureRow row;
+  for (const auto& file : eye.overlays) {
+    if (fs::file_size(file) > largest_bytes || row.figures.size() == most) continue;
+    const std::string png = read_file(file);
+    if (png.size() < 24) continue;
+    const auto size_at = [&](std::size_t at) {  // big-endian width and height of the IHDR chunk
+      return static_cast<double>(static_cast<unsigned char>(png[at + 2]) * 256 +
+                                 static_cast<unsigned char>(png[at + 3]));
+    };
+    Figure figure;
+    figure.id = fmt::format("overlay-{}-{}", eye.id(), row.figures.size() + 1);
+    figure.width_px = size_at(16);
+    figure.height_px = size_at(20);
+    if (!(figure.width_px > 0 && figure.height_px > 0)) continue;
+    figure.title = std::string(clinical_name(eye.laterality)) + ": " + file.stem().string();
+    figure.caption = "Drawn by the segmentation stage.";
+    figure.alt = "Overlay of the segmentation on the MR slices";
+    figure.svg = fmt::format(
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" xmlns:xlink=\"http://www.w3.org/1999/xlink\" viewBox=\"0 0 {0} "
+        "{1}\"><image width=\"{0}\" height=\"{1}\" xlink:href=\"{2}\"/></svg>",
+        figure.width_px, figure.height_px, png_url(png));
+    row.figures.push_back(std::move(figure));
+  }
+  return row;
+}
+
+TriangleMesh in_eye_frame(const EyeData& eye, const std::string& surface) {
+  TriangleMesh mesh = read_mesh(eye.mesh(surface)).mesh;
+  const Eigen::Isometry3d eye_from_lps = isometry_from_json(eye.biometry.at("lps_from_eye")).inverse();
+  for (auto& vertex : mesh.vertices) vertex = eye_from_lps * vertex;
+  for (auto& normal : mesh.normals) {
+    normal = eye_from_lps.linear() * normal;
+    if (normal.z() < 0) normal = -normal;
+  }
+  return mesh;
+}
+
+double axis_at(const Json& biometry, const char* meridian) {
+  const Json keratometry = biometry.value("keratometry", Json::object());
+  return value_of(keratometry.value(meridian, Json::object()), "axis_deg").value_or(0);
+}
+
+}  // namespace
+
+Section images_section(const CaseData& data, Notes& notes) {
+  Section section{"images", "MR images and fitted surfaces", {}, false};
+  std::vector<std::pair<std::string, Volume>> volumes;
+  for (const auto& file : data.stacks) {
+    const std::string name = file.filename().string();
+    try {
+      volumes.emplace_back(name.substr(0, name.size() - 7), Volume(file));
+    } catch (const Error& error) {
+      notes.push_back(std::string("A stack could not be shown: ") + error.what());
+    }
+  }
+  for (const auto& eye : data.eyes) {
+    const auto centre = centre_of(eye);
+    if (centre) {
+      FigureRow row = slices_of(eye, volumes, *centre);
+      if (!row.figures.empty()) section.blocks.push_back({row});
+    }
+    FigureRow overlays = overlays_of(eye);
+    if (!overlays.figures.empty()) section.blocks.push_back({overlays, !eye.biometry.is_object()});
+  }
+  if (!section.blocks.empty())
+    section.blocks.push_back({Paragraph{
+        "Slices are in the patient's axes through the middle of the globe, in radiological convention: the patient's "
+        "right is on the left of the picture. R right, L left, A anterior, P posterior, S superior, I inferior."}});
+  return section;
+}
+
+Section cornea_section(const CaseData& data, Notes& notes) {
+  Section section{"cornea", "Front of the cornea", {}, false};
+  for (const auto& eye : data.eyes) {
+    if (!eye.biometry.is_object() || !fs::exists(eye.mesh("cornea_anterior"))) continue;
+    const CorneaGrid grid = cornea_grid(in_eye_frame(eye, "cornea_anterior"), map_half_width_mm, map_cells);
+    const bool is_right = eye.laterality == Laterality::od;
+    const std::string name = is_right ? "OD" : "OS";
+    Figure power;
+    power.id = "axial-power-" + eye.id();
+    power.width_px = 440;
+    power.height_px = 330;
+    power.title = name + ", axial power";
+    power.caption =
+        "Colours step by 1.5 D on a scale that is the same for all eyes. White line: steep meridian; dashed: flat. A "
+        "bow tie is regular astigmatism; asymmetry is irregular. N nasal, T temporal.";
+    power.alt = "Colour map of the axial power of the cornea";
+    Figure elevation = power;
+    elevation.id = "elevation-" + eye.id();
+    elevation.title = name + ", elevation over a sphere of " + fixed(grid.best_sphere_radius_mm, 2) + " mm";
+    elevation.caption =
+        "Red lies above the best-fit sphere, blue below. A toric cornea shows a saddle, a cone one red island.";
+    elevation.alt = "Colour map of corneal elevation over the best-fit sphere";
+    FigureRow row;
+    const double flat = axis_at(eye.biometry, "flat"), steep = axis_at(eye.biometry, "steep");
+    if (draw_axial_power(power, grid, flat, steep, is_right)) row.figures.push_back(power);
+    if (draw_elevation(elevation, grid, is_right)) row.figures.push_back(elevation);
+    if (row.figures.empty())
+      notes.push_back(name + ": corneal maps are missing, because gnuplot is not installed or failed.");
+    else
+      section.blocks.push_back({row});
+  }
+  return section;
+}
+
+}  // namespace emmetrope::report

@@ -1,0 +1,150 @@
+#include <fmt/format.h>
+
+#include "pipeline/base/files.hpp"
+#include "pipeline/report/content.hpp"
+#include "pipeline/report/judgement.hpp"
+#include "pipeline/report/normal_ranges.hpp"
+#include "pipeline/report/numbers.hpp"
+
+namespace emmetrope::report {
+namespace {
+
+std::string rounded_prescription(const Json& prescription) {
+  const Json rounded = prescription.value("rounded", Json::object());
+  const auto sphere = value_of(rounded, "sphere_D"), cylinder = value_of(rounded, "cylinder_D"),
+             axis = value_of(rounded, "axis_deg");
+  return sphere ? format_refraction(*sphere, cylinder.value_or(0), axis.value_or(180)) : "";
+}
+
+/// "name, value, 95 % interval, source" of a key that may be missing.
+void add_measured(Table& table, const Json& json, const std::string& key, const std::string& name,
+                  const NumberStyle& style) {
+  if (!json.is_object() || !json.contains(key) || json[key].is_null()) return;
+  const Json& found = json[key];
+  if (found.is_number()) {
+    table.rows.push_back({name, format(found.get<double>(), style), "exact"});
+    return;
+  }
+  const auto measured = found.get<Measured>();
+  table.rows.push_back({name, format(measured.value, style), format_interval(measured, style)});
+}
+
+std::string png_bytes(const std::filesystem::path& file) { return file.empty() ? "" : read_file(file); }
+
+EyeCard card_of(const CaseData& data, const EyeData& eye) {
+  const Judgement judgement = judge(data, eye);
+  EyeCard card;
+  card.eye = clinical_name(eye.laterality);
+  card.id = eye.id();
+  card.light = judgement.light;
+  card.verdict = judgement.verdict;
+  card.reasons = judgement.reasons;
+  if (!judgement.has_prescription) return card;
+
+  const Json& prescription = eye.prescription;
+  card.prescription = rounded_prescription(prescription);
+  card.prescription_note = fmt::format(
+      "vertex distance {} mm, minus cylinder, distance vision, pupil {} mm",
+      fixed(value_of(prescription, "vertex_distance_mm").value_or(12), 0),
+      fixed(value_of(prescription, "pupil_mm").value_or(3), 1));
+  card.details.caption = "Best lens before rounding, " + card.eye;
+  card.details.header = {"", "Value", "95 % interval"};
+  const NumberStyle dioptres{2, true, "D"};
+  add_measured(card.details, prescription, "sphere_D", "Sphere", dioptres);
+  add_measured(card.details, prescription, "cylinder_D", "Cylinder", dioptres);
+  add_measured(card.details, prescription, "axis_deg", "Axis", {0, false, "deg"});
+  add_measured(card.details, prescription, "M_D", "M", dioptres);
+  add_measured(card.details, prescription, "J0_D", "J0", dioptres);
+  add_measured(card.details, prescription, "J45_D", "J45", dioptres);
+  card.before_png = png_bytes(eye.uncorrected_png);
+  card.after_png = png_bytes(eye.corrected_png);
+  card.picture_caption =
+      "The same chart on the retina of this eye, upright as the patient perceives it: before, with no lens; after, "
+      "with the lens above. Look at the smallest row that can be read, and at the direction of the blur.";
+  return card;
+}
+
+std::string normal_range(const BiometryRow& row) {
+  if (row.low == row.high) return "\u2013";
+  return fmt::format("{} to {} [{}]", fixed(row.low, row.style.decimals), fixed(row.high, row.style.decimals),
+                     row.reference);
+}
+
+struct Cells {
+  std::string value, interval, source;
+};
+
+Cells cells_of(const EyeData& eye, const BiometryRow& row) {
+  const Json::json_pointer pointer("/" + row.key);
+  if (!eye.biometry.is_object() || !eye.biometry.contains(pointer) || eye.biometry.at(pointer).is_null())
+    return {"\u2013", "", ""};
+  const Json& found = eye.biometry.at(pointer);
+  if (found.is_number()) return {format(found.get<double>(), row.style), "", "exact"};
+  const auto measured = found.get<Measured>();
+  const bool is_unusual = row.low != row.high && (measured.value < row.low || measured.value > row.high);
+  return {format(measured.value, row.style) + (is_unusual ? " (!)" : ""), format_interval(measured, row.style),
+          source_name(measured.source)};
+}
+
+Table measured_table(const CaseData& data, const std::vector<BiometryRow>& rows, const std::string& caption) {
+  Table table;
+  table.caption = caption;
+  table.header = {"Quantity"};
+  for (const auto& eye : data.eyes)
+    for (const char* column : {"", ", 95 % interval", ", source"})
+      table.header.push_back((eye.laterality == Laterality::od ? "OD" : "OS") + std::string(column));
+  table.header.emplace_back("Normal adult");
+  for (const auto& row : rows) {
+    std::vector<std::string> cells{row.name};
+    bool any = false;
+    for (const auto& eye : data.eyes) {
+      const Cells found = cells_of(eye, row);
+      any = any || !found.source.empty();
+      cells.insert(cells.end(), {found.value, found.interval, found.source});
+    }
+    cells.push_back(normal_range(row));
+    if (any) table.rows.push_back(cells);
+  }
+  return table;
+}
+
+}  // namespace
+
+Section result_section(const CaseData& data) {
+  Section section{"result", "Result", {}, false};
+  EyeCards cards;
+  bool any = false;
+  for (const auto& eye : data.eyes) {
+    cards.cards.push_back(card_of(data, eye));
+    any = any || !cards.cards.back().prescription.empty();
+  }
+  section.blocks.push_back({cards});
+  if (any)
+    section.blocks.push_back({Paragraph{
+        "The prescription holds for the state of accommodation that the eyes had in the scanner, on the eye's own "
+        "axis. The fovea is not visible in MRI."}});
+  return section;
+}
+
+Section measured_section(const CaseData& data) {
+  Section section{"measured", "What was measured", {}, false};
+  Table biometry = measured_table(data, biometry_rows(), "Biometry");
+  Table keratometry = measured_table(data, keratometry_rows(), "Keratometry and corneal astigmatism");
+  if (biometry.rows.empty() && keratometry.rows.empty()) return section;
+  for (const auto& eye : data.eyes) {
+    const Json astigmatism = eye.biometry.is_object() ? eye.biometry.value("astigmatism", Json::object()) : Json();
+    if (!astigmatism.is_object() || !astigmatism.contains("type") || !astigmatism["type"].is_string()) continue;
+    keratometry.caption += std::string("; ") + clinical_name(eye.laterality) + ": " +
+                           astigmatism["type"].get<std::string>();
+  }
+  section.blocks.push_back({biometry});
+  section.blocks.push_back({keratometry});
+  section.blocks.push_back({Paragraph{
+      "(!) marks a value outside the normal adult range, mean \u00b1 2 standard deviations of the numbered source. "
+      "A population prior is no measurement of this patient: its interval is that of the population. Keratometric "
+      "powers are 337.5 / R, 1.5 mm from the apex; axes are counter-clockwise from the examiner's right (TABO), the "
+      "same for both eyes."}});
+  return section;
+}
+
+}  // namespace emmetrope::report

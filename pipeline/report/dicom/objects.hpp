@@ -1,0 +1,37 @@
+#pragma once
+#include <filesystem>
+#include <string>
+
+#include "pipeline/base/json.hpp"
+#include "pipeline/base/laterality.hpp"
+#include "pipeline/report/case_data.hpp"
+#include "pipeline/report/dicom/source_study.hpp"
+#include "raytrace/eye/triangle_mesh.hpp"
+
+/// The report as DICOM objects of the source's study, each a series of its own; bytes of Part 10 files.
+namespace emmetrope::report {
+
+/// Encapsulated PDF.
+std::string pdf_object(const SourceStudy& source, const std::string& pdf, bool identified, const std::string& result);
+
+/// Spectacle Prescription Report (SR, TID 2020), PARTIAL and UNVERIFIED, of the eyes that have a prescription; empty when
+/// none has.
+std::string prescription_object(const SourceStudy& source, const CaseData& data, const std::string& result);
+
+/// Measurement report (SR, TID 1500): every number of biometry.json with its interval; empty when there is none.
+std::string biometry_object(const SourceStudy& source, const CaseData& data, const std::string& result);
+
+/// Encapsulated STL of one surface, mm, in the patient's frame.
+std::string mesh_object(const SourceStudy& source, const TriangleMesh& mesh_lps, Laterality eye, const std::string& surface,
+                        int number, const std::string& result);
+
+/// Secondary Capture of a retinal image.
+/// \param rgb  rows x columns x 3 bytes
+std::string picture_object(const SourceStudy& source, const std::string& rgb, int rows, int columns, Laterality eye,
+                           const std::string& title, int number, const std::string& result);
+
+/// Segmentation (SEG) of one stack's label volume, a segment per label, coded and with laterality.
+std::string segmentation_object(const SourceStudy& source, const std::filesystem::path& label_nifti, const Json& labels_json,
+                                int number, const std::string& result);
+
+}  // namespace emmetrope::report

@@ -1,0 +1,54 @@
+#pragma once
+#include <Eigen/Core>
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "pipeline/base/json.hpp"
+
+class DcmItem;
+
+namespace emmetrope::report {
+
+/// One image of the study that the case was made from.
+struct SourceImage {
+  std::string sop_class_uid, sop_instance_uid, series_uid, frame_of_reference_uid;
+  Eigen::Vector3d position_lps{0, 0, 0};
+  Eigen::Vector3d normal{0, 0, 1};
+};
+
+/// The patient and the study that the report's DICOM objects belong to, with the images behind the result.
+class SourceStudy {
+ public:
+  /// Reads the headers of a study; pixels are not touched.
+  /// \param case_json  names the series that were used; where it names none, all MR images count
+  /// \throw Error (input_invalid) when there is no MR image
+  static SourceStudy read(const std::filesystem::path& study, const Json& case_json);
+  /// Where the study is not at hand: a patient named by the pseudonym, a study of its own.
+  static SourceStudy pseudonymous(const std::string& subject, const std::string& study_date);
+
+  SourceStudy(SourceStudy&&) noexcept;
+  SourceStudy& operator=(SourceStudy&&) noexcept;
+  ~SourceStudy();
+
+  /// Patient, Patient Study and General Study modules.
+  const DcmItem& header() const { return *header_; }
+  const std::vector<SourceImage>& images() const { return images_; }
+  std::string study_uid() const;
+  /// YYYYMMDD; of the study.
+  std::string date() const;
+  std::string time() const;
+  /// "Jane Doe, born 1961-02-03", UTF-8.
+  std::string identity() const;
+  /// Changes when the header or an image does.
+  std::string fingerprint() const;
+
+ private:
+  SourceStudy();
+  std::string text(unsigned short group, unsigned short element) const;
+  std::unique_ptr<DcmItem> header_;
+  std::vector<SourceImage> images_;
+};
+
+}  // namespace emmetrope::report

@@ -1,0 +1,185 @@
+#include <dcmtk/config/osconfig.h>
+#include <dcmtk/dcmdata/dctk.h>
+#include <dcmtk/dcmsr/cmr/tid1500.h>
+#include <dcmtk/dcmsr/dsrdoc.h>
+
+#include "pipeline/base/files.hpp"
+#include "pipeline/base/version.hpp"
+#include "pipeline/report/dicom/object.hpp"
+#include "pipeline/report/dicom/objects.hpp"
+#include "pipeline/report/judgement.hpp"
+#include "pipeline/report/normal_ranges.hpp"
+
+namespace emmetrope::report {
+namespace {
+
+constexpr const char* own_scheme = "99EMMETROPE";
+
+/// A decimal string of at most 16 characters.
+std::string decimal_string(double value) {
+  std::string text = fixed(value, 4);
+  return text.size() > 16 ? text.substr(0, 16) : text;
+}
+
+DSRCodedEntryValue unit_code(const std::string& unit) {
+  if (unit == "D") return {"[diop]", "UCUM", "diopter"};
+  if (unit == "deg") return {"deg", "UCUM", "degree"};
+  if (unit == "mm") return {"mm", "UCUM", "mm"};
+  if (unit == "\u00b5m") return {"um", "UCUM", "um"};
+  return {"1", "UCUM", "no units"};
+}
+
+/// Writes the document into a dataset and replaces what DCMTK takes from the clock and from chance.
+std::string document_bytes(DSRDocument& document, const SourceStudy& source, const ObjectName& name) {
+  for (const auto& image : source.images())
+    check(document.getCurrentRequestedProcedureEvidence().addItem(source.study_uid().c_str(), image.series_uid.c_str(),
+                                                                  image.sop_class_uid.c_str(), image.sop_instance_uid.c_str()),
+          "source images");
+  DcmDataset dataset;
+  check(document.write(dataset), "structured report");
+  put_common(dataset, source, name);
+  return file_bytes(dataset);
+}
+
+/// Builds a content tree by depth.
+class Tree {
+ public:
+  explicit Tree(DSRDocumentTree& tree) : tree_(tree) {}
+
+  void root(const DSRCodedEntryValue& concept_name) {
+    add(RT_isRoot, VT_Container, AM_afterCurrent, concept_name);
+  }
+  /// Goes into the new container; `up` leaves it.
+  void container(const DSRCodedEntryValue& concept_name) {
+    add(RT_contains, VT_Container, AM_belowCurrent, concept_name);
+  }
+  void up() { tree_.goUp(); }
+  void text(const DSRCodedEntryValue& concept_name, const std::string& value) {
+    add(RT_contains, VT_Text, AM_belowCurrent, concept_name);
+    check(tree_.getCurrentContentItem().setStringValue(value.c_str()), "text item");
+    tree_.goUp();
+  }
+  void number(const DSRCodedEntryValue& concept_name, double value, const std::string& unit) {
+    add(RT_contains, VT_Num, AM_belowCurrent, concept_name);
+    check(tree_.getCurrentContentItem().setNumericValue(
+              DSRNumericMeasurementValue(decimal_string(value).c_str(), unit_code(unit))),
+          "number");
+    tree_.goUp();
+  }
+
+ private:
+  void add(E_RelationshipType relationship, E_ValueType type, E_AddMode mode, const DSRCodedEntryValue& concept_name) {
+    if (tree_.addContentItem(relationship, type, mode) == 0)
+      check(SR_EC_InvalidDocumentTree, "content tree");
+    check(tree_.getCurrentContentItem().setConceptName(concept_name), "concept name");
+  }
+  DSRDocumentTree& tree_;
+};
+
+std::string interval_sentence(const std::string& name, const Json& value, const NumberStyle& style) {
+  if (!value.is_object()) return {};
+  const auto measured = value.get<Measured>();
+  return name + ": 95 % interval " + format_interval(measured, style) + " " + style.unit + ", " + source_name(measured.source);
+}
+
+/// The sphere, cylinder and axis that are dispensed, and the measured ones as a comment.
+void add_eye(Tree& tree, const EyeData& eye) {
+  const bool is_right = eye.laterality == Laterality::od;
+  const Json rounded = eye.prescription.value("rounded", Json::object());
+  tree.container({is_right ? "111688" : "111689", "DCM", is_right ? "Right Eye Rx" : "Left Eye Rx"});
+  tree.number({"251795007", "SCT", "Sphere"}, value_of(rounded, "sphere_D").value_or(0), "D");
+  const double cylinder = value_of(rounded, "cylinder_D").value_or(0);
+  if (cylinder != 0) {
+    tree.number({"251797004", "SCT", "Cylinder"}, cylinder, "D");
+    tree.number({"251799001", "SCT", "Axis"}, value_of(rounded, "axis_deg").value_or(180), "deg");
+  }
+  tree.up();
+}
+
+std::string prescription_comment(const EyeData& eye) {
+  const NumberStyle dioptres{2, true, "D"};
+  std::string text = std::string(clinical_name(eye.laterality)) + ": vertex distance " +
+                     fixed(value_of(eye.prescription, "vertex_distance_mm").value_or(12), 0) + " mm.";
+  for (const auto& [key, name, style] : {std::tuple{"sphere_D", "Sphere", dioptres},
+                                         std::tuple{"cylinder_D", "Cylinder", dioptres},
+                                         std::tuple{"axis_deg", "Axis", NumberStyle{0, false, "deg"}}}) {
+    if (!eye.prescription.contains(key)) continue;
+    const auto value = value_of(eye.prescription, key);
+    const std::string interval = interval_sentence(name, eye.prescription[key], style);
+    if (value && !interval.empty()) text += " " + interval + ", value " + format(*value, style) + ".";
+  }
+  return dicom_text(text, 1000);
+}
+
+void describe_document(DSRDocument& document, const SourceStudy& source) {
+  check(document.setSpecificCharacterSet("ISO_IR 192"), "character set");
+  check(document.createNewSeriesInStudy(source.study_uid().c_str()), "series");
+  check(document.setPreliminaryFlag(DSRTypes::PF_Preliminary), "preliminary");
+}
+
+}  // namespace
+
+std::string prescription_object(const SourceStudy& source, const CaseData& data, const std::string& result) {
+  DSRDocument document(DSRTypes::DT_SpectaclePrescriptionReport);
+  describe_document(document, source);
+  Tree tree(document.getTree());
+  tree.root({"111671", "DCM", "Spectacle Prescription Report"});
+  std::string comment = research_notice;
+  bool any = false;
+  for (const auto& eye : data.eyes) {
+    if (!judge(data, eye).has_prescription) continue;
+    any = true;
+    add_eye(tree, eye);
+    comment += " " + prescription_comment(eye);
+  }
+  if (!any) return {};
+  tree.text({"121106", "DCM", "Comment"}, comment);
+  return document_bytes(document, source, {"prescription", "SR", "Spectacle prescription, RESEARCH USE ONLY", 9002, result});
+}
+
+std::string biometry_object(const SourceStudy& source, const CaseData& data, const std::string& result) {
+  TID1500_MeasurementReport report(CMR_CID7021::ImagingMeasurementReport);
+  check(report.setLanguage(CID5000_Languages(CMR_CID5000::English)), "language");
+  check(report.getObservationContext().addDeviceObserver(stable_uid("device " + version()).c_str(), model, manufacturer, model,
+                                                         serial_number),
+        "observer");
+  check(report.addProcedureReported(DSRCodedEntryValue("113091000", "SCT", "Magnetic resonance imaging")), "procedure");
+  bool any = false;
+  for (const auto& eye : data.eyes) {
+    if (!eye.biometry.is_object()) continue;
+    if (any) check(report.addIndividualMeasurements(), "measurement group");
+    auto& group = report.getIndividualMeasurements();
+    const bool is_right = eye.laterality == Laterality::od;
+    check(group.setTrackingIdentifier(is_right ? "OD (right eye)" : "OS (left eye)"), "tracking");
+    check(group.setTrackingUniqueIdentifier(stable_uid("eye " + source.study_uid() + eye.id()).c_str()), "tracking");
+    check(group.addFindingSite(DSRCodedEntryValue("81745001", "SCT", "Eye"),
+                               CID244e_Laterality(is_right ? CID244e_Laterality::Right : CID244e_Laterality::Left)),
+          "site");
+    std::string comment = research_notice;
+    for (const auto* rows : {&biometry_rows(), &keratometry_rows()})
+      for (const auto& row : *rows) {
+        const Json::json_pointer pointer("/" + row.key);
+        if (!eye.biometry.contains(pointer)) continue;
+        const Json& found = eye.biometry.at(pointer);
+        const auto value = found.is_number() ? std::optional(found.get<double>()) : value_of(Json{{"v", found}}, "v");
+        if (!value) continue;
+        std::string code = row.key;  // "keratometry/flat/power_D" -> at most 16 characters
+        code = "E" + sha256_of(code).substr(0, 10);
+        check(group.addMeasurement(DSRCodedEntryValue(code.c_str(), own_scheme, row.name.c_str()),
+                                   CMR_TID1501_in_TID1500::MeasurementValue(decimal_string(*value).c_str(), unit_code(row.style.unit)),
+                                   OFTrue),
+              row.key);
+        const std::string sentence = interval_sentence(row.name, found, row.style);
+        if (!sentence.empty()) comment += "\n" + sentence;
+      }
+    check(group.addQualitativeEvaluation(DSRCodedEntryValue("121106", "DCM", "Comment"), OFString(comment.c_str())), "comment");
+    any = true;
+  }
+  if (!any) return {};
+  DSRDocument document;
+  check(document.setTreeFromRootTemplate(report, OFTrue /* expand */), "TID 1500");
+  describe_document(document, source);
+  return document_bytes(document, source, {"biometry", "SR", "Eye biometry, RESEARCH USE ONLY", 9003, result});
+}
+
+}  // namespace emmetrope::report

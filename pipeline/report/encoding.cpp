@@ -1,0 +1,47 @@
+#include "pipeline/report/encoding.hpp"
+
+#include <glib.h>
+
+#include <memory>
+
+namespace emmetrope::report {
+namespace {
+
+struct FreeByGlib {
+  void operator()(gchar* text) const { g_free(text); }
+};
+using GlibText = std::unique_ptr<gchar, FreeByGlib>;
+
+}  // namespace
+
+std::string base64(std::string_view bytes) {
+  const GlibText text(g_base64_encode(reinterpret_cast<const guchar*>(bytes.data()), bytes.size()));
+  return text.get();
+}
+
+std::string png_url(std::string_view png) { return "data:image/png;base64," + base64(png); }
+
+std::string clean_text(const std::string& text) {
+  const GlibText valid(g_utf8_make_valid(text.data(), static_cast<gssize>(text.size())));
+  std::string clean = valid.get();
+  for (char& c : clean)
+    if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f) c = ' ';
+  return clean;
+}
+
+std::string escape_xml(const std::string& text) {
+  std::string escaped;
+  for (const char c : clean_text(text)) {
+    switch (c) {
+      case '&': escaped += "&amp;"; break;
+      case '<': escaped += "&lt;"; break;
+      case '>': escaped += "&gt;"; break;
+      case '"': escaped += "&quot;"; break;
+      case '\'': escaped += "&#39;"; break;
+      default: escaped += c;
+    }
+  }
+  return escaped;
+}
+
+}  // namespace emmetrope::report

@@ -1,0 +1,91 @@
+#include "pipeline/report/judgement.hpp"
+
+#include "pipeline/report/normal_ranges.hpp"
+
+namespace emmetrope::report {
+namespace {
+
+constexpr double repeatability_D = 0.5;  ///< 95 % limits of agreement of repeated subjective refraction
+constexpr double largest_head_roll_deg = 3;
+
+std::optional<Measured> measured_at(const Json& json, const std::string& key) {
+  if (!json.is_object() || !json.contains(key) || !json[key].is_object() || !json[key].contains("ci95"))
+    return std::nullopt;
+  return json[key].get<Measured>();
+}
+
+std::vector<std::string> failed_gates(const EyeData& eye) {
+  std::vector<std::string> reasons;
+  if (!eye.fit.is_object()) return reasons;
+  for (const auto& gate : eye.fit.value("quality", Json::array()))
+    if (!gate.value("passed", true)) reasons.push_back(gate.value("reason", gate.value("name", "a gate failed")));
+  return reasons;
+}
+
+/// Reasons that a stage gave, once each and without those that only concern the other eye.
+void add_stage_reasons(const CaseData& data, const EyeData& eye, std::vector<std::string>& reasons) {
+  const std::string other = eye.laterality == Laterality::od ? "os" : "od";
+  for (const auto& stage : data.stages)
+    for (const auto& reason : stage.reasons) {
+      const bool concerns_other = reason.rfind(other, 0) == 0 ||
+                                  reason.rfind(clinical_name(eye.laterality == Laterality::od ? Laterality::os
+                                                                                              : Laterality::od),
+                                               0) == 0;
+      if (!concerns_other && std::find(reasons.begin(), reasons.end(), reason) == reasons.end())
+        reasons.push_back(reason);
+    }
+}
+
+Judgement refused(const CaseData& data, const EyeData& eye, std::vector<std::string> reasons) {
+  add_stage_reasons(data, eye, reasons);
+  if (reasons.empty()) reasons.emplace_back("The stages before this report gave no prescription for this eye.");
+  return {Light::red, "No prescription: the images do not support one", reasons, false};
+}
+
+const Json* at_path(const Json& json, const std::string& path) {
+  const Json::json_pointer pointer("/" + path);
+  return json.is_object() && json.contains(pointer) ? &json.at(pointer) : nullptr;
+}
+
+}  // namespace
+
+std::vector<std::string> unusual_values(const EyeData& eye) {
+  std::vector<std::string> sentences;
+  for (const auto* rows : {&biometry_rows(), &keratometry_rows()})
+    for (const auto& row : *rows) {
+      const Json* found = at_path(eye.biometry, row.key);
+      if (found == nullptr || row.low == row.high) continue;
+      const double value = found->is_object() ? found->value("value", row.low) : found->get<double>();
+      if (value < row.low || value > row.high)
+        sentences.push_back(row.name + " " + format(value, row.style) + " is outside the adult range of " +
+                            fixed(row.low, row.style.decimals) + " to " +
+                            format(row.high, row.style) + ".");
+    }
+  return sentences;
+}
+
+Judgement judge(const CaseData& data, const EyeData& eye) {
+  const std::vector<std::string> gates = failed_gates(eye);
+  const bool fit_refused = eye.fit.is_object() && eye.fit.value("status", "measured") == "refused";
+  if (fit_refused || !eye.prescription.is_object() || !value_of(eye.prescription, "sphere_D"))
+    return refused(data, eye, gates);
+
+  std::vector<std::string> reasons = gates;
+  if (const auto M = measured_at(eye.prescription, "M_D")) {
+    const double half_width = (M->ci95[1] - M->ci95[0]) / 2;
+    if (half_width > repeatability_D)
+      reasons.push_back("The 95 % interval of the mean sphere is \u00b1" + fixed(half_width, 2) +
+                        " D, wider than the \u00b10.50 D within which subjective refraction repeats. A "
+                        "keratometry, an axial length or a known refraction narrows it.");
+  }
+  for (auto& sentence : unusual_values(eye)) reasons.push_back(std::move(sentence));
+  const auto roll = value_of(eye.biometry, "head_roll_deg");
+  if (roll && std::abs(*roll) > largest_head_roll_deg)
+    reasons.push_back("The head is rolled by " + fixed(*roll, 1) +
+                      "\u00b0 against the scanner; astigmatic axes are given against the scanner.");
+  add_stage_reasons(data, eye, reasons);
+  if (reasons.empty()) return {Light::green, "Supported by the images", {}, true};
+  return {Light::amber, "Use with caution", reasons, true};
+}
+
+}  // namespace emmetrope::report

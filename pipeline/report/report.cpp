@@ -1,0 +1,77 @@
+#include "pipeline/report/report.hpp"
+
+#include "pipeline/base/case_folder.hpp"
+#include "pipeline/base/files.hpp"
+#include "pipeline/report/case_data.hpp"
+#include "pipeline/report/chart.hpp"
+#include "pipeline/report/content.hpp"
+#include "pipeline/report/html.hpp"
+#include "pipeline/report/pdf.hpp"
+
+namespace emmetrope::report {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// All that decides the report: every result of the stages before, their verdicts, and what can be drawn here.
+StageSpec spec_of(const CaseData& data, const ReportOptions& options) {
+  StageSpec spec;
+  spec.stage = "report";
+  Json stages = Json::object();
+  for (const auto& stage : data.stages)
+    stages[stage.name] = {{"status", static_cast<int>(stage.status)},
+                          {"reasons", stage.reasons},
+                          {"warnings", stage.warnings},
+                          {"provenance", stage.provenance}};
+  Json eyes = Json::array();
+  for (const auto& eye : data.eyes) eyes.push_back(eye.id());
+  spec.parameters = {{"eyes", eyes},
+                     {"identified", options.identified},
+                     {"gnuplot", find_gnuplot().has_value()},
+                     {"stages", stages}};
+  if (fs::exists(data.folder / "case.json")) spec.inputs.push_back({"case.json", data.folder / "case.json"});
+  for (const auto& stage : data.stages) {
+    const auto files = inputs_below(data.folder, stage.name);
+    spec.inputs.insert(spec.inputs.end(), files.begin(), files.end());
+  }
+  return spec;
+}
+
+Json eyes_answer(const Document& document) {
+  Json eyes = Json::object();
+  for (const auto& section : document.sections)
+    for (const auto& block : section.blocks)
+      if (const auto* cards = std::get_if<EyeCards>(&block.block))
+        for (const auto& card : cards->cards) {
+          Json eye{{"verdict", card.verdict}, {"reasons", card.reasons}};
+          if (!card.prescription.empty()) eye["prescription"] = card.prescription;
+          eyes[card.id] = eye;
+        }
+  return eyes;
+}
+
+}  // namespace
+
+Answer write_report(const ReportOptions& options, const CommonOptions& common) {
+  const CaseData data = read_case(options.case_folder, common.laterality);
+  const auto work = [&](StageWorkspace& workspace) {
+    Notes notes;
+    const Document document = make_document(data, {}, notes);
+    for (const auto& note : notes) workspace.warn(note);
+    write_file(workspace.folder() / "report.html", render_html(document, {}));
+    const Pdf pdf = render_pdf(document);
+    write_file(workspace.folder() / "report.pdf", pdf.bytes);
+    workspace.provenance()["answer"] = {{"eyes", eyes_answer(document)}, {"pages", pdf.pages}};
+    return StageVerdict{};
+  };
+  const StageOutcome outcome = run_stage(options.case_folder, spec_of(data, options), common, work);
+  const fs::path html = options.case_folder / "report" / "report.html";
+  Answer answer;
+  answer.json = outcome.stage_json.value("answer", Json::object());
+  answer.json["html"] = html.string();
+  answer.json["pdf"] = (options.case_folder / "report" / "report.pdf").string();
+  answer.text = "report: " + describe(outcome) + "\n" + html.string() + "\n";
+  return answer;
+}
+
+}  // namespace emmetrope::report
