@@ -17,6 +17,8 @@ double ellipsoid_distance(const Vector3d& p, const Vector3d& half_axes) {
   return k1 > 0 ? k0 * (k0 - 1) / k1 : -half_axes.minCoeff();
 }
 
+constexpr double near_globe_mm = 19;  // from its centre: the eye, its wall and lid, and what borders on them
+
 /// The smaller of two distances, with the groove between the bodies filled to a radius of about k.
 double smooth_union(double a, double b, double k) {
   const double h = std::max(k - std::abs(a - b), 0.0) / k;
@@ -27,6 +29,7 @@ double smooth_union(double a, double b, double k) {
 double face_distance(const Vector3d& p) {
   double d = ellipsoid_distance(p - Vector3d(0, 78, 45), {76, 96, 85});
   d = smooth_union(d, ellipsoid_distance(p - Vector3d(0, 42, -38), {64, 54, 78}), 8);
+  if (p.y() > 30) return d;
   d = smooth_union(d, ellipsoid_distance(p - Vector3d(0, 4, 24), {47, 16, 10}), 8);
   return smooth_union(d, ellipsoid_distance(p - Vector3d(0, -6, -26), {10, 25, 32}), 6);
 }
@@ -40,10 +43,12 @@ double orbit_radius(const Vector3d& p, double& mean_radius) {
   const double along = (p - opening).dot(axis) / (apex - opening).norm();
   if (along >= 1) return 1e3;
   const double s = std::max(0.0, along);
-  const double taper = std::pow(1 - s, 0.7) * (1 + 0.5 * s);
+  const double root = std::sqrt(1 - s);
+  const double taper =
+      root * std::sqrt(root) * (1 + 0.55 * s);  // (1 - s)^(3/4), widest a little behind the rim
   const Vector3d across = p - (opening + along * (apex - opening));
   mean_radius = 18 * taper;
-  return std::hypot(std::hypot(across.x(), across.y()) / (18.5 * taper), across.z() / (17.5 * taper));
+  return Vector3d(across.x() / 18.5, across.y() / 18.5, across.z() / 17.5).norm() / taper;
 }
 
 double waves(const Vector3d& p, double a, double b, double c) {
@@ -145,7 +150,9 @@ void Anatomy::add_muscles_and_nerve(std::size_t side, const HeadGeometry& head) 
 
 double Anatomy::detail_mm(const Vector3d& lps) const {
   for (const EyeAnatomy& eye : eyes_)
-    if ((lps - eye.placed().globe_centre_lps()).squaredNorm() < 18 * 18) return 0.3;
+    if ((eye.to_eye(lps) + Vector3d(0, 0, eye.centre_depth_mm())).squaredNorm() <
+        near_globe_mm * near_globe_mm)
+      return 0.3;
   return 1.0;
 }
 
@@ -157,6 +164,10 @@ Tissue Anatomy::tissue_at(const Vector3d& lps) const {
   const bool near_eye = in_eye.squaredNorm() < 45 * 45;
   Tissue tissue{};
   if (near_eye && eye.contains(in_eye, tissue)) return tissue;
+
+  double mean_radius = 0;
+  const double orbit = orbit_radius({std::abs(p.x()), p.y(), p.z()}, mean_radius);
+  if (orbit < 1 && p.y() > 12) return orbit_content(lps, side);  // far behind the skin
 
   double skin = face_distance(p);
   if (near_eye && in_eye.z() > -20) {
@@ -171,9 +182,6 @@ Tissue Anatomy::tissue_at(const Vector3d& lps) const {
   }
   if (skin > 0) return Tissue::air;
 
-  const Vector3d mirrored(std::abs(p.x()), p.y(), p.z());
-  double mean_radius = 0;
-  const double orbit = orbit_radius(mirrored, mean_radius);
   if (orbit < 1 && p.y() > -12) return skin > -1.6 ? Tissue::skin : orbit_content(lps, side);
   if (skin > -1.8) return Tissue::skin;
   if (orbit < 1 + 1.6 / mean_radius && p.y() > -4) return Tissue::bone;

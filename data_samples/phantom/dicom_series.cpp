@@ -107,7 +107,7 @@ void put_image(DcmDataset& data, const RenderedStack& stack, int slice, int seri
   put(data, DCM_SOPClassUID, UID_MRImageStorage);
   put(data, DCM_SOPInstanceUID, identity.uid(fmt::format("series {} instance {}", series_number, slice + 1)));
   put(data, DCM_SpecificCharacterSet, "ISO_IR 100");
-  put(data, DCM_ImageType, "ORIGINAL\\PRIMARY\\M");
+  put(data, DCM_ImageType, "ORIGINAL\\PRIMARY\\OTHER");
   put(data, DCM_InstanceNumber, std::to_string(slice + 1));
   put(data, DCM_AcquisitionNumber, "1");
   put(data, DCM_ContentDate, study_date);
@@ -149,7 +149,7 @@ class Encoders {
  public:
   Encoders() {
     DJEncoderRegistration::registerCodecs(ECC_lossyYCbCr, EUC_never);
-    DJLSEncoderRegistration::registerCodecs(0, 0, 0, 0, OFTrue, 0, OFTrue, EJLSUC_never);
+    DJLSEncoderRegistration::registerCodecs(0, 0, 0, 0, OFFalse, 0, OFTrue, EJLSUC_never);
   }
   ~Encoders() {
     DJEncoderRegistration::cleanup();

@@ -107,7 +107,7 @@ Tissue EyeAnatomy::content(const Vector3d& p, double scaled_radius) const {
   if (d > lens_equator + 4.5) return Tissue::vitreous;
   if (in_lens(p)) return Tissue::lens;
 
-  const double r = std::hypot(p.x(), p.y());
+  const double r = p.head<2>().norm();
   // The iris rests on the lens at the pupil and runs slightly forward towards its root.
   const double iris_back = g.anterior_chamber_depth_mm + 0.12 - 0.04 * (r - g.iris_diameter_mm / 2);
   if (r > g.iris_diameter_mm / 2 && d < iris_back && d > iris_back - g.iris_thickness_mm) return Tissue::iris;
@@ -150,18 +150,17 @@ bool EyeAnatomy::contains(const Vector3d& p, Tissue& tissue) const {
 }
 
 double EyeAnatomy::distance_outside_mm(const Vector3d& p) const {
+  const EyeGeometry& g = eye_.geometry;
   const double d = -p.z();
   const Vector2d across = globe_turn_ * p.head<2>();
-  const Vector3d from_centre(across.x(), across.y(), centre_depth_ - d);
-  double distance = ellipsoid_distance(from_centre, outer_);
-  const double r2 = p.head<2>().squaredNorm();
-  if (r2 < 64 && d < cornea_reach_mm) {
-    const double front = cornea_front_mm(p.x(), p.y());
-    const double radius = eye_.geometry.cornea_radius_x_mm;
-    if (front < 100)
-      distance = std::min(distance, (front - d) * std::sqrt(std::max(0.05, 1 - r2 / (radius * radius))));
-  }
-  return distance;
+  const double to_globe = ellipsoid_distance(Vector3d(across.x(), across.y(), centre_depth_ - d), outer_);
+  // The cornea's mean conic as an ellipsoid: a lid need not follow the cylinder.
+  const double radius = 0.5 * (g.cornea_radius_x_mm + g.cornea_radius_y_mm);
+  const double p_value = std::max(0.6, 1 + 0.5 * (g.cornea_q_x + g.cornea_q_y));
+  const double across_mm = radius / std::sqrt(p_value);
+  const double along_mm = radius / p_value;
+  return std::min(to_globe,
+                  ellipsoid_distance(Vector3d(p.x(), p.y(), along_mm - d), {across_mm, across_mm, along_mm}));
 }
 
 double EyeAnatomy::outer_radius_mm(double depth_mm) const {

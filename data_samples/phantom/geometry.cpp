@@ -289,7 +289,7 @@ HeadGeometry sample_head() {
   os.cornea_axis_deg = 172;
   os.cornea_q_x = -0.22;
   os.cornea_q_y = -0.20;
-  os.axial_length_mm = 23.45;
+  os.axial_length_mm = 23.55;
   os.globe_semi_x_mm = 11.50;
   os.globe_semi_y_mm = 11.40;
   os.lens_decentre_x_mm = -0.08;

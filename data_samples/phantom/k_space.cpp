@@ -48,20 +48,26 @@ std::vector<float> magnitude_image(const FineSlice& object, const KSpace& k_spac
   std::mt19937_64 random(k_space.seed);
   std::normal_distribution<double> noise(0, k_space.sigma * rows * columns / std::sqrt(acquired));
 
+  std::vector<Complex> water_factor, fat_factor;  // by kx + reach_x
+  for (int kx = -reach_x; kx <= reach_x; ++kx) {
+    water_factor.push_back(fine_cell_factor(kx, columns));
+    fat_factor.push_back(water_factor.back() *
+                         std::polar(1.0, -2 * pi * kx * k_space.fat_shift_px / columns));
+  }
   cv::Mat image = cv::Mat::zeros(rows, columns, CV_64FC2);
   for (int ky = -reach_y; ky <= reach_y; ++ky) {
     const int fine_row = (ky + fine_rows) % fine_rows;
-    const Complex factor_y = fine_cell_factor(ky, rows) * to_image;
+    const Complex row_factor = fine_cell_factor(ky, rows) * to_image;
     for (int kx = -reach_x; kx <= reach_x; ++kx) {
       const int fine_column = (kx + fine_columns) % fine_columns;
       const auto& w = water.at<cv::Vec2d>(fine_row, fine_column);
       const auto& f = fat.at<cv::Vec2d>(fine_row, fine_column);
-      const Complex shift = std::polar(1.0, -2 * pi * kx * k_space.fat_shift_px / columns);
-      Complex signal =
-          (Complex(w[0], w[1]) + Complex(f[0], f[1]) * shift) * factor_y * fine_cell_factor(kx, columns);
-      const double real = noise(random);
-      signal += Complex(real, noise(random));
-      image.at<cv::Vec2d>((ky + rows) % rows, (kx + columns) % columns) = {signal.real(), signal.imag()};
+      const Complex signal = row_factor * (Complex(w[0], w[1]) * water_factor[kx + reach_x] +
+                                           Complex(f[0], f[1]) * fat_factor[kx + reach_x]);
+      const double in_phase = noise(random);
+      const double quadrature = noise(random);
+      image.at<cv::Vec2d>((ky + rows) % rows, (kx + columns) % columns) = {signal.real() + in_phase,
+                                                                           signal.imag() + quadrature};
     }
   }
   cv::dft(image, image, cv::DFT_INVERSE | cv::DFT_SCALE);
@@ -70,8 +76,7 @@ std::vector<float> magnitude_image(const FineSlice& object, const KSpace& k_spac
   for (int row = 0; row < rows; ++row)
     for (int column = 0; column < columns; ++column) {
       const auto& value = image.at<cv::Vec2d>(row, column);
-      magnitude[static_cast<std::size_t>(row) * columns + column] =
-          static_cast<float>(std::hypot(value[0], value[1]));
+      magnitude[static_cast<std::size_t>(row) * columns + column] = static_cast<float>(cv::norm(value));
     }
   return magnitude;
 }

@@ -29,10 +29,12 @@ std::uint64_t mixed(std::uint64_t seed, std::uint64_t salt) {  // splitmix64
 /// Points across a slice and their weights, which sum to 1. `at_mm` is where each layer begins.
 struct Layers {
   std::vector<double> begin_mm, weight;
+  std::vector<double> shift_x, shift_y;  ///< within a fine cell, -0.5 to 0.5
   double step_mm = 0;
 };
 
-Layers layers_of(SliceProfile profile, double thickness_mm) {
+/// \param per_thickness  layers within the slice's thickness
+Layers layers_of(SliceProfile profile, double thickness_mm, int per_thickness) {
   // Half extent in thicknesses and the profile at t thicknesses off the centre.
   const double reach = profile == SliceProfile::box ? 0.5 : profile == SliceProfile::trapezoid ? 0.6 : 1.25;
   const auto value = [profile](double t) {
@@ -41,7 +43,7 @@ Layers layers_of(SliceProfile profile, double thickness_mm) {
     if (profile == SliceProfile::trapezoid) return std::clamp((0.6 - t) / 0.2, 0.0, 1.0);
     return std::exp(-4 * std::log(2.0) * t * t);
   };
-  const int count = static_cast<int>(std::lround(20 * reach));  // ten through the thickness
+  const int count = static_cast<int>(std::lround(2 * per_thickness * reach));
   Layers layers;
   layers.step_mm = 2 * reach * thickness_mm / count;
   double sum = 0;
@@ -49,6 +51,8 @@ Layers layers_of(SliceProfile profile, double thickness_mm) {
     const double t = -reach + 2 * reach * (i + 0.5) / count;
     layers.begin_mm.push_back(-reach * thickness_mm + i * layers.step_mm);
     layers.weight.push_back(value(t));
+    layers.shift_x.push_back(std::fmod(0.5 + 0.7548776662466927 * i, 1.0) - 0.5);  // R2 sequence
+    layers.shift_y.push_back(std::fmod(0.5 + 0.5698402909980532 * i, 1.0) - 0.5);
     sum += layers.weight.back();
   }
   for (double& weight : layers.weight) weight /= sum;
@@ -95,7 +99,8 @@ class SliceSampler {
         first_(first_voxel),
         columns_(columns),
         rows_(rows),
-        layers_(layers_of(plan.profile, plan.slice_thickness_mm)) {
+        layers_(layers_of(plan.profile, plan.slice_thickness_mm, 10)),
+        far_layers_(layers_of(plan.profile, plan.slice_thickness_mm, 4)) {
     for (std::size_t i = 0; i < tissue_count; ++i)
       signal_[i] = reference_intensity * signal_of(static_cast<Tissue>(i), plan.contrast);
   }
@@ -140,6 +145,10 @@ class SliceSampler {
     return anatomy_.tissue_at(object_from_image_ * (inverse_scale_ * image_point));
   }
 
+  bool near_globe(int column, int row) const {
+    return anatomy_.detail_mm(object_from_image_ * (inverse_scale_ * in_image(column, row, 0))) < 1;
+  }
+
   /// Looks on a grid as fine as the smallest structures there.
   bool homogeneous(int column, int row, Tissue& tissue) const {
     const double detail =
@@ -159,7 +168,8 @@ class SliceSampler {
   }
 
   void fill(FineSlice& slice, int column, int row, bool border, unsigned char label) const {
-    const std::size_t layers = layers_.weight.size();
+    const Layers& through = near_globe(column, row) ? layers_ : far_layers_;
+    const std::size_t layers = through.weight.size();
     for (int j = 0; j < fine; ++j)
       for (int i = 0; i < fine; ++i) {
         double water = 0;
@@ -179,8 +189,8 @@ class SliceSampler {
             const double u = std::fmod(0.5 + 0.7548776662466927 * static_cast<double>(k), 1.0) - 0.5;
             const double v = std::fmod(0.5 + 0.5698402909980532 * static_cast<double>(k), 1.0) - 0.5;
             const Vector3d p =
-                in_image(x + u / fine, y + v / fine, layers_.begin_mm[k] + stagger * layers_.step_mm);
-            add(static_cast<std::size_t>(tissue_at(p)), layers_.weight[k]);
+                in_image(x + u / fine, y + v / fine, through.begin_mm[k] + stagger * through.step_mm);
+            add(static_cast<std::size_t>(tissue_at(p)), through.weight[k]);
           }
         } else {
           add(label, 1);
@@ -201,7 +211,7 @@ class SliceSampler {
   double inverse_scale_;
   Vector3d first_;
   int columns_, rows_;
-  Layers layers_;
+  Layers layers_, far_layers_;  ///< around the globes; in the rest of the head
   std::array<double, tissue_count> signal_{};
 };
 
@@ -226,7 +236,7 @@ Isometry3d movement(const Anatomy& anatomy, const Disturbances& disturbances, st
 }
 
 /// Even margin around the image, so that the field of view's edge does not ring into it.
-int margin_of(int pixels) { return std::max(8, pixels / 16); }
+int margin_of(int pixels) { return std::max(8, pixels / 32); }
 
 }  // namespace
 
