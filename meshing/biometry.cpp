@@ -1,0 +1,241 @@
+#include "meshing/biometry.hpp"
+
+#include <fmt/format.h>
+
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+
+#include "pipeline/base/frames.hpp"
+
+namespace emmetrope {
+namespace {
+
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+using Eigen::VectorXd;
+
+constexpr double section_depth_mm = 2.3;
+
+Measured measured(const Propagated& p, Eigen::Index i) {
+  return Measured::from_sigma(p.value[i], p.sigma(i), p.source[i]);
+}
+
+/// Largest coordinate of the interface along a direction of the eye frame: coarse search, then a compass
+/// search.
+double extent_mm(const ParametricEye& eye, const Vector3d& along) {
+  const Vector3d across = along.cross(Vector3d::UnitZ()).normalized();
+  const auto coordinate = [&](double a, double b) {
+    const Vector3d n = (along + std::tan(a) * across + std::tan(b) * Vector3d::UnitZ()).normalized();
+    return along.dot(eye.retina_point(n));
+  };
+  double a = 0, b = 0, best = coordinate(0, 0);
+  const auto attempt = [&](double to_a, double to_b) {
+    const double value = coordinate(to_a, to_b);
+    if (value <= best) return false;
+    a = to_a, b = to_b, best = value;
+    return true;
+  };
+  for (int i = -4; i <= 4; ++i) {
+    for (int k = -4; k <= 4; ++k) attempt(0.12 * i, 0.12 * k);
+  }
+  for (double step = 0.06; step > 1e-5;) {
+    if (!(attempt(a + step, b) || attempt(a - step, b) || attempt(a, b + step) || attempt(a, b - step)))
+      step /= 2;
+  }
+  return best;
+}
+
+VectorXd lengths(const ParametricEye& eye) {
+  VectorXd v(7);
+  v << eye.pole_depth_mm(), eye.cornea_thickness_mm, eye.anterior_chamber_depth_mm, eye.lens_thickness_mm,
+      eye.lens_anterior_radius_mm, eye.lens_posterior_radius_mm, asphericity(anterior_cornea(eye));
+  return v;
+}
+
+VectorXd globe_extents(const ParametricEye& eye) {
+  const Vector3d x = Vector3d::UnitX(), y = Vector3d::UnitY();
+  return Vector2d(extent_mm(eye, x) + extent_mm(eye, -x), extent_mm(eye, y) + extent_mm(eye, -y));
+}
+
+VectorXd power_vector(const ParametricEye& eye) {
+  const CornealPower power = corneal_power(anterior_cornea(eye));
+  return Vector3d(power.M_D, power.J0_D, power.J45_D);
+}
+
+VectorXd section(const ParametricEye& eye) {
+  const CornealDepth cornea = anterior_cornea(eye);
+  return Vector2d(section_width_mm(cornea, section_depth_mm, pi / 2),
+                  section_width_mm(cornea, section_depth_mm, 0));
+}
+
+VectorXd globe_centre_lps_mm(const ParametricEye& eye) { return eye.lps_from_eye * eye.globe_centre_mm(); }
+
+/// A healthy cornea's departure from its best toric conicoid over 6 mm. Wang, Dai, Koch and Nehrawi (2003),
+/// 228 eyes: anterior corneal higher-order wavefront 0.479 um rms, of which spherical aberration, that a
+/// conicoid has too, 0.280 um; the rest over the index step of 0.376 is a height of 1.0 um.
+Measured usual_irregularity_um() { return {1.0, {0.4, 2.0}, "prior"}; }
+
+struct Gate {
+  const char* name;
+  double low, high;
+  std::vector<const char*> path;
+};
+
+const std::vector<Gate>& gates() {
+  static const std::vector<Gate> list{
+      {"axial_length_mm", 20, 32, {"axial_length_mm"}},
+      {"keratometry_flat_D", 38, 50, {"keratometry", "flat", "power_D"}},
+      {"keratometry_steep_D", 38, 50, {"keratometry", "steep", "power_D"}},
+      {"cylinder_D", 0, 6, {"keratometry", "cylinder_D"}},
+      {"asphericity_q", -1, 0.6, {"keratometry", "asphericity_q"}},
+      {"corneal_thickness_mm", 0.4, 0.7, {"corneal_thickness_mm"}},
+      {"anterior_chamber_depth_mm", 2, 5, {"anterior_chamber_depth_mm"}},
+      {"lens_thickness_mm", 2.8, 6, {"lens_thickness_mm"}},
+      {"lens_anterior_radius_mm", 5, 17, {"lens_anterior_radius_mm"}},
+      {"lens_posterior_radius_mm", 3.5, 9, {"lens_posterior_radius_mm"}},
+      {"globe_width_mm", 19, 30, {"globe_width_mm"}},
+      {"globe_height_mm", 19, 30, {"globe_height_mm"}},
+      {"interpupillary_distance_mm", 45, 80, {"interpupillary_distance_mm"}},
+  };
+  return list;
+}
+
+}  // namespace
+
+CornealDepth anterior_cornea(const ParametricEye& eye) {
+  return [&eye](double x_mm, double y_mm) { return eye.cornea_anterior_depth_mm(x_mm, y_mm); };
+}
+
+Keratometry keratometry_from(const Propagated& power) {
+  const double mean = power.value[0];
+  const Vector2d j = power.value.tail<2>();
+  const double half = j.norm();  // (steep - flat)/2
+  const Eigen::Matrix2d of_j = power.covariance.block<2, 2>(1, 1);
+  // Direction of the astigmatism; where there is none, the direction in which it is known least.
+  Vector2d along = j / half;
+  if (!(half > 1e-9)) along = Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d>(of_j).eigenvectors().col(1);
+  const Vector2d across(-along.y(), along.x());
+  const double var_mean = power.covariance(0, 0), var_half = along.dot(of_j * along);
+  const double cov = along.dot(power.covariance.block<2, 1>(1, 0));
+  const auto sigma = [](double variance) { return std::sqrt(std::max(0.0, variance)); };
+
+  const std::string& source = power.source[0];
+  const std::string& cylinder_source = power.source[std::abs(j.x()) > std::abs(j.y()) ? 1 : 2];
+  const double flat_axis_deg = normalise_axis_deg(std::atan2(j.y(), j.x()) / degree / 2);
+  const double half_width_deg =
+      std::min(90.0, 1.959963985 * sigma(across.dot(of_j * across)) / (2 * std::max(half, 1e-9)) / degree);
+  const auto axis = [&](double axis_deg) {
+    return Measured{axis_deg, {axis_deg - half_width_deg, axis_deg + half_width_deg}, cylinder_source};
+  };
+
+  Keratometry k;
+  k.flat_power_D = Measured::from_sigma(mean - half, sigma(var_mean + var_half - 2 * cov), source);
+  k.steep_power_D = Measured::from_sigma(mean + half, sigma(var_mean + var_half + 2 * cov), source);
+  const auto radius = [](const Measured& power_D) {
+    const double r = keratometric_D_mm / power_D.value;
+    return Measured::from_sigma(r, r / power_D.value * power_D.sigma(), power_D.source);
+  };
+  k.flat_radius_mm = radius(k.flat_power_D);
+  k.steep_radius_mm = radius(k.steep_power_D);
+  k.flat_axis_deg = axis(flat_axis_deg);
+  k.steep_axis_deg = axis(normalise_axis_deg(flat_axis_deg + 90));
+  k.cylinder_D = Measured::from_sigma(2 * half, 2 * sigma(var_half), cylinder_source);
+  k.cylinder_D.ci95[0] = std::max(0.0, k.cylinder_D.ci95[0]);
+  return k;
+}
+
+std::string astigmatism_type(double steep_axis_deg) {
+  const double from_vertical = std::abs(normalise_axis_deg(steep_axis_deg) - 90);
+  if (from_vertical <= 30) return "with-the-rule";
+  return from_vertical >= 60 ? "against-the-rule" : "oblique";
+}
+
+Json biometry_json(const EyeEstimate& estimate, const BiometryOptions& options,
+                   const std::optional<Measured>& irregularity_um) {
+  const ParametricEye& eye = estimate.eye();
+  const Propagated length = estimate.propagate(lengths);
+  const Propagated globe = estimate.propagate(globe_extents);
+  const Propagated power = estimate.propagate(power_vector);
+  const Propagated widths = estimate.propagate(section);
+  const Propagated zernike = estimate.propagate([&](const ParametricEye& e) {
+    return corneal_zernike_um(anterior_cornea(e), options.zernike_zone_mm, options.zernike_order);
+  });
+  const Keratometry k = keratometry_from(power);
+
+  Measured optical = measured(length, 0);
+  optical.value += options.retinal_depth_mm;
+  for (double& bound : optical.ci95) bound += options.retinal_depth_mm;
+
+  Json json;
+  json["laterality"] = to_string(eye.laterality);
+  json["lps_from_eye"] = to_json_matrix(eye.lps_from_eye);
+  json["axial_length_mm"] = measured(length, 0);
+  json["optical_axial_length_mm"] = optical;
+  json["corneal_thickness_mm"] = measured(length, 1);
+  json["anterior_chamber_depth_mm"] = measured(length, 2);
+  json["lens_thickness_mm"] = measured(length, 3);
+  json["lens_anterior_radius_mm"] = measured(length, 4);
+  json["lens_posterior_radius_mm"] = measured(length, 5);
+  json["globe_width_mm"] = measured(globe, 0);
+  json["globe_height_mm"] = measured(globe, 1);
+  json["keratometry"] = {
+      {"flat", {{"radius_mm", k.flat_radius_mm}, {"power_D", k.flat_power_D}, {"axis_deg", k.flat_axis_deg}}},
+      {"steep",
+       {{"radius_mm", k.steep_radius_mm}, {"power_D", k.steep_power_D}, {"axis_deg", k.steep_axis_deg}}},
+      {"cylinder_D", k.cylinder_D},
+      {"asphericity_q", measured(length, 6)}};
+  json["astigmatism"] = {
+      {"M_D", measured(power, 0)},
+      {"J0_D", measured(power, 1)},
+      {"J45_D", measured(power, 2)},
+      {"type", astigmatism_type(k.steep_axis_deg.value)},
+      {"irregularity_um", irregularity_um.value_or(usual_irregularity_um())},
+      {"section_2p3mm", {{"vertical_mm", measured(widths, 0)}, {"horizontal_mm", measured(widths, 1)}}}};
+  json["cornea_zernike_um"] = Json::array();
+  for (Eigen::Index i = 0; i < zernike.value.size(); ++i)
+    json["cornea_zernike_um"].push_back(measured(zernike, i));
+  json["zone_mm"] = options.zernike_zone_mm;
+  return json;
+}
+
+Measured interpupillary_distance_mm(const EyeEstimate& od, const EyeEstimate& os) {
+  const Propagated right = od.propagate(globe_centre_lps_mm), left = os.propagate(globe_centre_lps_mm);
+  const Vector3d between = left.value - right.value;
+  const Vector3d along = between.normalized();
+  const Eigen::Matrix3d covariance = right.covariance + left.covariance;
+  return Measured::from_sigma(between.norm(), std::sqrt(along.dot(covariance * along)), right.source[0]);
+}
+
+std::string PlausibilityFlag::describe() const {
+  return fmt::format("{} is {:.4g}, outside the plausible {:g} to {:g}", name, value, low, high);
+}
+
+std::vector<PlausibilityFlag> plausibility(const Json& biometry) {
+  std::vector<PlausibilityFlag> flags;
+  for (const Gate& gate : gates()) {
+    const Json* number = &biometry;
+    for (const char* key : gate.path) {
+      number = number->contains(key) ? &number->at(key) : nullptr;
+      if (number == nullptr) break;
+    }
+    if (number == nullptr) continue;  // an interpupillary distance of one eye
+    const double value = number->get<Measured>().value;
+    flags.push_back({gate.name, value, gate.low, gate.high, value >= gate.low && value <= gate.high});
+  }
+  return flags;
+}
+
+Json to_json(const std::vector<PlausibilityFlag>& flags) {
+  Json json = Json::array();
+  for (const PlausibilityFlag& flag : flags) {
+    json.push_back({{"name", flag.name},
+                    {"value", flag.value},
+                    {"low", flag.low},
+                    {"high", flag.high},
+                    {"passed", flag.passed}});
+  }
+  return json;
+}
+
+}  // namespace emmetrope

@@ -1,0 +1,53 @@
+#pragma once
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "meshing/corneal_metrics.hpp"
+#include "meshing/estimate.hpp"
+#include "pipeline/base/json.hpp"
+#include "pipeline/base/measured.hpp"
+
+namespace emmetrope {
+
+struct BiometryOptions {
+  double retinal_depth_mm = 0.20;  ///< photoreceptors behind the vitreo-retinal interface
+  double zernike_zone_mm = 6;      ///< diameter
+  int zernike_order = 6;
+};
+
+/// A power vector's (M, J0, J45) view as flat, steep, cylinder and axis, with intervals by linear
+/// propagation; where the cylinder drowns in its uncertainty its axis has the interval value -+ 90.
+struct Keratometry {
+  Measured flat_radius_mm, flat_power_D, flat_axis_deg;
+  Measured steep_radius_mm, steep_power_D, steep_axis_deg;
+  Measured cylinder_D;
+};
+/// \param power  M, J0, J45 in this order
+Keratometry keratometry_from(const Propagated& power);
+
+/// "with-the-rule", "against-the-rule" or "oblique", by the steep meridian.
+std::string astigmatism_type(double steep_axis_deg);
+
+/// Depth of the eye's anterior cornea.
+CornealDepth anterior_cornea(const ParametricEye& eye);
+
+/// biometry.json of one eye without what needs both eyes (interpupillary distance) or the study (head roll).
+/// \param irregularity  where topography measured it; else what is usual in the population, labelled so
+Json biometry_json(const EyeEstimate& estimate, const BiometryOptions& options,
+                   const std::optional<Measured>& irregularity_um = std::nullopt);
+
+/// Distance between the globes' centres.
+Measured interpupillary_distance_mm(const EyeEstimate& od, const EyeEstimate& os);
+
+/// Numbers outside what eyes are: `plausibility` in biometry.json, and a sentence for each that failed.
+struct PlausibilityFlag {
+  std::string name;
+  double value = 0, low = 0, high = 0;
+  bool passed = true;
+  std::string describe() const;
+};
+std::vector<PlausibilityFlag> plausibility(const Json& biometry);
+Json to_json(const std::vector<PlausibilityFlag>& flags);
+
+}  // namespace emmetrope

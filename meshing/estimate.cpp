@@ -1,0 +1,154 @@
+#include "meshing/estimate.hpp"
+
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+#include <map>
+
+#include "pipeline/base/error.hpp"
+
+namespace emmetrope {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+/// What the images must have shown for an eye to be measured at all.
+constexpr const char* required[] = {"cornea_c_per_mm", "cornea_j0_per_mm",          "cornea_j45_per_mm",
+                                    "axial_length_mm", "anterior_chamber_depth_mm", "lens_thickness_mm"};
+
+bool is_named(const ParametricEye& eye, const std::string& name) {
+  return std::find(eye.parameter_names.begin(), eye.parameter_names.end(), name) != eye.parameter_names.end();
+}
+
+void add_prior(ParametricEye& eye, const PopulationPrior& prior) {
+  const Index n = eye.covariance.rows();
+  MatrixXd covariance = MatrixXd::Zero(n + 1, n + 1);
+  covariance.topLeftCorner(n, n) = eye.covariance;
+  covariance(n, n) = prior.sigma * prior.sigma;
+  eye.covariance = covariance;
+  eye.parameter_names.emplace_back(prior.parameter);
+  eye.source[prior.parameter] = "prior";
+}
+
+void check_covariance(const ParametricEye& eye) {
+  const MatrixXd& p = eye.covariance;
+  if (p.rows() != p.cols() || p.rows() != static_cast<Index>(eye.parameter_names.size()))
+    throw input_error("fitted eye: the covariance's size is not that of its list of parameters");
+  if (!p.allFinite()) throw input_error("fitted eye: the covariance holds numbers that are not finite");
+  const VectorXd sigma = p.diagonal().cwiseMax(0).cwiseSqrt();
+  for (Index i = 0; i < sigma.size(); ++i) {
+    if (!(sigma[i] > 0)) throw input_error("fitted eye: '" + eye.parameter_names[i] + "' has no variance");
+  }
+  // Judged as correlations, since the parameters differ in their units.
+  const MatrixXd scaled = sigma.cwiseInverse().asDiagonal() * p * sigma.cwiseInverse().asDiagonal();
+  const MatrixXd asymmetry = scaled - scaled.transpose();
+  if (asymmetry.cwiseAbs().maxCoeff() > 1e-6)
+    throw input_error("fitted eye: the covariance is not symmetric");
+  const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(scaled, Eigen::EigenvaluesOnly);
+  if (eigen.eigenvalues().minCoeff() < -1e-6)
+    throw input_error("fitted eye: the covariance is not positive semidefinite");
+}
+
+}  // namespace
+
+const std::vector<PopulationPrior>& population_priors() {
+  static const std::vector<PopulationPrior> priors{
+      {"cornea_q", 0.12, "Dubbelman, Sicam and van der Heijde 2006"},
+      {"cornea_thickness_mm", 0.035, "Doughty and Zaman 2000: 0.535 +- 0.031 mm"},
+      {"cornea_back_ratio", 0.015, "Dubbelman, Sicam and van der Heijde 2006: 0.81 to 0.84"},
+      {"lens_anterior_radius_mm", 1.5, "Dubbelman and van der Heijde 2001"},
+      {"lens_posterior_radius_mm", 0.6, "Dubbelman and van der Heijde 2001"},
+      {"lens_anterior_q", 2.0, "Dubbelman and van der Heijde 2001"},
+      {"lens_posterior_q", 1.0, "Dubbelman and van der Heijde 2001"},
+      {"lens_decentre_x_mm", 0.25, "Rosales and Marcos 2006"},
+      {"lens_decentre_y_mm", 0.25, "Rosales and Marcos 2006"},
+      {"lens_tilt_x_deg", 3.0, "Rosales and Marcos 2006"},
+      {"lens_tilt_y_deg", 3.0, "Rosales and Marcos 2006"},
+  };
+  return priors;
+}
+
+double Propagated::sigma(Index i) const { return std::sqrt(std::max(0.0, covariance(i, i))); }
+
+EyeEstimate::EyeEstimate(ParametricEye fitted) : eye_(std::move(fitted)) {
+  for (const char* name : required) {
+    if (!is_named(eye_, name))
+      throw input_error(std::string("fitted eye: '") + name + "' is not among the fitted parameters");
+  }
+  for (const PopulationPrior& prior : population_priors()) {
+    if (!is_named(eye_, prior.parameter)) add_prior(eye_, prior);
+  }
+  check_covariance(eye_);
+}
+
+MatrixXd EyeEstimate::jacobian(const Functional& functional) const {
+  ParametricEye eye = eye_;
+  MatrixXd jacobian(functional(eye).size(), static_cast<Index>(eye.parameter_names.size()));
+  for (Index i = 0; i < jacobian.cols(); ++i) {
+    const std::string& name = eye_.parameter_names[i];
+    const double value = eye_.get(name);
+    // Wide enough for what the interval averages over, narrow enough for the derivative.
+    const double step = 0.2 * std::sqrt(eye_.covariance(i, i));
+    eye.set(name, value + step);
+    const VectorXd above = functional(eye);
+    eye.set(name, value - step);
+    jacobian.col(i) = (above - functional(eye)) / (2 * step);
+    eye.set(name, value);
+  }
+  return jacobian;
+}
+
+Propagated EyeEstimate::propagate(const Functional& functional) const {
+  const MatrixXd j = jacobian(functional);
+  Propagated result{functional(eye_), j * eye_.covariance * j.transpose(), {}};
+  for (Index row = 0; row < j.rows(); ++row) {
+    std::map<std::string, double> share;
+    for (Index i = 0; i < j.cols(); ++i) {
+      const auto source = eye_.source.find(eye_.parameter_names[i]);
+      share[source == eye_.source.end() ? "mri" : source->second] +=
+          j(row, i) * j(row, i) * (steps_.empty() ? eye_.covariance : steps_.front().covariance_before)(i, i);
+    }
+    const auto largest = std::max_element(share.begin(), share.end(),
+                                          [](const auto& a, const auto& b) { return a.second < b.second; });
+    std::string source = largest->first;
+    for (std::size_t s = 0; s < steps_.size(); ++s) {
+      const MatrixXd& after = s + 1 < steps_.size() ? steps_[s + 1].covariance_before : eye_.covariance;
+      const double before = j.row(row).dot(steps_[s].covariance_before * j.row(row).transpose());
+      if (j.row(row).dot(after * j.row(row).transpose()) < before / 2) source = steps_[s].source;
+    }
+    result.source.push_back(source);
+  }
+  return result;
+}
+
+double EyeEstimate::assimilate(const ExternalMeasurement& measurement) {
+  const auto n = static_cast<Index>(eye_.parameter_names.size());
+  VectorXd prior(n);
+  for (Index i = 0; i < n; ++i) prior[i] = eye_.get(eye_.parameter_names[i]);
+  const MatrixXd p = eye_.covariance;
+
+  const MatrixXd first_jacobian = jacobian(measurement.of_eye);
+  const VectorXd surprise = measurement.value - measurement.of_eye(eye_);
+  const MatrixXd expected = first_jacobian * p * first_jacobian.transpose() + measurement.covariance;
+  const double chi2 = surprise.dot(expected.ldlt().solve(surprise));
+
+  MatrixXd j, gain;
+  for (int iteration = 0; iteration < 4; ++iteration) {
+    j = jacobian(measurement.of_eye);
+    gain = (j * p * j.transpose() + measurement.covariance).ldlt().solve(j * p).transpose();
+    VectorXd now(n);
+    for (Index i = 0; i < n; ++i) now[i] = eye_.get(eye_.parameter_names[i]);
+    const VectorXd next = prior + gain * (measurement.value - measurement.of_eye(eye_) - j * (prior - now));
+    for (Index i = 0; i < n; ++i) eye_.set(eye_.parameter_names[i], next[i]);
+  }
+  steps_.push_back({measurement.source, p});
+  // Joseph's form stays symmetric and positive.
+  const MatrixXd keep = MatrixXd::Identity(n, n) - gain * j;
+  eye_.covariance = keep * p * keep.transpose() + gain * measurement.covariance * gain.transpose();
+  return std::sqrt(chi2 / static_cast<double>(measurement.value.size()));
+}
+
+}  // namespace emmetrope

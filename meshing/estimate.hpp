@@ -1,0 +1,72 @@
+#pragma once
+#include <Eigen/Core>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "raytrace/eye/parametric_eye.hpp"
+
+namespace emmetrope {
+
+/// Numbers that follow from an eye.
+using Functional = std::function<Eigen::VectorXd(const ParametricEye&)>;
+
+/// Numbers with their covariance and, for each, where it comes from.
+struct Propagated {
+  Eigen::VectorXd value;
+  Eigen::MatrixXd covariance;
+  std::vector<std::string> source;
+
+  double sigma(Eigen::Index i) const;
+};
+
+/// What another instrument measured.
+struct ExternalMeasurement {
+  std::string source;  ///< "keratometry", "axial_length", "acd", "lens_thickness", "topography"
+  Functional of_eye;   ///< what it would measure on an eye
+  Eigen::VectorXd value;
+  Eigen::MatrixXd covariance;
+};
+
+/// A fitted eye whose parameters are known with a joint normal distribution, and what has been learnt since
+/// the fit.
+class EyeEstimate {
+ public:
+  /// Parameters that the fit left out of its covariance enter with a population prior (population_priors()).
+  /// \throw Error (input_invalid) when the covariance has not what MRI must have measured, or is no
+  /// covariance
+  explicit EyeEstimate(ParametricEye fitted);
+
+  const ParametricEye& eye() const { return eye_; }
+
+  /// Linear propagation: value at the estimate, covariance J P J' with J by central differences over 0.2
+  /// sigma. The source of a number is that of the parameters with the largest share in its variance, or the
+  /// last instrument that took away more than half of the variance there was.
+  Propagated propagate(const Functional& functional) const;
+
+  /// Updates all parameters with a measurement: an iterated extended Kalman filter (Bell and Cathey 1993).
+  /// \return Mahalanobis distance of the measurement from what was expected, in standard deviations of its
+  /// dimension:
+  ///         sqrt of chi2 per degree of freedom; above 3 the two hardly fit together
+  double assimilate(const ExternalMeasurement& measurement);
+
+ private:
+  Eigen::MatrixXd jacobian(const Functional& functional) const;
+
+  struct Step {
+    std::string source;
+    Eigen::MatrixXd covariance_before;
+  };
+  ParametricEye eye_;
+  std::vector<Step> steps_;
+};
+
+/// A parameter's spread in the population, for what an image did not show.
+struct PopulationPrior {
+  const char* parameter;
+  double sigma;
+  const char* reference;
+};
+const std::vector<PopulationPrior>& population_priors();
+
+}  // namespace emmetrope

@@ -1,0 +1,42 @@
+#include "meshing/meshing.hpp"
+
+int main(int argc, char** argv) {
+  emmetrope::MeshingOptions options;
+  emmetrope::Command command;
+  command.name = "mesh";
+  command.summary = "Makes surface meshes and biometry of each eye from its segmentation.";
+  command.example =
+      "emmetrope mesh CASE --keratometry od:43.25@175/44.75@85+-0.25 --axial-length od:23.60+-0.05";
+  command.declare = [&](CLI::App& app) {
+    app.add_option("case", options.case_folder, "Case folder with a finished segmentation")
+        ->required()
+        ->type_name("CASE");
+    const auto measurement = [&](const char* flag, std::vector<std::string>& values, const char* help) {
+      app.add_option(flag, values, help)
+          ->type_name("EYE:VALUE+-SD")
+          ->group("Measured by other instruments (repeatable)");
+    };
+    emmetrope::InstrumentFlags& instruments = options.instruments;
+    measurement("--keratometry", instruments.keratometry,
+                "K in D at its axis in degrees, both meridians: od:43.25@175/44.75@85+-0.25");
+    measurement("--axial-length", instruments.axial_length, "Optical axial length, mm: od:23.60+-0.05");
+    measurement("--acd", instruments.anterior_chamber_depth, "Anterior chamber depth with the cornea, mm");
+    measurement("--lens-thickness", instruments.lens_thickness, "Lens thickness, mm");
+    app.add_option("--vertices", options.vertices,
+                   "Vertices of every surface, or SURFACE:N; default: the published counts")
+        ->type_name("[SURFACE:]N");
+    app.add_option("--edge-mm", options.edge_mm, "Target edge length in mm instead of vertex counts")
+        ->check(CLI::Range(0.05, 2.0))
+        ->excludes("--vertices");
+    app.add_option("--format", options.formats, "Further mesh formats besides PLY: vtp, stl, obj, gii")
+        ->check(CLI::IsMember({"ply", "vtp", "stl", "obj", "gii"}));
+    app.add_option("--retinal-depth", options.retinal_depth_mm,
+                   "Photoreceptors behind the vitreo-retinal interface, mm")
+        ->check(CLI::Range(0.0, 1.0))
+        ->capture_default_str();
+  };
+  command.run = [&](const emmetrope::CommonOptions& common) {
+    return emmetrope::make_meshes(options, common);
+  };
+  return emmetrope::run_command(argc, argv, command);
+}

@@ -1,0 +1,257 @@
+#include "meshing/meshing.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <optional>
+
+#include "meshing/biometry.hpp"
+#include "meshing/gifti.hpp"
+#include "meshing/mesh_check.hpp"
+#include "meshing/optics.hpp"
+#include "meshing/remesh.hpp"
+#include "pipeline/base/case_folder.hpp"
+#include "pipeline/base/log.hpp"
+
+namespace emmetrope {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr double head_roll_limit_deg = 3;
+/// One standard deviation of a biometer or keratometer where none is typed.
+constexpr double keratometry_sigma_D = 0.25;
+constexpr double length_sigma_mm = 0.05;
+
+/// What is asked of an eye by instruments, in the order of the command line's kinds.
+std::map<Laterality, std::vector<ExternalMeasurement>> parse_instruments(const MeshingOptions& options) {
+  std::map<Laterality, std::vector<ExternalMeasurement>> by_eye;
+  const auto add = [&](const std::string& flag, const std::vector<std::string>& texts, double sigma,
+                       auto make) {
+    for (const std::string& text : texts) {
+      const EyeFlag parsed = parse_eye_flag(flag, text, sigma);
+      by_eye[parsed.eye].push_back(make(parsed));
+    }
+  };
+  const InstrumentFlags& flags = options.instruments;
+  add("--keratometry", flags.keratometry, keratometry_sigma_D, keratometry_measurement);
+  add("--axial-length", flags.axial_length, length_sigma_mm,
+      [&](const EyeFlag& flag) { return axial_length_measurement(flag, options.retinal_depth_mm); });
+  add("--acd", flags.anterior_chamber_depth, length_sigma_mm, anterior_chamber_measurement);
+  add("--lens-thickness", flags.lens_thickness, length_sigma_mm, lens_thickness_measurement);
+  return by_eye;
+}
+
+/// Vertices of each surface, by name.
+std::map<std::string, int> parse_vertices(const std::vector<std::string>& texts) {
+  std::map<std::string, int> counts;
+  for (const std::string& text : texts) {
+    const auto colon = text.find(':');
+    const std::string name = colon == std::string::npos ? "" : text.substr(0, colon);
+    const std::string digits = colon == std::string::npos ? text : text.substr(colon + 1);
+    const bool known = name.empty() || name == "cornea_anterior" || name == "cornea_posterior" ||
+                       name == "lens_anterior" || name == "lens_posterior" || name == "retina";
+    if (!known || digits.empty() || digits.size() > 7 ||
+        digits.find_first_not_of("0123456789") != std::string::npos)
+      throw usage_error("--vertices " + text + ": cannot be read",
+                        "expected N or SURFACE:N, such as retina:973");
+    counts[name] = std::stoi(digits);
+  }
+  return counts;
+}
+
+struct FittedEye {
+  Json fit;
+  EyeEstimate estimate;
+};
+
+/// The eye's fit; nothing where segmentation has none or refused it, with the reason.
+std::optional<FittedEye> read_fit(const fs::path& case_folder, Laterality eye,
+                                  std::vector<std::string>& reasons) {
+  const fs::path file = case_folder / "segmentation" / to_string(eye) / "fit.json";
+  if (!fs::exists(file)) {
+    reasons.push_back(fmt::format("{}: segmentation found no such eye", clinical_name(eye)));
+    return std::nullopt;
+  }
+  try {
+    const Json fit = read_json(file);
+    if (fit.at("status") == "refused") {
+      std::string why;
+      for (const Json& gate : fit.at("quality")) {
+        if (!gate.at("passed").get<bool>())
+          why += (why.empty() ? "" : "; ") + gate.at("reason").get<std::string>();
+      }
+      reasons.push_back(fmt::format("{}: refused by segmentation: {}", clinical_name(eye), why));
+      return std::nullopt;
+    }
+    return FittedEye{fit, EyeEstimate(parametric_eye_from_json(fit.at("eye")))};
+  } catch (const nlohmann::json::exception& fault) {
+    throw input_error(file.string() + " is broken: " + fault.what(), "make it again with: emmetrope segment");
+  } catch (Error& error) {
+    error.add_context("reading " + file.string());
+    throw;
+  }
+}
+
+OpticalDefaults optical_defaults(const fs::path& case_folder, double retinal_depth_mm) {
+  OpticalDefaults defaults;
+  defaults.retinal_depth_mm = retinal_depth_mm;
+  const fs::path file = case_folder / "case.json";
+  if (!fs::exists(file)) return defaults;
+  const Json subject = read_json(file).value("subject", Json::object());
+  const auto age = subject.find("age_years");
+  if (age != subject.end() && age->is_number()) defaults.lens_index = lens_index_at_age(age->get<double>());
+  return defaults;
+}
+
+TriangleMesh in_lps(TriangleMesh mesh, const Eigen::Isometry3d& lps_from_eye) {
+  for (auto& vertex : mesh.vertices) vertex = lps_from_eye * vertex;
+  for (auto& normal : mesh.normals) normal = lps_from_eye.linear() * normal;
+  return mesh;
+}
+
+/// Writes the sheets of one eye. \return their measured quality, by name
+Json write_meshes(const fs::path& folder, const ParametricEye& eye, const MeshingOptions& options) {
+  const std::map<std::string, int> counts = parse_vertices(options.vertices);
+  Json report = Json::object();
+  for (const NamedSheet& sheet : make_sheets(eye)) {
+    int vertices = sheet.paper_vertices;
+    for (const std::string& key : {std::string(), sheet.name}) {
+      if (const auto wanted = counts.find(key); wanted != counts.end()) vertices = wanted->second;
+    }
+    const TriangleMesh mesh = options.edge_mm > 0 ? mesh_with_edge(*sheet.sheet, options.edge_mm)
+                                                  : mesh_with_vertices(*sheet.sheet, vertices);
+    report[sheet.name] = to_json(check_sheet(mesh));
+    const TriangleMesh lps = in_lps(mesh, eye.lps_from_eye);
+    write_mesh(folder / (sheet.name + ".ply"), lps, true);
+    for (const std::string& format : options.formats) {
+      if (format == "gii")
+        write_gifti(folder / (sheet.name + ".surf.gii"), lps);
+      else if (format != "ply")
+        write_mesh(folder / (sheet.name + "." + format), lps, true);
+    }
+  }
+  return report;
+}
+
+std::string summary(const Json& biometry) {
+  const auto line = [](const char* what, const Json& json, const char* unit) {
+    const auto m = json.get<Measured>();
+    return fmt::format("  {:<26}{:8.2f} {:<3} (95 % {:.2f} to {:.2f}, {})\n", what, m.value, unit, m.ci95[0],
+                       m.ci95[1], m.source);
+  };
+  const Json& k = biometry.at("keratometry");
+  return line("axial length", biometry.at("axial_length_mm"), "mm") +
+         line("anterior chamber depth", biometry.at("anterior_chamber_depth_mm"), "mm") +
+         line("lens thickness", biometry.at("lens_thickness_mm"), "mm") +
+         line("flat K", k.at("flat").at("power_D"), "D") +
+         line("  at axis", k.at("flat").at("axis_deg"), "deg") +
+         line("steep K", k.at("steep").at("power_D"), "D") +
+         line("corneal cylinder", k.at("cylinder_D"), "D");
+}
+
+}  // namespace
+
+Answer make_meshes(const MeshingOptions& options, const CommonOptions& common) {
+  auto instruments = parse_instruments(options);
+  parse_vertices(options.vertices);
+  read_verdict(options.case_folder, "segmentation");
+
+  StageSpec spec;
+  spec.stage = "meshing";
+  spec.parameters = {{"laterality", static_cast<int>(common.laterality)},
+                     {"keratometry", options.instruments.keratometry},
+                     {"axial_length", options.instruments.axial_length},
+                     {"acd", options.instruments.anterior_chamber_depth},
+                     {"lens_thickness", options.instruments.lens_thickness},
+                     {"topography", options.instruments.topography},
+                     {"vertices", options.vertices},
+                     {"edge_mm", options.edge_mm},
+                     {"formats", options.formats},
+                     {"retinal_depth_mm", options.retinal_depth_mm}};
+  for (const Laterality eye : both_eyes) {
+    const std::string name = std::string("segmentation/") + to_string(eye) + "/fit.json";
+    if (fs::exists(options.case_folder / name)) spec.inputs.push_back({name, options.case_folder / name});
+  }
+  if (fs::exists(options.case_folder / "case.json"))
+    spec.inputs.push_back({"case.json", options.case_folder / "case.json"});
+
+  const StageOutcome outcome = run_stage(options.case_folder, spec, common, [&](StageWorkspace& workspace) {
+    StageVerdict verdict;
+    std::map<Laterality, FittedEye> eyes;
+    for (const Laterality eye : both_eyes) {
+      std::vector<std::string> reasons;
+      if (auto fitted = read_fit(options.case_folder, eye, reasons)) eyes.emplace(eye, std::move(*fitted));
+      if (includes(common.laterality, eye))
+        verdict.reasons.insert(verdict.reasons.end(), reasons.begin(), reasons.end());
+    }
+    for (auto& [eye, fitted] : eyes) {
+      for (const ExternalMeasurement& measurement : instruments[eye]) {
+        const double surprise = fitted.estimate.assimilate(measurement);
+        if (surprise > 3)
+          workspace.warn(fmt::format("{}: {} and the images differ by {:.1f} standard deviations",
+                                     clinical_name(eye), measurement.source, surprise));
+      }
+    }
+
+    std::optional<Measured> interpupillary;
+    if (eyes.size() == 2)
+      interpupillary =
+          interpupillary_distance_mm(eyes.at(Laterality::od).estimate, eyes.at(Laterality::os).estimate);
+    const OpticalDefaults defaults = optical_defaults(options.case_folder, options.retinal_depth_mm);
+    int meshed = 0, wanted = 0;
+    Json quality = Json::object();
+    for (const Laterality eye : both_eyes) {
+      if (!includes(common.laterality, eye)) continue;
+      ++wanted;
+      const auto found = eyes.find(eye);
+      if (found == eyes.end()) continue;
+      const EyeEstimate& estimate = found->second.estimate;
+      const fs::path folder = workspace.folder() / to_string(eye);
+      fs::create_directories(folder);
+      quality[to_string(eye)] = write_meshes(folder, estimate.eye(), options);
+
+      Json biometry = biometry_json(estimate, {options.retinal_depth_mm});
+      const Json& roll = found->second.fit.at("head_roll_deg");
+      biometry["head_roll_deg"] = roll;
+      if (interpupillary) biometry["interpupillary_distance_mm"] = *interpupillary;
+      const std::vector<PlausibilityFlag> flags = plausibility(biometry);
+      biometry["plausibility"] = to_json(flags);
+      for (const PlausibilityFlag& flag : flags) {
+        if (!flag.passed) workspace.warn(std::string(clinical_name(eye)) + ": " + flag.describe());
+      }
+      if (meshed == 0 && roll.is_number() && std::abs(roll.get<double>()) > head_roll_limit_deg)
+        workspace.warn(fmt::format(
+            "the head is rolled by {:.1f} degrees against the scanner, in which astigmatic axes are given",
+            roll.get<double>()));
+      write_json(folder / "biometry.json", biometry);
+      write_json(folder / "optics.json", optics_json(estimate, defaults));
+      ++meshed;
+    }
+    workspace.provenance()["meshes"] = quality;
+    verdict.status = meshed == wanted ? ExitStatus::done
+                     : meshed > 0     ? ExitStatus::partial
+                                      : ExitStatus::no_result;
+    return verdict;
+  });
+
+  Answer answer;
+  answer.status = outcome.verdict.status;
+  answer.json = {{"status", static_cast<int>(outcome.verdict.status)},
+                 {"reasons", outcome.verdict.reasons},
+                 {"skipped", outcome.skipped},
+                 {"meshes", outcome.stage_json.value("meshes", Json::object())},
+                 {"eyes", Json::object()}};
+  answer.text = "meshing: " + describe(outcome) + "\n";
+  for (const std::string& reason : outcome.verdict.reasons) answer.text += reason + "\n";
+  for (const Laterality eye : both_eyes) {
+    const fs::path file = options.case_folder / "meshing" / to_string(eye) / "biometry.json";
+    if (!includes(common.laterality, eye) || !fs::exists(file)) continue;
+    const Json biometry = read_json(file);
+    answer.json["eyes"][to_string(eye)] = biometry;
+    answer.text += std::string(clinical_name(eye)) + "\n" + summary(biometry);
+  }
+  return answer;
+}
+
+}  // namespace emmetrope

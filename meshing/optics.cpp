@@ -1,0 +1,53 @@
+#include "meshing/optics.hpp"
+
+namespace emmetrope {
+namespace {
+
+/// Parameters of the fitted eye that carry its refraction's uncertainty; the optical axial length comes on
+/// top.
+const std::vector<std::string>& optical_parameters() {
+  static const std::vector<std::string> names{
+      "cornea_c_per_mm",         "cornea_j0_per_mm",         "cornea_j45_per_mm",         "cornea_q",
+      "cornea_back_ratio",       "cornea_thickness_mm",      "anterior_chamber_depth_mm", "lens_thickness_mm",
+      "lens_anterior_radius_mm", "lens_posterior_radius_mm", "lens_anterior_q",           "lens_posterior_q",
+      "lens_decentre_x_mm",      "lens_decentre_y_mm",       "lens_tilt_x_deg",           "lens_tilt_y_deg"};
+  return names;
+}
+
+}  // namespace
+
+Json optics_json(const EyeEstimate& estimate, const OpticalDefaults& defaults) {
+  const auto n = static_cast<Eigen::Index>(optical_parameters().size());
+  const Propagated p = estimate.propagate([&](const ParametricEye& eye) {
+    Eigen::VectorXd values(n + 1);
+    for (Eigen::Index i = 0; i < n; ++i) values[i] = eye.get(optical_parameters()[i]);
+    values[n] = eye.pole_depth_mm() + defaults.retinal_depth_mm;
+    return values;
+  });
+
+  Json json;
+  json["eye"] = to_json(analytic_eye(estimate.eye(), nullptr, defaults));
+  json["parameters"] = optical_parameters();
+  json["parameters"].push_back("optical_axial_length_mm");
+  json["parameters"].push_back("lens_index");
+  json["values"] = Json::array();
+  for (const double value : p.value) json["values"].push_back(value);
+  json["values"].push_back(defaults.lens_index);
+  json["covariance"] = Json::array();
+  for (Eigen::Index row = 0; row <= n; ++row) {
+    Json numbers = Json::array();
+    for (Eigen::Index column = 0; column <= n; ++column) numbers.push_back(p.covariance(row, column));
+    numbers.push_back(0.0);
+    json["covariance"].push_back(numbers);
+  }
+  // The lens' index is not in the images at all.
+  Json last = Json::array();
+  for (Eigen::Index column = 0; column <= n; ++column) last.push_back(0.0);
+  last.push_back(defaults.lens_index_sigma * defaults.lens_index_sigma);
+  json["covariance"].push_back(last);
+  json["sources"] = p.source;
+  json["sources"].push_back("prior");
+  return json;
+}
+
+}  // namespace emmetrope
