@@ -104,25 +104,33 @@ Prescription prescribe(const raytrace::Tracer& tracer, const EyeModel& eye, cons
   return result;
 }
 
-PrescriptionUncertainty uncertainty_of(const Prescription& prescription, const UncertainEye* eye) {
+PowerVector refraction_by_spot(const EyeModel& eye, const PrescriptionSettings& settings) {
+  const Wavefront wavefront = measure_wavefront(with_pupil(eye, settings.pupil_mm), wavefront_settings(settings));
+  return at_vertex(wavefront, wavefront.minimum_rms_spot, settings.vertex_distance_mm);
+}
+
+PrescriptionUncertainty uncertainty_of(const Prescription& prescription, const UncertainEye* eye,
+                                       const std::optional<Calibration>& calibration) {
   PrescriptionUncertainty result;
+  result.calibration = calibration;
   const Eigen::Vector3d sampling = prescription.search.sampling_sigma_D;
   if (eye) {
     result.source = "mri";
     const PrescriptionSettings& settings = prescription.settings;
     // The least-squares fit of ray slopes moves with the eye as the sharpest lens does, at a fraction of the cost.
-    const RefractionOf refraction = [&](const EyeModel& changed) {
-      const Wavefront wavefront =
-          measure_wavefront(with_pupil(changed, settings.pupil_mm), wavefront_settings(settings));
-      return at_vertex(wavefront, wavefront.minimum_rms_spot, settings.vertex_distance_mm);
-    };
+    const RefractionOf refraction = [&](const EyeModel& changed) { return refraction_by_spot(changed, settings); };
     const Eigen::MatrixXd sensitivity = refraction_sensitivity(*eye, refraction);
-    result.budget = uncertainty_budget(*eye, sensitivity);
+    UncertainEye known = *eye;
+    if (calibration) {
+      result.source = "refraction";
+      known.covariance = covariance_after(eye->covariance, known_refraction(sensitivity, calibration->sigma_D));
+    }
+    result.budget = uncertainty_budget(known, sensitivity);
     result.budget.pop_back();  // the total follows with the sampling in it
-    result.covariance = sensitivity * eye->covariance * sensitivity.transpose();
+    result.covariance = sensitivity * known.covariance * sensitivity.transpose();
     const auto add = [&](const std::string& name, const Measurement& measurement) {
       const Eigen::Vector3d sigma =
-          (sensitivity * covariance_after(eye->covariance, measurement) * sensitivity.transpose())
+          (sensitivity * covariance_after(known.covariance, measurement) * sensitivity.transpose())
               .diagonal()
               .cwiseMax(0)
               .cwiseSqrt();

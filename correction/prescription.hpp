@@ -57,6 +57,17 @@ struct Prescription {
 /// \throw Error (no_result) when no sharpest lens is found, with the reason
 Prescription prescribe(const raytrace::Tracer& tracer, const EyeModel& eye, const PrescriptionSettings& settings);
 
+/// M by the least-squares fit of ray slopes, at the settings' vertex distance: quick, for derivatives.
+PowerVector refraction_by_spot(const EyeModel& eye, const PrescriptionSettings& settings);
+
+/// A refraction known from the clinic has set the lens index: from then on it is data, and no result.
+struct Calibration {
+  PowerVector given;            ///< at the settings' vertex distance
+  double sigma_D = 0.25;
+  double index_before = 0, index_after = 0;
+  PowerVector before;           ///< what the images alone said
+};
+
 /// Where the numbers' uncertainty comes from.
 struct PrescriptionUncertainty {
   std::vector<BudgetLine> budget;
@@ -67,9 +78,11 @@ struct PrescriptionUncertainty {
   };
   std::vector<Value> if_measured;  ///< what a further measurement would leave
   std::string source = "model";    ///< of the prescription's numbers
+  std::optional<Calibration> calibration;
 };
 /// \param eye  null for a schematic eye, whose geometry is exact: what is left is the image's sampling
-PrescriptionUncertainty uncertainty_of(const Prescription& prescription, const UncertainEye* eye);
+PrescriptionUncertainty uncertainty_of(const Prescription& prescription, const UncertainEye* eye,
+                                       const std::optional<Calibration>& calibration = {});
 
 /// prescription.json of the case folder.
 /// \param laterality  "od", "os", or empty for a schematic eye

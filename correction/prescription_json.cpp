@@ -121,6 +121,14 @@ Json to_json(const Prescription& prescription, const PrescriptionUncertainty& un
   for (const auto& value : uncertainty.if_measured)
     values.push_back(line_json("measurement", value.measurement, value.sigma_after));
   json["if_measured"] = std::move(values);
+  if (const auto& calibration = uncertainty.calibration)
+    json["calibration"] = {
+        {"given", notation_json(calibration->given)},
+        {"sigma_D", calibration->sigma_D},
+        {"lens_index_before", calibration->index_before},
+        {"lens_index_after", calibration->index_after},
+        {"from_images_alone", notation_json(calibration->before)},
+        {"text", "The refraction was given and has set the index of the lens; the mean power is data, not a result."}};
   json["notice"] = research_notice;
   return json;
 }
