@@ -29,6 +29,8 @@ double smooth_union(double a, double b, double k) {
 double face_distance(const Vector3d& p) {
   double d = ellipsoid_distance(p - Vector3d(0, 78, 45), {76, 96, 85});
   d = smooth_union(d, ellipsoid_distance(p - Vector3d(0, 42, -38), {64, 54, 78}), 8);
+  // Lateral rim of the orbit and temple, 15 mm behind the cornea.
+  d = smooth_union(d, ellipsoid_distance({std::abs(p.x()) - 41, p.y() - 30, p.z() + 2}, {23, 27, 36}), 8);
   if (p.y() > 30) return d;
   d = smooth_union(d, ellipsoid_distance(p - Vector3d(0, 4, 24), {47, 16, 10}), 8);
   return smooth_union(d, ellipsoid_distance(p - Vector3d(0, -6, -26), {10, 25, 32}), 6);
@@ -41,7 +43,10 @@ double orbit_radius(const Vector3d& p, double& mean_radius) {
   const Vector3d apex(14.5, 42, 2);
   const Vector3d axis = (apex - opening).normalized();
   const double along = (p - opening).dot(axis) / (apex - opening).norm();
-  if (along >= 1) return 1e3;
+  if (along >= 1) {
+    mean_radius = 1;
+    return 1e3;
+  }
   const double s = std::max(0.0, along);
   const double root = std::sqrt(1 - s);
   const double taper =
@@ -51,9 +56,12 @@ double orbit_radius(const Vector3d& p, double& mean_radius) {
   return Vector3d(across.x() / 18.5, across.y() / 18.5, across.z() / 17.5).norm() / taper;
 }
 
-double waves(const Vector3d& p, double a, double b, double c) {
-  return std::sin(a * p.x() + 1.3 * std::sin(0.11 * p.z())) * std::sin(b * p.y() + 0.7) *
-         std::sin(c * p.z() + 1.1 * std::sin(0.13 * p.x()));
+/// A smooth irregular pattern between -1 and 1 with cells of about pi / k mm.
+double waves(const Vector3d& p, double k) {
+  const double x = k * p.x() + 1.2 * std::sin(0.61 * k * p.z() + 0.9) + 0.8 * std::sin(0.43 * k * p.y());
+  const double y = 1.1 * k * p.y() + 1.2 * std::sin(0.57 * k * p.x() + 0.3) + 0.7;
+  const double z = 0.9 * k * p.z() + 1.2 * std::sin(0.53 * k * p.y() + 1.7);
+  return std::sin(x) * std::sin(y) * std::sin(z);
 }
 
 }  // namespace
@@ -200,7 +208,7 @@ Tissue Anatomy::orbit_content(const Vector3d& lps, std::size_t side) const {
 Tissue Anatomy::deep_head(const Vector3d& p) {
   const double brain = ellipsoid_distance(p - Vector3d(0, 82, 44), {66, 82, 70});
   if (brain < 0 && (p.z() > 16 || p.y() > 46)) {
-    const double fold = waves(p, 0.42, 0.37, 0.40);
+    const double fold = waves(p, 0.40);
     if (-brain < 1.5 + 12 * std::max(0.0, fold - 0.45)) return Tissue::csf;
     if (ellipsoid_distance(Vector3d(std::abs(p.x()) - 9, p.y() - 75, p.z() - 52), {5, 28, 8}) < 0)
       return Tissue::csf;
@@ -210,12 +218,12 @@ Tissue Anatomy::deep_head(const Vector3d& p) {
 
   // Ethmoid cells and nasal cavity between the orbits, maxillary sinuses below them.
   if (std::abs(p.x()) < 11 && p.y() > -6 && p.y() < 44 && p.z() > -40 && p.z() < 13)
-    return std::abs(waves(p, 0.55, 0.5, 0.45)) > 0.12 ? Tissue::air : Tissue::mucosa;
+    return std::abs(waves(p, 0.5)) > 0.08 ? Tissue::air : Tissue::mucosa;
   const double sinus =
       ellipsoid_distance(Vector3d(std::abs(p.x()) - 28, p.y() - 18, p.z() + 36), {12, 15, 14});
   if (sinus < 0) return sinus < -1 ? Tissue::air : Tissue::mucosa;
   if (sinus < 1.2) return Tissue::bone;
-  return waves(p, 0.25, 0.21, 0.23) > 0.25 ? Tissue::fat : Tissue::muscle;
+  return waves(p, 0.23) > 0.25 ? Tissue::fat : Tissue::muscle;
 }
 
 }  // namespace emmetrope::phantom
