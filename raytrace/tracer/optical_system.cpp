@@ -93,13 +93,11 @@ OpticalSystem make_optical_system(const EyeModel& eye,
   auto& system = builder.system();
   const auto medium = [&](const std::string& name) -> const Medium* {
     if (name.empty()) return nullptr;
-    const auto found = eye.media.find(name);
-    if (found == eye.media.end())
-      throw input_error("eye \"" + eye.name + "\": no medium is called \"" + name + "\"");
-    if (found->second.gradient)
+    const Medium& found = eye.medium(name);
+    if (found.gradient)
       throw unsupported_error("eye \"" + eye.name +
                               "\": the device does not trace the gradient of medium \"" + name + "\" yet");
-    return &found->second;
+    return &found;
   };
 
   for (int i = static_cast<int>(eye.surfaces.size()) - 2; i >= 0; --i) {

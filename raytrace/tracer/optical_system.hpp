@@ -11,7 +11,7 @@
 namespace emmetrope::raytrace {
 
 /// What a ray from the retina meets, in order; the numbers are those of kernels/trace.cl.
-enum class Operation { sphere = 0, quadric, biconic, patch, stop, rotate, triangles };
+enum class Operation : int { sphere = 0, quadric, biconic, patch, stop, rotate, triangles };
 
 /// An eye as the kernels take it.
 struct OpticalSystem {

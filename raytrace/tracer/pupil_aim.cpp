@@ -39,8 +39,7 @@ std::array<double, nodes_a_side> lagrange(double x) {
 /// Exact rays from the retina to the plane of the stop.
 class ToStop {
  public:
-  ToStop(const EyeModel& eye, double plane_z_mm, double wavelength_nm)
-      : open_(eye), plane_z_mm_(plane_z_mm), wavelength_nm_(wavelength_nm) {
+  ToStop(const EyeModel& eye, double plane_z_mm, double wavelength_nm) : open_(eye), plane_z_mm_(plane_z_mm) {
     const auto stop =
         std::find_if(open_.surfaces.begin(), open_.surfaces.end(), [](const auto& s) { return s.is_stop(); });
     if (stop == open_.surfaces.end())
@@ -53,6 +52,7 @@ class ToStop {
     stop->stop_diameter_mm = 1e3;  // where the stop would cut is what is asked for
     const auto behind = std::next(stop);
     behind_stop_ = std::next(behind) == open_.surfaces.end() ? "" : behind->name;
+    exact_.emplace(open_, wavelength_nm);
   }
 
   double radius_mm() const { return radius_mm_; }
@@ -62,7 +62,7 @@ class ToStop {
     const Ray ray{retina, (Eigen::Vector3d(aim.x(), aim.y(), plane_z_mm_) - retina).normalized()};
     Eigen::Vector3d position = ray.origin, direction = ray.direction;
     if (!behind_stop_.empty()) {
-      const RayPath path = trace_exact(open_, ray, wavelength_nm_);
+      const RayPath path = exact_->trace(ray);
       const auto hit = std::find_if(path.hits.begin(), path.hits.end(),
                                     [&](const auto& h) { return h.surface == behind_stop_; });
       if (hit == path.hits.end() || (path.state != RayState::reached && path.at == behind_stop_))
@@ -77,7 +77,8 @@ class ToStop {
 
  private:
   EyeModel open_;
-  double plane_z_mm_, wavelength_nm_, radius_mm_ = 0;
+  std::optional<ExactTracer> exact_;
+  double plane_z_mm_, radius_mm_ = 0;
   Eigen::Isometry3d stop_from_eye_;
   std::string behind_stop_;  ///< the surface between which and the stop the ray is straight
 };

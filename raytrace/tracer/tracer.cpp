@@ -10,13 +10,13 @@
 #include "raytrace/tracer/opencl.hpp"
 #include "raytrace/tracer/optical_system.hpp"
 #include "raytrace/tracer/pupil_aim.hpp"
+#include "raytrace/tracer/retina_pixels.hpp"
 #include "raytrace/tracer/spectrum.hpp"
 
 namespace emmetrope::raytrace {
 namespace {
 
-constexpr int batches = 2;        ///< UN: batches of rays in flight
-constexpr int pixel_floats = 12;  ///< PIXEL in kernels/trace.cl
+constexpr int batches = 2;  ///< UN: batches of rays in flight
 constexpr int outputs = 4, state_counts = 4;
 constexpr int work_group = 64;
 /// Rays of one kernel call: short enough for progress, Ctrl-C and a display's watchdog.
@@ -35,48 +35,6 @@ Eigen::Isometry3d eye_from_scene(const TraceSettings& settings) {
       Eigen::Quaterniond::FromTwoVectors(Eigen::Vector3d::UnitZ(), Eigen::Vector3d(h, v, 1));
   result = Eigen::Translation3d(centre) * turn.inverse() * Eigen::Translation3d(-centre);
   return result;
-}
-
-/// Retina point, aim ellipse and normal of every pixel, PIXEL floats each. Returns them with the ellipses'
-/// areas (mm^2).
-struct Pixels {
-  std::vector<float> values;
-  std::vector<float> area_mm2;
-};
-Pixels make_pixels(const EyeModel& eye, const RetinalGrid& grid, const PupilAim& aim, int threads) {
-  const std::size_t count = static_cast<std::size_t>(grid.width) * grid.height;
-  Pixels pixels{std::vector<float>(count * pixel_floats), std::vector<float>(count)};
-  std::exception_ptr fault;
-  std::mutex mutex;
-  const auto rows = [&](int first, int step) {
-    try {
-      for (int row = first; row < grid.height; row += step)
-        for (int column = 0; column < grid.width; ++column) {
-          // The retinal image is upside down: the picture's top left is seen by the retina's lower left in
-          // eye x and y.
-          const double x = grid.centre_mm.x() + grid.field_x_mm * ((column + 0.5) / grid.width - 0.5);
-          const double y = grid.centre_mm.y() + grid.field_y_mm * ((row + 0.5) / grid.height - 0.5);
-          const RetinaPoint point = retina_point(eye, x, y);
-          const AimEllipse ellipse = aim.at(x, y);
-          const std::size_t index = static_cast<std::size_t>(row) * grid.width + column;
-          float* p = &pixels.values[index * pixel_floats];
-          for (int i = 0; i < 3; ++i) p[i] = static_cast<float>(point.position_mm[i]);
-          for (int i = 0; i < 2; ++i) p[3 + i] = static_cast<float>(ellipse.centre_mm[i]);
-          for (int i = 0; i < 4; ++i) p[5 + i] = static_cast<float>(ellipse.from_disc(i / 2, i % 2));
-          for (int i = 0; i < 3; ++i) p[9 + i] = static_cast<float>(point.normal[i]);
-          pixels.area_mm2[index] = static_cast<float>(pi * std::abs(ellipse.from_disc.determinant()));
-        }
-    } catch (...) {
-      const std::lock_guard<std::mutex> lock(mutex);
-      fault = std::current_exception();
-    }
-  };
-  std::vector<std::thread> workers;
-  for (int t = 1; t < threads; ++t) workers.emplace_back(rows, t, threads);
-  rows(0, threads);
-  for (auto& worker : workers) worker.join();
-  if (fault) std::rethrow_exception(fault);
-  return pixels;
 }
 
 std::vector<float> colour_table(const Spectrum& spectrum) {
@@ -115,11 +73,50 @@ void check(const TraceSettings& settings) {
 
 }  // namespace
 
+namespace {
+
+/// Sets a kernel's arguments one after the other.
+class Arguments {
+ public:
+  explicit Arguments(cl::Kernel& kernel) : kernel_(kernel) {}
+  template <typename... Values>
+  void add(const Values&... values) {
+    (kernel_.setArg(place_++, values), ...);
+  }
+  cl_uint place() const { return place_; }
+
+ private:
+  cl::Kernel& kernel_;
+  cl_uint place_ = 0;
+};
+
+/// The buffers of an optical system: SYSTEM in kernels/trace.cl.
+struct SystemBuffers {
+  SystemBuffers(const OpenCl& cl, const OpticalSystem& system)
+      : kinds(cl.upload(system.kinds)),
+        operations(cl.upload(system.operations)),
+        ratios(cl.upload(system.ratios)),
+        records(cl.upload(system.records)) {}
+  void add_to(Arguments& arguments) const { arguments.add(kinds, operations, ratios, records); }
+  cl::Buffer kinds, operations, ratios, records;
+};
+
+/// Definitions that every kernel needs.
+std::string definitions_of(const OpticalSystem& system, int lanes, int in_flight, int channels, bool spectral,
+                           int waves, bool illuminance) {
+  return "-DVLN=" + std::to_string(lanes) + " -DUN=" + std::to_string(in_flight) +
+         " -DCHANNELS=" + std::to_string(channels) + " -DSPECTRAL=" + (spectral ? "1" : "0") +
+         " -DWAVES=" + std::to_string(waves) + " -DILLUMINANCE=" + (illuminance ? "1" : "0") +
+         " -DSHARE_RECORDS=" + (lanes == 1 ? "1" : "0") + system.definitions();
+}
+
+}  // namespace
+
 struct Tracer::State {
   State(const std::string& device, int wanted_threads)
       : cl(device, wanted_threads),
-        threads(wanted_threads > 0 ? wanted_threads : static_cast<int>(std::max(1U, std::thread::hardware_concurrency()))) {
-  }
+        threads(wanted_threads > 0 ? wanted_threads
+                                   : static_cast<int>(std::max(1U, std::thread::hardware_concurrency()))) {}
   OpenCl cl;
   int threads;
 };
@@ -146,56 +143,39 @@ TraceResult Tracer::trace(const EyeModel& eye, const Scene& scene, const TraceSe
   const DeviceScene view = make_device_scene(scene, eye_from_scene(settings), !spectral);
   const RetinalGrid& grid = settings.grid;
   const PupilAim aim(eye, grid, spectral ? eye.reference_wavelength_nm : *settings.wavelength_nm);
-  const Pixels pixels = make_pixels(eye, grid, aim, state_->threads);
+  const RetinaPixels pixels = make_pixels(eye, grid, aim, state_->threads);
 
   const int lanes = cl.lanes(), waves = spectral ? wavelength_count / lanes : 1;
   const int multiple = lanes * waves * batches;
   const int samples = (settings.samples + multiple - 1) / multiple * multiple;
   const int pixel_count = grid.width * grid.height;
   const std::string definitions =
-      "-DVLN=" + std::to_string(lanes) + " -DUN=" + std::to_string(batches) +
-      " -DCHANNELS=" + std::to_string(view.channels) + " -DSPECTRAL=" + (spectral ? "1" : "0") +
-      " -DWAVES=" + std::to_string(waves) + " -DILLUMINANCE=" + (settings.illuminance ? "1" : "0") +
-      " -DSHARE_RECORDS=" + (lanes == 1 ? "1" : "0") + system.definitions();
+      definitions_of(system, lanes, batches, view.channels, spectral, waves, settings.illuminance);
 
   TraceResult result;
   result.device = device_name();
+  result.notes = system.notes;
   std::vector<float> image(static_cast<std::size_t>(pixel_count) * outputs);
   std::vector<cl_int> states(static_cast<std::size_t>(pixel_count) * state_counts);
   try {
     cl::Kernel kernel(cl.program(definitions), "trace_pixels");
-    std::vector<int> kinds;
-    for (const Operation kind : system.kinds) kinds.push_back(static_cast<int>(kind));
-    const cl::Buffer kind_buffer = cl.upload(kinds), operation_buffer = cl.upload(system.operations),
-                     ratio_buffer = cl.upload(system.ratios), record_buffer = cl.upload(system.records),
-                     pixel_buffer = cl.upload(pixels.values), plane_buffer = cl.upload(view.planes),
+    const SystemBuffers system_buffers(cl, system);
+    const cl::Buffer pixel_buffer = cl.upload(pixels.values), plane_buffer = cl.upload(view.planes),
                      texel_buffer = cl.upload(view.texels), background_buffer = cl.upload(view.background),
                      colour_buffer = cl.upload(colour_table(spectrum));
     const cl::Buffer image_buffer = cl.allocate(image.size() * sizeof(float)),
                      state_buffer = cl.allocate(states.size() * sizeof(cl_int));
     const int pixels_a_call =
         std::max<std::int64_t>(work_group, rays_a_call / samples / work_group * work_group);
-    cl_uint place = 0;
-    const auto set = [&](const auto& value) { kernel.setArg(place++, value); };
-    set(kind_buffer);
-    set(operation_buffer);
-    set(ratio_buffer);
-    set(record_buffer);
-    set(static_cast<cl_int>(kinds.size()));
-    set(pixel_buffer);
-    set(static_cast<cl_float>(aim.plane_z_mm()));
-    const cl_uint place_of_slice = place;
-    set(cl_int{0});
-    set(cl_int{0});
-    set(static_cast<cl_int>(samples));
-    set(static_cast<cl_uint>(settings.seed * 2654435761U + (settings.seed >> 32U)));
-    set(plane_buffer);
-    set(static_cast<cl_int>(view.plane_count));
-    set(texel_buffer);
-    set(background_buffer);
-    set(colour_buffer);
-    set(image_buffer);
-    set(state_buffer);
+    Arguments arguments(kernel);
+    system_buffers.add_to(arguments);
+    arguments.add(static_cast<cl_int>(system.kinds.size()), pixel_buffer,
+                  static_cast<cl_float>(aim.plane_z_mm()));
+    const cl_uint place_of_slice = arguments.place();
+    arguments.add(cl_int{0}, cl_int{0}, static_cast<cl_int>(samples),
+                  static_cast<cl_uint>(settings.seed * 2654435761U + (settings.seed >> 32U)), plane_buffer,
+                  static_cast<cl_int>(view.plane_count), texel_buffer, background_buffer, colour_buffer,
+                  image_buffer, state_buffer);
     const std::size_t calls = (pixel_count + pixels_a_call - 1) / pixels_a_call;
     Progress progress("tracing", calls, settings.verbosity);
     for (int first = 0; first < pixel_count; first += pixels_a_call) {
@@ -239,6 +219,46 @@ TraceResult Tracer::trace(const EyeModel& eye, const Scene& scene, const TraceSe
                    {RayState::missed_scene, counted[3]},
                    {RayState::reached, result.rays - counted[0] - counted[1] - counted[2] - counted[3]}};
   result.wall_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+  return result;
+}
+
+std::vector<ExitRay> Tracer::exit_rays(const EyeModel& eye, const std::vector<Ray>& rays_in_eye,
+                                       const TraceSettings& settings) const {
+  OpenCl& cl = state_->cl;
+  std::array<double, wavelength_count> wavelengths{};
+  wavelengths.fill(settings.wavelength_nm.value_or(eye.reference_wavelength_nm));
+  const OpticalSystem system =
+      make_optical_system(eye, wavelengths, chosen(eye, settings), settings.vertices);
+  const std::size_t count = (rays_in_eye.size() + 15) / 16 * 16;
+  std::vector<float> in(6 * count), out(7 * count);
+  for (std::size_t i = 0; i < count && !rays_in_eye.empty(); ++i) {
+    const Ray& ray = rays_in_eye[std::min(i, rays_in_eye.size() - 1)];
+    for (int c = 0; c < 3; ++c) in[c * count + i] = static_cast<float>(ray.origin[c]);
+    for (int c = 0; c < 3; ++c) in[(3 + c) * count + i] = static_cast<float>(ray.direction[c]);
+  }
+  try {
+    cl::Kernel kernel(cl.program(definitions_of(system, cl.lanes(), 1, 1, false, 1, false)), "trace_rays");
+    const SystemBuffers system_buffers(cl, system);
+    const cl::Buffer in_buffer = cl.upload(in), out_buffer = cl.allocate(out.size() * sizeof(float));
+    Arguments arguments(kernel);
+    system_buffers.add_to(arguments);
+    arguments.add(static_cast<cl_int>(system.kinds.size()), static_cast<cl_int>(count), cl_int{0}, in_buffer,
+                  out_buffer);
+    const std::size_t items = count / cl.lanes();
+    cl.queue().enqueueNDRangeKernel(kernel, cl::NullRange,
+                                    cl::NDRange((items + work_group - 1) / work_group * work_group),
+                                    cl::NDRange(work_group));
+    cl.queue().enqueueReadBuffer(out_buffer, CL_TRUE, 0, out.size() * sizeof(float), out.data());
+  } catch (const cl::Error& fault) {
+    throw_device_error(fault, cl.info().name);
+  }
+  constexpr RayState states[] = {RayState::reached, RayState::vignetted, RayState::tir,
+                                 RayState::missed_surface};
+  std::vector<ExitRay> result(rays_in_eye.size());
+  for (std::size_t i = 0; i < result.size(); ++i)
+    result[i] = {{out[i], out[count + i], out[2 * count + i]},
+                 {out[3 * count + i], out[4 * count + i], out[5 * count + i]},
+                 states[static_cast<int>(out[6 * count + i])]};
   return result;
 }
 

@@ -61,7 +61,14 @@ struct TraceResult {
   std::uint64_t rays = 0;
   double wall_s = 0;  ///< scene included
   std::string device;
+  std::vector<std::string> notes;  ///< how far a representation departs from its surface
   double rays_per_s() const { return wall_s > 0 ? static_cast<double>(rays) / wall_s : 0; }
+};
+
+/// A ray after it has left the eye (and the spectacle), eye frame.
+struct ExitRay {
+  Eigen::Vector3d position_mm, direction;
+  RayState state = RayState::reached;
 };
 
 /// An OpenCL device with its programs; keeps compiled kernels between calls.
@@ -80,6 +87,10 @@ class Tracer {
   /// Traces backward from the retina through the pupil of `eye` into `scene`.
   TraceResult trace(const EyeModel& eye, const Scene& scene, const TraceSettings& settings,
                     const std::vector<CurvatureTangent>& tangents = {}) const;
+
+  /// The same system without a scene, on single rays that start behind it: spot diagrams, accuracy.
+  std::vector<ExitRay> exit_rays(const EyeModel& eye, const std::vector<Ray>& rays_in_eye,
+                                 const TraceSettings& settings) const;
 
  private:
   struct State;

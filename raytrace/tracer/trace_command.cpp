@@ -1,0 +1,188 @@
+#include "raytrace/tracer/trace_command.hpp"
+
+#include <fmt/format.h>
+
+#include "pipeline/base/case_folder.hpp"
+#include "pipeline/base/error.hpp"
+#include "pipeline/base/files.hpp"
+#include "pipeline/base/log.hpp"
+#include "raytrace/tracer/trace_options.hpp"
+#include "raytrace/wavefront/wavefront.hpp"
+
+namespace emmetrope::raytrace {
+namespace {
+
+namespace fs = std::filesystem;
+
+Json summary(const TraceResult& result, const std::string& image) {
+  Json states = Json::object();
+  for (const auto& [state, count] : result.states) states[to_string(state)] = count;
+  return {{"rays", result.rays},     {"wall_s", result.wall_s}, {"rays_per_s", result.rays_per_s()},
+          {"device", result.device}, {"states", states},        {"image", image}};
+}
+
+std::string line(const std::string& eye, const Json& answer) {
+  return fmt::format("{}: {:.1f} million rays in {:.2f} s ({:.1f} million a second), {}\n", eye,
+                     answer["rays"].get<double>() / 1e6, answer["wall_s"].get<double>(),
+                     answer["rays_per_s"].get<double>() / 1e6, answer["image"].get<std::string>());
+}
+
+/// The wavefront of the eye without a spectacle, at its reference wavelength.
+void write_wavefront(const EyeModel& eye, const TraceSettings& settings, const fs::path& file) {
+  WavefrontSettings wavefront;
+  wavefront.wavelength_nm = settings.wavelength_nm;
+  wavefront.fovea_mm = settings.grid.centre_mm;
+  write_json(file, wavefront_json(measure_wavefront(eye, wavefront)));
+}
+
+Answer trace_named(const TraceOptions& options, const CommonOptions& common) {
+  if (options.output.empty())
+    throw usage_error("--eye needs -o: where to write", "add -o FOLDER or -o image.png");
+  EyeOptions eye_options;
+  eye_options.accommodation_D = options.accommodation_D.value_or(0);
+  eye_options.accommodation_parameter = options.accommodation_parameter;
+  eye_options.pupil_mm = options.pupil_mm;
+  const EyeModel eye = make_eye(options.eye, eye_options);
+  const TraceSettings settings = read_settings(options);
+  const auto scene = make_scene(options.scene);
+  const Tracer tracer(common.device, common.threads);
+  const TraceResult result = tracer.trace(with_spectacle(eye, options), *scene, settings);
+  for (const auto& note : result.notes) spdlog::info("{}", note);
+
+  const fs::path output = options.output;
+  const std::string ending = output.extension().string();
+  fs::path image = output;
+  if (ending == ".png") {
+    write_png(image, result.image);
+  } else if (ending == ".tif" || ending == ".tiff") {
+    write_tiff(image, result.image);
+  } else {
+    std::error_code fault;
+    fs::create_directories(output, fault);
+    if (fault) throw output_error("cannot make the folder " + output.string() + ": " + fault.message());
+    image = output / "uncorrected.png";
+    write_png(image, result.image);
+    write_eye(output / "eye.json", eye);
+    write_wavefront(eye, settings, output / "wavefront.json");
+  }
+  Answer answer;
+  answer.json = summary(result, image.string());
+  answer.text = line(eye.name, answer.json);
+  return answer;
+}
+
+Json stage_parameters(const TraceOptions& o, const CommonOptions& common) {
+  const auto or_null = [](const std::optional<double>& value) {
+    return value ? Json(*value) : Json(nullptr);
+  };
+  return {{"scene", o.scene},
+          {"surfaces", o.surfaces},
+          {"size", o.size},
+          {"field_mm", o.field_mm},
+          {"fovea", o.fovea},
+          {"samples", o.settings.samples},
+          {"pupil_mm", o.measured.pupil_mm},
+          {"spectacle", o.spectacle},
+          {"plano_cylinder", o.plano_cylinder},
+          {"gaze", o.gaze},
+          {"wavelength_nm", or_null(o.wavelength_nm)},
+          {"illuminance", o.settings.illuminance},
+          {"age_years", or_null(o.measured.age_years)},
+          {"lens_index", or_null(o.measured.lens_index)},
+          {"lens_core", o.measured.lens_core},
+          {"retinal_depth_mm", o.measured.retinal_depth_mm},
+          {"seed", common.seed},
+          {"laterality", common.laterality == LateralityChoice::both ? "both"
+                         : common.laterality == LateralityChoice::od ? "od"
+                                                                     : "os"}};
+}
+
+StageVerdict trace_eyes(const fs::path& case_folder, const TraceOptions& options, const CommonOptions& common,
+                        const Tracer& tracer, const StageVerdict& meshed, StageWorkspace& workspace) {
+  const TraceSettings settings = read_settings(options);
+  const auto scene = make_scene(options.scene);
+  StageVerdict verdict = meshed;  // an eye that was not meshed is missing here too
+  Json eyes = Json::object();
+  for (const Laterality laterality : both_eyes) {
+    if (!includes(common.laterality, laterality)) continue;
+    if (!fs::exists(case_folder / "meshing" / to_string(laterality) / "biometry.json")) continue;
+    const MeasuredEye measured = read_measured_eye(case_folder, laterality, options.measured);
+    const TraceResult result = tracer.trace(with_spectacle(measured.eye, options), *scene, settings);
+    for (const auto& note : result.notes) spdlog::info("{}: {}", to_string(laterality), note);
+    const fs::path folder = workspace.folder() / to_string(laterality);
+    fs::create_directories(folder);
+    write_mesh(folder / "photoreceptors.ply", measured.photoreceptors_in_lps, true);
+    write_json(folder / "eye.json", measured_eye_json(measured, laterality));
+    write_png(folder / "uncorrected.png", result.image);
+    write_wavefront(measured.eye, settings, folder / "wavefront.json");
+    Json& eye = eyes[to_string(laterality)];
+    eye = summary(result, fmt::format("raytrace/{}/uncorrected.png", to_string(laterality)));
+    eye["lens_index"] = measured.lens_index;
+    eye["lens_index_from"] = measured.lens_source;
+    eye["notes"] = result.notes;
+  }
+  if (eyes.empty() && verdict.status != ExitStatus::no_result)
+    throw input_error(case_folder.string() + "/meshing holds no eye that --laterality asks for",
+                      "run emmetrope mesh " + case_folder.string());
+  workspace.provenance()["eyes"] = eyes;
+  return verdict;
+}
+
+Answer trace_case(TraceOptions options, const CommonOptions& common) {
+  if (options.accommodation_D || options.accommodation_parameter)
+    throw usage_error("--accommodation: a measured eye is traced as it was in the scanner",
+                      "use it with --eye");
+  if (options.pupil_mm) options.measured.pupil_mm = *options.pupil_mm;
+  options.settings.verbosity = common.verbosity;
+  const fs::path folder = options.case_folder;
+  const CaseLock lock(folder, false);
+  const StageVerdict meshed = read_verdict(folder, "meshing");
+  const Tracer tracer(common.device, common.threads);
+  StageSpec spec;
+  spec.stage = "raytrace";
+  spec.parameters = stage_parameters(options, common);
+  spec.inputs = inputs_below(folder, "meshing");
+  if (fs::exists(folder / "case.json")) spec.inputs.push_back({"case.json", folder / "case.json"});
+  if (fs::is_regular_file(options.scene)) spec.inputs.push_back({"scene", options.scene});
+  spec.uses_opencl = true;
+  spec.device = tracer.device_name();
+  const StageOutcome outcome = run_stage(folder, spec, common, [&](StageWorkspace& workspace) {
+    return trace_eyes(folder, options, common, tracer, meshed, workspace);
+  });
+  Answer answer;
+  answer.status = outcome.verdict.status;
+  const Json eyes = outcome.stage_json.value("eyes", Json::object());
+  answer.json = {{"eyes", eyes}, {"skipped", outcome.skipped}};
+  for (const auto& [name, eye] : eyes.items()) answer.text += line(name, eye);
+  for (const auto& reason : outcome.verdict.reasons) answer.text += reason + "\n";
+  answer.text += describe(outcome) + "\n";
+  return answer;
+}
+
+}  // namespace
+
+Command trace_command() {
+  const auto options = std::make_shared<TraceOptions>();
+  Command command;
+  command.name = "trace";
+  command.summary = "Draws what an eye sees: rays from the retina through the pupil into a scene.";
+  command.example =
+      "emmetrope trace CASE    or: emmetrope trace --eye navarro --scene letters:logmar=1 -o navarro.png";
+  command.declare = [options](CLI::App& app) { declare(app, *options); };
+  command.run = [options](const CommonOptions& common) {
+    if (options->case_folder.empty() == options->eye.empty())
+      throw usage_error(
+          options->eye.empty() ? "neither a case nor --eye is given" : "a case and --eye exclude each other",
+          "see emmetrope trace --help");
+    if (!options->lens_model.empty() && options->lens_model != "core" && options->lens_model != "homogeneous")
+      throw usage_error("--lens-model: \"" + options->lens_model + "\" is unknown",
+                        "give homogeneous or core");
+    options->measured.lens_core = options->lens_model == "core";
+    options->settings.seed = common.seed;
+    options->settings.verbosity = common.verbosity;
+    return options->eye.empty() ? trace_case(*options, common) : trace_named(*options, common);
+  };
+  return command;
+}
+
+}  // namespace emmetrope::raytrace

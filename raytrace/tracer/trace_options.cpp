@@ -1,0 +1,136 @@
+#include "raytrace/tracer/trace_options.hpp"
+
+#include <charconv>
+#include <map>
+
+#include "pipeline/base/error.hpp"
+#include "raytrace/spectacle/spectacle.hpp"
+
+namespace emmetrope::raytrace {
+namespace {
+
+/// Reads one number at the front of `text` and drops it.
+double take_number(const std::string& option, const std::string& whole, std::string_view& text) {
+  if (!text.empty() && text.front() == '+') text.remove_prefix(1);
+  double value = 0;
+  const auto [end, fault] = std::from_chars(text.data(), text.data() + text.size(), value);
+  if (fault != std::errc()) throw usage_error(option + ": a number is missing in \"" + whole + "\"");
+  text.remove_prefix(end - text.data());
+  return value;
+}
+
+void take(const std::string& option, const std::string& whole, std::string_view& text, char expected) {
+  if (text.empty() || text.front() != expected)
+    throw usage_error(option + ": \"" + whole + "\" has no '" + expected + "' where it should");
+  text.remove_prefix(1);
+}
+
+}  // namespace
+
+Eigen::Vector2d read_pair(const std::string& option, const std::string& text, char separator) {
+  std::string_view rest = text;
+  const double first = take_number(option, text, rest);
+  take(option, text, rest, separator);
+  const double second = take_number(option, text, rest);
+  if (!rest.empty()) throw usage_error(option + ": \"" + text + "\" goes on after its second number");
+  return {first, second};
+}
+
+void declare(CLI::App& app, TraceOptions& o) {
+  app.add_option("case", o.case_folder, "Case folder, meshed")->type_name("CASE");
+  app.add_option("--eye", o.eye, "Schematic eye by name, or an eye.json")->type_name("NAME|FILE");
+  app.add_option("-o,--output", o.output, "With --eye: a folder, or a .png or .tiff file")->type_name("PATH");
+  app.add_option("--scene", o.scene, "Chart NAME[:key=value,...], or a scene.json")
+      ->capture_default_str()
+      ->type_name("SCENE");
+  app.add_option("--surfaces", o.surfaces, "analytic, triangles, smooth or fast")->type_name("KIND");
+  app.add_option("--vertices", o.settings.vertices, "A surface, where a formula is meshed")
+      ->capture_default_str();
+  app.add_option("--size", o.size, "Pixels")->capture_default_str()->type_name("WxH");
+  app.add_option("--field-mm", o.field_mm, "On the retina, mm")->capture_default_str()->type_name("XxY");
+  app.add_option("--fovea", o.fovea, "Centre of the picture on the retina, mm from the pole")
+      ->type_name("X,Y");
+  app.add_option("--samples", o.settings.samples, "Rays a pixel")->capture_default_str();
+  app.add_option("--pupil", o.pupil_mm, "Iris aperture, mm (4)")->type_name("MM");
+  app.add_option("--accommodation", o.accommodation_D, "Dioptres from the relaxed eye (--eye)")
+      ->type_name("D");
+  app.add_option("--accommodation-parameter", o.accommodation_parameter, "The model's own (--eye)");
+  app.add_option("--spectacle", o.spectacle, "Thin lens S/CxA@V: dioptres, degrees, mm from the cornea")
+      ->type_name("S/CxA@V");
+  app.add_option("--plano-cylinder", o.plano_cylinder,
+                 "Back radius mm, meridian without power deg; 10 mm away")
+      ->type_name("R@AXIS");
+  app.add_option("--gaze", o.gaze, "Degrees to the patient's left and up")
+      ->capture_default_str()
+      ->type_name("H,V");
+  app.add_option("--wavelength", o.wavelength_nm, "Monochromatic, nm (spectral)")->type_name("NM");
+  app.add_flag("--illuminance", o.settings.illuminance, "Weight by relative retinal illuminance");
+  app.add_option("--age", o.measured.age_years, "Years, where the study does not say (CASE)");
+  app.add_option("--lens-index", o.measured.lens_index, "Equivalent index of the lens (CASE)");
+  app.add_option("--lens-model", o.lens_model, "homogeneous, or core: Gullstrand's cortex and core (CASE)");
+  app.add_option("--retinal-depth", o.measured.retinal_depth_mm,
+                 "Photoreceptors behind the interface, mm (CASE)")
+      ->capture_default_str();
+}
+
+TraceSettings read_settings(const TraceOptions& o) {
+  TraceSettings settings = o.settings;
+  const std::map<std::string, Representation> kinds{{"analytic", Representation::analytic},
+                                                    {"triangles", Representation::triangles},
+                                                    {"smooth", Representation::smooth},
+                                                    {"fast", Representation::fast}};
+  if (!o.surfaces.empty()) {
+    const auto kind = kinds.find(o.surfaces);
+    if (kind == kinds.end())
+      throw usage_error("--surfaces: \"" + o.surfaces + "\" is unknown",
+                        "give analytic, triangles, smooth or fast");
+    settings.representation = kind->second;
+  }
+  const Eigen::Vector2d size = read_pair("--size", o.size, 'x'),
+                        field = read_pair("--field-mm", o.field_mm, 'x'),
+                        gaze = read_pair("--gaze", o.gaze, ',');
+  if (size != size.array().floor().matrix()) throw usage_error("--size: pixels are counted in whole numbers");
+  settings.grid.width = static_cast<int>(std::min(size.x(), 1e9));
+  settings.grid.height = static_cast<int>(std::min(size.y(), 1e9));
+  settings.grid.field_x_mm = field.x();
+  settings.grid.field_y_mm = field.y();
+  settings.grid.centre_mm = read_pair("--fovea", o.fovea, ',');
+  settings.gaze_horizontal_deg = gaze.x();
+  settings.gaze_vertical_deg = gaze.y();
+  settings.wavelength_nm = o.wavelength_nm;
+  return settings;
+}
+
+EyeModel with_spectacle(const EyeModel& eye, const TraceOptions& o) {
+  if (!o.spectacle.empty() && !o.plano_cylinder.empty())
+    throw usage_error("--spectacle and --plano-cylinder exclude each other");
+  if (!o.spectacle.empty()) {
+    const std::string option = "--spectacle";
+    std::string_view rest = o.spectacle;
+    SpheroCylinder lens;
+    lens.sphere_D = take_number(option, o.spectacle, rest);
+    if (!rest.empty() && rest.front() == '/') {
+      rest.remove_prefix(1);
+      lens.cylinder_D = take_number(option, o.spectacle, rest);
+      take(option, o.spectacle, rest, 'x');
+      lens.axis_deg = take_number(option, o.spectacle, rest);
+    }
+    double vertex_mm = 12;
+    if (!rest.empty()) {
+      take(option, o.spectacle, rest, '@');
+      vertex_mm = take_number(option, o.spectacle, rest);
+    }
+    if (!rest.empty())
+      throw usage_error("--spectacle: \"" + o.spectacle + "\" is not S/CxA@V", "write -2.25/-1.00x180@12");
+    if (!(vertex_mm > 0)) throw usage_error("--spectacle: the vertex distance must be larger than 0");
+    return with_thin_lens(eye, to_power_vector(lens), vertex_mm);
+  }
+  if (!o.plano_cylinder.empty()) {
+    const Eigen::Vector2d lens = read_pair("--plano-cylinder", o.plano_cylinder, '@');
+    if (std::abs(lens.x()) < 10) throw usage_error("--plano-cylinder: a radius below 10 mm is no spectacle");
+    return with_plano_cylinder(eye, lens.x(), lens.y());
+  }
+  return eye;
+}
+
+}  // namespace emmetrope::raytrace

@@ -1,0 +1,81 @@
+// Device float32 against the host's float64 reference: directions of rays that leave the eye.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <random>
+
+#include "pipeline/base/frames.hpp"
+#include "raytrace/eye/exact_trace.hpp"
+#include "raytrace/spectacle/spectacle.hpp"
+#include "raytrace/tracer/pupil_aim.hpp"
+#include "raytrace/tracer/tracer.hpp"
+
+namespace emmetrope::raytrace {
+namespace {
+
+constexpr double arcmin = degree / 60;
+
+/// Rays from random retina points of the field to random points of the stop's image.
+std::vector<Ray> random_rays(const EyeModel& eye, int count) {
+  RetinalGrid grid;
+  const PupilAim aim(eye, grid, eye.reference_wavelength_nm);
+  std::mt19937 random(7);
+  const auto unit = [&] { return random() / 4294967296.0; };
+  std::vector<Ray> rays;
+  for (int i = 0; i < count; ++i) {
+    const double x = 6 * (unit() - 0.5), y = 6 * (unit() - 0.5);
+    const Eigen::Vector3d retina = retina_point(eye, x, y).position_mm;
+    const AimEllipse ellipse = aim.at(x, y);
+    const double rho = 0.99 * std::sqrt(unit()), angle = 2 * pi * unit();
+    const Eigen::Vector2d p = ellipse.centre_mm + ellipse.from_disc * (rho * Eigen::Vector2d(std::cos(angle), std::sin(angle)));
+    rays.push_back({retina, (Eigen::Vector3d(p.x(), p.y(), aim.plane_z_mm()) - retina).normalized()});
+  }
+  return rays;
+}
+
+struct Difference {
+  double direction_rms_arcmin = 0, direction_max_arcmin = 0, position_rms_um = 0;
+  int reached = 0, other_state = 0;
+};
+
+Difference compare(const Tracer& tracer, const EyeModel& eye, const EyeModel& truth, const TraceSettings& settings, int count) {
+  const auto rays = random_rays(truth, count);
+  const auto found = tracer.exit_rays(eye, rays, settings);
+  const ExactTracer exact(truth, settings.wavelength_nm.value_or(truth.reference_wavelength_nm));
+  Difference d;
+  for (int i = 0; i < count; ++i) {
+    const auto end = exact.trace_end(rays[i]);
+    if (end.state != found[i].state) ++d.other_state;
+    if (end.state != RayState::reached || found[i].state != RayState::reached) continue;
+    ++d.reached;
+    const double angle = found[i].direction.normalized().cross(end.direction).norm() / arcmin;
+    d.direction_rms_arcmin += angle * angle;
+    d.direction_max_arcmin = std::max(d.direction_max_arcmin, angle);
+    // across the ray: where along it a point is taken does not matter
+    const Eigen::Vector3d offset = found[i].position_mm - end.position_mm;
+    d.position_rms_um += 1e6 * (offset - offset.dot(end.direction) * end.direction).squaredNorm();
+  }
+  d.direction_rms_arcmin = std::sqrt(d.direction_rms_arcmin / d.reached);
+  d.position_rms_um = std::sqrt(d.position_rms_um / d.reached);
+  return d;
+}
+
+class Parity : public testing::TestWithParam<std::string> {};
+
+TEST_P(Parity, AnalyticEyeOnTheDeviceFollowsTheReference) {
+  const Tracer tracer("");
+  const EyeModel eye = make_eye(GetParam(), {});
+  const Difference d = compare(tracer, eye, eye, {}, 20000);
+  std::printf("%s: direction rms %.5f max %.5f arcmin, position rms %.4f um, reached %d, other state %d\n", GetParam().c_str(),
+              d.direction_rms_arcmin, d.direction_max_arcmin, d.position_rms_um, d.reached, d.other_state);
+  EXPECT_GT(d.reached, 19000);
+  EXPECT_LE(d.other_state, 2);  // the rim of a stop, to float32
+  EXPECT_LE(d.direction_rms_arcmin, 0.01);
+  EXPECT_LE(d.position_rms_um, 0.05);
+}
+INSTANTIATE_TEST_SUITE_P(SchematicEyes, Parity,
+                         testing::Values("gullstrand", "gullstrand-emsley", "le-grand", "navarro", "escudero-sanz-navarro",
+                                         "arizona", "bennett-rabbetts"));
+
+}  // namespace
+}  // namespace emmetrope::raytrace
