@@ -1,0 +1,159 @@
+#include <algorithm>
+#include <cmath>
+
+#include "raytrace/wavefront/pupil_function.hpp"
+#include "raytrace/wavefront/simplex.hpp"
+
+namespace emmetrope {
+namespace {
+
+constexpr int highest_cpd = 60;
+
+/// The lens in the pupil as the search knows it, and the search's figures.
+using Lens = Eigen::Vector3d;
+PowerVector power_from(const Lens& lens) { return {lens[0], lens[1], lens[2]}; }
+
+/// Samples over the pupil so that the phase turns by less than half a wave from one to the next, within
+/// reason.
+int samples_across(const Wavefront& wavefront) {
+  // The edge slope of each term is at most its norm times n^2 or so; the second order dominates where it
+  // matters.
+  double slope_um = 0;
+  for (std::size_t j = 3; j < wavefront.zernike_um.size(); ++j) {
+    const int n = static_cast<int>((-1 + std::sqrt(1 + 8.0 * static_cast<double>(j))) / 2);
+    slope_um += std::abs(wavefront.zernike_um[j]) * std::sqrt(2.0 * (n + 1)) * n;
+  }
+  const double needed = 2 * 2 * slope_um / (wavefront.wavelength_nm / 1000);
+  return std::clamp(static_cast<int>(needed), 128, 512);
+}
+
+/// Sum of Re(OTF) over frequencies up to 60 cycles a degree with the neural weights.
+class NeuralSum {
+ public:
+  explicit NeuralSum(const PupilFunction& pupil) {
+    const int reach = highest_cpd * pupil.per_cpd(), size = pupil.size();
+    for (int row = -reach; row <= reach; ++row)
+      for (int column = -reach; column <= reach; ++column) {
+        const double cpd = std::hypot(row, column) / pupil.per_cpd();
+        if (cpd > highest_cpd || 2 * std::max(std::abs(row), std::abs(column)) >= size) continue;
+        entries_.push_back({((row + size) % size) * size + (column + size) % size, neural_weight(cpd)});
+      }
+  }
+  double of(const std::vector<std::complex<double>>& otf) const {
+    double sum = 0;
+    for (const auto& [index, weight] : entries_) sum += weight * otf[index].real();
+    return sum;
+  }
+
+ private:
+  struct Entry {
+    int index;
+    double weight;
+  };
+  std::vector<Entry> entries_;
+};
+
+}  // namespace
+
+ImageQuality image_quality(const Wavefront& wavefront, const PowerVector& lens_in_pupil) {
+  const PupilFunction pupil(wavefront, samples_across(wavefront), 3);
+  const std::vector<double> spread = pupil.point_spread(lens_in_pupil),
+                            perfect = pupil.perfect_point_spread();
+  const std::vector<std::complex<double>> otf = pupil.otf(spread);
+  const NeuralSum neural(pupil);
+  ImageQuality quality;
+  quality.strehl = *std::max_element(spread.begin(), spread.end()) / perfect[0];
+  quality.vsotf = neural.of(otf) / neural.of(pupil.otf(perfect));
+  for (int cpd = 0; cpd <= highest_cpd; ++cpd) {
+    const int step = cpd * pupil.per_cpd();
+    const bool inside = 2 * step < pupil.size();
+    quality.cpd.push_back(cpd);
+    quality.mtf_sagittal.push_back(inside ? std::abs(otf[step]) : 0);
+    quality.mtf_tangential.push_back(inside ? std::abs(otf[static_cast<std::size_t>(step) * pupil.size()])
+                                            : 0);
+  }
+  return quality;
+}
+
+PointSpread point_spread(const Wavefront& wavefront, const PowerVector& lens_in_pupil) {
+  const PupilFunction pupil(wavefront, samples_across(wavefront), 3);
+  const std::vector<double> spread = pupil.point_spread(lens_in_pupil);
+  PointSpread result;
+  result.size = pupil.size();
+  result.pitch_arcmin = pupil.pitch_arcmin();
+  result.values.resize(spread.size());
+  const int n = pupil.size(), half = n / 2;
+  for (int row = 0; row < n; ++row)
+    for (int column = 0; column < n; ++column)
+      // Row 0 at the top, zero angle at (half, half).
+      result.values[static_cast<std::size_t>(row) * n + column] = static_cast<float>(
+          spread[static_cast<std::size_t>((half - row + n) % n) * n + (column - half + n) % n]);
+  return result;
+}
+
+RefractionCriteria refraction_by_wavefront(const Wavefront& wavefront, double vertex_distance_mm) {
+  // Searched from the other criteria: a scan of the sphere first, as the through-focus curve may have side
+  // lobes.
+  Wavefront corrected =
+      wavefront;  // its second order removed, so that the sampling suffices all along the search
+  const PowerVector& start = wavefront.minimum_rms_wavefront;
+  corrected.zernike_um[3] = corrected.zernike_um[4] = corrected.zernike_um[5] = 0;
+  const PupilFunction pupil(corrected, 96, 2);
+  const NeuralSum neural(pupil);
+  const double perfect = neural.of(pupil.otf(pupil.perfect_point_spread()));
+  const auto loss = [&](const Lens& lens) {
+    return -neural.of(pupil.otf(pupil.point_spread(power_from(lens)))) / perfect;
+  };
+  const double away = wavefront.paraxial.M_D - start.M_D;
+  Lens best = Lens::Zero();
+  double best_loss = loss(best);
+  constexpr double step_D = 0.125;
+  for (double m = std::min(0.0, away) - 0.75; m <= std::max(0.0, away) + 0.75; m += step_D) {
+    const Lens lens(m, 0, 0);
+    const double value = loss(lens);
+    if (value < best_loss) {
+      best_loss = value;
+      best = lens;
+    }
+  }
+  best = minimise(loss, best, step_D, 1e-3);
+  const PowerVector visual{start.M_D + best[0], start.J0_D + best[1], start.J45_D + best[2]};
+  return {at_vertex(wavefront, wavefront.paraxial, vertex_distance_mm),
+          at_vertex(wavefront, wavefront.minimum_rms_wavefront, vertex_distance_mm),
+          at_vertex(wavefront, wavefront.minimum_rms_spot, vertex_distance_mm),
+          at_vertex(wavefront, visual, vertex_distance_mm)};
+}
+
+RefractionCriteria refraction_by_wavefront(const EyeModel& eye, const WavefrontSettings& settings,
+                                           double vertex_distance_mm) {
+  return refraction_by_wavefront(measure_wavefront(eye, settings), vertex_distance_mm);
+}
+
+Json wavefront_json(const Wavefront& wavefront) {
+  const ImageQuality quality = image_quality(wavefront);
+  return {
+      {"pupil_mm", wavefront.pupil_mm},
+      {"pupil_position_mm", wavefront.pupil_position_mm},
+      {"wavelength_nm", wavefront.wavelength_nm},
+      {"zernike_um", wavefront.zernike_um},
+      {"rms_um", wavefront.rms_um()},
+      {"higher_order_rms_um", wavefront.higher_order_rms_um()},
+      {"fit_residual_rms_um", wavefront.fit_residual_rms_um},
+      {"line_of_sight_deg", {wavefront.line_of_sight_deg.x(), wavefront.line_of_sight_deg.y()}},
+      {"strehl", quality.strehl},
+      {"vsotf", quality.vsotf},
+      {"mtf",
+       {{"cpd", quality.cpd}, {"tangential", quality.mtf_tangential}, {"sagittal", quality.mtf_sagittal}}}};
+}
+
+Json to_json(const RefractionCriteria& refraction) {
+  const auto power = [](const PowerVector& p) {
+    return Json{{"M_D", p.M_D}, {"J0_D", p.J0_D}, {"J45_D", p.J45_D}};
+  };
+  return {{"paraxial", power(refraction.paraxial)},
+          {"minimum_rms_wavefront", power(refraction.minimum_rms_wavefront)},
+          {"minimum_rms_spot", power(refraction.minimum_rms_spot)},
+          {"visual_strehl", power(refraction.visual_strehl)}};
+}
+
+}  // namespace emmetrope

@@ -1,0 +1,47 @@
+#pragma once
+#include <complex>
+#include <vector>
+
+#include "raytrace/wavefront/wavefront.hpp"
+
+namespace emmetrope {
+
+/// The wavefront on a square grid over the entrance pupil, ready for Fourier transforms: one sample is
+/// 1/`per_cpd` cycle a degree of the OTF's argument. The lens in the pupil can be changed without another
+/// evaluation of the terms.
+class PupilFunction {
+ public:
+  /// \param samples_across  at least so many over the pupil's diameter
+  /// \param padding         side of the transform over the pupil's diameter, at least 2 for an OTF without
+  /// wrap
+  PupilFunction(const Wavefront& wavefront, int samples_across, double padding);
+
+  int size() const { return size_; }        ///< side of the transforms
+  int per_cpd() const { return per_cpd_; }  ///< grid steps in a cycle a degree
+  double pitch_arcmin() const;              ///< of the point spread function's grid
+
+  /// |FFT|^2 of the pupil function, row by row, zero angle at index 0; sums to the pupil's share of a perfect
+  /// pupil's energy. Column index grows with the angle towards +x, row index towards +y.
+  std::vector<double> point_spread(const PowerVector& lens) const;
+  /// The same for the perfect pupil.
+  std::vector<double> perfect_point_spread() const;
+  /// OTF of a point spread function, 1 at index 0.
+  std::vector<std::complex<double>> otf(const std::vector<double>& point_spread) const;
+
+ private:
+  struct Point {
+    int index;                                        ///< in the padded grid
+    double amplitude;                                 ///< share of the grid's square inside the pupil
+    double wavefront_um, defocus, straight, oblique;  ///< W without piston and tilt; Z4, Z5, Z3
+  };
+  std::vector<double> transform(const std::vector<std::complex<double>>& field) const;
+
+  std::vector<Point> points_;
+  int size_ = 0, per_cpd_ = 1;
+  double step_mm_ = 0, wavelength_um_ = 0, radius_mm_ = 0;
+};
+
+/// Relative neural contrast sensitivity at a frequency (cycles a degree).
+double neural_weight(double cpd);
+
+}  // namespace emmetrope
