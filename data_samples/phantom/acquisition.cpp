@@ -27,9 +27,7 @@ Planes planes_of(const PlacedEye& eye) {
 }
 
 Planes planes_of_head(const Anatomy& anatomy) {
-  const Vector3d between =
-      0.5 * (anatomy.eye(Laterality::od).globe_centre_lps() + anatomy.eye(Laterality::os).globe_centre_lps());
-  return {Vector3d::UnitX(), Vector3d::UnitY(), Vector3d::UnitZ(), between};
+  return {Vector3d::UnitX(), Vector3d::UnitY(), Vector3d::UnitZ(), anatomy.between_globes()};
 }
 
 void orient(StackPlan& plan, const std::string& plane, const Planes& planes) {

@@ -17,7 +17,7 @@ double ellipsoid_distance(const Vector3d& p, const Vector3d& half_axes) {
   return k1 > 0 ? k0 * (k0 - 1) / k1 : -half_axes.minCoeff();
 }
 
-constexpr double near_globe_mm = 19;  // from its centre: the eye, its wall and lid, and what borders on them
+constexpr double near_globe_mm = 19;
 
 /// The smaller of two distances, with the groove between the bodies filled to a radius of about k.
 double smooth_union(double a, double b, double k) {
@@ -156,12 +156,11 @@ void Anatomy::add_muscles_and_nerve(std::size_t side, const HeadGeometry& head) 
                        Vector3d::UnitZ());
 }
 
-double Anatomy::detail_mm(const Vector3d& lps) const {
-  for (const EyeAnatomy& eye : eyes_)
-    if ((eye.to_eye(lps) + Vector3d(0, 0, eye.centre_depth_mm())).squaredNorm() <
-        near_globe_mm * near_globe_mm)
-      return 0.3;
-  return 1.0;
+bool Anatomy::near_globe(const Vector3d& lps) const {
+  return std::any_of(eyes_.begin(), eyes_.end(), [&](const EyeAnatomy& eye) {
+    const Vector3d from_centre = eye.to_eye(lps) + Vector3d(0, 0, eye.centre_depth_mm());
+    return from_centre.squaredNorm() < near_globe_mm * near_globe_mm;
+  });
 }
 
 Tissue Anatomy::tissue_at(const Vector3d& lps) const {

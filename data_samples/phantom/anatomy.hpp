@@ -70,8 +70,13 @@ class Anatomy {
   const PlacedEye& eye(Laterality laterality) const {
     return eyes_[static_cast<std::size_t>(laterality)].placed();
   }
-  /// The smallest structures around a point are at least this thick: how finely to look for borders, mm.
-  double detail_mm(const Eigen::Vector3d& lps) const;
+  /// Midpoint of the globes' centres, LPS.
+  Eigen::Vector3d between_globes() const {
+    return 0.5 * (eye(Laterality::od).globe_centre_lps() + eye(Laterality::os).globe_centre_lps());
+  }
+  /// Whether a point lies within 19 mm of a globe's centre: the eye, its wall and lid, and what borders on
+  /// them.
+  bool near_globe(const Eigen::Vector3d& lps) const;
 
  private:
   Tissue orbit_content(const Eigen::Vector3d& lps, std::size_t side) const;

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "data_samples/phantom/slice_sampler.hpp"
 #include "data_samples/phantom/study.hpp"
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/files.hpp"

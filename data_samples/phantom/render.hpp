@@ -7,9 +7,6 @@
 
 namespace emmetrope::phantom {
 
-/// The vitreous (T2) or fat (T1) has this intensity where the coil's sensitivity is 1.
-inline constexpr double reference_intensity = 1000;
-
 /// A stack as the scanner shows it.
 struct RenderedStack {
   StackPlan plan;

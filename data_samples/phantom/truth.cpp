@@ -3,8 +3,11 @@
 #include <algorithm>
 #include <cmath>
 
+#include "data_samples/phantom/true_optics.hpp"
 #include "pipeline/base/frames.hpp"
 #include "pipeline/base/version.hpp"
+#include "raytrace/eye/paraxial.hpp"
+#include "raytrace/eye/zernike.hpp"
 
 namespace emmetrope::phantom {
 namespace {
@@ -12,7 +15,8 @@ namespace {
 using Eigen::Vector3d;
 
 constexpr double keratometry_zone_mm = 1.5;
-constexpr double retinal_depth_mm = 0.20;  // interface to photoreceptors
+constexpr double zernike_zone_mm = 6;
+constexpr int zernike_order = 6;
 
 /// A meridian of a biconic is a conic: curvature at the apex and asphericity.
 struct Meridian {
@@ -34,6 +38,27 @@ Meridian meridian(const EyeGeometry& eye, double meridian_deg) {
 double section_mm(const EyeGeometry& eye, double meridian_deg, double depth_mm) {
   const Meridian m = meridian(eye, meridian_deg);
   return 2 * std::sqrt(2 * depth_mm / m.curvature_per_mm - (1 + m.q) * depth_mm * depth_mm);
+}
+
+/// Zernike terms (OSA) of the cornea's height over the zone, by quadrature: Gauss-like in area, even in
+/// angle.
+Json corneal_zernike_um(const EyeGeometry& eye) {
+  constexpr int rings = 200;
+  constexpr int spokes = 48;
+  Eigen::VectorXd sum = Eigen::VectorXd::Zero(zernike_count(zernike_order));
+  for (int i = 0; i < rings; ++i)
+    for (int j = 0; j < spokes; ++j) {
+      const double rho = std::sqrt((i + 0.5) / rings);  // rings of equal area
+      const double angle = 2 * pi * j / spokes;
+      const Meridian m = meridian(eye, angle / degree);
+      const double r = rho * zernike_zone_mm / 2;
+      const double c = m.curvature_per_mm;
+      const double height_um = -1000 * c * r * r / (1 + std::sqrt(1 - (1 + m.q) * c * c * r * r));
+      sum += height_um * zernike_values(zernike_order, rho * std::cos(angle), rho * std::sin(angle));
+    }
+  Json terms = Json::array();
+  for (const double term : sum) terms.push_back(term / (rings * spokes));
+  return terms;
 }
 
 const char* astigmatism_type(double steep_deg) {
@@ -161,10 +186,16 @@ Json eye_truth(const PlacedEye& eye, double lens_index) {
   json["lens_posterior_radius_mm"] = g.lens_posterior_radius_mm;
   json.update(globe_truth(eye));
   json.update(cornea_truth(g));
+  json["cornea_zernike_um"] = corneal_zernike_um(g);
+  json["zone_mm"] = zernike_zone_mm;
   json["lens_index"] = lens_index;
+  const EyeModel optics = true_optics(eye, lens_index);
+  const PowerVector refraction = paraxial_refraction(optics, optics.reference_wavelength_nm);
+  json["refraction"] = {{"M_D", refraction.M_D}, {"J0_D", refraction.J0_D}, {"J45_D", refraction.J45_D}};
   const Vector3d centre = eye.globe_centre_lps();
   json["globe_centre_lps_mm"] = {centre.x(), centre.y(), centre.z()};
   json["geometry"] = to_json(holder)["od"];
+  json["optics"] = to_json(optics);
   return json;
 }
 

@@ -7,6 +7,8 @@
 
 namespace emmetrope::phantom {
 
+inline constexpr double retinal_depth_mm = 0.20;  ///< from the vitreo-retinal interface to the photoreceptors
+
 /// Axial radius of the anterior cornea's meridian at 1.5 mm from the apex, as keratometry is defined.
 double keratometric_radius_mm(const EyeGeometry& eye, double meridian_deg);
 /// Depth at which the axis meets the vitreo-retinal interface, bulge included.
@@ -14,8 +16,10 @@ double pole_depth_mm(const EyeGeometry& eye);
 /// The interface in the eye's frame, along a unit direction of scaled space (globe's half axes as units).
 Eigen::Vector3d retina_point(const PlacedEye& eye, const Eigen::Vector3d& scaled_direction);
 
-/// Every true value of one eye, named as in biometry.json but exact, and the geometry itself ("geometry", in
-/// the eye frame). \param lens_index  equivalent index, 0.20 mm from the interface to the photoreceptors
+/// Every true value of one eye, named as in biometry.json but exact; besides "geometry" (the fields of
+/// EyeGeometry in the eye's frame), "optics" (a complete eye.json) and "refraction" (paraxial, at the corneal
+/// vertex, 589.3 nm).
+/// \param lens_index  equivalent
 Json eye_truth(const PlacedEye& eye, double lens_index);
 
 /// {"synthetic": true, "eyes": {"od": {...}, "os": {...}}, "interpupillary_distance_mm", "head_roll_deg",
