@@ -2,6 +2,7 @@
 
 #include <cmath>
 
+#include "pipeline/base/error.hpp"
 #include "pipeline/base/frames.hpp"
 
 namespace emmetrope {
@@ -81,6 +82,18 @@ std::vector<Surface> analytic_surfaces(const ParametricEye& eye, const ShapePtr&
   Surface retina = surface("retina", make_ellipsoid({axes.x(), axes.y(), -axes.z()}, 0),
                            eye.pole_depth_mm() + defaults.retinal_depth_mm, "");
   return {front, back, iris, lens_front, lens_back, retina};
+}
+
+LensOnAxis lens_on_axis(const ParametricEye& eye) {
+  const auto depth = [](const Surface& lens) {
+    const Eigen::Isometry3d surface_from_eye = lens.eye_from_surface().inverse();
+    const Ray axis{surface_from_eye * Vector3d::Zero(), surface_from_eye.linear() * -Vector3d::UnitZ()};
+    const auto hit = lens.shape->intersect(axis);
+    if (!hit) throw no_result_error("the fitted lens lies beside the eye's axis");
+    return hit->distance_mm;
+  };
+  const std::vector<Surface> surfaces = analytic_surfaces(eye);
+  return {depth(surfaces[3]), depth(surfaces[4])};
 }
 
 EyeModel analytic_eye(const ParametricEye& eye, const ShapePtr& anterior_cornea,

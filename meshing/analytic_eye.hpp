@@ -25,6 +25,12 @@ ShapePtr anterior_cornea_shape(const ParametricEye& eye);
 std::vector<Surface> analytic_surfaces(const ParametricEye& eye, const ShapePtr& anterior_cornea = nullptr,
                                        const OpticalDefaults& defaults = {});
 
+/// Depths at which the eye's axis meets the lens, which may be tilted and off the axis.
+struct LensOnAxis {
+  double front_mm = 0, back_mm = 0;
+};
+LensOnAxis lens_on_axis(const ParametricEye& eye);
+
 /// The optical system of the eye: Gullstrand's indices with Le Grand's dispersion, a homogeneous lens, the
 /// retina at the photoreceptors.
 EyeModel analytic_eye(const ParametricEye& eye, const ShapePtr& anterior_cornea = nullptr,

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "meshing/analytic_eye.hpp"
 #include "pipeline/base/frames.hpp"
 
 namespace emmetrope {
@@ -47,8 +48,9 @@ double extent_mm(const ParametricEye& eye, const Vector3d& along) {
 }
 
 VectorXd lengths(const ParametricEye& eye) {
+  const LensOnAxis lens = lens_on_axis(eye);
   VectorXd v(7);
-  v << eye.pole_depth_mm(), eye.cornea_thickness_mm, eye.anterior_chamber_depth_mm, eye.lens_thickness_mm,
+  v << eye.pole_depth_mm(), eye.cornea_thickness_mm, lens.front_mm, lens.back_mm - lens.front_mm,
       eye.lens_anterior_radius_mm, eye.lens_posterior_radius_mm, asphericity(anterior_cornea(eye));
   return v;
 }
@@ -72,9 +74,10 @@ VectorXd section(const ParametricEye& eye) {
 VectorXd globe_centre_lps_mm(const ParametricEye& eye) { return eye.lps_from_eye * eye.globe_centre_mm(); }
 
 /// A healthy cornea's departure from its best toric conicoid over 6 mm. Wang, Dai, Koch and Nehrawi (2003),
-/// 228 eyes: anterior corneal higher-order wavefront 0.479 um rms, of which spherical aberration, that a
-/// conicoid has too, 0.280 um; the rest over the index step of 0.376 is a height of 1.0 um.
-Measured usual_irregularity_um() { return {1.0, {0.4, 2.0}, "prior"}; }
+/// 228 eyes: anterior corneal higher-order wavefront 0.479 +- 0.124 um rms, of which spherical aberration,
+/// that a conicoid has too, 0.280 um; the rest over the index step of 0.376 is a height of 1.0 um. One-sided
+/// interval.
+Measured usual_irregularity_um() { return {1.0, {0, 1.8}, "prior"}; }
 
 struct Gate {
   const char* name;

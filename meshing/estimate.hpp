@@ -22,7 +22,7 @@ struct Propagated {
 
 /// What another instrument measured.
 struct ExternalMeasurement {
-  std::string source;  ///< "keratometry", "axial_length", "acd", "lens_thickness", "topography"
+  std::string source;  ///< "keratometry", "biometry", "topography"
   Functional of_eye;   ///< what it would measure on an eye
   Eigen::VectorXd value;
   Eigen::MatrixXd covariance;

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <optional>
 
+#include "meshing/analytic_eye.hpp"
 #include "meshing/biometry.hpp"
 #include "meshing/corneal_metrics.hpp"
 #include "pipeline/base/error.hpp"
@@ -109,19 +110,23 @@ ExternalMeasurement keratometry_measurement(const EyeFlag& flag) {
 
 ExternalMeasurement axial_length_measurement(const EyeFlag& flag, double retinal_depth_mm) {
   return scalar(
-      "axial_length", [=](const ParametricEye& eye) { return one(eye.pole_depth_mm() + retinal_depth_mm); },
+      "biometry", [=](const ParametricEye& eye) { return one(eye.pole_depth_mm() + retinal_depth_mm); },
       checked("--axial-length", flag.value, 14, 40, "mm"), flag.sigma);
 }
 
 ExternalMeasurement anterior_chamber_measurement(const EyeFlag& flag) {
   return scalar(
-      "acd", [](const ParametricEye& eye) { return one(eye.anterior_chamber_depth_mm); },
+      "biometry", [](const ParametricEye& eye) { return one(lens_on_axis(eye).front_mm); },
       checked("--acd", flag.value, 1, 7, "mm"), flag.sigma);
 }
 
 ExternalMeasurement lens_thickness_measurement(const EyeFlag& flag) {
   return scalar(
-      "lens_thickness", [](const ParametricEye& eye) { return one(eye.lens_thickness_mm); },
+      "biometry",
+      [](const ParametricEye& eye) {
+        const LensOnAxis lens = lens_on_axis(eye);
+        return one(lens.back_mm - lens.front_mm);
+      },
       checked("--lens-thickness", flag.value, 2, 8, "mm"), flag.sigma);
 }
 

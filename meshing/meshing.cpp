@@ -155,11 +155,12 @@ std::string summary(const Json& biometry) {
 Answer make_meshes(const MeshingOptions& options, const CommonOptions& common) {
   auto instruments = parse_instruments(options);
   parse_vertices(options.vertices);
-  read_verdict(options.case_folder, "segmentation");
+  const StageVerdict segmentation = read_verdict(options.case_folder, "segmentation");
 
   StageSpec spec;
   spec.stage = "meshing";
-  spec.parameters = {{"laterality", static_cast<int>(common.laterality)},
+  spec.parameters = {{"od", includes(common.laterality, Laterality::od)},
+                     {"os", includes(common.laterality, Laterality::os)},
                      {"keratometry", options.instruments.keratometry},
                      {"axial_length", options.instruments.axial_length},
                      {"acd", options.instruments.anterior_chamber_depth},
@@ -178,6 +179,7 @@ Answer make_meshes(const MeshingOptions& options, const CommonOptions& common) {
 
   const StageOutcome outcome = run_stage(options.case_folder, spec, common, [&](StageWorkspace& workspace) {
     StageVerdict verdict;
+    verdict.reasons = segmentation.reasons;
     std::map<Laterality, FittedEye> eyes;
     for (const Laterality eye : both_eyes) {
       std::vector<std::string> reasons;

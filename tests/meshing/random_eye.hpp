@@ -1,5 +1,7 @@
 #pragma once
+#include <algorithm>
 #include <random>
+#include <string>
 
 #include "pipeline/base/frames.hpp"
 #include "raytrace/eye/parametric_eye.hpp"
@@ -51,6 +53,8 @@ inline ParametricEye random_eye(unsigned seed) {
   knows("lens_thickness_mm", 0.015, "mri");
   knows("lens_anterior_radius_mm", 0.3, "mri");
   knows("lens_posterior_radius_mm", 0.2, "mri");
+  for (const char* name : {"lens_decentre_x_mm", "lens_decentre_y_mm"}) knows(name, 0.03, "mri");
+  for (const char* name : {"lens_tilt_x_deg", "lens_tilt_y_deg"}) knows(name, 0.5, "mri");
   knows("axial_length_mm", 0.04, "mri");
   knows("globe_semi_axis_x_mm", 0.02, "mri");
   knows("globe_semi_axis_y_mm", 0.02, "mri");

@@ -1,0 +1,233 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <iterator>
+#include <map>
+#include <regex>
+#include <sstream>
+
+#include "meshing/meshing.hpp"
+#include "pipeline/base/case_folder.hpp"
+#include "pipeline/base/error.hpp"
+#include "pipeline/base/files.hpp"
+#include "pipeline/base/measured.hpp"
+#include "raytrace/eye/eye_model.hpp"
+#include "raytrace/eye/mesh_shape.hpp"
+#include "tests/base/temporary_folder.hpp"
+#include "tests/meshing/random_eye.hpp"
+
+namespace emmetrope {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// A case in which segmentation has finished.
+class MeshStage : public testing::Test {
+ protected:
+  void SetUp() override {
+    for (const Laterality eye : both_eyes) {
+      eyes_[eye] = random_eye(eye == Laterality::od ? 40 : 41);
+      eyes_[eye].lps_from_eye.translation().x() = eye == Laterality::od ? -31 : 31;
+      write_fit(eye, "measured");
+    }
+    write_json(folder() / "segmentation" / "stage.json",
+               {{"verdict", {{"status", 0}, {"reasons", Json::array()}}}});
+    write_json(folder() / "case.json", {{"subject", {{"age_years", 60}}}});
+    options_.case_folder = folder();
+  }
+
+  void write_fit(Laterality eye, const char* status) {
+    fs::create_directories(folder() / "segmentation" / to_string(eye));
+    write_json(folder() / "segmentation" / to_string(eye) / "fit.json",
+               {{"laterality", to_string(eye)},
+                {"eye", to_json(eyes_[eye])},
+                {"head_roll_deg", 4.0},
+                {"quality", {{{"name", "lens"}, {"passed", false}, {"reason", "lens not visible"}}}},
+                {"status", status}});
+  }
+
+  const fs::path& folder() const { return temporary_.path(); }
+  fs::path mesh(const char* eye, const std::string& file) const { return folder() / "meshing" / eye / file; }
+
+  test::TemporaryFolder temporary_;
+  std::map<Laterality, ParametricEye> eyes_;
+  MeshingOptions options_;
+};
+
+TEST_F(MeshStage, WritesFiveSheetsInLpsForEachEye) {
+  options_.formats = {"stl", "gii"};
+  const Answer answer = make_meshes(options_, {});
+  EXPECT_EQ(answer.status, ExitStatus::done);
+  const std::map<std::string, std::size_t> counts{{"cornea_anterior", 613},
+                                                  {"cornea_posterior", 723},
+                                                  {"lens_anterior", 565},
+                                                  {"lens_posterior", 1516},
+                                                  {"retina", 973}};
+  for (const Laterality eye : both_eyes) {
+    for (const auto& [name, count] : counts) {
+      const MeshFile file = read_mesh(mesh(to_string(eye), name + ".ply"));
+      EXPECT_TRUE(file.says_lps);
+      EXPECT_EQ(file.mesh.vertices.size(), count);
+      ASSERT_EQ(file.mesh.normals.size(), count);
+      EXPECT_EQ(read_mesh(mesh(to_string(eye), name + ".stl")).mesh.triangles.size(),
+                file.mesh.triangles.size());
+    }
+    const MeshFile cornea = read_mesh(mesh(to_string(eye), "cornea_anterior.ply"));
+    const Eigen::Isometry3d eye_from_lps = eyes_[eye].lps_from_eye.inverse();
+    for (const Eigen::Vector3d& vertex : cornea.mesh.vertices) {
+      const Eigen::Vector3d v = eye_from_lps * vertex;
+      EXPECT_NEAR(v.z(), -eyes_[eye].cornea_anterior_depth_mm(v.x(), v.y()), 1e-9);
+    }
+  }
+}
+
+TEST_F(MeshStage, BiometryHasEveryKeyWithValueIntervalAndSource) {
+  make_meshes(options_, {});
+  const Json json = read_json(mesh("od", "biometry.json"));
+  for (const char* pointer : {"/axial_length_mm",
+                              "/optical_axial_length_mm",
+                              "/corneal_thickness_mm",
+                              "/anterior_chamber_depth_mm",
+                              "/lens_thickness_mm",
+                              "/lens_anterior_radius_mm",
+                              "/lens_posterior_radius_mm",
+                              "/globe_width_mm",
+                              "/globe_height_mm",
+                              "/keratometry/flat/radius_mm",
+                              "/keratometry/flat/power_D",
+                              "/keratometry/flat/axis_deg",
+                              "/keratometry/steep/radius_mm",
+                              "/keratometry/steep/power_D",
+                              "/keratometry/steep/axis_deg",
+                              "/keratometry/cylinder_D",
+                              "/keratometry/asphericity_q",
+                              "/astigmatism/M_D",
+                              "/astigmatism/J0_D",
+                              "/astigmatism/J45_D",
+                              "/astigmatism/irregularity_um",
+                              "/astigmatism/section_2p3mm/vertical_mm",
+                              "/astigmatism/section_2p3mm/horizontal_mm",
+                              "/cornea_zernike_um/12",
+                              "/interpupillary_distance_mm"}) {
+    SCOPED_TRACE(pointer);
+    const auto m = json.at(Json::json_pointer(pointer)).get<Measured>();
+    EXPECT_LT(m.ci95[0], m.ci95[1]);
+    EXPECT_LE(m.ci95[0], m.value);
+    EXPECT_GE(m.ci95[1], m.value);
+  }
+  EXPECT_EQ(json["laterality"], "od");
+  EXPECT_EQ(json["head_roll_deg"], 4.0);
+  EXPECT_EQ(json["cornea_zernike_um"].size(), 28U);
+  const double between = (eyes_[Laterality::od].lps_from_eye * eyes_[Laterality::od].globe_centre_mm() -
+                          eyes_[Laterality::os].lps_from_eye * eyes_[Laterality::os].globe_centre_mm())
+                             .norm();
+  EXPECT_NEAR(json["interpupillary_distance_mm"]["value"], between, 1e-12);
+  const Json warnings = read_json(folder() / "meshing" / "stage.json")["warnings"];
+  EXPECT_THAT(warnings.dump(), testing::HasSubstr("rolled by 4.0 degrees"));
+}
+
+TEST_F(MeshStage, OpticsHaveTheLensOfTheSubjectsAge) {
+  make_meshes(options_, {});
+  const EyeModel eye = eye_from_json(read_json(mesh("os", "optics.json"))["eye"], ".");
+  EXPECT_NEAR(eye.media.at("lens").index, 1.441 - 0.00039 * 60, 1e-12);
+}
+
+TEST_F(MeshStage, MeasuredEyeTracesLikeItsFormulas) {
+  make_meshes(options_, {});
+  const EyeModel formulas = eye_from_json(read_json(mesh("od", "optics.json"))["eye"], ".");
+  for (const char* name : {"cornea_anterior", "cornea_posterior", "lens_anterior", "lens_posterior"}) {
+    SCOPED_TRACE(name);
+    const Surface from_mesh = read_mesh_surface(name, mesh("od", std::string(name) + ".ply"),
+                                                eyes_[Laterality::od].lps_from_eye, "");
+    const Surface& exact = formulas.surface(name);
+    for (const double x : {-1.5, 0.0, 1.5}) {
+      for (const double y : {-1.0, 1.0}) {
+        const auto hit_of = [&](const Surface& surface) -> Eigen::Vector3d {
+          const Eigen::Isometry3d to = surface.eye_from_surface().inverse();
+          const auto hit = surface.shape->intersect(
+              {to * Eigen::Vector3d(x, y, 5), to.linear() * -Eigen::Vector3d::UnitZ()});
+          return surface.eye_from_surface() * hit.value().position;
+        };
+        EXPECT_NEAR((hit_of(from_mesh) - hit_of(exact)).norm(), 0, 2e-4);  // the smooth patch
+      }
+    }
+  }
+}
+
+TEST_F(MeshStage, SecondRunIsUpToDateAndSameBytesWhenForced) {
+  EXPECT_FALSE(make_meshes(options_, {}).json["skipped"].get<bool>());
+  const std::string first =
+      sha256_of_file(mesh("od", "retina.ply")) + sha256_of_file(mesh("od", "biometry.json"));
+  EXPECT_TRUE(make_meshes(options_, {}).json["skipped"].get<bool>());
+  CommonOptions force;
+  force.force = true;
+  force.threads = 1;
+  EXPECT_FALSE(make_meshes(options_, force).json["skipped"].get<bool>());
+  EXPECT_EQ(sha256_of_file(mesh("od", "retina.ply")) + sha256_of_file(mesh("od", "biometry.json")), first);
+}
+
+TEST_F(MeshStage, InstrumentsOfOneEyeLeaveTheOtherAlone) {
+  make_meshes(options_, {});
+  const Json before = read_json(mesh("os", "biometry.json"));
+  options_.instruments.keratometry = {"od:43.25@175/44.75@85+-0.1"};
+  make_meshes(options_, {});
+  EXPECT_EQ(read_json(mesh("od", "biometry.json"))["astigmatism"]["M_D"]["source"], "keratometry");
+  EXPECT_NEAR(read_json(mesh("od", "biometry.json"))["astigmatism"]["M_D"]["value"], 44, 0.1);
+  EXPECT_EQ(read_json(mesh("os", "biometry.json"))["astigmatism"], before["astigmatism"]);
+}
+
+TEST_F(MeshStage, RefusedEyeIsNotMeshed) {
+  write_fit(Laterality::os, "refused");
+  const Answer answer = make_meshes(options_, {});
+  EXPECT_EQ(answer.status, ExitStatus::partial);
+  EXPECT_TRUE(fs::exists(mesh("od", "retina.ply")));
+  EXPECT_FALSE(fs::exists(folder() / "meshing" / "os"));
+  EXPECT_THAT(answer.text, testing::HasSubstr("lens not visible"));
+  EXPECT_FALSE(read_json(mesh("od", "biometry.json")).contains("interpupillary_distance_mm"));
+
+  write_fit(Laterality::od, "refused");
+  EXPECT_EQ(make_meshes(options_, {}).status, ExitStatus::no_result);
+  EXPECT_EQ(read_verdict(folder(), "meshing").status, ExitStatus::no_result);
+  EXPECT_FALSE(fs::exists(folder() / "meshing" / "od"));
+}
+
+TEST_F(MeshStage, BadInputLeavesTheCaseAsItWas) {
+  make_meshes(options_, {});
+  const std::string before = sha256_of_file(mesh("od", "biometry.json"));
+  write_file(folder() / "segmentation" / "od" / "fit.json", "{\"status\": \"measured\"}");
+  EXPECT_THROW(make_meshes(options_, {}), Error);
+  EXPECT_EQ(sha256_of_file(mesh("od", "biometry.json")), before);
+  options_.vertices = {"iris:200"};
+  EXPECT_THROW(make_meshes(options_, {}), Error);
+  options_.vertices.clear();
+  options_.case_folder = folder() / "nothing";
+  EXPECT_THROW(make_meshes(options_, {}), Error);
+}
+
+TEST_F(MeshStage, GiftiIsRasWithTheSameTriangles) {
+  options_.formats = {"gii"};
+  options_.vertices = {"100"};
+  make_meshes(options_, {});
+  const TriangleMesh ply = read_mesh(mesh("od", "retina.ply")).mesh;
+  const std::string text = read_file(mesh("od", "retina.surf.gii"));
+  std::vector<std::vector<double>> arrays;
+  const std::regex data("<Data>([^<]*)</Data>");
+  for (auto match = std::sregex_iterator(text.begin(), text.end(), data); match != std::sregex_iterator();
+       ++match) {
+    std::istringstream numbers((*match)[1]);
+    arrays.emplace_back(std::istream_iterator<double>(numbers), std::istream_iterator<double>());
+  }
+  ASSERT_EQ(arrays.size(), 3U);
+  ASSERT_EQ(arrays[0].size(), 3 * ply.vertices.size());
+  ASSERT_EQ(arrays[1].size(), 3 * ply.triangles.size());
+  for (std::size_t i = 0; i < ply.vertices.size(); ++i) {
+    EXPECT_NEAR(arrays[0][3 * i], -ply.vertices[i].x(), 1e-5);
+    EXPECT_NEAR(arrays[0][3 * i + 1], -ply.vertices[i].y(), 1e-5);
+    EXPECT_NEAR(arrays[0][3 * i + 2], ply.vertices[i].z(), 1e-5);
+  }
+  for (std::size_t i = 0; i < ply.triangles.size(); ++i) EXPECT_EQ(arrays[1][3 * i], ply.triangles[i][0]);
+}
+
+}  // namespace
+}  // namespace emmetrope
