@@ -61,7 +61,8 @@ void for_each_voxel_near(const Stack& stack, const Vector3d& centre, double radi
     const double column = to_centre.dot(stack.along_row) / stack.column_spacing_mm;
     const double row = to_centre.dot(stack.along_column) / stack.row_spacing_mm;
     const int c0 = std::max(0, static_cast<int>(std::ceil(column - reach / stack.column_spacing_mm)));
-    const int c1 = std::min(stack.columns - 1, static_cast<int>(std::floor(column + reach / stack.column_spacing_mm)));
+    const int c1 =
+        std::min(stack.columns - 1, static_cast<int>(std::floor(column + reach / stack.column_spacing_mm)));
     const int r0 = std::max(0, static_cast<int>(std::ceil(row - reach / stack.row_spacing_mm)));
     const int r1 = std::min(stack.rows - 1, static_cast<int>(std::floor(row + reach / stack.row_spacing_mm)));
     for (int r = r0; r <= r1; ++r) {
@@ -75,7 +76,8 @@ void for_each_voxel_near(const Stack& stack, const Vector3d& centre, double radi
 
 double quantile(std::vector<double>& values, double fraction) {
   if (values.empty()) return 0;
-  const auto at = values.begin() + static_cast<std::ptrdiff_t>(fraction * static_cast<double>(values.size() - 1));
+  const auto at =
+      values.begin() + static_cast<std::ptrdiff_t>(fraction * static_cast<double>(values.size() - 1));
   std::nth_element(values.begin(), at, values.end());
   return *at;
 }

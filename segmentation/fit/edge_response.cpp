@@ -76,15 +76,14 @@ const EdgeTable& table() {
 
 }  // namespace
 
-double edge_response(double t) {
-  return table().e(t);
-}
+double edge_response(double t) { return table().e(t); }
 
 EdgeValue averaged_edge(double t, double h) {
   const EdgeTable& edge = table();
   if (t - h >= EdgeTable::end) return {1, 0, 0};
   if (t + h <= -EdgeTable::end) return {0, 0, 0};
-  // Below this the difference of antiderivatives loses digits, and the average differs from E by h^2 E'' / 6 < 2e-4.
+  // Below this the difference of antiderivatives loses digits, and the average differs from E by h^2 E'' / 6
+  // < 2e-4.
   constexpr double shortest_stretch = 0.02;
   if (h < shortest_stretch) return {edge.e(t), sinc(t), t * sinc(t)};
   const double ahead = edge.e(t + h), behind = edge.e(t - h);

@@ -2,13 +2,13 @@
 
 namespace emmetrope::segmentation {
 
-/// A straight edge seen through a scanner that cuts k-space off at a rectangle, averaged along a stretch on which the
-/// distance to the edge grows linearly (the thickness of a slice).
+/// A straight edge seen through a scanner that cuts k-space off at a rectangle, averaged along a stretch on
+/// which the distance to the edge grows linearly (the thickness of a slice).
 ///
-/// The edge response is E(t) = 1/2 + Si(pi t) / pi with t = 2 k_c s, s the signed distance in the image plane (positive
-/// inside) and k_c the cut-off along the edge's normal (1/mm): ringing included, nothing filtered. The average over
-/// [t - h, t + h] is (EI(t + h) - EI(t - h)) / 2h with EI the antiderivative of E: exact for a plane surface at any
-/// inclination to the slice, so that a thick slice needs few sub-slices.
+/// The edge response is E(t) = 1/2 + Si(pi t) / pi with t = 2 k_c s, s the signed distance in the image plane
+/// (positive inside) and k_c the cut-off along the edge's normal (1/mm): ringing included, nothing filtered.
+/// The average over [t - h, t + h] is (EI(t + h) - EI(t - h)) / 2h with EI the antiderivative of E: exact for
+/// a plane surface at any inclination to the slice, so that a thick slice needs few sub-slices.
 struct EdgeValue {
   double value;             ///< 0 far outside, 1 far inside
   double derivative;        ///< d value / dt at fixed h

@@ -16,7 +16,8 @@ using Eigen::MatrixXd;
 using Eigen::Vector3d;
 using Eigen::VectorXd;
 
-/// Distance of the corneal apex from the globe's centre: the steepest change along the axis between aqueous and lid.
+/// Distance of the corneal apex from the globe's centre: the steepest change along the axis between aqueous
+/// and lid.
 double find_apex_distance(const std::vector<const Stack*>& stacks, const EyeStart& start, Contrast contrast) {
   constexpr double first = 8.8, last = 15.5, step = 0.2;
   const int count = static_cast<int>((last - first) / step) + 1;
@@ -24,12 +25,12 @@ double find_apex_distance(const std::vector<const Stack*>& stacks, const EyeStar
   const Vector3d across = start.axis.unitOrthogonal(), other = start.axis.cross(across);
   for (int i = 0; i < count; ++i) {
     int values = 0;
-    for (const Stack* stack : stacks) {
+    for (std::size_t k = 0; k < stacks.size(); ++k) {
       for (int ring = 0; ring < 9; ++ring) {
         const double angle = ring * 2 * pi / 8, radius = ring == 8 ? 0 : 1.0;
-        const Vector3d x = start.globe_centre + (first + i * step) * start.axis +
+        const Vector3d x = start.in_stack(k).globe_centre + (first + i * step) * start.axis +
                            radius * (std::cos(angle) * across + std::sin(angle) * other);
-        if (const auto value = interpolate(*stack, x)) {
+        if (const auto value = interpolate(*stacks[k], x)) {
           profile[i] += *value;
           ++values;
         }
@@ -52,8 +53,8 @@ double find_apex_distance(const std::vector<const Stack*>& stacks, const EyeStar
   return best == 0 ? population : first + best * step + 0.55;
 }
 
-VectorXd start_parameters(const ParameterLayout& layout, const std::vector<const Stack*>& stacks, const EyeStart& start,
-                          Contrast contrast) {
+VectorXd start_parameters(const ParameterLayout& layout, const std::vector<const Stack*>& stacks,
+                          const EyeStart& start, Contrast contrast) {
   VectorXd a = population_mean(layout);
   const double apex = find_apex_distance(stacks, start, contrast);
   a.segment<3>(apex_x) = start.globe_centre + apex * start.axis;
@@ -62,10 +63,14 @@ VectorXd start_parameters(const ParameterLayout& layout, const std::vector<const
   a[axial_length] = apex + start.globe_radius_mm;
 
   std::vector<TissueLevels> levels;
-  for (const Stack* stack : stacks) levels.push_back(measure_levels({stack}, start, contrast));
+  for (std::size_t k = 0; k < stacks.size(); ++k)
+    levels.push_back(measure_levels(*stacks[k], start.in_stack(k), contrast));
+  for (std::size_t k = 1; k < start.stack_shift.size(); ++k)
+    a.segment<3>(layout.stack(static_cast<int>(k)) + shift_first) = start.stack_shift[k];
   const auto relative = [&](double TissueLevels::*tissue) {
     double sum = 0;
-    for (const TissueLevels& l : levels) sum += l.*tissue / (contrast == Contrast::t2 ? l.vitreous : l.surround);
+    for (const TissueLevels& l : levels)
+      sum += l.*tissue / (contrast == Contrast::t2 ? l.vitreous : l.surround);
     return sum / static_cast<double>(levels.size());
   };
   const bool t2 = contrast == Contrast::t2;
@@ -84,7 +89,8 @@ void freeze_weights(FitProblem& problem, const VectorXd& a) {
   const ForwardModel::AtParameters at(*problem.model, a);
   for (Sample& sample : problem.samples) {
     const double noise = problem.model->stacks()[sample.stack].noise;
-    sample.deviation = static_cast<float>(noise * rician(std::abs(at.intensity(sample, nullptr)) / noise).deviation);
+    sample.deviation =
+        static_cast<float>(noise * rician(std::abs(at.intensity(sample, nullptr)) / noise).deviation);
   }
 }
 
@@ -120,9 +126,9 @@ std::vector<int> all_parameters(const ParameterLayout& layout) {
 /// Pass 1: globe, lens, pose, without the cornea; the apex rides with the globe.
 SolveResult fit_globe(FitProblem& problem, const VectorXd& start) {
   std::vector<int> active = range(apex_x, gaze_vertical);
-  append(active, {anterior_chamber_depth, lens_thickness, lens_anterior_radius, lens_posterior_radius, globe_x, globe_y,
-                  globe_z, wall_lateral, wall_axial, iris_depth, pupil_radius, vitreous, aqueous, wall, lens, iris,
-                  surround});
+  append(active, {anterior_chamber_depth, lens_thickness, lens_anterior_radius, lens_posterior_radius,
+                  globe_x, globe_y, globe_z, wall_lateral, wall_axial, iris_depth, pupil_radius, vitreous,
+                  aqueous, wall, lens, iris, surround});
   append(active, stack_parameters(problem.model->layout(), false));
   problem.loss_scale = 6;
   return solve(problem, start, select_parameters(problem.model->layout().size(), active), 16);
@@ -131,9 +137,11 @@ SolveResult fit_globe(FitProblem& problem, const VectorXd& start) {
 /// Pass 2: the front of the eye from five depths of the apex, globe and lens kept in place.
 SolveResult fit_cornea(FitProblem& problem, const VectorXd& start, std::vector<double>& costs) {
   const int size = problem.model->layout().size();
-  const std::vector<int> active{cornea_c, lid_thickness, lid_tilt_x, lid_tilt_y, lid_xx, lid_yy, lid_xy, aqueous, cornea,
-                                lid, air, iris, iris_slope, pupil_radius, lens};
-  // The last column slides cornea and lid along the axis: the apex moves out, all that lies behind keeps its place.
+  const std::vector<int> active{cornea_c, lid_thickness, lid_tilt_x, lid_tilt_y,   lid_xx,
+                                lid_yy,   lid_xy,        aqueous,    cornea,       lid,
+                                air,      iris,          iris_slope, pupil_radius, lens};
+  // The last column slides cornea and lid along the axis: the apex moves out, all that lies behind keeps its
+  // place.
   VectorXd slide = VectorXd::Zero(size);
   slide.segment<3>(apex_x) = gaze_axis(start[gaze_horizontal], start[gaze_vertical]);
   for (const int depth : {int(axial_length), int(anterior_chamber_depth), int(iris_depth)}) slide[depth] = 1;
@@ -177,8 +185,8 @@ bool belongs_to_anterior(int parameter) {
          parameter == iris || parameter == lid || parameter == air || parameter == aqueous;
 }
 
-/// Residuals by region, and the covariance scaled by them: what the model does not explain widens the intervals of the
-/// parameters that live there.
+/// Residuals by region, and the covariance scaled by them: what the model does not explain widens the
+/// intervals of the parameters that live there.
 void judge(EyeFit& fit, const FitProblem& problem, const Basis& basis) {
   const ForwardModel::AtParameters at(fit.model, fit.parameters);
   fit.regions = {{"globe"}, {"anterior segment"}, {"vitreous"}};
@@ -213,6 +221,21 @@ double EyeFit::sigma(int parameter) const {
   if (at == active.end()) return priors.sigma[parameter] < 1e5 ? priors.sigma[parameter] : 0;
   const auto i = at - active.begin();
   return std::sqrt(covariance(i, i));
+}
+
+EyeStart start_of(const FoundEye& eye) {
+  EyeStart start;
+  start.globe_centre = eye.views.front().globe.centre;
+  start.globe_radius_mm = eye.radius_mm;
+  start.axis = eye.axis;
+  for (const EyeView& view : eye.views) start.stack_shift.push_back(start.globe_centre - view.globe.centre);
+  return start;
+}
+
+std::vector<const Stack*> views_of(const FoundEye& eye, const std::vector<const Stack*>& stacks) {
+  std::vector<const Stack*> views;
+  for (const EyeView& view : eye.views) views.push_back(stacks[view.stack]);
+  return views;
 }
 
 EyeFit fit_eye(const std::vector<const Stack*>& stacks, const EyeStart& start, Contrast contrast,
@@ -260,8 +283,9 @@ EyeFit fit_eye(const std::vector<const Stack*>& stacks, const EyeStart& start, C
   freeze_weights(problem, a);
   const bool converged = adopt(solve(problem, a, basis, 10));
 
-  EyeFit fit{layout, contrast, observed, model, a, active, {}, problem.priors, {}, {}, 0, {}, iterations, converged,
-             std::move(start_costs)};
+  EyeFit fit{layout, contrast, observed,       model,     a,
+             active, {},       problem.priors, {},        {},
+             0,      {},       iterations,     converged, std::move(start_costs)};
   judge(fit, problem, basis);
   fit.samples = std::move(problem.samples);
   return fit;

@@ -5,6 +5,7 @@
 
 #include "pipeline/base/laterality.hpp"
 #include "raytrace/eye/parametric_eye.hpp"
+#include "segmentation/finding/find_eyes.hpp"
 #include "segmentation/fit/least_squares.hpp"
 #include "segmentation/fit/observation.hpp"
 
@@ -25,8 +26,9 @@ struct EyeFit {
   std::vector<ObservedStack> stacks;
   ForwardModel model;
   Eigen::VectorXd parameters;
-  std::vector<int> active;     ///< parameters that were free in the last pass
-  Eigen::MatrixXd covariance;  ///< of them, in this order, scaled by the residual of the region that each belongs to
+  std::vector<int> active;  ///< parameters that were free in the last pass
+  Eigen::MatrixXd
+      covariance;  ///< of them, in this order, scaled by the residual of the region that each belongs to
   Priors priors;
   std::vector<Sample> samples;    ///< of the last pass
   std::vector<double> residuals;  ///< standardised, of the samples
@@ -34,24 +36,35 @@ struct EyeFit {
   std::vector<RegionFit> regions;
   int iterations = 0;
   bool converged = false;
-  /// Cost of the anterior fit from each start of the apex, lowest first subtracted, in the order of the starts.
+  /// Cost of the anterior fit from each start of the apex, lowest first subtracted, in the order of the
+  /// starts.
   std::vector<double> start_costs;
 
   double value(int parameter) const { return parameters[parameter]; }
+  /// Centre of the globe's ellipsoid.
+  Eigen::Vector3d globe_centre_lps() const {
+    return parameters.segment<3>(apex_x) -
+           (parameters[axial_length] - parameters[globe_z]) *
+               gaze_axis(parameters[gaze_horizontal], parameters[gaze_vertical]);
+  }
   /// Standard deviation; of a frozen parameter its prior's, 0 where it is fixed by definition.
   double sigma(int parameter) const;
 };
 
-/// Fits one eye to its stacks, which are of one contrast. The order that converges: globe, lens and pose without the
-/// cornea; the cornea from five depths; everything; everything once more with Rician weights.
+/// What the fit of a found eye starts from, and its stacks.
+EyeStart start_of(const FoundEye& eye);
+std::vector<const Stack*> views_of(const FoundEye& eye, const std::vector<const Stack*>& stacks);
+
+/// Fits one eye to its stacks, which are of one contrast. The order that converges: globe, lens and pose
+/// without the cornea; the cornea from five depths; everything; everything once more with Rician weights.
 /// \param advance  called `fit_steps` times in all
 /// \throw Error (no_result) when the data cannot support a fit
 EyeFit fit_eye(const std::vector<const Stack*>& stacks, const EyeStart& start, Contrast contrast,
                const std::function<void()>& advance = {});
 inline constexpr int fit_steps = 4;
 
-/// The eye for the next stages: named parameters, covariance and sources ("mri", or "prior" where the image narrowed
-/// the prior by less than a tenth).
+/// The eye for the next stages: named parameters, covariance and sources ("mri", or "prior" where the image
+/// narrowed the prior by less than a tenth).
 ParametricEye to_parametric_eye(const EyeFit& fit, Laterality laterality);
 
 }  // namespace emmetrope::segmentation

@@ -3,34 +3,71 @@
 #include <string>
 #include <vector>
 
+#include "segmentation/finding/eye_candidates.hpp"
+
 /// The numbers that are fitted, as one vector: names, places, populations.
 namespace emmetrope::segmentation {
 
-/// Contrast class of a stack. T2: vitreous brighter than what surrounds the eye; T1: darker.
-enum class Contrast { t1, t2 };
-inline const char* to_string(Contrast contrast) { return contrast == Contrast::t1 ? "T1" : "T2"; }
-
-/// Places in the parameter vector. Names, units and frames are those of raytrace/eye/parametric_eye.hpp where it has
-/// them; intensities are relative to the reference intensity of the study.
+/// Places in the parameter vector. Names, units and frames are those of raytrace/eye/parametric_eye.hpp where
+/// it has them; intensities are relative to the reference intensity of the study.
 enum Parameter : int {
-  apex_x, apex_y, apex_z, gaze_horizontal, gaze_vertical,
-  cornea_c, cornea_j0, cornea_j45, cornea_q, cornea_thickness, cornea_back_ratio,
-  anterior_chamber_depth, lens_thickness, lens_anterior_radius, lens_posterior_radius, lens_anterior_q,
-  lens_posterior_q, lens_decentre_x, lens_decentre_y, lens_tilt_x, lens_tilt_y, lens_equator_radius,
-  axial_length, globe_x, globe_y, globe_z, wall_lateral, wall_axial,
-  iris_depth, iris_slope, iris_half_thickness, pupil_radius,
-  lid_thickness, lid_tilt_x, lid_tilt_y, lid_xx, lid_yy, lid_xy,
-  vitreous, aqueous, wall, cornea, lens, iris, lid, air, surround,
+  apex_x,
+  apex_y,
+  apex_z,
+  gaze_horizontal,
+  gaze_vertical,
+  cornea_c,
+  cornea_j0,
+  cornea_j45,
+  cornea_q,
+  cornea_thickness,
+  cornea_back_ratio,
+  anterior_chamber_depth,
+  lens_thickness,
+  lens_anterior_radius,
+  lens_posterior_radius,
+  lens_anterior_q,
+  lens_posterior_q,
+  lens_decentre_x,
+  lens_decentre_y,
+  lens_tilt_x,
+  lens_tilt_y,
+  lens_equator_radius,
+  axial_length,
+  globe_x,
+  globe_y,
+  globe_z,
+  wall_lateral,
+  wall_axial,
+  iris_depth,
+  iris_slope,
+  iris_half_thickness,
+  pupil_radius,
+  lid_thickness,
+  lid_tilt_x,
+  lid_tilt_y,
+  lid_xx,
+  lid_yy,
+  lid_xy,
+  vitreous,
+  aqueous,
+  wall,
+  cornea,
+  lens,
+  iris,
+  lid,
+  air,
+  surround,
   eye_parameter_count
 };
 
 /// What each stack adds to the vector, relative to its first place.
 enum StackParameter : int {
-  coil_first = 0,        ///< 9 coefficients of a second-order polynomial in LPS, see ForwardModel
+  coil_first = 0,  ///< 9 coefficients of a second-order polynomial in LPS, see ForwardModel
   coil_count = 9,
-  log_gain = 9,          ///< against the first stack
-  shift_first = 10,      ///< LPS mm, against the first stack
-  log_sharpness = 13,    ///< log of the k-space cut-off over its nominal value
+  log_gain = 9,        ///< against the first stack
+  shift_first = 10,    ///< LPS mm, against the first stack
+  log_sharpness = 13,  ///< log of the k-space cut-off over its nominal value
   stack_parameter_count = 14
 };
 
@@ -52,8 +89,8 @@ struct Priors {
   Eigen::VectorXd mean, sigma;
 };
 
-/// Population and acquisition priors (values and sources: docs/segmentation.md) about a start vector: parameters with
-/// no population mean (pose, intensities) are weakly held at `start` or not at all.
+/// Population and acquisition priors (values and sources: docs/segmentation.md) about a start vector:
+/// parameters with no population mean (pose, intensities) are weakly held at `start` or not at all.
 Priors population_priors(const ParameterLayout& layout, const Eigen::VectorXd& start, Contrast contrast);
 
 /// A vector at the population means, pose and intensities zero.
@@ -63,8 +100,8 @@ Eigen::VectorXd population_mean(const ParameterLayout& layout);
 Eigen::Vector3d gaze_axis(double horizontal_deg, double vertical_deg);
 Eigen::Vector2d gaze_deg(const Eigen::Vector3d& axis);
 
-/// Directions on the unit sphere (x, y, z of the eye frame, scaled by the globe's half axes) where the wall may be
-/// displaced: a Fibonacci lattice, none over the cornea.
+/// Directions on the unit sphere (x, y, z of the eye frame, scaled by the globe's half axes) where the wall
+/// may be displaced: a Fibonacci lattice, none over the cornea.
 std::vector<Eigen::Vector3d> bump_directions();
 inline constexpr double bump_width_rad = 0.3;
 

@@ -83,7 +83,7 @@ struct ForwardModel::AtParameters::Surface {
 struct ForwardModel::AtParameters::Wall {
   double u = 0, background = 0;
   Vector3d gradient = Vector3d::Zero();
-  std::array<double, 64> bump;
+  std::array<double, 128> bump;  ///< at most all of bump_directions()
 };
 
 struct ForwardModel::AtParameters::Edge {
@@ -110,7 +110,8 @@ Vector3d ForwardModel::AtParameters::to_eye(const Vector3d& position, int stack)
   return eye_from_lps_ * (position + shift - a_.segment<3>(apex_x));
 }
 
-ForwardModel::AtParameters::Surface ForwardModel::AtParameters::cornea_surface(const Vector3d& p, bool back) const {
+ForwardModel::AtParameters::Surface ForwardModel::AtParameters::cornea_surface(const Vector3d& p,
+                                                                               bool back) const {
   const double ratio = back ? a_[cornea_back_ratio] : 1;
   const double c11 = (a_[cornea_c] + a_[cornea_j0]) / ratio, c22 = (a_[cornea_c] - a_[cornea_j0]) / ratio,
                c12 = a_[cornea_j45] / ratio;
@@ -262,7 +263,8 @@ ForwardModel::AtParameters::Wall ForwardModel::AtParameters::wall_fields(const S
     wall_at.u += u * bump;
     wall_at.background += a_[background_at + i] * bump;
     const double sine = std::sqrt(1 - cosine * cosine);
-    by_n += u * bump / (bump_width_rad * bump_width_rad) * (sine > 1e-6 ? angle / sine : 1) * model_.bumps_[i];
+    by_n +=
+        u * bump / (bump_width_rad * bump_width_rad) * (sine > 1e-6 ? angle / sine : 1) * model_.bumps_[i];
   }
   const Vector3d by_q = (by_n - by_n.dot(n) * n) / rho;
   wall_at.gradient = by_q.cwiseQuotient(r);
@@ -299,7 +301,8 @@ double ForwardModel::AtParameters::intensity(const Sample& sample, SparseRow* ro
   double by_sharpness = 0;
 
   Wall wall_at;
-  if (sample.near_wall && !sample.bumps.empty()) wall_at = wall_fields(sample, to_eye(sample.position, stack));
+  if (sample.near_wall && !sample.bumps.empty())
+    wall_at = wall_fields(sample, to_eye(sample.position, stack));
   double by_u = 0, by_background = 0;
 
   for (int k = 0; k < sampling.subslices; ++k) {
@@ -355,8 +358,8 @@ double ForwardModel::AtParameters::intensity(const Sample& sample, SparseRow* ro
           row->add(wall, weight * (outer_edge.value - inner_edge.value));
         }
       }
-      sum += weight * (outside + (a_[wall] - outside) * outer_edge.value +
-                       (fluid - a_[wall]) * inner_edge.value);
+      sum += weight *
+             (outside + (a_[wall] - outside) * outer_edge.value + (fluid - a_[wall]) * inner_edge.value);
       of_fluid += inner_edge.value;
     }
 
@@ -404,8 +407,9 @@ double ForwardModel::AtParameters::intensity(const Sample& sample, SparseRow* ro
 
   // Coil: exp of a polynomial in LPS about the reference.
   const Vector3d x = (sample.position - model_.coil_reference_) / coil_length_mm;
-  const std::array<double, coil_count> terms{x.x(),         x.y(),         x.z(),         x.x() * x.x(), x.y() * x.y(),
-                                             x.z() * x.z(), x.x() * x.y(), x.y() * x.z(), x.z() * x.x()};
+  const std::array<double, coil_count> terms{x.x(),         x.y(),         x.z(),
+                                             x.x() * x.x(), x.y() * x.y(), x.z() * x.z(),
+                                             x.x() * x.y(), x.y() * x.z(), x.z() * x.x()};
   double log_coil = a_[at_stack + log_gain];
   for (int i = 0; i < coil_count; ++i) log_coil += a_[at_stack + coil_first + i] * terms[i];
   const double coil = std::exp(log_coil);
@@ -432,7 +436,8 @@ double ForwardModel::AtParameters::displacement(const Vector3d& direction) const
   double u = 0;
   for (int i = 0; i < model_.layout_.bumps; ++i) {
     const double angle = std::acos(std::clamp(direction.dot(model_.bumps_[i]), -1.0, 1.0));
-    u += a_[model_.layout_.displacement() + i] * std::exp(-angle * angle / (2 * bump_width_rad * bump_width_rad));
+    u += a_[model_.layout_.displacement() + i] *
+         std::exp(-angle * angle / (2 * bump_width_rad * bump_width_rad));
   }
   return u;
 }
@@ -454,10 +459,43 @@ ForwardModel::AtParameters::Distances ForwardModel::AtParameters::distances(cons
   const Vector3d q = (p + Vector3d(0, 0, a_[axial_length] - a_[globe_z])).cwiseQuotient(r);
   d.direction = q.squaredNorm() > 1e-12 ? q.normalized() : Vector3d(-Vector3d::UnitZ());
   Wall wall_at;
-  wall_at.u = displacement(d.direction);
+  // Far from the wall a displacement of tenths of a millimetre decides nothing.
+  if (std::abs(distance(globe_surface(p, false, nullptr))) < 5) wall_at.u = displacement(d.direction);
   d.globe = distance(globe_surface(p, false, &wall_at));
   d.outer = distance(globe_surface(p, true, &wall_at));
   return d;
+}
+
+ForwardModel::AtParameters::SurfacePoint ForwardModel::AtParameters::at_surface(OpticalSurface which,
+                                                                                const Vector3d& p,
+                                                                                SparseRow* row) const {
+  Surface surface;
+  Sample everywhere;
+  Wall wall_at;
+  if (which == OpticalSurface::cornea_anterior || which == OpticalSurface::cornea_posterior) {
+    surface = cornea_surface(p, which == OpticalSurface::cornea_posterior);
+  } else if (which == OpticalSurface::retina) {
+    for (int i = 0; i < model_.layout_.bumps; ++i) everywhere.bumps.push_back(static_cast<std::uint8_t>(i));
+    wall_at = wall_fields(everywhere, p);
+    surface = globe_surface(p, false, &wall_at);
+  } else {
+    Surface front, back, equator;
+    lens_surfaces(p, front, back, equator);
+    surface = which == OpticalSurface::lens_anterior ? front : back;
+  }
+  const double per_f = 1 / surface.gradient.norm();
+  if (row) {
+    row->clear();
+    for (int i = 0; i < surface.count; ++i) row->add(surface.index[i], per_f * surface.by[i]);
+    for (std::size_t k = 0; k < everywhere.bumps.size(); ++k)
+      row->add(model_.layout_.displacement() + everywhere.bumps[k], per_f * wall_at.bump[k]);
+    const Vector3d arm = eye_from_lps_.transpose() * p;
+    const Vector3d in_lps = eye_from_lps_.transpose() * surface.gradient * per_f;
+    for (int i = 0; i < 3; ++i) row->add(apex_x + i, -in_lps[i]);
+    row->add(gaze_horizontal, per_f * surface.gradient.dot(by_horizontal_ * arm));
+    row->add(gaze_vertical, per_f * surface.gradient.dot(by_vertical_ * arm));
+  }
+  return {per_f * surface.f, -per_f * surface.gradient};
 }
 
 }  // namespace emmetrope::segmentation

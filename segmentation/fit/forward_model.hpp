@@ -10,7 +10,7 @@ namespace emmetrope::segmentation {
 /// How a stack samples space.
 struct StackSampling {
   Eigen::Vector3d along_row, along_column, normal;  ///< LPS unit vectors
-  double row_cutoff_per_mm = 0;                     ///< k-space cut-off along the row: 1 / (2 spacing) if not interpolated
+  double row_cutoff_per_mm = 0;  ///< k-space cut-off along the row: 1 / (2 spacing) if not interpolated
   double column_cutoff_per_mm = 0;
   double thickness_mm = 0;  ///< of the box profile
   int subslices = 1;
@@ -22,6 +22,9 @@ enum class Zone : std::uint8_t {
   front,  ///< air, lid, cornea, aqueous, iris, front of the lens
   rear,   ///< back of the lens, vitreous, wall, what surrounds the globe
 };
+
+/// The surfaces that light meets.
+enum class OpticalSurface { cornea_anterior, cornea_posterior, lens_anterior, lens_posterior, retina };
 
 /// One voxel that is compared with the model.
 struct Sample {
@@ -64,11 +67,12 @@ class SparseRow {
   std::vector<int> touched_;
 };
 
-/// Voxel intensities of an eye: nested tissues, each entering through its surface's edge response, averaged through the
-/// slice, times the coil's profile; without noise. Intensity is linear in nested layers, so that a cornea thinner than
-/// the blur is right.
+/// Voxel intensities of an eye: nested tissues, each entering through its surface's edge response, averaged
+/// through the slice, times the coil's profile; without noise. Intensity is linear in nested layers, so that
+/// a cornea thinner than the blur is right.
 ///
-/// Front: air + (lid - air) H_lid + (cornea - lid) H_front + (aqueous - cornea) H_back + (lens - aqueous) H_lens
+/// Front: air + (lid - air) H_lid + (cornea - lid) H_front + (aqueous - cornea) H_back + (lens - aqueous)
+/// H_lens
 ///        + (iris - aqueous) H_iris
 /// Rear:  surround(n) + (wall - surround(n)) H_outer + (vitreous - wall) H_inner + (lens - vitreous) H_lens
 /// The coil multiplies by exp(log_gain + polynomial in ((x, y, z) - reference) / 12 mm without constant).
@@ -84,12 +88,13 @@ class ForwardModel {
   class AtParameters {
    public:
     AtParameters(const ForwardModel& model, const Eigen::VectorXd& parameters);
-    /// Intensity of a sample; the row, where given, is cleared and receives the derivatives. The derivative of the
-    /// distance's normalisation (second order in the distance to the edge) is left out.
+    /// Intensity of a sample; the row, where given, is cleared and receives the derivatives. The derivative
+    /// of the distance's normalisation (second order in the distance to the edge) is left out.
     double intensity(const Sample& sample, SparseRow* row) const;
     /// A point of the stack's LPS in the eye frame.
     Eigen::Vector3d to_eye(const Eigen::Vector3d& position, int stack) const;
-    /// Signed distances (mm, positive inside, first order) at a point of the eye frame: what voxels are chosen by.
+    /// Signed distances (mm, positive inside, first order) at a point of the eye frame: what voxels are
+    /// chosen by.
     struct Distances {
       double lid, cornea_front, cornea_back, lens, lens_front, globe, outer, iris;
       Eigen::Vector3d direction;  ///< scaled unit direction from the globe's centre
@@ -97,6 +102,14 @@ class ForwardModel {
     Distances distances(const Eigen::Vector3d& p) const;
     /// Displacement u (mm) in a scaled direction, from all bumps.
     double displacement(const Eigen::Vector3d& direction) const;
+
+    /// A surface at a point of the eye frame: signed distance to first order, unit normal out of the tissue's
+    /// inside, and (where a row is given) the derivatives of the distance by all parameters, pose included.
+    struct SurfacePoint {
+      double distance;
+      Eigen::Vector3d outward;
+    };
+    SurfacePoint at_surface(OpticalSurface surface, const Eigen::Vector3d& p, SparseRow* row) const;
 
    private:
     struct Surface;

@@ -32,7 +32,8 @@ struct Condensed {
   double rest;
 };
 Condensed condense(const NormalEquations& equations, const Basis& basis) {
-  const MatrixXd hessian = basis.transpose() * (equations.hessian.selfadjointView<Eigen::Lower>() * MatrixXd(basis));
+  const MatrixXd hessian =
+      basis.transpose() * (equations.hessian.selfadjointView<Eigen::Lower>() * MatrixXd(basis));
   const VectorXd gradient = basis.transpose() * equations.gradient;
   Eigen::LLT<MatrixXd> factor(hessian);
   if (factor.info() != Eigen::Success) throw no_result_error("the fit's equations are singular");
@@ -67,7 +68,8 @@ class CondensedCost : public ceres::CostFunction {
     const Condensed condensed = condense(equations, basis_);
     r.head(n) = condensed.residual;
     r[n] = condensed.rest;
-    Eigen::Map<Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>> jacobian(jacobians[0], n + 1, n);
+    Eigen::Map<Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>> jacobian(jacobians[0],
+                                                                                                n + 1, n);
     jacobian.topRows(n) = condensed.factor.transpose();
     jacobian.row(n).setZero();
     return true;
@@ -76,10 +78,11 @@ class CondensedCost : public ceres::CostFunction {
  private:
   /// Steps into shapes that are none are refused; Levenberg-Marquardt then takes a shorter one.
   static bool plausible(const VectorXd& a) {
-    return a[cornea_c] > 1 / 12.0 && a[cornea_c] < 1 / 5.0 && a[cornea_back_ratio] > 0.6 && a[cornea_thickness] > 0.2 &&
-           a[lens_anterior_radius] > 4 && a[lens_posterior_radius] > 3 && a[lens_thickness] > 2 &&
-           a[anterior_chamber_depth] > 1.2 && a[globe_x] > 6 && a[globe_y] > 6 && a[globe_z] > 6 &&
-           a[wall_lateral] > 0.2 && a[wall_axial] > 0.2 && a[iris_half_thickness] > 0.02 && a[pupil_radius] > 0.4;
+    return a[cornea_c] > 1 / 12.0 && a[cornea_c] < 1 / 5.0 && a[cornea_back_ratio] > 0.6 &&
+           a[cornea_thickness] > 0.2 && a[lens_anterior_radius] > 4 && a[lens_posterior_radius] > 3 &&
+           a[lens_thickness] > 2 && a[anterior_chamber_depth] > 1.2 && a[globe_x] > 6 && a[globe_y] > 6 &&
+           a[globe_z] > 6 && a[wall_lateral] > 0.2 && a[wall_axial] > 0.2 && a[iris_half_thickness] > 0.02 &&
+           a[pupil_radius] > 0.4;
   }
 
   const FitProblem& problem_;
@@ -91,7 +94,8 @@ class CondensedCost : public ceres::CostFunction {
 
 double residual(const FitProblem& problem, const ForwardModel::AtParameters& at, const Sample& sample) {
   const double noise = problem.model->stacks()[sample.stack].noise;
-  return (sample.value - expected(at.intensity(sample, nullptr), noise, problem.rician).value) / sample.deviation;
+  return (sample.value - expected(at.intensity(sample, nullptr), noise, problem.rician).value) /
+         sample.deviation;
 }
 
 NormalEquations evaluate(const FitProblem& problem, const VectorXd& parameters, bool derivatives) {
@@ -114,7 +118,8 @@ NormalEquations evaluate(const FitProblem& problem, const VectorXd& parameters, 
     const double rho = c2 * std::log1p(r * r / c2);
     out.cost += rho / 2;
     if (!derivatives) continue;
-    // r' = sign(r) sqrt(rho): a least-squares residual whose square is the loss (Triggs' correction of first order).
+    // r' = sign(r) sqrt(rho): a least-squares residual whose square is the loss (Triggs' correction of first
+    // order).
     const double robust = std::copysign(std::sqrt(rho), r);
     const double by_r = std::abs(r) < 1e-6 ? 1 : r / (robust * (1 + r * r / c2));
     const double factor = -by_r * e.by_signal / sample.deviation;

@@ -7,7 +7,8 @@
 
 namespace emmetrope::segmentation {
 
-/// What is minimised: sum over samples of c^2 log(1 + r^2 / c^2), r = (value - E[magnitude]) / deviation, plus the priors.
+/// What is minimised: sum over samples of c^2 log(1 + r^2 / c^2), r = (value - E[magnitude]) / deviation,
+/// plus the priors.
 struct FitProblem {
   const ForwardModel* model = nullptr;
   std::vector<Sample> samples;
@@ -16,7 +17,8 @@ struct FitProblem {
   bool rician = false;    ///< compare with the mean magnitude instead of the signal
 };
 
-/// Half the summed squares at `parameters`, and for the Gauss-Newton step the normal equations over all parameters.
+/// Half the summed squares at `parameters`, and for the Gauss-Newton step the normal equations over all
+/// parameters.
 struct NormalEquations {
   double cost = 0;
   Eigen::MatrixXd hessian;   ///< J'J, lower triangle filled
@@ -35,12 +37,15 @@ struct SolveResult {
   bool converged = false;
 };
 
-/// Levenberg-Marquardt by Ceres on the condensed problem: the voxels' rows are summed into normal equations as they are
-/// made, and Ceres sees L' z (J'J = L L'), which has the same cost, gradient and Gauss-Newton matrix.
-SolveResult solve(const FitProblem& problem, const Eigen::VectorXd& start, const Basis& basis, int max_iterations);
+/// Levenberg-Marquardt by Ceres on the condensed problem: the voxels' rows are summed into normal equations
+/// as they are made, and Ceres sees L' z (J'J = L L'), which has the same cost, gradient and Gauss-Newton
+/// matrix.
+SolveResult solve(const FitProblem& problem, const Eigen::VectorXd& start, const Basis& basis,
+                  int max_iterations);
 
-/// Covariance of the parameters that move, at a solution: inverse of J'J with the priors, by ceres::Covariance, which
-/// checks the rank. In the order of the basis' columns. \throw Error (no_result) when J'J is rank deficient
+/// Covariance of the parameters that move, at a solution: inverse of J'J with the priors, by
+/// ceres::Covariance, which checks the rank. In the order of the basis' columns. \throw Error (no_result)
+/// when J'J is rank deficient
 Eigen::MatrixXd covariance(const FitProblem& problem, const Eigen::VectorXd& parameters, const Basis& basis);
 
 /// Standardised residual of one sample, without the loss.

@@ -16,9 +16,7 @@ using Eigen::VectorXd;
 
 /// Radius of a sphere that holds vitreous only, about a point a little behind the globe's centre.
 constexpr double vitreous_core_mm = 6.5;
-Vector3d vitreous_core(const EyeStart& start) {
-  return start.globe_centre - 2.0 * start.axis;
-}
+Vector3d vitreous_core(const EyeStart& start) { return start.globe_centre - 2.0 * start.axis; }
 
 /// Sub-slices so that a cornea's curvature within one is below a hundredth of a millimetre.
 int subslices_for(double thickness_mm) {
@@ -27,25 +25,23 @@ int subslices_for(double thickness_mm) {
 
 }  // namespace
 
-TissueLevels measure_levels(const std::vector<const Stack*>& stacks, const EyeStart& start, Contrast contrast) {
+TissueLevels measure_levels(const Stack& stack, const EyeStart& start, Contrast contrast) {
   std::vector<double> vitreous_values, wall_values, lens_values, lid_values, air_values, surround_values;
-  for (const Stack* stack : stacks) {
-    for_each_voxel_near(*stack, start.globe_centre, 24, [&](int c, int r, int s, const Vector3d& x) {
-      const double value = stack->at(c, r, s);
-      const Vector3d from_centre = x - start.globe_centre;
-      const double distance = from_centre.norm(), along = from_centre.dot(start.axis);
-      const double off_axis = std::sqrt(std::max(distance * distance - along * along, 0.0));
-      if ((x - vitreous_core(start)).norm() < vitreous_core_mm) vitreous_values.push_back(value);
-      if (along < 0.3 * distance) {
-        const double outside = distance - start.globe_radius_mm;
-        if (outside > 0.2 && outside < 0.9) wall_values.push_back(value);
-        if (outside > 1.8 && outside < 3.5) surround_values.push_back(value);
-      }
-      if (std::abs(along - 7.2) < 1.2 && off_axis < 2.5) lens_values.push_back(value);
-      if (along > 13.2 && along < 14.8 && off_axis < 3) lid_values.push_back(value);
-      if (along > 17) air_values.push_back(value);
-    });
-  }
+  for_each_voxel_near(stack, start.globe_centre, 24, [&](int c, int r, int s, const Vector3d& x) {
+    const double value = stack.at(c, r, s);
+    const Vector3d from_centre = x - start.globe_centre;
+    const double distance = from_centre.norm(), along = from_centre.dot(start.axis);
+    const double off_axis = std::sqrt(std::max(distance * distance - along * along, 0.0));
+    if ((x - vitreous_core(start)).norm() < vitreous_core_mm) vitreous_values.push_back(value);
+    if (along < 0.3 * distance) {
+      const double outside = distance - start.globe_radius_mm;
+      if (outside > 0.2 && outside < 0.9) wall_values.push_back(value);
+      if (outside > 1.8 && outside < 3.5) surround_values.push_back(value);
+    }
+    if (std::abs(along - 7.2) < 1.2 && off_axis < 2.5) lens_values.push_back(value);
+    if (along > 13.2 && along < 14.8 && off_axis < 3) lid_values.push_back(value);
+    if (along > 17) air_values.push_back(value);
+  });
   const bool t2 = contrast == Contrast::t2;
   TissueLevels levels;
   levels.vitreous = quantile(vitreous_values, 0.5);
@@ -59,11 +55,13 @@ TissueLevels measure_levels(const std::vector<const Stack*>& stacks, const EyeSt
 
 double vitreous_noise(const Stack& stack, const EyeStart& start) {
   std::vector<std::vector<std::pair<Vector3d, double>>> slices(stack.slices());
-  for_each_voxel_near(stack, vitreous_core(start), vitreous_core_mm, [&](int c, int r, int s, const Vector3d& x) {
-    const Vector3d d = x - start.globe_centre;
-    slices[s].emplace_back(Vector3d(d.dot(stack.along_row), d.dot(stack.along_column), 1) / vitreous_core_mm,
-                           stack.at(c, r, s));
-  });
+  for_each_voxel_near(stack, vitreous_core(start), vitreous_core_mm,
+                      [&](int c, int r, int s, const Vector3d& x) {
+                        const Vector3d d = x - start.globe_centre;
+                        slices[s].emplace_back(
+                            Vector3d(d.dot(stack.along_row), d.dot(stack.along_column), 1) / vitreous_core_mm,
+                            stack.at(c, r, s));
+                      });
   double sum = 0, mean = 0;
   int freedom = 0, count = 0;
   for (const auto& voxels : slices) {
@@ -84,16 +82,19 @@ double vitreous_noise(const Stack& stack, const EyeStart& start) {
   }
   if (freedom < 60) throw no_result_error("too few voxels in the vitreous to measure the noise");
   const double deviation = std::max(std::sqrt(sum / freedom), 1e-9 * std::abs(mean / count) + 1e-12);
-  // The magnitude's deviation is below the channel's sigma at low signal: a fixed point of the Rician moments.
+  // The magnitude's deviation is below the channel's sigma at low signal: a fixed point of the Rician
+  // moments.
   double sigma = deviation;
   for (int i = 0; i < 20; ++i) sigma = deviation / rician(std::max(mean / count / sigma, 0.0)).deviation;
   return sigma;
 }
 
-std::vector<ObservedStack> observe(const std::vector<const Stack*>& stacks, const EyeStart& start, Contrast contrast) {
+std::vector<ObservedStack> observe(const std::vector<const Stack*>& stacks, const EyeStart& start,
+                                   Contrast contrast) {
   std::vector<ObservedStack> observed;
-  for (const Stack* stack : stacks) {
-    const TissueLevels levels = measure_levels({stack}, start, contrast);
+  for (std::size_t k = 0; k < stacks.size(); ++k) {
+    const Stack* stack = stacks[k];
+    const TissueLevels levels = measure_levels(*stack, start.in_stack(k), contrast);
     ObservedStack o;
     o.stack = stack;
     o.reference = contrast == Contrast::t2 ? levels.vitreous : levels.surround;
@@ -103,16 +104,17 @@ std::vector<ObservedStack> observe(const std::vector<const Stack*>& stacks, cons
     o.sampling.normal = stack->normal;
     o.sampling.row_cutoff_per_mm = 0.5 / stack->column_spacing_mm;
     o.sampling.column_cutoff_per_mm = 0.5 / stack->row_spacing_mm;
-    o.sampling.thickness_mm = stack->slice_thickness_mm > 0 ? stack->slice_thickness_mm : stack->slice_spacing_mm();
+    o.sampling.thickness_mm =
+        stack->slice_thickness_mm > 0 ? stack->slice_thickness_mm : stack->slice_spacing_mm();
     o.sampling.subslices = subslices_for(o.sampling.thickness_mm);
-    o.sampling.noise = vitreous_noise(*stack, start) / o.reference;
+    o.sampling.noise = vitreous_noise(*stack, start.in_stack(k)) / o.reference;
     observed.push_back(o);
   }
   return observed;
 }
 
-std::vector<Sample> select_samples(const ForwardModel& model, const VectorXd& a, const std::vector<ObservedStack>& stacks,
-                                   const Selection& selection) {
+std::vector<Sample> select_samples(const ForwardModel& model, const VectorXd& a,
+                                   const std::vector<ObservedStack>& stacks, const Selection& selection) {
   const ForwardModel::AtParameters at(model, a);
   const std::vector<Vector3d> bumps = bump_directions();
   // Three widths and a bit: a neighbour's Gaussian has fallen to 0.6 %.
@@ -128,44 +130,51 @@ std::vector<Sample> select_samples(const ForwardModel& model, const VectorXd& a,
     const double edge_reach = std::max(2.0, 2.5 * pixel);
     const double outside_reach = std::max(0.6, 0.6 * pixel);
     const double influence = std::max(2.5, 5 * pixel) + 0.5;
-    const Vector3d centre = a.segment<3>(apex_x) - a.segment<3>(model.layout().stack(static_cast<int>(k)) + shift_first);
+    const Vector3d centre =
+        a.segment<3>(apex_x) - a.segment<3>(model.layout().stack(static_cast<int>(k)) + shift_first);
     const Vector3d axis = gaze_axis(a[gaze_horizontal], a[gaze_vertical]);
     int deep = 0;
-    for_each_voxel_near(stack, centre - equator_depth * axis, 19, [&](int c, int r, int s, const Vector3d& x) {
-      const Vector3d p = at.to_eye(x, static_cast<int>(k));
-      const double off_axis = std::hypot(p.x(), p.y()), depth = -p.z();
-      Sample sample;
-      sample.zone = depth < mid_lens ? Zone::front : Zone::rear;
-      if (sample.zone == Zone::front) {
-        if (off_axis > 4.6) return;
-        const auto d = at.distances(p);
-        if (d.lid < -edge_reach || d.cornea_front < -5) return;
-        sample.near_cornea = d.cornea_back < influence;
-        sample.near_lens = depth > a[anterior_chamber_depth] - influence;
-        if (!selection.cornea && d.cornea_back < 0.5 + pixel) return;
-        // The root of the iris and the lens' rounded edge are not modelled.
-        if (off_axis > 3.4 && (d.iris > -1 || depth > a[anterior_chamber_depth] - 0.5)) return;
-      } else {
-        if (!selection.rear) return;
-        if (off_axis > 3.4 && depth < lens_end + 1.5) return;  // lens edge, zonule, ciliary body
-        const auto d = at.distances(p);
-        if (d.outer < -outside_reach) return;
-        if (d.globe < edge_reach + 1 && depth < equator_depth - 2) return;  // ciliary body, tendons, lids
-        sample.near_lens = depth < lens_end + influence && off_axis < 5;
-        sample.near_wall = d.globe < influence;
-        // Pure vitreous says little: one voxel in eight.
-        if (d.globe > edge_reach && depth > lens_end + edge_reach && deep++ % 8 != 0) return;
-        if (sample.near_wall) {
-          for (std::size_t i = 0; i < bumps.size(); ++i)
-            if (bumps[i].dot(d.direction) > bump_reach) sample.bumps.push_back(static_cast<std::uint8_t>(i));
-        }
-      }
-      sample.position = x;
-      sample.value = static_cast<float>(stack.at(c, r, s) / stacks[k].reference);
-      sample.deviation = static_cast<float>(stacks[k].sampling.noise);
-      sample.stack = static_cast<std::uint8_t>(k);
-      samples.push_back(std::move(sample));
-    });
+    for_each_voxel_near(stack, centre - equator_depth * axis, 19,
+                        [&](int c, int r, int s, const Vector3d& x) {
+                          const Vector3d p = at.to_eye(x, static_cast<int>(k));
+                          const double off_axis = std::hypot(p.x(), p.y()), depth = -p.z();
+                          Sample sample;
+                          sample.zone = depth < mid_lens ? Zone::front : Zone::rear;
+                          if (sample.zone == Zone::front) {
+                            if (off_axis > 4.6) return;
+                            const auto d = at.distances(p);
+                            if (d.lid < -edge_reach || d.cornea_front < -5) return;
+                            sample.near_cornea = d.cornea_back < influence;
+                            sample.near_lens = depth > a[anterior_chamber_depth] - influence;
+                            if (!selection.cornea && d.cornea_back < 0.5 + pixel) return;
+                            // The root of the iris and the lens' rounded edge are not modelled.
+                            if (off_axis > 3.4 && (d.iris > -1 || depth > a[anterior_chamber_depth] - 0.5))
+                              return;
+                          } else {
+                            if (!selection.rear) return;
+                            if (off_axis > 3.4 && depth < lens_end + 1.5)
+                              return;  // lens edge, zonule, ciliary body
+                            const auto d = at.distances(p);
+                            if (d.outer < -outside_reach) return;
+                            if (d.globe < edge_reach + 1 && depth < equator_depth - 2)
+                              return;  // ciliary body, tendons, lids
+                            sample.near_lens = depth < lens_end + influence && off_axis < 5;
+                            sample.near_wall = d.globe < influence;
+                            // Pure vitreous says little: one voxel in eight.
+                            if (d.globe > edge_reach && depth > lens_end + edge_reach && deep++ % 8 != 0)
+                              return;
+                            if (sample.near_wall) {
+                              for (std::size_t i = 0; i < bumps.size(); ++i)
+                                if (bumps[i].dot(d.direction) > bump_reach)
+                                  sample.bumps.push_back(static_cast<std::uint8_t>(i));
+                            }
+                          }
+                          sample.position = x;
+                          sample.value = static_cast<float>(stack.at(c, r, s) / stacks[k].reference);
+                          sample.deviation = static_cast<float>(stacks[k].sampling.noise);
+                          sample.stack = static_cast<std::uint8_t>(k);
+                          samples.push_back(std::move(sample));
+                        });
   }
   return samples;
 }

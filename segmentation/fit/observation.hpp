@@ -12,6 +12,16 @@ struct EyeStart {
   Eigen::Vector3d globe_centre;  ///< LPS, mm
   double globe_radius_mm = 11.5;
   Eigen::Vector3d axis;  ///< unit, out of the eye, LPS
+  /// Where the head has moved between the stacks: a point of stack k plus stack_shift[k] is where it lies in
+  /// the first. Empty: nowhere.
+  std::vector<Eigen::Vector3d> stack_shift;
+
+  /// The same eye as it lies in stack k.
+  EyeStart in_stack(std::size_t k) const {
+    EyeStart shifted = *this;
+    if (k < stack_shift.size()) shifted.globe_centre -= stack_shift[k];
+    return shifted;
+  }
 };
 
 /// A stack as the fit sees it.
@@ -25,14 +35,15 @@ struct ObservedStack {
 struct TissueLevels {
   double vitreous = 0, wall = 0, lens = 0, lid = 0, air = 0, surround = 0;
 };
-TissueLevels measure_levels(const std::vector<const Stack*>& stacks, const EyeStart& start, Contrast contrast);
+TissueLevels measure_levels(const Stack& stack, const EyeStart& start, Contrast contrast);
 
-/// Sigma of the noise (one channel) in the vitreous: residual of a quadratic in each slice, corrected for the Rician
-/// magnitude. \throw Error (no_result) when there are too few voxels in it
+/// Sigma of the noise (one channel) in the vitreous: residual of a quadratic in each slice, corrected for the
+/// Rician magnitude. \throw Error (no_result) when there are too few voxels in it
 double vitreous_noise(const Stack& stack, const EyeStart& start);
 
 /// Normalises stacks and measures their noise and resolution.
-std::vector<ObservedStack> observe(const std::vector<const Stack*>& stacks, const EyeStart& start, Contrast contrast);
+std::vector<ObservedStack> observe(const std::vector<const Stack*>& stacks, const EyeStart& start,
+                                   Contrast contrast);
 
 /// Which voxels a pass uses.
 struct Selection {

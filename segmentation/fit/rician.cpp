@@ -19,7 +19,8 @@ double exact_mean(double a) {
 /// d mean / da = sqrt(pi/2) a/2 e^(-x/2) [I0(x/2) + I1(x/2)]
 double exact_derivative(double a) {
   const double half = a * a / 4;
-  return std::sqrt(pi / 2) * a / 2 * std::exp(-half) * (std::cyl_bessel_i(0, half) + std::cyl_bessel_i(1, half));
+  return std::sqrt(pi / 2) * a / 2 * std::exp(-half) *
+         (std::cyl_bessel_i(0, half) + std::cyl_bessel_i(1, half));
 }
 
 constexpr int per_unit = 64;

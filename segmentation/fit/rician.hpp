@@ -2,7 +2,8 @@
 
 namespace emmetrope::segmentation {
 
-/// Mean of a Rician magnitude of a signal nu with channel noise sigma, in units of sigma, and its derivative by nu / sigma.
+/// Mean of a Rician magnitude of a signal nu with channel noise sigma, in units of sigma, and its derivative
+/// by nu / sigma.
 struct RicianMean {
   double mean;        ///< E[M] / sigma
   double derivative;  ///< d(E[M]) / d nu

@@ -43,11 +43,14 @@ TEST(EdgeResponse, DerivativesMatchDifferences) {
     for (const double h : {0.3, 2.5}) {
       const double step = 1e-4;
       const EdgeValue e = averaged_edge(t, h);
-      EXPECT_NEAR(e.derivative, (averaged_edge(t + step, h).value - averaged_edge(t - step, h).value) / (2 * step), 1e-4);
+      EXPECT_NEAR(e.derivative,
+                  (averaged_edge(t + step, h).value - averaged_edge(t - step, h).value) / (2 * step), 1e-4);
       const double wider = 1 + step, narrower = 1 - step;
-      EXPECT_NEAR(e.scale_derivative,
-                  (averaged_edge(t * wider, h * wider).value - averaged_edge(t * narrower, h * narrower).value) / (2 * step),
-                  1e-4);
+      EXPECT_NEAR(
+          e.scale_derivative,
+          (averaged_edge(t * wider, h * wider).value - averaged_edge(t * narrower, h * narrower).value) /
+              (2 * step),
+          1e-4);
     }
   }
 }
@@ -69,7 +72,9 @@ TEST(Rician, MomentsMatchQuadrature) {
     const RicianMean r = rician(nu);
     EXPECT_NEAR(r.mean, mean / norm, 1e-3) << nu;
     EXPECT_NEAR(r.deviation, std::sqrt(square / norm - mean * mean / norm / norm), 2e-3) << nu;
-    EXPECT_NEAR(r.derivative, (rician(nu + 0.05).mean - rician(std::max(nu - 0.05, 0.0)).mean) / (nu < 0.05 ? 0.05 : 0.1), 0.02);
+    EXPECT_NEAR(r.derivative,
+                (rician(nu + 0.05).mean - rician(std::max(nu - 0.05, 0.0)).mean) / (nu < 0.05 ? 0.05 : 0.1),
+                0.02);
   }
 }
 

@@ -22,7 +22,8 @@ ParameterLayout test_layout() {
 
 ForwardModel test_model() {
   StackSampling coronal{Vector3d::UnitX(), -Vector3d::UnitZ(), Vector3d::UnitY(), 1.6, 1.5, 2, 3, 0.05};
-  StackSampling oblique{Vector3d(0, 0.8, 0.6), Vector3d(0, 0.6, -0.8), -Vector3d::UnitX(), 1.6, 1.6, 2, 3, 0.05};
+  StackSampling oblique{
+      Vector3d(0, 0.8, 0.6), Vector3d(0, 0.6, -0.8), -Vector3d::UnitX(), 1.6, 1.6, 2, 3, 0.05};
   return {test_layout(), {coronal, oblique}, Vector3d(30, 12, 0)};
 }
 
@@ -78,8 +79,8 @@ std::vector<Sample> test_samples(const ForwardModel& model, const VectorXd& a) {
   return samples;
 }
 
-/// Each column of the Jacobian against central differences. The tolerance is the size of what is left out on purpose
-/// (the change of the distance's normalisation); a wrong sign or factor is far outside.
+/// Each column of the Jacobian against central differences. The tolerance is the size of what is left out on
+/// purpose (the change of the distance's normalisation); a wrong sign or factor is far outside.
 TEST(ForwardModel, JacobianMatchesDifferences) {
   const ForwardModel model = test_model();
   const VectorXd a = test_parameters(1);
@@ -99,11 +100,13 @@ TEST(ForwardModel, JacobianMatchesDifferences) {
     less[i] -= step;
     const ForwardModel::AtParameters above(model, more), below(model, less);
     for (std::size_t k = 0; k < samples.size(); ++k)
-      numeric(k, i) = (above.intensity(samples[k], nullptr) - below.intensity(samples[k], nullptr)) / (2 * step);
+      numeric(k, i) =
+          (above.intensity(samples[k], nullptr) - below.intensity(samples[k], nullptr)) / (2 * step);
   }
   for (int i = 0; i < size; ++i) {
     const double scale = std::max(numeric.col(i).norm(), 1e-9);
-    EXPECT_LT((analytic.col(i) - numeric.col(i)).norm() / scale, 0.10) << model.layout().name(i) << ' ' << scale;
+    EXPECT_LT((analytic.col(i) - numeric.col(i)).norm() / scale, 0.10)
+        << model.layout().name(i) << ' ' << scale;
   }
 }
 
@@ -115,8 +118,8 @@ TEST(ForwardModel, IntensitiesFarFromEdgesAreTheTissues) {
   Sample sample;
   sample.zone = Zone::rear;
   sample.near_lens = sample.near_wall = true;
-  const Vector3d axis(std::sin(7 * 0.01745329) * std::cos(12 * 0.01745329), -std::cos(7 * 0.01745329) * std::cos(12 * 0.01745329),
-                      -std::sin(12 * 0.01745329));
+  const Vector3d axis(std::sin(7 * 0.01745329) * std::cos(12 * 0.01745329),
+                      -std::cos(7 * 0.01745329) * std::cos(12 * 0.01745329), -std::sin(12 * 0.01745329));
   sample.position = Vector3d(30, 0, 0) - 14 * axis;
   EXPECT_NEAR(at.intensity(sample, nullptr), 1, 0.02);
   sample.zone = Zone::front;
@@ -142,7 +145,8 @@ TEST(LeastSquares, GradientMatchesDifferencesOfTheCost) {
   problem.priors = population_priors(model.layout(), a, Contrast::t2);
   problem.rician = true;
   const NormalEquations equations = evaluate(problem, a, true);
-  for (const int i : {int(vitreous), int(lens), int(cornea), model.layout().stack(0) + 2, int(lid_thickness), int(pupil_radius)}) {
+  for (const int i : {int(vitreous), int(lens), int(cornea), model.layout().stack(0) + 2, int(lid_thickness),
+                      int(pupil_radius)}) {
     VectorXd more = a, less = a;
     more[i] += 1e-5;
     less[i] -= 1e-5;

@@ -24,7 +24,8 @@ inline Stack to_stack(const phantom::RenderedStack& rendered, const std::string&
   stack.column_spacing_mm = stack.row_spacing_mm = rendered.plan.pixel_mm;
   stack.slice_thickness_mm = rendered.plan.slice_thickness_mm;
   stack.slice_intensity = rendered.slices;
-  for (int s = 0; s < rendered.plan.slices; ++s) stack.slice_position.push_back(rendered.plan.slice_position(s));
+  for (int s = 0; s < rendered.plan.slices; ++s)
+    stack.slice_position.push_back(rendered.plan.slice_position(s));
   return stack;
 }
 
@@ -42,8 +43,8 @@ struct PhantomEye {
 };
 
 /// \param cache  folder in which rendered voxels are kept for the next call; empty: none
-inline PhantomEye render_eye(const phantom::HeadGeometry& head, const phantom::Protocol& protocol, Laterality laterality,
-                             int threads, const std::string& cache = {}) {
+inline PhantomEye render_eye(const phantom::HeadGeometry& head, const phantom::Protocol& protocol,
+                             Laterality laterality, int threads, const std::string& cache = {}) {
   const phantom::Anatomy anatomy(head);
   PhantomEye eye;
   eye.truth = phantom::place(head, laterality);
@@ -54,8 +55,8 @@ inline PhantomEye render_eye(const phantom::HeadGeometry& head, const phantom::P
     eye.contrast = plan.contrast == phantom::Contrast::T2 ? Contrast::t2 : Contrast::t1;
     const std::string name = "stack" + std::to_string(i + 1);
     const phantom::Disturbances& d = protocol.disturbances;
-    const std::string file = fmt::format("{}/{}-{}-{}-{}-{}-{}-{}.raw", cache, protocol.name, name, d.seed, d.snr, d.motion_mm,
-                                         d.scale_error, d.chemical_shift_px);
+    const std::string file = fmt::format("{}/{}-{}-{}-{}-{}-{}-{}.raw", cache, protocol.name, name, d.seed,
+                                         d.snr, d.motion_mm, d.scale_error, d.chemical_shift_px);
     phantom::RenderedStack rendered;
     rendered.plan = plan;
     const std::size_t voxels = static_cast<std::size_t>(plan.columns) * plan.rows;
@@ -69,7 +70,8 @@ inline PhantomEye render_eye(const phantom::HeadGeometry& head, const phantom::P
       if (!cache.empty()) {
         std::ofstream out(file, std::ios::binary);
         for (const auto& slice : rendered.slices)
-          out.write(reinterpret_cast<const char*>(slice.data()), static_cast<std::streamsize>(voxels * sizeof(float)));
+          out.write(reinterpret_cast<const char*>(slice.data()),
+                    static_cast<std::streamsize>(voxels * sizeof(float)));
       }
     }
     eye.stacks.push_back(to_stack(rendered, name));

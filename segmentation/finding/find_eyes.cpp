@@ -1,0 +1,174 @@
+#include "segmentation/finding/find_eyes.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+
+namespace emmetrope::segmentation {
+namespace {
+
+using Eigen::Vector3d;
+
+constexpr double least_separation_mm = 42, largest_separation_mm = 82;  // from small children to wide adults
+constexpr double least_score = 0.45;
+constexpr double same_eye_mm = 12;  ///< the head moves less than this between series
+constexpr std::size_t most_stacks = 4;
+
+/// Two globes side by side: distance in range, more across than along the head, of like size.
+bool is_pair(const EyeCandidate& a, const EyeCandidate& b) {
+  const Vector3d d = b.centre - a.centre;
+  return a.contrast == b.contrast && d.norm() > least_separation_mm && d.norm() < largest_separation_mm &&
+         std::abs(d.x()) > 0.85 * d.norm() &&
+         std::abs(a.radius_mm - b.radius_mm) < 0.2 * (a.radius_mm + b.radius_mm) / 2;
+}
+
+double merit_of(const Stack& stack, const EyeCandidate& globe) {
+  const double thickness = std::max(stack.slice_thickness_mm, 0.1);
+  const double contrast = std::min(globe.contrast_to_spread, 100.0);
+  return contrast * contrast * globe.score() / (stack.column_spacing_mm * stack.row_spacing_mm * thickness);
+}
+
+/// What one stack shows: a pair, or its best single globe.
+std::vector<EyeCandidate> eyes_in_stack(const std::vector<EyeCandidate>& candidates) {
+  std::vector<EyeCandidate> best;
+  double best_score = 0;
+  for (std::size_t i = 0; i < candidates.size(); ++i) {
+    for (std::size_t j = i + 1; j < candidates.size(); ++j) {
+      const double score = candidates[i].score() + candidates[j].score();
+      if (!is_pair(candidates[i], candidates[j]) || score <= best_score) continue;
+      best_score = score;
+      best = {candidates[i], candidates[j]};
+    }
+  }
+  if (best.empty() && !candidates.empty()) best = {candidates.front()};
+  std::vector<EyeCandidate> good;
+  for (const EyeCandidate& c : best)
+    if (c.score() >= least_score) good.push_back(c);
+  return good;
+}
+
+struct Cluster {
+  std::vector<EyeView> views;
+  Vector3d centre() const {
+    Vector3d sum = Vector3d::Zero();
+    for (const EyeView& v : views) sum += v.globe.centre;
+    return sum / static_cast<double>(views.size());
+  }
+  double merit() const {
+    double sum = 0;
+    for (const EyeView& v : views) sum += v.merit;
+    return sum;
+  }
+};
+
+void choose_views(const Cluster& cluster, FoundEye& eye) {
+  double merit[2]{0, 0};
+  for (const EyeView& v : cluster.views) merit[v.globe.contrast == Contrast::t2] += v.merit;
+  eye.contrast = merit[1] >= merit[0] ? Contrast::t2 : Contrast::t1;
+  std::vector<EyeView> sorted = cluster.views;
+  std::stable_sort(sorted.begin(), sorted.end(),
+                   [](const EyeView& a, const EyeView& b) { return a.merit > b.merit; });
+  for (const EyeView& v : sorted) {
+    const bool useful = v.globe.contrast == eye.contrast &&
+                        (eye.views.empty() || v.merit > 0.1 * eye.views.front().merit) &&
+                        eye.views.size() < most_stacks;
+    (useful ? eye.views : eye.left_out).push_back(v);
+  }
+  eye.radius_mm = eye.views.front().globe.radius_mm;
+}
+
+}  // namespace
+
+FoundEyes find_eyes(const std::vector<const Stack*>& stacks,
+                    const std::vector<std::string>& laterality_hints) {
+  FoundEyes found;
+  std::vector<Cluster> clusters;
+  for (std::size_t s = 0; s < stacks.size(); ++s) {
+    found.choices.push_back({s, false, "", "no globe of 9 to 15 mm radius seen in it"});
+    for (const EyeCandidate& globe : eyes_in_stack(find_candidates(*stacks[s]))) {
+      const EyeView view{s, globe, merit_of(*stacks[s], globe)};
+      const auto known = std::find_if(clusters.begin(), clusters.end(), [&](const Cluster& c) {
+        return (c.centre() - globe.centre).norm() < same_eye_mm;
+      });
+      if (known != clusters.end()) {
+        known->views.push_back(view);
+      } else {
+        clusters.push_back({{view}});
+      }
+    }
+  }
+
+  // The best pair, else the best single globe.
+  std::vector<Cluster> eyes;
+  double best = 0;
+  for (std::size_t i = 0; i < clusters.size(); ++i) {
+    for (std::size_t j = i + 1; j < clusters.size(); ++j) {
+      const Vector3d d = clusters[j].centre() - clusters[i].centre();
+      const double merit = clusters[i].merit() + clusters[j].merit();
+      if (d.norm() < least_separation_mm || d.norm() > largest_separation_mm ||
+          std::abs(d.x()) < 0.85 * d.norm())
+        continue;
+      if (merit > best) {
+        best = merit;
+        eyes = d.x() > 0 ? std::vector<Cluster>{clusters[i], clusters[j]}
+                         : std::vector<Cluster>{clusters[j], clusters[i]};
+      }
+    }
+  }
+  if (eyes.empty() && !clusters.empty()) {
+    eyes.push_back(
+        *std::max_element(clusters.begin(), clusters.end(),
+                          [](const Cluster& a, const Cluster& b) { return a.merit() < b.merit(); }));
+  }
+
+  for (std::size_t e = 0; e < eyes.size(); ++e) {
+    FoundEye eye;
+    choose_views(eyes[e], eye);
+    if (eyes.size() == 2) {
+      eye.laterality = e == 0 ? Laterality::od : Laterality::os;
+    } else {
+      const std::string hint = laterality_hints[eye.views.front().stack];
+      const double x = eyes[e].centre().x();
+      if (hint == "R" || hint == "L") {
+        eye.laterality = hint == "R" ? Laterality::od : Laterality::os;
+        found.notes.push_back("one eye only is seen; its side is the image's laterality tag");
+      } else {
+        eye.laterality = x < 0 ? Laterality::od : Laterality::os;
+        found.notes.push_back(
+            fmt::format("one eye only is seen; its side is taken from its place, {:.0f} mm to the patient's "
+                        "{} of the scanner's centre",
+                        std::abs(x), x < 0 ? "right" : "left"));
+      }
+    }
+    std::vector<GlobeInStack> views;
+    for (const EyeView& v : eye.views) views.push_back({stacks[v.stack], v.globe.centre});
+    const Gaze gaze = find_gaze(views, eye.radius_mm, eye.contrast);
+    eye.axis = gaze.axis;
+    eye.lens_contrast = gaze.lens_contrast;
+
+    const auto explain = [&](const EyeView& v, bool used) {
+      StackChoice& choice = found.choices[v.stack];
+      const std::string text = fmt::format(
+          "{}: globe seen with {:.0f} % of its wall on a sphere of {:.1f} mm, {:.0f} % of it inside the "
+          "stack, merit {:.3g}",
+          to_string(eye.laterality), 100 * v.globe.agreement, v.globe.radius_mm, 100 * v.globe.inside,
+          v.merit);
+      const std::string why =
+          used ? "used"
+               : (v.globe.contrast != eye.contrast
+                      ? std::string("not used: ") + to_string(eye.contrast) + " says more about this eye"
+                      : "not used: it adds little to the better stacks");
+      choice.reason = choice.contrast.empty() ? text + "; " + why : choice.reason + ". " + text + "; " + why;
+      choice.contrast = to_string(v.globe.contrast);
+      choice.used = choice.used || used;
+    };
+    for (const EyeView& v : eye.views) explain(v, true);
+    for (const EyeView& v : eye.left_out) explain(v, false);
+    found.eyes.push_back(eye);
+  }
+  return found;
+}
+
+}  // namespace emmetrope::segmentation

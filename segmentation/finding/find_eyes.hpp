@@ -1,0 +1,47 @@
+#pragma once
+#include <string>
+#include <vector>
+
+#include "pipeline/base/laterality.hpp"
+#include "segmentation/finding/eye_candidates.hpp"
+
+namespace emmetrope::segmentation {
+
+/// One stack's view of an eye.
+struct EyeView {
+  std::size_t stack = 0;  ///< index into the stacks that were searched
+  EyeCandidate globe;
+  double merit = 0;  ///< (contrast over noise)^2 per mm^3: how much the stack says about the eye's surfaces
+};
+
+struct FoundEye {
+  Laterality laterality = Laterality::od;
+  Contrast contrast = Contrast::t2;
+  std::vector<EyeView> views;  ///< chosen for the fit, best first; one contrast class
+  std::vector<EyeView> left_out;
+  Eigen::Vector3d axis;  ///< outward, LPS
+  double lens_contrast = 0;
+  double radius_mm = 0;
+};
+
+/// Why a stack is used or not, for case.json.
+struct StackChoice {
+  std::size_t stack = 0;
+  bool used = false;
+  std::string contrast;  ///< "T1", "T2", or empty where no eye is seen
+  std::string reason;
+};
+
+struct FoundEyes {
+  std::vector<FoundEye> eyes;  ///< right first; at most two
+  std::vector<StackChoice> choices;
+  std::vector<std::string> notes;
+};
+
+/// Finds the eyes in all stacks (one patient frame), pairs them left and right by LPS x, and chooses for each
+/// eye the stacks of the contrast class that says most about it. \param laterality_hints  ImageLaterality of
+/// each stack ("R", "L" or else), used where one eye only is seen
+FoundEyes find_eyes(const std::vector<const Stack*>& stacks,
+                    const std::vector<std::string>& laterality_hints);
+
+}  // namespace emmetrope::segmentation

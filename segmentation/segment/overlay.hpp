@@ -1,0 +1,19 @@
+#pragma once
+#include <filesystem>
+
+#include "segmentation/fit/eye_fit.hpp"
+
+namespace emmetrope::segmentation {
+
+/// Six slices of a stack through the eye, cropped to it, with the fitted borders in colour: cornea cyan, iris
+/// violet, lens orange, inner wall green, outer wall yellow. \throw Error (not_writable)
+void write_overlay(const std::filesystem::path& file, const EyeFit& fit, std::size_t view);
+
+/// The same slices with the standardised residual (image minus model) of every voxel that was used: blue
+/// below -4, red above 4 sigma, white none.
+void write_residuals(const std::filesystem::path& file, const EyeFit& fit, std::size_t view);
+
+/// Slices through a place where no eye could be fitted, without contours.
+void write_plain(const std::filesystem::path& file, const Stack& stack, const Eigen::Vector3d& centre);
+
+}  // namespace emmetrope::segmentation

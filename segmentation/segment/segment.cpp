@@ -1,0 +1,364 @@
+#include "segmentation/segment/segment.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <atomic>
+#include <optional>
+#include <thread>
+
+#include "pipeline/base/case_folder.hpp"
+#include "pipeline/base/frames.hpp"
+#include "segmentation/finding/find_eyes.hpp"
+#include "segmentation/fit/eye_fit.hpp"
+#include "segmentation/intake/nifti.hpp"
+#include "segmentation/intake/study.hpp"
+#include "segmentation/segment/boundary.hpp"
+#include "segmentation/segment/eye_labels.hpp"
+#include "segmentation/segment/overlay.hpp"
+#include "segmentation/segment/quality.hpp"
+
+namespace emmetrope::segmentation {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// Every regular file of the study; numbered, as file names may name the patient.
+std::vector<StageInput> study_files(const fs::path& study) {
+  if (fs::is_regular_file(study)) return {{"study/1", study}};
+  if (!fs::is_directory(study))
+    throw input_error("the study " + study.string() + " does not exist",
+                      "give a folder of DICOM files or NIfTI volumes");
+  std::vector<fs::path> files;
+  for (const auto& entry :
+       fs::recursive_directory_iterator(study, fs::directory_options::skip_permission_denied))
+    if (entry.is_regular_file()) files.push_back(entry.path());
+  std::sort(files.begin(), files.end());
+  std::vector<StageInput> inputs;
+  for (const auto& file : files) inputs.push_back({fmt::format("study/{}", inputs.size() + 1), file});
+  return inputs;
+}
+
+/// The series that may be used: those asked for, or all usable ones.
+std::vector<const SeriesInfo*> choose_series(const StudyInventory& inventory,
+                                             const std::vector<std::string>& wanted) {
+  std::vector<const SeriesInfo*> chosen;
+  for (const std::string& words : wanted) {
+    const std::string id = words.substr(0, words.find(','));
+    const auto by_number =
+        std::find_if(inventory.series.begin(), inventory.series.end(),
+                     [&](const SeriesInfo& s) { return s.name == id || s.name == "stack" + id; });
+    const SeriesInfo& info = by_number != inventory.series.end() ? *by_number : inventory.find(id);
+    if (!info.usable)
+      throw Error(info.refusal, fmt::format("series {} cannot be used: {}", info.uid, info.reason));
+    chosen.push_back(&info);
+  }
+  if (wanted.empty())
+    for (const SeriesInfo& info : inventory.series)
+      if (info.usable) chosen.push_back(&info);
+  if (chosen.empty()) {
+    std::string reasons;
+    for (const SeriesInfo& info : inventory.series)
+      reasons += fmt::format("\n  {}: {}", info.name, info.reason);
+    throw Error(inventory.status(), "no series of the study can be used" + reasons,
+                "emmetrope inventory STUDY lists what is wrong with each");
+  }
+  return chosen;
+}
+
+/// One eye, from found to judged.
+struct EyeResult {
+  FoundEye found;
+  std::optional<EyeFit> fit;
+  std::vector<QualityGate> gates;
+  bool refused() const { return !fit || is_refused(gates); }
+  std::string reasons() const {
+    std::string text;
+    for (const QualityGate& gate : gates)
+      if (gate.decides && !gate.passed) text += (text.empty() ? "" : "; ") + gate.reason;
+    return text;
+  }
+};
+
+void fit_one(EyeResult& eye, const std::vector<const Stack*>& stacks, const std::function<void()>& advance) {
+  try {
+    eye.fit = fit_eye(views_of(eye.found, stacks), start_of(eye.found), eye.found.contrast, advance);
+    eye.gates = judge_quality(eye.found, *eye.fit);
+  } catch (const Error& error) {
+    if (error.status() != ExitStatus::no_result) throw;
+    eye.gates = {{"fit", 0, 1, false, true, error.what()}};
+  }
+}
+
+/// One eye a core; the result does not depend on how many cores there are.
+void fit_all(std::vector<EyeResult>& eyes, const std::vector<const Stack*>& stacks,
+             const CommonOptions& common) {
+  Progress progress("fitting the eyes", eyes.size() * fit_steps, common.verbosity);
+  const auto advance = [&] { progress.advance(); };
+  std::vector<std::exception_ptr> faults(eyes.size());
+  const auto run = [&](std::size_t i) {
+    try {
+      fit_one(eyes[i], stacks, advance);
+    } catch (...) {
+      faults[i] = std::current_exception();
+    }
+  };
+  if (common.thread_count() > 1) {
+    std::vector<std::thread> threads;
+    for (std::size_t i = 0; i < eyes.size(); ++i) threads.emplace_back(run, i);
+    for (auto& thread : threads) thread.join();
+  } else {
+    for (std::size_t i = 0; i < eyes.size(); ++i) run(i);
+  }
+  for (const auto& fault : faults)
+    if (fault) std::rethrow_exception(fault);
+}
+
+Json vector_json(const Eigen::Vector3d& v) { return Json::array({v.x(), v.y(), v.z()}); }
+
+/// Angle of the line of the globes' centres against the scanner's horizontal; positive: the left eye is
+/// higher.
+std::optional<double> head_roll_deg(const std::vector<EyeResult>& eyes) {
+  if (eyes.size() != 2) return std::nullopt;
+  const auto centre = [](const EyeResult& eye) {
+    return eye.fit ? eye.fit->globe_centre_lps() : eye.found.views.front().globe.centre;
+  };
+  const Eigen::Vector3d d = centre(eyes[1]) - centre(eyes[0]);
+  return std::atan2(d.z(), d.x()) / degree;
+}
+
+Json fit_json(const EyeResult& eye, const std::optional<double>& roll_deg) {
+  Json json{{"laterality", to_string(eye.found.laterality)},
+            {"status", eye.refused() ? "refused" : "measured"}};
+  json["head_roll_deg"] = roll_deg ? Json(*roll_deg) : Json(nullptr);
+  json["contrast"] = to_string(eye.found.contrast);
+  json["quality"] = Json::array();
+  for (const QualityGate& gate : eye.gates) json["quality"].push_back(to_json(gate));
+  if (!eye.fit) return json;
+  const EyeFit& fit = *eye.fit;
+  json["globe_centre_lps_mm"] = vector_json(fit.globe_centre_lps());
+  json["chi2_per_voxel"] = fit.chi2_per_voxel;
+  json["voxels"] = fit.samples.size();
+  json["iterations"] = fit.iterations;
+  json["converged"] = fit.converged;
+  json["noise"] = Json::array();
+  json["stacks"] = Json::array();
+  for (int s = 0; s < fit.layout.stacks; ++s) {
+    const ObservedStack& o = fit.stacks[s];
+    const int at = fit.layout.stack(s);
+    json["noise"].push_back(o.sampling.noise * o.reference);
+    json["stacks"].push_back({{"name", o.stack->name},
+                              {"reference_intensity", o.reference},
+                              {"noise", o.sampling.noise * o.reference},
+                              {"shift_lps_mm", vector_json(fit.parameters.segment<3>(at + shift_first))},
+                              {"gain", std::exp(fit.parameters[at + log_gain])},
+                              {"sharpness", std::exp(fit.parameters[at + log_sharpness])}});
+  }
+  json["regions"] = Json::array();
+  for (const RegionFit& region : fit.regions)
+    json["regions"].push_back({{"name", region.name},
+                               {"voxels", region.voxels},
+                               {"chi2_per_voxel", region.chi2},
+                               {"outlier_share", region.outliers}});
+  json["apex_start_costs"] = fit.start_costs;
+  Json intensities;
+  for (int i = vitreous; i <= surround; ++i) intensities[fit.layout.name(i)] = fit.parameters[i];
+  json["intensities"] = intensities;
+  json["eye"] = to_json(to_parametric_eye(fit, eye.found.laterality));
+  return json;
+}
+
+void write_eye(const fs::path& folder, const EyeResult& eye, const std::vector<const Stack*>& stacks,
+               const std::optional<double>& roll_deg) {
+  fs::create_directories(folder);
+  write_json(folder / "fit.json", fit_json(eye, roll_deg));
+  if (!eye.fit) {
+    const EyeView& view = eye.found.views.front();
+    write_plain(folder / fmt::format("overlay_{}.png", stacks[view.stack]->name), *stacks[view.stack],
+                view.globe.centre);
+    return;
+  }
+  write_boundary(folder / "boundary.ply", *eye.fit);
+  for (std::size_t v = 0; v < eye.fit->stacks.size(); ++v) {
+    const std::string& name = eye.fit->stacks[v].stack->name;
+    write_overlay(folder / fmt::format("overlay_{}.png", name), *eye.fit, v);
+    write_residuals(folder / fmt::format("residual_{}.png", name), *eye.fit, v);
+  }
+}
+
+void write_stacks(const fs::path& folder, const std::vector<EyeResult>& eyes,
+                  const std::vector<const Stack*>& stacks) {
+  for (const Stack* stack : stacks) {
+    std::vector<std::vector<std::uint8_t>> labels(
+        stack->slices(),
+        std::vector<std::uint8_t>(static_cast<std::size_t>(stack->columns) * stack->rows, 0));
+    bool used = false;
+    for (const EyeResult& eye : eyes) {
+      for (const EyeView& view : eye.found.views) used = used || stacks[view.stack] == stack;
+      if (eye.refused()) continue;
+      for (std::size_t v = 0; v < eye.fit->stacks.size(); ++v)
+        if (eye.fit->stacks[v].stack == stack) rasterise(*eye.fit, v, eye.found.laterality, labels);
+    }
+    if (!used) continue;
+    write_nifti(folder / (stack->name + ".nii.gz"), *stack);
+    write_label_nifti(folder / (stack->name + "_labels.nii.gz"), *stack, labels);
+  }
+  write_json(folder / "labels.json", label_names());
+}
+
+Json case_json(const StudyInventory& inventory, const std::vector<const SeriesInfo*>& series,
+               const FoundEyes& found, const std::vector<EyeResult>& eyes) {
+  Json json{{"subject", to_json(inventory.subject)}};
+  json["series"] = Json::array();
+  for (const SeriesInfo& info : inventory.series) {
+    Json entry = to_json(info);
+    entry["name"] = info.name;
+    json["series"].push_back(entry);
+  }
+  json["stacks"] = Json::array();
+  for (const StackChoice& choice : found.choices) {
+    json["stacks"].push_back({{"name", series[choice.stack]->name},
+                              {"uid", series[choice.stack]->uid},
+                              {"used", choice.used},
+                              {"contrast", choice.contrast.empty() ? Json(nullptr) : Json(choice.contrast)},
+                              {"reason", choice.reason}});
+  }
+  json["eyes"] = Json::object();
+  for (const EyeResult& eye : eyes) {
+    Json used = Json::array();
+    for (const EyeView& view : eye.found.views) used.push_back(series[view.stack]->name);
+    json["eyes"][to_string(eye.found.laterality)] = {
+        {"name", clinical_name(eye.found.laterality)},
+        {"globe_centre_lps_mm", vector_json(eye.found.views.front().globe.centre)},
+        {"stacks", used},
+        {"contrast", to_string(eye.found.contrast)},
+        {"status", eye.refused() ? "refused" : "measured"},
+        {"reason", eye.reasons()}};
+  }
+  json["laterality"] = "by patient coordinates: the right eye is the globe at smaller LPS x";
+  json["notes"] = found.notes;
+  return json;
+}
+
+StageVerdict verdict_of(const std::vector<EyeResult>& eyes, const FoundEyes& found, LateralityChoice wanted) {
+  StageVerdict verdict;
+  int expected = 0, measured = 0;
+  for (const Laterality laterality : both_eyes) {
+    if (!includes(wanted, laterality)) continue;
+    ++expected;
+    const auto eye = std::find_if(eyes.begin(), eyes.end(),
+                                  [&](const EyeResult& e) { return e.found.laterality == laterality; });
+    if (eye == eyes.end()) {
+      verdict.reasons.push_back(
+          fmt::format("{}: no such eye was found in the images", clinical_name(laterality)));
+    } else if (eye->refused()) {
+      verdict.reasons.push_back(fmt::format("{}: {}", clinical_name(laterality), eye->reasons()));
+    } else {
+      ++measured;
+    }
+  }
+  for (const std::string& note : found.notes) verdict.reasons.push_back(note);
+  verdict.status =
+      measured == expected ? ExitStatus::done : (measured > 0 ? ExitStatus::partial : ExitStatus::no_result);
+  return verdict;
+}
+
+StageVerdict segment_study(const SegmentOptions& options, const CommonOptions& common,
+                           StageWorkspace& workspace) {
+  IntakeOptions intake;
+  intake.verbosity = common.verbosity;
+  intake.any_modality = options.any_modality;
+  for (const std::string& words : options.series)
+    if (words.find(',') != std::string::npos) intake.choices.push_back(words);
+  const StudyInventory inventory = read_inventory(options.study, intake);
+  const std::vector<const SeriesInfo*> series = choose_series(inventory, options.series);
+  std::vector<Stack> volumes;
+  std::vector<std::string> hints;
+  for (const SeriesInfo* info : series) {
+    volumes.push_back(read_series(inventory, info->uid, intake));
+    hints.push_back(info->image_laterality);
+    for (const std::string& warning : info->warnings) workspace.warn(info->name + ": " + warning);
+  }
+  std::vector<const Stack*> stacks;
+  for (const Stack& volume : volumes) stacks.push_back(&volume);
+
+  const FoundEyes found = find_eyes(stacks, hints);
+  std::vector<EyeResult> eyes;
+  for (const FoundEye& eye : found.eyes)
+    if (includes(common.laterality, eye.laterality)) eyes.push_back({eye, std::nullopt, {}});
+  fit_all(eyes, stacks, common);
+
+  const std::optional<double> roll = head_roll_deg(eyes);
+  if (roll && std::abs(*roll) > 3)
+    workspace.warn(fmt::format(
+        "the head is rolled by {:.1f} deg: astigmatic axes are given against the scanner", *roll));
+  for (const EyeResult& eye : eyes) {
+    for (const QualityGate& gate : eye.gates)
+      if (!gate.passed)
+        workspace.warn(fmt::format("{}: {}", clinical_name(eye.found.laterality), gate.reason));
+    write_eye(workspace.folder() / to_string(eye.found.laterality), eye, stacks, roll);
+  }
+  write_stacks(workspace.folder(), eyes, stacks);
+  write_json(workspace.case_file("case.json"), case_json(inventory, series, found, eyes));
+  workspace.provenance()["study"] = fs::absolute(options.study).lexically_normal().string();
+  return verdict_of(eyes, found, common.laterality);
+}
+
+/// The figures a user looks at first.
+std::string summary(const fs::path& case_folder) {
+  std::string text;
+  for (const Laterality laterality : both_eyes) {
+    const fs::path file = case_folder / "segmentation" / to_string(laterality) / "fit.json";
+    if (!fs::exists(file)) continue;
+    const Json fit = read_json(file);
+    if (fit.at("status") == "refused") {
+      text += fmt::format("{}: refused\n", clinical_name(laterality));
+      continue;
+    }
+    const ParametricEye eye = parametric_eye_from_json(fit.at("eye"));
+    const auto sigma = [&](const char* name) {
+      const auto at = std::find(eye.parameter_names.begin(), eye.parameter_names.end(), name) -
+                      eye.parameter_names.begin();
+      return std::sqrt(eye.covariance(at, at));
+    };
+    text += fmt::format(
+        "{}: axial length {:.2f} mm, corneal power {:.2f} +- {:.2f} D, anterior chamber {:.2f} +- {:.2f} mm, "
+        "lens {:.2f} +- {:.2f} mm\n",
+        clinical_name(laterality), eye.pole_depth_mm(), 337.5 * eye.cornea_c_per_mm,
+        1.96 * 337.5 * sigma("cornea_c_per_mm"), eye.anterior_chamber_depth_mm,
+        1.96 * sigma("anterior_chamber_depth_mm"), eye.lens_thickness_mm, 1.96 * sigma("lens_thickness_mm"));
+  }
+  return text;
+}
+
+}  // namespace
+
+Answer segment(const SegmentOptions& options, const CommonOptions& common) {
+  StageSpec spec;
+  spec.stage = "segmentation";
+  spec.parameters = {{"series", options.series},
+                     {"any_modality", options.any_modality},
+                     {"laterality", common.laterality == LateralityChoice::both ? "both"
+                                    : common.laterality == LateralityChoice::od ? "od"
+                                                                                : "os"}};
+  spec.inputs = study_files(options.study);
+  const StageOutcome outcome = run_stage(options.case_folder, spec, common, [&](StageWorkspace& workspace) {
+    return segment_study(options, common, workspace);
+  });
+  Answer answer;
+  answer.status = outcome.verdict.status;
+  answer.text = summary(options.case_folder) + "segmentation " + describe(outcome);
+  answer.json = {{"case", options.case_folder.string()},
+                 {"status", static_cast<int>(outcome.verdict.status)},
+                 {"reasons", outcome.verdict.reasons},
+                 {"skipped", outcome.skipped},
+                 {"wall_s", outcome.wall_s},
+                 {"eyes", Json::object()}};
+  for (const Laterality laterality : both_eyes) {
+    const fs::path file = options.case_folder / "segmentation" / to_string(laterality) / "fit.json";
+    if (fs::exists(file)) answer.json["eyes"][to_string(laterality)] = read_json(file).at("status");
+  }
+  return answer;
+}
+
+}  // namespace emmetrope::segmentation

@@ -1,0 +1,23 @@
+#pragma once
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "pipeline/base/command_line.hpp"
+
+namespace emmetrope::segmentation {
+
+struct SegmentOptions {
+  std::filesystem::path study;
+  std::filesystem::path case_folder;
+  std::vector<std::string>
+      series;  ///< SeriesInstanceUID or number in the inventory, or "UID,KEYWORD=VALUE"; empty: choose
+  bool any_modality = false;
+};
+
+/// Reads a study, finds the eyes, fits each and writes CASE/segmentation and CASE/case.json.
+/// Status done (both eyes, or the one asked for), partial (one of two) or no_result.
+/// \throw Error (input_invalid, unsupported) for a study that cannot be read
+Answer segment(const SegmentOptions& options, const CommonOptions& common);
+
+}  // namespace emmetrope::segmentation
