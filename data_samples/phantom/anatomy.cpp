@@ -28,9 +28,9 @@ double smooth_union(double a, double b, double k) {
 /// Skin surface without the eyes, head frame: cranium, face, brow and nose.
 double face_distance(const Vector3d& p) {
   double d = ellipsoid_distance(p - Vector3d(0, 78, 45), {76, 96, 85});
-  d = smooth_union(d, ellipsoid_distance(p - Vector3d(0, 42, -38), {64, 54, 78}), 8);
+  d = smooth_union(d, ellipsoid_distance(p - Vector3d(0, 39, -38), {64, 54, 78}), 8);
   // Lateral rim of the orbit and temple, 15 mm behind the cornea.
-  d = smooth_union(d, ellipsoid_distance({std::abs(p.x()) - 41, p.y() - 30, p.z() + 2}, {23, 27, 36}), 8);
+  d = smooth_union(d, ellipsoid_distance({std::abs(p.x()) - 41, p.y() - 26, p.z() + 2}, {23, 27, 36}), 8);
   if (p.y() > 30) return d;
   d = smooth_union(d, ellipsoid_distance(p - Vector3d(0, 4, 24), {47, 16, 10}), 8);
   return smooth_union(d, ellipsoid_distance(p - Vector3d(0, -6, -26), {10, 25, 32}), 6);
