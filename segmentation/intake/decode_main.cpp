@@ -81,6 +81,7 @@ int serve(std::uint64_t memory_bytes, std::uint64_t byte_limit, double cpu_s) {
   limit(RLIMIT_FSIZE, 0, 0);
   limit(RLIMIT_NOFILE, 32, 32);
   register_decoders();
+  dcmAcceptOddAttributeLength.set(OFFalse);
   if (!dcmDataDict.isDictionaryLoaded()) return 2;
   for (std::string file; std::getline(std::cin, file, '\0');) {
     std::error_code unreadable;

@@ -160,7 +160,8 @@ ImageHeader read_header(const std::filesystem::path& file, DcmFileFormat& parsed
     header.reason = "a DICOMDIR, an index without images";
     return header;
   }
-  header.transfer_syntax = DcmXfer(data_set.getOriginalXfer()).getXferID();
+  const bool stated = parsed.getMetaInfo()->findAndGetOFString(DCM_TransferSyntaxUID, value).good();
+  header.transfer_syntax = stated ? value.c_str() : DcmXfer(data_set.getOriginalXfer()).getXferID();
   header.kind = FileKind::damaged;
   try {
     if (nests_deeper(data_set, 2 * deepest_nesting))

@@ -1,6 +1,7 @@
 #include "segmentation/intake/dicom_pixels.hpp"
 
 #include <dcmtk/config/osconfig.h>
+#include <dcmtk/dcmdata/dccodec.h>
 #include <dcmtk/dcmdata/dcfcache.h>
 #include <dcmtk/dcmdata/dcpixel.h>
 #include <dcmtk/dcmdata/dcpixseq.h>
@@ -260,6 +261,11 @@ void register_decoders() {
 
 DecodeEnd decode_pixels(DcmFileFormat& parsed, std::uint64_t byte_limit, const FrameSink& sink) {
   DcmDataset& data_set = *parsed.getDataset();
+  OFString stated;
+  if (parsed.getMetaInfo()->findAndGetOFString(DCM_TransferSyntaxUID, stated).good() &&
+      DcmXfer(stated.c_str()).getXfer() == EXS_Unknown)
+    throw unsupported_error(fmt::format("{} {} is not known; convert the study to an uncompressed one",
+                                        to_string(tag::transfer_syntax), stated.c_str()));
   DcmPixelData& pixels = pixel_data(data_set);
   Layout layout = read_layout(data_set);
   const DcmXfer syntax(data_set.getOriginalXfer());
@@ -274,7 +280,7 @@ DecodeEnd decode_pixels(DcmFileFormat& parsed, std::uint64_t byte_limit, const F
   check_size(layout, byte_limit);
   const bool jpeg2000 = syntax.getXfer() == EXS_JPEG2000 || syntax.getXfer() == EXS_JPEG2000LosslessOnly;
   const bool run_length = syntax.getXfer() == EXS_RLELossless;
-  if (!jpeg2000 && !data_set.canWriteXfer(EXS_LittleEndianExplicit))
+  if (!jpeg2000 && !DcmCodecList::canChangeCoding(syntax.getXfer(), EXS_LittleEndianExplicit))
     throw unsupported_error(
         fmt::format("{} {} ({}) cannot be decoded; convert the study to an uncompressed one",
                     to_string(tag::transfer_syntax), syntax.getXferID(), syntax.getXferName()));

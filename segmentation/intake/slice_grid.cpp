@@ -4,42 +4,60 @@
 #include <cmath>
 
 namespace emmetrope::segmentation {
-double median_step_mm(const std::vector<double>& positions) {
+namespace {
+
+std::vector<double> steps_of(const std::vector<double>& positions) {
   std::vector<double> steps;
   for (std::size_t i = 1; i < positions.size(); ++i) steps.push_back(positions[i] - positions[i - 1]);
+  return steps;
+}
+
+/// Plane numbers by rounding to a step, then the straight line through (plane, position).
+SliceGrid grid_of_step(const std::vector<double>& positions, double step) {
+  SliceGrid grid;
+  grid.plane = {0};
+  for (const double distance : steps_of(positions))
+    grid.plane.push_back(grid.plane.back() +
+                         static_cast<int>(std::clamp(std::round(distance / step), 1.0, 1e6)));
+  const auto count = static_cast<double>(positions.size());
+  double mean_k = 0, mean_s = 0, kk = 0, ks = 0;
+  for (std::size_t i = 0; i < positions.size(); ++i) {
+    mean_k += grid.plane[i] / count;
+    mean_s += positions[i] / count;
+  }
+  for (std::size_t i = 0; i < positions.size(); ++i) {
+    kk += (grid.plane[i] - mean_k) * (grid.plane[i] - mean_k);
+    ks += (grid.plane[i] - mean_k) * (positions[i] - mean_s);
+  }
+  grid.spacing_mm = ks / kk;
+  grid.start_mm = mean_s - grid.spacing_mm * mean_k;
+  for (std::size_t i = 0; i < positions.size(); ++i)
+    grid.deviation_mm =
+        std::max(grid.deviation_mm, std::abs(positions[i] - grid.start_mm - grid.spacing_mm * grid.plane[i]));
+  return grid;
+}
+
+}  // namespace
+
+double median_step_mm(const std::vector<double>& along_normal_mm) {
+  auto steps = steps_of(along_normal_mm);
   const auto middle = steps.begin() + static_cast<std::ptrdiff_t>(steps.size() / 2);
   std::nth_element(steps.begin(), middle, steps.end());
   return *middle;
 }
 
 SliceGrid fit_slice_grid(const std::vector<double>& along_normal_mm) {
-  SliceGrid grid;
-  grid.plane = {0};
-  grid.start_mm = along_normal_mm.front();
-  if (along_normal_mm.size() == 1) return grid;
-
-  const double step = median_step_mm(along_normal_mm);
-  for (std::size_t i = 1; i < along_normal_mm.size(); ++i) {
-    const double planes = std::round((along_normal_mm[i] - along_normal_mm[i - 1]) / step);
-    grid.plane.push_back(grid.plane.back() + static_cast<int>(std::clamp(planes, 1.0, 1e6)));
+  if (along_normal_mm.size() == 1) {
+    SliceGrid single;
+    single.plane = {0};
+    single.start_mm = along_normal_mm.front();
+    return single;
   }
-  // Straight line through (plane, position).
-  const auto count = static_cast<double>(along_normal_mm.size());
-  double mean_k = 0, mean_s = 0, kk = 0, ks = 0;
-  for (std::size_t i = 0; i < along_normal_mm.size(); ++i) {
-    mean_k += grid.plane[i] / count;
-    mean_s += along_normal_mm[i] / count;
-  }
-  for (std::size_t i = 0; i < along_normal_mm.size(); ++i) {
-    kk += (grid.plane[i] - mean_k) * (grid.plane[i] - mean_k);
-    ks += (grid.plane[i] - mean_k) * (along_normal_mm[i] - mean_s);
-  }
-  grid.spacing_mm = ks / kk;
-  grid.start_mm = mean_s - grid.spacing_mm * mean_k;
-  for (std::size_t i = 0; i < along_normal_mm.size(); ++i)
-    grid.deviation_mm = std::max(
-        grid.deviation_mm, std::abs(along_normal_mm[i] - grid.start_mm - grid.spacing_mm * grid.plane[i]));
-  return grid;
+  auto steps = steps_of(along_normal_mm);
+  std::sort(steps.rbegin(), steps.rend());
+  for (const double step : steps)
+    if (const auto grid = grid_of_step(along_normal_mm, step); grid.deviation_mm <= on_grid_mm) return grid;
+  return grid_of_step(along_normal_mm, median_step_mm(along_normal_mm));
 }
 
 SliceGrid fit_slice_grid(const Stack& stack) {

@@ -1,0 +1,96 @@
+// What else lies in a study's folder.
+#include <sys/stat.h>
+
+#include <fstream>
+
+#include "tests/intake/intake_test.hpp"
+
+namespace emmetrope::test {
+namespace {
+
+using ::testing::HasSubstr;
+
+std::string reason_of(const segmentation::StudyInventory& found, const std::string& file) {
+  for (const auto& skipped : found.skipped)
+    if (skipped.file == file) return skipped.reason;
+  return "not skipped";
+}
+
+TEST_F(IntakeTest, WhatIsNoImageIsListedAsSkipped) {
+  GeneratedSeries series;
+  series.write(folder());
+  std::ofstream(folder() / "notes.txt")
+      << "not a DICOM file, but long enough to hold more than a preamble of one: " << std::string(200, 'x');
+  std::ofstream(folder() / "empty.dcm");
+  ASSERT_EQ(::mkfifo((folder() / "pipe").c_str(), 0600), 0);
+  std::filesystem::create_symlink(folder() / "nowhere", folder() / "dangling");
+  std::filesystem::create_directory_symlink(folder(), folder() / "loop");
+  std::filesystem::create_symlink(folder() / file_name(3), folder() / "zz-link");
+  const auto found = inventory();
+  EXPECT_THAT(reason_of(found, "notes.txt"), HasSubstr("not a DICOM file"));
+  EXPECT_THAT(reason_of(found, "empty.dcm"), HasSubstr("empty"));
+  EXPECT_THAT(reason_of(found, "pipe"), HasSubstr("not a regular file"));
+  EXPECT_THAT(reason_of(found, "dangling"), HasSubstr("link to nothing"));
+  EXPECT_THAT(reason_of(found, "loop"), HasSubstr("seen already"));
+  EXPECT_THAT(reason_of(found, "zz-link"), HasSubstr("seen already"));
+  ASSERT_EQ(found.series.size(), 1U);
+  EXPECT_TRUE(found.series[0].usable);
+  EXPECT_EQ(found.series[0].files, 12U);
+}
+
+TEST_F(IntakeTest, OtherDicomObjectsAreSkipped) {
+  GeneratedSeries series;
+  series.write(folder());
+  GeneratedSeries report("1.2.826.0.1.3680043.9.7.8", 8);
+  report.set(0, DCM_SOPClassUID, UID_EncapsulatedPDFStorage);
+  report[0].findAndDeleteElement(DCM_PixelData);
+  ASSERT_TRUE(report.file(0).saveFile((folder() / "report").c_str(), EXS_LittleEndianExplicit).good());
+  DcmFileFormat directory;
+  directory.getMetaInfo()->putAndInsertString(DCM_MediaStorageSOPClassUID, UID_MediaStorageDirectoryStorage);
+  directory.getDataset()->putAndInsertString(DCM_FileSetID, "DISC");
+  ASSERT_TRUE(
+      directory.getDataset()->putAndInsertString(DCM_SOPClassUID, UID_MediaStorageDirectoryStorage).good());
+  directory.getDataset()->putAndInsertString(DCM_SOPInstanceUID, "1.2.3.4");
+  ASSERT_TRUE(directory.saveFile((folder() / "DICOMDIR").c_str(), EXS_LittleEndianExplicit).good());
+  const auto found = inventory();
+  EXPECT_THAT(reason_of(found, "report"), HasSubstr("(0008,0016)"));
+  EXPECT_THAT(reason_of(found, "DICOMDIR"), HasSubstr("DICOMDIR"));
+  EXPECT_EQ(found.series.size(), 1U);
+}
+
+TEST_F(IntakeTest, DataSetsWithoutPreambleAreRead) {
+  GeneratedSeries series;
+  for (int slice = 0; slice < series.size(); ++slice)
+    ASSERT_TRUE(series.file(slice)
+                    .saveFile((folder() / std::to_string(slice)).c_str(), EXS_LittleEndianImplicit,
+                              EET_UndefinedLength, EGL_recalcGL, EPD_noChange, 0, 0, EWM_dataset)
+                    .good());
+  expect_generated_volume(read_only_series());
+}
+
+TEST_F(IntakeTest, AnEmptyFolderHoldsNoSeries) {
+  EXPECT_EQ(inventory().status(), ExitStatus::input_invalid);
+  EXPECT_THROW(segmentation::read_inventory(folder() / "missing", quiet()), Error);
+}
+
+TEST_F(IntakeTest, TooManyFilesAndTooDeepFoldersAreRefused) {
+  GeneratedSeries series;
+  series.write(folder() / "1" / "2" / "3");
+  auto options = quiet();
+  options.limits.files = 5;
+  EXPECT_THROW(segmentation::read_inventory(folder(), options), Error);
+  options.limits.files = 100;
+  options.limits.depth = 2;
+  EXPECT_THROW(segmentation::read_inventory(folder(), options), Error);
+}
+
+TEST_F(IntakeTest, OneFileIsAStudyToo) {
+  GeneratedSeries series;
+  const auto files = series.write(folder());
+  const auto found = segmentation::read_inventory(files[2], quiet());
+  ASSERT_EQ(found.series.size(), 1U);
+  EXPECT_EQ(found.series[0].slices.size(), 1U);
+}
+
+}  // namespace
+}  // namespace emmetrope::test
