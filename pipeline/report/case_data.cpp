@@ -5,6 +5,7 @@
 #include <sstream>
 
 #include "pipeline/base/files.hpp"
+#include "pipeline/base/frames.hpp"
 
 namespace emmetrope::report {
 namespace {
@@ -153,6 +154,17 @@ CaseData read_case(const fs::path& folder, LateralityChoice eyes) {
   }
   std::sort(data.stacks.begin(), data.stacks.end());
   return data;
+}
+
+std::optional<Eigen::Vector3d> globe_centre(const EyeData& eye) {
+  const Json centre = eye.fit.is_object() ? eye.fit.value("globe_centre_lps_mm", Json()) : Json();
+  if (centre.is_array() && centre.size() == 3)
+    return Eigen::Vector3d(centre[0].get<double>(), centre[1].get<double>(), centre[2].get<double>());
+  if (eye.biometry.is_object() && eye.biometry.contains("lps_from_eye")) {
+    const Eigen::Isometry3d lps_from_eye = isometry_from_json(eye.biometry["lps_from_eye"]);
+    return lps_from_eye * Eigen::Vector3d(0, 0, -value_of(eye.biometry, "axial_length_mm").value_or(24) / 2);
+  }
+  return std::nullopt;
 }
 
 std::optional<double> value_of(const Json& json, const std::string& key) {

@@ -1,4 +1,5 @@
 #pragma once
+#include <Eigen/Core>
 #include <filesystem>
 #include <map>
 #include <optional>
@@ -55,6 +56,10 @@ struct CaseData {
 
 /// \throw Error (input_invalid) when the case lacks case.json or segmentation, or a file is broken
 CaseData read_case(const std::filesystem::path& folder, LateralityChoice eyes);
+
+/// Middle of the eye (LPS, mm): the globe's centre from the fit, else the middle of its axis; nothing for an eye that
+/// was not found.
+std::optional<Eigen::Vector3d> globe_centre(const EyeData& eye);
 
 /// A number of a JSON document that may be plain or measured; nothing where it is missing or null.
 std::optional<double> value_of(const Json& json, const std::string& key);

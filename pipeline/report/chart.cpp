@@ -77,9 +77,8 @@ bool draw_chart(Figure& figure, const std::string& script) {
   write_file(script_file, fmt::format("set encoding utf8\n"
                                       "set terminal svg size {},{} dynamic font 'DejaVu Sans,11'\n"
                                       "set output '{}'\n"
-                                      "set border 3\nset tics nomirror\nset grid ytics lt 1 lw 0.5 lc rgb '{}'\n",
-                                      figure.width_px, figure.height_px, svg_file.string(),
-                                      quiet_colour) +
+                                      "set border 3\nset tics nomirror\nset grid ytics back lw 0.4 lc rgb '#b8c0c8'\n",
+                                      figure.width_px, figure.height_px, svg_file.string()) +
                               script);
   const auto result = run_process(*gnuplot, {script_file.string()}, ChildOutput::discard);
   if (result.status != 0 || !fs::exists(svg_file)) {

@@ -8,110 +8,189 @@
 namespace emmetrope::report {
 namespace {
 
+using Eyes = std::vector<const EyeData*>;
+
 std::string short_name(const EyeData& eye) { return eye.laterality == Laterality::od ? "OD" : "OS"; }
 
-/// "radius_mm" -> "radius (mm)"
-std::string axis_label(const std::string& key) {
-  std::string label;
+bool ends_with(const std::string& text, const std::string& ending) {
+  return text.size() >= ending.size() && text.compare(text.size() - ending.size(), ending.size(), ending) == 0;
+}
+
+/// Columns of the sweep that are measures of sharpness: those without a unit.
+std::vector<std::size_t> measures_of(const Sweep& sweep) {
+  std::vector<std::size_t> columns;
+  for (std::size_t i = 1; i < sweep.names.size(); ++i)
+    if (!ends_with(sweep.names[i], "_mm") && !ends_with(sweep.names[i], "_D") && !ends_with(sweep.names[i], "_deg"))
+      columns.push_back(i);
+  return columns;
+}
+
+/// Letters and spaces only: it stands in a gnuplot script.
+std::string words(const std::string& key) {
+  std::string text;
   for (const char c : key)
-    if (std::isalnum(static_cast<unsigned char>(c)) != 0 || c == '_') label += c == '_' ? ' ' : c;
-  for (const char* unit : {" mm", " D", " deg", " nm"}) {
-    const std::string end = unit;
-    if (label.size() > end.size() && label.compare(label.size() - end.size(), end.size(), end) == 0)
-      return label.substr(0, label.size() - end.size()) + " (" + end.substr(1) + ")";
-  }
-  return label;
+    if (std::isalnum(static_cast<unsigned char>(c)) != 0 || c == '_') text += c == '_' ? ' ' : c;
+  return text;
 }
 
-bool sharpness_chart(Figure& figure, const Sweep& sweep, std::optional<double> optimum_x) {
+Figure sharpness_figure(const EyeData& eye) {
+  Figure figure;
+  figure.id = "sharpness-" + eye.id();
+  figure.title = short_name(eye) + ", sharpness with a plano-cylinder";
+  figure.alt = "Sharpness of the retinal image against the radius of a plano-cylinder, with the optimum";
+  figure.width_px = 400;
+  figure.height_px = 240;
+  const Sweep& sweep = *eye.sweep;
+  const auto measures = measures_of(sweep);
+  if (measures.empty()) return {};
   std::string script = "$sweep << EOD\n";
-  for (const auto& row : sweep.rows) script += fmt::format("{:.6g} {:.6g}\n", row[0], row[1]);
-  script += fmt::format("EOD\nset xlabel '{}'\nset ylabel '{}'\nunset key\n", axis_label(sweep.names[0]),
-                        axis_label(sweep.names[1]));
-  if (optimum_x)
-    script += fmt::format(
-        "set arrow from {0:.6g}, graph 0 to {0:.6g}, graph 1 nohead dt 2 lc rgb '{1}'\n"
-        "set label 'optimum' at {0:.6g}, graph 0.06 offset 0.5 textcolor rgb '{1}'\n",
-        *optimum_x, second_colour);
-  script += fmt::format("plot $sweep using 1:2 with linespoints pt 7 ps 0.4 lw 2 lc rgb '{}'\n", first_colour);
-  return draw_chart(figure, script);
-}
-
-/// M, J0, J45 by every criterion, side by side.
-Table criteria_table(const EyeData& eye) {
-  Table table{"The same eye by other criteria, " + std::string(clinical_name(eye.laterality)),
-              {"Criterion", "M", "J0", "J45"},
-              {}};
-  const NumberStyle style{2, true, "D"};
-  const auto add = [&](const std::string& name, const Json& power) {
-    const auto M = value_of(power, "M_D"), J0 = value_of(power, "J0_D"), J45 = value_of(power, "J45_D");
-    if (M && J0 && J45) table.rows.push_back({name, format(*M, style), format(*J0, style), format(*J45, style)});
-  };
-  add("Image sharpness (the prescription)", eye.prescription);
-  const Json check = eye.prescription.value("wavefront_check", Json::object());
-  for (const auto& [key, name] : {std::pair{"paraxial", "Paraxial: wavefront curvature at the centre"},
-                                  std::pair{"minimum_rms_wavefront", "Least wavefront error over the pupil"},
-                                  std::pair{"minimum_rms_spot", "Least spot over the pupil"},
-                                  std::pair{"visual_strehl", "Best visual Strehl ratio"}})
-    if (check.is_object() && check.contains(key)) add(name, check[key]);
-  return table;
-}
-
-/// Standard deviations by source, the largest first as it is written.
-Table budget_table(const EyeData& eye) {
-  Table table{"Where the uncertainty comes from (1 standard deviation), " + std::string(clinical_name(eye.laterality)),
-              {"Source", "M", "J0", "J45"},
-              {}};
-  const Json budget = eye.prescription.value("budget", Json::array());
-  if (!budget.is_array()) return table;
-  const NumberStyle style{2, false, "D"};
-  for (const auto& line : budget) {
-    if (!line.is_object()) continue;
-    const auto M = value_of(line, "M_D"), J0 = value_of(line, "J0_D"), J45 = value_of(line, "J45_D");
-    table.rows.push_back({line.value("source", "other"), M ? format(*M, style) : "", J0 ? format(*J0, style) : "",
-                          J45 ? format(*J45, style) : ""});
+  std::vector<double> peak(sweep.names.size(), 1e-300);
+  for (const auto& row : sweep.rows)
+    for (const std::size_t i : measures) peak[i] = std::max(peak[i], row[i]);
+  bool is_positive = true;
+  for (const auto& row : sweep.rows) {
+    is_positive = is_positive && row[0] > 0;
+    script += fmt::format("{:.6g}", row[0]);
+    for (const std::size_t i : measures) script += fmt::format(" {:.5f}", row[i] / peak[i]);
+    script += "\n";
   }
-  return table;
+  const bool is_radius = ends_with(sweep.names[0], "_mm");
+  script += fmt::format("EOD\nset xlabel '{}'\nset ylabel 'Sharpness, relative'\nset key bottom right font ',9'\n",
+                        is_radius ? "Radius of the back surface (mm)" : words(sweep.names[0]));
+  script += "set yrange [0:1.05]\n";
+  if (is_positive) script += "set logscale x\nset xtics (20, 50, 100, 200, 500)\n";
+  if (const auto optimum = value_of(eye.prescription.value("plano_cylinder", Json::object()), sweep.names[0]))
+    script += fmt::format("set arrow from {0:.6g}, graph 0 to {0:.6g}, graph 1 nohead dt 2 lc rgb '{1}'\n", *optimum,
+                          second_colour);
+  const std::array<const char*, 3> colours{first_colour, third_colour, quiet_colour};
+  script += "plot ";
+  for (std::size_t i = 0; i < measures.size(); ++i)
+    script += fmt::format("{}$sweep using 1:{} with lines lw 2 dt {} lc rgb '{}' title '{}'", i == 0 ? "" : ", ", i + 2,
+                          i + 1, colours[i % colours.size()], words(sweep.names[measures[i]]));
+  return draw_chart(figure, script + "\n") ? figure : Figure();
 }
 
-Table cylinder_table(const EyeData& eye) {
-  Table table{"Best plano-cylinder, " + std::string(clinical_name(eye.laterality)), {"Quantity", "Value"}, {}};
-  const Json lens = eye.prescription.value("plano_cylinder", Json());
-  if (!lens.is_object()) return table;
+/// A table whose rows hold M, J0 and J45 of each eye.
+class PowerTable {
+ public:
+  PowerTable(std::string caption, std::string first, const Eyes& eyes, NumberStyle style)
+      : table_{std::move(caption), {std::move(first)}, {}}, style_(std::move(style)) {
+    for (const auto* eye : eyes)
+      for (const char* part : {" M", " J0", " J45"}) table_.header.push_back(short_name(*eye) + part);
+  }
+
+  /// \param powers  one for each eye; null where there is none
+  void add(const std::string& name, const std::vector<Json>& powers) {
+    std::vector<std::string> row{name};
+    bool any = false;
+    for (const auto& power : powers)
+      for (const char* key : {"M_D", "J0_D", "J45_D"}) {
+        const auto value = value_of(power, key);
+        any = any || value.has_value();
+        row.push_back(value ? format(*value, style_) : "\u2013");
+      }
+    if (any) table_.rows.push_back(row);
+  }
+  const Table& table() const { return table_; }
+
+ private:
+  Table table_;
+  NumberStyle style_;
+};
+
+Table criteria_table(const Eyes& eyes) {
+  PowerTable table("The refraction by several criteria", "Criterion", eyes, {2, true, "D"});
+  std::vector<Json> prescriptions;
+  for (const auto* eye : eyes) prescriptions.push_back(eye->prescription);
+  table.add("Image sharpness (the prescription)", prescriptions);
+  for (const auto& [key, name] : {std::pair{"paraxial", "Paraxial (curvature at the centre)"},
+                                  std::pair{"minimum_rms_wavefront", "Least wavefront error"},
+                                  std::pair{"minimum_rms_spot", "Least spot"},
+                                  std::pair{"visual_strehl", "Best visual Strehl ratio"}}) {
+    std::vector<Json> powers;
+    for (const auto* eye : eyes) {
+      const Json check = eye->prescription.value("wavefront_check", Json::object());
+      powers.push_back(check.is_object() ? check.value(key, Json()) : Json());
+    }
+    table.add(name, powers);
+  }
+  return table.table();
+}
+
+/// Lists of {name, M_D, J0_D, J45_D}, joined by name in the order of their first appearance.
+Table joined_table(const Eyes& eyes, const char* list_key, const char* name_key, const std::string& caption,
+                   const std::string& first) {
+  PowerTable table(caption, first, eyes, {2, false, "D"});
+  std::vector<std::string> names;
+  std::map<std::string, std::vector<Json>> powers;
+  for (std::size_t i = 0; i < eyes.size(); ++i) {
+    const Json list = eyes[i]->prescription.value(list_key, Json::array());
+    if (!list.is_array()) continue;
+    for (const auto& line : list) {
+      const std::string name = line.value(name_key, std::string("other"));
+      auto& entry = powers[name];
+      if (entry.empty()) {
+        names.push_back(name);
+        entry.resize(eyes.size());
+      }
+      entry[i] = line;
+    }
+  }
+  for (const auto& name : names) table.add(name, powers[name]);
+  return table.table();
+}
+
+Table cylinder_table(const Eyes& eyes) {
+  Table table{"Best plano-cylinder", {"Quantity"}, {}};
+  for (const auto* eye : eyes) table.header.push_back(short_name(*eye));
   for (const auto& [key, name, style] :
        {std::tuple{"radius_mm", "Radius of the back surface", NumberStyle{1, true, "mm"}},
+        std::tuple{"power_D", "Power", NumberStyle{2, true, "D"}},
         std::tuple{"axis_deg", "Axis (meridian without power)", NumberStyle{0, false, "deg"}},
         std::tuple{"index", "Refractive index", NumberStyle{3, false, ""}},
         std::tuple{"vertex_distance_mm", "In front of the cornea", NumberStyle{0, false, "mm"}},
-        std::tuple{"sharpness", "Sharpness reached", NumberStyle{4, false, ""}}})
-    if (const auto value = value_of(lens, key)) table.rows.push_back({name, format(*value, style)});
+        std::tuple{"sharpness", "Sharpness reached", NumberStyle{4, false, ""}}}) {
+    std::vector<std::string> row{name};
+    bool any = false;
+    for (const auto* eye : eyes) {
+      const auto value = value_of(eye->prescription.value("plano_cylinder", Json()), key);
+      any = any || value.has_value();
+      row.push_back(value ? format(*value, style) : "\u2013");
+    }
+    if (any) table.rows.push_back(row);
+  }
   return table;
 }
 
 }  // namespace
 
 Section correction_section(const CaseData& data, Notes& notes) {
-  Section section{"correction", "How the lens was found", {}, false};
+  Section section{"correction", "How the lens was found, and how sure it is", {}, false};
+  Eyes eyes;
+  for (const auto& eye : data.eyes)
+    if (judge(data, eye).has_prescription) eyes.push_back(&eye);
+  if (eyes.empty()) return section;
+  for (const Table& table :
+       {criteria_table(eyes),
+        joined_table(eyes, "budget", "source", "Where the uncertainty comes from (1 standard deviation)", "Source"),
+        joined_table(eyes, "if_measured", "measurement", "What a measurement would leave (1 standard deviation)",
+                     "If this were known")})
+    if (!table.rows.empty()) section.blocks.push_back({table});
+  if (const Table table = cylinder_table(eyes); !table.rows.empty()) section.blocks.push_back({table, false});
   FigureRow charts;
-  for (const auto& eye : data.eyes) {
-    if (!judge(data, eye).has_prescription) continue;
-    for (const Table& table : {criteria_table(eye), budget_table(eye)})
-      if (!table.rows.empty()) section.blocks.push_back({table});
-    if (const Table table = cylinder_table(eye); !table.rows.empty()) section.blocks.push_back({table, false});
-    if (!eye.sweep || eye.sweep->names.size() < 2) continue;
-    Figure figure;
-    figure.id = "sharpness-" + eye.id();
-    figure.title = short_name(eye) + ", sharpness of the retinal image";
-    figure.caption = "A single peak at the line is a lens well found; a flat top says that the image hardly cares.";
-    figure.alt = "Sharpness of the retinal image against the lens, with its optimum";
-    figure.width_px = 480;
-    figure.height_px = 280;
-    const Json cylinder = eye.prescription.value("plano_cylinder", Json::object());
-    const auto optimum = value_of(cylinder, eye.sweep->names[0]);
-    if (sharpness_chart(figure, *eye.sweep, optimum))
-      charts.figures.push_back(figure);
+  charts.caption =
+      "Each measure against its own maximum. A single peak at the line is a lens well found; a flat top says that the "
+      "image hardly cares.";
+  for (const auto* eye : eyes) {
+    const Json difference = eye->prescription.value("difference", Json::object());
+    if (difference.is_object() && difference.contains("text"))
+      section.blocks.push_back({Paragraph{short_name(*eye) + ": " + difference.value("text", std::string())}, false});
+    if (!eye->sweep) continue;
+    const Figure figure = sharpness_figure(*eye);
+    if (figure.svg.empty())
+      notes.push_back(short_name(*eye) + ": the sharpness curve is missing, because gnuplot is not installed or failed.");
     else
-      notes.push_back(short_name(eye) + ": the sharpness curve is missing, because gnuplot is not installed or failed.");
+      charts.figures.push_back(figure);
   }
   if (!charts.figures.empty()) section.blocks.push_back({charts});
   return section;

@@ -35,18 +35,6 @@ std::vector<Contour> contours_of(const EyeData& eye) {
   return contours;
 }
 
-/// Middle of the eye: the globe's centre from the fit, else the middle of its meshes.
-std::optional<Eigen::Vector3d> centre_of(const EyeData& eye) {
-  const Json centre = eye.fit.is_object() ? eye.fit.value("globe_centre_lps_mm", Json()) : Json();
-  if (centre.is_array() && centre.size() == 3)
-    return Eigen::Vector3d(centre[0].get<double>(), centre[1].get<double>(), centre[2].get<double>());
-  if (eye.biometry.is_object() && eye.biometry.contains("lps_from_eye")) {
-    const Eigen::Isometry3d lps_from_eye = isometry_from_json(eye.biometry["lps_from_eye"]);
-    return lps_from_eye * Eigen::Vector3d(0, 0, -value_of(eye.biometry, "axial_length_mm").value_or(24) / 2);
-  }
-  return std::nullopt;
-}
-
 /// Voxel spacings of a volume along the patient's axes: the finest stack for a plane shows it best.
 double blur_in_plane_mm(const Volume& volume, Plane plane) {
   const Eigen::Matrix3d columns = volume.lps_from_voxel().block<3, 3>(0, 0).cwiseAbs();
@@ -59,13 +47,12 @@ double blur_in_plane_mm(const Volume& volume, Plane plane) {
   return extent.y() * extent.z();
 }
 
+using NamedPlane = std::pair<Plane, const char*>;
+
 FigureRow slices_of(const EyeData& eye, const std::vector<std::pair<std::string, Volume>>& volumes,
-                    const Eigen::Vector3d& centre) {
+                    const Eigen::Vector3d& centre, const std::vector<NamedPlane>& planes) {
   FigureRow row;
-  row.anatomical = true;
   const auto contours = contours_of(eye);
-  const std::array<std::pair<Plane, const char*>, 3> planes{
-      {{Plane::axial, "axial"}, {Plane::sagittal, "sagittal"}, {Plane::coronal, "coronal"}}};
   for (const auto& [plane, name] : planes) {
     const std::pair<std::string, Volume>* best = nullptr;
     for (const auto& candidate : volumes) {
@@ -80,10 +67,8 @@ FigureRow slices_of(const EyeData& eye, const std::vector<std::pair<std::string,
     figure.caption = best->first + ".";
     row.figures.push_back(std::move(figure));
   }
-  if (!row.figures.empty())
-    row.figures.front().caption +=
-        contours.empty() ? " No surfaces were fitted."
-                         : " Look for contours that follow the edges: cornea blue, lens orange, inner retina pink.";
+  if (contours.empty())
+    for (auto& figure : row.figures) figure.caption += " No surfaces were fitted.";
   return row;
 }
 
@@ -146,12 +131,21 @@ Section images_section(const CaseData& data, Notes& notes) {
       notes.push_back(std::string("A stack could not be shown: ") + error.what());
     }
   }
+  const std::string look = "Contours should follow the edges: cornea blue, lens orange, inner retina pink.";
+  FigureRow printed{{}, look, true}, more{{}, look, true};
   for (const auto& eye : data.eyes) {
-    const auto centre = centre_of(eye);
-    if (centre) {
-      FigureRow row = slices_of(eye, volumes, *centre);
-      if (!row.figures.empty()) section.blocks.push_back({row});
+    const auto centre = globe_centre(eye);
+    if (!centre) continue;
+    for (auto& [row, planes] : {std::pair<FigureRow*, std::vector<NamedPlane>>{
+                                    &printed, {{Plane::axial, "axial"}, {Plane::sagittal, "sagittal"}}},
+                                {&more, {{Plane::coronal, "coronal"}}}}) {
+      FigureRow slices = slices_of(eye, volumes, *centre, planes);
+      std::move(slices.figures.begin(), slices.figures.end(), std::back_inserter(row->figures));
     }
+  }
+  if (!printed.figures.empty()) section.blocks.push_back({printed});
+  if (!more.figures.empty()) section.blocks.push_back({more, false});
+  for (const auto& eye : data.eyes) {
     FigureRow overlays = overlays_of(eye);
     if (!overlays.figures.empty()) section.blocks.push_back({overlays, !eye.biometry.is_object()});
   }
@@ -164,6 +158,7 @@ Section images_section(const CaseData& data, Notes& notes) {
 
 Section cornea_section(const CaseData& data, Notes& notes) {
   Section section{"cornea", "Front of the cornea", {}, false};
+  FigureRow powers, elevations;
   for (const auto& eye : data.eyes) {
     if (!eye.biometry.is_object() || !fs::exists(eye.mesh("cornea_anterior"))) continue;
     const CorneaGrid grid = cornea_grid(in_eye_frame(eye, "cornea_anterior"), map_half_width_mm, map_cells);
@@ -171,28 +166,29 @@ Section cornea_section(const CaseData& data, Notes& notes) {
     const std::string name = is_right ? "OD" : "OS";
     Figure power;
     power.id = "axial-power-" + eye.id();
-    power.width_px = 440;
-    power.height_px = 330;
+    power.width_px = 400;
+    power.height_px = 300;
     power.title = name + ", axial power";
-    power.caption =
-        "Colours step by 1.5 D on a scale that is the same for all eyes. White line: steep meridian; dashed: flat. A "
+    powers.caption =
+        "Colours step by 1.5 D on a scale that is the same for all eyes. Solid line: steep meridian; dashed: flat. A "
         "bow tie is regular astigmatism; asymmetry is irregular. N nasal, T temporal.";
     power.alt = "Colour map of the axial power of the cornea";
     Figure elevation = power;
     elevation.id = "elevation-" + eye.id();
     elevation.title = name + ", elevation over a sphere of " + fixed(grid.best_sphere_radius_mm, 2) + " mm";
-    elevation.caption =
+    elevations.caption =
         "Red lies above the best-fit sphere, blue below. A toric cornea shows a saddle, a cone one red island.";
     elevation.alt = "Colour map of corneal elevation over the best-fit sphere";
-    FigureRow row;
     const double flat = axis_at(eye.biometry, "flat"), steep = axis_at(eye.biometry, "steep");
-    if (draw_axial_power(power, grid, flat, steep, is_right)) row.figures.push_back(power);
-    if (draw_elevation(elevation, grid, is_right)) row.figures.push_back(elevation);
-    if (row.figures.empty())
+    const bool has_power = draw_axial_power(power, grid, flat, steep, is_right);
+    const bool has_elevation = draw_elevation(elevation, grid, is_right);
+    if (has_power) powers.figures.push_back(power);
+    if (has_elevation) elevations.figures.push_back(elevation);
+    if (!has_power || !has_elevation)
       notes.push_back(name + ": corneal maps are missing, because gnuplot is not installed or failed.");
-    else
-      section.blocks.push_back({row});
   }
+  if (!powers.figures.empty()) section.blocks.push_back({powers});
+  if (!elevations.figures.empty()) section.blocks.push_back({elevations, false});
   return section;
 }
 

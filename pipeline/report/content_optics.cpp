@@ -20,72 +20,69 @@ std::optional<PupilWavefront> wavefront_of(const EyeData& eye) {
   return PupilWavefront{*pupil, *wavelength, eye.wavefront["zernike_um"].get<std::vector<double>>()};
 }
 
-/// The prescription where it acts on the wavefront: moved from the spectacle plane to the cornea.
-std::optional<PowerVector> correction_of(const EyeData& eye) {
+/// The prescription where it acts on the wavefront: moved from the spectacle plane to the entrance pupil.
+std::optional<PowerVector> correction_of(const CaseData& data, const EyeData& eye) {
+  if (!judge(data, eye).has_prescription) return std::nullopt;
   const auto M = value_of(eye.prescription, "M_D"), J0 = value_of(eye.prescription, "J0_D"),
              J45 = value_of(eye.prescription, "J45_D");
   if (!M || !J0 || !J45) return std::nullopt;
-  return move_towards_eye({*M, *J0, *J45}, value_of(eye.prescription, "vertex_distance_mm").value_or(12));
+  const double to_pupil_mm = value_of(eye.prescription, "vertex_distance_mm").value_or(12) +
+                             value_of(eye.wavefront, "pupil_position_mm").value_or(3);
+  return move_towards_eye({*M, *J0, *J45}, to_pupil_mm);
 }
 
 Figure chart_figure(const EyeData& eye, const std::string& name, const std::string& title) {
   Figure figure;
   figure.id = name + "-" + eye.id();
   figure.title = short_name(eye) + ", " + title;
-  figure.width_px = 480;
-  figure.height_px = 300;
+  figure.width_px = 400;
+  figure.height_px = 250;
   return figure;
 }
 
-bool zernike_chart(Figure& figure, const PupilWavefront& wavefront) {
-  const std::size_t last = std::min<std::size_t>(wavefront.zernike_um.size(), 28);
+Figure zernike_figure(const EyeData& eye, const PupilWavefront& wavefront) {
+  Figure figure = chart_figure(eye, "zernike", "Zernike coefficients");
+  figure.alt = "Bars of the Zernike coefficients of second to fifth order";
+  const std::size_t end = std::min<std::size_t>(wavefront.zernike_um.size(), 21);
   std::string script = "$bars << EOD\n";
-  for (std::size_t i = 3; i < last; ++i) {
+  for (std::size_t i = 3; i < end; ++i) {
     const int n = static_cast<int>(std::ceil((-3 + std::sqrt(9 + 8.0 * static_cast<double>(i))) / 2 - 1e-9));
     const int m = 2 * static_cast<int>(i) - n * (n + 2);
     script += fmt::format("{} {:.5f} \"{},{}\"\n", i, wavefront.zernike_um[i], n, m);
   }
   script += fmt::format(
       "EOD\nset style fill solid 0.85\nset boxwidth 0.7\nunset key\nset xzeroaxis lt 1 lc rgb '{}'\n"
-      "set ylabel 'Coefficient (\u00b5m)'\nset xlabel 'Zernike term n,m (OSA/ANSI)'\n"
-      "set xtics rotate by -60 font ',9'\nplot $bars using 1:2:xtic(3) with boxes lc rgb '{}'\n",
+      "set ylabel 'Coefficient (\u00b5m)'\nset xlabel 'Zernike term n,m (OSA/ANSI)' offset 0,-0.5\n"
+      "set tics scale 0.4\nset xtics rotate by -70 font ',9'\nplot $bars using 1:2:xtic(3) with boxes lc rgb '{}'\n",
       quiet_colour, first_colour);
-  return draw_chart(figure, script);
+  return draw_chart(figure, script) ? figure : Figure();
 }
 
-bool mtf_chart(Figure& figure, const EyeData& eye, const PupilWavefront& wavefront) {
+Figure mtf_figure(const EyeData& eye, const PupilWavefront& wavefront, const std::optional<Picture>& with_lens) {
+  Figure figure = chart_figure(eye, "mtf", "modulation transfer");
+  figure.alt = "Modulation transfer function with diffraction limit and a normal eye";
   const Json mtf = eye.wavefront.value("mtf", Json::object());
-  if (!mtf.contains("cpd") || !mtf.contains("tangential") || !mtf.contains("sagittal")) return false;
-  const auto cpd = mtf["cpd"].get<std::vector<double>>(), tangential = mtf["tangential"].get<std::vector<double>>(),
-             sagittal = mtf["sagittal"].get<std::vector<double>>();
-  if (cpd.size() != tangential.size() || cpd.size() != sagittal.size() || cpd.empty()) return false;
-  const auto lens = correction_of(eye);
-  Modulation corrected;
-  if (lens) corrected = modulation_transfer(point_spread(corrected_by(wavefront, *lens)), cpd);
+  const auto curve = [&](const char* key) { return mtf.value(key, std::vector<double>()); };
+  const auto cpd = curve("cpd"), tangential = curve("tangential"), sagittal = curve("sagittal");
+  if (cpd.empty() || cpd.size() != tangential.size() || cpd.size() != sagittal.size()) return {};
+  const Modulation corrected = with_lens ? modulation_transfer(*with_lens, cpd) : Modulation();
   std::string script = "$mtf << EOD\n";
   for (std::size_t i = 0; i < cpd.size(); ++i)
     script += fmt::format("{:.4f} {:.5f} {:.5f} {:.5f} {:.5f} {:.5f}\n", cpd[i], tangential[i], sagittal[i],
                           diffraction_mtf(cpd[i], wavefront.pupil_mm, wavefront.wavelength_nm),
                           healthy_mtf(cpd[i], wavefront.pupil_mm),
-                          lens ? (corrected.horizontal[i] + corrected.vertical[i]) / 2 : 0);
+                          with_lens ? (corrected.horizontal[i] + corrected.vertical[i]) / 2 : 0);
   script += fmt::format(
       "EOD\nset xlabel 'Spatial frequency (cycles per degree)'\nset ylabel 'Modulation transfer'\n"
-      "set xrange [0:60]\nset yrange [0:1]\nset key top right samplen 2 font ',10'\n"
-      "plot $mtf using 1:4 with lines dt 3 lw 1.5 lc rgb '{3}' title 'diffraction limit', "
-      "$mtf using 1:5 with lines lw 1.5 lc rgb '{3}' title 'healthy corrected eyes', "
-      "$mtf using 1:2 with lines lw 2 lc rgb '{0}' title 'no lens, vertical', "
-      "$mtf using 1:3 with lines lw 2 dt 2 lc rgb '{0}' title 'no lens, horizontal'{2}\n",
-      first_colour, second_colour,
-      lens ? fmt::format(", $mtf using 1:6 with lines lw 2 lc rgb '{}' title 'with the lens'", second_colour) : "",
+      "set xrange [0:60]\nset yrange [0:1]\nset key top right samplen 2 font ',9'\n"
+      "plot $mtf using 1:4 with lines dt 3 lw 1.5 lc rgb '{2}' title 'diffraction limit', "
+      "$mtf using 1:5 with lines lw 1.5 lc rgb '{2}' title 'healthy corrected eyes', "
+      "$mtf using 1:2 with lines lw 2 lc rgb '{0}' title 'no lens, tangential', "
+      "$mtf using 1:3 with lines lw 2 dt 2 lc rgb '{0}' title 'no lens, sagittal'{1}\n",
+      first_colour,
+      with_lens ? fmt::format(", $mtf using 1:6 with lines lw 2 lc rgb '{}' title 'with the lens'", second_colour) : "",
       quiet_colour);
-  return draw_chart(figure, script);
-}
-
-std::string picture_svg(const std::string& png, const std::string& note) {
-  return fmt::format(
-      "<svg xmlns=\"http://www.w3.org/2000/svg\" xmlns:xlink=\"http://www.w3.org/1999/xlink\" viewBox=\"0 0 {0} "
-      "{0}\"><image width=\"{0}\" height=\"{0}\" xlink:href=\"{1}\"/>{2}</svg>",
-      picture_px, png_url(png), note);
+  return draw_chart(figure, script) ? figure : Figure();
 }
 
 std::string arcmin_bar(double arcmin, double arcmin_across, const char* colour) {
@@ -95,79 +92,100 @@ std::string arcmin_bar(double arcmin, double arcmin_across, const char* colour) 
       picture_px - 24, picture_px * arcmin / arcmin_across, colour, picture_px - 8, arcmin);
 }
 
-Figure spread_figure(const EyeData& eye, const Picture& spread, const std::string& kind,
-                     const std::string& title) {
-  constexpr double shown_arcmin = 40;
-  Figure figure = chart_figure(eye, "psf-" + kind, title);
+Figure picture_figure(const EyeData& eye, const std::string& name, const std::string& title, const std::string& png,
+                      const std::string& bar) {
+  Figure figure = chart_figure(eye, name, title);
   figure.width_px = figure.height_px = picture_px;
+  figure.svg = fmt::format(
+      "<svg xmlns=\"http://www.w3.org/2000/svg\" xmlns:xlink=\"http://www.w3.org/1999/xlink\" viewBox=\"0 0 {0} "
+      "{0}\"><image width=\"{0}\" height=\"{0}\" xlink:href=\"{1}\"/><rect x=\"0.5\" y=\"0.5\" width=\"{2}\" "
+      "height=\"{2}\" fill=\"none\" stroke=\"#8a8a8a\"/>{3}</svg>",
+      picture_px, png_url(png), picture_px - 1, bar);
+  return figure;
+}
+
+Figure spread_figure(const EyeData& eye, const Picture& spread, const std::string& kind, const std::string& title) {
+  constexpr double shown_arcmin = 40;
   const int crop = static_cast<int>(shown_arcmin / spread.arcmin_per_pixel);
   const float peak = *std::max_element(spread.values.begin(), spread.values.end());
-  figure.svg = picture_svg(grey_png(spread, crop, picture_px, peak), arcmin_bar(5, shown_arcmin, "#fff"));
-  figure.alt = "Image of a point of light on the retina";
+  Figure figure = picture_figure(eye, "psf-" + kind, "a point of light, " + title,
+                                 grey_png(spread, crop, picture_px, peak), arcmin_bar(5, shown_arcmin, "#fff"));
+  figure.alt = "Image of a point of light on the retina, " + title;
   return figure;
 }
 
 Figure letters_figure(const EyeData& eye, const Picture& spread, const std::string& kind, const std::string& title) {
-  Figure figure = chart_figure(eye, "letters-" + kind, title);
-  figure.width_px = figure.height_px = picture_px;
-  const Picture letters = blurred_letters(spread, {0.7, 0.4, 0.2, 0.0});
-  constexpr double shown_arcmin = 130;
+  constexpr double shown_arcmin = 124;
+  const Picture letters = blurred_letters(spread, {0.7, 0.4, 0.2, 0.0}, 0.92 * shown_arcmin);
   const int crop = static_cast<int>(shown_arcmin / letters.arcmin_per_pixel);
-  figure.svg = picture_svg(grey_png(letters, crop, picture_px, 1), arcmin_bar(5, shown_arcmin, "#000"));
-  figure.alt = "Lines of letters as this eye images them";
+  Figure figure = picture_figure(eye, "letters-" + kind, "letters, " + title, grey_png(letters, crop, picture_px, 1),
+                                 arcmin_bar(5, shown_arcmin, "#000"));
+  figure.alt = "Lines of letters as this eye images them, " + title;
   return figure;
+}
+
+/// One eye a column.
+Table wavefront_table(const std::vector<const EyeData*>& eyes) {
+  Table table{"Wavefront", {"Quantity"}, {}};
+  for (const auto* eye : eyes) table.header.push_back(short_name(*eye));
+  for (const auto& [key, name, style] :
+       {std::tuple{"pupil_mm", "Entrance pupil", NumberStyle{2, false, "mm"}},
+        std::tuple{"wavelength_nm", "Wavelength", NumberStyle{1, false, "nm"}},
+        std::tuple{"rms_um", "Wavefront error, rms", NumberStyle{3, false, "\u00b5m"}},
+        std::tuple{"higher_order_rms_um", "Higher orders alone, rms", NumberStyle{3, false, "\u00b5m"}},
+        std::tuple{"strehl", "Strehl ratio", NumberStyle{3, false, ""}},
+        std::tuple{"vsotf", "Visual Strehl ratio (VSOTF)", NumberStyle{3, false, ""}}}) {
+    std::vector<std::string> row{name};
+    bool any = false;
+    for (const auto* eye : eyes) {
+      const auto value = value_of(eye->wavefront, key);
+      any = any || value.has_value();
+      row.push_back(value ? format(*value, style) : "\u2013");
+    }
+    if (any) table.rows.push_back(row);
+  }
+  return table;
 }
 
 }  // namespace
 
 Section optics_section(const CaseData& data, Notes& notes) {
   Section section{"optics", "What the eye does to light", {}, false};
+  std::vector<const EyeData*> eyes;
+  FigureRow zernike, mtf, letters, spreads;
+  zernike.caption =
+      "2,0 is defocus, 2,\u00b12 astigmatism, 3,\u00b11 coma, 4,0 spherical aberration. Second order is what a lens "
+      "corrects; the rest stays.";
+  mtf.caption =
+      "Contrast that reaches the retina, by fineness of detail; letters of 20/20 need about 30 cycles per degree. Grey: "
+      "the mean of healthy corrected eyes [11] and the diffraction limit of this pupil.";
+  letters.caption =
+      "Lines of letters of logMAR 0.7, 0.4, 0.2 and 0.0 (20/100, 20/50, 20/32, 20/20), computed from the wavefront in one "
+      "colour.";
+  spreads.caption = "A point of light on the retina; each picture is scaled to its own peak.";
   for (const auto& eye : data.eyes) {
     const auto wavefront = wavefront_of(eye);
     if (!wavefront) continue;
-    Table table{"Wavefront, " + std::string(clinical_name(eye.laterality)), {"Quantity", "Value"}, {}};
-    table.rows.push_back({"Entrance pupil", format(wavefront->pupil_mm, {2, false, "mm"})});
-    table.rows.push_back({"Wavelength", format(wavefront->wavelength_nm, {1, false, "nm"})});
-    for (const auto& [key, name, style] :
-         {std::tuple{"rms_um", "Wavefront error, rms", NumberStyle{3, false, "\u00b5m"}},
-          std::tuple{"higher_order_rms_um", "Higher orders alone, rms", NumberStyle{3, false, "\u00b5m"}},
-          std::tuple{"strehl", "Strehl ratio", NumberStyle{3, false, ""}},
-          std::tuple{"vsotf", "Visual Strehl ratio (VSOTF)", NumberStyle{3, false, ""}}})
-      if (const auto value = value_of(eye.wavefront, key)) table.rows.push_back({name, format(*value, style)});
-    section.blocks.push_back({table});
-
-    FigureRow charts;
-    Figure bars = chart_figure(eye, "zernike", "Zernike coefficients");
-    bars.caption =
-        "2,0 is defocus, 2,\u00b12 astigmatism, 3,\u00b11 coma, 4,0 spherical aberration. Second order is what a lens "
-        "corrects; the rest stays.";
-    bars.alt = "Bars of the Zernike coefficients from second order on";
-    if (zernike_chart(bars, *wavefront)) charts.figures.push_back(bars);
-    Figure mtf = chart_figure(eye, "mtf", "modulation transfer");
-    mtf.caption =
-        "Contrast that reaches the retina, by fineness of detail; letters of 20/20 need about 30 cycles per degree. "
-        "Grey: the mean of healthy corrected eyes [11] and the diffraction limit of this pupil.";
-    mtf.alt = "Modulation transfer function with diffraction limit and a normal eye";
-    if (mtf_chart(mtf, eye, *wavefront)) charts.figures.push_back(mtf);
-    if (charts.figures.empty())
-      notes.push_back(short_name(eye) + ": charts are missing, because gnuplot is not installed or failed.");
-    else
-      section.blocks.push_back({charts});
-
-    FigureRow pictures;
+    eyes.push_back(&eye);
     const Picture before = point_spread(*wavefront);
-    pictures.figures.push_back(spread_figure(eye, before, "before", "a point of light, no lens"));
-    pictures.figures.push_back(letters_figure(eye, before, "before", "letters, no lens"));
-    if (const auto lens = correction_of(eye); lens && judge(data, eye).has_prescription) {
-      const Picture after = point_spread(corrected_by(*wavefront, *lens));
-      pictures.figures.push_back(spread_figure(eye, after, "after", "a point of light, with the lens"));
-      pictures.figures.push_back(letters_figure(eye, after, "after", "letters, with the lens"));
-    }
-    pictures.figures.front().caption =
-        "From the wavefront, one colour. Each point picture is scaled to its own peak. Lines of letters: logMAR 0.7 "
-        "(20/100), 0.4 (20/50), 0.2 (20/32) and 0.0 (20/20).";
-    section.blocks.push_back({pictures});
+    std::optional<Picture> after;
+    if (const auto lens = correction_of(data, eye)) after = point_spread(corrected_by(*wavefront, *lens));
+    const Figure bars = zernike_figure(eye, *wavefront), curves = mtf_figure(eye, *wavefront, after);
+    if (!bars.svg.empty()) zernike.figures.push_back(bars);
+    if (!curves.svg.empty()) mtf.figures.push_back(curves);
+    if (bars.svg.empty() || curves.svg.empty())
+      notes.push_back(short_name(eye) + ": charts of the wavefront are missing, because gnuplot is not installed or failed.");
+    letters.figures.push_back(letters_figure(eye, before, "before", "no lens"));
+    spreads.figures.push_back(spread_figure(eye, before, "before", "no lens"));
+    if (!after) continue;
+    letters.figures.push_back(letters_figure(eye, *after, "after", "with the lens"));
+    spreads.figures.push_back(spread_figure(eye, *after, "after", "with the lens"));
   }
+  if (eyes.empty()) return section;
+  section.blocks.push_back({wavefront_table(eyes)});
+  for (FigureRow* row : {&zernike, &mtf, &letters})
+    if (!row->figures.empty()) section.blocks.push_back({*row});
+  section.blocks.push_back({spreads, false});
   return section;
 }
 

@@ -44,7 +44,7 @@ EyeCard card_of(const CaseData& data, const EyeData& eye) {
   const Json& prescription = eye.prescription;
   card.prescription = rounded_prescription(prescription);
   card.prescription_note = fmt::format(
-      "vertex distance {} mm, minus cylinder, distance vision, pupil {} mm",
+      "vertex distance {} mm, minus cylinder, for distance, pupil {} mm",
       fixed(value_of(prescription, "vertex_distance_mm").value_or(12), 0),
       fixed(value_of(prescription, "pupil_mm").value_or(3), 1));
   card.details.caption = "Best lens before rounding, " + card.eye;
@@ -56,6 +56,9 @@ EyeCard card_of(const CaseData& data, const EyeData& eye) {
   add_measured(card.details, prescription, "M_D", "M", dioptres);
   add_measured(card.details, prescription, "J0_D", "J0", dioptres);
   add_measured(card.details, prescription, "J45_D", "J45", dioptres);
+  const Json calibration = prescription.value("calibration", Json());
+  if (calibration.is_object())
+    card.prescription_note += ". " + calibration.value("text", std::string("A known refraction was given as data."));
   card.before_png = png_bytes(eye.uncorrected_png);
   card.after_png = png_bytes(eye.corrected_png);
   card.picture_caption =
@@ -91,19 +94,21 @@ Table measured_table(const CaseData& data, const std::vector<BiometryRow>& rows,
   table.caption = caption;
   table.header = {"Quantity"};
   for (const auto& eye : data.eyes)
-    for (const char* column : {"", ", 95 % interval", ", source"})
+    for (const char* column : {"", " 95 % interval"})
       table.header.push_back((eye.laterality == Laterality::od ? "OD" : "OS") + std::string(column));
-  table.header.emplace_back("Normal adult");
+  table.header.insert(table.header.end(), {"Source", "Normal adult"});
   for (const auto& row : rows) {
     std::vector<std::string> cells{row.name};
-    bool any = false;
+    std::vector<std::string> sources;
     for (const auto& eye : data.eyes) {
       const Cells found = cells_of(eye, row);
-      any = any || !found.source.empty();
-      cells.insert(cells.end(), {found.value, found.interval, found.source});
+      cells.insert(cells.end(), {found.value, found.interval});
+      if (!found.source.empty()) sources.push_back(found.source);
     }
-    cells.push_back(normal_range(row));
-    if (any) table.rows.push_back(cells);
+    if (sources.empty()) continue;
+    const bool is_same = sources.size() < 2 || sources[0] == sources[1];
+    cells.insert(cells.end(), {is_same ? sources[0] : sources[0] + " / " + sources[1], normal_range(row)});
+    table.rows.push_back(cells);
   }
   return table;
 }
@@ -141,7 +146,7 @@ Section measured_section(const CaseData& data) {
   section.blocks.push_back({keratometry});
   section.blocks.push_back({Paragraph{
       "(!) marks a value outside the normal adult range, mean \u00b1 2 standard deviations of the numbered source. "
-      "A population prior is no measurement of this patient: its interval is that of the population. Keratometric "
+      "A prior is the population's knowledge and no measurement of this patient: its interval is that of the population. Keratometric "
       "powers are 337.5 / R, 1.5 mm from the apex; axes are counter-clockwise from the examiner's right (TABO), the "
       "same for both eyes."}});
   return section;

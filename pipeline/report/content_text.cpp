@@ -79,7 +79,7 @@ Section methods_section(const CaseData& /*data*/) {
       "Frames: light is described in the eye's frame, x to the examiner's right, y up, z out of the eye; origin at "
       "the corneal apex. Wavefront maps and axes are as the examiner sees them."},
                             false});
-  section.blocks.push_back({BulletList{references()}});
+  section.blocks.push_back({BulletList{references(), true}});
   return section;
 }
 
@@ -93,7 +93,12 @@ Section provenance_section(const CaseData& data) {
     };
     table.rows.push_back({stage.name, text("version"), text("seed"), text("opencl_device"), status_text(stage.status)});
   }
-  section.blocks.push_back({table});
+  section.blocks.push_back({table, false});
+  std::string line = "Made by Emmetrope " + version() + ".";
+  for (const auto& stage : data.stages)
+    line += " " + stage.name + ": " + status_text(stage.status) + ", inputs " +
+            stage.provenance.value("inputs_sha256", std::string()).substr(0, 12) + ".";
+  section.blocks.push_back({Paragraph{line + " Full provenance is in the HTML report and in each stage.json."}});
   const auto dump = [](const Json& json) { return json.dump(2, ' ', false, Json::error_handler_t::replace); };
   for (const auto& stage : data.stages)
     section.blocks.push_back({Folded{stage.name + ": parameters and SHA-256 of inputs and outputs", dump(stage.provenance)}, false});

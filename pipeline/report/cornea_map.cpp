@@ -119,7 +119,7 @@ std::string data_block(const std::vector<double>& values, const CorneaGrid& grid
 /// Square axes in mm with the anatomical sides: the examiner sees the right eye's temporal side on the left.
 std::string frame(const CorneaGrid& grid, bool is_right_eye) {
   return fmt::format(
-      "unset grid\nset size ratio -1\nset border 0\nset xrange [-{0}:{0}]\nset yrange [-{0}:{0}]\n"
+      "unset grid\nset size ratio -1\nset border 0\nset tics scale 0\nset xrange [-{0}:{0}]\nset yrange [-{0}:{0}]\n"
       "set xtics -4,2,4\nset ytics -4,2,4\nset xlabel 'x (mm)'\nset ylabel 'y (mm)' offset 1\n"
       "set label 1 '{1}' at -{2},0 center\nset label 2 '{3}' at {2},0 center\n"
       "set label 3 'S' at 0,{2} center\nset label 4 'I' at 0,-{2} center\nunset key\n",
@@ -157,8 +157,8 @@ bool draw_axial_power(Figure& figure, const CorneaGrid& grid, double flat_axis_d
                   "set cbrange [36:51]\nset cbtics 3\nset cblabel 'Axial power (D)'\n"
                   "set palette maxcolors 10 defined (0 '#2c2a80', 2 '#2b83c6', 4 '#31b57b', 5 '#a6d96a', 6 "
                   "'#f3e04a', 8 '#ee7f1b', 10 '#a50f15')\n" +
-                  meridian(flat_axis_deg, grid.half_width_mm, "lw 1.5 dt 2 lc rgb '#ffffff'") +
-                  meridian(steep_axis_deg, grid.half_width_mm, "lw 1.5 lc rgb '#ffffff'") +
+                  meridian(flat_axis_deg, grid.half_width_mm, "lw 1.2 dt '-' lc rgb '#000001'") +
+                  meridian(steep_axis_deg, grid.half_width_mm, "lw 1.2 dt solid lc rgb '#000001'") +
                   "plot $map using 1:2:3 with image\n");
 }
 

@@ -11,7 +11,7 @@ namespace emmetrope::report {
 struct Figure {
   std::string id;       ///< [a-z0-9-], unique in the document
   std::string title;
-  std::string caption;  ///< what to look for
+  std::string caption;  ///< of this picture alone; may be empty
   std::string alt;      ///< for a reader who does not see it
   std::string svg;
   double width_px = 0, height_px = 0;  ///< of the SVG's viewBox
@@ -23,6 +23,7 @@ struct Paragraph {
 
 struct BulletList {
   std::vector<std::string> items;
+  bool small = false;  ///< small print: references
 };
 
 /// The first cell of a row names it.
@@ -35,6 +36,7 @@ struct Table {
 /// Figures side by side.
 struct FigureRow {
   std::vector<Figure> figures;
+  std::string caption;  ///< what to look for, of all of them
   /// Slices in radiological convention, which the reader may switch.
   bool anatomical = false;
 };

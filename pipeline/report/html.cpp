@@ -88,13 +88,18 @@ data card_data(const EyeCard& card) {
 /// One entry with exactly one of the block kinds set; the template picks by kind.
 struct BlockToData {
   data operator()(const Paragraph& block) const { return kind("paragraph", "text", clean_text(block.text)); }
-  data operator()(const BulletList& block) const { return kind("list", "items", list_of(block.items)); }
+  data operator()(const BulletList& block) const {
+    data result = kind("list", "items", list_of(block.items));
+    result.set("small", block.small);
+    return result;
+  }
   data operator()(const Table& block) const { return kind("table", "table", table_data(block)); }
   data operator()(const FigureRow& block) const {
     data figures{data::type::list};
     for (const auto& figure : block.figures) figures.push_back(figure_data(figure));
     data result = kind("figures", "figures", figures);
     result.set("anatomical", block.anatomical);
+    result.set("row_caption", clean_text(block.caption));
     return result;
   }
   data operator()(const Folded& block) const {

@@ -27,6 +27,10 @@ std::string format(double value, const NumberStyle& style) {
 }
 
 std::string format_interval(const Measured& measured, const NumberStyle& style) {
+  if (style.unit == "deg") {  // an axis turns on at 180
+    const double half_width = (measured.ci95[1] - measured.ci95[0]) / 2;
+    return half_width >= 90 ? "any" : "\u00b1 " + fixed(half_width, style.decimals) + "\u00b0";
+  }
   const NumberStyle bare{style.decimals, style.with_sign, ""};
   return format(measured.ci95[0], bare) + " to " + format(measured.ci95[1], bare);
 }
@@ -42,7 +46,7 @@ std::string format_refraction(double sphere_D, double cylinder_D, double axis_de
 
 std::string source_name(const std::string& source) {
   static const std::map<std::string, std::string> names{{"mri", "MRI"},
-                                                        {"prior", "population prior"},
+                                                        {"prior", "prior"},
                                                         {"keratometry", "keratometry"},
                                                         {"topography", "corneal topography"},
                                                         {"axial_length", "optical biometry"},

@@ -21,7 +21,7 @@ struct NumberStyle {
 };
 
 std::string format(double value, const NumberStyle& style);
-/// "23.55 to 23.67", no unit
+/// "23.55 to 23.67", no unit; of an angle "+- 6 deg", or "any" when nothing is known of it
 std::string format_interval(const Measured& measured, const NumberStyle& style);
 
 /// Minus-cylinder notation, 2 decimals, axis of three digits 001 to 180: "-2.25 / -1.00 x 180"; without a cylinder

@@ -217,7 +217,7 @@ void draw_table_at(Pages& pages, const Table& table, double x, double width) {
     pages.line_at(x, pages.y(), total);
     pages.skip(1.5);
   };
-  pages.need(40);
+  pages.need(80);  // a caption and a header never stand alone
   pages.skip(pages.text_at(table.caption, x, pages.y(), width, {8.5, true, black}) + 3);
   draw_row(table.header, head);
   for (const auto& row : table.rows) draw_row(row, body);
@@ -225,7 +225,9 @@ void draw_table_at(Pages& pages, const Table& table, double x, double width) {
 }
 
 void draw_figures(Pages& pages, const FigureRow& row) {
-  const std::size_t per_line = std::max<std::size_t>(2, std::min<std::size_t>(row.figures.size(), 4));
+  if (row.figures.empty()) return;
+  const std::size_t most = row.figures.front().width_px >= 400 ? 2 : 4;  // charts have small lettering
+  const std::size_t per_line = std::clamp<std::size_t>(row.figures.size(), 2, most);
   for (std::size_t first = 0; first < row.figures.size(); first += per_line) {
     const std::size_t count = std::min(per_line, row.figures.size() - first);
     const double width = (text_width - figure_gap * static_cast<double>(per_line - 1)) / static_cast<double>(per_line);
@@ -247,8 +249,10 @@ void draw_figures(Pages& pages, const FigureRow& row) {
       if (!figure.caption.empty())
         pages.text_at(figure.caption, x, pages.y() + title_height + picture_height + 4, width, caption);
     }
-    pages.skip(title_height + picture_height + caption_height + 10);
+    pages.skip(title_height + picture_height + caption_height + 8);
   }
+  if (!row.caption.empty()) pages.paragraph(row.caption, {7, false, soft});
+  pages.skip(4);
 }
 
 std::string picture_svg(const std::string& png) {
@@ -300,12 +304,14 @@ struct DrawBlock {
     pages.skip(5);
   }
   void operator()(const BulletList& block) const {
+    const Face face{block.small ? 6.5 : 8.0, false, black};
+    const double indent = block.small ? 0 : 10;
     for (const auto& item : block.items) {
-      const double height = pages.text_height(item, text_width - 10, {8, false, black});
+      const double height = pages.text_height(item, text_width - indent, face);
       pages.need(height);
-      pages.text_at("\u2022", margin, pages.y(), 8, {8, false, black});
-      pages.text_at(item, margin + 10, pages.y(), text_width - 10, {8, false, black});
-      pages.skip(height + 1.5);
+      if (!block.small) pages.text_at("\u2022", margin, pages.y(), 8, face);
+      pages.text_at(item, margin + indent, pages.y(), text_width - indent, face);
+      pages.skip(height + (block.small ? 0.5 : 1.5));
     }
     pages.skip(4);
   }
@@ -330,7 +336,7 @@ int draw(const Document& document, cairo_t* context, int total) {
                                  [](const SectionBlock& block) { return block.in_pdf; });
     if (!any) continue;
     if (section.page_break && !pages.is_fresh()) pages.new_page();
-    pages.need(70);
+    pages.need(110);
     pages.paragraph(section.title, {12, true, black});
     pages.skip(4);
     for (const auto& block : section.blocks)

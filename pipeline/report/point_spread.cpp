@@ -118,7 +118,7 @@ Picture point_spread(const PupilWavefront& wavefront) {
   return picture;
 }
 
-Picture blurred_letters(const Picture& spread, const std::vector<double>& logmar) {
+Picture blurred_letters(const Picture& spread, const std::vector<double>& logmar, double width_arcmin) {
   cv::Mat chart(spread.side, spread.side, CV_32F, cv::Scalar(1));
   double total = 0;
   const auto height = [&](double acuity) { return 5 * std::pow(10, acuity) / spread.arcmin_per_pixel; };
@@ -126,11 +126,11 @@ Picture blurred_letters(const Picture& spread, const std::vector<double>& logmar
   double y = (spread.side - total) / 2;
   for (const double acuity : logmar) {
     const double letter = height(acuity), pitch = 1.6 * letter;
-    double x = (spread.side - pitch * 5 + 0.6 * letter) / 2;
-    for (const auto& rows : letter_rows) {
-      draw_letter(chart, rows, x, y + 0.3 * letter, letter / 5);
-      x += pitch;
-    }
+    const double room = width_arcmin / spread.arcmin_per_pixel;
+    const int count = std::clamp(static_cast<int>((room + 0.2 * letter) / pitch), 1, 5);
+    double x = (spread.side - pitch * count + 0.6 * letter) / 2;
+    for (int i = 0; i < count; ++i, x += pitch)
+      draw_letter(chart, letter_rows[static_cast<std::size_t>(i)], x, y + 0.3 * letter, letter / 5);
     y += pitch;
   }
   cv::Mat kernel = view_of(spread).clone(), chart_spectrum, kernel_spectrum, product, image;

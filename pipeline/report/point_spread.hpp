@@ -30,8 +30,9 @@ double zernike_value(int index, double rho, double theta);
 /// Squared modulus of the pupil function's Fourier transform, sum 1.
 Picture point_spread(const PupilWavefront& wavefront);
 
-/// Lines of letters at these acuities, blurred by the point spread: 1 is white.
-Picture blurred_letters(const Picture& point_spread, const std::vector<double>& logmar);
+/// Lines of up to five letters at these acuities, as many as fit into a field of `width_arcmin`, blurred by the point
+/// spread: 1 is white.
+Picture blurred_letters(const Picture& point_spread, const std::vector<double>& logmar, double width_arcmin);
 
 /// Modulation transfer along x and y of the pupil function at these frequencies (cycles per degree).
 struct Modulation {

@@ -6,7 +6,9 @@
 #include "pipeline/report/chart.hpp"
 #include "pipeline/report/content.hpp"
 #include "pipeline/report/html.hpp"
+#include "pipeline/report/objects.hpp"
 #include "pipeline/report/pdf.hpp"
+#include "pipeline/report/viewer.hpp"
 
 namespace emmetrope::report {
 namespace {
@@ -14,7 +16,7 @@ namespace {
 namespace fs = std::filesystem;
 
 /// All that decides the report: every result of the stages before, their verdicts, and what can be drawn here.
-StageSpec spec_of(const CaseData& data, const ReportOptions& options) {
+StageSpec spec_of(const CaseData& data, const ReportOptions& options, const SourceStudy& source) {
   StageSpec spec;
   spec.stage = "report";
   Json stages = Json::object();
@@ -28,6 +30,8 @@ StageSpec spec_of(const CaseData& data, const ReportOptions& options) {
   spec.parameters = {{"eyes", eyes},
                      {"identified", options.identified},
                      {"gnuplot", find_gnuplot().has_value()},
+                     {"source", source.fingerprint()},
+                     {"viewer", has_viewer_library()},
                      {"stages", stages}};
   if (fs::exists(data.folder / "case.json")) spec.inputs.push_back({"case.json", data.folder / "case.json"});
   for (const auto& stage : data.stages) {
@@ -50,21 +54,58 @@ Json eyes_answer(const Document& document) {
   return eyes;
 }
 
+/// The study that the DICOM objects belong to: as told, else where segmentation read it.
+fs::path study_of(const CaseData& data, const ReportOptions& options) {
+  if (!options.study.empty()) return options.study;
+  const Json stage = read_json(data.folder / "segmentation" / "stage.json");
+  const fs::path study = stage.contains("study") && stage["study"].is_string() ? stage["study"].get<std::string>() : "";
+  std::error_code missing;
+  return fs::exists(study, missing) ? study : fs::path();
+}
+
+struct Source {
+  SourceStudy study;
+  std::string note;  ///< why the objects do not belong to the patient's study
+};
+
+Source source_of(const CaseData& data, const ReportOptions& options) {
+  const fs::path study = study_of(data, options);
+  std::string note =
+      "The DICOM study is not at hand: the DICOM objects carry the pseudonym and belong to a study of their own "
+      "(give the study with --study).";
+  if (!study.empty()) {
+    try {
+      return {SourceStudy::read(study, data.case_json), ""};
+    } catch (const Error& error) {
+      if (!options.study.empty()) throw;
+      note = "The DICOM objects carry the pseudonym and belong to a study of their own: " + std::string(error.what()) + ".";
+    }
+  }
+  if (options.identified)
+    throw input_error("--identified needs the DICOM study, which is not at hand", "give it with --study");
+  return {SourceStudy::pseudonymous(data.subject(), data.study_date()), note};
+}
+
 }  // namespace
 
 Answer write_report(const ReportOptions& options, const CommonOptions& common) {
   const CaseData data = read_case(options.case_folder, common.laterality);
+  const Source source = source_of(data, options);
   const auto work = [&](StageWorkspace& workspace) {
     Notes notes;
-    const Document document = make_document(data, {}, notes);
-    for (const auto& note : notes) workspace.warn(note);
-    write_file(workspace.folder() / "report.html", render_html(document, {}));
+    if (!source.note.empty()) notes.push_back(source.note);
+    const ViewerData viewer = make_viewer_data(data, notes);
+    const Document document =
+        make_document(data, {options.identified ? source.study.identity() : std::string()}, notes);
     const Pdf pdf = render_pdf(document);
+    write_file(workspace.folder() / "report.html", render_html(document, viewer));
     write_file(workspace.folder() / "report.pdf", pdf.bytes);
+    write_objects(workspace.folder(), data, source.study, pdf.bytes, options.identified, notes);
+    for (const auto& note : notes) workspace.warn(note);
     workspace.provenance()["answer"] = {{"eyes", eyes_answer(document)}, {"pages", pdf.pages}};
     return StageVerdict{};
   };
-  const StageOutcome outcome = run_stage(options.case_folder, spec_of(data, options), common, work);
+  const StageOutcome outcome = run_stage(options.case_folder, spec_of(data, options, source.study), common, work);
   const fs::path html = options.case_folder / "report" / "report.html";
   Answer answer;
   answer.json = outcome.stage_json.value("answer", Json::object());

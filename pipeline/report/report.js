@@ -34,3 +34,68 @@ if (slices.length > 0) {
     for (const row of slices) row.classList.toggle("neurological-view", event.target.checked);
   });
 }
+
+// The MR volume with the surfaces, where the page carries the viewer and the browser has WebGL 2.
+const viewerData = document.getElementById("viewer-data");
+if (viewerData && window.niivue) {
+  const { Niivue, NVImage, NVMesh } = window.niivue;
+  const panel = document.querySelector(".viewer");
+  const status = document.getElementById("viewer-status");
+  const byId = (id) => document.getElementById(id);
+  const bytesOf = (text) => Uint8Array.from(atob(text), (c) => c.charCodeAt(0)).buffer;
+
+  const start = async () => {
+    const { volumes, meshes } = JSON.parse(viewerData.textContent);
+    const canvas = byId("viewer-canvas");
+    if (!document.createElement("canvas").getContext("webgl2")) throw new Error("this browser has no WebGL 2");
+    panel.hidden = false;
+    const viewer = new Niivue({ isRadiologicalConvention: true, backColor: [0, 0, 0, 1], isOrientationTextVisible: true,
+      dragAndDropEnabled: false, show3Dcrosshair: true, meshXRay: 0.15 });
+    await viewer.attachToCanvas(canvas);
+    viewer.opts.isSliceMM = true;
+    const select = byId("viewer-volume");
+    for (const [index, volume] of volumes.entries()) select.append(new Option(volume.name, index));
+
+    const loaded = [];
+    for (const mesh of meshes)
+      loaded.push(await NVMesh.readMesh(bytesOf(mesh.data), `${mesh.name}.stl`, viewer.gl, 0.7, [...mesh.colour, 255], true));
+    const showMeshes = () => {
+      for (const mesh of loaded) {
+        const isShown = viewer.meshes.includes(mesh);
+        if (byId("viewer-meshes").checked && !isShown) viewer.addMesh(mesh);
+        if (!byId("viewer-meshes").checked && isShown) viewer.removeMesh(mesh);
+      }
+      viewer.setMeshThicknessOn2D(0.5);
+      viewer.drawScene();
+    };
+    const showVolume = async () => {
+      while (viewer.volumes.length > 0) viewer.removeVolume(viewer.volumes[0]);
+      const volume = volumes[Number(select.value)];
+      viewer.addVolume(await NVImage.loadFromBase64({ base64: volume.data, name: `${volume.name}.nii.gz`, colormap: "gray" }));
+      if (volume.labels)
+        viewer.addVolume(await NVImage.loadFromBase64({ base64: volume.labels, name: "labels.nii.gz", colormap: "actc",
+          opacity: byId("viewer-labels").checked ? 0.35 : 0 }));
+    };
+    const redraw = () => {
+      if (viewer.volumes.length > 1) viewer.setOpacity(1, byId("viewer-labels").checked ? 0.35 : 0);
+      viewer.setSliceType(Number(byId("viewer-layout").value));
+    };
+    await showVolume();
+    showMeshes();
+    redraw();
+    select.addEventListener("change", async () => { await showVolume(); redraw(); });
+    byId("viewer-labels").addEventListener("change", redraw);
+    byId("viewer-layout").addEventListener("change", redraw);
+    byId("viewer-meshes").addEventListener("change", showMeshes);
+    const convention = document.querySelector(".convention input");
+    if (convention) convention.addEventListener("change", () => viewer.setRadiologicalConvention(!convention.checked));
+    status.textContent = "Drag or use the mouse wheel to scroll the slices; drag the 3-D view to turn the eyes.";
+    panel.dataset.ready = "true";
+  };
+  start().catch((error) => {
+    panel.hidden = false;
+    panel.querySelector(".viewer-canvas").hidden = true;
+    panel.querySelector(".viewer-controls").hidden = true;
+    status.textContent = `The interactive viewer cannot run here (${error.message}); the figures above show the same surfaces.`;
+  });
+}

@@ -200,8 +200,7 @@ Figure slice_figure(const Volume& volume, Plane plane, const Eigen::Vector3d& ce
   const double across = centre_lps.dot(plane == Plane::axial     ? Eigen::Vector3d::UnitZ()
                                        : plane == Plane::coronal ? Eigen::Vector3d::UnitY()
                                                                  : Eigen::Vector3d::UnitX());
-  figure.title = fmt::format("{}{} slice, {} {:+.1f} mm", static_cast<char>(std::toupper(view.name[0])),
-                             view.name + 1, view.where, across);
+  figure.title = fmt::format("{}, {} {:+.1f} mm", view.name, view.where, across);
   figure.alt = fmt::format("{} MR slice through the eye with the contours of the fitted surfaces", view.name);
   return figure;
 }

@@ -47,20 +47,20 @@ class Tree {
   explicit Tree(DSRDocumentTree& tree) : tree_(tree) {}
 
   void root(const DSRCodedEntryValue& concept_name) {
-    add(RT_isRoot, VT_Container, AM_afterCurrent, concept_name);
+    add(DSRTypes::RT_isRoot, DSRTypes::VT_Container, DSRTypes::AM_afterCurrent, concept_name);
   }
   /// Goes into the new container; `up` leaves it.
   void container(const DSRCodedEntryValue& concept_name) {
-    add(RT_contains, VT_Container, AM_belowCurrent, concept_name);
+    add(DSRTypes::RT_contains, DSRTypes::VT_Container, DSRTypes::AM_belowCurrent, concept_name);
   }
   void up() { tree_.goUp(); }
   void text(const DSRCodedEntryValue& concept_name, const std::string& value) {
-    add(RT_contains, VT_Text, AM_belowCurrent, concept_name);
+    add(DSRTypes::RT_contains, DSRTypes::VT_Text, DSRTypes::AM_belowCurrent, concept_name);
     check(tree_.getCurrentContentItem().setStringValue(value.c_str()), "text item");
     tree_.goUp();
   }
   void number(const DSRCodedEntryValue& concept_name, double value, const std::string& unit) {
-    add(RT_contains, VT_Num, AM_belowCurrent, concept_name);
+    add(DSRTypes::RT_contains, DSRTypes::VT_Num, DSRTypes::AM_belowCurrent, concept_name);
     check(tree_.getCurrentContentItem().setNumericValue(
               DSRNumericMeasurementValue(decimal_string(value).c_str(), unit_code(unit))),
           "number");
@@ -68,7 +68,7 @@ class Tree {
   }
 
  private:
-  void add(E_RelationshipType relationship, E_ValueType type, E_AddMode mode, const DSRCodedEntryValue& concept_name) {
+  void add(DSRTypes::E_RelationshipType relationship, DSRTypes::E_ValueType type, DSRTypes::E_AddMode mode, const DSRCodedEntryValue& concept_name) {
     if (tree_.addContentItem(relationship, type, mode) == 0)
       check(SR_EC_InvalidDocumentTree, "content tree");
     check(tree_.getCurrentContentItem().setConceptName(concept_name), "concept name");
@@ -114,6 +114,10 @@ std::string prescription_comment(const EyeData& eye) {
 void describe_document(DSRDocument& document, const SourceStudy& source) {
   check(document.setSpecificCharacterSet("ISO_IR 192"), "character set");
   check(document.createNewSeriesInStudy(source.study_uid().c_str()), "series");
+  check(document.setManufacturer(manufacturer), "equipment");
+  check(document.setManufacturerModelName(model), "equipment");
+  check(document.setDeviceSerialNumber(serial_number), "equipment");
+  check(document.setSoftwareVersions(dicom_text(version(), 64).c_str()), "equipment");
   check(document.setPreliminaryFlag(DSRTypes::PF_Preliminary), "preliminary");
 }
 
@@ -139,7 +143,7 @@ std::string prescription_object(const SourceStudy& source, const CaseData& data,
 
 std::string biometry_object(const SourceStudy& source, const CaseData& data, const std::string& result) {
   TID1500_MeasurementReport report(CMR_CID7021::ImagingMeasurementReport);
-  check(report.setLanguage(CID5000_Languages(CMR_CID5000::English)), "language");
+  check(report.setLanguage(CID5000_Languages(CID5000_Languages::English)), "language");
   check(report.getObservationContext().addDeviceObserver(stable_uid("device " + version()).c_str(), model, manufacturer, model,
                                                          serial_number),
         "observer");

@@ -1,0 +1,210 @@
+#include <dcmtk/config/osconfig.h>
+#include <dcmtk/dcmdata/dctk.h>
+#include <dcmtk/dcmfg/fgderimg.h>
+#include <dcmtk/dcmfg/fgfracon.h>
+#include <dcmtk/dcmfg/fgpixmsr.h>
+#include <dcmtk/dcmfg/fgplanor.h>
+#include <dcmtk/dcmfg/fgplanpo.h>
+#include <dcmtk/dcmfg/fgseg.h>
+#include <dcmtk/dcmseg/segdoc.h>
+#include <dcmtk/dcmseg/segment.h>
+
+#include <fmt/format.h>
+
+#include "pipeline/base/error.hpp"
+#include "pipeline/base/version.hpp"
+#include "pipeline/report/dicom/object.hpp"
+#include "pipeline/report/dicom/objects.hpp"
+#include "pipeline/report/slices.hpp"
+
+namespace emmetrope::report {
+namespace {
+
+struct StructureCode {
+  const char *word, *code, *meaning;
+};
+/// SNOMED CT codes of what a label's name may contain; the first that matches.
+constexpr std::array<StructureCode, 12> structures{{{"cornea", "28726007", "Cornea"},
+                                                    {"lens", "78076003", "Lens of eye"},
+                                                    {"iris", "41296002", "Iris"},
+                                                    {"aqueous", "31636006", "Anterior chamber of eye"},
+                                                    {"anterior_chamber", "31636006", "Anterior chamber of eye"},
+                                                    {"vitreous", "372242005", "Vitreous body"},
+                                                    {"sclera", "18619003", "Sclera"},
+                                                    {"wall", "18619003", "Sclera"},
+                                                    {"retina", "5665001", "Retina"},
+                                                    {"nerve", "18234004", "Optic nerve"},
+                                                    {"globe", "79652003", "Eyeball"},
+                                                    {"eye", "79652003", "Eyeball"}}};
+
+const StructureCode& code_of(const std::string& name) {
+  for (const auto& structure : structures)
+    if (name.find(structure.word) != std::string::npos) return structure;
+  return structures.back();
+}
+
+struct Label {
+  int value = 0;
+  std::string name;  ///< "od_cornea"
+  /// Whole words, so that "posterior" names no eye.
+  bool is_right() const { return name.rfind("od", 0) == 0 || name.find("right") != std::string::npos; }
+  bool is_left() const { return name.rfind("os", 0) == 0 || name.find("left") != std::string::npos; }
+};
+
+/// {"1": "od cornea"} or {"1": {"name": ...}}, at the top or under "labels"; an array of {"value", "name"} too.
+std::vector<Label> labels_of(const Json& json) {
+  std::vector<Label> labels;
+  const Json& list = json.is_object() && json.contains("labels") ? json["labels"] : json;
+  const auto name_of = [](const Json& entry) {
+    return entry.is_string() ? entry.get<std::string>() : entry.is_object() ? entry.value("name", std::string()) : std::string();
+  };
+  if (list.is_array()) {
+    for (const auto& entry : list)
+      if (entry.is_object() && entry.contains("value")) labels.push_back({entry["value"].get<int>(), name_of(entry)});
+  } else if (list.is_object()) {
+    for (const auto& [key, entry] : list.items())
+      if (!key.empty() && key.find_first_not_of("0123456789") == std::string::npos)
+        labels.push_back({std::stoi(key), name_of(entry)});
+  }
+  labels.erase(std::remove_if(labels.begin(), labels.end(),
+                              [](const Label& label) { return label.value <= 0 || label.name.empty(); }),
+               labels.end());
+  std::sort(labels.begin(), labels.end(), [](const Label& a, const Label& b) { return a.value < b.value; });
+  return labels;
+}
+
+std::string decimal(double value) { return fmt::format("{:.6g}", std::abs(value) < 1e-9 ? 0.0 : value); }
+
+/// A plane of voxels in the patient.
+struct PlaneGrid {
+  Eigen::Vector3d row, column, normal;  ///< unit directions in which columns, rows and slices grow
+  double column_spacing_mm, row_spacing_mm, slice_spacing_mm;
+};
+
+PlaneGrid grid_of(const Eigen::Matrix4d& lps_from_voxel) {
+  const Eigen::Vector3d i = lps_from_voxel.block<3, 1>(0, 0), j = lps_from_voxel.block<3, 1>(0, 1),
+                        k = lps_from_voxel.block<3, 1>(0, 2);
+  return {i.normalized(), j.normalized(), k.normalized(), i.norm(), j.norm(), k.norm()};
+}
+
+std::unique_ptr<DcmSegment> segment_of(const Label& label) {
+  const StructureCode& structure = code_of(label.name);
+  DcmSegment* made = nullptr;
+  check(DcmSegment::create(made, dicom_text(label.name, 60).c_str(),
+                           CodeSequenceMacro("123037004", "SCT", "Anatomical Structure"),
+                           CodeSequenceMacro(structure.code, "SCT", structure.meaning), DcmSegTypes::SAT_AUTOMATIC,
+                           "Emmetrope parametric eye fit"),
+        "segment " + label.name);
+  std::unique_ptr<DcmSegment> segment(made);
+  auto& modifiers = segment->getSegmentedPropertyTypeModifierCode();
+  if (label.is_right()) modifiers.push_back(new CodeSequenceMacro("24028007", "SCT", "Right"));
+  if (label.is_left()) modifiers.push_back(new CodeSequenceMacro("7771000", "SCT", "Left"));
+  return segment;
+}
+
+void add_frame(DcmSegmentation& object, const SourceStudy& source, const PlaneGrid& grid, const Eigen::Vector3d& position,
+               Uint16 segment, Uint32 plane, std::vector<Uint8>& mask) {
+  FGPlanePosPatient place;
+  check(place.setImagePositionPatient(decimal(position.x()).c_str(), decimal(position.y()).c_str(),
+                                      decimal(position.z()).c_str()),
+        "plane position");
+  FGFrameContent content;
+  check(content.setDimensionIndexValues(segment, 0), "dimension");
+  check(content.setDimensionIndexValues(plane, 1), "dimension");
+  FGSegmentation reference;
+  check(reference.setReferencedSegmentNumber(segment), "segment number");
+  FGDerivationImage derivation;
+  DerivationImageItem* item = nullptr;
+  for (const auto& image : source.images()) {
+    const bool lies_here = std::abs((image.position_lps - position).dot(grid.normal)) < grid.slice_spacing_mm / 2 &&
+                           std::abs(std::abs(image.normal.dot(grid.normal)) - 1) < 1e-3;
+    if (!lies_here) continue;
+    if (item == nullptr)
+      check(derivation.addDerivationImageItem(CodeSequenceMacro("113076", "DCM", "Segmentation"), "", item), "derivation");
+    auto* made = new SourceImageItem();
+    check(made->getImageSOPInstanceReference().setReferencedSOPClassUID(image.sop_class_uid.c_str()), "source image");
+    check(made->getImageSOPInstanceReference().setReferencedSOPInstanceUID(image.sop_instance_uid.c_str()), "source image");
+    check(made->getPurposeOfReferenceCode().set("121322", "DCM", "Source image for image processing operation"),
+          "source image");
+    item->getSourceImageItems().push_back(made);
+  }
+  OFVector<FGBase*> groups;
+  groups.push_back(&place);
+  groups.push_back(&content);
+  groups.push_back(&reference);
+  if (item != nullptr) groups.push_back(&derivation);
+  check(object.addFrame(mask.data(), segment, groups), "frame");
+}
+
+void share_geometry(DcmSegmentation& object, const PlaneGrid& grid) {
+  FGPlaneOrientationPatient orientation;
+  check(orientation.setImageOrientationPatient(decimal(grid.row.x()).c_str(), decimal(grid.row.y()).c_str(),
+                                               decimal(grid.row.z()).c_str(), decimal(grid.column.x()).c_str(),
+                                               decimal(grid.column.y()).c_str(), decimal(grid.column.z()).c_str()),
+        "orientation");
+  FGPixelMeasures measures;
+  check(measures.setPixelSpacing((decimal(grid.row_spacing_mm) + "\\" + decimal(grid.column_spacing_mm)).c_str()), "spacing");
+  check(measures.setSpacingBetweenSlices(decimal(grid.slice_spacing_mm).c_str()), "spacing");
+  check(measures.setSliceThickness(decimal(grid.slice_spacing_mm).c_str()), "spacing");
+  check(object.addForAllFrames(orientation), "orientation");
+  check(object.addForAllFrames(measures), "spacing");
+}
+
+}  // namespace
+
+std::string segmentation_object(const SourceStudy& source, const std::filesystem::path& label_nifti, const Json& labels_json,
+                                int number, const std::string& result) {
+  const Volume volume(label_nifti);
+  const Eigen::Vector3i size = volume.size();
+  const PlaneGrid grid = grid_of(volume.lps_from_voxel());
+  DcmSegmentation* made = nullptr;
+  check(DcmSegmentation::createBinarySegmentation(
+            made, static_cast<Uint16>(size.y()), static_cast<Uint16>(size.x()),
+            IODGeneralEquipmentModule::EquipmentInfo(manufacturer, model, serial_number, dicom_text(version(), 60).c_str()),
+            ContentIdentificationMacro(std::to_string(number).c_str(), "EYES", "Structures of the eyes, RESEARCH USE ONLY", "")),
+        "segmentation");
+  const std::unique_ptr<DcmSegmentation> object(made);
+  share_geometry(*object, grid);
+  const std::string organization = stable_uid("dimensions " + source.study_uid());
+  check(object->getDimensions().addDimensionIndex(DCM_ReferencedSegmentNumber, organization.c_str(),
+                                                  DCM_SegmentIdentificationSequence, "Segment"),
+        "dimension");
+  check(object->getDimensions().addDimensionIndex(DCM_ImagePositionPatient, organization.c_str(), DCM_PlanePositionSequence,
+                                                  "Plane"),
+        "dimension");
+  bool any = false;
+  std::vector<Uint8> mask(static_cast<std::size_t>(size.x()) * static_cast<std::size_t>(size.y()));
+  for (const auto& label : labels_of(labels_json)) {
+    Uint16 segment = 0;
+    for (int k = 0; k < size.z(); ++k) {
+      bool is_there = false;
+      for (int j = 0; j < size.y(); ++j)
+        for (int i = 0; i < size.x(); ++i) {
+          const bool inside = std::lround(volume.at(i, j, k)) == label.value;
+          mask[static_cast<std::size_t>(j) * size.x() + i] = inside ? 1 : 0;
+          is_there = is_there || inside;
+        }
+      if (!is_there) continue;
+      if (segment == 0) check(object->addSegment(segment_of(label).release(), segment), "segment");
+      const Eigen::Vector3d position = (volume.lps_from_voxel() * Eigen::Vector4d(0, 0, k, 1)).head<3>();
+      add_frame(*object, source, grid, position, segment, static_cast<Uint32>(k + 1), mask);
+      any = true;
+    }
+  }
+  if (!any) return {};
+  DcmDataset header;
+  put_common(header, source, {"segmentation", "SEG", "Eye structures, RESEARCH USE ONLY", 9006, result});
+  const bool has_frame = !source.images().empty() && !source.images().front().frame_of_reference_uid.empty();
+  put(header, 0x0020, 0x0052,
+      has_frame ? source.images().front().frame_of_reference_uid : stable_uid("frame " + source.study_uid()));
+  header.insertEmptyElement(DCM_PositionReferenceIndicator);
+  check(object->importFromSourceImage(header), "patient and study");
+  check(object->getSeries().setSeriesNumber("9006"), "series");
+  DcmDataset dataset;
+  check(object->writeDataset(dataset), "segmentation");
+  put_common(dataset, source, {"segmentation", "SEG", "Eye structures, RESEARCH USE ONLY", 9006, result + label_nifti.filename().string()});
+  put(dataset, 0x0020, 0x0013, std::to_string(number));
+  return file_bytes(dataset);
+}
+
+}  // namespace emmetrope::report

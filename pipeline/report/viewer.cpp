@@ -1,0 +1,200 @@
+#include "pipeline/report/viewer.hpp"
+
+#include <zlib.h>
+
+#include <cmath>
+#include <cstring>
+#include <limits>
+
+#include "pipeline/base/error.hpp"
+#include "pipeline/report/encoding.hpp"
+#include "pipeline/report/slices.hpp"
+
+namespace emmetrope::report {
+
+// viewer_library.cpp, made by CMake
+extern const char* const viewer_library;
+extern const unsigned long viewer_library_size;
+
+namespace {
+
+namespace fs = std::filesystem;
+using Eigen::Vector3d;
+using Eigen::Vector3i;
+
+constexpr double shown_half_width_mm = 24;  ///< around each globe's centre
+constexpr std::size_t most_voxels = 6'000'000;
+
+template <typename T>
+void append(std::string& bytes, const T& value) {
+  std::array<char, sizeof value> raw{};
+  std::memcpy(raw.data(), &value, sizeof value);
+  bytes.append(raw.data(), raw.size());
+}
+
+/// gzip without time or name, so that equal data give equal bytes.
+std::string gzipped(const std::string& bytes) {
+  z_stream stream{};
+  constexpr int gzip_format = 15 + 16;
+  if (deflateInit2(&stream, 9, Z_DEFLATED, gzip_format, 9, Z_DEFAULT_STRATEGY) != Z_OK)
+    throw Error(ExitStatus::fault, "cannot compress a volume");
+  std::string packed(deflateBound(&stream, bytes.size()) + 32, '\0');
+  stream.next_in = reinterpret_cast<Bytef*>(const_cast<char*>(bytes.data()));
+  stream.avail_in = static_cast<uInt>(bytes.size());
+  stream.next_out = reinterpret_cast<Bytef*>(packed.data());
+  stream.avail_out = static_cast<uInt>(packed.size());
+  const int result = deflate(&stream, Z_FINISH);
+  packed.resize(stream.total_out);
+  deflateEnd(&stream);
+  if (result != Z_STREAM_END) throw Error(ExitStatus::fault, "cannot compress a volume");
+  return packed;
+}
+
+/// NIfTI-1 header of an 8-bit volume, RAS.
+std::string nifti_header(const Vector3i& size, const Eigen::Matrix4d& lps_from_voxel) {
+  std::string header(352, '\0');
+  const auto put = [&](std::size_t at, auto value) { std::memcpy(header.data() + at, &value, sizeof value); };
+  put(0, std::int32_t{348});
+  put(40, std::int16_t{3});
+  for (int axis = 0; axis < 3; ++axis) {
+    put(42 + 2 * static_cast<std::size_t>(axis), static_cast<std::int16_t>(size[axis]));
+    put(80 + 4 * static_cast<std::size_t>(axis), static_cast<float>(lps_from_voxel.block<3, 1>(0, axis).norm()));
+    put(48 + 2 * static_cast<std::size_t>(axis), std::int16_t{1});
+  }
+  put(54, std::int16_t{1});
+  put(70, std::int16_t{2});  // unsigned char
+  put(72, std::int16_t{8});
+  put(76, 1.0F);
+  put(108, 352.0F);
+  put(112, 1.0F);
+  header[123] = 2;  // mm
+  put(254, std::int16_t{1});
+  for (int row = 0; row < 3; ++row)
+    for (int column = 0; column < 4; ++column)
+      put(280 + 16 * static_cast<std::size_t>(row) + 4 * static_cast<std::size_t>(column),
+          static_cast<float>((row < 2 ? -1 : 1) * lps_from_voxel(row, column)));
+  std::memcpy(header.data() + 344, "n+1", 4);
+  return header;
+}
+
+struct Crop {
+  Vector3i first, size;
+};
+
+/// The voxels within reach of any globe's centre; nothing where the volume shows none.
+std::optional<Crop> crop_of(const Volume& volume, const std::vector<Vector3d>& centres) {
+  const Eigen::Matrix4d voxel_from_lps = volume.lps_from_voxel().inverse();
+  Vector3d low = Vector3d::Constant(std::numeric_limits<double>::max()), high = -low;
+  for (const auto& centre : centres) {
+    if (volume.coverage(centre, 11) < 0.5) continue;
+    for (int corner = 0; corner < 8; ++corner) {
+      const Vector3d offset((corner & 1) != 0 ? 1 : -1, (corner & 2) != 0 ? 1 : -1, (corner & 4) != 0 ? 1 : -1);
+      const Vector3d voxel =
+          (voxel_from_lps * (centre + shown_half_width_mm * offset).eval().homogeneous()).head<3>();
+      low = low.cwiseMin(voxel);
+      high = high.cwiseMax(voxel);
+    }
+  }
+  Crop crop{Vector3i::Zero(), Vector3i::Zero()};
+  for (int axis = 0; axis < 3; ++axis) {
+    const int last = std::min(volume.size()[axis] - 1, static_cast<int>(std::floor(std::min(high[axis], 1e6))));
+    crop.first[axis] = std::max(0, static_cast<int>(std::ceil(std::max(low[axis], -1e6))));
+    crop.size[axis] = last - crop.first[axis] + 1;
+    if (low[axis] > high[axis] || crop.size[axis] < 2) return std::nullopt;
+  }
+  return crop;
+}
+
+/// Calls `use` with each voxel of the crop in file order.
+template <typename Use>
+void each_voxel(const Volume& volume, const Crop& crop, const Use& use) {
+  for (int k = 0; k < crop.size.z(); ++k)
+    for (int j = 0; j < crop.size.y(); ++j)
+      for (int i = 0; i < crop.size.x(); ++i)
+        use(volume.at(crop.first.x() + i, crop.first.y() + j, crop.first.z() + k));
+}
+
+std::string packed_nifti(const Volume& volume, const Crop& crop, const std::string& voxels) {
+  Eigen::Matrix4d lps_from_voxel = volume.lps_from_voxel();
+  lps_from_voxel.col(3) = volume.lps_from_voxel() * crop.first.cast<double>().eval().homogeneous();
+  return base64(gzipped(nifti_header(crop.size, lps_from_voxel) + voxels));
+}
+
+std::string windowed(const Volume& volume, const Crop& crop) {
+  std::vector<float> values;
+  each_voxel(volume, crop, [&](float value) { values.push_back(std::isfinite(value) ? value : 0); });
+  std::vector<float> sorted = values;
+  const auto percentile = [&](double share) {
+    const auto at = sorted.begin() + static_cast<std::ptrdiff_t>(share * static_cast<double>(sorted.size() - 1));
+    std::nth_element(sorted.begin(), at, sorted.end());
+    return *at;
+  };
+  const float low = percentile(0.01), high = std::max(percentile(0.995), low + 1e-6F);
+  std::string voxels;
+  for (const float value : values)
+    voxels.push_back(static_cast<char>(std::lround(255 * std::clamp((value - low) / (high - low), 0.0F, 1.0F))));
+  return voxels;
+}
+
+/// Binary STL in RAS, the viewer's frame.
+std::string ras_stl(const TriangleMesh& mesh_lps) {
+  std::string stl(80, ' ');
+  append(stl, static_cast<std::uint32_t>(mesh_lps.triangles.size()));
+  for (const auto& triangle : mesh_lps.triangles) {
+    for (int i = 0; i < 3; ++i) append(stl, 0.0F);  // readers take the normal from the vertices
+    for (const int corner : triangle) {
+      const Vector3d& point = mesh_lps.vertices[static_cast<std::size_t>(corner)];
+      append(stl, static_cast<float>(-point.x()));
+      append(stl, static_cast<float>(-point.y()));
+      append(stl, static_cast<float>(point.z()));
+    }
+    append(stl, std::uint16_t{0});
+  }
+  return stl;
+}
+
+std::vector<Vector3d> globe_centres(const CaseData& data) {
+  std::vector<Vector3d> centres;
+  for (const auto& eye : data.eyes)
+    if (const auto centre = globe_centre(eye)) centres.push_back(*centre);
+  return centres;
+}
+
+}  // namespace
+
+bool has_viewer_library() { return viewer_library_size > 0; }
+
+ViewerData make_viewer_data(const CaseData& data, Notes& notes) {
+  if (!has_viewer_library()) {
+    notes.emplace_back("The interactive viewer is not part of this build.");
+    return {};
+  }
+  Json volumes = Json::array(), meshes = Json::array();
+  const auto centres = globe_centres(data);
+  for (const auto& file : data.stacks) {
+    const Volume volume(file);
+    const auto crop = crop_of(volume, centres);
+    if (!crop || static_cast<std::size_t>(crop->size.cast<long>().prod()) > most_voxels) continue;
+    const std::string name = file.filename().string().substr(0, file.filename().string().size() - 7);
+    Json entry{{"name", name}, {"data", packed_nifti(volume, *crop, windowed(volume, *crop))}};
+    const fs::path labels = file.parent_path() / (name + "_labels.nii.gz");
+    if (fs::exists(labels)) {
+      const Volume label_volume(labels);
+      std::string voxels;
+      each_voxel(label_volume, *crop, [&](float value) { voxels.push_back(static_cast<char>(std::lround(value))); });
+      if (label_volume.size() == volume.size()) entry["labels"] = packed_nifti(label_volume, *crop, voxels);
+    }
+    volumes.push_back(entry);
+  }
+  for (const auto& eye : data.eyes)
+    for (const auto& [surface, colour] :
+         {std::pair{"cornea_anterior", std::array<int, 3>{86, 194, 255}}, std::pair{"lens_anterior", std::array<int, 3>{255, 176, 0}},
+          std::pair{"lens_posterior", std::array<int, 3>{255, 176, 0}}, std::pair{"retina", std::array<int, 3>{255, 93, 143}}})
+      if (fs::exists(eye.mesh(surface)))
+        meshes.push_back({{"name", eye.id() + "_" + surface}, {"colour", colour},
+                          {"data", base64(ras_stl(read_mesh(eye.mesh(surface)).mesh))}});
+  if (volumes.empty()) return {};
+  return {std::string(viewer_library, viewer_library_size), Json{{"volumes", volumes}, {"meshes", meshes}}.dump()};
+}
+
+}  // namespace emmetrope::report
