@@ -39,8 +39,11 @@ int main(int argc, char** argv) {
     app.add_option("--plano-cylinder-index", prescription.plano_cylinder_index, "of the plano-cylinder")
         ->check(CLI::Range(1.3, 2.0))
         ->capture_default_str();
-    app.add_option("--scene", picture.scene, "scene of corrected.png")->capture_default_str();
-    app.add_option("--samples", picture.samples, "rays a pixel of corrected.png")
+    app.add_option("--scene", picture.scene, "scene of corrected.png with --eye; a case has that of its trace stage")
+        ->needs(schematic)
+        ->capture_default_str();
+    app.add_option("--samples", picture.samples, "rays a pixel of corrected.png with --eye")
+        ->needs(schematic)
         ->check(CLI::Range(1, 100000))
         ->capture_default_str();
   };

@@ -77,6 +77,9 @@ Prescription prescribe(const raytrace::Tracer& tracer, const EyeModel& eye, cons
   const EyeModel seeing = with_pupil(eye, settings.pupil_mm);
   result.wavefront = measure_wavefront(seeing, wavefront_settings(settings));
   result.check = refraction_by_wavefront(result.wavefront, settings.vertex_distance_mm);
+  constexpr double field_reach_deg = 20;
+  constexpr int field_points_across = 5;
+  result.field = peripheral_refraction(seeing, settings.wavelength_nm, field_reach_deg, field_points_across);
   progress.advance();
 
   const std::shared_ptr<const raytrace::Scene> scene =

@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "correction/peripheral.hpp"
 #include "correction/search.hpp"
 #include "correction/uncertain_eye.hpp"
 #include "correction/uncertainty.hpp"
@@ -51,6 +52,7 @@ struct Prescription {
   PlanoCylinderResult plano_cylinder;
   Wavefront wavefront;
   RefractionCriteria check;
+  std::vector<FieldPoint> field;       ///< refraction over the visual field
 };
 
 /// Finds the lens by image sharpness and by wavefront.

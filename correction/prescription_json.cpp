@@ -121,6 +121,14 @@ Json to_json(const Prescription& prescription, const PrescriptionUncertainty& un
   for (const auto& value : uncertainty.if_measured)
     values.push_back(line_json("measurement", value.measurement, value.sigma_after));
   json["if_measured"] = std::move(values);
+  Json field = Json::array();
+  for (const FieldPoint& point : prescription.field)
+    field.push_back({{"horizontal_deg", point.horizontal_deg},
+                     {"vertical_deg", point.vertical_deg},
+                     {"M_D", point.refraction.M_D},
+                     {"J0_D", point.refraction.J0_D},
+                     {"J45_D", point.refraction.J45_D}});
+  json["peripheral"] = std::move(field);
   if (const auto& calibration = uncertainty.calibration)
     json["calibration"] = {
         {"given", notation_json(calibration->given)},

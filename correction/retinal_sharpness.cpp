@@ -90,6 +90,9 @@ SharpnessValue RetinalSharpness::operator()(const Eigen::VectorXd& lens) const {
   const LogEnergy image = log_energy(measure_, trace(eye_, lens, level_.samples, true));
   const LogEnergy pinhole = log_energy(measure_, trace(pinhole_eye_, lens, pinhole_samples, true));
   ++images_;
+  if (!(pinhole.energy > 0))
+    throw no_result_error("the chart shows no detail on the retina, so no lens can make it sharper",
+                          "choose another --chart");
   const double sharpness = image.energy / pinhole.energy;
   return {sharpness, sharpness * (image.gradient - pinhole.gradient)};
 }

@@ -2,7 +2,9 @@
 
 #include <fmt/core.h>
 
+#include <charconv>
 #include <cmath>
+#include <string_view>
 
 #include "correction/notation.hpp"
 #include "correction/sweep.hpp"
@@ -30,13 +32,55 @@ Json parameters_of(const CorrectionSettings& settings, const CommonOptions& comm
           {"lens_index_sigma", settings.lens_index_sigma},
           {"known_refractions", settings.known_refractions},
           {"seed", common.seed},
-          {"laterality", static_cast<int>(common.laterality)},
+          {"laterality", common.laterality == LateralityChoice::both ? "both"
+                         : common.laterality == LateralityChoice::od ? "od"
+                                                                     : "os"},
           {"picture",
            {{"scene", picture.scene},
             {"size", {picture.width, picture.height}},
             {"field_mm", {picture.field_x_mm, picture.field_y_mm}},
+            {"centre_mm", {picture.centre_mm.x(), picture.centre_mm.y()}},
             {"samples", picture.samples},
             {"pupil_mm", picture.pupil_mm}}}};
+}
+
+/// "500x500", "6x6", "0,0": two numbers of the trace stage's parameters.
+std::array<double, 2> two_numbers(const Json& parameters, const char* key, char separator) {
+  const auto text = parameters.at(key).get<std::string>();
+  const auto middle = text.find(separator);
+  std::array<double, 2> numbers{};
+  const auto read = [&](std::string_view part, double& number) {
+    return std::from_chars(part.data(), part.data() + part.size(), number).ec == std::errc();
+  };
+  if (middle == std::string::npos || !read(std::string_view(text).substr(0, middle), numbers[0]) ||
+      !read(std::string_view(text).substr(middle + 1), numbers[1]))
+    throw input_error("raytrace/stage.json: parameter \"" + std::string(key) + "\" is \"" + text + "\"",
+                      "run \"emmetrope trace --force\" on the case");
+  return numbers;
+}
+
+/// What the trace stage decided: how its picture was made, and whether the lens index is known.
+void follow_trace_stage(const fs::path& case_folder, CorrectionSettings& settings) {
+  const Json stage = read_json(case_folder / "raytrace" / "stage.json");
+  try {
+    const Json& parameters = stage.at("parameters");
+    PictureSettings& picture = settings.picture;
+    picture.scene = parameters.at("scene").get<std::string>();
+    picture.samples = parameters.at("samples").get<int>();
+    picture.pupil_mm = parameters.at("pupil_mm").get<double>();
+    const auto size = two_numbers(parameters, "size", 'x'), field_mm = two_numbers(parameters, "field_mm", 'x');
+    const auto fovea_mm = two_numbers(parameters, "fovea", ',');
+    picture.width = static_cast<int>(size[0]);
+    picture.height = static_cast<int>(size[1]);
+    picture.field_x_mm = field_mm[0];
+    picture.field_y_mm = field_mm[1];
+    picture.centre_mm = {fovea_mm[0], fovea_mm[1]};
+    if (settings.prescription.fovea_mm.isZero()) settings.prescription.fovea_mm = picture.centre_mm;
+    if (!parameters.at("lens_index").is_null()) settings.lens_index_sigma = 0;
+  } catch (const nlohmann::json::exception& fault) {
+    throw input_error(std::string("raytrace/stage.json: ") + fault.what(),
+                      "run \"emmetrope trace --force\" on the case");
+  }
 }
 
 /// "od:-2.25/-1.00x180" for this eye; nothing where none is given.
@@ -112,7 +156,7 @@ void write_eye_files(const fs::path& folder, const raytrace::Tracer& tracer, con
   write_file(folder / "sweep.csv", sweep_csv(result.prescription.plano_cylinder));
   write_file(folder / "sweep.svg", sweep_svg(result.prescription.plano_cylinder));
   raytrace::TraceSettings trace;
-  trace.grid = {picture.width, picture.height, picture.field_x_mm, picture.field_y_mm, p.fovea_mm};
+  trace.grid = {picture.width, picture.height, picture.field_x_mm, picture.field_y_mm, picture.centre_mm};
   trace.samples = picture.samples;
   trace.seed = seed;
   trace.verbosity.quiet = true;
@@ -134,7 +178,9 @@ std::string summary(const std::string& who, const EyeResult& result) {
 /// The lens index of a measured eye that was traced is the one to be uncertain about.
 UncertainEye read_uncertain_eye(const fs::path& file, double lens_index_sigma, const EyeModel& traced) {
   UncertainEye uncertain = uncertain_eye_from_json(read_json(file), file.parent_path(), lens_index_sigma);
-  const double index = traced.media.at("lens").index;
+  const auto lens = traced.media.find("lens");
+  if (lens == traced.media.end()) return uncertain;  // cortex and core: the equivalent index stays
+  const double index = lens->second.index;
   const Eigen::Index i = uncertain.index_of("lens_index");
   uncertain.values[i] = index;
   uncertain.covariance.row(i).setZero();
@@ -146,8 +192,10 @@ UncertainEye read_uncertain_eye(const fs::path& file, double lens_index_sigma, c
 
 }  // namespace
 
-Answer correct_case(const fs::path& case_folder, const CorrectionSettings& settings, const CommonOptions& common) {
+Answer correct_case(const fs::path& case_folder, CorrectionSettings settings, const CommonOptions& common) {
+  const CaseLock lock(case_folder, false);
   const StageVerdict traced = read_verdict(case_folder, "raytrace");
+  follow_trace_stage(case_folder, settings);
   for (const Laterality eye : both_eyes) known_refraction_of(settings, eye);  // usage errors come first
   std::vector<Laterality> eyes;
   StageSpec spec{"correction", parameters_of(settings, common), {}, true, {}};
@@ -155,8 +203,8 @@ Answer correct_case(const fs::path& case_folder, const CorrectionSettings& setti
     const std::string name = to_string(eye);
     if (!includes(common.laterality, eye) || !fs::exists(case_folder / "raytrace" / name / "eye.json")) continue;
     eyes.push_back(eye);
-    spec.inputs.push_back({"raytrace/" + name + "/eye.json", case_folder / "raytrace" / name / "eye.json"});
-    for (const StageInput& input : inputs_below(case_folder, "meshing/" + name)) spec.inputs.push_back(input);
+    for (const char* stage : {"meshing/", "raytrace/"})
+      for (const StageInput& input : inputs_below(case_folder, stage + name)) spec.inputs.push_back(input);
   }
   std::optional<raytrace::Tracer> tracer;
   if (!eyes.empty()) {

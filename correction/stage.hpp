@@ -10,13 +10,14 @@
 
 namespace emmetrope::correction {
 
-/// How the corrected picture is made; as the uncorrected one of the trace stage.
+/// How corrected.png is made. In a case it is made as the trace stage made uncorrected.png, so that the two compare.
 struct PictureSettings {
   std::string scene = "letters";
   int width = 500, height = 500;
   double field_x_mm = 6, field_y_mm = 6;
   int samples = 128;
   double pupil_mm = 4;
+  Eigen::Vector2d centre_mm{0, 0};
 };
 
 struct CorrectionSettings {
@@ -29,8 +30,7 @@ struct CorrectionSettings {
 /// CASE/correction/<eye>/: prescription.json, corrected.png, sweep.csv, sweep.svg, for every eye that was traced.
 /// An eye whose sharpest lens is not found gets no number; the reasons stand in stage.json.
 /// \throw Error (input_invalid) when the case has not been traced
-Answer correct_case(const std::filesystem::path& case_folder, const CorrectionSettings& settings,
-                    const CommonOptions& common);
+Answer correct_case(const std::filesystem::path& case_folder, CorrectionSettings settings, const CommonOptions& common);
 
 /// The same files for a schematic eye or an eye.json, in `output`.
 Answer correct_eye(const EyeModel& eye, const std::filesystem::path& output, const CorrectionSettings& settings,

@@ -97,9 +97,11 @@ UncertainEye uncertain_eye_from_json(const Json& optics, const std::filesystem::
 
 EyeModel eye_at(const UncertainEye& uncertain, const Eigen::VectorXd& values) {
   const auto value = [&](const char* parameter) { return values[uncertain.index_of(parameter)]; };
+  /// Against the eye as it is; 0 for a parameter that this eye does not have.
   const auto change = [&](const char* parameter) {
-    const Eigen::Index i = uncertain.index_of(parameter);
-    return values[i] - uncertain.values[i];
+    const auto found = std::find(uncertain.parameters.begin(), uncertain.parameters.end(), parameter);
+    const Eigen::Index i = found - uncertain.parameters.begin();
+    return found == uncertain.parameters.end() ? 0.0 : values[i] - uncertain.values[i];
   };
   EyeModel eye = uncertain.eye;
 
@@ -116,6 +118,7 @@ EyeModel eye_at(const UncertainEye& uncertain, const Eigen::VectorXd& values) {
   const double tilt_x_deg = change("lens_tilt_x_deg"), tilt_y_deg = change("lens_tilt_y_deg");
   for (Surface& surface : eye.surfaces)
     if (surface.is_stop()) surface.position_mm += chamber_mm;
+  const Eigen::Vector2d decentre_mm(change("lens_decentre_x_mm"), change("lens_decentre_y_mm"));
   const auto place = [&](Surface& lens, ShapePtr shape, double old_height_mm, double height_mm) {
     const auto turned = [](const Eigen::Vector2d& tilt_deg, double h) -> Eigen::Vector3d {
       return Eigen::AngleAxisd(tilt_deg.y() * degree, Eigen::Vector3d::UnitY()) *
@@ -125,15 +128,15 @@ EyeModel eye_at(const UncertainEye& uncertain, const Eigen::VectorXd& values) {
     const Eigen::Vector3d shift = turned(tilt_deg, height_mm) - turned(lens.tilt_deg, old_height_mm);
     lens.shape = std::move(shape);
     lens.tilt_deg = tilt_deg;
-    lens.decentre_mm += shift.head<2>();
+    lens.decentre_mm += shift.head<2>() + decentre_mm;
     lens.position_mm += chamber_mm + (thickness_mm - 2 * std::abs(old_height_mm)) / 2 - shift.z();
   };
   const double old_half_mm = uncertain.values[uncertain.index_of("lens_thickness_mm")] / 2;
   Surface& lens_front = eye.surface("lens_anterior");
   Surface& lens_back = eye.surface("lens_posterior");
-  place(lens_front, make_conic(value("lens_anterior_radius_mm"), asphericity(lens_front)), old_half_mm,
+  place(lens_front, make_conic(value("lens_anterior_radius_mm"), asphericity(lens_front) + change("lens_anterior_q")), old_half_mm,
         thickness_mm / 2);
-  place(lens_back, make_conic(-value("lens_posterior_radius_mm"), asphericity(lens_back)), -old_half_mm,
+  place(lens_back, make_conic(-value("lens_posterior_radius_mm"), asphericity(lens_back) + change("lens_posterior_q")), -old_half_mm,
         -thickness_mm / 2);
 
   eye.media.at("lens").index = value("lens_index");

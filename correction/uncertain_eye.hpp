@@ -12,7 +12,8 @@ namespace emmetrope::correction {
 /// A measured eye as formulas, with numbers that are uncertain: meshing/<eye>/optics.json.
 struct UncertainEye {
   EyeModel eye;                         ///< at `values`
-  std::vector<std::string> parameters;  ///< names as in docs/stage-files.md; "lens_index" is always among them
+  std::vector<std::string> parameters;  ///< names as in docs/stage-files.md, and any of lens_anterior_q,
+                                        ///< lens_posterior_q, lens_decentre_x_mm, lens_decentre_y_mm; always lens_index
   Eigen::VectorXd values;
   Eigen::MatrixXd covariance;           ///< symmetric, positive semi-definite
   std::vector<std::string> sources;     ///< "mri", "prior", "keratometry", ...

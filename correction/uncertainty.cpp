@@ -11,7 +11,7 @@ namespace {
 
 struct Group {
   const char* source;
-  std::vector<const char*> parameters;
+  std::vector<std::string> parameters;
 };
 const std::vector<Group>& groups() {
   static const std::vector<Group> all{
@@ -19,8 +19,9 @@ const std::vector<Group>& groups() {
       {"anterior cornea", {"cornea_c_per_mm", "cornea_j0_per_mm", "cornea_j45_per_mm", "cornea_q"}},
       {"posterior cornea", {"cornea_back_ratio", "cornea_thickness_mm"}},
       {"anterior chamber depth", {"anterior_chamber_depth_mm"}},
-      {"lens shape", {"lens_thickness_mm", "lens_anterior_radius_mm", "lens_posterior_radius_mm"}},
-      {"lens tilt", {"lens_tilt_x_deg", "lens_tilt_y_deg"}},
+      {"lens shape", {"lens_thickness_mm", "lens_anterior_radius_mm", "lens_posterior_radius_mm", "lens_anterior_q",
+                      "lens_posterior_q"}},
+      {"lens tilt and decentre", {"lens_tilt_x_deg", "lens_tilt_y_deg", "lens_decentre_x_mm", "lens_decentre_y_mm"}},
       {"lens index", {"lens_index"}}};
   return all;
 }
@@ -61,10 +62,9 @@ std::vector<BudgetLine> uncertainty_budget(const UncertainEye& eye, const Eigen:
   Eigen::Vector3d sum = Eigen::Vector3d::Zero();
   for (const Group& group : groups()) {
     Eigen::MatrixXd part = Eigen::MatrixXd::Zero(3, sensitivity.cols());
-    for (const char* parameter : group.parameters) {
-      const Eigen::Index i = eye.index_of(parameter);
-      part.col(i) = sensitivity.col(i);
-    }
+    for (Eigen::Index i = 0; i < sensitivity.cols(); ++i)
+      if (std::find(group.parameters.begin(), group.parameters.end(), eye.parameters[i]) != group.parameters.end())
+        part.col(i) = sensitivity.col(i);
     const Eigen::Vector3d variance = (part * eye.covariance * part.transpose()).diagonal().cwiseMax(0);
     sum += variance;
     budget.push_back({group.source, std::sqrt(variance[0]), std::sqrt(variance[1]), std::sqrt(variance[2])});

@@ -24,7 +24,7 @@ struct BudgetLine {
   std::string source;
   double M_D = 0, J0_D = 0, J45_D = 0;
 };
-/// Lines for axial length, anterior cornea, posterior cornea, chamber depth, lens shape, lens tilt and lens index; then
+/// Lines for axial length, anterior cornea, posterior cornea, chamber depth, lens shape, lens tilt and decentre, and lens index; then
 /// "correlations" (signed: its square is added or taken away) and "total". The squares of all lines but the last sum to the
 /// last's.
 std::vector<BudgetLine> uncertainty_budget(const UncertainEye& eye, const Eigen::MatrixXd& sensitivity);

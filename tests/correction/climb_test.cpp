@@ -45,7 +45,7 @@ TEST(Climb, ConvergesFromEightDioptresAway) {
 TEST(Climb, GradientEnergyRisesAllTheWayAndTheOthersDoNot) {
   // Why gradient energy is the default: the other two weigh fine detail so much that far from focus they have only the
   // ripples of spurious resolution to climb.
-  const auto rays = aberrated_pupil(entrance_pupil_mm, {0, 0, 0}, 0, 8);
+  const auto rays = aberrated_pupil(entrance_pupil_mm, {0, 0, 0}, 0, 12);
   const auto has_false_slope = [&](Measure measure) {
     const SharpnessFunction sharpness = geometric_sharpness(rays, measure, 1);
     for (double M_D = -9; M_D < -0.4; M_D += 0.5)
@@ -87,7 +87,10 @@ class LogSharpness : public ceres::CostFunction {
   bool Evaluate(double const* const* parameters, double* residuals, double** jacobians) const override {
     const SharpnessValue value = sharpness_(Eigen::Map<const Eigen::Vector3d>(parameters[0]));
     residuals[0] = std::log(value.value);
-    if (jacobians && jacobians[0]) Eigen::Map<Eigen::Vector3d>(jacobians[0]) = value.gradient / value.value;
+    if (jacobians && jacobians[0]) {
+      Eigen::Map<Eigen::Vector3d> jacobian(jacobians[0]);
+      jacobian = value.gradient / value.value;
+    }
     return true;
   }
 
