@@ -115,7 +115,8 @@ ExactTracer::ExactTracer(const EyeModel& eye, double wavelength_nm, double gradi
     if (eye.surfaces[i].is_stop()) continue;
     for (std::size_t j = i + 1; j < steps_.size(); ++j)
       if (eye.surfaces[j].medium_after == medium_name_before[i] && !eye.surfaces[j].is_stop()) {
-        if (steps_[i].partner < 0 && steps_[j].partner < 0) {
+        const bool thin = steps_[j].position_mm - steps_[i].position_mm < coincident_mm;
+        if (!thin && steps_[i].partner < 0 && steps_[j].partner < 0) {
           steps_[i].partner = static_cast<int>(j);
           steps_[j].partner = static_cast<int>(i);
         }

@@ -1,13 +1,16 @@
-#include <vtkCallbackCommand.h>
 #include <vtkCellArray.h>
 #include <vtkDataArray.h>
 #include <vtkDoubleArray.h>
 #include <vtkFieldData.h>
 #include <vtkIdList.h>
+#include <vtkLogger.h>
 #include <vtkNew.h>
+#include <vtkObjectFactory.h>
+#include <vtkOutputWindow.h>
 #include <vtkPointData.h>
 #include <vtkPoints.h>
 #include <vtkPolyData.h>
+#include <vtkSmartPointer.h>
 #include <vtkStringArray.h>
 #include <vtkXMLPolyDataReader.h>
 #include <vtkXMLPolyDataWriter.h>
@@ -18,30 +21,50 @@
 namespace emmetrope {
 namespace {
 
-/// VTK reports faults as events, not by return values.
-struct FaultListener {
-  std::string fault;
-  vtkNew<vtkCallbackCommand> command;
-  FaultListener() {
-    command->SetClientData(this);
-    command->SetCallback([](vtkObject*, unsigned long, void* self, void* text) {
-      static_cast<FaultListener*>(self)->fault = text ? static_cast<const char*>(text) : "unknown fault";
-    });
+/// VTK reports faults by its output window and not by return values: caught here while the object lives.
+class FaultWindow : public vtkOutputWindow {
+ public:
+  static FaultWindow* New();  // NOLINT(readability-identifier-naming): VTK's factory
+  vtkTypeMacro(FaultWindow, vtkOutputWindow)
+  void DisplayText(const char* text) override { fault_ = text; }
+  const std::string& fault() const { return fault_; }
+
+ private:
+  std::string fault_;
+};
+vtkStandardNewMacro(FaultWindow)
+
+class FaultListener {
+ public:
+  FaultListener()
+      : before_(vtkOutputWindow::GetInstance()), log_level_(vtkLogger::GetCurrentVerbosityCutoff()) {
+    vtkOutputWindow::SetInstance(window_);
+    vtkLogger::SetStderrVerbosity(vtkLogger::VERBOSITY_OFF);
   }
+  ~FaultListener() {
+    vtkOutputWindow::SetInstance(before_);
+    vtkLogger::SetStderrVerbosity(log_level_);
+  }
+  FaultListener(const FaultListener&) = delete;
+  FaultListener& operator=(const FaultListener&) = delete;
+  bool heard_nothing() const { return window_->fault().empty(); }
+
+ private:
+  vtkNew<FaultWindow> window_;
+  vtkSmartPointer<vtkOutputWindow> before_;
+  vtkLogger::Verbosity log_level_;
 };
 
 }  // namespace
 
 MeshFile parse_vtp(const std::string& bytes) {
+  const FaultListener listener;
   vtkNew<vtkXMLPolyDataReader> reader;
-  FaultListener listener;
-  reader->AddObserver("ErrorEvent", listener.command);
-  reader->AddObserver("WarningEvent", listener.command);
   reader->ReadFromInputStringOn();
   reader->SetInputString(bytes);
   reader->Update();
   vtkPolyData* data = reader->GetOutput();
-  if (!listener.fault.empty() || reader->GetErrorCode() != 0 || data == nullptr ||
+  if (!listener.heard_nothing() || reader->GetErrorCode() != 0 || data == nullptr ||
       data->GetNumberOfPoints() == 0)
     throw input_error("no readable VTP mesh, or it is cut short");
 

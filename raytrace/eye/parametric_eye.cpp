@@ -148,6 +148,8 @@ void read_parameters(const Json& json, ParametricEye& eye) {
     if (!name.is_string() || !source.is_string()) {
       throw input_error("fitted eye: 'parameters' entry " + std::to_string(i) + " has no name or source");
     }
+    if (eye.source.count(name.get<std::string>()) > 0)
+      throw input_error("fitted eye: 'parameters' names '" + name.get<std::string>() + "' twice");
     eye.parameter_names.push_back(name.get<std::string>());
     eye.source[eye.parameter_names.back()] = source.get<std::string>();
     if (!has_parameter(eye, eye.parameter_names.back())) {

@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <array>
 #include <charconv>
 #include <cmath>
@@ -90,8 +91,8 @@ Medium vitreous(double index) { return le_grand_medium(index, 1.3208, 6.9806); }
 /// Gullstrand's exact eye; `demand_D` is the accommodation of Atchison and Smith's interpolation of its two
 /// states.
 EyeModel gullstrand(double demand_D) {
-  const double f =
-      (1.052 * demand_D - 0.00531 * demand_D * demand_D + 0.000048564 * std::pow(demand_D, 3)) / 10.87013;
+  const double step = 1.052 * demand_D - 0.00531 * demand_D * demand_D + 0.000048564 * std::pow(demand_D, 3);
+  const double f = std::min(step / 10.87013, 1.0);
   const double front_cortex = between(0.546, 0.6725, f), core = between(2.419, 2.655, f);
   const double back_cortex = between(0.635, 0.6725, f), chamber = between(3.1, 2.7, f);
   EyeModel eye =

@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 
 #include "raytrace/wavefront/pupil_function.hpp"
 #include "raytrace/wavefront/simplex.hpp"
@@ -82,12 +83,13 @@ PointSpread point_spread(const Wavefront& wavefront, const PowerVector& lens_in_
   result.size = pupil.size();
   result.pitch_arcmin = pupil.pitch_arcmin();
   result.values.resize(spread.size());
+  const double sum = std::accumulate(spread.begin(), spread.end(), 0.0);
   const int n = pupil.size(), half = n / 2;
   for (int row = 0; row < n; ++row)
     for (int column = 0; column < n; ++column)
       // Row 0 at the top, zero angle at (half, half).
       result.values[static_cast<std::size_t>(row) * n + column] = static_cast<float>(
-          spread[static_cast<std::size_t>((half - row + n) % n) * n + (column - half + n) % n]);
+          spread[static_cast<std::size_t>((half - row + n) % n) * n + (column - half + n) % n] / sum);
   return result;
 }
 

@@ -70,9 +70,9 @@ double PupilFunction::pitch_arcmin() const {
 std::vector<double> PupilFunction::transform(const std::vector<std::complex<double>>& field) const {
   cv::Mat spectrum;
   cv::dft(complex_matrix(field, size_), spectrum);
-  double energy = 0;
-  for (const Point& point : points_) energy += point.amplitude * point.amplitude;
-  const double scale = 1 / (energy * size_ * size_);
+  double area = 0;
+  for (const Point& point : points_) area += point.amplitude;
+  const double scale = 1 / (area * size_ * size_);
   std::vector<double> result(field.size());
   const auto* value = spectrum.ptr<std::complex<double>>();
   for (std::size_t k = 0; k < result.size(); ++k) result[k] = std::norm(value[k]) * scale;
@@ -105,8 +105,9 @@ std::vector<std::complex<double>> PupilFunction::otf(const std::vector<double>& 
   cv::dft(complex_matrix(field, size_), spectrum, cv::DFT_INVERSE);
   const auto* value = spectrum.ptr<std::complex<double>>();
   std::vector<std::complex<double>> result(value, value + field.size());
-  const std::complex<double> whole = result[0];
-  for (std::complex<double>& entry : result) entry /= whole;
+  // Shifted by a step or more, coverages overlap as the pupil does; unshifted, the edge's squares would lose
+  // a little.
+  result[0] = 1;
   return result;
 }
 

@@ -20,8 +20,8 @@ class PupilFunction {
   int per_cpd() const { return per_cpd_; }  ///< grid steps in a cycle a degree
   double pitch_arcmin() const;              ///< of the point spread function's grid
 
-  /// |FFT|^2 of the pupil function, row by row, zero angle at index 0; sums to the pupil's share of a perfect
-  /// pupil's energy. Column index grows with the angle towards +x, row index towards +y.
+  /// |FFT|^2 of the pupil function, row by row, zero angle at index 0; sums to 1 but for
+  /// the edge's squares (0.3 %). Column index grows with the angle towards +x, row index towards +y.
   std::vector<double> point_spread(const PowerVector& lens) const;
   /// The same for the perfect pupil.
   std::vector<double> perfect_point_spread() const;

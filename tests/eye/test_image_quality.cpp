@@ -1,0 +1,113 @@
+#include <gmock/gmock.h>
+
+#include <cmath>
+#include <numeric>
+
+#include "pipeline/base/frames.hpp"
+#include "raytrace/wavefront/pupil_function.hpp"
+
+namespace emmetrope {
+namespace {
+
+Wavefront perfect(double pupil_mm, double wavelength_nm) {
+  Wavefront wavefront;
+  wavefront.pupil_mm = pupil_mm;
+  wavefront.wavelength_nm = wavelength_nm;
+  wavefront.zernike_um.assign(45, 0.0);
+  return wavefront;
+}
+
+TEST(ImageQuality, PerfectPupilHasTheMtfOfDiffraction) {
+  const Wavefront wavefront = perfect(3, 555);
+  const ImageQuality quality = image_quality(wavefront);
+  EXPECT_NEAR(quality.strehl, 1, 1e-12);
+  EXPECT_NEAR(quality.vsotf, 1, 1e-12);
+  const double cutoff_cpd = 3 / 0.555e-3 * degree;
+  for (std::size_t k = 0; k < quality.cpd.size(); ++k) {
+    const double v = quality.cpd[k] / cutoff_cpd;
+    const double expected = 2 / pi * (std::acos(v) - v * std::sqrt(1 - v * v));
+    EXPECT_NEAR(quality.mtf_sagittal[k], expected, 1e-3);
+    EXPECT_NEAR(quality.mtf_tangential[k], expected, 1e-3);
+  }
+}
+
+TEST(ImageQuality, SmallAberrationsFollowMarechal) {
+  for (const int j : {4, 5, 7, 12}) {
+    Wavefront wavefront = perfect(4, 555);
+    wavefront.zernike_um[j] = 0.555 / 30;
+    const double expected = std::exp(-std::pow(2 * pi / 30, 2));
+    EXPECT_NEAR(image_quality(wavefront).strehl, expected, 2e-3) << j;
+  }
+}
+
+TEST(ImageQuality, DefocusHasTheClosedFormStrehl) {
+  // The axial intensity of a defocused circular pupil is sinc^2 of half the edge's phase.
+  Wavefront wavefront = perfect(4, 555);
+  wavefront.zernike_um[4] = 0.06;
+  const double edge_phase = 2 * pi / 0.555 * 0.06 * 2 * std::sqrt(3.0);
+  const double sinc = std::sin(edge_phase / 2) / (edge_phase / 2);
+  EXPECT_NEAR(image_quality(wavefront).strehl, sinc * sinc, 2e-3);
+}
+
+TEST(ImageQuality, TheLensTakesAwayWhatItCorrects) {
+  Wavefront wavefront = perfect(4, 555);
+  // M = -4 sqrt3 c20 / r^2 and so on for a refraction of -1.5, 0.4, -0.3 D.
+  wavefront.zernike_um[4] = 1.5 * 4 / (4 * std::sqrt(3.0));
+  wavefront.zernike_um[5] = -0.4 * 4 / (2 * std::sqrt(6.0));
+  wavefront.zernike_um[3] = 0.3 * 4 / (2 * std::sqrt(6.0));
+  EXPECT_LT(image_quality(wavefront).strehl, 0.05);
+  EXPECT_NEAR(image_quality(wavefront, {-1.5, 0.4, -0.3}).strehl, 1, 1e-9);
+}
+
+TEST(ImageQuality, TiltMovesNothing) {
+  Wavefront wavefront = perfect(4, 555);
+  wavefront.zernike_um[1] = 3;
+  wavefront.zernike_um[2] = -2;
+  EXPECT_NEAR(image_quality(wavefront).vsotf, 1, 1e-12);
+}
+
+TEST(ImageQuality, AstigmatismBlursOneMeridian) {
+  // Defocus in x alone: detail that varies along x (sagittal) is lost, along y kept.
+  Wavefront wavefront = perfect(4, 555);
+  wavefront.zernike_um[4] = 0.2;
+  wavefront.zernike_um[5] = 0.2 * std::sqrt(2.0);
+  const ImageQuality quality = image_quality(wavefront);
+  EXPECT_LT(quality.mtf_sagittal[20], 0.5 * quality.mtf_tangential[20]);
+}
+
+TEST(PointSpread, HasUnitSumAndComaPointsTheRightWay) {
+  Wavefront wavefront = perfect(4, 555);
+  wavefront.zernike_um[7] = 0.3;  // vertical coma: W grows with y^3
+  const PointSpread spread = point_spread(wavefront);
+  EXPECT_NEAR(std::accumulate(spread.values.begin(), spread.values.end(), 0.0), 1, 1e-3);
+  // Slopes dW/dy of 9 y^2 - 2 are positive at the edge: the tail points up, to small rows.
+  double above = 0, below = 0;
+  const int half = spread.size / 2;
+  for (int row = 0; row < spread.size; ++row)
+    for (int column = 0; column < spread.size; ++column) {
+      const double value = spread.values[static_cast<std::size_t>(row) * spread.size + column];
+      const double up = (half - row) * spread.pitch_arcmin;
+      if (up > 2) above += value;
+      if (up < -2) below += value;
+    }
+  EXPECT_GT(above, 2 * below);
+}
+
+TEST(Refraction, VisualStrehlOfASphericallyAberratedEyeLiesNearTheOthers) {
+  const RefractionCriteria rx = refraction_by_wavefront(make_eye("gullstrand"), {}, 12);
+  EXPECT_LT(rx.visual_strehl.M_D, rx.paraxial.M_D);
+  EXPECT_GT(rx.visual_strehl.M_D, rx.minimum_rms_spot.M_D - 0.3);
+  EXPECT_NEAR(rx.visual_strehl.J0_D, 0, 2e-3);
+  EXPECT_NEAR(rx.visual_strehl.J45_D, 0, 2e-3);
+}
+
+TEST(WavefrontJson, HasTheContractsKeys) {
+  const Json json = wavefront_json(measure_wavefront(make_eye("navarro"), {}));
+  for (const char* key : {"pupil_mm", "wavelength_nm", "zernike_um", "rms_um", "strehl", "vsotf", "mtf"})
+    EXPECT_TRUE(json.contains(key)) << key;
+  EXPECT_EQ(json["mtf"]["cpd"].size(), json["mtf"]["tangential"].size());
+  EXPECT_EQ(json["zernike_um"].size(), 45u);
+}
+
+}  // namespace
+}  // namespace emmetrope
