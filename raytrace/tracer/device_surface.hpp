@@ -21,4 +21,8 @@ struct DeviceSurface {
 /// \throw Error (unsupported) naming the surface
 DeviceSurface device_surface(const Surface& surface, Representation representation, int vertices);
 
+/// The same as a biconic whatever its radii, for derivatives with respect to its curvature.
+/// \throw Error (unsupported) when it is no plane, sphere, conic or biconic
+DeviceSurface bendable_surface(const Surface& surface);
+
 }  // namespace emmetrope::raytrace

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <optional>
 
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/frames.hpp"
@@ -12,6 +13,66 @@ namespace emmetrope::raytrace {
 namespace {
 
 using Parameters = std::array<float, OpticalSystem::parameters>;
+
+float bits(int value) {
+  float result = 0;
+  std::memcpy(&result, &value, sizeof result);
+  return result;
+}
+
+// O_FLAGS in kernels/surfaces.cl
+constexpr int enters_body = 1, inside_body = 2, local_ratio = 4;
+
+/// Bodies that a ray may pass by: a surface and the next one that leads back into the medium in front of it,
+/// when the two meet in an edge (a nucleus smaller than the lens).
+class Bodies {
+ public:
+  explicit Bodies(const EyeModel& eye) : flags_(eye.surfaces.size(), 0), edge_mm_(eye.surfaces.size(), 0) {
+    std::string medium_before = "air";
+    for (std::size_t i = 0; i + 1 < eye.surfaces.size(); ++i) {
+      const Surface& front = eye.surfaces[i];
+      if (front.is_stop()) continue;
+      for (std::size_t j = i + 1; j + 1 < eye.surfaces.size(); ++j) {
+        if (eye.surfaces[j].is_stop() || eye.surfaces[j].medium_after != medium_before) continue;
+        const auto edge = edge_of(front, eye.surfaces[j]);
+        if (edge && flags_[i] == 0 && flags_[j] == 0) {
+          flags_[j] = enters_body;
+          edge_mm_[j] = *edge;
+          for (std::size_t k = i; k < j; ++k) flags_[k] = inside_body;
+          any_ = true;
+        }
+        break;
+      }
+      medium_before = front.medium_after;
+    }
+  }
+  bool any() const { return any_; }
+  int flags(int surface) const { return flags_[surface]; }
+  double edge_mm(int surface) const { return edge_mm_[surface]; }
+
+ private:
+  /// Where the two meet, if they do within 8 mm of the axis or before one of them ends.
+  static std::optional<double> edge_of(const Surface& front, const Surface& back) {
+    const auto apart = [&](double r) {
+      const auto d = front.shape->depth_mm(r, 0), e = back.shape->depth_mm(r, 0);
+      return d && e && back.position_mm + *e - front.position_mm - *d > 0;
+    };
+    constexpr double search_mm = 8, step_mm = 0.05;
+    double low = 0;
+    while (low < search_mm && apart(low + step_mm)) low += step_mm;
+    if (low >= search_mm) return std::nullopt;
+    double high = low + step_mm;
+    for (int k = 0; k < 40; ++k) {
+      const double middle = 0.5 * (low + high);
+      (apart(middle) ? low : high) = middle;
+    }
+    return low;
+  }
+
+  std::vector<int> flags_;
+  std::vector<double> edge_mm_;
+  bool any_ = false;
+};
 
 class Builder {
  public:
@@ -47,11 +108,36 @@ class Builder {
     }
   }
 
+  /// The gradient as the kernel takes it, in the present frame; returns its number.
+  /// \param owner  the surface whose vertex its depth is counted from
+  int add_gradient(const Medium& medium, const Surface& owner) {
+    if (!owner.eye_from_surface().linear().isApprox(frame_, 1e-9))
+      throw unsupported_error(
+          "a gradient medium behind \"" + owner.name + "\" ends at a surface of another tilt",
+          "give both surfaces of a gradient the same tilt_deg");
+    std::array<float, 32> g{};
+    for (const auto& term : medium.gradient->terms) {
+      if (term.depth_power > 3 || term.radius_power > 4)
+        throw unsupported_error("the gradient behind \"" + owner.name + "\" has powers beyond t^3 and r^4");
+      g[3 * term.depth_power + term.radius_power / 2] += static_cast<float>(term.coefficient);
+    }
+    const Eigen::Vector3d origin = frame_.transpose() * owner.eye_from_surface().translation();
+    for (int c = 0; c < 3; ++c) g[12 + c] = static_cast<float>(origin[c]);
+    for (int w = 0; w < wavelength_count; ++w)
+      g[16 + w] =
+          static_cast<float>(medium.index_at(wavelength_nm_[w], eye_.reference_wavelength_nm) - medium.index);
+    system_.gradients.insert(system_.gradients.end(), g.begin(), g.end());
+    return static_cast<int>(system_.gradients.size() / g.size()) - 1;
+  }
+
   OpticalSystem& system() { return system_; }
 
  private:
+  /// Of a gradient 1: the kernel multiplies by what it finds.
   double index(const Medium* medium, double wavelength_nm) const {
-    return medium == nullptr ? 1.0 : medium->index_at(wavelength_nm, eye_.reference_wavelength_nm);
+    return medium == nullptr || medium->gradient
+               ? 1.0
+               : medium->index_at(wavelength_nm, eye_.reference_wavelength_nm);
   }
 
   const EyeModel& eye_;
@@ -60,12 +146,6 @@ class Builder {
   OpticalSystem system_;
 };
 
-float bits(int value) {
-  float result = 0;
-  std::memcpy(&result, &value, sizeof result);
-  return result;
-}
-
 }  // namespace
 
 bool OpticalSystem::has(Operation kind) const {
@@ -73,33 +153,34 @@ bool OpticalSystem::has(Operation kind) const {
 }
 
 std::string OpticalSystem::definitions() const {
-  const std::array<std::pair<Operation, const char*>, 7> names{{{Operation::sphere, "SPHERE"},
+  const std::array<std::pair<Operation, const char*>, 8> names{{{Operation::sphere, "SPHERE"},
                                                                 {Operation::quadric, "QUADRIC"},
                                                                 {Operation::biconic, "BICONIC"},
                                                                 {Operation::patch, "PATCH"},
                                                                 {Operation::stop, "STOP"},
                                                                 {Operation::rotate, "ROTATE"},
-                                                                {Operation::triangles, "TRIANGLES"}}};
+                                                                {Operation::triangles, "TRIANGLES"},
+                                                                {Operation::gradient, "GRADIENT"}}};
   std::string text;
   for (const auto& [kind, name] : names)
     text += std::string(" -DHAS_") + name + "=" + (has(kind) ? "1" : "0");
-  return text;
+  return text + " -DHAS_BODY=" + (has_body ? "1" : "0");
 }
 
 OpticalSystem make_optical_system(const EyeModel& eye,
                                   const std::array<double, wavelength_count>& wavelength_nm,
-                                  Representation representation, int vertices) {
+                                  Representation representation, int vertices,
+                                  const std::vector<std::string>& as_biconic) {
   Builder builder(eye, wavelength_nm);
   auto& system = builder.system();
   const auto medium = [&](const std::string& name) -> const Medium* {
     if (name.empty()) return nullptr;
     const Medium& found = eye.medium(name);
-    if (found.gradient)
-      throw unsupported_error("eye \"" + eye.name +
-                              "\": the device does not trace the gradient of medium \"" + name + "\" yet");
     return &found;
   };
 
+  const Bodies bodies(eye);
+  system.has_body = bodies.any();
   for (int i = static_cast<int>(eye.surfaces.size()) - 2; i >= 0; --i) {
     const Surface& surface = eye.surfaces[i];
     const Eigen::Matrix3d eye_from_surface = surface.eye_from_surface().linear();
@@ -115,10 +196,28 @@ OpticalSystem make_optical_system(const EyeModel& eye,
     const Medium* front = before < 0 ? nullptr : medium(eye.surfaces[before].medium_after);
     const Medium* behind = medium(surface.medium_after);
 
-    const DeviceSurface form = device_surface(surface, representation, vertices);
+    const bool bent = std::find(as_biconic.begin(), as_biconic.end(), surface.name) != as_biconic.end();
+    const DeviceSurface form =
+        bent ? bendable_surface(surface) : device_surface(surface, representation, vertices);
+    system.axis_deg[surface.name] = form.axis_deg;
     builder.turn_to(eye_from_surface * Eigen::AngleAxisd(form.axis_deg * degree, Eigen::Vector3d::UnitZ()));
     system.operation_of[surface.name] = static_cast<int>(system.kinds.size());
-    Parameters p = builder.placed(surface, form.clear_radius_mm);
+    int flags = bodies.flags(i);
+    const double clear_radius_mm =
+        (flags & enters_body) != 0 ? std::min(form.clear_radius_mm, bodies.edge_mm(i)) : form.clear_radius_mm;
+    Parameters p = builder.placed(surface, clear_radius_mm);
+    const auto is_gradient = [](const Medium* m) { return m != nullptr && m->gradient; };
+    if (is_gradient(behind) || is_gradient(front)) {
+      Parameters crossing = p;
+      const double c = surface.shape->vertex_curvature().trace() / 2;
+      crossing[4] = static_cast<float>(c);
+      crossing[5] = static_cast<float>(c * (1 + surface.shape->to_json().value("q", 0.0)));
+      crossing[6] = bits(is_gradient(behind) ? builder.add_gradient(*behind, surface) : -1);
+      crossing[7] = bits(is_gradient(front) ? builder.add_gradient(*front, eye.surfaces[before]) : -1);
+      crossing[15] = bits(flags & inside_body);
+      builder.add(Operation::gradient, crossing, behind, front);
+      flags |= local_ratio;
+    }
     std::transform(form.parameters.begin(), form.parameters.end(), p.begin() + 4,
                    [](double value) { return static_cast<float>(value); });
     if (form.kind == Operation::patch) {
@@ -126,6 +225,7 @@ OpticalSystem make_optical_system(const EyeModel& eye,
       p[12] = bits(static_cast<int>(system.records.size()));
       system.records.insert(system.records.end(), form.records.begin(), form.records.end());
     }
+    p[15] = bits(flags);
     if (!form.note.empty()) system.notes.push_back(surface.name + ": " + form.note);
     builder.add(form.kind, p, behind, front);
   }

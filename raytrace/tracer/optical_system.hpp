@@ -11,7 +11,7 @@
 namespace emmetrope::raytrace {
 
 /// What a ray from the retina meets, in order; the numbers are those of kernels/trace.cl.
-enum class Operation : int { sphere = 0, quadric, biconic, patch, stop, rotate, triangles };
+enum class Operation : int { sphere = 0, quadric, biconic, patch, stop, rotate, triangles, gradient };
 
 /// An eye as the kernels take it.
 struct OpticalSystem {
@@ -20,8 +20,11 @@ struct OpticalSystem {
   std::vector<Operation> kinds;
   std::vector<float> operations;            ///< `parameters` each
   std::vector<float> ratios;                ///< index before over index after, `wavelength_count` each
+  std::vector<float> gradients;             ///< 32 floats a gradient medium
+  bool has_body = false;                    ///< a ray may pass beside some surfaces
   std::vector<float> records;               ///< 16 floats a patch cell
   std::map<std::string, int> operation_of;  ///< by surface name
+  std::map<std::string, double> axis_deg;   ///< by surface name: how its frame is turned about its own z
   std::vector<std::string> notes;           ///< how far a representation departs from its surface
 
   bool has(Operation kind) const;
@@ -31,9 +34,11 @@ struct OpticalSystem {
 
 /// \param representation  of surfaces that are formulas; a mesh is smooth or triangles
 /// \param vertices        a surface, where a formula is meshed
+/// \param as_biconic      surfaces that must be general biconics, so that they can be bent
 /// \throw Error (unsupported) for a surface that the device cannot represent
 OpticalSystem make_optical_system(const EyeModel& eye,
                                   const std::array<double, wavelength_count>& wavelength_nm,
-                                  Representation representation, int vertices);
+                                  Representation representation, int vertices,
+                                  const std::vector<std::string>& as_biconic = {});
 
 }  // namespace emmetrope::raytrace

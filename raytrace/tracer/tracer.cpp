@@ -2,6 +2,7 @@
 
 #include <chrono>
 #include <cmath>
+#include <cstring>
 #include <thread>
 
 #include "pipeline/base/error.hpp"
@@ -43,6 +44,46 @@ std::vector<float> colour_table(const Spectrum& spectrum) {
     for (int from = 0; from < 3; ++from)
       for (const auto& matrix : spectrum.rgb_from_rgb) table.push_back(static_cast<float>(matrix(to, from)));
   return table;
+}
+
+/// Names of the surfaces that tangents bend: the device must have them as biconics.
+std::vector<std::string> names_of(const std::vector<CurvatureTangent>& tangents) {
+  std::vector<std::string> names;
+  for (const auto& tangent : tangents) names.push_back(tangent.surface);
+  return names;
+}
+
+/// The tangents as kernels/tangent.cl takes them, and the first operation that one of them changes.
+struct Seeds {
+  std::vector<float> values;
+  int first_operation = 0;
+};
+Seeds make_seeds(const OpticalSystem& system, const std::vector<CurvatureTangent>& tangents) {
+  Seeds seeds;
+  if (tangents.empty()) return seeds;
+  seeds.first_operation = static_cast<int>(system.kinds.size());
+  for (const auto& tangent : tangents) {
+    const auto found = system.operation_of.find(tangent.surface);
+    if (found == system.operation_of.end())
+      throw usage_error("the eye has no surface \"" + tangent.surface + "\"");
+    const int operation = found->second;
+    const Eigen::Matrix2d turn =
+        Eigen::Rotation2Dd(system.axis_deg.at(tangent.surface) * degree).toRotationMatrix();
+    const Eigen::Matrix2d change = turn.transpose() * tangent.curvature_per_unit * turn;
+    float bits = 0;
+    std::memcpy(&bits, &operation, sizeof bits);
+    seeds.values.insert(seeds.values.end(), {static_cast<float>(change(0, 0)),
+                                             static_cast<float>((change(0, 1) + change(1, 0)) / 2),
+                                             static_cast<float>(change(1, 1)), bits});
+    seeds.first_operation = std::min(seeds.first_operation, operation);
+  }
+  for (std::size_t k = seeds.first_operation; k < system.kinds.size(); ++k)
+    if (system.kinds[k] == Operation::stop || system.kinds[k] == Operation::patch ||
+        system.kinds[k] == Operation::triangles)
+      throw unsupported_error("derivatives with respect to surface \"" + tangents.front().surface +
+                                  "\": the stop or a mesh lies between it and the scene",
+                              "differentiate by a surface in front of them, such as a spectacle's");
+  return seeds;
 }
 
 Representation chosen(const EyeModel& eye, const TraceSettings& settings) {
@@ -96,18 +137,20 @@ struct SystemBuffers {
       : kinds(cl.upload(system.kinds)),
         operations(cl.upload(system.operations)),
         ratios(cl.upload(system.ratios)),
+        gradients(cl.upload(system.gradients)),
         records(cl.upload(system.records)) {}
-  void add_to(Arguments& arguments) const { arguments.add(kinds, operations, ratios, records); }
-  cl::Buffer kinds, operations, ratios, records;
+  void add_to(Arguments& arguments) const { arguments.add(kinds, operations, ratios, gradients, records); }
+  cl::Buffer kinds, operations, ratios, gradients, records;
 };
 
 /// Definitions that every kernel needs.
 std::string definitions_of(const OpticalSystem& system, int lanes, int in_flight, int channels, bool spectral,
-                           int waves, bool illuminance) {
+                           int waves, bool illuminance, std::size_t tangents) {
   return "-DVLN=" + std::to_string(lanes) + " -DUN=" + std::to_string(in_flight) +
          " -DCHANNELS=" + std::to_string(channels) + " -DSPECTRAL=" + (spectral ? "1" : "0") +
          " -DWAVES=" + std::to_string(waves) + " -DILLUMINANCE=" + (illuminance ? "1" : "0") +
-         " -DSHARE_RECORDS=" + (lanes == 1 ? "1" : "0") + system.definitions();
+         " -DTANGENTS=" + std::to_string(tangents) + " -DSHARE_RECORDS=" + (lanes == 1 ? "1" : "0") +
+         system.definitions();
 }
 
 }  // namespace
@@ -131,15 +174,15 @@ std::string Tracer::device_name() const { return state_->cl.info().description()
 TraceResult Tracer::trace(const EyeModel& eye, const Scene& scene, const TraceSettings& settings,
                           const std::vector<CurvatureTangent>& tangents) const {
   check(settings);
-  if (!tangents.empty()) throw unsupported_error("derivative images are not there yet");
   const auto begin = std::chrono::steady_clock::now();
   OpenCl& cl = state_->cl;
   const bool spectral = !settings.wavelength_nm;
   Spectrum spectrum = display_spectrum();
   if (!spectral) spectrum.wavelength_nm.fill(*settings.wavelength_nm);
 
-  const OpticalSystem system =
-      make_optical_system(eye, spectrum.wavelength_nm, chosen(eye, settings), settings.vertices);
+  const OpticalSystem system = make_optical_system(eye, spectrum.wavelength_nm, chosen(eye, settings),
+                                                   settings.vertices, names_of(tangents));
+  const Seeds seeds = make_seeds(system, tangents);
   const DeviceScene view = make_device_scene(scene, eye_from_scene(settings), !spectral);
   const RetinalGrid& grid = settings.grid;
   const PupilAim aim(eye, grid, spectral ? eye.reference_wavelength_nm : *settings.wavelength_nm);
@@ -149,14 +192,15 @@ TraceResult Tracer::trace(const EyeModel& eye, const Scene& scene, const TraceSe
   const int multiple = lanes * waves * batches;
   const int samples = (settings.samples + multiple - 1) / multiple * multiple;
   const int pixel_count = grid.width * grid.height;
-  const std::string definitions =
-      definitions_of(system, lanes, batches, view.channels, spectral, waves, settings.illuminance);
+  const std::string definitions = definitions_of(system, lanes, batches, view.channels, spectral, waves,
+                                                 settings.illuminance, tangents.size());
 
   TraceResult result;
   result.device = device_name();
   result.notes = system.notes;
   std::vector<float> image(static_cast<std::size_t>(pixel_count) * outputs);
   std::vector<cl_int> states(static_cast<std::size_t>(pixel_count) * state_counts);
+  std::vector<float> derivatives(image.size() / outputs * 3 * tangents.size());
   try {
     cl::Kernel kernel(cl.program(definitions), "trace_pixels");
     const SystemBuffers system_buffers(cl, system);
@@ -164,7 +208,10 @@ TraceResult Tracer::trace(const EyeModel& eye, const Scene& scene, const TraceSe
                      texel_buffer = cl.upload(view.texels), background_buffer = cl.upload(view.background),
                      colour_buffer = cl.upload(colour_table(spectrum));
     const cl::Buffer image_buffer = cl.allocate(image.size() * sizeof(float)),
-                     state_buffer = cl.allocate(states.size() * sizeof(cl_int));
+                     state_buffer = cl.allocate(states.size() * sizeof(cl_int)),
+                     seed_buffer = cl.upload(seeds.values),
+                     derivative_buffer =
+                         cl.allocate(std::max<std::size_t>(1, derivatives.size()) * sizeof(float));
     const int pixels_a_call =
         std::max<std::int64_t>(work_group, rays_a_call / samples / work_group * work_group);
     Arguments arguments(kernel);
@@ -176,6 +223,8 @@ TraceResult Tracer::trace(const EyeModel& eye, const Scene& scene, const TraceSe
                   static_cast<cl_uint>(settings.seed * 2654435761U + (settings.seed >> 32U)), plane_buffer,
                   static_cast<cl_int>(view.plane_count), texel_buffer, background_buffer, colour_buffer,
                   image_buffer, state_buffer);
+    if (!tangents.empty())
+      arguments.add(seed_buffer, static_cast<cl_int>(seeds.first_operation), derivative_buffer);
     const std::size_t calls = (pixel_count + pixels_a_call - 1) / pixels_a_call;
     Progress progress("tracing", calls, settings.verbosity);
     for (int first = 0; first < pixel_count; first += pixels_a_call) {
@@ -189,6 +238,9 @@ TraceResult Tracer::trace(const EyeModel& eye, const Scene& scene, const TraceSe
       progress.advance();
     }
     cl.queue().enqueueReadBuffer(image_buffer, CL_TRUE, 0, image.size() * sizeof(float), image.data());
+    if (!derivatives.empty())
+      cl.queue().enqueueReadBuffer(derivative_buffer, CL_TRUE, 0, derivatives.size() * sizeof(float),
+                                   derivatives.data());
     cl.queue().enqueueReadBuffer(state_buffer, CL_TRUE, 0, states.size() * sizeof(cl_int), states.data());
   } catch (const cl::Error& fault) {
     throw_device_error(fault, cl.info().name);
@@ -211,6 +263,12 @@ TraceResult Tracer::trace(const EyeModel& eye, const Scene& scene, const TraceSe
           static_cast<float>(gain * image[static_cast<std::size_t>(i) * outputs + c]);
     for (int s = 0; s < state_counts; ++s)
       counted[s] += states[static_cast<std::size_t>(i) * state_counts + s];
+  }
+  for (std::size_t j = 0; j < tangents.size(); ++j) {
+    LinearImage derivative{grid.width, grid.height, 3, std::vector<float>(result.image.values.size())};
+    for (std::size_t i = 0; i < derivative.values.size(); ++i)
+      derivative.values[i] = derivatives[(i / 3 * tangents.size() + j) * 3 + i % 3];
+    result.derivatives.push_back(std::move(derivative));
   }
   result.rays = static_cast<std::uint64_t>(pixel_count) * samples;
   result.states = {{RayState::vignetted, counted[0]},
@@ -237,7 +295,7 @@ std::vector<ExitRay> Tracer::exit_rays(const EyeModel& eye, const std::vector<Ra
     for (int c = 0; c < 3; ++c) in[(3 + c) * count + i] = static_cast<float>(ray.direction[c]);
   }
   try {
-    cl::Kernel kernel(cl.program(definitions_of(system, cl.lanes(), 1, 1, false, 1, false)), "trace_rays");
+    cl::Kernel kernel(cl.program(definitions_of(system, cl.lanes(), 1, 1, false, 1, false, 0)), "trace_rays");
     const SystemBuffers system_buffers(cl, system);
     const cl::Buffer in_buffer = cl.upload(in), out_buffer = cl.allocate(out.size() * sizeof(float));
     Arguments arguments(kernel);

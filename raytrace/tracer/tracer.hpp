@@ -47,8 +47,10 @@ struct LinearImage {
 };
 
 /// A direction in which the image is differentiated: one unit of the parameter adds `curvature_per_unit`
-/// (1/mm, textbook sign, over eye x and y) to the vertex curvature matrix of `surface`. Spectacle and
-/// anterior cornea are the cheap ones.
+/// (1/mm, textbook sign, over eye x and y, symmetric) to the vertex curvature matrix C of `surface`, a plane,
+/// sphere, conic or biconic of depth S / (1 + sqrt(1 - T)), S = x'Cx, T = x'C(1 + Q)C x. All surfaces from it
+/// to the scene must be formulas (no mesh) and the stop must lie behind it: a spectacle's surfaces, or an
+/// analytic anterior or posterior cornea. Otherwise Error (unsupported).
 struct CurvatureTangent {
   std::string surface;
   Eigen::Matrix2d curvature_per_unit;

@@ -3,17 +3,37 @@
 typedef struct {
   vf x, y, z, L, M, N;
   vi state;  // 0 while it lives; the first event is kept
+#if HAS_GRADIENT
+  vf eta;  // ratio of indices at the surface ahead, where one of its media is a gradient
+#endif
+#if HAS_BODY
+  vi beside;  // passes beside the body whose surfaces come
+#endif
 } ray;
 
 #define VIGNETTED 1
 #define TIR 2
 #define MISSED_SURFACE 3
 
+// Kinds of operation.
+#define SPHERE 0
+#define QUADRIC 1
+#define BICONIC 2
+#define PATCH 3
+#define STOP 4
+#define ROTATE 5
+#define TRIANGLES 6
+#define GRADIENT 7
+
 #define PARAMETERS 16  // floats an operation has
 #define O_X 0
 #define O_Y 1
 #define O_Z 2
 #define O_LIMIT2 3  // square of the clear radius
+#define O_FLAGS 15  // int bits
+#define ENTERS_BODY 1   // back of a body that a ray may miss; its limit is the body's edge
+#define INSIDE_BODY 2   // what only a ray in the body meets, its front included
+#define LOCAL_RATIO 4   // the ratio of indices is the ray's own
 
 AI void end(ray* r, vi event, int state) { r->state = select(r->state, (vi)state, event & (r->state == 0)); }
 
@@ -90,7 +110,7 @@ AI vf base_distance(const ray* r, vf x, vf y, vf z, float c, float k) {
 
 #if HAS_BICONIC
 // d = S / (1 + w), S = cx x^2 + cy y^2, w = sqrt(1 - T), T = kx x^2 + ky y^2 with k = (1 + Q) c^2.
-// p[4..7] = cx, cy, kx, ky; p[8], p[9]: base conic
+// p[4..7] = cx, cy, kx, ky; p[8], p[9]: base conic; p[10], p[11] = (1 + Q) c
 AI void biconic(ray* r, constant float* restrict p, vf eta) {
   const float cx = p[4], cy = p[5], kx = p[6], ky = p[7];
   const vf x0 = r->x - p[O_X], y0 = r->y - p[O_Y], z0 = r->z - p[O_Z];
@@ -163,6 +183,81 @@ AI void patch(ray* r, constant float* restrict p, global const float* restrict r
   r->z = z0 + t * r->N + p[O_Z];
   refract(r, gx, gy, (vf)1.f, 1.f + gx * gx + gy * gy, gx * r->L + gy * r->M + r->N, eta,
           p[O_LIMIT2] - (x * x + y * y));
+}
+#endif
+
+#if HAS_GRADIENT
+// A gradient medium is 32 floats: 12 coefficients c[3 i + j] of t^i w^j, t = depth behind the origin, w = squared distance from
+// its axis; the origin; a spare; and the shift of the index at each of 16 wavelengths.
+#define GRADIENT_FLOATS 32
+#define GRADIENT_STEPS 12
+
+// n and dn/dw, dn/dt is not needed: z is the independent variable.
+AI vf gradient_index(vf x, vf y, vf z, constant float* restrict g, vf shift, vf* by_w) {
+  const vf t = g[14] - z, w = (x - g[12]) * (x - g[12]) + (y - g[13]) * (y - g[13]);
+  const vf n0 = ((g[9] * t + g[6]) * t + g[3]) * t + g[0], n1 = ((g[10] * t + g[7]) * t + g[4]) * t + g[1],
+           n2 = ((g[11] * t + g[8]) * t + g[5]) * t + g[2];
+  *by_w = n1 + 2.f * n2 * w;
+  return n0 + (n1 + n2 * w) * w + shift;
+}
+
+typedef struct {
+  vf x, y, p, q;  // position and optical direction n L, n M
+} slope4;
+// Hamilton's equations with z as the independent variable.
+AI slope4 gradient_slopes(vf x, vf y, vf z, vf p, vf q, constant float* restrict g, vf shift) {
+  vf by_w;
+  const vf n = gradient_index(x, y, z, g, shift, &by_w);
+  const vf i = rsqrt(AT_LEAST(1e-6f, n * n - p * p - q * q));
+  const vf bend = 2.f * n * by_w * i;
+  return (slope4){p * i, q * i, bend * (x - g[12]), bend * (y - g[13])};
+}
+AI void gradient_step(vf* x, vf* y, vf z, vf* p, vf* q, vf h, constant float* restrict g, vf shift) {
+  const vf m = 0.5f * h;
+  const slope4 a = gradient_slopes(*x, *y, z, *p, *q, g, shift);
+  const slope4 b = gradient_slopes(*x + m * a.x, *y + m * a.y, z + m, *p + m * a.p, *q + m * a.q, g, shift);
+  const slope4 c = gradient_slopes(*x + m * b.x, *y + m * b.y, z + m, *p + m * b.p, *q + m * b.q, g, shift);
+  const slope4 d = gradient_slopes(*x + h * c.x, *y + h * c.y, z + h, *p + h * c.p, *q + h * c.q, g, shift);
+  const vf s = h * (1.f / 6.f);
+  *x += s * (a.x + 2.f * (b.x + c.x) + d.x);
+  *y += s * (a.y + 2.f * (b.y + c.y) + d.y);
+  *p += s * (a.p + 2.f * (b.p + c.p) + d.p);
+  *q += s * (a.q + 2.f * (b.q + c.q) + d.q);
+}
+
+// Takes the ray to the surface ahead and leaves the ratio of indices there: p[0..2] the surface's origin, p[4], p[5] its conic,
+// p[6], p[7] the gradients behind and in front (int bits, -1: homogeneous), eta the ratio of the homogeneous parts.
+AI void gradient(ray* r, constant float* restrict p, constant float* restrict gradients, vf eta, int wave) {
+  const int behind = as_int(p[6]), front = as_int(p[7]);
+  vf by_w, n_behind = 1.f, n_front = 1.f;
+  if (behind >= 0) {
+    constant float* g = gradients + behind * GRADIENT_FLOATS;
+    const vf shift = VLN == 1 ? (vf)g[16 + wave] : VLOAD(1, g);
+    vf n = gradient_index(r->x, r->y, r->z, g, shift, &by_w);
+    vf P = n * r->L, Q = n * r->M;
+    UNROLL for (int part = 0; part < 2; part++) {  // to where a straight ray would meet the surface, then what is left
+      const vf t = base_distance(r, r->x - p[O_X], r->y - p[O_Y], r->z - p[O_Z], p[4], p[5]);
+      const int steps = part == 0 ? GRADIENT_STEPS : 1;
+      const vf h = t * r->N * (1.f / steps);
+      for (int i = 0; i < steps; i++) {
+        gradient_step(&r->x, &r->y, r->z, &P, &Q, h, g, shift);
+        r->z += h;
+      }
+      n = gradient_index(r->x, r->y, r->z, g, shift, &by_w);
+      const vf scale = RECIP(n);
+      r->L = P * scale;
+      r->M = Q * scale;
+      r->N = sqrt(AT_LEAST(0.f, 1.f - r->L * r->L - r->M * r->M));
+    }
+    n_behind = n;
+  }
+  if (front >= 0) {
+    constant float* g = gradients + front * GRADIENT_FLOATS;
+    const vf shift = VLN == 1 ? (vf)g[16 + wave] : VLOAD(1, g);
+    const vf t = base_distance(r, r->x - p[O_X], r->y - p[O_Y], r->z - p[O_Z], p[4], p[5]);
+    n_front = gradient_index(r->x + t * r->L, r->y + t * r->M, r->z + t * r->N, g, shift, &by_w);
+  }
+  r->eta = eta * n_behind * RECIP(n_front);
 }
 #endif
 

@@ -1,38 +1,46 @@
 // Operations of the optical system, in the order that a ray from the retina meets them: 16 floats each, a kind, and the ratio of
 // indices (before over after) for every one of 16 wavelengths.
-#define SPHERE 0
-#define QUADRIC 1
-#define BICONIC 2
-#define PATCH 3
-#define STOP 4
-#define ROTATE 5
-#define TRIANGLES 6
-
 #define WAVELENGTHS 16
 #define SYSTEM                                                                                              \
   constant int* restrict kinds, constant float* restrict operations, constant float* restrict ratios,       \
-      global const float* restrict records
-#define SYSTEM_ARGUMENTS kinds, operations, ratios, records
+      constant float* restrict gradients, global const float* restrict records
+#define SYSTEM_ARGUMENTS kinds, operations, ratios, gradients, records
 
 // Lanes are the wavelengths where a work-item carries 16 rays; else wavelengths come one after the other.
 #define RATIO(k, wave) (VLN == 1 ? (vf)ratios[(k) * WAVELENGTHS + (wave)] : VLOAD(k, ratios))
+
+#if HAS_GRADIENT
+#define ETA (own_ratio ? r[q].eta : eta)
+#else
+#define ETA eta
+#endif
 
 AI void pass(ray* r, int k, int wave, SYSTEM) {
   const int kind = kinds[k];
   constant float* p = operations + k * PARAMETERS;
   const vf eta = RATIO(k, wave);
+#if HAS_GRADIENT || HAS_BODY
+  const int flags = kind == ROTATE ? 0 : as_int(p[O_FLAGS]);
+#endif
+#if HAS_GRADIENT
+  const int own_ratio = flags & LOCAL_RATIO;
+#endif
+#if HAS_BODY
+  ray before[UN];
+  if (flags & (ENTERS_BODY | INSIDE_BODY)) UNROLL for (int q = 0; q < UN; q++) before[q] = r[q];
+#endif
   switch (kind) {
 #if HAS_SPHERE
-    case SPHERE: UNROLL for (int q = 0; q < UN; q++) sphere(r + q, p, eta); break;
+    case SPHERE: UNROLL for (int q = 0; q < UN; q++) sphere(r + q, p, ETA); break;
 #endif
 #if HAS_QUADRIC
-    case QUADRIC: UNROLL for (int q = 0; q < UN; q++) quadric(r + q, p, eta); break;
+    case QUADRIC: UNROLL for (int q = 0; q < UN; q++) quadric(r + q, p, ETA); break;
 #endif
 #if HAS_BICONIC
-    case BICONIC: UNROLL for (int q = 0; q < UN; q++) biconic(r + q, p, eta); break;
+    case BICONIC: UNROLL for (int q = 0; q < UN; q++) biconic(r + q, p, ETA); break;
 #endif
 #if HAS_PATCH
-    case PATCH: UNROLL for (int q = 0; q < UN; q++) patch(r + q, p, records, eta); break;
+    case PATCH: UNROLL for (int q = 0; q < UN; q++) patch(r + q, p, records, ETA); break;
 #endif
 #if HAS_STOP
     case STOP: UNROLL for (int q = 0; q < UN; q++) stop(r + q, p); break;
@@ -40,7 +48,25 @@ AI void pass(ray* r, int k, int wave, SYSTEM) {
 #if HAS_ROTATE
     case ROTATE: UNROLL for (int q = 0; q < UN; q++) rotate_ray(r + q, p); break;
 #endif
+#if HAS_GRADIENT
+    case GRADIENT: UNROLL for (int q = 0; q < UN; q++) gradient(r + q, p, gradients, eta, wave); break;
+#endif
   }
+#if HAS_BODY
+  // A ray that misses the body's back, or meets it beyond the body's edge, goes on as it was and past the whole body.
+  if (flags & (ENTERS_BODY | INSIDE_BODY)) UNROLL for (int q = 0; q < UN; q++) {
+    if (flags & ENTERS_BODY) r[q].beside = (before[q].state == 0) & (r[q].state == MISSED_SURFACE);
+    const vi b = VLN == 1 ? (r[q].beside ? -1 : 0) : r[q].beside;
+    if (!ANY(b)) continue;
+    r[q].x = select(r[q].x, before[q].x, b);
+    r[q].y = select(r[q].y, before[q].y, b);
+    r[q].z = select(r[q].z, before[q].z, b);
+    r[q].L = select(r[q].L, before[q].L, b);
+    r[q].M = select(r[q].M, before[q].M, b);
+    r[q].N = select(r[q].N, before[q].N, b);
+    r[q].state = select(r[q].state, before[q].state, b);
+  }
+#endif
 }
 
 // sin and cos of 2 pi (u - 1/2), u in 0..1: the disc's angle, 2e-5 is ample for where a sample lies.
@@ -81,22 +107,59 @@ AI void start(ray* r, vu n, uint shift_1, uint shift_2, global const float* rest
 #define OUTPUTS 4  // red, green, blue, mean weight
 #define STATES 4   // vignetted, tir, missed_surface, missed_scene
 
+// Adds what a pixel's rays of one wavelength (of 16 with lanes) have gathered. A wavelength's mean first, then its colour: a
+// white scene stays white however the pupil cuts single wavelengths. total > 0
+AI void add_light(const vf* sum, vf weights, float total, constant float* restrict colour, int wave, float* out) {
+#if SPECTRAL
+  const vi some = weights > 0.f;
+  const vf scale = RECIP(select((vf)1.f, weights, some));
+  vf mean[3];
+  UNROLL for (int c = 0; c < 3; c++) {
+    const int channel = CHANNELS == 1 ? 0 : c;
+    mean[c] = select((vf)(SUM(sum[channel]) / total), sum[channel] * scale, some);
+  }
+  // colour: 9 rows (to red, green, blue from red, green, blue) of 16 wavelengths
+  UNROLL for (int to = 0; to < 3; to++) {
+    vf light = 0.f;
+    UNROLL for (int from = 0; from < 3; from++) {
+      const int row = 3 * to + from;
+      light += (VLN == 1 ? (vf)colour[row * WAVELENGTHS + wave] : VLOAD(row, colour)) * mean[from];
+    }
+    out[to] += SUM(light);
+  }
+#else
+  UNROLL for (int c = 0; c < 3; c++) out[c] = SUM(sum[CHANNELS == 1 ? 0 : c]) / total;
+#endif
+}
+
 kernel void trace_pixels(SYSTEM, int operation_count, global const float* restrict pixels, float aim_z, int first_pixel,
                          int pixel_count, int samples, uint seed, constant float* restrict planes, int plane_count,
                          global const uint* restrict texels, constant float* restrict background,
                          constant float* restrict colour, global float* restrict image,
-                         global int* restrict states) {
+                         global int* restrict states
+#if TANGENTS
+                         , constant float* restrict seeds, int first_seed, global float* restrict derivatives
+#endif
+                         ) {
   const int item = get_global_id(0);
   if (item >= pixel_count) return;
   const int index = first_pixel + item;
   global const float* pixel = pixels + index * PIXEL;
   const uint shift_1 = scramble((uint)index ^ seed), shift_2 = scramble(shift_1);
   float out[3] = {0.f, 0.f, 0.f}, weight_sum = 0.f;
+#if TANGENTS
+  float out_change[3 * TANGENTS];
+  UNROLL for (int i = 0; i < 3 * TANGENTS; i++) out_change[i] = 0.f;
+#endif
   int counts[STATES] = {0, 0, 0, 0};
 
   for (int wave = 0; wave < WAVES; wave++) {
     vf sum[CHANNELS], weights = 0.f;
     UNROLL for (int c = 0; c < CHANNELS; c++) sum[c] = 0.f;
+#if TANGENTS
+    vf change_sum[TANGENTS * CHANNELS];
+    UNROLL for (int i = 0; i < TANGENTS * CHANNELS; i++) change_sum[i] = 0.f;
+#endif
     for (int s = 0; s < samples; s += VLN * WAVES * UN) {
       ray r[UN];
       vf weight[UN];
@@ -105,7 +168,20 @@ kernel void trace_pixels(SYSTEM, int operation_count, global const float* restri
         const vu n = LANES + (vu)(uint)(s + (q * WAVES + wave) * VLN);
         start(&r[q], n, shift_1, shift_2, pixel, aim_z, &weight[q]);
       }
+#if TANGENTS
+      for (int k = 0; k < first_seed; k++) pass(r, k, wave, SYSTEM_ARGUMENTS);
+      tangent d[UN * TANGENTS];
+      UNROLL for (int q = 0; q < UN * TANGENTS; q++) d[q] = (tangent){0.f, 0.f, 0.f, 0.f, 0.f, 0.f};
+      for (int k = first_seed; k < operation_count; k++) {
+        ray before[UN];
+        UNROLL for (int q = 0; q < UN; q++) before[q] = r[q];
+        pass(r, k, wave, SYSTEM_ARGUMENTS);
+        UNROLL for (int q = 0; q < UN; q++)
+          pass_tangents(d + q * TANGENTS, before + q, r + q, k, kinds[k], operations + k * PARAMETERS, RATIO(k, wave), seeds);
+      }
+#else
       for (int k = 0; k < operation_count; k++) pass(r, k, wave, SYSTEM_ARGUMENTS);
+#endif
       UNROLL for (int q = 0; q < UN; q++) {
         view seen;
         look(&r[q], planes, plane_count, texels, background, &seen);
@@ -119,33 +195,29 @@ kernel void trace_pixels(SYSTEM, int operation_count, global const float* restri
         if (ANY(seen.missed)) counts[3] += COUNT(seen.missed);
         weights += weight[q];
         UNROLL for (int c = 0; c < CHANNELS; c++) sum[c] += weight[q] * seen.value[c];
+#if TANGENTS
+        vf change[TANGENTS * CHANNELS];
+        look_tangents(&r[q], d + q * TANGENTS, planes, plane_count, texels, change);
+        UNROLL for (int i = 0; i < TANGENTS * CHANNELS; i++)
+          change_sum[i] += select((vf)0.f, weight[q] * change[i], weight[q] > 0.f);
+#endif
       }
     }
-    // A wavelength's mean, then its colour: a white scene stays white however the pupil cuts single wavelengths.
     const float total = SUM(weights);
     weight_sum += total;
     if (total > 0.f) {
-#if SPECTRAL
-      const vi some = weights > 0.f;
-      const vf scale = RECIP(select((vf)1.f, weights, some));
-      vf mean[3];
-      UNROLL for (int c = 0; c < 3; c++) {
-        const int channel = CHANNELS == 1 ? 0 : c;
-        mean[c] = select((vf)(SUM(sum[channel]) / total), sum[channel] * scale, some);
-      }
-      // colour: 9 rows (to red, green, blue from red, green, blue) of 16 wavelengths
-      UNROLL for (int c = 0; c < 3; c++) {
-        vf light = 0.f;
-        UNROLL for (int d = 0; d < 3; d++) light += (VLN == 1 ? (vf)colour[(3 * c + d) * WAVELENGTHS + wave] : VLOAD(3 * c + d, colour)) * mean[d];
-        out[c] += SUM(light);
-      }
-#else
-      UNROLL for (int c = 0; c < 3; c++) out[c] = SUM(sum[CHANNELS == 1 ? 0 : c]) / total;
+      add_light(sum, weights, total, colour, wave, out);
+#if TANGENTS
+      UNROLL for (int j = 0; j < TANGENTS; j++)
+        add_light(change_sum + j * CHANNELS, weights, total, colour, wave, out_change + 3 * j);
 #endif
     }
   }
   UNROLL for (int c = 0; c < 3; c++) image[index * OUTPUTS + c] = out[c];
   image[index * OUTPUTS + 3] = weight_sum / samples;
+#if TANGENTS
+  UNROLL for (int i = 0; i < 3 * TANGENTS; i++) derivatives[index * 3 * TANGENTS + i] = out_change[i];
+#endif
   UNROLL for (int c = 0; c < STATES; c++) states[index * STATES + c] = counts[c];
 }
 
