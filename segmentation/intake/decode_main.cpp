@@ -75,8 +75,10 @@ void decode(const std::filesystem::path& file, std::uint64_t byte_limit) {
   send(MessageType::end, Json(end));
 }
 
-int serve(std::uint64_t memory_bytes, std::uint64_t byte_limit, double cpu_s) {
+int serve([[maybe_unused]] std::uint64_t memory_bytes, std::uint64_t byte_limit, double cpu_s) {
+#ifndef __SANITIZE_ADDRESS__  // its shadow memory needs terabytes of address space
   limit(RLIMIT_AS, memory_bytes, memory_bytes);
+#endif
   limit(RLIMIT_CORE, 0, 0);
   limit(RLIMIT_FSIZE, 0, 0);
   limit(RLIMIT_NOFILE, 32, 32);

@@ -15,6 +15,7 @@
 
 #include "pipeline/base/files.hpp"
 #include "pipeline/base/interrupt.hpp"
+#include "segmentation/intake/tag_values.hpp"
 
 namespace emmetrope::segmentation {
 namespace {
@@ -23,12 +24,22 @@ using Clock = std::chrono::steady_clock;
 
 /// Longer messages than any sane file needs are taken as a fault of the child.
 constexpr std::uint64_t longest_json = 64'000'000;
-constexpr std::uint64_t longest_frame = 65'535ULL * 65'535ULL * sizeof(std::int32_t);
 
 /// The child ended or broke the protocol; the text says how.
 struct ChildFailure {
   std::string text;
+  bool hung = false;
 };
+
+/// Of one frame on the wire, 0 when the header does not say.
+std::uint64_t frame_bytes(const ImageHeader& header) {
+  const double rows = parse_number(header.value(tag::rows)).value_or(0);
+  const double columns = parse_number(header.value(tag::columns)).value_or(0);
+  const bool possible = rows > 0 && rows < 65'536 && columns > 0 && columns < 65'536;
+  return possible
+             ? static_cast<std::uint64_t>(rows) * static_cast<std::uint64_t>(columns) * sizeof(std::int32_t)
+             : 0;
+}
 
 std::filesystem::path decoder_executable() {
   const auto here = executable_folder();
@@ -55,13 +66,13 @@ struct Pipe {
   }
 };
 
-std::string describe_end(int status) {
+ChildFailure failure_of(int status) {
   if (WIFSIGNALED(status)) {
     const int signal = WTERMSIG(status);
-    if (signal == SIGXCPU) return "took more processor time than the decoder is allowed";
-    return fmt::format("crashed the decoder (signal {}, {})", signal, ::strsignal(signal));
+    if (signal == SIGXCPU) return {"took more processor time than the decoder is allowed", true};
+    return {fmt::format("crashed the decoder (signal {}, {})", signal, ::strsignal(signal))};
   }
-  return fmt::format("ended the decoder with status {}", WEXITSTATUS(status));
+  return {fmt::format("ended the decoder with status {}", WEXITSTATUS(status))};
 }
 
 }  // namespace
@@ -131,7 +142,7 @@ class Decoder::Child {
           left <= 0 ? 0 : ::poll(&waiting, 1, static_cast<int>(std::min<long long>(left, 1'000'000)));
       if (ready == 0) {
         stop();
-        throw ChildFailure{"took longer than the decoder is allowed"};
+        throw ChildFailure{"took longer than the decoder is allowed", true};
       }
       if (ready < 0 && errno == EINTR) continue;
       const ssize_t got = ::read(from_child_.ends[0], bytes, size);
@@ -153,7 +164,7 @@ class Decoder::Child {
     if (WIFEXITED(status) && WEXITSTATUS(status) == 2)
       throw Error(ExitStatus::fault, "DCMTK's data dictionary is not installed",
                   "install the package libdcmtk17");
-    throw ChildFailure{describe_end(status)};
+    throw failure_of(status);
   }
 
   void stop() {
@@ -174,6 +185,11 @@ Decoder::~Decoder() = default;
 
 Decoder::File Decoder::decode(const std::filesystem::path& file, const FrameSink& sink) {
   File result;
+  if (hangs_ >= limits_.hanging_files) {
+    result.header = {FileKind::damaged,
+                     fmt::format("not read, as {} files before it never came to an end", hangs_)};
+    return result;
+  }
   bool header_read = false;
   try {
     if (!child_) child_ = std::make_unique<Child>(limits_);
@@ -189,7 +205,7 @@ Decoder::File Decoder::decode(const std::filesystem::path& file, const FrameSink
       child_->read(&type, 1, deadline);
       child_->read(&size, sizeof size, deadline);
       if (type == MessageType::frame) {
-        if (!header_read || size == 0 || size % sizeof samples[0] != 0 || size > longest_frame)
+        if (!header_read || size != frame_bytes(result.header))
           throw ChildFailure{"made the decoder answer nonsense"};
         samples.resize(size / sizeof samples[0]);
         child_->read(samples.data(), size, deadline);
@@ -210,6 +226,7 @@ Decoder::File Decoder::decode(const std::filesystem::path& file, const FrameSink
     }
   } catch (const ChildFailure& failure) {
     child_.reset();
+    hangs_ += failure.hung ? 1 : 0;
     if (header_read)
       result.end.error = to_string(tag::pixel_data) + " " + failure.text;
     else

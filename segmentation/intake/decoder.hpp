@@ -35,6 +35,7 @@ class Decoder {
   class Child;
   IntakeLimits limits_;
   std::unique_ptr<Child> child_;
+  int hangs_ = 0;
 };
 
 }  // namespace emmetrope::segmentation

@@ -220,6 +220,15 @@ std::array<int, 2> jpeg_size(const Fragment& stream) {
   return {0, 0};
 }
 
+/// The end-of-image marker FFD9, before padding: zeros, or one byte that DCMTK's own JPEG-LS writer leaves
+/// undefined.
+bool ends_with_marker(const Fragment& stream) {
+  std::size_t end = stream.size();
+  while (end > 3 && stream[end - 1] == 0) --end;
+  const auto marker_before = [&](std::size_t at) { return stream[at - 2] == 0xFF && stream[at - 1] == 0xD9; };
+  return end >= 3 && (marker_before(end) || marker_before(end - 1));
+}
+
 /// DCMTK pads a stream that ends early or is smaller than the image with zeros.
 void check_jpeg_streams(const std::vector<Fragment>& streams, const Layout& layout) {
   for (std::size_t frame = 0; frame < streams.size(); ++frame) {
@@ -229,9 +238,7 @@ void check_jpeg_streams(const std::vector<Fragment>& streams, const Layout& layo
       throw input_error(
           fmt::format("{}: the JPEG stream of frame {} has {} rows and {} columns, not {} and {}",
                       to_string(tag::pixel_data), frame + 1, size[0], size[1], layout.rows, layout.columns));
-    std::size_t end = stream.size();
-    while (end > 2 && stream[end - 1] == 0) --end;
-    if (stream[end - 2] != 0xFF || stream[end - 1] != 0xD9)
+    if (!ends_with_marker(stream))
       throw input_error(
           fmt::format("{}: the JPEG stream of frame {} is cut off", to_string(tag::pixel_data), frame + 1));
   }

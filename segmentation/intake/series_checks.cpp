@@ -62,7 +62,8 @@ void describe_series(const Files& files, SeriesInfo& info) {
     info.slice_thickness_mm = thickness;
   const auto slope = number_of(first, tag::philips_scale_slope),
              intercept = number_of(first, tag::philips_scale_intercept);
-  if (slope && intercept) info.private_scaling = {*slope, *intercept};
+  if (slope && intercept && contains(first.header.value(tag::private_creator_2005), "Philips"))
+    info.private_scaling = {*slope, *intercept};
   std::set<std::string> syntaxes;
   for (const auto& file : files) syntaxes.insert(file.header.transfer_syntax);
   for (const auto& syntax : syntaxes)
@@ -79,6 +80,11 @@ void warn_of_files(const Files& files, const Fault& has_fault, const std::string
   if (count > 0)
     info.warnings.push_back(
         fmt::format("{}{}: {}", first, count > 1 ? fmt::format(" and {} more", count - 1) : "", text));
+}
+
+bool is_mosaic(const ImageHeader& header) {
+  const bool siemens = contains(header.value(tag::private_creator_0019), "SIEMENS");
+  return contains(header.value(tag::image_type), "MOSAIC") || (siemens && header.has(tag::mosaic_images));
 }
 
 void check_kind(const Files& files, bool any_modality) {
@@ -99,7 +105,7 @@ void check_kind(const Files& files, bool any_modality) {
     if (header.value(tag::burned_in_annotation) == "YES")
       throw input_error(found(file, tag::burned_in_annotation) +
                         ": text drawn into the image would be measured");
-    if (contains(header.value(tag::image_type), "MOSAIC") || header.has(tag::mosaic_images))
+    if (is_mosaic(header))
       throw unsupported_error(found(file, tag::image_type) +
                               ": a Siemens mosaic shows many slices in one image; export single slices");
     if (!multi_frame_mr && number_of(file, tag::number_of_frames).value_or(1) > 1)

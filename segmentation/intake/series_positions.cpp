@@ -31,9 +31,7 @@ constexpr Tag distinguishing_tags[] = {tag::image_type,
                                        tag::flip_angle,
                                        tag::acquisition_number,
                                        tag::stack_id,
-                                       tag::trigger_time,
-                                       tag::acquisition_time,
-                                       tag::content_time};
+                                       tag::trigger_time};
 
 /// Index ranges [first, last) of images at one place.
 std::vector<std::pair<std::size_t, std::size_t>> shared_places(const std::vector<double>& along_normal) {

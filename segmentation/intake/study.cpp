@@ -160,6 +160,8 @@ ExitStatus StudyInventory::status() const {
   return !series.empty() && all_unsupported ? ExitStatus::unsupported : ExitStatus::input_invalid;
 }
 
+std::string uid_of_choice(const std::string& choice) { return choice.substr(0, choice.find(',')); }
+
 StudyInventory read_inventory(const fs::path& study, const IntakeOptions& options) {
   StudyInventory inventory;
   auto list = list_files(study, options.limits);

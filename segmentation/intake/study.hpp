@@ -25,8 +25,9 @@ struct IntakeLimits {
   std::uint64_t file_bytes = 200'000'000;            ///< pixels of one file, decoded
   std::uint64_t series_bytes = 2'000'000'000;        ///< pixels of one series, decoded
   std::uint64_t child_memory_bytes = 1'000'000'000;  ///< address space of the decoding process
-  double cpu_s = 4;    ///< processor time for a file, and 0.5 s for each MB of it
-  double wall_s = 30;  ///< time for a file, and 1 s for each MB of it
+  double cpu_s = 4;       ///< processor time for a file, and 0.5 s for each MB of it
+  double wall_s = 30;     ///< time for a file, and 1 s for each MB of it
+  int hanging_files = 3;  ///< after so many the rest of the study is not decoded
 };
 
 struct IntakeOptions {
@@ -112,6 +113,9 @@ struct StudyInventory {
   /// input_invalid.
   ExitStatus status() const;
 };
+
+/// The UID of one of IntakeOptions::choices: all before its comma.
+std::string uid_of_choice(const std::string& choice);
 
 /// Lists and judges what a study holds. All pixels are decoded once. Series that cannot be used are listed
 /// with the reason; only a study that cannot be read at all is an error. \param study  a folder, or one DICOM

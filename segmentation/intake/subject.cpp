@@ -58,6 +58,8 @@ void Patients::compare(const Tag& tag, Found& first, const std::filesystem::path
 
 void Patients::add(const std::filesystem::path& file, const ImageHeader& header) {
   compare(tag::patient_id, first_id_, file, header);
+  // One name may be written in several ways, so it counts only where nothing better is there.
+  if (!header.has(tag::patient_id)) compare(tag::patient_name, first_name_, file, header);
   compare(tag::patient_birth_date, first_birth_date_, file, header);
   if (described_) return;
   described_ = true;

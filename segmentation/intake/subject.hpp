@@ -22,7 +22,7 @@ class Patients {
     std::filesystem::path file;
     std::string value;
   };
-  Found first_id_, first_birth_date_;
+  Found first_id_, first_name_, first_birth_date_;
   std::string conflict_;
   Subject subject_;
   bool described_ = false;

@@ -21,8 +21,6 @@ inline constexpr Tag image_type{0x0008, 0x0008, "ImageType"};
 inline constexpr Tag sop_class{0x0008, 0x0016, "SOPClassUID"};
 inline constexpr Tag sop_instance{0x0008, 0x0018, "SOPInstanceUID"};
 inline constexpr Tag study_date{0x0008, 0x0020, "StudyDate"};
-inline constexpr Tag acquisition_time{0x0008, 0x0032, "AcquisitionTime"};
-inline constexpr Tag content_time{0x0008, 0x0033, "ContentTime"};
 inline constexpr Tag modality{0x0008, 0x0060, "Modality"};
 inline constexpr Tag series_description{0x0008, 0x103e, "SeriesDescription"};
 inline constexpr Tag complex_image_component{0x0008, 0x9208, "ComplexImageComponent"};
@@ -48,6 +46,7 @@ inline constexpr Tag phase_encoding{0x0018, 0x1312, "InPlanePhaseEncodingDirecti
 inline constexpr Tag flip_angle{0x0018, 0x1314, "FlipAngle"};
 inline constexpr Tag effective_echo_time{0x0018, 0x9082, "EffectiveEchoTime"};
 inline constexpr Tag diffusion_b_value{0x0018, 0x9087, "DiffusionBValue"};
+inline constexpr Tag private_creator_0019{0x0019, 0x0010, "PrivateCreator 0019"};
 inline constexpr Tag mosaic_images{0x0019, 0x100a, "NumberOfImagesInMosaic"};
 inline constexpr Tag study_instance{0x0020, 0x000d, "StudyInstanceUID"};
 inline constexpr Tag series_instance{0x0020, 0x000e, "SeriesInstanceUID"};
@@ -74,6 +73,7 @@ inline constexpr Tag pixel_representation{0x0028, 0x0103, "PixelRepresentation"}
 inline constexpr Tag burned_in_annotation{0x0028, 0x0301, "BurnedInAnnotation"};
 inline constexpr Tag rescale_intercept{0x0028, 0x1052, "RescaleIntercept"};
 inline constexpr Tag rescale_slope{0x0028, 0x1053, "RescaleSlope"};
+inline constexpr Tag private_creator_2005{0x2005, 0x0010, "PrivateCreator 2005"};
 inline constexpr Tag philips_scale_intercept{0x2005, 0x100d, "Philips ScaleIntercept"};
 inline constexpr Tag philips_scale_slope{0x2005, 0x100e, "Philips ScaleSlope"};
 inline constexpr Tag pixel_data{0x7fe0, 0x0010, "PixelData"};
@@ -95,8 +95,6 @@ inline constexpr Tag of_data_set[] = {image_type,
                                       sop_class,
                                       sop_instance,
                                       study_date,
-                                      acquisition_time,
-                                      content_time,
                                       modality,
                                       patient_name,
                                       patient_id,
@@ -144,7 +142,9 @@ inline constexpr Tag of_data_set[] = {image_type,
                                       rescale_slope,
                                       philips_scale_intercept,
                                       philips_scale_slope,
-                                      complex_image_component};
+                                      complex_image_component,
+                                      private_creator_0019,
+                                      private_creator_2005};
 
 struct FrameTag {
   Tag macro, attribute;
