@@ -207,8 +207,8 @@ std::array<int, 2> jpeg_size(const Fragment& stream) {
   for (std::size_t i = 2; i + 9 < stream.size();) {
     if (stream[i] != 0xFF) return {0, 0};
     const int marker = stream[i + 1];
-    if (marker == 0xFF) {
-      ++i;
+    if (marker == 0xFF || marker == 0x01) {  // a fill byte, or TEM, which has no length
+      i += marker == 0xFF ? 1 : 2;
       continue;
     }
     const bool frame_header =

@@ -1,6 +1,7 @@
 // Damaged and hostile files: they end the decoding process at worst, within its limits, and the file is
 // named.
 #include <chrono>
+#include <cstring>
 #include <fstream>
 #include <random>
 
@@ -84,9 +85,14 @@ TEST_F(IntakeTest, OddLengthsAreRefused) {
 TEST_F(IntakeTest, AHangingDecoderIsEnded) {
   GeneratedSeries series;
   const auto files = series.write(folder(), EXS_JPEGProcess14SV1);
-  // Marker FF01 (TEM) in place of a table's sends DCMTK's JPEG reader into an endless loop.
+  // Marker FF01 (TEM) before the frame header sends DCMTK's scan for the bit depth into an endless loop.
   std::string bytes = read_file(files[4]);
-  bytes[last_of(bytes, "\xFF\xC4") + 1] = '\x01';
+  const std::size_t start = last_of(bytes, "\xFF\xD8");
+  std::uint32_t length = 0;
+  std::memcpy(&length, bytes.data() + start - 4, 4);
+  length += 2;
+  std::memcpy(bytes.data() + start - 4, &length, 4);
+  bytes.insert(start + 2, "\xFF\x01");
   overwrite(files[4], bytes);
   auto options = quiet();
   options.limits.cpu_s = 1;
