@@ -1,0 +1,135 @@
+#include "correction/what_if.hpp"
+
+#include <cmath>
+#include <limits>
+
+#include "correction/notation.hpp"
+#include "pipeline/base/error.hpp"
+#include "pipeline/base/frames.hpp"
+#include "raytrace/wavefront/wavefront.hpp"
+
+namespace emmetrope::correction {
+namespace {
+
+constexpr double aqueous_index = 1.336, iol_index = 1.46, iol_thickness_mm = 0.8;
+
+/// Radius of each face of a symmetric biconvex lens in aqueous with that equivalent power (thick lens), mm.
+double iol_radius_mm(double power_D) {
+  // F = 2 F1 - (t/n) F1^2 with F1 the power of a face; the root near F / 2.
+  const double t_over_n = iol_thickness_mm * 1e-3 / iol_index;
+  const double face_D = (1 - std::sqrt(1 - t_over_n * power_D)) / t_over_n;
+  return 1e3 * (iol_index - aqueous_index) / face_D;
+}
+
+double mean_refraction_at_cornea_D(const EyeModel& eye, double wavelength_nm) {
+  WavefrontSettings settings;
+  settings.wavelength_nm = wavelength_nm;
+  const Wavefront wavefront = measure_wavefront(eye, settings);
+  return at_vertex(wavefront, wavefront.minimum_rms_spot, 0).M_D;
+}
+
+}  // namespace
+
+Amplitude accommodation_amplitude(double age_years) {
+  return {std::max(0.0, 18.5 - 0.30 * age_years), std::max(0.0, 15.0 - 0.25 * age_years)};
+}
+
+double near_point_mm(double at_cornea_D, double amplitude_D) {
+  const double vergence_D = at_cornea_D - amplitude_D;  // of light that the eye then focuses, at the cornea
+  return vergence_D == 0 ? std::numeric_limits<double>::infinity() : -1e3 / vergence_D;
+}
+
+double near_point_with_lens_mm(double at_cornea_D, double amplitude_D, double lens_D, double vertex_mm) {
+  const double behind_lens_D = move_towards_eye({at_cornea_D - amplitude_D, 0, 0}, -vertex_mm).M_D;
+  const double before_lens_D = behind_lens_D - lens_D;
+  return before_lens_D == 0 ? std::numeric_limits<double>::infinity() : -1e3 / before_lens_D;
+}
+
+double srkt_lens_position_mm(double axial_length_mm, double keratometry_D, double a_constant) {
+  const double radius_mm = 337.5 / keratometry_D;
+  const double corrected_mm = axial_length_mm <= 24.2
+                                  ? axial_length_mm
+                                  : -3.446 + 1.716 * axial_length_mm - 0.0237 * axial_length_mm * axial_length_mm;
+  const double width_mm = -5.41 + 0.58412 * corrected_mm + 0.098 * keratometry_D;
+  const double under_root = radius_mm * radius_mm - width_mm * width_mm / 4;
+  if (under_root < 0)
+    throw no_result_error("SRK/T has no corneal height for this axial length and keratometry");
+  return radius_mm - std::sqrt(under_root) + 0.62467 * a_constant - 68.747 - 3.336;
+}
+
+double srkt_power_D(double axial_length_mm, double keratometry_D, double a_constant, double target_D) {
+  constexpr double na = 1.336, nc_minus_1 = 0.333, vertex_mm = 12;
+  const double radius_mm = 337.5 / keratometry_D;
+  const double position_mm = srkt_lens_position_mm(axial_length_mm, keratometry_D, a_constant);
+  const double optical_mm = axial_length_mm + 0.65696 - 0.02029 * axial_length_mm;
+  const double at_retina = na * radius_mm - nc_minus_1 * optical_mm;
+  const double at_lens = na * radius_mm - nc_minus_1 * position_mm;
+  const double numerator =
+      at_retina - 0.001 * target_D * (vertex_mm * at_retina + optical_mm * radius_mm);
+  const double denominator = (optical_mm - position_mm) *
+                             (at_lens - 0.001 * target_D * (vertex_mm * at_lens + position_mm * radius_mm));
+  return 1000 * na * numerator / denominator;
+}
+
+EyeModel with_iol(EyeModel eye, double power_D, double position_mm) {
+  const double radius_mm = std::abs(power_D) < 1e-6 ? 1e9 : iol_radius_mm(power_D);
+  Surface& front = eye.surface("lens_anterior");
+  Surface& back = eye.surface("lens_posterior");
+  for (Surface* face : {&front, &back}) {
+    face->tilt_deg.setZero();
+    face->decentre_mm.setZero();
+    face->semi_diameter_mm = 0;
+    face->shape = make_sphere(face == &front ? radius_mm : -radius_mm);
+    face->position_mm = position_mm + (face == &front ? -1 : 1) * iol_thickness_mm / 2;
+  }
+  front.medium_after = "iol";
+  eye.media["iol"] = Medium{iol_index, {}, {}};
+  // A lens with cortex and core loses its core.
+  std::vector<Surface> kept;
+  for (Surface& surface : eye.surfaces)
+    if (surface.is_stop() || surface.name.rfind("nucleus", 0) != 0) kept.push_back(std::move(surface));
+  eye.surfaces = std::move(kept);
+  for (Surface& surface : eye.surfaces)
+    if (surface.is_stop()) surface.position_mm = std::min(surface.position_mm, position_mm - iol_thickness_mm);
+  return eye;
+}
+
+double ray_traced_iol_D(const EyeModel& eye, double position_mm, double target_at_cornea_D, double wavelength_nm) {
+  const auto error_D = [&](double power_D) {
+    return mean_refraction_at_cornea_D(with_iol(eye, power_D, position_mm), wavelength_nm) - target_at_cornea_D;
+  };
+  double low_D = -10, high_D = 50;  // more power makes the eye more myopic
+  if (!(error_D(low_D) > 0 && error_D(high_D) < 0))
+    throw no_result_error("no intra-ocular lens from -10 to +50 D gives the target refraction");
+  while (high_D - low_D > 1e-4) {
+    const double middle_D = (low_D + high_D) / 2;
+    (error_D(middle_D) > 0 ? low_D : high_D) = middle_D;
+  }
+  return (low_D + high_D) / 2;
+}
+
+EyeModel with_ablation(EyeModel eye, const PowerVector& correction) {
+  Surface& front = eye.surface("cornea_anterior");
+  const Json json = front.shape->to_json();
+  double q = 0;
+  if (json.contains("q"))
+    q = json["q"].is_array() ? (json["q"][0].get<double>() + json["q"][1].get<double>()) / 2 : json["q"].get<double>();
+  const double step = eye.media.at(front.medium_after).index - 1;
+  const Eigen::Matrix2d c = front.shape->vertex_curvature();
+  const double mean = (c(0, 0) + c(1, 1)) / 2 + correction.M_D * 1e-3 / step;
+  const double j0 = (c(0, 0) - c(1, 1)) / 2 + correction.J0_D * 1e-3 / step;
+  const double j45 = (c(0, 1) + c(1, 0)) / 2 + correction.J45_D * 1e-3 / step;
+  const double cylinder = std::hypot(j0, j45);
+  if (!(mean > cylinder)) throw no_result_error("an ablation by that much would leave no convex cornea");
+  front.shape = make_biconic(1 / (mean + cylinder), 1 / (mean - cylinder), q, q,
+                             normalise_axis_deg(std::atan2(j45, j0) / degree / 2));
+  return eye;
+}
+
+double munnerlyn_depth_um(double radius_mm, double correction_D, double zone_mm, double index) {
+  const double after_mm = 1 / (1 / radius_mm + correction_D * 1e-3 / (index - 1));
+  const auto sag_mm = [&](double r) { return r - std::copysign(std::sqrt(r * r - zone_mm * zone_mm / 4), r); };
+  return std::abs(sag_mm(radius_mm) - sag_mm(after_mm)) * 1e3;
+}
+
+}  // namespace emmetrope::correction
