@@ -120,7 +120,7 @@ Anatomy::Anatomy(const HeadGeometry& head) : head_from_lps_(lps_from_head(head).
 
 void Anatomy::add_muscles_and_nerve(std::size_t side, const HeadGeometry& head) {
   const EyeAnatomy& eye = eyes_[side];
-  const Eigen::Isometry3d& lps_from_eye = eye.placed().lps_from_eye;
+  const Eigen::Isometry3d lps_from_eye = eye.placed().lps_from_turned_eye();
   const double sign = side == 0 ? -1 : 1;  // of the head's x
   const Vector3d apex = lps_from_head(head) * Vector3d(sign * 15.5, 40, 2);
   const double centre = eye.centre_depth_mm();
@@ -181,11 +181,8 @@ Tissue Anatomy::tissue_at(const Vector3d& lps) const {
     const double lid = eye.placed().geometry.lid_thickness_mm;
     const double outside = eye.distance_outside_mm(in_eye);
     skin = smooth_union(skin, outside - lid, 3);
-    // Upper lid, fissure below the apex, lower lid.
-    const double fissure = in_eye.y() + 3.4 - 0.02 * in_eye.x() * in_eye.x();
     if (outside < lid && in_eye.z() > -9)
-      return std::abs(fissure) < 0.15 && outside > 0.5 * lid && std::abs(in_eye.x()) < 11 ? Tissue::air
-                                                                                          : Tissue::lid;
+      return outside > 0.5 * lid && eye.in_fissure(in_eye) ? Tissue::air : Tissue::lid;
   }
   if (skin > 0) return Tissue::air;
 

@@ -39,6 +39,8 @@ class EyeAnatomy {
   bool contains(const Eigen::Vector3d& p, Tissue& tissue) const;
   /// About the distance from the outer surface of globe and cornea, positive outside.
   double distance_outside_mm(const Eigen::Vector3d& p) const;
+  /// Whether the point lies between the closed lids, 3.4 mm below the apex.
+  bool in_fissure(const Eigen::Vector3d& p) const;
   /// Half the lateral extent of the outer globe at a depth, 0 beyond its poles.
   double outer_radius_mm(double depth_mm) const;
   double centre_depth_mm() const { return centre_depth_; }
@@ -53,7 +55,7 @@ class EyeAnatomy {
   PlacedEye eye_;
   Eigen::Matrix3d rotation_;
   Eigen::Vector3d apex_;
-  Eigen::Matrix2d cornea_turn_, globe_turn_;
+  Eigen::Matrix2d cornea_turn_, globe_turn_, head_turn_;
   Eigen::Vector3d inner_, outer_;  ///< half axes
   double centre_depth_;
   Eigen::Vector3d bulge_direction_;

@@ -46,6 +46,7 @@ EyeAnatomy::EyeAnatomy(const PlacedEye& eye)
   const EyeGeometry& g = eye.geometry;
   cornea_turn_ = turn_to_meridian(g.cornea_axis_deg);
   globe_turn_ = turn_to_meridian(g.globe_axis_deg);
+  head_turn_ = turn_to_meridian(eye.turn_deg);
   inner_ = Vector3d(g.globe_semi_x_mm, g.globe_semi_y_mm, g.globe_semi_z_mm);
   outer_ = inner_ + Vector3d(g.wall_lateral_mm, g.wall_lateral_mm, g.wall_axial_mm);
   centre_depth_ = eye.globe_centre_depth_mm();
@@ -131,7 +132,9 @@ bool EyeAnatomy::contains(const Vector3d& p, Tissue& tissue) const {
   if (d < -0.01 || from_centre.squaredNorm() > 400) return false;
 
   const Vector3d scaled_in = from_centre.cwiseQuotient(inner_);
-  const double swell = 1 + bulge(Vector3d(p.x() / inner_.x(), p.y() / inner_.y(), scaled_in.z()));
+  // The bulge's direction is told in scaled space with the eye's x and y.
+  const Vector2d scaled_across = globe_turn_.transpose() * scaled_in.head<2>();
+  const double swell = 1 + bulge(Vector3d(scaled_across.x(), scaled_across.y(), scaled_in.z()));
   const double rho_in = scaled_in.norm() / swell;
   const bool near_cornea = d < cornea_reach_mm && p.head<2>().squaredNorm() < 64;
   const bool in_cornea_front = near_cornea && d > cornea_front_mm(p.x(), p.y());
@@ -161,6 +164,11 @@ double EyeAnatomy::distance_outside_mm(const Vector3d& p) const {
   const double along_mm = radius / p_value;
   return std::min(to_globe,
                   ellipsoid_distance(Vector3d(p.x(), p.y(), along_mm - d), {across_mm, across_mm, along_mm}));
+}
+
+bool EyeAnatomy::in_fissure(const Vector3d& p) const {
+  const Vector2d q = head_turn_ * p.head<2>();
+  return std::abs(q.x()) < 11 && std::abs(q.y() + 3.4 - 0.02 * q.x() * q.x()) < 0.15;
 }
 
 double EyeAnatomy::outer_radius_mm(double depth_mm) const {

@@ -160,6 +160,10 @@ Isometry3d lps_from_head(const HeadGeometry& head) {
   return transform;
 }
 
+Isometry3d PlacedEye::lps_from_turned_eye() const {
+  return lps_from_eye * Eigen::AngleAxisd(turn_deg * degree, Vector3d::UnitZ());
+}
+
 PlacedEye place(const HeadGeometry& head, Laterality laterality) {
   const EyeGeometry& eye = head.eye(laterality);
   const double side = laterality == Laterality::od ? -1 : 1;
@@ -175,7 +179,8 @@ PlacedEye place(const HeadGeometry& head, Laterality laterality) {
   placed.laterality = laterality;
   placed.lps_from_eye = lps_from_eye(to_lps * apex, to_lps.linear() * axis);
   const Matrix3d turn = placed.lps_from_eye.linear().transpose() * to_lps.linear() * head_from_eye.linear();
-  placed.geometry = turned(eye, std::atan2(turn(1, 0), turn(0, 0)) / degree);
+  placed.turn_deg = std::atan2(turn(1, 0), turn(0, 0)) / degree;
+  placed.geometry = turned(eye, placed.turn_deg);
   return placed;
 }
 

@@ -76,7 +76,12 @@ struct PlacedEye {
   Laterality laterality = Laterality::od;
   EyeGeometry geometry;
   Eigen::Isometry3d lps_from_eye = Eigen::Isometry3d::Identity();
+  /// How far the head has turned about the eye's axis against that frame, deg: lid and muscles turn with the
+  /// head.
+  double turn_deg = 0;
 
+  /// The frame that turns with the head, with the same axis and apex.
+  Eigen::Isometry3d lps_from_turned_eye() const;
   double globe_centre_depth_mm() const { return geometry.axial_length_mm - geometry.globe_semi_z_mm; }
   Eigen::Vector3d globe_centre_lps() const {
     return lps_from_eye * Eigen::Vector3d(0, 0, -globe_centre_depth_mm());
