@@ -62,8 +62,11 @@ std::string text_of(DcmItem& item, const Tag& tag) {
                                   DcmVR(element->getVR()).getVRName(), DcmVR(expected).getVRName()));
   OFString value;
   if (item.findAndGetOFStringArray(key(tag), value).bad()) return {};
-  const auto last = value.find_last_not_of(std::string(" \0", 2).c_str());
-  return last == OFString_npos ? std::string() : std::string(value.c_str(), last + 1);
+  std::string text(value.c_str(), value.length());
+  while (!text.empty() && (text.back() == ' ' || text.back() == '\0')) text.pop_back();
+  for (char& letter : text)
+    if (static_cast<unsigned char>(letter) < 0x20 || letter == 0x7F) letter = '?';
+  return text;
 }
 
 void read_frame(DcmItem& groups, TagValues& values) {
@@ -183,8 +186,9 @@ ImageHeader read_header(const std::filesystem::path& file, DcmFileFormat& parsed
   }
   if (guess == Guess::bare_data_set && !header.has(tag::sop_class) && !header.has(tag::series_instance))
     return {FileKind::not_dicom, "not a DICOM file"};
-  const bool is_mr = header.value(tag::sop_class).rfind(uid::mr_image, 0) == 0;
-  header.kind = is_mr || data_set.tagExists(DCM_PixelData) ? FileKind::image : FileKind::no_image;
+  // An image that has lost its pixels must not pass for a report.
+  const bool is_image = header.has(tag::rows) || data_set.tagExists(DCM_PixelData);
+  header.kind = is_image ? FileKind::image : FileKind::no_image;
   if (header.kind == FileKind::no_image)
     header.reason =
         fmt::format("DICOM without pixels, {} {}", to_string(tag::sop_class), header.value(tag::sop_class));

@@ -44,6 +44,7 @@ TEST_F(IntakeTest, OtherDicomObjectsAreSkipped) {
   GeneratedSeries report("1.2.826.0.1.3680043.9.7.8", 8);
   report.set(0, DCM_SOPClassUID, UID_EncapsulatedPDFStorage);
   report[0].findAndDeleteElement(DCM_PixelData);
+  report[0].findAndDeleteElement(DCM_Rows);
   ASSERT_TRUE(report.file(0).saveFile((folder() / "report").c_str(), EXS_LittleEndianExplicit).good());
   DcmFileFormat directory;
   directory.getMetaInfo()->putAndInsertString(DCM_MediaStorageSOPClassUID, UID_MediaStorageDirectoryStorage);
