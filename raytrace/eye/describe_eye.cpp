@@ -44,7 +44,7 @@ std::string text_of(const EyeModel& eye, const Json& json) {
   text += fmt::format("entrance pupil    {:9.4f}, diameter {:.4f} mm\n", in.position_mm, in.diameter_mm);
   text += fmt::format("axial length      {:9.4f} mm\n", number("axial_length_mm"));
   const Json& r = json["refraction"];
-  text += fmt::format("refraction        M {:+.4f}  J0 {:+.4f}  J45 {:+.4f} D at the corneal vertex",
+  text += fmt::format("refraction        M {:+.4f}  J0 {:+.4f}  J45 {:+.4f} D at the corneal vertex\n",
                       r["M_D"].get<double>(), r["J0_D"].get<double>(), r["J45_D"].get<double>());
   return text;
 }
@@ -111,7 +111,7 @@ Answer describe_ray(const RayQuery& query) {
         hit.direction.y(), hit.direction.z(), hit.opl_mm);
   }
   answer.json = {{"hits", hits}, {"state", to_string(path.state)}, {"at", path.at}};
-  answer.text += fmt::format("{} at {}", to_string(path.state), path.at);
+  answer.text += fmt::format("{} at {}\n", to_string(path.state), path.at);
   return answer;
 }
 

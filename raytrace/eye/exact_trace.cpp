@@ -88,9 +88,7 @@ const char* to_string(RayState state) {
 }
 
 ExactTracer::ExactTracer(const EyeModel& eye, double wavelength_nm, double gradient_step_mm)
-    : wavelength_nm_(wavelength_nm),
-      reference_wavelength_nm_(eye.reference_wavelength_nm),
-      gradient_step_mm_(gradient_step_mm) {
+    : gradient_step_mm_(gradient_step_mm) {
   int before = -1;
   std::vector<std::string> medium_name_before;
   for (const Surface& surface : eye.surfaces) {
@@ -106,6 +104,7 @@ ExactTracer::ExactTracer(const EyeModel& eye, double wavelength_nm, double gradi
     medium_name_before.push_back(before < 0 ? "air" : eye.surfaces[before].medium_after);
     if (!surface.is_stop()) {
       if (!surface.medium_after.empty()) step.medium_after = eye.medium(surface.medium_after);
+      step.index_after = step.medium_after.index_at(wavelength_nm, eye.reference_wavelength_nm);
       before = static_cast<int>(steps_.size());
     }
     steps_.push_back(step);
@@ -127,10 +126,10 @@ ExactTracer::ExactTracer(const EyeModel& eye, double wavelength_nm, double gradi
 
 double ExactTracer::index_at(int owner, const Eigen::Vector3d& position) const {
   if (owner < 0) return 1;
-  const Medium& medium = steps_[owner].medium_after;
-  if (!medium.gradient) return medium.index_at(wavelength_nm_, reference_wavelength_nm_);
-  const Eigen::Vector3d p = steps_[owner].surface_from_eye * position;
-  return medium.index_at(-p.z(), p.head<2>().norm(), wavelength_nm_, reference_wavelength_nm_);
+  const Step& step = steps_[owner];
+  if (!step.medium_after.gradient) return step.index_after;
+  const double dispersion = step.index_after - step.medium_after.index;
+  return gradient_value(*step.medium_after.gradient, dispersion, step.surface_from_eye * position).n;
 }
 
 bool ExactTracer::lies_behind(const Step& step, const Eigen::Vector3d& position) const {
@@ -153,8 +152,7 @@ std::optional<ShapeHit> ExactTracer::hit(const Step& step, const Ray& ray, bool 
 }
 
 /// Whether a hit on one end of a body really is on the body: on the right side of its other end.
-bool ExactTracer::inside_body(int surface, int partner, const Eigen::Vector3d& position, bool inward) const {
-  (void)surface;
+bool ExactTracer::inside_body(int partner, const Eigen::Vector3d& position, bool inward) const {
   const Step& other = steps_[partner];
   const Eigen::Vector3d p = other.surface_from_eye * position;
   const std::optional<double> depth = other.shape->depth_mm(p.x(), p.y());
@@ -167,7 +165,7 @@ std::optional<ExactTracer::GradientArrival> ExactTracer::cross_gradient(int owne
                                                                         const Ray& ray, bool inward) const {
   const Step& frame = steps_[owner];
   const Medium& medium = frame.medium_after;
-  const double shift = medium.index_at(wavelength_nm_, reference_wavelength_nm_) - medium.index;
+  const double shift = frame.index_after - medium.index;
   const auto value = [&](const Eigen::Vector3d& p) { return gradient_value(*medium.gradient, shift, p); };
   // How far a point lies beyond the target, along the axis.
   const Eigen::Isometry3d target_from_frame = target.surface_from_eye * frame.eye_from_surface;
@@ -271,7 +269,7 @@ ExactTracer::End ExactTracer::walk(const Ray& ray_in_eye, const Report& report) 
     } else {
       const std::optional<ShapeHit> met = hit(step, ray, thin);
       const bool enters_body = step.partner >= 0 && (inward ? step.partner > k : step.partner < k);
-      if (enters_body && (!met || !inside_body(k, step.partner, met->position, inward))) {
+      if (enters_body && (!met || !inside_body(step.partner, met->position, inward))) {
         k = step.partner;  // past the whole body, in the medium around it
         continue;
       }

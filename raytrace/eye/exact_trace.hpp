@@ -52,6 +52,7 @@ class ExactTracer {
     double position_mm = 0, semi_diameter_mm = 0, stop_radius_mm = 0;
     Eigen::Isometry3d eye_from_surface, surface_from_eye;
     Medium medium_after;
+    double index_after = 1;  ///< at the wavelength; on the axis at the front vertex for a gradient
     int medium_before = -1;  ///< index of the surface whose medium_after lies in front; -1: air
     int partner = -1;        ///< the other end of a body that may be missed
     std::string name;
@@ -60,7 +61,7 @@ class ExactTracer {
   double index_at(int owner, const Eigen::Vector3d& position) const;
   bool lies_behind(const Step& step, const Eigen::Vector3d& position) const;
   std::optional<ShapeHit> hit(const Step& step, const Ray& ray, bool may_lie_behind) const;
-  bool inside_body(int surface, int partner, const Eigen::Vector3d& position, bool inward) const;
+  bool inside_body(int partner, const Eigen::Vector3d& position, bool inward) const;
   struct GradientArrival {
     Eigen::Vector3d position, direction;
     double opl_mm;
@@ -71,7 +72,7 @@ class ExactTracer {
   End walk(const Ray& ray_in_eye, const Report& report) const;
 
   std::vector<Step> steps_;
-  double wavelength_nm_, reference_wavelength_nm_, gradient_step_mm_;
+  double gradient_step_mm_;
 };
 
 /// One ray: ExactTracer(eye, wavelength_nm, gradient_step_mm).trace(ray).

@@ -25,8 +25,7 @@ namespace {
 class FaultWindow : public vtkOutputWindow {
  public:
   static FaultWindow* New();  // NOLINT(readability-identifier-naming): VTK's factory
-  vtkTypeMacro(FaultWindow, vtkOutputWindow)
-  void DisplayText(const char* text) override { fault_ = text; }
+  vtkTypeMacro(FaultWindow, vtkOutputWindow) void DisplayText(const char* text) override { fault_ = text; }
   const std::string& fault() const { return fault_; }
 
  private:
@@ -34,7 +33,7 @@ class FaultWindow : public vtkOutputWindow {
 };
 vtkStandardNewMacro(FaultWindow)
 
-class FaultListener {
+    class FaultListener {
  public:
   FaultListener()
       : before_(vtkOutputWindow::GetInstance()), log_level_(vtkLogger::GetCurrentVerbosityCutoff()) {

@@ -69,7 +69,9 @@ struct ParametricEye {
   /// lens_decentre_x_mm, lens_decentre_y_mm, lens_tilt_x_deg, lens_tilt_y_deg, globe_semi_axis_{x,y,z}_mm,
   /// displacement_000_mm and on. The pose is apex_{x,y,z}_mm (LPS) with gaze_horizontal_deg (straight ahead
   /// 0, positive to the patient's left) and gaze_vertical_deg (positive upwards); setting a gaze turns the
-  /// eye about its apex, its x axis stays horizontal. \throw Error (fault) for an unknown name
+  /// eye about its apex, its x axis stays horizontal.
+  ///
+  /// \throw Error (fault) for an unknown name
   double get(const std::string& name) const;
   void set(const std::string& name, double value);
 };

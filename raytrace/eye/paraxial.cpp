@@ -1,7 +1,11 @@
 #include "raytrace/eye/paraxial.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
+
+#include "pipeline/base/error.hpp"
+#include "raytrace/eye/exact_trace.hpp"
 
 namespace emmetrope {
 namespace {
@@ -153,6 +157,60 @@ StopPlace stop_place(const EyeModel& eye) {
   return {0, eye.surfaces.front().position_mm, std::numeric_limits<double>::quiet_NaN()};
 }
 
+bool is_centred(const EyeModel& eye) {
+  for (const Surface& s : eye.surfaces)
+    if (!s.is_stop() && !(s.decentre_mm.isZero(0) && s.tilt_deg.isZero(0))) return false;
+  return true;
+}
+
+PowerVector power_from(const Eigen::Matrix2d& vergence_per_mm) {
+  return {500 * (vergence_per_mm(0, 0) + vergence_per_mm(1, 1)),
+          500 * (vergence_per_mm(0, 0) - vergence_per_mm(1, 1)),
+          500 * (vergence_per_mm(0, 1) + vergence_per_mm(1, 0))};
+}
+
+/// Exact rays near the one that leaves the pole along the axis: their slopes against their places in the
+/// plane of the corneal vertex, across the ray.
+PowerVector parabasal_refraction(EyeModel eye, double wavelength_nm) {
+  const auto is_stop = [](const Surface& s) { return s.is_stop(); };
+  eye.surfaces.erase(std::remove_if(eye.surfaces.begin(), eye.surfaces.end(), is_stop), eye.surfaces.end());
+  const ExactTracer tracer(eye, wavelength_nm);
+  const Surface& retina = eye.retina();
+  const Eigen::Isometry3d retina_from_eye = retina.eye_from_surface().inverse();
+  const Eigen::Vector3d inside(0, 0, -0.7 * eye.axial_length_mm());
+  const std::optional<ShapeHit> pole = retina.shape->intersect(
+      {retina_from_eye * inside, retina_from_eye.linear() * Eigen::Vector3d(0, 0, -1)});
+  if (!pole) throw no_result_error("eye '" + eye.name + "': the axis does not meet the retina");
+  const Eigen::Vector3d start = retina.eye_from_surface() * pole->position;
+  const auto leaving = [&](double angle_x, double angle_y) {
+    const ExactTracer::End end = tracer.trace_end({start, Eigen::Vector3d(angle_x, angle_y, 1).normalized()});
+    if (end.state != RayState::reached || end.direction.z() <= 0)
+      throw no_result_error("eye '" + eye.name + "': the ray along its axis does not leave it");
+    return end;
+  };
+  const ExactTracer::End base = leaving(0, 0);
+  const Eigen::Vector3d centre =
+      base.position_mm - base.position_mm.z() / base.direction.z() * base.direction;
+  const Eigen::Vector3d x = Eigen::Vector3d::UnitY().cross(base.direction).normalized(),
+                        y = base.direction.cross(x);
+  Eigen::Matrix2d place, slope;
+  constexpr double angle = 1e-4;
+  for (int k = 0; k < 2; ++k)
+    for (const int sign : {1, -1}) {
+      const ExactTracer::End end = leaving(k == 0 ? sign * angle : 0, k == 1 ? sign * angle : 0);
+      const double distance =
+          (centre - end.position_mm).dot(base.direction) / end.direction.dot(base.direction);
+      const Eigen::Vector3d offset = end.position_mm + distance * end.direction - centre;
+      if (sign > 0) {
+        place.col(k).setZero();
+        slope.col(k).setZero();
+      }
+      place.col(k) += sign * Eigen::Vector2d(offset.dot(x), offset.dot(y));
+      slope.col(k) += sign * Eigen::Vector2d(end.direction.dot(x), end.direction.dot(y));
+    }
+  return power_from(slope * place.inverse());
+}
+
 }  // namespace
 
 CardinalPoints cardinal_points(const EyeModel& eye, double wavelength_nm) {
@@ -189,13 +247,12 @@ Pupil exit_pupil(const EyeModel& eye, double wavelength_nm) {
 }
 
 PowerVector paraxial_refraction(const EyeModel& eye, double wavelength_nm) {
+  if (!is_centred(eye)) return parabasal_refraction(eye, wavelength_nm);
   const AxialSystem system(eye, wavelength_nm, false);
   const int retina = static_cast<int>(eye.surfaces.size()) - 1;
   const Matrix4 m = system.from_air(0, retina, eye.axial_length_mm());
   // A y + B p = 0 on the retina for p = -L y: the vergence L that the eye focuses.
-  const Eigen::Matrix2d vergence = 1000 * m.topRightCorner<2, 2>().inverse() * m.topLeftCorner<2, 2>();
-  return {(vergence(0, 0) + vergence(1, 1)) / 2, (vergence(0, 0) - vergence(1, 1)) / 2,
-          (vergence(0, 1) + vergence(1, 0)) / 2};
+  return power_from(m.topRightCorner<2, 2>().inverse() * m.topLeftCorner<2, 2>());
 }
 
 }  // namespace emmetrope

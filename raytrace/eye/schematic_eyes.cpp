@@ -363,6 +363,8 @@ bool is_schematic_eye(const std::string& name_or_file) {
 EyeModel make_eye(const std::string& name_or_file, const EyeOptions& options) {
   if (options.accommodation_D != 0 && options.accommodation_parameter)
     throw usage_error("--accommodation and --accommodation-parameter exclude each other");
+  if (!std::isfinite(options.accommodation_D) || !std::isfinite(options.accommodation_parameter.value_or(0)))
+    throw usage_error("--accommodation must be a finite number");
   if (options.pupil_mm && !(*options.pupil_mm > 0 && *options.pupil_mm <= 20))
     throw usage_error("--pupil must be greater than 0 and at most 20 mm");
   const bool accommodated = options.accommodation_D != 0 || options.accommodation_parameter.value_or(0) != 0;

@@ -2,6 +2,7 @@
 #include <cmath>
 #include <numeric>
 
+#include "pipeline/base/frames.hpp"
 #include "raytrace/wavefront/pupil_function.hpp"
 #include "raytrace/wavefront/simplex.hpp"
 
@@ -53,6 +54,17 @@ class NeuralSum {
   };
   std::vector<Entry> entries_;
 };
+
+/// The spot diagram in object space: where each ray points, as the patient sees it.
+Json spot_json(const Wavefront& wavefront) {
+  constexpr double arcmin = degree / 60;
+  Json x = Json::array(), y = Json::array();
+  for (const Wavefront::PupilRay& ray : wavefront.rays) {
+    x.push_back(-ray.slope.x() / arcmin);
+    y.push_back(-ray.slope.y() / arcmin);
+  }
+  return {{"rms_arcmin", wavefront.spot_rms_arcmin()}, {"x_arcmin", x}, {"y_arcmin", y}};
+}
 
 }  // namespace
 
@@ -142,6 +154,7 @@ Json wavefront_json(const Wavefront& wavefront) {
       {"higher_order_rms_um", wavefront.higher_order_rms_um()},
       {"fit_residual_rms_um", wavefront.fit_residual_rms_um},
       {"line_of_sight_deg", {wavefront.line_of_sight_deg.x(), wavefront.line_of_sight_deg.y()}},
+      {"spot", spot_json(wavefront)},
       {"strehl", quality.strehl},
       {"vsotf", quality.vsotf},
       {"mtf",

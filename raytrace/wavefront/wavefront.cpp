@@ -253,6 +253,18 @@ double Wavefront::rms_um() const {
   return std::sqrt(sum);
 }
 
+double Wavefront::spot_rms_arcmin() const {
+  Eigen::Vector2d mean(0, 0);
+  double weight = 0, square = 0;
+  for (const PupilRay& ray : rays) {
+    mean += ray.weight * ray.slope;
+    weight += ray.weight;
+  }
+  mean /= weight;
+  for (const PupilRay& ray : rays) square += ray.weight * (ray.slope - mean).squaredNorm();
+  return std::sqrt(square / weight) / degree * 60;
+}
+
 double Wavefront::higher_order_rms_um() const {
   double sum = 0;
   for (std::size_t j = 6; j < zernike_um.size(); ++j) sum += zernike_um[j] * zernike_um[j];
@@ -289,6 +301,8 @@ Wavefront measure_wavefront(const EyeModel& eye, const WavefrontSettings& settin
   }
   const Eigen::VectorXd fit =
       (root_weight.asDiagonal() * terms).colPivHouseholderQr().solve(root_weight.asDiagonal() * wavefront_um);
+  for (const Sample& sample : samples)
+    result.rays.push_back({sample.at.position_mm, sample.at.slope, sample.weight});
   const Eigen::VectorXd left = root_weight.asDiagonal() * (terms * fit - wavefront_um);
   result.fit_residual_rms_um = left.norm() / root_weight.norm();
   result.zernike_um.assign(fit.data(), fit.data() + fit.size());

@@ -24,10 +24,17 @@ struct WavefrontSettings {
 
 struct Wavefront {
   double wavelength_nm = 0;
-  double pupil_mm = 0;                      ///< diameter in the entrance pupil plane
-  double pupil_position_mm = 0;             ///< depth of that plane behind the corneal vertex
-  std::vector<double> zernike_um;           ///< OSA index order from 0; [0] is 0
-  double fit_residual_rms_um = 0;           ///< what the terms leave
+  double pupil_mm = 0;             ///< diameter in the entrance pupil plane
+  double pupil_position_mm = 0;    ///< depth of that plane behind the corneal vertex
+  std::vector<double> zernike_um;  ///< OSA index order from 0; [0] is 0
+  double fit_residual_rms_um = 0;  ///< what the terms leave
+  /// The rays behind it: where they cross the pupil, from its centre, and their share of its area.
+  struct PupilRay {
+    Eigen::Vector2d place_mm;
+    Eigen::Vector2d slope;  ///< direction cosines across the line of sight
+    double weight = 0;
+  };
+  std::vector<PupilRay> rays;
   Eigen::Vector2d line_of_sight_deg{0, 0};  ///< its angles against the eye's axis towards +x and +y
 
   /// Vergences in the entrance pupil plane, air, 1/m: the three criteria that need no search.
@@ -35,6 +42,9 @@ struct Wavefront {
 
   /// Without piston and tilt, that is from OSA index 3.
   double rms_um() const;
+  /// Root mean square of the rays' slopes about their mean: the radius of the blur, as seen from the object's
+  /// side.
+  double spot_rms_arcmin() const;
   /// Of the terms of third order and higher.
   double higher_order_rms_um() const;
 };
