@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <map>
 
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/frames.hpp"
@@ -85,13 +86,24 @@ VectorXd start_parameters(const ParameterLayout& layout, const std::vector<const
   return a;
 }
 
-void freeze_weights(FitProblem& problem, const VectorXd& a) {
+/// Deviation of each sample, frozen for a pass: the noise of a Rician magnitude at the model's signal, widened
+/// for each stack by what the model does not explain (median of the residuals), so that the loss sees
+/// outliers of the misfit and not of the noise alone. \return the factors
+VectorXd freeze_weights(FitProblem& problem, const VectorXd& a) {
   const ForwardModel::AtParameters at(*problem.model, a);
+  std::vector<std::vector<double>> misfit(problem.model->stacks().size());
   for (Sample& sample : problem.samples) {
     const double noise = problem.model->stacks()[sample.stack].noise;
-    sample.deviation =
-        static_cast<float>(noise * rician(std::abs(at.intensity(sample, nullptr)) / noise).deviation);
+    const double signal = std::abs(at.intensity(sample, nullptr));
+    sample.deviation = static_cast<float>(noise * (problem.rician ? rician(signal / noise).deviation : 1));
+    misfit[sample.stack].push_back(std::abs(residual(problem, at, sample)));
   }
+  VectorXd factor(static_cast<Eigen::Index>(misfit.size()));
+  constexpr double normal_median = 0.6745;
+  for (std::size_t s = 0; s < misfit.size(); ++s)
+    factor[static_cast<Eigen::Index>(s)] = std::max(1.0, quantile(misfit[s], 0.5) / normal_median);
+  for (Sample& sample : problem.samples) sample.deviation *= static_cast<float>(factor[sample.stack]);
+  return factor;
 }
 
 std::vector<int> range(int first, int last) {
@@ -129,7 +141,7 @@ SolveResult fit_globe(FitProblem& problem, const VectorXd& start) {
   append(active, {anterior_chamber_depth, lens_thickness, lens_anterior_radius, lens_posterior_radius,
                   globe_x, globe_y, globe_z, wall_lateral, wall_axial, iris_depth, pupil_radius, vitreous,
                   aqueous, wall, lens, iris, surround});
-  append(active, stack_parameters(problem.model->layout(), false));
+  append(active, stack_parameters(problem.model->layout(), true));
   problem.loss_scale = 6;
   return solve(problem, start, select_parameters(problem.model->layout().size(), active), 16);
 }
@@ -179,39 +191,70 @@ int region_of(const Sample& sample) {
   return sample.near_wall ? 0 : 2;
 }
 
-bool belongs_to_anterior(int parameter) {
-  return (parameter >= cornea_c && parameter <= lens_equator_radius) ||
-         (parameter >= iris_depth && parameter <= lid_xy) || parameter == cornea || parameter == lens ||
-         parameter == iris || parameter == lid || parameter == air || parameter == aqueous;
+/// Voxels per independent residual, from the correlation of neighbours in the plane (as of a first-order process).
+double residual_correlation(const EyeFit& fit, const std::vector<Sample>& samples, const std::vector<double>& weighted) {
+  double along[2]{0, 0}, power = 0;
+  std::size_t pairs[2]{0, 0};
+  std::map<std::array<long, 4>, double> at;
+  const auto place = [&](const Sample& sample) -> std::array<long, 4> {
+    const Stack& stack = *fit.stacks[sample.stack].stack;
+    const Vector3d d = sample.position - stack.slice_position.front();
+    return {sample.stack, std::lround(100 * d.dot(stack.normal)), std::lround(d.dot(stack.along_row) / stack.column_spacing_mm),
+            std::lround(d.dot(stack.along_column) / stack.row_spacing_mm)};
+  };
+  for (std::size_t i = 0; i < samples.size(); ++i) {
+    at[place(samples[i])] = weighted[i];
+    power += weighted[i] * weighted[i] / static_cast<double>(samples.size());
+  }
+  for (const auto& [key, value] : at) {
+    for (const int axis : {0, 1}) {
+      auto neighbour = key;
+      ++neighbour[2 + axis];
+      const auto found = at.find(neighbour);
+      if (found == at.end()) continue;
+      along[axis] += value * found->second;
+      ++pairs[axis];
+    }
+  }
+  double factor = 1;
+  for (const int axis : {0, 1}) {
+    const double rho = std::clamp(along[axis] / std::max<double>(1, pairs[axis]) / std::max(power, 1e-9), 0.0, 0.67);
+    factor *= (1 + rho) / (1 - rho);
+  }
+  return factor;
 }
 
-/// Residuals by region, and the covariance scaled by them: what the model does not explain widens the
-/// intervals of the parameters that live there.
-void judge(EyeFit& fit, const FitProblem& problem, const Basis& basis) {
+/// Residuals by region. \return by how much the variance of each region's samples is to be widened: what the model
+/// does not explain, and neighbours whose residuals are alike, carry less information than independent noise.
+std::array<double, 3> judge(EyeFit& fit, const FitProblem& problem) {
   const ForwardModel::AtParameters at(fit.model, fit.parameters);
   fit.regions = {{"globe"}, {"anterior segment"}, {"vitreous"}};
+  fit.residuals.clear();
+  std::array<double, 3> widening{};
+  std::vector<double> weighted;
   double sum = 0;
   for (const Sample& sample : problem.samples) {
-    const double r = residual(problem, at, sample);
+    const double w = residual(problem, at, sample), r = w * fit.misfit[sample.stack];
     fit.residuals.push_back(r);
+    // Outliers count as the loss counts them.
+    const double bounded = std::clamp(w, -4.0, 4.0);
+    weighted.push_back(bounded);
     RegionFit& region = fit.regions[region_of(sample)];
+    widening[region_of(sample)] += bounded * bounded;
     ++region.voxels;
     region.chi2 += r * r;
-    region.outliers += std::abs(r) > 4 ? 1 : 0;
+    region.outliers += std::abs(w) > 4 ? 1 : 0;
     sum += r * r;
   }
   fit.chi2_per_voxel = sum / std::max<double>(1, static_cast<double>(problem.samples.size()));
-  for (RegionFit& region : fit.regions) {
-    region.chi2 /= std::max(1, region.voxels);
-    region.outliers /= std::max(1, region.voxels);
+  fit.correlation = residual_correlation(fit, problem.samples, weighted);
+  for (std::size_t i = 0; i < fit.regions.size(); ++i) {
+    const int voxels = std::max(1, fit.regions[i].voxels);
+    fit.regions[i].chi2 /= voxels;
+    fit.regions[i].outliers /= voxels;
+    widening[i] = std::max(1.0, widening[i] / voxels) * fit.correlation;
   }
-  fit.covariance = covariance(problem, fit.parameters, basis);
-  VectorXd scale(static_cast<Eigen::Index>(fit.active.size()));
-  for (std::size_t i = 0; i < fit.active.size(); ++i) {
-    const double chi2 = fit.regions[belongs_to_anterior(fit.active[i]) ? 1 : 0].chi2;
-    scale[static_cast<Eigen::Index>(i)] = std::sqrt(std::max(1.0, chi2));
-  }
-  fit.covariance = scale.asDiagonal() * fit.covariance * scale.asDiagonal();
+  return widening;
 }
 
 }  // namespace
@@ -266,9 +309,16 @@ EyeFit fit_eye(const std::vector<const Stack*>& stacks, const EyeStart& start, C
 
   problem.samples = select_samples(model, a, observed, {false, true});
   if (problem.samples.size() < 1000) throw no_result_error("too few voxels show the eye");
+  freeze_weights(problem, a);
+  adopt(fit_globe(problem, a));
+
+  // Once more from there: the start may be a millimetre off and its voxels with it.
+  problem.samples = select_samples(model, a, observed, {false, true});
+  freeze_weights(problem, a);
   adopt(fit_globe(problem, a));
 
   problem.samples = select_samples(model, a, observed, {true, false});
+  freeze_weights(problem, a);
   std::vector<double> start_costs;
   adopt(fit_cornea(problem, a, start_costs));
 
@@ -276,17 +326,29 @@ EyeFit fit_eye(const std::vector<const Stack*>& stacks, const EyeStart& start, C
   const Basis basis = select_parameters(layout.size(), active);
   problem.loss_scale = 3;
   problem.samples = select_samples(model, a, observed, {true, true});
-  adopt(solve(problem, a, basis, 8));
+  freeze_weights(problem, a);
+  adopt(solve(problem, a, basis, 20));
 
   problem.samples = select_samples(model, a, observed, {true, true});
   problem.rician = true;
-  freeze_weights(problem, a);
-  const bool converged = adopt(solve(problem, a, basis, 10));
+  const VectorXd misfit = freeze_weights(problem, a);
+  adopt(solve(problem, a, basis, 25));
 
-  EyeFit fit{layout, contrast, observed,       model,     a,
-             active, {},       problem.priors, {},        {},
-             0,      {},       iterations,     converged, std::move(start_costs)};
-  judge(fit, problem, basis);
+  EyeFit fit{layout, contrast, observed, model, a, active, {}, problem.priors, {}, {}, 0, misfit, 1, {}, 0, false,
+             std::move(start_costs)};
+  // The balance of image and priors, and the covariance, with weights that know about the misfit.
+  const std::array<double, 3> widening = judge(fit, problem);
+  std::vector<float> deviations;
+  for (Sample& sample : problem.samples) {
+    deviations.push_back(sample.deviation);
+    sample.deviation *= static_cast<float>(std::sqrt(widening[region_of(sample)]));
+  }
+  fit.converged = adopt(solve(problem, a, basis, 15));
+  fit.iterations = iterations;
+  fit.parameters = a;
+  fit.covariance = covariance(problem, a, basis);
+  for (std::size_t i = 0; i < deviations.size(); ++i) problem.samples[i].deviation = deviations[i];
+  judge(fit, problem);
   fit.samples = std::move(problem.samples);
   return fit;
 }

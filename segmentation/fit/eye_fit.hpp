@@ -28,11 +28,13 @@ struct EyeFit {
   Eigen::VectorXd parameters;
   std::vector<int> active;  ///< parameters that were free in the last pass
   Eigen::MatrixXd
-      covariance;  ///< of them, in this order, scaled by the residual of the region that each belongs to
+      covariance;  ///< of them, in this order; priors included, image weighted by its misfit
   Priors priors;
   std::vector<Sample> samples;    ///< of the last pass
-  std::vector<double> residuals;  ///< standardised, of the samples
-  double chi2_per_voxel = 0;
+  std::vector<double> residuals;  ///< image minus model over the noise, of the samples
+  double chi2_per_voxel = 0;  ///< in units of the noise
+  Eigen::VectorXd misfit;     ///< of each stack: by how much its weights were widened for what the model does not explain
+  double correlation = 1;     ///< voxels per independent residual: neighbours' residuals are alike where the model is wrong
   std::vector<RegionFit> regions;
   int iterations = 0;
   bool converged = false;
@@ -61,7 +63,7 @@ std::vector<const Stack*> views_of(const FoundEye& eye, const std::vector<const 
 /// \throw Error (no_result) when the data cannot support a fit
 EyeFit fit_eye(const std::vector<const Stack*>& stacks, const EyeStart& start, Contrast contrast,
                const std::function<void()>& advance = {});
-inline constexpr int fit_steps = 4;
+inline constexpr int fit_steps = 6;
 
 /// The eye for the next stages: named parameters, covariance and sources ("mri", or "prior" where the image
 /// narrowed the prior by less than a tenth).

@@ -466,6 +466,22 @@ ForwardModel::AtParameters::Distances ForwardModel::AtParameters::distances(cons
   return d;
 }
 
+double ForwardModel::AtParameters::limbus_misfit(int quadrant, SparseRow* row) const {
+  constexpr double limbus_radius_mm = 5.85;  // half the white-to-white distance of adults
+  const double angle = (quadrant + 0.5) * pi / 2;
+  Vector3d p(limbus_radius_mm * std::cos(angle), limbus_radius_mm * std::sin(angle), 0);
+  const Surface front = cornea_surface(p, false);
+  p.z() = front.f;  // front.f is minus the sag here: on the cornea
+  const Surface globe = globe_surface(p, true, nullptr);
+  const double per_f = 1 / globe.gradient.norm();
+  if (row) {
+    row->clear();
+    for (int i = 0; i < globe.count; ++i) row->add(globe.index[i], per_f * globe.by[i]);
+    for (int i = 0; i < front.count; ++i) row->add(front.index[i], per_f * globe.gradient.z() * front.by[i]);
+  }
+  return per_f * globe.f;
+}
+
 ForwardModel::AtParameters::SurfacePoint ForwardModel::AtParameters::at_surface(OpticalSurface which,
                                                                                 const Vector3d& p,
                                                                                 SparseRow* row) const {

@@ -4,6 +4,7 @@
 
 #include <Eigen/Cholesky>
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "pipeline/base/error.hpp"
@@ -24,6 +25,30 @@ Expected expected(double signal, double noise, bool with_noise) {
   const RicianMean m = rician(std::abs(signal) / noise);
   return {noise * m.mean, signal < 0 ? -m.derivative : m.derivative};
 }
+
+/// Where a parameter still makes an eye. Beyond, the image is that at the limit and the prior alone pulls back, so that
+/// a step over a limit costs the fit nothing else.
+struct Limit {
+  int parameter;
+  double lower, upper;
+};
+constexpr std::array<Limit, 17> limits{{{cornea_c, 1 / 12.0, 1 / 5.0},
+                                        {cornea_q, -1.5, 1},
+                                        {cornea_thickness, 0.2, 1.2},
+                                        {cornea_back_ratio, 0.65, 1},
+                                        {anterior_chamber_depth, 1.2, 7},
+                                        {lens_thickness, 2, 7},
+                                        {lens_anterior_radius, 4, 30},
+                                        {lens_posterior_radius, 3, 15},
+                                        {lens_anterior_q, -12, 5},
+                                        {lens_posterior_q, -6, 5},
+                                        {globe_x, 6, 18},
+                                        {globe_y, 6, 18},
+                                        {globe_z, 6, 18},
+                                        {wall_lateral, 0.2, 4},
+                                        {wall_axial, 0.2, 4},
+                                        {iris_half_thickness, 0.02, 0.6},
+                                        {pupil_radius, 0.4, 5}}};
 
 /// J'J = L L' of the moved combinations, L^-1 J'r, and what of the cost no step can remove.
 struct Condensed {
@@ -54,7 +79,6 @@ class CondensedCost : public ceres::CostFunction {
   bool Evaluate(double const* const* z, double* residuals, double** jacobians) const override {
     const Eigen::Index n = basis_.cols();
     const VectorXd parameters = start_ + basis_ * Eigen::Map<const VectorXd>(z[0], n);
-    if (!plausible(parameters)) return false;
     const bool derivatives = jacobians && jacobians[0];
     const NormalEquations equations = evaluate(problem_, parameters, derivatives);
     if (!std::isfinite(equations.cost)) return false;
@@ -76,15 +100,6 @@ class CondensedCost : public ceres::CostFunction {
   }
 
  private:
-  /// Steps into shapes that are none are refused; Levenberg-Marquardt then takes a shorter one.
-  static bool plausible(const VectorXd& a) {
-    return a[cornea_c] > 1 / 12.0 && a[cornea_c] < 1 / 5.0 && a[cornea_back_ratio] > 0.6 &&
-           a[cornea_thickness] > 0.2 && a[lens_anterior_radius] > 4 && a[lens_posterior_radius] > 3 &&
-           a[lens_thickness] > 2 && a[anterior_chamber_depth] > 1.2 && a[globe_x] > 6 && a[globe_y] > 6 &&
-           a[globe_z] > 6 && a[wall_lateral] > 0.2 && a[wall_axial] > 0.2 && a[iris_half_thickness] > 0.02 &&
-           a[pupil_radius] > 0.4;
-  }
-
   const FitProblem& problem_;
   const VectorXd& start_;
   const Basis& basis_;
@@ -100,7 +115,13 @@ double residual(const FitProblem& problem, const ForwardModel::AtParameters& at,
 
 NormalEquations evaluate(const FitProblem& problem, const VectorXd& parameters, bool derivatives) {
   const int size = problem.model->layout().size();
-  const ForwardModel::AtParameters at(*problem.model, parameters);
+  VectorXd within = parameters;
+  std::vector<int> beyond;
+  for (const Limit& limit : limits) {
+    within[limit.parameter] = std::clamp(parameters[limit.parameter], limit.lower, limit.upper);
+    if (within[limit.parameter] != parameters[limit.parameter]) beyond.push_back(limit.parameter);
+  }
+  const ForwardModel::AtParameters at(*problem.model, within);
   NormalEquations out;
   if (derivatives) {
     out.hessian = MatrixXd::Zero(size, size);
@@ -135,6 +156,26 @@ NormalEquations evaluate(const FitProblem& problem, const VectorXd& parameters, 
       for (std::size_t i = j; i < places.size(); ++i) column[places[i]] += v * values[i];
     }
   }
+  if (problem.limbus_sigma_mm > 0) {
+    for (int quadrant = 0; quadrant < 4; ++quadrant) {
+      const double r = at.limbus_misfit(quadrant, derivatives ? &row : nullptr) / problem.limbus_sigma_mm;
+      out.cost += r * r / 2;
+      if (!derivatives) continue;
+      for (const int j : row.touched()) {
+        const double v = row[j] / problem.limbus_sigma_mm;
+        out.gradient[j] += v * r;
+        for (const int i : row.touched())
+          if (i >= j) out.hessian(i, j) += v * row[i] / problem.limbus_sigma_mm;
+      }
+    }
+  }
+  if (derivatives) {
+    for (const int i : beyond) {
+      out.gradient[i] = 0;
+      out.hessian.row(i).setZero();
+      out.hessian.col(i).setZero();
+    }
+  }
   const VectorXd pull = (parameters - problem.priors.mean).cwiseQuotient(problem.priors.sigma);
   out.cost += pull.squaredNorm() / 2;
   if (derivatives) {
@@ -161,13 +202,16 @@ SolveResult solve(const FitProblem& problem, const VectorXd& start, const Basis&
   ceres::Solver::Options options;
   options.linear_solver_type = ceres::DENSE_QR;
   options.max_num_iterations = max_iterations;
-  options.function_tolerance = 1e-6;
+  options.function_tolerance = 3e-6;
   options.num_threads = 1;
   options.logging_type = ceres::SILENT;
   ceres::Solver::Summary summary;
   ceres::Solve(options, &ceres_problem, &summary);
   if (!summary.IsSolutionUsable()) throw no_result_error("the fit failed: " + summary.message);
-  return {start + basis * z, summary.final_cost, static_cast<int>(summary.iterations.size()) - 1,
+  VectorXd solution = start + basis * z;
+  for (const Limit& limit : limits)
+    solution[limit.parameter] = std::clamp(solution[limit.parameter], limit.lower, limit.upper);
+  return {std::move(solution), summary.final_cost, static_cast<int>(summary.iterations.size()) - 1,
           summary.termination_type == ceres::CONVERGENCE};
 }
 

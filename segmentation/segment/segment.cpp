@@ -138,6 +138,7 @@ Json fit_json(const EyeResult& eye, const std::optional<double>& roll_deg) {
   const EyeFit& fit = *eye.fit;
   json["globe_centre_lps_mm"] = vector_json(fit.globe_centre_lps());
   json["chi2_per_voxel"] = fit.chi2_per_voxel;
+  json["residual_correlation"] = fit.correlation;
   json["voxels"] = fit.samples.size();
   json["iterations"] = fit.iterations;
   json["converged"] = fit.converged;
@@ -151,6 +152,7 @@ Json fit_json(const EyeResult& eye, const std::optional<double>& roll_deg) {
                               {"reference_intensity", o.reference},
                               {"noise", o.sampling.noise * o.reference},
                               {"shift_lps_mm", vector_json(fit.parameters.segment<3>(at + shift_first))},
+                              {"misfit", fit.misfit[s]},
                               {"gain", std::exp(fit.parameters[at + log_gain])},
                               {"sharpness", std::exp(fit.parameters[at + log_sharpness])}});
   }
