@@ -1,6 +1,10 @@
 #include <fmt/format.h>
 #include <zlib.h>
 
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <array>
+
 #include <cstring>
 #include <limits>
 

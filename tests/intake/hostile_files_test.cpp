@@ -104,6 +104,35 @@ TEST_F(IntakeTest, AHangingDecoderIsEnded) {
               AllOf(HasSubstr(file_name(4)), HasSubstr("(7fe0,0010)"), HasSubstr("processor time")));
 }
 
+TEST_F(IntakeTest, ADeflatedFileMayNotFillTheMemory) {
+  GeneratedSeries series;
+  series.set(4, DCM_Rows, "6400");
+  series.set(4, DCM_Columns, "6400");
+  series.set_pixels(4, std::vector<Uint16>(6400 * 6400));  // 82 MB of zeros, 80 KB when deflated
+  series.write(folder(), EXS_DeflatedLittleEndianExplicit);
+  auto options = quiet();
+  options.limits.child_memory_bytes = 100'000'000;
+  const auto found = segmentation::read_inventory(folder(), options);
+  EXPECT_FALSE(found.series.at(0).usable);
+  EXPECT_THAT(found.series[0].reason, AllOf(HasSubstr(file_name(4)), HasSubstr("emory")));
+}
+
+TEST_F(IntakeTest, TheWallClockIsLimitedAndHangsAreCounted) {
+  GeneratedSeries series;
+  series.write(folder());
+  auto options = quiet();
+  options.limits.wall_s = -1;  // over before it began
+  const auto found = segmentation::read_inventory(folder(), options);
+  EXPECT_FALSE(found.any_usable());
+  int hung = 0, not_read = 0;
+  for (const auto& file : found.skipped) {
+    hung += file.reason.find("took longer") != std::string::npos ? 1 : 0;
+    not_read += file.reason.find("not read") != std::string::npos ? 1 : 0;
+  }
+  EXPECT_EQ(hung, 3);
+  EXPECT_EQ(not_read, 9);
+}
+
 struct Compressed {
   const char* name;
   E_TransferSyntax syntax;

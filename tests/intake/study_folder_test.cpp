@@ -69,6 +69,20 @@ TEST_F(IntakeTest, DataSetsWithoutPreambleAreRead) {
   expect_generated_volume(read_only_series());
 }
 
+TEST_F(IntakeTest, HostileTextsReachNoNamesAndNoIdentity) {
+  GeneratedSeries series;
+  series.set_all(DCM_PatientID, "../../%n<b>ID");
+  series.set_all(DCM_PatientName, "../../%n<b>NAME");
+  series.set_all(DCM_SeriesDescription, "../../etc %n%s <script>");
+  series.write(folder());
+  const auto found = inventory();
+  ASSERT_TRUE(found.series.at(0).usable) << found.series[0].reason;
+  EXPECT_EQ(found.series[0].name, "stack1");
+  const std::string said = to_json(found).dump() + describe(found);
+  EXPECT_THAT(said, Not(HasSubstr("%n<b>")));
+  EXPECT_EQ(found.subject.id.find_first_not_of("0123456789abcdef"), std::string::npos);
+}
+
 TEST_F(IntakeTest, AnEmptyFolderHoldsNoSeries) {
   EXPECT_EQ(inventory().status(), ExitStatus::input_invalid);
   EXPECT_THROW(segmentation::read_inventory(folder() / "missing", quiet()), Error);
