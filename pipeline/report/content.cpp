@@ -9,7 +9,7 @@ namespace emmetrope::report {
 Document make_document(const CaseData& data, const ContentOptions& options, Notes& notes) {
   Document document;
   document.title = "Emmetrope eye report";
-  document.date_iso = data.study_date();
+  document.date_iso = options.study_date;
   if (!options.identity.empty()) document.heading.emplace_back("Patient", options.identity);
   document.heading.emplace_back("Subject", data.subject());
   if (!document.date_iso.empty()) document.heading.emplace_back("Study date", document.date_iso);

@@ -9,6 +9,7 @@ namespace emmetrope::report {
 struct ContentOptions {
   /// "Name, born 1961-02-03" from the study's header; empty: pseudonymous.
   std::string identity;
+  std::string study_date;  ///< YYYY-MM-DD, or empty
 };
 
 /// What could not be drawn or written, in words; costs a figure, never the report.

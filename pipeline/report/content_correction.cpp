@@ -165,7 +165,7 @@ Table cylinder_table(const Eyes& eyes) {
 }  // namespace
 
 Section correction_section(const CaseData& data, Notes& notes) {
-  Section section{"correction", "How the lens was found, and how sure it is", {}, false};
+  Section section{"correction", "How the lens was found", {}, false};
   Eyes eyes;
   for (const auto& eye : data.eyes)
     if (judge(data, eye).has_prescription) eyes.push_back(&eye);

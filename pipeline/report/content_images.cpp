@@ -91,8 +91,11 @@ FigureRow overlays_of(const EyeData& eye) {
     figure.height_px = size_at(20);
     if (!(figure.width_px > 0 && figure.height_px > 0)) continue;
     figure.title = std::string(clinical_name(eye.laterality)) + ": " + file.stem().string();
-    figure.caption = "Drawn by the segmentation stage.";
-    figure.alt = "Overlay of the segmentation on the MR slices";
+    const bool is_residual = file.stem().string().rfind("residual", 0) == 0;
+    figure.caption = is_residual ? "Measured minus modelled signal in units of the noise. It should look like noise; a rim "
+                                   "of one colour is an edge that was missed."
+                                 : "The fit's contours on the slices as they were acquired.";
+    figure.alt = is_residual ? "Residuals of the fit on the MR slices" : "Contours of the fit on the MR slices";
     figure.svg = fmt::format(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" xmlns:xlink=\"http://www.w3.org/1999/xlink\" viewBox=\"0 0 {0} "
         "{1}\"><image width=\"{0}\" height=\"{1}\" xlink:href=\"{2}\"/></svg>",
@@ -147,6 +150,7 @@ Section images_section(const CaseData& data, Notes& notes) {
   if (!more.figures.empty()) section.blocks.push_back({more, false});
   for (const auto& eye : data.eyes) {
     FigureRow overlays = overlays_of(eye);
+    // On paper only where there are no surfaces to show: then they are the evidence for the refusal.
     if (!overlays.figures.empty()) section.blocks.push_back({overlays, !eye.biometry.is_object()});
   }
   if (!section.blocks.empty())

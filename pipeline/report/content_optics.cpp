@@ -36,7 +36,7 @@ Figure chart_figure(const EyeData& eye, const std::string& name, const std::stri
   figure.id = name + "-" + eye.id();
   figure.title = short_name(eye) + ", " + title;
   figure.width_px = 400;
-  figure.height_px = 250;
+  figure.height_px = 225;
   return figure;
 }
 

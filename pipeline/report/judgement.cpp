@@ -67,6 +67,9 @@ std::vector<std::string> unusual_values(const EyeData& eye) {
 Judgement judge(const CaseData& data, const EyeData& eye) {
   const std::vector<std::string> gates = failed_gates(eye);
   const bool fit_refused = eye.fit.is_object() && eye.fit.value("status", "measured") == "refused";
+  const bool was_corrected = data.stage("correction") != nullptr;
+  if (!fit_refused && !was_corrected && data.stage("segmentation")->status != ExitStatus::no_result)
+    return {Light::red, "No prescription: the correction stage has not been run", gates, false};
   if (fit_refused || !eye.prescription.is_object() || !value_of(eye.prescription, "sphere_D"))
     return refused(data, eye, gates);
 

@@ -67,6 +67,13 @@ void write_pictures(const fs::path& folder, const CaseData& data, const SourceSt
     }
 }
 
+/// UID of the series that a stack was made of, from case.json; empty where it names none.
+std::string series_of(const CaseData& data, const std::string& stack_name) {
+  for (const auto& stack : data.case_json.value("stacks", Json::array()))
+    if (stack.value("name", std::string()) == stack_name) return stack.value("uid", std::string());
+  return {};
+}
+
 void write_segmentations(const fs::path& folder, const CaseData& data, const SourceStudy& source, const std::string& result) {
   const fs::path names = data.folder / "segmentation" / "labels.json";
   if (!fs::exists(names)) return;
@@ -77,13 +84,13 @@ void write_segmentations(const fs::path& folder, const CaseData& data, const Sou
     if (!fs::exists(labels)) continue;
     ++number;
     const std::string file = number == 1 ? "segmentation.dcm" : "segmentation_" + std::to_string(number) + ".dcm";
-    write_if_any(folder / file, segmentation_object(source, labels, read_json(names), number, result));
+    write_if_any(folder / file, segmentation_object(source, labels, read_json(names), series_of(data, name), number, result));
   }
 }
 
 }  // namespace
 
-Json fhir_prescription(const CaseData& data) {
+Json fhir_prescription(const CaseData& data, const std::string& study_date) {
   Json lenses = Json::array();
   for (const auto& eye : data.eyes) {
     if (!judge(data, eye).has_prescription) continue;
@@ -102,15 +109,25 @@ Json fhir_prescription(const CaseData& data) {
   }
   if (lenses.empty()) return nullptr;
   Json resource{{"resourceType", "VisionPrescription"}, {"status", "draft"}};
-  const std::string date = data.study_date();
-  if (!date.empty()) {
-    resource["created"] = date;
-    resource["dateWritten"] = date;
+  if (study_date.empty()) {
+    const Json unknown{{"extension", {{{"url", "http://hl7.org/fhir/StructureDefinition/data-absent-reason"},
+                                       {"valueCode", "unknown"}}}}};
+    resource["_created"] = unknown;
+    resource["_dateWritten"] = unknown;
+  } else {
+    resource["created"] = study_date;
+    resource["dateWritten"] = study_date;
   }
   resource["patient"] = {{"identifier", {{"value", data.subject()}}}};
   resource["prescriber"] = {{"display", "None: made by software, unverified"}};
   resource["lensSpecification"] = lenses;
   return resource;
+}
+
+std::string study_date_of(const CaseData& data, const SourceStudy& source) {
+  if (!data.study_date().empty() || source.images().empty()) return data.study_date();
+  const std::string date = source.date();
+  return date.substr(0, 4) + "-" + date.substr(4, 2) + "-" + date.substr(6, 2);
 }
 
 void write_objects(const fs::path& folder, const CaseData& data, const SourceStudy& source, const std::string& pdf,
@@ -125,7 +142,7 @@ void write_objects(const fs::path& folder, const CaseData& data, const SourceStu
   attempt(notes, "A surface mesh as DICOM", [&] { write_meshes(more, data, source, result); });
   attempt(notes, "A retinal image as DICOM", [&] { write_pictures(more, data, source, result); });
   attempt(notes, "report.dcm", [&] { write_file(folder / "report.dcm", pdf_object(source, pdf, identified, result)); });
-  if (const Json fhir = fhir_prescription(data); !fhir.is_null()) write_json(folder / "prescription.fhir.json", fhir);
+  if (const Json fhir = fhir_prescription(data, study_date_of(data, source)); !fhir.is_null()) write_json(folder / "prescription.fhir.json", fhir);
   if (fs::is_empty(more)) fs::remove(more);
 }
 

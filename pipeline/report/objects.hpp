@@ -15,6 +15,10 @@ void write_objects(const std::filesystem::path& folder, const CaseData& data, co
                    const std::string& pdf, bool identified, Notes& notes);
 
 /// FHIR R4 VisionPrescription of the eyes that have a prescription; null when none has.
-Json fhir_prescription(const CaseData& data);
+/// \param study_date  YYYY-MM-DD, or empty when it is not known
+Json fhir_prescription(const CaseData& data, const std::string& study_date);
+
+/// YYYY-MM-DD from case.json, else from the source study's header; empty when neither knows it.
+std::string study_date_of(const CaseData& data, const SourceStudy& source);
 
 }  // namespace emmetrope::report

@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <memory>
+#include <sstream>
 
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/version.hpp"
@@ -186,6 +187,11 @@ double cell_width(Pages& pages, const std::string& text, const Face& face) {
 /// Column widths: what the cells need, the first column yields when there is too little room.
 std::vector<double> column_widths(Pages& pages, const Table& table, double width, const Face& face) {
   std::vector<double> widths(table.header.size(), 0);
+  const Face head{7.5, true, soft};
+  for (std::size_t column = 0; column < widths.size(); ++column) {  // a header may break, but not inside a word
+    std::istringstream words(table.header[column]);
+    for (std::string word; words >> word;) widths[column] = std::max(widths[column], cell_width(pages, word, head) + 8);
+  }
   for (std::size_t column = 0; column < widths.size(); ++column)
     for (const auto& row : table.rows)
       if (column < row.size()) widths[column] = std::max(widths[column], cell_width(pages, row[column], face) + 8);
@@ -224,13 +230,23 @@ void draw_table_at(Pages& pages, const Table& table, double x, double width) {
   pages.skip(7);
 }
 
+/// How the figures of a row share the lines of a page.
+struct FigureLine {
+  std::size_t count = 2;
+  double width_of_one = 0;
+};
+
+FigureLine figure_line(const FigureRow& row) {
+  const std::size_t most = row.figures.front().width_px >= 400 ? 2 : 4;  // charts have small lettering
+  const std::size_t count = std::clamp<std::size_t>(row.figures.size(), 2, most);
+  return {count, (text_width - figure_gap * static_cast<double>(count - 1)) / static_cast<double>(count)};
+}
+
 void draw_figures(Pages& pages, const FigureRow& row) {
   if (row.figures.empty()) return;
-  const std::size_t most = row.figures.front().width_px >= 400 ? 2 : 4;  // charts have small lettering
-  const std::size_t per_line = std::clamp<std::size_t>(row.figures.size(), 2, most);
+  const auto [per_line, width] = figure_line(row);
   for (std::size_t first = 0; first < row.figures.size(); first += per_line) {
     const std::size_t count = std::min(per_line, row.figures.size() - first);
-    const double width = (text_width - figure_gap * static_cast<double>(per_line - 1)) / static_cast<double>(per_line);
     const Face title{7.5, true, black}, caption{7, false, soft};
     double title_height = 0, picture_height = 0, caption_height = 0;
     for (std::size_t i = first; i < first + count; ++i) {
@@ -329,6 +345,18 @@ struct DrawBlock {
   }
 };
 
+/// What must follow a title on its page.
+struct LeastHeight {
+  Pages& pages;
+
+  double operator()(const Paragraph& block) const { return pages.text_height(block.text, text_width, {}); }
+  double operator()(const FigureRow& block) const { return figure_line(block).width_of_one; }
+  double operator()(const EyeCards& /*block*/) const { return 200; }
+  double operator()(const Table& /*block*/) const { return 80; }
+  double operator()(const BulletList& /*block*/) const { return 30; }
+  double operator()(const Folded& /*block*/) const { return 0; }
+};
+
 int draw(const Document& document, cairo_t* context, int total) {
   Pages pages(document, context, total);
   for (const auto& section : document.sections) {
@@ -336,7 +364,9 @@ int draw(const Document& document, cairo_t* context, int total) {
                                  [](const SectionBlock& block) { return block.in_pdf; });
     if (!any) continue;
     if (section.page_break && !pages.is_fresh()) pages.new_page();
-    pages.need(110);
+    const auto first = std::find_if(section.blocks.begin(), section.blocks.end(),
+                                    [](const SectionBlock& block) { return block.in_pdf; });
+    pages.need(20 + std::visit(LeastHeight{pages}, first->block));
     pages.paragraph(section.title, {12, true, black});
     pages.skip(4);
     for (const auto& block : section.blocks)

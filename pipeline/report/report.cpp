@@ -89,6 +89,7 @@ Source source_of(const CaseData& data, const ReportOptions& options) {
 }  // namespace
 
 Answer write_report(const ReportOptions& options, const CommonOptions& common) {
+  quiet_dicom_library();
   const CaseData data = read_case(options.case_folder, common.laterality);
   const Source source = source_of(data, options);
   const auto work = [&](StageWorkspace& workspace) {
@@ -96,7 +97,9 @@ Answer write_report(const ReportOptions& options, const CommonOptions& common) {
     if (!source.note.empty()) notes.push_back(source.note);
     const ViewerData viewer = make_viewer_data(data, notes);
     const Document document =
-        make_document(data, {options.identified ? source.study.identity() : std::string()}, notes);
+        make_document(data,
+                      {options.identified ? source.study.identity() : std::string(), study_date_of(data, source.study)},
+                      notes);
     const Pdf pdf = render_pdf(document);
     write_file(workspace.folder() / "report.html", render_html(document, viewer));
     write_file(workspace.folder() / "report.pdf", pdf.bytes);

@@ -1,5 +1,7 @@
 #include "fixture_case.hpp"
 
+#include <dcmtk/config/osconfig.h>
+#include <dcmtk/dcmdata/dctk.h>
 #include <zlib.h>
 
 #include <Eigen/Geometry>
@@ -309,6 +311,33 @@ void make_fixture_case(const fs::path& folder, const FixtureOptions& options) {
   write_stage(folder, "segmentation", status, reasons, warnings);
   if (options.refused) return;
   for (const char* stage : {"meshing", "raytrace", "correction"}) write_stage(folder, stage, status, Json::array(), Json::array());
+}
+
+void make_fixture_study(const fs::path& folder) {
+  fs::create_directories(folder);
+  for (int k = 0; k < slices; k += 10) {
+    DcmFileFormat format;
+    DcmDataset& set = *format.getDataset();
+    const auto put = [&](const DcmTagKey& tag, const std::string& value) { set.putAndInsertString(tag, value.c_str()); };
+    put(DCM_SOPClassUID, UID_MRImageStorage);
+    put(DCM_SOPInstanceUID, "1.2.826.0.1.3680043.10.1.3.7" + std::to_string(k));
+    put(DCM_StudyInstanceUID, "1.2.826.0.1.3680043.10.1.1");
+    put(DCM_SeriesInstanceUID, "1.2.826.0.1.3680043.10.1.2");
+    put(DCM_FrameOfReferenceUID, "1.2.826.0.1.3680043.10.1.4");
+    put(DCM_Modality, "MR");
+    put(DCM_PatientName, "DOE^JANE");
+    put(DCM_PatientID, "MRN-4711");
+    put(DCM_PatientBirthDate, "19610203");
+    put(DCM_PatientSex, "F");
+    put(DCM_StudyDate, "20260314");
+    put(DCM_StudyTime, "101500");
+    put(DCM_ReferringPhysicianName, "");
+    put(DCM_StudyID, "1");
+    put(DCM_AccessionNumber, "");
+    put(DCM_ImageOrientationPatient, "1\\0\\0\\0\\1\\0");
+    put(DCM_ImagePositionPatient, "-56\\-60\\" + std::to_string(first_voxel_lps.z() + k * voxel_mm));
+    format.saveFile((folder / ("slice" + std::to_string(k))).c_str(), EXS_LittleEndianExplicit);
+  }
 }
 
 }  // namespace emmetrope::test

@@ -31,7 +31,8 @@ std::string picture_object(const SourceStudy& source, const std::string& rgb, in
                            const std::string& title, int number, const std::string& result);
 
 /// Segmentation (SEG) of one stack's label volume, a segment per label, coded and with laterality.
+/// \param series_uid  whose images the stack was made of; empty where it is not known
 std::string segmentation_object(const SourceStudy& source, const std::filesystem::path& label_nifti, const Json& labels_json,
-                                int number, const std::string& result);
+                                const std::string& series_uid, int number, const std::string& result);
 
 }  // namespace emmetrope::report

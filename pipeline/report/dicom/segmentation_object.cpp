@@ -28,7 +28,7 @@ constexpr std::array<StructureCode, 12> structures{{{"cornea", "28726007", "Corn
                                                     {"lens", "78076003", "Lens of eye"},
                                                     {"iris", "41296002", "Iris"},
                                                     {"aqueous", "31636006", "Anterior chamber of eye"},
-                                                    {"anterior_chamber", "31636006", "Anterior chamber of eye"},
+                                                    {"anterior chamber", "31636006", "Anterior chamber of eye"},
                                                     {"vitreous", "372242005", "Vitreous body"},
                                                     {"sclera", "18619003", "Sclera"},
                                                     {"wall", "18619003", "Sclera"},
@@ -46,7 +46,7 @@ const StructureCode& code_of(const std::string& name) {
 struct Label {
   int value = 0;
   std::string name;  ///< "od_cornea"
-  /// Whole words, so that "posterior" names no eye.
+  /// "od_..." or "right ...".
   bool is_right() const { return name.rfind("od", 0) == 0 || name.find("right") != std::string::npos; }
   bool is_left() const { return name.rfind("os", 0) == 0 || name.find("left") != std::string::npos; }
 };
@@ -70,6 +70,7 @@ std::vector<Label> labels_of(const Json& json) {
                               [](const Label& label) { return label.value <= 0 || label.name.empty(); }),
                labels.end());
   std::sort(labels.begin(), labels.end(), [](const Label& a, const Label& b) { return a.value < b.value; });
+  for (auto& label : labels) std::replace(label.name.begin(), label.name.end(), '_', ' ');
   return labels;
 }
 
@@ -102,7 +103,7 @@ std::unique_ptr<DcmSegment> segment_of(const Label& label) {
   return segment;
 }
 
-void add_frame(DcmSegmentation& object, const SourceStudy& source, const PlaneGrid& grid, const Eigen::Vector3d& position,
+void add_frame(DcmSegmentation& object, const SourceStudy& source, const std::string& series_uid, const PlaneGrid& grid, const Eigen::Vector3d& position,
                Uint16 segment, Uint32 plane, std::vector<Uint8>& mask) {
   FGPlanePosPatient place;
   check(place.setImagePositionPatient(decimal(position.x()).c_str(), decimal(position.y()).c_str(),
@@ -116,7 +117,8 @@ void add_frame(DcmSegmentation& object, const SourceStudy& source, const PlaneGr
   FGDerivationImage derivation;
   DerivationImageItem* item = nullptr;
   for (const auto& image : source.images()) {
-    const bool lies_here = std::abs((image.position_lps - position).dot(grid.normal)) < grid.slice_spacing_mm / 2 &&
+    const bool is_of_stack = series_uid.empty() || image.series_uid == series_uid;
+    const bool lies_here = is_of_stack && std::abs((image.position_lps - position).dot(grid.normal)) < grid.slice_spacing_mm / 2 &&
                            std::abs(std::abs(image.normal.dot(grid.normal)) - 1) < 1e-3;
     if (!lies_here) continue;
     if (item == nullptr)
@@ -153,7 +155,7 @@ void share_geometry(DcmSegmentation& object, const PlaneGrid& grid) {
 }  // namespace
 
 std::string segmentation_object(const SourceStudy& source, const std::filesystem::path& label_nifti, const Json& labels_json,
-                                int number, const std::string& result) {
+                                const std::string& series_uid, int number, const std::string& result) {
   const Volume volume(label_nifti);
   const Eigen::Vector3i size = volume.size();
   const PlaneGrid grid = grid_of(volume.lps_from_voxel());
@@ -187,7 +189,7 @@ std::string segmentation_object(const SourceStudy& source, const std::filesystem
       if (!is_there) continue;
       if (segment == 0) check(object->addSegment(segment_of(label).release(), segment), "segment");
       const Eigen::Vector3d position = (volume.lps_from_voxel() * Eigen::Vector4d(0, 0, k, 1)).head<3>();
-      add_frame(*object, source, grid, position, segment, static_cast<Uint32>(k + 1), mask);
+      add_frame(*object, source, series_uid, grid, position, segment, static_cast<Uint32>(k + 1), mask);
       any = true;
     }
   }

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <array>
+#include <set>
 
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/files.hpp"
@@ -64,6 +65,8 @@ std::vector<fs::path> files_of(const fs::path& study) {
 
 }  // namespace
 
+void quiet_dicom_library() { OFLog::configure(OFLogger::OFF_LOG_LEVEL); }
+
 SourceStudy::SourceStudy() : header_(std::make_unique<DcmItem>()) {}
 SourceStudy::SourceStudy(SourceStudy&&) noexcept = default;
 SourceStudy& SourceStudy::operator=(SourceStudy&&) noexcept = default;
@@ -71,9 +74,10 @@ SourceStudy::~SourceStudy() = default;
 
 SourceStudy SourceStudy::read(const fs::path& study, const Json& case_json) {
   SourceStudy source;
-  const std::string used = case_json.dump(-1, ' ', false, Json::error_handler_t::replace);
+  std::set<std::string> used;
+  for (const auto& stack : case_json.value("stacks", Json::array()))
+    if (stack.value("used", true)) used.insert(stack.value("uid", std::string()));
   std::vector<SourceImage> named;
-  std::string first_named;
   for (const auto& file : files_of(study)) {
     DcmFileFormat format;
     if (format.loadFileUntilTag(file.c_str(), EXS_Unknown, EGL_noChange, DCM_MaxReadLength, ERM_autoDetect, DCM_PixelData).bad())
@@ -88,7 +92,7 @@ SourceStudy SourceStudy::read(const fs::path& study, const Json& case_json) {
     image.position_lps = vector_of(dataset, DCM_ImagePositionPatient, 0);
     image.normal = vector_of(dataset, DCM_ImageOrientationPatient, 0).cross(vector_of(dataset, DCM_ImageOrientationPatient, 3));
     if (image.sop_instance_uid.empty() || image.series_uid.empty()) continue;
-    const bool is_named = used.find("\"" + image.series_uid + "\"") != std::string::npos;
+    const bool is_named = used.count(image.series_uid) > 0;
     if (source.images_.empty() || (is_named && named.empty())) {
       source.header_->clear();
       for (const auto& tag : study_tags()) dataset.findAndInsertCopyOfElement(tag, source.header_.get());
