@@ -14,6 +14,7 @@
 #include <string>
 
 #include "pipeline/base/error.hpp"
+#include "pipeline/base/version.hpp"
 #include "segmentation/intake/dicom_header.hpp"
 #include "segmentation/intake/dicom_pixels.hpp"
 
@@ -99,9 +100,12 @@ int serve([[maybe_unused]] std::uint64_t memory_bytes, std::uint64_t byte_limit,
 
 int main(int argc, char** argv) {
   if (argc != 4) {
-    std::cerr
-        << "emmetrope-decode reads untrusted files for other commands and is not to be called by hand.\n";
-    return 2;
+    const bool asked = argc == 2 && (std::string(argv[1]) == "--help" || std::string(argv[1]) == "--version");
+    (asked ? std::cout : std::cerr)
+        << "emmetrope-decode " << emmetrope::version()
+        << " reads untrusted files for other commands; it is not to be called by hand.\n"
+           "Example: emmetrope inventory STUDY\n";
+    return asked ? 0 : 2;
   }
   return emmetrope::segmentation::serve(std::strtoull(argv[1], nullptr, 10),
                                         std::strtoull(argv[2], nullptr, 10), std::strtod(argv[3], nullptr));

@@ -4,7 +4,6 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <array>
-
 #include <cstring>
 #include <limits>
 

@@ -284,6 +284,9 @@ void add_warnings(const Files& files, SeriesInfo& info) {
       files, [](const auto& file) { return file.header.description_repaired; },
       to_string(tag::series_description) + " is not in the character set " + to_string(tag::character_set),
       info);
+  warn_of_files(
+      files, [](const auto& file) { return file.header.value(tag::lossy_compression) == "01"; },
+      to_string(tag::lossy_compression) + " says that the image was compressed with loss", info);
   if (!shows_head(info.body_part))
     info.warnings.push_back(to_string(tag::body_part) + " is " + in_quotes(info.body_part) +
                             ", not the head");

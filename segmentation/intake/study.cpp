@@ -202,6 +202,7 @@ StudyInventory read_inventory(const fs::path& study, const IntakeOptions& option
   });
   for (std::size_t i = 0; i < inventory.series.size(); ++i)
     inventory.series[i].name = fmt::format("stack{}", i + 1);
+  for (const auto& choice : options.choices) inventory.find(uid_of_choice(choice));
   std::sort(inventory.skipped.begin(), inventory.skipped.end(),
             [](const SkippedFile& a, const SkippedFile& b) { return a.file < b.file; });
   return inventory;

@@ -74,6 +74,7 @@ inline constexpr Tag burned_in_annotation{0x0028, 0x0301, "BurnedInAnnotation"};
 inline constexpr Tag rescale_intercept{0x0028, 0x1052, "RescaleIntercept"};
 inline constexpr Tag rescale_slope{0x0028, 0x1053, "RescaleSlope"};
 inline constexpr Tag private_creator_2005{0x2005, 0x0010, "PrivateCreator 2005"};
+inline constexpr Tag lossy_compression{0x0028, 0x2110, "LossyImageCompression"};
 inline constexpr Tag philips_scale_intercept{0x2005, 0x100d, "Philips ScaleIntercept"};
 inline constexpr Tag philips_scale_slope{0x2005, 0x100e, "Philips ScaleSlope"};
 inline constexpr Tag pixel_data{0x7fe0, 0x0010, "PixelData"};
@@ -144,7 +145,8 @@ inline constexpr Tag of_data_set[] = {image_type,
                                       philips_scale_slope,
                                       complex_image_component,
                                       private_creator_0019,
-                                      private_creator_2005};
+                                      private_creator_2005,
+                                      lossy_compression};
 
 struct FrameTag {
   Tag macro, attribute;

@@ -270,6 +270,22 @@ TEST_F(IntakeTest, ADisagreeingSliceSpacingIsWarnedOfAndNotUsed) {
   EXPECT_EQ(read_only_series().slice_thickness_mm, 4);
 }
 
+TEST_F(IntakeTest, LossyCompressionIsWarnedOf) {
+  GeneratedSeries series;
+  series.set(3, DCM_LossyImageCompression, "01");
+  series.write(folder());
+  EXPECT_TRUE(only_series().usable);
+  EXPECT_THAT(only_series().warnings, Contains(AllOf(HasSubstr("(0028,2110)"), HasSubstr(file_name(3)))));
+}
+
+TEST_F(IntakeTest, AChoiceOfAnAbsentSeriesIsAnError) {
+  GeneratedSeries series;
+  series.write(folder());
+  auto options = quiet();
+  options.choices = {"1.2.3,EchoTime=91"};
+  EXPECT_THROW(segmentation::read_inventory(folder(), options), Error);
+}
+
 TEST_F(IntakeTest, AnotherBodyPartIsWarnedOf) {
   GeneratedSeries series;
   series.set_all(DCM_BodyPartExamined, "KNEE");
