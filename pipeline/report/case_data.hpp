@@ -43,8 +43,8 @@ struct StageData {
 struct CaseData {
   std::filesystem::path folder;
   Json case_json;
-  std::vector<StageData> stages;       ///< those that have run, in the pipeline's order
-  std::vector<EyeData> eyes;           ///< od, os: those that were asked for
+  std::vector<StageData> stages;              ///< those that have run, in the pipeline's order
+  std::vector<EyeData> eyes;                  ///< od, os: those that were asked for
   std::vector<std::filesystem::path> stacks;  ///< segmentation/<stack>.nii.gz, without the label volumes
 
   const StageData* stage(const std::string& name) const;
@@ -57,8 +57,8 @@ struct CaseData {
 /// \throw Error (input_invalid) when the case lacks case.json or segmentation, or a file is broken
 CaseData read_case(const std::filesystem::path& folder, LateralityChoice eyes);
 
-/// Middle of the eye (LPS, mm): the globe's centre from the fit, else the middle of its axis; nothing for an eye that
-/// was not found.
+/// Middle of the eye (LPS, mm): the globe's centre from the fit, else the middle of its axis; nothing for an
+/// eye that was not found.
 std::optional<Eigen::Vector3d> globe_centre(const EyeData& eye);
 
 /// A number of a JSON document that may be plain or measured; nothing where it is missing or null.

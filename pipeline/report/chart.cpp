@@ -74,12 +74,13 @@ bool draw_chart(Figure& figure, const std::string& script) {
   if (!gnuplot) return false;
   const TemporaryFolder folder;
   const fs::path script_file = folder.path() / "chart.gp", svg_file = folder.path() / "chart.svg";
-  write_file(script_file, fmt::format("set encoding utf8\n"
-                                      "set terminal svg size {},{} dynamic font 'DejaVu Sans,11'\n"
-                                      "set output '{}'\n"
-                                      "set border 3\nset tics nomirror\nset grid ytics back lw 0.4 lc rgb '#b8c0c8'\n",
-                                      figure.width_px, figure.height_px, svg_file.string()) +
-                              script);
+  write_file(script_file,
+             fmt::format("set encoding utf8\n"
+                         "set terminal svg size {},{} dynamic font 'DejaVu Sans,11'\n"
+                         "set output '{}'\n"
+                         "set border 3\nset tics nomirror\nset grid ytics back lw 0.4 lc rgb '#b8c0c8'\n",
+                         figure.width_px, figure.height_px, svg_file.string()) +
+                 script);
   const auto result = run_process(*gnuplot, {script_file.string()}, ChildOutput::discard);
   if (result.status != 0 || !fs::exists(svg_file)) {
     spdlog::warn("gnuplot could not draw the figure {} (status {})", figure.id, result.status);

@@ -4,7 +4,8 @@
 
 #include "pipeline/report/document.hpp"
 
-/// Charts as SVG by gnuplot. Black becomes currentColor, so that a chart follows the page's light or dark scheme.
+/// Charts as SVG by gnuplot. Black becomes currentColor, so that a chart follows the page's light or dark
+/// scheme.
 namespace emmetrope::report {
 
 /// The gnuplot on PATH; nothing where there is none.
@@ -15,7 +16,8 @@ std::optional<std::string> find_gnuplot();
 /// \return false where gnuplot is missing or fails: the report then says so instead
 bool draw_chart(Figure& figure, const std::string& script);
 
-/// Series colours that read on white and on dark grey, and with the common colour blindnesses (Okabe and Ito).
+/// Series colours that read on white and on dark grey, and with the common colour blindnesses (Okabe and
+/// Ito).
 inline constexpr const char* first_colour = "#2b83c6";
 inline constexpr const char* second_colour = "#d9661f";
 inline constexpr const char* third_colour = "#1f9e77";

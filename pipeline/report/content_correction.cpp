@@ -13,14 +13,16 @@ using Eyes = std::vector<const EyeData*>;
 std::string short_name(const EyeData& eye) { return eye.laterality == Laterality::od ? "OD" : "OS"; }
 
 bool ends_with(const std::string& text, const std::string& ending) {
-  return text.size() >= ending.size() && text.compare(text.size() - ending.size(), ending.size(), ending) == 0;
+  return text.size() >= ending.size() &&
+         text.compare(text.size() - ending.size(), ending.size(), ending) == 0;
 }
 
 /// Columns of the sweep that are measures of sharpness: those without a unit.
 std::vector<std::size_t> measures_of(const Sweep& sweep) {
   std::vector<std::size_t> columns;
   for (std::size_t i = 1; i < sweep.names.size(); ++i)
-    if (!ends_with(sweep.names[i], "_mm") && !ends_with(sweep.names[i], "_D") && !ends_with(sweep.names[i], "_deg"))
+    if (!ends_with(sweep.names[i], "_mm") && !ends_with(sweep.names[i], "_D") &&
+        !ends_with(sweep.names[i], "_deg"))
       columns.push_back(i);
   return columns;
 }
@@ -55,18 +57,20 @@ Figure sharpness_figure(const EyeData& eye) {
     script += "\n";
   }
   const bool is_radius = ends_with(sweep.names[0], "_mm");
-  script += fmt::format("EOD\nset xlabel '{}'\nset ylabel 'Sharpness, relative'\nset key bottom right font ',9'\n",
-                        is_radius ? "Radius of the back surface (mm)" : words(sweep.names[0]));
+  script +=
+      fmt::format("EOD\nset xlabel '{}'\nset ylabel 'Sharpness, relative'\nset key bottom right font ',9'\n",
+                  is_radius ? "Radius of the back surface (mm)" : words(sweep.names[0]));
   script += "set yrange [0:1.05]\n";
   if (is_positive) script += "set logscale x\nset xtics (20, 50, 100, 200, 500)\n";
   if (const auto optimum = value_of(eye.prescription.value("plano_cylinder", Json::object()), sweep.names[0]))
-    script += fmt::format("set arrow from {0:.6g}, graph 0 to {0:.6g}, graph 1 nohead dt 2 lc rgb '{1}'\n", *optimum,
-                          second_colour);
+    script += fmt::format("set arrow from {0:.6g}, graph 0 to {0:.6g}, graph 1 nohead dt 2 lc rgb '{1}'\n",
+                          *optimum, second_colour);
   const std::array<const char*, 3> colours{first_colour, third_colour, quiet_colour};
   script += "plot ";
   for (std::size_t i = 0; i < measures.size(); ++i)
-    script += fmt::format("{}$sweep using 1:{} with lines lw 2 dt {} lc rgb '{}' title '{}'", i == 0 ? "" : ", ", i + 2,
-                          i + 1, colours[i % colours.size()], words(sweep.names[measures[i]]));
+    script +=
+        fmt::format("{}$sweep using 1:{} with lines lw 2 dt {} lc rgb '{}' title '{}'", i == 0 ? "" : ", ",
+                    i + 2, i + 1, colours[i % colours.size()], words(sweep.names[measures[i]]));
   return draw_chart(figure, script + "\n") ? figure : Figure();
 }
 
@@ -172,23 +176,27 @@ Section correction_section(const CaseData& data, Notes& notes) {
   if (eyes.empty()) return section;
   for (const Table& table :
        {criteria_table(eyes),
-        joined_table(eyes, "budget", "source", "Where the uncertainty comes from (1 standard deviation)", "Source"),
-        joined_table(eyes, "if_measured", "measurement", "What a measurement would leave (1 standard deviation)",
-                     "If this were known")})
+        joined_table(eyes, "budget", "source", "Where the uncertainty comes from (1 standard deviation)",
+                     "Source"),
+        joined_table(eyes, "if_measured", "measurement",
+                     "What a measurement would leave (1 standard deviation)", "If this were known")})
     if (!table.rows.empty()) section.blocks.push_back({table});
   if (const Table table = cylinder_table(eyes); !table.rows.empty()) section.blocks.push_back({table, false});
   FigureRow charts;
   charts.caption =
-      "Each measure against its own maximum. A single peak at the line is a lens well found; a flat top says that the "
+      "Each measure against its own maximum. A single peak at the line is a lens well found; a flat top says "
+      "that the "
       "image hardly cares.";
   for (const auto* eye : eyes) {
     const Json difference = eye->prescription.value("difference", Json::object());
     if (difference.is_object() && difference.contains("text"))
-      section.blocks.push_back({Paragraph{short_name(*eye) + ": " + difference.value("text", std::string())}, false});
+      section.blocks.push_back(
+          {Paragraph{short_name(*eye) + ": " + difference.value("text", std::string())}, false});
     if (!eye->sweep) continue;
     const Figure figure = sharpness_figure(*eye);
     if (figure.svg.empty())
-      notes.push_back(short_name(*eye) + ": the sharpness curve is missing, because gnuplot is not installed or failed.");
+      notes.push_back(short_name(*eye) +
+                      ": the sharpness curve is missing, because gnuplot is not installed or failed.");
     else
       charts.figures.push_back(figure);
   }

@@ -40,9 +40,12 @@ double blur_in_plane_mm(const Volume& volume, Plane plane) {
   const Eigen::Matrix3d columns = volume.lps_from_voxel().block<3, 3>(0, 0).cwiseAbs();
   const Eigen::Vector3d extent = columns.rowwise().maxCoeff();
   switch (plane) {
-    case Plane::axial: return extent.x() * extent.y();
-    case Plane::coronal: return extent.x() * extent.z();
-    case Plane::sagittal: break;
+    case Plane::axial:
+      return extent.x() * extent.y();
+    case Plane::coronal:
+      return extent.x() * extent.z();
+    case Plane::sagittal:
+      break;
   }
   return extent.y() * extent.z();
 }
@@ -57,7 +60,8 @@ FigureRow slices_of(const EyeData& eye, const std::vector<std::pair<std::string,
     const std::pair<std::string, Volume>* best = nullptr;
     for (const auto& candidate : volumes) {
       if (candidate.second.coverage(centre, 11) < 0.9) continue;
-      if (best == nullptr || blur_in_plane_mm(candidate.second, plane) < blur_in_plane_mm(best->second, plane))
+      if (best == nullptr ||
+          blur_in_plane_mm(candidate.second, plane) < blur_in_plane_mm(best->second, plane))
         best = &candidate;
     }
     if (best == nullptr) continue;
@@ -90,14 +94,22 @@ FigureRow overlays_of(const EyeData& eye) {
     figure.width_px = size_at(16);
     figure.height_px = size_at(20);
     if (!(figure.width_px > 0 && figure.height_px > 0)) continue;
-    figure.title = std::string(clinical_name(eye.laterality)) + ": " + file.stem().string();
-    const bool is_residual = file.stem().string().rfind("residual", 0) == 0;
-    figure.caption = is_residual ? "Measured minus modelled signal in units of the noise. It should look like noise; a rim "
-                                   "of one colour is an edge that was missed."
-                                 : "The fit's contours on the slices as they were acquired.";
-    figure.alt = is_residual ? "Residuals of the fit on the MR slices" : "Contours of the fit on the MR slices";
+    const std::string stem = file.stem().string();
+    const bool is_residual = stem.rfind("residual", 0) == 0;
+    const auto underscore = stem.find('_');
+    figure.title = std::string(eye.laterality == Laterality::od ? "OD, " : "OS, ") +
+                   (is_residual ? "residuals of the fit" : "contours of the fit") +
+                   (underscore == std::string::npos ? "" : ", " + stem.substr(underscore + 1));
+    figure.caption =
+        is_residual
+            ? "Measured minus modelled signal in units of the noise. It should look like noise; a rim "
+              "of one colour is an edge that was missed."
+            : "The fit's contours on the slices as they were acquired.";
+    figure.alt =
+        is_residual ? "Residuals of the fit on the MR slices" : "Contours of the fit on the MR slices";
     figure.svg = fmt::format(
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" xmlns:xlink=\"http://www.w3.org/1999/xlink\" viewBox=\"0 0 {0} "
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" xmlns:xlink=\"http://www.w3.org/1999/xlink\" viewBox=\"0 "
+        "0 {0} "
         "{1}\"><image width=\"{0}\" height=\"{1}\" xlink:href=\"{2}\"/></svg>",
         figure.width_px, figure.height_px, png_url(png));
     row.figures.push_back(std::move(figure));
@@ -134,7 +146,10 @@ Section images_section(const CaseData& data, Notes& notes) {
       notes.push_back(std::string("A stack could not be shown: ") + error.what());
     }
   }
-  const std::string look = "Contours should follow the edges: cornea blue, lens orange, inner retina pink.";
+  const bool any_surface = std::any_of(data.eyes.begin(), data.eyes.end(),
+                                       [](const EyeData& eye) { return fs::exists(eye.mesh("retina")); });
+  const std::string look =
+      any_surface ? "Contours should follow the edges: cornea blue, lens orange, inner retina pink." : "";
   FigureRow printed{{}, look, true}, more{{}, look, true};
   for (const auto& eye : data.eyes) {
     const auto centre = globe_centre(eye);
@@ -154,9 +169,11 @@ Section images_section(const CaseData& data, Notes& notes) {
     if (!overlays.figures.empty()) section.blocks.push_back({overlays, !eye.biometry.is_object()});
   }
   if (!section.blocks.empty())
-    section.blocks.push_back({Paragraph{
-        "Slices are in the patient's axes through the middle of the globe, in radiological convention: the patient's "
-        "right is on the left of the picture. R right, L left, A anterior, P posterior, S superior, I inferior."}});
+    section.blocks.push_back(
+        {Paragraph{"Slices are in the patient's axes through the middle of the globe, in radiological "
+                   "convention: the patient's "
+                   "right is on the left of the picture. R right, L left, A anterior, P posterior, S "
+                   "superior, I inferior."}});
   return section;
 }
 
@@ -174,14 +191,16 @@ Section cornea_section(const CaseData& data, Notes& notes) {
     power.height_px = 300;
     power.title = name + ", axial power";
     powers.caption =
-        "Colours step by 1.5 D on a scale that is the same for all eyes. Solid line: steep meridian; dashed: flat. A "
+        "Colours step by 1.5 D on a scale that is the same for all eyes. Solid line: steep meridian; dashed: "
+        "flat. A "
         "bow tie is regular astigmatism; asymmetry is irregular. N nasal, T temporal.";
     power.alt = "Colour map of the axial power of the cornea";
     Figure elevation = power;
     elevation.id = "elevation-" + eye.id();
     elevation.title = name + ", elevation over a sphere of " + fixed(grid.best_sphere_radius_mm, 2) + " mm";
     elevations.caption =
-        "Red lies above the best-fit sphere, blue below. A toric cornea shows a saddle, a cone one red island.";
+        "Red lies above the best-fit sphere, blue below. A toric cornea shows a saddle, a cone one red "
+        "island.";
     elevation.alt = "Colour map of corneal elevation over the best-fit sphere";
     const double flat = axis_at(eye.biometry, "flat"), steep = axis_at(eye.biometry, "steep");
     const bool has_power = draw_axial_power(power, grid, flat, steep, is_right);

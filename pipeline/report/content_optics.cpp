@@ -15,7 +15,8 @@ constexpr int picture_px = 300;
 std::string short_name(const EyeData& eye) { return eye.laterality == Laterality::od ? "OD" : "OS"; }
 
 std::optional<PupilWavefront> wavefront_of(const EyeData& eye) {
-  const auto pupil = value_of(eye.wavefront, "pupil_mm"), wavelength = value_of(eye.wavefront, "wavelength_nm");
+  const auto pupil = value_of(eye.wavefront, "pupil_mm"),
+             wavelength = value_of(eye.wavefront, "wavelength_nm");
   if (!pupil || !wavelength || !eye.wavefront.contains("zernike_um")) return std::nullopt;
   return PupilWavefront{*pupil, *wavelength, eye.wavefront["zernike_um"].get<std::vector<double>>()};
 }
@@ -53,12 +54,14 @@ Figure zernike_figure(const EyeData& eye, const PupilWavefront& wavefront) {
   script += fmt::format(
       "EOD\nset style fill solid 0.85\nset boxwidth 0.7\nunset key\nset xzeroaxis lt 1 lc rgb '{}'\n"
       "set ylabel 'Coefficient (\u00b5m)'\nset xlabel 'Zernike term n,m (OSA/ANSI)' offset 0,-0.5\n"
-      "set tics scale 0.4\nset xtics rotate by -70 font ',9'\nplot $bars using 1:2:xtic(3) with boxes lc rgb '{}'\n",
+      "set tics scale 0.4\nset xtics rotate by -70 font ',9'\nplot $bars using 1:2:xtic(3) with boxes lc rgb "
+      "'{}'\n",
       quiet_colour, first_colour);
   return draw_chart(figure, script) ? figure : Figure();
 }
 
-Figure mtf_figure(const EyeData& eye, const PupilWavefront& wavefront, const std::optional<Picture>& with_lens) {
+Figure mtf_figure(const EyeData& eye, const PupilWavefront& wavefront,
+                  const std::optional<Picture>& with_lens) {
   Figure figure = chart_figure(eye, "mtf", "modulation transfer");
   figure.alt = "Modulation transfer function with diffraction limit and a normal eye";
   const Json mtf = eye.wavefront.value("mtf", Json::object());
@@ -80,7 +83,9 @@ Figure mtf_figure(const EyeData& eye, const PupilWavefront& wavefront, const std
       "$mtf using 1:2 with lines lw 2 lc rgb '{0}' title 'no lens, tangential', "
       "$mtf using 1:3 with lines lw 2 dt 2 lc rgb '{0}' title 'no lens, sagittal'{1}\n",
       first_colour,
-      with_lens ? fmt::format(", $mtf using 1:6 with lines lw 2 lc rgb '{}' title 'with the lens'", second_colour) : "",
+      with_lens
+          ? fmt::format(", $mtf using 1:6 with lines lw 2 lc rgb '{}' title 'with the lens'", second_colour)
+          : "",
       quiet_colour);
   return draw_chart(figure, script) ? figure : Figure();
 }
@@ -92,34 +97,38 @@ std::string arcmin_bar(double arcmin, double arcmin_across, const char* colour) 
       picture_px - 24, picture_px * arcmin / arcmin_across, colour, picture_px - 8, arcmin);
 }
 
-Figure picture_figure(const EyeData& eye, const std::string& name, const std::string& title, const std::string& png,
-                      const std::string& bar) {
+Figure picture_figure(const EyeData& eye, const std::string& name, const std::string& title,
+                      const std::string& png, const std::string& bar) {
   Figure figure = chart_figure(eye, name, title);
   figure.width_px = figure.height_px = picture_px;
   figure.svg = fmt::format(
-      "<svg xmlns=\"http://www.w3.org/2000/svg\" xmlns:xlink=\"http://www.w3.org/1999/xlink\" viewBox=\"0 0 {0} "
+      "<svg xmlns=\"http://www.w3.org/2000/svg\" xmlns:xlink=\"http://www.w3.org/1999/xlink\" viewBox=\"0 0 "
+      "{0} "
       "{0}\"><image width=\"{0}\" height=\"{0}\" xlink:href=\"{1}\"/><rect x=\"0.5\" y=\"0.5\" width=\"{2}\" "
       "height=\"{2}\" fill=\"none\" stroke=\"#8a8a8a\"/>{3}</svg>",
       picture_px, png_url(png), picture_px - 1, bar);
   return figure;
 }
 
-Figure spread_figure(const EyeData& eye, const Picture& spread, const std::string& kind, const std::string& title) {
+Figure spread_figure(const EyeData& eye, const Picture& spread, const std::string& kind,
+                     const std::string& title) {
   constexpr double shown_arcmin = 40;
   const int crop = static_cast<int>(shown_arcmin / spread.arcmin_per_pixel);
   const float peak = *std::max_element(spread.values.begin(), spread.values.end());
-  Figure figure = picture_figure(eye, "psf-" + kind, "a point of light, " + title,
-                                 grey_png(spread, crop, picture_px, peak), arcmin_bar(5, shown_arcmin, "#fff"));
+  Figure figure =
+      picture_figure(eye, "psf-" + kind, "a point of light, " + title,
+                     grey_png(spread, crop, picture_px, peak), arcmin_bar(5, shown_arcmin, "#fff"));
   figure.alt = "Image of a point of light on the retina, " + title;
   return figure;
 }
 
-Figure letters_figure(const EyeData& eye, const Picture& spread, const std::string& kind, const std::string& title) {
+Figure letters_figure(const EyeData& eye, const Picture& spread, const std::string& kind,
+                      const std::string& title) {
   constexpr double shown_arcmin = 124;
   const Picture letters = blurred_letters(spread, {0.7, 0.4, 0.2, 0.0}, 0.92 * shown_arcmin);
   const int crop = static_cast<int>(shown_arcmin / letters.arcmin_per_pixel);
-  Figure figure = picture_figure(eye, "letters-" + kind, "letters, " + title, grey_png(letters, crop, picture_px, 1),
-                                 arcmin_bar(5, shown_arcmin, "#000"));
+  Figure figure = picture_figure(eye, "letters-" + kind, "letters, " + title,
+                                 grey_png(letters, crop, picture_px, 1), arcmin_bar(5, shown_arcmin, "#000"));
   figure.alt = "Lines of letters as this eye images them, " + title;
   return figure;
 }
@@ -154,13 +163,16 @@ Section optics_section(const CaseData& data, Notes& notes) {
   std::vector<const EyeData*> eyes;
   FigureRow zernike, mtf, letters, spreads;
   zernike.caption =
-      "2,0 is defocus, 2,\u00b12 astigmatism, 3,\u00b11 coma, 4,0 spherical aberration. Second order is what a lens "
+      "2,0 is defocus, 2,\u00b12 astigmatism, 3,\u00b11 coma, 4,0 spherical aberration. Second order is what "
+      "a lens "
       "corrects; the rest stays.";
   mtf.caption =
-      "Contrast that reaches the retina, by fineness of detail; letters of 20/20 need about 30 cycles per degree. Grey: "
+      "Contrast that reaches the retina, by fineness of detail; letters of 20/20 need about 30 cycles per "
+      "degree. Grey: "
       "the mean of healthy corrected eyes [11] and the diffraction limit of this pupil.";
   letters.caption =
-      "Lines of letters of logMAR 0.7, 0.4, 0.2 and 0.0 (20/100, 20/50, 20/32, 20/20), computed from the wavefront in one "
+      "Lines of letters of logMAR 0.7, 0.4, 0.2 and 0.0 (20/100, 20/50, 20/32, 20/20), computed from the "
+      "wavefront in one "
       "colour.";
   spreads.caption = "A point of light on the retina; each picture is scaled to its own peak.";
   for (const auto& eye : data.eyes) {
@@ -174,7 +186,8 @@ Section optics_section(const CaseData& data, Notes& notes) {
     if (!bars.svg.empty()) zernike.figures.push_back(bars);
     if (!curves.svg.empty()) mtf.figures.push_back(curves);
     if (bars.svg.empty() || curves.svg.empty())
-      notes.push_back(short_name(eye) + ": charts of the wavefront are missing, because gnuplot is not installed or failed.");
+      notes.push_back(short_name(eye) +
+                      ": charts of the wavefront are missing, because gnuplot is not installed or failed.");
     letters.figures.push_back(letters_figure(eye, before, "before", "no lens"));
     spreads.figures.push_back(spread_figure(eye, before, "before", "no lens"));
     if (!after) continue;

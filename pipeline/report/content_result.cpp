@@ -43,10 +43,9 @@ EyeCard card_of(const CaseData& data, const EyeData& eye) {
 
   const Json& prescription = eye.prescription;
   card.prescription = rounded_prescription(prescription);
-  card.prescription_note = fmt::format(
-      "vertex distance {} mm, minus cylinder, for distance, pupil {} mm",
-      fixed(value_of(prescription, "vertex_distance_mm").value_or(12), 0),
-      fixed(value_of(prescription, "pupil_mm").value_or(3), 1));
+  card.prescription_note = fmt::format("vertex distance {} mm, minus cylinder, for distance, pupil {} mm",
+                                       fixed(value_of(prescription, "vertex_distance_mm").value_or(12), 0),
+                                       fixed(value_of(prescription, "pupil_mm").value_or(3), 1));
   card.details.caption = "Best lens before rounding, " + card.eye;
   card.details.header = {"", "Value", "95 % interval"};
   const NumberStyle dioptres{2, true, "D"};
@@ -58,11 +57,13 @@ EyeCard card_of(const CaseData& data, const EyeData& eye) {
   add_measured(card.details, prescription, "J45_D", "J45", dioptres);
   const Json calibration = prescription.value("calibration", Json());
   if (calibration.is_object())
-    card.prescription_note += ". " + calibration.value("text", std::string("A known refraction was given as data."));
+    card.prescription_note +=
+        ". " + calibration.value("text", std::string("A known refraction was given as data."));
   card.before_png = png_bytes(eye.uncorrected_png);
   card.after_png = png_bytes(eye.corrected_png);
   card.picture_caption =
-      "The same chart on the retina of this eye, upright as the patient perceives it: before, with no lens; after, "
+      "The same chart on the retina of this eye, upright as the patient perceives it: before, with no lens; "
+      "after, "
       "with the lens above. Look at the smallest row that can be read, and at the direction of the blur.";
   return card;
 }
@@ -85,8 +86,8 @@ Cells cells_of(const EyeData& eye, const BiometryRow& row) {
   if (found.is_number()) return {format(found.get<double>(), row.style), "", "exact"};
   const auto measured = found.get<Measured>();
   const bool is_unusual = row.low != row.high && (measured.value < row.low || measured.value > row.high);
-  return {format(measured.value, row.style) + (is_unusual ? " (!)" : ""), format_interval(measured, row.style),
-          source_name(measured.source)};
+  return {format(measured.value, row.style) + (is_unusual ? " (!)" : ""),
+          format_interval(measured, row.style), source_name(measured.source)};
 }
 
 Table measured_table(const CaseData& data, const std::vector<BiometryRow>& rows, const std::string& caption) {
@@ -125,9 +126,10 @@ Section result_section(const CaseData& data) {
   }
   section.blocks.push_back({cards});
   if (any)
-    section.blocks.push_back({Paragraph{
-        "The prescription holds for the state of accommodation that the eyes had in the scanner, on the eye's own "
-        "axis. The fovea is not visible in MRI."}});
+    section.blocks.push_back(
+        {Paragraph{"The prescription holds for the state of accommodation that the eyes had in the scanner, "
+                   "on the eye's own "
+                   "axis. The fovea is not visible in MRI."}});
   return section;
 }
 
@@ -137,18 +139,23 @@ Section measured_section(const CaseData& data) {
   Table keratometry = measured_table(data, keratometry_rows(), "Keratometry and corneal astigmatism");
   if (biometry.rows.empty() && keratometry.rows.empty()) return section;
   for (const auto& eye : data.eyes) {
-    const Json astigmatism = eye.biometry.is_object() ? eye.biometry.value("astigmatism", Json::object()) : Json();
-    if (!astigmatism.is_object() || !astigmatism.contains("type") || !astigmatism["type"].is_string()) continue;
-    keratometry.caption += std::string("; ") + clinical_name(eye.laterality) + ": " +
-                           astigmatism["type"].get<std::string>();
+    const Json astigmatism =
+        eye.biometry.is_object() ? eye.biometry.value("astigmatism", Json::object()) : Json();
+    if (!astigmatism.is_object() || !astigmatism.contains("type") || !astigmatism["type"].is_string())
+      continue;
+    keratometry.caption +=
+        std::string("; ") + clinical_name(eye.laterality) + ": " + astigmatism["type"].get<std::string>();
   }
   section.blocks.push_back({biometry});
   section.blocks.push_back({keratometry});
-  section.blocks.push_back({Paragraph{
-      "(!) marks a value outside the normal adult range, mean \u00b1 2 standard deviations of the numbered source. "
-      "A prior is the population's knowledge and no measurement of this patient: its interval is that of the population. Keratometric "
-      "powers are 337.5 / R, 1.5 mm from the apex; axes are counter-clockwise from the examiner's right (TABO), the "
-      "same for both eyes."}});
+  section.blocks.push_back(
+      {Paragraph{"(!) marks a value outside the normal adult range, mean \u00b1 2 standard deviations of the "
+                 "numbered source. "
+                 "A prior is the population's knowledge and no measurement of this patient: its interval is "
+                 "that of the population. Keratometric "
+                 "powers are 337.5 / R, 1.5 mm from the apex; axes are counter-clockwise from the examiner's "
+                 "right (TABO), the "
+                 "same for both eyes."}});
   return section;
 }
 

@@ -8,32 +8,42 @@ namespace {
 
 const std::vector<std::string>& references() {
   static const std::vector<std::string> list{
-      "1. Wei Q, Patkar S, Pai DK. Fast ray-tracing of human eye optics on graphics processing units. Computer Methods "
+      "1. Wei Q, Patkar S, Pai DK. Fast ray-tracing of human eye optics on graphics processing units. "
+      "Computer Methods "
       "and Programs in Biomedicine 2014;114:302-314.",
-      "2. Thibos LN, Wheeler W, Horner D. Power vectors: an application of Fourier analysis to the description and "
+      "2. Thibos LN, Wheeler W, Horner D. Power vectors: an application of Fourier analysis to the "
+      "description and "
       "statistical analysis of refractive error. Optometry and Vision Science 1997;74:367-375.",
       "3. ANSI Z80.28: Methods for reporting optical aberrations of eyes.",
-      "4. Dubbelman M, van der Heijde GL. The shape of the aging human lens: curvature, equivalent refractive index and "
+      "4. Dubbelman M, van der Heijde GL. The shape of the aging human lens: curvature, equivalent "
+      "refractive index and "
       "the lens paradox. Vision Research 2001;41:1867-1877 (lens index).",
       "5. Hoffer KJ. Biometry of 7,500 cataractous eyes. American Journal of Ophthalmology 1980;90:360-368.",
-      "6. Doughty MJ, Zaman ML. Human corneal thickness and its impact on intraocular pressure measures. Survey of "
+      "6. Doughty MJ, Zaman ML. Human corneal thickness and its impact on intraocular pressure measures. "
+      "Survey of "
       "Ophthalmology 2000;44:367-408.",
-      "7. Dubbelman M, van der Heijde GL, Weeber HA. The thickness of the aging human lens obtained from corrected "
+      "7. Dubbelman M, van der Heijde GL, Weeber HA. The thickness of the aging human lens obtained from "
+      "corrected "
       "Scheimpflug images. Optometry and Vision Science 2001;78:411-416.",
       "8. As 4: radii at 20 to 70 years.",
       "9. Dodgson NA. Variation and extrema of human interpupillary distance. Proc. SPIE 2004;5291:36-46.",
       "10. Kiely PM, Smith G, Carney LG. The mean shape of the human cornea. Optica Acta 1982;29:1027-1040.",
-      "11. Watson AB. A formula for the mean human optical modulation transfer function as a function of pupil size. "
+      "11. Watson AB. A formula for the mean human optical modulation transfer function as a function of "
+      "pupil size. "
       "Journal of Vision 2013;13(6):18."};
   return list;
 }
 
 std::string status_text(ExitStatus status) {
   switch (status) {
-    case ExitStatus::done: return "done";
-    case ExitStatus::partial: return "partial result";
-    case ExitStatus::no_result: return "the data do not support a result";
-    default: return fmt::format("status {}", static_cast<int>(status));
+    case ExitStatus::done:
+      return "done";
+    case ExitStatus::partial:
+      return "partial result";
+    case ExitStatus::no_result:
+      return "the data do not support a result";
+    default:
+      return fmt::format("status {}", static_cast<int>(status));
   }
 }
 
@@ -42,16 +52,20 @@ std::string status_text(ExitStatus status) {
 Section limits_section(const CaseData& data, const Notes& notes) {
   Section section{"limits", "Limits and warnings", {}, false};
   BulletList general;
-  general.items = {
-      std::string(research_notice),
-      "MRI shows the eye at a fraction of a millimetre. One tenth of a millimetre of corneal radius is about 0.6 D, one "
-      "tenth of a millimetre of axial length about 0.26 D: read every number with its interval.",
-      "The lens's refractive index is not visible in MRI. It is taken from the age; its spread of 0.005 alone moves the "
-      "mean sphere by 0.8 D (one standard deviation) and is part of the interval. Astigmatism does not depend on it.",
-      "The back of the cornea is taken as a fixed proportion of its front where the images do not resolve it.",
-      "The retina's fovea is not visible: the refraction is given on the eye's axis, which may lie a few degrees from "
-      "the line of sight.",
-      "Images of the orbit may let a face be recognised even where no name is given."};
+  general.items = {std::string(research_notice),
+                   "MRI shows the eye at a fraction of a millimetre. One tenth of a millimetre of corneal "
+                   "radius is about 0.6 D, one "
+                   "tenth of a millimetre of axial length about 0.26 D: read every number with its interval.",
+                   "The lens's refractive index is not visible in MRI. It is taken from the age; its spread "
+                   "of 0.005 alone moves the "
+                   "mean sphere by 0.8 D (one standard deviation) and is part of the interval. Astigmatism "
+                   "does not depend on it.",
+                   "The back of the cornea is taken as a fixed proportion of its front where the images do "
+                   "not resolve it.",
+                   "The retina's fovea is not visible: the refraction is given on the eye's axis, which may "
+                   "lie a few degrees from "
+                   "the line of sight.",
+                   "Images of the orbit may let a face be recognised even where no name is given."};
   section.blocks.push_back({general});
   BulletList found;
   for (const auto& stage : data.stages) {
@@ -69,16 +83,22 @@ Section limits_section(const CaseData& data, const Notes& notes) {
 
 Section methods_section(const CaseData& /*data*/) {
   Section section{"methods", "Methods", {}, false};
-  section.blocks.push_back({Paragraph{
-      "The eyes are found in the MR volumes by radial symmetry and paired by the patient's coordinates. A parametric "
-      "eye (biconic cornea, two-conic lens, ellipsoid globe with a smooth displacement) is fitted to the voxels through "
-      "a model of the acquisition; the covariance of the fit gives the intervals. The surfaces are meshed and light is "
-      "traced backward from the retina through them [1]. The lens is the one that makes the retinal image sharpest; "
-      "refractions are averaged and compared as power vectors [2], wavefronts follow [3], the lens index [4]."}});
-  section.blocks.push_back({Paragraph{
-      "Frames: light is described in the eye's frame, x to the examiner's right, y up, z out of the eye; origin at "
-      "the corneal apex. Wavefront maps and axes are as the examiner sees them."},
-                            false});
+  section.blocks.push_back(
+      {Paragraph{"The eyes are found in the MR volumes by radial symmetry and paired by the patient's "
+                 "coordinates. A parametric "
+                 "eye (biconic cornea, two-conic lens, ellipsoid globe with a smooth displacement) is fitted "
+                 "to the voxels through "
+                 "a model of the acquisition; the covariance of the fit gives the intervals. The surfaces "
+                 "are meshed and light is "
+                 "traced backward from the retina through them [1]. The lens is the one that makes the "
+                 "retinal image sharpest; "
+                 "refractions are averaged and compared as power vectors [2], wavefronts follow [3], the "
+                 "lens index [4]."}});
+  section.blocks.push_back(
+      {Paragraph{"Frames: light is described in the eye's frame, x to the examiner's right, y up, z out of "
+                 "the eye; origin at "
+                 "the corneal apex. Wavefront maps and axes are as the examiner sees them."},
+       false});
   section.blocks.push_back({BulletList{references(), true}});
   return section;
 }
@@ -89,19 +109,25 @@ Section provenance_section(const CaseData& data) {
   for (const auto& stage : data.stages) {
     const auto text = [&](const char* key) {
       const Json found = stage.provenance.value(key, Json());
-      return found.is_string() ? found.get<std::string>() : found.is_null() ? std::string("\u2013") : found.dump();
+      return found.is_string() ? found.get<std::string>()
+             : found.is_null() ? std::string("\u2013")
+                               : found.dump();
     };
-    table.rows.push_back({stage.name, text("version"), text("seed"), text("opencl_device"), status_text(stage.status)});
+    table.rows.push_back(
+        {stage.name, text("version"), text("seed"), text("opencl_device"), status_text(stage.status)});
   }
   section.blocks.push_back({table, false});
   std::string line = "Made by Emmetrope " + version() + ".";
   for (const auto& stage : data.stages)
     line += " " + stage.name + ": " + status_text(stage.status) + ", inputs " +
             stage.provenance.value("inputs_sha256", std::string()).substr(0, 12) + ".";
-  section.blocks.push_back({Paragraph{line + " Full provenance is in the HTML report and in each stage.json."}});
+  section.blocks.push_back(
+      {Paragraph{line + " Full provenance is in the HTML report and in each stage.json."}});
   const auto dump = [](const Json& json) { return json.dump(2, ' ', false, Json::error_handler_t::replace); };
   for (const auto& stage : data.stages)
-    section.blocks.push_back({Folded{stage.name + ": parameters and SHA-256 of inputs and outputs", dump(stage.provenance)}, false});
+    section.blocks.push_back(
+        {Folded{stage.name + ": parameters and SHA-256 of inputs and outputs", dump(stage.provenance)},
+         false});
   section.blocks.push_back({Folded{"case.json", dump(data.case_json)}, false});
   return section;
 }

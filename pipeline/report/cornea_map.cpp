@@ -48,7 +48,8 @@ int first_at_or_after(const CorneaGrid& grid, double position_mm) {
 
 void rasterise(CorneaGrid& grid, const TriangleMesh& mesh, const std::array<int, 3>& triangle,
                const Vector3d& centre, double radius) {
-  const Vector3d &a = mesh.vertices[triangle[0]], &b = mesh.vertices[triangle[1]], &c = mesh.vertices[triangle[2]];
+  const Vector3d &a = mesh.vertices[triangle[0]], &b = mesh.vertices[triangle[1]],
+                 &c = mesh.vertices[triangle[2]];
   const Vector2d ab = (b - a).head<2>(), ac = (c - a).head<2>();
   const double area = ab.x() * ac.y() - ab.y() * ac.x();
   if (std::abs(area) < 1e-12) return;
@@ -68,15 +69,17 @@ void rasterise(CorneaGrid& grid, const TriangleMesh& mesh, const std::array<int,
       if (v < -1e-9 || w < -1e-9 || v + w > 1 + 1e-9) continue;
       const std::size_t at = static_cast<std::size_t>(row) * grid.side + column;
       const Vector3d normal = ((1 - v - w) * mesh.normals[triangle[0]] + v * mesh.normals[triangle[1]] +
-                               w * mesh.normals[triangle[2]]).normalized();
-      // The facet lies under the curved surface by up to a quarter of a percent of its edge: take out the sphere's part.
+                               w * mesh.normals[triangle[2]])
+                                  .normalized();
+      // The facet lies under the curved surface by up to a quarter of a percent of its edge: take out the
+      // sphere's part.
       const double z_facet = (1 - v - w) * a.z() + v * b.z() + w * c.z();
       const auto sphere_z = [&](double px, double py) {
         return centre.z() + std::sqrt(std::max(0.0, radius * radius - std::pow(px - centre.x(), 2) -
                                                         std::pow(py - centre.y(), 2)));
       };
-      const double sphere_facet = (1 - v - w) * sphere_z(a.x(), a.y()) + v * sphere_z(b.x(), b.y()) +
-                                  w * sphere_z(c.x(), c.y());
+      const double sphere_facet =
+          (1 - v - w) * sphere_z(a.x(), a.y()) + v * sphere_z(b.x(), b.y()) + w * sphere_z(c.x(), c.y());
       const double above_sphere = z_facet - sphere_facet;
       grid.depth_mm[at] = -(sphere_z(x, y) + above_sphere);
       grid.elevation_um[at] = 1000 * above_sphere;
@@ -91,14 +94,17 @@ void rasterise(CorneaGrid& grid, const TriangleMesh& mesh, const std::array<int,
 void fill_centre(CorneaGrid& grid) {
   const double just_outside_mm = centre_hole_mm + 2.5 * grid.half_width_mm / grid.side;
   const auto cell = [&](double x, double y) -> double& {
-    const auto index = [&](double mm) { return std::lround((mm / grid.half_width_mm + 1) / 2 * (grid.side - 1)); };
+    const auto index = [&](double mm) {
+      return std::lround((mm / grid.half_width_mm + 1) / 2 * (grid.side - 1));
+    };
     return grid.axial_power_D[static_cast<std::size_t>(index(y) * grid.side + index(x))];
   };
   for (int row = 0; row < grid.side; ++row)
     for (int column = 0; column < grid.side; ++column) {
       const double x = coordinate(grid, column), y = coordinate(grid, row), r = std::hypot(x, y);
       if (r > centre_hole_mm) continue;
-      const Vector2d outside = r > 0 ? Vector2d(Vector2d(x, y) / r * just_outside_mm) : Vector2d(just_outside_mm, 0);
+      const Vector2d outside =
+          r > 0 ? Vector2d(Vector2d(x, y) / r * just_outside_mm) : Vector2d(just_outside_mm, 0);
       cell(x, y) = cell(outside.x(), outside.y());
     }
 }
@@ -119,11 +125,13 @@ std::string data_block(const std::vector<double>& values, const CorneaGrid& grid
 /// Square axes in mm with the anatomical sides: the examiner sees the right eye's temporal side on the left.
 std::string frame(const CorneaGrid& grid, bool is_right_eye) {
   return fmt::format(
-      "unset grid\nset size ratio -1\nset border 0\nset tics scale 0\nset xrange [-{0}:{0}]\nset yrange [-{0}:{0}]\n"
+      "unset grid\nset size ratio -1\nset border 0\nset tics scale 0\nset xrange [-{0}:{0}]\nset yrange "
+      "[-{0}:{0}]\n"
       "set xtics -4,2,4\nset ytics -4,2,4\nset xlabel 'x (mm)'\nset ylabel 'y (mm)' offset 1\n"
       "set label 1 '{1}' at -{2},0 center\nset label 2 '{3}' at {2},0 center\n"
       "set label 3 'S' at 0,{2} center\nset label 4 'I' at 0,-{2} center\nunset key\n",
-      grid.half_width_mm * 1.18, is_right_eye ? "T" : "N", grid.half_width_mm * 1.09, is_right_eye ? "N" : "T");
+      grid.half_width_mm * 1.18, is_right_eye ? "T" : "N", grid.half_width_mm * 1.09,
+      is_right_eye ? "N" : "T");
 }
 
 std::string meridian(double axis_deg, double length_mm, const char* style) {

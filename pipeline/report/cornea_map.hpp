@@ -11,9 +11,9 @@ namespace emmetrope::report {
 struct CorneaGrid {
   int side = 0;
   double half_width_mm = 0;
-  std::vector<double> depth_mm;        ///< behind the apex plane
-  std::vector<double> axial_power_D;   ///< 337.5 over the axial radius r / sin(angle of the normal)
-  std::vector<double> elevation_um;    ///< above the best-fit sphere (positive towards the viewer)
+  std::vector<double> depth_mm;       ///< behind the apex plane
+  std::vector<double> axial_power_D;  ///< 337.5 over the axial radius r / sin(angle of the normal)
+  std::vector<double> elevation_um;   ///< above the best-fit sphere (positive towards the viewer)
   double best_sphere_radius_mm = 0;
 };
 
@@ -21,7 +21,8 @@ struct CorneaGrid {
 CorneaGrid cornea_grid(const TriangleMesh& mesh_in_eye, double half_width_mm, int side);
 
 /// Axial power map with the flat and steep meridians; false where gnuplot is missing.
-bool draw_axial_power(Figure& figure, const CorneaGrid& grid, double flat_axis_deg, double steep_axis_deg, bool is_right_eye);
+bool draw_axial_power(Figure& figure, const CorneaGrid& grid, double flat_axis_deg, double steep_axis_deg,
+                      bool is_right_eye);
 bool draw_elevation(Figure& figure, const CorneaGrid& grid, bool is_right_eye);
 
 }  // namespace emmetrope::report

@@ -3,13 +3,13 @@
 #include <variant>
 #include <vector>
 
-/// The report's content, once, for every medium: HTML and PDF are two renderings of one Document, so that their numbers
-/// cannot differ. All text is plain UTF-8; renderers escape it.
+/// The report's content, once, for every medium: HTML and PDF are two renderings of one Document, so that
+/// their numbers cannot differ. All text is plain UTF-8; renderers escape it.
 namespace emmetrope::report {
 
 /// A picture as a complete SVG document, with raster images inside as data URLs.
 struct Figure {
-  std::string id;       ///< [a-z0-9-], unique in the document
+  std::string id;  ///< [a-z0-9-], unique in the document
   std::string title;
   std::string caption;  ///< of this picture alone; may be empty
   std::string alt;      ///< for a reader who does not see it
@@ -51,14 +51,14 @@ enum class Light { green, amber, red };
 
 /// The answer for one eye.
 struct EyeCard {
-  std::string eye;       ///< "OD (right)"
-  std::string id;        ///< "od"
+  std::string eye;  ///< "OD (right)"
+  std::string id;   ///< "od"
   Light light = Light::red;
-  std::string verdict;   ///< the light in words
+  std::string verdict;  ///< the light in words
   std::vector<std::string> reasons;
-  std::string prescription;       ///< rounded, clinical notation; empty when there is none
-  std::string prescription_note;  ///< vertex distance, what it holds for
-  Table details;                  ///< full precision with intervals
+  std::string prescription;           ///< rounded, clinical notation; empty when there is none
+  std::string prescription_note;      ///< vertex distance, what it holds for
+  Table details;                      ///< full precision with intervals
   std::string before_png, after_png;  ///< bytes; empty when there are none
   std::string picture_caption;
 };
@@ -85,7 +85,8 @@ struct Document {
   std::string title;
   std::vector<std::pair<std::string, std::string>> heading;  ///< "Case", "Study date", ...
   std::vector<Section> sections;
-  std::string date_iso;  ///< of the study, "2026-03-14"; dates the PDF, so that the same case gives the same bytes
+  std::string
+      date_iso;  ///< of the study, "2026-03-14"; dates the PDF, so that the same case gives the same bytes
 };
 
 }  // namespace emmetrope::report

@@ -22,9 +22,12 @@ using kainjow::mustache::mustache;
 
 const char* light_name(Light light) {
   switch (light) {
-    case Light::green: return "green";
-    case Light::amber: return "amber";
-    case Light::red: break;
+    case Light::green:
+      return "green";
+    case Light::amber:
+      return "amber";
+    case Light::red:
+      break;
   }
   return "red";
 }

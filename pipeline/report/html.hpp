@@ -7,7 +7,7 @@ namespace emmetrope::report {
 
 /// What the reader may turn and scroll in the page; empty without it.
 struct ViewerData {
-  std::string script;  ///< the viewer library
+  std::string script;     ///< the viewer library
   std::string data_json;  ///< volumes and meshes as base64
 };
 

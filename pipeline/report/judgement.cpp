@@ -18,7 +18,8 @@ std::vector<std::string> failed_gates(const EyeData& eye) {
   std::vector<std::string> reasons;
   if (!eye.fit.is_object()) return reasons;
   for (const auto& gate : eye.fit.value("quality", Json::array()))
-    if (!gate.value("passed", true)) reasons.push_back(gate.value("reason", gate.value("name", "a gate failed")));
+    if (!gate.value("passed", true))
+      reasons.push_back(gate.value("reason", gate.value("name", "a gate failed")));
   return reasons;
 }
 
@@ -27,10 +28,10 @@ void add_stage_reasons(const CaseData& data, const EyeData& eye, std::vector<std
   const std::string other = eye.laterality == Laterality::od ? "os" : "od";
   for (const auto& stage : data.stages)
     for (const auto& reason : stage.reasons) {
-      const bool concerns_other = reason.rfind(other, 0) == 0 ||
-                                  reason.rfind(clinical_name(eye.laterality == Laterality::od ? Laterality::os
-                                                                                              : Laterality::od),
-                                               0) == 0;
+      const bool concerns_other =
+          reason.rfind(other, 0) == 0 ||
+          reason.rfind(clinical_name(eye.laterality == Laterality::od ? Laterality::os : Laterality::od),
+                       0) == 0;
       if (!concerns_other && std::find(reasons.begin(), reasons.end(), reason) == reasons.end())
         reasons.push_back(reason);
     }
@@ -38,7 +39,8 @@ void add_stage_reasons(const CaseData& data, const EyeData& eye, std::vector<std
 
 Judgement refused(const CaseData& data, const EyeData& eye, std::vector<std::string> reasons) {
   add_stage_reasons(data, eye, reasons);
-  if (reasons.empty()) reasons.emplace_back("The stages before this report gave no prescription for this eye.");
+  if (reasons.empty())
+    reasons.emplace_back("The stages before this report gave no prescription for this eye.");
   return {Light::red, "No prescription: the images do not support one", reasons, false};
 }
 
@@ -58,8 +60,7 @@ std::vector<std::string> unusual_values(const EyeData& eye) {
       const double value = found->is_object() ? found->value("value", row.low) : found->get<double>();
       if (value < row.low || value > row.high)
         sentences.push_back(row.name + " " + format(value, row.style) + " is outside the adult range of " +
-                            fixed(row.low, row.style.decimals) + " to " +
-                            format(row.high, row.style) + ".");
+                            fixed(row.low, row.style.decimals) + " to " + format(row.high, row.style) + ".");
     }
   return sentences;
 }

@@ -12,8 +12,9 @@ struct Judgement {
   bool has_prescription = false;     ///< red eyes have none, whatever the files hold
 };
 
-/// Red: a stage refused, or there is no prescription. Amber: a gate or a plausibility check complains, or the 95 %
-/// interval of the mean sphere is wider than the +-0.5 D within which subjective refractions repeat. Green: neither.
+/// Red: a stage refused, or there is no prescription. Amber: a gate or a plausibility check complains, or the
+/// 95 % interval of the mean sphere is wider than the +-0.5 D within which subjective refractions repeat.
+/// Green: neither.
 Judgement judge(const CaseData& data, const EyeData& eye);
 
 /// Values outside the range that is normal in adults: one sentence each.

@@ -2,8 +2,8 @@
 
 namespace emmetrope::report {
 
-// Ranges are mean -+ 2 standard deviations of the source. Hoffer (1980) measured 7500 eyes by ultrasound and keratometer;
-// Dubbelman's lens formulas are taken at 20 and 70 years, widened by their scatter.
+// Ranges are mean -+ 2 standard deviations of the source. Hoffer (1980) measured 7500 eyes by ultrasound and
+// keratometer; Dubbelman's lens formulas are taken at 20 and 70 years, widened by their scatter.
 const std::vector<BiometryRow>& biometry_rows() {
   static const std::vector<BiometryRow> rows{
       {"optical_axial_length_mm", "Axial length, optical", {2, false, "mm"}, 20.95, 26.35, "5"},
@@ -32,9 +32,24 @@ const std::vector<BiometryRow>& keratometry_rows() {
       {"astigmatism/M_D", "Mean power M", {2, false, "D"}, 40.61, 47.01, "5"},
       {"astigmatism/J0_D", "J0", {2, true, "D"}, 0, 0, ""},
       {"astigmatism/J45_D", "J45", {2, true, "D"}, 0, 0, ""},
-      {"astigmatism/irregularity_um", "Irregularity (rms from the best toric)", {1, false, "\u00b5m"}, 0, 0, ""},
-      {"astigmatism/section_2p3mm/horizontal_mm", "Corneal section 2.3 mm deep, horizontal", {2, false, "mm"}, 0, 0, ""},
-      {"astigmatism/section_2p3mm/vertical_mm", "Corneal section 2.3 mm deep, vertical", {2, false, "mm"}, 0, 0, ""}};
+      {"astigmatism/irregularity_um",
+       "Irregularity (rms from the best toric)",
+       {1, false, "\u00b5m"},
+       0,
+       0,
+       ""},
+      {"astigmatism/section_2p3mm/horizontal_mm",
+       "Corneal section 2.3 mm deep, horizontal",
+       {2, false, "mm"},
+       0,
+       0,
+       ""},
+      {"astigmatism/section_2p3mm/vertical_mm",
+       "Corneal section 2.3 mm deep, vertical",
+       {2, false, "mm"},
+       0,
+       0,
+       ""}};
   return rows;
 }
 

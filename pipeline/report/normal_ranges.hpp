@@ -6,9 +6,10 @@
 
 namespace emmetrope::report {
 
-/// One line of the biometry table: where the number is in biometry.json, how it is written, what is normal in adults.
+/// One line of the biometry table: where the number is in biometry.json, how it is written, what is normal in
+/// adults.
 struct BiometryRow {
-  std::string key;   ///< path in biometry.json, '/' between levels
+  std::string key;  ///< path in biometry.json, '/' between levels
   std::string name;
   NumberStyle style;
   double low = 0, high = 0;  ///< normal range; equal where none is given

@@ -4,8 +4,8 @@
 #include "pipeline/base/json.hpp"
 #include "pipeline/base/measured.hpp"
 
-/// Numbers as the report writes them: one place, so that HTML, PDF and every table agree. ASCII signs, decimal point,
-/// whatever the locale.
+/// Numbers as the report writes them: one place, so that HTML, PDF and every table agree. ASCII signs,
+/// decimal point, whatever the locale.
 namespace emmetrope::report {
 
 /// "-2.25", "0.00" (never "-0.00")
@@ -24,11 +24,13 @@ std::string format(double value, const NumberStyle& style);
 /// "23.55 to 23.67", no unit; of an angle "+- 6 deg", or "any" when nothing is known of it
 std::string format_interval(const Measured& measured, const NumberStyle& style);
 
-/// Minus-cylinder notation, 2 decimals, axis of three digits 001 to 180: "-2.25 / -1.00 x 180"; without a cylinder
+/// Minus-cylinder notation, 2 decimals, axis of three digits 001 to 180: "-2.25 / -1.00 x 180"; without a
+/// cylinder
 /// "-2.25 DS", "0.00 DS".
 std::string format_refraction(double sphere_D, double cylinder_D, double axis_deg);
 
-/// "mri" -> "MRI", "prior" -> "population prior", ...: sources in the reader's words; unknown ones as they are.
+/// "mri" -> "MRI", "prior" -> "population prior", ...: sources in the reader's words; unknown ones as they
+/// are.
 std::string source_name(const std::string& source);
 
 }  // namespace emmetrope::report

@@ -40,9 +40,12 @@ constexpr Colour black{0, 0, 0}, soft{0.28, 0.33, 0.38}, rule{0.78, 0.82, 0.86};
 
 Colour colour_of(Light light) {
   switch (light) {
-    case Light::green: return {0.106, 0.498, 0.231};
-    case Light::amber: return {0.85, 0.55, 0.0};
-    case Light::red: break;
+    case Light::green:
+      return {0.106, 0.498, 0.231};
+    case Light::amber:
+      return {0.85, 0.55, 0.0};
+    case Light::red:
+      break;
   }
   return {0.70, 0.149, 0.118};
 }
@@ -117,7 +120,8 @@ class Pages {
 
   void svg_at(const std::string& svg, double x, double y, double width, double height) {
     GError* fault = nullptr;
-    const Svg handle(rsvg_handle_new_from_data(reinterpret_cast<const guint8*>(svg.data()), svg.size(), &fault));
+    const Svg handle(
+        rsvg_handle_new_from_data(reinterpret_cast<const guint8*>(svg.data()), svg.size(), &fault));
     if (!handle) {
       const std::string message = fault->message;
       g_error_free(fault);
@@ -159,7 +163,8 @@ class Pages {
   void end_page() {
     line_at(margin, page_height - 40, text_width);
     text_at(research_notice, margin, page_height - 35, text_width - 60, {7.5, true, soft});
-    text_at(fmt::format("{} / {}", page_, total_), page_width - margin - 40, page_height - 35, 40, {7.5, false, soft});
+    text_at(fmt::format("{} / {}", page_, total_), page_width - margin - 40, page_height - 35, 40,
+            {7.5, false, soft});
     cairo_show_page(context_);
   }
 
@@ -170,7 +175,8 @@ class Pages {
   double y_ = top;
 };
 
-// --- blocks ---------------------------------------------------------------------------------------------------------
+// --- blocks
+// ---------------------------------------------------------------------------------------------------------
 
 double cell_width(Pages& pages, const std::string& text, const Face& face) {
   // Width of the widest word group that should stay on one line, estimated from one unwrapped layout.
@@ -188,13 +194,16 @@ double cell_width(Pages& pages, const std::string& text, const Face& face) {
 std::vector<double> column_widths(Pages& pages, const Table& table, double width, const Face& face) {
   std::vector<double> widths(table.header.size(), 0);
   const Face head{7.5, true, soft};
-  for (std::size_t column = 0; column < widths.size(); ++column) {  // a header may break, but not inside a word
+  for (std::size_t column = 0; column < widths.size();
+       ++column) {  // a header may break, but not inside a word
     std::istringstream words(table.header[column]);
-    for (std::string word; words >> word;) widths[column] = std::max(widths[column], cell_width(pages, word, head) + 8);
+    for (std::string word; words >> word;)
+      widths[column] = std::max(widths[column], cell_width(pages, word, head) + 8);
   }
   for (std::size_t column = 0; column < widths.size(); ++column)
     for (const auto& row : table.rows)
-      if (column < row.size()) widths[column] = std::max(widths[column], cell_width(pages, row[column], face) + 8);
+      if (column < row.size())
+        widths[column] = std::max(widths[column], cell_width(pages, row[column], face) + 8);
   double others = 0;
   for (std::size_t column = 1; column < widths.size(); ++column) others += widths[column];
   if (widths[0] + others > width) widths[0] = std::max(80.0, width - others);
@@ -261,7 +270,8 @@ void draw_figures(Pages& pages, const FigureRow& row) {
       const Figure& figure = row.figures[i];
       const double x = margin + static_cast<double>(i - first) * (width + figure_gap);
       pages.text_at(figure.title, x, pages.y(), width, title);
-      pages.svg_at(figure.svg, x, pages.y() + title_height + 2, width, width * figure.height_px / figure.width_px);
+      pages.svg_at(figure.svg, x, pages.y() + title_height + 2, width,
+                   width * figure.height_px / figure.width_px);
       if (!figure.caption.empty())
         pages.text_at(figure.caption, x, pages.y() + title_height + picture_height + 4, width, caption);
     }
@@ -272,7 +282,8 @@ void draw_figures(Pages& pages, const FigureRow& row) {
 }
 
 std::string picture_svg(const std::string& png) {
-  return "<svg xmlns=\"http://www.w3.org/2000/svg\" xmlns:xlink=\"http://www.w3.org/1999/xlink\" viewBox=\"0 0 100 "
+  return "<svg xmlns=\"http://www.w3.org/2000/svg\" xmlns:xlink=\"http://www.w3.org/1999/xlink\" viewBox=\"0 "
+         "0 100 "
          "100\"><image width=\"100\" height=\"100\" xlink:href=\"" +
          png_url(png) + "\"/></svg>";
 }
@@ -339,7 +350,8 @@ struct DrawBlock {
     double lowest = start;
     for (std::size_t i = 0; i < block.cards.size(); ++i) {
       pages.set_y(start);
-      lowest = std::max(lowest, draw_card(pages, block.cards[i], margin + static_cast<double>(i) * (width + 12), width));
+      lowest = std::max(
+          lowest, draw_card(pages, block.cards[i], margin + static_cast<double>(i) * (width + 12), width));
     }
     pages.set_y(lowest + 6);
   }
@@ -391,13 +403,14 @@ Pdf render(const Document& document, int total) {
   cairo_pdf_surface_set_metadata(surface.get(), CAIRO_PDF_METADATA_CREATE_DATE, date.c_str());
   cairo_pdf_surface_set_metadata(surface.get(), CAIRO_PDF_METADATA_TITLE, document.title.c_str());
   cairo_pdf_surface_set_metadata(surface.get(), CAIRO_PDF_METADATA_SUBJECT, research_notice);
-  cairo_pdf_surface_set_metadata(surface.get(), CAIRO_PDF_METADATA_CREATOR, ("Emmetrope " + version()).c_str());
+  cairo_pdf_surface_set_metadata(surface.get(), CAIRO_PDF_METADATA_CREATOR,
+                                 ("Emmetrope " + version()).c_str());
   {
     const std::unique_ptr<cairo_t, DestroyContext> context(cairo_create(surface.get()));
     pdf.pages = draw(document, context.get(), total);
     if (cairo_status(context.get()) != CAIRO_STATUS_SUCCESS)
-      throw Error(ExitStatus::fault, std::string("cannot draw the PDF: ") +
-                                         cairo_status_to_string(cairo_status(context.get())));
+      throw Error(ExitStatus::fault,
+                  std::string("cannot draw the PDF: ") + cairo_status_to_string(cairo_status(context.get())));
   }
   cairo_surface_finish(surface.get());
   if (cairo_surface_status(surface.get()) != CAIRO_STATUS_SUCCESS)

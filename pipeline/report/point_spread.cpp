@@ -13,7 +13,8 @@ namespace emmetrope::report {
 namespace {
 
 constexpr int transform_side = 1024;
-constexpr int pupil_samples = 256;  ///< across the pupil: the picture is lambda / pupil * 256 wide, 2.5 degrees at 3.5 mm
+constexpr int pupil_samples =
+    256;  ///< across the pupil: the picture is lambda / pupil * 256 wide, 2.5 degrees at 3.5 mm
 constexpr double arcmin_per_radian = 180 * 60 / pi;
 
 double factorial(int n) { return n < 2 ? 1 : n * factorial(n - 1); }
@@ -36,12 +37,12 @@ cv::Mat view_of(const Picture& picture) {
 }
 
 /// Block letters of 5 x 5 strokes, the grid of an optotype; 1 is ink, rows downwards.
-constexpr std::array<std::array<int, 5>, 5> letter_rows{{
-    {0b11111, 0b10000, 0b11110, 0b10000, 0b11111},   // E
-    {0b10001, 0b10001, 0b11111, 0b10001, 0b10001},   // H
-    {0b11111, 0b10000, 0b11110, 0b10000, 0b10000},   // F
-    {0b11111, 0b00100, 0b00100, 0b00100, 0b00100},   // T
-    {0b10001, 0b10001, 0b10001, 0b10001, 0b11111}}}; // U
+constexpr std::array<std::array<int, 5>, 5> letter_rows{
+    {{0b11111, 0b10000, 0b11110, 0b10000, 0b11111},    // E
+     {0b10001, 0b10001, 0b11111, 0b10001, 0b10001},    // H
+     {0b11111, 0b10000, 0b11110, 0b10000, 0b10000},    // F
+     {0b11111, 0b00100, 0b00100, 0b00100, 0b00100},    // T
+     {0b10001, 0b10001, 0b10001, 0b10001, 0b11111}}};  // U
 
 /// One letter with its upper left corner at (x, y), strokes of `stroke` pixels (fractions by area).
 void draw_letter(cv::Mat& chart, const std::array<int, 5>& rows, double x, double y, double stroke) {
@@ -88,7 +89,8 @@ double zernike_value(int index, double rho, double theta) {
 
 Picture point_spread(const PupilWavefront& wavefront) {
   if (!(wavefront.pupil_mm > 0 && wavefront.wavelength_nm > 0))
-    throw input_error("wavefront.json: pupil_mm or wavelength_nm is not positive", "run emmetrope trace again");
+    throw input_error("wavefront.json: pupil_mm or wavelength_nm is not positive",
+                      "run emmetrope trace again");
   cv::Mat pupil = cv::Mat::zeros(transform_side, transform_side, CV_64FC2);
   for (int row = 0; row < pupil_samples; ++row)
     for (int column = 0; column < pupil_samples; ++column) {
@@ -110,8 +112,8 @@ Picture point_spread(const PupilWavefront& wavefront) {
   intensity /= cv::sum(intensity)[0];
   Picture picture;
   picture.side = transform_side;
-  picture.arcmin_per_pixel = wavefront.wavelength_nm * 1e-6 / wavefront.pupil_mm * pupil_samples / transform_side *
-                             arcmin_per_radian;
+  picture.arcmin_per_pixel = wavefront.wavelength_nm * 1e-6 / wavefront.pupil_mm * pupil_samples /
+                             transform_side * arcmin_per_radian;
   cv::Mat single;
   intensity.convertTo(single, CV_32F);
   picture.values.assign(single.begin<float>(), single.end<float>());
@@ -189,7 +191,8 @@ std::string grey_png(const Picture& picture, int crop_side, int out_side, double
       bytes.at<unsigned char>(row, column) = static_cast<unsigned char>(std::lround(255 * encoded));
     }
   std::vector<unsigned char> png;
-  if (!cv::imencode(".png", bytes, png, {cv::IMWRITE_PNG_COMPRESSION, 9})) throw Error(ExitStatus::fault, "cannot encode a PNG");
+  if (!cv::imencode(".png", bytes, png, {cv::IMWRITE_PNG_COMPRESSION, 9}))
+    throw Error(ExitStatus::fault, "cannot encode a PNG");
   return {png.begin(), png.end()};
 }
 

@@ -4,7 +4,8 @@
 
 #include "pipeline/base/power_vector.hpp"
 
-/// What a wavefront does to a point and to letters: Fourier optics on the Zernike coefficients of wavefront.json.
+/// What a wavefront does to a point and to letters: Fourier optics on the Zernike coefficients of
+/// wavefront.json.
 namespace emmetrope::report {
 
 /// A square picture of linear intensities.
@@ -30,8 +31,8 @@ double zernike_value(int index, double rho, double theta);
 /// Squared modulus of the pupil function's Fourier transform, sum 1.
 Picture point_spread(const PupilWavefront& wavefront);
 
-/// Lines of up to five letters at these acuities, as many as fit into a field of `width_arcmin`, blurred by the point
-/// spread: 1 is white.
+/// Lines of up to five letters at these acuities, as many as fit into a field of `width_arcmin`, blurred by
+/// the point spread: 1 is white.
 Picture blurred_letters(const Picture& point_spread, const std::vector<double>& logmar, double width_arcmin);
 
 /// Modulation transfer along x and y of the pupil function at these frequencies (cycles per degree).

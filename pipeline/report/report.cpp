@@ -15,7 +15,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// All that decides the report: every result of the stages before, their verdicts, and what can be drawn here.
+/// All that decides the report: every result of the stages before, their verdicts, and what can be drawn
+/// here.
 StageSpec spec_of(const CaseData& data, const ReportOptions& options, const SourceStudy& source) {
   StageSpec spec;
   spec.stage = "report";
@@ -58,7 +59,8 @@ Json eyes_answer(const Document& document) {
 fs::path study_of(const CaseData& data, const ReportOptions& options) {
   if (!options.study.empty()) return options.study;
   const Json stage = read_json(data.folder / "segmentation" / "stage.json");
-  const fs::path study = stage.contains("study") && stage["study"].is_string() ? stage["study"].get<std::string>() : "";
+  const fs::path study =
+      stage.contains("study") && stage["study"].is_string() ? stage["study"].get<std::string>() : "";
   std::error_code missing;
   return fs::exists(study, missing) ? study : fs::path();
 }
@@ -71,14 +73,16 @@ struct Source {
 Source source_of(const CaseData& data, const ReportOptions& options) {
   const fs::path study = study_of(data, options);
   std::string note =
-      "The DICOM study is not at hand: the DICOM objects carry the pseudonym and belong to a study of their own "
+      "The DICOM study is not at hand: the DICOM objects carry the pseudonym and belong to a study of their "
+      "own "
       "(give the study with --study).";
   if (!study.empty()) {
     try {
       return {SourceStudy::read(study, data.case_json), ""};
     } catch (const Error& error) {
       if (!options.study.empty()) throw;
-      note = "The DICOM objects carry the pseudonym and belong to a study of their own: " + std::string(error.what()) + ".";
+      note = "The DICOM objects carry the pseudonym and belong to a study of their own: " +
+             std::string(error.what()) + ".";
     }
   }
   if (options.identified)
@@ -88,7 +92,7 @@ Source source_of(const CaseData& data, const ReportOptions& options) {
 
 }  // namespace
 
-Answer write_report(const ReportOptions& options, const CommonOptions& common) {
+Answer write_report(const ReportOptions& options, const CommonOptions& common) try {
   quiet_dicom_library();
   const CaseData data = read_case(options.case_folder, common.laterality);
   const Source source = source_of(data, options);
@@ -96,10 +100,10 @@ Answer write_report(const ReportOptions& options, const CommonOptions& common) {
     Notes notes;
     if (!source.note.empty()) notes.push_back(source.note);
     const ViewerData viewer = make_viewer_data(data, notes);
-    const Document document =
-        make_document(data,
-                      {options.identified ? source.study.identity() : std::string(), study_date_of(data, source.study)},
-                      notes);
+    const Document document = make_document(
+        data,
+        {options.identified ? source.study.identity() : std::string(), study_date_of(data, source.study)},
+        notes);
     const Pdf pdf = render_pdf(document);
     write_file(workspace.folder() / "report.html", render_html(document, viewer));
     write_file(workspace.folder() / "report.pdf", pdf.bytes);
@@ -108,7 +112,8 @@ Answer write_report(const ReportOptions& options, const CommonOptions& common) {
     workspace.provenance()["answer"] = {{"eyes", eyes_answer(document)}, {"pages", pdf.pages}};
     return StageVerdict{};
   };
-  const StageOutcome outcome = run_stage(options.case_folder, spec_of(data, options, source.study), common, work);
+  const StageOutcome outcome =
+      run_stage(options.case_folder, spec_of(data, options, source.study), common, work);
   const fs::path html = options.case_folder / "report" / "report.html";
   Answer answer;
   answer.json = outcome.stage_json.value("answer", Json::object());
@@ -116,6 +121,10 @@ Answer write_report(const ReportOptions& options, const CommonOptions& common) {
   answer.json["pdf"] = (options.case_folder / "report" / "report.pdf").string();
   answer.text = "report: " + describe(outcome) + "\n" + html.string() + "\n";
   return answer;
+} catch (const nlohmann::json::exception& fault) {
+  throw input_error("a JSON file of the case " + options.case_folder.string() +
+                        " does not hold what its stage writes: " + fault.what(),
+                    "run the stages again: emmetrope run STUDY -o " + options.case_folder.string());
 }
 
 }  // namespace emmetrope::report

@@ -50,7 +50,8 @@ if (viewerData && window.niivue) {
     if (!document.createElement("canvas").getContext("webgl2")) throw new Error("this browser has no WebGL 2");
     panel.hidden = false;
     const viewer = new Niivue({ isRadiologicalConvention: true, backColor: [0, 0, 0, 1], isOrientationTextVisible: true,
-      dragAndDropEnabled: false, show3Dcrosshair: true, meshXRay: 0.15, crosshairWidth: 0.4 });
+      dragAndDropEnabled: false, show3Dcrosshair: true, meshXRay: 0.15, crosshairWidth: 0.4,
+      sagittalNoseLeft: true, multiplanarShowRender: window.niivue.SHOW_RENDER.ALWAYS });
     await viewer.attachToCanvas(canvas);
     viewer.opts.isSliceMM = true;
     const select = byId("viewer-volume");

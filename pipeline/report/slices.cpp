@@ -37,9 +37,12 @@ struct View {
 View view_of(Plane plane) {
   const Eigen::Vector3d left{1, 0, 0}, posterior{0, 1, 0}, inferior{0, 0, -1};
   switch (plane) {
-    case Plane::axial: return {"axial", "S", left, posterior, "R", "L", "A", "P", true};
-    case Plane::coronal: return {"coronal", "P", left, inferior, "R", "L", "S", "I", true};
-    case Plane::sagittal: break;
+    case Plane::axial:
+      return {"axial", "S", left, posterior, "R", "L", "A", "P", true};
+    case Plane::coronal:
+      return {"coronal", "P", left, inferior, "R", "L", "S", "I", true};
+    case Plane::sagittal:
+      break;
   }
   return {"sagittal", "L", posterior, inferior, "A", "P", "S", "I", false};
 }
@@ -72,7 +75,8 @@ vtkSmartPointer<vtkImageData> resliced(const Volume& volume, const View& view,
   return reslice->GetOutput();
 }
 
-/// 8 bits between the 1st and the 99.5th percentile of what the slice shows; PNG rows run downwards, VTK's upwards.
+/// 8 bits between the 1st and the 99.5th percentile of what the slice shows; PNG rows run downwards, VTK's
+/// upwards.
 std::string windowed_png(vtkImageData* slice) {
   const auto* values = static_cast<const float*>(slice->GetScalarPointer());
   const std::size_t count = static_cast<std::size_t>(side_px) * side_px;
@@ -80,7 +84,8 @@ std::string windowed_png(vtkImageData* slice) {
   std::copy_if(values, values + count, std::back_inserter(sorted), [](float v) { return std::isfinite(v); });
   if (sorted.empty()) sorted.push_back(0);
   const auto percentile = [&](double share) {
-    const auto at = sorted.begin() + static_cast<std::ptrdiff_t>(share * static_cast<double>(sorted.size() - 1));
+    const auto at =
+        sorted.begin() + static_cast<std::ptrdiff_t>(share * static_cast<double>(sorted.size() - 1));
     std::nth_element(sorted.begin(), at, sorted.end());
     return *at;
   };
@@ -100,7 +105,8 @@ std::string windowed_png(vtkImageData* slice) {
   writer->WriteToMemoryOn();
   writer->Write();
   vtkUnsignedCharArray* png = writer->GetResult();
-  return {reinterpret_cast<const char*>(png->GetPointer(0)), static_cast<std::size_t>(png->GetNumberOfTuples())};
+  return {reinterpret_cast<const char*>(png->GetPointer(0)),
+          static_cast<std::size_t>(png->GetNumberOfTuples())};
 }
 
 vtkSmartPointer<vtkPolyData> poly_data_of(const TriangleMesh& mesh) {
@@ -140,25 +146,29 @@ std::string contour_path(const Contour& contour, const View& view, const Eigen::
   for (lines->GetLines()->InitTraversal(); lines->GetLines()->GetNextCell(count, ids) != 0;)
     for (vtkIdType i = 0; i < count; ++i) {
       const Eigen::Vector3d point = Eigen::Map<const Eigen::Vector3d>(lines->GetPoint(ids[i])) - centre_lps;
-      path += fmt::format("{}{:.1f} {:.1f}", i == 0 ? "M" : "L", point.dot(view.right) / pixel_mm + side_px / 2.0,
-                          point.dot(view.down) / pixel_mm + side_px / 2.0);
+      path +=
+          fmt::format("{}{:.1f} {:.1f}", i == 0 ? "M" : "L", point.dot(view.right) / pixel_mm + side_px / 2.0,
+                      point.dot(view.down) / pixel_mm + side_px / 2.0);
     }
   if (path.empty()) return {};
-  return fmt::format("<path d=\"{}\" fill=\"none\" stroke=\"{}\" stroke-width=\"1.4\"/>", path, contour.colour);
+  return fmt::format("<path d=\"{}\" fill=\"none\" stroke=\"{}\" stroke-width=\"1.4\"/>", path,
+                     contour.colour);
 }
 
 std::string letter(const char* text, int x, int y, const char* convention) {
   const std::string hidden = std::string(convention) == "neurological" ? " display=\"none\"" : "";
   return fmt::format(
-      "<text class=\"{}\"{} x=\"{}\" y=\"{}\" text-anchor=\"middle\" font-family=\"DejaVu Sans\" font-size=\"16\" "
-      "font-weight=\"bold\" fill=\"#ffe066\" stroke=\"#000\" stroke-width=\"3\" paint-order=\"stroke\">{}</text>",
+      "<text class=\"{}\"{} x=\"{}\" y=\"{}\" text-anchor=\"middle\" font-family=\"DejaVu Sans\" "
+      "font-size=\"16\" "
+      "font-weight=\"bold\" fill=\"#ffe066\" stroke=\"#000\" stroke-width=\"3\" "
+      "paint-order=\"stroke\">{}</text>",
       convention, hidden, x, y, text);
 }
 
 std::string letters(const View& view) {
   constexpr int middle = side_px / 2, near = 14, far = side_px - 14, lift = 6;
-  std::string svg = letter(view.top_letter, middle, near + 5, "both") +
-                    letter(view.bottom_letter, middle, far, "both");
+  std::string svg =
+      letter(view.top_letter, middle, near + 5, "both") + letter(view.bottom_letter, middle, far, "both");
   if (!view.flips)
     return svg + letter(view.left_letter, near, middle + lift, "both") +
            letter(view.right_letter, far, middle + lift, "both");
@@ -183,15 +193,15 @@ Figure slice_figure(const Volume& volume, Plane plane, const Eigen::Vector3d& ce
                     const std::vector<Contour>& contours, const std::string& id) {
   const View view = view_of(plane);
   const double pixel_mm = field_mm / side_px;
-  const Eigen::Vector3d corner_lps =
-      centre_lps - (view.right + view.down) * pixel_mm * (side_px / 2.0 - 0.5);
+  const Eigen::Vector3d corner_lps = centre_lps - (view.right + view.down) * pixel_mm * (side_px / 2.0 - 0.5);
   const std::string png = windowed_png(resliced(volume, view, corner_lps, pixel_mm));
 
   Figure figure;
   figure.id = id;
   figure.width_px = figure.height_px = side_px;
   figure.svg = fmt::format(
-      "<svg xmlns=\"http://www.w3.org/2000/svg\" xmlns:xlink=\"http://www.w3.org/1999/xlink\" viewBox=\"0 0 {0} "
+      "<svg xmlns=\"http://www.w3.org/2000/svg\" xmlns:xlink=\"http://www.w3.org/1999/xlink\" viewBox=\"0 0 "
+      "{0} "
       "{0}\"><rect width=\"{0}\" height=\"{0}\" fill=\"#000\"/><g class=\"{1}\"><image width=\"{0}\" "
       "height=\"{0}\" xlink:href=\"{2}\"/>",
       side_px, view.flips ? "anatomy flips" : "anatomy", png_url(png));

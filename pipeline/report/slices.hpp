@@ -41,8 +41,9 @@ struct Contour {
   std::string name;
 };
 
-/// A square slice through `centre_lps`, resampled in the patient's axes: radiological convention (patient's right on the
-/// image's left; anterior up in axial slices), letters at its edges, a scale bar, contours as vectors.
+/// A square slice through `centre_lps`, resampled in the patient's axes: radiological convention (patient's
+/// right on the image's left; anterior up in axial slices), letters at its edges, a scale bar, contours as
+/// vectors.
 Figure slice_figure(const Volume& volume, Plane plane, const Eigen::Vector3d& centre_lps, double field_mm,
                     const std::vector<Contour>& contours, const std::string& id);
 

@@ -58,7 +58,8 @@ std::string nifti_header(const Vector3i& size, const Eigen::Matrix4d& lps_from_v
   put(40, std::int16_t{3});
   for (int axis = 0; axis < 3; ++axis) {
     put(42 + 2 * static_cast<std::size_t>(axis), static_cast<std::int16_t>(size[axis]));
-    put(80 + 4 * static_cast<std::size_t>(axis), static_cast<float>(lps_from_voxel.block<3, 1>(0, axis).norm()));
+    put(80 + 4 * static_cast<std::size_t>(axis),
+        static_cast<float>(lps_from_voxel.block<3, 1>(0, axis).norm()));
     put(48 + 2 * static_cast<std::size_t>(axis), std::int16_t{1});
   }
   put(54, std::int16_t{1});
@@ -88,7 +89,8 @@ std::optional<Crop> crop_of(const Volume& volume, const std::vector<Vector3d>& c
   for (const auto& centre : centres) {
     if (volume.coverage(centre, 11) < 0.5) continue;
     for (int corner = 0; corner < 8; ++corner) {
-      const Vector3d offset((corner & 1) != 0 ? 1 : -1, (corner & 2) != 0 ? 1 : -1, (corner & 4) != 0 ? 1 : -1);
+      const Vector3d offset((corner & 1) != 0 ? 1 : -1, (corner & 2) != 0 ? 1 : -1,
+                            (corner & 4) != 0 ? 1 : -1);
       const Vector3d voxel =
           (voxel_from_lps * (centre + shown_half_width_mm * offset).eval().homogeneous()).head<3>();
       low = low.cwiseMin(voxel);
@@ -97,7 +99,8 @@ std::optional<Crop> crop_of(const Volume& volume, const std::vector<Vector3d>& c
   }
   Crop crop{Vector3i::Zero(), Vector3i::Zero()};
   for (int axis = 0; axis < 3; ++axis) {
-    const int last = std::min(volume.size()[axis] - 1, static_cast<int>(std::floor(std::min(high[axis], 1e6))));
+    const int last =
+        std::min(volume.size()[axis] - 1, static_cast<int>(std::floor(std::min(high[axis], 1e6))));
     crop.first[axis] = std::max(0, static_cast<int>(std::ceil(std::max(low[axis], -1e6))));
     crop.size[axis] = last - crop.first[axis] + 1;
     if (low[axis] > high[axis] || crop.size[axis] < 2) return std::nullopt;
@@ -125,14 +128,16 @@ std::string windowed(const Volume& volume, const Crop& crop) {
   each_voxel(volume, crop, [&](float value) { values.push_back(std::isfinite(value) ? value : 0); });
   std::vector<float> sorted = values;
   const auto percentile = [&](double share) {
-    const auto at = sorted.begin() + static_cast<std::ptrdiff_t>(share * static_cast<double>(sorted.size() - 1));
+    const auto at =
+        sorted.begin() + static_cast<std::ptrdiff_t>(share * static_cast<double>(sorted.size() - 1));
     std::nth_element(sorted.begin(), at, sorted.end());
     return *at;
   };
   const float low = percentile(0.01), high = std::max(percentile(0.995), low + 1e-6F);
   std::string voxels;
   for (const float value : values)
-    voxels.push_back(static_cast<char>(std::lround(255 * std::clamp((value - low) / (high - low), 0.0F, 1.0F))));
+    voxels.push_back(
+        static_cast<char>(std::lround(255 * std::clamp((value - low) / (high - low), 0.0F, 1.0F))));
   return voxels;
 }
 
@@ -181,20 +186,24 @@ ViewerData make_viewer_data(const CaseData& data, Notes& notes) {
     if (fs::exists(labels)) {
       const Volume label_volume(labels);
       std::string voxels;
-      each_voxel(label_volume, *crop, [&](float value) { voxels.push_back(static_cast<char>(std::lround(value))); });
+      each_voxel(label_volume, *crop,
+                 [&](float value) { voxels.push_back(static_cast<char>(std::lround(value))); });
       if (label_volume.size() == volume.size()) entry["labels"] = packed_nifti(label_volume, *crop, voxels);
     }
     volumes.push_back(entry);
   }
   for (const auto& eye : data.eyes)
-    for (const auto& [surface, colour] :
-         {std::pair{"cornea_anterior", std::array<int, 3>{86, 194, 255}}, std::pair{"lens_anterior", std::array<int, 3>{255, 176, 0}},
-          std::pair{"lens_posterior", std::array<int, 3>{255, 176, 0}}, std::pair{"retina", std::array<int, 3>{255, 93, 143}}})
+    for (const auto& [surface, colour] : {std::pair{"cornea_anterior", std::array<int, 3>{86, 194, 255}},
+                                          std::pair{"lens_anterior", std::array<int, 3>{255, 176, 0}},
+                                          std::pair{"lens_posterior", std::array<int, 3>{255, 176, 0}},
+                                          std::pair{"retina", std::array<int, 3>{255, 93, 143}}})
       if (fs::exists(eye.mesh(surface)))
-        meshes.push_back({{"name", eye.id() + "_" + surface}, {"colour", colour},
+        meshes.push_back({{"name", eye.id() + "_" + surface},
+                          {"colour", colour},
                           {"data", base64(ras_stl(read_mesh(eye.mesh(surface)).mesh))}});
   if (volumes.empty()) return {};
-  return {std::string(viewer_library, viewer_library_size), Json{{"volumes", volumes}, {"meshes", meshes}}.dump()};
+  return {std::string(viewer_library, viewer_library_size),
+          Json{{"volumes", volumes}, {"meshes", meshes}}.dump()};
 }
 
 }  // namespace emmetrope::report

@@ -5,8 +5,8 @@
 
 namespace emmetrope::report {
 
-/// What the interactive viewer shows: the orbits' part of the best stacks, 8 bits, with their labels and the surfaces.
-/// Empty where this build has no viewer or the case nothing to show.
+/// What the interactive viewer shows: the orbits' part of the best stacks, 8 bits, with their labels and the
+/// surfaces. Empty where this build has no viewer or the case nothing to show.
 ViewerData make_viewer_data(const CaseData& data, Notes& notes);
 
 /// Whether the viewer library was there when this program was built.

@@ -32,7 +32,8 @@ Volume::Volume(const std::filesystem::path& nifti_file) : impl_(std::make_unique
   vtkImageData* image = reader->GetOutput();
   if (reader->GetErrorCode() != 0 || image->GetNumberOfPoints() == 0)
     throw input_error(nifti_file.string() + " cannot be read to its end", "run emmetrope segment again");
-  vtkMatrix4x4* place = reader->GetSFormMatrix() != nullptr ? reader->GetSFormMatrix() : reader->GetQFormMatrix();
+  vtkMatrix4x4* place =
+      reader->GetSFormMatrix() != nullptr ? reader->GetSFormMatrix() : reader->GetQFormMatrix();
   if (place == nullptr)
     throw input_error(nifti_file.string() + " has neither sform nor qform", "run emmetrope segment again");
   impl_->lps_from_voxel = lps_from_index(place, image->GetSpacing());
@@ -65,7 +66,8 @@ double Volume::coverage(const Eigen::Vector3d& centre_lps, double half_width_mm)
         centre_lps + half_width_mm * (grid / (steps - 1) * 2 - Eigen::Vector3d::Ones());
     const Eigen::Vector4d voxel = voxel_from_lps * point.homogeneous();
     bool in = true;
-    for (int axis = 0; axis < 3; ++axis) in = in && voxel[axis] >= -0.5 && voxel[axis] <= dimensions[axis] - 0.5;
+    for (int axis = 0; axis < 3; ++axis)
+      in = in && voxel[axis] >= -0.5 && voxel[axis] <= dimensions[axis] - 0.5;
     inside += in ? 1 : 0;
   }
   return static_cast<double>(inside) / (steps * steps * steps);

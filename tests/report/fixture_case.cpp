@@ -57,12 +57,14 @@ double sphere_depth(double radius, double x, double y) {
 }
 
 /// A polar sheet of a depth function, LPS, with normals out of the eye.
-TriangleMesh sheet(const Isometry3d& lps_from_eye, double reach_mm, const std::function<double(double, double)>& depth) {
+TriangleMesh sheet(const Isometry3d& lps_from_eye, double reach_mm,
+                   const std::function<double(double, double)>& depth) {
   constexpr int rings = 14, spokes = 40;
   TriangleMesh mesh;
   const auto add = [&](double x, double y) {
     constexpr double h = 1e-4;
-    const Vector3d normal(( depth(x + h, y) - depth(x - h, y)) / (2 * h), (depth(x, y + h) - depth(x, y - h)) / (2 * h), 1);
+    const Vector3d normal((depth(x + h, y) - depth(x - h, y)) / (2 * h),
+                          (depth(x, y + h) - depth(x, y - h)) / (2 * h), 1);
     mesh.vertices.push_back(lps_from_eye * Vector3d(x, y, -depth(x, y)));
     mesh.normals.push_back(lps_from_eye.linear() * normal.normalized());
   };
@@ -100,7 +102,9 @@ void write_meshes(const fs::path& folder, const TrueEye& eye) {
 int tissue_at(const TrueEye& eye, const Vector3d& p_eye) {
   const double depth = -p_eye.z(), x = p_eye.x(), y = p_eye.y(), r = std::hypot(x, y);
   const double from_centre = std::hypot(r, depth - (axial_length_mm - globe_radius_mm));
-  if (r < 4.2 && depth > lens_front_mm + sphere_depth(10.5, x, y) && depth < lens_back_mm - sphere_depth(6.0, x, y)) return 3;
+  if (r < 4.2 && depth > lens_front_mm + sphere_depth(10.5, x, y) &&
+      depth < lens_back_mm - sphere_depth(6.0, x, y))
+    return 3;
   if (from_centre < globe_radius_mm && depth > lens_front_mm) return 4;
   if (r < 5.8 && depth < 5 && depth > cornea_depth(eye, x, y))
     return r < 5.5 && depth > 0.55 + sphere_depth(6.5, x, y) ? 2 : 1;
@@ -127,15 +131,18 @@ void write_nifti(const fs::path& file, std::int16_t datatype, std::int16_t bits,
   header[123] = 2;
   put(252, std::int16_t{1});
   put(254, std::int16_t{1});
-  // LPS axes are columns, rows, slices; RAS turns x and y: a rotation by 180 degrees about z, quaternion (0, 0, 1).
+  // LPS axes are columns, rows, slices; RAS turns x and y: a rotation by 180 degrees about z, quaternion (0,
+  // 0, 1).
   put(256, 0.0F);
   put(260, 0.0F);
   put(264, 1.0F);
-  const std::array<float, 3> origin{static_cast<float>(-first_voxel_lps.x()), static_cast<float>(-first_voxel_lps.y()),
+  const std::array<float, 3> origin{static_cast<float>(-first_voxel_lps.x()),
+                                    static_cast<float>(-first_voxel_lps.y()),
                                     static_cast<float>(first_voxel_lps.z())};
   for (std::size_t i = 0; i < 3; ++i) put(268 + 4 * i, origin[i]);
-  const std::array<float, 12> sform{static_cast<float>(-voxel_mm), 0, 0, origin[0], 0, static_cast<float>(-voxel_mm), 0,
-                                    origin[1], 0, 0, static_cast<float>(voxel_mm), origin[2]};
+  const std::array<float, 12> sform{static_cast<float>(-voxel_mm), 0,        0,         origin[0], 0,
+                                    static_cast<float>(-voxel_mm), 0,        origin[1], 0,         0,
+                                    static_cast<float>(voxel_mm),  origin[2]};
   for (std::size_t i = 0; i < 12; ++i) put(280 + 4 * i, sform[i]);
   std::memcpy(header.data() + 344, "n+1", 4);
   gzFile out = gzopen(file.c_str(), "wb6");
@@ -154,8 +161,10 @@ void write_volumes(const fs::path& folder) {
       for (int i = 0; i < columns; ++i) {
         const Vector3d p = first_voxel_lps + voxel_mm * Vector3d(i, j, k);
         const bool is_right = p.x() < 0;
-        const int tissue = is_right ? tissue_at(right, right_from_lps * p) : tissue_at(left, left_from_lps * p);
-        const float value = intensity[static_cast<std::size_t>(tissue)] + static_cast<float>((i * 7 + j * 13 + k * 29) % 31);
+        const int tissue =
+            is_right ? tissue_at(right, right_from_lps * p) : tissue_at(left, left_from_lps * p);
+        const float value =
+            intensity[static_cast<std::size_t>(tissue)] + static_cast<float>((i * 7 + j * 13 + k * 29) % 31);
         append(values, &value, sizeof value);
         labels.push_back(static_cast<char>(tissue == 0 ? 0 : is_right ? tissue : tissue + 10));
       }
@@ -170,7 +179,9 @@ void write_volumes(const fs::path& folder) {
   write_json(folder / "labels.json", {{"labels", names}});
 }
 
-Json measured(double value, double sigma, const char* source = "mri") { return Measured::from_sigma(value, sigma, source); }
+Json measured(double value, double sigma, const char* source = "mri") {
+  return Measured::from_sigma(value, sigma, source);
+}
 
 Json biometry_of(const TrueEye& eye) {
   const double flat_D = 337.5 / eye.flat_radius_mm, steep_D = 337.5 / eye.steep_radius_mm;
@@ -188,24 +199,31 @@ Json biometry_of(const TrueEye& eye) {
             {"globe_width_mm", measured(23.1, 0.06)},
             {"globe_height_mm", measured(22.9, 0.06)},
             {"interpupillary_distance_mm", measured(62.4, 0.05)}};
-  json["keratometry"] = {{"flat", {{"radius_mm", measured(eye.flat_radius_mm, 0.06)}, {"power_D", measured(flat_D, 0.33)},
-                                   {"axis_deg", measured(eye.flat_axis_deg, 6)}}},
-                         {"steep", {{"radius_mm", measured(eye.steep_radius_mm, 0.06)}, {"power_D", measured(steep_D, 0.35)},
-                                    {"axis_deg", measured(steep_axis, 6)}}},
+  json["keratometry"] = {{"flat",
+                          {{"radius_mm", measured(eye.flat_radius_mm, 0.06)},
+                           {"power_D", measured(flat_D, 0.33)},
+                           {"axis_deg", measured(eye.flat_axis_deg, 6)}}},
+                         {"steep",
+                          {{"radius_mm", measured(eye.steep_radius_mm, 0.06)},
+                           {"power_D", measured(steep_D, 0.35)},
+                           {"axis_deg", measured(steep_axis, 6)}}},
                          {"cylinder_D", measured(steep_D - flat_D, 0.3)},
                          {"asphericity_q", measured(-0.2, 0.1, "prior")}};
-  json["astigmatism"] = {{"M_D", measured((flat_D + steep_D) / 2, 0.3)},
-                         {"J0_D", measured(half * std::cos(2 * eye.flat_axis_deg * degree), 0.15)},
-                         {"J45_D", measured(half * std::sin(2 * eye.flat_axis_deg * degree), 0.15)},
-                         {"type", "with-the-rule"},
-                         {"irregularity_um", measured(1.4, 0.5)},
-                         {"section_2p3mm", {{"vertical_mm", measured(10.9, 0.1)}, {"horizontal_mm", measured(11.1, 0.1)}}}};
+  json["astigmatism"] = {
+      {"M_D", measured((flat_D + steep_D) / 2, 0.3)},
+      {"J0_D", measured(half * std::cos(2 * eye.flat_axis_deg * degree), 0.15)},
+      {"J45_D", measured(half * std::sin(2 * eye.flat_axis_deg * degree), 0.15)},
+      {"type", "with-the-rule"},
+      {"irregularity_um", measured(1.4, 0.5)},
+      {"section_2p3mm", {{"vertical_mm", measured(10.9, 0.1)}, {"horizontal_mm", measured(11.1, 0.1)}}}};
   return json;
 }
 
 Json prescription_of(const TrueEye& eye) {
   const PowerVector power = to_power_vector({eye.sphere_D, eye.cylinder_D, eye.axis_deg});
-  const auto plain = [](const PowerVector& p) { return Json{{"M_D", p.M_D}, {"J0_D", p.J0_D}, {"J45_D", p.J45_D}}; };
+  const auto plain = [](const PowerVector& p) {
+    return Json{{"M_D", p.M_D}, {"J0_D", p.J0_D}, {"J45_D", p.J45_D}};
+  };
   Json json{{"laterality", to_string(eye.laterality)},
             {"vertex_distance_mm", 12},
             {"pupil_mm", 3},
@@ -219,11 +237,16 @@ Json prescription_of(const TrueEye& eye) {
   json["rounded"] = {{"sphere_D", std::round(eye.sphere_D * 4) / 4},
                      {"cylinder_D", std::round(eye.cylinder_D * 4) / 4},
                      {"axis_deg", eye.laterality == Laterality::od ? 175 : 90}};
-  json["plano_cylinder"] = {{"radius_mm", 212.5}, {"axis_deg", 90}, {"index", 1.5}, {"vertex_distance_mm", 10}, {"sharpness", 0.8125}};
-  json["wavefront_check"] = {{"paraxial", plain({power.M_D + 0.21, power.J0_D + 0.02, power.J45_D})},
-                             {"minimum_rms_wavefront", plain({power.M_D - 0.05, power.J0_D, power.J45_D + 0.01})},
-                             {"minimum_rms_spot", plain({power.M_D - 0.11, power.J0_D, power.J45_D})},
-                             {"visual_strehl", plain({power.M_D + 0.06, power.J0_D, power.J45_D})}};
+  json["plano_cylinder"] = {{"radius_mm", 212.5},
+                            {"axis_deg", 90},
+                            {"index", 1.5},
+                            {"vertex_distance_mm", 10},
+                            {"sharpness", 0.8125}};
+  json["wavefront_check"] = {
+      {"paraxial", plain({power.M_D + 0.21, power.J0_D + 0.02, power.J45_D})},
+      {"minimum_rms_wavefront", plain({power.M_D - 0.05, power.J0_D, power.J45_D + 0.01})},
+      {"minimum_rms_spot", plain({power.M_D - 0.11, power.J0_D, power.J45_D})},
+      {"visual_strehl", plain({power.M_D + 0.06, power.J0_D, power.J45_D})}};
   json["budget"] = {{{"source", "lens index (prior)"}, {"M_D", 0.78}, {"J0_D", 0.0}, {"J45_D", 0.0}},
                     {{"source", "cornea"}, {"M_D", 0.24}, {"J0_D", 0.15}, {"J45_D", 0.14}},
                     {{"source", "axial length"}, {"M_D", 0.08}, {"J0_D", 0.0}, {"J45_D", 0.0}}};
@@ -232,7 +255,8 @@ Json prescription_of(const TrueEye& eye) {
 
 Json wavefront_of(const TrueEye& eye) {
   constexpr double pupil_mm = 3.4;
-  const PowerVector power = move_towards_eye(to_power_vector({eye.sphere_D, eye.cylinder_D, eye.axis_deg}), 12);
+  const PowerVector power =
+      move_towards_eye(to_power_vector({eye.sphere_D, eye.cylinder_D, eye.axis_deg}), 12);
   const double r2 = pupil_mm * pupil_mm / 4;
   std::vector<double> zernike(28, 0);
   zernike[3] = -power.J45_D * r2 / (2 * std::sqrt(6.0));
@@ -247,33 +271,53 @@ Json wavefront_of(const TrueEye& eye) {
     cpd.push_back(f);
     falling.push_back(std::exp(-f / 4.0));
   }
-  return {{"pupil_mm", pupil_mm}, {"wavelength_nm", 589.3}, {"zernike_um", zernike}, {"rms_um", std::sqrt(sum)}, {"strehl", 0.012},
-          {"vsotf", 0.021}, {"mtf", {{"cpd", cpd}, {"tangential", falling}, {"sagittal", falling}}}};
+  return {{"pupil_mm", pupil_mm},
+          {"wavelength_nm", 589.3},
+          {"zernike_um", zernike},
+          {"rms_um", std::sqrt(sum)},
+          {"strehl", 0.012},
+          {"vsotf", 0.021},
+          {"mtf", {{"cpd", cpd}, {"tangential", falling}, {"sagittal", falling}}}};
 }
 
 void write_picture(const fs::path& file, double blur_px) {
   cv::Mat picture(300, 300, CV_8UC3, cv::Scalar(255, 255, 255));
   for (int row = 0; row < 4; ++row)
     for (int column = 0; column < 4; ++column)
-      cv::putText(picture, "E", {30 + 65 * column, 70 + 65 * row}, cv::FONT_HERSHEY_SIMPLEX, 1.6 - 0.35 * row, {0, 0, 0}, 3);
+      cv::putText(picture, "E", {30 + 65 * column, 70 + 65 * row}, cv::FONT_HERSHEY_SIMPLEX, 1.6 - 0.35 * row,
+                  {0, 0, 0}, 3);
   if (blur_px > 0) cv::GaussianBlur(picture, picture, {0, 0}, blur_px);
   cv::imwrite(file.string(), picture);
 }
 
-void write_stage(const fs::path& folder, const std::string& stage, int status, const Json& reasons, const Json& warnings) {
-  write_json(folder / stage / "stage.json",
-             {{"stage", stage}, {"command_line", "emmetrope-" + stage + " x"}, {"version", "0.1.0+test"}, {"parameters", Json::object()},
-              {"seed", 1}, {"inputs", Json::object()}, {"outputs", Json::object()}, {"opencl_device", nullptr}, {"wall_s", 1.5},
-              {"warnings", warnings}, {"verdict", {{"status", status}, {"reasons", reasons}}}});
+void write_stage(const fs::path& folder, const std::string& stage, int status, const Json& reasons,
+                 const Json& warnings) {
+  write_json(folder / stage / "stage.json", {{"stage", stage},
+                                             {"command_line", "emmetrope-" + stage + " x"},
+                                             {"version", "0.1.0+test"},
+                                             {"parameters", Json::object()},
+                                             {"seed", 1},
+                                             {"inputs", Json::object()},
+                                             {"outputs", Json::object()},
+                                             {"opencl_device", nullptr},
+                                             {"wall_s", 1.5},
+                                             {"warnings", warnings},
+                                             {"verdict", {{"status", status}, {"reasons", reasons}}}});
 }
 
 Json fit_of(const TrueEye& eye, bool refused) {
   const Vector3d centre = place(eye) * Vector3d(0, 0, -(axial_length_mm - globe_radius_mm));
   Json quality = Json::array();
-  quality.push_back({{"name", "chi2_per_voxel"}, {"value", refused ? 4.2 : 1.02}, {"limit", 1.5}, {"passed", !refused},
-                     {"reason", refused ? "The model explains the voxels badly: chi2 per voxel 4.2, at most 1.5." : ""}});
-  return {{"laterality", to_string(eye.laterality)}, {"globe_centre_lps_mm", {centre.x(), centre.y(), centre.z()}},
-          {"quality", quality}, {"status", refused ? "refused" : "measured"}};
+  quality.push_back(
+      {{"name", "chi2_per_voxel"},
+       {"value", refused ? 4.2 : 1.02},
+       {"limit", 1.5},
+       {"passed", !refused},
+       {"reason", refused ? "The model explains the voxels badly: chi2 per voxel 4.2, at most 1.5." : ""}});
+  return {{"laterality", to_string(eye.laterality)},
+          {"globe_centre_lps_mm", {centre.x(), centre.y(), centre.z()}},
+          {"quality", quality},
+          {"status", refused ? "refused" : "measured"}};
 }
 
 }  // namespace
@@ -285,7 +329,8 @@ void make_fixture_case(const fs::path& folder, const FixtureOptions& options) {
     if (!options.refused || std::string(stage) == "segmentation")
       for (const auto& eye : eyes) fs::create_directories(folder / stage / to_string(eye.laterality));
   write_json(folder / "case.json", {{"subject", {{"id", options.subject}, {"age_years", 41}, {"sex", "F"}}},
-                                    {"study_date", "2026-03-14"}, {"stacks", {{{"name", "stack1"}, {"reason", "the only one"}}}}});
+                                    {"study_date", "2026-03-14"},
+                                    {"stacks", {{{"name", "stack1"}, {"reason", "the only one"}}}}});
   write_volumes(folder / "segmentation");
   Json warnings = Json::array();
   if (!options.stage_warning.empty()) warnings.push_back(options.stage_warning);
@@ -301,7 +346,8 @@ void make_fixture_case(const fs::path& folder, const FixtureOptions& options) {
     write_json(folder / "correction" / id / "prescription.json", prescription_of(eye));
     std::string sweep = "radius_mm,sharpness\n";
     for (int radius = 60; radius <= 400; radius += 10)
-      sweep += std::to_string(radius) + "," + std::to_string(0.8 / (1 + std::pow((1000.0 / radius - 4.7) / 2, 2))) + "\n";
+      sweep += std::to_string(radius) + "," +
+               std::to_string(0.8 / (1 + std::pow((1000.0 / radius - 4.7) / 2, 2))) + "\n";
     write_file(folder / "correction" / id / "sweep.csv", sweep);
   }
   const int status = options.refused ? 6 : options.only_right ? 8 : 0;
@@ -310,7 +356,8 @@ void make_fixture_case(const fs::path& folder, const FixtureOptions& options) {
   if (options.only_right) reasons.push_back("os: the left eye is not in the images.");
   write_stage(folder, "segmentation", status, reasons, warnings);
   if (options.refused) return;
-  for (const char* stage : {"meshing", "raytrace", "correction"}) write_stage(folder, stage, status, Json::array(), Json::array());
+  for (const char* stage : {"meshing", "raytrace", "correction"})
+    write_stage(folder, stage, status, Json::array(), Json::array());
 }
 
 void make_fixture_study(const fs::path& folder) {
@@ -318,7 +365,9 @@ void make_fixture_study(const fs::path& folder) {
   for (int k = 0; k < slices; k += 10) {
     DcmFileFormat format;
     DcmDataset& set = *format.getDataset();
-    const auto put = [&](const DcmTagKey& tag, const std::string& value) { set.putAndInsertString(tag, value.c_str()); };
+    const auto put = [&](const DcmTagKey& tag, const std::string& value) {
+      set.putAndInsertString(tag, value.c_str());
+    };
     put(DCM_SOPClassUID, UID_MRImageStorage);
     put(DCM_SOPInstanceUID, "1.2.826.0.1.3680043.10.1.3.7" + std::to_string(k));
     put(DCM_StudyInstanceUID, "1.2.826.0.1.3680043.10.1.1");

@@ -4,15 +4,15 @@
 
 #include "pipeline/base/json.hpp"
 
-/// A finished case as the stages before the report leave it, made from formulas in a second: two eyes, surfaces, a
-/// volume with labels, all numbers known.
+/// A finished case as the stages before the report leave it, made from formulas in a second: two eyes,
+/// surfaces, a volume with labels, all numbers known.
 namespace emmetrope::test {
 
 struct FixtureOptions {
-  bool refused = false;               ///< segmentation refused both eyes: no meshes, no numbers
-  bool only_right = false;            ///< the left eye was not found
+  bool refused = false;     ///< segmentation refused both eyes: no meshes, no numbers
+  bool only_right = false;  ///< the left eye was not found
   std::string subject = "s-0a1b2c3d";
-  std::string stage_warning;          ///< a warning in segmentation's stage.json
+  std::string stage_warning;  ///< a warning in segmentation's stage.json
 };
 
 /// Fills `folder`, which must not exist.

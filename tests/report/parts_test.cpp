@@ -102,9 +102,11 @@ TEST(PointSpread, DefocusSpreadsAPointOverPupilTimesDioptres) {
 TEST(PointSpread, TheRightLensRemovesDefocusAndAstigmatism) {
   constexpr double r2 = 1.5 * 1.5;
   const PowerVector error{-2, 0.4, -0.3};
-  const PupilWavefront blurred{3, 555,
-                               {0, 0, 0, -error.J45_D * r2 / (2 * std::sqrt(6.0)), -error.M_D * r2 / (4 * std::sqrt(3.0)),
-                                -error.J0_D * r2 / (2 * std::sqrt(6.0))}};
+  const PupilWavefront blurred{
+      3,
+      555,
+      {0, 0, 0, -error.J45_D * r2 / (2 * std::sqrt(6.0)), -error.M_D * r2 / (4 * std::sqrt(3.0)),
+       -error.J0_D * r2 / (2 * std::sqrt(6.0))}};
   const Modulation mtf = modulation_transfer(point_spread(corrected_by(blurred, error)), {20});
   EXPECT_NEAR(mtf.horizontal[0], diffraction_mtf(20, 3, 555), 0.004);
 }
@@ -121,7 +123,8 @@ TriangleMesh spherical_cornea(double radius_mm) {
   add(0, 0);
   for (int ring = 1; ring <= rings; ++ring)
     for (int spoke = 0; spoke < spokes; ++spoke)
-      add(5.0 * ring / rings * std::cos(2 * pi * spoke / spokes), 5.0 * ring / rings * std::sin(2 * pi * spoke / spokes));
+      add(5.0 * ring / rings * std::cos(2 * pi * spoke / spokes),
+          5.0 * ring / rings * std::sin(2 * pi * spoke / spokes));
   const auto at = [&](int ring, int spoke) { return 1 + (ring - 1) * spokes + spoke % spokes; };
   for (int spoke = 0; spoke < spokes; ++spoke) mesh.triangles.push_back({0, at(1, spoke), at(1, spoke + 1)});
   for (int ring = 1; ring < rings; ++ring)
@@ -177,12 +180,14 @@ TEST(Slice, IsInRadiologicalConventionAndNamesItsSides) {
   TriangleMesh mesh;
   mesh.vertices = {{-21, -40, 0}, {-21, -36, 0}, {-21, -38, 6}};
   mesh.triangles = {{0, 1, 2}};
-  const Figure figure = slice_figure(volume, Plane::axial, {-31, -38, 3}, 40, {{mesh, "#123456", "test"}}, "slice");
+  const Figure figure =
+      slice_figure(volume, Plane::axial, {-31, -38, 3}, 40, {{mesh, "#123456", "test"}}, "slice");
   const std::size_t path = figure.svg.find("<path d=\"M");
   ASSERT_NE(path, std::string::npos);
   // 40 mm over 360 pixels: 10 mm right of the middle is pixel 270.
   EXPECT_NEAR(std::stod(figure.svg.substr(path + 10)), 270, 0.2);
-  for (const char* letter : {">R<", ">L<", ">A<", ">P<"}) EXPECT_THAT(figure.svg, ::testing::HasSubstr(letter));
+  for (const char* letter : {">R<", ">L<", ">A<", ">P<"})
+    EXPECT_THAT(figure.svg, ::testing::HasSubstr(letter));
   const std::size_t right = figure.svg.find("class=\"radiological\"");
   EXPECT_THAT(figure.svg.substr(right, 60), ::testing::HasSubstr("x=\"14\""));  // R, the first, on the left
   std::filesystem::remove_all(folder);

@@ -4,14 +4,16 @@
 #include <gtest/gtest.h>
 
 #include <regex>
+#include <sstream>
 
 #include "fixture_case.hpp"
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/files.hpp"
 #include "pipeline/base/process.hpp"
 #include "pipeline/report/case_data.hpp"
-#include "pipeline/report/numbers.hpp"
+#include "pipeline/report/comparison.hpp"
 #include "pipeline/report/dicom/source_study.hpp"
+#include "pipeline/report/numbers.hpp"
 
 namespace emmetrope::report {
 namespace {
@@ -24,8 +26,9 @@ using ::testing::Not;
 class ReportTest : public ::testing::Test {
  protected:
   void SetUp() override {
-    folder_ = fs::path(::testing::TempDir()) /
-              (std::string("emmetrope-report-") + ::testing::UnitTest::GetInstance()->current_test_info()->name());
+    folder_ =
+        fs::path(::testing::TempDir()) /
+        (std::string("emmetrope-report-") + ::testing::UnitTest::GetInstance()->current_test_info()->name());
     fs::remove_all(folder_);
   }
   void TearDown() override { fs::remove_all(folder_); }
@@ -42,7 +45,8 @@ class ReportTest : public ::testing::Test {
         .output;
   }
   std::string dump(const std::string& name) const {
-    return run_process("/usr/bin/dcmdump", {"+L", (folder_ / "report" / name).string()}, ChildOutput::capture).output;
+    return run_process("/usr/bin/dcmdump", {"+L", (folder_ / "report" / name).string()}, ChildOutput::capture)
+        .output;
   }
 
   fs::path folder_;
@@ -71,13 +75,15 @@ std::vector<std::string> expected_numbers(const fs::path& folder) {
   for (const char* eye : {"od", "os"}) {
     const Json prescription = read_json(folder / "correction" / eye / "prescription.json");
     const Json& rounded = prescription.at("rounded");
-    numbers.push_back(format_refraction(rounded.at("sphere_D"), rounded.at("cylinder_D"), rounded.at("axis_deg")));
+    numbers.push_back(
+        format_refraction(rounded.at("sphere_D"), rounded.at("cylinder_D"), rounded.at("axis_deg")));
     const auto add = [&](const Json& measured, const NumberStyle& style) {
       const auto value = measured.get<Measured>();
       numbers.push_back(format(value.value, style));
       numbers.push_back(format_interval(value, style));
     };
-    for (const char* key : {"sphere_D", "cylinder_D", "M_D", "J0_D", "J45_D"}) add(prescription.at(key), {2, true, "D"});
+    for (const char* key : {"sphere_D", "cylinder_D", "M_D", "J0_D", "J45_D"})
+      add(prescription.at(key), {2, true, "D"});
     add(prescription.at("axis_deg"), {0, false, "deg"});
     const Json biometry = read_json(folder / "meshing" / eye / "biometry.json");
     for (const char* key : {"optical_axial_length_mm", "axial_length_mm", "corneal_thickness_mm",
@@ -124,7 +130,8 @@ TEST_F(ReportTest, EveryPageSaysThatItIsForResearch) {
   std::size_t start = 0;
   for (int page = 0; page < pages; ++page) {
     const std::size_t end = pdf.find('\f', start);
-    EXPECT_THAT(pdf.substr(start, end - start), HasSubstr("Research use only. Not a medical device.")) << page + 1;
+    EXPECT_THAT(pdf.substr(start, end - start), HasSubstr("Research use only. Not a medical device."))
+        << page + 1;
     start = end + 1;
   }
 }
@@ -208,7 +215,9 @@ TEST_F(ReportTest, HostileTextsStayTexts) {
   test::make_fixture_case(folder_, options);
   report();
   const std::string html = output("report.html");
-  const auto has = [&](const char* text) { return html.find(text) != std::string::npos; };  // no page in a message
+  const auto has = [&](const char* text) {
+    return html.find(text) != std::string::npos;
+  };  // no page in a message
   EXPECT_FALSE(has("<script>alert(1)"));
   EXPECT_FALSE(has("<img src=x"));
   EXPECT_TRUE(has("&lt;script&gt;alert(1)"));
@@ -234,12 +243,15 @@ TEST_F(ReportTest, EveryDicomObjectConforms) {
     ++objects;
     // dciodvfy writes to standard error.
     const std::string found =
-        run_process("/bin/sh", {"-c", "dciodvfy \"$1\" 2>&1", "sh", entry.path().string()}, ChildOutput::capture).output;
+        run_process("/bin/sh", {"-c", "dciodvfy \"$1\" 2>&1", "sh", entry.path().string()},
+                    ChildOutput::capture)
+            .output;
     std::istringstream lines(found);
     for (std::string line; std::getline(lines, line);) {
       if (line.rfind("Error", 0) != 0) continue;
       // Its table for this SOP class demands the clinical trial modules, which are optional.
-      const bool is_known = entry.path().filename() == "prescription.dcm" && line.find("ClinicalTrial") != std::string::npos;
+      const bool is_known =
+          entry.path().filename() == "prescription.dcm" && line.find("ClinicalTrial") != std::string::npos;
       EXPECT_TRUE(is_known) << entry.path().filename() << ": " << line;
     }
   }
@@ -250,8 +262,8 @@ TEST_F(ReportTest, DicomObjectsHoldTheNumbersOfTheJson) {
   test::make_fixture_case(folder_);
   report();
   const std::string prescription = dump("prescription.dcm");
-  for (const char* text : {"Right Eye Rx", "Left Eye Rx", "[-2.2500]", "[-1.0000]", "[175.0000]", "[0.2500]", "[-0.5000]",
-                           "[90.0000]", "UNVERIFIED", "[diop]"})
+  for (const char* text : {"Right Eye Rx", "Left Eye Rx", "[-2.2500]", "[-1.0000]", "[175.0000]", "[0.2500]",
+                           "[-0.5000]", "[90.0000]", "UNVERIFIED", "[diop]"})
     EXPECT_THAT(prescription, HasSubstr(text));
   const std::string biometry = dump("biometry.dcm");
   for (const char* eye : {"od", "os"}) {
@@ -269,14 +281,16 @@ TEST_F(ReportTest, DicomObjectsBelongToThePatientsStudy) {
   fs::remove_all(study);
   test::make_fixture_study(study);
   report(study);
-  for (const char* name : {"report.dcm", "prescription.dcm", "biometry.dcm", "segmentation.dcm", "dicom/od_retina.dcm"}) {
+  for (const char* name :
+       {"report.dcm", "prescription.dcm", "biometry.dcm", "segmentation.dcm", "dicom/od_retina.dcm"}) {
     const std::string object = dump(name);
     EXPECT_THAT(object, HasSubstr("[DOE^JANE]")) << name;
-    EXPECT_THAT(object, HasSubstr("[1.2.826.0.1.3680043.10.1.1]")) << name;    // the study
+    EXPECT_THAT(object, HasSubstr("[1.2.826.0.1.3680043.10.1.1]")) << name;  // the study
     EXPECT_THAT(object, Not(HasSubstr("[1.2.826.0.1.3680043.10.1.2]\n"))) << name;
-    EXPECT_THAT(object, HasSubstr("1.2.826.0.1.3680043.10.1.3.7")) << name;   // a source image
+    EXPECT_THAT(object, HasSubstr("1.2.826.0.1.3680043.10.1.3.7")) << name;  // a source image
   }
-  const std::string html = visible_text(output("report.html"));  // a picture's base64 may hold any three letters
+  const std::string html =
+      visible_text(output("report.html"));  // a picture's base64 may hold any three letters
   EXPECT_THAT(html, Not(HasSubstr("DOE")));
   EXPECT_THAT(html, Not(HasSubstr("1961")));
   EXPECT_THAT(html, Not(HasSubstr("MRN-4711")));
@@ -290,6 +304,76 @@ TEST_F(ReportTest, DicomObjectsBelongToThePatientsStudy) {
   EXPECT_THAT(dump("report.dcm"), HasSubstr("[YES]"));
   EXPECT_THAT(output("stage.json"), Not(HasSubstr("DOE")));
   fs::remove_all(study);
+}
+
+TEST_F(ReportTest, FollowUpTellsChangesFromMeasurementError) {
+  const fs::path later = folder_.string() + "-later";
+  fs::remove_all(later);
+  test::make_fixture_case(folder_);
+  test::make_fixture_case(later);
+  const fs::path file = later / "meshing" / "od" / "biometry.json";
+  Json biometry = read_json(file);
+  // Half widths of 0.0588 mm each: the limit is 0.083 mm.
+  biometry["optical_axial_length_mm"] = Measured::from_sigma(23.6 + 0.09, 0.03, "mri");
+  // Half widths of 0.098 mm each: the limit is 0.139 mm.
+  biometry["anterior_chamber_depth_mm"] = Measured::from_sigma(3.4 + 0.13, 0.05, "mri");
+  write_json(file, biometry);
+  CommonOptions common;
+  common.verbosity.quiet = true;
+  write_comparison(folder_, later, common);
+  const std::string text =
+      run_process("/usr/bin/pdftotext", {"-layout", (later / "comparison" / "comparison.pdf").string(), "-"},
+                  ChildOutput::capture)
+          .output;
+  EXPECT_TRUE(
+      std::regex_search(text, std::regex("Axial length, optical +23.60 mm +23.69 mm +.0.09 mm .*changed")))
+      << text;
+  EXPECT_TRUE(
+      std::regex_search(text, std::regex("Anterior chamber depth +3.40 mm +3.53 mm +.0.13 mm .*within")))
+      << text;
+  fs::remove_all(later);
+}
+
+// Opens the page from disk: the scripts run without a complaint of ours, nothing is fetched, and the viewer
+// starts.
+TEST_F(ReportTest, BrowserRunsThePageWithoutErrors) {
+  if (!fs::exists("/usr/bin/chromium")) GTEST_SKIP() << "chromium is not installed";
+  test::make_fixture_case(folder_);
+  report();
+  const std::string page = (folder_ / "report" / "report.html").string();
+  const std::string log = page + ".log", profile = folder_.string() + "/profile";
+  const ProcessResult browser = run_process("/bin/sh",
+                                            {"-c",
+                                             "exec chromium --headless --no-sandbox --disable-gpu "
+                                             "--enable-logging=stderr --virtual-time-budget=15000 "
+                                             "--user-data-dir=\"$3\" --dump-dom \"file://$1\" 2>\"$2\"",
+                                             "sh", page, log, profile},
+                                            ChildOutput::capture);
+  ASSERT_EQ(browser.status, 0);
+  const auto has = [&](const char* text) { return browser.output.find(text) != std::string::npos; };
+  EXPECT_TRUE(has("class=\"slider\""));
+  EXPECT_TRUE(has("class=\"convention\""));
+  if (output("report.html").find("id=\"viewer-data\"") != std::string::npos) {
+    EXPECT_TRUE(has("data-ready=\"true\""));
+  }
+  std::istringstream lines(read_file(log));
+  for (std::string line; std::getline(lines, line);) {
+    const bool is_of_page = line.find("CONSOLE") != std::string::npos;
+    EXPECT_FALSE(is_of_page && line.find("Error") != std::string::npos) << line;
+    EXPECT_FALSE(is_of_page && line.find("Refused") != std::string::npos) << line;
+  }
+}
+
+TEST_F(ReportTest, BrokenJsonIsAnInputErrorAndLeavesNothing) {
+  test::make_fixture_case(folder_);
+  write_json(folder_ / "meshing" / "od" / "biometry.json", Json{{"lps_from_eye", "nonsense"}, {"astigmatism", 3}});
+  try {
+    report();
+    FAIL();
+  } catch (const Error& error) {
+    EXPECT_EQ(error.status(), ExitStatus::input_invalid) << error.what();
+  }
+  EXPECT_FALSE(fs::exists(folder_ / "report"));
 }
 
 TEST_F(ReportTest, MissingSegmentationIsNamed) {

@@ -16,7 +16,8 @@ void put_document(DcmDataset& dataset, const std::string& bytes, const char* mim
   check(dataset.putAndInsertUint8Array(DCM_EncapsulatedDocument, reinterpret_cast<const Uint8*>(even.data()),
                                        static_cast<unsigned long>(even.size())),
         "document");
-  check(dataset.putAndInsertUint32(DCM_EncapsulatedDocumentLength, static_cast<Uint32>(bytes.size())), "document length");
+  check(dataset.putAndInsertUint32(DCM_EncapsulatedDocumentLength, static_cast<Uint32>(bytes.size())),
+        "document length");
 }
 
 /// Binary STL, LPS as its header says.
@@ -30,7 +31,8 @@ std::string stl_of(const TriangleMesh& mesh) {
   };
   append(static_cast<std::uint32_t>(mesh.triangles.size()));
   for (const auto& triangle : mesh.triangles) {
-    const Eigen::Vector3d &a = mesh.vertices[triangle[0]], &b = mesh.vertices[triangle[1]], &c = mesh.vertices[triangle[2]];
+    const Eigen::Vector3d &a = mesh.vertices[triangle[0]], &b = mesh.vertices[triangle[1]],
+                          &c = mesh.vertices[triangle[2]];
     const Eigen::Vector3d normal = (b - a).cross(c - a).normalized();
     for (const auto& point : {normal, a, b, c})
       for (int axis = 0; axis < 3; ++axis) append(static_cast<float>(point[axis]));
@@ -41,7 +43,8 @@ std::string stl_of(const TriangleMesh& mesh) {
 
 }  // namespace
 
-std::string pdf_object(const SourceStudy& source, const std::string& pdf, bool identified, const std::string& result) {
+std::string pdf_object(const SourceStudy& source, const std::string& pdf, bool identified,
+                       const std::string& result) {
   DcmDataset dataset;
   put_common(dataset, source, {"report", "DOC", "Emmetrope eye report", 9001, result});
   put(dataset, 0x0008, 0x0016, UID_EncapsulatedPDFStorage);
@@ -55,11 +58,12 @@ std::string pdf_object(const SourceStudy& source, const std::string& pdf, bool i
   return file_bytes(dataset);
 }
 
-std::string mesh_object(const SourceStudy& source, const TriangleMesh& mesh_lps, Laterality eye, const std::string& surface,
-                        int number, const std::string& result) {
+std::string mesh_object(const SourceStudy& source, const TriangleMesh& mesh_lps, Laterality eye,
+                        const std::string& surface, int number, const std::string& result) {
   DcmDataset dataset;
   const std::string title = std::string(eye == Laterality::od ? "OD " : "OS ") + surface;
-  put_common(dataset, source, {"meshes", "M3D", "Emmetrope surfaces, RESEARCH USE ONLY", 9005, result + title});
+  put_common(dataset, source,
+             {"meshes", "M3D", "Emmetrope surfaces, RESEARCH USE ONLY", 9005, result + title});
   put(dataset, 0x0008, 0x0016, UID_EncapsulatedSTLStorage);
   put(dataset, 0x0020, 0x0013, std::to_string(number));
   const bool has_frame = !source.images().empty() && !source.images().front().frame_of_reference_uid.empty();
@@ -77,10 +81,11 @@ std::string mesh_object(const SourceStudy& source, const TriangleMesh& mesh_lps,
   return file_bytes(dataset);
 }
 
-std::string picture_object(const SourceStudy& source, const std::string& rgb, int rows, int columns, Laterality eye,
-                           const std::string& title, int number, const std::string& result) {
+std::string picture_object(const SourceStudy& source, const std::string& rgb, int rows, int columns,
+                           Laterality eye, const std::string& title, int number, const std::string& result) {
   DcmDataset dataset;
-  put_common(dataset, source, {"pictures", "OT", "Emmetrope retinal images, RESEARCH USE ONLY", 9004, result + title});
+  put_common(dataset, source,
+             {"pictures", "OT", "Emmetrope retinal images, RESEARCH USE ONLY", 9004, result + title});
   put(dataset, 0x0008, 0x0016, UID_SecondaryCaptureImageStorage);
   put(dataset, 0x0020, 0x0013, std::to_string(number));
   put(dataset, 0x0008, 0x0008, "DERIVED\\SECONDARY");

@@ -1,8 +1,8 @@
 #include "pipeline/report/dicom/object.hpp"
 
 #include <dcmtk/config/osconfig.h>
-#include <dcmtk/dcmdata/dctk.h>
 #include <dcmtk/dcmdata/dcostrmb.h>
+#include <dcmtk/dcmdata/dctk.h>
 
 #include <algorithm>
 
@@ -16,7 +16,8 @@ namespace {
 
 /// The study's characters may be of any set; what is added here is ASCII.
 void keep_character_set(DcmItem& dataset) {
-  if (!dataset.tagExists(DCM_SpecificCharacterSet)) dataset.putAndInsertString(DCM_SpecificCharacterSet, "ISO_IR 192");
+  if (!dataset.tagExists(DCM_SpecificCharacterSet))
+    dataset.putAndInsertString(DCM_SpecificCharacterSet, "ISO_IR 192");
 }
 
 }  // namespace
@@ -49,7 +50,8 @@ std::string dicom_text(const std::string& text, std::size_t most) {
 }
 
 void check(const OFCondition& condition, const std::string& doing) {
-  if (condition.bad()) throw Error(ExitStatus::fault, "cannot make a DICOM object: " + doing + ": " + condition.text());
+  if (condition.bad())
+    throw Error(ExitStatus::fault, "cannot make a DICOM object: " + doing + ": " + condition.text());
 }
 
 void put(DcmItem& item, unsigned short group, unsigned short element, const std::string& value) {
@@ -57,8 +59,8 @@ void put(DcmItem& item, unsigned short group, unsigned short element, const std:
   check(item.putAndInsertString(tag, value.c_str()), DcmTag(tag).getTagName());
 }
 
-void put_code(DcmItem& item, unsigned short group, unsigned short element, const char* value, const char* scheme,
-              const char* meaning) {
+void put_code(DcmItem& item, unsigned short group, unsigned short element, const char* value,
+              const char* scheme, const char* meaning) {
   DcmItem* code = nullptr;
   check(item.findOrCreateSequenceItem(DcmTagKey(group, element), code, -2), meaning);
   put(*code, 0x0008, 0x0100, value);
@@ -78,7 +80,8 @@ void put_references(DcmItem& item, unsigned short group, unsigned short element,
 void put_identity(DcmItem& dataset, const SourceStudy& source, const ObjectName& name) {
   put(dataset, 0x0008, 0x0060, name.modality);
   put(dataset, 0x0020, 0x000e, stable_uid("series " + source.study_uid() + name.role));
-  put(dataset, 0x0008, 0x0018, stable_uid("instance " + source.study_uid() + name.role + name.result + version()));
+  put(dataset, 0x0008, 0x0018,
+      stable_uid("instance " + source.study_uid() + name.role + name.result + version()));
   put(dataset, 0x0020, 0x0011, std::to_string(name.series_number));
   put(dataset, 0x0020, 0x0013, "1");
   put(dataset, 0x0008, 0x103e, dicom_text(name.description, 64));
@@ -95,7 +98,8 @@ void put_identity(DcmItem& dataset, const SourceStudy& source, const ObjectName&
 
 void put_common(DcmItem& dataset, const SourceStudy& source, const ObjectName& name) {
   DcmItem header(source.header());
-  for (DcmObject* element = header.nextInContainer(nullptr); element != nullptr; element = header.nextInContainer(element))
+  for (DcmObject* element = header.nextInContainer(nullptr); element != nullptr;
+       element = header.nextInContainer(element))
     check(dataset.insert(static_cast<DcmElement*>(element->clone()), OFTrue), "patient and study");
   keep_character_set(dataset);
   put_identity(dataset, source, name);
@@ -105,7 +109,9 @@ std::string file_bytes(DcmDataset& dataset) {
   DcmFileFormat file(&dataset);
   check(file.validateMetaInfo(EXS_LittleEndianExplicit), "file header");
   check(file.getDataset()->chooseRepresentation(EXS_LittleEndianExplicit, nullptr), "transfer syntax");
-  std::string bytes(static_cast<std::size_t>(file.calcElementLength(EXS_LittleEndianExplicit, EET_ExplicitLength)) + 65536, '\0');
+  std::string bytes(
+      static_cast<std::size_t>(file.calcElementLength(EXS_LittleEndianExplicit, EET_ExplicitLength)) + 65536,
+      '\0');
   DcmOutputBufferStream stream(bytes.data(), static_cast<offile_off_t>(bytes.size()));
   file.transferInit();
   check(file.write(stream, EXS_LittleEndianExplicit, EET_ExplicitLength, nullptr), "writing");

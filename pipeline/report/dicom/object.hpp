@@ -10,8 +10,8 @@ class OFCondition;
 /// What all DICOM objects of the report share. For the .cpp files of this folder only.
 namespace emmetrope::report {
 
-/// "2.25." and the decimal form of a UUID made from the text's SHA-256: the same text gives the same UID, so that a second
-/// run replaces an object instead of adding one.
+/// "2.25." and the decimal form of a UUID made from the text's SHA-256: the same text gives the same UID, so
+/// that a second run replaces an object instead of adding one.
 std::string stable_uid(const std::string& text);
 
 /// Text for a short attribute: UTF-8, no control characters, no backslash, at most `most` characters.
@@ -19,22 +19,23 @@ std::string dicom_text(const std::string& text, std::size_t most);
 
 /// How one object is named in its study.
 struct ObjectName {
-  std::string role;         ///< "report": decides its series and instance UIDs
+  std::string role;  ///< "report": decides its series and instance UIDs
   std::string modality;
   std::string description;  ///< SeriesDescription
   int series_number = 9000;
-  std::string result;       ///< hash of the result that the object tells
+  std::string result;  ///< hash of the result that the object tells
 };
 
-/// Patient, study, series, equipment and SOP common attributes. Dates are the study's, so that the same case gives the same
-/// bytes.
+/// Patient, study, series, equipment and SOP common attributes. Dates are the study's, so that the same case
+/// gives the same bytes.
 void put_common(DcmItem& dataset, const SourceStudy& source, const ObjectName& name);
-/// Series, equipment, UIDs and dates alone: for datasets that a DCMTK class has filled with UIDs and dates of its own.
+/// Series, equipment, UIDs and dates alone: for datasets that a DCMTK class has filled with UIDs and dates of
+/// its own.
 void put_identity(DcmItem& dataset, const SourceStudy& source, const ObjectName& name);
 void put(DcmItem& item, unsigned short group, unsigned short element, const std::string& value);
 /// A sequence with one coded entry.
-void put_code(DcmItem& item, unsigned short group, unsigned short element, const char* value, const char* scheme,
-              const char* meaning);
+void put_code(DcmItem& item, unsigned short group, unsigned short element, const char* value,
+              const char* scheme, const char* meaning);
 /// (SOP class, SOP instance) of every source image in a sequence.
 void put_references(DcmItem& item, unsigned short group, unsigned short element, const SourceStudy& source);
 

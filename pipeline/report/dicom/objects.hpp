@@ -12,27 +12,30 @@
 namespace emmetrope::report {
 
 /// Encapsulated PDF.
-std::string pdf_object(const SourceStudy& source, const std::string& pdf, bool identified, const std::string& result);
+std::string pdf_object(const SourceStudy& source, const std::string& pdf, bool identified,
+                       const std::string& result);
 
-/// Spectacle Prescription Report (SR, TID 2020), PARTIAL and UNVERIFIED, of the eyes that have a prescription; empty when
-/// none has.
+/// Spectacle Prescription Report (SR, TID 2020), PARTIAL and UNVERIFIED, of the eyes that have a
+/// prescription; empty when none has.
 std::string prescription_object(const SourceStudy& source, const CaseData& data, const std::string& result);
 
-/// Measurement report (SR, TID 1500): every number of biometry.json with its interval; empty when there is none.
+/// Measurement report (SR, TID 1500): every number of biometry.json with its interval; empty when there is
+/// none.
 std::string biometry_object(const SourceStudy& source, const CaseData& data, const std::string& result);
 
 /// Encapsulated STL of one surface, mm, in the patient's frame.
-std::string mesh_object(const SourceStudy& source, const TriangleMesh& mesh_lps, Laterality eye, const std::string& surface,
-                        int number, const std::string& result);
+std::string mesh_object(const SourceStudy& source, const TriangleMesh& mesh_lps, Laterality eye,
+                        const std::string& surface, int number, const std::string& result);
 
 /// Secondary Capture of a retinal image.
 /// \param rgb  rows x columns x 3 bytes
-std::string picture_object(const SourceStudy& source, const std::string& rgb, int rows, int columns, Laterality eye,
-                           const std::string& title, int number, const std::string& result);
+std::string picture_object(const SourceStudy& source, const std::string& rgb, int rows, int columns,
+                           Laterality eye, const std::string& title, int number, const std::string& result);
 
 /// Segmentation (SEG) of one stack's label volume, a segment per label, coded and with laterality.
 /// \param series_uid  whose images the stack was made of; empty where it is not known
-std::string segmentation_object(const SourceStudy& source, const std::filesystem::path& label_nifti, const Json& labels_json,
-                                const std::string& series_uid, int number, const std::string& result);
+std::string segmentation_object(const SourceStudy& source, const std::filesystem::path& label_nifti,
+                                const Json& labels_json, const std::string& series_uid, int number,
+                                const std::string& result);
 
 }  // namespace emmetrope::report

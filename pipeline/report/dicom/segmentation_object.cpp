@@ -24,18 +24,19 @@ struct StructureCode {
   const char *word, *code, *meaning;
 };
 /// SNOMED CT codes of what a label's name may contain; the first that matches.
-constexpr std::array<StructureCode, 12> structures{{{"cornea", "28726007", "Cornea"},
-                                                    {"lens", "78076003", "Lens of eye"},
-                                                    {"iris", "41296002", "Iris"},
-                                                    {"aqueous", "31636006", "Anterior chamber of eye"},
-                                                    {"anterior chamber", "31636006", "Anterior chamber of eye"},
-                                                    {"vitreous", "372242005", "Vitreous body"},
-                                                    {"sclera", "18619003", "Sclera"},
-                                                    {"wall", "18619003", "Sclera"},
-                                                    {"retina", "5665001", "Retina"},
-                                                    {"nerve", "18234004", "Optic nerve"},
-                                                    {"globe", "79652003", "Eyeball"},
-                                                    {"eye", "79652003", "Eyeball"}}};
+constexpr std::array<StructureCode, 12> structures{
+    {{"cornea", "28726007", "Cornea"},
+     {"lens", "78076003", "Lens of eye"},
+     {"iris", "41296002", "Iris"},
+     {"aqueous", "31636006", "Anterior chamber of eye"},
+     {"anterior chamber", "31636006", "Anterior chamber of eye"},
+     {"vitreous", "372242005", "Vitreous body"},
+     {"sclera", "18619003", "Sclera"},
+     {"wall", "18619003", "Sclera"},
+     {"retina", "5665001", "Retina"},
+     {"nerve", "18234004", "Optic nerve"},
+     {"globe", "79652003", "Eyeball"},
+     {"eye", "79652003", "Eyeball"}}};
 
 const StructureCode& code_of(const std::string& name) {
   for (const auto& structure : structures)
@@ -51,16 +52,20 @@ struct Label {
   bool is_left() const { return name.rfind("os", 0) == 0 || name.find("left") != std::string::npos; }
 };
 
-/// {"1": "od cornea"} or {"1": {"name": ...}}, at the top or under "labels"; an array of {"value", "name"} too.
+/// {"1": "od cornea"} or {"1": {"name": ...}}, at the top or under "labels"; an array of {"value", "name"}
+/// too.
 std::vector<Label> labels_of(const Json& json) {
   std::vector<Label> labels;
   const Json& list = json.is_object() && json.contains("labels") ? json["labels"] : json;
   const auto name_of = [](const Json& entry) {
-    return entry.is_string() ? entry.get<std::string>() : entry.is_object() ? entry.value("name", std::string()) : std::string();
+    return entry.is_string()   ? entry.get<std::string>()
+           : entry.is_object() ? entry.value("name", std::string())
+                               : std::string();
   };
   if (list.is_array()) {
     for (const auto& entry : list)
-      if (entry.is_object() && entry.contains("value")) labels.push_back({entry["value"].get<int>(), name_of(entry)});
+      if (entry.is_object() && entry.contains("value"))
+        labels.push_back({entry["value"].get<int>(), name_of(entry)});
   } else if (list.is_object()) {
     for (const auto& [key, entry] : list.items())
       if (!key.empty() && key.find_first_not_of("0123456789") == std::string::npos)
@@ -93,8 +98,8 @@ std::unique_ptr<DcmSegment> segment_of(const Label& label) {
   DcmSegment* made = nullptr;
   check(DcmSegment::create(made, dicom_text(label.name, 60).c_str(),
                            CodeSequenceMacro("123037004", "SCT", "Anatomical Structure"),
-                           CodeSequenceMacro(structure.code, "SCT", structure.meaning), DcmSegTypes::SAT_AUTOMATIC,
-                           "Emmetrope parametric eye fit"),
+                           CodeSequenceMacro(structure.code, "SCT", structure.meaning),
+                           DcmSegTypes::SAT_AUTOMATIC, "Emmetrope parametric eye fit"),
         "segment " + label.name);
   std::unique_ptr<DcmSegment> segment(made);
   auto& modifiers = segment->getSegmentedPropertyTypeModifierCode();
@@ -103,8 +108,9 @@ std::unique_ptr<DcmSegment> segment_of(const Label& label) {
   return segment;
 }
 
-void add_frame(DcmSegmentation& object, const SourceStudy& source, const std::string& series_uid, const PlaneGrid& grid, const Eigen::Vector3d& position,
-               Uint16 segment, Uint32 plane, std::vector<Uint8>& mask) {
+void add_frame(DcmSegmentation& object, const SourceStudy& source, const std::string& series_uid,
+               const PlaneGrid& grid, const Eigen::Vector3d& position, Uint16 segment, Uint32 plane,
+               std::vector<Uint8>& mask) {
   FGPlanePosPatient place;
   check(place.setImagePositionPatient(decimal(position.x()).c_str(), decimal(position.y()).c_str(),
                                       decimal(position.z()).c_str()),
@@ -118,16 +124,22 @@ void add_frame(DcmSegmentation& object, const SourceStudy& source, const std::st
   DerivationImageItem* item = nullptr;
   for (const auto& image : source.images()) {
     const bool is_of_stack = series_uid.empty() || image.series_uid == series_uid;
-    const bool lies_here = is_of_stack && std::abs((image.position_lps - position).dot(grid.normal)) < grid.slice_spacing_mm / 2 &&
-                           std::abs(std::abs(image.normal.dot(grid.normal)) - 1) < 1e-3;
+    const bool lies_here =
+        is_of_stack &&
+        std::abs((image.position_lps - position).dot(grid.normal)) < grid.slice_spacing_mm / 2 &&
+        std::abs(std::abs(image.normal.dot(grid.normal)) - 1) < 1e-3;
     if (!lies_here) continue;
     if (item == nullptr)
-      check(derivation.addDerivationImageItem(CodeSequenceMacro("113076", "DCM", "Segmentation"), "", item), "derivation");
+      check(derivation.addDerivationImageItem(CodeSequenceMacro("113076", "DCM", "Segmentation"), "", item),
+            "derivation");
     auto* made = new SourceImageItem();
-    check(made->getImageSOPInstanceReference().setReferencedSOPClassUID(image.sop_class_uid.c_str()), "source image");
-    check(made->getImageSOPInstanceReference().setReferencedSOPInstanceUID(image.sop_instance_uid.c_str()), "source image");
-    check(made->getPurposeOfReferenceCode().set("121322", "DCM", "Source image for image processing operation"),
+    check(made->getImageSOPInstanceReference().setReferencedSOPClassUID(image.sop_class_uid.c_str()),
           "source image");
+    check(made->getImageSOPInstanceReference().setReferencedSOPInstanceUID(image.sop_instance_uid.c_str()),
+          "source image");
+    check(
+        made->getPurposeOfReferenceCode().set("121322", "DCM", "Source image for image processing operation"),
+        "source image");
     item->getSourceImageItems().push_back(made);
   }
   OFVector<FGBase*> groups;
@@ -140,12 +152,15 @@ void add_frame(DcmSegmentation& object, const SourceStudy& source, const std::st
 
 void share_geometry(DcmSegmentation& object, const PlaneGrid& grid) {
   FGPlaneOrientationPatient orientation;
-  check(orientation.setImageOrientationPatient(decimal(grid.row.x()).c_str(), decimal(grid.row.y()).c_str(),
-                                               decimal(grid.row.z()).c_str(), decimal(grid.column.x()).c_str(),
-                                               decimal(grid.column.y()).c_str(), decimal(grid.column.z()).c_str()),
+  check(orientation.setImageOrientationPatient(
+            decimal(grid.row.x()).c_str(), decimal(grid.row.y()).c_str(), decimal(grid.row.z()).c_str(),
+            decimal(grid.column.x()).c_str(), decimal(grid.column.y()).c_str(),
+            decimal(grid.column.z()).c_str()),
         "orientation");
   FGPixelMeasures measures;
-  check(measures.setPixelSpacing((decimal(grid.row_spacing_mm) + "\\" + decimal(grid.column_spacing_mm)).c_str()), "spacing");
+  check(measures.setPixelSpacing(
+            (decimal(grid.row_spacing_mm) + "\\" + decimal(grid.column_spacing_mm)).c_str()),
+        "spacing");
   check(measures.setSpacingBetweenSlices(decimal(grid.slice_spacing_mm).c_str()), "spacing");
   check(measures.setSliceThickness(decimal(grid.slice_spacing_mm).c_str()), "spacing");
   check(object.addForAllFrames(orientation), "orientation");
@@ -154,16 +169,19 @@ void share_geometry(DcmSegmentation& object, const PlaneGrid& grid) {
 
 }  // namespace
 
-std::string segmentation_object(const SourceStudy& source, const std::filesystem::path& label_nifti, const Json& labels_json,
-                                const std::string& series_uid, int number, const std::string& result) {
+std::string segmentation_object(const SourceStudy& source, const std::filesystem::path& label_nifti,
+                                const Json& labels_json, const std::string& series_uid, int number,
+                                const std::string& result) {
   const Volume volume(label_nifti);
   const Eigen::Vector3i size = volume.size();
   const PlaneGrid grid = grid_of(volume.lps_from_voxel());
   DcmSegmentation* made = nullptr;
   check(DcmSegmentation::createBinarySegmentation(
             made, static_cast<Uint16>(size.y()), static_cast<Uint16>(size.x()),
-            IODGeneralEquipmentModule::EquipmentInfo(manufacturer, model, serial_number, dicom_text(version(), 60).c_str()),
-            ContentIdentificationMacro(std::to_string(number).c_str(), "EYES", "Structures of the eyes, RESEARCH USE ONLY", "")),
+            IODGeneralEquipmentModule::EquipmentInfo(manufacturer, model, serial_number,
+                                                     dicom_text(version(), 60).c_str()),
+            ContentIdentificationMacro(std::to_string(number).c_str(), "EYES",
+                                       "Structures of the eyes, RESEARCH USE ONLY", "")),
         "segmentation");
   const std::unique_ptr<DcmSegmentation> object(made);
   share_geometry(*object, grid);
@@ -171,8 +189,8 @@ std::string segmentation_object(const SourceStudy& source, const std::filesystem
   check(object->getDimensions().addDimensionIndex(DCM_ReferencedSegmentNumber, organization.c_str(),
                                                   DCM_SegmentIdentificationSequence, "Segment"),
         "dimension");
-  check(object->getDimensions().addDimensionIndex(DCM_ImagePositionPatient, organization.c_str(), DCM_PlanePositionSequence,
-                                                  "Plane"),
+  check(object->getDimensions().addDimensionIndex(DCM_ImagePositionPatient, organization.c_str(),
+                                                  DCM_PlanePositionSequence, "Plane"),
         "dimension");
   bool any = false;
   std::vector<Uint8> mask(static_cast<std::size_t>(size.x()) * static_cast<std::size_t>(size.y()));
@@ -204,7 +222,9 @@ std::string segmentation_object(const SourceStudy& source, const std::filesystem
   check(object->getSeries().setSeriesNumber("9006"), "series");
   DcmDataset dataset;
   check(object->writeDataset(dataset), "segmentation");
-  put_common(dataset, source, {"segmentation", "SEG", "Eye structures, RESEARCH USE ONLY", 9006, result + label_nifti.filename().string()});
+  put_common(dataset, source,
+             {"segmentation", "SEG", "Eye structures, RESEARCH USE ONLY", 9006,
+              result + label_nifti.filename().string()});
   put(dataset, 0x0020, 0x0013, std::to_string(number));
   return file_bytes(dataset);
 }

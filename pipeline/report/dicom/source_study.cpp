@@ -20,20 +20,37 @@ constexpr std::size_t most_files = 20'000;
 
 /// What an object of the same study must repeat, so that an archive files it with its patient.
 const std::array<DcmTagKey, 24>& study_tags() {
-  static const std::array<DcmTagKey, 24> tags{
-      DCM_SpecificCharacterSet, DCM_PatientName, DCM_PatientID, DCM_IssuerOfPatientID, DCM_PatientBirthDate,
-      DCM_PatientBirthTime, DCM_PatientSex, DCM_OtherPatientNames, DCM_EthnicGroup, DCM_PatientComments,
-      DCM_PatientIdentityRemoved, DCM_DeidentificationMethod, DCM_DeidentificationMethodCodeSequence,
-      DCM_PatientAge, DCM_PatientSize, DCM_PatientWeight, DCM_StudyInstanceUID, DCM_StudyDate, DCM_StudyTime,
-      DCM_ReferringPhysicianName, DCM_StudyID, DCM_AccessionNumber, DCM_StudyDescription,
-      DCM_IssuerOfAccessionNumberSequence};
+  static const std::array<DcmTagKey, 24> tags{DCM_SpecificCharacterSet,
+                                              DCM_PatientName,
+                                              DCM_PatientID,
+                                              DCM_IssuerOfPatientID,
+                                              DCM_PatientBirthDate,
+                                              DCM_PatientBirthTime,
+                                              DCM_PatientSex,
+                                              DCM_OtherPatientNames,
+                                              DCM_EthnicGroup,
+                                              DCM_PatientComments,
+                                              DCM_PatientIdentityRemoved,
+                                              DCM_DeidentificationMethod,
+                                              DCM_DeidentificationMethodCodeSequence,
+                                              DCM_PatientAge,
+                                              DCM_PatientSize,
+                                              DCM_PatientWeight,
+                                              DCM_StudyInstanceUID,
+                                              DCM_StudyDate,
+                                              DCM_StudyTime,
+                                              DCM_ReferringPhysicianName,
+                                              DCM_StudyID,
+                                              DCM_AccessionNumber,
+                                              DCM_StudyDescription,
+                                              DCM_IssuerOfAccessionNumberSequence};
   return tags;
 }
 
 /// Type 2 attributes: present even where the source has none.
 void complete(DcmItem& header) {
-  for (const auto& tag : {DCM_PatientName, DCM_PatientID, DCM_PatientBirthDate, DCM_PatientSex, DCM_StudyDate, DCM_StudyTime,
-                          DCM_ReferringPhysicianName, DCM_StudyID, DCM_AccessionNumber})
+  for (const auto& tag : {DCM_PatientName, DCM_PatientID, DCM_PatientBirthDate, DCM_PatientSex, DCM_StudyDate,
+                          DCM_StudyTime, DCM_ReferringPhysicianName, DCM_StudyID, DCM_AccessionNumber})
     if (!header.tagExists(tag)) header.insertEmptyElement(tag);
 }
 
@@ -80,7 +97,10 @@ SourceStudy SourceStudy::read(const fs::path& study, const Json& case_json) {
   std::vector<SourceImage> named;
   for (const auto& file : files_of(study)) {
     DcmFileFormat format;
-    if (format.loadFileUntilTag(file.c_str(), EXS_Unknown, EGL_noChange, DCM_MaxReadLength, ERM_autoDetect, DCM_PixelData).bad())
+    if (format
+            .loadFileUntilTag(file.c_str(), EXS_Unknown, EGL_noChange, DCM_MaxReadLength, ERM_autoDetect,
+                              DCM_PixelData)
+            .bad())
       continue;
     DcmDataset& dataset = *format.getDataset();
     if (text_of(dataset, DCM_Modality) != "MR") continue;
@@ -90,7 +110,8 @@ SourceStudy SourceStudy::read(const fs::path& study, const Json& case_json) {
     image.series_uid = text_of(dataset, DCM_SeriesInstanceUID);
     image.frame_of_reference_uid = text_of(dataset, DCM_FrameOfReferenceUID);
     image.position_lps = vector_of(dataset, DCM_ImagePositionPatient, 0);
-    image.normal = vector_of(dataset, DCM_ImageOrientationPatient, 0).cross(vector_of(dataset, DCM_ImageOrientationPatient, 3));
+    image.normal = vector_of(dataset, DCM_ImageOrientationPatient, 0)
+                       .cross(vector_of(dataset, DCM_ImageOrientationPatient, 3));
     if (image.sop_instance_uid.empty() || image.series_uid.empty()) continue;
     const bool is_named = used.count(image.series_uid) > 0;
     if (source.images_.empty() || (is_named && named.empty())) {
@@ -145,7 +166,8 @@ std::string SourceStudy::identity() const {
   DcmPersonName::getFormattedNameFromString(text_of(copy, DCM_PatientName).c_str(), name);
   const std::string born = text_of(copy, DCM_PatientBirthDate);
   std::string identity = name.c_str();
-  if (born.size() == 8) identity += ", born " + born.substr(0, 4) + "-" + born.substr(4, 2) + "-" + born.substr(6, 2);
+  if (born.size() == 8)
+    identity += ", born " + born.substr(0, 4) + "-" + born.substr(4, 2) + "-" + born.substr(6, 2);
   return identity;
 }
 

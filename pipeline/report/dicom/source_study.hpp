@@ -18,7 +18,8 @@ struct SourceImage {
   Eigen::Vector3d normal{0, 0, 1};
 };
 
-/// The DICOM library's own messages would tell tags of the patient: failures come as our errors and notes instead.
+/// The DICOM library's own messages would tell tags of the patient: failures come as our errors and notes
+/// instead.
 void quiet_dicom_library();
 
 /// The patient and the study that the report's DICOM objects belong to, with the images behind the result.

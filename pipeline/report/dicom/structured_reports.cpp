@@ -32,8 +32,9 @@ DSRCodedEntryValue unit_code(const std::string& unit) {
 /// Writes the document into a dataset and replaces what DCMTK takes from the clock and from chance.
 std::string document_bytes(DSRDocument& document, const SourceStudy& source, const ObjectName& name) {
   for (const auto& image : source.images())
-    check(document.getCurrentRequestedProcedureEvidence().addItem(source.study_uid().c_str(), image.series_uid.c_str(),
-                                                                  image.sop_class_uid.c_str(), image.sop_instance_uid.c_str()),
+    check(document.getCurrentRequestedProcedureEvidence().addItem(
+              source.study_uid().c_str(), image.series_uid.c_str(), image.sop_class_uid.c_str(),
+              image.sop_instance_uid.c_str()),
           "source images");
   DcmDataset dataset;
   check(document.write(dataset), "structured report");
@@ -68,9 +69,9 @@ class Tree {
   }
 
  private:
-  void add(DSRTypes::E_RelationshipType relationship, DSRTypes::E_ValueType type, DSRTypes::E_AddMode mode, const DSRCodedEntryValue& concept_name) {
-    if (tree_.addContentItem(relationship, type, mode) == 0)
-      check(SR_EC_InvalidDocumentTree, "content tree");
+  void add(DSRTypes::E_RelationshipType relationship, DSRTypes::E_ValueType type, DSRTypes::E_AddMode mode,
+           const DSRCodedEntryValue& concept_name) {
+    if (tree_.addContentItem(relationship, type, mode) == 0) check(SR_EC_InvalidDocumentTree, "content tree");
     check(tree_.getCurrentContentItem().setConceptName(concept_name), "concept name");
   }
   DSRDocumentTree& tree_;
@@ -79,7 +80,8 @@ class Tree {
 std::string interval_sentence(const std::string& name, const Json& value, const NumberStyle& style) {
   if (!value.is_object()) return {};
   const auto measured = value.get<Measured>();
-  return name + ": 95 % interval " + format_interval(measured, style) + " " + style.unit + ", " + source_name(measured.source);
+  return name + ": 95 % interval " + format_interval(measured, style) + " " + style.unit + ", " +
+         source_name(measured.source);
 }
 
 /// The sphere, cylinder and axis that are dispensed, and the measured ones as a comment.
@@ -100,9 +102,9 @@ std::string prescription_comment(const EyeData& eye) {
   const NumberStyle dioptres{2, true, "D"};
   std::string text = std::string(clinical_name(eye.laterality)) + ": vertex distance " +
                      fixed(value_of(eye.prescription, "vertex_distance_mm").value_or(12), 0) + " mm.";
-  for (const auto& [key, name, style] : {std::tuple{"sphere_D", "Sphere", dioptres},
-                                         std::tuple{"cylinder_D", "Cylinder", dioptres},
-                                         std::tuple{"axis_deg", "Axis", NumberStyle{0, false, "deg"}}}) {
+  for (const auto& [key, name, style] :
+       {std::tuple{"sphere_D", "Sphere", dioptres}, std::tuple{"cylinder_D", "Cylinder", dioptres},
+        std::tuple{"axis_deg", "Axis", NumberStyle{0, false, "deg"}}}) {
     if (!eye.prescription.contains(key)) continue;
     const auto value = value_of(eye.prescription, key);
     const std::string interval = interval_sentence(name, eye.prescription[key], style);
@@ -138,16 +140,18 @@ std::string prescription_object(const SourceStudy& source, const CaseData& data,
   }
   if (!any) return {};
   tree.text({"121106", "DCM", "Comment"}, comment);
-  return document_bytes(document, source, {"prescription", "SR", "Spectacle prescription, RESEARCH USE ONLY", 9002, result});
+  return document_bytes(document, source,
+                        {"prescription", "SR", "Spectacle prescription, RESEARCH USE ONLY", 9002, result});
 }
 
 std::string biometry_object(const SourceStudy& source, const CaseData& data, const std::string& result) {
   TID1500_MeasurementReport report(CMR_CID7021::ImagingMeasurementReport);
   check(report.setLanguage(CID5000_Languages(CID5000_Languages::English)), "language");
-  check(report.getObservationContext().addDeviceObserver(stable_uid("device " + version()).c_str(), model, manufacturer, model,
-                                                         serial_number),
+  check(report.getObservationContext().addDeviceObserver(stable_uid("device " + version()).c_str(), model,
+                                                         manufacturer, model, serial_number),
         "observer");
-  check(report.addProcedureReported(DSRCodedEntryValue("113091000", "SCT", "Magnetic resonance imaging")), "procedure");
+  check(report.addProcedureReported(DSRCodedEntryValue("113091000", "SCT", "Magnetic resonance imaging")),
+        "procedure");
   bool any = false;
   for (const auto& eye : data.eyes) {
     if (!eye.biometry.is_object()) continue;
@@ -155,9 +159,11 @@ std::string biometry_object(const SourceStudy& source, const CaseData& data, con
     auto& group = report.getIndividualMeasurements();
     const bool is_right = eye.laterality == Laterality::od;
     check(group.setTrackingIdentifier(is_right ? "OD (right eye)" : "OS (left eye)"), "tracking");
-    check(group.setTrackingUniqueIdentifier(stable_uid("eye " + source.study_uid() + eye.id()).c_str()), "tracking");
-    check(group.addFindingSite(DSRCodedEntryValue("81745001", "SCT", "Eye"),
-                               CID244e_Laterality(is_right ? CID244e_Laterality::Right : CID244e_Laterality::Left)),
+    check(group.setTrackingUniqueIdentifier(stable_uid("eye " + source.study_uid() + eye.id()).c_str()),
+          "tracking");
+    check(group.addFindingSite(
+              DSRCodedEntryValue("81745001", "SCT", "Eye"),
+              CID244e_Laterality(is_right ? CID244e_Laterality::Right : CID244e_Laterality::Left)),
           "site");
     std::string comment = research_notice;
     for (const auto* rows : {&biometry_rows(), &keratometry_rows()})
@@ -165,25 +171,30 @@ std::string biometry_object(const SourceStudy& source, const CaseData& data, con
         const Json::json_pointer pointer("/" + row.key);
         if (!eye.biometry.contains(pointer)) continue;
         const Json& found = eye.biometry.at(pointer);
-        const auto value = found.is_number() ? std::optional(found.get<double>()) : value_of(Json{{"v", found}}, "v");
+        const auto value =
+            found.is_number() ? std::optional(found.get<double>()) : value_of(Json{{"v", found}}, "v");
         if (!value) continue;
         std::string code = row.key;  // "keratometry/flat/power_D" -> at most 16 characters
         code = "E" + sha256_of(code).substr(0, 10);
         check(group.addMeasurement(DSRCodedEntryValue(code.c_str(), own_scheme, row.name.c_str()),
-                                   CMR_TID1501_in_TID1500::MeasurementValue(decimal_string(*value).c_str(), unit_code(row.style.unit)),
+                                   CMR_TID1501_in_TID1500::MeasurementValue(decimal_string(*value).c_str(),
+                                                                            unit_code(row.style.unit)),
                                    OFTrue),
               row.key);
         const std::string sentence = interval_sentence(row.name, found, row.style);
         if (!sentence.empty()) comment += "\n" + sentence;
       }
-    check(group.addQualitativeEvaluation(DSRCodedEntryValue("121106", "DCM", "Comment"), OFString(comment.c_str())), "comment");
+    check(group.addQualitativeEvaluation(DSRCodedEntryValue("121106", "DCM", "Comment"),
+                                         OFString(comment.c_str())),
+          "comment");
     any = true;
   }
   if (!any) return {};
   DSRDocument document;
   check(document.setTreeFromRootTemplate(report, OFTrue /* expand */), "TID 1500");
   describe_document(document, source);
-  return document_bytes(document, source, {"biometry", "SR", "Eye biometry, RESEARCH USE ONLY", 9003, result});
+  return document_bytes(document, source,
+                        {"biometry", "SR", "Eye biometry, RESEARCH USE ONLY", 9003, result});
 }
 
 }  // namespace emmetrope::report

@@ -1,0 +1,119 @@
+#include "pipeline/report/comparison.hpp"
+
+#include <cmath>
+
+#include "pipeline/base/case_folder.hpp"
+#include "pipeline/base/files.hpp"
+#include "pipeline/base/version.hpp"
+#include "pipeline/report/case_data.hpp"
+#include "pipeline/report/content.hpp"
+#include "pipeline/report/html.hpp"
+#include "pipeline/report/judgement.hpp"
+#include "pipeline/report/normal_ranges.hpp"
+#include "pipeline/report/pdf.hpp"
+
+namespace emmetrope::report {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::optional<Measured> measured_at(const Json& json, const std::string& path) {
+  const Json::json_pointer pointer("/" + path);
+  if (!json.is_object() || !json.contains(pointer) || !json.at(pointer).is_object()) return std::nullopt;
+  return json.at(pointer).get<Measured>();
+}
+
+/// b - a; for angles of an axis the shorter way round.
+double difference_of(const Measured& a, const Measured& b, const NumberStyle& style) {
+  const double difference = b.value - a.value;
+  return style.unit == "deg" ? std::remainder(difference, 180) : difference;
+}
+
+void add_row(Table& table, const Json& earlier, const Json& later, const BiometryRow& row) {
+  const auto a = measured_at(earlier, row.key), b = measured_at(later, row.key);
+  if (!a || !b) return;
+  const double limit = std::hypot((a->ci95[1] - a->ci95[0]) / 2, (b->ci95[1] - b->ci95[0]) / 2);
+  const double difference = difference_of(*a, *b, row.style);
+  const NumberStyle with_sign{row.style.decimals, true, row.style.unit};
+  table.rows.push_back({row.name, format(a->value, row.style), format(b->value, row.style),
+                        format(difference, with_sign), "\u00b1 " + format(limit, row.style),
+                        std::abs(difference) > limit ? "changed" : "within the intervals"});
+}
+
+const std::vector<BiometryRow>& refraction_rows() {
+  static const std::vector<BiometryRow> rows{
+      {"sphere_D", "Sphere", {2, true, "D"}, 0, 0, ""},  {"cylinder_D", "Cylinder", {2, true, "D"}, 0, 0, ""},
+      {"axis_deg", "Axis", {0, false, "deg"}, 0, 0, ""}, {"M_D", "M", {2, true, "D"}, 0, 0, ""},
+      {"J0_D", "J0", {2, true, "D"}, 0, 0, ""},          {"J45_D", "J45", {2, true, "D"}, 0, 0, ""}};
+  return rows;
+}
+
+Table table_of(const CaseData& earlier, const EyeData& a, const CaseData& later, const EyeData& b) {
+  Table table{clinical_name(a.laterality),
+              {"Quantity", "Earlier", "Later", "Difference", "95 % limit", "Judgement"},
+              {}};
+  if (judge(earlier, a).has_prescription && judge(later, b).has_prescription)
+    for (const auto& row : refraction_rows()) add_row(table, a.prescription, b.prescription, row);
+  for (const auto* rows : {&biometry_rows(), &keratometry_rows()})
+    for (const auto& row : *rows) add_row(table, a.biometry, b.biometry, row);
+  return table;
+}
+
+Document document_of(const CaseData& earlier, const CaseData& later) {
+  Document document;
+  document.title = "Emmetrope follow-up";
+  document.date_iso = later.study_date();
+  for (const auto& [name, data] : {std::pair{"Earlier", &earlier}, std::pair{"Later", &later}})
+    document.heading.emplace_back(
+        name, data->subject() + (data->study_date().empty() ? "" : ", " + data->study_date()));
+  document.heading.emplace_back("Software", "Emmetrope " + version());
+  Section section{"differences", "Differences", {}, false};
+  for (const auto& a : earlier.eyes)
+    for (const auto& b : later.eyes)
+      if (a.laterality == b.laterality)
+        if (const Table table = table_of(earlier, a, later, b); !table.rows.empty())
+          section.blocks.push_back({table});
+  if (section.blocks.empty())
+    section.blocks.push_back({Paragraph{"No quantity was measured in both cases."}});
+  section.blocks.push_back({Paragraph{
+      "A difference within the limit may be measurement error alone. The limit takes the two measurements as "
+      "independent; a prior that both share (the lens's index, the back of the cornea) makes it wider than "
+      "need be. "
+      "Cases carry pseudonyms: whether both are of one patient must be known from elsewhere."}});
+  document.sections.push_back(section);
+  return document;
+}
+
+void add_inputs(StageSpec& spec, const CaseData& data, const std::string& prefix) {
+  for (const char* stage : {"segmentation", "meshing", "correction"})
+    for (auto& input : inputs_below(data.folder, stage)) {
+      input.name = prefix + input.name;
+      if (input.path.extension() == ".json") spec.inputs.push_back(input);
+    }
+}
+
+}  // namespace
+
+Answer write_comparison(const fs::path& earlier_folder, const fs::path& later_folder,
+                        const CommonOptions& common) {
+  const CaseData earlier = read_case(earlier_folder, common.laterality);
+  const CaseData later = read_case(later_folder, common.laterality);
+  StageSpec spec;
+  spec.stage = "comparison";
+  add_inputs(spec, earlier, "earlier/");
+  add_inputs(spec, later, "later/");
+  const auto work = [&](StageWorkspace& workspace) {
+    const Document document = document_of(earlier, later);
+    write_file(workspace.folder() / "comparison.html", render_html(document, {}));
+    write_file(workspace.folder() / "comparison.pdf", render_pdf(document).bytes);
+    return StageVerdict{};
+  };
+  const StageOutcome outcome = run_stage(later_folder, spec, common, work);
+  const fs::path html = later_folder / "comparison" / "comparison.html";
+  Answer answer;
+  answer.json = {{"html", html.string()}, {"pdf", (later_folder / "comparison" / "comparison.pdf").string()}};
+  answer.text = "comparison: " + describe(outcome) + "\n" + html.string() + "\n";
+  return answer;
+}
+
+}  // namespace emmetrope::report
