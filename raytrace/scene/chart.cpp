@@ -187,9 +187,9 @@ ChartSpec parse_chart(const std::string& text) {
   const auto names = chart_names();
   if (std::find(names.begin(), names.end(), spec.name) == names.end()) {
     std::string known;
-    for (const auto& name : names) known += (known.empty() ? "" : ", ") + name;
+    for (const auto& name : names) known += name + ", ";
     throw usage_error("--scene: no chart or file is called \"" + spec.name + "\"",
-                      "use a scene.json or one of " + known);
+                      "use a scene.json or one of " + known + "cards");
   }
   spec.logmar = default_logmar(spec.name);
   for (std::size_t at = colon; at != std::string::npos;) {

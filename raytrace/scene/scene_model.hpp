@@ -1,6 +1,5 @@
 #pragma once
 #include <Eigen/Core>
-#include <array>
 #include <memory>
 #include <string>
 #include <vector>
@@ -27,34 +26,12 @@ struct TexturedPlane {
   std::shared_ptr<const Texture> texture;
 };
 
-/// A mesh of triangles with its material.
-struct SceneMesh {
-  std::vector<Eigen::Vector3d> vertices_mm;
-  std::vector<Eigen::Vector3d> normals;              ///< a unit vector each vertex, or none (flat faces)
-  std::vector<Eigen::Vector2d> texture_coordinates;  ///< (0, 0) the texture's lower left, or none
-  std::vector<std::array<int, 3>> triangles;
-  Eigen::Vector3d diffuse{0.8, 0.8, 0.8};  ///< reflectance, linear; times the texture where there is one
-  double specular = 0, shininess = 32;     ///< Phong
-  std::shared_ptr<const Texture> texture;
-};
-
-struct Light {
-  bool directional = false;
-  Eigen::Vector3d position_mm{0, 1000,
-                              0};   ///< of a point light; of a directional one the direction towards it
-  Eigen::Vector3d colour{1, 1, 1};  ///< radiance of a white diffuse surface that faces it
-  bool shadows = true;
-};
-
-/// What the eye looks at. Planes show their texture as it is (a print in even light, or a display); meshes
-/// are lit.
+/// What the eye looks at: flat pictures that show their texture as it is (a print in even light, or a
+/// display).
 class Scene {
  public:
   std::string name;
-  std::vector<TexturedPlane> planes;
-  std::vector<SceneMesh> meshes;
-  std::vector<Light> lights;
-  Eigen::Vector3d ambient{0.25, 0.25, 0.25};
+  std::vector<TexturedPlane> planes;    ///< the nearest hides what is behind it
   Eigen::Vector3d background{1, 1, 1};  ///< linear light where a ray meets nothing
 };
 

@@ -1,11 +1,14 @@
 #include "raytrace/tracer/device_surface.hpp"
 
+#include <fmt/format.h>
+
 #include <cmath>
 
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/frames.hpp"
 #include "raytrace/eye/mesh_shape.hpp"
 #include "raytrace/tracer/sheet_mesh.hpp"
+#include "raytrace/tracer/triangle_walk.hpp"
 
 namespace emmetrope::raytrace {
 namespace {
@@ -13,6 +16,11 @@ namespace {
 double number(const Json& json, const char* key, int index) {
   const Json& value = json.at(key);
   return value.is_array() ? value.at(index).get<double>() : value.get<double>();
+}
+
+/// The first number under a key that may be missing.
+double number_or(const Json& json, const char* key, double otherwise) {
+  return json.contains(key) ? number(json, key, 0) : otherwise;
 }
 
 DeviceSurface sphere(double curvature) {
@@ -103,13 +111,17 @@ DeviceSurface patches(const HeightField& field) {
   return form;
 }
 
+std::string deviation(const HeightField& field) {
+  return fmt::format("smooth patch, at most {:.4f} um from the vertices", field.max_deviation_um());
+}
+
 DeviceSurface smooth(const Surface& surface, const TriangleMesh& mesh) {
   const auto field = HeightField::fit(mesh);
   if (!field)
     throw unsupported_error("surface \"" + surface.name + "\" is no height field along its axis",
                             "use --surfaces triangles");
   DeviceSurface form = patches(*field);
-  form.note = "smooth patch, at most " + std::to_string(field->max_deviation_um()) + " um from the vertices";
+  form.note = deviation(*field);
   return form;
 }
 
@@ -158,18 +170,28 @@ DeviceSurface bendable_surface(const Surface& surface) {
 DeviceSurface device_surface(const Surface& surface, Representation representation, int vertices) {
   DeviceSurface form;
   if (const auto* mesh = dynamic_cast<const MeshShape*>(surface.shape.get())) {
-    if (mesh->patch() == nullptr)
+    const HeightField* patch = mesh->patch();
+    if (patch == nullptr)
       throw unsupported_error("surface \"" + surface.name + "\" is no height field along its axis",
-                              "use --surfaces triangles");
-    form = patches(*mesh->patch());
-    form.note = "smooth patch, at most " + std::to_string(mesh->patch()->max_deviation_um()) +
-                " um from the vertices";
+                              "the device traces sheets that a line along the axis meets once");
+    if (representation == Representation::triangles) {
+      form = triangle_walk(mesh->mesh(), {patch->base_curvature_per_mm().trace() / 2, patch->base_q(),
+                                          patch->base_offset_mm()});
+    } else {
+      form = patches(*patch);
+      form.note = deviation(*patch);
+    }
   } else if (representation == Representation::smooth) {
     form = smooth(surface, sheet_mesh(*surface.shape, default_semi_diameter_mm(surface), vertices, 0.25));
+  } else if (representation == Representation::triangles) {
+    const double q = number_or(surface.shape->to_json(), "q", 0);
+    form = triangle_walk(sheet_mesh(*surface.shape, default_semi_diameter_mm(surface), vertices, 0.25),
+                         {surface.shape->vertex_curvature().trace() / 2, q, 0});
   } else if (representation == Representation::analytic) {
     form = formula(surface);
   } else {
-    throw unsupported_error("surface \"" + surface.name + "\": this representation is not there yet");
+    throw unsupported_error("--surfaces fast is not offered by this version",
+                            "use analytic, smooth or triangles");
   }
   if (surface.semi_diameter_mm > 0)
     form.clear_radius_mm = std::min(form.clear_radius_mm, surface.semi_diameter_mm);

@@ -13,8 +13,9 @@ struct DeviceSurface {
   double axis_deg = 0;
   double clear_radius_mm = 1e4;
   std::vector<double> parameters;  ///< what stands from place 4 on (kernels/surfaces.cl)
-  std::vector<float> records;      ///< patches: 16 coefficients a cell, cell after cell along x
-  int columns = 0;                 ///< cells along x
+  std::vector<float> records;      ///< patches: 16 coefficients a cell; triangles: 32 floats each
+  std::vector<float> seeds;        ///< triangles: the grid's (int bits)
+  int columns = 0;                 ///< of the grid
   std::string note;                ///< deviation of a fit from the surface
 };
 

@@ -23,6 +23,14 @@ float bits(int value) {
 // O_FLAGS in kernels/surfaces.cl
 constexpr int enters_body = 1, inside_body = 2, local_ratio = 4;
 
+/// 0 where the shape has none, the mean of a biconic's two.
+double conic_constant(const Shape& shape) {
+  const Json json = shape.to_json();
+  if (!json.contains("q")) return 0;
+  return json["q"].is_array() ? (json["q"][0].get<double>() + json["q"][1].get<double>()) / 2
+                              : json["q"].get<double>();
+}
+
 /// Bodies that a ray may pass by: a surface and the next one that leads back into the medium in front of it,
 /// when the two meet in an edge (a nucleus smaller than the lens).
 class Bodies {
@@ -211,7 +219,7 @@ OpticalSystem make_optical_system(const EyeModel& eye,
       Parameters crossing = p;
       const double c = surface.shape->vertex_curvature().trace() / 2;
       crossing[4] = static_cast<float>(c);
-      crossing[5] = static_cast<float>(c * (1 + surface.shape->to_json().value("q", 0.0)));
+      crossing[5] = static_cast<float>(c * (1 + conic_constant(*surface.shape)));
       crossing[6] = bits(is_gradient(behind) ? builder.add_gradient(*behind, surface) : -1);
       crossing[7] = bits(is_gradient(front) ? builder.add_gradient(*front, eye.surfaces[before]) : -1);
       crossing[15] = bits(flags & inside_body);
@@ -220,10 +228,16 @@ OpticalSystem make_optical_system(const EyeModel& eye,
     }
     std::transform(form.parameters.begin(), form.parameters.end(), p.begin() + 4,
                    [](double value) { return static_cast<float>(value); });
-    if (form.kind == Operation::patch) {
+    if (!form.records.empty()) {
       p[11] = bits(form.columns);
       p[12] = bits(static_cast<int>(system.records.size()));
       system.records.insert(system.records.end(), form.records.begin(), form.records.end());
+    }
+    if (!form.seeds.empty()) {
+      p[14] = bits(static_cast<int>(system.records.size()));
+      system.records.insert(system.records.end(), form.seeds.begin(), form.seeds.end());
+      system.records.resize((system.records.size() + 15) / 16 *
+                            16);  // records are read at multiples of 64 bytes
     }
     p[15] = bits(flags);
     if (!form.note.empty()) system.notes.push_back(surface.name + ": " + form.note);

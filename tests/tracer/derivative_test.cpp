@@ -59,7 +59,8 @@ TEST(Derivatives, SpectaclePowerMatchesDifferences) {
   const auto result = tracer.trace(with_thin_lens(eye, at, 12), *scene, settings,
                                    {{"spectacle_back", m}, {"spectacle_back", j0}, {"spectacle_back", j45}});
   ASSERT_EQ(result.derivatives.size(), 3U);
-  const double h = 0.0005;  // the texture is bilinear: its slope has steps, whose share of the quotient falls with h
+  const double h =
+      0.0005;  // the texture is bilinear: its slope has steps, whose share of the quotient falls with h
   const double errors[] = {relative_error(result.derivatives[0], image(h, 0, 0), image(-h, 0, 0), h),
                            relative_error(result.derivatives[1], image(0, h, 0), image(0, -h, 0), h),
                            relative_error(result.derivatives[2], image(0, 0, h), image(0, 0, -h), h)};

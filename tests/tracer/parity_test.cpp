@@ -8,6 +8,7 @@
 #include "raytrace/eye/exact_trace.hpp"
 #include "raytrace/spectacle/spectacle.hpp"
 #include "raytrace/tracer/pupil_aim.hpp"
+#include "raytrace/tracer/sheet_mesh.hpp"
 #include "raytrace/tracer/tracer.hpp"
 
 namespace emmetrope::raytrace {
@@ -78,7 +79,79 @@ TEST_P(Parity, AnalyticEyeOnTheDeviceFollowsTheReference) {
 }
 INSTANTIATE_TEST_SUITE_P(SchematicEyes, Parity,
                          testing::Values("gullstrand", "gullstrand-emsley", "le-grand", "navarro",
-                                         "escudero-sanz-navarro", "arizona", "bennett-rabbetts", "liou-brennan", "atchison:-4"));
+                                         "escudero-sanz-navarro", "arizona", "bennett-rabbetts",
+                                         "liou-brennan", "atchison:-4"));
+
+/// Every refracting surface as a sheet of 5 mm semi-diameter.
+EyeModel with_sheets(EyeModel eye) {
+  for (auto& surface : eye.surfaces)
+    if (!surface.is_stop() && surface.name != "retina") surface.semi_diameter_mm = 5;
+  return eye;
+}
+
+struct MeshCase {
+  const char* eye;
+  Representation representation;
+  int vertices;
+  double limit_arcmin;
+};
+class MeshAccuracy : public testing::TestWithParam<MeshCase> {};
+
+TEST_P(MeshAccuracy, JitteredMeshesFollowTheFormulas) {
+  const MeshCase& c = GetParam();
+  const EyeModel eye = make_eye(c.eye, {0, {}, 4.0});
+  TraceSettings settings;
+  settings.representation = c.representation;
+  settings.vertices = c.vertices;
+  const Difference d = compare(Tracer(""), with_sheets(eye), eye, settings, 20000);
+  std::printf("%s %s %d vertices: direction rms %.4f max %.4f arcmin, position rms %.4f um, other state %d\n",
+              c.eye, c.representation == Representation::smooth ? "smooth" : "triangles", c.vertices,
+              d.direction_rms_arcmin, d.direction_max_arcmin, d.position_rms_um, d.other_state);
+  EXPECT_LE(d.direction_rms_arcmin, c.limit_arcmin);
+  EXPECT_GT(d.reached, 19900);
+}
+INSTANTIATE_TEST_SUITE_P(Conics, MeshAccuracy,
+                         testing::Values(MeshCase{"navarro", Representation::triangles, 565, 0.2},
+                                         MeshCase{"navarro", Representation::triangles, 1516, 0.1},
+                                         MeshCase{"gullstrand", Representation::triangles, 1516, 0.1},
+                                         MeshCase{"navarro", Representation::smooth, 565, 0.01},
+                                         MeshCase{"navarro", Representation::smooth, 1516, 0.01},
+                                         MeshCase{"gullstrand", Representation::smooth, 565, 0.01}));
+
+TEST(Triangles, NoRayIsLostAtVerticesAndEdges) {
+  // Rays parallel to the axis, from the vitreous, exactly through vertices and edge points of the last
+  // surface's mesh.
+  EyeModel eye = with_sheets(make_eye("gullstrand-emsley", {0, {}, 20.0}));
+  TraceSettings settings;
+  settings.representation = Representation::triangles;
+  settings.vertices = 800;
+  const Surface& last = eye.surfaces[eye.surfaces.size() - 2];
+  const TriangleMesh sheet = sheet_mesh(*last.shape, default_semi_diameter_mm(last), settings.vertices, 0.25);
+  std::vector<Ray> rays;
+  const double z = -last.position_mm - 3;
+  for (const auto& t : sheet.triangles)
+    for (int e = 0; e < 3; ++e)
+      for (int k = 0; k < 40; ++k) {
+        const Eigen::Vector3d p =
+            sheet.vertices[t[e]] + (sheet.vertices[t[(e + 1) % 3]] - sheet.vertices[t[e]]) * (k / 40.0);
+        if (p.head<2>().norm() < 2.5) rays.push_back({{p.x(), p.y(), z}, Eigen::Vector3d::UnitZ()});
+      }
+  ASSERT_GT(rays.size(), 40000U);
+  int lost = 0;
+  for (const auto& exit : Tracer("").exit_rays(eye, rays, settings)) lost += exit.state != RayState::reached;
+  EXPECT_EQ(lost, 0);
+}
+
+TEST(Bodies, RaysBesideAnAccommodatedNucleusAreNotLost) {
+  // At full accommodation Gullstrand's nucleus ends 2.3 mm from the axis.
+  const EyeModel eye = make_eye("gullstrand", {10.87, {}, 6.0});
+  const Difference d = compare(Tracer(""), eye, eye, {}, 20000);
+  std::printf("gullstrand 10.87 D, 6 mm: rms %.5f arcmin, reached %d, other state %d\n",
+              d.direction_rms_arcmin, d.reached, d.other_state);
+  EXPECT_GT(d.reached, 19000);
+  EXPECT_LE(d.other_state, 20);  // the edge itself, to float32
+  EXPECT_LE(d.direction_rms_arcmin, 0.3);
+}
 
 }  // namespace
 }  // namespace emmetrope::raytrace

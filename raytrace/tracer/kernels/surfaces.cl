@@ -186,6 +186,62 @@ AI void patch(ray* r, constant float* restrict p, global const float* restrict r
 }
 #endif
 
+#if HAS_TRIANGLES
+// Exact hits on an irregular sheet: a grid gives a triangle near the hit, then the ray walks across edges to the one it goes
+// through. Two records a triangle: {plane n (3), n.p; barycentric u (3 + 1), v (3 + 1); neighbours across u, v, w (int bits)} and
+// {normals at the corners w, u, v}.
+// p[4], p[5]: base conic; p[6], p[7]: grid origin; p[8]: cells per mm; p[9], p[10]: last cell in x and y; p[11]: cells in a row;
+// p[12], p[14]: first record and first cell of the grid in `records` (int bits); p[13]: offset of the base conic
+#define EDGE_TOLERANCE 1e-5f  // barycentric, against slips between neighbours in float32
+#define LONGEST_WALK 512      // steps; beyond it a ray is lost, never accepted
+AI void triangles(ray* r, constant float* restrict p, global const float* restrict records, vf eta) {
+  const float h = p[8];
+  const vf x0 = r->x - p[O_X], y0 = r->y - p[O_Y], z0 = r->z - p[O_Z];
+  vf t = base_distance(r, x0, y0, z0 + p[13], p[4], p[5]);
+  const vi column = TO_VI(CLAMPED((x0 + t * r->L - p[6]) * h, 0.f, p[9]));
+  const vi row = TO_VI(CLAMPED((y0 + t * r->M - p[7]) * h, 0.f, p[10]));
+  const vi cell = row * as_int(p[11]) + column;
+  global const int* seeds = (global const int*)records + as_int(p[14]);
+  vi id = GATHER(vi, seeds, 0, cell);
+  global const float* sheet = records + as_int(p[12]);
+  vf u, v, w;
+  vi lost = 0;
+  for (int step = 0;; step++) {
+    record f;
+    fetch(&f, sheet, id);
+    t = (f.m[3] - f.m[0] * x0 - f.m[1] * y0 - f.m[2] * z0) * RECIP(f.m[0] * r->L + f.m[1] * r->M + f.m[2] * r->N);
+    const vf x = x0 + t * r->L, y = y0 + t * r->M, z = z0 + t * r->N;
+    u = f.m[4] * x + f.m[5] * y + f.m[6] * z + f.m[7];
+    v = f.m[8] * x + f.m[9] * y + f.m[10] * z + f.m[11];
+    w = 1.f - u - v;
+    const vf least = min(min(u, v), w);
+    vi go = least < -EDGE_TOLERANCE;
+    if (!ANY(go)) break;
+    const vi next = select(select(AS_VI(f.m[14]), AS_VI(f.m[13]), v == least), AS_VI(f.m[12]), u == least);
+    const vi off = go & (next < 0);
+    lost |= off;
+    go &= (next >= 0);
+    if (!ANY(go)) break;
+    if (step >= LONGEST_WALK) {
+      lost |= go;
+      break;
+    }
+    id = select(id, next, VLN == 1 ? (go ? -1 : 0) : go);
+  }
+  record n;
+  fetch(&n, sheet, id + 16);
+  const vf nx = w * n.m[0] + u * n.m[3] + v * n.m[6], ny = w * n.m[1] + u * n.m[4] + v * n.m[7],
+           nz = w * n.m[2] + u * n.m[5] + v * n.m[8];
+  const vf x = x0 + t * r->L, y = y0 + t * r->M;
+  r->x = x + p[O_X];
+  r->y = y + p[O_Y];
+  r->z = z0 + t * r->N + p[O_Z];
+  if (ANY(lost)) end(r, lost, MISSED_SURFACE);
+  refract(r, nx, ny, nz, nx * nx + ny * ny + nz * nz, nx * r->L + ny * r->M + nz * r->N, eta,
+          p[O_LIMIT2] - (x * x + y * y));
+}
+#endif
+
 #if HAS_GRADIENT
 // A gradient medium is 32 floats: 12 coefficients c[3 i + j] of t^i w^j, t = depth behind the origin, w = squared distance from
 // its axis; the origin; a spare; and the shift of the index at each of 16 wavelengths.

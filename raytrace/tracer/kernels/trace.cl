@@ -48,6 +48,9 @@ AI void pass(ray* r, int k, int wave, SYSTEM) {
 #if HAS_ROTATE
     case ROTATE: UNROLL for (int q = 0; q < UN; q++) rotate_ray(r + q, p); break;
 #endif
+#if HAS_TRIANGLES
+    case TRIANGLES: UNROLL for (int q = 0; q < UN; q++) triangles(r + q, p, records, ETA); break;
+#endif
 #if HAS_GRADIENT
     case GRADIENT: UNROLL for (int q = 0; q < UN; q++) gradient(r + q, p, gradients, eta, wave); break;
 #endif
@@ -165,7 +168,9 @@ kernel void trace_pixels(SYSTEM, int operation_count, global const float* restri
       vf weight[UN];
       UNROLL for (int q = 0; q < UN; q++) {
         weight[q] = 1.f;
-        const vu n = LANES + (vu)(uint)(s + (q * WAVES + wave) * VLN);
+        // A wavelength takes a run of the lattice: every run is as even as the whole.
+        const vu n = (LANES + (vu)(uint)(wave * VLN)) * (vu)(uint)(samples / (VLN * WAVES)) +
+                     (vu)(uint)(s / (VLN * WAVES) + q);
         start(&r[q], n, shift_1, shift_2, pixel, aim_z, &weight[q]);
       }
 #if TANGENTS

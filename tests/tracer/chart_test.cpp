@@ -1,0 +1,105 @@
+// Charts and scene files.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <filesystem>
+#include <numeric>
+
+#include "pipeline/base/error.hpp"
+#include "pipeline/base/files.hpp"
+#include "pipeline/base/frames.hpp"
+#include "raytrace/scene/chart.hpp"
+#include "raytrace/scene/optotypes.hpp"
+
+namespace emmetrope::raytrace {
+namespace {
+
+/// Share of ink in [-3, 3]^2 times its area.
+template <typename Ink>
+double ink_area(const Ink& ink) {
+  constexpr int n = 1200;
+  int count = 0;
+  for (int j = 0; j < n; ++j)
+    for (int i = 0; i < n; ++i) count += ink(-3 + 6 * (i + 0.5) / n, -3 + 6 * (j + 0.5) / n);
+  return 36.0 * count / n / n;
+}
+
+TEST(Optotypes, HaveTheirDefinedAreas) {
+  // Ring between radii 1.5 and 2.5 less the gap: the strip |v| < 1/2 between the two arcs.
+  const auto arc = [](double r) { return std::sqrt(r * r - 0.25) / 2 + r * r * std::asin(0.5 / r); };
+  const double ring = pi * (2.5 * 2.5 - 1.5 * 1.5) - (arc(2.5) - arc(1.5));
+  for (const double gap : {0.0, 45.0, 270.0})
+    EXPECT_NEAR(ink_area([&](double x, double y) { return landolt_ink(x, y, gap); }), ring, 0.02);
+  for (const double open : {0.0, 90.0, 180.0, 270.0})
+    EXPECT_NEAR(ink_area([&](double x, double y) { return tumbling_e_ink(x, y, open); }), 17, 0.02);
+  EXPECT_NEAR(ink_area([](double x, double y) { return sloan_ink('H', x + 2.5, y + 2.5); }), 13, 0.02);
+  for (const char letter : std::string(sloan_letters)) {
+    const double area = ink_area([&](double x, double y) { return sloan_ink(letter, x + 2.5, y + 2.5); });
+    EXPECT_GT(area, 8) << letter;
+    EXPECT_LT(area, 17) << letter;
+  }
+}
+
+TEST(Charts, AreDrawnAtTheirAngle) {
+  // A point of logMAR 1: a disc of 10 minutes of arc.
+  const Scene scene = draw_chart(parse_chart("point:logmar=1,distance_mm=2000,extent_deg=1"));
+  const TexturedPlane& plane = scene.planes.front();
+  const double light = std::accumulate(plane.texture->values.begin(), plane.texture->values.end(), 0.0) /
+                       plane.texture->values.size();
+  const double area_mm2 = light * 4 * plane.right_mm.norm() * plane.up_mm.norm();
+  const double diameter_mm = 10 * std::tan(degree / 60) * 2000;
+  EXPECT_NEAR(area_mm2 / (pi * diameter_mm * diameter_mm / 4), 1, 0.01);
+  EXPECT_NEAR(plane.centre_mm.z(), 2000, 1e-9);
+  EXPECT_TRUE(draw_chart(parse_chart("dial:distance_mm=inf")).planes.front().at_infinity);
+}
+
+TEST(Charts, AllNamesDrawInkAndPaper) {
+  for (const auto& name : chart_names()) {
+    const auto texture = draw_chart(parse_chart(name)).planes.front().texture;
+    const auto [least, most] = std::minmax_element(texture->values.begin(), texture->values.end());
+    EXPECT_EQ(*least, 0) << name;
+    EXPECT_EQ(*most, 1) << name;
+  }
+  EXPECT_EQ(make_scene("cards") != nullptr, true);
+}
+
+ExitStatus status_of(const std::string& scene) {
+  try {
+    make_scene(scene);
+  } catch (const Error& error) {
+    return error.status();
+  }
+  return ExitStatus::done;
+}
+
+TEST(Charts, BadRequestsAreUsageErrors) {
+  for (const char* bad : {"leters", "letters:logmar", "letters:logmar=x", "letters:size=3",
+                          "letters:logmar=9", "dial:distance_mm=-5"})
+    EXPECT_EQ(status_of(bad), ExitStatus::usage) << bad;
+}
+
+TEST(SceneFile, IsReadAndChecked) {
+  const auto folder = std::filesystem::path(testing::TempDir()) / "emmetrope-scene-test";
+  std::filesystem::create_directories(folder);
+  const auto file = (folder / "scene.json").string();
+  const std::string good =
+      R"({"name": "two", "background": [0.2, 0.2, 0.2], "objects": [)"
+      R"({"type": "plane", "centre_mm": [0, 0, 400], "right_mm": [-40, 0, 0], "up_mm": [0, 40, 0], "chart": "landolt:logmar=1"}]})";
+  write_file(file, good);
+  EXPECT_EQ(status_of(file), ExitStatus::done);
+  const auto changed = [&](const std::string& from, const std::string& to) {
+    std::string text = good;
+    text.replace(text.find(from), from.size(), to);
+    write_file(file, text);
+    return status_of(file);
+  };
+  EXPECT_EQ(changed("\"up_mm\"", "\"upp_mm\""), ExitStatus::input_invalid);
+  EXPECT_EQ(changed("[0, 40, 0]", "[0, 40]"), ExitStatus::input_invalid);
+  EXPECT_EQ(changed("[0, 40, 0]", "[-1, 0, 0]"), ExitStatus::input_invalid);
+  EXPECT_EQ(changed("\"chart\": \"landolt:logmar=1\"", "\"picture\": \"missing.png\""),
+            ExitStatus::input_invalid);
+  std::filesystem::remove_all(folder);
+}
+
+}  // namespace
+}  // namespace emmetrope::raytrace
