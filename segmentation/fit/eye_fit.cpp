@@ -86,8 +86,8 @@ VectorXd start_parameters(const ParameterLayout& layout, const std::vector<const
   return a;
 }
 
-/// Deviation of each sample, frozen for a pass: the noise of a Rician magnitude at the model's signal, widened
-/// for each stack by what the model does not explain (median of the residuals), so that the loss sees
+/// Deviation of each sample, frozen for a pass: the noise of a Rician magnitude at the model's signal,
+/// widened for each stack by what the model does not explain (median of the residuals), so that the loss sees
 /// outliers of the misfit and not of the noise alone. \return the factors
 VectorXd freeze_weights(FitProblem& problem, const VectorXd& a) {
   const ForwardModel::AtParameters at(*problem.model, a);
@@ -191,15 +191,18 @@ int region_of(const Sample& sample) {
   return sample.near_wall ? 0 : 2;
 }
 
-/// Voxels per independent residual, from the correlation of neighbours in the plane (as of a first-order process).
-double residual_correlation(const EyeFit& fit, const std::vector<Sample>& samples, const std::vector<double>& weighted) {
+/// Voxels per independent residual, from the correlation of neighbours in the plane (as of a first-order
+/// process).
+double residual_correlation(const EyeFit& fit, const std::vector<Sample>& samples,
+                            const std::vector<double>& weighted) {
   double along[2]{0, 0}, power = 0;
   std::size_t pairs[2]{0, 0};
   std::map<std::array<long, 4>, double> at;
   const auto place = [&](const Sample& sample) -> std::array<long, 4> {
     const Stack& stack = *fit.stacks[sample.stack].stack;
     const Vector3d d = sample.position - stack.slice_position.front();
-    return {sample.stack, std::lround(100 * d.dot(stack.normal)), std::lround(d.dot(stack.along_row) / stack.column_spacing_mm),
+    return {sample.stack, std::lround(100 * d.dot(stack.normal)),
+            std::lround(d.dot(stack.along_row) / stack.column_spacing_mm),
             std::lround(d.dot(stack.along_column) / stack.row_spacing_mm)};
   };
   for (std::size_t i = 0; i < samples.size(); ++i) {
@@ -218,14 +221,16 @@ double residual_correlation(const EyeFit& fit, const std::vector<Sample>& sample
   }
   double factor = 1;
   for (const int axis : {0, 1}) {
-    const double rho = std::clamp(along[axis] / std::max<double>(1, pairs[axis]) / std::max(power, 1e-9), 0.0, 0.67);
+    const double rho =
+        std::clamp(along[axis] / std::max<double>(1, pairs[axis]) / std::max(power, 1e-9), 0.0, 0.67);
     factor *= (1 + rho) / (1 - rho);
   }
   return factor;
 }
 
-/// Residuals by region. \return by how much the variance of each region's samples is to be widened: what the model
-/// does not explain, and neighbours whose residuals are alike, carry less information than independent noise.
+/// Residuals by region. \return by how much the variance of each region's samples is to be widened: what the
+/// model does not explain, and neighbours whose residuals are alike, carry less information than independent
+/// noise.
 std::array<double, 3> judge(EyeFit& fit, const FitProblem& problem) {
   const ForwardModel::AtParameters at(fit.model, fit.parameters);
   fit.regions = {{"globe"}, {"anterior segment"}, {"vitreous"}};
@@ -264,6 +269,22 @@ double EyeFit::sigma(int parameter) const {
   if (at == active.end()) return priors.sigma[parameter] < 1e5 ? priors.sigma[parameter] : 0;
   const auto i = at - active.begin();
   return std::sqrt(covariance(i, i));
+}
+
+double EyeFit::pole_depth_sigma_mm() const {
+  VectorXd by(static_cast<Eigen::Index>(active.size()));
+  const std::vector<Vector3d> bumps = bump_directions();
+  for (std::size_t i = 0; i < active.size(); ++i) {
+    double derivative = active[i] == axial_length ? 1 : 0;
+    const int bump = active[i] - layout.displacement();
+    if (bump >= 0 && bump < layout.bumps) {
+      const double angle = std::acos(std::clamp(-bumps[bump].z(), -1.0, 1.0));
+      derivative =
+          parameters[globe_z] / 11 * std::exp(-angle * angle / (2 * bump_width_rad * bump_width_rad));
+    }
+    by[static_cast<Eigen::Index>(i)] = derivative;
+  }
+  return std::sqrt(std::max(0.0, by.dot(covariance * by)));
 }
 
 EyeStart start_of(const FoundEye& eye) {
@@ -334,8 +355,8 @@ EyeFit fit_eye(const std::vector<const Stack*>& stacks, const EyeStart& start, C
   const VectorXd misfit = freeze_weights(problem, a);
   adopt(solve(problem, a, basis, 25));
 
-  EyeFit fit{layout, contrast, observed, model, a, active, {}, problem.priors, {}, {}, 0, misfit, 1, {}, 0, false,
-             std::move(start_costs)};
+  EyeFit fit{layout, contrast, observed, model, a,  active, {},    problem.priors,        {},
+             {},     0,        misfit,   1,     {}, 0,      false, std::move(start_costs)};
   // The balance of image and priors, and the covariance, with weights that know about the misfit.
   const std::array<double, 3> widening = judge(fit, problem);
   std::vector<float> deviations;
@@ -343,7 +364,7 @@ EyeFit fit_eye(const std::vector<const Stack*>& stacks, const EyeStart& start, C
     deviations.push_back(sample.deviation);
     sample.deviation *= static_cast<float>(std::sqrt(widening[region_of(sample)]));
   }
-  fit.converged = adopt(solve(problem, a, basis, 15));
+  fit.converged = adopt(solve(problem, a, basis, 30));
   fit.iterations = iterations;
   fit.parameters = a;
   fit.covariance = covariance(problem, a, basis);
@@ -377,6 +398,20 @@ ParametricEye to_parametric_eye(const EyeFit& fit, Laterality laterality) {
     for (Eigen::Index j = 0; j < n; ++j) eye.covariance(i, j) = fit.covariance(rows[i], rows[j]);
   eye.iris_diameter_mm = 2 * fit.value(pupil_radius);
   return eye;
+}
+
+void add_scale_uncertainty(ParametricEye& eye, double sigma) {
+  VectorXd by_scale = VectorXd::Zero(static_cast<Eigen::Index>(eye.parameter_names.size()));
+  for (std::size_t i = 0; i < eye.parameter_names.size(); ++i) {
+    const std::string& name = eye.parameter_names[i];
+    const auto ends_with = [&](const std::string& end) {
+      return name.size() >= end.size() && name.compare(name.size() - end.size(), end.size(), end) == 0;
+    };
+    if (name.rfind("apex_", 0) == 0) continue;  // the place in the scanner is no length of the eye
+    const double power = ends_with("_per_mm") ? -1 : (ends_with("_mm") ? 1 : 0);
+    by_scale[static_cast<Eigen::Index>(i)] = power * eye.get(name);
+  }
+  eye.covariance += sigma * sigma * by_scale * by_scale.transpose();
 }
 
 }  // namespace emmetrope::segmentation

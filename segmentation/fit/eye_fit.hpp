@@ -26,15 +26,16 @@ struct EyeFit {
   std::vector<ObservedStack> stacks;
   ForwardModel model;
   Eigen::VectorXd parameters;
-  std::vector<int> active;  ///< parameters that were free in the last pass
-  Eigen::MatrixXd
-      covariance;  ///< of them, in this order; priors included, image weighted by its misfit
+  std::vector<int> active;     ///< parameters that were free in the last pass
+  Eigen::MatrixXd covariance;  ///< of them, in this order; priors included, image weighted by its misfit
   Priors priors;
   std::vector<Sample> samples;    ///< of the last pass
   std::vector<double> residuals;  ///< image minus model over the noise, of the samples
-  double chi2_per_voxel = 0;  ///< in units of the noise
-  Eigen::VectorXd misfit;     ///< of each stack: by how much its weights were widened for what the model does not explain
-  double correlation = 1;     ///< voxels per independent residual: neighbours' residuals are alike where the model is wrong
+  double chi2_per_voxel = 0;      ///< in units of the noise
+  Eigen::VectorXd
+      misfit;  ///< of each stack: by how much its weights were widened for what the model does not explain
+  double correlation =
+      1;  ///< voxels per independent residual: neighbours' residuals are alike where the model is wrong
   std::vector<RegionFit> regions;
   int iterations = 0;
   bool converged = false;
@@ -51,6 +52,8 @@ struct EyeFit {
   }
   /// Standard deviation; of a frozen parameter its prior's, 0 where it is fixed by definition.
   double sigma(int parameter) const;
+  /// Standard deviation of the distance from apex to interface along the axis, displacement included.
+  double pole_depth_sigma_mm() const;
 };
 
 /// What the fit of a found eye starts from, and its stacks.
@@ -68,5 +71,10 @@ inline constexpr int fit_steps = 6;
 /// The eye for the next stages: named parameters, covariance and sources ("mri", or "prior" where the image
 /// narrowed the prior by less than a tenth).
 ParametricEye to_parametric_eye(const EyeFit& fit, Laterality laterality);
+
+/// Adds the uncertainty of the scanner's length scale (gradient calibration and nonlinearity), which the
+/// images cannot show, to the covariance: all lengths grow together, curvatures shrink. \param sigma
+/// relative, 0.001 is 0.1 %
+void add_scale_uncertainty(ParametricEye& eye, double sigma);
 
 }  // namespace emmetrope::segmentation

@@ -75,7 +75,7 @@ const std::array<Belief, eye_parameter_count>& beliefs() {
 bool is_intensity(int index) { return index >= vitreous && index <= surround; }
 
 constexpr double coil_sigma = 0.3, gain_sigma = 0.3;
-constexpr double shift_sigma_mm = 3;  ///< the head moves 1 to 3 mm between series
+constexpr double shift_sigma_mm = 3;     ///< the head moves 1 to 3 mm between series
 constexpr double sharpness_sigma = 0.3;  ///< zero filling and filters that the header does not tell
 constexpr double displacement_sigma_mm = 0.06, background_sigma = 0.15;
 

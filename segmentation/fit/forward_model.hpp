@@ -109,8 +109,8 @@ class ForwardModel {
       double distance;
       Eigen::Vector3d outward;
     };
-    /// Signed distance (mm) of the outer globe from the anterior cornea's point at the limbus in a quadrant (0 to 3), with its
-    /// derivatives by the shape parameters.
+    /// Signed distance (mm) of the outer globe from the anterior cornea's point at the limbus in a quadrant
+    /// (0 to 3), with its derivatives by the shape parameters.
     double limbus_misfit(int quadrant, SparseRow* row) const;
     SurfacePoint at_surface(OpticalSurface surface, const Eigen::Vector3d& p, SparseRow* row) const;
 

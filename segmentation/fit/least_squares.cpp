@@ -26,8 +26,8 @@ Expected expected(double signal, double noise, bool with_noise) {
   return {noise * m.mean, signal < 0 ? -m.derivative : m.derivative};
 }
 
-/// Where a parameter still makes an eye. Beyond, the image is that at the limit and the prior alone pulls back, so that
-/// a step over a limit costs the fit nothing else.
+/// Where a parameter still makes an eye. Beyond, the image is that at the limit and the prior alone pulls
+/// back, so that a step over a limit costs the fit nothing else.
 struct Limit {
   int parameter;
   double lower, upper;

@@ -13,8 +13,8 @@ struct FitProblem {
   const ForwardModel* model = nullptr;
   std::vector<Sample> samples;
   Priors priors;
-  /// Sclera meets cornea at the limbus: distance of the outer globe from four points of the anterior cornea there. It
-  /// ties the front of the globe, where no voxel is used, to the rest. 0: not asked for.
+  /// Sclera meets cornea at the limbus: distance of the outer globe from four points of the anterior cornea
+  /// there. It ties the front of the globe, where no voxel is used, to the rest. 0: not asked for.
   double limbus_sigma_mm = 0.6;
   double loss_scale = 3;  ///< c
   bool rician = false;    ///< compare with the mean magnitude instead of the signal

@@ -44,9 +44,7 @@ std::vector<QualityGate> judge_quality(const FoundEye& found, const EyeFit& fit)
           fmt::format(
               "the images say next to nothing about the cornea's curvature (sigma {:.2f} D, prior {:.2f} D)",
               k_sigma, prior_sigma));
-  Eigen::VectorXd along = Eigen::VectorXd::Zero(fit.layout.size());
-  along[axial_length] = 1;
-  const double length_sigma = sigma_of(fit, along);
+  const double length_sigma = fit.pole_depth_sigma_mm();
   at_most("axial_length_sigma_mm", length_sigma, 0.6, true,
           fmt::format("the axial length is not determined (sigma {:.2f} mm): cornea or fundus is not visible",
                       length_sigma));

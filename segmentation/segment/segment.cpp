@@ -127,7 +127,7 @@ std::optional<double> head_roll_deg(const std::vector<EyeResult>& eyes) {
   return std::atan2(d.z(), d.x()) / degree;
 }
 
-Json fit_json(const EyeResult& eye, const std::optional<double>& roll_deg) {
+Json fit_json(const EyeResult& eye, const std::optional<double>& roll_deg, double scale_sigma) {
   Json json{{"laterality", to_string(eye.found.laterality)},
             {"status", eye.refused() ? "refused" : "measured"}};
   json["head_roll_deg"] = roll_deg ? Json(*roll_deg) : Json(nullptr);
@@ -166,14 +166,17 @@ Json fit_json(const EyeResult& eye, const std::optional<double>& roll_deg) {
   Json intensities;
   for (int i = vitreous; i <= surround; ++i) intensities[fit.layout.name(i)] = fit.parameters[i];
   json["intensities"] = intensities;
-  json["eye"] = to_json(to_parametric_eye(fit, eye.found.laterality));
+  ParametricEye parametric = to_parametric_eye(fit, eye.found.laterality);
+  add_scale_uncertainty(parametric, scale_sigma);
+  json["scale_sigma"] = scale_sigma;
+  json["eye"] = to_json(parametric);
   return json;
 }
 
 void write_eye(const fs::path& folder, const EyeResult& eye, const std::vector<const Stack*>& stacks,
-               const std::optional<double>& roll_deg) {
+               const std::optional<double>& roll_deg, double scale_sigma) {
   fs::create_directories(folder);
-  write_json(folder / "fit.json", fit_json(eye, roll_deg));
+  write_json(folder / "fit.json", fit_json(eye, roll_deg, scale_sigma));
   if (!eye.fit) {
     const EyeView& view = eye.found.views.front();
     write_plain(folder / fmt::format("overlay_{}.png", stacks[view.stack]->name), *stacks[view.stack],
@@ -298,9 +301,15 @@ StageVerdict segment_study(const SegmentOptions& options, const CommonOptions& c
     for (const QualityGate& gate : eye.gates)
       if (!gate.passed)
         workspace.warn(fmt::format("{}: {}", clinical_name(eye.found.laterality), gate.reason));
-    write_eye(workspace.folder() / to_string(eye.found.laterality), eye, stacks, roll);
+    write_eye(workspace.folder() / to_string(eye.found.laterality), eye, stacks, roll, options.scale_sigma);
   }
   write_stacks(workspace.folder(), eyes, stacks);
+  if (eyes.empty()) {
+    // What was looked at, for whoever asks why no eye was found.
+    for (const Stack* stack : stacks)
+      write_plain(workspace.folder() / fmt::format("overlay_{}.png", stack->name), *stack,
+                  stack->position(stack->columns / 2, stack->rows / 2, stack->slices() / 2));
+  }
   write_json(workspace.case_file("case.json"), case_json(inventory, series, found, eyes));
   workspace.provenance()["study"] = fs::absolute(options.study).lexically_normal().string();
   return verdict_of(eyes, found, common.laterality);
@@ -340,6 +349,7 @@ Answer segment(const SegmentOptions& options, const CommonOptions& common) {
   spec.stage = "segmentation";
   spec.parameters = {{"series", options.series},
                      {"any_modality", options.any_modality},
+                     {"scale_sigma", options.scale_sigma},
                      {"laterality", common.laterality == LateralityChoice::both ? "both"
                                     : common.laterality == LateralityChoice::od ? "od"
                                                                                 : "os"}};

@@ -74,7 +74,7 @@ int main(int argc, char** argv) {
 
     const phantom::EyeGeometry& g = eye.truth.geometry;
     const ParametricEye found = to_parametric_eye(fit, laterality);
-    const double al_sigma = fit.sigma(axial_length);
+    const double al_sigma = fit.pole_depth_sigma_mm();
     const auto report = [&](const char* name, double error, double sigma) {
       scores[name].add(error, sigma);
       fmt::print("  {} {:+.3f} ({:.3f})", name, error, sigma);

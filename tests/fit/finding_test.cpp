@@ -1,0 +1,112 @@
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <random>
+
+#include "segmentation/finding/find_eyes.hpp"
+#include "segmentation/finding/sampling.hpp"
+
+namespace emmetrope::segmentation {
+namespace {
+
+using Eigen::Vector3d;
+
+struct Ball {
+  Vector3d centre;
+  double radius_mm;
+};
+
+/// An axial stack of balls with a wall and a lens, in fat, with air in front; noise of 4 %.
+Stack axial_stack(const std::vector<Ball>& balls, Contrast contrast, unsigned seed) {
+  const bool t2 = contrast == Contrast::t2;
+  const double fluid = t2 ? 100 : 25, fat = t2 ? 55 : 100, lens = t2 ? 20 : 60, wall = t2 ? 20 : 45;
+  Stack stack;
+  stack.name = "stack1";
+  stack.columns = 128;
+  stack.rows = 80;
+  stack.along_row = Vector3d::UnitX();
+  stack.along_column = Vector3d::UnitY();
+  stack.normal = Vector3d::UnitZ();
+  stack.column_spacing_mm = stack.row_spacing_mm = 1;
+  stack.slice_thickness_mm = 2;
+  std::mt19937 random(seed);
+  std::normal_distribution<float> noise(0, 4);
+  for (int s = 0; s < 20; ++s) {
+    stack.slice_position.push_back({-64, -55, -20 + 2.0 * s});
+    std::vector<float> slice;
+    for (int r = 0; r < stack.rows; ++r) {
+      for (int c = 0; c < stack.columns; ++c) {
+        const Vector3d x = stack.slice_position.back() + Vector3d(c, r, 0);
+        double value = x.y() < -46 ? 0 : fat;
+        for (const Ball& ball : balls) {
+          const Vector3d d = x - ball.centre;
+          if (d.norm() < ball.radius_mm + 1) value = wall;
+          if (d.norm() < ball.radius_mm) value = fluid;
+          // Looking straight ahead, towards -y.
+          const Vector3d to_lens = d - Vector3d(0, -7.3, 0);
+          if (to_lens.cwiseQuotient(Vector3d(4.5, 1.9, 4.5)).norm() < 1) value = lens;
+        }
+        slice.push_back(std::abs(static_cast<float>(value) + noise(random)));
+      }
+    }
+    stack.slice_intensity.push_back(std::move(slice));
+  }
+  return stack;
+}
+
+class BothContrasts : public testing::TestWithParam<Contrast> {};
+INSTANTIATE_TEST_SUITE_P(Finding, BothContrasts, testing::Values(Contrast::t1, Contrast::t2),
+                         [](const auto& of) { return std::string(to_string(of.param)); });
+
+TEST_P(BothContrasts, PairIsFoundSidedAndLooksStraightAhead) {
+  for (const unsigned seed : {1U, 2U}) {
+    const Ball right{{-30.3, -33.2, 1.4}, 11.4}, left{{32.1, -32.4, 0.3}, 11.9};
+    const Stack stack = axial_stack({right, left}, GetParam(), seed);
+    const FoundEyes found = find_eyes({&stack}, {""});
+    ASSERT_EQ(found.eyes.size(), 2U);
+    EXPECT_EQ(found.eyes[0].laterality, Laterality::od);
+    EXPECT_EQ(found.eyes[1].laterality, Laterality::os);
+    EXPECT_TRUE(found.choices[0].used);
+    for (int i = 0; i < 2; ++i) {
+      const FoundEye& eye = found.eyes[i];
+      const Ball& truth = i == 0 ? right : left;
+      EXPECT_EQ(eye.contrast, GetParam());
+      EXPECT_LT((eye.views[0].globe.centre - truth.centre).norm(), 0.6);
+      EXPECT_NEAR(eye.radius_mm, truth.radius_mm, 0.7);
+      EXPECT_GT(eye.axis.dot(-Vector3d::UnitY()), std::cos(6 * 0.0174533));
+      EXPECT_GT(eye.lens_contrast, 0.15);
+    }
+  }
+}
+
+TEST(Finding, OneEyeIsSaidToBeOne) {
+  const Stack stack = axial_stack({{{31, -33, 1}, 11.6}}, Contrast::t2, 3);
+  const FoundEyes by_place = find_eyes({&stack}, {""});
+  ASSERT_EQ(by_place.eyes.size(), 1U);
+  EXPECT_EQ(by_place.eyes[0].laterality, Laterality::os);
+  EXPECT_EQ(by_place.notes.size(), 1U);
+  const FoundEyes by_tag = find_eyes({&stack}, {"R"});
+  EXPECT_EQ(by_tag.eyes[0].laterality, Laterality::od);
+}
+
+TEST(Finding, NoEyeIsInvented) {
+  const Stack fat_only = axial_stack({}, Contrast::t2, 4);
+  EXPECT_TRUE(find_eyes({&fat_only}, {""}).eyes.empty());
+  const Stack small_balls = axial_stack({{{-30, -33, 0}, 5}, {{30, -33, 0}, 5}}, Contrast::t2, 5);
+  EXPECT_TRUE(find_eyes({&small_balls}, {""}).eyes.empty());
+}
+
+TEST(Sampling, GapsAreNotInterpolated) {
+  Stack stack = axial_stack({{{-30, -33, 0}, 11}}, Contrast::t2, 6);
+  const Vector3d in_the_gap(-30, -33, 0.9);
+  EXPECT_TRUE(interpolate(stack, in_the_gap).has_value());
+  for (const int removed : {11, 10, 9}) {
+    stack.slice_position.erase(stack.slice_position.begin() + removed);
+    stack.slice_intensity.erase(stack.slice_intensity.begin() + removed);
+  }
+  EXPECT_FALSE(interpolate(stack, in_the_gap).has_value());
+  EXPECT_NEAR(*interpolate(stack, {-30, -33, 8}), 100, 16);
+}
+
+}  // namespace
+}  // namespace emmetrope::segmentation
