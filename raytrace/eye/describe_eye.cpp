@@ -26,6 +26,9 @@ Eigen::Vector3d point(const std::vector<double>& values, const char* option) {
   return p;
 }
 
+/// Without the sign of a zero.
+double plain(double value) { return std::abs(value) < 5e-5 ? 0 : value; }
+
 std::string text_of(const EyeModel& eye, const Json& json) {
   const auto number = [&](const char* key) { return json[key].get<double>(); };
   const Pupil in{json["entrance_pupil"]["position_mm"],
@@ -45,7 +48,7 @@ std::string text_of(const EyeModel& eye, const Json& json) {
   text += fmt::format("axial length      {:9.4f} mm\n", number("axial_length_mm"));
   const Json& r = json["refraction"];
   text += fmt::format("refraction        M {:+.4f}  J0 {:+.4f}  J45 {:+.4f} D at the corneal vertex\n",
-                      r["M_D"].get<double>(), r["J0_D"].get<double>(), r["J45_D"].get<double>());
+                      plain(r["M_D"]), plain(r["J0_D"]), plain(r["J45_D"]));
   return text;
 }
 

@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "pipeline/base/laterality.hpp"
 #include "raytrace/eye/medium.hpp"
 #include "raytrace/eye/shape.hpp"
 
@@ -62,6 +63,7 @@ struct EyeOptions {
   double accommodation_D = 0;                     ///< change of refraction from the relaxed eye
   std::optional<double> accommodation_parameter;  ///< the model's own, instead
   std::optional<double> pupil_mm;                 ///< iris aperture
+  Laterality laterality = Laterality::od;         ///< where a schematic eye's nasal side is
 };
 /// \throw Error (usage) for an unknown name, listing the known ones; (unsupported) when it cannot accommodate
 EyeModel make_eye(const std::string& name_or_file, const EyeOptions& options = {});

@@ -191,43 +191,53 @@ Grid grid_over(const Points& points, double spacing, int margin) {
 /// decides where vertices do not.
 void fit_residual(Grid& grid, const Points& points, const Base& base) {
   const int unknowns = grid.columns * grid.rows;
-  std::vector<Eigen::Triplet<double>> triplets;
-  triplets.reserve(points.size() * 136 + static_cast<std::size_t>(unknowns) * 27);
-  Eigen::VectorXd right = Eigen::VectorXd::Zero(unknowns);
-  const auto add = [&](const int* index, const double* w, int n) {
-    for (int a = 0; a < n; ++a)
-      for (int b = 0; b < n; ++b)
-        if (index[b] <= index[a]) triplets.emplace_back(index[a], index[b], w[a] * w[b]);
+  // A control value meets those at most three columns and rows away: the lower half of that stencil, by
+  // offset.
+  constexpr int reach = 3, width = 2 * reach + 1, slots = reach + 1 + reach * width;
+  const auto slot = [](int rows, int columns) {
+    return rows == 0 ? columns : (rows - 1) * width + columns + 2 * reach + 1;
   };
+  std::vector<std::array<double, slots>> stencil(unknowns);
+  for (auto& entries : stencil) entries.fill(0);
+  Eigen::VectorXd right = Eigen::VectorXd::Zero(unknowns);
   for (const Eigen::Vector3d& p : points) {
     double tx = 0, ty = 0;
     const int i = cell(p.x(), grid.origin.x(), grid.spacing, grid.columns, tx);
     const int j = cell(p.y(), grid.origin.y(), grid.spacing, grid.rows, ty);
     const Weights wx = weights(tx), wy = weights(ty);
-    std::array<int, 16> index{};
-    std::array<double, 16> w{};
     const double residual = p.z() - base.depth(p.head<2>());
-    for (int k = 0; k < 16; ++k) {
-      index[k] = (j + k / 4) * grid.columns + i + k % 4;
-      w[k] = wy.value[k / 4] * wx.value[k % 4];
-      right[index[k]] += w[k] * residual;
+    for (int a = 0; a < 16; ++a) {
+      const int index = (j + a / 4) * grid.columns + i + a % 4;
+      const double w = wy.value[a / 4] * wx.value[a % 4];
+      right[index] += w * residual;
+      for (int b = a; b < 16; ++b)
+        stencil[index][slot(b / 4 - a / 4, b % 4 - a % 4)] += w * wy.value[b / 4] * wx.value[b % 4];
     }
-    add(index.data(), w.data(), 16);
   }
-  constexpr double penalty = 1e-4;  // its square against a vertex's weight of 1
-  const auto penalise = [&](int first, int step) {
-    const std::array<int, 3> index{first, first + step, first + 2 * step};
-    const std::array<double, 3> w{penalty, -2 * penalty, penalty};
-    add(index.data(), w.data(), 3);
+  constexpr double penalty = 1e-8;  // against a vertex's weight of 1
+  const auto penalise = [&](int first, int step, int rows, int columns) {
+    const std::array<double, 3> w{1, -2, 1};
+    for (int a = 0; a < 3; ++a)
+      for (int b = a; b < 3; ++b)
+        stencil[first + a * step][slot((b - a) * rows, (b - a) * columns)] += penalty * w[a] * w[b];
   };
+  Eigen::SparseMatrix<double> normal(unknowns, unknowns);
+  normal.reserve(Eigen::VectorXi::Constant(unknowns, slots));
   for (int j = 0; j < grid.rows; ++j)
     for (int i = 0; i < grid.columns; ++i) {
-      if (i + 2 < grid.columns) penalise(j * grid.columns + i, 1);
-      if (j + 2 < grid.rows) penalise(j * grid.columns + i, grid.columns);
-      triplets.emplace_back(j * grid.columns + i, j * grid.columns + i, 1e-13);
+      if (i + 2 < grid.columns) penalise(j * grid.columns + i, 1, 0, 1);
+      if (j + 2 < grid.rows) penalise(j * grid.columns + i, grid.columns, 1, 0);
+      stencil[j * grid.columns + i][0] += 1e-13;
     }
-  Eigen::SparseMatrix<double> normal(unknowns, unknowns);
-  normal.setFromTriplets(triplets.begin(), triplets.end());
+  for (int j = 0; j < grid.rows; ++j)
+    for (int i = 0; i < grid.columns; ++i)
+      for (int rows = 0; rows <= reach && j + rows < grid.rows; ++rows)
+        for (int columns = rows == 0 ? 0 : -reach; columns <= reach; ++columns) {
+          const int index = j * grid.columns + i;
+          const double value = stencil[index][slot(rows, columns)];
+          if (i + columns >= 0 && i + columns < grid.columns && value != 0)
+            normal.insert(index + rows * grid.columns + columns, index) = value;
+        }
   const Eigen::SimplicialLLT<Eigen::SparseMatrix<double>> solver(normal);
   const Eigen::VectorXd solution = solver.solve(right);
   std::copy(solution.data(), solution.data() + unknowns, grid.controls.begin());
@@ -310,7 +320,9 @@ std::optional<HeightField> HeightField::fit(const TriangleMesh& mesh) {
   if (field.inner_reach_ <= 0) return std::nullopt;  // does not hold its vertex
 
   const Base base = fit_base(points);
-  const double knots_mm = 1.4 * std::sqrt(area / static_cast<double>(points.size()));
+  // Half as many knots as vertices, and no finer than an optical surface can want.
+  const double knots_mm =
+      std::max(1.4 * std::sqrt(area / static_cast<double>(points.size())), field.reach_ / 45);
   Grid residual = grid_over(points, knots_mm, 1);
   fit_residual(residual, points, base);
 
@@ -377,7 +389,7 @@ std::optional<ShapeHit> HeightField::intersect(const Ray& ray) const {
     return Sag{jet.depth_mm, jet.gradient};
   };
   for (const double start : newton_starts(ray, base_curvature_.trace() / 2)) {
-    const std::optional<ShapeHit> hit = newton_hit(ray, start, sag);
+    std::optional<ShapeHit> hit = newton_hit(ray, start, sag);
     if (hit && hit->distance_mm >= -1e-9 && covers(hit->position.x(), hit->position.y())) return hit;
   }
   return std::nullopt;

@@ -85,7 +85,7 @@ std::optional<ShapeHit> MeshShape::intersect_triangles(const Ray& ray) const {
 
 std::optional<ShapeHit> MeshShape::intersect(const Ray& ray) const {
   if (interpolation_ == MeshInterpolation::smooth && patch_)
-    if (const std::optional<ShapeHit> hit = patch_->intersect(ray)) return hit;
+    if (std::optional<ShapeHit> hit = patch_->intersect(ray)) return hit;
   return intersect_triangles(ray);
 }
 

@@ -387,6 +387,8 @@ EyeModel make_eye(const std::string& name_or_file, const EyeOptions& options) {
                       "the schematic eyes are" + known);
   }
   if (options.pupil_mm) eye.set_stop_diameter(*options.pupil_mm);
+  if (options.laterality == Laterality::os && is_schematic_eye(name_or_file))
+    eye.surface("iris").decentre_mm.x() *= -1;
   return eye;
 }
 

@@ -162,7 +162,7 @@ class SagShape : public Shape {
   std::optional<ShapeHit> intersect(const Ray& ray) const override {
     const auto sag = [&](const Eigen::Vector2d& p) { return sag_in_shape(p); };
     for (const double start : newton_starts(ray, vertex_curvature().trace() / 2)) {
-      const std::optional<ShapeHit> hit = newton_hit(ray, start, sag);
+      std::optional<ShapeHit> hit = newton_hit(ray, start, sag);
       if (hit && hit->distance_mm >= -behind_mm) return hit;
     }
     return std::nullopt;
@@ -273,7 +273,7 @@ class ZernikeSag : public Biconic {
 };
 
 Eigen::Vector2d radii(CheckedObject& json) {
-  const Eigen::Vector2d radius = json.one_or_two("radius_mm");
+  Eigen::Vector2d radius = json.one_or_two("radius_mm");
   if (radius.x() == 0 || radius.y() == 0) throw json.fault("radius_mm", "must not be 0");
   return radius;
 }

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <chrono>
+#include <cstdio>
 
 #include "raytrace/eye/exact_trace.hpp"
 #include "tests/eye/meshed_eye.hpp"
@@ -29,5 +30,6 @@ int main() {
       fmt::print("{},{},{:.4f},{:.4f},{:.5f},{:.3f}\n", name, vertices,
                  error(MeshInterpolation::triangles, true), error(MeshInterpolation::triangles, false),
                  error(MeshInterpolation::smooth, true), fitted ? seconds : -1);
+      std::fflush(stdout);
     }
 }

@@ -22,6 +22,9 @@ int main(int argc, char** argv) {
         ->type_name("NM");
     app.add_option("-o,--output", query.output, "Write the eye as eye.json")->type_name("FILE");
   };
-  command.run = [&](const CommonOptions&) { return describe_eye(query); };
+  command.run = [&](const CommonOptions& common) {
+    if (common.laterality == LateralityChoice::os) query.options.laterality = Laterality::os;
+    return describe_eye(query);
+  };
   return run_command(argc, argv, command);
 }

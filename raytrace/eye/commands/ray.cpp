@@ -32,6 +32,9 @@ int main(int argc, char** argv) {
         ->check(CLI::Range(200.0, 2500.0))
         ->type_name("NM");
   };
-  command.run = [&](const CommonOptions&) { return describe_ray(query); };
+  command.run = [&](const CommonOptions& common) {
+    if (common.laterality == LateralityChoice::os) query.options.laterality = Laterality::os;
+    return describe_ray(query);
+  };
   return run_command(argc, argv, command);
 }
