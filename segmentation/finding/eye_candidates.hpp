@@ -13,7 +13,7 @@ inline const char* to_string(Contrast contrast) { return contrast == Contrast::t
 /// A globe seen in one stack.
 struct EyeCandidate {
   Eigen::Vector3d centre;  ///< LPS, mm
-  double radius_mm = 0;
+  double radius_mm = 0;    ///< of the strongest step: the inner wall in T2, the outer one in T1
   Contrast contrast = Contrast::t2;
   double agreement =
       0;  ///< share of the directions inside the stack whose edge lies on the sphere (within 1.2 mm)

@@ -72,7 +72,10 @@ TEST_P(BothContrasts, PairIsFoundSidedAndLooksStraightAhead) {
       const Ball& truth = i == 0 ? right : left;
       EXPECT_EQ(eye.contrast, GetParam());
       EXPECT_LT((eye.views[0].globe.centre - truth.centre).norm(), 0.6);
-      EXPECT_NEAR(eye.radius_mm, truth.radius_mm, 0.7);
+      // In T1 the step from wall to fat is larger than that from vitreous to wall: the wall's outside is
+      // seen.
+      const double seen_mm = truth.radius_mm + (GetParam() == Contrast::t1 ? 1 : 0);
+      EXPECT_NEAR(eye.radius_mm, seen_mm, 0.5);
       EXPECT_GT(eye.axis.dot(-Vector3d::UnitY()), std::cos(6 * 0.0174533));
       EXPECT_GT(eye.lens_contrast, 0.15);
     }
