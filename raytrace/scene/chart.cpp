@@ -192,6 +192,7 @@ ChartSpec parse_chart(const std::string& text) {
                       "use a scene.json or one of " + known + "cards");
   }
   spec.logmar = default_logmar(spec.name);
+  if (spec.name == "point") spec.extent_deg = 2;  // all else is dark anyway, and its texels are fine
   for (std::size_t at = colon; at != std::string::npos;) {
     const std::size_t next = text.find(',', at + 1);
     const std::string pair = text.substr(at + 1, next == std::string::npos ? next : next - at - 1);
