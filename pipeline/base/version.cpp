@@ -1,5 +1,7 @@
 #include "pipeline/base/version.hpp"
 
+#include "version_text.hpp"
+
 namespace emmetrope {
 
 std::string version() { return EMMETROPE_VERSION; }

@@ -18,11 +18,6 @@ target_include_directories(emmetrope_compile INTERFACE ${CMAKE_SOURCE_DIR})
 #   PRIVATE: heavy libraries (VTK, CGAL, OpenCV, DCMTK), seen only by the .cpp files that adapt them
 function(emmetrope_library name)
   cmake_parse_arguments(ARG "NO_PCH" "" "SOURCES;LINK;PRIVATE" ${ARGN})
-  foreach(source ${ARG_SOURCES}) # TEMPORARY
-    if(NOT EXISTS ${CMAKE_CURRENT_SOURCE_DIR}/${source} AND NOT IS_ABSOLUTE ${source})
-      list(REMOVE_ITEM ARG_SOURCES ${source})
-    endif()
-  endforeach()
   add_library(${name} STATIC ${ARG_SOURCES})
   target_link_libraries(${name} PUBLIC emmetrope_compile ${ARG_LINK} PRIVATE ${ARG_PRIVATE})
   if(name STREQUAL emmetrope_base)

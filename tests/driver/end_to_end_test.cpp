@@ -31,7 +31,7 @@ fs::path sample() { return data_folder() / "data_samples" / "sample"; }
 
 std::vector<std::string> run_words(const fs::path& case_folder, const std::vector<std::string>& more) {
   std::vector<std::string> words{
-      "run", (sample() / "study").string(), "-o", case_folder.string(), "--quiet", "--json"};
+      "run", (sample() / "dicom").string(), "-o", case_folder.string(), "--quiet", "--json"};
   words.insert(words.end(), more.begin(), more.end());
   return words;
 }
