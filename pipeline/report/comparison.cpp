@@ -40,11 +40,18 @@ void add_row(Table& table, const Json& earlier, const Json& later, const Biometr
                         std::abs(difference) > limit ? "changed" : "within the intervals"});
 }
 
-const std::vector<BiometryRow>& refraction_rows() {
-  static const std::vector<BiometryRow> rows{
-      {"sphere_D", "Sphere", {2, true, "D"}, 0, 0, ""},  {"cylinder_D", "Cylinder", {2, true, "D"}, 0, 0, ""},
-      {"axis_deg", "Axis", {0, false, "deg"}, 0, 0, ""}, {"M_D", "M", {2, true, "D"}, 0, 0, ""},
-      {"J0_D", "J0", {2, true, "D"}, 0, 0, ""},          {"J45_D", "J45", {2, true, "D"}, 0, 0, ""}};
+std::vector<BiometryRow> refraction_rows() {
+  std::vector<BiometryRow> rows;
+  for (const auto& [key, name] :
+       {std::pair{"sphere_D", "Sphere"}, std::pair{"cylinder_D", "Cylinder"}, std::pair{"axis_deg", "Axis"},
+        std::pair{"M_D", "M"}, std::pair{"J0_D", "J0"}, std::pair{"J45_D", "J45"}}) {
+    BiometryRow row;
+    row.key = key;
+    row.name = name;
+    const bool is_axis = row.key == "axis_deg";
+    row.style = NumberStyle{is_axis ? 0 : 2, !is_axis, is_axis ? "deg" : "D"};
+    rows.push_back(row);
+  }
   return rows;
 }
 

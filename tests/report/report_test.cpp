@@ -236,7 +236,9 @@ TEST_F(ReportTest, HtmlNamesNoNetworkAddress) {
 
 TEST_F(ReportTest, EveryDicomObjectConforms) {
   test::make_fixture_case(folder_);
-  report();
+  const fs::path study = folder_ / "study";
+  test::make_fixture_study(study);
+  report(study);
   int objects = 0;
   for (const auto& entry : fs::recursive_directory_iterator(folder_ / "report")) {
     if (entry.path().extension() != ".dcm") continue;
@@ -366,7 +368,8 @@ TEST_F(ReportTest, BrowserRunsThePageWithoutErrors) {
 
 TEST_F(ReportTest, BrokenJsonIsAnInputErrorAndLeavesNothing) {
   test::make_fixture_case(folder_);
-  write_json(folder_ / "meshing" / "od" / "biometry.json", Json{{"lps_from_eye", "nonsense"}, {"astigmatism", 3}});
+  write_json(folder_ / "meshing" / "od" / "biometry.json",
+             Json{{"lps_from_eye", "nonsense"}, {"astigmatism", 3}});
   try {
     report();
     FAIL();
