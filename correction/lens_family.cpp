@@ -39,7 +39,8 @@ LensFamily thin_lens(double vertex_distance_mm) {
             return with_thin_lens(eye, power(lens), vertex_distance_mm);
           },
           [](const Eigen::VectorXd&) {
-            return std::vector{back_tangent({1, 0, 0}, thin_lens_index), back_tangent({0, 1, 0}, thin_lens_index),
+            return std::vector{back_tangent({1, 0, 0}, thin_lens_index),
+                               back_tangent({0, 1, 0}, thin_lens_index),
                                back_tangent({0, 0, 1}, thin_lens_index)};
           },
           power};
@@ -55,14 +56,15 @@ LensFamily plano_cylinder(int sign, double distance_mm, double index) {
           },
           [=](const Eigen::VectorXd& lens) {
             const Eigen::Vector2d direction = sign * lens / std::max(lens.norm(), 1e-12);
-            return std::vector{back_tangent({direction[0], 1, 0}, index), back_tangent({direction[1], 0, 1}, index)};
+            return std::vector{back_tangent({direction[0], 1, 0}, index),
+                               back_tangent({direction[1], 0, 1}, index)};
           },
           [=](const Eigen::VectorXd& lens) { return cylinder_power(sign, lens); }};
 }
 
 PlanoCylinder plano_cylinder_of(int sign, const Eigen::VectorXd& lens, double index) {
-  // In minus cylinder a plus cylinder is S = C_plus, C = -C_plus, across: its meridian without power is the one where
-  // the power vector gives 0.
+  // In minus cylinder a plus cylinder is S = C_plus, C = -C_plus, across: its meridian without power is the
+  // one where the power vector gives 0.
   const double power_D = sign * 2 * std::hypot(lens[0], lens[1]);
   const double axis_of_minus_deg = 0.5 * std::atan2(lens[1], lens[0]) / degree;
   const double flattest_D = 1e-6;  // a radius of 500 km: no lens at all

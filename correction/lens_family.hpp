@@ -11,8 +11,8 @@
 
 namespace emmetrope::correction {
 
-/// A kind of correcting lens with the numbers that are sought. A parameter is a power in dioptres, so that steps and
-/// slopes compare between families.
+/// A kind of correcting lens with the numbers that are sought. A parameter is a power in dioptres, so that
+/// steps and slopes compare between families.
 struct LensFamily {
   std::string name;
   Bounds bounds;
@@ -27,13 +27,12 @@ struct LensFamily {
 /// Thin sphero-cylindrical lens; parameters M, J0, J45 (D) at the vertex distance; 0 is a contact lens.
 LensFamily thin_lens(double vertex_distance_mm);
 
-/// The paper's spectacle: plano-cylinder of either sign. Parameters J0, J45 (D) of the lens; its M is -|J| for a minus
-/// cylinder and +|J| for a plus cylinder, so one family holds one sign.
-/// \param sign  -1 or +1
+/// The paper's spectacle: plano-cylinder of either sign. Parameters J0, J45 (D) of the lens; its M is -|J|
+/// for a minus cylinder and +|J| for a plus cylinder, so one family holds one sign. \param sign  -1 or +1
 LensFamily plano_cylinder(int sign, double distance_mm, double index);
 
-/// Radius and axis of a member of that family, in the contract's sense: radius of the back surface, +50 mm is -10 D at
-/// index 1.5; axis is the meridian without power.
+/// Radius and axis of a member of that family, in the contract's sense: radius of the back surface, +50 mm is
+/// -10 D at index 1.5; axis is the meridian without power.
 struct PlanoCylinder {
   double radius_mm = 0, axis_deg = 0, power_D = 0;
 };

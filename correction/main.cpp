@@ -15,31 +15,41 @@ int main(int argc, char** argv) {
   command.example = "emmetrope correct CASE --vertex-distance 14";
   command.declare = [&](CLI::App& app) {
     auto* in_case = app.add_option("CASE", case_folder, "case folder with a traced eye");
-    auto* schematic = app.add_option("--eye", eye, "a schematic eye or an eye.json instead of a case")->excludes(in_case);
+    auto* schematic =
+        app.add_option("--eye", eye, "a schematic eye or an eye.json instead of a case")->excludes(in_case);
     app.add_option("-o,--output", output, "folder for the results of --eye")->needs(schematic);
     app.add_option("--accommodation", accommodation_D, "of a schematic eye, D")->needs(schematic);
-    app.add_option("--vertex-distance", prescription.vertex_distance_mm, "spectacle lens to cornea, mm; 0: contact lens")
+    app.add_option("--vertex-distance", prescription.vertex_distance_mm,
+                   "spectacle lens to cornea, mm; 0: contact lens")
         ->check(CLI::Range(0.0, 30.0))
         ->capture_default_str();
     app.add_option("--pupil", prescription.pupil_mm, "iris aperture for the prescription, mm")
         ->check(CLI::Range(0.5, 9.0))
         ->capture_default_str();
-    app.add_option("--criterion", criterion, "gradient-energy, laplacian-variance or mtf-weighted")->capture_default_str();
-    app.add_option("--chart", prescription.chart, "scene on which sharpness is judged; default: detail in all directions");
-    app.add_option("--wavelength", prescription.wavelength_nm, "nm")->check(CLI::Range(380.0, 780.0))->capture_default_str();
+    app.add_option("--criterion", criterion, "gradient-energy, laplacian-variance or mtf-weighted")
+        ->capture_default_str();
+    app.add_option("--chart", prescription.chart,
+                   "scene on which sharpness is judged; default: detail in all directions");
+    app.add_option("--wavelength", prescription.wavelength_nm, "nm")
+        ->check(CLI::Range(380.0, 780.0))
+        ->capture_default_str();
     app.add_option("--fovea", fovea_mm, "X,Y on the retina from the pole, mm")->delimiter(',')->expected(2);
     app.add_option("--refraction", settings.known_refractions,
                    "known refraction, sets the lens index: od:-2.25/-1.00x180@12+-0.25");
-    app.add_option("--lens-index-sigma", settings.lens_index_sigma, "standard deviation of the lens index; 0: known")
+    app.add_option("--lens-index-sigma", settings.lens_index_sigma,
+                   "standard deviation of the lens index; 0: known")
         ->check(CLI::Range(0.0, 0.05))
         ->capture_default_str();
-    app.add_option("--plano-cylinder-distance", prescription.plano_cylinder_distance_mm, "of the plano-cylinder, mm")
+    app.add_option("--age", settings.age_years, "years; for the near point")->check(CLI::Range(0.0, 120.0));
+    app.add_option("--plano-cylinder-distance", prescription.plano_cylinder_distance_mm,
+                   "of the plano-cylinder, mm")
         ->check(CLI::Range(0.0, 30.0))
         ->capture_default_str();
     app.add_option("--plano-cylinder-index", prescription.plano_cylinder_index, "of the plano-cylinder")
         ->check(CLI::Range(1.3, 2.0))
         ->capture_default_str();
-    app.add_option("--scene", picture.scene, "scene of corrected.png with --eye; a case has that of its trace stage")
+    app.add_option("--scene", picture.scene,
+                   "scene of corrected.png with --eye; a case has that of its trace stage")
         ->needs(schematic)
         ->capture_default_str();
     app.add_option("--samples", picture.samples, "rays a pixel of corrected.png with --eye")

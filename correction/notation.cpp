@@ -24,8 +24,8 @@ std::string signed_power(double power_D) {
 std::string written(const SpheroCylinder& refraction) {
   if (std::abs(refraction.cylinder_D) < smallest_cylinder_D) return signed_power(refraction.sphere_D) + " DS";
   const int axis_deg = static_cast<int>(std::lround(normalise_axis_deg(refraction.axis_deg)));
-  return fmt::format("{} / {} x {:03d}", signed_power(refraction.sphere_D), signed_power(refraction.cylinder_D),
-                     axis_deg == 0 ? 180 : axis_deg);
+  return fmt::format("{} / {} x {:03d}", signed_power(refraction.sphere_D),
+                     signed_power(refraction.cylinder_D), axis_deg == 0 ? 180 : axis_deg);
 }
 
 double distance_D(const PowerVector& a, const PowerVector& b) {
@@ -78,8 +78,9 @@ std::string format_plus_cylinder(const SpheroCylinder& refraction) {
 
 RoundedRefraction round_refraction(const PowerVector& refraction) {
   const SpheroCylinder exact = to_sphero_cylinder(refraction);
-  // For any cylinder and axis the best sphere is the step nearest to M - C/2, and the best (cylinder, axis) lies within
-  // two steps of the exact cylinder (an axis 2.5 degrees off shortens it by 0.4 % only): the search is small and complete.
+  // For any cylinder and axis the best sphere is the step nearest to M - C/2, and the best (cylinder, axis)
+  // lies within two steps of the exact cylinder (an axis 2.5 degrees off shortens it by 0.4 % only): the
+  // search is small and complete.
   RoundedRefraction best{{}, INFINITY};
   const long nearest_steps = std::lround(exact.cylinder_D / step_D);
   for (long steps = std::min(0L, nearest_steps + 2); steps >= nearest_steps - 2; --steps) {

@@ -40,7 +40,8 @@ class InverseSquare : public ceres::FirstOrderFunction {
 
 Optimum climb(const SharpnessFunction& sharpness, const Eigen::VectorXd& start, const Bounds& bounds,
               const OptimiserSettings& settings) {
-  if (!bounds.contain(start)) throw Error(ExitStatus::fault, "a start of the lens search is outside its bounds");
+  if (!bounds.contain(start))
+    throw Error(ExitStatus::fault, "a start of the lens search is outside its bounds");
   Optimum optimum;
   optimum.lens = start;
 
@@ -65,8 +66,8 @@ Optimum climb(const SharpnessFunction& sharpness, const Eigen::VectorXd& start, 
   options.parameter_tolerance = 1e-6;
   options.logging_type = ceres::SILENT;
   ceres::GradientProblemSolver::Summary summary;
-  // Ceres' tolerance is absolute, so the cost is scaled to 1 at the start; after a long way down it is small against
-  // that, and a second round with the new scale ends at the slope that was asked for.
+  // Ceres' tolerance is absolute, so the cost is scaled to 1 at the start; after a long way down it is small
+  // against that, and a second round with the new scale ends at the slope that was asked for.
   for (int round = 0; round < 3; ++round) {
     const double scale = remembering(optimum.lens).value;
     const ceres::GradientProblem problem(new InverseSquare(remembering, bounds, scale));
@@ -81,13 +82,15 @@ Optimum climb(const SharpnessFunction& sharpness, const Eigen::VectorXd& start, 
   optimum.reason = summary.message;
   const double slope_per_D = optimum.gradient.lpNorm<Eigen::Infinity>();
   const bool flat = slope_per_D <= settings.accepted_gradient_per_D;
-  if (!flat) optimum.reason += fmt::format("; sharpness still changes by {:.2g} per dioptre there", slope_per_D);
+  if (!flat)
+    optimum.reason += fmt::format("; sharpness still changes by {:.2g} per dioptre there", slope_per_D);
   optimum.converged = summary.termination_type == ceres::CONVERGENCE && optimum.lens.allFinite() &&
                       optimum.gradient.allFinite() && bounds.contain(optimum.lens) && flat;
   return optimum;
 }
 
-Eigen::MatrixXd curvature_of_log(const SharpnessFunction& sharpness, const Eigen::VectorXd& lens, double step) {
+Eigen::MatrixXd curvature_of_log(const SharpnessFunction& sharpness, const Eigen::VectorXd& lens,
+                                 double step) {
   const auto log_gradient = [&](const Eigen::VectorXd& at) -> Eigen::VectorXd {
     const SharpnessValue value = sharpness(at);
     return value.gradient / value.value;

@@ -26,7 +26,8 @@ struct OptimiserSettings {
   /// Or when a step gains less than this fraction.
   double function_tolerance = 1e-6;
   int max_iterations = 30;
-  /// Whatever Ceres says, a slope of ln(sharpness) above this is no optimum: a bound or a fault stopped the climb.
+  /// Whatever Ceres says, a slope of ln(sharpness) above this is no optimum: a bound or a fault stopped the
+  /// climb.
   double accepted_gradient_per_D = 0.02;
 };
 
@@ -35,18 +36,20 @@ struct Optimum {
   double sharpness = 0;
   Eigen::VectorXd gradient;  ///< of ln(sharpness)
   int evaluations = 0;
-  bool converged = false;    ///< Ceres says CONVERGENCE; finite, inside the bounds, and flat
-  std::string reason;        ///< Ceres' message, or what is wrong
+  bool converged = false;  ///< Ceres says CONVERGENCE; finite, inside the bounds, and flat
+  std::string reason;      ///< Ceres' message, or what is wrong
 };
 
-/// Climbs from `start` to a local maximum of sharpness with Ceres (BFGS, strong Wolfe line search). What is minimised is
-/// 1 / sharpness^2: far from focus sharpness falls as the inverse of the blur's width, so this is nearly a quadratic
-/// function of the lens's power over many dioptres.
-/// \throw Error (fault) when `start` is outside the bounds
+/// Climbs from `start` to a local maximum of sharpness with Ceres (BFGS, strong Wolfe line search). What is
+/// minimised is 1 / sharpness^2: far from focus sharpness falls as the inverse of the blur's width, so this
+/// is nearly a quadratic function of the lens's power over many dioptres. \throw Error (fault) when `start`
+/// is outside the bounds
 Optimum climb(const SharpnessFunction& sharpness, const Eigen::VectorXd& start, const Bounds& bounds,
               const OptimiserSettings& settings);
 
-/// Matrix of second derivatives of ln(sharpness), from central differences of the gradient; 2 evaluations a parameter.
-Eigen::MatrixXd curvature_of_log(const SharpnessFunction& sharpness, const Eigen::VectorXd& lens, double step);
+/// Matrix of second derivatives of ln(sharpness), from central differences of the gradient; 2 evaluations a
+/// parameter.
+Eigen::MatrixXd curvature_of_log(const SharpnessFunction& sharpness, const Eigen::VectorXd& lens,
+                                 double step);
 
 }  // namespace emmetrope::correction

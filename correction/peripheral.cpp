@@ -10,7 +10,8 @@ namespace emmetrope::correction {
 std::vector<FieldPoint> peripheral_refraction(const EyeModel& eye, double wavelength_nm, double reach_deg,
                                               int points_across) {
   // The image of a direction lies on the other side of the axis, about as far as the nodal ray says.
-  const double nodal_to_retina_mm = eye.axial_length_mm() - cardinal_points(eye, wavelength_nm).image_nodal_mm;
+  const double nodal_to_retina_mm =
+      eye.axial_length_mm() - cardinal_points(eye, wavelength_nm).image_nodal_mm;
   const double reach_mm = nodal_to_retina_mm * reach_deg * degree;
   std::vector<FieldPoint> field;
   for (int row = 0; row < points_across; ++row)
@@ -22,7 +23,8 @@ std::vector<FieldPoint> peripheral_refraction(const EyeModel& eye, double wavele
       settings.fovea_mm = reach_mm / half * Eigen::Vector2d(half - column, row - half);
       try {
         const Wavefront wavefront = measure_wavefront(eye, settings);
-        field.push_back({wavefront.line_of_sight_deg.x(), wavefront.line_of_sight_deg.y(), wavefront.minimum_rms_spot});
+        field.push_back(
+            {wavefront.line_of_sight_deg.x(), wavefront.line_of_sight_deg.y(), wavefront.minimum_rms_spot});
       } catch (const Error& error) {
         if (error.status() != ExitStatus::no_result) throw;
       }

@@ -25,52 +25,51 @@ std::vector<double> sweep_radii_mm() {
   constexpr int count = 41;
   constexpr double first_mm = 20, last_mm = 200;
   std::vector<double> radii;
-  for (int i = 0; i < count; ++i) radii.push_back(first_mm * std::pow(last_mm / first_mm, double(i) / (count - 1)));
+  for (int i = 0; i < count; ++i)
+    radii.push_back(first_mm * std::pow(last_mm / first_mm, double(i) / (count - 1)));
   return radii;
 }
 
 PlanoCylinderResult best_plano_cylinder(const raytrace::Tracer& tracer,
-                                        const std::shared_ptr<const raytrace::Scene>& scene, const EyeModel& eye,
-                                        const PrescriptionSettings& settings, const PowerVector& at_lens) {
+                                        const std::shared_ptr<const raytrace::Scene>& scene,
+                                        const EyeModel& eye, const PrescriptionSettings& settings,
+                                        const PowerVector& at_lens) {
   const double index = settings.plano_cylinder_index, distance_mm = settings.plano_cylinder_distance_mm;
-  const std::vector<ImagingLevel> levels = imaging_levels(settings.criterion, settings.pupil_mm,
-                                                          settings.wavelength_nm, settings.fovea_mm, settings.seed);
+  const std::vector<ImagingLevel> levels = imaging_levels(
+      settings.criterion, settings.pupil_mm, settings.wavelength_nm, settings.fovea_mm, settings.seed);
   // Either sign may be sharpest, and the full lens says which axis; a weak and a strong lens each.
   const double axis_deg = to_sphero_cylinder(at_lens).axis_deg;
-  std::optional<PlanoCylinderResult> best;
-  int images = 0;
-  for (const int sign : {-1, 1}) {
-    std::vector<Eigen::VectorXd> starts;
+  std::vector<Start> starts;
+  for (const int sign : {-1, 1})
     for (const double radius_mm : {50.0, 200.0})
-      starts.emplace_back(plano_cylinder_parameters(-sign * radius_mm, axis_deg + (sign < 0 ? 0 : 90), index));
-    SearchResult search =
-        find_sharpest(tracer, scene, eye, plano_cylinder(sign, distance_mm, index), levels, starts);
-    images += search.images;
-    if (!best || search.best.sharpness > best->search.best.sharpness) {
-      best.emplace();
-      best->lens = plano_cylinder_of(sign, search.best.lens, index);
-      best->sharpness = search.best.sharpness;
-      best->search = std::move(search);
-    }
-  }
-  best->search.images = images;
+      starts.push_back({plano_cylinder(sign, distance_mm, index),
+                        plano_cylinder_parameters(-sign * radius_mm, axis_deg + (sign < 0 ? 0 : 90), index)});
+  PlanoCylinderResult best;
+  best.search = find_sharpest(tracer, scene, eye, levels, starts);
+  const LensFamily& family = best.search.family;
+  const int sign = family.power(best.search.best.lens).M_D < 0 ? -1 : 1;
+  best.lens = plano_cylinder_of(sign, best.search.best.lens, index);
+  best.sharpness = best.search.best.sharpness;
 
-  const int sign = best->lens.power_D < 0 ? -1 : 1;
-  const RetinalSharpness sharpness(tracer, scene, eye, plano_cylinder(sign, distance_mm, index), levels.back());
+  ImagingLevel quick = levels.back();
+  quick.pixels /= 2;  // a curve to look at: the same field at half the resolution
+  const RetinalSharpness sharpness(tracer, scene, eye, family, quick);
   for (const double radius_mm : sweep_radii_mm()) {
     const double signed_mm = -sign * radius_mm;
-    best->sweep.push_back({signed_mm, 1e3 * (1 - index) / signed_mm,
-                           sharpness.by_all_measures(plano_cylinder_parameters(signed_mm, best->lens.axis_deg, index))});
+    best.sweep.push_back(
+        {signed_mm, 1e3 * (1 - index) / signed_mm,
+         sharpness.by_all_measures(plano_cylinder_parameters(signed_mm, best.lens.axis_deg, index))});
   }
-  // Along the radius only: with power P = 1000 (1 - n) / R the parameters move by |J| / R a millimetre.
-  const Eigen::VectorXd along = best->search.best.lens / best->lens.radius_mm;
-  best->radius_curvature_per_mm2 = along.dot(best->search.curvature * along);
-  return *best;
+  // Along the radius only: with power P = 1000 (1 - n) / R the parameters move by J / R a millimetre.
+  const Eigen::VectorXd along = best.search.best.lens / best.lens.radius_mm;
+  best.radius_curvature_per_mm2 = along.dot(best.search.curvature * along);
+  return best;
 }
 
 }  // namespace
 
-Prescription prescribe(const raytrace::Tracer& tracer, const EyeModel& eye, const PrescriptionSettings& settings) {
+Prescription prescribe(const raytrace::Tracer& tracer, const EyeModel& eye,
+                       const PrescriptionSettings& settings) {
   Prescription result;
   result.settings = settings;
   Progress progress("looking for the sharpest lens", 3, settings.verbosity);
@@ -84,16 +83,16 @@ Prescription prescribe(const raytrace::Tracer& tracer, const EyeModel& eye, cons
 
   const std::shared_ptr<const raytrace::Scene> scene =
       settings.chart.empty() ? refraction_chart() : raytrace::make_scene(settings.chart);
-  const std::vector<ImagingLevel> levels = imaging_levels(settings.criterion, settings.pupil_mm,
-                                                          settings.wavelength_nm, settings.fovea_mm, settings.seed);
+  const std::vector<ImagingLevel> levels = imaging_levels(
+      settings.criterion, settings.pupil_mm, settings.wavelength_nm, settings.fovea_mm, settings.seed);
   const LensFamily family = thin_lens(settings.vertex_distance_mm);
   // No lens at all; the wavefront's answer; and a sphere beyond it, from the other side.
   const Eigen::Vector3d from_wavefront = as_vector(result.check.minimum_rms_wavefront);
   const Eigen::Vector3d beyond(1.5 * from_wavefront[0] + std::copysign(1, from_wavefront[0]), 0, 0);
-  std::vector<Eigen::VectorXd> starts{Eigen::Vector3d::Zero()};
+  std::vector<Start> starts{{family, Eigen::Vector3d::Zero()}};
   for (const Eigen::Vector3d& start : {from_wavefront, beyond})
-    if (family.bounds.contain(start)) starts.emplace_back(start);
-  result.search = find_sharpest(tracer, scene, eye, family, levels, starts);
+    if (family.bounds.contain(start)) starts.push_back({family, start});
+  result.search = find_sharpest(tracer, scene, eye, levels, starts);
   if (!result.search.accepted) throw no_result_error(result.search.reason);
   result.refraction = family.power(result.search.best.lens);
   result.sharpness_without_lens =
@@ -101,14 +100,15 @@ Prescription prescribe(const raytrace::Tracer& tracer, const EyeModel& eye, cons
   progress.advance();
 
   const PowerVector at_cornea = move_towards_eye(result.refraction, settings.vertex_distance_mm);
-  result.plano_cylinder = best_plano_cylinder(tracer, scene, eye, settings,
-                                              move_towards_eye(at_cornea, -settings.plano_cylinder_distance_mm));
+  result.plano_cylinder = best_plano_cylinder(
+      tracer, scene, eye, settings, move_towards_eye(at_cornea, -settings.plano_cylinder_distance_mm));
   progress.advance();
   return result;
 }
 
 PowerVector refraction_by_spot(const EyeModel& eye, const PrescriptionSettings& settings) {
-  const Wavefront wavefront = measure_wavefront(with_pupil(eye, settings.pupil_mm), wavefront_settings(settings));
+  const Wavefront wavefront =
+      measure_wavefront(with_pupil(eye, settings.pupil_mm), wavefront_settings(settings));
   return at_vertex(wavefront, wavefront.minimum_rms_spot, settings.vertex_distance_mm);
 }
 
@@ -120,13 +120,17 @@ PrescriptionUncertainty uncertainty_of(const Prescription& prescription, const U
   if (eye) {
     result.source = "mri";
     const PrescriptionSettings& settings = prescription.settings;
-    // The least-squares fit of ray slopes moves with the eye as the sharpest lens does, at a fraction of the cost.
-    const RefractionOf refraction = [&](const EyeModel& changed) { return refraction_by_spot(changed, settings); };
+    // The least-squares fit of ray slopes moves with the eye as the sharpest lens does, at a fraction of the
+    // cost.
+    const RefractionOf refraction = [&](const EyeModel& changed) {
+      return refraction_by_spot(changed, settings);
+    };
     const Eigen::MatrixXd sensitivity = refraction_sensitivity(*eye, refraction);
     UncertainEye known = *eye;
     if (calibration) {
       result.source = "refraction";
-      known.covariance = covariance_after(eye->covariance, known_refraction(sensitivity, calibration->sigma_D));
+      known.covariance =
+          covariance_after(eye->covariance, known_refraction(sensitivity, calibration->sigma_D));
     }
     result.budget = uncertainty_budget(known, sensitivity);
     result.budget.pop_back();  // the total follows with the sampling in it

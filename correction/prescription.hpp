@@ -17,11 +17,11 @@ namespace emmetrope::correction {
 /// What is asked for.
 struct PrescriptionSettings {
   Measure criterion = Measure::gradient_energy;
-  std::string chart;                      ///< scene to judge sharpness on; empty: the refraction chart
+  std::string chart;  ///< scene to judge sharpness on; empty: the refraction chart
   double vertex_distance_mm = 12;
-  double pupil_mm = 3;                    ///< iris aperture
+  double pupil_mm = 3;  ///< iris aperture
   double wavelength_nm = 589.3;
-  Eigen::Vector2d fovea_mm{0, 0};         ///< on the retina from the pole
+  Eigen::Vector2d fovea_mm{0, 0};  ///< on the retina from the pole
   double plano_cylinder_distance_mm = 10;
   double plano_cylinder_index = 1.5;
   std::uint64_t seed = 1;
@@ -46,28 +46,29 @@ struct PlanoCylinderResult {
 /// Everything about one eye's correction, vergences at the vertex distance.
 struct Prescription {
   PrescriptionSettings settings;
-  PowerVector refraction;              ///< the optimum of image sharpness
+  PowerVector refraction;  ///< the optimum of image sharpness
   SearchResult search;
   double sharpness_without_lens = 0;
   PlanoCylinderResult plano_cylinder;
   Wavefront wavefront;
   RefractionCriteria check;
-  std::vector<FieldPoint> field;       ///< refraction over the visual field
+  std::vector<FieldPoint> field;  ///< refraction over the visual field
 };
 
 /// Finds the lens by image sharpness and by wavefront.
 /// \throw Error (no_result) when no sharpest lens is found, with the reason
-Prescription prescribe(const raytrace::Tracer& tracer, const EyeModel& eye, const PrescriptionSettings& settings);
+Prescription prescribe(const raytrace::Tracer& tracer, const EyeModel& eye,
+                       const PrescriptionSettings& settings);
 
 /// M by the least-squares fit of ray slopes, at the settings' vertex distance: quick, for derivatives.
 PowerVector refraction_by_spot(const EyeModel& eye, const PrescriptionSettings& settings);
 
 /// A refraction known from the clinic has set the lens index: from then on it is data, and no result.
 struct Calibration {
-  PowerVector given;            ///< at the settings' vertex distance
+  PowerVector given;  ///< at the settings' vertex distance
   double sigma_D = 0.25;
   double index_before = 0, index_after = 0;
-  PowerVector before;           ///< what the images alone said
+  PowerVector before;  ///< what the images alone said
 };
 
 /// Where the numbers' uncertainty comes from.

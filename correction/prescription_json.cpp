@@ -33,7 +33,8 @@ Json line_json(const char* name_key, const std::string& name, const BudgetLine& 
 
 Json search_json(const SearchResult& search) {
   Json optima = Json::array();
-  for (const Eigen::VectorXd& lens : search.optima) optima.push_back(std::vector<double>(lens.begin(), lens.end()));
+  for (const Eigen::VectorXd& lens : search.optima)
+    optima.push_back(std::vector<double>(lens.begin(), lens.end()));
   Json curvature = Json::array();
   for (Eigen::Index i = 0; i < search.curvature.rows(); ++i) {
     const Eigen::VectorXd row = search.curvature.row(i);
@@ -53,17 +54,18 @@ Json difference_json(const Prescription& prescription) {
   const double c40_um = wavefront.zernike_um.size() > 12 ? wavefront.zernike_um[12] : 0;
   const double radius_mm = wavefront.pupil_mm / 2;
   const double paraxial_M_D = 12 * std::sqrt(5.0) * c40_um / (radius_mm * radius_mm);
-  return {{"sharpness_minus_paraxial_M_D", sharpest.M_D - check.paraxial.M_D},
-          {"sharpness_minus_minimum_rms_wavefront_M_D", sharpest.M_D - check.minimum_rms_wavefront.M_D},
-          {"spherical_aberration_um", c40_um},
-          {"entrance_pupil_mm", wavefront.pupil_mm},
-          {"text",
-           fmt::format("Primary spherical aberration of {:+.3f} um over the {:.1f} mm entrance pupil makes the power "
-                       "at the pupil's centre differ from that of the whole pupil: the paraxial refraction lies {:+.2f} "
-                       "D from the minimum-rms-wavefront one, and the sharpest image ({:+.2f} D from it) is where "
-                       "most of the pupil's light agrees. The larger the pupil, the larger the difference.",
-                       c40_um, wavefront.pupil_mm, paraxial_M_D,
-                       sharpest.M_D - check.minimum_rms_wavefront.M_D)}};
+  return {
+      {"sharpness_minus_paraxial_M_D", sharpest.M_D - check.paraxial.M_D},
+      {"sharpness_minus_minimum_rms_wavefront_M_D", sharpest.M_D - check.minimum_rms_wavefront.M_D},
+      {"spherical_aberration_um", c40_um},
+      {"entrance_pupil_mm", wavefront.pupil_mm},
+      {"text",
+       fmt::format(
+           "Primary spherical aberration of {:+.3f} um over the {:.1f} mm entrance pupil makes the power "
+           "at the pupil's centre differ from that of the whole pupil: the paraxial refraction lies {:+.2f} "
+           "D from the minimum-rms-wavefront one, and the sharpest image ({:+.2f} D from it) is where "
+           "most of the pupil's light agrees. The larger the pupil, the larger the difference.",
+           c40_um, wavefront.pupil_mm, paraxial_M_D, sharpest.M_D - check.minimum_rms_wavefront.M_D)}};
 }
 
 }  // namespace
@@ -71,8 +73,8 @@ Json difference_json(const Prescription& prescription) {
 Json to_json(const Prescription& prescription, const PrescriptionUncertainty& uncertainty,
              const std::string& laterality) {
   const PrescriptionSettings& settings = prescription.settings;
-  const RefractionIntervals intervals =
-      refraction_intervals(prescription.refraction, uncertainty.covariance, uncertainty.source, settings.seed);
+  const RefractionIntervals intervals = refraction_intervals(prescription.refraction, uncertainty.covariance,
+                                                             uncertainty.source, settings.seed);
   const SpheroCylinder notation = to_sphero_cylinder(prescription.refraction);
 
   Json json;
@@ -130,13 +132,14 @@ Json to_json(const Prescription& prescription, const PrescriptionUncertainty& un
                      {"J45_D", point.refraction.J45_D}});
   json["peripheral"] = std::move(field);
   if (const auto& calibration = uncertainty.calibration)
-    json["calibration"] = {
-        {"given", notation_json(calibration->given)},
-        {"sigma_D", calibration->sigma_D},
-        {"lens_index_before", calibration->index_before},
-        {"lens_index_after", calibration->index_after},
-        {"from_images_alone", notation_json(calibration->before)},
-        {"text", "The refraction was given and has set the index of the lens; the mean power is data, not a result."}};
+    json["calibration"] = {{"given", notation_json(calibration->given)},
+                           {"sigma_D", calibration->sigma_D},
+                           {"lens_index_before", calibration->index_before},
+                           {"lens_index_after", calibration->index_after},
+                           {"from_images_alone", notation_json(calibration->before)},
+                           {"text",
+                            "The refraction was given and has set the index of the lens; the mean power is "
+                            "data, not a result."}};
   json["notice"] = research_notice;
   return json;
 }

@@ -17,10 +17,10 @@ GreyImage luminance(const raytrace::LinearImage& image) {
   grey.values.reserve(static_cast<std::size_t>(image.width) * image.height);
   for (int row = 0; row < image.height; ++row)
     for (int column = 0; column < image.width; ++column)
-      grey.values.push_back(image.channels == 1 ? image.at(column, row, 0)
-                                                : 0.2126 * image.at(column, row, 0) +
-                                                      0.7152 * image.at(column, row, 1) +
-                                                      0.0722 * image.at(column, row, 2));
+      grey.values.push_back(image.channels == 1
+                                ? image.at(column, row, 0)
+                                : 0.2126 * image.at(column, row, 0) + 0.7152 * image.at(column, row, 1) +
+                                      0.0722 * image.at(column, row, 2));
   return grey;
 }
 
@@ -46,7 +46,8 @@ LogEnergy log_energy(const SharpnessMeasure& measure, const raytrace::TraceResul
 }  // namespace
 
 double arcmin_per_mm(const EyeModel& eye, double wavelength_nm) {
-  const double nodal_to_retina_mm = eye.axial_length_mm() - cardinal_points(eye, wavelength_nm).image_nodal_mm;
+  const double nodal_to_retina_mm =
+      eye.axial_length_mm() - cardinal_points(eye, wavelength_nm).image_nodal_mm;
   return 60 / (degree * nodal_to_retina_mm);
 }
 
@@ -60,8 +61,9 @@ EyeModel with_pupil(EyeModel eye, double pupil_mm) {
                     "add a surface of type \"stop\" in front of the lens");
 }
 
-RetinalSharpness::RetinalSharpness(const raytrace::Tracer& tracer, std::shared_ptr<const raytrace::Scene> scene,
-                                   EyeModel eye, LensFamily family, ImagingLevel level)
+RetinalSharpness::RetinalSharpness(const raytrace::Tracer& tracer,
+                                   std::shared_ptr<const raytrace::Scene> scene, EyeModel eye,
+                                   LensFamily family, ImagingLevel level)
     : tracer_(tracer),
       scene_(std::move(scene)),
       eye_(with_pupil(eye, level.pupil_mm)),
@@ -78,6 +80,9 @@ raytrace::TraceResult RetinalSharpness::trace(const EyeModel& eye, const Eigen::
   settings.samples = samples;
   settings.seed = level_.seed;
   settings.wavelength_nm = level_.wavelength_nm;
+  // Lenses as formulas, whose derivatives are exact; an eye's meshes are smooth patches in this
+  // representation too.
+  settings.representation = raytrace::Representation::analytic;
   settings.verbosity.quiet = true;
   raytrace::TraceResult traced =
       tracer_.trace(family_.before(eye, lens), *scene_, settings,
@@ -103,7 +108,8 @@ std::array<double, all_measures.size()> RetinalSharpness::by_all_measures(const 
   ++images_;
   std::array<double, all_measures.size()> sharpness{};
   for (std::size_t i = 0; i < all_measures.size(); ++i) {
-    const SharpnessMeasure measure(all_measures[i], level_.pixels, level_.pixels, pixel_arcmin_, level_.blur_arcmin);
+    const SharpnessMeasure measure(all_measures[i], level_.pixels, level_.pixels, pixel_arcmin_,
+                                   level_.blur_arcmin);
     sharpness[i] = measure(image).value / measure(pinhole).value;
   }
   return sharpness;

@@ -14,21 +14,22 @@ namespace emmetrope::correction {
 /// How a retinal image is made and judged. One level of the coarse-to-fine search.
 struct ImagingLevel {
   Measure measure = Measure::gradient_energy;
-  int pixels = 256;              ///< width and height
-  double field_mm = 1.8;         ///< width and height on the retina
-  int samples = 64;              ///< rays a pixel
-  double blur_arcmin = 1;        ///< detail finer than this does not count
-  double pupil_mm = 3;           ///< iris aperture
+  int pixels = 256;        ///< width and height
+  double field_mm = 1.8;   ///< width and height on the retina
+  int samples = 64;        ///< rays a pixel
+  double blur_arcmin = 1;  ///< detail finer than this does not count
+  double pupil_mm = 3;     ///< iris aperture
   double wavelength_nm = 589.3;
   Eigen::Vector2d centre_mm{0, 0};  ///< on the retina from the pole
   std::uint64_t seed = 1;
 };
 
-/// Sharpness of the retinal image behind a lens of a family: the energy of the image's detail over that of the same scene
-/// through the same lens and a pinhole. The pinhole's image has the same magnification, distortion, brightness and scene
-/// but no blur, so the ratio is the mean of MTF^2 over the scene's detail, and neither magnification nor brightness
-/// nor the choice of the scene's contrast can raise it. The same rays serve every lens (common random numbers), so
-/// that it is a smooth function; its gradient comes from the tracer's derivative images.
+/// Sharpness of the retinal image behind a lens of a family: the energy of the image's detail over that of
+/// the same scene through the same lens and a pinhole. The pinhole's image has the same magnification,
+/// distortion, brightness and scene but no blur, so the ratio is the mean of MTF^2 over the scene's detail,
+/// and neither magnification nor brightness nor the choice of the scene's contrast can raise it. The same
+/// rays serve every lens (common random numbers), so that it is a smooth function; its gradient comes from
+/// the tracer's derivative images.
 class RetinalSharpness {
  public:
   RetinalSharpness(const raytrace::Tracer& tracer, std::shared_ptr<const raytrace::Scene> scene, EyeModel eye,
@@ -44,11 +45,12 @@ class RetinalSharpness {
   std::uint64_t rays() const { return rays_; }
 
  private:
-  raytrace::TraceResult trace(const EyeModel& eye, const Eigen::VectorXd& lens, int samples, bool derivatives) const;
+  raytrace::TraceResult trace(const EyeModel& eye, const Eigen::VectorXd& lens, int samples,
+                              bool derivatives) const;
 
   const raytrace::Tracer& tracer_;
   std::shared_ptr<const raytrace::Scene> scene_;
-  EyeModel eye_;          ///< with the level's pupil
+  EyeModel eye_;  ///< with the level's pupil
   EyeModel pinhole_eye_;
   LensFamily family_;
   ImagingLevel level_;
@@ -58,7 +60,8 @@ class RetinalSharpness {
   mutable std::uint64_t rays_ = 0;
 };
 
-/// The visual angle of a millimetre of retina on the axis, arcmin, by the distance from the image-side nodal point.
+/// The visual angle of a millimetre of retina on the axis, arcmin, by the distance from the image-side nodal
+/// point.
 double arcmin_per_mm(const EyeModel& eye, double wavelength_nm);
 
 /// The eye with another iris aperture.

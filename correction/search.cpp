@@ -10,21 +10,48 @@
 namespace emmetrope::correction {
 namespace {
 
-/// Optima closer than this are one (half a clinical step).
-constexpr double same_optimum_D = 0.12;
+/// Optima closer than this are one: half a clinical step; on a coarse level, where the top is flat, its own
+/// accuracy.
+constexpr double same_optimum_D = 0.12, same_coarse_optimum_D = 0.6;
 /// A coarse optimum is followed to the fine level only where it comes near the sharpest.
-constexpr double worth_following = 0.8;
+constexpr double worth_following = 0.95;
+constexpr double curvature_step_D = 0.1;
+constexpr double accepted_step_D = 0.02;
 
-/// Sorts by sharpness and drops what is near a sharper one.
-std::vector<Optimum> distinct(std::vector<Optimum> optima, double apart_D) {
-  std::stable_sort(optima.begin(), optima.end(),
-                   [](const Optimum& a, const Optimum& b) { return a.sharpness > b.sharpness; });
-  std::vector<Optimum> kept;
-  for (const Optimum& optimum : optima)
-    if (std::none_of(kept.begin(), kept.end(),
-                     [&](const Optimum& other) { return (other.lens - optimum.lens).norm() < apart_D; }))
-      kept.push_back(optimum);
+struct Climbed {
+  LensFamily family;
+  Optimum end;
+};
+
+/// Sorts by sharpness and drops what is near a sharper one of its family.
+std::vector<Climbed> distinct(std::vector<Climbed> all, double apart_D) {
+  std::stable_sort(all.begin(), all.end(),
+                   [](const Climbed& a, const Climbed& b) { return a.end.sharpness > b.end.sharpness; });
+  std::vector<Climbed> kept;
+  for (Climbed& one : all)
+    if (std::none_of(kept.begin(), kept.end(), [&](const Climbed& other) {
+          return other.family.name == one.family.name && (other.end.lens - one.end.lens).norm() < apart_D;
+        }))
+      kept.push_back(std::move(one));
   return kept;
+}
+
+/// What is near the sharpest in sharpness, from a sorted list.
+std::vector<Climbed> worthwhile(std::vector<Climbed> sorted) {
+  const double least = worth_following * sorted.front().end.sharpness;
+  sorted.erase(std::find_if(sorted.begin(), sorted.end(),
+                            [&](const Climbed& one) { return one.end.sharpness < least; }),
+               sorted.end());
+  return sorted;
+}
+
+/// Coarse levels need only come near enough for the next to take over.
+OptimiserSettings coarse_settings() {
+  OptimiserSettings settings;
+  settings.gradient_tolerance_per_D = 0.02;
+  settings.function_tolerance = 1e-3;
+  settings.max_iterations = 12;
+  return settings;
 }
 
 }  // namespace
@@ -40,6 +67,9 @@ std::vector<ImagingLevel> imaging_levels(Measure measure, double pupil_mm, doubl
   coarse.pupil_mm = std::min(pupil_mm, 3.0);
   ImagingLevel fine;
   fine.measure = measure;
+  fine.pixels = 192;
+  fine.field_mm = 1.4;
+  fine.samples = 32;
   for (ImagingLevel* level : {&coarse, &fine}) {
     level->wavelength_nm = wavelength_nm;
     level->centre_mm = centre_mm;
@@ -49,59 +79,53 @@ std::vector<ImagingLevel> imaging_levels(Measure measure, double pupil_mm, doubl
   return {coarse, fine};
 }
 
-SearchResult find_sharpest(const raytrace::Tracer& tracer, const std::shared_ptr<const raytrace::Scene>& scene,
-                           const EyeModel& eye, const LensFamily& family, const std::vector<ImagingLevel>& levels,
-                           const std::vector<Eigen::VectorXd>& starts) {
+SearchResult find_sharpest(const raytrace::Tracer& tracer,
+                           const std::shared_ptr<const raytrace::Scene>& scene, const EyeModel& eye,
+                           const std::vector<ImagingLevel>& levels, const std::vector<Start>& starts) {
   SearchResult result;
-  std::vector<Optimum> ends;
-  for (const Eigen::VectorXd& start : starts) {
-    Optimum at_start;
-    at_start.lens = start;
-    ends.push_back(at_start);
+  std::vector<Climbed> climbed;
+  for (const Start& start : starts) {
+    climbed.push_back({start.family, {}});
+    climbed.back().end.lens = start.lens;
   }
-  for (std::size_t k = 0; k < levels.size(); ++k) {
-    const bool last = k + 1 == levels.size();
-    const RetinalSharpness sharpness(tracer, scene, eye, family, levels[k]);
-    OptimiserSettings settings;
-    if (!last) {  // near enough for the next level to take over
-      settings.gradient_tolerance_per_D = 0.02;
-      settings.function_tolerance = 1e-3;
-      settings.max_iterations = 12;
+  for (const ImagingLevel& level : levels) {
+    const bool last = &level == &levels.back();
+    for (Climbed& one : climbed) {
+      const RetinalSharpness sharpness(tracer, scene, eye, one.family, level);
+      one.end = climb(std::cref(sharpness), one.end.lens, one.family.bounds,
+                      last ? OptimiserSettings{} : coarse_settings());
+      result.images += sharpness.images();
     }
-    std::vector<Optimum> climbed;
-    for (const Optimum& end : ends) climbed.push_back(climb(std::cref(sharpness), end.lens, family.bounds, settings));
-    ends = distinct(std::move(climbed), last ? same_optimum_D : 2 * same_optimum_D);
-    if (!last)
-      ends.erase(std::remove_if(ends.begin(), ends.end(),
-                                [&](const Optimum& end) {
-                                  return end.sharpness < worth_following * ends.front().sharpness;
-                                }),
-                 ends.end());
-    if (last) {
-      result.best = ends.front();
-      result.curvature = curvature_of_log(std::cref(sharpness), result.best.lens, 0.1);
-      ImagingLevel other_rays = levels[k];
-      other_rays.seed += 1;
-      const RetinalSharpness again(tracer, scene, eye, family, other_rays);
-      const SharpnessValue value = again(result.best.lens);
-      // The optimum moves by H^-1 times the change of slope; two sets of rays differ by sqrt(2) times one set's error.
-      result.sampling_sigma_D = (result.curvature.ldlt().solve(value.gradient / value.value - result.best.gradient))
-                                    .cwiseAbs() /
-                                std::sqrt(2.0);
-      result.images += again.images();
-    }
-    result.images += sharpness.images();
+    climbed = distinct(std::move(climbed), last ? same_optimum_D : same_coarse_optimum_D);
+    if (!last) climbed = worthwhile(std::move(climbed));
   }
-  for (const Optimum& end : ends) result.optima.push_back(end.lens);
+  result.family = climbed.front().family;
+  result.best = climbed.front().end;
+  for (const Climbed& one : climbed)
+    if (one.family.name == result.family.name) result.optima.push_back(one.end.lens);
+
+  const RetinalSharpness sharpness(tracer, scene, eye, result.family, levels.back());
+  result.curvature = curvature_of_log(std::cref(sharpness), result.best.lens, curvature_step_D);
+  ImagingLevel other_rays = levels.back();
+  other_rays.seed += 1;
+  const RetinalSharpness again(tracer, scene, eye, result.family, other_rays);
+  const SharpnessValue value = again(result.best.lens);
+  // The optimum moves by H^-1 times the change of slope; two sets of rays differ by sqrt(2) times one set's
+  // error.
+  const auto inverse = result.curvature.ldlt();
+  result.sampling_sigma_D =
+      inverse.solve(value.gradient / value.value - result.best.gradient).cwiseAbs() / std::sqrt(2.0);
+  result.images += sharpness.images() + again.images();
 
   const double flattest =
       Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(result.curvature).eigenvalues().maxCoeff();
-  const double next_step_D = result.curvature.ldlt().solve(result.best.gradient).norm();
+  const double next_step_D = inverse.solve(result.best.gradient).norm();
   if (!result.best.converged)
     result.reason = "the search for the sharpest image did not converge: " + result.best.reason;
   else if (!(flattest < 0))
-    result.reason = "the image has no sharpest lens: sharpness does not fall in every direction from where the search ended";
-  else if (!(next_step_D < 0.02))
+    result.reason =
+        "there is no sharpest lens: sharpness does not fall in every direction from where the search ended";
+  else if (!(next_step_D < accepted_step_D))
     result.reason = fmt::format("the search ended {:.2f} D before the sharpest lens", next_step_D);
   result.accepted = result.reason.empty();
   return result;

@@ -53,7 +53,8 @@ double contrast_sensitivity(double cycles_per_degree) {
   return 2.6 * (0.0192 + scaled) * std::exp(-std::pow(scaled, 1.1)) / peak;
 }
 
-SharpnessMeasure::SharpnessMeasure(Measure measure, int width, int height, double pixel_arcmin, double blur_arcmin)
+SharpnessMeasure::SharpnessMeasure(Measure measure, int width, int height, double pixel_arcmin,
+                                   double blur_arcmin)
     : width_(width), height_(height) {
   const std::size_t count = static_cast<std::size_t>(width) * height;
   window_.resize(count);
@@ -89,7 +90,8 @@ SharpnessMeasure::Energy SharpnessMeasure::operator()(const GreyImage& image) co
     energy.value += weights_[i] * bins[i].dot(bins[i]);
     bins[i] *= weights_[i];
   }
-  // The quadratic form's gradient is twice the filtered detail, back through the window and the division by the mean.
+  // The quadratic form's gradient is twice the filtered detail, back through the window and the division by
+  // the mean.
   cv::Mat filtered;
   cv::dft(spectrum, filtered, cv::DFT_INVERSE | cv::DFT_REAL_OUTPUT);
   energy.gradient = {width_, height_, std::vector<double>(count)};

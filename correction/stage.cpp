@@ -8,6 +8,7 @@
 
 #include "correction/notation.hpp"
 #include "correction/sweep.hpp"
+#include "correction/what_if.hpp"
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/files.hpp"
 #include "pipeline/base/version.hpp"
@@ -31,6 +32,7 @@ Json parameters_of(const CorrectionSettings& settings, const CommonOptions& comm
           {"plano_cylinder_index", p.plano_cylinder_index},
           {"lens_index_sigma", settings.lens_index_sigma},
           {"known_refractions", settings.known_refractions},
+          {"age_years", settings.age_years ? Json(*settings.age_years) : Json(nullptr)},
           {"seed", common.seed},
           {"laterality", common.laterality == LateralityChoice::both ? "both"
                          : common.laterality == LateralityChoice::od ? "od"
@@ -68,7 +70,8 @@ void follow_trace_stage(const fs::path& case_folder, CorrectionSettings& setting
     picture.scene = parameters.at("scene").get<std::string>();
     picture.samples = parameters.at("samples").get<int>();
     picture.pupil_mm = parameters.at("pupil_mm").get<double>();
-    const auto size = two_numbers(parameters, "size", 'x'), field_mm = two_numbers(parameters, "field_mm", 'x');
+    const auto size = two_numbers(parameters, "size", 'x'),
+               field_mm = two_numbers(parameters, "field_mm", 'x');
     const auto fovea_mm = two_numbers(parameters, "fovea", ',');
     picture.width = static_cast<int>(size[0]);
     picture.height = static_cast<int>(size[1]);
@@ -77,6 +80,8 @@ void follow_trace_stage(const fs::path& case_folder, CorrectionSettings& setting
     picture.centre_mm = {fovea_mm[0], fovea_mm[1]};
     if (settings.prescription.fovea_mm.isZero()) settings.prescription.fovea_mm = picture.centre_mm;
     if (!parameters.at("lens_index").is_null()) settings.lens_index_sigma = 0;
+    if (!settings.age_years && parameters.at("age_years").is_number())
+      settings.age_years = parameters.at("age_years").get<double>();
   } catch (const nlohmann::json::exception& fault) {
     throw input_error(std::string("raytrace/stage.json: ") + fault.what(),
                       "run \"emmetrope trace --force\" on the case");
@@ -120,14 +125,16 @@ double calibrated_index(const EyeModel& eye, const PrescriptionSettings& setting
     if (!(index > 1.36 && index < 1.5)) break;
   }
   throw no_result_error(
-      fmt::format("no lens index between 1.36 and 1.50 explains the given refraction, {:+.2f} D from what the eye's "
-                  "geometry says",
-                  change_of_M_D),
+      fmt::format(
+          "no lens index between 1.36 and 1.50 explains the given refraction, {:+.2f} D from what the eye's "
+          "geometry says",
+          change_of_M_D),
       "check the refraction's eye and sign, and the axial length");
 }
 
 EyeResult correct_one(const raytrace::Tracer& tracer, EyeModel& eye, const CorrectionSettings& settings,
-                      const std::optional<UncertainEye>& uncertain, const std::optional<StatedRefraction>& known) {
+                      const std::optional<UncertainEye>& uncertain,
+                      const std::optional<StatedRefraction>& known) {
   EyeResult result;
   result.prescription = prescribe(tracer, eye, settings.prescription);
   std::optional<Calibration> calibration;
@@ -136,8 +143,7 @@ EyeResult correct_one(const raytrace::Tracer& tracer, EyeModel& eye, const Corre
     const PowerVector at_cornea =
         move_towards_eye(to_power_vector(known->refraction), known->vertex_distance_mm);
     const PowerVector given = move_towards_eye(at_cornea, -p.vertex_distance_mm);
-    const double index =
-        calibrated_index(eye, p, given.M_D - result.prescription.refraction.M_D);
+    const double index = calibrated_index(eye, p, given.M_D - result.prescription.refraction.M_D);
     calibration = {given, known->sigma_D.value_or(0.25), eye.media.at("lens").index, index,
                    result.prescription.refraction};
     eye.media.at("lens").index = index;
@@ -149,19 +155,23 @@ EyeResult correct_one(const raytrace::Tracer& tracer, EyeModel& eye, const Corre
 
 void write_eye_files(const fs::path& folder, const raytrace::Tracer& tracer, const EyeModel& eye,
                      const EyeResult& result, const PictureSettings& picture, std::uint64_t seed,
-                     const std::string& laterality) {
+                     const std::string& laterality, std::optional<double> age_years) {
   const PrescriptionSettings& p = result.prescription.settings;
   fs::create_directories(folder);
-  write_json(folder / "prescription.json", to_json(result.prescription, result.uncertainty, laterality));
+  Json prescription = to_json(result.prescription, result.uncertainty, laterality);
+  prescription["what_if"] = what_if_json(eye, p, result.prescription.refraction, age_years);
+  write_json(folder / "prescription.json", prescription);
   write_file(folder / "sweep.csv", sweep_csv(result.prescription.plano_cylinder));
   write_file(folder / "sweep.svg", sweep_svg(result.prescription.plano_cylinder));
   raytrace::TraceSettings trace;
   trace.grid = {picture.width, picture.height, picture.field_x_mm, picture.field_y_mm, picture.centre_mm};
   trace.samples = picture.samples;
+  trace.representation =
+      raytrace::Representation::analytic;  // the lens; an eye's meshes are patches in it too
   trace.seed = seed;
   trace.verbosity.quiet = true;
-  const EyeModel corrected = with_thin_lens(with_pupil(eye, picture.pupil_mm), result.prescription.refraction,
-                                            p.vertex_distance_mm);
+  const EyeModel corrected =
+      with_thin_lens(with_pupil(eye, picture.pupil_mm), result.prescription.refraction, p.vertex_distance_mm);
   const auto scene = raytrace::make_scene(picture.scene);
   raytrace::write_png(folder / "corrected.png", tracer.trace(corrected, *scene, trace).image);
 }
@@ -169,10 +179,11 @@ void write_eye_files(const fs::path& folder, const raytrace::Tracer& tracer, con
 std::string summary(const std::string& who, const EyeResult& result) {
   const Prescription& p = result.prescription;
   const Eigen::Vector3d sigma = result.uncertainty.covariance.diagonal().cwiseSqrt();
-  return fmt::format("{}: {} at {:g} mm (M {:+.2f} +-{:.2f}, J0 {:+.2f} +-{:.2f}, J45 {:+.2f} +-{:.2f} D, 95 %)\n",
-                     who, format_refraction(round_refraction(p.refraction).refraction), p.settings.vertex_distance_mm,
-                     p.refraction.M_D, 1.96 * sigma[0], p.refraction.J0_D, 1.96 * sigma[1], p.refraction.J45_D,
-                     1.96 * sigma[2]);
+  return fmt::format(
+      "{}: {} at {:g} mm (M {:+.2f} +-{:.2f}, J0 {:+.2f} +-{:.2f}, J45 {:+.2f} +-{:.2f} D, 95 %)\n", who,
+      format_refraction(round_refraction(p.refraction).refraction), p.settings.vertex_distance_mm,
+      p.refraction.M_D, 1.96 * sigma[0], p.refraction.J0_D, 1.96 * sigma[1], p.refraction.J45_D,
+      1.96 * sigma[2]);
 }
 
 /// The lens index of a measured eye that was traced is the one to be uncertain about.
@@ -196,12 +207,18 @@ Answer correct_case(const fs::path& case_folder, CorrectionSettings settings, co
   const CaseLock lock(case_folder, false);
   const StageVerdict traced = read_verdict(case_folder, "raytrace");
   follow_trace_stage(case_folder, settings);
+  if (!settings.age_years && fs::exists(case_folder / "case.json")) {
+    const Json subject = read_json(case_folder / "case.json").value("subject", Json::object());
+    if (subject.contains("age_years") && subject["age_years"].is_number())
+      settings.age_years = subject["age_years"].get<double>();
+  }
   for (const Laterality eye : both_eyes) known_refraction_of(settings, eye);  // usage errors come first
   std::vector<Laterality> eyes;
   StageSpec spec{"correction", parameters_of(settings, common), {}, true, {}};
   for (const Laterality eye : both_eyes) {
     const std::string name = to_string(eye);
-    if (!includes(common.laterality, eye) || !fs::exists(case_folder / "raytrace" / name / "eye.json")) continue;
+    if (!includes(common.laterality, eye) || !fs::exists(case_folder / "raytrace" / name / "eye.json"))
+      continue;
     eyes.push_back(eye);
     for (const char* stage : {"meshing/", "raytrace/"})
       for (const StageInput& input : inputs_below(case_folder, stage + name)) spec.inputs.push_back(input);
@@ -227,12 +244,15 @@ Answer correct_case(const fs::path& case_folder, CorrectionSettings settings, co
         if (fs::exists(optics)) uncertain = read_uncertain_eye(optics, settings.lens_index_sigma, eye);
         const EyeResult result =
             correct_one(*tracer, eye, settings, uncertain, known_refraction_of(settings, side));
-        write_eye_files(workspace.folder() / name, *tracer, eye, result, settings.picture, common.seed, name);
+        write_eye_files(workspace.folder() / name, *tracer, eye, result, settings.picture, common.seed, name,
+                        settings.age_years);
         const SearchResult& plano = result.prescription.plano_cylinder.search;
-        if (!plano.accepted) workspace.warn(std::string(clinical_name(side)) + ", plano-cylinder: " + plano.reason);
+        if (!plano.accepted)
+          workspace.warn(std::string(clinical_name(side)) + ", plano-cylinder: " + plano.reason);
         if (result.prescription.search.optima.size() > 1)
-          workspace.warn(std::string(clinical_name(side)) + ": more than one lens makes a locally sharpest image; see "
-                                                            "search.distinct_optima_D in prescription.json");
+          workspace.warn(std::string(clinical_name(side)) +
+                         ": more than one lens makes a locally sharpest image; see "
+                         "search.distinct_optima_D in prescription.json");
         text += summary(clinical_name(side), result);
         ++done;
       } catch (const Error& error) {
@@ -240,7 +260,7 @@ Answer correct_case(const fs::path& case_folder, CorrectionSettings settings, co
         verdict.reasons.push_back(std::string(clinical_name(side)) + ": " + error.what());
       }
     }
-    verdict.status = done == 0 ? ExitStatus::no_result
+    verdict.status = done == 0                                                    ? ExitStatus::no_result
                      : done < eyes.size() || traced.status == ExitStatus::partial ? ExitStatus::partial
                                                                                   : ExitStatus::done;
     return verdict;
@@ -266,7 +286,7 @@ Answer correct_eye(const EyeModel& eye, const fs::path& output, const Correction
   const raytrace::Tracer tracer(common.device, common.threads);
   EyeModel seeing = eye;
   const EyeResult result = correct_one(tracer, seeing, settings, std::nullopt, std::nullopt);
-  write_eye_files(output, tracer, seeing, result, settings.picture, common.seed, "");
+  write_eye_files(output, tracer, seeing, result, settings.picture, common.seed, "", settings.age_years);
   Answer answer;
   answer.json = to_json(result.prescription, result.uncertainty, "");
   answer.text = summary(eye.name, result) + std::string(research_notice) + "\n";

@@ -10,7 +10,8 @@
 
 namespace emmetrope::correction {
 
-/// How corrected.png is made. In a case it is made as the trace stage made uncorrected.png, so that the two compare.
+/// How corrected.png is made. In a case it is made as the trace stage made uncorrected.png, so that the two
+/// compare.
 struct PictureSettings {
   std::string scene = "letters";
   int width = 500, height = 500;
@@ -23,17 +24,19 @@ struct PictureSettings {
 struct CorrectionSettings {
   PrescriptionSettings prescription;
   PictureSettings picture;
-  double lens_index_sigma = 0.005;          ///< prior of a measured eye's lens index; 0 where it is known
+  double lens_index_sigma = 0.005;             ///< prior of a measured eye's lens index; 0 where it is known
+  std::optional<double> age_years;             ///< for the near point; a case's own where none is given
   std::vector<std::string> known_refractions;  ///< "od:-2.25/-1.00x180@12+-0.25"
 };
 
-/// CASE/correction/<eye>/: prescription.json, corrected.png, sweep.csv, sweep.svg, for every eye that was traced.
-/// An eye whose sharpest lens is not found gets no number; the reasons stand in stage.json.
-/// \throw Error (input_invalid) when the case has not been traced
-Answer correct_case(const std::filesystem::path& case_folder, CorrectionSettings settings, const CommonOptions& common);
+/// CASE/correction/<eye>/: prescription.json, corrected.png, sweep.csv, sweep.svg, for every eye that was
+/// traced. An eye whose sharpest lens is not found gets no number; the reasons stand in stage.json. \throw
+/// Error (input_invalid) when the case has not been traced
+Answer correct_case(const std::filesystem::path& case_folder, CorrectionSettings settings,
+                    const CommonOptions& common);
 
 /// The same files for a schematic eye or an eye.json, in `output`.
-Answer correct_eye(const EyeModel& eye, const std::filesystem::path& output, const CorrectionSettings& settings,
-                   const CommonOptions& common);
+Answer correct_eye(const EyeModel& eye, const std::filesystem::path& output,
+                   const CorrectionSettings& settings, const CommonOptions& common);
 
 }  // namespace emmetrope::correction

@@ -25,7 +25,8 @@ std::string text(double x, double y, const std::string& anchor, const std::strin
   return fmt::format("<text x=\"{:.1f}\" y=\"{:.1f}\" text-anchor=\"{}\">{}</text>\n", x, y, anchor, what);
 }
 std::string line(double x1, double y1, double x2, double y2, const std::string& style) {
-  return fmt::format("<line x1=\"{:.1f}\" y1=\"{:.1f}\" x2=\"{:.1f}\" y2=\"{:.1f}\" {}/>\n", x1, y1, x2, y2, style);
+  return fmt::format("<line x1=\"{:.1f}\" y1=\"{:.1f}\" x2=\"{:.1f}\" y2=\"{:.1f}\" {}/>\n", x1, y1, x2, y2,
+                     style);
 }
 
 }  // namespace
@@ -51,15 +52,18 @@ std::string sweep_svg(const PlanoCylinderResult& result) {
   const auto y_of = [&](double relative) { return height - bottom - relative * (height - top - bottom); };
 
   std::string svg = fmt::format(
-      "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {0:.0f} {1:.0f}\" width=\"{0:.0f}\" height=\"{1:.0f}\" "
-      "font-family=\"DejaVu Sans, sans-serif\" font-size=\"12\" role=\"img\" aria-label=\"Image sharpness against the "
+      "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {0:.0f} {1:.0f}\" width=\"{0:.0f}\" "
+      "height=\"{1:.0f}\" "
+      "font-family=\"DejaVu Sans, sans-serif\" font-size=\"12\" role=\"img\" aria-label=\"Image sharpness "
+      "against the "
       "radius of the plano-cylinder\">\n<rect width=\"100%\" height=\"100%\" fill=\"white\"/>\n",
       width, height);
   const std::string grid = "stroke=\"#dddddd\"", frame = "stroke=\"#444444\"";
   const bool minus = result.lens.power_D < 0;
   for (const double radius_mm : {20.0, 30.0, 50.0, 70.0, 100.0, 150.0, 200.0}) {
     svg += line(x_of(radius_mm), y_of(0), x_of(radius_mm), y_of(1), grid);
-    svg += text(x_of(radius_mm), y_of(0) + 16, "middle", fmt::format("{}{:.0f}", minus ? "" : "-", radius_mm));
+    svg +=
+        text(x_of(radius_mm), y_of(0) + 16, "middle", fmt::format("{}{:.0f}", minus ? "" : "-", radius_mm));
   }
   for (const double relative : {0.0, 0.25, 0.5, 0.75, 1.0}) {
     svg += line(left, y_of(relative), width - right, y_of(relative), relative == 0 ? frame : grid);
@@ -67,8 +71,9 @@ std::string sweep_svg(const PlanoCylinderResult& result) {
   }
   svg += line(left, y_of(0), left, y_of(1), frame);
   for (std::size_t k = 0; k < curves.size(); ++k) {
-    const std::string style = fmt::format("fill=\"none\" stroke=\"{}\" stroke-width=\"2\" stroke-dasharray=\"{}\"",
-                                          curves[k].colour, curves[k].dashes);
+    const std::string style =
+        fmt::format("fill=\"none\" stroke=\"{}\" stroke-width=\"2\" stroke-dasharray=\"{}\"",
+                    curves[k].colour, curves[k].dashes);
     svg += "<polyline " + style + " points=\"";
     for (const SweepRow& row : result.sweep)
       svg += fmt::format("{:.1f},{:.1f} ", x_of(row.radius_mm), y_of(row.sharpness[k] / most[k]));
@@ -78,15 +83,18 @@ std::string sweep_svg(const PlanoCylinderResult& result) {
   }
   const double best_mm = std::abs(result.lens.radius_mm);
   if (std::log10(best_mm) >= first && std::log10(best_mm) <= last) {
-    svg += line(x_of(best_mm), y_of(0), x_of(best_mm), y_of(1), "stroke=\"#222222\" stroke-dasharray=\"4 4\"");
+    svg +=
+        line(x_of(best_mm), y_of(0), x_of(best_mm), y_of(1), "stroke=\"#222222\" stroke-dasharray=\"4 4\"");
     const bool on_right = x_of(best_mm) > width / 2;
     svg += text(x_of(best_mm) + (on_right ? -6 : 6), y_of(0.06), on_right ? "end" : "start",
                 fmt::format("{:.1f} mm ({:+.2f} D) x {:.0f}", result.lens.radius_mm, result.lens.power_D,
                             result.lens.axis_deg));
   }
-  svg += text((left + width - right) / 2, height - 16, "middle", "radius of the cylinder's back surface (mm)");
+  svg +=
+      text((left + width - right) / 2, height - 16, "middle", "radius of the cylinder's back surface (mm)");
   svg += fmt::format(
-      "<text transform=\"translate(16 {:.0f}) rotate(-90)\" text-anchor=\"middle\">sharpness, relative to its best</text>\n",
+      "<text transform=\"translate(16 {:.0f}) rotate(-90)\" text-anchor=\"middle\">sharpness, relative to "
+      "its best</text>\n",
       (y_of(0) + y_of(1)) / 2);
   return svg + "</svg>\n";
 }

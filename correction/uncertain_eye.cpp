@@ -16,9 +16,9 @@ namespace {
 
 /// Parameters without which the eye cannot be rebuilt.
 constexpr const char* needed[] = {
-    "cornea_c_per_mm",           "cornea_j0_per_mm",    "cornea_j45_per_mm",        "cornea_q",
-    "cornea_back_ratio",         "cornea_thickness_mm", "anterior_chamber_depth_mm", "lens_thickness_mm",
-    "lens_anterior_radius_mm",   "lens_posterior_radius_mm", "optical_axial_length_mm", "lens_tilt_x_deg",
+    "cornea_c_per_mm",         "cornea_j0_per_mm",         "cornea_j45_per_mm",         "cornea_q",
+    "cornea_back_ratio",       "cornea_thickness_mm",      "anterior_chamber_depth_mm", "lens_thickness_mm",
+    "lens_anterior_radius_mm", "lens_posterior_radius_mm", "optical_axial_length_mm",   "lens_tilt_x_deg",
     "lens_tilt_y_deg"};
 
 double asphericity(const Surface& surface) { return surface.shape->to_json().value("q", 0.0); }
@@ -78,7 +78,8 @@ UncertainEye uncertain_eye_from_json(const Json& optics, const std::filesystem::
     uncertain.sources.emplace_back("prior");
   }
   for (const char* parameter : needed) uncertain.index_of(parameter);
-  if (!uncertain.values.allFinite() || !uncertain.covariance.allFinite()) throw invalid("a number is not finite");
+  if (!uncertain.values.allFinite() || !uncertain.covariance.allFinite())
+    throw invalid("a number is not finite");
 
   const Eigen::MatrixXd& covariance = uncertain.covariance;
   const Eigen::VectorXd sigma = covariance.diagonal().cwiseMax(0).cwiseSqrt();
@@ -113,7 +114,8 @@ EyeModel eye_at(const UncertainEye& uncertain, const Eigen::VectorXd& values) {
   back.shape = biconic(c / ratio, j0 / ratio, j45 / ratio, q);
   back.position_mm = front.position_mm + value("cornea_thickness_mm");
 
-  // The lens moves with the chamber's depth and turns about its middle; each surface is placed by its own vertex.
+  // The lens moves with the chamber's depth and turns about its middle; each surface is placed by its own
+  // vertex.
   const double chamber_mm = change("anterior_chamber_depth_mm"), thickness_mm = value("lens_thickness_mm");
   const double tilt_x_deg = change("lens_tilt_x_deg"), tilt_y_deg = change("lens_tilt_y_deg");
   for (Surface& surface : eye.surfaces)
@@ -134,10 +136,12 @@ EyeModel eye_at(const UncertainEye& uncertain, const Eigen::VectorXd& values) {
   const double old_half_mm = uncertain.values[uncertain.index_of("lens_thickness_mm")] / 2;
   Surface& lens_front = eye.surface("lens_anterior");
   Surface& lens_back = eye.surface("lens_posterior");
-  place(lens_front, make_conic(value("lens_anterior_radius_mm"), asphericity(lens_front) + change("lens_anterior_q")), old_half_mm,
-        thickness_mm / 2);
-  place(lens_back, make_conic(-value("lens_posterior_radius_mm"), asphericity(lens_back) + change("lens_posterior_q")), -old_half_mm,
-        -thickness_mm / 2);
+  place(lens_front,
+        make_conic(value("lens_anterior_radius_mm"), asphericity(lens_front) + change("lens_anterior_q")),
+        old_half_mm, thickness_mm / 2);
+  place(lens_back,
+        make_conic(-value("lens_posterior_radius_mm"), asphericity(lens_back) + change("lens_posterior_q")),
+        -old_half_mm, -thickness_mm / 2);
 
   eye.media.at("lens").index = value("lens_index");
   eye.surfaces.back().position_mm += change("optical_axial_length_mm");

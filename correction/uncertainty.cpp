@@ -19,9 +19,11 @@ const std::vector<Group>& groups() {
       {"anterior cornea", {"cornea_c_per_mm", "cornea_j0_per_mm", "cornea_j45_per_mm", "cornea_q"}},
       {"posterior cornea", {"cornea_back_ratio", "cornea_thickness_mm"}},
       {"anterior chamber depth", {"anterior_chamber_depth_mm"}},
-      {"lens shape", {"lens_thickness_mm", "lens_anterior_radius_mm", "lens_posterior_radius_mm", "lens_anterior_q",
-                      "lens_posterior_q"}},
-      {"lens tilt and decentre", {"lens_tilt_x_deg", "lens_tilt_y_deg", "lens_decentre_x_mm", "lens_decentre_y_mm"}},
+      {"lens shape",
+       {"lens_thickness_mm", "lens_anterior_radius_mm", "lens_posterior_radius_mm", "lens_anterior_q",
+        "lens_posterior_q"}},
+      {"lens tilt and decentre",
+       {"lens_tilt_x_deg", "lens_tilt_y_deg", "lens_decentre_x_mm", "lens_decentre_y_mm"}},
       {"lens index", {"lens_index"}}};
   return all;
 }
@@ -33,7 +35,8 @@ Eigen::Vector3d as_vector(const PowerVector& power) { return {power.M_D, power.J
 /// Value and quantiles of draws, in the order given.
 Measured from_draws(double value, std::vector<double>& draws, const std::string& source) {
   const auto quantile = [&](double fraction) {
-    const auto at = draws.begin() + static_cast<std::ptrdiff_t>(fraction * static_cast<double>(draws.size() - 1));
+    const auto at =
+        draws.begin() + static_cast<std::ptrdiff_t>(fraction * static_cast<double>(draws.size() - 1));
     std::nth_element(draws.begin(), at, draws.end());
     return *at;
   };
@@ -63,13 +66,15 @@ std::vector<BudgetLine> uncertainty_budget(const UncertainEye& eye, const Eigen:
   for (const Group& group : groups()) {
     Eigen::MatrixXd part = Eigen::MatrixXd::Zero(3, sensitivity.cols());
     for (Eigen::Index i = 0; i < sensitivity.cols(); ++i)
-      if (std::find(group.parameters.begin(), group.parameters.end(), eye.parameters[i]) != group.parameters.end())
+      if (std::find(group.parameters.begin(), group.parameters.end(), eye.parameters[i]) !=
+          group.parameters.end())
         part.col(i) = sensitivity.col(i);
     const Eigen::Vector3d variance = (part * eye.covariance * part.transpose()).diagonal().cwiseMax(0);
     sum += variance;
     budget.push_back({group.source, std::sqrt(variance[0]), std::sqrt(variance[1]), std::sqrt(variance[2])});
   }
-  const Eigen::Vector3d total = (sensitivity * eye.covariance * sensitivity.transpose()).diagonal().cwiseMax(0);
+  const Eigen::Vector3d total =
+      (sensitivity * eye.covariance * sensitivity.transpose()).diagonal().cwiseMax(0);
   const Eigen::Vector3d cross = total - sum;
   budget.push_back({"correlations", signed_root(cross[0]), signed_root(cross[1]), signed_root(cross[2])});
   budget.push_back({"total", std::sqrt(total[0]), std::sqrt(total[1]), std::sqrt(total[2])});
@@ -77,8 +82,8 @@ std::vector<BudgetLine> uncertainty_budget(const UncertainEye& eye, const Eigen:
 }
 
 Measurement keratometry(const UncertainEye& eye, double sigma_D) {
-  // K = 337.5 / R with R = sqrt(R0^2 - Q h^2) at h = 1.5 mm; to first order in the toricity each component of the
-  // curvature passes with the same factor R0^3 / R^3.
+  // K = 337.5 / R with R = sqrt(R0^2 - Q h^2) at h = 1.5 mm; to first order in the toricity each component of
+  // the curvature passes with the same factor R0^3 / R^3.
   constexpr double keratometric = 337.5, h_mm = 1.5;
   const double c = eye.values[eye.index_of("cornea_c_per_mm")], q = eye.values[eye.index_of("cornea_q")];
   const double squeeze = std::pow(1 - q * h_mm * h_mm * c * c, -1.5);
@@ -129,7 +134,8 @@ RefractionIntervals refraction_intervals(const PowerVector& refraction, const Ei
                                          const std::string& source, std::uint64_t seed) {
   const SpheroCylinder notation = to_sphero_cylinder(refraction);
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(covariance);
-  const Eigen::Matrix3d root = eigen.eigenvectors() * eigen.eigenvalues().cwiseMax(0).cwiseSqrt().asDiagonal();
+  const Eigen::Matrix3d root =
+      eigen.eigenvectors() * eigen.eigenvalues().cwiseMax(0).cwiseSqrt().asDiagonal();
 
   std::mt19937_64 random(seed);
   std::normal_distribution<double> normal;

@@ -15,8 +15,8 @@ namespace emmetrope::correction {
 /// A refraction of an eye by some criterion.
 using RefractionOf = std::function<PowerVector(const EyeModel& eye)>;
 
-/// d(M, J0, J45) / d parameter, 3 rows, one column a parameter: central differences over half a standard deviation, or over
-/// a small step for a parameter that is known exactly.
+/// d(M, J0, J45) / d parameter, 3 rows, one column a parameter: central differences over half a standard
+/// deviation, or over a small step for a parameter that is known exactly.
 Eigen::MatrixXd refraction_sensitivity(const UncertainEye& eye, const RefractionOf& refraction);
 
 /// One line of an uncertainty budget: the standard deviations that a source alone brings.
@@ -24,9 +24,9 @@ struct BudgetLine {
   std::string source;
   double M_D = 0, J0_D = 0, J45_D = 0;
 };
-/// Lines for axial length, anterior cornea, posterior cornea, chamber depth, lens shape, lens tilt and decentre, and lens index; then
-/// "correlations" (signed: its square is added or taken away) and "total". The squares of all lines but the last sum to the
-/// last's.
+/// Lines for axial length, anterior cornea, posterior cornea, chamber depth, lens shape, lens tilt and
+/// decentre, and lens index; then "correlations" (signed: its square is added or taken away) and "total". The
+/// squares of all lines but the last sum to the last's.
 std::vector<BudgetLine> uncertainty_budget(const UncertainEye& eye, const Eigen::MatrixXd& sensitivity);
 
 /// Something that could still be measured, or was: a linear functional of the parameters with its accuracy.
@@ -35,7 +35,8 @@ struct Measurement {
   Eigen::MatrixXd sensitivity;  ///< rows: the measured numbers; columns: the eye's parameters
   Eigen::VectorXd sigma;        ///< of each measured number
 };
-/// Mean power and the two components of corneal astigmatism, as a keratometer takes them 1.5 mm from the apex.
+/// Mean power and the two components of corneal astigmatism, as a keratometer takes them 1.5 mm from the
+/// apex.
 Measurement keratometry(const UncertainEye& eye, double sigma_D);
 Measurement optical_axial_length(const UncertainEye& eye, double sigma_mm);
 Measurement known_refraction(const Eigen::MatrixXd& refraction_sensitivity, double sigma_D);
@@ -43,15 +44,17 @@ Measurement known_refraction(const Eigen::MatrixXd& refraction_sensitivity, doub
 /// Covariance of the parameters after the measurement (Kalman).
 Eigen::MatrixXd covariance_after(const Eigen::MatrixXd& covariance, const Measurement& measurement);
 /// Values after the measurement found `innovation` = measured - predicted.
-Eigen::VectorXd values_after(const UncertainEye& eye, const Measurement& measurement, const Eigen::VectorXd& innovation);
+Eigen::VectorXd values_after(const UncertainEye& eye, const Measurement& measurement,
+                             const Eigen::VectorXd& innovation);
 
 /// 95 % intervals of a refraction in every notation.
 struct RefractionIntervals {
   Measured M_D, J0_D, J45_D, sphere_D, cylinder_D, axis_deg;
 };
-/// Power-vector intervals are normal. Sphere, cylinder and axis are no linear functions of it: theirs are the 2.5 and 97.5 %
-/// quantiles of 20 000 draws (stretched to hold the value itself). The axis's interval is unwrapped about its value, so that
-/// it may pass 0 or 180, and is value -+ 90 where the data say nothing of it.
+/// Power-vector intervals are normal. Sphere, cylinder and axis are no linear functions of it: theirs are
+/// the 2.5 and 97.5 % quantiles of 20 000 draws (stretched to hold the value itself). The axis's interval is
+/// unwrapped about its value, so that it may pass 0 or 180, and is value -+ 90 where the data say nothing of
+/// it.
 RefractionIntervals refraction_intervals(const PowerVector& refraction, const Eigen::Matrix3d& covariance,
                                          const std::string& source, std::uint64_t seed);
 

@@ -1,9 +1,10 @@
 #include "correction/what_if.hpp"
 
+#include <algorithm>
 #include <cmath>
+#include <functional>
 #include <limits>
 
-#include "correction/notation.hpp"
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/frames.hpp"
 #include "raytrace/wavefront/wavefront.hpp"
@@ -28,7 +29,79 @@ double mean_refraction_at_cornea_D(const EyeModel& eye, double wavelength_nm) {
   return at_vertex(wavefront, wavefront.minimum_rms_spot, 0).M_D;
 }
 
+/// A distance for JSON: null where it is infinite.
+Json finite_or_null(double value) { return std::isfinite(value) ? Json(value) : Json(nullptr); }
+
+Json pupil_json(const EyeModel& eye, const PrescriptionSettings& settings) {
+  Json rows = Json::array();
+  for (const double pupil_mm : {1.0, 2.0, 3.0, 4.0, 5.0, 6.0}) {
+    PrescriptionSettings other = settings;
+    other.pupil_mm = pupil_mm;
+    try {
+      const PowerVector power = refraction_by_spot(eye, other);
+      rows.push_back(
+          {{"pupil_mm", pupil_mm}, {"M_D", power.M_D}, {"J0_D", power.J0_D}, {"J45_D", power.J45_D}});
+    } catch (const Error& error) {  // a pupil wider than what the eye lets through
+      if (error.status() != ExitStatus::no_result) throw;
+    }
+  }
+  return rows;
+}
+
+Json iol_json(const EyeModel& eye, const PrescriptionSettings& settings) {
+  constexpr double a_constant = 118.4, keratometric = 337.5;
+  const double k_D = keratometric * eye.surface("cornea_anterior").shape->vertex_curvature().trace() / 2;
+  // SRK/T adds the retina's thickness to what a biometer measures; ours is to the photoreceptors already.
+  const double length_mm = (eye.axial_length_mm() - 0.65696) / (1 - 0.02029);
+  const double position_mm = srkt_lens_position_mm(length_mm, k_D, a_constant);
+  return {{"target_M_D", 0},
+          {"a_constant", a_constant},
+          {"position_mm", position_mm},
+          {"ray_traced_D",
+           ray_traced_iol_D(with_pupil(eye, settings.pupil_mm), position_mm, 0, settings.wavelength_nm)},
+          {"srkt_D", srkt_power_D(length_mm, k_D, a_constant, 0)}};
+}
+
+Json ablation_json(const EyeModel& eye, const PrescriptionSettings& settings, const PowerVector& at_cornea) {
+  constexpr double zone_mm = 6;
+  PrescriptionSettings at_vertex_plane = settings;
+  at_vertex_plane.vertex_distance_mm = 0;
+  const PowerVector left = refraction_by_spot(with_ablation(eye, at_cornea), at_vertex_plane);
+  const double radius_mm = 2 / eye.surface("cornea_anterior").shape->vertex_curvature().trace();
+  return {{"optical_zone_mm", zone_mm},
+          {"central_depth_um", munnerlyn_depth_um(radius_mm, at_cornea.M_D, zone_mm)},
+          {"residual", {{"M_D", left.M_D}, {"J0_D", left.J0_D}, {"J45_D", left.J45_D}}}};
+}
+
 }  // namespace
+
+Json what_if_json(const EyeModel& eye, const PrescriptionSettings& settings, const PowerVector& refraction,
+                  std::optional<double> age_years) {
+  const PowerVector at_cornea = move_towards_eye(refraction, settings.vertex_distance_mm);
+  Json json;
+  json["pupil"] = pupil_json(eye, settings);
+  if (age_years) {
+    const Amplitude amplitude = accommodation_amplitude(*age_years);
+    json["accommodation"] = {
+        {"age_years", *age_years},
+        {"amplitude_D", amplitude.average_D},
+        {"minimum_amplitude_D", amplitude.minimum_D},
+        {"near_point_mm", finite_or_null(near_point_mm(at_cornea.M_D, amplitude.average_D))},
+        {"near_point_with_lens_mm",
+         finite_or_null(near_point_with_lens_mm(at_cornea.M_D, amplitude.average_D, refraction.M_D,
+                                                settings.vertex_distance_mm))}};
+  }
+  const auto or_reason = [](const std::function<Json()>& what) -> Json {
+    try {
+      return what();
+    } catch (const Error& error) {
+      return {{"reason", error.what()}};
+    }
+  };
+  json["intra_ocular_lens"] = or_reason([&] { return iol_json(eye, settings); });
+  json["ablation"] = or_reason([&] { return ablation_json(eye, settings, at_cornea); });
+  return json;
+}
 
 Amplitude accommodation_amplitude(double age_years) {
   return {std::max(0.0, 18.5 - 0.30 * age_years), std::max(0.0, 15.0 - 0.25 * age_years)};
@@ -47,9 +120,9 @@ double near_point_with_lens_mm(double at_cornea_D, double amplitude_D, double le
 
 double srkt_lens_position_mm(double axial_length_mm, double keratometry_D, double a_constant) {
   const double radius_mm = 337.5 / keratometry_D;
-  const double corrected_mm = axial_length_mm <= 24.2
-                                  ? axial_length_mm
-                                  : -3.446 + 1.716 * axial_length_mm - 0.0237 * axial_length_mm * axial_length_mm;
+  const double corrected_mm =
+      axial_length_mm <= 24.2 ? axial_length_mm
+                              : -3.446 + 1.716 * axial_length_mm - 0.0237 * axial_length_mm * axial_length_mm;
   const double width_mm = -5.41 + 0.58412 * corrected_mm + 0.098 * keratometry_D;
   const double under_root = radius_mm * radius_mm - width_mm * width_mm / 4;
   if (under_root < 0)
@@ -64,8 +137,7 @@ double srkt_power_D(double axial_length_mm, double keratometry_D, double a_const
   const double optical_mm = axial_length_mm + 0.65696 - 0.02029 * axial_length_mm;
   const double at_retina = na * radius_mm - nc_minus_1 * optical_mm;
   const double at_lens = na * radius_mm - nc_minus_1 * position_mm;
-  const double numerator =
-      at_retina - 0.001 * target_D * (vertex_mm * at_retina + optical_mm * radius_mm);
+  const double numerator = at_retina - 0.001 * target_D * (vertex_mm * at_retina + optical_mm * radius_mm);
   const double denominator = (optical_mm - position_mm) *
                              (at_lens - 0.001 * target_D * (vertex_mm * at_lens + position_mm * radius_mm));
   return 1000 * na * numerator / denominator;
@@ -84,19 +156,23 @@ EyeModel with_iol(EyeModel eye, double power_D, double position_mm) {
   }
   front.medium_after = "iol";
   eye.media["iol"] = Medium{iol_index, {}, {}};
-  // A lens with cortex and core loses its core.
-  std::vector<Surface> kept;
+  // Whatever the natural lens had inside goes with it.
+  const auto named = [&](const char* name) {
+    return std::find_if(eye.surfaces.begin(), eye.surfaces.end(),
+                        [&](const Surface& surface) { return surface.name == name; });
+  };
+  eye.surfaces.erase(named("lens_anterior") + 1, named("lens_posterior"));
   for (Surface& surface : eye.surfaces)
-    if (surface.is_stop() || surface.name.rfind("nucleus", 0) != 0) kept.push_back(std::move(surface));
-  eye.surfaces = std::move(kept);
-  for (Surface& surface : eye.surfaces)
-    if (surface.is_stop()) surface.position_mm = std::min(surface.position_mm, position_mm - iol_thickness_mm);
+    if (surface.is_stop())
+      surface.position_mm = std::min(surface.position_mm, position_mm - iol_thickness_mm);
   return eye;
 }
 
-double ray_traced_iol_D(const EyeModel& eye, double position_mm, double target_at_cornea_D, double wavelength_nm) {
+double ray_traced_iol_D(const EyeModel& eye, double position_mm, double target_at_cornea_D,
+                        double wavelength_nm) {
   const auto error_D = [&](double power_D) {
-    return mean_refraction_at_cornea_D(with_iol(eye, power_D, position_mm), wavelength_nm) - target_at_cornea_D;
+    return mean_refraction_at_cornea_D(with_iol(eye, power_D, position_mm), wavelength_nm) -
+           target_at_cornea_D;
   };
   double low_D = -10, high_D = 50;  // more power makes the eye more myopic
   if (!(error_D(low_D) > 0 && error_D(high_D) < 0))
@@ -113,7 +189,8 @@ EyeModel with_ablation(EyeModel eye, const PowerVector& correction) {
   const Json json = front.shape->to_json();
   double q = 0;
   if (json.contains("q"))
-    q = json["q"].is_array() ? (json["q"][0].get<double>() + json["q"][1].get<double>()) / 2 : json["q"].get<double>();
+    q = json["q"].is_array() ? (json["q"][0].get<double>() + json["q"][1].get<double>()) / 2
+                             : json["q"].get<double>();
   const double step = eye.media.at(front.medium_after).index - 1;
   const Eigen::Matrix2d c = front.shape->vertex_curvature();
   const double mean = (c(0, 0) + c(1, 1)) / 2 + correction.M_D * 1e-3 / step;
@@ -128,7 +205,9 @@ EyeModel with_ablation(EyeModel eye, const PowerVector& correction) {
 
 double munnerlyn_depth_um(double radius_mm, double correction_D, double zone_mm, double index) {
   const double after_mm = 1 / (1 / radius_mm + correction_D * 1e-3 / (index - 1));
-  const auto sag_mm = [&](double r) { return r - std::copysign(std::sqrt(r * r - zone_mm * zone_mm / 4), r); };
+  const auto sag_mm = [&](double r) {
+    return r - std::copysign(std::sqrt(r * r - zone_mm * zone_mm / 4), r);
+  };
   return std::abs(sag_mm(radius_mm) - sag_mm(after_mm)) * 1e3;
 }
 

@@ -30,9 +30,10 @@ TEST(Climb, ConvergesFromEightDioptresAway) {
   for (int i = 0; i < 12; ++i) {
     const Eigen::Vector3d focus(8 * unit(random), 2 * unit(random), 2 * unit(random));
     const auto rays = aberrated_pupil(entrance_pupil_mm, focus, 0.03, 6);
-    const Optimum coarse = climb(geometric_sharpness(rays, Measure::gradient_energy, 8), Eigen::Vector3d::Zero(),
-                                 box(), coarse_settings());
-    const Optimum fine = climb(geometric_sharpness(rays, Measure::gradient_energy, 1), coarse.lens, box(), {});
+    const Optimum coarse = climb(geometric_sharpness(rays, Measure::gradient_energy, 8),
+                                 Eigen::Vector3d::Zero(), box(), coarse_settings());
+    const Optimum fine =
+        climb(geometric_sharpness(rays, Measure::gradient_energy, 1), coarse.lens, box(), {});
     ASSERT_TRUE(fine.converged) << fine.reason;
     // Aberrated alike, so all eyes' optima lie at the same small offset from their refraction.
     EXPECT_NEAR(fine.lens[0] - focus[0], -0.1, 0.02) << i;
@@ -43,8 +44,8 @@ TEST(Climb, ConvergesFromEightDioptresAway) {
 }
 
 TEST(Climb, GradientEnergyRisesAllTheWayAndTheOthersDoNot) {
-  // Why gradient energy is the default: the other two weigh fine detail so much that far from focus they have only the
-  // ripples of spurious resolution to climb.
+  // Why gradient energy is the default: the other two weigh fine detail so much that far from focus they have
+  // only the ripples of spurious resolution to climb.
   const auto rays = aberrated_pupil(entrance_pupil_mm, {0, 0, 0}, 0, 12);
   const auto has_false_slope = [&](Measure measure) {
     const SharpnessFunction sharpness = geometric_sharpness(rays, measure, 1);
@@ -66,9 +67,9 @@ TEST(Climb, NeedsAThirdOfNelderMeadsEvaluations) {
     const SharpnessFunction sharpness =
         geometric_sharpness(aberrated_pupil(entrance_pupil_mm, focus, 0.02, 6), Measure::gradient_energy, 2);
     const Optimum optimum = climb(sharpness, Eigen::Vector3d::Zero(), box(), {});
-    const NelderMeadResult simplex = nelder_mead(
-        [&](const Eigen::VectorXd& lens) { return 1 / std::pow(sharpness(lens).value, 2); }, Eigen::Vector3d::Zero(),
-        1.0, 0.005);
+    const NelderMeadResult simplex =
+        nelder_mead([&](const Eigen::VectorXd& lens) { return 1 / std::pow(sharpness(lens).value, 2); },
+                    Eigen::Vector3d::Zero(), 1.0, 0.005);
     EXPECT_TRUE(optimum.converged);
     EXPECT_LT((optimum.lens - simplex.position).norm(), 0.02);
     with_derivatives += optimum.evaluations;
@@ -100,7 +101,8 @@ class LogSharpness : public ceres::CostFunction {
 
 TEST(Climb, GeometricGradientPassesCeresGradientChecker) {
   for (const Measure measure : all_measures) {
-    const LogSharpness cost(geometric_sharpness(aberrated_pupil(entrance_pupil_mm, {-2, 0.5, 0.3}, 0.05, 6), measure, 1));
+    const LogSharpness cost(
+        geometric_sharpness(aberrated_pupil(entrance_pupil_mm, {-2, 0.5, 0.3}, 0.05, 6), measure, 1));
     const ceres::GradientChecker checker(&cost, static_cast<std::vector<const ceres::Manifold*>*>(nullptr),
                                          ceres::NumericDiffOptions());
     const Eigen::Vector3d lens(-1.3, 0.4, 0.6);

@@ -7,8 +7,8 @@
 #include "correction/sharpness.hpp"
 #include "pipeline/base/frames.hpp"
 
-/// Sharpness without any image: from ray slopes in the pupil by the geometric OTF. The independent check of what
-/// the traced images say, and cheap enough for exhaustive search.
+/// Sharpness without any image: from ray slopes in the pupil by the geometric OTF. The independent check of
+/// what the traced images say, and cheap enough for exhaustive search.
 namespace emmetrope::correction {
 
 struct PupilRay {
@@ -16,8 +16,8 @@ struct PupilRay {
   Eigen::Vector2d slope_mrad;   ///< of the outgoing ray against the chief ray
 };
 
-/// Sharpness (mean MTF^2 under the measure's weight times a chart whose power falls as f^-3) behind a thin lens in the pupil
-/// plane; parameters M, J0, J45.
+/// Sharpness (mean MTF^2 under the measure's weight times a chart whose power falls as f^-3) behind a thin
+/// lens in the pupil plane; parameters M, J0, J45.
 inline SharpnessFunction geometric_sharpness(std::vector<PupilRay> rays, Measure measure, double blur_arcmin,
                                              double finest_cpd = 30) {
   return [=](const Eigen::VectorXd& lens) {
@@ -61,10 +61,10 @@ inline SharpnessFunction geometric_sharpness(std::vector<PupilRay> rays, Measure
   };
 }
 
-/// Rays through a round pupil of an eye with a refraction (what corrects it, in the pupil plane) and primary spherical
-/// aberration c40 (um over that pupil).
-inline std::vector<PupilRay> aberrated_pupil(double diameter_mm, const Eigen::Vector3d& refraction, double c40_um,
-                                             int rings = 12) {
+/// Rays through a round pupil of an eye with a refraction (what corrects it, in the pupil plane) and primary
+/// spherical aberration c40 (um over that pupil).
+inline std::vector<PupilRay> aberrated_pupil(double diameter_mm, const Eigen::Vector3d& refraction,
+                                             double c40_um, int rings = 12) {
   std::vector<PupilRay> rays;
   const double radius = diameter_mm / 2;
   Eigen::Matrix2d power;
@@ -74,8 +74,8 @@ inline std::vector<PupilRay> aberrated_pupil(double diameter_mm, const Eigen::Ve
     for (int k = 0; k < 4 * rings; ++k) {
       const double angle = 2 * pi * (k + 0.5 * (i % 2)) / (4 * rings);
       const Eigen::Vector2d p = radius * rho * Eigen::Vector2d(std::cos(angle), std::sin(angle));
-      // Z40 = sqrt5 (6 rho^4 - 6 rho^2 + 1): slope along the radius sqrt5 (24 rho^3 - 12 rho) c40 / r; M of it on the axis
-      // is + 12 sqrt5 c40 / r^2, the sign of a prescription.
+      // Z40 = sqrt5 (6 rho^4 - 6 rho^2 + 1): slope along the radius sqrt5 (24 rho^3 - 12 rho) c40 / r; M of
+      // it on the axis is + 12 sqrt5 c40 / r^2, the sign of a prescription.
       const double sa = -std::sqrt(5.0) * (24 * rho * rho * rho - 12 * rho) * c40_um / radius;
       rays.push_back({p, power * p + sa * p.normalized()});
     }

@@ -11,8 +11,8 @@ struct NelderMeadResult {
   int evaluations = 0;
 };
 
-/// Minimises without derivatives (Nelder and Mead 1965, standard coefficients) until the simplex is smaller than
-/// `tolerance`: what the derivative-based search is compared with.
+/// Minimises without derivatives (Nelder and Mead 1965, standard coefficients) until the simplex is smaller
+/// than `tolerance`: what the derivative-based search is compared with.
 inline NelderMeadResult nelder_mead(const std::function<double(const Eigen::VectorXd&)>& cost,
                                     const Eigen::VectorXd& start, double size, double tolerance) {
   struct Vertex {

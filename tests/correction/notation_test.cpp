@@ -50,7 +50,8 @@ TEST(Notation, RoundingIsTheNearestOfAll) {
     for (int s = -80; s <= 60; ++s)
       for (int c = 0; c <= 26; ++c)
         for (int a = 5; a <= 180; a += 5)
-          nearest_D = std::min(nearest_D, distance_D(power, to_power_vector({0.25 * s, -0.25 * c, double(a)})));
+          nearest_D =
+              std::min(nearest_D, distance_D(power, to_power_vector({0.25 * s, -0.25 * c, double(a)})));
     EXPECT_NEAR(rounded.residual_D, nearest_D, 1e-9);
     EXPECT_NEAR(distance_D(to_power_vector(rounded.refraction), power), nearest_D, 1e-9);
     EXPECT_GE(rounded.refraction.axis_deg, 5);
@@ -98,8 +99,8 @@ TEST(Notation, ReadsWhatPeopleType) {
 }
 
 TEST(Notation, RefusesWhatIsNoRefraction) {
-  for (const char* text : {"", "abc", "-2/", "-2/-1", "-2/-1x", "-2/-1x181", "-2/-1x-5", "-2@99", "-2+-0", "-2+--1",
-                           "-2/-1x90@12extra", "nan", "inf", "1e999"}) {
+  for (const char* text : {"", "abc", "-2/", "-2/-1", "-2/-1x", "-2/-1x181", "-2/-1x-5", "-2@99", "-2+-0",
+                           "-2+--1", "-2/-1x90@12extra", "nan", "inf", "1e999"}) {
     try {
       parse_refraction(text);
       ADD_FAILURE() << text;

@@ -7,7 +7,8 @@
 namespace emmetrope::correction {
 namespace {
 
-/// Sharpness of a geometric blur: the inverse of its width, best at `focus`, blurred by 0.4 D at best; as M, J0 and J45 do.
+/// Sharpness of a geometric blur: the inverse of its width, best at `focus`, blurred by 0.4 D at best; as M,
+/// J0 and J45 do.
 SharpnessFunction blur_width(const Eigen::Vector3d& focus) {
   return [focus](const Eigen::VectorXd& lens) {
     const Eigen::Vector3d weights(1, 1.2, 0.9);

@@ -11,7 +11,8 @@
 namespace emmetrope::correction {
 namespace {
 
-/// A grating of given frequency, contrast and direction on a field of brightness `mean`; pixels of one arcmin.
+/// A grating of given frequency, contrast and direction on a field of brightness `mean`; pixels of one
+/// arcmin.
 GreyImage grating(int size, double cycles_per_degree, double direction, double contrast, double mean) {
   GreyImage image{size, size, {}};
   for (int row = 0; row < size; ++row)
@@ -86,7 +87,8 @@ TEST(Sharpness, ContrastSensitivityPeaksAtOne) {
 }
 
 TEST(Sharpness, RefusesBlackPicturesAndUnknownNames) {
-  EXPECT_THROW(SharpnessMeasure(Measure::gradient_energy, 8, 8, 1, 1)({8, 8, std::vector<double>(64, 0.0)}), Error);
+  EXPECT_THROW(SharpnessMeasure(Measure::gradient_energy, 8, 8, 1, 1)({8, 8, std::vector<double>(64, 0.0)}),
+               Error);
   EXPECT_THROW(measure_from_string("sharp"), Error);
   for (const Measure measure : all_measures) EXPECT_EQ(measure_from_string(to_string(measure)), measure);
 }

@@ -9,11 +9,14 @@
 namespace emmetrope::correction {
 
 /// Navarro's eye with another front cornea: biconic with the given powers of curvature.
-/// \param radius_mm   mean radius; \param cylinder_D its toricity (376 times the difference of curvatures) with the
+/// \param radius_mm   mean radius; \param cylinder_D its toricity (376 times the difference of curvatures)
+/// with the
 ///                    flat meridian at flat_deg
-inline EyeModel with_cornea(EyeModel eye, double radius_mm, double cylinder_D, double flat_deg, double q = -0.26) {
+inline EyeModel with_cornea(EyeModel eye, double radius_mm, double cylinder_D, double flat_deg,
+                            double q = -0.26) {
   const double c = 1 / radius_mm, half = cylinder_D / 376 / 2;
-  eye.surface("cornea_anterior").shape = make_biconic(1 / (c - half), 1 / (c + half), q, q, normalise_axis_deg(flat_deg));
+  eye.surface("cornea_anterior").shape =
+      make_biconic(1 / (c - half), 1 / (c + half), q, q, normalise_axis_deg(flat_deg));
   return eye;
 }
 

@@ -52,27 +52,36 @@ class LogSharpness : public ceres::CostFunction {
 };
 
 void check_gradient(const LensFamily& family, const Eigen::VectorXd& lens, Measure measure) {
-  ImagingLevel level = small_level();
+  ImagingLevel level;
   level.measure = measure;
-  const RetinalSharpness sharpness(tracer(), refraction_chart(), random_eye(3), family, level);
+  level.pixels = 64;
+  level.field_mm = 0.6;
+  level.samples = 128;
+  const RetinalSharpness sharpness(tracer(), refraction_chart(), make_eye("navarro"), family, level);
   const LogSharpness cost(std::cref(sharpness), static_cast<int>(lens.size()));
+  // The scene is interpolated linearly between texels, so a difference quotient carries the noise of rays
+  // that pass from one texel to the next: one moderate step, and 2 %.
   ceres::NumericDiffOptions steps;
-  steps.relative_step_size = 0.01;  // images are float32 and the scene is interpolated between texels
-  const ceres::GradientChecker checker(&cost, static_cast<std::vector<const ceres::Manifold*>*>(nullptr), steps);
+  steps.ridders_relative_initial_step_size = 0.03;
+  steps.max_num_ridders_extrapolations = 1;
+  const ceres::GradientChecker checker(&cost, static_cast<std::vector<const ceres::Manifold*>*>(nullptr),
+                                       steps);
   const double* parameters[] = {lens.data()};
   ceres::GradientChecker::ProbeResults results;
-  EXPECT_TRUE(checker.Probe(parameters, 0.01, &results)) << family.name << ' ' << to_string(measure) << results.error_log;
+  EXPECT_TRUE(checker.Probe(parameters, 0.02, &results))
+      << family.name << ' ' << to_string(measure) << results.error_log;
 }
 
 TEST(Traced, GradientsPassCeresGradientChecker) {
-  for (const Measure measure : all_measures) check_gradient(thin_lens(12), Eigen::Vector3d(-1.5, 1.2, -1.1), measure);
-  check_gradient(plano_cylinder(-1, 10, 1.5), Eigen::Vector2d(1.7, -1.4), Measure::gradient_energy);
-  check_gradient(plano_cylinder(1, 10, 1.5), Eigen::Vector2d(-1.2, 1.6), Measure::gradient_energy);
+  for (const Measure measure : all_measures)
+    check_gradient(thin_lens(12), Eigen::Vector3d(-0.7, 0.3, -0.4), measure);
+  check_gradient(plano_cylinder(-1, 10, 1.5), Eigen::Vector2d(0.4, -0.5), Measure::gradient_energy);
+  check_gradient(plano_cylinder(1, 10, 1.5), Eigen::Vector2d(-0.4, 0.5), Measure::gradient_energy);
 }
 
 TEST(Traced, MagnificationAndBrightnessDoNotCount) {
-  // The same blur behind an afocal magnifier: a lens at 12 mm and the eye's error that it corrects. Sharpness at focus is
-  // the same from -6 to +6 D although the image's size differs by 15 %.
+  // The same blur behind an afocal magnifier: a lens at 12 mm and the eye's error that it corrects. Sharpness
+  // at focus is the same from -6 to +6 D although the image's size differs by 15 %.
   const auto best = [&](double power_D) {
     EyeModel eye = make_eye("gullstrand-emsley");
     const double at_cornea_D = move_towards_eye({power_D, 0, 0}, 12).M_D;
@@ -96,7 +105,7 @@ TEST(Traced, SharpestLensIsThatOfTheExhaustiveSearch) {
   std::vector<ImagingLevel> levels = imaging_levels(Measure::gradient_energy, 3, 589.3, {0, 0}, 1);
   levels.back() = small_level();
   const SearchResult search =
-      find_sharpest(tracer(), refraction_chart(), eye, family, levels, {Eigen::Vector3d::Zero()});
+      find_sharpest(tracer(), refraction_chart(), eye, levels, {{family, Eigen::Vector3d::Zero()}});
   ASSERT_TRUE(search.accepted) << search.reason;
   const RetinalSharpness sharpness(tracer(), refraction_chart(), eye, family, levels.back());
   for (int k = 0; k < 3; ++k) {
@@ -124,17 +133,18 @@ TEST(Traced, SharpnessAgreesWithTheWavefrontWhereThereIsLittleAberration) {
     std::vector<ImagingLevel> levels = imaging_levels(Measure::gradient_energy, 1.5, 589.3, {0, 0}, 1);
     levels.back().pixels = 160;
     levels.back().samples = 32;
-    const SearchResult search = find_sharpest(tracer(), refraction_chart(), eye, thin_lens(12), levels,
-                                              {Eigen::Vector3d::Zero()});
+    const SearchResult search =
+        find_sharpest(tracer(), refraction_chart(), eye, levels, {{thin_lens(12), Eigen::Vector3d::Zero()}});
     ASSERT_TRUE(search.accepted) << search.reason;
     EXPECT_LT((search.best.lens - as_vector(check.paraxial)).norm(), 0.12) << search.best.lens.transpose();
-    EXPECT_LT((search.best.lens - as_vector(check.minimum_rms_wavefront)).norm(), 0.06) << search.best.lens.transpose();
+    EXPECT_LT((search.best.lens - as_vector(check.minimum_rms_wavefront)).norm(), 0.06)
+        << search.best.lens.transpose();
   }
 }
 
 TEST(Traced, FigureSevenPlanoCylinderIsFoundFromAnyStart) {
-  // Horizontal astigmatism whose correction is the paper's 50 mm lens: front cornea with alpha = 1.138 for a plus
-  // cylinder of 10 D at 10 mm, the other meridian emmetropic.
+  // Horizontal astigmatism whose correction is the paper's 50 mm lens: front cornea with alpha = 1.138 for a
+  // plus cylinder of 10 D at 10 mm, the other meridian emmetropic.
   EyeModel eye = make_eye("gullstrand-emsley");
   const Surface& cornea = eye.surface("cornea_anterior");
   const double radius_mm = 1 / cornea.shape->vertex_curvature()(0, 0);
@@ -149,8 +159,8 @@ TEST(Traced, FigureSevenPlanoCylinderIsFoundFromAnyStart) {
   const LensFamily family = plano_cylinder(1, 10, 1.5);
   double reference_mm = 0;
   for (const double start_mm : {-20.0, -60.0, -200.0}) {
-    const SearchResult search = find_sharpest(tracer(), refraction_chart(), eye, family, levels,
-                                              {plano_cylinder_parameters(start_mm, 80, 1.5)});
+    const SearchResult search = find_sharpest(tracer(), refraction_chart(), eye, levels,
+                                              {{family, plano_cylinder_parameters(start_mm, 80, 1.5)}});
     ASSERT_TRUE(search.accepted) << start_mm << ": " << search.reason;
     const PlanoCylinder lens = plano_cylinder_of(1, search.best.lens, 1.5);
     if (reference_mm == 0) reference_mm = lens.radius_mm;
@@ -165,7 +175,8 @@ TEST(Traced, PlanoCylinderParametersAreTheContractsRadiusAndAxis) {
   for (const double radius_mm : {50.0, -80.0})
     for (const double axis_deg : {0.0, 30.0, 135.0}) {
       const int sign = radius_mm > 0 ? -1 : 1;
-      const PlanoCylinder lens = plano_cylinder_of(sign, plano_cylinder_parameters(radius_mm, axis_deg, 1.5), 1.5);
+      const PlanoCylinder lens =
+          plano_cylinder_of(sign, plano_cylinder_parameters(radius_mm, axis_deg, 1.5), 1.5);
       EXPECT_NEAR(lens.radius_mm, radius_mm, 1e-9);
       EXPECT_NEAR(std::remainder(lens.axis_deg - axis_deg, 180), 0, 1e-9);
       EXPECT_NEAR(lens.power_D, -500 / radius_mm, 1e-9);

@@ -33,19 +33,30 @@ Json optics() {
                   {"aqueous", {{"index", 1.336}}},
                   {"lens", {{"index", 1.4254}}},
                   {"vitreous", {{"index", 1.336}}}};
-  eye["surfaces"] = {cornea("cornea_anterior", 0, 1, "cornea"), cornea("cornea_posterior", 0.55, 1 / ratio, "aqueous"),
+  eye["surfaces"] = {cornea("cornea_anterior", 0, 1, "cornea"),
+                     cornea("cornea_posterior", 0.55, 1 / ratio, "aqueous"),
                      {{"name", "iris"}, {"type", "stop"}, {"position_mm", 3.4}, {"diameter_mm", 3.0}},
-                     {{"name", "lens_anterior"}, {"type", "conic"}, {"position_mm", 3.4}, {"radius_mm", 10.5},
-                      {"q", -3}, {"medium_after", "lens"}},
-                     {{"name", "lens_posterior"}, {"type", "conic"}, {"position_mm", 7.2}, {"radius_mm", -6.0},
-                      {"q", -1}, {"medium_after", "vitreous"}},
+                     {{"name", "lens_anterior"},
+                      {"type", "conic"},
+                      {"position_mm", 3.4},
+                      {"radius_mm", 10.5},
+                      {"q", -3},
+                      {"medium_after", "lens"}},
+                     {{"name", "lens_posterior"},
+                      {"type", "conic"},
+                      {"position_mm", 7.2},
+                      {"radius_mm", -6.0},
+                      {"q", -1},
+                      {"medium_after", "vitreous"}},
                      {{"name", "retina"}, {"type", "sphere"}, {"position_mm", 24.0}, {"radius_mm", -12.0}}};
-  const std::vector<std::string> names{"cornea_c_per_mm", "cornea_j0_per_mm", "cornea_j45_per_mm", "cornea_q",
-                                       "cornea_back_ratio", "cornea_thickness_mm", "anterior_chamber_depth_mm",
-                                       "lens_thickness_mm", "lens_anterior_radius_mm", "lens_posterior_radius_mm",
-                                       "optical_axial_length_mm", "lens_tilt_x_deg", "lens_tilt_y_deg"};
+  const std::vector<std::string> names{
+      "cornea_c_per_mm",         "cornea_j0_per_mm",         "cornea_j45_per_mm",         "cornea_q",
+      "cornea_back_ratio",       "cornea_thickness_mm",      "anterior_chamber_depth_mm", "lens_thickness_mm",
+      "lens_anterior_radius_mm", "lens_posterior_radius_mm", "optical_axial_length_mm",   "lens_tilt_x_deg",
+      "lens_tilt_y_deg"};
   const std::vector<double> values{c, j0, j45, -0.2, ratio, 0.55, 3.4, 3.8, 10.5, 6.0, 24.0, 0, 0};
-  const std::vector<double> sigma{0.0016, 0.0006, 0.0006, 0.1, 0.015, 0.03, 0.02, 0.02, 0.5, 0.3, 0.03, 1.5, 1.5};
+  const std::vector<double> sigma{0.0016, 0.0006, 0.0006, 0.1,  0.015, 0.03, 0.02,
+                                  0.02,   0.5,    0.3,    0.03, 1.5,   1.5};
   Json covariance = Json::array();
   for (std::size_t i = 0; i < names.size(); ++i) {
     std::vector<double> row(names.size(), 0.0);
@@ -114,8 +125,8 @@ TEST(Uncertainty, SensitivitiesAreThoseOfTheLiterature) {
   const UncertainEye eye = uncertain_eye_from_json(optics(), ".", 0.005);
   const Eigen::MatrixXd s = refraction_sensitivity(eye, paraxial);
   const auto dM = [&](const char* parameter) { return s(0, eye.index_of(parameter)); };
-  // Gullstrand's eye: axial length -2.56 D/mm, chamber +1.18, lens radii +0.37 and +0.73 D/mm. Its lens radii act on the
-  // cortex' step of index, 0.050, this lens's on 0.0894.
+  // Gullstrand's eye: axial length -2.56 D/mm, chamber +1.18, lens radii +0.37 and +0.73 D/mm. Its lens radii
+  // act on the cortex' step of index, 0.050, this lens's on 0.0894.
   constexpr double step = 0.0894 / 0.050;
   EXPECT_NEAR(dM("optical_axial_length_mm"), -2.56, 0.3);
   EXPECT_NEAR(dM("anterior_chamber_depth_mm"), 1.18, 0.4);
@@ -162,8 +173,7 @@ TEST(Uncertainty, LinearAgreesWithMonteCarlo) {
   const Eigen::Vector3d mean = sum / draws;
   const Eigen::Matrix3d sampled = squares / draws - mean * mean.transpose();
   // A standard deviation from 4000 draws is good to 1.1 %; four of those, and 2 % of curvature.
-  for (int i = 0; i < 3; ++i)
-    EXPECT_NEAR(std::sqrt(sampled(i, i)) / std::sqrt(linear(i, i)), 1, 0.065) << i;
+  for (int i = 0; i < 3; ++i) EXPECT_NEAR(std::sqrt(sampled(i, i)) / std::sqrt(linear(i, i)), 1, 0.065) << i;
 }
 
 TEST(Uncertainty, MeasurementsBuyWhatTheyMust) {
@@ -172,7 +182,8 @@ TEST(Uncertainty, MeasurementsBuyWhatTheyMust) {
   const auto sigma_M = [&](const Eigen::MatrixXd& covariance) {
     return std::sqrt((s * covariance * s.transpose())(0, 0));
   };
-  // A known refraction leaves less than its own error, a perfect axial length takes its share out of the budget.
+  // A known refraction leaves less than its own error, a perfect axial length takes its share out of the
+  // budget.
   EXPECT_LT(sigma_M(covariance_after(eye.covariance, known_refraction(s, 0.25))), 0.25);
   const double before = sigma_M(eye.covariance);
   const double axial = std::abs(s(0, eye.index_of("optical_axial_length_mm"))) * 0.03;
@@ -186,8 +197,10 @@ TEST(Uncertainty, KeratometryIsTheDerivativeOfItsDefinition) {
   const Measurement k = keratometry(eye, 0.25);
   const auto power = [](double c, double q) { return 337.5 / std::sqrt(1 / (c * c) - q * 1.5 * 1.5); };
   const double c = 1 / 7.8, q = -0.2, h = 1e-6;
-  EXPECT_NEAR(k.sensitivity(0, eye.index_of("cornea_c_per_mm")), (power(c + h, q) - power(c - h, q)) / (2 * h), 1e-4);
-  EXPECT_NEAR(k.sensitivity(0, eye.index_of("cornea_q")), (power(c, q + h) - power(c, q - h)) / (2 * h), 1e-4);
+  EXPECT_NEAR(k.sensitivity(0, eye.index_of("cornea_c_per_mm")),
+              (power(c + h, q) - power(c - h, q)) / (2 * h), 1e-4);
+  EXPECT_NEAR(k.sensitivity(0, eye.index_of("cornea_q")), (power(c, q + h) - power(c, q - h)) / (2 * h),
+              1e-4);
 }
 
 TEST(Uncertainty, KalmanMovesTheRefractionToWhatIsKnown) {
