@@ -21,7 +21,9 @@ double lens_index_at_age(double age_years);
 ShapePtr anterior_cornea_shape(const ParametricEye& eye);
 
 /// Cornea, iris, lens and retina as formulas. The retina is the globe's ellipsoid, its pole where the
-/// displaced interface meets the axis. \param anterior_cornea  instead of the fitted biconic; may be null
+/// displaced interface meets the axis.
+///
+/// \param anterior_cornea  instead of the fitted biconic; may be null
 std::vector<Surface> analytic_surfaces(const ParametricEye& eye, const ShapePtr& anterior_cornea = nullptr,
                                        const OpticalDefaults& defaults = {});
 

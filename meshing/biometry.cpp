@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include "meshing/analytic_eye.hpp"
+#include "meshing/topography.hpp"
 #include "pipeline/base/frames.hpp"
 
 namespace emmetrope {
@@ -37,10 +38,10 @@ double extent_mm(const ParametricEye& eye, const Vector3d& along) {
     a = to_a, b = to_b, best = value;
     return true;
   };
-  for (int i = -4; i <= 4; ++i) {
-    for (int k = -4; k <= 4; ++k) attempt(0.12 * i, 0.12 * k);
+  for (int i = -2; i <= 2; ++i) {
+    for (int k = -2; k <= 2; ++k) attempt(0.2 * i, 0.2 * k);
   }
-  for (double step = 0.06; step > 1e-5;) {
+  for (double step = 0.1; step > 1e-4;) {  // the extent is then right to 1e-7 mm
     if (!(attempt(a + step, b) || attempt(a - step, b) || attempt(a, b + step) || attempt(a, b - step)))
       step /= 2;
   }
@@ -49,9 +50,9 @@ double extent_mm(const ParametricEye& eye, const Vector3d& along) {
 
 VectorXd lengths(const ParametricEye& eye) {
   const LensOnAxis lens = lens_on_axis(eye);
-  VectorXd v(7);
+  VectorXd v(6);
   v << eye.pole_depth_mm(), eye.cornea_thickness_mm, lens.front_mm, lens.back_mm - lens.front_mm,
-      eye.lens_anterior_radius_mm, eye.lens_posterior_radius_mm, asphericity(anterior_cornea(eye));
+      eye.lens_anterior_radius_mm, eye.lens_posterior_radius_mm;
   return v;
 }
 
@@ -60,15 +61,16 @@ VectorXd globe_extents(const ParametricEye& eye) {
   return Vector2d(extent_mm(eye, x) + extent_mm(eye, -x), extent_mm(eye, y) + extent_mm(eye, -y));
 }
 
-VectorXd power_vector(const ParametricEye& eye) {
-  const CornealPower power = corneal_power(anterior_cornea(eye));
-  return Vector3d(power.M_D, power.J0_D, power.J45_D);
-}
-
-VectorXd section(const ParametricEye& eye) {
-  const CornealDepth cornea = anterior_cornea(eye);
-  return Vector2d(section_width_mm(cornea, section_depth_mm, pi / 2),
-                  section_width_mm(cornea, section_depth_mm, 0));
+/// Everything that keratometry and topography would see, in one vector: M, J0, J45, Q, the section's height
+/// and width, then Zernike coefficients.
+VectorXd corneal_numbers(const CornealDepth& cornea, const BiometryOptions& options) {
+  const CornealPower power = corneal_power(cornea);
+  const VectorXd zernike = corneal_zernike_um(cornea, options.zernike_zone_mm, options.zernike_order);
+  VectorXd v(6 + zernike.size());
+  v << power.M_D, power.J0_D, power.J45_D, asphericity(cornea),
+      section_width_mm(cornea, section_depth_mm, pi / 2), section_width_mm(cornea, section_depth_mm, 0),
+      zernike;
+  return v;
 }
 
 VectorXd globe_centre_lps_mm(const ParametricEye& eye) { return eye.lps_from_eye * eye.globe_centre_mm(); }
@@ -112,7 +114,7 @@ CornealDepth anterior_cornea(const ParametricEye& eye) {
 
 Keratometry keratometry_from(const Propagated& power) {
   const double mean = power.value[0];
-  const Vector2d j = power.value.tail<2>();
+  const Vector2d j = power.value.segment<2>(1);
   const double half = j.norm();  // (steep - flat)/2
   const Eigen::Matrix2d of_j = power.covariance.block<2, 2>(1, 1);
   // Direction of the astigmatism; where there is none, the direction in which it is known least.
@@ -155,16 +157,14 @@ std::string astigmatism_type(double steep_axis_deg) {
 }
 
 Json biometry_json(const EyeEstimate& estimate, const BiometryOptions& options,
-                   const std::optional<Measured>& irregularity_um) {
+                   const Topography* topography) {
   const ParametricEye& eye = estimate.eye();
   const Propagated length = estimate.propagate(lengths);
   const Propagated globe = estimate.propagate(globe_extents);
-  const Propagated power = estimate.propagate(power_vector);
-  const Propagated widths = estimate.propagate(section);
-  const Propagated zernike = estimate.propagate([&](const ParametricEye& e) {
-    return corneal_zernike_um(anterior_cornea(e), options.zernike_zone_mm, options.zernike_order);
+  const Propagated cornea = estimate.propagate([&](const ParametricEye& e) {
+    return corneal_numbers(topography ? anterior_cornea(e, *topography) : anterior_cornea(e), options);
   });
-  const Keratometry k = keratometry_from(power);
+  const Keratometry k = keratometry_from(cornea);
 
   Measured optical = measured(length, 0);
   optical.value += options.retinal_depth_mm;
@@ -187,27 +187,29 @@ Json biometry_json(const EyeEstimate& estimate, const BiometryOptions& options,
       {"steep",
        {{"radius_mm", k.steep_radius_mm}, {"power_D", k.steep_power_D}, {"axis_deg", k.steep_axis_deg}}},
       {"cylinder_D", k.cylinder_D},
-      {"asphericity_q", measured(length, 6)}};
+      {"asphericity_q", measured(cornea, 3)}};
   json["astigmatism"] = {
-      {"M_D", measured(power, 0)},
-      {"J0_D", measured(power, 1)},
-      {"J45_D", measured(power, 2)},
+      {"M_D", measured(cornea, 0)},
+      {"J0_D", measured(cornea, 1)},
+      {"J45_D", measured(cornea, 2)},
       {"type", astigmatism_type(k.steep_axis_deg.value)},
-      {"irregularity_um", irregularity_um.value_or(usual_irregularity_um())},
-      {"section_2p3mm", {{"vertical_mm", measured(widths, 0)}, {"horizontal_mm", measured(widths, 1)}}}};
+      {"irregularity_um", topography ? topography->irregularity_um : usual_irregularity_um()},
+      {"section_2p3mm", {{"vertical_mm", measured(cornea, 4)}, {"horizontal_mm", measured(cornea, 5)}}}};
   json["cornea_zernike_um"] = Json::array();
-  for (Eigen::Index i = 0; i < zernike.value.size(); ++i)
-    json["cornea_zernike_um"].push_back(measured(zernike, i));
+  for (Eigen::Index i = 6; i < cornea.value.size(); ++i)
+    json["cornea_zernike_um"].push_back(measured(cornea, i));
   json["zone_mm"] = options.zernike_zone_mm;
   return json;
 }
 
-Measured interpupillary_distance_mm(const EyeEstimate& od, const EyeEstimate& os) {
+Measured interpupillary_distance_mm(const EyeEstimate& od, const EyeEstimate& os, double scale_sd) {
   const Propagated right = od.propagate(globe_centre_lps_mm), left = os.propagate(globe_centre_lps_mm);
   const Vector3d between = left.value - right.value;
   const Vector3d along = between.normalized();
   const Eigen::Matrix3d covariance = right.covariance + left.covariance;
-  return Measured::from_sigma(between.norm(), std::sqrt(along.dot(covariance * along)), right.source[0]);
+  return Measured::from_sigma(between.norm(),
+                              std::hypot(std::sqrt(along.dot(covariance * along)), scale_sd * between.norm()),
+                              right.source[0]);
 }
 
 std::string PlausibilityFlag::describe() const {

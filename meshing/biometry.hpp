@@ -1,5 +1,4 @@
 #pragma once
-#include <optional>
 #include <string>
 #include <vector>
 
@@ -23,7 +22,7 @@ struct Keratometry {
   Measured steep_radius_mm, steep_power_D, steep_axis_deg;
   Measured cylinder_D;
 };
-/// \param power  M, J0, J45 in this order
+/// \param power  begins with M, J0, J45
 Keratometry keratometry_from(const Propagated& power);
 
 /// "with-the-rule", "against-the-rule" or "oblique", by the steep meridian.
@@ -32,13 +31,20 @@ std::string astigmatism_type(double steep_axis_deg);
 /// Depth of the eye's anterior cornea.
 CornealDepth anterior_cornea(const ParametricEye& eye);
 
+struct Topography;
+
 /// biometry.json of one eye without what needs both eyes (interpupillary distance) or the study (head roll).
-/// \param irregularity  where topography measured it; else what is usual in the population, labelled so
+///
+/// \param topography  its departure from a toric conicoid is part of the cornea; without it (null) the
+/// irregularity is what
+///                    is usual in the population, labelled so
 Json biometry_json(const EyeEstimate& estimate, const BiometryOptions& options,
-                   const std::optional<Measured>& irregularity_um = std::nullopt);
+                   const Topography* topography = nullptr);
 
 /// Distance between the globes' centres.
-Measured interpupillary_distance_mm(const EyeEstimate& od, const EyeEstimate& os);
+///
+/// \param scale_sd  relative standard deviation of the scanner's scale
+Measured interpupillary_distance_mm(const EyeEstimate& od, const EyeEstimate& os, double scale_sd);
 
 /// Numbers outside what eyes are: `plausibility` in biometry.json, and a sentence for each that failed.
 struct PlausibilityFlag {

@@ -30,6 +30,7 @@ CornealPower corneal_power(const CornealDepth& depth);
 double asphericity(const CornealDepth& depth);
 
 /// Width of the section at `depth_mm` behind the apex in a meridian (both sides of the apex together).
+///
 /// \throw Error (no_result) when the surface does not get that deep within 9 mm
 double section_width_mm(const CornealDepth& depth, double depth_mm, double azimuth_rad);
 

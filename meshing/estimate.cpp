@@ -84,6 +84,22 @@ EyeEstimate::EyeEstimate(ParametricEye fitted) : eye_(std::move(fitted)) {
   check_covariance(eye_);
 }
 
+void EyeEstimate::add_scale_prior(double relative_sd) {
+  const auto ends_with = [](const std::string& name, const std::string& end) {
+    return name.size() >= end.size() && name.compare(name.size() - end.size(), end.size(), end) == 0;
+  };
+  VectorXd along =
+      VectorXd::Zero(eye_.covariance.rows());  // derivative of each parameter by the scale; its unit tells
+  for (Index i = 0; i < along.size(); ++i) {
+    const std::string& name = eye_.parameter_names[i];
+    if (ends_with(name, "_per_mm"))
+      along[i] = -eye_.get(name);
+    else if (ends_with(name, "_mm") && name.rfind("apex_", 0) != 0)
+      along[i] = eye_.get(name);
+  }
+  eye_.covariance += relative_sd * relative_sd * along * along.transpose();
+}
+
 MatrixXd EyeEstimate::jacobian(const Functional& functional) const {
   ParametricEye eye = eye_;
   MatrixXd jacobian(functional(eye).size(), static_cast<Index>(eye.parameter_names.size()));

@@ -33,11 +33,17 @@ struct ExternalMeasurement {
 class EyeEstimate {
  public:
   /// Parameters that the fit left out of its covariance enter with a population prior (population_priors()).
+  ///
   /// \throw Error (input_invalid) when the covariance has not what MRI must have measured, or is no
   /// covariance
   explicit EyeEstimate(ParametricEye fitted);
 
   const ParametricEye& eye() const { return eye_; }
+
+  /// The scanner's scale is known to a relative standard deviation only: every length is stretched by it and
+  /// every curvature shrunk, all together. Position in the scanner is left alone. To be called before other
+  /// instruments' data.
+  void add_scale_prior(double relative_sd);
 
   /// Linear propagation: value at the estimate, covariance J P J' with J by central differences over 0.2
   /// sigma. The source of a number is that of the parameters with the largest share in its variance, or the
@@ -45,6 +51,7 @@ class EyeEstimate {
   Propagated propagate(const Functional& functional) const;
 
   /// Updates all parameters with a measurement: an iterated extended Kalman filter (Bell and Cathey 1993).
+  ///
   /// \return Mahalanobis distance of the measurement from what was expected, in standard deviations of its
   /// dimension:
   ///         sqrt of chi2 per degree of freedom; above 3 the two hardly fit together

@@ -26,6 +26,7 @@ struct EyeFlag {
 EyeFlag parse_eye_flag(const std::string& flag, const std::string& text, double default_sigma);
 
 /// Two perpendicular meridians with their keratometric powers (index 1.3375).
+///
 /// \throw Error (usage)
 ExternalMeasurement keratometry_measurement(const EyeFlag& flag);
 /// Optical axial length: apex to the photoreceptors.

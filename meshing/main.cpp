@@ -13,6 +13,7 @@ int main(int argc, char** argv) {
         ->type_name("CASE");
     const auto measurement = [&](const char* flag, std::vector<std::string>& values, const char* help) {
       app.add_option(flag, values, help)
+          ->allow_extra_args(false)
           ->type_name("EYE:VALUE+-SD")
           ->group("Measured by other instruments (repeatable)");
     };
@@ -22,14 +23,23 @@ int main(int argc, char** argv) {
     measurement("--axial-length", instruments.axial_length, "Optical axial length, mm: od:23.60+-0.05");
     measurement("--acd", instruments.anterior_chamber_depth, "Anterior chamber depth with the cornea, mm");
     measurement("--lens-thickness", instruments.lens_thickness, "Lens thickness, mm");
+    measurement("--topography", instruments.topography,
+                "Corneal elevation map (CSV) or Zernike list (JSON); SD of its power in D: od:FILE+-0.25");
     app.add_option("--vertices", options.vertices,
                    "Vertices of every surface, or SURFACE:N; default: the published counts")
+        ->allow_extra_args(false)
         ->type_name("[SURFACE:]N");
     app.add_option("--edge-mm", options.edge_mm, "Target edge length in mm instead of vertex counts")
         ->check(CLI::Range(0.05, 2.0))
         ->excludes("--vertices");
     app.add_option("--format", options.formats, "Further mesh formats besides PLY: vtp, stl, obj, gii")
+        ->allow_extra_args(false)
         ->check(CLI::IsMember({"ply", "vtp", "stl", "obj", "gii"}));
+    app.add_option(
+           "--scale-sd", options.scale_sd,
+           "Standard deviation of the scanner's scale as a fraction, such as 0.003 for uncorrected gradients")
+        ->check(CLI::Range(0.0, 0.05))
+        ->capture_default_str();
     app.add_option("--retinal-depth", options.retinal_depth_mm,
                    "Photoreceptors behind the vitreo-retinal interface, mm")
         ->check(CLI::Range(0.0, 1.0))

@@ -14,7 +14,9 @@ struct SheetQuality {
 
 /// Checks with OpenMesh that a mesh is one manifold, consistently oriented sheet with exactly one boundary
 /// loop and no handle, that it has no sliver (an angle under 15 degrees) and that its normals agree with its
-/// triangles. \throw Error (fault) saying what is wrong
+/// triangles.
+///
+/// \throw Error (fault) saying what is wrong
 SheetQuality check_sheet(const TriangleMesh& mesh);
 
 Json to_json(const SheetQuality& quality);

@@ -10,6 +10,7 @@
 #include "meshing/mesh_check.hpp"
 #include "meshing/optics.hpp"
 #include "meshing/remesh.hpp"
+#include "meshing/topography.hpp"
 #include "pipeline/base/case_folder.hpp"
 #include "pipeline/base/log.hpp"
 
@@ -42,6 +43,21 @@ std::map<Laterality, std::vector<ExternalMeasurement>> parse_instruments(const M
   return by_eye;
 }
 
+struct TopographyFlag {
+  fs::path file;
+  double sigma_D = 0;
+};
+
+/// The last map given for each eye.
+std::map<Laterality, TopographyFlag> parse_topography(const MeshingOptions& options) {
+  std::map<Laterality, TopographyFlag> by_eye;
+  for (const std::string& text : options.instruments.topography) {
+    const EyeFlag flag = parse_eye_flag("--topography", text, keratometry_sigma_D);
+    by_eye[flag.eye] = {flag.value, flag.sigma};
+  }
+  return by_eye;
+}
+
 /// Vertices of each surface, by name.
 std::map<std::string, int> parse_vertices(const std::vector<std::string>& texts) {
   std::map<std::string, int> counts;
@@ -63,6 +79,7 @@ std::map<std::string, int> parse_vertices(const std::vector<std::string>& texts)
 struct FittedEye {
   Json fit;
   EyeEstimate estimate;
+  std::optional<Topography> topography;
 };
 
 /// The eye's fit; nothing where segmentation has none or refused it, with the reason.
@@ -84,7 +101,7 @@ std::optional<FittedEye> read_fit(const fs::path& case_folder, Laterality eye,
       reasons.push_back(fmt::format("{}: refused by segmentation: {}", clinical_name(eye), why));
       return std::nullopt;
     }
-    return FittedEye{fit, EyeEstimate(parametric_eye_from_json(fit.at("eye")))};
+    return FittedEye{fit, EyeEstimate(parametric_eye_from_json(fit.at("eye"))), std::nullopt};
   } catch (const nlohmann::json::exception& fault) {
     throw input_error(file.string() + " is broken: " + fault.what(), "make it again with: emmetrope segment");
   } catch (Error& error) {
@@ -111,10 +128,13 @@ TriangleMesh in_lps(TriangleMesh mesh, const Eigen::Isometry3d& lps_from_eye) {
 }
 
 /// Writes the sheets of one eye. \return their measured quality, by name
-Json write_meshes(const fs::path& folder, const ParametricEye& eye, const MeshingOptions& options) {
+Json write_meshes(const fs::path& folder, const FittedEye& fitted, const MeshingOptions& options) {
+  const ParametricEye& eye = fitted.estimate.eye();
   const std::map<std::string, int> counts = parse_vertices(options.vertices);
+  const ShapePtr cornea = fitted.topography ? anterior_cornea_shape(eye, *fitted.topography) : nullptr;
+  const double reach_mm = fitted.topography ? fitted.topography->zone_mm / 2 : 0;
   Json report = Json::object();
-  for (const NamedSheet& sheet : make_sheets(eye)) {
+  for (const NamedSheet& sheet : make_sheets(eye, cornea, reach_mm)) {
     int vertices = sheet.paper_vertices;
     for (const std::string& key : {std::string(), sheet.name}) {
       if (const auto wanted = counts.find(key); wanted != counts.end()) vertices = wanted->second;
@@ -154,6 +174,7 @@ std::string summary(const Json& biometry) {
 
 Answer make_meshes(const MeshingOptions& options, const CommonOptions& common) {
   auto instruments = parse_instruments(options);
+  const auto topographies = parse_topography(options);
   parse_vertices(options.vertices);
   const StageVerdict segmentation = read_verdict(options.case_folder, "segmentation");
 
@@ -169,11 +190,14 @@ Answer make_meshes(const MeshingOptions& options, const CommonOptions& common) {
                      {"vertices", options.vertices},
                      {"edge_mm", options.edge_mm},
                      {"formats", options.formats},
-                     {"retinal_depth_mm", options.retinal_depth_mm}};
+                     {"retinal_depth_mm", options.retinal_depth_mm},
+                     {"scale_sd", options.scale_sd}};
   for (const Laterality eye : both_eyes) {
     const std::string name = std::string("segmentation/") + to_string(eye) + "/fit.json";
     if (fs::exists(options.case_folder / name)) spec.inputs.push_back({name, options.case_folder / name});
   }
+  for (const auto& [eye, flag] : topographies)
+    spec.inputs.push_back({std::string("topography/") + to_string(eye), flag.file});
   if (fs::exists(options.case_folder / "case.json"))
     spec.inputs.push_back({"case.json", options.case_folder / "case.json"});
 
@@ -188,7 +212,13 @@ Answer make_meshes(const MeshingOptions& options, const CommonOptions& common) {
         verdict.reasons.insert(verdict.reasons.end(), reasons.begin(), reasons.end());
     }
     for (auto& [eye, fitted] : eyes) {
-      for (const ExternalMeasurement& measurement : instruments[eye]) {
+      fitted.estimate.add_scale_prior(options.scale_sd);
+      std::vector<ExternalMeasurement> measurements = instruments[eye];
+      if (const auto flag = topographies.find(eye); flag != topographies.end()) {
+        fitted.topography = analyse_topography(read_elevation_map(flag->second.file), flag->second.sigma_D);
+        measurements.push_back(fitted.topography->toric);
+      }
+      for (const ExternalMeasurement& measurement : measurements) {
         const double surprise = fitted.estimate.assimilate(measurement);
         if (surprise > 3)
           workspace.warn(fmt::format("{}: {} and the images differ by {:.1f} standard deviations",
@@ -198,8 +228,8 @@ Answer make_meshes(const MeshingOptions& options, const CommonOptions& common) {
 
     std::optional<Measured> interpupillary;
     if (eyes.size() == 2)
-      interpupillary =
-          interpupillary_distance_mm(eyes.at(Laterality::od).estimate, eyes.at(Laterality::os).estimate);
+      interpupillary = interpupillary_distance_mm(eyes.at(Laterality::od).estimate,
+                                                  eyes.at(Laterality::os).estimate, options.scale_sd);
     const OpticalDefaults defaults = optical_defaults(options.case_folder, options.retinal_depth_mm);
     int meshed = 0, wanted = 0;
     Json quality = Json::object();
@@ -211,9 +241,10 @@ Answer make_meshes(const MeshingOptions& options, const CommonOptions& common) {
       const EyeEstimate& estimate = found->second.estimate;
       const fs::path folder = workspace.folder() / to_string(eye);
       fs::create_directories(folder);
-      quality[to_string(eye)] = write_meshes(folder, estimate.eye(), options);
+      quality[to_string(eye)] = write_meshes(folder, found->second, options);
 
-      Json biometry = biometry_json(estimate, {options.retinal_depth_mm});
+      Json biometry = biometry_json(estimate, {options.retinal_depth_mm},
+                                    found->second.topography ? &*found->second.topography : nullptr);
       const Json& roll = found->second.fit.at("head_roll_deg");
       biometry["head_roll_deg"] = roll;
       if (interpupillary) biometry["interpupillary_distance_mm"] = *interpupillary;

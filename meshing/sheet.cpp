@@ -104,7 +104,8 @@ std::unique_ptr<Sheet> make_globe_sheet(const ParametricEye& eye, double polar_a
   return std::make_unique<GlobeSheet>(eye, polar_angle_rad);
 }
 
-std::vector<NamedSheet> make_sheets(const ParametricEye& eye, const ShapePtr& anterior_cornea) {
+std::vector<NamedSheet> make_sheets(const ParametricEye& eye, const ShapePtr& anterior_cornea,
+                                    double cornea_known_to_mm) {
   const std::vector<Surface> surfaces = analytic_surfaces(eye, anterior_cornea);
   const auto surface = [&](const std::string& name) -> const Surface& {
     return *std::find_if(surfaces.begin(), surfaces.end(), [&](const Surface& s) { return s.name == name; });
@@ -125,7 +126,9 @@ std::vector<NamedSheet> make_sheets(const ParametricEye& eye, const ShapePtr& an
     sheets.push_back({name, paper_vertices,
                       make_height_sheet(surface(name).eye_from_surface(), surface(name).shape, radius_mm)});
   };
-  add("cornea_anterior", 613, cornea_radius("cornea_anterior", cornea_anterior_radius_mm));
+  const double cornea_wanted_mm =
+      anterior_cornea ? std::min(cornea_anterior_radius_mm, cornea_known_to_mm) : cornea_anterior_radius_mm;
+  add("cornea_anterior", 613, cornea_radius("cornea_anterior", cornea_wanted_mm));
   add("cornea_posterior", 723, cornea_radius("cornea_posterior", cornea_posterior_radius_mm));
   add("lens_anterior", 565, lens_radius);
   add("lens_posterior", 1516, lens_radius);

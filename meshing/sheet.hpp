@@ -38,8 +38,11 @@ struct NamedSheet {
 
 /// Cornea, lens and retina in the order that light meets them.
 /// Corneas reach 6.0 and 5.5 mm from the axis; the lens' sheets its equator, or where they would meet; the
-/// retina 105 degrees from the pole, about the ora serrata. \param anterior_cornea  the front surface where
-/// more is known than the fitted biconic; may be null
-std::vector<NamedSheet> make_sheets(const ParametricEye& eye, const ShapePtr& anterior_cornea = nullptr);
+/// retina 105 degrees from the pole, about the ora serrata.
+///
+/// \param anterior_cornea     the front surface where more is known than the fitted biconic; may be null
+/// \param cornea_known_to_mm  how far from the axis it is; not used without it
+std::vector<NamedSheet> make_sheets(const ParametricEye& eye, const ShapePtr& anterior_cornea = nullptr,
+                                    double cornea_known_to_mm = 0);
 
 }  // namespace emmetrope

@@ -1,0 +1,283 @@
+#include "meshing/topography.hpp"
+
+#include <fmt/format.h>
+
+#include <Eigen/Dense>
+#include <cmath>
+#include <optional>
+#include <sstream>
+
+#include "meshing/biometry.hpp"
+#include "pipeline/base/error.hpp"
+#include "pipeline/base/files.hpp"
+#include "pipeline/base/frames.hpp"
+#include "raytrace/eye/zernike.hpp"
+
+namespace emmetrope {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::Vector2d;
+using Eigen::VectorXd;
+
+constexpr double fit_radius_mm = 4, irregularity_radius_mm = 3;
+constexpr int departure_order = 6;
+constexpr double asphericity_sigma = 0.05;
+
+std::vector<std::string> cells_of(const std::string& line) {
+  std::vector<std::string> cells(1);
+  for (const char c : line) {
+    if (c == ',' || c == ';' || c == '\t')
+      cells.emplace_back();
+    else if (c != ' ' && c != '\r' && c != '"')
+      cells.back() += c;
+  }
+  return cells;
+}
+
+std::optional<double> number(const std::string& cell) {
+  try {
+    std::size_t used = 0;
+    const double value = std::stod(cell, &used);
+    if (used == cell.size() && std::isfinite(value)) return value;
+  } catch (const std::exception&) {
+  }
+  return std::nullopt;
+}
+
+double unit_mm(const std::string& name) { return name == "elevation_um" ? 1e-3 : 1; }
+bool is_elevation(const std::string& name) { return name == "elevation_um" || name == "elevation_mm"; }
+
+struct Point {
+  double x, y, depth;
+};
+
+ElevationMap map_of(const std::vector<Point>& points) {
+  ElevationMap map;
+  map.position_mm.resize(static_cast<Index>(points.size()), 2);
+  map.depth_mm.resize(static_cast<Index>(points.size()));
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    map.position_mm.row(static_cast<Index>(i)) << points[i].x, points[i].y;
+    map.depth_mm[static_cast<Index>(i)] = points[i].depth;
+  }
+  return map;
+}
+
+ElevationMap read_csv(const std::filesystem::path& file) {
+  std::istringstream text(read_file(file));
+  std::string line;
+  std::getline(text, line);
+  const std::vector<std::string> head = cells_of(line);
+  const auto fault = [&](int at, const std::string& what) {
+    return input_error(fmt::format("{}, line {}: {}", file.string(), at, what),
+                       "columns x_mm,y_mm,elevation_um, or a matrix with elevation_um in its first cell");
+  };
+  const bool columns = head.size() == 3 && head[0] == "x_mm" && head[1] == "y_mm" && is_elevation(head[2]);
+  if (!columns && !is_elevation(head[0])) throw fault(1, "no header of an elevation map");
+  const double unit = unit_mm(columns ? head[2] : head[0]);
+  std::vector<Point> points;
+  for (int at = 2; std::getline(text, line); ++at) {
+    const std::vector<std::string> cells = cells_of(line);
+    if (cells.size() == 1 && cells[0].empty()) continue;
+    if (cells.size() != head.size())
+      throw fault(at, fmt::format("{} cells, the header has {}", cells.size(), head.size()));
+    const auto first = number(cells[0]);
+    if (!first) throw fault(at, "'" + cells[0] + "' is no position in mm");
+    if (columns) {
+      const auto y = number(cells[1]);
+      if (!y) throw fault(at, "'" + cells[1] + "' is no position in mm");
+      if (const auto z = number(cells[2])) points.push_back({*first, *y, -unit * *z});
+      continue;
+    }
+    for (std::size_t i = 1; i < cells.size(); ++i) {
+      const auto x = number(head[i]);
+      if (!x) throw fault(1, "'" + head[i] + "' is no position in mm");
+      if (const auto z = number(cells[i])) points.push_back({*x, *first, -unit * *z});
+    }
+  }
+  return map_of(points);
+}
+
+ElevationMap read_zernike(const std::filesystem::path& file) {
+  const Json json = read_json(file);
+  try {
+    const double zone_mm = json.at("zone_mm").get<double>();
+    const auto coefficients = json.at("zernike_um").get<std::vector<double>>();
+    int order = 0;
+    while (zernike_count(order) < static_cast<int>(coefficients.size())) ++order;
+    VectorXd padded = VectorXd::Zero(zernike_count(order));
+    for (std::size_t i = 0; i < coefficients.size(); ++i) padded[static_cast<Index>(i)] = coefficients[i];
+    std::vector<Point> points;
+    constexpr int steps = 24;
+    for (int i = -steps; i <= steps; ++i) {
+      for (int k = -steps; k <= steps; ++k) {
+        const double x = static_cast<double>(i) / steps, y = static_cast<double>(k) / steps;
+        if (x * x + y * y > 1) continue;
+        points.push_back({x * zone_mm / 2, y * zone_mm / 2, -1e-3 * padded.dot(zernike_values(order, x, y))});
+      }
+    }
+    return map_of(points);
+  } catch (const nlohmann::json::exception& fault) {
+    throw input_error(file.string() + ": " + fault.what(), R"(expected {"zone_mm": 8, "zernike_um": [...]})");
+  }
+}
+
+/// Depths, whichever sign the file used: a cornea falls away from its apex on all sides.
+void turn_convex(ElevationMap& map) {
+  const VectorXd r2 = map.position_mm.rowwise().squaredNorm();
+  const VectorXd centred = r2.array() - r2.mean();
+  if (centred.dot(map.depth_mm) < 0) map.depth_mm = -map.depth_mm;
+}
+
+/// Curvature c, j0, j45, then Q, piston and two tilts.
+using Fit = Eigen::Matrix<double, 7, 1>;
+
+ParametricEye toric_conicoid(const Fit& fit) {
+  ParametricEye eye;
+  eye.cornea_c_per_mm = fit[0];
+  eye.cornea_j0_per_mm = fit[1];
+  eye.cornea_j45_per_mm = fit[2];
+  eye.cornea_q = fit[3];
+  return eye;
+}
+
+VectorXd depths(const Fit& fit, const Eigen::MatrixX2d& position_mm) {
+  const ParametricEye eye = toric_conicoid(fit);
+  VectorXd depth(position_mm.rows());
+  for (Index i = 0; i < depth.size(); ++i)
+    depth[i] = eye.cornea_anterior_depth_mm(position_mm(i, 0), position_mm(i, 1)) + fit[4] +
+               fit.tail<2>().dot(position_mm.row(i).transpose());
+  return depth;
+}
+
+ElevationMap within(const ElevationMap& map, double radius_mm) {
+  std::vector<Point> points;
+  for (Index i = 0; i < map.depth_mm.size(); ++i) {
+    if (map.position_mm.row(i).norm() <= radius_mm)
+      points.push_back({map.position_mm(i, 0), map.position_mm(i, 1), map.depth_mm[i]});
+  }
+  return map_of(points);
+}
+
+Fit fit_toric(const ElevationMap& map) {
+  Fit fit;
+  fit << 1 / 7.8, 0, 0, -0.2, 0, 0, 0;
+  for (int iteration = 0; iteration < 20; ++iteration) {
+    Eigen::MatrixXd jacobian(map.depth_mm.size(), 7);
+    for (int p = 0; p < 7; ++p) {
+      const double step = p == 3 ? 1e-4 : 1e-6;
+      Fit above = fit, below = fit;
+      above[p] += step;
+      below[p] -= step;
+      jacobian.col(p) = (depths(above, map.position_mm) - depths(below, map.position_mm)) / (2 * step);
+    }
+    const Fit change = jacobian.colPivHouseholderQr().solve(map.depth_mm - depths(fit, map.position_mm));
+    fit += change;
+    if (!fit.allFinite() || fit[0] < 0.05 || fit[0] > 0.3)
+      throw input_error(
+          fmt::format("the elevation map is no cornea: its mean radius would be {:.2f} mm", 1 / fit[0]));
+    if (change.cwiseAbs().maxCoeff() < 1e-10) break;
+  }
+  return fit;
+}
+
+/// What a toric conicoid leaves of a map, as Zernike terms.
+struct Departure {
+  VectorXd coefficients_um;
+  double rms_um = 0, rms_sigma_um = 0;
+};
+
+Departure depart(const ElevationMap& map, const Fit& fit, double radius_mm) {
+  const VectorXd left_um = 1e3 * (map.depth_mm - depths(fit, map.position_mm));
+  const auto points = static_cast<double>(left_um.size());
+  MatrixXd terms(left_um.size(), zernike_count(departure_order));
+  for (Index i = 0; i < left_um.size(); ++i)
+    terms.row(i) =
+        zernike_values(departure_order, map.position_mm(i, 0) / radius_mm, map.position_mm(i, 1) / radius_mm);
+  Departure departure;
+  departure.coefficients_um = terms.completeOrthogonalDecomposition().solve(left_um);
+  const VectorXd smooth_um = terms * departure.coefficients_um;
+  departure.rms_um = smooth_um.norm() / std::sqrt(points);
+  // The noise of the points, shared by the terms.
+  departure.rms_sigma_um =
+      (left_um - smooth_um).norm() / std::sqrt(points) * std::sqrt(terms.cols() / points);
+  return departure;
+}
+
+VectorXd toric_functional(const ParametricEye& eye) {
+  const CornealPower power = corneal_power(anterior_cornea(eye));
+  return Eigen::Vector4d(power.M_D, power.J0_D, power.J45_D, eye.cornea_q);
+}
+
+double departure_mm(const Topography& topography, double x_mm, double y_mm) {
+  const double radius = topography.zone_mm / 2;
+  return 1e-3 * topography.departure_um.dot(zernike_values(departure_order, x_mm / radius, y_mm / radius));
+}
+
+/// Coefficients of the same function about axes turned by `angle`.
+VectorXd turned(const VectorXd& coefficients, double angle) {
+  VectorXd result = coefficients;
+  for (int j = 0; j < coefficients.size(); ++j) {
+    const int m = zernike_index(j).m;
+    if (m <= 0) continue;
+    const int partner = j - m;  // (n, -m), since j = (n (n + 2) + m) / 2
+    const double c = coefficients[j], s = coefficients[partner];
+    result[j] = c * std::cos(m * angle) + s * std::sin(m * angle);
+    result[partner] = s * std::cos(m * angle) - c * std::sin(m * angle);
+  }
+  return result;
+}
+
+}  // namespace
+
+ElevationMap read_elevation_map(const std::filesystem::path& file) {
+  ElevationMap map = file.extension() == ".json" ? read_zernike(file) : read_csv(file);
+  if (map.depth_mm.size() < 50)
+    throw input_error(fmt::format("{}: {} elevations are too few", file.string(), map.depth_mm.size()));
+  turn_convex(map);
+  return map;
+}
+
+Topography analyse_topography(const ElevationMap& map, double sigma_D) {
+  Topography result;
+  result.zone_mm = 2 * map.position_mm.rowwise().norm().maxCoeff();
+  if (result.zone_mm < 2 * irregularity_radius_mm)
+    throw input_error(fmt::format("the elevation map is {:.1f} mm wide, 6 mm are needed", result.zone_mm));
+  const ElevationMap centre = within(map, irregularity_radius_mm);
+  if (centre.depth_mm.size() < 50)
+    throw input_error("the elevation map has fewer than 50 points in its central 6 mm");
+  const Fit fit = fit_toric(within(map, fit_radius_mm));
+
+  result.toric.source = "topography";
+  result.toric.of_eye = toric_functional;
+  result.toric.value = toric_functional(toric_conicoid(fit));
+  result.toric.covariance = MatrixXd::Identity(4, 4) * sigma_D * sigma_D / 2;
+  result.toric.covariance(3, 3) = asphericity_sigma * asphericity_sigma;
+  result.departure_um = depart(map, fit, result.zone_mm / 2).coefficients_um;
+
+  const Departure irregular = depart(centre, fit_toric(centre), irregularity_radius_mm);
+  result.irregularity_um = Measured::from_sigma(irregular.rms_um, irregular.rms_sigma_um, "topography");
+  result.irregularity_um.ci95[0] = std::max(0.0, result.irregularity_um.ci95[0]);
+  return result;
+}
+
+CornealDepth anterior_cornea(const ParametricEye& eye, const Topography& topography) {
+  return [&eye, &topography](double x_mm, double y_mm) {
+    return eye.cornea_anterior_depth_mm(x_mm, y_mm) + departure_mm(topography, x_mm, y_mm) -
+           departure_mm(topography, 0, 0);
+  };
+}
+
+ShapePtr anterior_cornea_shape(const ParametricEye& eye, const Topography& topography) {
+  const double cylinder = std::hypot(eye.cornea_j0_per_mm, eye.cornea_j45_per_mm);
+  const double steep_deg =
+      normalise_axis_deg(std::atan2(eye.cornea_j45_per_mm, eye.cornea_j0_per_mm) / degree / 2);
+  VectorXd coefficients = turned(topography.departure_um, steep_deg * degree);
+  coefficients[0] -= 1e3 * departure_mm(topography, 0, 0);  // the vertex stays the apex
+  return make_zernike(1 / (eye.cornea_c_per_mm + cylinder), 1 / (eye.cornea_c_per_mm - cylinder),
+                      eye.cornea_q, eye.cornea_q, steep_deg, topography.zone_mm / 2,
+                      {coefficients.data(), coefficients.data() + coefficients.size()});
+}
+
+}  // namespace emmetrope
