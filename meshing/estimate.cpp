@@ -94,7 +94,7 @@ void EyeEstimate::add_scale_prior(double relative_sd) {
     const std::string& name = eye_.parameter_names[i];
     if (ends_with(name, "_per_mm"))
       along[i] = -eye_.get(name);
-    else if (ends_with(name, "_mm") && name.rfind("apex_", 0) != 0)
+    else if (ends_with(name, "_mm") && name.rfind("apex_", 0) != 0 && name.rfind("displacement_", 0) != 0)
       along[i] = eye_.get(name);
   }
   eye_.covariance += relative_sd * relative_sd * along * along.transpose();
