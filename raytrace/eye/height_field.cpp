@@ -1,5 +1,7 @@
 #include "raytrace/eye/height_field.hpp"
 
+#include <Eigen/Cholesky>
+#include <Eigen/QR>
 #include <Eigen/SparseCholesky>
 #include <algorithm>
 #include <array>
@@ -322,7 +324,7 @@ std::optional<HeightField> HeightField::fit(const TriangleMesh& mesh) {
   const Base base = fit_base(points);
   // Half as many knots as vertices, and no finer than an optical surface can want.
   const double knots_mm =
-      std::max(1.4 * std::sqrt(area / static_cast<double>(points.size())), field.reach_ / 45);
+      std::max(1.4 * std::sqrt(area / static_cast<double>(points.size())), field.reach_ / 32);
   Grid residual = grid_over(points, knots_mm, 1);
   fit_residual(residual, points, base);
 
