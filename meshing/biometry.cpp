@@ -202,14 +202,15 @@ Json biometry_json(const EyeEstimate& estimate, const BiometryOptions& options,
   return json;
 }
 
-Measured interpupillary_distance_mm(const EyeEstimate& od, const EyeEstimate& os, double scale_sd) {
+Measured interpupillary_distance_mm(const EyeEstimate& od, const EyeEstimate& os, double scale_sd,
+                                    double head_motion_sd_mm) {
   const Propagated right = od.propagate(globe_centre_lps_mm), left = os.propagate(globe_centre_lps_mm);
   const Vector3d between = left.value - right.value;
   const Vector3d along = between.normalized();
   const Eigen::Matrix3d covariance = right.covariance + left.covariance;
-  return Measured::from_sigma(between.norm(),
-                              std::hypot(std::sqrt(along.dot(covariance * along)), scale_sd * between.norm()),
-                              right.source[0]);
+  const double sigma_mm =
+      std::hypot(std::sqrt(along.dot(covariance * along)), scale_sd * between.norm(), head_motion_sd_mm);
+  return Measured::from_sigma(between.norm(), sigma_mm, right.source[0]);
 }
 
 std::string PlausibilityFlag::describe() const {

@@ -44,7 +44,9 @@ Json biometry_json(const EyeEstimate& estimate, const BiometryOptions& options,
 /// Distance between the globes' centres.
 ///
 /// \param scale_sd  relative standard deviation of the scanner's scale
-Measured interpupillary_distance_mm(const EyeEstimate& od, const EyeEstimate& os, double scale_sd);
+/// \param head_motion_sd_mm  of the head between the series that the two eyes were measured in
+Measured interpupillary_distance_mm(const EyeEstimate& od, const EyeEstimate& os, double scale_sd,
+                                    double head_motion_sd_mm);
 
 /// Numbers outside what eyes are: `plausibility` in biometry.json, and a sentence for each that failed.
 struct PlausibilityFlag {

@@ -127,6 +127,16 @@ TriangleMesh in_lps(TriangleMesh mesh, const Eigen::Isometry3d& lps_from_eye) {
   return mesh;
 }
 
+/// Where the eyes were measured in different series the head has moved between them, by 1 to 3 mm as a rule;
+/// within one series it has not.
+double head_motion_sd_mm(const Json& od_fit, const Json& os_fit) {
+  constexpr double between_series_sd_mm = 1.0;
+  const auto stacks = [](const Json& fit) { return fit.value("stacks", Json::array()); };
+  const Json od = stacks(od_fit), os = stacks(os_fit);
+  const bool same = !od.empty() && !os.empty() && od.at(0).at("name") == os.at(0).at("name");
+  return same ? 0 : between_series_sd_mm;
+}
+
 /// Writes the sheets of one eye. \return their measured quality, by name
 Json write_meshes(const fs::path& folder, const FittedEye& fitted, const MeshingOptions& options) {
   const ParametricEye& eye = fitted.estimate.eye();
@@ -228,8 +238,9 @@ Answer make_meshes(const MeshingOptions& options, const CommonOptions& common) {
 
     std::optional<Measured> interpupillary;
     if (eyes.size() == 2)
-      interpupillary = interpupillary_distance_mm(eyes.at(Laterality::od).estimate,
-                                                  eyes.at(Laterality::os).estimate, options.scale_sd);
+      interpupillary = interpupillary_distance_mm(
+          eyes.at(Laterality::od).estimate, eyes.at(Laterality::os).estimate, options.scale_sd,
+          head_motion_sd_mm(eyes.at(Laterality::od).fit, eyes.at(Laterality::os).fit));
     const OpticalDefaults defaults = optical_defaults(options.case_folder, options.retinal_depth_mm);
     int meshed = 0, wanted = 0;
     Json quality = Json::object();
