@@ -78,22 +78,15 @@ FigureRow slices_of(const EyeData& eye, const std::vector<std::pair<std::string,
 
 /// Pictures that segmentation left, as figures.
 FigureRow overlays_of(const EyeData& eye) {
-  constexpr std::uintmax_t largest_bytes = 1'500'000;
   constexpr std::size_t most = 6;
   FigureRow row;
   for (const auto& file : eye.overlays) {
-    if (fs::file_size(file) > largest_bytes || row.figures.size() == most) continue;
-    const std::string png = read_file(file);
-    if (png.size() < 24) continue;
-    const auto size_at = [&](std::size_t at) {  // big-endian width and height of the IHDR chunk
-      return static_cast<double>(static_cast<unsigned char>(png[at + 2]) * 256 +
-                                 static_cast<unsigned char>(png[at + 3]));
-    };
+    if (row.figures.size() == most) break;
+    const PagePicture picture = page_picture(file);
     Figure figure;
     figure.id = fmt::format("overlay-{}-{}", eye.id(), row.figures.size() + 1);
-    figure.width_px = size_at(16);
-    figure.height_px = size_at(20);
-    if (!(figure.width_px > 0 && figure.height_px > 0)) continue;
+    figure.width_px = picture.width_px;
+    figure.height_px = picture.height_px;
     const std::string stem = file.stem().string();
     const bool is_residual = stem.rfind("residual", 0) == 0;
     const auto underscore = stem.find('_');
@@ -111,7 +104,7 @@ FigureRow overlays_of(const EyeData& eye) {
         "<svg xmlns=\"http://www.w3.org/2000/svg\" xmlns:xlink=\"http://www.w3.org/1999/xlink\" viewBox=\"0 "
         "0 {0} "
         "{1}\"><image width=\"{0}\" height=\"{1}\" xlink:href=\"{2}\"/></svg>",
-        figure.width_px, figure.height_px, png_url(png));
+        figure.width_px, figure.height_px, picture.url);
     row.figures.push_back(std::move(figure));
   }
   return row;

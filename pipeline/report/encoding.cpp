@@ -3,6 +3,9 @@
 #include <glib.h>
 
 #include <memory>
+#include <opencv2/imgcodecs.hpp>
+
+#include "pipeline/base/error.hpp"
 
 namespace emmetrope::report {
 namespace {
@@ -17,6 +20,15 @@ using GlibText = std::unique_ptr<gchar, FreeByGlib>;
 std::string base64(std::string_view bytes) {
   const GlibText text(g_base64_encode(reinterpret_cast<const guchar*>(bytes.data()), bytes.size()));
   return text.get();
+}
+
+PagePicture page_picture(const std::filesystem::path& file) {
+  const cv::Mat image = cv::imread(file.string(), cv::IMREAD_COLOR);
+  std::vector<unsigned char> bytes;
+  if (image.empty() || !cv::imencode(".jpg", image, bytes, {cv::IMWRITE_JPEG_QUALITY, 88}))
+    throw input_error(file.string() + " is no picture", "run the stage that made it again");
+  return {"data:image/jpeg;base64," + base64({reinterpret_cast<const char*>(bytes.data()), bytes.size()}),
+          image.cols, image.rows};
 }
 
 std::string png_url(std::string_view png) { return "data:image/png;base64," + base64(png); }

@@ -77,6 +77,7 @@ std::string mesh_object(const SourceStudy& source, const TriangleMesh& mesh_lps,
   dataset.insertEmptyElement(DCM_ConceptNameCodeSequence);
   put_references(dataset, 0x0042, 0x0013, source);
   put_code(dataset, 0x0040, 0x08ea, "mm", "UCUM", "mm");
+  put_referenced_series(dataset, source, "");
   put_document(dataset, stl_of(mesh_lps), "model/stl");
   return file_bytes(dataset);
 }

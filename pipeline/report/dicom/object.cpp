@@ -77,6 +77,23 @@ void put_references(DcmItem& item, unsigned short group, unsigned short element,
   }
 }
 
+void put_referenced_series(DcmItem& dataset, const SourceStudy& source, const std::string& series_uid) {
+  std::string last;
+  DcmItem* series = nullptr;
+  for (const auto& image : source.images()) {  // ordered by series
+    if (!series_uid.empty() && image.series_uid != series_uid) continue;
+    if (image.series_uid != last) {
+      check(dataset.findOrCreateSequenceItem(DCM_ReferencedSeriesSequence, series, -2), "source series");
+      put(*series, 0x0020, 0x000e, image.series_uid);
+      last = image.series_uid;
+    }
+    DcmItem* reference = nullptr;
+    check(series->findOrCreateSequenceItem(DCM_ReferencedInstanceSequence, reference, -2), "source image");
+    put(*reference, 0x0008, 0x1150, image.sop_class_uid);
+    put(*reference, 0x0008, 0x1155, image.sop_instance_uid);
+  }
+}
+
 void put_identity(DcmItem& dataset, const SourceStudy& source, const ObjectName& name) {
   put(dataset, 0x0008, 0x0060, name.modality);
   put(dataset, 0x0020, 0x000e, stable_uid("series " + source.study_uid() + name.role));

@@ -39,6 +39,10 @@ void put_code(DcmItem& item, unsigned short group, unsigned short element, const
 /// (SOP class, SOP instance) of every source image in a sequence.
 void put_references(DcmItem& item, unsigned short group, unsigned short element, const SourceStudy& source);
 
+/// Common Instance Reference module: every source image, by series.
+/// \param series_uid  of this series only; empty: of all
+void put_referenced_series(DcmItem& dataset, const SourceStudy& source, const std::string& series_uid);
+
 /// A Part 10 file in memory, explicit little endian.
 std::string file_bytes(DcmDataset& dataset);
 

@@ -167,24 +167,6 @@ void share_geometry(DcmSegmentation& object, const PlaneGrid& grid) {
   check(object.addForAllFrames(measures), "spacing");
 }
 
-/// Common Instance Reference module: every image of the stack, by series.
-void put_referenced_series(DcmItem& dataset, const SourceStudy& source, const std::string& series_uid) {
-  std::string last;
-  DcmItem* series = nullptr;
-  for (const auto& image : source.images()) {  // ordered by series
-    if (!series_uid.empty() && image.series_uid != series_uid) continue;
-    if (image.series_uid != last) {
-      check(dataset.findOrCreateSequenceItem(DCM_ReferencedSeriesSequence, series, -2), "source series");
-      put(*series, 0x0020, 0x000e, image.series_uid);
-      last = image.series_uid;
-    }
-    DcmItem* reference = nullptr;
-    check(series->findOrCreateSequenceItem(DCM_ReferencedInstanceSequence, reference, -2), "source image");
-    put(*reference, 0x0008, 0x1150, image.sop_class_uid);
-    put(*reference, 0x0008, 0x1155, image.sop_instance_uid);
-  }
-}
-
 }  // namespace
 
 std::string segmentation_object(const SourceStudy& source, const std::filesystem::path& label_nifti,
