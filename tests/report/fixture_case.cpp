@@ -362,7 +362,7 @@ void make_fixture_case(const fs::path& folder, const FixtureOptions& options) {
 
 void make_fixture_study(const fs::path& folder) {
   fs::create_directories(folder);
-  for (int k = 0; k < slices; k += 10) {
+  for (int k = 0; k < slices; ++k) {
     DcmFileFormat format;
     DcmDataset& set = *format.getDataset();
     const auto put = [&](const DcmTagKey& tag, const std::string& value) {
