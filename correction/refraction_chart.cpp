@@ -11,8 +11,8 @@
 namespace emmetrope::correction {
 namespace {
 
-constexpr int texels = 2048;
-constexpr double coarsest_cpd = 0.1, finest_cpd = 30;
+constexpr int texels = 1024;  // 1 arcmin each; the tracer packs them anew for every image
+constexpr double coarsest_cpd = 0.1, finest_cpd = 20;
 
 }  // namespace
 

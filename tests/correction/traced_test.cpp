@@ -148,7 +148,7 @@ TEST(Traced, FigureSevenPlanoCylinderIsFoundFromAnyStart) {
   EyeModel eye = make_eye("gullstrand-emsley");
   const Surface& cornea = eye.surface("cornea_anterior");
   const double radius_mm = 1 / cornea.shape->vertex_curvature()(0, 0);
-  const double step_index = eye.media.at("cornea").index - 1;
+  const double step_index = eye.media.at(cornea.medium_after).index - 1;
   const double missing_D = 10.0 / (1 - 0.010 * 10.0);  // +10 D at 10 mm is 11.1 D at the cornea
   const double flat_mm = 1 / (1 / radius_mm - missing_D / (1000 * step_index));
   eye.surface("cornea_anterior").shape = make_biconic(flat_mm, radius_mm, 0, 0, 0);
