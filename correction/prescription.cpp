@@ -52,7 +52,8 @@ PlanoCylinderResult best_plano_cylinder(const raytrace::Tracer& tracer,
   best.sharpness = best.search.best.sharpness;
 
   ImagingLevel quick = levels.back();
-  quick.pixels /= 2;  // a curve to look at: the same field at half the resolution
+  quick.pixels /= 2;   // a curve to look at: the same field at half the resolution,
+  quick.samples *= 4;  // with as many rays: far from focus their noise must not pass for detail
   const RetinalSharpness sharpness(tracer, scene, eye, family, quick);
   for (const double radius_mm : sweep_radii_mm()) {
     const double signed_mm = -sign * radius_mm;
