@@ -19,7 +19,9 @@ const std::vector<Passed>& passed() {
       {"--acd", "od:3.4+-0.1 (apex to lens front, mm)", {&Run::mesh_options}},
       {"--lens-thickness", "od:3.8+-0.1 (mm)", {&Run::mesh_options}},
       {"--topography", "od:FILE of corneal elevation", {&Run::mesh_options}},
-      {"--retinal-depth", "Photoreceptors behind the interface, mm", {&Run::mesh_options, &Run::trace_options}},
+      {"--retinal-depth",
+       "Photoreceptors behind the interface, mm",
+       {&Run::mesh_options, &Run::trace_options}},
       {"--scene", "Chart of the pictures, letters:logmar=0.3", {&Run::trace_options}},
       {"--age", "Years, where the study does not say", {&Run::trace_options, &Run::correct_options}},
       {"--lens-index", "Equivalent index of the lens", {&Run::trace_options}},
@@ -33,8 +35,12 @@ const std::vector<Passed>& passed() {
 }  // namespace
 
 void declare(CLI::App& app, RunOptions& options) {
-  app.add_option("study", options.study, "Folder of MR images (DICOM, or NIfTI volumes)")->required()->type_name("STUDY");
-  app.add_option("-o,--output", options.case_folder, "Case folder to make or go on with")->required()->type_name("CASE");
+  app.add_option("study", options.study, "Folder of MR images (DICOM, or NIfTI volumes)")
+      ->required()
+      ->type_name("STUDY");
+  app.add_option("-o,--output", options.case_folder, "Case folder to make or go on with")
+      ->required()
+      ->type_name("CASE");
   app.add_flag_callback(
       "--identified", [&options] { options.report_options.emplace_back("--identified"); },
       "Name and birth date on the report's pages");

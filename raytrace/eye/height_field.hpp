@@ -12,8 +12,8 @@ namespace emmetrope {
 ///
 /// Fit: a conic with a full curvature matrix takes what is smooth and large; a least-squares bicubic spline
 /// (with a weak thin-plate term where vertices are sparse) takes the rest; both are then resampled as one
-/// spline on a grid fine enough that resampling costs nothing. Vertex normals only say which way the sheet looks:
-/// their quality is unknown.
+/// spline on a grid fine enough that resampling costs nothing. Vertex normals only say which way the sheet
+/// looks: their quality is unknown.
 ///
 /// Cell (i, j), 0 <= i < columns - 3, spans x in [origin.x + (i+1) s, origin.x + (i+2) s] and uses the 4 x 4
 /// control values (i..i+3, j..j+3); with t = (x - origin.x)/s - (i+1) in [0, 1] the weights are the uniform

@@ -12,9 +12,7 @@ struct ZernikeIndex {
 };
 ZernikeIndex zernike_index(int j);
 /// Number of terms up to and including radial order n: (n + 1)(n + 2) / 2.
-constexpr int zernike_count(int order) {
-  return (order + 1) * (order + 2) / 2;
-}
+constexpr int zernike_count(int order) { return (order + 1) * (order + 2) / 2; }
 
 /// Values of all terms up to `order` at (x, y) in units of the normalisation radius.
 Eigen::VectorXd zernike_values(int order, double x, double y);
