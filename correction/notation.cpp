@@ -86,8 +86,9 @@ RoundedRefraction round_refraction(const PowerVector& refraction) {
   for (long steps = std::min(0L, nearest_steps + 2); steps >= nearest_steps - 2; --steps) {
     const double cylinder_D = static_cast<double>(steps) * step_D;
     const double sphere_D = std::round((refraction.M_D - cylinder_D / 2) / step_D) * step_D;
-    for (double axis_deg = steps == 0 ? 180 : step_deg; axis_deg <= 180; axis_deg += step_deg) {
-      const SpheroCylinder candidate{sphere_D + 0.0, cylinder_D, axis_deg};
+    const int axes = static_cast<int>(180 / step_deg);
+    for (int axis = steps == 0 ? axes : 1; axis <= axes; ++axis) {
+      const SpheroCylinder candidate{sphere_D + 0.0, cylinder_D, axis * step_deg};
       const double residual_D = distance_D(to_power_vector(candidate), refraction);
       if (residual_D < best.residual_D - 1e-9) best = {candidate, residual_D};
     }

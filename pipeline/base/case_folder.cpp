@@ -12,6 +12,7 @@
 #include <cstdlib>
 #include <cstring>
 #include <fstream>
+#include <thread>
 
 #include "pipeline/base/files.hpp"
 #include "pipeline/base/interrupt.hpp"
@@ -41,6 +42,18 @@ std::optional<int> inherited_lock(const fs::path& lock_file) {
   if (text == nullptr) return std::nullopt;
   const int descriptor = static_cast<int>(std::strtol(text, nullptr, 10));
   return is_same_file(descriptor, lock_file) ? std::optional(descriptor) : std::nullopt;
+}
+
+/// The processes of a run that was killed hold its lock until the system has taken them down: wait a moment
+/// for that.
+bool lock_soon(int descriptor) {
+  constexpr auto patience = std::chrono::seconds(3);
+  const auto start = std::chrono::steady_clock::now();
+  while (::flock(descriptor, LOCK_EX | LOCK_NB) != 0) {
+    if (errno != EWOULDBLOCK || std::chrono::steady_clock::now() - start > patience) return false;
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));
+  }
+  return true;
 }
 
 /// Forces a folder's entries to disk, so that a rename survives a power cut.
@@ -131,7 +144,7 @@ CaseLock::CaseLock(const fs::path& case_folder, bool create) : folder_(case_fold
     throw output_error("cannot write in the case folder " + case_folder.string() + ": " +
                        std::strerror(errno));
   // A lock on a file that its last holder has just removed would keep nobody out.
-  if (::flock(descriptor_, LOCK_EX | LOCK_NB) != 0 || !is_same_file(descriptor_, lock_file)) {
+  if (!lock_soon(descriptor_) || !is_same_file(descriptor_, lock_file)) {
     ::close(descriptor_);
     throw output_error("the case " + case_folder.string() + " is in use by another run",
                        "wait for it to end, or write to another folder");

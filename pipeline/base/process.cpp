@@ -1,6 +1,7 @@
 #include "pipeline/base/process.hpp"
 
 #include <fcntl.h>
+#include <sys/prctl.h>
 #include <sys/resource.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -8,6 +9,7 @@
 #include <array>
 #include <cerrno>
 #include <chrono>
+#include <csignal>
 #include <cstring>
 
 #include "pipeline/base/error.hpp"
@@ -18,6 +20,7 @@ namespace {
 
 [[noreturn]] void execute(const std::vector<char*>& words, ChildOutput output, int pipe_end) {
   restore_signals_in_child();
+  ::prctl(PR_SET_PDEATHSIG, SIGKILL);  // a stage never outlives a driver that was killed
   const int target = output == ChildOutput::capture   ? pipe_end
                      : output == ChildOutput::discard ? ::open("/dev/null", O_WRONLY)
                                                       : STDOUT_FILENO;

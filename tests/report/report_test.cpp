@@ -344,13 +344,16 @@ TEST_F(ReportTest, BrowserRunsThePageWithoutErrors) {
   report();
   const std::string page = (folder_ / "report" / "report.html").string();
   const std::string log = page + ".log", profile = folder_.string() + "/profile";
-  const ProcessResult browser = run_process("/bin/sh",
-                                            {"-c",
-                                             "exec chromium --headless --no-sandbox --disable-gpu "
-                                             "--enable-logging=stderr --virtual-time-budget=15000 "
-                                             "--user-data-dir=\"$3\" --dump-dom \"file://$1\" 2>\"$2\"",
-                                             "sh", page, log, profile},
-                                            ChildOutput::capture);
+  const ProcessResult browser =
+      run_process("/bin/sh",
+                  {"-c",
+                   "exec chromium --headless --no-sandbox --disable-gpu --disable-quic "
+                   "--no-first-run --disable-background-networking "
+                   "--disable-component-update --disable-sync "
+                   "--enable-logging=stderr --virtual-time-budget=15000 "
+                   "--user-data-dir=\"$3\" --dump-dom \"file://$1\" 2>\"$2\"",
+                   "sh", page, log, profile},
+                  ChildOutput::capture);
   ASSERT_EQ(browser.status, 0);
   const auto has = [&](const char* text) { return browser.output.find(text) != std::string::npos; };
   EXPECT_TRUE(has("class=\"slider\""));
