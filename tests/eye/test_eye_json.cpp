@@ -1,4 +1,5 @@
 #include <gmock/gmock.h>
+#include <unistd.h>
 
 #include <filesystem>
 
@@ -15,7 +16,7 @@ namespace {
 
 std::filesystem::path scratch(const std::string& name) {
   const std::filesystem::path folder =
-      std::filesystem::path(testing::TempDir()) / "emmetrope-eye-json" / name;
+      std::filesystem::path(testing::TempDir()) / ("emmetrope-eye-json-" + std::to_string(::getpid())) / name;
   std::filesystem::create_directories(folder);
   return folder;
 }

@@ -1,4 +1,5 @@
 #include <gmock/gmock.h>
+#include <unistd.h>
 
 #include <filesystem>
 #include <fstream>
@@ -13,7 +14,8 @@ namespace emmetrope {
 namespace {
 
 std::filesystem::path scratch(const std::string& name) {
-  const std::filesystem::path folder = std::filesystem::path(testing::TempDir()) / "emmetrope-mesh-files";
+  const std::filesystem::path folder =
+      std::filesystem::path(testing::TempDir()) / ("emmetrope-mesh-files-" + std::to_string(::getpid()));
   std::filesystem::create_directories(folder);
   return folder / name;
 }

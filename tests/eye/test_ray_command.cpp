@@ -1,4 +1,5 @@
 #include <gmock/gmock.h>
+#include <unistd.h>
 
 #include <filesystem>
 
@@ -28,7 +29,8 @@ TEST(EyeCommand, WritesAnEyeThatGivesTheSameAnswer) {
   query.options.accommodation_D = 3;
   query.options.pupil_mm = 5;
   query.wavelength_nm = 500;
-  const std::filesystem::path file = std::filesystem::path(testing::TempDir()) / "emmetrope-arizona.json";
+  const std::filesystem::path file = std::filesystem::path(testing::TempDir()) /
+                                     ("emmetrope-arizona-" + std::to_string(::getpid()) + ".json");
   query.output = file.string();
   const Json first = describe_eye(query).json;
   EyeQuery again;

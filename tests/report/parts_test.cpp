@@ -1,5 +1,6 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <cmath>
 #include <numeric>
@@ -149,7 +150,8 @@ TEST(CorneaMap, OfASphereIsConstantPowerAndFlat) {
 }
 
 TEST(Volume, KnowsItsPlaceInThePatient) {
-  const std::filesystem::path folder = std::filesystem::path(::testing::TempDir()) / "emmetrope-volume";
+  const std::filesystem::path folder =
+      std::filesystem::path(::testing::TempDir()) / ("emmetrope-volume-" + std::to_string(::getpid()));
   std::filesystem::remove_all(folder);
   test::make_fixture_case(folder);
   const Volume volume(folder / "segmentation" / "stack1_labels.nii.gz");
@@ -172,7 +174,8 @@ TEST(Volume, KnowsItsPlaceInThePatient) {
 }
 
 TEST(Slice, IsInRadiologicalConventionAndNamesItsSides) {
-  const std::filesystem::path folder = std::filesystem::path(::testing::TempDir()) / "emmetrope-slice";
+  const std::filesystem::path folder =
+      std::filesystem::path(::testing::TempDir()) / ("emmetrope-slice-" + std::to_string(::getpid()));
   std::filesystem::remove_all(folder);
   test::make_fixture_case(folder);
   const Volume volume(folder / "segmentation" / "stack1.nii.gz");

@@ -1,5 +1,6 @@
 // Charts and scene files.
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <cmath>
 #include <filesystem>
@@ -79,7 +80,8 @@ TEST(Charts, BadRequestsAreUsageErrors) {
 }
 
 TEST(SceneFile, IsReadAndChecked) {
-  const auto folder = std::filesystem::path(testing::TempDir()) / "emmetrope-scene-test";
+  const auto folder =
+      std::filesystem::path(testing::TempDir()) / ("emmetrope-scene-test-" + std::to_string(::getpid()));
   std::filesystem::create_directories(folder);
   const auto file = (folder / "scene.json").string();
   const std::string good =

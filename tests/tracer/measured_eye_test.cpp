@@ -1,5 +1,6 @@
 // A case whose meshes are a schematic eye's gives that eye back.
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <filesystem>
 
@@ -16,7 +17,9 @@ namespace {
 
 class MeasuredCase : public testing::Test {
  protected:
-  MeasuredCase() : folder_(std::filesystem::path(testing::TempDir()) / "emmetrope-measured-eye-test") {
+  MeasuredCase()
+      : folder_(std::filesystem::path(testing::TempDir()) /
+                ("emmetrope-measured-eye-test-" + std::to_string(::getpid()))) {
     const auto meshing = folder_ / "meshing" / "od";
     std::filesystem::create_directories(meshing);
     const Eigen::Isometry3d lps = lps_from_eye({-30, -40, 5}, {0.05, -1, 0.02});
