@@ -36,7 +36,7 @@ Progress::~Progress() {
 void Progress::advance(std::size_t steps) {
   const std::lock_guard lock(mutex_);
   done_ = std::min(total_, done_ + steps);
-  if (quiet_) return;
+  if (quiet_ || done_ == total_) return;  // the last line is the destructor's
   const auto now = std::chrono::steady_clock::now();
   const auto interval = terminal_ ? std::chrono::milliseconds(100) : std::chrono::seconds(10);
   if (now - drawn_ < interval) return;
