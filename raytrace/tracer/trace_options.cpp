@@ -55,8 +55,10 @@ void declare(CLI::App& app, TraceOptions& o) {
   app.add_option("--accommodation", o.accommodation_D, "Dioptres from the relaxed eye (--eye)")
       ->type_name("D");
   app.add_option("--accommodation-parameter", o.accommodation_parameter, "The model's own (--eye)");
-  app.add_option("--spectacle", o.spectacle, "Thin lens S/CxA@V: dioptres, degrees, mm from the cornea")
-      ->type_name("S/CxA@V");
+  app.add_option(
+         "--spectacle", o.spectacle,
+         "S/CxA@V[,base_D=5,prism=2@90,...]: dioptres, degrees, mm from the cornea; or a .json of surfaces")
+      ->type_name("LENS|FILE");
   app.add_option("--plano-cylinder", o.plano_cylinder,
                  "Back radius mm, meridian without power deg; 10 mm away")
       ->type_name("R@AXIS");
@@ -104,27 +106,7 @@ TraceSettings read_settings(const TraceOptions& o) {
 EyeModel with_spectacle(const EyeModel& eye, const TraceOptions& o) {
   if (!o.spectacle.empty() && !o.plano_cylinder.empty())
     throw usage_error("--spectacle and --plano-cylinder exclude each other");
-  if (!o.spectacle.empty()) {
-    const std::string option = "--spectacle";
-    std::string_view rest = o.spectacle;
-    SpheroCylinder lens;
-    lens.sphere_D = take_number(option, o.spectacle, rest);
-    if (!rest.empty() && rest.front() == '/') {
-      rest.remove_prefix(1);
-      lens.cylinder_D = take_number(option, o.spectacle, rest);
-      take(option, o.spectacle, rest, 'x');
-      lens.axis_deg = take_number(option, o.spectacle, rest);
-    }
-    double vertex_mm = 12;
-    if (!rest.empty()) {
-      take(option, o.spectacle, rest, '@');
-      vertex_mm = take_number(option, o.spectacle, rest);
-    }
-    if (!rest.empty())
-      throw usage_error("--spectacle: \"" + o.spectacle + "\" is not S/CxA@V", "write -2.25/-1.00x180@12");
-    if (!(vertex_mm > 0)) throw usage_error("--spectacle: the vertex distance must be larger than 0");
-    return with_thin_lens(eye, to_power_vector(lens), vertex_mm);
-  }
+  if (!o.spectacle.empty()) return emmetrope::with_spectacle(eye, o.spectacle);
   if (!o.plano_cylinder.empty()) {
     const Eigen::Vector2d lens = read_pair("--plano-cylinder", o.plano_cylinder, '@');
     if (std::abs(lens.x()) < 10) throw usage_error("--plano-cylinder: a radius below 10 mm is no spectacle");
