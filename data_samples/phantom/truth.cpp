@@ -123,9 +123,10 @@ Json globe_truth(const PlacedEye& eye) {
   constexpr int steps = 720;  // off by less than 1e-4 mm
   // Along one coordinate the extreme lies on a ring through the poles of the other; with a bulge anywhere: a
   // fine grid.
-  for (int i = 0; i <= steps / 2; ++i)
+  constexpr int rings = steps / 2;
+  for (int i = 0; i <= rings; ++i)
     for (int j = 0; j < steps; ++j) {
-      const double polar = pi * i / (steps / 2);
+      const double polar = pi * i / rings;
       const double around = 2 * pi * j / steps;
       const Vector3d p = retina_point(
           eye, {std::sin(polar) * std::cos(around), std::sin(polar) * std::sin(around), std::cos(polar)});
