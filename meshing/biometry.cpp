@@ -6,9 +6,9 @@
 #include <algorithm>
 #include <cmath>
 
-#include "meshing/analytic_eye.hpp"
-#include "meshing/topography.hpp"
 #include "pipeline/base/frames.hpp"
+#include "raytrace/parametric/analytic_eye.hpp"
+#include "raytrace/parametric/topography.hpp"
 
 namespace emmetrope {
 namespace {
@@ -107,10 +107,6 @@ const std::vector<Gate>& gates() {
 }
 
 }  // namespace
-
-CornealDepth anterior_cornea(const ParametricEye& eye) {
-  return [&eye](double x_mm, double y_mm) { return eye.cornea_anterior_depth_mm(x_mm, y_mm); };
-}
 
 Keratometry keratometry_from(const Propagated& power) {
   const double mean = power.value[0];

@@ -2,10 +2,10 @@
 #include <string>
 #include <vector>
 
-#include "meshing/corneal_metrics.hpp"
-#include "meshing/estimate.hpp"
 #include "pipeline/base/json.hpp"
 #include "pipeline/base/measured.hpp"
+#include "raytrace/parametric/corneal_metrics.hpp"
+#include "raytrace/parametric/estimate.hpp"
 
 namespace emmetrope {
 
@@ -27,9 +27,6 @@ Keratometry keratometry_from(const Propagated& power);
 
 /// "with-the-rule", "against-the-rule" or "oblique", by the steep meridian.
 std::string astigmatism_type(double steep_axis_deg);
-
-/// Depth of the eye's anterior cornea.
-CornealDepth anterior_cornea(const ParametricEye& eye);
 
 struct Topography;
 

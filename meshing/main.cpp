@@ -11,20 +11,7 @@ int main(int argc, char** argv) {
     app.add_option("case", options.case_folder, "Case folder with a finished segmentation")
         ->required()
         ->type_name("CASE");
-    const auto measurement = [&](const char* flag, std::vector<std::string>& values, const char* help) {
-      app.add_option(flag, values, help)
-          ->allow_extra_args(false)
-          ->type_name("EYE:VALUE+-SD")
-          ->group("Measured by other instruments (repeatable)");
-    };
-    emmetrope::InstrumentFlags& instruments = options.instruments;
-    measurement("--keratometry", instruments.keratometry,
-                "K in D at its axis in degrees, both meridians: od:43.25@175/44.75@85+-0.25");
-    measurement("--axial-length", instruments.axial_length, "Optical axial length, mm: od:23.60+-0.05");
-    measurement("--acd", instruments.anterior_chamber_depth, "Anterior chamber depth with the cornea, mm");
-    measurement("--lens-thickness", instruments.lens_thickness, "Lens thickness, mm");
-    measurement("--topography", instruments.topography,
-                "Corneal elevation map (CSV) or Zernike list (JSON); SD of its power in D: od:FILE+-0.25");
+    declare(app, options.instruments);
     app.add_option("--vertices", options.vertices,
                    "Vertices of every surface, or SURFACE:N; default: the published counts")
         ->allow_extra_args(false)

@@ -10,9 +10,9 @@
 #include "meshing/mesh_check.hpp"
 #include "meshing/optics.hpp"
 #include "meshing/remesh.hpp"
-#include "meshing/topography.hpp"
 #include "pipeline/base/case_folder.hpp"
 #include "pipeline/base/log.hpp"
+#include "raytrace/parametric/topography.hpp"
 
 namespace emmetrope {
 namespace {
@@ -20,44 +20,6 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr double head_roll_limit_deg = 3;
-/// One standard deviation of a biometer or keratometer where none is typed.
-constexpr double keratometry_sigma_D = 0.25;
-constexpr double length_sigma_mm = 0.05;
-
-/// What is asked of an eye by instruments, in the order of the command line's kinds.
-std::map<Laterality, std::vector<ExternalMeasurement>> parse_instruments(const MeshingOptions& options) {
-  std::map<Laterality, std::vector<ExternalMeasurement>> by_eye;
-  const auto add = [&](const std::string& flag, const std::vector<std::string>& texts, double sigma,
-                       auto make) {
-    for (const std::string& text : texts) {
-      const EyeFlag parsed = parse_eye_flag(flag, text, sigma);
-      by_eye[parsed.eye].push_back(make(parsed));
-    }
-  };
-  const InstrumentFlags& flags = options.instruments;
-  add("--keratometry", flags.keratometry, keratometry_sigma_D, keratometry_measurement);
-  add("--axial-length", flags.axial_length, length_sigma_mm,
-      [&](const EyeFlag& flag) { return axial_length_measurement(flag, options.retinal_depth_mm); });
-  add("--acd", flags.anterior_chamber_depth, length_sigma_mm, anterior_chamber_measurement);
-  add("--lens-thickness", flags.lens_thickness, length_sigma_mm, lens_thickness_measurement);
-  return by_eye;
-}
-
-struct TopographyFlag {
-  fs::path file;
-  double sigma_D = 0;
-};
-
-/// The last map given for each eye.
-std::map<Laterality, TopographyFlag> parse_topography(const MeshingOptions& options) {
-  std::map<Laterality, TopographyFlag> by_eye;
-  for (const std::string& text : options.instruments.topography) {
-    const EyeFlag flag = parse_eye_flag("--topography", text, keratometry_sigma_D);
-    by_eye[flag.eye] = {flag.value, flag.sigma};
-  }
-  return by_eye;
-}
-
 /// Vertices of each surface, by name.
 std::map<std::string, int> parse_vertices(const std::vector<std::string>& texts) {
   std::map<std::string, int> counts;
@@ -183,8 +145,7 @@ std::string summary(const Json& biometry) {
 }  // namespace
 
 Answer make_meshes(const MeshingOptions& options, const CommonOptions& common) {
-  auto instruments = parse_instruments(options);
-  const auto topographies = parse_topography(options);
+  const auto instruments = parse_instruments(options.instruments, options.retinal_depth_mm);
   parse_vertices(options.vertices);
   const StageVerdict segmentation = read_verdict(options.case_folder, "segmentation");
 
@@ -206,8 +167,10 @@ Answer make_meshes(const MeshingOptions& options, const CommonOptions& common) {
     const std::string name = std::string("segmentation/") + to_string(eye) + "/fit.json";
     if (fs::exists(options.case_folder / name)) spec.inputs.push_back({name, options.case_folder / name});
   }
-  for (const auto& [eye, flag] : topographies)
-    spec.inputs.push_back({std::string("topography/") + to_string(eye), flag.file});
+  for (const auto& [eye, measured] : instruments) {
+    if (measured.topography)
+      spec.inputs.push_back({std::string("topography/") + to_string(eye), measured.topography->file});
+  }
   if (fs::exists(options.case_folder / "case.json"))
     spec.inputs.push_back({"case.json", options.case_folder / "case.json"});
 
@@ -223,14 +186,13 @@ Answer make_meshes(const MeshingOptions& options, const CommonOptions& common) {
     }
     for (auto& [eye, fitted] : eyes) {
       fitted.estimate.add_scale_prior(options.scale_sd);
-      std::vector<ExternalMeasurement> measurements = instruments[eye];
-      if (const auto flag = topographies.find(eye); flag != topographies.end()) {
-        fitted.topography = analyse_topography(read_elevation_map(flag->second.file), flag->second.sigma_D);
-        measurements.push_back(fitted.topography->toric);
-      }
-      for (const ExternalMeasurement& measurement : measurements) {
+      const auto measured = instruments.find(eye);
+      if (measured == instruments.end()) continue;
+      InstrumentReadings readings = read_instruments(measured->second);
+      fitted.topography = std::move(readings.topography);
+      for (const ExternalMeasurement& measurement : readings.measurements) {
         const double surprise = fitted.estimate.assimilate(measurement);
-        if (surprise > 3)
+        if (surprise > surprising_sigma)
           workspace.warn(fmt::format("{}: {} and the images differ by {:.1f} standard deviations",
                                      clinical_name(eye), measurement.source, surprise));
       }

@@ -4,8 +4,8 @@
 #include <string>
 #include <vector>
 
-#include "meshing/instruments.hpp"
 #include "pipeline/base/command_line.hpp"
+#include "raytrace/parametric/instruments.hpp"
 
 namespace emmetrope {
 

@@ -1,7 +1,7 @@
 #pragma once
-#include "meshing/analytic_eye.hpp"
-#include "meshing/estimate.hpp"
 #include "pipeline/base/json.hpp"
+#include "raytrace/parametric/analytic_eye.hpp"
+#include "raytrace/parametric/estimate.hpp"
 
 namespace emmetrope {
 

@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <cmath>
 
-#include "meshing/analytic_eye.hpp"
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/frames.hpp"
+#include "raytrace/parametric/analytic_eye.hpp"
 
 namespace emmetrope {
 namespace {

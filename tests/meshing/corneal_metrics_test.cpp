@@ -1,4 +1,4 @@
-#include "meshing/corneal_metrics.hpp"
+#include "raytrace/parametric/corneal_metrics.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "meshing/estimate.hpp"
+#include "raytrace/parametric/estimate.hpp"
 
 #include <fmt/format.h>
 #include <gtest/gtest.h>
@@ -9,12 +9,12 @@
 #include <map>
 #include <numeric>
 
-#include "meshing/analytic_eye.hpp"
 #include "meshing/biometry.hpp"
-#include "meshing/instruments.hpp"
 #include "meshing/optics.hpp"
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/frames.hpp"
+#include "raytrace/parametric/analytic_eye.hpp"
+#include "raytrace/parametric/instruments.hpp"
 #include "tests/meshing/random_eye.hpp"
 
 namespace emmetrope {
@@ -104,8 +104,7 @@ TEST(Estimate, UpdateOfOneNumberIsTheTextbookOne) {
   const auto acd = index("anterior_chamber_depth_mm");
   const double before = estimate.eye().covariance(acd, acd), sigma = 0.02;
   const double measured = eye.anterior_chamber_depth_mm + 0.03;
-  const double surprise =
-      estimate.assimilate(anterior_chamber_measurement({eye.laterality, std::to_string(measured), sigma}));
+  const double surprise = estimate.assimilate(anterior_chamber_measurement(std::to_string(measured), sigma));
   EXPECT_NEAR(surprise, 0.03 / std::sqrt(before + sigma * sigma), 1e-4);
   const double gain = before / (before + sigma * sigma);
   EXPECT_NEAR(estimate.eye().anterior_chamber_depth_mm, eye.anterior_chamber_depth_mm + gain * 0.03, 1e-6);
@@ -119,8 +118,7 @@ TEST(Estimate, KeratometryTakesOverTheCorneaAndItsCorrelations) {
   EXPECT_EQ(before["astigmatism"]["M_D"]["source"], "mri");
   const CornealPower mri = corneal_power(anterior_cornea(eye));
   const double flat = mri.M_D - 0.4, steep = mri.M_D + 0.8;
-  const auto flag = parse_eye_flag("--keratometry", fmt::format("od:{}@20/{}@110+-0.01", flat, steep), 0.25);
-  estimate.assimilate(keratometry_measurement(flag));
+  estimate.assimilate(keratometry_measurement(fmt::format("{}@20/{}@110", flat, steep), 0.01));
   const Json after = biometry_json(estimate, {});
   // A sigma far below the image's: the instrument's numbers come back, with its interval and its name.
   EXPECT_NEAR(value_of(after["keratometry"]["flat"]["power_D"]), flat, 0.02);
@@ -137,7 +135,7 @@ TEST(Estimate, AxialLengthReadsToThePhotoreceptors) {
   const ParametricEye eye = random_eye(25);
   EyeEstimate estimate(eye);
   const double optical = eye.pole_depth_mm() + 0.2 + 0.05;
-  estimate.assimilate(axial_length_measurement({eye.laterality, std::to_string(optical), 0.001}, 0.2));
+  estimate.assimilate(axial_length_measurement(std::to_string(optical), 0.001, 0.2));
   const Json json = biometry_json(estimate, {});
   EXPECT_NEAR(value_of(json["optical_axial_length_mm"]), optical, 1e-4);
   EXPECT_NEAR(value_of(json["axial_length_mm"]), optical - 0.2, 1e-4);
@@ -177,23 +175,30 @@ TEST(Estimate, ScalePriorStretchesEveryLengthTogether) {
   }
   // A length measured elsewhere settles the scale, and with it the globe's width.
   const double optical = value_of(after["optical_axial_length_mm"]);
-  estimate.assimilate(axial_length_measurement({Laterality::od, std::to_string(optical), 0.001}, 0.2));
+  estimate.assimilate(axial_length_measurement(std::to_string(optical), 0.001, 0.2));
   EXPECT_LT(sigma_of(biometry_json(estimate, {})["globe_width_mm"]), sigma_of(after["globe_width_mm"]));
 }
 
 TEST(Instruments, FlagsAreReadOrRefused) {
-  const EyeFlag flag = parse_eye_flag("--axial-length", "os:23.60+-0.05", 0.1);
-  EXPECT_EQ(flag.eye, Laterality::os);
-  EXPECT_EQ(flag.value, "23.60");
-  EXPECT_DOUBLE_EQ(flag.sigma, 0.05);
-  EXPECT_DOUBLE_EQ(parse_eye_flag("--acd", "od:3.1", 0.1).sigma, 0.1);
-  for (const char* text : {"23.6", "ou:23.6", "od:", "od:23.6+-", "od:23.6+-x", "od:23.6+--1"})
-    EXPECT_THROW(parse_eye_flag("--axial-length", text, 0.1), Error) << text;
-  for (const char* value : {"x", "236", "23.6mm"})
-    EXPECT_THROW(axial_length_measurement({Laterality::od, value, 0.1}, 0.2), Error) << value;
+  InstrumentFlags flags;
+  flags.axial_length = {"os:23.60+-0.02", "od:23.4"};
+  flags.topography = {"os:maps/left+-eye.csv+-0.1"};
+  const auto by_eye = parse_instruments(flags, 0.2);
+  const auto& os = by_eye.at(Laterality::os);
+  EXPECT_DOUBLE_EQ(os.measurements.at(0).value[0], 23.6);
+  EXPECT_DOUBLE_EQ(os.measurements[0].covariance(0, 0), 0.02 * 0.02);
+  EXPECT_EQ(os.topography->file, "maps/left+-eye.csv");
+  EXPECT_DOUBLE_EQ(os.topography->sigma_D, 0.1);
+  EXPECT_DOUBLE_EQ(by_eye.at(Laterality::od).measurements.at(0).covariance(0, 0), 0.05 * 0.05);
+  for (const char* text :
+       {"23.6", "ou:23.6", "od:", "od:23.6+-", "od:23.6+-x", "od:23.6+--1", "od:x", "od:236", "od:23.6mm"}) {
+    InstrumentFlags wrong;
+    wrong.axial_length = {text};
+    EXPECT_THROW(parse_instruments(wrong, 0.2), Error) << text;
+  }
   for (const char* value : {"43.25", "43.25@175", "43.25/44.75", "43.25@175/44.75@100", "7.8@175/7.6@85"})
-    EXPECT_THROW(keratometry_measurement({Laterality::od, value, 0.1}), Error) << value;
-  const ExternalMeasurement k = keratometry_measurement({Laterality::od, "44.75@85/43.25@175", 0.25});
+    EXPECT_THROW(keratometry_measurement(value, 0.25), Error) << value;
+  const ExternalMeasurement k = keratometry_measurement("44.75@85/43.25@175", 0.25);
   EXPECT_NEAR(k.value[0], 44, 1e-12);
   EXPECT_NEAR(k.value[1], 0.75 * std::cos(350 * degree), 1e-12);
   EXPECT_NEAR(k.value[2], 0.75 * std::sin(350 * degree), 1e-12);

@@ -1,4 +1,4 @@
-#include "meshing/topography.hpp"
+#include "raytrace/parametric/topography.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

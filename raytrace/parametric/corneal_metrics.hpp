@@ -2,10 +2,14 @@
 #include <Eigen/Core>
 #include <functional>
 
+#include "raytrace/eye/parametric_eye.hpp"
+
 namespace emmetrope {
 
 /// Depth of the anterior cornea behind its apex at (x, y), mm; rotationally anything.
 using CornealDepth = std::function<double(double x_mm, double y_mm)>;
+/// That of an eye's fitted biconic. \pre the eye outlives it
+CornealDepth anterior_cornea(const ParametricEye& eye);
 
 /// Radius of the ring on which keratometry is defined here.
 inline constexpr double keratometry_ring_mm = 1.5;

@@ -1,4 +1,4 @@
-#include "meshing/topography.hpp"
+#include "raytrace/parametric/topography.hpp"
 
 #include <fmt/format.h>
 
@@ -7,7 +7,6 @@
 #include <optional>
 #include <sstream>
 
-#include "meshing/biometry.hpp"
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/files.hpp"
 #include "pipeline/base/frames.hpp"

@@ -2,10 +2,10 @@
 #include <Eigen/Core>
 #include <filesystem>
 
-#include "meshing/corneal_metrics.hpp"
-#include "meshing/estimate.hpp"
 #include "pipeline/base/measured.hpp"
 #include "raytrace/eye/shape.hpp"
+#include "raytrace/parametric/corneal_metrics.hpp"
+#include "raytrace/parametric/estimate.hpp"
 
 namespace emmetrope {
 

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "raytrace/eye/parametric_eye.hpp"
+#include "raytrace/parametric/normal_distribution.hpp"
 
 namespace emmetrope {
 
@@ -50,15 +51,15 @@ class EyeEstimate {
   /// last instrument that took away more than half of the variance there was.
   Propagated propagate(const Functional& functional) const;
 
-  /// Updates all parameters with a measurement: an iterated extended Kalman filter (Bell and Cathey 1993).
+  /// Updates all parameters with a measurement, as `condition` does.
   ///
-  /// \return Mahalanobis distance of the measurement from what was expected, in standard deviations of its
-  /// dimension:
-  ///         sqrt of chi2 per degree of freedom; above 3 the two hardly fit together
+  /// \return how far it was from what was expected, in standard deviations; above 3 the two hardly fit
+  /// together
   double assimilate(const ExternalMeasurement& measurement);
 
  private:
-  Eigen::MatrixXd jacobian(const Functional& functional) const;
+  NormalDistribution parameters() const;
+  VectorFunction of_parameters(const Functional& functional) const;
 
   struct Step {
     std::string source;

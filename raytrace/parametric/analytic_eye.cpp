@@ -1,4 +1,4 @@
-#include "meshing/analytic_eye.hpp"
+#include "raytrace/parametric/analytic_eye.hpp"
 
 #include <cmath>
 

@@ -1,6 +1,5 @@
-#include "meshing/estimate.hpp"
+#include "raytrace/parametric/estimate.hpp"
 
-#include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
@@ -100,25 +99,23 @@ void EyeEstimate::add_scale_prior(double relative_sd) {
   eye_.covariance += relative_sd * relative_sd * along * along.transpose();
 }
 
-MatrixXd EyeEstimate::jacobian(const Functional& functional) const {
-  ParametricEye eye = eye_;
-  MatrixXd jacobian(functional(eye).size(), static_cast<Index>(eye.parameter_names.size()));
-  for (Index i = 0; i < jacobian.cols(); ++i) {
-    const std::string& name = eye_.parameter_names[i];
-    const double value = eye_.get(name);
-    // Wide enough for what the interval averages over, narrow enough for the derivative.
-    const double step = 0.2 * std::sqrt(eye_.covariance(i, i));
-    eye.set(name, value + step);
-    const VectorXd above = functional(eye);
-    eye.set(name, value - step);
-    jacobian.col(i) = (above - functional(eye)) / (2 * step);
-    eye.set(name, value);
-  }
-  return jacobian;
+NormalDistribution EyeEstimate::parameters() const {
+  VectorXd mean(static_cast<Index>(eye_.parameter_names.size()));
+  for (Index i = 0; i < mean.size(); ++i) mean[i] = eye_.get(eye_.parameter_names[i]);
+  return {std::move(mean), eye_.covariance};
+}
+
+VectorFunction EyeEstimate::of_parameters(const Functional& functional) const {
+  return [eye = eye_, current = parameters().mean, functional](const VectorXd& values) mutable {
+    for (Index i = 0; i < values.size(); ++i)
+      if (values[i] != current[i]) eye.set(eye.parameter_names[i], values[i]);
+    current = values;
+    return functional(eye);
+  };
 }
 
 Propagated EyeEstimate::propagate(const Functional& functional) const {
-  const MatrixXd j = jacobian(functional);
+  const MatrixXd j = jacobian(parameters(), of_parameters(functional));
   Propagated result{functional(eye_), j * eye_.covariance * j.transpose(), {}};
   for (Index row = 0; row < j.rows(); ++row) {
     std::map<std::string, double> share;
@@ -141,30 +138,13 @@ Propagated EyeEstimate::propagate(const Functional& functional) const {
 }
 
 double EyeEstimate::assimilate(const ExternalMeasurement& measurement) {
-  const auto n = static_cast<Index>(eye_.parameter_names.size());
-  VectorXd prior(n);
-  for (Index i = 0; i < n; ++i) prior[i] = eye_.get(eye_.parameter_names[i]);
-  const MatrixXd p = eye_.covariance;
-
-  const MatrixXd first_jacobian = jacobian(measurement.of_eye);
-  const VectorXd surprise = measurement.value - measurement.of_eye(eye_);
-  const MatrixXd expected = first_jacobian * p * first_jacobian.transpose() + measurement.covariance;
-  const double chi2 = surprise.dot(expected.ldlt().solve(surprise));
-
-  MatrixXd j, gain;
-  for (int iteration = 0; iteration < 4; ++iteration) {
-    j = jacobian(measurement.of_eye);
-    gain = (j * p * j.transpose() + measurement.covariance).ldlt().solve(j * p).transpose();
-    VectorXd now(n);
-    for (Index i = 0; i < n; ++i) now[i] = eye_.get(eye_.parameter_names[i]);
-    const VectorXd next = prior + gain * (measurement.value - measurement.of_eye(eye_) - j * (prior - now));
-    for (Index i = 0; i < n; ++i) eye_.set(eye_.parameter_names[i], next[i]);
-  }
-  steps_.push_back({measurement.source, p});
-  // Joseph's form stays symmetric and positive.
-  const MatrixXd keep = MatrixXd::Identity(n, n) - gain * j;
-  eye_.covariance = keep * p * keep.transpose() + gain * measurement.covariance * gain.transpose();
-  return std::sqrt(chi2 / static_cast<double>(measurement.value.size()));
+  NormalDistribution learnt = parameters();
+  steps_.push_back({measurement.source, learnt.covariance});
+  const double surprise =
+      condition(learnt, of_parameters(measurement.of_eye), measurement.value, measurement.covariance);
+  for (Index i = 0; i < learnt.mean.size(); ++i) eye_.set(eye_.parameter_names[i], learnt.mean[i]);
+  eye_.covariance = std::move(learnt.covariance);
+  return surprise;
 }
 
 }  // namespace emmetrope

@@ -1,4 +1,4 @@
-#include "meshing/corneal_metrics.hpp"
+#include "raytrace/parametric/corneal_metrics.hpp"
 
 #include <Eigen/Dense>
 #include <Eigen/Eigenvalues>
@@ -60,6 +60,10 @@ void gauss_legendre(int n, Eigen::VectorXd& node, Eigen::VectorXd& weight) {
 }
 
 }  // namespace
+
+CornealDepth anterior_cornea(const ParametricEye& eye) {
+  return [&eye](double x_mm, double y_mm) { return eye.cornea_anterior_depth_mm(x_mm, y_mm); };
+}
 
 double axial_radius_mm(const CornealDepth& depth, double r_mm, double azimuth_rad) {
   const double c = std::cos(azimuth_rad), s = std::sin(azimuth_rad);
