@@ -7,6 +7,7 @@
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/frames.hpp"
 #include "raytrace/eye/mesh_shape.hpp"
+#include "raytrace/tracer/paper_method.hpp"
 #include "raytrace/tracer/sheet_mesh.hpp"
 #include "raytrace/tracer/triangle_walk.hpp"
 
@@ -171,10 +172,12 @@ DeviceSurface device_surface(const Surface& surface, Representation representati
   DeviceSurface form;
   if (const auto* mesh = dynamic_cast<const MeshShape*>(surface.shape.get())) {
     const HeightField* patch = mesh->patch();
-    if (patch == nullptr)
+    if (representation == Representation::every_triangle) {
+      form = every_triangle(mesh->mesh());
+    } else if (patch == nullptr) {
       throw unsupported_error("surface \"" + surface.name + "\" is no height field along its axis",
                               "the device traces sheets that a line along the axis meets once");
-    if (representation == Representation::triangles) {
+    } else if (representation == Representation::triangles) {
       form = triangle_walk(mesh->mesh(), {patch->base_curvature_per_mm().trace() / 2, patch->base_q(),
                                           patch->base_offset_mm()});
     } else {
@@ -183,6 +186,8 @@ DeviceSurface device_surface(const Surface& surface, Representation representati
     }
   } else if (representation == Representation::smooth) {
     form = smooth(surface, sheet_mesh(*surface.shape, default_semi_diameter_mm(surface), vertices, 0.25));
+  } else if (representation == Representation::every_triangle) {
+    form = every_triangle(sheet_mesh(*surface.shape, default_semi_diameter_mm(surface), vertices, 0.25));
   } else if (representation == Representation::triangles) {
     const double q = number_or(surface.shape->to_json(), "q", 0);
     form = triangle_walk(sheet_mesh(*surface.shape, default_semi_diameter_mm(surface), vertices, 0.25),

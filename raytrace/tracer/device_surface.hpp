@@ -15,7 +15,7 @@ struct DeviceSurface {
   std::vector<double> parameters;  ///< what stands from place 4 on (kernels/surfaces.cl)
   std::vector<float> records;      ///< patches: 16 coefficients a cell; triangles: 32 floats each
   std::vector<float> seeds;        ///< triangles: the grid's (int bits)
-  int columns = 0;                 ///< of the grid
+  int columns = 0;                 ///< of the grid; for every_triangle the number of triangles
   std::string note;                ///< deviation of a fit from the surface
 };
 

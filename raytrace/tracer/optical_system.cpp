@@ -161,14 +161,16 @@ bool OpticalSystem::has(Operation kind) const {
 }
 
 std::string OpticalSystem::definitions() const {
-  const std::array<std::pair<Operation, const char*>, 8> names{{{Operation::sphere, "SPHERE"},
-                                                                {Operation::quadric, "QUADRIC"},
-                                                                {Operation::biconic, "BICONIC"},
-                                                                {Operation::patch, "PATCH"},
-                                                                {Operation::stop, "STOP"},
-                                                                {Operation::rotate, "ROTATE"},
-                                                                {Operation::triangles, "TRIANGLES"},
-                                                                {Operation::gradient, "GRADIENT"}}};
+  const std::array<std::pair<Operation, const char*>, 9> names{
+      {{Operation::sphere, "SPHERE"},
+       {Operation::quadric, "QUADRIC"},
+       {Operation::biconic, "BICONIC"},
+       {Operation::patch, "PATCH"},
+       {Operation::stop, "STOP"},
+       {Operation::rotate, "ROTATE"},
+       {Operation::triangles, "TRIANGLES"},
+       {Operation::gradient, "GRADIENT"},
+       {Operation::every_triangle, "EVERY_TRIANGLE"}}};
   std::string text;
   for (const auto& [kind, name] : names)
     text += std::string(" -DHAS_") + name + "=" + (has(kind) ? "1" : "0");
@@ -177,8 +179,7 @@ std::string OpticalSystem::definitions() const {
 
 OpticalSystem make_optical_system(const EyeModel& eye,
                                   const std::array<double, wavelength_count>& wavelength_nm,
-                                  Representation representation, int vertices,
-                                  const std::vector<std::string>& as_biconic) {
+                                  const SystemForm& wanted) {
   Builder builder(eye, wavelength_nm);
   auto& system = builder.system();
   const auto medium = [&](const std::string& name) -> const Medium* {
@@ -188,7 +189,8 @@ OpticalSystem make_optical_system(const EyeModel& eye,
   };
 
   const Bodies bodies(eye);
-  system.has_body = bodies.any();
+  system.has_body = bodies.any() && !wanted.every_surface;
+  int refracting = 0;  // surfaces met so far
   for (int i = static_cast<int>(eye.surfaces.size()) - 2; i >= 0; --i) {
     const Surface& surface = eye.surfaces[i];
     const Eigen::Matrix3d eye_from_surface = surface.eye_from_surface().linear();
@@ -204,13 +206,17 @@ OpticalSystem make_optical_system(const EyeModel& eye,
     const Medium* front = before < 0 ? nullptr : medium(eye.surfaces[before].medium_after);
     const Medium* behind = medium(surface.medium_after);
 
-    const bool bent = std::find(as_biconic.begin(), as_biconic.end(), surface.name) != as_biconic.end();
+    const bool bent = std::find(wanted.as_biconic.begin(), wanted.as_biconic.end(), surface.name) !=
+                      wanted.as_biconic.end();
+    const int vertices =
+        wanted.vertices.size() == 1 ? wanted.vertices.front() : wanted.vertices.at(refracting);
+    ++refracting;
     const DeviceSurface form =
-        bent ? bendable_surface(surface) : device_surface(surface, representation, vertices);
+        bent ? bendable_surface(surface) : device_surface(surface, wanted.representation, vertices);
     system.axis_deg[surface.name] = form.axis_deg;
     builder.turn_to(eye_from_surface * Eigen::AngleAxisd(form.axis_deg * degree, Eigen::Vector3d::UnitZ()));
     system.operation_of[surface.name] = static_cast<int>(system.kinds.size());
-    int flags = bodies.flags(i);
+    int flags = system.has_body ? bodies.flags(i) : 0;
     const double clear_radius_mm =
         (flags & enters_body) != 0 ? std::min(form.clear_radius_mm, bodies.edge_mm(i)) : form.clear_radius_mm;
     Parameters p = builder.placed(surface, clear_radius_mm);

@@ -11,7 +11,17 @@
 namespace emmetrope::raytrace {
 
 /// What a ray from the retina meets, in order; the numbers are those of kernels/trace.cl.
-enum class Operation : int { sphere = 0, quadric, biconic, patch, stop, rotate, triangles, gradient };
+enum class Operation : int {
+  sphere = 0,
+  quadric,
+  biconic,
+  patch,
+  stop,
+  rotate,
+  triangles,
+  gradient,
+  every_triangle
+};
 
 /// An eye as the kernels take it.
 struct OpticalSystem {
@@ -32,13 +42,17 @@ struct OpticalSystem {
   std::string definitions() const;
 };
 
-/// \param representation  of surfaces that are formulas; a mesh is smooth or triangles
-/// \param vertices        a surface, where a formula is meshed
-/// \param as_biconic      surfaces that must be general biconics, so that they can be bent
+/// How an eye is brought to the device.
+struct SystemForm {
+  Representation representation = Representation::analytic;  ///< a mesh is never analytic: smooth then
+  std::vector<int> vertices{800};       ///< where a formula is meshed: TraceSettings::vertices
+  std::vector<std::string> as_biconic;  ///< surfaces that must be general biconics, so that they can be bent
+  bool every_surface = false;           ///< a ray that misses a body is lost, not led past it
+};
+
 /// \throw Error (unsupported) for a surface that the device cannot represent
 OpticalSystem make_optical_system(const EyeModel& eye,
                                   const std::array<double, wavelength_count>& wavelength_nm,
-                                  Representation representation, int vertices,
-                                  const std::vector<std::string>& as_biconic = {});
+                                  const SystemForm& form);
 
 }  // namespace emmetrope::raytrace

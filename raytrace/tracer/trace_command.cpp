@@ -81,6 +81,7 @@ Json stage_parameters(const TraceOptions& o, const CommonOptions& common) {
           {"field_mm", o.field_mm},
           {"fovea", o.fovea},
           {"samples", o.settings.samples},
+          {"method", o.method},
           {"pupil_mm", o.measured.pupil_mm},
           {"spectacle", o.spectacle},
           {"plano_cylinder", o.plano_cylinder},

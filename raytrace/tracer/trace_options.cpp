@@ -1,6 +1,7 @@
 #include "raytrace/tracer/trace_options.hpp"
 
 #include <charconv>
+#include <cmath>
 #include <map>
 
 #include "pipeline/base/error.hpp"
@@ -44,8 +45,14 @@ void declare(CLI::App& app, TraceOptions& o) {
       ->capture_default_str()
       ->type_name("SCENE");
   app.add_option("--surfaces", o.surfaces, "analytic, triangles, smooth or fast")->type_name("KIND");
-  app.add_option("--vertices", o.settings.vertices, "A surface, where a formula is meshed")
-      ->capture_default_str();
+  app.add_option("--method", o.method,
+                 "pupil: rays spread over the pupil; paper: Wei, Patkar and Pai's algorithm")
+      ->capture_default_str()
+      ->check(CLI::IsMember({"pupil", "paper"}));
+  app.add_option("--vertices", o.vertices,
+                 "A surface, where a formula is meshed; or one number each, retina first")
+      ->capture_default_str()
+      ->type_name("N[,N...]");
   app.add_option("--size", o.size, "Pixels")->capture_default_str()->type_name("WxH");
   app.add_option("--field-mm", o.field_mm, "On the retina, mm")->capture_default_str()->type_name("XxY");
   app.add_option("--fovea", o.fovea, "Centre of the picture on the retina, mm from the pole")
@@ -75,8 +82,23 @@ void declare(CLI::App& app, TraceOptions& o) {
       ->capture_default_str();
 }
 
+std::vector<int> read_counts(const std::string& option, const std::string& text) {
+  std::vector<int> counts;
+  std::string_view rest = text;
+  for (;;) {
+    const double count = take_number(option, text, rest);
+    if (count != std::floor(count) || count < 7 || count > 1e6)
+      throw usage_error(option + ": \"" + text + "\" is not made of whole numbers from 7 to 1000000");
+    counts.push_back(static_cast<int>(count));
+    if (rest.empty()) return counts;
+    take(option, text, rest, ',');
+  }
+}
+
 TraceSettings read_settings(const TraceOptions& o) {
   TraceSettings settings = o.settings;
+  settings.method = o.method == "paper" ? Method::paper : Method::pupil;
+  settings.vertices = read_counts("--vertices", o.vertices);
   const std::map<std::string, Representation> kinds{{"analytic", Representation::analytic},
                                                     {"triangles", Representation::triangles},
                                                     {"smooth", Representation::smooth},

@@ -13,7 +13,7 @@ namespace emmetrope::raytrace {
 struct TraceOptions {
   std::string case_folder, eye, output, scene = "letters";
   std::string surfaces, size = "500x500", field_mm = "6x6", spectacle, plano_cylinder, gaze = "0,0",
-                        fovea = "0,0", lens_model;
+                        fovea = "0,0", lens_model, method = "pupil", vertices = "800";
   std::optional<double> pupil_mm, wavelength_nm, accommodation_D, accommodation_parameter;
   MeasuredEyeOptions measured;
   TraceSettings settings;

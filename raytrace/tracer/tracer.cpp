@@ -7,11 +7,14 @@
 
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/frames.hpp"
+#include "raytrace/eye/mesh_shape.hpp"
 #include "raytrace/tracer/device_scene.hpp"
 #include "raytrace/tracer/opencl.hpp"
 #include "raytrace/tracer/optical_system.hpp"
+#include "raytrace/tracer/paper_method.hpp"
 #include "raytrace/tracer/pupil_aim.hpp"
 #include "raytrace/tracer/retina_pixels.hpp"
+#include "raytrace/tracer/sheet_mesh.hpp"
 #include "raytrace/tracer/spectrum.hpp"
 
 namespace emmetrope::raytrace {
@@ -21,7 +24,7 @@ constexpr int batches = 2;  ///< UN: batches of rays in flight
 constexpr int outputs = 4, state_counts = 4;
 constexpr int work_group = 64;
 /// Rays of one kernel call: short enough for progress, Ctrl-C and a display's watchdog.
-constexpr std::int64_t rays_a_call = 8'000'000;
+constexpr std::int64_t rays_a_call = 8'000'000, rays_a_call_every_triangle = 100'000;
 constexpr double centre_of_rotation_mm = 13.5;  ///< behind the apex
 
 /// The eye turned by `gaze` (Listing): the scene as the turned eye's frame sees it. Positive horizontal: to
@@ -79,7 +82,7 @@ Seeds make_seeds(const OpticalSystem& system, const std::vector<CurvatureTangent
   }
   for (std::size_t k = seeds.first_operation; k < system.kinds.size(); ++k)
     if (system.kinds[k] == Operation::stop || system.kinds[k] == Operation::patch ||
-        system.kinds[k] == Operation::triangles)
+        system.kinds[k] == Operation::triangles || system.kinds[k] == Operation::every_triangle)
       throw unsupported_error("derivatives with respect to surface \"" + tangents.front().surface +
                                   "\": the stop or a mesh lies between it and the scene",
                               "differentiate by a surface in front of them, such as a spectacle's");
@@ -87,6 +90,12 @@ Seeds make_seeds(const OpticalSystem& system, const std::vector<CurvatureTangent
 }
 
 Representation chosen(const EyeModel& eye, const TraceSettings& settings) {
+  if (settings.method == Method::paper) {
+    const Representation wanted = settings.representation.value_or(Representation::every_triangle);
+    if (wanted == Representation::smooth || wanted == Representation::fast)
+      throw usage_error("--method paper has analytic surfaces or triangles only");
+    return wanted == Representation::triangles ? Representation::every_triangle : wanted;
+  }
   if (settings.representation) return *settings.representation;
   for (const auto& surface : eye.surfaces)
     if (!surface.is_stop() && surface.shape->type() == "mesh" && surface.name != "retina")
@@ -94,7 +103,33 @@ Representation chosen(const EyeModel& eye, const TraceSettings& settings) {
   return Representation::analytic;
 }
 
+/// The counts of `vertices` that belong to refracting surfaces; a retina's own count makes it a mesh.
+std::vector<int> take_retina_mesh(EyeModel& eye, const TraceSettings& settings, bool meshed) {
+  std::vector<int> vertices = settings.vertices;
+  if (vertices.size() == 1) return vertices;
+  const auto surfaces = std::count_if(eye.surfaces.begin(), eye.surfaces.end(),
+                                      [](const auto& surface) { return !surface.is_stop(); });
+  const auto given = static_cast<std::ptrdiff_t>(vertices.size());
+  if (given != surfaces && given != surfaces - 1)
+    throw usage_error("--vertices: " + std::to_string(given) + " numbers for an eye of " +
+                          std::to_string(surfaces - 1) + " refracting surfaces and a retina",
+                      "give one for all, or one each from the retina to the cornea");
+  if (given < surfaces) return vertices;
+  Surface& retina = eye.surfaces.back();
+  if (meshed && retina.shape->type() != "mesh") {
+    const RetinalGrid& grid = settings.grid;
+    const double reach_mm = grid.centre_mm.norm() + std::hypot(grid.field_x_mm, grid.field_y_mm) / 2;
+    retina.shape = std::make_shared<MeshShape>(
+        sheet_mesh(*retina.shape, 1.2 * reach_mm, vertices.front(), 0.25), MeshInterpolation::triangles);
+  }
+  vertices.erase(vertices.begin());
+  return vertices;
+}
+
 void check(const TraceSettings& settings) {
+  if (settings.method == Method::paper && settings.illuminance)
+    throw usage_error("--illuminance: the paper's rays are not spread evenly over the pupil",
+                      "leave out --method paper");
   const RetinalGrid& grid = settings.grid;
   if (grid.width < 1 || grid.height < 1 || grid.width > 16384 || grid.height > 16384)
     throw usage_error(
@@ -145,12 +180,12 @@ struct SystemBuffers {
 
 /// Definitions that every kernel needs.
 std::string definitions_of(const OpticalSystem& system, int lanes, int in_flight, int channels, bool spectral,
-                           int waves, bool illuminance, std::size_t tangents) {
+                           int waves, bool illuminance, bool random_cap, std::size_t tangents) {
   return "-DVLN=" + std::to_string(lanes) + " -DUN=" + std::to_string(in_flight) +
          " -DCHANNELS=" + std::to_string(channels) + " -DSPECTRAL=" + (spectral ? "1" : "0") +
          " -DWAVES=" + std::to_string(waves) + " -DILLUMINANCE=" + (illuminance ? "1" : "0") +
-         " -DTANGENTS=" + std::to_string(tangents) + " -DSHARE_RECORDS=" + (lanes == 1 ? "1" : "0") +
-         system.definitions();
+         " -DTANGENTS=" + std::to_string(tangents) + " -DRANDOM_CAP=" + (random_cap ? "1" : "0") +
+         " -DSHARE_RECORDS=" + (lanes == 1 ? "1" : "0") + system.definitions();
 }
 
 }  // namespace
@@ -171,7 +206,7 @@ Tracer& Tracer::operator=(Tracer&&) noexcept = default;
 
 std::string Tracer::device_name() const { return state_->cl.info().description(); }
 
-TraceResult Tracer::trace(const EyeModel& eye, const Scene& scene, const TraceSettings& settings,
+TraceResult Tracer::trace(const EyeModel& whole_eye, const Scene& scene, const TraceSettings& settings,
                           const std::vector<CurvatureTangent>& tangents) const {
   check(settings);
   const auto begin = std::chrono::steady_clock::now();
@@ -180,8 +215,16 @@ TraceResult Tracer::trace(const EyeModel& eye, const Scene& scene, const TraceSe
   Spectrum spectrum = display_spectrum();
   if (!spectral) spectrum.wavelength_nm.fill(*settings.wavelength_nm);
 
-  const OpticalSystem system = make_optical_system(eye, spectrum.wavelength_nm, chosen(eye, settings),
-                                                   settings.vertices, names_of(tangents));
+  EyeModel eye = whole_eye;
+  const bool paper = settings.method == Method::paper;
+  SystemForm form;
+  form.representation = chosen(eye, settings);
+  form.vertices = take_retina_mesh(eye, settings, form.representation != Representation::analytic);
+  form.as_biconic = names_of(tangents);
+  form.every_surface = paper;
+  const OpticalSystem system =
+      make_optical_system(paper ? without_stop(eye) : eye, spectrum.wavelength_nm, form);
+  const std::vector<float> cap = paper ? aim_cap(eye, system.operation_of) : std::vector<float>{};
   const Seeds seeds = make_seeds(system, tangents);
   const DeviceScene view = make_device_scene(scene, eye_from_scene(settings), !spectral);
   const RetinalGrid& grid = settings.grid;
@@ -193,7 +236,7 @@ TraceResult Tracer::trace(const EyeModel& eye, const Scene& scene, const TraceSe
   const int samples = (settings.samples + multiple - 1) / multiple * multiple;
   const int pixel_count = grid.width * grid.height;
   const std::string definitions = definitions_of(system, lanes, batches, view.channels, spectral, waves,
-                                                 settings.illuminance, tangents.size());
+                                                 settings.illuminance, paper, tangents.size());
 
   TraceResult result;
   result.device = device_name();
@@ -208,12 +251,14 @@ TraceResult Tracer::trace(const EyeModel& eye, const Scene& scene, const TraceSe
                      texel_buffer = cl.upload(view.texels), background_buffer = cl.upload(view.background),
                      colour_buffer = cl.upload(colour_table(spectrum));
     const cl::Buffer image_buffer = cl.allocate(image.size() * sizeof(float)),
-                     state_buffer = cl.allocate(states.size() * sizeof(cl_int)),
+                     state_buffer = cl.allocate(states.size() * sizeof(cl_int)), cap_buffer = cl.upload(cap),
                      seed_buffer = cl.upload(seeds.values),
                      derivative_buffer =
                          cl.allocate(std::max<std::size_t>(1, derivatives.size()) * sizeof(float));
+    const std::int64_t rays =
+        system.has(Operation::every_triangle) ? rays_a_call_every_triangle : rays_a_call;
     const int pixels_a_call =
-        std::max<std::int64_t>(work_group, rays_a_call / samples / work_group * work_group);
+        static_cast<int>(std::max<std::int64_t>(work_group, rays / samples / work_group * work_group));
     Arguments arguments(kernel);
     system_buffers.add_to(arguments);
     arguments.add(static_cast<cl_int>(system.kinds.size()), pixel_buffer,
@@ -223,6 +268,7 @@ TraceResult Tracer::trace(const EyeModel& eye, const Scene& scene, const TraceSe
                   static_cast<cl_uint>(settings.seed * 2654435761U + (settings.seed >> 32U)), plane_buffer,
                   static_cast<cl_int>(view.plane_count), texel_buffer, background_buffer, colour_buffer,
                   image_buffer, state_buffer);
+    if (paper) arguments.add(cap_buffer);
     if (!tangents.empty())
       arguments.add(seed_buffer, static_cast<cl_int>(seeds.first_operation), derivative_buffer);
     const std::size_t calls = (pixel_count + pixels_a_call - 1) / pixels_a_call;
@@ -285,8 +331,10 @@ std::vector<ExitRay> Tracer::exit_rays(const EyeModel& eye, const std::vector<Ra
   OpenCl& cl = state_->cl;
   std::array<double, wavelength_count> wavelengths{};
   wavelengths.fill(settings.wavelength_nm.value_or(eye.reference_wavelength_nm));
-  const OpticalSystem system =
-      make_optical_system(eye, wavelengths, chosen(eye, settings), settings.vertices);
+  SystemForm form;
+  form.representation = chosen(eye, settings);
+  form.vertices = settings.vertices;
+  const OpticalSystem system = make_optical_system(eye, wavelengths, form);
   const std::size_t count = (rays_in_eye.size() + 15) / 16 * 16;
   std::vector<float> in(6 * count), out(7 * count);
   for (std::size_t i = 0; i < count && !rays_in_eye.empty(); ++i) {
@@ -295,7 +343,8 @@ std::vector<ExitRay> Tracer::exit_rays(const EyeModel& eye, const std::vector<Ra
     for (int c = 0; c < 3; ++c) in[(3 + c) * count + i] = static_cast<float>(ray.direction[c]);
   }
   try {
-    cl::Kernel kernel(cl.program(definitions_of(system, cl.lanes(), 1, 1, false, 1, false, 0)), "trace_rays");
+    cl::Kernel kernel(cl.program(definitions_of(system, cl.lanes(), 1, 1, false, 1, false, false, 0)),
+                      "trace_rays");
     const SystemBuffers system_buffers(cl, system);
     const cl::Buffer in_buffer = cl.upload(in), out_buffer = cl.allocate(out.size() * sizeof(float));
     Arguments arguments(kernel);

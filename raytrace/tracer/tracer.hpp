@@ -16,7 +16,13 @@
 namespace emmetrope::raytrace {
 
 /// How the eye's surfaces are represented on the device.
-enum class Representation { analytic, triangles, smooth, fast };
+/// every_triangle: the paper's, each triangle tested for each ray, plain means of face normals.
+enum class Representation { analytic, triangles, smooth, fast, every_triangle };
+
+/// How rays are sent from a retinal point: `pupil`, spread evenly over the stop as the retina sees it;
+/// `paper`, as in Wei, Patkar and Pai (2014): to the nearest surface points of random points on a cap over
+/// the posterior lens, as wide as the stop, which itself stops nothing; triangles are then every_triangle.
+enum class Method { pupil, paper };
 
 /// The image plane: pixels equidistant in eye x and y on the retina, centred on the pole.
 struct RetinalGrid {
@@ -33,7 +39,10 @@ struct TraceSettings {
   std::optional<double> wavelength_nm;  ///< monochromatic; spectral by default
   double gaze_horizontal_deg = 0, gaze_vertical_deg = 0;
   bool illuminance = false;  ///< weight by relative retinal illuminance
-  int vertices = 800;        ///< a surface, where a schematic eye is meshed
+  Method method = Method::pupil;
+  /// Where a schematic eye is meshed: of every surface, or one for each from the retina's side outward; with
+  /// one more than there are refracting surfaces the first is the retina's, which is then a mesh as well.
+  std::vector<int> vertices{800};
   Verbosity verbosity;
 };
 

@@ -102,7 +102,7 @@ int main(int argc, char** argv) {
   TraceSettings settings;
   settings.samples = samples;
   settings.wavelength_nm = 589.3;
-  settings.vertices = vertices;
+  settings.vertices = {vertices};
   settings.verbosity.quiet = true;
   const double rays = 500.0 * 500.0 * samples;
   Json answer{
@@ -119,7 +119,7 @@ int main(int argc, char** argv) {
                          const std::vector<CurvatureTangent>& tangents = {}) {
     TraceSettings s = settings;
     s.representation = representation;
-    s.vertices = sheet_vertices;
+    s.vertices = {sheet_vertices};
     tracer.trace(e, *scene, s, tangents);  // kernels compiled
     return report(name, measure(rounds, threads, rays,
                                 [&] { return mean_of(tracer.trace(e, *scene, s, tangents).image); }));

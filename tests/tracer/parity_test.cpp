@@ -102,7 +102,7 @@ TEST_P(MeshAccuracy, JitteredMeshesFollowTheFormulas) {
   const EyeModel eye = make_eye(c.eye, {0, {}, 4.0});
   TraceSettings settings;
   settings.representation = c.representation;
-  settings.vertices = c.vertices;
+  settings.vertices = {c.vertices};
   const Difference d = compare(Tracer(""), with_sheets(eye), eye, settings, 20000);
   std::printf("%s %s %d vertices: direction rms %.4f max %.4f arcmin, position rms %.4f um, other state %d\n",
               c.eye, c.representation == Representation::smooth ? "smooth" : "triangles", c.vertices,
@@ -124,9 +124,9 @@ TEST(Triangles, NoRayIsLostAtVerticesAndEdges) {
   EyeModel eye = with_sheets(make_eye("gullstrand-emsley", {0, {}, 20.0}));
   TraceSettings settings;
   settings.representation = Representation::triangles;
-  settings.vertices = 800;
+  settings.vertices = {800};
   const Surface& last = eye.surfaces[eye.surfaces.size() - 2];
-  const TriangleMesh sheet = sheet_mesh(*last.shape, default_semi_diameter_mm(last), settings.vertices, 0.25);
+  const TriangleMesh sheet = sheet_mesh(*last.shape, default_semi_diameter_mm(last), 800, 0.25);
   std::vector<Ray> rays;
   const double z = -last.position_mm - 3;
   for (const auto& t : sheet.triangles)

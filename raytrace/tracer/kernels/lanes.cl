@@ -107,3 +107,9 @@ AI uint scramble(uint h) {  // PCG, O'Neill 2014
   const uint w = ((h >> ((h >> 28) + 4)) ^ h) * 277803737u;
   return (w >> 22) ^ w;
 }
+// sin and cos of 2 pi (u - 1/2), u in 0..1: the disc's angle, 2e-5 is ample for where a sample lies.
+AI void angle(vf u, vf* s, vf* c) {
+  const vf x = u - 0.5f, x2 = x * x;
+  *s = x * (6.283185307f + x2 * (-41.34170224f + x2 * (81.60524927f + x2 * (-76.70585975f + x2 * (42.05869394f + x2 * (-15.09464258f + x2 * 3.4f))))));
+  *c = 1.f + x2 * (-19.73920880f + x2 * (64.93939402f + x2 * (-85.45681720f + x2 * (60.24464137f + x2 * (-26.42625678f + x2 * 7.9f)))));
+}

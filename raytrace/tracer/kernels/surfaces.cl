@@ -24,6 +24,7 @@ typedef struct {
 #define ROTATE 5
 #define TRIANGLES 6
 #define GRADIENT 7
+#define EVERY_TRIANGLE 8
 
 #define PARAMETERS 16  // floats an operation has
 #define O_X 0

@@ -51,6 +51,9 @@ AI void pass(ray* r, int k, int wave, SYSTEM) {
 #if HAS_TRIANGLES
     case TRIANGLES: UNROLL for (int q = 0; q < UN; q++) triangles(r + q, p, records, ETA); break;
 #endif
+#if HAS_EVERY_TRIANGLE
+    case EVERY_TRIANGLE: every_triangle(r, p, records, eta); break;
+#endif
 #if HAS_GRADIENT
     case GRADIENT: UNROLL for (int q = 0; q < UN; q++) gradient(r + q, p, gradients, eta, wave); break;
 #endif
@@ -70,13 +73,6 @@ AI void pass(ray* r, int k, int wave, SYSTEM) {
     r[q].state = select(r[q].state, before[q].state, b);
   }
 #endif
-}
-
-// sin and cos of 2 pi (u - 1/2), u in 0..1: the disc's angle, 2e-5 is ample for where a sample lies.
-AI void angle(vf u, vf* s, vf* c) {
-  const vf x = u - 0.5f, x2 = x * x;
-  *s = x * (6.283185307f + x2 * (-41.34170224f + x2 * (81.60524927f + x2 * (-76.70585975f + x2 * (42.05869394f + x2 * (-15.09464258f + x2 * 3.4f))))));
-  *c = 1.f + x2 * (-19.73920880f + x2 * (64.93939402f + x2 * (-85.45681720f + x2 * (60.24464137f + x2 * (-26.42625678f + x2 * 7.9f)))));
 }
 
 // A pixel: retina point (3), aim's centre (2), matrix that takes the unit disc to the aim ellipse (4), surface normal (3).
@@ -140,6 +136,9 @@ kernel void trace_pixels(SYSTEM, int operation_count, global const float* restri
                          global const uint* restrict texels, constant float* restrict background,
                          constant float* restrict colour, global float* restrict image,
                          global int* restrict states
+#if RANDOM_CAP
+                         , constant float* restrict cap
+#endif
 #if TANGENTS
                          , constant float* restrict seeds, int first_seed, global float* restrict derivatives
 #endif
@@ -171,7 +170,11 @@ kernel void trace_pixels(SYSTEM, int operation_count, global const float* restri
         // A wavelength takes a run of the lattice: every run is as even as the whole.
         const vu n = (LANES + (vu)(uint)(wave * VLN)) * (vu)(uint)(samples / (VLN * WAVES)) +
                      (vu)(uint)(s / (VLN * WAVES) + q);
+#if RANDOM_CAP
+        start_at_cap(&r[q], n, shift_1, shift_2, pixel, cap, operations, records);
+#else
         start(&r[q], n, shift_1, shift_2, pixel, aim_z, &weight[q]);
+#endif
       }
 #if TANGENTS
       for (int k = 0; k < first_seed; k++) pass(r, k, wave, SYSTEM_ARGUMENTS);
