@@ -35,23 +35,27 @@ if (slices.length > 0) {
   });
 }
 
-// The MR volume with the surfaces, where the page carries the viewer and the browser has WebGL 2.
+// The MR volume with the surfaces, where the page carries the viewer and the browser has WebGL 2. It starts when its
+// section comes near, so that the page itself is there at once on a machine without a graphics processor.
 const viewerData = document.getElementById("viewer-data");
 if (viewerData && window.niivue) {
-  const { Niivue, NVImage, NVMesh } = window.niivue;
+  const { Niivue, NVImage, NVMesh, SHOW_RENDER, MULTIPLANAR_TYPE } = window.niivue;
   const panel = document.querySelector(".viewer");
   const status = document.getElementById("viewer-status");
   const byId = (id) => document.getElementById(id);
   const bytesOf = (text) => Uint8Array.from(atob(text), (c) => c.charCodeAt(0)).buffer;
+  const solidOnly = 4;  // the layout without slices
 
   const start = async () => {
+    if (!document.createElement("canvas").getContext("webgl2")) throw new Error("this browser has no WebGL 2");
     const { volumes, meshes } = JSON.parse(viewerData.textContent);
     const canvas = byId("viewer-canvas");
-    if (!document.createElement("canvas").getContext("webgl2")) throw new Error("this browser has no WebGL 2");
-    panel.hidden = false;
-    const viewer = new Niivue({ isRadiologicalConvention: true, backColor: [0, 0, 0, 1], isOrientationTextVisible: true,
-      dragAndDropEnabled: false, show3Dcrosshair: true, meshXRay: 0.15, crosshairWidth: 0.4,
-      sagittalNoseLeft: true, multiplanarShowRender: window.niivue.SHOW_RENDER.ALWAYS });
+    const viewer = new Niivue({ isRadiologicalConvention: true, backColor: [0, 0, 0, 1], fontColor: [1, 0.88, 0.4, 1],
+      isOrientationTextVisible: true, showAllOrientationMarkers: true, dragAndDropEnabled: false, show3Dcrosshair: true,
+      meshXRay: 0.15, crosshairWidth: 0.4, sagittalNoseLeft: true, multiplanarShowRender: SHOW_RENDER.ALWAYS,
+      multiplanarLayout: canvas.clientWidth > 700 ? MULTIPLANAR_TYPE.GRID : MULTIPLANAR_TYPE.AUTO, logLevel: "error" });
+    // The 3-D view shows the surfaces alone: a rendered head would hide them and take seconds without a graphics processor.
+    viewer.drawImage3D = () => {};
     await viewer.attachToCanvas(canvas);
     viewer.opts.isSliceMM = true;
     const select = byId("viewer-volume");
@@ -69,17 +73,20 @@ if (viewerData && window.niivue) {
       viewer.setMeshThicknessOn2D(0.5);
       viewer.drawScene();
     };
+    const labelOpacity = () => (byId("viewer-labels").checked ? 0.3 : 0);
     const showVolume = async () => {
       while (viewer.volumes.length > 0) viewer.removeVolume(viewer.volumes[0]);
       const volume = volumes[Number(select.value)];
       viewer.addVolume(await NVImage.loadFromBase64({ base64: volume.data, name: `${volume.name}.nii.gz`, colormap: "gray" }));
       if (volume.labels)
         viewer.addVolume(await NVImage.loadFromBase64({ base64: volume.labels, name: "labels.nii.gz", colormap: "actc",
-          opacity: byId("viewer-labels").checked ? 0.35 : 0 }));
+          opacity: labelOpacity() }));
+      viewer.scene.crosshairPos = viewer.mm2frac(volume.start_ras_mm);
     };
+    const layout = () => Number(byId("viewer-layout").value);
     const redraw = () => {
-      if (viewer.volumes.length > 1) viewer.setOpacity(1, byId("viewer-labels").checked ? 0.35 : 0);
-      viewer.setSliceType(Number(byId("viewer-layout").value));
+      if (viewer.volumes.length > 1) viewer.setOpacity(1, labelOpacity());
+      viewer.setSliceType(layout());
     };
     await showVolume();
     showMeshes();
@@ -88,15 +95,33 @@ if (viewerData && window.niivue) {
     byId("viewer-labels").addEventListener("change", redraw);
     byId("viewer-layout").addEventListener("change", redraw);
     byId("viewer-meshes").addEventListener("change", showMeshes);
+    const steps = { ArrowLeft: [-1, 0, 0], ArrowRight: [1, 0, 0], ArrowUp: [0, 0, 1], ArrowDown: [0, 0, -1],
+      PageUp: [0, 1, 0], PageDown: [0, -1, 0] };
+    canvas.addEventListener("keydown", (event) => {
+      const step = steps[event.key];
+      if (!step) return;
+      event.preventDefault();
+      if (layout() === solidOnly)
+        viewer.setRenderAzimuthElevation(viewer.scene.renderAzimuth + 5 * step[0], viewer.scene.renderElevation + 5 * step[2]);
+      else viewer.moveCrosshairInVox(...step);
+    });
     const convention = document.querySelector(".convention input");
-    if (convention) convention.addEventListener("change", () => viewer.setRadiologicalConvention(!convention.checked));
-    status.textContent = "Drag or use the mouse wheel to scroll the slices; drag the 3-D view to turn the eyes.";
+    if (convention) {
+      const follow = () => viewer.setRadiologicalConvention(!convention.checked);
+      convention.addEventListener("change", follow);
+      follow();
+    }
+    status.textContent = "Drag or use the mouse wheel to move through the slices, or the arrow and page keys; drag the 3-D view to turn the eyes.";
     panel.dataset.ready = "true";
   };
-  start().catch((error) => {
-    panel.hidden = false;
-    panel.querySelector(".viewer-canvas").hidden = true;
-    panel.querySelector(".viewer-controls").hidden = true;
-    status.textContent = `The interactive viewer cannot run here (${error.message}); the figures above show the same surfaces.`;
-  });
+  panel.hidden = false;
+  new IntersectionObserver((entries, observer) => {
+    if (!entries.some((entry) => entry.isIntersecting)) return;
+    observer.disconnect();
+    start().catch((error) => {
+      panel.querySelector(".viewer-canvas").hidden = true;
+      panel.querySelector(".viewer-controls").hidden = true;
+      status.textContent = `The interactive viewer cannot run here (${error.message}); the figures above show the same surfaces.`;
+    });
+  }, { rootMargin: "300px" }).observe(panel);
 }

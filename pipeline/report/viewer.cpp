@@ -182,6 +182,9 @@ ViewerData make_viewer_data(const CaseData& data, Notes& notes) {
     if (!crop || static_cast<std::size_t>(crop->size.cast<long>().prod()) > most_voxels) continue;
     const std::string name = file.filename().string().substr(0, file.filename().string().size() - 7);
     Json entry{{"name", name}, {"data", packed_nifti(volume, *crop, windowed(volume, *crop))}};
+    const auto eye = std::find_if(centres.begin(), centres.end(),
+                                  [&](const Vector3d& centre) { return volume.coverage(centre, 11) >= 0.5; });
+    entry["start_ras_mm"] = {-eye->x(), -eye->y(), eye->z()};  // crop_of found one
     const fs::path labels = file.parent_path() / (name + "_labels.nii.gz");
     if (fs::exists(labels)) {
       const Volume label_volume(labels);

@@ -336,40 +336,6 @@ TEST_F(ReportTest, FollowUpTellsChangesFromMeasurementError) {
   fs::remove_all(later);
 }
 
-// Opens the page from disk: the scripts run without a complaint of ours, nothing is fetched, and the viewer
-// starts.
-TEST_F(ReportTest, BrowserRunsThePageWithoutErrors) {
-  if (!fs::exists("/usr/bin/chromium")) GTEST_SKIP() << "chromium is not installed";
-  test::make_fixture_case(folder_);
-  report();
-  const std::string page = (folder_ / "report" / "report.html").string();
-  const std::string log = page + ".log", profile = folder_.string() + "/profile";
-  const ProcessResult browser =
-      run_process("/bin/sh",
-                  {"-c",
-                   "exec chromium --headless --no-sandbox --disable-gpu --disable-quic "
-                   "--no-first-run --disable-background-networking "
-                   "--disable-component-update --disable-sync "
-                   "--enable-logging=stderr --virtual-time-budget=15000 "
-                   "--user-data-dir=\"$3\" --dump-dom \"file://$1\" 2>\"$2\"",
-                   "sh", page, log, profile},
-                  ChildOutput::capture);
-  ASSERT_EQ(browser.status, 0);
-  const auto has = [&](const char* text) { return browser.output.find(text) != std::string::npos; };
-  EXPECT_TRUE(has("class=\"slider\""));
-  EXPECT_TRUE(has("class=\"convention\""));
-  if (output("report.html").find("id=\"viewer-data\"") != std::string::npos) {
-    EXPECT_TRUE(has("data-ready=\"true\""));
-  }
-  std::istringstream lines(read_file(log));
-  for (std::string line; std::getline(lines, line);) {
-    if (line.find("CONSOLE") == std::string::npos) continue;
-    const std::string message = line.substr(0, line.find(", source: "));
-    for (const char* fault : {"Error", "Uncaught", "Refused"})
-      EXPECT_EQ(message.find(fault), std::string::npos) << message;
-  }
-}
-
 TEST_F(ReportTest, BrokenJsonIsAnInputErrorAndLeavesNothing) {
   test::make_fixture_case(folder_);
   write_json(folder_ / "meshing" / "od" / "biometry.json",

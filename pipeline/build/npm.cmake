@@ -1,0 +1,32 @@
+# emmetrope_npm(FOLDER FILE FOUND): installs what FOLDER/package-lock.json names into the build tree, exactly, and sets
+# FOUND to the path of FILE below node_modules, or to an empty text where npm or the network is missing.
+find_program(NPM_PROGRAM npm)
+function(emmetrope_npm folder file found)
+  set(installed ${CMAKE_CURRENT_BINARY_DIR}/${folder})
+  set(stamp ${installed}/package-lock.json.installed)
+  set(lock ${CMAKE_CURRENT_SOURCE_DIR}/${folder}/package-lock.json)
+  set_property(DIRECTORY APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS ${lock})
+  file(SHA256 ${lock} wanted)
+  set(present "")
+  if(EXISTS ${stamp})
+    file(READ ${stamp} present)
+  endif()
+  if(NPM_PROGRAM AND NOT present STREQUAL wanted)
+    message(STATUS "Installing ${folder} by npm")
+    file(COPY ${folder}/package.json ${lock} DESTINATION ${installed})
+    execute_process(COMMAND ${NPM_PROGRAM} ci --ignore-scripts --no-audit --no-fund
+                            --fetch-retries=1 --fetch-timeout=20000
+                    WORKING_DIRECTORY ${installed} TIMEOUT 120
+                    OUTPUT_QUIET ERROR_QUIET RESULT_VARIABLE result)
+    if(result EQUAL 0)
+      file(WRITE ${stamp} ${wanted})
+    else()
+      message(STATUS "npm could not install ${folder}")
+    endif()
+  endif()
+  set(path ${installed}/node_modules/${file})
+  if(NOT EXISTS ${path})
+    set(path "")
+  endif()
+  set(${found} "${path}" PARENT_SCOPE)
+endfunction()
