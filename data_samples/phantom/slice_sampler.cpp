@@ -13,7 +13,8 @@ constexpr int layers_elsewhere = 4;
 
 /// Depth of a fine cell's points within their layers, in sixteenths of it: an ordered dither, so that a
 /// border parallel to the slice is met by all cells of a voxel at different depths.
-constexpr std::array<double, std::size_t{fine} * fine> dither{0, 8, 2, 10, 12, 4, 14, 6, 3, 11, 1, 9, 15, 7, 13, 5};
+constexpr std::array<double, std::size_t{fine} * fine> dither{0, 8,  2, 10, 12, 4, 14, 6,
+                                                              3, 11, 1, 9,  15, 7, 13, 5};
 
 /// The profile at t thicknesses off the slice's middle.
 double profile_at(SliceProfile profile, double t) {

@@ -19,7 +19,6 @@ namespace emmetrope {
 namespace {
 
 namespace fs = std::filesystem;
-using testing::HasSubstr;
 
 const std::vector<std::string>& stages() {
   static const std::vector<std::string> names{"segmentation", "meshing", "raytrace", "correction", "report"};

@@ -17,7 +17,7 @@ constexpr int size = 64;
 FineSlice cosine(double cycles, double phase, bool fat = false) {
   FineSlice slice;
   slice.columns = slice.rows = size;
-  slice.water.assign(fine * fine * size * size, 0);
+  slice.water.assign(std::size_t{fine} * fine * size * size, 0);
   slice.fat = slice.water;
   auto& target = fat ? slice.fat : slice.water;
   const double k = 2 * pi * cycles / size;

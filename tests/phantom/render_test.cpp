@@ -47,7 +47,7 @@ TEST(SliceSampler, CoversBordersToAHundredth) {
           for (int i = 0; i < fine; ++i) {
             const std::size_t at =
                 (static_cast<std::size_t>(row) * fine + j) * fine * plan.columns + column * fine + i;
-            sampled += (slice.water[at] + slice.fat[at]) / (fine * fine);
+            sampled += (slice.water[at] + slice.fat[at]) / (1.0 * fine * fine);
           }
         double truth = 0;
         constexpr int points = 20000;
