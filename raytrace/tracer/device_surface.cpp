@@ -192,11 +192,8 @@ DeviceSurface device_surface(const Surface& surface, Representation representati
     const double q = number_or(surface.shape->to_json(), "q", 0);
     form = triangle_walk(sheet_mesh(*surface.shape, default_semi_diameter_mm(surface), vertices, 0.25),
                          {surface.shape->vertex_curvature().trace() / 2, q, 0});
-  } else if (representation == Representation::analytic) {
+  } else {  // analytic; what a fast map is fitted to
     form = formula(surface);
-  } else {
-    throw unsupported_error("--surfaces fast is not offered by this version",
-                            "use analytic, smooth or triangles");
   }
   if (surface.semi_diameter_mm > 0)
     form.clear_radius_mm = std::min(form.clear_radius_mm, surface.semi_diameter_mm);

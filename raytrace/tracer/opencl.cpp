@@ -10,6 +10,7 @@
 namespace emmetrope {
 extern const char kernel_lanes[];
 extern const char kernel_surfaces[];
+extern const char kernel_fast[];
 extern const char kernel_paper[];
 extern const char kernel_scene[];
 extern const char kernel_tangent[];
@@ -167,8 +168,8 @@ cl::Program& OpenCl::program(const std::string& definitions) {
   const std::lock_guard<std::mutex> lock(mutex_);
   const auto known = programs_.find(definitions);
   if (known != programs_.end()) return known->second;
-  const std::string source = std::string(kernel_lanes) + kernel_surfaces + kernel_paper + kernel_scene +
-                             kernel_tangent + kernel_trace;
+  const std::string source = std::string(kernel_lanes) + kernel_surfaces + kernel_paper + kernel_fast +
+                             kernel_scene + kernel_tangent + kernel_trace;
   cl::Program program(context_, source);
   try {
     program.build(std::vector<cl::Device>{device_}, definitions.c_str());

@@ -8,7 +8,9 @@
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/frames.hpp"
 #include "raytrace/eye/mesh_shape.hpp"
+#include "raytrace/tracer/device_rays.hpp"
 #include "raytrace/tracer/device_scene.hpp"
+#include "raytrace/tracer/fast_map.hpp"
 #include "raytrace/tracer/opencl.hpp"
 #include "raytrace/tracer/optical_system.hpp"
 #include "raytrace/tracer/paper_method.hpp"
@@ -22,7 +24,6 @@ namespace {
 
 constexpr int batches = 2;  ///< UN: batches of rays in flight
 constexpr int outputs = 4, state_counts = 4;
-constexpr int work_group = 64;
 /// Rays of one kernel call: short enough for progress, Ctrl-C and a display's watchdog.
 constexpr std::int64_t rays_a_call = 8'000'000, rays_a_call_every_triangle = 100'000;
 constexpr double centre_of_rotation_mm = 13.5;  ///< behind the apex
@@ -149,47 +150,6 @@ void check(const TraceSettings& settings) {
 
 }  // namespace
 
-namespace {
-
-/// Sets a kernel's arguments one after the other.
-class Arguments {
- public:
-  explicit Arguments(cl::Kernel& kernel) : kernel_(kernel) {}
-  template <typename... Values>
-  void add(const Values&... values) {
-    (kernel_.setArg(place_++, values), ...);
-  }
-  cl_uint place() const { return place_; }
-
- private:
-  cl::Kernel& kernel_;
-  cl_uint place_ = 0;
-};
-
-/// The buffers of an optical system: SYSTEM in kernels/trace.cl.
-struct SystemBuffers {
-  SystemBuffers(const OpenCl& cl, const OpticalSystem& system)
-      : kinds(cl.upload(system.kinds)),
-        operations(cl.upload(system.operations)),
-        ratios(cl.upload(system.ratios)),
-        gradients(cl.upload(system.gradients)),
-        records(cl.upload(system.records)) {}
-  void add_to(Arguments& arguments) const { arguments.add(kinds, operations, ratios, gradients, records); }
-  cl::Buffer kinds, operations, ratios, gradients, records;
-};
-
-/// Definitions that every kernel needs.
-std::string definitions_of(const OpticalSystem& system, int lanes, int in_flight, int channels, bool spectral,
-                           int waves, bool illuminance, bool random_cap, std::size_t tangents) {
-  return "-DVLN=" + std::to_string(lanes) + " -DUN=" + std::to_string(in_flight) +
-         " -DCHANNELS=" + std::to_string(channels) + " -DSPECTRAL=" + (spectral ? "1" : "0") +
-         " -DWAVES=" + std::to_string(waves) + " -DILLUMINANCE=" + (illuminance ? "1" : "0") +
-         " -DTANGENTS=" + std::to_string(tangents) + " -DRANDOM_CAP=" + (random_cap ? "1" : "0") +
-         " -DSHARE_RECORDS=" + (lanes == 1 ? "1" : "0") + system.definitions();
-}
-
-}  // namespace
-
 struct Tracer::State {
   State(const std::string& device, int wanted_threads)
       : cl(device, wanted_threads),
@@ -235,23 +195,42 @@ TraceResult Tracer::trace(const EyeModel& whole_eye, const Scene& scene, const T
   const int multiple = lanes * waves * batches;
   const int samples = (settings.samples + multiple - 1) / multiple * multiple;
   const int pixel_count = grid.width * grid.height;
-  const std::string definitions = definitions_of(system, lanes, batches, view.channels, spectral, waves,
-                                                 settings.illuminance, paper, tangents.size());
+  KernelForm kernel_form;
+  kernel_form.lanes = lanes;
+  kernel_form.in_flight = batches;
+  kernel_form.channels = view.channels;
+  kernel_form.waves = waves;
+  kernel_form.spectral = spectral;
+  kernel_form.illuminance = settings.illuminance;
+  kernel_form.random_cap = paper;
+  kernel_form.tangents = tangents.size();
 
   TraceResult result;
   result.device = device_name();
   result.notes = system.notes;
+  std::vector<float> map_rows, map_weights;
+  FastMap map;
   std::vector<float> image(static_cast<std::size_t>(pixel_count) * outputs);
   std::vector<cl_int> states(static_cast<std::size_t>(pixel_count) * state_counts);
   std::vector<float> derivatives(image.size() / outputs * 3 * tangents.size());
   try {
-    cl::Kernel kernel(cl.program(definitions), "trace_pixels");
+    if (form.representation == Representation::fast) {
+      const int mapped = tangents.empty() ? static_cast<int>(system.kinds.size()) : seeds.first_operation;
+      map = make_fast_map(cl, eye, grid, aim, system, mapped, spectrum.wavelength_nm, settings.seed,
+                          state_->threads);
+      map_rows = map.rows(grid.height, lanes);
+      map_weights = map.column_weights(grid.width);
+      kernel_form.more = map.definitions();
+      result.notes.push_back(map.note());
+    }
+    cl::Kernel kernel(cl.program(definitions_of(system, kernel_form)), "trace_pixels");
     const SystemBuffers system_buffers(cl, system);
     const cl::Buffer pixel_buffer = cl.upload(pixels.values), plane_buffer = cl.upload(view.planes),
                      texel_buffer = cl.upload(view.texels), background_buffer = cl.upload(view.background),
                      colour_buffer = cl.upload(colour_table(spectrum));
     const cl::Buffer image_buffer = cl.allocate(image.size() * sizeof(float)),
                      state_buffer = cl.allocate(states.size() * sizeof(cl_int)), cap_buffer = cl.upload(cap),
+                     row_buffer = cl.upload(map_rows), weight_buffer = cl.upload(map_weights),
                      seed_buffer = cl.upload(seeds.values),
                      derivative_buffer =
                          cl.allocate(std::max<std::size_t>(1, derivatives.size()) * sizeof(float));
@@ -269,6 +248,10 @@ TraceResult Tracer::trace(const EyeModel& whole_eye, const Scene& scene, const T
                   static_cast<cl_int>(view.plane_count), texel_buffer, background_buffer, colour_buffer,
                   image_buffer, state_buffer);
     if (paper) arguments.add(cap_buffer);
+    if (form.representation == Representation::fast)
+      arguments.add(static_cast<cl_int>(map.operations), static_cast<cl_int>(grid.width),
+                    static_cast<cl_int>(grid.height), static_cast<cl_float>(map.plane_z_mm), row_buffer,
+                    weight_buffer);
     if (!tangents.empty())
       arguments.add(seed_buffer, static_cast<cl_int>(seeds.first_operation), derivative_buffer);
     const std::size_t calls = (pixel_count + pixels_a_call - 1) / pixels_a_call;
@@ -335,27 +318,16 @@ std::vector<ExitRay> Tracer::exit_rays(const EyeModel& eye, const std::vector<Ra
   form.representation = chosen(eye, settings);
   form.vertices = settings.vertices;
   const OpticalSystem system = make_optical_system(eye, wavelengths, form);
-  const std::size_t count = (rays_in_eye.size() + 15) / 16 * 16;
-  std::vector<float> in(6 * count), out(7 * count);
-  for (std::size_t i = 0; i < count && !rays_in_eye.empty(); ++i) {
-    const Ray& ray = rays_in_eye[std::min(i, rays_in_eye.size() - 1)];
-    for (int c = 0; c < 3; ++c) in[c * count + i] = static_cast<float>(ray.origin[c]);
-    for (int c = 0; c < 3; ++c) in[(3 + c) * count + i] = static_cast<float>(ray.direction[c]);
-  }
+  const std::size_t count = rays_in_eye.size();
+  std::vector<float> in(6 * count), out;
+  for (std::size_t i = 0; i < count; ++i)
+    for (int c = 0; c < 3; ++c) {
+      in[c * count + i] = static_cast<float>(rays_in_eye[i].origin[c]);
+      in[(3 + c) * count + i] = static_cast<float>(rays_in_eye[i].direction[c]);
+    }
   try {
-    cl::Kernel kernel(cl.program(definitions_of(system, cl.lanes(), 1, 1, false, 1, false, false, 0)),
-                      "trace_rays");
-    const SystemBuffers system_buffers(cl, system);
-    const cl::Buffer in_buffer = cl.upload(in), out_buffer = cl.allocate(out.size() * sizeof(float));
-    Arguments arguments(kernel);
-    system_buffers.add_to(arguments);
-    arguments.add(static_cast<cl_int>(system.kinds.size()), static_cast<cl_int>(count), cl_int{0}, in_buffer,
-                  out_buffer);
-    const std::size_t items = count / cl.lanes();
-    cl.queue().enqueueNDRangeKernel(kernel, cl::NullRange,
-                                    cl::NDRange((items + work_group - 1) / work_group * work_group),
-                                    cl::NDRange(work_group));
-    cl.queue().enqueueReadBuffer(out_buffer, CL_TRUE, 0, out.size() * sizeof(float), out.data());
+    out = raytrace::trace_rays(cl, system, SystemBuffers(cl, system), in,
+                               static_cast<int>(system.kinds.size()));
   } catch (const cl::Error& fault) {
     throw_device_error(fault, cl.info().name);
   }

@@ -139,6 +139,10 @@ kernel void trace_pixels(SYSTEM, int operation_count, global const float* restri
 #if RANDOM_CAP
                          , constant float* restrict cap
 #endif
+#if FAST
+                         , int first_operation, int width, int height, float map_z, global const float* restrict map_rows,
+                         global const float* restrict map_weights
+#endif
 #if TANGENTS
                          , constant float* restrict seeds, int first_seed, global float* restrict derivatives
 #endif
@@ -162,6 +166,12 @@ kernel void trace_pixels(SYSTEM, int operation_count, global const float* restri
     vf change_sum[TANGENTS * CHANNELS];
     UNROLL for (int i = 0; i < TANGENTS * CHANNELS; i++) change_sum[i] = 0.f;
 #endif
+#if FAST
+    coefficient map[MAP_FLOATS];
+    map_of_pixel(map, index / width, index % width, width, height, wave, map_rows, map_weights);
+#else
+    const int first_operation = 0;
+#endif
     for (int s = 0; s < samples; s += VLN * WAVES * UN) {
       ray r[UN];
       vf weight[UN];
@@ -172,12 +182,17 @@ kernel void trace_pixels(SYSTEM, int operation_count, global const float* restri
                      (vu)(uint)(s / (VLN * WAVES) + q);
 #if RANDOM_CAP
         start_at_cap(&r[q], n, shift_1, shift_2, pixel, cap, operations, records);
+#elif FAST
+#if ILLUMINANCE
+        start(&r[q], n, shift_1, shift_2, pixel, aim_z, &weight[q]);
+#endif
+        start_by_map(&r[q], n, shift_1, shift_2, map, map_z);
 #else
         start(&r[q], n, shift_1, shift_2, pixel, aim_z, &weight[q]);
 #endif
       }
 #if TANGENTS
-      for (int k = 0; k < first_seed; k++) pass(r, k, wave, SYSTEM_ARGUMENTS);
+      for (int k = first_operation; k < first_seed; k++) pass(r, k, wave, SYSTEM_ARGUMENTS);
       tangent d[UN * TANGENTS];
       UNROLL for (int q = 0; q < UN * TANGENTS; q++) d[q] = (tangent){0.f, 0.f, 0.f, 0.f, 0.f, 0.f};
       for (int k = first_seed; k < operation_count; k++) {
@@ -188,7 +203,7 @@ kernel void trace_pixels(SYSTEM, int operation_count, global const float* restri
           pass_tangents(d + q * TANGENTS, before + q, r + q, k, kinds[k], operations + k * PARAMETERS, RATIO(k, wave), seeds);
       }
 #else
-      for (int k = 0; k < operation_count; k++) pass(r, k, wave, SYSTEM_ARGUMENTS);
+      for (int k = first_operation; k < operation_count; k++) pass(r, k, wave, SYSTEM_ARGUMENTS);
 #endif
       UNROLL for (int q = 0; q < UN; q++) {
         view seen;
