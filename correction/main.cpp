@@ -34,8 +34,10 @@ int main(int argc, char** argv) {
         ->check(CLI::Range(380.0, 780.0))
         ->capture_default_str();
     app.add_option("--fovea", fovea_mm, "X,Y on the retina from the pole, mm")->delimiter(',')->expected(2);
-    app.add_option("--refraction", settings.known_refractions,
-                   "known refraction, sets the lens index: od:-2.25/-1.00x180@12+-0.25");
+    declare(app, settings.known.instruments);
+    app.add_option("--refraction", settings.known.refractions,
+                   "known refraction, settles the lens index: od:-2.25/-1.00x180@12+-0.25")
+        ->allow_extra_args(false);
     app.add_option("--lens-index-sigma", settings.lens_index_sigma,
                    "standard deviation of the lens index; 0: known")
         ->check(CLI::Range(0.0, 0.05))

@@ -20,6 +20,15 @@ WavefrontSettings wavefront_settings(const PrescriptionSettings& settings) {
   return result;
 }
 
+std::shared_ptr<const raytrace::Scene> scene_of(const PrescriptionSettings& settings) {
+  return settings.chart.empty() ? refraction_chart() : raytrace::make_scene(settings.chart);
+}
+
+std::vector<ImagingLevel> levels_of(const PrescriptionSettings& settings) {
+  return imaging_levels(settings.criterion, settings.pupil_mm, settings.wavelength_nm, settings.fovea_mm,
+                        settings.seed);
+}
+
 /// Radii on which the paper's curve is drawn.
 std::vector<double> sweep_radii_mm() {
   constexpr int count = 41;
@@ -35,8 +44,7 @@ PlanoCylinderResult best_plano_cylinder(const raytrace::Tracer& tracer,
                                         const EyeModel& eye, const PrescriptionSettings& settings,
                                         const PowerVector& at_lens) {
   const double index = settings.plano_cylinder_index, distance_mm = settings.plano_cylinder_distance_mm;
-  const std::vector<ImagingLevel> levels = imaging_levels(
-      settings.criterion, settings.pupil_mm, settings.wavelength_nm, settings.fovea_mm, settings.seed);
+  const std::vector<ImagingLevel> levels = levels_of(settings);
   // Either sign may be sharpest, and the full lens says which axis; a weak and a strong lens each.
   const double axis_deg = to_sphero_cylinder(at_lens).axis_deg;
   std::vector<Start> starts;
@@ -69,6 +77,23 @@ PlanoCylinderResult best_plano_cylinder(const raytrace::Tracer& tracer,
 
 }  // namespace
 
+SearchResult sharpest_lens(const raytrace::Tracer& tracer, const EyeModel& eye,
+                           const PrescriptionSettings& settings) {
+  const LensFamily family = thin_lens(settings.vertex_distance_mm);
+  // No lens at all; the wavefront's answer; and a sphere beyond it, from the other side.
+  const Eigen::Vector3d from_wavefront =
+      as_vector(refraction_by_wavefront(with_pupil(eye, settings.pupil_mm), wavefront_settings(settings),
+                                        settings.vertex_distance_mm)
+                    .minimum_rms_wavefront);
+  const Eigen::Vector3d beyond(1.5 * from_wavefront[0] + std::copysign(1, from_wavefront[0]), 0, 0);
+  std::vector<Start> starts{{family, Eigen::Vector3d::Zero()}};
+  for (const Eigen::Vector3d& start : {from_wavefront, beyond})
+    if (family.bounds.contain(start)) starts.push_back({family, start});
+  SearchResult search = find_sharpest(tracer, scene_of(settings), eye, levels_of(settings), starts);
+  if (!search.accepted) throw no_result_error(search.reason);
+  return search;
+}
+
 Prescription prescribe(const raytrace::Tracer& tracer, const EyeModel& eye,
                        const PrescriptionSettings& settings) {
   Prescription result;
@@ -82,27 +107,18 @@ Prescription prescribe(const raytrace::Tracer& tracer, const EyeModel& eye,
   result.field = peripheral_refraction(seeing, settings.wavelength_nm, field_reach_deg, field_points_across);
   progress.advance();
 
-  const std::shared_ptr<const raytrace::Scene> scene =
-      settings.chart.empty() ? refraction_chart() : raytrace::make_scene(settings.chart);
-  const std::vector<ImagingLevel> levels = imaging_levels(
-      settings.criterion, settings.pupil_mm, settings.wavelength_nm, settings.fovea_mm, settings.seed);
-  const LensFamily family = thin_lens(settings.vertex_distance_mm);
-  // No lens at all; the wavefront's answer; and a sphere beyond it, from the other side.
-  const Eigen::Vector3d from_wavefront = as_vector(result.check.minimum_rms_wavefront);
-  const Eigen::Vector3d beyond(1.5 * from_wavefront[0] + std::copysign(1, from_wavefront[0]), 0, 0);
-  std::vector<Start> starts{{family, Eigen::Vector3d::Zero()}};
-  for (const Eigen::Vector3d& start : {from_wavefront, beyond})
-    if (family.bounds.contain(start)) starts.push_back({family, start});
-  result.search = find_sharpest(tracer, scene, eye, levels, starts);
-  if (!result.search.accepted) throw no_result_error(result.search.reason);
+  result.search = sharpest_lens(tracer, eye, settings);
+  const LensFamily& family = result.search.family;
   result.refraction = family.power(result.search.best.lens);
-  result.sharpness_without_lens =
-      RetinalSharpness(tracer, scene, eye, family, levels.back())(Eigen::Vector3d::Zero()).value;
+  result.sharpness_without_lens = RetinalSharpness(tracer, scene_of(settings), eye, family,
+                                                   levels_of(settings).back())(Eigen::Vector3d::Zero())
+                                      .value;
   progress.advance();
 
   const PowerVector at_cornea = move_towards_eye(result.refraction, settings.vertex_distance_mm);
-  result.plano_cylinder = best_plano_cylinder(
-      tracer, scene, eye, settings, move_towards_eye(at_cornea, -settings.plano_cylinder_distance_mm));
+  result.plano_cylinder =
+      best_plano_cylinder(tracer, scene_of(settings), eye, settings,
+                          move_towards_eye(at_cornea, -settings.plano_cylinder_distance_mm));
   progress.advance();
   return result;
 }
@@ -119,7 +135,6 @@ PrescriptionUncertainty uncertainty_of(const Prescription& prescription, const U
   result.calibration = calibration;
   const Eigen::Vector3d sampling = prescription.search.sampling_sigma_D;
   if (eye) {
-    result.source = "mri";
     const PrescriptionSettings& settings = prescription.settings;
     // The least-squares fit of ray slopes moves with the eye as the sharpest lens does, at a fraction of the
     // cost.
@@ -127,18 +142,14 @@ PrescriptionUncertainty uncertainty_of(const Prescription& prescription, const U
       return refraction_by_spot(changed, settings);
     };
     const Eigen::MatrixXd sensitivity = refraction_sensitivity(*eye, refraction);
-    UncertainEye known = *eye;
-    if (calibration) {
-      result.source = "refraction";
-      known.covariance =
-          covariance_after(eye->covariance, known_refraction(sensitivity, calibration->sigma_D));
-    }
-    result.budget = uncertainty_budget(known, sensitivity);
+    for (int i = 0; i < 3; ++i) result.sources[i] = source_of(*eye, sensitivity.row(i));
+    for (const auto& step : eye->learnt) result.data.push_back(step.source);
+    result.budget = uncertainty_budget(*eye, sensitivity);
     result.budget.pop_back();  // the total follows with the sampling in it
-    result.covariance = sensitivity * known.covariance * sensitivity.transpose();
+    result.covariance = sensitivity * eye->numbers.covariance * sensitivity.transpose();
     const auto add = [&](const std::string& name, const Measurement& measurement) {
       const Eigen::Vector3d sigma =
-          (sensitivity * covariance_after(known.covariance, measurement) * sensitivity.transpose())
+          (sensitivity * covariance_after(eye->numbers.covariance, measurement) * sensitivity.transpose())
               .diagonal()
               .cwiseMax(0)
               .cwiseSqrt();

@@ -55,6 +55,10 @@ struct Prescription {
   std::vector<FieldPoint> field;  ///< refraction over the visual field
 };
 
+/// The thin lens of the sharpest image. \throw Error (no_result) when none is found, with the reason
+SearchResult sharpest_lens(const raytrace::Tracer& tracer, const EyeModel& eye,
+                           const PrescriptionSettings& settings);
+
 /// Finds the lens by image sharpness and by wavefront.
 /// \throw Error (no_result) when no sharpest lens is found, with the reason
 Prescription prescribe(const raytrace::Tracer& tracer, const EyeModel& eye,
@@ -63,12 +67,14 @@ Prescription prescribe(const raytrace::Tracer& tracer, const EyeModel& eye,
 /// M by the least-squares fit of ray slopes, at the settings' vertex distance: quick, for derivatives.
 PowerVector refraction_by_spot(const EyeModel& eye, const PrescriptionSettings& settings);
 
-/// A refraction known from the clinic has set the lens index: from then on it is data, and no result.
+/// A refraction known from the clinic has entered as data and settled the lens index: the refraction is then
+/// no result.
 struct Calibration {
   PowerVector given;  ///< at the settings' vertex distance
   double sigma_D = 0.25;
-  double index_before = 0, index_after = 0;
-  PowerVector before;  ///< what the images alone said
+  double index_before = 0;
+  Measured index_after;
+  PowerVector before;  ///< what the eye said without it
 };
 
 /// Where the numbers' uncertainty comes from.
@@ -79,11 +85,13 @@ struct PrescriptionUncertainty {
     std::string measurement;
     BudgetLine sigma_after;
   };
-  std::vector<Value> if_measured;  ///< what a further measurement would leave
-  std::string source = "model";    ///< of the prescription's numbers
+  std::vector<Value> if_measured;                                 ///< what a further measurement would leave
+  std::array<std::string, 3> sources{"model", "model", "model"};  ///< of M, J0, J45
+  std::vector<std::string> data;  ///< what the eye was learnt from beside its images, in order
   std::optional<Calibration> calibration;
 };
-/// \param eye  null for a schematic eye, whose geometry is exact: what is left is the image's sampling
+/// \param eye  what is known of it by now; null for a schematic eye, whose geometry is exact: what is left is
+/// the image's sampling
 PrescriptionUncertainty uncertainty_of(const Prescription& prescription, const UncertainEye* eye,
                                        const std::optional<Calibration>& calibration = {});
 

@@ -74,7 +74,7 @@ Json to_json(const Prescription& prescription, const PrescriptionUncertainty& un
              const std::string& laterality) {
   const PrescriptionSettings& settings = prescription.settings;
   const RefractionIntervals intervals = refraction_intervals(prescription.refraction, uncertainty.covariance,
-                                                             uncertainty.source, settings.seed);
+                                                             uncertainty.sources, settings.seed);
   const SpheroCylinder notation = to_sphero_cylinder(prescription.refraction);
 
   Json json;
@@ -131,15 +131,17 @@ Json to_json(const Prescription& prescription, const PrescriptionUncertainty& un
                      {"J0_D", point.refraction.J0_D},
                      {"J45_D", point.refraction.J45_D}});
   json["peripheral"] = std::move(field);
+  json["learnt_from"] = uncertainty.data;
   if (const auto& calibration = uncertainty.calibration)
-    json["calibration"] = {{"given", notation_json(calibration->given)},
-                           {"sigma_D", calibration->sigma_D},
-                           {"lens_index_before", calibration->index_before},
-                           {"lens_index_after", calibration->index_after},
-                           {"from_images_alone", notation_json(calibration->before)},
-                           {"text",
-                            "The refraction was given and has set the index of the lens; the mean power is "
-                            "data, not a result."}};
+    json["calibration"] = {
+        {"given", notation_json(calibration->given)},
+        {"sigma_D", calibration->sigma_D},
+        {"lens_index_before", calibration->index_before},
+        {"lens_index_after", calibration->index_after},
+        {"without_it", notation_json(calibration->before)},
+        {"text",
+         "The refraction was given and has settled the index of the lens: it is data here, "
+         "not a result."}};
   json["notice"] = research_notice;
   return json;
 }

@@ -31,7 +31,8 @@ Json parameters_of(const CorrectionSettings& settings, const CommonOptions& comm
           {"plano_cylinder_distance_mm", p.plano_cylinder_distance_mm},
           {"plano_cylinder_index", p.plano_cylinder_index},
           {"lens_index_sigma", settings.lens_index_sigma},
-          {"known_refractions", settings.known_refractions},
+          {"instruments", to_json(settings.known.instruments)},
+          {"known_refractions", settings.known.refractions},
           {"age_years", settings.age_years ? Json(*settings.age_years) : Json(nullptr)},
           {"seed", common.seed},
           {"laterality", common.laterality == LateralityChoice::both ? "both"
@@ -88,69 +89,40 @@ void follow_trace_stage(const fs::path& case_folder, CorrectionSettings& setting
   }
 }
 
-/// "od:-2.25/-1.00x180" for this eye; nothing where none is given.
-std::optional<StatedRefraction> known_refraction_of(const CorrectionSettings& settings, Laterality eye) {
-  std::optional<StatedRefraction> known;
-  for (const std::string& text : settings.known_refractions) {
-    const auto colon = text.find(':');
-    const std::string side = text.substr(0, colon);
-    if (colon == std::string::npos || (side != "od" && side != "os"))
-      throw usage_error("--refraction \"" + text + "\" does not say which eye",
-                        "write od: or os: first, as in od:-2.25/-1.00x180@12+-0.25");
-    const StatedRefraction stated = parse_refraction(text.substr(colon + 1));
-    if (side == to_string(eye)) known = stated;
-  }
-  return known;
-}
-
 struct EyeResult {
   Prescription prescription;
   PrescriptionUncertainty uncertainty;
 };
 
-/// Another lens index, so that the sharpest lens has the mean power that is known. \returns the index
-double calibrated_index(const EyeModel& eye, const PrescriptionSettings& settings, double change_of_M_D) {
-  const auto M_at = [&](double index) {
-    EyeModel changed = with_pupil(eye, settings.pupil_mm);
-    changed.media.at("lens").index = index;
-    return refraction_by_spot(changed, settings).M_D;
-  };
-  const double start = eye.media.at("lens").index, wanted_D = M_at(start) + change_of_M_D;
-  double index = start;
-  for (int i = 0; i < 8; ++i) {  // Newton; M is nearly linear in the index
-    constexpr double step = 1e-3;
-    const double M_D = M_at(index), slope = (M_at(index + step) - M_D) / step;
-    index += (wanted_D - M_D) / slope;
-    if (std::abs(wanted_D - M_D) < 1e-3) return index;
-    if (!(index > 1.36 && index < 1.5)) break;
+/// What the clinic knows is learnt about the eye as formulas, which then stands for the one that was traced.
+std::optional<Calibration> learn_known_data(const raytrace::Tracer& tracer, EyeModel& eye,
+                                            UncertainEye& uncertain, const KnownData& known,
+                                            const PrescriptionSettings& settings,
+                                            std::vector<std::string>& warnings) {
+  if (known.has_instruments()) {
+    warnings = learn(uncertain, read_instruments(known.instruments));
+    eye = uncertain.eye;
   }
-  throw no_result_error(
-      fmt::format(
-          "no lens index between 1.36 and 1.50 explains the given refraction, {:+.2f} D from what the eye's "
-          "geometry says",
-          change_of_M_D),
-      "check the refraction's eye and sign, and the axial length");
+  if (!known.refraction) return {};
+  Calibration calibration = calibrate(tracer, eye, uncertain, *known.refraction, settings);
+  eye = uncertain.eye;
+  return calibration;
 }
 
-EyeResult correct_one(const raytrace::Tracer& tracer, EyeModel& eye, const CorrectionSettings& settings,
-                      const std::optional<UncertainEye>& uncertain,
-                      const std::optional<StatedRefraction>& known) {
-  EyeResult result;
-  result.prescription = prescribe(tracer, eye, settings.prescription);
-  std::optional<Calibration> calibration;
-  if (known) {
-    const PrescriptionSettings& p = settings.prescription;
-    const PowerVector at_cornea =
-        move_towards_eye(to_power_vector(known->refraction), known->vertex_distance_mm);
-    const PowerVector given = move_towards_eye(at_cornea, -p.vertex_distance_mm);
-    const double index = calibrated_index(eye, p, given.M_D - result.prescription.refraction.M_D);
-    calibration = {given, known->sigma_D.value_or(0.25), eye.media.at("lens").index, index,
-                   result.prescription.refraction};
-    eye.media.at("lens").index = index;
-    result.prescription = prescribe(tracer, eye, p);
-  }
-  result.uncertainty = uncertainty_of(result.prescription, uncertain ? &*uncertain : nullptr, calibration);
-  return result;
+/// Formulas cannot stand for every eye.
+void check_learnable(const fs::path& case_folder, const std::string& eye_name, const EyeModel& traced) {
+  const auto give_to_mesh = [&](const std::string& why) {
+    return usage_error(eye_name + ": " + why + ", so no further measurement can be added here",
+                       "give the measurements to \"emmetrope mesh\" and trace the case again");
+  };
+  if (!fs::exists(case_folder / "meshing" / eye_name / "optics.json"))
+    throw give_to_mesh("meshing/" + eye_name + "/optics.json is missing");
+  if (traced.media.find("lens") == traced.media.end())
+    throw give_to_mesh("it was traced with a lens of cortex and core");
+  const Json meshing = read_json(case_folder / "meshing" / "stage.json");
+  for (const Json& map : meshing.at("parameters").value("topography", Json::array()))
+    if (map.get<std::string>().rfind(eye_name + ":", 0) == 0)
+      throw give_to_mesh("its cornea has been meshed from a topography");
 }
 
 void write_eye_files(const fs::path& folder, const raytrace::Tracer& tracer, const EyeModel& eye,
@@ -193,10 +165,10 @@ UncertainEye read_uncertain_eye(const fs::path& file, double lens_index_sigma, c
   if (lens == traced.media.end()) return uncertain;  // cortex and core: the equivalent index stays
   const double index = lens->second.index;
   const Eigen::Index i = uncertain.index_of("lens_index");
-  uncertain.values[i] = index;
-  uncertain.covariance.row(i).setZero();
-  uncertain.covariance.col(i).setZero();
-  uncertain.covariance(i, i) = lens_index_sigma * lens_index_sigma;
+  uncertain.numbers.mean[i] = index;
+  uncertain.numbers.covariance.row(i).setZero();
+  uncertain.numbers.covariance.col(i).setZero();
+  uncertain.numbers.covariance(i, i) = lens_index_sigma * lens_index_sigma;
   uncertain.eye.media.at("lens").index = index;
   return uncertain;
 }
@@ -212,7 +184,7 @@ Answer correct_case(const fs::path& case_folder, CorrectionSettings settings, co
     if (subject.contains("age_years") && subject["age_years"].is_number())
       settings.age_years = subject["age_years"].get<double>();
   }
-  for (const Laterality eye : both_eyes) known_refraction_of(settings, eye);  // usage errors come first
+  const std::map<Laterality, KnownData> known = parse_known_data(settings.known);
   std::vector<Laterality> eyes;
   StageSpec spec{"correction", parameters_of(settings, common), {}, true, {}};
   for (const Laterality eye : both_eyes) {
@@ -220,6 +192,11 @@ Answer correct_case(const fs::path& case_folder, CorrectionSettings settings, co
     if (!includes(common.laterality, eye) || !fs::exists(case_folder / "raytrace" / name / "eye.json"))
       continue;
     eyes.push_back(eye);
+    if (const auto data = known.find(eye); data != known.end()) {
+      check_learnable(case_folder, name, read_eye(case_folder / "raytrace" / name / "eye.json"));
+      if (const auto& map = data->second.instruments.topography)
+        spec.inputs.push_back({"topography/" + name, map->file});
+    }
     for (const char* stage : {"meshing/", "raytrace/"})
       for (const StageInput& input : inputs_below(case_folder, stage + name)) spec.inputs.push_back(input);
   }
@@ -242,8 +219,21 @@ Answer correct_case(const fs::path& case_folder, CorrectionSettings settings, co
         const fs::path optics = case_folder / "meshing" / name / "optics.json";
         std::optional<UncertainEye> uncertain;
         if (fs::exists(optics)) uncertain = read_uncertain_eye(optics, settings.lens_index_sigma, eye);
-        const EyeResult result =
-            correct_one(*tracer, eye, settings, uncertain, known_refraction_of(settings, side));
+        std::optional<Calibration> calibration;
+        if (const auto data = known.find(side); data != known.end()) {
+          std::vector<std::string> warnings;
+          calibration =
+              learn_known_data(*tracer, eye, *uncertain, data->second, settings.prescription, warnings);
+          for (const std::string& warning : warnings)
+            workspace.warn(std::string(clinical_name(side)) + ": " + warning);
+          workspace.warn(
+              std::string(clinical_name(side)) +
+              ": what was measured elsewhere is in the prescription and in corrected.png, not in the "
+              "meshes and uncorrected.png; give it to the mesh stage to have it there too");
+        }
+        EyeResult result{prescribe(*tracer, eye, settings.prescription), {}};
+        result.uncertainty =
+            uncertainty_of(result.prescription, uncertain ? &*uncertain : nullptr, calibration);
         write_eye_files(workspace.folder() / name, *tracer, eye, result, settings.picture, common.seed, name,
                         settings.age_years);
         const SearchResult& plano = result.prescription.plano_cylinder.search;
@@ -281,12 +271,13 @@ Answer correct_case(const fs::path& case_folder, CorrectionSettings settings, co
 
 Answer correct_eye(const EyeModel& eye, const fs::path& output, const CorrectionSettings& settings,
                    const CommonOptions& common) {
-  if (!settings.known_refractions.empty())
-    throw usage_error("--refraction calibrates a measured eye; --eye has nothing to calibrate");
+  if (!parse_known_data(settings.known).empty())
+    throw usage_error("measurements from elsewhere are learnt about a measured eye; --eye is known exactly",
+                      "leave them out, or name a CASE");
   const raytrace::Tracer tracer(common.device, common.threads);
-  EyeModel seeing = eye;
-  const EyeResult result = correct_one(tracer, seeing, settings, std::nullopt, std::nullopt);
-  write_eye_files(output, tracer, seeing, result, settings.picture, common.seed, "", settings.age_years);
+  EyeResult result{prescribe(tracer, eye, settings.prescription), {}};
+  result.uncertainty = uncertainty_of(result.prescription, nullptr);
+  write_eye_files(output, tracer, eye, result, settings.picture, common.seed, "", settings.age_years);
   Answer answer;
   answer.json = to_json(result.prescription, result.uncertainty, "");
   answer.text = summary(eye.name, result) + std::string(research_notice) + "\n";

@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "correction/known_data.hpp"
 #include "correction/prescription.hpp"
 #include "pipeline/base/case_folder.hpp"
 #include "pipeline/base/command_line.hpp"
@@ -24,9 +25,9 @@ struct PictureSettings {
 struct CorrectionSettings {
   PrescriptionSettings prescription;
   PictureSettings picture;
-  double lens_index_sigma = 0.005;             ///< prior of a measured eye's lens index; 0 where it is known
-  std::optional<double> age_years;             ///< for the near point; a case's own where none is given
-  std::vector<std::string> known_refractions;  ///< "od:-2.25/-1.00x180@12+-0.25"
+  double lens_index_sigma = 0.005;  ///< prior of a measured eye's lens index; 0 where it is known
+  std::optional<double> age_years;  ///< for the near point; a case's own where none is given
+  KnownDataFlags known;
 };
 
 /// CASE/correction/<eye>/: prescription.json, corrected.png, sweep.csv, sweep.svg, for every eye that was

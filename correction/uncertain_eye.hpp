@@ -1,23 +1,31 @@
 #pragma once
 #include <Eigen/Core>
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "pipeline/base/json.hpp"
 #include "raytrace/eye/eye_model.hpp"
+#include "raytrace/parametric/instruments.hpp"
+#include "raytrace/parametric/normal_distribution.hpp"
 
 namespace emmetrope::correction {
 
 /// A measured eye as formulas, with numbers that are uncertain: meshing/<eye>/optics.json.
 struct UncertainEye {
-  EyeModel eye;  ///< at `values`
-  std::vector<std::string>
-      parameters;  ///< names as in docs/stage-files.md, and any of lens_anterior_q,
-                   ///< lens_posterior_q, lens_decentre_x_mm, lens_decentre_y_mm; always lens_index
-  Eigen::VectorXd values;
-  Eigen::MatrixXd covariance;        ///< symmetric, positive semi-definite
-  std::vector<std::string> sources;  ///< "mri", "prior", "keratometry", ...
+  EyeModel eye;                         ///< at the mean
+  std::vector<std::string> parameters;  ///< names as in docs/stage-files.md, lens_index among them
+  NormalDistribution numbers;
+  std::vector<std::string> sources;      ///< "mri", "prior", "keratometry", ...
+  std::optional<Topography> topography;  ///< departure of the cornea from the parameters' toric conicoid
+
+  /// What was learnt since the images, in order.
+  struct Step {
+    std::string source;
+    Eigen::MatrixXd covariance_before;
+  };
+  std::vector<Step> learnt;
 
   /// Place of a parameter. \throw Error (input_invalid) when it is not there
   Eigen::Index index_of(const std::string& parameter) const;
@@ -31,7 +39,23 @@ struct UncertainEye {
 UncertainEye uncertain_eye_from_json(const Json& optics, const std::filesystem::path& folder,
                                      double lens_index_sigma);
 
-/// The eye with other values of its parameters: cornea and lens as conics, the rest as it is.
+/// The eye with other values of its parameters: cornea and lens as the parameters say, the retina's shape as
+/// it is.
 EyeModel eye_at(const UncertainEye& uncertain, const Eigen::VectorXd& values);
+
+/// The same as the fitted eye whose own length ends at the photoreceptors.
+ParametricEye parametric_eye_at(const UncertainEye& uncertain, const Eigen::VectorXd& values);
+
+/// Updates the eye with the knowledge that `function` of its parameters was measured.
+/// \return the measurement's distance from what was expected, in standard deviations
+double learn(UncertainEye& uncertain, const std::string& source, const VectorFunction& function,
+             const Eigen::VectorXd& measured, const Eigen::MatrixXd& noise_covariance);
+
+/// The same with all that other instruments found. \return a warning for each that hardly fits the images
+std::vector<std::string> learn(UncertainEye& uncertain, const InstrumentReadings& readings);
+
+/// Where a number comes from whose derivatives by the parameters are `row`: the images, or the last that took
+/// away more than half of the variance there was.
+std::string source_of(const UncertainEye& uncertain, const Eigen::RowVectorXd& row);
 
 }  // namespace emmetrope::correction

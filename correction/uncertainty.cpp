@@ -11,21 +11,21 @@ namespace {
 
 struct Group {
   const char* source;
-  std::vector<std::string> parameters;
+  std::vector<std::string> prefixes;  ///< of its parameters' names
 };
 const std::vector<Group>& groups() {
-  static const std::vector<Group> all{
-      {"axial length", {"optical_axial_length_mm"}},
-      {"anterior cornea", {"cornea_c_per_mm", "cornea_j0_per_mm", "cornea_j45_per_mm", "cornea_q"}},
-      {"posterior cornea", {"cornea_back_ratio", "cornea_thickness_mm"}},
-      {"anterior chamber depth", {"anterior_chamber_depth_mm"}},
-      {"lens shape",
-       {"lens_thickness_mm", "lens_anterior_radius_mm", "lens_posterior_radius_mm", "lens_anterior_q",
-        "lens_posterior_q"}},
-      {"lens tilt and decentre",
-       {"lens_tilt_x_deg", "lens_tilt_y_deg", "lens_decentre_x_mm", "lens_decentre_y_mm"}},
-      {"lens index", {"lens_index"}}};
+  static const std::vector<Group> all{{"axial length", {"optical_axial_length"}},
+                                      {"anterior cornea", {"cornea_c_", "cornea_j", "cornea_q"}},
+                                      {"posterior cornea", {"cornea_back", "cornea_thickness"}},
+                                      {"anterior chamber depth", {"anterior_chamber_depth"}},
+                                      {"lens shape", {"lens_thickness", "lens_anterior", "lens_posterior"}},
+                                      {"lens tilt and decentre", {"lens_tilt", "lens_decentre"}},
+                                      {"lens index", {"lens_index"}}};
   return all;
+}
+bool belongs(const Group& group, const std::string& parameter) {
+  return std::any_of(group.prefixes.begin(), group.prefixes.end(),
+                     [&](const std::string& prefix) { return parameter.rfind(prefix, 0) == 0; });
 }
 
 double signed_root(double variance) { return std::copysign(std::sqrt(std::abs(variance)), variance); }
@@ -47,11 +47,11 @@ Measured from_draws(double value, std::vector<double>& draws, const std::string&
 }  // namespace
 
 Eigen::MatrixXd refraction_sensitivity(const UncertainEye& eye, const RefractionOf& refraction) {
-  Eigen::MatrixXd sensitivity(3, eye.values.size());
-  for (Eigen::Index i = 0; i < eye.values.size(); ++i) {
-    const double sigma = std::sqrt(std::max(0.0, eye.covariance(i, i)));
-    const double step = sigma > 0 ? sigma / 2 : 1e-4 * std::max(1.0, std::abs(eye.values[i]));
-    Eigen::VectorXd ahead = eye.values, behind = eye.values;
+  Eigen::MatrixXd sensitivity(3, eye.numbers.mean.size());
+  for (Eigen::Index i = 0; i < eye.numbers.mean.size(); ++i) {
+    const double sigma = std::sqrt(std::max(0.0, eye.numbers.covariance(i, i)));
+    const double step = sigma > 0 ? sigma / 2 : 1e-4 * std::max(1.0, std::abs(eye.numbers.mean[i]));
+    Eigen::VectorXd ahead = eye.numbers.mean, behind = eye.numbers.mean;
     ahead[i] += step;
     behind[i] -= step;
     sensitivity.col(i) =
@@ -66,72 +66,56 @@ std::vector<BudgetLine> uncertainty_budget(const UncertainEye& eye, const Eigen:
   for (const Group& group : groups()) {
     Eigen::MatrixXd part = Eigen::MatrixXd::Zero(3, sensitivity.cols());
     for (Eigen::Index i = 0; i < sensitivity.cols(); ++i)
-      if (std::find(group.parameters.begin(), group.parameters.end(), eye.parameters[i]) !=
-          group.parameters.end())
-        part.col(i) = sensitivity.col(i);
-    const Eigen::Vector3d variance = (part * eye.covariance * part.transpose()).diagonal().cwiseMax(0);
+      if (belongs(group, eye.parameters[i])) part.col(i) = sensitivity.col(i);
+    const Eigen::Vector3d variance =
+        (part * eye.numbers.covariance * part.transpose()).diagonal().cwiseMax(0);
     sum += variance;
     budget.push_back({group.source, std::sqrt(variance[0]), std::sqrt(variance[1]), std::sqrt(variance[2])});
   }
   const Eigen::Vector3d total =
-      (sensitivity * eye.covariance * sensitivity.transpose()).diagonal().cwiseMax(0);
+      (sensitivity * eye.numbers.covariance * sensitivity.transpose()).diagonal().cwiseMax(0);
   const Eigen::Vector3d cross = total - sum;
   budget.push_back({"correlations", signed_root(cross[0]), signed_root(cross[1]), signed_root(cross[2])});
   budget.push_back({"total", std::sqrt(total[0]), std::sqrt(total[1]), std::sqrt(total[2])});
   return budget;
 }
 
-Measurement keratometry(const UncertainEye& eye, double sigma_D) {
-  // K = 337.5 / R with R = sqrt(R0^2 - Q h^2) at h = 1.5 mm; to first order in the toricity each component of
-  // the curvature passes with the same factor R0^3 / R^3.
-  constexpr double keratometric = 337.5, h_mm = 1.5;
-  const double c = eye.values[eye.index_of("cornea_c_per_mm")], q = eye.values[eye.index_of("cornea_q")];
-  const double squeeze = std::pow(1 - q * h_mm * h_mm * c * c, -1.5);
-  Measurement measurement{"keratometry", Eigen::MatrixXd::Zero(3, eye.values.size()),
-                          Eigen::Vector3d::Constant(sigma_D)};
-  measurement.sensitivity(0, eye.index_of("cornea_c_per_mm")) = keratometric * squeeze;
-  measurement.sensitivity(0, eye.index_of("cornea_q")) = keratometric * squeeze * c * c * c * h_mm * h_mm / 2;
-  measurement.sensitivity(1, eye.index_of("cornea_j0_per_mm")) = keratometric * squeeze;
-  measurement.sensitivity(2, eye.index_of("cornea_j45_per_mm")) = keratometric * squeeze;
-  return measurement;
-}
-
-Measurement optical_axial_length(const UncertainEye& eye, double sigma_mm) {
-  Measurement measurement{"axial length", Eigen::MatrixXd::Zero(1, eye.values.size()),
-                          Eigen::VectorXd::Constant(1, sigma_mm)};
-  measurement.sensitivity(0, eye.index_of("optical_axial_length_mm")) = 1;
-  return measurement;
-}
-
-Measurement known_refraction(const Eigen::MatrixXd& refraction_sensitivity, double sigma_D) {
-  return {"refraction", refraction_sensitivity, Eigen::Vector3d::Constant(sigma_D)};
-}
-
 namespace {
-Eigen::MatrixXd gain_of(const Eigen::MatrixXd& covariance, const Measurement& measurement) {
-  const Eigen::MatrixXd& h = measurement.sensitivity;
-  const Eigen::MatrixXd noise = measurement.sigma.array().square().matrix().asDiagonal();
-  const Eigen::MatrixXd innovation = h * covariance * h.transpose() + noise;
-  return innovation.ldlt().solve(h * covariance).transpose();
+/// How an instrument's reading depends on the eye.
+Measurement of_instrument(const UncertainEye& eye, const ExternalMeasurement& measurement) {
+  return {measurement.source,
+          jacobian(eye.numbers,
+                   [&](const Eigen::VectorXd& values) {
+                     return measurement.of_eye(parametric_eye_at(eye, values));
+                   }),
+          measurement.covariance};
 }
 }  // namespace
 
-Eigen::MatrixXd covariance_after(const Eigen::MatrixXd& covariance, const Measurement& measurement) {
-  const Eigen::MatrixXd gain = gain_of(covariance, measurement);
-  // Joseph's form stays positive semi-definite.
-  const Eigen::MatrixXd keep =
-      Eigen::MatrixXd::Identity(covariance.rows(), covariance.cols()) - gain * measurement.sensitivity;
-  const Eigen::MatrixXd noise = measurement.sigma.array().square().matrix().asDiagonal();
-  return keep * covariance * keep.transpose() + gain * noise * gain.transpose();
+// Only the accuracy of these readings matters, not what they say.
+Measurement keratometry(const UncertainEye& eye, double sigma_D) {
+  return of_instrument(eye, keratometry_measurement("43@180/44@90", sigma_D));
 }
 
-Eigen::VectorXd values_after(const UncertainEye& eye, const Measurement& measurement,
-                             const Eigen::VectorXd& innovation) {
-  return eye.values + gain_of(eye.covariance, measurement) * innovation;
+Measurement optical_axial_length(const UncertainEye& eye, double sigma_mm) {
+  return of_instrument(eye, axial_length_measurement("24", sigma_mm, 0));
+}
+
+Measurement known_refraction(const Eigen::MatrixXd& refraction_sensitivity, double sigma_D) {
+  return {"refraction", refraction_sensitivity, Eigen::Matrix3d::Identity() * sigma_D * sigma_D};
+}
+
+Eigen::MatrixXd covariance_after(const Eigen::MatrixXd& covariance, const Measurement& measurement) {
+  const Eigen::MatrixXd& h = measurement.sensitivity;
+  const Eigen::MatrixXd innovation = h * covariance * h.transpose() + measurement.noise_covariance;
+  const Eigen::MatrixXd gain = innovation.ldlt().solve(h * covariance).transpose();
+  // Joseph's form stays positive semi-definite.
+  const Eigen::MatrixXd keep = Eigen::MatrixXd::Identity(covariance.rows(), covariance.cols()) - gain * h;
+  return keep * covariance * keep.transpose() + gain * measurement.noise_covariance * gain.transpose();
 }
 
 RefractionIntervals refraction_intervals(const PowerVector& refraction, const Eigen::Matrix3d& covariance,
-                                         const std::string& source, std::uint64_t seed) {
+                                         const std::array<std::string, 3>& sources, std::uint64_t seed) {
   const SpheroCylinder notation = to_sphero_cylinder(refraction);
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(covariance);
   const Eigen::Matrix3d root =
@@ -150,14 +134,16 @@ RefractionIntervals refraction_intervals(const PowerVector& refraction, const Ei
     axis.push_back(notation.axis_deg + std::remainder(drawn_notation.axis_deg - notation.axis_deg, 180));
   }
   const auto normal_interval = [&](double value, int i) {
-    return Measured::from_sigma(value, std::sqrt(std::max(0.0, covariance(i, i))), source);
+    return Measured::from_sigma(value, std::sqrt(std::max(0.0, covariance(i, i))), sources[i]);
   };
+  const std::string& of_cylinder =
+      std::abs(refraction.J0_D) >= std::abs(refraction.J45_D) ? sources[1] : sources[2];
   return {normal_interval(refraction.M_D, 0),
           normal_interval(refraction.J0_D, 1),
           normal_interval(refraction.J45_D, 2),
-          from_draws(notation.sphere_D, sphere, source),
-          from_draws(notation.cylinder_D, cylinder, source),
-          from_draws(notation.axis_deg, axis, source)};
+          from_draws(notation.sphere_D, sphere, sources[0]),
+          from_draws(notation.cylinder_D, cylinder, of_cylinder),
+          from_draws(notation.axis_deg, axis, of_cylinder)};
 }
 
 }  // namespace emmetrope::correction

@@ -29,23 +29,19 @@ struct BudgetLine {
 /// squares of all lines but the last sum to the last's.
 std::vector<BudgetLine> uncertainty_budget(const UncertainEye& eye, const Eigen::MatrixXd& sensitivity);
 
-/// Something that could still be measured, or was: a linear functional of the parameters with its accuracy.
+/// Something that could still be measured: a linear functional of the parameters with its accuracy.
 struct Measurement {
   std::string name;
   Eigen::MatrixXd sensitivity;  ///< rows: the measured numbers; columns: the eye's parameters
-  Eigen::VectorXd sigma;        ///< of each measured number
+  Eigen::MatrixXd noise_covariance;
 };
-/// Mean power and the two components of corneal astigmatism, as a keratometer takes them 1.5 mm from the
-/// apex.
+/// What a keratometer (mean power and both components of corneal astigmatism) or a biometer would add.
 Measurement keratometry(const UncertainEye& eye, double sigma_D);
 Measurement optical_axial_length(const UncertainEye& eye, double sigma_mm);
 Measurement known_refraction(const Eigen::MatrixXd& refraction_sensitivity, double sigma_D);
 
 /// Covariance of the parameters after the measurement (Kalman).
 Eigen::MatrixXd covariance_after(const Eigen::MatrixXd& covariance, const Measurement& measurement);
-/// Values after the measurement found `innovation` = measured - predicted.
-Eigen::VectorXd values_after(const UncertainEye& eye, const Measurement& measurement,
-                             const Eigen::VectorXd& innovation);
 
 /// 95 % intervals of a refraction in every notation.
 struct RefractionIntervals {
@@ -55,7 +51,10 @@ struct RefractionIntervals {
 /// the 2.5 and 97.5 % quantiles of 20 000 draws (stretched to hold the value itself). The axis's interval is
 /// unwrapped about its value, so that it may pass 0 or 180, and is value -+ 90 where the data say nothing of
 /// it.
+///
+/// \param sources  of M, J0 and J45; the notation takes sphere's from M, cylinder's and axis' from the larger
+///                 component of J
 RefractionIntervals refraction_intervals(const PowerVector& refraction, const Eigen::Matrix3d& covariance,
-                                         const std::string& source, std::uint64_t seed);
+                                         const std::array<std::string, 3>& sources, std::uint64_t seed);
 
 }  // namespace emmetrope::correction
