@@ -45,9 +45,9 @@ TEST(SliceSampler, CoversBordersToAHundredth) {
         double sampled = 0;
         for (int j = 0; j < fine; ++j)
           for (int i = 0; i < fine; ++i) {
-            const std::size_t at =
-                (static_cast<std::size_t>(row) * fine + j) * fine * plan.columns + column * fine + i;
-            sampled += (slice.water[at] + slice.fat[at]) / (1.0 * fine * fine);
+            const std::size_t at = (static_cast<std::size_t>(row) * fine + j) * fine * plan.columns +
+                                   static_cast<std::size_t>(column) * fine + i;
+            sampled += (slice.water[at] + slice.fat[at]) / (fine * fine);
           }
         double truth = 0;
         constexpr int points = 20000;
