@@ -1,7 +1,5 @@
 #include "raytrace/scene/scene_json.hpp"
 
-#include <opencv2/imgcodecs.hpp>
-
 #include <Eigen/Geometry>
 #include <cmath>
 #include <set>
@@ -11,11 +9,11 @@
 #include "pipeline/base/frames.hpp"
 #include "pipeline/base/json.hpp"
 #include "raytrace/scene/chart.hpp"
+#include "raytrace/scene/model_file.hpp"
+#include "raytrace/scene/picture.hpp"
 
 namespace emmetrope::raytrace {
 namespace {
-
-constexpr int largest_picture = 16384;
 
 /// One object of the file: keys are checked, and unknown ones named.
 class Object {
@@ -42,6 +40,26 @@ class Object {
     }
     return result;
   }
+  double number(const char* key, double otherwise) const {
+    if (!has(key)) return otherwise;
+    if (!json_[key].is_number()) throw fault(key, "a number is needed");
+    return json_[key].get<double>();
+  }
+  double positive(const char* key, double otherwise) const {
+    const double value = number(key, otherwise);
+    if (!(value > 0)) throw fault(key, "must be greater than 0");
+    return value;
+  }
+  Eigen::Vector3d vector(const char* key, const Eigen::Vector3d& otherwise) const {
+    return has(key) ? vector(key) : otherwise;
+  }
+  /// Red, green and blue of linear light.
+  Eigen::Vector3d light(const char* key, const Eigen::Vector3d& otherwise, double most) const {
+    const Eigen::Vector3d value = vector(key, otherwise);
+    if ((value.array() < 0).any() || (value.array() > most).any())
+      throw fault(key, "linear light from 0 to " + std::to_string(static_cast<int>(most)) + " is needed");
+    return value;
+  }
   bool flag(const char* key) const {
     if (!has(key)) return false;
     if (!json_[key].is_boolean()) throw fault(key, "true or false is needed");
@@ -56,44 +74,29 @@ class Object {
   std::string place_;
 };
 
-float decoded(unsigned char value) {
-  const double v = value / 255.0;
-  return static_cast<float>(v <= 0.04045 ? v / 12.92 : std::pow((v + 0.055) / 1.055, 2.4));
+const std::set<std::string> material_keys{"colour", "specular", "shininess", "motion_mm"};
+
+std::set<std::string> with_material(std::set<std::string> keys) {
+  keys.insert(material_keys.begin(), material_keys.end());
+  return keys;
 }
 
-std::shared_ptr<const Texture> read_picture(const std::filesystem::path& file) {
-  const std::string bytes = read_file(file);
-  const cv::Mat raw(1, static_cast<int>(bytes.size()), CV_8UC1, const_cast<char*>(bytes.data()));
-  const cv::Mat picture = bytes.empty() ? cv::Mat() : cv::imdecode(raw, cv::IMREAD_COLOR);
-  if (picture.empty())
-    throw input_error(file.string() + " is no picture that can be read", "use PNG, JPEG or TIFF");
-  if (picture.cols > largest_picture || picture.rows > largest_picture || picture.cols < 2 ||
-      picture.rows < 2)
-    throw input_error(file.string() + " has " + std::to_string(picture.cols) + " x " +
-                          std::to_string(picture.rows) + " pixels",
-                      "use 2 to 16384 pixels a side");
-  Texture texture;
-  texture.width = picture.cols;
-  texture.height = picture.rows;
-  texture.channels = 3;
-  for (int row = 0; row < picture.rows; ++row)
-    for (int column = 0; column < picture.cols; ++column)
-      for (int c = 0; c < 3; ++c)
-        texture.values.push_back(decoded(picture.ptr<unsigned char>(row)[3 * column + 2 - c]));
-  return std::make_shared<const Texture>(std::move(texture));
+void read_material(const Object& object, Material& material) {
+  material.colour = object.light("colour", material.colour, 1);
+  material.specular = object.number("specular", material.specular);
+  material.shininess = object.positive("shininess", material.shininess);
+  if (material.specular < 0) throw object.fault("specular", "must not be negative");
 }
 
-TexturedPlane read_plane(const Json& json, const std::string& place, const std::filesystem::path& folder) {
-  const Object object(json, place,
-                      {"type", "centre_mm", "right_mm", "up_mm", "at_infinity", "picture", "chart"});
-  if (object.text("type") != "plane") throw object.fault("type", "only \"plane\" is known");
+TexturedPlane read_plane(const Object& object, const std::filesystem::path& folder) {
   if (object.has("picture") == object.has("chart"))
-    throw input_error(place + ": one of the keys \"picture\" and \"chart\" is needed");
+    throw object.fault("picture", "one of \"picture\" and \"chart\" is needed");
   TexturedPlane plane;
   plane.at_infinity = object.flag("at_infinity");
   plane.centre_mm = object.vector("centre_mm");
   plane.right_mm = object.vector("right_mm");
   plane.up_mm = object.vector("up_mm");
+  plane.motion_mm = object.vector("motion_mm", plane.motion_mm);
   if (!(plane.right_mm.cross(plane.up_mm).norm() > 0))
     throw object.fault("up_mm", "right_mm and up_mm span no plane");
   if (object.has("picture")) {
@@ -109,21 +112,133 @@ TexturedPlane read_plane(const Json& json, const std::string& place, const std::
   return plane;
 }
 
+/// The same picture on two triangles that answer light.
+MeshObject lit(const TexturedPlane& plane, const Object& object) {
+  if (plane.at_infinity) throw object.fault("lit", "a plane at infinity is in no light");
+  MeshObject mesh;
+  for (const auto& [u, v] : {std::pair{0, 0}, {1, 0}, {1, 1}, {0, 1}}) {
+    mesh.positions_mm.push_back(plane.centre_mm + (2 * u - 1) * plane.right_mm + (2 * v - 1) * plane.up_mm);
+    mesh.normals.push_back(plane.right_mm.cross(plane.up_mm).normalized());
+    mesh.texture_coordinates.emplace_back(u, v);
+  }
+  mesh.triangles = {{0, 1, 2}, {0, 2, 3}};
+  mesh.material.texture = plane.texture;
+  read_material(object, mesh.material);
+  mesh.motion_mm = plane.motion_mm;
+  return mesh;
+}
+
+/// Brings a model to its place: its x to the patient's right, y up, z towards the patient, as a modelling
+/// program's front view shows it.
+void place(std::vector<MeshObject>& objects, const Object& object) {
+  if (object.has("scale") && object.has("size_mm"))
+    throw object.fault("scale", "\"scale\" and \"size_mm\" exclude each other");
+  Eigen::AlignedBox3d box;
+  for (const MeshObject& mesh : objects)
+    for (const Eigen::Vector3d& p : mesh.positions_mm) box.extend(p);
+  double scale = object.positive("scale", 1);
+  Eigen::Vector3d origin(0, 0, 0);
+  if (object.has("size_mm")) {
+    scale = object.positive("size_mm", 1) / box.sizes().maxCoeff();
+    origin = box.center();
+  }
+  const Eigen::Vector3d turn = object.vector("rotate_deg", {0, 0, 0}) * degree;
+  const Eigen::Matrix3d front_view = Eigen::Vector3d(-1, 1, -1).asDiagonal();
+  const Eigen::Matrix3d rotation = front_view * Eigen::AngleAxisd(turn.z(), Eigen::Vector3d::UnitZ()) *
+                                   Eigen::AngleAxisd(turn.y(), Eigen::Vector3d::UnitY()) *
+                                   Eigen::AngleAxisd(turn.x(), Eigen::Vector3d::UnitX()).toRotationMatrix();
+  const Eigen::Vector3d position = object.vector("position_mm");
+  for (MeshObject& mesh : objects) {
+    for (Eigen::Vector3d& p : mesh.positions_mm) p = position + scale * (rotation * (p - origin));
+    for (Eigen::Vector3d& n : mesh.normals) n = rotation * n;
+    mesh.motion_mm = object.vector("motion_mm", {0, 0, 0});
+  }
+}
+
+std::vector<MeshObject> read_meshes(const Object& object, const std::filesystem::path& folder) {
+  std::vector<MeshObject> objects = read_model(folder / object.text("file"));
+  for (MeshObject& mesh : objects) {
+    read_material(object, mesh.material);
+    if (object.has("picture")) {
+      if (mesh.texture_coordinates.empty())
+        throw object.fault("picture", "the model has no texture coordinates");
+      mesh.material.texture = read_picture(folder / object.text("picture"));
+    }
+  }
+  place(objects, object);
+  return objects;
+}
+
+void read_object(const Json& json, const std::string& where, const std::filesystem::path& folder,
+                 Scene& scene) {
+  const bool is_mesh = json.is_object() && json.value("type", Json()) == Json("mesh");
+  const Object object(
+      json, where,
+      is_mesh ? with_material({"type", "file", "position_mm", "rotate_deg", "scale", "size_mm", "picture"})
+              : with_material(
+                    {"type", "centre_mm", "right_mm", "up_mm", "at_infinity", "picture", "chart", "lit"}));
+  if (is_mesh) {
+    for (MeshObject& mesh : read_meshes(object, folder)) scene.meshes.push_back(std::move(mesh));
+    return;
+  }
+  if (object.text("type") != "plane") throw object.fault("type", "only \"plane\" and \"mesh\" are known");
+  TexturedPlane plane = read_plane(object, folder);
+  if (object.flag("lit")) {
+    scene.meshes.push_back(lit(plane, object));
+    return;
+  }
+  for (const char* key : {"colour", "specular", "shininess"})
+    if (object.has(key))
+      throw object.fault(key, "needs \"lit\": true; a plane that is not lit shows its picture as it is");
+  scene.planes.push_back(std::move(plane));
+}
+
+Light read_light(const Json& json, const std::string& where) {
+  constexpr double brightest = 1000;
+  const bool point = json.is_object() && json.value("type", Json()) == Json("point");
+  const Object object(json, where,
+                      point ? std::set<std::string>{"type", "position_mm", "colour", "reference_mm"}
+                            : std::set<std::string>{"type", "direction", "colour"});
+  Light light;
+  light.colour = object.light("colour", light.colour, brightest);
+  if (point) {
+    light.at = object.vector("position_mm");
+    if (!object.has("reference_mm")) throw object.fault("reference_mm", "a distance is needed");
+    light.reference_mm = object.positive("reference_mm", 1);
+    return light;
+  }
+  if (object.text("type") != "directional")
+    throw object.fault("type", "only \"point\" and \"directional\" are known");
+  light.directional = true;
+  light.at = -object.vector("direction");
+  if (!(light.at.norm() > 0)) throw object.fault("direction", "must not be zero");
+  light.at.normalize();
+  return light;
+}
+
 }  // namespace
 
 Scene read_scene(const std::filesystem::path& file) {
   const Json json = read_json(file);
-  const Object top(json, file.string(), {"name", "background", "objects"});
+  const Object top(json, file.string(), {"name", "background", "objects", "lights", "ambient"});
+  const auto list = [&](const char* key) -> const Json& {
+    if (!json[key].is_array() || json[key].empty()) throw top.fault(key, "a list of at least one is needed");
+    return json[key];
+  };
+  const auto entry = [&](const char* key, std::size_t i) {
+    return file.string() + ": " + key + "[" + std::to_string(i) + "]";
+  };
   Scene scene;
   scene.name = top.has("name") ? top.text("name") : file.stem().string();
-  if (top.has("background")) scene.background = top.vector("background");
-  if ((scene.background.array() < 0).any() || (scene.background.array() > 1).any())
-    throw top.fault("background", "linear light from 0 to 1 is needed");
-  if (!top.has("objects") || !json["objects"].is_array() || json["objects"].empty())
-    throw top.fault("objects", "a list of at least one object is needed");
-  for (std::size_t i = 0; i < json["objects"].size(); ++i)
-    scene.planes.push_back(read_plane(
-        json["objects"][i], file.string() + ": objects[" + std::to_string(i) + "]", file.parent_path()));
+  scene.background = top.light("background", scene.background, 1);
+  if (!top.has("objects")) throw top.fault("objects", "a list of at least one is needed");
+  for (std::size_t i = 0; i < list("objects").size(); ++i)
+    read_object(json["objects"][i], entry("objects", i), file.parent_path(), scene);
+  if (top.has("lights"))
+    for (std::size_t i = 0; i < list("lights").size(); ++i)
+      scene.lights.push_back(read_light(json["lights"][i], entry("lights", i)));
+  constexpr double shade = 0.1;  // what a surface in shadow shows where lights are given
+  scene.ambient = top.light("ambient", Eigen::Vector3d::Constant(scene.lights.empty() ? 1 : shade), 1);
   return scene;
 }
 

@@ -1,5 +1,6 @@
 #pragma once
 #include <Eigen/Core>
+#include <array>
 #include <memory>
 #include <string>
 #include <vector>
@@ -24,15 +25,49 @@ struct TexturedPlane {
   Eigen::Vector3d up_mm{0, 100, 0};      ///< half the height
   bool at_infinity = false;  ///< the three vectors are then directions: tangents of visual angle, z = 1
   std::shared_ptr<const Texture> texture;
+  Eigen::Vector3d motion_mm{0, 0, 0};  ///< displacement during the exposure, about the place above
+};
+
+/// How a surface answers light: Phong (1975), with the light that comes from everywhere.
+struct Material {
+  Eigen::Vector3d colour{1, 1, 1};         ///< linear; share of the light that comes back
+  std::shared_ptr<const Texture> texture;  ///< times the colour; may be null
+  double specular = 0;                     ///< strength of the highlight
+  double shininess = 30;                   ///< its exponent
+};
+
+/// Triangles of one material, in the scene's frame.
+struct MeshObject {
+  std::vector<Eigen::Vector3d> positions_mm, normals;
+  std::vector<Eigen::Vector3d> colours;              ///< linear, times the material's; a vertex's, or none
+  std::vector<Eigen::Vector2d> texture_coordinates;  ///< from the texture's lower left, 1 its size; or none
+  std::vector<std::array<int, 3>> triangles;
+  Material material;
+  Eigen::Vector3d motion_mm{0, 0, 0};
+};
+
+struct Light {
+  bool directional = false;
+  /// Where it stands, or (directional) the unit vector towards it.
+  Eigen::Vector3d at{0, 0, 0};
+  Eigen::Vector3d colour{1, 1, 1};  ///< linear: what a white surface that faces it shows
+  double reference_mm = 0;  ///< of a point light: where it shows that; further away it falls with the square
 };
 
 /// What the eye looks at: flat pictures that show their texture as it is (a print in even light, or a
-/// display).
+/// display), and meshes under lights.
 class Scene {
  public:
   std::string name;
-  std::vector<TexturedPlane> planes;    ///< the nearest hides what is behind it
+  std::vector<TexturedPlane> planes;  ///< the nearest hides what is behind it
+  std::vector<MeshObject> meshes;
+  std::vector<Light> lights;            ///< they light meshes only; meshes cast shadows on meshes
+  Eigen::Vector3d ambient{1, 1, 1};     ///< light from everywhere on meshes
   Eigen::Vector3d background{1, 1, 1};  ///< linear light where a ray meets nothing
 };
+
+/// The scene a share `time` (-0.5 to 0.5) of the exposure away from its middle.
+Scene at_time(const Scene& scene, double time);
+bool moves(const Scene& scene);
 
 }  // namespace emmetrope::raytrace

@@ -9,6 +9,19 @@ SystemBuffers::SystemBuffers(const OpenCl& cl, const OpticalSystem& system)
       gradients(cl.upload(system.gradients)),
       records(cl.upload(system.records)) {}
 
+SceneBuffers::SceneBuffers(const OpenCl& cl, const DeviceScene& scene)
+    : planes(cl.upload(scene.planes)),
+      texels(cl.upload(scene.texels)),
+      background(cl.upload(scene.background)),
+      nodes(cl.upload(scene.meshes.nodes)),
+      triangles(cl.upload(scene.meshes.triangles)),
+      attributes(cl.upload(scene.meshes.attributes)),
+      materials(cl.upload(scene.meshes.materials)),
+      lights(cl.upload(scene.meshes.lights)),
+      plane_count(scene.plane_count),
+      node_count(scene.meshes.node_count),
+      light_count(scene.meshes.light_count) {}
+
 std::string definitions_of(const OpticalSystem& system, const KernelForm& form) {
   std::string text;
   const auto define = [&](const char* name, std::size_t value) {
@@ -22,6 +35,7 @@ std::string definitions_of(const OpticalSystem& system, const KernelForm& form) 
   define("ILLUMINANCE", form.illuminance ? 1 : 0);
   define("TANGENTS", form.tangents);
   define("RANDOM_CAP", form.random_cap ? 1 : 0);
+  define("HAS_MESHES", form.meshes ? 1 : 0);
   define("SHARE_RECORDS", form.lanes == 1 ? 1 : 0);
   return text.substr(1) + form.more + system.definitions();
 }

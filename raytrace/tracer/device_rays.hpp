@@ -2,6 +2,7 @@
 #include <string>
 #include <vector>
 
+#include "raytrace/tracer/device_scene.hpp"
 #include "raytrace/tracer/opencl.hpp"
 #include "raytrace/tracer/optical_system.hpp"
 
@@ -29,10 +30,22 @@ struct SystemBuffers {
   cl::Buffer kinds, operations, ratios, gradients, records;
 };
 
+/// The buffers of a scene: SCENE in kernels/scene.cl.
+struct SceneBuffers {
+  SceneBuffers(const OpenCl& cl, const DeviceScene& scene);
+  void add_to(Arguments& arguments) const {
+    arguments.add(planes, plane_count, texels, background);
+    if (node_count > 0)
+      arguments.add(nodes, node_count, triangles, attributes, materials, lights, light_count);
+  }
+  cl::Buffer planes, texels, background, nodes, triangles, attributes, materials, lights;
+  cl_int plane_count, node_count, light_count;
+};
+
 /// What the kernels are compiled for, beside the optical system.
 struct KernelForm {
   int lanes = 1, in_flight = 1, channels = 1, waves = 1;
-  bool spectral = false, illuminance = false, random_cap = false;
+  bool spectral = false, illuminance = false, random_cap = false, meshes = false;
   std::size_t tangents = 0;
   std::string more;  ///< further definitions
 };

@@ -79,18 +79,25 @@ void append(std::vector<float>& planes, const TexturedPlane& plane, const Eigen:
 DeviceScene make_device_scene(const Scene& scene, const Eigen::Isometry3d& eye_from_scene,
                               bool monochromatic) {
   DeviceScene result;
-  const bool grey_background =
-      scene.background.x() == scene.background.y() && scene.background.y() == scene.background.z();
-  bool coloured = !grey_background;
+  const auto is_grey = [](const Eigen::Vector3d& c) { return c.x() == c.y() && c.y() == c.z(); };
+  bool coloured = !is_grey(scene.background) || !is_grey(scene.ambient);
   for (const auto& plane : scene.planes) coloured |= plane.texture->channels == 3;
+  for (const auto& light : scene.lights) coloured |= !is_grey(light.colour);
+  for (const auto& mesh : scene.meshes)
+    coloured |= !is_grey(mesh.material.colour) || !mesh.colours.empty() ||
+                (mesh.material.texture && mesh.material.texture->channels == 3);
   result.channels = coloured && !monochromatic ? 3 : 1;
   result.plane_count = static_cast<int>(scene.planes.size());
-  for (const auto& plane : scene.planes) {
+  const auto store = [&](const Texture& texture) {
     if (result.texels.size() > (std::size_t{1} << 30U))
       throw input_error("the scene's textures hold more than 2^30 texels", "use smaller pictures");
-    append(result.planes, plane, eye_from_scene, result.texels.size());
-    append(result.texels, *plane.texture, result.channels);
-  }
+    const std::size_t first = result.texels.size();
+    append(result.texels, texture, result.channels);
+    return first;
+  };
+  for (const auto& plane : scene.planes) append(result.planes, plane, eye_from_scene, store(*plane.texture));
+  if (!scene.meshes.empty())
+    result.meshes = make_device_meshes(scene, eye_from_scene, result.channels, store);
   const Eigen::Vector3f background = scene.background.cast<float>();
   if (result.channels == 1)
     result.background = {luminance(background.data())};

@@ -187,6 +187,8 @@ TraceResult Tracer::trace(const EyeModel& whole_eye, const Scene& scene, const T
   const std::vector<float> cap = paper ? aim_cap(eye, system.operation_of) : std::vector<float>{};
   const Seeds seeds = make_seeds(system, tangents);
   const DeviceScene view = make_device_scene(scene, eye_from_scene(settings), !spectral);
+  if (view.has_meshes() && !tangents.empty())
+    throw unsupported_error("derivatives of a scene with meshes are not offered", "use a scene of planes");
   const RetinalGrid& grid = settings.grid;
   const PupilAim aim(eye, grid, spectral ? eye.reference_wavelength_nm : *settings.wavelength_nm);
   const RetinaPixels pixels = make_pixels(eye, grid, aim, state_->threads);
@@ -202,6 +204,7 @@ TraceResult Tracer::trace(const EyeModel& whole_eye, const Scene& scene, const T
   kernel_form.waves = waves;
   kernel_form.spectral = spectral;
   kernel_form.illuminance = settings.illuminance;
+  kernel_form.meshes = view.has_meshes();
   kernel_form.random_cap = paper;
   kernel_form.tangents = tangents.size();
 
@@ -225,8 +228,8 @@ TraceResult Tracer::trace(const EyeModel& whole_eye, const Scene& scene, const T
     }
     cl::Kernel kernel(cl.program(definitions_of(system, kernel_form)), "trace_pixels");
     const SystemBuffers system_buffers(cl, system);
-    const cl::Buffer pixel_buffer = cl.upload(pixels.values), plane_buffer = cl.upload(view.planes),
-                     texel_buffer = cl.upload(view.texels), background_buffer = cl.upload(view.background),
+    const SceneBuffers scene_buffers(cl, view);
+    const cl::Buffer pixel_buffer = cl.upload(pixels.values),
                      colour_buffer = cl.upload(colour_table(spectrum));
     const cl::Buffer image_buffer = cl.allocate(image.size() * sizeof(float)),
                      state_buffer = cl.allocate(states.size() * sizeof(cl_int)), cap_buffer = cl.upload(cap),
@@ -244,9 +247,9 @@ TraceResult Tracer::trace(const EyeModel& whole_eye, const Scene& scene, const T
                   static_cast<cl_float>(aim.plane_z_mm()));
     const cl_uint place_of_slice = arguments.place();
     arguments.add(cl_int{0}, cl_int{0}, static_cast<cl_int>(samples),
-                  static_cast<cl_uint>(settings.seed * 2654435761U + (settings.seed >> 32U)), plane_buffer,
-                  static_cast<cl_int>(view.plane_count), texel_buffer, background_buffer, colour_buffer,
-                  image_buffer, state_buffer);
+                  static_cast<cl_uint>(settings.seed * 2654435761U + (settings.seed >> 32U)));
+    scene_buffers.add_to(arguments);
+    arguments.add(colour_buffer, image_buffer, state_buffer);
     if (paper) arguments.add(cap_buffer);
     if (form.representation == Representation::fast)
       arguments.add(static_cast<cl_int>(map.operations), static_cast<cl_int>(grid.width),

@@ -123,15 +123,16 @@ AI void look_tangents(const ray* r, const tangent* d, constant float* restrict p
   UNROLL for (int i = 0; i < TANGENTS * CHANNELS; i++) change[i] = 0.f;
   for (int k = 0; k < count; k++) {
     constant float* p = planes + k * PLANE;
-    const vf t = plane_distance(r, p);
+    const vf t = plane_distance(r, p), depth = DEPTH(p, t);
     vf u, v;
     plane_coordinates(r, p, t, &u, &v);
-    const vi hit = (t > 0.f) & (t < nearest) & (u >= -0.5f) & (v >= -0.5f) & (u <= p[13] + 0.5f) & (v <= p[14] + 0.5f);
+    const vi hit = (t > 0.f) & (depth < nearest) & (u >= -0.5f) & (v >= -0.5f) & (u <= p[13] + 0.5f) & (v <= p[14] + 0.5f);
     const vf cu = CLAMPED(u, 0.f, p[13] - 1e-3f), cv = CLAMPED(v, 0.f, p[14] - 1e-3f);
     const vi iu = TO_VI(cu), iv = TO_VI(cv);
     const int row = as_int(p[15]);
     vf su[CHANNELS], sv[CHANNELS];
-    texel_slopes(texels + as_int(p[16]), iv * row + iu, row, cu - TO_VF(iu), cv - TO_VF(iv), su, sv);
+    const vi id = iv * row + iu;
+    texel_slopes(texels + as_int(p[16]), id, id + row, cu - TO_VF(iu), cv - TO_VF(iv), su, sv);
     const vf across = RECIP(p[0] * r->L + p[1] * r->M + p[2] * r->N);
     UNROLL for (int j = 0; j < TANGENTS; j++) {
       const vf dt = -(p[12] * (p[0] * d[j].x + p[1] * d[j].y + p[2] * d[j].z) +
@@ -142,7 +143,7 @@ AI void look_tangents(const ray* r, const tangent* d, constant float* restrict p
       UNROLL for (int c = 0; c < CHANNELS; c++)
         change[j * CHANNELS + c] = select(change[j * CHANNELS + c], su[c] * du + sv[c] * dv, hit);
     }
-    nearest = select(nearest, t, hit);
+    nearest = select(nearest, depth, hit);
   }
 }
 #endif

@@ -132,9 +132,7 @@ AI void add_light(const vf* sum, vf weights, float total, constant float* restri
 }
 
 kernel void trace_pixels(SYSTEM, int operation_count, global const float* restrict pixels, float aim_z, int first_pixel,
-                         int pixel_count, int samples, uint seed, constant float* restrict planes, int plane_count,
-                         global const uint* restrict texels, constant float* restrict background,
-                         constant float* restrict colour, global float* restrict image,
+                         int pixel_count, int samples, uint seed, SCENE, constant float* restrict colour, global float* restrict image,
                          global int* restrict states
 #if RANDOM_CAP
                          , constant float* restrict cap
@@ -207,7 +205,7 @@ kernel void trace_pixels(SYSTEM, int operation_count, global const float* restri
 #endif
       UNROLL for (int q = 0; q < UN; q++) {
         view seen;
-        look(&r[q], planes, plane_count, texels, background, &seen);
+        look(&r[q], SCENE_ARGUMENTS, &seen);
         if (ANY(r[q].state != 0)) {
           counts[0] += COUNT(r[q].state == VIGNETTED);
           counts[1] += COUNT(r[q].state == TIR);

@@ -1,0 +1,18 @@
+#pragma once
+#include <filesystem>
+#include <memory>
+#include <string>
+
+#include "raytrace/scene/scene_model.hpp"
+
+namespace emmetrope::raytrace {
+
+/// Reads a PNG, JPEG or TIFF file as sRGB. \throw Error (input_invalid) naming it
+std::shared_ptr<const Texture> read_picture(const std::filesystem::path& file);
+/// The same from its bytes. \param name  what an error calls it
+std::shared_ptr<const Texture> decode_picture(const std::string& bytes, const std::string& name);
+
+/// sRGB of a byte, 0 to 255, as linear light.
+float linear_light(unsigned char value);
+
+}  // namespace emmetrope::raytrace
