@@ -59,7 +59,7 @@ Table table_of(const CaseData& earlier, const EyeData& a, const CaseData& later,
   Table table{clinical_name(a.laterality),
               {"Quantity", "Earlier", "Later", "Difference", "95 % limit", "Judgement"},
               {}};
-  if (judge(earlier, a).has_prescription && judge(later, b).has_prescription)
+  if (judge(earlier, a).has_refraction && judge(later, b).has_refraction)
     for (const auto& row : refraction_rows()) add_row(table, a.prescription, b.prescription, row);
   for (const auto* rows : {&biometry_rows(), &keratometry_rows()})
     for (const auto& row : *rows) add_row(table, a.biometry, b.biometry, row);
@@ -74,7 +74,7 @@ Document document_of(const CaseData& earlier, const CaseData& later) {
     document.heading.emplace_back(
         name, data->subject() + (data->study_date().empty() ? "" : ", " + data->study_date()));
   document.heading.emplace_back("Software", "Emmetrope " + version());
-  Section section{"differences", "Differences", {}, false};
+  Section section{"differences", "Differences", {}};
   for (const auto& a : earlier.eyes)
     for (const auto& b : later.eyes)
       if (a.laterality == b.laterality)

@@ -106,7 +106,7 @@ Table criteria_table(const Eyes& eyes) {
   PowerTable table("The refraction by several criteria", "Criterion", eyes, {2, true, "D"});
   std::vector<Json> prescriptions;
   for (const auto* eye : eyes) prescriptions.push_back(eye->prescription);
-  table.add("Image sharpness (the prescription)", prescriptions);
+  table.add("Image sharpness (this report's)", prescriptions);
   for (const auto& [key, name] : {std::pair{"paraxial", "Paraxial (curvature at the centre)"},
                                   std::pair{"minimum_rms_wavefront", "Least wavefront error"},
                                   std::pair{"minimum_rms_spot", "Least spot"},
@@ -169,10 +169,10 @@ Table cylinder_table(const Eyes& eyes) {
 }  // namespace
 
 Section correction_section(const CaseData& data, Notes& notes) {
-  Section section{"correction", "How the lens was found", {}, false};
+  Section section{"correction", "How the lens was found", {}};
   Eyes eyes;
   for (const auto& eye : data.eyes)
-    if (judge(data, eye).has_prescription) eyes.push_back(&eye);
+    if (judge(data, eye).has_refraction) eyes.push_back(&eye);
   if (eyes.empty()) return section;
   for (const Table& table :
        {criteria_table(eyes),
@@ -181,7 +181,8 @@ Section correction_section(const CaseData& data, Notes& notes) {
         joined_table(eyes, "if_measured", "measurement",
                      "What a measurement would leave (1 standard deviation)", "If this were known")})
     if (!table.rows.empty()) section.blocks.push_back({table});
-  if (const Table table = cylinder_table(eyes); !table.rows.empty()) section.blocks.push_back({table, false});
+  if (const Table table = cylinder_table(eyes); !table.rows.empty())
+    section.blocks.push_back({table, Paper::never});
   FigureRow charts;
   charts.caption =
       "Each measure against its own maximum. A single peak at the line is a lens well found; a flat top says "
@@ -191,7 +192,7 @@ Section correction_section(const CaseData& data, Notes& notes) {
     const Json difference = eye->prescription.value("difference", Json::object());
     if (difference.is_object() && difference.contains("text"))
       section.blocks.push_back(
-          {Paragraph{short_name(*eye) + ": " + difference.value("text", std::string())}, false});
+          {Paragraph{short_name(*eye) + ": " + difference.value("text", std::string())}, Paper::never});
     if (!eye->sweep) continue;
     const Figure figure = sharpness_figure(*eye);
     if (figure.svg.empty())
@@ -200,7 +201,7 @@ Section correction_section(const CaseData& data, Notes& notes) {
     else
       charts.figures.push_back(figure);
   }
-  if (!charts.figures.empty()) section.blocks.push_back({charts});
+  if (!charts.figures.empty()) section.blocks.push_back({charts, Paper::if_room});
   return section;
 }
 

@@ -129,7 +129,7 @@ double axis_at(const Json& biometry, const char* meridian) {
 }  // namespace
 
 Section images_section(const CaseData& data, Notes& notes) {
-  Section section{"images", "MR images and fitted surfaces", {}, false};
+  Section section{"images", "MR images and fitted surfaces", {}};
   std::vector<std::pair<std::string, Volume>> volumes;
   for (const auto& file : data.stacks) {
     const std::string name = file.filename().string();
@@ -155,11 +155,12 @@ Section images_section(const CaseData& data, Notes& notes) {
     }
   }
   if (!printed.figures.empty()) section.blocks.push_back({printed});
-  if (!more.figures.empty()) section.blocks.push_back({more, false});
+  if (!more.figures.empty()) section.blocks.push_back({more, Paper::if_room});
   for (const auto& eye : data.eyes) {
     FigureRow overlays = overlays_of(eye);
     // On paper only where there are no surfaces to show: then they are the evidence for the refusal.
-    if (!overlays.figures.empty()) section.blocks.push_back({overlays, !eye.biometry.is_object()});
+    if (!overlays.figures.empty())
+      section.blocks.push_back({overlays, eye.biometry.is_object() ? Paper::never : Paper::always});
   }
   if (!section.blocks.empty())
     section.blocks.push_back(
@@ -171,7 +172,7 @@ Section images_section(const CaseData& data, Notes& notes) {
 }
 
 Section cornea_section(const CaseData& data, Notes& notes) {
-  Section section{"cornea", "Front of the cornea", {}, false};
+  Section section{"cornea", "Front of the cornea", {}};
   FigureRow powers, elevations;
   for (const auto& eye : data.eyes) {
     if (!eye.biometry.is_object() || !fs::exists(eye.mesh("cornea_anterior"))) continue;
@@ -204,7 +205,7 @@ Section cornea_section(const CaseData& data, Notes& notes) {
       notes.push_back(name + ": corneal maps are missing, because gnuplot is not installed or failed.");
   }
   if (!powers.figures.empty()) section.blocks.push_back({powers});
-  if (!elevations.figures.empty()) section.blocks.push_back({elevations, false});
+  if (!elevations.figures.empty()) section.blocks.push_back({elevations, Paper::if_room});
   return section;
 }
 

@@ -1,11 +1,14 @@
 #include <fmt/format.h>
 
+#include "pipeline/base/error.hpp"
 #include "pipeline/report/chart.hpp"
 #include "pipeline/report/content.hpp"
 #include "pipeline/report/encoding.hpp"
 #include "pipeline/report/judgement.hpp"
+#include "pipeline/report/letter_chart.hpp"
 #include "pipeline/report/numbers.hpp"
-#include "pipeline/report/point_spread.hpp"
+#include "pipeline/report/reference_mtf.hpp"
+#include "raytrace/eye/zernike.hpp"
 
 namespace emmetrope::report {
 namespace {
@@ -14,22 +17,30 @@ constexpr int picture_px = 300;
 
 std::string short_name(const EyeData& eye) { return eye.laterality == Laterality::od ? "OD" : "OS"; }
 
-std::optional<PupilWavefront> wavefront_of(const EyeData& eye) {
+std::optional<Wavefront> wavefront_of(const EyeData& eye) {
   const auto pupil = value_of(eye.wavefront, "pupil_mm"),
              wavelength = value_of(eye.wavefront, "wavelength_nm");
   if (!pupil || !wavelength || !eye.wavefront.contains("zernike_um")) return std::nullopt;
-  return PupilWavefront{*pupil, *wavelength, eye.wavefront["zernike_um"].get<std::vector<double>>()};
+  if (!(*pupil > 0 && *wavelength > 0))
+    throw input_error("wavefront.json: pupil_mm or wavelength_nm is not positive",
+                      "run emmetrope trace again");
+  Wavefront wavefront;
+  wavefront.pupil_mm = *pupil;
+  wavefront.wavelength_nm = *wavelength;
+  wavefront.pupil_position_mm = value_of(eye.wavefront, "pupil_position_mm").value_or(3);
+  wavefront.zernike_um = eye.wavefront["zernike_um"].get<std::vector<double>>();
+  wavefront.zernike_um.resize(std::max<std::size_t>(wavefront.zernike_um.size(), 6), 0);
+  return wavefront;
 }
 
 /// The prescription where it acts on the wavefront: moved from the spectacle plane to the entrance pupil.
-std::optional<PowerVector> correction_of(const CaseData& data, const EyeData& eye) {
-  if (!judge(data, eye).has_prescription) return std::nullopt;
+std::optional<PowerVector> lens_in_pupil(const CaseData& data, const EyeData& eye,
+                                         const Wavefront& wavefront) {
+  if (!judge(data, eye).has_refraction) return std::nullopt;
   const auto M = value_of(eye.prescription, "M_D"), J0 = value_of(eye.prescription, "J0_D"),
              J45 = value_of(eye.prescription, "J45_D");
   if (!M || !J0 || !J45) return std::nullopt;
-  const double to_pupil_mm = value_of(eye.prescription, "vertex_distance_mm").value_or(12) +
-                             value_of(eye.wavefront, "pupil_position_mm").value_or(3);
-  return move_towards_eye({*M, *J0, *J45}, to_pupil_mm);
+  return in_pupil(wavefront, {*M, *J0, *J45}, value_of(eye.prescription, "vertex_distance_mm").value_or(12));
 }
 
 Figure chart_figure(const EyeData& eye, const std::string& name, const std::string& title) {
@@ -41,15 +52,14 @@ Figure chart_figure(const EyeData& eye, const std::string& name, const std::stri
   return figure;
 }
 
-Figure zernike_figure(const EyeData& eye, const PupilWavefront& wavefront) {
+Figure zernike_figure(const EyeData& eye, const Wavefront& wavefront) {
   Figure figure = chart_figure(eye, "zernike", "Zernike coefficients");
   figure.alt = "Bars of the Zernike coefficients of second to fifth order";
   const std::size_t end = std::min<std::size_t>(wavefront.zernike_um.size(), 21);
   std::string script = "$bars << EOD\n";
   for (std::size_t i = 3; i < end; ++i) {
-    const int n = static_cast<int>(std::ceil((-3 + std::sqrt(9 + 8.0 * static_cast<double>(i))) / 2 - 1e-9));
-    const int m = 2 * static_cast<int>(i) - n * (n + 2);
-    script += fmt::format("{} {:.5f} \"{},{}\"\n", i, wavefront.zernike_um[i], n, m);
+    const ZernikeIndex term = zernike_index(static_cast<int>(i));
+    script += fmt::format("{} {:.5f} \"{},{}\"\n", i, wavefront.zernike_um[i], term.n, term.m);
   }
   script += fmt::format(
       "EOD\nset style fill solid 0.85\nset boxwidth 0.7\nunset key\nset xzeroaxis lt 1 lc rgb '{}'\n"
@@ -60,32 +70,37 @@ Figure zernike_figure(const EyeData& eye, const PupilWavefront& wavefront) {
   return draw_chart(figure, script) ? figure : Figure();
 }
 
-Figure mtf_figure(const EyeData& eye, const PupilWavefront& wavefront,
-                  const std::optional<Picture>& with_lens) {
+Figure mtf_figure(const EyeData& eye, const Wavefront& wavefront, const std::optional<PowerVector>& lens) {
   Figure figure = chart_figure(eye, "mtf", "modulation transfer");
   figure.alt = "Modulation transfer function with diffraction limit and a normal eye";
   const Json mtf = eye.wavefront.value("mtf", Json::object());
   const auto curve = [&](const char* key) { return mtf.value(key, std::vector<double>()); };
   const auto cpd = curve("cpd"), tangential = curve("tangential"), sagittal = curve("sagittal");
   if (cpd.empty() || cpd.size() != tangential.size() || cpd.size() != sagittal.size()) return {};
-  const Modulation corrected = with_lens ? modulation_transfer(*with_lens, cpd) : Modulation();
   std::string script = "$mtf << EOD\n";
   for (std::size_t i = 0; i < cpd.size(); ++i)
-    script += fmt::format("{:.4f} {:.5f} {:.5f} {:.5f} {:.5f} {:.5f}\n", cpd[i], tangential[i], sagittal[i],
+    script += fmt::format("{:.4f} {:.5f} {:.5f} {:.5f} {:.5f}\n", cpd[i], tangential[i], sagittal[i],
                           diffraction_mtf(cpd[i], wavefront.pupil_mm, wavefront.wavelength_nm),
-                          healthy_mtf(cpd[i], wavefront.pupil_mm),
-                          with_lens ? (corrected.horizontal[i] + corrected.vertical[i]) / 2 : 0);
+                          healthy_mtf(cpd[i], wavefront.pupil_mm));
+  script += "EOD\n";
+  if (lens) {
+    const ImageQuality with_lens = image_quality(wavefront, *lens);
+    script += "$lens << EOD\n";
+    for (std::size_t i = 0; i < with_lens.cpd.size(); ++i)
+      script += fmt::format("{:.4f} {:.5f}\n", with_lens.cpd[i],
+                            (with_lens.mtf_tangential[i] + with_lens.mtf_sagittal[i]) / 2);
+    script += "EOD\n";
+  }
   script += fmt::format(
-      "EOD\nset xlabel 'Spatial frequency (cycles per degree)'\nset ylabel 'Modulation transfer'\n"
+      "set xlabel 'Spatial frequency (cycles per degree)'\nset ylabel 'Modulation transfer'\n"
       "set xrange [0:60]\nset yrange [0:1]\nset key top right samplen 2 font ',9'\n"
       "plot $mtf using 1:4 with lines dt 3 lw 1.5 lc rgb '{2}' title 'diffraction limit', "
       "$mtf using 1:5 with lines lw 1.5 lc rgb '{2}' title 'healthy corrected eyes', "
       "$mtf using 1:2 with lines lw 2 lc rgb '{0}' title 'no lens, tangential', "
       "$mtf using 1:3 with lines lw 2 dt 2 lc rgb '{0}' title 'no lens, sagittal'{1}\n",
       first_colour,
-      with_lens
-          ? fmt::format(", $mtf using 1:6 with lines lw 2 lc rgb '{}' title 'with the lens'", second_colour)
-          : "",
+      lens ? fmt::format(", $lens using 1:2 with lines lw 2 lc rgb '{}' title 'with the lens'", second_colour)
+           : "",
       quiet_colour);
   return draw_chart(figure, script) ? figure : Figure();
 }
@@ -97,39 +112,49 @@ std::string arcmin_bar(double arcmin, double arcmin_across, const char* colour) 
       picture_px - 24, picture_px * arcmin / arcmin_across, colour, picture_px - 8, arcmin);
 }
 
+/// \param margin_px  room for labels at the right
 Figure picture_figure(const EyeData& eye, const std::string& name, const std::string& title,
-                      const std::string& png, const std::string& bar) {
+                      const std::string& png, const std::string& marks, int margin_px) {
   Figure figure = chart_figure(eye, name, title);
-  figure.width_px = figure.height_px = picture_px;
+  figure.width_px = picture_px + margin_px;
+  figure.height_px = picture_px;
   figure.svg = fmt::format(
       "<svg xmlns=\"http://www.w3.org/2000/svg\" xmlns:xlink=\"http://www.w3.org/1999/xlink\" viewBox=\"0 0 "
-      "{0} "
+      "{4} "
       "{0}\"><image width=\"{0}\" height=\"{0}\" xlink:href=\"{1}\"/><rect x=\"0.5\" y=\"0.5\" width=\"{2}\" "
       "height=\"{2}\" fill=\"none\" stroke=\"#8a8a8a\"/>{3}</svg>",
-      picture_px, png_url(png), picture_px - 1, bar);
+      picture_px, png_url(png), picture_px - 1, marks, picture_px + margin_px);
   return figure;
 }
 
-Figure spread_figure(const EyeData& eye, const Picture& spread, const std::string& kind,
+Figure spread_figure(const EyeData& eye, const PointSpread& spread, const std::string& kind,
                      const std::string& title) {
   constexpr double shown_arcmin = 40;
-  const int crop = static_cast<int>(shown_arcmin / spread.arcmin_per_pixel);
   const float peak = *std::max_element(spread.values.begin(), spread.values.end());
-  Figure figure =
-      picture_figure(eye, "psf-" + kind, "a point of light, " + title,
-                     grey_png(spread, crop, picture_px, peak), arcmin_bar(5, shown_arcmin, "#fff"));
+  const Picture picture{spread.size, spread.pitch_arcmin, spread.values};
+  Figure figure = picture_figure(eye, "psf-" + kind, "a point of light, " + title,
+                                 grey_png(picture, shown_arcmin, picture_px, peak),
+                                 arcmin_bar(5, shown_arcmin, "#fff"), 0);
   figure.alt = "Image of a point of light on the retina, " + title;
   return figure;
 }
 
-Figure letters_figure(const EyeData& eye, const Picture& spread, const std::string& kind,
+Figure letters_figure(const EyeData& eye, const PointSpread& spread, const std::string& kind,
                       const std::string& title) {
-  constexpr double shown_arcmin = 124;
-  const Picture letters = blurred_letters(spread, {0.7, 0.4, 0.2, 0.0}, 0.92 * shown_arcmin);
-  const int crop = static_cast<int>(shown_arcmin / letters.arcmin_per_pixel);
-  Figure figure = picture_figure(eye, "letters-" + kind, "letters, " + title,
-                                 grey_png(letters, crop, picture_px, 1), arcmin_bar(5, shown_arcmin, "#000"));
-  figure.alt = "Lines of letters as this eye images them, " + title;
+  constexpr double shown_arcmin = 132;
+  constexpr int margin_px = 52;
+  const auto lines = letter_lines({0.7, 0.5, 0.3, 0.2, 0.1, 0.0}, 0.92 * shown_arcmin);
+  std::string marks = arcmin_bar(5, shown_arcmin, "#000");
+  for (const auto& line : lines)
+    marks += fmt::format(
+        "<text x=\"{}\" y=\"{:.1f}\" font-family=\"DejaVu Sans\" font-size=\"13\" "
+        "fill=\"currentColor\">20/{}</text>",
+        picture_px + 5, picture_px * (0.5 + line.middle_arcmin / shown_arcmin) + 5,
+        std::lround(20 * std::pow(10, line.logmar)));
+  Figure figure = picture_figure(
+      eye, "letters-" + kind, "letters, " + title,
+      grey_png(blurred_letters(spread, lines, shown_arcmin), shown_arcmin, picture_px, 1), marks, margin_px);
+  figure.alt = "Lines of letters from 20/100 to 20/20 as this eye images them, " + title;
   return figure;
 }
 
@@ -159,7 +184,7 @@ Table wavefront_table(const std::vector<const EyeData*>& eyes) {
 }  // namespace
 
 Section optics_section(const CaseData& data, Notes& notes) {
-  Section section{"optics", "What the eye does to light", {}, false};
+  Section section{"optics", "What the eye does to light", {}};
   std::vector<const EyeData*> eyes;
   FigureRow zernike, mtf, letters, spreads;
   zernike.caption =
@@ -171,34 +196,34 @@ Section optics_section(const CaseData& data, Notes& notes) {
       "degree. Grey: "
       "the mean of healthy corrected eyes [11] and the diffraction limit of this pupil.";
   letters.caption =
-      "Lines of letters of logMAR 0.7, 0.4, 0.2 and 0.0 (20/100, 20/50, 20/32, 20/20), computed from the "
-      "wavefront in one "
-      "colour.";
+      "Sloan letters of logMAR 0.7, 0.5, 0.3, 0.2, 0.1 and 0.0, computed from the wavefront in one colour. "
+      "The "
+      "smallest line whose letters can be told apart is about the acuity that the optics allow.";
   spreads.caption = "A point of light on the retina; each picture is scaled to its own peak.";
   for (const auto& eye : data.eyes) {
     const auto wavefront = wavefront_of(eye);
     if (!wavefront) continue;
     eyes.push_back(&eye);
-    const Picture before = point_spread(*wavefront);
-    std::optional<Picture> after;
-    if (const auto lens = correction_of(data, eye)) after = point_spread(corrected_by(*wavefront, *lens));
-    const Figure bars = zernike_figure(eye, *wavefront), curves = mtf_figure(eye, *wavefront, after);
+    const auto lens = lens_in_pupil(data, eye, *wavefront);
+    const Figure bars = zernike_figure(eye, *wavefront), curves = mtf_figure(eye, *wavefront, lens);
     if (!bars.svg.empty()) zernike.figures.push_back(bars);
     if (!curves.svg.empty()) mtf.figures.push_back(curves);
     if (bars.svg.empty() || curves.svg.empty())
       notes.push_back(short_name(eye) +
                       ": charts of the wavefront are missing, because gnuplot is not installed or failed.");
-    letters.figures.push_back(letters_figure(eye, before, "before", "no lens"));
-    spreads.figures.push_back(spread_figure(eye, before, "before", "no lens"));
-    if (!after) continue;
-    letters.figures.push_back(letters_figure(eye, *after, "after", "with the lens"));
-    spreads.figures.push_back(spread_figure(eye, *after, "after", "with the lens"));
+    const auto show = [&](const PowerVector& power, const char* kind, const char* title) {
+      const PointSpread spread = point_spread(*wavefront, power);
+      letters.figures.push_back(letters_figure(eye, spread, kind, title));
+      spreads.figures.push_back(spread_figure(eye, spread, kind, title));
+    };
+    show({}, "before", "no lens");
+    if (lens) show(*lens, "after", "with the lens");
   }
   if (eyes.empty()) return section;
   section.blocks.push_back({wavefront_table(eyes)});
   for (FigureRow* row : {&zernike, &mtf, &letters})
     if (!row->figures.empty()) section.blocks.push_back({*row});
-  section.blocks.push_back({spreads, false});
+  section.blocks.push_back({spreads, Paper::if_room});
   return section;
 }
 

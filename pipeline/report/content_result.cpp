@@ -39,14 +39,20 @@ EyeCard card_of(const CaseData& data, const EyeData& eye) {
   card.light = judgement.light;
   card.verdict = judgement.verdict;
   card.reasons = judgement.reasons;
-  if (!judgement.has_prescription) return card;
+  if (!judgement.has_refraction) return card;
 
   const Json& prescription = eye.prescription;
-  card.prescription = rounded_prescription(prescription);
-  card.prescription_note = fmt::format("vertex distance {} mm, minus cylinder, for distance, pupil {} mm",
-                                       fixed(value_of(prescription, "vertex_distance_mm").value_or(12), 0),
-                                       fixed(value_of(prescription, "pupil_mm").value_or(3), 1));
-  card.details.caption = "Best lens before rounding, " + card.eye;
+  if (judgement.has_prescription)
+    card.prescription = rounded_prescription(prescription);
+  else
+    card.estimate = "Estimate, not a prescription: mean sphere " +
+                    format(value_of(prescription, "M_D").value_or(0), {1, true, "D"});
+  card.note = fmt::format("vertex distance {} mm, minus cylinder, for distance, pupil {} mm",
+                          fixed(value_of(prescription, "vertex_distance_mm").value_or(12), 0),
+                          fixed(value_of(prescription, "pupil_mm").value_or(3), 1));
+  card.details.caption =
+      (judgement.has_prescription ? "Best lens before rounding, " : "Best lens, for information only, ") +
+      card.eye;
   card.details.header = {"", "Value", "95 % interval"};
   const NumberStyle dioptres{2, true, "D"};
   add_measured(card.details, prescription, "sphere_D", "Sphere", dioptres);
@@ -57,14 +63,15 @@ EyeCard card_of(const CaseData& data, const EyeData& eye) {
   add_measured(card.details, prescription, "J45_D", "J45", dioptres);
   const Json calibration = prescription.value("calibration", Json());
   if (calibration.is_object())
-    card.prescription_note +=
-        ". " + calibration.value("text", std::string("A known refraction was given as data."));
+    card.note += ". " + calibration.value("text", std::string("A known refraction was given as data."));
   card.before_png = png_bytes(eye.uncorrected_png);
   card.after_png = png_bytes(eye.corrected_png);
   card.picture_caption =
-      "The same chart on the retina of this eye, upright as the patient perceives it: before, with no lens; "
-      "after, "
-      "with the lens above. Look at the smallest row that can be read, and at the direction of the blur.";
+      std::string(
+          "The same chart on the retina of this eye, upright as the patient perceives it: before, with no "
+          "lens; after, with the ") +
+      (judgement.has_prescription ? "best lens." : "lens of the estimate.") +
+      " Look at the smallest row that can be read, and at the direction of the blur.";
   return card;
 }
 
@@ -117,24 +124,24 @@ Table measured_table(const CaseData& data, const std::vector<BiometryRow>& rows,
 }  // namespace
 
 Section result_section(const CaseData& data) {
-  Section section{"result", "Result", {}, false};
+  Section section{"result", "Result", {}};
   EyeCards cards;
   bool any = false;
   for (const auto& eye : data.eyes) {
     cards.cards.push_back(card_of(data, eye));
-    any = any || !cards.cards.back().prescription.empty();
+    any = any || !cards.cards.back().details.rows.empty();
   }
   section.blocks.push_back({cards});
   if (any)
     section.blocks.push_back(
-        {Paragraph{"The prescription holds for the state of accommodation that the eyes had in the scanner, "
+        {Paragraph{"The refraction holds for the state of accommodation that the eyes had in the scanner, "
                    "on the eye's own "
                    "axis. The fovea is not visible in MRI."}});
   return section;
 }
 
 Section measured_section(const CaseData& data) {
-  Section section{"measured", "What was measured", {}, false};
+  Section section{"measured", "What was measured", {}};
   Table biometry = measured_table(data, biometry_rows(), "Biometry");
   Table keratometry = measured_table(data, keratometry_rows(), "Keratometry and corneal astigmatism");
   if (biometry.rows.empty() && keratometry.rows.empty()) return section;

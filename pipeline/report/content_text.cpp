@@ -50,7 +50,7 @@ std::string status_text(ExitStatus status) {
 }  // namespace
 
 Section limits_section(const CaseData& data, const Notes& notes) {
-  Section section{"limits", "Limits and warnings", {}, false};
+  Section section{"limits", "Limits and warnings", {}};
   BulletList general;
   general.items = {std::string(research_notice),
                    "MRI shows the eye at a fraction of a millimetre. One tenth of a millimetre of corneal "
@@ -82,7 +82,7 @@ Section limits_section(const CaseData& data, const Notes& notes) {
 }
 
 Section methods_section(const CaseData& /*data*/) {
-  Section section{"methods", "Methods", {}, false};
+  Section section{"methods", "Methods", {}};
   section.blocks.push_back(
       {Paragraph{"The eyes are found in the MR volumes by radial symmetry and paired by the patient's "
                  "coordinates. A parametric "
@@ -98,13 +98,13 @@ Section methods_section(const CaseData& /*data*/) {
       {Paragraph{"Frames: light is described in the eye's frame, x to the examiner's right, y up, z out of "
                  "the eye; origin at "
                  "the corneal apex. Wavefront maps and axes are as the examiner sees them."},
-       false});
+       Paper::never});
   section.blocks.push_back({BulletList{references(), true}});
   return section;
 }
 
 Section provenance_section(const CaseData& data) {
-  Section section{"provenance", "Provenance", {}, false};
+  Section section{"provenance", "Provenance", {}};
   Table table{"Stages", {"Stage", "Version", "Seed", "Device", "Result"}, {}};
   for (const auto& stage : data.stages) {
     const auto text = [&](const char* key) {
@@ -116,7 +116,7 @@ Section provenance_section(const CaseData& data) {
     table.rows.push_back(
         {stage.name, text("version"), text("seed"), text("opencl_device"), status_text(stage.status)});
   }
-  section.blocks.push_back({table, false});
+  section.blocks.push_back({table, Paper::never});
   std::string line = "Made by Emmetrope " + version() + ".";
   for (const auto& stage : data.stages)
     line += " " + stage.name + ": " + status_text(stage.status) + ", inputs " +
@@ -127,8 +127,8 @@ Section provenance_section(const CaseData& data) {
   for (const auto& stage : data.stages)
     section.blocks.push_back(
         {Folded{stage.name + ": parameters and SHA-256 of inputs and outputs", dump(stage.provenance)},
-         false});
-  section.blocks.push_back({Folded{"case.json", dump(data.case_json)}, false});
+         Paper::never});
+  section.blocks.push_back({Folded{"case.json", dump(data.case_json)}, Paper::never});
   return section;
 }
 

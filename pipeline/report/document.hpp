@@ -57,7 +57,8 @@ struct EyeCard {
   std::string verdict;  ///< the light in words
   std::vector<std::string> reasons;
   std::string prescription;           ///< rounded, clinical notation; empty when there is none
-  std::string prescription_note;      ///< vertex distance, what it holds for
+  std::string estimate;               ///< what stands in its place where it is withheld
+  std::string note;                   ///< of either: vertex distance, what it holds for
   Table details;                      ///< full precision with intervals
   std::string before_png, after_png;  ///< bytes; empty when there are none
   std::string picture_caption;
@@ -69,16 +70,18 @@ struct EyeCards {
 
 using Block = std::variant<Paragraph, BulletList, Table, FigureRow, Folded, EyeCards>;
 
+/// Whether a block stands in the PDF, which has few pages.
+enum class Paper { always, if_room, never };
+
 struct SectionBlock {
   Block block;
-  bool in_pdf = true;
+  Paper paper = Paper::always;
 };
 
 struct Section {
   std::string id;
   std::string title;
   std::vector<SectionBlock> blocks;
-  bool page_break = false;  ///< starts a page of the PDF
 };
 
 struct Document {

@@ -79,7 +79,10 @@ data card_data(const EyeCard& card) {
   result.set("has_reasons", !card.reasons.empty());
   result.set("has_prescription", !card.prescription.empty());
   result.set("prescription", clean_text(card.prescription));
-  result.set("note", clean_text(card.prescription_note));
+  result.set("has_estimate", !card.estimate.empty());
+  result.set("estimate", clean_text(card.estimate));
+  result.set("note", clean_text(card.note));
+  result.set("has_details", !card.details.rows.empty());
   result.set("details", table_data(card.details));
   result.set("has_pictures", !card.before_png.empty() && !card.after_png.empty());
   result.set("before", png_url(card.before_png));

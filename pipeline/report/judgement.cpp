@@ -5,13 +5,19 @@
 namespace emmetrope::report {
 namespace {
 
-constexpr double repeatability_D = 0.5;  ///< 95 % limits of agreement of repeated subjective refraction
+constexpr double repeatability_D = 0.5;  ///< what clinics ask of a refraction's 95 % limits of agreement
+constexpr double dispensing_D = 1.0;     ///< beyond it a lens may be worse than the one that is worn
+constexpr double astigmatism_D = 0.5;    ///< half width of J0 or J45: a cylinder of 1 D may not be there
 constexpr double largest_head_roll_deg = 3;
 
-std::optional<Measured> measured_at(const Json& json, const std::string& key) {
-  if (!json.is_object() || !json.contains(key) || !json[key].is_object() || !json[key].contains("ci95"))
-    return std::nullopt;
-  return json[key].get<Measured>();
+constexpr const char* remedy = "A known refraction narrows it most, then keratometry and axial length.";
+
+/// Half of the 95 % interval of a number of the prescription; 0 where it has none.
+double half_width(const EyeData& eye, const char* key) {
+  const Json found = eye.prescription.value(key, Json());
+  if (!found.is_object() || !found.contains("ci95")) return 0;
+  const auto measured = found.get<Measured>();
+  return (measured.ci95[1] - measured.ci95[0]) / 2;
 }
 
 std::vector<std::string> failed_gates(const EyeData& eye) {
@@ -41,7 +47,7 @@ Judgement refused(const CaseData& data, const EyeData& eye, std::vector<std::str
   add_stage_reasons(data, eye, reasons);
   if (reasons.empty())
     reasons.emplace_back("The stages before this report gave no prescription for this eye.");
-  return {Light::red, "No prescription: the images do not support one", reasons, false};
+  return {Light::red, "No prescription: the images do not support one", reasons, false, false};
 }
 
 const Json* at_path(const Json& json, const std::string& path) {
@@ -70,26 +76,40 @@ Judgement judge(const CaseData& data, const EyeData& eye) {
   const bool fit_refused = eye.fit.is_object() && eye.fit.value("status", "measured") == "refused";
   const bool was_corrected = data.stage("correction") != nullptr;
   if (!fit_refused && !was_corrected && data.stage("segmentation")->status != ExitStatus::no_result)
-    return {Light::red, "No prescription: the correction stage has not been run", gates, false};
+    return {Light::red, "No prescription: the correction stage has not been run", gates, false, false};
   if (fit_refused || !eye.prescription.is_object() || !value_of(eye.prescription, "sphere_D"))
     return refused(data, eye, gates);
 
   std::vector<std::string> reasons = gates;
-  if (const auto M = measured_at(eye.prescription, "M_D")) {
-    const double half_width = (M->ci95[1] - M->ci95[0]) / 2;
-    if (half_width > repeatability_D)
-      reasons.push_back("The 95 % interval of the mean sphere is \u00b1" + fixed(half_width, 2) +
-                        " D, wider than the \u00b10.50 D within which subjective refraction repeats. A "
-                        "keratometry, an axial length or a known refraction narrows it.");
-  }
+  const double M_half_width = half_width(eye, "M_D");
+  const bool may_be_prescribed = M_half_width <= widest_prescription_D;
+  if (!may_be_prescribed)
+    reasons.insert(
+        reasons.begin(),
+        "The mean sphere's 95 % interval, \u00b1" + fixed(M_half_width, 2) +
+            " D, is wider than from no lens at all to high myopia (6 D): these data do not support "
+            "a prescription. The estimate is for information. " +
+            remedy);
+  else if (M_half_width > repeatability_D)
+    reasons.push_back("The mean sphere's 95 % interval is \u00b1" + fixed(M_half_width, 2) +
+                      " D; clinical refraction is expected to repeat within \u00b10.50 D. " + remedy);
+  if (std::max(half_width(eye, "J0_D"), half_width(eye, "J45_D")) > astigmatism_D)
+    reasons.push_back("Cylinder and axis are not determined: the 95 % intervals of J0 and J45 are \u00b1" +
+                      fixed(half_width(eye, "J0_D"), 2) + " and \u00b1" + fixed(half_width(eye, "J45_D"), 2) +
+                      " D.");
   for (auto& sentence : unusual_values(eye)) reasons.push_back(std::move(sentence));
   const auto roll = value_of(eye.biometry, "head_roll_deg");
   if (roll && std::abs(*roll) > largest_head_roll_deg)
     reasons.push_back("The head is rolled by " + fixed(*roll, 1) +
                       "\u00b0 against the scanner; astigmatic axes are given against the scanner.");
   add_stage_reasons(data, eye, reasons);
-  if (reasons.empty()) return {Light::green, "Supported by the images", {}, true};
-  return {Light::amber, "Use with caution", reasons, true};
+  if (!may_be_prescribed)
+    return {Light::red, "No prescription: known only to \u00b1" + fixed(M_half_width, 1) + " D", reasons,
+            true, false};
+  if (reasons.empty()) return {Light::green, "Supported by the data", {}, true, true};
+  return {Light::amber,
+          M_half_width > dispensing_D ? "Estimate: refract before dispensing" : "Use with caution", reasons,
+          true, true};
 }
 
 }  // namespace emmetrope::report

@@ -3,6 +3,7 @@
 #include <numeric>
 
 #include "pipeline/base/frames.hpp"
+#include "raytrace/eye/zernike.hpp"
 #include "raytrace/wavefront/pupil_function.hpp"
 #include "raytrace/wavefront/simplex.hpp"
 
@@ -15,15 +16,26 @@ constexpr int highest_cpd = 60;
 using Lens = Eigen::Vector3d;
 PowerVector power_from(const Lens& lens) { return {lens[0], lens[1], lens[2]}; }
 
+/// The lens as part of the wavefront: c = power r^2 / (4 sqrt 3), r^2 / (2 sqrt 6).
+Wavefront with_lens(Wavefront wavefront, const PowerVector& lens) {
+  const double square = wavefront.pupil_mm * wavefront.pupil_mm / 4;
+  wavefront.zernike_um.resize(std::max<std::size_t>(wavefront.zernike_um.size(), 6), 0);
+  wavefront.zernike_um[3] += lens.J45_D * square / (2 * std::sqrt(6.0));
+  wavefront.zernike_um[4] += lens.M_D * square / (4 * std::sqrt(3.0));
+  wavefront.zernike_um[5] += lens.J0_D * square / (2 * std::sqrt(6.0));
+  return wavefront;
+}
+
 /// Samples over the pupil so that the phase turns by less than half a wave from one to the next, within
-/// reason.
+/// reason: then the point spread function fits into its grid, too.
 int samples_across(const Wavefront& wavefront) {
-  // The edge slope of each term is at most its norm times n^2 or so; the second order dominates where it
-  // matters.
+  // The radial slope at the edge: norm times n (n + 2) / 2 for m = 0, norm times n for |m| = n, between for
+  // the others.
   double slope_um = 0;
   for (std::size_t j = 3; j < wavefront.zernike_um.size(); ++j) {
-    const int n = static_cast<int>((-1 + std::sqrt(1 + 8.0 * static_cast<double>(j))) / 2);
-    slope_um += std::abs(wavefront.zernike_um[j]) * std::sqrt(2.0 * (n + 1)) * n;
+    const auto [n, m] = zernike_index(static_cast<int>(j));
+    const double norm = std::sqrt((m == 0 ? 1.0 : 2.0) * (n + 1));
+    slope_um += std::abs(wavefront.zernike_um[j]) * norm * (n * (n + 2) - m * m) / 2;
   }
   const double needed = 2 * 2 * slope_um / (wavefront.wavelength_nm / 1000);
   return std::clamp(static_cast<int>(needed), 128, 512);
@@ -68,10 +80,10 @@ Json spot_json(const Wavefront& wavefront) {
 
 }  // namespace
 
-ImageQuality image_quality(const Wavefront& wavefront, const PowerVector& lens_in_pupil) {
+ImageQuality image_quality(const Wavefront& uncorrected, const PowerVector& lens_in_pupil) {
+  const Wavefront wavefront = with_lens(uncorrected, lens_in_pupil);
   const PupilFunction pupil(wavefront, samples_across(wavefront), 3);
-  const std::vector<double> spread = pupil.point_spread(lens_in_pupil),
-                            perfect = pupil.perfect_point_spread();
+  const std::vector<double> spread = pupil.point_spread({}), perfect = pupil.perfect_point_spread();
   const std::vector<std::complex<double>> otf = pupil.otf(spread);
   const NeuralSum neural(pupil);
   ImageQuality quality;
@@ -88,9 +100,10 @@ ImageQuality image_quality(const Wavefront& wavefront, const PowerVector& lens_i
   return quality;
 }
 
-PointSpread point_spread(const Wavefront& wavefront, const PowerVector& lens_in_pupil) {
+PointSpread point_spread(const Wavefront& uncorrected, const PowerVector& lens_in_pupil) {
+  const Wavefront wavefront = with_lens(uncorrected, lens_in_pupil);
   const PupilFunction pupil(wavefront, samples_across(wavefront), 3);
-  const std::vector<double> spread = pupil.point_spread(lens_in_pupil);
+  const std::vector<double> spread = pupil.point_spread({});
   PointSpread result;
   result.size = pupil.size();
   result.pitch_arcmin = pupil.pitch_arcmin();

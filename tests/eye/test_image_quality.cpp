@@ -93,6 +93,26 @@ TEST(PointSpread, HasUnitSumAndComaPointsTheRightWay) {
   EXPECT_GT(above, 2 * below);
 }
 
+// Geometrical optics: a disc of pupil times defocus, here 30 mrad = 103 arcmin, none of it folded over.
+TEST(PointSpread, StrongDefocusFillsItsDiscEvenly) {
+  constexpr double pupil_mm = 5, defocus_D = 6;
+  Wavefront wavefront = perfect(pupil_mm, 589.3);
+  wavefront.zernike_um[4] = defocus_D * pupil_mm * pupil_mm / 4 / (4 * std::sqrt(3.0));
+  const PointSpread spread = point_spread(wavefront);
+  const double radius_arcmin = pupil_mm * defocus_D / 2 * 1e-3 / degree * 60;
+  double inside = 0, inner_half = 0;
+  const int half = spread.size / 2;
+  for (int row = 0; row < spread.size; ++row)
+    for (int column = 0; column < spread.size; ++column) {
+      const double r = std::hypot(row - half, column - half) * spread.pitch_arcmin;
+      const double value = spread.values[static_cast<std::size_t>(row) * spread.size + column];
+      if (r < 1.05 * radius_arcmin) inside += value;
+      if (r < radius_arcmin / std::sqrt(2)) inner_half += value;
+    }
+  EXPECT_GT(inside, 0.97);
+  EXPECT_NEAR(inner_half, 0.5, 0.02);
+}
+
 TEST(Refraction, VisualStrehlOfASphericallyAberratedEyeLiesNearTheOthers) {
   const RefractionCriteria rx = refraction_by_wavefront(make_eye("gullstrand"), {}, 12);
   EXPECT_LT(rx.visual_strehl.M_D, rx.paraxial.M_D);

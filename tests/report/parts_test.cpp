@@ -10,8 +10,9 @@
 #include "pipeline/report/cornea_map.hpp"
 #include "pipeline/report/dicom/object.hpp"
 #include "pipeline/report/encoding.hpp"
+#include "pipeline/report/letter_chart.hpp"
 #include "pipeline/report/numbers.hpp"
-#include "pipeline/report/point_spread.hpp"
+#include "pipeline/report/reference_mtf.hpp"
 #include "pipeline/report/slices.hpp"
 
 namespace emmetrope::report {
@@ -51,65 +52,63 @@ TEST(StableUid, DependsOnTheTextAloneAndIsAValidUid) {
   EXPECT_EQ(uid.find_first_not_of("0123456789."), std::string::npos);
 }
 
-// Noll's and OSA's polynomials have unit mean square over the disc and vanishing products.
-TEST(Zernike, TermsAreOrthonormalOverTheDisc) {
-  constexpr int rings = 200, spokes = 64;
-  for (int a = 0; a < 15; ++a)
-    for (int b = a; b < 15; ++b) {
-      double sum = 0;
-      for (int i = 0; i < rings; ++i)
-        for (int j = 0; j < spokes; ++j) {
-          const double rho = (i + 0.5) / rings, theta = 2 * pi * j / spokes;
-          sum += zernike_value(a, rho, theta) * zernike_value(b, rho, theta) * rho;
-        }
-      EXPECT_NEAR(sum * 2 / (rings * spokes), a == b ? 1 : 0, 2e-3) << a << " " << b;
-    }
+PointSpread spread_of(double pupil_mm, double defocus_D) {
+  Wavefront wavefront;
+  wavefront.pupil_mm = pupil_mm;
+  wavefront.wavelength_nm = 555;
+  wavefront.zernike_um.assign(6, 0);
+  wavefront.zernike_um[4] = -defocus_D * pupil_mm * pupil_mm / 4 / (4 * std::sqrt(3.0));
+  return point_spread(wavefront);
 }
 
-// A perfect pupil: the modulation is the closed form of the circular aperture.
-TEST(PointSpread, OfAPerfectPupilReachesTheDiffractionLimit) {
-  const PupilWavefront perfect{3, 555, {}};
-  const Picture spread = point_spread(perfect);
-  EXPECT_NEAR(std::accumulate(spread.values.begin(), spread.values.end(), 0.0), 1, 1e-4);
-  const std::vector<double> cpd{5, 10, 20, 30, 40, 60, 80};
-  const Modulation mtf = modulation_transfer(spread, cpd);
-  for (std::size_t i = 0; i < cpd.size(); ++i) {
-    EXPECT_NEAR(mtf.horizontal[i], diffraction_mtf(cpd[i], 3, 555), 0.004) << cpd[i];
-    EXPECT_NEAR(mtf.vertical[i], diffraction_mtf(cpd[i], 3, 555), 0.004) << cpd[i];
-  }
+double at(const Picture& picture, double x_arcmin, double y_arcmin) {
+  const int row = picture.side / 2 + static_cast<int>(std::lround(y_arcmin / picture.arcmin_per_pixel));
+  const int column = picture.side / 2 + static_cast<int>(std::lround(x_arcmin / picture.arcmin_per_pixel));
+  return picture.values[static_cast<std::size_t>(row) * picture.side + column];
+}
+
+// Letters are 5 arcmin high at logMAR 0, and rows 1.6 letters apart.
+TEST(LetterChart, LinesHaveTheSizesOfTheirAcuities) {
+  const auto lines = letter_lines({0.7, 0.3, 0}, 120);
+  ASSERT_EQ(lines.size(), 3U);
+  EXPECT_EQ(lines[0].letters, 3);  // 25.06 high, 40.1 apart
+  EXPECT_EQ(lines[2].letters, 5);
+  EXPECT_NEAR(lines[1].middle_arcmin - lines[0].middle_arcmin, 1.1 * 25.059 + 0.5 * 9.976, 0.01);
+  EXPECT_NEAR(lines[0].middle_arcmin - 25.059 / 2, -(lines[2].middle_arcmin + 2.5), 1e-3);
+}
+
+TEST(LetterChart, ASharpEyeSeesTheStrokesAndABlurredOneGrey) {
+  const auto lines = letter_lines({0.7}, 30);
+  ASSERT_EQ(lines.front().letters, 1);  // C: its left side is ink, its middle and its gap are not
+  const double stroke = 25.059 / 5;
+  const Picture sharp = blurred_letters(spread_of(3, 0), lines, 60);
+  EXPECT_LT(at(sharp, -2 * stroke, 0), 0.1);
+  EXPECT_GT(at(sharp, 0, 0), 0.9);
+  EXPECT_GT(at(sharp, 2 * stroke, 0), 0.9);
+  // 3 D over 4 mm is a disc of 12 mrad = 41 arcmin: no stroke is left.
+  const Picture blurred = blurred_letters(spread_of(4, 3), lines, 60);
+  EXPECT_NEAR(at(blurred, -2 * stroke, 0), at(blurred, 0, 0), 0.05);
+}
+
+// The blur moves ink about: it neither makes nor destroys any.
+TEST(LetterChart, BlurKeepsTheInk) {
+  const auto lines = letter_lines({0.5, 0.3}, 60);
+  const auto ink = [](const Picture& picture) {
+    double sum = 0;
+    for (const float value : picture.values) sum += 1 - value;
+    return sum * picture.arcmin_per_pixel * picture.arcmin_per_pixel;
+  };
+  const double sharp = ink(blurred_letters(spread_of(3, 0), lines, 80));
+  EXPECT_GT(sharp, 100);
+  EXPECT_NEAR(ink(blurred_letters(spread_of(3, 1), lines, 80)) / sharp, 1, 0.01);
+}
+
+TEST(ReferenceMtf, EndsAtTheCutOffAndHealthyEyesLieBelowDiffraction) {
+  EXPECT_EQ(diffraction_mtf(0, 3, 555), 1);
+  EXPECT_NEAR(diffraction_mtf(3 / 555e-6 * pi / 180 / 2, 3, 555), 2 / pi * (pi / 3 - std::sqrt(3) / 4), 1e-9);
   EXPECT_EQ(diffraction_mtf(200, 3, 555), 0);
-}
-
-// Geometrical optics: one dioptre of defocus blurs a point into a disc of pupil times defocus, here 4 mrad.
-TEST(PointSpread, DefocusSpreadsAPointOverPupilTimesDioptres) {
-  constexpr double pupil_mm = 4, defocus_D = 2;
-  PupilWavefront blurred{pupil_mm, 555, std::vector<double>(6, 0)};
-  blurred.zernike_um[4] = -defocus_D * pupil_mm * pupil_mm / 4 / (4 * std::sqrt(3.0));
-  const Picture spread = point_spread(blurred);
-  double inside = 0, within_half = 0;
-  for (int row = 0; row < spread.side; ++row)
-    for (int column = 0; column < spread.side; ++column) {
-      const double r = std::hypot(row - spread.side / 2, column - spread.side / 2) * spread.arcmin_per_pixel;
-      const double radius = pupil_mm * defocus_D / 2 * 1e-3 * 180 * 60 / pi;
-      const double value = spread.values[static_cast<std::size_t>(row) * spread.side + column];
-      if (r < 1.1 * radius) inside += value;
-      if (r < radius / std::sqrt(2)) within_half += value;
-    }
-  EXPECT_GT(inside, 0.97);
-  EXPECT_NEAR(within_half, 0.5, 0.03);
-}
-
-// The lens that the wavefront asks for leaves the diffraction limit.
-TEST(PointSpread, TheRightLensRemovesDefocusAndAstigmatism) {
-  constexpr double r2 = 1.5 * 1.5;
-  const PowerVector error{-2, 0.4, -0.3};
-  const PupilWavefront blurred{
-      3,
-      555,
-      {0, 0, 0, -error.J45_D * r2 / (2 * std::sqrt(6.0)), -error.M_D * r2 / (4 * std::sqrt(3.0)),
-       -error.J0_D * r2 / (2 * std::sqrt(6.0))}};
-  const Modulation mtf = modulation_transfer(point_spread(corrected_by(blurred, error)), {20});
-  EXPECT_NEAR(mtf.horizontal[0], diffraction_mtf(20, 3, 555), 0.004);
+  EXPECT_EQ(healthy_mtf(0, 3), 1);
+  for (double cpd = 5; cpd < 60; cpd += 5) EXPECT_LT(healthy_mtf(cpd, 4), diffraction_mtf(cpd, 4, 555));
 }
 
 /// A polar sheet of a sphere in the eye's frame.

@@ -136,6 +136,40 @@ TEST_F(ReportTest, EveryPageSaysThatItIsForResearch) {
   }
 }
 
+TEST_F(ReportTest, CaseFullOfComplaintsStaysWithinFourPages) {
+  test::make_fixture_case(folder_);
+  const fs::path file = folder_ / "segmentation" / "stage.json";
+  Json stage = read_json(file);
+  for (int i = 0; i < 60; ++i)
+    stage["warnings"].push_back("complaint " + std::to_string(i) +
+                                ": a slice is missing between two others, and what that means is told at "
+                                "some length here, as stages do");
+  write_json(file, stage);
+  report();
+  const std::string pdf = pdf_text();
+  EXPECT_LE(std::count(pdf.begin(), pdf.end(), '\f'), 4);
+  EXPECT_THAT(pdf, HasSubstr("more are in the HTML report"));
+  EXPECT_THAT(visible_text(output("report.html")), HasSubstr("complaint 59:"));
+}
+
+TEST_F(ReportTest, TooWideAnIntervalIsNoPrescription) {
+  test::make_fixture_case(folder_);
+  const fs::path file = folder_ / "correction" / "od" / "prescription.json";
+  Json prescription = read_json(file);
+  prescription["M_D"]["ci95"] = {-2.87 - 3.2, -2.87 + 3.2};
+  write_json(file, prescription);
+  const Answer answer = report();
+  EXPECT_FALSE(answer.json.at("eyes").at("od").contains("prescription"));
+  EXPECT_TRUE(answer.json.at("eyes").at("os").contains("prescription"));
+  for (const std::string& text : {visible_text(output("report.html")), pdf_text()}) {
+    EXPECT_THAT(text, HasSubstr("No prescription: known only to ±3.2 D"));
+    EXPECT_THAT(text, HasSubstr("Estimate, not a prescription: mean sphere -2.9 D"));
+    EXPECT_THAT(text, Not(HasSubstr("-2.25 / -1.00 x 175")));
+  }
+  EXPECT_THAT(dump("prescription.dcm"), Not(HasSubstr("Right Eye Rx")));
+  EXPECT_THAT(output("prescription.fhir.json"), Not(HasSubstr("right")));
+}
+
 TEST_F(ReportTest, SameCaseGivesSameBytes) {
   test::make_fixture_case(folder_);
   report();
