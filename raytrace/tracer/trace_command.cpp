@@ -35,39 +35,67 @@ void write_wavefront(const EyeModel& eye, const TraceSettings& settings, const f
   write_json(file, wavefront_json(measure_wavefront(eye, wavefront)));
 }
 
+/// Where a named eye's picture goes: the path itself, or with two eyes one beside the other.
+fs::path output_of(const fs::path& output, Laterality laterality, bool two_eyes) {
+  if (!two_eyes) return output;
+  if (!output.has_extension()) return output / to_string(laterality);
+  fs::path name = output.stem();
+  name += std::string("-") + to_string(laterality) + output.extension().string();
+  return output.parent_path() / name;
+}
+
+/// Writes the picture, and into a folder what belongs to it. Returns the picture's path.
+fs::path write_named(const fs::path& output, const EyeModel& eye, const TraceSettings& settings,
+                     const LinearImage& picture) {
+  const std::string ending = output.extension().string();
+  if (ending == ".png") {
+    write_png(output, picture);
+    return output;
+  }
+  if (ending == ".tif" || ending == ".tiff") {
+    write_tiff(output, picture);
+    return output;
+  }
+  std::error_code fault;
+  fs::create_directories(output, fault);
+  if (fault) throw output_error("cannot make the folder " + output.string() + ": " + fault.message());
+  write_png(output / "uncorrected.png", picture);
+  write_eye(output / "eye.json", eye);
+  write_wavefront(eye, settings, output / "wavefront.json");
+  return output / "uncorrected.png";
+}
+
 Answer trace_named(const TraceOptions& options, const CommonOptions& common) {
   if (options.output.empty())
     throw usage_error("--eye needs -o: where to write", "add -o FOLDER or -o image.png");
-  EyeOptions eye_options;
-  eye_options.accommodation_D = options.accommodation_D.value_or(0);
-  eye_options.accommodation_parameter = options.accommodation_parameter;
-  eye_options.pupil_mm = options.pupil_mm;
-  const EyeModel eye = make_eye(options.eye, eye_options);
-  const TraceSettings settings = read_settings(options);
+  const bool two_eyes = options.pupillary_distance_mm && common.laterality == LateralityChoice::both;
   const auto scene = make_scene(options.scene);
   const Tracer tracer(common.device, common.threads);
-  const TraceResult result = tracer.trace(with_spectacle(eye, options), *scene, settings);
-  for (const auto& note : result.notes) spdlog::info("{}", note);
-
-  const fs::path output = options.output;
-  const std::string ending = output.extension().string();
-  fs::path image = output;
-  if (ending == ".png") {
-    write_png(image, result.image);
-  } else if (ending == ".tif" || ending == ".tiff") {
-    write_tiff(image, result.image);
-  } else {
-    std::error_code fault;
-    fs::create_directories(output, fault);
-    if (fault) throw output_error("cannot make the folder " + output.string() + ": " + fault.message());
-    image = output / "uncorrected.png";
-    write_png(image, result.image);
-    write_eye(output / "eye.json", eye);
-    write_wavefront(eye, settings, output / "wavefront.json");
-  }
   Answer answer;
-  answer.json = summary(result, image.string());
-  answer.text = line(eye.name, answer.json);
+  for (const Laterality laterality : both_eyes) {
+    if (!includes(common.laterality, laterality)) continue;
+    if (!two_eyes && common.laterality == LateralityChoice::both && laterality == Laterality::os) continue;
+    EyeOptions eye_options;
+    eye_options.accommodation_D = options.accommodation_D.value_or(0);
+    eye_options.accommodation_parameter = options.accommodation_parameter;
+    eye_options.pupil_mm = options.pupil_mm;
+    eye_options.laterality = laterality;
+    const EyeModel eye = make_eye(options.eye, eye_options);
+    TraceSettings settings = read_settings(options);
+    settings.pose = read_pose(options, laterality);
+    const TraceResult result =
+        trace_exposure(tracer, with_spectacle(eye, options), *scene, settings, read_exposure(options));
+    for (const auto& note : result.notes) spdlog::info("{}", note);
+    const fs::path image =
+        write_named(output_of(options.output, laterality, two_eyes), eye, settings, result.image);
+    Json of_eye = summary(result, image.string());
+    of_eye["gaze_deg"] = {settings.pose.gaze.horizontal_deg, settings.pose.gaze.vertical_deg};
+    answer.text += line(eye.name, of_eye);
+    if (two_eyes)
+      answer.json["eyes"][to_string(laterality)] = of_eye;
+    else
+      answer.json = of_eye;
+  }
   return answer;
 }
 
@@ -86,6 +114,12 @@ Json stage_parameters(const TraceOptions& o, const CommonOptions& common) {
           {"spectacle", o.spectacle},
           {"plano_cylinder", o.plano_cylinder},
           {"gaze", o.gaze},
+          {"fixate", o.fixate},
+          {"pupillary_distance_mm", or_null(o.pupillary_distance_mm)},
+          {"strabismus", o.strabismus},
+          {"rotation_centre_mm", o.rotation_centre_mm},
+          {"motion", o.motion},
+          {"exposure_steps", o.exposure_steps},
           {"wavelength_nm", or_null(o.wavelength_nm)},
           {"illuminance", o.settings.illuminance},
           {"age_years", or_null(o.measured.age_years)},
@@ -100,7 +134,7 @@ Json stage_parameters(const TraceOptions& o, const CommonOptions& common) {
 
 StageVerdict trace_eyes(const fs::path& case_folder, const TraceOptions& options, const CommonOptions& common,
                         const Tracer& tracer, const StageVerdict& meshed, StageWorkspace& workspace) {
-  const TraceSettings settings = read_settings(options);
+  TraceSettings settings = read_settings(options);
   const auto scene = make_scene(options.scene);
   StageVerdict verdict = meshed;  // an eye that was not meshed is missing here too
   Json eyes = Json::object();
@@ -108,7 +142,9 @@ StageVerdict trace_eyes(const fs::path& case_folder, const TraceOptions& options
     if (!includes(common.laterality, laterality)) continue;
     if (!fs::exists(case_folder / "meshing" / to_string(laterality) / "biometry.json")) continue;
     const MeasuredEye measured = read_measured_eye(case_folder, laterality, options.measured);
-    const TraceResult result = tracer.trace(with_spectacle(measured.eye, options), *scene, settings);
+    settings.pose = read_pose(options, laterality);
+    const TraceResult result = trace_exposure(tracer, with_spectacle(measured.eye, options), *scene, settings,
+                                              read_exposure(options));
     for (const auto& note : result.notes) spdlog::info("{}: {}", to_string(laterality), note);
     const fs::path folder = workspace.folder() / to_string(laterality);
     fs::create_directories(folder);
@@ -145,6 +181,7 @@ Answer trace_case(TraceOptions options, const CommonOptions& common) {
   spec.inputs = inputs_below(folder, "meshing");
   if (fs::exists(folder / "case.json")) spec.inputs.push_back({"case.json", folder / "case.json"});
   if (fs::is_regular_file(options.scene)) spec.inputs.push_back({"scene", options.scene});
+  if (fs::is_regular_file(options.spectacle)) spec.inputs.push_back({"spectacle", options.spectacle});
   spec.uses_opencl = true;
   spec.device = tracer.device_name();
   const StageOutcome outcome = run_stage(folder, spec, common, [&](StageWorkspace& workspace) {

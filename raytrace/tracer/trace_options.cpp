@@ -72,6 +72,24 @@ void declare(CLI::App& app, TraceOptions& o) {
   app.add_option("--gaze", o.gaze, "Degrees to the patient's left and up")
       ->capture_default_str()
       ->type_name("H,V");
+  app.add_option("--fixate", o.fixate, "Instead: the point looked at, mm in the scene's frame")
+      ->type_name("X,Y,Z")
+      ->excludes("--gaze");
+  app.add_option("--pupillary-distance", o.pupillary_distance_mm,
+                 "mm: two eyes, the scene's frame between their apices")
+      ->type_name("MM");
+  app.add_option("--strabismus", o.strabismus,
+                 "Deviation of one eye from --fixate, prism dioptres to the patient's left and up")
+      ->type_name("od|os:H,V")
+      ->needs("--fixate");
+  app.add_option("--rotation-centre", o.rotation_centre_mm, "Of the eye, mm behind the apex")
+      ->capture_default_str()
+      ->check(CLI::Range(5.0, 25.0));
+  app.add_option("--motion", o.motion, "Change of gaze during the exposure, degrees")
+      ->capture_default_str()
+      ->type_name("H,V");
+  app.add_option("--exposure-steps", o.exposure_steps, "Where something moves: positions averaged")
+      ->capture_default_str();
   app.add_option("--wavelength", o.wavelength_nm, "Monochromatic, nm (spectral)")->type_name("NM");
   app.add_flag("--illuminance", o.settings.illuminance, "Weight by relative retinal illuminance");
   app.add_option("--age", o.measured.age_years, "Years, where the study does not say (CASE)");
@@ -111,18 +129,54 @@ TraceSettings read_settings(const TraceOptions& o) {
     settings.representation = kind->second;
   }
   const Eigen::Vector2d size = read_pair("--size", o.size, 'x'),
-                        field = read_pair("--field-mm", o.field_mm, 'x'),
-                        gaze = read_pair("--gaze", o.gaze, ',');
+                        field = read_pair("--field-mm", o.field_mm, 'x');
   if (size != size.array().floor().matrix()) throw usage_error("--size: pixels are counted in whole numbers");
   settings.grid.width = static_cast<int>(std::min(size.x(), 1e9));
   settings.grid.height = static_cast<int>(std::min(size.y(), 1e9));
   settings.grid.field_x_mm = field.x();
   settings.grid.field_y_mm = field.y();
   settings.grid.centre_mm = read_pair("--fovea", o.fovea, ',');
-  settings.gaze_horizontal_deg = gaze.x();
-  settings.gaze_vertical_deg = gaze.y();
   settings.wavelength_nm = o.wavelength_nm;
   return settings;
+}
+
+EyePose read_pose(const TraceOptions& o, Laterality laterality) {
+  EyePose pose;
+  pose.rotation_centre_mm = o.rotation_centre_mm;
+  if (o.pupillary_distance_mm) {
+    if (!(*o.pupillary_distance_mm > 0 && *o.pupillary_distance_mm < 120))
+      throw usage_error(
+          "--pupillary-distance: " + std::to_string(*o.pupillary_distance_mm) + " mm is out of range",
+          "give up to 120, such as 62");
+    pose.apex_mm.x() = (laterality == Laterality::od ? -0.5 : 0.5) * *o.pupillary_distance_mm;
+  }
+  Eigen::Vector2d deviation(0, 0);
+  if (!o.strabismus.empty()) {
+    const std::string eye = o.strabismus.substr(0, 3);
+    if (eye != "od:" && eye != "os:")
+      throw usage_error("--strabismus: \"" + o.strabismus + "\" does not begin with od: or os:",
+                        "write os:15,0");
+    const Eigen::Vector2d given = read_pair("--strabismus", o.strabismus.substr(3), ',');
+    if ((eye == "od:") == (laterality == Laterality::od)) deviation = given;
+  }
+  if (o.fixate.empty()) {
+    const Eigen::Vector2d gaze = read_pair("--gaze", o.gaze, ',');
+    pose.gaze = {gaze.x(), gaze.y()};
+  } else {
+    std::string_view rest = o.fixate;
+    Eigen::Vector3d point;
+    for (int i = 0; i < 3; ++i) {
+      if (i > 0) take("--fixate", o.fixate, rest, ',');
+      point[i] = take_number("--fixate", o.fixate, rest);
+    }
+    if (!rest.empty()) throw usage_error("--fixate: \"" + o.fixate + "\" is no X,Y,Z", "write 0,0,400");
+    pose.gaze = gaze_at(pose, point, deviation);
+  }
+  return pose;
+}
+
+Exposure read_exposure(const TraceOptions& o) {
+  return {read_pair("--motion", o.motion, ','), o.exposure_steps};
 }
 
 EyeModel with_spectacle(const EyeModel& eye, const TraceOptions& o) {

@@ -26,21 +26,6 @@ constexpr int batches = 2;  ///< UN: batches of rays in flight
 constexpr int outputs = 4, state_counts = 4;
 /// Rays of one kernel call: short enough for progress, Ctrl-C and a display's watchdog.
 constexpr std::int64_t rays_a_call = 8'000'000, rays_a_call_every_triangle = 100'000;
-constexpr double centre_of_rotation_mm = 13.5;  ///< behind the apex
-
-/// The eye turned by `gaze` (Listing): the scene as the turned eye's frame sees it. Positive horizontal: to
-/// the patient's left (eye +x), positive vertical: up.
-Eigen::Isometry3d eye_from_scene(const TraceSettings& settings) {
-  Eigen::Isometry3d result = Eigen::Isometry3d::Identity();
-  const double h = std::tan(settings.gaze_horizontal_deg * degree),
-               v = std::tan(settings.gaze_vertical_deg * degree);
-  if (h == 0 && v == 0) return result;
-  const Eigen::Vector3d centre(0, 0, -centre_of_rotation_mm);
-  const Eigen::Quaterniond turn =
-      Eigen::Quaterniond::FromTwoVectors(Eigen::Vector3d::UnitZ(), Eigen::Vector3d(h, v, 1));
-  result = Eigen::Translation3d(centre) * turn.inverse() * Eigen::Translation3d(-centre);
-  return result;
-}
 
 std::vector<float> colour_table(const Spectrum& spectrum) {
   std::vector<float> table;
@@ -144,7 +129,8 @@ void check(const TraceSettings& settings) {
   if (settings.wavelength_nm && (*settings.wavelength_nm < 380 || *settings.wavelength_nm > 780))
     throw usage_error("--wavelength: " + std::to_string(*settings.wavelength_nm) + " nm is not visible",
                       "give 380 to 780");
-  if (std::abs(settings.gaze_horizontal_deg) > 60 || std::abs(settings.gaze_vertical_deg) > 60)
+  const Gaze& gaze = settings.pose.gaze;
+  if (std::abs(gaze.horizontal_deg) > 60 || std::abs(gaze.vertical_deg) > 60)
     throw usage_error("--gaze: an eye does not turn by more than 60 degrees");
 }
 
@@ -186,7 +172,7 @@ TraceResult Tracer::trace(const EyeModel& whole_eye, const Scene& scene, const T
       make_optical_system(paper ? without_stop(eye) : eye, spectrum.wavelength_nm, form);
   const std::vector<float> cap = paper ? aim_cap(eye, system.operation_of) : std::vector<float>{};
   const Seeds seeds = make_seeds(system, tangents);
-  const DeviceScene view = make_device_scene(scene, eye_from_scene(settings), !spectral);
+  const DeviceScene view = make_device_scene(scene, settings.pose.eye_from_scene(), !spectral);
   if (view.has_meshes() && !tangents.empty())
     throw unsupported_error("derivatives of a scene with meshes are not offered", "use a scene of planes");
   const RetinalGrid& grid = settings.grid;

@@ -12,6 +12,7 @@
 #include "raytrace/eye/exact_trace.hpp"
 #include "raytrace/eye/eye_model.hpp"
 #include "raytrace/scene/scene.hpp"
+#include "raytrace/tracer/gaze.hpp"
 
 namespace emmetrope::raytrace {
 
@@ -37,8 +38,8 @@ struct TraceSettings {
   int samples = 128;                    ///< rays a pixel
   std::uint64_t seed = 1;               ///< common random numbers: same seed, same rays
   std::optional<double> wavelength_nm;  ///< monochromatic; spectral by default
-  double gaze_horizontal_deg = 0, gaze_vertical_deg = 0;
-  bool illuminance = false;  ///< weight by relative retinal illuminance
+  EyePose pose;                         ///< where the eye stands and looks
+  bool illuminance = false;             ///< weight by relative retinal illuminance
   Method method = Method::pupil;
   /// Where a schematic eye is meshed: of every surface, or one for each from the retina's side outward; with
   /// one more than there are refracting surfaces the first is the retina's, which is then a mesh as well.

@@ -90,9 +90,9 @@ TEST(Image, GazeBringsTheSceneTheOtherWay) {
   TraceSettings settings = quick();
   settings.grid = {4, 4, 0.2, 0.2, {0, 0}};
   const Tracer tracer("");
-  settings.gaze_horizontal_deg = 5;
+  settings.pose.gaze.horizontal_deg = 5;
   EXPECT_NEAR(tracer.trace(make_eye("navarro", {}), quadrants(colours), settings).image.at(1, 1, 1), 1, 1e-3);
-  settings.gaze_horizontal_deg = -5;
+  settings.pose.gaze.horizontal_deg = -5;
   EXPECT_NEAR(tracer.trace(make_eye("navarro", {}), quadrants(colours), settings).image.at(1, 1, 1), 0, 1e-3);
 }
 

@@ -209,8 +209,8 @@ TEST(MeshScene, TurnsWithGaze) {
   ahead.meshes = {ball(centre + Eigen::Vector3d(0, 0, 413.5), 15, 60, 0)};
   aside.meshes = {ball(centre + 413.5 * direction, 15, 60, 0)};
   const auto expected = Tracer("").trace(eye, ahead, settings).image;
-  settings.gaze_horizontal_deg = 12;
-  settings.gaze_vertical_deg = -7;
+  settings.pose.gaze.horizontal_deg = 12;
+  settings.pose.gaze.vertical_deg = -7;
   const auto found = Tracer("").trace(eye, aside, settings).image;
   double most = 0;
   for (std::size_t i = 0; i < found.values.size(); ++i)
