@@ -22,7 +22,7 @@ double letter_arcmin(double logmar) { return 5 * std::pow(10, logmar); }
 float ink_at(const std::vector<LetterLine>& lines, double x, double y, double step) {
   for (std::size_t row = 0; row < lines.size(); ++row) {
     const LetterLine& line = lines[row];
-    const double letter = letter_arcmin(line.logmar), pitch = pitch_in_letters * letter;
+    const double letter = line.letter_arcmin, pitch = pitch_in_letters * letter;
     const double from_top = y - line.middle_arcmin + letter / 2;
     if (from_top < -step || from_top > letter + step) continue;
     const double from_left = x + (pitch * line.letters - 0.6 * letter) / 2;
@@ -52,7 +52,7 @@ std::vector<LetterLine> letter_lines(const std::vector<double>& logmar, double w
   for (const double acuity : logmar) {
     const double letter = letter_arcmin(acuity), pitch = pitch_in_letters * letter;
     const int fitting = static_cast<int>((width_arcmin + 0.6 * letter) / pitch);
-    lines.push_back({acuity, top + letter / 2, std::clamp(fitting, 1, 5)});
+    lines.push_back({acuity, letter, top + letter / 2, std::clamp(fitting, 1, 5)});
     top += pitch;
   }
   return lines;

@@ -17,6 +17,7 @@ struct Picture {
 /// One line of a chart.
 struct LetterLine {
   double logmar = 0;
+  double letter_arcmin = 0;  ///< height and width of a letter: 5 at logMAR 0
   double middle_arcmin = 0;  ///< its middle below that of the chart
   int letters = 0;
 };

@@ -1,124 +1,15 @@
-#include "pipeline/report/report.hpp"
-
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <regex>
-#include <sstream>
 
-#include "fixture_case.hpp"
 #include "pipeline/base/error.hpp"
-#include "pipeline/base/files.hpp"
-#include "pipeline/base/process.hpp"
-#include "pipeline/report/case_data.hpp"
+#include "pipeline/base/measured.hpp"
 #include "pipeline/report/comparison.hpp"
-#include "pipeline/report/dicom/source_study.hpp"
-#include "pipeline/report/numbers.hpp"
+#include "report_fixture.hpp"
 
 namespace emmetrope::report {
 namespace {
 
-namespace fs = std::filesystem;
 using ::testing::HasSubstr;
 using ::testing::Not;
-
-/// A case of its own for one test, removed afterwards.
-class ReportTest : public ::testing::Test {
- protected:
-  void SetUp() override {
-    folder_ =
-        fs::path(::testing::TempDir()) /
-        (std::string("emmetrope-report-") + ::testing::UnitTest::GetInstance()->current_test_info()->name());
-    fs::remove_all(folder_);
-  }
-  void TearDown() override { fs::remove_all(folder_); }
-
-  Answer report(const fs::path& study = {}, bool identified = false) const {
-    CommonOptions common;
-    common.verbosity.quiet = true;
-    return write_report({folder_, study, identified}, common);
-  }
-  std::string output(const std::string& name) const { return read_file(folder_ / "report" / name); }
-  std::string pdf_text() const {
-    return run_process("/usr/bin/pdftotext", {"-layout", (folder_ / "report" / "report.pdf").string(), "-"},
-                       ChildOutput::capture)
-        .output;
-  }
-  std::string dump(const std::string& name) const {
-    return run_process("/usr/bin/dcmdump", {"+L", (folder_ / "report" / name).string()}, ChildOutput::capture)
-        .output;
-  }
-
-  fs::path folder_;
-};
-
-/// The words of a page without its markup, scripts and pictures.
-std::string visible_text(const std::string& html) {
-  std::string text = html.substr(html.find("<body>"));
-  std::string out;
-  for (std::size_t at = 0; at < text.size();) {
-    if (text.compare(at, 7, "<script") == 0) {
-      at = text.find("</script>", at) + 9;
-    } else if (text[at] == '<') {
-      at = text.find('>', at) + 1;
-      out += ' ';
-    } else {
-      out += text[at++];
-    }
-  }
-  return out;
-}
-
-/// Every clinical number of the case's JSON as it must be read on the pages.
-std::vector<std::string> expected_numbers(const fs::path& folder) {
-  std::vector<std::string> numbers;
-  for (const char* eye : {"od", "os"}) {
-    const Json prescription = read_json(folder / "correction" / eye / "prescription.json");
-    const Json& rounded = prescription.at("rounded");
-    numbers.push_back(
-        format_refraction(rounded.at("sphere_D"), rounded.at("cylinder_D"), rounded.at("axis_deg")));
-    const auto add = [&](const Json& measured, const NumberStyle& style) {
-      const auto value = measured.get<Measured>();
-      numbers.push_back(format(value.value, style));
-      numbers.push_back(format_interval(value, style));
-    };
-    for (const char* key : {"sphere_D", "cylinder_D", "M_D", "J0_D", "J45_D"})
-      add(prescription.at(key), {2, true, "D"});
-    add(prescription.at("axis_deg"), {0, false, "deg"});
-    const Json biometry = read_json(folder / "meshing" / eye / "biometry.json");
-    for (const char* key : {"optical_axial_length_mm", "axial_length_mm", "corneal_thickness_mm",
-                            "anterior_chamber_depth_mm", "lens_thickness_mm"})
-      add(biometry.at(key), {2, false, "mm"});
-    for (const char* meridian : {"flat", "steep"}) {
-      add(biometry.at("keratometry").at(meridian).at("power_D"), {2, false, "D"});
-      add(biometry.at("keratometry").at(meridian).at("radius_mm"), {2, false, "mm"});
-    }
-  }
-  return numbers;
-}
-
-TEST_F(ReportTest, EveryNumberOfTheJsonStandsInHtmlAndPdf) {
-  test::make_fixture_case(folder_);
-  report();
-  const std::string html = visible_text(output("report.html")), pdf = pdf_text();
-  for (const auto& number : expected_numbers(folder_)) {
-    EXPECT_THAT(html, HasSubstr(number));
-    EXPECT_THAT(pdf, HasSubstr(number));
-  }
-}
-
-TEST_F(ReportTest, NumbersFollowTheJsonAndNotAStoredText) {
-  test::make_fixture_case(folder_);
-  const fs::path file = folder_ / "correction" / "od" / "prescription.json";
-  Json prescription = read_json(file);
-  prescription["rounded"]["sphere_D"] = -7.5;
-  write_json(file, prescription);
-  report();
-  EXPECT_THAT(visible_text(output("report.html")), HasSubstr("-7.50 / -1.00 x 175"));
-  EXPECT_THAT(pdf_text(), HasSubstr("-7.50 / -1.00 x 175"));
-  EXPECT_THAT(dump("prescription.dcm"), HasSubstr("[-7.5000]"));
-  EXPECT_THAT(output("prescription.fhir.json"), HasSubstr("\"sphere\": -7.5"));
-}
 
 TEST_F(ReportTest, EveryPageSaysThatItIsForResearch) {
   test::make_fixture_case(folder_);
@@ -266,80 +157,6 @@ TEST_F(ReportTest, HtmlNamesNoNetworkAddress) {
   EXPECT_LT(html.size(), 10'000'000U);
   const std::string own = html.substr(0, html.find("id=\"viewer-data\""));
   EXPECT_FALSE(std::regex_search(own, std::regex("(src|href)=[\"']?(https?:)?//")));
-}
-
-TEST_F(ReportTest, EveryDicomObjectConforms) {
-  test::make_fixture_case(folder_);
-  const fs::path study = folder_ / "study";
-  test::make_fixture_study(study);
-  report(study);
-  int objects = 0;
-  for (const auto& entry : fs::recursive_directory_iterator(folder_ / "report")) {
-    if (entry.path().extension() != ".dcm") continue;
-    ++objects;
-    // dciodvfy writes to standard error.
-    const std::string found =
-        run_process("/bin/sh", {"-c", "dciodvfy \"$1\" 2>&1", "sh", entry.path().string()},
-                    ChildOutput::capture)
-            .output;
-    std::istringstream lines(found);
-    for (std::string line; std::getline(lines, line);) {
-      if (line.rfind("Error", 0) != 0) continue;
-      // Its table for this SOP class demands the clinical trial modules, which are optional.
-      const bool is_known =
-          entry.path().filename() == "prescription.dcm" && line.find("ClinicalTrial") != std::string::npos;
-      EXPECT_TRUE(is_known) << entry.path().filename() << ": " << line;
-    }
-  }
-  EXPECT_EQ(objects, 4 + 10 + 4);
-}
-
-TEST_F(ReportTest, DicomObjectsHoldTheNumbersOfTheJson) {
-  test::make_fixture_case(folder_);
-  report();
-  const std::string prescription = dump("prescription.dcm");
-  for (const char* text : {"Right Eye Rx", "Left Eye Rx", "[-2.2500]", "[-1.0000]", "[175.0000]", "[0.2500]",
-                           "[-0.5000]", "[90.0000]", "UNVERIFIED", "[diop]"})
-    EXPECT_THAT(prescription, HasSubstr(text));
-  const std::string biometry = dump("biometry.dcm");
-  for (const char* eye : {"od", "os"}) {
-    const Json json = read_json(folder_ / "meshing" / eye / "biometry.json");
-    for (const char* key : {"axial_length_mm", "lens_thickness_mm"})
-      EXPECT_THAT(biometry, HasSubstr("[" + fixed(*value_of(json, key), 4) + "]"));
-    EXPECT_THAT(biometry, HasSubstr("[" + fixed(*value_of(json["keratometry"]["flat"], "power_D"), 4) + "]"));
-  }
-  EXPECT_THAT(biometry, HasSubstr("UNVERIFIED"));
-}
-
-TEST_F(ReportTest, DicomObjectsBelongToThePatientsStudy) {
-  test::make_fixture_case(folder_);
-  const fs::path study = folder_.string() + "-study";
-  fs::remove_all(study);
-  test::make_fixture_study(study);
-  report(study);
-  for (const char* name :
-       {"report.dcm", "prescription.dcm", "biometry.dcm", "segmentation.dcm", "dicom/od_retina.dcm"}) {
-    const std::string object = dump(name);
-    EXPECT_THAT(object, HasSubstr("[DOE^JANE]")) << name;
-    EXPECT_THAT(object, HasSubstr("[1.2.826.0.1.3680043.10.1.1]")) << name;  // the study
-    EXPECT_THAT(object, Not(HasSubstr("[1.2.826.0.1.3680043.10.1.2]\n"))) << name;
-    EXPECT_THAT(object, HasSubstr("1.2.826.0.1.3680043.10.1.3.7")) << name;  // a source image
-  }
-  const std::string html =
-      visible_text(output("report.html"));  // a picture's base64 may hold any three letters
-  EXPECT_THAT(html, Not(HasSubstr("DOE")));
-  EXPECT_THAT(html, Not(HasSubstr("1961")));
-  EXPECT_THAT(html, Not(HasSubstr("MRN-4711")));
-  EXPECT_THAT(pdf_text(), Not(HasSubstr("DOE")));
-  EXPECT_THAT(output("stage.json"), Not(HasSubstr("DOE")));
-  EXPECT_THAT(output("prescription.fhir.json"), Not(HasSubstr("DOE")));
-
-  report(study, true);
-  EXPECT_THAT(pdf_text(), HasSubstr("JANE DOE"));
-  EXPECT_THAT(pdf_text(), HasSubstr("1961-02-03"));
-  EXPECT_THAT(dump("report.dcm"), HasSubstr("[YES]"));
-  EXPECT_THAT(output("stage.json"), Not(HasSubstr("DOE")));
-  fs::remove_all(study);
 }
 
 TEST_F(ReportTest, FollowUpTellsChangesFromMeasurementError) {

@@ -14,6 +14,10 @@ namespace emmetrope::report {
 namespace {
 
 constexpr const char* own_scheme = "99EMMETROPE";
+constexpr const char* biometry_comment =
+    "Research use only. Not a medical device. Uncertainties are the distances of the 95 % limits from the "
+    "value. A "
+    "measurement whose method is a prior is the population's value, not this patient's.";
 
 /// A decimal string of at most 16 characters.
 std::string decimal_string(double value) {
@@ -76,6 +80,45 @@ class Tree {
   }
   DSRDocumentTree& tree_;
 };
+
+/// How a number came about, as TID 300's measurement method.
+DSRCodedEntryValue method_code(const std::string& source) {
+  if (source == "mri") return {"113091000", "SCT", "Magnetic resonance imaging"};
+  std::string code;
+  for (const char c : source)
+    if (std::isalnum(static_cast<unsigned char>(c)) != 0)
+      code += static_cast<char>(std::toupper(static_cast<unsigned char>(c)));
+  return {code.substr(0, 16).c_str(), own_scheme, source_name(source).c_str()};
+}
+
+/// TID 310 below each measurement that has an interval: how far its 95 % limits lie from the value (CID 225).
+/// DCMTK's template knows no such rows.
+/// \param intervals  one for each measurement of the tree, in its order
+void add_uncertainties(DSRDocumentTree& tree, const std::vector<std::optional<Measured>>& intervals,
+                       const std::vector<std::string>& units) {
+  std::vector<std::size_t> nodes;
+  if (tree.gotoRoot() != 0) do {
+      if (tree.getCurrentContentItem().getValueType() == DSRTypes::VT_Num)
+        nodes.push_back(tree.getNodeID());
+    } while (tree.iterate() != 0);
+  if (nodes.size() != intervals.size()) check(SR_EC_InvalidDocumentTree, "measurement intervals");
+  for (std::size_t i = 0; i < nodes.size(); ++i) {
+    if (!intervals[i]) continue;
+    const auto add = [&](const DSRCodedEntryValue& concept_name, double range) {
+      if (tree.gotoNode(nodes[i]) == 0 ||
+          tree.addContentItem(DSRTypes::RT_hasProperties, DSRTypes::VT_Num, DSRTypes::AM_belowCurrent) == 0)
+        check(SR_EC_InvalidDocumentTree, "measurement interval");
+      check(tree.getCurrentContentItem().setConceptName(concept_name), "measurement interval");
+      check(tree.getCurrentContentItem().setNumericValue(
+                DSRNumericMeasurementValue(decimal_string(range).c_str(), unit_code(units[i]))),
+            "measurement interval");
+    };
+    add({"371886008", "SCT", "+, range of upper measurement uncertainty"},
+        intervals[i]->ci95[1] - intervals[i]->value);
+    add({"371885007", "SCT", "-, range of lower measurement uncertainty"},
+        intervals[i]->value - intervals[i]->ci95[0]);
+  }
+}
 
 std::string interval_sentence(const std::string& name, const Json& value, const NumberStyle& style) {
   if (!value.is_object()) return {};
@@ -152,6 +195,8 @@ std::string biometry_object(const SourceStudy& source, const CaseData& data, con
         "observer");
   check(report.addProcedureReported(DSRCodedEntryValue("113091000", "SCT", "Magnetic resonance imaging")),
         "procedure");
+  std::vector<std::optional<Measured>> intervals;
+  std::vector<std::string> units;
   bool any = false;
   for (const auto& eye : data.eyes) {
     if (!eye.biometry.is_object()) continue;
@@ -165,7 +210,6 @@ std::string biometry_object(const SourceStudy& source, const CaseData& data, con
               DSRCodedEntryValue("81745001", "SCT", "Eye"),
               CID244e_Laterality(is_right ? CID244e_Laterality::Right : CID244e_Laterality::Left)),
           "site");
-    std::string comment = research_notice;
     for (const auto* rows : {&biometry_rows(), &keratometry_rows()})
       for (const auto& row : *rows) {
         const Json::json_pointer pointer("/" + row.key);
@@ -181,17 +225,21 @@ std::string biometry_object(const SourceStudy& source, const CaseData& data, con
                                                                             unit_code(row.style.unit)),
                                    OFTrue),
               row.key);
-        const std::string sentence = interval_sentence(row.name, found, row.style);
-        if (!sentence.empty()) comment += "\n" + sentence;
+        const auto measured = found.is_object() ? std::optional(found.get<Measured>()) : std::nullopt;
+        if (measured)
+          check(group.getMeasurement().setMeasurementMethod(method_code(measured->source)), row.key);
+        intervals.push_back(measured);
+        units.push_back(row.style.unit);
       }
     check(group.addQualitativeEvaluation(DSRCodedEntryValue("121106", "DCM", "Comment"),
-                                         OFString(comment.c_str())),
+                                         OFString(biometry_comment)),
           "comment");
     any = true;
   }
   if (!any) return {};
   DSRDocument document;
   check(document.setTreeFromRootTemplate(report, OFTrue /* expand */), "TID 1500");
+  add_uncertainties(document.getTree(), intervals, units);
   describe_document(document, source);
   return document_bytes(document, source,
                         {"biometry", "SR", "Eye biometry, RESEARCH USE ONLY", 9003, result});
