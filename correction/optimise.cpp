@@ -5,6 +5,7 @@
 #include <ceres/gradient_problem_solver.h>
 #include <fmt/core.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "pipeline/base/error.hpp"
@@ -12,29 +13,49 @@
 namespace emmetrope::correction {
 namespace {
 
-/// (S_start / S)^2 with its gradient.
+/// (S_start / S)^2 over (lens - start) / scale, with its gradient.
 class InverseSquare : public ceres::FirstOrderFunction {
  public:
-  InverseSquare(const SharpnessFunction& sharpness, const Bounds& bounds, double scale)
-      : sharpness_(sharpness), bounds_(bounds), scale_(scale) {}
+  InverseSquare(const SharpnessFunction& sharpness, const Bounds& bounds, Eigen::VectorXd start,
+                double start_sharpness, double scale_D)
+      : sharpness_(sharpness),
+        bounds_(bounds),
+        start_(std::move(start)),
+        start_sharpness_(start_sharpness),
+        scale_D_(scale_D) {}
+
+  Eigen::VectorXd lens(const double* parameters) const {
+    return start_ + scale_D_ * Eigen::Map<const Eigen::VectorXd>(parameters, NumParameters());
+  }
 
   bool Evaluate(const double* parameters, double* cost, double* gradient) const override {
-    const Eigen::Map<const Eigen::VectorXd> lens(parameters, NumParameters());
-    if (!bounds_.contain(lens)) return false;  // the line search takes a shorter step
-    const SharpnessValue value = sharpness_(lens);
+    const Eigen::VectorXd at = lens(parameters);
+    if (!bounds_.contain(at)) return false;  // the line search takes a shorter step
+    const SharpnessValue value = sharpness_(at);
     if (!(value.value > 0) || !value.gradient.allFinite()) return false;
-    *cost = scale_ * scale_ / (value.value * value.value);
+    *cost = std::pow(start_sharpness_ / value.value, 2);
     if (gradient)
-      Eigen::Map<Eigen::VectorXd>(gradient, NumParameters()) = -2 * *cost / value.value * value.gradient;
+      Eigen::Map<Eigen::VectorXd>(gradient, NumParameters()) =
+          -2 * *cost * scale_D_ / value.value * value.gradient;
     return true;
   }
-  int NumParameters() const override { return static_cast<int>(bounds_.lower.size()); }
+  int NumParameters() const override { return static_cast<int>(start_.size()); }
 
  private:
   const SharpnessFunction& sharpness_;
   const Bounds& bounds_;
-  double scale_;
+  Eigen::VectorXd start_;
+  double start_sharpness_, scale_D_;
 };
+
+/// How far the focus is, were 1/S^2 = 1 + (distance / depth of focus)^2, which value and slope together tell:
+/// Ceres' first step is about one unit along the slope, so this is its unit.
+double distance_to_focus_D(const SharpnessValue& value) {
+  constexpr double nearest_D = 0.05, farthest_D = 10;
+  const double slope_per_D = value.gradient.norm() / value.value;
+  const double distance_D = (1 - value.value * value.value) / std::max(slope_per_D, 1e-9);
+  return std::clamp(distance_D, nearest_D, farthest_D);
+}
 
 }  // namespace
 
@@ -60,8 +81,8 @@ Optimum climb(const SharpnessFunction& sharpness, const Eigen::VectorXd& start, 
   ceres::GradientProblemSolver::Options options;
   options.line_search_direction_type = ceres::BFGS;
   options.line_search_type = ceres::WOLFE;
+  options.use_approximate_eigenvalue_bfgs_scaling = true;
   options.max_num_iterations = settings.max_iterations;
-  options.gradient_tolerance = 2 * settings.gradient_tolerance_per_D;
   options.function_tolerance = settings.function_tolerance;
   options.parameter_tolerance = 1e-6;
   options.logging_type = ceres::SILENT;
@@ -69,10 +90,15 @@ Optimum climb(const SharpnessFunction& sharpness, const Eigen::VectorXd& start, 
   // Ceres' tolerance is absolute, so the cost is scaled to 1 at the start; after a long way down it is small
   // against that, and a second round with the new scale ends at the slope that was asked for.
   for (int round = 0; round < 3; ++round) {
-    const double scale = remembering(optimum.lens).value;
-    const ceres::GradientProblem problem(new InverseSquare(remembering, bounds, scale));
-    ceres::Solve(options, problem, optimum.lens.data(), &summary);
-    if (remembering(optimum.lens).value < 1.5 * scale) break;
+    const SharpnessValue start_value = remembering(optimum.lens);
+    const double scale_D = distance_to_focus_D(start_value);
+    auto* cost = new InverseSquare(remembering, bounds, optimum.lens, start_value.value, scale_D);
+    const ceres::GradientProblem problem(cost);  // owns the cost
+    options.gradient_tolerance = 2 * scale_D * settings.gradient_tolerance_per_D;
+    Eigen::VectorXd moved = Eigen::VectorXd::Zero(optimum.lens.size());
+    ceres::Solve(options, problem, moved.data(), &summary);
+    optimum.lens = cost->lens(moved.data());
+    if (remembering(optimum.lens).value < 1.5 * start_value.value) break;
   }
 
   const SharpnessValue value = remembering(optimum.lens);

@@ -24,7 +24,7 @@ struct OptimiserSettings {
   /// Converged when the slope of ln(sharpness) is below this everywhere (1/D).
   double gradient_tolerance_per_D = 1e-3;
   /// Or when a step gains less than this fraction.
-  double function_tolerance = 1e-6;
+  double function_tolerance = 1e-5;
   int max_iterations = 30;
   /// Whatever Ceres says, a slope of ln(sharpness) above this is no optimum: a bound or a fault stopped the
   /// climb.

@@ -39,19 +39,34 @@ std::vector<double> sweep_radii_mm() {
   return radii;
 }
 
+/// The blur that a cylinder of power (-+r, r u) leaves of the full lens (M, J) has the length of their
+/// difference, least at u = J/|J| and r = (-+M + |J|)/2: where that is a cylinder at all, the search for that
+/// sign starts there and, for the sign that leaves less, from a weak and a strong lens too.
+std::vector<Start> plano_cylinder_starts(const PowerVector& full, double distance_mm, double index) {
+  const double J_D = std::hypot(full.J0_D, full.J45_D);
+  const Eigen::Vector2d u =
+      J_D > 0 ? Eigen::Vector2d(full.J0_D / J_D, full.J45_D / J_D) : Eigen::Vector2d(1, 0);
+  constexpr double weakest_D = 0.05, strongest_D = 12;
+  const auto half_power_D = [&](int sign) {
+    return std::clamp((sign * full.M_D + J_D) / 2, weakest_D, strongest_D);
+  };
+  const int better = full.M_D < 0 ? -1 : 1;
+  std::vector<Start> starts;
+  for (const double times : {1.0, 0.3, 2.0})
+    starts.push_back({plano_cylinder(better, distance_mm, index),
+                      std::min(times * half_power_D(better), strongest_D) * u});
+  if (half_power_D(-better) > weakest_D)
+    starts.push_back({plano_cylinder(-better, distance_mm, index), half_power_D(-better) * u});
+  return starts;
+}
+
 PlanoCylinderResult best_plano_cylinder(const raytrace::Tracer& tracer,
                                         const std::shared_ptr<const raytrace::Scene>& scene,
                                         const EyeModel& eye, const PrescriptionSettings& settings,
                                         const PowerVector& at_lens) {
   const double index = settings.plano_cylinder_index, distance_mm = settings.plano_cylinder_distance_mm;
   const std::vector<ImagingLevel> levels = levels_of(settings);
-  // Either sign may be sharpest, and the full lens says which axis; a weak and a strong lens each.
-  const double axis_deg = to_sphero_cylinder(at_lens).axis_deg;
-  std::vector<Start> starts;
-  for (const int sign : {-1, 1})
-    for (const double radius_mm : {50.0, 200.0})
-      starts.push_back({plano_cylinder(sign, distance_mm, index),
-                        plano_cylinder_parameters(-sign * radius_mm, axis_deg + (sign < 0 ? 0 : 90), index)});
+  const std::vector<Start> starts = plano_cylinder_starts(at_lens, distance_mm, index);
   PlanoCylinderResult best;
   best.search = find_sharpest(tracer, scene, eye, levels, starts);
   const LensFamily& family = best.search.family;
