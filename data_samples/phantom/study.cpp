@@ -78,6 +78,18 @@ void check_target(const fs::path& out, bool replace) {
         "choose another folder");
 }
 
+/// An earlier study gives way, whatever else lies in its folder stays.
+void put_in_place(const fs::path& fresh, const fs::path& target) {
+  if (!fs::exists(target)) return fs::rename(fresh, target);
+  const fs::path old = fresh / "old";
+  fs::create_directory(old);
+  for (const char* part : {"dicom", "truth.json"}) {
+    if (fs::exists(target / part)) fs::rename(target / part, old / part);
+    fs::rename(fresh / part, target / part);
+  }
+  fs::remove_all(fresh);
+}
+
 }  // namespace
 
 Json write_study(const fs::path& out, const StudyRequest& request, bool replace, int threads,
@@ -89,7 +101,8 @@ Json write_study(const fs::path& out, const StudyRequest& request, bool replace,
   const Json acquisition = to_json(protocol);
   const StudyIdentity identity{answer["head"].dump() + acquisition.dump(), request.head.age_years};
 
-  const fs::path target = fs::absolute(out).lexically_normal();
+  fs::path target = fs::absolute(out).lexically_normal();
+  if (!target.has_filename()) target = target.parent_path();  // "study/"
   const fs::path beside = target.parent_path() / fmt::format(".{}.part", target.filename().string());
   std::error_code fault;
   fs::remove_all(beside, fault);
@@ -116,8 +129,7 @@ Json write_study(const fs::path& out, const StudyRequest& request, bool replace,
     }
     write_json(beside / "truth.json", answer);
     const auto hold = hold_interrupts();
-    fs::remove_all(target);
-    fs::rename(beside, target);
+    put_in_place(beside, target);
   } catch (const fs::filesystem_error& problem) {
     fs::remove_all(beside, fault);
     throw output_error(problem.what(), "check the disk's space and permissions");

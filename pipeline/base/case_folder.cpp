@@ -7,11 +7,13 @@
 #include <sys/syscall.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <chrono>
 #include <cstdlib>
 #include <cstring>
-#include <fstream>
+#include <map>
+#include <set>
 #include <thread>
 
 #include "pipeline/base/files.hpp"
@@ -56,9 +58,9 @@ bool lock_soon(int descriptor) {
   return true;
 }
 
-/// Forces a folder's entries to disk, so that a rename survives a power cut.
-void sync_folder(const fs::path& folder) {
-  const int descriptor = ::open(folder.c_str(), O_RDONLY | O_DIRECTORY);
+/// Forces a file's bytes or a folder's entries to disk, so that what was renamed survives a power cut.
+void sync(const fs::path& path) {
+  const int descriptor = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
   if (descriptor < 0) return;
   ::fsync(descriptor);
   ::close(descriptor);
@@ -93,26 +95,33 @@ Json key_of(const StageSpec& spec, const CommonOptions& common) {
   return key;
 }
 
+StageVerdict verdict_from(const Json& stage_json) {
+  const Json& verdict = stage_json.at("verdict");
+  const auto status = static_cast<ExitStatus>(verdict.at("status").get<int>());
+  if (status != ExitStatus::done && status != ExitStatus::partial && status != ExitStatus::no_result)
+    throw input_error(fmt::format("verdict.status is {}, not 0, 6 or 8", static_cast<int>(status)));
+  return {status, verdict.at("reasons").get<std::vector<std::string>>()};
+}
+
+std::vector<std::string> warnings_from(const Json& stage_json) {
+  return stage_json.at("warnings").get<std::vector<std::string>>();
+}
+
 /// The stored outcome, if it was made from the same key and its outputs are still what was written.
-std::optional<Json> finished(const fs::path& case_folder, const std::string& stage, const Json& key) {
+std::optional<StageOutcome> finished(const fs::path& case_folder, const std::string& stage, const Json& key) {
   const fs::path file = case_folder / stage / stage_file;
   if (!fs::exists(file)) return std::nullopt;
   try {
-    const Json stored = read_json(file);
+    Json stored = read_json(file);
     for (const auto& [name, value] : key.items())
       if (stored.at(name) != value) return std::nullopt;
     for (const auto& [name, hash] : stored.at("outputs").items())
       if (sha256_of_file(case_folder / name) != hash.get<std::string>()) return std::nullopt;
-    return stored;
+    for (const auto& warning : warnings_from(stored)) spdlog::warn("{}", warning);
+    return StageOutcome{verdict_from(stored), true, 0, std::move(stored)};
   } catch (const std::exception&) {
     return std::nullopt;  // unreadable or incomplete: make it again
   }
-}
-
-StageVerdict verdict_from(const Json& stage_json) {
-  const Json& verdict = stage_json.at("verdict");
-  return {static_cast<ExitStatus>(verdict.at("status").get<int>()),
-          verdict.at("reasons").get<std::vector<std::string>>()};
 }
 
 /// Left over from runs that were killed; nobody else writes while we hold the lock.
@@ -121,6 +130,45 @@ void remove_leftovers(const fs::path& case_folder) {
     const std::string name = entry.path().filename().string();
     if (name.rfind(".writing-", 0) == 0) fs::remove_all(entry.path());
   }
+}
+
+const std::map<std::string, std::string>& commands_of_stages() {
+  static const std::map<std::string, std::string> commands{{"segmentation", "segment"},
+                                                           {"meshing", "mesh"},
+                                                           {"raytrace", "trace"},
+                                                           {"correction", "correct"},
+                                                           {"report", "report"}};
+  return commands;
+}
+
+std::string command_for(const std::string& stage, const fs::path& case_folder) {
+  const auto command = commands_of_stages().find(stage);
+  return "emmetrope " + (command == commands_of_stages().end() ? stage : command->second) + " " +
+         (stage == "segmentation" ? "STUDY -o " : "") + case_folder.string();
+}
+
+/// A stage made from results that have been made anew since would mix two eyes: checked up to the first
+/// stage.
+void require_same_inputs(const fs::path& case_folder, const std::string& stage, const Json& inputs) {
+  std::set<std::string> stages_before;
+  for (const auto& [name, hash] : inputs.items()) {
+    const std::string top = name.substr(0, name.find('/'));
+    const bool is_of_stage = commands_of_stages().count(top) > 0 && stage != "segmentation";
+    if (!is_of_stage) continue;
+    stages_before.insert(top);
+    const fs::path file = case_folder / name;
+    if (!fs::exists(file) || sha256_of_file(file) != hash.get<std::string>())
+      throw input_error(stage + " was made from another " + top + ": " + file.string() +
+                            (fs::exists(file) ? " has changed since" : " is gone"),
+                        "make it again with: " + command_for(stage, case_folder));
+  }
+  for (const std::string& before : stages_before) read_verdict(case_folder, before);
+}
+
+bool looks_like_a_case(const fs::path& folder) {
+  if (fs::exists(folder / "case.json")) return true;
+  return std::any_of(commands_of_stages().begin(), commands_of_stages().end(),
+                     [&](const auto& stage) { return fs::exists(folder / stage.first / stage_file); });
 }
 
 }  // namespace
@@ -133,6 +181,9 @@ CaseLock::CaseLock(const fs::path& case_folder, bool create) : folder_(case_fold
   if (!fs::is_directory(case_folder))
     throw input_error("the case folder " + case_folder.string() + " does not exist",
                       "make it with: emmetrope segment STUDY -o " + case_folder.string());
+  if (!create && !looks_like_a_case(case_folder))
+    throw input_error(case_folder.string() + " is no case: it holds neither case.json nor a finished stage",
+                      "make one with: emmetrope segment STUDY -o " + case_folder.string());
   const fs::path lock_file = case_folder / lock_name;
   if (const auto inherited = inherited_lock(lock_file)) {
     descriptor_ = *inherited;
@@ -177,12 +228,8 @@ StageOutcome run_stage(const fs::path& case_folder, const StageSpec& spec, const
   const auto start = std::chrono::steady_clock::now();
   const CaseLock lock(case_folder, true);
   const Json key = key_of(spec, common);
-  if (!common.force) {
-    if (const auto stored = finished(case_folder, spec.stage, key)) {
-      for (const auto& warning : stored->at("warnings")) spdlog::warn("{}", warning.get<std::string>());
-      return {verdict_from(*stored), true, 0, *stored};
-    }
-  }
+  if (!common.force)
+    if (auto stored = finished(case_folder, spec.stage, key)) return std::move(*stored);
 
   const fs::path folder = case_folder / (".writing-" + spec.stage);
   const RemoveOnInterrupt guard(folder);
@@ -198,8 +245,10 @@ StageOutcome run_stage(const fs::path& case_folder, const StageSpec& spec, const
       if (entry.is_regular_file() && entry.path().filename().string().rfind(".case-", 0) != 0)
         files.push_back(entry.path());
     std::sort(files.begin(), files.end());
-    for (const auto& file : files)
+    for (const auto& file : files) {
+      sync(file);
       outputs[(spec.stage / fs::relative(file, folder)).string()] = sha256_of_file(file);
+    }
     for (const auto& name : workspace.case_files())
       outputs[name] = sha256_of_file(folder / (".case-" + name));
 
@@ -219,7 +268,7 @@ StageOutcome run_stage(const fs::path& case_folder, const StageSpec& spec, const
       for (const auto& name : workspace.case_files())
         fs::rename(folder / (".case-" + name), case_folder / name);
       replace_folder(folder, case_folder / spec.stage);
-      sync_folder(case_folder);
+      sync(case_folder);
     }
     return {verdict, false, wall_s, stage_json};
   } catch (const fs::filesystem_error& fault) {
@@ -234,21 +283,23 @@ StageOutcome run_stage(const fs::path& case_folder, const StageSpec& spec, const
 }
 
 StageVerdict read_verdict(const fs::path& case_folder, const std::string& stage) {
-  const std::map<std::string, std::string> command{{"segmentation", "segment"},
-                                                   {"meshing", "mesh"},
-                                                   {"raytrace", "trace"},
-                                                   {"correction", "correct"},
-                                                   {"report", "report"}};
   const fs::path file = case_folder / stage / stage_file;
-  const auto maker = command.find(stage);
-  const std::string remedy = "make it with: emmetrope " + (maker == command.end() ? stage : maker->second) +
-                             " " + (stage == "segmentation" ? "STUDY -o " : "") + case_folder.string();
+  const std::string remedy = "make it with: " + command_for(stage, case_folder);
   if (!fs::exists(file))
     throw input_error("the case has no finished " + stage + ": " + file.string() + " is missing", remedy);
+  const auto broken = [&](const std::exception& fault) {
+    return input_error(file.string() + " is broken: " + fault.what(), remedy);
+  };
   try {
-    return verdict_from(read_json(file));
+    const Json stage_json = read_json(file);
+    const StageVerdict verdict = verdict_from(stage_json);
+    require_same_inputs(case_folder, stage, stage_json.value("inputs", Json::object()));
+    return verdict;
   } catch (const nlohmann::json::exception& fault) {
-    throw input_error(file.string() + " is broken: " + fault.what(), remedy);
+    throw broken(fault);
+  } catch (const Error& fault) {
+    if (!fault.remedy().empty()) throw;
+    throw broken(fault);
   }
 }
 

@@ -86,9 +86,9 @@ struct StageOutcome {
 StageOutcome run_stage(const std::filesystem::path& case_folder, const StageSpec& spec,
                        const CommonOptions& common, const std::function<StageVerdict(StageWorkspace&)>& work);
 
-/// The verdict of a finished stage.
-/// \throw Error (input_invalid) when CASE/<stage>/stage.json is missing or broken, naming the command that
-/// makes it
+/// The verdict of a finished stage whose inputs in the case are still those that it was made from.
+/// \throw Error (input_invalid) when CASE/<stage>/stage.json is missing or broken, or when a stage before it
+///        has been made anew since (mixed results would be of no eye), naming the command that makes it
 StageVerdict read_verdict(const std::filesystem::path& case_folder, const std::string& stage);
 
 /// All regular files below a folder of the case, sorted, named relative to the case: the inputs a stage

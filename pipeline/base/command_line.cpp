@@ -2,8 +2,13 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <cstdlib>
 #include <iostream>
 #include <new>
+#include <string_view>
 #include <thread>
 
 #include "pipeline/base/interrupt.hpp"
@@ -13,6 +18,12 @@
 namespace emmetrope {
 namespace {
 
+std::string quoted(const std::string& word) {
+  std::string text = "'";
+  for (const char c : word) text += c == '\'' ? std::string("'\\''") : std::string(1, c);
+  return text + "'";
+}
+
 /// Command line as one string that a shell would read back.
 std::string joined(int argc, char** argv) {
   std::string line;
@@ -20,14 +31,41 @@ std::string joined(int argc, char** argv) {
     const std::string word = i == 0 ? std::filesystem::path(argv[0]).filename().string() : argv[i];
     const bool plain =
         !word.empty() && word.find_first_of(" \t\n'\"\\$*?;&|<>()[]{}#~`!") == std::string::npos;
-    line += (i == 0 ? "" : " ") + (plain ? word : "'" + word + "'");
+    line += i == 0 ? "" : " ";
+    line += plain ? word : quoted(word);
   }
   return line;
 }
 
+/// "nan" and "inf" are read as numbers by the C library, and pass every range check.
+void require_finite_values(const CLI::App& app) {
+  for (const CLI::Option* option : app.get_options()) {
+    if (option->get_positional()) continue;
+    for (const std::string& value : option->results()) {
+      char* end = nullptr;
+      const double number = std::strtod(value.c_str(), &end);
+      if (end != value.c_str() && *end == '\0' && !std::isfinite(number))
+        throw CLI::ValidationError(option->get_name(), value + " is no finite number");
+    }
+  }
+}
+
+std::uint64_t whole_number(const std::string& flag, const std::string& text) {
+  std::uint64_t number = 0;
+  const auto [end, fault] = std::from_chars(text.data(), text.data() + text.size(), number);
+  if (fault != std::errc() || end != text.data() + text.size())
+    throw CLI::ValidationError(flag, text + " is no whole number from 0 to 2^64 - 1");
+  return number;
+}
+
+LateralityChoice eyes_of(const std::string& flag, const std::string& text) {
+  if (text == "od") return LateralityChoice::od;
+  if (text == "os") return LateralityChoice::os;
+  if (text == "both") return LateralityChoice::both;
+  throw CLI::ValidationError(flag, text + " is none of od, os, both");
+}
+
 void declare_common(CLI::App& app, CommonOptions& common) {
-  const std::map<std::string, LateralityChoice> eyes{
-      {"od", LateralityChoice::od}, {"os", LateralityChoice::os}, {"both", LateralityChoice::both}};
   const std::string group = "Common options";
   app.add_flag("--json", common.json, "The answer on standard output as one JSON document")->group(group);
   app.add_flag("--quiet", common.verbosity.quiet, "No progress and no notes")->group(group);
@@ -37,9 +75,15 @@ void declare_common(CLI::App& app, CommonOptions& common) {
   app.add_option("--threads", common.threads, "CPU threads; 0: all cores")
       ->check(CLI::Range(0, 1024))
       ->group(group);
-  app.add_option("--seed", common.seed, "Seed of all random numbers")->capture_default_str()->group(group);
-  app.add_option("--laterality", common.laterality, "od, os or both")
-      ->transform(CLI::CheckedTransformer(eyes, CLI::ignore_case).description(""))
+  app.add_option_function<std::string>(
+         "--seed", [&](const std::string& text) { common.seed = whole_number("--seed", text); },
+         "Seed of all random numbers")
+      ->type_name("UINT")
+      ->default_str("1")
+      ->group(group);
+  app.add_option_function<std::string>(
+         "--laterality", [&](const std::string& text) { common.laterality = eyes_of("--laterality", text); },
+         "od, os or both")
       ->type_name("EYE")
       ->group(group);
 }
@@ -76,12 +120,14 @@ int run_command(int argc, char** argv, const Command& command) {
   declare_common(app, common);
   try {
     app.parse(argc, argv);
+    require_finite_values(app);
   } catch (const CLI::Success& asked) {  // --help, --version
     return app.exit(asked);
   } catch (const CLI::ParseError& fault) {
-    std::cerr << "emmetrope " << command.name << ": error: " << fault.what() << "\n  remedy: see emmetrope "
-              << command.name << " --help\n";
-    return static_cast<int>(ExitStatus::usage);
+    common.json = std::find(argv, argv + argc, std::string_view("--json")) != argv + argc;
+    return report_failure(
+        command.name, common,
+        Error(ExitStatus::usage, fault.what(), "see emmetrope " + command.name + " --help"));
   }
   log_to_stderr(command.name, common.verbosity);
 

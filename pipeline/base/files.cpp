@@ -78,8 +78,8 @@ std::string read_file(const std::filesystem::path& file) {
 }
 
 void write_file(const std::filesystem::path& file, std::string_view bytes) {
-  std::string name = file.string() + ".XXXXXX";
-  Descriptor descriptor(::mkstemp(name.data()));
+  const std::string name = file.string() + "." + std::to_string(::getpid());
+  Descriptor descriptor(::open(name.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666));
   if (descriptor.get() < 0) throw_not_written(file, errno);
   try {
     for (std::size_t done = 0; done < bytes.size();) {
@@ -87,7 +87,6 @@ void write_file(const std::filesystem::path& file, std::string_view bytes) {
       if (written < 0 && errno != EINTR) throw_not_written(file, errno);
       if (written > 0) done += static_cast<std::size_t>(written);
     }
-    ::fchmod(descriptor.get(), 0644);
     if (::fsync(descriptor.get()) != 0 || descriptor.close() != 0) throw_not_written(file, errno);
     if (::rename(name.c_str(), file.c_str()) != 0) throw_not_written(file, errno);
   } catch (...) {

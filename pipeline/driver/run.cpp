@@ -24,7 +24,13 @@ struct StageReport {
   Stage stage;
   ProcessResult process;
   bool skipped = false;
+  std::vector<std::string> reasons;  ///< why it gave no result or a partial one
 };
+
+/// As an argument: a folder named "-case" is no option.
+std::string as_argument(const fs::path& path) {
+  return path.string().rfind('-', 0) == 0 ? "./" + path.string() : path.string();
+}
 
 std::vector<std::string> common_arguments(const CommonOptions& common) {
   std::vector<std::string> words{"--json", "--seed", std::to_string(common.seed)};
@@ -38,8 +44,8 @@ std::vector<std::string> common_arguments(const CommonOptions& common) {
 }
 
 std::vector<Stage> stages_of(const RunOptions& options, const CommonOptions& common) {
-  const std::string folder = options.case_folder.string();
-  std::vector<Stage> stages{{"segment", "segmentation", {options.study.string(), "-o", folder}},
+  const std::string folder = as_argument(options.case_folder);
+  std::vector<Stage> stages{{"segment", "segmentation", {as_argument(options.study), "-o", folder}},
                             {"mesh", "meshing", {folder}},
                             {"trace", "raytrace", {folder}},
                             {"correct", "correction", {folder}},
@@ -67,10 +73,56 @@ StageReport run_one(const Stage& stage, const fs::path& case_folder) {
   const auto before = time_of_result(case_folder, stage);
   StageReport report{stage,
                      run_process(executable_folder() / ("emmetrope-" + stage.command), stage.arguments,
-                                 ChildOutput::discard),
-                     false};
+                                 ChildOutput::capture),
+                     false,
+                     {}};
   report.skipped = before.has_value() && before == time_of_result(case_folder, stage);
+  if (report.process.status == static_cast<int>(ExitStatus::no_result) ||
+      report.process.status == static_cast<int>(ExitStatus::partial))
+    report.reasons = read_verdict(case_folder, stage.folder).reasons;
   return report;
+}
+
+/// What a stage said of its failure, on standard error and, as JSON, on standard output.
+Error failure_of(const Stage& stage, const ProcessResult& ended) {
+  const std::string kept = "what is done is kept: the same command goes on from there";
+  if (ended.status == static_cast<int>(ExitStatus::interrupted) ||
+      ended.status == static_cast<int>(ExitStatus::terminated))
+    return {static_cast<ExitStatus>(ended.status), "the stage " + stage.command + " was interrupted", kept};
+  if (ended.status >= 128)
+    return {ExitStatus::fault,
+            fmt::format("the stage {} was ended by signal {}", stage.command, ended.status - 128), kept};
+  const Json answer = Json::parse(ended.output, nullptr, false);
+  const Json said = answer.is_object() ? answer.value("error", Json::object()) : Json::object();
+  return {static_cast<ExitStatus>(ended.status),
+          "the stage " + stage.command + " failed: " + said.value("message", "its message is above"),
+          said.value("remedy", kept)};
+}
+
+/// A device that is not there is told before the first stage works for a minute.
+void check_device(const CommonOptions& common) {
+  if (common.device.empty()) return;
+  const Stage devices{"devices", {}, {"--json", "--quiet", "--device", common.device}};
+  const ProcessResult asked =
+      run_process(executable_folder() / "emmetrope-devices", devices.arguments, ChildOutput::capture);
+  if (asked.status != 0) throw failure_of(devices, asked);
+}
+
+std::string outcome_of(const StageReport& report) {
+  std::string text;
+  switch (static_cast<ExitStatus>(report.process.status)) {
+    case ExitStatus::no_result:
+      text = "no result: the data do not support one";
+      break;
+    case ExitStatus::partial:
+      text = "partial result";
+      break;
+    default:
+      return report.skipped ? "up to date, skipped" : "done";
+  }
+  if (report.skipped) text += " (up to date, skipped)";
+  for (const auto& reason : report.reasons) text += "\n    " + reason;
+  return text;
 }
 
 bool gave_result(int status) {
@@ -96,15 +148,11 @@ Answer answer_of(const std::vector<StageReport>& reports, ExitStatus status, con
     answer.json["stages"].push_back(Json{{"stage", report.stage.command},
                                          {"status", report.process.status},
                                          {"skipped", report.skipped},
+                                         {"reasons", report.reasons},
                                          {"wall_s", report.process.wall_s},
                                          {"peak_memory_MB", report.process.peak_memory_MB}});
     answer.text += fmt::format("{:<9}{:>7.1f} s {:>6.0f} MB  {}\n", report.stage.command,
-                               report.process.wall_s, report.process.peak_memory_MB,
-                               report.skipped               ? "up to date, skipped"
-                               : report.process.status == 0 ? "done"
-                               : report.process.status == 6 ? "no result: the data do not support one"
-                               : report.process.status == 8 ? "partial result"
-                                                            : "failed");
+                               report.process.wall_s, report.process.peak_memory_MB, outcome_of(report));
     total_s += report.process.wall_s;
   }
   answer.text += fmt::format("{:<9}{:>7.1f} s\n", "total", total_s);
@@ -118,6 +166,7 @@ Answer answer_of(const std::vector<StageReport>& reports, ExitStatus status, con
 }  // namespace
 
 Answer run_pipeline(const RunOptions& options, const CommonOptions& common) {
+  check_device(common);
   const CaseLock lock(options.case_folder, true);
   std::vector<StageReport> reports;
   ExitStatus status = ExitStatus::done;
@@ -134,11 +183,7 @@ Answer run_pipeline(const RunOptions& options, const CommonOptions& common) {
     } else if (ended == static_cast<int>(ExitStatus::no_result)) {
       status = ExitStatus::no_result;
     } else {
-      throw Error(static_cast<ExitStatus>(ended < 128 ? ended : 1),
-                  ended < 128
-                      ? "the stage " + stage.command + " failed (its message is above)"
-                      : fmt::format("the stage {} was ended by signal {}", stage.command, ended - 128),
-                  "what is done is kept: the same command goes on from there");
+      throw failure_of(stage, reports.back().process);
     }
   }
   return answer_of(reports, status, options.case_folder);

@@ -4,6 +4,7 @@
 #include <charconv>
 #include <sstream>
 
+#include "pipeline/base/case_folder.hpp"
 #include "pipeline/base/files.hpp"
 #include "pipeline/base/frames.hpp"
 
@@ -85,8 +86,9 @@ std::optional<StageData> read_stage(const fs::path& folder, const std::string& n
   try {
     StageData stage;
     stage.name = name;
-    stage.status = static_cast<ExitStatus>(json.at("verdict").at("status").get<int>());
-    stage.reasons = json.at("verdict").at("reasons").get<std::vector<std::string>>();
+    const StageVerdict verdict = read_verdict(folder, name);
+    stage.status = verdict.status;
+    stage.reasons = verdict.reasons;
     stage.warnings = json.value("warnings", std::vector<std::string>{});
     for (const char* key : {"version", "parameters", "seed", "opencl_device", "outputs"})
       if (json.contains(key)) stage.provenance[key] = json[key];

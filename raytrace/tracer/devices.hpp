@@ -24,8 +24,12 @@ struct DeviceInfo {
 /// written
 std::vector<DeviceInfo> list_devices(int threads = 0);
 
+/// The device with this index, or the first whose name contains `wanted`.
+/// \throw Error (no_device) naming the devices of this machine
+DeviceInfo chosen_device(const std::vector<DeviceInfo>& devices, const std::string& wanted);
+
 /// The folder for compiled kernels: POCL_CACHE_DIR where it is set, else emmetrope/kernels below
-/// XDG_CACHE_HOME or HOME/.cache. PoCL cannot start where it is not writable.
+/// XDG_CACHE_HOME or .cache in the home folder. PoCL cannot start where it is not writable.
 std::filesystem::path kernel_cache_folder();
 
 }  // namespace emmetrope::raytrace

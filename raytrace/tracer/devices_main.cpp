@@ -9,7 +9,9 @@ emmetrope::Answer list(const emmetrope::CommonOptions& common) {
   using emmetrope::Json;
   emmetrope::Answer answer;
   Json devices = Json::array();
-  for (const auto& d : emmetrope::raytrace::list_devices(common.threads)) {
+  auto listed = emmetrope::raytrace::list_devices(common.threads);
+  if (!common.device.empty()) listed = {emmetrope::raytrace::chosen_device(listed, common.device)};
+  for (const auto& d : listed) {
     devices.push_back({{"index", d.index},
                        {"name", d.name},
                        {"type", d.type},

@@ -1,5 +1,6 @@
 #include "raytrace/tracer/opencl.hpp"
 
+#include <pwd.h>
 #include <unistd.h>
 
 #include <cctype>
@@ -105,21 +106,6 @@ DeviceInfo describe(const cl::Device& device, int index) {
   return info;
 }
 
-int chosen(const std::vector<DeviceInfo>& devices, const std::string& wanted) {
-  if (wanted.empty()) return 0;
-  if (wanted.find_first_not_of("0123456789") == std::string::npos && wanted.size() < 9) {
-    const int index = std::stoi(wanted);
-    if (index < static_cast<int>(devices.size())) return index;
-  } else {
-    for (const auto& device : devices)
-      if (lower(device.name).find(lower(wanted)) != std::string::npos) return device.index;
-  }
-  std::string known;
-  for (const auto& device : devices)
-    known += (known.empty() ? "" : "; ") + std::to_string(device.index) + " " + device.name;
-  throw device_error("--device: no OpenCL device is called \"" + wanted + "\"", "this machine has: " + known);
-}
-
 }  // namespace
 
 std::filesystem::path kernel_cache_folder() {
@@ -130,11 +116,28 @@ std::filesystem::path kernel_cache_folder() {
   if (const auto set = variable("POCL_CACHE_DIR"); !set.empty()) return set;
   if (const auto cache = variable("XDG_CACHE_HOME"); !cache.empty())
     return std::filesystem::path(cache) / "emmetrope" / "kernels";
-  if (const auto home = variable("HOME"); !home.empty())
-    return std::filesystem::path(home) / ".cache" / "emmetrope" / "kernels";
+  std::string home = variable("HOME");
+  if (const passwd* user = ::getpwuid(::getuid()); home.empty() && user != nullptr) home = user->pw_dir;
+  if (!home.empty()) return std::filesystem::path(home) / ".cache" / "emmetrope" / "kernels";
   throw device_error(
-      "there is no folder for compiled OpenCL kernels: HOME, XDG_CACHE_HOME and POCL_CACHE_DIR are not set",
+      "there is no folder for compiled OpenCL kernels: neither POCL_CACHE_DIR nor XDG_CACHE_HOME is set, and "
+      "this user has no home",
       "set POCL_CACHE_DIR to a private writable folder");
+}
+
+DeviceInfo chosen_device(const std::vector<DeviceInfo>& devices, const std::string& wanted) {
+  if (wanted.empty()) return devices.front();
+  if (wanted.find_first_not_of("0123456789") == std::string::npos && wanted.size() < 9) {
+    const int index = std::stoi(wanted);
+    if (index < static_cast<int>(devices.size())) return devices[static_cast<std::size_t>(index)];
+  } else {
+    for (const auto& device : devices)
+      if (lower(device.name).find(lower(wanted)) != std::string::npos) return device;
+  }
+  std::string known;
+  for (const auto& device : devices)
+    known += (known.empty() ? "" : "; ") + std::to_string(device.index) + " " + device.name;
+  throw device_error("--device: no OpenCL device is called \"" + wanted + "\"", "this machine has: " + known);
 }
 
 std::vector<DeviceInfo> list_devices(int threads) {
@@ -156,7 +159,7 @@ OpenCl::OpenCl(const std::string& device, int threads) {
   const auto devices = all_devices(threads);
   std::vector<DeviceInfo> infos;
   for (const auto& each : devices) infos.push_back(describe(each, static_cast<int>(infos.size())));
-  info_ = infos[chosen(infos, device)];
+  info_ = chosen_device(infos, device);
   device_ = devices[info_.index];
   try {
     context_ = cl::Context(device_);

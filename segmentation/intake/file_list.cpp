@@ -32,6 +32,9 @@ class Walker {
                           "give the folder of one study");
     }
     if (failed) skip(folder, "cannot be listed: " + failed.message());
+    // The copies of the images in a case made from this study would be fitted a second time.
+    if (depth >= 0 && fs::exists(list_.root / folder / "case.json"))
+      return skip(folder, "a case folder of Emmetrope, not images of a scanner");
     std::sort(names.begin(), names.end());  // the first of two links to one file stays the same
     for (const auto& name : names) visit(folder / name, depth);
   }

@@ -360,6 +360,7 @@ Answer segment(const SegmentOptions& options, const CommonOptions& common) {
   Answer answer;
   answer.status = outcome.verdict.status;
   answer.text = summary(options.case_folder) + "segmentation " + describe(outcome);
+  for (const auto& reason : outcome.verdict.reasons) answer.text += "\n" + reason;
   answer.json = {{"case", options.case_folder.string()},
                  {"status", static_cast<int>(outcome.verdict.status)},
                  {"reasons", outcome.verdict.reasons},

@@ -170,6 +170,64 @@ TEST_F(Stage, CtrlCLeavesNothingBehindAndEndsWith130) {
   EXPECT_FALSE(fs::exists(case_folder / ".writing-meshing"));
 }
 
+TEST(Verdict, OfAStageMadeFromAnotherResultIsRefused) {
+  const test::TemporaryFolder folder;
+  const auto stage = [&](const std::string& name, const std::string& input, const std::string& output,
+                         const std::string& text) {
+    StageSpec spec;
+    spec.stage = name;
+    if (!input.empty()) spec.inputs = {{input, folder.path() / input}};
+    CommonOptions common;
+    common.force = true;
+    run_stage(folder.path(), spec, common, [&](StageWorkspace& workspace) -> StageVerdict {
+      write_file(workspace.folder() / output, text);
+      return {};
+    });
+  };
+  stage("meshing", "", "retina.ply", "one");
+  stage("raytrace", "meshing/retina.ply", "eye.json", "traced");
+  stage("correction", "raytrace/eye.json", "prescription.json", "corrected");
+  EXPECT_EQ(read_verdict(folder.path(), "correction").status, ExitStatus::done);
+  stage("meshing", "", "retina.ply", "two");
+  for (const char* name : {"raytrace", "correction"}) try {  // correction: through the stage before it
+      read_verdict(folder.path(), name);
+      ADD_FAILURE() << name << " of another mesh";
+    } catch (const Error& error) {
+      EXPECT_EQ(error.status(), ExitStatus::input_invalid);
+      EXPECT_NE(std::string(error.what()).find("retina.ply has changed"), std::string::npos) << error.what();
+      EXPECT_NE(error.remedy().find("emmetrope trace"), std::string::npos);
+    }
+  stage("raytrace", "meshing/retina.ply", "eye.json", "traced");  // another mesh, the same light: good
+  EXPECT_EQ(read_verdict(folder.path(), "correction").status, ExitStatus::done);
+}
+
+TEST_F(Stage, ADamagedStageJsonIsMadeAgain) {
+  run();
+  for (const char* key : {"warnings", "verdict", "outputs"}) {
+    Json stage = read_json(case_folder / "meshing/stage.json");
+    stage.erase(key);
+    write_json(case_folder / "meshing/stage.json", stage);
+    EXPECT_FALSE(run().skipped) << key;
+  }
+  Json stage = read_json(case_folder / "meshing/stage.json");
+  stage["verdict"]["status"] = 99;
+  write_json(case_folder / "meshing/stage.json", stage);
+  try {
+    read_verdict(case_folder, "meshing");
+    FAIL();
+  } catch (const Error& error) {
+    EXPECT_EQ(error.status(), ExitStatus::input_invalid);
+    EXPECT_NE(error.remedy().find("emmetrope mesh"), std::string::npos);
+  }
+  EXPECT_FALSE(run().skipped);
+}
+
+TEST(CaseLock, LeavesAFolderThatIsNoCaseAlone) {
+  const test::TemporaryFolder folder;
+  EXPECT_THROW(CaseLock(folder.path(), false), Error);
+  EXPECT_TRUE(fs::is_empty(folder.path()));
+}
+
 TEST(Verdict, OfAMissingStageNamesTheCommandThatMakesIt) {
   const test::TemporaryFolder folder;
   try {

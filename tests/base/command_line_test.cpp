@@ -69,14 +69,29 @@ TEST(CommandLine, ReturnsTheCommandsStatusAndAnswer) {
 }
 
 TEST(CommandLine, TurnsWrongUsageIntoStatus2) {
-  for (const auto& words : std::vector<std::vector<std::string>>{
-           {"--radius", "-1"}, {"--nonsense"}, {"--laterality", "left"}, {"--threads", "-3"}}) {
+  for (const auto& words : std::vector<std::vector<std::string>>{{"--radius", "-1"},
+                                                                 {"--nonsense"},
+                                                                 {"--laterality", "left"},
+                                                                 {"--laterality", "1"},
+                                                                 {"--threads", "-3"},
+                                                                 {"--radius", "nan"},
+                                                                 {"--radius", "inf"},
+                                                                 {"--seed", "-1"},
+                                                                 {"--seed", "18446744073709551616"}}) {
     const Ended ended = run(words);
     EXPECT_EQ(ended.status, 2) << words[0];
     EXPECT_EQ(ended.out, "") << words[0];
     EXPECT_THAT(ended.err, HasSubstr(words[0]));
   }
 }
+
+TEST(CommandLine, WrongUsageIsJsonToo) {
+  const Ended ended = run({"--json", "--nonsense"});
+  EXPECT_EQ(ended.status, 2);
+  EXPECT_EQ(Json::parse(ended.out)["status"], 2);
+}
+
+TEST(CommandLine, ASeedMayBeAnyWholeNumber) { EXPECT_EQ(run({"--seed", "18446744073709551615"}).status, 0); }
 
 TEST(CommandLine, PrintsErrorAndRemedyAndKeepsJsonValid) {
   const Ended refused = run({"--seed", "3", "--json"});

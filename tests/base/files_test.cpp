@@ -65,6 +65,20 @@ TEST(ReadJson, NamesFileAndPlaceOfASyntaxError) {
   }
 }
 
+TEST(ReadJson, RefusesWhatNoDoubleHoldsAndWhatIsNestedWithoutEnd) {
+  const test::TemporaryFolder folder;
+  for (const std::string& text : {std::string(R"({"radius_mm": 1e999})"), std::string(200000, '[')}) {
+    write_file(folder.path() / "eye.json", text);
+    try {
+      read_json(folder.path() / "eye.json");
+      ADD_FAILURE() << text.substr(0, 30);
+    } catch (const Error& error) {
+      EXPECT_EQ(error.status(), ExitStatus::input_invalid);
+      EXPECT_NE(std::string(error.what()).find("eye.json"), std::string::npos);
+    }
+  }
+}
+
 TEST(ReadFile, RefusesFoldersAndFifos) {
   const test::TemporaryFolder folder;
   EXPECT_THROW(read_file(folder.path()), Error);

@@ -41,8 +41,10 @@ class Driver : public testing::Test {
     const fs::path script = bin / ("emmetrope-" + command);
     std::ofstream(script) << "#!/bin/sh\necho \"" << command << " $*\" >>" << log << "\nmkdir -p "
                           << case_folder / stage << "\ntest -e " << case_folder / stage / "stage.json"
-                          << " || echo '{}' >" << case_folder / stage / "stage.json"
-                          << "\necho noise\nexit " << status << "\n";
+                          << " || echo '{\"verdict\": {\"status\": " << status << ", \"reasons\": [\"why "
+                          << command << "\"]}, \"inputs\": {}}' >" << case_folder / stage / "stage.json"
+                          << "\necho '{\"error\": {\"message\": \"told by " << command << "\"}}'\nexit "
+                          << status << "\n";
     fs::permissions(script, fs::perms::owner_all);
   }
 
@@ -89,13 +91,41 @@ TEST_F(Driver, ReportsWhyThereIsNoResult) {
 
 TEST_F(Driver, SaysThatOneEyeOfTwoIsPartial) {
   make_stage("segment", "segmentation", 8);
-  EXPECT_EQ(run().status, 8);
+  const ProcessResult result = run();
+  EXPECT_EQ(result.status, 8);
+  EXPECT_EQ(Json::parse(result.output)["stages"][0]["reasons"][0], "why segment");
   EXPECT_THAT(read_file(log), HasSubstr("report"));
+}
+
+TEST_F(Driver, EndsAsInterruptedWhenAStageWas) {
+  for (const int status : {130, 143}) {
+    make_stage("mesh", "meshing", status);
+    EXPECT_EQ(run().status, status);
+  }
+}
+
+TEST_F(Driver, HandsOnFoldersThatLookLikeOptions) {
+  const std::string before = fs::current_path().string();
+  fs::current_path(folder.path());
+  const ProcessResult result =
+      run_process(bin / "emmetrope", {"run", "the study", "-o", "-case", "--quiet"}, ChildOutput::capture);
+  fs::current_path(before);
+  EXPECT_THAT(read_file(log), HasSubstr("mesh ./-case"));
+}
+
+TEST_F(Driver, KnowsBeforeTheFirstStageThatADeviceIsMissing) {
+  fs::copy_file(fs::path(std::getenv("EMMETROPE_BIN")) / "emmetrope-devices", bin / "emmetrope-devices");
+  const ProcessResult result = run({"--device", "no such device"});
+  EXPECT_EQ(result.status, 7);
+  EXPECT_THAT(Json::parse(result.output)["error"]["message"].get<std::string>(), HasSubstr("no such device"));
+  EXPECT_FALSE(fs::exists(log));
 }
 
 TEST_F(Driver, EndsWithTheStatusOfAStageThatFails) {
   make_stage("trace", "raytrace", 7);
-  EXPECT_EQ(run().status, 7);
+  const ProcessResult result = run();
+  EXPECT_EQ(result.status, 7);
+  EXPECT_THAT(Json::parse(result.output)["error"]["message"].get<std::string>(), HasSubstr("told by trace"));
   EXPECT_THAT(read_file(log), Not(HasSubstr("correct")));
 }
 

@@ -99,6 +99,16 @@ TEST_F(IntakeTest, TooManyFilesAndTooDeepFoldersAreRefused) {
   EXPECT_THROW(segmentation::read_inventory(folder(), options), Error);
 }
 
+TEST_F(IntakeTest, ACaseInsideItsStudyIsNotReadAgain) {
+  GeneratedSeries series;
+  series.write(folder() / "dicom");
+  series.write(folder() / "case" / "segmentation");
+  std::ofstream(folder() / "case" / "case.json") << "{}";
+  const auto found = inventory();
+  EXPECT_EQ(found.series.size(), 1U);
+  EXPECT_THAT(to_json(found).dump(), HasSubstr("a case folder"));
+}
+
 TEST_F(IntakeTest, OneFileIsAStudyToo) {
   GeneratedSeries series;
   const auto files = series.write(folder());

@@ -178,7 +178,13 @@ TEST_F(Study, ReplacesOnlyPhantomsAndOnlyWhenAsked) {
   };
   EXPECT_EQ(status_of(folder_ / "study", false), ExitStatus::done);
   EXPECT_EQ(status_of(folder_ / "study", false), ExitStatus::not_writable);
+  std::ofstream(folder_ / "study/notes.txt") << "about it";
   EXPECT_EQ(status_of(folder_ / "study", true), ExitStatus::done);
+  EXPECT_TRUE(fs::exists(folder_ / "study/notes.txt"));
+  EXPECT_TRUE(fs::exists(folder_ / "study/dicom"));
+  EXPECT_EQ(status_of(folder_ / "study2/", false), ExitStatus::done);
+  EXPECT_EQ(status_of(folder_ / "study2/", true), ExitStatus::done);
+  EXPECT_TRUE(fs::exists(folder_ / "study2/truth.json"));
   fs::create_directories(folder_ / "mine");
   std::ofstream(folder_ / "mine/thesis.txt") << "years of work";
   EXPECT_EQ(status_of(folder_ / "mine", true), ExitStatus::not_writable);
