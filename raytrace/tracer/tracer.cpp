@@ -75,6 +75,10 @@ Seeds make_seeds(const OpticalSystem& system, const std::vector<CurvatureTangent
   return seeds;
 }
 
+double seconds_since(std::chrono::steady_clock::time_point begin) {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+}
+
 Representation chosen(const EyeModel& eye, const TraceSettings& settings) {
   if (settings.method == Method::paper) {
     const Representation wanted = settings.representation.value_or(Representation::every_triangle);
@@ -244,6 +248,7 @@ TraceResult Tracer::trace(const EyeModel& whole_eye, const Scene& scene, const T
     if (!tangents.empty())
       arguments.add(seed_buffer, static_cast<cl_int>(seeds.first_operation), derivative_buffer);
     const std::size_t calls = (pixel_count + pixels_a_call - 1) / pixels_a_call;
+    result.prepare_s = seconds_since(begin);
     Progress progress("tracing", calls, settings.verbosity);
     for (int first = 0; first < pixel_count; first += pixels_a_call) {
       const int count = std::min(pixels_a_call, pixel_count - first);
@@ -294,7 +299,7 @@ TraceResult Tracer::trace(const EyeModel& whole_eye, const Scene& scene, const T
                    {RayState::missed_surface, counted[2]},
                    {RayState::missed_scene, counted[3]},
                    {RayState::reached, result.rays - counted[0] - counted[1] - counted[2] - counted[3]}};
-  result.wall_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+  result.wall_s = seconds_since(begin);
   return result;
 }
 

@@ -71,7 +71,8 @@ struct TraceResult {
   std::vector<LinearImage> derivatives;  ///< one per tangent
   std::map<RayState, std::uint64_t> states;
   std::uint64_t rays = 0;
-  double wall_s = 0;  ///< scene included
+  double wall_s = 0;     ///< scene included
+  double prepare_s = 0;  ///< of it before the first ray: surfaces, aim, pixels, scene, kernels
   std::string device;
   std::vector<std::string> notes;  ///< how far a representation departs from its surface
   double rays_per_s() const { return wall_s > 0 ? static_cast<double>(rays) / wall_s : 0; }
