@@ -1,13 +1,57 @@
 #include "raytrace/tracer/retina_pixels.hpp"
 
 #include <Eigen/LU>
+#include <algorithm>
+#include <array>
 #include <exception>
 #include <mutex>
+#include <numeric>
 #include <thread>
 
 #include "pipeline/base/frames.hpp"
 
 namespace emmetrope::raytrace {
+
+PixelOrder row_after_row(int width, int height) {
+  PixelOrder order;
+  order.pixels.resize(static_cast<std::size_t>(width) * height);
+  std::iota(order.pixels.begin(), order.pixels.end(), 0);
+  return order;
+}
+
+PixelOrder in_tiles(int width, int height) {
+  constexpr int block = 16, apart = 4;
+  PixelOrder order;
+  order.together = 16;
+  for (int y0 = 0; y0 < height; y0 += block)
+    for (int x0 = 0; x0 < width; x0 += block)
+      for (int tile = 0; tile < apart * apart; ++tile) {
+        std::array<int, 16> pixels{};
+        for (int lane = 0; lane < order.together; ++lane) {
+          const int x = x0 + tile % apart + lane % apart * apart,
+                    y = y0 + tile / apart + lane / apart * apart;
+          pixels[lane] = x < width && y < height ? y * width + x : -1;
+        }
+        if (std::any_of(pixels.begin(), pixels.end(), [](int pixel) { return pixel >= 0; }))
+          order.pixels.insert(order.pixels.end(), pixels.begin(), pixels.end());
+      }
+  return order;
+}
+
+std::vector<float> in_order(const RetinaPixels& pixels, const PixelOrder& order) {
+  constexpr int floats = RetinaPixels::floats_a_pixel;
+  std::vector<float> values(order.pixels.size() * floats);
+  for (std::size_t item = 0; item < order.items(); ++item) {
+    const auto first = order.pixels.begin() + static_cast<std::ptrdiff_t>(item * order.together);
+    const int inside = *std::find_if(first, first + order.together, [](int pixel) { return pixel >= 0; });
+    for (int lane = 0; lane < order.together; ++lane) {
+      const std::size_t place = item * order.together + lane;
+      const std::size_t pixel = order.pixels[place] < 0 ? inside : order.pixels[place];
+      for (int k = 0; k < floats; ++k) values[order.at(place, floats, k)] = pixels.values[pixel * floats + k];
+    }
+  }
+  return values;
+}
 
 RetinaPixels make_pixels(const EyeModel& eye, const RetinalGrid& grid, const PupilAim& aim, int threads) {
   const std::size_t count = static_cast<std::size_t>(grid.width) * grid.height;

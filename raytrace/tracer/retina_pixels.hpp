@@ -15,6 +15,23 @@ struct RetinaPixels {
   std::vector<float> area_mm2;
 };
 
+/// The order in which work-items take pixels: `together` pixels each.
+struct PixelOrder {
+  int together = 1;
+  std::vector<int> pixels;  ///< of every place; -1 beyond the picture's edge
+  std::size_t items() const { return pixels.size() / together; }
+  /// Value k of `values` that a work-item has for the pixel at a place.
+  std::size_t at(std::size_t place, int values, int k) const {
+    return (place / together * values + k) * together + place % together;
+  }
+};
+PixelOrder row_after_row(int width, int height);
+/// Sixteen pixels together, four apart in a block of 16 x 16.
+PixelOrder in_tiles(int width, int height);
+
+/// `values` in another order; places beyond the edge repeat a pixel of the picture.
+std::vector<float> in_order(const RetinaPixels& pixels, const PixelOrder& order);
+
 /// \throw Error (input_invalid) when the retina does not fill the grid
 RetinaPixels make_pixels(const EyeModel& eye, const RetinalGrid& grid, const PupilAim& aim, int threads);
 

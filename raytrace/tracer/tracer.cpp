@@ -22,7 +22,6 @@
 namespace emmetrope::raytrace {
 namespace {
 
-constexpr int batches = 2;  ///< UN: batches of rays in flight
 constexpr int outputs = 4, state_counts = 4;
 /// Rays of one kernel call: short enough for progress, Ctrl-C and a display's watchdog.
 constexpr std::int64_t rays_a_call = 8'000'000, rays_a_call_every_triangle = 100'000;
@@ -183,29 +182,34 @@ TraceResult Tracer::trace(const EyeModel& whole_eye, const Scene& scene, const T
   const PupilAim aim(eye, grid, spectral ? eye.reference_wavelength_nm : *settings.wavelength_nm);
   const RetinaPixels pixels = make_pixels(eye, grid, aim, state_->threads);
 
-  const int lanes = cl.lanes(), waves = spectral ? wavelength_count / lanes : 1;
-  const int multiple = lanes * waves * batches;
-  const int samples = (settings.samples + multiple - 1) / multiple * multiple;
-  const int pixel_count = grid.width * grid.height;
+  const int lanes = cl.lanes();
   KernelForm kernel_form;
   kernel_form.lanes = lanes;
-  kernel_form.in_flight = batches;
+  kernel_form.tile = lanes > 1 && !paper && form.representation != Representation::fast &&
+                     (system.has(Operation::patch) || system.has(Operation::triangles));
+  kernel_form.in_flight = 2;
   kernel_form.channels = view.channels;
-  kernel_form.waves = waves;
+  kernel_form.waves = !spectral ? 1 : kernel_form.tile ? wavelength_count : wavelength_count / lanes;
   kernel_form.spectral = spectral;
   kernel_form.illuminance = settings.illuminance;
   kernel_form.meshes = view.has_meshes();
   kernel_form.random_cap = paper;
   kernel_form.tangents = tangents.size();
 
+  const PixelOrder order =
+      kernel_form.tile ? in_tiles(grid.width, grid.height) : row_after_row(grid.width, grid.height);
+  const int multiple = kernel_form.waves * kernel_form.in_flight * (kernel_form.tile ? 1 : lanes);
+  const int samples = (settings.samples + multiple - 1) / multiple * multiple;
+  const std::size_t places = order.pixels.size(), items = order.items();
+
   TraceResult result;
   result.device = device_name();
   result.notes = system.notes;
   std::vector<float> map_rows, map_weights;
   FastMap map;
-  std::vector<float> image(static_cast<std::size_t>(pixel_count) * outputs);
-  std::vector<cl_int> states(static_cast<std::size_t>(pixel_count) * state_counts);
-  std::vector<float> derivatives(image.size() / outputs * 3 * tangents.size());
+  std::vector<float> image(places * outputs);
+  std::vector<cl_int> states(places * state_counts);
+  std::vector<float> derivatives(places * 3 * tangents.size());
   try {
     if (form.representation == Representation::fast) {
       const int mapped = tangents.empty() ? static_cast<int>(system.kinds.size()) : seeds.first_operation;
@@ -219,7 +223,7 @@ TraceResult Tracer::trace(const EyeModel& whole_eye, const Scene& scene, const T
     cl::Kernel kernel(cl.program(definitions_of(system, kernel_form)), "trace_pixels");
     const SystemBuffers system_buffers(cl, system);
     const SceneBuffers scene_buffers(cl, view);
-    const cl::Buffer pixel_buffer = cl.upload(pixels.values),
+    const cl::Buffer pixel_buffer = cl.upload(in_order(pixels, order)),
                      colour_buffer = cl.upload(colour_table(spectrum));
     const cl::Buffer image_buffer = cl.allocate(image.size() * sizeof(float)),
                      state_buffer = cl.allocate(states.size() * sizeof(cl_int)), cap_buffer = cl.upload(cap),
@@ -229,8 +233,8 @@ TraceResult Tracer::trace(const EyeModel& whole_eye, const Scene& scene, const T
                          cl.allocate(std::max<std::size_t>(1, derivatives.size()) * sizeof(float));
     const std::int64_t rays =
         system.has(Operation::every_triangle) ? rays_a_call_every_triangle : rays_a_call;
-    const int pixels_a_call =
-        static_cast<int>(std::max<std::int64_t>(work_group, rays / samples / work_group * work_group));
+    const std::size_t items_a_call = static_cast<std::size_t>(
+        std::max<std::int64_t>(work_group, rays / samples / order.together / work_group * work_group));
     Arguments arguments(kernel);
     system_buffers.add_to(arguments);
     arguments.add(static_cast<cl_int>(system.kinds.size()), pixel_buffer,
@@ -247,11 +251,11 @@ TraceResult Tracer::trace(const EyeModel& whole_eye, const Scene& scene, const T
                     weight_buffer);
     if (!tangents.empty())
       arguments.add(seed_buffer, static_cast<cl_int>(seeds.first_operation), derivative_buffer);
-    const std::size_t calls = (pixel_count + pixels_a_call - 1) / pixels_a_call;
+    const std::size_t calls = (items + items_a_call - 1) / items_a_call;
     result.prepare_s = seconds_since(begin);
     Progress progress("tracing", calls, settings.verbosity);
-    for (int first = 0; first < pixel_count; first += pixels_a_call) {
-      const int count = std::min(pixels_a_call, pixel_count - first);
+    for (std::size_t first = 0; first < items; first += items_a_call) {
+      const std::size_t count = std::min(items_a_call, items - first);
       kernel.setArg(place_of_slice, static_cast<cl_int>(first));
       kernel.setArg(place_of_slice + 1, static_cast<cl_int>(count));
       cl.queue().enqueueNDRangeKernel(kernel, cl::NullRange,
@@ -269,31 +273,29 @@ TraceResult Tracer::trace(const EyeModel& whole_eye, const Scene& scene, const T
     throw_device_error(fault, cl.info().name);
   }
 
-  result.image = {grid.width, grid.height, 3, std::vector<float>(static_cast<std::size_t>(pixel_count) * 3)};
+  const std::size_t pixel_count = pixels.area_mm2.size();
+  result.image = {grid.width, grid.height, 3, std::vector<float>(pixel_count * 3)};
+  result.derivatives.assign(tangents.size(), result.image);
+  std::vector<float> illuminance(pixel_count);
   std::array<std::uint64_t, state_counts> counted{};
+  for (std::size_t place = 0; place < places; ++place) {
+    if (order.pixels[place] < 0) continue;
+    const std::size_t pixel = order.pixels[place];
+    for (int c = 0; c < 3; ++c) result.image.values[pixel * 3 + c] = image[order.at(place, outputs, c)];
+    illuminance[pixel] = image[order.at(place, outputs, 3)] * pixels.area_mm2[pixel];
+    for (int k = 0; k < 3 * static_cast<int>(tangents.size()); ++k)
+      result.derivatives[k / 3].values[pixel * 3 + k % 3] =
+          derivatives[order.at(place, 3 * static_cast<int>(tangents.size()), k)];
+    for (int s = 0; s < state_counts; ++s) counted[s] += states[order.at(place, state_counts, s)];
+  }
   // Relative retinal illuminance: the solid angle of the light times the cosine, against the pole's.
-  double at_pole = 1;
   if (settings.illuminance) {
-    const int middle = (grid.height / 2) * grid.width + grid.width / 2;
-    at_pole = image[static_cast<std::size_t>(middle) * outputs + 3] * pixels.area_mm2[middle];
+    const float at_pole =
+        illuminance[static_cast<std::size_t>(grid.height / 2) * grid.width + grid.width / 2];
+    for (std::size_t i = 0; i < result.image.values.size(); ++i)
+      result.image.values[i] *= illuminance[i / 3] / at_pole;
   }
-  for (int i = 0; i < pixel_count; ++i) {
-    const double gain = settings.illuminance
-                            ? image[static_cast<std::size_t>(i) * outputs + 3] * pixels.area_mm2[i] / at_pole
-                            : 1.0;
-    for (int c = 0; c < 3; ++c)
-      result.image.values[static_cast<std::size_t>(i) * 3 + c] =
-          static_cast<float>(gain * image[static_cast<std::size_t>(i) * outputs + c]);
-    for (int s = 0; s < state_counts; ++s)
-      counted[s] += states[static_cast<std::size_t>(i) * state_counts + s];
-  }
-  for (std::size_t j = 0; j < tangents.size(); ++j) {
-    LinearImage derivative{grid.width, grid.height, 3, std::vector<float>(result.image.values.size())};
-    for (std::size_t i = 0; i < derivative.values.size(); ++i)
-      derivative.values[i] = derivatives[(i / 3 * tangents.size() + j) * 3 + i % 3];
-    result.derivatives.push_back(std::move(derivative));
-  }
-  result.rays = static_cast<std::uint64_t>(pixel_count) * samples;
+  result.rays = pixel_count * samples;
   result.states = {{RayState::vignetted, counted[0]},
                    {RayState::tir, counted[1]},
                    {RayState::missed_surface, counted[2]},

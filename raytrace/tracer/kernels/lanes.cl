@@ -1,7 +1,12 @@
 // Vectors of rays, OpenCL C 1.2. One source for every device:
 //   VLN  lanes a work-item carries: 16 (CPU, explicit vectors) or 1 (GPU, a ray a work-item)
 //   UN   independent batches in flight, which hide the latency of square roots and divisions
+//   TILE 0: lanes are samples of one pixel, or the wavelengths of one. 1: lanes are 16 pixels four apart in a block of 16 x 16, which
+//        take the same samples: their rays lie so close that most often one record of a mesh serves all, while pixels side by side
+//        have samples of their own, so that noise stays fine-grained
 // Vector comparisons give -1 and 0, scalar ones 1 and 0: masks are only tested with ANY and used by select.
+
+#define WAVE_LANES (VLN > 1 && !TILE)
 
 // PoCL 3.1 leaves plain inline helpers as calls, so that vectors would travel through memory.
 #define AI static inline __attribute__((always_inline))

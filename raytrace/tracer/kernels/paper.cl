@@ -102,7 +102,7 @@ AI void to_nearest_point(vf* x, vf* y, vf* z, constant float* restrict p, global
 
 // A ray from the retina to a random point of the cap, evenly by area. cap: its vertex (3), signed radius
 // and depth, operation of its surface (int bits).
-AI void start_at_cap(ray* r, vu n, uint shift_1, uint shift_2, global const float* restrict pixel, constant float* restrict cap,
+AI void start_at_cap(ray* r, vu n, uint shift_1, uint shift_2, const float* pixel, constant float* restrict cap,
                      constant float* restrict operations, global const float* restrict records) {
   const vf u1 = unit_interval(scramble_lanes(n ^ shift_1)), u2 = unit_interval(scramble_lanes(n ^ shift_2));
   vf s, c;

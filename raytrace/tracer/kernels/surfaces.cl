@@ -134,6 +134,10 @@ AI void biconic(ray* r, constant float* restrict p, vf eta) {
 }
 #endif
 
+// A value of a record: fetched for every lane, or one that all lanes share.
+#define VECTOR_COEFFICIENT(j) cell.m[j]
+#define SCALAR_COEFFICIENT(j) one[j]
+
 #if HAS_PATCH
 // Bicubic patches: a record of 16 coefficients a cell, a[4 j + i] u^i v^j with u, v in 0..1.
 // p[4], p[5]: base conic; p[6], p[7]: grid origin; p[8]: cells per mm; p[9], p[10]: last cell in x and y; p[11], p[12]: cells in
@@ -155,8 +159,6 @@ AI void biconic(ray* r, constant float* restrict p, vf eta) {
     if (step == 0) slope = RECIP(r->N + gx * r->L + gy * r->M);                                              \
     t -= (z0 + t * r->N + depth) * slope;                                                                    \
   }
-#define VECTOR_COEFFICIENT(j) cell.m[j]
-#define SCALAR_COEFFICIENT(j) one[j]
 AI void patch(ray* r, constant float* restrict p, global const float* restrict records, vf eta) {
   const float h = p[8];
   const vf x0 = r->x - p[O_X], y0 = r->y - p[O_Y], z0 = r->z - p[O_Z];
@@ -207,18 +209,35 @@ AI void triangles(ray* r, constant float* restrict p, global const float* restri
   global const float* sheet = records + as_int(p[12]);
   vf u, v, w;
   vi lost = 0;
+#define MEET_TRIANGLE(F)                                                                                            \
+  t = (F(3) - F(0) * x0 - F(1) * y0 - F(2) * z0) * RECIP(F(0) * r->L + F(1) * r->M + F(2) * r->N);                  \
+  const vf x = x0 + t * r->L, y = y0 + t * r->M, z = z0 + t * r->N;                                                 \
+  u = F(4) * x + F(5) * y + F(6) * z + F(7);                                                                        \
+  v = F(8) * x + F(9) * y + F(10) * z + F(11);
   for (int step = 0;; step++) {
-    record f;
-    fetch(&f, sheet, id);
-    t = (f.m[3] - f.m[0] * x0 - f.m[1] * y0 - f.m[2] * z0) * RECIP(f.m[0] * r->L + f.m[1] * r->M + f.m[2] * r->N);
-    const vf x = x0 + t * r->L, y = y0 + t * r->M, z = z0 + t * r->N;
-    u = f.m[4] * x + f.m[5] * y + f.m[6] * z + f.m[7];
-    v = f.m[8] * x + f.m[9] * y + f.m[10] * z + f.m[11];
+    vi beyond_u, beyond_v, beyond_w;
+#if SHARE_RECORDS
+    if (SAME(id)) {
+      global const float* one = sheet + LANE0(id);
+      MEET_TRIANGLE(SCALAR_COEFFICIENT)
+      beyond_u = as_int(one[12]);
+      beyond_v = as_int(one[13]);
+      beyond_w = as_int(one[14]);
+    } else
+#endif
+    {
+      record cell;
+      fetch(&cell, sheet, id);
+      MEET_TRIANGLE(VECTOR_COEFFICIENT)
+      beyond_u = AS_VI(cell.m[12]);
+      beyond_v = AS_VI(cell.m[13]);
+      beyond_w = AS_VI(cell.m[14]);
+    }
     w = 1.f - u - v;
     const vf least = min(min(u, v), w);
     vi go = least < -EDGE_TOLERANCE;
     if (!ANY(go)) break;
-    const vi next = select(select(AS_VI(f.m[14]), AS_VI(f.m[13]), v == least), AS_VI(f.m[12]), u == least);
+    const vi next = select(select(beyond_w, beyond_v, v == least), beyond_u, u == least);
     const vi off = go & (next < 0);
     lost |= off;
     go &= (next >= 0);
@@ -229,10 +248,22 @@ AI void triangles(ray* r, constant float* restrict p, global const float* restri
     }
     id = select(id, next, VLN == 1 ? (go ? -1 : 0) : go);
   }
-  record n;
-  fetch(&n, sheet, id + 16);
-  const vf nx = w * n.m[0] + u * n.m[3] + v * n.m[6], ny = w * n.m[1] + u * n.m[4] + v * n.m[7],
-           nz = w * n.m[2] + u * n.m[5] + v * n.m[8];
+#define NORMAL(F)                                                                                                   \
+  nx = w * F(0) + u * F(3) + v * F(6);                                                                              \
+  ny = w * F(1) + u * F(4) + v * F(7);                                                                              \
+  nz = w * F(2) + u * F(5) + v * F(8);
+  vf nx, ny, nz;
+#if SHARE_RECORDS
+  if (SAME(id)) {
+    global const float* one = sheet + LANE0(id) + 16;
+    NORMAL(SCALAR_COEFFICIENT)
+  } else
+#endif
+  {
+    record cell;
+    fetch(&cell, sheet, id + 16);
+    NORMAL(VECTOR_COEFFICIENT)
+  }
   const vf x = x0 + t * r->L, y = y0 + t * r->M;
   r->x = x + p[O_X];
   r->y = y + p[O_Y];
@@ -289,7 +320,7 @@ AI void gradient(ray* r, constant float* restrict p, constant float* restrict gr
   vf by_w, n_behind = 1.f, n_front = 1.f;
   if (behind >= 0) {
     constant float* g = gradients + behind * GRADIENT_FLOATS;
-    const vf shift = VLN == 1 ? (vf)g[16 + wave] : VLOAD(1, g);
+    const vf shift = WAVE_LANES ? VLOAD(1, g) : (vf)g[16 + wave];
     vf n = gradient_index(r->x, r->y, r->z, g, shift, &by_w);
     vf P = n * r->L, Q = n * r->M;
     UNROLL for (int part = 0; part < 2; part++) {  // to where a straight ray would meet the surface, then what is left
@@ -310,7 +341,7 @@ AI void gradient(ray* r, constant float* restrict p, constant float* restrict gr
   }
   if (front >= 0) {
     constant float* g = gradients + front * GRADIENT_FLOATS;
-    const vf shift = VLN == 1 ? (vf)g[16 + wave] : VLOAD(1, g);
+    const vf shift = WAVE_LANES ? VLOAD(1, g) : (vf)g[16 + wave];
     const vf t = base_distance(r, r->x - p[O_X], r->y - p[O_Y], r->z - p[O_Z], p[4], p[5]);
     n_front = gradient_index(r->x + t * r->L, r->y + t * r->M, r->z + t * r->N, g, shift, &by_w);
   }

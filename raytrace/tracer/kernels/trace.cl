@@ -6,8 +6,8 @@
       constant float* restrict gradients, global const float* restrict records
 #define SYSTEM_ARGUMENTS kinds, operations, ratios, gradients, records
 
-// Lanes are the wavelengths where a work-item carries 16 rays; else wavelengths come one after the other.
-#define RATIO(k, wave) (VLN == 1 ? (vf)ratios[(k) * WAVELENGTHS + (wave)] : VLOAD(k, ratios))
+// Lanes are the wavelengths where a work-item carries 16 rays of a pixel; else wavelengths come one after the other.
+#define RATIO(k, wave) (WAVE_LANES ? VLOAD(k, ratios) : (vf)ratios[(k) * WAVELENGTHS + (wave)])
 
 #if HAS_GRADIENT
 #define ETA (own_ratio ? r[q].eta : eta)
@@ -77,9 +77,23 @@ AI void pass(ray* r, int k, int wave, SYSTEM) {
 
 // A pixel: retina point (3), aim's centre (2), matrix that takes the unit disc to the aim ellipse (4), surface normal (3).
 #define PIXEL 12
+// What belongs to a pixel: a number, or with TILE one for each lane.
+#if TILE
+typedef vf per_pixel;
+typedef vi count_per_pixel;
+#define TOGETHER(v) (v)
+#define TALLY(mask) (-(mask))
+#define STORE_PIXEL VSTORE
+#else
+typedef float per_pixel;
+typedef int count_per_pixel;
+#define TOGETHER SUM
+#define TALLY COUNT
+#define STORE_PIXEL(v, i, p) (p)[i] = (v)
+#endif
 
 // Sample n of a pixel: R2 lattice (Roberts 2018) with a shift of the pixel's own.
-AI void start(ray* r, vu n, uint shift_1, uint shift_2, global const float* restrict pixel, float aim_z, vf* weight) {
+AI void start(ray* r, vu n, uint shift_1, uint shift_2, const per_pixel* pixel, float aim_z, vf* weight) {
   const vf u1 = unit_interval(n * 3242174889u + shift_1), u2 = unit_interval(n * 2447445414u + shift_2);
   vf s, c;
   angle(u2, &s, &c);
@@ -88,7 +102,7 @@ AI void start(ray* r, vu n, uint shift_1, uint shift_2, global const float* rest
   c *= rho;
   const vf dx = pixel[3] + pixel[5] * c + pixel[6] * s - pixel[0];
   const vf dy = pixel[4] + pixel[7] * c + pixel[8] * s - pixel[1];
-  const float dz = aim_z - pixel[2];
+  const per_pixel dz = aim_z - pixel[2];
   const vf scale = rsqrt(dx * dx + dy * dy + dz * dz);
   r->x = pixel[0];
   r->y = pixel[1];
@@ -108,26 +122,26 @@ AI void start(ray* r, vu n, uint shift_1, uint shift_2, global const float* rest
 
 // Adds what a pixel's rays of one wavelength (of 16 with lanes) have gathered. A wavelength's mean first, then its colour: a
 // white scene stays white however the pupil cuts single wavelengths. total > 0
-AI void add_light(const vf* sum, vf weights, float total, constant float* restrict colour, int wave, float* out) {
+AI void add_light(const vf* sum, vf weights, per_pixel total, constant float* restrict colour, int wave, per_pixel* out) {
 #if SPECTRAL
   const vi some = weights > 0.f;
   const vf scale = RECIP(select((vf)1.f, weights, some));
   vf mean[3];
   UNROLL for (int c = 0; c < 3; c++) {
     const int channel = CHANNELS == 1 ? 0 : c;
-    mean[c] = select((vf)(SUM(sum[channel]) / total), sum[channel] * scale, some);
+    mean[c] = select((vf)(TOGETHER(sum[channel]) / total), sum[channel] * scale, some);
   }
   // colour: 9 rows (to red, green, blue from red, green, blue) of 16 wavelengths
   UNROLL for (int to = 0; to < 3; to++) {
     vf light = 0.f;
     UNROLL for (int from = 0; from < 3; from++) {
       const int row = 3 * to + from;
-      light += (VLN == 1 ? (vf)colour[row * WAVELENGTHS + wave] : VLOAD(row, colour)) * mean[from];
+      light += (WAVE_LANES ? VLOAD(row, colour) : (vf)colour[row * WAVELENGTHS + wave]) * mean[from];
     }
-    out[to] += SUM(light);
+    out[to] += TOGETHER(light);
   }
 #else
-  UNROLL for (int c = 0; c < 3; c++) out[c] = SUM(sum[CHANNELS == 1 ? 0 : c]) / total;
+  UNROLL for (int c = 0; c < 3; c++) out[c] = TOGETHER(sum[CHANNELS == 1 ? 0 : c]) / total;
 #endif
 }
 
@@ -148,14 +162,19 @@ kernel void trace_pixels(SYSTEM, int operation_count, global const float* restri
   const int item = get_global_id(0);
   if (item >= pixel_count) return;
   const int index = first_pixel + item;
-  global const float* pixel = pixels + index * PIXEL;
+  per_pixel pixel[PIXEL];
+#if TILE
+  UNROLL for (int i = 0; i < PIXEL; i++) pixel[i] = VLOAD(index * PIXEL + i, pixels);
+#else
+  UNROLL for (int i = 0; i < PIXEL; i++) pixel[i] = pixels[index * PIXEL + i];
+#endif
   const uint shift_1 = scramble((uint)index ^ seed), shift_2 = scramble(shift_1);
-  float out[3] = {0.f, 0.f, 0.f}, weight_sum = 0.f;
+  per_pixel out[3] = {0.f, 0.f, 0.f}, weight_sum = 0.f;
 #if TANGENTS
-  float out_change[3 * TANGENTS];
+  per_pixel out_change[3 * TANGENTS];
   UNROLL for (int i = 0; i < 3 * TANGENTS; i++) out_change[i] = 0.f;
 #endif
-  int counts[STATES] = {0, 0, 0, 0};
+  count_per_pixel counts[STATES] = {0, 0, 0, 0};
 
   for (int wave = 0; wave < WAVES; wave++) {
     vf sum[CHANNELS], weights = 0.f;
@@ -170,14 +189,18 @@ kernel void trace_pixels(SYSTEM, int operation_count, global const float* restri
 #else
     const int first_operation = 0;
 #endif
-    for (int s = 0; s < samples; s += VLN * WAVES * UN) {
+    const int run = samples / ((TILE ? 1 : VLN) * WAVES);  // samples of a wavelength, or of a lane
+    for (int s = 0; s < run; s += UN) {
       ray r[UN];
       vf weight[UN];
       UNROLL for (int q = 0; q < UN; q++) {
         weight[q] = 1.f;
         // A wavelength takes a run of the lattice: every run is as even as the whole.
-        const vu n = (LANES + (vu)(uint)(wave * VLN)) * (vu)(uint)(samples / (VLN * WAVES)) +
-                     (vu)(uint)(s / (VLN * WAVES) + q);
+#if TILE
+        const vu n = (vu)(uint)(wave * run + s + q);
+#else
+        const vu n = (LANES + (vu)(uint)(wave * VLN)) * (vu)(uint)run + (vu)(uint)(s + q);
+#endif
 #if RANDOM_CAP
         start_at_cap(&r[q], n, shift_1, shift_2, pixel, cap, operations, records);
 #elif FAST
@@ -207,13 +230,13 @@ kernel void trace_pixels(SYSTEM, int operation_count, global const float* restri
         view seen;
         look(&r[q], SCENE_ARGUMENTS, &seen);
         if (ANY(r[q].state != 0)) {
-          counts[0] += COUNT(r[q].state == VIGNETTED);
-          counts[1] += COUNT(r[q].state == TIR);
-          counts[2] += COUNT(r[q].state == MISSED_SURFACE);
+          counts[0] += TALLY(r[q].state == VIGNETTED);
+          counts[1] += TALLY(r[q].state == TIR);
+          counts[2] += TALLY(r[q].state == MISSED_SURFACE);
           weight[q] = select(weight[q], (vf)0.f, r[q].state != 0);
           seen.missed &= (r[q].state == 0);
         }
-        if (ANY(seen.missed)) counts[3] += COUNT(seen.missed);
+        if (ANY(seen.missed)) counts[3] += TALLY(seen.missed);
         weights += weight[q];
         UNROLL for (int c = 0; c < CHANNELS; c++) sum[c] += weight[q] * seen.value[c];
 #if TANGENTS
@@ -224,9 +247,14 @@ kernel void trace_pixels(SYSTEM, int operation_count, global const float* restri
 #endif
       }
     }
-    const float total = SUM(weights);
+    per_pixel total = TOGETHER(weights);
     weight_sum += total;
-    if (total > 0.f) {
+#if TILE
+    total = select((vf)1.f, total, total > 0.f);  // a pixel without light is black
+#else
+    if (total > 0.f)
+#endif
+    {
       add_light(sum, weights, total, colour, wave, out);
 #if TANGENTS
       UNROLL for (int j = 0; j < TANGENTS; j++)
@@ -234,12 +262,12 @@ kernel void trace_pixels(SYSTEM, int operation_count, global const float* restri
 #endif
     }
   }
-  UNROLL for (int c = 0; c < 3; c++) image[index * OUTPUTS + c] = out[c];
-  image[index * OUTPUTS + 3] = weight_sum / samples;
+  UNROLL for (int c = 0; c < 3; c++) STORE_PIXEL(out[c], index * OUTPUTS + c, image);
+  STORE_PIXEL(weight_sum / samples, index * OUTPUTS + 3, image);
 #if TANGENTS
-  UNROLL for (int i = 0; i < 3 * TANGENTS; i++) derivatives[index * 3 * TANGENTS + i] = out_change[i];
+  UNROLL for (int i = 0; i < 3 * TANGENTS; i++) STORE_PIXEL(out_change[i], index * 3 * TANGENTS + i, derivatives);
 #endif
-  UNROLL for (int c = 0; c < STATES; c++) states[index * STATES + c] = counts[c];
+  UNROLL for (int c = 0; c < STATES; c++) STORE_PIXEL(counts[c], index * STATES + c, states);
 }
 
 // Single rays through the system, for tests of accuracy: 6 floats in (position, direction), 7 out (and the state), in planes of
