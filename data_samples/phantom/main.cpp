@@ -56,6 +56,10 @@ Protocol protocol_of(const Options& options, const CommonOptions& common, const 
                                        !includes(common.laterality, plan.coil_eye);
                               }),
                stacks.end());
+  if (stacks.empty())
+    throw usage_error(
+        "no stack is left: the surface coils of the stacks are not over the eye of --laterality",
+        "give --laterality both or a --stack of that eye");
   protocol.disturbances = options.disturbances;
   protocol.disturbances.snr = options.snr.value_or(preset_snr);
   protocol.disturbances.seed = common.seed;

@@ -207,8 +207,10 @@ Json truth(const HeadGeometry& head) {
   json["age_years"] = head.age_years;
   json["head_roll_deg"] = head.roll_deg;
   json["interpupillary_distance_mm"] = head.interpupillary_distance_mm;
-  for (const Laterality laterality : both_eyes)
-    json["eyes"][to_string(laterality)] = eye_truth(place(head, laterality), head.lens_index);
+  for (const Laterality laterality : both_eyes) {
+    Json& eye = json["eyes"][to_string(laterality)] = eye_truth(place(head, laterality), head.lens_index);
+    for (const char* of_head : {"head_roll_deg", "interpupillary_distance_mm"}) eye[of_head] = json[of_head];
+  }
   json["head"] = to_json(head);
   return json;
 }

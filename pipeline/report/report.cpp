@@ -57,7 +57,12 @@ Json eyes_answer(const Document& document) {
 
 /// The study that the DICOM objects belong to: as told, else where segmentation read it.
 fs::path study_of(const CaseData& data, const ReportOptions& options) {
-  if (!options.study.empty()) return options.study;
+  if (!options.study.empty()) {
+    if (!fs::exists(options.study))
+      throw input_error("--study: " + options.study.string() + " does not exist",
+                        "give the folder of the DICOM study that the case was made from");
+    return options.study;
+  }
   const Json stage = read_json(data.folder / "segmentation" / "stage.json");
   const fs::path study =
       stage.contains("study") && stage["study"].is_string() ? stage["study"].get<std::string>() : "";

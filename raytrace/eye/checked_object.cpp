@@ -1,5 +1,7 @@
 #include "raytrace/eye/checked_object.hpp"
 
+#include <fmt/format.h>
+
 #include <cmath>
 
 #include "pipeline/base/error.hpp"
@@ -41,10 +43,18 @@ double CheckedObject::positive(const std::string& key) {
   return value;
 }
 
-double CheckedObject::nonzero(const std::string& key) {
+double CheckedObject::within(const std::string& key, double low, double high) {
   const double value = number(key);
-  if (value == 0) throw fault(key, "must not be 0");
+  if (value < low || value > high)
+    throw fault(key, fmt::format("must lie between {:g} and {:g}, found {:g}", low, high, value));
   return value;
+}
+
+void CheckedObject::require_magnitude(const std::string& key, const Eigen::Vector2d& values, double low,
+                                      double high) const {
+  for (const double value : {values.x(), values.y()})
+    if (std::abs(value) < low || std::abs(value) > high)
+      throw fault(key, fmt::format("must have a magnitude from {:g} to {:g}, found {:g}", low, high, value));
 }
 
 std::string CheckedObject::text(const std::string& key) {

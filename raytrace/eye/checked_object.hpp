@@ -25,8 +25,8 @@ class CheckedObject {
   double number(const std::string& key);
   double number(const std::string& key, double otherwise);
   double positive(const std::string& key);
-  /// A radius or half axis: any number but 0.
-  double nonzero(const std::string& key);
+  /// From low to high, both included.
+  double within(const std::string& key, double low, double high);
   std::string text(const std::string& key);
   std::string text(const std::string& key, const std::string& otherwise);
   /// A list of numbers, its length checked where `count` > 0.
@@ -34,6 +34,9 @@ class CheckedObject {
   Eigen::Vector2d pair(const std::string& key, const Eigen::Vector2d& otherwise);
   /// One number for both meridians, or a list of two.
   Eigen::Vector2d one_or_two(const std::string& key);
+  /// \throw Error where the key's value, or one of its values, has a magnitude outside low to high
+  void require_magnitude(const std::string& key, const Eigen::Vector2d& values, double low,
+                         double high) const;
 
   /// The place and key with what is wrong, to be thrown.
   Error fault(const std::string& key, const std::string& what) const;

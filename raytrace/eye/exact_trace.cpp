@@ -294,6 +294,7 @@ ExactTracer::End ExactTracer::walk(const Ray& ray_in_eye, const Report& report) 
     end.direction = ray.direction;
     report(k, end);
   }
+  if (last_hit < 0) return ended(RayState::missed_surface, inward ? retina : 0);  // away from the eye
   return ended(RayState::reached, last_hit);
 }
 

@@ -24,6 +24,8 @@ constexpr FormulaKey formula_keys[] = {
     {"sellmeier", Formula::sellmeier, 0}, {"polynomial", Formula::polynomial, 0},
     {"abbe", Formula::abbe, 2},           {"table", Formula::table, 0}};
 
+constexpr double farthest_mm = 1000;  // of a surface from the corneal apex: eyes, spectacles, instruments
+
 double read_index(CheckedObject& json, const std::string& key) {
   const double index = json.number(key);
   if (index < 1 || index > 4)
@@ -110,7 +112,7 @@ Medium read_medium(const std::string& name, const Json& entry, double reference_
 Surface read_stop(CheckedObject& json, const std::string& name) {
   Surface stop;
   stop.name = name;
-  stop.position_mm = json.number("position_mm");
+  stop.position_mm = json.within("position_mm", -farthest_mm, farthest_mm);
   stop.stop_diameter_mm = json.positive("diameter_mm");
   return stop;
 }
@@ -152,9 +154,10 @@ Surface read_surface(const Json& entry, std::size_t number, bool is_last, const 
   } else {
     surface.name = name;
     surface.shape = shape_from_json(type, json);
-    surface.position_mm = json.number("position_mm");
+    surface.position_mm = json.within("position_mm", -farthest_mm, farthest_mm);
   }
   surface.decentre_mm = json.pair("decentre_mm", {0, 0});
+  json.require_magnitude("decentre_mm", surface.decentre_mm, 0, 20);
   surface.tilt_deg = json.pair("tilt_deg", {0, 0});
   if (surface.tilt_deg.cwiseAbs().maxCoeff() >= 90) throw json.fault("tilt_deg", "must be less than 90");
   if (json.has("semi_diameter_mm")) surface.semi_diameter_mm = json.positive("semi_diameter_mm");

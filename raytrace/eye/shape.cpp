@@ -273,13 +273,21 @@ class ZernikeSag : public Biconic {
 };
 
 Eigen::Vector2d radii(CheckedObject& json) {
-  Eigen::Vector2d radius = json.one_or_two("radius_mm");
-  if (radius.x() == 0 || radius.y() == 0) throw json.fault("radius_mm", "must not be 0");
+  const Eigen::Vector2d radius = json.one_or_two("radius_mm");
+  json.require_magnitude("radius_mm", radius, 0.1, 1e6);  // 0.1 mm to what is flat
+  return radius;
+}
+
+double radius_of(CheckedObject& json) {
+  const double radius = json.number("radius_mm");
+  json.require_magnitude("radius_mm", {radius, radius}, 0.1, 1e6);
   return radius;
 }
 
 Eigen::Vector2d asphericities(CheckedObject& json) {
-  return json.has("q") ? json.one_or_two("q") : Eigen::Vector2d(0, 0);
+  const Eigen::Vector2d q = json.has("q") ? json.one_or_two("q") : Eigen::Vector2d(0, 0);
+  json.require_magnitude("q", q, 0, 1000);
+  return q;
 }
 
 struct Reader {
@@ -290,8 +298,8 @@ struct Reader {
 // A new form of surface is one line here.
 constexpr Reader readers[] = {
     {"plane", [](CheckedObject&) { return make_plane(); }},
-    {"sphere", [](CheckedObject& json) { return make_sphere(json.nonzero("radius_mm")); }},
-    {"conic", [](CheckedObject& json) { return make_conic(json.nonzero("radius_mm"), json.number("q", 0)); }},
+    {"sphere", [](CheckedObject& json) { return make_sphere(radius_of(json)); }},
+    {"conic", [](CheckedObject& json) { return make_conic(radius_of(json), asphericities(json).x()); }},
     {"biconic",
      [](CheckedObject& json) {
        const Eigen::Vector2d radius = radii(json), q = asphericities(json);

@@ -44,6 +44,16 @@ fs::path output_of(const fs::path& output, Laterality laterality, bool two_eyes)
   return output.parent_path() / name;
 }
 
+/// \throw Error (usage) before any ray is traced
+void check_output(const fs::path& output) {
+  if (output.empty()) throw usage_error("--eye needs -o: where to write", "add -o FOLDER or -o image.png");
+  const std::string ending = output.extension().string();
+  if (!ending.empty() && ending != ".png" && ending != ".tif" && ending != ".tiff" &&
+      !fs::is_directory(output))
+    throw usage_error("-o: a picture cannot be written as " + ending,
+                      "give .png, .tif (float), or a folder without an ending");
+}
+
 /// Writes the picture, and into a folder what belongs to it. Returns the picture's path.
 fs::path write_named(const fs::path& output, const EyeModel& eye, const TraceSettings& settings,
                      const LinearImage& picture) {
@@ -66,8 +76,7 @@ fs::path write_named(const fs::path& output, const EyeModel& eye, const TraceSet
 }
 
 Answer trace_named(const TraceOptions& options, const CommonOptions& common) {
-  if (options.output.empty())
-    throw usage_error("--eye needs -o: where to write", "add -o FOLDER or -o image.png");
+  check_output(options.output);
   const bool two_eyes = options.pupillary_distance_mm && common.laterality == LateralityChoice::both;
   const auto scene = make_scene(options.scene);
   const Tracer tracer(common.device, common.threads);
@@ -191,7 +200,10 @@ Answer trace_case(TraceOptions options, const CommonOptions& common) {
   answer.status = outcome.verdict.status;
   const Json eyes = outcome.stage_json.value("eyes", Json::object());
   answer.json = {{"eyes", eyes}, {"skipped", outcome.skipped}};
-  for (const auto& [name, eye] : eyes.items()) answer.text += line(name, eye);
+  for (auto& [name, eye] : answer.json["eyes"].items()) {
+    eye["image"] = (folder / eye["image"].get<std::string>()).string();
+    answer.text += line(name, eye);
+  }
   for (const auto& reason : outcome.verdict.reasons) answer.text += reason + "\n";
   answer.text += describe(outcome) + "\n";
   return answer;
@@ -212,6 +224,9 @@ Command trace_command() {
       throw usage_error(
           options->eye.empty() ? "neither a case nor --eye is given" : "a case and --eye exclude each other",
           "see emmetrope trace --help");
+    if (options->eye.empty() && !options->output.empty())
+      throw usage_error("-o: a case's pictures go into the case",
+                        "leave -o away, or trace a single eye with --eye CASE/raytrace/od/eye.json -o FILE");
     if (!options->lens_model.empty() && options->lens_model != "core" && options->lens_model != "homogeneous")
       throw usage_error("--lens-model: \"" + options->lens_model + "\" is unknown",
                         "give homogeneous or core");

@@ -92,6 +92,13 @@ TEST(EyeJson, FaultsNameTheKey) {
                 j["lps_from_eye"] = {{1, 0, 0, 0}, {0, 2, 0, 0}, {0, 0, 1, 0}, {0, 0, 0, 1}};
               }),
               HasSubstr("lps_from_eye"));
+  for (const char* key : {"radius_mm", "q", "position_mm", "decentre_mm"})
+    EXPECT_THAT(with([&](Json& j) {
+                  const Json far = 1e9;
+                  j["surfaces"][0][key] = std::string(key) == "decentre_mm" ? Json{far, far} : far;
+                }),
+                HasSubstr(key));
+  EXPECT_THAT(with([](Json& j) { j["surfaces"][0]["radius_mm"] = {7.8, 1e-300}; }), HasSubstr("radius_mm"));
   EXPECT_THAT(with([](Json& j) { j["surfaces"] = Json::array(); }), HasSubstr("surfaces"));
   EXPECT_THAT(with([](Json& j) { j.erase("media"); }), HasSubstr("media"));
   EXPECT_THAT(fault_of(Json::array()), HasSubstr("object"));

@@ -58,6 +58,16 @@ TEST(RayCommand, GivesEveryHitAndAnOpenSchematicIris) {
   EXPECT_EQ(json["at"], "iris");
 }
 
+TEST(RayCommand, ARayAwayFromTheEyeMeetsNothing) {
+  RayQuery query;
+  query.eye = "navarro";
+  query.from_mm = {0, 0, 20};
+  query.to_mm = {0, 0, 30};
+  const Json json = describe_ray(query).json;
+  EXPECT_TRUE(json["hits"].empty());
+  EXPECT_EQ(json["state"], "missed_surface");
+}
+
 TEST(RayCommand, RefusesARayWithoutDirection) {
   RayQuery query;
   query.eye = "navarro";
