@@ -77,7 +77,7 @@ std::string summary(const Json& truth, const std::string& out) {
         eye["keratometry"]["steep"]["power_D"].get<double>(),
         eye["keratometry"]["steep"]["axis_deg"].get<double>(), eye["anterior_chamber_depth_mm"].get<double>(),
         eye["lens_thickness_mm"].get<double>());
-  return text + fmt::format("study in {0}/dicom, truth in {0}/truth.json", out);
+  return text + fmt::format("study in {0}/dicom, truth in {0}/truth.json\n", out);
 }
 
 }  // namespace

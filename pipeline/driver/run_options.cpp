@@ -23,6 +23,7 @@ const std::vector<Passed>& passed() {
        "Photoreceptors behind the interface, mm",
        {&Run::mesh_options, &Run::trace_options}},
       {"--scene", "Chart of the pictures, letters:logmar=0.3", {&Run::trace_options}},
+      {"--fovea", "X,Y on the retina from the pole, mm", {&Run::trace_options, &Run::correct_options}},
       {"--age", "Years, where the study does not say", {&Run::trace_options, &Run::correct_options}},
       {"--lens-index", "Equivalent index of the lens", {&Run::trace_options}},
       {"--lens-model", "homogeneous or core", {&Run::trace_options}},
