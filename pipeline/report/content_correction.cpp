@@ -1,5 +1,7 @@
 #include <fmt/format.h>
 
+#include <cstring>
+
 #include "pipeline/report/chart.hpp"
 #include "pipeline/report/content.hpp"
 #include "pipeline/report/judgement.hpp"
@@ -32,6 +34,14 @@ std::string words(const std::string& key) {
   std::string text;
   for (const char c : key)
     if (std::isalnum(static_cast<unsigned char>(c)) != 0 || c == '_') text += c == '_' ? ' ' : c;
+  return text;
+}
+
+/// The stages write ASCII.
+std::string with_symbols(std::string text) {
+  for (const auto& [ascii, symbol] : {std::pair{"+-", "\u00b1"}, std::pair{" um", " \u00b5m"}})
+    for (auto at = text.find(ascii); at != std::string::npos; at = text.find(ascii, at + 1))
+      text.replace(at, std::strlen(ascii), symbol);
   return text;
 }
 
@@ -85,7 +95,7 @@ class PowerTable {
 
   /// \param powers  one for each eye; null where there is none
   void add(const std::string& name, const std::vector<Json>& powers) {
-    std::vector<std::string> row{name};
+    std::vector<std::string> row{with_symbols(name)};
     bool any = false;
     for (const auto& power : powers)
       for (const char* key : {"M_D", "J0_D", "J45_D"}) {
@@ -187,12 +197,13 @@ Section correction_section(const CaseData& data, Notes& notes) {
   charts.caption =
       "Each measure against its own maximum. A single peak at the line is a lens well found; a flat top says "
       "that the "
-      "image hardly cares.";
+      "image hardly cares. A line beyond the curve is an optimum outside the radii that were swept.";
   for (const auto* eye : eyes) {
     const Json difference = eye->prescription.value("difference", Json::object());
     if (difference.is_object() && difference.contains("text"))
       section.blocks.push_back(
-          {Paragraph{short_name(*eye) + ": " + difference.value("text", std::string())}, Paper::never});
+          {Paragraph{short_name(*eye) + ": " + with_symbols(difference.value("text", std::string()))},
+           Paper::never});
     if (!eye->sweep) continue;
     const Figure figure = sharpness_figure(*eye);
     if (figure.svg.empty())

@@ -8,6 +8,7 @@
 #include "pipeline/report/encoding.hpp"
 #include "pipeline/report/numbers.hpp"
 #include "pipeline/report/slices.hpp"
+#include "pipeline/report/still.hpp"
 
 namespace emmetrope::report {
 namespace {
@@ -121,6 +122,22 @@ TriangleMesh in_eye_frame(const EyeData& eye, const std::string& surface) {
   return mesh;
 }
 
+/// Nothing where an eye has no surfaces.
+std::optional<Figure> still_of(const EyeData& eye) {
+  constexpr std::array<double, 3> blue{0.34, 0.76, 1.0}, orange{1.0, 0.69, 0.0}, pink{1.0, 0.36, 0.56};
+  if (!eye.biometry.is_object() || !fs::exists(eye.mesh("retina"))) return std::nullopt;
+  std::vector<StillSurface> bodies;
+  for (const auto& [name, rgb, opacity, is_cut] :
+       {std::tuple{"cornea_anterior", blue, 0.45, true}, std::tuple{"lens_anterior", orange, 0.85, false},
+        std::tuple{"lens_posterior", orange, 0.85, false}, std::tuple{"retina", pink, 1.0, true}})
+    if (fs::exists(eye.mesh(name))) bodies.push_back({in_eye_frame(eye, name), rgb, opacity, is_cut});
+  Figure figure =
+      still_figure(bodies, eye.laterality, value_of(eye.biometry, "axial_length_mm").value_or(24));
+  figure.id = "still-" + eye.id();
+  figure.title = std::string(eye.laterality == Laterality::od ? "OD" : "OS") + ", surfaces in space";
+  return figure;
+}
+
 double axis_at(const Json& biometry, const char* meridian) {
   const Json keratometry = biometry.value("keratometry", Json::object());
   return value_of(keratometry.value(meridian, Json::object()), "axis_deg").value_or(0);
@@ -156,6 +173,13 @@ Section images_section(const CaseData& data, Notes& notes) {
   }
   if (!printed.figures.empty()) section.blocks.push_back({printed});
   if (!more.figures.empty()) section.blocks.push_back({more, Paper::if_room});
+  FigureRow stills;
+  stills.caption =
+      "Cornea blue, lens orange, inner retina pink, seen from the temporal side, somewhat from the front and "
+      "above; the temporal half of cornea and retina is cut away.";
+  for (const auto& eye : data.eyes)
+    if (auto still = still_of(eye)) stills.figures.push_back(std::move(*still));
+  if (!stills.figures.empty()) section.blocks.push_back({stills, Paper::if_room});
   for (const auto& eye : data.eyes) {
     FigureRow overlays = overlays_of(eye);
     // On paper only where there are no surfaces to show: then they are the evidence for the refusal.

@@ -48,7 +48,7 @@ Figure chart_figure(const EyeData& eye, const std::string& name, const std::stri
   figure.id = name + "-" + eye.id();
   figure.title = short_name(eye) + ", " + title;
   figure.width_px = 400;
-  figure.height_px = 225;
+  figure.height_px = 245;
   return figure;
 }
 
@@ -93,7 +93,7 @@ Figure mtf_figure(const EyeData& eye, const Wavefront& wavefront, const std::opt
   }
   script += fmt::format(
       "set xlabel 'Spatial frequency (cycles per degree)'\nset ylabel 'Modulation transfer'\n"
-      "set xrange [0:60]\nset yrange [0:1]\nset key top right samplen 2 font ',9'\n"
+      "set xrange [0:60]\nset yrange [0:1]\nset key below maxrows 2 samplen 2 font ',9'\n"
       "plot $mtf using 1:4 with lines dt 3 lw 1.5 lc rgb '{2}' title 'diffraction limit', "
       "$mtf using 1:5 with lines lw 1.5 lc rgb '{2}' title 'healthy corrected eyes', "
       "$mtf using 1:2 with lines lw 2 lc rgb '{0}' title 'no lens, tangential', "
@@ -132,7 +132,7 @@ Figure spread_figure(const EyeData& eye, const PointSpread& spread, const std::s
   constexpr double shown_arcmin = 40;
   const float peak = *std::max_element(spread.values.begin(), spread.values.end());
   const Picture picture{spread.size, spread.pitch_arcmin, spread.values};
-  Figure figure = picture_figure(eye, "psf-" + kind, "a point of light, " + title,
+  Figure figure = picture_figure(eye, "psf-" + kind, "a point, " + title,
                                  grey_png(picture, shown_arcmin, picture_px, peak),
                                  arcmin_bar(5, shown_arcmin, "#fff"), 0);
   figure.alt = "Image of a point of light on the retina, " + title;
@@ -158,6 +158,12 @@ Figure letters_figure(const EyeData& eye, const PointSpread& spread, const std::
   return figure;
 }
 
+/// A ratio too small for its decimals keeps two digits.
+std::string ratio_or(double value, const NumberStyle& style) {
+  const bool is_small = style.unit.empty() && value > 0 && value < 0.5 * std::pow(10.0, -style.decimals);
+  return is_small ? fmt::format("{:.1e}", value) : format(value, style);
+}
+
 /// One eye a column.
 Table wavefront_table(const std::vector<const EyeData*>& eyes) {
   Table table{"Wavefront", {"Quantity"}, {}};
@@ -174,7 +180,7 @@ Table wavefront_table(const std::vector<const EyeData*>& eyes) {
     for (const auto* eye : eyes) {
       const auto value = value_of(eye->wavefront, key);
       any = any || value.has_value();
-      row.push_back(value ? format(*value, style) : "\u2013");
+      row.push_back(value ? ratio_or(*value, style) : "\u2013");
     }
     if (any) table.rows.push_back(row);
   }

@@ -155,14 +155,14 @@ Section measured_section(const CaseData& data) {
   }
   section.blocks.push_back({biometry});
   section.blocks.push_back({keratometry});
-  section.blocks.push_back(
-      {Paragraph{"(!) marks a value outside the normal adult range, mean \u00b1 2 standard deviations of the "
-                 "numbered source. "
-                 "A prior is the population's knowledge and no measurement of this patient: its interval is "
-                 "that of the population. Keratometric "
-                 "powers are 337.5 / R, 1.5 mm from the apex; axes are counter-clockwise from the examiner's "
-                 "right (TABO), the "
-                 "same for both eyes."}});
+  section.blocks.push_back({Paragraph{
+      "(!) marks a value outside the normal adult range of the numbered source, in most rows mean \u00b1 2 "
+      "standard deviations. "
+      "A prior is the population's knowledge and no measurement of this patient: its interval is "
+      "that of the population. Keratometric "
+      "powers are 337.5 / R, 1.5 mm from the apex; axes are counter-clockwise from the examiner's "
+      "right (TABO), the "
+      "same for both eyes."}});
   return section;
 }
 

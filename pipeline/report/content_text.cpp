@@ -18,16 +18,18 @@ const std::vector<std::string>& references() {
       "4. Dubbelman M, van der Heijde GL. The shape of the aging human lens: curvature, equivalent "
       "refractive index and "
       "the lens paradox. Vision Research 2001;41:1867-1877 (lens index).",
-      "5. Hoffer KJ. Biometry of 7,500 cataractous eyes. American Journal of Ophthalmology 1980;90:360-368.",
-      "6. Doughty MJ, Zaman ML. Human corneal thickness and its impact on intraocular pressure measures. "
-      "Survey of "
-      "Ophthalmology 2000;44:367-408.",
+      "5. Hoffmann PC, Huetz WW. Analysis of biometry and prevalence data for corneal astigmatism in 23,239 "
+      "eyes. "
+      "Journal of Cataract and Refractive Surgery 2010;36:1479-1485.",
+      "6. Distribution of ocular biometric parameters in 28,709 adult cataract patients in China using "
+      "swept-source "
+      "optical biometry. BMC Ophthalmology 2021;21 (doi 10.1186/s12886-021-01932-4).",
       "7. Dubbelman M, van der Heijde GL, Weeber HA. The thickness of the aging human lens obtained from "
       "corrected "
       "Scheimpflug images. Optometry and Vision Science 2001;78:411-416.",
-      "8. As 4: radii at 20 to 70 years.",
+      "8. As 4: radii at 20 to 70 years (quoted at second hand).",
       "9. Dodgson NA. Variation and extrema of human interpupillary distance. Proc. SPIE 2004;5291:36-46.",
-      "10. Kiely PM, Smith G, Carney LG. The mean shape of the human cornea. Optica Acta 1982;29:1027-1040.",
+      "10. Corneal Q value of 1,683 adults in the Handan Eye Study (PMC5436654): -0.28 -+ 0.18 over 5 mm.",
       "11. Watson AB. A formula for the mean human optical modulation transfer function as a function of "
       "pupil size. "
       "Journal of Vision 2013;13(6):18."};

@@ -161,13 +161,15 @@ bool draw_axial_power(Figure& figure, const CorneaGrid& grid, double flat_axis_d
                       bool is_right_eye) {
   // The absolute 1.5 D scale of the topographers, so that two maps compare by colour.
   return draw_chart(
-      figure, data_block(grid.axial_power_D, grid) + frame(grid, is_right_eye) +
-                  "set cbrange [36:51]\nset cbtics 3\nset cblabel 'Axial power (D)'\n"
-                  "set palette maxcolors 10 defined (0 '#2c2a80', 2 '#2b83c6', 4 '#31b57b', 5 '#a6d96a', 6 "
-                  "'#f3e04a', 8 '#ee7f1b', 10 '#a50f15')\n" +
-                  meridian(flat_axis_deg, grid.half_width_mm, "lw 1.2 dt '-' lc rgb '#000001'") +
-                  meridian(steep_axis_deg, grid.half_width_mm, "lw 1.2 dt solid lc rgb '#000001'") +
-                  "plot $map using 1:2:3 with image\n");
+      figure,
+      data_block(grid.axial_power_D, grid) + frame(grid, is_right_eye) +
+          "set cbrange [36:51]\nset cbtics 3\nset cblabel 'Axial power (D)'\n"
+          "set palette maxcolors 10 defined (0 '#2c2a80', 2 '#2b83c6', 4 '#31b57b', 5 '#a6d96a', 6 "
+          "'#f3e04a', 8 '#ee7f1b', 10 '#a50f15')\n" +
+          // gnuplot's SVG changes the dashes only with the colour, and black itself would follow the page's.
+          meridian(flat_axis_deg, grid.half_width_mm, "lw 1.2 dt '-' lc rgb '#000001'") +
+          meridian(steep_axis_deg, grid.half_width_mm, "lw 1.2 dt solid lc rgb '#000002'") +
+          "plot $map using 1:2:3 with image\n");
 }
 
 bool draw_elevation(Figure& figure, const CorneaGrid& grid, bool is_right_eye) {

@@ -84,19 +84,28 @@ Pdf render(const Document& document, const Fit& fit, bool draws_figures, int tot
 
 int pages_of(const Document& document, const Fit& fit) { return render(document, fit, false, 0).pages; }
 
-/// Figures shrink by up to a quarter; then what may be left out is, the last first.
+/// Figures shrink a little; then what may be left out is, the last first, until the rest fits, and what fits
+/// after all comes back; only then figures shrink more.
 Fit fit_of(const Document& document) {
   Fit fit;
-  for (const double scale : {1.0, 0.92, 0.84, 0.76}) {
+  const auto fits_at = [&](double scale) {
     fit.figure_scale = scale;
-    if (pages_of(document, fit) <= most_pages) return fit;
+    return pages_of(document, fit) <= most_pages;
+  };
+  if (fits_at(1) || fits_at(0.9)) return fit;
+  std::vector<const SectionBlock*> optional;
+  for (const auto& section : document.sections)
+    for (const auto& block : section.blocks)
+      if (block.paper == Paper::if_room) optional.push_back(&block);
+  bool fits = false;
+  for (auto block = optional.rbegin(); block != optional.rend() && !fits; ++block) {
+    fit.left_out.insert(*block);
+    fits = fits_at(0.9);
   }
-  for (auto section = document.sections.rbegin(); section != document.sections.rend(); ++section)
-    for (auto block = section->blocks.rbegin(); block != section->blocks.rend(); ++block)
-      if (block->paper == Paper::if_room) {
-        fit.left_out.insert(&*block);
-        if (pages_of(document, fit) <= most_pages) return fit;
-      }
+  for (const double scale : {0.8, 0.7, 0.6}) fits = fits || fits_at(scale);
+  for (const auto* block : optional) {
+    if (fit.left_out.erase(block) > 0 && pages_of(document, fit) > most_pages) fit.left_out.insert(block);
+  }
   return fit;
 }
 

@@ -108,8 +108,7 @@ struct FigureLine {
 };
 
 FigureLine figure_line(const Pages& pages, const FigureRow& row) {
-  const std::size_t most = row.figures.front().width_px >= 400 ? 2 : 4;  // charts have small lettering
-  const std::size_t count = std::clamp<std::size_t>(row.figures.size(), 2, most);
+  const std::size_t count = row.figures.front().width_px >= 400 ? 2 : 4;  // charts have small lettering
   const double share =
       (text_width - figure_gap * static_cast<double>(count - 1)) / static_cast<double>(count);
   return {count, share * pages.figure_scale()};

@@ -28,7 +28,7 @@ constexpr int side_px = 360;
 /// What a slice shows: directions (LPS) in which its columns and rows grow, and the letters at its edges.
 struct View {
   const char* name;
-  const char* where;  ///< name of the coordinate across the slice
+  const char *towards, *away;  ///< letters of the coordinate across the slice, positive and negative
   Eigen::Vector3d right, down;
   const char *left_letter, *right_letter, *top_letter, *bottom_letter;
   bool flips;  ///< left and right change places in neurological convention
@@ -38,13 +38,13 @@ View view_of(Plane plane) {
   const Eigen::Vector3d left{1, 0, 0}, posterior{0, 1, 0}, inferior{0, 0, -1};
   switch (plane) {
     case Plane::axial:
-      return {"axial", "S", left, posterior, "R", "L", "A", "P", true};
+      return {"axial", "S", "I", left, posterior, "R", "L", "A", "P", true};
     case Plane::coronal:
-      return {"coronal", "P", left, inferior, "R", "L", "S", "I", true};
+      return {"coronal", "P", "A", left, inferior, "R", "L", "S", "I", true};
     case Plane::sagittal:
       break;
   }
-  return {"sagittal", "L", posterior, inferior, "A", "P", "S", "I", false};
+  return {"sagittal", "L", "R", posterior, inferior, "A", "P", "S", "I", false};
 }
 
 vtkSmartPointer<vtkImageData> resliced(const Volume& volume, const View& view,
@@ -210,7 +210,8 @@ Figure slice_figure(const Volume& volume, Plane plane, const Eigen::Vector3d& ce
   const double across = centre_lps.dot(plane == Plane::axial     ? Eigen::Vector3d::UnitZ()
                                        : plane == Plane::coronal ? Eigen::Vector3d::UnitY()
                                                                  : Eigen::Vector3d::UnitX());
-  figure.title = fmt::format("{}, {} {:+.1f} mm", view.name, view.where, across);
+  figure.title =
+      fmt::format("{}, {} {:.1f} mm", view.name, across < 0 ? view.away : view.towards, std::abs(across));
   figure.alt = fmt::format("{} MR slice through the eye with the contours of the fitted surfaces", view.name);
   return figure;
 }

@@ -43,6 +43,10 @@ TEST(Browser, ShowsMovesAndPrintsThePageWithoutNetwork) {
   for (const char* act :
        {"viewer_is_still", "viewer_scrolls", "viewer_obeys_keys", "viewer_turns", "slider_moves"})
     EXPECT_TRUE(findings.at(act)) << act;
+  EXPECT_EQ(findings.at("radiological").at("left"), "R");
+  EXPECT_EQ(findings.at("radiological").at("flipped"), "none");
+  EXPECT_EQ(findings.at("neurological").at("left"), "L");
+  EXPECT_THAT(findings.at("neurological").at("flipped").get<std::string>(), HasSubstr("matrix(-1, 0, 0, 1"));
   EXPECT_GT(findings.at("light").get<double>(), 0.8);
   EXPECT_LT(findings.at("dark").get<double>(), 0.2);
   for (const char* scheme : {"light", "dark"})

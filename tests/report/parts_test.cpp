@@ -14,6 +14,7 @@
 #include "pipeline/report/numbers.hpp"
 #include "pipeline/report/reference_mtf.hpp"
 #include "pipeline/report/slices.hpp"
+#include "pipeline/report/still.hpp"
 
 namespace emmetrope::report {
 namespace {
@@ -146,6 +147,80 @@ TEST(CorneaMap, OfASphereIsConstantPowerAndFlat) {
     EXPECT_NEAR(grid.elevation_um[i], 0, 1e-6);
   }
   EXPECT_GT(cells, 1100);  // pi / 4 of 41 x 41
+}
+
+/// A closed sphere, triangles of 5 degrees.
+TriangleMesh sphere(const Eigen::Vector3d& centre, double radius_mm) {
+  TriangleMesh mesh;
+  constexpr int rows = 36, columns = 72;
+  for (int i = 0; i <= rows; ++i)
+    for (int j = 0; j < columns; ++j) {
+      const double polar = pi * i / rows, around = 2 * pi * j / columns;
+      const Eigen::Vector3d normal(std::sin(polar) * std::cos(around), std::sin(polar) * std::sin(around),
+                                   std::cos(polar));
+      mesh.vertices.push_back(centre + radius_mm * normal);
+      mesh.normals.push_back(normal);
+    }
+  for (int i = 0; i < rows; ++i)
+    for (int j = 0; j < columns; ++j) {
+      const int a = i * columns + j, b = i * columns + (j + 1) % columns;
+      mesh.triangles.push_back({a, a + columns, b});
+      mesh.triangles.push_back({b, a + columns, b + columns});
+    }
+  return mesh;
+}
+
+struct Opaque {
+  double count = 0;
+  Eigen::Vector2d middle_px{0, 0};
+};
+
+Opaque opaque_in(const std::string& rgba, const StillView& view) {
+  Opaque found;
+  for (int row = 0; row < view.height_px; ++row)
+    for (int column = 0; column < view.width_px; ++column)
+      if (rgba[4 * (static_cast<std::size_t>(row) * view.width_px + column) + 3] != 0) {
+        found.count += 1;
+        found.middle_px += Eigen::Vector2d(column + 0.5, row + 0.5);
+      }
+  found.middle_px /= found.count;
+  return found;
+}
+
+// The outline of a sphere of 8 mm is a disc of 8 mm about its centre.
+TEST(Still, ASphereIsADiscOfItsSizeAtItsPlace) {
+  const StillView view = still_view(Laterality::od, 24);
+  const Eigen::Vector3d offset(0, 2, -10);
+  const Opaque disc = opaque_in(render_still({{sphere(offset, 8)}}, view), view);
+  EXPECT_NEAR(disc.count * view.mm_per_pixel * view.mm_per_pixel / (pi * 64), 1, 0.01);
+  const Eigen::Vector3d from_centre = offset - view.centre_mm;
+  EXPECT_NEAR((disc.middle_px.x() - view.width_px / 2.0) * view.mm_per_pixel, from_centre.dot(view.right),
+              0.03);
+  EXPECT_NEAR((view.height_px / 2.0 - disc.middle_px.y()) * view.mm_per_pixel, from_centre.dot(view.up),
+              0.03);
+}
+
+// Seen from the temporal side each, a right eye looks to the right of the picture and a left eye to its left.
+TEST(Still, EyesAreMirrorImagesWithTheFrontOutwards) {
+  for (const Laterality eye : both_eyes) {
+    const StillView view = still_view(eye, 24);
+    const Opaque front = opaque_in(render_still({{sphere({0, 0, -2}, 1.5)}}, view), view);
+    EXPECT_EQ(front.middle_px.x() > view.width_px / 2.0, eye == Laterality::od);
+    EXPECT_NEAR(view.right.cross(view.up).dot(view.towards_viewer), 1, 1e-12);
+  }
+}
+
+TEST(Still, OfACutSphereTheFarHalfIsLeft) {
+  const StillView view = still_view(Laterality::os, 24);
+  StillSurface whole{sphere({0, 0, -12}, 8)};
+  StillSurface cut = whole;
+  cut.is_cut = true;
+  const Opaque all = opaque_in(render_still({whole}, view), view),
+               half = opaque_in(render_still({cut}, view), view);
+  EXPECT_LT(half.count, 0.99 * all.count);
+  // The cut disc, whose normal is +x, fills |cos| of the outline; beyond it the far half sticks out by half
+  // an ellipse.
+  EXPECT_NEAR(half.count / all.count, 0.5 + std::abs(view.towards_viewer.x()) / 2, 0.01);
 }
 
 TEST(Volume, KnowsItsPlaceInThePatient) {

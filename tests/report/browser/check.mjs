@@ -36,7 +36,7 @@ async function photograph(page, name) {
 /// Elements that stick out of the window to the right, but for those that scroll on their own.
 const sticking_out = () => [...document.querySelectorAll("body *")].filter((element) => {
   const box = element.getBoundingClientRect();
-  return box.width > 0 && box.right > document.documentElement.clientWidth + 1 && !element.closest(".scroll, pre, .skip");
+  return box.width > 0 && box.right > document.documentElement.clientWidth + 1 && !element.closest(".scroll, pre, .skip, nav ul");
 }).map((element) => `${element.tagName}.${element.className?.baseVal ?? element.className} ${element.textContent.slice(0, 40)}`).slice(0, 5);
 
 const luminance = () => {
@@ -92,6 +92,16 @@ async function violations(page) {
     for (let i = 0; i < 30; ++i) await page.keyboard.press("ArrowLeft");
     findings.slider_moves = (await figure.screenshot()).toString("base64") !== before && await slider.inputValue() === "20";
   }
+  // Neurological convention: the slices turn over, their letters do not, and the patient's left is on the left.
+  const side = () => page.evaluate(() => {
+    const shown = [...document.querySelectorAll("#slice-od-axial text")].filter((text) => getComputedStyle(text).display !== "none");
+    return { left: shown.sort((a, b) => a.getBoundingClientRect().x - b.getBoundingClientRect().x)[0].textContent,
+      flipped: getComputedStyle(document.querySelector("#slice-od-axial .anatomy")).transform };
+  });
+  findings.radiological = await side();
+  await page.locator(".convention input").check();
+  findings.neurological = await side();
+  await page.locator(".convention input").uncheck();
   findings.layout.desktop = await page.evaluate(sticking_out);
   findings.light = await page.evaluate(luminance);
   await page.evaluate(() => scrollTo(0, 0));
