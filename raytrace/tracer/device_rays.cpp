@@ -35,6 +35,8 @@ std::string definitions_of(const OpticalSystem& system, const KernelForm& form) 
   define("ILLUMINANCE", form.illuminance ? 1 : 0);
   define("TANGENTS", form.tangents);
   define("RANDOM_CAP", form.random_cap ? 1 : 0);
+  define("STILES_CRAWFORD", form.stiles_crawford ? 1 : 0);
+  define("DIFFRACTION", form.diffraction ? 1 : 0);
   define("HAS_MESHES", form.meshes ? 1 : 0);
   define("TILE", form.tile ? 1 : 0);
   define("SHARE_RECORDS", form.lanes == 1 || form.tile ? 1 : 0);

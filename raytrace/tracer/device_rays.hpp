@@ -45,7 +45,8 @@ struct SceneBuffers {
 /// What the kernels are compiled for, beside the optical system.
 struct KernelForm {
   int lanes = 1, in_flight = 1, channels = 1, waves = 1;
-  bool spectral = false, illuminance = false, random_cap = false, meshes = false, tile = false;
+  bool spectral = false, illuminance = false, random_cap = false, meshes = false, tile = false,
+       stiles_crawford = false, diffraction = false;
   std::size_t tangents = 0;
   std::string more;  ///< further definitions
 };

@@ -5,7 +5,9 @@
 #include "pipeline/base/case_folder.hpp"
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/files.hpp"
+#include "pipeline/base/frames.hpp"
 #include "pipeline/base/log.hpp"
+#include "raytrace/eye/paraxial.hpp"
 #include "raytrace/tracer/trace_options.hpp"
 #include "raytrace/wavefront/wavefront.hpp"
 
@@ -27,12 +29,39 @@ std::string line(const std::string& eye, const Json& answer) {
                      answer["rays_per_s"].get<double>() / 1e6, answer["image"].get<std::string>());
 }
 
-/// The wavefront of the eye without a spectacle, at its reference wavelength.
-void write_wavefront(const EyeModel& eye, const TraceSettings& settings, const fs::path& file) {
-  WavefrontSettings wavefront;
-  wavefront.wavelength_nm = settings.wavelength_nm;
-  wavefront.fovea_mm = settings.grid.centre_mm;
-  write_json(file, wavefront_json(measure_wavefront(eye, wavefront)));
+/// What a pixel is on the retina and, near the picture's middle, as an angle of the scene (paraxial).
+Json scale_of(const EyeModel& eye, const TraceSettings& settings) {
+  const RetinalGrid& grid = settings.grid;
+  const double nodal_mm =
+      eye.axial_length_mm() - cardinal_points(eye, eye.reference_wavelength_nm).image_nodal_mm;
+  const Eigen::Vector2d pixel_mm(grid.field_x_mm / grid.width, grid.field_y_mm / grid.height);
+  const Eigen::Vector2d pixel_arcmin = pixel_mm / nodal_mm / degree * 60;
+  return {{"um_per_pixel", {1000 * pixel_mm.x(), 1000 * pixel_mm.y()}},
+          {"arcmin_per_pixel", {pixel_arcmin.x(), pixel_arcmin.y()}}};
+}
+
+/// Of the eye without a spectacle, at its reference wavelength or the one asked for: wavefront.json, the
+/// point spread function psf.tiff and the spot diagram spots.csv.
+void write_wavefront(const EyeModel& eye, const TraceSettings& settings, const fs::path& folder) {
+  WavefrontSettings wavefront_settings;
+  wavefront_settings.wavelength_nm = settings.wavelength_nm;
+  wavefront_settings.fovea_mm = settings.grid.centre_mm;
+  const Wavefront wavefront = measure_wavefront(eye, wavefront_settings);
+  const PointSpread spread = point_spread(wavefront);
+  Json json = wavefront_json(wavefront);
+  json["psf"] = {{"file", "psf.tiff"}, {"pitch_arcmin", spread.pitch_arcmin}};
+  write_json(folder / "wavefront.json", json);
+  write_tiff(folder / "psf.tiff", {spread.size, spread.size, 1, spread.values});
+  std::string spots = "pupil_x_mm,pupil_y_mm,angle_x_arcmin,angle_y_arcmin,weight\n";
+  Eigen::Vector2d mean(0, 0);
+  double weight = 0;
+  for (const auto& ray : wavefront.rays) mean += ray.weight * ray.slope, weight += ray.weight;
+  for (const auto& ray : wavefront.rays) {
+    const Eigen::Vector2d angle = (ray.slope - mean / weight) / degree * 60;
+    spots += fmt::format("{:.5f},{:.5f},{:.5f},{:.5f},{:.6g}\n", ray.place_mm.x(), ray.place_mm.y(),
+                         angle.x(), angle.y(), ray.weight / weight);
+  }
+  write_file(folder / "spots.csv", spots);
 }
 
 /// Where a named eye's picture goes: the path itself, or with two eyes one beside the other.
@@ -71,7 +100,7 @@ fs::path write_named(const fs::path& output, const EyeModel& eye, const TraceSet
   if (fault) throw output_error("cannot make the folder " + output.string() + ": " + fault.message());
   write_png(output / "uncorrected.png", picture);
   write_eye(output / "eye.json", eye);
-  write_wavefront(eye, settings, output / "wavefront.json");
+  write_wavefront(eye, settings, output);
   return output / "uncorrected.png";
 }
 
@@ -98,6 +127,7 @@ Answer trace_named(const TraceOptions& options, const CommonOptions& common) {
     const fs::path image =
         write_named(output_of(options.output, laterality, two_eyes), eye, settings, result.image);
     Json of_eye = summary(result, image.string());
+    of_eye["scale"] = scale_of(eye, settings);
     of_eye["gaze_deg"] = {settings.pose.gaze.horizontal_deg, settings.pose.gaze.vertical_deg};
     answer.text += line(eye.name, of_eye);
     if (two_eyes)
@@ -131,6 +161,8 @@ Json stage_parameters(const TraceOptions& o, const CommonOptions& common) {
           {"exposure_steps", o.exposure_steps},
           {"wavelength_nm", or_null(o.wavelength_nm)},
           {"illuminance", o.settings.illuminance},
+          {"stiles_crawford_per_mm2", o.settings.stiles_crawford_per_mm2},
+          {"diffraction", o.settings.diffraction},
           {"age_years", or_null(o.measured.age_years)},
           {"lens_index", or_null(o.measured.lens_index)},
           {"lens_core", o.measured.lens_core},
@@ -160,9 +192,10 @@ StageVerdict trace_eyes(const fs::path& case_folder, const TraceOptions& options
     write_mesh(folder / "photoreceptors.ply", measured.photoreceptors_in_lps, true);
     write_json(folder / "eye.json", measured_eye_json(measured, laterality));
     write_png(folder / "uncorrected.png", result.image);
-    write_wavefront(measured.eye, settings, folder / "wavefront.json");
+    write_wavefront(measured.eye, settings, folder);
     Json& eye = eyes[to_string(laterality)];
     eye = summary(result, fmt::format("raytrace/{}/uncorrected.png", to_string(laterality)));
+    eye["scale"] = scale_of(measured.eye, settings);
     eye["lens_index"] = measured.lens_index;
     eye["lens_index_from"] = measured.lens_source;
     eye["notes"] = result.notes;

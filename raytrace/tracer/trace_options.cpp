@@ -92,6 +92,10 @@ void declare(CLI::App& app, TraceOptions& o) {
       ->capture_default_str();
   app.add_option("--wavelength", o.wavelength_nm, "Monochromatic, nm (spectral)")->type_name("NM");
   app.add_flag("--illuminance", o.settings.illuminance, "Weight by relative retinal illuminance");
+  app.add_option("--stiles-crawford", o.settings.stiles_crawford_per_mm2,
+                 "Receptors' directional weight 10^(-RHO r^2), 1/mm^2; 0.05 is usual (none)")
+      ->type_name("RHO");
+  app.add_flag("--diffraction", o.settings.diffraction, "Blur by diffraction at the pupil");
   app.add_option("--age", o.measured.age_years, "Years, where the study does not say (CASE)");
   app.add_option("--lens-index", o.measured.lens_index, "Equivalent index of the lens (CASE)");
   app.add_option("--lens-model", o.lens_model, "homogeneous, or core: Gullstrand's cortex and core (CASE)");

@@ -8,6 +8,8 @@
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/frames.hpp"
 #include "raytrace/eye/mesh_shape.hpp"
+#include "raytrace/eye/paraxial.hpp"
+#include "raytrace/tracer/airy.hpp"
 #include "raytrace/tracer/device_rays.hpp"
 #include "raytrace/tracer/device_scene.hpp"
 #include "raytrace/tracer/fast_map.hpp"
@@ -78,6 +80,19 @@ double seconds_since(std::chrono::steady_clock::time_point begin) {
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
 }
 
+/// Diameter of the entrance pupil of the eye without what it wears.
+double entrance_pupil_mm(const EyeModel& eye) {
+  EyeModel bare = eye;
+  const auto worn = [](const Surface& surface) { return surface.name.rfind("spectacle", 0) == 0; };
+  bare.surfaces.erase(std::remove_if(bare.surfaces.begin(), bare.surfaces.end(), worn), bare.surfaces.end());
+  return entrance_pupil(bare, bare.reference_wavelength_nm).diameter_mm;
+}
+
+/// The Stiles-Crawford weight at the pupil's rim is 2 to the minus this.
+double pupil_falloff(const EyeModel& eye, const TraceSettings& settings) {
+  return std::log2(10.0) * settings.stiles_crawford_per_mm2 * std::pow(entrance_pupil_mm(eye) / 2, 2);
+}
+
 Representation chosen(const EyeModel& eye, const TraceSettings& settings) {
   if (settings.method == Method::paper) {
     const Representation wanted = settings.representation.value_or(Representation::every_triangle);
@@ -132,6 +147,12 @@ void check(const TraceSettings& settings) {
   if (settings.wavelength_nm && (*settings.wavelength_nm < 380 || *settings.wavelength_nm > 780))
     throw usage_error("--wavelength: " + std::to_string(*settings.wavelength_nm) + " nm is not visible",
                       "give 380 to 780");
+  if (!(settings.stiles_crawford_per_mm2 >= 0 && settings.stiles_crawford_per_mm2 <= 1))
+    throw usage_error("--stiles-crawford: " + std::to_string(settings.stiles_crawford_per_mm2) +
+                          " per mm^2 is out of range",
+                      "give 0 to 1; 0.05 is usual");
+  if (settings.method == Method::paper && (settings.stiles_crawford_per_mm2 > 0 || settings.diffraction))
+    throw usage_error("--method paper knows neither diffraction nor the Stiles-Crawford effect");
   const Gaze& gaze = settings.pose.gaze;
   if (std::abs(gaze.horizontal_deg) > 60 || std::abs(gaze.vertical_deg) > 60)
     throw usage_error("--gaze: an eye does not turn by more than 60 degrees");
@@ -193,6 +214,8 @@ TraceResult Tracer::trace(const EyeModel& whole_eye, const Scene& scene, const T
   kernel_form.spectral = spectral;
   kernel_form.illuminance = settings.illuminance;
   kernel_form.meshes = view.has_meshes();
+  kernel_form.stiles_crawford = settings.stiles_crawford_per_mm2 > 0;
+  kernel_form.diffraction = settings.diffraction;
   kernel_form.random_cap = paper;
   kernel_form.tangents = tangents.size();
 
@@ -201,6 +224,9 @@ TraceResult Tracer::trace(const EyeModel& whole_eye, const Scene& scene, const T
   const int multiple = kernel_form.waves * kernel_form.in_flight * (kernel_form.tile ? 1 : lanes);
   const int samples = (settings.samples + multiple - 1) / multiple * multiple;
   const std::size_t places = order.pixels.size(), items = order.items();
+  const std::vector<float> airy = settings.diffraction
+                                      ? airy_table(spectrum.wavelength_nm, entrance_pupil_mm(eye))
+                                      : std::vector<float>{};
 
   TraceResult result;
   result.device = device_name();
@@ -228,7 +254,7 @@ TraceResult Tracer::trace(const EyeModel& whole_eye, const Scene& scene, const T
     const cl::Buffer image_buffer = cl.allocate(image.size() * sizeof(float)),
                      state_buffer = cl.allocate(states.size() * sizeof(cl_int)), cap_buffer = cl.upload(cap),
                      row_buffer = cl.upload(map_rows), weight_buffer = cl.upload(map_weights),
-                     seed_buffer = cl.upload(seeds.values),
+                     airy_buffer = cl.upload(airy), seed_buffer = cl.upload(seeds.values),
                      derivative_buffer =
                          cl.allocate(std::max<std::size_t>(1, derivatives.size()) * sizeof(float));
     const std::int64_t rays =
@@ -245,6 +271,8 @@ TraceResult Tracer::trace(const EyeModel& whole_eye, const Scene& scene, const T
     scene_buffers.add_to(arguments);
     arguments.add(colour_buffer, image_buffer, state_buffer);
     if (paper) arguments.add(cap_buffer);
+    if (kernel_form.stiles_crawford) arguments.add(static_cast<cl_float>(pupil_falloff(eye, settings)));
+    if (kernel_form.diffraction) arguments.add(airy_buffer);
     if (form.representation == Representation::fast)
       arguments.add(static_cast<cl_int>(map.operations), static_cast<cl_int>(grid.width),
                     static_cast<cl_int>(grid.height), static_cast<cl_float>(map.plane_z_mm), row_buffer,

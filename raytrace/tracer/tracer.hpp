@@ -40,6 +40,9 @@ struct TraceSettings {
   std::optional<double> wavelength_nm;  ///< monochromatic; spectral by default
   EyePose pose;                         ///< where the eye stands and looks
   bool illuminance = false;             ///< weight by relative retinal illuminance
+  /// Stiles-Crawford effect: light weighs 10^(-this r^2), r mm from the entrance pupil's centre; 0: none
+  double stiles_crawford_per_mm2 = 0;
+  bool diffraction = false;  ///< rays are bent at random as the entrance pupil diffracts them
   Method method = Method::pupil;
   /// Where a schematic eye is meshed: of every surface, or one for each from the retina's side outward; with
   /// one more than there are refracting surfaces the first is the retina's, which is then a mesh as well.

@@ -151,6 +151,12 @@ kernel void trace_pixels(SYSTEM, int operation_count, global const float* restri
 #if RANDOM_CAP
                          , constant float* restrict cap
 #endif
+#if STILES_CRAWFORD
+                         , float pupil_falloff
+#endif
+#if DIFFRACTION
+                         , constant float* restrict airy
+#endif
 #if FAST
                          , int first_operation, int width, int height, float map_z, global const float* restrict map_rows,
                          global const float* restrict map_weights
@@ -193,14 +199,15 @@ kernel void trace_pixels(SYSTEM, int operation_count, global const float* restri
     for (int s = 0; s < run; s += UN) {
       ray r[UN];
       vf weight[UN];
+      // A wavelength takes a run of the lattice: every run is as even as the whole.
+#if TILE
+      const vu first_n = (vu)(uint)(wave * run + s);
+#else
+      const vu first_n = (LANES + (vu)(uint)(wave * VLN)) * (vu)(uint)run + (vu)(uint)s;
+#endif
       UNROLL for (int q = 0; q < UN; q++) {
         weight[q] = 1.f;
-        // A wavelength takes a run of the lattice: every run is as even as the whole.
-#if TILE
-        const vu n = (vu)(uint)(wave * run + s + q);
-#else
-        const vu n = (LANES + (vu)(uint)(wave * VLN)) * (vu)(uint)run + (vu)(uint)(s + q);
-#endif
+        const vu n = first_n + (vu)(uint)q;
 #if RANDOM_CAP
         start_at_cap(&r[q], n, shift_1, shift_2, pixel, cap, operations, records);
 #elif FAST
@@ -210,6 +217,9 @@ kernel void trace_pixels(SYSTEM, int operation_count, global const float* restri
         start_by_map(&r[q], n, shift_1, shift_2, map, map_z);
 #else
         start(&r[q], n, shift_1, shift_2, pixel, aim_z, &weight[q]);
+#endif
+#if STILES_CRAWFORD
+        weight[q] *= receptor_weight(n, shift_1, pupil_falloff);
 #endif
       }
 #if TANGENTS
@@ -227,6 +237,9 @@ kernel void trace_pixels(SYSTEM, int operation_count, global const float* restri
       for (int k = first_operation; k < operation_count; k++) pass(r, k, wave, SYSTEM_ARGUMENTS);
 #endif
       UNROLL for (int q = 0; q < UN; q++) {
+#if DIFFRACTION
+        diffract(&r[q], first_n + (vu)(uint)q, scramble(shift_2), wave, airy);
+#endif
         view seen;
         look(&r[q], SCENE_ARGUMENTS, &seen);
         if (ANY(r[q].state != 0)) {
