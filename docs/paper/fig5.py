@@ -1,0 +1,86 @@
+"""Fig. 5: three pyramids seen by two eyes 62 mm apart that fixate the first, then the second; and a squinting pair."""
+import json
+import math
+
+from paper import command, measure
+
+apices = {"first": (0, 0, 200), "second": (-45, 8, 350)}
+centre_mm, distance_mm = 13.5, 62
+
+
+def sub(a, b):
+    return [x - y for x, y in zip(a, b)]
+
+
+def cross(a, b):
+    return [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+
+
+def dot(a, b):
+    return sum(x * y for x, y in zip(a, b))
+
+
+def unit(a):
+    return [x / math.sqrt(dot(a, a)) for x in a]
+
+
+def turn(v, axis, angle):
+    """Rodrigues' formula."""
+    c, s, k = math.cos(angle), math.sin(angle), dot(axis, v)
+    return [c * x + s * y + (1 - c) * k * z for x, y, z in zip(v, cross(axis, v), axis)]
+
+
+def in_eye(point, fixated, side, deviation=0):
+    """A point of the scene in the frame of an eye that fixates another one: Listing's law about the centre of rotation."""
+    centre = [side * distance_mm / 2, 0, -centre_mm]
+    ahead = [0, 0, 1]
+    sight = unit(sub(fixated, centre))
+    axis, angle = unit(cross(ahead, sight)), math.acos(sight[2])
+    if deviation:
+        sight = turn(unit([deviation / 100, 0, 1]), axis, angle)
+        axis, angle = unit(cross(ahead, sight)), math.acos(sight[2])
+    p = turn(sub(point, centre), axis, -angle)
+    return [p[0], p[1], p[2] - centre_mm]
+
+
+def figure(f):
+    size, field = (400, 8) if f.quick else (600, 8)
+    samples = 64 if f.quick else 256
+    pixel = field / size
+    for name, D in (("first", 5), ("second", 2.86)):
+        eye = f.path(f"eye-{name}.json")
+        command("eye", "navarro", "-o", eye, accommodation=D)
+        pupil_mm = command("eye", eye)["entrance_pupil"]["position_mm"]
+        def place(point, fixated, side, deviation=0):
+            """Its pixel: the chief ray through the entrance pupil, traced to the retina by the host."""
+            p = in_eye(point, fixated, side, deviation)
+            hits = command("ray", eye=eye, **{"from": ",".join(map(str, p)), "to": f"0,0,{-pupil_mm}"})["hits"]
+            x, y, _ = hits[-1]["position_mm"]
+            return size / 2 + x / pixel, size / 2 + y / pixel
+        fixated = apices[name]
+        at = ",".join(map(str, fixated))
+        f.trace(f"{name}.png", eye=eye, pupillary_distance=distance_mm, fixate=at, scene="pyramids", size=f"{size}x{size}",
+                field_mm=f"{field}x{field}", samples=samples)
+        other = apices["second" if name == "first" else "first"]
+        for label, point in ((name, fixated), ("other", other)):
+            od, os = place(point, fixated, -1), place(point, fixated, 1)
+            patch = [round(od[0]) - 12, round(od[1]) - 12, 25, 25]
+            found = measure("match", f.path(f"{name}-od.png"), f.path(f"{name}-os.png"), *patch)["shift_x"]
+            disparity = os[0] - od[0]
+            if label == name:
+                f.number(f"fixating the {name}: its disparity, pixels", found, -1, 1)
+            else:
+                f.number(f"fixating the {name}: disparity of the other one, mm on the retina", found * pixel)
+                f.number("  over that of geometry", found / disparity, 0.98, 1.02)
+    # a left eye 15 prism dioptres outward sees the first pyramid displaced
+    eye = f.path("eye-first.json")
+    f.trace("squint.png", eye=eye, pupillary_distance=distance_mm, fixate="0,0,200", strabismus="os:15,0", scene="pyramids",
+            size=f"{size}x{size}", field_mm=f"{field}x{field}", samples=samples)
+    p = in_eye(apices["first"], apices["first"], 1, 15)
+    pupil_mm = command("eye", eye)["entrance_pupil"]["position_mm"]
+    hit = command("ray", eye=eye, **{"from": ",".join(map(str, p)), "to": f"0,0,{-pupil_mm}"})["hits"][-1]["position_mm"]
+    found = measure("match", f.path("first-os.png"), f.path("squint-os.png"), size // 2 - 12, size // 2 - 12, 25, 25)["shift_x"]
+    f.number("15 prism dioptres: displacement of what is fixated over that of geometry", found * pixel / hit[0], 0.98, 1.02)
+    f.sheet("fig5.png", 2, 300, ("first-od.png", "first fixated, right eye"), ("first-os.png", "left eye"),
+            ("second-od.png", "second fixated, right eye"), ("second-os.png", "left eye"),
+            ("squint-od.png", "first fixated, right eye"), ("squint-os.png", "left eye 15 prism dioptres outward"))
