@@ -2,7 +2,7 @@
 import json
 import math
 
-from paper import command, measure
+from paper import command, measure, plane, png
 
 apices = {"first": (0, 0, 200), "second": (-45, 8, 350)}
 centre_mm, distance_mm = 13.5, 62
@@ -47,6 +47,15 @@ def figure(f):
     size, field = (400, 8) if f.quick else (600, 8)
     samples = 64 if f.quick else 256
     pixel = field / size
+    # The pyramids' sides look different to each eye; what is measured are dark squares in the places of two apices.
+    png(f.path("black.png"), [[0.0, 0.0], [0.0, 0.0]])
+    f.write("marks.json", {"objects": [plane(list(p), p[2] / 150, p[2] / 150, "black.png") for p in apices.values()]})
+
+    def centroid(picture, x, y):
+        reach = 20
+        found = measure("dark", f.path(picture), round(x) - reach, round(y) - reach, 2 * reach + 1, 2 * reach + 1)
+        return found["x"] + 0.5, found["y"] + 0.5
+
     for name, D in (("first", 5), ("second", 2.86)):
         eye = f.path(f"eye-{name}.json")
         command("eye", "navarro", "-o", eye, accommodation=D)
@@ -61,26 +70,29 @@ def figure(f):
         at = ",".join(map(str, fixated))
         f.trace(f"{name}.png", eye=eye, pupillary_distance=distance_mm, fixate=at, scene="pyramids", size=f"{size}x{size}",
                 field_mm=f"{field}x{field}", samples=samples)
-        other = apices["second" if name == "first" else "first"]
-        for label, point in ((name, fixated), ("other", other)):
-            od, os = place(point, fixated, -1), place(point, fixated, 1)
-            patch = [round(od[0]) - 12, round(od[1]) - 12, 25, 25]
-            found = measure("match", f.path(f"{name}-od.png"), f.path(f"{name}-os.png"), *patch)["shift_x"]
-            disparity = os[0] - od[0]
-            if label == name:
-                f.number(f"fixating the {name}: its disparity, pixels", found, -1, 1)
-            else:
-                f.number(f"fixating the {name}: disparity of the other one, mm on the retina", found * pixel)
-                f.number("  over that of geometry", found / disparity, 0.98, 1.02)
+        f.trace(f"marks-{name}.png", eye=eye, pupillary_distance=distance_mm, fixate=at, scene=f.path("marks.json"),
+                size=f"{size}x{size}", field_mm=f"{field}x{field}", samples=samples, wavelength=589.3)
+        expected, found = {}, {}
+        for point, apex in apices.items():
+            for side, eye_name in ((-1, "od"), (1, "os")):
+                expected[point, side] = place(apex, fixated, side)
+                found[point, side] = centroid(f"marks-{name}-{eye_name}.png", *expected[point, side])
+        other = "second" if name == "first" else "first"
+        f.number(f"fixating the {name}: its own disparity, pixels", found[name, 1][0] - found[name, -1][0], -0.5, 0.5)
+        disparity = found[other, 1][0] - found[other, -1][0]
+        f.number(f"  disparity of the {other}, mm on the retina", disparity * pixel)
+        f.number("  over that of geometry", disparity / (expected[other, 1][0] - expected[other, -1][0]), 0.98, 1.02)
     # a left eye 15 prism dioptres outward sees the first pyramid displaced
     eye = f.path("eye-first.json")
     f.trace("squint.png", eye=eye, pupillary_distance=distance_mm, fixate="0,0,200", strabismus="os:15,0", scene="pyramids",
             size=f"{size}x{size}", field_mm=f"{field}x{field}", samples=samples)
+    f.trace("marks-squint.png", eye=eye, pupillary_distance=distance_mm, fixate="0,0,200", strabismus="os:15,0",
+            scene=f.path("marks.json"), size=f"{size}x{size}", field_mm=f"{field}x{field}", samples=samples, wavelength=589.3)
     p = in_eye(apices["first"], apices["first"], 1, 15)
     pupil_mm = command("eye", eye)["entrance_pupil"]["position_mm"]
     hit = command("ray", eye=eye, **{"from": ",".join(map(str, p)), "to": f"0,0,{-pupil_mm}"})["hits"][-1]["position_mm"]
-    found = measure("match", f.path("first-os.png"), f.path("squint-os.png"), size // 2 - 12, size // 2 - 12, 25, 25)["shift_x"]
-    f.number("15 prism dioptres: displacement of what is fixated over that of geometry", found * pixel / hit[0], 0.98, 1.02)
+    found = centroid("marks-squint-os.png", size / 2 + hit[0] / pixel, size / 2)[0] - size / 2
+    f.number("15 prism dioptres: displacement of what the other eye fixates over that of geometry", found * pixel / hit[0], 0.98, 1.02)
     f.sheet("fig5.png", 2, 300, ("first-od.png", "first fixated, right eye"), ("first-os.png", "left eye"),
             ("second-od.png", "second fixated, right eye"), ("second-os.png", "left eye"),
             ("squint-od.png", "first fixated, right eye"), ("squint-os.png", "left eye 15 prism dioptres outward"))
