@@ -132,7 +132,8 @@ int run_command(int argc, char** argv, const Command& command) {
   log_to_stderr(command.name, common.verbosity);
 
   try {
-    const Answer answer = command.run(common);
+    Answer answer = command.run(common);
+    if (answer.json.is_object()) answer.json["status"] = static_cast<int>(answer.status);
     if (common.json)
       std::cout << answer.json.dump(2, ' ', false, Json::error_handler_t::replace) << "\n";
     else

@@ -128,7 +128,6 @@ Answer examine_machine(const CommonOptions& common) {
     if (!check.good) answer.text += fmt::format("     {:<18}remedy: {}\n", "", check.remedy);
     if (answer.status == ExitStatus::done) answer.status = check.status;
   }
-  answer.json["status"] = static_cast<int>(answer.status);
   return answer;
 }
 

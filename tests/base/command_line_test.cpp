@@ -66,6 +66,7 @@ TEST(CommandLine, ReturnsTheCommandsStatusAndAnswer) {
   const Ended partial = run({"--seed", "8", "--json"});
   EXPECT_EQ(partial.status, 8);
   EXPECT_EQ(Json::parse(partial.out)["value"], 1);
+  EXPECT_EQ(Json::parse(partial.out)["status"], 8);
 }
 
 TEST(CommandLine, TurnsWrongUsageIntoStatus2) {
