@@ -274,13 +274,13 @@ class ZernikeSag : public Biconic {
 
 Eigen::Vector2d radii(CheckedObject& json) {
   const Eigen::Vector2d radius = json.one_or_two("radius_mm");
-  json.require_magnitude("radius_mm", radius, 0.1, 1e6);  // 0.1 mm to what is flat
+  json.require_magnitude("radius_mm", radius, 0.1, 1e9);  // 0.1 mm to what is flat
   return radius;
 }
 
 double radius_of(CheckedObject& json) {
   const double radius = json.number("radius_mm");
-  json.require_magnitude("radius_mm", {radius, radius}, 0.1, 1e6);
+  json.require_magnitude("radius_mm", {radius, radius}, 0.1, 1e9);
   return radius;
 }
 

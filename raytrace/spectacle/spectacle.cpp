@@ -138,6 +138,7 @@ EyeModel with_meniscus(const EyeModel& eye, const Meniscus& lens) {
 
 EyeModel fixed_to_head(const EyeModel& eye, const Eigen::Isometry3d& eye_from_head) {
   EyeModel result = eye;
+  if (eye_from_head.isApprox(Eigen::Isometry3d::Identity(), 0)) return result;
   for (Surface& surface : result.surfaces) {
     if (surface.name.rfind("spectacle", 0) != 0) continue;
     if (surface.shape->type() == "mesh")

@@ -21,7 +21,7 @@ EyeModel as_eye(CheckedObject& top, const EyeModel& eye, const std::filesystem::
     json["media"][name] = {{"index", 1.0}};
   }
   if (json["media"].empty()) json["media"]["air"] = {{"index", 1.0}};
-  constexpr double behind_everything_mm = 1e4;
+  constexpr double behind_everything_mm = 1000;
   json["surfaces"].push_back({{"name", "retina"}, {"type", "plane"}, {"position_mm", behind_everything_mm}});
   return eye_from_json(json, folder);
 }

@@ -120,6 +120,12 @@ TEST(Spectacle, StaysWithTheHeadWhenTheEyeTurns) {
   EXPECT_LT((after.direction - eye_from_head.linear() * before.direction).norm(), 1e-10);
 }
 
+TEST(Spectacle, WithoutPowerStaysWithTheHeadToo) {
+  const Eigen::Isometry3d turn(Eigen::AngleAxisd(0.3, Eigen::Vector3d::UnitY()));
+  for (const EyeModel& eye : {with_thin_lens(bare(), {0, 0, 0}, 12), with_plano_cylinder(bare(), 50, 30)})
+    EXPECT_EQ(fixed_to_head(eye, turn).surfaces.size(), eye.surfaces.size());
+}
+
 TEST(Spectacle, OfAFileMayBeAContactLensOrReplaceTheLens) {
   const TemporaryFolder folder;
   const auto write = [&](const std::string& text) {
