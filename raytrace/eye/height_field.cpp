@@ -324,7 +324,7 @@ std::optional<HeightField> HeightField::fit(const TriangleMesh& mesh) {
   const Base base = fit_base(points);
   // Half as many knots as vertices, and no finer than an optical surface can want.
   const double knots_mm =
-      std::max(1.4 * std::sqrt(area / static_cast<double>(points.size())), field.reach_ / 32);
+      std::max(1.4 * std::sqrt(area / static_cast<double>(points.size())), field.reach_ / 24);
   Grid residual = grid_over(points, knots_mm, 1);
   fit_residual(residual, points, base);
 

@@ -8,11 +8,12 @@
 #include <map>
 #include <numeric>
 
+#include "raytrace/tracer/box_hierarchy.hpp"
+
 namespace emmetrope::raytrace {
 namespace {
 
-constexpr int node_floats = 8, triangle_floats = 16, attribute_floats = 32, material_floats = 12;
-constexpr int leaf_size = 4, bins = 16;
+constexpr int triangle_floats = 16, attribute_floats = 32, material_floats = 12;
 
 float bits(std::size_t value) {
   const auto integer = static_cast<std::int32_t>(value);
@@ -25,97 +26,6 @@ float bits(std::size_t value) {
 struct Triangle {
   int mesh, index;
   std::array<Eigen::Vector3d, 3> corners;
-  Eigen::Vector3d centre() const { return (corners[0] + corners[1] + corners[2]) / 3; }
-  Eigen::AlignedBox3d box() const {
-    Eigen::AlignedBox3d result;
-    for (const auto& corner : corners) result.extend(corner);
-    return result;
-  }
-};
-
-double area(const Eigen::AlignedBox3d& box) {
-  if (box.isEmpty()) return 0;
-  const Eigen::Vector3d s = box.sizes();
-  return s.x() * s.y() + s.y() * s.z() + s.z() * s.x();
-}
-
-/// Nodes in depth-first order, each with the number of the node that follows its whole branch: a walk needs
-/// no stack.
-class Hierarchy {
- public:
-  Hierarchy(std::vector<Triangle>& triangles, std::vector<float>& nodes)
-      : triangles_(triangles), nodes_(nodes) {
-    if (!triangles.empty()) build(0, static_cast<int>(triangles.size()));
-  }
-
- private:
-  void build(int first, int count) {
-    const std::size_t self = nodes_.size();
-    nodes_.resize(self + node_floats);
-    Eigen::AlignedBox3d box, centres;
-    for (int k = first; k < first + count; ++k) {
-      box.extend(triangles_[k].box());
-      centres.extend(triangles_[k].centre());
-    }
-    // Room for float32: of the box's own corners and of where the ray is.
-    const double room =
-        2e-6 * (1 + std::max(box.min().cwiseAbs().maxCoeff(), box.max().cwiseAbs().maxCoeff()));
-    const bool is_leaf = count <= leaf_size;
-    if (!is_leaf) {
-      const int left = split(first, count, centres);
-      build(first, left);
-      build(first + left, count - left);
-    }
-    for (int c = 0; c < 3; ++c) {
-      nodes_[self + c] = static_cast<float>(box.min()[c] - room);
-      nodes_[self + 4 + c] = static_cast<float>(box.max()[c] + room);
-    }
-    nodes_[self + 3] = bits(nodes_.size() / node_floats);
-    nodes_[self + 7] = bits(is_leaf ? static_cast<std::size_t>(first) * 16 + count : 0);
-  }
-
-  /// Where the cost (area times triangles of both halves) is least among the bins' borders of the longest
-  /// axis; the median where all centres coincide. Returns how many go left.
-  int split(int first, int count, const Eigen::AlignedBox3d& centres) {
-    int axis = 0;
-    const double extent = centres.sizes().maxCoeff(&axis);
-    const auto begin = triangles_.begin() + first, end = begin + count;
-    const auto bin_of = [&](const Triangle& t) {
-      return std::min(bins - 1, static_cast<int>(bins * (t.centre()[axis] - centres.min()[axis]) / extent));
-    };
-    if (!(extent > 0)) return count / 2;
-    std::array<Eigen::AlignedBox3d, bins> boxes;
-    std::array<int, bins> counts{};
-    for (auto t = begin; t != end; ++t) {
-      boxes[bin_of(*t)].extend(t->box());
-      ++counts[bin_of(*t)];
-    }
-    std::array<double, bins> right_cost{};
-    Eigen::AlignedBox3d right;
-    int right_count = 0;
-    for (int b = bins - 1; b > 0; --b) {
-      right.extend(boxes[b]);
-      right_cost[b] = area(right) * (right_count += counts[b]);
-    }
-    Eigen::AlignedBox3d left;
-    int left_count = 0, best = 1;
-    double least = std::numeric_limits<double>::infinity();
-    for (int b = 1; b < bins; ++b) {
-      left.extend(boxes[b - 1]);
-      left_count += counts[b - 1];
-      const double cost = area(left) * left_count + right_cost[b];
-      if (left_count > 0 && left_count < count && cost < least) {
-        least = cost;
-        best = b;
-      }
-    }
-    const auto middle =
-        std::stable_partition(begin, end, [&](const Triangle& t) { return bin_of(t) < best; });
-    return static_cast<int>(middle - begin);
-  }
-
-  std::vector<Triangle>& triangles_;
-  std::vector<float>& nodes_;
 };
 
 /// Plane and barycentric forms; a triangle without area is never hit.
@@ -178,9 +88,13 @@ DeviceMeshes make_device_meshes(const Scene& scene, const Eigen::Isometry3d& eye
     result.materials.resize((m + 1) * material_floats);
   }
 
-  Hierarchy(triangles, result.nodes);
-  result.node_count = static_cast<int>(result.nodes.size()) / node_floats;
-  for (const Triangle& triangle : triangles) {
+  std::vector<std::array<Eigen::Vector3d, 3>> all_corners;
+  for (const Triangle& triangle : triangles) all_corners.push_back(triangle.corners);
+  BoxHierarchy hierarchy = make_box_hierarchy(all_corners);
+  result.node_count = hierarchy.node_count();
+  result.nodes = std::move(hierarchy.nodes);
+  for (const int place : hierarchy.order) {
+    const Triangle& triangle = triangles[place];
     append_geometry(result.triangles, triangle);
     const MeshObject& mesh = scene.meshes[triangle.mesh];
     const auto& corners = mesh.triangles[triangle.index];

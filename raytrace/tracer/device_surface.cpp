@@ -175,8 +175,7 @@ DeviceSurface device_surface(const Surface& surface, Representation representati
     if (representation == Representation::every_triangle) {
       form = every_triangle(mesh->mesh());
     } else if (patch == nullptr) {
-      throw unsupported_error("surface \"" + surface.name + "\" is no height field along its axis",
-                              "the device traces sheets that a line along the axis meets once");
+      form = sheet_hierarchy(mesh->mesh());
     } else if (representation == Representation::triangles) {
       form = triangle_walk(mesh->mesh(), {patch->base_curvature_per_mm().trace() / 2, patch->base_q(),
                                           patch->base_offset_mm()});

@@ -14,7 +14,7 @@ struct DeviceSurface {
   double clear_radius_mm = 1e4;
   std::vector<double> parameters;  ///< what stands from place 4 on (kernels/surfaces.cl)
   std::vector<float> records;      ///< patches: 16 coefficients a cell; triangles: 32 floats each
-  std::vector<float> seeds;        ///< triangles: the grid's (int bits)
+  std::vector<float> seeds;        ///< triangles: the grid's (int bits); a hierarchy's nodes
   int columns = 0;                 ///< of the grid; for every_triangle the number of triangles
   std::string note;                ///< deviation of a fit from the surface
 };

@@ -1,9 +1,13 @@
 #include "raytrace/tracer/optical_system.hpp"
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <cstring>
+#include <exception>
+#include <mutex>
 #include <optional>
+#include <thread>
 
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/frames.hpp"
@@ -81,6 +85,40 @@ class Bodies {
   std::vector<double> edge_mm_;
   bool any_ = false;
 };
+
+/// What the device needs of every refracting surface, by its place in the eye; surfaces are independent of
+/// each other.
+std::vector<DeviceSurface> device_surfaces(const EyeModel& eye, const SystemForm& wanted) {
+  std::vector<int> places, vertices;  // from the retina's side
+  for (int i = static_cast<int>(eye.surfaces.size()) - 2; i >= 0; --i)
+    if (!eye.surfaces[i].is_stop()) {
+      vertices.push_back(wanted.vertices.size() == 1 ? wanted.vertices.front()
+                                                     : wanted.vertices.at(places.size()));
+      places.push_back(i);
+    }
+  std::vector<DeviceSurface> forms(eye.surfaces.size());
+  std::atomic<std::size_t> next{0};
+  std::mutex mutex;
+  std::exception_ptr fault;
+  const auto work = [&] {
+    for (std::size_t k = next++; k < places.size(); k = next++) try {
+        const Surface& surface = eye.surfaces[places[k]];
+        const bool bent = std::find(wanted.as_biconic.begin(), wanted.as_biconic.end(), surface.name) !=
+                          wanted.as_biconic.end();
+        forms[places[k]] =
+            bent ? bendable_surface(surface) : device_surface(surface, wanted.representation, vertices[k]);
+      } catch (...) {
+        const std::lock_guard<std::mutex> lock(mutex);
+        fault = std::current_exception();
+      }
+  };
+  std::vector<std::thread> workers;
+  for (int t = 1; t < wanted.threads; ++t) workers.emplace_back(work);
+  work();
+  for (auto& worker : workers) worker.join();
+  if (fault) std::rethrow_exception(fault);
+  return forms;
+}
 
 class Builder {
  public:
@@ -190,7 +228,7 @@ OpticalSystem make_optical_system(const EyeModel& eye,
 
   const Bodies bodies(eye);
   system.has_body = bodies.any() && !wanted.every_surface;
-  int refracting = 0;  // surfaces met so far
+  const std::vector<DeviceSurface> forms = device_surfaces(eye, wanted);
   for (int i = static_cast<int>(eye.surfaces.size()) - 2; i >= 0; --i) {
     const Surface& surface = eye.surfaces[i];
     const Eigen::Matrix3d eye_from_surface = surface.eye_from_surface().linear();
@@ -206,13 +244,7 @@ OpticalSystem make_optical_system(const EyeModel& eye,
     const Medium* front = before < 0 ? nullptr : medium(eye.surfaces[before].medium_after);
     const Medium* behind = medium(surface.medium_after);
 
-    const bool bent = std::find(wanted.as_biconic.begin(), wanted.as_biconic.end(), surface.name) !=
-                      wanted.as_biconic.end();
-    const int vertices =
-        wanted.vertices.size() == 1 ? wanted.vertices.front() : wanted.vertices.at(refracting);
-    ++refracting;
-    const DeviceSurface form =
-        bent ? bendable_surface(surface) : device_surface(surface, wanted.representation, vertices);
+    const DeviceSurface& form = forms[i];
     system.axis_deg[surface.name] = form.axis_deg;
     builder.turn_to(eye_from_surface * Eigen::AngleAxisd(form.axis_deg * degree, Eigen::Vector3d::UnitZ()));
     system.operation_of[surface.name] = static_cast<int>(system.kinds.size());

@@ -47,6 +47,7 @@ struct SystemForm {
   Representation representation = Representation::analytic;  ///< a mesh is never analytic: smooth then
   std::vector<int> vertices{800};       ///< where a formula is meshed: TraceSettings::vertices
   std::vector<std::string> as_biconic;  ///< surfaces that must be general biconics, so that they can be bent
+  int threads = 1;                      ///< that prepare surfaces
   bool every_surface = false;           ///< a ray that misses a body is lost, not led past it
 };
 

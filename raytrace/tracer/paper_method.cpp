@@ -4,31 +4,29 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <numeric>
 
 #include "pipeline/base/error.hpp"
+#include "raytrace/tracer/box_hierarchy.hpp"
 
 namespace emmetrope::raytrace {
 
-DeviceSurface every_triangle(const TriangleMesh& mesh) {
-  std::vector<Eigen::Vector3d> normals(mesh.vertices.size(), Eigen::Vector3d::Zero());
-  const auto face_normal = [&](const std::array<int, 3>& t) -> Eigen::Vector3d {
-    const Eigen::Vector3d& a = mesh.vertices[t[0]];
-    const Eigen::Vector3d normal = (mesh.vertices[t[1]] - a).cross(mesh.vertices[t[2]] - a).normalized();
-    return normal.z() < 0 ? -normal : normal;
-  };
-  for (const auto& t : mesh.triangles)
-    for (const int vertex : t) normals[vertex] += face_normal(t);
-  for (auto& normal : normals) normal.normalize();
+namespace {
 
+/// The records of kernels/paper.cl, in the order given.
+DeviceSurface sheet(const TriangleMesh& mesh, const std::vector<int>& order,
+                    const std::vector<Eigen::Vector3d>& normals) {
   DeviceSurface form;
   form.kind = Operation::every_triangle;
+  form.columns = static_cast<int>(order.size());
   auto& records = form.records;
   const auto push = [&](const Eigen::Vector3d& v) {
     for (int k = 0; k < 3; ++k) records.push_back(static_cast<float>(v[k]));
   };
-  for (const auto& t : mesh.triangles) {
+  for (const int triangle : order) {
+    const auto& t = mesh.triangles[triangle];
     const Eigen::Vector3d a = mesh.vertices[t[0]], u = mesh.vertices[t[1]] - a, v = mesh.vertices[t[2]] - a;
-    const Eigen::Vector3d cross = u.cross(v), normal = face_normal(t);
+    const Eigen::Vector3d cross = u.cross(v), normal = cross.normalized();
     const Eigen::Vector3d along_u = v.cross(cross) / cross.squaredNorm(),
                           along_v = cross.cross(u) / cross.squaredNorm();
     push(normal);
@@ -44,7 +42,33 @@ DeviceSurface every_triangle(const TriangleMesh& mesh) {
     push(v);
     records.push_back(0);
   }
-  form.columns = static_cast<int>(mesh.triangles.size());
+  return form;
+}
+
+}  // namespace
+
+DeviceSurface every_triangle(const TriangleMesh& mesh) {
+  std::vector<Eigen::Vector3d> normals(mesh.vertices.size(), Eigen::Vector3d::Zero());
+  for (const auto& t : mesh.triangles) {
+    const Eigen::Vector3d& a = mesh.vertices[t[0]];
+    const Eigen::Vector3d normal = (mesh.vertices[t[1]] - a).cross(mesh.vertices[t[2]] - a).normalized();
+    for (const int vertex : t) normals[vertex] += normal.z() < 0 ? Eigen::Vector3d(-normal) : normal;
+  }
+  for (auto& normal : normals) normal.normalize();
+  std::vector<int> order(mesh.triangles.size());
+  std::iota(order.begin(), order.end(), 0);
+  return sheet(mesh, order, normals);
+}
+
+DeviceSurface sheet_hierarchy(const TriangleMesh& mesh) {
+  std::vector<std::array<Eigen::Vector3d, 3>> corners;
+  for (const auto& t : mesh.triangles)
+    corners.push_back({mesh.vertices[t[0]], mesh.vertices[t[1]], mesh.vertices[t[2]]});
+  const BoxHierarchy hierarchy = make_box_hierarchy(corners);
+  DeviceSurface form = sheet(mesh, hierarchy.order, mesh.normals);
+  form.parameters = {static_cast<double>(hierarchy.node_count())};
+  form.seeds = hierarchy.nodes;
+  form.note = "no height field along its axis: its own triangles, found through a hierarchy of boxes";
   return form;
 }
 

@@ -13,6 +13,10 @@ namespace emmetrope::raytrace {
 /// normals of the faces around a vertex, whatever the mesh brings.
 DeviceSurface every_triangle(const TriangleMesh& mesh);
 
+/// Any sheet, folded ones too: a hierarchy of boxes over its triangles, the nearest hit ahead, its own vertex
+/// normals.
+DeviceSurface sheet_hierarchy(const TriangleMesh& mesh);
+
 /// Where the paper's rays are aimed at: a cap over the surface in front of the retina, as wide as the stop.
 /// Its vertex (3, eye frame), signed radius and depth, operation of that surface: as kernels/paper.cl takes
 /// them. \param operation_of  of the system without stop \throw Error (input_invalid) when there is no stop,

@@ -192,6 +192,7 @@ TraceResult Tracer::trace(const EyeModel& whole_eye, const Scene& scene, const T
   form.vertices = take_retina_mesh(eye, settings, form.representation != Representation::analytic);
   form.as_biconic = names_of(tangents);
   form.every_surface = paper;
+  form.threads = state_->threads;
   const OpticalSystem system =
       make_optical_system(paper ? without_stop(eye) : eye, spectrum.wavelength_nm, form);
   const std::vector<float> cap = paper ? aim_cap(eye, system.operation_of) : std::vector<float>{};

@@ -1,9 +1,9 @@
 #include "raytrace/tracer/triangle_walk.hpp"
 
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <cmath>
 #include <cstring>
-#include <unordered_map>
 
 namespace emmetrope::raytrace {
 namespace {
@@ -83,16 +83,20 @@ std::vector<int> seed_grid(const TriangleMesh& mesh, const std::vector<std::arra
 
 DeviceSurface triangle_walk(const TriangleMesh& mesh, const BaseConic& base) {
   const auto triangles = outward(mesh);
-  std::unordered_map<std::uint64_t, int> triangle_at_edge;
+  std::vector<std::pair<std::uint64_t, int>> triangle_at_edge;
+  triangle_at_edge.reserve(3 * triangles.size());
   const auto edge = [](int a, int b) {
     return static_cast<std::uint64_t>(a) << 32U | static_cast<std::uint32_t>(b);
   };
   for (std::size_t f = 0; f < triangles.size(); ++f)
     for (int k = 0; k < 3; ++k)
-      triangle_at_edge[edge(triangles[f][k], triangles[f][(k + 1) % 3])] = static_cast<int>(f);
+      triangle_at_edge.emplace_back(edge(triangles[f][k], triangles[f][(k + 1) % 3]), static_cast<int>(f));
+  std::sort(triangle_at_edge.begin(), triangle_at_edge.end());
   const auto neighbour = [&](int a, int b) {
-    const auto found = triangle_at_edge.find(edge(b, a));
-    return bits(found == triangle_at_edge.end() ? -1 : found->second * floats_a_triangle);
+    const auto found =
+        std::lower_bound(triangle_at_edge.begin(), triangle_at_edge.end(), std::pair{edge(b, a), 0});
+    const bool there = found != triangle_at_edge.end() && found->first == edge(b, a);
+    return bits(there ? found->second * floats_a_triangle : -1);
   };
 
   DeviceSurface form;

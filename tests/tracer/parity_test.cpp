@@ -6,6 +6,7 @@
 
 #include "pipeline/base/frames.hpp"
 #include "raytrace/eye/exact_trace.hpp"
+#include "raytrace/eye/mesh_shape.hpp"
 #include "raytrace/spectacle/spectacle.hpp"
 #include "raytrace/tracer/pupil_aim.hpp"
 #include "raytrace/tracer/sheet_mesh.hpp"
@@ -140,6 +141,44 @@ TEST(Triangles, NoRayIsLostAtVerticesAndEdges) {
   int lost = 0;
   for (const auto& exit : Tracer("").exit_rays(eye, rays, settings)) lost += exit.state != RayState::reached;
   EXPECT_EQ(lost, 0);
+}
+
+TEST(FoldedSheets, MeetTheirNearestTriangle) {
+  // A posterior lens whose sheet folds back at its rim, as a segmented capsule does: no height field along
+  // the axis. Rays that pass near the rim meet both leaves.
+  EyeModel eye = make_eye("navarro", {0, {}, 6.0});
+  Surface& lens = eye.surface("lens_posterior");
+  TriangleMesh sheet;
+  constexpr int rings = 40, spokes = 64;
+  const auto add = [&](double r, double z) {
+    for (int k = 0; k < spokes; ++k)
+      sheet.vertices.emplace_back(r * std::cos(2 * pi * k / spokes), r * std::sin(2 * pi * k / spokes), z);
+  };
+  sheet.vertices.emplace_back(0, 0, 0);
+  for (int i = 1; i <= rings; ++i) {
+    const double r = 4.5 * i / rings;
+    add(r, -lens.shape->depth_mm(r, 0).value());
+  }
+  const double rim_z = sheet.vertices.back().z();
+  for (int i = 1; i <= rings / 2; ++i)
+    add(4.5 - 4.0 * i / rings, rim_z + 1.0 * i / rings);  // the leaf that folds back
+  for (int k = 0; k < spokes; ++k) sheet.triangles.push_back({0, 1 + k, 1 + (k + 1) % spokes});
+  for (int i = 0; i + 1 < rings + rings / 2; ++i)
+    for (int k = 0; k < spokes; ++k) {
+      const int a = 1 + i * spokes + k, b = 1 + i * spokes + (k + 1) % spokes;
+      const bool folded = i + 1 >= rings;  // both leaves look out of the eye
+      sheet.triangles.push_back({a, folded ? b : a + spokes, folded ? a + spokes : b});
+      sheet.triangles.push_back({b, folded ? b + spokes : a + spokes, folded ? a + spokes : b + spokes});
+    }
+  const auto mesh = std::make_shared<MeshShape>(sheet, MeshInterpolation::triangles);
+  ASSERT_EQ(mesh->patch(), nullptr);
+  lens.shape = mesh;
+  const Difference d = compare(Tracer(""), eye, eye, {}, 5000);
+  std::printf("folded sheet: rms %.5f max %.5f arcmin, reached %d, other state %d\n", d.direction_rms_arcmin,
+              d.direction_max_arcmin, d.reached, d.other_state);
+  EXPECT_GT(d.reached, 4000);
+  EXPECT_LE(d.other_state, 2);
+  EXPECT_LE(d.direction_rms_arcmin, 0.01);
 }
 
 TEST(Bodies, RaysBesideAnAccommodatedNucleusAreNotLost) {

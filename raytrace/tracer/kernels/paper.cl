@@ -1,11 +1,21 @@
-// The algorithm of Wei, Patkar and Pai (2014): every triangle of a sheet is tested; rays are aimed at random points of a cap over
-// the posterior lens.
+// Sheets whose triangles are tested one by one or by a hierarchy of boxes, and the aim of Wei, Patkar and Pai (2014): random
+// points of a cap over the posterior lens.
 
 #if HAS_EVERY_TRIANGLE
 // Two records a triangle: {plane n (3), n.p; barycentric u (3 + 1), v (3 + 1); corner a (3), 0} and {normals at a, b, c (9);
 // edges b - a (3), c - a (3), 0}.
-// p[11]: number of triangles, p[12]: first record (int bits)
-#define TRIANGLE 32
+// p[4]: nodes of a hierarchy over them, 0 for none; p[11]: number of triangles; p[12], p[14]: first record and first node (int bits)
+#define SHEET_TRIANGLE 32
+#define SHEET_NODE 8  // low corner (3), next node where the box is missed; high corner (3), leaf: first triangle x 16 + count
+// The part of the line inside a box: empty where enter > leave.
+AI void cross_box(const ray* r, vf x, vf y, vf z, global const float* n, vf* enter, vf* leave) {
+  const vf ix = RECIP(r->L), iy = RECIP(r->M), iz = RECIP(r->N);
+  const vf ax = (n[0] - x) * ix, bx = (n[4] - x) * ix, ay = (n[1] - y) * iy, by = (n[5] - y) * iy, az = (n[2] - z) * iz,
+           bz = (n[6] - z) * iz;
+  *enter = max(max(min(ax, bx), min(ay, by)), min(az, bz));
+  *leave = min(min(max(ax, bx), max(ay, by)), max(az, bz));
+}
+
 AI void every_triangle(ray* r, constant float* restrict p, global const float* restrict records, vf eta) {
   global const float* sheet = records + as_int(p[12]);
   const int count = as_int(p[11]);
@@ -19,9 +29,28 @@ AI void every_triangle(ray* r, constant float* restrict p, global const float* r
     best_u[q] = best_v[q] = 0.f;
     best[q] = -1;
   }
-  for (int k = 0; k < count; k++) {
-    global const float* f = sheet + k * TRIANGLE;
-    UNROLL for (int q = 0; q < UN; q++) {
+  const int node_count = (int)p[4];
+  global const float* nodes = records + as_int(p[14]);
+  for (int i = 0; i < max(node_count, 1); i++) {
+    int first = 0, end_of_leaf = count;
+    if (node_count > 0) {
+      global const float* n = nodes + i * SHEET_NODE;
+      int met = 0;
+      UNROLL for (int q = 0; q < UN; q++) {
+        vf enter, leave;
+        cross_box(r + q, x[q], y[q], z[q], n, &enter, &leave);
+        met |= ANY((enter <= leave) & (leave >= -1e-3f) & (enter < nearest[q]));
+      }
+      if (!met) {
+        i = as_int(n[3]) - 1;
+        continue;
+      }
+      const int leaf = as_int(n[7]);
+      first = leaf >> 4;
+      end_of_leaf = first + (leaf & 15);
+    }
+    for (int k = first; k < end_of_leaf; k++) UNROLL for (int q = 0; q < UN; q++) {
+      global const float* f = sheet + k * SHEET_TRIANGLE;
       const vf t = (f[3] - f[0] * x[q] - f[1] * y[q] - f[2] * z[q]) * RECIP(f[0] * r[q].L + f[1] * r[q].M + f[2] * r[q].N);
       const vf hx = x[q] + t * r[q].L, hy = y[q] + t * r[q].M, hz = z[q] + t * r[q].N;
       const vf u = f[4] * hx + f[5] * hy + f[6] * hz + f[7], v = f[8] * hx + f[9] * hy + f[10] * hz + f[11];
@@ -36,7 +65,7 @@ AI void every_triangle(ray* r, constant float* restrict p, global const float* r
   UNROLL for (int q = 0; q < UN; q++) {
     const vi lost = best[q] < 0;
     record n;
-    fetch(&n, sheet, max(best[q], (vi)0) * TRIANGLE + 16);
+    fetch(&n, sheet, max(best[q], (vi)0) * SHEET_TRIANGLE + 16);
     const vf u = best_u[q], v = best_v[q], w = 1.f - u - v;
     const vf nx = w * n.m[0] + u * n.m[3] + v * n.m[6], ny = w * n.m[1] + u * n.m[4] + v * n.m[7],
              nz = w * n.m[2] + u * n.m[5] + v * n.m[8];
@@ -73,7 +102,7 @@ AI void to_nearest_point(vf* x, vf* y, vf* z, constant float* restrict p, global
   const vf px = *x - p[O_X], py = *y - p[O_Y], pz = *z - p[O_Z];
   vf least = INFINITY, best_x = px, best_y = py, best_z = pz;
   for (int k = 0; k < count; k++) {
-    global const float* f = sheet + k * TRIANGLE;
+    global const float* f = sheet + k * SHEET_TRIANGLE;
     global const float* b = f + 16 + 9;
     global const float* c = b + 3;
     const vf dx = px - f[12], dy = py - f[13], dz = pz - f[14];

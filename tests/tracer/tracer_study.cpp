@@ -1,0 +1,108 @@
+// Studies too long for the test suite; docs/performance.md and docs/mesh-accuracy.md show what they print.
+//   tracer-study paper [PIXELS SAMPLES [CHART]] the paper's validation: MSD and SSIM of every way against
+//   formulas tracer-study samples                  image error against rays a pixel, ours and random ones
+//   tracer-study watertight               ten million rays at vertices and edges
+#include <fmt/format.h>
+
+#include <cstdlib>
+#include <iostream>
+
+#include "raytrace/tracer/sheet_mesh.hpp"
+#include "tests/tracer/image_difference.hpp"
+
+using namespace emmetrope;
+using namespace emmetrope::raytrace;
+
+namespace {
+
+void paper(const Tracer& tracer, int pixels, int samples, const std::string& chart) {
+  PaperValidation run(pixels, samples, chart);
+  const auto formulas = grey_levels(run.image(tracer, Representation::analytic, 1).image);
+  fmt::print("{0} x {0} pixels, {1} rays each, edges on {2:.0f} % of the pixels\nway,MSD,SSIM,wall_s\n",
+             pixels, samples, 100 * edge_share(formulas, pixels, pixels, 8));
+  const auto report = [&](const char* name, const TraceResult& result) {
+    const auto levels = grey_levels(result.image);
+    fmt::print("{},{:.3f},{:.5f},{:.1f}\n", name, msd(formulas, levels),
+               ssim(formulas, levels, pixels, pixels), result.wall_s);
+    std::fflush(stdout);
+  };
+  report("analytic, another seed", run.image(tracer, Representation::analytic, 2));
+  report("triangles", run.image(tracer, Representation::triangles, 3));
+  report("smooth", run.image(tracer, Representation::smooth, 3));
+  report("fast", run.image(tracer, Representation::fast, 3));
+}
+
+/// Rms error of single pictures against 16 384 rays a pixel, over four seeds, in grey levels of linear light.
+void samples(const Tracer& tracer) {
+  PaperValidation run(64, 16384);
+  fmt::print("rays_a_pixel,ours_rms,random_rms\n");
+  const auto reference = [&](Method method) {
+    return run.image(tracer, Representation::analytic, 1, method).image;
+  };
+  const LinearImage ours = reference(Method::pupil), random = reference(Method::paper);
+  for (const int count : {32, 64, 96, 128, 256, 512, 1024}) {
+    run.settings.samples = count;
+    const auto error = [&](Method method, const LinearImage& truth) {
+      double sum = 0;
+      for (int seed = 2; seed < 6; ++seed) {
+        const LinearImage image = run.image(tracer, Representation::analytic, seed, method).image;
+        for (std::size_t i = 1; i < image.values.size(); i += 3)
+          sum += std::pow(255 * (double(image.values[i]) - truth.values[i]), 2);
+      }
+      return std::sqrt(sum / 4 / (64.0 * 64.0));
+    };
+    fmt::print("{},{:.3f},{:.3f}\n", count, error(Method::pupil, ours), error(Method::paper, random));
+    std::fflush(stdout);
+  }
+}
+
+void watertight(const Tracer& tracer) {
+  EyeModel eye = make_eye("gullstrand-emsley", {0, {}, 20.0});
+  for (auto& surface : eye.surfaces)
+    if (!surface.is_stop() && surface.name != "retina") surface.semi_diameter_mm = 5;
+  TraceSettings settings;
+  settings.representation = Representation::triangles;
+  const Surface& last = eye.surfaces[eye.surfaces.size() - 2];
+  std::uint64_t rays_sent = 0, lost = 0;
+  for (const int vertices : {800, 3200, 12800, 51200}) {
+    settings.vertices = {vertices};
+    const TriangleMesh sheet = sheet_mesh(*last.shape, default_semi_diameter_mm(last), vertices, 0.25);
+    const int steps = 1 + 2'600'000 / static_cast<int>(sheet.triangles.size() / 4 * 3);
+    std::vector<Ray> rays;
+    for (const auto& t : sheet.triangles)
+      for (int e = 0; e < 3; ++e)
+        for (int k = 0; k < steps; ++k) {
+          const Eigen::Vector3d p =
+              sheet.vertices[t[e]] +
+              (sheet.vertices[t[(e + 1) % 3]] - sheet.vertices[t[e]]) * (k / double(steps));
+          if (p.head<2>().norm() < 2.5)
+            rays.push_back({{p.x(), p.y(), -last.position_mm - 3}, Eigen::Vector3d::UnitZ()});
+        }
+    std::uint64_t lost_here = 0;
+    for (const auto& exit : tracer.exit_rays(eye, rays, settings))
+      lost_here += exit.state != RayState::reached;
+    fmt::print("{} vertices: {} rays at vertices and edges, {} lost\n", vertices, rays.size(), lost_here);
+    std::fflush(stdout);
+    rays_sent += rays.size();
+    lost += lost_here;
+  }
+  fmt::print("{} rays, {} lost\n", rays_sent, lost);
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  const std::string study = argc > 1 ? argv[1] : "";
+  const Tracer tracer("");
+  if (study == "paper") {
+    paper(tracer, argc > 3 ? std::atoi(argv[2]) : 500, argc > 3 ? std::atoi(argv[3]) : 4096,
+          argc > 4 ? argv[4] : "letters:logmar=1.3,distance_mm=92,extent_deg=22");
+  } else if (study == "samples") {
+    samples(tracer);
+  } else if (study == "watertight") {
+    watertight(tracer);
+  } else {
+    std::cerr << "tracer-study paper [PIXELS SAMPLES] | samples | watertight\n";
+    return 2;
+  }
+}
