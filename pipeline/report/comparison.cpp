@@ -23,6 +23,8 @@ std::optional<Measured> measured_at(const Json& json, const std::string& path) {
   return json.at(pointer).get<Measured>();
 }
 
+constexpr const char* changed = "changed";
+
 /// b - a; for angles of an axis the shorter way round.
 double difference_of(const Measured& a, const Measured& b, const NumberStyle& style) {
   const double difference = b.value - a.value;
@@ -34,10 +36,11 @@ void add_row(Table& table, const Json& earlier, const Json& later, const Biometr
   if (!a || !b) return;
   const double limit = std::hypot((a->ci95[1] - a->ci95[0]) / 2, (b->ci95[1] - b->ci95[0]) / 2);
   const double difference = difference_of(*a, *b, row.style);
-  const NumberStyle with_sign{row.style.decimals, true, row.style.unit};
+  const NumberStyle with_sign{row.style.decimals, true, row.style.unit},
+      without_sign{row.style.decimals, false, row.style.unit};
   table.rows.push_back({row.name, format(a->value, row.style), format(b->value, row.style),
-                        format(difference, with_sign), "\u00b1 " + format(limit, row.style),
-                        std::abs(difference) > limit ? "changed" : "within the intervals"});
+                        format(difference, with_sign), "\u00b1 " + format(limit, without_sign),
+                        std::abs(difference) > limit ? changed : "within the intervals"});
 }
 
 std::vector<BiometryRow> refraction_rows() {
@@ -66,6 +69,15 @@ Table table_of(const CaseData& earlier, const EyeData& a, const CaseData& later,
   return table;
 }
 
+/// "OD (right): Axial length, optical +0.35 mm; ..." or that nothing did.
+std::string changes_in(const Table& table) {
+  std::string changes;
+  for (const auto& row : table.rows)
+    if (row.back() == changed) changes += (changes.empty() ? "" : "; ") + row[0] + " " + row[3];
+  return table.caption + ": " +
+         (changes.empty() ? "nothing changed by more than its interval." : changes + ".");
+}
+
 Document document_of(const CaseData& earlier, const CaseData& later) {
   Document document;
   document.title = "Emmetrope follow-up";
@@ -75,13 +87,21 @@ Document document_of(const CaseData& earlier, const CaseData& later) {
         name, data->subject() + (data->study_date().empty() ? "" : ", " + data->study_date()));
   document.heading.emplace_back("Software", "Emmetrope " + version());
   Section section{"differences", "Differences", {}};
+  BulletList changes;
+  if (earlier.subject() != later.subject())
+    changes.items.emplace_back(
+        "The two cases carry different pseudonyms: make sure that they are of one patient.");
+  std::vector<Table> tables;
   for (const auto& a : earlier.eyes)
     for (const auto& b : later.eyes)
       if (a.laterality == b.laterality)
-        if (const Table table = table_of(earlier, a, later, b); !table.rows.empty())
-          section.blocks.push_back({table});
-  if (section.blocks.empty())
-    section.blocks.push_back({Paragraph{"No quantity was measured in both cases."}});
+        if (const Table table = table_of(earlier, a, later, b); !table.rows.empty()) {
+          changes.items.push_back(changes_in(table));
+          tables.push_back(table);
+        }
+  if (!changes.items.empty()) section.blocks.push_back({changes});
+  for (const auto& table : tables) section.blocks.push_back({table});
+  if (tables.empty()) section.blocks.push_back({Paragraph{"No quantity was measured in both cases."}});
   section.blocks.push_back({Paragraph{
       "A difference within the limit may be measurement error alone. The limit takes the two measurements as "
       "independent; a prior that both share (the lens's index, the back of the cornea) makes it wider than "
@@ -105,6 +125,11 @@ Answer write_comparison(const fs::path& earlier_folder, const fs::path& later_fo
                         const CommonOptions& common) {
   const CaseData earlier = read_case(earlier_folder, common.laterality);
   const CaseData later = read_case(later_folder, common.laterality);
+  if (!earlier.study_date().empty() && !later.study_date().empty() &&
+      earlier.study_date() > later.study_date())
+    throw input_error(
+        "the earlier case is dated " + earlier.study_date() + ", the later one " + later.study_date(),
+        "name the earlier case first");
   StageSpec spec;
   spec.stage = "comparison";
   add_inputs(spec, earlier, "earlier/");

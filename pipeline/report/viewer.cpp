@@ -24,6 +24,7 @@ using Eigen::Vector3i;
 
 constexpr double shown_half_width_mm = 24;  ///< around each globe's centre
 constexpr std::size_t most_voxels = 6'000'000;
+constexpr std::size_t most_bytes = 4'200'000;  ///< of all volumes: the page is to stay below 10 MB
 
 template <typename T>
 void append(std::string& bytes, const T& value) {
@@ -175,6 +176,7 @@ ViewerData make_viewer_data(const CaseData& data, Notes& notes) {
     return {};
   }
   Json volumes = Json::array(), meshes = Json::array();
+  std::size_t bytes = 0;
   const auto centres = globe_centres(data);
   for (const auto& file : data.stacks) {
     const Volume volume(file);
@@ -193,6 +195,12 @@ ViewerData make_viewer_data(const CaseData& data, Notes& notes) {
                  [&](float value) { voxels.push_back(static_cast<char>(std::lround(value))); });
       if (label_volume.size() == volume.size()) entry["labels"] = packed_nifti(label_volume, *crop, voxels);
     }
+    const std::size_t added = entry.dump().size();
+    if (bytes + added > most_bytes) {
+      notes.push_back("The viewer leaves out " + name + ": with it the page would be larger than 10 MB.");
+      continue;
+    }
+    bytes += added;
     volumes.push_back(entry);
   }
   for (const auto& eye : data.eyes)

@@ -178,12 +178,35 @@ TEST_F(ReportTest, FollowUpTellsChangesFromMeasurementError) {
       run_process("/usr/bin/pdftotext", {"-layout", (later / "comparison" / "comparison.pdf").string(), "-"},
                   ChildOutput::capture)
           .output;
+  EXPECT_THAT(text, HasSubstr("OD (right): Axial length, optical +0.09 mm."));
+  EXPECT_THAT(text, HasSubstr("OS (left): nothing changed by more than its interval."));
+  EXPECT_THAT(text, Not(HasSubstr("different pseudonyms")));
   EXPECT_TRUE(
       std::regex_search(text, std::regex("Axial length, optical +23.60 mm +23.69 mm +.0.09 mm .*changed")))
       << text;
   EXPECT_TRUE(
       std::regex_search(text, std::regex("Anterior chamber depth +3.40 mm +3.53 mm +.0.13 mm .*within")))
       << text;
+  fs::remove_all(later);
+}
+
+TEST_F(ReportTest, FollowUpMindsTheOrderOfDatesAndTheSubjects) {
+  const fs::path later = folder_.string() + "-later";
+  fs::remove_all(later);
+  test::make_fixture_case(folder_);
+  test::FixtureOptions another;
+  another.subject = "s-another";
+  test::make_fixture_case(later, another);
+  Json case_json = read_json(later / "case.json");
+  case_json["study_date"] = "2027-01-05";
+  write_json(later / "case.json", case_json);
+  CommonOptions common;
+  common.verbosity.quiet = true;
+  EXPECT_THROW(write_comparison(later, folder_, common), Error);
+  EXPECT_FALSE(fs::exists(folder_ / "comparison"));
+  write_comparison(folder_, later, common);
+  EXPECT_THAT(visible_text(read_file(later / "comparison" / "comparison.html")),
+              HasSubstr("different pseudonyms"));
   fs::remove_all(later);
 }
 

@@ -98,8 +98,7 @@ void add_uncertainties(DSRDocumentTree& tree, const std::vector<std::optional<Me
                        const std::vector<std::string>& units) {
   std::vector<std::size_t> nodes;
   if (tree.gotoRoot() != 0) do {
-      if (tree.getCurrentContentItem().getValueType() == DSRTypes::VT_Num)
-        nodes.push_back(tree.getNodeID());
+      if (tree.getCurrentContentItem().getValueType() == DSRTypes::VT_Num) nodes.push_back(tree.getNodeID());
     } while (tree.iterate() != 0);
   if (nodes.size() != intervals.size()) check(SR_EC_InvalidDocumentTree, "measurement intervals");
   for (std::size_t i = 0; i < nodes.size(); ++i) {
