@@ -5,7 +5,8 @@ int main(int argc, char** argv) {
   correction::CorrectionSettings settings;
   correction::PrescriptionSettings& prescription = settings.prescription;
   correction::PictureSettings& picture = settings.picture;
-  std::string case_folder, eye, output, criterion = to_string(prescription.criterion);
+  std::string case_folder, eye, output, criterion = to_string(prescription.criterion),
+                                        material = prescription.spectacle.material.name;
   std::vector<double> fovea_mm{0, 0};
   double accommodation_D = 0;
 
@@ -50,6 +51,19 @@ int main(int argc, char** argv) {
     app.add_option("--plano-cylinder-index", prescription.plano_cylinder_index, "of the plano-cylinder")
         ->check(CLI::Range(1.3, 2.0))
         ->capture_default_str();
+    app.add_option("--material", material,
+                   "of the toric meniscus: cr39, trivex, polycarbonate, 1.60, 1.67, 1.74 or crown")
+        ->capture_default_str();
+    app.add_option("--base-curve", prescription.spectacle.base_D,
+                   "power of its front surface, D; default by Vogel's rule")
+        ->check(CLI::Range(0.0, 20.0));
+    app.add_option("--centre-thickness", prescription.spectacle.centre_thickness_mm,
+                   "mm; default: 2, or what leaves 1 mm at the rim")
+        ->check(CLI::Range(0.5, 20.0));
+    app.add_option_function<double>(
+           "--lens-diameter", [&](double mm) { prescription.spectacle.semi_diameter_mm = mm / 2; },
+           "of the meniscus, mm; default 50")
+        ->check(CLI::Range(20.0, 90.0));
     app.add_option("--scene", picture.scene,
                    "scene of corrected.png with --eye; a case has that of its trace stage")
         ->needs(schematic)
@@ -61,6 +75,7 @@ int main(int argc, char** argv) {
   };
   command.run = [&](const CommonOptions& common) {
     prescription.criterion = correction::measure_from_string(criterion);
+    prescription.spectacle.material = correction::lens_material(material);
     prescription.fovea_mm = {fovea_mm[0], fovea_mm[1]};
     prescription.seed = common.seed;
     prescription.verbosity = common.verbosity;

@@ -128,6 +128,15 @@ Prescription prescribe(const raytrace::Tracer& tracer, const EyeModel& eye,
   result.sharpness_without_lens = RetinalSharpness(tracer, scene_of(settings), eye, family,
                                                    levels_of(settings).back())(Eigen::Vector3d::Zero())
                                       .value;
+  result.lenses = sharpest_real_lenses(tracer, scene_of(settings), eye, levels_of(settings).back(),
+                                       settings.spectacle, result.refraction, settings.vertex_distance_mm);
+  RealLens thin;
+  thin.kind = family.name;
+  thin.vertex_distance_mm = settings.vertex_distance_mm;
+  thin.power = result.refraction;
+  thin.sharpness = result.search.best.sharpness;
+  thin.images = result.search.images;
+  result.lenses.insert(result.lenses.begin(), thin);
   progress.advance();
 
   const PowerVector at_cornea = move_towards_eye(result.refraction, settings.vertex_distance_mm);

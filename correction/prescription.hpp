@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "correction/peripheral.hpp"
+#include "correction/real_lenses.hpp"
 #include "correction/search.hpp"
 #include "correction/uncertain_eye.hpp"
 #include "correction/uncertainty.hpp"
@@ -24,6 +25,7 @@ struct PrescriptionSettings {
   Eigen::Vector2d fovea_mm{0, 0};  ///< on the retina from the pole
   double plano_cylinder_distance_mm = 10;
   double plano_cylinder_index = 1.5;
+  SpectacleSettings spectacle;  ///< of the toric meniscus
   std::uint64_t seed = 1;
   Verbosity verbosity;
 };
@@ -49,6 +51,7 @@ struct Prescription {
   PowerVector refraction;  ///< the optimum of image sharpness
   SearchResult search;
   double sharpness_without_lens = 0;
+  std::vector<RealLens> lenses;  ///< thin lens, toric meniscus and contact lens, each at its sharpest
   PlanoCylinderResult plano_cylinder;
   Wavefront wavefront;
   RefractionCriteria check;

@@ -1,5 +1,6 @@
 #include <fmt/core.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "correction/notation.hpp"
@@ -44,6 +45,13 @@ Json search_json(const SearchResult& search) {
           {"images", search.images},
           {"log_curvature_per_D2", std::move(curvature)},
           {"distinct_optima_D", std::move(optima)}};
+}
+
+/// Retinal images behind the whole prescription; the sweep's pictures are a drawing.
+int images_of(const Prescription& prescription) {
+  int images = prescription.plano_cylinder.search.images;
+  for (const RealLens& lens : prescription.lenses) images += lens.images;
+  return images;
 }
 
 /// Why the criteria differ, with this eye's numbers.
@@ -99,6 +107,12 @@ Json to_json(const Prescription& prescription, const PrescriptionUncertainty& un
   json["contact_lens"]["vertex_distance_mm"] = 0;
   json["contact_lens"]["rounded"] = rounded_json(contact_lens);
 
+  json["lenses"] = lenses_json(prescription.lenses, settings.spectacle);
+  json["sharpest_lens"] =
+      std::max_element(prescription.lenses.begin(), prescription.lenses.end(),
+                       [](const RealLens& a, const RealLens& b) { return a.sharpness < b.sharpness; })
+          ->kind;
+
   const PlanoCylinderResult& plano = prescription.plano_cylinder;
   json["plano_cylinder"] = {{"radius_mm", plano.lens.radius_mm},
                             {"axis_deg", plano.lens.axis_deg},
@@ -114,6 +128,7 @@ Json to_json(const Prescription& prescription, const PrescriptionUncertainty& un
   json["difference"] = difference_json(prescription);
   json["sharpness"] = {{"without_lens", prescription.sharpness_without_lens},
                        {"with_lens", prescription.search.best.sharpness}};
+  json["images"] = images_of(prescription);
   json["search"] = search_json(prescription.search);
 
   Json budget = Json::array();

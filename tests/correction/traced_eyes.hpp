@@ -4,6 +4,7 @@
 
 #include "pipeline/base/frames.hpp"
 #include "raytrace/eye/eye_model.hpp"
+#include "raytrace/spectacle/spectacle.hpp"
 
 /// Eyes with a known error of refraction, as formulas.
 namespace emmetrope::correction {
@@ -29,6 +30,37 @@ inline EyeModel random_eye(std::uint64_t seed) {
   eye = with_cornea(eye, radius_mm, cylinder_D, axis_deg);
   eye.surfaces.back().position_mm += length(random);
   return eye;
+}
+
+/// A lens of -6 to +6 D with up to 2 D of cylinder.
+inline PowerVector known_lens(std::uint64_t seed) {
+  std::mt19937_64 random(seed);
+  std::uniform_real_distribution<double> sphere(-6, 6), cylinder(-2, 0), axis(0, 180);
+  const double sphere_D = sphere(random), cylinder_D = cylinder(random), axis_deg = axis(random);
+  return to_power_vector({sphere_D, cylinder_D, axis_deg});
+}
+
+/// It stands 12 mm before the cornea, its plane front 4 mm before that.
+inline EyeModel behind_known_lens(const EyeModel& eye, const PowerVector& lens) {
+  EyeModel behind = with_thin_lens(eye, lens, 12);
+  behind.surface("spectacle_front").name = "known_front";
+  behind.surface("spectacle_back").name = "known_back";
+  return behind;
+}
+inline constexpr double beyond_known_lens_mm = 18;
+
+/// What corrects an emmetropic eye behind that lens, at `beyond_known_lens_mm`, meridian by meridian: the
+/// light that leaves the plane front has the vergence that the glass makes of the lens's own.
+inline Eigen::Vector3d refraction_behind(const PowerVector& lens) {
+  const SpheroCylinder notation = to_sphero_cylinder(lens);
+  const auto meridian_D = [](double power_D) {
+    const double at_front_D = -power_D / (1 - 0.004 / 1.5 * power_D);
+    return at_front_D / (1 + (beyond_known_lens_mm - 16) * 1e-3 * at_front_D);
+  };
+  const double sphere_D = meridian_D(notation.sphere_D);
+  const PowerVector power = to_power_vector(
+      {sphere_D, meridian_D(notation.sphere_D + notation.cylinder_D) - sphere_D, notation.axis_deg});
+  return {power.M_D, power.J0_D, power.J45_D};
 }
 
 }  // namespace emmetrope::correction

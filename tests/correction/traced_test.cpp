@@ -6,8 +6,10 @@
 #include "correction/prescription.hpp"
 #include "correction/refraction_chart.hpp"
 #include "pipeline/base/error.hpp"
+#include "raytrace/eye/exact_trace.hpp"
 #include "raytrace/eye/paraxial.hpp"
 #include "raytrace/spectacle/spectacle.hpp"
+#include "tests/correction/closed_loop.hpp"
 #include "tests/correction/traced_eyes.hpp"
 
 /// The whole way: rays, images, sharpness, search.
@@ -77,6 +79,10 @@ TEST(Traced, GradientsPassCeresGradientChecker) {
     check_gradient(thin_lens(12), Eigen::Vector3d(-0.7, 0.3, -0.4), measure);
   check_gradient(plano_cylinder(-1, 10, 1.5), Eigen::Vector2d(0.4, -0.5), Measure::gradient_energy);
   check_gradient(plano_cylinder(1, 10, 1.5), Eigen::Vector2d(-0.4, 0.5), Measure::gradient_energy);
+  check_gradient(thin_lens(0), Eigen::Vector3d(-0.7, 0.3, -0.4), Measure::gradient_energy);
+  const PowerVector power{-0.7, 0.3, -0.4};
+  check_gradient(toric_meniscus(make_eye("navarro"), {}, 12, power),
+                 Eigen::Vector3d(power.M_D, power.J0_D, power.J45_D), Measure::gradient_energy);
 }
 
 TEST(Traced, MagnificationAndBrightnessDoNotCount) {
@@ -123,6 +129,32 @@ TEST(Traced, SharpestLensIsThatOfTheExhaustiveSearch) {
   }
 }
 
+TEST(Traced, PrescriptionOfAnEyeTakesAtMostSixtyImages) {
+  PrescriptionSettings settings;
+  settings.verbosity.quiet = true;
+  const Prescription prescription = prescribe(tracer(), random_eye(7), settings);
+  EXPECT_TRUE(prescription.plano_cylinder.search.accepted) << prescription.plano_cylinder.search.reason;
+  int images = prescription.plano_cylinder.search.images;
+  for (const RealLens& lens : prescription.lenses) images += lens.images;
+  EXPECT_LE(images, 60);
+}
+
+TEST(Traced, ClosedLoopsClose) {
+  // The first of the 200 eyes of closed-loop-study, and one behind a known lens.
+  const ClosedLoop random = closed_loop(tracer(), random_eye(1), 12);
+  const PowerVector lens = known_lens(1);
+  const ClosedLoop known =
+      closed_loop(tracer(), behind_known_lens(make_eye("gullstrand-emsley"), lens), beyond_known_lens_mm);
+  EXPECT_LT((known.paraxial - refraction_behind(lens)).norm(), 0.02);
+  EXPECT_LT(random.spot_error_D(), 0.03);
+  EXPECT_LT(random.axis_error_deg(), 1);
+  for (const ClosedLoop& loop : {random, known}) {
+    EXPECT_TRUE(loop.converged);
+    EXPECT_LT(loop.paraxial_error_D(), 0.02);
+    EXPECT_LT(loop.sharpness_error_D(), 0.05);
+  }
+}
+
 TEST(Traced, SharpnessAgreesWithTheWavefrontWhereThereIsLittleAberration) {
   // Pupil 1.5 mm: spherical aberration hardly counts and all criteria must coincide.
   for (const std::uint64_t seed : {1, 2}) {
@@ -142,32 +174,126 @@ TEST(Traced, SharpnessAgreesWithTheWavefrontWhereThereIsLittleAberration) {
   }
 }
 
-TEST(Traced, FigureSevenPlanoCylinderIsFoundFromAnyStart) {
-  // Horizontal astigmatism whose correction is the paper's 50 mm lens: front cornea with alpha = 1.138 for a
-  // plus cylinder of 10 D at 10 mm, the other meridian emmetropic.
-  EyeModel eye = make_eye("gullstrand-emsley");
-  const Surface& cornea = eye.surface("cornea_anterior");
-  const double radius_mm = 1 / cornea.shape->vertex_curvature()(0, 0);
-  const double step_index = eye.media.at(cornea.medium_after).index - 1;
-  const double missing_D = 10.0 / (1 - 0.010 * 10.0);  // +10 D at 10 mm is 11.1 D at the cornea
-  const double flat_mm = 1 / (1 / radius_mm - missing_D / (1000 * step_index));
-  eye.surface("cornea_anterior").shape = make_biconic(flat_mm, radius_mm, 0, 0, 0);
+/// The paper's Fig. 7: an ellipsoidal front cornea, its horizontal semi-axis `ratio` times the others, in
+/// Gullstrand's eye; the vertical meridian stays emmetropic.
+EyeModel figure_seven_eye(double ratio) {
+  EyeModel eye = make_eye("gullstrand");
+  constexpr double axis_mm = 7.7;
+  eye.surface("cornea_anterior").shape = make_ellipsoid({axis_mm * ratio, axis_mm, axis_mm}, 0);
+  return eye;
+}
 
-  std::vector<ImagingLevel> levels = imaging_levels(Measure::gradient_energy, 3, 589.3, {0, 0}, 1);
-  levels.back().pixels = 160;
-  levels.back().samples = 32;
-  const LensFamily family = plano_cylinder(1, 10, 1.5);
-  double reference_mm = 0;
-  for (const double start_mm : {-20.0, -60.0, -200.0}) {
-    const SearchResult search = find_sharpest(tracer(), refraction_chart(), eye, levels,
-                                              {{family, plano_cylinder_parameters(start_mm, 80, 1.5)}});
-    ASSERT_TRUE(search.accepted) << start_mm << ": " << search.reason;
-    const PlanoCylinder lens = plano_cylinder_of(1, search.best.lens, 1.5);
-    if (reference_mm == 0) reference_mm = lens.radius_mm;
-    EXPECT_NEAR(lens.radius_mm, reference_mm, 0.5) << start_mm;
-    EXPECT_NEAR(std::remainder(lens.axis_deg - 90, 180), 0, 1) << start_mm;
-    // The paraxial value is -50 mm; spherical aberration of the 3 mm pupil shifts the sharpest lens a little.
-    EXPECT_NEAR(lens.radius_mm, -50, 5);
+TEST(Traced, FigureSevenPlanoCylinderIsFoundFromAnyStart) {
+  // A flat meridian (1.138) for the 10 D plus lens, which is 11.1 D at the cornea; a steep one (1/1.089) for
+  // the minus lens, 9.1 D at the cornea: in both cases the paraxial lens has a radius of 50 mm.
+  for (const int sign : {1, -1}) {
+    const EyeModel eye = figure_seven_eye(sign > 0 ? 1.138 : 1 / 1.089);
+    const PowerVector paraxial =
+        move_towards_eye(paraxial_refraction(with_pupil(eye, 3), eye.reference_wavelength_nm), -10);
+    EXPECT_NEAR(paraxial.M_D + paraxial.J0_D, sign * 10, 0.05);
+    EXPECT_NEAR(paraxial.M_D - paraxial.J0_D, 0, 0.02);
+
+    std::vector<ImagingLevel> levels = imaging_levels(Measure::gradient_energy, 3, 589.3, {0, 0}, 1);
+    levels.back().pixels = 128;
+    const LensFamily family = plano_cylinder(sign, 10, 1.5);
+    const RetinalSharpness sharpness(tracer(), refraction_chart(), eye, family, levels.back());
+    // Every radius: first by 10 %, then by 0.5 mm about the best, then the vertex of a parabola.
+    const auto at = [&](double radius_mm) {
+      return sharpness(plano_cylinder_parameters(-sign * radius_mm, 90, 1.5)).value;
+    };
+    double best_mm = 20, most = 0;
+    const auto consider = [&](double radius_mm) {
+      const double value = at(radius_mm);
+      if (value > most) {
+        most = value;
+        best_mm = radius_mm;
+      }
+    };
+    for (double radius_mm = 20; radius_mm < 200; radius_mm *= 1.1) consider(radius_mm);
+    const double about_mm = best_mm;
+    for (double step_mm = -4; step_mm <= 4; step_mm += 0.5) consider(about_mm + step_mm);
+    const double below = at(best_mm - 0.5), above = at(best_mm + 0.5);
+    const double exhaustive_mm = best_mm + 0.25 * (above - below) / (2 * most - above - below);
+    // The paraxial 50 mm would leave Gullstrand's spherical aberration, which the sharpest lens shares out.
+    EXPECT_NEAR(exhaustive_mm, 50, 5);
+    RecordProperty(sign > 0 ? "plus_mm" : "minus_mm", std::to_string(exhaustive_mm));
+
+    for (const double start_mm : {20.0, 60.0, 200.0}) {
+      const Optimum coarse =
+          climb(RetinalSharpness(tracer(), refraction_chart(), eye, family, levels.front()),
+                plano_cylinder_parameters(-sign * start_mm, 80, 1.5), family.bounds, {});
+      const Optimum fine = climb(std::cref(sharpness), coarse.lens, family.bounds, {});
+      ASSERT_TRUE(fine.converged) << start_mm << ": " << fine.reason;
+      const PlanoCylinder lens = plano_cylinder_of(sign, fine.lens, 1.5);
+      EXPECT_NEAR(-sign * lens.radius_mm, exhaustive_mm, 0.5) << start_mm;
+      EXPECT_NEAR(std::remainder(lens.axis_deg - 90, 180), 0, 1) << start_mm;
+    }
+  }
+}
+
+TEST(Traced, RealLensesAreThoseOfTheThinOneWhereTheyMustBe) {
+  // Little aberration, so that the lenses differ by their place only.
+  const EyeModel eye = make_eye("atchison:-6");
+  ImagingLevel level = small_level();
+  level.pupil_mm = 2;
+  const PowerVector thin{-6, 0, 0};
+  SpectacleSettings spectacle;
+  spectacle.material = lens_material("1.67");
+  const std::vector<RealLens> lenses =
+      sharpest_real_lenses(tracer(), refraction_chart(), eye, level, spectacle, thin, 12);
+  ASSERT_EQ(lenses.size(), 2U);
+  for (const RealLens& lens : lenses) EXPECT_TRUE(lens.reason.empty()) << lens.reason;
+  // The pupil's aberration is worth a few hundredths of a dioptre.
+  EXPECT_NEAR(lenses[0].power.M_D, move_towards_eye(paraxial_refraction(eye, 589.3), -12).M_D, 0.1);
+  EXPECT_NEAR(lenses[1].power.M_D, move_towards_eye(lenses[0].power, 12).M_D, 0.03);
+  EXPECT_NEAR(*lenses[0].base_D, 3, 1e-12);  // Vogel's rule
+  spectacle.base_D = 12;
+  spectacle.semi_diameter_mm = 45;  // a front of 56 mm radius and a back of 37 mm
+  EXPECT_FALSE(
+      sharpest_real_lenses(tracer(), refraction_chart(), eye, level, spectacle, thin, 12)[0].reason.empty());
+}
+
+TEST(Traced, SpectacleMagnificationIsTheClosedForm) {
+  // From retinal points 20 um off the pole through the centre of the stop: with a lens in front, the line of
+  // sight makes an angle with the axis that is smaller by the spectacle magnification
+  // 1 / (1 - d F'v) / (1 - t/n F1), d from the back vertex to the entrance pupil.
+  const EyeModel eye = make_eye("navarro");
+  const auto& stop = *eye.stop();
+  const auto angle = [&](const EyeModel& seeing) {
+    const Eigen::Vector3d from(0.02, 0, -eye.axial_length_mm());
+    // The ray from the retina whose line passes the stop's centre behind the lens: found by a secant.
+    const ExactTracer exact(seeing, 589.3);
+    const auto at_stop = [&](double slope) {
+      const auto path = exact.trace({from, Eigen::Vector3d(slope, 0, 1).normalized()});
+      for (const RayHit& hit : path.hits)
+        if (hit.surface == "lens_anterior")
+          return hit.position_mm.x() -
+                 (hit.position_mm.z() + stop.position_mm) * hit.direction.x() / hit.direction.z();
+      return std::nan("");
+    };
+    double a = -0.02 / 17, b = -0.02 / 20;
+    for (int i = 0; i < 20; ++i) {
+      const double fa = at_stop(a), fb = at_stop(b);
+      if (std::abs(fb - fa) < 1e-15) break;
+      const double next = b - fb * (b - a) / (fb - fa);
+      a = b;
+      b = next;
+    }
+    const auto out = exact.trace_end({from, Eigen::Vector3d(b, 0, 1).normalized()});
+    return out.direction.x() / out.direction.z();
+  };
+  const double to_pupil_mm = 12 + entrance_pupil(eye, 589.3).position_mm;
+  for (const double power_D : {-10.0, -4.0, 4.0, 10.0}) {
+    const auto expected = [&](double front_D, double thickness_mm, double index) {
+      return 1 / (1 - to_pupil_mm * 1e-3 * power_D) / (1 - thickness_mm * 1e-3 / index * front_D);
+    };
+    EXPECT_NEAR(angle(eye) / angle(with_thin_lens(eye, {power_D, 0, 0}, 12)) / expected(0, 4, 1.5), 1, 0.005);
+    Meniscus lens;
+    lens.power = {power_D, 0, 0};
+    lens.base_D = 8;
+    lens.centre_thickness_mm = 6;
+    lens.semi_diameter_mm = 15;
+    EXPECT_NEAR(angle(eye) / angle(with_meniscus(eye, lens)) / expected(8, 6, 1.5), 1, 0.005) << power_D;
   }
 }
 
