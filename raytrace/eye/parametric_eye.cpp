@@ -25,11 +25,12 @@ struct Field {
 };
 
 /// Parameters that are plain fields, by their names in fit.json.
-constexpr std::array<Field, 22> fields{{
+constexpr std::array<Field, 23> fields{{
     {"cornea_c_per_mm", [](ParametricEye& e) -> double& { return e.cornea_c_per_mm; }},
     {"cornea_j0_per_mm", [](ParametricEye& e) -> double& { return e.cornea_j0_per_mm; }},
     {"cornea_j45_per_mm", [](ParametricEye& e) -> double& { return e.cornea_j45_per_mm; }},
     {"cornea_q", [](ParametricEye& e) -> double& { return e.cornea_q; }},
+    {"cornea_q_split", [](ParametricEye& e) -> double& { return e.cornea_q_split; }},
     {"cornea_thickness_mm", [](ParametricEye& e) -> double& { return e.cornea_thickness_mm; }},
     {"cornea_back_ratio", [](ParametricEye& e) -> double& { return e.cornea_back_ratio; }},
     {"anterior_chamber_depth_mm", [](ParametricEye& e) -> double& { return e.anterior_chamber_depth_mm; }},
@@ -80,10 +81,10 @@ Vector2d gaze_deg(const ParametricEye& eye) {
   return {std::atan2(axis.x(), -axis.y()) / degree, std::asin(std::clamp(axis.z(), -1.0, 1.0)) / degree};
 }
 
-double conic_depth(const Matrix2d& curvature, double q, double x_mm, double y_mm) {
+double conic_depth(const Matrix2d& curvature, const Matrix2d& q, double x_mm, double y_mm) {
   const Vector2d p(x_mm, y_mm);
   const Vector2d cp = curvature * p;
-  return p.dot(cp) / (1 + std::sqrt(1 - (1 + q) * cp.squaredNorm()));
+  return p.dot(cp) / (1 + std::sqrt(1 - cp.squaredNorm() - cp.dot(q * cp)));
 }
 
 const Json& at(const Json& json, const std::string& key) {
@@ -181,13 +182,29 @@ Matrix2d ParametricEye::cornea_curvature_per_mm() const {
   return curvature;
 }
 
+Matrix2d ParametricEye::cornea_conic_constants() const {
+  const double scale = std::hypot(cornea_j0_per_mm, cornea_j45_per_mm, cornea_split_scale_per_mm);
+  const double q0 = cornea_q_split * cornea_j0_per_mm / scale,
+               q45 = cornea_q_split * cornea_j45_per_mm / scale;
+  Matrix2d q;
+  q << cornea_q + q0, q45, q45, cornea_q - q0;
+  return q;
+}
+
+ParametricEye::Biconic ParametricEye::cornea_biconic() const {
+  const double j = std::hypot(cornea_j0_per_mm, cornea_j45_per_mm);
+  const double split = cornea_q_split * j / std::hypot(j, cornea_split_scale_per_mm);
+  return {1 / (cornea_c_per_mm + j), 1 / (cornea_c_per_mm - j), cornea_q + split, cornea_q - split,
+          normalise_axis_deg(std::atan2(cornea_j45_per_mm, cornea_j0_per_mm) / degree / 2)};
+}
+
 double ParametricEye::cornea_anterior_depth_mm(double x_mm, double y_mm) const {
-  return conic_depth(cornea_curvature_per_mm(), cornea_q, x_mm, y_mm);
+  return conic_depth(cornea_curvature_per_mm(), cornea_conic_constants(), x_mm, y_mm);
 }
 
 double ParametricEye::cornea_posterior_depth_mm(double x_mm, double y_mm) const {
   return cornea_thickness_mm +
-         conic_depth(cornea_curvature_per_mm() / cornea_back_ratio, cornea_q, x_mm, y_mm);
+         conic_depth(cornea_curvature_per_mm() / cornea_back_ratio, cornea_conic_constants(), x_mm, y_mm);
 }
 
 double ParametricEye::displacement_at(const Vector3d& scaled_direction) const {
@@ -262,6 +279,7 @@ Json to_json(const ParametricEye& eye) {
   json["cornea_j0_per_mm"] = eye.cornea_j0_per_mm;
   json["cornea_j45_per_mm"] = eye.cornea_j45_per_mm;
   json["cornea_q"] = eye.cornea_q;
+  json["cornea_q_split"] = eye.cornea_q_split;
   json["cornea_thickness_mm"] = eye.cornea_thickness_mm;
   json["cornea_back_ratio"] = eye.cornea_back_ratio;
   json["anterior_chamber_depth_mm"] = eye.anterior_chamber_depth_mm;

@@ -17,10 +17,11 @@ struct ParametricEye {
   Eigen::Isometry3d lps_from_eye = Eigen::Isometry3d::Identity();
 
   /// Anterior cornea: curvature matrix C = [[c + j0, j45], [j45, c - j0]] (1/mm), depth = S / (1 + sqrt(1 -
-  /// (1 + Q) T)) with S = x'Cx, T = x'C^2 x: a biconic with one Q in both meridians, smooth where the
-  /// cylinder vanishes.
+  /// v'(I + Q)v)) with v = Cx, S = x'v: a biconic whose Q is cornea_q + split in the steep meridian and
+  /// cornea_q - split in the flat one. A cornea without cylinder has one Q: the split is cornea_q_split times
+  /// j / sqrt(j^2 + e^2) with j^2 = j0^2 + j45^2 and e of 0.25 D, so that all is smooth where j vanishes.
   double cornea_c_per_mm = 1 / 7.8, cornea_j0_per_mm = 0, cornea_j45_per_mm = 0;
-  double cornea_q = -0.2;
+  double cornea_q = -0.2, cornea_q_split = 0;
   double cornea_thickness_mm = 0.55;
   double cornea_back_ratio = 0.83;  ///< posterior radius over anterior in each meridian
 
@@ -49,8 +50,15 @@ struct ParametricEye {
   Eigen::MatrixXd covariance;
   std::map<std::string, std::string> source;  ///< "mri", "prior", "keratometry", ... by name
 
-  /// C, the curvature matrix of the anterior cornea.
+  /// C, the curvature matrix of the anterior cornea, and Q, its matrix of conic constants.
   Eigen::Matrix2d cornea_curvature_per_mm() const;
+  Eigen::Matrix2d cornea_conic_constants() const;
+  /// The anterior cornea as a textbook biconic; the posterior one has the same conic constants.
+  struct Biconic {
+    double steep_radius_mm, flat_radius_mm, steep_q, flat_q;
+    double steep_axis_deg;  ///< 0 <= axis < 180
+  };
+  Biconic cornea_biconic() const;
   /// Depth of the anterior / posterior cornea at (x, y); \pre inside the surface's reach
   double cornea_anterior_depth_mm(double x_mm, double y_mm) const;
   double cornea_posterior_depth_mm(double x_mm, double y_mm) const;
@@ -75,6 +83,9 @@ struct ParametricEye {
   double get(const std::string& name) const;
   void set(const std::string& name, double value);
 };
+
+/// The unit of astigmatism below which the two conic constants of a cornea approach one another, 1/mm.
+inline constexpr double cornea_split_scale_per_mm = 0.25 / 337.5;
 
 /// Whether `get` and `set` know the name.
 bool has_parameter(const ParametricEye& eye, const std::string& name);

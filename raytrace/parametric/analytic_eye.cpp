@@ -12,13 +12,11 @@ using Eigen::Matrix3d;
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-/// A biconic from the anterior cornea's curvature matrix, scaled.
-ShapePtr biconic(const ParametricEye& eye, double scale) {
-  const double cylinder = std::hypot(eye.cornea_j0_per_mm, eye.cornea_j45_per_mm);
-  const double steep_deg = std::atan2(eye.cornea_j45_per_mm, eye.cornea_j0_per_mm) / degree / 2;
-  return make_biconic(1 / (scale * (eye.cornea_c_per_mm + cylinder)),
-                      1 / (scale * (eye.cornea_c_per_mm - cylinder)), eye.cornea_q, eye.cornea_q,
-                      normalise_axis_deg(steep_deg));
+/// The anterior cornea with its radii scaled.
+ShapePtr scaled_cornea(const ParametricEye& eye, double scale) {
+  const ParametricEye::Biconic b = eye.cornea_biconic();
+  return make_biconic(scale * b.steep_radius_mm, scale * b.flat_radius_mm, b.steep_q, b.flat_q,
+                      b.steep_axis_deg);
 }
 
 Surface surface(std::string name, ShapePtr shape, double position_mm, std::string medium_after) {
@@ -42,13 +40,13 @@ Medium medium(double index, double n_infinite, double k_nm) {
 
 double lens_index_at_age(double age_years) { return 1.441 - 0.00039 * age_years; }
 
-ShapePtr anterior_cornea_shape(const ParametricEye& eye) { return biconic(eye, 1); }
+ShapePtr anterior_cornea_shape(const ParametricEye& eye) { return scaled_cornea(eye, 1); }
 
 std::vector<Surface> analytic_surfaces(const ParametricEye& eye, const ShapePtr& anterior_cornea,
                                        const OpticalDefaults& defaults) {
   Surface front =
       surface("cornea_anterior", anterior_cornea ? anterior_cornea : anterior_cornea_shape(eye), 0, "cornea");
-  Surface back = surface("cornea_posterior", biconic(eye, 1 / eye.cornea_back_ratio), eye.cornea_thickness_mm,
+  Surface back = surface("cornea_posterior", scaled_cornea(eye, eye.cornea_back_ratio), eye.cornea_thickness_mm,
                          "aqueous");
 
   Surface iris;

@@ -269,13 +269,11 @@ CornealDepth anterior_cornea(const ParametricEye& eye, const Topography& topogra
 }
 
 ShapePtr anterior_cornea_shape(const ParametricEye& eye, const Topography& topography) {
-  const double cylinder = std::hypot(eye.cornea_j0_per_mm, eye.cornea_j45_per_mm);
-  const double steep_deg =
-      normalise_axis_deg(std::atan2(eye.cornea_j45_per_mm, eye.cornea_j0_per_mm) / degree / 2);
-  VectorXd coefficients = turned(topography.departure_um, steep_deg * degree);
+  const ParametricEye::Biconic b = eye.cornea_biconic();
+  VectorXd coefficients = turned(topography.departure_um, b.steep_axis_deg * degree);
   coefficients[0] -= 1e3 * departure_mm(topography, 0, 0);  // the vertex stays the apex
-  return make_zernike(1 / (eye.cornea_c_per_mm + cylinder), 1 / (eye.cornea_c_per_mm - cylinder),
-                      eye.cornea_q, eye.cornea_q, steep_deg, topography.zone_mm / 2,
+  return make_zernike(b.steep_radius_mm, b.flat_radius_mm, b.steep_q, b.flat_q, b.steep_axis_deg,
+                      topography.zone_mm / 2,
                       {coefficients.data(), coefficients.data() + coefficients.size()});
 }
 

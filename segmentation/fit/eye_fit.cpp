@@ -185,79 +185,93 @@ SolveResult fit_cornea(FitProblem& problem, const VectorXd& start, std::vector<d
   return best;
 }
 
-/// 0: globe, 1: anterior segment, 2: vitreous.
-int region_of(const Sample& sample) {
-  if (sample.near_cornea || sample.near_lens || sample.zone == Zone::front) return 1;
-  return sample.near_wall ? 0 : 2;
+/// The first passes need not use every voxel: a tenth of a voxel is all they are asked for.
+int coarse_stride(const std::vector<ObservedStack>& stacks) {
+  double voxel_mm3 = 1e9;
+  for (const ObservedStack& o : stacks)
+    voxel_mm3 = std::min(voxel_mm3, o.stack->row_spacing_mm * o.stack->column_spacing_mm *
+                                        o.stack->slice_spacing_mm());
+  return std::clamp(static_cast<int>(0.8 / voxel_mm3), 1, 6);
 }
 
-/// Voxels per independent residual, from the correlation of neighbours in the plane (as of a first-order
-/// process).
-double residual_correlation(const EyeFit& fit, const std::vector<Sample>& samples,
-                            const std::vector<double>& weighted) {
-  double along[2]{0, 0}, power = 0;
-  std::size_t pairs[2]{0, 0};
-  std::map<std::array<long, 4>, double> at;
-  const auto place = [&](const Sample& sample) -> std::array<long, 4> {
+/// Voxels per independent residual in each part, from the correlation of neighbours in the plane (as of a
+/// first-order process).
+std::array<double, part_count> residual_correlation(const EyeFit& fit, const std::vector<Sample>& samples,
+                                                    const std::vector<double>& weighted) {
+  using Place = std::array<long, 4>;
+  std::map<Place, std::size_t> at;
+  const auto place = [&](const Sample& sample) -> Place {
     const Stack& stack = *fit.stacks[sample.stack].stack;
     const Vector3d d = sample.position - stack.slice_position.front();
     return {sample.stack, std::lround(100 * d.dot(stack.normal)),
             std::lround(d.dot(stack.along_row) / stack.column_spacing_mm),
             std::lround(d.dot(stack.along_column) / stack.row_spacing_mm)};
   };
+  std::array<double, part_count> power{}, voxels{};
   for (std::size_t i = 0; i < samples.size(); ++i) {
-    at[place(samples[i])] = weighted[i];
-    power += weighted[i] * weighted[i] / static_cast<double>(samples.size());
+    const auto part = static_cast<std::size_t>(samples[i].part);
+    at[place(samples[i])] = i;
+    power[part] += weighted[i] * weighted[i];
+    ++voxels[part];
   }
-  for (const auto& [key, value] : at) {
+  std::array<std::array<double, 2>, part_count> along{}, pairs{};
+  for (const auto& [key, i] : at) {
     for (const int axis : {0, 1}) {
-      auto neighbour = key;
+      Place neighbour = key;
       ++neighbour[2 + axis];
       const auto found = at.find(neighbour);
-      if (found == at.end()) continue;
-      along[axis] += value * found->second;
-      ++pairs[axis];
+      if (found == at.end() || samples[found->second].part != samples[i].part) continue;
+      const auto part = static_cast<std::size_t>(samples[i].part);
+      along[part][axis] += weighted[i] * weighted[found->second];
+      ++pairs[part][axis];
     }
   }
-  double factor = 1;
-  for (const int axis : {0, 1}) {
-    const double rho =
-        std::clamp(along[axis] / std::max<double>(1, pairs[axis]) / std::max(power, 1e-9), 0.0, 0.67);
-    factor *= (1 + rho) / (1 - rho);
+  std::array<double, part_count> factor{};
+  for (std::size_t part = 0; part < part_count; ++part) {
+    factor[part] = 1;
+    if (voxels[part] < 50) continue;
+    for (const int axis : {0, 1}) {
+      const double rho =
+          std::clamp(along[part][axis] / std::max(1.0, pairs[part][axis]) / (power[part] / voxels[part]), 0.0, 0.67);
+      factor[part] *= (1 + rho) / (1 - rho);
+    }
   }
   return factor;
 }
 
-/// Residuals by region. \return by how much the variance of each region's samples is to be widened: what the
-/// model does not explain, and neighbours whose residuals are alike, carry less information than independent
-/// noise.
-std::array<double, 3> judge(EyeFit& fit, const FitProblem& problem) {
+/// Residuals by part. \return by how much the variance of each part's samples is to be widened: what the model
+/// does not explain, and neighbours whose residuals are alike, carry less information than independent noise.
+std::array<double, part_count> judge(EyeFit& fit, const FitProblem& problem) {
   const ForwardModel::AtParameters at(fit.model, fit.parameters);
-  fit.regions = {{"globe"}, {"anterior segment"}, {"vitreous"}};
+  fit.regions.assign(part_count, {});
   fit.residuals.clear();
-  std::array<double, 3> widening{};
+  std::array<double, part_count> widening{};
   std::vector<double> weighted;
   double sum = 0;
   for (const Sample& sample : problem.samples) {
     const double w = residual(problem, at, sample), r = w * fit.misfit[sample.stack];
+    const auto part = static_cast<std::size_t>(sample.part);
     fit.residuals.push_back(r);
     // Outliers count as the loss counts them.
     const double bounded = std::clamp(w, -4.0, 4.0);
     weighted.push_back(bounded);
-    RegionFit& region = fit.regions[region_of(sample)];
-    widening[region_of(sample)] += bounded * bounded;
+    widening[part] += bounded * bounded;
+    RegionFit& region = fit.regions[part];
     ++region.voxels;
     region.chi2 += r * r;
     region.outliers += std::abs(w) > 4 ? 1 : 0;
     sum += r * r;
   }
   fit.chi2_per_voxel = sum / std::max<double>(1, static_cast<double>(problem.samples.size()));
-  fit.correlation = residual_correlation(fit, problem.samples, weighted);
-  for (std::size_t i = 0; i < fit.regions.size(); ++i) {
-    const int voxels = std::max(1, fit.regions[i].voxels);
-    fit.regions[i].chi2 /= voxels;
-    fit.regions[i].outliers /= voxels;
-    widening[i] = std::max(1.0, widening[i] / voxels) * fit.correlation;
+  const std::array<double, part_count> correlation = residual_correlation(fit, problem.samples, weighted);
+  for (std::size_t part = 0; part < part_count; ++part) {
+    RegionFit& region = fit.regions[part];
+    const int voxels = std::max(1, region.voxels);
+    region.name = part_names[part];
+    region.chi2 /= voxels;
+    region.outliers /= voxels;
+    region.correlation = correlation[part];
+    widening[part] = std::max(1.0, widening[part] / voxels) * correlation[part];
   }
   return widening;
 }
@@ -328,17 +342,22 @@ EyeFit fit_eye(const std::vector<const Stack*>& stacks, const EyeStart& start, C
     return result.converged;
   };
 
-  problem.samples = select_samples(model, a, observed, {false, true});
+  Selection globe;
+  globe.cornea = globe.fields = false;
+  globe.stride = coarse_stride(observed);
+  problem.samples = select_samples(model, a, observed, globe);
   if (problem.samples.size() < 1000) throw no_result_error("too few voxels show the eye");
   freeze_weights(problem, a);
   adopt(fit_globe(problem, a));
 
   // Once more from there: the start may be a millimetre off and its voxels with it.
-  problem.samples = select_samples(model, a, observed, {false, true});
+  problem.samples = select_samples(model, a, observed, globe);
   freeze_weights(problem, a);
   adopt(fit_globe(problem, a));
 
-  problem.samples = select_samples(model, a, observed, {true, false});
+  Selection front;
+  front.rear = false;
+  problem.samples = select_samples(model, a, observed, front);
   freeze_weights(problem, a);
   std::vector<double> start_costs;
   adopt(fit_cornea(problem, a, start_costs));
@@ -346,23 +365,23 @@ EyeFit fit_eye(const std::vector<const Stack*>& stacks, const EyeStart& start, C
   const std::vector<int> active = all_parameters(layout);
   const Basis basis = select_parameters(layout.size(), active);
   problem.loss_scale = 3;
-  problem.samples = select_samples(model, a, observed, {true, true});
+  problem.rician = true;
+  problem.samples = select_samples(model, a, observed, {});
   freeze_weights(problem, a);
   adopt(solve(problem, a, basis, 20));
 
-  problem.samples = select_samples(model, a, observed, {true, true});
-  problem.rician = true;
+  problem.samples = select_samples(model, a, observed, {});
   const VectorXd misfit = freeze_weights(problem, a);
   adopt(solve(problem, a, basis, 25));
 
   EyeFit fit{layout, contrast, observed, model, a,  active, {},    problem.priors,        {},
-             {},     0,        misfit,   1,     {}, 0,      false, std::move(start_costs)};
+             {},     0,        misfit,   {}, 0,      false, std::move(start_costs)};
   // The balance of image and priors, and the covariance, with weights that know about the misfit.
-  const std::array<double, 3> widening = judge(fit, problem);
+  const std::array<double, part_count> widening = judge(fit, problem);
   std::vector<float> deviations;
   for (Sample& sample : problem.samples) {
     deviations.push_back(sample.deviation);
-    sample.deviation *= static_cast<float>(std::sqrt(widening[region_of(sample)]));
+    sample.deviation *= static_cast<float>(std::sqrt(widening[static_cast<std::size_t>(sample.part)]));
   }
   fit.converged = adopt(solve(problem, a, basis, 30));
   fit.iterations = iterations;

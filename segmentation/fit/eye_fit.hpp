@@ -11,12 +11,14 @@
 
 namespace emmetrope::segmentation {
 
-/// Part of the eye whose residuals are judged together.
+/// A Part of the image, whose residuals are judged together.
 struct RegionFit {
-  std::string name;  ///< "anterior segment", "globe", "vitreous"
+  std::string name;
   int voxels = 0;
   double chi2 = 0;      ///< mean squared standardised residual
   double outliers = 0;  ///< share of voxels beyond 4 sigma
+  /// Voxels per independent residual: neighbours' residuals are alike where the model is wrong.
+  double correlation = 1;
 };
 
 /// A fitted eye.
@@ -34,9 +36,7 @@ struct EyeFit {
   double chi2_per_voxel = 0;      ///< in units of the noise
   Eigen::VectorXd
       misfit;  ///< of each stack: by how much its weights were widened for what the model does not explain
-  double correlation =
-      1;  ///< voxels per independent residual: neighbours' residuals are alike where the model is wrong
-  std::vector<RegionFit> regions;
+  std::vector<RegionFit> regions;  ///< by Part
   int iterations = 0;
   bool converged = false;
   /// Cost of the anterior fit from each start of the apex, lowest first subtracted, in the order of the

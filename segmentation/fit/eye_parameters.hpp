@@ -20,6 +20,7 @@ enum Parameter : int {
   cornea_j0,
   cornea_j45,
   cornea_q,
+  cornea_q_split,
   cornea_thickness,
   cornea_back_ratio,
   anterior_chamber_depth,

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "pipeline/base/frames.hpp"
+#include "raytrace/eye/parametric_eye.hpp"
 #include "segmentation/fit/edge_response.hpp"
 
 namespace emmetrope::segmentation {
@@ -57,6 +58,45 @@ ConicSag conic_sag(double s, double c, double q) {
   const double by_root = -c * s / (d * d);  // d value / d root
   return {c * s / d, c / d + by_root * (-(1 + q) * c * c) / (2 * root),
           s / d + by_root * (-2 * (1 + q) * c * s) / (2 * root), by_root * (-c * c * s) / (2 * root)};
+}
+
+/// A bump's Gaussian of the angle from its direction, as a function of the angle's cosine.
+struct Bump {
+  double value, by_cosine;
+};
+Bump exact_bump(double cosine) {
+  const double angle = std::acos(std::clamp(cosine, -1.0, 1.0)), sine = std::sin(angle);
+  const double value = std::exp(-angle * angle / (2 * bump_width_rad * bump_width_rad));
+  return {value, value / (bump_width_rad * bump_width_rad) * (sine > 1e-6 ? angle / sine : 1)};
+}
+
+/// Cubic interpolation on a grid of cosines, right to 1e-8: acos and exp would take a quarter of a fit.
+class BumpTable {
+ public:
+  BumpTable() {
+    for (int i = 0; i <= intervals; ++i) nodes_[i] = exact_bump(1 - (1 - first_) * (1 - double(i) / intervals));
+  }
+  Bump operator()(double cosine) const {
+    if (cosine < first_) return exact_bump(cosine);
+    const double step = (1 - first_) / intervals, x = std::min(cosine - first_, 1 - first_) / step;
+    const int i = std::min(static_cast<int>(x), intervals - 1);
+    const double t = x - i, s = 1 - t;
+    const Bump &a = nodes_[i], &b = nodes_[i + 1];
+    const double rise = (b.value - a.value) / step;
+    return {s * s * (1 + 2 * t) * a.value + t * t * (1 + 2 * s) * b.value +
+                step * s * t * (s * a.by_cosine - t * b.by_cosine),
+            6 * s * t * rise + s * (1 - 3 * t) * a.by_cosine + t * (1 - 3 * s) * b.by_cosine};
+  }
+
+ private:
+  static constexpr int intervals = 256;
+  const double first_ = std::cos(3.3 * bump_width_rad);
+  std::array<Bump, intervals + 1> nodes_;
+};
+
+Bump bump_at(double cosine) {
+  static const BumpTable table;
+  return table(cosine);
 }
 
 }  // namespace
@@ -115,23 +155,33 @@ ForwardModel::AtParameters::Surface ForwardModel::AtParameters::cornea_surface(c
   const double ratio = back ? a_[cornea_back_ratio] : 1;
   const double c11 = (a_[cornea_c] + a_[cornea_j0]) / ratio, c22 = (a_[cornea_c] - a_[cornea_j0]) / ratio,
                c12 = a_[cornea_j45] / ratio;
-  const double x = p.x(), y = p.y(), q = a_[cornea_q];
+  // I + Q, with the split of Q along the principal meridians.
+  const double j0 = a_[cornea_j0], j45 = a_[cornea_j45], split = a_[cornea_q_split];
+  const double j_scale = std::hypot(j0, j45, cornea_split_scale_per_mm);
+  const double k11 = 1 + a_[cornea_q] + split * j0 / j_scale, k22 = 1 + a_[cornea_q] - split * j0 / j_scale,
+               k12 = split * j45 / j_scale;
+  const double x = p.x(), y = p.y();
   const double v1 = c11 * x + c12 * y, v2 = c12 * x + c22 * y;
-  const double s = x * v1 + y * v2, t = v1 * v1 + v2 * v2;
-  const double root = std::sqrt(std::max(1 - (1 + q) * t, 0.05)), d = 1 + root;
-  const double by_s = 1 / d, by_t = s * (1 + q) / (2 * root * d * d);
-  const double by_c11 = by_s * x * x + by_t * 2 * v1 * x;
-  const double by_c22 = by_s * y * y + by_t * 2 * v2 * y;
-  const double by_c12 = by_s * 2 * x * y + by_t * 2 * (v1 * y + v2 * x);
+  const double w1 = k11 * v1 + k12 * v2, w2 = k12 * v1 + k22 * v2;
+  const double s = x * v1 + y * v2, t = v1 * w1 + v2 * w2;
+  const double root = std::sqrt(std::max(1 - t, 0.05)), d = 1 + root;
+  const double by_s = 1 / d, by_t = s / (2 * root * d * d);
+  const double by_c11 = by_s * x * x + by_t * 2 * w1 * x;
+  const double by_c22 = by_s * y * y + by_t * 2 * w2 * y;
+  const double by_c12 = by_s * 2 * x * y + by_t * 2 * (w1 * y + w2 * x);
+  // By the split's components along 0 and 45 degrees.
+  const double by_q0 = by_t * (v1 * v1 - v2 * v2), by_q45 = by_t * 2 * v1 * v2;
+  const double along = (by_q0 * j0 + by_q45 * j45) / (j_scale * j_scale);
 
   Surface surface;
   surface.f = -p.z() - s / d - (back ? a_[cornea_thickness] : 0);
-  surface.gradient = {-(by_s * 2 * v1 + by_t * 2 * (c11 * v1 + c12 * v2)),
-                      -(by_s * 2 * v2 + by_t * 2 * (c12 * v1 + c22 * v2)), -1};
+  surface.gradient = {-(by_s * 2 * v1 + by_t * 2 * (c11 * w1 + c12 * w2)),
+                      -(by_s * 2 * v2 + by_t * 2 * (c12 * w1 + c22 * w2)), -1};
   surface.depends(cornea_c, -(by_c11 + by_c22) / ratio);
-  surface.depends(cornea_j0, -(by_c11 - by_c22) / ratio);
-  surface.depends(cornea_j45, -by_c12 / ratio);
-  surface.depends(cornea_q, -s * t / (2 * root * d * d));
+  surface.depends(cornea_j0, -(by_c11 - by_c22) / ratio - split / j_scale * (by_q0 - along * j0));
+  surface.depends(cornea_j45, -by_c12 / ratio - split / j_scale * (by_q45 - along * j45));
+  surface.depends(cornea_q, -by_t * (v1 * v1 + v2 * v2));
+  surface.depends(cornea_q_split, -(by_q0 * j0 + by_q45 * j45) / j_scale);
   if (back) {
     surface.depends(cornea_thickness, -1);
     surface.depends(cornea_back_ratio, (by_c11 * c11 + by_c22 * c22 + by_c12 * c12) / ratio);
@@ -255,16 +305,12 @@ ForwardModel::AtParameters::Wall ForwardModel::AtParameters::wall_fields(const S
   Vector3d by_n = Vector3d::Zero();
   for (std::size_t k = 0; k < sample.bumps.size(); ++k) {
     const int i = sample.bumps[k];
-    const double cosine = std::clamp(n.dot(model_.bumps_[i]), -1.0, 1.0);
-    const double angle = std::acos(cosine);
-    const double bump = std::exp(-angle * angle / (2 * bump_width_rad * bump_width_rad));
-    wall_at.bump[k] = bump;
+    const Bump bump = bump_at(n.dot(model_.bumps_[i]));
+    wall_at.bump[k] = bump.value;
     const double u = a_[displacement_at + i];
-    wall_at.u += u * bump;
-    wall_at.background += a_[background_at + i] * bump;
-    const double sine = std::sqrt(1 - cosine * cosine);
-    by_n +=
-        u * bump / (bump_width_rad * bump_width_rad) * (sine > 1e-6 ? angle / sine : 1) * model_.bumps_[i];
+    wall_at.u += u * bump.value;
+    wall_at.background += a_[background_at + i] * bump.value;
+    by_n += u * bump.by_cosine * model_.bumps_[i];
   }
   const Vector3d by_q = (by_n - by_n.dot(n) * n) / rho;
   wall_at.gradient = by_q.cwiseQuotient(r);
@@ -369,27 +415,31 @@ double ForwardModel::AtParameters::intensity(const Sample& sample, SparseRow* ro
       const Edge f = edge(lens_front, stack), b = edge(lens_back, stack), e = edge(equator, stack);
       const double share = f.value * b.value * e.value;
       const double contrast = a_[lens] - fluid;
-      double by_front = contrast * b.value * e.value;
       sum += weight * contrast * share;
       of_fluid -= share;
       if (front) {
         Surface top, bottom, pupil;
         iris_surfaces(p, top, bottom, pupil);
-        const Edge t = edge(top, stack), m = edge(bottom, stack), o = edge(pupil, stack);
-        const double slab = (t.value - m.value) * o.value, before_lens = 1 - f.value;
-        const double iris_contrast = a_[iris] - fluid;
-        sum += weight * iris_contrast * slab * before_lens;
-        of_fluid -= slab * before_lens;
-        by_front -= iris_contrast * slab;
-        if (row) {
-          enter(top, t, iris_contrast * o.value * before_lens);
-          enter(bottom, m, -iris_contrast * o.value * before_lens);
-          enter(pupil, o, iris_contrast * (t.value - m.value) * before_lens);
-          row->add(iris, weight * slab * before_lens);
+        // The iris ends where its back or the lens begins, whichever comes first: a difference of nested
+        // regions, so that a gap between iris and lens thinner than the blur is right.
+        const bool lens_cuts = lens_front.f / lens_front.gradient.norm() > bottom.f / bottom.gradient.norm();
+        const Surface& end = lens_cuts ? lens_front : bottom;
+        const Edge t = edge(top, stack), m = lens_cuts ? f : edge(bottom, stack), o = edge(pupil, stack);
+        if (t.value > m.value) {
+          const double slab = (t.value - m.value) * o.value;
+          const double iris_contrast = a_[iris] - fluid;
+          sum += weight * iris_contrast * slab;
+          of_fluid -= slab;
+          if (row) {
+            enter(top, t, iris_contrast * o.value);
+            enter(end, m, -iris_contrast * o.value);
+            enter(pupil, o, iris_contrast * (t.value - m.value));
+            row->add(iris, weight * slab);
+          }
         }
       }
       if (row) {
-        enter(lens_front, f, by_front);
+        enter(lens_front, f, contrast * b.value * e.value);
         enter(lens_back, b, contrast * f.value * e.value);
         enter(equator, e, contrast * f.value * b.value);
         row->add(lens, weight * share);
@@ -434,11 +484,8 @@ double ForwardModel::AtParameters::intensity(const Sample& sample, SparseRow* ro
 
 double ForwardModel::AtParameters::displacement(const Vector3d& direction) const {
   double u = 0;
-  for (int i = 0; i < model_.layout_.bumps; ++i) {
-    const double angle = std::acos(std::clamp(direction.dot(model_.bumps_[i]), -1.0, 1.0));
-    u += a_[model_.layout_.displacement() + i] *
-         std::exp(-angle * angle / (2 * bump_width_rad * bump_width_rad));
-  }
+  for (int i = 0; i < model_.layout_.bumps; ++i)
+    u += a_[model_.layout_.displacement() + i] * bump_at(direction.dot(model_.bumps_[i])).value;
   return u;
 }
 

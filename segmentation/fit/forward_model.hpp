@@ -23,6 +23,12 @@ enum class Zone : std::uint8_t {
   rear,   ///< back of the lens, vitreous, wall, what surrounds the globe
 };
 
+/// What a voxel tells about: residuals are judged, and weights widened, part by part.
+enum class Part : std::uint8_t { wall, surroundings, lens, cornea, lid, vitreous };
+inline constexpr std::size_t part_count = 6;
+inline constexpr const char* part_names[part_count] = {
+    "globe's wall", "surroundings of the globe", "lens and iris", "cornea", "lid", "vitreous"};
+
 /// The surfaces that light meets.
 enum class OpticalSurface { cornea_anterior, cornea_posterior, lens_anterior, lens_posterior, retina };
 
@@ -33,6 +39,7 @@ struct Sample {
   float deviation = 1;       ///< standard deviation of its noise, frozen within a pass
   std::uint8_t stack = 0;
   Zone zone = Zone::rear;
+  Part part = Part::vitreous;
   bool near_wall = false, near_lens = false, near_cornea = false;
   std::vector<std::uint8_t> bumps;  ///< those that matter here
 };
@@ -72,8 +79,7 @@ class SparseRow {
 /// a cornea thinner than the blur is right.
 ///
 /// Front: air + (lid - air) H_lid + (cornea - lid) H_front + (aqueous - cornea) H_back + (lens - aqueous)
-/// H_lens
-///        + (iris - aqueous) H_iris
+/// H_lens + (iris - aqueous) (H_iris_front - H_iris_back_or_lens) H_pupil
 /// Rear:  surround(n) + (wall - surround(n)) H_outer + (vitreous - wall) H_inner + (lens - vitreous) H_lens
 /// The coil multiplies by exp(log_gain + polynomial in ((x, y, z) - reference) / 12 mm without constant).
 class ForwardModel {

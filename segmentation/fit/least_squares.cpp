@@ -32,8 +32,9 @@ struct Limit {
   int parameter;
   double lower, upper;
 };
-constexpr std::array<Limit, 17> limits{{{cornea_c, 1 / 12.0, 1 / 5.0},
+constexpr std::array<Limit, 18> limits{{{cornea_c, 1 / 12.0, 1 / 5.0},
                                         {cornea_q, -1.5, 1},
+                                        {cornea_q_split, -0.4, 0.4},
                                         {cornea_thickness, 0.2, 1.2},
                                         {cornea_back_ratio, 0.65, 1},
                                         {anterior_chamber_depth, 1.2, 7},
@@ -47,7 +48,7 @@ constexpr std::array<Limit, 17> limits{{{cornea_c, 1 / 12.0, 1 / 5.0},
                                         {globe_z, 6, 18},
                                         {wall_lateral, 0.2, 4},
                                         {wall_axial, 0.2, 4},
-                                        {iris_half_thickness, 0.02, 0.6},
+                                        {iris_half_thickness, 0.05, 0.4},
                                         {pupil_radius, 0.4, 5}}};
 
 /// J'J = L L' of the moved combinations, L^-1 J'r, and what of the cost no step can remove.

@@ -138,7 +138,6 @@ Json fit_json(const EyeResult& eye, const std::optional<double>& roll_deg, doubl
   const EyeFit& fit = *eye.fit;
   json["globe_centre_lps_mm"] = vector_json(fit.globe_centre_lps());
   json["chi2_per_voxel"] = fit.chi2_per_voxel;
-  json["residual_correlation"] = fit.correlation;
   json["voxels"] = fit.samples.size();
   json["iterations"] = fit.iterations;
   json["converged"] = fit.converged;
@@ -161,6 +160,7 @@ Json fit_json(const EyeResult& eye, const std::optional<double>& roll_deg, doubl
     json["regions"].push_back({{"name", region.name},
                                {"voxels", region.voxels},
                                {"chi2_per_voxel", region.chi2},
+                               {"residual_correlation", region.correlation},
                                {"outlier_share", region.outliers}});
   json["apex_start_costs"] = fit.start_costs;
   Json intensities;

@@ -1,133 +1,225 @@
-/// Fits random phantom eyes and prints the errors against the truth: docs/accuracy.md. Not part of the tests.
+/// Fits random phantom eyes, keeps a record of each, and prints errors, coverage and scores: docs/accuracy.md.
+/// Not part of the tests.
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
-#include <chrono>
+#include <cmath>
+#include <map>
+#include <random>
 
+#include "meshing/biometry.hpp"
+#include "meshing/instruments.hpp"
+#include "pipeline/base/files.hpp"
 #include "pipeline/base/frames.hpp"
-#include "tests/fit/phantom_eyes.hpp"
+#include "tests/fit/study_eye.hpp"
 
 using namespace emmetrope;
 using namespace emmetrope::segmentation;
 
 namespace {
 
-struct Score {
-  double sum2 = 0, z2 = 0;
-  int n = 0;
-  std::vector<double> absolute;
-  void add(double error, double sigma) {
-    sum2 += error * error;
-    z2 += error * error / (sigma * sigma);
-    ++n;
-    absolute.push_back(std::abs(error));
+constexpr double normal_95 = 1.959963985;
+
+/// Errors of one quantity over the eyes, with what was stated of them.
+struct Quantity {
+  std::vector<double> error, sigma, bound;
+
+  double median() const { return quantile(0.5); }
+  double quantile(double share) const {
+    std::vector<double> sorted;
+    for (const double e : error) sorted.push_back(std::abs(e));
+    std::sort(sorted.begin(), sorted.end());
+    return sorted[static_cast<std::size_t>(std::min(share * sorted.size(), sorted.size() - 1.0))];
+  }
+  double mean() const {
+    double sum = 0;
+    for (const double e : error) sum += e / error.size();
+    return sum;
+  }
+  static double rms(const std::vector<double>& values) {
+    double sum = 0;
+    for (const double v : values) sum += v * v / values.size();
+    return std::sqrt(sum);
+  }
+  int covered() const {
+    int count = 0;
+    for (std::size_t i = 0; i < error.size(); ++i) count += std::abs(error[i]) <= normal_95 * sigma[i];
+    return count;
+  }
+  /// Mean interval score of 95 % intervals (Gneiting and Raftery 2007): width, and 2/0.05 times every miss.
+  double score(const std::vector<double>& of) const {
+    double sum = 0;
+    for (std::size_t i = 0; i < error.size(); ++i) {
+      const double half = normal_95 * of[i];
+      sum += (2 * half + 40 * std::max(0.0, std::abs(error[i]) - half)) / error.size();
+    }
+    return sum;
+  }
+  /// What the score would be on average if errors were normal with the bound's sigma: 2 phi(1.96) / 0.05 ...
+  double bound_score() const {
+    double sum = 0;
+    // E of width + 40 excess for a standard normal error: 3.92 + 80 (phi(z) - z (1 - Phi(z))).
+    const double excess = std::exp(-normal_95 * normal_95 / 2) / std::sqrt(2 * pi) - normal_95 * 0.025;
+    for (const double b : bound) sum += b * (2 * normal_95 + 80 * excess) / error.size();
+    return sum;
+  }
+};
+
+struct Wanted {
+  const char* name;
+  std::vector<std::string> path;  ///< in biometry.json and truth
+};
+const std::vector<Wanted>& quantities() {
+  static const std::vector<Wanted> list{{"axial length, mm", {"axial_length_mm"}},
+                                        {"anterior chamber depth, mm", {"anterior_chamber_depth_mm"}},
+                                        {"lens thickness, mm", {"lens_thickness_mm"}},
+                                        {"lens front radius, mm", {"lens_anterior_radius_mm"}},
+                                        {"lens back radius, mm", {"lens_posterior_radius_mm"}},
+                                        {"corneal thickness, mm", {"corneal_thickness_mm"}},
+                                        {"globe width, mm", {"globe_width_mm"}},
+                                        {"globe height, mm", {"globe_height_mm"}},
+                                        {"corneal power M, D", {"astigmatism", "M_D"}},
+                                        {"astigmatism J0, D", {"astigmatism", "J0_D"}},
+                                        {"astigmatism J45, D", {"astigmatism", "J45_D"}},
+                                        {"corneal asphericity Q", {"keratometry", "asphericity_q"}}};
+  return list;
+}
+
+Json at(const Json& json, const std::vector<std::string>& path) {
+  Json found = json;
+  for (const std::string& key : path) found = Json(found.at(key));
+  return found;
+}
+
+/// What a keratometer with a standard deviation of 0.25 D in each meridian would read.
+ExternalMeasurement simulated_keratometry(const Json& record) {
+  ExternalMeasurement measurement = keratometry_measurement({Laterality::od, "43@0/44@90", 0.25});
+  std::mt19937_64 random(record.at("seed").get<unsigned long long>() * 2 + (record.at("laterality") == "os"));
+  std::normal_distribution<double> noise(0, 0.25 / std::sqrt(2.0));
+  const Json& astigmatism = record.at("truth").at("astigmatism");
+  const char* keys[] = {"M_D", "J0_D", "J45_D"};
+  for (int i = 0; i < 3; ++i) measurement.value[i] = astigmatism.at(keys[i]).get<double>() + noise(random);
+  return measurement;
+}
+
+Json biometry_with(const Json& fit, const Json& covariance, const ExternalMeasurement* keratometry) {
+  Json eye = fit;
+  if (!covariance.is_null()) eye["covariance"] = covariance;
+  EyeEstimate estimate(parametric_eye_from_json(eye));
+  if (keratometry) estimate.assimilate(*keratometry);
+  return biometry_json(estimate, {});
+}
+
+struct Study {
+  std::map<std::string, Quantity> by_name;
+  Quantity j_vector, retina, cornea;
+  int eyes = 0, refused = 0, missed = 0;
+  double fit_s = 0, render_s = 0, chi2 = 0;
+
+  void add(const Json& record, bool with_keratometry) {
+    ++eyes;
+    if (record.at("status") == "not found") ++missed;
+    if (record.at("status") == "refused") ++refused;
+    if (record.at("status") != "measured") return;
+    fit_s += record.at("fit_s").get<double>();
+    render_s += record.at("render_s").get<double>();
+    chi2 += record.at("chi2_per_voxel").get<double>();
+    const ExternalMeasurement keratometry = simulated_keratometry(record);
+    const ExternalMeasurement* given = with_keratometry ? &keratometry : nullptr;
+    const Json stated = biometry_with(record.at("fit"), nullptr, given);
+    const Json bound = biometry_with(record.at("fit"), record.at("bound"), given);
+    for (const Wanted& wanted : quantities()) {
+      const auto measured = at(stated, wanted.path).get<Measured>();
+      Quantity& quantity = by_name[wanted.name];
+      quantity.error.push_back(measured.value - at(record.at("truth"), wanted.path).get<double>());
+      quantity.sigma.push_back(measured.sigma());
+      quantity.bound.push_back(at(bound, wanted.path).get<Measured>().sigma());
+    }
+    j_vector.error.push_back(
+        std::hypot(by_name["astigmatism J0, D"].error.back(), by_name["astigmatism J45, D"].error.back()));
+    retina.error.push_back(record.at("surface_mm").at("retina").get<double>());
+    cornea.error.push_back(record.at("surface_mm").at("cornea").get<double>());
+  }
+
+  void print() const {
+    const int n = eyes - refused - missed;
+    fmt::print("{} eyes: {} measured, {} refused, {} not found; {:.1f} s to fit, {:.1f} s to render, chi2 {:.3f}\n\n",
+               eyes, n, refused, missed, fit_s / n, render_s / n, chi2 / n);
+    fmt::print(
+        "| quantity | mean | rms | median | 95th | stated sigma | bound | rms / bound | covered | interval score / "
+        "bound's |\n| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |\n");
+    int covered = 0, of = 0;
+    double score = 0;
+    for (const Wanted& wanted : quantities()) {
+      const Quantity& q = by_name.at(wanted.name);
+      covered += q.covered();
+      of += n;
+      score += q.score(q.sigma) / q.bound_score() / static_cast<double>(quantities().size());
+      fmt::print("| {} | {:+.3f} | {:.3f} | {:.3f} | {:.3f} | {:.3f} | {:.3f} | {:.2f} | {:.1f} % | {:.2f} |\n",
+                 wanted.name, q.mean(), Quantity::rms(q.error), q.median(), q.quantile(0.95),
+                 Quantity::rms(q.sigma), Quantity::rms(q.bound), Quantity::rms(q.error) / Quantity::rms(q.bound),
+                 100.0 * q.covered() / n, q.score(q.sigma) / q.bound_score());
+    }
+    fmt::print("| pooled | | | | | | | | {:.1f} % | {:.2f} |\n", 100.0 * covered / of, score);
+    fmt::print("| J as a vector, D | | {:.3f} | {:.3f} | {:.3f} | | | | | |\n", Quantity::rms(j_vector.error),
+               j_vector.median(), j_vector.quantile(0.95));
+    fmt::print("| retina, mean distance, mm | {:.3f} | | {:.3f} | {:.3f} | | | | | |\n", retina.mean(),
+               retina.median(), retina.quantile(0.95));
+    fmt::print("| cornea, mean distance, mm | {:.3f} | | {:.3f} | {:.3f} | | | | | |\n\n", cornea.mean(),
+               cornea.median(), cornea.quantile(0.95));
+  }
+
+  void print_each(const Json& record) const {
+    fmt::print("{} {}:", record.at("seed").get<int>(), record.at("laterality").get<std::string>());
+    if (record.at("status") == "measured")
+      for (const Wanted& wanted : quantities()) {
+        const Quantity& q = by_name.at(wanted.name);
+        fmt::print(" {} {:+.3f} ({:.3f})", wanted.path.back(), q.error.back(), q.sigma.back());
+      }
+    fmt::print(" chi2 {:.3f} bulge {:.2f} {}\n", record.value("chi2_per_voxel", 0.0),
+               record.at("truth").at("geometry").at("bulge_height_mm").get<double>(), record.at("reasons").dump());
   }
 };
 
 }  // namespace
 
 int main(int argc, char** argv) {
-  CLI::App app("Accuracy of the fit on random phantom eyes");
-  std::string protocol_name = "surface-coil";
+  CLI::App app("Accuracy of the fit on random phantom eyes, two a head");
+  StudyProtocol protocol;
   unsigned long long first = 1;
   int count = 1;
-  double motion_mm = 0.3;
-  app.add_option("--protocol", protocol_name);
-  app.add_option("--first", first);
-  app.add_option("--count", count);
-  app.add_option("--motion", motion_mm);
-  std::string cache;
-  app.add_option("--cache", cache, "folder that keeps rendered stacks");
+  std::filesystem::path cache;
+  bool score_only = false, each = false;
+  app.add_option("--protocol", protocol.name, "surface-coil, head-t2, head-t1");
+  app.add_option("--first", first, "Seed of the first head");
+  app.add_option("--count", count, "Heads");
+  app.add_flag("--distorted", protocol.distorted, "Scale error of 0.3 %, fat shifted by a pixel");
+  app.add_option("--snr", protocol.snr, "Instead of the protocol's");
+  app.add_option("--cache", cache, "Folder of records; those that are there are not made again")->required();
+  app.add_flag("--score-only", score_only, "Score the records that are there");
+  app.add_flag("--each", each, "A line for every eye");
   CLI11_PARSE(app, argc, argv);
 
-  std::map<std::string, Score> scores;
+  std::filesystem::create_directories(cache);
+  Study images, keratometry;
   for (unsigned long long seed = first; seed < first + count; ++seed) {
-    const phantom::HeadGeometry head = phantom::random_head(seed);
-    const phantom::Anatomy anatomy(head);
-    phantom::Protocol protocol = phantom::make_protocol(protocol_name, anatomy);
-    protocol.disturbances.motion_mm = motion_mm;
-    protocol.disturbances.seed = seed;
-    const Laterality laterality = seed % 2 ? Laterality::od : Laterality::os;
-    const auto t0 = std::chrono::steady_clock::now();
-    const PhantomEye eye = render_eye(head, protocol, laterality, 1, cache);
-    const auto t1 = std::chrono::steady_clock::now();
-
-    std::vector<std::string> hints(eye.stacks.size(), to_string(laterality) == std::string("od") ? "R" : "L");
-    const FoundEyes found_eyes = find_eyes(eye.views(), hints);
-    const auto one = std::find_if(found_eyes.eyes.begin(), found_eyes.eyes.end(),
-                                  [&](const FoundEye& f) { return f.laterality == laterality; });
-    if (one == found_eyes.eyes.end()) {
-      fmt::print("seed {}: eye not found\n", seed);
-      continue;
+    const auto file = [&](Laterality eye) { return record_file(cache, protocol, seed, eye); };
+    const bool made = std::filesystem::exists(file(Laterality::od)) && std::filesystem::exists(file(Laterality::os));
+    if (!made && !score_only) {
+      const std::vector<Json> records = study_head(protocol, seed);
+      for (std::size_t i = 0; i < records.size(); ++i) write_json(file(both_eyes[i]), records[i]);
     }
-    const EyeStart start = start_of(*one);
-    const auto t3 = std::chrono::steady_clock::now();
-    fmt::print(
-        "  found in {:.1f} s: centre off {:.2f} mm, axis off {:.1f} deg, radius {:.2f}, lens contrast "
-        "{:.2f}\n",
-        std::chrono::duration<double>(t3 - t1).count(),
-        (start.globe_centre - eye.truth.globe_centre_lps()).norm(),
-        std::acos(std::min(1.0, start.axis.dot(eye.truth.lps_from_eye.linear().col(2)))) / degree,
-        one->radius_mm, one->lens_contrast);
-    EyeFit fit = fit_eye(views_of(*one, eye.views()), start, one->contrast);
-    const auto t2 = std::chrono::steady_clock::now();
-
-    const phantom::EyeGeometry& g = eye.truth.geometry;
-    const ParametricEye found = to_parametric_eye(fit, laterality);
-    const double al_sigma = fit.pole_depth_sigma_mm();
-    const auto report = [&](const char* name, double error, double sigma) {
-      scores[name].add(error, sigma);
-      fmt::print("  {} {:+.3f} ({:.3f})", name, error, sigma);
-    };
-    fmt::print(
-        "seed {} {}: {} voxels, chi2 {:.3f} [{:.2f} {:.2f} {:.2f}], {} iterations{}, render {:.1f} s, fit "
-        "{:.1f} s; starts",
-        seed, to_string(laterality), fit.samples.size(), fit.chi2_per_voxel, fit.regions[0].chi2,
-        fit.regions[1].chi2, fit.regions[2].chi2, fit.iterations, fit.converged ? "" : " NOT CONVERGED",
-        std::chrono::duration<double>(t1 - t0).count(), std::chrono::duration<double>(t2 - t1).count());
-    for (const double cost : fit.start_costs) fmt::print(" {:.0f}", cost);
-    fmt::print("\n");
-    const double k_flat = 337.5 / phantom::keratometric_radius_mm(g, g.cornea_axis_deg);
-    const double k_steep = 337.5 / phantom::keratometric_radius_mm(g, g.cornea_axis_deg + 90);
-    const double j = (k_steep - k_flat) / 2, axis = 2 * g.cornea_axis_deg * pi / 180;
-    // Central powers: what the parameters say before the conic constant enters at 1.5 mm.
-    report("K",
-           337.5 * fit.value(cornea_c) - 337.5 * (1 / g.cornea_radius_x_mm + 1 / g.cornea_radius_y_mm) / 2,
-           337.5 * fit.sigma(cornea_c));
-    // Curvature matrix: the flat meridian at a has power c - |j|: j0 = -|j| cos 2a in the curvature's sign.
-    report("J0", -337.5 * fit.value(cornea_j0) - j * std::cos(axis), 337.5 * fit.sigma(cornea_j0));
-    report("J45", -337.5 * fit.value(cornea_j45) - j * std::sin(axis), 337.5 * fit.sigma(cornea_j45));
-    report("AL", found.pole_depth_mm() - phantom::pole_depth_mm(g), al_sigma);
-    report("ACD", fit.value(anterior_chamber_depth) - g.anterior_chamber_depth_mm,
-           fit.sigma(anterior_chamber_depth));
-    report("LT", fit.value(lens_thickness) - g.lens_thickness_mm, fit.sigma(lens_thickness));
-    report("Ra", fit.value(lens_anterior_radius) - g.lens_anterior_radius_mm,
-           fit.sigma(lens_anterior_radius));
-    report("Rp", fit.value(lens_posterior_radius) - g.lens_posterior_radius_mm,
-           fit.sigma(lens_posterior_radius));
-    report("apex",
-           (eye.truth.lps_from_eye.inverse() * Eigen::Vector3d(fit.parameters.segment<3>(apex_x))).z(),
-           fit.sigma(apex_y));
-    report("ratio", fit.value(cornea_back_ratio) - g.cornea_back_ratio, fit.sigma(cornea_back_ratio));
-    report("thick", fit.value(cornea_thickness) - g.cornea_thickness_mm, fit.sigma(cornea_thickness));
-    report("Q", fit.value(cornea_q) - (g.cornea_q_x + g.cornea_q_y) / 2, fit.sigma(cornea_q));
-    fmt::print("\n  intensities");
-    for (int i = vitreous; i <= surround; ++i) fmt::print(" {:.3f}", fit.value(i));
-    fmt::print("  wall {:.2f} {:.2f} iris {:.2f} {:.2f} {:.2f} {:.2f} lid {:.2f} sharp",
-               fit.value(wall_lateral), fit.value(wall_axial), fit.value(iris_depth), fit.value(iris_slope),
-               fit.value(iris_half_thickness), fit.value(pupil_radius), fit.value(lid_thickness));
-    for (int s = 0; s < fit.layout.stacks; ++s)
-      fmt::print(" {:.3f}", fit.value(fit.layout.stack(s) + log_sharpness));
-    fmt::print("\n");
-    std::fflush(stdout);
+    for (const Laterality eye : both_eyes) {
+      if (!std::filesystem::exists(file(eye))) continue;
+      const Json record = read_json(file(eye));
+      images.add(record, false);
+      if (each) images.print_each(record);
+      keratometry.add(record, true);
+    }
   }
-  fmt::print("{:6} {:>3} {:>8} {:>8} {:>8} {:>6}\n", "", "n", "rms", "median", "p95", "rms z");
-  for (auto& [name, score] : scores) {
-    std::sort(score.absolute.begin(), score.absolute.end());
-    fmt::print("{:6} {:3} {:8.4f} {:8.4f} {:8.4f} {:6.2f}\n", name, score.n, std::sqrt(score.sum2 / score.n),
-               score.absolute[score.absolute.size() / 2],
-               score.absolute[static_cast<std::size_t>(0.95 * (score.absolute.size() - 1))],
-               std::sqrt(score.z2 / score.n));
-  }
+  fmt::print("\n{}, images alone: ", protocol.label());
+  images.print();
+  fmt::print("{}, keratometry of 0.25 D given: ", protocol.label());
+  keratometry.print();
   return 0;
 }

@@ -35,6 +35,7 @@ VectorXd test_parameters(unsigned seed) {
   a.segment<5>(0) << 30, 0, 0, 7, -12;
   a[cornea_j0] = 0.003;
   a[cornea_j45] = -0.002;
+  a[cornea_q_split] = 0.08;
   a[lens_tilt_x] = 3;
   a[lens_tilt_y] = -2;
   a[lens_decentre_x] = 0.2;

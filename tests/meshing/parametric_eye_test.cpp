@@ -6,6 +6,7 @@
 
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/frames.hpp"
+#include "raytrace/eye/shape.hpp"
 #include "tests/meshing/random_eye.hpp"
 
 namespace emmetrope {
@@ -20,12 +21,34 @@ TEST(ParametricEye, CorneaIsAConicInItsPrincipalMeridians) {
   eye.cornea_j0_per_mm = j * std::cos(2 * axis);
   eye.cornea_j45_per_mm = j * std::sin(2 * axis);
   eye.cornea_q = -0.3;
-  for (const auto& [meridian, curvature] : {std::pair{axis, c + j}, std::pair{axis + pi / 2, c - j}}) {
+  eye.cornea_q_split = 0.1;
+  const ParametricEye::Biconic biconic = eye.cornea_biconic();
+  EXPECT_NEAR(biconic.steep_axis_deg, 30, 1e-9);
+  // A cylinder of 2.7 D is far above the scale at which the split fades.
+  EXPECT_NEAR(biconic.steep_q, -0.2, 0.002);
+  EXPECT_NEAR(biconic.flat_q, -0.4, 0.002);
+  for (const auto& [meridian, curvature, q] :
+       {std::tuple{axis, c + j, biconic.steep_q}, std::tuple{axis + pi / 2, c - j, biconic.flat_q}}) {
     const double r = 3, R = 1 / curvature;
-    const double conic = r * r / (R * (1 + std::sqrt(1 - (1 + eye.cornea_q) * r * r / (R * R))));
+    const double conic = r * r / (R * (1 + std::sqrt(1 - (1 + q) * r * r / (R * R))));
     EXPECT_NEAR(eye.cornea_anterior_depth_mm(r * std::cos(meridian), r * std::sin(meridian)), conic, 1e-12);
   }
   EXPECT_DOUBLE_EQ(eye.cornea_posterior_depth_mm(0, 0), eye.cornea_thickness_mm);
+}
+
+/// Between the meridians too: the eye's own formula against the biconic of the ray tracer.
+TEST(ParametricEye, CorneaIsTheTracersBiconic) {
+  ParametricEye eye = random_eye(5);
+  eye.cornea_q_split = -0.07;
+  const ParametricEye::Biconic b = eye.cornea_biconic();
+  const ShapePtr shape =
+      make_biconic(b.steep_radius_mm, b.flat_radius_mm, b.steep_q, b.flat_q, b.steep_axis_deg);
+  for (int i = 0; i < 40; ++i) {
+    const double r = 0.1 * i, azimuth = 0.7 * i, x = r * std::cos(azimuth), y = r * std::sin(azimuth);
+    EXPECT_NEAR(eye.cornea_anterior_depth_mm(x, y), shape->depth_mm(x, y).value(), 1e-12);
+  }
+  eye.cornea_j0_per_mm = eye.cornea_j45_per_mm = 0;
+  EXPECT_EQ(eye.cornea_biconic().steep_q, eye.cornea_biconic().flat_q);
 }
 
 TEST(ParametricEye, PoleIsWhereTheDisplacementPutsIt) {

@@ -21,6 +21,7 @@ inline ParametricEye random_eye(unsigned seed) {
   eye.cornea_j0_per_mm = about(0, 0.003);
   eye.cornea_j45_per_mm = about(0, 0.002);
   eye.cornea_q = about(-0.2, 0.12);
+  eye.cornea_q_split = about(0, 0.05);
   eye.anterior_chamber_depth_mm = about(3.5, 0.3);
   eye.lens_thickness_mm = about(3.9, 0.3);
   eye.lens_anterior_radius_mm = about(10.5, 1);
@@ -49,6 +50,7 @@ inline ParametricEye random_eye(unsigned seed) {
   knows("cornea_j0_per_mm", 0.0008, "mri");
   knows("cornea_j45_per_mm", 0.0008, "mri");
   knows("cornea_q", 0.1, "prior");
+  knows("cornea_q_split", 0.04, "prior");
   knows("anterior_chamber_depth_mm", 0.015, "mri");
   knows("lens_thickness_mm", 0.015, "mri");
   knows("lens_anterior_radius_mm", 0.3, "mri");

@@ -1,0 +1,198 @@
+#include "tests/fit/study_eye.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <ctime>
+#include <random>
+
+#include "pipeline/base/error.hpp"
+#include "pipeline/base/frames.hpp"
+#include "segmentation/finding/find_eyes.hpp"
+#include "segmentation/fit/rician.hpp"
+#include "segmentation/segment/quality.hpp"
+#include "tests/fit/phantom_eyes.hpp"
+
+namespace emmetrope::segmentation {
+namespace {
+
+using Eigen::Vector3d;
+
+double processor_s() { return static_cast<double>(std::clock()) / CLOCKS_PER_SEC; }
+
+/// The part of a stack that shows the globes, on the same grid.
+phantom::StackPlan cropped(phantom::StackPlan plan, const std::vector<Vector3d>& globes, double reach_mm) {
+  const auto crop = [&](const Vector3d& along, double spacing_mm, int& count) {
+    const double first = plan.centre.dot(along) - 0.5 * (count - 1) * spacing_mm;
+    double low = 1e9, high = -1e9;
+    for (const Vector3d& globe : globes) {
+      low = std::min(low, globe.dot(along) - reach_mm);
+      high = std::max(high, globe.dot(along) + reach_mm);
+    }
+    const int from = std::clamp(static_cast<int>(std::floor((low - first) / spacing_mm)), 0, count - 1);
+    const int to = std::clamp(static_cast<int>(std::ceil((high - first) / spacing_mm)), from, count - 1);
+    const double middle = first + 0.5 * (from + to) * spacing_mm;
+    plan.centre += (middle - plan.centre.dot(along)) * along;
+    count = to - from + 1;
+  };
+  crop(plan.along_row, plan.pixel_mm, plan.columns);
+  crop(plan.along_column, plan.pixel_mm, plan.rows);
+  crop(plan.normal(), plan.slice_spacing_mm, plan.slices);
+  return plan;
+}
+
+/// Covariance that noise and priors alone would give at the fitted eye: every parameter free, the voxels'
+/// deviations those of the noise.
+Eigen::MatrixXd information_bound(const EyeFit& fit) {
+  FitProblem problem;
+  problem.model = &fit.model;
+  problem.samples = fit.samples;
+  problem.priors = fit.priors;
+  problem.rician = true;
+  const ForwardModel::AtParameters at(fit.model, fit.parameters);
+  for (Sample& sample : problem.samples) {
+    const double noise = fit.model.stacks()[sample.stack].noise;
+    sample.deviation =
+        static_cast<float>(noise * rician(std::abs(at.intensity(sample, nullptr)) / noise).deviation);
+    // No residuals: the bound knows the truth.
+    sample.value = static_cast<float>(noise * rician(std::abs(at.intensity(sample, nullptr)) / noise).mean);
+  }
+  return covariance(problem, fit.parameters, select_parameters(fit.layout.size(), fit.active));
+}
+
+Json matrix_json(const Eigen::MatrixXd& matrix, const std::vector<Eigen::Index>& places) {
+  Json rows = Json::array();
+  for (const Eigen::Index i : places) {
+    Json row = Json::array();
+    for (const Eigen::Index j : places) row.push_back(matrix(i, j));
+    rows.push_back(row);
+  }
+  return rows;
+}
+
+/// Mean distance of the fitted surfaces from points of the true ones. \param fitted_from_true  eye frames
+Json surface_distances(const ParametricEye& fitted, const phantom::PlacedEye& truth,
+                       const Eigen::Isometry3d& fitted_from_true) {
+  constexpr int points = 2000;
+  const double golden_angle = pi * (3 - std::sqrt(5.0));
+  double retina = 0, cornea = 0;
+  for (int i = 0; i < points; ++i) {
+    const double angle = golden_angle * i, z = -(i + 0.5) / points, r = std::sqrt(1 - z * z);
+    const Vector3d p =
+        fitted_from_true * phantom::retina_point(truth, {r * std::cos(angle), r * std::sin(angle), z});
+    const Vector3d from_centre = p - fitted.globe_centre_mm();
+    const Vector3d scaled = from_centre.cwiseQuotient(fitted.globe_semi_axes_mm);
+    const Vector3d n = scaled.normalized();
+    const Vector3d on_it = fitted.retina_point(n);
+    retina += std::abs((p - on_it).dot(fitted.retina_normal(n))) / points;
+  }
+  const phantom::EyeGeometry& g = truth.geometry;
+  const auto true_depth = [&](double x, double y) {
+    const double a = g.cornea_axis_deg * degree, u = std::cos(a) * x + std::sin(a) * y,
+                 v = std::cos(a) * y - std::sin(a) * x;
+    const double s = u * u / g.cornea_radius_x_mm + v * v / g.cornea_radius_y_mm;
+    const double t = (1 + g.cornea_q_x) * std::pow(u / g.cornea_radius_x_mm, 2) +
+                     (1 + g.cornea_q_y) * std::pow(v / g.cornea_radius_y_mm, 2);
+    return s / (1 + std::sqrt(1 - t));
+  };
+  for (int i = 0; i < points; ++i) {
+    const double r = 4 * std::sqrt((i + 0.5) / points), angle = golden_angle * i;
+    const double x = r * std::cos(angle), y = r * std::sin(angle);
+    const Vector3d p = fitted_from_true * Vector3d(x, y, -true_depth(x, y));
+    const double slope = p.head<2>().norm() * fitted.cornea_c_per_mm;
+    cornea += std::abs(-p.z() - fitted.cornea_anterior_depth_mm(p.x(), p.y())) *
+              std::sqrt(std::max(0.1, 1 - slope * slope)) / points;
+  }
+  return {{"retina", retina}, {"cornea", cornea}};
+}
+
+}  // namespace
+
+std::filesystem::path record_file(const std::filesystem::path& cache, const StudyProtocol& protocol,
+                                  unsigned long long seed, Laterality eye) {
+  return cache / fmt::format("{}-{}-{}.json", protocol.label(), seed, to_string(eye));
+}
+
+std::vector<Json> study_head(const StudyProtocol& wanted, unsigned long long seed) {
+  const phantom::HeadGeometry head = phantom::random_head(seed);
+  const phantom::Anatomy anatomy(head);
+  phantom::Protocol protocol = phantom::make_protocol(wanted.name, anatomy);
+  protocol.disturbances.motion_mm = 0.3;
+  protocol.disturbances.seed = seed;
+  if (wanted.snr > 0) protocol.disturbances.snr = wanted.snr;
+  if (wanted.distorted) {
+    std::mt19937_64 random(seed + 77);
+    protocol.disturbances.scale_error = std::normal_distribution<double>(0, 0.003)(random);
+    protocol.disturbances.chemical_shift_px = 1;
+  }
+  const Vector3d od = anatomy.eye(Laterality::od).globe_centre_lps(),
+                 os = anatomy.eye(Laterality::os).globe_centre_lps();
+  for (phantom::StackPlan& plan : protocol.stacks) {
+    const bool of_one_eye = plan.coil == phantom::Coil::surface;
+    plan = cropped(plan, of_one_eye ? std::vector<Vector3d>{plan.coil_eye == Laterality::od ? od : os}
+                                    : std::vector<Vector3d>{od, os},
+                   23);
+  }
+
+  std::vector<Json> records;
+  PhantomEye shared;  // a head coil's stacks show both eyes
+  for (const Laterality laterality : both_eyes) {
+    Json record{{"protocol", wanted.label()}, {"seed", seed}, {"laterality", to_string(laterality)}};
+    const double begin_s = processor_s();
+    if (shared.stacks.empty() || protocol.stacks.front().coil == phantom::Coil::surface)
+      shared = render_eye(head, protocol, laterality, 1);
+    const double rendered_s = processor_s();
+    const phantom::PlacedEye truth = phantom::place(head, laterality);
+    record["truth"] = phantom::eye_truth(truth, head.lens_index);
+    record["age_years"] = head.age_years;
+    record["lens_index"] = head.lens_index;
+    record["render_s"] = rendered_s - begin_s;
+
+    const bool of_one_eye = protocol.stacks.front().coil == phantom::Coil::surface;
+    const std::vector<std::string> hints(shared.stacks.size(),
+                                         of_one_eye ? (laterality == Laterality::od ? "R" : "L") : "");
+    const FoundEyes found = find_eyes(shared.views(), hints);
+    const auto one = std::find_if(found.eyes.begin(), found.eyes.end(),
+                                  [&](const FoundEye& f) { return f.laterality == laterality; });
+    record["status"] = "not found";
+    record["reasons"] = found.notes;
+    if (one != found.eyes.end()) {
+      try {
+        const EyeFit fit = fit_eye(views_of(*one, shared.views()), start_of(*one), one->contrast);
+        const std::vector<QualityGate> gates = judge_quality(*one, fit);
+        record["status"] = is_refused(gates) ? "refused" : "measured";
+        for (const QualityGate& gate : gates)
+          if (!gate.passed) record["reasons"].push_back(gate.reason);
+        ParametricEye eye = to_parametric_eye(fit, laterality);
+        std::vector<Eigen::Index> places;
+        for (std::size_t i = 0; i < fit.active.size(); ++i)
+          if (has_parameter(eye, fit.layout.name(fit.active[i]))) places.push_back(static_cast<Eigen::Index>(i));
+        record["bound"] = matrix_json(information_bound(fit), places);
+        if (wanted.distorted) add_scale_uncertainty(eye, 0.003);
+        record["fit"] = to_json(eye);
+        // Where the eye is in the images that define its pose.
+        const Eigen::Isometry3d fitted_from_true =
+            eye.lps_from_eye.inverse() * shared.scanner_from_reference[one->views.front().stack] * truth.lps_from_eye;
+        record["surface_mm"] = surface_distances(eye, truth, fitted_from_true);
+        record["chi2_per_voxel"] = fit.chi2_per_voxel;
+        record["regions"] = Json::array();
+        for (const RegionFit& region : fit.regions) record["regions"].push_back(region.chi2);
+        record["voxels"] = fit.samples.size();
+        record["iterations"] = fit.iterations;
+        record["converged"] = fit.converged;
+        record["start_costs"] = fit.start_costs;
+        for (int i = wall_lateral; i < eye_parameter_count; ++i)
+          record["nuisance"][fit.layout.name(i)] = fit.value(i);
+      } catch (const Error& error) {
+        if (error.status() != ExitStatus::no_result) throw;
+        record["status"] = "refused";
+        record["reasons"].push_back(error.what());
+      }
+    }
+    record["fit_s"] = processor_s() - rendered_s;
+    records.push_back(std::move(record));
+  }
+  return records;
+}
+
+}  // namespace emmetrope::segmentation

@@ -1,0 +1,39 @@
+#pragma once
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "pipeline/base/json.hpp"
+#include "pipeline/base/laterality.hpp"
+
+/// One phantom eye of the accuracy study, fitted and written down.
+namespace emmetrope::segmentation {
+
+/// What is rendered and fitted.
+struct StudyProtocol {
+  std::string name = "surface-coil";  ///< surface-coil, head-t2, head-t1
+  /// The second set: a scale error drawn from a normal distribution of 0.3 %, fat shifted by one pixel.
+  bool distorted = false;
+  double snr = 0;  ///< 0: the protocol's own
+
+  /// "surface-coil" or "surface-coil-distorted": how records are named.
+  std::string label() const { return name + (distorted ? "-distorted" : ""); }
+};
+
+/// Both eyes of the random head `seed`: bulge, muscles, lid, coil shading, Rician noise, gaze, head shifts of
+/// 0.3 mm rms per axis between stacks. The stacks are those of the protocol, cropped to 23 mm around the globes.
+/// A record holds
+///   "protocol", "seed", "laterality", "status" ("measured", "refused", "not found") with "reasons",
+///   "truth": the eye's entry in the phantom's truth.json (biometry, "refraction", "optics", "geometry"),
+///   "age_years", "lens_index": true index of the lens, which images do not show,
+///   "fit": fit.json's "eye" (parameters, covariance), scale uncertainty included,
+///   "bound": covariance over the same parameters if the model were exact: noise and priors alone,
+///   "surface_mm": mean distance of the fitted "retina" (hemisphere about the pole) and "cornea" (8 mm) from the
+///   true ones, "chi2_per_voxel", "voxels", "iterations", "start_costs", "fit_s", "render_s" (processor time).
+std::vector<Json> study_head(const StudyProtocol& protocol, unsigned long long seed);
+
+/// CACHE/<label>-<seed>-<eye>.json
+std::filesystem::path record_file(const std::filesystem::path& cache, const StudyProtocol& protocol,
+                                  unsigned long long seed, Laterality eye);
+
+}  // namespace emmetrope::segmentation
