@@ -23,6 +23,9 @@ int subslices_for(double thickness_mm) {
   return std::clamp(static_cast<int>(std::ceil(thickness_mm / 0.7)), 1, 4);
 }
 
+/// Where in the eye frame (y) the fissure between closed lids begins at the highest.
+constexpr double fissure_top_mm = -2.6;
+
 }  // namespace
 
 TissueLevels measure_levels(const Stack& stack, const EyeStart& start, Contrast contrast) {
@@ -157,7 +160,9 @@ std::vector<Sample> select_samples(const ForwardModel& model, const VectorXd& a,
                             if (reach > 3.4 && (d.iris > -1 || depth > a[anterior_chamber_depth] - 0.5))
                               return;
                             // Nor is the fissure between the lids, a few millimetres below the apex.
-                            if (reach > 2.5 && d.cornea_front < -0.6) return;
+                            const double lowest = p.y() - std::abs(through.y()) - pixel;
+                            const double foremost = d.cornea_front - std::abs(through.z());
+                            if (lowest < fissure_top_mm && foremost < -0.6) return;
                             sample.part = d.cornea_front < -0.6                                  ? Part::lid
                                           : d.cornea_back < 0.5 + pixel                          ? Part::cornea
                                           : depth > a[anterior_chamber_depth] - 1 - pixel        ? Part::lens

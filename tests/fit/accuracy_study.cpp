@@ -8,9 +8,9 @@
 #include <random>
 
 #include "meshing/biometry.hpp"
-#include "meshing/instruments.hpp"
 #include "pipeline/base/files.hpp"
 #include "pipeline/base/frames.hpp"
+#include "raytrace/parametric/instruments.hpp"
 #include "tests/fit/study_eye.hpp"
 
 using namespace emmetrope;
@@ -55,7 +55,7 @@ struct Quantity {
     }
     return sum;
   }
-  /// What the score would be on average if errors were normal with the bound's sigma: 2 phi(1.96) / 0.05 ...
+  /// What the score would be on average if errors were normal with the bound's sigma.
   double bound_score() const {
     double sum = 0;
     // E of width + 40 excess for a standard normal error: 3.92 + 80 (phi(z) - z (1 - Phi(z))).
@@ -93,7 +93,7 @@ Json at(const Json& json, const std::vector<std::string>& path) {
 
 /// What a keratometer with a standard deviation of 0.25 D in each meridian would read.
 ExternalMeasurement simulated_keratometry(const Json& record) {
-  ExternalMeasurement measurement = keratometry_measurement({Laterality::od, "43@0/44@90", 0.25});
+  ExternalMeasurement measurement = keratometry_measurement("43@0/44@90", 0.25);
   std::mt19937_64 random(record.at("seed").get<unsigned long long>() * 2 + (record.at("laterality") == "os"));
   std::normal_distribution<double> noise(0, 0.25 / std::sqrt(2.0));
   const Json& astigmatism = record.at("truth").at("astigmatism");

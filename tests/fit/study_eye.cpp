@@ -131,7 +131,7 @@ std::vector<Json> study_head(const StudyProtocol& wanted, unsigned long long see
     const bool of_one_eye = plan.coil == phantom::Coil::surface;
     plan = cropped(plan, of_one_eye ? std::vector<Vector3d>{plan.coil_eye == Laterality::od ? od : os}
                                     : std::vector<Vector3d>{od, os},
-                   23);
+                   19);
   }
 
   std::vector<Json> records;

@@ -21,7 +21,7 @@ struct StudyProtocol {
 };
 
 /// Both eyes of the random head `seed`: bulge, muscles, lid, coil shading, Rician noise, gaze, head shifts of
-/// 0.3 mm rms per axis between stacks. The stacks are those of the protocol, cropped to 23 mm around the globes.
+/// 0.3 mm rms per axis between stacks. The stacks are those of the protocol, cropped to 19 mm around the globes.
 /// A record holds
 ///   "protocol", "seed", "laterality", "status" ("measured", "refused", "not found") with "reasons",
 ///   "truth": the eye's entry in the phantom's truth.json (biometry, "refraction", "optics", "geometry"),
