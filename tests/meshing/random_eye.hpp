@@ -21,7 +21,6 @@ inline ParametricEye random_eye(unsigned seed) {
   eye.cornea_j0_per_mm = about(0, 0.003);
   eye.cornea_j45_per_mm = about(0, 0.002);
   eye.cornea_q = about(-0.2, 0.12);
-  eye.cornea_q_split = about(0, 0.05);
   eye.anterior_chamber_depth_mm = about(3.5, 0.3);
   eye.lens_thickness_mm = about(3.9, 0.3);
   eye.lens_anterior_radius_mm = about(10.5, 1);
@@ -36,6 +35,7 @@ inline ParametricEye random_eye(unsigned seed) {
     eye.displacement_directions.emplace_back(r * std::cos(a), r * std::sin(a), z);
     eye.displacement_mm.push_back(about(0, 0.05));
   }
+  eye.cornea_q_split = about(0, 0.05);
 
   const auto knows = [&](const std::string& name, double sigma, const char* source) {
     eye.parameter_names.push_back(name);
