@@ -139,7 +139,7 @@ std::vector<int> all_parameters(const ParameterLayout& layout) {
 SolveResult fit_globe(FitProblem& problem, const VectorXd& start) {
   std::vector<int> active = range(apex_x, gaze_vertical);
   append(active, {anterior_chamber_depth, lens_thickness, lens_anterior_radius, lens_posterior_radius,
-                  globe_x, globe_y, globe_z, wall_lateral, wall_axial, iris_depth, pupil_radius, vitreous,
+                  globe_x, globe_y, globe_z, wall_lateral, wall_axial, iris_offset, pupil_radius, vitreous,
                   aqueous, wall, lens, iris, surround});
   append(active, stack_parameters(problem.model->layout(), true));
   problem.loss_scale = 6;
@@ -156,7 +156,7 @@ SolveResult fit_cornea(FitProblem& problem, const VectorXd& start, std::vector<d
   // place.
   VectorXd slide = VectorXd::Zero(size);
   slide.segment<3>(apex_x) = gaze_axis(start[gaze_horizontal], start[gaze_vertical]);
-  for (const int depth : {int(axial_length), int(anterior_chamber_depth), int(iris_depth)}) slide[depth] = 1;
+  for (const int depth : {int(axial_length), int(anterior_chamber_depth)}) slide[depth] = 1;
   Basis basis(size, static_cast<int>(active.size()) + 1);
   std::vector<Eigen::Triplet<double>> entries;
   for (std::size_t i = 0; i < active.size(); ++i) entries.emplace_back(active[i], static_cast<int>(i), 1);
@@ -362,14 +362,19 @@ EyeFit fit_eye(const std::vector<const Stack*>& stacks, const EyeStart& start, C
   std::vector<double> start_costs;
   adopt(fit_cornea(problem, a, start_costs));
 
+  // The iris keeps its usual thickness at first: a thick one fills the gap before the lens, whose front then
+  // settles on the back of the iris.
   const std::vector<int> active = all_parameters(layout);
-  const Basis basis = select_parameters(layout.size(), active);
+  const auto but_iris = [](int parameter) { return parameter != iris_half_thickness && parameter != iris_slope; };
+  std::vector<int> first;
+  std::copy_if(active.begin(), active.end(), std::back_inserter(first), but_iris);
   problem.loss_scale = 3;
   problem.rician = true;
   problem.samples = select_samples(model, a, observed, {});
   freeze_weights(problem, a);
-  adopt(solve(problem, a, basis, 20));
+  adopt(solve(problem, a, select_parameters(layout.size(), first), 20));
 
+  const Basis basis = select_parameters(layout.size(), active);
   problem.samples = select_samples(model, a, observed, {});
   const VectorXd misfit = freeze_weights(problem, a);
   adopt(solve(problem, a, basis, 25));

@@ -40,7 +40,7 @@ enum Parameter : int {
   globe_z,
   wall_lateral,
   wall_axial,
-  iris_depth,
+  iris_offset,  ///< middle of the iris behind the lens' front vertex, at 3 mm from the axis
   iris_slope,
   iris_half_thickness,
   pupil_radius,

@@ -18,7 +18,7 @@ using Eigen::VectorXd;
 /// Radius of the sphere on which the wall's displacement is meant in mm.
 constexpr double displacement_sphere_mm = 11;
 constexpr double coil_length_mm = 12;
-/// Radius at which the iris has the depth `iris_depth`.
+/// Radius at which the iris lies `iris_offset` behind the front vertex of the lens, on which it rests.
 constexpr double iris_reference_radius_mm = 3;
 
 /// Columns x, y, z of the eye in LPS for a gaze (rad), or its derivative by one of them.
@@ -275,7 +275,7 @@ void ForwardModel::AtParameters::iris_surfaces(const Vector3d& p, Surface& top, 
                                                Surface& pupil) const {
   const double r = std::max(std::hypot(p.x(), p.y()), 0.3);
   const double arm = r - iris_reference_radius_mm;
-  const double depth = a_[iris_depth] + a_[iris_slope] * arm;
+  const double depth = a_[anterior_chamber_depth] + a_[iris_offset] + a_[iris_slope] * arm;
   const Vector3d radial(p.x() / r, p.y() / r, 0);
   for (const bool is_top : {true, false}) {
     Surface& surface = is_top ? top : bottom;
@@ -283,7 +283,8 @@ void ForwardModel::AtParameters::iris_surfaces(const Vector3d& p, Surface& top, 
     surface.f = -p.z() - depth - sign * a_[iris_half_thickness];
     surface.gradient = -a_[iris_slope] * radial - Vector3d::UnitZ();
     surface.count = 0;
-    surface.depends(iris_depth, -1);
+    surface.depends(anterior_chamber_depth, -1);
+    surface.depends(iris_offset, -1);
     surface.depends(iris_slope, -arm);
     surface.depends(iris_half_thickness, -sign);
   }
