@@ -18,7 +18,7 @@ struct MeshingOptions {
   double edge_mm = 0;  ///< target edge length instead of counts where > 0
   std::vector<std::string> formats;  ///< besides PLY: "vtp", "stl", "obj", "gii"
   double retinal_depth_mm = 0.20;
-  double scale_sd = 0;  ///< of the scanner's scale, a fraction: a prior that widens every length
+  double scale_sd = 0.003;  ///< of the scanner's scale, a fraction: a prior that widens every length
 };
 
 /// From segmentation/<eye>/fit.json to meshing/<eye>/: five open sheets (PLY in LPS), biometry.json,

@@ -7,10 +7,11 @@ namespace {
 /// top.
 const std::vector<std::string>& optical_parameters() {
   static const std::vector<std::string> names{
-      "cornea_c_per_mm",         "cornea_j0_per_mm",         "cornea_j45_per_mm",         "cornea_q",   "cornea_q_split",
-      "cornea_back_ratio",       "cornea_thickness_mm",      "anterior_chamber_depth_mm", "lens_thickness_mm",
-      "lens_anterior_radius_mm", "lens_posterior_radius_mm", "lens_anterior_q",           "lens_posterior_q",
-      "lens_decentre_x_mm",      "lens_decentre_y_mm",       "lens_tilt_x_deg",           "lens_tilt_y_deg"};
+      "cornea_c_per_mm",   "cornea_j0_per_mm",        "cornea_j45_per_mm",        "cornea_q",
+      "cornea_q_split",    "cornea_back_ratio",       "cornea_thickness_mm",      "anterior_chamber_depth_mm",
+      "lens_thickness_mm", "lens_anterior_radius_mm", "lens_posterior_radius_mm", "lens_anterior_q",
+      "lens_posterior_q",  "lens_decentre_x_mm",      "lens_decentre_y_mm",       "lens_tilt_x_deg",
+      "lens_tilt_y_deg"};
   return names;
 }
 

@@ -114,8 +114,8 @@ Tissue EyeAnatomy::content(const Vector3d& p, double scaled_radius) const {
   if (r > g.iris_diameter_mm / 2 && d < iris_back && d > iris_back - g.iris_thickness_mm) return Tissue::iris;
   if (d < iris_back) return Tissue::aqueous;
 
-  // Ciliary body: a wedge on the wall around the lens, thick behind the iris root, running out towards the ora
-  // serrata. In front of the lens, where a short globe's ellipsoid comes near the iris, there is none.
+  // Ciliary body: a wedge on the wall around the lens, thick behind the iris root, running out towards the
+  // ora serrata. In front of the lens, where a short globe's ellipsoid comes near the iris, there is none.
   const double along = (d - iris_back) / 4.5;
   if (along < 1 && r > g.lens_equator_radius_mm + 0.3) {
     const double from_wall = (1 - scaled_radius) * inner_.x();

@@ -46,8 +46,8 @@ std::vector<Surface> analytic_surfaces(const ParametricEye& eye, const ShapePtr&
                                        const OpticalDefaults& defaults) {
   Surface front =
       surface("cornea_anterior", anterior_cornea ? anterior_cornea : anterior_cornea_shape(eye), 0, "cornea");
-  Surface back = surface("cornea_posterior", scaled_cornea(eye, eye.cornea_back_ratio), eye.cornea_thickness_mm,
-                         "aqueous");
+  Surface back = surface("cornea_posterior", scaled_cornea(eye, eye.cornea_back_ratio),
+                         eye.cornea_thickness_mm, "aqueous");
 
   Surface iris;
   iris.name = "iris";

@@ -56,7 +56,7 @@ void check_covariance(const ParametricEye& eye) {
 const std::vector<PopulationPrior>& population_priors() {
   static const std::vector<PopulationPrior> priors{
       {"cornea_q", 0.12, "Dubbelman, Sicam and van der Heijde 2006"},
-      {"cornea_q_split", 0.05, "half the spread of the difference between meridians"},
+      {"cornea_q_split", 0.05, "Zhang et al. 2011, 1052 subjects"},
       {"cornea_thickness_mm", 0.035, "Doughty and Zaman 2000: 0.535 +- 0.031 mm"},
       {"cornea_back_ratio", 0.015, "Dubbelman, Sicam and van der Heijde 2006: 0.81 to 0.84"},
       {"lens_anterior_radius_mm", 1.5, "Dubbelman and van der Heijde 2001"},

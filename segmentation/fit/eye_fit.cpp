@@ -189,8 +189,8 @@ SolveResult fit_cornea(FitProblem& problem, const VectorXd& start, std::vector<d
 int coarse_stride(const std::vector<ObservedStack>& stacks) {
   double voxel_mm3 = 1e9;
   for (const ObservedStack& o : stacks)
-    voxel_mm3 = std::min(voxel_mm3, o.stack->row_spacing_mm * o.stack->column_spacing_mm *
-                                        o.stack->slice_spacing_mm());
+    voxel_mm3 = std::min(voxel_mm3,
+                         o.stack->row_spacing_mm * o.stack->column_spacing_mm * o.stack->slice_spacing_mm());
   return std::clamp(static_cast<int>(0.8 / voxel_mm3), 1, 6);
 }
 
@@ -231,16 +231,17 @@ std::array<double, part_count> residual_correlation(const EyeFit& fit, const std
     factor[part] = 1;
     if (voxels[part] < 50) continue;
     for (const int axis : {0, 1}) {
-      const double rho =
-          std::clamp(along[part][axis] / std::max(1.0, pairs[part][axis]) / (power[part] / voxels[part]), 0.0, 0.67);
+      const double rho = std::clamp(
+          along[part][axis] / std::max(1.0, pairs[part][axis]) / (power[part] / voxels[part]), 0.0, 0.67);
       factor[part] *= (1 + rho) / (1 - rho);
     }
   }
   return factor;
 }
 
-/// Residuals by part. \return by how much the variance of each part's samples is to be widened: what the model
-/// does not explain, and neighbours whose residuals are alike, carry less information than independent noise.
+/// Residuals by part. \return by how much the variance of each part's samples is to be widened: what the
+/// model does not explain, and neighbours whose residuals are alike, carry less information than independent
+/// noise.
 std::array<double, part_count> judge(EyeFit& fit, const FitProblem& problem) {
   const ForwardModel::AtParameters at(fit.model, fit.parameters);
   fit.regions.assign(part_count, {});
@@ -365,7 +366,9 @@ EyeFit fit_eye(const std::vector<const Stack*>& stacks, const EyeStart& start, C
   // The iris keeps its usual thickness at first: a thick one fills the gap before the lens, whose front then
   // settles on the back of the iris.
   const std::vector<int> active = all_parameters(layout);
-  const auto but_iris = [](int parameter) { return parameter != iris_half_thickness && parameter != iris_slope; };
+  const auto but_iris = [](int parameter) {
+    return parameter != iris_half_thickness && parameter != iris_slope;
+  };
   std::vector<int> first;
   std::copy_if(active.begin(), active.end(), std::back_inserter(first), but_iris);
   problem.loss_scale = 3;
@@ -379,8 +382,8 @@ EyeFit fit_eye(const std::vector<const Stack*>& stacks, const EyeStart& start, C
   const VectorXd misfit = freeze_weights(problem, a);
   adopt(solve(problem, a, basis, 25));
 
-  EyeFit fit{layout, contrast, observed, model, a,  active, {},    problem.priors,        {},
-             {},     0,        misfit,   {}, 0,      false, std::move(start_costs)};
+  EyeFit fit{layout, contrast, observed, model,  a,  active, {},    problem.priors,
+             {},     {},       0,        misfit, {}, 0,      false, std::move(start_costs)};
   // The balance of image and priors, and the covariance, with weights that know about the misfit.
   const std::array<double, part_count> widening = judge(fit, problem);
   std::vector<float> deviations;
@@ -422,20 +425,6 @@ ParametricEye to_parametric_eye(const EyeFit& fit, Laterality laterality) {
     for (Eigen::Index j = 0; j < n; ++j) eye.covariance(i, j) = fit.covariance(rows[i], rows[j]);
   eye.iris_diameter_mm = 2 * fit.value(pupil_radius);
   return eye;
-}
-
-void add_scale_uncertainty(ParametricEye& eye, double sigma) {
-  VectorXd by_scale = VectorXd::Zero(static_cast<Eigen::Index>(eye.parameter_names.size()));
-  for (std::size_t i = 0; i < eye.parameter_names.size(); ++i) {
-    const std::string& name = eye.parameter_names[i];
-    const auto ends_with = [&](const std::string& end) {
-      return name.size() >= end.size() && name.compare(name.size() - end.size(), end.size(), end) == 0;
-    };
-    if (name.rfind("apex_", 0) == 0) continue;  // the place in the scanner is no length of the eye
-    const double power = ends_with("_per_mm") ? -1 : (ends_with("_mm") ? 1 : 0);
-    by_scale[static_cast<Eigen::Index>(i)] = power * eye.get(name);
-  }
-  eye.covariance += sigma * sigma * by_scale * by_scale.transpose();
 }
 
 }  // namespace emmetrope::segmentation

@@ -72,9 +72,4 @@ inline constexpr int fit_steps = 6;
 /// narrowed the prior by less than a tenth).
 ParametricEye to_parametric_eye(const EyeFit& fit, Laterality laterality);
 
-/// Adds the uncertainty of the scanner's length scale (gradient calibration and nonlinearity), which the
-/// images cannot show, to the covariance: all lengths grow together, curvatures shrink. \param sigma
-/// relative, 0.001 is 0.1 %
-void add_scale_uncertainty(ParametricEye& eye, double sigma);
-
 }  // namespace emmetrope::segmentation

@@ -74,7 +74,8 @@ Bump exact_bump(double cosine) {
 class BumpTable {
  public:
   BumpTable() {
-    for (int i = 0; i <= intervals; ++i) nodes_[i] = exact_bump(1 - (1 - first_) * (1 - double(i) / intervals));
+    for (int i = 0; i <= intervals; ++i)
+      nodes_[i] = exact_bump(1 - (1 - first_) * (1 - double(i) / intervals));
   }
   Bump operator()(double cosine) const {
     if (cosine < first_) return exact_bump(cosine);

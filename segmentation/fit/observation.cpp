@@ -140,63 +140,59 @@ std::vector<Sample> select_samples(const ForwardModel& model, const VectorXd& a,
     const Vector3d through =
         at.to_eye(stack.normal * (stacks[k].sampling.thickness_mm / 2), static_cast<int>(k)) -
         at.to_eye(Vector3d::Zero(), static_cast<int>(k));
-    for_each_voxel_near(stack, centre - equator_depth * axis, 19,
-                        [&](int c, int r, int s, const Vector3d& x) {
-                          const Vector3d p = at.to_eye(x, static_cast<int>(k));
-                          const double depth = -p.z();
-                          // The farthest part of the voxel from the axis.
-                          const double off_axis = std::hypot(p.x(), p.y());
-                          const double reach = std::max((p + through).head<2>().norm(), (p - through).head<2>().norm());
-                          Sample sample;
-                          sample.zone = depth < mid_lens ? Zone::front : Zone::rear;
-                          if (sample.zone == Zone::front) {
-                            if (off_axis > 4.6) return;
-                            const auto d = at.distances(p);
-                            if (d.lid < -edge_reach || d.cornea_front < -5) return;
-                            sample.near_cornea = d.cornea_back < influence;
-                            sample.near_lens = depth > a[anterior_chamber_depth] - influence;
-                            if (!selection.cornea && d.cornea_back < 0.5 + pixel) return;
-                            // The root of the iris and the lens' rounded edge are not modelled.
-                            if (reach > 3.4 && (d.iris > -1 || depth > a[anterior_chamber_depth] - 0.5))
-                              return;
-                            // Nor is the fissure between the lids, a few millimetres below the apex.
-                            const double lowest = p.y() - std::abs(through.y()) - pixel;
-                            const double foremost = d.cornea_front - std::abs(through.z());
-                            if (lowest < fissure_top_mm && foremost < -0.6) return;
-                            sample.part = d.cornea_front < -0.6                                  ? Part::lid
-                                          : d.cornea_back < 0.5 + pixel                          ? Part::cornea
-                                          : depth > a[anterior_chamber_depth] - 1 - pixel        ? Part::lens
-                                                                                                 : Part::vitreous;
-                          } else {
-                            if (!selection.rear) return;
-                            if (reach > 3.4 && depth < lens_end + 1.5)
-                              return;  // lens edge, zonule, ciliary body
-                            const auto d = at.distances(p);
-                            if (d.outer < -outside_reach) return;
-                            if (d.globe < edge_reach + 1 && depth < equator_depth - 2)
-                              return;  // ciliary body, tendons, lids
-                            sample.near_lens = depth < lens_end + influence && off_axis < 5;
-                            sample.near_wall = d.globe < influence;
-                            // Pure vitreous says little: one voxel in eight.
-                            if (d.globe > edge_reach && depth > lens_end + edge_reach && deep++ % 8 != 0)
-                              return;
-                            sample.part = d.outer < 0.3            ? Part::surroundings
-                                          : d.globe < edge_reach   ? Part::wall
-                                          : d.lens > -1 - pixel    ? Part::lens
-                                                                   : Part::vitreous;
-                            if (sample.near_wall && selection.fields) {
-                              for (std::size_t i = 0; i < bumps.size(); ++i)
-                                if (bumps[i].dot(d.direction) > bump_reach)
-                                  sample.bumps.push_back(static_cast<std::uint8_t>(i));
-                            }
-                          }
-                          if (counted++ % selection.stride != 0) return;
-                          sample.position = x;
-                          sample.value = static_cast<float>(stack.at(c, r, s) / stacks[k].reference);
-                          sample.deviation = static_cast<float>(stacks[k].sampling.noise);
-                          sample.stack = static_cast<std::uint8_t>(k);
-                          samples.push_back(std::move(sample));
-                        });
+    for_each_voxel_near(
+        stack, centre - equator_depth * axis, 19, [&](int c, int r, int s, const Vector3d& x) {
+          const Vector3d p = at.to_eye(x, static_cast<int>(k));
+          const double depth = -p.z();
+          // The farthest part of the voxel from the axis.
+          const double off_axis = std::hypot(p.x(), p.y());
+          const double reach = std::max((p + through).head<2>().norm(), (p - through).head<2>().norm());
+          Sample sample;
+          sample.zone = depth < mid_lens ? Zone::front : Zone::rear;
+          if (sample.zone == Zone::front) {
+            if (off_axis > 4.6) return;
+            const auto d = at.distances(p);
+            if (d.lid < -edge_reach || d.cornea_front < -5) return;
+            sample.near_cornea = d.cornea_back < influence;
+            sample.near_lens = depth > a[anterior_chamber_depth] - influence;
+            if (!selection.cornea && d.cornea_back < 0.5 + pixel) return;
+            // The root of the iris and the lens' rounded edge are not modelled.
+            if (reach > 3.4 && (d.iris > -1 || depth > a[anterior_chamber_depth] - 0.5)) return;
+            // Nor is the fissure between the lids, a few millimetres below the apex.
+            const double lowest = p.y() - std::abs(through.y()) - pixel;
+            const double foremost = d.cornea_front - std::abs(through.z());
+            if (lowest < fissure_top_mm && foremost < -0.6) return;
+            sample.part = d.cornea_front < -0.6                           ? Part::lid
+                          : d.cornea_back < 0.5 + pixel                   ? Part::cornea
+                          : depth > a[anterior_chamber_depth] - 1 - pixel ? Part::lens
+                                                                          : Part::vitreous;
+          } else {
+            if (!selection.rear) return;
+            if (reach > 3.4 && depth < lens_end + 1.5) return;  // lens edge, zonule, ciliary body
+            const auto d = at.distances(p);
+            if (d.outer < -outside_reach) return;
+            if (d.globe < edge_reach + 1 && depth < equator_depth - 2) return;  // ciliary body, tendons, lids
+            sample.near_lens = depth < lens_end + influence && off_axis < 5;
+            sample.near_wall = d.globe < influence;
+            // Pure vitreous says little: one voxel in eight.
+            if (d.globe > edge_reach && depth > lens_end + edge_reach && deep++ % 8 != 0) return;
+            sample.part = d.outer < 0.3          ? Part::surroundings
+                          : d.globe < edge_reach ? Part::wall
+                          : d.lens > -1 - pixel  ? Part::lens
+                                                 : Part::vitreous;
+            if (sample.near_wall && selection.fields) {
+              for (std::size_t i = 0; i < bumps.size(); ++i)
+                if (bumps[i].dot(d.direction) > bump_reach)
+                  sample.bumps.push_back(static_cast<std::uint8_t>(i));
+            }
+          }
+          if (counted++ % selection.stride != 0) return;
+          sample.position = x;
+          sample.value = static_cast<float>(stack.at(c, r, s) / stacks[k].reference);
+          sample.deviation = static_cast<float>(stacks[k].sampling.noise);
+          sample.stack = static_cast<std::uint8_t>(k);
+          samples.push_back(std::move(sample));
+        });
   }
   return samples;
 }

@@ -16,10 +16,6 @@ int main(int argc, char** argv) {
                    "UID,KEYWORD=VALUE; repeatable")
         ->type_name("UID");
     app.add_flag("--any-modality", options.any_modality, "Also use series that do not say that they are MR");
-    app.add_option("--scale-sigma", options.scale_sigma,
-                   "Relative uncertainty of the scanner's length scale (one sigma), part of every interval")
-        ->check(CLI::Range(0.0, 0.05))
-        ->capture_default_str();
   };
   command.run = [&](const emmetrope::CommonOptions& common) {
     return emmetrope::segmentation::segment(options, common);

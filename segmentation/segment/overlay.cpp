@@ -35,36 +35,92 @@ std::vector<int> slices_through(const Stack& stack, const Vector3d& centre, doub
   return chosen;
 }
 
+/// Display axes of a stack: radiological convention (the patient's right at the left of axial and coronal
+/// slices, head up), the nose to the left in sagittal ones.
+struct DisplayAxes {
+  Vector3d right, down;
+};
+DisplayAxes display_axes(const Stack& stack) {
+  Eigen::Index across = 0;
+  stack.normal.cwiseAbs().maxCoeff(&across);
+  const Vector3d wanted_right = across == 0 ? Vector3d::UnitY() : Vector3d::UnitX();
+  const Vector3d wanted_down = across == 2 ? Vector3d::UnitY() : Vector3d(-Vector3d::UnitZ());
+  const auto towards = [](const Vector3d& axis, const Vector3d& wanted) -> Vector3d {
+    return axis.dot(wanted) < 0 ? Vector3d(-axis) : axis;
+  };
+  const bool rows_across =
+      std::abs(stack.along_row.dot(wanted_right)) >= std::abs(stack.along_column.dot(wanted_right));
+  return {towards(rows_across ? stack.along_row : stack.along_column, wanted_right),
+          towards(rows_across ? stack.along_column : stack.along_row, wanted_down)};
+}
+
+/// Where a direction of LPS points: L, R, P, A, S (head) or I.
+const char* direction_letter(const Vector3d& direction) {
+  Eigen::Index axis = 0;
+  direction.cwiseAbs().maxCoeff(&axis);
+  constexpr const char* letters[3][2] = {{"L", "R"}, {"P", "A"}, {"S", "I"}};
+  return letters[axis][direction[axis] < 0 ? 1 : 0];
+}
+
 /// One slice around the eye, enlarged.
 class Tile {
  public:
-  Tile(const Stack& stack, int slice, const Vector3d& centre) : stack_(stack), slice_(slice) {
+  Tile(const Stack& stack, int slice, const Vector3d& centre)
+      : stack_(stack), slice_(slice), axes_(display_axes(stack)) {
     const Vector3d to_centre = centre - stack.slice_position[slice];
-    corner_ = stack.slice_position[slice] + (to_centre.dot(stack.along_row) - tile_mm / 2) * stack.along_row +
-              (to_centre.dot(stack.along_column) - tile_mm / 2) * stack.along_column;
+    corner_ = stack.slice_position[slice] + to_centre - to_centre.dot(stack.normal) * stack.normal -
+              tile_mm / 2 * (axes_.right + axes_.down);
   }
   Vector3d position(int x, int y) const {
-    return corner_ + pixel_mm * ((x + 0.5) * stack_.along_row + (y + 0.5) * stack_.along_column);
+    return corner_ + pixel_mm * ((x + 0.5) * axes_.right + (y + 0.5) * axes_.down);
+  }
+  /// In pixels of the tile.
+  cv::Rect2d box_of_voxel(const Vector3d& position) const {
+    const Vector3d from_corner = position - corner_;
+    const Vector3d size =
+        stack_.column_spacing_mm * stack_.along_row + stack_.row_spacing_mm * stack_.along_column;
+    const double w = std::abs(size.dot(axes_.right)) / pixel_mm,
+                 h = std::abs(size.dot(axes_.down)) / pixel_mm;
+    return {from_corner.dot(axes_.right) / pixel_mm - w / 2, from_corner.dot(axes_.down) / pixel_mm - h / 2,
+            w, h};
   }
   cv::Mat grey(double black, double white) const {
     const cv::Mat slice(stack_.rows, stack_.columns, CV_32F,
                         const_cast<float*>(stack_.slice_intensity[slice_].data()));
     const Vector3d first = position(0, 0) - stack_.slice_position[slice_];
-    const double sx = pixel_mm / stack_.column_spacing_mm, sy = pixel_mm / stack_.row_spacing_mm;
+    const auto per_pixel = [&](const Vector3d& display, const Vector3d& along, double spacing_mm) {
+      return pixel_mm * display.dot(along) / spacing_mm;
+    };
+    const double dx = stack_.column_spacing_mm, dy = stack_.row_spacing_mm;
     const cv::Mat warp =
-        (cv::Mat_<double>(2, 3) << sx, 0, first.dot(stack_.along_row) / stack_.column_spacing_mm, 0, sy,
-         first.dot(stack_.along_column) / stack_.row_spacing_mm);
+        (cv::Mat_<double>(2, 3) << per_pixel(axes_.right, stack_.along_row, dx),
+         per_pixel(axes_.down, stack_.along_row, dx), first.dot(stack_.along_row) / dx,
+         per_pixel(axes_.right, stack_.along_column, dy), per_pixel(axes_.down, stack_.along_column, dy),
+         first.dot(stack_.along_column) / dy);
     cv::Mat enlarged, scaled, colour;
     cv::warpAffine(slice, enlarged, warp, {tile_px, tile_px}, cv::INTER_CUBIC | cv::WARP_INVERSE_MAP);
     enlarged.convertTo(scaled, CV_8U, 255 / (white - black), -255 * black / (white - black));
     cv::cvtColor(scaled, colour, cv::COLOR_GRAY2BGR);
     return colour;
   }
-  int slice() const { return slice_; }
+  /// Stack and slice, and at each edge the way to the patient's left, right, front, back, head or feet.
+  void annotate(cv::Mat& image) const {
+    const auto write = [&](const std::string& text, cv::Point at, double scale) {
+      cv::putText(image, text, at, cv::FONT_HERSHEY_SIMPLEX, scale, {0, 0, 0}, 3, cv::LINE_AA);
+      cv::putText(image, text, at, cv::FONT_HERSHEY_SIMPLEX, scale, {255, 255, 255}, 1, cv::LINE_AA);
+    };
+    write(fmt::format("{} slice {}", stack_.name, slice_ + 1), {6, 16}, 0.42);
+    constexpr int middle = tile_px / 2;
+    write(direction_letter(-axes_.right), {5, middle + 5}, 0.5);
+    write(direction_letter(axes_.right), {tile_px - 16, middle + 5}, 0.5);
+    write(direction_letter(-axes_.down), {middle - 5, 32}, 0.5);
+    write(direction_letter(axes_.down), {middle - 5, tile_px - 8}, 0.5);
+  }
 
  private:
   const Stack& stack_;
   int slice_;
+  DisplayAxes axes_;
   Vector3d corner_;
 };
 
@@ -112,11 +168,6 @@ void write_montage(const std::filesystem::path& file, const std::vector<cv::Mat>
   write_file(file, std::string_view(reinterpret_cast<const char*>(png.data()), png.size()));
 }
 
-void name_slice(cv::Mat& image, const Stack& stack, int slice) {
-  cv::putText(image, fmt::format("{} slice {}", stack.name, slice + 1), {6, 16}, cv::FONT_HERSHEY_SIMPLEX,
-              0.42, {255, 255, 255}, 1, cv::LINE_AA);
-}
-
 /// Black and white of the display: the darkest and brightest of what lies around the eye.
 std::pair<double, double> window(const Stack& stack, const Vector3d& centre) {
   std::vector<double> values;
@@ -144,7 +195,7 @@ void write_overlay(const std::filesystem::path& file, const EyeFit& fit, std::si
     const Tile tile(stack, slice, centre);
     cv::Mat image = tile.grey(black, white);
     draw_borders(image, tile, fit, view);
-    name_slice(image, stack, slice);
+    tile.annotate(image);
     images.push_back(image);
   }
   write_montage(file, images);
@@ -163,18 +214,15 @@ void write_residuals(const std::filesystem::path& file, const EyeFit& fit, std::
       const Sample& sample = fit.samples[i];
       const Vector3d d = sample.position - stack.slice_position[slice];
       if (sample.stack != view || std::abs(d.dot(stack.normal)) > 1e-3) continue;
-      const Vector3d from_corner = sample.position - tile.position(0, 0);
-      const double x = from_corner.dot(stack.along_row) / pixel_mm,
-                   y = from_corner.dot(stack.along_column) / pixel_mm;
-      const double w = stack.column_spacing_mm / pixel_mm, h = stack.row_spacing_mm / pixel_mm;
+      const cv::Rect2d box = tile.box_of_voxel(sample.position);
       const double t = std::clamp(fit.residuals[i] / 4, -1.0, 1.0);
       const double fade = 255 * (1 - std::abs(t));
       const cv::Scalar colour = t > 0 ? cv::Scalar(fade, fade, 255) : cv::Scalar(255, fade, fade);
-      cv::rectangle(image, cv::Point(static_cast<int>(x - w / 2), static_cast<int>(y - h / 2)),
-                    cv::Point(static_cast<int>(x + w / 2) - 1, static_cast<int>(y + h / 2) - 1), colour,
-                    cv::FILLED);
+      const cv::Point first(static_cast<int>(box.x), static_cast<int>(box.y));
+      const cv::Point last(static_cast<int>(box.x + box.width) - 1, static_cast<int>(box.y + box.height) - 1);
+      cv::rectangle(image, first, last, colour, cv::FILLED);
     }
-    name_slice(image, stack, slice);
+    tile.annotate(image);
     images.push_back(image);
   }
   write_montage(file, images);
@@ -184,8 +232,9 @@ void write_plain(const std::filesystem::path& file, const Stack& stack, const Ve
   const auto [black, white] = window(stack, centre);
   std::vector<cv::Mat> images;
   for (const int slice : slices_through(stack, centre, 8)) {
-    cv::Mat image = Tile(stack, slice, centre).grey(black, white);
-    name_slice(image, stack, slice);
+    const Tile tile(stack, slice, centre);
+    cv::Mat image = tile.grey(black, white);
+    tile.annotate(image);
     images.push_back(image);
   }
   write_montage(file, images);

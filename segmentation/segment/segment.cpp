@@ -127,7 +127,7 @@ std::optional<double> head_roll_deg(const std::vector<EyeResult>& eyes) {
   return std::atan2(d.z(), d.x()) / degree;
 }
 
-Json fit_json(const EyeResult& eye, const std::optional<double>& roll_deg, double scale_sigma) {
+Json fit_json(const EyeResult& eye, const std::optional<double>& roll_deg) {
   Json json{{"laterality", to_string(eye.found.laterality)},
             {"status", eye.refused() ? "refused" : "measured"}};
   json["head_roll_deg"] = roll_deg ? Json(*roll_deg) : Json(nullptr);
@@ -166,17 +166,14 @@ Json fit_json(const EyeResult& eye, const std::optional<double>& roll_deg, doubl
   Json intensities;
   for (int i = vitreous; i <= surround; ++i) intensities[fit.layout.name(i)] = fit.parameters[i];
   json["intensities"] = intensities;
-  ParametricEye parametric = to_parametric_eye(fit, eye.found.laterality);
-  add_scale_uncertainty(parametric, scale_sigma);
-  json["scale_sigma"] = scale_sigma;
-  json["eye"] = to_json(parametric);
+  json["eye"] = to_json(to_parametric_eye(fit, eye.found.laterality));
   return json;
 }
 
 void write_eye(const fs::path& folder, const EyeResult& eye, const std::vector<const Stack*>& stacks,
-               const std::optional<double>& roll_deg, double scale_sigma) {
+               const std::optional<double>& roll_deg) {
   fs::create_directories(folder);
-  write_json(folder / "fit.json", fit_json(eye, roll_deg, scale_sigma));
+  write_json(folder / "fit.json", fit_json(eye, roll_deg));
   if (!eye.fit) {
     const EyeView& view = eye.found.views.front();
     write_plain(folder / fmt::format("overlay_{}.png", stacks[view.stack]->name), *stacks[view.stack],
@@ -301,7 +298,7 @@ StageVerdict segment_study(const SegmentOptions& options, const CommonOptions& c
     for (const QualityGate& gate : eye.gates)
       if (!gate.passed)
         workspace.warn(fmt::format("{}: {}", clinical_name(eye.found.laterality), gate.reason));
-    write_eye(workspace.folder() / to_string(eye.found.laterality), eye, stacks, roll, options.scale_sigma);
+    write_eye(workspace.folder() / to_string(eye.found.laterality), eye, stacks, roll);
   }
   write_stacks(workspace.folder(), eyes, stacks);
   if (eyes.empty()) {
@@ -349,7 +346,6 @@ Answer segment(const SegmentOptions& options, const CommonOptions& common) {
   spec.stage = "segmentation";
   spec.parameters = {{"series", options.series},
                      {"any_modality", options.any_modality},
-                     {"scale_sigma", options.scale_sigma},
                      {"laterality", common.laterality == LateralityChoice::both ? "both"
                                     : common.laterality == LateralityChoice::od ? "od"
                                                                                 : "os"}};

@@ -13,7 +13,6 @@ struct SegmentOptions {
   std::vector<std::string>
       series;  ///< SeriesInstanceUID or number in the inventory, or "UID,KEYWORD=VALUE"; empty: choose
   bool any_modality = false;
-  double scale_sigma = 0.001;  ///< relative uncertainty of the scanner's lengths, added to every interval
 };
 
 /// Reads a study, finds the eyes, fits each and writes CASE/segmentation and CASE/case.json.

@@ -129,8 +129,9 @@ std::vector<Json> study_head(const StudyProtocol& wanted, unsigned long long see
                  os = anatomy.eye(Laterality::os).globe_centre_lps();
   for (phantom::StackPlan& plan : protocol.stacks) {
     const bool of_one_eye = plan.coil == phantom::Coil::surface;
-    plan = cropped(plan, of_one_eye ? std::vector<Vector3d>{plan.coil_eye == Laterality::od ? od : os}
-                                    : std::vector<Vector3d>{od, os},
+    plan = cropped(plan,
+                   of_one_eye ? std::vector<Vector3d>{plan.coil_eye == Laterality::od ? od : os}
+                              : std::vector<Vector3d>{od, os},
                    19);
   }
 
@@ -163,16 +164,17 @@ std::vector<Json> study_head(const StudyProtocol& wanted, unsigned long long see
         record["status"] = is_refused(gates) ? "refused" : "measured";
         for (const QualityGate& gate : gates)
           if (!gate.passed) record["reasons"].push_back(gate.reason);
-        ParametricEye eye = to_parametric_eye(fit, laterality);
+        const ParametricEye eye = to_parametric_eye(fit, laterality);
         std::vector<Eigen::Index> places;
         for (std::size_t i = 0; i < fit.active.size(); ++i)
-          if (has_parameter(eye, fit.layout.name(fit.active[i]))) places.push_back(static_cast<Eigen::Index>(i));
+          if (has_parameter(eye, fit.layout.name(fit.active[i])))
+            places.push_back(static_cast<Eigen::Index>(i));
         record["bound"] = matrix_json(information_bound(fit), places);
-        if (wanted.distorted) add_scale_uncertainty(eye, 0.003);
         record["fit"] = to_json(eye);
         // Where the eye is in the images that define its pose.
-        const Eigen::Isometry3d fitted_from_true =
-            eye.lps_from_eye.inverse() * shared.scanner_from_reference[one->views.front().stack] * truth.lps_from_eye;
+        const Eigen::Isometry3d fitted_from_true = eye.lps_from_eye.inverse() *
+                                                   shared.scanner_from_reference[one->views.front().stack] *
+                                                   truth.lps_from_eye;
         record["surface_mm"] = surface_distances(eye, truth, fitted_from_true);
         record["chi2_per_voxel"] = fit.chi2_per_voxel;
         record["regions"] = Json::array();

@@ -21,15 +21,16 @@ struct StudyProtocol {
 };
 
 /// Both eyes of the random head `seed`: bulge, muscles, lid, coil shading, Rician noise, gaze, head shifts of
-/// 0.3 mm rms per axis between stacks. The stacks are those of the protocol, cropped to 19 mm around the globes.
-/// A record holds
+/// 0.3 mm rms per axis between stacks. The stacks are those of the protocol, cropped to 19 mm around the
+/// globes. A record holds
 ///   "protocol", "seed", "laterality", "status" ("measured", "refused", "not found") with "reasons",
 ///   "truth": the eye's entry in the phantom's truth.json (biometry, "refraction", "optics", "geometry"),
 ///   "age_years", "lens_index": true index of the lens, which images do not show,
-///   "fit": fit.json's "eye" (parameters, covariance), scale uncertainty included,
+///   "fit": fit.json's "eye" (parameters, covariance); the scale's uncertainty comes on top,
 ///   "bound": covariance over the same parameters if the model were exact: noise and priors alone,
-///   "surface_mm": mean distance of the fitted "retina" (hemisphere about the pole) and "cornea" (8 mm) from the
-///   true ones, "chi2_per_voxel", "voxels", "iterations", "start_costs", "fit_s", "render_s" (processor time).
+///   "surface_mm": mean distance of the fitted "retina" (hemisphere about the pole) and "cornea" (8 mm) from
+///   the true ones, "chi2_per_voxel", "voxels", "iterations", "start_costs", "fit_s", "render_s" (processor
+///   time).
 std::vector<Json> study_head(const StudyProtocol& protocol, unsigned long long seed);
 
 /// CACHE/<label>-<seed>-<eye>.json
