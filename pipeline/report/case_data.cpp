@@ -169,6 +169,16 @@ std::optional<Eigen::Vector3d> globe_centre(const EyeData& eye) {
   return std::nullopt;
 }
 
+Eigen::Vector3d head_shift(const EyeData& eye, const std::string& stack) {
+  if (eye.fit.is_object())
+    for (const auto& fitted : eye.fit.value("stacks", Json::array()))
+      if (fitted.value("name", std::string()) == stack && fitted.contains("shift_lps_mm")) {
+        const Json& shift = fitted["shift_lps_mm"];
+        return {shift.at(0).get<double>(), shift.at(1).get<double>(), shift.at(2).get<double>()};
+      }
+  return Eigen::Vector3d::Zero();
+}
+
 std::optional<double> value_of(const Json& json, const std::string& key) {
   if (!json.is_object() || !json.contains(key)) return std::nullopt;
   const Json& found = json[key];

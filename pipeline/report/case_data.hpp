@@ -61,6 +61,10 @@ CaseData read_case(const std::filesystem::path& folder, LateralityChoice eyes);
 /// eye that was not found.
 std::optional<Eigen::Vector3d> globe_centre(const EyeData& eye);
 
+/// How far the head had moved when a stack was taken (LPS, mm): a point of the stack plus this lies where the
+/// eye's surfaces are. Zero for a stack that the eye was not fitted to.
+Eigen::Vector3d head_shift(const EyeData& eye, const std::string& stack);
+
 /// A number of a JSON document that may be plain or measured; nothing where it is missing or null.
 std::optional<double> value_of(const Json& json, const std::string& key);
 

@@ -56,7 +56,7 @@ using NamedPlane = std::pair<Plane, const char*>;
 FigureRow slices_of(const EyeData& eye, const std::vector<std::pair<std::string, Volume>>& volumes,
                     const Eigen::Vector3d& centre, const std::vector<NamedPlane>& planes) {
   FigureRow row;
-  const auto contours = contours_of(eye);
+  const auto fitted = contours_of(eye);
   for (const auto& [plane, name] : planes) {
     const std::pair<std::string, Volume>* best = nullptr;
     for (const auto& candidate : volumes) {
@@ -66,13 +66,17 @@ FigureRow slices_of(const EyeData& eye, const std::vector<std::pair<std::string,
         best = &candidate;
     }
     if (best == nullptr) continue;
-    Figure figure = slice_figure(best->second, plane, centre, slice_field_mm, contours,
+    const Eigen::Vector3d shift = head_shift(eye, best->first);
+    std::vector<Contour> contours = fitted;
+    for (auto& contour : contours)
+      for (auto& vertex : contour.mesh_lps.vertices) vertex -= shift;
+    Figure figure = slice_figure(best->second, plane, centre - shift, slice_field_mm, contours,
                                  fmt::format("slice-{}-{}", eye.id(), name));
     figure.title = std::string(eye.laterality == Laterality::od ? "OD" : "OS") + ", " + figure.title;
     figure.caption = best->first + ".";
     row.figures.push_back(std::move(figure));
   }
-  if (contours.empty())
+  if (fitted.empty())
     for (auto& figure : row.figures) figure.caption += " No surfaces were fitted.";
   return row;
 }

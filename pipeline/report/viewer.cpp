@@ -118,9 +118,12 @@ void each_voxel(const Volume& volume, const Crop& crop, const Use& use) {
         use(volume.at(crop.first.x() + i, crop.first.y() + j, crop.first.z() + k));
 }
 
-std::string packed_nifti(const Volume& volume, const Crop& crop, const std::string& voxels) {
+/// \param shift_mm  from the stack to where the surfaces are
+std::string packed_nifti(const Volume& volume, const Crop& crop, const std::string& voxels,
+                         const Vector3d& shift_mm) {
   Eigen::Matrix4d lps_from_voxel = volume.lps_from_voxel();
   lps_from_voxel.col(3) = volume.lps_from_voxel() * crop.first.cast<double>().eval().homogeneous();
+  lps_from_voxel.block<3, 1>(0, 3) += shift_mm;
   return base64(gzipped(nifti_header(crop.size, lps_from_voxel) + voxels));
 }
 
@@ -183,17 +186,22 @@ ViewerData make_viewer_data(const CaseData& data, Notes& notes) {
     const auto crop = crop_of(volume, centres);
     if (!crop || static_cast<std::size_t>(crop->size.cast<long>().prod()) > most_voxels) continue;
     const std::string name = file.filename().string().substr(0, file.filename().string().size() - 7);
-    Json entry{{"name", name}, {"data", packed_nifti(volume, *crop, windowed(volume, *crop))}};
-    const auto eye = std::find_if(centres.begin(), centres.end(),
-                                  [&](const Vector3d& centre) { return volume.coverage(centre, 11) >= 0.5; });
-    entry["start_ras_mm"] = {-eye->x(), -eye->y(), eye->z()};  // crop_of found one
+    const auto eye = std::find_if(data.eyes.begin(), data.eyes.end(), [&](const EyeData& candidate) {
+      const auto centre = globe_centre(candidate);
+      return centre && volume.coverage(*centre, 11) >= 0.5;  // crop_of found one
+    });
+    const Vector3d shift = head_shift(*eye, name), start = *globe_centre(*eye);
+    Json entry{{"name", name},
+               {"start_ras_mm", {-start.x(), -start.y(), start.z()}},
+               {"data", packed_nifti(volume, *crop, windowed(volume, *crop), shift)}};
     const fs::path labels = file.parent_path() / (name + "_labels.nii.gz");
     if (fs::exists(labels)) {
       const Volume label_volume(labels);
       std::string voxels;
       each_voxel(label_volume, *crop,
                  [&](float value) { voxels.push_back(static_cast<char>(std::lround(value))); });
-      if (label_volume.size() == volume.size()) entry["labels"] = packed_nifti(label_volume, *crop, voxels);
+      if (label_volume.size() == volume.size())
+        entry["labels"] = packed_nifti(label_volume, *crop, voxels, shift);
     }
     const std::size_t added = entry.dump().size();
     if (bytes + added > most_bytes) {

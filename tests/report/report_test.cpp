@@ -61,6 +61,32 @@ TEST_F(ReportTest, TooWideAnIntervalIsNoPrescription) {
   EXPECT_THAT(output("prescription.fhir.json"), Not(HasSubstr("right")));
 }
 
+// A point of a stack plus its shift lies where the surfaces are: the slice through the eye's middle lies that
+// much lower in the stack, and the contours go with it.
+TEST_F(ReportTest, ContoursFollowTheHeadsMotionBetweenStacks) {
+  test::make_fixture_case(folder_);
+  const auto slice = [&] {
+    const std::string html = output("report.html");
+    const std::size_t at = html.find("<figure id=\"slice-od-axial\">");
+    return html.substr(at, html.find("</figure>", at) - at);
+  };
+  const auto contours = [](const std::string& figure) { return figure.substr(figure.find("<path")); };
+  report();
+  const std::string still = slice();
+  const fs::path file = folder_ / "segmentation" / "od" / "fit.json";
+  Json fit = read_json(file);
+  fit["stacks"] = {{{"name", "stack1"}, {"shift_lps_mm", {0.0, 0.0, 1.5}}}};
+  write_json(file, fit);
+  report();
+  const std::string moved = slice();
+  const std::regex height("axial, S ([0-9.]+) mm");
+  std::smatch before, after;
+  ASSERT_TRUE(std::regex_search(still, before, height));
+  ASSERT_TRUE(std::regex_search(moved, after, height));
+  EXPECT_NEAR(std::stod(before[1]) - std::stod(after[1]), 1.5, 0.051);
+  EXPECT_EQ(contours(still).substr(0, 2000), contours(moved).substr(0, 2000));
+}
+
 TEST_F(ReportTest, SameCaseGivesSameBytes) {
   test::make_fixture_case(folder_);
   report();
