@@ -1,13 +1,14 @@
-// What the figures' scripts measure in pictures, and how they put pictures side by side. Results are JSON on standard output.
+// What the figures' scripts measure in pictures, and how they put pictures side by side. Results are JSON on
+// standard output.
 //   measure ssim A B                          mean squared difference (0 to 255) and SSIM of two PNGs
-//   measure modulation A X Y W H PERIOD       of a vertical grating of about that period (pixels) in a part of A
-//   measure strokes A STEP R0 R1 REACH        rms half width (pixels) of a dial's stroke every STEP degrees, between radii R0 and R1
-//   measure dark A X Y W H                    centroid and extent of the dark in a part of A (pixels)
-//   measure match A B X Y W H                 where that part of A lies in B, to a fraction of a pixel: shift of its middle
-//   measure smear A                           structure tensor: direction of blur (degrees, TABO) and its coherence
-//   measure colour A                          mean and extreme differences of the channels
-//   measure sheet OUT COLUMNS WIDTH A=LABEL.. pictures side by side, WIDTH pixels each, with labels
-//   measure movie OUT FPS A...                an AVI (Motion JPEG)
+//   measure modulation A X Y W H PERIOD       of a vertical grating of about that period (pixels) in a part
+//   of A measure strokes A STEP R0 R1 REACH        rms half width (pixels) of a dial's stroke every STEP
+//   degrees, between radii R0 and R1 measure dark A X Y W H                    centroid and extent of the
+//   dark in a part of A (pixels) measure match A B X Y W H                 where that part of A lies in B, to
+//   a fraction of a pixel: shift of its middle measure smear A                           structure tensor:
+//   direction of blur (degrees, TABO) and its coherence measure colour A                          mean and
+//   extreme differences of the channels measure sheet OUT COLUMNS WIDTH A=LABEL.. pictures side by side,
+//   WIDTH pixels each, with labels measure movie OUT FPS A...                an AVI (Motion JPEG)
 // Pictures are read as linear light, but for ssim, which the paper counts in encoded grey levels.
 #include <algorithm>
 #include <cmath>
@@ -38,8 +39,9 @@ cv::Mat light(const std::string& file) {
     for (int x = 0; x < raw.cols; ++x) {
       double bgr[3];
       for (int c = 0; c < 3; ++c)
-        bgr[c] = raw.depth() == CV_32F ? raw.ptr<float>(y)[x * raw.channels() + c % raw.channels()]
-                                       : linear(raw.ptr<unsigned char>(y)[x * raw.channels() + c % raw.channels()] / 255.0);
+        bgr[c] = raw.depth() == CV_32F
+                     ? raw.ptr<float>(y)[x * raw.channels() + c % raw.channels()]
+                     : linear(raw.ptr<unsigned char>(y)[x * raw.channels() + c % raw.channels()] / 255.0);
       result.at<double>(y, x) = 0.0722 * bgr[0] + 0.7152 * bgr[1] + 0.2126 * bgr[2];
     }
   return result;
@@ -66,7 +68,8 @@ void ssim(const std::string& a_file, const std::string& b_file) {
   };
   const double c1 = std::pow(0.01 * 255, 2), c2 = std::pow(0.03 * 255, 2);
   const cv::Mat ma = blur(a), mb = blur(b);
-  const cv::Mat va = blur(a.mul(a)) - ma.mul(ma), vb = blur(b.mul(b)) - mb.mul(mb), ab = blur(a.mul(b)) - ma.mul(mb);
+  const cv::Mat va = blur(a.mul(a)) - ma.mul(ma), vb = blur(b.mul(b)) - mb.mul(mb),
+                ab = blur(a.mul(b)) - ma.mul(mb);
   cv::Mat ratio;
   cv::divide((2 * ma.mul(mb) + c1).mul(2 * ab + c2), (ma.mul(ma) + mb.mul(mb) + c1).mul(va + vb + c2), ratio);
   const cv::Mat d = a - b;
@@ -155,9 +158,12 @@ void match(const std::string& a_file, const std::string& b_file, char** v) {
     const int x = std::clamp(at.x + dx, 0, score.cols - 1), y = std::clamp(at.y + dy, 0, score.rows - 1);
     return static_cast<double>(score.at<float>(y, x));
   };
-  const auto fraction = [](double l, double m, double r) { return l + r - 2 * m == 0 ? 0 : 0.5 * (l - r) / (l + r - 2 * m); };
+  const auto fraction = [](double l, double m, double r) {
+    return l + r - 2 * m == 0 ? 0 : 0.5 * (l - r) / (l + r - 2 * m);
+  };
   std::printf("{\"shift_x\": %.4f, \"shift_y\": %.4f, \"correlation\": %.5f}\n",
-              at.x + fraction(peak(-1, 0), best, peak(1, 0)) - rect.x, at.y + fraction(peak(0, -1), best, peak(0, 1)) - rect.y, best);
+              at.x + fraction(peak(-1, 0), best, peak(1, 0)) - rect.x,
+              at.y + fraction(peak(0, -1), best, peak(0, 1)) - rect.y, best);
 }
 
 /// Along the blur the picture changes least: the weaker eigenvector of the mean gradient tensor.
@@ -165,11 +171,13 @@ void smear(const cv::Mat& grey) {
   cv::Mat gx, gy;
   cv::Sobel(grey, gx, CV_64F, 1, 0);
   cv::Sobel(grey, gy, CV_64F, 0, 1);
-  const double xx = cv::mean(gx.mul(gx))[0], yy = cv::mean(gy.mul(gy))[0], xy = -cv::mean(gx.mul(gy))[0];  // y up
+  const double xx = cv::mean(gx.mul(gx))[0], yy = cv::mean(gy.mul(gy))[0],
+               xy = -cv::mean(gx.mul(gy))[0];  // y up
   const double gradient = 0.5 * std::atan2(2 * xy, xx - yy) * 180 / CV_PI;
   // the picture's x is the patient's right, TABO's the patient's left: mirrored
   double along = std::fmod(180 - (gradient + 90) + 360, 180);
-  std::printf("{\"direction_deg\": %.3f, \"coherence\": %.5f}\n", along, std::hypot(xx - yy, 2 * xy) / (xx + yy));
+  std::printf("{\"direction_deg\": %.3f, \"coherence\": %.5f}\n", along,
+              std::hypot(xx - yy, 2 * xy) / (xx + yy));
 }
 
 void colour(const std::string& file) {
@@ -195,18 +203,21 @@ void sheet(int count, char** v) {
     cv::Mat picture = read(item.substr(0, equals), cv::IMREAD_COLOR);
     cv::resize(picture, picture, {width, picture.rows * width / picture.cols}, 0, 0,
                picture.cols > width ? cv::INTER_AREA : cv::INTER_LINEAR);
-    cv::copyMakeBorder(picture, picture, label, gap, gap / 2, gap / 2, cv::BORDER_CONSTANT, cv::Scalar(255, 255, 255));
+    cv::copyMakeBorder(picture, picture, label, gap, gap / 2, gap / 2, cv::BORDER_CONSTANT,
+                       cv::Scalar(255, 255, 255));
     if (equals != std::string::npos)
-      cv::putText(picture, item.substr(equals + 1), {gap, 14}, cv::FONT_HERSHEY_SIMPLEX, 0.42, cv::Scalar(0, 0, 0), 1, cv::LINE_AA);
+      cv::putText(picture, item.substr(equals + 1), {gap, 14}, cv::FONT_HERSHEY_SIMPLEX, 0.42,
+                  cv::Scalar(0, 0, 0), 1, cv::LINE_AA);
     height = std::max(height, picture.rows);
     cells.push_back(picture);
   }
   const int rows = (static_cast<int>(cells.size()) + columns - 1) / columns;
   cv::Mat page(rows * height, columns * cells.front().cols, CV_8UC3, cv::Scalar(255, 255, 255));
   for (std::size_t i = 0; i < cells.size(); ++i)
-    cells[i].copyTo(page(cv::Rect(static_cast<int>(i) % columns * cells[i].cols, static_cast<int>(i) / columns * height,
-                                  cells[i].cols, cells[i].rows)));
-  if (!cv::imwrite(out, page, {cv::IMWRITE_PNG_COMPRESSION, 9})) throw std::runtime_error("cannot write " + out);
+    cells[i].copyTo(page(cv::Rect(static_cast<int>(i) % columns * cells[i].cols,
+                                  static_cast<int>(i) / columns * height, cells[i].cols, cells[i].rows)));
+  if (!cv::imwrite(out, page, {cv::IMWRITE_PNG_COMPRESSION, 9}))
+    throw std::runtime_error("cannot write " + out);
   std::printf("{\"pictures\": %zu}\n", cells.size());
 }
 
