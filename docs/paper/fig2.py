@@ -8,7 +8,7 @@ def figure(f):
     # A chart 92 mm away, at focus: 1000 / 10.87.
     scene = "letters:logmar=1.3,distance_mm=92,extent_deg=21"
     # the algorithm that tests every triangle is the slow one: a smaller picture of the same field for it
-    side, rays = (100, 64) if f.quick else (200, 128)
+    side, rays = (100, 64) if f.quick else (128, 128)
     common = dict(eye="gullstrand", accommodation=10.87, scene=scene, field_mm="6x6", wavelength=589.3, pupil=3)
     def ours(out, kind, size, samples, seed, **more):
         return f.trace(out, surfaces=kind, size=f"{size}x{size}", samples=samples, seed=seed, **common, **more)
