@@ -32,11 +32,12 @@ float ink_at(const std::vector<LetterLine>& lines, double x, double y, double st
     const char name = raytrace::sloan_letters[(5 * row + 3 * static_cast<std::size_t>(place)) % 10];
     constexpr int fine = 4;
     int ink = 0;
-    for (int i = 0; i < fine * fine; ++i) {
-      const double u = from_left - place * pitch + ((i % fine + 0.5) / fine - 0.5) * step;
-      const double v = from_top + ((i / fine + 0.5) / fine - 0.5) * step;
-      ink += raytrace::sloan_ink(name, 5 * u / letter, 5 - 5 * v / letter) ? 1 : 0;
-    }
+    for (int i = 0; i < fine; ++i)
+      for (int j = 0; j < fine; ++j) {
+        const double u = from_left - place * pitch + ((j + 0.5) / fine - 0.5) * step;
+        const double v = from_top + ((i + 0.5) / fine - 0.5) * step;
+        ink += raytrace::sloan_ink(name, 5 * u / letter, 5 - 5 * v / letter) ? 1 : 0;
+      }
     return static_cast<float>(ink) / (fine * fine);
   }
   return 0;

@@ -104,7 +104,7 @@ void Pages::begin_page() {
   ++page_;
   std::string heading = document_.title;
   for (const auto& [name, value] : document_.heading)
-    if (name != "Software") heading += "   " + name + ": " + value;
+    if (name != "Software") heading += fmt::format("   {}: {}", name, value);
   text_at(heading, margin, 26, text_width, {8, true, soft});
   line_at(margin, 42, text_width);
   y_ = top;

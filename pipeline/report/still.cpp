@@ -53,7 +53,7 @@ class Body {
         normal += hit.weights[corner] * mesh.normals[corners[corner]];
     }
     const Vector3d light = (view_.towards_viewer + 0.5 * view_.up).normalized();
-    const Vector3d own(surface_.rgb[0], surface_.rgb[1], surface_.rgb[2]);
+    Vector3d own(surface_.rgb[0], surface_.rgb[1], surface_.rgb[2]);
     if (is_edge) return own;
     return own * (0.35 + 0.65 * std::abs(normal.normalized().dot(light)));
   }
