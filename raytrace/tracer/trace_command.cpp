@@ -207,6 +207,18 @@ StageVerdict trace_eyes(const fs::path& case_folder, const TraceOptions& options
   return verdict;
 }
 
+/// A scene file, and the models and pictures that it names.
+void add_scene_inputs(StageSpec& spec, const fs::path& scene) {
+  if (!fs::is_regular_file(scene)) return;
+  spec.inputs.push_back({"scene", scene});
+  const Json objects = read_json(scene).value("objects", Json::array());
+  for (std::size_t i = 0; i < objects.size(); ++i)
+    for (const char* key : {"file", "picture"})
+      if (const Json& object = objects[i]; object.contains(key) && object[key].is_string())
+        spec.inputs.push_back({fmt::format("scene object {} {}", i, key),
+                               scene.parent_path() / object[key].get<std::string>()});
+}
+
 Answer trace_case(TraceOptions options, const CommonOptions& common) {
   if (options.accommodation_D || options.accommodation_parameter)
     throw usage_error("--accommodation: a measured eye is traced as it was in the scanner",
@@ -222,7 +234,7 @@ Answer trace_case(TraceOptions options, const CommonOptions& common) {
   spec.parameters = stage_parameters(options, common);
   spec.inputs = inputs_below(folder, "meshing");
   if (fs::exists(folder / "case.json")) spec.inputs.push_back({"case.json", folder / "case.json"});
-  if (fs::is_regular_file(options.scene)) spec.inputs.push_back({"scene", options.scene});
+  add_scene_inputs(spec, options.scene);
   if (fs::is_regular_file(options.spectacle)) spec.inputs.push_back({"spectacle", options.spectacle});
   spec.uses_opencl = true;
   spec.device = tracer.device_name();
