@@ -156,7 +156,7 @@ void throw_device_error(const cl::Error& fault, const std::string& device) {
       memory ? "use a smaller image or another --device" : "try another --device; see emmetrope devices");
 }
 
-OpenCl::OpenCl(const std::string& device, int threads) {
+OpenCl::OpenCl(const std::string& device, int threads, int lanes) : lanes_(lanes) {
   const auto devices = all_devices(threads);
   std::vector<DeviceInfo> infos;
   for (const auto& each : devices) infos.push_back(describe(each, static_cast<int>(infos.size())));

@@ -17,12 +17,13 @@ namespace emmetrope::raytrace {
 class OpenCl {
  public:
   /// \param device  index or part of a name; empty: the first
+  /// \param lanes   rays a work-item carries, 1 or 16; 0: what suits the device
   /// \throw Error (no_device)
-  OpenCl(const std::string& device, int threads);
+  OpenCl(const std::string& device, int threads, int lanes);
 
   const DeviceInfo& info() const { return info_; }
   /// Lanes a work-item should carry: 16 on a CPU, 1 elsewhere.
-  int lanes() const { return info_.type == "CPU" ? 16 : 1; }
+  int lanes() const { return lanes_ > 0 ? lanes_ : info_.type == "CPU" ? 16 : 1; }
   cl::CommandQueue& queue() { return queue_; }
 
   /// The kernels, compiled with these definitions ("-DCHANNELS=1 ..."), from memory or from the disk cache.
@@ -41,6 +42,7 @@ class OpenCl {
 
  private:
   DeviceInfo info_;
+  int lanes_;
   cl::Device device_;
   cl::Context context_;
   cl::CommandQueue queue_;

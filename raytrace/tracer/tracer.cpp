@@ -161,15 +161,16 @@ void check(const TraceSettings& settings) {
 }  // namespace
 
 struct Tracer::State {
-  State(const std::string& device, int wanted_threads)
-      : cl(device, wanted_threads),
+  State(const std::string& device, int wanted_threads, int lanes)
+      : cl(device, wanted_threads, lanes),
         threads(wanted_threads > 0 ? wanted_threads
                                    : static_cast<int>(std::max(1U, std::thread::hardware_concurrency()))) {}
   OpenCl cl;
   int threads;
 };
 
-Tracer::Tracer(const std::string& device, int threads) : state_(std::make_unique<State>(device, threads)) {}
+Tracer::Tracer(const std::string& device, int threads, int lanes)
+    : state_(std::make_unique<State>(device, threads, lanes)) {}
 Tracer::~Tracer() = default;
 Tracer::Tracer(Tracer&&) noexcept = default;
 Tracer& Tracer::operator=(Tracer&&) noexcept = default;
@@ -324,6 +325,8 @@ TraceResult Tracer::trace(const EyeModel& whole_eye, const Scene& scene, const T
     for (std::size_t i = 0; i < result.image.values.size(); ++i)
       result.image.values[i] *= illuminance[i / 3] / at_pole;
   }
+  result.device_bytes = sizeof(float) * (system.records.size() + pixels.values.size() + view.texels.size() +
+                                         map_rows.size() + image.size() + derivatives.size() + states.size());
   result.rays = pixel_count * samples;
   result.states = {{RayState::vignetted, counted[0]},
                    {RayState::tir, counted[1]},

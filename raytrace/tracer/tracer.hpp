@@ -74,8 +74,9 @@ struct TraceResult {
   std::vector<LinearImage> derivatives;  ///< one per tangent
   std::map<RayState, std::uint64_t> states;
   std::uint64_t rays = 0;
-  double wall_s = 0;     ///< scene included
-  double prepare_s = 0;  ///< of it before the first ray: surfaces, aim, pixels, scene, kernels
+  double wall_s = 0;               ///< scene included
+  double prepare_s = 0;            ///< of it before the first ray: surfaces, aim, pixels, scene, kernels
+  std::uint64_t device_bytes = 0;  ///< of meshes, pixels, textures and results on the device
   std::string device;
   std::vector<std::string> notes;  ///< how far a representation departs from its surface
   double rays_per_s() const { return wall_s > 0 ? static_cast<double>(rays) / wall_s : 0; }
@@ -91,8 +92,9 @@ struct ExitRay {
 class Tracer {
  public:
   /// \param device  index or part of its name; empty: the first
+  /// \param lanes   rays a work-item carries: 16 (CPU) or 1 (GPU); 0: what suits the device
   /// \throw Error (no_device) with the remedy
-  explicit Tracer(const std::string& device, int threads = 0);
+  explicit Tracer(const std::string& device, int threads = 0, int lanes = 0);
   ~Tracer();
   Tracer(Tracer&&) noexcept;
   Tracer& operator=(Tracer&&) noexcept;

@@ -1,8 +1,10 @@
 // Rays a second of every way through the eye, with scalar C++ and Embree in the same run:
 // docs/performance.md. emmetrope-benchmark [--samples N] [--rounds N] [--vertices N] [--device D] [--threads
-// N]: one JSON document.
+// N] [--large]: one JSON document.
 #include <CLI/CLI.hpp>
+#include <chrono>
 #include <ctime>
+#include <functional>
 #include <iostream>
 #include <thread>
 
@@ -28,24 +30,33 @@ double cpu_s() {
   return static_cast<double>(t.tv_sec) + 1e-9 * static_cast<double>(t.tv_nsec);
 }
 
-/// Best of several rounds: rays a second by the wall, and by the processor time of all threads over the
-/// number of threads, which a busy machine does not slow.
-struct Rate {
-  double wall = 0, cpu = 0, result = 0;
+/// One way to trace: its rays, and what a run of it gives.
+struct Way {
+  std::string name;
+  double rays = 0;
+  std::function<Json()> run;  ///< traces once; what else is worth reporting
+  double wall = 0, cpu = 0;   ///< best so far, rays a second
+  Json last{};
 };
-template <typename Run>
-Rate measure(int rounds, int threads, double rays, const Run& run) {
-  Rate best;
-  for (int round = 0; round < rounds; ++round) {
-    const auto begin = std::chrono::steady_clock::now();
-    const double cpu = cpu_s();
-    best.result = run();
-    const double used = cpu_s() - cpu;
-    best.wall = std::max(
-        best.wall, rays / std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count());
-    best.cpu = std::max(best.cpu, rays / used * threads);
-  }
-  return best;
+
+/// Runs all ways one after the other, several times, so that what disturbs the machine disturbs all of them;
+/// keeps the best of each: rays a second by the wall, and by the processor time of all threads over the
+/// number of threads, which a busy machine slows less.
+void measure(std::vector<Way>& ways, int rounds, int threads) {
+  for (Way& way : ways) way.run();  // kernels compiled
+  for (int round = 0; round < rounds; ++round)
+    for (Way& way : ways) {
+      const auto begin = std::chrono::steady_clock::now();
+      const double cpu = cpu_s();
+      way.last = way.run();
+      const double used = cpu_s() - cpu;
+      way.wall = std::max(
+          way.wall,
+          way.rays / std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count());
+      way.cpu = std::max(way.cpu, way.rays / used * threads);
+      std::cerr << way.name << ": " << way.cpu / 1e6 << " M/s by processor time, " << way.wall / 1e6
+                << " by the wall\n";
+    }
 }
 
 /// Gullstrand's spheres in the order of a ray from the retina.
@@ -86,12 +97,14 @@ double mean_of(const LinearImage& image) {
 
 int main(int argc, char** argv) {
   int samples = 64, rounds = 3, vertices = 800, threads = 0;
+  bool large = false;
   std::string device;
   CLI::App app("Rays a second of every way through the eye");
   app.add_option("--samples", samples, "Rays a pixel")->capture_default_str();
   app.add_option("--rounds", rounds, "The best of so many")->capture_default_str();
   app.add_option("--vertices", vertices, "A surface")->capture_default_str();
   app.add_option("--threads", threads, "0: all cores");
+  app.add_flag("--large", large, "200 000 vertices too");
   app.add_option("--device", device, "OpenCL device");
   CLI11_PARSE(app, argc, argv);
   if (threads == 0) threads = static_cast<int>(std::thread::hardware_concurrency());
@@ -102,39 +115,44 @@ int main(int argc, char** argv) {
   TraceSettings settings;
   settings.samples = samples;
   settings.wavelength_nm = 589.3;
-  settings.vertices = {vertices};
   settings.verbosity.quiet = true;
-  const double rays = 500.0 * 500.0 * samples;
   Json answer{
       {"device", tracer.device_name()}, {"threads", threads}, {"samples", samples}, {"vertices", vertices}};
-  Json& rates = answer["million_rays_per_s"];
-  const auto report = [&](const std::string& name, const Rate& rate) {
-    rates[name] = {{"cpu_normalised", rate.cpu / 1e6}, {"wall", rate.wall / 1e6}, {"mean", rate.result}};
-    std::cerr << name << ": " << rate.cpu / 1e6 << " M/s by processor time, " << rate.wall / 1e6
-              << " by the wall\n";
-    return rate.cpu;
-  };
-  const auto trace = [&](const std::string& name, const EyeModel& e,
-                         std::optional<Representation> representation, int sheet_vertices,
-                         const std::vector<CurvatureTangent>& tangents = {}) {
+
+  std::vector<Way> ways;
+  const auto add = [&](const std::string& name, const EyeModel& e, Representation representation,
+                       int sheet_vertices, int pixels = 500,
+                       const std::vector<CurvatureTangent>& tangents = {}) {
     TraceSettings s = settings;
     s.representation = representation;
     s.vertices = {sheet_vertices};
-    tracer.trace(e, *scene, s, tangents);  // kernels compiled
-    return report(name, measure(rounds, threads, rays,
-                                [&] { return mean_of(tracer.trace(e, *scene, s, tangents).image); }));
+    s.grid.width = s.grid.height = pixels;
+    if (representation == Representation::every_triangle) s.samples = 32;
+    ways.push_back({name, 1.0 * pixels * pixels * s.samples, [=, &tracer] {
+                      const TraceResult result = tracer.trace(e, *scene, s, tangents);
+                      const double left = static_cast<double>(result.states.at(RayState::reached));
+                      return Json{{"mean", mean_of(result.image)},
+                                  {"reached", left / static_cast<double>(result.rays)},
+                                  {"prepare_s", result.prepare_s},
+                                  {"device_bytes", result.device_bytes}};
+                    }});
   };
-
-  const double analytic = trace("analytic", eye, Representation::analytic, vertices);
-  const double smooth = trace("smooth", eye, Representation::smooth, vertices);
-  const double triangles = trace("triangles", eye, Representation::triangles, vertices);
-  const double smooth_12800 = trace("smooth 12800 vertices", eye, Representation::smooth, 12800);
-  const double triangles_12800 = trace("triangles 12800 vertices", eye, Representation::triangles, 12800);
   const EyeModel glasses = with_thin_lens(eye, {-1, 0.25, 0}, 12);
-  const double with_lens = trace("analytic with spectacle", glasses, Representation::analytic, vertices);
-  const double derivative =
-      trace("analytic with spectacle and one derivative", glasses, Representation::analytic, vertices,
-            {{"spectacle_back", Eigen::Matrix2d::Identity() * -2e-3}});
+  add("analytic", eye, Representation::analytic, vertices);
+  add("smooth", eye, Representation::smooth, vertices);
+  add("triangles", eye, Representation::triangles, vertices);
+  add("fast", eye, Representation::fast, vertices);
+  add("smooth 12800 vertices", eye, Representation::smooth, 12800);
+  add("triangles 12800 vertices", eye, Representation::triangles, 12800);
+  if (large) {
+    add("smooth 200000 vertices", eye, Representation::smooth, 200000);
+    add("triangles 200000 vertices", eye, Representation::triangles, 200000);
+  }
+  add("analytic with spectacle", glasses, Representation::analytic, vertices);
+  add("analytic with spectacle and one derivative", glasses, Representation::analytic, vertices, 500,
+      {{"spectacle_back", Eigen::Matrix2d::Identity() * -2e-3}});
+  if (threads <= 16)
+    add("every triangle (the paper's method)", eye, Representation::every_triangle, vertices, 64);
 
   // The baselines take the same rays, pixels and texture.
   const PupilAim aim(eye, settings.grid, 589.3);
@@ -144,10 +162,6 @@ int main(int argc, char** argv) {
   const float texels_per_mm = static_cast<float>(texture.width / (2 * plane.right_mm.norm()));
   const auto system = baseline_of(eye);
   const auto z = static_cast<float>(aim.plane_z_mm());
-  const double scalar = report("scalar C++, spheres", measure(rounds, threads, rays, [&] {
-                                 return scalar_spheres(system, pixels.values, z, samples, texture.values,
-                                                       texture.width, texels_per_mm, distance_mm, threads);
-                               }));
   std::vector<TriangleMesh> sheets;
   for (int i = static_cast<int>(eye.surfaces.size()) - 2; i >= 0; --i) {
     const Surface& s = eye.surfaces[i];
@@ -156,17 +170,32 @@ int main(int argc, char** argv) {
     for (auto& vertex : sheet.vertices) vertex.z() -= s.position_mm;
     sheets.push_back(std::move(sheet));
   }
-  const int few = std::min(samples, 16);
-  const double embree = report("Embree rtcIntersect1", measure(rounds, threads, 250000.0 * few, [&] {
-                                 return embree_sheets(sheets, system, pixels.values, z, few, texture.values,
-                                                      texture.width, texels_per_mm, distance_mm, threads);
-                               }));
-  answer["ratios"] = {
-      {"analytic over scalar C++", analytic / scalar},
-      {"smooth over Embree", smooth / embree},
-      {"triangles over Embree", triangles / embree},
-      {"smooth: cost of 12800 vertices over " + std::to_string(vertices), smooth / smooth_12800},
-      {"triangles: cost of 12800 vertices over " + std::to_string(vertices), triangles / triangles_12800},
-      {"cost of one derivative", with_lens / derivative}};
+  const int some = std::min(samples, 64), few = std::min(samples, 16);
+  ways.push_back({"scalar C++, spheres", 250000.0 * some, [&] {
+                    return Json{{"mean", scalar_spheres(system, pixels.values, z, some, texture.values,
+                                                        texture.width, texels_per_mm, distance_mm, threads)}};
+                  }});
+  ways.push_back({"Embree rtcIntersect1", 250000.0 * few, [&] {
+                    return Json{{"mean", embree_sheets(sheets, system, pixels.values, z, few, texture.values,
+                                                       texture.width, texels_per_mm, distance_mm, threads)}};
+                  }});
+  measure(ways, rounds, threads);
+
+  std::map<std::string, double> rate;
+  for (const Way& way : ways) {
+    rate[way.name] = way.cpu;
+    Json& entry = answer["ways"][way.name] = way.last;
+    entry["million_rays_per_s_by_processor_time"] = way.cpu / 1e6;
+    entry["million_rays_per_s_by_the_wall"] = way.wall / 1e6;
+  }
+  const auto ratio = [&](const std::string& a, const std::string& b) {
+    if (rate.count(a) > 0 && rate.count(b) > 0) answer["ratios"][a + " over " + b] = rate[a] / rate[b];
+  };
+  ratio("analytic", "scalar C++, spheres");
+  for (const char* way : {"smooth", "triangles", "fast"}) ratio(way, "Embree rtcIntersect1");
+  ratio("triangles", "every triangle (the paper's method)");
+  for (const std::string way : {"smooth", "triangles"})
+    for (const char* more : {" 12800 vertices", " 200000 vertices"}) ratio(way, way + more);
+  ratio("analytic with spectacle", "analytic with spectacle and one derivative");
   std::cout << answer.dump(2) << "\n";
 }
