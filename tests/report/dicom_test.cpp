@@ -168,9 +168,9 @@ void DicomTest::expect_the_mesh() const {
   std::uint32_t count = 0;
   std::memcpy(&count, stl.data() + 80, 4);
   ASSERT_EQ(count, mesh.triangles.size());
-  ASSERT_GE(stl.size(), 84 + 50 * count);
-  for (std::uint32_t i = 0; i < count; ++i)
-    for (int corner = 0; corner < 3; ++corner) {
+  ASSERT_GE(stl.size(), 84 + std::size_t{50} * count);
+  for (std::size_t i = 0; i < count; ++i)
+    for (std::size_t corner = 0; corner < 3; ++corner) {
       std::array<float, 3> point{};
       std::memcpy(point.data(), stl.data() + 84 + 50 * i + 12 + 12 * corner, 12);
       const Eigen::Vector3d& expected = mesh.vertices[static_cast<std::size_t>(mesh.triangles[i][corner])];

@@ -53,7 +53,7 @@ std::vector<Row> lines_of(const std::string& text) {
 }
 
 /// Rows that begin with `expected`.
-::testing::Matcher<const std::vector<Row>&> HaveRow(const Row& expected) {
+::testing::Matcher<const std::vector<Row>&> have_row(const Row& expected) {
   return Contains(::testing::ResultOf(
       [count = expected.size()](const Row& row) {
         return Row(row.begin(), row.begin() + static_cast<std::ptrdiff_t>(std::min(count, row.size())));
@@ -74,9 +74,9 @@ void NumbersTest::expect_biometry() const {
         expected.push_back(format(measured.value, row.style) + (is_unusual ? " (!)" : ""));
         expected.push_back(format_interval(measured, row.style));
       }
-      EXPECT_THAT(html, HaveRow(expected));
+      EXPECT_THAT(html, have_row(expected));
       if (row.name.size() < 34) {  // longer names break into two lines
-        EXPECT_THAT(pdf, HaveRow(expected));
+        EXPECT_THAT(pdf, have_row(expected));
       }
     }
 }
@@ -97,7 +97,7 @@ void NumbersTest::expect_refraction() const {
       const auto measured = prescription.at(key).get<Measured>();
       const NumberStyle style =
           std::string(key) == "axis_deg" ? NumberStyle{0, false, "deg"} : NumberStyle{2, true, "D"};
-      EXPECT_THAT(html, HaveRow({name, format(measured.value, style), format_interval(measured, style)}));
+      EXPECT_THAT(html, have_row({name, format(measured.value, style), format_interval(measured, style)}));
       EXPECT_TRUE(std::regex_search(
           pdf, std::regex(name + std::string(" +") +
                           std::regex_replace(format(measured.value, style), std::regex("[+]"), "[+]") + " +" +
@@ -123,13 +123,13 @@ void NumbersTest::expect_criteria_budget_and_wavefront() const {
                                   std::pair{"minimum_rms_spot", "Least spot"},
                                   std::pair{"visual_strehl", "Best visual Strehl ratio"}}) {
     const Row row = powers_of(name, od.at("wavefront_check").at(key), os.at("wavefront_check").at(key), true);
-    EXPECT_THAT(html, HaveRow(row));
-    EXPECT_THAT(pdf, HaveRow(row));
+    EXPECT_THAT(html, have_row(row));
+    EXPECT_THAT(pdf, have_row(row));
   }
   for (std::size_t i = 0; i < od.at("budget").size(); ++i) {
     const Row row = powers_of(od["budget"][i].at("source"), od["budget"][i], os["budget"][i], false);
-    EXPECT_THAT(html, HaveRow(row));
-    EXPECT_THAT(pdf, HaveRow(row));
+    EXPECT_THAT(html, have_row(row));
+    EXPECT_THAT(pdf, have_row(row));
   }
   const Json right = json_of("raytrace", "od", "wavefront.json"),
              left = json_of("raytrace", "os", "wavefront.json");
@@ -140,13 +140,13 @@ void NumbersTest::expect_criteria_budget_and_wavefront() const {
         std::tuple{"strehl", "Strehl ratio", NumberStyle{3, false, ""}},
         std::tuple{"vsotf", "Visual Strehl ratio (VSOTF)", NumberStyle{3, false, ""}}}) {
     const Row row{name, format(right.at(key), style), format(left.at(key), style)};
-    EXPECT_THAT(html, HaveRow(row));
-    EXPECT_THAT(pdf, HaveRow(row));
+    EXPECT_THAT(html, have_row(row));
+    EXPECT_THAT(pdf, have_row(row));
   }
   const Json& cylinder = od.at("plano_cylinder");
   EXPECT_THAT(html,
-              HaveRow({"Radius of the back surface", format(cylinder.at("radius_mm"), {1, true, "mm"})}));
-  EXPECT_THAT(html, HaveRow({"Sharpness reached", format(cylinder.at("sharpness"), {4, false, ""})}));
+              have_row({"Radius of the back surface", format(cylinder.at("radius_mm"), {1, true, "mm"})}));
+  EXPECT_THAT(html, have_row({"Sharpness reached", format(cylinder.at("sharpness"), {4, false, ""})}));
 }
 
 TEST_F(NumbersTest, OfTheJsonStandInHtmlAndPdf) {
