@@ -6,6 +6,7 @@
 #include <cmath>
 #include <string_view>
 
+#include "correction/ablation.hpp"
 #include "correction/notation.hpp"
 #include "correction/sweep.hpp"
 #include "correction/what_if.hpp"
@@ -38,6 +39,7 @@ Json parameters_of(const CorrectionSettings& settings, const CommonOptions& comm
           {"lens_index_sigma", settings.lens_index_sigma},
           {"instruments", to_json(settings.known.instruments)},
           {"known_refractions", settings.known.refractions},
+          {"ablation_picture", settings.ablation_picture},
           {"age_years", settings.age_years ? Json(*settings.age_years) : Json(nullptr)},
           {"seed", common.seed},
           {"laterality", common.laterality == LateralityChoice::both ? "both"
@@ -131,12 +133,13 @@ void check_learnable(const fs::path& case_folder, const std::string& eye_name, c
 }
 
 void write_eye_files(const fs::path& folder, const raytrace::Tracer& tracer, const EyeModel& eye,
-                     const EyeResult& result, const PictureSettings& picture, std::uint64_t seed,
-                     const std::string& laterality, std::optional<double> age_years) {
+                     const EyeResult& result, const CorrectionSettings& settings, std::uint64_t seed,
+                     const std::string& laterality) {
   const PrescriptionSettings& p = result.prescription.settings;
+  const PictureSettings& picture = settings.picture;
   fs::create_directories(folder);
   Json prescription = to_json(result.prescription, result.uncertainty, laterality);
-  prescription["what_if"] = what_if_json(eye, p, result.prescription.refraction, age_years);
+  prescription["what_if"] = what_if_json(eye, p, result.prescription.refraction, settings.age_years);
   write_json(folder / "prescription.json", prescription);
   write_file(folder / "sweep.csv", sweep_csv(result.prescription.plano_cylinder));
   write_file(folder / "sweep.svg", sweep_svg(result.prescription.plano_cylinder));
@@ -147,10 +150,17 @@ void write_eye_files(const fs::path& folder, const raytrace::Tracer& tracer, con
       raytrace::Representation::analytic;  // the lens; an eye's meshes are patches in it too
   trace.seed = seed;
   trace.verbosity.quiet = true;
-  const EyeModel corrected =
-      with_thin_lens(with_pupil(eye, picture.pupil_mm), result.prescription.refraction, p.vertex_distance_mm);
+  const EyeModel seeing = with_pupil(eye, picture.pupil_mm);
   const auto scene = raytrace::make_scene(picture.scene);
-  raytrace::write_png(folder / "corrected.png", tracer.trace(corrected, *scene, trace).image);
+  const auto write_picture = [&](const char* name, const EyeModel& model) {
+    raytrace::write_png(folder / name, tracer.trace(model, *scene, trace).image);
+  };
+  write_picture("corrected.png",
+                with_thin_lens(seeing, result.prescription.refraction, p.vertex_distance_mm));
+  if (settings.ablation_picture) {
+    const PowerVector at_cornea = move_towards_eye(result.prescription.refraction, p.vertex_distance_mm);
+    write_picture("ablated.png", with_ablation(seeing, munnerlyn_profile(seeing, at_cornea)));
+  }
 }
 
 std::string summary(const std::string& who, const EyeResult& result) {
@@ -239,8 +249,7 @@ Answer correct_case(const fs::path& case_folder, CorrectionSettings settings, co
         EyeResult result{prescribe(*tracer, eye, settings.prescription), {}};
         result.uncertainty =
             uncertainty_of(result.prescription, uncertain ? &*uncertain : nullptr, calibration);
-        write_eye_files(workspace.folder() / name, *tracer, eye, result, settings.picture, common.seed, name,
-                        settings.age_years);
+        write_eye_files(workspace.folder() / name, *tracer, eye, result, settings, common.seed, name);
         const SearchResult& plano = result.prescription.plano_cylinder.search;
         if (!plano.accepted)
           workspace.warn(std::string(clinical_name(side)) + ", plano-cylinder: " + plano.reason);
@@ -282,7 +291,7 @@ Answer correct_eye(const EyeModel& eye, const fs::path& output, const Correction
   const raytrace::Tracer tracer(common.device, common.threads);
   EyeResult result{prescribe(tracer, eye, settings.prescription), {}};
   result.uncertainty = uncertainty_of(result.prescription, nullptr);
-  write_eye_files(output, tracer, eye, result, settings.picture, common.seed, "", settings.age_years);
+  write_eye_files(output, tracer, eye, result, settings, common.seed, "");
   Answer answer;
   answer.json = to_json(result.prescription, result.uncertainty, "");
   answer.text = summary(eye.name, result) + std::string(research_notice) + "\n";

@@ -28,6 +28,7 @@ struct CorrectionSettings {
   double lens_index_sigma = 0.005;  ///< prior of a measured eye's lens index; 0 where it is known
   std::optional<double> age_years;  ///< for the near point; a case's own where none is given
   KnownDataFlags known;
+  bool ablation_picture = false;  ///< what the eye sees after an ablation of its refraction: ablated.png
 };
 
 /// CASE/correction/<eye>/: prescription.json, corrected.png, sweep.csv, sweep.svg, for every eye that was

@@ -4,7 +4,10 @@
 #include <cmath>
 #include <functional>
 #include <limits>
+#include <utility>
 
+#include "correction/ablation.hpp"
+#include "correction/iol_formulas.hpp"
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/frames.hpp"
 #include "raytrace/wavefront/wavefront.hpp"
@@ -48,28 +51,43 @@ Json pupil_json(const EyeModel& eye, const PrescriptionSettings& settings) {
   return rows;
 }
 
+/// Mean keratometric power 1.5 mm from the apex, over two perpendicular meridians.
+double mean_keratometry_D(const EyeModel& eye) {
+  constexpr double ring_mm = 1.5;
+  const Shape& cornea = *eye.surface("cornea_anterior").shape;
+  double sum_D = 0;
+  for (const auto& [x, y] : {std::pair(1, 0), std::pair(-1, 0), std::pair(0, 1), std::pair(0, -1)}) {
+    const auto normal = cornea.normal(ring_mm * x, ring_mm * y);
+    if (!normal) throw no_result_error("the front cornea ends within 1.5 mm of its apex");
+    sum_D += 337.5 * (normal->x() * x + normal->y() * y) / ring_mm;
+  }
+  return sum_D / 4;
+}
+
 Json iol_json(const EyeModel& eye, const PrescriptionSettings& settings) {
-  constexpr double a_constant = 118.4, keratometric = 337.5;
-  const double k_D = keratometric * eye.surface("cornea_anterior").shape->vertex_curvature().trace() / 2;
-  // SRK/T adds the retina's thickness to what a biometer measures; ours is to the photoreceptors already.
-  const double length_mm = (eye.axial_length_mm() - 0.65696) / (1 - 0.02029);
-  const double position_mm = srkt_lens_position_mm(length_mm, k_D, a_constant);
+  constexpr double a_constant = 118.4;
+  const IolBiometry biometry{eye.axial_length_mm(), mean_keratometry_D(eye),
+                             eye.surface("lens_anterior").position_mm};
+  const ThinLensEye srkt = srkt_eye(biometry, a_constant);
   return {{"target_M_D", 0},
           {"a_constant", a_constant},
-          {"position_mm", position_mm},
+          {"position_mm", srkt.lens_mm},
           {"ray_traced_D",
-           ray_traced_iol_D(with_pupil(eye, settings.pupil_mm), position_mm, 0, settings.wavelength_nm)},
-          {"srkt_D", srkt_power_D(length_mm, k_D, a_constant, 0)}};
+           ray_traced_iol_D(with_pupil(eye, settings.pupil_mm), srkt.lens_mm, 0, settings.wavelength_nm)},
+          {"srkt_D", iol_power_D(srkt, 0)},
+          {"holladay_1_D", iol_power_D(holladay_eye(biometry, a_constant), 0)},
+          {"hoffer_q_D", iol_power_D(hoffer_q_eye(biometry, a_constant), 0)},
+          {"haigis_D", iol_power_D(haigis_eye(biometry, a_constant), 0)}};
 }
 
 Json ablation_json(const EyeModel& eye, const PrescriptionSettings& settings, const PowerVector& at_cornea) {
-  constexpr double zone_mm = 6;
   PrescriptionSettings at_vertex_plane = settings;
   at_vertex_plane.vertex_distance_mm = 0;
-  const PowerVector left = refraction_by_spot(with_ablation(eye, at_cornea), at_vertex_plane);
-  const double radius_mm = 2 / eye.surface("cornea_anterior").shape->vertex_curvature().trace();
-  return {{"optical_zone_mm", zone_mm},
-          {"central_depth_um", munnerlyn_depth_um(radius_mm, at_cornea.M_D, zone_mm)},
+  const MunnerlynProfile profile = munnerlyn_profile(eye, at_cornea);
+  const PowerVector left = refraction_by_spot(with_ablation(eye, profile), at_vertex_plane);
+  return {{"optical_zone_mm", profile.optical_zone_mm()},
+          {"central_depth_um", profile.central_depth_um()},
+          {"deepest_um", profile.deepest_um()},
           {"residual", {{"M_D", left.M_D}, {"J0_D", left.J0_D}, {"J45_D", left.J45_D}}}};
 }
 
@@ -118,31 +136,6 @@ double near_point_with_lens_mm(double at_cornea_D, double amplitude_D, double le
   return before_lens_D == 0 ? std::numeric_limits<double>::infinity() : -1e3 / before_lens_D;
 }
 
-double srkt_lens_position_mm(double axial_length_mm, double keratometry_D, double a_constant) {
-  const double radius_mm = 337.5 / keratometry_D;
-  const double corrected_mm =
-      axial_length_mm <= 24.2 ? axial_length_mm
-                              : -3.446 + 1.716 * axial_length_mm - 0.0237 * axial_length_mm * axial_length_mm;
-  const double width_mm = -5.41 + 0.58412 * corrected_mm + 0.098 * keratometry_D;
-  const double under_root = radius_mm * radius_mm - width_mm * width_mm / 4;
-  if (under_root < 0)
-    throw no_result_error("SRK/T has no corneal height for this axial length and keratometry");
-  return radius_mm - std::sqrt(under_root) + 0.62467 * a_constant - 68.747 - 3.336;
-}
-
-double srkt_power_D(double axial_length_mm, double keratometry_D, double a_constant, double target_D) {
-  constexpr double na = 1.336, nc_minus_1 = 0.333, vertex_mm = 12;
-  const double radius_mm = 337.5 / keratometry_D;
-  const double position_mm = srkt_lens_position_mm(axial_length_mm, keratometry_D, a_constant);
-  const double optical_mm = axial_length_mm + 0.65696 - 0.02029 * axial_length_mm;
-  const double at_retina = na * radius_mm - nc_minus_1 * optical_mm;
-  const double at_lens = na * radius_mm - nc_minus_1 * position_mm;
-  const double numerator = at_retina - 0.001 * target_D * (vertex_mm * at_retina + optical_mm * radius_mm);
-  const double denominator = (optical_mm - position_mm) *
-                             (at_lens - 0.001 * target_D * (vertex_mm * at_lens + position_mm * radius_mm));
-  return 1000 * na * numerator / denominator;
-}
-
 EyeModel with_iol(EyeModel eye, double power_D, double position_mm) {
   const double radius_mm = std::abs(power_D) < 1e-6 ? 1e9 : iol_radius_mm(power_D);
   Surface& front = eye.surface("lens_anterior");
@@ -182,33 +175,6 @@ double ray_traced_iol_D(const EyeModel& eye, double position_mm, double target_a
     (error_D(middle_D) > 0 ? low_D : high_D) = middle_D;
   }
   return (low_D + high_D) / 2;
-}
-
-EyeModel with_ablation(EyeModel eye, const PowerVector& correction) {
-  Surface& front = eye.surface("cornea_anterior");
-  const Json json = front.shape->to_json();
-  double q = 0;
-  if (json.contains("q"))
-    q = json["q"].is_array() ? (json["q"][0].get<double>() + json["q"][1].get<double>()) / 2
-                             : json["q"].get<double>();
-  const double step = eye.media.at(front.medium_after).index - 1;
-  const Eigen::Matrix2d c = front.shape->vertex_curvature();
-  const double mean = (c(0, 0) + c(1, 1)) / 2 + correction.M_D * 1e-3 / step;
-  const double j0 = (c(0, 0) - c(1, 1)) / 2 + correction.J0_D * 1e-3 / step;
-  const double j45 = (c(0, 1) + c(1, 0)) / 2 + correction.J45_D * 1e-3 / step;
-  const double cylinder = std::hypot(j0, j45);
-  if (!(mean > cylinder)) throw no_result_error("an ablation by that much would leave no convex cornea");
-  front.shape = make_biconic(1 / (mean + cylinder), 1 / (mean - cylinder), q, q,
-                             normalise_axis_deg(std::atan2(j45, j0) / degree / 2));
-  return eye;
-}
-
-double munnerlyn_depth_um(double radius_mm, double correction_D, double zone_mm, double index) {
-  const double after_mm = 1 / (1 / radius_mm + correction_D * 1e-3 / (index - 1));
-  const auto sag_mm = [&](double r) {
-    return r - std::copysign(std::sqrt(r * r - zone_mm * zone_mm / 4), r);
-  };
-  return std::abs(sag_mm(radius_mm) - sag_mm(after_mm)) * 1e3;
 }
 
 }  // namespace emmetrope::correction

@@ -23,12 +23,6 @@ double near_point_mm(double at_cornea_D, double amplitude_D);
 /// The same through a lens of back vertex power lens_D at vertex_mm, distance from the lens.
 double near_point_with_lens_mm(double at_cornea_D, double amplitude_D, double lens_D, double vertex_mm);
 
-/// IOL power for a target refraction at 12 mm by SRK/T (Retzlaff, Sanders and Kraff 1990, with their
-/// erratum). \param axial_length_mm  optical; \param keratometry_D  mean, keratometric index 1.3375
-double srkt_power_D(double axial_length_mm, double keratometry_D, double a_constant, double target_D);
-/// Where SRK/T expects the lens, mm behind the corneal vertex.
-double srkt_lens_position_mm(double axial_length_mm, double keratometry_D, double a_constant);
-
 /// A symmetric biconvex IOL of index 1.46, 0.8 mm thick.
 /// \param position_mm  its middle behind the corneal vertex
 EyeModel with_iol(EyeModel eye, double power_D, double position_mm);
@@ -37,15 +31,8 @@ EyeModel with_iol(EyeModel eye, double power_D, double position_mm);
 double ray_traced_iol_D(const EyeModel& eye, double position_mm, double target_at_cornea_D,
                         double wavelength_nm);
 
-/// A Munnerlyn ablation (Munnerlyn, Koons and Marshall 1988): the front cornea becomes the surface whose
-/// curvature takes `correction` away, inside the optical zone. \param correction  at the corneal vertex The
-/// new front is a biconic with the old asphericity.
-EyeModel with_ablation(EyeModel eye, const PowerVector& correction);
-/// Depth that it takes off at the centre: t = R1 (1 - ...) exactly, about zone^2 |D| / 3 in um for myopia.
-double munnerlyn_depth_um(double radius_mm, double correction_D, double zone_mm, double index = 1.376);
-
 /// All of it for one eye, as prescription.json's "what_if": refraction against pupil, near point by age
-/// (where an age is given), the IOL for emmetropia by rays and by SRK/T, and what an ablation of this
+/// (where an age is given), the IOL for emmetropia by rays and by four formulas, and what an ablation of this
 /// refraction would leave. \param refraction  at the settings' vertex distance
 Json what_if_json(const EyeModel& eye, const PrescriptionSettings& settings, const PowerVector& refraction,
                   std::optional<double> age_years);
