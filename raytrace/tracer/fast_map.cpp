@@ -254,7 +254,9 @@ void measure(FastMap& map, const std::vector<Truth>& rays, const Eigen::Matrix3d
     // in the precision that the device has
     const Eigen::VectorXf power = powers(truth.disc, map.degree).cast<float>(),
                           c = coefficients.cast<float>();
-    const auto value = [&](int output) -> double { return c.segment(output * terms, terms).dot(power); };
+    const auto value = [&](int output) -> double {
+      return c.segment(Eigen::Index{output} * terms, terms).dot(power);
+    };
     const Eigen::Vector3d direction = Eigen::Vector3d(value(2), value(3), 1).normalized(),
                           exact = frame_from_eye * truth.direction;
     const double angle = direction.cross(exact).norm() / arcmin;
