@@ -19,6 +19,7 @@ const std::vector<Passed>& passed() {
       {"--acd", "od:3.4+-0.1 (apex to lens front, mm)", {&Run::mesh_options}},
       {"--lens-thickness", "od:3.8+-0.1 (mm)", {&Run::mesh_options}},
       {"--topography", "od:FILE of corneal elevation", {&Run::mesh_options}},
+      {"--scale-sd", "Relative scale error of the scanner (1 SD)", {&Run::mesh_options}},
       {"--retinal-depth",
        "Photoreceptors behind the interface, mm",
        {&Run::mesh_options, &Run::trace_options}},
