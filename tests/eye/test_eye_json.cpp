@@ -94,7 +94,7 @@ TEST(EyeJson, FaultsNameTheKey) {
               HasSubstr("lps_from_eye"));
   for (const char* key : {"radius_mm", "q", "position_mm", "decentre_mm"})
     EXPECT_THAT(with([&](Json& j) {
-                  const Json far = 1e9;
+                  const Json far = 1e12;
                   j["surfaces"][0][key] = std::string(key) == "decentre_mm" ? Json{far, far} : far;
                 }),
                 HasSubstr(key));
