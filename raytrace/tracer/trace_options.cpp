@@ -15,7 +15,8 @@ double take_number(const std::string& option, const std::string& whole, std::str
   if (!text.empty() && text.front() == '+') text.remove_prefix(1);
   double value = 0;
   const auto [end, fault] = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (fault != std::errc()) throw usage_error(option + ": a number is missing in \"" + whole + "\"");
+  if (fault != std::errc() || !std::isfinite(value))
+    throw usage_error(option + ": a finite number is missing in \"" + whole + "\"");
   text.remove_prefix(end - text.data());
   return value;
 }
