@@ -14,6 +14,7 @@ const std::vector<Passed>& passed() {
   using Run = RunOptions;
   static const std::vector<Passed> options{
       {"--series", "Series to use: UID or number of inventory; repeatable", {&Run::segment_options}},
+      {"--labels", "Label volume corrected by hand; repeatable", {&Run::segment_options}},
       {"--keratometry", "od:43.25@175/44.75@85+-0.25 (D, degrees)", {&Run::mesh_options}},
       {"--axial-length", "od:23.60+-0.05 (optical, mm)", {&Run::mesh_options}},
       {"--acd", "od:3.4+-0.1 (apex to lens front, mm)", {&Run::mesh_options}},

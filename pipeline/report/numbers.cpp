@@ -47,6 +47,7 @@ std::string format_refraction(double sphere_D, double cylinder_D, double axis_de
 std::string source_name(const std::string& source) {
   static const std::map<std::string, std::string> names{{"mri", "MRI"},
                                                         {"prior", "prior"},
+                                                        {"labels", "labels by hand"},
                                                         {"keratometry", "keratometry"},
                                                         {"topography", "corneal topography"},
                                                         {"axial_length", "optical biometry"},

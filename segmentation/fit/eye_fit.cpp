@@ -55,7 +55,7 @@ double find_apex_distance(const std::vector<const Stack*>& stacks, const EyeStar
 }
 
 VectorXd start_parameters(const ParameterLayout& layout, const std::vector<const Stack*>& stacks,
-                          const EyeStart& start, Contrast contrast) {
+                          const EyeStart& start, Contrast contrast, Evidence evidence) {
   VectorXd a = population_mean(layout);
   const double apex = find_apex_distance(stacks, start, contrast);
   a.segment<3>(apex_x) = start.globe_centre + apex * start.axis;
@@ -63,11 +63,18 @@ VectorXd start_parameters(const ParameterLayout& layout, const std::vector<const
   a[globe_x] = a[globe_y] = a[globe_z] = start.globe_radius_mm;
   a[axial_length] = apex + start.globe_radius_mm;
 
+  for (std::size_t k = 1; k < start.stack_shift.size(); ++k)
+    a.segment<3>(layout.stack(static_cast<int>(k)) + shift_first) = start.stack_shift[k];
+  if (evidence == Evidence::labels) {
+    a[vitreous] = a[aqueous] = fluid_level;
+    a[wall] = a[cornea] = a[lens] = solid_level;
+    a[iris] = iris_level;
+    a[lid] = a[air] = a[surround] = outside_level;
+    return a;
+  }
   std::vector<TissueLevels> levels;
   for (std::size_t k = 0; k < stacks.size(); ++k)
     levels.push_back(measure_levels(*stacks[k], start.in_stack(k), contrast));
-  for (std::size_t k = 1; k < start.stack_shift.size(); ++k)
-    a.segment<3>(layout.stack(static_cast<int>(k)) + shift_first) = start.stack_shift[k];
   const auto relative = [&](double TissueLevels::*tissue) {
     double sum = 0;
     for (const TissueLevels& l : levels)
@@ -127,6 +134,19 @@ std::vector<int> stack_parameters(const ParameterLayout& layout, bool sharpness)
   return indices;
 }
 
+/// The parameters that the evidence leaves open: labels have no intensities, coil, sharpness or lid.
+std::vector<int> open_parameters(const ParameterLayout& layout, std::vector<int> wanted, Evidence evidence) {
+  if (evidence == Evidence::intensities) return wanted;
+  const auto known = [&](int parameter) {
+    const int in_stack = (parameter - eye_parameter_count) % stack_parameter_count;
+    const bool of_stack = parameter >= eye_parameter_count && parameter < layout.displacement();
+    return (parameter >= lid_thickness && parameter <= surround) || parameter >= layout.background() ||
+           (of_stack && (in_stack < shift_first || in_stack == log_sharpness));
+  };
+  wanted.erase(std::remove_if(wanted.begin(), wanted.end(), known), wanted.end());
+  return wanted;
+}
+
 /// Everything that a full pass frees.
 std::vector<int> all_parameters(const ParameterLayout& layout) {
   std::vector<int> indices = range(apex_x, surround);
@@ -136,22 +156,27 @@ std::vector<int> all_parameters(const ParameterLayout& layout) {
 }
 
 /// Pass 1: globe, lens, pose, without the cornea; the apex rides with the globe.
-SolveResult fit_globe(FitProblem& problem, const VectorXd& start) {
+SolveResult fit_globe(FitProblem& problem, const VectorXd& start, Evidence evidence) {
   std::vector<int> active = range(apex_x, gaze_vertical);
   append(active, {anterior_chamber_depth, lens_thickness, lens_anterior_radius, lens_posterior_radius,
                   globe_x, globe_y, globe_z, wall_lateral, wall_axial, iris_offset, pupil_radius, vitreous,
                   aqueous, wall, lens, iris, surround});
-  append(active, stack_parameters(problem.model->layout(), true));
+  const ParameterLayout& layout = problem.model->layout();
+  append(active, stack_parameters(layout, true));
   problem.loss_scale = 6;
-  return solve(problem, start, select_parameters(problem.model->layout().size(), active), 16);
+  return solve(problem, start, select_parameters(layout.size(), open_parameters(layout, active, evidence)),
+               16);
 }
 
 /// Pass 2: the front of the eye from five depths of the apex, globe and lens kept in place.
-SolveResult fit_cornea(FitProblem& problem, const VectorXd& start, std::vector<double>& costs) {
+SolveResult fit_cornea(FitProblem& problem, const VectorXd& start, Evidence evidence,
+                       std::vector<double>& costs) {
   const int size = problem.model->layout().size();
-  const std::vector<int> active{cornea_c, lid_thickness, lid_tilt_x, lid_tilt_y,   lid_xx,
-                                lid_yy,   lid_xy,        aqueous,    cornea,       lid,
-                                air,      iris,          iris_slope, pupil_radius, lens};
+  const std::vector<int> active =
+      open_parameters(problem.model->layout(),
+                      {cornea_c, lid_thickness, lid_tilt_x, lid_tilt_y, lid_xx, lid_yy, lid_xy, aqueous,
+                       cornea, lid, air, iris, iris_slope, pupil_radius, lens},
+                      evidence);
   // The last column slides cornea and lid along the axis: the apex moves out, all that lies behind keeps its
   // place.
   VectorXd slide = VectorXd::Zero(size);
@@ -318,11 +343,11 @@ std::vector<const Stack*> views_of(const FoundEye& eye, const std::vector<const 
 }
 
 EyeFit fit_eye(const std::vector<const Stack*>& stacks, const EyeStart& start, Contrast contrast,
-               const std::function<void()>& advance) {
+               const std::function<void()>& advance, Evidence evidence) {
   ParameterLayout layout;
   layout.stacks = static_cast<int>(stacks.size());
   layout.bumps = static_cast<int>(bump_directions().size());
-  const std::vector<ObservedStack> observed = observe(stacks, start, contrast);
+  const std::vector<ObservedStack> observed = observe(stacks, start, contrast, evidence);
   std::vector<StackSampling> sampling;
   for (const ObservedStack& o : observed) sampling.push_back(o.sampling);
   ForwardModel model(layout, sampling, start.globe_centre);
@@ -332,7 +357,7 @@ EyeFit fit_eye(const std::vector<const Stack*>& stacks, const EyeStart& start, C
 
   FitProblem problem;
   problem.model = &model;
-  VectorXd a = start_parameters(layout, stacks, start, contrast);
+  VectorXd a = start_parameters(layout, stacks, start, contrast, evidence);
   problem.priors = population_priors(layout, a, contrast);
   int iterations = 0;
 
@@ -349,30 +374,30 @@ EyeFit fit_eye(const std::vector<const Stack*>& stacks, const EyeStart& start, C
   problem.samples = select_samples(model, a, observed, globe);
   if (problem.samples.size() < 1000) throw no_result_error("too few voxels show the eye");
   freeze_weights(problem, a);
-  adopt(fit_globe(problem, a));
+  adopt(fit_globe(problem, a, evidence));
 
   // Once more from there: the start may be a millimetre off and its voxels with it.
   problem.samples = select_samples(model, a, observed, globe);
   freeze_weights(problem, a);
-  adopt(fit_globe(problem, a));
+  adopt(fit_globe(problem, a, evidence));
 
   Selection front;
   front.rear = false;
   problem.samples = select_samples(model, a, observed, front);
   freeze_weights(problem, a);
   std::vector<double> start_costs;
-  adopt(fit_cornea(problem, a, start_costs));
+  adopt(fit_cornea(problem, a, evidence, start_costs));
 
   // The iris keeps its usual thickness at first: a thick one fills the gap before the lens, whose front then
   // settles on the back of the iris.
-  const std::vector<int> active = all_parameters(layout);
+  const std::vector<int> active = open_parameters(layout, all_parameters(layout), evidence);
   const auto but_iris = [](int parameter) {
     return parameter != iris_half_thickness && parameter != iris_slope;
   };
   std::vector<int> first;
   std::copy_if(active.begin(), active.end(), std::back_inserter(first), but_iris);
   problem.loss_scale = 3;
-  problem.rician = true;
+  problem.rician = evidence == Evidence::intensities;
   problem.samples = select_samples(model, a, observed, {});
   freeze_weights(problem, a);
   adopt(solve(problem, a, select_parameters(layout.size(), first), 20));
@@ -384,6 +409,7 @@ EyeFit fit_eye(const std::vector<const Stack*>& stacks, const EyeStart& start, C
 
   EyeFit fit{layout, contrast, observed, model,  a,  active, {},    problem.priors,
              {},     {},       0,        misfit, {}, 0,      false, std::move(start_costs)};
+  fit.evidence = evidence;
   // The balance of image and priors, and the covariance, with weights that know about the misfit.
   const std::array<double, part_count> widening = judge(fit, problem);
   std::vector<float> deviations;
@@ -409,6 +435,7 @@ ParametricEye to_parametric_eye(const EyeFit& fit, Laterality laterality) {
   eye.displacement_width_rad = bump_width_rad;
   eye.lps_from_eye = lps_from_eye(fit.parameters.segment<3>(apex_x),
                                   gaze_axis(fit.value(gaze_horizontal), fit.value(gaze_vertical)));
+  const std::string measured = fit.evidence == Evidence::labels ? "labels" : "mri";
   std::vector<Eigen::Index> rows;
   for (std::size_t i = 0; i < fit.active.size(); ++i) {
     const std::string name = fit.layout.name(fit.active[i]);
@@ -417,7 +444,7 @@ ParametricEye to_parametric_eye(const EyeFit& fit, Laterality laterality) {
     eye.parameter_names.push_back(name);
     eye.set(name, fit.parameters[fit.active[i]]);
     const double prior = fit.priors.sigma[fit.active[i]];
-    eye.source[name] = fit.sigma(fit.active[i]) > 0.9 * prior ? "prior" : "mri";
+    eye.source[name] = fit.sigma(fit.active[i]) > 0.9 * prior ? "prior" : measured;
   }
   const auto n = static_cast<Eigen::Index>(rows.size());
   eye.covariance.resize(n, n);

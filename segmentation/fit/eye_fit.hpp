@@ -42,6 +42,7 @@ struct EyeFit {
   /// Cost of the anterior fit from each start of the apex, lowest first subtracted, in the order of the
   /// starts.
   std::vector<double> start_costs;
+  Evidence evidence = Evidence::intensities;
 
   double value(int parameter) const { return parameters[parameter]; }
   /// Centre of the globe's ellipsoid.
@@ -62,14 +63,15 @@ std::vector<const Stack*> views_of(const FoundEye& eye, const std::vector<const 
 
 /// Fits one eye to its stacks, which are of one contrast. The order that converges: globe, lens and pose
 /// without the cornea; the cornea from five depths; everything; everything once more with Rician weights.
-/// \param advance  called `fit_steps` times in all
+/// Where labels are the evidence, intensities, coil and sharpness are known and only shapes, pose and the
+/// head's shifts are free. \param advance  called `fit_steps` times in all
 /// \throw Error (no_result) when the data cannot support a fit
 EyeFit fit_eye(const std::vector<const Stack*>& stacks, const EyeStart& start, Contrast contrast,
-               const std::function<void()>& advance = {});
+               const std::function<void()>& advance = {}, Evidence evidence = Evidence::intensities);
 inline constexpr int fit_steps = 6;
 
-/// The eye for the next stages: named parameters, covariance and sources ("mri", or "prior" where the image
-/// narrowed the prior by less than a tenth).
+/// The eye for the next stages: named parameters, covariance and sources ("mri" or "labels", or "prior" where
+/// they narrowed the prior by less than a tenth).
 ParametricEye to_parametric_eye(const EyeFit& fit, Laterality laterality);
 
 }  // namespace emmetrope::segmentation

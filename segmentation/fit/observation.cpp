@@ -28,6 +28,11 @@ constexpr double fissure_top_mm = -2.6;
 
 }  // namespace
 
+double label_deviation(const Stack& stack) {
+  const double pixel = std::max(stack.column_spacing_mm, stack.row_spacing_mm);
+  return std::sqrt(std::max(pixel, stack.slice_spacing_mm()) / pixel / 12);
+}
+
 TissueLevels measure_levels(const Stack& stack, const EyeStart& start, Contrast contrast) {
   std::vector<double> vitreous_values, wall_values, lens_values, lid_values, air_values, surround_values;
   for_each_voxel_near(stack, start.globe_centre, 24, [&](int c, int r, int s, const Vector3d& x) {
@@ -93,24 +98,29 @@ double vitreous_noise(const Stack& stack, const EyeStart& start) {
 }
 
 std::vector<ObservedStack> observe(const std::vector<const Stack*>& stacks, const EyeStart& start,
-                                   Contrast contrast) {
+                                   Contrast contrast, Evidence evidence) {
+  const bool drawn = evidence == Evidence::labels;
   std::vector<ObservedStack> observed;
   for (std::size_t k = 0; k < stacks.size(); ++k) {
     const Stack* stack = stacks[k];
-    const TissueLevels levels = measure_levels(*stack, start.in_stack(k), contrast);
     ObservedStack o;
     o.stack = stack;
-    o.reference = contrast == Contrast::t2 ? levels.vitreous : levels.surround;
+    if (!drawn) {
+      const TissueLevels levels = measure_levels(*stack, start.in_stack(k), contrast);
+      o.reference = contrast == Contrast::t2 ? levels.vitreous : levels.surround;
+    }
     if (!(o.reference > 0)) throw no_result_error(stack->name + ": no signal where the eye should be");
     o.sampling.along_row = stack->along_row;
     o.sampling.along_column = stack->along_column;
     o.sampling.normal = stack->normal;
     o.sampling.row_cutoff_per_mm = 0.5 / stack->column_spacing_mm;
     o.sampling.column_cutoff_per_mm = 0.5 / stack->row_spacing_mm;
-    o.sampling.thickness_mm =
-        stack->slice_thickness_mm > 0 ? stack->slice_thickness_mm : stack->slice_spacing_mm();
+    o.sampling.thickness_mm = drawn ? std::max(stack->column_spacing_mm, stack->row_spacing_mm)
+                              : stack->slice_thickness_mm > 0 ? stack->slice_thickness_mm
+                                                              : stack->slice_spacing_mm();
     o.sampling.subslices = subslices_for(o.sampling.thickness_mm);
-    o.sampling.noise = vitreous_noise(*stack, start.in_stack(k)) / o.reference;
+    o.sampling.noise =
+        drawn ? label_deviation(*stack) : vitreous_noise(*stack, start.in_stack(k)) / o.reference;
     observed.push_back(o);
   }
   return observed;

@@ -24,6 +24,20 @@ struct EyeStart {
   }
 };
 
+/// What the voxels of the stacks hold.
+enum class Evidence {
+  intensities,  ///< a scanner's
+  labels,       ///< tissues that somebody drew: the levels below
+};
+
+/// What a voxel of a tissue is worth where labels are the evidence: neighbours differ by 1, the iris by 1/2.
+inline constexpr double fluid_level = 1, solid_level = 0, iris_level = 0.5, outside_level = 1;
+/// Deviation of a label's voxel from the model. A label is a point sample: it says of an edge along a line of
+/// voxels of spacing s that it lies within one, a deviation of s/sqrt(12). The model's edge is one pixel h
+/// wide in every direction, so that its squared slope sums to 1/(h s) on the average: hence sqrt(s/h/12),
+/// with s the coarsest spacing. Where slices are thick this is too cautious within their plane.
+double label_deviation(const Stack& stack);
+
 /// A stack as the fit sees it.
 struct ObservedStack {
   const Stack* stack = nullptr;
@@ -43,7 +57,7 @@ double vitreous_noise(const Stack& stack, const EyeStart& start);
 
 /// Normalises stacks and measures their noise and resolution.
 std::vector<ObservedStack> observe(const std::vector<const Stack*>& stacks, const EyeStart& start,
-                                   Contrast contrast);
+                                   Contrast contrast, Evidence evidence = Evidence::intensities);
 
 /// Which voxels a pass uses.
 struct Selection {

@@ -15,6 +15,11 @@ int main(int argc, char** argv) {
                    "Series to use instead of the program's choice: UID, number of inventory, or "
                    "UID,KEYWORD=VALUE; repeatable")
         ->type_name("UID");
+    app.add_option("--labels", options.labels,
+                   "Label volume (NIfTI) on a stack's grid, corrected by hand, to fit instead of the stack's "
+                   "intensities; repeatable")
+        ->allow_extra_args(false)
+        ->type_name("FILE");
     app.add_flag("--any-modality", options.any_modality, "Also use series that do not say that they are MR");
   };
   command.run = [&](const emmetrope::CommonOptions& common) {

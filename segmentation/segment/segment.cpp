@@ -15,6 +15,7 @@
 #include "segmentation/intake/study.hpp"
 #include "segmentation/segment/boundary.hpp"
 #include "segmentation/segment/eye_labels.hpp"
+#include "segmentation/segment/hand_labels.hpp"
 #include "segmentation/segment/overlay.hpp"
 #include "segmentation/segment/quality.hpp"
 
@@ -36,6 +37,29 @@ std::vector<StageInput> study_files(const fs::path& study) {
   std::sort(files.begin(), files.end());
   std::vector<StageInput> inputs;
   for (const auto& file : files) inputs.push_back({fmt::format("study/{}", inputs.size() + 1), file});
+  return inputs;
+}
+
+/// Whether the file lies somewhere below the folder.
+bool is_below(const fs::path& file, const fs::path& folder) {
+  const fs::path relative = fs::weakly_canonical(file).lexically_relative(fs::weakly_canonical(folder));
+  return !relative.empty() && *relative.begin() != "..";
+}
+
+/// Labels are the user's own: none where the stage would overwrite it, or take it for an image.
+std::vector<StageInput> label_files(const SegmentOptions& options) {
+  std::vector<StageInput> inputs;
+  for (const fs::path& file : options.labels) {
+    if (!fs::is_regular_file(file))
+      throw input_error("--labels " + file.string() + ": there is no such file");
+    for (const auto& [folder, why] :
+         {std::pair{options.case_folder / "segmentation", "which this stage writes anew"},
+          {options.study, "whose files are read as images"}})
+      if (fs::is_directory(folder) && is_below(file, folder))
+        throw usage_error(fmt::format("--labels {}: it lies in {}, {}", file.string(), folder.string(), why),
+                          "save the corrected labels elsewhere");
+    inputs.push_back({fmt::format("labels/{}", inputs.size() + 1), file});
+  }
   return inputs;
 }
 
@@ -71,6 +95,8 @@ struct EyeResult {
   FoundEye found;
   std::optional<EyeFit> fit;
   std::vector<QualityGate> gates;
+  std::vector<Stack> label_images;  ///< in place of the views' stacks, where labels were given
+  bool is_labelled() const { return !label_images.empty(); }
   bool refused() const { return !fit || is_refused(gates); }
   std::string reasons() const {
     std::string text;
@@ -82,7 +108,13 @@ struct EyeResult {
 
 void fit_one(EyeResult& eye, const std::vector<const Stack*>& stacks, const std::function<void()>& advance) {
   try {
-    eye.fit = fit_eye(views_of(eye.found, stacks), start_of(eye.found), eye.found.contrast, advance);
+    const std::vector<const Stack*> views = views_of(eye.found, stacks);
+    std::vector<const Stack*> drawn;
+    for (const Stack& image : eye.label_images) drawn.push_back(&image);
+    eye.fit = fit_eye(eye.is_labelled() ? drawn : views, start_of(eye.found), eye.found.contrast, advance,
+                      eye.is_labelled() ? Evidence::labels : Evidence::intensities);
+    // What is shown and written is the scanner's image.
+    for (std::size_t v = 0; v < views.size(); ++v) eye.fit->stacks[v].stack = views[v];
     eye.gates = judge_quality(eye.found, *eye.fit);
   } catch (const Error& error) {
     if (error.status() != ExitStatus::no_result) throw;
@@ -131,6 +163,7 @@ Json fit_json(const EyeResult& eye, const std::optional<double>& roll_deg) {
   Json json{{"laterality", to_string(eye.found.laterality)},
             {"status", eye.refused() ? "refused" : "measured"}};
   json["head_roll_deg"] = roll_deg ? Json(*roll_deg) : Json(nullptr);
+  json["evidence"] = eye.is_labelled() ? "labels" : "intensities";
   json["contrast"] = to_string(eye.found.contrast);
   json["quality"] = Json::array();
   for (const QualityGate& gate : eye.gates) json["quality"].push_back(to_json(gate));
@@ -209,7 +242,8 @@ void write_stacks(const fs::path& folder, const std::vector<EyeResult>& eyes,
 }
 
 Json case_json(const StudyInventory& inventory, const std::vector<const SeriesInfo*>& series,
-               const FoundEyes& found, const std::vector<EyeResult>& eyes) {
+               const FoundEyes& found, const std::vector<EyeResult>& eyes,
+               const std::vector<HandLabels>& labels) {
   Json json{{"subject", to_json(inventory.subject)}};
   json["series"] = Json::array();
   for (const SeriesInfo& info : inventory.series) {
@@ -224,6 +258,8 @@ Json case_json(const StudyInventory& inventory, const std::vector<const SeriesIn
                               {"used", choice.used},
                               {"contrast", choice.contrast.empty() ? Json(nullptr) : Json(choice.contrast)},
                               {"reason", choice.reason}});
+    for (const HandLabels& one : labels)
+      if (one.stack == choice.stack) json["stacks"].back()["labels"] = one.input;
   }
   json["eyes"] = Json::object();
   for (const EyeResult& eye : eyes) {
@@ -234,6 +270,7 @@ Json case_json(const StudyInventory& inventory, const std::vector<const SeriesIn
         {"globe_centre_lps_mm", vector_json(eye.found.views.front().globe.centre)},
         {"stacks", used},
         {"contrast", to_string(eye.found.contrast)},
+        {"evidence", eye.is_labelled() ? "labels" : "intensities"},
         {"status", eye.refused() ? "refused" : "measured"},
         {"reason", eye.reasons()}};
   }
@@ -284,10 +321,16 @@ StageVerdict segment_study(const SegmentOptions& options, const CommonOptions& c
   std::vector<const Stack*> stacks;
   for (const Stack& volume : volumes) stacks.push_back(&volume);
 
-  const FoundEyes found = find_eyes(stacks, hints);
+  const std::vector<HandLabels> labels = read_hand_labels(options.labels, stacks);
+  FoundEyes found = find_eyes(stacks, hints);
+  place_labelled_eyes(labels, stacks, found);
   std::vector<EyeResult> eyes;
   for (const FoundEye& eye : found.eyes)
-    if (includes(common.laterality, eye.laterality)) eyes.push_back({eye, std::nullopt, {}});
+    if (includes(common.laterality, eye.laterality)) eyes.push_back({eye, std::nullopt, {}, {}});
+  for (EyeResult& eye : eyes)
+    for (const HandLabels& one : labels)
+      if (one.shows(eye.found.laterality))
+        eye.label_images.push_back(label_image(one, *stacks[one.stack], eye.found.laterality));
   fit_all(eyes, stacks, common);
 
   const std::optional<double> roll = head_roll_deg(eyes);
@@ -307,7 +350,7 @@ StageVerdict segment_study(const SegmentOptions& options, const CommonOptions& c
       write_plain(workspace.folder() / fmt::format("overlay_{}.png", stack->name), *stack,
                   stack->position(stack->columns / 2, stack->rows / 2, stack->slices() / 2));
   }
-  write_json(workspace.case_file("case.json"), case_json(inventory, series, found, eyes));
+  write_json(workspace.case_file("case.json"), case_json(inventory, series, found, eyes, labels));
   workspace.provenance()["study"] = fs::absolute(options.study).lexically_normal().string();
   return verdict_of(eyes, found, common.laterality);
 }
@@ -350,6 +393,7 @@ Answer segment(const SegmentOptions& options, const CommonOptions& common) {
                                     : common.laterality == LateralityChoice::od ? "od"
                                                                                 : "os"}};
   spec.inputs = study_files(options.study);
+  for (StageInput& input : label_files(options)) spec.inputs.push_back(std::move(input));
   const StageOutcome outcome = run_stage(options.case_folder, spec, common, [&](StageWorkspace& workspace) {
     return segment_study(options, common, workspace);
   });

@@ -13,6 +13,8 @@ struct SegmentOptions {
   std::vector<std::string>
       series;  ///< SeriesInstanceUID or number in the inventory, or "UID,KEYWORD=VALUE"; empty: choose
   bool any_modality = false;
+  std::vector<std::filesystem::path>
+      labels;  ///< label volumes corrected by hand, one a stack; never written to
 };
 
 /// Reads a study, finds the eyes, fits each and writes CASE/segmentation and CASE/case.json.
