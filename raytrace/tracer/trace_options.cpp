@@ -1,5 +1,7 @@
 #include "raytrace/tracer/trace_options.hpp"
 
+#include <fmt/format.h>
+
 #include <charconv>
 #include <cmath>
 #include <map>
@@ -111,7 +113,8 @@ std::vector<int> read_counts(const std::string& option, const std::string& text)
   for (;;) {
     const double count = take_number(option, text, rest);
     if (count != std::floor(count) || count < 7 || count > 1e6)
-      throw usage_error(option + ": \"" + text + "\" is not made of whole numbers from 7 to 1000000");
+      throw usage_error(
+          fmt::format("{}: \"{}\" is not made of whole numbers from 7 to 1000000", option, text));
     counts.push_back(static_cast<int>(count));
     if (rest.empty()) return counts;
     take(option, text, rest, ',');
