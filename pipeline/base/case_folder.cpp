@@ -150,16 +150,16 @@ std::string command_for(const std::string& stage, const fs::path& case_folder) {
 /// A stage made from results that have been made anew since would mix two eyes: checked up to the first
 /// stage.
 void require_same_inputs(const fs::path& case_folder, const std::string& stage, const Json& inputs) {
+  if (stage == "segmentation") return;  // its inputs are the study's files, under the study's names
   std::set<std::string> stages_before;
   for (const auto& [name, hash] : inputs.items()) {
     const std::string top = name.substr(0, name.find('/'));
-    const bool is_of_stage = commands_of_stages().count(top) > 0 && stage != "segmentation";
-    if (!is_of_stage) continue;
+    if (commands_of_stages().count(top) == 0) continue;
     stages_before.insert(top);
     const fs::path file = case_folder / name;
     if (!fs::exists(file) || sha256_of_file(file) != hash.get<std::string>())
-      throw input_error(stage + " was made from another " + top + ": " + file.string() +
-                            (fs::exists(file) ? " has changed since" : " is gone"),
+      throw input_error(fmt::format("{} was made from another {}: {} {}", stage, top, file.string(),
+                                    fs::exists(file) ? "has changed since" : "is gone"),
                         "make it again with: " + command_for(stage, case_folder));
   }
   for (const std::string& before : stages_before) read_verdict(case_folder, before);
@@ -292,7 +292,7 @@ StageVerdict read_verdict(const fs::path& case_folder, const std::string& stage)
   };
   try {
     const Json stage_json = read_json(file);
-    const StageVerdict verdict = verdict_from(stage_json);
+    StageVerdict verdict = verdict_from(stage_json);
     require_same_inputs(case_folder, stage, stage_json.value("inputs", Json::object()));
     return verdict;
   } catch (const nlohmann::json::exception& fault) {

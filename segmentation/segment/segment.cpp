@@ -346,9 +346,11 @@ StageVerdict segment_study(const SegmentOptions& options, const CommonOptions& c
   write_stacks(workspace.folder(), eyes, stacks);
   if (eyes.empty()) {
     // What was looked at, for whoever asks why no eye was found.
-    for (const Stack* stack : stacks)
+    for (const Stack* stack : stacks) {
+      const int column = stack->columns / 2, row = stack->rows / 2, slice = stack->slices() / 2;
       write_plain(workspace.folder() / fmt::format("overlay_{}.png", stack->name), *stack,
-                  stack->position(stack->columns / 2, stack->rows / 2, stack->slices() / 2));
+                  stack->position(column, row, slice));
+    }
   }
   write_json(workspace.case_file("case.json"), case_json(inventory, series, found, eyes, labels));
   workspace.provenance()["study"] = fs::absolute(options.study).lexically_normal().string();
