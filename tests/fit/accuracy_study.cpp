@@ -5,12 +5,11 @@
 #include <CLI/CLI.hpp>
 #include <cmath>
 #include <map>
-#include <random>
 
 #include "meshing/biometry.hpp"
 #include "pipeline/base/files.hpp"
 #include "pipeline/base/frames.hpp"
-#include "raytrace/parametric/instruments.hpp"
+#include "tests/fit/simulated_keratometry.hpp"
 #include "tests/fit/study_eye.hpp"
 
 using namespace emmetrope;
@@ -91,15 +90,11 @@ Json at(const Json& json, const std::vector<std::string>& path) {
   return found;
 }
 
-/// What a keratometer with a standard deviation of 0.25 D in each meridian would read.
-ExternalMeasurement simulated_keratometry(const Json& record) {
-  ExternalMeasurement measurement = keratometry_measurement("43@0/44@90", 0.25);
-  std::mt19937_64 random(record.at("seed").get<unsigned long long>() * 2 + (record.at("laterality") == "os"));
-  std::normal_distribution<double> noise(0, 0.25 / std::sqrt(2.0));
-  const Json& astigmatism = record.at("truth").at("astigmatism");
-  const char* keys[] = {"M_D", "J0_D", "J45_D"};
-  for (int i = 0; i < 3; ++i) measurement.value[i] = astigmatism.at(keys[i]).get<double>() + noise(random);
-  return measurement;
+ExternalMeasurement keratometry_of(const Json& record) {
+  const Json& cornea = record.at("truth").at("astigmatism");
+  return simulated_keratometry(
+      {cornea.at("M_D").get<double>(), cornea.at("J0_D").get<double>(), cornea.at("J45_D").get<double>()},
+      record.at("seed").get<unsigned long long>() * 2 + (record.at("laterality") == "os"));
 }
 
 Json biometry_with(const Json& fit, const Json& covariance, double scale_sd,
@@ -126,7 +121,7 @@ struct Study {
     fit_s += record.at("fit_s").get<double>();
     render_s += record.at("render_s").get<double>();
     chi2 += record.at("chi2_per_voxel").get<double>();
-    const ExternalMeasurement keratometry = simulated_keratometry(record);
+    const ExternalMeasurement keratometry = keratometry_of(record);
     const ExternalMeasurement* given = with_keratometry ? &keratometry : nullptr;
     const bool distorted = record.at("protocol").get<std::string>().find("distorted") != std::string::npos;
     const double scale_sd = distorted ? 0.003 : 0;
