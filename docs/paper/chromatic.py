@@ -18,7 +18,7 @@ def figure(f):
     f.write("chromatic.csv", "\n".join(rows) + "\n")
     for nm, model in navarro_D.items():
         value = f.number(f"chromatic difference at {nm} nm, D", refraction(nm) - zero, model - 0.005, model + 0.005)
-        f.number("  from Thibos 1992", value - (thibos_D(nm) - thibos_D(589.3)), -0.15, 0.15)
+        f.number(f"  at {nm} nm, from Thibos 1992", value - (thibos_D(nm) - thibos_D(589.3)), -0.15, 0.15)
     size = 200 if f.quick else 360
     common = dict(eye="navarro", pupil=6, scene="letters:logmar=1.1,distance_mm=inf,extent_deg=8", size=f"{size}x{size}",
                   field_mm="2x2", samples=64 if f.quick else 512)

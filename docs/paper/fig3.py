@@ -36,6 +36,6 @@ def figure(f):
         f.number(f"modulation of the card at {1000 / card:.0f} mm, focused", sizes[card, card], 0.2, 1)
         for level in levels_D:
             if level != card:
-                f.number(f"  the same at {level} D: how many times less", sizes[card, card] / max(1e-6, sizes[level, card]), 3)
+                f.number(f"  the card at {1000 / card:.0f} mm at {level} D: how many times less", sizes[card, card] / max(1e-6, sizes[level, card]), 3)
     f.sheet("fig3.png", 1, 480, *[(f"at{level}.png", f"accommodation {level} D: the card at {1000 / level:.0f} mm is sharp")
                                   for level in levels_D])

@@ -80,8 +80,8 @@ def figure(f):
         other = "second" if name == "first" else "first"
         f.number(f"fixating the {name}: its own disparity, pixels", found[name, 1][0] - found[name, -1][0], -0.5, 0.5)
         disparity = found[other, 1][0] - found[other, -1][0]
-        f.number(f"  disparity of the {other}, mm on the retina", disparity * pixel)
-        f.number("  over that of geometry", disparity / (expected[other, 1][0] - expected[other, -1][0]), 0.98, 1.02)
+        f.number(f"fixating the {name}: disparity of the {other}, mm on the retina", disparity * pixel)
+        f.number(f"fixating the {name}: disparity of the {other} over that of geometry", disparity / (expected[other, 1][0] - expected[other, -1][0]), 0.98, 1.02)
     # a left eye 15 prism dioptres outward sees the first pyramid displaced
     eye = f.path("eye-first.json")
     f.trace("squint.png", eye=eye, pupillary_distance=distance_mm, fixate="0,0,200", strabismus="os:15,0", scene="pyramids",

@@ -35,7 +35,7 @@ def figure(f):
     for name, alpha, horizontal in cases[1:]:
         flat = 0 if horizontal else 90  # the meridian out of focus; its own strokes stay clear
         f.number(f"{name}: stroke along {flat} against the emmetropic eye's", rms[name][flat] / rms["emmetropic"][flat], 0.9, 1.15)
-        f.number(f"{name}: stroke across it", rms[name][flat + 90 if flat == 0 else 0] / rms["emmetropic"][0], 1.3)
+        f.number(f"{name}: stroke across it, against the emmetropic eye's", rms[name][flat + 90 if flat == 0 else 0] / rms["emmetropic"][0], 1.3)
         worst = 0
         for angle in rms[name]:
             # rays through the pupil point p miss by P p; across a stroke, n, their second moment over the disc is

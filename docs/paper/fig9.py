@@ -47,12 +47,12 @@ def figure(f):
             off = (smear[f"cornea {k}"]["direction_deg"] - axis + 90) % 180 - 90
             f.number(f"{state}: smear by cornea {k}, degrees from its steep meridian at {axis}", off, -5, 5)
             f.number(f"{state}: coherence of the smear, cornea {k}", smear[f"cornea {k}"]["coherence"], 0.1, 1)
-            f.number("  retina against cornea", smear[f"retina {k}"]["coherence"] / smear[f"cornea {k}"]["coherence"], 0, 0.3)
+            f.number(f"{state}: coherence by retina {k} over that by cornea {k}", smear[f"retina {k}"]["coherence"] / smear[f"cornea {k}"]["coherence"], 0, 0.3)
     # The paper's section of a cornea 2.3 mm behind its apex: 12.72 x 12.20 mm. A sphere's is 2 sqrt(2 R d - d^2).
     section = lambda radius: 2 * (2 * radius * 2.3 - 2.3 ** 2) ** 0.5
     f.number("section at 2.3 mm of a cornea of radius 7.7 mm", section(7.7), 10.97, 10.99)
     for width in (12.72, 12.20):
         radius = ((width / 2) ** 2 + 2.3 ** 2) / (2 * 2.3)
         f.number(f"radius that a section of {width} mm means", radius)
-        f.number("  its keratometric power, D: outside 38 to 50, no cornea", 337.5 / radius, 0, 38)
+        f.number(f"  keratometric power of {width} mm, D: outside 38 to 50, no cornea", 337.5 / radius, 0, 38)
     f.sheet("fig9.png", 5, 200, *pictures)

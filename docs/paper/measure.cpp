@@ -1,14 +1,16 @@
 // What the figures' scripts measure in pictures, and how they put pictures side by side. Results are JSON on
 // standard output.
-//   measure ssim A B                          mean squared difference (0 to 255) and SSIM of two PNGs
-//   measure modulation A X Y W H PERIOD       of a vertical grating of about that period (pixels) in a part
-//   of A measure strokes A STEP R0 R1 REACH        rms half width (pixels) of a dial's stroke every STEP
-//   degrees, between radii R0 and R1 measure dark A X Y W H                    centroid and extent of the
-//   dark in a part of A (pixels) measure match A B X Y W H                 where that part of A lies in B, to
-//   a fraction of a pixel: shift of its middle measure smear A                           structure tensor:
-//   direction of blur (degrees, TABO) and its coherence measure colour A                          mean and
-//   extreme differences of the channels measure sheet OUT COLUMNS WIDTH A=LABEL.. pictures side by side,
-//   WIDTH pixels each, with labels measure movie OUT FPS A...                an AVI (Motion JPEG)
+//   measure ssim A B                       mean squared difference (0 to 255) and SSIM of two PNGs
+//   measure modulation A X Y W H PERIOD    of a vertical grating of about PERIOD pixels in a part of A
+//   measure strokes A STEP R0 R1 REACH     rms half width (pixels) of a dial's stroke every STEP degrees,
+//                                          between radii R0 and R1
+//   measure dark A X Y W H                 centroid and extent (pixels) of the dark in a part of A
+//   measure match A B X Y W H              where that part of A lies in B, to a fraction of a pixel
+//   measure smear A                        structure tensor: direction of blur (degrees, TABO), coherence
+//   measure colour A                       mean and extreme differences of the channels
+//   measure sheet OUT COLUMNS WIDTH A[@X,Y,W,H]=LABEL..   pictures (or parts of them) side by side, WIDTH
+//                                          pixels each, with labels
+//   measure movie OUT FPS A...             an AVI (Motion JPEG)
 // Pictures are read as linear light, but for ssim, which the paper counts in encoded grey levels.
 #include <algorithm>
 #include <cmath>
@@ -76,11 +78,14 @@ void ssim(const std::string& a_file, const std::string& b_file) {
   std::printf("{\"msd\": %.6f, \"ssim\": %.6f}\n", cv::mean(d.mul(d))[0], cv::mean(ratio)[0]);
 }
 
-cv::Rect part(const cv::Mat& picture, char** v) {
-  const cv::Rect rect(std::atoi(v[0]), std::atoi(v[1]), std::atoi(v[2]), std::atoi(v[3]));
+cv::Rect inside(const cv::Mat& picture, const cv::Rect& rect) {
   if ((rect & cv::Rect(0, 0, picture.cols, picture.rows)) != rect || rect.area() == 0)
     throw std::runtime_error("the part lies outside the picture");
   return rect;
+}
+
+cv::Rect part(const cv::Mat& picture, char** v) {
+  return inside(picture, {std::atoi(v[0]), std::atoi(v[1]), std::atoi(v[2]), std::atoi(v[3])});
 }
 
 /// Largest amplitude of a vertical grating within 12 % of the period, over the mean; Hann window.
@@ -200,7 +205,10 @@ void sheet(int count, char** v) {
   for (int i = 3; i < count; ++i) {
     const std::string item = v[i];
     const std::size_t equals = item.find('=');
-    cv::Mat picture = read(item.substr(0, equals), cv::IMREAD_COLOR);
+    const std::size_t at = std::min(item.rfind('@', equals), equals);
+    cv::Mat picture = read(item.substr(0, at), cv::IMREAD_COLOR);
+    if (int x, y, w, h; at != equals && std::sscanf(item.c_str() + at, "@%d,%d,%d,%d", &x, &y, &w, &h) == 4)
+      picture = picture(inside(picture, {x, y, w, h}));
     cv::resize(picture, picture, {width, picture.rows * width / picture.cols}, 0, 0,
                picture.cols > width ? cv::INTER_AREA : cv::INTER_LINEAR);
     cv::copyMakeBorder(picture, picture, label, gap, gap / 2, gap / 2, cv::BORDER_CONSTANT,

@@ -26,6 +26,8 @@ class Figure:
 
     def number(self, name, value, low=None, high=None):
         """Keeps a number; with a band it must lie in it."""
+        if name in self.numbers:
+            sys.exit(f"{self.name}: two numbers are called \"{name}\"")
         good = (low is None or value >= low) and (high is None or value <= high)
         band = [low, high] if (low, high) != (None, None) else None
         self.numbers[name] = {"value": value, "band": band} if band else {"value": value}
@@ -55,6 +57,14 @@ class Figure:
     def sheet(self, out, columns, width, *labelled):
         """Pictures of this figure side by side: (file, label) pairs."""
         measure("sheet", self.path(out), columns, width, *[f"{self.path(file)}={label}" for file, label in labelled])
+
+
+def patient(f):
+    """A case folder of the sample phantom, segmented and meshed once for all figures of a run."""
+    case = f.folder.parent / "case"
+    command("segment", here.parent.parent / "data_samples" / "sample" / "dicom", "-o", case)
+    command("mesh", case)
+    return case
 
 
 def run(arguments):
