@@ -1,41 +1,59 @@
 #pragma once
+#include <functional>
+
 #include "pipeline/base/power_vector.hpp"
 #include "raytrace/eye/eye_model.hpp"
 
 /// Corneal refractive surgery.
 namespace emmetrope::correction {
 
-/// The tissue that Munnerlyn, Koons and Marshall (1988) take off, toric: the difference between spheres (in
-/// each meridian) of the old and of the new curvature over the optical zone, shifted so that nothing is added
-/// anywhere, then smoothly down to nothing over the transition.
-class MunnerlynProfile {
- public:
-  /// \param curvature_per_mm  of the front cornea at its apex, over eye x and y
-  /// \param correction        the refraction that it takes away, at the corneal vertex
-  /// \param index_step        of the cornea against air
-  /// \throw Error (no_result) when it would leave no convex cornea
-  MunnerlynProfile(const Eigen::Matrix2d& curvature_per_mm, const PowerVector& correction, double index_step,
-                   double optical_zone_mm = 6, double transition_mm = 1);
-
-  double depth_mm(double x_mm, double y_mm) const;
-  double central_depth_um() const { return 1e3 * depth_mm(0, 0); }
-  double deepest_um() const;
-  const Eigen::Matrix2d& new_curvature_per_mm() const { return after_; }
-  double optical_zone_mm() const { return 2 * radius_mm_; }
-
- private:
-  double unshifted_mm(double x_mm, double y_mm) const;
-
-  Eigen::Matrix2d before_, after_;
-  double radius_mm_, transition_mm_, shift_mm_ = 0;
+struct OpticalZone {
+  double diameter_mm = 6;
+  double transition_mm = 1;         ///< beyond it, down to the untouched cornea
+  Eigen::Vector2d centre_mm{0, 0};  ///< from the corneal apex
 };
 
-/// The profile for an eye's front cornea.
-MunnerlynProfile munnerlyn_profile(const EyeModel& eye, const PowerVector& correction);
+/// The tissue that an ablation takes off the front cornea, as depth along the eye's axis: never negative, and
+/// nothing anywhere beyond the transition.
+class AblationProfile {
+ public:
+  /// \param shape_mm  depth over the zone, from its centre, up to a constant that is chosen so that the least
+  ///                  depth is 0
+  AblationProfile(std::function<double(const Eigen::Vector2d&)> shape_mm, const OpticalZone& zone);
 
-/// The eye after it. A front cornea that is a mesh loses the profile's depth at each vertex, with the normals
-/// turned along; one that is a formula becomes the biconic of the new curvature with its old asphericity.
-/// Either apex lies deeper by the profile's depth there, which leaves the eye that much shorter.
-EyeModel with_ablation(EyeModel eye, const MunnerlynProfile& profile);
+  double depth_mm(double x_mm, double y_mm) const;  ///< from the apex
+  double central_depth_um() const { return 1e3 * depth_mm(zone_.centre_mm.x(), zone_.centre_mm.y()); }
+  double deepest_um() const { return deepest_um_; }
+  const OpticalZone& zone() const { return zone_; }
+
+ private:
+  std::function<double(const Eigen::Vector2d&)> shape_mm_;
+  OpticalZone zone_;
+  double shift_mm_ = 0, deepest_um_ = 0;
+};
+
+/// Munnerlyn, Koons and Marshall (1988), toric: the difference between spheres (in each meridian) of the old
+/// and of the new curvature.
+///
+/// \param curvature_per_mm  of the front cornea at its apex, over eye x and y
+/// \param correction        the refraction that it takes away, at the corneal vertex
+/// \param index_step        of the cornea against air
+/// \throw Error (no_result) when it would leave no convex cornea
+AblationProfile munnerlyn_profile(const Eigen::Matrix2d& curvature_per_mm, const PowerVector& correction,
+                                  double index_step, const OpticalZone& zone = {});
+/// The same for an eye's front cornea.
+AblationProfile munnerlyn_profile(const EyeModel& eye, const PowerVector& correction);
+
+/// Guided by the eye's wavefront aberration W: depth is -W / (n - 1) over the zone about the line of sight,
+/// so that all light from the retina leaves in step. Each further round adds what the operated eye still has.
+///
+/// \throw Error (no_result) when rays do not fill the zone, or too little cornea would be left
+AblationProfile wavefront_guided_profile(const EyeModel& eye, double wavelength_nm,
+                                         const Eigen::Vector2d& fovea_mm = {0, 0}, int rounds = 3);
+
+/// The eye after it: its front cornea as a mesh (a formula becomes one first) whose vertices lie deeper by
+/// the profile, with the normals turned along. The apex sinks too, which leaves the eye that much shorter.
+/// \throw Error (no_result) when less than 0.25 mm of cornea would be left
+EyeModel with_ablation(EyeModel eye, const AblationProfile& profile);
 
 }  // namespace emmetrope::correction

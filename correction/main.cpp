@@ -65,7 +65,7 @@ int main(int argc, char** argv) {
            "of the meniscus, mm; default 50")
         ->check(CLI::Range(20.0, 90.0));
     app.add_flag("--ablation-picture", settings.ablation_picture,
-                 "also ablated.png: what the eye would see after a Munnerlyn ablation of its refraction");
+                 "also ablated.png, ablated_wavefront_guided.png: what the eye would see after such an ablation");
     app.add_option("--scene", picture.scene,
                    "scene of corrected.png with --eye; a case has that of its trace stage")
         ->needs(schematic)

@@ -160,6 +160,8 @@ void write_eye_files(const fs::path& folder, const raytrace::Tracer& tracer, con
   if (settings.ablation_picture) {
     const PowerVector at_cornea = move_towards_eye(result.prescription.refraction, p.vertex_distance_mm);
     write_picture("ablated.png", with_ablation(seeing, munnerlyn_profile(seeing, at_cornea)));
+    write_picture("ablated_wavefront_guided.png",
+                  with_ablation(seeing, wavefront_guided_profile(seeing, p.wavelength_nm, p.fovea_mm)));
   }
 }
 

@@ -80,15 +80,31 @@ Json iol_json(const EyeModel& eye, const PrescriptionSettings& settings) {
           {"haigis_D", iol_power_D(haigis_eye(biometry, a_constant), 0)}};
 }
 
-Json ablation_json(const EyeModel& eye, const PrescriptionSettings& settings, const PowerVector& at_cornea) {
-  PrescriptionSettings at_vertex_plane = settings;
-  at_vertex_plane.vertex_distance_mm = 0;
-  const MunnerlynProfile profile = munnerlyn_profile(eye, at_cornea);
-  const PowerVector left = refraction_by_spot(with_ablation(eye, profile), at_vertex_plane);
-  return {{"optical_zone_mm", profile.optical_zone_mm()},
+/// Root mean square of the aberrations over the ablation's zone, with what no Zernike term describes.
+Json zone_rms_json(const EyeModel& eye, const PrescriptionSettings& settings, const OpticalZone& zone) {
+  WavefrontSettings over_zone;
+  over_zone.wavelength_nm = settings.wavelength_nm;
+  over_zone.fovea_mm = settings.fovea_mm;
+  over_zone.entrance_pupil_mm = zone.diameter_mm;
+  const Wavefront wavefront = measure_wavefront(eye, over_zone);
+  const double beyond_um = wavefront.fit_residual_rms_um;
+  return {{"all_um", std::hypot(wavefront.rms_um(), beyond_um)},
+          {"higher_order_um", std::hypot(wavefront.higher_order_rms_um(), beyond_um)}};
+}
+
+Json ablation_json(const EyeModel& eye, const PrescriptionSettings& settings,
+                   const AblationProfile& profile) {
+  PrescriptionSettings at_cornea = settings;
+  at_cornea.vertex_distance_mm = 0;
+  const EyeModel operated = with_ablation(eye, profile);
+  const PowerVector left = refraction_by_spot(operated, at_cornea);
+  return {{"optical_zone_mm", profile.zone().diameter_mm},
+          {"centre_mm", {profile.zone().centre_mm.x(), profile.zone().centre_mm.y()}},
           {"central_depth_um", profile.central_depth_um()},
           {"deepest_um", profile.deepest_um()},
-          {"residual", {{"M_D", left.M_D}, {"J0_D", left.J0_D}, {"J45_D", left.J45_D}}}};
+          {"residual", {{"M_D", left.M_D}, {"J0_D", left.J0_D}, {"J45_D", left.J45_D}}},
+          {"zone_rms_before", zone_rms_json(eye, settings, profile.zone())},
+          {"zone_rms", zone_rms_json(operated, settings, profile.zone())}};
 }
 
 }  // namespace
@@ -117,7 +133,12 @@ Json what_if_json(const EyeModel& eye, const PrescriptionSettings& settings, con
     }
   };
   json["intra_ocular_lens"] = or_reason([&] { return iol_json(eye, settings); });
-  json["ablation"] = or_reason([&] { return ablation_json(eye, settings, at_cornea); });
+  json["ablation"] =
+      or_reason([&] { return ablation_json(eye, settings, munnerlyn_profile(eye, at_cornea)); });
+  json["wavefront_guided_ablation"] = or_reason([&] {
+    return ablation_json(eye, settings,
+                         wavefront_guided_profile(eye, settings.wavelength_nm, settings.fovea_mm));
+  });
   return json;
 }
 

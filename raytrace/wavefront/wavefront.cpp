@@ -101,6 +101,7 @@ class RetinalPencil {
   }
 
   const Eigen::Vector3d& line_of_sight() const { return line_of_sight_; }
+  const Eigen::Vector3d& centre() const { return centre_; }  ///< of the entrance pupil
 
  private:
   static EyeModel without_stop(EyeModel eye) {
@@ -285,6 +286,7 @@ Wavefront measure_wavefront(const EyeModel& eye, const WavefrontSettings& settin
                       "add a surface of type \"stop\" or give the entrance pupil's diameter");
 
   const RetinalPencil pencil(eye, result.wavelength_nm, settings.fovea_mm);
+  result.pupil_centre_mm = pencil.centre().head<2>();
   const double radius_mm = result.pupil_mm / 2;
   const std::optional<Crossing> chief = pencil.through({0, 0});
   if (!chief) throw no_result_error("the line of sight does not leave the eye");

@@ -24,10 +24,11 @@ struct WavefrontSettings {
 
 struct Wavefront {
   double wavelength_nm = 0;
-  double pupil_mm = 0;             ///< diameter in the entrance pupil plane
-  double pupil_position_mm = 0;    ///< depth of that plane behind the corneal vertex
-  std::vector<double> zernike_um;  ///< OSA index order from 0; [0] is 0
-  double fit_residual_rms_um = 0;  ///< what the terms leave
+  double pupil_mm = 0;                    ///< diameter in the entrance pupil plane
+  double pupil_position_mm = 0;           ///< depth of that plane behind the corneal vertex
+  Eigen::Vector2d pupil_centre_mm{0, 0};  ///< where the line of sight crosses it, eye x and y
+  std::vector<double> zernike_um;         ///< OSA index order from 0; [0] is 0
+  double fit_residual_rms_um = 0;         ///< what the terms leave
   /// The rays behind it: where they cross the pupil, from its centre, and their share of its area.
   struct PupilRay {
     Eigen::Vector2d place_mm;

@@ -1,6 +1,7 @@
 #include "tests/correction/closed_loop.hpp"
 
 #include <Eigen/Dense>
+#include <array>
 #include <cmath>
 
 #include "correction/prescription.hpp"
@@ -34,6 +35,17 @@ std::optional<Vector2d> land(const ExactTracer& tracer, double vertex_distance_m
 
 Vector3d as_vector(const PowerVector& power) { return {power.M_D, power.J0_D, power.J45_D}; }
 
+/// Gauss and Legendre's rule on [0, 1] with five nodes, for the square of the distance from the centre: exact
+/// for an area's moments to the 18th power of that distance.
+struct Node {
+  double at, weight;
+};
+constexpr std::array<Node, 5> area_nodes{{{0.046910077030668, 0.118463442528095},
+                                          {0.230765344947158, 0.239314335249683},
+                                          {0.5, 0.284444444444444},
+                                          {0.769234655052842, 0.239314335249683},
+                                          {0.953089922969332, 0.118463442528095}}};
+
 }  // namespace
 
 Lens paraxial_by_pencils(const EyeModel& eye, double wavelength_nm, double vertex_distance_mm) {
@@ -55,47 +67,51 @@ Lens paraxial_by_pencils(const EyeModel& eye, double wavelength_nm, double verte
 LandingSpots::LandingSpots(const EyeModel& eye, double wavelength_nm, double vertex_distance_mm,
                            const Lens& near)
     : best_(near) {
-  const ExactTracer tracer(eye, wavelength_nm);
-  constexpr int across = 22;
-  constexpr double half_width_mm = 2.6, step_D = 0.01;
-  // The pupil's edge is where the parallel beam is cut behind the last lens, and stays with its rays.
+  const ExactTracer through_iris(eye, wavelength_nm), past_iris(with_pupil(eye, 20), wavelength_nm);
+  constexpr int spokes = 72;
+  constexpr double widest_mm = 4, edge_mm = 1e-4, step_D = 0.01;
+  // The pupil's edge is where the iris cuts the parallel beam behind the lens, and stays with its rays.
   for (int round = 0; round < 4; ++round) {
-    landed_mm_.clear();
-    per_D_mm_.clear();
-    for (int row = 0; row < across; ++row)
-      for (int column = 0; column < across; ++column) {
-        const Vector2d place =
-            half_width_mm * Vector2d((2 * column + 1.0) / across - 1, (2 * row + 1.0) / across - 1);
-        const auto behind = [&](const Lens& lens) {
-          return land(tracer, vertex_distance_mm, place, -1e-3 * power_matrix(lens) * place);
-        };
-        const auto landed = behind(best_);
-        if (!landed) continue;
-        Eigen::Matrix<double, 2, 3> slope;
-        bool whole = true;
-        for (int k = 0; k < 3; ++k) {
-          const auto moved = behind(best_ + step_D * Vector3d::Unit(k));
-          whole = whole && moved;
-          if (moved) slope.col(k) = (*moved - *landed) / step_D;
-        }
-        if (!whole) continue;
-        landed_mm_.push_back(*landed);
-        per_D_mm_.push_back(slope);
+    const auto behind = [&](const ExactTracer& tracer, const Lens& lens, const Vector2d& place) {
+      return land(tracer, vertex_distance_mm, place, -1e-3 * power_matrix(lens) * place);
+    };
+    rays_.clear();
+    double total = 0;
+    for (int spoke = 0; spoke < spokes; ++spoke) {
+      const double angle = 2 * pi * spoke / spokes;
+      const Vector2d outward(std::cos(angle), std::sin(angle));
+      double inside_mm = 0, outside_mm = widest_mm;
+      while (outside_mm - inside_mm > edge_mm) {
+        const double middle_mm = (inside_mm + outside_mm) / 2;
+        (behind(through_iris, best_, middle_mm * outward) ? inside_mm : outside_mm) = middle_mm;
       }
-    const double count = static_cast<double>(landed_mm_.size());
+      for (const Node& node : area_nodes) {
+        const Vector2d place = inside_mm * std::sqrt(node.at) * outward;
+        LandedRay ray;
+        ray.weight = node.weight * inside_mm * inside_mm;
+        ray.at_mm = behind(past_iris, best_, place).value();
+        for (int k = 0; k < 3; ++k) {
+          const Lens moved = best_ + step_D * Vector3d::Unit(k);
+          ray.per_D_mm.col(k) = (behind(past_iris, moved, place).value() - ray.at_mm) / step_D;
+        }
+        rays_.push_back(ray);
+        total += ray.weight;
+      }
+    }
     Vector2d mean = Vector2d::Zero();
     Eigen::Matrix<double, 2, 3> mean_slope = Eigen::Matrix<double, 2, 3>::Zero();
-    for (std::size_t i = 0; i < landed_mm_.size(); ++i) {
-      mean += landed_mm_[i] / count;
-      mean_slope += per_D_mm_[i] / count;
+    for (LandedRay& ray : rays_) {
+      ray.weight /= total;
+      mean += ray.weight * ray.at_mm;
+      mean_slope += ray.weight * ray.per_D_mm;
     }
     Eigen::Matrix3d normal = Eigen::Matrix3d::Zero();
     Vector3d right = Vector3d::Zero();
-    for (std::size_t i = 0; i < landed_mm_.size(); ++i) {
-      landed_mm_[i] -= mean;
-      per_D_mm_[i] -= mean_slope;
-      normal += per_D_mm_[i].transpose() * per_D_mm_[i];
-      right += per_D_mm_[i].transpose() * landed_mm_[i];
+    for (LandedRay& ray : rays_) {
+      ray.at_mm -= mean;
+      ray.per_D_mm -= mean_slope;
+      normal += ray.weight * ray.per_D_mm.transpose() * ray.per_D_mm;
+      right += ray.weight * ray.per_D_mm.transpose() * ray.at_mm;
     }
     const Vector3d step = -normal.ldlt().solve(right);
     if (step.norm() < 1e-3) break;
@@ -108,8 +124,8 @@ double LandingSpots::sharpness(const Lens& lens, double arcmin_per_mm) const {
   constexpr double coarsest_cpd = 0.3, finest_cpd = 24, chart_finest_cpd = 20, blur_arcmin = 1;
   const Vector3d off = lens - best_;
   std::vector<Vector2d> at_deg;
-  for (std::size_t i = 0; i < landed_mm_.size(); ++i)
-    at_deg.emplace_back((landed_mm_[i] + per_D_mm_[i] * off) * arcmin_per_mm / 60);
+  for (const LandedRay& ray : rays_)
+    at_deg.emplace_back((ray.at_mm + ray.per_D_mm * off) * arcmin_per_mm / 60);
   double sum = 0, energy = 0;
   for (int d = 0; d < directions; ++d) {
     const Vector2d u(std::cos(pi * d / directions), std::sin(pi * d / directions));
@@ -119,14 +135,13 @@ double LandingSpots::sharpness(const Lens& lens, double arcmin_per_mm) const {
       // weight f^2, chart's power f^-3, area f df = f^2 d ln f
       const double weight = f * std::exp(-phase * phase - 2 * std::pow(f / chart_finest_cpd, 4));
       double re = 0, im = 0;
-      for (const Vector2d& at : at_deg) {
-        const double angle = 2 * pi * f * u.dot(at);
-        re += std::cos(angle);
-        im += std::sin(angle);
+      for (std::size_t i = 0; i < rays_.size(); ++i) {
+        const double angle = 2 * pi * f * u.dot(at_deg[i]);
+        re += rays_[i].weight * std::cos(angle);
+        im += rays_[i].weight * std::sin(angle);
       }
-      const double count = static_cast<double>(at_deg.size());
       sum += weight;
-      energy += weight * (re * re + im * im) / (count * count);
+      energy += weight * (re * re + im * im);
     }
   }
   return energy / sum;

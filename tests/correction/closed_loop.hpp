@@ -34,9 +34,13 @@ class LandingSpots {
   Lens sharpest(double arcmin_per_mm) const;
 
  private:
+  struct LandedRay {
+    Eigen::Vector2d at_mm;                 ///< behind best_, from the mean
+    Eigen::Matrix<double, 2, 3> per_D_mm;  ///< by M, J0, J45, from the mean
+    double weight = 0;                     ///< share of the beam's area
+  };
   Lens best_;
-  std::vector<Eigen::Vector2d> landed_mm_;             ///< behind best_, from their mean
-  std::vector<Eigen::Matrix<double, 2, 3>> per_D_mm_;  ///< by M, J0, J45, from their mean
+  std::vector<LandedRay> rays_;
 };
 
 /// One eye's refractions at the vertex distance.

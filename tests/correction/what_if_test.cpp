@@ -8,8 +8,8 @@
 #include "correction/iol_formulas.hpp"
 #include "correction/retinal_sharpness.hpp"
 #include "pipeline/base/error.hpp"
-#include "raytrace/eye/mesh_shape.hpp"
 #include "raytrace/eye/paraxial.hpp"
+#include "raytrace/eye/zernike.hpp"
 
 namespace emmetrope::correction {
 namespace {
@@ -88,79 +88,120 @@ TEST(WhatIf, RayTracedLensHitsItsTargetAndIsNearTheFormula) {
   EXPECT_NEAR(power_D, iol_power_D(formula, 0), 1.0);
 }
 
-TEST(WhatIf, AblationTakesTheRefractionAway) {
-  const EyeModel eye = make_eye("atchison:-4");
-  const double wavelength_nm = eye.reference_wavelength_nm;
-  const PowerVector before = paraxial_refraction(eye, wavelength_nm);
-  const auto after = [&](const PowerVector& correction) {
-    return paraxial_refraction(with_ablation(eye, munnerlyn_profile(eye, correction)), wavelength_nm);
-  };
-  // The tissue that is gone leaves the eye shorter: -2.56 D a millimetre of length, +1.18 D of chamber.
-  const double sunk_mm = 1e-3 * munnerlyn_profile(eye, before).central_depth_um();
-  EXPECT_NEAR(after(before).M_D, (2.56 - 1.18) * sunk_mm, 0.02);
-  const PowerVector toric = after({before.M_D, 0.5, -0.3});
-  EXPECT_NEAR(toric.J0_D, -0.5, 0.02);
-  EXPECT_NEAR(toric.J45_D, 0.3, 0.02);
+/// Gullstrand-Emsley's eye, whose cornea is a sphere, made myopic.
+EyeModel myopic_eye() {
+  EyeModel eye = with_pupil(make_eye("gullstrand-emsley"), 3);
+  eye.surfaces.back().position_mm += 1.5;
+  return eye;
+}
+
+PrescriptionSettings at_cornea() {
+  PrescriptionSettings settings;
+  settings.vertex_distance_mm = 0;
+  return settings;
+}
+
+TEST(WhatIf, MunnerlynLeavesTheNewSphereThatMuchDeeper) {
+  // Inside the optical zone, which is wider than the pupil, a spherical cornea becomes exactly that of the
+  // new curvature, in its meridians.
+  const EyeModel eye = myopic_eye();
+  const double c = 1 / 7.8, per_D = 1e-3 / (4 / 3.0 - 1);
+  for (const double J_D : {0.0, 0.6}) {
+    const PowerVector correction{-3, J_D * 0.5, J_D * std::sqrt(0.75)};  // most power along 30 degrees
+    const AblationProfile profile = munnerlyn_profile(eye, correction);
+    EyeModel expected = eye;
+    Surface& front = expected.surface("cornea_anterior");
+    front.shape = make_biconic(1 / (c + per_D * (-3 + J_D)), 1 / (c + per_D * (-3 - J_D)), 0, 0, 30);
+    front.position_mm += 1e-3 * profile.central_depth_um();
+    const PowerVector left = refraction_by_spot(with_ablation(eye, profile), at_cornea()),
+                      wanted = refraction_by_spot(expected, at_cornea());
+    EXPECT_NEAR(left.M_D, wanted.M_D, 0.01);
+    EXPECT_NEAR(left.J0_D, wanted.J0_D, 0.01);
+    EXPECT_NEAR(left.J45_D, wanted.J45_D, 0.01);
+    EXPECT_LT(std::hypot(left.J0_D - (-correction.J0_D), left.J45_D - (-correction.J45_D)), 0.1);
+  }
 }
 
 TEST(WhatIf, MunnerlynProfileIsTheDifferenceOfTwoSpheres) {
   const Eigen::Matrix2d sphere = Eigen::Matrix2d::Identity() / 7.8;
   const double after_mm = 1 / (1 / 7.8 - 4e-3 / 0.376);
   const auto sag = [](double radius, double r) { return radius - std::sqrt(radius * radius - r * r); };
-  const MunnerlynProfile myopic(sphere, {-4, 0, 0}, 0.376);
+  const AblationProfile myopic = munnerlyn_profile(sphere, {-4, 0, 0}, 0.376);
   const double centre_mm = sag(7.8, 3) - sag(after_mm, 3);
   EXPECT_NEAR(myopic.central_depth_um(), 1e3 * centre_mm, 1e-6);
   EXPECT_NEAR(myopic.central_depth_um(), 6 * 6 * 4 / 3.0, 6);  // the rule of thumb, zone^2 D / 3
   EXPECT_NEAR(myopic.depth_mm(0, 2), centre_mm - sag(7.8, 2) + sag(after_mm, 2), 1e-9);
   EXPECT_NEAR(myopic.depth_mm(3, 0), 0, 1e-9);
-  const MunnerlynProfile hyperopic(sphere, {3, 0.5, 0}, 0.376);
+  const AblationProfile hyperopic = munnerlyn_profile(sphere, {3, 0.5, 0}, 0.376);
   EXPECT_NEAR(hyperopic.central_depth_um(), 0, 1e-9);
   EXPECT_EQ(hyperopic.depth_mm(4.01, 0), 0);
   for (double r = 0; r < 4; r += 0.05) EXPECT_GE(hyperopic.depth_mm(0.6 * r, 0.8 * r), -1e-12) << r;
-  EXPECT_THROW(MunnerlynProfile(sphere, {-60, 0, 0}, 0.376), Error);
+  EXPECT_THROW(munnerlyn_profile(sphere, {-60, 0, 0}, 0.376), Error);
 }
 
-TEST(WhatIf, AblationOfAMeshAgreesWithTheSurgeryOfItsFormula) {
-  // The cornea as a fine sheet with exact normals, ablated at its vertices.
-  EyeModel eye = with_pupil(make_eye("gullstrand-emsley"), 3);
-  const double wavelength_nm = eye.reference_wavelength_nm;
-  eye.surfaces.back().position_mm += 1;  // myopic by 2.6 D
-  Surface& front = eye.surface("cornea_anterior");
-  const ShapePtr formula = front.shape;
-  TriangleMesh sheet;
-  constexpr int n = 60;
-  constexpr double pitch_mm = 0.16;
-  for (int i = -n / 2; i <= n / 2; ++i)
-    for (int k = -n / 2; k <= n / 2; ++k) {
-      const double x = pitch_mm * k, y = pitch_mm * i;
-      sheet.vertices.emplace_back(x, y, -*formula->depth_mm(x, y));
-      sheet.normals.push_back(*formula->normal(x, y));
-      const int at = static_cast<int>(sheet.vertices.size()) - 1;
-      if (i == n / 2 || k == n / 2) continue;
-      sheet.triangles.push_back({at, at + 1, at + n + 2});
-      sheet.triangles.push_back({at, at + n + 2, at + n + 1});
-    }
-  const PrescriptionSettings settings = [&] {
-    PrescriptionSettings s;
-    s.vertex_distance_mm = 0;
-    s.wavelength_nm = wavelength_nm;
-    return s;
-  }();
-  const PowerVector correction{-2.5, 0.4, -0.3};
-  const auto operated = [&] {
-    return refraction_by_spot(with_ablation(eye, munnerlyn_profile(eye, correction)), settings);
+TEST(WhatIf, WavefrontGuidedAblationTakesAKnownAberrationAway) {
+  // Astigmatism, coma, trefoil and spherical aberration on the front cornea, on top of 1.5 D of myopia or so.
+  EyeModel eye = make_eye("navarro");
+  std::vector<double> departure_um(zernike_count(4), 0.0);
+  departure_um[3] = 0.8;
+  departure_um[5] = -0.5;
+  departure_um[7] = 1.0;
+  departure_um[9] = 0.5;
+  departure_um[12] = 0.4;
+  eye.surface("cornea_anterior").shape = make_zernike(7.72, 7.72, -0.26, -0.26, 0, 3, departure_um);
+  eye.surfaces.back().position_mm += 0.5;
+  WavefrontSettings over_zone;
+  over_zone.wavelength_nm = 589.3;
+  over_zone.entrance_pupil_mm = 6;
+  const Wavefront before = measure_wavefront(eye, over_zone);
+  EXPECT_GT(before.higher_order_rms_um(), 0.4);
+
+  // One round is the textbook's depth, W / (n - 1); where W is highest nothing is taken.
+  const AblationProfile once = wavefront_guided_profile(eye, 589.3, {0, 0}, 1);
+  const auto textbook_um = [&](double x_mm, double y_mm) {
+    const Eigen::VectorXd terms = zernike_values(8, x_mm / 3, y_mm / 3);
+    double w_um = 0;
+    for (int j = 3; j < terms.size(); ++j) w_um += before.zernike_um[j] * terms[j];
+    return -w_um / 0.376;
   };
-  // Within the optical zone, which is wider than the pupil, the formula becomes exactly that surface.
-  const PowerVector of_formula = operated();
-  front.shape = std::make_shared<MeshShape>(sheet, MeshInterpolation::smooth);
-  const PowerVector before = refraction_by_spot(eye, settings), after = operated();
-  EXPECT_NEAR(after.M_D, of_formula.M_D, 0.03);
-  EXPECT_NEAR(after.J0_D, of_formula.J0_D, 0.02);
-  EXPECT_NEAR(after.J45_D, of_formula.J45_D, 0.02);
-  // What was asked for is taken away, and spherical aberration, which a flatter sphere has less of.
-  EXPECT_NEAR(before.M_D - after.M_D, correction.M_D, 0.25);
-  EXPECT_NEAR(before.J0_D - after.J0_D, correction.J0_D, 0.1);
-  EXPECT_NEAR(before.J45_D - after.J45_D, correction.J45_D, 0.1);
+  EXPECT_NEAR(1e3 * (once.depth_mm(0, 0) - once.depth_mm(1.5, -2)), textbook_um(0, 0) - textbook_um(1.5, -2),
+              0.05);
+  const Wavefront after_once = measure_wavefront(with_ablation(eye, once), over_zone);
+  EXPECT_LT(after_once.rms_um(), 0.1 * before.rms_um());
+
+  const AblationProfile profile = wavefront_guided_profile(eye, 589.3);
+  double least_mm = 1;
+  for (double x = -4.5; x <= 4.5; x += 0.25)
+    for (double y = -4.5; y <= 4.5; y += 0.25) least_mm = std::min(least_mm, profile.depth_mm(x, y));
+  EXPECT_NEAR(least_mm, 0, 5e-5);  // nothing is added, and tissue is spared
+  const EyeModel operated = with_ablation(eye, profile);
+  const Wavefront after = measure_wavefront(operated, over_zone);
+  EXPECT_LT(after.rms_um(), 0.02 * before.rms_um());
+  EXPECT_LT(after.higher_order_rms_um(), 0.1 * before.higher_order_rms_um());
+  EXPECT_NEAR(refraction_by_spot(operated, at_cornea()).M_D, 0, 0.02);
+  // Munnerlyn's takes sphere and cylinder only.
+  const EyeModel by_munnerlyn =
+      with_ablation(eye, munnerlyn_profile(eye, refraction_by_spot(eye, at_cornea())));
+  EXPECT_GT(measure_wavefront(by_munnerlyn, over_zone).higher_order_rms_um(),
+            0.8 * before.higher_order_rms_um());
+}
+
+TEST(WhatIf, WavefrontGuidedAblationIsCentredOnTheLineOfSight) {
+  // The pupil of this eye lies 0.5 mm off the axis.
+  const EyeModel eye = make_eye("liou-brennan");
+  const AblationProfile profile = wavefront_guided_profile(eye, 555);
+  EXPECT_NEAR(profile.zone().centre_mm.norm(), 0.5, 0.1);
+  WavefrontSettings over_zone;
+  over_zone.entrance_pupil_mm = 6;
+  EXPECT_LT(measure_wavefront(with_ablation(eye, profile), over_zone).rms_um(),
+            0.1 * measure_wavefront(eye, over_zone).rms_um());
+}
+
+TEST(WhatIf, AnAblationThatLeavesTooLittleCorneaIsRefused) {
+  EyeModel eye = make_eye("navarro");
+  eye.surfaces.back().position_mm += 20;
+  EXPECT_THROW(wavefront_guided_profile(eye, 589.3), Error);
+  EXPECT_THROW(with_ablation(eye, munnerlyn_profile(eye, {-26, 0, 0})), Error);
 }
 
 }  // namespace
