@@ -424,10 +424,13 @@ double ForwardModel::AtParameters::intensity(const Sample& sample, SparseRow* ro
         iris_surfaces(p, top, bottom, pupil);
         // The iris ends where its back or the lens begins, whichever comes first: a difference of nested
         // regions, so that a gap between iris and lens thinner than the blur is right.
-        const bool lens_cuts = lens_front.f / lens_front.gradient.norm() > bottom.f / bottom.gradient.norm();
+        const double lens_depth = lens_front.f / lens_front.gradient.norm(),
+                     bottom_depth = bottom.f / bottom.gradient.norm();
+        const bool lens_cuts = lens_depth > bottom_depth;
         const Surface& end = lens_cuts ? lens_front : bottom;
         const Edge t = edge(top, stack), m = lens_cuts ? f : edge(bottom, stack), o = edge(pupil, stack);
-        if (t.value > m.value) {
+        // Where there is iris: its blurred slab rings, and is negative beside it.
+        if (top.f / top.gradient.norm() > std::max(lens_depth, bottom_depth)) {
           const double slab = (t.value - m.value) * o.value;
           const double iris_contrast = a_[iris] - fluid;
           sum += weight * iris_contrast * slab;
