@@ -133,10 +133,15 @@ bool EyeAnatomy::contains(const Vector3d& p, Tissue& tissue) const {
   if (d < -0.01 || from_centre.squaredNorm() > 400) return false;
 
   const Vector3d scaled_in = from_centre.cwiseQuotient(inner_);
-  // The bulge's direction is told in scaled space with the eye's x and y.
-  const Vector2d scaled_across = globe_turn_.transpose() * scaled_in.head<2>();
-  const double swell = 1 + bulge(Vector3d(scaled_across.x(), scaled_across.y(), scaled_in.z()));
-  const double rho_in = scaled_in.norm() / swell;
+  const double inner_norm = scaled_in.norm(), outer_norm = from_centre.cwiseQuotient(outer_).norm();
+  const double reach = std::abs(g.bulge_height_mm) / displacement_sphere_mm;
+  double swell = 1;
+  if (inner_norm >= 1 - reach && outer_norm < 1 + reach) {
+    // The bulge's direction is told in scaled space with the eye's x and y.
+    const Vector2d scaled_across = globe_turn_.transpose() * scaled_in.head<2>();
+    swell += bulge(Vector3d(scaled_across.x(), scaled_across.y(), scaled_in.z()));
+  }
+  const double rho_in = inner_norm / swell;
   const bool near_cornea = d < cornea_reach_mm && p.head<2>().squaredNorm() < 64;
   const bool in_cornea_front = near_cornea && d > cornea_front_mm(p.x(), p.y());
   const bool in_cornea_back = in_cornea_front && d > cornea_back_mm(p.x(), p.y());
@@ -144,7 +149,7 @@ bool EyeAnatomy::contains(const Vector3d& p, Tissue& tissue) const {
     tissue = content(p, rho_in);
     return true;
   }
-  if (in_cornea_front || from_centre.cwiseQuotient(outer_).norm() < swell) {
+  if (in_cornea_front || outer_norm < swell) {
     const bool cornea =
         in_cornea_front && p.head<2>().squaredNorm() < g.limbus_radius_mm * g.limbus_radius_mm;
     tissue = cornea ? Tissue::cornea : Tissue::wall;

@@ -16,6 +16,18 @@ constexpr int layers_elsewhere = 4;
 constexpr std::array<double, std::size_t{fine} * fine> dither{0, 8,  2, 10, 12, 4, 14, 6,
                                                               3, 11, 1, 9,  15, 7, 13, 5};
 
+/// Values in the order of these, evenly spaced about 0 within a cell: the mean of few quasi-random numbers is
+/// not 0, and would displace the object.
+void centre_by_rank(std::vector<double>& values) {
+  const std::vector<double> sequence = values;
+  const auto count = static_cast<double>(sequence.size());
+  for (double& value : values) {
+    const auto below =
+        std::count_if(sequence.begin(), sequence.end(), [&](double other) { return other < value; });
+    value = (static_cast<double>(below) + 0.5) / count - 0.5;
+  }
+}
+
 /// The profile at t thicknesses off the slice's middle.
 double profile_at(SliceProfile profile, double t) {
   t = std::abs(t);
@@ -42,11 +54,13 @@ Layers layers_of(SliceProfile profile, double thickness_mm, int per_thickness) {
     layers.begin_mm.push_back(-reach * thickness_mm + i * layers.step_mm);
     layers.weight.push_back(profile_at(profile, -reach + 2 * reach * (i + 0.5) / count));
     // R2 sequence (Roberts 2018): even in the plane however many layers there are.
-    layers.shift_x.push_back(std::fmod(0.5 + 0.7548776662466927 * i, 1.0) - 0.5);
-    layers.shift_y.push_back(std::fmod(0.5 + 0.5698402909980532 * i, 1.0) - 0.5);
+    layers.shift_x.push_back(std::fmod(0.5 + 0.7548776662466927 * i, 1.0));
+    layers.shift_y.push_back(std::fmod(0.5 + 0.5698402909980532 * i, 1.0));
     sum += layers.weight.back();
   }
   for (double& weight : layers.weight) weight /= sum;
+  centre_by_rank(layers.shift_x);
+  centre_by_rank(layers.shift_y);
   return layers;
 }
 

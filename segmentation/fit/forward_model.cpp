@@ -107,10 +107,12 @@ ForwardModel::ForwardModel(ParameterLayout layout, std::vector<StackSampling> st
   if (layout_.bumps > 0) bumps_ = bump_directions();
 }
 
-/// F > 0 inside, its gradient in the eye frame, and its derivatives by shape parameters.
+/// F > 0 inside, its gradient and second derivatives in the eye frame, and its derivatives by shape
+/// parameters.
 struct ForwardModel::AtParameters::Surface {
   double f = 0;
   Vector3d gradient = Vector3d::Zero();
+  Matrix3d hessian = Matrix3d::Zero();  ///< near the surface, to a tenth: it corrects microns
   int count = 0;
   std::array<int, 9> index;
   std::array<double, 9> by;
@@ -178,6 +180,11 @@ ForwardModel::AtParameters::Surface ForwardModel::AtParameters::cornea_surface(c
   surface.f = -p.z() - s / d - (back ? a_[cornea_thickness] : 0);
   surface.gradient = {-(by_s * 2 * v1 + by_t * 2 * (c11 * w1 + c12 * w2)),
                       -(by_s * 2 * v2 + by_t * 2 * (c12 * w1 + c22 * w2)), -1};
+  // Of S and T; the mixed terms are small within the cornea.
+  surface.hessian(0, 0) =
+      -2 * (by_s * c11 + by_t * (k11 * c11 * c11 + 2 * k12 * c11 * c12 + k22 * c12 * c12));
+  surface.hessian(1, 1) =
+      -2 * (by_s * c22 + by_t * (k11 * c12 * c12 + 2 * k12 * c12 * c22 + k22 * c22 * c22));
   surface.depends(cornea_c, -(by_c11 + by_c22) / ratio);
   surface.depends(cornea_j0, -(by_c11 - by_c22) / ratio - split / j_scale * (by_q0 - along * j0));
   surface.depends(cornea_j45, -by_c12 / ratio - split / j_scale * (by_q45 - along * j45));
@@ -197,6 +204,8 @@ ForwardModel::AtParameters::Surface ForwardModel::AtParameters::lid_surface(cons
               a_[lid_yy] * y * y - a_[lid_xy] * x * y;
   surface.gradient = {-a_[lid_tilt_x] - 2 * a_[lid_xx] * x - a_[lid_xy] * y,
                       -a_[lid_tilt_y] - 2 * a_[lid_yy] * y - a_[lid_xy] * x, -1};
+  surface.hessian(0, 0) = -2 * a_[lid_xx];
+  surface.hessian(1, 1) = -2 * a_[lid_yy];
   surface.depends(lid_thickness, 1);
   surface.depends(lid_tilt_x, -x);
   surface.depends(lid_tilt_y, -y);
@@ -218,6 +227,9 @@ ForwardModel::AtParameters::Surface ForwardModel::AtParameters::globe_surface(co
   Surface surface;
   surface.f = displacement_sphere_mm * (1 - rho);
   surface.gradient = {by_q.x() / rx, by_q.y() / ry, -by_q.z() / rz};
+  const Vector3d r(rx, ry, -rz), n = q.cwiseQuotient(r) / rho;
+  surface.hessian = displacement_sphere_mm / rho * (n * n.transpose());
+  surface.hessian.diagonal() -= displacement_sphere_mm / rho * r.cwiseAbs2().cwiseInverse();
   surface.depends(globe_x, -by_q.x() * q.x() / rx);
   surface.depends(globe_y, -by_q.y() * q.y() / ry);
   surface.depends(globe_z, by_q.z() * (1 - q.z()) / rz);
@@ -251,6 +263,7 @@ void ForwardModel::AtParameters::lens_surfaces(const Vector3d& p, Surface& front
     const double sign = is_front ? 1 : -1;
     surface.f = sign * delta + half - sag.value;
     surface.gradient = sign * grad_delta - sag.by_s * 2 * (x * grad_x + y * grad_y);
+    surface.hessian.diagonal() << -2 * sag.by_s, -2 * sag.by_s, 0;
     surface.count = 0;
     surface.depends(radius, sag.by_c * c * c);
     surface.depends(is_front ? lens_anterior_q : lens_posterior_q, -sag.by_q);
@@ -331,8 +344,10 @@ ForwardModel::AtParameters::Edge ForwardModel::AtParameters::edge(const Surface&
                                     : std::max(axes.inverse_kx, axes.inverse_ky);
   const double per_f = 2 / (inverse_cutoff * in_plane);
   const StackSampling& sampling = model_.stacks_[stack];
-  const double half_stretch = sampling.thickness_mm / sampling.subslices / 2 * through;
-  const EdgeValue e = averaged_edge(per_f * surface.f, per_f * half_stretch);
+  const double half = sampling.thickness_mm / sampling.subslices / 2;
+  // Within a sub-slice a curved surface lies on the average this far (in F) inside its tangent plane.
+  const double bend = half * half / 6 * axes.normal.dot(surface.hessian * axes.normal);
+  const EdgeValue e = averaged_edge(per_f * (surface.f + bend), per_f * half * through);
   return {e.value, e.derivative * per_f, e.scale_derivative};
 }
 

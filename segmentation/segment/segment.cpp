@@ -10,6 +10,7 @@
 #include "pipeline/base/case_folder.hpp"
 #include "pipeline/base/frames.hpp"
 #include "segmentation/finding/find_eyes.hpp"
+#include "segmentation/fit/both_eyes.hpp"
 #include "segmentation/fit/eye_fit.hpp"
 #include "segmentation/intake/nifti.hpp"
 #include "segmentation/intake/study.hpp"
@@ -144,6 +145,12 @@ void fit_all(std::vector<EyeResult>& eyes, const std::vector<const Stack*>& stac
   }
   for (const auto& fault : faults)
     if (fault) std::rethrow_exception(fault);
+}
+
+/// \return whether both were measured and are alike enough to tell of each other
+bool couple(std::vector<EyeResult>& eyes) {
+  if (eyes.size() != 2 || eyes[0].refused() || eyes[1].refused()) return false;
+  return couple_eyes(*eyes[0].fit, *eyes[1].fit);
 }
 
 Json vector_json(const Eigen::Vector3d& v) { return Json::array({v.x(), v.y(), v.z()}); }
@@ -332,6 +339,7 @@ StageVerdict segment_study(const SegmentOptions& options, const CommonOptions& c
       if (one.shows(eye.found.laterality))
         eye.label_images.push_back(label_image(one, *stacks[one.stack], eye.found.laterality));
   fit_all(eyes, stacks, common);
+  const bool coupled = couple(eyes);
 
   const std::optional<double> roll = head_roll_deg(eyes);
   if (roll && std::abs(*roll) > 3)
@@ -352,7 +360,9 @@ StageVerdict segment_study(const SegmentOptions& options, const CommonOptions& c
                   stack->position(column, row, slice));
     }
   }
-  write_json(workspace.case_file("case.json"), case_json(inventory, series, found, eyes, labels));
+  Json described = case_json(inventory, series, found, eyes, labels);
+  described["corneas_coupled"] = coupled;
+  write_json(workspace.case_file("case.json"), described);
   workspace.provenance()["study"] = fs::absolute(options.study).lexically_normal().string();
   return verdict_of(eyes, found, common.laterality);
 }

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <random>
 
+#include "segmentation/fit/edge_response.hpp"
 #include "segmentation/fit/least_squares.hpp"
 
 namespace emmetrope::segmentation {
@@ -131,6 +132,52 @@ TEST(ForwardModel, IntensitiesFarFromEdgesAreTheTissues) {
   sample.near_cornea = true;
   sample.position = Vector3d(30, 0, 0) + 8 * axis;
   EXPECT_NEAR(at.intensity(sample, nullptr), 0.02, 0.02);
+}
+
+/// The iris away from pupil and lens is a plane slab thinner than a pixel: the difference of two edges, with
+/// the side lobes on either side of it.
+TEST(ForwardModel, BlurredIrisIsADifferenceOfEdges) {
+  ParameterLayout layout;
+  const double cutoff = 0.8, fluid = 1, iris_level = 0.35;
+  const ForwardModel model(
+      layout, {{-Vector3d::UnitY(), Vector3d::UnitZ(), -Vector3d::UnitX(), cutoff, cutoff, 0.1, 1, 0.05}},
+      Vector3d::Zero());
+  VectorXd a = population_mean(layout);
+  a[iris_slope] = 0;
+  a[pupil_radius] = 0.5;
+  a[vitreous] = a[aqueous] = a[lens] = fluid;
+  a[iris] = iris_level;
+  const ForwardModel::AtParameters at(model, a);
+  Sample sample;
+  sample.zone = Zone::front;
+  sample.near_lens = true;
+  for (const double behind : {-1.4, -0.9, -0.5, -0.1, 0.0, 0.3, 0.8, 1.2}) {
+    // Looking ahead, depth is towards +y.
+    sample.position = Vector3d(4.2, a[anterior_chamber_depth] + a[iris_offset] + behind, 0);
+    const double half = a[iris_half_thickness];
+    const double slab =
+        edge_response(2 * cutoff * (behind + half)) - edge_response(2 * cutoff * (behind - half));
+    EXPECT_NEAR(at.intensity(sample, nullptr), fluid + (iris_level - fluid) * slab, 2e-3) << behind;
+  }
+}
+
+/// In a thick slice a ball looks smaller: against the average of many thin slices.
+TEST(ForwardModel, FewSubslicesSeeTheCurvatureOfTheGlobe) {
+  const auto at_wall = [](int subslices, double across_mm) {
+    ParameterLayout layout;
+    const ForwardModel model(
+        layout, {{Vector3d::UnitX(), -Vector3d::UnitZ(), Vector3d::UnitY(), 1.6, 1.6, 2, subslices, 0.05}},
+        Vector3d::Zero());
+    VectorXd a = population_mean(layout);
+    a[vitreous] = a[aqueous] = 1;
+    const ForwardModel::AtParameters at(model, a);
+    Sample sample;
+    sample.near_wall = true;
+    sample.position = Vector3d(a[globe_x] + across_mm, a[axial_length] - a[globe_z], 0);
+    return at.intensity(sample, nullptr);
+  };
+  for (const double across : {-0.3, -0.1, 0.0, 0.1, 0.3})
+    EXPECT_NEAR(at_wall(3, across), at_wall(40, across), 5e-4) << across;
 }
 
 /// The condensed problem's cost and gradient are those of the voxels.

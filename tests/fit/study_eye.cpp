@@ -4,11 +4,13 @@
 
 #include <algorithm>
 #include <ctime>
+#include <optional>
 #include <random>
 
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/frames.hpp"
 #include "segmentation/finding/find_eyes.hpp"
+#include "segmentation/fit/both_eyes.hpp"
 #include "segmentation/fit/rician.hpp"
 #include "segmentation/segment/quality.hpp"
 #include "tests/fit/phantom_eyes.hpp"
@@ -106,6 +108,71 @@ Json surface_distances(const ParametricEye& fitted, const phantom::PlacedEye& tr
   return {{"retina", retina}, {"cornea", cornea}};
 }
 
+/// An eye on its way from the images to its record.
+struct StudiedEye {
+  Laterality laterality;
+  Json record;
+  PhantomEye images;
+  phantom::PlacedEye truth;
+  std::optional<EyeFit> fit, bound;  ///< bound: the same eye with the covariance of the information bound
+  std::optional<FoundEye> found;
+
+  bool is_measured() const { return record.at("status") == "measured"; }
+};
+
+/// Finds and fits it, as the stage does.
+void fit(StudiedEye& eye, bool of_one_eye) {
+  const std::vector<std::string> hints(eye.images.stacks.size(),
+                                       of_one_eye ? (eye.laterality == Laterality::od ? "R" : "L") : "");
+  const FoundEyes found = find_eyes(eye.images.views(), hints);
+  const auto one = std::find_if(found.eyes.begin(), found.eyes.end(),
+                                [&](const FoundEye& f) { return f.laterality == eye.laterality; });
+  eye.record["status"] = "not found";
+  eye.record["reasons"] = found.notes;
+  if (one == found.eyes.end()) return;
+  eye.found = *one;
+  try {
+    eye.fit = fit_eye(views_of(*one, eye.images.views()), start_of(*one), one->contrast);
+    const std::vector<QualityGate> gates = judge_quality(*one, *eye.fit);
+    eye.record["status"] = is_refused(gates) ? "refused" : "measured";
+    for (const QualityGate& gate : gates)
+      if (!gate.passed) eye.record["reasons"].push_back(gate.reason);
+    eye.bound = eye.fit;
+    eye.bound->covariance = information_bound(*eye.fit);
+  } catch (const Error& error) {
+    if (error.status() != ExitStatus::no_result) throw;
+    eye.record["status"] = "refused";
+    eye.record["reasons"].push_back(error.what());
+    eye.fit.reset();
+  }
+}
+
+/// The fit's figures in the record.
+void write_down(StudiedEye& studied) {
+  const EyeFit& fit = *studied.fit;
+  Json& record = studied.record;
+  const ParametricEye eye = to_parametric_eye(fit, studied.laterality);
+  std::vector<Eigen::Index> places;
+  for (std::size_t i = 0; i < fit.active.size(); ++i)
+    if (has_parameter(eye, fit.layout.name(fit.active[i]))) places.push_back(static_cast<Eigen::Index>(i));
+  record["bound"] = matrix_json(studied.bound->covariance, places);
+  record["fit"] = to_json(eye);
+  // Where the eye is in the images that define its pose.
+  const Eigen::Isometry3d fitted_from_true =
+      eye.lps_from_eye.inverse() * studied.images.scanner_from_reference[studied.found->views.front().stack] *
+      studied.truth.lps_from_eye;
+  record["surface_mm"] = surface_distances(eye, studied.truth, fitted_from_true);
+  record["chi2_per_voxel"] = fit.chi2_per_voxel;
+  record["regions"] = Json::array();
+  for (const RegionFit& region : fit.regions) record["regions"].push_back(region.chi2);
+  record["voxels"] = fit.samples.size();
+  record["iterations"] = fit.iterations;
+  record["converged"] = fit.converged;
+  record["start_costs"] = fit.start_costs;
+  for (int i = wall_lateral; i < eye_parameter_count; ++i)
+    record["nuisance"][fit.layout.name(i)] = fit.value(i);
+}
+
 }  // namespace
 
 std::filesystem::path record_file(const std::filesystem::path& cache, const StudyProtocol& protocol,
@@ -135,64 +202,32 @@ std::vector<Json> study_head(const StudyProtocol& wanted, unsigned long long see
                    19);
   }
 
-  std::vector<Json> records;
-  PhantomEye shared;  // a head coil's stacks show both eyes
+  const bool of_one_eye = protocol.stacks.front().coil == phantom::Coil::surface;
+  std::vector<StudiedEye> eyes;
   for (const Laterality laterality : both_eyes) {
-    Json record{{"protocol", wanted.label()}, {"seed", seed}, {"laterality", to_string(laterality)}};
+    StudiedEye eye{laterality, {{"protocol", wanted.label()}, {"seed", seed}}, {}, {}, {}, {}, {}};
+    eye.record["laterality"] = to_string(laterality);
     const double begin_s = processor_s();
-    if (shared.stacks.empty() || protocol.stacks.front().coil == phantom::Coil::surface)
-      shared = render_eye(head, protocol, laterality, 1);
+    // A head coil's stacks show both eyes.
+    eye.images = of_one_eye || eyes.empty() ? render_eye(head, protocol, laterality, 1) : eyes[0].images;
     const double rendered_s = processor_s();
-    const phantom::PlacedEye truth = phantom::place(head, laterality);
-    record["truth"] = phantom::eye_truth(truth, head.lens_index);
-    record["age_years"] = head.age_years;
-    record["lens_index"] = head.lens_index;
-    record["render_s"] = rendered_s - begin_s;
-
-    const bool of_one_eye = protocol.stacks.front().coil == phantom::Coil::surface;
-    const std::vector<std::string> hints(shared.stacks.size(),
-                                         of_one_eye ? (laterality == Laterality::od ? "R" : "L") : "");
-    const FoundEyes found = find_eyes(shared.views(), hints);
-    const auto one = std::find_if(found.eyes.begin(), found.eyes.end(),
-                                  [&](const FoundEye& f) { return f.laterality == laterality; });
-    record["status"] = "not found";
-    record["reasons"] = found.notes;
-    if (one != found.eyes.end()) {
-      try {
-        const EyeFit fit = fit_eye(views_of(*one, shared.views()), start_of(*one), one->contrast);
-        const std::vector<QualityGate> gates = judge_quality(*one, fit);
-        record["status"] = is_refused(gates) ? "refused" : "measured";
-        for (const QualityGate& gate : gates)
-          if (!gate.passed) record["reasons"].push_back(gate.reason);
-        const ParametricEye eye = to_parametric_eye(fit, laterality);
-        std::vector<Eigen::Index> places;
-        for (std::size_t i = 0; i < fit.active.size(); ++i)
-          if (has_parameter(eye, fit.layout.name(fit.active[i])))
-            places.push_back(static_cast<Eigen::Index>(i));
-        record["bound"] = matrix_json(information_bound(fit), places);
-        record["fit"] = to_json(eye);
-        // Where the eye is in the images that define its pose.
-        const Eigen::Isometry3d fitted_from_true = eye.lps_from_eye.inverse() *
-                                                   shared.scanner_from_reference[one->views.front().stack] *
-                                                   truth.lps_from_eye;
-        record["surface_mm"] = surface_distances(eye, truth, fitted_from_true);
-        record["chi2_per_voxel"] = fit.chi2_per_voxel;
-        record["regions"] = Json::array();
-        for (const RegionFit& region : fit.regions) record["regions"].push_back(region.chi2);
-        record["voxels"] = fit.samples.size();
-        record["iterations"] = fit.iterations;
-        record["converged"] = fit.converged;
-        record["start_costs"] = fit.start_costs;
-        for (int i = wall_lateral; i < eye_parameter_count; ++i)
-          record["nuisance"][fit.layout.name(i)] = fit.value(i);
-      } catch (const Error& error) {
-        if (error.status() != ExitStatus::no_result) throw;
-        record["status"] = "refused";
-        record["reasons"].push_back(error.what());
-      }
-    }
-    record["fit_s"] = processor_s() - rendered_s;
-    records.push_back(std::move(record));
+    eye.truth = phantom::place(head, laterality);
+    eye.record["truth"] = phantom::eye_truth(eye.truth, head.lens_index);
+    eye.record["age_years"] = head.age_years;
+    eye.record["lens_index"] = head.lens_index;
+    eye.record["render_s"] = rendered_s - begin_s;
+    fit(eye, of_one_eye);
+    eye.record["fit_s"] = processor_s() - rendered_s;
+    eyes.push_back(std::move(eye));
+  }
+  if (eyes[0].is_measured() && eyes[1].is_measured()) {
+    couple_eyes(*eyes[0].fit, *eyes[1].fit);
+    couple_eyes(*eyes[0].bound, *eyes[1].bound);
+  }
+  std::vector<Json> records;
+  for (StudiedEye& eye : eyes) {
+    if (eye.fit) write_down(eye);
+    records.push_back(std::move(eye.record));
   }
   return records;
 }

@@ -1,0 +1,93 @@
+#include "segmentation/fit/both_eyes.hpp"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/LU>
+#include <cmath>
+
+namespace emmetrope::segmentation {
+namespace {
+
+using Eigen::Matrix2d;
+using Eigen::Matrix4d;
+using Eigen::Vector2d;
+using Eigen::Vector4d;
+using Eigen::VectorXd;
+
+constexpr double per_dioptre = 1 / 337.5;
+constexpr double chamber_sigma_mm = 0.6;
+
+/// What the images of one eye say of corneal curvature and chamber depth: a mean with an information matrix.
+struct Images {
+  Vector2d mean;
+  Matrix2d information;
+};
+Images images(double power_D, double sigma_D, double chamber_mm) {
+  const double c = sigma_D * per_dioptre, d = 0.03, correlation = 0.6;
+  Matrix2d covariance;
+  covariance << c * c, correlation * c * d, correlation * c * d, d * d;
+  return {{power_D * per_dioptre, chamber_mm}, covariance.inverse()};
+}
+
+/// A fit of these two parameters to the images and the priors of a stranger's eye.
+EyeFit fit_of(const Images& seen) {
+  const ParameterLayout layout;
+  const VectorXd mean = population_mean(layout);
+  EyeFit fit{layout, Contrast::t2,
+             {},     ForwardModel(layout, {}, Eigen::Vector3d::Zero()),
+             mean,   {},
+             {},     population_priors(layout, mean, Contrast::t2),
+             {},     {},
+             0,      {},
+             {},     0,
+             true,   {}};
+  fit.active = {cornea_c, anterior_chamber_depth};
+  const Vector2d sigma(fit.priors.sigma[cornea_c], chamber_sigma_mm);
+  const Vector2d prior_mean(fit.priors.mean[cornea_c], fit.priors.mean[anterior_chamber_depth]);
+  const Matrix2d prior = sigma.cwiseAbs2().cwiseInverse().asDiagonal();
+  fit.covariance = (seen.information + prior).inverse();
+  const Vector2d solution = fit.covariance * (seen.information * seen.mean + prior * prior_mean);
+  fit.parameters[cornea_c] = solution[0];
+  fit.parameters[anterior_chamber_depth] = solution[1];
+  return fit;
+}
+
+/// Against the estimate of both eyes at once, with the correlated prior in one 4 x 4 matrix.
+TEST(BothEyes, CouplingIsTheJointEstimate) {
+  const Images right = images(42.1, 0.8, 3.3), left = images(43.4, 1.3, 3.5);
+  EyeFit od = fit_of(right), os = fit_of(left);
+
+  const double spread = od.priors.sigma[cornea_c];
+  const double shared = spread * spread - std::pow(corneal_power_difference_D * per_dioptre, 2) / 2;
+  Matrix4d prior = Matrix4d::Zero();
+  prior.diagonal() << spread * spread, std::pow(chamber_sigma_mm, 2), spread * spread,
+      std::pow(chamber_sigma_mm, 2);
+  prior(0, 2) = prior(2, 0) = shared;
+  Matrix4d information = Matrix4d::Zero();
+  information.topLeftCorner<2, 2>() = right.information;
+  information.bottomRightCorner<2, 2>() = left.information;
+  Vector4d seen, believed;
+  seen << right.mean, left.mean;
+  believed << od.priors.mean[cornea_c], od.priors.mean[anterior_chamber_depth], od.priors.mean[cornea_c],
+      od.priors.mean[anterior_chamber_depth];
+  const Matrix4d covariance = (information + prior.inverse()).inverse();
+  const Vector4d expected = covariance * (information * seen + prior.inverse() * believed);
+
+  ASSERT_TRUE(couple_eyes(od, os));
+  EXPECT_NEAR(od.value(cornea_c), expected[0], 1e-9);
+  EXPECT_NEAR(od.value(anterior_chamber_depth), expected[1], 1e-9);
+  EXPECT_NEAR(os.value(cornea_c), expected[2], 1e-9);
+  EXPECT_NEAR(os.value(anterior_chamber_depth), expected[3], 1e-9);
+  EXPECT_NEAR((od.covariance - covariance.topLeftCorner<2, 2>()).norm(), 0, 1e-9);
+  EXPECT_NEAR((os.covariance - covariance.bottomRightCorner<2, 2>()).norm(), 0, 1e-9);
+}
+
+TEST(BothEyes, UnlikeCorneasAreLeftAlone) {
+  EyeFit od = fit_of(images(43, 0.3, 3.3)), os = fit_of(images(52, 0.3, 3.3));
+  const VectorXd before = od.parameters;
+  EXPECT_FALSE(couple_eyes(od, os));
+  EXPECT_EQ(od.parameters, before);
+}
+
+}  // namespace
+}  // namespace emmetrope::segmentation
