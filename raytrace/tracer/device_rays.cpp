@@ -11,7 +11,7 @@ SystemBuffers::SystemBuffers(const OpenCl& cl, const OpticalSystem& system)
 
 SceneBuffers::SceneBuffers(const OpenCl& cl, const DeviceScene& scene)
     : planes(cl.upload(scene.planes)),
-      texels(cl.upload(scene.texels)),
+      texels(cl.share(scene.texels)),
       background(cl.upload(scene.background)),
       nodes(cl.upload(scene.meshes.nodes)),
       triangles(cl.upload(scene.meshes.triangles)),

@@ -30,7 +30,7 @@ struct SystemBuffers {
   cl::Buffer kinds, operations, ratios, gradients, records;
 };
 
-/// The buffers of a scene: SCENE in kernels/scene.cl.
+/// The buffers of a scene, which outlives them: SCENE in kernels/scene.cl.
 struct SceneBuffers {
   SceneBuffers(const OpenCl& cl, const DeviceScene& scene);
   void add_to(Arguments& arguments) const {

@@ -18,33 +18,33 @@ float bits(std::size_t value) {
 
 float luminance(const float* rgb) { return 0.2126F * rgb[0] + 0.7152F * rgb[1] + 0.0722F * rgb[2]; }
 
-std::uint32_t quantised(float value, std::uint32_t largest) {
-  return static_cast<std::uint32_t>(std::lround(std::clamp(value, 0.F, 1.F) * static_cast<float>(largest)));
+std::uint32_t quantised(float value, float largest) {
+  return static_cast<std::uint32_t>(std::clamp(value, 0.F, 1.F) * largest + 0.5F);
 }
 
-/// The last row is repeated once, so that a bilinear look-up at the rim reads valid texels.
+/// The last row is repeated once, so that a bilinear look-up at the rim reads valid texels; one more texel is
+/// what the last one's right neighbour would be.
 void append(std::vector<std::uint32_t>& texels, const Texture& texture, int channels) {
-  const auto texel = [&](int x, int y) {
-    return &texture.values[(static_cast<std::size_t>(y) * texture.width + x) * texture.channels];
-  };
-  const auto grey = [&](int x, int y) {
-    const float* t = texel(std::min(x, texture.width - 1), y);
-    return quantised(texture.channels == 1 ? t[0] : luminance(t), 65535);
-  };
-  for (int row = 0; row <= texture.height; ++row) {
-    const int y = std::min(row, texture.height - 1);
-    for (int x = 0; x < texture.width; ++x) {
-      if (channels == 1) {
-        texels.push_back(grey(x, y) | grey(x + 1, y) << 16U);
-      } else {
-        const float* t = texel(x, y);
-        const bool colour = texture.channels == 3;
-        texels.push_back(quantised(t[0], 2047) | quantised(t[colour ? 1 : 0], 2047) << 11U |
-                         quantised(t[colour ? 2 : 0], 1023) << 22U);
+  const std::size_t width = texture.width, first = texels.size();
+  const bool colour = texture.channels == 3;
+  texels.resize(first + width * (texture.height + 1) + 1);
+  std::uint32_t* to = texels.data() + first;
+  for (int row = 0; row <= texture.height; ++row, to += width) {
+    const float* t = &texture.values[std::min(row, texture.height - 1) * width * texture.channels];
+    if (channels == 1) {
+      const auto grey = [&](std::size_t x) { return quantised(colour ? luminance(t + 3 * x) : t[x], 65535); };
+      std::uint32_t next = grey(0);
+      for (std::size_t x = 0; x < width; ++x) {
+        const std::uint32_t own = next;
+        next = x + 1 < width ? grey(x + 1) : own;
+        to[x] = own | next << 16U;
       }
+    } else {
+      for (std::size_t x = 0; x < width; ++x, t += texture.channels)
+        to[x] = quantised(t[0], 2047) | quantised(t[colour ? 1 : 0], 2047) << 11U |
+                quantised(t[colour ? 2 : 0], 1023) << 22U;
     }
   }
-  texels.push_back(0);  // what the last texel's right neighbour would be
 }
 
 void append(std::vector<float>& planes, const TexturedPlane& plane, const Eigen::Isometry3d& eye_from_scene,

@@ -24,9 +24,10 @@ struct DeviceInfo {
 /// written
 std::vector<DeviceInfo> list_devices(int threads = 0);
 
-/// The device with this index, or the first whose name contains `wanted`.
-/// \throw Error (no_device) naming the devices of this machine
-DeviceInfo chosen_device(const std::vector<DeviceInfo>& devices, const std::string& wanted);
+/// The devices of a list such as "0,2" or "gpu": indices, or each the first whose name contains the word;
+/// "all" of them; the first where nothing is wanted. \throw Error (no_device) naming the devices of this
+/// machine
+std::vector<DeviceInfo> chosen_devices(const std::vector<DeviceInfo>& devices, const std::string& wanted);
 
 /// The folder for compiled kernels: POCL_CACHE_DIR where it is set, else emmetrope/kernels below
 /// XDG_CACHE_HOME or .cache in the home folder. PoCL cannot start where it is not writable.

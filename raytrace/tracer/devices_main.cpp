@@ -10,7 +10,7 @@ emmetrope::Answer list(const emmetrope::CommonOptions& common) {
   emmetrope::Answer answer;
   Json devices = Json::array();
   auto listed = emmetrope::raytrace::list_devices(common.threads);
-  if (!common.device.empty()) listed = {emmetrope::raytrace::chosen_device(listed, common.device)};
+  if (!common.device.empty()) listed = emmetrope::raytrace::chosen_devices(listed, common.device);
   for (const auto& d : listed) {
     devices.push_back({{"index", d.index},
                        {"name", d.name},

@@ -1,5 +1,7 @@
 #include "raytrace/tracer/exposure.hpp"
 
+#include <cmath>
+
 #include "pipeline/base/error.hpp"
 #include "raytrace/scene/scene_model.hpp"
 #include "raytrace/spectacle/spectacle.hpp"
@@ -25,6 +27,8 @@ TraceResult trace_exposure(const Tracer& tracer, const EyeModel& eye, const Scen
     const double time = (k + 0.5) / exposure.steps - 0.5;
     TraceSettings now = settings;
     now.samples = (settings.samples + exposure.steps - 1) / exposure.steps;
+    // Steps have noise of their own: the mean's error is theirs over the root of their number.
+    if (settings.target_error) now.target_error = *settings.target_error * std::sqrt(exposure.steps);
     now.seed = settings.seed + 1000003U * static_cast<std::uint64_t>(k);  // no step repeats another's noise
     now.pose.gaze.horizontal_deg += time * exposure.eye_motion_deg.x();
     now.pose.gaze.vertical_deg += time * exposure.eye_motion_deg.y();
@@ -36,9 +40,12 @@ TraceResult trace_exposure(const Tracer& tracer, const EyeModel& eye, const Scen
     for (std::size_t i = 0; i < mean.image.values.size(); ++i) mean.image.values[i] += step.image.values[i];
     for (const auto& [state, count] : step.states) mean.states[state] += count;
     mean.rays += step.rays;
+    mean.samples += step.samples;
+    if (mean.error) mean.error = std::hypot(*mean.error, *step.error);
     mean.wall_s += step.wall_s;
   }
   for (float& value : mean.image.values) value /= static_cast<float>(exposure.steps);
+  if (mean.error) *mean.error /= exposure.steps;
   return mean;
 }
 

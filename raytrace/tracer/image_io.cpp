@@ -1,3 +1,4 @@
+#include <cstdlib>
 #include <opencv2/imgcodecs.hpp>
 
 #include "pipeline/base/error.hpp"
@@ -19,6 +20,16 @@ void write(const std::filesystem::path& file, const cv::Mat& picture, const std:
   write_file(file, {reinterpret_cast<const char*>(bytes.data()), bytes.size()});
 }
 
+cv::Mat floats_of(const LinearImage& image) {
+  cv::Mat picture(image.height, image.width, CV_32FC(image.channels));
+  for (int row = 0; row < image.height; ++row)
+    for (int column = 0; column < image.width; ++column)
+      for (int c = 0; c < image.channels; ++c)
+        picture.ptr<float>(row)[column * image.channels + c] =
+            image.at(column, row, source_channel(image, c));
+  return picture;
+}
+
 }  // namespace
 
 void write_png(const std::filesystem::path& file, const LinearImage& image) {
@@ -32,13 +43,13 @@ void write_png(const std::filesystem::path& file, const LinearImage& image) {
 }
 
 void write_tiff(const std::filesystem::path& file, const LinearImage& image) {
-  cv::Mat picture(image.height, image.width, CV_32FC(image.channels));
-  for (int row = 0; row < image.height; ++row)
-    for (int column = 0; column < image.width; ++column)
-      for (int c = 0; c < image.channels; ++c)
-        picture.ptr<float>(row)[column * image.channels + c] =
-            image.at(column, row, source_channel(image, c));
-  write(file, picture, ".tiff", {});
+  write(file, floats_of(image), ".tiff", {});
+}
+
+void write_exr(const std::filesystem::path& file, const LinearImage& image) {
+  // OpenCV reads and writes OpenEXR where this says so.
+  setenv("OPENCV_IO_ENABLE_OPENEXR", "1", 1);
+  write(file, floats_of(image), ".exr", {cv::IMWRITE_EXR_TYPE, cv::IMWRITE_EXR_TYPE_FLOAT});
 }
 
 }  // namespace emmetrope::raytrace

@@ -126,19 +126,40 @@ std::filesystem::path kernel_cache_folder() {
       "set POCL_CACHE_DIR to a private writable folder");
 }
 
-DeviceInfo chosen_device(const std::vector<DeviceInfo>& devices, const std::string& wanted) {
-  if (wanted.empty()) return devices.front();
-  if (wanted.find_first_not_of("0123456789") == std::string::npos && wanted.size() < 9) {
+namespace {
+
+DeviceInfo device_called(const std::vector<DeviceInfo>& devices, const std::string& wanted) {
+  if (!wanted.empty() && wanted.find_first_not_of("0123456789") == std::string::npos && wanted.size() < 9) {
     const int index = std::stoi(wanted);
     if (index < static_cast<int>(devices.size())) return devices[static_cast<std::size_t>(index)];
-  } else {
+  } else if (!wanted.empty()) {
     for (const auto& device : devices)
       if (lower(device.name).find(lower(wanted)) != std::string::npos) return device;
   }
   std::string known;
   for (const auto& device : devices)
     known += (known.empty() ? "" : "; ") + std::to_string(device.index) + " " + device.name;
-  throw device_error("--device: no OpenCL device is called \"" + wanted + "\"", "this machine has: " + known);
+  throw device_error("--device: no OpenCL device is called \"" + wanted + "\"",
+                     "this machine has: " + known + "; several are separated by commas, all takes every one");
+}
+
+}  // namespace
+
+std::vector<DeviceInfo> chosen_devices(const std::vector<DeviceInfo>& devices, const std::string& wanted) {
+  if (wanted.empty()) return {devices.front()};
+  if (lower(wanted) == "all") return devices;
+  std::vector<DeviceInfo> chosen;
+  for (std::size_t first = 0; first <= wanted.size();) {
+    const std::size_t end = std::min(wanted.find(',', first), wanted.size());
+    const DeviceInfo device = device_called(devices, wanted.substr(first, end - first));
+    for (const auto& other : chosen)
+      if (other.index == device.index)
+        throw device_error("--device: \"" + wanted + "\" names " + device.name + " twice",
+                           "tell like devices apart by their indices; see emmetrope devices");
+    chosen.push_back(device);
+    first = end + 1;
+  }
+  return chosen;
 }
 
 std::vector<DeviceInfo> list_devices(int threads) {
@@ -156,12 +177,8 @@ void throw_device_error(const cl::Error& fault, const std::string& device) {
       memory ? "use a smaller image or another --device" : "try another --device; see emmetrope devices");
 }
 
-OpenCl::OpenCl(const std::string& device, int threads, int lanes) : lanes_(lanes) {
-  const auto devices = all_devices(threads);
-  std::vector<DeviceInfo> infos;
-  for (const auto& each : devices) infos.push_back(describe(each, static_cast<int>(infos.size())));
-  info_ = chosen_device(infos, device);
-  device_ = devices[info_.index];
+OpenCl::OpenCl(const DeviceInfo& device, int threads, int lanes) : info_(device), lanes_(lanes) {
+  device_ = all_devices(threads).at(static_cast<std::size_t>(device.index));
   try {
     context_ = cl::Context(device_);
     queue_ = cl::CommandQueue(context_, device_);

@@ -16,10 +16,10 @@ namespace emmetrope::raytrace {
 /// A device with its context, queue and compiled programs.
 class OpenCl {
  public:
-  /// \param device  index or part of a name; empty: the first
+  /// \param device  of list_devices()
   /// \param lanes   rays a work-item carries, 1 or 16; 0: what suits the device
   /// \throw Error (no_device)
-  OpenCl(const std::string& device, int threads, int lanes);
+  OpenCl(const DeviceInfo& device, int threads, int lanes);
 
   const DeviceInfo& info() const { return info_; }
   /// Lanes a work-item should carry: 16 on a CPU, 1 elsewhere.
@@ -37,6 +37,13 @@ class OpenCl {
     const T* data = values.empty() ? &nothing : values.data();
     const std::size_t bytes = std::max<std::size_t>(1, values.size()) * sizeof(T);
     return {context_, CL_MEM_READ_ONLY | CL_MEM_COPY_HOST_PTR, bytes, const_cast<T*>(data)};
+  }
+  /// `values` where a device computes in the host's memory, which must then outlive the buffer; else a copy.
+  template <typename T>
+  cl::Buffer share(const std::vector<T>& values) const {
+    if (values.empty() || info_.type != "CPU") return upload(values);
+    return {context_, CL_MEM_READ_ONLY | CL_MEM_USE_HOST_PTR, values.size() * sizeof(T),
+            const_cast<T*>(values.data())};
   }
   cl::Buffer allocate(std::size_t bytes) const { return {context_, CL_MEM_READ_WRITE, bytes}; }
 

@@ -19,8 +19,18 @@ namespace fs = std::filesystem;
 Json summary(const TraceResult& result, const std::string& image) {
   Json states = Json::object();
   for (const auto& [state, count] : result.states) states[to_string(state)] = count;
-  return {{"rays", result.rays},     {"wall_s", result.wall_s}, {"rays_per_s", result.rays_per_s()},
-          {"device", result.device}, {"states", states},        {"image", image}};
+  Json json{{"rays", result.rays},      {"wall_s", result.wall_s}, {"rays_per_s", result.rays_per_s()},
+            {"device", result.device},  {"states", states},        {"image", image},
+            {"samples", result.samples}};
+  if (result.error) json["standard_error_levels"] = *result.error;
+  return json;
+}
+
+void warn_of_error(const TraceResult& result, const TraceSettings& settings) {
+  if (result.error && *result.error > *settings.target_error)
+    spdlog::warn(
+        "--target-error {}: the standard error is still {:.3g} after {} rays a pixel; raise --samples",
+        *settings.target_error, *result.error, result.samples);
 }
 
 std::string line(const std::string& eye, const Json& answer) {
@@ -77,10 +87,11 @@ fs::path output_of(const fs::path& output, Laterality laterality, bool two_eyes)
 void check_output(const fs::path& output) {
   if (output.empty()) throw usage_error("--eye needs -o: where to write", "add -o FOLDER or -o image.png");
   const std::string ending = output.extension().string();
-  if (!ending.empty() && ending != ".png" && ending != ".tif" && ending != ".tiff" &&
-      !fs::is_directory(output))
+  const bool known =
+      ending.empty() || ending == ".png" || ending == ".exr" || ending == ".tif" || ending == ".tiff";
+  if (!known && !fs::is_directory(output))
     throw usage_error("-o: a picture cannot be written as " + ending,
-                      "give .png, .tif (float), or a folder without an ending");
+                      "give .png, .exr or .tif (float), or a folder without an ending");
 }
 
 /// Writes the picture, and into a folder what belongs to it. Returns the picture's path.
@@ -89,6 +100,10 @@ fs::path write_named(const fs::path& output, const EyeModel& eye, const TraceSet
   const std::string ending = output.extension().string();
   if (ending == ".png") {
     write_png(output, picture);
+    return output;
+  }
+  if (ending == ".exr") {
+    write_exr(output, picture);
     return output;
   }
   if (ending == ".tif" || ending == ".tiff") {
@@ -124,6 +139,7 @@ Answer trace_named(const TraceOptions& options, const CommonOptions& common) {
     const TraceResult result =
         trace_exposure(tracer, with_spectacle(eye, options), *scene, settings, read_exposure(options));
     for (const auto& note : result.notes) spdlog::info("{}", note);
+    warn_of_error(result, settings);
     const fs::path image =
         write_named(output_of(options.output, laterality, two_eyes), eye, settings, result.image);
     Json of_eye = summary(result, image.string());
@@ -147,7 +163,8 @@ Json stage_parameters(const TraceOptions& o, const CommonOptions& common) {
           {"size", o.size},
           {"field_mm", o.field_mm},
           {"fovea", o.fovea},
-          {"samples", o.settings.samples},
+          {"samples", read_settings(o).samples},
+          {"target_error", or_null(o.settings.target_error)},
           {"method", o.method},
           {"pupil_mm", o.measured.pupil_mm},
           {"spectacle", o.spectacle},
@@ -187,6 +204,7 @@ StageVerdict trace_eyes(const fs::path& case_folder, const TraceOptions& options
     const TraceResult result = trace_exposure(tracer, with_spectacle(measured.eye, options), *scene, settings,
                                               read_exposure(options));
     for (const auto& note : result.notes) spdlog::info("{}: {}", to_string(laterality), note);
+    warn_of_error(result, settings);
     const fs::path folder = workspace.folder() / to_string(laterality);
     fs::create_directories(folder);
     write_mesh(folder / "photoreceptors.ply", measured.photoreceptors_in_lps, true);

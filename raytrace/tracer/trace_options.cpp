@@ -43,7 +43,8 @@ Eigen::Vector2d read_pair(const std::string& option, const std::string& text, ch
 void declare(CLI::App& app, TraceOptions& o) {
   app.add_option("case", o.case_folder, "Case folder, meshed")->type_name("CASE");
   app.add_option("--eye", o.eye, "Schematic eye by name, or an eye.json")->type_name("NAME|FILE");
-  app.add_option("-o,--output", o.output, "With --eye: a folder, or a .png or .tiff file")->type_name("PATH");
+  app.add_option("-o,--output", o.output, "With --eye: a folder, or a .png, .exr or .tiff file")
+      ->type_name("PATH");
   app.add_option("--scene", o.scene, "Chart NAME[:key=value,...], or a scene.json")
       ->capture_default_str()
       ->type_name("SCENE");
@@ -60,7 +61,10 @@ void declare(CLI::App& app, TraceOptions& o) {
   app.add_option("--field-mm", o.field_mm, "On the retina, mm")->capture_default_str()->type_name("XxY");
   app.add_option("--fovea", o.fovea, "Centre of the picture on the retina, mm from the pole")
       ->type_name("X,Y");
-  app.add_option("--samples", o.settings.samples, "Rays a pixel")->capture_default_str();
+  app.add_option("--samples", o.samples, "Rays a pixel (128; with --target-error at most, 16384)");
+  app.add_option("--target-error", o.settings.target_error,
+                 "Add rays until the picture's rms standard error is this, of 255 levels of linear light")
+      ->type_name("LEVELS");
   app.add_option("--pupil", o.pupil_mm, "Iris aperture, mm (4)")->type_name("MM");
   app.add_option("--accommodation", o.accommodation_D, "Dioptres from the relaxed eye (--eye)")
       ->type_name("D");
@@ -123,6 +127,7 @@ std::vector<int> read_counts(const std::string& option, const std::string& text)
 
 TraceSettings read_settings(const TraceOptions& o) {
   TraceSettings settings = o.settings;
+  settings.samples = o.samples.value_or(settings.target_error ? 16384 : settings.samples);
   settings.method = o.method == "paper" ? Method::paper : Method::pupil;
   settings.vertices = read_counts("--vertices", o.vertices);
   const std::map<std::string, Representation> kinds{{"analytic", Representation::analytic},

@@ -19,6 +19,7 @@ struct TraceOptions {
       pupillary_distance_mm;
   double rotation_centre_mm = 13.5;
   int exposure_steps = 32;
+  std::optional<int> samples;
   MeasuredEyeOptions measured;
   TraceSettings settings;
 };

@@ -1,5 +1,6 @@
 #include "raytrace/tracer/tracer.hpp"
 
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <cstring>
@@ -10,23 +11,16 @@
 #include "raytrace/eye/mesh_shape.hpp"
 #include "raytrace/eye/paraxial.hpp"
 #include "raytrace/tracer/airy.hpp"
-#include "raytrace/tracer/device_rays.hpp"
-#include "raytrace/tracer/device_scene.hpp"
-#include "raytrace/tracer/fast_map.hpp"
-#include "raytrace/tracer/opencl.hpp"
 #include "raytrace/tracer/optical_system.hpp"
 #include "raytrace/tracer/paper_method.hpp"
 #include "raytrace/tracer/pupil_aim.hpp"
 #include "raytrace/tracer/retina_pixels.hpp"
+#include "raytrace/tracer/shared_picture.hpp"
 #include "raytrace/tracer/sheet_mesh.hpp"
 #include "raytrace/tracer/spectrum.hpp"
 
 namespace emmetrope::raytrace {
 namespace {
-
-constexpr int outputs = 4, state_counts = 4;
-/// Rays of one kernel call: short enough for progress, Ctrl-C and a display's watchdog.
-constexpr std::int64_t rays_a_call = 8'000'000, rays_a_call_every_triangle = 100'000;
 
 std::vector<float> colour_table(const Spectrum& spectrum) {
   std::vector<float> table;
@@ -153,19 +147,51 @@ void check(const TraceSettings& settings) {
                       "give 0 to 1; 0.05 is usual");
   if (settings.method == Method::paper && (settings.stiles_crawford_per_mm2 > 0 || settings.diffraction))
     throw usage_error("--method paper knows neither diffraction nor the Stiles-Crawford effect");
+  if (settings.target_error && !(*settings.target_error > 0))
+    throw usage_error("--target-error: the standard error must be larger than 0", "such as 0.5");
   const Gaze& gaze = settings.pose.gaze;
   if (std::abs(gaze.horizontal_deg) > 60 || std::abs(gaze.vertical_deg) > 60)
     throw usage_error("--gaze: an eye does not turn by more than 60 degrees");
 }
 
+/// Means from sums.
+void finish(TraceResult& result, const PictureSums& sums, const PictureJob& job, bool illuminance) {
+  const RetinalGrid& grid = job.grid;
+  const std::size_t pixels = sums.weight.size(), derivatives = job.form.tangents;
+  result.image = {grid.width, grid.height, 3, std::vector<float>(pixels * 3)};
+  result.derivatives.assign(derivatives, result.image);
+  const auto scale = [&](std::size_t i) { return sums.weight[i] > 0 ? 1 / sums.weight[i] : 0.F; };
+  for (std::size_t i = 0; i < pixels; ++i) {
+    for (int c = 0; c < 3; ++c) result.image.values[3 * i + c] = sums.light[3 * i + c] * scale(i);
+    for (std::size_t k = 0; k < 3 * derivatives; ++k)
+      result.derivatives[k / 3].values[3 * i + k % 3] = sums.derivatives[3 * derivatives * i + k] * scale(i);
+  }
+  // Relative retinal illuminance: the solid angle of the light times the cosine, against the pole's.
+  if (illuminance) {
+    const auto of = [&](std::size_t pixel) { return sums.weight[pixel] * job.pixels.area_mm2[pixel]; };
+    const float at_pole = of(static_cast<std::size_t>(grid.height / 2) * grid.width + grid.width / 2);
+    for (std::size_t i = 0; i < result.image.values.size(); ++i)
+      result.image.values[i] *= of(i / 3) / at_pole;
+  }
+  result.samples = sums.samples;
+  result.rays = pixels * sums.samples;
+  std::uint64_t stopped = 0;
+  constexpr RayState states[] = {RayState::vignetted, RayState::tir, RayState::missed_surface,
+                                 RayState::missed_scene};
+  for (int s = 0; s < 4; ++s) stopped += result.states[states[s]] = sums.counts[s];
+  result.states[RayState::reached] = result.rays - stopped;
+}
+
 }  // namespace
 
 struct Tracer::State {
-  State(const std::string& device, int wanted_threads, int lanes)
-      : cl(device, wanted_threads, lanes),
-        threads(wanted_threads > 0 ? wanted_threads
-                                   : static_cast<int>(std::max(1U, std::thread::hardware_concurrency()))) {}
-  OpenCl cl;
+  State(const std::string& wanted, int wanted_threads, int lanes)
+      : threads(wanted_threads > 0 ? wanted_threads
+                                   : static_cast<int>(std::max(1U, std::thread::hardware_concurrency()))) {
+    for (const DeviceInfo& device : chosen_devices(list_devices(wanted_threads), wanted))
+      devices.push_back(std::make_unique<OpenCl>(device, wanted_threads, lanes));
+  }
+  std::vector<std::unique_ptr<OpenCl>> devices;
   int threads;
 };
 
@@ -175,171 +201,92 @@ Tracer::~Tracer() = default;
 Tracer::Tracer(Tracer&&) noexcept = default;
 Tracer& Tracer::operator=(Tracer&&) noexcept = default;
 
-std::string Tracer::device_name() const { return state_->cl.info().description(); }
+std::string Tracer::device_name() const {
+  std::string names;
+  for (const auto& device : state_->devices)
+    names += (names.empty() ? "" : " + ") + device->info().description();
+  return names;
+}
 
 TraceResult Tracer::trace(const EyeModel& whole_eye, const Scene& scene, const TraceSettings& settings,
                           const std::vector<CurvatureTangent>& tangents) const {
   check(settings);
   const auto begin = std::chrono::steady_clock::now();
-  OpenCl& cl = state_->cl;
   const bool spectral = !settings.wavelength_nm;
   Spectrum spectrum = display_spectrum();
   if (!spectral) spectrum.wavelength_nm.fill(*settings.wavelength_nm);
 
   EyeModel eye = whole_eye;
   const bool paper = settings.method == Method::paper;
-  SystemForm form;
-  form.representation = chosen(eye, settings);
-  form.vertices = take_retina_mesh(eye, settings, form.representation != Representation::analytic);
-  form.as_biconic = names_of(tangents);
-  form.every_surface = paper;
-  form.threads = state_->threads;
-  const OpticalSystem system =
-      make_optical_system(paper ? without_stop(eye) : eye, spectrum.wavelength_nm, form);
-  const std::vector<float> cap = paper ? aim_cap(eye, system.operation_of) : std::vector<float>{};
-  const Seeds seeds = make_seeds(system, tangents);
-  const DeviceScene view = make_device_scene(scene, settings.pose.eye_from_scene(), !spectral);
-  if (view.has_meshes() && !tangents.empty())
+  SystemForm system_form;
+  system_form.representation = chosen(eye, settings);
+  system_form.vertices =
+      take_retina_mesh(eye, settings, system_form.representation != Representation::analytic);
+  system_form.as_biconic = names_of(tangents);
+  system_form.every_surface = paper;
+  system_form.threads = state_->threads;
+
+  PictureJob job;
+  job.system = make_optical_system(paper ? without_stop(eye) : eye, spectrum.wavelength_nm, system_form);
+  job.view = make_device_scene(scene, settings.pose.eye_from_scene(), !spectral);
+  if (job.view.has_meshes() && !tangents.empty())
     throw unsupported_error("derivatives of a scene with meshes are not offered", "use a scene of planes");
-  const RetinalGrid& grid = settings.grid;
-  const PupilAim aim(eye, grid, spectral ? eye.reference_wavelength_nm : *settings.wavelength_nm);
-  const RetinaPixels pixels = make_pixels(eye, grid, aim, state_->threads);
-
-  const int lanes = cl.lanes();
-  KernelForm kernel_form;
-  kernel_form.lanes = lanes;
-  kernel_form.tile = lanes > 1 && !paper && form.representation != Representation::fast &&
-                     (system.has(Operation::patch) || system.has(Operation::triangles));
-  kernel_form.in_flight = 2;
-  kernel_form.channels = view.channels;
-  kernel_form.waves = !spectral ? 1 : kernel_form.tile ? wavelength_count : wavelength_count / lanes;
-  kernel_form.spectral = spectral;
-  kernel_form.illuminance = settings.illuminance;
-  kernel_form.meshes = view.has_meshes();
-  kernel_form.stiles_crawford = settings.stiles_crawford_per_mm2 > 0;
-  kernel_form.diffraction = settings.diffraction;
-  kernel_form.random_cap = paper;
-  kernel_form.tangents = tangents.size();
-
-  const PixelOrder order =
-      kernel_form.tile ? in_tiles(grid.width, grid.height) : row_after_row(grid.width, grid.height);
-  const int multiple = kernel_form.waves * kernel_form.in_flight * (kernel_form.tile ? 1 : lanes);
-  const int samples = (settings.samples + multiple - 1) / multiple * multiple;
-  const std::size_t places = order.pixels.size(), items = order.items();
-  const std::vector<float> airy = settings.diffraction
-                                      ? airy_table(spectrum.wavelength_nm, entrance_pupil_mm(eye))
-                                      : std::vector<float>{};
+  job.grid = settings.grid;
+  const PupilAim aim(eye, job.grid, spectral ? eye.reference_wavelength_nm : *settings.wavelength_nm);
+  job.pixels = make_pixels(eye, job.grid, aim, state_->threads);
+  job.aim_plane_z_mm = aim.plane_z_mm();
+  job.colours = colour_table(spectrum);
+  if (paper) job.cap = aim_cap(eye, job.system.operation_of);
+  if (settings.stiles_crawford_per_mm2 > 0)
+    job.pupil_falloff = static_cast<float>(pupil_falloff(eye, settings));
+  if (settings.diffraction) job.airy = airy_table(spectrum.wavelength_nm, entrance_pupil_mm(eye));
+  Seeds seeds = make_seeds(job.system, tangents);
+  job.seeds = std::move(seeds.values);
+  job.first_seed = seeds.first_operation;
+  job.form.channels = job.view.channels;
+  job.form.spectral = spectral;
+  job.form.illuminance = settings.illuminance;
+  job.form.meshes = job.view.has_meshes();
+  job.form.stiles_crawford = job.pupil_falloff.has_value();
+  job.form.diffraction = settings.diffraction;
+  job.form.random_cap = paper;
+  job.form.tangents = tangents.size();
 
   TraceResult result;
   result.device = device_name();
-  result.notes = system.notes;
-  std::vector<float> map_rows, map_weights;
-  FastMap map;
-  std::vector<float> image(places * outputs);
-  std::vector<cl_int> states(places * state_counts);
-  std::vector<float> derivatives(places * 3 * tangents.size());
-  try {
-    if (form.representation == Representation::fast) {
-      const int mapped = tangents.empty() ? static_cast<int>(system.kinds.size()) : seeds.first_operation;
-      map = make_fast_map(cl, eye, grid, aim, system, mapped, spectrum.wavelength_nm, settings.seed,
-                          state_->threads);
-      map_rows = map.rows(grid.height, lanes);
-      map_weights = map.column_weights(grid.width);
-      kernel_form.more = map.definitions();
-      result.notes.push_back(map.note());
+  result.notes = job.system.notes;
+  if (system_form.representation == Representation::fast) {
+    OpenCl& first = *state_->devices.front();
+    const int mapped = tangents.empty() ? static_cast<int>(job.system.kinds.size()) : job.first_seed;
+    try {
+      job.map = make_fast_map(first, eye, job.grid, aim, job.system, mapped, spectrum.wavelength_nm,
+                              settings.seed, state_->threads);
+    } catch (const cl::Error& fault) {
+      throw_device_error(fault, first.info().name);
     }
-    cl::Kernel kernel(cl.program(definitions_of(system, kernel_form)), "trace_pixels");
-    const SystemBuffers system_buffers(cl, system);
-    const SceneBuffers scene_buffers(cl, view);
-    const cl::Buffer pixel_buffer = cl.upload(in_order(pixels, order)),
-                     colour_buffer = cl.upload(colour_table(spectrum));
-    const cl::Buffer image_buffer = cl.allocate(image.size() * sizeof(float)),
-                     state_buffer = cl.allocate(states.size() * sizeof(cl_int)), cap_buffer = cl.upload(cap),
-                     row_buffer = cl.upload(map_rows), weight_buffer = cl.upload(map_weights),
-                     airy_buffer = cl.upload(airy), seed_buffer = cl.upload(seeds.values),
-                     derivative_buffer =
-                         cl.allocate(std::max<std::size_t>(1, derivatives.size()) * sizeof(float));
-    const std::int64_t rays =
-        system.has(Operation::every_triangle) ? rays_a_call_every_triangle : rays_a_call;
-    const std::size_t items_a_call = static_cast<std::size_t>(
-        std::max<std::int64_t>(work_group, rays / samples / order.together / work_group * work_group));
-    Arguments arguments(kernel);
-    system_buffers.add_to(arguments);
-    arguments.add(static_cast<cl_int>(system.kinds.size()), pixel_buffer,
-                  static_cast<cl_float>(aim.plane_z_mm()));
-    const cl_uint place_of_slice = arguments.place();
-    arguments.add(cl_int{0}, cl_int{0}, static_cast<cl_int>(samples),
-                  static_cast<cl_uint>(settings.seed * 2654435761U + (settings.seed >> 32U)));
-    scene_buffers.add_to(arguments);
-    arguments.add(colour_buffer, image_buffer, state_buffer);
-    if (paper) arguments.add(cap_buffer);
-    if (kernel_form.stiles_crawford) arguments.add(static_cast<cl_float>(pupil_falloff(eye, settings)));
-    if (kernel_form.diffraction) arguments.add(airy_buffer);
-    if (form.representation == Representation::fast)
-      arguments.add(static_cast<cl_int>(map.operations), static_cast<cl_int>(grid.width),
-                    static_cast<cl_int>(grid.height), static_cast<cl_float>(map.plane_z_mm), row_buffer,
-                    weight_buffer);
-    if (!tangents.empty())
-      arguments.add(seed_buffer, static_cast<cl_int>(seeds.first_operation), derivative_buffer);
-    const std::size_t calls = (items + items_a_call - 1) / items_a_call;
-    result.prepare_s = seconds_since(begin);
-    Progress progress("tracing", calls, settings.verbosity);
-    for (std::size_t first = 0; first < items; first += items_a_call) {
-      const std::size_t count = std::min(items_a_call, items - first);
-      kernel.setArg(place_of_slice, static_cast<cl_int>(first));
-      kernel.setArg(place_of_slice + 1, static_cast<cl_int>(count));
-      cl.queue().enqueueNDRangeKernel(kernel, cl::NullRange,
-                                      cl::NDRange((count + work_group - 1) / work_group * work_group),
-                                      cl::NDRange(work_group));
-      cl.queue().finish();
-      progress.advance();
-    }
-    cl.queue().enqueueReadBuffer(image_buffer, CL_TRUE, 0, image.size() * sizeof(float), image.data());
-    if (!derivatives.empty())
-      cl.queue().enqueueReadBuffer(derivative_buffer, CL_TRUE, 0, derivatives.size() * sizeof(float),
-                                   derivatives.data());
-    cl.queue().enqueueReadBuffer(state_buffer, CL_TRUE, 0, states.size() * sizeof(cl_int), states.data());
-  } catch (const cl::Error& fault) {
-    throw_device_error(fault, cl.info().name);
+    result.notes.push_back(job.map->note());
   }
-
-  const std::size_t pixel_count = pixels.area_mm2.size();
-  result.image = {grid.width, grid.height, 3, std::vector<float>(pixel_count * 3)};
-  result.derivatives.assign(tangents.size(), result.image);
-  std::vector<float> illuminance(pixel_count);
-  std::array<std::uint64_t, state_counts> counted{};
-  for (std::size_t place = 0; place < places; ++place) {
-    if (order.pixels[place] < 0) continue;
-    const std::size_t pixel = order.pixels[place];
-    for (int c = 0; c < 3; ++c) result.image.values[pixel * 3 + c] = image[order.at(place, outputs, c)];
-    illuminance[pixel] = image[order.at(place, outputs, 3)] * pixels.area_mm2[pixel];
-    for (int k = 0; k < 3 * static_cast<int>(tangents.size()); ++k)
-      result.derivatives[k / 3].values[pixel * 3 + k % 3] =
-          derivatives[order.at(place, 3 * static_cast<int>(tangents.size()), k)];
-    for (int s = 0; s < state_counts; ++s) counted[s] += states[order.at(place, state_counts, s)];
+  SharedPicture picture(state_->devices, job);
+  result.prepare_s = seconds_since(begin);
+  PictureSums sums;
+  if (settings.target_error) {
+    auto estimate =
+        picture.until(*settings.target_error, settings.seed, settings.samples, settings.verbosity);
+    sums = std::move(estimate.sums);
+    result.error = estimate.standard_error;
+  } else {
+    sums = picture.no_samples();
+    picture.add_samples(sums, settings.seed, settings.samples, "tracing", settings.verbosity);
   }
-  // Relative retinal illuminance: the solid angle of the light times the cosine, against the pole's.
-  if (settings.illuminance) {
-    const float at_pole =
-        illuminance[static_cast<std::size_t>(grid.height / 2) * grid.width + grid.width / 2];
-    for (std::size_t i = 0; i < result.image.values.size(); ++i)
-      result.image.values[i] *= illuminance[i / 3] / at_pole;
-  }
-  result.device_bytes = sizeof(float) * (system.records.size() + pixels.values.size() + view.texels.size() +
-                                         map_rows.size() + image.size() + derivatives.size() + states.size());
-  result.rays = pixel_count * samples;
-  result.states = {{RayState::vignetted, counted[0]},
-                   {RayState::tir, counted[1]},
-                   {RayState::missed_surface, counted[2]},
-                   {RayState::missed_scene, counted[3]},
-                   {RayState::reached, result.rays - counted[0] - counted[1] - counted[2] - counted[3]}};
+  finish(result, sums, job, settings.illuminance);
+  result.device_bytes = picture.bytes();
   result.wall_s = seconds_since(begin);
   return result;
 }
 
 std::vector<ExitRay> Tracer::exit_rays(const EyeModel& eye, const std::vector<Ray>& rays_in_eye,
                                        const TraceSettings& settings) const {
-  OpenCl& cl = state_->cl;
+  OpenCl& cl = *state_->devices.front();
   std::array<double, wavelength_count> wavelengths{};
   wavelengths.fill(settings.wavelength_nm.value_or(eye.reference_wavelength_nm));
   SystemForm form;

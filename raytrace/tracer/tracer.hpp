@@ -35,7 +35,9 @@ struct RetinalGrid {
 struct TraceSettings {
   std::optional<Representation> representation;  ///< default: analytic for formulas, smooth for meshes
   RetinalGrid grid;
-  int samples = 128;                    ///< rays a pixel
+  int samples = 128;  ///< rays a pixel; the most of them where there is a target_error
+  /// Samples are added until the picture's standard error (TraceResult::error) is no larger.
+  std::optional<double> target_error;
   std::uint64_t seed = 1;               ///< common random numbers: same seed, same rays
   std::optional<double> wavelength_nm;  ///< monochromatic; spectral by default
   EyePose pose;                         ///< where the eye stands and looks
@@ -74,6 +76,10 @@ struct TraceResult {
   std::vector<LinearImage> derivatives;  ///< one per tangent
   std::map<RayState, std::uint64_t> states;
   std::uint64_t rays = 0;
+  int samples = 0;  ///< rays a pixel
+  /// With a target_error: standard error of the picture, rms over pixels and channels, in levels of linear
+  /// light (white is 255): half the difference of two halves of the samples with noise of their own.
+  std::optional<double> error;
   double wall_s = 0;               ///< scene included
   double prepare_s = 0;            ///< of it before the first ray: surfaces, aim, pixels, scene, kernels
   std::uint64_t device_bytes = 0;  ///< of meshes, pixels, textures and results on the device
@@ -88,10 +94,11 @@ struct ExitRay {
   RayState state = RayState::reached;
 };
 
-/// An OpenCL device with its programs; keeps compiled kernels between calls.
+/// OpenCL devices with their programs; keeps compiled kernels between calls.
 class Tracer {
  public:
-  /// \param device  index or part of its name; empty: the first
+  /// \param device  index or part of its name; empty: the first; several separated by commas, or "all":
+  ///                they share the rows of a picture, which is the same to the bit where they are alike
   /// \param lanes   rays a work-item carries: 16 (CPU) or 1 (GPU); 0: what suits the device
   /// \throw Error (no_device) with the remedy
   explicit Tracer(const std::string& device, int threads = 0, int lanes = 0);
@@ -119,5 +126,7 @@ class Tracer {
 void write_png(const std::filesystem::path& file, const LinearImage& image);
 /// Writes float TIFF of the linear values.
 void write_tiff(const std::filesystem::path& file, const LinearImage& image);
+/// Writes float OpenEXR of the linear values.
+void write_exr(const std::filesystem::path& file, const LinearImage& image);
 
 }  // namespace emmetrope::raytrace

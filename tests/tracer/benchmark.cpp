@@ -1,7 +1,8 @@
 // Rays a second of every way through the eye, with scalar C++ and Embree in the same run:
 // docs/performance.md. emmetrope-benchmark [--samples N] [--rounds N] [--vertices N] [--device D] [--threads
-// N] [--large]: one JSON document.
+// N] [--large] [--only WAY...]: one JSON document.
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <chrono>
 #include <ctime>
 #include <functional>
@@ -99,6 +100,7 @@ int main(int argc, char** argv) {
   int samples = 64, rounds = 3, vertices = 800, threads = 0;
   bool large = false;
   std::string device;
+  std::vector<std::string> only;
   CLI::App app("Rays a second of every way through the eye");
   app.add_option("--samples", samples, "Rays a pixel")->capture_default_str();
   app.add_option("--rounds", rounds, "The best of so many")->capture_default_str();
@@ -106,6 +108,7 @@ int main(int argc, char** argv) {
   app.add_option("--threads", threads, "0: all cores");
   app.add_flag("--large", large, "200 000 vertices too");
   app.add_option("--device", device, "OpenCL device");
+  app.add_option("--only", only, "These ways alone, by name");
   CLI11_PARSE(app, argc, argv);
   if (threads == 0) threads = static_cast<int>(std::thread::hardware_concurrency());
 
@@ -179,6 +182,10 @@ int main(int argc, char** argv) {
                     return Json{{"mean", embree_sheets(sheets, system, pixels.values, z, few, texture.values,
                                                        texture.width, texels_per_mm, distance_mm, threads)}};
                   }});
+  const auto unwanted = [&](const Way& way) {
+    return !only.empty() && std::find(only.begin(), only.end(), way.name) == only.end();
+  };
+  ways.erase(std::remove_if(ways.begin(), ways.end(), unwanted), ways.end());
   measure(ways, rounds, threads);
 
   std::map<std::string, double> rate;

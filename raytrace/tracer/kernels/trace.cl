@@ -146,7 +146,7 @@ AI void add_light(const vf* sum, vf weights, per_pixel total, constant float* re
 }
 
 kernel void trace_pixels(SYSTEM, int operation_count, global const float* restrict pixels, float aim_z, int first_pixel,
-                         int pixel_count, int samples, uint seed, SCENE, constant float* restrict colour, global float* restrict image,
+                         int pixel_count, int samples, uint first_sample, uint seed, SCENE, constant float* restrict colour, global float* restrict image,
                          global int* restrict states
 #if RANDOM_CAP
                          , constant float* restrict cap
@@ -201,9 +201,9 @@ kernel void trace_pixels(SYSTEM, int operation_count, global const float* restri
       vf weight[UN];
       // A wavelength takes a run of the lattice: every run is as even as the whole.
 #if TILE
-      const vu first_n = (vu)(uint)(wave * run + s);
+      const vu first_n = (vu)(first_sample + (uint)(wave * run + s));
 #else
-      const vu first_n = (LANES + (vu)(uint)(wave * VLN)) * (vu)(uint)run + (vu)(uint)s;
+      const vu first_n = (LANES + (vu)(uint)(wave * VLN)) * (vu)(uint)run + (vu)(first_sample + (uint)s);
 #endif
       UNROLL for (int q = 0; q < UN; q++) {
         weight[q] = 1.f;
