@@ -62,6 +62,23 @@ LensFamily plano_cylinder(int sign, double distance_mm, double index) {
           [=](const Eigen::VectorXd& lens) { return cylinder_power(sign, lens); }};
 }
 
+LensFamily along(const LensFamily& family, const Eigen::VectorXd& direction) {
+  const Eigen::VectorXd highest = family.bounds.upper.cwiseQuotient(direction.cwiseAbs()),
+                        lowest = family.bounds.lower.cwiseQuotient(direction.cwiseAbs());
+  return {family.name,
+          {Eigen::VectorXd::Constant(1, lowest.maxCoeff()), Eigen::VectorXd::Constant(1, highest.minCoeff())},
+          [=](const EyeModel& eye, const Eigen::VectorXd& t) { return family.before(eye, t[0] * direction); },
+          [=](const Eigen::VectorXd& t) {
+            const std::vector<raytrace::CurvatureTangent> each = family.tangents(t[0] * direction);
+            raytrace::CurvatureTangent sum = each.front();
+            sum.curvature_per_unit *= direction[0];
+            for (Eigen::Index k = 1; k < direction.size(); ++k)
+              sum.curvature_per_unit += direction[k] * each[static_cast<std::size_t>(k)].curvature_per_unit;
+            return std::vector{sum};
+          },
+          [=](const Eigen::VectorXd& t) { return family.power(t[0] * direction); }};
+}
+
 PlanoCylinder plano_cylinder_of(int sign, const Eigen::VectorXd& lens, double index) {
   // In minus cylinder a plus cylinder is S = C_plus, C = -C_plus, across: its meridian without power is the
   // one where the power vector gives 0.

@@ -14,7 +14,6 @@ namespace emmetrope::correction {
 namespace {
 
 constexpr double step_D = 0.25, step_deg = 5;
-constexpr double smallest_cylinder_D = 0.125;
 
 std::string signed_power(double power_D) {
   const double rounded_D = std::round(power_D * 100) / 100;
@@ -22,7 +21,7 @@ std::string signed_power(double power_D) {
 }
 
 std::string written(const SpheroCylinder& refraction) {
-  if (std::abs(refraction.cylinder_D) < smallest_cylinder_D) return signed_power(refraction.sphere_D) + " DS";
+  if (std::abs(refraction.cylinder_D) < least_cylinder_D) return signed_power(refraction.sphere_D) + " DS";
   const int axis_deg = static_cast<int>(std::lround(normalise_axis_deg(refraction.axis_deg)));
   return fmt::format("{} / {} x {:03d}", signed_power(refraction.sphere_D),
                      signed_power(refraction.cylinder_D), axis_deg == 0 ? 180 : axis_deg);

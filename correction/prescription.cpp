@@ -2,8 +2,10 @@
 
 #include <fmt/core.h>
 
+#include <algorithm>
 #include <cmath>
 
+#include "correction/notation.hpp"
 #include "correction/refraction_chart.hpp"
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/frames.hpp"
@@ -29,35 +31,51 @@ std::vector<ImagingLevel> levels_of(const PrescriptionSettings& settings) {
                         settings.seed);
 }
 
-/// Radii on which the paper's curve is drawn.
-std::vector<double> sweep_radii_mm() {
-  constexpr int count = 41;
-  constexpr double first_mm = 20, last_mm = 200;
+/// Radii on which the paper's curve is drawn: the paper's 20 to 200 mm, on to where a weak lens has its
+/// optimum behind it, and closer about the optimum.
+std::vector<double> sweep_radii_mm(double best_mm) {
+  constexpr int count = 36;
+  constexpr double paper_first_mm = 20, paper_last_mm = 200, flattest_mm = 5000;
+  const double first_mm = std::min(paper_first_mm, best_mm / 2);
+  const double last_mm = std::max(paper_last_mm, std::min(2 * best_mm, flattest_mm));
   std::vector<double> radii;
   for (int i = 0; i < count; ++i)
     radii.push_back(first_mm * std::pow(last_mm / first_mm, double(i) / (count - 1)));
+  if (best_mm < flattest_mm)
+    for (const double times : {0.9, 0.95, 1.0, 1.05, 1.1}) radii.push_back(times * best_mm);
+  std::sort(radii.begin(), radii.end());
   return radii;
 }
 
 /// The blur that a cylinder of power (-+r, r u) leaves of the full lens (M, J) has the length of their
 /// difference, least at u = J/|J| and r = (-+M + |J|)/2: where that is a cylinder at all, the search for that
-/// sign starts there and, for the sign that leaves less, from a weak and a strong lens too.
-std::vector<Start> plano_cylinder_starts(const PowerVector& full, double distance_mm, double index) {
+/// sign starts there and, for the sign that leaves less, from a weak and a strong lens too. Without
+/// astigmatism every axis is as good: then it stays at 180 degrees, and the power alone is sought.
+struct PlanoCylinderStarts {
+  std::vector<Start> starts;
+  std::optional<Eigen::Vector2d> fixed_direction;  ///< of a lens's parameters, where the axis is fixed
+};
+PlanoCylinderStarts plano_cylinder_starts(const PowerVector& full, double distance_mm, double index) {
   const double J_D = std::hypot(full.J0_D, full.J45_D);
-  const Eigen::Vector2d u =
-      J_D > 0 ? Eigen::Vector2d(full.J0_D / J_D, full.J45_D / J_D) : Eigen::Vector2d(1, 0);
+  const bool astigmatic = 2 * J_D >= least_cylinder_D;
+  const Eigen::Vector2d u = astigmatic ? Eigen::Vector2d(full.J0_D, full.J45_D) / J_D : Eigen::Vector2d(1, 0);
   constexpr double weakest_D = 0.05, strongest_D = 12;
   const auto half_power_D = [&](int sign) {
     return std::clamp((sign * full.M_D + J_D) / 2, weakest_D, strongest_D);
   };
   const int better = full.M_D < 0 ? -1 : 1;
-  std::vector<Start> starts;
-  for (const double times : {1.0, 0.3, 2.0})
-    starts.push_back({plano_cylinder(better, distance_mm, index),
-                      std::min(times * half_power_D(better), strongest_D) * u});
-  if (half_power_D(-better) > weakest_D)
-    starts.push_back({plano_cylinder(-better, distance_mm, index), half_power_D(-better) * u});
-  return starts;
+  PlanoCylinderStarts result;
+  const auto add = [&](int sign, double half_D) {
+    const LensFamily family = plano_cylinder(sign, distance_mm, index);
+    if (astigmatic)
+      result.starts.push_back({family, half_D * u});
+    else
+      result.starts.push_back({along(family, u), Eigen::VectorXd::Constant(1, half_D)});
+  };
+  for (const double times : {1.0, 0.3, 2.0}) add(better, std::min(times * half_power_D(better), strongest_D));
+  if (half_power_D(-better) > weakest_D) add(-better, half_power_D(-better));
+  if (!astigmatic) result.fixed_direction = u;
+  return result;
 }
 
 PlanoCylinderResult best_plano_cylinder(const raytrace::Tracer& tracer,
@@ -66,27 +84,30 @@ PlanoCylinderResult best_plano_cylinder(const raytrace::Tracer& tracer,
                                         const PowerVector& at_lens) {
   const double index = settings.plano_cylinder_index, distance_mm = settings.plano_cylinder_distance_mm;
   const std::vector<ImagingLevel> levels = levels_of(settings);
-  const std::vector<Start> starts = plano_cylinder_starts(at_lens, distance_mm, index);
+  const PlanoCylinderStarts starts = plano_cylinder_starts(at_lens, distance_mm, index);
   PlanoCylinderResult best;
-  best.search = find_sharpest(tracer, scene, eye, levels, starts);
-  const LensFamily& family = best.search.family;
-  const int sign = family.power(best.search.best.lens).M_D < 0 ? -1 : 1;
-  best.lens = plano_cylinder_of(sign, best.search.best.lens, index);
+  best.search = find_sharpest(tracer, scene, eye, levels, starts.starts);
+  best.axis_matters = !starts.fixed_direction;
+  const Eigen::VectorXd& found = best.search.best.lens;
+  const Eigen::VectorXd parameters =
+      best.axis_matters ? found : Eigen::VectorXd(found[0] * *starts.fixed_direction);
+  const int sign = best.search.family.power(found).M_D < 0 ? -1 : 1;
+  best.lens = plano_cylinder_of(sign, parameters, index);
   best.sharpness = best.search.best.sharpness;
 
   ImagingLevel quick = levels.back();
   quick.pixels /= 2;   // a curve to look at: the same field at half the resolution,
   quick.samples *= 4;  // with as many rays: far from focus their noise must not pass for detail
-  const RetinalSharpness sharpness(tracer, scene, eye, family, quick);
-  for (const double radius_mm : sweep_radii_mm()) {
+  const RetinalSharpness sharpness(tracer, scene, eye, plano_cylinder(sign, distance_mm, index), quick);
+  for (const double radius_mm : sweep_radii_mm(std::abs(best.lens.radius_mm))) {
     const double signed_mm = -sign * radius_mm;
     best.sweep.push_back(
         {signed_mm, 1e3 * (1 - index) / signed_mm,
          sharpness.by_all_measures(plano_cylinder_parameters(signed_mm, best.lens.axis_deg, index))});
   }
   // Along the radius only: with power P = 1000 (1 - n) / R the parameters move by J / R a millimetre.
-  const Eigen::VectorXd along = best.search.best.lens / best.lens.radius_mm;
-  best.radius_curvature_per_mm2 = along.dot(best.search.curvature * along);
+  const Eigen::VectorXd per_mm = found / best.lens.radius_mm;
+  best.radius_curvature_per_mm2 = per_mm.dot(best.search.curvature * per_mm);
   return best;
 }
 

@@ -30,7 +30,8 @@ struct PrescriptionSettings {
   Verbosity verbosity;
 };
 
-/// One row of the sweep of the paper's Fig. 7: the plano-cylinder at its best axis, other radii.
+/// One row of the sweep of the paper's Fig. 7: the plano-cylinder at its best axis, all radii, the best among
+/// them.
 struct SweepRow {
   double radius_mm = 0, power_D = 0;
   std::array<double, all_measures.size()> sharpness{};
@@ -39,6 +40,7 @@ struct SweepRow {
 /// The paper's experiment.
 struct PlanoCylinderResult {
   PlanoCylinder lens;
+  bool axis_matters = true;  ///< false for an eye without astigmatism: the axis was left at 180 degrees
   double sharpness = 0;
   double radius_curvature_per_mm2 = 0;  ///< d^2 ln(sharpness) / d radius^2 at the optimum
   SearchResult search;

@@ -116,6 +116,7 @@ Json to_json(const Prescription& prescription, const PrescriptionUncertainty& un
   const PlanoCylinderResult& plano = prescription.plano_cylinder;
   json["plano_cylinder"] = {{"radius_mm", plano.lens.radius_mm},
                             {"axis_deg", plano.lens.axis_deg},
+                            {"axis_matters", plano.axis_matters},
                             {"index", settings.plano_cylinder_index},
                             {"vertex_distance_mm", settings.plano_cylinder_distance_mm},
                             {"sharpness", plano.sharpness},

@@ -142,7 +142,7 @@ void write_eye_files(const fs::path& folder, const raytrace::Tracer& tracer, con
   prescription["what_if"] = what_if_json(eye, p, result.prescription.refraction, settings.age_years);
   write_json(folder / "prescription.json", prescription);
   write_file(folder / "sweep.csv", sweep_csv(result.prescription.plano_cylinder));
-  write_file(folder / "sweep.svg", sweep_svg(result.prescription.plano_cylinder));
+  write_file(folder / "sweep.svg", sweep_svg(result.prescription.plano_cylinder, p.criterion));
   raytrace::TraceSettings trace;
   trace.grid = {picture.width, picture.height, picture.field_x_mm, picture.field_y_mm, picture.centre_mm};
   trace.samples = picture.samples;

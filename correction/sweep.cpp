@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
+#include <utility>
+#include <vector>
 
 namespace emmetrope::correction {
 namespace {
@@ -29,6 +31,32 @@ std::string line(double x1, double y1, double x2, double y2, const std::string& 
                      style);
 }
 
+/// 10, 20, 50, 100, ... within a range; for a short one 30, 70, 150, ... too.
+std::vector<double> ticks_mm(double first_mm, double last_mm) {
+  std::vector<double> ticks;
+  for (double decade_mm = 1; decade_mm < last_mm; decade_mm *= 10)
+    for (const double times : {1.0, 1.5, 2.0, 3.0, 5.0, 7.0}) {
+      const double tick_mm = times * decade_mm;
+      const bool round = times == 1.0 || times == 2.0 || times == 5.0;
+      if (tick_mm >= 0.999 * first_mm && tick_mm <= 1.001 * last_mm && (round || last_mm < 20 * first_mm))
+        ticks.push_back(tick_mm);
+    }
+  return ticks;
+}
+
+/// ln(sharpness) as the search's derivatives say it bends at the optimum: a parabola, until a third is lost.
+std::vector<std::pair<double, double>> osculating_curve(const PlanoCylinderResult& result, double peak) {
+  std::vector<std::pair<double, double>> points;
+  const double reach_mm = std::sqrt(-0.8 / result.radius_curvature_per_mm2);
+  constexpr int steps = 24;
+  for (int i = -steps; i <= steps; ++i) {
+    const double off_mm = reach_mm * i / steps;
+    points.emplace_back(result.lens.radius_mm + off_mm,
+                        peak * std::exp(result.radius_curvature_per_mm2 / 2 * off_mm * off_mm));
+  }
+  return points;
+}
+
 }  // namespace
 
 std::string sweep_csv(const PlanoCylinderResult& result) {
@@ -39,7 +67,7 @@ std::string sweep_csv(const PlanoCylinderResult& result) {
   return csv;
 }
 
-std::string sweep_svg(const PlanoCylinderResult& result) {
+std::string sweep_svg(const PlanoCylinderResult& result, Measure criterion) {
   const double first = std::log10(std::abs(result.sweep.front().radius_mm));
   const double last = std::log10(std::abs(result.sweep.back().radius_mm));
   const auto x_of = [&](double radius_mm) {
@@ -60,7 +88,7 @@ std::string sweep_svg(const PlanoCylinderResult& result) {
       width, height);
   const std::string grid = "stroke=\"#dddddd\"", frame = "stroke=\"#444444\"";
   const bool minus = result.lens.power_D < 0;
-  for (const double radius_mm : {20.0, 30.0, 50.0, 70.0, 100.0, 150.0, 200.0}) {
+  for (const double radius_mm : ticks_mm(std::pow(10, first), std::pow(10, last))) {
     svg += line(x_of(radius_mm), y_of(0), x_of(radius_mm), y_of(1), grid);
     svg +=
         text(x_of(radius_mm), y_of(0) + 16, "middle", fmt::format("{}{:.0f}", minus ? "" : "-", radius_mm));
@@ -82,13 +110,31 @@ std::string sweep_svg(const PlanoCylinderResult& result) {
     svg += line(x, top - 16, x + 26, top - 16, style) + text(x + 32, top - 12, "start", curves[k].name);
   }
   const double best_mm = std::abs(result.lens.radius_mm);
-  if (std::log10(best_mm) >= first && std::log10(best_mm) <= last) {
+  if (std::log10(best_mm) >= first && std::log10(best_mm) <= last && result.radius_curvature_per_mm2 < 0) {
     svg +=
         line(x_of(best_mm), y_of(0), x_of(best_mm), y_of(1), "stroke=\"#222222\" stroke-dasharray=\"4 4\"");
+    const auto of_best = std::find_if(result.sweep.begin(), result.sweep.end(), [&](const SweepRow& row) {
+      return std::abs(std::abs(row.radius_mm) - best_mm) < 1e-9 * best_mm;
+    });
+    const auto k = static_cast<std::size_t>(criterion);
+    if (of_best != result.sweep.end()) {
+      svg += "<polyline fill=\"none\" stroke=\"#222222\" stroke-width=\"1\" points=\"";
+      for (const auto& [radius_mm, relative] : osculating_curve(result, of_best->sharpness[k] / most[k]))
+        if (const double log = std::log10(std::abs(radius_mm)); log >= first && log <= last)
+          svg += fmt::format("{:.1f},{:.1f} ", x_of(radius_mm), y_of(relative));
+      svg += "\"/>\n";
+    }
     const bool on_right = x_of(best_mm) > width / 2;
-    svg += text(x_of(best_mm) + (on_right ? -6 : 6), y_of(0.06), on_right ? "end" : "start",
-                fmt::format("{:.1f} mm ({:+.2f} D) x {:.0f}", result.lens.radius_mm, result.lens.power_D,
-                            result.lens.axis_deg));
+    const double x = x_of(best_mm) + (on_right ? -6 : 6);
+    const char* anchor = on_right ? "end" : "start";
+    svg += text(x, y_of(0.11), anchor,
+                result.axis_matters ? fmt::format("{:.1f} mm ({:+.2f} D) x {:.0f}", result.lens.radius_mm,
+                                                  result.lens.power_D, result.lens.axis_deg)
+                                    : fmt::format("{:.1f} mm ({:+.2f} D), any axis", result.lens.radius_mm,
+                                                  result.lens.power_D));
+    svg += text(
+        x, y_of(0.05), anchor,
+        fmt::format("thin black: curvature {:.2g} /mm² of ln(sharpness)", result.radius_curvature_per_mm2));
   }
   svg +=
       text((left + width - right) / 2, height - 16, "middle", "radius of the cylinder's back surface (mm)");

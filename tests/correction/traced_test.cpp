@@ -139,6 +139,27 @@ TEST(Traced, PrescriptionOfAnEyeTakesAtMostSixtyImages) {
   EXPECT_LE(images, 60);
 }
 
+TEST(Traced, AnEyeWithoutAstigmatismHasNoAxisToLookFor) {
+  PrescriptionSettings settings;
+  settings.verbosity.quiet = true;
+  const Prescription prescription = prescribe(tracer(), make_eye("atchison:-4"), settings);
+  const PlanoCylinderResult& plano = prescription.plano_cylinder;
+  EXPECT_TRUE(plano.search.accepted) << plano.search.reason;
+  EXPECT_FALSE(plano.axis_matters);
+  EXPECT_EQ(plano.lens.axis_deg, 0);
+  int images = plano.search.images;
+  for (const RealLens& lens : prescription.lenses) images += lens.images;
+  EXPECT_LE(images, 60);
+  // The optimum lies within the sweep and is its highest point, but for the coarser picture.
+  const auto best =
+      std::max_element(plano.sweep.begin(), plano.sweep.end(),
+                       [](const auto& a, const auto& b) { return a.sharpness[0] < b.sharpness[0]; });
+  EXPECT_NEAR(best->radius_mm / plano.lens.radius_mm, 1, 0.06);
+  EXPECT_LT(std::abs(plano.sweep.front().radius_mm), std::abs(best->radius_mm));
+  EXPECT_GT(std::abs(plano.sweep.back().radius_mm), std::abs(best->radius_mm));
+  EXPECT_LT(plano.radius_curvature_per_mm2, 0);
+}
+
 TEST(Traced, ClosedLoopsClose) {
   // The first of the 200 eyes of closed-loop-study, and one behind a known lens.
   const ClosedLoop random = closed_loop(tracer(), random_eye(1), 12);
@@ -228,6 +249,48 @@ TEST(Traced, FigureSevenPlanoCylinderIsFoundFromAnyStart) {
       EXPECT_NEAR(-sign * lens.radius_mm, exhaustive_mm, 0.5) << start_mm;
       EXPECT_NEAR(std::remainder(lens.axis_deg - 90, 180), 0, 1) << start_mm;
     }
+  }
+}
+
+/// The cornea with the conic constants that bring the whole pupil to the focus of its centre, in both
+/// meridians.
+EyeModel without_spherical_aberration(EyeModel eye) {
+  Surface& front = eye.surface("cornea_anterior");
+  const Eigen::Matrix2d curvature = front.shape->vertex_curvature();
+  WavefrontSettings settings;
+  settings.wavelength_nm = 589.3;
+  Eigen::Vector2d q(0, 0);
+  const auto beyond_centre_D = [&](const Eigen::Vector2d& at) {
+    front.shape = make_biconic(1 / curvature(0, 0), 1 / curvature(1, 1), at[0], at[1], 0);
+    const Wavefront wavefront = measure_wavefront(eye, settings);
+    const Eigen::Vector3d off = as_vector(wavefront.minimum_rms_spot) - as_vector(wavefront.paraxial);
+    return Eigen::Vector2d(off[0] + off[1], off[0] - off[1]);
+  };
+  for (int i = 0; i < 6; ++i) {
+    const Eigen::Vector2d off = beyond_centre_D(q);
+    Eigen::Matrix2d slope;
+    for (int k = 0; k < 2; ++k)
+      slope.col(k) = (beyond_centre_D(q + 0.01 * Eigen::Vector2d::Unit(k)) - off) / 0.01;
+    q -= slope.inverse() * off;
+  }
+  EXPECT_LT(beyond_centre_D(q).norm(), 1e-6);
+  return eye;
+}
+
+TEST(Traced, FigureSevenWithoutSphericalAberrationIsTheParaxialLens) {
+  for (const int sign : {1, -1}) {
+    const EyeModel eye =
+        without_spherical_aberration(with_pupil(figure_seven_eye(sign > 0 ? 1.138 : 1 / 1.089), 3));
+    const double paraxial_D = move_towards_eye(paraxial_refraction(eye, 589.3), -10).M_D * 2;
+    std::vector<ImagingLevel> levels = imaging_levels(Measure::gradient_energy, 3, 589.3, {0, 0}, 1);
+    const SearchResult search =
+        find_sharpest(tracer(), refraction_chart(), eye, levels,
+                      {{plano_cylinder(sign, 10, 1.5), plano_cylinder_parameters(-sign * 60, 80, 1.5)}});
+    ASSERT_TRUE(search.accepted) << search.reason;
+    const double radius_mm = plano_cylinder_of(sign, search.best.lens, 1.5).radius_mm;
+    RecordProperty(sign > 0 ? "plus_mm" : "minus_mm", std::to_string(radius_mm));
+    EXPECT_NEAR(radius_mm, -500 / paraxial_D, 0.5);
+    EXPECT_NEAR(radius_mm, -sign * 50, 0.5);
   }
 }
 
