@@ -44,17 +44,63 @@ std::vector<double> ticks_mm(double first_mm, double last_mm) {
   return ticks;
 }
 
-/// ln(sharpness) as the search's derivatives say it bends at the optimum: a parabola, until a third is lost.
-std::vector<std::pair<double, double>> osculating_curve(const PlanoCylinderResult& result, double peak) {
-  std::vector<std::pair<double, double>> points;
-  const double reach_mm = std::sqrt(-0.8 / result.radius_curvature_per_mm2);
+/// How the search's second derivative says that sharpness falls beside the optimum, until a third is lost:
+/// radius and sharpness over its peak. A parabola of ln(sharpness) in the lens's power, as it is blur that
+/// counts.
+std::vector<std::pair<double, double>> osculating_curve(const PlanoCylinderResult& result) {
+  const double radius_mm = result.lens.radius_mm, power_D = result.lens.power_D;
+  const double per_D2 = result.radius_curvature_per_mm2 * std::pow(radius_mm / power_D, 2);
+  const double reach_D = std::sqrt(-0.8 / per_D2);
   constexpr int steps = 24;
+  std::vector<std::pair<double, double>> points;
   for (int i = -steps; i <= steps; ++i) {
-    const double off_mm = reach_mm * i / steps;
-    points.emplace_back(result.lens.radius_mm + off_mm,
-                        peak * std::exp(result.radius_curvature_per_mm2 / 2 * off_mm * off_mm));
+    const double off_D = reach_D * i / steps;
+    const double at_mm = radius_mm * power_D / (power_D + off_D);
+    if (at_mm * radius_mm > 0) points.emplace_back(at_mm, std::exp(per_D2 / 2 * off_D * off_D));
   }
   return points;
+}
+
+/// Places in the picture.
+struct Axes {
+  double first_mm = 0, last_mm = 0;
+  double x(double radius_mm) const {
+    return left +
+           std::log(std::abs(radius_mm) / first_mm) / std::log(last_mm / first_mm) * (width - left - right);
+  }
+  static double y(double relative) { return height - bottom - relative * (height - top - bottom); }
+  bool hold(double radius_mm) const {
+    return std::abs(radius_mm) >= first_mm && std::abs(radius_mm) <= last_mm;
+  }
+};
+
+/// The optimum with its number and its curvature, where the sweep holds it. \param most  the sweep's best of
+/// measure k
+std::string optimum_mark(const PlanoCylinderResult& result, std::size_t k, double most, const Axes& axes) {
+  const double best_mm = result.lens.radius_mm;
+  const auto of_best = std::find_if(result.sweep.begin(), result.sweep.end(), [&](const SweepRow& row) {
+    return std::abs(row.radius_mm - best_mm) < 1e-9 * std::abs(best_mm);
+  });
+  if (of_best == result.sweep.end() || !(result.radius_curvature_per_mm2 < 0)) return {};
+  const double x = axes.x(best_mm), peak = of_best->sharpness[k] / most;
+  std::string svg = line(x, axes.y(0), x, axes.y(1), "stroke=\"#222222\" stroke-dasharray=\"4 4\"");
+  svg += "<polyline fill=\"none\" stroke=\"#222222\" stroke-width=\"1\" points=\"";
+  for (const auto& [radius_mm, relative] : osculating_curve(result))
+    if (axes.hold(radius_mm))
+      svg += fmt::format("{:.1f},{:.1f} ", axes.x(radius_mm), axes.y(peak * relative));
+  svg += "\"/>\n";
+  // On the side that the curves leave free.
+  const bool on_right = x > width / 2;
+  const double beside = on_right ? left + 10 : width - right - 10;
+  const char* anchor = on_right ? "start" : "end";
+  const std::string axis =
+      result.axis_matters ? fmt::format(" x {:.0f}", result.lens.axis_deg) : ", any axis";
+  return svg +
+         text(beside, axes.y(0.92), anchor,
+              fmt::format("{:.1f} mm ({:+.2f} D){}", best_mm, result.lens.power_D, axis)) +
+         text(
+             beside, axes.y(0.86), anchor,
+             fmt::format("thin black: ln(sharpness) curves by {:.2g} /mm²", result.radius_curvature_per_mm2));
 }
 
 }  // namespace
@@ -68,16 +114,11 @@ std::string sweep_csv(const PlanoCylinderResult& result) {
 }
 
 std::string sweep_svg(const PlanoCylinderResult& result, Measure criterion) {
-  const double first = std::log10(std::abs(result.sweep.front().radius_mm));
-  const double last = std::log10(std::abs(result.sweep.back().radius_mm));
-  const auto x_of = [&](double radius_mm) {
-    return left + (std::log10(std::abs(radius_mm)) - first) / (last - first) * (width - left - right);
-  };
+  const Axes axes{std::abs(result.sweep.front().radius_mm), std::abs(result.sweep.back().radius_mm)};
   // Each measure against its own best: they have no common unit.
   std::array<double, all_measures.size()> most{};
   for (const SweepRow& row : result.sweep)
     for (std::size_t k = 0; k < most.size(); ++k) most[k] = std::max(most[k], row.sharpness[k]);
-  const auto y_of = [&](double relative) { return height - bottom - relative * (height - top - bottom); };
 
   std::string svg = fmt::format(
       "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {0:.0f} {1:.0f}\" width=\"{0:.0f}\" "
@@ -88,60 +129,35 @@ std::string sweep_svg(const PlanoCylinderResult& result, Measure criterion) {
       width, height);
   const std::string grid = "stroke=\"#dddddd\"", frame = "stroke=\"#444444\"";
   const bool minus = result.lens.power_D < 0;
-  for (const double radius_mm : ticks_mm(std::pow(10, first), std::pow(10, last))) {
-    svg += line(x_of(radius_mm), y_of(0), x_of(radius_mm), y_of(1), grid);
-    svg +=
-        text(x_of(radius_mm), y_of(0) + 16, "middle", fmt::format("{}{:.0f}", minus ? "" : "-", radius_mm));
+  for (const double radius_mm : ticks_mm(axes.first_mm, axes.last_mm)) {
+    svg += line(axes.x(radius_mm), axes.y(0), axes.x(radius_mm), axes.y(1), grid);
+    svg += text(axes.x(radius_mm), axes.y(0) + 16, "middle",
+                fmt::format("{}{:.0f}", minus ? "" : "-", radius_mm));
   }
   for (const double relative : {0.0, 0.25, 0.5, 0.75, 1.0}) {
-    svg += line(left, y_of(relative), width - right, y_of(relative), relative == 0 ? frame : grid);
-    svg += text(left - 6, y_of(relative) + 4, "end", fmt::format("{:.2f}", relative));
+    svg += line(left, axes.y(relative), width - right, axes.y(relative), relative == 0 ? frame : grid);
+    svg += text(left - 6, axes.y(relative) + 4, "end", fmt::format("{:.2f}", relative));
   }
-  svg += line(left, y_of(0), left, y_of(1), frame);
+  svg += line(left, axes.y(0), left, axes.y(1), frame);
   for (std::size_t k = 0; k < curves.size(); ++k) {
     const std::string style =
         fmt::format("fill=\"none\" stroke=\"{}\" stroke-width=\"2\" stroke-dasharray=\"{}\"",
                     curves[k].colour, curves[k].dashes);
     svg += "<polyline " + style + " points=\"";
     for (const SweepRow& row : result.sweep)
-      svg += fmt::format("{:.1f},{:.1f} ", x_of(row.radius_mm), y_of(row.sharpness[k] / most[k]));
+      svg += fmt::format("{:.1f},{:.1f} ", axes.x(row.radius_mm), axes.y(row.sharpness[k] / most[k]));
     svg += "\"/>\n";
     const double x = left + 14 + 180 * static_cast<double>(k);
     svg += line(x, top - 16, x + 26, top - 16, style) + text(x + 32, top - 12, "start", curves[k].name);
   }
-  const double best_mm = std::abs(result.lens.radius_mm);
-  if (std::log10(best_mm) >= first && std::log10(best_mm) <= last && result.radius_curvature_per_mm2 < 0) {
-    svg +=
-        line(x_of(best_mm), y_of(0), x_of(best_mm), y_of(1), "stroke=\"#222222\" stroke-dasharray=\"4 4\"");
-    const auto of_best = std::find_if(result.sweep.begin(), result.sweep.end(), [&](const SweepRow& row) {
-      return std::abs(std::abs(row.radius_mm) - best_mm) < 1e-9 * best_mm;
-    });
-    const auto k = static_cast<std::size_t>(criterion);
-    if (of_best != result.sweep.end()) {
-      svg += "<polyline fill=\"none\" stroke=\"#222222\" stroke-width=\"1\" points=\"";
-      for (const auto& [radius_mm, relative] : osculating_curve(result, of_best->sharpness[k] / most[k]))
-        if (const double log = std::log10(std::abs(radius_mm)); log >= first && log <= last)
-          svg += fmt::format("{:.1f},{:.1f} ", x_of(radius_mm), y_of(relative));
-      svg += "\"/>\n";
-    }
-    const bool on_right = x_of(best_mm) > width / 2;
-    const double x = x_of(best_mm) + (on_right ? -6 : 6);
-    const char* anchor = on_right ? "end" : "start";
-    svg += text(x, y_of(0.11), anchor,
-                result.axis_matters ? fmt::format("{:.1f} mm ({:+.2f} D) x {:.0f}", result.lens.radius_mm,
-                                                  result.lens.power_D, result.lens.axis_deg)
-                                    : fmt::format("{:.1f} mm ({:+.2f} D), any axis", result.lens.radius_mm,
-                                                  result.lens.power_D));
-    svg += text(
-        x, y_of(0.05), anchor,
-        fmt::format("thin black: curvature {:.2g} /mm² of ln(sharpness)", result.radius_curvature_per_mm2));
-  }
+  const auto k = static_cast<std::size_t>(criterion);
+  svg += optimum_mark(result, k, most[k], axes);
   svg +=
       text((left + width - right) / 2, height - 16, "middle", "radius of the cylinder's back surface (mm)");
   svg += fmt::format(
       "<text transform=\"translate(16 {:.0f}) rotate(-90)\" text-anchor=\"middle\">sharpness, relative to "
       "its best</text>\n",
-      (y_of(0) + y_of(1)) / 2);
+      (axes.y(0) + axes.y(1)) / 2);
   return svg + "</svg>\n";
 }
 
