@@ -1,4 +1,5 @@
 """The abstract's chromatic aberration: longitudinal, against measurements and the model's own curve; and coloured fringes."""
+from curves import plot
 from paper import command, measure
 
 # Thibos et al. 1992, chromatic eye: D(w) = 1.68524 - 633.46 / (w - 214.102); Navarro's eye as its dispersion formulas give it.
@@ -12,10 +13,10 @@ def thibos_D(nm):
 def figure(f):
     refraction = lambda nm: command("eye", "navarro", wavelength=nm)["refraction_D"]
     zero = refraction(589.3)
-    rows = ["wavelength_nm,navarro_D,thibos_1992_D"]
-    for nm in range(400, 701, 20):
-        rows.append(f"{nm},{refraction(nm) - zero:.4f},{thibos_D(nm) - thibos_D(589.3):.4f}")
-    f.write("chromatic.csv", "\n".join(rows) + "\n")
+    curve = [(nm, refraction(nm) - zero, thibos_D(nm) - thibos_D(589.3)) for nm in range(400, 701, 20)]
+    f.write("chromatic.csv", "wavelength_nm,navarro_D,thibos_1992_D\n" + "".join("%d,%.4f,%.4f\n" % row for row in curve))
+    plot(f.path("chromatic.svg"), "Chromatic difference of refraction, zero at 589.3 nm", "wavelength, nm", "refraction, D",
+         ("Navarro's eye, traced", [row[:2] for row in curve]), ("Thibos et al. 1992", [(row[0], row[2]) for row in curve], "dots"), y=(-2.5, 1))
     for nm, model in navarro_D.items():
         value = f.number(f"chromatic difference at {nm} nm, D", refraction(nm) - zero, model - 0.005, model + 0.005)
         f.number(f"  at {nm} nm, from Thibos 1992", value - (thibos_D(nm) - thibos_D(589.3)), -0.15, 0.15)

@@ -5,11 +5,16 @@ from paper import command, measure, plane, surface
 
 
 def figure(f):
-    size, samples = (150, 16) if f.quick else (500, 32)
-    answer = f.trace("frame.png", eye="navarro", surfaces="fast", scene="letters:distance_mm=inf", size=f"{size}x{size}", samples=samples,
-                     wavelength=589.3)
-    f.number(f"pictures a second, fast mode, {size} x {size} x {samples}, preparation included", 1 / answer["wall_s"])
-    f.number("million rays a second", answer["rays_per_s"] / 1e6)
+    # A picture of 32 rays a pixel, the map of the eye kept: what 480 rays more take, by a fifteenth.
+    size, samples = (150, 32) if f.quick else (500, 32)
+    wall_s = []
+    for rays in (samples, 16 * samples):
+        wall_s.append(f.trace("frame.png", eye="navarro", surfaces="fast", scene="letters:distance_mm=inf", size=f"{size}x{size}", samples=rays,
+                              wavelength=589.3)["wall_s"])
+    frame_s = (wall_s[1] - wall_s[0]) / 15
+    f.number(f"pictures a second, fast mode, {size} x {size} x {samples}", 1 / frame_s, None if f.quick else 2)
+    f.number("million rays a second", size * size * samples / frame_s / 1e6)
+    f.number("a single picture from nothing, s", wall_s[0])
 
     still = dict(eye="navarro", size="240x240", field_mm="3x3", samples=64 if f.quick else 256)
     f.write("ball.json", {"objects": [dict(plane([0, 0, 2000], 150, 150, "card.png"), motion_mm=[-60, 0, 0])]})

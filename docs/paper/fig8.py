@@ -4,7 +4,7 @@ import json
 import os
 import struct
 
-from paper import command, here, png
+from paper import command, here, patient, png
 
 colours = {"cornea_anterior": (1.0, 0.8, 0.0), "cornea_posterior": (1.0, 0.4, 0.0), "lens_anterior": (0.1, 1.0, 0.2),
            "lens_posterior": (0.0, 0.7, 1.0), "retina": (1.0, 0.1, 0.2)}
@@ -44,10 +44,7 @@ def inverse(rows):
 
 
 def figure(f):
-    study = os.environ.get("EMMETROPE_STUDY", here.parent.parent / "data_samples" / "sample" / "dicom")
-    case = f.path("case")
-    command("segment", study, "-o", case)
-    command("mesh", case)
+    case = patient(f, os.environ.get("EMMETROPE_STUDY"))
     eye = "od" if (case / "meshing" / "od" / "retina.ply").exists() else "os"
     meshes = {name: ply(case / "meshing" / eye / f"{name}.ply") for name in colours}
     def middle(name):
@@ -98,4 +95,9 @@ def figure(f):
         truth = json.loads((here.parent.parent / "data_samples" / "sample" / "truth.json").read_text())
         true = truth[eye]["axial_length_mm"] if eye in truth else truth["eyes"][eye]["axial_length_mm"]
         f.number("axial length less the phantom's true one, mm", length["value"] - true, -0.1, 0.1)
+        for k in ("horizontal_mm", "vertical_mm"):
+            width = biometry["astigmatism"]["section_2p3mm"][k]
+            f.number(f"cornea's section 2.3 mm behind its apex, {k}", width["value"], 10, 12)
+            f.number(f"cornea's section less the phantom's true one, {k}", width["value"] - truth["eyes"][eye]["astigmatism"]["section_2p3mm"][k],
+                     width["ci95"][0] - width["value"], width["ci95"][1] - width["value"])
     f.number("axial length, mm", length["value"], 20, 32)

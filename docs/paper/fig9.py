@@ -1,15 +1,18 @@
 """Fig. 9: the standard eye, then with the cornea or the retina of one subject and of another (stand-ins for the paper's scans)."""
-from paper import measure, plane, png, surface, tan_deg
+import math
 
-# The subjects' corneas: steep meridian (radius, axis); their globes: half axes x, y, z of the retina.
-subjects = {1: {"steep_mm": 7.35, "axis": 75, "retina": [11.3, 12.2, -12.0]},
-            2: {"steep_mm": 7.35, "axis": 5, "retina": [12.4, 11.4, -12.0]}}
+from curves import plot
+from paper import command, measure, plane, png, surface, tan_deg
+
+# The subjects' corneas: steep meridian (radius, axis), conic constant; their globes: half axes x, y, z of the retina.
+subjects = {1: {"steep_mm": 7.35, "axis": 75, "q": -0.26, "retina": [11.3, 12.2, -12.0]},
+            2: {"steep_mm": 7.35, "axis": 5, "q": -0.15, "retina": [12.4, 11.4, -12.0]}}
 
 
 def cornea_of(subject):
     def change(eye):
         old = surface(eye, "cornea_anterior")
-        old.update(type="biconic", radius_mm=[subject["steep_mm"], 7.7], q=[0, 0], axis_deg=subject["axis"])
+        old.update(type="biconic", radius_mm=[subject["steep_mm"], 7.7], q=[subject["q"]] * 2, axis_deg=subject["axis"])
     return change
 
 
@@ -19,6 +22,15 @@ def retina_of(subject):
         old.pop("radius_mm")
         old.update(type="ellipsoid", semi_axes_mm=subject["retina"])
     return change
+
+
+def axial_radius_mm(eye, height_mm, axis_deg):
+    """Of the cornea at that distance from the apex: from where its normal, told by the refraction of a ray, meets the axis."""
+    c, s = math.cos(math.radians(axis_deg)), math.sin(math.radians(axis_deg))
+    at = f"{height_mm * c},{height_mm * s}"
+    l, m, n = command("ray", eye=eye, **{"from": f"{at},10", "to": f"{at},0"})["hits"][0]["direction"]
+    across, along = 1.376 * (l * c + m * s), 1.376 * n + 1  # the change of index x direction is along the normal
+    return height_mm * math.hypot(across, along) / abs(across)
 
 
 def figure(f):
@@ -48,6 +60,15 @@ def figure(f):
             f.number(f"{state}: smear by cornea {k}, degrees from its steep meridian at {axis}", off, -5, 5)
             f.number(f"{state}: coherence of the smear, cornea {k}", smear[f"cornea {k}"]["coherence"], 0.1, 1)
             f.number(f"{state}: coherence by retina {k} over that by cornea {k}", smear[f"retina {k}"]["coherence"] / smear[f"cornea {k}"]["coherence"], 0, 0.3)
+    # Flattening from the apex: a conic's axial radius is sqrt(R^2 - Q h^2).
+    heights, curves = [0.5 * k for k in range(1, 9)], []
+    for label, stem, axis, radius, q in [("standard eye", "relaxed-standard", 0, 7.7, 0)] + [
+            (f"subject {k}, steep meridian", f"relaxed-cornea-{k}", s["axis"], s["steep_mm"], s["q"]) for k, s in subjects.items()]:
+        curves.append((label, [(h, axial_radius_mm(f.path(stem + ".json"), h, axis)) for h in heights]))
+        worst = max(abs(r - math.sqrt(radius ** 2 - q * h ** 2)) for h, r in curves[-1][1])
+        f.number(f"{label}: axial radius traced against sqrt(R^2 - Q h^2), mm at most", worst, 0, 1e-3)
+        f.number(f"{label}: flattening from the apex to 4 mm, mm", curves[-1][1][-1][1] - radius)
+    plot(f.path("fig9.svg"), "Flattening of the corneas from the apex", "distance from the apex, mm", "axial radius, mm", *curves, y=(7.2, 8.2), legend_left=True)
     # The paper's section of a cornea 2.3 mm behind its apex: 12.72 x 12.20 mm. A sphere's is 2 sqrt(2 R d - d^2).
     section = lambda radius: 2 * (2 * radius * 2.3 - 2.3 ** 2) ** 0.5
     f.number("section at 2.3 mm of a cornea of radius 7.7 mm", section(7.7), 10.97, 10.99)

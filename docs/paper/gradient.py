@@ -55,5 +55,5 @@ def figure(f):
     steps = [k / 40 for k in range(41)]
     profile = [(thickness * t, on_axis(front, thickness * t)) for t in steps] + [(thickness + end * t, on_axis(back, end * t)) for t in steps]
     plot(f.path("gradient-index.svg"), "Refractive index along the lens's axis", "depth behind the lens's front, mm", "index",
-         ("gradient", profile), ("homogeneous", [(0, index), (thickness + end, index)]))
+         ("gradient", profile), ("homogeneous", [(0, index), (thickness + end, index)]), y=(1.36, 1.48))
     f.sheet("gradient.png", 2, 320, ("gradient.png", "gradient index, 6 mm pupil"), ("homogeneous.png", "homogeneous lens, 6 mm pupil"))

@@ -40,5 +40,5 @@ def figure(f):
             bare.append((f"bare{-D}.png", f"{D} D"))
             worn.append((f"corrected{-D}.png", f"{D} D, with spectacle"))
     plot(f.path("myopia.svg"), "Blur of a distant point, entrance pupil of a 2 mm iris", "myopia, D", "rms half width, arcmin",
-         ("dioptres x pupil / 4", predicted), ("measured in the picture", found, "dots"))
+         ("dioptres x pupil / 4", predicted), ("measured in the picture", found, "dots"), legend_left=True)
     f.sheet("myopia.png", 6, 180, *bare, *worn)

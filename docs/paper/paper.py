@@ -59,10 +59,10 @@ class Figure:
         measure("sheet", self.path(out), columns, width, *[f"{self.path(file)}={label}" for file, label in labelled])
 
 
-def patient(f):
-    """A case folder of the sample phantom, segmented and meshed once for all figures of a run."""
-    case = f.folder.parent / "case"
-    command("segment", here.parent.parent / "data_samples" / "sample" / "dicom", "-o", case)
+def patient(f, study=None):
+    """A case folder of that study, else of the sample phantom, which is segmented and meshed once for all figures of a run."""
+    case = f.path("case") if study else f.folder.parent / "case"
+    command("segment", study or here.parent.parent / "data_samples" / "sample" / "dicom", "-o", case)
     command("mesh", case)
     return case
 

@@ -4,7 +4,7 @@ import math
 import random
 import shutil
 
-from paper import command, degrees, patient
+from paper import command, degrees, here, patient
 
 
 def cholesky(c):
@@ -63,8 +63,15 @@ def figure(f):
     known = f.path("case-keratometry")
     shutil.copytree(case, known, dirs_exist_ok=True)
     command("mesh", known, keratometry="od:42.50@8/45.00@98+-0.25", laterality="od")
+    truth = json.loads((here.parent.parent / "data_samples" / "sample" / "truth.json").read_text())["eyes"]["od"]["optics"]
+    r = command("eye", f.write("truth.json", truth))["refraction"]
+    true_D = math.sqrt(r["M_D"] ** 2 + r["J0_D"] ** 2 + r["J45_D"] ** 2)
     size, draws = (160, 2000) if f.quick else (300, 4000)
     shown = []
+    def look(picture, file):
+        f.trace(picture, eye=file, scene="letters:distance_mm=inf,extent_deg=12", size=f"{size}x{size}", field_mm="3.6x3.6", pupil=3,
+                samples=64 if f.quick else 256)
+    look("truth.png", f.path("truth.json"))
     for stem, folder in (("mri", case), ("keratometer", known)):
         eye = MeasuredEye(f, folder, stem)
         still = [0.0] * len(eye.values)
@@ -93,13 +100,13 @@ def figure(f):
         picks = {"sharpest": drawn[round(0.025 * draws)], "blurriest": drawn[round(0.975 * draws)]}
         cases = [("sharpest", *picks["sharpest"]), ("best estimate", math.sqrt(sum(x * x for x in centre)), centre, still),
                  ("blurriest", *picks["blurriest"])]
+        f.number(f"{stem}: the phantom's true blur, D, within the interval", true_D, cases[0][1], cases[2][1])
         for label, blur, linear, change in cases:
             file = eye.moved(label.replace(" ", "-"), change)
             f.number(f"{stem}, {label}: length of (M, J0, J45), D", blur)
             exact = command("eye", file)["refraction"]
             f.number(f"{stem}, {label}: M traced less M by slopes, D", exact["M_D"] - linear[0], -0.25, 0.25)
-            picture = f"{stem}-{label.replace(' ', '-')}.png"
-            f.trace(picture, eye=file, scene="letters:distance_mm=inf,extent_deg=12", size=f"{size}x{size}", field_mm="3.6x3.6", pupil=3,
-                    samples=64 if f.quick else 256)
-            shown.append((picture, f"{'MRI alone' if stem == 'mri' else 'with keratometer'}, {label}: {blur:.1f} D"))
-    f.sheet("uncertainty.png", 3, 300, *shown)
+            look(picture := f"{stem}-{label.replace(' ', '-')}.png", file)
+            shown.append((picture, f"{'MRI' if stem == 'mri' else 'keratometer'}, {label}: {blur:.1f} D"))
+        shown.append(("truth.png", f"the true eye: {true_D:.1f} D"))
+    f.sheet("uncertainty.png", 4, 240, *shown)
