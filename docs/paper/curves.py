@@ -16,7 +16,8 @@ def ticks(low, high, most=7):
 
 
 def plot(file, title, x_label, y_label, *curves, x=None, y=None, legend_left=False):
-    """Writes curves (label, points[, "line" | "dots"]) over axes that hold them all, or from x[0] to x[1] and y[0] to y[1]."""
+    """Writes curves (label, points[, "line" | "dots"]) over axes that hold them all, or from x[0] to x[1] and y[0] to y[1]; one
+    without a label belongs to the curve before it and has its colour."""
     every = [p for curve in curves for p in curve[1]]
     (x0, x1), (y0, y1) = x or (min(p[0] for p in every), max(p[0] for p in every)), y or (min(p[1] for p in every), max(p[1] for p in every))
     if not y:
@@ -38,22 +39,24 @@ def plot(file, title, x_label, y_label, *curves, x=None, y=None, legend_left=Fal
     out.append(f'<text x="{(left + width - right) / 2}" y="{height - 10}" text-anchor="middle">{escape(x_label)}</text>')
     out.append(f'<text transform="translate(16 {(top + height - bottom) / 2}) rotate(-90)" text-anchor="middle">{escape(y_label)}</text>')
     legend = []
-    longest = max(len(curve[0]) for curve in curves)
+    longest, named = max(len(curve[0]) for curve in curves), -1
     lx = left + 10 if legend_left else width - right - 34 - 6.6 * longest
-    for k, (label, points, *style) in enumerate(curves):
-        colour = colours[k % len(colours)]
+    for label, points, *style in curves:
+        named += label != ""
+        colour = colours[named % len(colours)]
         inside = [at(p) for p in points if x0 - 1e-9 <= p[0] <= x1 + 1e-9 and y0 - 1e-9 <= p[1] <= y1 + 1e-9]
         ring = lambda px, py: f'<circle cx="{px:.1f}" cy="{py:.1f}" r="3.2" fill="none" stroke="{colour}" stroke-width="1.4"/>'
-        ly = top + 14 + 16 * k
+        ly, mark = top + 14 + 16 * named, ""
         if style == ["dots"]:
             out += [ring(*p) for p in inside]
-            legend.append(ring(lx + 10, ly - 4))
+            mark = ring(lx + 10, ly - 4)
         else:
             out.append(f'<polyline fill="none" stroke="{colour}" stroke-width="1.7" points="'
                        + " ".join(f"{px:.1f},{py:.1f}" for px, py in inside) + '"/>')
-            legend.append(f'<path d="M{lx:.0f} {ly - 4}h20" stroke="{colour}" stroke-width="2"/>')
-        legend.append(f'<text x="{lx + 26:.0f}" y="{ly}">{escape(label)}</text>')
-    out.append(f'<rect x="{lx - 5:.0f}" y="{top + 1}" width="{38 + 6.6 * longest:.0f}" height="{8 + 16 * len(curves)}" fill="white" '
+            mark = f'<path d="M{lx:.0f} {ly - 4}h20" stroke="{colour}" stroke-width="2"/>'
+        if label:
+            legend.append(f'{mark}<text x="{lx + 26:.0f}" y="{ly}">{escape(label)}</text>')
+    out.append(f'<rect x="{lx - 5:.0f}" y="{top + 1}" width="{38 + 6.6 * longest:.0f}" height="{24 + 16 * named}" fill="white" '
                'fill-opacity="0.85"/>')
     out += legend
     file.write_text("\n".join(out) + "\n</svg>\n")

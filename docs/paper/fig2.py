@@ -50,7 +50,7 @@ def figure(f):
             f.number(f"{kind}: doubling the vertices changes SSIM by", compare(f"{kind}-double.png")["ssim"] - found["ssim"], -0.001, 0.001)
 
     # The paper's algorithm to the letter, on a smaller picture with fewer rays; fig2_full has all of them.
-    side, rays = (60, 64) if f.quick else (200, 128)
+    side, rays = (60, 64) if f.quick else (160, 100)
     theirs(f, "paper-analytic.png", "analytic", side, rays, 5)
     theirs(f, "paper-noise.png", "analytic", side, rays, 7)
     answer = theirs_on_regular(f, "paper-regular.png", side, rays, 6)
@@ -68,7 +68,7 @@ def figure(f):
     f.number("paper's algorithm: doubling the vertices changes SSIM by", double["ssim"] - found["ssim"], -0.001, 0.001)
     f.number("paper's algorithm, irregular meshes: MSD beyond noise, by plain means of normals", irregular["msd"] - noise["msd"], 10)
     crop = "" if f.quick else "@120,120,260,260"
-    small = "" if f.quick else "@48,48,104,104"
+    small = "" if f.quick else "@38,38,84,84"
     f.sheet("fig2.png", 3, 320, (f"analytic.png{crop}", "formulas"), (f"triangles.png{crop}", "irregular meshes, triangles"),
             (f"smooth.png{crop}", "irregular meshes, smooth"), (f"paper-analytic.png{small}", f"paper's algorithm, {rays} rays: formulas"),
             (f"paper-regular.png{small}", "paper's algorithm: regular meshes"), (f"paper-irregular.png{small}", "paper's algorithm: irregular meshes"))

@@ -25,7 +25,7 @@ def figure(f):
     sizes = {}
     for level in levels_D:
         f.trace(f"at{level}.png", eye="navarro", scene=f.path("scene.json"), accommodation=level, pupil=4,
-                size=f"{width}x{height}", field_mm="2x1", samples=64 if f.quick else 256)
+                size=f"{width}x{height}", field_mm="2x1", samples=64 if f.quick else 512)
         for k, card in enumerate(levels_D):
             distance = 1000 / card
             centre = width / 2 + nodal_mm * 1000 / um * distance * tan_deg(2 * (k - 1)) / (distance + 7.1)

@@ -2,7 +2,7 @@
 import json
 import math
 
-from paper import command, measure, plane, png
+from paper import a_second, command, measure, plane, png, processor_s
 
 apices = {"first": (0, 0, 200), "second": (-45, 8, 350)}
 centre_mm, distance_mm = 13.5, 62
@@ -41,6 +41,28 @@ def in_eye(point, fixated, side, deviation=0):
         axis, angle = unit(cross(ahead, sight)), math.acos(sight[2])
     p = turn(sub(point, centre), axis, -angle)
     return [p[0], p[1], p[2] - centre_mm]
+
+
+def movie(f):
+    """Both eyes' pictures side by side while they turn from the first apex to the second and back, and accommodate."""
+    frames, hold = (4, 1) if f.quick else (72, 12)
+    turning = frames // 2 - hold
+    rows, began = ["frame,x_mm,y_mm,z_mm,od_horizontal_deg,od_vertical_deg,os_horizontal_deg,os_vertical_deg,accommodation_D"], processor_s()
+    for k in range(frames):
+        t = min(1.0, max(0, k % (frames // 2) - hold + 1) / turning)
+        t = t * t * (3 - 2 * t)
+        a, b = (apices[name] for name in (("first", "second") if k < frames // 2 else ("second", "first")))
+        z = 1 / ((1 - t) / a[2] + t / b[2])  # even in vergence
+        x, y = (z * ((1 - t) * a[i] / a[2] + t * b[i] / b[2]) for i in (0, 1))
+        D = 1000 / z
+        answer = f.trace(f"turn{k:03d}.png", eye="navarro", accommodation=f"{D:.4f}", pupillary_distance=distance_mm, fixate=f"{x:.4f},{y:.4f},{z:.4f}",
+                         scene="pyramids", size="240x240", field_mm="8x8", samples=16 if f.quick else 48)
+        gaze = [answer["eyes"][eye]["gaze_deg"] for eye in ("od", "os")]
+        rows.append(f"{k},{x:.3f},{y:.3f},{z:.3f}," + ",".join(f"{v:.4f}" for pair in gaze for v in pair) + f",{D:.4f}")
+        measure("sheet", f.path(f"pair{k:03d}.png"), 2, 240, f"{f.path(f'turn{k:03d}-od.png')}=right eye", f"{f.path(f'turn{k:03d}-os.png')}=left eye")
+    f.write("fig5.csv", "\n".join(rows) + "\n")
+    f.number("movie: pairs of pictures a second, each from nothing, by processor time", a_second(frames, began))
+    measure("movie", f.path("fig5.avi"), 24, *[f.path(f"pair{k:03d}.png") for k in range(frames)])
 
 
 def figure(f):
@@ -82,6 +104,7 @@ def figure(f):
         disparity = found[other, 1][0] - found[other, -1][0]
         f.number(f"fixating the {name}: disparity of the {other}, mm on the retina", disparity * pixel)
         f.number(f"fixating the {name}: disparity of the {other} over that of geometry", disparity / (expected[other, 1][0] - expected[other, -1][0]), 0.98, 1.02)
+    movie(f)
     # a left eye 15 prism dioptres outward sees the first pyramid displaced
     eye = f.path("eye-first.json")
     f.trace("squint.png", eye=eye, pupillary_distance=distance_mm, fixate="0,0,200", strabismus="os:15,0", scene="pyramids",

@@ -70,6 +70,7 @@ def figure(f):
     top = sorted(v for row in part for v in row)[int(0.995 * (i1 - i0) * (j1 - j0))]
     rows = [[(min(1.0, max(0.0, part[j // scale][i // scale] / top)) ** 2.2,) * 3 for i in range(scale * (i1 - i0))]
             for j in range(scale * (j1 - j0))]
+    png(f.path("image.png"), rows)
     points = 0
     for surface, (vertices, triangles) in meshes.items():
         voxels = [to_voxel([-v[0], -v[1], v[2]]) for v in vertices]
@@ -87,7 +88,12 @@ def figure(f):
                 x, y = (scale * (cut[0][c] + s / 20 * (cut[1][c] - cut[0][c]) - (i0, j0)[c] + 0.5) for c in (0, 1))
                 if 0 <= x < len(rows[0]) and 0 <= y < len(rows):
                     rows[int(y)][int(x)] = colours[surface]
-    png(f.path("fig8.png"), rows)
+    png(f.path("meshes.png"), rows)
+    (xf, yf, _), (xg, yg, _) = (to_voxel([-p[0], -p[1], p[2]]) for p in (front, globe))
+    across, down = xf - xg, yf - yg
+    side = ("left" if across < 0 else "right") if abs(across) > abs(down) else ("top" if down < 0 else "bottom")
+    f.sheet("fig8.png", 2, 420, ("image.png", f"slice along the axis, {name.split('.')[0]}, front of the eye on the {side}"),
+            ("meshes.png", "the meshes in the same frame"))
     f.number(f"pieces of mesh in the slice of {name} along the axis", points, 50)
     biometry = json.loads((case / "meshing" / eye / "biometry.json").read_text())
     length = biometry["axial_length_mm"]

@@ -8,15 +8,15 @@ refractions_D = tuple(range(0, -11, -1))
 
 
 def figure(f):
-    size, n, dot_deg = (160, 200, 0.1) if f.quick else (300, 200, 0.1)
-    picture = dict(scene="letters:distance_mm=inf,extent_deg=12", size=f"{size}x{size}", field_mm="3.6x3.6", pupil=3, samples=64 if f.quick else 256)
+    size, n, dot_deg = (160, 200, 0.1) if f.quick else (240, 200, 0.1)
+    picture = dict(scene="letters:distance_mm=inf,extent_deg=12", size=f"{size}x{size}", field_mm="3.6x3.6", pupil=3, samples=64 if f.quick else 144)
     # a dark dot on a ground of 4 degrees: rms half width of a uniform disc of blur is a quarter of its diameter
     dot = [[0.0 if math.hypot(x - n / 2 + 0.5, y - n / 2 + 0.5) < dot_deg / 4 * n else 1.0 for x in range(n)] for y in range(n)]
     png(f.path("dot.png"), dot)
     f.write("dot.json", {"objects": [dict(plane([0, 0, 1], tan_deg(2), tan_deg(2), "dot.png"), at_infinity=True)]})
     def blur_arcmin(name, **more):
         answer = f.trace(f"{name}.tiff", scene=f.path("dot.json"), size="160x160", field_mm="1x1", pupil=2, wavelength=555,
-                         samples=256 if f.quick else 1024, **more)
+                         samples=128, **more)
         return measure("dark", f.path(f"{name}.tiff"), 0, 0, 160, 160)["rms_x"] * answer["scale"]["arcmin_per_pixel"][0]
     bare, worn, found, predicted = [], [], [], []
     own = blur_arcmin("dot-emmetropic", eye="atchison:0")

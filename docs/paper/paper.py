@@ -3,6 +3,7 @@ import json
 import math
 import os
 import pathlib
+import resource
 import struct
 import subprocess
 import sys
@@ -67,9 +68,19 @@ def patient(f, study=None):
     return case
 
 
+def processor_s():
+    """Of all commands run so far."""
+    return sum(resource.getrusage(resource.RUSAGE_CHILDREN)[:2])
+
+
+def a_second(count, since_s):
+    """How many of count things, made since that processor_s(), all cores make a second when nothing else runs on them."""
+    return count * os.cpu_count() / (processor_s() - since_s)
+
+
 def run(arguments):
     done = subprocess.run([str(a) for a in arguments], capture_output=True, text=True)
-    if done.returncode != 0:
+    if done.returncode not in (0, 8):  # 8: one eye of two
         sys.exit(f"{' '.join(str(a) for a in arguments)}\nended with status {done.returncode}:\n{done.stderr}")
     return done.stdout
 
