@@ -192,7 +192,7 @@ cl::Program& OpenCl::program(const std::string& definitions) {
   const auto known = programs_.find(definitions);
   if (known != programs_.end()) return known->second;
   const std::string source = std::string(kernel_lanes) + kernel_surfaces + kernel_paper + kernel_fast +
-                             kernel_textures + kernel_meshes + kernel_scene + kernel_tangent + kernel_light +
+                             kernel_tangent + kernel_textures + kernel_meshes + kernel_scene + kernel_light +
                              kernel_trace;
   cl::Program program(context_, source);
   try {

@@ -91,9 +91,9 @@ AI void look_at_meshes(const ray* r, vf nearest, view* seen, global const uint* 
   const vi iu = TO_VI(cu), iv = TO_VI(cv), row = AS_VI(GATHER(vf, materials, 7, material));
   const vi id = AS_VI(GATHER(vf, materials, 8, material)) + iv * row + iu;
   vf surface[CHANNELS];
-  texel(texels, id, id + row, cu - TO_VF(iu), cv - TO_VF(iv), surface);
+  const look_up picture = texel(texels, id, id + row, cu - TO_VF(iu), cv - TO_VF(iv));
   UNROLL for (int c = 0; c < CHANNELS; c++)
-    surface[c] *= GATHER(vf, materials, c, material) * CORNERS_AT(attributes, 9 + c, of_corner);
+    surface[c] = picture.value[c] * GATHER(vf, materials, c, material) * CORNERS_AT(attributes, 9 + c, of_corner);
   const vf specular = GATHER(vf, materials, 3, material), shininess = GATHER(vf, materials, 4, material);
 
   const float rounding_mm = 1e-3f, rounding = 1e-5f;  // off the surface, so that it does not shade itself

@@ -36,25 +36,38 @@ typedef struct {
 #define INSIDE_BODY 2   // what only a ray in the body meets, its front included
 #define LOCAL_RATIO 4   // the ratio of indices is the ray's own
 
+// How a ray met a surface, for derivatives.
+typedef struct {
+  vf t, nx, ny, nz;  // distance, normal
+  vf nd, root, iq;   // normal . direction, the same behind it, 1 / normal . normal
+  vf S, a, iw;       // of a biconic: its depth S a with a = 1 / (1 + w), and 1 / w
+} crossing;
+
 AI void end(ray* r, vi event, int state) { r->state = select(r->state, (vi)state, event & (r->state == 0)); }
 
 // Refraction with a normal of any length: d' = eta d + g n. Events are rare: one test for all lanes.
 // e is negative where the ray missed the surface or passed outside its clear aperture.
-AI void refract(ray* r, vf nx, vf ny, vf nz, vf q, vf nd, vf eta, vf e) {
+AI void refract(ray* r, vf nx, vf ny, vf nz, vf q, vf nd, vf eta, vf e, crossing* met) {
   const vf c = eta * nd;
   const vf s = q * (1.f - eta * eta) + c * c;
   if (ANY(min(e, s) < 0.f)) {
     end(r, e < 0.f, MISSED_SURFACE);
     end(r, s < 0.f, TIR);
   }
-  const vf g = (sqrt(AT_LEAST(0.f, s)) - c) * RECIP(q);
+  met->nx = nx;
+  met->ny = ny;
+  met->nz = nz;
+  met->nd = nd;
+  met->root = sqrt(AT_LEAST(0.f, s));
+  met->iq = RECIP(q);
+  const vf g = (met->root - c) * met->iq;
   r->L = eta * r->L + g * nx;
   r->M = eta * r->M + g * ny;
   r->N = eta * r->N + g * nz;
 }
 
 // c (x^2 + y^2 + z^2) + 2 z = 0; vertex form, so that c = 0 is a plane and nothing cancels.
-AI void sphere(ray* r, constant float* restrict p, vf eta) {
+AI void sphere(ray* r, constant float* restrict p, vf eta, crossing* met) {
   const float c = p[4];
   vf x = r->x - p[O_X], y = r->y - p[O_Y], z = r->z - p[O_Z];
   const vf G = r->N + c * (x * r->L + y * r->M + z * r->N);
@@ -74,7 +87,14 @@ AI void sphere(ray* r, constant float* restrict p, vf eta) {
     end(r, (e < 0.f) | (inside < 0.f), MISSED_SURFACE);
     end(r, k < 0.f, TIR);
   }
-  const vf g = sqrt(AT_LEAST(0.f, k)) - eta * nd;
+  met->t = t;
+  met->nx = c * x;
+  met->ny = c * y;
+  met->nz = c * z + 1.f;
+  met->nd = nd;
+  met->root = sqrt(AT_LEAST(0.f, k));
+  met->iq = 1.f;
+  const vf g = met->root - eta * nd;
   const vf gc = g * c;
   r->L = eta * r->L + gc * x;
   r->M = eta * r->M + gc * y;
@@ -82,7 +102,7 @@ AI void sphere(ray* r, constant float* restrict p, vf eta) {
 }
 
 // cx x^2 + cy y^2 + cz z^2 + 2 z = 0: conics, ellipsoids, cylinders, planes. p[4..6] = cx, cy, cz
-AI void quadric(ray* r, constant float* restrict p, vf eta) {
+AI void quadric(ray* r, constant float* restrict p, vf eta, crossing* met) {
   const float cx = p[4], cy = p[5], cz = p[6];
   vf x = r->x - p[O_X], y = r->y - p[O_Y], z = r->z - p[O_Z];
   const vf A = cx * r->L * r->L + cy * r->M * r->M + cz * r->N * r->N;
@@ -98,7 +118,8 @@ AI void quadric(ray* r, constant float* restrict p, vf eta) {
   r->y = y + p[O_Y];
   r->z = z + p[O_Z];
   const vf nx = cx * x, ny = cy * y, nz = 1.f + cz * z;
-  refract(r, nx, ny, nz, nx * nx + ny * ny + nz * nz, nd, eta, min(e, p[O_LIMIT2] - (x * x + y * y)));
+  refract(r, nx, ny, nz, nx * nx + ny * ny + nz * nz, nd, eta, min(e, p[O_LIMIT2] - (x * x + y * y)), met);
+  met->t = t;
 }
 
 // Distance to the conic c (x^2 + y^2 + (1 + q) z^2) + 2 z = 0 with k = c (1 + q): where Newton starts.
@@ -112,7 +133,7 @@ AI vf base_distance(const ray* r, vf x, vf y, vf z, float c, float k) {
 #if HAS_BICONIC
 // d = S / (1 + w), S = cx x^2 + cy y^2, w = sqrt(1 - T), T = kx x^2 + ky y^2 with k = (1 + Q) c^2.
 // p[4..7] = cx, cy, kx, ky; p[8], p[9]: base conic; p[10], p[11] = (1 + Q) c
-AI void biconic(ray* r, constant float* restrict p, vf eta) {
+AI void biconic(ray* r, constant float* restrict p, vf eta, crossing* met) {
   const float cx = p[4], cy = p[5], kx = p[6], ky = p[7];
   const vf x0 = r->x - p[O_X], y0 = r->y - p[O_Y], z0 = r->z - p[O_Z];
   vf t = base_distance(r, x0, y0, z0, p[8], p[9]), x, y, gx, gy, inside;
@@ -121,7 +142,10 @@ AI void biconic(ray* r, constant float* restrict p, vf eta) {
     y = y0 + t * r->M;
     const vf S = cx * x * x + cy * y * y;
     inside = 1.f - (kx * x * x + ky * y * y);
-    const vf w = sqrt(AT_LEAST(1e-3f, inside)), a = RECIP(1.f + w), b = S * a * a * RECIP(w);
+    const vf w = sqrt(AT_LEAST(1e-3f, inside)), a = RECIP(1.f + w), iw = RECIP(w), b = S * a * a * iw;
+    met->S = S;
+    met->a = a;
+    met->iw = iw;
     gx = x * (2.f * cx * a + kx * b);
     gy = y * (2.f * cy * a + ky * b);
     t -= (z0 + t * r->N + S * a) * RECIP(r->N + gx * r->L + gy * r->M);
@@ -130,7 +154,8 @@ AI void biconic(ray* r, constant float* restrict p, vf eta) {
   r->y = y + p[O_Y];
   r->z = z0 + t * r->N + p[O_Z];
   refract(r, gx, gy, (vf)1.f, 1.f + gx * gx + gy * gy, gx * r->L + gy * r->M + r->N, eta,
-          min(inside - 1e-3f, p[O_LIMIT2] - (x * x + y * y)));
+          min(inside - 1e-3f, p[O_LIMIT2] - (x * x + y * y)), met);
+  met->t = t;
 }
 #endif
 
@@ -159,7 +184,7 @@ AI void biconic(ray* r, constant float* restrict p, vf eta) {
     if (step == 0) slope = RECIP(r->N + gx * r->L + gy * r->M);                                              \
     t -= (z0 + t * r->N + depth) * slope;                                                                    \
   }
-AI void patch(ray* r, constant float* restrict p, global const float* restrict records, vf eta) {
+AI void patch(ray* r, constant float* restrict p, global const float* restrict records, vf eta, crossing* met) {
   const float h = p[8];
   const vf x0 = r->x - p[O_X], y0 = r->y - p[O_Y], z0 = r->z - p[O_Z];
   vf t = base_distance(r, x0, y0, z0 + p[13], p[4], p[5]);
@@ -185,7 +210,7 @@ AI void patch(ray* r, constant float* restrict p, global const float* restrict r
   r->y = y + p[O_Y];
   r->z = z0 + t * r->N + p[O_Z];
   refract(r, gx, gy, (vf)1.f, 1.f + gx * gx + gy * gy, gx * r->L + gy * r->M + r->N, eta,
-          p[O_LIMIT2] - (x * x + y * y));
+          p[O_LIMIT2] - (x * x + y * y), met);
 }
 #endif
 
@@ -197,7 +222,7 @@ AI void patch(ray* r, constant float* restrict p, global const float* restrict r
 // p[12], p[14]: first record and first cell of the grid in `records` (int bits); p[13]: offset of the base conic
 #define EDGE_TOLERANCE 1e-5f  // barycentric, against slips between neighbours in float32
 #define LONGEST_WALK 512      // steps; beyond it a ray is lost, never accepted
-AI void triangles(ray* r, constant float* restrict p, global const float* restrict records, vf eta) {
+AI void triangles(ray* r, constant float* restrict p, global const float* restrict records, vf eta, crossing* met) {
   const float h = p[8];
   const vf x0 = r->x - p[O_X], y0 = r->y - p[O_Y], z0 = r->z - p[O_Z];
   vf t = base_distance(r, x0, y0, z0 + p[13], p[4], p[5]);
@@ -270,7 +295,7 @@ AI void triangles(ray* r, constant float* restrict p, global const float* restri
   r->z = z0 + t * r->N + p[O_Z];
   if (ANY(lost)) end(r, lost, MISSED_SURFACE);
   refract(r, nx, ny, nz, nx * nx + ny * ny + nz * nz, nx * r->L + ny * r->M + nz * r->N, eta,
-          p[O_LIMIT2] - (x * x + y * y));
+          p[O_LIMIT2] - (x * x + y * y), met);
 }
 #endif
 

@@ -1,51 +1,41 @@
-// Textures: bilinear look-ups of texel `id` (int index) and its neighbours; `below` is the texel of the next row.
+// Textures: bilinear look-ups of texel `id` (int index) and its neighbours, with the slopes per texel; `below` is the texel of the
+// next row.
 // CHANNELS 1: a texel holds its own grey and its right neighbour's, 16 bits each, so that a bilinear look-up is two reads.
 // CHANNELS 3: a texel holds linear red, green and blue in 11, 11 and 10 bits.
+typedef struct {
+  vf value[CHANNELS], by_u[CHANNELS], by_v[CHANNELS];
+} look_up;
+AI void interpolate(look_up* t, int c, vf a, vf b, vf below_a, vf below_b, vf fu, vf fv, float scale) {
+  const vf along = b - a, along_below = below_b - below_a, top = a + fu * along, low = below_a + fu * along_below;
+  t->value[c] = (top + fv * (low - top)) * scale;
+  t->by_u[c] = (along + fv * (along_below - along)) * scale;
+  t->by_v[c] = (low - top) * scale;
+}
+AI look_up texel(global const uint* restrict texels, vi id, vi below, vf fu, vf fv) {
+  global const int* p = (global const int*)texels;
+  look_up t;
 #if CHANNELS == 1
-AI void texel(global const uint* restrict texels, vi id, vi below, vf fu, vf fv, vf* value) {
-  const vi a = GATHER(vi, (global const int*)texels, 0, id), b = GATHER(vi, (global const int*)texels, 0, below);
-  const vf a0 = TO_VF(a & 0xffff), a1 = TO_VF((a >> 16) & 0xffff), b0 = TO_VF(b & 0xffff), b1 = TO_VF((b >> 16) & 0xffff);
-  const vf top = a0 + fu * (a1 - a0), low = b0 + fu * (b1 - b0);
-  value[0] = (top + fv * (low - top)) * (1.f / 65535.f);
-}
-// Slopes of the same, per texel.
-AI void texel_slopes(global const uint* restrict texels, vi id, vi below, vf fu, vf fv, vf* du, vf* dv) {
-  const vi a = GATHER(vi, (global const int*)texels, 0, id), b = GATHER(vi, (global const int*)texels, 0, below);
-  const vf a0 = TO_VF(a & 0xffff), a1 = TO_VF((a >> 16) & 0xffff), b0 = TO_VF(b & 0xffff), b1 = TO_VF((b >> 16) & 0xffff);
-  du[0] = ((a1 - a0) + fv * ((b1 - b0) - (a1 - a0))) * (1.f / 65535.f);
-  dv[0] = ((b0 - a0) + fu * ((b1 - b0) - (a1 - a0))) * (1.f / 65535.f);
-}
+  const vi a = GATHER(vi, p, 0, id), b = GATHER(vi, p, 0, below);
+#define OWN(q) TO_VF((q) & 0xffff)
+#define RIGHT(q) TO_VF(((q) >> 16) & 0xffff)
+  interpolate(&t, 0, OWN(a), RIGHT(a), OWN(b), RIGHT(b), fu, fv, 1.f / 65535.f);
 #else
+  const vi a = GATHER(vi, p, 0, id), b = GATHER(vi, p, 1, id), c = GATHER(vi, p, 0, below), d = GATHER(vi, p, 1, below);
 #define RED(q) TO_VF((q) & 2047)
 #define GREEN(q) TO_VF(((q) >> 11) & 2047)
 #define BLUE(q) TO_VF(((q) >> 22) & 1023)
-#define CORNERS                                                                                    \
-  global const int* p = (global const int*)texels;                                                 \
-  const vi a = GATHER(vi, p, 0, id), b = GATHER(vi, p, 1, id), c = GATHER(vi, p, 0, below),        \
-           d = GATHER(vi, p, 1, below);
-#define BILINEAR(get) (get(a) * w00 + get(b) * w10 + get(c) * w01 + get(d) * w11)
-AI void texel(global const uint* restrict texels, vi id, vi below, vf fu, vf fv, vf* value) {
-  CORNERS
-  const vf w11 = fu * fv, w10 = fu - w11, w01 = fv - w11, w00 = 1.f - fu - w01;
-  value[0] = BILINEAR(RED) * (1.f / 2047.f);
-  value[1] = BILINEAR(GREEN) * (1.f / 2047.f);
-  value[2] = BILINEAR(BLUE) * (1.f / 1023.f);
-}
-#define ALONG_U(get) ((get(b) - get(a)) * (1.f - fv) + (get(d) - get(c)) * fv)
-#define ALONG_V(get) ((get(c) - get(a)) * (1.f - fu) + (get(d) - get(b)) * fu)
-AI void texel_slopes(global const uint* restrict texels, vi id, vi below, vf fu, vf fv, vf* du, vf* dv) {
-  CORNERS
-  du[0] = ALONG_U(RED) * (1.f / 2047.f);
-  du[1] = ALONG_U(GREEN) * (1.f / 2047.f);
-  du[2] = ALONG_U(BLUE) * (1.f / 1023.f);
-  dv[0] = ALONG_V(RED) * (1.f / 2047.f);
-  dv[1] = ALONG_V(GREEN) * (1.f / 2047.f);
-  dv[2] = ALONG_V(BLUE) * (1.f / 1023.f);
-}
+  interpolate(&t, 0, RED(a), RED(b), RED(c), RED(d), fu, fv, 1.f / 2047.f);
+  interpolate(&t, 1, GREEN(a), GREEN(b), GREEN(c), GREEN(d), fu, fv, 1.f / 2047.f);
+  interpolate(&t, 2, BLUE(a), BLUE(b), BLUE(c), BLUE(d), fu, fv, 1.f / 1023.f);
 #endif
+  return t;
+}
 
 // What rays see.
 typedef struct {
   vf value[CHANNELS];
+#if TANGENTS
+  vf change[TANGENTS * CHANNELS];
+#endif
   vi missed;
 } view;

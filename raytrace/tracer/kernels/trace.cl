@@ -15,7 +15,8 @@
 #define ETA eta
 #endif
 
-AI void pass(ray* r, int k, int wave, SYSTEM) {
+// Takes UN rays past operation k; met says how, where it is a formula.
+AI void pass(ray* r, crossing* met, int k, int wave, SYSTEM) {
   const int kind = kinds[k];
   constant float* p = operations + k * PARAMETERS;
   const vf eta = RATIO(k, wave);
@@ -31,16 +32,16 @@ AI void pass(ray* r, int k, int wave, SYSTEM) {
 #endif
   switch (kind) {
 #if HAS_SPHERE
-    case SPHERE: UNROLL for (int q = 0; q < UN; q++) sphere(r + q, p, ETA); break;
+    case SPHERE: UNROLL for (int q = 0; q < UN; q++) sphere(r + q, p, ETA, met + q); break;
 #endif
 #if HAS_QUADRIC
-    case QUADRIC: UNROLL for (int q = 0; q < UN; q++) quadric(r + q, p, ETA); break;
+    case QUADRIC: UNROLL for (int q = 0; q < UN; q++) quadric(r + q, p, ETA, met + q); break;
 #endif
 #if HAS_BICONIC
-    case BICONIC: UNROLL for (int q = 0; q < UN; q++) biconic(r + q, p, ETA); break;
+    case BICONIC: UNROLL for (int q = 0; q < UN; q++) biconic(r + q, p, ETA, met + q); break;
 #endif
 #if HAS_PATCH
-    case PATCH: UNROLL for (int q = 0; q < UN; q++) patch(r + q, p, records, ETA); break;
+    case PATCH: UNROLL for (int q = 0; q < UN; q++) patch(r + q, p, records, ETA, met + q); break;
 #endif
 #if HAS_STOP
     case STOP: UNROLL for (int q = 0; q < UN; q++) stop(r + q, p); break;
@@ -49,10 +50,10 @@ AI void pass(ray* r, int k, int wave, SYSTEM) {
     case ROTATE: UNROLL for (int q = 0; q < UN; q++) rotate_ray(r + q, p); break;
 #endif
 #if HAS_TRIANGLES
-    case TRIANGLES: UNROLL for (int q = 0; q < UN; q++) triangles(r + q, p, records, ETA); break;
+    case TRIANGLES: UNROLL for (int q = 0; q < UN; q++) triangles(r + q, p, records, ETA, met + q); break;
 #endif
 #if HAS_EVERY_TRIANGLE
-    case EVERY_TRIANGLE: every_triangle(r, p, records, eta); break;
+    case EVERY_TRIANGLE: every_triangle(r, p, records, eta, met); break;
 #endif
 #if HAS_GRADIENT
     case GRADIENT: UNROLL for (int q = 0; q < UN; q++) gradient(r + q, p, gradients, eta, wave); break;
@@ -222,26 +223,31 @@ kernel void trace_pixels(SYSTEM, int operation_count, global const float* restri
         weight[q] *= receptor_weight(n, shift_1, pupil_falloff);
 #endif
       }
+      crossing met[UN];
 #if TANGENTS
-      for (int k = first_operation; k < first_seed; k++) pass(r, k, wave, SYSTEM_ARGUMENTS);
+      for (int k = first_operation; k < first_seed; k++) pass(r, met, k, wave, SYSTEM_ARGUMENTS);
       tangent d[UN * TANGENTS];
       UNROLL for (int q = 0; q < UN * TANGENTS; q++) d[q] = (tangent){0.f, 0.f, 0.f, 0.f, 0.f, 0.f};
       for (int k = first_seed; k < operation_count; k++) {
-        ray before[UN];
-        UNROLL for (int q = 0; q < UN; q++) before[q] = r[q];
-        pass(r, k, wave, SYSTEM_ARGUMENTS);
+        vec before[UN];
+        UNROLL for (int q = 0; q < UN; q++) before[q] = (vec){r[q].L, r[q].M, r[q].N};
+        pass(r, met, k, wave, SYSTEM_ARGUMENTS);
         UNROLL for (int q = 0; q < UN; q++)
-          pass_tangents(d + q * TANGENTS, before + q, r + q, k, kinds[k], operations + k * PARAMETERS, RATIO(k, wave), seeds);
+          pass_tangents(d + q * TANGENTS, before[q], met + q, r + q, k, kinds[k], operations + k * PARAMETERS, RATIO(k, wave), seeds);
       }
 #else
-      for (int k = first_operation; k < operation_count; k++) pass(r, k, wave, SYSTEM_ARGUMENTS);
+      for (int k = first_operation; k < operation_count; k++) pass(r, met, k, wave, SYSTEM_ARGUMENTS);
 #endif
       UNROLL for (int q = 0; q < UN; q++) {
 #if DIFFRACTION
         diffract(&r[q], first_n + (vu)(uint)q, scramble(shift_2), wave, airy);
 #endif
         view seen;
+#if TANGENTS
+        look(&r[q], SCENE_ARGUMENTS, d + q * TANGENTS, &seen);
+#else
         look(&r[q], SCENE_ARGUMENTS, &seen);
+#endif
         if (ANY(r[q].state != 0)) {
           counts[0] += TALLY(r[q].state == VIGNETTED);
           counts[1] += TALLY(r[q].state == TIR);
@@ -253,10 +259,8 @@ kernel void trace_pixels(SYSTEM, int operation_count, global const float* restri
         weights += weight[q];
         UNROLL for (int c = 0; c < CHANNELS; c++) sum[c] += weight[q] * seen.value[c];
 #if TANGENTS
-        vf change[TANGENTS * CHANNELS];
-        look_tangents(&r[q], d + q * TANGENTS, planes, plane_count, texels, change);
         UNROLL for (int i = 0; i < TANGENTS * CHANNELS; i++)
-          change_sum[i] += select((vf)0.f, weight[q] * change[i], weight[q] > 0.f);
+          change_sum[i] += select((vf)0.f, weight[q] * seen.change[i], weight[q] > 0.f);
 #endif
       }
     }
@@ -299,7 +303,8 @@ kernel void trace_rays(SYSTEM, int operation_count, int count, int wave, global 
     r[q].N = VLOAD(g, in + 5 * count);
     r[q].state = 0;
   }
-  for (int k = 0; k < operation_count; k++) pass(r, k, wave, SYSTEM_ARGUMENTS);
+  crossing met[UN];
+  for (int k = 0; k < operation_count; k++) pass(r, met, k, wave, SYSTEM_ARGUMENTS);
   VSTORE(r[0].x, g, out);
   VSTORE(r[0].y, g, out + count);
   VSTORE(r[0].z, g, out + 2 * count);
