@@ -2,20 +2,31 @@
 
 #include <fmt/format.h>
 
+#include <set>
+#include <string>
+#include <vector>
+
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/files.hpp"
 
 namespace emmetrope {
 
 Json read_json(const std::filesystem::path& file) {
-  constexpr int deepest = 64;  // the parser is recursive where values are destroyed: bound it
-  const auto within = [&](int depth, Json::parse_event_t, Json&) {
+  constexpr int deepest = 64;               // the parser is recursive where values are destroyed: bound it
+  std::vector<std::set<std::string>> keys;  // of the objects that are open
+  const auto sound = [&](int depth, Json::parse_event_t event, Json& parsed) {
     if (depth > deepest)
       throw input_error(fmt::format("{} is nested deeper than {}", file.string(), deepest));
+    if (event == Json::parse_event_t::object_start) keys.emplace_back();
+    if (event == Json::parse_event_t::object_end) keys.pop_back();
+    if (event == Json::parse_event_t::key && !keys.back().insert(parsed.get<std::string>()).second)
+      throw input_error(
+          fmt::format("{}: the key {} stands twice in one object", file.string(), parsed.dump()),
+          "keep one of the two");
     return true;
   };
   try {
-    return Json::parse(read_file(file), within);
+    return Json::parse(read_file(file), sound);
   } catch (const Json::exception& fault) {
     throw input_error(file.string() + " is no valid JSON: " + fault.what());
   }

@@ -1,10 +1,12 @@
 #include "raytrace/scene/model_file.hpp"
 
+#include <assimp/DefaultIOSystem.h>
 #include <assimp/config.h>
 #include <assimp/material.h>
 #include <assimp/postprocess.h>
 #include <assimp/scene.h>
 
+#include <algorithm>
 #include <assimp/Importer.hpp>
 #include <cmath>
 #include <set>
@@ -34,11 +36,30 @@ void check_ply_header(const std::filesystem::path& file) {
     throw input_error(file.string() + " has no whole PLY header", "copy or export the file again");
 }
 
+/// Notes what the importer reads; what it looks for in vain is no input.
+class NotingFiles : public Assimp::DefaultIOSystem {
+ public:
+  explicit NotingFiles(std::vector<std::filesystem::path>& files) : files_(files) {}
+  Assimp::IOStream* Open(const char* file, const char* mode) override {
+    Assimp::IOStream* stream = DefaultIOSystem::Open(file, mode);
+    if (stream != nullptr && std::find(files_.begin(), files_.end(), file) == files_.end())
+      files_.emplace_back(file);
+    return stream;
+  }
+
+ private:
+  std::vector<std::filesystem::path>& files_;
+};
+
 /// A texture from inside the file (GLB) or from beside it.
 std::shared_ptr<const Texture> texture_of(const aiScene& scene, const aiString& path,
-                                          const std::filesystem::path& file) {
+                                          const std::filesystem::path& file,
+                                          std::vector<std::filesystem::path>& files) {
   const aiTexture* inside = scene.GetEmbeddedTexture(path.C_Str());
-  if (inside == nullptr) return read_picture(file.parent_path() / path.C_Str());
+  if (inside == nullptr) {
+    files.push_back(file.parent_path() / path.C_Str());
+    return read_picture(files.back());
+  }
   if (inside->mHeight == 0)
     return decode_picture({reinterpret_cast<const char*>(inside->pcData), inside->mWidth},
                           file.string() + ": its picture " + path.C_Str());
@@ -49,7 +70,8 @@ std::shared_ptr<const Texture> texture_of(const aiScene& scene, const aiString& 
   return std::make_shared<const Texture>(std::move(texture));
 }
 
-Material material_of(const aiScene& scene, const aiMaterial& from, const std::filesystem::path& file) {
+Material material_of(const aiScene& scene, const aiMaterial& from, const std::filesystem::path& file,
+                     std::vector<std::filesystem::path>& files) {
   Material material;
   aiColor4D colour;
   if (from.Get(AI_MATKEY_BASE_COLOR, colour) == AI_SUCCESS ||
@@ -58,7 +80,7 @@ Material material_of(const aiScene& scene, const aiMaterial& from, const std::fi
   aiString path;
   if (from.GetTexture(aiTextureType_BASE_COLOR, 0, &path) == AI_SUCCESS ||
       from.GetTexture(aiTextureType_DIFFUSE, 0, &path) == AI_SUCCESS) {
-    material.texture = texture_of(scene, path, file);
+    material.texture = texture_of(scene, path, file, files);
   }
   float shininess = 0;
   if (from.Get(AI_MATKEY_COLOR_SPECULAR, colour) == AI_SUCCESS &&
@@ -115,7 +137,8 @@ std::string fault_of(const aiScene& scene) {
 
 }  // namespace
 
-std::vector<MeshObject> read_model(const std::filesystem::path& file) {
+std::vector<MeshObject> read_model(const std::filesystem::path& file,
+                                   std::vector<std::filesystem::path>* files) {
   static const std::set<std::string> endings{".obj", ".ply", ".stl", ".gltf", ".glb"};
   const std::string ending = lower_ending(file);
   if (endings.count(ending) == 0)
@@ -125,7 +148,9 @@ std::vector<MeshObject> read_model(const std::filesystem::path& file) {
 
   if (ending == ".ply") check_ply_header(file);
 
+  std::vector<std::filesystem::path> read;
   Assimp::Importer importer;
+  importer.SetIOHandler(new NotingFiles(read));  // which the importer owns
   importer.SetPropertyInteger(AI_CONFIG_PP_SBP_REMOVE, aiPrimitiveType_POINT | aiPrimitiveType_LINE);
   importer.SetPropertyFloat(AI_CONFIG_PP_GSN_MAX_SMOOTHING_ANGLE, crease_deg);
   // Validated before anything else works on it: later steps take good indices for granted.
@@ -143,14 +168,15 @@ std::vector<MeshObject> read_model(const std::filesystem::path& file) {
   std::size_t triangles = 0;
   for (unsigned i = 0; i < scene->mNumMeshes; ++i) {
     const aiMesh& mesh = *scene->mMeshes[i];
-    objects.push_back(object_of(mesh, material_of(*scene, *scene->mMaterials[mesh.mMaterialIndex], file),
-                                ending == ".ply"));
+    objects.push_back(object_of(
+        mesh, material_of(*scene, *scene->mMaterials[mesh.mMaterialIndex], file, read), ending == ".ply"));
     triangles += objects.back().triangles.size();
   }
   if (triangles == 0) throw input_error(file.string() + " holds no triangles");
   if (triangles > most_triangles)
     throw input_error(file.string() + " holds " + std::to_string(triangles) + " triangles",
                       "reduce it to 5 million");
+  if (files != nullptr) files->insert(files->end(), read.begin(), read.end());
   return objects;
 }
 

@@ -88,7 +88,8 @@ void read_material(const Object& object, Material& material) {
   if (material.specular < 0) throw object.fault("specular", "must not be negative");
 }
 
-TexturedPlane read_plane(const Object& object, const std::filesystem::path& folder) {
+TexturedPlane read_plane(const Object& object, const std::filesystem::path& folder,
+                         std::vector<std::filesystem::path>& files) {
   if (object.has("picture") == object.has("chart"))
     throw object.fault("picture", "one of \"picture\" and \"chart\" is needed");
   TexturedPlane plane;
@@ -100,7 +101,8 @@ TexturedPlane read_plane(const Object& object, const std::filesystem::path& fold
   if (!(plane.right_mm.cross(plane.up_mm).norm() > 0))
     throw object.fault("up_mm", "right_mm and up_mm span no plane");
   if (object.has("picture")) {
-    plane.texture = read_picture(folder / object.text("picture"));
+    files.push_back(folder / object.text("picture"));
+    plane.texture = read_picture(files.back());
   } else {
     // Drawn for the angle under which the plane is seen from the apex; its place is the plane's.
     ChartSpec chart = parse_chart(object.text("chart"));
@@ -155,14 +157,16 @@ void place(std::vector<MeshObject>& objects, const Object& object) {
   }
 }
 
-std::vector<MeshObject> read_meshes(const Object& object, const std::filesystem::path& folder) {
-  std::vector<MeshObject> objects = read_model(folder / object.text("file"));
+std::vector<MeshObject> read_meshes(const Object& object, const std::filesystem::path& folder,
+                                    std::vector<std::filesystem::path>& files) {
+  std::vector<MeshObject> objects = read_model(folder / object.text("file"), &files);
   for (MeshObject& mesh : objects) {
     read_material(object, mesh.material);
     if (object.has("picture")) {
       if (mesh.texture_coordinates.empty())
         throw object.fault("picture", "the model has no texture coordinates");
-      mesh.material.texture = read_picture(folder / object.text("picture"));
+      files.push_back(folder / object.text("picture"));
+      mesh.material.texture = read_picture(files.back());
     }
   }
   place(objects, object);
@@ -178,11 +182,11 @@ void read_object(const Json& json, const std::string& where, const std::filesyst
               : with_material(
                     {"type", "centre_mm", "right_mm", "up_mm", "at_infinity", "picture", "chart", "lit"}));
   if (is_mesh) {
-    for (MeshObject& mesh : read_meshes(object, folder)) scene.meshes.push_back(std::move(mesh));
+    for (MeshObject& mesh : read_meshes(object, folder, scene.files)) scene.meshes.push_back(std::move(mesh));
     return;
   }
   if (object.text("type") != "plane") throw object.fault("type", "only \"plane\" and \"mesh\" are known");
-  TexturedPlane plane = read_plane(object, folder);
+  TexturedPlane plane = read_plane(object, folder, scene.files);
   if (object.flag("lit")) {
     scene.meshes.push_back(lit(plane, object));
     return;

@@ -1,6 +1,7 @@
 #pragma once
 #include <Eigen/Core>
 #include <array>
+#include <filesystem>
 #include <memory>
 #include <string>
 #include <vector>
@@ -59,7 +60,8 @@ struct Light {
 class Scene {
  public:
   std::string name;
-  std::vector<TexturedPlane> planes;  ///< the nearest hides what is behind it
+  std::vector<std::filesystem::path> files;  ///< that were read to make it: models, their materials, pictures
+  std::vector<TexturedPlane> planes;         ///< the nearest hides what is behind it
   std::vector<MeshObject> meshes;
   std::vector<Light> lights;            ///< they light meshes only; meshes cast shadows on meshes
   Eigen::Vector3d ambient{1, 1, 1};     ///< light from everywhere on meshes

@@ -8,6 +8,7 @@
 #include "pipeline/base/frames.hpp"
 #include "pipeline/base/log.hpp"
 #include "raytrace/eye/paraxial.hpp"
+#include "raytrace/scene/scene_model.hpp"
 #include "raytrace/tracer/trace_options.hpp"
 #include "raytrace/wavefront/wavefront.hpp"
 
@@ -191,9 +192,9 @@ Json stage_parameters(const TraceOptions& o, const CommonOptions& common) {
 }
 
 StageVerdict trace_eyes(const fs::path& case_folder, const TraceOptions& options, const CommonOptions& common,
-                        const Tracer& tracer, const StageVerdict& meshed, StageWorkspace& workspace) {
+                        const Tracer& tracer, const Scene& scene, const StageVerdict& meshed,
+                        StageWorkspace& workspace) {
   TraceSettings settings = read_settings(options);
-  const auto scene = make_scene(options.scene);
   StageVerdict verdict = meshed;  // an eye that was not meshed is missing here too
   Json eyes = Json::object();
   for (const Laterality laterality : both_eyes) {
@@ -201,7 +202,7 @@ StageVerdict trace_eyes(const fs::path& case_folder, const TraceOptions& options
     if (!fs::exists(case_folder / "meshing" / to_string(laterality) / "biometry.json")) continue;
     const MeasuredEye measured = read_measured_eye(case_folder, laterality, options.measured);
     settings.pose = read_pose(options, laterality);
-    const TraceResult result = trace_exposure(tracer, with_spectacle(measured.eye, options), *scene, settings,
+    const TraceResult result = trace_exposure(tracer, with_spectacle(measured.eye, options), scene, settings,
                                               read_exposure(options));
     for (const auto& note : result.notes) spdlog::info("{}: {}", to_string(laterality), note);
     warn_of_error(result, settings);
@@ -225,16 +226,25 @@ StageVerdict trace_eyes(const fs::path& case_folder, const TraceOptions& options
   return verdict;
 }
 
-/// A scene file, and the models and pictures that it names.
-void add_scene_inputs(StageSpec& spec, const fs::path& scene) {
-  if (!fs::is_regular_file(scene)) return;
-  spec.inputs.push_back({"scene", scene});
-  const Json objects = read_json(scene).value("objects", Json::array());
-  for (std::size_t i = 0; i < objects.size(); ++i)
-    for (const char* key : {"file", "picture"})
-      if (const Json& object = objects[i]; object.contains(key) && object[key].is_string())
-        spec.inputs.push_back({fmt::format("scene object {} {}", i, key),
-                               scene.parent_path() / object[key].get<std::string>()});
+/// What the stage reads, and nothing else that lies about in the case.
+std::vector<StageInput> inputs_of(const fs::path& case_folder, const TraceOptions& options,
+                                  const Scene& scene) {
+  std::vector<StageInput> inputs;
+  const auto add = [&](const std::string& name, const fs::path& file) {
+    if (fs::is_regular_file(file)) inputs.push_back({name, file});
+  };
+  for (const Laterality laterality : both_eyes)
+    for (const char* file : {"biometry.json", "cornea_anterior.ply", "cornea_posterior.ply",
+                             "lens_anterior.ply", "lens_posterior.ply", "retina.ply"}) {
+      const fs::path name = fs::path("meshing") / to_string(laterality) / file;
+      add(name.string(), case_folder / name);
+    }
+  add("case.json", case_folder / "case.json");
+  add("scene", options.scene);
+  for (std::size_t i = 0; i < scene.files.size(); ++i)
+    add(fmt::format("scene file {}", i + 1), scene.files[i]);
+  add("spectacle", options.spectacle);
+  return inputs;
 }
 
 Answer trace_case(TraceOptions options, const CommonOptions& common) {
@@ -250,14 +260,12 @@ Answer trace_case(TraceOptions options, const CommonOptions& common) {
   StageSpec spec;
   spec.stage = "raytrace";
   spec.parameters = stage_parameters(options, common);
-  spec.inputs = inputs_below(folder, "meshing");
-  if (fs::exists(folder / "case.json")) spec.inputs.push_back({"case.json", folder / "case.json"});
-  add_scene_inputs(spec, options.scene);
-  if (fs::is_regular_file(options.spectacle)) spec.inputs.push_back({"spectacle", options.spectacle});
+  const auto scene = make_scene(options.scene);
+  spec.inputs = inputs_of(folder, options, *scene);
   spec.uses_opencl = true;
   spec.device = tracer.device_name();
   const StageOutcome outcome = run_stage(folder, spec, common, [&](StageWorkspace& workspace) {
-    return trace_eyes(folder, options, common, tracer, meshed, workspace);
+    return trace_eyes(folder, options, common, tracer, *scene, meshed, workspace);
   });
   Answer answer;
   answer.status = outcome.verdict.status;

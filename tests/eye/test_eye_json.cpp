@@ -116,6 +116,22 @@ TEST(EyeJson, FileErrorsNameTheFile) {
   }
 }
 
+TEST(EyeJson, AKeyThatStandsTwiceIsRefused) {
+  const std::filesystem::path file = scratch("twice") / "eye.json";
+  std::string text = complete;
+  const std::string once = "\"position_mm\": 24.0";
+  text.replace(text.find(once), once.size(), once + ", \"position_mm\": 23.0");
+  write_file(file, text);
+  try {
+    read_eye(file);
+    ADD_FAILURE() << "read";
+  } catch (const Error& error) {
+    EXPECT_EQ(error.status(), ExitStatus::input_invalid);
+    EXPECT_THAT(error.what(), testing::HasSubstr("position_mm"));
+    EXPECT_THAT(error.what(), testing::HasSubstr("eye.json"));
+  }
+}
+
 TEST(EyeJson, APatientsMeshCorneaInASchematicEye) {
   const std::filesystem::path folder = scratch("mesh");
   const EyeModel navarro = make_eye("navarro");

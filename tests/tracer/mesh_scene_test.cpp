@@ -4,6 +4,7 @@
 
 #include <cmath>
 #include <fstream>
+#include <set>
 
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/frames.hpp"
@@ -275,6 +276,19 @@ TEST_F(ModelFile, IsPlacedAsAFrontViewShowsIt) {
   EXPECT_LT((box.min() - Eigen::Vector3d(-19, 2, 295)).norm(),
             1e-9);  // x to the patient's right, z towards the patient
   EXPECT_LT((box.max() - Eigen::Vector3d(1, 12, 300)).norm(), 1e-9);
+}
+
+TEST_F(ModelFile, ASceneKnowsTheFilesItWasReadFrom) {
+  write("quad.mtl", "newmtl paint\nKd 1 1 1\nmap_Kd skin.png\n");
+  write("quad.obj", quad_obj);
+  for (const char* name : {"skin.png", "print.png"})
+    write_png(folder_.path() / name, {2, 2, 1, {0, 1, 1, 0}});
+  const Scene scene = read_scene(write("scene.json", R"({"objects": [
+    {"type": "mesh", "file": "quad.obj", "position_mm": [0, 0, 500]},
+    {"type": "plane", "picture": "print.png", "centre_mm": [0, 0, 900], "right_mm": [-10, 0, 0], "up_mm": [0, 10, 0]}]})"));
+  std::set<std::string> names;
+  for (const auto& file : scene.files) names.insert(file.filename().string());
+  EXPECT_EQ(names, (std::set<std::string>{"quad.obj", "quad.mtl", "skin.png", "print.png"}));
 }
 
 TEST_F(ModelFile, BadScenesNameFileAndKey) {
