@@ -91,8 +91,8 @@ def figure(f):
     png(f.path("meshes.png"), rows)
     (xf, yf, _), (xg, yg, _) = (to_voxel([-p[0], -p[1], p[2]]) for p in (front, globe))
     across, down = xf - xg, yf - yg
-    side = ("left" if across < 0 else "right") if abs(across) > abs(down) else ("top" if down < 0 else "bottom")
-    f.sheet("fig8.png", 2, 420, ("image.png", f"slice along the axis, {name.split('.')[0]}, front of the eye on the {side}"),
+    side = ("on the left" if across < 0 else "on the right") if abs(across) > abs(down) else ("at the top" if down < 0 else "at the bottom")
+    f.sheet("fig8.png", 2, 420, ("image.png", f"slice along the axis, {name.split('.')[0]}, front of the eye {side}"),
             ("meshes.png", "the meshes in the same frame"))
     f.number(f"pieces of mesh in the slice of {name} along the axis", points, 50)
     biometry = json.loads((case / "meshing" / eye / "biometry.json").read_text())
