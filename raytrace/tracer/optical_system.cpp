@@ -229,6 +229,9 @@ OpticalSystem make_optical_system(const EyeModel& eye,
   const Bodies bodies(eye);
   system.has_body = bodies.any() && !wanted.every_surface;
   const std::vector<DeviceSurface> forms = device_surfaces(eye, wanted);
+  std::size_t floats = 0;
+  for (const DeviceSurface& form : forms) floats += form.records.size() + form.seeds.size() + 16;
+  system.records.reserve(floats);
   for (int i = static_cast<int>(eye.surfaces.size()) - 2; i >= 0; --i) {
     const Surface& surface = eye.surfaces[i];
     const Eigen::Matrix3d eye_from_surface = surface.eye_from_surface().linear();

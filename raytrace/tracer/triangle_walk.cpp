@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <numeric>
 
 namespace emmetrope::raytrace {
 namespace {
@@ -83,25 +84,29 @@ std::vector<int> seed_grid(const TriangleMesh& mesh, const std::vector<std::arra
 
 DeviceSurface triangle_walk(const TriangleMesh& mesh, const BaseConic& base) {
   const auto triangles = outward(mesh);
-  std::vector<std::pair<std::uint64_t, int>> triangle_at_edge;
-  triangle_at_edge.reserve(3 * triangles.size());
-  const auto edge = [](int a, int b) {
-    return static_cast<std::uint64_t>(a) << 32U | static_cast<std::uint32_t>(b);
+  // The triangles that leave each vertex along an edge: first[v] ... first[v + 1] of `leaving`.
+  struct Edge {
+    int to, triangle;
   };
+  std::vector<int> first(mesh.vertices.size() + 1, 0);
+  for (const auto& t : triangles)
+    for (const int vertex : t) ++first[vertex + 1];
+  std::partial_sum(first.begin(), first.end(), first.begin());
+  std::vector<Edge> leaving(3 * triangles.size());
+  std::vector<int> next(first.begin(), first.end() - 1);
   for (std::size_t f = 0; f < triangles.size(); ++f)
     for (int k = 0; k < 3; ++k)
-      triangle_at_edge.emplace_back(edge(triangles[f][k], triangles[f][(k + 1) % 3]), static_cast<int>(f));
-  std::sort(triangle_at_edge.begin(), triangle_at_edge.end());
-  const auto neighbour = [&](int a, int b) {
-    const auto found =
-        std::lower_bound(triangle_at_edge.begin(), triangle_at_edge.end(), std::pair{edge(b, a), 0});
-    const bool there = found != triangle_at_edge.end() && found->first == edge(b, a);
-    return bits(there ? found->second * floats_a_triangle : -1);
+      leaving[next[triangles[f][k]]++] = {triangles[f][(k + 1) % 3], static_cast<int>(f)};
+  const auto neighbour = [&](int a, int b) {  // across the edge from a to b
+    const auto begin = leaving.begin() + first[b], end = leaving.begin() + first[b + 1];
+    const auto found = std::find_if(begin, end, [a](const Edge& edge) { return edge.to == a; });
+    return bits(found != end ? found->triangle * floats_a_triangle : -1);
   };
 
   DeviceSurface form;
   form.kind = Operation::triangles;
   auto& records = form.records;
+  records.reserve(triangles.size() * floats_a_triangle);
   double reach = 0;
   for (const auto& [a, b, c] : triangles) {
     const Eigen::Vector3d pa = mesh.vertices[a], u = mesh.vertices[b] - pa, v = mesh.vertices[c] - pa;
