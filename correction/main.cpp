@@ -43,7 +43,15 @@ int main(int argc, char** argv) {
                    "standard deviation of the lens index; 0: known")
         ->check(CLI::Range(0.0, 0.05))
         ->capture_default_str();
-    app.add_option("--age", settings.age_years, "years; for the near point")->check(CLI::Range(0.0, 120.0));
+    app.add_option("--age", settings.what_if.age_years, "years; for the near point")
+        ->check(CLI::Range(0.0, 120.0));
+    app.add_option("--iol-target", settings.what_if.iol_target_D,
+                   "refraction that an intra-ocular lens is to leave, D, 12 mm before the cornea")
+        ->check(CLI::Range(-10.0, 5.0))
+        ->capture_default_str();
+    app.add_option("--iol-a-constant", settings.what_if.iol_a_constant, "of the intra-ocular lens (SRK)")
+        ->check(CLI::Range(110.0, 125.0))
+        ->capture_default_str();
     app.add_option("--plano-cylinder-distance", prescription.plano_cylinder_distance_mm,
                    "of the plano-cylinder, mm")
         ->check(CLI::Range(0.0, 30.0))
@@ -64,8 +72,9 @@ int main(int argc, char** argv) {
            "--lens-diameter", [&](double mm) { prescription.spectacle.semi_diameter_mm = mm / 2; },
            "of the meniscus, mm; default 50")
         ->check(CLI::Range(20.0, 90.0));
-    app.add_flag("--ablation-picture", settings.ablation_picture,
-                 "also ablated.png, ablated_wavefront_guided.png: what the eye would see after such an ablation");
+    app.add_flag(
+        "--ablation-picture", settings.ablation_picture,
+        "also ablated.png, ablated_wavefront_guided.png: what the eye would see after such an ablation");
     app.add_option("--scene", picture.scene,
                    "scene of corrected.png with --eye; a case has that of its trace stage")
         ->needs(schematic)

@@ -59,6 +59,14 @@ double distance_to_focus_D(const SharpnessValue& value) {
 
 }  // namespace
 
+OptimiserSettings coarse_search() {
+  OptimiserSettings settings;
+  settings.gradient_tolerance_per_D = 0.02;
+  settings.function_tolerance = 1e-3;
+  settings.max_iterations = 12;
+  return settings;
+}
+
 Optimum climb(const SharpnessFunction& sharpness, const Eigen::VectorXd& start, const Bounds& bounds,
               const OptimiserSettings& settings) {
   if (!bounds.contain(start))

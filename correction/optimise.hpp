@@ -31,6 +31,9 @@ struct OptimiserSettings {
   double accepted_gradient_per_D = 0.02;
 };
 
+/// For a coarse picture, whose optimum need only come near enough for a finer one to take over.
+OptimiserSettings coarse_search();
+
 struct Optimum {
   Eigen::VectorXd lens;
   double sharpness = 0;

@@ -45,15 +45,6 @@ std::vector<Climbed> worthwhile(std::vector<Climbed> sorted) {
   return sorted;
 }
 
-/// Coarse levels need only come near enough for the next to take over.
-OptimiserSettings coarse_settings() {
-  OptimiserSettings settings;
-  settings.gradient_tolerance_per_D = 0.02;
-  settings.function_tolerance = 1e-3;
-  settings.max_iterations = 12;
-  return settings;
-}
-
 }  // namespace
 
 std::vector<ImagingLevel> imaging_levels(Measure measure, double pupil_mm, double wavelength_nm,
@@ -93,7 +84,7 @@ SearchResult find_sharpest(const raytrace::Tracer& tracer,
     for (Climbed& one : climbed) {
       const RetinalSharpness sharpness(tracer, scene, eye, one.family, level);
       one.end = climb(std::cref(sharpness), one.end.lens, one.family.bounds,
-                      last ? OptimiserSettings{} : coarse_settings());
+                      last ? OptimiserSettings{} : coarse_search());
       result.images += sharpness.images();
     }
     climbed = distinct(std::move(climbed), last ? same_optimum_D : same_coarse_optimum_D);

@@ -9,7 +9,6 @@
 #include "correction/ablation.hpp"
 #include "correction/notation.hpp"
 #include "correction/sweep.hpp"
-#include "correction/what_if.hpp"
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/files.hpp"
 #include "pipeline/base/version.hpp"
@@ -40,7 +39,9 @@ Json parameters_of(const CorrectionSettings& settings, const CommonOptions& comm
           {"instruments", to_json(settings.known.instruments)},
           {"known_refractions", settings.known.refractions},
           {"ablation_picture", settings.ablation_picture},
-          {"age_years", settings.age_years ? Json(*settings.age_years) : Json(nullptr)},
+          {"age_years", settings.what_if.age_years ? Json(*settings.what_if.age_years) : Json(nullptr)},
+          {"iol_target_D", settings.what_if.iol_target_D},
+          {"iol_a_constant", settings.what_if.iol_a_constant},
           {"seed", common.seed},
           {"laterality", common.laterality == LateralityChoice::both ? "both"
                          : common.laterality == LateralityChoice::od ? "od"
@@ -88,8 +89,8 @@ void follow_trace_stage(const fs::path& case_folder, CorrectionSettings& setting
     picture.centre_mm = {fovea_mm[0], fovea_mm[1]};
     if (settings.prescription.fovea_mm.isZero()) settings.prescription.fovea_mm = picture.centre_mm;
     if (!parameters.at("lens_index").is_null()) settings.lens_index_sigma = 0;
-    if (!settings.age_years && parameters.at("age_years").is_number())
-      settings.age_years = parameters.at("age_years").get<double>();
+    if (!settings.what_if.age_years && parameters.at("age_years").is_number())
+      settings.what_if.age_years = parameters.at("age_years").get<double>();
   } catch (const nlohmann::json::exception& fault) {
     throw input_error(std::string("raytrace/stage.json: ") + fault.what(),
                       "run \"emmetrope trace --force\" on the case");
@@ -139,7 +140,7 @@ void write_eye_files(const fs::path& folder, const raytrace::Tracer& tracer, con
   const PictureSettings& picture = settings.picture;
   fs::create_directories(folder);
   Json prescription = to_json(result.prescription, result.uncertainty, laterality);
-  prescription["what_if"] = what_if_json(eye, p, result.prescription.refraction, settings.age_years);
+  prescription["what_if"] = what_if_json(eye, p, result.prescription.refraction, settings.what_if);
   write_json(folder / "prescription.json", prescription);
   write_file(folder / "sweep.csv", sweep_csv(result.prescription.plano_cylinder));
   write_file(folder / "sweep.svg", sweep_svg(result.prescription.plano_cylinder, p.criterion));
@@ -196,10 +197,10 @@ Answer correct_case(const fs::path& case_folder, CorrectionSettings settings, co
   const CaseLock lock(case_folder, false);
   const StageVerdict traced = read_verdict(case_folder, "raytrace");
   follow_trace_stage(case_folder, settings);
-  if (!settings.age_years && fs::exists(case_folder / "case.json")) {
+  if (!settings.what_if.age_years && fs::exists(case_folder / "case.json")) {
     const Json subject = read_json(case_folder / "case.json").value("subject", Json::object());
     if (subject.contains("age_years") && subject["age_years"].is_number())
-      settings.age_years = subject["age_years"].get<double>();
+      settings.what_if.age_years = subject["age_years"].get<double>();
   }
   const std::map<Laterality, KnownData> known = parse_known_data(settings.known);
   std::vector<Laterality> eyes;
@@ -290,12 +291,13 @@ Answer correct_eye(const EyeModel& eye, const fs::path& output, const Correction
   if (!parse_known_data(settings.known).empty())
     throw usage_error("measurements from elsewhere are learnt about a measured eye; --eye is known exactly",
                       "leave them out, or name a CASE");
+  fs::create_directories(output);  // where that fails, at once
   const raytrace::Tracer tracer(common.device, common.threads);
   EyeResult result{prescribe(tracer, eye, settings.prescription), {}};
   result.uncertainty = uncertainty_of(result.prescription, nullptr);
   write_eye_files(output, tracer, eye, result, settings, common.seed, "");
   Answer answer;
-  answer.json = to_json(result.prescription, result.uncertainty, "");
+  answer.json = read_json(output / "prescription.json");
   answer.text = summary(eye.name, result) + std::string(research_notice) + "\n";
   return answer;
 }

@@ -6,6 +6,7 @@
 
 #include "correction/known_data.hpp"
 #include "correction/prescription.hpp"
+#include "correction/what_if.hpp"
 #include "pipeline/base/case_folder.hpp"
 #include "pipeline/base/command_line.hpp"
 
@@ -26,7 +27,7 @@ struct CorrectionSettings {
   PrescriptionSettings prescription;
   PictureSettings picture;
   double lens_index_sigma = 0.005;  ///< prior of a measured eye's lens index; 0 where it is known
-  std::optional<double> age_years;  ///< for the near point; a case's own where none is given
+  WhatIfSettings what_if;           ///< a case's own age where none is given
   KnownDataFlags known;
   bool ablation_picture = false;  ///< what the eye sees after an ablation of its refraction: ablated.png
 };

@@ -64,20 +64,23 @@ double mean_keratometry_D(const EyeModel& eye) {
   return sum_D / 4;
 }
 
-Json iol_json(const EyeModel& eye, const PrescriptionSettings& settings) {
-  constexpr double a_constant = 118.4;
+Json iol_json(const EyeModel& eye, const PrescriptionSettings& settings, const WhatIfSettings& what_if) {
+  constexpr double vertex_mm = 12;
+  const double a_constant = what_if.iol_a_constant, target_D = what_if.iol_target_D;
+  const double target_at_cornea_D = move_towards_eye({target_D, 0, 0}, vertex_mm).M_D;
   const IolBiometry biometry{eye.axial_length_mm(), mean_keratometry_D(eye),
                              eye.surface("lens_anterior").position_mm};
   const ThinLensEye srkt = srkt_eye(biometry, a_constant);
-  return {{"target_M_D", 0},
+  return {{"target_M_D", target_D},
+          {"target_vertex_distance_mm", vertex_mm},
           {"a_constant", a_constant},
           {"position_mm", srkt.lens_mm},
-          {"ray_traced_D",
-           ray_traced_iol_D(with_pupil(eye, settings.pupil_mm), srkt.lens_mm, 0, settings.wavelength_nm)},
-          {"srkt_D", iol_power_D(srkt, 0)},
-          {"holladay_1_D", iol_power_D(holladay_eye(biometry, a_constant), 0)},
-          {"hoffer_q_D", iol_power_D(hoffer_q_eye(biometry, a_constant), 0)},
-          {"haigis_D", iol_power_D(haigis_eye(biometry, a_constant), 0)}};
+          {"ray_traced_D", ray_traced_iol_D(with_pupil(eye, settings.pupil_mm), srkt.lens_mm,
+                                            target_at_cornea_D, settings.wavelength_nm)},
+          {"srkt_D", iol_power_D(srkt, target_D)},
+          {"holladay_1_D", iol_power_D(holladay_eye(biometry, a_constant), target_D)},
+          {"hoffer_q_D", iol_power_D(hoffer_q_eye(biometry, a_constant), target_D)},
+          {"haigis_D", iol_power_D(haigis_eye(biometry, a_constant), target_D)}};
 }
 
 /// Root mean square of the aberrations over the ablation's zone, with what no Zernike term describes.
@@ -110,14 +113,14 @@ Json ablation_json(const EyeModel& eye, const PrescriptionSettings& settings,
 }  // namespace
 
 Json what_if_json(const EyeModel& eye, const PrescriptionSettings& settings, const PowerVector& refraction,
-                  std::optional<double> age_years) {
+                  const WhatIfSettings& what_if) {
   const PowerVector at_cornea = move_towards_eye(refraction, settings.vertex_distance_mm);
   Json json;
   json["pupil"] = pupil_json(eye, settings);
-  if (age_years) {
-    const Amplitude amplitude = accommodation_amplitude(*age_years);
+  if (what_if.age_years) {
+    const Amplitude amplitude = accommodation_amplitude(*what_if.age_years);
     json["accommodation"] = {
-        {"age_years", *age_years},
+        {"age_years", *what_if.age_years},
         {"amplitude_D", amplitude.average_D},
         {"minimum_amplitude_D", amplitude.minimum_D},
         {"near_point_mm", finite_or_null(near_point_mm(at_cornea.M_D, amplitude.average_D))},
@@ -132,7 +135,7 @@ Json what_if_json(const EyeModel& eye, const PrescriptionSettings& settings, con
       return {{"reason", error.what()}};
     }
   };
-  json["intra_ocular_lens"] = or_reason([&] { return iol_json(eye, settings); });
+  json["intra_ocular_lens"] = or_reason([&] { return iol_json(eye, settings, what_if); });
   json["ablation"] =
       or_reason([&] { return ablation_json(eye, settings, munnerlyn_profile(eye, at_cornea)); });
   json["wavefront_guided_ablation"] = or_reason([&] {

@@ -31,10 +31,16 @@ EyeModel with_iol(EyeModel eye, double power_D, double position_mm);
 double ray_traced_iol_D(const EyeModel& eye, double position_mm, double target_at_cornea_D,
                         double wavelength_nm);
 
+struct WhatIfSettings {
+  std::optional<double> age_years;  ///< for the near point
+  double iol_target_D = 0;          ///< refraction that an IOL is to leave, 12 mm before the cornea
+  double iol_a_constant = 118.4;    ///< of the IOL, for the formulas and for its place
+};
+
 /// All of it for one eye, as prescription.json's "what_if": refraction against pupil, near point by age
-/// (where an age is given), the IOL for emmetropia by rays and by four formulas, and what an ablation of this
-/// refraction would leave. \param refraction  at the settings' vertex distance
+/// (where an age is given), the IOL by rays and by four formulas, and what two ablations of this refraction
+/// would leave. \param refraction  at the settings' vertex distance
 Json what_if_json(const EyeModel& eye, const PrescriptionSettings& settings, const PowerVector& refraction,
-                  std::optional<double> age_years);
+                  const WhatIfSettings& what_if);
 
 }  // namespace emmetrope::correction

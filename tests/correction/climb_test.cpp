@@ -16,14 +16,6 @@ constexpr double entrance_pupil_mm = 3.3;
 
 Bounds box() { return {Eigen::Vector3d::Constant(-30), Eigen::Vector3d::Constant(30)}; }
 
-OptimiserSettings coarse_settings() {
-  OptimiserSettings settings;
-  settings.gradient_tolerance_per_D = 0.02;
-  settings.function_tolerance = 1e-3;
-  settings.max_iterations = 12;
-  return settings;
-}
-
 TEST(Climb, ConvergesFromEightDioptresAway) {
   std::mt19937_64 random(11);
   std::uniform_real_distribution<double> unit(-1, 1);
@@ -31,7 +23,7 @@ TEST(Climb, ConvergesFromEightDioptresAway) {
     const Eigen::Vector3d focus(8 * unit(random), 2 * unit(random), 2 * unit(random));
     const auto rays = aberrated_pupil(entrance_pupil_mm, focus, 0.03, 6);
     const Optimum coarse = climb(geometric_sharpness(rays, Measure::gradient_energy, 8),
-                                 Eigen::Vector3d::Zero(), box(), coarse_settings());
+                                 Eigen::Vector3d::Zero(), box(), coarse_search());
     const Optimum fine =
         climb(geometric_sharpness(rays, Measure::gradient_energy, 1), coarse.lens, box(), {});
     ASSERT_TRUE(fine.converged) << fine.reason;

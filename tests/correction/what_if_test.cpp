@@ -88,6 +88,21 @@ TEST(WhatIf, RayTracedLensHitsItsTargetAndIsNearTheFormula) {
   EXPECT_NEAR(power_D, iol_power_D(formula, 0), 1.0);
 }
 
+TEST(WhatIf, IolLeavesTheTargetRefraction) {
+  const EyeModel eye = make_eye("navarro");
+  WhatIfSettings what_if;
+  what_if.iol_target_D = -2;
+  what_if.iol_a_constant = 119;
+  const Json iol = what_if_json(eye, {}, {}, what_if)["intra_ocular_lens"];
+  const EyeModel operated = with_iol(eye, iol["ray_traced_D"], iol["position_mm"]);
+  EXPECT_NEAR(refraction_by_spot(operated, {}).M_D, -2, 0.005);
+  what_if.iol_target_D = 0;
+  const Json emmetropic = what_if_json(eye, {}, {}, what_if)["intra_ocular_lens"];
+  // 2 D at the spectacles are about 2.7 D in the lens.
+  for (const char* formula : {"ray_traced_D", "srkt_D", "holladay_1_D", "hoffer_q_D", "haigis_D"})
+    EXPECT_NEAR(iol[formula].get<double>() - emmetropic[formula].get<double>(), 2.7, 0.3) << formula;
+}
+
 /// Gullstrand-Emsley's eye, whose cornea is a sphere, made myopic.
 EyeModel myopic_eye() {
   EyeModel eye = with_pupil(make_eye("gullstrand-emsley"), 3);
