@@ -179,9 +179,12 @@ Eigen::Vector3d head_shift(const EyeData& eye, const std::string& stack) {
   return Eigen::Vector3d::Zero();
 }
 
-std::optional<double> value_of(const Json& json, const std::string& key) {
-  if (!json.is_object() || !json.contains(key)) return std::nullopt;
-  const Json& found = json[key];
+std::optional<double> value_of(const Json& json, const std::string& key) { return value_at(json, "/" + key); }
+
+std::optional<double> value_at(const Json& json, const std::string& pointer) {
+  const Json::json_pointer at(pointer);
+  if (!json.is_object() || !json.contains(at)) return std::nullopt;
+  const Json& found = json.at(at);
   if (found.is_number()) return found.get<double>();
   if (found.is_object() && found.contains("value") && found["value"].is_number())
     return found["value"].get<double>();

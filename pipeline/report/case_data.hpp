@@ -67,5 +67,7 @@ Eigen::Vector3d head_shift(const EyeData& eye, const std::string& stack);
 
 /// A number of a JSON document that may be plain or measured; nothing where it is missing or null.
 std::optional<double> value_of(const Json& json, const std::string& key);
+/// The same by a JSON pointer, "/keratometry/flat/power_D".
+std::optional<double> value_at(const Json& json, const std::string& pointer);
 
 }  // namespace emmetrope::report

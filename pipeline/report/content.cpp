@@ -24,9 +24,11 @@ Document make_document(const CaseData& data, const ContentOptions& options, Note
   document.sections.push_back(cornea_section(data, notes));
   document.sections.push_back(optics_section(data, notes));
   document.sections.push_back(correction_section(data, notes));
+  document.sections.push_back(lenses_section(data));
   document.sections.push_back(limits_section(data, notes));
   document.sections.push_back(methods_section(data));
   document.sections.push_back(provenance_section(data));
+  document.sections.push_back(review_section());
   const auto is_empty = [](const Section& section) { return section.blocks.empty(); };
   document.sections.erase(std::remove_if(document.sections.begin(), document.sections.end(), is_empty),
                           document.sections.end());

@@ -25,8 +25,10 @@ Section images_section(const CaseData& data, Notes& notes);
 Section cornea_section(const CaseData& data, Notes& notes);
 Section optics_section(const CaseData& data, Notes& notes);
 Section correction_section(const CaseData& data, Notes& notes);
+Section lenses_section(const CaseData& data);
 Section limits_section(const CaseData& data, const Notes& notes);
 Section methods_section(const CaseData& data);
+Section review_section();
 Section provenance_section(const CaseData& data);
 
 }  // namespace emmetrope::report

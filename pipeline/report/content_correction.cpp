@@ -1,18 +1,12 @@
 #include <fmt/format.h>
 
-#include <cstring>
-
 #include "pipeline/report/chart.hpp"
 #include "pipeline/report/content.hpp"
+#include "pipeline/report/content_tables.hpp"
 #include "pipeline/report/judgement.hpp"
-#include "pipeline/report/numbers.hpp"
 
 namespace emmetrope::report {
 namespace {
-
-using Eyes = std::vector<const EyeData*>;
-
-std::string short_name(const EyeData& eye) { return eye.laterality == Laterality::od ? "OD" : "OS"; }
 
 bool ends_with(const std::string& text, const std::string& ending) {
   return text.size() >= ending.size() &&
@@ -34,14 +28,6 @@ std::string words(const std::string& key) {
   std::string text;
   for (const char c : key)
     if (std::isalnum(static_cast<unsigned char>(c)) != 0 || c == '_') text += c == '_' ? ' ' : c;
-  return text;
-}
-
-/// The stages write ASCII.
-std::string with_symbols(std::string text) {
-  for (const auto& [ascii, symbol] : {std::pair{"+-", "\u00b1"}, std::pair{" um", " \u00b5m"}})
-    for (auto at = text.find(ascii); at != std::string::npos; at = text.find(ascii, at + 1))
-      text.replace(at, std::strlen(ascii), symbol);
   return text;
 }
 
@@ -83,34 +69,6 @@ Figure sharpness_figure(const EyeData& eye) {
                     i + 2, i + 1, colours[i % colours.size()], words(sweep.names[measures[i]]));
   return draw_chart(figure, script + "\n") ? figure : Figure();
 }
-
-/// A table whose rows hold M, J0 and J45 of each eye.
-class PowerTable {
- public:
-  PowerTable(std::string caption, std::string first, const Eyes& eyes, NumberStyle style)
-      : table_{std::move(caption), {std::move(first)}, {}}, style_(std::move(style)) {
-    for (const auto* eye : eyes)
-      for (const char* part : {" M", " J0", " J45"}) table_.header.push_back(short_name(*eye) + part);
-  }
-
-  /// \param powers  one for each eye; null where there is none
-  void add(const std::string& name, const std::vector<Json>& powers) {
-    std::vector<std::string> row{with_symbols(name)};
-    bool any = false;
-    for (const auto& power : powers)
-      for (const char* key : {"M_D", "J0_D", "J45_D"}) {
-        const auto value = value_of(power, key);
-        any = any || value.has_value();
-        row.push_back(value ? format(*value, style_) : "\u2013");
-      }
-    if (any) table_.rows.push_back(row);
-  }
-  const Table& table() const { return table_; }
-
- private:
-  Table table_;
-  NumberStyle style_;
-};
 
 Table criteria_table(const Eyes& eyes) {
   PowerTable table("The refraction by several criteria", "Criterion", eyes, {2, true, "D"});
@@ -154,28 +112,6 @@ Table joined_table(const Eyes& eyes, const char* list_key, const char* name_key,
   return table.table();
 }
 
-Table cylinder_table(const Eyes& eyes) {
-  Table table{"Best plano-cylinder", {"Quantity"}, {}};
-  for (const auto* eye : eyes) table.header.push_back(short_name(*eye));
-  for (const auto& [key, name, style] :
-       {std::tuple{"radius_mm", "Radius of the back surface", NumberStyle{1, true, "mm"}},
-        std::tuple{"power_D", "Power", NumberStyle{2, true, "D"}},
-        std::tuple{"axis_deg", "Axis (meridian without power)", NumberStyle{0, false, "deg"}},
-        std::tuple{"index", "Refractive index", NumberStyle{3, false, ""}},
-        std::tuple{"vertex_distance_mm", "In front of the cornea", NumberStyle{0, false, "mm"}},
-        std::tuple{"sharpness", "Sharpness reached", NumberStyle{4, false, ""}}}) {
-    std::vector<std::string> row{name};
-    bool any = false;
-    for (const auto* eye : eyes) {
-      const auto value = value_of(eye->prescription.value("plano_cylinder", Json()), key);
-      any = any || value.has_value();
-      row.push_back(value ? format(*value, style) : "\u2013");
-    }
-    if (any) table.rows.push_back(row);
-  }
-  return table;
-}
-
 }  // namespace
 
 Section correction_section(const CaseData& data, Notes& notes) {
@@ -191,7 +127,10 @@ Section correction_section(const CaseData& data, Notes& notes) {
         joined_table(eyes, "if_measured", "measurement",
                      "What a measurement would leave (1 standard deviation)", "If this were known")})
     if (!table.rows.empty()) section.blocks.push_back({table});
-  if (const Table table = cylinder_table(eyes); !table.rows.empty())
+  if (const Table table = eye_table("Sharpness of the retinal image", eyes, &EyeData::prescription,
+                                    {{"/sharpness/without_lens", "Without a lens", {4, false, ""}},
+                                     {"/sharpness/with_lens", "With the best lens", {4, false, ""}}});
+      !table.rows.empty())
     section.blocks.push_back({table, Paper::never});
   FigureRow charts;
   charts.caption =

@@ -7,6 +7,7 @@
 #include "pipeline/report/cornea_map.hpp"
 #include "pipeline/report/encoding.hpp"
 #include "pipeline/report/numbers.hpp"
+#include "pipeline/report/series.hpp"
 #include "pipeline/report/slices.hpp"
 #include "pipeline/report/still.hpp"
 
@@ -164,6 +165,8 @@ Section images_section(const CaseData& data, Notes& notes) {
                                        [](const EyeData& eye) { return fs::exists(eye.mesh("retina")); });
   const std::string look =
       any_surface ? "Contours should follow the edges: cornea blue, lens orange, inner retina pink." : "";
+  if (const Table series = series_table(data); !series.rows.empty())
+    section.blocks.push_back({series, Paper::if_room});
   FigureRow printed{{}, look, true}, more{{}, look, true};
   for (const auto& eye : data.eyes) {
     const auto centre = globe_centre(eye);
@@ -190,7 +193,7 @@ Section images_section(const CaseData& data, Notes& notes) {
     if (!overlays.figures.empty())
       section.blocks.push_back({overlays, eye.biometry.is_object() ? Paper::never : Paper::always});
   }
-  if (!section.blocks.empty())
+  if (!printed.figures.empty())
     section.blocks.push_back(
         {Paragraph{"Slices are in the patient's axes through the middle of the globe, in radiological "
                    "convention: the patient's "

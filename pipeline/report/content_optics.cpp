@@ -3,10 +3,10 @@
 #include "pipeline/base/error.hpp"
 #include "pipeline/report/chart.hpp"
 #include "pipeline/report/content.hpp"
+#include "pipeline/report/content_tables.hpp"
 #include "pipeline/report/encoding.hpp"
 #include "pipeline/report/judgement.hpp"
 #include "pipeline/report/letter_chart.hpp"
-#include "pipeline/report/numbers.hpp"
 #include "pipeline/report/reference_mtf.hpp"
 #include "raytrace/eye/zernike.hpp"
 
@@ -14,8 +14,7 @@ namespace emmetrope::report {
 namespace {
 
 constexpr int picture_px = 300;
-
-std::string short_name(const EyeData& eye) { return eye.laterality == Laterality::od ? "OD" : "OS"; }
+constexpr std::size_t drawn_terms = 21;  ///< to the fifth order
 
 std::optional<Wavefront> wavefront_of(const EyeData& eye) {
   const auto pupil = value_of(eye.wavefront, "pupil_mm"),
@@ -52,22 +51,37 @@ Figure chart_figure(const EyeData& eye, const std::string& name, const std::stri
   return figure;
 }
 
-Figure zernike_figure(const EyeData& eye, const Wavefront& wavefront) {
+/// \param range_um  [low, high] of the ordinate, the same for both eyes
+Figure zernike_figure(const EyeData& eye, const Wavefront& wavefront, const std::array<double, 2>& range_um) {
   Figure figure = chart_figure(eye, "zernike", "Zernike coefficients");
   figure.alt = "Bars of the Zernike coefficients of second to fifth order";
-  const std::size_t end = std::min<std::size_t>(wavefront.zernike_um.size(), 21);
+  const std::size_t end = std::min(wavefront.zernike_um.size(), drawn_terms);
   std::string script = "$bars << EOD\n";
   for (std::size_t i = 3; i < end; ++i) {
     const ZernikeIndex term = zernike_index(static_cast<int>(i));
     script += fmt::format("{} {:.5f} \"{},{}\"\n", i, wavefront.zernike_um[i], term.n, term.m);
   }
   script += fmt::format(
-      "EOD\nset style fill solid 0.85\nset boxwidth 0.7\nunset key\nset xzeroaxis lt 1 lc rgb '{}'\n"
-      "set ylabel 'Coefficient (\u00b5m)'\nset xlabel 'Zernike term n,m (OSA/ANSI)' offset 0,-0.5\n"
+      "EOD\nset style fill solid 0.85\nset boxwidth 0.7\nunset key\nset xzeroaxis lt 1 lc rgb '{0}'\n"
+      "set yrange [{2:.3f}:{3:.3f}]\nset ylabel 'Coefficient (\u00b5m)'\nset xlabel 'Zernike term n,m "
+      "(OSA/ANSI)' offset 0,-0.5\n"
       "set tics scale 0.4\nset xtics rotate by -70 font ',9'\nplot $bars using 1:2:xtic(3) with boxes lc rgb "
-      "'{}'\n",
-      quiet_colour, first_colour);
+      "'{1}'\n",
+      quiet_colour, first_colour, range_um[0], range_um[1]);
   return draw_chart(figure, script) ? figure : Figure();
+}
+
+/// From the least to the largest coefficient that is drawn, of both eyes, with some room.
+std::array<double, 2> zernike_range_um(const CaseData& data) {
+  double low = 0, high = 0;
+  for (const auto& eye : data.eyes)
+    if (const auto wavefront = wavefront_of(eye))
+      for (std::size_t i = 3; i < std::min(wavefront->zernike_um.size(), drawn_terms); ++i) {
+        low = std::min(low, wavefront->zernike_um[i]);
+        high = std::max(high, wavefront->zernike_um[i]);
+      }
+  const double room = std::max(0.05 * (high - low), 1e-3);
+  return {low - room, high + room};
 }
 
 Figure mtf_figure(const EyeData& eye, const Wavefront& wavefront, const std::optional<PowerVector>& lens) {
@@ -158,32 +172,29 @@ Figure letters_figure(const EyeData& eye, const PointSpread& spread, const std::
   return figure;
 }
 
-/// A ratio too small for its decimals keeps two digits.
-std::string ratio_or(double value, const NumberStyle& style) {
-  const bool is_small = style.unit.empty() && value > 0 && value < 0.5 * std::pow(10.0, -style.decimals);
-  return is_small ? fmt::format("{:.1e}", value) : format(value, style);
+const std::vector<EyeRow>& wavefront_rows() {
+  static const std::vector<EyeRow> rows{
+      {"/pupil_mm", "Entrance pupil", {2, false, "mm"}},
+      {"/wavelength_nm", "Wavelength", {1, false, "nm"}},
+      {"/rms_um", "Wavefront error, rms", {3, false, "\u00b5m"}},
+      {"/higher_order_rms_um", "Higher orders alone, rms", {3, false, "\u00b5m"}},
+      {"/strehl", "Strehl ratio", {3, false, ""}},
+      {"/vsotf", "Visual Strehl ratio (VSOTF)", {3, false, ""}}};
+  return rows;
 }
 
-/// One eye a column.
-Table wavefront_table(const std::vector<const EyeData*>& eyes) {
-  Table table{"Wavefront", {"Quantity"}, {}};
-  for (const auto* eye : eyes) table.header.push_back(short_name(*eye));
-  for (const auto& [key, name, style] :
-       {std::tuple{"pupil_mm", "Entrance pupil", NumberStyle{2, false, "mm"}},
-        std::tuple{"wavelength_nm", "Wavelength", NumberStyle{1, false, "nm"}},
-        std::tuple{"rms_um", "Wavefront error, rms", NumberStyle{3, false, "\u00b5m"}},
-        std::tuple{"higher_order_rms_um", "Higher orders alone, rms", NumberStyle{3, false, "\u00b5m"}},
-        std::tuple{"strehl", "Strehl ratio", NumberStyle{3, false, ""}},
-        std::tuple{"vsotf", "Visual Strehl ratio (VSOTF)", NumberStyle{3, false, ""}}}) {
-    std::vector<std::string> row{name};
-    bool any = false;
-    for (const auto* eye : eyes) {
-      const auto value = value_of(eye->wavefront, key);
-      any = any || value.has_value();
-      row.push_back(value ? ratio_or(*value, style) : "\u2013");
-    }
-    if (any) table.rows.push_back(row);
+/// The numbers behind the bars, for readers who do not see them.
+Table zernike_table(const Eyes& eyes) {
+  std::vector<EyeRow> rows;
+  std::size_t count = 0;
+  for (const auto* eye : eyes) count = std::max(count, eye->wavefront.at("zernike_um").size());
+  for (std::size_t i = 0; i < count; ++i) {
+    const ZernikeIndex term = zernike_index(static_cast<int>(i));
+    rows.push_back(
+        {fmt::format("/zernike_um/{}", i), fmt::format("{},{}", term.n, term.m), {4, true, "\u00b5m"}});
   }
+  Table table = eye_table("Zernike coefficients n,m (OSA/ANSI)", eyes, &EyeData::wavefront, rows);
+  table.folded = true;
   return table;
 }
 
@@ -191,7 +202,7 @@ Table wavefront_table(const std::vector<const EyeData*>& eyes) {
 
 Section optics_section(const CaseData& data, Notes& notes) {
   Section section{"optics", "What the eye does to light", {}};
-  std::vector<const EyeData*> eyes;
+  Eyes eyes;
   FigureRow zernike, mtf, letters, spreads;
   zernike.caption =
       "2,0 is defocus, 2,\u00b12 astigmatism, 3,\u00b11 coma, 4,0 spherical aberration. Second order is what "
@@ -206,12 +217,13 @@ Section optics_section(const CaseData& data, Notes& notes) {
       "The "
       "smallest line whose letters can be told apart is about the acuity that the optics allow.";
   spreads.caption = "A point of light on the retina; each picture is scaled to its own peak.";
+  const std::array<double, 2> range_um = zernike_range_um(data);
   for (const auto& eye : data.eyes) {
     const auto wavefront = wavefront_of(eye);
     if (!wavefront) continue;
     eyes.push_back(&eye);
     const auto lens = lens_in_pupil(data, eye, *wavefront);
-    const Figure bars = zernike_figure(eye, *wavefront), curves = mtf_figure(eye, *wavefront, lens);
+    const Figure bars = zernike_figure(eye, *wavefront, range_um), curves = mtf_figure(eye, *wavefront, lens);
     if (!bars.svg.empty()) zernike.figures.push_back(bars);
     if (!curves.svg.empty()) mtf.figures.push_back(curves);
     if (bars.svg.empty() || curves.svg.empty())
@@ -226,10 +238,11 @@ Section optics_section(const CaseData& data, Notes& notes) {
     if (lens) show(*lens, "after", "with the lens");
   }
   if (eyes.empty()) return section;
-  section.blocks.push_back({wavefront_table(eyes)});
+  section.blocks.push_back({eye_table("Wavefront", eyes, &EyeData::wavefront, wavefront_rows())});
   for (FigureRow* row : {&zernike, &mtf, &letters})
     if (!row->figures.empty()) section.blocks.push_back({*row});
   section.blocks.push_back({spreads, Paper::if_room});
+  section.blocks.push_back({zernike_table(eyes), Paper::never});
   return section;
 }
 

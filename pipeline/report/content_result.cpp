@@ -1,7 +1,7 @@
 #include <fmt/format.h>
 
-#include "pipeline/base/files.hpp"
 #include "pipeline/report/content.hpp"
+#include "pipeline/report/encoding.hpp"
 #include "pipeline/report/judgement.hpp"
 #include "pipeline/report/normal_ranges.hpp"
 #include "pipeline/report/numbers.hpp"
@@ -28,8 +28,6 @@ void add_measured(Table& table, const Json& json, const std::string& key, const 
   const auto measured = found.get<Measured>();
   table.rows.push_back({name, format(measured.value, style), format_interval(measured, style)});
 }
-
-std::string png_bytes(const std::filesystem::path& file) { return file.empty() ? "" : read_file(file); }
 
 EyeCard card_of(const CaseData& data, const EyeData& eye) {
   const Judgement judgement = judge(data, eye);
@@ -64,8 +62,8 @@ EyeCard card_of(const CaseData& data, const EyeData& eye) {
   const Json calibration = prescription.value("calibration", Json());
   if (calibration.is_object())
     card.note += ". " + calibration.value("text", std::string("A known refraction was given as data."));
-  card.before_png = png_bytes(eye.uncorrected_png);
-  card.after_png = png_bytes(eye.corrected_png);
+  card.before_png = page_png(eye.uncorrected_png);
+  card.after_png = page_png(eye.corrected_png);
   card.picture_caption =
       std::string(
           "The same chart on the retina of this eye, upright as the patient perceives it: before, with no "
@@ -95,6 +93,29 @@ Cells cells_of(const EyeData& eye, const BiometryRow& row) {
   const bool is_unusual = row.low != row.high && (measured.value < row.low || measured.value > row.high);
   return {format(measured.value, row.style) + (is_unusual ? " (!)" : ""),
           format_interval(measured, row.style), source_name(measured.source)};
+}
+
+/// "OD (right): K1 42.39 D @ 2 deg, K2 45.06 D @ 92 deg, dK 2.67 D, with-the-rule", as keratometers print it.
+BulletList keratometer_lines(const CaseData& data) {
+  BulletList lines;
+  for (const auto& eye : data.eyes) {
+    const auto number = [&](const char* pointer, const NumberStyle& style) {
+      const auto value = value_at(eye.biometry, pointer);
+      return value ? format(*value, style) : std::string("\u2013");
+    };
+    const NumberStyle power{2, false, "D"}, axis{0, false, "deg"};
+    if (!value_at(eye.biometry, "/keratometry/flat/power_D")) continue;
+    std::string line =
+        fmt::format("{}: K1 {} @ {}, K2 {} @ {}, \u0394K {}", clinical_name(eye.laterality),
+                    number("/keratometry/flat/power_D", power), number("/keratometry/flat/axis_deg", axis),
+                    number("/keratometry/steep/power_D", power), number("/keratometry/steep/axis_deg", axis),
+                    number("/keratometry/cylinder_D", power));
+    const Json astigmatism = eye.biometry.value("astigmatism", Json::object());
+    if (astigmatism.is_object() && astigmatism.contains("type") && astigmatism["type"].is_string())
+      line += ", " + astigmatism["type"].get<std::string>();
+    lines.items.push_back(line);
+  }
+  return lines;
 }
 
 Table measured_table(const CaseData& data, const std::vector<BiometryRow>& rows, const std::string& caption) {
@@ -142,19 +163,13 @@ Section result_section(const CaseData& data) {
 
 Section measured_section(const CaseData& data) {
   Section section{"measured", "What was measured", {}};
-  Table biometry = measured_table(data, biometry_rows(), "Biometry");
-  Table keratometry = measured_table(data, keratometry_rows(), "Keratometry and corneal astigmatism");
+  const Table biometry = measured_table(data, biometry_rows(), "Biometry");
+  const Table keratometry = measured_table(data, keratometry_rows(), "Keratometry and corneal astigmatism");
   if (biometry.rows.empty() && keratometry.rows.empty()) return section;
-  for (const auto& eye : data.eyes) {
-    const Json astigmatism =
-        eye.biometry.is_object() ? eye.biometry.value("astigmatism", Json::object()) : Json();
-    if (!astigmatism.is_object() || !astigmatism.contains("type") || !astigmatism["type"].is_string())
-      continue;
-    keratometry.caption +=
-        std::string("; ") + clinical_name(eye.laterality) + ": " + astigmatism["type"].get<std::string>();
-  }
   section.blocks.push_back({biometry});
   section.blocks.push_back({keratometry});
+  if (const BulletList lines = keratometer_lines(data); !lines.items.empty())
+    section.blocks.push_back({lines});
   section.blocks.push_back({Paragraph{
       "(!) marks a value outside the normal adult range of the numbered source, in most rows mean \u00b1 2 "
       "standard deviations. "

@@ -2,6 +2,8 @@
 
 #include "pipeline/base/version.hpp"
 #include "pipeline/report/content.hpp"
+#include "pipeline/report/numbers.hpp"
+#include "pipeline/report/series.hpp"
 
 namespace emmetrope::report {
 namespace {
@@ -27,12 +29,18 @@ const std::vector<std::string>& references() {
       "7. Dubbelman M, van der Heijde GL, Weeber HA. The thickness of the aging human lens obtained from "
       "corrected "
       "Scheimpflug images. Optometry and Vision Science 2001;78:411-416.",
-      "8. As 4: radii at 20 to 70 years (quoted at second hand).",
+      "8. As 4: radii at 20 to 70 years (quoted at second hand, not checked against the paper).",
       "9. Dodgson NA. Variation and extrema of human interpupillary distance. Proc. SPIE 2004;5291:36-46.",
       "10. Corneal Q value of 1,683 adults in the Handan Eye Study (PMC5436654): -0.28 -+ 0.18 over 5 mm.",
       "11. Watson AB. A formula for the mean human optical modulation transfer function as a function of "
       "pupil size. "
-      "Journal of Vision 2013;13(6):18."};
+      "Journal of Vision 2013;13(6):18.",
+      "12. Watson AB, Ahumada AJ. Predicting visual acuity from wavefront aberrations. Journal of Vision "
+      "2008;8(4):17 (neural weights of the VSOTF, not checked against the paper).",
+      "13. Flitcroft DI et al. IMI - Defining and classifying myopia. Investigative Ophthalmology and Visual "
+      "Science 2019;60:M20-M30.",
+      "14. Blendowske R. Unaided visual acuity and blur: a simple model. Optometry and Vision Science "
+      "2015;92:e121-e125."};
   return list;
 }
 
@@ -49,7 +57,38 @@ std::string status_text(ExitStatus status) {
   }
 }
 
+/// What was measured, with what: the first sentence of a methods section.
+std::string images_sentence(const CaseData& data) {
+  std::map<std::string, int> counts;
+  const auto used = used_series(data);
+  for (const auto& series : used) ++counts[series.in_words()];
+  std::vector<std::string> stacks;
+  for (const auto& [words, count] : counts)
+    stacks.push_back(count > 1 ? fmt::format("{} times {}", count, words) : words);
+  if (stacks.empty()) return "The eyes were measured with Emmetrope " + version() + ". ";
+  return fmt::format("The eyes were measured with Emmetrope {} in {} MR series ({}). ", version(),
+                     used.size(), fmt::join(stacks, "; "));
+}
+
+/// The conditions of the refraction.
+std::string refraction_sentence(const CaseData& data) {
+  for (const auto& eye : data.eyes) {
+    const auto pupil = value_of(eye.prescription, "pupil_mm"),
+               wavelength = value_of(eye.prescription, "wavelength_nm"),
+               vertex = value_of(eye.prescription, "vertex_distance_mm");
+    if (!pupil || !vertex) continue;
+    return fmt::format("Refraction is for distance at {} mm vertex distance, an iris aperture of {} mm{}. ",
+                       fixed(*vertex, 0), fixed(*pupil, 1),
+                       wavelength ? " and " + fixed(*wavelength, 1) + " nm" : std::string());
+  }
+  return {};
+}
+
 }  // namespace
+
+Section review_section() {
+  return {"review", "Review", {{SignatureLines{{"Comment", "Reviewed by, date, signature"}}}}};
+}
 
 Section limits_section(const CaseData& data, const Notes& notes) {
   Section section{"limits", "Limits and warnings", {}};
@@ -79,14 +118,17 @@ Section limits_section(const CaseData& data, const Notes& notes) {
   if (!found.items.empty()) {
     section.blocks.push_back({Paragraph{"In this case:"}});
     section.blocks.push_back({found});
+  } else {
+    section.blocks.push_back({Paragraph{"In this case no stage had an error or a warning to report."}});
   }
   return section;
 }
 
-Section methods_section(const CaseData& /*data*/) {
+Section methods_section(const CaseData& data) {
   Section section{"methods", "Methods", {}};
   section.blocks.push_back(
-      {Paragraph{"The eyes are found in the MR volumes by radial symmetry and paired by the patient's "
+      {Paragraph{images_sentence(data) + refraction_sentence(data) +
+                 "The eyes are found in the MR volumes by radial symmetry and paired by the patient's "
                  "coordinates. A parametric "
                  "eye (biconic cornea, two-conic lens, ellipsoid globe with a smooth displacement) is fitted "
                  "to the voxels through "
@@ -95,7 +137,7 @@ Section methods_section(const CaseData& /*data*/) {
                  "traced backward from the retina through them [1]. The lens is the one that makes the "
                  "retinal image sharpest; "
                  "refractions are averaged and compared as power vectors [2], wavefronts follow [3], the "
-                 "lens index [4]."}});
+                 "lens index [4]. This text may be copied into a paper."}});
   section.blocks.push_back(
       {Paragraph{"Frames: light is described in the eye's frame, x to the examiner's right, y up, z out of "
                  "the eye; origin at "

@@ -31,6 +31,7 @@ struct Table {
   std::string caption;
   std::vector<std::string> header;
   std::vector<std::vector<std::string>> rows;
+  bool folded = false;  ///< shown on demand
 };
 
 /// Figures side by side.
@@ -39,6 +40,11 @@ struct FigureRow {
   std::string caption;  ///< what to look for, of all of them
   /// Slices in radiological convention, which the reader may switch.
   bool anatomical = false;
+};
+
+/// Lines on paper for those who review the report.
+struct SignatureLines {
+  std::vector<std::string> labels;
 };
 
 /// Shown on demand; HTML only.
@@ -68,7 +74,7 @@ struct EyeCards {
   std::vector<EyeCard> cards;
 };
 
-using Block = std::variant<Paragraph, BulletList, Table, FigureRow, Folded, EyeCards>;
+using Block = std::variant<Paragraph, BulletList, Table, FigureRow, Folded, EyeCards, SignatureLines>;
 
 /// Whether a block stands in the PDF, which has few pages.
 enum class Paper { always, if_room, never };

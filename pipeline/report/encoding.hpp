@@ -6,6 +6,9 @@
 namespace emmetrope::report {
 
 std::string base64(std::string_view bytes);
+/// The bytes of a PNG file, scaled down where it is larger than a page has room for; empty for no file.
+/// \throw Error (input_invalid) when the file is no picture
+std::string page_png(const std::filesystem::path& file);
 /// A picture file made small for a page.
 struct PagePicture {
   std::string url;  ///< "data:image/jpeg;base64,..."

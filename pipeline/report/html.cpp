@@ -55,6 +55,7 @@ data table_data(const Table& table) {
   }
   result.set("rows", rows);
   result.set("wide", table.header.size() > 4);
+  result.set("folded", table.folded);
   return result;
 }
 
@@ -119,6 +120,9 @@ struct BlockToData {
     result.set("text", lines + clean_text(block.text.substr(start)));
     return result;
   }
+  data operator()(const SignatureLines& block) const {
+    return kind("lines", "labels", list_of(block.labels));
+  }
   data operator()(const EyeCards& block) const {
     data cards{data::type::list};
     for (const auto& card : block.cards) cards.push_back(card_data(card));
@@ -128,7 +132,7 @@ struct BlockToData {
  private:
   static data kind(const char* name, const char* key, const data& value) {
     data result;
-    for (const char* other : {"paragraph", "list", "table", "figures", "folded", "cards"})
+    for (const char* other : {"paragraph", "list", "table", "figures", "folded", "cards", "lines"})
       result.set(std::string("is_") + other, std::string(other) == name);
     result.set("anatomical", false);
     result.set(key, value);
@@ -147,6 +151,7 @@ std::string render_html(const Document& document, const ViewerData& viewer) {
   page.set("has_viewer", !viewer.script.empty());
   page.set("viewer_script", viewer.script);
   page.set("viewer_data", viewer.data_json);
+  page.set("viewer_note", clean_text(viewer.note));
   data heading{data::type::list};
   for (const auto& [name, value] : document.heading) {
     data line;
@@ -161,7 +166,7 @@ std::string render_html(const Document& document, const ViewerData& viewer) {
     entry.set("id", section.id);
     entry.set("section_title", clean_text(section.title));
     entry.set("viewer_here", !viewer.script.empty() && section.id == "images");
-    entry.set("viewer_missing", viewer.script.empty() && section.id == "images");
+    entry.set("viewer_missing", viewer.script.empty() && !viewer.note.empty() && section.id == "images");
     data blocks{data::type::list};
     for (const auto& block : section.blocks) blocks.push_back(std::visit(BlockToData{}, block.block));
     entry.set("blocks", blocks);

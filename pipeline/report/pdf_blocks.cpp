@@ -89,7 +89,11 @@ void draw_table_at(Pages& pages, const Table& table, double x, double width) {
     pages.line_at(x, pages.y(), total);
     pages.skip(1.5);
   };
-  pages.need(80);  // a caption and a header never stand alone
+  // A short table stays whole; of a long one no caption and header stand alone.
+  constexpr std::size_t short_rows = 8;
+  double whole = 24 + height_of(table.header, head);
+  for (const auto& row : table.rows) whole += height_of(row, body) + 3;
+  pages.need(table.rows.size() <= short_rows ? whole : 80);
   pages.skip(pages.text_at(table.caption, x, pages.y(), width, {8.5, true, black}) + 3);
   draw_row(table.header, head);
   for (const auto& row : table.rows) {
@@ -208,6 +212,17 @@ struct DrawBlock {
   }
   void operator()(const Table& block) const { draw_table_at(pages, block, margin, text_width); }
   void operator()(const FigureRow& block) const { draw_figures(pages, block); }
+  void operator()(const SignatureLines& block) const {
+    const Face face{8, false, soft};
+    constexpr double pitch = 20, label_width = 100;
+    pages.need(pitch * static_cast<double>(block.labels.size()));
+    for (const auto& label : block.labels) {
+      pages.skip(pitch - 10);
+      pages.text_at(label, margin, pages.y(), label_width, face);
+      pages.skip(10);
+      pages.line_at(margin + label_width, pages.y(), text_width - label_width);
+    }
+  }
   void operator()(const Folded& /*block*/) const {}
   void operator()(const EyeCards& block) const {
     const double width = (text_width - 12) / 2, start = pages.y();
@@ -230,6 +245,9 @@ struct LeastHeight {
   double operator()(const EyeCards& /*block*/) const { return 200; }
   double operator()(const Table& /*block*/) const { return 80; }
   double operator()(const BulletList& /*block*/) const { return 30; }
+  double operator()(const SignatureLines& block) const {
+    return 20 * static_cast<double>(block.labels.size());
+  }
   double operator()(const Folded& /*block*/) const { return 0; }
 };
 

@@ -95,6 +95,15 @@ Source source_of(const CaseData& data, const ReportOptions& options) {
   return {SourceStudy::pseudonymous(data.subject(), data.study_date()), note};
 }
 
+/// The page within its size: the viewer gets what the rest leaves.
+std::string page_of(const CaseData& data, const Document& document, Notes& notes) {
+  const std::size_t without_viewer = render_html(document, {}).size();
+  const ViewerData viewer =
+      make_viewer_data(data, most_page_bytes - std::min(without_viewer, most_page_bytes));
+  if (!viewer.note.empty()) notes.push_back(viewer.note);
+  return render_html(document, viewer);
+}
+
 }  // namespace
 
 Answer write_report(const ReportOptions& options, const CommonOptions& common) try {
@@ -104,13 +113,12 @@ Answer write_report(const ReportOptions& options, const CommonOptions& common) t
   const auto work = [&](StageWorkspace& workspace) {
     Notes notes;
     if (!source.note.empty()) notes.push_back(source.note);
-    const ViewerData viewer = make_viewer_data(data, notes);
     const Document document = make_document(
         data,
         {options.identified ? source.study.identity() : std::string(), study_date_of(data, source.study)},
         notes);
     const Pdf pdf = render_pdf(document);
-    write_file(workspace.folder() / "report.html", render_html(document, viewer));
+    write_file(workspace.folder() / "report.html", page_of(data, document, notes));
     write_file(workspace.folder() / "report.pdf", pdf.bytes);
     write_objects(workspace.folder(), data, source.study, pdf.bytes, options.identified, notes);
     for (const auto& note : notes) workspace.warn(note);

@@ -23,16 +23,19 @@ for (const figure of document.querySelectorAll("figure.compare")) {
   figure.insertBefore(slider, pair);
 }
 
-// Radiological or neurological convention of all slices.
+// Switches of all slices: neurological convention, and the bare image to judge the contours by.
 const slices = document.querySelectorAll(".anatomical");
 if (slices.length > 0) {
-  const label = document.createElement("label");
-  label.className = "convention";
-  label.innerHTML = '<input type="checkbox"> Neurological convention (patient\'s left on the left)';
-  slices[0].before(label);
-  label.firstChild.addEventListener("change", (event) => {
-    for (const row of slices) row.classList.toggle("neurological-view", event.target.checked);
+  const switches = document.createElement("p");
+  switches.className = "switches";
+  switches.innerHTML = '<label class="convention"><input type="checkbox"> Neurological convention (patient\'s left on the left)</label>' +
+    '<label class="contours"><input type="checkbox" checked> Contours</label>';
+  slices[0].before(switches);
+  const on = (name, act) => switches.querySelector(`.${name} input`).addEventListener("change", (event) => {
+    for (const row of slices) act(row.classList, event.target.checked);
   });
+  on("convention", (classes, checked) => classes.toggle("neurological-view", checked));
+  on("contours", (classes, checked) => classes.toggle("bare", !checked));
 }
 
 // The MR volume with the surfaces, where the page carries the viewer and the browser has WebGL 2. It starts when its

@@ -151,8 +151,8 @@ std::string contour_path(const Contour& contour, const View& view, const Eigen::
                       point.dot(view.down) / pixel_mm + side_px / 2.0);
     }
   if (path.empty()) return {};
-  return fmt::format("<path d=\"{}\" fill=\"none\" stroke=\"{}\" stroke-width=\"1.4\"/>", path,
-                     contour.colour);
+  return fmt::format("<path d=\"{}\" class=\"contour\" fill=\"none\" stroke=\"{}\" stroke-width=\"1.4\"/>",
+                     path, contour.colour);
 }
 
 std::string letter(const char* text, int x, int y, const char* convention) {

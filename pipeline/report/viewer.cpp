@@ -1,5 +1,6 @@
 #include "pipeline/report/viewer.hpp"
 
+#include <fmt/format.h>
 #include <zlib.h>
 
 #include <cmath>
@@ -23,8 +24,7 @@ using Eigen::Vector3d;
 using Eigen::Vector3i;
 
 constexpr double shown_half_width_mm = 24;  ///< around each globe's centre
-constexpr std::size_t most_voxels = 6'000'000;
-constexpr std::size_t most_bytes = 4'200'000;  ///< of all volumes: the page is to stay below 10 MB
+constexpr int coarsest = 4;                 ///< every fourth voxel along rows and columns
 
 template <typename T>
 void append(std::string& bytes, const T& value) {
@@ -79,8 +79,12 @@ std::string nifti_header(const Vector3i& size, const Eigen::Matrix4d& lps_from_v
   return header;
 }
 
+/// Every `step`-th voxel of a box.
 struct Crop {
-  Vector3i first, size;
+  Vector3i first, size;  ///< of the box, in voxels
+  Vector3i step = Vector3i::Ones();
+
+  Vector3i count() const { return (size + step - Vector3i::Ones()).cwiseQuotient(step); }
 };
 
 /// The voxels within reach of any globe's centre; nothing where the volume shows none.
@@ -98,7 +102,7 @@ std::optional<Crop> crop_of(const Volume& volume, const std::vector<Vector3d>& c
       high = high.cwiseMax(voxel);
     }
   }
-  Crop crop{Vector3i::Zero(), Vector3i::Zero()};
+  Crop crop{Vector3i::Zero(), Vector3i::Zero(), Vector3i::Ones()};
   for (int axis = 0; axis < 3; ++axis) {
     const int last =
         std::min(volume.size()[axis] - 1, static_cast<int>(std::floor(std::min(high[axis], 1e6))));
@@ -112,9 +116,9 @@ std::optional<Crop> crop_of(const Volume& volume, const std::vector<Vector3d>& c
 /// Calls `use` with each voxel of the crop in file order.
 template <typename Use>
 void each_voxel(const Volume& volume, const Crop& crop, const Use& use) {
-  for (int k = 0; k < crop.size.z(); ++k)
-    for (int j = 0; j < crop.size.y(); ++j)
-      for (int i = 0; i < crop.size.x(); ++i)
+  for (int k = 0; k < crop.size.z(); k += crop.step.z())
+    for (int j = 0; j < crop.size.y(); j += crop.step.y())
+      for (int i = 0; i < crop.size.x(); i += crop.step.x())
         use(volume.at(crop.first.x() + i, crop.first.y() + j, crop.first.z() + k));
 }
 
@@ -124,7 +128,8 @@ std::string packed_nifti(const Volume& volume, const Crop& crop, const std::stri
   Eigen::Matrix4d lps_from_voxel = volume.lps_from_voxel();
   lps_from_voxel.col(3) = volume.lps_from_voxel() * crop.first.cast<double>().eval().homogeneous();
   lps_from_voxel.block<3, 1>(0, 3) += shift_mm;
-  return base64(gzipped(nifti_header(crop.size, lps_from_voxel) + voxels));
+  lps_from_voxel.leftCols<3>() *= crop.step.cast<double>().asDiagonal();
+  return base64(gzipped(nifti_header(crop.count(), lps_from_voxel) + voxels));
 }
 
 std::string windowed(const Volume& volume, const Crop& crop) {
@@ -169,48 +174,35 @@ std::vector<Vector3d> globe_centres(const CaseData& data) {
   return centres;
 }
 
-}  // namespace
+/// A stack as the viewer takes it; null where it shows no globe.
+/// \param step  every step-th voxel along rows and columns; slices are few and all kept
+Json volume_entry(const CaseData& data, const fs::path& file, int step) {
+  const Volume volume(file);
+  auto crop = crop_of(volume, globe_centres(data));
+  if (!crop) return {};
+  crop->step = Vector3i(step, step, 1);
+  const std::string name = file.filename().string().substr(0, file.filename().string().size() - 7);
+  const auto eye = std::find_if(data.eyes.begin(), data.eyes.end(), [&](const EyeData& candidate) {
+    const auto centre = globe_centre(candidate);
+    return centre && volume.coverage(*centre, 11) >= 0.5;  // crop_of found one
+  });
+  const Vector3d shift = head_shift(*eye, name), start = *globe_centre(*eye);
+  Json entry{{"name", name},
+             {"start_ras_mm", {-start.x(), -start.y(), start.z()}},
+             {"data", packed_nifti(volume, *crop, windowed(volume, *crop), shift)}};
+  const fs::path labels = file.parent_path() / (name + "_labels.nii.gz");
+  if (!fs::exists(labels)) return entry;
+  const Volume label_volume(labels);
+  if (label_volume.size() != volume.size()) return entry;
+  std::string voxels;
+  each_voxel(label_volume, *crop,
+             [&](float value) { voxels.push_back(static_cast<char>(std::lround(value))); });
+  entry["labels"] = packed_nifti(label_volume, *crop, voxels, shift);
+  return entry;
+}
 
-bool has_viewer_library() { return viewer_library_size > 0; }
-
-ViewerData make_viewer_data(const CaseData& data, Notes& notes) {
-  if (!has_viewer_library()) {
-    notes.emplace_back("The interactive viewer is not part of this build.");
-    return {};
-  }
-  Json volumes = Json::array(), meshes = Json::array();
-  std::size_t bytes = 0;
-  const auto centres = globe_centres(data);
-  for (const auto& file : data.stacks) {
-    const Volume volume(file);
-    const auto crop = crop_of(volume, centres);
-    if (!crop || static_cast<std::size_t>(crop->size.cast<long>().prod()) > most_voxels) continue;
-    const std::string name = file.filename().string().substr(0, file.filename().string().size() - 7);
-    const auto eye = std::find_if(data.eyes.begin(), data.eyes.end(), [&](const EyeData& candidate) {
-      const auto centre = globe_centre(candidate);
-      return centre && volume.coverage(*centre, 11) >= 0.5;  // crop_of found one
-    });
-    const Vector3d shift = head_shift(*eye, name), start = *globe_centre(*eye);
-    Json entry{{"name", name},
-               {"start_ras_mm", {-start.x(), -start.y(), start.z()}},
-               {"data", packed_nifti(volume, *crop, windowed(volume, *crop), shift)}};
-    const fs::path labels = file.parent_path() / (name + "_labels.nii.gz");
-    if (fs::exists(labels)) {
-      const Volume label_volume(labels);
-      std::string voxels;
-      each_voxel(label_volume, *crop,
-                 [&](float value) { voxels.push_back(static_cast<char>(std::lround(value))); });
-      if (label_volume.size() == volume.size())
-        entry["labels"] = packed_nifti(label_volume, *crop, voxels, shift);
-    }
-    const std::size_t added = entry.dump().size();
-    if (bytes + added > most_bytes) {
-      notes.push_back("The viewer leaves out " + name + ": with it the page would be larger than 10 MB.");
-      continue;
-    }
-    bytes += added;
-    volumes.push_back(entry);
-  }
+Json mesh_entries(const CaseData& data) {
+  Json meshes = Json::array();
   for (const auto& eye : data.eyes)
     for (const auto& [surface, colour] : {std::pair{"cornea_anterior", std::array<int, 3>{86, 194, 255}},
                                           std::pair{"lens_anterior", std::array<int, 3>{255, 176, 0}},
@@ -220,9 +212,61 @@ ViewerData make_viewer_data(const CaseData& data, Notes& notes) {
         meshes.push_back({{"name", eye.id() + "_" + surface},
                           {"colour", colour},
                           {"data", base64(ras_stl(read_mesh(eye.mesh(surface)).mesh))}});
-  if (volumes.empty()) return {};
+  return meshes;
+}
+
+/// The stacks at one step, in their order, as many as there is room for.
+struct Volumes {
+  Json entries = Json::array();
+  std::vector<std::string> left_out;
+};
+
+Volumes volumes_at(const CaseData& data, int step, std::size_t most_bytes) {
+  Volumes volumes;
+  std::size_t bytes = 0;
+  for (const auto& file : data.stacks) {
+    const Json entry = volume_entry(data, file, step);
+    if (entry.is_null()) continue;
+    const std::size_t added = entry.dump().size() + 1;
+    if (bytes + added > most_bytes) {
+      volumes.left_out.push_back(entry.at("name"));
+      continue;
+    }
+    bytes += added;
+    volumes.entries.push_back(entry);
+  }
+  return volumes;
+}
+
+}  // namespace
+
+bool has_viewer_library() { return viewer_library_size > 0; }
+
+ViewerData make_viewer_data(const CaseData& data, std::size_t most_bytes) {
+  if (!has_viewer_library())
+    return {"", "", "The interactive viewer is not part of this build of Emmetrope."};
+  const Json meshes = mesh_entries(data);
+  const std::size_t fixed_bytes = viewer_library_size + meshes.dump().size() + 100;
+  Volumes volumes;
+  int step = 1;
+  if (fixed_bytes < most_bytes)
+    for (; step <= coarsest; ++step) {
+      volumes = volumes_at(data, step, most_bytes - fixed_bytes);
+      if (volumes.left_out.empty()) break;
+    }
+  const std::string size = "the page would be larger than 10 MB.";
+  if (fixed_bytes >= most_bytes || (volumes.entries.empty() && !volumes.left_out.empty()))
+    return {"", "", "The interactive viewer is left out: with it " + size};
+  if (volumes.entries.empty()) return {};
+  std::string note;
+  if (step > 1)
+    note = fmt::format("The viewer shows every {} voxel of the slices, as otherwise {}",
+                       std::array<const char*, 3>{"second", "third", "fourth"}.at(
+                           static_cast<std::size_t>(std::min(step, coarsest)) - 2),
+                       size);
+  if (!volumes.left_out.empty()) note += fmt::format(" It leaves out {}.", fmt::join(volumes.left_out, ", "));
   return {std::string(viewer_library, viewer_library_size),
-          Json{{"volumes", volumes}, {"meshes", meshes}}.dump()};
+          Json{{"volumes", volumes.entries}, {"meshes", meshes}}.dump(), note};
 }
 
 }  // namespace emmetrope::report

@@ -96,6 +96,32 @@ TEST_F(DicomTest, ObjectsBelongToThePatientsStudy) {
   fs::remove_all(study);
 }
 
+// A name that would be markup, a path or a format elsewhere is a name.
+TEST_F(DicomTest, HostileIdentityStaysInsideTheObjectsAndIsShownOnlyOnDemand) {
+  test::make_fixture_case(folder_);
+  const fs::path study = folder_.string() + "-study";
+  fs::remove_all(study);
+  test::make_fixture_study(study, "../TELLING^<script>alert(4)</script>\"'%n");
+  const std::string told = report(study).text;
+  EXPECT_THAT(told, Not(HasSubstr("TELLING")));
+  for (const auto& entry : fs::recursive_directory_iterator(folder_)) {
+    EXPECT_THAT(entry.path().string(), Not(HasSubstr("TELLING")));
+    if (!entry.is_regular_file() || entry.path().extension() == ".dcm") continue;
+    EXPECT_EQ(read_file(entry.path()).find("TELLING"), std::string::npos) << entry.path();
+  }
+  EXPECT_THAT(pdf_text(), Not(HasSubstr("TELLING")));
+  EXPECT_THAT(dump("biometry.dcm"), HasSubstr("TELLING"));
+
+  report(study, true);
+  const std::string html = output("report.html");
+  EXPECT_NE(html.find("&lt;script&gt;alert(4)&lt;/script&gt; ../TELLING"), std::string::npos);
+  EXPECT_EQ(html.find("<script>alert"), std::string::npos);
+  EXPECT_THAT(pdf_text(), HasSubstr("TELLING"));
+  EXPECT_EQ(output("stage.json").find("TELLING"), std::string::npos);
+  EXPECT_EQ(output("prescription.fhir.json").find("TELLING"), std::string::npos);
+  fs::remove_all(study);
+}
+
 void DicomTest::expect_the_pdf() const {
   std::string pdf = output("report.pdf");
   if (pdf.size() % 2 != 0) pdf.push_back('\0');

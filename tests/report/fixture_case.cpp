@@ -250,6 +250,59 @@ Json prescription_of(const TrueEye& eye) {
   json["budget"] = {{{"source", "lens index (prior)"}, {"M_D", 0.78}, {"J0_D", 0.0}, {"J45_D", 0.0}},
                     {{"source", "cornea"}, {"M_D", 0.24}, {"J0_D", 0.15}, {"J45_D", 0.14}},
                     {{"source", "axial length"}, {"M_D", 0.08}, {"J0_D", 0.0}, {"J45_D", 0.0}}};
+  json["if_measured"] = {
+      {{"measurement", "keratometry +-0.25 D"}, {"M_D", 0.71}, {"J0_D", 0.09}, {"J45_D", 0.11}}};
+  json["sharpness"] = {{"without_lens", 0.1432}, {"with_lens", 0.9361}};
+  const Json rounded = json["rounded"];
+  json["contact_lens"] = {{"sphere_D", eye.sphere_D + 0.06},
+                          {"cylinder_D", eye.cylinder_D + 0.03},
+                          {"axis_deg", eye.axis_deg},
+                          {"vertex_distance_mm", 0},
+                          {"rounded", rounded}};
+  const auto lens = [&](const char* kind, double vertex_mm, double shift_D, double sharpness) {
+    return Json{{"kind", kind},
+                {"vertex_distance_mm", vertex_mm},
+                {"sphere_D", eye.sphere_D + shift_D},
+                {"cylinder_D", eye.cylinder_D - shift_D},
+                {"axis_deg", eye.axis_deg},
+                {"rounded_text", "-2.00 / -0.75 x 170"},
+                {"sharpness", sharpness}};
+  };
+  Json meniscus = lens("toric meniscus", 12, 0.02, 0.9374);
+  meniscus.update({{"material", "cr39"},
+                   {"index", 1.498},
+                   {"abbe", 58.2},
+                   {"base_D", 4.67},
+                   {"centre_thickness_mm", 2.1}});
+  json["lenses"] = {lens("thin lens", 12, 0, 0.9361), meniscus, lens("contact lens", 0, 0.07, 0.9482)};
+  json["peripheral"] = {{{"horizontal_deg", -19.6},
+                         {"vertical_deg", 10.3},
+                         {"M_D", power.M_D + 0.4},
+                         {"J0_D", power.J0_D - 0.7},
+                         {"J45_D", power.J45_D + 0.6}}};
+  json["what_if"] = {
+      {"pupil",
+       {{{"pupil_mm", 4.0}, {"M_D", power.M_D - 0.33}, {"J0_D", power.J0_D + 0.05}, {"J45_D", 0.17}}}},
+      {"accommodation",
+       {{"age_years", 41},
+        {"amplitude_D", 6.2},
+        {"minimum_amplitude_D", 4.75},
+        {"near_point_mm", 113.0},
+        {"near_point_with_lens_mm", 134.0}}},
+      {"intra_ocular_lens",
+       {{"target_M_D", 0},
+        {"a_constant", 118.4},
+        {"position_mm", 5.46},
+        {"ray_traced_D", 18.65},
+        {"srkt_D", 18.03},
+        {"holladay_1_D", 17.93},
+        {"hoffer_q_D", 17.69},
+        {"haigis_D", 18.69}}},
+      {"ablation",
+       {{"optical_zone_mm", 6.0},
+        {"central_depth_um", 52.7},
+        {"deepest_um", 53.9},
+        {"residual", {{"M_D", 0.12}, {"J0_D", -0.22}, {"J45_D", -0.08}}}}}};
   return json;
 }
 
@@ -328,9 +381,20 @@ void make_fixture_case(const fs::path& folder, const FixtureOptions& options) {
   for (const char* stage : {"segmentation", "meshing", "raytrace", "correction"})
     if (!options.refused || std::string(stage) == "segmentation")
       for (const auto& eye : eyes) fs::create_directories(folder / stage / to_string(eye.laterality));
-  write_json(folder / "case.json", {{"subject", {{"id", options.subject}, {"age_years", 41}, {"sex", "F"}}},
-                                    {"study_date", "2026-03-14"},
-                                    {"stacks", {{{"name", "stack1"}, {"reason", "the only one"}}}}});
+  write_json(
+      folder / "case.json",
+      {{"subject", {{"id", options.subject}, {"age_years", 41}, {"sex", "F"}}},
+       {"study_date", "2026-03-14"},
+       {"series",
+        {{{"name", "stack1"},
+          {"number", 3},
+          {"description", "AX T2"},
+          {"slices", slices},
+          {"column_spacing_mm", voxel_mm},
+          {"slice_spacing_mm", voxel_mm},
+          {"field_strength_T", 3.0},
+          {"orientation", {1, 0, 0, 0, 1, 0}}}}},
+       {"stacks", {{{"name", "stack1"}, {"used", true}, {"contrast", "T2"}, {"reason", "the only one"}}}}});
   write_volumes(folder / "segmentation");
   Json warnings = Json::array();
   if (!options.stage_warning.empty()) warnings.push_back(options.stage_warning);
@@ -360,7 +424,7 @@ void make_fixture_case(const fs::path& folder, const FixtureOptions& options) {
     write_stage(folder, stage, status, Json::array(), Json::array());
 }
 
-void make_fixture_study(const fs::path& folder) {
+void make_fixture_study(const fs::path& folder, const std::string& patient_name) {
   fs::create_directories(folder);
   for (int k = 0; k < slices; ++k) {
     DcmFileFormat format;
@@ -374,7 +438,8 @@ void make_fixture_study(const fs::path& folder) {
     put(DCM_SeriesInstanceUID, "1.2.826.0.1.3680043.10.1.2");
     put(DCM_FrameOfReferenceUID, "1.2.826.0.1.3680043.10.1.4");
     put(DCM_Modality, "MR");
-    put(DCM_PatientName, "DOE^JANE");
+    put(DCM_PatientName, patient_name);
+    put(DCM_SeriesDescription, "</td><script>alert(5)</script>../" + patient_name);
     put(DCM_PatientID, "MRN-4711");
     put(DCM_PatientBirthDate, "19610203");
     put(DCM_PatientSex, "F");

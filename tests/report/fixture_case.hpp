@@ -19,6 +19,6 @@ struct FixtureOptions {
 void make_fixture_case(const std::filesystem::path& folder, const FixtureOptions& options = {});
 
 /// A DICOM MR study of the fixture's volume (PatientName "DOE^JANE", 1961-02-03).
-void make_fixture_study(const std::filesystem::path& folder);
+void make_fixture_study(const std::filesystem::path& folder, const std::string& patient_name = "DOE^JANE");
 
 }  // namespace emmetrope::test

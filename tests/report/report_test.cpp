@@ -1,8 +1,13 @@
+#include <cstdlib>
+#include <cstring>
+#include <opencv2/core.hpp>
+#include <opencv2/imgcodecs.hpp>
 #include <regex>
 
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/measured.hpp"
 #include "pipeline/report/comparison.hpp"
+#include "pipeline/report/viewer.hpp"
 #include "report_fixture.hpp"
 
 namespace emmetrope::report {
@@ -180,9 +185,80 @@ TEST_F(ReportTest, HtmlNamesNoNetworkAddress) {
   test::make_fixture_case(folder_);
   report();
   const std::string html = output("report.html");
-  EXPECT_LT(html.size(), 10'000'000U);
+  EXPECT_LT(html.size(), most_page_bytes);
   const std::string own = html.substr(0, html.find("id=\"viewer-data\""));
   EXPECT_FALSE(std::regex_search(own, std::regex("(src|href)=[\"']?(https?:)?//")));
+}
+
+/// The program in an environment without any tool.
+TEST_F(ReportTest, WithoutToolsFiguresAreMissingAndNamed) {
+  test::make_fixture_case(folder_);
+  const char* programs = std::getenv("EMMETROPE_BIN");
+  ASSERT_NE(programs, nullptr) << "run by ctest, or set EMMETROPE_BIN to the folder of the programs";
+  const auto ended = run_process(
+      "/usr/bin/env",
+      {"-i", "PATH=/nonexistent", std::string(programs) + "/emmetrope-report", folder_.string(), "--quiet"},
+      ChildOutput::capture);
+  ASSERT_EQ(ended.status, 0) << ended.output;
+  for (const std::string& text : {visible_text(output("report.html")), pdf_text()}) {
+    EXPECT_THAT(text, HasSubstr("-2.25 / -1.00 x 175"));
+    EXPECT_THAT(text, HasSubstr("OD: corneal maps are missing, because gnuplot is not installed or failed."));
+    EXPECT_THAT(text, HasSubstr("OS: charts of the wavefront are missing"));
+  }
+  EXPECT_NE(output("report.html").find("<figure id=\"slice-od-axial\">"), std::string::npos);
+  EXPECT_EQ(output("report.html").find("<figure id=\"axial-power-od\">"), std::string::npos);
+}
+
+/// The NIfTI volume that the viewer gets first.
+std::string first_volume(const ViewerData& viewer, const fs::path& folder) {
+  write_file(folder / "volume.txt",
+             Json::parse(viewer.data_json).at("volumes").at(0).at("data").get<std::string>());
+  return run_process("/bin/sh", {"-c", "base64 -d \"$1\" | gzip -dc", "sh", (folder / "volume.txt").string()},
+                     ChildOutput::capture)
+      .output;
+}
+
+template <typename T>
+T at(const std::string& bytes, std::size_t offset) {
+  T value;
+  std::memcpy(&value, bytes.data() + offset, sizeof value);
+  return value;
+}
+
+TEST_F(ReportTest, ViewerIsCoarsenedThenLeftOutWhereThePageHasNoRoom) {
+  if (!has_viewer_library()) GTEST_SKIP() << "this build has no viewer (npm or network missing)";
+  test::make_fixture_case(folder_);
+  const CaseData data = read_case(folder_, LateralityChoice::both);
+  const ViewerData full = make_viewer_data(data, most_page_bytes);
+  EXPECT_EQ(full.note, "");
+  const std::size_t bytes = full.script.size() + full.data_json.size();
+  const ViewerData coarse = make_viewer_data(data, bytes - 1000);
+  EXPECT_THAT(coarse.note, HasSubstr("every second voxel"));
+  EXPECT_LE(coarse.script.size() + coarse.data_json.size(), bytes - 1000);
+  const std::string fine_volume = first_volume(full, folder_), coarse_volume = first_volume(coarse, folder_);
+  ASSERT_GT(coarse_volume.size(), 352U);
+  for (const std::size_t axis : {0, 1}) {
+    const auto count = at<std::int16_t>(fine_volume, 42 + 2 * axis);
+    EXPECT_EQ(at<std::int16_t>(coarse_volume, 42 + 2 * axis), (count + 1) / 2);
+    const std::size_t diagonal = 280 + 16 * axis + 4 * axis, origin = 280 + 16 * axis + 12;
+    EXPECT_FLOAT_EQ(at<float>(coarse_volume, diagonal), 2 * at<float>(fine_volume, diagonal));
+    EXPECT_EQ(at<float>(coarse_volume, origin), at<float>(fine_volume, origin));
+  }
+  EXPECT_EQ(at<std::int16_t>(coarse_volume, 46), at<std::int16_t>(fine_volume, 46));
+  const ViewerData none = make_viewer_data(data, full.script.size() + 1000);
+  EXPECT_EQ(none.script, "");
+  EXPECT_THAT(none.note, HasSubstr("left out"));
+}
+
+TEST_F(ReportTest, LargePicturesAreScaledAndThePageStaysSmall) {
+  test::make_fixture_case(folder_);
+  cv::Mat noise(2600, 2600, CV_8UC3);
+  cv::RNG(7).fill(noise, cv::RNG::UNIFORM, 0, 255);
+  for (const char* eye : {"od", "os"})
+    cv::imwrite((folder_ / "correction" / eye / "corrected.png").string(), noise);
+  ASSERT_GT(fs::file_size(folder_ / "correction" / "od" / "corrected.png"), 10'000'000U);
+  report();
+  EXPECT_LT(output("report.html").size(), most_page_bytes);
 }
 
 TEST_F(ReportTest, FollowUpTellsChangesFromMeasurementError) {

@@ -102,6 +102,11 @@ async function violations(page) {
   await page.locator(".convention input").check();
   findings.neurological = await side();
   await page.locator(".convention input").uncheck();
+  const contours = () => page.locator("#slice-od-axial .contour").first().isVisible();
+  const shown = await contours();
+  await page.locator(".contours input").uncheck();
+  findings.contours_hide = shown && !(await contours());
+  await page.locator(".contours input").check();
   findings.layout.desktop = await page.evaluate(sticking_out);
   findings.light = await page.evaluate(luminance);
   await page.evaluate(() => scrollTo(0, 0));
@@ -112,7 +117,7 @@ async function violations(page) {
   findings.canvas_printed = await page.locator("canvas:visible").count() > 0;
   await page.emulateMedia({ media: null });
   writeFileSync(`${folder}/printed.pdf`, await page.pdf({ preferCSSPageSize: true, printBackground: true }));
-  await page.setViewportSize({ width: 390, height: 844 });
+  await page.setViewportSize({ width: 375, height: 812 });
   findings.layout.narrow = await page.evaluate(sticking_out);
   await photograph(page, "narrow");
   await page.context().close();
@@ -134,10 +139,10 @@ for (let number = 1; number <= Number(pages); ++number) {
 findings.printed.pages = Number(pages);
 
 // 3. Both colour schemes, to a reader who needs contrast, names and order.
-for (const scheme of ["light", "dark"]) {
-  const page = await open({ axe: true, context: { colorScheme: scheme, reducedMotion: "reduce" } });
-  findings.accessibility[scheme] = await violations(page);
-  if (scheme === "dark") {
+for (const [scheme, width] of [["light", 1280], ["dark", 1280], ["light", 375], ["dark", 375]]) {
+  const page = await open({ axe: true, context: { colorScheme: scheme, reducedMotion: "reduce", viewport: { width, height: 812 } } });
+  findings.accessibility[`${scheme} ${width}`] = await violations(page);
+  if (scheme === "dark" && width > 1000) {
     findings.dark = await page.evaluate(luminance);
     await photograph(page, "dark");
   }
