@@ -58,6 +58,15 @@ std::optional<Sweep> read_sweep(const fs::path& file) {
   return sweep.rows.empty() ? std::nullopt : std::optional(sweep);
 }
 
+std::vector<fs::path> pictures_in(const fs::path& folder) {
+  std::vector<fs::path> pictures;
+  if (fs::is_directory(folder))
+    for (const auto& entry : fs::directory_iterator(folder))
+      if (entry.path().extension() == ".png") pictures.push_back(entry.path());
+  std::sort(pictures.begin(), pictures.end());
+  return pictures;
+}
+
 EyeData read_eye_data(const fs::path& folder, Laterality laterality) {
   EyeData eye;
   eye.laterality = laterality;
@@ -71,11 +80,7 @@ EyeData read_eye_data(const fs::path& folder, Laterality laterality) {
   eye.prescription = json_if_there(folder / "correction" / id / "prescription.json");
   eye.corrected_png = path_if_there(folder / "correction" / id / "corrected.png");
   eye.sweep = read_sweep(folder / "correction" / id / "sweep.csv");
-  const fs::path pictures = folder / "segmentation" / id;
-  if (fs::is_directory(pictures))
-    for (const auto& entry : fs::directory_iterator(pictures))
-      if (entry.path().extension() == ".png") eye.overlays.push_back(entry.path());
-  std::sort(eye.overlays.begin(), eye.overlays.end());
+  eye.overlays = pictures_in(folder / "segmentation" / id);
   return eye;
 }
 
@@ -155,6 +160,7 @@ CaseData read_case(const fs::path& folder, LateralityChoice eyes) {
     if (ends_with(name, ".nii.gz") && !ends_with(name, "_labels.nii.gz")) data.stacks.push_back(entry.path());
   }
   std::sort(data.stacks.begin(), data.stacks.end());
+  data.overlays = pictures_in(folder / "segmentation");
   return data;
 }
 

@@ -43,9 +43,10 @@ struct StageData {
 struct CaseData {
   std::filesystem::path folder;
   Json case_json;
-  std::vector<StageData> stages;              ///< those that have run, in the pipeline's order
-  std::vector<EyeData> eyes;                  ///< od, os: those that were asked for
-  std::vector<std::filesystem::path> stacks;  ///< segmentation/<stack>.nii.gz, without the label volumes
+  std::vector<StageData> stages;                ///< those that have run, in the pipeline's order
+  std::vector<EyeData> eyes;                    ///< od, os: those that were asked for
+  std::vector<std::filesystem::path> overlays;  ///< pictures of stacks in which no eye was found
+  std::vector<std::filesystem::path> stacks;    ///< segmentation/<stack>.nii.gz, without the label volumes
 
   const StageData* stage(const std::string& name) const;
   /// Pseudonym of the subject; "unknown" where case.json has none.

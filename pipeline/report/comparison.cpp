@@ -7,10 +7,12 @@
 #include "pipeline/base/version.hpp"
 #include "pipeline/report/case_data.hpp"
 #include "pipeline/report/content.hpp"
+#include "pipeline/report/dicom/source_study.hpp"
 #include "pipeline/report/html.hpp"
 #include "pipeline/report/judgement.hpp"
 #include "pipeline/report/normal_ranges.hpp"
 #include "pipeline/report/pdf.hpp"
+#include "pipeline/report/report.hpp"
 
 namespace emmetrope::report {
 namespace {
@@ -69,6 +71,18 @@ Table table_of(const CaseData& earlier, const EyeData& a, const CaseData& later,
   return table;
 }
 
+/// Says of an eye whose refraction is no prescription that it is none; empty where both are.
+std::string estimates_in(const CaseData& earlier, const EyeData& a, const CaseData& later, const EyeData& b) {
+  const Judgement first = judge(earlier, a), second = judge(later, b);
+  if (!first.has_refraction || !second.has_refraction) return {};
+  if (first.has_prescription && second.has_prescription) return {};
+  const char* which = first.has_prescription    ? "later"
+                      : second.has_prescription ? "earlier"
+                                                : "earlier and later";
+  return clinical_name(a.laterality) + std::string(": the ") + which +
+         " refraction is an estimate for information, not a prescription.";
+}
+
 /// "OD (right): Axial length, optical +0.35 mm; ..." or that nothing did.
 std::string changes_in(const Table& table) {
   std::string changes;
@@ -81,10 +95,10 @@ std::string changes_in(const Table& table) {
 Document document_of(const CaseData& earlier, const CaseData& later) {
   Document document;
   document.title = "Emmetrope follow-up";
-  document.date_iso = later.study_date();
+  document.date_iso = study_date_of(later);
   for (const auto& [name, data] : {std::pair{"Earlier", &earlier}, std::pair{"Later", &later}})
     document.heading.emplace_back(
-        name, data->subject() + (data->study_date().empty() ? "" : ", " + data->study_date()));
+        name, data->subject() + (study_date_of(*data).empty() ? "" : ", " + study_date_of(*data)));
   document.heading.emplace_back("Software", "Emmetrope " + version());
   Section section{"differences", "Differences", {}};
   BulletList changes;
@@ -97,13 +111,16 @@ Document document_of(const CaseData& earlier, const CaseData& later) {
       if (a.laterality == b.laterality)
         if (const Table table = table_of(earlier, a, later, b); !table.rows.empty()) {
           changes.items.push_back(changes_in(table));
+          if (const std::string estimate = estimates_in(earlier, a, later, b); !estimate.empty())
+            changes.items.push_back(estimate);
           tables.push_back(table);
         }
   if (!changes.items.empty()) section.blocks.push_back({changes});
   for (const auto& table : tables) section.blocks.push_back({table});
   if (tables.empty()) section.blocks.push_back({Paragraph{"No quantity was measured in both cases."}});
   section.blocks.push_back({Paragraph{
-      "A difference within the limit may be measurement error alone. The limit takes the two measurements as "
+      "Differences are taken before rounding. A difference within the limit may be measurement error alone. "
+      "The limit takes the two measurements as "
       "independent; a prior that both share (the lens's index, the back of the cornea) makes it wider than "
       "need be. "
       "Cases carry pseudonyms: whether both are of one patient must be known from elsewhere."}});
@@ -125,11 +142,11 @@ Answer write_comparison(const fs::path& earlier_folder, const fs::path& later_fo
                         const CommonOptions& common) {
   const CaseData earlier = read_case(earlier_folder, common.laterality);
   const CaseData later = read_case(later_folder, common.laterality);
-  if (!earlier.study_date().empty() && !later.study_date().empty() &&
-      earlier.study_date() > later.study_date())
-    throw input_error(
-        "the earlier case is dated " + earlier.study_date() + ", the later one " + later.study_date(),
-        "name the earlier case first");
+  quiet_dicom_library();
+  const std::string earlier_date = study_date_of(earlier), later_date = study_date_of(later);
+  if (!earlier_date.empty() && !later_date.empty() && earlier_date > later_date)
+    throw input_error("the earlier case is dated " + earlier_date + ", the later one " + later_date,
+                      "name the earlier case first");
   StageSpec spec;
   spec.stage = "comparison";
   add_inputs(spec, earlier, "earlier/");

@@ -82,23 +82,37 @@ FigureRow slices_of(const EyeData& eye, const std::vector<std::pair<std::string,
   return row;
 }
 
-/// Pictures that segmentation left, as figures.
+Figure picture_figure(const fs::path& file, const std::string& id) {
+  const PagePicture picture = page_picture(file);
+  Figure figure;
+  figure.id = id;
+  figure.width_px = picture.width_px;
+  figure.height_px = picture.height_px;
+  figure.svg = fmt::format(
+      "<svg xmlns=\"http://www.w3.org/2000/svg\" xmlns:xlink=\"http://www.w3.org/1999/xlink\" viewBox=\"0 "
+      "0 {0} {1}\"><image width=\"{0}\" height=\"{1}\" xlink:href=\"{2}\"/></svg>",
+      figure.width_px, figure.height_px, picture.url);
+  return figure;
+}
+
+constexpr std::size_t most_pictures = 6;
+
+/// "stack1" of overlay_stack1.png, with a comma before it
+std::string stack_of(const fs::path& file) {
+  const std::string stem = file.stem().string();
+  const auto underscore = stem.find('_');
+  return underscore == std::string::npos ? std::string() : ", " + stem.substr(underscore + 1);
+}
+
+/// Pictures that segmentation left of an eye, as figures.
 FigureRow overlays_of(const EyeData& eye) {
-  constexpr std::size_t most = 6;
   FigureRow row;
   for (const auto& file : eye.overlays) {
-    if (row.figures.size() == most) break;
-    const PagePicture picture = page_picture(file);
-    Figure figure;
-    figure.id = fmt::format("overlay-{}-{}", eye.id(), row.figures.size() + 1);
-    figure.width_px = picture.width_px;
-    figure.height_px = picture.height_px;
-    const std::string stem = file.stem().string();
-    const bool is_residual = stem.rfind("residual", 0) == 0;
-    const auto underscore = stem.find('_');
+    if (row.figures.size() == most_pictures) break;
+    Figure figure = picture_figure(file, fmt::format("overlay-{}-{}", eye.id(), row.figures.size() + 1));
+    const bool is_residual = file.stem().string().rfind("residual", 0) == 0;
     figure.title = std::string(eye.laterality == Laterality::od ? "OD, " : "OS, ") +
-                   (is_residual ? "residuals of the fit" : "contours of the fit") +
-                   (underscore == std::string::npos ? "" : ", " + stem.substr(underscore + 1));
+                   (is_residual ? "residuals of the fit" : "contours of the fit") + stack_of(file);
     figure.caption =
         is_residual
             ? "Measured minus modelled signal in units of the noise. It should look like noise; a rim "
@@ -106,13 +120,23 @@ FigureRow overlays_of(const EyeData& eye) {
             : "The fit's contours on the slices as they were acquired.";
     figure.alt =
         is_residual ? "Residuals of the fit on the MR slices" : "Contours of the fit on the MR slices";
-    figure.svg = fmt::format(
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" xmlns:xlink=\"http://www.w3.org/1999/xlink\" viewBox=\"0 "
-        "0 {0} "
-        "{1}\"><image width=\"{0}\" height=\"{1}\" xlink:href=\"{2}\"/></svg>",
-        figure.width_px, figure.height_px, picture.url);
     row.figures.push_back(std::move(figure));
   }
+  return row;
+}
+
+/// Stacks in which no eye was found: what a reader needs to see why.
+FigureRow eyeless_stacks(const CaseData& data) {
+  FigureRow row;
+  for (const auto& file : data.overlays) {
+    if (row.figures.size() == most_pictures) break;
+    Figure figure = picture_figure(file, fmt::format("overlay-{}", row.figures.size() + 1));
+    figure.title = "No eye found" + stack_of(file);
+    figure.alt = "Slices of a stack in which no eye was found";
+    row.figures.push_back(std::move(figure));
+  }
+  if (!row.figures.empty())
+    row.caption = "Slices as they were acquired. Look whether they reach an eye at all.";
   return row;
 }
 
@@ -193,6 +217,8 @@ Section images_section(const CaseData& data, Notes& notes) {
     if (!overlays.figures.empty())
       section.blocks.push_back({overlays, eye.biometry.is_object() ? Paper::never : Paper::always});
   }
+  if (FigureRow eyeless = eyeless_stacks(data); !eyeless.figures.empty())
+    section.blocks.push_back({std::move(eyeless)});
   if (!printed.figures.empty())
     section.blocks.push_back(
         {Paragraph{"Slices are in the patient's axes through the middle of the globe, in radiological "

@@ -65,7 +65,7 @@ std::string images_sentence(const CaseData& data) {
   std::vector<std::string> stacks;
   for (const auto& [words, count] : counts)
     stacks.push_back(count > 1 ? fmt::format("{} times {}", count, words) : words);
-  if (stacks.empty()) return "The eyes were measured with Emmetrope " + version() + ". ";
+  if (stacks.empty()) return "The images were examined with Emmetrope " + version() + ". ";
   return fmt::format("The eyes were measured with Emmetrope {} in {} MR series ({}). ", version(),
                      used.size(), fmt::join(stacks, "; "));
 }

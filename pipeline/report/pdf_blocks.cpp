@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <numeric>
 #include <sstream>
 
 #include "pipeline/report/encoding.hpp"
@@ -62,7 +63,11 @@ std::vector<double> column_widths(const Pages& pages, const Table& table, double
   double others = 0;
   for (std::size_t column = 1; column < widths.size(); ++column) others += widths[column];
   if (widths[0] + others > width) widths[0] = std::max(80.0, width - others);
-  const double total = widths[0] + others;
+  // Then the widest yields, as a sentence breaks better than a number.
+  const double excess = widths[0] + others - width;
+  auto widest = std::max_element(widths.begin(), widths.end());
+  if (excess > 0) *widest = std::max(*widest - excess, 80.0);
+  const double total = std::accumulate(widths.begin(), widths.end(), 0.0);
   if (total > width)
     for (double& w : widths) w *= width / total;
   return widths;
@@ -214,7 +219,7 @@ struct DrawBlock {
   void operator()(const FigureRow& block) const { draw_figures(pages, block); }
   void operator()(const SignatureLines& block) const {
     const Face face{8, false, soft};
-    constexpr double pitch = 20, label_width = 100;
+    constexpr double pitch = 20, label_width = 140;
     pages.need(pitch * static_cast<double>(block.labels.size()));
     for (const auto& label : block.labels) {
       pages.skip(pitch - 10);

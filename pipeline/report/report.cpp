@@ -106,6 +106,8 @@ std::string page_of(const CaseData& data, const Document& document, Notes& notes
 
 }  // namespace
 
+std::string study_date_of(const CaseData& data) { return study_date_of(data, source_of(data, {}).study); }
+
 Answer write_report(const ReportOptions& options, const CommonOptions& common) try {
   quiet_dicom_library();
   const CaseData data = read_case(options.case_folder, common.laterality);

@@ -2,6 +2,7 @@
 #include <filesystem>
 
 #include "pipeline/base/command_line.hpp"
+#include "pipeline/report/case_data.hpp"
 
 namespace emmetrope::report {
 
@@ -16,5 +17,8 @@ struct ReportOptions {
 /// too, which says why and gives no number: the answer's status is `done`. \throw Error (input_invalid) when
 /// the case lacks a segmentation or a file of it is broken
 Answer write_report(const ReportOptions& options, const CommonOptions& common);
+
+/// YYYY-MM-DD from case.json, else from the study that segmentation read; empty when neither is at hand.
+std::string study_date_of(const CaseData& data);
 
 }  // namespace emmetrope::report

