@@ -123,6 +123,7 @@ const std::vector<EyeRow>& implant_rows() {
       {"/what_if/intra_ocular_lens/hoffer_q_D", "Hoffer Q", dioptres},
       {"/what_if/intra_ocular_lens/haigis_D", "Haigis", dioptres},
       {"/what_if/intra_ocular_lens/target_M_D", "Target mean sphere", dioptres},
+      {"/what_if/intra_ocular_lens/target_vertex_distance_mm", "Target's vertex distance", {0, false, "mm"}},
       {"/what_if/intra_ocular_lens/a_constant", "A constant", {1, false, ""}},
       {"/what_if/intra_ocular_lens/position_mm", "Lens plane behind the cornea", {2, false, "mm"}}};
   return rows;
@@ -204,7 +205,8 @@ Section lenses_section(const CaseData& data) {
   add(lens_table(prescribed), Paper::if_room);
   add(meniscus_table(prescribed), Paper::never);
   add(rows("Best plano-cylinder", refracted, cylinder_rows()), Paper::never);
-  add(rows("Intraocular lens for distance, for information", prescribed, implant_rows()), Paper::if_room);
+  add(rows("Intraocular lens for a target refraction, for information", prescribed, implant_rows()),
+      Paper::if_room);
   add(rows("Laser ablation for this refraction", prescribed, ablation_rows()), Paper::never);
   add(pupil_table(refracted), Paper::never);
   add(rows("Accommodation", refracted, accommodation_rows()), Paper::never);
