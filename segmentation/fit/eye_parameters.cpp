@@ -78,7 +78,8 @@ bool is_intensity(int index) { return index >= vitreous && index <= surround; }
 constexpr double coil_sigma = 0.3, gain_sigma = 0.3;
 constexpr double shift_sigma_mm = 3;     ///< the head moves 1 to 3 mm between series
 constexpr double sharpness_sigma = 0.3;  ///< zero filling and filters that the header does not tell
-constexpr double displacement_sigma_mm = 0.06, background_sigma = 0.15;
+constexpr double displacement_sigma_mm = 0.06;
+constexpr double background_sigma_t2 = 0.25, background_sigma_t1 = 0.5;  ///< fat beside muscle
 
 }  // namespace
 
@@ -122,7 +123,8 @@ Priors population_priors(const ParameterLayout& layout, const Eigen::VectorXd& s
     priors.sigma[at + log_sharpness] = sharpness_sigma;
   }
   priors.sigma.segment(layout.displacement(), layout.bumps).setConstant(displacement_sigma_mm);
-  priors.sigma.segment(layout.background(), layout.bumps).setConstant(background_sigma);
+  priors.sigma.segment(layout.background(), layout.bumps)
+      .setConstant(contrast == Contrast::t1 ? background_sigma_t1 : background_sigma_t2);
   return priors;
 }
 

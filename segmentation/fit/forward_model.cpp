@@ -250,9 +250,10 @@ void ForwardModel::AtParameters::lens_surfaces(const Vector3d& p, Surface& front
   const double acd = a_[anterior_chamber_depth], half = a_[lens_thickness] / 2;
   const double tx = a_[lens_tilt_x] * degree, ty = a_[lens_tilt_y] * degree;
   const Vector3d w(p.x() - a_[lens_decentre_x], p.y() - a_[lens_decentre_y], p.z() + acd + half);
-  // Small rotation about mid-lens: lens_from_eye = I - [tilt]x.
-  const double x = w.x() - ty * w.z(), y = w.y() + tx * w.z(), delta = -(w.z() - tx * w.y() + ty * w.x());
-  const Vector3d grad_x(1, 0, -ty), grad_y(0, 1, tx), grad_delta(-ty, tx, -1);
+  // About mid-lens, first about +x, then about the fixed +y: the rows of the rotation's inverse.
+  const double sx = std::sin(tx), cx = std::cos(tx), sy = std::sin(ty), cy = std::cos(ty);
+  const Vector3d grad_x(cy, 0, -sy), grad_y(sx * sy, cx, sx * cy), grad_delta(-cx * sy, sx, -cx * cy);
+  const double x = grad_x.dot(w), y = grad_y.dot(w), delta = grad_delta.dot(w);
   const double s = x * x + y * y;
 
   for (const bool is_front : {true, false}) {
