@@ -40,14 +40,23 @@ std::vector<QualityGate> judge_quality(const FoundEye& found, const EyeFit& fit)
 
   const double k = 337.5 * fit.value(cornea_c), k_sigma = 337.5 * fit.sigma(cornea_c);
   const double prior_sigma = 337.5 * fit.priors.sigma[cornea_c];
-  at_most("cornea_sigma_over_prior", k_sigma / prior_sigma, 0.97, false,
-          fmt::format(
-              "the images say next to nothing about the cornea's curvature (sigma {:.2f} D, prior {:.2f} D)",
-              k_sigma, prior_sigma));
+  at_most("cornea_sigma_over_prior", k_sigma / prior_sigma, 0.97, true,
+          fmt::format("the cornea is not visible (a defaced head?): the images say next to nothing about its "
+                      "curvature (sigma {:.2f} D, prior {:.2f} D)",
+                      k_sigma, prior_sigma));
   const double length_sigma = fit.pole_depth_sigma_mm();
   at_most("axial_length_sigma_mm", length_sigma, 0.6, true,
-          fmt::format("the axial length is not determined (sigma {:.2f} mm): cornea or fundus is not visible",
+          fmt::format("the axial length is not determined (sigma {:.2f} mm): cornea or fundus is not "
+                      "visible, or the head moved",
                       length_sigma));
+  // In T1 fat that chemical shift has laid over the wall is brighter than either, and is taken for the wall.
+  if (fit.contrast == Contrast::t1) {
+    const double brightness = fit.value(wall) / fit.value(surround);
+    at_most("wall_over_surroundings_t1", brightness, 1.2, true,
+            fmt::format("the globe's wall is {:.1f} times as bright as the fat around it: fat displaced by "
+                        "chemical shift covers it",
+                        brightness));
+  }
   Eigen::VectorXd apex = Eigen::VectorXd::Zero(fit.layout.size());
   apex.segment<3>(apex_x) = gaze_axis(fit.value(gaze_horizontal), fit.value(gaze_vertical));
   const double apex_sigma = sigma_of(fit, apex);

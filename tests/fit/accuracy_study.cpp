@@ -7,6 +7,7 @@
 #include <map>
 
 #include "meshing/biometry.hpp"
+#include "pipeline/base/error.hpp"
 #include "pipeline/base/files.hpp"
 #include "pipeline/base/frames.hpp"
 #include "tests/fit/simulated_keratometry.hpp"
@@ -118,15 +119,21 @@ struct Study {
     if (record.at("status") == "not found") ++missed;
     if (record.at("status") == "refused") ++refused;
     if (record.at("status") != "measured") return;
-    fit_s += record.at("fit_s").get<double>();
-    render_s += record.at("render_s").get<double>();
-    chi2 += record.at("chi2_per_voxel").get<double>();
     const ExternalMeasurement keratometry = keratometry_of(record);
     const ExternalMeasurement* given = with_keratometry ? &keratometry : nullptr;
     const bool distorted = record.at("protocol").get<std::string>().find("distorted") != std::string::npos;
     const double scale_sd = distorted ? 0.003 : 0;
-    const Json stated = biometry_with(record.at("fit"), nullptr, scale_sd, given);
-    const Json bound = biometry_with(record.at("fit"), record.at("bound"), scale_sd, given);
+    Json stated, bound;
+    try {
+      stated = biometry_with(record.at("fit"), nullptr, scale_sd, given);
+      bound = biometry_with(record.at("fit"), record.at("bound"), scale_sd, given);
+    } catch (const Error&) {  // what `emmetrope mesh` refuses
+      ++refused;
+      return;
+    }
+    fit_s += record.at("fit_s").get<double>();
+    render_s += record.at("render_s").get<double>();
+    chi2 += record.at("chi2_per_voxel").get<double>();
     for (const Wanted& wanted : quantities()) {
       const auto measured = at(stated, wanted.path).get<Measured>();
       Quantity& quantity = by_name[wanted.name];

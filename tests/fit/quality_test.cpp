@@ -1,0 +1,139 @@
+// Studies that support no result: one phantom for each reason, through the stage, which must say that reason
+// and nothing clinical.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <random>
+
+#include "pipeline/base/files.hpp"
+#include "segmentation/intake/nifti.hpp"
+#include "segmentation/segment/segment.hpp"
+#include "tests/fit/phantom_eyes.hpp"
+
+namespace emmetrope::segmentation {
+namespace {
+
+namespace fs = std::filesystem;
+using Eigen::Vector3d;
+
+class QualityGates : public testing::Test {
+ protected:
+  void SetUp() override {
+    const std::string test = testing::UnitTest::GetInstance()->current_test_info()->name();
+    folder_ = fs::temp_directory_path() / ("emmetrope_quality_" + test + "_" + std::to_string(::getpid()));
+    fs::remove_all(folder_);
+    fs::create_directories(folder_ / "study");
+    common_.verbosity.quiet = true;
+    common_.laterality = LateralityChoice::od;
+    head_.od.gaze_vertical_deg = -8;
+    anatomy_ = std::make_unique<phantom::Anatomy>(head_);
+  }
+  void TearDown() override { fs::remove_all(folder_); }
+
+  /// The right eye in an axial T2 stack of 0.8 mm voxels.
+  Stack image(const phantom::Disturbances& disturbances, double centre_offset_mm = 0) const {
+    phantom::Protocol protocol;
+    protocol.disturbances = disturbances;
+    protocol.stacks.push_back(
+        phantom::make_stack("head-axial:pixel_mm=0.8,slice_mm=0.8,matrix=56x56,slices=44", *anatomy_));
+    protocol.stacks[0].centre = right_eye().globe_centre_lps() + Vector3d(0, -3 + centre_offset_mm, 0);
+    return to_stack(phantom::render(*anatomy_, protocol, 0, 1), "stack1");
+  }
+  const phantom::PlacedEye& right_eye() const { return anatomy_->eye(Laterality::od); }
+  /// A point of the scanner's LPS in the eye frame.
+  Vector3d in_eye(const Vector3d& lps) const { return right_eye().lps_from_eye.inverse() * lps; }
+
+  /// Replaces voxels; the change gets the scanner's noise.
+  void replace(Stack& stack, const std::function<std::optional<double>(const Vector3d&)>& by) const {
+    std::mt19937 random(5);
+    std::normal_distribution<float> noise(0, 50);
+    for (int s = 0; s < stack.slices(); ++s)
+      for (int r = 0; r < stack.rows; ++r)
+        for (int c = 0; c < stack.columns; ++c)
+          if (const auto value = by(in_eye(stack.position(c, r, s))))
+            stack.slice_intensity[s][static_cast<std::size_t>(r) * stack.columns + c] =
+                std::abs(static_cast<float>(*value) + noise(random));
+  }
+
+  Answer run(const Stack& stack) {
+    write_nifti(folder_ / "study" / "stack1.nii.gz", stack);
+    SegmentOptions options;
+    options.study = folder_ / "study";
+    options.case_folder = folder_ / "case";
+    return segment(options, common_);
+  }
+  /// Status 6, the reason in the stage's record, a picture, and no eye for the next stage.
+  void expect_refused(const Answer& answer, const std::string& reason) const {
+    EXPECT_EQ(answer.status, ExitStatus::no_result);
+    const Json stage = read_json(folder_ / "case" / "segmentation" / "stage.json");
+    EXPECT_NE(stage.at("verdict").dump().find(reason), std::string::npos) << stage.at("verdict");
+    bool picture = false;
+    for (const auto& entry : fs::recursive_directory_iterator(folder_ / "case" / "segmentation"))
+      picture = picture || entry.path().extension() == ".png";
+    EXPECT_TRUE(picture);
+    const fs::path fit = folder_ / "case" / "segmentation" / "od" / "fit.json";
+    if (fs::exists(fit)) {
+      EXPECT_EQ(read_json(fit).at("status"), "refused");
+    }
+  }
+
+  static phantom::Disturbances quiet_scan() {
+    phantom::Disturbances disturbances;
+    disturbances.snr = 20;
+    return disturbances;
+  }
+
+  phantom::HeadGeometry head_ = phantom::sample_head();
+  std::unique_ptr<phantom::Anatomy> anatomy_;
+  fs::path folder_;
+  CommonOptions common_;
+};
+
+/// Without a defect the same phantom is measured: what the others are refused for is their defect.
+TEST_F(QualityGates, AGoodScanPasses) { EXPECT_EQ(run(image(quiet_scan())).status, ExitStatus::done); }
+
+TEST_F(QualityGates, ADefacedHeadHasNoCornea) {
+  Stack stack = image(quiet_scan());
+  // Face removal cuts a plane through the front of the eye and leaves nothing before it.
+  replace(stack, [](const Vector3d& p) { return p.z() > -6.5 ? std::optional<double>(0) : std::nullopt; });
+  expect_refused(run(stack), "the cornea is not visible");
+}
+
+TEST_F(QualityGates, AnEyeCutOffIsSaidToBe) { expect_refused(run(image(quiet_scan(), 16)), "cut off"); }
+
+TEST_F(QualityGates, MotionBetweenSlicesIsNoEye) {
+  phantom::Disturbances disturbances = quiet_scan();
+  disturbances.slice_motion_mm = 1.5;
+  expect_refused(run(image(disturbances)), "moved");
+}
+
+TEST_F(QualityGates, AnEyeWithoutALensIsNotMeasured) {
+  Stack stack = image(quiet_scan());
+  // An eye whose lens was replaced by a thin plastic one.
+  replace(stack, [](const Vector3d& p) {
+    return p.z() < -2.9 && p.z() > -8 && p.head<2>().norm() < 5.5 ? std::optional<double>(1000)
+                                                                  : std::nullopt;
+  });
+  expect_refused(run(stack), "lens is not visible");
+}
+
+TEST_F(QualityGates, ACorneaThatLooksLikeItsSurroundingsIsSaidToBeUnseen) {
+  Stack stack = image(quiet_scan());
+  // Water before the eye (a wet dressing): no edge where the cornea is.
+  replace(stack, [](const Vector3d& p) { return p.z() > -2.6 ? std::optional<double>(980) : std::nullopt; });
+  expect_refused(run(stack), "cornea");
+}
+
+/// X-ray attenuation in a file that does not say so: soft tissue is all alike.
+TEST_F(QualityGates, AComputedTomogramShowsNoEye) {
+  Stack stack = image(quiet_scan());
+  replace(stack, [](const Vector3d& p) {
+    const bool air = p.z() > 2.2;
+    const bool bone = p.head<2>().norm() > 17 && p.z() < -10;
+    return std::optional<double>(air ? 0 : bone ? 1700 : 1040);
+  });
+  expect_refused(run(stack), "no such eye was found");
+}
+
+}  // namespace
+}  // namespace emmetrope::segmentation

@@ -1,0 +1,61 @@
+// A small part of the accuracy study (docs/accuracy.md): one random head a protocol.
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "meshing/biometry.hpp"
+#include "tests/fit/study_eye.hpp"
+
+namespace emmetrope::segmentation {
+namespace {
+
+/// What no eye of a protocol may exceed: about the largest errors of the 200 eyes in docs/accuracy.md.
+struct Worst {
+  const char* protocol;
+  unsigned long long seed;
+  double axial_length_mm, M_D, J_D, retina_mm, cornea_mm;
+};
+std::ostream& operator<<(std::ostream& out, const Worst& worst) { return out << worst.protocol; }
+
+class StudyHead : public testing::TestWithParam<Worst> {};
+INSTANTIATE_TEST_SUITE_P(Accuracy, StudyHead,
+                         testing::Values(Worst{"head-t2", 101, 0.09, 1.9, 0.8, 0.012, 0.08},
+                                         Worst{"head-t1", 1, 0.35, 3.2, 2.0, 0.12, 0.2}));
+
+TEST_P(StudyHead, ErrorsAreOfTheTablesOrderAndWithinTheirIntervals) {
+  const Worst& worst = GetParam();
+  StudyProtocol protocol;
+  protocol.name = worst.protocol;
+  int covered = 0, of = 0;
+  for (const Json& record : study_head(protocol, worst.seed)) {
+    ASSERT_EQ(record.at("status"), "measured") << record.at("reasons");
+    const Json& truth = record.at("truth");
+    const Json found = biometry_json(EyeEstimate(parametric_eye_from_json(record.at("fit"))), {});
+    const auto error = [&](const char* pointer) {
+      const Json::json_pointer at(pointer);
+      const auto measured = found.at(at).get<Measured>();
+      const double e = measured.value - truth.at(at).get<double>();
+      EXPECT_LT(std::abs(e), 4 * measured.sigma()) << pointer;
+      covered += std::abs(e) < 1.96 * measured.sigma() ? 1 : 0;
+      ++of;
+      return e;
+    };
+    EXPECT_LT(std::abs(error("/axial_length_mm")), worst.axial_length_mm);
+    EXPECT_LT(std::abs(error("/astigmatism/M_D")), worst.M_D);
+    EXPECT_LT(std::hypot(error("/astigmatism/J0_D"), error("/astigmatism/J45_D")), worst.J_D);
+    for (const char* other : {"/anterior_chamber_depth_mm", "/lens_thickness_mm", "/lens_anterior_radius_mm",
+                              "/lens_posterior_radius_mm", "/globe_width_mm", "/globe_height_mm"})
+      error(other);
+    EXPECT_LT(record.at("surface_mm").at("retina").get<double>(), worst.retina_mm);
+    EXPECT_LT(record.at("surface_mm").at("cornea").get<double>(), worst.cornea_mm);
+    // No interval is narrower than noise and priors allow.
+    const Json& stated = record.at("fit").at("covariance");
+    const Json& bound = record.at("bound");
+    for (std::size_t i = 0; i < bound.size(); ++i)
+      EXPECT_GT(stated[i][i].get<double>(), 0.9 * bound[i][i].get<double>()) << i;
+  }
+  EXPECT_GE(covered, 0.8 * of);
+}
+
+}  // namespace
+}  // namespace emmetrope::segmentation
