@@ -19,6 +19,7 @@ const browser = await chromium.launch({ executablePath: "/usr/bin/chromium",
 async function open(options) {
   // axe is put into the page by the test, which the page's own security policy would refuse.
   const context = await browser.newContext({ viewport: { width: 1280, height: 900 }, bypassCSP: options.axe ?? false, ...options.context });
+  context.setDefaultTimeout(600000);  // a busy machine is slow, which is no fault of the page
   const page = await context.newPage();
   page.on("console", (message) => { if (["error", "warning"].includes(message.type())) findings.complaints.push(message.text().slice(0, 400)); });
   page.on("pageerror", (error) => findings.complaints.push(String(error).slice(0, 400)));
@@ -57,7 +58,7 @@ async function violations(page) {
   findings.viewer = await page.locator(".viewer").count() > 0;
   if (findings.viewer) {
     await page.locator(".viewer").scrollIntoViewIfNeeded();
-    await page.waitForSelector(".viewer[data-ready=true]", { state: "attached", timeout: 60000 });
+    await page.waitForSelector(".viewer[data-ready=true]", { state: "attached" });
     const canvas = page.locator("#viewer-canvas");
     await canvas.scrollIntoViewIfNeeded();
     const picture = async () => { await page.waitForTimeout(250); return (await canvas.screenshot()).toString("base64"); };
