@@ -1,5 +1,7 @@
 #include <fmt/format.h>
 
+#include <algorithm>
+
 #include "pipeline/base/version.hpp"
 #include "pipeline/report/content.hpp"
 #include "pipeline/report/numbers.hpp"
@@ -109,10 +111,14 @@ Section limits_section(const CaseData& data, const Notes& notes) {
                    "Images of the orbit may let a face be recognised even where no name is given."};
   section.blocks.push_back({general});
   BulletList found;
+  const auto add_once = [&](const std::string& item) {
+    if (std::find(found.items.begin(), found.items.end(), item) == found.items.end())
+      found.items.push_back(item);
+  };
   for (const auto& stage : data.stages) {
-    for (const auto& warning : stage.warnings) found.items.push_back(stage.name + ": " + warning);
+    for (const auto& warning : stage.warnings) add_once(stage.name + ": " + warning);
     if (stage.status != ExitStatus::done)
-      for (const auto& reason : stage.reasons) found.items.push_back(stage.name + ": " + reason);
+      for (const auto& reason : stage.reasons) add_once(stage.name + ": " + reason);
   }
   for (const auto& note : notes) found.items.push_back("report: " + note);
   if (!found.items.empty()) {

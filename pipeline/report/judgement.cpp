@@ -31,15 +31,13 @@ std::vector<std::string> failed_gates(const EyeData& eye) {
 
 /// Reasons that a stage gave, once each and without those that only concern the other eye.
 void add_stage_reasons(const CaseData& data, const EyeData& eye, std::vector<std::string>& reasons) {
-  const std::string other = eye.laterality == Laterality::od ? "os" : "od";
+  const Laterality other = eye.laterality == Laterality::od ? Laterality::os : Laterality::od;
+  const std::string own = std::string(clinical_name(eye.laterality)) + ": ";
   for (const auto& stage : data.stages)
-    for (const auto& reason : stage.reasons) {
-      const bool concerns_other =
-          reason.rfind(other, 0) == 0 ||
-          reason.rfind(clinical_name(eye.laterality == Laterality::od ? Laterality::os : Laterality::od),
-                       0) == 0;
-      if (!concerns_other && std::find(reasons.begin(), reasons.end(), reason) == reasons.end())
-        reasons.push_back(reason);
+    for (const auto& given : stage.reasons) {
+      if (given.rfind(to_string(other), 0) == 0 || given.rfind(clinical_name(other), 0) == 0) continue;
+      const std::string reason = given.rfind(own, 0) == 0 ? given.substr(own.size()) : given;
+      if (std::find(reasons.begin(), reasons.end(), reason) == reasons.end()) reasons.push_back(reason);
     }
 }
 

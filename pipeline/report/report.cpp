@@ -84,10 +84,13 @@ Source source_of(const CaseData& data, const ReportOptions& options) {
   if (!study.empty()) {
     try {
       return {SourceStudy::read(study, data.case_json), ""};
-    } catch (const Error& error) {
+    } catch (const Error&) {
       if (!options.study.empty()) throw;
-      note = "The DICOM objects carry the pseudonym and belong to a study of their own: " +
-             std::string(error.what()) + ".";
+      // Not what the error says: it names the folder, which may bear a person's name.
+      note =
+          "The DICOM objects carry the pseudonym and belong to a study of their own: the study's folder "
+          "holds "
+          "no MR image in DICOM.";
     }
   }
   if (options.identified)
