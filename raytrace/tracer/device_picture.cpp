@@ -16,7 +16,11 @@ KernelForm form_on(const OpenCl& cl, const PictureJob& job) {
               (job.system.has(Operation::patch) || job.system.has(Operation::triangles));
   form.waves = !form.spectral ? 1 : form.tile ? wavelength_count : wavelength_count / form.lanes;
   form.in_flight = 2;
-  if (job.map) form.more = job.map->definitions();
+  // A map or tangents begin amid the sequence.
+  if (job.map)
+    form.more = job.map->definitions();
+  else if (form.tangents == 0)
+    form.more = job.system.sequence_definitions();
   return form;
 }
 

@@ -1,8 +1,11 @@
 #include "raytrace/tracer/optical_system.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <atomic>
 #include <cmath>
+#include <cstdint>
 #include <cstring>
 #include <exception>
 #include <mutex>
@@ -213,6 +216,21 @@ std::string OpticalSystem::definitions() const {
   for (const auto& [kind, name] : names)
     text += std::string(" -DHAS_") + name + "=" + (has(kind) ? "1" : "0");
   return text + " -DHAS_BODY=" + (has_body ? "1" : "0");
+}
+
+std::string OpticalSystem::sequence_definitions() const {
+  const bool long_code = has(Operation::patch) || has(Operation::triangles) ||
+                         has(Operation::every_triangle) || has(Operation::gradient);
+  if (long_code || kinds.size() > 16) return {};
+  std::uint64_t kind_digits = 0, flag_digits = 0;
+  for (std::size_t k = 0; k < kinds.size(); ++k) {
+    std::uint32_t flags = 0;
+    if (kinds[k] != Operation::rotate) std::memcpy(&flags, &operations[k * parameters + 15], sizeof flags);
+    kind_digits |= static_cast<std::uint64_t>(kinds[k]) << 4 * k;
+    flag_digits |= static_cast<std::uint64_t>(flags) << 4 * k;
+  }
+  return fmt::format(" -DOPERATIONS={} -DKINDS={:#x}UL -DFLAGS={:#x}UL", kinds.size(), kind_digits,
+                     flag_digits);
 }
 
 OpticalSystem make_optical_system(const EyeModel& eye,

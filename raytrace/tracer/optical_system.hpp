@@ -40,6 +40,9 @@ struct OpticalSystem {
   bool has(Operation kind) const;
   /// "-DHAS_SPHERE=1 ...": only what occurs is compiled.
   std::string definitions() const;
+  /// " -DOPERATIONS=7 -DKINDS=0x40000UL ...": the sequence itself, for a kernel made for eyes of this form;
+  /// empty where it has more than 16 operations or others than formulas, whose code would grow too long.
+  std::string sequence_definitions() const;
 };
 
 /// How an eye is brought to the device.

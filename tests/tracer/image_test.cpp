@@ -72,6 +72,26 @@ TEST(Image, AnEvenSceneStaysEvenAndWhite) {
   EXPECT_GT(left / static_cast<double>(result.rays), 0.95);
 }
 
+// The kernel is made for sequences of up to 16 operations and loops over longer ones.
+TEST(Image, SurfacesBetweenEqualMediaChangeNothing) {
+  const EyeModel eye = make_eye("gullstrand", {});
+  EyeModel layered = eye;
+  Surface plane = eye.surfaces.front();
+  plane.shape = make_plane();
+  plane.medium_after = "air";
+  for (int i = 1; i <= 12; ++i) {
+    plane.name = "plane_" + std::to_string(i);
+    plane.position_mm = -5.0 - i;
+    layered.surfaces.insert(layered.surfaces.begin(), plane);
+  }
+  const auto scene = make_scene("siemens");
+  const TraceResult with = Tracer("").trace(layered, *scene, quick()),
+                    bare = Tracer("").trace(eye, *scene, quick());
+  EXPECT_EQ(with.states, bare.states);
+  for (std::size_t i = 0; i < bare.image.values.size(); ++i)
+    EXPECT_NEAR(with.image.values[i], bare.image.values[i], 2e-3) << i;
+}
+
 TEST(Image, IsRepeatableAndSeeded) {
   const EyeModel eye = make_eye("gullstrand", {});
   const auto scene = make_scene("siemens");

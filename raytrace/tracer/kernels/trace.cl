@@ -15,13 +15,25 @@
 #define ETA eta
 #endif
 
+// Kinds and flags of an eye of formulas are known when the kernel is compiled, a hexadecimal digit each from the lowest on: its
+// loop is unrolled, and neither tests of kinds nor copies for bodies remain where there is nothing to choose.
+#ifdef OPERATIONS
+#define KIND(k) ((int)(KINDS >> 4 * (k)) & 15)
+#define FLAGS_OF(k) ((int)(FLAGS >> 4 * (k)) & 15)
+#define EACH_OPERATION(k) UNROLL for (int k = 0; k < OPERATIONS; k++)
+#else
+#define KIND(k) kinds[k]
+#define FLAGS_OF(k) (kinds[k] == ROTATE ? 0 : as_int(operations[(k) * PARAMETERS + O_FLAGS]))
+#define EACH_OPERATION(k) for (int k = first_operation; k < operation_count; k++)
+#endif
+
 // Takes UN rays past operation k; met says how, where it is a formula.
 AI void pass(ray* r, crossing* met, int k, int wave, SYSTEM) {
-  const int kind = kinds[k];
+  const int kind = KIND(k);
   constant float* p = operations + k * PARAMETERS;
   const vf eta = RATIO(k, wave);
 #if HAS_GRADIENT || HAS_BODY
-  const int flags = kind == ROTATE ? 0 : as_int(p[O_FLAGS]);
+  const int flags = FLAGS_OF(k);
 #endif
 #if HAS_GRADIENT
   const int own_ratio = flags & LOCAL_RATIO;
@@ -236,7 +248,7 @@ kernel void trace_pixels(SYSTEM, int operation_count, global const float* restri
           pass_tangents(d + q * TANGENTS, before[q], met + q, r + q, k, kinds[k], operations + k * PARAMETERS, RATIO(k, wave), seeds);
       }
 #else
-      for (int k = first_operation; k < operation_count; k++) pass(r, met, k, wave, SYSTEM_ARGUMENTS);
+      EACH_OPERATION(k) pass(r, met, k, wave, SYSTEM_ARGUMENTS);
 #endif
       UNROLL for (int q = 0; q < UN; q++) {
 #if DIFFRACTION
