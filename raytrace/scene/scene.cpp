@@ -5,6 +5,7 @@
 #include <cmath>
 #include <filesystem>
 
+#include "pipeline/base/error.hpp"
 #include "pipeline/base/frames.hpp"
 #include "raytrace/scene/chart.hpp"
 #include "raytrace/scene/scene_json.hpp"
@@ -103,6 +104,10 @@ std::shared_ptr<const Scene> make_scene(const std::string& name_or_file) {
   if (path.extension() == ".json") return std::make_shared<const Scene>(read_scene(path));
   if (name_or_file == "pyramids") return std::make_shared<const Scene>(pyramids());
   if (name_or_file == "cards") return std::make_shared<const Scene>(cards());
+  for (const std::string name : {"pyramids", "cards"})
+    if (name_or_file.rfind(name + ":", 0) == 0)
+      throw usage_error("--scene: " + name + " takes no keys, found \"" + name_or_file + "\"",
+                        "write " + name + ", or describe a scene of your own in a scene.json");
   return std::make_shared<const Scene>(draw_chart(parse_chart(name_or_file)));
 }
 

@@ -244,6 +244,14 @@ std::vector<StageInput> inputs_of(const fs::path& case_folder, const TraceOption
   for (std::size_t i = 0; i < scene.files.size(); ++i)
     add(fmt::format("scene file {}", i + 1), scene.files[i]);
   add("spectacle", options.spectacle);
+  if (const fs::path spectacle = options.spectacle; spectacle.extension() == ".json") {
+    const Json json = read_json(spectacle);
+    const Json surfaces = json.is_object() ? json.value("surfaces", Json::array()) : Json::array();
+    for (const Json& surface : surfaces)  // their form is checked where they are put before the eye
+      if (surface.is_object() && surface.contains("file") && surface["file"].is_string())
+        add("spectacle file " + surface["file"].get<std::string>(),
+            spectacle.parent_path() / surface["file"].get<std::string>());
+  }
   return inputs;
 }
 

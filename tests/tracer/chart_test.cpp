@@ -79,6 +79,18 @@ TEST(Charts, BadRequestsAreUsageErrors) {
     EXPECT_EQ(status_of(bad), ExitStatus::usage) << bad;
 }
 
+TEST(Charts, ScenesWithoutKeysSaySo) {
+  for (const std::string name : {"cards", "pyramids"}) {
+    try {
+      make_scene(name + ":logmar=1");
+      ADD_FAILURE() << name;
+    } catch (const Error& error) {
+      EXPECT_EQ(error.status(), ExitStatus::usage);
+      EXPECT_NE(std::string(error.what()).find("takes no keys"), std::string::npos) << error.what();
+    }
+  }
+}
+
 TEST(SceneFile, IsReadAndChecked) {
   const auto folder =
       std::filesystem::path(testing::TempDir()) / ("emmetrope-scene-test-" + std::to_string(::getpid()));
