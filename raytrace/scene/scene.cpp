@@ -1,5 +1,7 @@
 #include "raytrace/scene/scene.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -106,8 +108,8 @@ std::shared_ptr<const Scene> make_scene(const std::string& name_or_file) {
   if (name_or_file == "cards") return std::make_shared<const Scene>(cards());
   for (const std::string name : {"pyramids", "cards"})
     if (name_or_file.rfind(name + ":", 0) == 0)
-      throw usage_error("--scene: " + name + " takes no keys, found \"" + name_or_file + "\"",
-                        "write " + name + ", or describe a scene of your own in a scene.json");
+      throw usage_error(fmt::format("--scene: {} takes no keys, found \"{}\"", name, name_or_file),
+                        fmt::format("write {}, or describe a scene of your own in a scene.json", name));
   return std::make_shared<const Scene>(draw_chart(parse_chart(name_or_file)));
 }
 
