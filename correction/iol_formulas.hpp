@@ -3,7 +3,9 @@
 /// Powers of intra-ocular lenses by the published thin-lens formulas. All are one vergence calculation,
 ///   P = 1336/(L - d) - 1336/(1336/(K + R) - d),
 /// with R the target refraction at the cornea; they differ in the eye's length L, the lens's expected
-/// position d and the power K of the cornea. Barrett's formula is not published and not here.
+/// position d and the power K of the cornea. Barrett's formula is not published and not here. All constants
+/// are those that biometers' manuals print (Tomey UD-800, "IOL power calculation formula"; Haigis' own page
+/// for his).
 namespace emmetrope::correction {
 
 /// What a biometer reports.

@@ -6,6 +6,7 @@
 
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/frames.hpp"
+#include "raytrace/wavefront/contrast_sensitivity.hpp"
 
 namespace emmetrope::correction {
 namespace {
@@ -45,12 +46,6 @@ Measure measure_from_string(const std::string& name) {
     if (to_string(measure) == name) return measure;
   throw usage_error("--criterion \"" + name + "\" is not known",
                     "choose gradient-energy, laplacian-variance or mtf-weighted");
-}
-
-double contrast_sensitivity(double cycles_per_degree) {
-  constexpr double peak = 0.9809;  // of the formula below, near 7.9 cycles per degree
-  const double scaled = 0.114 * std::abs(cycles_per_degree);
-  return 2.6 * (0.0192 + scaled) * std::exp(-std::pow(scaled, 1.1)) / peak;
 }
 
 SharpnessMeasure::SharpnessMeasure(Measure measure, int width, int height, double pixel_arcmin,

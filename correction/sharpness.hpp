@@ -26,9 +26,6 @@ std::string to_string(Measure measure);
 /// \throw Error (usage) listing the measures
 Measure measure_from_string(const std::string& name);
 
-/// Contrast sensitivity by Mannos and Sakrison (1974), relative to its peak; cycles per degree.
-double contrast_sensitivity(double cycles_per_degree);
-
 /// Energy of the detail in a picture, and its derivative. The picture is divided by its mean, so brightness
 /// does not count, and windowed (Hann), so that what leaves the frame does not count either.
 class SharpnessMeasure {

@@ -38,8 +38,9 @@ const std::vector<std::string>& references() {
       "11. Watson AB. A formula for the mean human optical modulation transfer function as a function of "
       "pupil size. "
       "Journal of Vision 2013;13(6):18.",
-      "12. Watson AB, Ahumada AJ. Predicting visual acuity from wavefront aberrations. Journal of Vision "
-      "2008;8(4):17 (neural weights of the VSOTF, not checked against the paper).",
+      "12. Mannos JL, Sakrison DJ. The effects of a visual fidelity criterion on the encoding of images. "
+      "IEEE "
+      "Transactions on Information Theory 1974;20:525-536 (contrast sensitivity that weighs the VSOTF).",
       "13. Flitcroft DI et al. IMI - Defining and classifying myopia. Investigative Ophthalmology and Visual "
       "Science 2019;60:M20-M30.",
       "14. Blendowske R. Unaided visual acuity and blur: a simple model. Optometry and Vision Science "

@@ -4,6 +4,7 @@
 
 #include "pipeline/base/frames.hpp"
 #include "raytrace/eye/zernike.hpp"
+#include "raytrace/wavefront/contrast_sensitivity.hpp"
 #include "raytrace/wavefront/pupil_function.hpp"
 #include "raytrace/wavefront/simplex.hpp"
 
@@ -50,7 +51,8 @@ class NeuralSum {
       for (int column = -reach; column <= reach; ++column) {
         const double cpd = std::hypot(row, column) / pupil.per_cpd();
         if (cpd > highest_cpd || 2 * std::max(std::abs(row), std::abs(column)) >= size) continue;
-        entries_.push_back({((row + size) % size) * size + (column + size) % size, neural_weight(cpd)});
+        entries_.push_back(
+            {((row + size) % size) * size + (column + size) % size, contrast_sensitivity(cpd)});
       }
   }
   double of(const std::vector<std::complex<double>>& otf) const {

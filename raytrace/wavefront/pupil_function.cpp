@@ -30,12 +30,6 @@ cv::Mat complex_matrix(const std::vector<std::complex<double>>& values, int size
 
 }  // namespace
 
-double neural_weight(double cpd) {
-  // Watson and Ahumada (2008): sech((f / f0)^p) - a sech(f / f1).
-  constexpr double f0 = 35.869, f1 = 5.412, a = 0.926, p = 0.772;
-  return 1 / std::cosh(std::pow(cpd / f0, p)) - a / std::cosh(cpd / f1);
-}
-
 PupilFunction::PupilFunction(const Wavefront& wavefront, int samples_across, double padding)
     : wavelength_um_(wavefront.wavelength_nm / 1000), radius_mm_(wavefront.pupil_mm / 2) {
   // A shift of the pupil by s is the frequency s / wavelength: one cycle a degree is a whole number of steps.

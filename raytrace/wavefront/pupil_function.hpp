@@ -41,7 +41,4 @@ class PupilFunction {
   double step_mm_ = 0, wavelength_um_ = 0, radius_mm_ = 0;
 };
 
-/// Relative neural contrast sensitivity at a frequency (cycles a degree).
-double neural_weight(double cpd);
-
 }  // namespace emmetrope

@@ -58,7 +58,7 @@ Wavefront measure_wavefront(const EyeModel& eye, const WavefrontSettings& settin
 struct ImageQuality {
   double strehl = 0;  ///< peak of the point spread function over that of the perfect pupil
   double vsotf =
-      0;  ///< visual Strehl ratio by the OTF (Thibos et al. 2004), neural weights of Watson and Ahumada 2008
+      0;  ///< visual Strehl ratio by the OTF (Thibos et al. 2004), weighted by contrast_sensitivity()
   std::vector<double> cpd, mtf_tangential, mtf_sagittal;  ///< 0 to 60 cycles a degree; along eye y and x
 };
 /// \param lens_in_pupil  what a thin lens in the entrance pupil plane corrects, the sign of a prescription

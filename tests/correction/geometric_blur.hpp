@@ -6,6 +6,7 @@
 #include "correction/optimise.hpp"
 #include "correction/sharpness.hpp"
 #include "pipeline/base/frames.hpp"
+#include "raytrace/wavefront/contrast_sensitivity.hpp"
 
 /// Sharpness without any image: from ray slopes in the pupil by the geometric OTF. The independent check of
 /// what the traced images say, and cheap enough for exhaustive search.

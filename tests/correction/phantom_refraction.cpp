@@ -69,7 +69,8 @@ RefractionError refraction_error(const PhantomEye& eye, const Knowledge& knowled
       uncertain, [](const EyeModel& changed) { return refraction_by_spot(changed, {}); });
   const Refraction fitted = refraction_of(uncertain.eye), true_one = refraction_of(truth);
   return {fitted.spot - true_one.spot, fitted.paraxial - true_one.paraxial,
-          sensitivity * uncertain.numbers.covariance * sensitivity.transpose()};
+          sensitivity * uncertain.numbers.covariance * sensitivity.transpose(),
+          uncertainty_budget(uncertain, sensitivity)};
 }
 
 }  // namespace emmetrope::correction

@@ -1,7 +1,9 @@
 #pragma once
 #include <Eigen/Core>
 #include <cstdint>
+#include <vector>
 
+#include "correction/uncertainty.hpp"
 #include "pipeline/base/json.hpp"
 #include "raytrace/eye/eye_model.hpp"
 #include "raytrace/eye/parametric_eye.hpp"
@@ -32,6 +34,7 @@ struct RefractionError {
   Eigen::Vector3d paraxial;  ///< by the pupil's centre
   Eigen::Matrix3d
       covariance;  ///< stated of the smallest spot's, as for patients: linear in the eye's numbers
+  std::vector<BudgetLine> budget;  ///< of that covariance
 
   bool covered(int component) const;  ///< by the 95 % interval
 };

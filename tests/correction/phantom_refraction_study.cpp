@@ -4,6 +4,7 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <cmath>
 #include <filesystem>
 
 #include "pipeline/base/files.hpp"
@@ -40,6 +41,19 @@ void print(const char* known, const std::vector<RefractionError>& eyes) {
              known, eyes.size(), bias, median_and_95th(M), median_and_95th(J), std::sqrt(square_M),
              std::sqrt(square_J), 100 * covered[0] / count, 100 * covered[1] / count,
              100 * covered[2] / count, median_and_95th(paraxial_M), median_and_95th(paraxial_J));
+}
+
+/// Where the stated variance of M comes from: root of the mean over the eyes, for each source.
+void print_budget(const char* known, const std::vector<RefractionError>& eyes) {
+  fmt::print("\nStandard deviation of M with {} known, D:", known);
+  for (std::size_t line = 0; line < eyes.front().budget.size(); ++line) {
+    double variance = 0;  // correlations may take away
+    for (const RefractionError& eye : eyes)
+      variance += eye.budget[line].M_D * std::abs(eye.budget[line].M_D) / static_cast<double>(eyes.size());
+    fmt::print(" {} {:.2f}{}", eyes.front().budget[line].source,
+               std::copysign(std::sqrt(std::abs(variance)), variance),
+               line + 1 < eyes.front().budget.size() ? ";" : "\n");
+  }
 }
 
 }  // namespace
@@ -82,6 +96,7 @@ int main(int argc, char** argv) {
     const char* name;
     Knowledge knowledge;
   };
+  std::vector<RefractionError> index_known;
   for (const Row& row : {Row{"lens index", {false, true}}, Row{"lens index, keratometry", {true, true}},
                          Row{"nothing", {false, false}}, Row{"keratometry", {true, false}}}) {
     std::vector<RefractionError> errors;
@@ -95,6 +110,8 @@ int main(int argc, char** argv) {
                    std::sqrt(e.covariance(2, 2)));
     }
     print(row.name, errors);
+    if (index_known.empty()) index_known = std::move(errors);
   }
+  print_budget("the lens index", index_known);
   return 0;
 }

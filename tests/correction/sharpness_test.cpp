@@ -7,6 +7,7 @@
 
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/frames.hpp"
+#include "raytrace/wavefront/contrast_sensitivity.hpp"
 
 namespace emmetrope::correction {
 namespace {
@@ -75,15 +76,6 @@ TEST(Sharpness, WeightsAreThoseOfTheirFormulas) {
   EXPECT_NEAR(ratio(Measure::laplacian_variance), 16, 1.5);
   const double csf = contrast_sensitivity(8) / contrast_sensitivity(4);
   EXPECT_NEAR(ratio(Measure::mtf_weighted), 8 * csf * csf, 0.4);
-}
-
-TEST(Sharpness, ContrastSensitivityPeaksAtOne) {
-  double peak = 0, at = 0;
-  for (double f = 0.1; f < 60; f += 0.01)
-    if (contrast_sensitivity(f) > peak) peak = contrast_sensitivity(at = f);
-  EXPECT_NEAR(peak, 1, 1e-4);
-  EXPECT_NEAR(at, 7.9, 0.1);
-  EXPECT_LT(contrast_sensitivity(60), 0.01);
 }
 
 TEST(Sharpness, RefusesBlackPicturesAndUnknownNames) {

@@ -4,6 +4,7 @@
 
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/files.hpp"
+#include "pipeline/base/frames.hpp"
 #include "tests/base/temporary_folder.hpp"
 #include "tests/correction/measured_optics.hpp"
 
@@ -81,6 +82,40 @@ TEST_F(CorrectStage, WhatTheClinicKnowsIsLearntAndNotClaimed) {
                        calibrated["calibration"]["lens_index_before"].get<double>();
   EXPECT_GT(moved, 0.25 * 0.5 / 155);
   EXPECT_LT(moved, 0.5 / 155);
+}
+
+TEST_F(CorrectStage, RightAndLeftAreNeverSwapped) {
+  // The left eye is the right one's mirror image, but 0.4 mm longer, and only the right one has been measured
+  // elsewhere.
+  Json left = measured_optics();
+  for (Json& surface : left["eye"]["surfaces"])
+    if (surface.contains("axis_deg")) surface["axis_deg"] = 180 - surface["axis_deg"].get<double>();
+  left["eye"]["surfaces"].back()["position_mm"] = 24.4;
+  for (std::size_t i = 0; i < left["parameters"].size(); ++i) {
+    if (left["parameters"][i] == "cornea_j45_per_mm") left["values"][i] = -left["values"][i].get<double>();
+    if (left["parameters"][i] == "optical_axial_length_mm") left["values"][i] = 24.4;
+  }
+  fs::create_directories(folder() / "meshing/os");
+  fs::create_directories(folder() / "raytrace/os");
+  write_json(folder() / "meshing/os/optics.json", left);
+  write_json(folder() / "raytrace/os/eye.json", left["eye"]);
+  settings_.known.instruments.axial_length = {"od:25.00+-0.01"};
+  settings_.known.refractions = {"od:-5.00"};
+  common_.laterality = LateralityChoice::os;
+  const Json eyes = correct_case(folder(), settings_, common_).json["eyes"];
+  ASSERT_EQ(eyes.size(), 1U);
+  const Json& os = eyes["os"];
+  EXPECT_EQ(os["laterality"], "os");
+  EXPECT_EQ(os["learnt_from"], Json::array());
+  EXPECT_FALSE(os.contains("calibration"));
+  EXPECT_EQ(read_json(folder() / "correction/os/prescription.json"), os);
+  EXPECT_FALSE(fs::exists(folder() / "correction/od"));
+  // The cornea is steepest at 160 degrees, so that a minus cylinder's axis lies at 70; the right eye's would
+  // be 110.
+  EXPECT_NEAR(os["axis_deg"]["value"], 90 - 0.35 / degree, 0.5);
+  const PowerVector expected = refraction_by_spot(eye_from_json(left["eye"], "."), settings_.prescription);
+  EXPECT_NEAR(os["M_D"]["value"], expected.M_D, 0.05);
+  EXPECT_NEAR(os["J45_D"]["value"], expected.J45_D, 0.05);
 }
 
 TEST_F(CorrectStage, WhatCannotBeLearntIsAUsageError) {

@@ -4,6 +4,7 @@
 #include <numeric>
 
 #include "pipeline/base/frames.hpp"
+#include "raytrace/wavefront/contrast_sensitivity.hpp"
 #include "raytrace/wavefront/pupil_function.hpp"
 
 namespace emmetrope {
@@ -111,6 +112,24 @@ TEST(PointSpread, StrongDefocusFillsItsDiscEvenly) {
     }
   EXPECT_GT(inside, 0.97);
   EXPECT_NEAR(inner_half, 0.5, 0.02);
+}
+
+TEST(ContrastSensitivity, PeaksAtOneAndIsNearTheNeuralOne) {
+  double peak = 0, at = 0;
+  for (double f = 0.1; f < 60; f += 0.01)
+    if (contrast_sensitivity(f) > peak) peak = contrast_sensitivity(at = f);
+  EXPECT_NEAR(peak, 1, 1e-4);
+  EXPECT_NEAR(at, 7.9, 0.1);
+  // log10 of the neural sensitivity over that at 8 cycles per degree, measured with fringes that the eye's
+  // optics do not blur (Campbell and Green 1965), as it was read off for another program's VSOTF.
+  for (const auto& [cpd, log_ratio] : {std::pair{4.0, -0.14},
+                                       {16.0, -0.18},
+                                       {24.0, -0.48},
+                                       {30.0, -0.68},
+                                       {40.0, -1.04},
+                                       {50.0, -1.55},
+                                       {60.0, -2.16}})
+    EXPECT_NEAR(std::log10(contrast_sensitivity(cpd) / contrast_sensitivity(8)), log_ratio, 0.3) << cpd;
 }
 
 TEST(Refraction, VisualStrehlOfASphericallyAberratedEyeLiesNearTheOthers) {
