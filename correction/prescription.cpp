@@ -23,7 +23,13 @@ WavefrontSettings wavefront_settings(const PrescriptionSettings& settings) {
 }
 
 std::shared_ptr<const raytrace::Scene> scene_of(const PrescriptionSettings& settings) {
-  return settings.chart.empty() ? refraction_chart() : raytrace::make_scene(settings.chart);
+  if (settings.chart.empty()) return refraction_chart();
+  try {
+    return raytrace::make_scene(settings.chart);
+  } catch (Error& error) {
+    error.add_context("reading the scene of --chart");
+    throw;
+  }
 }
 
 std::vector<ImagingLevel> levels_of(const PrescriptionSettings& settings) {
@@ -134,6 +140,7 @@ Prescription prescribe(const raytrace::Tracer& tracer, const EyeModel& eye,
                        const PrescriptionSettings& settings) {
   Prescription result;
   result.settings = settings;
+  const auto scene = scene_of(settings);
   Progress progress("looking for the sharpest lens", 3, settings.verbosity);
   const EyeModel seeing = with_pupil(eye, settings.pupil_mm);
   result.wavefront = measure_wavefront(seeing, wavefront_settings(settings));
@@ -146,11 +153,10 @@ Prescription prescribe(const raytrace::Tracer& tracer, const EyeModel& eye,
   result.search = sharpest_lens(tracer, eye, settings);
   const LensFamily& family = result.search.family;
   result.refraction = family.power(result.search.best.lens);
-  result.sharpness_without_lens = RetinalSharpness(tracer, scene_of(settings), eye, family,
-                                                   levels_of(settings).back())(Eigen::Vector3d::Zero())
-                                      .value;
-  result.lenses = sharpest_real_lenses(tracer, scene_of(settings), eye, levels_of(settings).back(),
-                                       settings.spectacle, result.refraction, settings.vertex_distance_mm);
+  result.sharpness_without_lens =
+      RetinalSharpness(tracer, scene, eye, family, levels_of(settings).back())(Eigen::Vector3d::Zero()).value;
+  result.lenses = sharpest_real_lenses(tracer, scene, eye, levels_of(settings).back(), settings.spectacle,
+                                       result.refraction, settings.vertex_distance_mm);
   RealLens thin;
   thin.kind = family.name;
   thin.vertex_distance_mm = settings.vertex_distance_mm;
@@ -161,9 +167,8 @@ Prescription prescribe(const raytrace::Tracer& tracer, const EyeModel& eye,
   progress.advance();
 
   const PowerVector at_cornea = move_towards_eye(result.refraction, settings.vertex_distance_mm);
-  result.plano_cylinder =
-      best_plano_cylinder(tracer, scene_of(settings), eye, settings,
-                          move_towards_eye(at_cornea, -settings.plano_cylinder_distance_mm));
+  result.plano_cylinder = best_plano_cylinder(
+      tracer, scene, eye, settings, move_towards_eye(at_cornea, -settings.plano_cylinder_distance_mm));
   progress.advance();
   return result;
 }

@@ -77,6 +77,7 @@ PowerVector refraction_by_spot(const EyeModel& eye, const PrescriptionSettings& 
 struct Calibration {
   PowerVector given;  ///< at the settings' vertex distance
   double sigma_D = 0.25;
+  double surprise_sigma = 0;  ///< how far it was from what the eye said, in standard deviations
   double index_before = 0;
   Measured index_after;
   PowerVector before;  ///< what the eye said without it

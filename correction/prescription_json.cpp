@@ -61,7 +61,7 @@ Json difference_json(const Prescription& prescription) {
   const Wavefront& wavefront = prescription.wavefront;
   const double c40_um = wavefront.zernike_um.size() > 12 ? wavefront.zernike_um[12] : 0;
   const double radius_mm = wavefront.pupil_mm / 2;
-  const double paraxial_M_D = 12 * std::sqrt(5.0) * c40_um / (radius_mm * radius_mm);
+  const double by_aberration_D = 12 * std::sqrt(5.0) * c40_um / (radius_mm * radius_mm);
   return {
       {"sharpness_minus_paraxial_M_D", sharpest.M_D - check.paraxial.M_D},
       {"sharpness_minus_minimum_rms_wavefront_M_D", sharpest.M_D - check.minimum_rms_wavefront.M_D},
@@ -69,11 +69,12 @@ Json difference_json(const Prescription& prescription) {
       {"entrance_pupil_mm", wavefront.pupil_mm},
       {"text",
        fmt::format(
-           "Primary spherical aberration of {:+.3f} um over the {:.1f} mm entrance pupil makes the power "
-           "at the pupil's centre differ from that of the whole pupil: the paraxial refraction lies {:+.2f} "
-           "D from the minimum-rms-wavefront one, and the sharpest image ({:+.2f} D from it) is where "
-           "most of the pupil's light agrees. The larger the pupil, the larger the difference.",
-           c40_um, wavefront.pupil_mm, paraxial_M_D, sharpest.M_D - check.minimum_rms_wavefront.M_D)}};
+           "The pupil's centre (paraxial) is {:+.2f} D from the whole pupil (minimum rms wavefront); primary "
+           "spherical aberration of {:+.3f} um over the {:.1f} mm entrance pupil accounts for {:+.2f} D of "
+           "it. The sharpest image lies {:+.2f} D from the whole pupil's refraction, where most of the light "
+           "agrees. The larger the pupil, the larger these differences.",
+           check.paraxial.M_D - check.minimum_rms_wavefront.M_D, c40_um, wavefront.pupil_mm, by_aberration_D,
+           sharpest.M_D - check.minimum_rms_wavefront.M_D)}};
 }
 
 }  // namespace
@@ -152,6 +153,7 @@ Json to_json(const Prescription& prescription, const PrescriptionUncertainty& un
     json["calibration"] = {
         {"given", notation_json(calibration->given)},
         {"sigma_D", calibration->sigma_D},
+        {"surprise_sigma", calibration->surprise_sigma},
         {"lens_index_before", calibration->index_before},
         {"lens_index_after", calibration->index_after},
         {"without_it", notation_json(calibration->before)},

@@ -113,6 +113,11 @@ std::optional<Calibration> learn_known_data(const raytrace::Tracer& tracer, EyeM
   }
   if (!known.refraction) return {};
   Calibration calibration = calibrate(tracer, eye, uncertain, *known.refraction, settings);
+  if (calibration.surprise_sigma > surprising_sigma)
+    warnings.push_back(fmt::format(
+        "the given refraction and the images differ by {:.1f} standard deviations; check its eye and "
+        "its sign",
+        calibration.surprise_sigma));
   eye = uncertain.eye;
   return calibration;
 }

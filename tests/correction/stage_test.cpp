@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
+
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/files.hpp"
 #include "pipeline/base/frames.hpp"
@@ -77,6 +79,10 @@ TEST_F(CorrectStage, WhatTheClinicKnowsIsLearntAndNotClaimed) {
               0.01);
   EXPECT_LT(width(calibrated["M_D"]), 2 * 1.96 * 0.1);
   EXPECT_LT(width(calibrated["M_D"]), width(eye["M_D"]) / 3);
+  // Off in one of three numbers, by half a dioptre.
+  const double sigma_D = width(eye["M_D"]) / (2 * 1.96);
+  EXPECT_NEAR(calibrated["calibration"]["surprise_sigma"], 0.5 / std::hypot(sigma_D, 0.1) / std::sqrt(3),
+              0.02);
   // -155 D per unit of index, of which the index takes its share of the variance.
   const double moved = calibrated["calibration"]["lens_index_after"]["value"].get<double>() -
                        calibrated["calibration"]["lens_index_before"].get<double>();
