@@ -10,25 +10,23 @@ namespace {
 
 /// Largest power that is sought in a meridian, D.
 constexpr double strongest_D = 30;
-constexpr double thin_lens_index = 1.5;  // of with_thin_lens
-
-/// Power matrix over eye x and y of a lens of unit M, J0, J45.
-Eigen::Matrix2d power_matrix(const PowerVector& power) {
-  Eigen::Matrix2d matrix;
-  matrix << power.M_D + power.J0_D, power.J45_D, power.J45_D, power.M_D - power.J0_D;
-  return matrix;
-}
-
-/// A back surface from glass to air: F = (1 - n) c, 1/mm against D.
-raytrace::CurvatureTangent back_tangent(const PowerVector& per_unit, double index) {
-  return {"spectacle_back", power_matrix(per_unit) * 1e-3 / (1 - index)};
-}
 
 PowerVector cylinder_power(int sign, const Eigen::VectorXd& lens) {
   return {sign * std::hypot(lens[0], lens[1]), lens[0], lens[1]};
 }
 
 }  // namespace
+
+std::vector<raytrace::EyeTangent> LensFamily::tangents(const EyeModel& eye,
+                                                       const Eigen::VectorXd& lens) const {
+  constexpr double step_D = 0.05;  // small against what curves an image's dependence, large against rounding
+  std::vector<raytrace::EyeTangent> result;
+  for (Eigen::Index k = 0; k < lens.size(); ++k) {
+    const Eigen::VectorXd step = step_D * Eigen::VectorXd::Unit(lens.size(), k);
+    result.push_back({before(eye, lens + step), before(eye, lens - step), 2 * step_D});
+  }
+  return result;
+}
 
 LensFamily thin_lens(double vertex_distance_mm) {
   const auto power = [](const Eigen::VectorXd& lens) { return PowerVector{lens[0], lens[1], lens[2]}; };
@@ -37,11 +35,6 @@ LensFamily thin_lens(double vertex_distance_mm) {
            Eigen::Vector3d(strongest_D, strongest_D / 2, strongest_D / 2)},
           [=](const EyeModel& eye, const Eigen::VectorXd& lens) {
             return with_thin_lens(eye, power(lens), vertex_distance_mm);
-          },
-          [](const Eigen::VectorXd&) {
-            return std::vector{back_tangent({1, 0, 0}, thin_lens_index),
-                               back_tangent({0, 1, 0}, thin_lens_index),
-                               back_tangent({0, 0, 1}, thin_lens_index)};
           },
           power};
 }
@@ -54,11 +47,6 @@ LensFamily plano_cylinder(int sign, double distance_mm, double index) {
             const PlanoCylinder cylinder = plano_cylinder_of(sign, lens, index);
             return with_plano_cylinder(eye, cylinder.radius_mm, cylinder.axis_deg, distance_mm, index);
           },
-          [=](const Eigen::VectorXd& lens) {
-            const Eigen::Vector2d direction = sign * lens / std::max(lens.norm(), 1e-12);
-            return std::vector{back_tangent({direction[0], 1, 0}, index),
-                               back_tangent({direction[1], 0, 1}, index)};
-          },
           [=](const Eigen::VectorXd& lens) { return cylinder_power(sign, lens); }};
 }
 
@@ -68,14 +56,6 @@ LensFamily along(const LensFamily& family, const Eigen::VectorXd& direction) {
   return {family.name,
           {Eigen::VectorXd::Constant(1, lowest.maxCoeff()), Eigen::VectorXd::Constant(1, highest.minCoeff())},
           [=](const EyeModel& eye, const Eigen::VectorXd& t) { return family.before(eye, t[0] * direction); },
-          [=](const Eigen::VectorXd& t) {
-            const std::vector<raytrace::CurvatureTangent> each = family.tangents(t[0] * direction);
-            raytrace::CurvatureTangent sum = each.front();
-            sum.curvature_per_unit *= direction[0];
-            for (Eigen::Index k = 1; k < direction.size(); ++k)
-              sum.curvature_per_unit += direction[k] * each[static_cast<std::size_t>(k)].curvature_per_unit;
-            return std::vector{sum};
-          },
           [=](const Eigen::VectorXd& t) { return family.power(t[0] * direction); }};
 }
 

@@ -18,10 +18,11 @@ struct LensFamily {
   Bounds bounds;
   /// The eye with the lens before it.
   std::function<EyeModel(const EyeModel& eye, const Eigen::VectorXd& lens)> before;
-  /// How the lens's surface changes with each parameter.
-  std::function<std::vector<raytrace::CurvatureTangent>(const Eigen::VectorXd& lens)> tangents;
   /// Back vertex power.
   std::function<PowerVector(const Eigen::VectorXd& lens)> power;
+
+  /// The eye with the lenses that bracket this one in each parameter: what images are differentiated by.
+  std::vector<raytrace::EyeTangent> tangents(const EyeModel& eye, const Eigen::VectorXd& lens) const;
 };
 
 /// Thin sphero-cylindrical lens; parameters M, J0, J45 (D) at the vertex distance; 0 is a contact lens.

@@ -66,13 +66,6 @@ LensFamily toric_meniscus(const EyeModel& eye, const SpectacleSettings& spectacl
   const EyeModel middle = with_meniscus(eye, lens);
   lens.centre_thickness_mm =
       middle.surface("spectacle_back").position_mm - middle.surface("spectacle_front").position_mm;
-  constexpr double prescription_nm = 589.3;
-  const double index = middle.media.at("spectacle").index_at(prescription_nm, eye.reference_wavelength_nm);
-  const auto tangent = [=](double M, double J0, double J45) {
-    Eigen::Matrix2d per_D;
-    per_D << M + J0, J45, J45, M - J0;
-    return raytrace::CurvatureTangent{"spectacle_back", per_D * 1e-3 / (1 - index)};
-  };
   const Eigen::Vector3d centre = as_vector(about);
   return {"toric meniscus",
           {centre.array() - reach_D, centre.array() + reach_D},
@@ -80,9 +73,6 @@ LensFamily toric_meniscus(const EyeModel& eye, const SpectacleSettings& spectacl
             Meniscus ground = lens;
             ground.power = as_power(power);
             return with_meniscus(bare, ground);
-          },
-          [=](const Eigen::VectorXd&) {
-            return std::vector{tangent(1, 0, 0), tangent(0, 1, 0), tangent(0, 0, 1)};
           },
           as_power};
 }

@@ -86,7 +86,7 @@ raytrace::TraceResult RetinalSharpness::trace(const EyeModel& eye, const Eigen::
   settings.verbosity.quiet = true;
   raytrace::TraceResult traced =
       tracer_.trace(family_.before(eye, lens), *scene_, settings,
-                    derivatives ? family_.tangents(lens) : std::vector<raytrace::CurvatureTangent>{});
+                    derivatives ? family_.tangents(eye, lens) : std::vector<raytrace::EyeTangent>{});
   rays_ += traced.rays;
   return traced;
 }

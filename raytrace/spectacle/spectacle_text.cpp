@@ -1,4 +1,5 @@
 #include <charconv>
+#include <cmath>
 
 #include "pipeline/base/error.hpp"
 #include "raytrace/spectacle/spectacle.hpp"
@@ -6,7 +7,9 @@
 namespace emmetrope {
 namespace {
 
-const char* const form = "write S/CxA@V[,key=value...], such as -2.25/-1.00x180@12,base_D=5,prism=2@90";
+const char* const form =
+    "write S/CxA@V[,key=value...], such as -2.25/-1.00x180@12,base_D=5,prism=2@90; without @V it stands at "
+    "12 mm";
 
 /// What is left to read of the option's text.
 class Reader {
@@ -26,7 +29,7 @@ class Reader {
     take('+');
     double value = 0;
     const auto [end, error] = std::from_chars(rest_.data(), rest_.data() + rest_.size(), value);
-    if (error != std::errc()) throw fault("a number is missing");
+    if (error != std::errc() || !std::isfinite(value)) throw fault("a number is missing");
     rest_.remove_prefix(end - rest_.data());
     return value;
   }
@@ -96,8 +99,13 @@ EyeModel with_spectacle(const EyeModel& eye, const std::string& text) {
     reader.need('x');
     power.axis_deg = reader.number();
   }
+  if (std::abs(power.sphere_D) > 40 || std::abs(power.cylinder_D) > 40)
+    throw reader.fault("sphere and cylinder must be -40 to 40 D");
+  if (!(power.axis_deg >= 0 && power.axis_deg <= 180))
+    throw reader.fault("the axis must be 0 to 180 degrees");
   if (reader.take('@')) lens.vertex_distance_mm = reader.number();
-  if (!(lens.vertex_distance_mm > 0)) throw reader.fault("the vertex distance must be larger than 0");
+  if (!(lens.vertex_distance_mm > 0 && lens.vertex_distance_mm <= 50))
+    throw reader.fault("the vertex distance must be above 0 and at most 50 mm");
   read_keys(reader, lens, real);
   lens.power = to_power_vector(power);
   return real ? with_meniscus(eye, lens)

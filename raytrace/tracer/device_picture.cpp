@@ -16,11 +16,8 @@ KernelForm form_on(const OpenCl& cl, const PictureJob& job) {
               (job.system.has(Operation::patch) || job.system.has(Operation::triangles));
   form.waves = !form.spectral ? 1 : form.tile ? wavelength_count : wavelength_count / form.lanes;
   form.in_flight = 2;
-  // A map or tangents begin amid the sequence.
-  if (job.map)
-    form.more = job.map->definitions();
-  else if (form.tangents == 0)
-    form.more = job.system.sequence_definitions();
+  form.more = job.map ? job.map->definitions() : job.system.sequence_definitions();
+  if (job.change) form.more += " -DCHANGE_DEGREE=" + std::to_string(job.change->degree);
   return form;
 }
 
@@ -58,10 +55,13 @@ DevicePicture::DevicePicture(OpenCl& cl, const PictureJob& job)
   const auto room = [&](std::size_t values) {
     return keep(cl.allocate(std::max<std::size_t>(1, places * values) * sizeof(float)));
   };
+  const auto in_form = [&](const std::vector<float>& values, int floats_a_pixel) {
+    return keep(form_.tile ? cl.upload(in_order(values, floats_a_pixel, order_)) : cl.share(values));
+  };
   Arguments arguments(kernel_);
   system_.add_to(arguments);
   arguments.add(static_cast<cl_int>(job.system.kinds.size()),
-                keep(form_.tile ? cl.upload(in_order(job.pixels, order_)) : cl.share(job.pixels.values)),
+                in_form(job.pixels.values, RetinaPixels::floats_a_pixel),
                 static_cast<cl_float>(job.aim_plane_z_mm));
   place_of_slice_ = arguments.place();
   arguments.add(cl_int{0}, cl_int{0}, cl_int{0}, cl_uint{0}, cl_uint{0});
@@ -73,13 +73,15 @@ DevicePicture::DevicePicture(OpenCl& cl, const PictureJob& job)
   if (form_.stiles_crawford) arguments.add(static_cast<cl_float>(job.pupil_falloff.value()));
   if (form_.diffraction) arguments.add(keep(cl.upload(job.airy)));
   if (job.map)
-    arguments.add(static_cast<cl_int>(job.map->operations), static_cast<cl_int>(job.grid.width),
+    arguments.add(static_cast<cl_int>(job.system.kinds.size()), static_cast<cl_int>(job.grid.width),
                   static_cast<cl_int>(job.grid.height), static_cast<cl_float>(job.map->plane_z_mm),
                   keep(cl.upload(job.map->rows(job.grid.height, form_.lanes))),
                   keep(cl.upload(job.map->column_weights(job.grid.width))));
-  if (form_.tangents > 0) {
+  if (job.change) {
     derivatives_ = room(3 * form_.tangents);
-    arguments.add(keep(cl.upload(job.seeds)), static_cast<cl_int>(job.first_seed), derivatives_);
+    arguments.add(in_form(job.change->values, job.change->floats_a_pixel),
+                  static_cast<cl_int>(job.change->floats_a_pixel), keep(cl.upload(job.change->by_wave)),
+                  derivatives_);
   }
   bytes_ += sizeof(float) * (job.system.records.size() + job.view.texels.size());
 }

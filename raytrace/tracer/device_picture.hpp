@@ -7,6 +7,7 @@
 #include "pipeline/base/progress.hpp"
 #include "raytrace/tracer/device_rays.hpp"
 #include "raytrace/tracer/fast_map.hpp"
+#include "raytrace/tracer/image_change.hpp"
 #include "raytrace/tracer/retina_pixels.hpp"
 
 namespace emmetrope::raytrace {
@@ -23,8 +24,7 @@ struct PictureJob {
   std::vector<float> cap;              ///< where RANDOM_CAP: the paper's aim
   std::optional<float> pupil_falloff;  ///< Stiles-Crawford
   std::vector<float> airy;             ///< where DIFFRACTION
-  std::vector<float> seeds;            ///< of derivatives
-  int first_seed = 0;
+  std::optional<ImageChange> change;   ///< where there are derivatives
   std::optional<FastMap> map;
 };
 

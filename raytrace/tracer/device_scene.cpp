@@ -5,6 +5,7 @@
 #include <cstring>
 
 #include "pipeline/base/error.hpp"
+#include "raytrace/tracer/parallel.hpp"
 
 namespace emmetrope::raytrace {
 namespace {
@@ -22,29 +23,49 @@ std::uint32_t quantised(float value, float largest) {
   return static_cast<std::uint32_t>(std::clamp(value, 0.F, 1.F) * largest + 0.5F);
 }
 
-/// The last row is repeated once, so that a bilinear look-up at the rim reads valid texels; one more texel is
-/// what the last one's right neighbour would be.
-void append(std::vector<std::uint32_t>& texels, const Texture& texture, int channels) {
-  const std::size_t width = texture.width, first = texels.size();
+/// Texels as kernels/textures.cl reads them.
+/// Grey: a texel holds its right and lower neighbours too, at the rim its own value in their place.
+/// Coloured: the last row is repeated once and one more texel follows, so that a look-up at the rim reads
+/// valid ones.
+void append(std::vector<std::uint32_t>& texels, const Texture& texture, int channels, int threads) {
+  const std::size_t width = texture.width, height = texture.height, first = texels.size();
   const bool colour = texture.channels == 3;
-  texels.resize(first + width * (texture.height + 1) + 1);
-  std::uint32_t* to = texels.data() + first;
-  for (int row = 0; row <= texture.height; ++row, to += width) {
-    const float* t = &texture.values[std::min(row, texture.height - 1) * width * texture.channels];
-    if (channels == 1) {
-      const auto grey = [&](std::size_t x) { return quantised(colour ? luminance(t + 3 * x) : t[x], 65535); };
-      std::uint32_t next = grey(0);
-      for (std::size_t x = 0; x < width; ++x) {
-        const std::uint32_t own = next;
-        next = x + 1 < width ? grey(x + 1) : own;
-        to[x] = own | next << 16U;
-      }
-    } else {
+  const auto row_of = [&](std::size_t row) {
+    return &texture.values[std::min(row, height - 1) * width * texture.channels];
+  };
+  if (channels == 3) {
+    texels.resize(first + width * (height + 1) + 1);
+    on_threads(threads, height + 1, [&](std::size_t row) {
+      const float* t = row_of(row);
+      std::uint32_t* to = texels.data() + first + row * width;
       for (std::size_t x = 0; x < width; ++x, t += texture.channels)
         to[x] = quantised(t[0], 2047) | quantised(t[colour ? 1 : 0], 2047) << 11U |
                 quantised(t[colour ? 2 : 0], 1023) << 22U;
-    }
+    });
+    return;
   }
+  texels.resize(first + 2 * width * height);
+  const std::size_t rows_a_part = (height + 4 * threads - 1) / (4 * threads);
+  on_threads(threads, (height + rows_a_part - 1) / rows_a_part, [&](std::size_t part) {
+    // Own and right neighbour's grey of a row, and of the next.
+    std::vector<std::uint32_t> pairs(width), below(width);
+    const auto read = [&](std::size_t row, std::vector<std::uint32_t>& to) {
+      const float* t = row_of(row);
+      for (std::size_t x = 0; x < width; ++x) to[x] = quantised(colour ? luminance(t + 3 * x) : t[x], 65535);
+      for (std::size_t x = 0; x < width; ++x) to[x] |= (to[std::min(x + 1, width - 1)] & 0xffffU) << 16U;
+    };
+    const std::size_t begin = part * rows_a_part, end = std::min(begin + rows_a_part, height);
+    read(begin, below);
+    for (std::size_t row = begin; row < end; ++row) {
+      pairs.swap(below);
+      read(row + 1, below);
+      std::uint32_t* to = texels.data() + first + 2 * row * width;
+      for (std::size_t x = 0; x < width; ++x) {
+        to[2 * x] = pairs[x];
+        to[2 * x + 1] = below[x];
+      }
+    }
+  });
 }
 
 void append(std::vector<float>& planes, const TexturedPlane& plane, const Eigen::Isometry3d& eye_from_scene,
@@ -76,8 +97,8 @@ void append(std::vector<float>& planes, const TexturedPlane& plane, const Eigen:
 
 }  // namespace
 
-DeviceScene make_device_scene(const Scene& scene, const Eigen::Isometry3d& eye_from_scene,
-                              bool monochromatic) {
+DeviceScene make_device_scene(const Scene& scene, const Eigen::Isometry3d& eye_from_scene, bool monochromatic,
+                              int threads) {
   DeviceScene result;
   const auto is_grey = [](const Eigen::Vector3d& c) { return c.x() == c.y() && c.y() == c.z(); };
   bool coloured = !is_grey(scene.background) || !is_grey(scene.ambient);
@@ -91,8 +112,8 @@ DeviceScene make_device_scene(const Scene& scene, const Eigen::Isometry3d& eye_f
   const auto store = [&](const Texture& texture) {
     if (result.texels.size() > (std::size_t{1} << 30U))
       throw input_error("the scene's textures hold more than 2^30 texels", "use smaller pictures");
-    const std::size_t first = result.texels.size();
-    append(result.texels, texture, result.channels);
+    const std::size_t first = result.texels.size() / (result.channels == 1 ? 2 : 1);
+    append(result.texels, texture, result.channels, threads);
     return first;
   };
   for (const auto& plane : scene.planes) append(result.planes, plane, eye_from_scene, store(*plane.texture));

@@ -22,7 +22,7 @@ struct DeviceScene {
 
 /// \param eye_from_scene  where the scene stands for a turned eye
 /// \param monochromatic   luminances instead of colours
-DeviceScene make_device_scene(const Scene& scene, const Eigen::Isometry3d& eye_from_scene,
-                              bool monochromatic);
+DeviceScene make_device_scene(const Scene& scene, const Eigen::Isometry3d& eye_from_scene, bool monochromatic,
+                              int threads);
 
 }  // namespace emmetrope::raytrace

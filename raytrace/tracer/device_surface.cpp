@@ -24,13 +24,6 @@ double number_or(const Json& json, const char* key, double otherwise) {
   return json.contains(key) ? number(json, key, 0) : otherwise;
 }
 
-DeviceSurface sphere(double curvature) {
-  DeviceSurface form;
-  form.kind = Operation::sphere;
-  form.parameters = {curvature};
-  return form;
-}
-
 DeviceSurface quadric(double cx, double cy, double cz, double axis_deg) {
   DeviceSurface form;
   form.kind = Operation::quadric;
@@ -39,21 +32,28 @@ DeviceSurface quadric(double cx, double cy, double cz, double axis_deg) {
   return form;
 }
 
+DeviceSurface sphere(double curvature) {
+  constexpr double least_per_mm = 0.02;  // flatter ones, planes too, lose digits in the sphere's own kernel
+  if (std::abs(curvature) < least_per_mm) return quadric(curvature, curvature, curvature, 0);
+  DeviceSurface form;
+  form.kind = Operation::sphere;
+  form.parameters = {curvature, 1 / curvature};
+  return form;
+}
+
 DeviceSurface biconic(double cx, double cy, double qx, double qy, double axis_deg) {
   const double mean = (cx + cy) / 2, mean_q = (qx + qy) / 2;
   DeviceSurface form;
   form.kind = Operation::biconic;
   form.axis_deg = axis_deg;
-  form.parameters = {
-      cx,           cy, (1 + qx) * cx * cx, (1 + qy) * cy * cy, mean, mean * (1 + mean_q), (1 + qx) * cx,
-      (1 + qy) * cy};
+  form.parameters = {cx, cy, (1 + qx) * cx * cx, (1 + qy) * cy * cy, mean, mean * (1 + mean_q)};
   return form;
 }
 
-DeviceSurface biconic(const Json& json, bool always) {
+DeviceSurface biconic(const Json& json) {
   const double c[2] = {1 / number(json, "radius_mm", 0), 1 / number(json, "radius_mm", 1)};
   const double q[2] = {number(json, "q", 0), number(json, "q", 1)};
-  if (!always && c[0] == c[1] && q[0] == q[1]) return quadric(c[0], c[0], c[0] * (1 + q[0]), 0);
+  if (c[0] == c[1] && q[0] == q[1]) return quadric(c[0], c[0], c[0] * (1 + q[0]), 0);
   return biconic(c[0], c[1], q[0], q[1], json.value("axis_deg", 0.0));
 }
 
@@ -140,33 +140,12 @@ DeviceSurface formula(const Surface& surface) {
     const double x = a[0], y = a[1], z = a[2];
     return quadric(z / (x * x), z / (y * y), 1 / z, json.value("axis_deg", 0.0));
   }
-  if (type == "biconic") return biconic(json, false);
+  if (type == "biconic") return biconic(json);
   // Whatever else is smooth: a patch through 12 000 points with the surface's own slopes.
   return smooth(surface, sheet_mesh(*surface.shape, default_semi_diameter_mm(surface), 12000, 0));
 }
 
 }  // namespace
-
-DeviceSurface bendable_surface(const Surface& surface) {
-  if (surface.is_stop()) throw unsupported_error("\"" + surface.name + "\" is a stop and cannot be bent");
-  const std::string type = surface.shape->type();
-  const Json json = surface.shape->to_json();
-  DeviceSurface form;
-  if (type == "plane") {
-    form = biconic(0, 0, 0, 0, 0);
-  } else if (type == "sphere" || type == "conic") {
-    const double c = 1 / number(json, "radius_mm", 0), q = type == "conic" ? number(json, "q", 0) : 0;
-    form = biconic(c, c, q, q, 0);
-  } else if (type == "biconic") {
-    form = biconic(json, true);
-  } else {
-    throw unsupported_error(
-        "derivatives with respect to surface \"" + surface.name + "\", a " + type + ", are not offered",
-        "differentiate by a plane, sphere, conic or biconic");
-  }
-  if (surface.semi_diameter_mm > 0) form.clear_radius_mm = surface.semi_diameter_mm;
-  return form;
-}
 
 DeviceSurface device_surface(const Surface& surface, Representation representation, int vertices) {
   DeviceSurface form;

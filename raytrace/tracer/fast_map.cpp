@@ -6,12 +6,13 @@
 #include <algorithm>
 #include <cmath>
 #include <random>
-#include <thread>
 
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/frames.hpp"
 #include "raytrace/eye/exact_trace.hpp"
 #include "raytrace/tracer/device_rays.hpp"
+#include "raytrace/tracer/parallel.hpp"
+#include "raytrace/tracer/pupil_polynomial.hpp"
 
 namespace emmetrope::raytrace {
 namespace {
@@ -22,64 +23,6 @@ constexpr double arcmin = degree / 60;
 
 /// What is tried, the fastest first: degree, nodes, tiles.
 constexpr std::array<std::array<int, 3>, 5> sizes{{{5, 8, 1}, {7, 8, 1}, {9, 8, 1}, {9, 8, 3}, {11, 10, 4}}};
-
-/// Points of the unit disc, denser towards its rim, so that least squares come close to the least maximum.
-std::vector<Eigen::Vector2d> disc_points(int degree_of_map) {
-  const int rings = 2 * degree_of_map + 4, spokes = 4 * degree_of_map + 4;
-  std::vector<Eigen::Vector2d> points;
-  for (int i = 0; i < rings; ++i)
-    for (int j = 0; j < spokes; ++j) {
-      const double radius = std::sin(pi / 2 * (i + 0.5) / rings), angle = 2 * pi * (j + 0.3 * i) / spokes;
-      points.emplace_back(radius * std::cos(angle), radius * std::sin(angle));
-    }
-  return points;
-}
-
-/// x^i y^j with i + j <= degree, in the order of kernels/fast.cl.
-Eigen::VectorXd powers(const Eigen::Vector2d& p, int degree_of_map) {
-  Eigen::VectorXd row((degree_of_map + 1) * (degree_of_map + 2) / 2);
-  int k = 0;
-  double y = 1;
-  for (int j = 0; j <= degree_of_map; ++j, y *= p.y()) {
-    double xy = y;
-    for (int i = 0; i <= degree_of_map - j; ++i, xy *= p.x()) row[k++] = xy;
-  }
-  return row;
-}
-
-std::vector<double> chebyshev(int count) {
-  std::vector<double> nodes(count);
-  for (int i = 0; i < count; ++i) nodes[i] = std::cos(pi * (i + 0.5) / count);
-  return nodes;
-}
-
-/// The tile that holds a place of the field in 0..1, and the weights of its nodes there.
-struct Place {
-  int tile = 0;
-  Eigen::VectorXd weights;
-};
-Place place_of(double share, int nodes, int tiles) {
-  Place place;
-  place.tile = std::clamp(static_cast<int>(share * tiles), 0, tiles - 1);
-  const double x = 2 * (share * tiles - place.tile) - 1;
-  const auto at = chebyshev(nodes);
-  place.weights.setOnes(nodes);
-  for (int i = 0; i < nodes; ++i)
-    for (int j = 0; j < nodes; ++j)
-      if (j != i) place.weights[i] *= (x - at[j]) / (at[i] - at[j]);
-  return place;
-}
-
-Eigen::Vector2d field_point(const RetinalGrid& grid, double share_x, double share_y) {
-  return grid.centre_mm +
-         Eigen::Vector2d(grid.field_x_mm * (share_x - 0.5), grid.field_y_mm * (share_y - 0.5));
-}
-
-Ray aimed_ray(const Eigen::Vector3d& retina, double plane_z_mm, const AimEllipse& ellipse,
-              const Eigen::Vector2d& disc) {
-  const Eigen::Vector2d p = ellipse.centre_mm + ellipse.from_disc * disc;
-  return {retina, (Eigen::Vector3d(p.x(), p.y(), plane_z_mm) - retina).normalized()};
-}
 
 /// The system at one of its wavelengths, its stop wide open.
 OpticalSystem opened_at(OpticalSystem system, int wave, int stop) {
@@ -96,16 +39,15 @@ OpticalSystem opened_at(OpticalSystem system, int wave, int stop) {
 class Fit {
  public:
   Fit(OpenCl& cl, const EyeModel& eye, const RetinalGrid& grid, const PupilAim& aim,
-      const OpticalSystem& system, int operations, int stop)
-      : cl_(cl), eye_(eye), grid_(grid), aim_(aim), system_(system), operations_(operations), stop_(stop) {}
+      const OpticalSystem& system, int stop)
+      : cl_(cl), eye_(eye), grid_(grid), aim_(aim), system_(system), stop_(stop) {}
 
   FastMap operator()(const std::array<int, 3>& size, int waves) const {
     FastMap map;
     map.degree = size[0];
     map.nodes = size[1];
     map.tiles = size[2];
-    map.operations = operations_;
-    const auto disc = disc_points(map.degree);
+    const auto disc = disc_points(2 * map.degree + 4, 4 * map.degree + 4);
     Eigen::MatrixXd design(disc.size(), map.terms());
     for (std::size_t i = 0; i < disc.size(); ++i) design.row(i) = powers(disc[i], map.degree);
     const Eigen::HouseholderQR<Eigen::MatrixXd> solver(design);
@@ -115,7 +57,7 @@ class Fit {
       const OpticalSystem open = opened_at(system_, wave, stop_);
       const SystemBuffers buffers(cl_, open);
       const auto at_stop = trace_rays(cl_, open, buffers, in, stop_ + 1);
-      const auto behind = trace_rays(cl_, open, buffers, in, operations_);
+      const auto behind = trace_rays(cl_, open, buffers, in, static_cast<int>(open.kinds.size()));
       const std::size_t count = behind.size() / 7;
       if (wave == 0)
         for (std::size_t i = 0; i < count; ++i)
@@ -129,7 +71,7 @@ class Fit {
  private:
   /// Every disc point from every node of every tile.
   std::vector<float> rays(const FastMap& map, const std::vector<Eigen::Vector2d>& disc) const {
-    const auto nodes = chebyshev(map.nodes);
+    const auto nodes = chebyshev_nodes(map.nodes);
     const int side = map.nodes * map.tiles;
     const std::size_t count = disc.size() * side * side;
     std::vector<float> in(6 * count);
@@ -187,10 +129,10 @@ class Fit {
   const RetinalGrid& grid_;
   const PupilAim& aim_;
   const OpticalSystem& system_;
-  int operations_, stop_;
+  int stop_;
 };
 
-/// Random rays that pass the stop, exactly traced to the surface that the map ends behind.
+/// Random rays that leave the eye, exactly traced.
 struct Truth {
   Eigen::Vector2d share;  ///< of the field
   Eigen::Vector2d disc;
@@ -199,15 +141,14 @@ struct Truth {
 };
 
 std::vector<Truth> exact_rays(const EyeModel& eye, const RetinalGrid& grid, const PupilAim& aim,
-                              const std::string& last_surface, const std::vector<double>& wavelength_nm,
-                              std::uint64_t seed, int threads) {
+                              const std::vector<double>& wavelength_nm, std::uint64_t seed, int threads) {
   std::vector<ExactTracer> tracers;
   for (const double wavelength : wavelength_nm) tracers.emplace_back(eye, wavelength);
-  std::vector<std::vector<Truth>> found(threads);
-  const auto work = [&](int thread) {
+  std::vector<std::vector<Truth>> found(16);  // the same rays whatever the number of threads
+  on_threads(threads, found.size(), [&](std::size_t thread) {
     std::mt19937_64 random(seed * 1000003 + thread);
     const auto unit = [&] { return static_cast<double>(random() >> 11U) / 9007199254740992.0; };
-    const int wanted = random_rays / threads + 1;
+    const int wanted = random_rays / static_cast<int>(found.size()) + 1;
     for (int tries = 0; static_cast<int>(found[thread].size()) < wanted && tries < 4 * wanted; ++tries) {
       Truth truth;
       truth.share = {unit(), unit()};
@@ -215,28 +156,21 @@ std::vector<Truth> exact_rays(const EyeModel& eye, const RetinalGrid& grid, cons
       truth.disc = {radius * std::cos(angle), radius * std::sin(angle)};
       truth.wave = static_cast<int>(unit() * static_cast<double>(tracers.size()));
       const Eigen::Vector2d at = field_point(grid, truth.share.x(), truth.share.y());
-      const RayPath path =
-          tracers[truth.wave].trace(aimed_ray(retina_point(eye, at.x(), at.y()).position_mm, aim.plane_z_mm(),
-                                              aim.at(at.x(), at.y()), truth.disc));
-      const auto hit = std::find_if(path.hits.begin(), path.hits.end(),
-                                    [&](const auto& h) { return h.surface == last_surface; });
-      if (hit == path.hits.end() || path.state == RayState::vignetted) continue;
-      truth.position_mm = hit->position_mm;
-      truth.direction = hit->direction;
+      const auto end =
+          tracers[truth.wave].trace_end(aimed_ray(retina_point(eye, at.x(), at.y()).position_mm,
+                                                  aim.plane_z_mm(), aim.at(at.x(), at.y()), truth.disc));
+      if (end.state != RayState::reached) continue;
+      truth.position_mm = end.position_mm;
+      truth.direction = end.direction;
       found[thread].push_back(truth);
     }
-  };
-  std::vector<std::thread> workers;
-  for (int t = 1; t < threads; ++t) workers.emplace_back(work, t);
-  work(0);
-  for (auto& worker : workers) worker.join();
+  });
   std::vector<Truth> result;
   for (const auto& part : found) result.insert(result.end(), part.begin(), part.end());
   return result;
 }
 
-/// \param frame_from_eye  of the frame that the map's rays are in
-void measure(FastMap& map, const std::vector<Truth>& rays, const Eigen::Matrix3d& frame_from_eye) {
+void measure(FastMap& map, const std::vector<Truth>& rays) {
   const int terms = map.terms(), floats = FastMap::outputs * terms;
   double square = 0;
   for (const Truth& truth : rays) {
@@ -258,12 +192,11 @@ void measure(FastMap& map, const std::vector<Truth>& rays, const Eigen::Matrix3d
       return c.segment(Eigen::Index{output} * terms, terms).dot(power);
     };
     const Eigen::Vector3d direction = Eigen::Vector3d(value(2), value(3), 1).normalized(),
-                          exact = frame_from_eye * truth.direction;
+                          exact = truth.direction;
     const double angle = direction.cross(exact).norm() / arcmin;
     square += angle * angle;
     map.direction_max_arcmin = std::max(map.direction_max_arcmin, angle);
-    const Eigen::Vector3d offset =
-        Eigen::Vector3d(value(0), value(1), map.plane_z_mm) - frame_from_eye * truth.position_mm;
+    const Eigen::Vector3d offset = Eigen::Vector3d(value(0), value(1), map.plane_z_mm) - truth.position_mm;
     map.position_max_um = std::max(map.position_max_um, 1000 * (offset - offset.dot(exact) * exact).norm());
   }
   map.direction_rms_arcmin = std::sqrt(square / static_cast<double>(rays.size()));
@@ -272,39 +205,23 @@ void measure(FastMap& map, const std::vector<Truth>& rays, const Eigen::Matrix3d
 }  // namespace
 
 FastMap make_fast_map(OpenCl& cl, const EyeModel& eye, const RetinalGrid& grid, const PupilAim& aim,
-                      const OpticalSystem& system, int operations,
-                      const std::array<double, wavelength_count>& wavelength_nm, std::uint64_t seed,
-                      int threads) {
-  const auto stop = std::find(system.kinds.begin(), system.kinds.begin() + operations, Operation::stop);
-  if (stop == system.kinds.begin() + operations)
-    throw unsupported_error(
-        "--surfaces fast: the stop does not lie between the retina and the surface that is changed");
-  std::string last_surface;
-  int last = -1;
-  for (const auto& [name, operation] : system.operation_of)
-    if (operation < operations && operation > last && system.kinds[operation] != Operation::stop) {
-      last = operation;
-      last_surface = name;
-    }
-  Eigen::Matrix3d frame_from_eye = Eigen::Matrix3d::Identity();
-  for (int k = 0; k < operations; ++k)
-    if (system.kinds[k] == Operation::rotate)
-      frame_from_eye = Eigen::Map<const Eigen::Matrix<float, 3, 3, Eigen::RowMajor>>(
-                           &system.operations[static_cast<std::size_t>(k) * OpticalSystem::parameters])
-                           .cast<double>() *
-                       frame_from_eye;
-
+                      const OpticalSystem& system, const std::array<double, wavelength_count>& wavelength_nm,
+                      std::uint64_t seed, int threads) {
+  const auto stop = std::find(system.kinds.begin(), system.kinds.end(), Operation::stop);
+  if (stop == system.kinds.end())
+    throw unsupported_error("--surfaces fast: the eye has no stop",
+                            "add a surface of type stop with diameter_mm");
   std::vector<double> wavelengths(wavelength_nm.begin(), wavelength_nm.end());
   wavelengths.erase(std::unique(wavelengths.begin(), wavelengths.end()), wavelengths.end());
-  const auto truth = exact_rays(eye, grid, aim, last_surface, wavelengths, seed, threads);
+  const auto truth = exact_rays(eye, grid, aim, wavelengths, seed, threads);
   if (static_cast<int>(truth.size()) < random_rays)
     throw unsupported_error("--surfaces fast: too many rays are lost between retina and stop",
                             "use a smaller --field-mm or another --surfaces");
-  const Fit fit(cl, eye, grid, aim, system, operations, static_cast<int>(stop - system.kinds.begin()));
+  const Fit fit(cl, eye, grid, aim, system, static_cast<int>(stop - system.kinds.begin()));
   FastMap map;
   for (const auto& size : sizes) {
     map = fit(size, static_cast<int>(wavelengths.size()));
-    measure(map, truth, frame_from_eye);
+    measure(map, truth);
     if (map.direction_max_arcmin <= largest_arcmin && map.direction_rms_arcmin <= largest_rms_arcmin &&
         map.position_max_um <= largest_position_um)
       return map;

@@ -11,7 +11,7 @@
 namespace emmetrope::raytrace {
 
 /// The smooth map from (retina point, point of the unit disc that the aim ellipse is made of) to the ray
-/// behind the first `operations` operations of a system: polynomials of total degree `degree` in the disc,
+/// behind the eye: polynomials of total degree `degree` in the disc,
 /// their coefficients tensor products of `nodes` Chebyshev nodes on each of `tiles` x `tiles` parts of the
 /// field. Values: x and y on the plane z = plane_z_mm, slopes L/N and M/N, squared radius at the stop over
 /// the stop's.
@@ -19,7 +19,6 @@ struct FastMap {
   static constexpr int outputs = 5;
 
   int degree = 5, nodes = 8, tiles = 1;
-  int operations = 0;
   double plane_z_mm = 0;
   /// A table a wavelength (one where all are the same): coefficient k of node (i, j) of tile (p, q) at
   /// (((q * tiles + p) * nodes + j) * nodes + i) * outputs * terms() + k, outputs one after the other.
@@ -41,11 +40,9 @@ struct FastMap {
 
 /// Fits the map to rays traced on the device and checks it against 10 000 exact random ones (float64).
 /// \param system      with formulas or smooth patches
-/// \param operations  how many of its operations the map stands for; the stop is among them
 /// \throw Error (unsupported) where no map of the sizes that are tried comes within 0.01 arcmin of every ray
 FastMap make_fast_map(OpenCl& cl, const EyeModel& eye, const RetinalGrid& grid, const PupilAim& aim,
-                      const OpticalSystem& system, int operations,
-                      const std::array<double, wavelength_count>& wavelength_nm, std::uint64_t seed,
-                      int threads);
+                      const OpticalSystem& system, const std::array<double, wavelength_count>& wavelength_nm,
+                      std::uint64_t seed, int threads);
 
 }  // namespace emmetrope::raytrace

@@ -16,7 +16,6 @@ extern const char kernel_paper[];
 extern const char kernel_textures[];
 extern const char kernel_meshes[];
 extern const char kernel_scene[];
-extern const char kernel_tangent[];
 extern const char kernel_light[];
 extern const char kernel_trace[];
 }  // namespace emmetrope
@@ -192,8 +191,7 @@ cl::Program& OpenCl::program(const std::string& definitions) {
   const auto known = programs_.find(definitions);
   if (known != programs_.end()) return known->second;
   const std::string source = std::string(kernel_lanes) + kernel_surfaces + kernel_paper + kernel_fast +
-                             kernel_tangent + kernel_textures + kernel_meshes + kernel_scene + kernel_light +
-                             kernel_trace;
+                             kernel_textures + kernel_meshes + kernel_scene + kernel_light + kernel_trace;
   cl::Program program(context_, source);
   try {
     program.build(std::vector<cl::Device>{device_}, definitions.c_str());

@@ -3,18 +3,15 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <atomic>
 #include <cmath>
 #include <cstdint>
 #include <cstring>
-#include <exception>
-#include <mutex>
 #include <optional>
-#include <thread>
 
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/frames.hpp"
 #include "raytrace/tracer/device_surface.hpp"
+#include "raytrace/tracer/parallel.hpp"
 
 namespace emmetrope::raytrace {
 namespace {
@@ -100,26 +97,10 @@ std::vector<DeviceSurface> device_surfaces(const EyeModel& eye, const SystemForm
       places.push_back(i);
     }
   std::vector<DeviceSurface> forms(eye.surfaces.size());
-  std::atomic<std::size_t> next{0};
-  std::mutex mutex;
-  std::exception_ptr fault;
-  const auto work = [&] {
-    for (std::size_t k = next++; k < places.size(); k = next++) try {
-        const Surface& surface = eye.surfaces[places[k]];
-        const bool bent = std::find(wanted.as_biconic.begin(), wanted.as_biconic.end(), surface.name) !=
-                          wanted.as_biconic.end();
-        forms[places[k]] =
-            bent ? bendable_surface(surface) : device_surface(surface, wanted.representation, vertices[k]);
-      } catch (...) {
-        const std::lock_guard<std::mutex> lock(mutex);
-        fault = std::current_exception();
-      }
-  };
-  std::vector<std::thread> workers;
-  for (int t = 1; t < wanted.threads; ++t) workers.emplace_back(work);
-  work();
-  for (auto& worker : workers) worker.join();
-  if (fault) std::rethrow_exception(fault);
+  on_threads(wanted.threads, places.size(), [&](std::size_t k) {
+    const Surface& surface = eye.surfaces[places[k]];
+    forms[places[k]] = device_surface(surface, wanted.representation, vertices[k]);
+  });
   return forms;
 }
 
@@ -222,15 +203,18 @@ std::string OpticalSystem::sequence_definitions() const {
   const bool long_code = has(Operation::patch) || has(Operation::triangles) ||
                          has(Operation::every_triangle) || has(Operation::gradient);
   if (long_code || kinds.size() > 16) return {};
-  std::uint64_t kind_digits = 0, flag_digits = 0;
+  std::uint64_t kind_digits = 0, flag_digits = 0, form_digits = 0;
   for (std::size_t k = 0; k < kinds.size(); ++k) {
+    const float* p = &operations[k * parameters];
     std::uint32_t flags = 0;
-    if (kinds[k] != Operation::rotate) std::memcpy(&flags, &operations[k * parameters + 15], sizeof flags);
+    if (kinds[k] != Operation::rotate) std::memcpy(&flags, p + 15, sizeof flags);
+    const bool centred = p[0] == 0 && p[1] == 0, unlimited = p[3] >= unlimited_mm * unlimited_mm;
     kind_digits |= static_cast<std::uint64_t>(kinds[k]) << 4 * k;
     flag_digits |= static_cast<std::uint64_t>(flags) << 4 * k;
+    form_digits |= static_cast<std::uint64_t>((centred ? 1 : 0) | (unlimited ? 2 : 0)) << 4 * k;
   }
-  return fmt::format(" -DOPERATIONS={} -DKINDS={:#x}UL -DFLAGS={:#x}UL", kinds.size(), kind_digits,
-                     flag_digits);
+  return fmt::format(" -DOPERATIONS={} -DKINDS={:#x}UL -DFLAGS={:#x}UL -DFORMS={:#x}UL", kinds.size(),
+                     kind_digits, flag_digits, form_digits);
 }
 
 OpticalSystem make_optical_system(const EyeModel& eye,
@@ -266,7 +250,6 @@ OpticalSystem make_optical_system(const EyeModel& eye,
     const Medium* behind = medium(surface.medium_after);
 
     const DeviceSurface& form = forms[i];
-    system.axis_deg[surface.name] = form.axis_deg;
     builder.turn_to(eye_from_surface * Eigen::AngleAxisd(form.axis_deg * degree, Eigen::Vector3d::UnitZ()));
     system.operation_of[surface.name] = static_cast<int>(system.kinds.size());
     int flags = system.has_body ? bodies.flags(i) : 0;

@@ -34,7 +34,6 @@ struct OpticalSystem {
   bool has_body = false;                    ///< a ray may pass beside some surfaces
   std::vector<float> records;               ///< 16 floats a patch cell
   std::map<std::string, int> operation_of;  ///< by surface name
-  std::map<std::string, double> axis_deg;   ///< by surface name: how its frame is turned about its own z
   std::vector<std::string> notes;           ///< how far a representation departs from its surface
 
   bool has(Operation kind) const;
@@ -48,10 +47,9 @@ struct OpticalSystem {
 /// How an eye is brought to the device.
 struct SystemForm {
   Representation representation = Representation::analytic;  ///< a mesh is never analytic: smooth then
-  std::vector<int> vertices{800};       ///< where a formula is meshed: TraceSettings::vertices
-  std::vector<std::string> as_biconic;  ///< surfaces that must be general biconics, so that they can be bent
-  int threads = 1;                      ///< that prepare surfaces
-  bool every_surface = false;           ///< a ray that misses a body is lost, not led past it
+  std::vector<int> vertices{800};  ///< where a formula is meshed: TraceSettings::vertices
+  int threads = 1;                 ///< that prepare surfaces
+  bool every_surface = false;      ///< a ray that misses a body is lost, not led past it
 };
 
 /// \throw Error (unsupported) for a surface that the device cannot represent

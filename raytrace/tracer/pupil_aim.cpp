@@ -9,6 +9,7 @@
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/frames.hpp"
 #include "raytrace/eye/exact_trace.hpp"
+#include "raytrace/tracer/parallel.hpp"
 
 namespace emmetrope::raytrace {
 namespace {
@@ -26,12 +27,16 @@ std::array<double, nodes_a_side> chebyshev() {
 }
 
 std::array<double, nodes_a_side> lagrange(double x) {
-  const auto nodes = chebyshev();
+  static const auto nodes = chebyshev();
   std::array<double, nodes_a_side> weights{};
   for (int i = 0; i < nodes_a_side; ++i) {
-    weights[i] = 1;
+    double above = 1, below = 1;
     for (int j = 0; j < nodes_a_side; ++j)
-      if (j != i) weights[i] *= (x - nodes[j]) / (nodes[i] - nodes[j]);
+      if (j != i) {
+        above *= x - nodes[j];
+        below *= nodes[i] - nodes[j];
+      }
+    weights[i] = above / below;
   }
   return weights;
 }
@@ -147,36 +152,43 @@ RetinaPoint retina_point(const EyeModel& eye, double x_mm, double y_mm) {
   throw input_error(where.str(), "use a smaller --field-mm");
 }
 
-PupilAim::PupilAim(const EyeModel& eye, const RetinalGrid& grid, double wavelength_nm)
-    : centre_(grid.centre_mm), half_(0.5 * grid.field_x_mm, 0.5 * grid.field_y_mm) {
+PupilAim::PupilAim(const EyeModel& eye, const RetinalGrid& grid, double wavelength_nm, int threads)
+    : centre_(grid.centre_mm),
+      half_(0.5 * grid.field_x_mm, 0.5 * grid.field_y_mm),
+      nodes_(nodes_a_side * nodes_a_side) {
   const std::size_t count = eye.surfaces.size();
   if (count < 3) throw input_error("eye \"" + eye.name + "\" has too few surfaces");
   plane_z_mm_ = -eye.surfaces[count - 2].position_mm;
   const ToStop to_stop(eye, plane_z_mm_, wavelength_nm);
   const auto nodes = chebyshev();
-  for (int j = 0; j < nodes_a_side; ++j)
-    for (int i = 0; i < nodes_a_side; ++i) {
-      const Eigen::Vector2d at = centre_ + half_.cwiseProduct(Eigen::Vector2d(nodes[i], nodes[j]));
-      const auto ellipse = ellipse_of(to_stop, retina_point(eye, at.x(), at.y()).position_mm);
-      if (!ellipse)
-        throw input_error(
-            "eye \"" + eye.name + "\": no ray from the retina at x = " + std::to_string(at.x()) +
-                ", y = " + std::to_string(at.y()) + " mm reaches the stop",
-            "check the surfaces' depths and radii with emmetrope ray, or use a smaller --field-mm");
-      nodes_.push_back(*ellipse);
-    }
+  on_threads(threads, nodes_.size(), [&](std::size_t k) {
+    const Eigen::Vector2d at =
+        centre_ + half_.cwiseProduct(Eigen::Vector2d(nodes[k % nodes_a_side], nodes[k / nodes_a_side]));
+    const auto ellipse = ellipse_of(to_stop, retina_point(eye, at.x(), at.y()).position_mm);
+    if (!ellipse)
+      throw input_error(
+          "eye \"" + eye.name + "\": no ray from the retina at x = " + std::to_string(at.x()) +
+              ", y = " + std::to_string(at.y()) + " mm reaches the stop",
+          "check the surfaces' depths and radii with emmetrope ray, or use a smaller --field-mm");
+    nodes_[k] = *ellipse;
+  });
 }
 
-AimEllipse PupilAim::at(double x_mm, double y_mm) const {
-  const auto wx = lagrange((x_mm - centre_.x()) / half_.x()), wy = lagrange((y_mm - centre_.y()) / half_.y());
-  AimEllipse result;
+std::vector<AimEllipse> PupilAim::along_row(double y_mm, const std::vector<double>& x_mm) const {
+  const auto add = [](AimEllipse& sum, double weight, const AimEllipse& ellipse) {
+    sum.centre_mm += weight * ellipse.centre_mm;
+    sum.from_disc += weight * ellipse.from_disc;
+  };
+  const auto wy = lagrange((y_mm - centre_.y()) / half_.y());
+  std::array<AimEllipse, nodes_a_side> row;  // at the nodes' x
   for (int j = 0; j < nodes_a_side; ++j)
-    for (int i = 0; i < nodes_a_side; ++i) {
-      const double w = wx[i] * wy[j];
-      const AimEllipse& node = nodes_[static_cast<std::size_t>(j) * nodes_a_side + i];
-      result.centre_mm += w * node.centre_mm;
-      result.from_disc += w * node.from_disc;
-    }
+    for (int i = 0; i < nodes_a_side; ++i)
+      add(row[i], wy[j], nodes_[static_cast<std::size_t>(j) * nodes_a_side + i]);
+  std::vector<AimEllipse> result(x_mm.size());
+  for (std::size_t k = 0; k < x_mm.size(); ++k) {
+    const auto wx = lagrange((x_mm[k] - centre_.x()) / half_.x());
+    for (int i = 0; i < nodes_a_side; ++i) add(result[k], wx[i], row[i]);
+  }
   return result;
 }
 

@@ -3,12 +3,10 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <array>
-#include <exception>
-#include <mutex>
 #include <numeric>
-#include <thread>
 
 #include "pipeline/base/frames.hpp"
+#include "raytrace/tracer/parallel.hpp"
 
 namespace emmetrope::raytrace {
 
@@ -38,54 +36,44 @@ PixelOrder in_tiles(int width, int height) {
   return order;
 }
 
-std::vector<float> in_order(const RetinaPixels& pixels, const PixelOrder& order) {
-  constexpr int floats = RetinaPixels::floats_a_pixel;
-  std::vector<float> values(order.pixels.size() * floats);
+std::vector<float> in_order(const std::vector<float>& values, int floats, const PixelOrder& order) {
+  std::vector<float> ordered(order.pixels.size() * floats);
   for (std::size_t item = 0; item < order.items(); ++item) {
     const auto first = order.pixels.begin() + static_cast<std::ptrdiff_t>(item * order.together);
     const int inside = *std::find_if(first, first + order.together, [](int pixel) { return pixel >= 0; });
     for (int lane = 0; lane < order.together; ++lane) {
       const std::size_t place = item * order.together + lane;
       const std::size_t pixel = order.pixels[place] < 0 ? inside : order.pixels[place];
-      for (int k = 0; k < floats; ++k) values[order.at(place, floats, k)] = pixels.values[pixel * floats + k];
+      for (int k = 0; k < floats; ++k) ordered[order.at(place, floats, k)] = values[pixel * floats + k];
     }
   }
-  return values;
+  return ordered;
 }
 
 RetinaPixels make_pixels(const EyeModel& eye, const RetinalGrid& grid, const PupilAim& aim, int threads) {
   const std::size_t count = static_cast<std::size_t>(grid.width) * grid.height;
   RetinaPixels pixels{std::vector<float>(count * RetinaPixels::floats_a_pixel), std::vector<float>(count)};
-  std::exception_ptr fault;
-  std::mutex mutex;
-  const auto rows = [&](int first, int step) {
-    try {
-      for (int row = first; row < grid.height; row += step)
-        for (int column = 0; column < grid.width; ++column) {
-          // The retinal image is upside down: the picture's top left is seen by the retina's lower left in
-          // eye x and y.
-          const double x = grid.centre_mm.x() + grid.field_x_mm * ((column + 0.5) / grid.width - 0.5);
-          const double y = grid.centre_mm.y() + grid.field_y_mm * ((row + 0.5) / grid.height - 0.5);
-          const RetinaPoint point = retina_point(eye, x, y);
-          const AimEllipse ellipse = aim.at(x, y);
-          const std::size_t index = static_cast<std::size_t>(row) * grid.width + column;
-          float* p = &pixels.values[index * RetinaPixels::floats_a_pixel];
-          for (int i = 0; i < 3; ++i) p[i] = static_cast<float>(point.position_mm[i]);
-          for (int i = 0; i < 2; ++i) p[3 + i] = static_cast<float>(ellipse.centre_mm[i]);
-          for (int i = 0; i < 4; ++i) p[5 + i] = static_cast<float>(ellipse.from_disc(i / 2, i % 2));
-          for (int i = 0; i < 3; ++i) p[9 + i] = static_cast<float>(point.normal[i]);
-          pixels.area_mm2[index] = static_cast<float>(pi * std::abs(ellipse.from_disc.determinant()));
-        }
-    } catch (...) {
-      const std::lock_guard<std::mutex> lock(mutex);
-      fault = std::current_exception();
+  // The retinal image is upside down: the picture's top left is seen by the retina's lower left in eye x and
+  // y.
+  std::vector<double> x_mm(grid.width);
+  for (int column = 0; column < grid.width; ++column)
+    x_mm[column] = grid.centre_mm.x() + grid.field_x_mm * ((column + 0.5) / grid.width - 0.5);
+  on_threads(threads, grid.height, [&](std::size_t row) {
+    const double y_mm =
+        grid.centre_mm.y() + grid.field_y_mm * ((static_cast<double>(row) + 0.5) / grid.height - 0.5);
+    const std::vector<AimEllipse> ellipses = aim.along_row(y_mm, x_mm);
+    for (int column = 0; column < grid.width; ++column) {
+      const RetinaPoint point = retina_point(eye, x_mm[column], y_mm);
+      const AimEllipse& ellipse = ellipses[column];
+      const std::size_t index = row * grid.width + column;
+      float* p = &pixels.values[index * RetinaPixels::floats_a_pixel];
+      for (int i = 0; i < 3; ++i) p[i] = static_cast<float>(point.position_mm[i]);
+      for (int i = 0; i < 2; ++i) p[3 + i] = static_cast<float>(ellipse.centre_mm[i]);
+      for (int i = 0; i < 4; ++i) p[5 + i] = static_cast<float>(ellipse.from_disc(i / 2, i % 2));
+      for (int i = 0; i < 3; ++i) p[9 + i] = static_cast<float>(point.normal[i]);
+      pixels.area_mm2[index] = static_cast<float>(pi * std::abs(ellipse.from_disc.determinant()));
     }
-  };
-  std::vector<std::thread> workers;
-  for (int t = 1; t < threads; ++t) workers.emplace_back(rows, t, threads);
-  rows(0, threads);
-  for (auto& worker : workers) worker.join();
-  if (fault) std::rethrow_exception(fault);
+  });
   return pixels;
 }
 

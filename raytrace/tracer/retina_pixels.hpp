@@ -29,8 +29,9 @@ PixelOrder row_after_row(int width, int height);
 /// Sixteen pixels together, four apart in a block of 16 x 16.
 PixelOrder in_tiles(int width, int height);
 
-/// `values` in another order; places beyond the edge repeat a pixel of the picture.
-std::vector<float> in_order(const RetinaPixels& pixels, const PixelOrder& order);
+/// Values of pixels that stand row after row, in another order; places beyond the edge repeat a pixel of the
+/// picture.
+std::vector<float> in_order(const std::vector<float>& values, int floats_a_pixel, const PixelOrder& order);
 
 /// \throw Error (input_invalid) when the retina does not fill the grid
 RetinaPixels make_pixels(const EyeModel& eye, const RetinalGrid& grid, const PupilAim& aim, int threads);

@@ -1,6 +1,7 @@
 #include "raytrace/tracer/trace_command.hpp"
 
 #include <fmt/format.h>
+#include <algorithm>
 
 #include "pipeline/base/case_folder.hpp"
 #include "pipeline/base/error.hpp"
@@ -27,7 +28,14 @@ Json summary(const TraceResult& result, const std::string& image) {
   return json;
 }
 
-void warn_of_error(const TraceResult& result, const TraceSettings& settings) {
+void warn_of_doubts(const TraceResult& result, const TraceSettings& settings) {
+  const auto [darkest, brightest] =
+      std::minmax_element(result.image.values.begin(), result.image.values.end());
+  if (*brightest - *darkest < 1e-4F)
+    spdlog::warn(
+        "the picture is blank: what the scene holds lies outside the field or between its pixels' centres, "
+        "from which "
+        "rays start; use a smaller --field-mm, or a coarser logmar for a chart");
   if (result.error && *result.error > *settings.target_error)
     spdlog::warn(
         "--target-error {}: the standard error is still {:.3g} after {} rays a pixel; raise --samples",
@@ -140,7 +148,7 @@ Answer trace_named(const TraceOptions& options, const CommonOptions& common) {
     const TraceResult result =
         trace_exposure(tracer, with_spectacle(eye, options), *scene, settings, read_exposure(options));
     for (const auto& note : result.notes) spdlog::info("{}", note);
-    warn_of_error(result, settings);
+    warn_of_doubts(result, settings);
     const fs::path image =
         write_named(output_of(options.output, laterality, two_eyes), eye, settings, result.image);
     Json of_eye = summary(result, image.string());
@@ -205,7 +213,7 @@ StageVerdict trace_eyes(const fs::path& case_folder, const TraceOptions& options
     const TraceResult result = trace_exposure(tracer, with_spectacle(measured.eye, options), scene, settings,
                                               read_exposure(options));
     for (const auto& note : result.notes) spdlog::info("{}: {}", to_string(laterality), note);
-    warn_of_error(result, settings);
+    warn_of_doubts(result, settings);
     const fs::path folder = workspace.folder() / to_string(laterality);
     fs::create_directories(folder);
     write_mesh(folder / "photoreceptors.ply", measured.photoreceptors_in_lps, true);

@@ -199,6 +199,8 @@ EyeModel with_spectacle(const EyeModel& eye, const TraceOptions& o) {
   if (!o.plano_cylinder.empty()) {
     const Eigen::Vector2d lens = read_pair("--plano-cylinder", o.plano_cylinder, '@');
     if (std::abs(lens.x()) < 10) throw usage_error("--plano-cylinder: a radius below 10 mm is no spectacle");
+    if (!(lens.y() >= 0 && lens.y() <= 180))
+      throw usage_error("--plano-cylinder: the axis must be 0 to 180 degrees");
     return with_plano_cylinder(eye, lens.x(), lens.y());
   }
   return eye;

@@ -3,14 +3,13 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <cstring>
 #include <thread>
 
 #include "pipeline/base/error.hpp"
-#include "pipeline/base/frames.hpp"
 #include "raytrace/eye/mesh_shape.hpp"
 #include "raytrace/eye/paraxial.hpp"
 #include "raytrace/tracer/airy.hpp"
+#include "raytrace/tracer/image_change.hpp"
 #include "raytrace/tracer/optical_system.hpp"
 #include "raytrace/tracer/paper_method.hpp"
 #include "raytrace/tracer/pupil_aim.hpp"
@@ -28,46 +27,6 @@ std::vector<float> colour_table(const Spectrum& spectrum) {
     for (int from = 0; from < 3; ++from)
       for (const auto& matrix : spectrum.rgb_from_rgb) table.push_back(static_cast<float>(matrix(to, from)));
   return table;
-}
-
-/// Names of the surfaces that tangents bend: the device must have them as biconics.
-std::vector<std::string> names_of(const std::vector<CurvatureTangent>& tangents) {
-  std::vector<std::string> names;
-  for (const auto& tangent : tangents) names.push_back(tangent.surface);
-  return names;
-}
-
-/// The tangents as kernels/tangent.cl takes them, and the first operation that one of them changes.
-struct Seeds {
-  std::vector<float> values;
-  int first_operation = 0;
-};
-Seeds make_seeds(const OpticalSystem& system, const std::vector<CurvatureTangent>& tangents) {
-  Seeds seeds;
-  if (tangents.empty()) return seeds;
-  seeds.first_operation = static_cast<int>(system.kinds.size());
-  for (const auto& tangent : tangents) {
-    const auto found = system.operation_of.find(tangent.surface);
-    if (found == system.operation_of.end())
-      throw usage_error("the eye has no surface \"" + tangent.surface + "\"");
-    const int operation = found->second;
-    const Eigen::Matrix2d turn =
-        Eigen::Rotation2Dd(system.axis_deg.at(tangent.surface) * degree).toRotationMatrix();
-    const Eigen::Matrix2d change = turn.transpose() * tangent.curvature_per_unit * turn;
-    float bits = 0;
-    std::memcpy(&bits, &operation, sizeof bits);
-    seeds.values.insert(seeds.values.end(), {static_cast<float>(change(0, 0)),
-                                             static_cast<float>((change(0, 1) + change(1, 0)) / 2),
-                                             static_cast<float>(change(1, 1)), bits});
-    seeds.first_operation = std::min(seeds.first_operation, operation);
-  }
-  for (std::size_t k = seeds.first_operation; k < system.kinds.size(); ++k)
-    if (system.kinds[k] == Operation::stop || system.kinds[k] == Operation::patch ||
-        system.kinds[k] == Operation::triangles || system.kinds[k] == Operation::every_triangle)
-      throw unsupported_error("derivatives with respect to surface \"" + tangents.front().surface +
-                                  "\": the stop or a mesh lies between it and the scene",
-                              "differentiate by a surface in front of them, such as a spectacle's");
-  return seeds;
 }
 
 double seconds_since(std::chrono::steady_clock::time_point begin) {
@@ -209,7 +168,7 @@ std::string Tracer::device_name() const {
 }
 
 TraceResult Tracer::trace(const EyeModel& whole_eye, const Scene& scene, const TraceSettings& settings,
-                          const std::vector<CurvatureTangent>& tangents) const {
+                          const std::vector<EyeTangent>& tangents) const {
   check(settings);
   const auto begin = std::chrono::steady_clock::now();
   const bool spectral = !settings.wavelength_nm;
@@ -222,17 +181,18 @@ TraceResult Tracer::trace(const EyeModel& whole_eye, const Scene& scene, const T
   system_form.representation = chosen(eye, settings);
   system_form.vertices =
       take_retina_mesh(eye, settings, system_form.representation != Representation::analytic);
-  system_form.as_biconic = names_of(tangents);
   system_form.every_surface = paper;
   system_form.threads = state_->threads;
 
   PictureJob job;
   job.system = make_optical_system(paper ? without_stop(eye) : eye, spectrum.wavelength_nm, system_form);
-  job.view = make_device_scene(scene, settings.pose.eye_from_scene(), !spectral);
+  job.view = make_device_scene(scene, settings.pose.eye_from_scene(), !spectral, state_->threads);
   if (job.view.has_meshes() && !tangents.empty())
     throw unsupported_error("derivatives of a scene with meshes are not offered", "use a scene of planes");
+  if (paper && !tangents.empty()) throw usage_error("--method paper has no derivatives");
   job.grid = settings.grid;
-  const PupilAim aim(eye, job.grid, spectral ? eye.reference_wavelength_nm : *settings.wavelength_nm);
+  const PupilAim aim(eye, job.grid, spectral ? eye.reference_wavelength_nm : *settings.wavelength_nm,
+                     state_->threads);
   job.pixels = make_pixels(eye, job.grid, aim, state_->threads);
   job.aim_plane_z_mm = aim.plane_z_mm();
   job.colours = colour_table(spectrum);
@@ -240,9 +200,8 @@ TraceResult Tracer::trace(const EyeModel& whole_eye, const Scene& scene, const T
   if (settings.stiles_crawford_per_mm2 > 0)
     job.pupil_falloff = static_cast<float>(pupil_falloff(eye, settings));
   if (settings.diffraction) job.airy = airy_table(spectrum.wavelength_nm, entrance_pupil_mm(eye));
-  Seeds seeds = make_seeds(job.system, tangents);
-  job.seeds = std::move(seeds.values);
-  job.first_seed = seeds.first_operation;
+  if (!tangents.empty())
+    job.change = make_image_change(tangents, job.view, job.grid, spectrum.wavelength_nm, state_->threads);
   job.form.channels = job.view.channels;
   job.form.spectral = spectral;
   job.form.illuminance = settings.illuminance;
@@ -257,10 +216,9 @@ TraceResult Tracer::trace(const EyeModel& whole_eye, const Scene& scene, const T
   result.notes = job.system.notes;
   if (system_form.representation == Representation::fast) {
     OpenCl& first = *state_->devices.front();
-    const int mapped = tangents.empty() ? static_cast<int>(job.system.kinds.size()) : job.first_seed;
     try {
-      job.map = make_fast_map(first, eye, job.grid, aim, job.system, mapped, spectrum.wavelength_nm,
-                              settings.seed, state_->threads);
+      job.map = make_fast_map(first, eye, job.grid, aim, job.system, spectrum.wavelength_nm, settings.seed,
+                              state_->threads);
     } catch (const cl::Error& fault) {
       throw_device_error(fault, first.info().name);
     }

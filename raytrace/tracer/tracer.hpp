@@ -61,14 +61,12 @@ struct LinearImage {
   }
 };
 
-/// A direction in which the image is differentiated: one unit of the parameter adds `curvature_per_unit`
-/// (1/mm, textbook sign, over eye x and y, symmetric) to the vertex curvature matrix C of `surface`, a plane,
-/// sphere, conic or biconic of depth S / (1 + sqrt(1 - T)), S = x'Cx, T = x'C(1 + Q)C x. All surfaces from it
-/// to the scene must be formulas (no mesh) and the stop must lie behind it: a spectacle's surfaces, or an
-/// analytic anterior or posterior cornea. Otherwise Error (unsupported).
-struct CurvatureTangent {
-  std::string surface;
-  Eigen::Matrix2d curvature_per_unit;
+/// A parameter by which the image is differentiated: the eye with the parameter a little above and a little
+/// below where the image is wanted. Any parameter will do, of the spectacle, the eye's surfaces on either
+/// side of the stop, its media or its retina, as long as rays move smoothly with it.
+struct EyeTangent {
+  EyeModel ahead, behind;
+  double step = 1;  ///< the parameter's difference between the two
 };
 
 struct TraceResult {
@@ -110,8 +108,10 @@ class Tracer {
   std::string device_name() const;
 
   /// Traces backward from the retina through the pupil of `eye` into `scene`.
+  /// \param tangents  derivatives are those of what the same samples see: retina point and place in the pupil
+  /// held \throw Error (unsupported) where the derivatives' check against exact rays fails (image_change.hpp)
   TraceResult trace(const EyeModel& eye, const Scene& scene, const TraceSettings& settings,
-                    const std::vector<CurvatureTangent>& tangents = {}) const;
+                    const std::vector<EyeTangent>& tangents = {}) const;
 
   /// The same system without a scene, on single rays that start behind it: spot diagrams, accuracy.
   std::vector<ExitRay> exit_rays(const EyeModel& eye, const std::vector<Ray>& rays_in_eye,

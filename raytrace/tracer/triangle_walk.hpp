@@ -10,8 +10,8 @@ struct BaseConic {
   double curvature_per_mm = 0, q = 0, offset_mm = 0;
 };
 
-/// A sheet that is a height field over x and y, as kernels/surfaces.cl walks it.
-/// \param mesh  in the shape's frame, with vertex normals
+/// A sheet that is a height field over x and y, as kernels/surfaces.cl walks it. Triangles within 6 degrees
+/// of the axis are left out. \param mesh  in the shape's frame, with vertex normals
 DeviceSurface triangle_walk(const TriangleMesh& mesh, const BaseConic& base);
 
 }  // namespace emmetrope::raytrace

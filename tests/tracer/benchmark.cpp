@@ -88,6 +88,11 @@ std::vector<BaselineSphere> baseline_of(const EyeModel& eye) {
   return result;
 }
 
+EyeModel with_thicker_lens(EyeModel eye, double by_mm) {
+  eye.surface("lens_posterior").position_mm += by_mm;
+  return eye;
+}
+
 double mean_of(const LinearImage& image) {
   double sum = 0;
   for (const float v : image.values) sum += v;
@@ -124,8 +129,7 @@ int main(int argc, char** argv) {
 
   std::vector<Way> ways;
   const auto add = [&](const std::string& name, const EyeModel& e, Representation representation,
-                       int sheet_vertices, int pixels = 500,
-                       const std::vector<CurvatureTangent>& tangents = {}) {
+                       int sheet_vertices, int pixels = 500, const std::vector<EyeTangent>& tangents = {}) {
     TraceSettings s = settings;
     s.representation = representation;
     s.vertices = {sheet_vertices};
@@ -153,7 +157,9 @@ int main(int argc, char** argv) {
   }
   add("analytic with spectacle", glasses, Representation::analytic, vertices);
   add("analytic with spectacle and one derivative", glasses, Representation::analytic, vertices, 500,
-      {{"spectacle_back", Eigen::Matrix2d::Identity() * -2e-3}});
+      {{with_thin_lens(eye, {-0.875, 0.25, 0}, 12), with_thin_lens(eye, {-1.125, 0.25, 0}, 12), 0.25}});
+  add("analytic and a derivative by the lens's thickness", eye, Representation::analytic, vertices, 500,
+      {{with_thicker_lens(eye, 0.05), with_thicker_lens(eye, -0.05), 0.1}});
   if (threads <= 16)
     add("every triangle (the paper's method)", eye, Representation::every_triangle, vertices, 64);
 
@@ -204,5 +210,6 @@ int main(int argc, char** argv) {
   for (const std::string way : {"smooth", "triangles"})
     for (const char* more : {" 12800 vertices", " 200000 vertices"}) ratio(way, way + more);
   ratio("analytic with spectacle", "analytic with spectacle and one derivative");
+  ratio("analytic", "analytic and a derivative by the lens's thickness");
   std::cout << answer.dump(2) << "\n";
 }

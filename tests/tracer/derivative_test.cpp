@@ -2,7 +2,9 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <functional>
 
+#include "pipeline/base/error.hpp"
 #include "raytrace/spectacle/spectacle.hpp"
 #include "raytrace/tracer/tracer.hpp"
 
@@ -31,11 +33,19 @@ double relative_error(const LinearImage& derivative, const LinearImage& plus, co
   return std::sqrt(error / size);
 }
 
-/// The surface with its curvature matrix changed: a biconic with axis along eye x (and y where the change is
-/// diagonal).
-EyeModel bent(EyeModel eye, const std::string& surface, double cxx, double cyy, double qx, double qy) {
-  eye.surface(surface).shape = make_biconic(1 / cxx, 1 / cyy, qx, qy, 0);
-  return eye;
+/// The derivative image by a parameter against the difference quotient of two images close by.
+/// \param eye_at  the eye with the parameter so much above where it is wanted
+/// \param step    of the eyes that the derivative is made from; the images' is a thousandth: the texture
+/// is bilinear,
+///                its slope has steps, whose share of the quotient falls with it
+double error_against_differences(const std::function<EyeModel(double)>& eye_at, double step,
+                                 const Scene& scene, const TraceSettings& settings) {
+  const Tracer tracer("");
+  const auto result = tracer.trace(eye_at(0), scene, settings, {{eye_at(step), eye_at(-step), 2 * step}});
+  const double h = step / 1000;
+  const auto plus = tracer.trace(eye_at(h), scene, settings).image,
+             minus = tracer.trace(eye_at(-h), scene, settings).image;
+  return relative_error(result.derivatives.at(0), plus, minus, h);
 }
 
 TEST(Derivatives, SpectaclePowerMatchesDifferences) {
@@ -43,24 +53,20 @@ TEST(Derivatives, SpectaclePowerMatchesDifferences) {
   const auto scene = make_scene("dashes:logmar=0.6,distance_mm=3000,extent_deg=3");
   const EyeModel eye = make_eye("navarro", {});
   const TraceSettings settings = small_settings();
-  // One dioptre of M, of J0 and of J45: the power matrix [[M + J0, J45], [J45, M - J0]] over the back
-  // surface's 1 - n = -0.5. J0 = -C/2 cos 2a, minus cylinder with its axis along x: power S along x, S + C
-  // along y.
-  const double per_D = 1e-3 / (1 - 1.5);
-  const Eigen::Matrix2d m = per_D * Eigen::Matrix2d::Identity();
-  const Eigen::Matrix2d j0 = per_D * (Eigen::Matrix2d() << 1, 0, 0, -1).finished();
-  const Eigen::Matrix2d j45 = per_D * (Eigen::Matrix2d() << 0, 1, 1, 0).finished();
   const PowerVector at{-1.5, 0.4, -0.3};
-  const auto image = [&](double dm, double d0, double d45) {
-    return tracer
-        .trace(with_thin_lens(eye, {at.M_D + dm, at.J0_D + d0, at.J45_D + d45}, 12), *scene, settings)
-        .image;
+  const auto glasses = [&](double dm, double d0, double d45) {
+    return with_thin_lens(eye, {at.M_D + dm, at.J0_D + d0, at.J45_D + d45}, 12);
   };
-  const auto result = tracer.trace(with_thin_lens(eye, at, 12), *scene, settings,
-                                   {{"spectacle_back", m}, {"spectacle_back", j0}, {"spectacle_back", j45}});
+  const auto image = [&](double dm, double d0, double d45) {
+    return tracer.trace(glasses(dm, d0, d45), *scene, settings).image;
+  };
+  const double s = 0.1;
+  const auto result = tracer.trace(glasses(0, 0, 0), *scene, settings,
+                                   {{glasses(s, 0, 0), glasses(-s, 0, 0), 2 * s},
+                                    {glasses(0, s, 0), glasses(0, -s, 0), 2 * s},
+                                    {glasses(0, 0, s), glasses(0, 0, -s), 2 * s}});
   ASSERT_EQ(result.derivatives.size(), 3U);
-  const double h =
-      0.0005;  // the texture is bilinear: its slope has steps, whose share of the quotient falls with h
+  const double h = 0.0005;
   const double errors[] = {relative_error(result.derivatives[0], image(h, 0, 0), image(-h, 0, 0), h),
                            relative_error(result.derivatives[1], image(0, h, 0), image(0, -h, 0), h),
                            relative_error(result.derivatives[2], image(0, 0, h), image(0, 0, -h), h)};
@@ -73,30 +79,101 @@ TEST(Derivatives, SpectaclePowerMatchesDifferences) {
     EXPECT_NEAR(plain.values[i], result.image.values[i], 2e-4);
 }
 
-TEST(Derivatives, AnteriorCorneaMatchesDifferences) {
-  const Tracer tracer("");
+struct Parameter {
+  const char* name;
+  double step;
+  void (*add)(EyeModel& eye, double amount);
+};
+class EyeParameters : public testing::TestWithParam<Parameter> {};
+
+TEST_P(EyeParameters, MatchDifferences) {
+  const Parameter& parameter = GetParam();
   const auto scene = make_scene("dashes:logmar=0.6,distance_mm=3000,extent_deg=3");
-  EyeModel eye = make_eye("navarro", {});
-  const double cx = 1 / 7.9, cy = 1 / 7.6, qx = -0.26, qy = -0.15;
-  const TraceSettings settings = small_settings();
-  const EyeModel here = bent(eye, "cornea_anterior", cx, cy, qx, qy);
-  Eigen::Matrix2d along_x = Eigen::Matrix2d::Zero();
-  along_x(0, 0) = 1e-3;
-  const auto result = tracer.trace(here, *scene, settings, {{"cornea_anterior", along_x}});
-  const double h = 0.001;
-  const auto plus =
-      tracer.trace(bent(eye, "cornea_anterior", cx + 1e-3 * h, cy, qx, qy), *scene, settings).image;
-  const auto minus =
-      tracer.trace(bent(eye, "cornea_anterior", cx - 1e-3 * h, cy, qx, qy), *scene, settings).image;
-  const double error = relative_error(result.derivatives[0], plus, minus, h);
-  std::printf("relative error against differences: %.4f\n", error);
+  const auto eye_at = [&](double amount) {
+    EyeModel eye = make_eye("navarro", {0, {}, 4.0});
+    parameter.add(eye, amount);
+    return eye;
+  };
+  const double error = error_against_differences(eye_at, parameter.step, *scene, small_settings());
+  std::printf("%s: relative error against differences %.4f\n", parameter.name, error);
   EXPECT_LT(error, 0.03);
 }
+INSTANTIATE_TEST_SUITE_P(
+    FrontAndBack, EyeParameters,
+    testing::Values(
+        Parameter{"flat meridian of a toric cornea", 0.1,
+                  [](EyeModel& eye, double mm) {
+                    eye.surface("cornea_anterior").shape = make_biconic(7.9 + mm, 7.6, -0.26, -0.15, 0);
+                  }},
+        Parameter{"asphericity of the cornea", 0.1,
+                  [](EyeModel& eye, double q) {
+                    eye.surface("cornea_anterior").shape = make_conic(7.72, -0.26 + q);
+                  }},
+        Parameter{
+            "back of the lens", 0.1,
+            [](EyeModel& eye, double mm) { eye.surface("lens_posterior").shape = make_conic(-6 + mm, -1); }},
+        Parameter{"lens thickness", 0.1,
+                  [](EyeModel& eye, double mm) { eye.surface("lens_posterior").position_mm += mm; }},
+        Parameter{"tilt of the lens's back", 0.5,
+                  [](EyeModel& eye, double deg) { eye.surface("lens_posterior").tilt_deg.x() += deg; }},
+        Parameter{"index of the lens", 0.002,
+                  [](EyeModel& eye, double by) { eye.media.at("lens").index += by; }},
+        Parameter{"length of the eye", 0.1,
+                  [](EyeModel& eye, double mm) { eye.surfaces.back().position_mm += mm; }}));
 
-TEST(Derivatives, SurfacesBehindTheStopAreRefused) {
-  const Tracer tracer("");
-  EXPECT_ANY_THROW(tracer.trace(make_eye("navarro", {}), *make_scene("point"), small_settings(),
-                                {{"lens_anterior", Eigen::Matrix2d::Identity()}}));
+TEST(Derivatives, EveryWayAndColourDrawsTheSame) {
+  // Smooth meshes (in tiles), the fast map, and rays one by one against formulas; all wavelengths against
+  // differences.
+  const auto scene = make_scene("dashes:logmar=0.6,distance_mm=3000,extent_deg=3");
+  const EyeModel eye = make_eye("navarro", {0, {}, 4.0});
+  const auto longer = [&](double mm) {
+    EyeModel result = eye;
+    result.surfaces.back().position_mm += mm;
+    return result;
+  };
+  TraceSettings settings = small_settings();
+  settings.samples = 1024;
+  const std::vector<EyeTangent> by_length{{longer(0.1), longer(-0.1), 0.2}};
+  const auto formulas = Tracer("").trace(eye, *scene, settings, by_length).derivatives.at(0);
+  double size = 0;
+  for (const float value : formulas.values) size += value * value;
+  const auto departure = [&](const LinearImage& other) {
+    double sum = 0;
+    for (std::size_t i = 0; i < other.values.size(); ++i)
+      sum += std::pow(other.values[i] - formulas.values[i], 2);
+    return std::sqrt(sum / size);
+  };
+  const double one_by_one =
+      departure(Tracer("", 0, 1).trace(eye, *scene, settings, by_length).derivatives.at(0));
+  settings.representation = Representation::fast;
+  const double fast = departure(Tracer("").trace(eye, *scene, settings, by_length).derivatives.at(0));
+  settings.representation = Representation::smooth;
+  const double smooth = departure(Tracer("").trace(eye, *scene, settings, by_length).derivatives.at(0));
+  settings.representation = Representation::analytic;
+  settings.seed = 2;
+  const double noise = departure(Tracer("").trace(eye, *scene, settings, by_length).derivatives.at(0));
+  std::printf("against formulas: rays one by one %.4f, fast %.4f, smooth %.4f, other rays %.4f\n", one_by_one,
+              fast, smooth, noise);
+  EXPECT_LT(one_by_one, 0.01);
+  EXPECT_LT(fast, 0.01);
+  EXPECT_LT(smooth, 1.2 * noise);  // tiles have other places in the pupil
+
+  settings = small_settings();
+  settings.wavelength_nm.reset();
+  const double spectral = error_against_differences(longer, 0.1, *scene, settings);
+  std::printf("all wavelengths: relative error against differences %.4f\n", spectral);
+  EXPECT_LT(spectral, 0.03);
+}
+
+TEST(Derivatives, PolynomialsThatMissExactRaysAreRefused) {
+  // At full accommodation and with a wide pupil rays pass beside Gullstrand's nucleus: no smooth change.
+  const EyeModel eye = make_eye("gullstrand", {10.87, {}, 6.0});
+  EyeModel ahead = eye, behind = eye;
+  ahead.surface("lens_posterior").position_mm += 0.01;
+  behind.surface("lens_posterior").position_mm -= 0.01;
+  TraceSettings settings = small_settings();
+  settings.grid = {16, 16, 6, 6, {0, 0}};
+  EXPECT_THROW(Tracer("").trace(eye, *make_scene("letters"), settings, {{ahead, behind, 0.02}}), Error);
 }
 
 }  // namespace

@@ -43,7 +43,9 @@ TEST_F(Devices, ShareAPictureToTheBit) {
   const TraceResult reference = one.trace(eye, *scene, settings);
   expect_same(two.trace(eye, *scene, settings), reference);
   expect_same(all.trace(eye, *scene, settings), reference);
-  const std::vector<CurvatureTangent> bend{{"spectacle_back", Eigen::Matrix2d::Identity() * -2e-3}};
+  const EyeModel bare = make_eye("navarro", {});
+  const std::vector<EyeTangent> bend{
+      {with_thin_lens(bare, {-0.9, 0, 0}, 12), with_thin_lens(bare, {-1.1, 0, 0}, 12), 0.2}};
   expect_same(two.trace(eye, *scene, settings, bend), one.trace(eye, *scene, settings, bend));
   for (const auto way : {Representation::smooth, Representation::fast}) {
     settings.representation = way;

@@ -6,7 +6,6 @@
 
 #include "pipeline/base/error.hpp"
 #include "raytrace/eye/mesh_shape.hpp"
-#include "raytrace/spectacle/spectacle.hpp"
 #include "raytrace/tracer/sheet_mesh.hpp"
 #include "raytrace/tracer/tracer.hpp"
 
@@ -76,26 +75,6 @@ TEST(FastMap, DrawsWhatMeshesDraw) {
           sheet_mesh(*surface.shape, default_semi_diameter_mm(surface), 800, 0.25),
           MeshInterpolation::smooth);
   expect_same(eye, small(), formulas);
-}
-
-TEST(FastMap, LeavesASpectacleToItsDerivatives) {
-  const EyeModel eye = with_thin_lens(make_eye("navarro", {}), {-1.5, 0.4, -0.3}, 12);
-  const auto scene = make_scene("dashes:logmar=0.6,distance_mm=3000,extent_deg=3");
-  const std::vector<CurvatureTangent> tangents{{"spectacle_back", Eigen::Matrix2d::Identity() * -2e-3}};
-  TraceSettings settings = small();
-  settings.grid = {32, 32, 0.6, 0.6, {0, 0}};
-  const Tracer tracer("");
-  const auto exact = tracer.trace(eye, *scene, settings, tangents);
-  settings.representation = Representation::fast;
-  const auto fast = tracer.trace(eye, *scene, settings, tangents);
-  double error = 0, size = 0;
-  for (std::size_t i = 0; i < exact.derivatives[0].values.size(); ++i) {
-    error += std::pow(double(fast.derivatives[0].values[i]) - exact.derivatives[0].values[i], 2);
-    size += std::pow(exact.derivatives[0].values[i], 2);
-  }
-  // The slope of a bilinear texture has steps at its texels, 0.18 arcmin wide here: a map that is off by
-  // 0.002 arcmin brings a ray in a hundred to another side of one.
-  EXPECT_LT(std::sqrt(error / size), 0.02);
 }
 
 TEST(FastMap, IsRefusedWhereRaysDoNotChangeSmoothly) {

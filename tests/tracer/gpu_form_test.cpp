@@ -4,7 +4,6 @@
 
 #include <cmath>
 
-#include "raytrace/spectacle/spectacle.hpp"
 #include "raytrace/tracer/tracer.hpp"
 
 namespace emmetrope::raytrace {
@@ -61,26 +60,6 @@ INSTANTIATE_TEST_SUITE_P(Ways, GpuForm,
                                          Way{"navarro", Representation::fast, Method::pupil, true},
                                          Way{"navarro", Representation::every_triangle, Method::paper,
                                              false}));
-
-TEST(GpuForm, HasTheSameDerivatives) {
-  const EyeModel eye = with_thin_lens(make_eye("navarro", {}), {-1.5, 0.4, -0.3}, 12);
-  const auto scene = make_scene("dashes:logmar=0.6,distance_mm=3000,extent_deg=3");
-  TraceSettings settings;
-  settings.grid = {16, 16, 0.3, 0.3, {0, 0}};
-  settings.samples = 256;
-  settings.wavelength_nm = 589.3;
-  settings.verbosity.quiet = true;
-  const std::vector<CurvatureTangent> tangents{{"spectacle_back", Eigen::Matrix2d::Identity() * -2e-3}};
-  const auto cpu = Tracer("", 0, 16).trace(eye, *scene, settings, tangents),
-             gpu = Tracer("", 0, 1).trace(eye, *scene, settings, tangents);
-  double error = 0, size = 0;
-  for (std::size_t i = 0; i < cpu.derivatives[0].values.size(); ++i) {
-    error += std::pow(double(cpu.derivatives[0].values[i]) - gpu.derivatives[0].values[i], 2);
-    size += std::pow(cpu.derivatives[0].values[i], 2);
-  }
-  EXPECT_GT(size, 0);
-  EXPECT_LT(std::sqrt(error / size), 0.02);  // rays beside a texel's edge
-}
 
 }  // namespace
 }  // namespace emmetrope::raytrace

@@ -1,7 +1,7 @@
 // The fast map: what leaves the eye as polynomials of where the ray is aimed at, made and checked in fast_map.cpp.
 #if FAST
 // A pixel's polynomials have OUTPUTS_OF_MAP values (x, y on the plane z = map_z, slopes L/N and M/N, squared radius at the stop
-// over that of the stop), each of MAP_TERMS terms; rows of c^i s^j with i falling in order j = 0..DEGREE.
+// over that of the stop), each of MAP_TERMS terms; x^i y^j with i rising, for j = 0..DEGREE.
 #define OUTPUTS_OF_MAP 5
 #define MAP_TERMS ((DEGREE + 1) * (DEGREE + 2) / 2)
 #define MAP_FLOATS ((OUTPUTS_OF_MAP * MAP_TERMS + 15) / 16 * 16)
@@ -53,22 +53,16 @@ AI vf map_value(const coefficient* c, vf x, vf y) {
   return value;
 }
 
-// The ray behind the operations that the map stands for.
-AI void start_by_map(ray* r, vu n, uint shift_1, uint shift_2, const coefficient* c, float map_z) {
-  const vf u1 = unit_interval(n * 3242174889u + shift_1), u2 = unit_interval(n * 2447445414u + shift_2);
-  vf s, q;
-  angle(u2, &s, &q);
-  const vf rho = sqrt(u1);
-  s *= rho;
-  q *= rho;
-  r->x = map_value(c, q, s);
-  r->y = map_value(c + MAP_TERMS, q, s);
+// The ray behind the operations that the map stands for, from a place of the disc.
+AI void start_by_map(ray* r, vf at_x, vf at_y, const coefficient* c, float map_z) {
+  r->x = map_value(c, at_x, at_y);
+  r->y = map_value(c + MAP_TERMS, at_x, at_y);
   r->z = map_z;
-  r->L = map_value(c + 2 * MAP_TERMS, q, s);
-  r->M = map_value(c + 3 * MAP_TERMS, q, s);
+  r->L = map_value(c + 2 * MAP_TERMS, at_x, at_y);
+  r->M = map_value(c + 3 * MAP_TERMS, at_x, at_y);
   r->N = rsqrt(1.f + r->L * r->L + r->M * r->M);
   r->L *= r->N;
   r->M *= r->N;
-  r->state = select((vi)0, (vi)VIGNETTED, map_value(c + 4 * MAP_TERMS, q, s) > 1.f);
+  r->state = select((vi)0, (vi)VIGNETTED, map_value(c + 4 * MAP_TERMS, at_x, at_y) > 1.f);
 }
 #endif

@@ -33,6 +33,11 @@ typedef int vi;
 #define VLOAD(i, p) (p)[i]
 #define VSTORE(v, i, p) (p)[i] = (v)
 #define GATHER(T, p, offset, id) (p)[(id) + (offset)]
+AI void gather_pair(global const ulong* p, vi id, vi* first, vi* second) {
+  const ulong pair = p[id];
+  *first = (int)(pair & 0xffffffff);
+  *second = (int)(pair >> 32);
+}
 #undef ANY
 #define ANY(mask) (mask)
 #define SAME(id) 1
@@ -56,6 +61,13 @@ typedef int16 vi;
       (p)[id.s4 + (offset)], (p)[id.s5 + (offset)], (p)[id.s6 + (offset)], (p)[id.s7 + (offset)],            \
       (p)[id.s8 + (offset)], (p)[id.s9 + (offset)], (p)[id.sa + (offset)], (p)[id.sb + (offset)],            \
       (p)[id.sc + (offset)], (p)[id.sd + (offset)], (p)[id.se + (offset)], (p)[id.sf + (offset)])
+// Two words side by side for every lane: half the reads.
+AI void gather_pair(global const ulong* p, int16 id, int16* first, int16* second) {
+  const int16 low = as_int16((ulong8)(p[id.s0], p[id.s1], p[id.s2], p[id.s3], p[id.s4], p[id.s5], p[id.s6], p[id.s7]));
+  const int16 high = as_int16((ulong8)(p[id.s8], p[id.s9], p[id.sa], p[id.sb], p[id.sc], p[id.sd], p[id.se], p[id.sf]));
+  *first = (int16)(low.even, high.even);
+  *second = (int16)(low.odd, high.odd);
+}
 #define SAME(id) (!ANY((id) != (int16)((id).s0)))
 #define LANE0(v) (v).s0
 AI float sum16(float16 v) {

@@ -16,7 +16,7 @@ AI void cross_box(const ray* r, vf x, vf y, vf z, global const float* n, vf* ent
   *leave = min(min(max(ax, bx), max(ay, by)), max(az, bz));
 }
 
-AI void every_triangle(ray* r, constant float* restrict p, global const float* restrict records, vf eta, crossing* met) {
+AI void every_triangle(ray* r, constant float* restrict p, global const float* restrict records, vf eta) {
   global const float* sheet = records + as_int(p[12]);
   const int count = as_int(p[11]);
   vf x[UN], y[UN], z[UN], nearest[UN], best_u[UN], best_v[UN];
@@ -74,7 +74,8 @@ AI void every_triangle(ray* r, constant float* restrict p, global const float* r
     r[q].y += t * r[q].M;
     r[q].z += t * r[q].N;
     if (ANY(lost)) end(r + q, lost, MISSED_SURFACE);
-    refract(r + q, nx, ny, nz, nx * nx + ny * ny + nz * nz, nx * r[q].L + ny * r[q].M + nz * r[q].N, eta, (vf)1.f, met);
+    const vf nd = nx * r[q].L + ny * r[q].M + nz * r[q].N;
+    refract(r + q, nx, ny, nz, nx * nx + ny * ny + nz * nz, nd, nd * nd, eta, (vf)1.f);
   }
 }
 #endif

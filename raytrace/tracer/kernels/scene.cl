@@ -18,13 +18,40 @@ AI void plane_coordinates(const ray* r, constant float* restrict p, vf t, vf* u,
 #define SCENE_ARGUMENTS planes, plane_count, texels, background MESH_ARGUMENTS
 
 #if TANGENTS
-#define WITH_TANGENTS , const tangent* d
+// Where texture coordinates u and v move by one unit of each of TANGENTS parameters: polynomials of the place in the pupil, for
+// every pixel, plane and parameter; with SPECTRAL a second one each, what is added per unit of a wavelength's own number. Made and
+// checked in image_change.cpp.
+#define CHANGE_TERMS ((CHANGE_DEGREE + 1) * (CHANGE_DEGREE + 2) / 2)
+typedef struct {
+  vf x, y, wave;
+  global const float* polynomials;
+} pupil_place;
+AI vf change_polynomial(const pupil_place* at, int set) {
+#define CHANGE_TERM(i) (TILE ? VLOAD(set * CHANGE_TERMS + (i), at->polynomials) : (vf)at->polynomials[set * CHANGE_TERMS + (i)])
+  vf value = 0.f;
+  int first = CHANGE_TERMS;
+  UNROLL for (int j = CHANGE_DEGREE; j >= 0; j--) {
+    first -= CHANGE_DEGREE - j + 1;
+    vf row = CHANGE_TERM(first + CHANGE_DEGREE - j);
+    UNROLL for (int i = CHANGE_DEGREE - j - 1; i >= 0; i--) row = row * at->x + CHANGE_TERM(first + i);
+    value = value * at->y + row;
+  }
+  return value;
+}
+AI vf change_of(const pupil_place* at, int coordinate) {
+#if SPECTRAL
+  return change_polynomial(at, 2 * coordinate) + at->wave * change_polynomial(at, 2 * coordinate + 1);
 #else
-#define WITH_TANGENTS
+  return change_polynomial(at, coordinate);
+#endif
+}
+#define AT_PLACE , const pupil_place* at
+#else
+#define AT_PLACE
 #endif
 
-// What the ray sees; with TANGENTS the derivatives of that, d being those of the ray.
-AI void look(const ray* r, SCENE WITH_TANGENTS, view* seen) {
+// What the ray sees; with TANGENTS the derivatives of that.
+AI void look(const ray* r, SCENE AT_PLACE, view* seen) {
   vf nearest = INFINITY;
   UNROLL for (int c = 0; c < CHANNELS; c++) seen->value[c] = background[c];
 #if TANGENTS
@@ -42,17 +69,13 @@ AI void look(const ray* r, SCENE WITH_TANGENTS, view* seen) {
     const vi iu = TO_VI(cu), iv = TO_VI(cv);
     const int row = as_int(p[15]);
     const vi id = iv * row + iu;
-    const look_up picture = texel(texels + as_int(p[16]), id, id + row, cu - TO_VF(iu), cv - TO_VF(iv));
+    const look_up picture = texel(texels + as_int(p[16]) * TEXEL_WORDS, id, id + row, cu - TO_VF(iu), cv - TO_VF(iv));
     UNROLL for (int c = 0; c < CHANNELS; c++) seen->value[c] = select(seen->value[c], picture.value[c], hit);
 #if TANGENTS
-    UNROLL for (int j = 0; j < TANGENTS; j++) {
-      const vf dt = -(p[12] * (p[0] * d[j].x + p[1] * d[j].y + p[2] * d[j].z) +
-                      t * (p[0] * d[j].L + p[1] * d[j].M + p[2] * d[j].N)) * across;
-      const vf x = p[12] * d[j].x + t * d[j].L + dt * r->L, y = p[12] * d[j].y + t * d[j].M + dt * r->M,
-               z = p[12] * d[j].z + t * d[j].N + dt * r->N;
-      const vf du = p[4] * x + p[5] * y + p[6] * z, dv = p[8] * x + p[9] * y + p[10] * z;
+    UNROLL for (int i = 0; i < TANGENTS; i++) {
+      const vf du = change_of(at, 2 * (j * TANGENTS + i)), dv = change_of(at, 2 * (j * TANGENTS + i) + 1);
       UNROLL for (int c = 0; c < CHANNELS; c++)
-        seen->change[j * CHANNELS + c] = select(seen->change[j * CHANNELS + c], picture.by_u[c] * du + picture.by_v[c] * dv, hit);
+        seen->change[i * CHANNELS + c] = select(seen->change[i * CHANNELS + c], picture.by_u[c] * du + picture.by_v[c] * dv, hit);
     }
 #endif
     nearest = select(nearest, depth, hit);

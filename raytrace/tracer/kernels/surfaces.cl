@@ -36,75 +36,64 @@ typedef struct {
 #define INSIDE_BODY 2   // what only a ray in the body meets, its front included
 #define LOCAL_RATIO 4   // the ratio of indices is the ray's own
 
-// How a ray met a surface, for derivatives.
-typedef struct {
-  vf t, nx, ny, nz;  // distance, normal
-  vf nd, root, iq;   // normal . direction, the same behind it, 1 / normal . normal
-  vf S, a, iw;       // of a biconic: its depth S a with a = 1 / (1 + w), and 1 / w
-} crossing;
-
 AI void end(ray* r, vi event, int state) { r->state = select(r->state, (vi)state, event & (r->state == 0)); }
 
 // Refraction with a normal of any length: d' = eta d + g n. Events are rare: one test for all lanes.
-// e is negative where the ray missed the surface or passed outside its clear aperture.
-AI void refract(ray* r, vf nx, vf ny, vf nz, vf q, vf nd, vf eta, vf e, crossing* met) {
-  const vf c = eta * nd;
-  const vf s = q * (1.f - eta * eta) + c * c;
+// q = n.n, nd = n.d, nd2 its square; e is negative where the ray missed the surface or passed outside its clear aperture.
+AI void refract(ray* r, vf nx, vf ny, vf nz, vf q, vf nd, vf nd2, vf eta, vf e) {
+  const vf s = q * (1.f - eta * eta) + (eta * eta) * nd2;
   if (ANY(min(e, s) < 0.f)) {
     end(r, e < 0.f, MISSED_SURFACE);
     end(r, s < 0.f, TIR);
   }
-  met->nx = nx;
-  met->ny = ny;
-  met->nz = nz;
-  met->nd = nd;
-  met->root = sqrt(AT_LEAST(0.f, s));
-  met->iq = RECIP(q);
-  const vf g = (met->root - c) * met->iq;
+  const vf g = (sqrt(AT_LEAST(0.f, s)) - eta * nd) * RECIP(q);
   r->L = eta * r->L + g * nx;
   r->M = eta * r->M + g * ny;
   r->N = eta * r->N + g * nz;
 }
 
-// c (x^2 + y^2 + z^2) + 2 z = 0; vertex form, so that c = 0 is a plane and nothing cancels.
-AI void sphere(ray* r, constant float* restrict p, vf eta, crossing* met) {
+// The ray's place in the frame of a surface, and back. What a kernel that is made for a sequence of surfaces knows of each:
+#define CENTRED (form & 1)    // it stands on the axis
+#define UNLIMITED (form & 2)  // it has no rim
+#define ENTER_FRAME \
+  vf x = CENTRED ? r->x : r->x - p[O_X], y = CENTRED ? r->y : r->y - p[O_Y], z = r->z - p[O_Z];
+#define LEAVE_FRAME(at_z)             \
+  r->x = CENTRED ? x : x + p[O_X];    \
+  r->y = CENTRED ? y : y + p[O_Y];    \
+  r->z = (at_z) + p[O_Z];
+// Less than 0 outside the clear aperture.
+#define INSIDE(x, y) (p[O_LIMIT2] - ((x) * (x) + (y) * (y)))
+
+// c (x^2 + y^2 + z^2) + 2 z = 0 with c well off 0; vertex form. p[4] = c, p[5] = 1 / c
+AI void sphere(ray* r, constant float* restrict p, int form, vf eta) {
   const float c = p[4];
-  vf x = r->x - p[O_X], y = r->y - p[O_Y], z = r->z - p[O_Z];
+  ENTER_FRAME
   const vf G = r->N + c * (x * r->L + y * r->M + z * r->N);
   const vf F = c * (x * x + y * y + z * z) + 2.f * z;
-  const vf e = G * G - c * F;
-  const vf nd = sqrt(AT_LEAST(0.f, e));
-  const vf t = -F * RECIP(G + nd);
+  const vf e = G * G - c * F;                                // squared cosine of incidence
+  const vf k = (1.f - eta * eta) + (eta * eta) * e;          // and of refraction: both roots at the same time
+  const vf nd = sqrt(AT_LEAST(0.f, e)), root = sqrt(AT_LEAST(0.f, k));
+  const vf t = (nd - G) * p[5];  // what cancels here moves the point along the ray by nanometres
   x += t * r->L;
   y += t * r->M;
   z += t * r->N;
-  r->x = x + p[O_X];
-  r->y = y + p[O_Y];
-  r->z = z + p[O_Z];
-  const vf k = 1.f - (eta * eta) * (1.f - nd * nd);
-  const vf inside = p[O_LIMIT2] - (x * x + y * y);
-  if (ANY(min(min(e, k), inside) < 0.f)) {
-    end(r, (e < 0.f) | (inside < 0.f), MISSED_SURFACE);
+  LEAVE_FRAME(z)
+  const vf inside = UNLIMITED ? e : min(e, INSIDE(x, y));
+  if (ANY(min(inside, k) < 0.f)) {
+    end(r, inside < 0.f, MISSED_SURFACE);
     end(r, k < 0.f, TIR);
   }
-  met->t = t;
-  met->nx = c * x;
-  met->ny = c * y;
-  met->nz = c * z + 1.f;
-  met->nd = nd;
-  met->root = sqrt(AT_LEAST(0.f, k));
-  met->iq = 1.f;
-  const vf g = met->root - eta * nd;
+  const vf g = root - eta * nd;
   const vf gc = g * c;
   r->L = eta * r->L + gc * x;
   r->M = eta * r->M + gc * y;
-  r->N = eta * r->N + gc * z + g;
+  r->N = eta * r->N + (gc * z + g);
 }
 
 // cx x^2 + cy y^2 + cz z^2 + 2 z = 0: conics, ellipsoids, cylinders, planes. p[4..6] = cx, cy, cz
-AI void quadric(ray* r, constant float* restrict p, vf eta, crossing* met) {
+AI void quadric(ray* r, constant float* restrict p, int form, vf eta) {
   const float cx = p[4], cy = p[5], cz = p[6];
-  vf x = r->x - p[O_X], y = r->y - p[O_Y], z = r->z - p[O_Z];
+  ENTER_FRAME
   const vf A = cx * r->L * r->L + cy * r->M * r->M + cz * r->N * r->N;
   const vf G = r->N + cx * x * r->L + cy * y * r->M + cz * z * r->N;
   const vf F = cx * x * x + cy * y * y + cz * z * z + 2.f * z;
@@ -114,12 +103,9 @@ AI void quadric(ray* r, constant float* restrict p, vf eta, crossing* met) {
   x += t * r->L;
   y += t * r->M;
   z += t * r->N;
-  r->x = x + p[O_X];
-  r->y = y + p[O_Y];
-  r->z = z + p[O_Z];
+  LEAVE_FRAME(z)
   const vf nx = cx * x, ny = cy * y, nz = 1.f + cz * z;
-  refract(r, nx, ny, nz, nx * nx + ny * ny + nz * nz, nd, eta, min(e, p[O_LIMIT2] - (x * x + y * y)), met);
-  met->t = t;
+  refract(r, nx, ny, nz, nx * nx + ny * ny + nz * nz, nd, e, eta, UNLIMITED ? e : min(e, INSIDE(x, y)));
 }
 
 // Distance to the conic c (x^2 + y^2 + (1 + q) z^2) + 2 z = 0 with k = c (1 + q): where Newton starts.
@@ -130,32 +116,34 @@ AI vf base_distance(const ray* r, vf x, vf y, vf z, float c, float k) {
   return -F * RECIP(G + sqrt(AT_LEAST(0.f, G * G - A * F)));
 }
 
+// The slopes are those of the last step's start: quadratic convergence has brought it within nanometres of the hit.
+#define NEWTON_STEPS 2
+
 #if HAS_BICONIC
 // d = S / (1 + w), S = cx x^2 + cy y^2, w = sqrt(1 - T), T = kx x^2 + ky y^2 with k = (1 + Q) c^2.
-// p[4..7] = cx, cy, kx, ky; p[8], p[9]: base conic; p[10], p[11] = (1 + Q) c
-AI void biconic(ray* r, constant float* restrict p, vf eta, crossing* met) {
+// p[4..7] = cx, cy, kx, ky; p[8], p[9]: base conic
+AI void biconic(ray* r, constant float* restrict p, int form, vf eta) {
   const float cx = p[4], cy = p[5], kx = p[6], ky = p[7];
-  const vf x0 = r->x - p[O_X], y0 = r->y - p[O_Y], z0 = r->z - p[O_Z];
-  vf t = base_distance(r, x0, y0, z0, p[8], p[9]), x, y, gx, gy, inside;
-  UNROLL for (int step = 0; step < 3; step++) {
+  ENTER_FRAME
+  const vf x0 = x, y0 = y;
+  vf t = base_distance(r, x, y, z, p[8], p[9]), gx, gy, inside, slope;
+  UNROLL for (int step = 0; step < NEWTON_STEPS; step++) {
     x = x0 + t * r->L;
     y = y0 + t * r->M;
     const vf S = cx * x * x + cy * y * y;
     inside = 1.f - (kx * x * x + ky * y * y);
     const vf w = sqrt(AT_LEAST(1e-3f, inside)), a = RECIP(1.f + w), iw = RECIP(w), b = S * a * a * iw;
-    met->S = S;
-    met->a = a;
-    met->iw = iw;
-    gx = x * (2.f * cx * a + kx * b);
+          gx = x * (2.f * cx * a + kx * b);
     gy = y * (2.f * cy * a + ky * b);
-    t -= (z0 + t * r->N + S * a) * RECIP(r->N + gx * r->L + gy * r->M);
+    if (step == 0) slope = RECIP(r->N + gx * r->L + gy * r->M);
+    t -= (z + t * r->N + S * a) * slope;
   }
-  r->x = x + p[O_X];
-  r->y = y + p[O_Y];
-  r->z = z0 + t * r->N + p[O_Z];
-  refract(r, gx, gy, (vf)1.f, 1.f + gx * gx + gy * gy, gx * r->L + gy * r->M + r->N, eta,
-          min(inside - 1e-3f, p[O_LIMIT2] - (x * x + y * y)), met);
-  met->t = t;
+  x = x0 + t * r->L;
+  y = y0 + t * r->M;
+  z += t * r->N;
+  LEAVE_FRAME(z)
+  const vf nd = gx * r->L + gy * r->M + r->N, beyond = inside - 1e-3f;
+  refract(r, gx, gy, (vf)1.f, 1.f + gx * gx + gy * gy, nd, nd * nd, eta, UNLIMITED ? beyond : min(beyond, INSIDE(x, y)));
 }
 #endif
 
@@ -167,8 +155,6 @@ AI void biconic(ray* r, constant float* restrict p, vf eta, crossing* met) {
 // Bicubic patches: a record of 16 coefficients a cell, a[4 j + i] u^i v^j with u, v in 0..1.
 // p[4], p[5]: base conic; p[6], p[7]: grid origin; p[8]: cells per mm; p[9], p[10]: last cell in x and y; p[11], p[12]: cells in
 // a row and the first record (as int bits); p[13]: offset of the base conic
-// The slopes are those of the last step's start: quadratic convergence has brought it within nanometres of the hit.
-#define NEWTON_STEPS 2
 #define PATCH_NEWTON(C)                                                                                      \
   UNROLL for (int step = 0; step < NEWTON_STEPS; step++) {                                                   \
     const vf u = (x0 + t * r->L - p[6]) * h - u0, v = (y0 + t * r->M - p[7]) * h - v0;                       \
@@ -184,7 +170,7 @@ AI void biconic(ray* r, constant float* restrict p, vf eta, crossing* met) {
     if (step == 0) slope = RECIP(r->N + gx * r->L + gy * r->M);                                              \
     t -= (z0 + t * r->N + depth) * slope;                                                                    \
   }
-AI void patch(ray* r, constant float* restrict p, global const float* restrict records, vf eta, crossing* met) {
+AI void patch(ray* r, constant float* restrict p, global const float* restrict records, vf eta) {
   const float h = p[8];
   const vf x0 = r->x - p[O_X], y0 = r->y - p[O_Y], z0 = r->z - p[O_Z];
   vf t = base_distance(r, x0, y0, z0 + p[13], p[4], p[5]);
@@ -209,57 +195,66 @@ AI void patch(ray* r, constant float* restrict p, global const float* restrict r
   r->x = x + p[O_X];
   r->y = y + p[O_Y];
   r->z = z0 + t * r->N + p[O_Z];
-  refract(r, gx, gy, (vf)1.f, 1.f + gx * gx + gy * gy, gx * r->L + gy * r->M + r->N, eta,
-          p[O_LIMIT2] - (x * x + y * y), met);
+  const vf nd = gx * r->L + gy * r->M + r->N;
+  refract(r, gx, gy, (vf)1.f, 1.f + gx * gx + gy * gy, nd, nd * nd, eta, INSIDE(x, y));
 }
 #endif
 
 #if HAS_TRIANGLES
 // Exact hits on an irregular sheet: a grid gives a triangle near the hit, then the ray walks across edges to the one it goes
-// through. Two records a triangle: {plane n (3), n.p; barycentric u (3 + 1), v (3 + 1); neighbours across u, v, w (int bits)} and
-// {normals at the corners w, u, v}.
-// p[4], p[5]: base conic; p[6], p[7]: grid origin; p[8]: cells per mm; p[9], p[10]: last cell in x and y; p[11]: cells in a row;
+// through. A record a triangle: depth and barycentric u, v as functions of x and y {z, z_x, z_y; u, u_x, u_y; v, v_x, v_y},
+// neighbours across u, v, w (int bits), normal's x and y at the corner w, and what is added to x and to y at the corners
+// u and v, two 16-bit numbers each in units of p[7]. Normals are as long as the base conic's gradient (c x, c y, sqrt(1 - c k r^2)),
+// whose x and y are linear: interpolation costs only what the sheet departs from that conic.
+// p[4], p[5]: base conic c, k; p[6]: grid origin in x and y; p[8]: cells per mm; p[9]: last cell in x and y; p[11]: cells in a row;
 // p[12], p[14]: first record and first cell of the grid in `records` (int bits); p[13]: offset of the base conic
-#define EDGE_TOLERANCE 1e-5f  // barycentric, against slips between neighbours in float32
+#define EDGE_TOLERANCE 2e-5f  // barycentric, against slips between neighbours in float32
+#define LEAST_GRADIENT 0.05f  // where the sheet goes on beyond the conic's equator
 #define LONGEST_WALK 512      // steps; beyond it a ray is lost, never accepted
-AI void triangles(ray* r, constant float* restrict p, global const float* restrict records, vf eta, crossing* met) {
+AI void triangles(ray* r, constant float* restrict p, global const float* restrict records, vf eta) {
   const float h = p[8];
   const vf x0 = r->x - p[O_X], y0 = r->y - p[O_Y], z0 = r->z - p[O_Z];
   vf t = base_distance(r, x0, y0, z0 + p[13], p[4], p[5]);
   const vi column = TO_VI(CLAMPED((x0 + t * r->L - p[6]) * h, 0.f, p[9]));
-  const vi row = TO_VI(CLAMPED((y0 + t * r->M - p[7]) * h, 0.f, p[10]));
+  const vi row = TO_VI(CLAMPED((y0 + t * r->M - p[6]) * h, 0.f, p[9]));
   const vi cell = row * as_int(p[11]) + column;
   global const int* seeds = (global const int*)records + as_int(p[14]);
   vi id = GATHER(vi, seeds, 0, cell);
   global const float* sheet = records + as_int(p[12]);
-  vf u, v, w;
-  vi lost = 0;
-#define MEET_TRIANGLE(F)                                                                                            \
-  t = (F(3) - F(0) * x0 - F(1) * y0 - F(2) * z0) * RECIP(F(0) * r->L + F(1) * r->M + F(2) * r->N);                  \
-  const vf x = x0 + t * r->L, y = y0 + t * r->M, z = z0 + t * r->N;                                                 \
-  u = F(4) * x + F(5) * y + F(6) * z + F(7);                                                                        \
-  v = F(8) * x + F(9) * y + F(10) * z + F(11);
+  vf x, y, u, v, nx, ny;
+  vi by_x, by_y, lost = 0;
+#define MEET_TRIANGLE(F)                                                                    \
+  t = (F(0) + F(1) * x0 + F(2) * y0 - z0) * RECIP(r->N - F(1) * r->L - F(2) * r->M);        \
+  x = x0 + t * r->L;                                                                        \
+  y = y0 + t * r->M;                                                                        \
+  u = F(3) + F(4) * x + F(5) * y;                                                           \
+  v = F(6) + F(7) * x + F(8) * y;                                                           \
+  nx = F(12);                                                                               \
+  ny = F(13);
   for (int step = 0;; step++) {
     vi beyond_u, beyond_v, beyond_w;
 #if SHARE_RECORDS
     if (SAME(id)) {
       global const float* one = sheet + LANE0(id);
       MEET_TRIANGLE(SCALAR_COEFFICIENT)
-      beyond_u = as_int(one[12]);
-      beyond_v = as_int(one[13]);
-      beyond_w = as_int(one[14]);
+      beyond_u = as_int(one[9]);
+      beyond_v = as_int(one[10]);
+      beyond_w = as_int(one[11]);
+      by_x = as_int(one[14]);
+      by_y = as_int(one[15]);
     } else
 #endif
     {
       record cell;
       fetch(&cell, sheet, id);
       MEET_TRIANGLE(VECTOR_COEFFICIENT)
-      beyond_u = AS_VI(cell.m[12]);
-      beyond_v = AS_VI(cell.m[13]);
-      beyond_w = AS_VI(cell.m[14]);
+      beyond_u = AS_VI(cell.m[9]);
+      beyond_v = AS_VI(cell.m[10]);
+      beyond_w = AS_VI(cell.m[11]);
+      by_x = AS_VI(cell.m[14]);
+      by_y = AS_VI(cell.m[15]);
     }
-    w = 1.f - u - v;
-    const vf least = min(min(u, v), w);
+    const vf w = 1.f - u - v, least = min(min(u, v), w);
     vi go = least < -EDGE_TOLERANCE;
     if (!ANY(go)) break;
     const vi next = select(select(beyond_w, beyond_v, v == least), beyond_u, u == least);
@@ -273,29 +268,17 @@ AI void triangles(ray* r, constant float* restrict p, global const float* restri
     }
     id = select(id, next, VLN == 1 ? (go ? -1 : 0) : go);
   }
-#define NORMAL(F)                                                                                                   \
-  nx = w * F(0) + u * F(3) + v * F(6);                                                                              \
-  ny = w * F(1) + u * F(4) + v * F(7);                                                                              \
-  nz = w * F(2) + u * F(5) + v * F(8);
-  vf nx, ny, nz;
-#if SHARE_RECORDS
-  if (SAME(id)) {
-    global const float* one = sheet + LANE0(id) + 16;
-    NORMAL(SCALAR_COEFFICIENT)
-  } else
-#endif
-  {
-    record cell;
-    fetch(&cell, sheet, id + 16);
-    NORMAL(VECTOR_COEFFICIENT)
-  }
-  const vf x = x0 + t * r->L, y = y0 + t * r->M;
+  u *= p[7];
+  v *= p[7];
+  nx += u * TO_VF((by_x << 16) >> 16) + v * TO_VF(by_x >> 16);
+  ny += u * TO_VF((by_y << 16) >> 16) + v * TO_VF(by_y >> 16);
+  const vf r2 = x * x + y * y, nz2 = AT_LEAST(LEAST_GRADIENT * LEAST_GRADIENT, 1.f - p[4] * p[5] * r2), nz = sqrt(nz2);
   r->x = x + p[O_X];
   r->y = y + p[O_Y];
   r->z = z0 + t * r->N + p[O_Z];
   if (ANY(lost)) end(r, lost, MISSED_SURFACE);
-  refract(r, nx, ny, nz, nx * nx + ny * ny + nz * nz, nx * r->L + ny * r->M + nz * r->N, eta,
-          p[O_LIMIT2] - (x * x + y * y), met);
+  const vf nd = nx * r->L + ny * r->M + nz * r->N;
+  refract(r, nx, ny, nz, nx * nx + ny * ny + nz2, nd, nd * nd, eta, p[O_LIMIT2] - r2);
 }
 #endif
 
@@ -374,14 +357,14 @@ AI void gradient(ray* r, constant float* restrict p, constant float* restrict gr
 }
 #endif
 
-AI void stop(ray* r, constant float* restrict p) {
-  const vf t = (p[O_Z] - r->z) * RECIP(r->N);
-  r->x += t * r->L;
-  r->y += t * r->M;
-  r->z = p[O_Z];
-  const vf x = r->x - p[O_X], y = r->y - p[O_Y];
-  const vf outside = x * x + y * y - p[O_LIMIT2];
-  if (ANY(outside > 0.f)) end(r, outside > 0.f, VIGNETTED);
+AI void stop(ray* r, constant float* restrict p, int form) {
+  ENTER_FRAME
+  const vf t = -z * RECIP(r->N);
+  x += t * r->L;
+  y += t * r->M;
+  LEAVE_FRAME(0.f)
+  const vf inside = INSIDE(x, y);
+  if (ANY(inside < 0.f)) end(r, inside < 0.f, VIGNETTED);
 }
 
 #if HAS_ROTATE

@@ -20,16 +20,18 @@
 #ifdef OPERATIONS
 #define KIND(k) ((int)(KINDS >> 4 * (k)) & 15)
 #define FLAGS_OF(k) ((int)(FLAGS >> 4 * (k)) & 15)
+#define FORM_OF(k) ((int)(FORMS >> 4 * (k)) & 15)
 #define EACH_OPERATION(k) UNROLL for (int k = 0; k < OPERATIONS; k++)
 #else
 #define KIND(k) kinds[k]
 #define FLAGS_OF(k) (kinds[k] == ROTATE ? 0 : as_int(operations[(k) * PARAMETERS + O_FLAGS]))
+#define FORM_OF(k) 0
 #define EACH_OPERATION(k) for (int k = first_operation; k < operation_count; k++)
 #endif
 
-// Takes UN rays past operation k; met says how, where it is a formula.
-AI void pass(ray* r, crossing* met, int k, int wave, SYSTEM) {
-  const int kind = KIND(k);
+// Takes UN rays past operation k.
+AI void pass(ray* r, int k, int wave, SYSTEM) {
+  const int kind = KIND(k), form = FORM_OF(k);
   constant float* p = operations + k * PARAMETERS;
   const vf eta = RATIO(k, wave);
 #if HAS_GRADIENT || HAS_BODY
@@ -44,28 +46,28 @@ AI void pass(ray* r, crossing* met, int k, int wave, SYSTEM) {
 #endif
   switch (kind) {
 #if HAS_SPHERE
-    case SPHERE: UNROLL for (int q = 0; q < UN; q++) sphere(r + q, p, ETA, met + q); break;
+    case SPHERE: UNROLL for (int q = 0; q < UN; q++) sphere(r + q, p, form, ETA); break;
 #endif
 #if HAS_QUADRIC
-    case QUADRIC: UNROLL for (int q = 0; q < UN; q++) quadric(r + q, p, ETA, met + q); break;
+    case QUADRIC: UNROLL for (int q = 0; q < UN; q++) quadric(r + q, p, form, ETA); break;
 #endif
 #if HAS_BICONIC
-    case BICONIC: UNROLL for (int q = 0; q < UN; q++) biconic(r + q, p, ETA, met + q); break;
+    case BICONIC: UNROLL for (int q = 0; q < UN; q++) biconic(r + q, p, form, ETA); break;
 #endif
 #if HAS_PATCH
-    case PATCH: UNROLL for (int q = 0; q < UN; q++) patch(r + q, p, records, ETA, met + q); break;
+    case PATCH: UNROLL for (int q = 0; q < UN; q++) patch(r + q, p, records, ETA); break;
 #endif
 #if HAS_STOP
-    case STOP: UNROLL for (int q = 0; q < UN; q++) stop(r + q, p); break;
+    case STOP: UNROLL for (int q = 0; q < UN; q++) stop(r + q, p, form); break;
 #endif
 #if HAS_ROTATE
     case ROTATE: UNROLL for (int q = 0; q < UN; q++) rotate_ray(r + q, p); break;
 #endif
 #if HAS_TRIANGLES
-    case TRIANGLES: UNROLL for (int q = 0; q < UN; q++) triangles(r + q, p, records, ETA, met + q); break;
+    case TRIANGLES: UNROLL for (int q = 0; q < UN; q++) triangles(r + q, p, records, ETA); break;
 #endif
 #if HAS_EVERY_TRIANGLE
-    case EVERY_TRIANGLE: every_triangle(r, p, records, eta, met); break;
+    case EVERY_TRIANGLE: every_triangle(r, p, records, eta); break;
 #endif
 #if HAS_GRADIENT
     case GRADIENT: UNROLL for (int q = 0; q < UN; q++) gradient(r + q, p, gradients, eta, wave); break;
@@ -105,16 +107,19 @@ typedef int count_per_pixel;
 #define STORE_PIXEL(v, i, p) (p)[i] = (v)
 #endif
 
-// Sample n of a pixel: R2 lattice (Roberts 2018) with a shift of the pixel's own.
-AI void start(ray* r, vu n, uint shift_1, uint shift_2, const per_pixel* pixel, float aim_z, vf* weight) {
-  const vf u1 = unit_interval(n * 3242174889u + shift_1), u2 = unit_interval(n * 2447445414u + shift_2);
+// Place of sample n in the unit disc that stands for the pupil: R2 lattice (Roberts 2018) with a shift of the pixel's own.
+AI void place_of(vu n, uint shift_1, uint shift_2, vf* x, vf* y) {
   vf s, c;
-  angle(u2, &s, &c);
-  const vf rho = sqrt(u1);
-  s *= rho;
-  c *= rho;
-  const vf dx = pixel[3] + pixel[5] * c + pixel[6] * s - pixel[0];
-  const vf dy = pixel[4] + pixel[7] * c + pixel[8] * s - pixel[1];
+  angle(unit_interval(n * 2447445414u + shift_2), &s, &c);
+  const vf rho = sqrt(unit_interval(n * 3242174889u + shift_1));
+  *x = rho * c;
+  *y = rho * s;
+}
+
+// The ray from the retina to a place of the disc.
+AI void start(ray* r, vf at_x, vf at_y, const per_pixel* pixel, float aim_z, vf* weight) {
+  const vf dx = pixel[3] + pixel[5] * at_x + pixel[6] * at_y - pixel[0];
+  const vf dy = pixel[4] + pixel[7] * at_x + pixel[8] * at_y - pixel[1];
   const per_pixel dz = aim_z - pixel[2];
   const vf scale = rsqrt(dx * dx + dy * dy + dz * dz);
   r->x = pixel[0];
@@ -175,7 +180,8 @@ kernel void trace_pixels(SYSTEM, int operation_count, global const float* restri
                          global const float* restrict map_weights
 #endif
 #if TANGENTS
-                         , constant float* restrict seeds, int first_seed, global float* restrict derivatives
+                         , global const float* restrict changes, int changes_a_pixel, constant float* restrict change_by_wave,
+                         global float* restrict derivatives
 #endif
                          ) {
   const int item = get_global_id(0);
@@ -218,45 +224,35 @@ kernel void trace_pixels(SYSTEM, int operation_count, global const float* restri
 #else
       const vu first_n = (LANES + (vu)(uint)(wave * VLN)) * (vu)(uint)run + (vu)(first_sample + (uint)s);
 #endif
+      vf at_x[UN], at_y[UN];
       UNROLL for (int q = 0; q < UN; q++) {
         weight[q] = 1.f;
         const vu n = first_n + (vu)(uint)q;
 #if RANDOM_CAP
         start_at_cap(&r[q], n, shift_1, shift_2, pixel, cap, operations, records);
-#elif FAST
-#if ILLUMINANCE
-        start(&r[q], n, shift_1, shift_2, pixel, aim_z, &weight[q]);
-#endif
-        start_by_map(&r[q], n, shift_1, shift_2, map, map_z);
 #else
-        start(&r[q], n, shift_1, shift_2, pixel, aim_z, &weight[q]);
+        place_of(n, shift_1, shift_2, at_x + q, at_y + q);
+#if !FAST || ILLUMINANCE
+        start(&r[q], at_x[q], at_y[q], pixel, aim_z, &weight[q]);
+#endif
+#if FAST
+        start_by_map(&r[q], at_x[q], at_y[q], map, map_z);
+#endif
 #endif
 #if STILES_CRAWFORD
         weight[q] *= receptor_weight(n, shift_1, pupil_falloff);
 #endif
       }
-      crossing met[UN];
-#if TANGENTS
-      for (int k = first_operation; k < first_seed; k++) pass(r, met, k, wave, SYSTEM_ARGUMENTS);
-      tangent d[UN * TANGENTS];
-      UNROLL for (int q = 0; q < UN * TANGENTS; q++) d[q] = (tangent){0.f, 0.f, 0.f, 0.f, 0.f, 0.f};
-      for (int k = first_seed; k < operation_count; k++) {
-        vec before[UN];
-        UNROLL for (int q = 0; q < UN; q++) before[q] = (vec){r[q].L, r[q].M, r[q].N};
-        pass(r, met, k, wave, SYSTEM_ARGUMENTS);
-        UNROLL for (int q = 0; q < UN; q++)
-          pass_tangents(d + q * TANGENTS, before[q], met + q, r + q, k, kinds[k], operations + k * PARAMETERS, RATIO(k, wave), seeds);
-      }
-#else
-      EACH_OPERATION(k) pass(r, met, k, wave, SYSTEM_ARGUMENTS);
-#endif
+      EACH_OPERATION(k) pass(r, k, wave, SYSTEM_ARGUMENTS);
       UNROLL for (int q = 0; q < UN; q++) {
 #if DIFFRACTION
         diffract(&r[q], first_n + (vu)(uint)q, scramble(shift_2), wave, airy);
 #endif
         view seen;
 #if TANGENTS
-        look(&r[q], SCENE_ARGUMENTS, d + q * TANGENTS, &seen);
+        const pupil_place at = {at_x[q], at_y[q], WAVE_LANES ? VLOAD(0, change_by_wave) : (vf)change_by_wave[wave],
+                                changes + index * changes_a_pixel * (TILE ? VLN : 1)};
+        look(&r[q], SCENE_ARGUMENTS, &at, &seen);
 #else
         look(&r[q], SCENE_ARGUMENTS, &seen);
 #endif
@@ -315,8 +311,7 @@ kernel void trace_rays(SYSTEM, int operation_count, int count, int wave, global 
     r[q].N = VLOAD(g, in + 5 * count);
     r[q].state = 0;
   }
-  crossing met[UN];
-  for (int k = 0; k < operation_count; k++) pass(r, met, k, wave, SYSTEM_ARGUMENTS);
+  for (int k = 0; k < operation_count; k++) pass(r, k, wave, SYSTEM_ARGUMENTS);
   VSTORE(r[0].x, g, out);
   VSTORE(r[0].y, g, out + count);
   VSTORE(r[0].z, g, out + 2 * count);
