@@ -82,8 +82,8 @@ Json difference_json(const Prescription& prescription) {
 Json to_json(const Prescription& prescription, const PrescriptionUncertainty& uncertainty,
              const std::string& laterality) {
   const PrescriptionSettings& settings = prescription.settings;
-  const RefractionIntervals intervals = refraction_intervals(prescription.refraction, uncertainty.covariance,
-                                                             uncertainty.sources, settings.seed);
+  const RefractionIntervals intervals =
+      refraction_intervals(prescription.refraction, uncertainty.covariance, uncertainty.sources);
   const SpheroCylinder notation = to_sphero_cylinder(prescription.refraction);
 
   Json json;

@@ -4,8 +4,8 @@
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
-#include <random>
 
+#include "pipeline/base/astigmatism.hpp"
 namespace emmetrope::correction {
 namespace {
 
@@ -31,18 +31,6 @@ bool belongs(const Group& group, const std::string& parameter) {
 double signed_root(double variance) { return std::copysign(std::sqrt(std::abs(variance)), variance); }
 
 Eigen::Vector3d as_vector(const PowerVector& power) { return {power.M_D, power.J0_D, power.J45_D}; }
-
-/// Value and quantiles of draws, in the order given.
-Measured from_draws(double value, std::vector<double>& draws, const std::string& source) {
-  const auto quantile = [&](double fraction) {
-    const auto at =
-        draws.begin() + static_cast<std::ptrdiff_t>(fraction * static_cast<double>(draws.size() - 1));
-    std::nth_element(draws.begin(), at, draws.end());
-    return *at;
-  };
-  const double low = quantile(0.025), high = quantile(0.975);
-  return {value, {std::min(low, value), std::max(high, value)}, source};
-}
 
 }  // namespace
 
@@ -115,35 +103,29 @@ Eigen::MatrixXd covariance_after(const Eigen::MatrixXd& covariance, const Measur
 }
 
 RefractionIntervals refraction_intervals(const PowerVector& refraction, const Eigen::Matrix3d& covariance,
-                                         const std::array<std::string, 3>& sources, std::uint64_t seed) {
-  const SpheroCylinder notation = to_sphero_cylinder(refraction);
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(covariance);
-  const Eigen::Matrix3d root =
-      eigen.eigenvectors() * eigen.eigenvalues().cwiseMax(0).cwiseSqrt().asDiagonal();
-
-  std::mt19937_64 random(seed);
-  std::normal_distribution<double> normal;
-  constexpr int draws = 20000;
-  std::vector<double> sphere, cylinder, axis;
-  for (int i = 0; i < draws; ++i) {
-    const double a = normal(random), b = normal(random), c = normal(random);
-    const Eigen::Vector3d drawn = as_vector(refraction) + root * Eigen::Vector3d(a, b, c);
-    const SpheroCylinder drawn_notation = to_sphero_cylinder({drawn[0], drawn[1], drawn[2]});
-    sphere.push_back(drawn_notation.sphere_D);
-    cylinder.push_back(drawn_notation.cylinder_D);
-    axis.push_back(notation.axis_deg + std::remainder(drawn_notation.axis_deg - notation.axis_deg, 180));
-  }
-  const auto normal_interval = [&](double value, int i) {
+                                         const std::array<std::string, 3>& sources) {
+  const auto interval = [&](double value, int i) {
     return Measured::from_sigma(value, std::sqrt(std::max(0.0, covariance(i, i))), sources[i]);
   };
+  const SpheroCylinder notation = to_sphero_cylinder(refraction);
+  const Astigmatism astigmatism = astigmatism_of({refraction.J0_D, refraction.J45_D}, covariance);
   const std::string& of_cylinder =
       std::abs(refraction.J0_D) >= std::abs(refraction.J45_D) ? sources[1] : sources[2];
-  return {normal_interval(refraction.M_D, 0),
-          normal_interval(refraction.J0_D, 1),
-          normal_interval(refraction.J45_D, 2),
-          from_draws(notation.sphere_D, sphere, sources[0]),
-          from_draws(notation.cylinder_D, cylinder, of_cylinder),
-          from_draws(notation.axis_deg, axis, of_cylinder)};
+  const double sigma_half_D = astigmatism.sigma_half_cylinder_D;
+  RefractionIntervals intervals{
+      interval(refraction.M_D, 0), interval(refraction.J0_D, 1), interval(refraction.J45_D, 2), {}, {}, {}};
+  // Sphere is M + |J|, the minus cylinder -2 |J|.
+  const double var_sphere =
+      covariance(0, 0) + sigma_half_D * sigma_half_D + 2 * astigmatism.covariance_with_M_D2;
+  intervals.sphere_D =
+      Measured::from_sigma(notation.sphere_D, std::sqrt(std::max(0.0, var_sphere)), sources[0]);
+  intervals.cylinder_D = Measured::from_sigma(notation.cylinder_D, 2 * sigma_half_D, of_cylinder);
+  intervals.cylinder_D.ci95[1] = std::min(0.0, intervals.cylinder_D.ci95[1]);
+  intervals.axis_deg = {notation.axis_deg,
+                        {notation.axis_deg - astigmatism.axis_half_width_deg,
+                         notation.axis_deg + astigmatism.axis_half_width_deg},
+                        of_cylinder};
+  return intervals;
 }
 
 }  // namespace emmetrope::correction

@@ -47,14 +47,13 @@ Eigen::MatrixXd covariance_after(const Eigen::MatrixXd& covariance, const Measur
 struct RefractionIntervals {
   Measured M_D, J0_D, J45_D, sphere_D, cylinder_D, axis_deg;
 };
-/// Power-vector intervals are normal. Sphere, cylinder and axis are no linear functions of it: theirs are
-/// the 2.5 and 97.5 % quantiles of 20 000 draws (stretched to hold the value itself). The axis's interval is
-/// unwrapped about its value, so that it may pass 0 or 180, and is value -+ 90 where the data say nothing of
-/// it.
+/// Power-vector intervals are normal; sphere, cylinder and axis by linear propagation, as a cornea's
+/// (astigmatism_of). A cylinder's interval ends at 0; where it does, its axis has the interval value -+ 90.
+/// It is unwrapped about its value, so that it may pass 0 or 180.
 ///
 /// \param sources  of M, J0 and J45; the notation takes sphere's from M, cylinder's and axis' from the larger
 ///                 component of J
 RefractionIntervals refraction_intervals(const PowerVector& refraction, const Eigen::Matrix3d& covariance,
-                                         const std::array<std::string, 3>& sources, std::uint64_t seed);
+                                         const std::array<std::string, 3>& sources);
 
 }  // namespace emmetrope::correction

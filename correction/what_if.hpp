@@ -20,7 +20,7 @@ Amplitude accommodation_amplitude(double age_years);
 /// Nearest distance of clear sight in front of the cornea, mm, with that amplitude; infinity or negative
 /// (behind the eye) where none is. \param at_cornea_D  mean refraction at the corneal vertex
 double near_point_mm(double at_cornea_D, double amplitude_D);
-/// The same through a lens of back vertex power lens_D at vertex_mm, distance from the lens.
+/// The same, also from the cornea, through a lens of back vertex power lens_D at vertex_mm in front of it.
 double near_point_with_lens_mm(double at_cornea_D, double amplitude_D, double lens_D, double vertex_mm);
 
 /// A symmetric biconvex IOL of index 1.46, 0.8 mm thick.

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "pipeline/base/astigmatism.hpp"
 #include "pipeline/base/frames.hpp"
 #include "raytrace/parametric/analytic_eye.hpp"
 #include "raytrace/parametric/topography.hpp"
@@ -111,23 +112,18 @@ const std::vector<Gate>& gates() {
 Keratometry keratometry_from(const Propagated& power) {
   const double mean = power.value[0];
   const Vector2d j = power.value.segment<2>(1);
-  const double half = j.norm();  // (steep - flat)/2
-  const Eigen::Matrix2d of_j = power.covariance.block<2, 2>(1, 1);
-  // Direction of the astigmatism; where there is none, the direction in which it is known least.
-  Vector2d along = j / half;
-  if (!(half > 1e-9)) along = Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d>(of_j).eigenvectors().col(1);
-  const Vector2d across(-along.y(), along.x());
-  const double var_mean = power.covariance(0, 0), var_half = along.dot(of_j * along);
-  const double cov = along.dot(power.covariance.block<2, 1>(1, 0));
+  const Astigmatism astigmatism = astigmatism_of(j, power.covariance.topLeftCorner<3, 3>());
+  const double half = astigmatism.half_cylinder_D;  // (steep - flat)/2
+  const double var_mean = power.covariance(0, 0), cov = astigmatism.covariance_with_M_D2;
+  const double var_half = astigmatism.sigma_half_cylinder_D * astigmatism.sigma_half_cylinder_D;
   const auto sigma = [](double variance) { return std::sqrt(std::max(0.0, variance)); };
 
   const std::string& source = power.source[0];
   const std::string& cylinder_source = power.source[std::abs(j.x()) > std::abs(j.y()) ? 1 : 2];
-  const double flat_axis_deg = normalise_axis_deg(std::atan2(j.y(), j.x()) / degree / 2);
-  const double half_width_deg =
-      std::min(90.0, 1.959963985 * sigma(across.dot(of_j * across)) / (2 * std::max(half, 1e-9)) / degree);
   const auto axis = [&](double axis_deg) {
-    return Measured{axis_deg, {axis_deg - half_width_deg, axis_deg + half_width_deg}, cylinder_source};
+    return Measured{axis_deg,
+                    {axis_deg - astigmatism.axis_half_width_deg, axis_deg + astigmatism.axis_half_width_deg},
+                    cylinder_source};
   };
 
   Keratometry k;
@@ -139,8 +135,8 @@ Keratometry keratometry_from(const Propagated& power) {
   };
   k.flat_radius_mm = radius(k.flat_power_D);
   k.steep_radius_mm = radius(k.steep_power_D);
-  k.flat_axis_deg = axis(flat_axis_deg);
-  k.steep_axis_deg = axis(normalise_axis_deg(flat_axis_deg + 90));
+  k.flat_axis_deg = axis(astigmatism.axis_deg);
+  k.steep_axis_deg = axis(normalise_axis_deg(astigmatism.axis_deg + 90));
   k.cylinder_D = Measured::from_sigma(2 * half, 2 * sigma(var_half), cylinder_source);
   k.cylinder_D.ci95[0] = std::max(0.0, k.cylinder_D.ci95[0]);
   return k;

@@ -16,7 +16,7 @@ struct BiometryOptions {
 };
 
 /// A power vector's (M, J0, J45) view as flat, steep, cylinder and axis, with intervals by linear
-/// propagation; where the cylinder drowns in its uncertainty its axis has the interval value -+ 90.
+/// propagation; where the cylinder's holds 0 its axis has the interval value -+ 90.
 struct Keratometry {
   Measured flat_radius_mm, flat_power_D, flat_axis_deg;
   Measured steep_radius_mm, steep_power_D, steep_axis_deg;

@@ -54,9 +54,12 @@ def figure(f):
     f.number("after: vertical, D", y_D, -0.01, 0.01)
     f.number("radius before, vertical, mm", n / readings_D[90])
     f.number("radius after, vertical, mm", radii[1])
-    # Munnerlyn et al. 1988 with sags exact to fourth order: depth of the ablation over 6 mm
-    sag = lambda r: r - (r * r - 9) ** 0.5
-    depth_um = f.number("depth of the ablation over 6 mm, um", 1000 * (sag(n / readings_D[90]) - sag(radii[1])))
+    # Ablation over 6 mm (Munnerlyn et al. 1988, with the conics' own sags): nothing is taken at the rim of the vertical meridian
+    def sag(radius, q=-0.2):
+        return 9 / radius / (1 + (1 - (1 + q) * 9 / radius ** 2) ** 0.5)
+    change_um = {"horizontal": 1000 * (sag(radii[0]) - sag(n / readings_D[180])), "vertical": 1000 * (sag(radii[1]) - sag(n / readings_D[90]))}
+    depth_um = f.number("depth of the ablation over 6 mm at the centre, um", -min(0, *change_um.values()))
+    f.number("  at its deepest, um", depth_um + max(0, *change_um.values()))
     dioptres = 376 * (readings_D[90] / n - 1 / radii[1])
     f.number("depth over Munnerlyn's parabola S^2 D / (8 (n - 1))", depth_um / (36 * dioptres / (8 * 0.376)), 1, 1.2)
     picture = dict(scene="letters:distance_mm=inf,extent_deg=12", size="240x240", field_mm="3.6x3.6", samples=64 if f.quick else 256)

@@ -73,7 +73,9 @@ def figure(f):
     section = lambda radius: 2 * (2 * radius * 2.3 - 2.3 ** 2) ** 0.5
     f.number("section at 2.3 mm of a cornea of radius 7.7 mm", section(7.7), 10.97, 10.99)
     for width in (12.72, 12.20):
-        radius = ((width / 2) ** 2 + 2.3 ** 2) / (2 * 2.3)
-        f.number(f"radius that a section of {width} mm means", radius)
-        f.number(f"  keratometric power of {width} mm, D: outside 38 to 50, no cornea", 337.5 / radius, 0, 38)
+        # a conic's sagitta d at half width h: h^2 = 2 R d - (1 + Q) d^2
+        radius = {q: ((width / 2) ** 2 + (1 + q) * 2.3 ** 2) / (2 * 2.3) for q in (0, -0.5)}
+        f.number(f"radius that a section of {width} mm means, sphere", radius[0])
+        f.number(f"  keratometric power of {width} mm, D, sphere: outside 38 to 50", 337.5 / radius[0], 0, 38)
+        f.number(f"  the same, Q = -0.5{': outside 38 to 50, no cornea' if width > 12.5 else ''}", 337.5 / radius[-0.5], 0, 38 if width > 12.5 else 40)
     f.sheet("fig9.png", 5, 200, *pictures)

@@ -145,8 +145,12 @@ const std::vector<EyeRow>& accommodation_rows() {
       {"/what_if/accommodation/age_years", "Age", {0, false, "years"}},
       {"/what_if/accommodation/amplitude_D", "Amplitude, mean for the age", {2, false, "D"}},
       {"/what_if/accommodation/minimum_amplitude_D", "Amplitude, least for the age", {2, false, "D"}},
-      {"/what_if/accommodation/near_point_mm", "Near point without a lens", {0, false, "mm"}},
-      {"/what_if/accommodation/near_point_with_lens_mm", "Near point with the lens", {0, false, "mm"}}};
+      {"/what_if/accommodation/near_point_mm",
+       "Near point without a lens, from the cornea",
+       {0, false, "mm"}},
+      {"/what_if/accommodation/near_point_with_lens_mm",
+       "Near point with the lens, from the cornea",
+       {0, false, "mm"}}};
   return rows;
 }
 

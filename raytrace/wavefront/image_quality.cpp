@@ -114,9 +114,9 @@ PointSpread point_spread(const Wavefront& uncorrected, const PowerVector& lens_i
   const int n = pupil.size(), half = n / 2;
   for (int row = 0; row < n; ++row)
     for (int column = 0; column < n; ++column)
-      // Row 0 at the top, zero angle at (half, half).
+      // Zero angle at (half, half), x to the left.
       result.values[static_cast<std::size_t>(row) * n + column] = static_cast<float>(
-          spread[static_cast<std::size_t>((half - row + n) % n) * n + (column - half + n) % n] / sum);
+          spread[static_cast<std::size_t>((half - row + n) % n) * n + (half - column + n) % n] / sum);
   return result;
 }
 

@@ -64,7 +64,8 @@ struct ImageQuality {
 /// \param lens_in_pupil  what a thin lens in the entrance pupil plane corrects, the sign of a prescription
 ImageQuality image_quality(const Wavefront& wavefront, const PowerVector& lens_in_pupil = {});
 
-/// The point spread function on a square grid, unit sum, row 0 at the top (+y), as projected to object space.
+/// The point spread function on a square grid, unit sum, as the patient perceives it, like a retinal image:
+/// row 0 at the top (+y), columns to the patient's right (-x), angles in object space.
 struct PointSpread {
   int size = 0;
   double pitch_arcmin = 0;

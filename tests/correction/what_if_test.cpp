@@ -26,6 +26,8 @@ TEST(WhatIf, AmplitudeAndNearPoint) {
   EXPECT_TRUE(std::isinf(near_point_with_lens_mm(-8, 0, lens_D, 12)) ||
               std::abs(near_point_with_lens_mm(-8, 0, lens_D, 12)) > 1e9);
   EXPECT_LT(near_point_with_lens_mm(-8, 4, lens_D, 12), near_point_with_lens_mm(0, 4, 0, 12));
+  // Both from the cornea: a lens of no power changes nothing.
+  EXPECT_NEAR(near_point_with_lens_mm(-2, 4, 0, 12), near_point_mm(-2, 4), 1e-9);
 }
 
 TEST(WhatIf, IolFormulasAreThePublishedExpressions) {

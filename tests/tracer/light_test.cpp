@@ -2,11 +2,13 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <functional>
 
 #include "pipeline/base/frames.hpp"
 #include "raytrace/eye/paraxial.hpp"
 #include "raytrace/scene/scene_model.hpp"
 #include "raytrace/tracer/tracer.hpp"
+#include "raytrace/wavefront/wavefront.hpp"
 
 namespace emmetrope::raytrace {
 namespace {
@@ -88,6 +90,69 @@ TEST(Diffraction, BlursAnEdgeAsThePupilsMtfSays) {
       EXPECT_NEAR(profile(geometric, column), column > 20 ? 1 : 0, 0.01) << column;
     }
   }
+}
+
+/// How a picture of a point lies: x to the right, y up, about its centre of gravity.
+struct BlurShape {
+  double oblique = 0, straight = 0;    ///< (xy, (xx - yy) / 2) over (xx + yy)
+  double right_skew = 0, up_skew = 0;  ///< third moments with r^2 over (xx + yy)^1.5
+  double cylinder_deg() const { return std::atan2(oblique, straight) / 2 / degree; }
+  double coma_deg() const { return std::atan2(up_skew, right_skew) / degree; }
+};
+
+BlurShape shape_of(int width, int height, const std::function<double(int, int)>& value) {
+  double sum = 0, mean_x = 0, mean_y = 0;
+  for (int row = 0; row < height; ++row)
+    for (int column = 0; column < width; ++column) {
+      sum += value(column, row);
+      mean_x += column * value(column, row);
+      mean_y -= row * value(column, row);
+    }
+  mean_x /= sum;
+  mean_y /= sum;
+  double xx = 0, xy = 0, yy = 0, right = 0, up = 0;
+  for (int row = 0; row < height; ++row)
+    for (int column = 0; column < width; ++column) {
+      const double x = column - mean_x, y = -row - mean_y, share = value(column, row) / sum;
+      xx += share * x * x;
+      xy += share * x * y;
+      yy += share * y * y;
+      right += share * x * (x * x + y * y);
+      up += share * y * (x * x + y * y);
+    }
+  const double square = xx + yy, cube = std::pow(square, 1.5);
+  return {xy / square, (xx - yy) / 2 / square, right / cube, up / cube};
+}
+
+// Fourier optics and traced rays show the same blur the same way round: an oblique cylinder and a coma that
+// points neither up nor to the side.
+TEST(PointSpread, LiesAsTheTracedPictureOfAPoint) {
+  EyeModel eye = perfect_eye(focus_mm + 0.3, 4);
+  eye.surfaces[0].shape = make_biconic(7.9, 7.6, 0, 0, 30);
+  eye.surfaces[1].decentre_mm = {1.2, 0.7};
+  std::vector<float> star(256 * 256, 0.F);
+  for (const int i : {127, 128})
+    for (const int j : {127, 128}) star[256 * j + i] = 1;
+  TraceSettings settings;
+  settings.grid = {100, 100, 0.8, 0.8, {0, 0}};
+  settings.samples = 1024;
+  settings.wavelength_nm = 550;
+  settings.verbosity.quiet = true;
+  const auto image = Tracer("").trace(eye, at_infinity(256, 256, star, 2 * degree), settings).image;
+  const BlurShape traced = shape_of(100, 100, [&](int column, int row) { return image.at(column, row, 1); });
+
+  WavefrontSettings wavefront_settings;
+  wavefront_settings.wavelength_nm = 550;
+  const PointSpread spread = point_spread(measure_wavefront(eye, wavefront_settings));
+  const BlurShape computed = shape_of(spread.size, spread.size, [&](int column, int row) {
+    return spread.values[static_cast<std::size_t>(row) * spread.size + column];
+  });
+  EXPECT_GT(std::abs(traced.oblique), 0.1);
+  EXPECT_GT(std::abs(traced.right_skew), 0.1);
+  EXPECT_GT(std::abs(traced.up_skew), 0.1);
+  // Directions: diffraction, which the rays lack, widens the picture evenly.
+EXPECT_NEAR(computed.cylinder_deg(), traced.cylinder_deg(), 3);
+  EXPECT_NEAR(computed.coma_deg(), traced.coma_deg(), 3);
 }
 
 TEST(StilesCrawford, DimsTheRimOfABlurDisc) {
