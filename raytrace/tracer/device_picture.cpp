@@ -15,7 +15,13 @@ KernelForm form_on(const OpenCl& cl, const PictureJob& job) {
   form.tile = form.lanes > 1 && !form.random_cap && !job.map &&
               (job.system.has(Operation::patch) || job.system.has(Operation::triangles));
   form.waves = !form.spectral ? 1 : form.tile ? wavelength_count : wavelength_count / form.lanes;
-  form.in_flight = 2;
+  // More batches at a time hide more latency as long as registers hold them: those of spheres.
+  constexpr int many = 4;
+  const bool simple = !job.map && !job.system.sequence_definitions().empty() &&
+                      std::all_of(job.system.kinds.begin(), job.system.kinds.end(), [](Operation kind) {
+                        return kind == Operation::sphere || kind == Operation::stop;
+                      });
+  form.in_flight = simple && form.lanes > 1 && job.samples % (many * form.lanes) == 0 ? many : 2;
   form.more = job.map ? job.map->definitions() : job.system.sequence_definitions();
   if (job.change) form.more += " -DCHANGE_DEGREE=" + std::to_string(job.change->degree);
   return form;

@@ -19,6 +19,7 @@ struct PictureJob {
   RetinaPixels pixels;
   RetinalGrid grid;
   KernelForm form;  ///< but for lanes, tiles, waves, which a device decides
+  int samples = 1;  ///< rays a pixel that are wanted
   double aim_plane_z_mm = 0;
   std::vector<float> colours;          ///< `colour` in kernels/trace.cl
   std::vector<float> cap;              ///< where RANDOM_CAP: the paper's aim

@@ -191,6 +191,7 @@ TraceResult Tracer::trace(const EyeModel& whole_eye, const Scene& scene, const T
     throw unsupported_error("derivatives of a scene with meshes are not offered", "use a scene of planes");
   if (paper && !tangents.empty()) throw usage_error("--method paper has no derivatives");
   job.grid = settings.grid;
+  job.samples = settings.samples;
   const PupilAim aim(eye, job.grid, spectral ? eye.reference_wavelength_nm : *settings.wavelength_nm,
                      state_->threads);
   job.pixels = make_pixels(eye, job.grid, aim, state_->threads);

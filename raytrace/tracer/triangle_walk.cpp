@@ -11,7 +11,7 @@ namespace emmetrope::raytrace {
 namespace {
 
 constexpr int floats_a_triangle = 16;
-constexpr double cells_a_triangle = 8;
+constexpr double cells_a_triangle = 2;
 /// Triangles steeper than 84 degrees, at a lens's equator say, have no depth over x and y to speak of: the
 /// sheet ends there.
 constexpr double least_normal_z = 0.1;

@@ -43,7 +43,8 @@ AI void gather_pair(global const ulong* p, vi id, vi* first, vi* second) {
 #define SAME(id) 1
 #define LANE0(v) (v)
 #define SUM(v) (v)
-#define COUNT(mask) ((mask) ? 1 : 0)
+#define COUNT(v) (v)
+#define ONE_WHERE(mask) ((mask) ? 1 : 0)
 #else
 typedef float16 vf;
 typedef uint16 vu;
@@ -75,13 +76,14 @@ AI float sum16(float16 v) {
   const float4 b = a.lo + a.hi;
   return b.x + b.y + b.z + b.w;
 }
-AI int count16(int16 mask) {
-  const int8 a = mask.lo + mask.hi;
+AI int count16(int16 v) {
+  const int8 a = v.lo + v.hi;
   const int4 b = a.lo + a.hi;
-  return -(b.x + b.y + b.z + b.w);
+  return b.x + b.y + b.z + b.w;
 }
 #define SUM sum16
 #define COUNT count16
+#define ONE_WHERE(mask) (-(mask))
 // Shuffles whose literals are one AVX-512 instruction each.
 #define UL(a, b) (float16)(a.s0, b.s0, a.s1, b.s1, a.s4, b.s4, a.s5, b.s5, a.s8, b.s8, a.s9, b.s9, a.sc, b.sc, a.sd, b.sd)
 #define UH(a, b) (float16)(a.s2, b.s2, a.s3, b.s3, a.s6, b.s6, a.s7, b.s7, a.sa, b.sa, a.sb, b.sb, a.se, b.se, a.sf, b.sf)

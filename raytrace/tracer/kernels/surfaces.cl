@@ -363,8 +363,7 @@ AI void stop(ray* r, constant float* restrict p, int form) {
   x += t * r->L;
   y += t * r->M;
   LEAVE_FRAME(0.f)
-  const vf inside = INSIDE(x, y);
-  if (ANY(inside < 0.f)) end(r, inside < 0.f, VIGNETTED);
+  end(r, INSIDE(x, y) < 0.f, VIGNETTED);
 }
 
 #if HAS_ROTATE

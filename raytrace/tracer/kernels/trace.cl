@@ -95,15 +95,13 @@ AI void pass(ray* r, int k, int wave, SYSTEM) {
 // What belongs to a pixel: a number, or with TILE one for each lane.
 #if TILE
 typedef vf per_pixel;
-typedef vi count_per_pixel;
 #define TOGETHER(v) (v)
-#define TALLY(mask) (-(mask))
+#define COUNT_TOGETHER(v) (v)
 #define STORE_PIXEL VSTORE
 #else
 typedef float per_pixel;
-typedef int count_per_pixel;
 #define TOGETHER SUM
-#define TALLY COUNT
+#define COUNT_TOGETHER COUNT
 #define STORE_PIXEL(v, i, p) (p)[i] = (v)
 #endif
 
@@ -199,7 +197,7 @@ kernel void trace_pixels(SYSTEM, int operation_count, global const float* restri
   per_pixel out_change[3 * TANGENTS];
   UNROLL for (int i = 0; i < 3 * TANGENTS; i++) out_change[i] = 0.f;
 #endif
-  count_per_pixel counts[STATES] = {0, 0, 0, 0};
+  vi counts[STATES] = {0, 0, 0, 0};
 
   for (int wave = 0; wave < WAVES; wave++) {
     vf sum[CHANNELS], weights = 0.f;
@@ -256,14 +254,16 @@ kernel void trace_pixels(SYSTEM, int operation_count, global const float* restri
 #else
         look(&r[q], SCENE_ARGUMENTS, &seen);
 #endif
-        if (ANY(r[q].state != 0)) {
-          counts[0] += TALLY(r[q].state == VIGNETTED);
-          counts[1] += TALLY(r[q].state == TIR);
-          counts[2] += TALLY(r[q].state == MISSED_SURFACE);
-          weight[q] = select(weight[q], (vf)0.f, r[q].state != 0);
-          seen.missed &= (r[q].state == 0);
+        // A ray in a hundred ends at the stop's rim, so that most batches have one: no branch could be foretold.
+        const vi lost = r[q].state != 0;
+        counts[0] += ONE_WHERE(r[q].state == VIGNETTED);
+        weight[q] = select(weight[q], (vf)0.f, lost);
+        seen.missed &= r[q].state == 0;
+        if (ANY(r[q].state > VIGNETTED)) {
+          counts[1] += ONE_WHERE(r[q].state == TIR);
+          counts[2] += ONE_WHERE(r[q].state == MISSED_SURFACE);
         }
-        if (ANY(seen.missed)) counts[3] += TALLY(seen.missed);
+        if (ANY(seen.missed)) counts[3] += ONE_WHERE(seen.missed);
         weights += weight[q];
         UNROLL for (int c = 0; c < CHANNELS; c++) sum[c] += weight[q] * seen.value[c];
 #if TANGENTS
@@ -292,7 +292,7 @@ kernel void trace_pixels(SYSTEM, int operation_count, global const float* restri
 #if TANGENTS
   UNROLL for (int i = 0; i < 3 * TANGENTS; i++) STORE_PIXEL(out_change[i], index * 3 * TANGENTS + i, derivatives);
 #endif
-  UNROLL for (int c = 0; c < STATES; c++) STORE_PIXEL(counts[c], index * STATES + c, states);
+  UNROLL for (int c = 0; c < STATES; c++) STORE_PIXEL(COUNT_TOGETHER(counts[c]), index * STATES + c, states);
 }
 
 // Single rays through the system, for tests of accuracy: 6 floats in (position, direction), 7 out (and the state), in planes of
