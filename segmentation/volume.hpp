@@ -17,6 +17,9 @@ struct Stack {
   double column_spacing_mm = 0;  ///< between columns, along_row (PixelSpacing 2)
   double row_spacing_mm = 0;     ///< between rows, along_column (PixelSpacing 1)
   double slice_thickness_mm = 0;
+  /// How far the image may show fat displaced against water by the chemical shift, along row and column:
+  /// one standard deviation, mm. Zero where there is none.
+  Eigen::Vector2d fat_shift_sigma_mm = Eigen::Vector2d::Zero();
   std::vector<Eigen::Vector3d> slice_position;      ///< centre of the first voxel of each slice, LPS
   std::vector<std::vector<float>> slice_intensity;  ///< rows x columns, row after row, after rescale
 

@@ -8,52 +8,140 @@
 namespace emmetrope::segmentation {
 namespace {
 
+using Eigen::Index;
 using Eigen::Matrix2d;
+using Eigen::MatrixXd;
 using Eigen::Vector2d;
 using Eigen::VectorXd;
 
 constexpr double per_dioptre = 1 / 337.5;  ///< keratometric power to curvature, 1/mm
 
-Eigen::Index place_of(const EyeFit& fit, int parameter) {
-  return std::find(fit.active.begin(), fit.active.end(), parameter) - fit.active.begin();
+/// A number of each eye, linear in its free parameters, and what is known of the pair besides the images:
+/// an information matrix and its product with the mean.
+struct Shared {
+  std::array<double, 2> value;
+  std::array<VectorXd, 2> by;
+  Matrix2d information;
+  Vector2d information_mean = Vector2d::Zero();
+};
+
+bool is_free(const EyeFit& fit, int parameter) {
+  return std::find(fit.active.begin(), fit.active.end(), parameter) != fit.active.end();
 }
 
-/// One parameter's distribution becomes another; all others follow by their regression on it.
-void update(EyeFit& fit, Eigen::Index place, double mean, double variance) {
-  const double old_variance = fit.covariance(place, place);
-  const VectorXd slope = fit.covariance.col(place) / old_variance;
-  const double step = mean - fit.value(fit.active[place]);
-  for (std::size_t i = 0; i < fit.active.size(); ++i)
-    fit.parameters[fit.active[i]] += slope[static_cast<Eigen::Index>(i)] * step;
-  fit.covariance += (variance - old_variance) * slope * slope.transpose();
+/// The derivative of a combination of parameters by the free ones.
+VectorXd by_active(const EyeFit& fit, const std::vector<std::pair<int, double>>& terms) {
+  VectorXd by = VectorXd::Zero(static_cast<Index>(fit.active.size()));
+  for (const auto& [parameter, factor] : terms)
+    by[std::find(fit.active.begin(), fit.active.end(), parameter) - fit.active.begin()] = factor;
+  return by;
+}
+
+/// Equal but for a normal difference of this standard deviation.
+Matrix2d alike(double sigma) {
+  Matrix2d information;
+  information << 1, -1, -1, 1;
+  return information / (sigma * sigma);
+}
+
+/// The curvatures' prior of two strangers replaced by that of two eyes of a person.
+Shared corneal_curvature(const std::array<EyeFit*, 2>& eyes) {
+  Shared shared;
+  Vector2d prior_mean, prior_variance;
+  for (int e = 0; e < 2; ++e) {
+    shared.value[e] = eyes[e]->value(cornea_c);
+    shared.by[e] = by_active(*eyes[e], {{cornea_c, 1.0}});
+    prior_mean[e] = eyes[e]->priors.mean[cornea_c];
+    prior_variance[e] = std::pow(eyes[e]->priors.sigma[cornea_c], 2);
+  }
+  // var(a - b) = var a + var b - 2 cov(a, b)
+  const double covariance =
+      (prior_variance.sum() - std::pow(corneal_power_difference_D * per_dioptre, 2)) / 2;
+  Matrix2d together;
+  together << prior_variance[0], covariance, covariance, prior_variance[1];
+  shared.information = together.inverse() - Matrix2d(prior_variance.cwiseInverse().asDiagonal());
+  shared.information_mean = shared.information * prior_mean;
+  return shared;
+}
+
+/// What two eyes in the same images have in common.
+std::vector<Shared> same_images(const std::array<EyeFit*, 2>& eyes) {
+  std::vector<Shared> list;
+  const EyeFit &od = *eyes[0], &os = *eyes[1];
+  const bool same = od.contrast == os.contrast && od.stacks.size() == os.stacks.size() &&
+                    std::equal(od.stacks.begin(), od.stacks.end(), os.stacks.begin(),
+                               [](const auto& a, const auto& b) { return a.stack == b.stack; });
+  if (!same || !is_free(od, cornea) || !is_free(os, cornea)) return list;
+  if (std::min({od.value(cornea), od.value(aqueous), os.value(cornea), os.value(aqueous)}) > 0) {
+    Shared brightness;
+    brightness.information = alike(corneal_intensity_difference);
+    for (int e = 0; e < 2; ++e) {
+      const double of_cornea = eyes[e]->value(cornea), of_aqueous = eyes[e]->value(aqueous);
+      brightness.value[e] = std::log(of_cornea / of_aqueous);
+      brightness.by[e] = by_active(*eyes[e], {{cornea, 1 / of_cornea}, {aqueous, -1 / of_aqueous}});
+    }
+    list.push_back(brightness);
+  }
+  for (int s = 0; s < od.layout.stacks; ++s) {
+    const int at = od.layout.stack(s) + log_sharpness;
+    Shared sharpness;
+    sharpness.information = alike(sharpness_difference);
+    for (int e = 0; e < 2; ++e) {
+      sharpness.value[e] = eyes[e]->value(at);
+      sharpness.by[e] = by_active(*eyes[e], {{at, 1.0}});
+    }
+    list.push_back(sharpness);
+  }
+  return list;
+}
+
+/// Whether the eyes differ by no more than three standard deviations of what is allowed.
+bool agree(const Shared& shared, const std::array<EyeFit*, 2>& eyes, double difference_sigma) {
+  double variance = difference_sigma * difference_sigma;
+  for (int e = 0; e < 2; ++e) variance += shared.by[e].dot(eyes[e]->covariance * shared.by[e]);
+  return std::pow(shared.value[0] - shared.value[1], 2) <= 9 * variance;
 }
 
 }  // namespace
 
 bool couple_eyes(EyeFit& od, EyeFit& os) {
   const std::array<EyeFit*, 2> eyes{&od, &os};
-  std::array<Eigen::Index, 2> place{};
-  Vector2d mean, variance, prior_mean, prior_variance;
-  for (int e = 0; e < 2; ++e) {
-    const EyeFit& eye = *eyes[e];
-    place[e] = place_of(eye, cornea_c);
-    mean[e] = eye.value(cornea_c);
-    variance[e] = eye.covariance(place[e], place[e]);
-    prior_mean[e] = eye.priors.mean[cornea_c];
-    prior_variance[e] = std::pow(eye.priors.sigma[cornea_c], 2);
-  }
-  const double difference_variance = std::pow(corneal_power_difference_D * per_dioptre, 2);
-  if (std::pow(mean[0] - mean[1], 2) > 9 * (difference_variance + variance.sum())) return false;
+  std::vector<Shared> shared{corneal_curvature(eyes)};
+  if (!agree(shared[0], eyes, corneal_power_difference_D * per_dioptre)) return false;
+  for (Shared& other : same_images(eyes))
+    if (agree(other, eyes, 1 / std::sqrt(other.information(0, 0)))) shared.push_back(std::move(other));
 
-  // var(a - b) = var a + var b - 2 cov(a, b)
-  const double shared = (prior_variance.sum() - difference_variance) / 2;
-  Matrix2d together;
-  together << prior_variance[0], shared, shared, prior_variance[1];
-  const Matrix2d more = together.inverse() - Matrix2d(prior_variance.cwiseInverse().asDiagonal());
-  const Matrix2d of_images = variance.cwiseInverse().asDiagonal();
-  const Matrix2d posterior = (of_images + more).inverse();
-  const Vector2d updated = posterior * (of_images * mean + more * prior_mean);
-  for (int e = 0; e < 2; ++e) update(*eyes[e], place[e], updated[e], posterior(e, e));
+  const auto count = static_cast<Index>(shared.size());
+  std::array<MatrixXd, 2> by, own;  // of one eye: derivatives of what is shared, and its covariance
+  MatrixXd information = MatrixXd::Zero(2 * count, 2 * count);
+  VectorXd information_mean = VectorXd::Zero(2 * count), before(2 * count);
+  for (int e = 0; e < 2; ++e) {
+    by[e].resize(count, static_cast<Index>(eyes[e]->active.size()));
+    for (Index i = 0; i < count; ++i) {
+      by[e].row(i) = shared[i].by[e];
+      before[e * count + i] = shared[i].value[e];
+    }
+    own[e] = by[e] * eyes[e]->covariance * by[e].transpose();
+    information.block(e * count, e * count, count, count) = own[e].inverse();
+  }
+  information_mean = information * before;
+  for (Index i = 0; i < count; ++i)
+    for (int e = 0; e < 2; ++e) {
+      information_mean[e * count + i] += shared[i].information_mean[e];
+      for (int f = 0; f < 2; ++f) information(e * count + i, f * count + i) += shared[i].information(e, f);
+    }
+  const MatrixXd posterior = information.inverse();
+  const VectorXd step = posterior * information_mean - before;
+
+  for (int e = 0; e < 2; ++e) {
+    EyeFit& eye = *eyes[e];
+    const MatrixXd slope = eye.covariance * by[e].transpose() * own[e].inverse();
+    const VectorXd move = slope * step.segment(e * count, count);
+    for (std::size_t i = 0; i < eye.active.size(); ++i)
+      eye.parameters[eye.active[i]] += move[static_cast<Index>(i)];
+    const MatrixXd change = posterior.block(e * count, e * count, count, count) - own[e];
+    eye.covariance += slope * change * slope.transpose();
+  }
   return true;
 }
 

@@ -3,16 +3,19 @@
 
 namespace emmetrope::segmentation {
 
-/// How far the corneal powers of one person's eyes differ: standard deviation of the difference (source:
+/// How far the eyes of one person differ: standard deviations of the differences (sources:
 /// docs/segmentation.md, "Priors").
 inline constexpr double corneal_power_difference_D = 0.7;
+inline constexpr double corneal_intensity_difference = 0.05;  ///< of the logarithm of cornea over aqueous
+inline constexpr double sharpness_difference = 0.01;          ///< of its logarithm, in one and the same stack
 
-/// Tells each eye what the other one's images say of its cornea: the fits took the eyes as strangers with the
+/// Tells each eye what the other one's images say of it. The fits took the eyes as strangers with the
 /// population's mean corneal curvature and spread; here that prior becomes one of two eyes whose difference
-/// is known. Exact for normal distributions; every parameter that goes with the curvature follows. The same
-/// spread of each eye alone is kept.
-/// \return false, and nothing is changed, where the eyes differ by more than three standard deviations of
-/// what prior and images allow: a graft, a keratoconus of one eye
+/// is known, with the same spread of each eye alone. Where both were fitted to the same stacks, their corneas
+/// are also equally bright against the aqueous and the stacks equally sharp. Exact for normal distributions;
+/// every parameter follows what is shared by its regression on it.
+/// \return false, and nothing is changed, where the corneal powers differ by more than three standard
+/// deviations of what prior and images allow: a graft, a keratoconus of one eye
 bool couple_eyes(EyeFit& od, EyeFit& os);
 
 }  // namespace emmetrope::segmentation

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <map>
 
 #include "pipeline/base/error.hpp"
@@ -122,14 +123,19 @@ void append(std::vector<int>& to, const std::vector<int>& more) {
   to.insert(to.end(), more.begin(), more.end());
 }
 
-std::vector<int> stack_parameters(const ParameterLayout& layout, bool sharpness) {
+std::vector<int> stack_parameters(const ForwardModel& model, bool turns) {
+  const ParameterLayout& layout = model.layout();
+  const std::vector<StackSampling>& stacks = model.stacks();
   std::vector<int> indices;
   for (int s = 0; s < layout.stacks; ++s) {
     const int at = layout.stack(s);
     append(indices, range(at + coil_first, at + coil_first + coil_count - 1));
     // The first stack defines gain and place.
     if (s > 0) append(indices, range(at + log_gain, at + shift_first + 2));
-    if (sharpness) indices.push_back(at + log_sharpness);
+    if (s > 0 && turns) append(indices, range(at + turn_first, at + turn_first + 2));
+    indices.push_back(at + log_sharpness);
+    for (const int along : {0, 1})
+      if (stacks[s].fat_shift_sigma_mm[along] > 0) indices.push_back(at + fat_shift_first + along);
   }
   return indices;
 }
@@ -141,16 +147,17 @@ std::vector<int> open_parameters(const ParameterLayout& layout, std::vector<int>
     const int in_stack = (parameter - eye_parameter_count) % stack_parameter_count;
     const bool of_stack = parameter >= eye_parameter_count && parameter < layout.displacement();
     return (parameter >= lid_thickness && parameter <= surround) || parameter >= layout.background() ||
-           (of_stack && (in_stack < shift_first || in_stack == log_sharpness));
+           (of_stack && (in_stack < shift_first || in_stack == log_sharpness || in_stack >= fat_shift_first));
   };
   wanted.erase(std::remove_if(wanted.begin(), wanted.end(), known), wanted.end());
   return wanted;
 }
 
 /// Everything that a full pass frees.
-std::vector<int> all_parameters(const ParameterLayout& layout) {
+std::vector<int> all_parameters(const ForwardModel& model) {
+  const ParameterLayout& layout = model.layout();
   std::vector<int> indices = range(apex_x, surround);
-  append(indices, stack_parameters(layout, true));
+  append(indices, stack_parameters(model, true));
   append(indices, range(layout.displacement(), layout.size() - 1));
   return indices;
 }
@@ -162,10 +169,36 @@ SolveResult fit_globe(FitProblem& problem, const VectorXd& start, Evidence evide
                   globe_x, globe_y, globe_z, wall_lateral, wall_axial, iris_offset, pupil_radius, vitreous,
                   aqueous, wall, lens, iris, surround});
   const ParameterLayout& layout = problem.model->layout();
-  append(active, stack_parameters(layout, true));
+  append(active, stack_parameters(*problem.model, false));
   problem.loss_scale = 6;
   return solve(problem, start, select_parameters(layout.size(), open_parameters(layout, active, evidence)),
                16);
+}
+
+/// Where the first pass starts. What the finder takes for the globe is the strongest edge: the inner side of
+/// the wall, but in T1 maybe its outer side, against fat; and where bright fat is displaced over the wall, a
+/// fit that starts without takes it for the wall.
+std::vector<VectorXd> globe_starts(const ForwardModel& model, const std::vector<const Stack*>& stacks,
+                                   const EyeStart& start, Contrast contrast, Evidence evidence) {
+  const ParameterLayout& layout = model.layout();
+  std::vector<VectorXd> starts{start_parameters(layout, stacks, start, contrast, evidence)};
+  if (contrast != Contrast::t1 || evidence == Evidence::labels) return starts;
+  EyeStart smaller = start;
+  smaller.globe_radius_mm -= 1;
+  starts.push_back(start_parameters(layout, stacks, smaller, contrast, evidence));
+  for (const VectorXd& still : std::vector<VectorXd>(starts)) {
+    for (int s = 0; s < layout.stacks; ++s) {
+      for (const int along : {0, 1}) {
+        const double sigma = model.stacks()[s].fat_shift_sigma_mm[along];
+        for (const double shift : {-sigma, sigma}) {
+          if (shift == 0) continue;
+          starts.push_back(still);
+          starts.back()[layout.stack(s) + fat_shift_first + along] = shift;
+        }
+      }
+    }
+  }
+  return starts;
 }
 
 /// Pass 2: the front of the eye from five depths of the apex, globe and lens kept in place.
@@ -357,8 +390,16 @@ EyeFit fit_eye(const std::vector<const Stack*>& stacks, const EyeStart& start, C
 
   FitProblem problem;
   problem.model = &model;
-  VectorXd a = start_parameters(layout, stacks, start, contrast, evidence);
-  problem.priors = population_priors(layout, a, contrast);
+  const std::vector<VectorXd> starts = globe_starts(model, stacks, start, contrast, evidence);
+  VectorXd a = starts.front();
+  const auto priors_about = [&](const VectorXd& from) {
+    Priors priors = population_priors(layout, from, contrast);
+    for (int s = 0; s < layout.stacks; ++s)
+      for (const int along : {0, 1})
+        if (const double sigma = sampling[s].fat_shift_sigma_mm[along]; sigma > 0)
+          priors.sigma[layout.stack(s) + fat_shift_first + along] = sigma;
+    return priors;
+  };
   int iterations = 0;
 
   const auto adopt = [&](SolveResult result) {
@@ -374,7 +415,19 @@ EyeFit fit_eye(const std::vector<const Stack*>& stacks, const EyeStart& start, C
   problem.samples = select_samples(model, a, observed, globe);
   if (problem.samples.size() < 1000) throw no_result_error("too few voxels show the eye");
   freeze_weights(problem, a);
-  adopt(fit_globe(problem, a, evidence));
+  // On the same voxels from each start, which reach as far as the first one's; lowest cost wins.
+  SolveResult globe_found;
+  Priors priors;
+  globe_found.cost = std::numeric_limits<double>::infinity();
+  for (const VectorXd& from : starts) {
+    problem.priors = priors_about(from);
+    SolveResult result = fit_globe(problem, from, evidence);
+    if (result.cost >= globe_found.cost) continue;
+    globe_found = std::move(result);
+    priors = problem.priors;
+  }
+  problem.priors = priors;
+  adopt(std::move(globe_found));
 
   // Once more from there: the start may be a millimetre off and its voxels with it.
   problem.samples = select_samples(model, a, observed, globe);
@@ -390,7 +443,7 @@ EyeFit fit_eye(const std::vector<const Stack*>& stacks, const EyeStart& start, C
 
   // The iris keeps its usual thickness at first: a thick one fills the gap before the lens, whose front then
   // settles on the back of the iris.
-  const std::vector<int> active = open_parameters(layout, all_parameters(layout), evidence);
+  const std::vector<int> active = open_parameters(layout, all_parameters(model), evidence);
   const auto but_iris = [](int parameter) {
     return parameter != iris_half_thickness && parameter != iris_slope;
   };

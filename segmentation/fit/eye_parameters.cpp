@@ -75,9 +75,11 @@ const std::array<Belief, eye_parameter_count>& beliefs() {
 
 bool is_intensity(int index) { return index >= vitreous && index <= surround; }
 
+constexpr double cornea_like_wall = 0.15;  ///< relative
 constexpr double coil_sigma = 0.3, gain_sigma = 0.3;
 constexpr double shift_sigma_mm = 3;     ///< the head moves 1 to 3 mm between series
 constexpr double sharpness_sigma = 0.3;  ///< zero filling and filters that the header does not tell
+constexpr double turn_sigma_deg = 0.7;   ///< it turns with them
 constexpr double displacement_sigma_mm = 0.06;
 constexpr double background_sigma_t2 = 0.25, background_sigma_t1 = 0.5;  ///< fat beside muscle
 
@@ -97,6 +99,9 @@ std::string ParameterLayout::name(int index) const {
   if (which < coil_count) return of_stack + "coil_" + std::to_string(which);
   if (which == log_gain) return of_stack + "log_gain";
   if (which == log_sharpness) return of_stack + "log_sharpness";
+  if (which >= fat_shift_first)
+    return of_stack + "fat_shift_along_" + (which == fat_shift_first ? "row" : "column") + "_mm";
+  if (which >= turn_first) return of_stack + "turn_" + "xyz"[which - turn_first] + "_deg";
   return of_stack + "shift_" + "xyz"[which - shift_first] + "_mm";
 }
 
@@ -113,7 +118,10 @@ Priors population_priors(const ParameterLayout& layout, const Eigen::VectorXd& s
     if (is_intensity(i) || i <= gaze_vertical) priors.mean[i] = start[i];
   }
   // In T1 the vitreous is dark and the tissues around it spread over a wider range of it.
-  if (contrast == Contrast::t1) priors.sigma[cornea] = 0.25;
+  if (contrast == Contrast::t1) {
+    priors.sigma[cornea] = 0.25;
+    priors.cornea_like_wall_sigma = cornea_like_wall * start[wall];
+  }
   for (int s = 0; s < layout.stacks; ++s) {
     const int at = layout.stack(s);
     priors.sigma.segment(at + coil_first, coil_count).setConstant(coil_sigma);
@@ -121,6 +129,7 @@ Priors population_priors(const ParameterLayout& layout, const Eigen::VectorXd& s
     priors.mean[at + log_gain] = start[at + log_gain];
     priors.sigma.segment<3>(at + shift_first).setConstant(shift_sigma_mm);
     priors.sigma[at + log_sharpness] = sharpness_sigma;
+    priors.sigma.segment<3>(at + turn_first).setConstant(turn_sigma_deg);
   }
   priors.sigma.segment(layout.displacement(), layout.bumps).setConstant(displacement_sigma_mm);
   priors.sigma.segment(layout.background(), layout.bumps)

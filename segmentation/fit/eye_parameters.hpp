@@ -1,5 +1,6 @@
 #pragma once
 #include <Eigen/Core>
+#include <limits>
 #include <string>
 #include <vector>
 
@@ -69,7 +70,13 @@ enum StackParameter : int {
   log_gain = 9,        ///< against the first stack
   shift_first = 10,    ///< LPS mm, against the first stack
   log_sharpness = 13,  ///< log of the k-space cut-off over its nominal value
-  stack_parameter_count = 14
+  /// How the head has turned against the first stack: rotation vector (LPS, degrees) about the coil's
+  /// reference, before the shift.
+  turn_first = 14,
+  /// By how much the image shows fat displaced against water (chemical shift): mm along the row, along the
+  /// column.
+  fat_shift_first = 17,
+  stack_parameter_count = 19
 };
 
 /// Where things are in the vector of one eye with its stacks and fields.
@@ -88,6 +95,8 @@ struct ParameterLayout {
 /// Independent normal beliefs about parameters before the image is seen; an infinite sigma is none.
 struct Priors {
   Eigen::VectorXd mean, sigma;
+  /// Cornea and wall are equally bright but for this, in the unit of intensities; infinite: not asked for.
+  double cornea_like_wall_sigma = std::numeric_limits<double>::infinity();
 };
 
 /// Population and acquisition priors (values and sources: docs/segmentation.md) about a start vector:

@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "segmentation/fit/eye_parameters.hpp"
+#include "segmentation/fit/eye_surfaces.hpp"
 
 namespace emmetrope::segmentation {
 
@@ -15,6 +16,8 @@ struct StackSampling {
   double thickness_mm = 0;  ///< of the box profile
   int subslices = 1;
   double noise = 0.05;  ///< sigma of one channel, in the unit of intensities
+  /// What is believed of the chemical shift of fat: mm along row and column, about 0; 0: there is none.
+  Eigen::Vector2d fat_shift_sigma_mm = Eigen::Vector2d::Zero();
 };
 
 /// Which part of the eye explains a voxel. Chosen once a pass, so that the cost stays smooth.
@@ -80,8 +83,10 @@ class SparseRow {
 ///
 /// Front: air + (lid - air) H_lid + (cornea - lid) H_front + (aqueous - cornea) H_back + (lens - aqueous)
 /// H_lens + (iris - aqueous) (H_iris_front - H_iris_back_or_lens) H_pupil
-/// Rear:  surround(n) + (wall - surround(n)) H_outer + (vitreous - wall) H_inner + (lens - vitreous) H_lens
-/// The coil multiplies by exp(log_gain + polynomial in ((x, y, z) - reference) / 12 mm without constant).
+/// Rear:  surround(n) (1 - H_fat) + wall (H_outer - H_inner) + vitreous H_inner + (lens - vitreous) H_lens
+/// H_fat is H_outer displaced by the chemical shift: what surrounds the globe is fat, which then lies over
+/// the wall on one side and leaves a gap on the other. The coil multiplies by exp(log_gain + polynomial in
+/// ((x, y, z) - reference) / 12 mm without constant).
 class ForwardModel {
  public:
   ForwardModel(ParameterLayout layout, std::vector<StackSampling> stacks, Eigen::Vector3d coil_reference);
@@ -121,16 +126,9 @@ class ForwardModel {
     SurfacePoint at_surface(OpticalSurface surface, const Eigen::Vector3d& p, SparseRow* row) const;
 
    private:
-    struct Surface;
-    struct Wall;
-    Surface cornea_surface(const Eigen::Vector3d& p, bool back) const;
-    Surface lid_surface(const Eigen::Vector3d& p) const;
-    Surface globe_surface(const Eigen::Vector3d& p, bool outer, const Wall* wall) const;
-    void lens_surfaces(const Eigen::Vector3d& p, Surface& front, Surface& back, Surface& equator) const;
-    void iris_surfaces(const Eigen::Vector3d& p, Surface& top, Surface& bottom, Surface& pupil) const;
-    Wall wall_fields(const Sample& sample, const Eigen::Vector3d& p) const;
+    WallFields wall_fields(const Sample& sample, const Eigen::Vector3d& p) const;
     struct Edge;
-    Edge edge(const Surface& surface, int stack) const;
+    Edge edge(const EyeSurface& surface, int stack) const;
 
     const ForwardModel& model_;
     const Eigen::VectorXd& a_;
@@ -138,6 +136,10 @@ class ForwardModel {
     struct StackInEye {
       Eigen::Vector3d row, column, normal;
       double inverse_kx, inverse_ky;
+      Eigen::Matrix3d turn;       ///< of the head, in LPS
+      Eigen::Vector3d place;      ///< a point x of the stack lies at turn x + place in the first
+      Eigen::Vector3d fat_shift;  ///< in the eye frame
+      bool has_fat_shift = false;
     };
     std::vector<StackInEye> stack_in_eye_;
   };

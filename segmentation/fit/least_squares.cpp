@@ -170,6 +170,16 @@ NormalEquations evaluate(const FitProblem& problem, const VectorXd& parameters, 
       }
     }
   }
+  const double by = 1 / problem.priors.cornea_like_wall_sigma,
+               unlike = by * (parameters[cornea] - parameters[wall]);
+  out.cost += unlike * unlike / 2;
+  if (derivatives) {
+    out.gradient[cornea] += by * unlike;
+    out.gradient[wall] -= by * unlike;
+    out.hessian(cornea, cornea) += by * by;
+    out.hessian(wall, wall) += by * by;
+    out.hessian(cornea, wall) -= by * by;
+  }
   if (derivatives) {
     for (const int i : beyond) {
       out.gradient[i] = 0;

@@ -119,6 +119,7 @@ std::vector<ObservedStack> observe(const std::vector<const Stack*>& stacks, cons
                               : stack->slice_thickness_mm > 0 ? stack->slice_thickness_mm
                                                               : stack->slice_spacing_mm();
     o.sampling.subslices = subslices_for(o.sampling.thickness_mm);
+    if (!drawn) o.sampling.fat_shift_sigma_mm = stack->fat_shift_sigma_mm;
     o.sampling.noise =
         drawn ? label_deviation(*stack) : vitreous_noise(*stack, start.in_stack(k)) / o.reference;
     observed.push_back(o);

@@ -17,6 +17,7 @@
 #include "pipeline/base/version.hpp"
 #include "segmentation/intake/dicom_header.hpp"
 #include "segmentation/intake/dicom_pixels.hpp"
+#include "segmentation/intake/nifti.hpp"
 
 namespace emmetrope::segmentation {
 namespace {
@@ -76,6 +77,26 @@ void decode(const std::filesystem::path& file, std::uint64_t byte_limit) {
   send(MessageType::end, Json(end));
 }
 
+void decode_volume(const std::filesystem::path& file) {
+  VolumeHeader header;
+  std::vector<std::vector<float>> slices;
+  try {
+    header.geometry = read_nifti(file, header.warnings);
+    slices = std::move(header.geometry.slice_intensity);
+  } catch (const Error& fault) {
+    header = {{}, {}, fault.what(), fault.remedy(), fault.status()};
+  } catch (const std::bad_alloc&) {
+    header = {{},
+              {},
+              file.filename().string() + ": needs more memory than the decoder is allowed",
+              {},
+              ExitStatus::input_invalid};
+  }
+  send(MessageType::volume, Json(header));
+  for (const std::vector<float>& slice : slices)
+    send(MessageType::frame, slice.data(), slice.size() * sizeof slice[0]);
+}
+
 int serve([[maybe_unused]] std::uint64_t memory_bytes, std::uint64_t byte_limit, double cpu_s) {
 #ifndef __SANITIZE_ADDRESS__  // its shadow memory needs terabytes of address space
   limit(RLIMIT_AS, memory_bytes, memory_bytes);
@@ -90,7 +111,10 @@ int serve([[maybe_unused]] std::uint64_t memory_bytes, std::uint64_t byte_limit,
     std::error_code unreadable;
     const double megabytes = static_cast<double>(std::filesystem::file_size(file, unreadable)) / 1e6;
     limit(RLIMIT_CPU, static_cast<rlim_t>(std::ceil(cpu_seconds() + cpu_s + 0.5 * megabytes)), RLIM_INFINITY);
-    decode(file, byte_limit);
+    if (is_nifti_name(file))
+      decode_volume(file);
+    else
+      decode(file, byte_limit);
   }
   return 0;
 }

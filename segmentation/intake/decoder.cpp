@@ -153,6 +153,21 @@ class Decoder::Child {
     }
   }
 
+  /// Type and length of the next message.
+  std::pair<MessageType, std::uint64_t> read_start(Clock::time_point deadline) {
+    std::pair<MessageType, std::uint64_t> start;
+    read(&start.first, sizeof start.first, deadline);
+    read(&start.second, sizeof start.second, deadline);
+    return start;
+  }
+
+  Json read_json(std::uint64_t size, Clock::time_point deadline) {
+    if (size > longest_json) throw ChildFailure{"made the decoder answer nonsense"};
+    std::string text(size, '\0');
+    read(text.data(), size, deadline);
+    return Json::parse(text);
+  }
+
  private:
   /// The child closed its end: says how it ended.
   [[noreturn]] void fail() {
@@ -192,18 +207,10 @@ Decoder::File Decoder::decode(const std::filesystem::path& file, const FrameSink
   }
   bool header_read = false;
   try {
-    if (!child_) child_ = std::make_unique<Child>(limits_);
-    std::error_code unreadable;
-    const double megabytes = static_cast<double>(std::filesystem::file_size(file, unreadable)) / 1e6;
-    const auto deadline =
-        Clock::now() + std::chrono::milliseconds(static_cast<long long>(1000 * (limits_.wall_s + megabytes)));
-    child_->ask(file);
+    const auto deadline = ask(file);
     std::vector<std::int32_t> samples;
     for (int frame = 0;;) {
-      MessageType type{};
-      std::uint64_t size = 0;
-      child_->read(&type, 1, deadline);
-      child_->read(&size, sizeof size, deadline);
+      const auto [type, size] = child_->read_start(deadline);
       if (type == MessageType::frame) {
         if (!header_read || size != frame_bytes(result.header))
           throw ChildFailure{"made the decoder answer nonsense"};
@@ -212,10 +219,7 @@ Decoder::File Decoder::decode(const std::filesystem::path& file, const FrameSink
         sink(frame++, samples);
         continue;
       }
-      if (size > longest_json) throw ChildFailure{"made the decoder answer nonsense"};
-      std::string text(size, '\0');
-      child_->read(text.data(), size, deadline);
-      const Json json = Json::parse(text);
+      const Json json = child_->read_json(size, deadline);
       if (type == MessageType::header) {
         json.get_to(result.header);
         header_read = true;
@@ -236,6 +240,43 @@ Decoder::File Decoder::decode(const std::filesystem::path& file, const FrameSink
     result.header = {FileKind::damaged, "made the decoder answer nonsense"};
   }
   return result;
+}
+
+Clock::time_point Decoder::ask(const std::filesystem::path& file) {
+  if (!child_) child_ = std::make_unique<Child>(limits_);
+  std::error_code unreadable;
+  const double megabytes = static_cast<double>(std::filesystem::file_size(file, unreadable)) / 1e6;
+  child_->ask(file);
+  return Clock::now() +
+         std::chrono::milliseconds(static_cast<long long>(1000 * (limits_.wall_s + megabytes)));
+}
+
+Stack Decoder::decode_volume(const std::filesystem::path& file, std::vector<std::string>& warnings) {
+  const std::string name = file.filename().string();
+  try {
+    const auto deadline = ask(file);
+    const auto [type, size] = child_->read_start(deadline);
+    if (type != MessageType::volume) throw ChildFailure{"made the decoder answer nonsense"};
+    auto header = child_->read_json(size, deadline).get<VolumeHeader>();
+    if (!header.error.empty()) throw Error(header.status, header.error, header.remedy);
+    Stack stack = std::move(header.geometry);
+    const std::size_t voxels = static_cast<std::size_t>(stack.rows) * static_cast<std::size_t>(stack.columns);
+    for (int slice = 0; slice < stack.slices(); ++slice) {
+      const auto [of_slice, bytes] = child_->read_start(deadline);
+      if (of_slice != MessageType::frame || bytes != voxels * sizeof(float))
+        throw ChildFailure{"made the decoder answer nonsense"};
+      stack.slice_intensity.emplace_back(voxels);
+      child_->read(stack.slice_intensity.back().data(), bytes, deadline);
+    }
+    warnings.insert(warnings.end(), header.warnings.begin(), header.warnings.end());
+    return stack;
+  } catch (const ChildFailure& failure) {
+    child_.reset();
+    throw input_error(fmt::format("{}: {}", name, failure.text));
+  } catch (const Json::exception&) {
+    child_.reset();
+    throw input_error(name + ": made the decoder answer nonsense");
+  }
 }
 
 }  // namespace emmetrope::segmentation

@@ -1,4 +1,5 @@
 #pragma once
+#include <chrono>
 #include <cstdint>
 #include <filesystem>
 #include <functional>
@@ -11,9 +12,9 @@
 
 namespace emmetrope::segmentation {
 
-/// Parses and decodes files in a child process, emmetrope-decode, with limits on memory, processor time and
-/// wall clock. A file on which the child crashes, hangs or runs out of memory is reported as damaged; the
-/// next file gets a new child.
+/// Parses and decodes DICOM files and NIfTI volumes in a child process, emmetrope-decode, with limits on
+/// memory, processor time and wall clock. A file on which the child crashes, hangs or runs out of memory is
+/// reported as damaged; the next file gets a new child.
 class Decoder {
  public:
   explicit Decoder(const IntakeLimits& limits);
@@ -31,8 +32,14 @@ class Decoder {
   /// \throw Error (fault) when the child cannot be started
   File decode(const std::filesystem::path& file, const FrameSink& sink);
 
+  /// A NIfTI volume, see read_nifti. \throw Error as that does, or (input_invalid) naming the file where the
+  /// child did not survive it
+  Stack decode_volume(const std::filesystem::path& file, std::vector<std::string>& warnings);
+
  private:
   class Child;
+  /// Sends the file's name to a child. \return when its answer must be there
+  std::chrono::steady_clock::time_point ask(const std::filesystem::path& file);
   IntakeLimits limits_;
   std::unique_ptr<Child> child_;
   int hangs_ = 0;

@@ -11,7 +11,8 @@
 /// intensities gives the exact position of every slice and the largest distance from the grid.
 namespace emmetrope::segmentation {
 
-/// Reads a volume with one value a voxel. The scanner's (sform, else qform) orientation decides; planes that
+/// Reads a volume with one value a voxel, in this process: of files that we wrote. Files of unknown origin
+/// are read by Decoder::decode_volume. The scanner's (sform, else qform) orientation decides; planes that
 /// are NaN throughout are gaps, as write_nifti leaves them. \throw Error (input_invalid or unsupported)
 /// naming the file and the header field
 Stack read_nifti(const std::filesystem::path& file);

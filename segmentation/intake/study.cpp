@@ -8,7 +8,6 @@
 #include "pipeline/base/files.hpp"
 #include "segmentation/intake/decoder.hpp"
 #include "segmentation/intake/file_list.hpp"
-#include "segmentation/intake/nifti.hpp"
 #include "segmentation/intake/series_checks.hpp"
 #include "segmentation/intake/slice_grid.hpp"
 #include "segmentation/intake/subject.hpp"
@@ -18,14 +17,6 @@ namespace {
 
 namespace fs = std::filesystem;
 using SeriesFiles = std::map<std::string, std::vector<ScannedFile>>;  // by SeriesInstanceUID
-
-bool ends_with(const std::string& text, std::string_view end) {
-  return text.size() >= end.size() && text.compare(text.size() - end.size(), end.size(), end) == 0;
-}
-
-bool is_nifti_name(const fs::path& file) {
-  return ends_with(file.string(), ".nii") || ends_with(file.string(), ".nii.gz");
-}
 
 FrameStatistics statistics_of(const std::vector<std::int32_t>& samples) {
   const auto [low, high] = std::minmax_element(samples.begin(), samples.end());
@@ -99,14 +90,14 @@ SeriesInfo judge(std::vector<ScannedFile> files, const IntakeOptions& options, S
   return info;
 }
 
-SeriesInfo judge_nifti(const fs::path& root, const fs::path& file) {
+SeriesInfo judge_nifti(Decoder& decoder, const fs::path& root, const fs::path& file) {
   SeriesInfo info;
   info.uid = "nifti-" + sha256_of_file(root / file).substr(0, 16);
   info.modality = "NIfTI";
   info.description = file.string();
   info.files = 1;
   try {
-    const Stack stack = read_nifti(root / file, info.warnings);
+    const Stack stack = decoder.decode_volume(root / file, info.warnings);
     info.rows = stack.rows;
     info.columns = stack.columns;
     info.row_spacing_mm = stack.row_spacing_mm;
@@ -135,6 +126,17 @@ SeriesInfo judge_nifti(const fs::path& root, const fs::path& file) {
     info.refusal = fault.status();
   }
   return info;
+}
+
+/// One standard deviation of the displacement of fat along row and column: what 3.5 ppm of the resonance
+/// frequency are in pixels, one pixel where the bandwidth is not told; along the readout, where that is told.
+Eigen::Vector2d fat_shift_sigma_mm(const SeriesInfo& info, const Stack& stack) {
+  constexpr double fat_water_Hz_per_T = 3.5 * 42.577;
+  const double bandwidth_Hz = info.pixel_bandwidth_Hz.value_or(0),
+               field_T = info.field_strength_T.value_or(0);
+  const double pixels = bandwidth_Hz > 0 && field_T > 0 ? fat_water_Hz_per_T * field_T / bandwidth_Hz : 1;
+  return pixels * Eigen::Vector2d(info.phase_encoding == "ROW" ? 0 : stack.column_spacing_mm,
+                                  info.phase_encoding == "COL" ? 0 : stack.row_spacing_mm);
 }
 
 }  // namespace
@@ -177,7 +179,7 @@ StudyInventory read_inventory(const fs::path& study, const IntakeOptions& option
   for (const auto& file : list.files) {
     progress.advance();
     if (is_nifti_name(file)) {
-      inventory.series.push_back(judge_nifti(inventory.root, file));
+      inventory.series.push_back(judge_nifti(decoder, inventory.root, file));
       continue;
     }
     ScannedFile scanned = scan(decoder, inventory.root, file);
@@ -213,8 +215,10 @@ Stack read_series(const StudyInventory& inventory, const std::string& uid, const
   if (!info.usable)
     throw Error(info.refusal, fmt::format("series {} cannot be used: {}", info.uid, info.reason));
   if (info.is_nifti()) {
-    Stack stack = read_nifti(inventory.root / info.slices.front().file);
+    std::vector<std::string> known;
+    Stack stack = Decoder(options.limits).decode_volume(inventory.root / info.slices.front().file, known);
     stack.name = info.name;
+    stack.fat_shift_sigma_mm = fat_shift_sigma_mm(info, stack);
     return stack;
   }
   Stack stack;
@@ -227,6 +231,7 @@ Stack read_series(const StudyInventory& inventory, const std::string& uid, const
   stack.row_spacing_mm = *info.row_spacing_mm;
   stack.column_spacing_mm = *info.column_spacing_mm;
   stack.slice_thickness_mm = info.slice_thickness_mm.value_or(info.slice_spacing_mm.value_or(0));
+  stack.fat_shift_sigma_mm = fat_shift_sigma_mm(info, stack);
   stack.slice_intensity.resize(info.slices.size());
 
   // Slices by file, as a multi-frame file is decoded once.

@@ -18,6 +18,51 @@ const std::string& ImageHeader::value(const Tag& tag, int frame) const {
   return found == data_set.end() ? absent : found->second;
 }
 
+bool is_nifti_name(const std::filesystem::path& file) {
+  const auto stem_of_gz = file.extension() == ".gz" ? file.stem() : file;
+  return stem_of_gz.extension() == ".nii";
+}
+
+void to_json(Json& json, const VolumeHeader& header) {
+  const Stack& g = header.geometry;
+  const auto vector = [](const Eigen::Vector3d& v) { return Json{v.x(), v.y(), v.z()}; };
+  json = {{"columns", g.columns},
+          {"rows", g.rows},
+          {"along_row", vector(g.along_row)},
+          {"along_column", vector(g.along_column)},
+          {"normal", vector(g.normal)},
+          {"column_spacing_mm", g.column_spacing_mm},
+          {"row_spacing_mm", g.row_spacing_mm},
+          {"slice_thickness_mm", g.slice_thickness_mm},
+          {"slice_position", Json::array()},
+          {"warnings", header.warnings},
+          {"error", header.error},
+          {"remedy", header.remedy},
+          {"status", static_cast<int>(header.status)}};
+  for (const Eigen::Vector3d& position : g.slice_position) json["slice_position"].push_back(vector(position));
+}
+
+void from_json(const Json& json, VolumeHeader& header) {
+  Stack& g = header.geometry;
+  const auto vector = [](const Json& v) {
+    return Eigen::Vector3d(v.at(0).get<double>(), v.at(1).get<double>(), v.at(2).get<double>());
+  };
+  json.at("error").get_to(header.error);
+  json.at("remedy").get_to(header.remedy);
+  header.status = static_cast<ExitStatus>(json.at("status").get<int>());
+  json.at("warnings").get_to(header.warnings);
+  if (!header.error.empty()) return;
+  json.at("columns").get_to(g.columns);
+  json.at("rows").get_to(g.rows);
+  g.along_row = vector(json.at("along_row"));
+  g.along_column = vector(json.at("along_column"));
+  g.normal = vector(json.at("normal"));
+  json.at("column_spacing_mm").get_to(g.column_spacing_mm);
+  json.at("row_spacing_mm").get_to(g.row_spacing_mm);
+  json.at("slice_thickness_mm").get_to(g.slice_thickness_mm);
+  for (const Json& position : json.at("slice_position")) g.slice_position.push_back(vector(position));
+}
+
 void to_json(Json& json, const ImageHeader& header) {
   json = {{"kind", static_cast<int>(header.kind)},
           {"reason", header.reason},

@@ -1,19 +1,26 @@
 #pragma once
 #include <cstdint>
+#include <filesystem>
 #include <map>
 #include <string>
 #include <vector>
 
+#include "pipeline/base/error.hpp"
 #include "pipeline/base/json.hpp"
 #include "segmentation/intake/tags.hpp"
+#include "segmentation/volume.hpp"
 
 /// What the decoding process tells its parent about one file, over a pipe. Each message is a type, its length
 /// as 8 bytes in the machine's order, and the bytes: first `header` (JSON of ImageHeader), then for an image
 /// `frame` for each frame (int32 samples, row after row, stored values without rescale), at the end `end`
-/// (JSON of DecodeEnd).
+/// (JSON of DecodeEnd). For a NIfTI file, which is known by its name: `volume` (JSON of VolumeHeader), then
+/// for each slice `frame` (float32 intensities, row after row).
 namespace emmetrope::segmentation {
 
-enum class MessageType : char { header = 'H', frame = 'P', end = 'E' };
+enum class MessageType : char { header = 'H', frame = 'P', end = 'E', volume = 'V' };
+
+/// Whether a file is read as NIfTI: .nii or .nii.gz.
+bool is_nifti_name(const std::filesystem::path& file);
 
 enum class FileKind {
   not_dicom,  ///< no DICOM file
@@ -47,6 +54,16 @@ struct DecodeEnd {
   std::uint64_t extra_bytes = 0;  ///< pixel data beyond the last frame and its padding
 };
 
+/// A NIfTI volume but for its intensities, or why it cannot be read.
+struct VolumeHeader {
+  Stack geometry;  ///< slice_intensity is empty
+  std::vector<std::string> warnings;
+  std::string error, remedy;  ///< of an Error; empty when the volume was read
+  ExitStatus status = ExitStatus::done;
+};
+
+void to_json(Json& json, const VolumeHeader& header);
+void from_json(const Json& json, VolumeHeader& header);
 void to_json(Json& json, const ImageHeader& header);
 void from_json(const Json& json, ImageHeader& header);
 void to_json(Json& json, const DecodeEnd& end);

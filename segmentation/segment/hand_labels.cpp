@@ -13,7 +13,7 @@
 #include "pipeline/base/frames.hpp"
 #include "segmentation/finding/sampling.hpp"
 #include "segmentation/fit/observation.hpp"
-#include "segmentation/intake/nifti.hpp"
+#include "segmentation/intake/decoder.hpp"
 
 namespace emmetrope::segmentation {
 namespace {
@@ -197,8 +197,10 @@ bool HandLabels::shows(Laterality laterality) const {
 std::vector<HandLabels> read_hand_labels(const std::vector<std::filesystem::path>& files,
                                          const std::vector<const Stack*>& stacks) {
   std::vector<HandLabels> all;
+  Decoder decoder{IntakeLimits{}};
   for (const std::filesystem::path& file : files) {
-    const Stack volume = read_nifti(file);
+    std::vector<std::string> warnings;
+    const Stack volume = decoder.decode_volume(file, warnings);
     HandLabels labels;
     std::vector<std::vector<float>> values;
     labels.stack = stack_of(file, volume, stacks, values);

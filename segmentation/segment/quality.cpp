@@ -35,8 +35,15 @@ std::vector<QualityGate> judge_quality(const FoundEye& found, const EyeFit& fit)
   for (const EyeView& view : found.views) inside = std::max(inside, view.globe.inside);
   at_least("globe_inside_stack", inside, 0.85, true,
            fmt::format("the eye is cut off: {:.0f} % of its wall lies inside the images", 100 * inside));
-  at_least("lens_contrast", found.lens_contrast, 0.10, true,
+  // Of the fit's reference: vitreous in T2, what surrounds the globe in T1.
+  const double contrast = fit.contrast == Contrast::t2 ? fit.value(vitreous) - fit.value(lens)
+                                                       : fit.value(lens) - fit.value(vitreous);
+  at_least("lens_contrast", contrast, 0.10, true,
            "the lens is not visible: nothing in front of the vitreous differs from it");
+  const double off_axis = std::hypot(fit.value(lens_decentre_x), fit.value(lens_decentre_y));
+  at_most(
+      "lens_off_axis_mm", off_axis, 2, true,
+      fmt::format("the lens was not found: the fitted one lies {:.1f} mm beside the eye's axis", off_axis));
 
   const double k = 337.5 * fit.value(cornea_c), k_sigma = 337.5 * fit.sigma(cornea_c);
   const double prior_sigma = 337.5 * fit.priors.sigma[cornea_c];
@@ -51,6 +58,9 @@ std::vector<QualityGate> judge_quality(const FoundEye& found, const EyeFit& fit)
                       length_sigma));
   // In T1 fat that chemical shift has laid over the wall is brighter than either, and is taken for the wall.
   if (fit.contrast == Contrast::t1) {
+    const double thickness = std::min(fit.value(wall_lateral), fit.value(wall_axial));
+    at_least("wall_thickness_t1_mm", thickness, 0.3, true,
+             fmt::format("a wall of {:.1f} mm is no eye's: fat was taken for it", thickness));
     const double brightness = fit.value(wall) / fit.value(surround);
     at_most("wall_over_surroundings_t1", brightness, 1.2, true,
             fmt::format("the globe's wall is {:.1f} times as bright as the fat around it: fat displaced by "

@@ -187,13 +187,16 @@ Json fit_json(const EyeResult& eye, const std::optional<double>& roll_deg) {
     const ObservedStack& o = fit.stacks[s];
     const int at = fit.layout.stack(s);
     json["noise"].push_back(o.sampling.noise * o.reference);
-    json["stacks"].push_back({{"name", o.stack->name},
-                              {"reference_intensity", o.reference},
-                              {"noise", o.sampling.noise * o.reference},
-                              {"shift_lps_mm", vector_json(fit.parameters.segment<3>(at + shift_first))},
-                              {"misfit", fit.misfit[s]},
-                              {"gain", std::exp(fit.parameters[at + log_gain])},
-                              {"sharpness", std::exp(fit.parameters[at + log_sharpness])}});
+    json["stacks"].push_back(
+        {{"name", o.stack->name},
+         {"reference_intensity", o.reference},
+         {"noise", o.sampling.noise * o.reference},
+         {"shift_lps_mm", vector_json(fit.parameters.segment<3>(at + shift_first))},
+         {"turn_lps_deg", vector_json(fit.parameters.segment<3>(at + turn_first))},
+         {"fat_shift_mm", {fit.parameters[at + fat_shift_first], fit.parameters[at + fat_shift_first + 1]}},
+         {"misfit", fit.misfit[s]},
+         {"gain", std::exp(fit.parameters[at + log_gain])},
+         {"sharpness", std::exp(fit.parameters[at + log_sharpness])}});
   }
   json["regions"] = Json::array();
   for (const RegionFit& region : fit.regions)

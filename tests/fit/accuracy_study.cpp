@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
+#include <array>
 #include <cmath>
 #include <map>
 
@@ -111,6 +112,7 @@ Json biometry_with(const Json& fit, const Json& covariance, double scale_sd,
 struct Study {
   std::map<std::string, Quantity> by_name;
   Quantity j_vector, retina, cornea;
+  std::map<std::string, std::array<std::vector<double>, 2>> bound_if_known;  ///< axial length, M
   int eyes = 0, refused = 0, missed = 0;
   double fit_s = 0, render_s = 0, chi2 = 0;
 
@@ -131,6 +133,9 @@ struct Study {
       ++refused;
       return;
     }
+    const Json known = record.value("bound_if_known", Json::object());
+    for (const auto& [name, sigmas] : known.items())
+      for (const std::size_t i : {0, 1}) bound_if_known[name][i].push_back(sigmas.at(i).get<double>());
     fit_s += record.at("fit_s").get<double>();
     render_s += record.at("render_s").get<double>();
     chi2 += record.at("chi2_per_voxel").get<double>();
@@ -179,6 +184,14 @@ struct Study {
                cornea.median(), cornea.quantile(0.95));
   }
 
+  /// What costs the bound: its rms if a group of nuisance parameters were known.
+  void print_bound() const {
+    fmt::print("| known | bound of axial length, mm | bound of M, D |\n| --- | --- | --- |\n");
+    for (const auto& [name, sigmas] : bound_if_known)
+      fmt::print("| {} | {:.3f} | {:.3f} |\n", name, Quantity::rms(sigmas[0]), Quantity::rms(sigmas[1]));
+    fmt::print("\n");
+  }
+
   void print_each(const Json& record) const {
     fmt::print("{} {}:", record.at("seed").get<int>(), record.at("laterality").get<std::string>());
     if (record.at("status") == "measured")
@@ -200,11 +213,13 @@ int main(int argc, char** argv) {
   unsigned long long first = 1;
   int count = 1;
   std::filesystem::path cache;
-  bool score_only = false, each = false;
+  bool score_only = false, each = false, bound = false;
   app.add_option("--protocol", protocol.name, "surface-coil, head-t2, head-t1");
   app.add_option("--first", first, "Seed of the first head");
   app.add_option("--count", count, "Heads");
   app.add_flag("--distorted", protocol.distorted, "Scale error of 0.3 %, fat shifted by a pixel");
+  app.add_option("--turn-deg", protocol.turn_deg, "The head turns by this (rms per axis) between stacks");
+  app.add_flag("--bound", bound, "What the bound would be if something else were known");
   app.add_option("--snr", protocol.snr, "Instead of the protocol's");
   app.add_option("--cache", cache, "Folder of records; those that are there are not made again")->required();
   app.add_flag("--score-only", score_only, "Score the records that are there");
@@ -233,5 +248,6 @@ int main(int argc, char** argv) {
   images.print();
   fmt::print("{}, keratometry of 0.25 D given: ", protocol.label());
   keratometry.print();
+  if (bound) images.print_bound();
   return 0;
 }

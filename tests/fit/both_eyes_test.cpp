@@ -82,6 +82,39 @@ TEST(BothEyes, CouplingIsTheJointEstimate) {
   EXPECT_NEAR((os.covariance - covariance.bottomRightCorner<2, 2>()).norm(), 0, 1e-9);
 }
 
+/// Two eyes in one stack: corneas equally bright against the aqueous, images equally sharp. By hand: two
+/// measurements of variance v whose difference has variance d^2 move towards each other by 2 v / (d^2 + 2 v)
+/// of half their difference, and the variance of each becomes v (d^2 + v) / (d^2 + 2 v).
+TEST(BothEyes, OneStackHasOneSharpnessAndOneBrightnessOfCorneas) {
+  Stack stack;
+  const auto eye = [&](double of_cornea, double sharpness) {
+    EyeFit fit = fit_of(images(43, 0.8, 3.3));
+    const Eigen::Vector3d x = Eigen::Vector3d::UnitX(), y = Eigen::Vector3d::UnitY();
+    fit.stacks.push_back({&stack, 1, {x, y, x.cross(y)}});
+    const int at = fit.layout.stack(0) + log_sharpness;
+    fit.active = {cornea_c, cornea, aqueous, at};
+    fit.parameters[cornea] = of_cornea;
+    fit.parameters[aqueous] = 0.2;
+    fit.parameters[at] = sharpness;
+    fit.covariance = Eigen::Vector4d(1e-6, 0.04 * 0.04, 1e-20, 0.03 * 0.03).asDiagonal();
+    return fit;
+  };
+  EyeFit od = eye(0.40, 0.02), os = eye(0.36, 0.06);
+  const int at = od.layout.stack(0) + log_sharpness;
+  ASSERT_TRUE(couple_eyes(od, os));
+  {
+    const double v = 0.03 * 0.03, d2 = sharpness_difference * sharpness_difference;
+    EXPECT_NEAR(od.value(at), 0.04 - 0.02 * d2 / (d2 + 2 * v), 1e-9);
+    EXPECT_NEAR(os.covariance(3, 3), v * (d2 + v) / (d2 + 2 * v), 1e-9);
+  }
+  // The logarithm's variance is 0.01 in one eye and 0.0123 in the other: weighted by them.
+  const double v1 = 0.01, v2 = std::pow(0.04 / 0.36, 2), d2 = std::pow(corneal_intensity_difference, 2);
+  const double apart = std::log(0.36 / 0.40);
+  EXPECT_NEAR(od.value(cornea), 0.40 + 0.40 * apart * v1 / (v1 + v2 + d2), 1e-6);
+  EXPECT_NEAR(os.value(cornea), 0.36 - 0.36 * apart * v2 / (v1 + v2 + d2), 1e-6);
+  EXPECT_NEAR(od.covariance(1, 1), 0.04 * 0.04 * (v2 + d2) / (v1 + v2 + d2), 1e-9);
+}
+
 TEST(BothEyes, UnlikeCorneasAreLeftAlone) {
   EyeFit od = fit_of(images(43, 0.3, 3.3)), os = fit_of(images(52, 0.3, 3.3));
   const VectorXd before = od.parameters;

@@ -2,8 +2,10 @@
 
 #include <fmt/format.h>
 
+#include <Eigen/Cholesky>
 #include <algorithm>
 #include <ctime>
+#include <functional>
 #include <optional>
 #include <random>
 
@@ -60,6 +62,55 @@ Eigen::MatrixXd information_bound(const EyeFit& fit) {
     sample.value = static_cast<float>(noise * rician(std::abs(at.intensity(sample, nullptr)) / noise).mean);
   }
   return covariance(problem, fit.parameters, select_parameters(fit.layout.size(), fit.active));
+}
+
+/// What the bound of axial length and corneal power would be if a group of other parameters were known: the
+/// conditional covariance.
+Json bound_if_known(EyeFit bound) {
+  const ParameterLayout& layout = bound.layout;
+  const auto in_stack = [&](int parameter, int first, int count) {
+    const int at = (parameter - eye_parameter_count) % stack_parameter_count;
+    return parameter >= eye_parameter_count && parameter < layout.displacement() && at >= first &&
+           at < first + count;
+  };
+  const auto in_field = [&](int parameter, int first) {
+    return parameter >= first && parameter < first + layout.bumps;
+  };
+  struct Group {
+    const char* name;
+    std::function<bool(int)> holds;
+  };
+  const std::vector<Group> groups{
+      {"nothing", [](int) { return false; }},
+      {"intensity of the cornea", [](int p) { return p == cornea; }},
+      {"intensities of lid, air", [](int p) { return p == lid || p == air; }},
+      {"all intensities", [](int p) { return p >= vitreous && p <= surround; }},
+      {"lid's shape", [](int p) { return p >= lid_thickness && p <= lid_xy; }},
+      {"sharpness", [&](int p) { return in_stack(p, log_sharpness, 1); }},
+      {"coil, gain", [&](int p) { return in_stack(p, coil_first, shift_first); }},
+      {"corneal thickness", [](int p) { return p == cornea_thickness; }},
+      {"back ratio", [](int p) { return p == cornea_back_ratio; }},
+      {"corneal asphericity", [](int p) { return p == cornea_q || p == cornea_q_split; }},
+      {"wall's thickness", [](int p) { return p == wall_lateral || p == wall_axial; }},
+      {"background", [&](int p) { return p == surround || in_field(p, layout.background()); }},
+      {"fat's displacement", [&](int p) { return in_stack(p, fat_shift_first, 2); }},
+      {"head's shifts and turns",
+       [&](int p) { return in_stack(p, shift_first, 3) || in_stack(p, turn_first, 3); }},
+  };
+  Json table;
+  const Eigen::MatrixXd covariance = bound.covariance;
+  for (const Group& group : groups) {
+    std::vector<Eigen::Index> known;
+    for (std::size_t i = 0; i < bound.active.size(); ++i)
+      if (group.holds(bound.active[i])) known.push_back(static_cast<Eigen::Index>(i));
+    bound.covariance = covariance;
+    if (!known.empty()) {
+      const Eigen::MatrixXd across = covariance(Eigen::all, known);
+      bound.covariance -= across * covariance(known, known).ldlt().solve(across.transpose());
+    }
+    table[group.name] = {bound.pole_depth_sigma_mm(), 337.5 * bound.sigma(cornea_c)};
+  }
+  return table;
 }
 
 Json matrix_json(const Eigen::MatrixXd& matrix, const std::vector<Eigen::Index>& places) {
@@ -156,6 +207,7 @@ void write_down(StudiedEye& studied) {
   for (std::size_t i = 0; i < fit.active.size(); ++i)
     if (has_parameter(eye, fit.layout.name(fit.active[i]))) places.push_back(static_cast<Eigen::Index>(i));
   record["bound"] = matrix_json(studied.bound->covariance, places);
+  record["bound_if_known"] = bound_if_known(*studied.bound);
   record["fit"] = to_json(eye);
   // Where the eye is in the images that define its pose.
   const Eigen::Isometry3d fitted_from_true =
@@ -185,6 +237,7 @@ std::vector<Json> study_head(const StudyProtocol& wanted, unsigned long long see
   const phantom::Anatomy anatomy(head);
   phantom::Protocol protocol = phantom::make_protocol(wanted.name, anatomy);
   protocol.disturbances.motion_mm = 0.3;
+  protocol.disturbances.motion_deg = wanted.turn_deg;
   protocol.disturbances.seed = seed;
   if (wanted.snr > 0) protocol.disturbances.snr = wanted.snr;
   if (wanted.distorted) {

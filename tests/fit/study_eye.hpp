@@ -14,10 +14,13 @@ struct StudyProtocol {
   std::string name = "surface-coil";  ///< surface-coil, head-t2, head-t1
   /// The second set: a scale error drawn from a normal distribution of 0.3 %, fat shifted by one pixel.
   bool distorted = false;
-  double snr = 0;  ///< 0: the protocol's own
+  double turn_deg = 0;  ///< rms per axis of the head's rotation between stacks
+  double snr = 0;       ///< 0: the protocol's own
 
-  /// "surface-coil" or "surface-coil-distorted": how records are named.
-  std::string label() const { return name + (distorted ? "-distorted" : ""); }
+  /// "surface-coil", "surface-coil-distorted" or "surface-coil-turned": how records are named.
+  std::string label() const {
+    return name + (distorted ? "-distorted" : "") + (turn_deg > 0 ? "-turned" : "");
+  }
 };
 
 /// Both eyes of the random head `seed`: bulge, muscles, lid, coil shading, Rician noise, gaze, head shifts of
@@ -28,6 +31,8 @@ struct StudyProtocol {
 ///   "age_years", "lens_index": true index of the lens, which images do not show,
 ///   "fit": fit.json's "eye" (parameters, covariance); the scale's uncertainty comes on top,
 ///   "bound": covariance over the same parameters if the model were exact: noise and priors alone,
+///   "bound_if_known": for each group of nuisance parameters the bound's standard deviations of
+///   axial length (mm) and corneal power (D) if it were known,
 ///   "surface_mm": mean distance of the fitted "retina" (hemisphere about the pole) and "cornea" (8 mm) from
 ///   the true ones, "chi2_per_voxel", "voxels", "iterations", "start_costs", "fit_s", "render_s" (processor
 ///   time).

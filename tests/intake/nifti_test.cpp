@@ -1,7 +1,9 @@
 #include <cstring>
 #include <fstream>
+#include <random>
 
 #include "pipeline/base/files.hpp"
+#include "segmentation/intake/decoder.hpp"
 #include "segmentation/intake/nifti.hpp"
 #include "segmentation/intake/slice_grid.hpp"
 #include "tests/intake/intake_test.hpp"
@@ -199,6 +201,71 @@ TEST_F(NiftiTest, RefusesWhatCannotBePlacedOrMeasured) {
   }();
   std::ofstream(file("a.nii.gz"), std::ios::trunc) << packed.substr(0, packed.size() / 2);
   EXPECT_THROW(segmentation::read_nifti(file("a.nii.gz")), Error);
+}
+
+/// In the decoding process as in this one, geometry, values and warnings to the last bit.
+TEST_F(NiftiTest, TheDecoderReadsTheSameVolume) {
+  const auto path = sound();
+  patch(path, 280 + 12, 100.5F);  // sform and qform disagree
+  segmentation::Decoder decoder{segmentation::IntakeLimits{}};
+  std::vector<std::string> here, there;
+  const Stack expected = segmentation::read_nifti(path, here), read = decoder.decode_volume(path, there);
+  expect_same(read, expected, 1e-12);
+  EXPECT_EQ(read.normal, expected.normal);
+  EXPECT_EQ(there, here);
+  EXPECT_FALSE(there.empty());
+}
+
+TEST_F(NiftiTest, TheDecoderRefusesByNameAndGoesOn) {
+  segmentation::Decoder decoder{segmentation::IntakeLimits{}};
+  std::vector<std::string> warnings;
+  const auto refusal = [&](const std::filesystem::path& path) -> std::string {
+    try {
+      decoder.decode_volume(path, warnings);
+    } catch (const Error& error) {
+      EXPECT_EQ(error.status(), ExitStatus::input_invalid);
+      return error.what();
+    }
+    return "read";
+  };
+  auto path = sound();
+  patch<std::int16_t>(path, 252, 0);
+  patch<std::int16_t>(path, 254, 0);
+  EXPECT_THAT(refusal(path), HasSubstr("sound.nii: sform_code"));
+  path = sound();  // a slice of 4 GB in a file of half a kilobyte
+  for (const std::size_t dim : {42, 44}) patch<std::int16_t>(path, dim, 31'000);
+  patch<std::int16_t>(path, 46, 1);
+  EXPECT_THAT(refusal(path), HasSubstr("sound.nii: needs more memory"));
+  EXPECT_EQ(refusal(sound()), "read");
+
+  segmentation::IntakeLimits hasty;
+  hasty.wall_s = -1;
+  segmentation::Decoder late(hasty);
+  try {
+    late.decode_volume(sound(), warnings);
+    ADD_FAILURE();
+  } catch (const Error& error) {
+    EXPECT_THAT(error.what(), HasSubstr("sound.nii: took longer"));
+  }
+}
+
+/// Random changes of a valid volume: it is read or refused.
+TEST_F(NiftiTest, RandomDamageNeverEndsTheProgram) {
+  std::mt19937 random(20240607);
+  const std::string whole = read_file(sound());
+  segmentation::Decoder decoder{segmentation::IntakeLimits{}};
+  for (int round = 0; round < 60; ++round) {
+    std::string bytes = whole;
+    for (int change = 0; change < 4; ++change) bytes[random() % 352] = static_cast<char>(random());
+    std::ofstream(file("damaged.nii"), std::ios::binary | std::ios::trunc) << bytes;
+    std::vector<std::string> warnings;
+    try {
+      const Stack read = decoder.decode_volume(file("damaged.nii"), warnings);
+      EXPECT_GT(read.slices(), 0);
+    } catch (const Error& error) {
+      EXPECT_THAT(error.what(), HasSubstr("damaged.nii"));
+    }
+  }
 }
 
 TEST_F(NiftiTest, AStudyMayBeNifti) {

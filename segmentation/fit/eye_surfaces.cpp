@@ -1,0 +1,224 @@
+#include "segmentation/fit/eye_surfaces.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "pipeline/base/frames.hpp"
+#include "raytrace/eye/parametric_eye.hpp"
+
+namespace emmetrope::segmentation {
+namespace {
+
+using Eigen::Matrix3d;
+using Eigen::Vector3d;
+using Eigen::VectorXd;
+
+/// Radius at which the iris lies `iris_offset` behind the front vertex of the lens, on which it rests.
+constexpr double iris_reference_radius_mm = 3;
+
+/// Depth of a rotationally symmetric conic at squared radius s, with derivatives by s, curvature and Q.
+struct ConicSag {
+  double value, by_s, by_c, by_q;
+};
+ConicSag conic_sag(double s, double c, double q) {
+  // Beyond the conic's reach (a far voxel) its slope is kept finite.
+  const double inside = std::max(1 - (1 + q) * c * c * s, 0.05);
+  const double root = std::sqrt(inside), d = 1 + root;
+  const double by_root = -c * s / (d * d);  // d value / d root
+  return {c * s / d, c / d + by_root * (-(1 + q) * c * c) / (2 * root),
+          s / d + by_root * (-2 * (1 + q) * c * s) / (2 * root), by_root * (-c * c * s) / (2 * root)};
+}
+
+Bump exact_bump(double cosine) {
+  const double angle = std::acos(std::clamp(cosine, -1.0, 1.0)), sine = std::sin(angle);
+  const double value = std::exp(-angle * angle / (2 * bump_width_rad * bump_width_rad));
+  return {value, value / (bump_width_rad * bump_width_rad) * (sine > 1e-6 ? angle / sine : 1)};
+}
+
+/// Cubic interpolation on a grid of cosines, right to 1e-8: acos and exp would take a quarter of a fit.
+class BumpTable {
+ public:
+  BumpTable() {
+    for (int i = 0; i <= intervals; ++i)
+      nodes_[i] = exact_bump(1 - (1 - first_) * (1 - double(i) / intervals));
+  }
+  Bump operator()(double cosine) const {
+    if (cosine < first_) return exact_bump(cosine);
+    const double step = (1 - first_) / intervals, x = std::min(cosine - first_, 1 - first_) / step;
+    const int i = std::min(static_cast<int>(x), intervals - 1);
+    const double t = x - i, s = 1 - t;
+    const Bump &a = nodes_[i], &b = nodes_[i + 1];
+    const double rise = (b.value - a.value) / step;
+    return {s * s * (1 + 2 * t) * a.value + t * t * (1 + 2 * s) * b.value +
+                step * s * t * (s * a.by_cosine - t * b.by_cosine),
+            6 * s * t * rise + s * (1 - 3 * t) * a.by_cosine + t * (1 - 3 * s) * b.by_cosine};
+  }
+
+ private:
+  static constexpr int intervals = 256;
+  const double first_ = std::cos(3.3 * bump_width_rad);
+  std::array<Bump, intervals + 1> nodes_;
+};
+
+}  // namespace
+
+Bump bump_at(double cosine) {
+  static const BumpTable table;
+  return table(cosine);
+}
+
+EyeSurface cornea_surface(const VectorXd& a, const Vector3d& p, bool back) {
+  const double ratio = back ? a[cornea_back_ratio] : 1;
+  const double c11 = (a[cornea_c] + a[cornea_j0]) / ratio, c22 = (a[cornea_c] - a[cornea_j0]) / ratio,
+               c12 = a[cornea_j45] / ratio;
+  // I + Q, with the split of Q along the principal meridians.
+  const double j0 = a[cornea_j0], j45 = a[cornea_j45], split = a[cornea_q_split];
+  const double j_scale = std::hypot(j0, j45, cornea_split_scale_per_mm);
+  const double k11 = 1 + a[cornea_q] + split * j0 / j_scale, k22 = 1 + a[cornea_q] - split * j0 / j_scale,
+               k12 = split * j45 / j_scale;
+  const double x = p.x(), y = p.y();
+  const double v1 = c11 * x + c12 * y, v2 = c12 * x + c22 * y;
+  const double w1 = k11 * v1 + k12 * v2, w2 = k12 * v1 + k22 * v2;
+  const double s = x * v1 + y * v2, t = v1 * w1 + v2 * w2;
+  const double root = std::sqrt(std::max(1 - t, 0.05)), d = 1 + root;
+  const double by_s = 1 / d, by_t = s / (2 * root * d * d);
+  const double by_c11 = by_s * x * x + by_t * 2 * w1 * x;
+  const double by_c22 = by_s * y * y + by_t * 2 * w2 * y;
+  const double by_c12 = by_s * 2 * x * y + by_t * 2 * (w1 * y + w2 * x);
+  // By the split's components along 0 and 45 degrees.
+  const double by_q0 = by_t * (v1 * v1 - v2 * v2), by_q45 = by_t * 2 * v1 * v2;
+  const double along = (by_q0 * j0 + by_q45 * j45) / (j_scale * j_scale);
+
+  EyeSurface surface;
+  surface.f = -p.z() - s / d - (back ? a[cornea_thickness] : 0);
+  surface.gradient = {-(by_s * 2 * v1 + by_t * 2 * (c11 * w1 + c12 * w2)),
+                      -(by_s * 2 * v2 + by_t * 2 * (c12 * w1 + c22 * w2)), -1};
+  // Of S and T; the mixed terms are small within the cornea.
+  surface.hessian(0, 0) =
+      -2 * (by_s * c11 + by_t * (k11 * c11 * c11 + 2 * k12 * c11 * c12 + k22 * c12 * c12));
+  surface.hessian(1, 1) =
+      -2 * (by_s * c22 + by_t * (k11 * c12 * c12 + 2 * k12 * c12 * c22 + k22 * c22 * c22));
+  surface.depends(cornea_c, -(by_c11 + by_c22) / ratio);
+  surface.depends(cornea_j0, -(by_c11 - by_c22) / ratio - split / j_scale * (by_q0 - along * j0));
+  surface.depends(cornea_j45, -by_c12 / ratio - split / j_scale * (by_q45 - along * j45));
+  surface.depends(cornea_q, -by_t * (v1 * v1 + v2 * v2));
+  surface.depends(cornea_q_split, -(by_q0 * j0 + by_q45 * j45) / j_scale);
+  if (back) {
+    surface.depends(cornea_thickness, -1);
+    surface.depends(cornea_back_ratio, (by_c11 * c11 + by_c22 * c22 + by_c12 * c12) / ratio);
+  }
+  return surface;
+}
+
+EyeSurface lid_surface(const VectorXd& a, const Vector3d& p) {
+  const double x = p.x(), y = p.y();
+  EyeSurface surface;
+  surface.f = -p.z() + a[lid_thickness] - a[lid_tilt_x] * x - a[lid_tilt_y] * y - a[lid_xx] * x * x -
+              a[lid_yy] * y * y - a[lid_xy] * x * y;
+  surface.gradient = {-a[lid_tilt_x] - 2 * a[lid_xx] * x - a[lid_xy] * y,
+                      -a[lid_tilt_y] - 2 * a[lid_yy] * y - a[lid_xy] * x, -1};
+  surface.hessian(0, 0) = -2 * a[lid_xx];
+  surface.hessian(1, 1) = -2 * a[lid_yy];
+  surface.depends(lid_thickness, 1);
+  surface.depends(lid_tilt_x, -x);
+  surface.depends(lid_tilt_y, -y);
+  surface.depends(lid_xx, -x * x);
+  surface.depends(lid_yy, -y * y);
+  surface.depends(lid_xy, -x * y);
+  return surface;
+}
+
+EyeSurface globe_surface(const VectorXd& a, const Vector3d& p, bool outer, const WallFields* fields) {
+  const double lateral = outer ? a[wall_lateral] : 0, axial = outer ? a[wall_axial] : 0;
+  const double rx = a[globe_x] + lateral, ry = a[globe_y] + lateral, rz = a[globe_z] + axial;
+  const double depth = -p.z() - (a[axial_length] - a[globe_z]);
+  const Vector3d q(p.x() / rx, p.y() / ry, depth / rz);
+  const double rho = std::max(q.norm(), 0.05);
+  const Vector3d by_q = -displacement_sphere_mm / rho * q;
+
+  EyeSurface surface;
+  surface.f = displacement_sphere_mm * (1 - rho);
+  surface.gradient = {by_q.x() / rx, by_q.y() / ry, -by_q.z() / rz};
+  const Vector3d r(rx, ry, -rz), n = q.cwiseQuotient(r) / rho;
+  surface.hessian = displacement_sphere_mm / rho * (n * n.transpose());
+  surface.hessian.diagonal() -= displacement_sphere_mm / rho * r.cwiseAbs2().cwiseInverse();
+  surface.depends(globe_x, -by_q.x() * q.x() / rx);
+  surface.depends(globe_y, -by_q.y() * q.y() / ry);
+  surface.depends(globe_z, by_q.z() * (1 - q.z()) / rz);
+  surface.depends(axial_length, -by_q.z() / rz);
+  if (outer) {
+    surface.depends(wall_lateral, -by_q.x() * q.x() / rx - by_q.y() * q.y() / ry);
+    surface.depends(wall_axial, -by_q.z() * q.z() / rz);
+  }
+  if (fields) {
+    surface.f += fields->u;
+    surface.gradient += fields->gradient;
+  }
+  return surface;
+}
+
+void lens_surfaces(const VectorXd& a, const Vector3d& p, EyeSurface& front, EyeSurface& back,
+                   EyeSurface& equator) {
+  const double acd = a[anterior_chamber_depth], half = a[lens_thickness] / 2;
+  const double tx = a[lens_tilt_x] * degree, ty = a[lens_tilt_y] * degree;
+  const Vector3d w(p.x() - a[lens_decentre_x], p.y() - a[lens_decentre_y], p.z() + acd + half);
+  // About mid-lens, first about +x, then about the fixed +y: the rows of the rotation's inverse.
+  const double sx = std::sin(tx), cx = std::cos(tx), sy = std::sin(ty), cy = std::cos(ty);
+  const Vector3d grad_x(cy, 0, -sy), grad_y(sx * sy, cx, sx * cy), grad_delta(-cx * sy, sx, -cx * cy);
+  const double x = grad_x.dot(w), y = grad_y.dot(w), delta = grad_delta.dot(w);
+  const double s = x * x + y * y;
+
+  for (const bool is_front : {true, false}) {
+    EyeSurface& surface = is_front ? front : back;
+    const int radius = is_front ? lens_anterior_radius : lens_posterior_radius;
+    const double c = 1 / a[radius];
+    const ConicSag sag = conic_sag(s, c, a[is_front ? lens_anterior_q : lens_posterior_q]);
+    const double sign = is_front ? 1 : -1;
+    surface.f = sign * delta + half - sag.value;
+    surface.gradient = sign * grad_delta - sag.by_s * 2 * (x * grad_x + y * grad_y);
+    surface.hessian.diagonal() << -2 * sag.by_s, -2 * sag.by_s, 0;
+    surface.count = 0;
+    surface.depends(radius, sag.by_c * c * c);
+    surface.depends(is_front ? lens_anterior_q : lens_posterior_q, -sag.by_q);
+    // w.z grows with the depth of mid-lens.
+    surface.depends(anterior_chamber_depth, surface.gradient.z());
+    surface.depends(lens_thickness, 0.5 + surface.gradient.z() / 2);
+    surface.depends(lens_decentre_x, -surface.gradient.x());
+    surface.depends(lens_decentre_y, -surface.gradient.y());
+    const double by_x = -sag.by_s * 2 * x, by_y = -sag.by_s * 2 * y;
+    surface.depends(lens_tilt_x, degree * (by_y * w.z() + sign * w.y()));
+    surface.depends(lens_tilt_y, degree * (-by_x * w.z() - sign * w.x()));
+  }
+  const double r = std::max(std::sqrt(s), 0.3);
+  equator.f = a[lens_equator_radius] - r;
+  equator.gradient = -(x * grad_x + y * grad_y) / r;
+  equator.count = 0;
+  equator.depends(lens_equator_radius, 1);
+  equator.depends(lens_decentre_x, x / r);
+  equator.depends(lens_decentre_y, y / r);
+}
+
+void iris_surfaces(const VectorXd& a, const Vector3d& p, EyeSurface& top, EyeSurface& bottom,
+                   EyeSurface& pupil) {
+  const double r = std::max(std::hypot(p.x(), p.y()), 0.3);
+  const double arm = r - iris_reference_radius_mm;
+  const double depth = a[anterior_chamber_depth] + a[iris_offset] + a[iris_slope] * arm;
+  const Vector3d radial(p.x() / r, p.y() / r, 0);
+  for (const bool is_top : {true, false}) {
+    EyeSurface& surface = is_top ? top : bottom;
+    const double sign = is_top ? -1 : 1;
+    surface.f = -p.z() - depth - sign * a[iris_half_thickness];
+    surface.gradient = -a[iris_slope] * radial - Vector3d::UnitZ();
+    surface.count = 0;
+    surface.depends(anterior_chamber_depth, -1);
+    surface.depends(iris_offset, -1);
+    surface.depends(iris_slope, -arm);
+    surface.depends(iris_half_thickness, -sign);
+  }
+  pupil.f = r - a[pupil_radius];
+  pupil.gradient = radial;
+  pupil.count = 0;
+  pupil.depends(pupil_radius, -1);
+}
+
+}  // namespace emmetrope::segmentation

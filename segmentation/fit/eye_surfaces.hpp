@@ -1,0 +1,53 @@
+#pragma once
+#include <Eigen/Core>
+#include <array>
+
+#include "segmentation/fit/eye_parameters.hpp"
+
+/// The surfaces of the fitted eye at a point p of the eye frame (mm), as functions of the parameters a
+/// (Parameter).
+namespace emmetrope::segmentation {
+
+/// Radius of the sphere on which displacements of the wall are meant in mm.
+inline constexpr double displacement_sphere_mm = 11;
+
+/// F > 0 inside, its gradient and second derivatives in the eye frame, and its derivatives by shape
+/// parameters.
+struct EyeSurface {
+  double f = 0;
+  Eigen::Vector3d gradient = Eigen::Vector3d::Zero();
+  Eigen::Matrix3d hessian = Eigen::Matrix3d::Zero();  ///< near the surface, to a tenth: it corrects microns
+  int count = 0;
+  std::array<int, 9> index;
+  std::array<double, 9> by;
+  void depends(int parameter, double derivative) {
+    index[count] = parameter;
+    by[count++] = derivative;
+  }
+};
+
+/// Fields on the wall at a point: its displacement with the gradient, and by how much the background differs
+/// from its mean.
+struct WallFields {
+  double u = 0, background = 0;
+  Eigen::Vector3d gradient = Eigen::Vector3d::Zero();
+  std::array<double, 128> bump;  ///< at most all of bump_directions()
+};
+
+/// A Gaussian of the angle from a bump's direction, and its derivative by the angle's cosine.
+struct Bump {
+  double value, by_cosine;
+};
+Bump bump_at(double cosine);
+
+EyeSurface cornea_surface(const Eigen::VectorXd& a, const Eigen::Vector3d& p, bool back);
+EyeSurface lid_surface(const Eigen::VectorXd& a, const Eigen::Vector3d& p);
+/// Inner or outer side of the wall. \param fields  none: the ellipsoid alone
+EyeSurface globe_surface(const Eigen::VectorXd& a, const Eigen::Vector3d& p, bool outer,
+                         const WallFields* fields);
+void lens_surfaces(const Eigen::VectorXd& a, const Eigen::Vector3d& p, EyeSurface& front, EyeSurface& back,
+                   EyeSurface& equator);
+void iris_surfaces(const Eigen::VectorXd& a, const Eigen::Vector3d& p, EyeSurface& top, EyeSurface& bottom,
+                   EyeSurface& pupil);
+
+}  // namespace emmetrope::segmentation
