@@ -22,9 +22,8 @@ std::string signed_power(double power_D) {
 
 std::string written(const SpheroCylinder& refraction) {
   if (std::abs(refraction.cylinder_D) < least_cylinder_D) return signed_power(refraction.sphere_D) + " DS";
-  const int axis_deg = static_cast<int>(std::lround(normalise_axis_deg(refraction.axis_deg)));
-  return fmt::format("{} / {} x {:03d}", signed_power(refraction.sphere_D),
-                     signed_power(refraction.cylinder_D), axis_deg == 0 ? 180 : axis_deg);
+  return fmt::format("{} / {} x {}", signed_power(refraction.sphere_D), signed_power(refraction.cylinder_D),
+                     format_axis(refraction.axis_deg));
 }
 
 double distance_D(const PowerVector& a, const PowerVector& b) {
@@ -65,6 +64,11 @@ class Reader {
 SpheroCylinder transpose(const SpheroCylinder& refraction) {
   return {refraction.sphere_D + refraction.cylinder_D, -refraction.cylinder_D,
           normalise_axis_deg(refraction.axis_deg + 90)};
+}
+
+std::string format_axis(double axis_deg) {
+  const int rounded_deg = static_cast<int>(std::lround(normalise_axis_deg(axis_deg)));
+  return fmt::format("{:03d}", rounded_deg == 0 ? 180 : rounded_deg);
 }
 
 std::string format_refraction(const SpheroCylinder& refraction) {

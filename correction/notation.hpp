@@ -14,8 +14,10 @@ SpheroCylinder transpose(const SpheroCylinder& refraction);
 /// Half a clinical step: a smaller cylinder is none.
 inline constexpr double least_cylinder_D = 0.125;
 
-/// "-2.25 / -1.00 x 180", "+0.50 DS" (cylinder below 0.125 D), "0.00 / -0.75 x 090": sign and two decimals,
-/// the axis with three digits from 001 to 180.
+/// Three digits, from 001 to 180.
+std::string format_axis(double axis_deg);
+
+/// "-2.25 / -1.00 x 180", "+0.50 DS" (cylinder below 0.125 D), "0.00 / -0.75 x 090": sign and two decimals.
 std::string format_refraction(const SpheroCylinder& refraction);
 std::string format_plus_cylinder(const SpheroCylinder& refraction);
 

@@ -26,14 +26,48 @@ Refraction refraction_of(const EyeModel& eye) {
   return {at_lens(wavefront.minimum_rms_spot), at_lens(wavefront.paraxial)};
 }
 
+std::vector<BudgetLine> if_known(const UncertainEye& eye, const Eigen::MatrixXd& sensitivity) {
+  struct Part {
+    const char* name;
+    std::vector<const char*> parameters;
+  };
+  static const std::vector<Part> parts{
+      {"anterior cornea's curvature", {"cornea_c_per_mm"}},
+      {"anterior cornea's asphericity", {"cornea_q"}},
+      {"ratio of the cornea's radii", {"cornea_back_ratio"}},
+      {"lens radii", {"lens_anterior_radius_mm", "lens_posterior_radius_mm"}},
+      {"lens asphericities", {"lens_anterior_q", "lens_posterior_q"}},
+      {"axial length", {"optical_axial_length_mm"}}};
+  std::vector<BudgetLine> lines;
+  for (const Part& part : parts) {
+    const auto rows = static_cast<Eigen::Index>(part.parameters.size());
+    Measurement exact{part.name, Eigen::MatrixXd::Zero(rows, sensitivity.cols()),
+                      Eigen::MatrixXd::Zero(rows, rows)};
+    for (Eigen::Index row = 0; row < rows; ++row) {
+      const Eigen::Index at = eye.index_of(part.parameters[row]);
+      exact.sensitivity(row, at) = 1;
+      exact.noise_covariance(row, row) = 1e-8 * eye.numbers.covariance(at, at);
+    }
+    const Eigen::Vector3d sigma =
+        (sensitivity * covariance_after(eye.numbers.covariance, exact) * sensitivity.transpose())
+            .diagonal()
+            .cwiseMax(0)
+            .cwiseSqrt();
+    lines.push_back({part.name, sigma[0], sigma[1], sigma[2]});
+  }
+  return lines;
+}
+
 constexpr double usual_lens_index = 1.4225, lens_index_sigma = 0.005;
 
 }  // namespace
 
-PhantomEye phantom_eye_from_record(const Json& record) {
+PhantomEye phantom_eye_from_record(const Json& record, bool bound) {
   const Json &truth = record.at("truth"), &cornea = truth.at("astigmatism");
   PhantomEye eye;
-  eye.fitted = parametric_eye_from_json(record.at("fit"));
+  Json fit = record.at("fit");
+  if (bound) fit["covariance"] = record.at("bound");
+  eye.fitted = parametric_eye_from_json(fit);
   eye.truth = eye_from_json(truth.at("optics"), ".");
   eye.corneal_power_D = {cornea.at("M_D").get<double>(), cornea.at("J0_D").get<double>(),
                          cornea.at("J45_D").get<double>()};
@@ -70,7 +104,7 @@ RefractionError refraction_error(const PhantomEye& eye, const Knowledge& knowled
   const Refraction fitted = refraction_of(uncertain.eye), true_one = refraction_of(truth);
   return {fitted.spot - true_one.spot, fitted.paraxial - true_one.paraxial,
           sensitivity * uncertain.numbers.covariance * sensitivity.transpose(),
-          uncertainty_budget(uncertain, sensitivity)};
+          uncertainty_budget(uncertain, sensitivity), if_known(uncertain, sensitivity)};
 }
 
 }  // namespace emmetrope::correction

@@ -20,7 +20,9 @@ struct PhantomEye {
   std::uint64_t seed = 1;           ///< of what is drawn for this eye
 };
 /// From a record of the fit's accuracy study (tests/fit/study_eye.hpp). \pre its "status" is "measured"
-PhantomEye phantom_eye_from_record(const Json& record);
+///
+/// \param bound  take the covariance that noise and priors alone would leave for the one that the fit states
+PhantomEye phantom_eye_from_record(const Json& record, bool bound = false);
 
 /// What is known beside the images.
 struct Knowledge {
@@ -34,7 +36,8 @@ struct RefractionError {
   Eigen::Vector3d paraxial;  ///< by the pupil's centre
   Eigen::Matrix3d
       covariance;  ///< stated of the smallest spot's, as for patients: linear in the eye's numbers
-  std::vector<BudgetLine> budget;  ///< of that covariance
+  std::vector<BudgetLine> budget;    ///< of that covariance
+  std::vector<BudgetLine> if_known;  ///< its standard deviations if a part of the eye were known exactly
 
   bool covered(int component) const;  ///< by the 95 % interval
 };

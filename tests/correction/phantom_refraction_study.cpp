@@ -43,17 +43,20 @@ void print(const char* known, const std::vector<RefractionError>& eyes) {
              100 * covered[2] / count, median_and_95th(paraxial_M), median_and_95th(paraxial_J));
 }
 
-/// Where the stated variance of M comes from: root of the mean over the eyes, for each source.
-void print_budget(const char* known, const std::vector<RefractionError>& eyes) {
-  fmt::print("\nStandard deviation of M with {} known, D:", known);
-  for (std::size_t line = 0; line < eyes.front().budget.size(); ++line) {
-    double variance = 0;  // correlations may take away
-    for (const RefractionError& eye : eyes)
-      variance += eye.budget[line].M_D * std::abs(eye.budget[line].M_D) / static_cast<double>(eyes.size());
-    fmt::print(" {} {:.2f}{}", eyes.front().budget[line].source,
-               std::copysign(std::sqrt(std::abs(variance)), variance),
-               line + 1 < eyes.front().budget.size() ? ";" : "\n");
+/// The root of the mean over the eyes of M's variances, line by line. Correlations may take away.
+void print_sigmas(const char* what, const std::vector<RefractionError>& eyes,
+                  std::vector<BudgetLine> RefractionError::*lines) {
+  fmt::print("\n{}, D:", what);
+  for (std::size_t i = 0; i < (eyes.front().*lines).size(); ++i) {
+    double variance = 0;
+    for (const RefractionError& eye : eyes) {
+      const double sigma_D = (eye.*lines)[i].M_D;
+      variance += sigma_D * std::abs(sigma_D) / static_cast<double>(eyes.size());
+    }
+    fmt::print("{} {} {:.2f}", i == 0 ? "" : ";", (eyes.front().*lines)[i].source,
+               std::copysign(std::sqrt(std::abs(variance)), variance));
   }
+  fmt::print("\n");
 }
 
 }  // namespace
@@ -62,11 +65,12 @@ int main(int argc, char** argv) {
   CLI::App app("Refraction of fitted phantom eyes against that of the true ones");
   std::filesystem::path cache;
   std::string protocol = "surface-coil";
-  bool each = false;
+  bool each = false, bound = false;
   app.add_option("--cache", cache, "Folder of the fit study's records")
       ->required()
       ->check(CLI::ExistingDirectory);
   app.add_option("--protocol", protocol, "surface-coil, head-t2, head-t1, or one of them with -distorted");
+  app.add_flag("--bound", bound, "State what noise and priors alone would leave");
   app.add_flag("--each", each, "A line for every eye");
   CLI11_PARSE(app, argc, argv);
 
@@ -80,7 +84,7 @@ int main(int argc, char** argv) {
     const Json record = read_json(file);
     if (record.at("protocol") != protocol) continue;
     if (record.at("status") == "measured")
-      eyes.push_back(phantom_eye_from_record(record));
+      eyes.push_back(phantom_eye_from_record(record, bound));
     else
       ++refused;
   }
@@ -112,6 +116,9 @@ int main(int argc, char** argv) {
     print(row.name, errors);
     if (index_known.empty()) index_known = std::move(errors);
   }
-  print_budget("the lens index", index_known);
+  print_sigmas("Where the standard deviation of M comes from, lens index known", index_known,
+               &RefractionError::budget);
+  print_sigmas("What it would be with one part of the eye known exactly", index_known,
+               &RefractionError::if_known);
   return 0;
 }
