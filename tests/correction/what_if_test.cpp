@@ -69,6 +69,12 @@ TEST(WhatIf, IolFormulasAreThePublishedExpressions) {
       }
 }
 
+TEST(WhatIf, ThinLensVergenceIsThePublishedExample) {
+  // news.iolsolver.com after Haigis (in Shammas 2004): length 24 mm, radius 7.5 mm, 21 D and -2 D left mean
+  // that the lens stands at 5.461457 mm.
+  EXPECT_NEAR(iol_power_D({24, 5.461457, 331.5 / 7.5}, -2), 21, 1e-4);
+}
+
 TEST(WhatIf, IolFormulasAgreeForAnAverageEye) {
   // All were fitted to patients, who are mostly like this. Haigis' constants, taken from A alone and not
   // optimised for the lens, are known to give more.
