@@ -31,7 +31,8 @@ const std::vector<std::string>& references() {
       "7. Dubbelman M, van der Heijde GL, Weeber HA. The thickness of the aging human lens obtained from "
       "corrected "
       "Scheimpflug images. Optometry and Vision Science 2001;78:411-416.",
-      "8. As 4: radii at 20 to 70 years; within 0.4 mm of Navarro R. Adaptive model of the aging emmetropic eye. "
+      "8. As 4: radii at 20 to 70 years; within 0.4 mm of Navarro R. Adaptive model of the aging emmetropic "
+      "eye. "
       "Journal of Vision 2014;14(13):21.",
       "9. Dodgson NA. Variation and extrema of human interpupillary distance. Proc. SPIE 2004;5291:36-46.",
       "10. Corneal Q value of 1,683 adults in the Handan Eye Study (PMC5436654): -0.28 -+ 0.18 over 5 mm.",
