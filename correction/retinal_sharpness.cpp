@@ -69,9 +69,9 @@ RetinalSharpness::RetinalSharpness(const raytrace::Tracer& tracer,
       eye_(with_pupil(eye, level.pupil_mm)),
       pinhole_eye_(with_pupil(std::move(eye), pinhole_mm)),
       family_(std::move(family)),
-      level_(level),
-      pixel_arcmin_(arcmin_per_mm(eye_, level.wavelength_nm) * level.field_mm / level.pixels),
-      measure_(level.measure, level.pixels, level.pixels, pixel_arcmin_, level.blur_arcmin) {}
+      level_(std::move(level)),
+      pixel_arcmin_(arcmin_per_mm(eye_, level_.wavelength_nm) * level_.field_mm / level_.pixels),
+      measure_(level_.measure, level_.pixels, level_.pixels, pixel_arcmin_, level_.blur_arcmin) {}
 
 raytrace::TraceResult RetinalSharpness::trace(const EyeModel& eye, const Eigen::VectorXd& lens, int samples,
                                               bool derivatives) const {
