@@ -20,7 +20,8 @@ float bits(std::size_t value) {
 float luminance(const float* rgb) { return 0.2126F * rgb[0] + 0.7152F * rgb[1] + 0.0722F * rgb[2]; }
 
 std::uint32_t quantised(float value, float largest) {
-  return static_cast<std::uint32_t>(std::clamp(value, 0.F, 1.F) * largest + 0.5F);
+  constexpr float half = 0.5F;  // to the nearest
+  return static_cast<std::uint32_t>(std::clamp(value, 0.F, 1.F) * largest + half);
 }
 
 /// Texels as kernels/textures.cl reads them.
@@ -45,7 +46,8 @@ void append(std::vector<std::uint32_t>& texels, const Texture& texture, int chan
     return;
   }
   texels.resize(first + 2 * width * height);
-  const std::size_t rows_a_part = (height + 4 * threads - 1) / (4 * threads);
+  const std::size_t wanted = 4 * static_cast<std::size_t>(threads),
+                    rows_a_part = (height + wanted - 1) / wanted;
   on_threads(threads, (height + rows_a_part - 1) / rows_a_part, [&](std::size_t part) {
     // Own and right neighbour's grey of a row, and of the next.
     std::vector<std::uint32_t> pairs(width), below(width);

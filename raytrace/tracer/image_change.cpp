@@ -256,7 +256,8 @@ ImageChange make_image_change(const std::vector<EyeTangent>& tangents, const Dev
   wavelengths.erase(std::unique(wavelengths.begin(), wavelengths.end()), wavelengths.end());
   const Change change(tangents, scene, grid, wavelengths, threads);
   double error = 0;
-  for (const auto& [degree, nodes] : sizes) {
+  for (const auto& size : sizes) {
+    const int degree = size[0], nodes = size[1];
     const Table table = fit(change, grid, wavelengths, degree, nodes, threads);
     error = relative_error(table, change, grid, wavelengths, threads);
     if (!(error <= largest_relative_error)) continue;
@@ -274,7 +275,8 @@ ImageChange make_image_change(const std::vector<EyeTangent>& tangents, const Dev
       const Eigen::VectorXf weights =
           place_of((static_cast<double>(row) + 0.5) / grid.height, nodes, 1).weights.cast<float>();
       Eigen::MatrixXf of_row = Eigen::MatrixXf::Zero(coefficients.rows(), nodes);
-      for (int j = 0; j < nodes; ++j) of_row += weights[j] * coefficients.middleCols(j * nodes, nodes);
+      for (int j = 0; j < nodes; ++j)
+        of_row += weights[j] * coefficients.middleCols(Eigen::Index{j} * nodes, nodes);
       Eigen::Map<Eigen::MatrixXf>(result.values.data() + row * grid.width * result.floats_a_pixel,
                                   coefficients.rows(), grid.width)
           .noalias() = of_row * across;

@@ -155,7 +155,7 @@ RetinaPoint retina_point(const EyeModel& eye, double x_mm, double y_mm) {
 PupilAim::PupilAim(const EyeModel& eye, const RetinalGrid& grid, double wavelength_nm, int threads)
     : centre_(grid.centre_mm),
       half_(0.5 * grid.field_x_mm, 0.5 * grid.field_y_mm),
-      nodes_(nodes_a_side * nodes_a_side) {
+      nodes_(static_cast<std::size_t>(nodes_a_side) * nodes_a_side) {
   const std::size_t count = eye.surfaces.size();
   if (count < 3) throw input_error("eye \"" + eye.name + "\" has too few surfaces");
   plane_z_mm_ = -eye.surfaces[count - 2].position_mm;
