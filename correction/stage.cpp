@@ -287,7 +287,7 @@ Answer correct_case(const fs::path& case_folder, CorrectionSettings settings, co
   answer.json = {{"eyes", answers}, {"reasons", outcome.verdict.reasons}, {"skipped", outcome.skipped}};
   answer.text = text;
   for (const std::string& reason : outcome.verdict.reasons) answer.text += reason + "\n";
-  answer.text += "correction: " + describe(outcome) + "\n" + research_notice + "\n";
+  answer.text += describe("correction", outcome, common.verbosity) + research_notice + "\n";
   return answer;
 }
 

@@ -248,7 +248,7 @@ Answer make_meshes(const MeshingOptions& options, const CommonOptions& common) {
                  {"skipped", outcome.skipped},
                  {"meshes", outcome.stage_json.value("meshes", Json::object())},
                  {"eyes", Json::object()}};
-  answer.text = "meshing: " + describe(outcome) + "\n";
+  answer.text = describe("meshing", outcome, common.verbosity);
   for (const std::string& reason : outcome.verdict.reasons) answer.text += reason + "\n";
   for (const Laterality eye : both_eyes) {
     const fs::path file = options.case_folder / "meshing" / to_string(eye) / "biometry.json";

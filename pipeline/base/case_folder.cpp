@@ -147,6 +147,18 @@ std::string command_for(const std::string& stage, const fs::path& case_folder) {
          (stage == "segmentation" ? "STUDY -o " : "") + case_folder.string();
 }
 
+/// A result that somebody has edited since must not pass for one that the program measured.
+void require_own_outputs(const fs::path& case_folder, const std::string& stage, const Json& outputs) {
+  for (const auto& [name, hash] : outputs.items()) {
+    const fs::path file = case_folder / name;
+    const bool is_there = fs::exists(file);
+    if (is_there && sha256_of_file(file) == hash.get<std::string>()) continue;
+    throw input_error(fmt::format("{} {} since {} wrote it", file.string(),
+                                  is_there ? "has been changed" : "has been removed", stage),
+                      "make it again with: " + command_for(stage, case_folder));
+  }
+}
+
 /// A stage made from results that have been made anew since would mix two eyes: checked up to the first
 /// stage.
 void require_same_inputs(const fs::path& case_folder, const std::string& stage, const Json& inputs) {
@@ -294,6 +306,7 @@ StageVerdict read_verdict(const fs::path& case_folder, const std::string& stage)
     const Json stage_json = read_json(file);
     StageVerdict verdict = verdict_from(stage_json);
     require_same_inputs(case_folder, stage, stage_json.value("inputs", Json::object()));
+    require_own_outputs(case_folder, stage, stage_json.at("outputs"));
     return verdict;
   } catch (const nlohmann::json::exception& fault) {
     throw broken(fault);
@@ -314,8 +327,10 @@ std::vector<StageInput> inputs_below(const fs::path& case_folder, const std::str
   return inputs;
 }
 
-std::string describe(const StageOutcome& outcome) {
-  return outcome.skipped ? "up to date, skipped" : fmt::format("done in {:.1f} s", outcome.wall_s);
+std::string describe(const std::string& stage, const StageOutcome& outcome, Verbosity verbosity) {
+  if (verbosity.quiet) return {};
+  return outcome.skipped ? stage + ": up to date, skipped\n"
+                         : fmt::format("{}: done in {:.1f} s\n", stage, outcome.wall_s);
 }
 
 }  // namespace emmetrope

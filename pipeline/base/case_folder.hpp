@@ -86,16 +86,19 @@ struct StageOutcome {
 StageOutcome run_stage(const std::filesystem::path& case_folder, const StageSpec& spec,
                        const CommonOptions& common, const std::function<StageVerdict(StageWorkspace&)>& work);
 
-/// The verdict of a finished stage whose inputs in the case are still those that it was made from.
-/// \throw Error (input_invalid) when CASE/<stage>/stage.json is missing or broken, or when a stage before it
-///        has been made anew since (mixed results would be of no eye), naming the command that makes it
+/// The verdict of a finished stage whose outputs are still what it wrote, and whose inputs in the case are
+/// still those that it was made from; the same holds for the stages before it. \throw Error (input_invalid)
+/// when CASE/<stage>/stage.json is missing or broken, when a file was edited or removed since, or when a
+/// stage before it has been made anew (mixed results would be of no eye), naming the command that makes it
+/// again
 StageVerdict read_verdict(const std::filesystem::path& case_folder, const std::string& stage);
 
 /// All regular files below a folder of the case, sorted, named relative to the case: the inputs a stage
 /// declares.
 std::vector<StageInput> inputs_below(const std::filesystem::path& case_folder, const std::string& subfolder);
 
-/// "skipped (up to date)" or "done in 3.1 s", for a stage's text answer.
-std::string describe(const StageOutcome& outcome);
+/// "meshing: done in 3.1 s" or "meshing: up to date, skipped" as a line of a stage's text answer; nothing
+/// when quiet.
+std::string describe(const std::string& stage, const StageOutcome& outcome, Verbosity verbosity);
 
 }  // namespace emmetrope

@@ -1,6 +1,9 @@
 #include "pipeline/report/case_data.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
+#include <array>
 #include <charconv>
 #include <sstream>
 
@@ -13,14 +16,45 @@ namespace {
 
 namespace fs = std::filesystem;
 
-Json json_if_there(const fs::path& file) { return fs::exists(file) ? read_json(file) : Json(nullptr); }
-
-fs::path path_if_there(const fs::path& file) { return fs::exists(file) ? file : fs::path(); }
-
 bool ends_with(const std::string& text, const std::string& ending) {
   return text.size() >= ending.size() &&
          text.compare(text.size() - ending.size(), ending.size(), ending) == 0;
 }
+
+bool names_a_unit(const std::string& key) {
+  static constexpr std::array<const char*, 6> units{"_mm", "_um", "_deg", "_D", "_nm", "_s"};
+  return std::any_of(units.begin(), units.end(), [&](const char* unit) { return ends_with(key, unit); });
+}
+
+/// Keys that end in a unit hold numbers, and so do the parts of a measured number: said here once with file
+/// and key, as whoever uses the number knows neither.
+void require_numbers(const fs::path& file, const Json& json, const std::string& pointer, bool is_number) {
+  if (json.is_structured()) {
+    const bool is_measured = json.is_object() && json.contains("ci95");
+    for (const auto& [key, value] : json.items())
+      require_numbers(file, value, pointer + "/" + key,
+                      (is_number && json.is_array()) || names_a_unit(key) ||
+                          (is_measured && (key == "value" || key == "ci95")));
+    for (const char* part : {"value", "source"})
+      if (is_measured && !json.contains(part))
+        throw input_error(
+            fmt::format("{}: the measured number {} lacks \"{}\"", file.string(), pointer, part),
+            "run the stage that writes it again, with --force");
+  } else if (is_number && !json.is_number() && !json.is_null()) {
+    throw input_error(
+        fmt::format("{}: {} is {}, which is no number", file.string(), pointer, json.dump().substr(0, 60)),
+        "run the stage that writes it again, with --force");
+  }
+}
+
+Json json_if_there(const fs::path& file) {
+  if (!fs::exists(file)) return nullptr;
+  Json json = read_json(file);
+  require_numbers(file, json, "", false);
+  return json;
+}
+
+fs::path path_if_there(const fs::path& file) { return fs::exists(file) ? file : fs::path(); }
 
 std::vector<std::string> cells_of(const std::string& line) {
   std::vector<std::string> cells;

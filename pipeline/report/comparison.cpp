@@ -1,5 +1,8 @@
 #include "pipeline/report/comparison.hpp"
 
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
 #include <cmath>
 
 #include "pipeline/base/case_folder.hpp"
@@ -11,6 +14,7 @@
 #include "pipeline/report/html.hpp"
 #include "pipeline/report/judgement.hpp"
 #include "pipeline/report/normal_ranges.hpp"
+#include "pipeline/report/objects.hpp"
 #include "pipeline/report/pdf.hpp"
 #include "pipeline/report/report.hpp"
 
@@ -92,19 +96,78 @@ std::string changes_in(const Table& table) {
          (changes.empty() ? "nothing changed by more than its interval." : changes + ".");
 }
 
-Document document_of(const CaseData& earlier, const CaseData& later) {
+/// One of the two cases.
+struct Visit {
+  const char* name;  ///< "Earlier"
+  CaseData data;
+  std::optional<SourceStudy> source;
+  std::string date;  ///< YYYY-MM-DD, or empty
+
+  Visit(const char* which, const fs::path& folder, LateralityChoice eyes)
+      : name(which), data(read_case(folder, eyes)), source(source_study_of(data)) {
+    date = source ? study_date_of(data, *source) : data.study_date();
+  }
+};
+
+/// Whether both are of one patient, as far as the headers of the source studies tell.
+/// \throw Error (input_invalid) when they are not
+std::string patients_of(const Visit& earlier, const Visit& later) {
+  if (!earlier.source || !later.source)
+    return std::string("Whether both cases are of one patient was not checked: the source study of the ") +
+           (earlier.source ? "later case"
+            : later.source ? "earlier case"
+                           : "cases") +
+           " is not at hand.";
+  const auto differ = [&](std::string (SourceStudy::*read)() const) {
+    const std::string a = (*earlier.source.*read)(), b = (*later.source.*read)();
+    return a.empty() || b.empty() ? std::nullopt : std::optional(a != b);
+  };
+  const auto ids = differ(&SourceStudy::patient_id), births = differ(&SourceStudy::birth_date);
+  if (births.value_or(false))
+    throw input_error(
+        "the two cases are of two patients: (0010,0030) PatientBirthDate of their source studies differs",
+        "name two cases of one patient");
+  if (ids.value_or(false))
+    return "(0010,0020) PatientID of the two source studies differs: make sure that both are of one patient.";
+  if (!ids && !births)
+    return "Whether both cases are of one patient was not checked: a source study has neither PatientID nor "
+           "birth date.";
+  return std::string("The source studies agree in the patient's ") + (ids ? "ID" : "") +
+         (ids && births ? " and " : "") + (births ? "birth date" : "") + ".";
+}
+
+/// Why a case gives nothing to compare of an eye: "Later, OD (right): No prescription: ..., ...".
+std::vector<std::string> refusals_in(const Visit& visit) {
+  std::vector<std::string> refusals;
+  for (const auto& eye : visit.data.eyes)
+    if (const Judgement judgement = judge(visit.data, eye); !judgement.has_refraction)
+      refusals.push_back(fmt::format("{}, {}: {}. {}", visit.name, clinical_name(eye.laterality),
+                                     judgement.verdict, fmt::join(judgement.reasons, " ")));
+  return refusals;
+}
+
+/// What the reader must know besides the differences.
+std::vector<std::string> remarks_on(const Visit& earlier, const Visit& later) {
+  std::vector<std::string> remarks{patients_of(earlier, later)};
+  if (earlier.data.subject() == later.data.subject() && later.data.subject() != "unknown")
+    remarks.emplace_back(
+        "Both cases were made from one study: differences are of the processing, not of the eye.");
+  for (const Visit* visit : {&earlier, &later})
+    for (auto& refusal : refusals_in(*visit)) remarks.push_back(std::move(refusal));
+  return remarks;
+}
+
+Document document_of(const Visit& first, const Visit& second, const std::vector<std::string>& remarks) {
+  const CaseData &earlier = first.data, &later = second.data;
   Document document;
   document.title = "Emmetrope follow-up";
-  document.date_iso = study_date_of(later);
-  for (const auto& [name, data] : {std::pair{"Earlier", &earlier}, std::pair{"Later", &later}})
-    document.heading.emplace_back(
-        name, data->subject() + (study_date_of(*data).empty() ? "" : ", " + study_date_of(*data)));
+  document.date_iso = second.date;
+  for (const Visit* visit : {&first, &second})
+    document.heading.emplace_back(visit->name,
+                                  visit->data.subject() + (visit->date.empty() ? "" : ", " + visit->date));
   document.heading.emplace_back("Software", "Emmetrope " + version());
   Section section{"differences", "Differences", {}};
   BulletList changes;
-  if (earlier.subject() != later.subject())
-    changes.items.emplace_back(
-        "The two cases carry different pseudonyms: make sure that they are of one patient.");
   std::vector<Table> tables;
   for (const auto& a : earlier.eyes)
     for (const auto& b : later.eyes)
@@ -115,44 +178,57 @@ Document document_of(const CaseData& earlier, const CaseData& later) {
             changes.items.push_back(estimate);
           tables.push_back(table);
         }
-  if (!changes.items.empty()) section.blocks.push_back({changes});
+  changes.items.insert(changes.items.end(), remarks.begin(), remarks.end());
+  section.blocks.push_back({changes});
   for (const auto& table : tables) section.blocks.push_back({table});
   if (tables.empty()) section.blocks.push_back({Paragraph{"No quantity was measured in both cases."}});
   section.blocks.push_back({Paragraph{
       "Differences are taken before rounding. A difference within the limit may be measurement error alone. "
       "The limit takes the two measurements as "
       "independent; a prior that both share (the lens's index, the back of the cornea) makes it wider than "
-      "need be. "
-      "Cases carry pseudonyms: whether both are of one patient must be known from elsewhere."}});
+      "need be."}});
   document.sections.push_back(section);
   return document;
 }
 
-void add_inputs(StageSpec& spec, const CaseData& data, const std::string& prefix) {
+std::vector<StageInput> inputs_of(const CaseData& data) {
+  std::vector<StageInput> inputs{{"case.json", data.folder / "case.json"}};
+  if (!fs::exists(inputs[0].path)) inputs.clear();
   for (const char* stage : {"segmentation", "meshing", "correction"})
-    for (auto& input : inputs_below(data.folder, stage)) {
-      input.name = prefix + input.name;
-      if (input.path.extension() == ".json") spec.inputs.push_back(input);
-    }
+    for (const auto& input : inputs_below(data.folder, stage))
+      if (input.path.extension() == ".json") inputs.push_back(input);
+  return inputs;
+}
+
+bool are_equal(const std::vector<StageInput>& a, const std::vector<StageInput>& b) {
+  return std::equal(a.begin(), a.end(), b.begin(), b.end(), [](const StageInput& one, const StageInput& two) {
+    return one.name == two.name && sha256_of_file(one.path) == sha256_of_file(two.path);
+  });
 }
 
 }  // namespace
 
 Answer write_comparison(const fs::path& earlier_folder, const fs::path& later_folder,
                         const CommonOptions& common) {
-  const CaseData earlier = read_case(earlier_folder, common.laterality);
-  const CaseData later = read_case(later_folder, common.laterality);
   quiet_dicom_library();
-  const std::string earlier_date = study_date_of(earlier), later_date = study_date_of(later);
-  if (!earlier_date.empty() && !later_date.empty() && earlier_date > later_date)
-    throw input_error("the earlier case is dated " + earlier_date + ", the later one " + later_date,
+  const Visit earlier("Earlier", earlier_folder, common.laterality),
+      later("Later", later_folder, common.laterality);
+  const std::vector<StageInput> of_earlier = inputs_of(earlier.data), of_later = inputs_of(later.data);
+  if (are_equal(of_earlier, of_later))
+    throw usage_error(
+        "--compare: " + earlier_folder.string() + " and " + later_folder.string() + " hold the same results",
+        "name two cases that were made from two studies of one patient");
+  if (!earlier.date.empty() && !later.date.empty() && earlier.date > later.date)
+    throw input_error("the earlier case is dated " + earlier.date + ", the later one " + later.date,
                       "name the earlier case first");
+  const std::vector<std::string> remarks = remarks_on(earlier, later);
   StageSpec spec;
   spec.stage = "comparison";
-  add_inputs(spec, earlier, "earlier/");
-  add_inputs(spec, later, "later/");
+  spec.parameters = {{"remarks", remarks}};
+  for (const auto& [prefix, inputs] : {std::pair{"earlier/", &of_earlier}, std::pair{"later/", &of_later}})
+    for (const StageInput& input : *inputs) spec.inputs.push_back({prefix + input.name, input.path});
   const auto work = [&](StageWorkspace& workspace) {
-    const Document document = document_of(earlier, later);
+    const Document document = document_of(earlier, later, remarks);
     write_file(workspace.folder() / "comparison.html", render_html(document, {}));
     write_file(workspace.folder() / "comparison.pdf", render_pdf(document).bytes);
     return StageVerdict{};
@@ -160,8 +236,12 @@ Answer write_comparison(const fs::path& earlier_folder, const fs::path& later_fo
   const StageOutcome outcome = run_stage(later_folder, spec, common, work);
   const fs::path html = later_folder / "comparison" / "comparison.html";
   Answer answer;
-  answer.json = {{"html", html.string()}, {"pdf", (later_folder / "comparison" / "comparison.pdf").string()}};
-  answer.text = "comparison: " + describe(outcome) + "\n" + html.string() + "\n";
+  answer.json = {{"remarks", remarks},
+                 {"html", html.string()},
+                 {"pdf", (later_folder / "comparison" / "comparison.pdf").string()}};
+  answer.text = describe("comparison", outcome, common.verbosity);
+  for (const std::string& remark : remarks) answer.text += remark + "\n";
+  answer.text += html.string() + "\n";
   return answer;
 }
 

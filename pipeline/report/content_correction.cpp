@@ -53,9 +53,9 @@ Figure sharpness_figure(const EyeData& eye) {
     script += "\n";
   }
   const bool is_radius = ends_with(sweep.names[0], "_mm");
-  script +=
-      fmt::format("EOD\nset xlabel '{}'\nset ylabel 'Sharpness, relative'\nset key bottom right font ',9'\n",
-                  is_radius ? "Radius of the back surface (mm)" : words(sweep.names[0]));
+  script += fmt::format(
+      "EOD\nset xlabel '{}'\nset ylabel 'Sharpness, relative'\nset key above samplen 2 font ',9'\n",
+      is_radius ? "Radius of the back surface (mm)" : words(sweep.names[0]));
   script += "set yrange [0:1.05]\n";
   if (is_positive) script += "set logscale x\nset xtics (20, 50, 100, 200, 500)\n";
   if (const auto optimum = value_of(eye.prescription.value("plano_cylinder", Json::object()), sweep.names[0]))
@@ -99,7 +99,9 @@ Table joined_table(const Eyes& eyes, const char* list_key, const char* name_key,
     const Json list = eyes[i]->prescription.value(list_key, Json::array());
     if (!list.is_array()) continue;
     for (const auto& line : list) {
-      const std::string name = line.value(name_key, std::string("other"));
+      std::string name = line.value(name_key, std::string("other"));
+      // The covariances' part of the variance may be negative; its root keeps the sign.
+      if (name == "correlations") name += " (with a minus sign it lessens the total)";
       auto& entry = powers[name];
       if (entry.empty()) {
         names.push_back(name);
@@ -122,8 +124,10 @@ Section correction_section(const CaseData& data, Notes& notes) {
   if (eyes.empty()) return section;
   for (const Table& table :
        {criteria_table(eyes),
-        joined_table(eyes, "budget", "source", "Where the uncertainty comes from (1 standard deviation)",
-                     "Source"),
+        joined_table(
+            eyes, "budget", "source",
+            "Where the uncertainty comes from (1 standard deviation; their squares add up to the total's)",
+            "Source"),
         joined_table(eyes, "if_measured", "measurement",
                      "What a measurement would leave (1 standard deviation)", "If this were known")})
     if (!table.rows.empty()) section.blocks.push_back({table});

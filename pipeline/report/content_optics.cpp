@@ -107,7 +107,7 @@ Figure mtf_figure(const EyeData& eye, const Wavefront& wavefront, const std::opt
   }
   script += fmt::format(
       "set xlabel 'Spatial frequency (cycles per degree)'\nset ylabel 'Modulation transfer'\n"
-      "set xrange [0:60]\nset yrange [0:1]\nset key below maxrows 2 samplen 2 font ',9'\n"
+      "set xrange [0:60]\nset yrange [0:1]\nset key above maxrows 2 samplen 2 font ',9'\n"
       "plot $mtf using 1:4 with lines dt 3 lw 1.5 lc rgb '{2}' title 'diffraction limit', "
       "$mtf using 1:5 with lines lw 1.5 lc rgb '{2}' title 'healthy corrected eyes', "
       "$mtf using 1:2 with lines lw 2 lc rgb '{0}' title 'no lens, tangential', "

@@ -1,5 +1,6 @@
 #include "pipeline/report/judgement.hpp"
 
+#include "pipeline/report/content_tables.hpp"
 #include "pipeline/report/normal_ranges.hpp"
 
 namespace emmetrope::report {
@@ -10,14 +11,34 @@ constexpr double dispensing_D = 1.0;     ///< beyond it a lens may be worse than
 constexpr double astigmatism_D = 0.5;    ///< half width of J0 or J45: a cylinder of 1 D may not be there
 constexpr double largest_head_roll_deg = 3;
 
-constexpr const char* remedy = "A known refraction narrows it most, then keratometry and axial length.";
-
 /// Half of the 95 % interval of a number of the prescription; 0 where it has none.
 double half_width(const EyeData& eye, const char* key) {
   const Json found = eye.prescription.value(key, Json());
   if (!found.is_object() || !found.contains("ci95")) return 0;
   const auto measured = found.get<Measured>();
   return (measured.ci95[1] - measured.ci95[0]) / 2;
+}
+
+/// " Known from elsewhere, refraction +-0.25 D would narrow it to +-0.49 D; optical axial length would not.":
+/// what the correction stage found that each measurement would leave of M, the most telling first.
+std::string remedy_for(const EyeData& eye) {
+  constexpr double normal_quantile_975 = 1.959963985, worth_telling = 0.95;
+  std::vector<std::pair<double, std::string>> left;
+  for (const auto& line : eye.prescription.value("if_measured", Json::array()))
+    if (const auto sigma_D = value_of(line, "M_D"))
+      left.emplace_back(normal_quantile_975 * *sigma_D,
+                        with_symbols(line.value("measurement", std::string("a measurement"))));
+  std::sort(left.begin(), left.end());
+  std::string useful, useless;
+  for (const auto& [half_width_D, measurement] : left) {
+    if (half_width_D < worth_telling * half_width(eye, "M_D"))
+      useful += (useful.empty() ? measurement + " would narrow it to" : ", " + measurement + " to") +
+                " \u00b1" + fixed(half_width_D, 2) + " D";
+    else
+      useless += (useless.empty() ? "" : " and ") + measurement;
+  }
+  if (useful.empty()) return {};
+  return " Known from elsewhere, " + useful + (useless.empty() ? "" : "; " + useless + " would not") + ".";
 }
 
 std::vector<std::string> failed_gates(const EyeData& eye) {
@@ -86,11 +107,11 @@ Judgement judge(const CaseData& data, const EyeData& eye) {
         reasons.begin(),
         "The mean sphere's 95 % interval, \u00b1" + fixed(M_half_width, 2) +
             " D, is wider than from no lens at all to high myopia (6 D): these data do not support "
-            "a prescription. The estimate is for information. " +
-            remedy);
+            "a prescription. The estimate is for information." +
+            remedy_for(eye));
   else if (M_half_width > repeatability_D)
     reasons.push_back("The mean sphere's 95 % interval is \u00b1" + fixed(M_half_width, 2) +
-                      " D; clinical refraction is expected to repeat within \u00b10.50 D. " + remedy);
+                      " D; clinical refraction is expected to repeat within \u00b10.50 D." + remedy_for(eye));
   if (std::max(half_width(eye, "J0_D"), half_width(eye, "J45_D")) > astigmatism_D)
     reasons.push_back("Cylinder and axis are not determined: the 95 % intervals of J0 and J45 are \u00b1" +
                       fixed(half_width(eye, "J0_D"), 2) + " and \u00b1" + fixed(half_width(eye, "J45_D"), 2) +

@@ -73,16 +73,32 @@ std::vector<double> column_widths(const Pages& pages, const Table& table, double
   return widths;
 }
 
+constexpr Face table_body{8, false, black}, table_head{7.5, true, soft};
+
+double row_height(const Pages& pages, const std::vector<std::string>& cells,
+                  const std::vector<double>& widths, const Face& face) {
+  double height = 0;
+  for (std::size_t i = 0; i < cells.size(); ++i)
+    height = std::max(height, pages.text_height(cells[i], widths[i] - 6, face));
+  return height;
+}
+
+/// What of a table stays on one page: a short one whole, of a long one caption, header and some rows.
+double least_table_height(const Pages& pages, const Table& table, const std::vector<double>& widths) {
+  constexpr std::size_t short_rows = 8;
+  if (table.rows.size() > short_rows) return 80;
+  double whole = 24 + row_height(pages, table.header, widths, table_head);
+  for (const auto& row : table.rows) whole += row_height(pages, row, widths, table_body) + 3;
+  return whole;
+}
+
 void draw_table_at(Pages& pages, const Table& table, double x, double width) {
-  const Face body{8, false, black}, head{7.5, true, soft};
+  const Face &body = table_body, &head = table_head;
   const auto widths = column_widths(pages, table, width, body);
   double total = 0;
   for (const double w : widths) total += w;
   const auto height_of = [&](const std::vector<std::string>& cells, const Face& face) {
-    double height = 0;
-    for (std::size_t i = 0; i < cells.size(); ++i)
-      height = std::max(height, pages.text_height(cells[i], widths[i] - 6, face));
-    return height;
+    return row_height(pages, cells, widths, face);
   };
   const auto draw_row = [&](const std::vector<std::string>& cells, const Face& face) {
     double left = x;
@@ -94,11 +110,7 @@ void draw_table_at(Pages& pages, const Table& table, double x, double width) {
     pages.line_at(x, pages.y(), total);
     pages.skip(1.5);
   };
-  // A short table stays whole; of a long one no caption and header stand alone.
-  constexpr std::size_t short_rows = 8;
-  double whole = 24 + height_of(table.header, head);
-  for (const auto& row : table.rows) whole += height_of(row, body) + 3;
-  pages.need(table.rows.size() <= short_rows ? whole : 80);
+  pages.need(least_table_height(pages, table, widths));
   pages.skip(pages.text_at(table.caption, x, pages.y(), width, {8.5, true, black}) + 3);
   draw_row(table.header, head);
   for (const auto& row : table.rows) {
@@ -248,7 +260,9 @@ struct LeastHeight {
   double operator()(const Paragraph& block) const { return pages.text_height(block.text, text_width, {}); }
   double operator()(const FigureRow& block) const { return figure_line(pages, block).width_of_one; }
   double operator()(const EyeCards& /*block*/) const { return 200; }
-  double operator()(const Table& /*block*/) const { return 80; }
+  double operator()(const Table& block) const {
+    return least_table_height(pages, block, column_widths(pages, block, text_width, table_body));
+  }
   double operator()(const BulletList& /*block*/) const { return 30; }
   double operator()(const SignatureLines& block) const {
     return 20 * static_cast<double>(block.labels.size());

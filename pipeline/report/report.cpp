@@ -109,7 +109,10 @@ std::string page_of(const CaseData& data, const Document& document, Notes& notes
 
 }  // namespace
 
-std::string study_date_of(const CaseData& data) { return study_date_of(data, source_of(data, {}).study); }
+std::optional<SourceStudy> source_study_of(const CaseData& data) {
+  Source source = source_of(data, {});
+  return source.note.empty() ? std::optional(std::move(source.study)) : std::nullopt;
+}
 
 Answer write_report(const ReportOptions& options, const CommonOptions& common) try {
   quiet_dicom_library();
@@ -136,8 +139,9 @@ Answer write_report(const ReportOptions& options, const CommonOptions& common) t
   Answer answer;
   answer.json = outcome.stage_json.value("answer", Json::object());
   answer.json["html"] = html.string();
+  answer.json["skipped"] = outcome.skipped;
   answer.json["pdf"] = (options.case_folder / "report" / "report.pdf").string();
-  answer.text = "report: " + describe(outcome) + "\n" + html.string() + "\n";
+  answer.text = describe("report", outcome, common.verbosity) + html.string() + "\n";
   return answer;
 } catch (const nlohmann::json::exception& fault) {
   throw input_error("a JSON file of the case " + options.case_folder.string() +

@@ -1,8 +1,10 @@
 #pragma once
 #include <filesystem>
+#include <optional>
 
 #include "pipeline/base/command_line.hpp"
 #include "pipeline/report/case_data.hpp"
+#include "pipeline/report/dicom/source_study.hpp"
 
 namespace emmetrope::report {
 
@@ -18,7 +20,7 @@ struct ReportOptions {
 /// the case lacks a segmentation or a file of it is broken
 Answer write_report(const ReportOptions& options, const CommonOptions& common);
 
-/// YYYY-MM-DD from case.json, else from the study that segmentation read; empty when neither is at hand.
-std::string study_date_of(const CaseData& data);
+/// The DICOM study that segmentation read, where it is still at hand.
+std::optional<SourceStudy> source_study_of(const CaseData& data);
 
 }  // namespace emmetrope::report

@@ -55,7 +55,7 @@ if (viewerData && window.niivue) {
     const canvas = byId("viewer-canvas");
     const viewer = new Niivue({ isRadiologicalConvention: true, backColor: [0, 0, 0, 1], fontColor: [1, 0.88, 0.4, 1],
       isOrientationTextVisible: true, showAllOrientationMarkers: true, dragAndDropEnabled: false, show3Dcrosshair: true,
-      meshXRay: 0.15, crosshairWidth: 0.4, sagittalNoseLeft: true, multiplanarShowRender: SHOW_RENDER.ALWAYS,
+      meshXRay: 0.15, crosshairWidth: 0.4, sagittalNoseLeft: true, multiplanarShowRender: SHOW_RENDER.ALWAYS, multiplanarPadPixels: 16,
       multiplanarLayout: canvas.clientWidth > 700 ? MULTIPLANAR_TYPE.GRID : MULTIPLANAR_TYPE.AUTO, logLevel: "error" });
     // The 3-D view shows the surfaces alone: a rendered head would hide them and take seconds without a graphics processor.
     viewer.drawImage3D = () => {};

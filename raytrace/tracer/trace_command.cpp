@@ -292,7 +292,7 @@ Answer trace_case(TraceOptions options, const CommonOptions& common) {
     answer.text += line(name, eye);
   }
   for (const auto& reason : outcome.verdict.reasons) answer.text += reason + "\n";
-  answer.text += describe(outcome) + "\n";
+  answer.text += describe("raytrace", outcome, common.verbosity);
   return answer;
 }
 

@@ -5,10 +5,12 @@
 #include <dcmtk/dcmdata/dctk.h>
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <array>
 #include <fstream>
 
 #include "pipeline/base/error.hpp"
+#include "segmentation/intake/clean_text.hpp"
 
 namespace emmetrope::segmentation {
 namespace {
@@ -50,6 +52,21 @@ bool is_text(DcmEVR vr) {
   }
 }
 
+/// From the data set's character set.
+bool convert_to_utf8(DcmItem& data_set, std::string& text) {
+  const bool is_ascii = std::all_of(text.begin(), text.end(), [](char letter) {
+    return static_cast<unsigned char>(letter) < 0x80 && letter != '\x1B';
+  });
+  if (is_ascii) return true;
+  DcmSpecificCharacterSet converter;
+  OFString utf8;
+  if (converter.selectCharacterSet(data_set).bad() ||
+      converter.convertString(OFString(text.c_str(), text.size()), utf8, "\\^=").bad())
+    return false;
+  text.assign(utf8.c_str(), utf8.length());
+  return true;
+}
+
 /// The element's value as text, empty when it is absent.
 /// \throw Error when its VR is of another kind than the standard's, so that its bytes mean something else
 std::string text_of(DcmItem& item, const Tag& tag) {
@@ -65,8 +82,9 @@ std::string text_of(DcmItem& item, const Tag& tag) {
   std::string text(value.c_str(), value.length());
   while (!text.empty() && (text.back() == ' ' || text.back() == '\0')) text.pop_back();
   for (char& letter : text)
-    if (static_cast<unsigned char>(letter) < 0x20 || letter == 0x7F) letter = '?';
-  return text;
+    if ((static_cast<unsigned char>(letter) < 0x20 && letter != '\x1B') || letter == 0x7F) letter = '?';
+  convert_to_utf8(item, text);  // escape sequences are part of some character sets
+  return clean_utf8(std::move(text));
 }
 
 void read_frame(DcmItem& groups, TagValues& values) {
@@ -104,45 +122,12 @@ bool nests_deeper(DcmObject& object, int levels) {
   return false;
 }
 
-bool is_continuation(unsigned char byte) { return (byte & 0xC0) == 0x80; }
-
-/// Replaces what is no UTF-8 by U+FFFD and drops control characters. \return whether the text was valid UTF-8
-bool make_clean_utf8(std::string& text) {
-  std::string clean;
-  bool valid = true;
-  for (std::size_t i = 0; i < text.size();) {
-    const auto lead = static_cast<unsigned char>(text[i]);
-    const std::size_t length = lead < 0x80                   ? 1
-                               : lead >= 0xC2 && lead < 0xE0 ? 2
-                               : (lead & 0xF0) == 0xE0       ? 3
-                               : lead >= 0xF0 && lead < 0xF5 ? 4
-                                                             : 0;
-    bool whole = length > 0 && i + length <= text.size();
-    for (std::size_t k = 1; whole && k < length; ++k)
-      whole = is_continuation(static_cast<unsigned char>(text[i + k]));
-    if (!whole) {
-      clean += "\xEF\xBF\xBD";
-      valid = false;
-      ++i;
-      continue;
-    }
-    if (lead >= 0x20 && lead != 0x7F) clean.append(text, i, length);
-    i += length;
-  }
-  text = std::move(clean);
-  return valid;
-}
-
 void read_description(DcmDataset& data_set, ImageHeader& header) {
   OFString raw;
   if (data_set.findAndGetOFStringArray(key(tag::series_description), raw).bad()) return;
-  DcmSpecificCharacterSet converter;
-  OFString utf8;
-  const bool converted =
-      converter.selectCharacterSet(data_set).good() && converter.convertString(raw, utf8).good();
-  header.description = (converted ? utf8 : raw).c_str();
-  const bool valid = make_clean_utf8(header.description);
-  header.description_repaired = !valid || !converted;
+  header.description = raw.c_str();
+  const bool converted = convert_to_utf8(data_set, header.description);
+  header.description_repaired = !make_clean_utf8(header.description) || !converted;
 }
 
 }  // namespace

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <set>
 
+#include "segmentation/intake/file_mention.hpp"
 #include "segmentation/intake/tag_values.hpp"
 
 namespace emmetrope::segmentation {
@@ -22,7 +23,7 @@ using Files = std::vector<ScannedFile>;
 
 std::string found(const ScannedFile& file, const Tag& tag, int frame = 0) {
   const auto& value = file.header.value(tag, frame);
-  return fmt::format("{}: {} {}", file.file.string(), to_string(tag),
+  return fmt::format("{}: {} {}", file.name(), to_string(tag),
                      value.empty() ? "is absent" : "is " + in_quotes(value));
 }
 
@@ -76,7 +77,7 @@ void warn_of_files(const Files& files, const Fault& has_fault, const std::string
   std::string first;
   std::size_t count = 0;
   for (const auto& file : files)
-    if (has_fault(file) && ++count == 1) first = file.file.string();
+    if (has_fault(file) && ++count == 1) first = file.name();
   if (count > 0)
     info.warnings.push_back(
         fmt::format("{}{}: {}", first, count > 1 ? fmt::format(" and {} more", count - 1) : "", text));
@@ -94,7 +95,7 @@ void check_kind(const Files& files, bool any_modality) {
     const bool multi_frame_mr =
         sop_class == uid::enhanced_mr_image || sop_class == uid::legacy_converted_enhanced_mr_image;
     if (file.header.kind == FileKind::damaged)
-      throw input_error(file.file.string() + ": " + header.reason, "restore this file or move it away");
+      throw input_error(file.name() + ": " + header.reason, "restore this file or move it away");
     if (!header.has(tag::series_instance))
       throw input_error(found(file, tag::series_instance) + "; its series is unknown");
     if (!any_modality && header.value(tag::modality) != "MR")
@@ -187,8 +188,8 @@ std::vector<SeriesImage> check_frames(const Files& files, SeriesInfo& info) {
   info.orientation = made_orthonormal(orientation);
   for (const auto& file : files) {
     if (file.header.value(tag::frame_of_reference) != info.frame_of_reference_uid)
-      throw input_error(fmt::format("{} and {}: different {} in one series", files.front().file.string(),
-                                    file.file.string(), to_string(tag::frame_of_reference)));
+      throw input_error(fmt::format("{} and {}: different {} in one series", files.front().name(),
+                                    file.name(), to_string(tag::frame_of_reference)));
     for (int frame = 0; frame < static_cast<int>(file.header.frames.size()); ++frame) {
       const auto its_spacing = pixel_spacing_of(file, frame);
       for (std::size_t i = 0; i < 2; ++i)
@@ -214,7 +215,7 @@ std::vector<SeriesImage> check_frames(const Files& files, SeriesInfo& info) {
 void check_pixels(const Files& files) {
   for (const auto& file : files)
     if (!file.end.error.empty()) {
-      const std::string text = file.file.string() + ": " + file.end.error;
+      const std::string text = file.name() + ": " + file.end.error;
       throw file.end.unsupported ? unsupported_error(text) : input_error(text);
     }
 }
@@ -305,9 +306,14 @@ void add_warnings(const Files& files, SeriesInfo& info) {
 
 }  // namespace
 
+std::string ScannedFile::name() const {
+  const auto instance = parse_number(header.value(tag::instance_number));
+  return mention(file, instance ? fmt::format("slice {:g}", *instance) : fmt::format("file {}", number));
+}
+
 std::string SeriesImage::name() const {
   const bool multi_frame = source->header.frames.size() > 1;
-  return source->file.string() + (multi_frame ? fmt::format(" frame {}", frame + 1) : "");
+  return source->name() + (multi_frame ? fmt::format(" frame {}", frame + 1) : "");
 }
 
 SeriesInfo judge_series(std::vector<ScannedFile> files, const IntakeOptions& options) {

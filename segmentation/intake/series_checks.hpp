@@ -19,9 +19,13 @@ struct FrameStatistics {
 /// One file as the decoding process told it.
 struct ScannedFile {
   std::filesystem::path file;  ///< relative to the study
-  ImageHeader header;
-  DecodeEnd end;
-  std::vector<FrameStatistics> frames;
+  std::size_t number = 0;      ///< among the study's files, from 1
+  ImageHeader header{};
+  DecodeEnd end{};
+  std::vector<FrameStatistics> frames{};
+
+  /// A mention (file_mention.hpp): the file, or "slice 12" by its InstanceNumber
+  std::string name() const;
 };
 
 /// One image of a series: a file, or a frame of a multi-frame file.
@@ -32,7 +36,7 @@ struct SeriesImage {
   double slope, intercept;
 
   const std::string& value(const Tag& tag) const { return source->header.value(tag, frame); }
-  /// "name.dcm" or "name.dcm frame 3"
+  /// A mention of the file, with " frame 3" where it has several
   std::string name() const;
 };
 

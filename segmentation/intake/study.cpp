@@ -6,8 +6,11 @@
 #include <map>
 
 #include "pipeline/base/files.hpp"
+#include "segmentation/intake/clean_text.hpp"
 #include "segmentation/intake/decoder.hpp"
 #include "segmentation/intake/file_list.hpp"
+#include "segmentation/intake/file_mention.hpp"
+#include "segmentation/intake/identity.hpp"
 #include "segmentation/intake/series_checks.hpp"
 #include "segmentation/intake/slice_grid.hpp"
 #include "segmentation/intake/subject.hpp"
@@ -25,8 +28,8 @@ FrameStatistics statistics_of(const std::vector<std::int32_t>& samples) {
   return statistics;
 }
 
-ScannedFile scan(Decoder& decoder, const fs::path& root, const fs::path& file) {
-  ScannedFile scanned{file, {}, {}, {}};
+ScannedFile scan(Decoder& decoder, const fs::path& root, const fs::path& file, std::size_t number) {
+  ScannedFile scanned{file, number};
   auto decoded = decoder.decode(root / file, [&](int, const std::vector<std::int32_t>& samples) {
     scanned.frames.push_back(statistics_of(samples));
   });
@@ -54,18 +57,18 @@ void assign_damaged(const std::vector<ScannedFile>& damaged, SeriesFiles& series
 /// Of files with one SOPInstanceUID keeps the first when they are the same byte for byte.
 /// \return why not, when they differ
 std::string drop_copies(std::vector<ScannedFile>& files, const fs::path& root, StudyInventory& inventory) {
-  std::map<std::string, fs::path> first;
+  std::map<std::string, ScannedFile> first;
   std::string fault;
   const auto is_copy = [&](const ScannedFile& file) {
     const auto& uid = file.header.value(tag::sop_instance);
-    const auto [entry, is_new] = first.try_emplace(uid, file.file);
+    const auto [entry, is_new] = first.try_emplace(uid, file);
     if (is_new || uid.empty()) return false;
-    if (sha256_of_file(root / file.file) != sha256_of_file(root / entry->second)) {
-      fault = fmt::format("{} and {}: the same {}, but different contents", entry->second.string(),
-                          file.file.string(), to_string(tag::sop_instance));
+    if (sha256_of_file(root / file.file) != sha256_of_file(root / entry->second.file)) {
+      fault = fmt::format("{} and {}: the same {}, but different contents", entry->second.name(), file.name(),
+                          to_string(tag::sop_instance));
       return false;
     }
-    inventory.skipped.push_back({file.file, "a copy of " + entry->second.string()});
+    inventory.skipped.push_back({file.file, "a copy of " + entry->second.file.string()});
     return true;
   };
   files.erase(std::remove_if(files.begin(), files.end(), is_copy), files.end());
@@ -94,7 +97,7 @@ SeriesInfo judge_nifti(Decoder& decoder, const fs::path& root, const fs::path& f
   SeriesInfo info;
   info.uid = "nifti-" + sha256_of_file(root / file).substr(0, 16);
   info.modality = "NIfTI";
-  info.description = file.string();
+  info.description = clean_utf8(file.string());
   info.files = 1;
   try {
     const Stack stack = decoder.decode_volume(root / file, info.warnings);
@@ -125,6 +128,13 @@ SeriesInfo judge_nifti(Decoder& decoder, const fs::path& root, const fs::path& f
     info.reason = fault.what();
     info.refusal = fault.status();
   }
+  const auto mention_file = [&](std::string& text) {
+    for (const fs::path& name : {root / file, file.filename()})
+      if (const auto at = text.find(name.string()); at != std::string::npos)
+        return void(text.replace(at, name.string().size(), mention(name, "the volume")));
+  };
+  for (auto& warning : info.warnings) mention_file(warning);
+  mention_file(info.reason);
   return info;
 }
 
@@ -137,6 +147,17 @@ Eigen::Vector2d fat_shift_sigma_mm(const SeriesInfo& info, const Stack& stack) {
   const double pixels = bandwidth_Hz > 0 && field_T > 0 ? fat_water_Hz_per_T * field_T / bandwidth_Hz : 1;
   return pixels * Eigen::Vector2d(info.phase_encoding == "ROW" ? 0 : stack.column_spacing_mm,
                                   info.phase_encoding == "COL" ? 0 : stack.row_spacing_mm);
+}
+
+/// Texts for the terminal and for the case from those with mentions of files.
+void separate_file_names(SeriesInfo& info) {
+  info.kept.description = info.is_nifti() ? "NIfTI volume" : info.description;
+  for (auto& warning : info.warnings) {
+    info.kept.warnings.push_back(without_file_names(warning));
+    warning = with_file_names(warning);
+  }
+  info.kept.reason = without_file_names(info.reason);
+  info.reason = with_file_names(info.reason);
 }
 
 }  // namespace
@@ -174,17 +195,20 @@ StudyInventory read_inventory(const fs::path& study, const IntakeOptions& option
   SeriesFiles series;
   std::vector<ScannedFile> damaged;
   Patients patients;
+  Identity identity;
   Decoder decoder(options.limits);
   Progress progress("reading the study", list.files.size(), options.verbosity);
+  std::size_t number = 0;
   for (const auto& file : list.files) {
     progress.advance();
     if (is_nifti_name(file)) {
       inventory.series.push_back(judge_nifti(decoder, inventory.root, file));
       continue;
     }
-    ScannedFile scanned = scan(decoder, inventory.root, file);
+    ScannedFile scanned = scan(decoder, inventory.root, file, ++number);
     const auto& header = scanned.header;
-    if (header.kind == FileKind::image || header.kind == FileKind::no_image) patients.add(file, header);
+    if (header.kind == FileKind::image || header.kind == FileKind::no_image) patients.add(scanned);
+    identity.add(header);
     if (header.kind == FileKind::damaged && !header.has(tag::series_instance))
       damaged.push_back(std::move(scanned));
     else if (header.kind == FileKind::image || header.kind == FileKind::damaged)
@@ -193,6 +217,8 @@ StudyInventory read_inventory(const fs::path& study, const IntakeOptions& option
       inventory.skipped.push_back({file, header.reason});
   }
   assign_damaged(damaged, series, inventory);
+  for (auto& [uid, files] : series)
+    for (auto& file : files) identity.remove_from(file.header);
   for (auto& [uid, files] : series) inventory.series.push_back(judge(std::move(files), options, inventory));
   if (const auto conflict = patients.conflict(); !conflict.empty())
     for (auto& info : inventory.series)
@@ -202,8 +228,10 @@ StudyInventory read_inventory(const fs::path& study, const IntakeOptions& option
   std::sort(inventory.series.begin(), inventory.series.end(), [](const SeriesInfo& a, const SeriesInfo& b) {
     return std::tie(a.number, a.uid) < std::tie(b.number, b.uid);
   });
-  for (std::size_t i = 0; i < inventory.series.size(); ++i)
+  for (std::size_t i = 0; i < inventory.series.size(); ++i) {
     inventory.series[i].name = fmt::format("stack{}", i + 1);
+    separate_file_names(inventory.series[i]);
+  }
   for (const auto& choice : options.choices) inventory.find(uid_of_choice(choice));
   std::sort(inventory.skipped.begin(), inventory.skipped.end(),
             [](const SkippedFile& a, const SkippedFile& b) { return a.file < b.file; });

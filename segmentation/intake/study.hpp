@@ -52,7 +52,7 @@ struct SliceSource {
 struct SeriesInfo {
   std::string name;         ///< file-safe and stable: "stack1"; used for the Stack and its files
   std::string uid;          ///< SeriesInstanceUID; for a NIfTI volume "nifti-" and a hash of its bytes
-  std::string description;  ///< UTF-8 without control characters
+  std::string description;  ///< clean UTF-8, without what identifies the patient; a NIfTI volume's file
   std::string modality;
   std::string study_uid, frame_of_reference_uid;
   int number = 0;               ///< SeriesNumber
@@ -81,7 +81,13 @@ struct SeriesInfo {
 
   std::vector<std::string> warnings;
   bool usable = false;
-  std::string reason;                              ///< why it is not usable: file, tag, what was found
+  std::string reason;  ///< why it is not usable: file, tag, what was found
+  /// What a case may keep: the same texts without names of files, which may be the patient's.
+  struct {
+    std::string description;
+    std::vector<std::string> warnings;
+    std::string reason;
+  } kept;
   ExitStatus refusal = ExitStatus::input_invalid;  ///< input_invalid or unsupported
 
   bool is_nifti() const { return modality == "NIfTI"; }
@@ -94,7 +100,7 @@ struct SkippedFile {
 
 /// The patient without identity.
 struct Subject {
-  std::string id;  ///< hash of the study's UID and PatientID: the same study gives the same id
+  std::string id;  ///< hash of the study's UID: the same study gives the same id, PatientID is not in it
   std::optional<double> age_years;  ///< PatientAge, or from the dates of birth and of the study
   std::string sex;                  ///< "M", "F", "O" or empty
 };
@@ -131,6 +137,8 @@ Stack read_series(const StudyInventory& inventory, const std::string& uid, const
 Json to_json(const StudyInventory& inventory);
 /// One element of "series"; unknown numbers are null.
 Json to_json(const SeriesInfo& series);
+/// The same for a case: slices are named by their number, not by their file.
+Json kept_json(const SeriesInfo& series);
 /// {"id", "age_years" (null when unknown), "sex"}
 Json to_json(const Subject& subject);
 

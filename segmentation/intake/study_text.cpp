@@ -53,6 +53,14 @@ Json to_json(const SeriesInfo& series) {
   return json;
 }
 
+Json kept_json(const SeriesInfo& series) {
+  Json json = to_json(series);
+  json["description"] = series.kept.description;
+  json["warnings"] = series.kept.warnings;
+  json["reason"] = series.kept.reason;
+  return json;
+}
+
 Json to_json(const Subject& subject) {
   return {{"id", subject.id}, {"age_years", or_null(subject.age_years)}, {"sex", subject.sex}};
 }

@@ -46,25 +46,26 @@ std::optional<double> age_of(const ImageHeader& header) {
 
 }  // namespace
 
-void Patients::compare(const Tag& tag, Found& first, const std::filesystem::path& file,
-                       const ImageHeader& header) {
-  const auto& value = header.value(tag);
+void Patients::compare(const Tag& tag, Found& first, const ScannedFile& file) {
+  const auto& value = file.header.value(tag);
   if (value.empty()) return;
-  if (first.value.empty()) first = {file, value};
+  if (first.value.empty()) first = {file.name(), value};
   if (value != first.value && conflict_.empty())
     conflict_ = fmt::format("{} and {} are of two patients: {} differs; give the study of one patient",
-                            first.file.string(), file.string(), to_string(tag));
+                            first.file, file.name(), to_string(tag));
 }
 
-void Patients::add(const std::filesystem::path& file, const ImageHeader& header) {
-  compare(tag::patient_id, first_id_, file, header);
+void Patients::add(const ScannedFile& file) {
+  const ImageHeader& header = file.header;
+  compare(tag::patient_id, first_id_, file);
   // One name may be written in several ways, so it counts only where nothing better is there.
-  if (!header.has(tag::patient_id)) compare(tag::patient_name, first_name_, file, header);
-  compare(tag::patient_birth_date, first_birth_date_, file, header);
+  if (!header.has(tag::patient_id)) compare(tag::patient_name, first_name_, file);
+  compare(tag::patient_birth_date, first_birth_date_, file);
   if (described_) return;
   described_ = true;
-  subject_.id =
-      sha256_of(header.value(tag::study_instance) + '\n' + header.value(tag::patient_id)).substr(0, 16);
+  // Without PatientID: a short number could be found again by trying them all.
+  if (header.has(tag::study_instance))
+    subject_.id = sha256_of(header.value(tag::study_instance)).substr(0, 16);
   subject_.age_years = age_of(header);
   const auto& sex = header.value(tag::patient_sex);
   subject_.sex = sex == "M" || sex == "F" || sex == "O" ? sex : "";

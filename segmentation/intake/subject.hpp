@@ -1,25 +1,21 @@
 #pragma once
-#include <filesystem>
-#include <map>
-#include <set>
 #include <string>
 
-#include "segmentation/intake/study.hpp"
-#include "segmentation/intake/wire.hpp"
+#include "segmentation/intake/series_checks.hpp"
 
 namespace emmetrope::segmentation {
 
-/// Collects who the files are about. Identity stays in here: only hashes and file names come out.
+/// Collects who the files are about. Identity stays in here: only names of files come out.
 class Patients {
  public:
-  void add(const std::filesystem::path& file, const ImageHeader& header);
+  void add(const ScannedFile& file);
   /// Which two files are of different patients and by which tag; empty when all agree.
   std::string conflict() const;
   Subject subject() const;
 
  private:
   struct Found {
-    std::filesystem::path file;
+    std::string file;  ///< a mention
     std::string value;
   };
   Found first_id_, first_name_, first_birth_date_;
@@ -27,7 +23,7 @@ class Patients {
   Subject subject_;
   bool described_ = false;
 
-  void compare(const Tag& tag, Found& first, const std::filesystem::path& file, const ImageHeader& header);
+  void compare(const Tag& tag, Found& first, const ScannedFile& file);
 };
 
 }  // namespace emmetrope::segmentation

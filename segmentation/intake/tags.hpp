@@ -21,6 +21,7 @@ inline constexpr Tag image_type{0x0008, 0x0008, "ImageType"};
 inline constexpr Tag sop_class{0x0008, 0x0016, "SOPClassUID"};
 inline constexpr Tag sop_instance{0x0008, 0x0018, "SOPInstanceUID"};
 inline constexpr Tag study_date{0x0008, 0x0020, "StudyDate"};
+inline constexpr Tag accession_number{0x0008, 0x0050, "AccessionNumber"};
 inline constexpr Tag modality{0x0008, 0x0060, "Modality"};
 inline constexpr Tag series_description{0x0008, 0x103e, "SeriesDescription"};
 inline constexpr Tag complex_image_component{0x0008, 0x9208, "ComplexImageComponent"};
@@ -29,6 +30,9 @@ inline constexpr Tag patient_name{0x0010, 0x0010, "PatientName"};
 inline constexpr Tag patient_id{0x0010, 0x0020, "PatientID"};
 inline constexpr Tag patient_birth_date{0x0010, 0x0030, "PatientBirthDate"};
 inline constexpr Tag patient_sex{0x0010, 0x0040, "PatientSex"};
+inline constexpr Tag other_patient_ids{0x0010, 0x1000, "OtherPatientIDs"};
+inline constexpr Tag other_patient_names{0x0010, 0x1001, "OtherPatientNames"};
+inline constexpr Tag patient_birth_name{0x0010, 0x1005, "PatientBirthName"};
 inline constexpr Tag patient_age{0x0010, 0x1010, "PatientAge"};
 inline constexpr Tag body_part{0x0018, 0x0015, "BodyPartExamined"};
 inline constexpr Tag scanning_sequence{0x0018, 0x0020, "ScanningSequence"};
@@ -52,6 +56,7 @@ inline constexpr Tag study_instance{0x0020, 0x000d, "StudyInstanceUID"};
 inline constexpr Tag series_instance{0x0020, 0x000e, "SeriesInstanceUID"};
 inline constexpr Tag series_number{0x0020, 0x0011, "SeriesNumber"};
 inline constexpr Tag acquisition_number{0x0020, 0x0012, "AcquisitionNumber"};
+inline constexpr Tag instance_number{0x0020, 0x0013, "InstanceNumber"};
 inline constexpr Tag image_position{0x0020, 0x0032, "ImagePositionPatient"};
 inline constexpr Tag image_orientation{0x0020, 0x0037, "ImageOrientationPatient"};
 inline constexpr Tag frame_of_reference{0x0020, 0x0052, "FrameOfReferenceUID"};
@@ -96,9 +101,13 @@ inline constexpr Tag of_data_set[] = {image_type,
                                       sop_class,
                                       sop_instance,
                                       study_date,
+                                      accession_number,
                                       modality,
                                       patient_name,
                                       patient_id,
+                                      other_patient_ids,
+                                      other_patient_names,
+                                      patient_birth_name,
                                       patient_birth_date,
                                       patient_sex,
                                       patient_age,
@@ -122,6 +131,7 @@ inline constexpr Tag of_data_set[] = {image_type,
                                       series_instance,
                                       series_number,
                                       acquisition_number,
+                                      instance_number,
                                       image_position,
                                       image_orientation,
                                       frame_of_reference,

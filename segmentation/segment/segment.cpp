@@ -257,9 +257,7 @@ Json case_json(const StudyInventory& inventory, const std::vector<const SeriesIn
   Json json{{"subject", to_json(inventory.subject)}};
   json["series"] = Json::array();
   for (const SeriesInfo& info : inventory.series) {
-    Json entry = to_json(info);
-    entry["name"] = info.name;
-    json["series"].push_back(entry);
+    json["series"].push_back(kept_json(info));
   }
   json["stacks"] = Json::array();
   for (const StackChoice& choice : found.choices) {
@@ -326,7 +324,7 @@ StageVerdict segment_study(const SegmentOptions& options, const CommonOptions& c
   for (const SeriesInfo* info : series) {
     volumes.push_back(read_series(inventory, info->uid, intake));
     hints.push_back(info->image_laterality);
-    for (const std::string& warning : info->warnings) workspace.warn(info->name + ": " + warning);
+    for (const std::string& warning : info->kept.warnings) workspace.warn(info->name + ": " + warning);
   }
   std::vector<const Stack*> stacks;
   for (const Stack& volume : volumes) stacks.push_back(&volume);
@@ -414,8 +412,8 @@ Answer segment(const SegmentOptions& options, const CommonOptions& common) {
   });
   Answer answer;
   answer.status = outcome.verdict.status;
-  answer.text = summary(options.case_folder) + "segmentation " + describe(outcome);
-  for (const auto& reason : outcome.verdict.reasons) answer.text += "\n" + reason;
+  answer.text = summary(options.case_folder) + describe("segmentation", outcome, common.verbosity);
+  for (const auto& reason : outcome.verdict.reasons) answer.text += reason + "\n";
   answer.json = {{"case", options.case_folder.string()},
                  {"status", static_cast<int>(outcome.verdict.status)},
                  {"reasons", outcome.verdict.reasons},

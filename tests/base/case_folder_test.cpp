@@ -201,6 +201,26 @@ TEST(Verdict, OfAStageMadeFromAnotherResultIsRefused) {
   EXPECT_EQ(read_verdict(folder.path(), "correction").status, ExitStatus::done);
 }
 
+TEST_F(Stage, AnEditedOrRemovedOutputIsRefused) {
+  for (const char* name : {"meshing/od/out.txt", "case.json"})
+    for (const bool removed : {false, true}) {
+      run();
+      EXPECT_EQ(read_verdict(case_folder, "meshing").status, ExitStatus::partial);
+      if (removed)
+        fs::remove(case_folder / name);
+      else
+        std::ofstream(case_folder / name) << "-99";
+      try {
+        read_verdict(case_folder, "meshing");
+        ADD_FAILURE() << name << " is not what the stage wrote";
+      } catch (const Error& error) {
+        EXPECT_EQ(error.status(), ExitStatus::input_invalid);
+        EXPECT_NE(std::string(error.what()).find((case_folder / name).string()), std::string::npos);
+        EXPECT_NE(error.remedy().find("emmetrope mesh"), std::string::npos);
+      }
+    }
+}
+
 TEST_F(Stage, ADamagedStageJsonIsMadeAgain) {
   run();
   for (const char* key : {"warnings", "verdict", "outputs"}) {

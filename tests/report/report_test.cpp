@@ -13,6 +13,7 @@
 namespace emmetrope::report {
 namespace {
 
+using ::testing::AllOf;
 using ::testing::HasSubstr;
 using ::testing::Not;
 
@@ -118,11 +119,11 @@ TEST_F(ReportTest, SameCaseGivesSameBytes) {
 TEST_F(ReportTest, SecondRunIsSkippedUntilAResultChanges) {
   test::make_fixture_case(folder_);
   report();
-  EXPECT_THAT(report().text, HasSubstr("up to date"));
+  EXPECT_EQ(report().json["skipped"], true);
   Json biometry = read_json(folder_ / "meshing" / "os" / "biometry.json");
   biometry["axial_length_mm"]["value"] = 24.75;
   write_json(folder_ / "meshing" / "os" / "biometry.json", biometry);
-  EXPECT_THAT(report().text, Not(HasSubstr("up to date")));
+  EXPECT_EQ(report().json["skipped"], false);
   EXPECT_THAT(visible_text(output("report.html")), HasSubstr("24.75 mm"));
 }
 
@@ -282,7 +283,7 @@ TEST_F(ReportTest, FollowUpTellsChangesFromMeasurementError) {
           .output;
   EXPECT_THAT(text, HasSubstr("OD (right): Axial length, optical +0.09 mm."));
   EXPECT_THAT(text, HasSubstr("OS (left): nothing changed by more than its interval."));
-  EXPECT_THAT(text, Not(HasSubstr("different pseudonyms")));
+  EXPECT_THAT(text, HasSubstr("was not checked: the source study of the cases is not at hand"));
   EXPECT_TRUE(
       std::regex_search(text, std::regex("Axial length, optical +23.60 mm +23.69 mm +.0.09 mm .*changed")))
       << text;
@@ -307,9 +308,146 @@ TEST_F(ReportTest, FollowUpMindsTheOrderOfDatesAndTheSubjects) {
   EXPECT_THROW(write_comparison(later, folder_, common), Error);
   EXPECT_FALSE(fs::exists(folder_ / "comparison"));
   write_comparison(folder_, later, common);
-  EXPECT_THAT(visible_text(read_file(later / "comparison" / "comparison.html")),
-              HasSubstr("different pseudonyms"));
   fs::remove_all(later);
+}
+
+TEST_F(ReportTest, FollowUpComparesThePatientsOfTheSourceStudies) {
+  const fs::path later = folder_.string() + "-later", first = folder_.string() + "-first-study",
+                 second = folder_.string() + "-second-study";
+  for (const auto& left_over : {later, first, second}) fs::remove_all(left_over);
+  test::make_fixture_case(folder_);
+  test::FixtureOptions another;
+  another.subject = "s-another";
+  test::make_fixture_case(later, another);
+  const auto set_study = [](const fs::path& case_folder, const fs::path& study) {
+    const fs::path file = case_folder / "segmentation" / "stage.json";
+    Json stage = read_json(file);
+    stage["study"] = study.string();
+    write_json(file, stage);
+  };
+  set_study(folder_, first);
+  set_study(later, second);
+  test::make_fixture_study(first);
+  CommonOptions common;
+  const auto remark = [&] {
+    return write_comparison(folder_, later, common).json["remarks"][0].get<std::string>();
+  };
+  EXPECT_THAT(remark(), HasSubstr("not checked: the source study of the later case"));
+  test::make_fixture_study(second);
+  EXPECT_EQ(remark(), "The source studies agree in the patient's ID and birth date.");
+  const auto change = [&](const std::string& tag_and_value) {
+    std::vector<std::string> words{"-nb", "-m", tag_and_value};
+    for (const auto& entry : fs::directory_iterator(second)) words.push_back(entry.path().string());
+    output_of("/usr/bin/dcmodify", words);
+  };
+  change("(0010,0020)=MRN-OTHER");
+  EXPECT_THAT(remark(), HasSubstr("make sure that both are of one patient"));
+  change("(0010,0030)=19610204");
+  try {
+    remark();
+    ADD_FAILURE() << "two patients compared";
+  } catch (const Error& error) {
+    EXPECT_EQ(error.status(), ExitStatus::input_invalid);
+    EXPECT_THAT(error.what(), HasSubstr("two patients"));
+    EXPECT_THAT(error.what(), Not(HasSubstr("1961")));
+  }
+  for (const char* page : {"comparison.html", "stage.json"})
+    EXPECT_THAT(read_file(later / "comparison" / page),
+                AllOf(Not(HasSubstr("MRN-")), Not(HasSubstr("1961"))));
+  for (const auto& made : {later, first, second}) fs::remove_all(made);
+}
+
+TEST_F(ReportTest, FollowUpRefusesOneCaseTwiceAndExplainsARefusedOne) {
+  const fs::path later = folder_.string() + "-later";
+  fs::remove_all(later);
+  test::make_fixture_case(folder_);
+  test::make_fixture_case(later);
+  CommonOptions common;
+  common.verbosity.quiet = true;
+  for (const auto& same : {folder_, later}) try {
+      write_comparison(folder_, same, common);
+      ADD_FAILURE() << "one case twice";
+    } catch (const Error& error) {
+      EXPECT_EQ(error.status(), ExitStatus::usage);
+      EXPECT_THAT(error.what(), HasSubstr("the same results"));
+    }
+  fs::remove_all(later);
+  test::FixtureOptions refused;
+  refused.refused = true;
+  test::make_fixture_case(later, refused);
+  write_comparison(folder_, later, common);
+  EXPECT_THAT(visible_text(read_file(later / "comparison" / "comparison.html")),
+              AllOf(HasSubstr("Later, OD (right): No prescription: the images do not support one."),
+                    HasSubstr("chi2 per voxel 4.2, at most 1.5")));
+  fs::remove_all(later);
+}
+
+TEST_F(ReportTest, AnEditedResultIsRefused) {
+  test::make_fixture_case(folder_);
+  const std::string name = "correction/od/prescription.json";
+  Json stage = read_json(folder_ / "correction" / "stage.json");
+  stage["outputs"][name] = sha256_of_file(folder_ / name);
+  write_json(folder_ / "correction" / "stage.json", stage);
+  report();
+  Json prescription = read_json(folder_ / name);
+  prescription["rounded"]["sphere_D"] = -99;
+  write_json(folder_ / name, prescription);
+  try {
+    report();
+    FAIL() << "-99 D reported";
+  } catch (const Error& error) {
+    EXPECT_EQ(error.status(), ExitStatus::input_invalid);
+    EXPECT_THAT(error.what(), HasSubstr((folder_ / name).string() + " has been changed"));
+    EXPECT_THAT(error.remedy(), HasSubstr("emmetrope correct"));
+  }
+  EXPECT_THAT(visible_text(output("report.html")), Not(HasSubstr("-99")));
+}
+
+TEST_F(ReportTest, ADamagedValueIsNamedByFileAndKey) {
+  test::make_fixture_case(folder_);
+  const fs::path file = folder_ / "correction" / "os" / "prescription.json";
+  const Json good = read_json(file);
+  for (const auto& [key, value] : {std::pair<std::string, Json>{"/rounded/sphere_D", "-2"},
+                                   {"/M_D/ci95/1", true},
+                                   {"/J0_D/value", "x"}}) {
+    Json damaged = good;
+    damaged[Json::json_pointer(key)] = value;
+    write_json(file, damaged);
+    try {
+      report();
+      ADD_FAILURE() << key;
+    } catch (const Error& error) {
+      EXPECT_EQ(error.status(), ExitStatus::input_invalid);
+      EXPECT_THAT(error.what(), AllOf(HasSubstr(file.string()), HasSubstr(key), HasSubstr(value.dump())));
+    }
+  }
+}
+
+TEST_F(ReportTest, WhatNarrowsTheIntervalIsWhatTheStageFound) {
+  test::make_fixture_case(folder_);
+  for (const char* eye : {"od", "os"}) {
+    const fs::path file = folder_ / "correction" / eye / "prescription.json";
+    Json prescription = read_json(file);
+    prescription["M_D"] = Measured::from_sigma(-2, 0.8, "mri");
+    prescription["if_measured"] = {{{"measurement", "optical axial length +-0.05 mm"}, {"M_D", 0.79}},
+                                   {{"measurement", "keratometry +-0.25 D"}, {"M_D", 0.5}},
+                                   {{"measurement", "refraction +-0.25 D"}, {"M_D", 0.25}}};
+    prescription["budget"].push_back(
+        {{"source", "correlations"}, {"M_D", -0.3}, {"J0_D", 0.0}, {"J45_D", 0.0}});
+    write_json(file, prescription);
+  }
+  report();
+  const std::string page = visible_text(output("report.html"));
+  EXPECT_THAT(page,
+              HasSubstr("Known from elsewhere, refraction \u00b10.25 D would narrow it to \u00b10.49 D, "
+                        "keratometry \u00b10.25 D to \u00b10.98 D; optical axial length \u00b10.05 mm "
+                        "would not."));
+  EXPECT_THAT(page, HasSubstr("correlations (with a minus sign it lessens the total)"));
+}
+
+TEST_F(ReportTest, QuietSaysOnlyWhereTheReportIs) {
+  test::make_fixture_case(folder_);
+  EXPECT_EQ(report().text, (folder_ / "report" / "report.html").string() + "\n");
 }
 
 TEST_F(ReportTest, BrokenJsonIsAnInputErrorAndLeavesNothing) {

@@ -171,6 +171,9 @@ std::string SourceStudy::identity() const {
   return identity;
 }
 
+std::string SourceStudy::patient_id() const { return text(0x0010, 0x0020); }
+std::string SourceStudy::birth_date() const { return text(0x0010, 0x0030); }
+
 std::string SourceStudy::fingerprint() const {
   std::string all;
   for (const auto& image : images_) all += image.sop_instance_uid + "\n";

@@ -45,6 +45,9 @@ class SourceStudy {
   std::string time() const;
   /// "Jane Doe, born 1961-02-03", UTF-8.
   std::string identity() const;
+  /// To tell whether two studies are of one patient; never to be shown or written.
+  std::string patient_id() const;
+  std::string birth_date() const;
   /// Changes when the header or an image does.
   std::string fingerprint() const;
 

@@ -1,0 +1,29 @@
+#pragma once
+#include <set>
+#include <string>
+#include <vector>
+
+#include "segmentation/intake/wire.hpp"
+
+namespace emmetrope::segmentation {
+
+/// What identifies the patient in the headers of a study, to be taken out of its free texts: people type
+/// names and numbers into series descriptions.
+class Identity {
+ public:
+  /// Notes names, patient and accession numbers and the date of birth.
+  void add(const ImageHeader& header);
+  /// The text with "[removed]" in place of each part of a name (3 letters or more; 2 where letters are
+  /// words), each number, and the date of birth in its usual spellings; whatever the case and the accents.
+  std::string removed_from(const std::string& text) const;
+  /// The same of the header's free texts; its own identifying values go.
+  void remove_from(ImageHeader& header) const;
+
+ private:
+  void add_name(const std::string& name);
+  void add_number(const std::string& number);
+  void add_date(const std::string& date);
+  std::set<std::u32string> terms_;  ///< folded
+};
+
+}  // namespace emmetrope::segmentation
