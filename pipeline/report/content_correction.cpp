@@ -124,10 +124,10 @@ Section correction_section(const CaseData& data, Notes& notes) {
   if (eyes.empty()) return section;
   for (const Table& table :
        {criteria_table(eyes),
-        joined_table(
-            eyes, "budget", "source",
-            "Where the uncertainty comes from (1 standard deviation; their squares add up to the total's)",
-            "Source"),
+        joined_table(eyes, "budget", "source",
+                     "Where the uncertainty comes from (1 standard deviation; the squares add up to the "
+                     "square of the total)",
+                     "Source"),
         joined_table(eyes, "if_measured", "measurement",
                      "What a measurement would leave (1 standard deviation)", "If this were known")})
     if (!table.rows.empty()) section.blocks.push_back({table});
