@@ -9,6 +9,7 @@
 #include "pipeline/base/files.hpp"
 #include "raytrace/eye/parametric_eye.hpp"
 #include "segmentation/intake/nifti.hpp"
+#include "tests/intake/generated_series.hpp"
 
 namespace emmetrope::segmentation {
 namespace {
@@ -74,6 +75,24 @@ TEST_F(SegmentStage, SampleEyeIsMeasuredWithinItsIntervals) {
     EXPECT_FALSE(stack.at("reason").get<std::string>().empty());
 
   EXPECT_TRUE(run(sample, "case").json.at("skipped").get<bool>());
+}
+
+TEST_F(SegmentStage, NothingThatIsKeptNamesThePatient) {
+  test::GeneratedSeries series;  // of SECRET^NAME, SECRET-ID-77, born 1986-01-01; it shows no eye
+  series.set_all(DCM_SeriesDescription, "Secret T2 1986-01-01 secret-id-77");
+  series.remove(5);
+  series.write(folder_ / "study" / "SECRET_NAME");
+  testing::internal::CaptureStdout();  // where the tests' logger writes
+  const Answer answer = run(folder_ / "study", "case");
+  const std::string said = testing::internal::GetCapturedStdout() + answer.text + answer.json.dump();
+  EXPECT_EQ(answer.status, ExitStatus::no_result);
+  const std::string case_json = read_file(folder_ / "case" / "case.json"),
+                    stage_json = read_file(folder_ / "case" / "segmentation" / "stage.json");
+  for (const std::string& text : {said, case_json, stage_json})
+    for (const char* telling : {"SECRET", "Secret", "secret", "1986"})
+      EXPECT_EQ(text.find(telling), std::string::npos) << telling << " in " << text;
+  for (const std::string& text : {case_json, stage_json})
+    EXPECT_NE(text.find("missing between slice 8 and slice 6"), std::string::npos) << text;
 }
 
 TEST_F(SegmentStage, NoiseGivesNoEyeButAReason) {
