@@ -306,7 +306,7 @@ StageVerdict read_verdict(const fs::path& case_folder, const std::string& stage)
     const Json stage_json = read_json(file);
     StageVerdict verdict = verdict_from(stage_json);
     require_same_inputs(case_folder, stage, stage_json.value("inputs", Json::object()));
-    require_own_outputs(case_folder, stage, stage_json.at("outputs"));
+    require_own_outputs(case_folder, stage, stage_json.value("outputs", Json::object()));
     return verdict;
   } catch (const nlohmann::json::exception& fault) {
     throw broken(fault);
