@@ -151,7 +151,7 @@ TEST(PointSpread, LiesAsTheTracedPictureOfAPoint) {
   EXPECT_GT(std::abs(traced.right_skew), 0.1);
   EXPECT_GT(std::abs(traced.up_skew), 0.1);
   // Directions: diffraction, which the rays lack, widens the picture evenly.
-EXPECT_NEAR(computed.cylinder_deg(), traced.cylinder_deg(), 3);
+  EXPECT_NEAR(computed.cylinder_deg(), traced.cylinder_deg(), 3);
   EXPECT_NEAR(computed.coma_deg(), traced.coma_deg(), 3);
 }
 
