@@ -94,7 +94,7 @@ void Identity::add_date(const std::string& date) {
     }
   for (const auto& [first, second, third] : spellings)
     for (const char* between : {"", "-", ".", "/", "_", " "}) {
-      const std::string spelling = first + between + second + between + third;
+      const std::string spelling = fmt::format("{}{}{}{}{}", first, between, second, between, third);
       if (spelling.size() >= 6) terms_.insert(fold(spelling).letters);
     }
 }
