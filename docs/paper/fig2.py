@@ -51,7 +51,7 @@ def figure(f):
             f.number(f"{kind}: doubling the vertices changes SSIM by", compare(f"{kind}-double.png")["ssim"] - found["ssim"], -0.001, 0.001)
 
     # The paper's algorithm to the letter, on a smaller picture with fewer rays; fig2_full has all of them.
-    side, rays = (60, 64) if f.quick else (160, 100)
+    side, rays = (48, 48) if f.quick else (160, 100)
     theirs(f, "paper-analytic.png", "analytic", side, rays, 5)
     theirs(f, "paper-noise.png", "analytic", side, rays, 7)
     theirs_on_regular(f, "paper-regular.png", side, rays, 6)
