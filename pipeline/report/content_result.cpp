@@ -110,8 +110,11 @@ BulletList keratometer_lines(const CaseData& data) {
                     number("/keratometry/flat/power_D", power), number("/keratometry/flat/axis_deg", axis),
                     number("/keratometry/steep/power_D", power), number("/keratometry/steep/axis_deg", axis),
                     number("/keratometry/cylinder_D", power));
+    const Json& cylinder = eye.biometry.at(Json::json_pointer("/keratometry/cylinder_D"));
     const Json astigmatism = eye.biometry.value("astigmatism", Json::object());
-    if (astigmatism.is_object() && astigmatism.contains("type") && astigmatism["type"].is_string())
+    if (cylinder.is_object() && cylinder.get<Measured>().ci95[0] <= 0)
+      line += ", axis not determined";
+    else if (astigmatism.is_object() && astigmatism.contains("type") && astigmatism["type"].is_string())
       line += ", " + astigmatism["type"].get<std::string>();
     lines.items.push_back(line);
   }

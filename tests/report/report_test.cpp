@@ -116,6 +116,23 @@ TEST_F(ReportTest, SameCaseGivesSameBytes) {
   fs::remove_all(moved);
 }
 
+TEST_F(ReportTest, AnAstigmatismThatMayBeNoneHasNoRule) {
+  test::make_fixture_case(folder_);
+  const fs::path file = folder_ / "meshing" / "os" / "biometry.json";
+  Json biometry = read_json(file);
+  biometry["keratometry"]["cylinder_D"]["ci95"][0] = 0.0;
+  write_json(file, biometry);
+  report();
+  const std::string text = visible_text(output("report.html"));
+  const auto line_of = [&](const std::string& eye) {
+    const auto at = text.find(eye + ": K1");
+    return text.substr(at, text.find('<', at + 1) - at).substr(0, 120);
+  };
+  EXPECT_THAT(line_of("OD (right)"), ::testing::HasSubstr("with-the-rule"));
+  EXPECT_THAT(line_of("OS (left)"), ::testing::HasSubstr("axis not determined"));
+  EXPECT_THAT(line_of("OS (left)"), ::testing::Not(::testing::HasSubstr("with-the-rule")));
+}
+
 TEST_F(ReportTest, SecondRunIsSkippedUntilAResultChanges) {
   test::make_fixture_case(folder_);
   report();
