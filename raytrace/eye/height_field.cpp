@@ -2,12 +2,12 @@
 
 #include <Eigen/Cholesky>
 #include <Eigen/QR>
-#include <Eigen/SparseCholesky>
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <limits>
 
+#include "raytrace/eye/band_matrix.hpp"
 #include "raytrace/eye/newton_hit.hpp"
 
 namespace emmetrope {
@@ -193,14 +193,7 @@ Grid grid_over(const Points& points, double spacing, int margin) {
 /// decides where vertices do not.
 void fit_residual(Grid& grid, const Points& points, const Base& base) {
   const int unknowns = grid.columns * grid.rows;
-  // A control value meets those at most three columns and rows away: the lower half of that stencil, by
-  // offset.
-  constexpr int reach = 3, width = 2 * reach + 1, slots = reach + 1 + reach * width;
-  const auto slot = [](int rows, int columns) {
-    return rows == 0 ? columns : (rows - 1) * width + columns + 2 * reach + 1;
-  };
-  std::vector<std::array<double, slots>> stencil(unknowns);
-  for (auto& entries : stencil) entries.fill(0);
+  BandMatrix normal(unknowns, 3 * grid.columns + 3);  // those at most three columns and rows away meet
   Eigen::VectorXd right = Eigen::VectorXd::Zero(unknowns);
   for (const Eigen::Vector3d& p : points) {
     double tx = 0, ty = 0;
@@ -208,40 +201,27 @@ void fit_residual(Grid& grid, const Points& points, const Base& base) {
     const int j = cell(p.y(), grid.origin.y(), grid.spacing, grid.rows, ty);
     const Weights wx = weights(tx), wy = weights(ty);
     const double residual = p.z() - base.depth(p.head<2>());
+    const auto index = [&](int a) { return (j + a / 4) * grid.columns + i + a % 4; };
+    const auto weight = [&](int a) { return wy.value[a / 4] * wx.value[a % 4]; };
     for (int a = 0; a < 16; ++a) {
-      const int index = (j + a / 4) * grid.columns + i + a % 4;
-      const double w = wy.value[a / 4] * wx.value[a % 4];
-      right[index] += w * residual;
-      for (int b = a; b < 16; ++b)
-        stencil[index][slot(b / 4 - a / 4, b % 4 - a % 4)] += w * wy.value[b / 4] * wx.value[b % 4];
+      right[index(a)] += weight(a) * residual;
+      for (int b = a; b < 16; ++b) normal(index(b), index(a)) += weight(a) * weight(b);
     }
   }
   constexpr double penalty = 1e-8;  // against a vertex's weight of 1
-  const auto penalise = [&](int first, int step, int rows, int columns) {
+  const auto penalise = [&](int first, int step) {
     const std::array<double, 3> w{1, -2, 1};
     for (int a = 0; a < 3; ++a)
-      for (int b = a; b < 3; ++b)
-        stencil[first + a * step][slot((b - a) * rows, (b - a) * columns)] += penalty * w[a] * w[b];
+      for (int b = a; b < 3; ++b) normal(first + b * step, first + a * step) += penalty * w[a] * w[b];
   };
-  Eigen::SparseMatrix<double> normal(unknowns, unknowns);
-  normal.reserve(Eigen::VectorXi::Constant(unknowns, slots));
   for (int j = 0; j < grid.rows; ++j)
     for (int i = 0; i < grid.columns; ++i) {
-      if (i + 2 < grid.columns) penalise(j * grid.columns + i, 1, 0, 1);
-      if (j + 2 < grid.rows) penalise(j * grid.columns + i, grid.columns, 1, 0);
-      stencil[j * grid.columns + i][0] += 1e-13;
+      const int index = j * grid.columns + i;
+      if (i + 2 < grid.columns) penalise(index, 1);
+      if (j + 2 < grid.rows) penalise(index, grid.columns);
+      normal(index, index) += 1e-13;
     }
-  for (int j = 0; j < grid.rows; ++j)
-    for (int i = 0; i < grid.columns; ++i)
-      for (int rows = 0; rows <= reach && j + rows < grid.rows; ++rows)
-        for (int columns = rows == 0 ? 0 : -reach; columns <= reach; ++columns) {
-          const int index = j * grid.columns + i;
-          const double value = stencil[index][slot(rows, columns)];
-          if (i + columns >= 0 && i + columns < grid.columns && value != 0)
-            normal.insert(index + rows * grid.columns + columns, index) = value;
-        }
-  const Eigen::SimplicialLLT<Eigen::SparseMatrix<double>> solver(normal);
-  const Eigen::VectorXd solution = solver.solve(right);
+  const Eigen::VectorXd solution = std::move(normal).solve(std::move(right));
   std::copy(solution.data(), solution.data() + unknowns, grid.controls.begin());
 }
 

@@ -27,14 +27,15 @@ KernelForm form_on(const OpenCl& cl, const PictureJob& job) {
   return form;
 }
 
-/// Where the bands begin among the items, and where the last one ends.
-std::vector<std::size_t> first_items(const PixelOrder& order, int width) {
+/// Where the rows of blocks begin among the items, and where the last one ends.
+std::vector<std::size_t> first_items(const PixelOrder& order, int width, int height) {
+  const std::vector<int> rows = block_edges(height);
   std::vector<std::size_t> first;
   for (std::size_t item = 0; item < order.items(); ++item) {
     int pixel = -1;
     for (int lane = 0; lane < order.together && pixel < 0; ++lane)
       pixel = order.pixels[item * order.together + lane];
-    if (pixel / width / band_rows == static_cast<int>(first.size())) first.push_back(item);
+    if (pixel / width == rows[first.size()]) first.push_back(item);
   }
   first.push_back(order.items());
   return first;
@@ -48,7 +49,7 @@ DevicePicture::DevicePicture(OpenCl& cl, const PictureJob& job)
       form_(form_on(cl, job)),
       order_(form_.tile ? in_tiles(job.grid.width, job.grid.height)
                         : row_after_row(job.grid.width, job.grid.height)),
-      first_item_of_band_(first_items(order_, job.grid.width)),
+      first_items_(first_items(order_, job.grid.width, job.grid.height)),
       kernel_(cl.program(definitions_of(job.system, form_)), "trace_pixels"),
       system_(cl, job.system),
       scene_(cl, job.view) {
@@ -95,15 +96,15 @@ DevicePicture::DevicePicture(OpenCl& cl, const PictureJob& job)
 int DevicePicture::multiple() const { return form_.waves * form_.in_flight * (form_.tile ? 1 : form_.lanes); }
 
 DevicePicture::Slice DevicePicture::items_of(const Band& band) const {
-  const int end = (band.end + band_rows - 1) / band_rows;
-  return {first_item_of_band_[band.first / band_rows], first_item_of_band_[end]};
+  return {first_items_[band.first], first_items_[band.end]};
 }
 
 std::size_t DevicePicture::items_a_call(int samples) const {
   const std::int64_t rays =
       job_.system.has(Operation::every_triangle) ? rays_a_call_every_triangle : rays_a_call;
   return static_cast<std::size_t>(
-      std::max<std::int64_t>(work_group, rays / samples / order_.together / work_group * work_group));
+             std::max<std::int64_t>(work_group, rays / samples / work_group * work_group)) /
+         order_.together;
 }
 
 std::size_t DevicePicture::calls(const std::vector<Band>& bands, int samples) const {
@@ -128,8 +129,8 @@ void DevicePicture::trace(const std::vector<Band>& bands, std::uint64_t seed, in
       kernel_.setArg(place_of_slice_, static_cast<cl_int>(first));
       kernel_.setArg(place_of_slice_ + 1, static_cast<cl_int>(count));
       cl_.queue().enqueueNDRangeKernel(kernel_, cl::NullRange,
-                                       cl::NDRange((count + work_group - 1) / work_group * work_group),
-                                       cl::NDRange(work_group));
+                                       cl::NDRange((count + group() - 1) / group() * group()),
+                                       cl::NDRange(group()));
       cl_.queue().finish();
       progress.advance();
     }

@@ -38,11 +38,10 @@ struct PictureSums {
   int samples = 0;
 };
 
-/// Rows of the picture: [first, end), first a multiple of `band_rows`, and so is end unless it is the last.
+/// Rows of the picture, as rows of blocks (`block_edges` of its height): [first, end).
 struct Band {
   int first = 0, end = 0;
 };
-constexpr int band_rows = 16;
 
 /// A picture on one device: its buffers, its kernel and its order of pixels.
 class DevicePicture {
@@ -68,13 +67,15 @@ class DevicePicture {
     std::size_t first = 0, end = 0;  ///< items
   };
   Slice items_of(const Band& band) const;
+  /// Work-items of a work-group.
+  std::size_t group() const { return work_group / order_.together; }
   std::size_t items_a_call(int samples) const;
 
   OpenCl& cl_;
   const PictureJob& job_;
   KernelForm form_;
   PixelOrder order_;
-  std::vector<std::size_t> first_item_of_band_;
+  std::vector<std::size_t> first_items_;
   std::uint64_t bytes_ = 0;
   int last_samples_ = 0;
   cl::Kernel kernel_;

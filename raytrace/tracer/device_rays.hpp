@@ -52,7 +52,7 @@ struct KernelForm {
 };
 std::string definitions_of(const OpticalSystem& system, const KernelForm& form);
 
-constexpr int work_group = 64;
+constexpr int work_group = 64;  ///< pixels, or rays
 
 /// Single rays through the first operations of a system: x, y, z, L, M, N as planes of `count` values in; the
 /// same behind them out, and a seventh plane with the state (kernels/surfaces.cl). \pre the system's

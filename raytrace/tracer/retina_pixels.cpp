@@ -9,6 +9,11 @@
 #include "raytrace/tracer/parallel.hpp"
 
 namespace emmetrope::raytrace {
+namespace {
+
+constexpr int side = 4;  // pixels of a tile, and the least that they are apart
+
+}  // namespace
 
 PixelOrder row_after_row(int width, int height) {
   PixelOrder order;
@@ -17,22 +22,33 @@ PixelOrder row_after_row(int width, int height) {
   return order;
 }
 
+std::vector<int> block_edges(int pixels) {
+  const int fours = (pixels + 3) / 4, blocks = std::max(1, fours / 4);
+  std::vector<int> edges;
+  for (int block = 0; block <= blocks; ++block)
+    edges.push_back(std::min(pixels, 4 * static_cast<int>(1LL * fours * block / blocks)));
+  return edges;
+}
+
 PixelOrder in_tiles(int width, int height) {
-  constexpr int block = 16, apart = 4;
+  const std::vector<int> columns = block_edges(width), rows = block_edges(height);
+  const auto apart = [](int first, int end) { return std::max(side, (end - first + side - 1) / side); };
   PixelOrder order;
-  order.together = 16;
-  for (int y0 = 0; y0 < height; y0 += block)
-    for (int x0 = 0; x0 < width; x0 += block)
-      for (int tile = 0; tile < apart * apart; ++tile) {
-        std::array<int, 16> pixels{};
+  order.together = side * side;
+  for (std::size_t j = 0; j + 1 < rows.size(); ++j)
+    for (std::size_t i = 0; i + 1 < columns.size(); ++i) {
+      const int across = apart(columns[i], columns[i + 1]), down = apart(rows[j], rows[j + 1]);
+      for (int tile = 0; tile < across * down; ++tile) {
+        std::array<int, side * side> pixels{};
         for (int lane = 0; lane < order.together; ++lane) {
-          const int x = x0 + tile % apart + lane % apart * apart,
-                    y = y0 + tile / apart + lane / apart * apart;
-          pixels[lane] = x < width && y < height ? y * width + x : -1;
+          const int x = columns[i] + tile % across + lane % side * across,
+                    y = rows[j] + tile / across + lane / side * down;
+          pixels[lane] = x < columns[i + 1] && y < rows[j + 1] ? y * width + x : -1;
         }
         if (std::any_of(pixels.begin(), pixels.end(), [](int pixel) { return pixel >= 0; }))
           order.pixels.insert(order.pixels.end(), pixels.begin(), pixels.end());
       }
+    }
   return order;
 }
 

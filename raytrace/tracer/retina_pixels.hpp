@@ -26,7 +26,10 @@ struct PixelOrder {
   }
 };
 PixelOrder row_after_row(int width, int height);
-/// Sixteen pixels together, four apart in a block of 16 x 16.
+/// Where the blocks of a side of so many pixels begin, and where the last one ends: 16 pixels each, or 20 (28
+/// of a short side) where 16 does not divide the side, so that few lanes of a tile are left without a pixel.
+std::vector<int> block_edges(int pixels);
+/// Sixteen pixels of a block together, evenly spread over it: at least four apart.
 PixelOrder in_tiles(int width, int height);
 
 /// Values of pixels that stand row after row, in another order; places beyond the edge repeat a pixel of the

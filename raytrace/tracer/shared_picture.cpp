@@ -11,21 +11,22 @@
 namespace emmetrope::raytrace {
 namespace {
 
-/// Which rows each device takes: all of them where there is one, else bands dealt out by speed, so that the
-/// split depends on nothing but the devices.
+/// Which rows of blocks each device takes: all of them where there is one, else bands dealt out by speed, so
+/// that the split depends on nothing but the devices.
 std::vector<std::vector<Band>> split(const std::vector<std::unique_ptr<OpenCl>>& devices, int height) {
-  if (devices.size() == 1) return {{{0, height}}};
+  const int rows = static_cast<int>(block_edges(height).size()) - 1;
+  if (devices.size() == 1) return {{{0, rows}}};
   std::vector<std::vector<Band>> bands(devices.size());
   const auto speed = [&](std::size_t i) {
     const DeviceInfo& info = devices[i]->info();
     return 1.0 * info.compute_units * std::max(1, info.clock_MHz) * (info.type == "CPU" ? 16 : 64);
   };
-  for (int row = 0; row < height; row += band_rows) {
+  for (int row = 0; row < rows; ++row) {
     std::size_t next = 0;
     const auto loaded = [&](std::size_t i) { return static_cast<double>(bands[i].size() + 1) / speed(i); };
     for (std::size_t i = 1; i < devices.size(); ++i)
       if (loaded(i) < loaded(next)) next = i;
-    bands[next].push_back({row, std::min(row + band_rows, height)});
+    bands[next].push_back({row, row + 1});
   }
   return bands;
 }

@@ -20,7 +20,7 @@ TraceSettings settings_of(int width, int height, int samples) {
 }
 
 TEST(Tiles, HoldEveryPixelOnceAndNoNeighbours) {
-  for (const auto& [width, height] : {std::pair{37, 21}, {16, 16}, {1, 1}, {5, 40}}) {
+  for (const auto& [width, height] : {std::pair{37, 21}, {16, 16}, {1, 1}, {5, 40}, {500, 500}, {28, 100}}) {
     const PixelOrder order = in_tiles(width, height);
     std::set<int> seen;
     for (std::size_t item = 0; item < order.items(); ++item)
@@ -38,6 +38,11 @@ TEST(Tiles, HoldEveryPixelOnceAndNoNeighbours) {
     EXPECT_EQ(seen.size(), static_cast<std::size_t>(width) * height);
     EXPECT_EQ(*seen.rbegin(), width * height - 1);
   }
+}
+
+TEST(Tiles, FewLanesAreWithoutAPixel) {
+  for (const auto& [width, height] : {std::pair{500, 500}, {512, 512}, {640, 480}, {100, 301}})
+    EXPECT_LT(static_cast<double>(in_tiles(width, height).pixels.size()), 1.011 * width * height);
 }
 
 /// A mesh of 3200 vertices lies within 0.02 arcmin of its formula: what is left is the noise of 2048 samples.
