@@ -6,8 +6,9 @@ namespace emmetrope::raytrace {
 namespace {
 
 constexpr int outputs = 4, state_counts = 4;
-/// Rays of one kernel call: short enough for progress, Ctrl-C and a display's watchdog.
-constexpr std::int64_t rays_a_call = 8'000'000, rays_a_call_every_triangle = 100'000;
+/// Rays of one kernel call for each compute unit: enough to fill it, and short enough for progress, Ctrl-C
+/// and a display's watchdog.
+constexpr std::int64_t rays_a_call = 4'000'000, rays_a_call_every_triangle = 50'000;
 
 KernelForm form_on(const OpenCl& cl, const PictureJob& job) {
   KernelForm form = job.form;
@@ -101,7 +102,8 @@ DevicePicture::Slice DevicePicture::items_of(const Band& band) const {
 
 std::size_t DevicePicture::items_a_call(int samples) const {
   const std::int64_t rays =
-      job_.system.has(Operation::every_triangle) ? rays_a_call_every_triangle : rays_a_call;
+      cl_.info().compute_units *
+      (job_.system.has(Operation::every_triangle) ? rays_a_call_every_triangle : rays_a_call);
   return static_cast<std::size_t>(
              std::max<std::int64_t>(work_group, rays / samples / work_group * work_group)) /
          order_.together;
