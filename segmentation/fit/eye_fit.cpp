@@ -9,6 +9,8 @@
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/frames.hpp"
 #include "segmentation/finding/sampling.hpp"
+#include "segmentation/fit/globe_starts.hpp"
+#include "segmentation/fit/residual_judgement.hpp"
 #include "segmentation/fit/rician.hpp"
 
 namespace emmetrope::segmentation {
@@ -17,82 +19,6 @@ namespace {
 using Eigen::MatrixXd;
 using Eigen::Vector3d;
 using Eigen::VectorXd;
-
-/// Distance of the corneal apex from the globe's centre: the steepest change along the axis between aqueous
-/// and lid.
-double find_apex_distance(const std::vector<const Stack*>& stacks, const EyeStart& start, Contrast contrast) {
-  constexpr double first = 8.8, last = 15.5, step = 0.2;
-  const int count = static_cast<int>((last - first) / step) + 1;
-  VectorXd profile = VectorXd::Zero(count);
-  const Vector3d across = start.axis.unitOrthogonal(), other = start.axis.cross(across);
-  for (int i = 0; i < count; ++i) {
-    int values = 0;
-    for (std::size_t k = 0; k < stacks.size(); ++k) {
-      for (int ring = 0; ring < 9; ++ring) {
-        const double angle = ring * 2 * pi / 8, radius = ring == 8 ? 0 : 1.0;
-        const Vector3d x = start.in_stack(k).globe_centre + (first + i * step) * start.axis +
-                           radius * (std::cos(angle) * across + std::sin(angle) * other);
-        if (const auto value = interpolate(*stacks[k], x)) {
-          profile[i] += *value;
-          ++values;
-        }
-      }
-    }
-    if (values > 0) profile[i] /= values;
-  }
-  // From bright aqueous to dark cornea in T2, the other way round in T1.
-  const double sign = contrast == Contrast::t2 ? -1 : 1;
-  int best = 0;
-  double steepest = 0;
-  for (int i = 3; i + 3 < count; ++i) {
-    const double slope = sign * (profile[i + 2] - profile[i - 2]);
-    if (slope > steepest) {
-      steepest = slope;
-      best = i;
-    }
-  }
-  const double population = 12.3;
-  return best == 0 ? population : first + best * step + 0.55;
-}
-
-VectorXd start_parameters(const ParameterLayout& layout, const std::vector<const Stack*>& stacks,
-                          const EyeStart& start, Contrast contrast, Evidence evidence) {
-  VectorXd a = population_mean(layout);
-  const double apex = find_apex_distance(stacks, start, contrast);
-  a.segment<3>(apex_x) = start.globe_centre + apex * start.axis;
-  a.segment<2>(gaze_horizontal) = gaze_deg(start.axis);
-  a[globe_x] = a[globe_y] = a[globe_z] = start.globe_radius_mm;
-  a[axial_length] = apex + start.globe_radius_mm;
-
-  for (std::size_t k = 1; k < start.stack_shift.size(); ++k)
-    a.segment<3>(layout.stack(static_cast<int>(k)) + shift_first) = start.stack_shift[k];
-  if (evidence == Evidence::labels) {
-    a[vitreous] = a[aqueous] = fluid_level;
-    a[wall] = a[cornea] = a[lens] = solid_level;
-    a[iris] = iris_level;
-    a[lid] = a[air] = a[surround] = outside_level;
-    return a;
-  }
-  std::vector<TissueLevels> levels;
-  for (std::size_t k = 0; k < stacks.size(); ++k)
-    levels.push_back(measure_levels(*stacks[k], start.in_stack(k), contrast));
-  const auto relative = [&](double TissueLevels::*tissue) {
-    double sum = 0;
-    for (const TissueLevels& l : levels)
-      sum += l.*tissue / (contrast == Contrast::t2 ? l.vitreous : l.surround);
-    return sum / static_cast<double>(levels.size());
-  };
-  const bool t2 = contrast == Contrast::t2;
-  a[vitreous] = a[aqueous] = relative(&TissueLevels::vitreous);
-  a[wall] = relative(&TissueLevels::wall);
-  a[lens] = relative(&TissueLevels::lens);
-  a[lid] = relative(&TissueLevels::lid);
-  a[surround] = relative(&TissueLevels::surround);
-  a[air] = std::min(relative(&TissueLevels::air), 0.1);
-  a[cornea] = t2 ? std::min(a[wall] + 0.02, 0.35) : a[wall];
-  a[iris] = t2 ? std::min(a[lid], 0.35) : (a[wall] + a[surround]) / 2;
-  return a;
-}
 
 /// Deviation of each sample, frozen for a pass: the noise of a Rician magnitude at the model's signal,
 /// widened for each stack by what the model does not explain (median of the residuals), so that the loss sees
@@ -162,43 +88,19 @@ std::vector<int> all_parameters(const ForwardModel& model) {
   return indices;
 }
 
-/// Pass 1: globe, lens, pose, without the cornea; the apex rides with the globe.
-SolveResult fit_globe(FitProblem& problem, const VectorXd& start, Evidence evidence) {
+/// Pass 1: globe, lens, pose, without the cornea; the apex rides with the globe. In T1 fat and muscle around
+/// it differ by more than the globe from either, so that what surrounds it must be free to vary.
+SolveResult fit_globe(FitProblem& problem, const VectorXd& start, Evidence evidence, bool varied_surround) {
   std::vector<int> active = range(apex_x, gaze_vertical);
   append(active, {anterior_chamber_depth, lens_thickness, lens_anterior_radius, lens_posterior_radius,
                   globe_x, globe_y, globe_z, wall_lateral, wall_axial, iris_offset, pupil_radius, vitreous,
                   aqueous, wall, lens, iris, surround});
   const ParameterLayout& layout = problem.model->layout();
   append(active, stack_parameters(*problem.model, false));
+  if (varied_surround) append(active, range(layout.background(), layout.size() - 1));
   problem.loss_scale = 6;
   return solve(problem, start, select_parameters(layout.size(), open_parameters(layout, active, evidence)),
                16);
-}
-
-/// Where the first pass starts. What the finder takes for the globe is the strongest edge: the inner side of
-/// the wall, but in T1 maybe its outer side, against fat; and where bright fat is displaced over the wall, a
-/// fit that starts without takes it for the wall.
-std::vector<VectorXd> globe_starts(const ForwardModel& model, const std::vector<const Stack*>& stacks,
-                                   const EyeStart& start, Contrast contrast, Evidence evidence) {
-  const ParameterLayout& layout = model.layout();
-  std::vector<VectorXd> starts{start_parameters(layout, stacks, start, contrast, evidence)};
-  if (contrast != Contrast::t1 || evidence == Evidence::labels) return starts;
-  EyeStart smaller = start;
-  smaller.globe_radius_mm -= 1;
-  starts.push_back(start_parameters(layout, stacks, smaller, contrast, evidence));
-  for (const VectorXd& still : std::vector<VectorXd>(starts)) {
-    for (int s = 0; s < layout.stacks; ++s) {
-      for (const int along : {0, 1}) {
-        const double sigma = model.stacks()[s].fat_shift_sigma_mm[along];
-        for (const double shift : {-sigma, sigma}) {
-          if (shift == 0) continue;
-          starts.push_back(still);
-          starts.back()[layout.stack(s) + fat_shift_first + along] = shift;
-        }
-      }
-    }
-  }
-  return starts;
 }
 
 /// Pass 2: the front of the eye from five depths of the apex, globe and lens kept in place.
@@ -252,89 +154,6 @@ int coarse_stride(const std::vector<ObservedStack>& stacks) {
   return std::clamp(static_cast<int>(0.8 / voxel_mm3), 1, 6);
 }
 
-/// Voxels per independent residual in each part, from the correlation of neighbours in the plane (as of a
-/// first-order process).
-std::array<double, part_count> residual_correlation(const EyeFit& fit, const std::vector<Sample>& samples,
-                                                    const std::vector<double>& weighted) {
-  using Place = std::array<long, 4>;
-  std::map<Place, std::size_t> at;
-  const auto place = [&](const Sample& sample) -> Place {
-    const Stack& stack = *fit.stacks[sample.stack].stack;
-    const Vector3d d = sample.position - stack.slice_position.front();
-    return {sample.stack, std::lround(100 * d.dot(stack.normal)),
-            std::lround(d.dot(stack.along_row) / stack.column_spacing_mm),
-            std::lround(d.dot(stack.along_column) / stack.row_spacing_mm)};
-  };
-  std::array<double, part_count> power{}, voxels{};
-  for (std::size_t i = 0; i < samples.size(); ++i) {
-    const auto part = static_cast<std::size_t>(samples[i].part);
-    at[place(samples[i])] = i;
-    power[part] += weighted[i] * weighted[i];
-    ++voxels[part];
-  }
-  std::array<std::array<double, 2>, part_count> along{}, pairs{};
-  for (const auto& [key, i] : at) {
-    for (const int axis : {0, 1}) {
-      Place neighbour = key;
-      ++neighbour[2 + axis];
-      const auto found = at.find(neighbour);
-      if (found == at.end() || samples[found->second].part != samples[i].part) continue;
-      const auto part = static_cast<std::size_t>(samples[i].part);
-      along[part][axis] += weighted[i] * weighted[found->second];
-      ++pairs[part][axis];
-    }
-  }
-  std::array<double, part_count> factor{};
-  for (std::size_t part = 0; part < part_count; ++part) {
-    factor[part] = 1;
-    if (voxels[part] < 50) continue;
-    for (const int axis : {0, 1}) {
-      const double rho = std::clamp(
-          along[part][axis] / std::max(1.0, pairs[part][axis]) / (power[part] / voxels[part]), 0.0, 0.67);
-      factor[part] *= (1 + rho) / (1 - rho);
-    }
-  }
-  return factor;
-}
-
-/// Residuals by part. \return by how much the variance of each part's samples is to be widened: what the
-/// model does not explain, and neighbours whose residuals are alike, carry less information than independent
-/// noise.
-std::array<double, part_count> judge(EyeFit& fit, const FitProblem& problem) {
-  const ForwardModel::AtParameters at(fit.model, fit.parameters);
-  fit.regions.assign(part_count, {});
-  fit.residuals.clear();
-  std::array<double, part_count> widening{};
-  std::vector<double> weighted;
-  double sum = 0;
-  for (const Sample& sample : problem.samples) {
-    const double w = residual(problem, at, sample), r = w * fit.misfit[sample.stack];
-    const auto part = static_cast<std::size_t>(sample.part);
-    fit.residuals.push_back(r);
-    // Outliers count as the loss counts them.
-    const double bounded = std::clamp(w, -4.0, 4.0);
-    weighted.push_back(bounded);
-    widening[part] += bounded * bounded;
-    RegionFit& region = fit.regions[part];
-    ++region.voxels;
-    region.chi2 += r * r;
-    region.outliers += std::abs(w) > 4 ? 1 : 0;
-    sum += r * r;
-  }
-  fit.chi2_per_voxel = sum / std::max<double>(1, static_cast<double>(problem.samples.size()));
-  const std::array<double, part_count> correlation = residual_correlation(fit, problem.samples, weighted);
-  for (std::size_t part = 0; part < part_count; ++part) {
-    RegionFit& region = fit.regions[part];
-    const int voxels = std::max(1, region.voxels);
-    region.name = part_names[part];
-    region.chi2 /= voxels;
-    region.outliers /= voxels;
-    region.correlation = correlation[part];
-    widening[part] = std::max(1.0, widening[part] / voxels) * correlation[part];
-  }
-  return widening;
-}
-
 }  // namespace
 
 double EyeFit::sigma(int parameter) const {
@@ -360,8 +179,9 @@ double EyeFit::pole_depth_sigma_mm() const {
   return std::sqrt(std::max(0.0, by.dot(covariance * by)));
 }
 
-EyeStart start_of(const FoundEye& eye) {
+EyeStart start_of(const FoundEye& eye, std::optional<double> age_years) {
   EyeStart start;
+  start.age_years = age_years;
   start.globe_centre = eye.views.front().globe.centre;
   start.globe_radius_mm = eye.radius_mm;
   start.axis = eye.axis;
@@ -393,7 +213,7 @@ EyeFit fit_eye(const std::vector<const Stack*>& stacks, const EyeStart& start, C
   const std::vector<VectorXd> starts = globe_starts(model, stacks, start, contrast, evidence);
   VectorXd a = starts.front();
   const auto priors_about = [&](const VectorXd& from) {
-    Priors priors = population_priors(layout, from, contrast);
+    Priors priors = population_priors(layout, from, contrast, start.age_years);
     for (int s = 0; s < layout.stacks; ++s)
       for (const int along : {0, 1})
         if (const double sigma = sampling[s].fat_shift_sigma_mm[along]; sigma > 0)
@@ -410,7 +230,8 @@ EyeFit fit_eye(const std::vector<const Stack*>& stacks, const EyeStart& start, C
   };
 
   Selection globe;
-  globe.cornea = globe.fields = false;
+  globe.cornea = false;
+  globe.fields = contrast == Contrast::t1;
   globe.stride = coarse_stride(observed);
   problem.samples = select_samples(model, a, observed, globe);
   if (problem.samples.size() < 1000) throw no_result_error("too few voxels show the eye");
@@ -421,7 +242,7 @@ EyeFit fit_eye(const std::vector<const Stack*>& stacks, const EyeStart& start, C
   globe_found.cost = std::numeric_limits<double>::infinity();
   for (const VectorXd& from : starts) {
     problem.priors = priors_about(from);
-    SolveResult result = fit_globe(problem, from, evidence);
+    SolveResult result = fit_globe(problem, from, evidence, globe.fields);
     if (result.cost >= globe_found.cost) continue;
     globe_found = std::move(result);
     priors = problem.priors;
@@ -432,7 +253,7 @@ EyeFit fit_eye(const std::vector<const Stack*>& stacks, const EyeStart& start, C
   // Once more from there: the start may be a millimetre off and its voxels with it.
   problem.samples = select_samples(model, a, observed, globe);
   freeze_weights(problem, a);
-  adopt(fit_globe(problem, a, evidence));
+  adopt(fit_globe(problem, a, evidence, globe.fields));
 
   Selection front;
   front.rear = false;
@@ -464,7 +285,7 @@ EyeFit fit_eye(const std::vector<const Stack*>& stacks, const EyeStart& start, C
              {},     {},       0,        misfit, {}, 0,      false, std::move(start_costs)};
   fit.evidence = evidence;
   // The balance of image and priors, and the covariance, with weights that know about the misfit.
-  const std::array<double, part_count> widening = judge(fit, problem);
+  const std::array<double, part_count> widening = judge_residuals(fit, problem);
   std::vector<float> deviations;
   for (Sample& sample : problem.samples) {
     deviations.push_back(sample.deviation);
@@ -475,7 +296,7 @@ EyeFit fit_eye(const std::vector<const Stack*>& stacks, const EyeStart& start, C
   fit.parameters = a;
   fit.covariance = covariance(problem, a, basis);
   for (std::size_t i = 0; i < deviations.size(); ++i) problem.samples[i].deviation = deviations[i];
-  judge(fit, problem);
+  judge_residuals(fit, problem);
   fit.samples = std::move(problem.samples);
   return fit;
 }

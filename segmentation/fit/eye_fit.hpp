@@ -1,5 +1,6 @@
 #pragma once
 #include <functional>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -58,7 +59,7 @@ struct EyeFit {
 };
 
 /// What the fit of a found eye starts from, and its stacks.
-EyeStart start_of(const FoundEye& eye);
+EyeStart start_of(const FoundEye& eye, std::optional<double> age_years = {});
 std::vector<const Stack*> views_of(const FoundEye& eye, const std::vector<const Stack*>& stacks);
 
 /// Fits one eye to its stacks, which are of one contrast. The order that converges: globe, lens and pose

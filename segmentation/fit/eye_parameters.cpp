@@ -1,5 +1,6 @@
 #include "segmentation/fit/eye_parameters.hpp"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 
@@ -19,6 +20,20 @@ struct Belief {
 
 constexpr double per_dioptre = 1 / 337.5;  ///< keratometric power to curvature, 1/mm
 
+/// A radius of the lens in adults (Dubbelman and van der Heijde 2001): at_birth_mm + per_year_mm age, between
+/// the ages that were measured. The spread is that of adults of any age.
+struct LensRadius {
+  double at_birth_mm, per_year_mm, sigma_mm;
+
+  constexpr double mean_mm(double age_years) const { return at_birth_mm + per_year_mm * age_years; }
+  /// What is left of the spread once the age is known, which varies by 15 years among them.
+  double sigma_at_known_age_mm() const {
+    return std::sqrt(sigma_mm * sigma_mm - std::pow(15 * per_year_mm, 2));
+  }
+};
+constexpr LensRadius lens_front{12.9, -0.057, 1.5}, lens_back{6.2, -0.012, 0.6};
+constexpr double usual_age_years = 40, youngest_years = 18, oldest_years = 70;
+
 const std::array<Belief, eye_parameter_count>& beliefs() {
   static const std::array<Belief, eye_parameter_count> table{{
       {"apex_x_mm", 0, no_belief},
@@ -35,8 +50,8 @@ const std::array<Belief, eye_parameter_count>& beliefs() {
       {"cornea_back_ratio", 0.83, 0.015},
       {"anterior_chamber_depth_mm", 3.5, 0.6},
       {"lens_thickness_mm", 3.9, 0.6},
-      {"lens_anterior_radius_mm", 10.5, 1.5},
-      {"lens_posterior_radius_mm", 6.0, 0.6},
+      {"lens_anterior_radius_mm", lens_front.mean_mm(usual_age_years), lens_front.sigma_mm},
+      {"lens_posterior_radius_mm", lens_back.mean_mm(usual_age_years), lens_back.sigma_mm},
       {"lens_anterior_q", -3, 2},
       {"lens_posterior_q", -1, 1},
       {"lens_decentre_x_mm", 0, 0.25},
@@ -48,7 +63,7 @@ const std::array<Belief, eye_parameter_count>& beliefs() {
       {"globe_semi_axis_x_mm", 11.5, 1.2},
       {"globe_semi_axis_y_mm", 11.4, 1.2},
       {"globe_semi_axis_z_mm", 11.2, 1.2},
-      {"wall_lateral_mm", 1.0, 0.3},
+      {"wall_lateral_mm", 0.85, 0.2},
       {"wall_axial_mm", 1.2, 0.4},
       {"iris_offset_mm", -0.1, 0.15},
       {"iris_slope", 0, 0.1},
@@ -111,11 +126,20 @@ Eigen::VectorXd population_mean(const ParameterLayout& layout) {
   return mean;
 }
 
-Priors population_priors(const ParameterLayout& layout, const Eigen::VectorXd& start, Contrast contrast) {
+Priors population_priors(const ParameterLayout& layout, const Eigen::VectorXd& start, Contrast contrast,
+                         std::optional<double> age_years) {
   Priors priors{population_mean(layout), Eigen::VectorXd::Constant(layout.size(), no_belief)};
   for (int i = 0; i < eye_parameter_count; ++i) priors.sigma[i] = beliefs()[i].sigma;
   for (int i = 0; i < eye_parameter_count; ++i) {
     if (is_intensity(i) || i <= gaze_vertical) priors.mean[i] = start[i];
+  }
+  if (age_years) {
+    const double age = std::clamp(*age_years, youngest_years, oldest_years);
+    for (const auto& [at, radius] :
+         {std::pair{lens_anterior_radius, lens_front}, {lens_posterior_radius, lens_back}}) {
+      priors.mean[at] = radius.mean_mm(age);
+      priors.sigma[at] = radius.sigma_at_known_age_mm();
+    }
   }
   // In T1 the vitreous is dark and the tissues around it spread over a wider range of it.
   if (contrast == Contrast::t1) {

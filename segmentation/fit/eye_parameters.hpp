@@ -1,6 +1,7 @@
 #pragma once
 #include <Eigen/Core>
 #include <limits>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -100,8 +101,10 @@ struct Priors {
 };
 
 /// Population and acquisition priors (values and sources: docs/segmentation.md) about a start vector:
-/// parameters with no population mean (pose, intensities) are weakly held at `start` or not at all.
-Priors population_priors(const ParameterLayout& layout, const Eigen::VectorXd& start, Contrast contrast);
+/// parameters with no population mean (pose, intensities) are weakly held at `start` or not at all. Where the
+/// patient's age is known, the radii of the lens are expected as they are at that age.
+Priors population_priors(const ParameterLayout& layout, const Eigen::VectorXd& start, Contrast contrast,
+                         std::optional<double> age_years = {});
 
 /// A vector at the population means, pose and intensities zero.
 Eigen::VectorXd population_mean(const ParameterLayout& layout);

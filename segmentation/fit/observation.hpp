@@ -1,5 +1,6 @@
 #pragma once
 #include <Eigen/Core>
+#include <optional>
 #include <vector>
 
 #include "segmentation/fit/forward_model.hpp"
@@ -15,6 +16,7 @@ struct EyeStart {
   /// Where the head has moved between the stacks: a point of stack k plus stack_shift[k] is where it lies in
   /// the first. Empty: nowhere.
   std::vector<Eigen::Vector3d> stack_shift;
+  std::optional<double> age_years;  ///< of the patient; the lens changes with it
 
   /// The same eye as it lies in stack k.
   EyeStart in_stack(std::size_t k) const {

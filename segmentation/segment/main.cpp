@@ -20,6 +20,8 @@ int main(int argc, char** argv) {
                    "intensities; repeatable")
         ->allow_extra_args(false)
         ->type_name("FILE");
+    app.add_option("--age", options.age_years, "Years, where the study does not say")
+        ->check(CLI::Range(0.0, 120.0));
     app.add_flag("--any-modality", options.any_modality, "Also use series that do not say that they are MR");
   };
   command.run = [&](const emmetrope::CommonOptions& common) {

@@ -58,9 +58,12 @@ std::vector<QualityGate> judge_quality(const FoundEye& found, const EyeFit& fit)
                       length_sigma));
   // In T1 fat that chemical shift has laid over the wall is brighter than either, and is taken for the wall.
   if (fit.contrast == Contrast::t1) {
+    // A wall as bright as what surrounds it has no outer border, and any thickness fits.
     const double thickness = std::min(fit.value(wall_lateral), fit.value(wall_axial));
-    at_least("wall_thickness_t1_mm", thickness, 0.3, true,
-             fmt::format("a wall of {:.1f} mm is no eye's: fat was taken for it", thickness));
+    const bool fits = fit.regions[static_cast<std::size_t>(Part::wall)].chi2 < 1.5;
+    at_least("wall_thickness_t1_mm", thickness, 0.3, !fits,
+             fits ? "the globe's wall is as bright as what surrounds it: its thickness is not known"
+                  : fmt::format("a wall of {:.1f} mm is no eye's: fat was taken for it", thickness));
     const double brightness = fit.value(wall) / fit.value(surround);
     at_most("wall_over_surroundings_t1", brightness, 1.2, true,
             fmt::format("the globe's wall is {:.1f} times as bright as the fat around it: fat displaced by "

@@ -107,13 +107,14 @@ struct EyeResult {
   }
 };
 
-void fit_one(EyeResult& eye, const std::vector<const Stack*>& stacks, const std::function<void()>& advance) {
+void fit_one(EyeResult& eye, const std::vector<const Stack*>& stacks, std::optional<double> age_years,
+             const std::function<void()>& advance) {
   try {
     const std::vector<const Stack*> views = views_of(eye.found, stacks);
     std::vector<const Stack*> drawn;
     for (const Stack& image : eye.label_images) drawn.push_back(&image);
-    eye.fit = fit_eye(eye.is_labelled() ? drawn : views, start_of(eye.found), eye.found.contrast, advance,
-                      eye.is_labelled() ? Evidence::labels : Evidence::intensities);
+    eye.fit = fit_eye(eye.is_labelled() ? drawn : views, start_of(eye.found, age_years), eye.found.contrast,
+                      advance, eye.is_labelled() ? Evidence::labels : Evidence::intensities);
     // What is shown and written is the scanner's image.
     for (std::size_t v = 0; v < views.size(); ++v) eye.fit->stacks[v].stack = views[v];
     eye.gates = judge_quality(eye.found, *eye.fit);
@@ -125,13 +126,13 @@ void fit_one(EyeResult& eye, const std::vector<const Stack*>& stacks, const std:
 
 /// One eye a core; the result does not depend on how many cores there are.
 void fit_all(std::vector<EyeResult>& eyes, const std::vector<const Stack*>& stacks,
-             const CommonOptions& common) {
+             std::optional<double> age_years, const CommonOptions& common) {
   Progress progress("fitting the eyes", eyes.size() * fit_steps, common.verbosity);
   const auto advance = [&] { progress.advance(); };
   std::vector<std::exception_ptr> faults(eyes.size());
   const auto run = [&](std::size_t i) {
     try {
-      fit_one(eyes[i], stacks, advance);
+      fit_one(eyes[i], stacks, age_years, advance);
     } catch (...) {
       faults[i] = std::current_exception();
     }
@@ -339,7 +340,7 @@ StageVerdict segment_study(const SegmentOptions& options, const CommonOptions& c
     for (const HandLabels& one : labels)
       if (one.shows(eye.found.laterality))
         eye.label_images.push_back(label_image(one, *stacks[one.stack], eye.found.laterality));
-  fit_all(eyes, stacks, common);
+  fit_all(eyes, stacks, options.age_years ? options.age_years : inventory.subject.age_years, common);
   const bool coupled = couple(eyes);
 
   const std::optional<double> roll = head_roll_deg(eyes);
@@ -402,6 +403,7 @@ Answer segment(const SegmentOptions& options, const CommonOptions& common) {
   spec.stage = "segmentation";
   spec.parameters = {{"series", options.series},
                      {"any_modality", options.any_modality},
+                     {"age_years", options.age_years ? Json(*options.age_years) : Json(nullptr)},
                      {"laterality", common.laterality == LateralityChoice::both ? "both"
                                     : common.laterality == LateralityChoice::od ? "od"
                                                                                 : "os"}};

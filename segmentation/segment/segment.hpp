@@ -1,5 +1,6 @@
 #pragma once
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -13,6 +14,7 @@ struct SegmentOptions {
   std::vector<std::string>
       series;  ///< SeriesInstanceUID or number in the inventory, or "UID,KEYWORD=VALUE"; empty: choose
   bool any_modality = false;
+  std::optional<double> age_years;  ///< default: the study's
   std::vector<std::filesystem::path>
       labels;  ///< label volumes corrected by hand, one a stack; never written to
 };

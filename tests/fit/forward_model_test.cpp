@@ -236,6 +236,27 @@ TEST(ForwardModel, FewSubslicesSeeTheCurvatureOfTheGlobe) {
     EXPECT_NEAR(at_wall(3, across), at_wall(40, across), 5e-4) << across;
 }
 
+/// Radii of the lens by Dubbelman and van der Heijde 2001 (12.9 - 0.057 age, 6.2 - 0.012 age).
+TEST(Priors, OfTheLensFollowThePatientsAge) {
+  ParameterLayout layout;
+  const VectorXd start = population_mean(layout);
+  const Priors unknown = population_priors(layout, start, Contrast::t2);
+  EXPECT_NEAR(unknown.mean[lens_anterior_radius], 10.62, 1e-9);
+  EXPECT_NEAR(unknown.mean[lens_posterior_radius], 5.72, 1e-9);
+  const Priors at_60 = population_priors(layout, start, Contrast::t2, 60);
+  EXPECT_NEAR(at_60.mean[lens_anterior_radius], 9.48, 1e-9);
+  EXPECT_NEAR(at_60.mean[lens_posterior_radius], 5.48, 1e-9);
+  EXPECT_NEAR(at_60.sigma[lens_anterior_radius], 1.232, 1e-3);
+  EXPECT_NEAR(at_60.sigma[lens_posterior_radius], 0.572, 1e-3);
+  // Nobody has measured the regression in children.
+  EXPECT_EQ(population_priors(layout, start, Contrast::t2, 6).mean,
+            population_priors(layout, start, Contrast::t2, 18).mean);
+  // Nothing else depends on it.
+  EXPECT_EQ(at_60.mean.head(lens_anterior_radius), unknown.mean.head(lens_anterior_radius));
+  EXPECT_EQ(at_60.sigma.tail(layout.size() - lens_posterior_radius - 1),
+            unknown.sigma.tail(layout.size() - lens_posterior_radius - 1));
+}
+
 /// The condensed problem's cost and gradient are those of the voxels.
 TEST(LeastSquares, GradientMatchesDifferencesOfTheCost) {
   const ForwardModel model = test_model();

@@ -172,7 +172,7 @@ struct StudiedEye {
 };
 
 /// Finds and fits it, as the stage does.
-void fit(StudiedEye& eye, bool of_one_eye) {
+void fit(StudiedEye& eye, bool of_one_eye, double age_years) {
   const std::vector<std::string> hints(eye.images.stacks.size(),
                                        of_one_eye ? (eye.laterality == Laterality::od ? "R" : "L") : "");
   const FoundEyes found = find_eyes(eye.images.views(), hints);
@@ -183,7 +183,7 @@ void fit(StudiedEye& eye, bool of_one_eye) {
   if (one == found.eyes.end()) return;
   eye.found = *one;
   try {
-    eye.fit = fit_eye(views_of(*one, eye.images.views()), start_of(*one), one->contrast);
+    eye.fit = fit_eye(views_of(*one, eye.images.views()), start_of(*one, age_years), one->contrast);
     const std::vector<QualityGate> gates = judge_quality(*one, *eye.fit);
     eye.record["status"] = is_refused(gates) ? "refused" : "measured";
     for (const QualityGate& gate : gates)
@@ -269,7 +269,7 @@ std::vector<Json> study_head(const StudyProtocol& wanted, unsigned long long see
     eye.record["age_years"] = head.age_years;
     eye.record["lens_index"] = head.lens_index;
     eye.record["render_s"] = rendered_s - begin_s;
-    fit(eye, of_one_eye);
+    fit(eye, of_one_eye, head.age_years);
     eye.record["fit_s"] = processor_s() - rendered_s;
     eyes.push_back(std::move(eye));
   }

@@ -1,0 +1,116 @@
+#include "segmentation/fit/globe_starts.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "pipeline/base/frames.hpp"
+#include "segmentation/finding/sampling.hpp"
+
+namespace emmetrope::segmentation {
+namespace {
+
+using Eigen::Vector3d;
+using Eigen::VectorXd;
+
+/// Distance of the corneal apex from the globe's centre: the steepest change along the axis between aqueous
+/// and lid.
+double find_apex_distance(const std::vector<const Stack*>& stacks, const EyeStart& start, Contrast contrast) {
+  constexpr double first = 8.8, last = 15.5, step = 0.2;
+  const int count = static_cast<int>((last - first) / step) + 1;
+  VectorXd profile = VectorXd::Zero(count);
+  const Vector3d across = start.axis.unitOrthogonal(), other = start.axis.cross(across);
+  for (int i = 0; i < count; ++i) {
+    int values = 0;
+    for (std::size_t k = 0; k < stacks.size(); ++k) {
+      for (int ring = 0; ring < 9; ++ring) {
+        const double angle = ring * 2 * pi / 8, radius = ring == 8 ? 0 : 1.0;
+        const Vector3d x = start.in_stack(k).globe_centre + (first + i * step) * start.axis +
+                           radius * (std::cos(angle) * across + std::sin(angle) * other);
+        if (const auto value = interpolate(*stacks[k], x)) {
+          profile[i] += *value;
+          ++values;
+        }
+      }
+    }
+    if (values > 0) profile[i] /= values;
+  }
+  // From bright aqueous to dark cornea in T2, the other way round in T1.
+  const double sign = contrast == Contrast::t2 ? -1 : 1;
+  int best = 0;
+  double steepest = 0;
+  for (int i = 3; i + 3 < count; ++i) {
+    const double slope = sign * (profile[i + 2] - profile[i - 2]);
+    if (slope > steepest) {
+      steepest = slope;
+      best = i;
+    }
+  }
+  const double population = 12.3;
+  return best == 0 ? population : first + best * step + 0.55;
+}
+
+VectorXd start_parameters(const ParameterLayout& layout, const std::vector<const Stack*>& stacks,
+                          const EyeStart& start, Contrast contrast, Evidence evidence) {
+  VectorXd a = population_mean(layout);
+  const double apex = find_apex_distance(stacks, start, contrast);
+  a.segment<3>(apex_x) = start.globe_centre + apex * start.axis;
+  a.segment<2>(gaze_horizontal) = gaze_deg(start.axis);
+  a[globe_x] = a[globe_y] = a[globe_z] = start.globe_radius_mm;
+  a[axial_length] = apex + start.globe_radius_mm;
+
+  for (std::size_t k = 1; k < start.stack_shift.size(); ++k)
+    a.segment<3>(layout.stack(static_cast<int>(k)) + shift_first) = start.stack_shift[k];
+  if (evidence == Evidence::labels) {
+    a[vitreous] = a[aqueous] = fluid_level;
+    a[wall] = a[cornea] = a[lens] = solid_level;
+    a[iris] = iris_level;
+    a[lid] = a[air] = a[surround] = outside_level;
+    return a;
+  }
+  std::vector<TissueLevels> levels;
+  for (std::size_t k = 0; k < stacks.size(); ++k)
+    levels.push_back(measure_levels(*stacks[k], start.in_stack(k), contrast));
+  const auto relative = [&](double TissueLevels::*tissue) {
+    double sum = 0;
+    for (const TissueLevels& l : levels)
+      sum += l.*tissue / (contrast == Contrast::t2 ? l.vitreous : l.surround);
+    return sum / static_cast<double>(levels.size());
+  };
+  const bool t2 = contrast == Contrast::t2;
+  a[vitreous] = a[aqueous] = relative(&TissueLevels::vitreous);
+  a[wall] = relative(&TissueLevels::wall);
+  a[lens] = relative(&TissueLevels::lens);
+  a[lid] = relative(&TissueLevels::lid);
+  a[surround] = relative(&TissueLevels::surround);
+  a[air] = std::min(relative(&TissueLevels::air), 0.1);
+  a[cornea] = t2 ? std::min(a[wall] + 0.02, 0.35) : a[wall];
+  a[iris] = t2 ? std::min(a[lid], 0.35) : (a[wall] + a[surround]) / 2;
+  return a;
+}
+
+}  // namespace
+
+std::vector<VectorXd> globe_starts(const ForwardModel& model, const std::vector<const Stack*>& stacks,
+                                   const EyeStart& start, Contrast contrast, Evidence evidence) {
+  const ParameterLayout& layout = model.layout();
+  std::vector<VectorXd> starts{start_parameters(layout, stacks, start, contrast, evidence)};
+  if (contrast != Contrast::t1 || evidence == Evidence::labels) return starts;
+  EyeStart smaller = start;
+  smaller.globe_radius_mm -= 1;
+  starts.push_back(start_parameters(layout, stacks, smaller, contrast, evidence));
+  for (const VectorXd& still : std::vector<VectorXd>(starts)) {
+    for (int s = 0; s < layout.stacks; ++s) {
+      for (const int along : {0, 1}) {
+        const double sigma = model.stacks()[s].fat_shift_sigma_mm[along];
+        for (const double shift : {-sigma, sigma}) {
+          if (shift == 0) continue;
+          starts.push_back(still);
+          starts.back()[layout.stack(s) + fat_shift_first + along] = shift;
+        }
+      }
+    }
+  }
+  return starts;
+}
+
+}  // namespace emmetrope::segmentation

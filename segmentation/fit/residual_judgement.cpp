@@ -1,0 +1,94 @@
+#include "segmentation/fit/residual_judgement.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+
+namespace emmetrope::segmentation {
+namespace {
+
+using Eigen::Vector3d;
+
+/// Voxels per independent residual in each part, from the correlation of neighbours in the plane (as of a
+/// first-order process).
+std::array<double, part_count> residual_correlation(const EyeFit& fit, const std::vector<Sample>& samples,
+                                                    const std::vector<double>& weighted) {
+  using Place = std::array<long, 4>;
+  std::map<Place, std::size_t> at;
+  const auto place = [&](const Sample& sample) -> Place {
+    const Stack& stack = *fit.stacks[sample.stack].stack;
+    const Vector3d d = sample.position - stack.slice_position.front();
+    return {sample.stack, std::lround(100 * d.dot(stack.normal)),
+            std::lround(d.dot(stack.along_row) / stack.column_spacing_mm),
+            std::lround(d.dot(stack.along_column) / stack.row_spacing_mm)};
+  };
+  std::array<double, part_count> power{}, voxels{};
+  for (std::size_t i = 0; i < samples.size(); ++i) {
+    const auto part = static_cast<std::size_t>(samples[i].part);
+    at[place(samples[i])] = i;
+    power[part] += weighted[i] * weighted[i];
+    ++voxels[part];
+  }
+  std::array<std::array<double, 2>, part_count> along{}, pairs{};
+  for (const auto& [key, i] : at) {
+    for (const int axis : {0, 1}) {
+      Place neighbour = key;
+      ++neighbour[2 + axis];
+      const auto found = at.find(neighbour);
+      if (found == at.end() || samples[found->second].part != samples[i].part) continue;
+      const auto part = static_cast<std::size_t>(samples[i].part);
+      along[part][axis] += weighted[i] * weighted[found->second];
+      ++pairs[part][axis];
+    }
+  }
+  std::array<double, part_count> factor{};
+  for (std::size_t part = 0; part < part_count; ++part) {
+    factor[part] = 1;
+    if (voxels[part] < 50) continue;
+    for (const int axis : {0, 1}) {
+      const double rho = std::clamp(
+          along[part][axis] / std::max(1.0, pairs[part][axis]) / (power[part] / voxels[part]), 0.0, 0.67);
+      factor[part] *= (1 + rho) / (1 - rho);
+    }
+  }
+  return factor;
+}
+
+}  // namespace
+
+std::array<double, part_count> judge_residuals(EyeFit& fit, const FitProblem& problem) {
+  const ForwardModel::AtParameters at(fit.model, fit.parameters);
+  fit.regions.assign(part_count, {});
+  fit.residuals.clear();
+  std::array<double, part_count> widening{};
+  std::vector<double> weighted;
+  double sum = 0;
+  for (const Sample& sample : problem.samples) {
+    const double w = residual(problem, at, sample), r = w * fit.misfit[sample.stack];
+    const auto part = static_cast<std::size_t>(sample.part);
+    fit.residuals.push_back(r);
+    // Outliers count as the loss counts them.
+    const double bounded = std::clamp(w, -4.0, 4.0);
+    weighted.push_back(bounded);
+    widening[part] += bounded * bounded;
+    RegionFit& region = fit.regions[part];
+    ++region.voxels;
+    region.chi2 += r * r;
+    region.outliers += std::abs(w) > 4 ? 1 : 0;
+    sum += r * r;
+  }
+  fit.chi2_per_voxel = sum / std::max<double>(1, static_cast<double>(problem.samples.size()));
+  const std::array<double, part_count> correlation = residual_correlation(fit, problem.samples, weighted);
+  for (std::size_t part = 0; part < part_count; ++part) {
+    RegionFit& region = fit.regions[part];
+    const int voxels = std::max(1, region.voxels);
+    region.name = part_names[part];
+    region.chi2 /= voxels;
+    region.outliers /= voxels;
+    region.correlation = correlation[part];
+    widening[part] = std::max(1.0, widening[part] / voxels) * correlation[part];
+  }
+  return widening;
+}
+
+}  // namespace emmetrope::segmentation
