@@ -16,8 +16,8 @@ struct Ball {
   double radius_mm;
 };
 
-/// An axial stack of balls with a wall and a lens, in fat, with air in front; noise of 4 %.
-Stack axial_stack(const std::vector<Ball>& balls, Contrast contrast, unsigned seed) {
+/// An axial stack of balls with a wall and a lens, in fat, with air in front; noise in per cent.
+Stack axial_stack(const std::vector<Ball>& balls, Contrast contrast, unsigned seed, float noise_percent = 4) {
   const bool t2 = contrast == Contrast::t2;
   const double fluid = t2 ? 100 : 25, fat = t2 ? 55 : 100, lens = t2 ? 20 : 60, wall = t2 ? 20 : 45;
   Stack stack;
@@ -30,7 +30,7 @@ Stack axial_stack(const std::vector<Ball>& balls, Contrast contrast, unsigned se
   stack.column_spacing_mm = stack.row_spacing_mm = 1;
   stack.slice_thickness_mm = 2;
   std::mt19937 random(seed);
-  std::normal_distribution<float> noise(0, 4);
+  std::normal_distribution<float> noise(0, noise_percent);
   for (int s = 0; s < 20; ++s) {
     stack.slice_position.push_back({-64, -55, -20 + 2.0 * s});
     std::vector<float> slice;
@@ -79,6 +79,26 @@ TEST_P(BothContrasts, PairIsFoundSidedAndLooksStraightAhead) {
       EXPECT_GT(eye.axis.dot(-Vector3d::UnitY()), std::cos(6 * 0.0174533));
       EXPECT_GT(eye.lens_contrast, 0.15);
     }
+  }
+}
+
+/// T1 and T2 of one person in one study: the eyes are seen in the class that says more about them, the choice
+/// is explained, and the other stack changes nothing.
+TEST_P(BothContrasts, OfBothTheOneThatSaysMoreIsUsed) {
+  const std::vector<Ball> eyes{{{-30.3, -33.2, 1.4}, 11.4}, {{32.1, -32.4, 0.3}, 11.9}};
+  const Stack better = axial_stack(eyes, GetParam(), 1, 3),
+              worse = axial_stack(eyes, GetParam() == Contrast::t1 ? Contrast::t2 : Contrast::t1, 2, 9);
+  const FoundEyes alone = find_eyes({&better}, {""}), together = find_eyes({&worse, &better}, {"", ""});
+  ASSERT_EQ(together.eyes.size(), 2U);
+  EXPECT_FALSE(together.choices[0].used);
+  EXPECT_NE(together.choices[0].reason.find("says more about this eye"), std::string::npos)
+      << together.choices[0].reason;
+  EXPECT_TRUE(together.choices[1].used);
+  for (int i = 0; i < 2; ++i) {
+    EXPECT_EQ(together.eyes[i].contrast, GetParam());
+    ASSERT_EQ(together.eyes[i].views.size(), 1U);
+    EXPECT_EQ(together.eyes[i].views[0].stack, 1U);
+    EXPECT_LT((together.eyes[i].views[0].globe.centre - alone.eyes[i].views[0].globe.centre).norm(), 1e-9);
   }
 }
 
