@@ -1,5 +1,6 @@
 #include "raytrace/eye/mesh_shape.hpp"
 
+#include <Eigen/Geometry>
 #include <cmath>
 
 #include "pipeline/base/error.hpp"
@@ -14,6 +15,17 @@ std::vector<TriangleHierarchy::Hit> axis_crossings(const TriangleHierarchy& hier
   for (const TriangleHierarchy::Hit& hit : hierarchy.all(axis))
     if (crossings.empty() || hit.distance_mm - crossings.back().distance_mm > 1e-6) crossings.push_back(hit);
   return crossings;
+}
+
+/// Optical surfaces, spectacles included, are some millimetres to some centimetres wide.
+void check_unit(const TriangleMesh& mesh) {
+  Eigen::AlignedBox3d box;
+  for (const Eigen::Vector3d& vertex : mesh.vertices) box.extend(vertex);
+  const double width_mm = box.isEmpty() ? 0 : box.diagonal().maxCoeff();
+  if (!(width_mm >= 1 && width_mm <= 300))
+    throw input_error("the mesh is " + std::to_string(width_mm) + " mm wide, no optical surface's size",
+                      width_mm < 1 ? "lengths are mm; are they metres or centimetres?"
+                                   : "lengths are mm; are they micrometres?");
 }
 
 double axis_depth_mm(const TriangleMesh& mesh) {
@@ -142,6 +154,7 @@ Json MeshShape::to_json() const {
 Surface make_mesh_surface(const std::string& name, const TriangleMesh& mesh_in_eye,
                           const std::string& medium_after, MeshInterpolation interpolation,
                           const std::filesystem::path& file) {
+  check_unit(mesh_in_eye);
   Surface surface;
   surface.name = name;
   surface.position_mm = axis_depth_mm(mesh_in_eye);

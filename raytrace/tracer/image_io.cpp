@@ -43,7 +43,9 @@ void write_png(const std::filesystem::path& file, const LinearImage& image) {
 }
 
 void write_tiff(const std::filesystem::path& file, const LinearImage& image) {
-  write(file, floats_of(image), ".tiff", {});
+  // Left to itself OpenCV packs colours logarithmically, 2 % off.
+  constexpr int uncompressed = 1;  // libtiff's COMPRESSION_NONE
+  write(file, floats_of(image), ".tiff", {cv::IMWRITE_TIFF_COMPRESSION, uncompressed});
 }
 
 void write_exr(const std::filesystem::path& file, const LinearImage& image) {

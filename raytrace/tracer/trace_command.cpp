@@ -68,9 +68,16 @@ void write_wavefront(const EyeModel& eye, const TraceSettings& settings, const f
   const Wavefront wavefront = measure_wavefront(eye, wavefront_settings);
   const PointSpread spread = point_spread(wavefront);
   Json json = wavefront_json(wavefront);
-  json["psf"] = {{"file", "psf.tiff"}, {"pitch_arcmin", spread.pitch_arcmin}};
+  if (spread.wraps) {
+    spdlog::warn(
+        "psf.tiff is left out: the blur is wider than the largest grid of a point spread function; spots.csv "
+        "has the rays");
+    json["psf"] = nullptr;
+  } else {
+    json["psf"] = {{"file", "psf.tiff"}, {"pitch_arcmin", spread.pitch_arcmin}};
+    write_tiff(folder / "psf.tiff", {spread.size, spread.size, 1, spread.values});
+  }
   write_json(folder / "wavefront.json", json);
-  write_tiff(folder / "psf.tiff", {spread.size, spread.size, 1, spread.values});
   std::string spots = "pupil_x_mm,pupil_y_mm,angle_x_arcmin,angle_y_arcmin,weight\n";
   Eigen::Vector2d mean(0, 0);
   double weight = 0;

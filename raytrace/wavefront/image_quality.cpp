@@ -27,9 +27,9 @@ Wavefront with_lens(Wavefront wavefront, const PowerVector& lens) {
   return wavefront;
 }
 
-/// Samples over the pupil so that the phase turns by less than half a wave from one to the next, within
-/// reason: then the point spread function fits into its grid, too.
-int samples_across(const Wavefront& wavefront) {
+/// Samples over the pupil so that the phase turns by less than half a wave from one to the next: then the
+/// point spread function fits into its grid, too.
+double samples_needed(const Wavefront& wavefront) {
   // The radial slope at the edge: norm times n (n + 2) / 2 for m = 0, norm times n for |m| = n, between for
   // the others.
   double slope_um = 0;
@@ -38,8 +38,14 @@ int samples_across(const Wavefront& wavefront) {
     const double norm = std::sqrt((m == 0 ? 1.0 : 2.0) * (n + 1));
     slope_um += std::abs(wavefront.zernike_um[j]) * norm * (n * (n + 2) - m * m) / 2;
   }
-  const double needed = 2 * 2 * slope_um / (wavefront.wavelength_nm / 1000);
-  return std::clamp(static_cast<int>(needed), 128, 512);
+  return 2 * 2 * slope_um / (wavefront.wavelength_nm / 1000);
+}
+
+constexpr int most_samples = 1024;
+
+PupilFunction sampled(const Wavefront& wavefront) {
+  const int samples = static_cast<int>(std::clamp(samples_needed(wavefront), 128.0, 1.0 * most_samples));
+  return {wavefront, samples, samples > 512 ? 2.0 : 3.0};
 }
 
 /// Sum of Re(OTF) over frequencies up to 60 cycles a degree with the neural weights.
@@ -69,13 +75,13 @@ class NeuralSum {
   std::vector<Entry> entries_;
 };
 
-/// The spot diagram in object space: where each ray points, as the patient sees it.
+/// The spot diagram: the angles of the rays in object space about the line of sight, along eye x and y.
 Json spot_json(const Wavefront& wavefront) {
   constexpr double arcmin = degree / 60;
   Json x = Json::array(), y = Json::array();
   for (const Wavefront::PupilRay& ray : wavefront.rays) {
-    x.push_back(-ray.slope.x() / arcmin);
-    y.push_back(-ray.slope.y() / arcmin);
+    x.push_back(ray.slope.x() / arcmin);
+    y.push_back(ray.slope.y() / arcmin);
   }
   return {{"rms_arcmin", wavefront.spot_rms_arcmin()}, {"x_arcmin", x}, {"y_arcmin", y}};
 }
@@ -84,12 +90,12 @@ Json spot_json(const Wavefront& wavefront) {
 
 ImageQuality image_quality(const Wavefront& uncorrected, const PowerVector& lens_in_pupil) {
   const Wavefront wavefront = with_lens(uncorrected, lens_in_pupil);
-  const PupilFunction pupil(wavefront, samples_across(wavefront), 3);
+  const PupilFunction pupil = sampled(wavefront);
   const std::vector<double> spread = pupil.point_spread({}), perfect = pupil.perfect_point_spread();
   const std::vector<std::complex<double>> otf = pupil.otf(spread);
   const NeuralSum neural(pupil);
   ImageQuality quality;
-  quality.strehl = *std::max_element(spread.begin(), spread.end()) / perfect[0];
+  quality.strehl = pupil.strehl({}, spread);
   quality.vsotf = neural.of(otf) / neural.of(pupil.otf(perfect));
   for (int cpd = 0; cpd <= highest_cpd; ++cpd) {
     const int step = cpd * pupil.per_cpd();
@@ -104,10 +110,11 @@ ImageQuality image_quality(const Wavefront& uncorrected, const PowerVector& lens
 
 PointSpread point_spread(const Wavefront& uncorrected, const PowerVector& lens_in_pupil) {
   const Wavefront wavefront = with_lens(uncorrected, lens_in_pupil);
-  const PupilFunction pupil(wavefront, samples_across(wavefront), 3);
+  const PupilFunction pupil = sampled(wavefront);
   const std::vector<double> spread = pupil.point_spread({});
   PointSpread result;
   result.size = pupil.size();
+  result.wraps = samples_needed(wavefront) > most_samples;
   result.pitch_arcmin = pupil.pitch_arcmin();
   result.values.resize(spread.size());
   const double sum = std::accumulate(spread.begin(), spread.end(), 0.0);

@@ -1,5 +1,7 @@
 #include "raytrace/wavefront/pupil_function.hpp"
 
+#include <Eigen/LU>
+#include <algorithm>
 #include <cmath>
 #include <opencv2/core.hpp>
 
@@ -73,18 +75,61 @@ std::vector<double> PupilFunction::transform(const std::vector<std::complex<doub
   return result;
 }
 
-std::vector<double> PupilFunction::point_spread(const PowerVector& lens) const {
+std::vector<std::complex<double>> PupilFunction::amplitudes(const PowerVector& lens) const {
   // What the lens adds to the terms of second order: c = power r^2 / (4 sqrt 3), r^2 / (2 sqrt 6).
   const double square = radius_mm_ * radius_mm_;
   const double c4 = lens.M_D * square / (4 * std::sqrt(3.0));
   const double c5 = lens.J0_D * square / (2 * std::sqrt(6.0));
   const double c3 = lens.J45_D * square / (2 * std::sqrt(6.0));
-  std::vector<std::complex<double>> field(static_cast<std::size_t>(size_) * size_);
+  std::vector<std::complex<double>> result;
+  result.reserve(points_.size());
   for (const Point& p : points_) {
     const double w = p.wavefront_um + c4 * p.defocus + c5 * p.straight + c3 * p.oblique;
-    field[p.index] = std::polar(p.amplitude, 2 * pi * w / wavelength_um_);
+    result.push_back(std::polar(p.amplitude, 2 * pi * w / wavelength_um_));
   }
+  return result;
+}
+
+std::vector<double> PupilFunction::point_spread(const PowerVector& lens) const {
+  const std::vector<std::complex<double>> amplitude = amplitudes(lens);
+  std::vector<std::complex<double>> field(static_cast<std::size_t>(size_) * size_);
+  for (std::size_t k = 0; k < points_.size(); ++k) field[points_[k].index] = amplitude[k];
   return transform(field);
+}
+
+double PupilFunction::strehl(const PowerVector& lens, const std::vector<double>& point_spread) const {
+  const auto signed_place = [&](int place) { return 2 * place > size_ ? place - size_ : place; };
+  const auto largest =
+      static_cast<int>(std::max_element(point_spread.begin(), point_spread.end()) - point_spread.begin());
+  Eigen::Vector2d angle(signed_place(largest % size_), signed_place(largest / size_));  // grid steps
+  const std::vector<std::complex<double>> amplitude = amplitudes(lens);
+  double area = 0, best = 0;
+  for (const Point& point : points_) area += point.amplitude;
+  for (int round = 0; round < 6; ++round) {
+    // The field and its derivatives by the angle: sums of f, -i k f and -k k' f over the pupil.
+    std::complex<double> field = 0;
+    Eigen::Vector2cd first = Eigen::Vector2cd::Zero();
+    Eigen::Matrix2cd second = Eigen::Matrix2cd::Zero();
+    for (std::size_t i = 0; i < points_.size(); ++i) {
+      const Eigen::Vector2d k =
+          2 * pi / size_ *
+          Eigen::Vector2d(signed_place(points_[i].index % size_), signed_place(points_[i].index / size_));
+      const std::complex<double> f = amplitude[i] * std::polar(1.0, -k.dot(angle));
+      field += f;
+      first -= std::complex<double>(0, 1) * f * k;
+      second -= f * (k * k.transpose());
+    }
+    if (std::norm(field) <= best) break;
+    best = std::norm(field);
+    const Eigen::Vector2d slope = 2 * (std::conj(field) * first).real();
+    const Eigen::Matrix2d bend =
+        2 * (first.conjugate() * first.transpose() + std::conj(field) * second).real();
+    if (!(bend.trace() < 0 && bend.determinant() > 0)) break;  // no hilltop here
+    const Eigen::Vector2d step = -bend.inverse() * slope;
+    if (step.norm() < 1e-6 || step.norm() > 1) break;
+    angle += step;
+  }
+  return best / (area * area);
 }
 
 std::vector<double> PupilFunction::perfect_point_spread() const {

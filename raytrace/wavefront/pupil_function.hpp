@@ -25,6 +25,9 @@ class PupilFunction {
   std::vector<double> point_spread(const PowerVector& lens) const;
   /// The same for the perfect pupil.
   std::vector<double> perfect_point_spread() const;
+  /// The Strehl ratio: the largest value of a point spread function over that of the perfect pupil. It lies
+  /// between the grid's angles, so that Newton's method climbs from the largest of `point_spread(lens)`.
+  double strehl(const PowerVector& lens, const std::vector<double>& point_spread) const;
   /// OTF of a point spread function, 1 at index 0.
   std::vector<std::complex<double>> otf(const std::vector<double>& point_spread) const;
 
@@ -34,6 +37,7 @@ class PupilFunction {
     double amplitude;                                 ///< share of the grid's square inside the pupil
     double wavefront_um, defocus, straight, oblique;  ///< W without piston and tilt; Z4, Z5, Z3
   };
+  std::vector<std::complex<double>> amplitudes(const PowerVector& lens) const;  ///< of `points_`
   std::vector<double> transform(const std::vector<std::complex<double>>& field) const;
 
   std::vector<Point> points_;

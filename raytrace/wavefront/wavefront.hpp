@@ -10,9 +10,10 @@
 /// Wavefront aberration of an eye, ANSI Z80.28 / ISO 24157, by exact rays from the retina outward.
 ///
 /// The reference plane is the entrance pupil's, perpendicular to the line of sight (the ray from the retinal
-/// point through the centre of the stop); its x is the eye's horizontal, its y up. W (um) is positive where
-/// the emerging wavefront leads less, so that myopia has a positive defocus term: M = -4 sqrt(3) c20 / r^2
-/// with c in um and r in mm.
+/// point through the centre of the stop); its x is the eye's horizontal, its y up. W (um) is the optical
+/// path of the ray through the pupil's centre less that of the ray here: positive where the emerging
+/// wavefront is ahead, as a myope's converging one is at the rim: M = -4 sqrt(3) c20 / r^2 with c in um and r
+/// in mm.
 namespace emmetrope {
 
 struct WavefrontSettings {
@@ -69,6 +70,8 @@ ImageQuality image_quality(const Wavefront& wavefront, const PowerVector& lens_i
 struct PointSpread {
   int size = 0;
   double pitch_arcmin = 0;
+  bool wraps =
+      false;  ///< the blur is wider than the grid, and what leaves it on one side enters on the other
   std::vector<float> values;
 };
 PointSpread point_spread(const Wavefront& wavefront, const PowerVector& lens_in_pupil = {});

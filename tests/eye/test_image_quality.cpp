@@ -50,6 +50,37 @@ TEST(ImageQuality, DefocusHasTheClosedFormStrehl) {
   EXPECT_NEAR(image_quality(wavefront).strehl, sinc * sinc, 2e-3);
 }
 
+TEST(ImageQuality, StrehlIsThePeakBetweenTheGridsAngles) {
+  // Coma moves the peak along y: |mean over the pupil of exp(2 pi i (W - t y) / wavelength)|^2 at its best t,
+  // by midpoints in r^2 and angle.
+  for (const double coma_um : {0.05, 0.11, 0.2}) {
+    Wavefront wavefront = perfect(4, 555);
+    wavefront.zernike_um[7] = coma_um;
+    double largest = 0;
+    for (double t_um = -2; t_um <= 2; t_um += 0.005) {
+      constexpr int rings = 40, spokes = 80;
+      std::complex<double> sum = 0;
+      for (int i = 0; i < rings; ++i)
+        for (int k = 0; k < spokes; ++k) {
+          const double r = std::sqrt((i + 0.5) / rings), y = r * std::sin(2 * pi * (k + 0.5) / spokes);
+          const double w = coma_um * std::sqrt(8.0) * (3 * r * r - 2) * y;
+          sum += std::polar(1.0 / (rings * spokes), 2 * pi * (w - t_um * y) / 0.555);
+        }
+      largest = std::max(largest, std::norm(sum));
+    }
+    EXPECT_NEAR(image_quality(wavefront).strehl, largest, 2e-3) << coma_um;
+  }
+}
+
+TEST(ImageQuality, ABlurBeyondTheGridIsNamed) {
+  Wavefront wavefront = perfect(3, 555);
+  wavefront.zernike_um[4] = 20 * 2.25 / (4 * std::sqrt(3.0));  // -20 D
+  EXPECT_FALSE(point_spread(wavefront).wraps);
+  wavefront.pupil_mm = 8;
+  wavefront.zernike_um[4] = 20 * 16 / (4 * std::sqrt(3.0));
+  EXPECT_TRUE(point_spread(wavefront).wraps);
+}
+
 TEST(ImageQuality, TheLensTakesAwayWhatItCorrects) {
   Wavefront wavefront = perfect(4, 555);
   // M = -4 sqrt3 c20 / r^2 and so on for a refraction of -1.5, 0.4, -0.3 D.

@@ -143,6 +143,14 @@ TEST(MeshShape, AGlobeBeyondItsEquatorIsMetOnTheRightSide) {
   }
 }
 
+TEST(MeshShape, SheetsInAnotherUnitAreRefused) {
+  for (const double factor : {1e-3, 1e3}) {
+    TriangleMesh mesh = jittered_sheet(*make_sphere(7.8), 5, 300, 6);
+    for (auto& v : mesh.vertices) v *= factor;
+    EXPECT_THROW(make_mesh_surface("cornea", mesh, ""), Error) << factor;
+  }
+}
+
 TEST(MeshShape, SheetsThatMissTheAxisAreRefused) {
   TriangleMesh mesh = jittered_sheet(*make_sphere(7.8), 5, 300, 6);
   for (auto& v : mesh.vertices) v.x() += 9;

@@ -75,19 +75,25 @@ TEST_F(Progressive, AMovingEyeReachesItToo) {
   EXPECT_LT(rms_levels(result.image, reference.image), 1.6 * *result.error);
 }
 
-TEST_F(Progressive, OpenExrHoldsTheLinearFloats) {
+TEST_F(Progressive, OpenExrAndTiffHoldTheLinearFloats) {
   const test::TemporaryFolder folder;
-  LinearImage image{3, 2, 3, {}};
-  for (int i = 0; i < 18; ++i) image.values.push_back(0.1F * static_cast<float>(i * i) + 1e-4F);
-  write_exr(folder.path() / "picture.exr", image);
-  EXPECT_EQ(read_file(folder.path() / "picture.exr").substr(0, 4), "\x76\x2f\x31\x01");
-  const cv::Mat read = cv::imread((folder.path() / "picture.exr").string(), cv::IMREAD_UNCHANGED);
-  ASSERT_EQ(read.type(), CV_32FC3);
-  ASSERT_EQ(read.size(), cv::Size(3, 2));
-  for (int row = 0; row < 2; ++row)
-    for (int column = 0; column < 3; ++column)
-      for (int c = 0; c < 3; ++c)
-        EXPECT_EQ(read.at<cv::Vec3f>(row, column)[2 - c], image.at(column, row, c));  // OpenCV: blue first
+  for (const int channels : {1, 3}) {
+    LinearImage image{3, 2, channels, {}};
+    for (int i = 0; i < 6 * channels; ++i) image.values.push_back(0.1F * static_cast<float>(i * i) + 1e-4F);
+    write_exr(folder.path() / "picture.exr", image);
+    write_tiff(folder.path() / "picture.tiff", image);
+    EXPECT_EQ(read_file(folder.path() / "picture.exr").substr(0, 4), "\x76\x2f\x31\x01");
+    for (const char* name : {"picture.exr", "picture.tiff"}) {
+      const cv::Mat read = cv::imread((folder.path() / name).string(), cv::IMREAD_UNCHANGED);
+      ASSERT_EQ(read.type(), CV_32FC(channels)) << name;
+      ASSERT_EQ(read.size(), cv::Size(3, 2)) << name;
+      for (int row = 0; row < 2; ++row)
+        for (int column = 0; column < 3; ++column)
+          for (int c = 0; c < channels; ++c)  // OpenCV: blue first
+            EXPECT_EQ(read.ptr<float>(row)[column * channels + channels - 1 - c], image.at(column, row, c))
+                << name;
+    }
+  }
 }
 
 }  // namespace

@@ -5,7 +5,9 @@
 #include <cmath>
 #include <set>
 
+#include "raytrace/eye/mesh_shape.hpp"
 #include "raytrace/tracer/retina_pixels.hpp"
+#include "raytrace/tracer/sheet_mesh.hpp"
 #include "raytrace/tracer/tracer.hpp"
 
 namespace emmetrope::raytrace {
@@ -85,6 +87,20 @@ TEST(Tiles, TrianglesDrawWhatFormulasDraw) {
   TraceSettings settings = settings_of(37, 21, 2048);
   settings.wavelength_nm = 589.3;
   expect_like_formulas(settings, Representation::triangles);
+}
+
+TEST(Tiles, RaysThatAreNoNumbersAreCountedAndHarmNothing) {
+  // A cornea a thousandth of its size throws rays so far that float32 overflows.
+  EyeModel eye = make_eye("navarro", {0, {}, 4.0});
+  eye.surface("cornea_anterior").shape = std::make_shared<MeshShape>(
+      sheet_mesh(*make_conic(0.00772, -0.26), 0.005, 565, 0.25), MeshInterpolation::smooth);
+  TraceSettings settings = settings_of(20, 20, 128);
+  settings.wavelength_nm = 589.3;
+  const auto result = Tracer("").trace(eye, *make_scene("letters:distance_mm=500"), settings);
+  std::uint64_t counted = 0;
+  for (const auto& [state, count] : result.states) counted += count;
+  EXPECT_EQ(counted, result.rays);
+  for (const float value : result.image.values) EXPECT_TRUE(value >= 0 && value <= 1);
 }
 
 TEST(Tiles, NoiseOfNeighboursIsIndependent) {

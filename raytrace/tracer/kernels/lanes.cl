@@ -93,9 +93,11 @@ AI int count16(int16 v) {
 #define QO(a, b) (float16)(a.s4567, a.scdef, b.s4567, b.scdef)
 #endif
 
-// max and min with the bound first give the bound where v is not a number, so that an index made of it is valid.
-#define AT_LEAST(bound, v) max((vf)(bound), v)
-#define AT_MOST(bound, v) min((vf)(bound), v)
+// The bound where v is not a number, which OpenCL's max and min leave open, so that an index made of it is valid: one instruction.
+AI vf at_least(vf bound, vf v) { return select(bound, v, v > bound); }
+AI vf at_most(vf bound, vf v) { return select(bound, v, v < bound); }
+#define AT_LEAST(bound, v) at_least((vf)(bound), v)
+#define AT_MOST(bound, v) at_most((vf)(bound), v)
 #define CLAMPED(v, low, high) AT_MOST(high, AT_LEAST(low, v))
 
 // A 64-byte record of 16 floats for every lane, as 16 vectors. id: index of the record times 16.
