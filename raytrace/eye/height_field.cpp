@@ -15,8 +15,8 @@ namespace {
 
 using Points = std::vector<Eigen::Vector3d>;  // x, y, depth
 
-/// Vertices steeper than this are left out: cos 60 degrees.
-constexpr double least_normal_z = 0.5;
+/// Vertices steeper than this are left out: cos 65 degrees.
+constexpr double least_normal_z = 0.42;
 constexpr int fewest_vertices = 12;
 /// A mesh that the spline misses by more is no smooth height field.
 constexpr double largest_rms_mm = 0.05;
@@ -45,10 +45,15 @@ struct Base {
     base.q = p[6];
     return base;
   }
-  double root_squared(const Eigen::Vector2d& x) const { return 1 - (1 + q) * (curvature * x).squaredNorm(); }
-  /// Beyond its reach the conic goes on with the root held: only the neighbourhood of the outline needs it.
+  /// Where the conic gets as steep as 72 degrees (a sphere) it goes on outwards by its Taylor series of
+  /// second order, without a kink that a spline would ring with.
   double depth(const Eigen::Vector2d& x) const {
-    return offset + tilt.dot(x) + x.dot(curvature * x) / (1 + std::sqrt(std::max(root_squared(x), 0.02)));
+    constexpr double least_square = 0.1, least = 0.316227766;
+    const double plane = offset + tilt.dot(x), s = x.dot(curvature * x),
+                 t = (1 + q) * (curvature * x).squaredNorm();
+    if (1 - t >= least_square) return plane + s / (1 + std::sqrt(1 - t));
+    const double k = std::sqrt((1 - least_square) / t), on = 1 - k;  // the series' place, and from it to x
+    return plane + s * (k * k / (1 + least) + k * on / least + on * on / (2 * least * least_square));
   }
 };
 
@@ -310,7 +315,9 @@ std::optional<HeightField> HeightField::fit(const TriangleMesh& mesh) {
 
   // Resampled with the same knots and more between them, so that the residual's spline is reproduced exactly;
   // a margin lets the ends' condition die away.
-  const double wanted_mm = std::clamp(knots_mm / 2, field.reach_ / 150, 0.2);
+  const double strongest_per_mm = base.curvature.cwiseAbs().maxCoeff();
+  const double wanted_mm =
+      std::max(field.reach_ / 150, std::min({knots_mm / 2, 0.2, 1 / (30 * strongest_per_mm + 1e-9)}));
   const int split = std::max(1, static_cast<int>(std::ceil(knots_mm / wanted_mm)));
   Grid fine;
   fine.spacing = knots_mm / split;

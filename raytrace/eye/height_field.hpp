@@ -39,7 +39,7 @@ class HeightField {
   std::optional<ShapeHit> intersect(const Ray& ray_in_shape) const;
 
   /// How far the surface passes from the vertices it was fitted to (along the axis, um), and how many those
-  /// are: vertices beyond a slope of 1.7 (60 degrees), a globe's equator say, are left out.
+  /// are: vertices beyond a slope of 2.1 (65 degrees), a globe's equator say, are left out.
   double max_deviation_um() const { return max_deviation_um_; }
   double rms_deviation_um() const { return rms_deviation_um_; }
   int fitted_vertices() const { return fitted_vertices_; }

@@ -49,7 +49,7 @@ class Bodies {
         const auto edge = edge_of(front, eye.surfaces[j]);
         if (edge && flags_[i] == 0 && flags_[j] == 0) {
           flags_[j] = enters_body;
-          edge_mm_[j] = *edge;
+          edge_mm_[i] = edge_mm_[j] = *edge;
           for (std::size_t k = i; k < j; ++k) flags_[k] = inside_body;
           any_ = true;
         }
@@ -88,7 +88,8 @@ class Bodies {
 
 /// What the device needs of every refracting surface, by its place in the eye; surfaces are independent of
 /// each other.
-std::vector<DeviceSurface> device_surfaces(const EyeModel& eye, const SystemForm& wanted) {
+std::vector<DeviceSurface> device_surfaces(const EyeModel& eye, const Bodies& bodies,
+                                           const SystemForm& wanted) {
   std::vector<int> places, vertices;  // from the retina's side
   for (int i = static_cast<int>(eye.surfaces.size()) - 2; i >= 0; --i)
     if (!eye.surfaces[i].is_stop()) {
@@ -98,7 +99,11 @@ std::vector<DeviceSurface> device_surfaces(const EyeModel& eye, const SystemForm
     }
   std::vector<DeviceSurface> forms(eye.surfaces.size());
   on_threads(wanted.threads, places.size(), [&](std::size_t k) {
-    const Surface& surface = eye.surfaces[places[k]];
+    Surface surface = eye.surfaces[places[k]];
+    // A body's surface ends at its edge, and its sheet just beyond: further out it may be too steep for one.
+    if (const double end_mm = 1.03 * bodies.edge_mm(places[k]); end_mm > 0 && surface.shape->type() != "mesh")
+      surface.semi_diameter_mm =
+          surface.semi_diameter_mm > 0 ? std::min(surface.semi_diameter_mm, end_mm) : end_mm;
     forms[places[k]] = device_surface(surface, wanted.representation, vertices[k]);
   });
   return forms;
@@ -230,7 +235,7 @@ OpticalSystem make_optical_system(const EyeModel& eye,
 
   const Bodies bodies(eye);
   system.has_body = bodies.any() && !wanted.every_surface;
-  const std::vector<DeviceSurface> forms = device_surfaces(eye, wanted);
+  const std::vector<DeviceSurface> forms = device_surfaces(eye, bodies, wanted);
   std::size_t floats = 0;
   for (const DeviceSurface& form : forms) floats += form.records.size() + form.seeds.size() + 16;
   system.records.reserve(floats);

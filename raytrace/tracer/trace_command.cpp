@@ -59,8 +59,8 @@ Json scale_of(const EyeModel& eye, const TraceSettings& settings) {
           {"arcmin_per_pixel", {pixel_arcmin.x(), pixel_arcmin.y()}}};
 }
 
-/// Of the eye without a spectacle, at its reference wavelength or the one asked for: wavefront.json, the
-/// point spread function psf.tiff and the spot diagram spots.csv.
+/// At the eye's reference wavelength or the one asked for: wavefront.json, the point spread function psf.tiff
+/// and the spot diagram spots.csv.
 void write_wavefront(const EyeModel& eye, const TraceSettings& settings, const fs::path& folder) {
   WavefrontSettings wavefront_settings;
   wavefront_settings.wavelength_nm = settings.wavelength_nm;
@@ -149,11 +149,10 @@ Answer trace_named(const TraceOptions& options, const CommonOptions& common) {
     eye_options.accommodation_parameter = options.accommodation_parameter;
     eye_options.pupil_mm = options.pupil_mm;
     eye_options.laterality = laterality;
-    const EyeModel eye = make_eye(options.eye, eye_options);
+    const EyeModel eye = with_spectacle(make_eye(options.eye, eye_options), options);
     TraceSettings settings = read_settings(options);
     settings.pose = read_pose(options, laterality);
-    const TraceResult result =
-        trace_exposure(tracer, with_spectacle(eye, options), *scene, settings, read_exposure(options));
+    const TraceResult result = trace_exposure(tracer, eye, *scene, settings, read_exposure(options));
     for (const auto& note : result.notes) spdlog::info("{}", note);
     warn_of_doubts(result, settings);
     const fs::path image =
@@ -224,6 +223,7 @@ StageVerdict trace_eyes(const fs::path& case_folder, const TraceOptions& options
     const fs::path folder = workspace.folder() / to_string(laterality);
     fs::create_directories(folder);
     write_mesh(folder / "photoreceptors.ply", measured.photoreceptors_in_lps, true);
+    // The eye's own, whatever it wears in the picture: a correction starts from them.
     write_json(folder / "eye.json", measured_eye_json(measured, laterality));
     write_png(folder / "uncorrected.png", result.image);
     write_wavefront(measured.eye, settings, folder);

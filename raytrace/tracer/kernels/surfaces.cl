@@ -118,6 +118,8 @@ AI vf base_distance(const ray* r, vf x, vf y, vf z, float c, float k) {
 
 // The slopes are those of the last step's start: quadratic convergence has brought it within nanometres of the hit.
 #define NEWTON_STEPS 2
+// Less than 0 where the last step was so long that the ray may pass the surface by: close to a steep body, say.
+#define SETTLED(last) (1e-2f - (last) * (last))
 
 #if HAS_BICONIC
 // d = S / (1 + w), S = cx x^2 + cy y^2, w = sqrt(1 - T), T = kx x^2 + ky y^2 with k = (1 + Q) c^2.
@@ -126,23 +128,24 @@ AI void biconic(ray* r, constant float* restrict p, int form, vf eta) {
   const float cx = p[4], cy = p[5], kx = p[6], ky = p[7];
   ENTER_FRAME
   const vf x0 = x, y0 = y;
-  vf t = base_distance(r, x, y, z, p[8], p[9]), gx, gy, inside, slope;
+  vf t = base_distance(r, x, y, z, p[8], p[9]), gx, gy, inside, slope, last;
   UNROLL for (int step = 0; step < NEWTON_STEPS; step++) {
     x = x0 + t * r->L;
     y = y0 + t * r->M;
     const vf S = cx * x * x + cy * y * y;
     inside = 1.f - (kx * x * x + ky * y * y);
     const vf w = sqrt(AT_LEAST(1e-3f, inside)), a = RECIP(1.f + w), iw = RECIP(w), b = S * a * a * iw;
-          gx = x * (2.f * cx * a + kx * b);
+    gx = x * (2.f * cx * a + kx * b);
     gy = y * (2.f * cy * a + ky * b);
     if (step == 0) slope = RECIP(r->N + gx * r->L + gy * r->M);
-    t -= (z + t * r->N + S * a) * slope;
+    last = (z + t * r->N + S * a) * slope;
+    t -= last;
   }
   x = x0 + t * r->L;
   y = y0 + t * r->M;
   z += t * r->N;
   LEAVE_FRAME(z)
-  const vf nd = gx * r->L + gy * r->M + r->N, beyond = inside - 1e-3f;
+  const vf nd = gx * r->L + gy * r->M + r->N, beyond = min(inside - 1e-3f, SETTLED(last));
   refract(r, gx, gy, (vf)1.f, 1.f + gx * gx + gy * gy, nd, nd * nd, eta, UNLIMITED ? beyond : min(beyond, INSIDE(x, y)));
 }
 #endif
@@ -168,7 +171,8 @@ AI void biconic(ray* r, constant float* restrict p, int form, vf eta) {
     gy = ((3.f * a3 * v + 2.f * a2) * v + a1) * h;                                                           \
     gx = (((d3 * v + d2) * v + d1) * v + d0) * h;                                                            \
     if (step == 0) slope = RECIP(r->N + gx * r->L + gy * r->M);                                              \
-    t -= (z0 + t * r->N + depth) * slope;                                                                    \
+    last = (z0 + t * r->N + depth) * slope;                                                                  \
+    t -= last;                                                                                               \
   }
 AI void patch(ray* r, constant float* restrict p, global const float* restrict records, vf eta) {
   const float h = p[8];
@@ -179,7 +183,7 @@ AI void patch(ray* r, constant float* restrict p, global const float* restrict r
   const vf u0 = TO_VF(column), v0 = TO_VF(row);
   const vi id = (row * as_int(p[11]) + column) * 16;
   global const float* cells = records + as_int(p[12]);
-  vf gx, gy, slope;
+  vf gx, gy, slope, last;
 #if SHARE_RECORDS
   if (SAME(id)) {
     global const float* one = cells + LANE0(id);
@@ -196,7 +200,7 @@ AI void patch(ray* r, constant float* restrict p, global const float* restrict r
   r->y = y + p[O_Y];
   r->z = z0 + t * r->N + p[O_Z];
   const vf nd = gx * r->L + gy * r->M + r->N;
-  refract(r, gx, gy, (vf)1.f, 1.f + gx * gx + gy * gy, nd, nd * nd, eta, INSIDE(x, y));
+  refract(r, gx, gy, (vf)1.f, 1.f + gx * gx + gy * gy, nd, nd * nd, eta, min(INSIDE(x, y), SETTLED(last)));
 }
 #endif
 
