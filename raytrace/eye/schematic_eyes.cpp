@@ -316,10 +316,11 @@ double refraction_D(const EyeModel& eye) { return paraxial_refraction(eye, eye.r
 double parameter_for(const Schematic& schematic, double accommodation_D) {
   const double target_D = refraction_D(schematic.make(0)) - accommodation_D;
   double low = 0, high = schematic.largest_parameter;
-  // Published end points are rounded: a hundredth of a dioptre beyond the last state is still that state.
+  // Published end points are rounded to hundredths of a dioptre: half of one beyond the last state is still
+  // it.
   const double reached_D = refraction_D(schematic.make(high));
   if (target_D < reached_D) {
-    if (target_D < reached_D - 0.01)
+    if (target_D < reached_D - 0.005)
       throw usage_error("--accommodation " + std::to_string(accommodation_D) + ": the " + schematic.name +
                         " eye accommodates by " + std::to_string(target_D + accommodation_D - reached_D) +
                         " D at most");

@@ -4,9 +4,11 @@
 #include <cmath>
 #include <functional>
 #include <limits>
+#include <set>
 
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/frames.hpp"
+#include "pipeline/base/log.hpp"
 #include "raytrace/scene/optotypes.hpp"
 
 namespace emmetrope::raytrace {
@@ -15,7 +17,10 @@ namespace {
 /// Largest texture: 64 MB of floats would gain nothing that a retinal image of 500 pixels shows.
 constexpr int largest_texture = 2048;
 constexpr int texels_per_detail = 8;
-constexpr int subsamples = 4;  ///< in x and in y, in texels that an outline crosses
+constexpr double fewest_texels = 1.5;  ///< of a detail: below, strokes are lost
+/// In texels that an outline crosses: a lattice on which no two share a row or a column, so that upright
+/// edges are as fine as slanting ones.
+constexpr int subsamples = 16, lattice_step = 7;
 
 /// Whether (x, y) is ink, in units of one minute of arc on the chart (x to the patient's right, y up, from
 /// its centre).
@@ -149,10 +154,10 @@ std::vector<float> rasterise(const Ink& ink, int size, double extent) {
       float value = centre ? 1.F : 0.F;
       if (corners != (centre ? 4 : 0)) {
         int inside = 0;
-        for (int b = 0; b < subsamples; ++b)
-          for (int a = 0; a < subsamples; ++a)
-            inside += ink(x_at(i + (a + 0.5) / subsamples), y_at(j + (b + 0.5) / subsamples));
-        value = static_cast<float>(inside) / (subsamples * subsamples);
+        for (int k = 0; k < subsamples; ++k)
+          inside += ink(x_at(i + (k + 0.5) / subsamples),
+                        y_at(j + (k * lattice_step % subsamples + 0.5) / subsamples));
+        value = static_cast<float>(inside) / subsamples;
       }
       share[static_cast<std::size_t>(j) * size + i] = value;
     }
@@ -193,6 +198,7 @@ ChartSpec parse_chart(const std::string& text) {
   }
   spec.logmar = default_logmar(spec.name);
   if (spec.name == "point") spec.extent_deg = 2;  // all else is dark anyway, and its texels are fine
+  std::set<std::string> given;
   for (std::size_t at = colon; at != std::string::npos;) {
     const std::size_t next = text.find(',', at + 1);
     const std::string pair = text.substr(at + 1, next == std::string::npos ? next : next - at - 1);
@@ -201,6 +207,9 @@ ChartSpec parse_chart(const std::string& text) {
       throw usage_error("--scene: \"" + pair + "\" is no key=value", "write NAME:key=value,key=value");
     const std::string key = pair.substr(0, equals);
     const double value = number(key, pair.substr(equals + 1));
+    if (!given.insert(key).second) throw usage_error("--scene: " + key + " is given twice");
+    if (key == "spokes" && spec.name != "siemens")
+      throw usage_error("--scene: spokes belong to siemens, not to " + spec.name);
     if (key == "distance_mm")
       spec.distance_mm = value;
     else if (key == "logmar")
@@ -234,6 +243,11 @@ Scene draw_chart(const ChartSpec& spec) {
   const double extent = 2 * half / minute;
   const double detail = spec.logmar_given || spec.name != "letters" ? std::pow(10, spec.logmar) : 1;
   const int size = std::clamp(int(std::ceil(extent * texels_per_detail / detail)), 64, largest_texture);
+  if (const double texels = size * detail / extent; texels < fewest_texels && spec.name != "siemens")
+    spdlog::warn(
+        "the chart's detail of {:.2g} arcmin is {:.1f} texels wide and is not drawn as it should be; give "
+        "extent_deg={:.2g} or less",
+        detail, texels, spec.extent_deg * texels / 4);
 
   const bool bright = spec.name == "point";  // a star on a dark ground; all others are ink on paper
   Texture texture;

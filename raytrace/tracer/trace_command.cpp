@@ -36,6 +36,12 @@ void warn_of_doubts(const TraceResult& result, const TraceSettings& settings) {
         "the picture is blank: what the scene holds lies outside the field or between its pixels' centres, "
         "from which "
         "rays start; use a smaller --field-mm, or a coarser logmar for a chart");
+  const std::uint64_t stopped = result.states.at(RayState::missed_surface) + result.states.at(RayState::tir);
+  if (20 * stopped > result.rays)
+    spdlog::warn(
+        "{:.0f} % of the rays stop inside the eye: they miss a surface or are totally reflected, and the "
+        "picture is made of the rest; emmetrope ray shows where a ray ends",
+        100.0 * static_cast<double>(stopped) / static_cast<double>(result.rays));
   if (result.error && *result.error > *settings.target_error)
     spdlog::warn(
         "--target-error {}: the standard error is still {:.3g} after {} rays a pixel; raise --samples",
@@ -192,6 +198,7 @@ Json stage_parameters(const TraceOptions& o, const CommonOptions& common) {
           {"motion", o.motion},
           {"exposure_steps", o.exposure_steps},
           {"wavelength_nm", or_null(o.wavelength_nm)},
+          {"achromatic", o.settings.achromatic},
           {"illuminance", o.settings.illuminance},
           {"stiles_crawford_per_mm2", o.settings.stiles_crawford_per_mm2},
           {"diffraction", o.settings.diffraction},
@@ -303,6 +310,16 @@ Answer trace_case(TraceOptions options, const CommonOptions& common) {
   return answer;
 }
 
+void refuse_options_of_a_case(const TraceOptions& options) {
+  const MeasuredEyeOptions untouched;
+  const bool given = options.measured.age_years || options.measured.lens_index ||
+                     !options.lens_model.empty() ||
+                     options.measured.retinal_depth_mm != untouched.retinal_depth_mm;
+  if (given)
+    throw usage_error("--age, --lens-index, --lens-model and --retinal-depth make a measured eye of a case",
+                      "leave them out with --eye");
+}
+
 }  // namespace
 
 Command trace_command() {
@@ -325,6 +342,11 @@ Command trace_command() {
       throw usage_error("--lens-model: \"" + options->lens_model + "\" is unknown",
                         "give homogeneous or core");
     options->measured.lens_core = options->lens_model == "core";
+    if (!options->eye.empty()) refuse_options_of_a_case(*options);
+    const std::string deviating = options->strabismus.substr(0, 2);
+    if ((deviating == "od" && common.laterality == LateralityChoice::os) ||
+        (deviating == "os" && common.laterality == LateralityChoice::od))
+      throw usage_error("--strabismus: " + deviating + " is the eye that --laterality leaves out");
     options->settings.seed = common.seed;
     options->settings.verbosity = common.verbosity;
     return options->eye.empty() ? trace_case(*options, common) : trace_named(*options, common);

@@ -61,7 +61,8 @@ void declare(CLI::App& app, TraceOptions& o) {
   app.add_option("--field-mm", o.field_mm, "On the retina, mm")->capture_default_str()->type_name("XxY");
   app.add_option("--fovea", o.fovea, "Centre of the picture on the retina, mm from the pole")
       ->type_name("X,Y");
-  app.add_option("--samples", o.samples, "Rays a pixel (128; with --target-error at most, 16384)");
+  app.add_option("--samples", o.samples,
+                 "Rays a pixel, in multiples of 32 (128; with --target-error at most, 16384)");
   app.add_option("--target-error", o.settings.target_error,
                  "Add rays until the picture's rms standard error is this, of 255 levels of linear light")
       ->type_name("LEVELS");
@@ -98,6 +99,8 @@ void declare(CLI::App& app, TraceOptions& o) {
   app.add_option("--exposure-steps", o.exposure_steps, "Where something moves: positions averaged")
       ->capture_default_str();
   app.add_option("--wavelength", o.wavelength_nm, "Monochromatic, nm (spectral)")->type_name("NM");
+  app.add_flag("--achromatic", o.settings.achromatic, "Colours as at the reference wavelength: no dispersion")
+      ->excludes("--wavelength");
   app.add_flag("--illuminance", o.settings.illuminance, "Weight by relative retinal illuminance");
   app.add_option("--stiles-crawford", o.settings.stiles_crawford_per_mm2,
                  "Receptors' directional weight 10^(-RHO r^2), 1/mm^2; 0.05 is usual (none)")

@@ -108,6 +108,8 @@ void check(const TraceSettings& settings) {
     throw usage_error("--method paper knows neither diffraction nor the Stiles-Crawford effect");
   if (settings.target_error && !(*settings.target_error > 0))
     throw usage_error("--target-error: the standard error must be larger than 0", "such as 0.5");
+  if (settings.achromatic && (settings.wavelength_nm || settings.representation == Representation::fast))
+    throw usage_error("--achromatic goes with neither --wavelength nor --surfaces fast");
   const Gaze& gaze = settings.pose.gaze;
   if (std::abs(gaze.horizontal_deg) > 60 || std::abs(gaze.vertical_deg) > 60)
     throw usage_error("--gaze: an eye does not turn by more than 60 degrees");
@@ -174,6 +176,7 @@ TraceResult Tracer::trace(const EyeModel& whole_eye, const Scene& scene, const T
   const bool spectral = !settings.wavelength_nm;
   Spectrum spectrum = display_spectrum();
   if (!spectral) spectrum.wavelength_nm.fill(*settings.wavelength_nm);
+  if (settings.achromatic) spectrum.wavelength_nm.fill(whole_eye.reference_wavelength_nm);
 
   EyeModel eye = whole_eye;
   const bool paper = settings.method == Method::paper;
@@ -189,7 +192,8 @@ TraceResult Tracer::trace(const EyeModel& whole_eye, const Scene& scene, const T
   job.view = make_device_scene(scene, settings.pose.eye_from_scene(), !spectral, state_->threads);
   if (job.view.has_meshes() && !tangents.empty())
     throw unsupported_error("derivatives of a scene with meshes are not offered", "use a scene of planes");
-  if (paper && !tangents.empty()) throw usage_error("--method paper has no derivatives");
+  if ((paper || settings.achromatic) && !tangents.empty())
+    throw usage_error("neither --method paper nor --achromatic has derivatives");
   job.grid = settings.grid;
   job.samples = settings.samples;
   const PupilAim aim(eye, job.grid, spectral ? eye.reference_wavelength_nm : *settings.wavelength_nm,

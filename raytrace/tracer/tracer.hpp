@@ -40,6 +40,7 @@ struct TraceSettings {
   std::optional<double> target_error;
   std::uint64_t seed = 1;               ///< common random numbers: same seed, same rays
   std::optional<double> wavelength_nm;  ///< monochromatic; spectral by default
+  bool achromatic = false;              ///< colours, all bent as the eye's reference wavelength is
   EyePose pose;                         ///< where the eye stands and looks
   bool illuminance = false;             ///< weight by relative retinal illuminance
   /// Stiles-Crawford effect: light weighs 10^(-this r^2), r mm from the entrance pupil's centre; 0: none

@@ -74,8 +74,9 @@ ExitStatus status_of(const std::string& scene) {
 }
 
 TEST(Charts, BadRequestsAreUsageErrors) {
-  for (const char* bad : {"leters", "letters:logmar", "letters:logmar=x", "letters:size=3",
-                          "letters:logmar=9", "dial:distance_mm=-5"})
+  for (const char* bad :
+       {"leters", "letters:logmar", "letters:logmar=x", "letters:size=3", "letters:logmar=9",
+        "dial:distance_mm=-5", "letters:spokes=12", "letters:logmar=1,logmar=1"})
     EXPECT_EQ(status_of(bad), ExitStatus::usage) << bad;
 }
 

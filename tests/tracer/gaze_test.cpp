@@ -158,7 +158,7 @@ TEST(Exposure, BlursAlongTheMotion) {
   const Eigen::Vector2d fell = spread(trace_exposure(tracer, eye, falling, settings, {}).image);
   EXPECT_NEAR(std::sqrt(fell.y() * fell.y() - still.y() * still.y()), 1 / std::sqrt(12.0), 0.01);
   EXPECT_NEAR(fell.x(), still.x(), 0.01);
-  exposure.steps = 1000;
+  exposure.steps = 2000;
   EXPECT_THROW(trace_exposure(tracer, eye, falling, settings, exposure), Error);
 }
 

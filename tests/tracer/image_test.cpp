@@ -52,6 +52,36 @@ TEST(Image, IsUprightInColourAndUnmirrored) {
       EXPECT_NEAR(image.at(places[q][0], places[q][1], c), colours[q][c], 2e-3) << q << " " << c;
 }
 
+TEST(Image, AchromaticPicturesHaveNoFringes) {
+  // Letters are grey: whatever tells red from blue in their picture is dispersion's.
+  const Tracer tracer("");
+  const EyeModel eye = make_eye("navarro", {});
+  const std::array<Eigen::Vector3f, 4> quarters{Eigen::Vector3f(0, 0, 0), Eigen::Vector3f(1, 1, 1),
+                                                Eigen::Vector3f(1, 1, 1), Eigen::Vector3f(0, 0, 0)};
+  const Scene scene = quadrants(quarters);
+  TraceSettings settings = quick();
+  const auto fringes = [](const LinearImage& image) {
+    double largest = 0;
+    for (std::size_t i = 0; i < image.values.size(); i += 3)
+      largest = std::max(largest, std::abs(double(image.values[i]) - image.values[i + 2]));
+    return largest;
+  };
+  settings.samples = 512;
+  const double spectral = fringes(tracer.trace(eye, scene, settings).image);
+  settings.achromatic = true;
+  const auto achromatic = tracer.trace(eye, scene, settings).image;
+  settings.achromatic = false;
+  settings.wavelength_nm = eye.reference_wavelength_nm;
+  const auto monochromatic = tracer.trace(eye, scene, settings).image;
+  EXPECT_GT(spectral, 0.1);
+  EXPECT_LT(fringes(achromatic), 0.5 * spectral);  // runs of 32 rays a wavelength differ by their noise
+  double mean = 0;
+  for (std::size_t i = 0; i < achromatic.values.size(); ++i)
+    mean += std::abs(double(achromatic.values[i]) - monochromatic.values[i]) /
+            static_cast<double>(achromatic.values.size());
+  EXPECT_LT(mean, 2e-3);
+}
+
 TEST(Image, PatientsRightIsMinusX) {
   // A ray that leaves through the picture's right half goes to eye -x, the patient's right.
   const EyeModel eye = make_eye("navarro", {});
