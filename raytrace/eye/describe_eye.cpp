@@ -21,7 +21,7 @@ Json to_json(const Pupil& pupil) {
 Json to_json(const Eigen::Vector3d& v) { return {v.x(), v.y(), v.z()}; }
 
 Eigen::Vector3d point(const std::vector<double>& values, const char* option) {
-  const Eigen::Vector3d p(values.at(0), values.at(1), values.at(2));
+  Eigen::Vector3d p(values.at(0), values.at(1), values.at(2));
   if (!p.allFinite()) throw usage_error(std::string(option) + ": expected three finite numbers");
   return p;
 }

@@ -243,7 +243,8 @@ Scene draw_chart(const ChartSpec& spec) {
   const double extent = 2 * half / minute;
   const double detail = spec.logmar_given || spec.name != "letters" ? std::pow(10, spec.logmar) : 1;
   const int size = std::clamp(int(std::ceil(extent * texels_per_detail / detail)), 64, largest_texture);
-  if (const double texels = size * detail / extent; texels < fewest_texels && spec.name != "siemens")
+  if (const double texels = size * detail / extent;
+      spec.logmar_given && texels < fewest_texels && spec.name != "siemens")
     spdlog::warn(
         "the chart's detail of {:.2g} arcmin is {:.1f} texels wide and is not drawn as it should be; give "
         "extent_deg={:.2g} or less",
