@@ -199,7 +199,10 @@ void read_object(const Json& json, const std::string& where, const std::filesyst
 
 Light read_light(const Json& json, const std::string& where) {
   constexpr double brightest = 1000;
-  const bool point = json.is_object() && json.value("type", Json()) == Json("point");
+  const Json type = json.is_object() ? json.value("type", Json()) : Json();
+  const bool point = type == Json("point");
+  if (type.is_string() && !point && type != Json("directional"))
+    throw input_error(where + ": type: only \"point\" and \"directional\" are known");
   const Object object(json, where,
                       point ? std::set<std::string>{"type", "position_mm", "colour", "reference_mm"}
                             : std::set<std::string>{"type", "direction", "colour"});
@@ -211,8 +214,7 @@ Light read_light(const Json& json, const std::string& where) {
     light.reference_mm = object.positive("reference_mm", 1);
     return light;
   }
-  if (object.text("type") != "directional")
-    throw object.fault("type", "only \"point\" and \"directional\" are known");
+  if (type != Json("directional")) throw object.fault("type", "\"point\" or \"directional\" is needed");
   light.directional = true;
   light.at = -object.vector("direction");
   if (!(light.at.norm() > 0)) throw object.fault("direction", "must not be zero");

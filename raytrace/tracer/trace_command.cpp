@@ -79,6 +79,7 @@ void write_wavefront(const EyeModel& eye, const TraceSettings& settings, const f
         "psf.tiff is left out: the blur is wider than the largest grid of a point spread function; spots.csv "
         "has the rays");
     json["psf"] = nullptr;
+    fs::remove(folder / "psf.tiff");  // of an earlier run
   } else {
     json["psf"] = {{"file", "psf.tiff"}, {"pitch_arcmin", spread.pitch_arcmin}};
     write_tiff(folder / "psf.tiff", {spread.size, spread.size, 1, spread.values});
@@ -135,9 +136,9 @@ fs::path write_named(const fs::path& output, const EyeModel& eye, const TraceSet
   std::error_code fault;
   fs::create_directories(output, fault);
   if (fault) throw output_error("cannot make the folder " + output.string() + ": " + fault.message());
-  write_png(output / "uncorrected.png", picture);
+  write_wavefront(eye, settings, output);  // computes first, then files follow one another at once
   write_eye(output / "eye.json", eye);
-  write_wavefront(eye, settings, output);
+  write_png(output / "uncorrected.png", picture);
   return output / "uncorrected.png";
 }
 

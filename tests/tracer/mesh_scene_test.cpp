@@ -320,7 +320,8 @@ TEST_F(ModelFile, BadScenesNameFileAndKey) {
   fails(mesh + R"(, "gloss": 1}]})", "gloss");
   fails(mesh + R"(, "colour": [2, 0, 0]}]})", "colour");
   fails(mesh + R"(}], "lights": [{"type": "point", "position_mm": [0, 0, 0]}]})", "reference_mm");
-  fails(mesh + R"(}], "lights": [{"type": "spot"}]})", "lights[0]");
+  fails(mesh + R"(}], "lights": [{"type": "spot", "position_mm": [0, 0, 0]}]})", "lights[0]: type");
+  fails(mesh + R"(}], "lights": [{"direction": [0, 0, 1]}]})", "lights[0]");
   fails(mesh + R"(}], "lights": [{"type": "directional", "direction": [0, 0, 0]}]})", "direction");
   for (const char* file : {"none.obj", "broken.ply", "short.ply", "binary.ply", "index.obj", "short.gltf",
                            "empty.obj", "scene.json"})
