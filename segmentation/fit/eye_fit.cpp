@@ -97,10 +97,18 @@ SolveResult fit_globe(FitProblem& problem, const VectorXd& start, Evidence evide
                   aqueous, wall, lens, iris, surround});
   const ParameterLayout& layout = problem.model->layout();
   append(active, stack_parameters(*problem.model, false));
-  if (varied_surround) append(active, range(layout.background(), layout.size() - 1));
+  const Priors kept = problem.priors;
+  if (varied_surround) {
+    append(active, range(layout.background(), layout.size() - 1));
+    // Nor may the wall become part of it.
+    problem.priors.sigma[wall_lateral] /= 2;
+    problem.priors.sigma[wall_axial] /= 2;
+  }
   problem.loss_scale = 6;
-  return solve(problem, start, select_parameters(layout.size(), open_parameters(layout, active, evidence)),
-               16);
+  SolveResult result =
+      solve(problem, start, select_parameters(layout.size(), open_parameters(layout, active, evidence)), 16);
+  problem.priors = kept;
+  return result;
 }
 
 /// Pass 2: the front of the eye from five depths of the apex, globe and lens kept in place.
@@ -152,6 +160,66 @@ int coarse_stride(const std::vector<ObservedStack>& stacks) {
     voxel_mm3 = std::min(voxel_mm3,
                          o.stack->row_spacing_mm * o.stack->column_spacing_mm * o.stack->slice_spacing_mm());
   return std::clamp(static_cast<int>(0.8 / voxel_mm3), 1, 6);
+}
+
+/// The loss of every voxel in units of the noise, whatever the weights, by stack and place.
+using VoxelLoss = std::map<std::array<double, 4>, double>;
+VoxelLoss voxel_loss(const FitProblem& problem, const VectorXd& a) {
+  const ForwardModel::AtParameters at(*problem.model, a);
+  VoxelLoss loss;
+  for (const Sample& sample : problem.samples) {
+    const double noise = problem.model->stacks()[sample.stack].noise;
+    const double r = residual(problem, at, sample) * sample.deviation / noise;
+    const Vector3d& x = sample.position;
+    loss[{static_cast<double>(sample.stack), x.x(), x.y(), x.z()}] =
+        std::log1p(r * r / (problem.loss_scale * problem.loss_scale));
+  }
+  return loss;
+}
+
+/// A globe that the first pass found, on its way to a whole eye.
+struct Candidate {
+  SolveResult solution;
+  Priors priors;
+  std::vector<double> apex_costs;
+  VoxelLoss loss;  ///< of the whole eye
+};
+
+/// The likeliest globe and, of different ones, up to two nearly as likely: where fat may be displaced several
+/// fit most of it, and the coarse model of the first pass does not decide between them.
+void keep_distinct(std::vector<Candidate>& candidates, const ParameterLayout& layout) {
+  constexpr std::size_t most = 3;
+  constexpr double alike_mm = 0.15, nearly = 1.03;
+  const auto alike = [&](const VectorXd& a, const VectorXd& b) {
+    const int fat = layout.stack(0) + fat_shift_first;
+    return (a - b).segment<3>(globe_x).cwiseAbs().maxCoeff() < alike_mm &&
+           (a - b).segment<2>(fat).cwiseAbs().maxCoeff() < alike_mm;
+  };
+  std::sort(candidates.begin(), candidates.end(),
+            [](const auto& x, const auto& y) { return x.solution.cost < y.solution.cost; });
+  const double lowest = candidates.front().solution.cost;
+  std::vector<Candidate> kept;
+  for (Candidate& candidate : candidates)
+    if (kept.size() < most && candidate.solution.cost <= nearly * lowest &&
+        std::none_of(kept.begin(), kept.end(), [&](const Candidate& other) {
+          return alike(candidate.solution.parameters, other.solution.parameters);
+        }))
+      kept.push_back(std::move(candidate));
+  candidates = std::move(kept);
+}
+
+/// Which candidate explains most of the voxels that all of them use.
+const Candidate& most_likely(const std::vector<Candidate>& candidates) {
+  std::vector<double> sums(candidates.size(), 0);
+  for (const auto& entry : candidates.front().loss) {
+    std::vector<double> losses;
+    for (const Candidate& candidate : candidates)
+      if (const auto found = candidate.loss.find(entry.first); found != candidate.loss.end())
+        losses.push_back(found->second);
+    if (losses.size() < candidates.size()) continue;
+    for (std::size_t i = 0; i < losses.size(); ++i) sums[i] += losses[i];
+  }
+  return candidates[static_cast<std::size_t>(std::min_element(sums.begin(), sums.end()) - sums.begin())];
 }
 
 }  // namespace
@@ -211,7 +279,6 @@ EyeFit fit_eye(const std::vector<const Stack*>& stacks, const EyeStart& start, C
   FitProblem problem;
   problem.model = &model;
   const std::vector<VectorXd> starts = globe_starts(model, stacks, start, contrast, evidence);
-  VectorXd a = starts.front();
   const auto priors_about = [&](const VectorXd& from) {
     Priors priors = population_priors(layout, from, contrast, start.age_years);
     for (int s = 0; s < layout.stacks; ++s)
@@ -220,61 +287,67 @@ EyeFit fit_eye(const std::vector<const Stack*>& stacks, const EyeStart& start, C
           priors.sigma[layout.stack(s) + fat_shift_first + along] = sigma;
     return priors;
   };
-  int iterations = 0;
+  Selection globe;
+  globe.cornea = false;
+  globe.fields = contrast == Contrast::t1;
+  globe.stride = coarse_stride(observed);
+  problem.samples = select_samples(model, starts.front(), observed, globe);
+  if (problem.samples.size() < 1000) throw no_result_error("too few voxels show the eye");
+  freeze_weights(problem, starts.front());
+  // On the same voxels from each start, which reach as far as the first one's.
+  std::vector<Candidate> candidates;
+  for (const VectorXd& from : starts) {
+    problem.priors = priors_about(from);
+    candidates.push_back({fit_globe(problem, from, evidence, globe.fields), problem.priors, {}, {}});
+  }
+  keep_distinct(candidates, layout);
+  step_done();
 
+  const std::vector<int> active = open_parameters(layout, all_parameters(model), evidence);
+  for (Candidate& candidate : candidates) {
+    VectorXd& a = candidate.solution.parameters;
+    const auto adopt = [&](SolveResult result) {
+      result.iterations += candidate.solution.iterations;
+      candidate.solution = std::move(result);
+    };
+    problem.priors = candidate.priors;
+    problem.rician = false;
+    // Once more from there: the start may be a millimetre off and its voxels with it.
+    problem.samples = select_samples(model, a, observed, globe);
+    freeze_weights(problem, a);
+    adopt(fit_globe(problem, a, evidence, globe.fields));
+
+    Selection front;
+    front.rear = false;
+    problem.samples = select_samples(model, a, observed, front);
+    freeze_weights(problem, a);
+    adopt(fit_cornea(problem, a, evidence, candidate.apex_costs));
+
+    // The iris keeps its usual thickness at first: a thick one fills the gap before the lens, whose front
+    // then settles on the back of the iris.
+    const auto but_iris = [](int parameter) {
+      return parameter != iris_half_thickness && parameter != iris_slope;
+    };
+    std::vector<int> first;
+    std::copy_if(active.begin(), active.end(), std::back_inserter(first), but_iris);
+    problem.loss_scale = 3;
+    problem.rician = evidence == Evidence::intensities;
+    problem.samples = select_samples(model, a, observed, {});
+    freeze_weights(problem, a);
+    adopt(solve(problem, a, select_parameters(layout.size(), first), 20));
+    if (candidates.size() > 1) candidate.loss = voxel_loss(problem, a);
+  }
+  const Candidate& best = most_likely(candidates);
+  problem.priors = best.priors;
+  VectorXd a = best.solution.parameters;
+  int iterations = best.solution.iterations;
   const auto adopt = [&](SolveResult result) {
     a = std::move(result.parameters);
     iterations += result.iterations;
     step_done();
     return result.converged;
   };
-
-  Selection globe;
-  globe.cornea = false;
-  globe.fields = contrast == Contrast::t1;
-  globe.stride = coarse_stride(observed);
-  problem.samples = select_samples(model, a, observed, globe);
-  if (problem.samples.size() < 1000) throw no_result_error("too few voxels show the eye");
-  freeze_weights(problem, a);
-  // On the same voxels from each start, which reach as far as the first one's; lowest cost wins.
-  SolveResult globe_found;
-  Priors priors;
-  globe_found.cost = std::numeric_limits<double>::infinity();
-  for (const VectorXd& from : starts) {
-    problem.priors = priors_about(from);
-    SolveResult result = fit_globe(problem, from, evidence, globe.fields);
-    if (result.cost >= globe_found.cost) continue;
-    globe_found = std::move(result);
-    priors = problem.priors;
-  }
-  problem.priors = priors;
-  adopt(std::move(globe_found));
-
-  // Once more from there: the start may be a millimetre off and its voxels with it.
-  problem.samples = select_samples(model, a, observed, globe);
-  freeze_weights(problem, a);
-  adopt(fit_globe(problem, a, evidence, globe.fields));
-
-  Selection front;
-  front.rear = false;
-  problem.samples = select_samples(model, a, observed, front);
-  freeze_weights(problem, a);
-  std::vector<double> start_costs;
-  adopt(fit_cornea(problem, a, evidence, start_costs));
-
-  // The iris keeps its usual thickness at first: a thick one fills the gap before the lens, whose front then
-  // settles on the back of the iris.
-  const std::vector<int> active = open_parameters(layout, all_parameters(model), evidence);
-  const auto but_iris = [](int parameter) {
-    return parameter != iris_half_thickness && parameter != iris_slope;
-  };
-  std::vector<int> first;
-  std::copy_if(active.begin(), active.end(), std::back_inserter(first), but_iris);
-  problem.loss_scale = 3;
-  problem.rician = evidence == Evidence::intensities;
-  problem.samples = select_samples(model, a, observed, {});
-  freeze_weights(problem, a);
-  adopt(solve(problem, a, select_parameters(layout.size(), first), 20));
+  step_done();
 
   const Basis basis = select_parameters(layout.size(), active);
   problem.samples = select_samples(model, a, observed, {});
@@ -282,7 +355,7 @@ EyeFit fit_eye(const std::vector<const Stack*>& stacks, const EyeStart& start, C
   adopt(solve(problem, a, basis, 25));
 
   EyeFit fit{layout, contrast, observed, model,  a,  active, {},    problem.priors,
-             {},     {},       0,        misfit, {}, 0,      false, std::move(start_costs)};
+             {},     {},       0,        misfit, {}, 0,      false, best.apex_costs};
   fit.evidence = evidence;
   // The balance of image and priors, and the covariance, with weights that know about the misfit.
   const std::array<double, part_count> widening = judge_residuals(fit, problem);

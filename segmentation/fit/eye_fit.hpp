@@ -63,13 +63,14 @@ EyeStart start_of(const FoundEye& eye, std::optional<double> age_years = {});
 std::vector<const Stack*> views_of(const FoundEye& eye, const std::vector<const Stack*>& stacks);
 
 /// Fits one eye to its stacks, which are of one contrast. The order that converges: globe, lens and pose
-/// without the cornea; the cornea from five depths; everything; everything once more with Rician weights.
+/// without the cornea, from several starts; the cornea from five depths; everything, the globe that explains
+/// most; everything once more with weights that know the misfit.
 /// Where labels are the evidence, intensities, coil and sharpness are known and only shapes, pose and the
 /// head's shifts are free. \param advance  called `fit_steps` times in all
 /// \throw Error (no_result) when the data cannot support a fit
 EyeFit fit_eye(const std::vector<const Stack*>& stacks, const EyeStart& start, Contrast contrast,
                const std::function<void()>& advance = {}, Evidence evidence = Evidence::intensities);
-inline constexpr int fit_steps = 6;
+inline constexpr int fit_steps = 4;
 
 /// The eye for the next stages: named parameters, covariance and sources ("mri" or "labels", or "prior" where
 /// they narrowed the prior by less than a tenth).

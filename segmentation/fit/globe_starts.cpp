@@ -105,7 +105,16 @@ std::vector<VectorXd> globe_starts(const ForwardModel& model, const std::vector<
         for (const double shift : {-sigma, sigma}) {
           if (shift == 0) continue;
           starts.push_back(still);
-          starts.back()[layout.stack(s) + fat_shift_first + along] = shift;
+          VectorXd& moved = starts.back();
+          moved[layout.stack(s) + fat_shift_first + along] = shift;
+          // The finder saw the edge of the fat: with it displaced, the globe lies on the other side.
+          const StackSampling& stack = model.stacks()[s];
+          const Vector3d globe = -shift * (along == 0 ? stack.along_row : stack.along_column);
+          if (s == 0) {
+            moved.segment<3>(apex_x) += globe;
+          } else {
+            moved.segment<3>(layout.stack(s) + shift_first) -= globe;
+          }
         }
       }
     }
