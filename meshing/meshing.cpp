@@ -184,6 +184,12 @@ Answer make_meshes(const MeshingOptions& options, const CommonOptions& common) {
       if (includes(common.laterality, eye))
         verdict.reasons.insert(verdict.reasons.end(), reasons.begin(), reasons.end());
     }
+    for (const auto& [eye, measured] : instruments)
+      if (eyes.count(eye) == 0)
+        workspace.warn(
+            fmt::format("{}: not measured in the images, so that what other instruments say of it is "
+                        "not used",
+                        clinical_name(eye)));
     for (auto& [eye, fitted] : eyes) {
       fitted.estimate.add_scale_prior(options.scale_sd);
       const auto measured = instruments.find(eye);
@@ -192,9 +198,13 @@ Answer make_meshes(const MeshingOptions& options, const CommonOptions& common) {
       fitted.topography = std::move(readings.topography);
       for (const ExternalMeasurement& measurement : readings.measurements) {
         const double surprise = fitted.estimate.assimilate(measurement);
-        if (surprise > surprising_sigma)
-          workspace.warn(fmt::format("{}: {} and the images differ by {:.1f} standard deviations",
-                                     clinical_name(eye), measurement.source, surprise));
+        const std::string text = fmt::format("{}: {} and the images differ by {:.1f} standard deviations",
+                                             clinical_name(eye), measurement.source, surprise);
+        if (surprise > irreconcilable_sigma)
+          throw input_error(
+              text + ": they cannot both be of this eye",
+              "check eye, unit and digits of the measurement; without it the images speak alone");
+        if (surprise > surprising_sigma) workspace.warn(text);
       }
     }
 

@@ -142,7 +142,12 @@ std::map<Laterality, EyeInstruments> parse_instruments(const InstrumentFlags& fl
 InstrumentReadings read_instruments(const EyeInstruments& instruments) {
   InstrumentReadings readings{instruments.measurements, {}};
   if (const auto& flag = instruments.topography) {
-    readings.topography = analyse_topography(read_elevation_map(flag->file), flag->sigma_D);
+    try {
+      readings.topography = analyse_topography(read_elevation_map(flag->file), flag->sigma_D);
+    } catch (Error& error) {
+      error.add_context("reading " + flag->file.string());
+      throw;
+    }
     readings.measurements.push_back(readings.topography->toric);
   }
   return readings;

@@ -49,6 +49,8 @@ InstrumentReadings read_instruments(const EyeInstruments& instruments);
 
 /// A measurement further than this from what was expected hardly fits the images.
 inline constexpr double surprising_sigma = 3;
+/// Beyond this both cannot be of one eye, and no mean of them would be near either.
+inline constexpr double irreconcilable_sigma = 5;
 
 /// Two perpendicular meridians with their keratometric powers (index 1.3375): "43.25@175/44.75@85".
 /// \throw Error (usage)

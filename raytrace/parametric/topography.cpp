@@ -23,6 +23,11 @@ using Eigen::VectorXd;
 constexpr double fit_radius_mm = 4, irregularity_radius_mm = 3;
 constexpr int departure_order = 6;
 constexpr double asphericity_sigma = 0.05;
+constexpr double largest_residual_um =
+    50;  ///< beside toric conicoid and Zernike terms: no cornea has such a step
+const char* const map_remedy =
+    "give heights above a plane, not above a best-fit sphere, in the unit that the header names; leave gaps "
+    "empty";
 
 std::vector<std::string> cells_of(const std::string& line) {
   std::vector<std::string> cells(1);
@@ -175,7 +180,8 @@ Fit fit_toric(const ElevationMap& map) {
     fit += change;
     if (!fit.allFinite() || fit[0] < 0.05 || fit[0] > 0.3)
       throw input_error(
-          fmt::format("the elevation map is no cornea: its mean radius would be {:.2f} mm", 1 / fit[0]));
+          fmt::format("the elevation map is no cornea: its mean radius would be {:.2f} mm", 1 / fit[0]),
+          map_remedy);
     if (change.cwiseAbs().maxCoeff() < 1e-10) break;
   }
   return fit;
@@ -185,6 +191,7 @@ Fit fit_toric(const ElevationMap& map) {
 struct Departure {
   VectorXd coefficients_um;
   double rms_um = 0, rms_sigma_um = 0;
+  double largest_left_um = 0;  ///< of a point, beside the terms
 };
 
 Departure depart(const ElevationMap& map, const Fit& fit, double radius_mm) {
@@ -201,6 +208,7 @@ Departure depart(const ElevationMap& map, const Fit& fit, double radius_mm) {
   // The noise of the points, shared by the terms.
   departure.rms_sigma_um =
       (left_um - smooth_um).norm() / std::sqrt(points) * std::sqrt(terms.cols() / points);
+  departure.largest_left_um = (left_um - smooth_um).cwiseAbs().maxCoeff();
   return departure;
 }
 
@@ -253,7 +261,14 @@ Topography analyse_topography(const ElevationMap& map, double sigma_D) {
   result.toric.value = toric_functional(toric_conicoid(fit));
   result.toric.covariance = MatrixXd::Identity(4, 4) * sigma_D * sigma_D / 2;
   result.toric.covariance(3, 3) = asphericity_sigma * asphericity_sigma;
-  result.departure_um = depart(map, fit, result.zone_mm / 2).coefficients_um;
+  const Departure whole = depart(map, fit, result.zone_mm / 2);
+  if (whole.largest_left_um > largest_residual_um)
+    throw input_error(
+        fmt::format("the elevation map is no smooth cornea: a point lies {:.0f} um off it (a gap "
+                    "written as 0?)",
+                    whole.largest_left_um),
+        map_remedy);
+  result.departure_um = whole.coefficients_um;
 
   const Departure irregular = depart(centre, fit_toric(centre), irregularity_radius_mm);
   result.irregularity_um = Measured::from_sigma(irregular.rms_um, irregular.rms_sigma_um, "topography");

@@ -177,6 +177,30 @@ TEST_F(MeshStage, InstrumentsOfOneEyeLeaveTheOtherAlone) {
   EXPECT_EQ(read_json(mesh("os", "biometry.json"))["astigmatism"], before["astigmatism"]);
 }
 
+/// A length that the images exclude: no mean of the two would be near either.
+TEST_F(MeshStage, IrreconcilableInstrumentsAreRefused) {
+  make_meshes(options_, {});
+  const std::string before = sha256_of_file(mesh("od", "biometry.json"));
+  options_.instruments.axial_length = {"od:29.0+-0.05"};
+  try {
+    make_meshes(options_, {});
+    FAIL() << "taken";
+  } catch (const Error& error) {
+    EXPECT_EQ(error.status(), ExitStatus::input_invalid);
+    EXPECT_THAT(error.what(), testing::HasSubstr("OD (right): biometry and the images differ by"));
+    EXPECT_THAT(error.what(), testing::HasSubstr("cannot both be of this eye"));
+  }
+  EXPECT_EQ(sha256_of_file(mesh("od", "biometry.json")), before);
+}
+
+TEST_F(MeshStage, InstrumentsOfAnEyeThatIsNotThereAreNamed) {
+  write_fit(Laterality::os, "refused");
+  options_.instruments.keratometry = {"os:43.25@175/44.75@85"};
+  EXPECT_EQ(make_meshes(options_, {}).status, ExitStatus::partial);
+  EXPECT_THAT(read_file(folder() / "meshing" / "stage.json"),
+              testing::HasSubstr("OS (left): not measured in the images"));
+}
+
 TEST_F(MeshStage, RefusedEyeIsNotMeshed) {
   write_fit(Laterality::os, "refused");
   const Answer answer = make_meshes(options_, {});

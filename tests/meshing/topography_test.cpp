@@ -11,6 +11,7 @@
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/files.hpp"
 #include "raytrace/eye/zernike.hpp"
+#include "raytrace/parametric/instruments.hpp"
 #include "tests/base/temporary_folder.hpp"
 #include "tests/meshing/random_eye.hpp"
 
@@ -91,6 +92,30 @@ TEST_F(TopographyFile, FindsTheToricAndWhatIsBeyondIt) {
   // A coma term shrinks with the cube of the zone; tilt goes with the toric.
   EXPECT_NEAR(found.irregularity_um.value, 3 * std::pow(6.0 / 8, 3), 0.15);
   EXPECT_EQ(found.irregularity_um.source, "topography");
+}
+
+/// What the lid covers is written as 0 by some instruments: no heights.
+TEST_F(TopographyFile, GapsWrittenAsZeroAreRefused) {
+  const Patient patient;
+  std::string text = "x_mm,y_mm,elevation_um\n";
+  for (int i = -16; i <= 16; ++i)
+    for (int k = -16; k <= 16; ++k) {
+      const double x = i * 0.25, y = k * 0.25;
+      if (std::hypot(x, y) > 4) continue;
+      text += std::to_string(x) + "," + std::to_string(y) + "," +
+              (y > 2.5 ? "0" : std::to_string(-1000 * patient.depth_mm(x, y))) + "\n";
+    }
+  const std::filesystem::path file = write("zero.csv", text);
+  EyeInstruments instruments;
+  instruments.topography = TopographyFlag{file, 0.25};
+  try {
+    read_instruments(instruments);
+    FAIL() << "taken";
+  } catch (const Error& error) {
+    EXPECT_THAT(error.what(), testing::HasSubstr("a gap written as 0?"));
+    EXPECT_THAT(error.context().front(), testing::HasSubstr("zero.csv"));
+    EXPECT_THAT(error.remedy(), testing::HasSubstr("leave gaps empty"));
+  }
 }
 
 TEST_F(TopographyFile, RegularCorneaHasNoIrregularity) {
