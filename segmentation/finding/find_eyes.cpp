@@ -6,6 +6,8 @@
 #include <cmath>
 #include <optional>
 
+#include "pipeline/base/error.hpp"
+
 namespace emmetrope::segmentation {
 namespace {
 
@@ -14,6 +16,8 @@ using Eigen::Vector3d;
 constexpr double least_separation_mm = 42, largest_separation_mm = 82;  // from small children to wide adults
 constexpr double least_score = 0.45;
 constexpr double same_eye_mm = 12;  ///< the head moves less than this between series
+constexpr double off_midline_mm =
+    10;  ///< a globe farther to one side is that side's: half the least separation
 constexpr std::size_t most_stacks = 4;
 
 /// Two globes side by side: distance in range, more across than along the head, of like size.
@@ -79,10 +83,35 @@ void choose_views(const Cluster& cluster, FoundEye& eye) {
   eye.radius_mm = eye.views.front().globe.radius_mm;
 }
 
+/// The wrong eye is the worst result: a stack that shows one globe only must not say that it is the other
+/// one. \throw Error (input_invalid)
+void compare_with_tags(const std::vector<Cluster>& eyes, const std::vector<const Stack*>& stacks,
+                       const std::vector<std::string>& laterality_tags) {
+  const double midline_mm = eyes.size() == 2 ? (eyes[0].centre() + eyes[1].centre()).x() / 2 : 0;
+  for (const Cluster& eye : eyes) {
+    for (const EyeView& view : eye.views) {
+      const auto shows_it_too = [&](const Cluster& other) {
+        return &other != &eye && std::any_of(other.views.begin(), other.views.end(),
+                                             [&](const EyeView& v) { return v.stack == view.stack; });
+      };
+      if (std::any_of(eyes.begin(), eyes.end(), shows_it_too)) continue;
+      const std::string& tag = laterality_tags[view.stack];
+      const double to_left_mm = view.globe.centre.x() - midline_mm;
+      if ((tag == "R" && to_left_mm > off_midline_mm) || (tag == "L" && to_left_mm < -off_midline_mm))
+        throw input_error(
+            fmt::format(
+                "{}: (0020,0062) ImageLaterality or (0020,0060) Laterality says {}, but by (0020,0032) "
+                "ImagePositionPatient the only eye in its images lies {:.0f} mm to the patient's {}",
+                stacks[view.stack]->name, tag, std::abs(to_left_mm), to_left_mm > 0 ? "left" : "right"),
+            "find out which of them is wrong; --series uses other series only");
+    }
+  }
+}
+
 }  // namespace
 
 FoundEyes find_eyes(const std::vector<const Stack*>& stacks,
-                    const std::vector<std::string>& laterality_hints) {
+                    const std::vector<std::string>& laterality_tags) {
   FoundEyes found;
   std::vector<Cluster> clusters;
   for (std::size_t s = 0; s < stacks.size(); ++s) {
@@ -123,16 +152,17 @@ FoundEyes find_eyes(const std::vector<const Stack*>& stacks,
                           [](const Cluster& a, const Cluster& b) { return a.merit() < b.merit(); }));
   }
 
+  compare_with_tags(eyes, stacks, laterality_tags);
   for (std::size_t e = 0; e < eyes.size(); ++e) {
     FoundEye eye;
     choose_views(eyes[e], eye);
     if (eyes.size() == 2) {
       eye.laterality = e == 0 ? Laterality::od : Laterality::os;
     } else {
-      const std::string hint = laterality_hints[eye.views.front().stack];
+      const std::string tag = laterality_tags[eye.views.front().stack];
       const double x = eyes[e].centre().x();
-      if (hint == "R" || hint == "L") {
-        eye.laterality = hint == "R" ? Laterality::od : Laterality::os;
+      if (tag == "R" || tag == "L") {
+        eye.laterality = tag == "R" ? Laterality::od : Laterality::os;
         found.notes.push_back("one eye only is seen; its side is the image's laterality tag");
       } else {
         eye.laterality = x < 0 ? Laterality::od : Laterality::os;

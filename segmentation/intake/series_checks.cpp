@@ -33,6 +33,17 @@ std::optional<double> number_of(const ScannedFile& file, const Tag& tag) {
   return parse_number(file.header.value(tag));
 }
 
+/// The eye that the tags name; "B" where some images are of the one and some of the other.
+std::string laterality_of(const Files& files) {
+  std::set<std::string> sides;
+  for (const auto& file : files) {
+    const auto& of_image = file.header.value(tag::image_laterality);
+    sides.insert(of_image.empty() ? file.header.value(tag::series_laterality) : of_image);
+  }
+  sides.erase("");
+  return sides.empty() ? "" : sides.size() == 1 ? *sides.begin() : "B";
+}
+
 void describe_series(const Files& files, SeriesInfo& info) {
   const ScannedFile& first = files.front();
   const auto text = [&](const Tag& tag) { return first.header.value(tag); };
@@ -49,8 +60,7 @@ void describe_series(const Files& files, SeriesInfo& info) {
   info.acquisition_type = text(tag::acquisition_type);
   info.sequence = text(tag::scanning_sequence);
   info.body_part = text(tag::body_part);
-  info.image_laterality =
-      first.header.has(tag::image_laterality) ? text(tag::image_laterality) : text(tag::series_laterality);
+  info.image_laterality = laterality_of(files);
   info.repetition_time_ms = number_of(first, tag::repetition_time);
   info.echo_time_ms = number_of(first, tag::echo_time);
   if (!info.echo_time_ms) info.echo_time_ms = number_of(first, tag::effective_echo_time);

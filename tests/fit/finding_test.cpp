@@ -3,6 +3,7 @@
 #include <cmath>
 #include <random>
 
+#include "pipeline/base/error.hpp"
 #include "segmentation/finding/find_eyes.hpp"
 #include "segmentation/finding/sampling.hpp"
 
@@ -108,8 +109,39 @@ TEST(Finding, OneEyeIsSaidToBeOne) {
   ASSERT_EQ(by_place.eyes.size(), 1U);
   EXPECT_EQ(by_place.eyes[0].laterality, Laterality::os);
   EXPECT_EQ(by_place.notes.size(), 1U);
-  const FoundEyes by_tag = find_eyes({&stack}, {"R"});
-  EXPECT_EQ(by_tag.eyes[0].laterality, Laterality::od);
+  EXPECT_EQ(find_eyes({&stack}, {"L"}).eyes.at(0).laterality, Laterality::os);
+}
+
+/// Of a globe on the midline (a head off the scanner's centre) only the tag can tell the side.
+TEST(Finding, NearTheMidlineTheTagTellsTheSide) {
+  const Stack stack = axial_stack({{{3, -33, 1}, 11.6}}, Contrast::t2, 3);
+  EXPECT_EQ(find_eyes({&stack}, {"R"}).eyes.at(0).laterality, Laterality::od);
+  EXPECT_EQ(find_eyes({&stack}, {"L"}).eyes.at(0).laterality, Laterality::os);
+}
+
+void expect_side_refused(const std::vector<const Stack*>& stacks, const std::vector<std::string>& tags) {
+  try {
+    find_eyes(stacks, tags);
+    ADD_FAILURE() << "taken for the other eye";
+  } catch (const Error& error) {
+    EXPECT_EQ(error.status(), ExitStatus::input_invalid);
+    for (const char* says : {"stack1", "(0020,0062)", "(0020,0060)", "(0020,0032)"})
+      EXPECT_NE(std::string(error.what()).find(says), std::string::npos) << error.what();
+  }
+}
+
+/// A tag against patient coordinates: no eye is measured under the other one's name.
+TEST(Finding, ATagOfTheOtherSideIsRefused) {
+  const Ball right{{-30.3, -33.2, 1.4}, 11.4}, left{{32.1, -32.4, 0.3}, 11.9};
+  const Stack only_right = axial_stack({right}, Contrast::t2, 3),
+              only_left = axial_stack({left}, Contrast::t2, 4);
+  expect_side_refused({&only_left}, {"R"});
+  expect_side_refused({&only_right}, {"L"});
+  // Two surface coils, their tags exchanged; a stack of both eyes may be tagged for the coil's.
+  expect_side_refused({&only_right, &only_left}, {"L", "R"});
+  EXPECT_EQ(find_eyes({&only_right, &only_left}, {"R", "L"}).eyes.size(), 2U);
+  const Stack both = axial_stack({right, left}, Contrast::t2, 5);
+  EXPECT_EQ(find_eyes({&both}, {"R"}).eyes.size(), 2U);
 }
 
 TEST(Finding, NoEyeIsInvented) {

@@ -286,6 +286,16 @@ TEST_F(IntakeTest, AChoiceOfAnAbsentSeriesIsAnError) {
   EXPECT_THROW(segmentation::read_inventory(folder(), options), Error);
 }
 
+TEST_F(IntakeTest, LateralityIsThatOfAllItsImages) {
+  GeneratedSeries series;
+  series.set_all(DCM_Laterality, "L");
+  series.write(folder());
+  EXPECT_EQ(only_series().image_laterality, "L");
+  series.set(3, DCM_ImageLaterality, "R");
+  series.write(folder());
+  EXPECT_EQ(only_series().image_laterality, "B");
+}
+
 TEST_F(IntakeTest, AnotherBodyPartIsWarnedOf) {
   GeneratedSeries series;
   series.set_all(DCM_BodyPartExamined, "KNEE");
