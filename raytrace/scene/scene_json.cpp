@@ -55,7 +55,7 @@ class Object {
   }
   /// Red, green and blue of linear light.
   Eigen::Vector3d light(const char* key, const Eigen::Vector3d& otherwise, double most) const {
-    const Eigen::Vector3d value = vector(key, otherwise);
+    Eigen::Vector3d value = vector(key, otherwise);
     if ((value.array() < 0).any() || (value.array() > most).any())
       throw fault(key, "linear light from 0 to " + std::to_string(static_cast<int>(most)) + " is needed");
     return value;

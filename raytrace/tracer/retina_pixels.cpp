@@ -39,7 +39,7 @@ PixelOrder in_tiles(int width, int height) {
     for (std::size_t i = 0; i + 1 < columns.size(); ++i) {
       const int across = apart(columns[i], columns[i + 1]), down = apart(rows[j], rows[j + 1]);
       for (int tile = 0; tile < across * down; ++tile) {
-        std::array<int, side * side> pixels{};
+        std::array<int, std::size_t{side} * side> pixels{};
         for (int lane = 0; lane < order.together; ++lane) {
           const int x = columns[i] + tile % across + lane % side * across,
                     y = rows[j] + tile / across + lane / side * down;
