@@ -86,7 +86,8 @@ std::vector<QualityGate> judge_quality(const FoundEye& found, const EyeFit& fit)
   at_least("converged", fit.converged ? 1 : 0, 1, false, "the fit was still improving when it stopped");
 
   // Shapes: the first pair refuses what is no eye, the second flags what is unusual.
-  const double length = fit.value(axial_length);
+  // As it is told: to the interface on the axis, a bulge there included.
+  const double length = to_parametric_eye(fit, found.laterality).pole_depth_mm();
   at_least("axial_length_mm_lower", length, 16, true,
            fmt::format("an axial length of {:.1f} mm is no eye's", length));
   at_most("axial_length_mm_upper", length, 38, true,

@@ -7,6 +7,7 @@
 
 #include "pipeline/base/files.hpp"
 #include "segmentation/intake/nifti.hpp"
+#include "segmentation/segment/quality.hpp"
 #include "segmentation/segment/segment.hpp"
 #include "tests/fit/phantom_eyes.hpp"
 
@@ -133,6 +134,42 @@ TEST_F(QualityGates, AComputedTomogramShowsNoEye) {
     return std::optional<double>(air ? 0 : bone ? 1700 : 1040);
   });
   expect_refused(run(stack), "no such eye was found");
+}
+
+/// The length that is judged is the one that is told: to the wall on the axis, displaced there by a bulge.
+TEST(QualityOfShapes, ABulgeAtThePoleCounts) {
+  ParameterLayout layout;
+  const std::vector<Vector3d> bumps = bump_directions();
+  layout.bumps = static_cast<int>(bumps.size());
+  Eigen::VectorXd parameters = Eigen::VectorXd::Zero(layout.size());
+  parameters.head(eye_parameter_count) = population_mean(layout).head(eye_parameter_count);
+  const auto pole = std::min_element(bumps.begin(), bumps.end(),
+                                     [](const Vector3d& a, const Vector3d& b) { return a.z() < b.z(); });
+  parameters[layout.displacement() + static_cast<int>(pole - bumps.begin())] = 12;
+  EyeFit fit{layout,     Contrast::t2,
+             {},         ForwardModel(layout, {}, Vector3d::Zero()),
+             parameters, {},
+             {},         population_priors(layout, parameters, Contrast::t2),
+             {},         {},
+             0,          {},
+             {},         0,
+             true,       {}};
+  for (int i = 0; i < layout.size(); ++i) fit.active.push_back(i);
+  fit.covariance = 1e-6 * Eigen::MatrixXd::Identity(layout.size(), layout.size());
+  fit.regions.resize(6);
+  fit.misfit = Eigen::VectorXd::Ones(1);
+  FoundEye found;
+  found.views.resize(1);
+  const std::vector<QualityGate> gates = judge_quality(found, fit);
+  const auto gate = std::find_if(gates.begin(), gates.end(), [](const QualityGate& g) {
+    return g.name == "axial_length_plausible_upper_mm";
+  });
+  ASSERT_NE(gate, gates.end());
+  EXPECT_LT(fit.value(axial_length), 25);
+  const double angle = std::acos(-pole->z()) / bump_width_rad;
+  EXPECT_NEAR(gate->value,
+              fit.value(axial_length) + fit.value(globe_z) / 11 * 12 * std::exp(-angle * angle / 2), 1e-6);
+  EXPECT_FALSE(gate->passed);
 }
 
 }  // namespace
