@@ -88,7 +88,7 @@ void decode_volume(const std::filesystem::path& file) {
   } catch (const std::bad_alloc&) {
     header = {{},
               {},
-              file.filename().string() + ": needs more memory than the decoder is allowed",
+              file.string() + ": needs more memory than the decoder is allowed",
               {},
               ExitStatus::input_invalid};
   }

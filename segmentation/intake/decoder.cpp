@@ -252,7 +252,7 @@ Clock::time_point Decoder::ask(const std::filesystem::path& file) {
 }
 
 Stack Decoder::decode_volume(const std::filesystem::path& file, std::vector<std::string>& warnings) {
-  const std::string name = file.filename().string();
+  const std::string name = file.string();
   try {
     const auto deadline = ask(file);
     const auto [type, size] = child_->read_start(deadline);

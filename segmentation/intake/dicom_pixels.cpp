@@ -68,7 +68,11 @@ Layout read_layout(DcmItem& data_set) {
   layout.bits_allocated = number(data_set, tag::bits_allocated);
   layout.bits_stored = number(data_set, tag::bits_stored);
   layout.high_bit = number(data_set, tag::high_bit);
-  layout.is_signed = number(data_set, tag::pixel_representation) == 1;
+  const int representation = number(data_set, tag::pixel_representation);
+  if (representation > 1)
+    throw input_error(fmt::format("{} is {}; 0 (unsigned) or 1 (signed) is required",
+                                  to_string(tag::pixel_representation), representation));
+  layout.is_signed = representation == 1;
   if (const int samples = number(data_set, tag::samples_per_pixel); samples != 1)
     throw unsupported_error(
         fmt::format("{} is {}: a colour image; 1 is required", to_string(tag::samples_per_pixel), samples));

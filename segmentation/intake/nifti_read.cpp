@@ -9,6 +9,7 @@
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/frames.hpp"
 #include "segmentation/intake/nifti.hpp"
+#include "segmentation/intake/plausible.hpp"
 
 namespace emmetrope::segmentation {
 namespace {
@@ -30,11 +31,15 @@ class ByteReader {
     while (size > 0) {
       const int got =
           ::gzread(stream_.get(), bytes, static_cast<unsigned>(std::min<std::uint64_t>(size, 1 << 24)));
-      if (got <= 0)
-        throw input_error(fmt::format("{}: ends or is damaged within its {}", file_.string(), what));
+      if (got <= 0) fail(what);
       bytes += got;
       size -= static_cast<std::uint64_t>(got);
     }
+  }
+  /// Nothing more is wanted; at the end of a gzip stream its checksum is compared. \throw Error
+  void finish() {
+    char unused = 0;
+    if (::gzread(stream_.get(), &unused, 1) < 0) fail("end");
   }
   void skip(std::uint64_t size, const char* what) {
     std::vector<char> unused(size);
@@ -42,6 +47,15 @@ class ByteReader {
   }
 
  private:
+  [[noreturn]] void fail(const char* what) {
+    int code = Z_OK;
+    ::gzerror(stream_.get(), &code);
+    if (code == Z_DATA_ERROR)
+      throw input_error(file_.string() + ": its gzip stream is damaged (contents or checksum)",
+                        "copy or export it again");
+    throw input_error(fmt::format("{}: ends within its {}", file_.string(), what), "copy or export it again");
+  }
+
   std::filesystem::path file_;
   std::unique_ptr<gzFile_s, decltype(&::gzclose)> stream_;
 };
@@ -70,7 +84,7 @@ struct Header {
   bool swapped = false;
   std::array<std::int64_t, 8> dim{};
   std::array<double, 8> pixdim{};
-  int datatype = 0;
+  int datatype = 0, bits = 0;
   std::int64_t offset = 0;
   double slope = 0, intercept = 0;
   int qform_code = 0, sform_code = 0, units = 0;
@@ -80,10 +94,11 @@ struct Header {
 
 /// Offsets of the fields; Int, Real and Code are the types of dim, of real numbers and of the form codes.
 struct Offsets {
-  std::size_t dim, pixdim, datatype, offset, slope, quaternion, q_offset, qform_code, sform_code, srow, units;
+  std::size_t dim, pixdim, datatype, bitpix, offset, slope, quaternion, q_offset, qform_code, sform_code,
+      srow, units;
 };
-constexpr Offsets nifti1{40, 76, 70, 108, 112, 256, 268, 252, 254, 280, 123};
-constexpr Offsets nifti2{16, 80, 12, 168, 176, 352, 376, 344, 348, 400, 500};
+constexpr Offsets nifti1{40, 76, 70, 72, 108, 112, 256, 268, 252, 254, 280, 123};
+constexpr Offsets nifti2{16, 80, 12, 14, 168, 176, 352, 376, 344, 348, 400, 500};
 
 template <typename Int, typename Real, typename Code>
 void read_fields(const Fields& fields, const Offsets& at, Header& header) {
@@ -92,6 +107,7 @@ void read_fields(const Fields& fields, const Offsets& at, Header& header) {
     header.pixdim[i] = fields.at<Real>(at.pixdim + i * sizeof(Real));
   }
   header.datatype = fields.at<std::int16_t>(at.datatype);
+  header.bits = fields.at<std::int16_t>(at.bitpix);
   header.slope = fields.at<Real>(at.slope);
   header.intercept = fields.at<Real>(at.slope + sizeof(Real));
   header.qform_code = fields.at<Code>(at.qform_code);
@@ -173,6 +189,23 @@ Eigen::Matrix4d affine_of_qform(const Header& header) {
   return affine;
 }
 
+/// Of the header's unit of length; none stated is taken as mm, as all programs do.
+double mm_of_unit(const Header& header, const std::string& name) {
+  switch (header.units & 7) {
+    case 0:
+    case 2:
+      return 1;
+    case 1:
+      return 1000;
+    case 3:
+      return 1e-3;
+    default:
+      throw input_error(
+          fmt::format("{}: xyzt_units is {}: its unit of length is not known", name, header.units),
+          "1 (m), 2 (mm) and 3 (um) are");
+  }
+}
+
 /// lps_from_voxel, mm.
 Eigen::Matrix4d affine_of(const Header& header, const std::string& name, std::vector<std::string>& warnings) {
   if (header.sform_code <= 0 && header.qform_code <= 0)
@@ -180,17 +213,17 @@ Eigen::Matrix4d affine_of(const Header& header, const std::string& name, std::ve
                       "convert the scan again with a program that keeps its orientation");
   Eigen::Matrix4d affine = header.sform_code > 0 ? header.sform : affine_of_qform(header);
   if (!affine.allFinite()) throw input_error(name + ": its orientation is not finite");
+  const double to_mm = mm_of_unit(header, name);
   if (header.sform_code > 0 && header.qform_code > 0) {
     const Eigen::Vector4d far(static_cast<double>(header.dim[1]), static_cast<double>(header.dim[2]),
                               static_cast<double>(header.dim[3]), 1);
     const Eigen::Matrix4d difference = affine - affine_of_qform(header);
-    const double distance = std::max((difference * far).head<3>().norm(), difference.col(3).head<3>().norm());
+    const double distance =
+        to_mm * std::max((difference * far).head<3>().norm(), difference.col(3).head<3>().norm());
     if (!(distance < 0.1))
       warnings.push_back(
           fmt::format("{}: sform and qform differ by {:.2f} mm; the sform is used", name, distance));
   }
-  const int unit = header.units & 7;
-  const double to_mm = unit == 1 ? 1000 : unit == 3 ? 1e-3 : 1;
   affine.topRows<3>() *= to_mm;
   affine.topRows<2>() *= -1;  // RAS to LPS
   return affine;
@@ -214,7 +247,7 @@ struct Format {
   void (*convert)(const std::vector<unsigned char>&, bool, double, double, std::vector<float>&);
 };
 
-Format format_of(const Header& header, const std::string& name) {
+Format format_of_datatype(const Header& header, const std::string& name) {
   switch (header.datatype) {
     case 2:
       return {1, convert<std::uint8_t>};
@@ -238,14 +271,27 @@ Format format_of(const Header& header, const std::string& name) {
   }
 }
 
+Format format_of(const Header& header, const std::string& name) {
+  const Format format = format_of_datatype(header, name);
+  if (header.bits != static_cast<int>(8 * format.bytes))
+    throw input_error(fmt::format("{}: bitpix is {}, but datatype {} has {} bits", name, header.bits,
+                                  header.datatype, 8 * format.bytes));
+  return format;
+}
+
 Stack geometry_of(const Header& header, const Eigen::Matrix4d& affine, const std::string& name) {
   Stack stack;
   stack.columns = static_cast<int>(header.dim[1]);
   stack.rows = static_cast<int>(header.dim[2]);
   const Eigen::Vector3d i = affine.block<3, 1>(0, 0), j = affine.block<3, 1>(0, 1),
                         k = affine.block<3, 1>(0, 2);
-  if (!(i.norm() > 0) || !(j.norm() > 0) || !(k.norm() > 0))
-    throw input_error(name + ": a voxel of its orientation has no size");
+  for (const Eigen::Vector3d& side : {i, j, k})
+    if (!is_plausible_spacing(side.norm()))
+      throw input_error(
+          fmt::format("{}: voxels of {:g} x {:g} x {:g} mm by {} and xyzt_units; sides of {:g} to "
+                      "{:g} mm are read",
+                      name, i.norm(), j.norm(), k.norm(), header.sform_code > 0 ? "srow_x, y, z" : "pixdim",
+                      least_spacing_mm, largest_spacing_mm));
   stack.column_spacing_mm = i.norm();
   stack.row_spacing_mm = j.norm();
   stack.slice_thickness_mm = k.norm();
@@ -263,15 +309,19 @@ Stack geometry_of(const Header& header, const Eigen::Matrix4d& affine, const std
 }  // namespace
 
 Stack read_nifti(const std::filesystem::path& file, std::vector<std::string>& warnings) {
-  const std::string name = file.filename().string();
+  const std::string name = file.string();
   ByteReader reader(file);
   const Header header = read_header(reader, name);
   check_sizes(header, name);
   const Format format = format_of(header, name);
-  if (!std::isfinite(header.slope) || !std::isfinite(header.intercept))
-    throw input_error(name + ": scl_slope or scl_inter is no number");
-  const double slope = header.slope == 0 ? 1 : header.slope,
-               intercept = header.slope == 0 ? 0 : header.intercept;
+  const double slope = header.slope == 0 ? 1 : header.slope,  // 0: no scale
+      intercept = header.slope == 0 ? 0 : header.intercept;
+  if (!is_plausible_slope(slope))
+    throw input_error(fmt::format("{}: scl_slope is {:g}; 0 (none) or a number from {:g} to {:g} is required",
+                                  name, slope, least_slope, largest_slope));
+  if (!is_plausible_intercept(intercept, slope))
+    throw input_error(fmt::format("{}: scl_inter is {:g}; at most {:g} times scl_slope is read", name,
+                                  intercept, largest_intercept));
   const Eigen::Matrix4d affine = affine_of(header, name, warnings);
   Stack stack = geometry_of(header, affine, name);
   stack.name = "volume";
@@ -290,6 +340,7 @@ Stack read_nifti(const std::filesystem::path& file, std::vector<std::string>& wa
     stack.slice_position.emplace_back((affine * Eigen::Vector4d(0, 0, static_cast<double>(k), 1)).head<3>());
     stack.slice_intensity.push_back(values);
   }
+  reader.finish();
   if (stack.slices() == 0) throw input_error(name + ": no voxel holds a number");
   if (affine.block<3, 1>(0, 2).dot(stack.normal) < 0) {
     std::reverse(stack.slice_position.begin(), stack.slice_position.end());

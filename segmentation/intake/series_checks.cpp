@@ -6,6 +6,8 @@
 #include <set>
 
 #include "segmentation/intake/file_mention.hpp"
+#include "segmentation/intake/plausible.hpp"
+#include "segmentation/intake/subject.hpp"
 #include "segmentation/intake/tag_values.hpp"
 
 namespace emmetrope::segmentation {
@@ -69,7 +71,8 @@ void describe_series(const Files& files, SeriesInfo& info) {
   info.field_strength_T = number_of(first, tag::field_strength);
   info.pixel_bandwidth_Hz = number_of(first, tag::pixel_bandwidth);
   info.phase_encoding = text(tag::phase_encoding);
-  if (const auto thickness = number_of(first, tag::slice_thickness); thickness && *thickness > 0)
+  if (const auto thickness = number_of(first, tag::slice_thickness);
+      thickness && is_plausible_spacing(*thickness))
     info.slice_thickness_mm = thickness;
   const auto slope = number_of(first, tag::philips_scale_slope),
              intercept = number_of(first, tag::philips_scale_intercept);
@@ -149,22 +152,25 @@ void check_pixel_format(const Files& files) {
 
 /// A rescale of a frame, (0028,1053) and (0028,1052); 1 and 0 where both are absent.
 std::array<double, 2> rescale_of(const ScannedFile& file, int frame) {
-  std::array<double, 2> rescale{1, 0};
-  const std::array<Tag, 2> tags{tag::rescale_slope, tag::rescale_intercept};
-  for (std::size_t i = 0; i < 2; ++i) {
-    if (!file.header.has(tags[i], frame)) continue;
-    const auto value = parse_number(file.header.value(tags[i], frame));
-    if (!value || (i == 0 && *value == 0))
-      throw input_error(found(file, tags[i], frame) + "; a number other than 0 is required");
-    rescale[i] = *value;
-  }
-  return rescale;
+  const auto number = [&](const Tag& tag, double absent) -> std::optional<double> {
+    return file.header.has(tag, frame) ? parse_number(file.header.value(tag, frame)) : absent;
+  };
+  const auto slope = number(tag::rescale_slope, 1), intercept = number(tag::rescale_intercept, 0);
+  if (!slope || !is_plausible_slope(*slope))
+    throw input_error(fmt::format("{}; a number from {:g} to {:g} is required",
+                                  found(file, tag::rescale_slope, frame), least_slope, largest_slope));
+  if (!intercept || !is_plausible_intercept(*intercept, *slope))
+    throw input_error(fmt::format("{}; a number of at most {:g} times the slope is required",
+                                  found(file, tag::rescale_intercept, frame), largest_intercept));
+  return {*slope, *intercept};
 }
 
 std::array<double, 2> pixel_spacing_of(const ScannedFile& file, int frame) {
   const auto spacing = parse_numbers(file.header.value(tag::pixel_spacing, frame), 2);
-  if (!spacing || !((*spacing)[0] > 0) || !((*spacing)[1] > 0))
-    throw input_error(found(file, tag::pixel_spacing, frame) + "; two positive numbers are required");
+  if (!spacing || !is_plausible_spacing((*spacing)[0]) || !is_plausible_spacing((*spacing)[1]))
+    throw input_error(fmt::format("{}; two numbers from {:g} to {:g} mm are required",
+                                  found(file, tag::pixel_spacing, frame), least_spacing_mm,
+                                  largest_spacing_mm));
   return {(*spacing)[0], (*spacing)[1]};
 }
 
@@ -197,9 +203,10 @@ std::vector<SeriesImage> check_frames(const Files& files, SeriesInfo& info) {
   info.column_spacing_mm = spacing[1];
   info.orientation = made_orthonormal(orientation);
   for (const auto& file : files) {
-    if (file.header.value(tag::frame_of_reference) != info.frame_of_reference_uid)
-      throw input_error(fmt::format("{} and {}: different {} in one series", files.front().name(),
-                                    file.name(), to_string(tag::frame_of_reference)));
+    for (const Tag& tag : {tag::study_instance, tag::frame_of_reference})
+      if (file.header.value(tag) != files.front().header.value(tag))
+        throw input_error(fmt::format("{} and {}: different {} in one series", files.front().name(),
+                                      file.name(), to_string(tag)));
     for (int frame = 0; frame < static_cast<int>(file.header.frames.size()); ++frame) {
       const auto its_spacing = pixel_spacing_of(file, frame);
       for (std::size_t i = 0; i < 2; ++i)
@@ -311,7 +318,18 @@ void add_warnings(const Files& files, SeriesInfo& info) {
         fmt::format("Philips private scaling (2005,100e) {:g}, (2005,100d) {:g} is recorded, not applied",
                     (*info.private_scaling)[0], (*info.private_scaling)[1]));
   if (!info.slice_thickness_mm)
-    info.warnings.push_back(to_string(tag::slice_thickness) + " is absent; the slice spacing is taken");
+    info.warnings.push_back(
+        to_string(tag::slice_thickness) +
+        (files.front().header.has(tag::slice_thickness) ? " is no slice's" : " is absent") +
+        "; the slice spacing is taken");
+  warn_of_files(
+      files,
+      [](const auto& file) {
+        return file.header.has(tag::patient_age) && !parse_age_years(file.header.value(tag::patient_age));
+      },
+      fmt::format("{} is no age below {:g} years and is not used; --age gives it",
+                  to_string(tag::patient_age), largest_age_years),
+      info);
 }
 
 }  // namespace

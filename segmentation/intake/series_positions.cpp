@@ -5,6 +5,7 @@
 
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/frames.hpp"
+#include "segmentation/intake/plausible.hpp"
 #include "segmentation/intake/series_checks.hpp"
 #include "segmentation/intake/slice_grid.hpp"
 #include "segmentation/intake/tag_values.hpp"
@@ -146,6 +147,10 @@ void judge_positions(std::vector<SeriesImage> images, SeriesInfo& info) {
     refuse_shared_places(images, places, info.uid);
 
   info.slice_spacing_mm = median_step_mm(along_normal);
+  if (!is_plausible_spacing(*info.slice_spacing_mm))
+    throw input_error(fmt::format("{} to {}: by {} the slices are {:g} mm apart; {:g} to {:g} mm are read",
+                                  images.front().name(), images.back().name(), to_string(tag::image_position),
+                                  *info.slice_spacing_mm, least_spacing_mm, largest_spacing_mm));
 
   const PositionLine line = fit_line(images, along_normal);
   const double shear_deg =

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <map>
+#include <set>
 
 #include "pipeline/base/files.hpp"
 #include "segmentation/intake/clean_text.hpp"
@@ -14,6 +15,7 @@
 #include "segmentation/intake/series_checks.hpp"
 #include "segmentation/intake/slice_grid.hpp"
 #include "segmentation/intake/subject.hpp"
+#include "segmentation/intake/tag_values.hpp"
 
 namespace emmetrope::segmentation {
 namespace {
@@ -128,10 +130,9 @@ SeriesInfo judge_nifti(Decoder& decoder, const fs::path& root, const fs::path& f
     info.reason = fault.what();
     info.refusal = fault.status();
   }
-  const auto mention_file = [&](std::string& text) {
-    for (const fs::path& name : {root / file, file.filename()})
-      if (const auto at = text.find(name.string()); at != std::string::npos)
-        return void(text.replace(at, name.string().size(), mention(name, "the volume")));
+  const auto mention_file = [&, path = (root / file).string()](std::string& text) {
+    if (const auto at = text.find(path); at != std::string::npos)
+      text.replace(at, path.size(), mention(file, "the volume"));
   };
   for (auto& warning : info.warnings) mention_file(warning);
   mention_file(info.reason);
@@ -147,6 +148,20 @@ Eigen::Vector2d fat_shift_sigma_mm(const SeriesInfo& info, const Stack& stack) {
   const double pixels = bandwidth_Hz > 0 && field_T > 0 ? fat_water_Hz_per_T * field_T / bandwidth_Hz : 1;
   return pixels * Eigen::Vector2d(info.phase_encoding == "ROW" ? 0 : stack.column_spacing_mm,
                                   info.phase_encoding == "COL" ? 0 : stack.row_spacing_mm);
+}
+
+/// Each study's series can be used, but not together with another's.
+void warn_of_studies(std::vector<SeriesInfo>& series) {
+  const auto of_study = [](const SeriesInfo& info) { return info.usable && !info.is_nifti(); };
+  std::set<std::string> studies;
+  for (const auto& info : series)
+    if (of_study(info)) studies.insert(info.study_uid);
+  if (studies.size() < 2) return;
+  for (auto& info : series)
+    if (of_study(info))
+      info.warnings.push_back(fmt::format(
+          "{} is {}, one of {} studies here; series of one only can be used, --series chooses them",
+          to_string(tag::study_instance), in_quotes(info.study_uid), studies.size()));
 }
 
 /// Texts for the terminal and for the case from those with mentions of files.
@@ -169,6 +184,12 @@ const SeriesInfo& StudyInventory::find(const std::string& uid) const {
     known += (known.empty() ? "" : ", ") + info.uid + " (" + info.description + ")";
   }
   throw input_error("the study has no series " + uid, known.empty() ? "" : "it has " + known);
+}
+
+Subject StudyInventory::subject_of(const SeriesInfo& info) const {
+  const auto found =
+      info.is_nifti() && subjects.size() == 1 ? subjects.begin() : subjects.find(info.study_uid);
+  return found == subjects.end() ? Subject{} : found->second;
 }
 
 bool StudyInventory::any_usable() const {
@@ -223,7 +244,8 @@ StudyInventory read_inventory(const fs::path& study, const IntakeOptions& option
   if (const auto conflict = patients.conflict(); !conflict.empty())
     for (auto& info : inventory.series)
       if (!info.is_nifti()) refuse(info, conflict);
-  inventory.subject = patients.subject();
+  inventory.subjects = patients.subjects();
+  warn_of_studies(inventory.series);
 
   std::sort(inventory.series.begin(), inventory.series.end(), [](const SeriesInfo& a, const SeriesInfo& b) {
     return std::tie(a.number, a.uid) < std::tie(b.number, b.uid);

@@ -3,6 +3,7 @@
 #include <array>
 #include <cstdint>
 #include <filesystem>
+#include <map>
 #include <optional>
 #include <string>
 #include <vector>
@@ -106,14 +107,16 @@ struct Subject {
 };
 
 struct StudyInventory {
-  std::filesystem::path study;  ///< as given
-  std::filesystem::path root;   ///< what `file` paths are relative to
-  Subject subject;
-  std::vector<SeriesInfo> series;    ///< by SeriesNumber, then UID
-  std::vector<SkippedFile> skipped;  ///< by name
+  std::filesystem::path study;              ///< as given
+  std::filesystem::path root;               ///< what `file` paths are relative to
+  std::map<std::string, Subject> subjects;  ///< by StudyInstanceUID
+  std::vector<SeriesInfo> series;           ///< by SeriesNumber, then UID
+  std::vector<SkippedFile> skipped;         ///< by name
 
   /// \throw Error (input_invalid) listing the series that there are, when there is none with this UID
   const SeriesInfo& find(const std::string& uid) const;
+  /// The patient at the time of the series' study; of a volume without study, at that of the only one.
+  Subject subject_of(const SeriesInfo& info) const;
   bool any_usable() const;
   /// Status of `inventory`: done when a series is usable, unsupported when all refusals are, else
   /// input_invalid.

@@ -70,7 +70,9 @@ Json to_json(const StudyInventory& inventory) {
   for (const auto& info : inventory.series) series.push_back(to_json(info));
   for (const auto& file : inventory.skipped)
     skipped.push_back({{"file", file.file.string()}, {"reason", file.reason}});
-  return {{"series", series}, {"skipped", skipped}, {"subject", to_json(inventory.subject)}};
+  const Subject subject =
+      inventory.series.empty() ? Subject{} : inventory.subject_of(inventory.series.front());
+  return {{"series", series}, {"skipped", skipped}, {"subject", to_json(subject)}};
 }
 
 std::string describe(const StudyInventory& inventory) {

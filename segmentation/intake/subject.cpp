@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include "pipeline/base/files.hpp"
+#include "segmentation/intake/plausible.hpp"
 #include "segmentation/intake/tag_values.hpp"
 
 namespace emmetrope::segmentation {
@@ -17,34 +18,27 @@ std::optional<double> years_of(const std::string& date) {
   return *year + (*month - 1) / 12 + (*day - 1) / 365.25;
 }
 
-/// PatientAge, an Age String (PS3.5 6.2): "026Y", "018M", "012W", "100D".
-std::optional<double> age_of(const std::string& text) {
-  if (text.size() != 4) return {};
-  const auto number = parse_number(text.substr(0, 3));
-  if (!number || *number < 0) return {};
-  switch (text[3]) {
-    case 'Y':
-      return *number;
-    case 'M':
-      return *number / 12;
-    case 'W':
-      return *number * 7 / 365.25;
-    case 'D':
-      return *number / 365.25;
-    default:
-      return {};
-  }
-}
-
 std::optional<double> age_of(const ImageHeader& header) {
-  if (const auto age = age_of(header.value(tag::patient_age))) return age;
+  if (const auto age = parse_age_years(header.value(tag::patient_age))) return age;
   const auto born = years_of(header.value(tag::patient_birth_date)),
              studied = years_of(header.value(tag::study_date));
-  if (!born || !studied || *studied < *born) return {};
+  if (!born || !studied || *studied < *born || *studied - *born >= largest_age_years) return {};
   return std::floor(*studied - *born);
 }
 
 }  // namespace
+
+std::optional<double> parse_age_years(const std::string& text) {
+  if (text.size() != 4) return {};
+  const auto number = parse_number(text.substr(0, 3));
+  const double in_years = text[3] == 'Y'   ? 1
+                          : text[3] == 'M' ? 1.0 / 12
+                          : text[3] == 'W' ? 7 / 365.25
+                          : text[3] == 'D' ? 1 / 365.25
+                                           : -1;
+  if (!number || *number < 0 || in_years < 0 || *number * in_years >= largest_age_years) return {};
+  return *number * in_years;
+}
 
 void Patients::compare(const Tag& tag, Found& first, const ScannedFile& file) {
   const auto& value = file.header.value(tag);
@@ -61,17 +55,16 @@ void Patients::add(const ScannedFile& file) {
   // One name may be written in several ways, so it counts only where nothing better is there.
   if (!header.has(tag::patient_id)) compare(tag::patient_name, first_name_, file);
   compare(tag::patient_birth_date, first_birth_date_, file);
-  if (described_) return;
-  described_ = true;
+  const auto& study = header.value(tag::study_instance);
+  Subject& subject = subjects_[study];
   // Without PatientID: a short number could be found again by trying them all.
-  if (header.has(tag::study_instance))
-    subject_.id = sha256_of(header.value(tag::study_instance)).substr(0, 16);
-  subject_.age_years = age_of(header);
+  if (!study.empty() && subject.id.empty()) subject.id = sha256_of(study).substr(0, 16);
+  if (!subject.age_years) subject.age_years = age_of(header);
   const auto& sex = header.value(tag::patient_sex);
-  subject_.sex = sex == "M" || sex == "F" || sex == "O" ? sex : "";
+  if (sex == "M" || sex == "F" || sex == "O") subject.sex = sex;
 }
 
 std::string Patients::conflict() const { return conflict_; }
-Subject Patients::subject() const { return subject_; }
+std::map<std::string, Subject> Patients::subjects() const { return subjects_; }
 
 }  // namespace emmetrope::segmentation

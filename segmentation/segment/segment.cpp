@@ -19,77 +19,12 @@
 #include "segmentation/segment/hand_labels.hpp"
 #include "segmentation/segment/overlay.hpp"
 #include "segmentation/segment/quality.hpp"
+#include "segmentation/segment/study_input.hpp"
 
 namespace emmetrope::segmentation {
 namespace {
 
 namespace fs = std::filesystem;
-
-/// Every regular file of the study; numbered, as file names may name the patient.
-std::vector<StageInput> study_files(const fs::path& study) {
-  if (fs::is_regular_file(study)) return {{"study/1", study}};
-  if (!fs::is_directory(study))
-    throw input_error("the study " + study.string() + " does not exist",
-                      "give a folder of DICOM files or NIfTI volumes");
-  std::vector<fs::path> files;
-  for (const auto& entry :
-       fs::recursive_directory_iterator(study, fs::directory_options::skip_permission_denied))
-    if (entry.is_regular_file()) files.push_back(entry.path());
-  std::sort(files.begin(), files.end());
-  std::vector<StageInput> inputs;
-  for (const auto& file : files) inputs.push_back({fmt::format("study/{}", inputs.size() + 1), file});
-  return inputs;
-}
-
-/// Whether the file lies somewhere below the folder.
-bool is_below(const fs::path& file, const fs::path& folder) {
-  const fs::path relative = fs::weakly_canonical(file).lexically_relative(fs::weakly_canonical(folder));
-  return !relative.empty() && *relative.begin() != "..";
-}
-
-/// Labels are the user's own: none where the stage would overwrite it, or take it for an image.
-std::vector<StageInput> label_files(const SegmentOptions& options) {
-  std::vector<StageInput> inputs;
-  for (const fs::path& file : options.labels) {
-    if (!fs::is_regular_file(file))
-      throw input_error("--labels " + file.string() + ": there is no such file");
-    for (const auto& [folder, why] :
-         {std::pair{options.case_folder / "segmentation", "which this stage writes anew"},
-          {options.study, "whose files are read as images"}})
-      if (fs::is_directory(folder) && is_below(file, folder))
-        throw usage_error(fmt::format("--labels {}: it lies in {}, {}", file.string(), folder.string(), why),
-                          "save the corrected labels elsewhere");
-    inputs.push_back({fmt::format("labels/{}", inputs.size() + 1), file});
-  }
-  return inputs;
-}
-
-/// The series that may be used: those asked for, or all usable ones.
-std::vector<const SeriesInfo*> choose_series(const StudyInventory& inventory,
-                                             const std::vector<std::string>& wanted) {
-  std::vector<const SeriesInfo*> chosen;
-  for (const std::string& words : wanted) {
-    const std::string id = words.substr(0, words.find(','));
-    const auto by_number =
-        std::find_if(inventory.series.begin(), inventory.series.end(),
-                     [&](const SeriesInfo& s) { return s.name == id || s.name == "stack" + id; });
-    const SeriesInfo& info = by_number != inventory.series.end() ? *by_number : inventory.find(id);
-    if (!info.usable)
-      throw Error(info.refusal, fmt::format("series {} cannot be used: {}", info.uid, info.reason));
-    chosen.push_back(&info);
-  }
-  if (wanted.empty())
-    for (const SeriesInfo& info : inventory.series)
-      if (info.usable) chosen.push_back(&info);
-  if (chosen.empty()) {
-    std::string reasons;
-    for (const SeriesInfo& info : inventory.series)
-      reasons += fmt::format("\n  {}: {}", info.name, info.reason);
-    throw Error(inventory.status(), "no series of the study can be used" + reasons,
-                "emmetrope inventory STUDY lists what is wrong with each");
-  }
-  return chosen;
-}
 
 /// One eye, from found to judged.
 struct EyeResult {
@@ -255,7 +190,7 @@ void write_stacks(const fs::path& folder, const std::vector<EyeResult>& eyes,
 Json case_json(const StudyInventory& inventory, const std::vector<const SeriesInfo*>& series,
                const FoundEyes& found, const std::vector<EyeResult>& eyes,
                const std::vector<HandLabels>& labels) {
-  Json json{{"subject", to_json(inventory.subject)}};
+  Json json{{"subject", to_json(inventory.subject_of(*series.front()))}};
   json["series"] = Json::array();
   for (const SeriesInfo& info : inventory.series) {
     json["series"].push_back(kept_json(info));
@@ -340,7 +275,8 @@ StageVerdict segment_study(const SegmentOptions& options, const CommonOptions& c
     for (const HandLabels& one : labels)
       if (one.shows(eye.found.laterality))
         eye.label_images.push_back(label_image(one, *stacks[one.stack], eye.found.laterality));
-  fit_all(eyes, stacks, options.age_years ? options.age_years : inventory.subject.age_years, common);
+  const Subject subject = inventory.subject_of(*series.front());
+  fit_all(eyes, stacks, options.age_years ? options.age_years : subject.age_years, common);
   const bool coupled = couple(eyes);
 
   const std::optional<double> roll = head_roll_deg(eyes);
@@ -407,8 +343,7 @@ Answer segment(const SegmentOptions& options, const CommonOptions& common) {
                      {"laterality", common.laterality == LateralityChoice::both ? "both"
                                     : common.laterality == LateralityChoice::od ? "od"
                                                                                 : "os"}};
-  spec.inputs = study_files(options.study);
-  for (StageInput& input : label_files(options)) spec.inputs.push_back(std::move(input));
+  spec.inputs = input_files(options);
   const StageOutcome outcome = run_stage(options.case_folder, spec, common, [&](StageWorkspace& workspace) {
     return segment_study(options, common, workspace);
   });

@@ -49,7 +49,7 @@ double sigma(const ParametricEye& eye, const std::string& name) {
 /// The sample study's right eye against the geometry it was made from.
 TEST_F(SegmentStage, SampleEyeIsMeasuredWithinItsIntervals) {
   const fs::path sample = data_folder() / "data_samples" / "sample";
-  if (!fs::exists(sample / "truth.json")) GTEST_SKIP() << "the sample study is not at " << sample;
+  ASSERT_TRUE(fs::exists(sample / "truth.json")) << "the sample study is not at " << sample;
   common_.laterality = LateralityChoice::od;
   const Answer answer = run(sample, "case");
   EXPECT_EQ(answer.status, ExitStatus::done);
@@ -93,6 +93,57 @@ TEST_F(SegmentStage, NothingThatIsKeptNamesThePatient) {
       EXPECT_EQ(text.find(telling), std::string::npos) << telling << " in " << text;
   for (const std::string& text : {case_json, stage_json})
     EXPECT_NE(text.find("missing between slice 8 and slice 6"), std::string::npos) << text;
+}
+
+/// What is read is what is hashed: images behind a link too, and nothing of a case among the images.
+TEST_F(SegmentStage, InputsAreTheFilesThatAreRead) {
+  test::GeneratedSeries series;
+  series.write(folder_ / "real");
+  fs::create_directories(folder_ / "study");
+  fs::create_directory_symlink(folder_ / "real", folder_ / "study" / "link");
+  fs::create_directory_symlink(folder_ / "study", folder_ / "study" / "loop");
+  EXPECT_EQ(run(folder_ / "study", "study/case").status, ExitStatus::no_result);
+  const Json stage = read_json(folder_ / "study" / "case" / "segmentation" / "stage.json");
+  EXPECT_EQ(stage.at("inputs").size(), 12U);
+  EXPECT_TRUE(run(folder_ / "study", "study/case").json.at("skipped").get<bool>());
+  series.set_pixels(3, std::vector<Uint16>(20 * 24, 7));
+  series.write(folder_ / "real");
+  EXPECT_FALSE(run(folder_ / "study", "study/case").json.at("skipped").get<bool>());
+}
+
+TEST_F(SegmentStage, TheCaseIsNotTheStudysFolder) {
+  test::GeneratedSeries().write(folder_ / "study");
+  try {
+    run(folder_ / "study", "study");
+    ADD_FAILURE();
+  } catch (const Error& error) {
+    EXPECT_EQ(error.status(), ExitStatus::usage);
+  }
+  EXPECT_FALSE(fs::exists(folder_ / "study" / "case.json"));
+}
+
+/// Two visits: the eyes of one are not measured with those of the other, nor at the other's age.
+TEST_F(SegmentStage, SeriesOfTwoStudiesAreNotOneEye) {
+  test::GeneratedSeries first, second("1.2.826.0.1.3680043.9.7.5", 2);
+  second.set_all(DCM_StudyInstanceUID, "1.2.3.4");
+  second.set_all(DCM_PatientAge, "041Y");
+  first.write(folder_ / "study" / "2020");
+  second.write(folder_ / "study" / "2023");
+  try {
+    run(folder_ / "study", "case");
+    ADD_FAILURE();
+  } catch (const Error& error) {
+    EXPECT_EQ(error.status(), ExitStatus::input_invalid);
+    for (const char* says : {"(0020,000d)", "1.2.3.4: stack2"})
+      EXPECT_NE(std::string(error.what()).find(says), std::string::npos) << error.what();
+  }
+  EXPECT_FALSE(fs::exists(folder_ / "case"));
+  SegmentOptions options;
+  options.study = folder_ / "study";
+  options.case_folder = folder_ / "case";
+  options.series = {"2"};
+  EXPECT_EQ(segment(options, common_).status, ExitStatus::no_result);
+  EXPECT_EQ(read_json(folder_ / "case" / "case.json").at("subject").at("age_years"), 41);
 }
 
 TEST_F(SegmentStage, NoiseGivesNoEyeButAReason) {

@@ -69,8 +69,8 @@ TEST_F(IntakeTest, InventorySaysWhatTheSeriesHolds) {
   EXPECT_NEAR(*info.mean, sum / (12 * 20 * 24), 1e-9);
   EXPECT_LT((info.slices.front().position_mm - GeneratedSeries::position(0)).norm(), 1e-6);
   EXPECT_LT((info.slices.back().position_mm - GeneratedSeries::position(11)).norm(), 1e-6);
-  EXPECT_EQ(found.subject.age_years, 38);
-  EXPECT_EQ(found.subject.sex, "F");
+  EXPECT_EQ(found.subject_of(found.series[0]).age_years, 38);
+  EXPECT_EQ(found.subject_of(found.series[0]).sex, "F");
   EXPECT_EQ(found.status(), ExitStatus::done);
   EXPECT_THAT(to_json(found).dump(), Not(HasSubstr("SECRET")));
 }
@@ -294,6 +294,26 @@ TEST_F(IntakeTest, LateralityIsThatOfAllItsImages) {
   series.set(3, DCM_ImageLaterality, "R");
   series.write(folder());
   EXPECT_EQ(only_series().image_laterality, "B");
+}
+
+TEST_F(IntakeTest, AnAgeThatIsNobodysIsWarnedOfAndNotUsed) {
+  for (const char* age : {"999Y", "-05Y", "38"}) {
+    GeneratedSeries series;
+    series.set_all(DCM_PatientAge, age);
+    series.write(folder());
+    const auto found = inventory();
+    ASSERT_TRUE(found.series.at(0).usable);
+    EXPECT_THAT(found.series[0].warnings, Contains(HasSubstr("(0010,1010)"))) << age;
+    EXPECT_FALSE(found.subject_of(found.series[0]).age_years) << age;
+  }
+}
+
+TEST_F(IntakeTest, AThicknessThatIsNoSlicesIsWarnedOfAndNotUsed) {
+  GeneratedSeries series;
+  series.set_all(DCM_SliceThickness, "2000");
+  series.write(folder());
+  EXPECT_THAT(only_series().warnings, Contains(HasSubstr("(0018,0050)")));
+  EXPECT_NEAR(read_only_series().slice_thickness_mm, GeneratedSeries::slice_spacing_mm, 1e-6);
 }
 
 TEST_F(IntakeTest, AnotherBodyPartIsWarnedOf) {

@@ -79,7 +79,7 @@ TEST_F(IntakeTest, ThePseudonymDoesNotDependOnThePatientsNumber) {
     series.set_all(DCM_PatientID, id);
     series.set_all(DCM_StudyInstanceUID, study);
     series.write(folder());
-    return inventory().subject.id;
+    return inventory().subjects.at(study).id;
   };
   const std::string one = pseudonym("1", "1.2.3");
   EXPECT_EQ(one.size(), 16U);

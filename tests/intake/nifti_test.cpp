@@ -156,19 +156,69 @@ TEST_F(NiftiTest, BrokenFilesAreRefusedByName) {
     std::int16_t value;
     const char* says;
   };
-  // sizeof_hdr, dim[1], dim[3] too long, four dimensions, datatype RGB, magic
+  // sizeof_hdr, dim[1], dim[3] too long, four dimensions, datatype RGB, float32 of 8 bits, magic
   for (const auto& [offset, value, says] :
        {Defect{0, 1, "sizeof_hdr"}, Defect{42, 0, "dim[1]"}, Defect{46, 30'000, "voxels"},
-        Defect{40, 9, "dim[0]"}, Defect{70, 128, "datatype"}, Defect{344, 0, "magic"}}) {
+        Defect{40, 9, "dim[0]"}, Defect{70, 128, "datatype"}, Defect{72, 8, "bitpix"},
+        Defect{344, 0, "magic"},
+        // An unknown unit of length; voxels of 400 m and 0.4 um.
+        Defect{123, 5, "xyzt_units"}, Defect{123, 1, "xyzt_units"}, Defect{123, 3, "xyzt_units"}}) {
     const auto path = sound();
     patch(path, offset, value);
     try {
       segmentation::read_nifti(path);
       ADD_FAILURE() << says;
     } catch (const Error& error) {
-      EXPECT_THAT(error.what(), HasSubstr("sound.nii"));
+      EXPECT_THAT(error.what(), HasSubstr(path.string()));
       EXPECT_THAT(error.what(), HasSubstr(says));
     }
+  }
+}
+
+TEST_F(NiftiTest, ScalesThatNoScanHasAreRefusedByField) {
+  for (const auto& [offset, value, says] : {std::tuple{112, -1.0F, "scl_slope"},
+                                            {112, 1e30F, "scl_slope"},
+                                            {116, 1e12F, "scl_inter"},
+                                            {280, 3e38F, "srow_x"},
+                                            {280, 0.001F, "srow_x"}}) {
+    const auto path = sound();
+    patch(path, 112, 1.0F);
+    for (const int srow : {296, 312}) patch(path, static_cast<std::size_t>(srow), 0.0F);  // i is x alone
+    patch(path, static_cast<std::size_t>(offset), value);
+    try {
+      segmentation::read_nifti(path);
+      ADD_FAILURE() << says;
+    } catch (const Error& error) {
+      EXPECT_THAT(error.what(), HasSubstr(says));
+    }
+  }
+}
+
+TEST_F(NiftiTest, MetresAndMicronsAreUnderstood) {
+  for (const auto& [unit, of_mm] : {std::pair{char{1}, 1e-3F}, {char{3}, 1e3F}}) {
+    const auto path = sound();
+    const std::string bytes = read_file(path);
+    for (std::size_t at = 280; at < 328; at += 4) {
+      float value = 0;
+      std::memcpy(&value, bytes.data() + at, 4);
+      patch(path, at, value * of_mm);
+    }
+    patch<std::int16_t>(path, 252, 0);  // the sform alone
+    patch(path, 123, unit);
+    expect_same(segmentation::read_nifti(path), oblique_stack({0, 1, 2, 3}), 1e-4);
+  }
+}
+
+/// A gzip stream that unpacks to voxels but not to those that were packed.
+TEST_F(NiftiTest, AWrongChecksumIsADamagedStream) {
+  segmentation::write_nifti(file("a.nii.gz"), oblique_stack({0, 1, 2}));
+  const auto size = std::filesystem::file_size(file("a.nii.gz"));
+  patch(file("a.nii.gz"), size - 8, std::int32_t{0});
+  try {
+    segmentation::read_nifti(file("a.nii.gz"));
+    ADD_FAILURE();
+  } catch (const Error& error) {
+    EXPECT_THAT(error.what(), HasSubstr("checksum"));
   }
 }
 

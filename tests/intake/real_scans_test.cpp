@@ -38,7 +38,7 @@ TEST_F(RealScans, AdultT2) {
   EXPECT_NEAR(*info.row_spacing_mm, 0.4296875, 1e-9);
   EXPECT_FALSE(info.uniform);
   EXPECT_THAT(info.warnings, Contains(HasSubstr("1 slice is missing")));
-  EXPECT_EQ(found.subject.age_years, 26);
+  EXPECT_EQ(found.subject_of(info).age_years, 26);
   const auto stack = stack_of(found);
   double longest = 0;
   int above = 0;

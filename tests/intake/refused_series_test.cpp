@@ -69,6 +69,10 @@ constexpr auto sheared = [](GeneratedSeries& series) {
     series.set_position(slice,
                         GeneratedSeries::position(slice) + 0.006 * slice * GeneratedSeries::along_column());
 };
+constexpr auto far_apart = [](GeneratedSeries& series) {
+  for (int slice = 0; slice < series.size(); ++slice)
+    series.set_position(slice, GeneratedSeries::position(1000.0 * slice));
+};
 constexpr auto one_of_other_size = [](GeneratedSeries& series) {
   series.set(4, DCM_Rows, "10");
   series.set_pixels(4, std::vector<Uint16>(10 * GeneratedSeries::columns, 7));
@@ -112,12 +116,16 @@ const Defect defects[] = {
     {"TwoPatients", SET_ONE(DCM_PatientID, "SECRET-ID-78"), "(0010,0020)"},
     {"TwoBirthDates", SET_ONE(DCM_PatientBirthDate, "19900101"), "(0010,0030)"},
     {"TwoFramesOfReference", SET_ONE(DCM_FrameOfReferenceUID, "1.2.3"), "(0020,0052)"},
+    {"TwoStudiesInOneSeries", SET_ONE(DCM_StudyInstanceUID, "1.2.3"), "(0020,000d)"},
     {"OneSliceOfAnotherSize", one_of_other_size, "(0028,0010)"},
     {"SpacingZero", SET_ALL(DCM_PixelSpacing, "0\\0"), "(0028,0030)"},
     {"SpacingNegative", SET_ALL(DCM_PixelSpacing, "-0.5\\0.4"), "(0028,0030)"},
     {"SpacingNotANumber", SET_ALL(DCM_PixelSpacing, "NaN\\NaN"), "(0028,0030)"},
     {"SpacingOneValue", SET_ALL(DCM_PixelSpacing, "0.5"), "(0028,0030)"},
     {"SpacingAbsent", ERASE(DCM_PixelSpacing), "(0028,0030)"},
+    {"SpacingOfAtoms", SET_ALL(DCM_PixelSpacing, "1e-9\\1e-9"), "(0028,0030)"},
+    {"SpacingOfHouses", SET_ALL(DCM_PixelSpacing, "2000\\2000"), "(0028,0030)"},
+    {"SlicesFarApart", far_apart, "(0020,0032)"},
     {"SpacingDiffers", SET_ONE(DCM_PixelSpacing, "0.5\\0.41"), "(0028,0030)"},
     {"OrientationNotUnit", SET_ALL(DCM_ImageOrientationPatient, "0.97\\0.28\\0\\0\\0\\-1"), "(0020,0037)"},
     {"OrientationNotOrthogonal", SET_ALL(DCM_ImageOrientationPatient, "1\\0\\0\\0.0523\\0.9986\\0"),
@@ -129,8 +137,11 @@ const Defect defects[] = {
     {"PositionWithCommas", SET_ONE(DCM_ImagePositionPatient, "1,5\\2,5\\3,5"), "(0020,0032)"},
     {"PositionOfWrongVr", wrong_vr, "(0020,0032)"},
     {"SlopeZero", SET_ONE(DCM_RescaleSlope, "0"), "(0028,1053)"},
+    {"SlopeNegative", SET_ONE(DCM_RescaleSlope, "-2"), "(0028,1053)"},
+    {"SlopeHuge", SET_ALL(DCM_RescaleSlope, "1e300"), "(0028,1053)"},
     {"SlopeNotANumber", SET_ONE(DCM_RescaleSlope, "NaN"), "(0028,1053)"},
     {"InterceptNotANumber", SET_ONE(DCM_RescaleIntercept, "abc"), "(0028,1052)"},
+    {"InterceptHuge", SET_ALL(DCM_RescaleIntercept, "1e12"), "(0028,1052)"},
     {"HalfThePixels", half_the_pixels, "(7fe0,0010)"},
     {"NoPixels", no_pixels, "(7fe0,0010)"},
     {"ZeroLengthPixels", zero_length_pixels, "(7fe0,0010)"},
@@ -139,6 +150,7 @@ const Defect defects[] = {
     {"HugeFrames", SET_ALL(DCM_NumberOfFrames, "1000000"), "(0028,0008)", ExitStatus::unsupported},
     {"HighBitBelowBitsStored", SET_ALL(DCM_HighBit, "7"), "(0028,0102)"},
     {"BitsStoredAboveAllocated", SET_ALL(DCM_BitsStored, "20"), "(0028,0101)"},
+    {"PixelRepresentationUnknown", SET_ALL(DCM_PixelRepresentation, "2"), "(0028,0103)"},
     {"BitsAllocatedOdd", SET_ALL(DCM_BitsAllocated, "12"), "(0028,0100)", ExitStatus::unsupported},
     {"Monochrome1", SET_ALL(DCM_PhotometricInterpretation, "MONOCHROME1"), "(0028,0004)",
      ExitStatus::unsupported},

@@ -80,7 +80,7 @@ TEST_F(IntakeTest, HostileTextsReachNoNamesAndNoIdentity) {
   EXPECT_EQ(found.series[0].name, "stack1");
   const std::string said = to_json(found).dump() + describe(found);
   EXPECT_THAT(said, Not(HasSubstr("%n<b>")));
-  EXPECT_EQ(found.subject.id.find_first_not_of("0123456789abcdef"), std::string::npos);
+  EXPECT_EQ(found.subject_of(found.series[0]).id.find_first_not_of("0123456789abcdef"), std::string::npos);
 }
 
 TEST_F(IntakeTest, AnEmptyFolderHoldsNoSeries) {
@@ -107,6 +107,26 @@ TEST_F(IntakeTest, ACaseInsideItsStudyIsNotReadAgain) {
   const auto found = inventory();
   EXPECT_EQ(found.series.size(), 1U);
   EXPECT_THAT(to_json(found).dump(), HasSubstr("a case folder"));
+}
+
+/// Two visits in one folder: their series can be used, but each says that there are two studies, and the
+/// patient is as old as at the visit.
+TEST_F(IntakeTest, TwoStudiesAreTold) {
+  GeneratedSeries first, second("1.2.826.0.1.3680043.9.7.5", 2);
+  second.set_all(DCM_StudyInstanceUID, "1.2.3.4");
+  second.set_all(DCM_PatientAge, "041Y");
+  first.write(folder() / "2020");
+  second.write(folder() / "2023");
+  const auto found = inventory();
+  ASSERT_EQ(found.series.size(), 2U);
+  for (const auto& info : found.series) {
+    EXPECT_TRUE(info.usable);
+    EXPECT_THAT(info.warnings, testing::Contains(AllOf(HasSubstr("(0020,000d)"), HasSubstr(info.study_uid),
+                                                       HasSubstr("2 studies"), HasSubstr("--series"))));
+  }
+  EXPECT_EQ(found.subject_of(found.series[0]).age_years, 38);
+  EXPECT_EQ(found.subject_of(found.series[1]).age_years, 41);
+  EXPECT_NE(found.subject_of(found.series[0]).id, found.subject_of(found.series[1]).id);
 }
 
 TEST_F(IntakeTest, OneFileIsAStudyToo) {

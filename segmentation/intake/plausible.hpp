@@ -1,0 +1,21 @@
+#pragma once
+#include <cmath>
+
+/// What no scan of a head has: beyond it a header is wrong, and what it would give is a plausible eye of
+/// another size.
+namespace emmetrope::segmentation {
+
+inline constexpr double least_spacing_mm = 0.05, largest_spacing_mm = 20;
+inline constexpr double least_slope = 1e-9, largest_slope = 1e9;
+/// In slopes; beyond it single precision does not tell neighbouring stored values apart.
+inline constexpr double largest_intercept = 1e6;
+inline constexpr double largest_age_years = 130;
+
+inline bool is_plausible_spacing(double mm) { return mm >= least_spacing_mm && mm <= largest_spacing_mm; }
+/// Positive: a negative slope turns T1 into T2.
+inline bool is_plausible_slope(double slope) { return slope >= least_slope && slope <= largest_slope; }
+inline bool is_plausible_intercept(double intercept, double slope) {
+  return std::abs(intercept) <= largest_intercept * slope;
+}
+
+}  // namespace emmetrope::segmentation
