@@ -159,7 +159,7 @@ FoundEyes find_eyes(const std::vector<const Stack*>& stacks,
     if (eyes.size() == 2) {
       eye.laterality = e == 0 ? Laterality::od : Laterality::os;
     } else {
-      const std::string tag = laterality_tags[eye.views.front().stack];
+      const std::string& tag = laterality_tags[eye.views.front().stack];
       const double x = eyes[e].centre().x();
       if (tag == "R" || tag == "L") {
         eye.laterality = tag == "R" ? Laterality::od : Laterality::os;
@@ -190,7 +190,11 @@ FoundEyes find_eyes(const std::vector<const Stack*>& stacks,
                : (v.globe.contrast != eye.contrast
                       ? std::string("not used: ") + to_string(eye.contrast) + " says more about this eye"
                       : "not used: it adds little to the better stacks");
-      choice.reason = choice.contrast.empty() ? text + "; " + why : choice.reason + ". " + text + "; " + why;
+      if (!choice.contrast.empty())
+        choice.reason += ". ";
+      else
+        choice.reason.clear();
+      choice.reason += fmt::format("{}; {}", text, why);
       choice.contrast = to_string(v.globe.contrast);
       choice.used = choice.used || used;
     };
