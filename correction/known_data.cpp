@@ -43,6 +43,10 @@ Calibration calibrate(const raytrace::Tracer& tracer, const EyeModel& traced, Un
   calibration.index_before = uncertain.numbers.mean[index];
   const SearchResult sharpest = sharpest_lens(tracer, traced, settings);
   calibration.before = sharpest.family.power(sharpest.best.lens);
+  calibration.index_was_known = !(uncertain.numbers.covariance(index, index) > 0);
+  const Eigen::MatrixXd sensitivity = refraction_sensitivity(
+      uncertain, [&](const EyeModel& eye) { return refraction_by_spot(eye, settings); });
+  calibration.covariance_before = sensitivity * uncertain.numbers.covariance * sensitivity.transpose();
 
   // The least-squares fit of ray slopes moves with the eye as the sharpest lens does.
   const Eigen::Vector3d start = as_vector(refraction_by_spot(uncertain.eye, settings));
@@ -55,7 +59,7 @@ Calibration calibrate(const raytrace::Tracer& tracer, const EyeModel& traced, Un
       as_vector(calibration.given), Eigen::Matrix3d::Identity() * calibration.sigma_D * calibration.sigma_D);
   calibration.index_after = Measured::from_sigma(
       uncertain.numbers.mean[index], std::sqrt(std::max(0.0, uncertain.numbers.covariance(index, index))),
-      "refraction");
+      uncertain.sources[index]);
   if (!(calibration.index_after.value > 1.36 && calibration.index_after.value < 1.5))
     throw no_result_error(
         fmt::format(

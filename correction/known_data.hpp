@@ -29,7 +29,8 @@ struct KnownData {
 std::map<Laterality, KnownData> parse_known_data(const KnownDataFlags& flags);
 
 /// The clinic's refraction enters as one more measurement of the eye: all that is uncertain about it moves,
-/// the lens index most, so that the sharpest lens comes to what is known within its accuracy.
+/// the lens index most where it is free, so that the sharpest lens comes to lie between what the images say
+/// and what was given, nearer to the more accurate.
 ///
 /// \param traced  the eye whose sharpest lens is compared with the refraction
 /// \throw Error (no_result) when that would need a lens index outside 1.36 to 1.50

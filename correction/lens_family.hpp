@@ -16,7 +16,7 @@ namespace emmetrope::correction {
 struct LensFamily {
   std::string name;
   Bounds bounds;
-  /// The eye with the lens before it.
+  /// The eye with the lens before it. \throw Error (usage) where no such lens can be made
   std::function<EyeModel(const EyeModel& eye, const Eigen::VectorXd& lens)> before;
   /// Back vertex power.
   std::function<PowerVector(const Eigen::VectorXd& lens)> power;

@@ -39,10 +39,10 @@ int main(int argc, char** argv) {
     app.add_option("--refraction", settings.known.refractions,
                    "known refraction, settles the lens index: od:-2.25/-1.00x180@12+-0.25")
         ->allow_extra_args(false);
-    app.add_option("--lens-index-sigma", settings.lens_index_sigma,
-                   "standard deviation of the lens index; 0: known")
-        ->check(CLI::Range(0.0, 0.05))
-        ->capture_default_str();
+    app.add_option(
+           "--lens-index-sigma", settings.lens_index_sigma,
+           "standard deviation of the lens index, 0: known; default 0.005, or 0 where trace had --lens-index")
+        ->check(CLI::Range(0.0, 0.05));
     app.add_option("--age", settings.what_if.age_years, "years; for the near point")
         ->check(CLI::Range(0.0, 120.0));
     app.add_option("--iol-target", settings.what_if.iol_target_D,

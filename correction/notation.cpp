@@ -37,7 +37,10 @@ class Reader {
 
   double number(const char* of_what) {
     std::string_view digits = rest_;
-    if (!digits.empty() && digits.front() == '+') digits.remove_prefix(1);
+    if (!digits.empty() && digits.front() == '+') {
+      digits.remove_prefix(1);
+      if (!digits.empty() && digits.front() == '-') fail(of_what);  // "+-" says how accurate, not how much
+    }
     double value = 0;
     const auto [end, error] = std::from_chars(digits.data(), digits.data() + digits.size(), value);
     if (error != std::errc() || !std::isfinite(value)) fail(of_what);
@@ -112,6 +115,8 @@ StatedRefraction parse_refraction(const std::string& text) {
     const double axis_deg = reader.number("an axis in degrees");
     if (axis_deg < 0 || axis_deg > 180) reader.fail("an axis from 0 to 180 degrees before this");
     stated.refraction.axis_deg = normalise_axis_deg(axis_deg);
+  } else {
+    reader.take("DS");
   }
   if (reader.take("@")) stated.vertex_distance_mm = reader.number("a vertex distance in mm");
   if (reader.take("+-")) stated.sigma_D = reader.number("an accuracy in dioptres");

@@ -30,8 +30,15 @@ class InverseSquare : public ceres::FirstOrderFunction {
 
   bool Evaluate(const double* parameters, double* cost, double* gradient) const override {
     const Eigen::VectorXd at = lens(parameters);
-    if (!bounds_.contain(at)) return false;  // the line search takes a shorter step
-    const SharpnessValue value = sharpness_(at);
+    // Where it is false the line search takes a shorter step.
+    if (!bounds_.contain(at)) return false;
+    SharpnessValue value;
+    try {
+      value = sharpness_(at);
+    } catch (const Error& error) {
+      if (error.status() != ExitStatus::usage) throw;
+      return false;  // no such lens can be made
+    }
     if (!(value.value > 0) || !value.gradient.allFinite()) return false;
     *cost = std::pow(start_sharpness_ / value.value, 2);
     if (gradient)
@@ -46,6 +53,26 @@ class InverseSquare : public ceres::FirstOrderFunction {
   const Bounds& bounds_;
   Eigen::VectorXd start_;
   double start_sharpness_, scale_D_;
+};
+
+/// Ends a climb near a summit that is known.
+class AtSummit : public ceres::IterationCallback {
+ public:
+  AtSummit(const OptimiserSettings& settings, const InverseSquare& cost, const Eigen::VectorXd& moved)
+      : settings_(settings), cost_(cost), moved_(moved) {}
+
+  ceres::CallbackReturnType operator()(const ceres::IterationSummary& /*summary*/) override {
+    const Eigen::VectorXd lens = cost_.lens(moved_.data());
+    const bool near = std::any_of(
+        settings_.summits.begin(), settings_.summits.end(),
+        [&](const Eigen::VectorXd& summit) { return (summit - lens).norm() < settings_.summit_reach_D; });
+    return near ? ceres::SOLVER_TERMINATE_SUCCESSFULLY : ceres::SOLVER_CONTINUE;
+  }
+
+ private:
+  const OptimiserSettings& settings_;
+  const InverseSquare& cost_;
+  const Eigen::VectorXd& moved_;
 };
 
 /// How far the focus is, were 1/S^2 = 1 + (distance / depth of focus)^2, which value and slope together tell:
@@ -94,6 +121,7 @@ Optimum climb(const SharpnessFunction& sharpness, const Eigen::VectorXd& start, 
   options.function_tolerance = settings.function_tolerance;
   options.parameter_tolerance = 1e-6;
   options.logging_type = ceres::SILENT;
+  options.update_state_every_iteration = true;  // for the callback
   ceres::GradientProblemSolver::Summary summary;
   // Ceres' tolerance is absolute, so the cost is scaled to 1 at the start; after a long way down it is small
   // against that, and a second round with the new scale ends at the slope that was asked for.
@@ -104,8 +132,11 @@ Optimum climb(const SharpnessFunction& sharpness, const Eigen::VectorXd& start, 
     const ceres::GradientProblem problem(cost);  // owns the cost
     options.gradient_tolerance = 2 * scale_D * settings.gradient_tolerance_per_D;
     Eigen::VectorXd moved = Eigen::VectorXd::Zero(optimum.lens.size());
+    AtSummit at_summit(settings, *cost, moved);
+    options.callbacks = {&at_summit};
     ceres::Solve(options, problem, moved.data(), &summary);
     optimum.lens = cost->lens(moved.data());
+    if (summary.termination_type == ceres::USER_SUCCESS) break;
     if (remembering(optimum.lens).value < 1.5 * start_value.value) break;
   }
 

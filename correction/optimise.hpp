@@ -2,6 +2,7 @@
 #include <Eigen/Core>
 #include <functional>
 #include <string>
+#include <vector>
 
 namespace emmetrope::correction {
 
@@ -29,6 +30,9 @@ struct OptimiserSettings {
   /// Whatever Ceres says, a slope of ln(sharpness) above this is no optimum: a bound or a fault stopped the
   /// climb.
   double accepted_gradient_per_D = 0.02;
+  /// A climb that comes this near to one of the summits that are known ends there.
+  std::vector<Eigen::VectorXd> summits;
+  double summit_reach_D = 0;
 };
 
 /// For a coarse picture, whose optimum need only come near enough for a finer one to take over.
@@ -45,8 +49,9 @@ struct Optimum {
 
 /// Climbs from `start` to a local maximum of sharpness with Ceres (BFGS, strong Wolfe line search). What is
 /// minimised is 1 / sharpness^2: far from focus sharpness falls as the inverse of the blur's width, so this
-/// is nearly a quadratic function of the lens's power over many dioptres. \throw Error (fault) when `start`
-/// is outside the bounds
+/// is nearly a quadratic function of the lens's power over many dioptres. A trial that cannot be made
+/// (`sharpness` throws Error (usage)) is stepped back from.
+/// \throw Error (fault) when `start` is outside the bounds, (usage) when it cannot be made
 Optimum climb(const SharpnessFunction& sharpness, const Eigen::VectorXd& start, const Bounds& bounds,
               const OptimiserSettings& settings);
 

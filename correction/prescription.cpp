@@ -119,17 +119,24 @@ PlanoCylinderResult best_plano_cylinder(const raytrace::Tracer& tracer,
 
 }  // namespace
 
+int Prescription::images() const {
+  int images = plano_cylinder.search.images;
+  for (const RealLens& lens : lenses) images += lens.images;
+  return images;
+}
+
 SearchResult sharpest_lens(const raytrace::Tracer& tracer, const EyeModel& eye,
                            const PrescriptionSettings& settings) {
   const LensFamily family = thin_lens(settings.vertex_distance_mm);
-  // No lens at all; the wavefront's answer; and a sphere beyond it, from the other side.
+  // The wavefront's answer, whose summit the others most often find too; no lens at all; and a sphere beyond
+  // the answer, from the other side.
   const Eigen::Vector3d from_wavefront =
       as_vector(refraction_by_wavefront(with_pupil(eye, settings.pupil_mm), wavefront_settings(settings),
                                         settings.vertex_distance_mm)
                     .minimum_rms_wavefront);
   const Eigen::Vector3d beyond(1.5 * from_wavefront[0] + std::copysign(1, from_wavefront[0]), 0, 0);
-  std::vector<Start> starts{{family, Eigen::Vector3d::Zero()}};
-  for (const Eigen::Vector3d& start : {from_wavefront, beyond})
+  std::vector<Start> starts;
+  for (const Eigen::Vector3d& start : {from_wavefront, Eigen::Vector3d(0, 0, 0), beyond})
     if (family.bounds.contain(start)) starts.push_back({family, start});
   SearchResult search = find_sharpest(tracer, scene_of(settings), eye, levels_of(settings), starts);
   if (!search.accepted) throw no_result_error(search.reason);

@@ -58,6 +58,9 @@ struct Prescription {
   Wavefront wavefront;
   RefractionCriteria check;
   std::vector<FieldPoint> field;  ///< refraction over the visual field
+
+  /// Retinal images behind all of it; the sweep's pictures are a drawing and not among them.
+  int images() const;
 };
 
 /// The thin lens of the sharpest image. \throw Error (no_result) when none is found, with the reason
@@ -72,15 +75,17 @@ Prescription prescribe(const raytrace::Tracer& tracer, const EyeModel& eye,
 /// M by the least-squares fit of ray slopes, at the settings' vertex distance: quick, for derivatives.
 PowerVector refraction_by_spot(const EyeModel& eye, const PrescriptionSettings& settings);
 
-/// A refraction known from the clinic has entered as data and settled the lens index: the refraction is then
-/// no result.
+/// A refraction known from the clinic has been combined with what the images say: the result is then no
+/// independent measurement.
 struct Calibration {
   PowerVector given;  ///< at the settings' vertex distance
   double sigma_D = 0.25;
   double surprise_sigma = 0;  ///< how far it was from what the eye said, in standard deviations
   double index_before = 0;
   Measured index_after;
-  PowerVector before;  ///< what the eye said without it
+  bool index_was_known = false;  ///< it has then stayed, and the eye's shape has moved
+  PowerVector before;            ///< what the eye said without it
+  Eigen::Matrix3d covariance_before = Eigen::Matrix3d::Zero();
 };
 
 /// Where the numbers' uncertainty comes from.

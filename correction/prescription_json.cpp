@@ -47,13 +47,6 @@ Json search_json(const SearchResult& search) {
           {"distinct_optima_D", std::move(optima)}};
 }
 
-/// Retinal images behind the whole prescription; the sweep's pictures are a drawing.
-int images_of(const Prescription& prescription) {
-  int images = prescription.plano_cylinder.search.images;
-  for (const RealLens& lens : prescription.lenses) images += lens.images;
-  return images;
-}
-
 /// Why the criteria differ, with this eye's numbers.
 Json difference_json(const Prescription& prescription) {
   const PowerVector& sharpest = prescription.refraction;
@@ -75,6 +68,34 @@ Json difference_json(const Prescription& prescription) {
            "agrees. The larger the pupil, the larger these differences.",
            check.paraxial.M_D - check.minimum_rms_wavefront.M_D, c40_um, wavefront.pupil_mm, by_aberration_D,
            sharpest.M_D - check.minimum_rms_wavefront.M_D)}};
+}
+
+/// What was given and what the images say, from which the result has been combined.
+Json calibration_json(const Calibration& calibration) {
+  const RefractionIntervals alone =
+      refraction_intervals(calibration.before, calibration.covariance_before, {"mri", "mri", "mri"});
+  Json without_it = notation_json(calibration.before);
+  without_it["M_D"] = alone.M_D;
+  without_it["J0_D"] = alone.J0_D;
+  without_it["J45_D"] = alone.J45_D;
+  const double after = calibration.index_after.value;
+  const std::string moved =
+      calibration.index_was_known
+          ? "The index of the lens was known and has stayed; what has moved is the shape of the eye."
+          : fmt::format("For that the index of the lens has moved from {:.4f} to {:.4f}, the rest is shape.",
+                        calibration.index_before, after);
+  return {
+      {"given", notation_json(calibration.given)},
+      {"sigma_D", calibration.sigma_D},
+      {"surprise_sigma", calibration.surprise_sigma},
+      {"surprise_limit_sigma", surprising_sigma},
+      {"lens_index_before", calibration.index_before},
+      {"lens_index_after", calibration.index_was_known ? Json(after) : Json(calibration.index_after)},
+      {"without_it", std::move(without_it)},
+      {"text",
+       "The given refraction has been combined with what the images say, each by its accuracy: the result "
+       "is no independent measurement. " +
+           moved}};
 }
 
 }  // namespace
@@ -109,28 +130,27 @@ Json to_json(const Prescription& prescription, const PrescriptionUncertainty& un
   json["contact_lens"]["rounded"] = rounded_json(contact_lens);
 
   json["lenses"] = lenses_json(prescription.lenses, settings.spectacle);
-  json["sharpest_lens"] =
-      std::max_element(prescription.lenses.begin(), prescription.lenses.end(),
-                       [](const RealLens& a, const RealLens& b) { return a.sharpness < b.sharpness; })
-          ->kind;
+  json["sharpest_lens"] = name_sharpest(prescription.lenses);
 
   const PlanoCylinderResult& plano = prescription.plano_cylinder;
-  json["plano_cylinder"] = {{"radius_mm", plano.lens.radius_mm},
-                            {"axis_deg", plano.lens.axis_deg},
-                            {"axis_matters", plano.axis_matters},
-                            {"index", settings.plano_cylinder_index},
-                            {"vertex_distance_mm", settings.plano_cylinder_distance_mm},
-                            {"sharpness", plano.sharpness},
-                            {"power_D", plano.lens.power_D},
-                            {"log_curvature_per_mm2", plano.radius_curvature_per_mm2},
-                            {"search", search_json(plano.search)}};
-  if (!plano.search.accepted) json["plano_cylinder"]["reason"] = plano.search.reason;
+  json["plano_cylinder"] = {{"index", settings.plano_cylinder_index},
+                            {"vertex_distance_mm", settings.plano_cylinder_distance_mm}};
+  if (plano.search.accepted)
+    json["plano_cylinder"].update({{"radius_mm", plano.lens.radius_mm},
+                                   {"axis_deg", plano.lens.axis_deg},
+                                   {"axis_matters", plano.axis_matters},
+                                   {"sharpness", plano.sharpness},
+                                   {"power_D", plano.lens.power_D},
+                                   {"log_curvature_per_mm2", plano.radius_curvature_per_mm2},
+                                   {"search", search_json(plano.search)}});
+  else
+    json["plano_cylinder"]["reason"] = plano.search.reason;
 
   json["wavefront_check"] = emmetrope::to_json(prescription.check);
   json["difference"] = difference_json(prescription);
   json["sharpness"] = {{"without_lens", prescription.sharpness_without_lens},
                        {"with_lens", prescription.search.best.sharpness}};
-  json["images"] = images_of(prescription);
+  json["images"] = prescription.images();
   json["search"] = search_json(prescription.search);
 
   Json budget = Json::array();
@@ -149,17 +169,7 @@ Json to_json(const Prescription& prescription, const PrescriptionUncertainty& un
                      {"J45_D", point.refraction.J45_D}});
   json["peripheral"] = std::move(field);
   json["learnt_from"] = uncertainty.data;
-  if (const auto& calibration = uncertainty.calibration)
-    json["calibration"] = {
-        {"given", notation_json(calibration->given)},
-        {"sigma_D", calibration->sigma_D},
-        {"surprise_sigma", calibration->surprise_sigma},
-        {"lens_index_before", calibration->index_before},
-        {"lens_index_after", calibration->index_after},
-        {"without_it", notation_json(calibration->before)},
-        {"text",
-         "The refraction was given and has settled the index of the lens: it is data here, "
-         "not a result."}};
+  if (uncertainty.calibration) json["calibration"] = calibration_json(*uncertainty.calibration);
   json["notice"] = research_notice;
   return json;
 }

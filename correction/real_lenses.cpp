@@ -104,6 +104,18 @@ std::vector<RealLens> sharpest_real_lenses(const raytrace::Tracer& tracer,
   return lenses;
 }
 
+std::string name_sharpest(std::vector<RealLens> lenses) {
+  lenses.erase(
+      std::remove_if(lenses.begin(), lenses.end(), [](const RealLens& lens) { return !lens.reason.empty(); }),
+      lenses.end());
+  std::sort(lenses.begin(), lenses.end(),
+            [](const RealLens& a, const RealLens& b) { return a.sharpness > b.sharpness; });
+  if (lenses.empty()) return {};
+  const bool equal =
+      lenses.size() > 1 && lenses[1].sharpness > (1 - sharpness_repeatability) * lenses[0].sharpness;
+  return equal ? "equal" : lenses[0].kind;
+}
+
 Json lenses_json(const std::vector<RealLens>& lenses, const SpectacleSettings& spectacle) {
   Json json = Json::array();
   for (const RealLens& lens : lenses) {

@@ -50,7 +50,15 @@ std::vector<RealLens> sharpest_real_lenses(const raytrace::Tracer& tracer,
                                            const SpectacleSettings& spectacle, const PowerVector& thin_lens,
                                            double vertex_distance_mm);
 
-/// "lenses" of prescription.json, the thin lens first; "sharpest" names the best of each.
+/// "lenses" of prescription.json, the thin lens first.
 Json lenses_json(const std::vector<RealLens>& lenses, const SpectacleSettings& spectacle);
+
+/// Sharpness differs by less than this fraction between lenses that do the same: by what magnification alone
+/// (up to a tenth) and other rays change of it.
+inline constexpr double sharpness_repeatability = 0.005;
+
+/// The kind of the sharpest lens; "equal" where another comes within the repeatability, empty where there is
+/// none.
+std::string name_sharpest(std::vector<RealLens> lenses);
 
 }  // namespace emmetrope::correction

@@ -14,9 +14,9 @@ namespace emmetrope::correction {
 /// How a retinal image is made and judged. One level of the coarse-to-fine search.
 struct ImagingLevel {
   Measure measure = Measure::gradient_energy;
-  int pixels = 256;        ///< width and height
-  double field_mm = 1.8;   ///< width and height on the retina
-  int samples = 64;        ///< rays a pixel
+  int pixels = 192;        ///< width and height
+  double field_mm = 1.2;   ///< width and height on the retina
+  int samples = 32;        ///< rays a pixel
   double blur_arcmin = 1;  ///< detail finer than this does not count
   double pupil_mm = 3;     ///< iris aperture
   double wavelength_nm = 589.3;

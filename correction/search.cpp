@@ -59,7 +59,7 @@ std::vector<ImagingLevel> imaging_levels(Measure measure, double pupil_mm, doubl
   ImagingLevel fine;
   fine.measure = measure;
   fine.pixels = 192;
-  fine.field_mm = 1.4;
+  fine.field_mm = 1.2;  // pixels fine enough for the chart's detail, whatever a lens magnifies
   fine.samples = 32;
   for (ImagingLevel* level : {&coarse, &fine}) {
     level->wavelength_nm = wavelength_nm;
@@ -81,10 +81,13 @@ SearchResult find_sharpest(const raytrace::Tracer& tracer,
   }
   for (const ImagingLevel& level : levels) {
     const bool last = &level == &levels.back();
-    for (Climbed& one : climbed) {
-      const RetinalSharpness sharpness(tracer, scene, eye, one.family, level);
-      one.end = climb(std::cref(sharpness), one.end.lens, one.family.bounds,
-                      last ? OptimiserSettings{} : coarse_search());
+    for (auto one = climbed.begin(); one != climbed.end(); ++one) {
+      OptimiserSettings settings = last ? OptimiserSettings{} : coarse_search();
+      settings.summit_reach_D = last ? 0 : same_coarse_optimum_D;
+      for (auto before = climbed.begin(); before != one; ++before)
+        if (before->family.name == one->family.name) settings.summits.push_back(before->end.lens);
+      const RetinalSharpness sharpness(tracer, scene, eye, one->family, level);
+      one->end = climb(std::cref(sharpness), one->end.lens, one->family.bounds, settings);
       result.images += sharpness.images();
     }
     climbed = distinct(std::move(climbed), last ? same_optimum_D : same_coarse_optimum_D);

@@ -2,6 +2,8 @@
 
 #include <fmt/core.h>
 
+#include <algorithm>
+#include <array>
 #include <charconv>
 #include <cmath>
 #include <string_view>
@@ -11,6 +13,8 @@
 #include "correction/sweep.hpp"
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/files.hpp"
+#include "pipeline/base/interrupt.hpp"
+#include "pipeline/base/log.hpp"
 #include "pipeline/base/version.hpp"
 #include "raytrace/spectacle/spectacle.hpp"
 
@@ -18,6 +22,8 @@ namespace emmetrope::correction {
 namespace {
 
 namespace fs = std::filesystem;
+
+constexpr double lens_index_prior_sigma = 0.005;
 
 Json parameters_of(const CorrectionSettings& settings, const CommonOptions& common) {
   const PrescriptionSettings& p = settings.prescription;
@@ -35,7 +41,7 @@ Json parameters_of(const CorrectionSettings& settings, const CommonOptions& comm
           {"centre_thickness_mm",
            p.spectacle.centre_thickness_mm ? Json(*p.spectacle.centre_thickness_mm) : Json(nullptr)},
           {"lens_diameter_mm", 2 * p.spectacle.semi_diameter_mm},
-          {"lens_index_sigma", settings.lens_index_sigma},
+          {"lens_index_sigma", settings.lens_index_sigma.value_or(lens_index_prior_sigma)},
           {"instruments", to_json(settings.known.instruments)},
           {"known_refractions", settings.known.refractions},
           {"ablation_picture", settings.ablation_picture},
@@ -88,7 +94,7 @@ void follow_trace_stage(const fs::path& case_folder, CorrectionSettings& setting
     picture.field_y_mm = field_mm[1];
     picture.centre_mm = {fovea_mm[0], fovea_mm[1]};
     if (settings.prescription.fovea_mm.isZero()) settings.prescription.fovea_mm = picture.centre_mm;
-    if (!parameters.at("lens_index").is_null()) settings.lens_index_sigma = 0;
+    if (!parameters.at("lens_index").is_null() && !settings.lens_index_sigma) settings.lens_index_sigma = 0;
     if (!settings.what_if.age_years && parameters.at("age_years").is_number())
       settings.what_if.age_years = parameters.at("age_years").get<double>();
   } catch (const nlohmann::json::exception& fault) {
@@ -100,6 +106,7 @@ void follow_trace_stage(const fs::path& case_folder, CorrectionSettings& setting
 struct EyeResult {
   Prescription prescription;
   PrescriptionUncertainty uncertainty;
+  std::optional<double> axial_length_mm;  ///< optical, of a measured eye
 };
 
 /// What the clinic knows is learnt about the eye as formulas, which then stands for the one that was traced.
@@ -145,7 +152,9 @@ void write_eye_files(const fs::path& folder, const raytrace::Tracer& tracer, con
   const PictureSettings& picture = settings.picture;
   fs::create_directories(folder);
   Json prescription = to_json(result.prescription, result.uncertainty, laterality);
-  prescription["what_if"] = what_if_json(eye, p, result.prescription.refraction, settings.what_if);
+  WhatIfSettings what_if = settings.what_if;
+  what_if.axial_length_mm = result.axial_length_mm;
+  prescription["what_if"] = what_if_json(eye, p, result.prescription.refraction, what_if);
   write_json(folder / "prescription.json", prescription);
   write_file(folder / "sweep.csv", sweep_csv(result.prescription.plano_cylinder));
   write_file(folder / "sweep.svg", sweep_svg(result.prescription.plano_cylinder, p.criterion));
@@ -165,9 +174,14 @@ void write_eye_files(const fs::path& folder, const raytrace::Tracer& tracer, con
                 with_thin_lens(seeing, result.prescription.refraction, p.vertex_distance_mm));
   if (settings.ablation_picture) {
     const PowerVector at_cornea = move_towards_eye(result.prescription.refraction, p.vertex_distance_mm);
-    write_picture("ablated.png", with_ablation(seeing, munnerlyn_profile(seeing, at_cornea)));
-    write_picture("ablated_wavefront_guided.png",
-                  with_ablation(seeing, wavefront_guided_profile(seeing, p.wavelength_nm, p.fovea_mm)));
+    try {
+      write_picture("ablated.png", with_ablation(seeing, munnerlyn_profile(seeing, at_cornea)));
+      write_picture("ablated_wavefront_guided.png",
+                    with_ablation(seeing, wavefront_guided_profile(seeing, p.wavelength_nm, p.fovea_mm)));
+    } catch (const Error& error) {  // a cornea too thin for it: the prescription stands
+      if (error.status() != ExitStatus::no_result) throw;
+      spdlog::warn("no picture of an ablation: {}", error.what());
+    }
   }
 }
 
@@ -196,6 +210,44 @@ UncertainEye read_uncertain_eye(const fs::path& file, double lens_index_sigma, c
   return uncertain;
 }
 
+/// What `write_eye_files` may write.
+constexpr std::array eye_files{"prescription.json", "corrected.png", "sweep.csv",
+                               "sweep.svg",         "ablated.png",   "ablated_wavefront_guided.png"};
+
+/// A folder inside the output in which files are written, to be moved out of it together; it goes again,
+/// whatever happens.
+class WholeOutput {
+ public:
+  explicit WholeOutput(fs::path output) : output_(std::move(output)), guard_(folder()) {
+    std::error_code fault;
+    fs::remove_all(folder(), fault);
+    fs::create_directories(folder(), fault);
+    if (fault) throw output_error("cannot make the folder " + output_.string() + ": " + fault.message());
+  }
+  ~WholeOutput() {
+    std::error_code ignored;
+    fs::remove_all(folder(), ignored);
+  }
+  WholeOutput(const WholeOutput&) = delete;
+  WholeOutput& operator=(const WholeOutput&) = delete;
+
+  fs::path folder() const { return output_ / ".writing-correction"; }
+  /// Puts what has been written, or nothing, in the place of an earlier eye's files.
+  void publish() const {
+    const auto together = hold_interrupts();
+    for (const char* name : eye_files) {
+      if (fs::exists(folder() / name))
+        fs::rename(folder() / name, output_ / name);
+      else
+        fs::remove(output_ / name);
+    }
+  }
+
+ private:
+  fs::path output_;
+  RemoveOnInterrupt guard_;
+};
+
 }  // namespace
 
 Answer correct_case(const fs::path& case_folder, CorrectionSettings settings, const CommonOptions& common) {
@@ -223,6 +275,9 @@ Answer correct_case(const fs::path& case_folder, CorrectionSettings settings, co
     for (const char* stage : {"meshing/", "raytrace/"})
       for (const StageInput& input : inputs_below(case_folder, stage + name)) spec.inputs.push_back(input);
   }
+  if (eyes.empty() && traced.status == ExitStatus::done)
+    throw input_error((case_folder / "raytrace").string() + " holds no eye that --laterality asks for",
+                      "trace it with: emmetrope trace " + case_folder.string());
   std::optional<raytrace::Tracer> tracer;
   if (!eyes.empty()) {
     tracer.emplace(common.device, common.threads);
@@ -234,6 +289,10 @@ Answer correct_case(const fs::path& case_folder, CorrectionSettings settings, co
   const auto work = [&](StageWorkspace& workspace) {
     StageVerdict verdict;
     verdict.reasons = traced.reasons;
+    for (const auto& [side, data] : known)
+      if (std::find(eyes.begin(), eyes.end(), side) == eyes.end())
+        workspace.warn(std::string(clinical_name(side)) +
+                       ": what was measured of it elsewhere is not used: this run does not work on that eye");
     std::size_t done = 0;
     for (const Laterality side : eyes) {
       const std::string name = to_string(side);
@@ -241,7 +300,9 @@ Answer correct_case(const fs::path& case_folder, CorrectionSettings settings, co
         EyeModel eye = read_eye(case_folder / "raytrace" / name / "eye.json");
         const fs::path optics = case_folder / "meshing" / name / "optics.json";
         std::optional<UncertainEye> uncertain;
-        if (fs::exists(optics)) uncertain = read_uncertain_eye(optics, settings.lens_index_sigma, eye);
+        if (fs::exists(optics))
+          uncertain =
+              read_uncertain_eye(optics, settings.lens_index_sigma.value_or(lens_index_prior_sigma), eye);
         std::optional<Calibration> calibration;
         if (const auto data = known.find(side); data != known.end()) {
           std::vector<std::string> warnings;
@@ -254,7 +315,9 @@ Answer correct_case(const fs::path& case_folder, CorrectionSettings settings, co
               ": what was measured elsewhere is in the prescription and in corrected.png, not in the "
               "meshes and uncorrected.png; give it to the mesh stage to have it there too");
         }
-        EyeResult result{prescribe(*tracer, eye, settings.prescription), {}};
+        EyeResult result{prescribe(*tracer, eye, settings.prescription), {}, {}};
+        if (uncertain)
+          result.axial_length_mm = uncertain->numbers.mean[uncertain->index_of("optical_axial_length_mm")];
         result.uncertainty =
             uncertainty_of(result.prescription, uncertain ? &*uncertain : nullptr, calibration);
         write_eye_files(workspace.folder() / name, *tracer, eye, result, settings, common.seed, name);
@@ -296,11 +359,19 @@ Answer correct_eye(const EyeModel& eye, const fs::path& output, const Correction
   if (!parse_known_data(settings.known).empty())
     throw usage_error("measurements from elsewhere are learnt about a measured eye; --eye is known exactly",
                       "leave them out, or name a CASE");
-  fs::create_directories(output);  // where that fails, at once
+  raytrace::make_scene(settings.picture.scene);  // where that fails, or the folder, at once
+  const WholeOutput whole(output);
   const raytrace::Tracer tracer(common.device, common.threads);
-  EyeResult result{prescribe(tracer, eye, settings.prescription), {}};
+  EyeResult result;
+  try {
+    result.prescription = prescribe(tracer, eye, settings.prescription);
+  } catch (const Error& error) {
+    if (error.status() == ExitStatus::no_result) whole.publish();  // an earlier eye's lens is not this one's
+    throw;
+  }
   result.uncertainty = uncertainty_of(result.prescription, nullptr);
-  write_eye_files(output, tracer, eye, result, settings, common.seed, "");
+  write_eye_files(whole.folder(), tracer, eye, result, settings, common.seed, "");
+  whole.publish();
   Answer answer;
   answer.json = read_json(output / "prescription.json");
   answer.text = summary(eye.name, result) + std::string(research_notice) + "\n";

@@ -26,19 +26,21 @@ struct PictureSettings {
 struct CorrectionSettings {
   PrescriptionSettings prescription;
   PictureSettings picture;
-  double lens_index_sigma = 0.005;  ///< prior of a measured eye's lens index; 0 where it is known
-  WhatIfSettings what_if;           ///< a case's own age where none is given
+  /// Prior of a measured eye's lens index; where none is given 0.005, or 0 where the trace stage was told the
+  /// index
+  std::optional<double> lens_index_sigma;
+  WhatIfSettings what_if;  ///< a case's own age where none is given
   KnownDataFlags known;
   bool ablation_picture = false;  ///< what the eye sees after an ablation of its refraction: ablated.png
 };
 
 /// CASE/correction/<eye>/: prescription.json, corrected.png, sweep.csv, sweep.svg, for every eye that was
 /// traced. An eye whose sharpest lens is not found gets no number; the reasons stand in stage.json. \throw
-/// Error (input_invalid) when the case has not been traced
+/// Error (input_invalid) when the case, or the eye that is asked for, has not been traced
 Answer correct_case(const std::filesystem::path& case_folder, CorrectionSettings settings,
                     const CommonOptions& common);
 
-/// The same files for a schematic eye or an eye.json, in `output`.
+/// The same files for a schematic eye or an eye.json, in `output`; all of them or, on an error, none.
 Answer correct_eye(const EyeModel& eye, const std::filesystem::path& output,
                    const CorrectionSettings& settings, const CommonOptions& common);
 

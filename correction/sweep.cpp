@@ -83,7 +83,7 @@ std::string optimum_mark(const PlanoCylinderResult& result, std::size_t k, doubl
   const auto of_best = std::find_if(result.sweep.begin(), result.sweep.end(), [&](const SweepRow& row) {
     return std::abs(row.radius_mm - best_mm) < 1e-9 * std::abs(best_mm);
   });
-  if (of_best == result.sweep.end() || !(result.radius_curvature_per_mm2 < 0)) return {};
+  if (!result.search.accepted || of_best == result.sweep.end()) return {};
   const double x = axes.x(best_mm), peak = of_best->sharpness[k] / most;
   std::string svg = line(x, axes.y(0), x, axes.y(1), "stroke=\"#222222\" stroke-dasharray=\"4 4\"");
   svg += "<polyline fill=\"none\" stroke=\"#222222\" stroke-width=\"1\" points=\"";

@@ -68,12 +68,13 @@ Json iol_json(const EyeModel& eye, const PrescriptionSettings& settings, const W
   constexpr double vertex_mm = 12;
   const double a_constant = what_if.iol_a_constant, target_D = what_if.iol_target_D;
   const double target_at_cornea_D = move_towards_eye({target_D, 0, 0}, vertex_mm).M_D;
-  const IolBiometry biometry{eye.axial_length_mm(), mean_keratometry_D(eye),
+  const IolBiometry biometry{what_if.axial_length_mm.value_or(eye.axial_length_mm()), mean_keratometry_D(eye),
                              eye.surface("lens_anterior").position_mm};
   const ThinLensEye srkt = srkt_eye(biometry, a_constant);
   return {{"target_M_D", target_D},
           {"target_vertex_distance_mm", vertex_mm},
           {"a_constant", a_constant},
+          {"axial_length_mm", biometry.axial_length_mm},
           {"position_mm", srkt.lens_mm},
           {"ray_traced_D", ray_traced_iol_D(with_pupil(eye, settings.pupil_mm), srkt.lens_mm,
                                             target_at_cornea_D, settings.wavelength_nm)},
@@ -123,6 +124,7 @@ Json what_if_json(const EyeModel& eye, const PrescriptionSettings& settings, con
         {"age_years", *what_if.age_years},
         {"amplitude_D", amplitude.average_D},
         {"minimum_amplitude_D", amplitude.minimum_D},
+        {"far_point_mm", finite_or_null(near_point_mm(at_cornea.M_D, 0))},
         {"near_point_mm", finite_or_null(near_point_mm(at_cornea.M_D, amplitude.average_D))},
         {"near_point_with_lens_mm",
          finite_or_null(near_point_with_lens_mm(at_cornea.M_D, amplitude.average_D, refraction.M_D,

@@ -32,9 +32,10 @@ double ray_traced_iol_D(const EyeModel& eye, double position_mm, double target_a
                         double wavelength_nm);
 
 struct WhatIfSettings {
-  std::optional<double> age_years;  ///< for the near point
-  double iol_target_D = 0;          ///< refraction that an IOL is to leave, 12 mm before the cornea
-  double iol_a_constant = 118.4;    ///< of the IOL, for the formulas and for its place
+  std::optional<double> age_years;        ///< for the near point
+  double iol_target_D = 0;                ///< refraction that an IOL is to leave, 12 mm before the cornea
+  double iol_a_constant = 118.4;          ///< of the IOL, for the formulas and for its place
+  std::optional<double> axial_length_mm;  ///< optical, for the formulas; the model's own where none is given
 };
 
 /// All of it for one eye, as prescription.json's "what_if": refraction against pupil, near point by age

@@ -151,8 +151,9 @@ Answer make_meshes(const MeshingOptions& options, const CommonOptions& common) {
 
   StageSpec spec;
   spec.stage = "meshing";
-  spec.parameters = {{"od", includes(common.laterality, Laterality::od)},
-                     {"os", includes(common.laterality, Laterality::os)},
+  spec.parameters = {{"laterality", common.laterality == LateralityChoice::both ? "both"
+                                    : common.laterality == LateralityChoice::od ? "od"
+                                                                                : "os"},
                      {"keratometry", options.instruments.keratometry},
                      {"axial_length", options.instruments.axial_length},
                      {"acd", options.instruments.anterior_chamber_depth},

@@ -11,7 +11,6 @@ struct Astigmatism {
   double covariance_with_M_D2 = 0;  ///< of half the cylinder
   double axis_deg = 0;              ///< minus cylinder of a refraction, flat meridian of a cornea
   double axis_half_width_deg = 0;   ///< of the 95 % interval; 90, all there is, where the cylinder's holds 0
-  bool is_determined() const { return axis_half_width_deg < 90; }
 };
 
 /// \param covariance  of (M, J0, J45)

@@ -107,14 +107,28 @@ std::vector<std::string> warnings_from(const Json& stage_json) {
   return stage_json.at("warnings").get<std::vector<std::string>>();
 }
 
-/// The stored outcome, if it was made from the same key and its outputs are still what was written.
+/// Whether a stored result was made from the key, or for both eyes from the same where the key asks for one.
+bool answers(const Json& stored, Json key) {
+  const auto laterality = [](const Json& of) { return of.at("parameters").value("laterality", "both"); };
+  const bool is_part = laterality(key) != "both" && laterality(stored) == "both";
+  if (is_part) {
+    key["parameters"]["laterality"] = "both";
+    for (const auto& [name, hash] : key["inputs"].items())
+      if (stored.at("inputs").value(name, "") != hash) return false;
+    key.erase("inputs");
+  }
+  for (const auto& [name, value] : key.items())
+    if (stored.at(name) != value) return false;
+  return true;
+}
+
+/// The stored outcome, if it answers the key and its outputs are still what was written.
 std::optional<StageOutcome> finished(const fs::path& case_folder, const std::string& stage, const Json& key) {
   const fs::path file = case_folder / stage / stage_file;
   if (!fs::exists(file)) return std::nullopt;
   try {
     Json stored = read_json(file);
-    for (const auto& [name, value] : key.items())
-      if (stored.at(name) != value) return std::nullopt;
+    if (!answers(stored, key)) return std::nullopt;
     for (const auto& [name, hash] : stored.at("outputs").items())
       if (sha256_of_file(case_folder / name) != hash.get<std::string>()) return std::nullopt;
     for (const auto& warning : warnings_from(stored)) spdlog::warn("{}", warning);
@@ -122,6 +136,16 @@ std::optional<StageOutcome> finished(const fs::path& case_folder, const std::str
   } catch (const std::exception&) {
     return std::nullopt;  // unreadable or incomplete: make it again
   }
+}
+
+/// A stage is one result with one set of parameters: what it holds of an eye that this run leaves out goes.
+void warn_of_lost_eye(const fs::path& stage_folder, LateralityChoice asked, StageWorkspace& workspace) {
+  for (const Laterality eye : both_eyes)
+    if (!includes(asked, eye) && fs::exists(stage_folder / to_string(eye)))
+      workspace.warn(
+          fmt::format("{}: its earlier {} is dropped, as this run is for the other eye alone; run it "
+                      "without --laterality to have both",
+                      clinical_name(eye), stage_folder.filename().string()));
 }
 
 /// Left over from runs that were killed; nobody else writes while we hold the lock.
@@ -249,6 +273,7 @@ StageOutcome run_stage(const fs::path& case_folder, const StageSpec& spec, const
     fs::remove_all(folder);
     fs::create_directory(folder);
     StageWorkspace workspace(folder);
+    warn_of_lost_eye(case_folder / spec.stage, common.laterality, workspace);
     const StageVerdict verdict = work(workspace);
 
     Json outputs = Json::object();

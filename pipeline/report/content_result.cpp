@@ -29,6 +29,29 @@ void add_measured(Table& table, const Json& json, const std::string& key, const 
   table.rows.push_back({name, format(measured.value, style), format_interval(measured, style)});
 }
 
+std::string refraction_of(const Json& notation) {
+  return format_refraction(value_of(notation, "sphere_D").value_or(0),
+                           value_of(notation, "cylinder_D").value_or(0),
+                           value_of(notation, "axis_deg").value_or(180));
+}
+
+/// Side by side what was given, what the images say, and what has been combined from them.
+void add_calibration(EyeCard& card, const Json& prescription) {
+  const Json calibration = prescription.value("calibration", Json());
+  if (!calibration.is_object()) return;
+  const NumberStyle dioptres{2, true, "D"};
+  const Json given = calibration.value("given", Json()), alone = calibration.value("without_it", Json());
+  const double half_width_D =
+      Measured::from_sigma(0, value_of(calibration, "sigma_D").value_or(0), "").ci95[1];
+  card.note += ". Combined from the refraction that was given, " + refraction_of(given) +
+               ", and what the images alone say, " + refraction_of(alone) +
+               ", each by its accuracy: no independent measurement";
+  card.details.rows.push_back(
+      {"Given", refraction_of(given), "\u00b1" + fixed(half_width_D, 2) + " D in M, J0 and J45"});
+  card.details.rows.push_back({"Images alone", refraction_of(alone), ""});
+  add_measured(card.details, alone, "M_D", "M, images alone", dioptres);
+}
+
 EyeCard card_of(const CaseData& data, const EyeData& eye) {
   const Judgement judgement = judge(data, eye);
   EyeCard card;
@@ -59,9 +82,7 @@ EyeCard card_of(const CaseData& data, const EyeData& eye) {
   add_measured(card.details, prescription, "M_D", "M", dioptres);
   add_measured(card.details, prescription, "J0_D", "J0", dioptres);
   add_measured(card.details, prescription, "J45_D", "J45", dioptres);
-  const Json calibration = prescription.value("calibration", Json());
-  if (calibration.is_object())
-    card.note += ". " + calibration.value("text", std::string("A known refraction was given as data."));
+  add_calibration(card, prescription);
   card.before_png = page_png(eye.uncorrected_png);
   card.after_png = page_png(eye.corrected_png);
   card.picture_caption =

@@ -22,11 +22,11 @@ double half_width(const EyeData& eye, const char* key) {
 /// " Known from elsewhere, refraction +-0.25 D would narrow it to +-0.49 D; optical axial length would not.":
 /// what the correction stage found that each measurement would leave of M, the most telling first.
 std::string remedy_for(const EyeData& eye) {
-  constexpr double normal_quantile_975 = 1.959963985, worth_telling = 0.95;
+  constexpr double worth_telling = 0.95;
   std::vector<std::pair<double, std::string>> left;
   for (const auto& line : eye.prescription.value("if_measured", Json::array()))
     if (const auto sigma_D = value_of(line, "M_D"))
-      left.emplace_back(normal_quantile_975 * *sigma_D,
+      left.emplace_back(Measured::from_sigma(0, *sigma_D, "").ci95[1],
                         with_symbols(line.value("measurement", std::string("a measurement"))));
   std::sort(left.begin(), left.end());
   std::string useful, useless;
@@ -67,6 +67,17 @@ Judgement refused(const CaseData& data, const EyeData& eye, std::vector<std::str
   if (reasons.empty())
     reasons.emplace_back("The stages before this report gave no prescription for this eye.");
   return {Light::red, "No prescription: the images do not support one", reasons, false, false};
+}
+
+/// A refraction that was given and hardly belongs to this eye.
+std::vector<std::string> contradictions(const EyeData& eye) {
+  const auto surprise = value_at(eye.prescription, "/calibration/surprise_sigma"),
+             limit = value_at(eye.prescription, "/calibration/surprise_limit_sigma");
+  if (!surprise || !limit || *surprise <= *limit) return {};
+  return {
+      "The refraction that was given and the images differ by " + fixed(*surprise, 1) +
+      " standard deviations: it may be another eye's, have the wrong sign, or one of the two is wrong. What "
+      "is combined from them is not to be relied on."};
 }
 
 const Json* at_path(const Json& json, const std::string& path) {
@@ -112,6 +123,8 @@ Judgement judge(const CaseData& data, const EyeData& eye) {
   else if (M_half_width > repeatability_D)
     reasons.push_back("The mean sphere's 95 % interval is \u00b1" + fixed(M_half_width, 2) +
                       " D; clinical refraction is expected to repeat within \u00b10.50 D." + remedy_for(eye));
+  const std::vector<std::string> contradicted = contradictions(eye);
+  reasons.insert(reasons.begin(), contradicted.begin(), contradicted.end());
   if (std::max(half_width(eye, "J0_D"), half_width(eye, "J45_D")) > astigmatism_D)
     reasons.push_back("Cylinder and axis are not determined: the 95 % intervals of J0 and J45 are \u00b1" +
                       fixed(half_width(eye, "J0_D"), 2) + " and \u00b1" + fixed(half_width(eye, "J45_D"), 2) +

@@ -2,13 +2,28 @@
 
 #include <Eigen/Cholesky>
 #include <algorithm>
+#include <boost/math/distributions/chi_squared.hpp>
+#include <boost/math/distributions/normal.hpp>
 #include <cmath>
+#include <limits>
 
 namespace emmetrope {
 
 using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
+
+namespace {
+
+double as_normal_sigmas(double chi2, Index dimension) {
+  using boost::math::complement;
+  const double rarity =
+      std::max(boost::math::cdf(complement(boost::math::chi_squared(static_cast<double>(dimension)), chi2)),
+               std::numeric_limits<double>::min());  // 37 standard deviations and more
+  return boost::math::quantile(complement(boost::math::normal(), rarity / 2));
+}
+
+}  // namespace
 
 MatrixXd jacobian(const NormalDistribution& numbers, const VectorFunction& function) {
   MatrixXd jacobian = MatrixXd::Zero(function(numbers.mean).size(), numbers.mean.size());
@@ -43,7 +58,7 @@ double condition(NormalDistribution& numbers, const VectorFunction& function, co
   }
   const MatrixXd keep = MatrixXd::Identity(p.rows(), p.cols()) - gain * j;
   numbers.covariance = keep * p * keep.transpose() + gain * noise_covariance * gain.transpose();
-  return std::sqrt(chi2 / static_cast<double>(measured.size()));
+  return as_normal_sigmas(chi2, measured.size());
 }
 
 }  // namespace emmetrope

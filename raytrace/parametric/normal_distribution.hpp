@@ -21,8 +21,10 @@ Eigen::MatrixXd jacobian(const NormalDistribution& numbers, const VectorFunction
 /// Learns that `function` of the numbers was measured: an iterated extended Kalman filter (Bell and Cathey
 /// 1993), the covariance in Joseph's form, which stays positive.
 ///
-/// \return Mahalanobis distance of the measurement from what was expected, in standard deviations of its
-///         dimension: sqrt of chi2 per degree of freedom; above 3 the two hardly fit together
+/// \return how far the measurement was from what was expected: the number of standard deviations that a
+/// single
+///         normal number exceeds as rarely as chi2 of this dimension is exceeded; above 3 (once in 370) the
+///         two hardly fit together, whatever the dimension
 double condition(NormalDistribution& numbers, const VectorFunction& function, const Eigen::VectorXd& measured,
                  const Eigen::MatrixXd& noise_covariance);
 

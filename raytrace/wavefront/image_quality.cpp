@@ -48,10 +48,10 @@ PupilFunction sampled(const Wavefront& wavefront) {
   return {wavefront, samples, samples > 512 ? 2.0 : 3.0};
 }
 
-/// Sum of Re(OTF) over frequencies up to 60 cycles a degree with the neural weights.
-class NeuralSum {
+/// Sum of Re(OTF) over frequencies up to 60 cycles a degree weighted by contrast sensitivity.
+class SensitivitySum {
  public:
-  explicit NeuralSum(const PupilFunction& pupil) {
+  explicit SensitivitySum(const PupilFunction& pupil) {
     const int reach = highest_cpd * pupil.per_cpd(), size = pupil.size();
     for (int row = -reach; row <= reach; ++row)
       for (int column = -reach; column <= reach; ++column) {
@@ -93,10 +93,10 @@ ImageQuality image_quality(const Wavefront& uncorrected, const PowerVector& lens
   const PupilFunction pupil = sampled(wavefront);
   const std::vector<double> spread = pupil.point_spread({}), perfect = pupil.perfect_point_spread();
   const std::vector<std::complex<double>> otf = pupil.otf(spread);
-  const NeuralSum neural(pupil);
+  const SensitivitySum weighted(pupil);
   ImageQuality quality;
   quality.strehl = pupil.strehl({}, spread);
-  quality.vsotf = neural.of(otf) / neural.of(pupil.otf(perfect));
+  quality.vsotf = weighted.of(otf) / weighted.of(pupil.otf(perfect));
   for (int cpd = 0; cpd <= highest_cpd; ++cpd) {
     const int step = cpd * pupil.per_cpd();
     const bool inside = 2 * step < pupil.size();
@@ -135,10 +135,10 @@ RefractionCriteria refraction_by_wavefront(const Wavefront& wavefront, double ve
   const PowerVector& start = wavefront.minimum_rms_wavefront;
   corrected.zernike_um[3] = corrected.zernike_um[4] = corrected.zernike_um[5] = 0;
   const PupilFunction pupil(corrected, 96, 2);
-  const NeuralSum neural(pupil);
-  const double perfect = neural.of(pupil.otf(pupil.perfect_point_spread()));
+  const SensitivitySum weighted(pupil);
+  const double perfect = weighted.of(pupil.otf(pupil.perfect_point_spread()));
   const auto loss = [&](const Lens& lens) {
-    return -neural.of(pupil.otf(pupil.point_spread(power_from(lens)))) / perfect;
+    return -weighted.of(pupil.otf(pupil.point_spread(power_from(lens)))) / perfect;
   };
   const double away = wavefront.paraxial.M_D - start.M_D;
   Lens best = Lens::Zero();

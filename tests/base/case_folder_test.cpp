@@ -72,6 +72,32 @@ TEST_F(Stage, IsSkippedOnlyWhileNothingChanged) {
   EXPECT_FALSE(run().skipped);
 }
 
+TEST_F(Stage, OneEyeOfAResultForBothIsThereAlready) {
+  const auto run_for = [&](LateralityChoice eyes, bool force = false) {
+    common.laterality = eyes;
+    common.force = force;
+    StageSpec one{
+        "raytrace", {{"laterality", eyes == LateralityChoice::both ? "both" : "od"}}, {}, false, {}};
+    return run_stage(case_folder, one, common, [&](StageWorkspace& workspace) {
+      for (const Laterality eye : both_eyes)
+        if (includes(eyes, eye)) {
+          fs::create_directories(workspace.folder() / to_string(eye));
+          write_file(workspace.folder() / to_string(eye) / "out.txt", "seen");
+        }
+      return StageVerdict{};
+    });
+  };
+  EXPECT_FALSE(run_for(LateralityChoice::both).skipped);
+  EXPECT_TRUE(run_for(LateralityChoice::od).skipped);
+  EXPECT_TRUE(fs::exists(case_folder / "raytrace/os/out.txt"));
+  // Made anew for one eye, the stage is that eye's: what goes is named.
+  const StageOutcome alone = run_for(LateralityChoice::od, true);
+  EXPECT_FALSE(fs::exists(case_folder / "raytrace/os"));
+  ASSERT_EQ(alone.stage_json["warnings"].size(), 1U);
+  EXPECT_EQ(alone.stage_json["warnings"][0].get<std::string>().rfind("OS (left): ", 0), 0U);
+  EXPECT_FALSE(run_for(LateralityChoice::both).skipped);
+}
+
 TEST_F(Stage, IsRedoneWhenAnOutputWasTouched) {
   run();
   std::ofstream(case_folder / "meshing/od/out.txt") << "edited";

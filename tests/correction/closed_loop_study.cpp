@@ -3,12 +3,15 @@
 #include <algorithm>
 #include <cstdlib>
 #include <random>
+#include <string>
 
+#include "correction/prescription.hpp"
 #include "raytrace/spectacle/spectacle.hpp"
 #include "tests/correction/closed_loop.hpp"
 #include "tests/correction/traced_eyes.hpp"
 
-/// The table of docs/accuracy-refraction.md: closed-loop-study [EYES] [FIRST]; known eyes with the first only
+/// The table of docs/accuracy-refraction.md: closed-loop-study [EYES] [FIRST]; known eyes with the first
+/// only. closed-loop-study images [EYES]: how many retinal images a whole prescription takes
 namespace emmetrope::correction {
 namespace {
 
@@ -44,12 +47,37 @@ void print(const std::string& what, const Errors& errors) {
   std::fflush(stdout);
 }
 
+int images_of(const raytrace::Tracer& tracer, const EyeModel& eye) {
+  PrescriptionSettings settings;
+  settings.verbosity.quiet = true;
+  return prescribe(tracer, eye, settings).images();
+}
+
+void print_images(const raytrace::Tracer& tracer, int eyes) {
+  for (const double ratio : {1.138, 1 / 1.089})
+    fmt::print("Fig. 7, {:.3f}: {}\n", ratio, images_of(tracer, figure_seven_eye(ratio)));
+  for (const char* name : {"navarro", "atchison:-2", "atchison:-10"})
+    fmt::print("{}: {}\n", name, images_of(tracer, make_eye(name)));
+  std::vector<int> images;
+  for (int i = 1; i <= eyes; ++i) {
+    images.push_back(images_of(tracer, random_eye(static_cast<std::uint64_t>(i))));
+    std::sort(images.begin(), images.end());
+    fmt::print("{} random eyes: median {}, 95th percentile {}, most {}\n", i, images[images.size() / 2],
+               images[images.size() * 95 / 100], images.back());
+    std::fflush(stdout);
+  }
+}
+
 }  // namespace
 }  // namespace emmetrope::correction
 
 int main(int argc, char** argv) {
   using namespace emmetrope;
   using namespace emmetrope::correction;
+  if (argc > 1 && std::string(argv[1]) == "images") {
+    print_images(raytrace::Tracer("", 1), argc > 2 ? std::atoi(argv[2]) : 30);
+    return 0;
+  }
   const int eyes = argc > 1 ? std::atoi(argv[1]) : 200, first = argc > 2 ? std::atoi(argv[2]) : 1;
   const raytrace::Tracer tracer("", 1);
   fmt::print(

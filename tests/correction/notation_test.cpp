@@ -95,12 +95,13 @@ TEST(Notation, ReadsWhatPeopleType) {
   EXPECT_EQ(plus.vertex_distance_mm, 12);
   EXPECT_EQ(parse_refraction("PL").refraction.sphere_D, 0);
   EXPECT_EQ(parse_refraction("-3").refraction.sphere_D, -3);
+  EXPECT_EQ(parse_refraction(format_refraction({-3, 0, 0}) + " @ 14").vertex_distance_mm, 14);
   EXPECT_EQ(parse_refraction(format_refraction({-7.5, -2.25, 45})).refraction.axis_deg, 45);
 }
 
 TEST(Notation, RefusesWhatIsNoRefraction) {
   for (const char* text : {"", "abc", "-2/", "-2/-1", "-2/-1x", "-2/-1x181", "-2/-1x-5", "-2@99", "-2+-0",
-                           "-2+--1", "-2/-1x90@12extra", "nan", "inf", "1e999"}) {
+                           "-2+--1", "+-0.25", "-2/+-0.25x90", "-2/-1x90@12extra", "nan", "inf", "1e999"}) {
     try {
       parse_refraction(text);
       ADD_FAILURE() << text;

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "pipeline/base/error.hpp"
@@ -79,10 +80,13 @@ TEST_F(CorrectStage, WhatTheClinicKnowsIsLearntAndNotClaimed) {
               0.01);
   EXPECT_LT(width(calibrated["M_D"]), 2 * 1.96 * 0.1);
   EXPECT_LT(width(calibrated["M_D"]), width(eye["M_D"]) / 3);
-  // Off in one of three numbers, by half a dioptre.
+  // Off in one of three numbers, by half a dioptre: as rare as chi2 with three degrees of freedom.
   const double sigma_D = width(eye["M_D"]) / (2 * 1.96);
-  EXPECT_NEAR(calibrated["calibration"]["surprise_sigma"], 0.5 / std::hypot(sigma_D, 0.1) / std::sqrt(3),
+  const double chi = 0.5 / std::hypot(sigma_D, 0.1);
+  const double rarity = std::erfc(chi / std::sqrt(2)) + std::sqrt(2 / pi) * chi * std::exp(-chi * chi / 2);
+  EXPECT_NEAR(std::erfc(calibrated["calibration"]["surprise_sigma"].get<double>() / std::sqrt(2)), rarity,
               0.02);
+  EXPECT_NEAR(width(calibrated["calibration"]["without_it"]["M_D"]), width(eye["M_D"]), 0.02);
   // -155 D per unit of index, of which the index takes its share of the variance.
   const double moved = calibrated["calibration"]["lens_index_after"]["value"].get<double>() -
                        calibrated["calibration"]["lens_index_before"].get<double>();
@@ -97,6 +101,7 @@ TEST_F(CorrectStage, RightAndLeftAreNeverSwapped) {
   for (Json& surface : left["eye"]["surfaces"])
     if (surface.contains("axis_deg")) surface["axis_deg"] = 180 - surface["axis_deg"].get<double>();
   left["eye"]["surfaces"].back()["position_mm"] = 24.4;
+  Json traced = left["eye"];
   for (std::size_t i = 0; i < left["parameters"].size(); ++i) {
     if (left["parameters"][i] == "cornea_j45_per_mm") left["values"][i] = -left["values"][i].get<double>();
     if (left["parameters"][i] == "optical_axial_length_mm") left["values"][i] = 24.4;
@@ -104,12 +109,24 @@ TEST_F(CorrectStage, RightAndLeftAreNeverSwapped) {
   fs::create_directories(folder() / "meshing/os");
   fs::create_directories(folder() / "raytrace/os");
   write_json(folder() / "meshing/os/optics.json", left);
-  write_json(folder() / "raytrace/os/eye.json", left["eye"]);
+  // A mesh's vertex lies a little off the length that has been measured, which is what biometers would
+  // report.
+  traced["surfaces"].back()["position_mm"] = 24.38;
+  write_json(folder() / "raytrace/os/eye.json", traced);
   settings_.known.instruments.axial_length = {"od:25.00+-0.01"};
   settings_.known.refractions = {"od:-5.00"};
   common_.laterality = LateralityChoice::os;
+  fs::create_directories(folder() / "correction/od");  // of an earlier run
   const Json eyes = correct_case(folder(), settings_, common_).json["eyes"];
   ASSERT_EQ(eyes.size(), 1U);
+  EXPECT_EQ(eyes["os"]["what_if"]["intra_ocular_lens"]["axial_length_mm"], 24.4);
+  // What was given of the right eye is left out, what there was of it goes: not without a word.
+  const Json warnings = read_json(folder() / "correction/stage.json")["warnings"];
+  for (const char* said : {"OD (right): what was measured of it elsewhere is not used",
+                           "OD (right): its earlier correction is dropped"})
+    EXPECT_TRUE(std::any_of(warnings.begin(), warnings.end(), [&](const Json& warning) {
+      return warning.get<std::string>().rfind(said, 0) == 0;
+    })) << said;
   const Json& os = eyes["os"];
   EXPECT_EQ(os["laterality"], "os");
   EXPECT_EQ(os["learnt_from"], Json::array());
@@ -119,9 +136,62 @@ TEST_F(CorrectStage, RightAndLeftAreNeverSwapped) {
   // The cornea is steepest at 160 degrees, so that a minus cylinder's axis lies at 70; the right eye's would
   // be 110.
   EXPECT_NEAR(os["axis_deg"]["value"], 90 - 0.35 / degree, 0.5);
-  const PowerVector expected = refraction_by_spot(eye_from_json(left["eye"], "."), settings_.prescription);
+  const PowerVector expected = refraction_by_spot(eye_from_json(traced, "."), settings_.prescription);
   EXPECT_NEAR(os["M_D"]["value"], expected.M_D, 0.05);
   EXPECT_NEAR(os["J45_D"]["value"], expected.J45_D, 0.05);
+}
+
+TEST_F(CorrectStage, AKnownLensIndexStaysAndTheRestMoves) {
+  const Json optics = measured_optics();
+  UncertainEye uncertain = uncertain_eye_from_json(optics, ".", 0);
+  const EyeModel eye = uncertain.eye;
+  const raytrace::Tracer tracer("", 2);
+  const PowerVector spot = refraction_by_spot(eye, settings_.prescription);
+  StatedRefraction stated;
+  stated.refraction.sphere_D = spot.M_D - 1;
+  const Calibration calibration = calibrate(tracer, eye, uncertain, stated, settings_.prescription);
+  EXPECT_TRUE(calibration.index_was_known);
+  EXPECT_EQ(calibration.index_after.value, calibration.index_before);
+  EXPECT_NE(calibration.index_after.source, "refraction");
+  EXPECT_LT(refraction_by_spot(uncertain.eye, settings_.prescription).M_D, spot.M_D - 0.2);
+}
+
+TEST_F(CorrectStage, AnEyeThatWasNotTracedIsNamedAndTheCaseLeftAsItIs) {
+  common_.laterality = LateralityChoice::os;
+  fs::create_directories(folder() / "correction/od");
+  write_file(folder() / "correction/od/kept", "");
+  try {
+    correct_case(folder(), settings_, common_);
+    ADD_FAILURE() << "was accepted";
+  } catch (const Error& error) {
+    EXPECT_EQ(error.status(), ExitStatus::input_invalid) << error.what();
+    EXPECT_NE(std::string(error.what()).find("--laterality"), std::string::npos);
+  }
+  EXPECT_TRUE(fs::exists(folder() / "correction/od/kept"));
+}
+
+TEST_F(CorrectStage, OfANamedEyeAllFilesAreWrittenOrNone) {
+  const auto status_of = [&](const fs::path& output) {
+    try {
+      correct_eye(make_eye("navarro"), output, settings_, common_);
+      return ExitStatus::done;
+    } catch (const Error& error) {
+      return error.status();
+    }
+  };
+  settings_.picture.scene = "nosuch";
+  EXPECT_EQ(status_of(folder() / "named"), ExitStatus::usage);
+  EXPECT_FALSE(fs::exists(folder() / "named"));
+  settings_.picture.scene = "letters";
+  EXPECT_EQ(status_of("/proc/named"), ExitStatus::not_writable);
+  // What is not this eye's goes where no lens is sharpest, and nothing else does.
+  settings_.prescription.chart = "dial:contrast=0";
+  fs::create_directories(folder() / "named");
+  for (const char* name : {"prescription.json", "notes.txt"}) write_file(folder() / "named" / name, "");
+  EXPECT_EQ(status_of(folder() / "named"), ExitStatus::no_result);
+  EXPECT_FALSE(fs::exists(folder() / "named/prescription.json"));
+  EXPECT_TRUE(fs::exists(folder() / "named/notes.txt"));
+  EXPECT_FALSE(fs::exists(folder() / "named/.writing-correction"));
 }
 
 TEST_F(CorrectStage, WhatCannotBeLearntIsAUsageError) {

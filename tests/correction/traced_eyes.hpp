@@ -32,6 +32,15 @@ inline EyeModel random_eye(std::uint64_t seed) {
   return eye;
 }
 
+/// The paper's Fig. 7: an ellipsoidal front cornea, its horizontal semi-axis `ratio` times the others, in
+/// Gullstrand's eye; the vertical meridian stays emmetropic.
+inline EyeModel figure_seven_eye(double ratio) {
+  EyeModel eye = make_eye("gullstrand");
+  constexpr double axis_mm = 7.7;
+  eye.surface("cornea_anterior").shape = make_ellipsoid({axis_mm * ratio, axis_mm, axis_mm}, 0);
+  return eye;
+}
+
 /// A lens of -6 to +6 D with up to 2 D of cylinder.
 inline PowerVector known_lens(std::uint64_t seed) {
   std::mt19937_64 random(seed);

@@ -462,6 +462,41 @@ TEST_F(ReportTest, WhatNarrowsTheIntervalIsWhatTheStageFound) {
   EXPECT_THAT(page, HasSubstr("correlations (with a minus sign it lessens the total)"));
 }
 
+TEST_F(ReportTest, AGivenRefractionStandsBesideWhatTheImagesSay) {
+  const auto with_surprise = [&](double sigmas) {
+    fs::remove_all(folder_);
+    test::make_fixture_case(folder_);
+    const fs::path file = folder_ / "correction/od/prescription.json";
+    Json prescription = read_json(file);
+    prescription["M_D"] = Measured::from_sigma(-8, 0.2, "refraction");
+    prescription["calibration"] = {
+        {"given", {{"sphere_D", -9.0}, {"cylinder_D", 0.0}, {"axis_deg", 0.0}}},
+        {"sigma_D", 0.25},
+        {"surprise_sigma", sigmas},
+        {"surprise_limit_sigma", 3},
+        {"without_it",
+         {{"sphere_D", -1.62},
+          {"cylinder_D", -0.85},
+          {"axis_deg", 170.0},
+          {"M_D", {{"value", -2.045}, {"ci95", {-3.345, -0.745}}, {"source", "mri"}}}}}};
+    write_json(file, prescription);
+    report();
+    const std::string html = output("report.html");
+    const std::size_t card = html.find("id=\"card-od\"");
+    return html.substr(card, html.find("id=\"card-os\"") - card);
+  };
+  const std::string agreeing = with_surprise(1.2);
+  for (const char* shown : {"-9.00 DS", "-1.62 / -0.85 x 170", "\u00b10.49 D", "-3.35"})
+    EXPECT_NE(visible_text("<body>" + agreeing).find(shown), std::string::npos) << shown;
+  EXPECT_NE(agreeing.find("Supported by the data"), std::string::npos);
+  EXPECT_EQ(agreeing.find("standard deviations"), std::string::npos);
+
+  const std::string contradicted = with_surprise(4.4);
+  EXPECT_NE(contradicted.find("differ by 4.4 standard deviations"), std::string::npos);
+  EXPECT_EQ(contradicted.find("Supported by the data"), std::string::npos);
+  EXPECT_NE(pdf_text().find("-9.00 DS"), std::string::npos);
+}
+
 TEST_F(ReportTest, QuietSaysOnlyWhereTheReportIs) {
   test::make_fixture_case(folder_);
   EXPECT_EQ(report().text, (folder_ / "report" / "report.html").string() + "\n");
