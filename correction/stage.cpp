@@ -49,9 +49,7 @@ Json parameters_of(const CorrectionSettings& settings, const CommonOptions& comm
           {"iol_target_D", settings.what_if.iol_target_D},
           {"iol_a_constant", settings.what_if.iol_a_constant},
           {"seed", common.seed},
-          {"laterality", common.laterality == LateralityChoice::both ? "both"
-                         : common.laterality == LateralityChoice::od ? "od"
-                                                                     : "os"},
+          {"laterality", to_string(common.laterality)},
           {"picture",
            {{"scene", picture.scene},
             {"size", {picture.width, picture.height}},

@@ -151,9 +151,7 @@ Answer make_meshes(const MeshingOptions& options, const CommonOptions& common) {
 
   StageSpec spec;
   spec.stage = "meshing";
-  spec.parameters = {{"laterality", common.laterality == LateralityChoice::both ? "both"
-                                    : common.laterality == LateralityChoice::od ? "od"
-                                                                                : "os"},
+  spec.parameters = {{"laterality", to_string(common.laterality)},
                      {"keratometry", options.instruments.keratometry},
                      {"axial_length", options.instruments.axial_length},
                      {"acd", options.instruments.anterior_chamber_depth},

@@ -12,6 +12,11 @@ enum class LateralityChoice { od, os, both };
 inline constexpr std::array<Laterality, 2> both_eyes{Laterality::od, Laterality::os};
 
 inline const char* to_string(Laterality eye) { return eye == Laterality::od ? "od" : "os"; }
+inline const char* to_string(LateralityChoice choice) {
+  return choice == LateralityChoice::both
+             ? "both"
+             : to_string(choice == LateralityChoice::od ? Laterality::od : Laterality::os);
+}
 inline bool includes(LateralityChoice choice, Laterality eye) {
   return choice == LateralityChoice::both || (choice == LateralityChoice::od) == (eye == Laterality::od);
 }

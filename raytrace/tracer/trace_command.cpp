@@ -208,9 +208,7 @@ Json stage_parameters(const TraceOptions& o, const CommonOptions& common) {
           {"lens_core", o.measured.lens_core},
           {"retinal_depth_mm", o.measured.retinal_depth_mm},
           {"seed", common.seed},
-          {"laterality", common.laterality == LateralityChoice::both ? "both"
-                         : common.laterality == LateralityChoice::od ? "od"
-                                                                     : "os"}};
+          {"laterality", to_string(common.laterality)}};
 }
 
 StageVerdict trace_eyes(const fs::path& case_folder, const TraceOptions& options, const CommonOptions& common,

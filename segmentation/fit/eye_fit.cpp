@@ -16,7 +16,6 @@
 namespace emmetrope::segmentation {
 namespace {
 
-using Eigen::MatrixXd;
 using Eigen::Vector3d;
 using Eigen::VectorXd;
 
@@ -189,6 +188,8 @@ struct Candidate {
 /// fit most of it, and the coarse model of the first pass does not decide between them.
 void keep_distinct(std::vector<Candidate>& candidates, const ParameterLayout& layout) {
   constexpr std::size_t most = 3;
+  // Chosen: with displaced fat the right globe was up to 0.6 % above the lowest; in a real scan a wrong one 7
+  // % above.
   constexpr double alike_mm = 0.15, nearly = 1.03;
   const auto alike = [&](const VectorXd& a, const VectorXd& b) {
     const int fat = layout.stack(0) + fat_shift_first;

@@ -20,12 +20,12 @@ struct Belief {
 
 constexpr double per_dioptre = 1 / 337.5;  ///< keratometric power to curvature, 1/mm
 
-/// A radius of the lens in adults (Dubbelman and van der Heijde 2001): at_birth_mm + per_year_mm age, between
+/// A radius of the lens in adults (Dubbelman and van der Heijde 2001): at_age_0_mm + per_year_mm age, between
 /// the ages that were measured. The spread is that of adults of any age.
 struct LensRadius {
-  double at_birth_mm, per_year_mm, sigma_mm;
+  double at_age_0_mm, per_year_mm, sigma_mm;
 
-  constexpr double mean_mm(double age_years) const { return at_birth_mm + per_year_mm * age_years; }
+  constexpr double mean_mm(double age_years) const { return at_age_0_mm + per_year_mm * age_years; }
   /// What is left of the spread once the age is known, which varies by 15 years among them.
   double sigma_at_known_age_mm() const {
     return std::sqrt(sigma_mm * sigma_mm - std::pow(15 * per_year_mm, 2));

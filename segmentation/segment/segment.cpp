@@ -340,9 +340,7 @@ Answer segment(const SegmentOptions& options, const CommonOptions& common) {
   spec.parameters = {{"series", options.series},
                      {"any_modality", options.any_modality},
                      {"age_years", options.age_years ? Json(*options.age_years) : Json(nullptr)},
-                     {"laterality", common.laterality == LateralityChoice::both ? "both"
-                                    : common.laterality == LateralityChoice::od ? "od"
-                                                                                : "os"}};
+                     {"laterality", to_string(common.laterality)}};
   spec.inputs = input_files(options);
   const StageOutcome outcome = run_stage(options.case_folder, spec, common, [&](StageWorkspace& workspace) {
     return segment_study(options, common, workspace);
