@@ -51,12 +51,25 @@ LensFamily plano_cylinder(int sign, double distance_mm, double index) {
 }
 
 LensFamily along(const LensFamily& family, const Eigen::VectorXd& direction) {
-  const Eigen::VectorXd highest = family.bounds.upper.cwiseQuotient(direction.cwiseAbs()),
-                        lowest = family.bounds.lower.cwiseQuotient(direction.cwiseAbs());
+  const Eigen::VectorXd highest = family.bounds.upper.cwiseQuotient(direction.cwiseAbs());
   return {family.name,
-          {Eigen::VectorXd::Constant(1, lowest.maxCoeff()), Eigen::VectorXd::Constant(1, highest.minCoeff())},
+          {Eigen::VectorXd::Zero(1), Eigen::VectorXd::Constant(1, highest.minCoeff())},
           [=](const EyeModel& eye, const Eigen::VectorXd& t) { return family.before(eye, t[0] * direction); },
           [=](const Eigen::VectorXd& t) { return family.power(t[0] * direction); }};
+}
+
+LensFamily polar(const LensFamily& family, const Eigen::Vector2d& start) {
+  const double radius = start.norm(), angle = std::atan2(start[1], start[0]);
+  const auto cartesian = [=](const Eigen::VectorXd& polar) -> Eigen::VectorXd {
+    const double at = angle + polar[1] / radius;
+    return polar[0] * Eigen::Vector2d(std::cos(at), std::sin(at));
+  };
+  const double half_turn = pi * radius;
+  return {
+      family.name,
+      {Eigen::Vector2d(0, -half_turn), Eigen::Vector2d(family.bounds.upper.minCoeff(), half_turn)},
+      [=](const EyeModel& eye, const Eigen::VectorXd& lens) { return family.before(eye, cartesian(lens)); },
+      [=](const Eigen::VectorXd& lens) { return family.power(cartesian(lens)); }};
 }
 
 PlanoCylinder plano_cylinder_of(int sign, const Eigen::VectorXd& lens, double index) {

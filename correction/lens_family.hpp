@@ -32,9 +32,13 @@ LensFamily thin_lens(double vertex_distance_mm);
 /// for a minus cylinder and +|J| for a plus cylinder, so one family holds one sign. \param sign  -1 or +1
 LensFamily plano_cylinder(int sign, double distance_mm, double index);
 
-/// The lenses of a family along one direction of its parameters: the only parameter t stands for t times it.
-/// \pre the bounds are the same on both sides of 0
+/// The lenses of a family along one direction of its parameters: the only parameter t >= 0 stands for t times
+/// it.
 LensFamily along(const LensFamily& family, const Eigen::VectorXd& direction);
+
+/// The lenses of a family of two parameters in polar form: distance from 0, and arc from `start`'s direction
+/// on the circle through it. What a cylinder's image hardly minds, a turn of its axis, is one parameter then.
+LensFamily polar(const LensFamily& family, const Eigen::Vector2d& start);
 
 /// Radius and axis of a member of that family, in the contract's sense: radius of the back surface, +50 mm is
 /// -10 D at index 1.5; axis is the meridian without power.

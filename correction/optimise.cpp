@@ -13,16 +13,23 @@
 namespace emmetrope::correction {
 namespace {
 
-/// (S_start / S)^2 over (lens - start) / scale, with its gradient.
+/// Of ln(sharpness), the steepest way; above zero to divide by.
+double slope_per_D(const SharpnessValue& value) {
+  return std::max(value.gradient.norm() / value.value, 1e-9);
+}
+
+/// (S_start / S)^2 over (lens - start) / scale, times what makes its gradient 1 long at the start: Ceres'
+/// first step, which is minus the gradient, then goes one scale.
 class InverseSquare : public ceres::FirstOrderFunction {
  public:
   InverseSquare(const SharpnessFunction& sharpness, const Bounds& bounds, Eigen::VectorXd start,
-                double start_sharpness, double scale_D)
+                const SharpnessValue& at_start, double scale_D)
       : sharpness_(sharpness),
         bounds_(bounds),
         start_(std::move(start)),
-        start_sharpness_(start_sharpness),
-        scale_D_(scale_D) {}
+        start_sharpness_(at_start.value),
+        scale_D_(scale_D),
+        unit_(1 / (2 * slope_per_D(at_start) * scale_D)) {}
 
   Eigen::VectorXd lens(const double* parameters) const {
     return start_ + scale_D_ * Eigen::Map<const Eigen::VectorXd>(parameters, NumParameters());
@@ -40,7 +47,7 @@ class InverseSquare : public ceres::FirstOrderFunction {
       return false;  // no such lens can be made
     }
     if (!(value.value > 0) || !value.gradient.allFinite()) return false;
-    *cost = std::pow(start_sharpness_ / value.value, 2);
+    *cost = unit_ * std::pow(start_sharpness_ / value.value, 2);
     if (gradient)
       Eigen::Map<Eigen::VectorXd>(gradient, NumParameters()) =
           -2 * *cost * scale_D_ / value.value * value.gradient;
@@ -52,7 +59,7 @@ class InverseSquare : public ceres::FirstOrderFunction {
   const SharpnessFunction& sharpness_;
   const Bounds& bounds_;
   Eigen::VectorXd start_;
-  double start_sharpness_, scale_D_;
+  double start_sharpness_, scale_D_, unit_;
 };
 
 /// Ends a climb near a summit that is known.
@@ -75,20 +82,17 @@ class AtSummit : public ceres::IterationCallback {
   const Eigen::VectorXd& moved_;
 };
 
-/// How far the focus is, were 1/S^2 = 1 + (distance / depth of focus)^2, which value and slope together tell:
-/// Ceres' first step is about one unit along the slope, so this is its unit.
-double distance_to_focus_D(const SharpnessValue& value) {
-  constexpr double nearest_D = 0.05, farthest_D = 10;
-  const double slope_per_D = value.gradient.norm() / value.value;
-  const double distance_D = (1 - value.value * value.value) / std::max(slope_per_D, 1e-9);
-  return std::clamp(distance_D, nearest_D, farthest_D);
+/// How far the summit is, were 1/S^2 a parabola that grows by 1 over the depth of focus.
+double distance_to_summit_D(const SharpnessValue& value, double depth_of_focus_D) {
+  constexpr double nearest_D = 1e-3, farthest_D = 10;
+  return std::clamp(slope_per_D(value) * std::pow(depth_of_focus_D / value.value, 2), nearest_D, farthest_D);
 }
 
 }  // namespace
 
 OptimiserSettings coarse_search() {
   OptimiserSettings settings;
-  settings.gradient_tolerance_per_D = 0.02;
+  settings.gradient_tolerance_per_D = 0.05;
   settings.function_tolerance = 1e-3;
   settings.max_iterations = 12;
   return settings;
@@ -123,14 +127,14 @@ Optimum climb(const SharpnessFunction& sharpness, const Eigen::VectorXd& start, 
   options.logging_type = ceres::SILENT;
   options.update_state_every_iteration = true;  // for the callback
   ceres::GradientProblemSolver::Summary summary;
-  // Ceres' tolerance is absolute, so the cost is scaled to 1 at the start; after a long way down it is small
-  // against that, and a second round with the new scale ends at the slope that was asked for.
+  // Ceres' tolerance is absolute and the cost scaled by its start; after a long way down it is small against
+  // that, and a second round with the new scale ends at the slope that was asked for.
   for (int round = 0; round < 3; ++round) {
     const SharpnessValue start_value = remembering(optimum.lens);
-    const double scale_D = distance_to_focus_D(start_value);
-    auto* cost = new InverseSquare(remembering, bounds, optimum.lens, start_value.value, scale_D);
+    const double scale_D = distance_to_summit_D(start_value, settings.depth_of_focus_D);
+    auto* cost = new InverseSquare(remembering, bounds, optimum.lens, start_value, scale_D);
     const ceres::GradientProblem problem(cost);  // owns the cost
-    options.gradient_tolerance = 2 * scale_D * settings.gradient_tolerance_per_D;
+    options.gradient_tolerance = settings.gradient_tolerance_per_D / slope_per_D(start_value);
     Eigen::VectorXd moved = Eigen::VectorXd::Zero(optimum.lens.size());
     AtSummit at_summit(settings, *cost, moved);
     options.callbacks = {&at_summit};
@@ -145,25 +149,22 @@ Optimum climb(const SharpnessFunction& sharpness, const Eigen::VectorXd& start, 
   optimum.gradient = value.gradient / value.value;
   optimum.evaluations = evaluations;
   optimum.reason = summary.message;
-  const double slope_per_D = optimum.gradient.lpNorm<Eigen::Infinity>();
-  const bool flat = slope_per_D <= settings.accepted_gradient_per_D;
+  const double steepest_per_D = optimum.gradient.lpNorm<Eigen::Infinity>();
+  const bool flat = steepest_per_D <= settings.accepted_gradient_per_D;
   if (!flat)
-    optimum.reason += fmt::format("; sharpness still changes by {:.2g} per dioptre there", slope_per_D);
+    optimum.reason += fmt::format("; sharpness still changes by {:.2g} per dioptre there", steepest_per_D);
   optimum.converged = summary.termination_type == ceres::CONVERGENCE && optimum.lens.allFinite() &&
                       optimum.gradient.allFinite() && bounds.contain(optimum.lens) && flat;
   return optimum;
 }
 
-Eigen::MatrixXd curvature_of_log(const SharpnessFunction& sharpness, const Eigen::VectorXd& lens,
-                                 double step) {
-  const auto log_gradient = [&](const Eigen::VectorXd& at) -> Eigen::VectorXd {
-    const SharpnessValue value = sharpness(at);
-    return value.gradient / value.value;
-  };
-  Eigen::MatrixXd hessian(lens.size(), lens.size());
-  for (Eigen::Index i = 0; i < lens.size(); ++i) {
-    const Eigen::VectorXd offset = step * Eigen::VectorXd::Unit(lens.size(), i);
-    hessian.col(i) = (log_gradient(lens + offset) - log_gradient(lens - offset)) / (2 * step);
+Eigen::MatrixXd curvature_of_log(const SharpnessFunction& sharpness, const Optimum& optimum) {
+  constexpr double step_D = 0.05;
+  const Eigen::Index n = optimum.lens.size();
+  Eigen::MatrixXd hessian(n, n);
+  for (Eigen::Index i = 0; i < n; ++i) {
+    const SharpnessValue beside = sharpness(optimum.lens + step_D * Eigen::VectorXd::Unit(n, i));
+    hessian.col(i) = (beside.gradient / beside.value - optimum.gradient) / step_D;
   }
   return (hessian + hessian.transpose()) / 2;
 }

@@ -22,6 +22,8 @@ struct Bounds {
 };
 
 struct OptimiserSettings {
+  /// Error of focus that adds 1 to 1 / sharpness^2. It sets the length of the first step.
+  double depth_of_focus_D = 0.35;
   /// Converged when the slope of ln(sharpness) is below this everywhere (1/D).
   double gradient_tolerance_per_D = 1e-3;
   /// Or when a step gains less than this fraction.
@@ -55,9 +57,8 @@ struct Optimum {
 Optimum climb(const SharpnessFunction& sharpness, const Eigen::VectorXd& start, const Bounds& bounds,
               const OptimiserSettings& settings);
 
-/// Matrix of second derivatives of ln(sharpness), from central differences of the gradient; 2 evaluations a
-/// parameter.
-Eigen::MatrixXd curvature_of_log(const SharpnessFunction& sharpness, const Eigen::VectorXd& lens,
-                                 double step);
+/// Matrix of second derivatives of ln(sharpness) at an optimum, from how its gradient changes over 0.05 D;
+/// one evaluation a parameter.
+Eigen::MatrixXd curvature_of_log(const SharpnessFunction& sharpness, const Optimum& optimum);
 
 }  // namespace emmetrope::correction

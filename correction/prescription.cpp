@@ -57,11 +57,7 @@ std::vector<double> sweep_radii_mm(double best_mm) {
 /// difference, least at u = J/|J| and r = (-+M + |J|)/2: where that is a cylinder at all, the search for that
 /// sign starts there and, for the sign that leaves less, from a weak and a strong lens too. Without
 /// astigmatism every axis is as good: then it stays at 180 degrees, and the power alone is sought.
-struct PlanoCylinderStarts {
-  std::vector<Start> starts;
-  std::optional<Eigen::Vector2d> fixed_direction;  ///< of a lens's parameters, where the axis is fixed
-};
-PlanoCylinderStarts plano_cylinder_starts(const PowerVector& full, double distance_mm, double index) {
+std::vector<Start> plano_cylinder_starts(const PowerVector& full, double distance_mm, double index) {
   const double J_D = std::hypot(full.J0_D, full.J45_D);
   const bool astigmatic = 2 * J_D >= least_cylinder_D;
   const Eigen::Vector2d u = astigmatic ? Eigen::Vector2d(full.J0_D, full.J45_D) / J_D : Eigen::Vector2d(1, 0);
@@ -70,18 +66,18 @@ PlanoCylinderStarts plano_cylinder_starts(const PowerVector& full, double distan
     return std::clamp((sign * full.M_D + J_D) / 2, weakest_D, strongest_D);
   };
   const int better = full.M_D < 0 ? -1 : 1;
-  PlanoCylinderStarts result;
-  const auto add = [&](int sign, double half_D) {
-    const LensFamily family = plano_cylinder(sign, distance_mm, index);
+  std::vector<Start> starts;
+  const auto add = [&](int sign, double times) {
+    const LensFamily any = plano_cylinder(sign, distance_mm, index);
+    const double half_D = half_power_D(sign), start_D = std::min(times * half_D, strongest_D);
     if (astigmatic)
-      result.starts.push_back({family, half_D * u});
+      starts.push_back({polar(any, half_D * u), Eigen::Vector2d(start_D, 0)});
     else
-      result.starts.push_back({along(family, u), Eigen::VectorXd::Constant(1, half_D)});
+      starts.push_back({along(any, u), Eigen::VectorXd::Constant(1, start_D)});
   };
-  for (const double times : {1.0, 0.3, 2.0}) add(better, std::min(times * half_power_D(better), strongest_D));
-  if (half_power_D(-better) > weakest_D) add(-better, half_power_D(-better));
-  if (!astigmatic) result.fixed_direction = u;
-  return result;
+  for (const double times : {1.0, 0.3, 2.0}) add(better, times);
+  if (half_power_D(-better) > weakest_D) add(-better, 1);
+  return starts;
 }
 
 PlanoCylinderResult best_plano_cylinder(const raytrace::Tracer& tracer,
@@ -90,15 +86,13 @@ PlanoCylinderResult best_plano_cylinder(const raytrace::Tracer& tracer,
                                         const PowerVector& at_lens) {
   const double index = settings.plano_cylinder_index, distance_mm = settings.plano_cylinder_distance_mm;
   const std::vector<ImagingLevel> levels = levels_of(settings);
-  const PlanoCylinderStarts starts = plano_cylinder_starts(at_lens, distance_mm, index);
   PlanoCylinderResult best;
-  best.search = find_sharpest(tracer, scene, eye, levels, starts.starts);
-  best.axis_matters = !starts.fixed_direction;
+  best.search = find_sharpest(tracer, scene, eye, levels, plano_cylinder_starts(at_lens, distance_mm, index));
   const Eigen::VectorXd& found = best.search.best.lens;
-  const Eigen::VectorXd parameters =
-      best.axis_matters ? found : Eigen::VectorXd(found[0] * *starts.fixed_direction);
-  const int sign = best.search.family.power(found).M_D < 0 ? -1 : 1;
-  best.lens = plano_cylinder_of(sign, parameters, index);
+  best.axis_matters = found.size() > 1;
+  const PowerVector power = best.search.family.power(found);
+  const int sign = power.M_D < 0 ? -1 : 1;
+  best.lens = plano_cylinder_of(sign, Eigen::Vector2d(power.J0_D, power.J45_D), index);
   best.sharpness = best.search.best.sharpness;
 
   ImagingLevel quick = levels.back();
@@ -111,9 +105,9 @@ PlanoCylinderResult best_plano_cylinder(const raytrace::Tracer& tracer,
         {signed_mm, 1e3 * (1 - index) / signed_mm,
          sharpness.by_all_measures(plano_cylinder_parameters(signed_mm, best.lens.axis_deg, index))});
   }
-  // Along the radius only: with power P = 1000 (1 - n) / R the parameters move by J / R a millimetre.
-  const Eigen::VectorXd per_mm = found / best.lens.radius_mm;
-  best.radius_curvature_per_mm2 = per_mm.dot(best.search.curvature * per_mm);
+  // Along the radius only: with power P = 1000 (1 - n) / R the first parameter, half the power, moves by its
+  // R-th part a millimetre.
+  best.radius_curvature_per_mm2 = best.search.curvature(0, 0) * std::pow(found[0] / best.lens.radius_mm, 2);
   return best;
 }
 

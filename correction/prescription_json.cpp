@@ -34,8 +34,10 @@ Json line_json(const char* name_key, const std::string& name, const BudgetLine& 
 
 Json search_json(const SearchResult& search) {
   Json optima = Json::array();
-  for (const Eigen::VectorXd& lens : search.optima)
-    optima.push_back(std::vector<double>(lens.begin(), lens.end()));
+  for (const Eigen::VectorXd& lens : search.optima) {
+    const PowerVector power = search.family.power(lens);
+    optima.push_back({power.M_D, power.J0_D, power.J45_D});
+  }
   Json curvature = Json::array();
   for (Eigen::Index i = 0; i < search.curvature.rows(); ++i) {
     const Eigen::VectorXd row = search.curvature.row(i);

@@ -61,6 +61,13 @@ EyeModel with_pupil(EyeModel eye, double pupil_mm) {
                     "add a surface of type \"stop\" in front of the lens");
 }
 
+double ImagingLevel::depth_of_focus_D() const {
+  // A disc of diameter D has the standard deviation D / 4 along a line; an error of 1 D makes the pupil's
+  // width in metres the disc's diameter in radians.
+  const double arcmin_per_D = 60 / degree * 1e-3 * pupil_mm / 4;
+  return blur_arcmin / arcmin_per_D;
+}
+
 RetinalSharpness::RetinalSharpness(const raytrace::Tracer& tracer,
                                    std::shared_ptr<const raytrace::Scene> scene, EyeModel eye,
                                    LensFamily family, ImagingLevel level)

@@ -22,6 +22,11 @@ struct ImagingLevel {
   double wavelength_nm = 589.3;
   Eigen::Vector2d centre_mm{0, 0};  ///< on the retina from the pole
   std::uint64_t seed = 1;
+
+  /// Error of focus that adds 1 to 1 / sharpness^2: where the disc of blur has, along a line, the standard
+  /// deviation of `blur_arcmin`. Exact for gradient energy of a chart that falls as f^-3 with a Gaussian
+  /// blur.
+  double depth_of_focus_D() const;
 };
 
 /// Sharpness of the retinal image behind a lens of a family: the energy of the image's detail over that of

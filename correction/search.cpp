@@ -10,12 +10,10 @@
 namespace emmetrope::correction {
 namespace {
 
-/// Optima closer than this are one: half a clinical step; on a coarse level, where the top is flat, its own
-/// accuracy.
-constexpr double same_optimum_D = 0.12, same_coarse_optimum_D = 0.6;
+/// Optima closer than a third of the depth of focus are one (3 mm pupil: 0.13 D, on the coarse level 1 D).
+double same_optimum_D(const ImagingLevel& level) { return level.depth_of_focus_D() / 3; }
 /// A coarse optimum is followed to the fine level only where it comes near the sharpest.
 constexpr double worth_following = 0.95;
-constexpr double curvature_step_D = 0.1;
 constexpr double accepted_step_D = 0.02;
 
 struct Climbed {
@@ -83,14 +81,15 @@ SearchResult find_sharpest(const raytrace::Tracer& tracer,
     const bool last = &level == &levels.back();
     for (auto one = climbed.begin(); one != climbed.end(); ++one) {
       OptimiserSettings settings = last ? OptimiserSettings{} : coarse_search();
-      settings.summit_reach_D = last ? 0 : same_coarse_optimum_D;
+      settings.depth_of_focus_D = level.depth_of_focus_D();
+      settings.summit_reach_D = last ? 0 : same_optimum_D(level);
       for (auto before = climbed.begin(); before != one; ++before)
         if (before->family.name == one->family.name) settings.summits.push_back(before->end.lens);
       const RetinalSharpness sharpness(tracer, scene, eye, one->family, level);
       one->end = climb(std::cref(sharpness), one->end.lens, one->family.bounds, settings);
       result.images += sharpness.images();
     }
-    climbed = distinct(std::move(climbed), last ? same_optimum_D : same_coarse_optimum_D);
+    climbed = distinct(std::move(climbed), same_optimum_D(level));
     if (!last) climbed = worthwhile(std::move(climbed));
   }
   result.family = climbed.front().family;
@@ -99,7 +98,7 @@ SearchResult find_sharpest(const raytrace::Tracer& tracer,
     if (one.family.name == result.family.name) result.optima.push_back(one.end.lens);
 
   const RetinalSharpness sharpness(tracer, scene, eye, result.family, levels.back());
-  result.curvature = curvature_of_log(std::cref(sharpness), result.best.lens, curvature_step_D);
+  result.curvature = curvature_of_log(std::cref(sharpness), result.best);
   ImagingLevel other_rays = levels.back();
   other_rays.seed += 1;
   const RetinalSharpness again(tracer, scene, eye, result.family, other_rays);

@@ -5,6 +5,7 @@
 #include <random>
 
 #include "correction/optimise.hpp"
+#include "correction/retinal_sharpness.hpp"
 #include "tests/correction/geometric_blur.hpp"
 #include "tests/correction/nelder_mead.hpp"
 
@@ -16,14 +17,35 @@ constexpr double entrance_pupil_mm = 3.3;
 
 Bounds box() { return {Eigen::Vector3d::Constant(-30), Eigen::Vector3d::Constant(30)}; }
 
+double depth_of_focus_D(double blur_arcmin) {
+  ImagingLevel level;
+  level.pupil_mm = entrance_pupil_mm;
+  level.blur_arcmin = blur_arcmin;
+  return level.depth_of_focus_D();
+}
+
+TEST(Climb, DepthOfFocusIsWhereTheInverseSquareHasGrownByOne) {
+  const auto rays = aberrated_pupil(entrance_pupil_mm, {0, 0, 0}, 0, 24);
+  for (const double blur_arcmin : {1.0, 2.0}) {
+    const SharpnessFunction sharpness = geometric_sharpness(rays, Measure::gradient_energy, blur_arcmin);
+    for (const Eigen::Vector3d& unit : {Eigen::Vector3d(1, 0, 0), Eigen::Vector3d(0, 0, 1)}) {
+      const double value = sharpness(depth_of_focus_D(blur_arcmin) * unit).value;
+      // Not 2 to the digit: a disc is no Gaussian.
+      EXPECT_NEAR(1 / (value * value), 2, 0.2) << blur_arcmin << ": " << unit.transpose();
+    }
+  }
+}
+
 TEST(Climb, ConvergesFromEightDioptresAway) {
   std::mt19937_64 random(11);
   std::uniform_real_distribution<double> unit(-1, 1);
   for (int i = 0; i < 12; ++i) {
     const Eigen::Vector3d focus(8 * unit(random), 2 * unit(random), 2 * unit(random));
     const auto rays = aberrated_pupil(entrance_pupil_mm, focus, 0.03, 6);
+    OptimiserSettings from_afar = coarse_search();
+    from_afar.depth_of_focus_D = depth_of_focus_D(8);
     const Optimum coarse = climb(geometric_sharpness(rays, Measure::gradient_energy, 8),
-                                 Eigen::Vector3d::Zero(), box(), coarse_search());
+                                 Eigen::Vector3d::Zero(), box(), from_afar);
     const Optimum fine =
         climb(geometric_sharpness(rays, Measure::gradient_energy, 1), coarse.lens, box(), {});
     ASSERT_TRUE(fine.converged) << fine.reason;
@@ -58,7 +80,9 @@ TEST(Climb, NeedsAThirdOfNelderMeadsEvaluations) {
     const Eigen::Vector3d focus(4 * unit(random), unit(random), unit(random));
     const SharpnessFunction sharpness =
         geometric_sharpness(aberrated_pupil(entrance_pupil_mm, focus, 0.02, 6), Measure::gradient_energy, 2);
-    const Optimum optimum = climb(sharpness, Eigen::Vector3d::Zero(), box(), {});
+    OptimiserSettings settings;
+    settings.depth_of_focus_D = depth_of_focus_D(2);
+    const Optimum optimum = climb(sharpness, Eigen::Vector3d::Zero(), box(), settings);
     const NelderMeadResult simplex =
         nelder_mead([&](const Eigen::VectorXd& lens) { return 1 / std::pow(sharpness(lens).value, 2); },
                     Eigen::Vector3d::Zero(), 1.0, 0.005);
@@ -67,6 +91,8 @@ TEST(Climb, NeedsAThirdOfNelderMeadsEvaluations) {
     with_derivatives += optimum.evaluations;
     without += simplex.evaluations;
   }
+  RecordProperty("with_derivatives", with_derivatives);
+  RecordProperty("simplex", without);
   EXPECT_GE(without, 3 * with_derivatives) << without << " against " << with_derivatives;
 }
 

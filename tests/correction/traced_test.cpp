@@ -53,13 +53,14 @@ class LogSharpness : public ceres::CostFunction {
   SharpnessFunction sharpness_;
 };
 
-void check_gradient(const LensFamily& family, const Eigen::VectorXd& lens, Measure measure) {
+void check_gradient(const LensFamily& family, const Eigen::VectorXd& lens, Measure measure,
+                    const EyeModel& eye = make_eye("navarro")) {
   ImagingLevel level;
   level.measure = measure;
   level.pixels = 64;
   level.field_mm = 0.6;
   level.samples = 128;
-  const RetinalSharpness sharpness(tracer(), refraction_chart(), make_eye("navarro"), family, level);
+  const RetinalSharpness sharpness(tracer(), refraction_chart(), eye, family, level);
   const LogSharpness cost(std::cref(sharpness), static_cast<int>(lens.size()));
   // The scene is interpolated linearly between texels, so a difference quotient carries the noise of rays
   // that pass from one texel to the next: one moderate step, and 2 %.
@@ -79,6 +80,8 @@ TEST(Traced, GradientsPassCeresGradientChecker) {
     check_gradient(thin_lens(12), Eigen::Vector3d(-0.7, 0.3, -0.4), measure);
   check_gradient(plano_cylinder(-1, 10, 1.5), Eigen::Vector2d(0.4, -0.5), Measure::gradient_energy);
   check_gradient(plano_cylinder(1, 10, 1.5), Eigen::Vector2d(-0.4, 0.5), Measure::gradient_energy);
+  check_gradient(polar(plano_cylinder(-1, 10, 1.5), {0.4, -0.9}), Eigen::Vector2d(0.7, 0.5),
+                 Measure::gradient_energy, random_eye(7));
   check_gradient(thin_lens(0), Eigen::Vector3d(-0.7, 0.3, -0.4), Measure::gradient_energy);
   const PowerVector power{-0.7, 0.3, -0.4};
   check_gradient(toric_meniscus(make_eye("navarro"), {}, 12, power),
@@ -181,11 +184,15 @@ TEST(Traced, SharpestLensIsThatOfTheExhaustiveSearch) {
 }
 
 TEST(Traced, PrescriptionOfAnEyeTakesAtMostSixtyImages) {
+  // The hardest known: strong astigmatism, far from any plano-cylinder (the paper's own eye, and one of -2.20
+  // D at +5 D whose best plano-cylinder leaves a fifth of the sharpness).
   PrescriptionSettings settings;
   settings.verbosity.quiet = true;
-  const Prescription prescription = prescribe(tracer(), random_eye(7), settings);
-  EXPECT_TRUE(prescription.plano_cylinder.search.accepted) << prescription.plano_cylinder.search.reason;
-  EXPECT_LE(prescription.images(), 60);
+  for (const EyeModel& eye : {figure_seven_eye(1.138), random_eye(5)}) {
+    const Prescription prescription = prescribe(tracer(), eye, settings);
+    EXPECT_TRUE(prescription.plano_cylinder.search.accepted) << prescription.plano_cylinder.search.reason;
+    EXPECT_LE(prescription.images(), 60);
+  }
 }
 
 TEST(Traced, AnEyeWithoutAstigmatismHasNoAxisToLookFor) {
@@ -277,10 +284,12 @@ TEST(Traced, FigureSevenPlanoCylinderIsFoundFromAnyStart) {
     EXPECT_NEAR(exhaustive_mm, 50, 5);
     RecordProperty(sign > 0 ? "plus_mm" : "minus_mm", std::to_string(exhaustive_mm));
 
+    OptimiserSettings from_afar;
+    from_afar.depth_of_focus_D = levels.front().depth_of_focus_D();
     for (const double start_mm : {20.0, 60.0, 200.0}) {
       const Optimum coarse =
           climb(RetinalSharpness(tracer(), refraction_chart(), eye, family, levels.front()),
-                plano_cylinder_parameters(-sign * start_mm, 80, 1.5), family.bounds, {});
+                plano_cylinder_parameters(-sign * start_mm, 80, 1.5), family.bounds, from_afar);
       const Optimum fine = climb(std::cref(sharpness), coarse.lens, family.bounds, {});
       ASSERT_TRUE(fine.converged) << start_mm << ": " << fine.reason;
       const PlanoCylinder lens = plano_cylinder_of(sign, fine.lens, 1.5);
