@@ -31,9 +31,7 @@ RealLens climb_from(const raytrace::Tracer& tracer, const std::shared_ptr<const 
                     const EyeModel& eye, const ImagingLevel& level, const LensFamily& family,
                     const PowerVector& start) {
   const RetinalSharpness sharpness(tracer, scene, eye, family, level);
-  OptimiserSettings settings;
-  settings.depth_of_focus_D = level.depth_of_focus_D();
-  const Optimum optimum = climb(std::cref(sharpness), as_vector(start), family.bounds, settings);
+  const Optimum optimum = climb(sharpness, as_vector(start));
   RealLens lens;
   lens.kind = family.name;
   lens.power = family.power(optimum.lens);

@@ -1,6 +1,7 @@
 #include "correction/retinal_sharpness.hpp"
 
 #include <cmath>
+#include <functional>
 
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/frames.hpp"
@@ -120,6 +121,11 @@ std::array<double, all_measures.size()> RetinalSharpness::by_all_measures(const 
     sharpness[i] = measure(image).value / measure(pinhole).value;
   }
   return sharpness;
+}
+
+Optimum climb(const RetinalSharpness& sharpness, const Eigen::VectorXd& start, OptimiserSettings settings) {
+  settings.depth_of_focus_D = sharpness.level().depth_of_focus_D();
+  return climb(std::cref(sharpness), start, sharpness.family().bounds, settings);
 }
 
 }  // namespace emmetrope::correction

@@ -5,6 +5,7 @@
 #include <optional>
 
 #include "correction/lens_family.hpp"
+#include "correction/optimise.hpp"
 #include "correction/sharpness.hpp"
 #include "raytrace/scene/scene.hpp"
 #include "raytrace/tracer/tracer.hpp"
@@ -45,6 +46,9 @@ class RetinalSharpness {
   /// The same image judged by each measure, in the order of `all_measures`.
   std::array<double, all_measures.size()> by_all_measures(const Eigen::VectorXd& lens) const;
 
+  const LensFamily& family() const { return family_; }
+  const ImagingLevel& level() const { return level_; }
+
   /// Retinal images traced until now (a pinhole's costs no more than a pixel's few rays and is not counted).
   int images() const { return images_; }
   std::uint64_t rays() const { return rays_; }
@@ -64,6 +68,10 @@ class RetinalSharpness {
   mutable int images_ = 0;
   mutable std::uint64_t rays_ = 0;
 };
+
+/// The climb by retinal images, inside the family's bounds, with the level's depth of focus.
+Optimum climb(const RetinalSharpness& sharpness, const Eigen::VectorXd& start,
+              OptimiserSettings settings = {});
 
 /// The visual angle of a millimetre of retina on the axis, arcmin, by the distance from the image-side nodal
 /// point.

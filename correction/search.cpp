@@ -81,12 +81,11 @@ SearchResult find_sharpest(const raytrace::Tracer& tracer,
     const bool last = &level == &levels.back();
     for (auto one = climbed.begin(); one != climbed.end(); ++one) {
       OptimiserSettings settings = last ? OptimiserSettings{} : coarse_search();
-      settings.depth_of_focus_D = level.depth_of_focus_D();
       settings.summit_reach_D = last ? 0 : same_optimum_D(level);
       for (auto before = climbed.begin(); before != one; ++before)
         if (before->family.name == one->family.name) settings.summits.push_back(before->end.lens);
       const RetinalSharpness sharpness(tracer, scene, eye, one->family, level);
-      one->end = climb(std::cref(sharpness), one->end.lens, one->family.bounds, settings);
+      one->end = climb(sharpness, one->end.lens, settings);
       result.images += sharpness.images();
     }
     climbed = distinct(std::move(climbed), same_optimum_D(level));

@@ -101,8 +101,22 @@ std::vector<std::string> unusual_values(const EyeData& eye) {
   return sentences;
 }
 
+/// The first stage that was told to work on the other eye only.
+const StageData* stage_of_other_eye(const CaseData& data, const EyeData& eye) {
+  const char* other = to_string(eye.laterality == Laterality::od ? Laterality::os : Laterality::od);
+  const auto found = std::find_if(data.stages.begin(), data.stages.end(), [&](const StageData& stage) {
+    return stage.provenance.value("/parameters/laterality"_json_pointer, std::string("both")) == other;
+  });
+  return found == data.stages.end() ? nullptr : &*found;
+}
+
 Judgement judge(const CaseData& data, const EyeData& eye) {
   const std::vector<std::string> gates = failed_gates(eye);
+  if (const StageData* stage = stage_of_other_eye(data, eye)) {
+    std::vector<std::string> reasons = gates;
+    reasons.push_back("The " + stage->name + " stage was run for the other eye only.");
+    return {Light::red, "No prescription: not asked for", reasons, false, false};
+  }
   const bool fit_refused = eye.fit.is_object() && eye.fit.value("status", "measured") == "refused";
   const bool was_corrected = data.stage("correction") != nullptr;
   if (!fit_refused && !was_corrected && data.stage("segmentation")->status != ExitStatus::no_result)

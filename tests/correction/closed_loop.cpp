@@ -202,7 +202,8 @@ ClosedLoop closed_loop(const raytrace::Tracer& tracer, const EyeModel& eye, doub
   const auto levels = imaging_levels(Measure::gradient_energy, pupil_mm, wavelength_nm, {0, 0}, 1);
   for (const ImagingLevel& level : levels) {
     const RetinalSharpness sharpness(tracer, scene, eye, family, level);
-    const Optimum optimum = climb(std::cref(sharpness), result.sharpest, family.bounds, {});
+    const bool last = &level == &levels.back();
+    const Optimum optimum = climb(sharpness, result.sharpest, last ? OptimiserSettings{} : coarse_search());
     result.sharpest = optimum.lens;
     result.converged = optimum.converged;
     result.images += sharpness.images();

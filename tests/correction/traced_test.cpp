@@ -284,13 +284,11 @@ TEST(Traced, FigureSevenPlanoCylinderIsFoundFromAnyStart) {
     EXPECT_NEAR(exhaustive_mm, 50, 5);
     RecordProperty(sign > 0 ? "plus_mm" : "minus_mm", std::to_string(exhaustive_mm));
 
-    OptimiserSettings from_afar;
-    from_afar.depth_of_focus_D = levels.front().depth_of_focus_D();
     for (const double start_mm : {20.0, 60.0, 200.0}) {
       const Optimum coarse =
           climb(RetinalSharpness(tracer(), refraction_chart(), eye, family, levels.front()),
-                plano_cylinder_parameters(-sign * start_mm, 80, 1.5), family.bounds, from_afar);
-      const Optimum fine = climb(std::cref(sharpness), coarse.lens, family.bounds, {});
+                plano_cylinder_parameters(-sign * start_mm, 80, 1.5));
+      const Optimum fine = climb(sharpness, coarse.lens);
       ASSERT_TRUE(fine.converged) << start_mm << ": " << fine.reason;
       const PlanoCylinder lens = plano_cylinder_of(sign, fine.lens, 1.5);
       EXPECT_NEAR(-sign * lens.radius_mm, exhaustive_mm, 0.5) << start_mm;

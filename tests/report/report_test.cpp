@@ -172,6 +172,20 @@ TEST_F(ReportTest, ARefusedFitOutweighsAPrescriptionThatIsLeftOver) {
   EXPECT_THAT(dump("prescription.dcm"), Not(HasSubstr("Right Eye Rx")));
 }
 
+TEST_F(ReportTest, AnEyeThatAStageWasNotAskedForIsNotCalledUnsupported) {
+  test::make_fixture_case(folder_);
+  const fs::path correction = folder_ / "correction";
+  Json stage = read_json(correction / "stage.json");
+  stage["parameters"]["laterality"] = "od";
+  write_json(correction / "stage.json", stage);
+  fs::remove_all(correction / "os");
+  report();
+  for (const std::string& text : {visible_text(output("report.html")), pdf_text()}) {
+    EXPECT_THAT(text, HasSubstr("No prescription: not asked for"));
+    EXPECT_THAT(text, Not(HasSubstr("the images do not support one")));
+  }
+}
+
 TEST_F(ReportTest, OneEyeIsReportedAndTheOtherNamedAsMissing) {
   test::FixtureOptions options;
   options.only_right = true;
