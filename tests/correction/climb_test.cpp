@@ -39,6 +39,7 @@ TEST(Climb, DepthOfFocusIsWhereTheInverseSquareHasGrownByOne) {
 TEST(Climb, ConvergesFromEightDioptresAway) {
   std::mt19937_64 random(11);
   std::uniform_real_distribution<double> unit(-1, 1);
+  int evaluations = 0, most = 0;
   for (int i = 0; i < 12; ++i) {
     const Eigen::Vector3d focus(8 * unit(random), 2 * unit(random), 2 * unit(random));
     const auto rays = aberrated_pupil(entrance_pupil_mm, focus, 0.03, 6);
@@ -53,8 +54,12 @@ TEST(Climb, ConvergesFromEightDioptresAway) {
     EXPECT_NEAR(fine.lens[0] - focus[0], -0.1, 0.02) << i;
     EXPECT_NEAR(fine.lens[1] - focus[1], 0, 0.01) << i;
     EXPECT_NEAR(fine.lens[2] - focus[2], 0, 0.01) << i;
-    EXPECT_LE(coarse.evaluations + fine.evaluations, 25);
+    evaluations += coarse.evaluations + fine.evaluations;
+    most = std::max(most, coarse.evaluations + fine.evaluations);
   }
+  EXPECT_LE(most, 12);
+  RecordProperty("evaluations", evaluations);
+  RecordProperty("most", most);
 }
 
 TEST(Climb, GradientEnergyRisesAllTheWayAndTheOthersDoNot) {
