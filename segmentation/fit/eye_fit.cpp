@@ -9,6 +9,7 @@
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/frames.hpp"
 #include "segmentation/finding/sampling.hpp"
+#include "segmentation/fit/eye_distances.hpp"
 #include "segmentation/fit/globe_starts.hpp"
 #include "segmentation/fit/residual_judgement.hpp"
 #include "segmentation/fit/rician.hpp"
@@ -233,18 +234,7 @@ double EyeFit::sigma(int parameter) const {
 }
 
 double EyeFit::pole_depth_sigma_mm() const {
-  VectorXd by(static_cast<Eigen::Index>(active.size()));
-  const std::vector<Vector3d> bumps = bump_directions();
-  for (std::size_t i = 0; i < active.size(); ++i) {
-    double derivative = active[i] == axial_length ? 1 : 0;
-    const int bump = active[i] - layout.displacement();
-    if (bump >= 0 && bump < layout.bumps) {
-      const double angle = std::acos(std::clamp(-bumps[bump].z(), -1.0, 1.0));
-      derivative =
-          parameters[globe_z] / 11 * std::exp(-angle * angle / (2 * bump_width_rad * bump_width_rad));
-    }
-    by[static_cast<Eigen::Index>(i)] = derivative;
-  }
+  const VectorXd by = distance_derivatives(*this).col(pole_depth);
   return std::sqrt(std::max(0.0, by.dot(covariance * by)));
 }
 
@@ -369,6 +359,7 @@ EyeFit fit_eye(const std::vector<const Stack*>& stacks, const EyeStart& start, C
   fit.iterations = iterations;
   fit.parameters = a;
   fit.covariance = covariance(problem, a, basis);
+  fit.covariance = widened_for_coherent_residuals(fit, problem);
   for (std::size_t i = 0; i < deviations.size(); ++i) problem.samples[i].deviation = deviations[i];
   judge_residuals(fit, problem);
   fit.samples = std::move(problem.samples);

@@ -26,6 +26,20 @@ Expected expected(double signal, double noise, bool with_noise) {
   return {noise * m.mean, signal < 0 ? -m.derivative : m.derivative};
 }
 
+/// A sample's residual under the loss, r' = sign(r) sqrt(rho), whose square is the loss, and its derivative
+/// by the signal (Triggs' correction of first order).
+struct RobustResidual {
+  double value, by_signal;
+};
+RobustResidual robust_residual(const FitProblem& problem, const Sample& sample, double signal) {
+  const double c2 = problem.loss_scale * problem.loss_scale;
+  const Expected e = expected(signal, problem.model->stacks()[sample.stack].noise, problem.rician);
+  const double r = (sample.value - e.value) / sample.deviation;
+  const double value = std::copysign(std::sqrt(c2 * std::log1p(r * r / c2)), r);
+  const double by_r = std::abs(r) < 1e-6 ? 1 : r / (value * (1 + r * r / c2));
+  return {value, -by_r * e.by_signal / sample.deviation};
+}
+
 /// Where a parameter still makes an eye. Beyond, the image is that at the limit and the prior alone pulls
 /// back, so that a step over a limit costs the fit nothing else.
 struct Limit {
@@ -131,29 +145,21 @@ NormalEquations evaluate(const FitProblem& problem, const VectorXd& parameters, 
   SparseRow row(size);
   std::vector<double> values;
   std::vector<int> places;
-  const double c2 = problem.loss_scale * problem.loss_scale;
 
   for (const Sample& sample : problem.samples) {
     const double signal = at.intensity(sample, derivatives ? &row : nullptr);
-    const Expected e = expected(signal, problem.model->stacks()[sample.stack].noise, problem.rician);
-    const double r = (sample.value - e.value) / sample.deviation;
-    const double rho = c2 * std::log1p(r * r / c2);
-    out.cost += rho / 2;
+    const RobustResidual r = robust_residual(problem, sample, signal);
+    out.cost += r.value * r.value / 2;
     if (!derivatives) continue;
-    // r' = sign(r) sqrt(rho): a least-squares residual whose square is the loss (Triggs' correction of first
-    // order).
-    const double robust = std::copysign(std::sqrt(rho), r);
-    const double by_r = std::abs(r) < 1e-6 ? 1 : r / (robust * (1 + r * r / c2));
-    const double factor = -by_r * e.by_signal / sample.deviation;
     places = row.touched();
     std::sort(places.begin(), places.end());
     values.clear();
-    for (const int i : places) values.push_back(factor * row[i]);
+    for (const int i : places) values.push_back(r.by_signal * row[i]);
     for (std::size_t j = 0; j < places.size(); ++j) {
       double* column = out.hessian.col(places[j]).data();
       const double v = values[j];
       if (v == 0) continue;
-      out.gradient[places[j]] += v * robust;
+      out.gradient[places[j]] += v * r.value;
       for (std::size_t i = j; i < places.size(); ++i) column[places[i]] += v * values[i];
     }
   }
@@ -201,6 +207,30 @@ Basis select_parameters(int size, const std::vector<int>& active) {
   for (std::size_t i = 0; i < active.size(); ++i) basis.insert(active[i], static_cast<int>(i)) = 1;
   basis.makeCompressed();
   return basis;
+}
+
+LinearRows linearise(const FitProblem& problem, const VectorXd& parameters, const Basis& basis) {
+  const ForwardModel::AtParameters at(*problem.model, parameters);
+  std::vector<int> column(problem.model->layout().size(), -1);
+  for (int j = 0; j < basis.outerSize(); ++j)
+    for (Basis::InnerIterator entry(basis, j); entry; ++entry) column[entry.row()] = j;
+  const auto count = static_cast<Eigen::Index>(problem.samples.size());
+  LinearRows rows{Eigen::SparseMatrix<double, Eigen::RowMajor>(count, basis.cols()), VectorXd(count)};
+  SparseRow row(problem.model->layout().size());
+  std::vector<std::pair<int, double>> entries;
+  for (Eigen::Index i = 0; i < count; ++i) {
+    const Sample& sample = problem.samples[static_cast<std::size_t>(i)];
+    const RobustResidual r = robust_residual(problem, sample, at.intensity(sample, &row));
+    rows.residual[i] = r.value;
+    entries.clear();
+    for (const int parameter : row.touched())
+      if (column[parameter] >= 0) entries.emplace_back(column[parameter], r.by_signal * row[parameter]);
+    std::sort(entries.begin(), entries.end());
+    rows.jacobian.startVec(i);
+    for (const auto& [j, value] : entries) rows.jacobian.insertBack(i, j) = value;
+  }
+  rows.jacobian.finalize();
+  return rows;
 }
 
 SolveResult solve(const FitProblem& problem, const VectorXd& start, const Basis& basis, int max_iterations) {

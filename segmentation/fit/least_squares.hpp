@@ -29,6 +29,12 @@ struct NormalEquations {
 };
 NormalEquations evaluate(const FitProblem& problem, const Eigen::VectorXd& parameters, bool derivatives);
 
+/// The samples' residuals as the loss counts them, whose squares sum to it, and their derivatives.
+struct LinearRows {
+  Eigen::SparseMatrix<double, Eigen::RowMajor> jacobian;  ///< sample by combination of parameters
+  Eigen::VectorXd residual;
+};
+
 /// Which combinations of parameters move: parameters = start + basis z.
 using Basis = Eigen::SparseMatrix<double>;
 Basis select_parameters(int size, const std::vector<int>& active);
@@ -50,6 +56,9 @@ SolveResult solve(const FitProblem& problem, const Eigen::VectorXd& start, const
 /// ceres::Covariance, which checks the rank. In the order of the basis' columns. \throw Error (no_result)
 /// when J'J is rank deficient
 Eigen::MatrixXd covariance(const FitProblem& problem, const Eigen::VectorXd& parameters, const Basis& basis);
+
+/// \param basis  a selection of parameters
+LinearRows linearise(const FitProblem& problem, const Eigen::VectorXd& parameters, const Basis& basis);
 
 /// Standardised residual of one sample, without the loss.
 double residual(const FitProblem& problem, const ForwardModel::AtParameters& at, const Sample& sample);

@@ -4,6 +4,10 @@
 #include <cmath>
 #include <map>
 
+#include "pipeline/base/frames.hpp"
+#include "segmentation/fit/block_jackknife.hpp"
+#include "segmentation/fit/eye_distances.hpp"
+
 namespace emmetrope::segmentation {
 namespace {
 
@@ -54,6 +58,38 @@ std::array<double, part_count> residual_correlation(const EyeFit& fit, const std
   return factor;
 }
 
+/// The slice of each sample.
+Blocks slices(const EyeFit& fit, const std::vector<Sample>& samples) {
+  std::map<std::pair<int, long>, int> number;
+  Blocks blocks;
+  for (const Sample& sample : samples) {
+    const Stack& stack = *fit.stacks[sample.stack].stack;
+    const double along = (sample.position - stack.slice_position.front()).dot(stack.normal);
+    blocks.push_back(
+        number.try_emplace({sample.stack, std::lround(100 * along)}, static_cast<int>(number.size()))
+            .first->second);
+  }
+  return blocks;
+}
+
+/// The patch of each sample: rings about the eye's axis as seen from the globe's centre, cut into pieces
+/// about as long as they are wide.
+Blocks patches(const EyeFit& fit, const std::vector<Sample>& samples) {
+  constexpr double width_rad = 30 * degree;
+  const ForwardModel::AtParameters at(fit.model, fit.parameters);
+  const Vector3d centre(0, 0, fit.value(globe_z) - fit.value(axial_length));
+  std::map<std::pair<int, int>, int> number;
+  Blocks blocks;
+  for (const Sample& sample : samples) {
+    const Vector3d p = at.to_eye(sample.position, sample.stack) - centre;
+    const int ring = static_cast<int>(std::atan2(p.head<2>().norm(), -p.z()) / width_rad);
+    const double pieces = std::max(1.0, std::round(2 * pi * std::sin((ring + 0.5) * width_rad) / width_rad));
+    const int piece = static_cast<int>(std::floor((std::atan2(p.y(), p.x()) / (2 * pi) + 0.5) * pieces));
+    blocks.push_back(number.try_emplace({ring, piece}, static_cast<int>(number.size())).first->second);
+  }
+  return blocks;
+}
+
 }  // namespace
 
 std::array<double, part_count> judge_residuals(EyeFit& fit, const FitProblem& problem) {
@@ -89,6 +125,13 @@ std::array<double, part_count> judge_residuals(EyeFit& fit, const FitProblem& pr
     widening[part] = std::max(1.0, widening[part] / voxels) * correlation[part];
   }
   return widening;
+}
+
+Eigen::MatrixXd widened_for_coherent_residuals(const EyeFit& fit, const FitProblem& problem) {
+  const LinearRows rows =
+      linearise(problem, fit.parameters, select_parameters(fit.layout.size(), fit.active));
+  return widened_for_blocks(rows, fit.covariance, slices(fit, problem.samples), patches(fit, problem.samples),
+                            distance_derivatives(fit));
 }
 
 }  // namespace emmetrope::segmentation

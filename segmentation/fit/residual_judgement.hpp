@@ -10,4 +10,11 @@ namespace emmetrope::segmentation {
 /// independent noise.
 std::array<double, part_count> judge_residuals(EyeFit& fit, const FitProblem& problem);
 
+/// The fit's covariance with the variances of the eye's distances (eye_distances.hpp) widened where residuals
+/// are coherent over a slice, as where head or eye moved between slices, or over a patch of the eye 30
+/// degrees wide across slices, as beside a muscle (block_jackknife.hpp): both are farther than neighbouring
+/// voxels tell. Powers and radii, of which a few blocks at the front tell all, stay as they are.
+/// \pre fit.parameters solve the problem, and fit.covariance is theirs
+Eigen::MatrixXd widened_for_coherent_residuals(const EyeFit& fit, const FitProblem& problem);
+
 }  // namespace emmetrope::segmentation
