@@ -1,5 +1,6 @@
 #include "correction/lens_family.hpp"
 
+#include <algorithm>
 #include <cmath>
 
 #include "pipeline/base/frames.hpp"
@@ -22,8 +23,11 @@ std::vector<raytrace::EyeTangent> LensFamily::tangents(const EyeModel& eye,
   constexpr double step_D = 0.05;  // small against what curves an image's dependence, large against rounding
   std::vector<raytrace::EyeTangent> result;
   for (Eigen::Index k = 0; k < lens.size(); ++k) {
-    const Eigen::VectorXd step = step_D * Eigen::VectorXd::Unit(lens.size(), k);
-    result.push_back({before(eye, lens + step), before(eye, lens - step), 2 * step_D});
+    // One-sided at a bound: a cylinder's power is a distance from 0, behind which its axis would turn.
+    Eigen::VectorXd above = lens, below = lens;
+    above[k] = std::min(lens[k] + step_D, bounds.upper[k]);
+    below[k] = std::max(lens[k] - step_D, bounds.lower[k]);
+    result.push_back({before(eye, above), before(eye, below), above[k] - below[k]});
   }
   return result;
 }

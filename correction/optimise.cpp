@@ -82,16 +82,19 @@ class AtSummit : public ceres::IterationCallback {
   const Eigen::VectorXd& moved_;
 };
 
-/// How far the summit is, were 1/S^2 a parabola that grows by 1 over the depth of focus.
-double distance_to_summit_D(const SharpnessValue& value, double depth_of_focus_D) {
+/// How far the summit is, were 1/S^2 (from afar) or ln(S) a parabola as the depth of focus says.
+double distance_to_summit_D(const SharpnessValue& value, const OptimiserSettings& settings) {
   constexpr double nearest_D = 1e-3, farthest_D = 10;
-  return std::clamp(slope_per_D(value) * std::pow(depth_of_focus_D / value.value, 2), nearest_D, farthest_D);
+  const double by_log_D = slope_per_D(value) * std::pow(settings.depth_of_focus_D, 2);
+  return std::clamp(settings.from_afar ? by_log_D / std::pow(value.value, 2) : by_log_D, nearest_D,
+                    farthest_D);
 }
 
 }  // namespace
 
 OptimiserSettings coarse_search() {
   OptimiserSettings settings;
+  settings.from_afar = true;
   settings.gradient_tolerance_per_D = 0.05;
   settings.function_tolerance = 1e-3;
   settings.max_iterations = 12;
@@ -102,6 +105,8 @@ Optimum climb(const SharpnessFunction& sharpness, const Eigen::VectorXd& start, 
               const OptimiserSettings& settings) {
   if (!bounds.contain(start))
     throw Error(ExitStatus::fault, "a start of the lens search is outside its bounds");
+  const Bounds reached{bounds.lower.cwiseMax((start.array() - settings.reach_D).matrix()),
+                       bounds.upper.cwiseMin((start.array() + settings.reach_D).matrix())};
   Optimum optimum;
   optimum.lens = start;
 
@@ -131,8 +136,8 @@ Optimum climb(const SharpnessFunction& sharpness, const Eigen::VectorXd& start, 
   // that, and a second round with the new scale ends at the slope that was asked for.
   for (int round = 0; round < 3; ++round) {
     const SharpnessValue start_value = remembering(optimum.lens);
-    const double scale_D = distance_to_summit_D(start_value, settings.depth_of_focus_D);
-    auto* cost = new InverseSquare(remembering, bounds, optimum.lens, start_value, scale_D);
+    const double scale_D = distance_to_summit_D(start_value, settings);
+    auto* cost = new InverseSquare(remembering, reached, optimum.lens, start_value, scale_D);
     const ceres::GradientProblem problem(cost);  // owns the cost
     options.gradient_tolerance = settings.gradient_tolerance_per_D / slope_per_D(start_value);
     Eigen::VectorXd moved = Eigen::VectorXd::Zero(optimum.lens.size());
@@ -141,7 +146,7 @@ Optimum climb(const SharpnessFunction& sharpness, const Eigen::VectorXd& start, 
     ceres::Solve(options, problem, moved.data(), &summary);
     optimum.lens = cost->lens(moved.data());
     if (summary.termination_type == ceres::USER_SUCCESS) break;
-    if (remembering(optimum.lens).value < 1.5 * start_value.value) break;
+    if (remembering(optimum.lens).value < 1.1 * start_value.value) break;
   }
 
   const SharpnessValue value = remembering(optimum.lens);
@@ -154,7 +159,7 @@ Optimum climb(const SharpnessFunction& sharpness, const Eigen::VectorXd& start, 
   if (!flat)
     optimum.reason += fmt::format("; sharpness still changes by {:.2g} per dioptre there", steepest_per_D);
   optimum.converged = summary.termination_type == ceres::CONVERGENCE && optimum.lens.allFinite() &&
-                      optimum.gradient.allFinite() && bounds.contain(optimum.lens) && flat;
+                      optimum.gradient.allFinite() && reached.contain(optimum.lens) && flat;
   return optimum;
 }
 

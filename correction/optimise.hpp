@@ -1,6 +1,7 @@
 #pragma once
 #include <Eigen/Core>
 #include <functional>
+#include <limits>
 #include <string>
 #include <vector>
 
@@ -22,13 +23,20 @@ struct Bounds {
 };
 
 struct OptimiserSettings {
-  /// Error of focus that adds 1 to 1 / sharpness^2. It sets the length of the first step.
+  /// Error of focus that adds 1 to 1 / sharpness^2 (here of a pupil of 3.3 mm and a blur of 1 arcmin). It
+  /// sets the length of the first step.
   double depth_of_focus_D = 0.35;
+  /// The start may be many depths of focus away: what blurs it is then the error of focus, and the first step
+  /// goes to the summit of the parabola 1 / sharpness^2. From near, what blurs it may be what lenses of this
+  /// kind leave, and it goes to that of ln(sharpness).
+  bool from_afar = false;
+  /// The climb stays this near to its start in each parameter.
+  double reach_D = std::numeric_limits<double>::infinity();
   /// Converged when the slope of ln(sharpness) is below this everywhere (1/D).
   double gradient_tolerance_per_D = 1e-3;
   /// Or when a step gains less than this fraction.
   double function_tolerance = 1e-5;
-  int max_iterations = 30;
+  int max_iterations = 15;
   /// Whatever Ceres says, a slope of ln(sharpness) above this is no optimum: a bound or a fault stopped the
   /// climb.
   double accepted_gradient_per_D = 0.02;

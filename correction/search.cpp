@@ -12,6 +12,10 @@ namespace {
 
 /// Optima closer than a third of the depth of focus are one (3 mm pupil: 0.13 D, on the coarse level 1 D).
 double same_optimum_D(const ImagingLevel& level) { return level.depth_of_focus_D() / 3; }
+/// The fine search stays this near to where the coarse one ended: that is a third of its depth of focus off
+/// at most, and the spherical aberration of a wide pupil adds as much again. Farther away, where the picture
+/// is all blur, noise has summits of its own.
+constexpr double fine_reach_D = 2;
 /// A coarse optimum is followed to the fine level only where it comes near the sharpest.
 constexpr double worth_following = 0.95;
 constexpr double accepted_step_D = 0.02;
@@ -81,6 +85,7 @@ SearchResult find_sharpest(const raytrace::Tracer& tracer,
     const bool last = &level == &levels.back();
     for (auto one = climbed.begin(); one != climbed.end(); ++one) {
       OptimiserSettings settings = last ? OptimiserSettings{} : coarse_search();
+      if (last) settings.reach_D = fine_reach_D;
       settings.summit_reach_D = last ? 0 : same_optimum_D(level);
       for (auto before = climbed.begin(); before != one; ++before)
         if (before->family.name == one->family.name) settings.summits.push_back(before->end.lens);

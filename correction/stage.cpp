@@ -193,6 +193,18 @@ std::string summary(const std::string& who, const EyeResult& result) {
       1.96 * sigma[2]);
 }
 
+/// What the searches leave to be said.
+std::vector<std::string> doubts(const Prescription& prescription) {
+  std::vector<std::string> sentences;
+  const SearchResult& plano = prescription.plano_cylinder.search;
+  if (!plano.accepted) sentences.push_back("no plano-cylinder: " + plano.reason);
+  if (prescription.search.optima.size() > 1)
+    sentences.emplace_back(
+        "more than one lens makes a locally sharpest image; see search.distinct_optima_D in "
+        "prescription.json");
+  return sentences;
+}
+
 /// The lens index of a measured eye that was traced is the one to be uncertain about.
 UncertainEye read_uncertain_eye(const fs::path& file, double lens_index_sigma, const EyeModel& traced) {
   UncertainEye uncertain = uncertain_eye_from_json(read_json(file), file.parent_path(), lens_index_sigma);
@@ -319,13 +331,8 @@ Answer correct_case(const fs::path& case_folder, CorrectionSettings settings, co
         result.uncertainty =
             uncertainty_of(result.prescription, uncertain ? &*uncertain : nullptr, calibration);
         write_eye_files(workspace.folder() / name, *tracer, eye, result, settings, common.seed, name);
-        const SearchResult& plano = result.prescription.plano_cylinder.search;
-        if (!plano.accepted)
-          workspace.warn(std::string(clinical_name(side)) + ", plano-cylinder: " + plano.reason);
-        if (result.prescription.search.optima.size() > 1)
-          workspace.warn(std::string(clinical_name(side)) +
-                         ": more than one lens makes a locally sharpest image; see "
-                         "search.distinct_optima_D in prescription.json");
+        for (const std::string& doubt : doubts(result.prescription))
+          workspace.warn(std::string(clinical_name(side)) + ": " + doubt);
         text += summary(clinical_name(side), result);
         ++done;
       } catch (const Error& error) {
@@ -370,6 +377,7 @@ Answer correct_eye(const EyeModel& eye, const fs::path& output, const Correction
   result.uncertainty = uncertainty_of(result.prescription, nullptr);
   write_eye_files(whole.folder(), tracer, eye, result, settings, common.seed, "");
   whole.publish();
+  for (const std::string& doubt : doubts(result.prescription)) spdlog::warn("{}: {}", eye.name, doubt);
   Answer answer;
   answer.json = read_json(output / "prescription.json");
   answer.text = summary(eye.name, result) + std::string(research_notice) + "\n";

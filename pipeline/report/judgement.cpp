@@ -69,6 +69,15 @@ Judgement refused(const CaseData& data, const EyeData& eye, std::vector<std::str
   return {Light::red, "No prescription: the images do not support one", reasons, false, false};
 }
 
+/// The first stage that was told to work on the other eye only.
+const StageData* stage_of_other_eye(const CaseData& data, const EyeData& eye) {
+  const char* other = to_string(eye.laterality == Laterality::od ? Laterality::os : Laterality::od);
+  const auto found = std::find_if(data.stages.begin(), data.stages.end(), [&](const StageData& stage) {
+    return stage.provenance.value("/parameters/laterality"_json_pointer, std::string("both")) == other;
+  });
+  return found == data.stages.end() ? nullptr : &*found;
+}
+
 /// A refraction that was given and hardly belongs to this eye.
 std::vector<std::string> contradictions(const EyeData& eye) {
   const auto surprise = value_at(eye.prescription, "/calibration/surprise_sigma"),
@@ -99,15 +108,6 @@ std::vector<std::string> unusual_values(const EyeData& eye) {
                             fixed(row.low, row.style.decimals) + " to " + format(row.high, row.style) + ".");
     }
   return sentences;
-}
-
-/// The first stage that was told to work on the other eye only.
-const StageData* stage_of_other_eye(const CaseData& data, const EyeData& eye) {
-  const char* other = to_string(eye.laterality == Laterality::od ? Laterality::os : Laterality::od);
-  const auto found = std::find_if(data.stages.begin(), data.stages.end(), [&](const StageData& stage) {
-    return stage.provenance.value("/parameters/laterality"_json_pointer, std::string("both")) == other;
-  });
-  return found == data.stages.end() ? nullptr : &*found;
 }
 
 Judgement judge(const CaseData& data, const EyeData& eye) {

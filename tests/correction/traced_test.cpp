@@ -192,6 +192,23 @@ TEST(Traced, PrescriptionOfAnEyeTakesAtMostSixtyImages) {
     const Prescription prescription = prescribe(tracer(), eye, settings);
     EXPECT_TRUE(prescription.plano_cylinder.search.accepted) << prescription.plano_cylinder.search.reason;
     EXPECT_LE(prescription.images(), 60);
+    // Nothing in the sweep is sharper, but for its coarser picture.
+    const std::vector<SweepRow>& sweep = prescription.plano_cylinder.sweep;
+    const auto best = std::max_element(sweep.begin(), sweep.end(), [](const auto& a, const auto& b) {
+      return a.sharpness[0] < b.sharpness[0];
+    });
+    EXPECT_NEAR(best->radius_mm / prescription.plano_cylinder.lens.radius_mm, 1, 0.06);
+  }
+}
+
+TEST(Traced, ACylinderWithoutPowerIsFoundOnlyFromOneSide) {
+  // Behind 0 its axis turns: the tangents there must not reach across.
+  const EyeModel eye = make_eye("navarro");
+  const LensFamily family = along(plano_cylinder(-1, 10, 1.5), Eigen::Vector2d(1, 0));
+  for (const double half_D : {0.0, 0.02, 0.2}) {
+    const auto tangents = family.tangents(eye, Eigen::VectorXd::Constant(1, half_D));
+    ASSERT_EQ(tangents.size(), 1U);
+    EXPECT_NEAR(tangents[0].step, half_D < 0.05 ? half_D + 0.05 : 0.1, 1e-12);
   }
 }
 
@@ -285,12 +302,14 @@ TEST(Traced, FigureSevenPlanoCylinderIsFoundFromAnyStart) {
     RecordProperty(sign > 0 ? "plus_mm" : "minus_mm", std::to_string(exhaustive_mm));
 
     for (const double start_mm : {20.0, 60.0, 200.0}) {
-      const Optimum coarse =
-          climb(RetinalSharpness(tracer(), refraction_chart(), eye, family, levels.front()),
-                plano_cylinder_parameters(-sign * start_mm, 80, 1.5));
-      const Optimum fine = climb(sharpness, coarse.lens);
-      ASSERT_TRUE(fine.converged) << start_mm << ": " << fine.reason;
-      const PlanoCylinder lens = plano_cylinder_of(sign, fine.lens, 1.5);
+      // In the polar form of prescriptions, but 10 degrees off.
+      const LensFamily in_polar_form = polar(family, plano_cylinder_parameters(-sign * 50, 80, 1.5));
+      const double start_D = plano_cylinder_parameters(-sign * start_mm, 80, 1.5).norm();
+      const SearchResult search = find_sharpest(tracer(), refraction_chart(), eye, levels,
+                                                {{in_polar_form, Eigen::Vector2d(start_D, 0)}});
+      ASSERT_TRUE(search.accepted) << start_mm << ": " << search.reason;
+      const PowerVector power = search.family.power(search.best.lens);
+      const PlanoCylinder lens = plano_cylinder_of(sign, Eigen::Vector2d(power.J0_D, power.J45_D), 1.5);
       EXPECT_NEAR(-sign * lens.radius_mm, exhaustive_mm, 0.5) << start_mm;
       EXPECT_NEAR(std::remainder(lens.axis_deg - 90, 180), 0, 1) << start_mm;
     }
