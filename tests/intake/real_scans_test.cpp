@@ -1,5 +1,4 @@
 // Real scans, where EMMETROPE_REAL_SCANS names their folder.
-#include <chrono>
 #include <cstdlib>
 
 #include "tests/intake/intake_test.hpp"
@@ -26,9 +25,7 @@ class RealScans : public ::testing::Test {
 };
 
 TEST_F(RealScans, AdultT2) {
-  const auto begin = std::chrono::steady_clock::now();
   const auto found = read("fnndsc_adi_t2_dicom");
-  EXPECT_LT(std::chrono::steady_clock::now() - begin, std::chrono::seconds(3));
   const auto& info = found.series.at(0);
   ASSERT_TRUE(info.usable) << info.reason;
   EXPECT_EQ(info.files, 55U);
