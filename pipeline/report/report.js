@@ -59,6 +59,10 @@ if (viewerData && window.niivue) {
       multiplanarLayout: canvas.clientWidth > 700 ? MULTIPLANAR_TYPE.GRID : MULTIPLANAR_TYPE.AUTO, logLevel: "error" });
     // The 3-D view shows the surfaces alone: a rendered head would hide them and take seconds without a graphics processor.
     viewer.drawImage3D = () => {};
+    // Without room, as while the page is laid out anew, the padding would leave panes of negative width.
+    const leastRoom = 64;
+    const draw = viewer.drawScene.bind(viewer);
+    viewer.drawScene = () => (canvas.clientWidth < leastRoom || canvas.clientHeight < leastRoom ? undefined : draw());
     await viewer.attachToCanvas(canvas);
     viewer.opts.isSliceMM = true;
     const select = byId("viewer-volume");

@@ -82,6 +82,15 @@ async function violations(page) {
     await page.mouse.up();
     findings.viewer_turns = await picture() !== solid;
     await page.selectOption("#viewer-layout", { index: 0 });
+    // Without room (hidden, or a window that is being drawn narrow) it complains of nothing.
+    for (const style of ["width: 0", "width: 12px"]) {
+      await canvas.evaluate((element, text) => {
+        element.style.cssText = text;
+        window.dispatchEvent(new Event("resize"));
+      }, style);
+      await page.waitForTimeout(250);
+    }
+    await canvas.evaluate((element) => { element.style.cssText = ""; window.dispatchEvent(new Event("resize")); });
   }
   const slider = page.locator(".compare input[type=range]").first();
   findings.slider = await slider.count() > 0;
