@@ -53,30 +53,43 @@ std::vector<double> sweep_radii_mm(double best_mm) {
   return radii;
 }
 
-/// The blur that a cylinder of power (-+r, r u) leaves of the full lens (M, J) has the length of their
-/// difference, least at u = J/|J| and r = (-+M + |J|)/2: where that is a cylinder at all, the search for that
-/// sign starts there and, for the sign that leaves less, from a weak and a strong lens too. Without
-/// astigmatism every axis is as good: then it stays at 180 degrees, and the power alone is sought.
-std::vector<Start> plano_cylinder_starts(const PowerVector& full, double distance_mm, double index) {
+/// What the full lens (M, J) says of plano-cylinders. One of power (+-r, r u) leaves blur as long as the
+/// difference of the two, least at u = J/|J| and r = (+-M + |J|)/2: it corrects one meridian, 2r, and leaves
+/// the other, |M -+ |J||.
+struct ExpectedCylinder {
+  Eigen::Vector2d u;  ///< 180 degrees without astigmatism, when every axis is as good
+  double half_power_D;
+  AxisFrom axis_from;
+};
+
+ExpectedCylinder expected_cylinder(const PowerVector& full, int sign) {
   const double J_D = std::hypot(full.J0_D, full.J45_D);
-  const bool astigmatic = 2 * J_D >= least_cylinder_D;
-  const Eigen::Vector2d u = astigmatic ? Eigen::Vector2d(full.J0_D, full.J45_D) / J_D : Eigen::Vector2d(1, 0);
+  const double half_power_D = (sign * full.M_D + J_D) / 2, left_D = std::abs(sign * full.M_D - J_D);
+  if (2 * J_D < least_cylinder_D) return {{1, 0}, half_power_D, AxisFrom::convention};
+  // Where more is left than half of what is corrected, blur along one line is all that a turn changes, and
+  // what detail the chart happens to have across it would choose the axis (10 degrees off at 4.8 D left).
+  return {Eigen::Vector2d(full.J0_D, full.J45_D) / J_D, half_power_D,
+          left_D <= half_power_D ? AxisFrom::sharpness : AxisFrom::refraction};
+}
+
+/// From the expected, a weak and a strong lens of the sign that leaves less blur, and from the expected one
+/// of the other sign where that is a cylinder at all.
+std::vector<Start> plano_cylinder_starts(const PowerVector& full, double distance_mm, double index) {
   constexpr double weakest_D = 0.05, strongest_D = 12;
-  const auto half_power_D = [&](int sign) {
-    return std::clamp((sign * full.M_D + J_D) / 2, weakest_D, strongest_D);
-  };
-  const int better = full.M_D < 0 ? -1 : 1;
   std::vector<Start> starts;
   const auto add = [&](int sign, double times) {
+    const ExpectedCylinder expected = expected_cylinder(full, sign);
     const LensFamily any = plano_cylinder(sign, distance_mm, index);
-    const double half_D = half_power_D(sign), start_D = std::min(times * half_D, strongest_D);
-    if (astigmatic)
-      starts.push_back({polar(any, half_D * u), Eigen::Vector2d(start_D, 0)});
+    const double half_D = std::clamp(expected.half_power_D, weakest_D, strongest_D),
+                 start_D = std::min(times * half_D, strongest_D);
+    if (expected.axis_from == AxisFrom::sharpness)
+      starts.push_back({polar(any, half_D * expected.u), Eigen::Vector2d(start_D, 0)});
     else
-      starts.push_back({along(any, u), Eigen::VectorXd::Constant(1, start_D)});
+      starts.push_back({along(any, expected.u), Eigen::VectorXd::Constant(1, start_D)});
   };
+  const int better = full.M_D < 0 ? -1 : 1;
   for (const double times : {1.0, 0.3, 2.0}) add(better, times);
-  if (half_power_D(-better) > weakest_D) add(-better, 1);
+  if (expected_cylinder(full, -better).half_power_D > weakest_D) add(-better, 1);
   return starts;
 }
 
@@ -89,9 +102,9 @@ PlanoCylinderResult best_plano_cylinder(const raytrace::Tracer& tracer,
   PlanoCylinderResult best;
   best.search = find_sharpest(tracer, scene, eye, levels, plano_cylinder_starts(at_lens, distance_mm, index));
   const Eigen::VectorXd& found = best.search.best.lens;
-  best.axis_matters = found.size() > 1;
   const PowerVector power = best.search.family.power(found);
   const int sign = power.M_D < 0 ? -1 : 1;
+  best.axis_from = expected_cylinder(at_lens, sign).axis_from;
   best.lens = plano_cylinder_of(sign, Eigen::Vector2d(power.J0_D, power.J45_D), index);
   best.sharpness = best.search.best.sharpness;
 

@@ -37,10 +37,17 @@ struct SweepRow {
   std::array<double, all_measures.size()> sharpness{};
 };
 
+/// What the axis of the plano-cylinder is from.
+enum class AxisFrom {
+  sharpness,   ///< sought with the radius
+  refraction,  ///< the eye's own, as the full correction has it: the cylinder leaves too much blur to tell
+  convention   ///< 180 degrees: an eye without astigmatism
+};
+
 /// The paper's experiment.
 struct PlanoCylinderResult {
   PlanoCylinder lens;
-  bool axis_matters = true;  ///< false for an eye without astigmatism: the axis was left at 180 degrees
+  AxisFrom axis_from = AxisFrom::sharpness;
   double sharpness = 0;
   double radius_curvature_per_mm2 = 0;  ///< d^2 ln(sharpness) / d radius^2 at the optimum
   SearchResult search;

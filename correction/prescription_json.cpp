@@ -100,6 +100,18 @@ Json calibration_json(const Calibration& calibration) {
            moved}};
 }
 
+std::string to_string(AxisFrom from) {
+  switch (from) {
+    case AxisFrom::sharpness:
+      return "sharpness";
+    case AxisFrom::refraction:
+      return "refraction";
+    case AxisFrom::convention:
+      return "convention";
+  }
+  return {};
+}
+
 }  // namespace
 
 Json to_json(const Prescription& prescription, const PrescriptionUncertainty& uncertainty,
@@ -140,7 +152,7 @@ Json to_json(const Prescription& prescription, const PrescriptionUncertainty& un
   if (plano.search.accepted)
     json["plano_cylinder"].update({{"radius_mm", plano.lens.radius_mm},
                                    {"axis_deg", plano.lens.axis_deg},
-                                   {"axis_matters", plano.axis_matters},
+                                   {"axis_from", to_string(plano.axis_from)},
                                    {"sharpness", plano.sharpness},
                                    {"power_D", plano.lens.power_D},
                                    {"log_curvature_per_mm2", plano.radius_curvature_per_mm2},

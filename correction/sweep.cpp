@@ -95,7 +95,8 @@ std::string optimum_mark(const PlanoCylinderResult& result, std::size_t k, doubl
   const bool on_right = x > width / 2;
   const double beside = on_right ? left + 10 : width - right - 10;
   const char* anchor = on_right ? "start" : "end";
-  const std::string axis = result.axis_matters ? " x " + format_axis(result.lens.axis_deg) : ", any axis";
+  const std::string axis =
+      result.axis_from == AxisFrom::convention ? ", any axis" : " x " + format_axis(result.lens.axis_deg);
   return svg +
          text(beside, axes.y(0.92), anchor,
               fmt::format("{:.1f} mm ({:+.2f} D){}", best_mm, result.lens.power_D, axis)) +
