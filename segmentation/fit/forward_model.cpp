@@ -204,30 +204,34 @@ double ForwardModel::AtParameters::intensity(const Sample& sample, SparseRow* ro
     } else {
       Edge outer_edge{1, 0, 0}, inner_edge{1, 0, 0}, fat_edge{1, 0, 0};
       const double outside = a_[surround] + wall_at.background;
+      // Of that, fat's signal: what is not fat is muscle, as bright as the wall.
+      const double fat_by_outside = sampling.fat / std::max(sampling.fat - a_[wall], 0.2);
+      const double fat = fat_by_outside * (outside - a_[wall]);
       if (sample.near_wall) {
         const EyeSurface outer = globe_surface(a_, p, true, &wall_at),
                          inner = globe_surface(a_, p, false, &wall_at);
         outer_edge = fat_edge = edge(outer, stack);
         inner_edge = edge(inner, stack);
+        EyeSurface fat_begins = outer;
         if (axes.has_fat_shift) {
-          const EyeSurface fat = globe_surface(a_, p - axes.fat_shift, true, &wall_at);
-          fat_edge = edge(fat, stack);
-          if (row) {
-            const double by_f = enter(fat, fat_edge, -outside);
-            by_u += by_f;
-            by_fat_shift -= by_f * fat.gradient;
-          }
+          fat_begins = globe_surface(a_, p - axes.fat_shift, true, &wall_at);
+          fat_edge = edge(fat_begins, stack);
         }
         if (row) {
-          by_u += enter(outer, outer_edge, axes.has_fat_shift ? a_[wall] : a_[wall] - outside);
+          const double by_f = enter(fat_begins, fat_edge, -fat);
+          by_fat_shift -= by_f * fat_begins.gradient;
+          by_u += by_f + enter(outer, outer_edge, a_[wall] - outside + fat);
           by_u += enter(inner, inner_edge, fluid - a_[wall]);
-          row->add(surround, weight * (1 - fat_edge.value));
-          by_background += weight * (1 - fat_edge.value);
-          row->add(wall, weight * (outer_edge.value - inner_edge.value));
+          const double by_fat = outer_edge.value - fat_edge.value;
+          const double by_outside = 1 - outer_edge.value + by_fat * fat_by_outside;
+          row->add(surround, weight * by_outside);
+          by_background += weight * by_outside;
+          row->add(wall, weight * (outer_edge.value - inner_edge.value -
+                                   by_fat * fat_by_outside * (1 - fat / sampling.fat)));
         }
       }
-      sum += weight * (outside * (1 - fat_edge.value) + a_[wall] * (outer_edge.value - inner_edge.value) +
-                       fluid * inner_edge.value);
+      sum += weight * (outside * (1 - outer_edge.value) + fat * (outer_edge.value - fat_edge.value) +
+                       a_[wall] * (outer_edge.value - inner_edge.value) + fluid * inner_edge.value);
       of_fluid += inner_edge.value;
     }
 

@@ -18,6 +18,7 @@ struct StackSampling {
   double noise = 0.05;  ///< sigma of one channel, in the unit of intensities
   /// What is believed of the chemical shift of fat: mm along row and column, about 0; 0: there is none.
   Eigen::Vector2d fat_shift_sigma_mm = Eigen::Vector2d::Zero();
+  double fat = 1;  ///< its intensity, positive
 };
 
 /// Which part of the eye explains a voxel. Chosen once a pass, so that the cost stays smooth.
@@ -83,9 +84,12 @@ class SparseRow {
 ///
 /// Front: air + (lid - air) H_lid + (cornea - lid) H_front + (aqueous - cornea) H_back + (lens - aqueous)
 /// H_lens + (iris - aqueous) (H_iris_front - H_iris_back_or_lens) H_pupil
-/// Rear:  surround(n) (1 - H_fat) + wall (H_outer - H_inner) + vitreous H_inner + (lens - vitreous) H_lens
-/// H_fat is H_outer displaced by the chemical shift: what surrounds the globe is fat, which then lies over
-/// the wall on one side and leaves a gap on the other. The coil multiplies by exp(log_gain + polynomial in
+/// Rear:  surround(n) (1 - H_outer) + fat(n) (H_outer - H_fat) + wall (H_outer - H_inner)
+/// + vitreous H_inner + (lens - vitreous) H_lens
+/// H_fat is H_outer displaced by the chemical shift: the fat of what surrounds the globe lies over the wall
+/// on one side and leaves a gap on the other, muscle stays in its place. surround(n) tells their shares:
+/// muscle is as bright as the wall, fat as its brightest surroundings. The coil multiplies by exp(log_gain +
+/// polynomial in
 /// ((x, y, z) - reference) / 12 mm without constant).
 class ForwardModel {
  public:

@@ -54,6 +54,7 @@ TissueLevels measure_levels(const Stack& stack, const EyeStart& start, Contrast 
   TissueLevels levels;
   levels.vitreous = quantile(vitreous_values, 0.5);
   levels.surround = quantile(surround_values, 0.5);
+  levels.fat = quantile(surround_values, 0.95);
   levels.wall = quantile(wall_values, t2 ? 0.2 : 0.5);
   levels.lens = quantile(lens_values, t2 ? 0.3 : 0.6);
   levels.lid = quantile(lid_values, 0.5);
@@ -108,6 +109,7 @@ std::vector<ObservedStack> observe(const std::vector<const Stack*>& stacks, cons
     if (!drawn) {
       const TissueLevels levels = measure_levels(*stack, start.in_stack(k), contrast);
       o.reference = contrast == Contrast::t2 ? levels.vitreous : levels.surround;
+      o.sampling.fat = levels.fat / o.reference;
     }
     if (!(o.reference > 0)) throw no_result_error(stack->name + ": no signal where the eye should be");
     o.sampling.along_row = stack->along_row;

@@ -49,7 +49,7 @@ struct ObservedStack {
 
 /// Typical intensities of the tissues of an eye in one stack, in its own unit.
 struct TissueLevels {
-  double vitreous = 0, wall = 0, lens = 0, lid = 0, air = 0, surround = 0;
+  double vitreous = 0, wall = 0, lens = 0, lid = 0, air = 0, surround = 0, fat = 0;
 };
 TissueLevels measure_levels(const Stack& stack, const EyeStart& start, Contrast contrast);
 

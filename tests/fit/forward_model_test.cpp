@@ -188,9 +188,9 @@ TEST(ForwardModel, AStackIsTurnedAndShiftedIntoTheFirst) {
   EXPECT_LT((at.to_eye(x, 1) - at.to_eye(in_first, 0)).norm(), 1e-12);
 }
 
-/// Fat displaced along the rows lies over the wall on one side and leaves a gap on the other: edges of a
-/// plane wall, as the globe's is within a thin slice and a voxel.
-TEST(ForwardModel, DisplacedFatLiesOverTheWallOrLeavesAGap) {
+/// Fat displaced along the rows lies over the wall on one side and leaves a gap on the other, and the muscle
+/// that is mixed with it stays: edges of a plane wall, as the globe's is within a thin slice and a voxel.
+TEST(ForwardModel, DisplacedFatLiesOverTheWallOrLeavesAGapAndMuscleStays) {
   ParameterLayout layout;
   const double cutoff = 0.8, shift_mm = 0.6;
   const ForwardModel model(
@@ -200,21 +200,27 @@ TEST(ForwardModel, DisplacedFatLiesOverTheWallOrLeavesAGap) {
   VectorXd a = population_mean(layout);
   a[vitreous] = 0.22;
   a[wall] = 0.4;
-  a[surround] = 1;
   a[fat_shift_first + layout.stack(0)] = shift_mm;
-  const ForwardModel::AtParameters at(model, a);
   Sample sample;
   sample.near_wall = true;
-  for (const double side : {-1.0, 1.0}) {
-    for (const double beyond : {-1.0, -0.4, 0.0, 0.3, 0.7, 1.0, 1.6}) {
-      sample.position = Vector3d(side * (a[globe_x] + beyond), a[axial_length] - a[globe_z], 0);
-      const auto inside = [&](double edge_at) { return edge_response(2 * cutoff * (edge_at - beyond)); };
-      const double inner = inside(0), outer = inside(a[wall_lateral]),
-                   fat = inside(a[wall_lateral] + side * shift_mm);
-      EXPECT_NEAR(at.intensity(sample, nullptr), 0.22 * inner + 0.4 * (outer - inner) + 1 - fat, 4e-3)
-          << side * beyond;
+  struct Surroundings {
+    double fat, muscle;  // 1 and 0.4 where there is nothing else
+  };
+  for (const auto& [of_fat, of_muscle] : {Surroundings{1, 0}, {0.5, 0.2}, {0, 0.4}})
+    for (const double side : {-1.0, 1.0}) {
+      a[surround] = of_fat + of_muscle;
+      const ForwardModel::AtParameters at(model, a);
+      for (const double beyond : {-1.0, -0.4, 0.0, 0.3, 0.7, 1.0, 1.6}) {
+        sample.position = Vector3d(side * (a[globe_x] + beyond), a[axial_length] - a[globe_z], 0);
+        const auto inside = [&](double edge_at) { return edge_response(2 * cutoff * (edge_at - beyond)); };
+        const double inner = inside(0), outer = inside(a[wall_lateral]),
+                     displaced = inside(a[wall_lateral] + side * shift_mm);
+        EXPECT_NEAR(at.intensity(sample, nullptr),
+                    0.22 * inner + 0.4 * (outer - inner) + of_muscle * (1 - outer) + of_fat * (1 - displaced),
+                    4e-3)
+            << side * beyond;
+      }
     }
-  }
 }
 
 /// In a thick slice a ball looks smaller: against the average of many thin slices.
