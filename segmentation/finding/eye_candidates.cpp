@@ -319,18 +319,31 @@ Gaze find_gaze(const std::vector<GlobeInStack>& views, double globe_radius_mm, C
     }
     return count > 0 ? sum / count : 0;
   };
-  const auto score = [&](const Vector3d& axis) {
+  const Vector3d ahead = -Vector3d::UnitY();
+  std::vector<double> units;
+  for (const GlobeInStack& view : views) {
+    const double vitreous = disc(view, ahead, 2.0, 4.0);
+    units.push_back(contrast == Contrast::t2 ? vitreous : std::max(disc(view, -ahead, 13.5, 8), vitreous));
+  }
+  const auto score_at = [&](const Vector3d& axis, double farther) {
     double total = 0;
-    for (const GlobeInStack& view : views) {
-      const double vitreous = disc(view, axis, 2.0, 4.0);
-      const double lens =
-          (disc(view, axis, 6.6, 2.5) + disc(view, axis, 7.4, 2.5) + disc(view, axis, 8.2, 2.0)) / 3;
-      const double around = (disc(view, axis, 3.5, 3.5) + disc(view, axis, 10.4, 1.5)) / 2;
-      const double unit =
-          contrast == Contrast::t2 ? vitreous : std::max(disc(view, -axis, 13.5, 8), vitreous);
-      total += sign * (around - lens) / std::max(unit, 1e-9);
+    for (std::size_t i = 0; i < views.size(); ++i) {
+      const auto disc_at = [&](double distance, double radius) {
+        return disc(views[i], axis, distance + farther, radius);
+      };
+      const double lens = (disc_at(6.6, 2.5) + disc_at(7.4, 2.5) + disc_at(8.2, 2.0)) / 3;
+      const double behind = disc_at(3.5, 3.5), before = disc_at(10.4, 1.5);
+      total += std::min(sign * (behind - lens), sign * (before - lens)) / std::max(units[i], 1e-9);
     }
     return total / static_cast<double>(views.size());
+  };
+  // In T1 the globe was found by the edge of the fat, which chemical shift displaces by up to 2 mm.
+  const std::vector<double> offsets_mm =
+      contrast == Contrast::t2 ? std::vector<double>{0} : std::vector<double>{-2, -1, 0, 1, 2};
+  const auto score = [&](const Vector3d& axis) {
+    double best = -1e9;
+    for (const double farther : offsets_mm) best = std::max(best, score_at(axis, farther));
+    return best;
   };
   const auto direction = [](double h, double v) {
     return Vector3d(std::sin(h * degree) * std::cos(v * degree), -std::cos(h * degree) * std::cos(v * degree),

@@ -28,7 +28,7 @@ struct EyeCandidate {
 std::vector<EyeCandidate> find_candidates(const Stack& stack);
 
 /// Direction in which an eye looks, from the lens: darker than vitreous and aqueous in T2, brighter in T1.
-/// Searched within 60 degrees of straight ahead.
+/// Searched within 60 degrees of straight ahead; in T1 from 2 mm before to 2 mm behind its usual place.
 struct Gaze {
   Eigen::Vector3d axis;  ///< unit, out of the eye, LPS
   double lens_contrast =

@@ -4,6 +4,7 @@
 #include <random>
 
 #include "pipeline/base/error.hpp"
+#include "segmentation/finding/eye_candidates.hpp"
 #include "segmentation/finding/find_eyes.hpp"
 #include "segmentation/finding/sampling.hpp"
 
@@ -80,6 +81,17 @@ TEST_P(BothContrasts, PairIsFoundSidedAndLooksStraightAhead) {
       EXPECT_GT(eye.axis.dot(-Vector3d::UnitY()), std::cos(6 * 0.0174533));
       EXPECT_GT(eye.lens_contrast, 0.15);
     }
+  }
+}
+
+/// Displaced fat in T1 moves what is found of the globe along the eye's axis, and the lens with it.
+TEST(Finding, TheLensIsFoundFromACentreThatIsOff) {
+  const Ball ball{{-30.3, -33.2, 1.4}, 11.4};
+  const Stack stack = axial_stack({ball}, Contrast::t1, 1);
+  for (const double off_mm : {-1.8, 0.0, 1.8}) {
+    const Vector3d centre = ball.centre + off_mm * Vector3d::UnitY();
+    const Gaze gaze = find_gaze({{&stack, centre}}, ball.radius_mm + 1, Contrast::t1);
+    EXPECT_GT(gaze.axis.dot(-Vector3d::UnitY()), std::cos(6 * 0.0174533)) << off_mm;
   }
 }
 
