@@ -14,13 +14,14 @@ struct Group {
   std::vector<std::string> prefixes;  ///< of its parameters' names
 };
 const std::vector<Group>& groups() {
-  static const std::vector<Group> all{{"axial length", {"optical_axial_length"}},
-                                      {"anterior cornea", {"cornea_c_", "cornea_j", "cornea_q"}},
-                                      {"posterior cornea", {"cornea_back", "cornea_thickness"}},
-                                      {"anterior chamber depth", {"anterior_chamber_depth"}},
-                                      {"lens shape", {"lens_thickness", "lens_anterior", "lens_posterior"}},
-                                      {"lens tilt and decentre", {"lens_tilt", "lens_decentre"}},
-                                      {"lens index", {"lens_index"}}};
+  static const std::vector<Group> all{
+      {"axial length", {"optical_axial_length"}},
+      {"anterior cornea", {"cornea_c_", "cornea_j", "cornea_q", "cornea_zernike_"}},
+      {"posterior cornea", {"cornea_back", "cornea_thickness"}},
+      {"anterior chamber depth", {"anterior_chamber_depth"}},
+      {"lens shape", {"lens_thickness", "lens_anterior", "lens_posterior"}},
+      {"lens tilt and decentre", {"lens_tilt", "lens_decentre"}},
+      {"lens index", {"lens_index"}}};
   return all;
 }
 bool belongs(const Group& group, const std::string& parameter) {

@@ -76,6 +76,16 @@ VectorXd corneal_numbers(const CornealDepth& cornea, const BiometryOptions& opti
 
 VectorXd globe_centre_lps_mm(const ParametricEye& eye) { return eye.lps_from_eye * eye.globe_centre_mm(); }
 
+/// What the images show of an irregular cornea's departure from its best toric conicoid.
+Measured fitted_irregularity_um(const EyeEstimate& estimate) {
+  Measured irregularity = measured(estimate.propagate([](const ParametricEye& eye) {
+    return VectorXd(VectorXd::Constant(1, emmetrope::irregularity_um(anterior_cornea(eye))));
+  }),
+                                   0);
+  irregularity.ci95[0] = std::max(0.0, irregularity.ci95[0]);
+  return irregularity;
+}
+
 /// A healthy cornea's departure from its best toric conicoid over 6 mm. Wang, Dai, Koch and Nehrawi (2003),
 /// 228 eyes: anterior corneal higher-order wavefront 0.479 +- 0.124 um rms, of which spherical aberration,
 /// that a conicoid has too, 0.280 um; the rest over the index step of 0.376 is a height of 1.0 um. One-sided
@@ -185,7 +195,9 @@ Json biometry_json(const EyeEstimate& estimate, const BiometryOptions& options,
       {"J0_D", measured(cornea, 1)},
       {"J45_D", measured(cornea, 2)},
       {"type", astigmatism_type(k.steep_axis_deg.value)},
-      {"irregularity_um", topography ? topography->irregularity_um : usual_irregularity_um()},
+      {"irregularity_um", topography                   ? topography->irregularity_um
+                          : eye.has_irregular_cornea() ? fitted_irregularity_um(estimate)
+                                                       : usual_irregularity_um()},
       {"section_2p3mm", {{"vertical_mm", measured(cornea, 4)}, {"horizontal_mm", measured(cornea, 5)}}}};
   json["cornea_zernike_um"] = Json::array();
   for (Eigen::Index i = 6; i < cornea.value.size(); ++i)

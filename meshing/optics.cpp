@@ -18,17 +18,22 @@ const std::vector<std::string>& optical_parameters() {
 }  // namespace
 
 Json optics_json(const EyeEstimate& estimate, const OpticalDefaults& defaults) {
-  const auto n = static_cast<Eigen::Index>(optical_parameters().size());
+  std::vector<std::string> names = optical_parameters();
+  if (estimate.eye().has_irregular_cornea()) {
+    for (int i = 0; i < corneal_form_terms; ++i) names.push_back(corneal_form_name(i));
+    names.emplace_back("cornea_back_form_ratio");
+  }
+  const auto n = static_cast<Eigen::Index>(names.size());
   const Propagated p = estimate.propagate([&](const ParametricEye& eye) {
     Eigen::VectorXd values(n + 1);
-    for (Eigen::Index i = 0; i < n; ++i) values[i] = eye.get(optical_parameters()[i]);
+    for (Eigen::Index i = 0; i < n; ++i) values[i] = eye.get(names[i]);
     values[n] = eye.pole_depth_mm() + defaults.retinal_depth_mm;
     return values;
   });
 
   Json json;
   json["eye"] = to_json(analytic_eye(estimate.eye(), nullptr, defaults));
-  json["parameters"] = optical_parameters();
+  json["parameters"] = names;
   json["parameters"].push_back("optical_axial_length_mm");
   json["parameters"].push_back("lens_index");
   json["values"] = Json::array();

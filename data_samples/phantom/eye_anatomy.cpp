@@ -65,14 +65,17 @@ EyeAnatomy::EyeAnatomy(const PlacedEye& eye)
 double EyeAnatomy::cornea_front_mm(double x, double y) const {
   const EyeGeometry& g = eye_.geometry;
   return biconic_depth(cornea_turn_ * Vector2d(x, y), g.cornea_radius_x_mm, g.cornea_radius_y_mm,
-                       g.cornea_q_x, g.cornea_q_y);
+                       g.cornea_q_x, g.cornea_q_y) +
+         cone_depth_mm(g, x, y);
 }
 
 double EyeAnatomy::cornea_back_mm(double x, double y) const {
   const EyeGeometry& g = eye_.geometry;
   const double k = g.cornea_back_ratio;
-  return g.cornea_thickness_mm + biconic_depth(cornea_turn_ * Vector2d(x, y), k * g.cornea_radius_x_mm,
-                                               k * g.cornea_radius_y_mm, g.cornea_q_x, g.cornea_q_y);
+  return g.cornea_thickness_mm +
+         biconic_depth(cornea_turn_ * Vector2d(x, y), k * g.cornea_radius_x_mm, k * g.cornea_radius_y_mm,
+                       g.cornea_q_x, g.cornea_q_y) +
+         g.cone_back_ratio * cone_depth_mm(g, x, y);
 }
 
 double EyeAnatomy::bulge(const Vector3d& scaled) const {
@@ -130,7 +133,7 @@ bool EyeAnatomy::contains(const Vector3d& p, Tissue& tissue) const {
   const double d = -p.z();
   const Vector2d across = globe_turn_ * p.head<2>();
   const Vector3d from_centre(across.x(), across.y(), centre_depth_ - d);
-  if (d < -0.01 || from_centre.squaredNorm() > 400) return false;
+  if (d < -0.1 || from_centre.squaredNorm() > 400) return false;
 
   const Vector3d scaled_in = from_centre.cwiseQuotient(inner_);
   const double inner_norm = scaled_in.norm(), outer_norm = from_centre.cwiseQuotient(outer_).norm();

@@ -29,6 +29,11 @@ const std::vector<Field<EyeGeometry>> eye_fields{FIELD(EyeGeometry, cornea_radiu
                                                  FIELD(EyeGeometry, cornea_q_x),
                                                  FIELD(EyeGeometry, cornea_q_y),
                                                  FIELD(EyeGeometry, cornea_axis_deg),
+                                                 FIELD(EyeGeometry, cone_height_um),
+                                                 FIELD(EyeGeometry, cone_width_mm),
+                                                 FIELD(EyeGeometry, cone_x_mm),
+                                                 FIELD(EyeGeometry, cone_y_mm),
+                                                 FIELD(EyeGeometry, cone_back_ratio),
                                                  FIELD(EyeGeometry, cornea_thickness_mm),
                                                  FIELD(EyeGeometry, cornea_back_ratio),
                                                  FIELD(EyeGeometry, limbus_radius_mm),
@@ -130,6 +135,9 @@ EyeGeometry turned(EyeGeometry eye, double angle_deg) {
   const Eigen::Vector2d decentre = turn * Eigen::Vector2d(eye.lens_decentre_x_mm, eye.lens_decentre_y_mm);
   eye.lens_decentre_x_mm = decentre.x();
   eye.lens_decentre_y_mm = decentre.y();
+  const Eigen::Vector2d cone = turn * Eigen::Vector2d(eye.cone_x_mm, eye.cone_y_mm);
+  eye.cone_x_mm = cone.x();
+  eye.cone_y_mm = cone.y();
   const Eigen::Vector2d bulge = turn * Eigen::Vector2d(eye.bulge_x_deg, eye.bulge_y_deg);
   eye.bulge_x_deg = bulge.x();
   eye.bulge_y_deg = bulge.y();
@@ -151,6 +159,23 @@ double cornea_depth_mm(const EyeGeometry& eye, double r_mm) {
 }
 
 }  // namespace
+
+double cone_depth_mm(const EyeGeometry& eye, double x_mm, double y_mm) {
+  if (eye.cone_height_um == 0) return 0;
+  const auto bulge = [&](double x, double y) {
+    const double r2 = std::pow(x - eye.cone_x_mm, 2) + std::pow(y - eye.cone_y_mm, 2);
+    return 1e-3 * eye.cone_height_um * std::exp(-r2 / (2 * eye.cone_width_mm * eye.cone_width_mm));
+  };
+  return bulge(0, 0) - bulge(x_mm, y_mm);
+}
+
+double anterior_cornea_depth_mm(const EyeGeometry& eye, double x_mm, double y_mm) {
+  const Eigen::Vector2d p = Eigen::Rotation2Dd(-eye.cornea_axis_deg * degree) * Eigen::Vector2d(x_mm, y_mm);
+  const double u = p.x() / eye.cornea_radius_x_mm, v = p.y() / eye.cornea_radius_y_mm;
+  return (p.x() * u + p.y() * v) /
+             (1 + std::sqrt(1 - (1 + eye.cornea_q_x) * u * u - (1 + eye.cornea_q_y) * v * v)) +
+         cone_depth_mm(eye, x_mm, y_mm);
+}
 
 Isometry3d lps_from_head(const HeadGeometry& head) {
   Isometry3d transform = Isometry3d::Identity();
@@ -199,6 +224,14 @@ void check(const HeadGeometry& head) {
       require(q > -1.5 && q < 0.5, name, "cornea_q_x and _y must lie between -1.5 and 0.5");
     require(eye.cornea_back_ratio > 0.7 && eye.cornea_back_ratio < 0.95, name,
             "cornea_back_ratio must lie between 0.7 and 0.95");
+    require(eye.cone_height_um >= 0 && eye.cone_height_um < 200 && eye.cone_width_mm > 0.8 &&
+                eye.cone_width_mm < 4 && std::hypot(eye.cone_x_mm, eye.cone_y_mm) < 3 &&
+                eye.cone_back_ratio >= 0 && eye.cone_back_ratio < 4,
+            name,
+            "the cone must be up to 200 um high, 0.8 to 4 mm wide, within 3 mm of the apex, cone_back_ratio "
+            "up to 4");
+    require(eye.cornea_thickness_mm > 1e-3 * eye.cone_height_um * (eye.cone_back_ratio - 1) + 0.15, name,
+            "the cone leaves less than 0.15 mm of cornea");
     require(eye.limbus_radius_mm > 4.5 && eye.limbus_radius_mm < 7, name,
             "limbus_radius_mm must lie between 4.5 and 7");
     require(eye.cornea_thickness_mm > 0.2 && eye.cornea_thickness_mm < 1, name,

@@ -22,6 +22,13 @@ struct EyeGeometry {
   double cornea_back_ratio = 0.83;     ///< posterior over anterior radius in each meridian
   double limbus_radius_mm = 5.85;      ///< where cornea turns into sclera
 
+  // Keratoconus: the front surface bulges by cone_height_um exp(-r^2 / (2 width^2)) about (cone_x, cone_y),
+  // less what that is at the apex, which stays; the back surface cone_back_ratio times as far.
+  double cone_height_um = 0;
+  double cone_width_mm = 1.6;
+  double cone_x_mm = 0, cone_y_mm = -1;
+  double cone_back_ratio = 2;
+
   // Lens: two conics about one axis, their edge rounded off at the equator.
   double anterior_chamber_depth_mm = 3.4;  ///< apex to front vertex of the centred lens, cornea included
   double lens_thickness_mm = 3.8;
@@ -96,6 +103,11 @@ PlacedEye place(const HeadGeometry& head, Laterality laterality);
 /// ...
 void check(const HeadGeometry& head);
 
+/// What a cone adds to the depth of the anterior cornea.
+double cone_depth_mm(const EyeGeometry& eye, double x_mm, double y_mm);
+/// Depth of the anterior cornea behind the apex, cone included.
+double anterior_cornea_depth_mm(const EyeGeometry& eye, double x_mm, double y_mm);
+
 /// Field by field under the names above: {"od": {...}, "os": {...}, "interpupillary_distance_mm": ..., ...}.
 Json to_json(const HeadGeometry& head);
 /// Keys that are missing keep their default.
@@ -119,5 +131,7 @@ double matching_globe_semi_z_mm(const EyeGeometry& eye);
 HeadGeometry sample_head();
 /// A head drawn from the population in docs/phantom.md; one seed, one head.
 HeadGeometry random_head(unsigned long long seed);
+/// The same head with keratoconus of both eyes, drawn from docs/phantom.md's table of cones.
+HeadGeometry random_keratoconus(unsigned long long seed);
 
 }  // namespace emmetrope::phantom

@@ -15,7 +15,7 @@ struct Options {
   std::string out;
   std::string protocol = "surface-coil";
   std::vector<std::string> stacks;
-  std::optional<std::uint64_t> random;
+  std::optional<std::uint64_t> random, keratoconus;
   std::string geometry, od, os, head;
   std::vector<double> gaze;
   std::optional<double> roll, snr;
@@ -24,7 +24,9 @@ struct Options {
 };
 
 HeadGeometry geometry_of(const Options& options) {
-  HeadGeometry head = options.random ? random_head(*options.random) : sample_head();
+  HeadGeometry head = options.random        ? random_head(*options.random)
+                      : options.keratoconus ? random_keratoconus(*options.keratoconus)
+                                            : sample_head();
   if (!options.geometry.empty()) {
     const Json json = read_json(options.geometry);
     head = head_from_json(json.contains("head") ? json["head"] : json);  // a truth.json will do
@@ -92,6 +94,9 @@ int main(int argc, char** argv) {
     app.add_option("-o,--output", options.out, "Folder to make: dicom/ and truth.json")->required();
     const std::string geometry = "Geometry";
     app.add_option("--random", options.random, "Eyes drawn from the population with this seed")
+        ->group(geometry);
+    app.add_option("--keratoconus", options.keratoconus, "The same eyes, each with a cone on its cornea")
+        ->excludes("--random")
         ->group(geometry);
     app.add_option("--geometry", options.geometry, "Geometry from a file (a truth.json will do)")
         ->check(CLI::ExistingFile)

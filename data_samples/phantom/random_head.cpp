@@ -120,4 +120,18 @@ HeadGeometry random_head(unsigned long long seed) {
   return head;
 }
 
+HeadGeometry random_keratoconus(unsigned long long seed) {
+  HeadGeometry head = random_head(seed);
+  Draw draw(seed * 0x9E3779B97F4A7C15ULL + 0x7654321ULL);
+  for (const Laterality laterality : both_eyes) {
+    EyeGeometry& eye = head.eye(laterality);
+    eye.cone_height_um = draw.of("cone_height_um");
+    eye.cone_width_mm = draw.of("cone_width_mm");
+    eye.cone_x_mm = (laterality == Laterality::od ? -1 : 1) * draw.of("cone_temporal_mm");
+    eye.cone_y_mm = draw.of("cone_y_mm");
+    eye.cone_back_ratio = draw.of("cone_back_ratio");
+  }
+  return head;
+}
+
 }  // namespace emmetrope::phantom

@@ -2,6 +2,7 @@
 
 #include "data_samples/phantom/truth.hpp"
 #include "pipeline/base/frames.hpp"
+#include "raytrace/parametric/corneal_metrics.hpp"
 
 namespace emmetrope::phantom {
 namespace {
@@ -23,6 +24,23 @@ Medium medium(double index, double n_infinite, double k_nm) {
   return {index, {Dispersion::Formula::cornu, {n_infinite, k_nm, 130}}, {}};
 }
 
+/// Zernike terms (um of depth) that describe a cone over the whole cornea to 0.1 um: OSA order over
+/// `cone_zone_mm`, x along the cornea's meridian.
+constexpr double cone_zone_mm = 12;
+std::vector<double> cone_zernike_um(const EyeGeometry& eye, double scale) {
+  constexpr int order = 16;
+  const Eigen::Rotation2Dd eye_from_meridian(eye.cornea_axis_deg * degree);
+  const Eigen::VectorXd height_um = corneal_zernike_um(
+      [&](double x_mm, double y_mm) {
+        const Eigen::Vector2d p = eye_from_meridian * Eigen::Vector2d(x_mm, y_mm);
+        return scale * cone_depth_mm(eye, p.x(), p.y());
+      },
+      cone_zone_mm, order);
+  std::vector<double> depth_um(height_um.size());
+  for (Eigen::Index j = 0; j < height_um.size(); ++j) depth_um[static_cast<std::size_t>(j)] = -height_um[j];
+  return depth_um;
+}
+
 }  // namespace
 
 EyeModel true_optics(const PlacedEye& eye, double lens_index) {
@@ -35,7 +53,10 @@ EyeModel true_optics(const PlacedEye& eye, double lens_index) {
                  {"lens", medium(lens_index, 1.3999, 9.2492)},
                  {"vitreous", medium(1.336, 1.3208, 6.9806)}};
 
-  const auto cornea = [&](double ratio) {
+  const auto cornea = [&](double ratio, double cone_ratio) {
+    if (g.cone_height_um != 0)
+      return make_zernike(ratio * g.cornea_radius_x_mm, ratio * g.cornea_radius_y_mm, g.cornea_q_x,
+                          g.cornea_q_y, g.cornea_axis_deg, cone_zone_mm / 2, cone_zernike_um(g, cone_ratio));
     return make_biconic(ratio * g.cornea_radius_x_mm, ratio * g.cornea_radius_y_mm, g.cornea_q_x,
                         g.cornea_q_y, g.cornea_axis_deg);
   };
@@ -61,8 +82,9 @@ EyeModel true_optics(const PlacedEye& eye, double lens_index) {
   const Vector3d axes(g.globe_semi_x_mm + retinal_depth_mm, g.globe_semi_y_mm + retinal_depth_mm,
                       -g.globe_semi_z_mm - retinal_depth_mm);
   model.surfaces = {
-      surface("cornea_anterior", cornea(1), 0, "cornea"),
-      surface("cornea_posterior", cornea(g.cornea_back_ratio), g.cornea_thickness_mm, "aqueous"),
+      surface("cornea_anterior", cornea(1, 1), 0, "cornea"),
+      surface("cornea_posterior", cornea(g.cornea_back_ratio, g.cone_back_ratio), g.cornea_thickness_mm,
+              "aqueous"),
       iris,
       lens("lens_anterior", make_conic(g.lens_anterior_radius_mm, g.lens_anterior_q), g.lens_thickness_mm / 2,
            "lens"),

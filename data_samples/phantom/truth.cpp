@@ -8,6 +8,8 @@
 #include "pipeline/base/version.hpp"
 #include "raytrace/eye/paraxial.hpp"
 #include "raytrace/eye/zernike.hpp"
+#include "raytrace/parametric/corneal_metrics.hpp"
+#include "raytrace/parametric/topography.hpp"
 
 namespace emmetrope::phantom {
 namespace {
@@ -49,12 +51,10 @@ Json corneal_zernike_um(const EyeGeometry& eye) {
   for (int i = 0; i < rings; ++i)
     for (int j = 0; j < spokes; ++j) {
       const double rho = std::sqrt((i + 0.5) / rings);  // rings of equal area
-      const double angle = 2 * pi * j / spokes;
-      const Meridian m = meridian(eye, angle / degree);
-      const double r = rho * zernike_zone_mm / 2;
-      const double c = m.curvature_per_mm;
-      const double height_um = -1000 * c * r * r / (1 + std::sqrt(1 - (1 + m.q) * c * c * r * r));
-      sum += height_um * zernike_values(zernike_order, rho * std::cos(angle), rho * std::sin(angle));
+      const double x = rho * std::cos(2 * pi * j / spokes), y = rho * std::sin(2 * pi * j / spokes);
+      const double height_um =
+          -1000 * anterior_cornea_depth_mm(eye, x * zernike_zone_mm / 2, y * zernike_zone_mm / 2);
+      sum += height_um * zernike_values(zernike_order, x, y);
     }
   Json terms = Json::array();
   for (const double term : sum) terms.push_back(term / (rings * spokes));
@@ -66,7 +66,34 @@ const char* astigmatism_type(double steep_deg) {
   return from_horizontal >= 60 ? "with-the-rule" : from_horizontal <= 30 ? "against-the-rule" : "oblique";
 }
 
+/// As the contract defines its numbers on a surface without symmetry: no closed form.
+Json irregular_cornea_truth(const EyeGeometry& eye) {
+  const CornealDepth depth = [&](double x, double y) { return anterior_cornea_depth_mm(eye, x, y); };
+  const CornealPower power = corneal_power(depth);
+  const double half = std::hypot(power.J0_D, power.J45_D);
+  const double flat_deg = normalise_axis_deg(std::atan2(power.J45_D, power.J0_D) / degree / 2);
+  const double steep_deg = normalise_axis_deg(flat_deg + 90);
+  const auto meridian = [](double power_D, double axis_deg) {
+    return Json{{"radius_mm", 337.5 / power_D}, {"power_D", power_D}, {"axis_deg", axis_deg}};
+  };
+  Json json = Json::object();
+  json["keratometry"] = {{"flat", meridian(power.M_D - half, flat_deg)},
+                         {"steep", meridian(power.M_D + half, steep_deg)},
+                         {"cylinder_D", 2 * half},
+                         {"asphericity_q", asphericity(depth)}};
+  json["astigmatism"] = {{"M_D", power.M_D},
+                         {"J0_D", power.J0_D},
+                         {"J45_D", power.J45_D},
+                         {"type", astigmatism_type(steep_deg)},
+                         {"irregularity_um", irregularity_um(depth)},
+                         {"section_2p3mm",
+                          {{"vertical_mm", section_width_mm(depth, 2.3, pi / 2)},
+                           {"horizontal_mm", section_width_mm(depth, 2.3, 0)}}}};
+  return json;
+}
+
 Json cornea_truth(const EyeGeometry& eye) {
+  if (eye.cone_height_um != 0) return irregular_cornea_truth(eye);
   const auto power = [&](double angle) { return 337.5 / keratometric_radius_mm(eye, angle); };
   // A biconic is symmetric about its principal meridians, so there the power is extreme.
   double flat_deg = normalise_axis_deg(eye.cornea_axis_deg);

@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <cstdlib>
+#include <numeric>
 #include <optional>
 
 #include "pipeline/base/error.hpp"
@@ -25,7 +26,7 @@ struct Field {
 };
 
 /// Parameters that are plain fields, by their names in fit.json.
-constexpr std::array<Field, 23> fields{{
+constexpr std::array<Field, 24> fields{{
     {"cornea_c_per_mm", [](ParametricEye& e) -> double& { return e.cornea_c_per_mm; }},
     {"cornea_j0_per_mm", [](ParametricEye& e) -> double& { return e.cornea_j0_per_mm; }},
     {"cornea_j45_per_mm", [](ParametricEye& e) -> double& { return e.cornea_j45_per_mm; }},
@@ -33,6 +34,7 @@ constexpr std::array<Field, 23> fields{{
     {"cornea_q_split", [](ParametricEye& e) -> double& { return e.cornea_q_split; }},
     {"cornea_thickness_mm", [](ParametricEye& e) -> double& { return e.cornea_thickness_mm; }},
     {"cornea_back_ratio", [](ParametricEye& e) -> double& { return e.cornea_back_ratio; }},
+    {"cornea_back_form_ratio", [](ParametricEye& e) -> double& { return e.cornea_back_form_ratio; }},
     {"anterior_chamber_depth_mm", [](ParametricEye& e) -> double& { return e.anterior_chamber_depth_mm; }},
     {"lens_thickness_mm", [](ParametricEye& e) -> double& { return e.lens_thickness_mm; }},
     {"lens_anterior_radius_mm", [](ParametricEye& e) -> double& { return e.lens_anterior_radius_mm; }},
@@ -51,13 +53,16 @@ constexpr std::array<Field, 23> fields{{
     {"iris_diameter_mm", [](ParametricEye& e) -> double& { return e.iris_diameter_mm; }},
 }};
 
-/// The field or displacement coefficient of that name; null for a pose parameter or an unknown name.
+/// The field or coefficient of that name; null for a pose parameter or an unknown name.
 double* find_number(ParametricEye& eye, const std::string& name) {
   for (const Field& field : fields) {
     if (name == field.name) return &field.of(eye);
   }
   for (std::size_t i = 0; i < eye.displacement_mm.size(); ++i) {
     if (name == displacement_name(i)) return &eye.displacement_mm[i];
+  }
+  for (int i = 0; i < corneal_form_terms; ++i) {
+    if (name == corneal_form_name(i)) return &eye.cornea_zernike_um[i];
   }
   return nullptr;
 }
@@ -198,13 +203,26 @@ ParametricEye::Biconic ParametricEye::cornea_biconic() const {
           normalise_axis_deg(std::atan2(cornea_j45_per_mm, cornea_j0_per_mm) / degree / 2)};
 }
 
+bool ParametricEye::has_irregular_cornea() const {
+  return std::any_of(cornea_zernike_um.begin(), cornea_zernike_um.end(), [](double c) { return c != 0; });
+}
+
+double ParametricEye::cornea_form_mm(double x_mm, double y_mm) const {
+  if (!has_irregular_cornea()) return 0;
+  const CornealForm form = corneal_form(x_mm, y_mm);
+  return 1e-3 *
+         std::inner_product(cornea_zernike_um.begin(), cornea_zernike_um.end(), form.value.begin(), 0.0);
+}
+
 double ParametricEye::cornea_anterior_depth_mm(double x_mm, double y_mm) const {
-  return conic_depth(cornea_curvature_per_mm(), cornea_conic_constants(), x_mm, y_mm);
+  return conic_depth(cornea_curvature_per_mm(), cornea_conic_constants(), x_mm, y_mm) +
+         cornea_form_mm(x_mm, y_mm);
 }
 
 double ParametricEye::cornea_posterior_depth_mm(double x_mm, double y_mm) const {
   return cornea_thickness_mm +
-         conic_depth(cornea_curvature_per_mm() / cornea_back_ratio, cornea_conic_constants(), x_mm, y_mm);
+         conic_depth(cornea_curvature_per_mm() / cornea_back_ratio, cornea_conic_constants(), x_mm, y_mm) +
+         cornea_back_form_ratio * cornea_form_mm(x_mm, y_mm);
 }
 
 double ParametricEye::displacement_at(const Vector3d& scaled_direction) const {
@@ -282,6 +300,8 @@ Json to_json(const ParametricEye& eye) {
   json["cornea_q_split"] = eye.cornea_q_split;
   json["cornea_thickness_mm"] = eye.cornea_thickness_mm;
   json["cornea_back_ratio"] = eye.cornea_back_ratio;
+  json["cornea_zernike_um"] = to_array(eye.cornea_zernike_um);
+  json["cornea_back_form_ratio"] = eye.cornea_back_form_ratio;
   json["anterior_chamber_depth_mm"] = eye.anterior_chamber_depth_mm;
   json["lens_thickness_mm"] = eye.lens_thickness_mm;
   json["lens_anterior_radius_mm"] = eye.lens_anterior_radius_mm;
@@ -329,6 +349,8 @@ ParametricEye parametric_eye_from_json(const Json& json) {
                           name.rfind("globe_semi_axis", 0) == 0;
     if (!in_array) field.of(eye) = number_at(json, name);
   }
+  Eigen::Map<Eigen::Matrix<double, corneal_form_terms, 1>>(eye.cornea_zernike_um.data()) =
+      vector_from<corneal_form_terms>(at(json, "cornea_zernike_um"), "cornea_zernike_um");
   eye.lens_decentre_mm = vector_from<2>(at(json, "lens_decentre_mm"), "lens_decentre_mm");
   eye.lens_tilt_deg = vector_from<2>(at(json, "lens_tilt_deg"), "lens_tilt_deg");
   eye.globe_semi_axes_mm = vector_from<3>(at(json, "globe_semi_axes_mm"), "globe_semi_axes_mm");

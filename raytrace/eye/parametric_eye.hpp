@@ -1,12 +1,14 @@
 #pragma once
 #include <Eigen/Core>
 #include <Eigen/Geometry>
+#include <array>
 #include <map>
 #include <string>
 #include <vector>
 
 #include "pipeline/base/json.hpp"
 #include "pipeline/base/laterality.hpp"
+#include "raytrace/eye/corneal_form.hpp"
 
 namespace emmetrope {
 
@@ -24,6 +26,10 @@ struct ParametricEye {
   double cornea_q = -0.2, cornea_q_split = 0;
   double cornea_thickness_mm = 0.55;
   double cornea_back_ratio = 0.83;  ///< posterior radius over anterior in each meridian
+  /// Free form (corneal_form.hpp) of an irregular cornea, added to the anterior depth: um of depth; all 0: a
+  /// biconic. The posterior cornea has the same form this many times as deep.
+  std::array<double, corneal_form_terms> cornea_zernike_um{};
+  double cornea_back_form_ratio = 1;
 
   double anterior_chamber_depth_mm = 3.4;  ///< apex to lens front, cornea included
   double lens_thickness_mm = 3.8;
@@ -53,7 +59,11 @@ struct ParametricEye {
   /// C, the curvature matrix of the anterior cornea, and Q, its matrix of conic constants.
   Eigen::Matrix2d cornea_curvature_per_mm() const;
   Eigen::Matrix2d cornea_conic_constants() const;
-  /// The anterior cornea as a textbook biconic; the posterior one has the same conic constants.
+  bool has_irregular_cornea() const;
+  /// The anterior cornea's free form, mm of depth.
+  double cornea_form_mm(double x_mm, double y_mm) const;
+  /// The anterior cornea as a textbook biconic, without its free form; the posterior one has the same conic
+  /// constants.
   struct Biconic {
     double steep_radius_mm, flat_radius_mm, steep_q, flat_q;
     double steep_axis_deg;  ///< 0 <= axis < 180
@@ -75,9 +85,9 @@ struct ParametricEye {
 
   /// A parameter by its name in fit.json. Plain fields have their own names; parts of vectors are
   /// lens_decentre_x_mm, lens_decentre_y_mm, lens_tilt_x_deg, lens_tilt_y_deg, globe_semi_axis_{x,y,z}_mm,
-  /// displacement_000_mm and on. The pose is apex_{x,y,z}_mm (LPS) with gaze_horizontal_deg (straight ahead
-  /// 0, positive to the patient's left) and gaze_vertical_deg (positive upwards); setting a gaze turns the
-  /// eye about its apex, its x axis stays horizontal.
+  /// displacement_000_mm and on, cornea_zernike_06_um to cornea_zernike_20_um. The pose is apex_{x,y,z}_mm
+  /// (LPS) with gaze_horizontal_deg (straight ahead 0, positive to the patient's left) and gaze_vertical_deg
+  /// (positive upwards); setting a gaze turns the eye about its apex, its x axis stays horizontal.
   ///
   /// \throw Error (fault) for an unknown name
   double get(const std::string& name) const;

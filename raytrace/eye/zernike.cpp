@@ -67,4 +67,17 @@ Eigen::VectorXd zernike_values(int order, double x, double y) {
   return result;
 }
 
+Eigen::VectorXd turned_zernike(const Eigen::VectorXd& coefficients, double angle_rad) {
+  Eigen::VectorXd result = coefficients;
+  for (int j = 0; j < coefficients.size(); ++j) {
+    const int m = zernike_index(j).m;
+    if (m <= 0) continue;
+    const int partner = j - m;  // (n, -m), since j = (n (n + 2) + m) / 2
+    const double c = coefficients[j], s = coefficients[partner];
+    result[j] = c * std::cos(m * angle_rad) + s * std::sin(m * angle_rad);
+    result[partner] = s * std::cos(m * angle_rad) - c * std::sin(m * angle_rad);
+  }
+  return result;
+}
+
 }  // namespace emmetrope

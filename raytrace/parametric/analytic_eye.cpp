@@ -4,6 +4,7 @@
 
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/frames.hpp"
+#include "raytrace/eye/zernike.hpp"
 
 namespace emmetrope {
 namespace {
@@ -12,9 +13,19 @@ using Eigen::Matrix3d;
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-/// The anterior cornea with its radii scaled.
-ShapePtr scaled_cornea(const ParametricEye& eye, double scale) {
+/// The anterior cornea with its radii and its free form scaled.
+ShapePtr scaled_cornea(const ParametricEye& eye, double scale, double form_scale) {
   const ParametricEye::Biconic b = eye.cornea_biconic();
+  if (eye.has_irregular_cornea()) {
+    constexpr int terms = corneal_form_first + corneal_form_terms;
+    Eigen::VectorXd um = Eigen::VectorXd::Zero(terms);
+    for (int i = 0; i < corneal_form_terms; ++i)
+      um[corneal_form_first + i] = form_scale * eye.cornea_zernike_um[i];
+    um[0] = -um.dot(zernike_values(corneal_form_order, 0, 0));  // the vertex stays the apex
+    um = turned_zernike(um, b.steep_axis_deg * degree);
+    return make_zernike(scale * b.steep_radius_mm, scale * b.flat_radius_mm, b.steep_q, b.flat_q,
+                        b.steep_axis_deg, corneal_form_radius_mm, {um.data(), um.data() + um.size()});
+  }
   return make_biconic(scale * b.steep_radius_mm, scale * b.flat_radius_mm, b.steep_q, b.flat_q,
                       b.steep_axis_deg);
 }
@@ -40,14 +51,15 @@ Medium medium(double index, double n_infinite, double k_nm) {
 
 double lens_index_at_age(double age_years) { return 1.441 - 0.00039 * age_years; }
 
-ShapePtr anterior_cornea_shape(const ParametricEye& eye) { return scaled_cornea(eye, 1); }
+ShapePtr anterior_cornea_shape(const ParametricEye& eye) { return scaled_cornea(eye, 1, 1); }
 
 std::vector<Surface> analytic_surfaces(const ParametricEye& eye, const ShapePtr& anterior_cornea,
                                        const OpticalDefaults& defaults) {
   Surface front =
       surface("cornea_anterior", anterior_cornea ? anterior_cornea : anterior_cornea_shape(eye), 0, "cornea");
-  Surface back = surface("cornea_posterior", scaled_cornea(eye, eye.cornea_back_ratio),
-                         eye.cornea_thickness_mm, "aqueous");
+  Surface back =
+      surface("cornea_posterior", scaled_cornea(eye, eye.cornea_back_ratio, eye.cornea_back_form_ratio),
+              eye.cornea_thickness_mm, "aqueous");
 
   Surface iris;
   iris.name = "iris";

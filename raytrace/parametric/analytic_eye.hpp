@@ -17,13 +17,13 @@ struct OpticalDefaults {
 /// Equivalent index of a lens of that age.
 double lens_index_at_age(double age_years);
 
-/// The front surface of the fitted cornea: a biconic.
+/// The front surface of the fitted cornea: a biconic, with Zernike terms where it is irregular.
 ShapePtr anterior_cornea_shape(const ParametricEye& eye);
 
 /// Cornea, iris, lens and retina as formulas. The retina is the globe's ellipsoid, its pole where the
 /// displaced interface meets the axis.
 ///
-/// \param anterior_cornea  instead of the fitted biconic; may be null
+/// \param anterior_cornea  instead of the fitted one; may be null
 std::vector<Surface> analytic_surfaces(const ParametricEye& eye, const ShapePtr& anterior_cornea = nullptr,
                                        const OpticalDefaults& defaults = {});
 

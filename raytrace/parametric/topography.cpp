@@ -212,28 +212,41 @@ Departure depart(const ElevationMap& map, const Fit& fit, double radius_mm) {
   return departure;
 }
 
+/// A cornea as a map of points spread evenly over a disc.
+ElevationMap sampled(const CornealDepth& cornea, double radius_mm) {
+  constexpr int count = 600;
+  const double golden_angle = pi * (3 - std::sqrt(5.0));
+  std::vector<Point> points;
+  for (int i = 0; i < count; ++i) {
+    const double r = radius_mm * std::sqrt((i + 0.5) / count);
+    const double x = r * std::cos(golden_angle * i), y = r * std::sin(golden_angle * i);
+    points.push_back({x, y, cornea(x, y)});
+  }
+  return map_of(points);
+}
+
+/// The eye with what a topographer's toric part describes: an irregular cornea gives way to its best toric
+/// conicoid.
+ParametricEye with_toric_cornea(const ParametricEye& eye) {
+  if (!eye.has_irregular_cornea()) return eye;
+  const ParametricEye toric = toric_conicoid(fit_toric(sampled(anterior_cornea(eye), fit_radius_mm)));
+  ParametricEye result = eye;
+  for (const char* name : {"cornea_c_per_mm", "cornea_j0_per_mm", "cornea_j45_per_mm", "cornea_q"})
+    result.set(name, toric.get(name));
+  result.cornea_q_split = 0;
+  result.cornea_zernike_um = {};
+  return result;
+}
+
 VectorXd toric_functional(const ParametricEye& eye) {
-  const CornealPower power = corneal_power(anterior_cornea(eye));
-  return Eigen::Vector4d(power.M_D, power.J0_D, power.J45_D, eye.cornea_q);
+  const ParametricEye toric = with_toric_cornea(eye);
+  const CornealPower power = corneal_power(anterior_cornea(toric));
+  return Eigen::Vector4d(power.M_D, power.J0_D, power.J45_D, toric.cornea_q);
 }
 
 double departure_mm(const Topography& topography, double x_mm, double y_mm) {
   const double radius = topography.zone_mm / 2;
   return 1e-3 * topography.departure_um.dot(zernike_values(departure_order, x_mm / radius, y_mm / radius));
-}
-
-/// Coefficients of the same function about axes turned by `angle`.
-VectorXd turned(const VectorXd& coefficients, double angle) {
-  VectorXd result = coefficients;
-  for (int j = 0; j < coefficients.size(); ++j) {
-    const int m = zernike_index(j).m;
-    if (m <= 0) continue;
-    const int partner = j - m;  // (n, -m), since j = (n (n + 2) + m) / 2
-    const double c = coefficients[j], s = coefficients[partner];
-    result[j] = c * std::cos(m * angle) + s * std::sin(m * angle);
-    result[partner] = s * std::cos(m * angle) - c * std::sin(m * angle);
-  }
-  return result;
 }
 
 }  // namespace
@@ -276,16 +289,21 @@ Topography analyse_topography(const ElevationMap& map, double sigma_D) {
   return result;
 }
 
-CornealDepth anterior_cornea(const ParametricEye& eye, const Topography& topography) {
-  return [&eye, &topography](double x_mm, double y_mm) {
+double irregularity_um(const CornealDepth& cornea) {
+  const ElevationMap map = sampled(cornea, irregularity_radius_mm);
+  return depart(map, fit_toric(map), irregularity_radius_mm).rms_um;
+}
+
+CornealDepth anterior_cornea(const ParametricEye& fitted, const Topography& topography) {
+  return [eye = with_toric_cornea(fitted), &topography](double x_mm, double y_mm) {
     return eye.cornea_anterior_depth_mm(x_mm, y_mm) + departure_mm(topography, x_mm, y_mm) -
            departure_mm(topography, 0, 0);
   };
 }
 
 ShapePtr anterior_cornea_shape(const ParametricEye& eye, const Topography& topography) {
-  const ParametricEye::Biconic b = eye.cornea_biconic();
-  VectorXd coefficients = turned(topography.departure_um, b.steep_axis_deg * degree);
+  const ParametricEye::Biconic b = with_toric_cornea(eye).cornea_biconic();
+  VectorXd coefficients = turned_zernike(topography.departure_um, b.steep_axis_deg * degree);
   coefficients[0] -= 1e3 * departure_mm(topography, 0, 0);  // the vertex stays the apex
   return make_zernike(b.steep_radius_mm, b.flat_radius_mm, b.steep_q, b.flat_q, b.steep_axis_deg,
                       topography.zone_mm / 2,

@@ -44,7 +44,13 @@ struct Topography {
 /// points or a map narrower than 6 mm
 Topography analyse_topography(const ElevationMap& map, double sigma_D);
 
-/// Depth of an eye's anterior cornea with a departure on top.
+/// Rms over the central 6 mm of a cornea's departure from its best toric conicoid, as Zernike terms to order
+/// 6.
+double irregularity_um(const CornealDepth& cornea);
+
+/// Depth of an eye's anterior cornea with a departure on top. Of an irregular cornea the topographer's
+/// departure replaces the fitted free form: what is left of the eye's own is its best toric conicoid over
+/// the central 8 mm.
 CornealDepth anterior_cornea(const ParametricEye& eye, const Topography& topography);
 /// The same as an optical surface.
 ShapePtr anterior_cornea_shape(const ParametricEye& eye, const Topography& topography);

@@ -105,6 +105,8 @@ bool agree(const Shared& shared, const std::array<EyeFit*, 2>& eyes, double diff
 }  // namespace
 
 bool couple_eyes(EyeFit& od, EyeFit& os) {
+  // Ectasia is rarely alike in both eyes, and the prior that is replaced here is a regular cornea's.
+  if (od.layout.irregular_cornea || os.layout.irregular_cornea) return false;
   const std::array<EyeFit*, 2> eyes{&od, &os};
   std::vector<Shared> shared{corneal_curvature(eyes)};
   if (!agree(shared[0], eyes, corneal_power_difference_D * per_dioptre)) return false;

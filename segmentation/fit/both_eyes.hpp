@@ -15,7 +15,7 @@ inline constexpr double sharpness_difference = 0.01;          ///< of its logari
 /// are also equally bright against the aqueous and the stacks equally sharp. Exact for normal distributions;
 /// every parameter follows what is shared by its regression on it.
 /// \return false, and nothing is changed, where the corneal powers differ by more than three standard
-/// deviations of what prior and images allow: a graft, a keratoconus of one eye
+/// deviations of what prior and images allow, or a cornea is irregular: a graft, a keratoconus
 bool couple_eyes(EyeFit& od, EyeFit& os);
 
 }  // namespace emmetrope::segmentation

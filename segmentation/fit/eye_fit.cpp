@@ -224,6 +224,40 @@ const Candidate& most_likely(const std::vector<Candidate>& candidates) {
   return candidates[static_cast<std::size_t>(std::min_element(sums.begin(), sums.end()) - sums.begin())];
 }
 
+/// The last passes: everything that is active, then once more with weights that know the misfit. Samples,
+/// covariance and judgement go into the fit. \param step_done  called after each
+void settle(EyeFit& fit, FitProblem& problem, const std::function<void()>& step_done) {
+  problem.model = &fit.model;
+  const Basis basis = select_parameters(fit.layout.size(), fit.active);
+  const auto pass = [&](int max_iterations) {
+    SolveResult result = solve(problem, fit.parameters, basis, max_iterations);
+    fit.parameters = std::move(result.parameters);
+    fit.iterations += result.iterations;
+    fit.converged = result.converged;
+    if (step_done) step_done();
+  };
+  problem.samples = select_samples(fit.model, fit.parameters, fit.stacks, {});
+  fit.misfit = freeze_weights(problem, fit.parameters);
+  pass(25);
+
+  // The balance of image and priors, and the covariance, with weights that know about the misfit.
+  const std::array<double, part_count> widening = judge_residuals(fit, problem);
+  std::vector<float> deviations;
+  for (Sample& sample : problem.samples) {
+    deviations.push_back(sample.deviation);
+    sample.deviation *= static_cast<float>(std::sqrt(widening[static_cast<std::size_t>(sample.part)]));
+  }
+  pass(30);
+  fit.covariance = covariance(problem, fit.parameters, basis);
+  fit.covariance = widened_for_coherent_residuals(fit, problem);
+  // Labels are no smooth surface: what they depart from a biconic is how they were drawn.
+  if (!fit.layout.irregular_cornea && fit.evidence == Evidence::intensities)
+    fit.irregularity = corneal_irregularity(problem, fit.parameters, fit.active);
+  for (std::size_t i = 0; i < deviations.size(); ++i) problem.samples[i].deviation = deviations[i];
+  judge_residuals(fit, problem);
+  fit.samples = std::move(problem.samples);
+}
+
 }  // namespace
 
 double EyeFit::sigma(int parameter) const {
@@ -330,39 +364,35 @@ EyeFit fit_eye(const std::vector<const Stack*>& stacks, const EyeStart& start, C
   }
   const Candidate& best = most_likely(candidates);
   problem.priors = best.priors;
-  VectorXd a = best.solution.parameters;
-  int iterations = best.solution.iterations;
-  const auto adopt = [&](SolveResult result) {
-    a = std::move(result.parameters);
-    iterations += result.iterations;
-    step_done();
-    return result.converged;
-  };
   step_done();
 
-  const Basis basis = select_parameters(layout.size(), active);
-  problem.samples = select_samples(model, a, observed, {});
-  const VectorXd misfit = freeze_weights(problem, a);
-  adopt(solve(problem, a, basis, 25));
-
-  EyeFit fit{layout, contrast, observed, model,  a,  active, {},    problem.priors,
-             {},     {},       0,        misfit, {}, 0,      false, best.apex_costs};
+  const SolveResult& solution = best.solution;
+  EyeFit fit{layout,
+             contrast,
+             observed,
+             model,
+             solution.parameters,
+             active,
+             {},
+             problem.priors,
+             {},
+             {},
+             0,
+             {},
+             {},
+             solution.iterations,
+             false,
+             best.apex_costs};
   fit.evidence = evidence;
-  // The balance of image and priors, and the covariance, with weights that know about the misfit.
-  const std::array<double, part_count> widening = judge_residuals(fit, problem);
-  std::vector<float> deviations;
-  for (Sample& sample : problem.samples) {
-    deviations.push_back(sample.deviation);
-    sample.deviation *= static_cast<float>(std::sqrt(widening[static_cast<std::size_t>(sample.part)]));
+  settle(fit, problem, step_done);
+  if (fit.irregularity.found()) {
+    fit.model = model.with_irregular_cornea();
+    fit.layout = fit.model.layout();
+    fit.parameters = with_free_form(fit.parameters, fit.layout);
+    append(fit.active, range(fit.layout.corneal_form(), fit.layout.size() - 1));
+    problem.priors = fit.priors = irregular_cornea_priors(fit.priors, fit.layout);
+    settle(fit, problem, {});
   }
-  fit.converged = adopt(solve(problem, a, basis, 30));
-  fit.iterations = iterations;
-  fit.parameters = a;
-  fit.covariance = covariance(problem, a, basis);
-  fit.covariance = widened_for_coherent_residuals(fit, problem);
-  for (std::size_t i = 0; i < deviations.size(); ++i) problem.samples[i].deviation = deviations[i];
-  judge_residuals(fit, problem);
-  fit.samples = std::move(problem.samples);
   return fit;
 }
 

@@ -7,6 +7,7 @@
 #include "pipeline/base/laterality.hpp"
 #include "raytrace/eye/parametric_eye.hpp"
 #include "segmentation/finding/find_eyes.hpp"
+#include "segmentation/fit/corneal_irregularity.hpp"
 #include "segmentation/fit/least_squares.hpp"
 #include "segmentation/fit/observation.hpp"
 
@@ -44,6 +45,7 @@ struct EyeFit {
   /// starts.
   std::vector<double> start_costs;
   Evidence evidence = Evidence::intensities;
+  CornealIrregularity irregularity = {};  ///< what decided whether the cornea has a free form
 
   double value(int parameter) const { return parameters[parameter]; }
   /// Centre of the globe's ellipsoid.
@@ -64,7 +66,8 @@ std::vector<const Stack*> views_of(const FoundEye& eye, const std::vector<const 
 
 /// Fits one eye to its stacks, which are of one contrast. The order that converges: globe, lens and pose
 /// without the cornea, from several starts; the cornea from five depths; everything, the globe that explains
-/// most; everything once more with weights that know the misfit.
+/// most; everything once more with weights that know the misfit; and where a test says that the cornea is
+/// irregular, both again with its free form.
 /// Where labels are the evidence, intensities, coil and sharpness are known and only shapes, pose and the
 /// head's shifts are free. \param advance  called `fit_steps` times in all
 /// \throw Error (no_result) when the data cannot support a fit

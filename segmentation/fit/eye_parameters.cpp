@@ -6,6 +6,7 @@
 
 #include "pipeline/base/frames.hpp"
 #include "raytrace/eye/parametric_eye.hpp"
+#include "raytrace/eye/zernike.hpp"
 
 namespace emmetrope::segmentation {
 namespace {
@@ -96,6 +97,11 @@ constexpr double shift_sigma_mm = 3;     ///< the head moves 1 to 3 mm between s
 constexpr double sharpness_sigma = 0.3;  ///< zero filling and filters that the header does not tell
 constexpr double turn_sigma_deg = 0.7;   ///< it turns with them
 constexpr double displacement_sigma_mm = 0.06;
+// An ectatic cornea: its free form by order of the terms, and the spread of its biconic in units of the
+// regular one's.
+constexpr std::array<double, 3> corneal_form_sigma_um{6, 4, 2};
+constexpr double back_form_ratio_mean = 2.0, back_form_ratio_sigma = 0.5;
+constexpr double ectatic_widening = 2.5;
 constexpr double background_sigma_t2 = 0.25, background_sigma_t1 = 0.5;  ///< fat beside muscle
 
 }  // namespace
@@ -106,6 +112,8 @@ std::string ParameterLayout::name(int index) const {
     const std::string text = std::to_string(number);
     return std::string(text.size() < 3 ? 3 - text.size() : 0, '0') + text;
   };
+  if (index == back_form_ratio()) return "cornea_back_form_ratio";
+  if (index >= corneal_form()) return corneal_form_name(index - corneal_form());
   if (index >= background()) return "background_" + digits(index - background());
   if (index >= displacement()) return displacement_name(index - displacement());
   const int at = index - eye_parameter_count;
@@ -123,6 +131,7 @@ std::string ParameterLayout::name(int index) const {
 Eigen::VectorXd population_mean(const ParameterLayout& layout) {
   Eigen::VectorXd mean = Eigen::VectorXd::Zero(layout.size());
   for (int i = 0; i < eye_parameter_count; ++i) mean[i] = beliefs()[i].mean;
+  if (layout.irregular_cornea) mean[layout.back_form_ratio()] = back_form_ratio_mean;
   return mean;
 }
 
@@ -158,6 +167,20 @@ Priors population_priors(const ParameterLayout& layout, const Eigen::VectorXd& s
   priors.sigma.segment(layout.displacement(), layout.bumps).setConstant(displacement_sigma_mm);
   priors.sigma.segment(layout.background(), layout.bumps)
       .setConstant(contrast == Contrast::t1 ? background_sigma_t1 : background_sigma_t2);
+  return priors;
+}
+
+Priors irregular_cornea_priors(const Priors& of_regular, const ParameterLayout& layout) {
+  Priors priors = of_regular;
+  priors.mean.conservativeResize(layout.size());
+  priors.mean.tail(corneal_form_terms + 1) = population_mean(layout).tail(corneal_form_terms + 1);
+  priors.sigma.conservativeResize(layout.size());
+  for (int i = 0; i < corneal_form_terms; ++i)
+    priors.sigma[layout.corneal_form() + i] =
+        corneal_form_sigma_um[zernike_index(corneal_form_first + i).n - 3];
+  priors.sigma[layout.back_form_ratio()] = back_form_ratio_sigma;
+  for (const int parameter : {cornea_c, cornea_j0, cornea_j45, cornea_q, cornea_thickness})
+    priors.sigma[parameter] *= ectatic_widening;
   return priors;
 }
 

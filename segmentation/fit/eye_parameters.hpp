@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "raytrace/eye/corneal_form.hpp"
 #include "segmentation/finding/eye_candidates.hpp"
 
 /// The numbers that are fitted, as one vector: names, places, populations.
@@ -84,11 +85,16 @@ enum StackParameter : int {
 struct ParameterLayout {
   int stacks = 1;
   int bumps = 0;  ///< Gaussians of the displacement of the wall, and as many of the background
+  /// Whether the cornea has a free form (raytrace/eye/corneal_form.hpp) on its biconic.
+  bool irregular_cornea = false;
 
   int stack(int index) const { return eye_parameter_count + index * stack_parameter_count; }
   int displacement() const { return stack(stacks); }
   int background() const { return displacement() + bumps; }
-  int size() const { return background() + bumps; }
+  /// Terms of the free form (um of depth), then how many times as deep the posterior cornea has it.
+  int corneal_form() const { return background() + bumps; }
+  int back_form_ratio() const { return corneal_form() + corneal_form_terms; }
+  int size() const { return corneal_form() + (irregular_cornea ? corneal_form_terms + 1 : 0); }
   /// The name in fit.json: ParametricEye's where it has one.
   std::string name(int index) const;
 };
@@ -105,6 +111,10 @@ struct Priors {
 /// patient's age is known, the radii of the lens are expected as they are at that age.
 Priors population_priors(const ParameterLayout& layout, const Eigen::VectorXd& start, Contrast contrast,
                          std::optional<double> age_years = {});
+
+/// The same, with what is believed of a cornea that is not regular (keratoconus): its free form, and its
+/// biconic with wider spreads. \param layout  with the irregular cornea
+Priors irregular_cornea_priors(const Priors& of_regular, const ParameterLayout& layout);
 
 /// A vector at the population means, pose and intensities zero.
 Eigen::VectorXd population_mean(const ParameterLayout& layout);

@@ -67,7 +67,7 @@ Bump bump_at(double cosine) {
   return table(cosine);
 }
 
-EyeSurface cornea_surface(const VectorXd& a, const Vector3d& p, bool back) {
+EyeSurface cornea_surface(const VectorXd& a, const Vector3d& p, bool back, const CorneaField* field) {
   const double ratio = back ? a[cornea_back_ratio] : 1;
   const double c11 = (a[cornea_c] + a[cornea_j0]) / ratio, c22 = (a[cornea_c] - a[cornea_j0]) / ratio,
                c12 = a[cornea_j45] / ratio;
@@ -106,6 +106,13 @@ EyeSurface cornea_surface(const VectorXd& a, const Vector3d& p, bool back) {
   if (back) {
     surface.depends(cornea_thickness, -1);
     surface.depends(cornea_back_ratio, (by_c11 * c11 + by_c22 * c22 + by_c12 * c12) / ratio);
+  }
+  if (field) {
+    const double times = back ? a[field->back_ratio] : 1;
+    surface.f -= times * field->depth;
+    surface.gradient.head<2>() -= times * field->gradient;
+    for (int i = 0; i < corneal_form_terms; ++i) surface.depends(field->first + i, -times * field->by[i]);
+    if (back) surface.depends(field->back_ratio, -field->depth);
   }
   return surface;
 }

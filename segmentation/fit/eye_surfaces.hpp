@@ -18,8 +18,8 @@ struct EyeSurface {
   Eigen::Vector3d gradient = Eigen::Vector3d::Zero();
   Eigen::Matrix3d hessian = Eigen::Matrix3d::Zero();  ///< near the surface, to a tenth: it corrects microns
   int count = 0;
-  std::array<int, 9> index;
-  std::array<double, 9> by;
+  std::array<int, 9 + corneal_form_terms> index;
+  std::array<double, 9 + corneal_form_terms> by;
   void depends(int parameter, double derivative) {
     index[count] = parameter;
     by[count++] = derivative;
@@ -34,13 +34,24 @@ struct WallFields {
   std::array<double, 128> bump;  ///< at most all of bump_directions()
 };
 
+/// The free form of an irregular cornea at a point: the anterior one's depth (mm) and gradient, and where its
+/// coefficients are in the parameters.
+struct CorneaField {
+  double depth = 0;
+  Eigen::Vector2d gradient = Eigen::Vector2d::Zero();
+  std::array<double, corneal_form_terms> by;  ///< mm of depth by um of a coefficient
+  int first = 0, back_ratio = 0;
+};
+
 /// A Gaussian of the angle from a bump's direction, and its derivative by the angle's cosine.
 struct Bump {
   double value, by_cosine;
 };
 Bump bump_at(double cosine);
 
-EyeSurface cornea_surface(const Eigen::VectorXd& a, const Eigen::Vector3d& p, bool back);
+/// \param field  none: the biconic alone
+EyeSurface cornea_surface(const Eigen::VectorXd& a, const Eigen::Vector3d& p, bool back,
+                          const CorneaField* field);
 EyeSurface lid_surface(const Eigen::VectorXd& a, const Eigen::Vector3d& p);
 /// Inner or outer side of the wall. \param fields  none: the ellipsoid alone
 EyeSurface globe_surface(const Eigen::VectorXd& a, const Eigen::Vector3d& p, bool outer,

@@ -60,6 +60,12 @@ ForwardModel::ForwardModel(ParameterLayout layout, std::vector<StackSampling> st
   if (layout_.bumps > 0) bumps_ = bump_directions();
 }
 
+ForwardModel ForwardModel::with_irregular_cornea() const {
+  ForwardModel irregular = *this;
+  irregular.layout_.irregular_cornea = true;
+  return irregular;
+}
+
 struct ForwardModel::AtParameters::Edge {
   double value, by_f, by_log_sharpness;
 };
@@ -98,6 +104,26 @@ ForwardModel::AtParameters::AtParameters(const ForwardModel& model, const Vector
 Vector3d ForwardModel::AtParameters::to_eye(const Vector3d& position, int stack) const {
   const StackInEye& axes = stack_in_eye_[stack];
   return eye_from_lps_ * (axes.turn * position + axes.place - a_.segment<3>(apex_x));
+}
+
+std::optional<CorneaField> ForwardModel::AtParameters::cornea_field(const Vector3d& p) const {
+  const ParameterLayout& layout = model_.layout_;
+  if (!layout.irregular_cornea) return std::nullopt;
+  const CornealForm form = corneal_form(p.x(), p.y());
+  CorneaField field;
+  field.first = layout.corneal_form();
+  field.back_ratio = layout.back_form_ratio();
+  for (int i = 0; i < corneal_form_terms; ++i) {
+    field.by[i] = 1e-3 * form.value[i];
+    field.depth += a_[field.first + i] * field.by[i];
+    field.gradient += 1e-3 * a_[field.first + i] * form.gradient_per_mm[i];
+  }
+  return field;
+}
+
+EyeSurface ForwardModel::AtParameters::cornea_at(const Vector3d& p, bool back) const {
+  const std::optional<CorneaField> field = cornea_field(p);
+  return cornea_surface(a_, p, back, field ? &*field : nullptr);
 }
 
 WallFields ForwardModel::AtParameters::wall_fields(const Sample& sample, const Vector3d& p) const {
@@ -184,8 +210,10 @@ double ForwardModel::AtParameters::intensity(const Sample& sample, SparseRow* ro
     if (front) {
       Edge lid_edge{1, 0, 0}, front_edge{1, 0, 0}, back_edge{1, 0, 0};
       if (sample.near_cornea) {
-        const EyeSurface lid_front = lid_surface(a_, p), cornea_front = cornea_surface(a_, p, false),
-                         cornea_back = cornea_surface(a_, p, true);
+        const std::optional<CorneaField> field = cornea_field(p);
+        const CorneaField* form = field ? &*field : nullptr;
+        const EyeSurface lid_front = lid_surface(a_, p), cornea_front = cornea_surface(a_, p, false, form),
+                         cornea_back = cornea_surface(a_, p, true, form);
         lid_edge = edge(lid_front, stack);
         front_edge = edge(cornea_front, stack);
         back_edge = edge(cornea_back, stack);
@@ -328,8 +356,8 @@ ForwardModel::AtParameters::Distances ForwardModel::AtParameters::distances(cons
   const auto distance = [](const EyeSurface& s) { return s.f / s.gradient.norm(); };
   Distances d;
   d.lid = distance(lid_surface(a_, p));
-  d.cornea_front = distance(cornea_surface(a_, p, false));
-  d.cornea_back = distance(cornea_surface(a_, p, true));
+  d.cornea_front = distance(cornea_at(p, false));
+  d.cornea_back = distance(cornea_at(p, true));
   EyeSurface front, back, equator;
   lens_surfaces(a_, p, front, back, equator);
   d.lens_front = distance(front);
@@ -352,7 +380,7 @@ double ForwardModel::AtParameters::limbus_misfit(int quadrant, SparseRow* row) c
   constexpr double limbus_radius_mm = 5.85;  // half the white-to-white distance of adults
   const double angle = (quadrant + 0.5) * pi / 2;
   Vector3d p(limbus_radius_mm * std::cos(angle), limbus_radius_mm * std::sin(angle), 0);
-  const EyeSurface front = cornea_surface(a_, p, false);
+  const EyeSurface front = cornea_at(p, false);
   p.z() = front.f;  // front.f is minus the sag here: on the cornea
   const EyeSurface globe = globe_surface(a_, p, true, nullptr);
   const double per_f = 1 / globe.gradient.norm();
@@ -371,7 +399,7 @@ ForwardModel::AtParameters::SurfacePoint ForwardModel::AtParameters::at_surface(
   Sample everywhere;
   WallFields wall_at;
   if (which == OpticalSurface::cornea_anterior || which == OpticalSurface::cornea_posterior) {
-    surface = cornea_surface(a_, p, which == OpticalSurface::cornea_posterior);
+    surface = cornea_at(p, which == OpticalSurface::cornea_posterior);
   } else if (which == OpticalSurface::retina) {
     for (int i = 0; i < model_.layout_.bumps; ++i) everywhere.bumps.push_back(static_cast<std::uint8_t>(i));
     wall_at = wall_fields(everywhere, p);

@@ -1,6 +1,7 @@
 #pragma once
 #include <Eigen/Core>
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "segmentation/fit/eye_parameters.hpp"
@@ -95,6 +96,9 @@ class ForwardModel {
  public:
   ForwardModel(ParameterLayout layout, std::vector<StackSampling> stacks, Eigen::Vector3d coil_reference);
 
+  /// The same model of an eye whose cornea has a free form.
+  ForwardModel with_irregular_cornea() const;
+
   const ParameterLayout& layout() const { return layout_; }
   const std::vector<StackSampling>& stacks() const { return stacks_; }
   std::vector<StackSampling>& stacks() { return stacks_; }
@@ -124,12 +128,15 @@ class ForwardModel {
       double distance;
       Eigen::Vector3d outward;
     };
+    /// The cornea's surface at a point of the eye frame.
+    EyeSurface cornea_at(const Eigen::Vector3d& p, bool back) const;
     /// Signed distance (mm) of the outer globe from the anterior cornea's point at the limbus in a quadrant
     /// (0 to 3), with its derivatives by the shape parameters.
     double limbus_misfit(int quadrant, SparseRow* row) const;
     SurfacePoint at_surface(OpticalSurface surface, const Eigen::Vector3d& p, SparseRow* row) const;
 
    private:
+    std::optional<CorneaField> cornea_field(const Eigen::Vector3d& p) const;
     WallFields wall_fields(const Sample& sample, const Eigen::Vector3d& p) const;
     struct Edge;
     Edge edge(const EyeSurface& surface, int stack) const;

@@ -141,6 +141,10 @@ Json fit_json(const EyeResult& eye, const std::optional<double>& roll_deg) {
                                {"chi2_per_voxel", region.chi2},
                                {"residual_correlation", region.correlation},
                                {"outlier_share", region.outliers}});
+  if (fit.evidence == Evidence::intensities)
+    json["cornea"] = {{"form", fit.layout.irregular_cornea ? "irregular" : "biconic"},
+                      {"irregularity_chi2", fit.irregularity.chi2},
+                      {"irregularity_chi2_limit", CornealIrregularity::chi2_limit}};
   json["apex_start_costs"] = fit.start_costs;
   Json intensities;
   for (int i = vitreous; i <= surround; ++i) intensities[fit.layout.name(i)] = fit.parameters[i];

@@ -85,6 +85,12 @@ const std::vector<Wanted>& quantities() {
                                         {"corneal asphericity Q", {"keratometry", "asphericity_q"}}};
   return list;
 }
+/// Told besides, not pooled, of eyes with keratoconus.
+const std::vector<Wanted>& quantities_of_cones() {
+  static const std::vector<Wanted> list{{"steep K, D", {"keratometry", "steep", "power_D"}},
+                                        {"irregularity, um", {"astigmatism", "irregularity_um"}}};
+  return list;
+}
 
 Json at(const Json& json, const std::vector<std::string>& path) {
   Json found = json;
@@ -113,7 +119,7 @@ struct Study {
   std::map<std::string, Quantity> by_name;
   Quantity j_vector, retina, cornea;
   std::map<std::string, std::array<std::vector<double>, 2>> bound_if_known;  ///< axial length, M
-  int eyes = 0, refused = 0, missed = 0;
+  int eyes = 0, refused = 0, missed = 0, irregular = 0;
   double fit_s = 0, render_s = 0, chi2 = 0;
 
   void add(const Json& record, bool with_keratometry) {
@@ -139,7 +145,11 @@ struct Study {
     fit_s += record.at("fit_s").get<double>();
     render_s += record.at("render_s").get<double>();
     chi2 += record.at("chi2_per_voxel").get<double>();
-    for (const Wanted& wanted : quantities()) {
+    std::vector<Wanted> all = quantities();
+    if (record.at("protocol").get<std::string>().find("keratoconus") != std::string::npos)
+      all.insert(all.end(), quantities_of_cones().begin(), quantities_of_cones().end());
+    irregular += record.value("irregular_cornea", false);
+    for (const Wanted& wanted : all) {
       const auto measured = at(stated, wanted.path).get<Measured>();
       Quantity& quantity = by_name[wanted.name];
       quantity.error.push_back(measured.value - at(record.at("truth"), wanted.path).get<double>());
@@ -155,26 +165,33 @@ struct Study {
   void print() const {
     const int n = eyes - refused - missed;
     fmt::print(
-        "{} eyes: {} measured, {} refused, {} not found; {:.1f} s to fit, {:.1f} s to render, chi2 "
+        "{} eyes: {} measured ({} corneas irregular), {} refused, {} not found; {:.1f} s to fit, {:.1f} s to "
+        "render, chi2 "
         "{:.3f}\n\n",
-        eyes, n, refused, missed, fit_s / n, render_s / n, chi2 / n);
+        eyes, n, irregular, refused, missed, fit_s / n, render_s / n, chi2 / n);
     fmt::print(
         "| quantity | mean | rms | median | 95th | stated sigma | bound | rms / bound | covered | interval "
         "score / "
         "bound's |\n| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |\n");
     int covered = 0, of = 0;
     double score = 0;
+    const auto print_row = [n](const char* name, const Quantity& q) {
+      fmt::print(
+          "| {} | {:+.3f} | {:.3f} | {:.3f} | {:.3f} | {:.3f} | {:.3f} | {:.2f} | {:.1f} % | {:.2f} |\n",
+          name, q.mean(), Quantity::rms(q.error), q.median(), q.quantile(0.95), Quantity::rms(q.sigma),
+          Quantity::rms(q.bound), Quantity::rms(q.error) / Quantity::rms(q.bound), 100.0 * q.covered() / n,
+          q.score(q.sigma) / q.bound_score());
+    };
     for (const Wanted& wanted : quantities()) {
       const Quantity& q = by_name.at(wanted.name);
       covered += q.covered();
       of += n;
       score += q.score(q.sigma) / q.bound_score() / static_cast<double>(quantities().size());
-      fmt::print(
-          "| {} | {:+.3f} | {:.3f} | {:.3f} | {:.3f} | {:.3f} | {:.3f} | {:.2f} | {:.1f} % | {:.2f} |\n",
-          wanted.name, q.mean(), Quantity::rms(q.error), q.median(), q.quantile(0.95), Quantity::rms(q.sigma),
-          Quantity::rms(q.bound), Quantity::rms(q.error) / Quantity::rms(q.bound), 100.0 * q.covered() / n,
-          q.score(q.sigma) / q.bound_score());
+      print_row(wanted.name, q);
     }
+    for (const Wanted& wanted : quantities_of_cones())
+      if (const auto found = by_name.find(wanted.name); found != by_name.end())
+        print_row(wanted.name, found->second);
     fmt::print("| pooled | | | | | | | | {:.1f} % | {:.2f} |\n", 100.0 * covered / of, score);
     fmt::print("| J as a vector, D | | {:.3f} | {:.3f} | {:.3f} | | | | | |\n", Quantity::rms(j_vector.error),
                j_vector.median(), j_vector.quantile(0.95));
@@ -199,6 +216,10 @@ struct Study {
         const Quantity& q = by_name.at(wanted.name);
         fmt::print(" {} {:+.3f} ({:.3f})", wanted.path.back(), q.error.back(), q.sigma.back());
       }
+    fmt::print(" cornea {:.0f} um ({}, {:.1f})",
+               1e3 * record.value(Json::json_pointer("/surface_mm/cornea"), 0.0),
+               record.value("irregular_cornea", false) ? "irregular" : "biconic",
+               record.value("irregularity_chi2", 0.0));
     fmt::print(" chi2 {:.3f} bulge {:.2f} {}\n", record.value("chi2_per_voxel", 0.0),
                record.at("truth").at("geometry").at("bulge_height_mm").get<double>(),
                record.at("reasons").dump());
@@ -217,6 +238,7 @@ int main(int argc, char** argv) {
   app.add_option("--protocol", protocol.name, "surface-coil, head-t2, head-t1");
   app.add_option("--first", first, "Seed of the first head");
   app.add_option("--count", count, "Heads");
+  app.add_flag("--keratoconus", protocol.keratoconus, "A cone on each cornea");
   app.add_flag("--distorted", protocol.distorted, "Scale error of 0.3 %, fat shifted by a pixel");
   app.add_option("--turn-deg", protocol.turn_deg, "The head turns by this (rms per axis) between stacks");
   app.add_flag("--bound", bound, "What the bound would be if something else were known");

@@ -19,6 +19,7 @@ ParameterLayout test_layout() {
   ParameterLayout layout;
   layout.stacks = 2;
   layout.bumps = static_cast<int>(bump_directions().size());
+  layout.irregular_cornea = true;
   return layout;
 }
 
@@ -48,6 +49,7 @@ VectorXd test_parameters(unsigned seed) {
     a[layout.displacement() + i] = 0.03 * normal(random);
     a[layout.background() + i] = 0.1 * normal(random);
   }
+  for (int i = 0; i < corneal_form_terms; ++i) a[layout.corneal_form() + i] = 4 * normal(random);
   for (int s = 0; s < 2; ++s) {
     for (int i = 0; i < coil_count; ++i) a[layout.stack(s) + i] = 0.1 * normal(random);
   }

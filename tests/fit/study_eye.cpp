@@ -139,19 +139,11 @@ Json surface_distances(const ParametricEye& fitted, const phantom::PlacedEye& tr
     const Vector3d on_it = fitted.retina_point(n);
     retina += std::abs((p - on_it).dot(fitted.retina_normal(n))) / points;
   }
-  const phantom::EyeGeometry& g = truth.geometry;
-  const auto true_depth = [&](double x, double y) {
-    const double a = g.cornea_axis_deg * degree, u = std::cos(a) * x + std::sin(a) * y,
-                 v = std::cos(a) * y - std::sin(a) * x;
-    const double s = u * u / g.cornea_radius_x_mm + v * v / g.cornea_radius_y_mm;
-    const double t = (1 + g.cornea_q_x) * std::pow(u / g.cornea_radius_x_mm, 2) +
-                     (1 + g.cornea_q_y) * std::pow(v / g.cornea_radius_y_mm, 2);
-    return s / (1 + std::sqrt(1 - t));
-  };
   for (int i = 0; i < points; ++i) {
     const double r = 4 * std::sqrt((i + 0.5) / points), angle = golden_angle * i;
     const double x = r * std::cos(angle), y = r * std::sin(angle);
-    const Vector3d p = fitted_from_true * Vector3d(x, y, -true_depth(x, y));
+    const Vector3d p =
+        fitted_from_true * Vector3d(x, y, -phantom::anterior_cornea_depth_mm(truth.geometry, x, y));
     const double slope = p.head<2>().norm() * fitted.cornea_c_per_mm;
     cornea += std::abs(-p.z() - fitted.cornea_anterior_depth_mm(p.x(), p.y())) *
               std::sqrt(std::max(0.1, 1 - slope * slope)) / points;
@@ -214,6 +206,8 @@ void write_down(StudiedEye& studied) {
       eye.lps_from_eye.inverse() * studied.images.scanner_from_reference[studied.found->views.front().stack] *
       studied.truth.lps_from_eye;
   record["surface_mm"] = surface_distances(eye, studied.truth, fitted_from_true);
+  record["irregular_cornea"] = fit.layout.irregular_cornea;
+  record["irregularity_chi2"] = fit.irregularity.chi2;
   record["chi2_per_voxel"] = fit.chi2_per_voxel;
   record["regions"] = Json::array();
   for (const RegionFit& region : fit.regions) record["regions"].push_back(region.chi2);
@@ -233,7 +227,8 @@ std::filesystem::path record_file(const std::filesystem::path& cache, const Stud
 }
 
 std::vector<Json> study_head(const StudyProtocol& wanted, unsigned long long seed) {
-  const phantom::HeadGeometry head = phantom::random_head(seed);
+  const phantom::HeadGeometry head =
+      wanted.keratoconus ? phantom::random_keratoconus(seed) : phantom::random_head(seed);
   const phantom::Anatomy anatomy(head);
   phantom::Protocol protocol = phantom::make_protocol(wanted.name, anatomy);
   protocol.disturbances.motion_mm = 0.3;

@@ -14,12 +14,15 @@ struct StudyProtocol {
   std::string name = "surface-coil";  ///< surface-coil, head-t2, head-t1
   /// The second set: a scale error drawn from a normal distribution of 0.3 %, fat shifted by one pixel.
   bool distorted = false;
-  double turn_deg = 0;  ///< rms per axis of the head's rotation between stacks
-  double snr = 0;       ///< 0: the protocol's own
+  bool keratoconus = false;  ///< a cone on each cornea
+  double turn_deg = 0;       ///< rms per axis of the head's rotation between stacks
+  double snr = 0;            ///< 0: the protocol's own
 
-  /// "surface-coil", "surface-coil-distorted" or "surface-coil-turned": how records are named.
+  /// "surface-coil", "surface-coil-distorted", "surface-coil-turned", "surface-coil-keratoconus": how records
+  /// are named.
   std::string label() const {
-    return name + (distorted ? "-distorted" : "") + (turn_deg > 0 ? "-turned" : "");
+    return name + (keratoconus ? "-keratoconus" : "") + (distorted ? "-distorted" : "") +
+           (turn_deg > 0 ? "-turned" : "");
   }
 };
 
@@ -33,6 +36,7 @@ struct StudyProtocol {
 ///   "bound": covariance over the same parameters if the model were exact: noise and priors alone,
 ///   "bound_if_known": for each group of nuisance parameters the bound's standard deviations of
 ///   axial length (mm) and corneal power (D) if it were known,
+///   "irregular_cornea", "irregularity_chi2": whether the cornea was found irregular, and by what,
 ///   "surface_mm": mean distance of the fitted "retina" (hemisphere about the pole) and "cornea" (8 mm) from
 ///   the true ones, "chi2_per_voxel", "voxels", "iterations", "start_costs", "fit_s", "render_s" (processor
 ///   time).

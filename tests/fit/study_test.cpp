@@ -29,6 +29,7 @@ TEST_P(StudyHead, ErrorsAreOfTheTablesOrderAndWithinTheirIntervals) {
   int covered = 0, of = 0;
   for (const Json& record : study_head(protocol, worst.seed)) {
     ASSERT_EQ(record.at("status"), "measured") << record.at("reasons");
+    EXPECT_FALSE(record.at("irregular_cornea").get<bool>());
     const Json& truth = record.at("truth");
     const Json found = biometry_json(EyeEstimate(parametric_eye_from_json(record.at("fit"))), {});
     const auto error = [&](const char* pointer) {

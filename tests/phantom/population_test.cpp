@@ -49,6 +49,24 @@ TEST(RandomHead, AllPassTheChecksAndFollowTheTable) {
   EXPECT_LT(std::sqrt(m2 - m * m), 4.0);
 }
 
+TEST(RandomHead, KeratoconusIsTheSameHeadWithConesBelowTheApex) {
+  for (int seed = 0; seed < 300; ++seed) {
+    HeadGeometry head = random_keratoconus(seed);
+    ASSERT_NO_THROW(check(head)) << seed;
+    for (const Laterality laterality : both_eyes) {
+      EXPECT_GT(head.eye(laterality).cone_height_um, 0);
+      EXPECT_LE(head.eye(laterality).cone_y_mm, 0);
+      const EyeGeometry none;
+      head.eye(laterality).cone_height_um = none.cone_height_um;
+      head.eye(laterality).cone_width_mm = none.cone_width_mm;
+      head.eye(laterality).cone_x_mm = none.cone_x_mm;
+      head.eye(laterality).cone_y_mm = none.cone_y_mm;
+      head.eye(laterality).cone_back_ratio = none.cone_back_ratio;
+    }
+    EXPECT_EQ(to_json(head), to_json(random_head(seed)));
+  }
+}
+
 TEST(RandomHead, CorneaMeetsTheGlobeAtItsLimbus) {
   for (int seed = 0; seed < 50; ++seed) {
     const EyeGeometry eye = random_head(seed).od;

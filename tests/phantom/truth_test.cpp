@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "data_samples/phantom/phantom.hpp"
+#include "data_samples/phantom/true_optics.hpp"
 #include "pipeline/base/frames.hpp"
 
 namespace emmetrope::phantom {
@@ -45,6 +46,41 @@ TEST(PhantomTruth, KeratometryOfABiconicIsThatOfItsMeridians) {
   const double half = 0.5 * truth["keratometry"]["cylinder_D"].get<double>();
   EXPECT_NEAR(truth["astigmatism"]["J0_D"], half * std::cos(40 * degree), 1e-12);
   EXPECT_NEAR(truth["astigmatism"]["J45_D"], half * std::sin(40 * degree), 1e-12);
+}
+
+/// A cone at the apex of a sphere: both slopes add on the keratometer's ring.
+TEST(PhantomTruth, KeratometryOfAConeOnASphere) {
+  EyeGeometry eye;
+  eye.cornea_radius_x_mm = eye.cornea_radius_y_mm = 7.7;
+  eye.cornea_q_x = eye.cornea_q_y = 0;
+  eye.cone_height_um = 60;
+  eye.cone_width_mm = 1.6;
+  eye.cone_x_mm = eye.cone_y_mm = 0;
+  const double r = 1.5;
+  const double slope = r / std::sqrt(7.7 * 7.7 - r * r) + 0.060 * r / 2.56 * std::exp(-r * r / (2 * 2.56));
+  const Json truth = eye_truth(placed(eye), 1.42);
+  EXPECT_NEAR(truth["astigmatism"]["M_D"], 337.5 * slope / (r * std::sqrt(1 + slope * slope)), 1e-8);
+  EXPECT_NEAR(truth["keratometry"]["cylinder_D"], 0, 1e-8);
+}
+
+/// The true optics have the cone that is rendered, to a fifth of a micrometre.
+TEST(PhantomTruth, OpticsHaveTheCone) {
+  const HeadGeometry head = random_keratoconus(5);
+  for (const Laterality laterality : both_eyes) {
+    const PlacedEye eye = place(head, laterality);
+    const EyeGeometry& g = eye.geometry;
+    const EyeModel optics = true_optics(eye, head.lens_index);
+    EyeGeometry regular = g;
+    regular.cone_height_um = 0;
+    for (const double x : {-3.5, -1.0, 0.0, 0.8, 3.0})
+      for (const double y : {-3.4, -1.1, 0.0, 2.0}) {
+        EXPECT_NEAR(*optics.surfaces[0].shape->depth_mm(x, y), anterior_cornea_depth_mm(g, x, y), 2e-4);
+        EXPECT_NEAR(anterior_cornea_depth_mm(g, x, y) - anterior_cornea_depth_mm(regular, x, y),
+                    cone_depth_mm(g, x, y), 1e-12);
+      }
+    EXPECT_NEAR(anterior_cornea_depth_mm(g, 0, 0), 0, 1e-12);
+    EXPECT_GT(eye_truth(eye, head.lens_index)["astigmatism"]["irregularity_um"], 0.5);
+  }
 }
 
 TEST(PhantomTruth, TypeOfAstigmatismFollowsTheSteepMeridian) {

@@ -1,0 +1,23 @@
+#pragma once
+#include <vector>
+
+#include "segmentation/fit/least_squares.hpp"
+
+namespace emmetrope::segmentation {
+
+/// Whether the images ask for more than a biconic: Rao's score test of the terms of the cornea's free form
+/// at a fit without them, all other free parameters and their priors accounted for.
+struct CornealIrregularity {
+  double chi2 = 0;  ///< of corneal_form_terms degrees of freedom if the cornea is regular
+  bool found() const;
+  static constexpr double chi2_limit = 44.3;  ///< exceeded by one regular cornea in 10000
+};
+/// \param problem  with weights that know the misfit, solved at `parameters` for those that are `active`
+CornealIrregularity corneal_irregularity(const FitProblem& problem, const Eigen::VectorXd& parameters,
+                                         const std::vector<int>& active);
+
+/// The vector of a regular cornea with the free form, which is 0.
+/// \param irregular  the layout with it
+Eigen::VectorXd with_free_form(const Eigen::VectorXd& parameters, const ParameterLayout& irregular);
+
+}  // namespace emmetrope::segmentation
