@@ -108,8 +108,10 @@ TEST(IrregularCornea, BiometryTellsItFromTheImages) {
   const Measured irregularity = json["astigmatism"]["irregularity_um"].get<Measured>();
   EXPECT_EQ(irregularity.source, "mri");
   EXPECT_NEAR(irregularity.value, 2.96, 0.05);
-  // One micrometre of the term.
-  EXPECT_NEAR(irregularity.sigma(), std::pow(3 / 4.5, 3), 0.1);
+  // One micrometre of the term, and of the fifth order's trefoil, whose part in the third order's over 3 mm
+  // is sqrt(96) (s^5 - s^3) / 2 with s = 3 / 4.5.
+  const double third = std::pow(3 / 4.5, 3), fifth = std::sqrt(24.0) * (std::pow(3 / 4.5, 5) - third);
+  EXPECT_NEAR(irregularity.sigma(), std::hypot(third, fifth), 0.01);
   // Height, not depth, over 6 mm.
   EXPECT_NEAR(json["cornea_zernike_um"][9]["value"].get<double>(), -2.96, 0.05);
 
