@@ -78,12 +78,8 @@ VectorXd globe_centre_lps_mm(const ParametricEye& eye) { return eye.lps_from_eye
 
 /// What the images show of an irregular cornea's departure from its best toric conicoid.
 Measured fitted_irregularity_um(const EyeEstimate& estimate) {
-  Measured irregularity = measured(estimate.propagate([](const ParametricEye& eye) {
-    return VectorXd(VectorXd::Constant(1, emmetrope::irregularity_um(anterior_cornea(eye))));
-  }),
-                                   0);
-  irregularity.ci95[0] = std::max(0.0, irregularity.ci95[0]);
-  return irregularity;
+  return root_sum_square(estimate.propagate(
+      [](const ParametricEye& eye) { return corneal_departure_um(anterior_cornea(eye)); }));
 }
 
 /// A healthy cornea's departure from its best toric conicoid over 6 mm. Wang, Dai, Koch and Nehrawi (2003),

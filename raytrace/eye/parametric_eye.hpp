@@ -85,7 +85,7 @@ struct ParametricEye {
 
   /// A parameter by its name in fit.json. Plain fields have their own names; parts of vectors are
   /// lens_decentre_x_mm, lens_decentre_y_mm, lens_tilt_x_deg, lens_tilt_y_deg, globe_semi_axis_{x,y,z}_mm,
-  /// displacement_000_mm and on, cornea_zernike_06_um to cornea_zernike_20_um. The pose is apex_{x,y,z}_mm
+  /// displacement_000_mm and on, cornea_zernike_06_um to cornea_zernike_35_um. The pose is apex_{x,y,z}_mm
   /// (LPS) with gaze_horizontal_deg (straight ahead 0, positive to the patient's left) and gaze_vertical_deg
   /// (positive upwards); setting a gaze turns the eye about its apex, its x axis stays horizontal.
   ///

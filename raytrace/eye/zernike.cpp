@@ -29,6 +29,13 @@ RadialFactor radial_factor(int n, int m, double rho_squared) {
   return result;
 }
 
+/// std::pow of a complex number goes through logarithms.
+std::complex<double> power(std::complex<double> z, int exponent) {
+  std::complex<double> result = 1;
+  for (int i = 0; i < exponent; ++i) result *= z;
+  return result;
+}
+
 double normalisation(int n, int m) { return std::sqrt((m == 0 ? 1.0 : 2.0) * (n + 1)); }
 
 }  // namespace
@@ -45,9 +52,9 @@ ZernikeJet zernike_jet(int j, double x, double y) {
   const RadialFactor radial = radial_factor(n, order, x * x + y * y);
   // rho^m cos(m theta) and rho^m sin(m theta) are the parts of (x + iy)^m, smooth at the centre.
   const std::complex<double> z(x, y);
-  const std::complex<double> power = std::pow(z, order);
-  const std::complex<double> slope = order == 0 ? 0.0 : static_cast<double>(order) * std::pow(z, order - 1);
-  const double harmonic = m < 0 ? power.imag() : power.real();
+  const std::complex<double> turned = power(z, order);
+  const std::complex<double> slope = order == 0 ? 0.0 : static_cast<double>(order) * power(z, order - 1);
+  const double harmonic = m < 0 ? turned.imag() : turned.real();
   const double harmonic_x = m < 0 ? slope.imag() : slope.real();
   const double harmonic_y = m < 0 ? slope.real() : -slope.imag();
   const double norm = normalisation(n, m);
@@ -60,9 +67,9 @@ Eigen::VectorXd zernike_values(int order, double x, double y) {
   Eigen::VectorXd result(zernike_count(order));
   for (int j = 0; j < result.size(); ++j) {
     const auto [n, m] = zernike_index(j);
-    const std::complex<double> power = std::pow(std::complex<double>(x, y), std::abs(m));
+    const std::complex<double> turned = power({x, y}, std::abs(m));
     result[j] = normalisation(n, m) * radial_factor(n, std::abs(m), x * x + y * y).value *
-                (m < 0 ? power.imag() : power.real());
+                (m < 0 ? turned.imag() : turned.real());
   }
   return result;
 }

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <random>
 
 #include "pipeline/base/error.hpp"
 
@@ -72,6 +73,25 @@ const std::vector<PopulationPrior>& population_priors() {
 }
 
 double Propagated::sigma(Index i) const { return std::sqrt(std::max(0.0, covariance(i, i))); }
+
+Measured root_sum_square(const Propagated& terms) {
+  constexpr std::size_t draws = 4000;
+  const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(terms.covariance);
+  const MatrixXd spread = eigen.eigenvectors() * eigen.eigenvalues().cwiseMax(0).cwiseSqrt().asDiagonal();
+  std::mt19937_64 random(1);
+  std::normal_distribution<double> normal;
+  std::vector<double> roots(draws);
+  for (double& root : roots)
+    root = (terms.value +
+            spread * VectorXd::NullaryExpr(terms.value.size(), [&] {
+              return normal(random);
+            })).norm();
+  std::sort(roots.begin(), roots.end());
+  const auto quantile = [&](double share) { return roots[static_cast<std::size_t>(share * (draws - 1))]; };
+  Index largest = 0;
+  terms.covariance.diagonal().maxCoeff(&largest);
+  return {quantile(0.5), {quantile(0.025), quantile(0.975)}, terms.source[largest]};
+}
 
 EyeEstimate::EyeEstimate(ParametricEye fitted) : eye_(std::move(fitted)) {
   for (const char* name : required) {

@@ -289,10 +289,12 @@ Topography analyse_topography(const ElevationMap& map, double sigma_D) {
   return result;
 }
 
-double irregularity_um(const CornealDepth& cornea) {
+VectorXd corneal_departure_um(const CornealDepth& cornea) {
   const ElevationMap map = sampled(cornea, irregularity_radius_mm);
-  return depart(map, fit_toric(map), irregularity_radius_mm).rms_um;
+  return depart(map, fit_toric(map), irregularity_radius_mm).coefficients_um;
 }
+
+double irregularity_um(const CornealDepth& cornea) { return corneal_departure_um(cornea).norm(); }
 
 CornealDepth anterior_cornea(const ParametricEye& fitted, const Topography& topography) {
   return [eye = with_toric_cornea(fitted), &topography](double x_mm, double y_mm) {

@@ -44,8 +44,10 @@ struct Topography {
 /// points or a map narrower than 6 mm
 Topography analyse_topography(const ElevationMap& map, double sigma_D);
 
-/// Rms over the central 6 mm of a cornea's departure from its best toric conicoid, as Zernike terms to order
-/// 6.
+/// Zernike terms (OSA, to order 6, um of depth) over the central 6 mm of a cornea's departure from its best
+/// toric conicoid.
+Eigen::VectorXd corneal_departure_um(const CornealDepth& cornea);
+/// Its rms.
 double irregularity_um(const CornealDepth& cornea);
 
 /// Depth of an eye's anterior cornea with a departure on top. Of an irregular cornea the topographer's

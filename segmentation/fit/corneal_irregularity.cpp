@@ -28,7 +28,7 @@ CornealIrregularity corneal_irregularity(const FitProblem& problem, const Vector
   const NormalEquations equations = evaluate(irregular, with_free_form(parameters, layout), true);
 
   std::vector<int> terms;
-  for (int i = 0; i < corneal_form_terms; ++i) terms.push_back(layout.corneal_form() + i);
+  for (int i = 0; i < CornealIrregularity::tested_terms; ++i) terms.push_back(layout.corneal_form() + i);
   const MatrixXd hessian = equations.hessian.selfadjointView<Eigen::Lower>();
   const MatrixXd across = hessian(active, terms);
   const MatrixXd by_active = MatrixXd(hessian(active, active)).llt().solve(across);

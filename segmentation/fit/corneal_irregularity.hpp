@@ -5,10 +5,12 @@
 
 namespace emmetrope::segmentation {
 
-/// Whether the images ask for more than a biconic: Rao's score test of the terms of the cornea's free form
-/// at a fit without them, all other free parameters and their priors accounted for.
+/// Whether the images ask for more than a biconic: Rao's score test of the cornea's free form at a fit
+/// without it, all other free parameters and their priors accounted for. Tested are the terms of orders 3 to
+/// 5: of finer ones a single image tells too little.
 struct CornealIrregularity {
-  double chi2 = 0;  ///< of corneal_form_terms degrees of freedom if the cornea is regular
+  static constexpr int tested_terms = 15;
+  double chi2 = 0;  ///< of tested_terms degrees of freedom if the cornea is regular
   bool found() const;
   static constexpr double chi2_limit = 44.3;  ///< exceeded by one regular cornea in 10000
 };

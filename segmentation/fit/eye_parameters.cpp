@@ -1,12 +1,13 @@
 #include "segmentation/fit/eye_parameters.hpp"
 
+#include <Eigen/LU>
 #include <algorithm>
 #include <array>
 #include <cmath>
 
 #include "pipeline/base/frames.hpp"
 #include "raytrace/eye/parametric_eye.hpp"
-#include "raytrace/eye/zernike.hpp"
+#include "segmentation/fit/corneal_form_prior.hpp"
 
 namespace emmetrope::segmentation {
 namespace {
@@ -97,9 +98,7 @@ constexpr double shift_sigma_mm = 3;     ///< the head moves 1 to 3 mm between s
 constexpr double sharpness_sigma = 0.3;  ///< zero filling and filters that the header does not tell
 constexpr double turn_sigma_deg = 0.7;   ///< it turns with them
 constexpr double displacement_sigma_mm = 0.06;
-// An ectatic cornea: its free form by order of the terms, and the spread of its biconic in units of the
-// regular one's.
-constexpr std::array<double, 3> corneal_form_sigma_um{6, 4, 2};
+// An ectatic cornea; the last is the spread of its biconic in units of the regular one's.
 constexpr double back_form_ratio_mean = 2.0, back_form_ratio_sigma = 0.5;
 constexpr double ectatic_widening = 2.5;
 constexpr double background_sigma_t2 = 0.25, background_sigma_t1 = 0.5;  ///< fat beside muscle
@@ -175,9 +174,10 @@ Priors irregular_cornea_priors(const Priors& of_regular, const ParameterLayout& 
   priors.mean.conservativeResize(layout.size());
   priors.mean.tail(corneal_form_terms + 1) = population_mean(layout).tail(corneal_form_terms + 1);
   priors.sigma.conservativeResize(layout.size());
-  for (int i = 0; i < corneal_form_terms; ++i)
-    priors.sigma[layout.corneal_form() + i] =
-        corneal_form_sigma_um[zernike_index(corneal_form_first + i).n - 3];
+  const Eigen::MatrixXd covariance = corneal_form_covariance_um2();
+  const Eigen::VectorXd sigma = covariance.diagonal().cwiseSqrt();
+  priors.sigma.segment(layout.corneal_form(), corneal_form_terms) = sigma;
+  priors.corneal_form_information = sigma.asDiagonal() * covariance.inverse() * sigma.asDiagonal();
   priors.sigma[layout.back_form_ratio()] = back_form_ratio_sigma;
   for (const int parameter : {cornea_c, cornea_j0, cornea_j45, cornea_q, cornea_thickness})
     priors.sigma[parameter] *= ectatic_widening;

@@ -99,11 +99,14 @@ struct ParameterLayout {
   std::string name(int index) const;
 };
 
-/// Independent normal beliefs about parameters before the image is seen; an infinite sigma is none.
+/// Normal beliefs about parameters before the image is seen; an infinite sigma is none.
 struct Priors {
   Eigen::VectorXd mean, sigma;
   /// Cornea and wall are equally bright but for this, in the unit of intensities; infinite: not asked for.
   double cornea_like_wall_sigma = std::numeric_limits<double>::infinity();
+  /// Inverse of the correlation matrix of the cornea's free form, whose terms go together; empty: no form.
+  /// All else is independent.
+  Eigen::MatrixXd corneal_form_information = {};
 };
 
 /// Population and acquisition priors (values and sources: docs/segmentation.md) about a start vector:

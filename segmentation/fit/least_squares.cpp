@@ -82,6 +82,27 @@ Condensed condense(const NormalEquations& equations, const Basis& basis) {
   return condensed;
 }
 
+void add_priors(const FitProblem& problem, const VectorXd& parameters, bool derivatives,
+                NormalEquations& out) {
+  const Priors& priors = problem.priors;
+  const VectorXd per_sigma = priors.sigma.cwiseInverse();
+  const VectorXd off = (parameters - priors.mean).cwiseProduct(per_sigma);
+  const MatrixXd& information = priors.corneal_form_information;
+  const int form = problem.model->layout().corneal_form();
+  const auto terms = static_cast<int>(information.rows());
+  VectorXd pull = off;
+  pull.segment(form, terms) = information * off.segment(form, terms);
+  out.cost += off.dot(pull) / 2;
+  if (!derivatives) return;
+  out.gradient += pull.cwiseProduct(per_sigma);
+  VectorXd alone = per_sigma.cwiseAbs2();
+  alone.segment(form, terms).setZero();
+  out.hessian.diagonal() += alone;
+  const VectorXd form_per_sigma = per_sigma.segment(form, terms);
+  out.hessian.block(form, form, terms, terms) +=
+      form_per_sigma.asDiagonal() * information * form_per_sigma.asDiagonal();
+}
+
 /// The whole fit as one residual block with as many residuals as parameters, and one constant.
 class CondensedCost : public ceres::CostFunction {
  public:
@@ -193,12 +214,7 @@ NormalEquations evaluate(const FitProblem& problem, const VectorXd& parameters, 
       out.hessian.col(i).setZero();
     }
   }
-  const VectorXd pull = (parameters - problem.priors.mean).cwiseQuotient(problem.priors.sigma);
-  out.cost += pull.squaredNorm() / 2;
-  if (derivatives) {
-    out.gradient += pull.cwiseQuotient(problem.priors.sigma);
-    out.hessian.diagonal() += problem.priors.sigma.cwiseInverse().cwiseAbs2();
-  }
+  add_priors(problem, parameters, derivatives, out);
   return out;
 }
 

@@ -105,6 +105,10 @@ std::vector<QualityGate> judge_quality(const FoundEye& found, const EyeFit& fit)
           fmt::format("corneal power {:.1f} D is above 50 D", k));
   at_least("anterior_chamber_depth_mm", fit.value(anterior_chamber_depth), 1.8, true,
            fmt::format("an anterior chamber of {:.1f} mm is no eye's", fit.value(anterior_chamber_depth)));
+  at_most("corneal_irregularity_chi2", fit.irregularity.chi2, CornealIrregularity::chi2_limit, false,
+          fmt::format("irregular cornea (keratoconus, a scar, surgery?): no biconic describes it, score "
+                      "{:.0f} (limit {:.0f}); a free form was fitted",
+                      fit.irregularity.chi2, CornealIrregularity::chi2_limit));
   double shift = 0;
   for (int s = 1; s < fit.layout.stacks; ++s)
     shift = std::max(shift, fit.parameters.segment<3>(fit.layout.stack(s) + shift_first).norm());

@@ -43,7 +43,7 @@ class ScoreTest : public testing::Test {
   double chi2_of(const VectorXd& form_um, unsigned seed) {
     const ForwardModel true_model = model_.with_irregular_cornea();
     VectorXd truth = with_free_form(parameters_, true_model.layout());
-    truth.segment(true_model.layout().corneal_form(), corneal_form_terms) = form_um;
+    truth.segment(true_model.layout().corneal_form(), form_um.size()) = form_um;
     const ForwardModel::AtParameters at(true_model, truth);
     std::mt19937 random(seed);
     std::normal_distribution<double> normal;
@@ -68,26 +68,26 @@ TEST_F(ScoreTest, FollowsItsDistributionOnARegularCornea) {
   constexpr int images = 60;
   double mean = 0, square = 0;
   for (unsigned seed = 0; seed < images; ++seed) {
-    const double chi2 = chi2_of(VectorXd::Zero(corneal_form_terms), seed);
+    const double chi2 = chi2_of(VectorXd::Zero(CornealIrregularity::tested_terms), seed);
     mean += chi2 / images;
     square += chi2 * chi2 / images;
   }
-  const double variance = 2 * corneal_form_terms;
-  EXPECT_NEAR(mean, corneal_form_terms, 4 * std::sqrt(variance / images));
+  const double variance = 2 * CornealIrregularity::tested_terms;
+  EXPECT_NEAR(mean, CornealIrregularity::tested_terms, 4 * std::sqrt(variance / images));
   // The variance of a chi2 sample's variance: (kurtosis - 1) / n of its square, kurtosis 3 + 12 / dof.
   EXPECT_NEAR(square - mean * mean, variance,
-              4 * variance * std::sqrt((2 + 12.0 / corneal_form_terms) / images));
+              4 * variance * std::sqrt((2 + 12.0 / CornealIrregularity::tested_terms) / images));
 }
 
 TEST_F(ScoreTest, FindsComa) {
-  VectorXd coma = VectorXd::Zero(corneal_form_terms);
+  VectorXd coma = VectorXd::Zero(CornealIrregularity::tested_terms);
   coma[1] = 12;
   EXPECT_GT(chi2_of(coma, 1), CornealIrregularity::chi2_limit);
 }
 
 /// What the other parameters describe does not count: an eye that stands elsewhere is no irregular one.
 TEST_F(ScoreTest, IsBlindToWhatTheOtherParametersDescribe) {
-  const double before = chi2_of(VectorXd::Zero(corneal_form_terms), 5);
+  const double before = chi2_of(VectorXd::Zero(CornealIrregularity::tested_terms), 5);
   parameters_[apex_y] += 0.01;  // the images stay
   parameters_[cornea_c] += 0.0005;
   parameters_[gaze_horizontal] += 0.1;

@@ -5,6 +5,7 @@
 
 #include <Eigen/Cholesky>
 #include <algorithm>
+#include <boost/math/distributions/chi_squared.hpp>
 #include <cmath>
 #include <map>
 #include <numeric>
@@ -213,6 +214,30 @@ TEST(Plausibility, FlagsWhatNoEyeHas) {
     if (!flag.passed) failed.push_back(flag.name);
   }
   EXPECT_EQ(failed, (std::vector<std::string>{"keratometry_flat_D", "keratometry_steep_D"}));
+}
+
+/// Without error the root itself; along the mean alone a normal number; about zero the chi distribution; all
+/// to what 4000 draws are worth, 0.05 of a standard deviation.
+TEST(RootSumSquare, IsThatOfTheDistributionsThatAreKnown) {
+  const Eigen::Vector3d mean(2, -6, 9);  // 11 long
+  const auto of = [](const Eigen::Vector3d& value, const MatrixXd& covariance) {
+    return root_sum_square({value, covariance, {"prior", "prior", "mri"}});
+  };
+  const Measured exact = of(mean, MatrixXd::Zero(3, 3));
+  EXPECT_NEAR(exact.value, 11, 1e-12);
+  EXPECT_NEAR(exact.ci95[1], 11, 1e-12);
+
+  const Measured along = of(mean, 4 * mean * mean.transpose() / 121);
+  EXPECT_NEAR(along.value, 11, 0.1);
+  EXPECT_NEAR(along.ci95[0], 11 - 1.96 * 2, 0.25);
+  EXPECT_NEAR(along.ci95[1], 11 + 1.96 * 2, 0.25);
+  EXPECT_EQ(along.source, "mri");
+
+  const Measured about_zero = of(Eigen::Vector3d::Zero(), 4 * MatrixXd::Identity(3, 3));
+  const boost::math::chi_squared chi2(3);
+  EXPECT_NEAR(about_zero.value, 2 * std::sqrt(boost::math::quantile(chi2, 0.5)), 0.1);
+  EXPECT_NEAR(about_zero.ci95[0], 2 * std::sqrt(boost::math::quantile(chi2, 0.025)), 0.1);
+  EXPECT_NEAR(about_zero.ci95[1], 2 * std::sqrt(boost::math::quantile(chi2, 0.975)), 0.25);
 }
 
 TEST(Optics, EyeAndCovarianceAgree) {
