@@ -4,12 +4,12 @@
 #include <array>
 #include <cmath>
 #include <limits>
-#include <map>
 
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/frames.hpp"
 #include "segmentation/finding/sampling.hpp"
 #include "segmentation/fit/eye_distances.hpp"
+#include "segmentation/fit/globe_candidates.hpp"
 #include "segmentation/fit/globe_starts.hpp"
 #include "segmentation/fit/residual_judgement.hpp"
 #include "segmentation/fit/rician.hpp"
@@ -160,68 +160,6 @@ int coarse_stride(const std::vector<ObservedStack>& stacks) {
     voxel_mm3 = std::min(voxel_mm3,
                          o.stack->row_spacing_mm * o.stack->column_spacing_mm * o.stack->slice_spacing_mm());
   return std::clamp(static_cast<int>(0.8 / voxel_mm3), 1, 6);
-}
-
-/// The loss of every voxel in units of the noise, whatever the weights, by stack and place.
-using VoxelLoss = std::map<std::array<double, 4>, double>;
-VoxelLoss voxel_loss(const FitProblem& problem, const VectorXd& a) {
-  const ForwardModel::AtParameters at(*problem.model, a);
-  VoxelLoss loss;
-  for (const Sample& sample : problem.samples) {
-    const double noise = problem.model->stacks()[sample.stack].noise;
-    const double r = residual(problem, at, sample) * sample.deviation / noise;
-    const Vector3d& x = sample.position;
-    loss[{static_cast<double>(sample.stack), x.x(), x.y(), x.z()}] =
-        std::log1p(r * r / (problem.loss_scale * problem.loss_scale));
-  }
-  return loss;
-}
-
-/// A globe that the first pass found, on its way to a whole eye.
-struct Candidate {
-  SolveResult solution;
-  Priors priors;
-  std::vector<double> apex_costs;
-  VoxelLoss loss;  ///< of the whole eye
-};
-
-/// The likeliest globe and, of different ones, up to two nearly as likely: where fat may be displaced several
-/// fit most of it, and the coarse model of the first pass does not decide between them.
-void keep_distinct(std::vector<Candidate>& candidates, const ParameterLayout& layout) {
-  constexpr std::size_t most = 3;
-  // Chosen: with displaced fat the right globe was up to 0.6 % above the lowest; in a real scan a wrong one 7
-  // % above.
-  constexpr double alike_mm = 0.15, nearly = 1.03;
-  const auto alike = [&](const VectorXd& a, const VectorXd& b) {
-    const int fat = layout.stack(0) + fat_shift_first;
-    return (a - b).segment<3>(globe_x).cwiseAbs().maxCoeff() < alike_mm &&
-           (a - b).segment<2>(fat).cwiseAbs().maxCoeff() < alike_mm;
-  };
-  std::sort(candidates.begin(), candidates.end(),
-            [](const auto& x, const auto& y) { return x.solution.cost < y.solution.cost; });
-  const double lowest = candidates.front().solution.cost;
-  std::vector<Candidate> kept;
-  for (Candidate& candidate : candidates)
-    if (kept.size() < most && candidate.solution.cost <= nearly * lowest &&
-        std::none_of(kept.begin(), kept.end(), [&](const Candidate& other) {
-          return alike(candidate.solution.parameters, other.solution.parameters);
-        }))
-      kept.push_back(std::move(candidate));
-  candidates = std::move(kept);
-}
-
-/// Which candidate explains most of the voxels that all of them use.
-const Candidate& most_likely(const std::vector<Candidate>& candidates) {
-  std::vector<double> sums(candidates.size(), 0);
-  for (const auto& entry : candidates.front().loss) {
-    std::vector<double> losses;
-    for (const Candidate& candidate : candidates)
-      if (const auto found = candidate.loss.find(entry.first); found != candidate.loss.end())
-        losses.push_back(found->second);
-    if (losses.size() < candidates.size()) continue;
-    for (std::size_t i = 0; i < losses.size(); ++i) sums[i] += losses[i];
-  }
-  return candidates[static_cast<std::size_t>(std::min_element(sums.begin(), sums.end()) - sums.begin())];
 }
 
 /// The last passes: everything that is active, then once more with weights that know the misfit. Samples,
