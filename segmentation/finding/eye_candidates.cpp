@@ -333,7 +333,9 @@ Gaze find_gaze(const std::vector<GlobeInStack>& views, double globe_radius_mm, C
       };
       const double lens = (disc_at(6.6, 2.5) + disc_at(7.4, 2.5) + disc_at(8.2, 2.0)) / 3;
       const double behind = disc_at(3.5, 3.5), before = disc_at(10.4, 1.5);
-      total += std::min(sign * (behind - lens), sign * (before - lens)) / std::max(units[i], 1e-9);
+      // What is bright on one side alone is no lens in T1; in T2 the front may have been cut off.
+      const double around = contrast == Contrast::t2 ? (behind + before) / 2 : std::max(behind, before);
+      total += sign * (around - lens) / std::max(units[i], 1e-9);
     }
     return total / static_cast<double>(views.size());
   };
