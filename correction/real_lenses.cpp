@@ -2,9 +2,11 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 
 #include "correction/notation.hpp"
 #include "pipeline/base/error.hpp"
+#include "pipeline/base/frames.hpp"
 #include "raytrace/spectacle/spectacle.hpp"
 
 namespace emmetrope::correction {
@@ -26,6 +28,22 @@ PowerVector as_power(const Eigen::VectorXd& lens) { return {lens[0], lens[1], le
 Eigen::Vector3d as_vector(const PowerVector& power) { return {power.M_D, power.J0_D, power.J45_D}; }
 
 double base_by_vogel_D(double M_D) { return std::clamp(M_D > 0 ? M_D + 6 : M_D / 2 + 6, 0.5, 12.0); }
+
+/// Where a thin lens on the cornea stands: just clear of it. An irregular cornea reaches in front of its
+/// vertex beside the axis.
+double in_front_of_cornea_mm(const EyeModel& eye) {
+  constexpr double clearance_mm = 1e-3, radius_mm = 2;
+  constexpr int rings = 20, spokes = 24;
+  const Surface& cornea = eye.surfaces.front();
+  double foremost = 0;
+  for (int i = 1; i <= rings; ++i)
+    for (int k = 0; k < spokes; ++k) {
+      const double r = radius_mm * i / rings, angle = 2 * pi * k / spokes;
+      if (const auto depth = cornea.shape->depth_mm(r * std::cos(angle), r * std::sin(angle)))
+        foremost = std::max(foremost, -cornea.position_mm - *depth);
+    }
+  return foremost + clearance_mm;
+}
 
 RealLens climb_from(const raytrace::Tracer& tracer, const std::shared_ptr<const raytrace::Scene>& scene,
                     const EyeModel& eye, const ImagingLevel& level, const LensFamily& family,
@@ -97,7 +115,7 @@ std::vector<RealLens> sharpest_real_lenses(const raytrace::Tracer& tracer,
     meniscus.reason = error.what();
   }
   meniscus.vertex_distance_mm = vertex_distance_mm;
-  LensFamily contact = thin_lens(0);
+  LensFamily contact = thin_lens(in_front_of_cornea_mm(eye));
   contact.name = "contact lens";
   lenses.push_back(
       climb_from(tracer, scene, eye, level, contact, move_towards_eye(thin, vertex_distance_mm)));
