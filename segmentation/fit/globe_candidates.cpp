@@ -23,8 +23,8 @@ VoxelLoss voxel_loss(const FitProblem& problem, const VectorXd& parameters) {
 
 void keep_distinct(std::vector<Candidate>& candidates, const ParameterLayout& layout) {
   constexpr std::size_t most = 3;
-  // Chosen: with displaced fat the right globe was up to 0.6 % above the lowest; in a real scan a wrong one 7
-  // % above.
+  // Chosen: with displaced fat the right globe was up to 0.6 % above the lowest (once 22 %); in a real scan a
+  // wrong one 7 % above.
   constexpr double alike_mm = 0.15, nearly = 1.03;
   const auto alike = [&](const VectorXd& a, const VectorXd& b) {
     const int fat = layout.stack(0) + fat_shift_first;
