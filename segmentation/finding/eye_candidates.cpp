@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <functional>
 
 #include "pipeline/base/frames.hpp"
 #include "segmentation/finding/sampling.hpp"
@@ -325,49 +326,69 @@ Gaze find_gaze(const std::vector<GlobeInStack>& views, double globe_radius_mm, C
     const double vitreous = disc(view, ahead, 2.0, 4.0);
     units.push_back(contrast == Contrast::t2 ? vitreous : std::max(disc(view, -ahead, 13.5, 8), vitreous));
   }
-  const auto score_at = [&](const Vector3d& axis, double farther) {
-    double total = 0;
+  // Of the lens against what lies behind it and before it, with all of them moved along the axis.
+  struct Contrasts {
+    double behind, before;
+  };
+  const auto contrasts = [&](const Vector3d& axis, double farther) {
+    Contrasts sum{0, 0};
     for (std::size_t i = 0; i < views.size(); ++i) {
       const auto disc_at = [&](double distance, double radius) {
         return disc(views[i], axis, distance + farther, radius);
       };
       const double lens = (disc_at(6.6, 2.5) + disc_at(7.4, 2.5) + disc_at(8.2, 2.0)) / 3;
-      const double behind = disc_at(3.5, 3.5), before = disc_at(10.4, 1.5);
-      // What is bright on one side alone is no lens in T1; in T2 the front may have been cut off.
-      const double around = contrast == Contrast::t2 ? (behind + before) / 2 : std::max(behind, before);
-      total += sign * (around - lens) / std::max(units[i], 1e-9);
+      const double per_view = sign / std::max(units[i], 1e-9) / static_cast<double>(views.size());
+      sum.behind += per_view * (disc_at(3.5, 3.5) - lens);
+      sum.before += per_view * (disc_at(10.4, 1.5) - lens);
     }
-    return total / static_cast<double>(views.size());
+    return sum;
   };
-  // In T1 the globe was found by the edge of the fat, which chemical shift displaces by up to 2 mm.
-  const std::vector<double> offsets_mm =
-      contrast == Contrast::t2 ? std::vector<double>{0} : std::vector<double>{-2, -1, 0, 1, 2};
-  const auto score = [&](const Vector3d& axis) {
+  const auto usual = [&](const Vector3d& axis) {
+    const Contrasts at = contrasts(axis, 0);
+    return (at.behind + at.before) / 2;  // the front may have been cut off
+  };
+  const auto displaced = [&](const Vector3d& axis) {
     double best = -1e9;
-    for (const double farther : offsets_mm) best = std::max(best, score_at(axis, farther));
+    for (const double farther : {-2, -1, 0, 1, 2}) {
+      const Contrasts at = contrasts(axis, farther);
+      best = std::max(best, std::min(at.behind, at.before));
+    }
     return best;
   };
   const auto direction = [](double h, double v) {
     return Vector3d(std::sin(h * degree) * std::cos(v * degree), -std::cos(h * degree) * std::cos(v * degree),
                     std::sin(v * degree));
   };
-  double best_h = 0, best_v = 0, best = -1e9;
-  const auto search = [&](double centre_h, double centre_v, double reach, double step) {
-    for (double h = centre_h - reach; h <= centre_h + reach + 1e-9; h += step) {
-      for (double v = centre_v - reach; v <= centre_v + reach + 1e-9; v += step) {
-        if (std::hypot(h, v) > 60) continue;
-        const double s = score(direction(h, v));
-        if (s > best) {
-          best = s;
-          best_h = h;
-          best_v = v;
+  struct Found {
+    Vector3d axis;
+    double score;
+  };
+  const auto search = [&](const std::function<double(const Vector3d&)>& score) {
+    double best_h = 0, best_v = 0, best = -1e9;
+    const auto about = [&](double centre_h, double centre_v, double reach, double step) {
+      for (double h = centre_h - reach; h <= centre_h + reach + 1e-9; h += step) {
+        for (double v = centre_v - reach; v <= centre_v + reach + 1e-9; v += step) {
+          if (std::hypot(h, v) > 60) continue;
+          const double s = score(direction(h, v));
+          if (s > best) {
+            best = s;
+            best_h = h;
+            best_v = v;
+          }
         }
       }
-    }
+    };
+    about(0, 0, 56, 4);
+    about(best_h, best_v, 3, 1);
+    return Found{direction(best_h, best_v), best};
   };
-  search(0, 0, 56, 4);
-  search(best_h, best_v, 3, 1);
-  return {direction(best_h, best_v), best};
+  const Found found = search(usual);
+  Gaze gaze{found.axis, found.score, {}};
+  if (contrast == Contrast::t1) {
+    const Vector3d other = search(displaced).axis;
+    if (other.dot(found.axis) < std::cos(10 * degree)) gaze.other_axis = other;
+  }
+  return gaze;
 }
 
 }  // namespace emmetrope::segmentation

@@ -1,5 +1,6 @@
 #pragma once
 #include <Eigen/Core>
+#include <optional>
 #include <vector>
 
 #include "segmentation/volume.hpp"
@@ -28,11 +29,14 @@ struct EyeCandidate {
 std::vector<EyeCandidate> find_candidates(const Stack& stack);
 
 /// Direction in which an eye looks, from the lens: darker than vitreous and aqueous in T2, brighter in T1.
-/// Searched within 60 degrees of straight ahead; in T1 from 2 mm before to 2 mm behind its usual place.
+/// Searched within 60 degrees of straight ahead.
 struct Gaze {
   Eigen::Vector3d axis;  ///< unit, out of the eye, LPS
   double lens_contrast =
       0;  ///< of the lens against its surroundings, relative to the vitreous (T2) or the surround (T1)
+  /// In T1 the globe was found by the edge of the fat, which chemical shift displaces: the axis if the lens
+  /// is up to 2 mm nearer or farther than usual, where that is more than 10 degrees away.
+  std::optional<Eigen::Vector3d> other_axis;
 };
 struct GlobeInStack {
   const Stack* stack = nullptr;

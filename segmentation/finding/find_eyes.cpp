@@ -176,6 +176,7 @@ FoundEyes find_eyes(const std::vector<const Stack*>& stacks,
     for (const EyeView& v : eye.views) views.push_back({stacks[v.stack], v.globe.centre});
     const Gaze gaze = find_gaze(views, eye.radius_mm, eye.contrast);
     eye.axis = gaze.axis;
+    eye.other_axis = gaze.other_axis;
     eye.lens_contrast = gaze.lens_contrast;
 
     const auto explain = [&](const EyeView& v, bool used) {

@@ -19,7 +19,8 @@ struct FoundEye {
   Contrast contrast = Contrast::t2;
   std::vector<EyeView> views;  ///< chosen for the fit, best first; one contrast class
   std::vector<EyeView> left_out;
-  Eigen::Vector3d axis;  ///< outward, LPS
+  Eigen::Vector3d axis;                       ///< outward, LPS
+  std::optional<Eigen::Vector3d> other_axis;  ///< what else it may be, see Gaze
   double lens_contrast = 0;
   double radius_mm = 0;
 };

@@ -216,6 +216,7 @@ EyeStart start_of(const FoundEye& eye, std::optional<double> age_years) {
   start.globe_centre = eye.views.front().globe.centre;
   start.globe_radius_mm = eye.radius_mm;
   start.axis = eye.axis;
+  start.other_axis = eye.other_axis;
   for (const EyeView& view : eye.views) start.stack_shift.push_back(start.globe_centre - view.globe.centre);
   return start;
 }

@@ -98,6 +98,11 @@ std::vector<VectorXd> globe_starts(const ForwardModel& model, const std::vector<
   EyeStart smaller = start;
   smaller.globe_radius_mm -= 1;
   starts.push_back(start_parameters(layout, stacks, smaller, contrast, evidence));
+  if (start.other_axis)
+    for (EyeStart other : {start, smaller}) {
+      other.axis = *start.other_axis;
+      starts.push_back(start_parameters(layout, stacks, other, contrast, evidence));
+    }
   for (const VectorXd& still : std::vector<VectorXd>(starts)) {
     for (int s = 0; s < layout.stacks; ++s) {
       for (const int along : {0, 1}) {

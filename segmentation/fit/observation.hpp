@@ -12,7 +12,8 @@ namespace emmetrope::segmentation {
 struct EyeStart {
   Eigen::Vector3d globe_centre;  ///< LPS, mm
   double globe_radius_mm = 11.5;
-  Eigen::Vector3d axis;  ///< unit, out of the eye, LPS
+  Eigen::Vector3d axis;                       ///< unit, out of the eye, LPS
+  std::optional<Eigen::Vector3d> other_axis;  ///< to start from too
   /// Where the head has moved between the stacks: a point of stack k plus stack_shift[k] is where it lies in
   /// the first. Empty: nowhere.
   std::vector<Eigen::Vector3d> stack_shift;
