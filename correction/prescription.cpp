@@ -62,23 +62,27 @@ struct ExpectedCylinder {
   AxisFrom axis_from;
 };
 
-ExpectedCylinder expected_cylinder(const PowerVector& full, int sign) {
+ExpectedCylinder expected_cylinder(const PowerVector& full, int sign, double depth_of_focus_D) {
   const double J_D = std::hypot(full.J0_D, full.J45_D);
   const double half_power_D = (sign * full.M_D + J_D) / 2, left_D = std::abs(sign * full.M_D - J_D);
   if (2 * J_D < least_cylinder_D) return {{1, 0}, half_power_D, AxisFrom::convention};
-  // Where more is left than half of what is corrected, blur along one line is all that a turn changes, and
-  // what detail the chart happens to have across it would choose the axis (10 degrees off at 4.8 D left).
+  // Where more is left than half of what is corrected, or much against the depth of focus, blur along one
+  // line is all that a turn changes, and what detail the chart happens to have across it would choose the
+  // axis (10 degrees off at 4.8 D left).
+  constexpr double most_depths_of_focus = 5;
   return {Eigen::Vector2d(full.J0_D, full.J45_D) / J_D, half_power_D,
-          left_D <= half_power_D ? AxisFrom::sharpness : AxisFrom::refraction};
+          left_D <= std::min(half_power_D, most_depths_of_focus * depth_of_focus_D) ? AxisFrom::sharpness
+                                                                                    : AxisFrom::refraction};
 }
 
 /// From the expected, a weak and a strong lens of the sign that leaves less blur, and from the expected one
 /// of the other sign where that is a cylinder at all.
-std::vector<Start> plano_cylinder_starts(const PowerVector& full, double distance_mm, double index) {
+std::vector<Start> plano_cylinder_starts(const PowerVector& full, double distance_mm, double index,
+                                         double depth_of_focus_D) {
   constexpr double weakest_D = 0.05, strongest_D = 12;
   std::vector<Start> starts;
   const auto add = [&](int sign, double times) {
-    const ExpectedCylinder expected = expected_cylinder(full, sign);
+    const ExpectedCylinder expected = expected_cylinder(full, sign, depth_of_focus_D);
     const LensFamily any = plano_cylinder(sign, distance_mm, index);
     const double half_D = std::clamp(expected.half_power_D, weakest_D, strongest_D),
                  start_D = std::min(times * half_D, strongest_D);
@@ -89,7 +93,7 @@ std::vector<Start> plano_cylinder_starts(const PowerVector& full, double distanc
   };
   const int better = full.M_D < 0 ? -1 : 1;
   for (const double times : {1.0, 0.3, 2.0}) add(better, times);
-  if (expected_cylinder(full, -better).half_power_D > weakest_D) add(-better, 1);
+  if (expected_cylinder(full, -better, depth_of_focus_D).half_power_D > weakest_D) add(-better, 1);
   return starts;
 }
 
@@ -99,12 +103,14 @@ PlanoCylinderResult best_plano_cylinder(const raytrace::Tracer& tracer,
                                         const PowerVector& at_lens) {
   const double index = settings.plano_cylinder_index, distance_mm = settings.plano_cylinder_distance_mm;
   const std::vector<ImagingLevel> levels = levels_of(settings);
+  const double depth_of_focus_D = levels.back().depth_of_focus_D();
   PlanoCylinderResult best;
-  best.search = find_sharpest(tracer, scene, eye, levels, plano_cylinder_starts(at_lens, distance_mm, index));
+  best.search = find_sharpest(tracer, scene, eye, levels,
+                              plano_cylinder_starts(at_lens, distance_mm, index, depth_of_focus_D));
   const Eigen::VectorXd& found = best.search.best.lens;
   const PowerVector power = best.search.family.power(found);
   const int sign = power.M_D < 0 ? -1 : 1;
-  best.axis_from = expected_cylinder(at_lens, sign).axis_from;
+  best.axis_from = expected_cylinder(at_lens, sign, depth_of_focus_D).axis_from;
   best.lens = plano_cylinder_of(sign, Eigen::Vector2d(power.J0_D, power.J45_D), index);
   best.sharpness = best.search.best.sharpness;
 
