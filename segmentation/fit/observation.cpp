@@ -109,7 +109,8 @@ std::vector<ObservedStack> observe(const std::vector<const Stack*>& stacks, cons
     if (!drawn) {
       const TissueLevels levels = measure_levels(*stack, start.in_stack(k), contrast);
       o.reference = contrast == Contrast::t2 ? levels.vitreous : levels.surround;
-      o.sampling.fat = levels.fat / o.reference;
+      // Positive where an image is masked to zero around the globe too: the model divides by it.
+      o.sampling.fat = std::max(levels.fat / o.reference, 1e-3);
     }
     if (!(o.reference > 0)) throw no_result_error(stack->name + ": no signal where the eye should be");
     o.sampling.along_row = stack->along_row;

@@ -47,12 +47,10 @@ std::vector<QualityGate> judge_quality(const FoundEye& found, const EyeFit& fit)
 
   const double k = 337.5 * fit.value(cornea_c), k_sigma = 337.5 * fit.sigma(cornea_c);
   const double prior_sigma = 337.5 * fit.priors.sigma[cornea_c];
-  at_most(
-      "cornea_sigma_over_prior", k_sigma / prior_sigma, 0.95, true,
-      fmt::format(
-          "the cornea is not visible (a defaced head? it moved?): the images say next to nothing about its "
-          "curvature (sigma {:.2f} D, prior {:.2f} D)",
-          k_sigma, prior_sigma));
+  at_most("cornea_sigma_over_prior", k_sigma / prior_sigma, 0.95, true,
+          fmt::format("the cornea is not visible (a defaced head?): the images say next to nothing about its "
+                      "curvature (sigma {:.2f} D, prior {:.2f} D)",
+                      k_sigma, prior_sigma));
   const double length_sigma = fit.pole_depth_sigma_mm();
   at_most("axial_length_sigma_mm", length_sigma, 0.6, true,
           fmt::format("the axial length is not determined (sigma {:.2f} mm): cornea or fundus is not "
