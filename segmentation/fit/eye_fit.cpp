@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <iterator>
 #include <limits>
 
 #include "pipeline/base/error.hpp"
@@ -193,6 +194,7 @@ void settle(EyeFit& fit, FitProblem& problem, const std::function<void()>& step_
     fit.irregularity = corneal_irregularity(problem, fit.parameters, fit.active);
   for (std::size_t i = 0; i < deviations.size(); ++i) problem.samples[i].deviation = deviations[i];
   judge_residuals(fit, problem);
+  if (fit.evidence == Evidence::intensities) fit.slice_displacement_mm = slice_displacement_mm(fit, problem);
   fit.samples = std::move(problem.samples);
 }
 
@@ -242,7 +244,6 @@ EyeFit fit_eye(const std::vector<const Stack*>& stacks, const EyeStart& start, C
 
   FitProblem problem;
   problem.model = &model;
-  const std::vector<VectorXd> starts = globe_starts(model, stacks, start, contrast, evidence);
   const auto priors_about = [&](const VectorXd& from) {
     Priors priors = population_priors(layout, from, contrast, start.age_years);
     for (int s = 0; s < layout.stacks; ++s)
@@ -255,16 +256,20 @@ EyeFit fit_eye(const std::vector<const Stack*>& stacks, const EyeStart& start, C
   globe.cornea = false;
   globe.fields = contrast == Contrast::t1;
   globe.stride = coarse_stride(observed);
-  problem.samples = select_samples(model, starts.front(), observed, globe);
-  if (problem.samples.size() < 1000) throw no_result_error("too few voxels show the eye");
-  freeze_weights(problem, starts.front());
-  // On the same voxels from each start, which reach as far as the first one's.
   std::vector<Candidate> candidates;
-  for (const VectorXd& from : starts) {
-    problem.priors = priors_about(from);
-    candidates.push_back({fit_globe(problem, from, evidence, globe.fields), problem.priors, {}, {}});
+  for (const std::vector<VectorXd>& starts : globe_starts(model, stacks, start, contrast, evidence)) {
+    // On the same voxels from each start along an axis, which reach as far as the first one's.
+    problem.samples = select_samples(model, starts.front(), observed, globe);
+    if (problem.samples.size() < 1000) throw no_result_error("too few voxels show the eye");
+    freeze_weights(problem, starts.front());
+    std::vector<Candidate> along_axis;
+    for (const VectorXd& from : starts) {
+      problem.priors = priors_about(from);
+      along_axis.push_back({fit_globe(problem, from, evidence, globe.fields), problem.priors, {}, {}});
+    }
+    keep_distinct(along_axis, layout);
+    std::move(along_axis.begin(), along_axis.end(), std::back_inserter(candidates));
   }
-  keep_distinct(candidates, layout);
   step_done();
 
   const std::vector<int> active = open_parameters(layout, all_parameters(model), evidence);

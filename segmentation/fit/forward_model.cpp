@@ -233,8 +233,9 @@ double ForwardModel::AtParameters::intensity(const Sample& sample, SparseRow* ro
       Edge outer_edge{1, 0, 0}, inner_edge{1, 0, 0}, fat_edge{1, 0, 0};
       const double outside = a_[surround] + wall_at.background;
       // Of that, fat's signal: what is not fat is muscle, as bright as the wall.
-      const double fat_by_outside = sampling.fat / std::max(sampling.fat - a_[wall], 0.2);
-      const double fat = fat_by_outside * (outside - a_[wall]);
+      const double over_wall = sampling.fat - a_[wall], least_over_wall = 0.2;
+      const double fat_share = (outside - a_[wall]) / std::max(over_wall, least_over_wall);
+      const double fat = sampling.fat * fat_share;
       if (sample.near_wall) {
         const EyeSurface outer = globe_surface(a_, p, true, &wall_at),
                          inner = globe_surface(a_, p, false, &wall_at);
@@ -250,12 +251,13 @@ double ForwardModel::AtParameters::intensity(const Sample& sample, SparseRow* ro
           by_fat_shift -= by_f * fat_begins.gradient;
           by_u += by_f + enter(outer, outer_edge, a_[wall] - outside + fat);
           by_u += enter(inner, inner_edge, fluid - a_[wall]);
-          const double by_fat = outer_edge.value - fat_edge.value;
-          const double by_outside = 1 - outer_edge.value + by_fat * fat_by_outside;
+          const double by_share =
+              (outer_edge.value - fat_edge.value) * sampling.fat / std::max(over_wall, least_over_wall);
+          const double by_outside = 1 - outer_edge.value + by_share;
           row->add(surround, weight * by_outside);
           by_background += weight * by_outside;
-          row->add(wall, weight * (outer_edge.value - inner_edge.value -
-                                   by_fat * fat_by_outside * (1 - fat / sampling.fat)));
+          const double share_by_wall = over_wall > least_over_wall ? 1 - fat_share : 1;
+          row->add(wall, weight * (outer_edge.value - inner_edge.value - by_share * share_by_wall));
         }
       }
       sum += weight * (outside * (1 - outer_edge.value) + fat * (outer_edge.value - fat_edge.value) +

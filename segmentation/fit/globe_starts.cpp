@@ -88,21 +88,14 @@ VectorXd start_parameters(const ParameterLayout& layout, const std::vector<const
   return a;
 }
 
-}  // namespace
-
-std::vector<VectorXd> globe_starts(const ForwardModel& model, const std::vector<const Stack*>& stacks,
-                                   const EyeStart& start, Contrast contrast, Evidence evidence) {
+std::vector<VectorXd> starts_along_axis(const ForwardModel& model, const std::vector<const Stack*>& stacks,
+                                        const EyeStart& start, Contrast contrast, Evidence evidence) {
   const ParameterLayout& layout = model.layout();
   std::vector<VectorXd> starts{start_parameters(layout, stacks, start, contrast, evidence)};
   if (contrast != Contrast::t1 || evidence == Evidence::labels) return starts;
   EyeStart smaller = start;
   smaller.globe_radius_mm -= 1;
   starts.push_back(start_parameters(layout, stacks, smaller, contrast, evidence));
-  if (start.other_axis)
-    for (EyeStart other : {start, smaller}) {
-      other.axis = *start.other_axis;
-      starts.push_back(start_parameters(layout, stacks, other, contrast, evidence));
-    }
   for (const VectorXd& still : std::vector<VectorXd>(starts)) {
     for (int s = 0; s < layout.stacks; ++s) {
       for (const int along : {0, 1}) {
@@ -124,6 +117,19 @@ std::vector<VectorXd> globe_starts(const ForwardModel& model, const std::vector<
       }
     }
   }
+  return starts;
+}
+
+}  // namespace
+
+std::vector<std::vector<VectorXd>> globe_starts(const ForwardModel& model,
+                                                const std::vector<const Stack*>& stacks,
+                                                const EyeStart& start, Contrast contrast, Evidence evidence) {
+  std::vector<std::vector<VectorXd>> starts{starts_along_axis(model, stacks, start, contrast, evidence)};
+  if (!start.other_axis || contrast != Contrast::t1 || evidence == Evidence::labels) return starts;
+  EyeStart other = start;
+  other.axis = *start.other_axis;
+  starts.push_back(starts_along_axis(model, stacks, other, contrast, evidence));
   return starts;
 }
 

@@ -134,4 +134,31 @@ Eigen::MatrixXd widened_for_coherent_residuals(const EyeFit& fit, const FitProbl
                             distance_derivatives(fit));
 }
 
+double slice_displacement_mm(const EyeFit& fit, const FitProblem& problem) {
+  FitProblem unbounded = problem;  // a large residual is evidence here, not an outlier
+  unbounded.loss_scale = 1e6;
+  const LinearRows rows =
+      linearise(unbounded, fit.parameters, select_parameters(fit.layout.size(), {apex_x, apex_y, apex_z}));
+  struct Slice {
+    Eigen::Matrix2d information = Eigen::Matrix2d::Zero();
+    Eigen::Vector2d gradient = Eigen::Vector2d::Zero();
+  };
+  const Blocks slice_of = slices(fit, problem.samples);
+  std::vector<Slice> found(1 + *std::max_element(slice_of.begin(), slice_of.end()));
+  for (std::size_t i = 0; i < slice_of.size(); ++i) {
+    const auto row = static_cast<Eigen::Index>(i);
+    const Stack& stack = *fit.stacks[problem.samples[i].stack].stack;
+    const Vector3d by_place = Vector3d(rows.jacobian.row(row).transpose());
+    const Eigen::Vector2d in_plane(by_place.dot(stack.along_row), by_place.dot(stack.along_column));
+    found[slice_of[i]].information += in_plane * in_plane.transpose();
+    found[slice_of[i]].gradient += rows.residual[row] * in_plane;
+  }
+  double weighted = 0, weights = 0;
+  for (const Slice& slice : found) {
+    weighted += slice.gradient.dot(slice.information.completeOrthogonalDecomposition().solve(slice.gradient));
+    weights += slice.information.trace() / 2;
+  }
+  return std::sqrt(weighted / weights);
+}
+
 }  // namespace emmetrope::segmentation

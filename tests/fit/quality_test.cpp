@@ -78,6 +78,14 @@ class QualityGates : public testing::Test {
     }
   }
 
+  double gate(const std::string& name) const {
+    const Json fit = read_json(folder_ / "case" / "segmentation" / "od" / "fit.json");
+    for (const Json& one : fit.at("quality"))
+      if (one.at("name") == name) return one.at("value");
+    ADD_FAILURE() << "no gate " << name;
+    return 0;
+  }
+
   static phantom::Disturbances quiet_scan() {
     phantom::Disturbances disturbances;
     disturbances.snr = 20;
@@ -91,7 +99,10 @@ class QualityGates : public testing::Test {
 };
 
 /// Without a defect the same phantom is measured: what the others are refused for is their defect.
-TEST_F(QualityGates, AGoodScanPasses) { EXPECT_EQ(run(image(quiet_scan())).status, ExitStatus::done); }
+TEST_F(QualityGates, AGoodScanPasses) {
+  EXPECT_EQ(run(image(quiet_scan())).status, ExitStatus::done);
+  EXPECT_LT(gate("slice_displacement_mm"), 0.05);
+}
 
 TEST_F(QualityGates, ADefacedHeadHasNoCornea) {
   Stack stack = image(quiet_scan());
@@ -106,6 +117,14 @@ TEST_F(QualityGates, MotionBetweenSlicesIsNoEye) {
   phantom::Disturbances disturbances = quiet_scan();
   disturbances.slice_motion_mm = 1.5;
   expect_refused(run(image(disturbances)), "moved");
+}
+
+/// Two axes of the shifts lie in the slices' plane.
+TEST_F(QualityGates, MotionBetweenSlicesIsMeasured) {
+  phantom::Disturbances disturbances = quiet_scan();
+  disturbances.slice_motion_mm = 0.5;
+  expect_refused(run(image(disturbances)), "moved");
+  EXPECT_NEAR(gate("slice_displacement_mm"), 0.5 * std::sqrt(2.0), 0.15);
 }
 
 TEST_F(QualityGates, AnEyeWithoutALensIsNotMeasured) {

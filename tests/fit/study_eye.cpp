@@ -208,6 +208,7 @@ void write_down(StudiedEye& studied) {
   record["surface_mm"] = surface_distances(eye, studied.truth, fitted_from_true);
   record["irregular_cornea"] = fit.layout.irregular_cornea;
   record["irregularity_chi2"] = fit.irregularity.chi2;
+  record["slice_displacement_mm"] = fit.slice_displacement_mm;
   record["chi2_per_voxel"] = fit.chi2_per_voxel;
   record["regions"] = Json::array();
   for (const RegionFit& region : fit.regions) record["regions"].push_back(region.chi2);
