@@ -189,6 +189,7 @@ void settle(EyeFit& fit, FitProblem& problem, const std::function<void()>& step_
   pass(30);
   fit.covariance = covariance(problem, fit.parameters, basis);
   fit.covariance = widened_for_coherent_residuals(fit, problem);
+  fit.covariance = widened_for_displaced_fat(fit);
   // Labels are no smooth surface: what they depart from a biconic is how they were drawn.
   if (!fit.layout.irregular_cornea && fit.evidence == Evidence::intensities)
     fit.irregularity = corneal_irregularity(problem, fit.parameters, fit.active);

@@ -17,6 +17,10 @@ std::array<double, part_count> judge_residuals(EyeFit& fit, const FitProblem& pr
 /// \pre fit.parameters solve the problem, and fit.covariance is theirs
 Eigen::MatrixXd widened_for_coherent_residuals(const EyeFit& fit, const FitProblem& problem);
 
+/// The fit's covariance with the variances of the globe's length, width and height widened by what a model of
+/// displaced fat over the wall may be wrong in T1.
+Eigen::MatrixXd widened_for_displaced_fat(const EyeFit& fit);
+
 /// How far the slices lie from where the fitted eye has them: the displacement in its plane that each slice's
 /// residuals ask for (mm), rms over the slices weighted by how well they tell. Where the head moved between
 /// slices it is about sqrt 2 times the motion along one axis; else it is what noise and model leave.
