@@ -8,6 +8,7 @@
 
 #include "pipeline/base/astigmatism.hpp"
 #include "pipeline/base/frames.hpp"
+#include "raytrace/eye/zernike.hpp"
 #include "raytrace/parametric/analytic_eye.hpp"
 #include "raytrace/parametric/topography.hpp"
 
@@ -87,6 +88,26 @@ Measured fitted_irregularity_um(const EyeEstimate& estimate) {
 /// that a conicoid has too, 0.280 um; the rest over the index step of 0.376 is a height of 1.0 um. One-sided
 /// interval.
 Measured usual_irregularity_um() { return {1.0, {0, 1.8}, "prior"}; }
+
+/// What a Zernike coefficient of the corneal height (um over 6 mm) may have beside the shape that was
+/// measured. Of a biconic: a healthy cornea's departure, 1.0 um rms in all, of which coma is 0.66 (0.248 um
+/// of wavefront; Wang et al. 2003 as above) and trefoil taken to be alike; the rest falls with the order. Of
+/// a topographer's map: where its centre lies 0.1 mm off the apex, coma; else its repeatability (chosen).
+double departure_sigma_um(int term, double zone_mm, bool mapped) {
+  const auto [order, frequency] = zernike_index(term);
+  if (order < 3 || (order == 4 && frequency == 0)) return 0;
+  const double over_6_mm = mapped       ? (order == 3 && std::abs(frequency) == 1 ? 0.3 : 0.1)
+                           : order == 3 ? 0.47
+                           : order == 4 ? 0.2
+                                        : 0.055;
+  return over_6_mm * std::pow(zone_mm / 6, order);
+}
+
+Measured with_departure(const Measured& fitted, double sigma_um, const char* source) {
+  if (sigma_um == 0) return fitted;
+  return Measured::from_sigma(fitted.value, std::hypot(fitted.sigma(), sigma_um),
+                              sigma_um > fitted.sigma() ? source : fitted.source);
+}
 
 struct Gate {
   const char* name;
@@ -196,8 +217,13 @@ Json biometry_json(const EyeEstimate& estimate, const BiometryOptions& options,
                                                        : usual_irregularity_um()},
       {"section_2p3mm", {{"vertical_mm", measured(cornea, 4)}, {"horizontal_mm", measured(cornea, 5)}}}};
   json["cornea_zernike_um"] = Json::array();
-  for (Eigen::Index i = 6; i < cornea.value.size(); ++i)
-    json["cornea_zernike_um"].push_back(measured(cornea, i));
+  const bool free_form = eye.has_irregular_cornea() && !topography;
+  for (Eigen::Index i = 6; i < cornea.value.size(); ++i) {
+    const double departure_um =
+        free_form ? 0 : departure_sigma_um(static_cast<int>(i) - 6, options.zernike_zone_mm, topography);
+    json["cornea_zernike_um"].push_back(
+        with_departure(measured(cornea, i), departure_um, topography ? "topography" : "prior"));
+  }
   json["zone_mm"] = options.zernike_zone_mm;
   return json;
 }

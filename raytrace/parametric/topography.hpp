@@ -20,7 +20,7 @@ struct ElevationMap {
 /// - CSV with a matrix: elevation_um (or _mm) in the first cell, x in mm along the first row, y in mm down
 /// the first column;
 /// - JSON {"zone_mm": diameter, "zernike_um": [coefficients of the height, OSA order]}.
-/// Empty and non-numeric elevations are gaps. Heights and depths are told apart by the cornea's convexity.
+/// Empty cells and nan are gaps. Heights and depths are told apart by the cornea's convexity.
 ///
 /// \throw Error (input_invalid) naming file and line or key
 ElevationMap read_elevation_map(const std::filesystem::path& file);

@@ -14,6 +14,7 @@
 #include "segmentation/fit/globe_starts.hpp"
 #include "segmentation/fit/residual_judgement.hpp"
 #include "segmentation/fit/rician.hpp"
+#include "segmentation/fit/slice_displacement.hpp"
 
 namespace emmetrope::segmentation {
 namespace {
@@ -187,15 +188,19 @@ void settle(EyeFit& fit, FitProblem& problem, const std::function<void()>& step_
     sample.deviation *= static_cast<float>(std::sqrt(widening[static_cast<std::size_t>(sample.part)]));
   }
   pass(30);
-  fit.covariance = covariance(problem, fit.parameters, basis);
+  const Eigen::MatrixXd of_solution = fit.covariance = covariance(problem, fit.parameters, basis);
   fit.covariance = widened_for_coherent_residuals(fit, problem);
   fit.covariance = widened_for_displaced_fat(fit);
+  if (fit.evidence == Evidence::intensities) {
+    const DisplacedSlices displaced = displaced_slices(fit, problem, of_solution);
+    fit.slice_displacement_mm = displaced.rms_mm;
+    fit.covariance += displaced.covariance;
+  }
   // Labels are no smooth surface: what they depart from a biconic is how they were drawn.
   if (!fit.layout.irregular_cornea && fit.evidence == Evidence::intensities)
     fit.irregularity = corneal_irregularity(problem, fit.parameters, fit.active);
   for (std::size_t i = 0; i < deviations.size(); ++i) problem.samples[i].deviation = deviations[i];
   judge_residuals(fit, problem);
-  if (fit.evidence == Evidence::intensities) fit.slice_displacement_mm = slice_displacement_mm(fit, problem);
   fit.samples = std::move(problem.samples);
 }
 
@@ -261,7 +266,7 @@ EyeFit fit_eye(const std::vector<const Stack*>& stacks, const EyeStart& start, C
   for (const std::vector<VectorXd>& starts : globe_starts(model, stacks, start, contrast, evidence)) {
     // On the same voxels from each start along an axis, which reach as far as the first one's.
     problem.samples = select_samples(model, starts.front(), observed, globe);
-    if (problem.samples.size() < 1000) throw no_result_error("too few voxels show the eye");
+    if (problem.samples.size() < 1000) continue;
     freeze_weights(problem, starts.front());
     std::vector<Candidate> along_axis;
     for (const VectorXd& from : starts) {
@@ -271,6 +276,7 @@ EyeFit fit_eye(const std::vector<const Stack*>& stacks, const EyeStart& start, C
     keep_distinct(along_axis, layout);
     std::move(along_axis.begin(), along_axis.end(), std::back_inserter(candidates));
   }
+  if (candidates.empty()) throw no_result_error("too few voxels show the eye");
   step_done();
 
   const std::vector<int> active = open_parameters(layout, all_parameters(model), evidence);

@@ -46,7 +46,7 @@ struct EyeFit {
   std::vector<double> start_costs;
   Evidence evidence = Evidence::intensities;
   CornealIrregularity irregularity = {};  ///< what decided whether the cornea has a free form
-  double slice_displacement_mm = 0;       ///< residual_judgement.hpp
+  double slice_displacement_mm = 0;       ///< slice_displacement.hpp
 
   double value(int parameter) const { return parameters[parameter]; }
   /// Centre of the globe's ellipsoid.

@@ -8,6 +8,7 @@
 #include "pipeline/base/frames.hpp"
 #include "segmentation/fit/block_jackknife.hpp"
 #include "segmentation/fit/eye_distances.hpp"
+#include "segmentation/fit/slice_displacement.hpp"
 
 namespace emmetrope::segmentation {
 namespace {
@@ -57,20 +58,6 @@ std::array<double, part_count> residual_correlation(const EyeFit& fit, const std
     }
   }
   return factor;
-}
-
-/// The slice of each sample.
-Blocks slices(const EyeFit& fit, const std::vector<Sample>& samples) {
-  std::map<std::pair<int, long>, int> number;
-  Blocks blocks;
-  for (const Sample& sample : samples) {
-    const Stack& stack = *fit.stacks[sample.stack].stack;
-    const double along = (sample.position - stack.slice_position.front()).dot(stack.normal);
-    blocks.push_back(
-        number.try_emplace({sample.stack, std::lround(100 * along)}, static_cast<int>(number.size()))
-            .first->second);
-  }
-  return blocks;
 }
 
 /// The patch of each sample: rings about the eye's axis as seen from the globe's centre, cut into pieces
@@ -136,8 +123,8 @@ std::array<double, part_count> judge_residuals(EyeFit& fit, const FitProblem& pr
 Eigen::MatrixXd widened_for_coherent_residuals(const EyeFit& fit, const FitProblem& problem) {
   const LinearRows rows =
       linearise(problem, fit.parameters, select_parameters(fit.layout.size(), fit.active));
-  return widened_for_blocks(rows, fit.covariance, slices(fit, problem.samples), patches(fit, problem.samples),
-                            distance_derivatives(fit));
+  return widened_for_blocks(rows, fit.covariance, slices_of(fit, problem.samples),
+                            patches(fit, problem.samples), distance_derivatives(fit));
 }
 
 Eigen::MatrixXd widened_for_displaced_fat(const EyeFit& fit) {
@@ -151,33 +138,6 @@ Eigen::MatrixXd widened_for_displaced_fat(const EyeFit& fit) {
   const Eigen::MatrixXd error =
       interface_error_by_displacement * figures * (figures.transpose() * figures).inverse();
   return fit.covariance + displacement2 * error * error.transpose();
-}
-
-double slice_displacement_mm(const EyeFit& fit, const FitProblem& problem) {
-  FitProblem unbounded = problem;  // a large residual is evidence here, not an outlier
-  unbounded.loss_scale = 1e6;
-  const LinearRows rows =
-      linearise(unbounded, fit.parameters, select_parameters(fit.layout.size(), {apex_x, apex_y, apex_z}));
-  struct Slice {
-    Eigen::Matrix2d information = Eigen::Matrix2d::Zero();
-    Eigen::Vector2d gradient = Eigen::Vector2d::Zero();
-  };
-  const Blocks slice_of = slices(fit, problem.samples);
-  std::vector<Slice> found(1 + *std::max_element(slice_of.begin(), slice_of.end()));
-  for (std::size_t i = 0; i < slice_of.size(); ++i) {
-    const auto row = static_cast<Eigen::Index>(i);
-    const Stack& stack = *fit.stacks[problem.samples[i].stack].stack;
-    const Vector3d by_place = Vector3d(rows.jacobian.row(row).transpose());
-    const Eigen::Vector2d in_plane(by_place.dot(stack.along_row), by_place.dot(stack.along_column));
-    found[slice_of[i]].information += in_plane * in_plane.transpose();
-    found[slice_of[i]].gradient += rows.residual[row] * in_plane;
-  }
-  double weighted = 0, weights = 0;
-  for (const Slice& slice : found) {
-    weighted += slice.gradient.dot(slice.information.completeOrthogonalDecomposition().solve(slice.gradient));
-    weights += slice.information.trace() / 2;
-  }
-  return std::sqrt(weighted / weights);
 }
 
 }  // namespace emmetrope::segmentation

@@ -21,10 +21,4 @@ Eigen::MatrixXd widened_for_coherent_residuals(const EyeFit& fit, const FitProbl
 /// displaced fat over the wall may be wrong in T1.
 Eigen::MatrixXd widened_for_displaced_fat(const EyeFit& fit);
 
-/// How far the slices lie from where the fitted eye has them: the displacement in its plane that each slice's
-/// residuals ask for (mm), rms over the slices weighted by how well they tell. Where the head moved between
-/// slices it is about sqrt 2 times the motion along one axis; else it is what noise and model leave.
-/// \pre as above
-double slice_displacement_mm(const EyeFit& fit, const FitProblem& problem);
-
 }  // namespace emmetrope::segmentation

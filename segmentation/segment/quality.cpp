@@ -80,10 +80,10 @@ std::vector<QualityGate> judge_quality(const FoundEye& found, const EyeFit& fit)
           fmt::format("the images do not look like an eye: residuals are {:.1f} times the noise (motion, "
                       "artefacts, a defaced head?)",
                       std::sqrt(fit.chi2_per_voxel)));
-  at_most(
-      "slice_displacement_mm", fit.slice_displacement_mm, 0.5, true,
-      fmt::format("the head moved between the slices: they lie {:.1f} mm (rms) from where one eye has them",
-                  fit.slice_displacement_mm));
+  at_most("slice_displacement_mm", fit.slice_displacement_mm, 0.25, true,
+          fmt::format("the slices lie {:.2f} mm (rms) from where one eye has them: the head or the eye moved "
+                      "between them",
+                      fit.slice_displacement_mm));
   at_most("outlier_share", fit.regions[0].outliers, 0.35, true,
           fmt::format("{:.0f} % of the voxels at the globe's wall contradict the fitted eye",
                       100 * fit.regions[0].outliers));

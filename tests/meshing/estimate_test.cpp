@@ -85,6 +85,21 @@ TEST(Estimate, IntervalsAgreeWithMonteCarlo) {
   agree("zernike", linear["cornea_zernike_um"][12]);
 }
 
+/// A biconic has no coma, a healthy cornea has: what the fit leaves out is in the interval.
+TEST(Estimate, TermsThatABiconicLacksHaveAHealthyCorneasSpread) {
+  const Json terms = biometry_json(EyeEstimate(random_eye(22)), {})["cornea_zernike_um"];
+  double variance = 0;
+  for (std::size_t j = 6; j < terms.size(); ++j) {
+    if (j == 12) continue;  // spherical aberration is the conicoid's
+    EXPECT_GT(sigma_of(terms[j]), 0.05) << j;
+    if (j < 10) {
+      EXPECT_EQ(terms[j]["source"], "prior") << j;
+    }
+    variance += std::pow(sigma_of(terms[j]), 2);
+  }
+  EXPECT_NEAR(std::sqrt(variance), 1.0, 0.1);  // um rms, Wang et al. 2003
+}
+
 TEST(Estimate, GlobeExtentsOfAnEllipsoidAreItsAxes) {
   ParametricEye eye = random_eye(22);
   std::fill(eye.displacement_mm.begin(), eye.displacement_mm.end(), 0);
