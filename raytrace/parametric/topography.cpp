@@ -150,7 +150,7 @@ void check_that_the_apex_is_seen(const ElevationMap& centre) {
   constexpr double farthest_mm = 1;  // a ring instrument sees nothing within the first ring
   std::array<int, 4> in_quadrant{};
   for (const auto& p : centre.position_mm.rowwise())
-    in_quadrant[static_cast<std::size_t>((p.x() < 0 ? 1 : 0) + (p.y() < 0 ? 2 : 0))] += 1;
+    in_quadrant[(p.x() < 0 ? 1U : 0U) + (p.y() < 0 ? 2U : 0U)] += 1;
   const int fewest = *std::min_element(in_quadrant.begin(), in_quadrant.end());
   const double nearest_mm = centre.position_mm.rowwise().norm().minCoeff();
   if (fewest < 5 || nearest_mm > farthest_mm)

@@ -103,7 +103,7 @@ DisplacedSlices displaced_slices(const EyeFit& fit, const FitProblem& problem, c
   MatrixXd pull = MatrixXd::Zero(covariance.rows(), 2 * slices);  // J'P
   for (std::size_t i = 0; i < slice_of.size(); ++i)
     for (RowMatrix::InnerIterator entry(jacobian, static_cast<Index>(i)); entry; ++entry)
-      pull.block<1, 2>(entry.col(), 2 * slice_of[i]) +=
+      pull.block<1, 2>(entry.col(), Index{2} * slice_of[i]) +=
           entry.value() * by.col(static_cast<Index>(i)).transpose();
   const MatrixXd moved = covariance * pull;
 
