@@ -15,7 +15,7 @@ const std::vector<Distribution>& population() {
       {"cornea_q_of_meridian", 0, 0, 0.03, -0.1, 0.1, chosen},
       {"cornea_thickness_mm", 0.545, 0, 0.033, 0.45, 0.65, "Doughty and Zaman 2000"},
       {"cornea_back_ratio", 0.83, 0, 0.015, 0.78, 0.88, "the prior of the fit"},
-      {"limbus_radius_mm", 5.85, 0, 0.20, 5.4, 6.3, chosen},
+      {"limbus_radius_mm", 5.85, 0, 0.20, 5.4, 6.3, "Rufer et al. 2005: diameter 11.71, 0.42"},
       {"anterior_chamber_depth_mm", 3.47, -0.010, 0.22, 2.7, 4.2, dubbelman},
       {"lens_thickness_mm", 3.87, 0.0236, 0.25, 3.1, 5.2, dubbelman},
       {"lens_anterior_radius_mm", 10.6, -0.057, 0.9, 7.0, 13.5, dubbelman},

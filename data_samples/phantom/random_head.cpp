@@ -40,7 +40,7 @@ class Draw {
 
 /// What both eyes of a person share, in standard deviations.
 struct Person {
-  double age_years, length, curvature, size;
+  double age_years, length, curvature, size, chamber, lens, thickness, limbus, lid;
 };
 
 EyeGeometry random_eye(Draw& draw, const Person& person, double nasal) {
@@ -58,12 +58,14 @@ EyeGeometry random_eye(Draw& draw, const Person& person, double nasal) {
   const double q = draw.of("cornea_q");
   eye.cornea_q_x = q + draw.of("cornea_q_of_meridian");
   eye.cornea_q_y = q + draw.of("cornea_q_of_meridian");
-  eye.cornea_thickness_mm = draw.of("cornea_thickness_mm");
+  eye.cornea_thickness_mm = draw.of("cornea_thickness_mm", 40, person.thickness, 0.95);
   eye.cornea_back_ratio = draw.of("cornea_back_ratio");
-  eye.limbus_radius_mm = draw.of("limbus_radius_mm");
+  eye.limbus_radius_mm = draw.of("limbus_radius_mm", 40, person.limbus, 0.95);
 
-  eye.lens_thickness_mm = draw.of("lens_thickness_mm", person.age_years);
-  eye.anterior_chamber_depth_mm = draw.of("anterior_chamber_depth_mm", person.age_years, length, 0.4);
+  eye.lens_thickness_mm = draw.of("lens_thickness_mm", person.age_years, person.lens, 0.95);
+  eye.anterior_chamber_depth_mm =
+      draw.of("anterior_chamber_depth_mm", person.age_years,
+              (std::sqrt(0.95 * 0.95 - 0.4 * 0.4) * person.chamber + 0.4 * length) / 0.95, 0.95);
   eye.lens_anterior_radius_mm = draw.of("lens_anterior_radius_mm", person.age_years);
   eye.lens_posterior_radius_mm = draw.of("lens_posterior_radius_mm", person.age_years);
   eye.lens_anterior_q = draw.of("lens_anterior_q");
@@ -87,7 +89,7 @@ EyeGeometry random_eye(Draw& draw, const Person& person, double nasal) {
   eye.bulge_width_deg = draw.of("bulge_width_deg");
   eye.bulge_x_deg = draw.of("bulge_x_deg");
   eye.bulge_y_deg = draw.of("bulge_y_deg");
-  eye.lid_thickness_mm = draw.of("lid_thickness_mm");
+  eye.lid_thickness_mm = draw.of("lid_thickness_mm", 40, person.lid, 0.95);
   eye.globe_semi_z_mm = matching_globe_semi_z_mm(eye);
   return eye;
 }
@@ -104,6 +106,11 @@ HeadGeometry random_head(unsigned long long seed) {
   person.length = draw.normal();
   person.curvature = draw.normal();
   person.size = std::clamp(draw.normal(), -2.5, 2.5);
+  person.chamber = draw.normal();
+  person.lens = draw.normal();
+  person.thickness = draw.normal();
+  person.limbus = draw.normal();
+  person.lid = draw.normal();
   head.interpupillary_distance_mm = draw.of("interpupillary_distance_mm");
   head.roll_deg = draw.of("roll_deg");
   head.position_x_mm = draw.of("position_x_mm");

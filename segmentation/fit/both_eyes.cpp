@@ -21,6 +21,7 @@ constexpr double per_dioptre = 1 / 337.5;  ///< keratometric power to curvature,
 struct Shared {
   std::array<double, 2> value;
   std::array<VectorXd, 2> by;
+  double difference_sigma;
   Matrix2d information;
   Vector2d information_mean = Vector2d::Zero();
 };
@@ -44,24 +45,45 @@ Matrix2d alike(double sigma) {
   return information / (sigma * sigma);
 }
 
-/// The curvatures' prior of two strangers replaced by that of two eyes of a person.
-Shared corneal_curvature(const std::array<EyeFit*, 2>& eyes) {
+/// The prior of two strangers replaced by that of two eyes of a person, which differ by `difference_sigma`.
+/// \param mean  of each eye's own prior
+Shared of_one_person(const std::array<EyeFit*, 2>& eyes, int parameter, const Vector2d& mean,
+                     double difference_sigma) {
   Shared shared;
-  Vector2d prior_mean, prior_variance;
+  Vector2d variance;
   for (int e = 0; e < 2; ++e) {
-    shared.value[e] = eyes[e]->value(cornea_c);
-    shared.by[e] = by_active(*eyes[e], {{cornea_c, 1.0}});
-    prior_mean[e] = eyes[e]->priors.mean[cornea_c];
-    prior_variance[e] = std::pow(eyes[e]->priors.sigma[cornea_c], 2);
+    shared.value[e] = eyes[e]->value(parameter);
+    shared.by[e] = by_active(*eyes[e], {{parameter, 1.0}});
+    variance[e] = std::pow(eyes[e]->priors.sigma[parameter], 2);
   }
   // var(a - b) = var a + var b - 2 cov(a, b)
-  const double covariance =
-      (prior_variance.sum() - std::pow(corneal_power_difference_D * per_dioptre, 2)) / 2;
+  const double covariance = (variance.sum() - difference_sigma * difference_sigma) / 2;
   Matrix2d together;
-  together << prior_variance[0], covariance, covariance, prior_variance[1];
-  shared.information = together.inverse() - Matrix2d(prior_variance.cwiseInverse().asDiagonal());
-  shared.information_mean = shared.information * prior_mean;
+  together << variance[0], covariance, covariance, variance[1];
+  shared.difference_sigma = difference_sigma;
+  shared.information = together.inverse() - Matrix2d(variance.cwiseInverse().asDiagonal());
+  shared.information_mean = shared.information * mean;
   return shared;
+}
+
+Shared corneal_curvature(const std::array<EyeFit*, 2>& eyes) {
+  Vector2d mean;
+  for (int e = 0; e < 2; ++e) mean[e] = expected_curvature(eyes[e]->priors, eyes[e]->value(axial_length));
+  return of_one_person(eyes, cornea_c, mean, corneal_power_difference_D * per_dioptre);
+}
+
+/// Depths and thicknesses that are alike in the eyes of a person.
+std::vector<Shared> alike_lengths(const std::array<EyeFit*, 2>& eyes) {
+  std::vector<Shared> list;
+  for (const auto& [parameter, sigma] : {std::pair{anterior_chamber_depth, chamber_depth_difference_mm},
+                                         {lens_thickness, lens_thickness_difference_mm},
+                                         {cornea_thickness, corneal_thickness_difference_mm},
+                                         {lid_thickness, lid_thickness_difference_mm}}) {
+    if (!is_free(*eyes[0], parameter) || !is_free(*eyes[1], parameter)) continue;
+    const Vector2d mean(eyes[0]->priors.mean[parameter], eyes[1]->priors.mean[parameter]);
+    list.push_back(of_one_person(eyes, parameter, mean, sigma));
+  }
+  return list;
 }
 
 /// What two eyes in the same images have in common.
@@ -74,6 +96,7 @@ std::vector<Shared> same_images(const std::array<EyeFit*, 2>& eyes) {
   if (!same || !is_free(od, cornea) || !is_free(os, cornea)) return list;
   if (std::min({od.value(cornea), od.value(aqueous), os.value(cornea), os.value(aqueous)}) > 0) {
     Shared brightness;
+    brightness.difference_sigma = corneal_intensity_difference;
     brightness.information = alike(corneal_intensity_difference);
     for (int e = 0; e < 2; ++e) {
       const double of_cornea = eyes[e]->value(cornea), of_aqueous = eyes[e]->value(aqueous);
@@ -85,6 +108,7 @@ std::vector<Shared> same_images(const std::array<EyeFit*, 2>& eyes) {
   for (int s = 0; s < od.layout.stacks; ++s) {
     const int at = od.layout.stack(s) + log_sharpness;
     Shared sharpness;
+    sharpness.difference_sigma = sharpness_difference;
     sharpness.information = alike(sharpness_difference);
     for (int e = 0; e < 2; ++e) {
       sharpness.value[e] = eyes[e]->value(at);
@@ -96,8 +120,8 @@ std::vector<Shared> same_images(const std::array<EyeFit*, 2>& eyes) {
 }
 
 /// Whether the eyes differ by no more than three standard deviations of what is allowed.
-bool agree(const Shared& shared, const std::array<EyeFit*, 2>& eyes, double difference_sigma) {
-  double variance = difference_sigma * difference_sigma;
+bool agree(const Shared& shared, const std::array<EyeFit*, 2>& eyes) {
+  double variance = shared.difference_sigma * shared.difference_sigma;
   for (int e = 0; e < 2; ++e) variance += shared.by[e].dot(eyes[e]->covariance * shared.by[e]);
   return std::pow(shared.value[0] - shared.value[1], 2) <= 9 * variance;
 }
@@ -109,9 +133,10 @@ bool couple_eyes(EyeFit& od, EyeFit& os) {
   if (od.layout.irregular_cornea || os.layout.irregular_cornea) return false;
   const std::array<EyeFit*, 2> eyes{&od, &os};
   std::vector<Shared> shared{corneal_curvature(eyes)};
-  if (!agree(shared[0], eyes, corneal_power_difference_D * per_dioptre)) return false;
-  for (Shared& other : same_images(eyes))
-    if (agree(other, eyes, 1 / std::sqrt(other.information(0, 0)))) shared.push_back(std::move(other));
+  if (!agree(shared[0], eyes)) return false;
+  for (const auto& others : {alike_lengths(eyes), same_images(eyes)})
+    for (const Shared& other : others)
+      if (agree(other, eyes)) shared.push_back(other);
 
   const auto count = static_cast<Index>(shared.size());
   std::array<MatrixXd, 2> by, own;  // of one eye: derivatives of what is shared, and its covariance

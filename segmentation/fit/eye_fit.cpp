@@ -42,6 +42,8 @@ VectorXd freeze_weights(FitProblem& problem, const VectorXd& a) {
   return factor;
 }
 
+constexpr std::size_t fewest_voxels = 1000;  ///< that an eye can be fitted to
+
 std::vector<int> range(int first, int last) {
   std::vector<int> indices;
   for (int i = first; i <= last; ++i) indices.push_back(i);
@@ -177,6 +179,7 @@ void settle(EyeFit& fit, FitProblem& problem, const std::function<void()>& step_
     if (step_done) step_done();
   };
   problem.samples = select_samples(fit.model, fit.parameters, fit.stacks, {});
+  if (problem.samples.size() < fewest_voxels) throw no_result_error("too few voxels show the eye");
   fit.misfit = freeze_weights(problem, fit.parameters);
   pass(25);
 
@@ -190,7 +193,7 @@ void settle(EyeFit& fit, FitProblem& problem, const std::function<void()>& step_
   pass(30);
   const Eigen::MatrixXd of_solution = fit.covariance = covariance(problem, fit.parameters, basis);
   fit.covariance = widened_for_coherent_residuals(fit, problem);
-  fit.covariance = widened_for_displaced_fat(fit);
+  fit.covariance = widened_for_faint_wall(fit);
   if (fit.evidence == Evidence::intensities) {
     const DisplacedSlices displaced = displaced_slices(fit, problem, of_solution);
     fit.slice_displacement_mm = displaced.rms_mm;
@@ -221,6 +224,7 @@ double EyeFit::pole_depth_sigma_mm() const {
 EyeStart start_of(const FoundEye& eye, std::optional<double> age_years) {
   EyeStart start;
   start.age_years = age_years;
+  start.laterality = eye.laterality;
   start.globe_centre = eye.views.front().globe.centre;
   start.globe_radius_mm = eye.radius_mm;
   start.axis = eye.axis;
@@ -266,7 +270,7 @@ EyeFit fit_eye(const std::vector<const Stack*>& stacks, const EyeStart& start, C
   for (const std::vector<VectorXd>& starts : globe_starts(model, stacks, start, contrast, evidence)) {
     // On the same voxels from each start along an axis, which reach as far as the first one's.
     problem.samples = select_samples(model, starts.front(), observed, globe);
-    if (problem.samples.size() < 1000) continue;
+    if (problem.samples.size() < fewest_voxels) continue;
     freeze_weights(problem, starts.front());
     std::vector<Candidate> along_axis;
     for (const VectorXd& from : starts) {
@@ -315,6 +319,10 @@ EyeFit fit_eye(const std::vector<const Stack*>& stacks, const EyeStart& start, C
   }
   const Candidate& best = most_likely(candidates);
   problem.priors = best.priors;
+  // That the coil's profile is smooth counts once the globe is in its place: on the way there it must bend.
+  for (int s = 0; s < layout.stacks; ++s)
+    problem.priors.sigma.segment(layout.stack(s) + coil_second_order, coil_count - coil_second_order)
+        .setConstant(sampling[s].coil_curvature_sigma);
   step_done();
 
   const SolveResult& solution = best.solution;

@@ -22,9 +22,9 @@ struct Belief {
 
 constexpr double per_dioptre = 1 / 337.5;  ///< keratometric power to curvature, 1/mm
 
-/// A radius of the lens in adults (Dubbelman and van der Heijde 2001): at_age_0_mm + per_year_mm age, between
-/// the ages that were measured. The spread is that of adults of any age.
-struct LensRadius {
+/// A length in adults (Dubbelman and van der Heijde 2001): at_age_0_mm + per_year_mm age, between the ages
+/// that were measured. The spread is that of adults of any age.
+struct AgeingLength {
   double at_age_0_mm, per_year_mm, sigma_mm;
 
   constexpr double mean_mm(double age_years) const { return at_age_0_mm + per_year_mm * age_years; }
@@ -33,7 +33,8 @@ struct LensRadius {
     return std::sqrt(sigma_mm * sigma_mm - std::pow(15 * per_year_mm, 2));
   }
 };
-constexpr LensRadius lens_front{12.9, -0.057, 1.5}, lens_back{6.2, -0.012, 0.6};
+constexpr AgeingLength lens_front{12.9, -0.057, 1.5}, lens_back{6.2, -0.012, 0.6};
+constexpr AgeingLength chamber{3.87, -0.010, 0.35}, thickness_of_lens{2.93, 0.0236, 0.47};
 constexpr double usual_age_years = 40, youngest_years = 18, oldest_years = 70;
 
 const std::array<Belief, eye_parameter_count>& beliefs() {
@@ -43,7 +44,7 @@ const std::array<Belief, eye_parameter_count>& beliefs() {
       {"apex_z_mm", 0, no_belief},
       {"gaze_horizontal_deg", 0, no_belief},
       {"gaze_vertical_deg", 0, no_belief},
-      {"cornea_c_per_mm", 1 / 7.8, 1.6 * per_dioptre},
+      {"cornea_c_per_mm", 1 / 7.8, 1.5 * per_dioptre},
       {"cornea_j0_per_mm", 0, 1.0 * per_dioptre},
       {"cornea_j45_per_mm", 0, 1.0 * per_dioptre},
       {"cornea_q", -0.2, 0.12},
@@ -93,11 +94,14 @@ const std::array<Belief, eye_parameter_count>& beliefs() {
 bool is_intensity(int index) { return index >= vitreous && index <= surround; }
 
 constexpr double cornea_like_wall = 0.15;  ///< relative
+constexpr double curvature_per_axial_length = -0.4 * per_dioptre;
 constexpr double coil_sigma = 0.3, gain_sigma = 0.3;
 constexpr double shift_sigma_mm = 3;     ///< the head moves 1 to 3 mm between series
 constexpr double sharpness_sigma = 0.3;  ///< zero filling and filters that the header does not tell
 constexpr double turn_sigma_deg = 0.7;   ///< it turns with them
 constexpr double displacement_sigma_mm = 0.06;
+/// Within 40 degrees of the pole, where eyes bulge.
+constexpr double bulge_sigma_mm = 0.12, posterior_cosine = -0.77;
 // An ectatic cornea; the last is the spread of its biconic in units of the regular one's.
 constexpr double back_form_ratio_mean = 2.0, back_form_ratio_sigma = 0.5;
 constexpr double ectatic_widening = 2.5;
@@ -143,12 +147,19 @@ Priors population_priors(const ParameterLayout& layout, const Eigen::VectorXd& s
   }
   if (age_years) {
     const double age = std::clamp(*age_years, youngest_years, oldest_years);
-    for (const auto& [at, radius] :
-         {std::pair{lens_anterior_radius, lens_front}, {lens_posterior_radius, lens_back}}) {
-      priors.mean[at] = radius.mean_mm(age);
-      priors.sigma[at] = radius.sigma_at_known_age_mm();
+    std::vector<std::pair<Parameter, AgeingLength>> known{{lens_anterior_radius, lens_front},
+                                                          {lens_posterior_radius, lens_back}};
+    // A child's chamber and lens are not those of a young adult.
+    if (*age_years >= youngest_years) {
+      known.emplace_back(anterior_chamber_depth, chamber);
+      known.emplace_back(lens_thickness, thickness_of_lens);
+    }
+    for (const auto& [at, length] : known) {
+      priors.mean[at] = length.mean_mm(age);
+      priors.sigma[at] = length.sigma_at_known_age_mm();
     }
   }
+  priors.curvature_per_axial_length = curvature_per_axial_length;
   // In T1 the vitreous is dark and the tissues around it spread over a wider range of it.
   if (contrast == Contrast::t1) {
     priors.sigma[cornea] = 0.25;
@@ -164,6 +175,12 @@ Priors population_priors(const ParameterLayout& layout, const Eigen::VectorXd& s
     priors.sigma.segment<3>(at + turn_first).setConstant(turn_sigma_deg);
   }
   priors.sigma.segment(layout.displacement(), layout.bumps).setConstant(displacement_sigma_mm);
+  // Where the wall is faint this prior, and not the image, would flatten a bulge.
+  if (contrast == Contrast::t1 && layout.bumps > 0) {
+    const std::vector<Eigen::Vector3d> directions = bump_directions();
+    for (int i = 0; i < layout.bumps; ++i)
+      if (directions[i].z() < posterior_cosine) priors.sigma[layout.displacement() + i] = bulge_sigma_mm;
+  }
   priors.sigma.segment(layout.background(), layout.bumps)
       .setConstant(contrast == Contrast::t1 ? background_sigma_t1 : background_sigma_t2);
   return priors;
@@ -182,6 +199,11 @@ Priors irregular_cornea_priors(const Priors& of_regular, const ParameterLayout& 
   for (const int parameter : {cornea_c, cornea_j0, cornea_j45, cornea_q, cornea_thickness})
     priors.sigma[parameter] *= ectatic_widening;
   return priors;
+}
+
+double expected_curvature(const Priors& priors, double axial_length_mm) {
+  return priors.mean[cornea_c] +
+         priors.curvature_per_axial_length * (axial_length_mm - priors.mean[axial_length]);
 }
 
 Eigen::Vector3d gaze_axis(double horizontal_deg, double vertical_deg) {

@@ -69,9 +69,10 @@ enum Parameter : int {
 enum StackParameter : int {
   coil_first = 0,  ///< 9 coefficients of a second-order polynomial in LPS, see ForwardModel
   coil_count = 9,
-  log_gain = 9,        ///< against the first stack
-  shift_first = 10,    ///< LPS mm, against the first stack
-  log_sharpness = 13,  ///< log of the k-space cut-off over its nominal value
+  coil_second_order = 3,  ///< the first of them that is not linear
+  log_gain = 9,           ///< against the first stack
+  shift_first = 10,       ///< LPS mm, against the first stack
+  log_sharpness = 13,     ///< log of the k-space cut-off over its nominal value
   /// How the head has turned against the first stack: rotation vector (LPS, degrees) about the coil's
   /// reference, before the shift.
   turn_first = 14,
@@ -104,6 +105,9 @@ struct Priors {
   Eigen::VectorXd mean, sigma;
   /// Cornea and wall are equally bright but for this, in the unit of intensities; infinite: not asked for.
   double cornea_like_wall_sigma = std::numeric_limits<double>::infinity();
+  /// By how much the mean of cornea_c changes with the axial length, 1/mm per mm: longer eyes have flatter
+  /// corneas.
+  double curvature_per_axial_length = 0;
   /// Inverse of the correlation matrix of the cornea's free form, whose terms go together; empty: no form.
   /// All else is independent.
   Eigen::MatrixXd corneal_form_information = {};
@@ -111,13 +115,17 @@ struct Priors {
 
 /// Population and acquisition priors (values and sources: docs/segmentation.md) about a start vector:
 /// parameters with no population mean (pose, intensities) are weakly held at `start` or not at all. Where the
-/// patient's age is known, the radii of the lens are expected as they are at that age.
+/// patient's age is known, the radii of the lens, and of an adult the depth of the chamber and the thickness
+/// of the lens, are expected as they are at that age.
 Priors population_priors(const ParameterLayout& layout, const Eigen::VectorXd& start, Contrast contrast,
                          std::optional<double> age_years = {});
 
 /// The same, with what is believed of a cornea that is not regular (keratoconus): its free form, and its
 /// biconic with wider spreads. \param layout  with the irregular cornea
 Priors irregular_cornea_priors(const Priors& of_regular, const ParameterLayout& layout);
+
+/// What is expected of cornea_c in an eye of this length.
+double expected_curvature(const Priors& priors, double axial_length_mm);
 
 /// A vector at the population means, pose and intensities zero.
 Eigen::VectorXd population_mean(const ParameterLayout& layout);

@@ -20,6 +20,8 @@ struct StackSampling {
   /// What is believed of the chemical shift of fat: mm along row and column, about 0; 0: there is none.
   Eigen::Vector2d fat_shift_sigma_mm = Eigen::Vector2d::Zero();
   double fat = 1;  ///< its intensity, positive
+  /// What is believed of the coil's second-order coefficients, about 0.
+  double coil_curvature_sigma = 0.2;
 };
 
 /// Which part of the eye explains a voxel. Chosen once a pass, so that the cost stays smooth.

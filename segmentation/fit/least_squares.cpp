@@ -86,7 +86,9 @@ void add_priors(const FitProblem& problem, const VectorXd& parameters, bool deri
                 NormalEquations& out) {
   const Priors& priors = problem.priors;
   const VectorXd per_sigma = priors.sigma.cwiseInverse();
-  const VectorXd off = (parameters - priors.mean).cwiseProduct(per_sigma);
+  VectorXd off = (parameters - priors.mean).cwiseProduct(per_sigma);
+  off[cornea_c] =
+      (parameters[cornea_c] - expected_curvature(priors, parameters[axial_length])) * per_sigma[cornea_c];
   const MatrixXd& information = priors.corneal_form_information;
   const int form = problem.model->layout().corneal_form();
   const auto terms = static_cast<int>(information.rows());
@@ -95,6 +97,11 @@ void add_priors(const FitProblem& problem, const VectorXd& parameters, bool deri
   out.cost += off.dot(pull) / 2;
   if (!derivatives) return;
   out.gradient += pull.cwiseProduct(per_sigma);
+  const double by_length = -priors.curvature_per_axial_length * per_sigma[cornea_c];  // of off[cornea_c]
+  out.gradient[axial_length] += pull[cornea_c] * by_length;
+  out.hessian(axial_length, axial_length) += by_length * by_length;
+  static_assert(cornea_c < axial_length, "of the symmetric matrix the lower triangle is filled");
+  out.hessian(axial_length, cornea_c) += by_length * per_sigma[cornea_c];
   VectorXd alone = per_sigma.cwiseAbs2();
   alone.segment(form, terms).setZero();
   out.hessian.diagonal() += alone;

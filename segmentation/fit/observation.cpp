@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "pipeline/base/error.hpp"
+#include "pipeline/base/frames.hpp"
 #include "segmentation/finding/sampling.hpp"
 #include "segmentation/fit/rician.hpp"
 
@@ -22,6 +23,31 @@ Vector3d vitreous_core(const EyeStart& start) { return start.globe_centre - 2.0 
 int subslices_for(double thickness_mm) {
   return std::clamp(static_cast<int>(std::ceil(thickness_mm / 0.7)), 1, 4);
 }
+
+/// Spread of the coil's second-order coefficients (of 12 mm squared) before the images are seen. A loop of
+/// radius R has the sensitivity (1 + d^2 / R^2)^(-3/2) at a distance d on its axis; the second order of its
+/// logarithm is 0.12 to 0.18 for an eye's coil (R 25 to 35 mm, d 12 mm), and 0.015 to 0.04 for an element of
+/// a head coil (R 50 to 70 mm, d 25 to 40 mm), which a stack that shows both eyes was made with.
+double coil_curvature_sigma(const Stack& stack) {
+  const double extent_mm =
+      std::max({stack.columns * stack.column_spacing_mm, stack.rows * stack.row_spacing_mm,
+                stack.slices() * stack.slice_spacing_mm()});
+  return extent_mm > 90 ? 0.1 : 0.2;
+}
+
+/// The optic nerve with its sheath, 5 mm thick, leaves the globe 15 degrees nasally of the pole. In T1 it is
+/// as dark as the wall, and its sheath as the vitreous, where fat is expected; voxels this near to it say
+/// nothing of the wall.
+constexpr double optic_nerve_nasal_deg = 15, optic_nerve_reach_deg = 14;
+Vector3d optic_nerve(Laterality laterality) {
+  const double nasal = (laterality == Laterality::od ? 1 : -1) * optic_nerve_nasal_deg * degree;
+  return {std::sin(nasal), 0, -std::cos(nasal)};
+}
+
+/// A voxel shows cornea, chamber and lid only, where its middle lies this near to the axis, or where its rim,
+/// and a pixel of blur, lie before the limbus (5.85 +- 0.21 mm, Rufer et al. 2005; 5 % of the corneas are
+/// smaller).
+constexpr double front_reach_mm = 4.6, least_limbus_mm = 5.5;
 
 /// Where in the eye frame (y) the fissure between closed lids begins at the highest.
 constexpr double fissure_top_mm = -2.6;
@@ -121,6 +147,9 @@ std::vector<ObservedStack> observe(const std::vector<const Stack*>& stacks, cons
     o.sampling.thickness_mm = drawn ? std::max(stack->column_spacing_mm, stack->row_spacing_mm)
                               : stack->slice_thickness_mm > 0 ? stack->slice_thickness_mm
                                                               : stack->slice_spacing_mm();
+    if (!drawn && contrast == Contrast::t1 && start.laterality)
+      o.optic_nerve = optic_nerve(*start.laterality);
+    if (!drawn) o.sampling.coil_curvature_sigma = coil_curvature_sigma(*stack);
     o.sampling.subslices = subslices_for(o.sampling.thickness_mm);
     if (!drawn) o.sampling.fat_shift_sigma_mm = stack->fat_shift_sigma_mm;
     o.sampling.noise =
@@ -164,7 +193,7 @@ std::vector<Sample> select_samples(const ForwardModel& model, const VectorXd& a,
           Sample sample;
           sample.zone = depth < mid_lens ? Zone::front : Zone::rear;
           if (sample.zone == Zone::front) {
-            if (off_axis > 4.6) return;
+            if (off_axis > front_reach_mm && reach + pixel > least_limbus_mm) return;
             const auto d = at.distances(p);
             if (d.lid < -edge_reach || d.cornea_front < -5) return;
             sample.near_cornea = d.cornea_back < influence;
@@ -186,6 +215,9 @@ std::vector<Sample> select_samples(const ForwardModel& model, const VectorXd& a,
             const auto d = at.distances(p);
             if (d.outer < -outside_reach) return;
             if (d.globe < edge_reach + 1 && depth < equator_depth - 2) return;  // ciliary body, tendons, lids
+            if (stacks[k].optic_nerve && d.globe < edge_reach &&
+                d.direction.dot(*stacks[k].optic_nerve) > std::cos(optic_nerve_reach_deg * degree))
+              return;
             sample.near_lens = depth < lens_end + influence && off_axis < 5;
             sample.near_wall = d.globe < influence;
             // Pure vitreous says little: one voxel in eight.

@@ -3,6 +3,7 @@
 #include <optional>
 #include <vector>
 
+#include "pipeline/base/laterality.hpp"
 #include "segmentation/fit/forward_model.hpp"
 #include "segmentation/volume.hpp"
 
@@ -18,6 +19,7 @@ struct EyeStart {
   /// the first. Empty: nowhere.
   std::vector<Eigen::Vector3d> stack_shift;
   std::optional<double> age_years;  ///< of the patient; the lens changes with it
+  std::optional<Laterality> laterality;
 
   /// The same eye as it lies in stack k.
   EyeStart in_stack(std::size_t k) const {
@@ -46,6 +48,9 @@ struct ObservedStack {
   const Stack* stack = nullptr;
   double reference = 1;  ///< the intensity that becomes 1: vitreous in T2, what surrounds the globe in T1
   StackSampling sampling;
+  /// Unit vector of the eye frame from the globe's centre to the optic nerve, about which no voxel of the
+  /// wall is used; none: all are.
+  std::optional<Eigen::Vector3d> optic_nerve;
 };
 
 /// Typical intensities of the tissues of an eye in one stack, in its own unit.

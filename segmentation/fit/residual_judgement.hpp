@@ -17,8 +17,9 @@ std::array<double, part_count> judge_residuals(EyeFit& fit, const FitProblem& pr
 /// \pre fit.parameters solve the problem, and fit.covariance is theirs
 Eigen::MatrixXd widened_for_coherent_residuals(const EyeFit& fit, const FitProblem& problem);
 
-/// The fit's covariance with the variances of the globe's length, width and height widened by what a model of
-/// displaced fat over the wall may be wrong in T1.
-Eigen::MatrixXd widened_for_displaced_fat(const EyeFit& fit);
+/// The fit's covariance with the variances of the globe's length, width and height widened by what the model
+/// of the wall and of displaced fat over it may be wrong in T1, where fat is much brighter than the wall, and
+/// the wall hardly brighter than the vitreous.
+Eigen::MatrixXd widened_for_faint_wall(const EyeFit& fit);
 
 }  // namespace emmetrope::segmentation

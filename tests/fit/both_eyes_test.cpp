@@ -63,6 +63,8 @@ TEST(BothEyes, CouplingIsTheJointEstimate) {
   prior.diagonal() << spread * spread, std::pow(chamber_sigma_mm, 2), spread * spread,
       std::pow(chamber_sigma_mm, 2);
   prior(0, 2) = prior(2, 0) = shared;
+  prior(1, 3) = prior(3, 1) =
+      chamber_sigma_mm * chamber_sigma_mm - std::pow(chamber_depth_difference_mm, 2) / 2;
   Matrix4d information = Matrix4d::Zero();
   information.topLeftCorner<2, 2>() = right.information;
   information.bottomRightCorner<2, 2>() = left.information;
@@ -90,7 +92,7 @@ TEST(BothEyes, OneStackHasOneSharpnessAndOneBrightnessOfCorneas) {
   const auto eye = [&](double of_cornea, double sharpness) {
     EyeFit fit = fit_of(images(43, 0.8, 3.3));
     const Eigen::Vector3d x = Eigen::Vector3d::UnitX(), y = Eigen::Vector3d::UnitY();
-    fit.stacks.push_back({&stack, 1, {x, y, x.cross(y)}});
+    fit.stacks.push_back({&stack, 1, {x, y, x.cross(y)}, {}});
     const int at = fit.layout.stack(0) + log_sharpness;
     fit.active = {cornea_c, cornea, aqueous, at};
     fit.parameters[cornea] = of_cornea;
@@ -113,6 +115,40 @@ TEST(BothEyes, OneStackHasOneSharpnessAndOneBrightnessOfCorneas) {
   EXPECT_NEAR(od.value(cornea), 0.40 + 0.40 * apart * v1 / (v1 + v2 + d2), 1e-6);
   EXPECT_NEAR(os.value(cornea), 0.36 - 0.36 * apart * v2 / (v1 + v2 + d2), 1e-6);
   EXPECT_NEAR(od.covariance(1, 1), 0.04 * 0.04 * (v2 + d2) / (v1 + v2 + d2), 1e-9);
+}
+
+/// What images do not see stays as wide in each eye as in a stranger's: two eyes of a person are no second
+/// measurement of the population.
+TEST(BothEyes, APriorIsNotCountedTwice) {
+  const auto eye = [](double thickness_mm, double sigma_mm) {
+    EyeFit fit = fit_of(images(43, 0.8, 3.3));
+    fit.active = {cornea_c, cornea_thickness};
+    fit.parameters[cornea_thickness] = thickness_mm;
+    fit.covariance = Eigen::Vector2d(1e-6, sigma_mm * sigma_mm).asDiagonal();
+    return fit;
+  };
+  const double sigma = fit_of(images(43, 0.8, 3.3)).priors.sigma[cornea_thickness];
+  {
+    EyeFit od = eye(0.55, sigma), os = eye(0.55, sigma);
+    ASSERT_TRUE(couple_eyes(od, os));
+    EXPECT_NEAR(std::sqrt(od.covariance(1, 1)), sigma, 1e-9);
+    EXPECT_NEAR(od.value(cornea_thickness), 0.55, 1e-9);
+  }
+  // One eye is measured: the other is as thick but for the difference.
+  EyeFit od = eye(0.60, 1e-5), os = eye(0.55, sigma);
+  ASSERT_TRUE(couple_eyes(od, os));
+  const double difference2 = std::pow(corneal_thickness_difference_mm, 2), sigma2 = sigma * sigma;
+  const double covariance = sigma2 - difference2 / 2;
+  EXPECT_NEAR(os.value(cornea_thickness), 0.55 + covariance / sigma2 * 0.05, 1e-5);
+  EXPECT_NEAR(os.covariance(1, 1), sigma2 - covariance * covariance / sigma2, 1e-7);
+}
+
+/// Chambers a millimetre apart are a disease's, not a measurement's error.
+TEST(BothEyes, UnlikeChambersAreLeftAlone) {
+  EyeFit od = fit_of(images(43, 0.8, 2.6)), os = fit_of(images(43, 0.8, 3.6));
+  const double before = od.value(anterior_chamber_depth);
+  ASSERT_TRUE(couple_eyes(od, os));
+  EXPECT_NEAR(od.value(anterior_chamber_depth), before, 0.01);
 }
 
 TEST(BothEyes, UnlikeCorneasAreLeftAlone) {

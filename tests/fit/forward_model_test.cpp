@@ -243,7 +243,8 @@ TEST(ForwardModel, FewSubslicesSeeTheCurvatureOfTheGlobe) {
     EXPECT_NEAR(at_wall(3, across), at_wall(40, across), 5e-4) << across;
 }
 
-/// Radii of the lens by Dubbelman and van der Heijde 2001 (12.9 - 0.057 age, 6.2 - 0.012 age).
+/// By Dubbelman and van der Heijde 2001: radii 12.9 - 0.057 age and 6.2 - 0.012 age, chamber 3.87 - 0.010
+/// age, thickness 2.93 + 0.0236 age.
 TEST(Priors, OfTheLensFollowThePatientsAge) {
   ParameterLayout layout;
   const VectorXd start = population_mean(layout);
@@ -255,13 +256,53 @@ TEST(Priors, OfTheLensFollowThePatientsAge) {
   EXPECT_NEAR(at_60.mean[lens_posterior_radius], 5.48, 1e-9);
   EXPECT_NEAR(at_60.sigma[lens_anterior_radius], 1.232, 1e-3);
   EXPECT_NEAR(at_60.sigma[lens_posterior_radius], 0.572, 1e-3);
+  EXPECT_NEAR(at_60.mean[anterior_chamber_depth], 3.27, 1e-9);
+  EXPECT_NEAR(at_60.mean[lens_thickness], 4.346, 1e-9);
+  EXPECT_NEAR(at_60.sigma[anterior_chamber_depth], 0.316, 1e-3);
+  EXPECT_NEAR(at_60.sigma[lens_thickness], 0.309, 1e-3);
   // Nobody has measured the regression in children.
-  EXPECT_EQ(population_priors(layout, start, Contrast::t2, 6).mean,
-            population_priors(layout, start, Contrast::t2, 18).mean);
+  const Priors child = population_priors(layout, start, Contrast::t2, 6),
+               grown_up = population_priors(layout, start, Contrast::t2, 18);
+  EXPECT_EQ(child.mean[lens_anterior_radius], grown_up.mean[lens_anterior_radius]);
+  for (const Parameter depth : {anterior_chamber_depth, lens_thickness}) {
+    EXPECT_EQ(child.mean[depth], unknown.mean[depth]);
+    EXPECT_EQ(child.sigma[depth], unknown.sigma[depth]);
+  }
   // Nothing else depends on it.
-  EXPECT_EQ(at_60.mean.head(lens_anterior_radius), unknown.mean.head(lens_anterior_radius));
+  EXPECT_EQ(at_60.mean.head(anterior_chamber_depth), unknown.mean.head(anterior_chamber_depth));
   EXPECT_EQ(at_60.sigma.tail(layout.size() - lens_posterior_radius - 1),
             unknown.sigma.tail(layout.size() - lens_posterior_radius - 1));
+}
+
+/// 0.4 D for every millimetre, and the cost of the priors is the quadratic that its derivatives say.
+TEST(Priors, LongerEyesHaveFlatterCorneas) {
+  const StackSampling axial{Vector3d::UnitX(), Vector3d::UnitY(), Vector3d::UnitZ()};
+  const ForwardModel model({}, {axial}, Vector3d::Zero());
+  const VectorXd mean = population_mean(model.layout());
+  FitProblem problem;
+  problem.model = &model;
+  problem.priors = population_priors(model.layout(), mean, Contrast::t2);
+  problem.limbus_sigma_mm = 0;
+  const auto cost = [&](double longer_mm, double steeper_D) {
+    VectorXd a = mean;
+    a[axial_length] += longer_mm;
+    a[cornea_c] += steeper_D / 337.5;
+    return evaluate(problem, a, false).cost;
+  };
+  const double length_sigma = problem.priors.sigma[axial_length];
+  EXPECT_NEAR(cost(2, -0.8), std::pow(2 / length_sigma, 2) / 2, 1e-9);
+  EXPECT_NEAR(cost(0, -0.8), std::pow(0.8 / 1.5, 2) / 2, 1e-9);
+  EXPECT_NEAR(337.5 * (expected_curvature(problem.priors, 25.8) - mean[cornea_c]), -0.8, 1e-9);
+
+  VectorXd at = mean, step = VectorXd::Zero(mean.size());
+  at[cornea_c] += 0.004;
+  at[axial_length] -= 1.5;
+  step[cornea_c] = -0.007;
+  step[axial_length] = 2;
+  const NormalEquations equations = evaluate(problem, at, true);
+  const Eigen::MatrixXd hessian = equations.hessian.selfadjointView<Eigen::Lower>();
+  EXPECT_NEAR(evaluate(problem, at + step, false).cost,
+              equations.cost + step.dot(equations.gradient) + step.dot(hessian * step) / 2, 1e-9);
 }
 
 /// The condensed problem's cost and gradient are those of the voxels.

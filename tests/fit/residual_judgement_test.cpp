@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
+
 #include "segmentation/fit/eye_distances.hpp"
 
 namespace emmetrope::segmentation {
@@ -16,6 +18,8 @@ EyeFit fit_with_fat_displaced(Contrast contrast, double along_row_mm, double alo
   sampling.along_row = Eigen::Vector3d::UnitX();
   sampling.along_column = -Eigen::Vector3d::UnitZ();
   sampling.normal = Eigen::Vector3d::UnitY();
+  sampling.row_cutoff_per_mm = 0.5 / 0.9;
+  sampling.column_cutoff_per_mm = 0.5 / 1.2;
   VectorXd parameters = population_mean(layout);
   parameters.segment<2>(layout.stack(0) + fat_shift_first) << along_row_mm, along_column_mm;
   const std::vector<int> active{cornea_c,       axial_length, anterior_chamber_depth,
@@ -26,22 +30,27 @@ EyeFit fit_with_fat_displaced(Contrast contrast, double along_row_mm, double alo
   return fit;
 }
 
-/// Length, width and height get a tenth of the displacement on top, in quadrature; all else stays.
-TEST(DisplacedFat, AddsATenthOfItToTheGlobesIntervals) {
+/// Length, width and height get a tenth of the displacement on top, and 0.03 coarsest pixels for every
+/// interface that ends them, in quadrature; all else stays.
+TEST(FaintWall, WidensTheGlobesIntervals) {
   const EyeFit fit = fit_with_fat_displaced(Contrast::t1, 0.6, -0.8);
   const MatrixXd by = distance_derivatives(fit);
   const VectorXd before = (by.transpose() * fit.covariance * by).diagonal(),
-                 after = (by.transpose() * widened_for_displaced_fat(fit) * by).diagonal();
+                 after = (by.transpose() * widened_for_faint_wall(fit) * by).diagonal();
   for (const int distance : {pole_depth, globe_width, globe_height})
-    EXPECT_NEAR(after[distance], before[distance] + 0.1 * 0.1 * 1.0, 1e-12) << distance;
+    EXPECT_NEAR(after[distance],
+                before[distance] + std::pow(0.1 * 1.0, 2) +
+                    std::pow((distance == pole_depth ? 1 : 2) * 0.03 * 1.2, 2),
+                1e-12)
+        << distance;
   for (const int distance : {chamber_depth, lens_depth})
     EXPECT_NEAR(after[distance], before[distance], 1e-12) << distance;
-  EXPECT_EQ(widened_for_displaced_fat(fit)(0, 0), fit.covariance(0, 0));  // the cornea's
+  EXPECT_EQ(widened_for_faint_wall(fit)(0, 0), fit.covariance(0, 0));  // the cornea's
 }
 
-TEST(DisplacedFat, AddsNothingInT2WhereTheWallIsTold) {
+TEST(FaintWall, AddsNothingInT2) {
   const EyeFit fit = fit_with_fat_displaced(Contrast::t2, 0.6, -0.8);
-  EXPECT_EQ(widened_for_displaced_fat(fit), fit.covariance);
+  EXPECT_EQ(widened_for_faint_wall(fit), fit.covariance);
 }
 
 }  // namespace

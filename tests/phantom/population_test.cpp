@@ -16,6 +16,7 @@ TEST(RandomHead, OneSeedOneHead) {
 
 TEST(RandomHead, AllPassTheChecksAndFollowTheTable) {
   constexpr int heads = 1000;
+  double chambers = 0, lids = 0;
   double length = 0, length2 = 0, power = 0, power2 = 0, both = 0, j0 = 0, thickness = 0, m = 0, m2 = 0;
   for (int seed = 0; seed < heads; ++seed) {
     const HeadGeometry head = random_head(seed);
@@ -28,6 +29,8 @@ TEST(RandomHead, AllPassTheChecksAndFollowTheTable) {
     power2 += K * K / heads;
     both += (od.axial_length_mm - head.os.axial_length_mm) * (od.axial_length_mm - head.os.axial_length_mm) /
             heads;
+    chambers += std::pow(od.anterior_chamber_depth_mm - head.os.anterior_chamber_depth_mm, 2) / heads;
+    lids += std::pow(od.lid_thickness_mm - head.os.lid_thickness_mm, 2) / heads;
     j0 += (337.5 / od.cornea_radius_y_mm - 337.5 / od.cornea_radius_x_mm) / 2 *
           std::cos(2 * od.cornea_axis_deg * pi / 180) / heads;
     thickness += od.cornea_thickness_mm / heads;
@@ -44,6 +47,9 @@ TEST(RandomHead, AllPassTheChecksAndFollowTheTable) {
   EXPECT_NEAR(power, 43.3, 4 * 1.5 * standard_error);
   EXPECT_NEAR(std::sqrt(power2 - power * power), 1.45, 0.15);
   EXPECT_NEAR(std::sqrt(both), 1.05 * std::sqrt(2 * (1 - 0.9025)), 0.06);
+  // Alike in one person, 90 % as correlation.
+  EXPECT_NEAR(std::sqrt(chambers), 0.22 * std::sqrt(2 * (1 - 0.9025)), 0.02);
+  EXPECT_NEAR(std::sqrt(lids), 0.3 * std::sqrt(2 * (1 - 0.9025)), 0.02);
   EXPECT_NEAR(j0, 0.30, 4 * 0.5 * standard_error);
   EXPECT_NEAR(thickness, 0.545, 4 * 0.033 * standard_error);
   EXPECT_LT(std::sqrt(m2 - m * m), 4.0);
