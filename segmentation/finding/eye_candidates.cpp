@@ -263,11 +263,16 @@ bool refine(const Stack& stack, const Peak& peak, EyeCandidate& candidate) {
   }
   if (candidate.radius_mm < smallest_radius_mm || candidate.radius_mm > largest_radius_mm + 1) return false;
   int agreeing = 0;
-  std::vector<double> steps;
+  std::vector<double> steps, rim;
   for (std::size_t i = 0; i < edges.points.size(); ++i) {
-    if (std::abs((edges.points[i] - candidate.centre).norm() - candidate.radius_mm) > 1.2) continue;
+    const Vector3d from_centre = edges.points[i] - candidate.centre;
+    const double distance = from_centre.norm();
+    if (std::abs(distance - candidate.radius_mm) > 1.2) continue;
     ++agreeing;
     steps.push_back(edges.steps[i]);
+    constexpr double within_edge_mm = 2;
+    if (const auto value = interpolate(stack, edges.points[i] - within_edge_mm / distance * from_centre))
+      rim.push_back(*value);
   }
   candidate.agreement = edges.inside > 0 ? static_cast<double>(agreeing) / edges.inside : 0;
   candidate.inside = static_cast<double>(edges.inside) / (edges.inside + edges.outside);
@@ -278,7 +283,9 @@ bool refine(const Stack& stack, const Peak& peak, EyeCandidate& candidate) {
   if (core.size() < 20) return false;
   const double spread = std::max(quantile(core, 0.84) - quantile(core, 0.16), 1e-9) / 2;
   candidate.contrast_to_spread = quantile(steps, 0.5) / spread;
-  return true;
+  // A globe is as bright within its edge as in its middle; the fat around it, in T1 a bright ball against
+  // bone and air, is not.
+  return std::abs(quantile(rim, 0.5) - quantile(core, 0.5)) < 0.5 * quantile(steps, 0.5);
 }
 
 }  // namespace
