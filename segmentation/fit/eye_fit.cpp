@@ -178,7 +178,10 @@ void settle(EyeFit& fit, FitProblem& problem, const std::function<void()>& step_
     fit.converged = result.converged;
     if (step_done) step_done();
   };
-  problem.samples = select_samples(fit.model, fit.parameters, fit.stacks, {});
+  // On the way here the globe needs every voxel that holds it.
+  Selection last;
+  last.optic_nerve = false;
+  problem.samples = select_samples(fit.model, fit.parameters, fit.stacks, last);
   if (problem.samples.size() < fewest_voxels) throw no_result_error("too few voxels show the eye");
   fit.misfit = freeze_weights(problem, fit.parameters);
   pass(25);

@@ -215,7 +215,7 @@ std::vector<Sample> select_samples(const ForwardModel& model, const VectorXd& a,
             const auto d = at.distances(p);
             if (d.outer < -outside_reach) return;
             if (d.globe < edge_reach + 1 && depth < equator_depth - 2) return;  // ciliary body, tendons, lids
-            if (stacks[k].optic_nerve && d.globe < edge_reach &&
+            if (!selection.optic_nerve && stacks[k].optic_nerve && d.globe < edge_reach &&
                 d.direction.dot(*stacks[k].optic_nerve) > std::cos(optic_nerve_reach_deg * degree))
               return;
             sample.near_lens = depth < lens_end + influence && off_axis < 5;

@@ -69,10 +69,11 @@ std::vector<ObservedStack> observe(const std::vector<const Stack*>& stacks, cons
 
 /// Which voxels a pass uses.
 struct Selection {
-  bool cornea = true;  ///< voxels near the cornea and the lid
-  bool rear = true;    ///< voxels behind mid-lens
-  bool fields = true;  ///< the wall's displacement and background are free
-  int stride = 1;      ///< one voxel in so many
+  bool cornea = true;       ///< voxels near the cornea and the lid
+  bool rear = true;         ///< voxels behind mid-lens
+  bool fields = true;       ///< the wall's displacement and background are free
+  int stride = 1;           ///< one voxel in so many
+  bool optic_nerve = true;  ///< voxels of the wall about the optic nerve, where that is told
 };
 /// Voxels near a modelled surface at these parameters, with what matters to each; in the order of the stacks.
 std::vector<Sample> select_samples(const ForwardModel& model, const Eigen::VectorXd& parameters,

@@ -47,7 +47,7 @@ std::vector<QualityGate> judge_quality(const FoundEye& found, const EyeFit& fit)
 
   const double k = 337.5 * fit.value(cornea_c), k_sigma = 337.5 * fit.sigma(cornea_c);
   const double prior_sigma = 337.5 * fit.priors.sigma[cornea_c];
-  at_most("cornea_sigma_over_prior", k_sigma / prior_sigma, 0.94, true,
+  at_most("cornea_sigma_over_prior", k_sigma / prior_sigma, 0.95, true,
           fmt::format("the cornea is not visible (a defaced head?): the images say next to nothing about its "
                       "curvature (sigma {:.2f} D, prior {:.2f} D)",
                       k_sigma, prior_sigma));

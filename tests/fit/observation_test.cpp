@@ -47,14 +47,14 @@ struct Voxels {
     return ForwardModel::AtParameters(model, parameters).to_eye(sample.position, sample.stack);
   }
 };
-Voxels voxels_of(ObservedStack observed) {
+Voxels voxels_of(ObservedStack observed, const Selection& selection = {}) {
   ParameterLayout layout;
   layout.bumps = static_cast<int>(bump_directions().size());
   observed.sampling = {observed.stack->along_row, observed.stack->along_column, observed.stack->normal};
   observed.sampling.thickness_mm = observed.stack->slice_thickness_mm;
   Voxels voxels{ForwardModel(layout, {observed.sampling}, Vector3d::Zero()), population_mean(layout), {}};
   voxels.parameters[apex_y] = -12;
-  voxels.samples = select_samples(voxels.model, voxels.parameters, {observed}, {});
+  voxels.samples = select_samples(voxels.model, voxels.parameters, {observed}, selection);
   return voxels;
 }
 
@@ -77,7 +77,9 @@ TEST(Voxels, OfTheWallSpareTheOpticNerveWhereItIsTold) {
   const Stack stack = stack_of(1, 1);
   const Vector3d nerve(std::sin(15 * degree), 0, -std::cos(15 * degree));
   const auto near_nerve = [&](const std::optional<Vector3d>& told, double within_deg) {
-    const Voxels voxels = voxels_of({&stack, 1, {}, told});
+    Selection last;
+    last.optic_nerve = false;
+    const Voxels voxels = voxels_of({&stack, 1, {}, told}, last);
     const ForwardModel::AtParameters at(voxels.model, voxels.parameters);
     int count = 0;
     for (const Sample& sample : voxels.samples) {
