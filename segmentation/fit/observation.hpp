@@ -48,8 +48,8 @@ struct ObservedStack {
   const Stack* stack = nullptr;
   double reference = 1;  ///< the intensity that becomes 1: vitreous in T2, what surrounds the globe in T1
   StackSampling sampling;
-  /// Unit vector of the eye frame from the globe's centre to the optic nerve, about which no voxel of the
-  /// wall is used; none: all are.
+  /// Unit vector of the eye frame from the globe's centre to the optic nerve, where its surroundings hide
+  /// the wall (Selection::optic_nerve); none: nothing hides it.
   std::optional<Eigen::Vector3d> optic_nerve;
 };
 
