@@ -93,29 +93,44 @@ std::vector<Shared> same_images(const std::array<EyeFit*, 2>& eyes) {
   const bool same = od.contrast == os.contrast && od.stacks.size() == os.stacks.size() &&
                     std::equal(od.stacks.begin(), od.stacks.end(), os.stacks.begin(),
                                [](const auto& a, const auto& b) { return a.stack == b.stack; });
-  if (!same || !is_free(od, cornea) || !is_free(os, cornea)) return list;
-  if (std::min({od.value(cornea), od.value(aqueous), os.value(cornea), os.value(aqueous)}) > 0) {
+  if (!same || od.evidence == Evidence::labels || os.evidence == Evidence::labels) return list;
+  for (const auto& [tissue, sigma] : {std::pair{cornea, tissue_intensity_difference},
+                                      {wall, tissue_intensity_difference},
+                                      {lens, tissue_intensity_difference},
+                                      {iris, tissue_intensity_difference},
+                                      {vitreous, tissue_intensity_difference},
+                                      {lid, lid_intensity_difference}}) {
+    const int parameter = tissue;
+    const bool seen = std::all_of(eyes.begin(), eyes.end(), [&](const EyeFit* eye) {
+      return is_free(*eye, parameter) && is_free(*eye, aqueous) && eye->value(parameter) > 0 &&
+             eye->value(aqueous) > 0;
+    });
+    if (!seen) continue;
     Shared brightness;
-    brightness.difference_sigma = corneal_intensity_difference;
-    brightness.information = alike(corneal_intensity_difference);
+    brightness.difference_sigma = sigma;
+    brightness.information = alike(sigma);
     for (int e = 0; e < 2; ++e) {
-      const double of_cornea = eyes[e]->value(cornea), of_aqueous = eyes[e]->value(aqueous);
-      brightness.value[e] = std::log(of_cornea / of_aqueous);
-      brightness.by[e] = by_active(*eyes[e], {{cornea, 1 / of_cornea}, {aqueous, -1 / of_aqueous}});
+      const double of_tissue = eyes[e]->value(tissue), of_aqueous = eyes[e]->value(aqueous);
+      brightness.value[e] = std::log(of_tissue / of_aqueous);
+      brightness.by[e] = by_active(*eyes[e], {{tissue, 1 / of_tissue}, {aqueous, -1 / of_aqueous}});
     }
     list.push_back(brightness);
   }
-  for (int s = 0; s < od.layout.stacks; ++s) {
-    const int at = od.layout.stack(s) + log_sharpness;
-    Shared sharpness;
-    sharpness.difference_sigma = sharpness_difference;
-    sharpness.information = alike(sharpness_difference);
-    for (int e = 0; e < 2; ++e) {
-      sharpness.value[e] = eyes[e]->value(at);
-      sharpness.by[e] = by_active(*eyes[e], {{at, 1.0}});
+  for (int s = 0; s < od.layout.stacks; ++s)
+    for (const auto& [of_stack, sigma] : {std::pair{log_sharpness, sharpness_difference},
+                                          {fat_shift_first, fat_shift_difference_mm},
+                                          {StackParameter(fat_shift_first + 1), fat_shift_difference_mm}}) {
+      const int at = od.layout.stack(s) + of_stack;
+      if (!is_free(od, at) || !is_free(os, at)) continue;
+      Shared image;
+      image.difference_sigma = sigma;
+      image.information = alike(sigma);
+      for (int e = 0; e < 2; ++e) {
+        image.value[e] = eyes[e]->value(at);
+        image.by[e] = by_active(*eyes[e], {{at, 1.0}});
+      }
+      list.push_back(image);
     }
-    list.push_back(sharpness);
-  }
   return list;
 }
 

@@ -19,6 +19,9 @@ using Eigen::VectorXd;
 
 constexpr double coil_length_mm = 12;
 
+/// Fat is brighter than the wall by this, where its share is asked for.
+constexpr double least_over_wall = 0.2;
+
 /// The larger of two positive numbers, up to 12 % more where both are alike. Towards a corner of the
 /// scanner's rectangle in k-space a plane edge would be sharpest; a curved one has directions on both sides
 /// of the corner and is blurred by their mean.
@@ -54,6 +57,10 @@ Matrix3d eye_axes_by_v(double h, double v) {
 }
 
 }  // namespace
+
+double fat_signal(double around, double wall, double fat) {
+  return fat * (around - wall) / std::max(fat - wall, least_over_wall);
+}
 
 ForwardModel::ForwardModel(ParameterLayout layout, std::vector<StackSampling> stacks, Vector3d coil_reference)
     : layout_(layout), stacks_(std::move(stacks)), coil_reference_(std::move(coil_reference)) {
@@ -126,7 +133,8 @@ EyeSurface ForwardModel::AtParameters::cornea_at(const Vector3d& p, bool back) c
   return cornea_surface(a_, p, back, field ? &*field : nullptr);
 }
 
-WallFields ForwardModel::AtParameters::wall_fields(const Sample& sample, const Vector3d& p) const {
+WallFields ForwardModel::AtParameters::wall_fields(const std::vector<std::uint8_t>& bumps,
+                                                   const Vector3d& p) const {
   WallFields wall_at;
   const double depth = -p.z() - (a_[axial_length] - a_[globe_z]);
   const Vector3d r(a_[globe_x], a_[globe_y], a_[globe_z]);
@@ -135,8 +143,8 @@ WallFields ForwardModel::AtParameters::wall_fields(const Sample& sample, const V
   const Vector3d n = q / rho;
   const ParameterLayout& layout = model_.layout_;
   Vector3d by_n = Vector3d::Zero();
-  for (std::size_t k = 0; k < sample.bumps.size(); ++k) {
-    const int i = sample.bumps[k];
+  for (std::size_t k = 0; k < bumps.size(); ++k) {
+    const int i = bumps[k];
     const Bump bump = bump_at(n.dot(model_.bumps_[i]));
     wall_at.bump[k] = bump.value;
     const double u = a_[layout.displacement() + i];
@@ -169,6 +177,20 @@ ForwardModel::AtParameters::Edge ForwardModel::AtParameters::edge(const EyeSurfa
   return {e.value, e.derivative * per_f, e.scale_derivative};
 }
 
+std::array<double, coil_count> ForwardModel::AtParameters::coil_terms(const Vector3d& position) const {
+  const Vector3d x = (position - model_.coil_reference_) / coil_length_mm;
+  return {x.x(),         x.y(),         x.z(),         x.x() * x.x(), x.y() * x.y(),
+          x.z() * x.z(), x.x() * x.y(), x.y() * x.z(), x.z() * x.x()};
+}
+
+double ForwardModel::AtParameters::coil(const Sample& sample) const {
+  const int at = model_.layout_.stack(sample.stack);
+  const std::array<double, coil_count> terms = coil_terms(sample.position);
+  double log_coil = a_[at + log_gain];
+  for (int i = 0; i < coil_count; ++i) log_coil += a_[at + coil_first + i] * terms[i];
+  return std::exp(log_coil);
+}
+
 double ForwardModel::AtParameters::intensity(const Sample& sample, SparseRow* row) const {
   const ParameterLayout& layout = model_.layout_;
   const int stack = sample.stack;
@@ -185,7 +207,7 @@ double ForwardModel::AtParameters::intensity(const Sample& sample, SparseRow* ro
 
   WallFields wall_at;
   if (sample.near_wall && !sample.bumps.empty())
-    wall_at = wall_fields(sample, to_eye(sample.position, stack));
+    wall_at = wall_fields(sample.bumps, to_eye(sample.position, stack));
   double by_u = 0, by_background = 0;
   Vector3d by_fat_shift = Vector3d::Zero();  // in the eye frame
 
@@ -232,10 +254,7 @@ double ForwardModel::AtParameters::intensity(const Sample& sample, SparseRow* ro
     } else {
       Edge outer_edge{1, 0, 0}, inner_edge{1, 0, 0}, fat_edge{1, 0, 0};
       const double outside = a_[surround] + wall_at.background;
-      // Of that, fat's signal: what is not fat is muscle, as bright as the wall.
-      const double over_wall = sampling.fat - a_[wall], least_over_wall = 0.2;
-      const double fat_share = (outside - a_[wall]) / std::max(over_wall, least_over_wall);
-      const double fat = sampling.fat * fat_share;
+      const double fat = fat_signal(outside, a_[wall], sampling.fat);
       if (sample.near_wall) {
         const EyeSurface outer = globe_surface(a_, p, true, &wall_at),
                          inner = globe_surface(a_, p, false, &wall_at);
@@ -251,12 +270,13 @@ double ForwardModel::AtParameters::intensity(const Sample& sample, SparseRow* ro
           by_fat_shift -= by_f * fat_begins.gradient;
           by_u += by_f + enter(outer, outer_edge, a_[wall] - outside + fat);
           by_u += enter(inner, inner_edge, fluid - a_[wall]);
+          const double over_wall = sampling.fat - a_[wall];
           const double by_share =
               (outer_edge.value - fat_edge.value) * sampling.fat / std::max(over_wall, least_over_wall);
           const double by_outside = 1 - outer_edge.value + by_share;
           row->add(surround, weight * by_outside);
           by_background += weight * by_outside;
-          const double share_by_wall = over_wall > least_over_wall ? 1 - fat_share : 1;
+          const double share_by_wall = over_wall > least_over_wall ? 1 - fat / sampling.fat : 1;
           row->add(wall, weight * (outer_edge.value - inner_edge.value - by_share * share_by_wall));
         }
       }
@@ -317,16 +337,10 @@ double ForwardModel::AtParameters::intensity(const Sample& sample, SparseRow* ro
     }
   }
 
-  // Coil: exp of a polynomial in LPS about the reference.
-  const Vector3d x = (sample.position - model_.coil_reference_) / coil_length_mm;
-  const std::array<double, coil_count> terms{x.x(),         x.y(),         x.z(),
-                                             x.x() * x.x(), x.y() * x.y(), x.z() * x.z(),
-                                             x.x() * x.y(), x.y() * x.z(), x.z() * x.x()};
-  double log_coil = a_[at_stack + log_gain];
-  for (int i = 0; i < coil_count; ++i) log_coil += a_[at_stack + coil_first + i] * terms[i];
-  const double coil = std::exp(log_coil);
-
+  sum += sample.curved;
+  const double coil_factor = coil(sample);
   if (row) {
+    const std::array<double, coil_count> terms = coil_terms(sample.position);
     const Vector3d in_lps = eye_from_lps_.transpose() * by_position;
     for (int i = 0; i < 3; ++i) {
       row->add(apex_x + i, -in_lps[i]);
@@ -342,9 +356,9 @@ double ForwardModel::AtParameters::intensity(const Sample& sample, SparseRow* ro
     row->add(at_stack + log_sharpness, by_sharpness);
     for (int i = 0; i < coil_count; ++i) row->add(at_stack + coil_first + i, sum * terms[i]);
     row->add(at_stack + log_gain, sum);
-    row->scale(coil);
+    row->scale(coil_factor);
   }
-  return sum * coil;
+  return sum * coil_factor;
 }
 
 }  // namespace emmetrope::segmentation

@@ -1,5 +1,6 @@
 #pragma once
 #include <Eigen/Core>
+#include <array>
 #include <cstdint>
 #include <optional>
 #include <vector>
@@ -23,6 +24,9 @@ struct StackSampling {
   /// What is believed of the coil's second-order coefficients, about 0.
   double coil_curvature_sigma = 0.2;
 };
+
+/// Fat's signal in what surrounds the globe: what of it is not fat is muscle, as bright as the wall.
+double fat_signal(double around, double wall, double fat);
 
 /// Which part of the eye explains a voxel. Chosen once a pass, so that the cost stays smooth.
 enum class Zone : std::uint8_t {
@@ -49,6 +53,8 @@ struct Sample {
   Part part = Part::vitreous;
   bool near_wall = false, near_lens = false, near_cornea = false;
   std::vector<std::uint8_t> bumps;  ///< those that matter here
+  /// What the image has here beyond planar edges (curved_edges.hpp), without the coil; frozen within a pass.
+  float curved = 0;
 };
 
 /// One row of the Jacobian: dense storage, the touched places listed.
@@ -92,8 +98,7 @@ class SparseRow {
 /// H_fat is H_outer displaced by the chemical shift: the fat of what surrounds the globe lies over the wall
 /// on one side and leaves a gap on the other, muscle stays in its place. surround(n) tells their shares:
 /// muscle is as bright as the wall, fat as its brightest surroundings. The coil multiplies by exp(log_gain +
-/// polynomial in
-/// ((x, y, z) - reference) / 12 mm without constant).
+/// polynomial in ((x, y, z) - reference) / 12 mm without constant).
 class ForwardModel {
  public:
   ForwardModel(ParameterLayout layout, std::vector<StackSampling> stacks, Eigen::Vector3d coil_reference);
@@ -112,6 +117,8 @@ class ForwardModel {
     /// Intensity of a sample; the row, where given, is cleared and receives the derivatives. The derivative
     /// of the distance's normalisation (second order in the distance to the edge) is left out.
     double intensity(const Sample& sample, SparseRow* row) const;
+    /// The coil's factor at a sample.
+    double coil(const Sample& sample) const;
     /// A point of the stack's LPS in the eye frame.
     Eigen::Vector3d to_eye(const Eigen::Vector3d& position, int stack) const;
     /// Signed distances (mm, positive inside, first order) at a point of the eye frame: what voxels are
@@ -121,6 +128,8 @@ class ForwardModel {
       Eigen::Vector3d direction;  ///< scaled unit direction from the globe's centre
     };
     Distances distances(const Eigen::Vector3d& p) const;
+    /// The wall's fields at a point of the eye frame, from some bumps.
+    WallFields wall_fields(const std::vector<std::uint8_t>& bumps, const Eigen::Vector3d& p) const;
     /// Displacement u (mm) in a scaled direction, from all bumps.
     double displacement(const Eigen::Vector3d& direction) const;
 
@@ -139,7 +148,7 @@ class ForwardModel {
 
    private:
     std::optional<CorneaField> cornea_field(const Eigen::Vector3d& p) const;
-    WallFields wall_fields(const Sample& sample, const Eigen::Vector3d& p) const;
+    std::array<double, coil_count> coil_terms(const Eigen::Vector3d& position) const;
     struct Edge;
     Edge edge(const EyeSurface& surface, int stack) const;
 

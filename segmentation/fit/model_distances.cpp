@@ -67,7 +67,7 @@ ForwardModel::AtParameters::SurfacePoint ForwardModel::AtParameters::at_surface(
     surface = cornea_at(p, which == OpticalSurface::cornea_posterior);
   } else if (which == OpticalSurface::retina) {
     for (int i = 0; i < model_.layout_.bumps; ++i) everywhere.bumps.push_back(static_cast<std::uint8_t>(i));
-    wall_at = wall_fields(everywhere, p);
+    wall_at = wall_fields(everywhere.bumps, p);
     surface = globe_surface(a_, p, false, &wall_at);
   } else {
     EyeSurface front, back, equator;

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/LU>
+#include <array>
 #include <cmath>
 
 namespace emmetrope::segmentation {
@@ -84,37 +85,53 @@ TEST(BothEyes, CouplingIsTheJointEstimate) {
   EXPECT_NEAR((os.covariance - covariance.bottomRightCorner<2, 2>()).norm(), 0, 1e-9);
 }
 
-/// Two eyes in one stack: corneas equally bright against the aqueous, images equally sharp. By hand: two
-/// measurements of variance v whose difference has variance d^2 move towards each other by 2 v / (d^2 + 2 v)
-/// of half their difference, and the variance of each becomes v (d^2 + v) / (d^2 + 2 v).
-TEST(BothEyes, OneStackHasOneSharpnessAndOneBrightnessOfCorneas) {
+/// Two eyes in one stack: tissues equally bright against the aqueous, images equally sharp, fat equally
+/// displaced. By hand: two measurements of variances v and w whose difference has variance d^2 move towards
+/// each other by v / (d^2 + v + w) and w / (d^2 + v + w) of it, and v becomes v (d^2 + w) / (d^2 + v + w).
+TEST(BothEyes, OneStackHasOneSharpnessOneChemicalShiftAndOneBrightnessOfTissues) {
+  struct Seen {
+    int parameter;
+    double right, left, sigma, difference;
+    bool is_brightness;
+  };
+  const ParameterLayout layout;
+  const std::array<Seen, 5> table{
+      {{cornea, 0.40, 0.36, 0.04, tissue_intensity_difference, true},
+       {wall, 0.35, 0.38, 0.03, tissue_intensity_difference, true},
+       {lid, 0.50, 0.58, 0.05, lid_intensity_difference, true},
+       {layout.stack(0) + log_sharpness, 0.02, 0.06, 0.03, sharpness_difference, false},
+       {layout.stack(0) + fat_shift_first, 0.10, 0.05, 0.06, fat_shift_difference_mm, false}}};
   Stack stack;
-  const auto eye = [&](double of_cornea, double sharpness) {
+  const auto eye = [&](double Seen::*value) {
     EyeFit fit = fit_of(images(43, 0.8, 3.3));
     const Eigen::Vector3d x = Eigen::Vector3d::UnitX(), y = Eigen::Vector3d::UnitY();
     fit.stacks.push_back({&stack, 1, {x, y, x.cross(y)}, {}});
-    const int at = fit.layout.stack(0) + log_sharpness;
-    fit.active = {cornea_c, cornea, aqueous, at};
-    fit.parameters[cornea] = of_cornea;
+    fit.active = {cornea_c, aqueous};
     fit.parameters[aqueous] = 0.2;
-    fit.parameters[at] = sharpness;
-    fit.covariance = Eigen::Vector4d(1e-6, 0.04 * 0.04, 1e-20, 0.03 * 0.03).asDiagonal();
+    std::vector<double> variance{1e-6, 1e-20};
+    for (const Seen& seen : table) {
+      fit.active.push_back(seen.parameter);
+      fit.parameters[seen.parameter] = seen.*value;
+      variance.push_back(seen.sigma * seen.sigma);
+    }
+    fit.covariance = Eigen::Map<VectorXd>(variance.data(), 7).asDiagonal();
     return fit;
   };
-  EyeFit od = eye(0.40, 0.02), os = eye(0.36, 0.06);
-  const int at = od.layout.stack(0) + log_sharpness;
+  EyeFit od = eye(&Seen::right), os = eye(&Seen::left);
   ASSERT_TRUE(couple_eyes(od, os));
-  {
-    const double v = 0.03 * 0.03, d2 = sharpness_difference * sharpness_difference;
-    EXPECT_NEAR(od.value(at), 0.04 - 0.02 * d2 / (d2 + 2 * v), 1e-9);
-    EXPECT_NEAR(os.covariance(3, 3), v * (d2 + v) / (d2 + 2 * v), 1e-9);
+  for (std::size_t i = 0; i < table.size(); ++i) {
+    const Seen& seen = table[i];
+    // Of the logarithm where it is a brightness.
+    const double per_right = seen.is_brightness ? 1 / seen.right : 1,
+                 per_left = seen.is_brightness ? 1 / seen.left : 1;
+    const double apart = seen.is_brightness ? std::log(seen.left / seen.right) : seen.left - seen.right;
+    const double v = std::pow(seen.sigma * per_right, 2), w = std::pow(seen.sigma * per_left, 2),
+                 all = v + w + std::pow(seen.difference, 2);
+    EXPECT_NEAR(od.value(seen.parameter), seen.right + apart * v / all / per_right, 1e-6) << i;
+    EXPECT_NEAR(os.value(seen.parameter), seen.left - apart * w / all / per_left, 1e-6) << i;
+    const auto at = static_cast<Eigen::Index>(i + 2);
+    EXPECT_NEAR(od.covariance(at, at), seen.sigma * seen.sigma * (all - v) / all, 1e-9) << i;
   }
-  // The logarithm's variance is 0.01 in one eye and 0.0123 in the other: weighted by them.
-  const double v1 = 0.01, v2 = std::pow(0.04 / 0.36, 2), d2 = std::pow(corneal_intensity_difference, 2);
-  const double apart = std::log(0.36 / 0.40);
-  EXPECT_NEAR(od.value(cornea), 0.40 + 0.40 * apart * v1 / (v1 + v2 + d2), 1e-6);
-  EXPECT_NEAR(os.value(cornea), 0.36 - 0.36 * apart * v2 / (v1 + v2 + d2), 1e-6);
-  EXPECT_NEAR(od.covariance(1, 1), 0.04 * 0.04 * (v2 + d2) / (v1 + v2 + d2), 1e-9);
 }
 
 /// What images do not see stays as wide in each eye as in a stranger's: two eyes of a person are no second

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <ctime>
 #include <functional>
+#include <memory>
 #include <optional>
 #include <random>
 
@@ -155,7 +156,7 @@ Json surface_distances(const ParametricEye& fitted, const phantom::PlacedEye& tr
 struct StudiedEye {
   Laterality laterality;
   Json record;
-  PhantomEye images;
+  std::shared_ptr<const PhantomEye> images;  ///< both eyes' where one stack shows both
   phantom::PlacedEye truth;
   std::optional<EyeFit> fit, bound;  ///< bound: the same eye with the covariance of the information bound
   std::optional<FoundEye> found;
@@ -165,9 +166,9 @@ struct StudiedEye {
 
 /// Finds and fits it, as the stage does.
 void fit(StudiedEye& eye, bool of_one_eye, double age_years) {
-  const std::vector<std::string> hints(eye.images.stacks.size(),
+  const std::vector<std::string> hints(eye.images->stacks.size(),
                                        of_one_eye ? (eye.laterality == Laterality::od ? "R" : "L") : "");
-  const FoundEyes found = find_eyes(eye.images.views(), hints);
+  const FoundEyes found = find_eyes(eye.images->views(), hints);
   const auto one = std::find_if(found.eyes.begin(), found.eyes.end(),
                                 [&](const FoundEye& f) { return f.laterality == eye.laterality; });
   eye.record["status"] = "not found";
@@ -175,7 +176,7 @@ void fit(StudiedEye& eye, bool of_one_eye, double age_years) {
   if (one == found.eyes.end()) return;
   eye.found = *one;
   try {
-    eye.fit = fit_eye(views_of(*one, eye.images.views()), start_of(*one, age_years), one->contrast);
+    eye.fit = fit_eye(views_of(*one, eye.images->views()), start_of(*one, age_years), one->contrast);
     const std::vector<QualityGate> gates = judge_quality(*one, *eye.fit);
     eye.record["status"] = is_refused(gates) ? "refused" : "measured";
     for (const QualityGate& gate : gates)
@@ -203,8 +204,8 @@ void write_down(StudiedEye& studied) {
   record["fit"] = to_json(eye);
   // Where the eye is in the images that define its pose.
   const Eigen::Isometry3d fitted_from_true =
-      eye.lps_from_eye.inverse() * studied.images.scanner_from_reference[studied.found->views.front().stack] *
-      studied.truth.lps_from_eye;
+      eye.lps_from_eye.inverse() *
+      studied.images->scanner_from_reference[studied.found->views.front().stack] * studied.truth.lps_from_eye;
   record["surface_mm"] = surface_distances(eye, studied.truth, fitted_from_true);
   record["irregular_cornea"] = fit.layout.irregular_cornea;
   record["irregularity_chi2"] = fit.irregularity.chi2;
@@ -258,7 +259,9 @@ std::vector<Json> study_head(const StudyProtocol& wanted, unsigned long long see
     eye.record["laterality"] = to_string(laterality);
     const double begin_s = processor_s();
     // A head coil's stacks show both eyes.
-    eye.images = of_one_eye || eyes.empty() ? render_eye(head, protocol, laterality, 1) : eyes[0].images;
+    eye.images = of_one_eye || eyes.empty()
+                     ? std::make_shared<PhantomEye>(render_eye(head, protocol, laterality, 1))
+                     : eyes[0].images;
     const double rendered_s = processor_s();
     eye.truth = phantom::place(head, laterality);
     eye.record["truth"] = phantom::eye_truth(eye.truth, head.lens_index);

@@ -1,0 +1,196 @@
+#include "segmentation/fit/curved_edges.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+
+#include "pipeline/base/frames.hpp"
+#include "segmentation/fit/eye_drawing.hpp"
+
+namespace emmetrope::segmentation {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXf;
+using Eigen::Vector3d;
+using Eigen::VectorXd;
+
+/// How far from the globe's centre the eye with its lid is drawn, as far as voxels are compared; over so many
+/// pixels more the drawing fades into what surrounds the globe.
+constexpr double drawn_mm = 19;
+constexpr int fading_pixels = 6;
+
+/// So many that what folds back into the image is 0.005 of a border's step at most.
+constexpr Index cells_per_pixel = 6;
+
+/// One direction of a slice's lattice: pixels, cut into cells.
+struct Axis {
+  Vector3d along;  ///< LPS, unit
+  double pixel_mm;
+  Index pixels;
+
+  Axis(Vector3d direction, double spacing_mm)
+      : along(std::move(direction)),
+        pixel_mm(spacing_mm),
+        pixels(2 * (static_cast<Index>(std::ceil(drawn_mm / spacing_mm)) + fading_pixels)) {}
+
+  double cell_mm() const { return pixel_mm / static_cast<double>(cells_per_pixel); }
+};
+
+/// Of a cell within its pixel or slice, in cells from the middle.
+double offset(Index cell, Index cells) {
+  return static_cast<double>(cell) - 0.5 * static_cast<double>(cells - 1);
+}
+
+/// By how much a cell (column) adds to a pixel (row): the k-space window's transform, sharpened by what the
+/// mean over a cell blurs.
+MatrixXf window_response(const Axis& axis, double cutoff_per_mm) {
+  constexpr int steps = 400;
+  const auto response = [&](double x_mm) {
+    double sum = 0;
+    for (int i = 0; i < steps; ++i) {
+      const double k = (i + 0.5) / steps * cutoff_per_mm, blur = pi * k * axis.cell_mm();
+      sum += std::cos(2 * pi * k * x_mm) * blur / std::sin(blur);
+    }
+    return 2 * sum * cutoff_per_mm / steps * axis.cell_mm();
+  };
+  // Of the distance alone, counted in half cells.
+  std::map<Index, float> known;
+  const Index cells = axis.pixels * cells_per_pixel;
+  MatrixXf window(axis.pixels, cells);
+  for (Index i = 0; i < axis.pixels; ++i)
+    for (Index j = 0; j < cells; ++j) {
+      const Index half_cells = std::abs(2 * cells_per_pixel * i + cells_per_pixel - 1 - 2 * j);
+      const auto [at, is_new] = known.try_emplace(half_cells, 0.0F);
+      if (is_new)
+        at->second = static_cast<float>(response(0.5 * axis.cell_mm() * static_cast<double>(half_cells)));
+      window(i, j) = at->second;
+    }
+  return window;
+}
+
+/// One stack's eye, drawn and imaged slice by slice; what surrounds the globe counts as 0.
+class StackImage {
+ public:
+  StackImage(const ForwardModel& model, const ForwardModel::AtParameters& at, const VectorXd& a,
+             const Stack& stack, int index)
+      : at_(at),
+        index_(index),
+        background_(a[surround]),
+        row_(stack.along_row, stack.column_spacing_mm),
+        column_(stack.along_column, stack.row_spacing_mm),
+        globe_(a.segment<3>(apex_x) -
+               (a[axial_length] - a[globe_z]) * gaze_axis(a[gaze_horizontal], a[gaze_vertical]) -
+               a.segment<3>(model.layout().stack(index) + shift_first)),
+        layers_(layers_of(model, index)),
+        cell_(cell_of(model, at, index)),
+        drawing_(model, at, a, index, cell_, voxel_reach_mm(model, index)) {
+    const StackSampling& sampling = model.stacks()[static_cast<std::size_t>(index)];
+    const double sharpness = std::exp(a[model.layout().stack(index) + log_sharpness]);
+    along_row_ = window_response(row_, sampling.row_cutoff_per_mm * sharpness).transpose();
+    along_column_ = window_response(column_, sampling.column_cutoff_per_mm * sharpness);
+  }
+
+  /// Intensities at samples of one slice.
+  std::vector<double> at(const std::vector<Sample*>& slice) {
+    // A lattice that holds the slice's voxels, with the globe in its middle.
+    const Vector3d& some = slice.front()->position;
+    const auto to_globe = [&](const Axis& axis) {
+      const Index pixels = std::lround((globe_ - some).dot(axis.along) / axis.pixel_mm) - axis.pixels / 2;
+      return static_cast<double>(pixels) * axis.pixel_mm * axis.along;
+    };
+    const Vector3d first = some + to_globe(row_) + to_globe(column_);
+    const MatrixXf image = along_column_ * (drawn_from(first) * along_row_);
+    std::vector<double> intensity;
+    for (const Sample* sample : slice) {
+      const auto place = [&](const Axis& axis) {
+        return std::lround((sample->position - first).dot(axis.along) / axis.pixel_mm);
+      };
+      intensity.push_back(background_ + image(place(column_), place(row_)));
+    }
+    return intensity;
+  }
+
+ private:
+  /// No thicker than a cell is wide.
+  int layers_of(const ForwardModel& model, int index) const {
+    const double thickness_mm = model.stacks()[static_cast<std::size_t>(index)].thickness_mm;
+    return static_cast<int>(std::ceil(thickness_mm / std::min(row_.cell_mm(), column_.cell_mm())));
+  }
+  Eigen::Matrix3d cell_of(const ForwardModel& model, const ForwardModel::AtParameters& at, int index) const {
+    const StackSampling& sampling = model.stacks()[static_cast<std::size_t>(index)];
+    Eigen::Matrix3d edges;
+    edges << row_.cell_mm() * row_.along, column_.cell_mm() * column_.along,
+        sampling.thickness_mm / layers_ * sampling.normal;
+    for (int i = 0; i < 3; ++i)
+      edges.col(i) = at.to_eye(edges.col(i), index) - at.to_eye(Vector3d::Zero(), index);
+    return edges;
+  }
+  double voxel_reach_mm(const ForwardModel& model, int index) const {
+    const double thickness_mm = model.stacks()[static_cast<std::size_t>(index)].thickness_mm;
+    return 0.5 * Vector3d(row_.pixel_mm, column_.pixel_mm, thickness_mm).norm() + 0.1;
+  }
+
+  MatrixXf drawn_from(const Vector3d& first) {
+    const double fading_mm = fading_pixels * std::max(row_.pixel_mm, column_.pixel_mm);
+    MatrixXf fine = MatrixXf::Zero(column_.pixels * cells_per_pixel, row_.pixels * cells_per_pixel);
+    for (Index r = 0; r < column_.pixels; ++r)
+      for (Index c = 0; c < row_.pixels; ++c) {
+        const Vector3d voxel = first + static_cast<double>(c) * row_.pixel_mm * row_.along +
+                               static_cast<double>(r) * column_.pixel_mm * column_.along;
+        const double drawn = 1 - smooth_step((voxel - globe_).norm(), drawn_mm, drawn_mm + fading_mm);
+        if (drawn <= 0) continue;
+        auto block = fine.block<cells_per_pixel, cells_per_pixel>(r * cells_per_pixel, c * cells_per_pixel);
+        const Vector3d p = at_.to_eye(voxel, index_);
+        if (!drawing_.enter(p)) {
+          block.setConstant(static_cast<float>(drawn * (drawing_(p) - background_)));
+          continue;
+        }
+        for (Index j = 0; j < cells_per_pixel; ++j)
+          for (Index i = 0; i < cells_per_pixel; ++i) {
+            double sum = 0;
+            for (int l = 0; l < layers_; ++l)
+              sum += drawing_(p + cell_ * Vector3d(offset(i, cells_per_pixel), offset(j, cells_per_pixel),
+                                                   offset(l, layers_)));
+            block(j, i) = static_cast<float>(drawn * (sum / layers_ - background_));
+          }
+      }
+    return fine;
+  }
+
+  const ForwardModel::AtParameters& at_;
+  int index_;
+  double background_;
+  Axis row_, column_;
+  Vector3d globe_;  ///< its centre, in the stack's LPS
+  int layers_;      ///< of cells through a slice
+  Eigen::Matrix3d cell_;
+  EyeDrawing drawing_;
+  MatrixXf along_row_, along_column_;  ///< cells to pixels, from the right and from the left
+};
+
+}  // namespace
+
+void add_curved_edges(std::vector<Sample>& samples, const ForwardModel& model, const VectorXd& parameters,
+                      const std::vector<ObservedStack>& stacks) {
+  const ForwardModel::AtParameters at(model, parameters);
+  for (std::size_t k = 0; k < stacks.size(); ++k) {
+    const Stack& stack = *stacks[k].stack;
+    StackImage image(model, at, parameters, stack, static_cast<int>(k));
+    std::map<long, std::vector<Sample*>> slices;  // by height
+    for (Sample& sample : samples)
+      if (sample.stack == k && sample.zone == Zone::rear)
+        slices[std::lround(100 * (sample.position - stack.slice_position.front()).dot(stack.normal))]
+            .push_back(&sample);
+    for (const auto& [height, slice] : slices) {
+      const std::vector<double> intensity = image.at(slice);
+      for (std::size_t i = 0; i < slice.size(); ++i) {
+        slice[i]->curved = 0;
+        const double planar = at.intensity(*slice[i], nullptr) / at.coil(*slice[i]);
+        slice[i]->curved = static_cast<float>(intensity[i] - planar);
+      }
+    }
+  }
+}
+
+}  // namespace emmetrope::segmentation

@@ -1,0 +1,163 @@
+// What curved borders ring like, against the closed form of a disc.
+#include "segmentation/fit/curved_edges.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "pipeline/base/frames.hpp"
+#include "segmentation/fit/edge_response.hpp"
+
+namespace emmetrope::segmentation {
+namespace {
+
+using Eigen::Vector3d;
+using Eigen::VectorXd;
+
+constexpr double inside_globe = 0.2, outside_globe = 1;
+constexpr double slice_mm = 1;
+
+/// The edge response, with its ringing beyond the table's end: Si(x) = pi/2 - cos(x) / x (1 - 2 / x^2) -
+/// sin(x) / x^2.
+double edge(double t) {
+  if (std::abs(t) < 20) return edge_response(t);
+  const double x = pi * std::abs(t);
+  const double e = 1 - (std::cos(x) / x * (1 - 2 / (x * x)) + std::sin(x) / (x * x)) / pi;
+  return t > 0 ? e : 1 - e;
+}
+
+/// Image of a disc of this radius cut off in k-space at `cutoff_per_mm` in either direction: over its chords,
+/// each an edge response's difference.
+double disc_image(double radius_mm, double x_mm, double y_mm, double cutoff_per_mm) {
+  constexpr int steps = 1500;
+  double sum = 0;
+  for (int i = 0; i < steps; ++i) {
+    const double angle = ((i + 0.5) / steps - 0.5) * pi;
+    const double at = radius_mm * std::sin(angle), half_chord = radius_mm * std::cos(angle);
+    const double off = 2 * pi * cutoff_per_mm * (x_mm - at);
+    const double across = std::abs(off) < 1e-9 ? 1 : std::sin(off) / off;
+    sum += 2 * cutoff_per_mm * across * half_chord * pi / steps *
+           (edge(2 * cutoff_per_mm * (y_mm + half_chord)) - edge(2 * cutoff_per_mm * (y_mm - half_chord)));
+  }
+  return sum;
+}
+
+/// A round globe, dark in bright surroundings, at the origin of LPS and its slices across the axis.
+struct Globe {
+  Stack stack;
+  std::vector<ObservedStack> observed;
+  ForwardModel model;
+  VectorXd parameters;
+  double radius_mm;      ///< of the wall's outside, across the axis
+  double half_depth_mm;  ///< along it
+
+  explicit Globe(double pixel_mm)
+      : stack(stack_of(pixel_mm)), observed{{&stack, 1, sampling_of(stack), {}}}, model(make_model()) {
+    parameters = population_mean(model.layout());
+    const double centre_depth = parameters[axial_length] - parameters[globe_z];
+    parameters[apex_y] = -centre_depth;  // the eye looks to -y
+    parameters[globe_y] = parameters[globe_x];
+    for (int i = vitreous; i <= iris; ++i) parameters[i] = inside_globe;
+    for (const int i : {int(lid), int(air), int(surround)}) parameters[i] = outside_globe;
+    radius_mm = parameters[globe_x] + parameters[wall_lateral];
+    half_depth_mm = parameters[globe_z] + parameters[wall_axial];
+  }
+
+  static Stack stack_of(double pixel_mm) {
+    Stack stack;
+    stack.along_row = Vector3d::UnitX();
+    stack.along_column = -Vector3d::UnitZ();
+    stack.normal = Vector3d::UnitY();
+    stack.column_spacing_mm = stack.row_spacing_mm = pixel_mm;
+    stack.slice_thickness_mm = slice_mm;
+    for (int s = 0; s < 30; ++s) stack.slice_position.push_back({-25, s - 15.0, 25});
+    return stack;
+  }
+  static StackSampling sampling_of(const Stack& stack) {
+    StackSampling sampling{stack.along_row, stack.along_column, stack.normal};
+    sampling.row_cutoff_per_mm = 0.5 / stack.column_spacing_mm;
+    sampling.column_cutoff_per_mm = 0.5 / stack.row_spacing_mm;
+    sampling.thickness_mm = slice_mm;
+    sampling.subslices = 2;
+    return sampling;
+  }
+  ForwardModel make_model() const {
+    ParameterLayout layout;
+    layout.bumps = static_cast<int>(bump_directions().size());
+    return {layout, {observed.front().sampling}, Vector3d::Zero()};
+  }
+
+  /// Voxels of the slice 4 mm behind the globe's middle, from the border to 4 mm within it.
+  std::vector<Sample> samples() const {
+    std::vector<Sample> list;
+    const double pixel = stack.column_spacing_mm;
+    for (int r = 0; r < 50 / pixel; ++r)
+      for (int c = 0; c < 50 / pixel; ++c) {
+        Sample sample;
+        sample.position = stack.slice_position[19] + Vector3d(c * pixel, 0, -r * pixel);
+        const double off_axis = std::hypot(sample.position.x(), sample.position.z());
+        if (off_axis < slice_radius(4) - 4 || off_axis > slice_radius(4) + 0.6) continue;
+        sample.near_wall = true;
+        list.push_back(sample);
+      }
+    return list;
+  }
+  double slice_radius(double behind_mm) const {
+    return radius_mm * std::sqrt(1 - std::pow(behind_mm / half_depth_mm, 2));
+  }
+  double expected(const Sample& sample) const {
+    constexpr int layers = 8;
+    double disc = 0;
+    for (int i = 0; i < layers; ++i)
+      disc += disc_image(slice_radius(sample.position.y() + ((i + 0.5) / layers - 0.5) * slice_mm),
+                         sample.position.x(), sample.position.z(), 0.5 / stack.column_spacing_mm) /
+              layers;
+    return outside_globe + (inside_globe - outside_globe) * disc;
+  }
+};
+
+/// Largest error of planar edges, and of these with what curved ones have beyond them.
+struct Errors {
+  double planar = 0, curved = 0;
+};
+Errors errors_of(const Globe& globe) {
+  std::vector<Sample> samples = globe.samples();
+  const ForwardModel::AtParameters at(globe.model, globe.parameters);
+  Errors worst;
+  for (const Sample& sample : samples)
+    worst.planar = std::max(worst.planar, std::abs(at.intensity(sample, nullptr) - globe.expected(sample)));
+  add_curved_edges(samples, globe.model, globe.parameters, globe.observed);
+  for (const Sample& sample : samples)
+    worst.curved = std::max(worst.curved, std::abs(at.intensity(sample, nullptr) - globe.expected(sample)));
+  return worst;
+}
+
+TEST(CurvedEdges, RingAsADiscDoes) {
+  const Errors coarse = errors_of(Globe(1));
+  EXPECT_GT(coarse.planar, 0.01);
+  EXPECT_LT(coarse.curved, 0.004);
+}
+
+TEST(CurvedEdges, AreThoseOfTheScannersResolution) {
+  Globe globe(1);
+  globe.parameters[globe.model.layout().stack(0) + log_sharpness] = std::log(0.8);
+  std::vector<Sample> samples = globe.samples();
+  add_curved_edges(samples, globe.model, globe.parameters, globe.observed);
+  const ForwardModel::AtParameters at(globe.model, globe.parameters);
+  Globe blurred(1 / 0.8);  // its closed form has that cut-off
+  for (const Sample& sample : samples)
+    EXPECT_NEAR(at.intensity(sample, nullptr), blurred.expected(sample), 0.004);
+}
+
+TEST(CurvedEdges, RingSoInSmallVoxelsToo) { EXPECT_LT(errors_of(Globe(0.5)).curved, 0.004); }
+
+TEST(CurvedEdges, OfTheFrontAreLeftAsTheyAre) {
+  const Globe globe(1);
+  std::vector<Sample> samples = globe.samples();
+  for (Sample& sample : samples) sample.zone = Zone::front;
+  add_curved_edges(samples, globe.model, globe.parameters, globe.observed);
+  for (const Sample& sample : samples) EXPECT_EQ(sample.curved, 0);
+}
+
+}  // namespace
+}  // namespace emmetrope::segmentation
