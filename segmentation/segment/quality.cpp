@@ -64,6 +64,13 @@ std::vector<QualityGate> judge_quality(const FoundEye& found, const EyeFit& fit)
     at_least("wall_thickness_t1_mm", thickness, 0.3, !fits,
              fits ? "the globe's wall is as bright as what surrounds it: its thickness is not known"
                   : fmt::format("a wall of {:.1f} mm is no eye's: fat was taken for it", thickness));
+    // Retina, choroid and sclera are 0.8 to 1.5 mm.
+    const double thickest = std::max(fit.value(wall_lateral), fit.value(wall_axial));
+    at_most("thickest_wall_t1_mm", thickest, 2.5, false,
+            fmt::format(
+                "a wall of {:.1f} mm is no eye's: something as dark behind the globe was taken for it; its "
+                "inner border may still be right",
+                thickest));
     const double brightness = fit.value(wall) / fit.value(surround);
     at_most("wall_over_surroundings_t1", brightness, 1.2, true,
             fmt::format("the globe's wall is {:.1f} times as bright as the fat around it: fat displaced by "
