@@ -149,7 +149,12 @@ TEST(CurvedEdges, AreThoseOfTheScannersResolution) {
     EXPECT_NEAR(at.intensity(sample, nullptr), blurred.expected(sample), 0.004);
 }
 
-TEST(CurvedEdges, RingSoInSmallVoxelsToo) { EXPECT_LT(errors_of(Globe(0.5)).curved, 0.004); }
+TEST(CurvedEdges, RingSoInSmallerVoxelsToo) { EXPECT_LT(errors_of(Globe(0.7)).curved, 0.004); }
+
+TEST(CurvedEdges, AreLeftStraightInSmallPixels) {
+  const Errors fine = errors_of(Globe(0.5));
+  EXPECT_EQ(fine.curved, fine.planar);
+}
 
 TEST(CurvedEdges, OfTheFrontAreLeftAsTheyAre) {
   const Globe globe(1);
