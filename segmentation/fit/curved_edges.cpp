@@ -107,7 +107,10 @@ class StackImage {
     std::vector<double> intensity;
     for (const Sample* sample : slice) {
       const auto place = [&](const Axis& axis) {
-        return std::lround((sample->position - first).dot(axis.along) / axis.pixel_mm);
+        // A pass may move the globe so far that voxels chosen before it lie beyond the lattice, whose rim is
+        // background as they are.
+        const Index pixel = std::lround((sample->position - first).dot(axis.along) / axis.pixel_mm);
+        return std::clamp(pixel, Index{0}, axis.pixels - 1);
       };
       intensity.push_back(background_ + image(place(column_), place(row_)));
     }

@@ -156,6 +156,16 @@ TEST(CurvedEdges, AreLeftStraightInSmallPixels) {
   EXPECT_EQ(fine.curved, fine.planar);
 }
 
+TEST(CurvedEdges, AddNothingFarFromTheGlobe) {
+  const Globe globe(1);
+  std::vector<Sample> samples = globe.samples();
+  Sample far = samples.front();
+  far.position = globe.stack.slice_position[19] + Vector3d(150, 0, -300);
+  samples.push_back(far);
+  add_curved_edges(samples, globe.model, globe.parameters, globe.observed);
+  EXPECT_NEAR(samples.back().curved, 0, 0.002);
+}
+
 TEST(CurvedEdges, OfTheFrontAreLeftAsTheyAre) {
   const Globe globe(1);
   std::vector<Sample> samples = globe.samples();
