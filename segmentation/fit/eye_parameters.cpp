@@ -45,8 +45,8 @@ const std::array<Belief, eye_parameter_count>& beliefs() {
       {"gaze_horizontal_deg", 0, no_belief},
       {"gaze_vertical_deg", 0, no_belief},
       {"cornea_c_per_mm", 1 / 7.8, 1.5 * per_dioptre},
-      {"cornea_j0_per_mm", 0, 1.0 * per_dioptre},
-      {"cornea_j45_per_mm", 0, 1.0 * per_dioptre},
+      {"cornea_j0_per_mm", -0.3 * per_dioptre, 0.6 * per_dioptre},  // steeper vertically
+      {"cornea_j45_per_mm", 0, 0.4 * per_dioptre},
       {"cornea_q", -0.2, 0.12},
       {"cornea_q_split", 0, 0.05},
       {"cornea_thickness_mm", 0.55, 0.035},

@@ -6,7 +6,7 @@
 #include <map>
 
 #include "pipeline/base/frames.hpp"
-#include "segmentation/fit/block_jackknife.hpp"
+#include "segmentation/fit/block_variance.hpp"
 #include "segmentation/fit/eye_distances.hpp"
 #include "segmentation/fit/slice_displacement.hpp"
 
@@ -52,9 +52,9 @@ std::array<double, part_count> residual_correlation(const EyeFit& fit, const std
     factor[part] = 1;
     if (voxels[part] < 50) continue;
     for (const int axis : {0, 1}) {
-      const double rho = std::clamp(
-          along[part][axis] / std::max(1.0, pairs[part][axis]) / (power[part] / voxels[part]), 0.0, 0.67);
-      factor[part] *= (1 + rho) / (1 - rho);
+      factor[part] *= voxels_per_independent(
+          along[part][axis] / std::max(1.0, pairs[part][axis]) / (power[part] / voxels[part]),
+          pairs[part][axis]);
     }
   }
   return factor;
@@ -85,9 +85,15 @@ constexpr double interface_error_by_displacement = 0.1;
 /// How wrong the place of an interface may be, in pixels, for the ringing of edges that the model does not
 /// have or takes for straight ones: 0.01 of fat's signal, on a step of 0.16 of it from vitreous to wall. In
 /// T2 that step is five times as high.
-constexpr double ringing_error_by_pixel = 0.03;
+constexpr double ringing_error_by_pixel = 0.025;
 
 }  // namespace
+
+double voxels_per_independent(double correlation, double pairs) {
+  if (correlation <= 0) return 1;
+  const double beyond_chance = std::clamp(correlation - 1 / (pairs * correlation), 0.0, 0.67);
+  return (1 + beyond_chance) / (1 - beyond_chance);
+}
 
 std::array<double, part_count> judge_residuals(EyeFit& fit, const FitProblem& problem) {
   const ForwardModel::AtParameters at(fit.model, fit.parameters);

@@ -5,6 +5,12 @@
 
 namespace emmetrope::segmentation {
 
+/// How many voxels in a row make one independent residual, as of a first-order process, from the correlation
+/// of neighbours. That of independent residuals is 1 / sqrt(pairs) by chance: what is beyond it counts (James
+/// and Stein 1961, positive part).
+/// \param pairs  of neighbours that the correlation was taken from
+double voxels_per_independent(double correlation, double pairs);
+
 /// Residuals by part, into the fit. \return by how much the variance of each part's samples is to be widened:
 /// what the model does not explain, and neighbours whose residuals are alike, carry less information than
 /// independent noise.
@@ -12,7 +18,7 @@ std::array<double, part_count> judge_residuals(EyeFit& fit, const FitProblem& pr
 
 /// The fit's covariance with the variances of the eye's distances (eye_distances.hpp) widened where residuals
 /// are coherent over a slice, as where head or eye moved between slices, or over a patch of the eye 30
-/// degrees wide across slices, as beside a muscle (block_jackknife.hpp): both are farther than neighbouring
+/// degrees wide across slices, as beside a muscle (block_variance.hpp): both are farther than neighbouring
 /// voxels tell. Powers and radii, of which a few blocks at the front tell all, stay as they are.
 /// \pre fit.parameters solve the problem, and fit.covariance is theirs
 Eigen::MatrixXd widened_for_coherent_residuals(const EyeFit& fit, const FitProblem& problem);

@@ -1,5 +1,5 @@
 #pragma once
-#include "segmentation/fit/block_jackknife.hpp"
+#include "segmentation/fit/block_variance.hpp"
 #include "segmentation/fit/eye_fit.hpp"
 
 namespace emmetrope::segmentation {

@@ -1,4 +1,4 @@
-#include "segmentation/fit/block_jackknife.hpp"
+#include "segmentation/fit/block_variance.hpp"
 
 #include <gtest/gtest.h>
 
@@ -53,42 +53,82 @@ struct Grid {
 };
 
 /// Of a mean it is the variance of the blocks' means over their number.
-TEST(BlockJackknife, OfAMeanIsTheVarianceOfBlockMeans) {
+TEST(BlockVariance, OfAMeanIsTheVarianceOfBlockMeans) {
   const Grid grid(8, 1, 5);
   std::mt19937_64 random(1);
   const VectorXd y = grid.errors(random, 1, 2, 0);
   const LinearModel model = mean_of(y.size());
   const VectorXd block_means = Eigen::Map<const MatrixXd>(y.data(), 5, 8).colwise().mean().transpose();
   const double expected = (block_means.array() - block_means.mean()).square().sum() / 7 / 8;
-  const VectorXd variance =
-      jackknife_variance(model.rows_at_fit(y), model.covariance(), grid.row, MatrixXd::Ones(1, 1));
-  EXPECT_NEAR(variance[0], expected, 1e-9 * expected);
+  const BlockVariance variance =
+      block_variance(model.rows_at_fit(y), model.covariance(), grid.row, MatrixXd::Ones(1, 1));
+  EXPECT_NEAR(variance.unbiased[0], expected, 1e-9 * expected);
+  EXPECT_NEAR(variance.jackknife[0], expected, 1e-9 * expected);
 }
 
-/// Blocks smaller and larger than the number of parameters, against fits that really leave them out.
-TEST(BlockJackknife, IsTheFitWithoutTheBlock) {
-  std::mt19937_64 random(2);
-  const Index samples = 60, parameters = 12;
-  const auto normal = [&random] { return std::normal_distribution<double>()(random); };
-  const LinearModel model{MatrixXd::NullaryExpr(samples, parameters, normal),
-                          VectorXd::Constant(parameters, 0.7)};
-  const VectorXd y = VectorXd::NullaryExpr(samples, normal);
-  const MatrixXd figures = MatrixXd::NullaryExpr(parameters, 3, normal);
-  Blocks blocks(samples, 0);
-  for (Index i = 0; i < samples; ++i) blocks[i] = i < 30 ? 0 : 1 + static_cast<int>(i - 30) / 5;
-  VectorXd expected = VectorXd::Zero(3);
+/// Random parameters' worth of data in blocks smaller and larger than the number of parameters.
+struct UnevenBlocks {
+  std::mt19937_64 random{2};
+  LinearModel model{normal(60, 12), VectorXd::Constant(12, 0.7)};
+  MatrixXd figures = normal(12, 3);
+  Blocks blocks;
+  UnevenBlocks() {
+    for (int i = 0; i < 60; ++i) blocks.push_back(i < 30 ? 0 : 1 + (i - 30) / 5);
+  }
+  MatrixXd normal(Index rows, Index columns) {
+    return MatrixXd::NullaryExpr(rows, columns,
+                                 [this] { return std::normal_distribution<double>()(random); });
+  }
+};
+
+/// Against fits that really leave a block out, and fits whose residuals in the block are undone.
+TEST(BlockVariance, IsWhatFitsWithoutABlockGive) {
+  UnevenBlocks data;
+  const VectorXd y = data.normal(60, 1), solution = data.model.fit(y);
+  VectorXd unbiased = VectorXd::Zero(3), jackknife = VectorXd::Zero(3);
   for (int block = 0; block < 7; ++block) {
-    LinearModel without = model;
-    VectorXd kept = y;
-    for (Index i = 0; i < samples; ++i) {
-      if (blocks[i] != block) continue;
+    LinearModel without = data.model;
+    VectorXd kept = y, undone = y;
+    for (Index i = 0; i < y.size(); ++i) {
+      if (data.blocks[i] != block) continue;
       without.jacobian.row(i).setZero();
       kept[i] = 0;
+      undone[i] = data.model.jacobian.row(i) * solution;
     }
-    expected += (figures.transpose() * (without.fit(kept) - model.fit(y))).cwiseAbs2() * 6.0 / 7;
+    const VectorXd left_out = data.figures.transpose() * (without.fit(kept) - solution),
+                   by_it = data.figures.transpose() * (data.model.fit(undone) - solution);
+    unbiased += left_out.cwiseProduct(by_it);
+    jackknife += left_out.cwiseAbs2() * 6.0 / 7;
   }
-  const VectorXd variance = jackknife_variance(model.rows_at_fit(y), model.covariance(), blocks, figures);
-  EXPECT_LT((variance - expected).cwiseQuotient(expected).cwiseAbs().maxCoeff(), 1e-9);
+  const BlockVariance variance =
+      block_variance(data.model.rows_at_fit(y), data.model.covariance(), data.blocks, data.figures);
+  EXPECT_LT((variance.unbiased - unbiased).cwiseQuotient(unbiased).cwiseAbs().maxCoeff(), 1e-9);
+  EXPECT_LT((variance.jackknife - jackknife).cwiseQuotient(jackknife).cwiseAbs().maxCoeff(), 1e-9);
+}
+
+/// One block is half of all data. Means over 4000 draws, to three standard errors.
+TEST(BlockVariance, OfIndependentErrorsIsUnbiasedWhateverABlocksShare) {
+  UnevenBlocks data;
+  const MatrixXd covariance = data.model.covariance();
+  const VectorXd expected =
+      (data.model.jacobian * covariance * data.figures).colwise().squaredNorm().transpose();
+  constexpr int times = 4000;
+  VectorXd sum = VectorXd::Zero(3), squares = VectorXd::Zero(3), jackknife = VectorXd::Zero(3);
+  for (int i = 0; i < times; ++i) {
+    // The prior is the truth's distribution.
+    const VectorXd y = data.model.jacobian * (0.7 * data.normal(12, 1)) + data.normal(60, 1);
+    const BlockVariance variance =
+        block_variance(data.model.rows_at_fit(y), covariance, data.blocks, data.figures);
+    sum += variance.unbiased;
+    squares += variance.unbiased.cwiseAbs2();
+    jackknife += variance.jackknife;
+  }
+  const VectorXd mean = sum / times, error = ((squares / times - mean.cwiseAbs2()) / times).cwiseSqrt();
+  for (Index i = 0; i < 3; ++i) {
+    EXPECT_LT(error[i], 0.03 * expected[i]);
+    EXPECT_NEAR(mean[i], expected[i], 3 * error[i]) << i;
+    EXPECT_GT(jackknife[i] / times, 1.2 * expected[i]) << i;
+  }
 }
 
 struct Repeated {
@@ -119,7 +159,7 @@ Repeated repeat(double of_row, double of_column) {
 
 /// Variances of the block means have 19 and 29 degrees of freedom: their mean over 400 fits is known to 2 %,
 /// and a normal 95 % interval with them covers 93 to 95 %, +- 2.5 %.
-TEST(BlockJackknife, IntervalsCoverErrorsThatAreCoherentInTwoWays) {
+TEST(BlockVariance, IntervalsCoverErrorsThatAreCoherentInTwoWays) {
   const Repeated coherent = repeat(0.3, 0.2);
   EXPECT_GT(coherent.true_variance, 7 * coherent.model_variance);
   EXPECT_NEAR(coherent.stated_variance / coherent.true_variance, 1, 0.06);
@@ -128,14 +168,42 @@ TEST(BlockJackknife, IntervalsCoverErrorsThatAreCoherentInTwoWays) {
 
 /// White noise: what is widened is the estimate's own noise, whose positive half alone counts. Its variance
 /// is 2/19 + 2/29 (the intersection's, with 599, is known); half the mean deviation of that is 0.17.
-TEST(BlockJackknife, WhiteNoiseIsNotWidenedButByTheEstimatesNoise) {
+TEST(BlockVariance, WhiteNoiseIsNotWidenedButByTheEstimatesNoise) {
   const Repeated white = repeat(0, 0);
   EXPECT_NEAR(white.stated_variance / white.model_variance, 1.17, 0.06);
   EXPECT_GT(white.covered, 0.93);
 }
 
+/// The jackknife's where residuals are coherent for sure, else the unbiased one, at least 1.
+TEST(BlockVariance, LeavingOutDecidesWhereCoherenceIsEvident) {
+  UnevenBlocks data;
+  const MatrixXd before = data.model.covariance();
+  const VectorXd figure = data.figures.col(0);
+  Blocks samples;  // as the second kind of block: these cancel
+  for (int i = 0; i < 60; ++i) samples.push_back(i);
+  const double stated = figure.dot(before * figure),
+               by_samples = (data.model.jacobian * (before * figure)).squaredNorm();
+  int evident = 0, noise = 0;
+  for (int i = 0; i < 200; ++i) {
+    const VectorXd of_block = data.normal(7, 1), white = data.normal(60, 1);
+    VectorXd y = white;
+    for (Index j = 0; j < 60 && i % 2 == 1; ++j) y[j] += 2 * of_block[data.blocks[j]];
+    const LinearRows rows = data.model.rows_at_fit(y);
+    const BlockVariance variance = block_variance(rows, before, data.blocks, figure);
+    const double unbiased = (stated - by_samples + variance.unbiased[0]) / stated,
+                 jackknife = (stated - by_samples + variance.jackknife[0]) / stated,
+                 widened =
+                     figure.dot(widened_for_blocks(rows, before, data.blocks, samples, figure) * figure) /
+                     stated;
+    ++(unbiased > 1.25 ? evident : noise);
+    EXPECT_NEAR(widened, unbiased > 1.25 ? std::max(unbiased, jackknife) : std::max(1.0, unbiased), 1e-9);
+  }
+  EXPECT_GT(evident, 50);
+  EXPECT_GT(noise, 50);
+}
+
 /// A figure's error is added to what it is made of, and to nothing else.
-TEST(BlockJackknife, WhatDoesNotMoveTheFigureStays) {
+TEST(BlockVariance, WhatDoesNotMoveTheFigureStays) {
   const Grid grid(10, 12, 1);
   std::mt19937_64 random(5);
   const auto normal = [&random] { return std::normal_distribution<double>()(random); };
