@@ -59,11 +59,13 @@ class EyeEstimate {
   /// Updates all parameters with a measurement, as `condition` does.
   ///
   /// \return how far it was from what was expected, in standard deviations; above 3 the two hardly fit
-  /// together
+  /// together. Parameters of which a prior alone tells count as twice as uncertain here: it is no image that
+  /// contradicts the measurement then, and few tails are as short as a normal distribution's.
   double assimilate(const ExternalMeasurement& measurement);
 
  private:
   NormalDistribution parameters() const;
+  double surprise(const ExternalMeasurement& measurement) const;
   VectorFunction of_parameters(const Functional& functional) const;
 
   struct Step {

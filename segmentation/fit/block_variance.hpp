@@ -22,12 +22,12 @@ struct BlockVariance {
 /// Linearised at the solution, the residuals of block b move a figure f'x by u_b = f'C J_b'r_b, and leaving
 /// the block out moves it by d_b = f'(H - J_b'J_b)^-1 J_b'r_b (but for the sign).
 ///   unbiased: the sum of u_b d_b. Right in the mean for errors of independent samples, whatever a block's
-///     share in the fit, as their residuals' covariance is I - J_b C J_b' (of single samples: HC2, MacKinnon
-///     and White 1985). Errors that are alike within a block it finds, and states too small where shares are
-///     large, since the fit has followed them.
+///     share in the fit, and parameters that scatter as the priors say: residuals' covariance is then
+///     I - J_b C J_b' (of single samples: HC2, MacKinnon and White 1985). Errors that are alike within a
+///     block it finds, and states too small where shares are large, since the fit has followed them.
 ///   jackknife: (B - 1)/B times the sum of d_b^2 over B blocks (Efron and Stein 1981). Right for errors that
-///     are alike within a block and independent between blocks where shares are small, and else too large, of
-///     independent samples as well (MacKinnon, Nielsen and Webb 2023).
+///     are alike within a block and independent between blocks where shares are small, and else, but for that
+///     factor, too large, of independent samples as well (MacKinnon, Nielsen and Webb 2023).
 /// Priors are no samples: their share of the variance is in neither.
 /// \param covariance  C = H^-1 of the parameters, priors included
 /// \param figures     a column f for each figure

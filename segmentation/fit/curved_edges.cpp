@@ -32,10 +32,10 @@ struct Axis {
   double pixel_mm;
   Index pixels;
 
-  Axis(Vector3d direction, double spacing_mm)
+  Axis(Vector3d direction, double spacing_mm, double reach_mm)
       : along(std::move(direction)),
         pixel_mm(spacing_mm),
-        pixels(2 * (static_cast<Index>(std::ceil(drawn_mm / spacing_mm)) + fading_pixels)) {}
+        pixels(2 * static_cast<Index>(std::ceil(reach_mm / spacing_mm))) {}
 
   double cell_mm() const { return pixel_mm / static_cast<double>(cells_per_pixel); }
 };
@@ -80,8 +80,9 @@ class StackImage {
       : at_(at),
         index_(index),
         background_(a[surround]),
-        row_(stack.along_row, stack.column_spacing_mm),
-        column_(stack.along_column, stack.row_spacing_mm),
+        fading_mm_(fading_pixels * std::max(stack.column_spacing_mm, stack.row_spacing_mm)),
+        row_(stack.along_row, stack.column_spacing_mm, drawn_mm + fading_mm_),
+        column_(stack.along_column, stack.row_spacing_mm, drawn_mm + fading_mm_),
         globe_(a.segment<3>(apex_x) -
                (a[axial_length] - a[globe_z]) * gaze_axis(a[gaze_horizontal], a[gaze_vertical]) -
                a.segment<3>(model.layout().stack(index) + shift_first)),
@@ -138,13 +139,12 @@ class StackImage {
   }
 
   MatrixXf drawn_from(const Vector3d& first) {
-    const double fading_mm = fading_pixels * std::max(row_.pixel_mm, column_.pixel_mm);
     MatrixXf fine = MatrixXf::Zero(column_.pixels * cells_per_pixel, row_.pixels * cells_per_pixel);
     for (Index r = 0; r < column_.pixels; ++r)
       for (Index c = 0; c < row_.pixels; ++c) {
         const Vector3d voxel = first + static_cast<double>(c) * row_.pixel_mm * row_.along +
                                static_cast<double>(r) * column_.pixel_mm * column_.along;
-        const double drawn = 1 - smooth_step((voxel - globe_).norm(), drawn_mm, drawn_mm + fading_mm);
+        const double drawn = 1 - smooth_step((voxel - globe_).norm(), drawn_mm, drawn_mm + fading_mm_);
         if (drawn <= 0) continue;
         auto block = fine.block<cells_per_pixel, cells_per_pixel>(r * cells_per_pixel, c * cells_per_pixel);
         const Vector3d p = at_.to_eye(voxel, index_);
@@ -167,6 +167,7 @@ class StackImage {
   const ForwardModel::AtParameters& at_;
   int index_;
   double background_;
+  double fading_mm_;  ///< from `drawn_mm` on
   Axis row_, column_;
   Vector3d globe_;  ///< its centre, in the stack's LPS
   int layers_;      ///< of cells through a slice

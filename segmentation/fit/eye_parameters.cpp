@@ -105,6 +105,7 @@ constexpr double bulge_sigma_mm = 0.12, posterior_cosine = -0.77;
 // An ectatic cornea; the last is the spread of its biconic in units of the regular one's.
 constexpr double back_form_ratio_mean = 2.0, back_form_ratio_sigma = 0.5;
 constexpr double ectatic_widening = 2.5;
+constexpr double ectatic_astigmatism_sigma = 2.5 * per_dioptre;
 constexpr double background_sigma_t2 = 0.25, background_sigma_t1 = 0.5;  ///< fat beside muscle
 
 }  // namespace
@@ -196,8 +197,9 @@ Priors irregular_cornea_priors(const Priors& of_regular, const ParameterLayout& 
   priors.sigma.segment(layout.corneal_form(), corneal_form_terms) = sigma;
   priors.corneal_form_information = sigma.asDiagonal() * covariance.inverse() * sigma.asDiagonal();
   priors.sigma[layout.back_form_ratio()] = back_form_ratio_sigma;
-  for (const int parameter : {cornea_c, cornea_j0, cornea_j45, cornea_q, cornea_thickness})
+  for (const int parameter : {cornea_c, cornea_q, cornea_thickness})
     priors.sigma[parameter] *= ectatic_widening;
+  for (const int parameter : {cornea_j0, cornea_j45}) priors.sigma[parameter] = ectatic_astigmatism_sigma;
   return priors;
 }
 

@@ -82,9 +82,10 @@ Blocks patches(const EyeFit& fit, const std::vector<Sample>& samples) {
 /// roughly: where the interface came out too far by this share of the displacement, rms of length, width and
 /// height in phantoms (docs/accuracy.md). A stated model error.
 constexpr double interface_error_by_displacement = 0.1;
-/// How wrong the place of an interface may be, in pixels, for the ringing of edges that the model does not
-/// have or takes for straight ones: 0.01 of fat's signal, on a step of 0.16 of it from vitreous to wall. In
-/// T2 that step is five times as high.
+/// How wrong the place of an interface may be, in pixels, for what the model does not have, muscle off the
+/// wall and the ringing of edges farther away: mean errors of length, width and height in phantoms, rms
+/// (docs/accuracy.md). On the step of 0.16 of fat's signal from vitreous to wall; in T2 that is five times as
+/// high.
 constexpr double ringing_error_by_pixel = 0.025;
 
 }  // namespace

@@ -6,8 +6,8 @@
 namespace emmetrope::segmentation {
 
 /// How many voxels in a row make one independent residual, as of a first-order process, from the correlation
-/// of neighbours. That of independent residuals is 1 / sqrt(pairs) by chance: what is beyond it counts (James
-/// and Stein 1961, positive part).
+/// r of neighbours, shrunk by 1 - 1/(pairs r^2), at least 0: that of independent residuals has a variance of
+/// 1/pairs by chance.
 /// \param pairs  of neighbours that the correlation was taken from
 double voxels_per_independent(double correlation, double pairs);
 

@@ -141,7 +141,7 @@ struct Repeated {
 Repeated repeat(double of_row, double of_column) {
   constexpr int rows = 20, columns = 30, repeats = 2, times = 400;
   const Grid grid(rows, columns, repeats);
-  const LinearModel model = mean_of(rows * columns * repeats);
+  const LinearModel model = mean_of(Index{rows} * columns * repeats);
   std::mt19937_64 random(3);
   Repeated result;
   result.model_variance = model.covariance()(0, 0);

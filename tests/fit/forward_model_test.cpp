@@ -274,6 +274,24 @@ TEST(Priors, OfTheLensFollowThePatientsAge) {
             unknown.sigma.tail(layout.size() - lens_posterior_radius - 1));
 }
 
+/// With the rule: steeper along y, vertically, by 0.6 D. Oblique astigmatism is rarer, and an ectatic cornea
+/// may have much of either.
+TEST(Priors, CorneasAreSteeperVertically) {
+  ParameterLayout layout;
+  const VectorXd mean = population_mean(layout);
+  const Priors regular = population_priors(layout, mean, Contrast::t1);
+  const double horizontal = mean[cornea_c] + mean[cornea_j0], vertical = mean[cornea_c] - mean[cornea_j0];
+  EXPECT_NEAR(337.5 * (vertical - horizontal), 0.6, 1e-9);
+  EXPECT_EQ(mean[cornea_j45], 0);
+  EXPECT_NEAR(337.5 * regular.sigma[cornea_j0], 0.6, 1e-9);
+  EXPECT_NEAR(337.5 * regular.sigma[cornea_j45], 0.4, 1e-9);
+  layout.irregular_cornea = true;
+  const Priors ectatic = irregular_cornea_priors(regular, layout);
+  for (const int parameter : {cornea_j0, cornea_j45})
+    EXPECT_NEAR(337.5 * ectatic.sigma[parameter], 2.5, 1e-9);
+  EXPECT_NEAR(ectatic.sigma[cornea_c], 2.5 * regular.sigma[cornea_c], 1e-12);
+}
+
 /// 0.4 D for every millimetre, and the cost of the priors is the quadratic that its derivatives say.
 TEST(Priors, LongerEyesHaveFlatterCorneas) {
   const StackSampling axial{Vector3d::UnitX(), Vector3d::UnitY(), Vector3d::UnitZ()};

@@ -127,6 +127,41 @@ TEST(Estimate, UpdateOfOneNumberIsTheTextbookOne) {
   EXPECT_NEAR(estimate.eye().covariance(acd, acd), (1 - gain) * before, 1e-12);
 }
 
+/// A prior that is doubted is no image that contradicts; what is learnt stays the textbook's.
+TEST(Estimate, WhatAPriorAloneTellsMayBeTwiceAsFar) {
+  ParametricEye eye = random_eye(23);
+  eye.lens_decentre_mm = eye.lens_tilt_deg = {0, 0};
+  const auto& names = eye.parameter_names;
+  const auto acd = std::find(names.begin(), names.end(), "anterior_chamber_depth_mm") - names.begin();
+  const double before = eye.covariance(acd, acd), sigma = 0.02, depth_mm = eye.anterior_chamber_depth_mm;
+  eye.source["anterior_chamber_depth_mm"] = "prior";
+  EyeEstimate estimate(eye);
+  const double surprise =
+      estimate.assimilate(anterior_chamber_measurement(std::to_string(depth_mm + 0.03), sigma));
+  EXPECT_NEAR(surprise, 0.03 / std::sqrt(4 * before + sigma * sigma), 1e-4);
+  const double gain = before / (before + sigma * sigma);
+  EXPECT_NEAR(estimate.eye().anterior_chamber_depth_mm, depth_mm + gain * 0.03, 1e-6);
+}
+
+/// 5 D of oblique cylinder, as after a graft, where a T1 study has told next to nothing of astigmatism.
+TEST(Estimate, AHighAstigmatismIsBelievedWhereImagesAreSilent) {
+  ParametricEye eye = random_eye(24);
+  const auto& names = eye.parameter_names;
+  eye.cornea_j0_per_mm = eye.cornea_j45_per_mm = 0;
+  for (const auto& [name, sigma_D] : {std::pair{"cornea_j0_per_mm", 0.56}, {"cornea_j45_per_mm", 0.39}}) {
+    const auto at = std::find(names.begin(), names.end(), name) - names.begin();
+    eye.covariance.row(at).setZero();
+    eye.covariance.col(at).setZero();
+    eye.covariance(at, at) = std::pow(sigma_D / 337.5, 2);
+  }
+  const double mean_D = corneal_power(anterior_cornea(eye)).M_D;
+  const auto measured =
+      keratometry_measurement(fmt::format("{}@45/{}@135", mean_D - 2.5, mean_D + 2.5), 0.25);
+  EXPECT_GT(EyeEstimate(eye).assimilate(measured), 5);  // images that saw no astigmatism
+  for (const char* name : {"cornea_j0_per_mm", "cornea_j45_per_mm"}) eye.source[name] = "prior";
+  EXPECT_LT(EyeEstimate(eye).assimilate(measured), 4);
+}
+
 TEST(Estimate, KeratometryTakesOverTheCorneaAndItsCorrelations) {
   const ParametricEye eye = random_eye(24);
   EyeEstimate estimate(eye);
