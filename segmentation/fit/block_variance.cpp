@@ -13,8 +13,8 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 using RowMatrix = Eigen::SparseMatrix<double, Eigen::RowMajor>;
 
-/// Beyond what noise alone makes of the unbiased widening: in phantoms it is 0.4 to 1.2, in real scans 0.9 to
-/// 1.8, five of six above (docs/segmentation.md, "Intervals").
+/// Beyond what noise alone makes of the unbiased widening: in phantoms it is 0.4 to 1.2, in real scans 1.1 to
+/// 2.1, four of six above (docs/segmentation.md, "Intervals").
 constexpr double evident_coherence = 1.25;
 
 std::vector<std::vector<Index>> members(const Blocks& blocks) {

@@ -75,7 +75,8 @@ Shared corneal_curvature(const std::array<EyeFit*, 2>& eyes) {
 /// Depths and thicknesses that are alike in the eyes of a person.
 std::vector<Shared> alike_lengths(const std::array<EyeFit*, 2>& eyes) {
   std::vector<Shared> list;
-  for (const auto& [parameter, sigma] : {std::pair{anterior_chamber_depth, chamber_depth_difference_mm},
+  for (const auto& [parameter, sigma] : {std::pair{axial_length, axial_length_difference_mm},
+                                         {anterior_chamber_depth, chamber_depth_difference_mm},
                                          {lens_thickness, lens_thickness_difference_mm},
                                          {cornea_thickness, corneal_thickness_difference_mm},
                                          {lid_thickness, lid_thickness_difference_mm}}) {

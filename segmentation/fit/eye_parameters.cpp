@@ -93,7 +93,7 @@ const std::array<Belief, eye_parameter_count>& beliefs() {
 
 bool is_intensity(int index) { return index >= vitreous && index <= surround; }
 
-constexpr double cornea_like_wall = 0.15;  ///< relative
+constexpr double cornea_like_wall = 0.08;  ///< relative
 constexpr double curvature_per_axial_length = -0.4 * per_dioptre;
 constexpr double coil_sigma = 0.3, gain_sigma = 0.3;
 constexpr double shift_sigma_mm = 3;     ///< the head moves 1 to 3 mm between series

@@ -5,6 +5,7 @@
 #include <Eigen/LU>
 #include <array>
 #include <cmath>
+#include <tuple>
 
 namespace emmetrope::segmentation {
 namespace {
@@ -83,6 +84,42 @@ TEST(BothEyes, CouplingIsTheJointEstimate) {
   EXPECT_NEAR(os.value(anterior_chamber_depth), expected[3], 1e-9);
   EXPECT_NEAR((od.covariance - covariance.topLeftCorner<2, 2>()).norm(), 0, 1e-9);
   EXPECT_NEAR((os.covariance - covariance.bottomRightCorner<2, 2>()).norm(), 0, 1e-9);
+}
+
+/// Lengths of both eyes at once, with the correlated prior in one 2 x 2 matrix.
+TEST(BothEyes, LengthsOfOnePersonAreTheJointEstimate) {
+  for (const auto& [parameter, difference_mm, sigma_mm] :
+       {std::tuple{axial_length, axial_length_difference_mm, 0.12},
+        {lens_thickness, lens_thickness_difference_mm, 0.08},
+        {cornea_thickness, corneal_thickness_difference_mm, 0.03},
+        {lid_thickness, lid_thickness_difference_mm, 0.15}}) {
+    EyeFit od = fit_of(images(43, 0.8, 3.3)), os = od;
+    const double spread = od.priors.sigma[parameter], mean = od.priors.mean[parameter];
+    const std::array<double, 2> length{mean - 0.4 * difference_mm, mean + 0.9 * difference_mm},
+        sigma{sigma_mm, 1.4 * sigma_mm};
+    Matrix2d prior;
+    const double shared = spread * spread - difference_mm * difference_mm / 2;
+    prior << spread * spread, shared, shared, spread * spread;
+    Matrix2d information = prior.inverse();
+    Vector2d weighed = information * Vector2d(mean, mean);
+    for (const int e : {0, 1}) {
+      EyeFit& eye = e == 0 ? od : os;
+      eye.active = {cornea_c, parameter};
+      eye.parameters[parameter] = length[e];
+      eye.covariance = Vector2d(1e-6, sigma[e] * sigma[e]).asDiagonal();
+      // What the images alone say: the fit less the prior of a stranger.
+      const double of_images = std::pow(sigma[e], -2) - std::pow(spread, -2);
+      information(e, e) += of_images;
+      weighed[e] += std::pow(sigma[e], -2) * length[e] - std::pow(spread, -2) * mean;
+    }
+    const Matrix2d covariance = information.inverse();
+    const Vector2d expected = covariance * weighed;
+    ASSERT_TRUE(couple_eyes(od, os));
+    EXPECT_NEAR(od.value(parameter), expected[0], 1e-9) << parameter;
+    EXPECT_NEAR(os.value(parameter), expected[1], 1e-9) << parameter;
+    EXPECT_NEAR(od.covariance(1, 1), covariance(0, 0), 1e-9) << parameter;
+    EXPECT_NEAR(os.covariance(1, 1), covariance(1, 1), 1e-9) << parameter;
+  }
 }
 
 /// Two eyes in one stack: tissues equally bright against the aqueous, images equally sharp, fat equally
