@@ -176,8 +176,7 @@ Priors population_priors(const ParameterLayout& layout, const Eigen::VectorXd& s
     priors.sigma.segment<3>(at + turn_first).setConstant(turn_sigma_deg);
   }
   priors.sigma.segment(layout.displacement(), layout.bumps).setConstant(displacement_sigma_mm);
-  // Where the wall is faint this prior, and not the image, would flatten a bulge.
-  if (contrast == Contrast::t1 && layout.bumps > 0) {
+  if (layout.bumps > 0) {
     const std::vector<Eigen::Vector3d> directions = bump_directions();
     for (int i = 0; i < layout.bumps; ++i)
       if (directions[i].z() < posterior_cosine) priors.sigma[layout.displacement() + i] = bulge_sigma_mm;
