@@ -13,9 +13,10 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 using RowMatrix = Eigen::SparseMatrix<double, Eigen::RowMajor>;
 
-/// Beyond what noise alone makes of the unbiased widening: in phantoms it is 0.4 to 1.2, in real scans 1.1 to
-/// 2.1, four of six above (docs/segmentation.md, "Intervals").
-constexpr double evident_coherence = 1.25;
+/// Of the unbiased widening, by how much it must be above 1 for residuals to be coherent beyond doubt: noise
+/// alone makes it 0.4 to 1.2 in phantoms, and it is 0.9 to 2.1 in real scans (docs/segmentation.md,
+/// "Intervals").
+constexpr double evident_excess = 0.5;
 
 std::vector<std::vector<Index>> members(const Blocks& blocks) {
   std::vector<std::vector<Index>> list(blocks.empty() ? 0
@@ -83,8 +84,10 @@ MatrixXd widened_for_blocks(const LinearRows& rows, const MatrixXd& covariance, 
         before.diagonal() - from_samples + by_first.*kind + by_second.*kind - by_both.*kind;
     return after.cwiseQuotient(before.diagonal()).mean();
   };
-  double widening = std::max(1.0, mean_widening(&BlockVariance::unbiased));
-  if (widening > evident_coherence) widening = std::max(widening, mean_widening(&BlockVariance::jackknife));
+  const double unbiased = std::max(1.0, mean_widening(&BlockVariance::unbiased)),
+               jackknife = std::max(unbiased, mean_widening(&BlockVariance::jackknife)),
+               evidence = std::min(1.0, (unbiased - 1) / evident_excess),
+               widening = unbiased + evidence * (jackknife - unbiased);
   const MatrixXd error = figures * (figures.transpose() * figures).inverse();
   return covariance + (widening - 1) * error * before * error.transpose();
 }

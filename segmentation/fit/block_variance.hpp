@@ -38,9 +38,9 @@ BlockVariance block_variance(const LinearRows& rows, const Eigen::MatrixXd& cova
 /// within a slice and within a patch of the wall. Of each figure (Cameron, Gelbach and Miller 2011)
 ///   v = prior's share + V(first) + V(second) - V(intersection),
 /// V being block_variance. A figure's own v rests on few blocks and scatters, so that all are widened by the
-/// mean of v / f'Cf (as Rao and Scott 1981 do), w, which is at least 1: the unbiased one, and where that is
-/// beyond 1.25, so that residuals are coherent for sure, the jackknife's if it is larger. What is added is an
-/// error of the figures alone, by the shortest way that the parameters have to it,
+/// mean of v / f'Cf (as Rao and Scott 1981 do), w, which is at least 1: the unbiased one, and the more of the
+/// jackknife's the farther that is above 1, all of it from 1.5 on, where residuals are coherent for sure.
+/// What is added is an error of the figures alone, by the shortest way that the parameters have to it,
 ///   C + (w - 1) P F'CF P', P = F (F'F)^-1,
 /// so that combinations without effect on the figures stay as certain as they were.
 /// \param figures  of parameters in one unit
