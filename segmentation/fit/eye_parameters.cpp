@@ -102,7 +102,7 @@ constexpr double turn_sigma_deg = 0.7;   ///< it turns with them
 constexpr double displacement_sigma_mm = 0.06;
 /// Within 40 degrees of the pole, where eyes bulge.
 constexpr double bulge_sigma_mm = 0.12, posterior_cosine = -0.77;
-// An ectatic cornea; the last is the spread of its biconic in units of the regular one's.
+// An ectatic cornea; the widening is the spread of its biconic in units of the regular one's.
 constexpr double back_form_ratio_mean = 2.0, back_form_ratio_sigma = 0.5;
 constexpr double ectatic_widening = 2.5;
 constexpr double ectatic_astigmatism_sigma = 2.5 * per_dioptre;
