@@ -55,7 +55,7 @@ const std::array<Belief, eye_parameter_count>& beliefs() {
       {"lens_thickness_mm", 3.9, 0.6},
       {"lens_anterior_radius_mm", lens_front.mean_mm(usual_age_years), lens_front.sigma_mm},
       {"lens_posterior_radius_mm", lens_back.mean_mm(usual_age_years), lens_back.sigma_mm},
-      {"lens_anterior_q", -3, 2},
+      {"lens_anterior_q", -3, 1.5},
       {"lens_posterior_q", -1, 1},
       {"lens_decentre_x_mm", 0, 0.25},
       {"lens_decentre_y_mm", 0, 0.25},
