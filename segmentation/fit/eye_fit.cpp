@@ -197,7 +197,7 @@ void settle(EyeFit& fit, FitProblem& problem, const std::function<void()>& step_
     deviations.push_back(sample.deviation);
     sample.deviation *= static_cast<float>(std::sqrt(widening[static_cast<std::size_t>(sample.part)]));
   }
-  pass(30);
+  pass(60);
   if (step_done) step_done();
   const Eigen::MatrixXd of_solution = fit.covariance = covariance(problem, fit.parameters, basis);
   fit.covariance = widened_for_coherent_residuals(fit, problem);
