@@ -84,6 +84,7 @@ ElevationMap read_csv(const std::filesystem::path& file) {
   std::istringstream text(read_file(file));
   std::string line;
   std::getline(text, line);
+  if (line.rfind("\xEF\xBB\xBF", 0) == 0) line.erase(0, 3);  // UTF-8's mark, as spreadsheets write it
   const std::vector<std::string> head = cells_of(line);
   const auto fault = [&](int at, const std::string& what) {
     return input_error(fmt::format("{}, line {}: {}", file.string(), at, what),
@@ -126,6 +127,9 @@ ElevationMap read_zernike(const std::filesystem::path& file) {
   try {
     const double zone_mm = json.at("zone_mm").get<double>();
     const auto coefficients = json.at("zernike_um").get<std::vector<double>>();
+    if (!(zone_mm > 0))
+      throw input_error(fmt::format("{}: zone_mm is {:g}; it is a diameter, above 0", file.string(), zone_mm));
+    if (coefficients.empty()) throw input_error(file.string() + ": zernike_um is empty");
     int order = 0;
     while (zernike_count(order) < static_cast<int>(coefficients.size())) ++order;
     VectorXd padded = VectorXd::Zero(zernike_count(order));

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <regex>
 #include <set>
 
 #include "segmentation/intake/file_mention.hpp"
@@ -101,6 +102,12 @@ bool is_mosaic(const ImageHeader& header) {
   return contains(header.value(tag::image_type), "MOSAIC") || (siemens && header.has(tag::mosaic_images));
 }
 
+/// One of the standard's image classes that is none of MR. Vendors' own classes are judged by the modality.
+bool is_other_image(const std::string& sop_class) {
+  return sop_class.rfind(uid::image_storage, 0) == 0 && sop_class != uid::mr_image &&
+         sop_class.rfind(std::string(uid::mr_image) + ".", 0) != 0;
+}
+
 void check_kind(const Files& files, bool any_modality) {
   for (const auto& file : files) {
     const auto& header = file.header;
@@ -113,9 +120,10 @@ void check_kind(const Files& files, bool any_modality) {
       throw input_error(found(file, tag::series_instance) + "; its series is unknown");
     if (!any_modality && header.value(tag::modality) != "MR")
       throw unsupported_error(found(file, tag::modality) + "; MR is required (--any-modality overrides)");
-    if (!any_modality && sop_class.rfind(uid::secondary_capture, 0) == 0)
+    if (!any_modality && is_other_image(sop_class))
       throw unsupported_error(found(file, tag::sop_class) +
-                              ", a secondary capture; an MR image is required (--any-modality overrides)");
+                              ", a secondary capture or another modality's image; an MR image is required "
+                              "(--any-modality overrides)");
     if (header.value(tag::burned_in_annotation) == "YES")
       throw input_error(found(file, tag::burned_in_annotation) +
                         ": text drawn into the image would be measured");
@@ -285,10 +293,10 @@ void add_statistics(const std::vector<SeriesImage>& images, SeriesInfo& info) {
   info.mean = sum / count;
 }
 
+/// Whether one of its words begins with a part of the head.
 bool shows_head(const std::string& body_part) {
-  for (const auto* part : {"HEAD", "BRAIN", "ORBIT", "EYE", "FACE", "SKULL"})
-    if (contains(body_part, part)) return true;
-  return body_part.empty();
+  static const std::regex head("(^|[^A-Z])(HEAD|BRAIN|ORBIT|EYE|FACE|SKULL)", std::regex::icase);
+  return body_part.empty() || std::regex_search(body_part, head);
 }
 
 void add_warnings(const Files& files, SeriesInfo& info) {

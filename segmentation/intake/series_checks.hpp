@@ -40,6 +40,9 @@ struct SeriesImage {
   std::string name() const;
 };
 
+/// The warning of a series or volume of one slice.
+inline constexpr const char* one_slice_only = "one slice only: it shows no eye in three dimensions";
+
 /// Describes and judges the files of one SeriesInstanceUID.
 /// \param files  one of each SOP instance, at least one; their order does not matter
 SeriesInfo judge_series(std::vector<ScannedFile> files, const IntakeOptions& options);

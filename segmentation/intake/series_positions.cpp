@@ -140,7 +140,7 @@ void judge_positions(std::vector<SeriesImage> images, SeriesInfo& info) {
     along_normal.push_back(normal.dot(image.position_mm));
   }
   if (images.size() == 1) {
-    info.warnings.emplace_back("one slice only: it shows no eye in three dimensions");
+    info.warnings.emplace_back(one_slice_only);
     return;
   }
   if (const auto places = shared_places(along_normal); !places.empty())

@@ -110,6 +110,7 @@ SeriesInfo judge_nifti(Decoder& decoder, const fs::path& root, const fs::path& f
     info.slice_spacing_mm = stack.slice_spacing_mm();
     info.slice_thickness_mm = stack.slice_thickness_mm;
     info.uniform = !fit_slice_grid(stack).has_gaps();
+    if (stack.slices() == 1) info.warnings.emplace_back(one_slice_only);
     for (int i = 0; i < 3; ++i) {
       info.orientation[i] = stack.along_row[i];
       info.orientation[i + 3] = stack.along_column[i];

@@ -158,9 +158,9 @@ void write_eye(const fs::path& folder, const EyeResult& eye, const std::vector<c
   fs::create_directories(folder);
   write_json(folder / "fit.json", fit_json(eye, roll_deg));
   if (!eye.fit) {
-    const EyeView& view = eye.found.views.front();
-    write_plain(folder / fmt::format("overlay_{}.png", stacks[view.stack]->name), *stacks[view.stack],
-                view.globe.centre);
+    for (const EyeView& view : eye.found.views)
+      write_plain(folder / fmt::format("overlay_{}.png", stacks[view.stack]->name), *stacks[view.stack],
+                  view.globe.centre);
     return;
   }
   write_boundary(folder / "boundary.ply", *eye.fit);

@@ -20,9 +20,32 @@ bool is_below(const fs::path& file, const fs::path& folder) {
   return !relative.empty() && *relative.begin() != "..";
 }
 
+/// A study in the case's folder would be read as a case, not as images, from then on. \pre the study exists
+void check_case_folder(const SegmentOptions& options) {
+  const fs::path study = fs::weakly_canonical(options.study),
+                 folder = fs::weakly_canonical(options.case_folder),
+                 images = fs::is_directory(study) ? study : study.parent_path();
+  if (folder == images)
+    throw usage_error("the case " + options.case_folder.string() +
+                          " is the study's own folder; nothing is written among the images",
+                      "give another folder with -o");
+  if (!is_below(images, folder) || fs::exists(folder / "case.json")) return;
+  // A patient's folder may hold both the study and the case, but no other series beside the study.
+  for (fs::path path = images; path != folder; path = path.parent_path())
+    for (const fs::path& other : fs::directory_iterator(path.parent_path()))
+      if (other != path && other.filename().string().front() != '.')
+        throw usage_error(fmt::format("the case {} is a folder around the study, and {} lies in it too; "
+                                      "nothing is written among the images",
+                                      options.case_folder.string(), other.string()),
+                          "give another folder with -o");
+}
+
 /// Labels are the user's own: none where the stage would overwrite it, or take it for an image.
 void check_labels(const fs::path& file, const SegmentOptions& options) {
   if (!fs::is_regular_file(file)) throw input_error("--labels " + file.string() + ": there is no such file");
+  if (!is_nifti_name(file))
+    throw input_error("--labels " + file.string() + ": not a NIfTI volume by its name",
+                      "labels are a .nii or .nii.gz file on the grid of a stack");
   for (const auto& [folder, why] :
        {std::pair{options.case_folder / "segmentation", "which this stage writes anew"},
         {options.study, "whose files are read as images"}})
@@ -50,11 +73,7 @@ void require_one_study(const std::vector<const SeriesInfo*>& chosen) {
 }  // namespace
 
 std::vector<StageInput> input_files(const SegmentOptions& options) {
-  if (fs::is_directory(options.study) &&
-      fs::weakly_canonical(options.study) == fs::weakly_canonical(options.case_folder))
-    throw usage_error("the case " + options.case_folder.string() +
-                          " is the study's own folder; nothing is written among the images",
-                      "give another folder with -o");
+  check_case_folder(options);
   const FileList study = list_files(options.study, IntakeLimits{});
   std::vector<StageInput> inputs;
   for (const fs::path& file : study.files)
@@ -86,7 +105,9 @@ std::vector<const SeriesInfo*> choose_series(const StudyInventory& inventory,
     std::string reasons;
     for (const SeriesInfo& info : inventory.series)
       reasons += fmt::format("\n  {}: {}", info.name, info.reason);
-    throw Error(inventory.status(), "no series of the study can be used" + reasons,
+    if (inventory.series.empty()) reasons = fmt::format(": {} files are skipped", inventory.skipped.size());
+    throw Error(inventory.status(),
+                fmt::format("{}: no series of the study can be used{}", inventory.study.string(), reasons),
                 "emmetrope inventory STUDY lists what is wrong with each");
   }
   require_one_study(chosen);

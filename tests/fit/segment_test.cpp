@@ -122,6 +122,26 @@ TEST_F(SegmentStage, TheCaseIsNotTheStudysFolder) {
   EXPECT_FALSE(fs::exists(folder_ / "study" / "case.json"));
 }
 
+/// Written around one of the study's series, the case would hide the others.
+TEST_F(SegmentStage, TheCaseIsNoFolderAroundTheStudyAndOtherFiles) {
+  test::GeneratedSeries().write(folder_ / "dicom" / "first");
+  EXPECT_EQ(run(folder_ / "dicom" / "first", "dicom").status, ExitStatus::no_result) << "nothing else in it";
+  fs::remove_all(folder_ / "dicom");
+  test::GeneratedSeries().write(folder_ / "dicom" / "first");
+  test::GeneratedSeries("1.2.826.0.1.3680043.9.7.5", 2).write(folder_ / "dicom" / "second");
+  const fs::path file = fs::directory_iterator(folder_ / "dicom" / "first" / "scan")->path();
+  for (const auto& [study, folder] : {std::pair{folder_ / "dicom" / "first", "dicom"},
+                                      std::pair{file, "dicom/first/scan"}, std::pair{file, "dicom"}}) {
+    try {
+      run(study, folder);
+      ADD_FAILURE() << folder;
+    } catch (const Error& error) {
+      EXPECT_EQ(error.status(), ExitStatus::usage);
+    }
+    EXPECT_FALSE(fs::exists(folder_ / folder / "case.json"));
+  }
+}
+
 /// Two visits: the eyes of one are not measured with those of the other, nor at the other's age.
 TEST_F(SegmentStage, SeriesOfTwoStudiesAreNotOneEye) {
   test::GeneratedSeries first, second("1.2.826.0.1.3680043.9.7.5", 2);

@@ -20,11 +20,12 @@ class TransferSyntaxes : public IntakeTest, public ::testing::WithParamInterface
 
 TEST_P(TransferSyntaxes, AreReadBitForBit) {
   GeneratedSeries series;
-  if (GetParam().syntax == EXS_JPEG2000LosslessOnly)
+  if (is_jpeg2000(GetParam().syntax))
     for (int slice = 0; slice < series.size(); ++slice)
       compress_jpeg2000(series.file(slice),
                         encode_jpeg2000(GeneratedSeries::pixels(slice), GeneratedSeries::rows,
-                                        GeneratedSeries::columns, 12));
+                                        GeneratedSeries::columns, 12),
+                        GetParam().syntax);
   series.write(folder(), GetParam().syntax);
   const auto info = only_series();
   EXPECT_TRUE(info.usable) << info.reason;
@@ -42,8 +43,22 @@ INSTANTIATE_TEST_SUITE_P(TableA, TransferSyntaxes,
                                            Syntax{"JpegLosslessFirstOrder", EXS_JPEGProcess14SV1},
                                            Syntax{"JpegLs", EXS_JPEGLSLossless},
                                            Syntax{"Rle", EXS_RLELossless},
-                                           Syntax{"Jpeg2000", EXS_JPEG2000LosslessOnly}),
+                                           Syntax{"Jpeg2000Lossless", EXS_JPEG2000LosslessOnly},
+                                           Syntax{"Jpeg2000", EXS_JPEG2000}),
                          [](const auto& row) { return std::string(row.param.name); });
+
+/// JPEG's discrete cosine transform, 12 bits: read, and what was lost is said.
+TEST_F(IntakeTest, LossyJpegIsReadAndWarnedOf) {
+  GeneratedSeries series;
+  std::vector<Uint16> ramp(20 * 24);  // from 0: DCMTK's encoder makes the lowest value 0
+  for (std::size_t i = 0; i < ramp.size(); ++i) ramp[i] = static_cast<Uint16>(100 * (i % 24));
+  for (int slice = 0; slice < series.size(); ++slice) series.set_pixels(slice, ramp);
+  series.write(folder(), EXS_JPEGProcess2_4);
+  EXPECT_THAT(only_series().warnings, Contains(HasSubstr("(0028,2110)")));
+  const auto stack = read_only_series();
+  for (int column = 0; column < 24; ++column)
+    EXPECT_NEAR(stack.at(column, 7, 3), 100 * column, 25) << column;
+}
 
 TEST_F(IntakeTest, InventorySaysWhatTheSeriesHolds) {
   GeneratedSeries series;
@@ -317,11 +332,16 @@ TEST_F(IntakeTest, AThicknessThatIsNoSlicesIsWarnedOfAndNotUsed) {
 }
 
 TEST_F(IntakeTest, AnotherBodyPartIsWarnedOf) {
-  GeneratedSeries series;
-  series.set_all(DCM_BodyPartExamined, "KNEE");
-  series.write(folder());
-  EXPECT_TRUE(only_series().usable);
-  EXPECT_THAT(only_series().warnings, Contains(HasSubstr("(0018,0015)")));
+  const auto warnings = [&](const char* part) {
+    GeneratedSeries series;
+    series.set_all(DCM_BodyPartExamined, part);
+    series.write(folder());
+    EXPECT_TRUE(only_series().usable);
+    return only_series().warnings;
+  };
+  for (const char* part : {"KNEE", "SURFACE"})
+    EXPECT_THAT(warnings(part), Contains(HasSubstr("(0018,0015)"))) << part;
+  for (const char* part : {"HEAD", "HEADNECK", "NECK HEAD", "ORBITS"}) EXPECT_THAT(warnings(part), IsEmpty());
 }
 
 class EnhancedSeries : public IntakeTest, public ::testing::WithParamInterface<bool> {};

@@ -129,7 +129,7 @@ std::vector<std::filesystem::path> GeneratedSeries::write(const std::filesystem:
   for (int slice = 0; slice < size(); ++slice) {
     written.push_back(folder / file_name(slice));
     std::filesystem::create_directories(written.back().parent_path());
-    if (DcmXfer(syntax).isEncapsulated() && syntax != EXS_JPEG2000LosslessOnly)
+    if (DcmXfer(syntax).isEncapsulated() && !is_jpeg2000(syntax))
       require((*this)[slice].chooseRepresentation(syntax, nullptr));
     require(file(slice).saveFile(written.back().c_str(), syntax));
   }
@@ -228,7 +228,11 @@ std::vector<Uint8> encode_jpeg2000(const std::vector<Uint16>& words, int rows, i
   return target.bytes;
 }
 
-void compress_jpeg2000(DcmFileFormat& file, const std::vector<Uint8>& stream) {
+bool is_jpeg2000(E_TransferSyntax syntax) {
+  return syntax == EXS_JPEG2000LosslessOnly || syntax == EXS_JPEG2000;
+}
+
+void compress_jpeg2000(DcmFileFormat& file, const std::vector<Uint8>& stream, E_TransferSyntax syntax) {
   auto sequence = std::make_unique<DcmPixelSequence>(DCM_PixelSequenceTag);
   auto table = std::make_unique<DcmPixelItem>(DCM_PixelItemTag);
   require(sequence->insert(table.release()));
@@ -236,7 +240,7 @@ void compress_jpeg2000(DcmFileFormat& file, const std::vector<Uint8>& stream) {
   require(sequence->storeCompressedFrame(offsets, const_cast<Uint8*>(stream.data()),
                                          static_cast<Uint32>(stream.size()), 0));
   auto pixels = std::make_unique<DcmPixelData>(DCM_PixelData);
-  pixels->putOriginalRepresentation(EXS_JPEG2000LosslessOnly, nullptr, sequence.release());
+  pixels->putOriginalRepresentation(syntax, nullptr, sequence.release());
   require(file.getDataset()->insert(pixels.release(), OFTrue));
 }
 

@@ -62,7 +62,9 @@ void register_encoders();
 /// One frame as a JPEG 2000 lossless codestream.
 std::vector<Uint8> encode_jpeg2000(const std::vector<Uint16>& words, int rows, int columns, int bits);
 
-/// Turns a slice into JPEG 2000, lossless.
-void compress_jpeg2000(DcmFileFormat& file, const std::vector<Uint8>& stream);
+bool is_jpeg2000(E_TransferSyntax syntax);
+
+/// Makes the codestream the slice's pixels. \param syntax  one of the two of JPEG 2000
+void compress_jpeg2000(DcmFileFormat& file, const std::vector<Uint8>& stream, E_TransferSyntax syntax);
 
 }  // namespace emmetrope::test

@@ -141,11 +141,12 @@ class CompressedStreams : public IntakeTest, public ::testing::WithParamInterfac
  protected:
   std::vector<std::filesystem::path> write_study() {
     GeneratedSeries series;
-    if (GetParam().syntax == EXS_JPEG2000LosslessOnly)
+    if (is_jpeg2000(GetParam().syntax))
       for (int slice = 0; slice < series.size(); ++slice)
         compress_jpeg2000(series.file(slice),
                           encode_jpeg2000(GeneratedSeries::pixels(slice), GeneratedSeries::rows,
-                                          GeneratedSeries::columns, 12));
+                                          GeneratedSeries::columns, 12),
+                          GetParam().syntax);
     return series.write(folder(), GetParam().syntax);
   }
 };

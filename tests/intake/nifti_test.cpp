@@ -118,6 +118,11 @@ TEST_F(NiftiTest, LabelsLieOnTheSameGrid) {
   EXPECT_LT((read.position(2, 3, 3) - stack.position(2, 3, 2)).norm(), 2e-5);
 }
 
+TEST_F(IntakeTest, AVolumeOfOneSliceIsSaid) {
+  segmentation::write_nifti(folder() / "a.nii", oblique_stack({0}));
+  EXPECT_THAT(only_series().warnings, testing::Contains(HasSubstr("one slice only")));
+}
+
 TEST_F(NiftiTest, EqualStacksGiveEqualBytes) {
   segmentation::write_nifti(file("a.nii.gz"), oblique_stack({0, 1, 3}));
   segmentation::write_nifti(file("b.nii.gz"), oblique_stack({0, 1, 3}));

@@ -160,6 +160,8 @@ const Defect defects[] = {
     {"ThreeSamples", SET_ALL(DCM_SamplesPerPixel, "3"), "(0028,0002)", ExitStatus::unsupported},
     {"SecondaryCapture", SET_ALL(DCM_SOPClassUID, UID_SecondaryCaptureImageStorage), "(0008,0016)",
      ExitStatus::unsupported},
+    {"ImageClassOfComputedTomography", SET_ALL(DCM_SOPClassUID, UID_CTImageStorage), "(0008,0016)",
+     ExitStatus::unsupported},
     {"ComputedTomography", SET_ALL(DCM_Modality, "CT"), "(0008,0060)", ExitStatus::unsupported},
     {"BurnedInText", SET_ALL(DCM_BurnedInAnnotation, "YES"), "(0028,0301)"},
     {"Mosaic", SET_ALL(DCM_ImageType, "ORIGINAL\\PRIMARY\\M\\ND\\MOSAIC"), "(0008,0008)",
@@ -176,6 +178,17 @@ TEST_F(IntakeTest, ThreePlaneLocalizerIsRefused) {
   for (int slice = 8; slice < 12; ++slice) series.set(slice, DCM_ImageOrientationPatient, "1\\0\\0\\0\\1\\0");
   series.write(folder());
   EXPECT_THAT(only_series().reason, HasSubstr("(0020,0037)"));
+}
+
+TEST_F(IntakeTest, ASeriesBeyondTheLimitIsRefused) {
+  GeneratedSeries().write(folder());
+  auto options = quiet();
+  options.limits.series_bytes = GeneratedSeries::rows * GeneratedSeries::columns * 2 * 12;
+  EXPECT_TRUE(segmentation::read_inventory(folder(), options).series.at(0).usable);
+  options.limits.series_bytes -= 2;
+  const SeriesInfo info = segmentation::read_inventory(folder(), options).series.at(0);
+  EXPECT_FALSE(info.usable);
+  EXPECT_THAT(info.reason, HasSubstr("12 slices are more than"));
 }
 
 /// A series without UID cannot be told from others.

@@ -129,6 +129,25 @@ TEST_F(IntakeTest, TwoStudiesAreTold) {
   EXPECT_NE(found.subject_of(found.series[0]).id, found.subject_of(found.series[1]).id);
 }
 
+/// Two patients in one folder: neither's images are taken for the other's.
+TEST_F(IntakeTest, SeriesOfTwoPatientsAreRefused) {
+  GeneratedSeries first, second("1.2.826.0.1.3680043.9.7.5", 2);
+  second.set_all(DCM_PatientID, "SECRET-ID-78");
+  first.write(folder() / "a");
+  second.write(folder() / "b");
+  std::string said;
+  try {
+    const auto found = inventory();
+    EXPECT_EQ(found.status(), ExitStatus::input_invalid);
+    said = to_json(found).dump();
+  } catch (const Error& error) {
+    EXPECT_EQ(error.status(), ExitStatus::input_invalid);
+    said = error.what();
+  }
+  EXPECT_THAT(said, AllOf(HasSubstr("(0010,0020)"), HasSubstr("a/scan"), HasSubstr("b/scan"),
+                          Not(HasSubstr("SECRET"))));
+}
+
 TEST_F(IntakeTest, OneFileIsAStudyToo) {
   GeneratedSeries series;
   const auto files = series.write(folder());

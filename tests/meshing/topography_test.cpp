@@ -198,6 +198,11 @@ TEST_F(TopographyFile, BrokenMapsAreRefusedWithLineAndFile) {
       half += fmt::format("{},{},{}\n", x, y, -1e3 * patient.depth_mm(x, y));
   EXPECT_THAT(complaint("half.csv", half), HasSubstr("does not surround the apex"));
   EXPECT_THAT(complaint("z.json", "{\"zernike_um\": [1]}"), HasSubstr("zone_mm"));
+  EXPECT_THAT(complaint("z.json", "{\"zone_mm\": -8, \"zernike_um\": [0,0,0,0,-300]}"),
+              AllOf(HasSubstr("z.json"), HasSubstr("zone_mm is -8")));
+  EXPECT_THAT(complaint("z.json", "{\"zone_mm\": 8, \"zernike_um\": []}"), HasSubstr("zernike_um is empty"));
+  // A spreadsheet's mark before the header is none of its letters.
+  EXPECT_THAT(complaint("a.csv", "\xEF\xBB\xBFx_mm,y_mm,elevation_um\n0,0,1\n"), HasSubstr("too few"));
   EXPECT_THAT(complaint("z.json", "{\"zone_mm\": 5, \"zernike_um\": [0,0,0,0,-300]}"),
               HasSubstr("5.0 mm wide"));
   EXPECT_THAT(complaint("z.json", "{\"zone_mm\": 8, \"zernike_um\": [0,0,0,0,-3000]}"),
