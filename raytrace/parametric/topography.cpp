@@ -128,7 +128,8 @@ ElevationMap read_zernike(const std::filesystem::path& file) {
     const double zone_mm = json.at("zone_mm").get<double>();
     const auto coefficients = json.at("zernike_um").get<std::vector<double>>();
     if (!(zone_mm > 0))
-      throw input_error(fmt::format("{}: zone_mm is {:g}; it is a diameter, above 0", file.string(), zone_mm));
+      throw input_error(
+          fmt::format("{}: zone_mm is {:g}; it is a diameter, above 0", file.string(), zone_mm));
     if (coefficients.empty()) throw input_error(file.string() + ": zernike_um is empty");
     int order = 0;
     while (zernike_count(order) < static_cast<int>(coefficients.size())) ++order;

@@ -139,7 +139,8 @@ Header read_header(ByteReader& reader, const std::string& name) {
     read_fields<std::int16_t, float, std::int16_t>(fields, nifti1, header);
     header.units = bytes[nifti1.units];
     const double offset = fields.at<float>(nifti1.offset);
-    if (!std::isfinite(offset)) throw input_error(fmt::format("{}: vox_offset {} is impossible", name, offset));
+    if (!std::isfinite(offset))
+      throw input_error(fmt::format("{}: vox_offset {} is impossible", name, offset));
     header.offset = static_cast<std::int64_t>(std::clamp(offset, -1e9, 1e9));
   } else {
     bytes.resize(540);

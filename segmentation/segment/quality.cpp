@@ -33,8 +33,11 @@ std::vector<QualityGate> judge_quality(const FoundEye& found, const EyeFit& fit)
 
   double inside = 0;
   for (const EyeView& view : found.views) inside = std::max(inside, view.globe.inside);
-  at_least("globe_inside_stack", inside, 0.85, true,
-           fmt::format("the eye is cut off: {:.0f} % of its wall lies inside the images", 100 * inside));
+  at_least(
+      "globe_inside_stack", inside, 0.85, true,
+      fmt::format("the eye is cut off or slices through it are missing: {:.0f} % of its wall lies inside the "
+                  "images",
+                  100 * inside));
   // Of the fit's reference: vitreous in T2, what surrounds the globe in T1.
   const double contrast = fit.contrast == Contrast::t2 ? fit.value(vitreous) - fit.value(lens)
                                                        : fit.value(lens) - fit.value(vitreous);

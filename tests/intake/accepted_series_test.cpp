@@ -56,8 +56,7 @@ TEST_F(IntakeTest, LossyJpegIsReadAndWarnedOf) {
   series.write(folder(), EXS_JPEGProcess2_4);
   EXPECT_THAT(only_series().warnings, Contains(HasSubstr("(0028,2110)")));
   const auto stack = read_only_series();
-  for (int column = 0; column < 24; ++column)
-    EXPECT_NEAR(stack.at(column, 7, 3), 100 * column, 25) << column;
+  for (int column = 0; column < 24; ++column) EXPECT_NEAR(stack.at(column, 7, 3), 100 * column, 25) << column;
 }
 
 TEST_F(IntakeTest, InventorySaysWhatTheSeriesHolds) {
