@@ -182,7 +182,7 @@ const SeriesInfo& StudyInventory::find(const std::string& uid) const {
   std::string known;
   for (const auto& info : series) {
     if (info.uid == uid) return info;
-    known += (known.empty() ? "" : ", ") + info.uid + " (" + info.description + ")";
+    known += fmt::format("{}{} = {} ({})", known.empty() ? "" : ", ", info.name, info.uid, info.description);
   }
   throw input_error("the study has no series " + uid, known.empty() ? "" : "it has " + known);
 }

@@ -105,7 +105,9 @@ std::vector<const SeriesInfo*> choose_series(const StudyInventory& inventory,
     std::string reasons;
     for (const SeriesInfo& info : inventory.series)
       reasons += fmt::format("\n  {}: {}", info.name, info.reason);
-    if (inventory.series.empty()) reasons = fmt::format(": {} files are skipped", inventory.skipped.size());
+    if (inventory.series.empty())
+      reasons = inventory.skipped.empty() ? ": it holds no file"
+                                          : fmt::format(": {} files are no images", inventory.skipped.size());
     throw Error(inventory.status(),
                 fmt::format("{}: no series of the study can be used{}", inventory.study.string(), reasons),
                 "emmetrope inventory STUDY lists what is wrong with each");
