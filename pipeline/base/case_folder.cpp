@@ -201,13 +201,13 @@ void require_same_inputs(const fs::path& case_folder, const std::string& stage, 
   for (const std::string& before : stages_before) read_verdict(case_folder, before);
 }
 
+}  // namespace
+
 bool looks_like_a_case(const fs::path& folder) {
   if (fs::exists(folder / "case.json")) return true;
   return std::any_of(commands_of_stages().begin(), commands_of_stages().end(),
                      [&](const auto& stage) { return fs::exists(folder / stage.first / stage_file); });
 }
-
-}  // namespace
 
 CaseLock::CaseLock(const fs::path& case_folder, bool create) : folder_(case_folder) {
   std::error_code fault;

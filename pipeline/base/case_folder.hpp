@@ -9,6 +9,9 @@
 
 namespace emmetrope {
 
+/// Whether a folder holds a case, or what is left of one.
+bool looks_like_a_case(const std::filesystem::path& folder);
+
 /// Holds the right to write into a case: an advisory lock on CASE/.lock, inherited by the stages that a
 /// driver starts.
 class CaseLock {

@@ -66,7 +66,7 @@ const std::vector<PopulationPrior>& population_priors() {
       {"cornea_back_ratio", 0.015, "Dubbelman, Sicam and van der Heijde 2006: 0.81 to 0.84"},
       {"lens_anterior_radius_mm", 1.5, "Dubbelman and van der Heijde 2001"},
       {"lens_posterior_radius_mm", 0.6, "Dubbelman and van der Heijde 2001"},
-      {"lens_anterior_q", 2.0, "Dubbelman and van der Heijde 2001"},
+      {"lens_anterior_q", 1.5, "schematic eyes, and lenses in vivo (Ortiz et al. 2012)"},
       {"lens_posterior_q", 1.0, "Dubbelman and van der Heijde 2001"},
       {"lens_decentre_x_mm", 0.25, "Rosales and Marcos 2006"},
       {"lens_decentre_y_mm", 0.25, "Rosales and Marcos 2006"},

@@ -7,8 +7,8 @@ namespace emmetrope::segmentation {
 
 using Eigen::Vector3d;
 
-/// A thin slice that is missing leaves no more than this, as thick slices have everywhere.
-constexpr double usual_spacing_mm = 2.5;
+/// One thin slice that is missing leaves no more than this, as thick slices have everywhere.
+constexpr double gap_of_one_spacings = 2.2, gap_of_one_mm = 2.6;
 
 std::optional<Vector3d> voxel_coordinates(const Stack& stack, const Vector3d& lps) {
   if (stack.slices() == 0) return std::nullopt;
@@ -30,7 +30,8 @@ std::optional<Vector3d> voxel_coordinates(const Stack& stack, const Vector3d& lp
       (depth(middle) <= along ? low : high) = middle;
     }
     const double gap = depth(high) - depth(low);
-    if (gap > std::max(1.6 * spacing, usual_spacing_mm)) return std::nullopt;
+    if (gap > std::max(1.6 * spacing, std::min(gap_of_one_spacings * spacing, gap_of_one_mm)))
+      return std::nullopt;
     slice = low + (along - depth(low)) / gap;
   }
   // Slices may be shifted within their plane: the origin is interpolated as well.

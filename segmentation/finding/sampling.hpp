@@ -9,8 +9,8 @@
 namespace emmetrope::segmentation {
 
 /// Column, row and slice coordinates (fractional) of a point; the slice coordinate interpolates the slices'
-/// own positions along the normal and is absent outside the stack or in a gap wider than 1.6 spacings and
-/// 2.5 mm.
+/// own positions along the normal and is absent outside the stack or in a gap wider than 1.6 spacings, but
+/// for that of one missing slice up to 2.6 mm.
 std::optional<Eigen::Vector3d> voxel_coordinates(const Stack& stack, const Eigen::Vector3d& lps);
 
 /// Trilinear interpolation; absent outside the stack or inside a gap.

@@ -102,7 +102,7 @@ bool is_mosaic(const ImageHeader& header) {
   return contains(header.value(tag::image_type), "MOSAIC") || (siemens && header.has(tag::mosaic_images));
 }
 
-/// One of the standard's image classes that is none of MR. Vendors' own classes are judged by the modality.
+/// A storage class of the standard other than MR's. Vendors' own classes are judged by the modality.
 bool is_other_image(const std::string& sop_class) {
   return sop_class.rfind(uid::image_storage, 0) == 0 && sop_class != uid::mr_image &&
          sop_class.rfind(std::string(uid::mr_image) + ".", 0) != 0;
@@ -293,9 +293,9 @@ void add_statistics(const std::vector<SeriesImage>& images, SeriesInfo& info) {
   info.mean = sum / count;
 }
 
-/// Whether one of its words begins with a part of the head.
+/// Whether one of the text's words names a part of the head.
 bool shows_head(const std::string& body_part) {
-  static const std::regex head("(^|[^A-Z])(HEAD|BRAIN|ORBIT|EYE|FACE|SKULL)", std::regex::icase);
+  static const std::regex head("HEAD|BRAIN|(^|[^A-Z])(ORBIT|EYE|FACE(?!T)|SKULL)", std::regex::icase);
   return body_part.empty() || std::regex_search(body_part, head);
 }
 

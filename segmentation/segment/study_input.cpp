@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <map>
 
+#include "pipeline/base/case_folder.hpp"
 #include "segmentation/intake/file_list.hpp"
 #include "segmentation/intake/tags.hpp"
 #include "segmentation/intake/wire.hpp"
@@ -20,24 +21,33 @@ bool is_below(const fs::path& file, const fs::path& folder) {
   return !relative.empty() && *relative.begin() != "..";
 }
 
+bool may_hold_images(const fs::path& path) {
+  const fs::path extension = path.extension();
+  return fs::is_directory(path) || is_nifti_name(path) || extension.empty() || extension == ".dcm" ||
+         extension == ".IMA";
+}
+
 /// A study in the case's folder would be read as a case, not as images, from then on. \pre the study exists
 void check_case_folder(const SegmentOptions& options) {
-  const fs::path study = fs::weakly_canonical(options.study),
-                 folder = fs::weakly_canonical(options.case_folder),
+  const fs::path study = fs::weakly_canonical(fs::absolute(options.study)),
+                 folder = fs::weakly_canonical(fs::absolute(options.case_folder)),
                  images = fs::is_directory(study) ? study : study.parent_path();
   if (folder == images)
     throw usage_error("the case " + options.case_folder.string() +
                           " is the study's own folder; nothing is written among the images",
                       "give another folder with -o");
-  if (!is_below(images, folder) || fs::exists(folder / "case.json")) return;
-  // A patient's folder may hold both the study and the case, but no other series beside the study.
-  for (fs::path path = images; path != folder; path = path.parent_path())
-    for (const fs::path& other : fs::directory_iterator(path.parent_path()))
-      if (other != path && other.filename().string().front() != '.')
-        throw usage_error(fmt::format("the case {} is a folder around the study, and {} lies in it too; "
-                                      "nothing is written among the images",
-                                      options.case_folder.string(), other.string()),
-                          "give another folder with -o");
+  if (!is_below(images, folder) || looks_like_a_case(folder)) return;
+  // A patient's folder may hold the study and the case, but no other images, which the case would hide.
+  for (fs::path path = images; path != folder; path = path.parent_path()) {
+    std::error_code unreadable;
+    for (const fs::path& other : fs::directory_iterator(path.parent_path(), unreadable))
+      if (other != path && other.filename().string().front() != '.' && may_hold_images(other))
+        throw usage_error(
+            fmt::format("the case {} is a folder around the study, and {} lies in it too, which "
+                        "may hold images; nothing is written among images",
+                        options.case_folder.string(), other.string()),
+            "give another folder with -o");
+  }
 }
 
 /// Labels are the user's own: none where the stage would overwrite it, or take it for an image.
@@ -73,8 +83,8 @@ void require_one_study(const std::vector<const SeriesInfo*>& chosen) {
 }  // namespace
 
 std::vector<StageInput> input_files(const SegmentOptions& options) {
-  check_case_folder(options);
   const FileList study = list_files(options.study, IntakeLimits{});
+  check_case_folder(options);
   std::vector<StageInput> inputs;
   for (const fs::path& file : study.files)
     inputs.push_back({fmt::format("study/{}", inputs.size() + 1), study.root / file});
@@ -106,8 +116,7 @@ std::vector<const SeriesInfo*> choose_series(const StudyInventory& inventory,
     for (const SeriesInfo& info : inventory.series)
       reasons += fmt::format("\n  {}: {}", info.name, info.reason);
     if (inventory.series.empty())
-      reasons = inventory.skipped.empty() ? ": it holds no file"
-                                          : fmt::format(": {} files are no images", inventory.skipped.size());
+      reasons = fmt::format(": none of its {} files is an image", inventory.skipped.size());
     throw Error(inventory.status(),
                 fmt::format("{}: no series of the study can be used{}", inventory.study.string(), reasons),
                 "emmetrope inventory STUDY lists what is wrong with each");

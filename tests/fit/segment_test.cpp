@@ -125,7 +125,8 @@ TEST_F(SegmentStage, TheCaseIsNotTheStudysFolder) {
 /// Written around one of the study's series, the case would hide the others.
 TEST_F(SegmentStage, TheCaseIsNoFolderAroundTheStudyAndOtherFiles) {
   test::GeneratedSeries().write(folder_ / "dicom" / "first");
-  EXPECT_EQ(run(folder_ / "dicom" / "first", "dicom").status, ExitStatus::no_result) << "nothing else in it";
+  write_json(folder_ / "dicom" / "keratometry.json", {});
+  EXPECT_EQ(run(folder_ / "dicom" / "first", "dicom").status, ExitStatus::no_result) << "no other images";
   fs::remove_all(folder_ / "dicom");
   test::GeneratedSeries().write(folder_ / "dicom" / "first");
   test::GeneratedSeries("1.2.826.0.1.3680043.9.7.5", 2).write(folder_ / "dicom" / "second");

@@ -338,9 +338,10 @@ TEST_F(IntakeTest, AnotherBodyPartIsWarnedOf) {
     EXPECT_TRUE(only_series().usable);
     return only_series().warnings;
   };
-  for (const char* part : {"KNEE", "SURFACE"})
+  for (const char* part : {"KNEE", "SURFACE", "FACET JOINT"})
     EXPECT_THAT(warnings(part), Contains(HasSubstr("(0018,0015)"))) << part;
-  for (const char* part : {"HEAD", "HEADNECK", "NECK HEAD", "ORBITS"}) EXPECT_THAT(warnings(part), IsEmpty());
+  for (const char* part : {"HEAD", "HEADNECK", "WHOLEHEAD", "NECK FACE", "ORBITS"})
+    EXPECT_THAT(warnings(part), IsEmpty());
 }
 
 class EnhancedSeries : public IntakeTest, public ::testing::WithParamInterface<bool> {};
