@@ -106,7 +106,7 @@ TEST_F(SegmentStage, InputsAreTheFilesThatAreRead) {
   const Json stage = read_json(folder_ / "study" / "case" / "segmentation" / "stage.json");
   EXPECT_EQ(stage.at("inputs").size(), 12U);
   EXPECT_TRUE(run(folder_ / "study", "study/case").json.at("skipped").get<bool>());
-  series.set_pixels(3, std::vector<Uint16>(20 * 24, 7));
+  series.set_pixels(3, std::vector<Uint16>(std::size_t{20} * 24, 7));
   series.write(folder_ / "real");
   EXPECT_FALSE(run(folder_ / "study", "study/case").json.at("skipped").get<bool>());
 }

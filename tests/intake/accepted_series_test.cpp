@@ -50,7 +50,7 @@ INSTANTIATE_TEST_SUITE_P(TableA, TransferSyntaxes,
 /// JPEG's discrete cosine transform, 12 bits: read, and what was lost is said.
 TEST_F(IntakeTest, LossyJpegIsReadAndWarnedOf) {
   GeneratedSeries series;
-  std::vector<Uint16> ramp(20 * 24);  // from 0: DCMTK's encoder makes the lowest value 0
+  std::vector<Uint16> ramp(std::size_t{20} * 24);  // from 0: DCMTK's encoder makes the lowest value 0
   for (std::size_t i = 0; i < ramp.size(); ++i) ramp[i] = static_cast<Uint16>(100 * (i % 24));
   for (int slice = 0; slice < series.size(); ++slice) series.set_pixels(slice, ramp);
   series.write(folder(), EXS_JPEGProcess2_4);
@@ -166,7 +166,8 @@ TEST_F(IntakeTest, AnImageOfSeveralCanBeChosen) {
   for (int slice = 0; slice < GeneratedSeries::slices; ++slice) {
     const int copy = series.duplicate(slice);
     series.set(copy, DCM_EchoTime, "30");
-    series.set_pixels(copy, std::vector<Uint16>(GeneratedSeries::rows * GeneratedSeries::columns, 5));
+    series.set_pixels(copy,
+                      std::vector<Uint16>(std::size_t{GeneratedSeries::rows} * GeneratedSeries::columns, 5));
   }
   series.write(folder());
   auto options = quiet();
@@ -245,7 +246,7 @@ TEST_F(IntakeTest, EightBitSamplesAreRead) {
   series.set_all(DCM_BitsAllocated, "8");
   series.set_all(DCM_BitsStored, "8");
   series.set_all(DCM_HighBit, "7");
-  std::vector<Uint8> bytes(20 * 24);
+  std::vector<Uint8> bytes(std::size_t{20} * 24);
   for (std::size_t i = 0; i < bytes.size(); ++i) bytes[i] = static_cast<Uint8>(i % 251);
   for (int slice = 0; slice < series.size(); ++slice)
     series[slice].putAndInsertUint8Array(DCM_PixelData, bytes.data(), bytes.size());
@@ -369,7 +370,8 @@ TEST_F(IntakeTest, SeveralVolumesInOneEnhancedFileAreRefusedUnlessOneIsChosen) {
     file->getDataset()->findAndGetSequenceItem(DCM_PerFrameFunctionalGroupsSequence, groups, frame);
     DcmItem *plane = nullptr, *content = nullptr;
     groups->findAndGetSequenceItem(DCM_PlanePositionSequence, plane, 0);
-    const auto place = GeneratedSeries::position(frame / 2);
+    const int slice = frame / 2;
+    const auto place = GeneratedSeries::position(slice);
     plane->putAndInsertString(
         DCM_ImagePositionPatient,
         (std::to_string(place.x()) + "\\" + std::to_string(place.y()) + "\\" + std::to_string(place.z()))

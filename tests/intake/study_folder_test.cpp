@@ -21,7 +21,7 @@ TEST_F(IntakeTest, WhatIsNoImageIsListedAsSkipped) {
   series.write(folder());
   std::ofstream(folder() / "notes.txt")
       << "not a DICOM file, but long enough to hold more than a preamble of one: " << std::string(200, 'x');
-  std::ofstream(folder() / "empty.dcm");
+  const std::ofstream empty(folder() / "empty.dcm");
   ASSERT_EQ(::mkfifo((folder() / "pipe").c_str(), 0600), 0);
   std::filesystem::create_symlink(folder() / "nowhere", folder() / "dangling");
   std::filesystem::create_directory_symlink(folder(), folder() / "loop");
