@@ -75,7 +75,7 @@ constexpr auto far_apart = [](GeneratedSeries& series) {
 };
 constexpr auto one_of_other_size = [](GeneratedSeries& series) {
   series.set(4, DCM_Rows, "10");
-  series.set_pixels(4, std::vector<Uint16>(10 * GeneratedSeries::columns, 7));
+  series.set_pixels(4, std::vector<Uint16>(std::size_t{10} * GeneratedSeries::columns, 7));
 };
 constexpr auto half_the_pixels = [](GeneratedSeries& series) {
   series.set_pixels(3, std::vector<Uint16>(240, 7));
@@ -183,7 +183,7 @@ TEST_F(IntakeTest, ThreePlaneLocalizerIsRefused) {
 TEST_F(IntakeTest, ASeriesBeyondTheLimitIsRefused) {
   GeneratedSeries().write(folder());
   auto options = quiet();
-  options.limits.series_bytes = GeneratedSeries::rows * GeneratedSeries::columns * 2 * 12;
+  options.limits.series_bytes = std::uint64_t{2 * 12} * GeneratedSeries::rows * GeneratedSeries::columns;
   EXPECT_TRUE(segmentation::read_inventory(folder(), options).series.at(0).usable);
   options.limits.series_bytes -= 2;
   const SeriesInfo info = segmentation::read_inventory(folder(), options).series.at(0);
