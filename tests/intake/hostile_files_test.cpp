@@ -108,7 +108,7 @@ TEST_F(IntakeTest, ADeflatedFileMayNotFillTheMemory) {
   GeneratedSeries series;
   series.set(4, DCM_Rows, "6400");
   series.set(4, DCM_Columns, "6400");
-  series.set_pixels(4, std::vector<Uint16>(6400 * 6400));  // 82 MB of zeros, 80 KB when deflated
+  series.set_pixels(4, std::vector<Uint16>(std::size_t{6400} * 6400));  // 82 MB of zeros, 80 KB when deflated
   series.write(folder(), EXS_DeflatedLittleEndianExplicit);
   auto options = quiet();
   options.limits.child_memory_bytes = 100'000'000;

@@ -182,8 +182,8 @@ TEST_F(IntakeTest, ThreePlaneLocalizerIsRefused) {
 
 TEST_F(IntakeTest, ASeriesBeyondTheLimitIsRefused) {
   GeneratedSeries().write(folder());
-  auto options = quiet();
-  options.limits.series_bytes = std::uint64_t{2 * 12} * GeneratedSeries::rows * GeneratedSeries::columns;
+  auto options = quiet();  // below: 12 slices of 2 bytes a voxel
+  options.limits.series_bytes = std::uint64_t{24} * GeneratedSeries::rows * GeneratedSeries::columns;
   EXPECT_TRUE(segmentation::read_inventory(folder(), options).series.at(0).usable);
   options.limits.series_bytes -= 2;
   const SeriesInfo info = segmentation::read_inventory(folder(), options).series.at(0);
