@@ -184,7 +184,7 @@ namespace uid {
 inline constexpr const char* mr_image = "1.2.840.10008.5.1.4.1.1.4";
 inline constexpr const char* enhanced_mr_image = "1.2.840.10008.5.1.4.1.1.4.1";
 inline constexpr const char* legacy_converted_enhanced_mr_image = "1.2.840.10008.5.1.4.1.1.4.4";
-inline constexpr const char* image_storage = "1.2.840.10008.5.1.4.1.1.";  ///< of the standard's classes
+inline constexpr const char* image_storage = "1.2.840.10008.5.1.4.1.1.";  ///< begins all of the standard's
 inline constexpr const char* directory = "1.2.840.10008.1.3.10";
 inline constexpr const char* jpeg_2000_lossless = "1.2.840.10008.1.2.4.90";
 inline constexpr const char* jpeg_2000 = "1.2.840.10008.1.2.4.91";

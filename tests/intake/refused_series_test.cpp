@@ -182,8 +182,10 @@ TEST_F(IntakeTest, ThreePlaneLocalizerIsRefused) {
 
 TEST_F(IntakeTest, ASeriesBeyondTheLimitIsRefused) {
   GeneratedSeries().write(folder());
-  auto options = quiet();  // below: 12 slices of 2 bytes a voxel
-  options.limits.series_bytes = std::uint64_t{24} * GeneratedSeries::rows * GeneratedSeries::columns;
+  auto options = quiet();
+  constexpr std::uint64_t bytes_per_voxel = 2;
+  options.limits.series_bytes =
+      bytes_per_voxel * GeneratedSeries::slices * GeneratedSeries::rows * GeneratedSeries::columns;
   EXPECT_TRUE(segmentation::read_inventory(folder(), options).series.at(0).usable);
   options.limits.series_bytes -= 2;
   const SeriesInfo info = segmentation::read_inventory(folder(), options).series.at(0);
