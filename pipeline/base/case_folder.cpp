@@ -204,9 +204,11 @@ void require_same_inputs(const fs::path& case_folder, const std::string& stage, 
 }  // namespace
 
 bool looks_like_a_case(const fs::path& folder) {
-  if (fs::exists(folder / "case.json")) return true;
-  return std::any_of(commands_of_stages().begin(), commands_of_stages().end(),
-                     [&](const auto& stage) { return fs::exists(folder / stage.first / stage_file); });
+  std::error_code ignored;
+  if (fs::exists(folder / "case.json", ignored)) return true;
+  return std::any_of(commands_of_stages().begin(), commands_of_stages().end(), [&](const auto& stage) {
+    return fs::exists(folder / stage.first / stage_file, ignored);
+  });
 }
 
 CaseLock::CaseLock(const fs::path& case_folder, bool create) : folder_(case_folder) {
@@ -244,8 +246,10 @@ CaseLock::~CaseLock() {
   if (inherited_) return;
   ::unsetenv(lock_variable);
   std::error_code ignored;
-  const auto entries = std::distance(fs::directory_iterator(folder_, ignored), fs::directory_iterator());
-  if (created_ && entries == 1) fs::remove_all(folder_, ignored);  // only the lock: nothing came of it
+  if (!looks_like_a_case(folder_)) {  // nothing came of it: the folder is left as it was found
+    fs::remove(folder_ / lock_name, ignored);
+    if (created_) fs::remove(folder_, ignored);  // an empty one
+  }
   ::close(descriptor_);
 }
 

@@ -130,6 +130,15 @@ TEST_F(Stage, LeavesNoFolderWhereNothingCameOfIt) {
   EXPECT_FALSE(fs::exists(case_folder));
 }
 
+TEST_F(Stage, LeavesAFolderOfOtherFilesAsItWasWhereNothingCameOfIt) {
+  fs::create_directories(case_folder);
+  write_json(case_folder / "notes.json", {});
+  EXPECT_THROW(run_stage(case_folder, spec(), common,
+                         [](StageWorkspace&) -> StageVerdict { throw input_error("no study"); }),
+               Error);
+  EXPECT_EQ(std::distance(fs::directory_iterator(case_folder), fs::directory_iterator()), 1);
+}
+
 TEST_F(Stage, RefusesACaseThatAnotherRunHolds) {
   std::array<int, 2> ready{};
   ASSERT_EQ(::pipe(ready.data()), 0);

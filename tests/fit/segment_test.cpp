@@ -120,6 +120,7 @@ TEST_F(SegmentStage, TheCaseIsNotTheStudysFolder) {
     EXPECT_EQ(error.status(), ExitStatus::usage);
   }
   EXPECT_FALSE(fs::exists(folder_ / "study" / "case.json"));
+  EXPECT_FALSE(fs::exists(folder_ / "study" / ".lock"));
 }
 
 /// Written around one of the study's series, the case would hide the others.
