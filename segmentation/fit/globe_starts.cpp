@@ -9,6 +9,7 @@
 namespace emmetrope::segmentation {
 namespace {
 
+using Eigen::Vector2d;
 using Eigen::Vector3d;
 using Eigen::VectorXd;
 
@@ -88,9 +89,48 @@ VectorXd start_parameters(const ParameterLayout& layout, const std::vector<const
   return a;
 }
 
+/// The fellow eye, at this one's place: sizes, tissues and the scanner's properties.
+VectorXd like_fellow(const ParameterLayout& layout, const EyeStart& start) {
+  VectorXd a = population_mean(layout);
+  for (const int size :
+       {int(anterior_chamber_depth), int(lens_thickness), int(lens_anterior_radius),
+        int(lens_posterior_radius), int(axial_length), int(globe_x), int(globe_y), int(globe_z),
+        int(wall_lateral), int(wall_axial), int(iris_offset), int(pupil_radius), int(lid_thickness)})
+    a[size] = start.fellow[size];
+  a.segment<surround - vitreous + 1>(vitreous) = start.fellow.segment<surround - vitreous + 1>(vitreous);
+  a.segment<3>(apex_x) = start.globe_centre + (a[axial_length] - a[globe_z]) * start.axis;
+  a.segment<2>(gaze_horizontal) = gaze_deg(start.axis);
+  for (int s = 0; s < layout.stacks; ++s) {
+    const int at = layout.stack(s);
+    for (const int of_image : {int(log_gain), int(log_sharpness), int(fat_shift_first), fat_shift_first + 1})
+      a[at + of_image] = start.fellow[at + of_image];
+    if (s > 0) a.segment<3>(at + shift_first) = start.stack_shift[static_cast<std::size_t>(s)];
+  }
+  return a;
+}
+
+/// By how much the globe lies elsewhere than a finder thinks that saw the edge of displaced fat.
+void move_off_fat(VectorXd& a, const ForwardModel& model, int stack, const Vector2d& fat_shift_mm) {
+  const StackSampling& sampling = model.stacks()[static_cast<std::size_t>(stack)];
+  const Vector3d globe = -fat_shift_mm[0] * sampling.along_row - fat_shift_mm[1] * sampling.along_column;
+  if (stack == 0) {
+    a.segment<3>(apex_x) += globe;
+  } else {
+    a.segment<3>(model.layout().stack(stack) + shift_first) -= globe;
+  }
+}
+
 std::vector<VectorXd> starts_along_axis(const ForwardModel& model, const std::vector<const Stack*>& stacks,
                                         const EyeStart& start, Contrast contrast, Evidence evidence) {
   const ParameterLayout& layout = model.layout();
+  if (start.fellow.size() > 0) {
+    std::vector<VectorXd> starts{like_fellow(layout, start)};
+    if (contrast != Contrast::t1) return starts;
+    starts.push_back(starts[0]);
+    for (int s = 0; s < layout.stacks; ++s)
+      move_off_fat(starts[1], model, s, starts[1].segment<2>(layout.stack(s) + fat_shift_first));
+    return starts;
+  }
   std::vector<VectorXd> starts{start_parameters(layout, stacks, start, contrast, evidence)};
   if (contrast != Contrast::t1 || evidence == Evidence::labels) return starts;
   EyeStart smaller = start;
@@ -105,14 +145,7 @@ std::vector<VectorXd> starts_along_axis(const ForwardModel& model, const std::ve
           starts.push_back(still);
           VectorXd& moved = starts.back();
           moved[layout.stack(s) + fat_shift_first + along] = shift;
-          // The finder saw the edge of the fat: with it displaced, the globe lies on the other side.
-          const StackSampling& stack = model.stacks()[s];
-          const Vector3d globe = -shift * (along == 0 ? stack.along_row : stack.along_column);
-          if (s == 0) {
-            moved.segment<3>(apex_x) += globe;
-          } else {
-            moved.segment<3>(layout.stack(s) + shift_first) -= globe;
-          }
+          move_off_fat(moved, model, s, shift * Vector2d::Unit(along));
         }
       }
     }

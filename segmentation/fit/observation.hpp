@@ -20,6 +20,8 @@ struct EyeStart {
   std::vector<Eigen::Vector3d> stack_shift;
   std::optional<double> age_years;  ///< of the patient; the lens changes with it
   std::optional<Laterality> laterality;
+  /// Parameters of the person's other eye, fitted to the same stacks, to start from instead; empty: none.
+  Eigen::VectorXd fellow = {};
 
   /// The same eye as it lies in stack k.
   EyeStart in_stack(std::size_t k) const {

@@ -38,11 +38,13 @@ std::vector<QualityGate> judge_quality(const FoundEye& found, const EyeFit& fit)
       fmt::format("the eye is cut off or slices through it are missing: {:.0f} % of its wall lies inside the "
                   "images",
                   100 * inside));
-  // Of the fit's reference: vitreous in T2, what surrounds the globe in T1.
-  const double contrast = fit.contrast == Contrast::t2 ? fit.value(vitreous) - fit.value(lens)
-                                                       : fit.value(lens) - fit.value(vitreous);
+  // Of the fit's reference: vitreous in T2, what surrounds the globe in T1. Against both fluids: what is no
+  // lens may differ from one of them.
+  const auto [darker, brighter] = std::minmax({fit.value(vitreous), fit.value(aqueous)});
+  const double contrast =
+      fit.contrast == Contrast::t2 ? darker - fit.value(lens) : fit.value(lens) - brighter;
   at_least("lens_contrast", contrast, 0.10, true,
-           "the lens is not visible: nothing in front of the vitreous differs from it");
+           "the lens is not visible: nothing between aqueous and vitreous differs from both");
   const double off_axis = std::hypot(fit.value(lens_decentre_x), fit.value(lens_decentre_y));
   at_most(
       "lens_off_axis_mm", off_axis, 2, true,

@@ -16,9 +16,9 @@
 #include "segmentation/intake/study.hpp"
 #include "segmentation/segment/boundary.hpp"
 #include "segmentation/segment/eye_labels.hpp"
+#include "segmentation/segment/fellow_eye.hpp"
 #include "segmentation/segment/hand_labels.hpp"
 #include "segmentation/segment/overlay.hpp"
-#include "segmentation/segment/quality.hpp"
 #include "segmentation/segment/study_input.hpp"
 
 namespace emmetrope::segmentation {
@@ -26,37 +26,21 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// One eye, from found to judged.
-struct EyeResult {
-  FoundEye found;
-  std::optional<EyeFit> fit;
-  std::vector<QualityGate> gates;
+struct EyeResult : JudgedEye {
   std::vector<Stack> label_images;  ///< in place of the views' stacks, where labels were given
   bool is_labelled() const { return !label_images.empty(); }
-  bool refused() const { return !fit || is_refused(gates); }
-  std::string reasons() const {
-    std::string text;
-    for (const QualityGate& gate : gates)
-      if (gate.decides && !gate.passed) text += (text.empty() ? "" : "; ") + gate.reason;
-    return text;
-  }
 };
 
 void fit_one(EyeResult& eye, const std::vector<const Stack*>& stacks, std::optional<double> age_years,
              const std::function<void()>& advance) {
-  try {
-    const std::vector<const Stack*> views = views_of(eye.found, stacks);
-    std::vector<const Stack*> drawn;
-    for (const Stack& image : eye.label_images) drawn.push_back(&image);
-    eye.fit = fit_eye(eye.is_labelled() ? drawn : views, start_of(eye.found, age_years), eye.found.contrast,
-                      advance, eye.is_labelled() ? Evidence::labels : Evidence::intensities);
-    // What is shown and written is the scanner's image.
-    for (std::size_t v = 0; v < views.size(); ++v) eye.fit->stacks[v].stack = views[v];
-    eye.gates = judge_quality(eye.found, *eye.fit);
-  } catch (const Error& error) {
-    if (error.status() != ExitStatus::no_result) throw;
-    eye.gates = {{"fit", 0, 1, false, true, error.what()}};
-  }
+  const std::vector<const Stack*> views = views_of(eye.found, stacks);
+  std::vector<const Stack*> drawn;
+  for (const Stack& image : eye.label_images) drawn.push_back(&image);
+  fit_and_judge(eye, eye.is_labelled() ? drawn : views, start_of(eye.found, age_years), advance,
+                eye.is_labelled() ? Evidence::labels : Evidence::intensities);
+  if (!eye.fit) return;
+  // What is shown and written is the scanner's image.
+  for (std::size_t v = 0; v < views.size(); ++v) eye.fit->stacks[v].stack = views[v];
 }
 
 /// One eye a core; the result does not depend on how many cores there are.
@@ -274,13 +258,16 @@ StageVerdict segment_study(const SegmentOptions& options, const CommonOptions& c
   place_labelled_eyes(labels, stacks, found);
   std::vector<EyeResult> eyes;
   for (const FoundEye& eye : found.eyes)
-    if (includes(common.laterality, eye.laterality)) eyes.push_back({eye, std::nullopt, {}, {}});
+    if (includes(common.laterality, eye.laterality)) eyes.push_back({{eye, std::nullopt, {}, {}}, {}});
   for (EyeResult& eye : eyes)
     for (const HandLabels& one : labels)
       if (one.shows(eye.found.laterality))
         eye.label_images.push_back(label_image(one, *stacks[one.stack], eye.found.laterality));
   const Subject subject = inventory.subject_of(*series.front());
-  fit_all(eyes, stacks, options.age_years ? options.age_years : subject.age_years, common);
+  const std::optional<double> age_years = options.age_years ? options.age_years : subject.age_years;
+  fit_all(eyes, stacks, age_years, common);
+  if (eyes.size() == 2 && labels.empty())
+    compare_fellow_eyes(eyes[0], eyes[1], stacks, age_years, common.verbosity);
   const bool coupled = couple(eyes);
 
   const std::optional<double> roll = head_roll_deg(eyes);
@@ -288,6 +275,9 @@ StageVerdict segment_study(const SegmentOptions& options, const CommonOptions& c
     workspace.warn(fmt::format(
         "the head is rolled by {:.1f} deg: astigmatic axes are given against the scanner", *roll));
   for (const EyeResult& eye : eyes) {
+    if (!eye.fitted_again_because.empty())
+      workspace.warn(fmt::format("{}: fitted again, from what the other eye is like: {}",
+                                 clinical_name(eye.found.laterality), eye.fitted_again_because));
     for (const QualityGate& gate : eye.gates)
       if (!gate.passed)
         workspace.warn(fmt::format("{}: {}", clinical_name(eye.found.laterality), gate.reason));

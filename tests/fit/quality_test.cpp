@@ -2,12 +2,14 @@
 // and nothing clinical.
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cmath>
 #include <random>
+#include <tuple>
 
 #include "pipeline/base/files.hpp"
 #include "segmentation/intake/nifti.hpp"
-#include "segmentation/segment/quality.hpp"
+#include "segmentation/segment/fellow_eye.hpp"
 #include "segmentation/segment/segment.hpp"
 #include "tests/fit/phantom_eyes.hpp"
 
@@ -231,6 +233,83 @@ TEST(QualityOfShapes, AWallTwiceAnEyesIsSaid) {
   EXPECT_FALSE(gate.passed);
   EXPECT_FALSE(gate.decides);
   EXPECT_DOUBLE_EQ(gate.value, 3);
+}
+
+/// Fat before the eye was taken for aqueous, a lid for the lens: it is brighter than the vitreous only.
+TEST(QualityOfShapes, ALensDiffersFromBothFluids) {
+  const ParameterLayout layout;
+  for (const auto& [of, contrast, levels, is_lens] :
+       {std::tuple{"T1", Contrast::t1, std::array{0.25, 0.22, 0.45}, true},
+        {"T1, a lid", Contrast::t1, std::array{0.25, 0.67, 0.38}, false},
+        {"T2", Contrast::t2, std::array{1.0, 0.98, 0.16}, true},
+        {"T2, dark before and in it", Contrast::t2, std::array{1.0, 0.2, 0.16}, false}}) {
+    Eigen::VectorXd parameters = population_mean(layout);
+    parameters[vitreous] = levels[0];
+    parameters[aqueous] = levels[1];
+    parameters[lens] = levels[2];
+    const QualityGate gate = gate_of(fit_at(layout, parameters, contrast), "lens_contrast");
+    EXPECT_TRUE(gate.decides);
+    EXPECT_EQ(gate.passed, is_lens) << of;
+  }
+}
+
+/// Two measured eyes of one stack that shows no eye, so that fitting again helps neither.
+class FellowEyes : public testing::Test {
+ protected:
+  FellowEyes() {
+    dark_.columns = dark_.rows = 4;
+    dark_.along_row = Vector3d::UnitX();
+    dark_.along_column = Vector3d::UnitY();
+    dark_.normal = Vector3d::UnitZ();
+    dark_.column_spacing_mm = dark_.row_spacing_mm = dark_.slice_thickness_mm = 1;
+    dark_.slice_position = {Vector3d::Zero(), Vector3d::UnitZ()};
+    dark_.slice_intensity.assign(2, std::vector<float>(16, 0));
+  }
+  JudgedEye eye(double fat_shift_mm) const {
+    const ParameterLayout layout;
+    Eigen::VectorXd parameters = population_mean(layout);
+    parameters[layout.stack(0) + fat_shift_first + 1] = fat_shift_mm;
+    JudgedEye judged{{}, fit_at(layout, parameters, Contrast::t1), {}, {}};
+    judged.found.contrast = Contrast::t1;
+    judged.found.axis = -Vector3d::UnitY();
+    judged.found.radius_mm = 11.5;
+    judged.found.views.resize(1);
+    judged.found.views[0].globe.centre = Vector3d::Zero();
+    judged.found.views[0].globe.inside = 1;
+    return judged;
+  }
+  void compare(JudgedEye& od, JudgedEye& os) const {
+    compare_fellow_eyes(od, os, {&dark_, &dark_}, {}, Verbosity{true});
+  }
+  Stack dark_;
+};
+
+TEST_F(FellowEyes, OneImageHasOneChemicalShift) {
+  JudgedEye od = eye(1.1), os = eye(0.9);
+  compare(od, os);
+  EXPECT_FALSE(od.refused() || os.refused());
+  os = eye(-0.8);
+  compare(od, os);
+  for (const JudgedEye* eye : {&od, &os}) {
+    EXPECT_TRUE(eye->refused());
+    EXPECT_NE(eye->reasons().find("displaced by 1.9 mm more"), std::string::npos) << eye->reasons();
+  }
+}
+
+TEST_F(FellowEyes, EyesOfTwoStacksMayDiffer) {
+  JudgedEye od = eye(1.1), os = eye(-0.8);
+  os.found.views[0].stack = 1;
+  compare(od, os);
+  EXPECT_FALSE(od.refused() || os.refused());
+}
+
+TEST_F(FellowEyes, ARefusedEyeThatCannotBeReadAgainKeepsItsReason) {
+  JudgedEye od = eye(1.1), os = eye(1.1);
+  os.gates = {{"lens_contrast", 0, 0.1, false, true, "no lens"}};
+  compare(od, os);
+  EXPECT_FALSE(od.refused());
+  EXPECT_EQ(os.reasons(), "no lens");
+  EXPECT_EQ(os.fitted_again_because, "");
 }
 
 }  // namespace

@@ -10,12 +10,11 @@
 #include <optional>
 #include <random>
 
-#include "pipeline/base/error.hpp"
 #include "pipeline/base/frames.hpp"
 #include "segmentation/finding/find_eyes.hpp"
 #include "segmentation/fit/both_eyes.hpp"
 #include "segmentation/fit/rician.hpp"
-#include "segmentation/segment/quality.hpp"
+#include "segmentation/segment/fellow_eye.hpp"
 #include "tests/fit/phantom_eyes.hpp"
 
 namespace emmetrope::segmentation {
@@ -158,10 +157,10 @@ struct StudiedEye {
   Json record;
   std::shared_ptr<const PhantomEye> images;  ///< both eyes' where one stack shows both
   phantom::PlacedEye truth;
-  std::optional<EyeFit> fit, bound;  ///< bound: the same eye with the covariance of the information bound
-  std::optional<FoundEye> found;
+  std::optional<JudgedEye> judged;  ///< none: not found
+  std::optional<EyeFit> bound;      ///< the same eye with the covariance of the information bound
 
-  bool is_measured() const { return record.at("status") == "measured"; }
+  bool is_measured() const { return judged && !judged->refused(); }
 };
 
 /// Finds and fits it, as the stage does.
@@ -171,29 +170,27 @@ void fit(StudiedEye& eye, bool of_one_eye, double age_years) {
   const FoundEyes found = find_eyes(eye.images->views(), hints);
   const auto one = std::find_if(found.eyes.begin(), found.eyes.end(),
                                 [&](const FoundEye& f) { return f.laterality == eye.laterality; });
-  eye.record["status"] = "not found";
   eye.record["reasons"] = found.notes;
   if (one == found.eyes.end()) return;
-  eye.found = *one;
-  try {
-    eye.fit = fit_eye(views_of(*one, eye.images->views()), start_of(*one, age_years), one->contrast);
-    const std::vector<QualityGate> gates = judge_quality(*one, *eye.fit);
-    eye.record["status"] = is_refused(gates) ? "refused" : "measured";
-    for (const QualityGate& gate : gates)
-      if (!gate.passed) eye.record["reasons"].push_back(gate.reason);
-    eye.bound = eye.fit;
-    eye.bound->covariance = information_bound(*eye.fit);
-  } catch (const Error& error) {
-    if (error.status() != ExitStatus::no_result) throw;
-    eye.record["status"] = "refused";
-    eye.record["reasons"].push_back(error.what());
-    eye.fit.reset();
-  }
+  eye.judged = JudgedEye{*one, std::nullopt, {}, {}};
+  fit_and_judge(*eye.judged, views_of(*one, eye.images->views()), start_of(*one, age_years));
+}
+
+/// What became of it in the record.
+void conclude(StudiedEye& eye) {
+  eye.record["status"] = !eye.judged ? "not found" : eye.judged->refused() ? "refused" : "measured";
+  if (!eye.judged) return;
+  for (const QualityGate& gate : eye.judged->gates)
+    if (!gate.passed) eye.record["reasons"].push_back(gate.reason);
+  eye.record["fitted_again_because"] = eye.judged->fitted_again_because;
+  if (!eye.judged->fit) return;
+  eye.bound = eye.judged->fit;
+  eye.bound->covariance = information_bound(*eye.judged->fit);
 }
 
 /// The fit's figures in the record.
 void write_down(StudiedEye& studied) {
-  const EyeFit& fit = *studied.fit;
+  const EyeFit& fit = *studied.judged->fit;
   Json& record = studied.record;
   const ParametricEye eye = to_parametric_eye(fit, studied.laterality);
   std::vector<Eigen::Index> places;
@@ -205,7 +202,8 @@ void write_down(StudiedEye& studied) {
   // Where the eye is in the images that define its pose.
   const Eigen::Isometry3d fitted_from_true =
       eye.lps_from_eye.inverse() *
-      studied.images->scanner_from_reference[studied.found->views.front().stack] * studied.truth.lps_from_eye;
+      studied.images->scanner_from_reference[studied.judged->found.views.front().stack] *
+      studied.truth.lps_from_eye;
   record["surface_mm"] = surface_distances(eye, studied.truth, fitted_from_true);
   record["irregular_cornea"] = fit.layout.irregular_cornea;
   record["irregularity_chi2"] = fit.irregularity.chi2;
@@ -219,6 +217,10 @@ void write_down(StudiedEye& studied) {
   record["start_costs"] = fit.start_costs;
   for (int i = wall_lateral; i < eye_parameter_count; ++i)
     record["nuisance"][fit.layout.name(i)] = fit.value(i);
+  record["fat_shift_mm"] = Json::array();
+  for (int s = 0; s < fit.layout.stacks; ++s)
+    for (const int along : {0, 1})
+      record["fat_shift_mm"].push_back(fit.value(fit.layout.stack(s) + fat_shift_first + along));
 }
 
 }  // namespace
@@ -255,7 +257,7 @@ std::vector<Json> study_head(const StudyProtocol& wanted, unsigned long long see
   const bool of_one_eye = protocol.stacks.front().coil == phantom::Coil::surface;
   std::vector<StudiedEye> eyes;
   for (const Laterality laterality : both_eyes) {
-    StudiedEye eye{laterality, {{"protocol", wanted.label()}, {"seed", seed}}, {}, {}, {}, {}, {}};
+    StudiedEye eye{laterality, {{"protocol", wanted.label()}, {"seed", seed}}, {}, {}, {}, {}};
     eye.record["laterality"] = to_string(laterality);
     const double begin_s = processor_s();
     // A head coil's stacks show both eyes.
@@ -272,13 +274,17 @@ std::vector<Json> study_head(const StudyProtocol& wanted, unsigned long long see
     eye.record["fit_s"] = processor_s() - rendered_s;
     eyes.push_back(std::move(eye));
   }
+  if (eyes[0].judged && eyes[1].judged && !of_one_eye)
+    compare_fellow_eyes(*eyes[0].judged, *eyes[1].judged, eyes[0].images->views(), head.age_years,
+                        Verbosity{true});
+  for (StudiedEye& eye : eyes) conclude(eye);
   if (eyes[0].is_measured() && eyes[1].is_measured()) {
-    couple_eyes(*eyes[0].fit, *eyes[1].fit);
+    couple_eyes(*eyes[0].judged->fit, *eyes[1].judged->fit);
     couple_eyes(*eyes[0].bound, *eyes[1].bound);
   }
   std::vector<Json> records;
   for (StudiedEye& eye : eyes) {
-    if (eye.fit) write_down(eye);
+    if (eye.bound) write_down(eye);
     records.push_back(std::move(eye.record));
   }
   return records;

@@ -30,6 +30,7 @@ struct StudyProtocol {
 /// 0.3 mm rms per axis between stacks. The stacks are those of the protocol, cropped to 19 mm around the
 /// globes. A record holds
 ///   "protocol", "seed", "laterality", "status" ("measured", "refused", "not found") with "reasons",
+///   "fitted_again_because": why the first fit was not taken (segment/fellow_eye.hpp), empty where it was,
 ///   "truth": the eye's entry in the phantom's truth.json (biometry, "refraction", "optics", "geometry"),
 ///   "age_years", "lens_index": true index of the lens, which images do not show,
 ///   "fit": fit.json's "eye" (parameters, covariance); the scale's uncertainty comes on top,
@@ -38,8 +39,8 @@ struct StudyProtocol {
 ///   axial length (mm) and corneal power (D) if it were known,
 ///   "irregular_cornea", "irregularity_chi2": whether the cornea was found irregular, and by what,
 ///   "surface_mm": mean distance of the fitted "retina" (hemisphere about the pole) and "cornea" (8 mm) from
-///   the true ones, "chi2_per_voxel", "voxels", "iterations", "start_costs", "fit_s", "render_s" (processor
-///   time).
+///   the true ones, "fat_shift_mm", "chi2_per_voxel", "voxels", "iterations", "start_costs", "fit_s",
+///   "render_s" (processor time).
 std::vector<Json> study_head(const StudyProtocol& protocol, unsigned long long seed);
 
 /// CACHE/<label>-<seed>-<eye>.json
