@@ -50,6 +50,11 @@ double find_apex_distance(const std::vector<const Stack*>& stacks, const EyeStar
   return best == 0 ? population : first + best * step + 0.55;
 }
 
+void set_stack_shifts(VectorXd& a, const ParameterLayout& layout, const EyeStart& start) {
+  for (std::size_t k = 1; k < start.stack_shift.size(); ++k)
+    a.segment<3>(layout.stack(static_cast<int>(k)) + shift_first) = start.stack_shift[k];
+}
+
 VectorXd start_parameters(const ParameterLayout& layout, const std::vector<const Stack*>& stacks,
                           const EyeStart& start, Contrast contrast, Evidence evidence) {
   VectorXd a = population_mean(layout);
@@ -59,8 +64,7 @@ VectorXd start_parameters(const ParameterLayout& layout, const std::vector<const
   a[globe_x] = a[globe_y] = a[globe_z] = start.globe_radius_mm;
   a[axial_length] = apex + start.globe_radius_mm;
 
-  for (std::size_t k = 1; k < start.stack_shift.size(); ++k)
-    a.segment<3>(layout.stack(static_cast<int>(k)) + shift_first) = start.stack_shift[k];
+  set_stack_shifts(a, layout, start);
   if (evidence == Evidence::labels) {
     a[vitreous] = a[aqueous] = fluid_level;
     a[wall] = a[cornea] = a[lens] = solid_level;
@@ -89,7 +93,7 @@ VectorXd start_parameters(const ParameterLayout& layout, const std::vector<const
   return a;
 }
 
-/// The fellow eye, at this one's place: sizes, tissues and the scanner's properties.
+/// The fellow eye, at this one's place: sizes, tissues, sharpness and the displacement of fat.
 VectorXd like_fellow(const ParameterLayout& layout, const EyeStart& start) {
   VectorXd a = population_mean(layout);
   for (const int size :
@@ -102,22 +106,25 @@ VectorXd like_fellow(const ParameterLayout& layout, const EyeStart& start) {
   a.segment<2>(gaze_horizontal) = gaze_deg(start.axis);
   for (int s = 0; s < layout.stacks; ++s) {
     const int at = layout.stack(s);
-    for (const int of_image : {int(log_gain), int(log_sharpness), int(fat_shift_first), fat_shift_first + 1})
+    for (const int of_image : {int(log_sharpness), int(fat_shift_first), fat_shift_first + 1})
       a[at + of_image] = start.fellow[at + of_image];
-    if (s > 0) a.segment<3>(at + shift_first) = start.stack_shift[static_cast<std::size_t>(s)];
   }
+  set_stack_shifts(a, layout, start);
   return a;
 }
 
-/// By how much the globe lies elsewhere than a finder thinks that saw the edge of displaced fat.
+/// Moves the globe, in one stack, to where it lies if the finder saw the edge of displaced fat there.
 void move_off_fat(VectorXd& a, const ForwardModel& model, int stack, const Vector2d& fat_shift_mm) {
   const StackSampling& sampling = model.stacks()[static_cast<std::size_t>(stack)];
   const Vector3d globe = -fat_shift_mm[0] * sampling.along_row - fat_shift_mm[1] * sampling.along_column;
-  if (stack == 0) {
-    a.segment<3>(apex_x) += globe;
-  } else {
-    a.segment<3>(model.layout().stack(stack) + shift_first) -= globe;
+  const ParameterLayout& layout = model.layout();
+  if (stack > 0) {
+    a.segment<3>(layout.stack(stack) + shift_first) -= globe;
+    return;
   }
+  a.segment<3>(apex_x) += globe;
+  // In the other stacks it stays.
+  for (int s = 1; s < layout.stacks; ++s) a.segment<3>(layout.stack(s) + shift_first) += globe;
 }
 
 std::vector<VectorXd> starts_along_axis(const ForwardModel& model, const std::vector<const Stack*>& stacks,

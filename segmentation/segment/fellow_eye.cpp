@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 
 #include "pipeline/base/error.hpp"
 
@@ -15,13 +16,16 @@ bool in_the_same_stacks(const JudgedEye& a, const JudgedEye& b) {
                     [](const EyeView& x, const EyeView& y) { return x.stack == y.stack; });
 }
 
-/// The largest difference in the displacement of fat, mm.
+/// The largest difference in the displacement of fat that is beyond three standard deviations, mm.
 double fat_shift_difference_mm(const EyeFit& a, const EyeFit& b) {
   double largest = 0;
-  for (int s = 0; s < a.layout.stacks; ++s) {
-    const int at = a.layout.stack(s) + fat_shift_first;
-    largest = std::max(largest, (a.parameters - b.parameters).segment<2>(at).cwiseAbs().maxCoeff());
-  }
+  for (int s = 0; s < a.layout.stacks; ++s)
+    for (const int along : {0, 1}) {
+      const int at = a.layout.stack(s) + fat_shift_first + along;
+      const double difference_mm = std::abs(a.value(at) - b.value(at));
+      if (difference_mm > 3 * std::hypot(a.sigma(at), b.sigma(at)))
+        largest = std::max(largest, difference_mm);
+    }
   return largest;
 }
 
@@ -29,7 +33,8 @@ bool agree(const JudgedEye& a, const JudgedEye& b) {
   return fat_shift_difference_mm(*a.fit, *b.fit) <= most_fat_shift_difference_mm;
 }
 
-/// Whether it is measured, and agrees with its fellow, when it starts from what that one is like.
+/// Whether it is measured, agrees with its fellow, and explains its images better than before when it starts
+/// from what that one is like.
 bool improve(JudgedEye& eye, const JudgedEye& fellow, const std::string& because,
              const std::vector<const Stack*>& stacks, std::optional<double> age_years, Verbosity verbosity) {
   Progress progress(fmt::format("{} again", clinical_name(eye.found.laterality)), fit_steps, verbosity);
@@ -38,6 +43,7 @@ bool improve(JudgedEye& eye, const JudgedEye& fellow, const std::string& because
   start.fellow = fellow.fit->parameters;
   fit_and_judge(again, views_of(eye.found, stacks), start, [&] { progress.advance(); });
   if (again.refused() || !agree(again, fellow)) return false;
+  if (eye.fit && again.fit->chi2_per_voxel > eye.fit->chi2_per_voxel) return false;
   eye = std::move(again);
   return true;
 }
@@ -72,13 +78,11 @@ void fit_and_judge(JudgedEye& eye, const std::vector<const Stack*>& images, cons
 void compare_fellow_eyes(JudgedEye& od, JudgedEye& os, const std::vector<const Stack*>& stacks,
                          std::optional<double> age_years, Verbosity verbosity) {
   if (!in_the_same_stacks(od, os)) return;
-  if (od.refused() && os.refused()) return;
-  if (od.refused() || os.refused()) {
+  if (od.refused() != os.refused()) {
     JudgedEye& refused = od.refused() ? od : os;
     improve(refused, od.refused() ? os : od, refused.reasons(), stacks, age_years, verbosity);
-    return;
   }
-  if (agree(od, os)) return;
+  if (od.refused() || os.refused() || agree(od, os)) return;
   const std::string because = contradiction(od, os);
   const bool od_is_worse = od.fit->chi2_per_voxel > os.fit->chi2_per_voxel;
   JudgedEye &worse = od_is_worse ? od : os, &better = od_is_worse ? os : od;
