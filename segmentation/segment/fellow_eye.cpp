@@ -37,7 +37,8 @@ bool agree(const JudgedEye& a, const JudgedEye& b) {
 /// from what that one is like.
 bool improve(JudgedEye& eye, const JudgedEye& fellow, const std::string& because,
              const std::vector<const Stack*>& stacks, std::optional<double> age_years, Verbosity verbosity) {
-  Progress progress(fmt::format("fitting {} again", clinical_name(eye.found.laterality)), fit_steps, verbosity);
+  Progress progress(fmt::format("fitting {} again", clinical_name(eye.found.laterality)), fit_steps,
+                    verbosity);
   JudgedEye again{eye.found, std::nullopt, {}, because};
   EyeStart start = start_of(eye.found, age_years);
   start.fellow = fellow.fit->parameters;
