@@ -1,5 +1,7 @@
 #include <fmt/format.h>
 
+#include <algorithm>
+
 #include "pipeline/base/files.hpp"
 #include "pipeline/base/frames.hpp"
 #include "pipeline/report/chart.hpp"
@@ -110,16 +112,24 @@ FigureRow overlays_of(const EyeData& eye) {
   for (const auto& file : eye.overlays) {
     if (row.figures.size() == most_pictures) break;
     Figure figure = picture_figure(file, fmt::format("overlay-{}-{}", eye.id(), row.figures.size() + 1));
-    const bool is_residual = file.stem().string().rfind("residual", 0) == 0;
+    const std::string stem = file.stem().string();
+    const bool is_residual = stem.rfind("residual", 0) == 0;
+    const std::string of_stack = stem.substr(std::min(stem.size(), stem.find('_')));
+    const bool is_fitted = fs::exists(file.parent_path() / ("residual" + of_stack + ".png"));
     figure.title = std::string(eye.laterality == Laterality::od ? "OD, " : "OS, ") +
-                   (is_residual ? "residuals of the fit" : "contours of the fit") + stack_of(file);
+                   (is_residual ? "residuals of the fit"
+                    : is_fitted ? "contours of the fit"
+                                : "a stack that was not fitted") +
+                   stack_of(file);
     figure.caption =
         is_residual
             ? "Measured minus modelled signal in units of the noise. It should look like noise; a rim "
               "of one colour is an edge that was missed."
-            : "The fit's contours on the slices as they were acquired.";
+        : is_fitted ? "The fit's contours on the slices as they were acquired."
+                    : "The eye as other stacks show it, if they do, placed where the globe was found in this "
+                      "one, to about a millimetre.";
     figure.alt =
-        is_residual ? "Residuals of the fit on the MR slices" : "Contours of the fit on the MR slices";
+        is_residual ? "Residuals of the fit on the MR slices" : "Contours of the eye on the MR slices";
     row.figures.push_back(std::move(figure));
   }
   return row;

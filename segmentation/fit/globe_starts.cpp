@@ -96,18 +96,17 @@ VectorXd start_parameters(const ParameterLayout& layout, const std::vector<const
 /// The fellow eye, at this one's place: sizes, tissues, sharpness and the displacement of fat.
 VectorXd like_fellow(const ParameterLayout& layout, const EyeStart& start) {
   VectorXd a = population_mean(layout);
-  for (const int size :
-       {int(anterior_chamber_depth), int(lens_thickness), int(lens_anterior_radius),
-        int(lens_posterior_radius), int(axial_length), int(globe_x), int(globe_y), int(globe_z),
-        int(wall_lateral), int(wall_axial), int(iris_offset), int(pupil_radius), int(lid_thickness)})
+  for (const Parameter size :
+       {anterior_chamber_depth, lens_thickness, lens_anterior_radius, lens_posterior_radius, axial_length,
+        globe_x, globe_y, globe_z, wall_lateral, wall_axial, iris_offset, pupil_radius, lid_thickness})
     a[size] = start.fellow[size];
   a.segment<surround - vitreous + 1>(vitreous) = start.fellow.segment<surround - vitreous + 1>(vitreous);
   a.segment<3>(apex_x) = start.globe_centre + (a[axial_length] - a[globe_z]) * start.axis;
   a.segment<2>(gaze_horizontal) = gaze_deg(start.axis);
   for (int s = 0; s < layout.stacks; ++s) {
     const int at = layout.stack(s);
-    for (const int of_image : {int(log_sharpness), int(fat_shift_first), fat_shift_first + 1})
-      a[at + of_image] = start.fellow[at + of_image];
+    a[at + log_sharpness] = start.fellow[at + log_sharpness];
+    a.segment<2>(at + fat_shift_first) = start.fellow.segment<2>(at + fat_shift_first);
   }
   set_stack_shifts(a, layout, start);
   return a;

@@ -133,13 +133,15 @@ cv::Vec3b colour_between(Label a, Label b) {
   return {80, 220, 60};
 }
 
-void draw_borders(cv::Mat& tile_image, const Tile& tile, const EyeFit& fit, std::size_t view) {
+/// \param shift  of the head against the stack `view` of the fit, LPS mm
+void draw_borders(cv::Mat& tile_image, const Tile& tile, const EyeFit& fit, std::size_t view,
+                  const Vector3d& shift) {
   const ForwardModel::AtParameters eye(fit.model, fit.parameters);
   std::vector<Label> labels(static_cast<std::size_t>(tile_px) * tile_px);
   for (int y = 0; y < tile_px; ++y)
     for (int x = 0; x < tile_px; ++x)
       labels[static_cast<std::size_t>(y) * tile_px + x] =
-          label_at(eye, fit.parameters, eye.to_eye(tile.position(x, y), static_cast<int>(view)));
+          label_at(eye, fit.parameters, eye.to_eye(tile.position(x, y) + shift, static_cast<int>(view)));
   // The front chamber and the vitreous are one fluid: no border between them.
   const auto shown = [&](int x, int y) {
     const Label label = labels[static_cast<std::size_t>(y) * tile_px + x];
@@ -182,11 +184,9 @@ Vector3d centre_in_view(const EyeFit& fit, std::size_t view) {
          fit.parameters.segment<3>(fit.layout.stack(static_cast<int>(view)) + shift_first);
 }
 
-}  // namespace
-
-void write_overlay(const std::filesystem::path& file, const EyeFit& fit, std::size_t view) {
-  const Stack& stack = *fit.stacks[view].stack;
-  const Vector3d globe = centre_in_view(fit, view);
+void write_borders(const std::filesystem::path& file, const Stack& stack, const EyeFit& fit, std::size_t view,
+                   const Vector3d& shift) {
+  const Vector3d globe = centre_in_view(fit, view) - shift;
   // The crop is centred between cornea and fundus.
   const Vector3d centre = globe + 1.5 * gaze_axis(fit.value(gaze_horizontal), fit.value(gaze_vertical));
   const auto [black, white] = window(stack, centre);
@@ -194,11 +194,22 @@ void write_overlay(const std::filesystem::path& file, const EyeFit& fit, std::si
   for (const int slice : slices_through(stack, globe, 8)) {
     const Tile tile(stack, slice, centre);
     cv::Mat image = tile.grey(black, white);
-    draw_borders(image, tile, fit, view);
+    draw_borders(image, tile, fit, view, shift);
     tile.annotate(image);
     images.push_back(image);
   }
   write_montage(file, images);
+}
+
+}  // namespace
+
+void write_overlay(const std::filesystem::path& file, const EyeFit& fit, std::size_t view) {
+  write_borders(file, *fit.stacks[view].stack, fit, view, Vector3d::Zero());
+}
+
+void write_overlay(const std::filesystem::path& file, const EyeFit& fit, const Stack& other,
+                   const Vector3d& shift) {
+  write_borders(file, other, fit, 0, shift);
 }
 
 void write_residuals(const std::filesystem::path& file, const EyeFit& fit, std::size_t view) {

@@ -141,16 +141,24 @@ void write_eye(const fs::path& folder, const EyeResult& eye, const std::vector<c
                const std::optional<double>& roll_deg) {
   fs::create_directories(folder);
   write_json(folder / "fit.json", fit_json(eye, roll_deg));
-  if (!eye.fit) {
-    for (const EyeView& view : eye.found.views)
-      write_plain(folder / fmt::format("overlay_{}.png", stacks[view.stack]->name), *stacks[view.stack],
-                  view.globe.centre);
-    return;
-  }
+  const auto overlay_file = [&](const Stack& stack) {
+    return folder / fmt::format("overlay_{}.png", stack.name);
+  };
+  const EyeView& first = eye.found.views.front();
+  for (const std::vector<EyeView>* views : {&eye.found.views, &eye.found.left_out})
+    for (const EyeView& view : *views) {
+      const Stack& stack = *stacks[view.stack];
+      if (!eye.fit) {
+        write_plain(overlay_file(stack), stack, view.globe.centre);
+      } else if (views == &eye.found.left_out) {
+        write_overlay(overlay_file(stack), *eye.fit, stack, first.globe.centre - view.globe.centre);
+      }
+    }
+  if (!eye.fit) return;
   write_boundary(folder / "boundary.ply", *eye.fit);
   for (std::size_t v = 0; v < eye.fit->stacks.size(); ++v) {
     const std::string& name = eye.fit->stacks[v].stack->name;
-    write_overlay(folder / fmt::format("overlay_{}.png", name), *eye.fit, v);
+    write_overlay(overlay_file(*eye.fit->stacks[v].stack), *eye.fit, v);
     write_residuals(folder / fmt::format("residual_{}.png", name), *eye.fit, v);
   }
 }

@@ -139,6 +139,25 @@ TEST_F(QualityGates, AMissingSliceDoesNotShrinkTheEyeAndFiveRefuseIt) {
   expect_refused(run(scan_without(5)), "slices through it are missing");
 }
 
+/// The second stack is too noisy to say anything beside the first.
+TEST_F(QualityGates, TheEyeIsDrawnOnAStackThatWasNotFittedToo) {
+  phantom::Disturbances noisy;
+  noisy.snr = 3;
+  write_nifti(folder_ / "study" / "stack2.nii.gz", image(noisy));
+  EXPECT_EQ(run(image(quiet_scan())).status, ExitStatus::done);
+  const fs::path eye = folder_ / "case" / "segmentation" / "od";
+  const Json described = read_json(folder_ / "case" / "case.json");
+  int fitted = 0;
+  ASSERT_EQ(described.at("stacks").size(), 2);
+  for (const Json& stack : described.at("stacks")) {
+    const auto name = stack.at("name").get<std::string>();
+    fitted += stack.at("used").get<bool>() ? 1 : 0;
+    EXPECT_EQ(fs::exists(eye / ("residual_" + name + ".png")), stack.at("used").get<bool>()) << name;
+    EXPECT_TRUE(fs::exists(eye / ("overlay_" + name + ".png"))) << name;
+  }
+  EXPECT_EQ(fitted, 1);
+}
+
 TEST_F(QualityGates, MotionBetweenSlicesIsNoEye) {
   phantom::Disturbances disturbances = quiet_scan();
   disturbances.slice_motion_mm = 1.5;
