@@ -8,9 +8,9 @@
 #include <cmath>
 #include <string_view>
 
-#include "correction/ablation.hpp"
-#include "correction/notation.hpp"
-#include "correction/sweep.hpp"
+#include "correction/what_if/ablation.hpp"
+#include "pipeline/base/notation.hpp"
+#include "correction/search/sweep.hpp"
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/files.hpp"
 #include "pipeline/base/interrupt.hpp"

@@ -4,9 +4,9 @@
 #include <string>
 #include <vector>
 
-#include "correction/known_data.hpp"
-#include "correction/prescription.hpp"
-#include "correction/what_if.hpp"
+#include "correction/prescription/known_data.hpp"
+#include "correction/prescription/prescription.hpp"
+#include "correction/what_if/what_if.hpp"
 #include "pipeline/base/case_folder.hpp"
 #include "pipeline/base/command_line.hpp"
 

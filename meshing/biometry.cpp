@@ -8,11 +8,11 @@
 
 #include "pipeline/base/astigmatism.hpp"
 #include "pipeline/base/frames.hpp"
-#include "raytrace/eye/zernike.hpp"
-#include "raytrace/parametric/analytic_eye.hpp"
-#include "raytrace/parametric/topography.hpp"
+#include "pipeline/eye/surfaces/zernike.hpp"
+#include "pipeline/eye/parametric/analytic_eye.hpp"
+#include "pipeline/eye/instruments/topography.hpp"
 
-namespace emmetrope {
+namespace emmetrope::meshing {
 namespace {
 
 using Eigen::Vector2d;
@@ -270,4 +270,4 @@ Json to_json(const std::vector<PlausibilityFlag>& flags) {
   return json;
 }
 
-}  // namespace emmetrope
+}  // namespace emmetrope::meshing

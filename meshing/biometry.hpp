@@ -4,10 +4,10 @@
 
 #include "pipeline/base/json.hpp"
 #include "pipeline/base/measured.hpp"
-#include "raytrace/parametric/corneal_metrics.hpp"
-#include "raytrace/parametric/estimate.hpp"
+#include "pipeline/eye/parametric/corneal_metrics.hpp"
+#include "pipeline/eye/uncertainty/estimate.hpp"
 
-namespace emmetrope {
+namespace emmetrope::meshing {
 
 struct BiometryOptions {
   double retinal_depth_mm = 0.20;  ///< photoreceptors behind the vitreo-retinal interface
@@ -55,4 +55,4 @@ struct PlausibilityFlag {
 std::vector<PlausibilityFlag> plausibility(const Json& biometry);
 Json to_json(const std::vector<PlausibilityFlag>& flags);
 
-}  // namespace emmetrope
+}  // namespace emmetrope::meshing

@@ -6,7 +6,7 @@
 
 #include "pipeline/base/files.hpp"
 
-namespace emmetrope {
+namespace emmetrope::meshing {
 namespace {
 
 using Eigen::Vector3d;
@@ -56,4 +56,4 @@ void write_gifti(const std::filesystem::path& file, const TriangleMesh& mesh_in_
   write_file(file, text);
 }
 
-}  // namespace emmetrope
+}  // namespace emmetrope::meshing

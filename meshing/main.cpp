@@ -1,4 +1,4 @@
-#include "meshing/meshing.hpp"
+#include "meshing/stage.hpp"
 
 int main(int argc, char** argv) {
   emmetrope::MeshingOptions options;

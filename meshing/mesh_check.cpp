@@ -9,7 +9,7 @@
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/frames.hpp"
 
-namespace emmetrope {
+namespace emmetrope::meshing {
 namespace {
 
 using Eigen::Vector3d;
@@ -125,4 +125,4 @@ Json to_json(const SheetQuality& quality) {
           {"largest_normal_deviation_deg", quality.largest_normal_deviation_deg}};
 }
 
-}  // namespace emmetrope
+}  // namespace emmetrope::meshing

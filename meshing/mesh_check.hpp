@@ -1,8 +1,8 @@
 #pragma once
 #include "pipeline/base/json.hpp"
-#include "raytrace/eye/triangle_mesh.hpp"
+#include "pipeline/eye/meshes/triangle_mesh.hpp"
 
-namespace emmetrope {
+namespace emmetrope::meshing {
 
 /// What optics needs of a sheet, measured.
 struct SheetQuality {
@@ -21,4 +21,4 @@ SheetQuality check_sheet(const TriangleMesh& mesh);
 
 Json to_json(const SheetQuality& quality);
 
-}  // namespace emmetrope
+}  // namespace emmetrope::meshing

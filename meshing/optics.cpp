@@ -1,6 +1,6 @@
 #include "meshing/optics.hpp"
 
-namespace emmetrope {
+namespace emmetrope::meshing {
 namespace {
 
 /// Parameters of the fitted eye that carry its refraction's uncertainty; the optical axial length comes on
@@ -56,4 +56,4 @@ Json optics_json(const EyeEstimate& estimate, const OpticalDefaults& defaults) {
   return json;
 }
 
-}  // namespace emmetrope
+}  // namespace emmetrope::meshing

@@ -11,7 +11,7 @@
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/frames.hpp"
 
-namespace emmetrope {
+namespace emmetrope::meshing {
 namespace {
 
 using Eigen::Vector3d;
@@ -230,4 +230,4 @@ TriangleMesh mesh_with_vertices(const Sheet& sheet, int vertices) {
   return finished(std::move(best), sheet);
 }
 
-}  // namespace emmetrope
+}  // namespace emmetrope::meshing

@@ -1,8 +1,8 @@
 #pragma once
 #include "meshing/sheet.hpp"
-#include "raytrace/eye/triangle_mesh.hpp"
+#include "pipeline/eye/meshes/triangle_mesh.hpp"
 
-namespace emmetrope {
+namespace emmetrope::meshing {
 
 /// Meshes a sheet with triangles of about one edge length: CGAL's isotropic remeshing (Botsch and Kobbelt
 /// 2004) of a ring mesh, each vertex kept on the surface, rim vertices fixed. Normals are the surface's own.
@@ -16,4 +16,4 @@ TriangleMesh mesh_with_edge(const Sheet& sheet, double edge_mm);
 /// 200 000
 TriangleMesh mesh_with_vertices(const Sheet& sheet, int vertices);
 
-}  // namespace emmetrope
+}  // namespace emmetrope::meshing

@@ -5,9 +5,9 @@
 
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/frames.hpp"
-#include "raytrace/parametric/analytic_eye.hpp"
+#include "pipeline/eye/parametric/analytic_eye.hpp"
 
-namespace emmetrope {
+namespace emmetrope::meshing {
 namespace {
 
 using Eigen::Isometry3d;
@@ -136,4 +136,4 @@ std::vector<NamedSheet> make_sheets(const ParametricEye& eye, const ShapePtr& an
   return sheets;
 }
 
-}  // namespace emmetrope
+}  // namespace emmetrope::meshing

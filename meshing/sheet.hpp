@@ -5,10 +5,10 @@
 #include <string>
 #include <vector>
 
-#include "raytrace/eye/parametric_eye.hpp"
-#include "raytrace/eye/shape.hpp"
+#include "pipeline/eye/parametric/parametric_eye.hpp"
+#include "pipeline/eye/surfaces/shape.hpp"
 
-namespace emmetrope {
+namespace emmetrope::meshing {
 
 /// An open surface of the fitted eye with one rim, as a map from a disc; eye frame, mm.
 class Sheet {
@@ -45,4 +45,4 @@ struct NamedSheet {
 std::vector<NamedSheet> make_sheets(const ParametricEye& eye, const ShapePtr& anterior_cornea = nullptr,
                                     double cornea_known_to_mm = 0);
 
-}  // namespace emmetrope
+}  // namespace emmetrope::meshing

@@ -2,7 +2,7 @@
 
 #include "data_samples/phantom/truth.hpp"
 #include "pipeline/base/frames.hpp"
-#include "raytrace/parametric/corneal_metrics.hpp"
+#include "pipeline/eye/parametric/corneal_metrics.hpp"
 
 namespace emmetrope::phantom {
 namespace {

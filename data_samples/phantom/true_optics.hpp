@@ -1,6 +1,6 @@
 #pragma once
 #include "data_samples/phantom/geometry.hpp"
-#include "raytrace/eye/eye_model.hpp"
+#include "pipeline/eye/model/eye_model.hpp"
 
 namespace emmetrope::phantom {
 

@@ -6,10 +6,10 @@
 #include "data_samples/phantom/true_optics.hpp"
 #include "pipeline/base/frames.hpp"
 #include "pipeline/base/version.hpp"
-#include "raytrace/eye/paraxial.hpp"
-#include "raytrace/eye/zernike.hpp"
-#include "raytrace/parametric/corneal_metrics.hpp"
-#include "raytrace/parametric/topography.hpp"
+#include "pipeline/eye/optics/paraxial.hpp"
+#include "pipeline/eye/surfaces/zernike.hpp"
+#include "pipeline/eye/parametric/corneal_metrics.hpp"
+#include "pipeline/eye/instruments/topography.hpp"
 
 namespace emmetrope::phantom {
 namespace {

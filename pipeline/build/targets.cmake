@@ -12,13 +12,28 @@ add_library(emmetrope_compile INTERFACE)
 target_compile_options(emmetrope_compile INTERFACE
   -Wall -Wextra -Wpedantic -Wshadow -Wnon-virtual-dtor -Woverloaded-virtual -Werror -fpch-preprocess)
 target_include_directories(emmetrope_compile INTERFACE ${CMAKE_SOURCE_DIR})
+# An executable loads the libraries that it uses, not all that its parts could use.
+target_link_options(emmetrope_compile INTERFACE -Wl,--as-needed)
 
-# emmetrope_library(NAME SOURCES ... LINK ... PRIVATE ... [NO_PCH])
+# emmetrope_sources(VARIABLE FOLDER ...): every .cpp directly in the folders but mains, relative to the current one
+function(emmetrope_sources variable)
+  set(found)
+  foreach(folder ${ARGN})
+    file(GLOB in_folder CONFIGURE_DEPENDS ${CMAKE_CURRENT_SOURCE_DIR}/${folder}/*.cpp)
+    list(FILTER in_folder EXCLUDE REGEX "main\\.cpp$")
+    list(APPEND found ${in_folder})
+  endforeach()
+  set(${variable} ${found} PARENT_SCOPE)
+endfunction()
+
+# emmetrope_library(NAME FOLDERS ... [SOURCES ...] LINK ... PRIVATE ... [NO_PCH])
+#   FOLDERS: all their sources belong to the library
 #   LINK:    our libraries and light ones, seen by users of the headers
 #   PRIVATE: heavy libraries (VTK, CGAL, OpenCV, DCMTK), seen only by the .cpp files that adapt them
 function(emmetrope_library name)
-  cmake_parse_arguments(ARG "NO_PCH" "" "SOURCES;LINK;PRIVATE" ${ARGN})
-  add_library(${name} STATIC ${ARG_SOURCES})
+  cmake_parse_arguments(ARG "NO_PCH" "" "FOLDERS;SOURCES;LINK;PRIVATE" ${ARGN})
+  emmetrope_sources(sources ${ARG_FOLDERS})
+  add_library(${name} STATIC ${sources} ${ARG_SOURCES})
   target_link_libraries(${name} PUBLIC emmetrope_compile ${ARG_LINK} PRIVATE ${ARG_PRIVATE})
   if(name STREQUAL emmetrope_base)
     target_precompile_headers(${name} PRIVATE ${CMAKE_SOURCE_DIR}/pipeline/base/precompiled.hpp)
@@ -33,20 +48,6 @@ function(emmetrope_executable name)
   add_executable(${name} ${ARG_SOURCES})
   target_link_libraries(${name} PRIVATE ${ARG_LINK})
   install(TARGETS ${name} RUNTIME DESTINATION bin)
-endfunction()
-
-# emmetrope_test(NAME SOURCES ... LINK ... LABELS ... [TIMEOUT seconds]): GoogleTest cases, one CTest entry per case
-function(emmetrope_test name)
-  cmake_parse_arguments(ARG "" "TIMEOUT" "SOURCES;LINK;LABELS" ${ARGN})
-  if(NOT ARG_TIMEOUT)
-    set(ARG_TIMEOUT 120)
-  endif()
-  add_executable(${name} ${ARG_SOURCES})
-  set_target_properties(${name} PROPERTIES RUNTIME_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR}/tests)
-  target_link_libraries(${name} PRIVATE ${ARG_LINK} GTest::gmock GTest::gtest_main)
-  gtest_discover_tests(${name} DISCOVERY_TIMEOUT 60
-    PROPERTIES LABELS "${ARG_LABELS}" TIMEOUT ${ARG_TIMEOUT}
-    ENVIRONMENT "EMMETROPE_BIN=${CMAKE_BINARY_DIR}/bin")
 endfunction()
 
 # emmetrope_embed(TARGET VARIABLE FILE): the text of FILE as `extern const char VARIABLE[]` in namespace emmetrope

@@ -1,6 +1,6 @@
 #include "pipeline/base/error.hpp"
-#include "pipeline/report/comparison.hpp"
-#include "pipeline/report/report.hpp"
+#include "pipeline/report/content/comparison.hpp"
+#include "pipeline/report/stage.hpp"
 
 int main(int argc, char** argv) {
   using namespace emmetrope;

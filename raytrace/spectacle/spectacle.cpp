@@ -6,9 +6,9 @@
 
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/frames.hpp"
-#include "raytrace/eye/checked_object.hpp"
+#include "pipeline/base/checked_object.hpp"
 
-namespace emmetrope {
+namespace emmetrope::raytrace {
 namespace {
 
 /// A radius beyond which nobody can tell a meridian from a straight line (1e-6 D).
@@ -162,4 +162,4 @@ EyeModel fixed_to_head(const EyeModel& eye, const Eigen::Isometry3d& eye_from_he
   return result;
 }
 
-}  // namespace emmetrope
+}  // namespace emmetrope::raytrace

@@ -3,9 +3,9 @@
 #include <optional>
 
 #include "pipeline/base/power_vector.hpp"
-#include "raytrace/eye/eye_model.hpp"
+#include "pipeline/eye/model/eye_model.hpp"
 
-namespace emmetrope {
+namespace emmetrope::raytrace {
 
 /// Prismatic power: light is deviated towards the base by `dioptres` cm a metre, things seem displaced
 /// towards the apex. `base_deg` is counter-clockwise from eye +x as the examiner sees it, 0 to 360: 90 is
@@ -62,4 +62,4 @@ EyeModel with_spectacle(const EyeModel& eye, const std::string& text);
 /// \throw Error (unsupported) for a mesh
 EyeModel fixed_to_head(const EyeModel& eye, const Eigen::Isometry3d& eye_from_head);
 
-}  // namespace emmetrope
+}  // namespace emmetrope::raytrace

@@ -1,9 +1,9 @@
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/files.hpp"
-#include "raytrace/eye/checked_object.hpp"
+#include "pipeline/base/checked_object.hpp"
 #include "raytrace/spectacle/spectacle.hpp"
 
-namespace emmetrope {
+namespace emmetrope::raytrace {
 namespace {
 
 /// The file's surfaces as an eye of their own: its reader and its checks do the work. The eye's own media may
@@ -72,4 +72,4 @@ EyeModel with_surfaces_of(const EyeModel& eye, const std::filesystem::path& file
   return result;
 }
 
-}  // namespace emmetrope
+}  // namespace emmetrope::raytrace

@@ -4,7 +4,7 @@
 #include "pipeline/base/error.hpp"
 #include "raytrace/spectacle/spectacle.hpp"
 
-namespace emmetrope {
+namespace emmetrope::raytrace {
 namespace {
 
 const char* const form =
@@ -112,4 +112,4 @@ EyeModel with_spectacle(const EyeModel& eye, const std::string& text) {
               : with_thin_lens(eye, lens.power, lens.vertex_distance_mm, lens.prism);
 }
 
-}  // namespace emmetrope
+}  // namespace emmetrope::raytrace

@@ -6,17 +6,17 @@
 #include <thread>
 
 #include "pipeline/base/error.hpp"
-#include "raytrace/eye/mesh_shape.hpp"
-#include "raytrace/eye/paraxial.hpp"
-#include "raytrace/tracer/airy.hpp"
-#include "raytrace/tracer/image_change.hpp"
-#include "raytrace/tracer/optical_system.hpp"
-#include "raytrace/tracer/paper_method.hpp"
-#include "raytrace/tracer/pupil_aim.hpp"
-#include "raytrace/tracer/retina_pixels.hpp"
-#include "raytrace/tracer/shared_picture.hpp"
-#include "raytrace/tracer/sheet_mesh.hpp"
-#include "raytrace/tracer/spectrum.hpp"
+#include "pipeline/eye/surfaces/mesh_shape.hpp"
+#include "pipeline/eye/optics/paraxial.hpp"
+#include "raytrace/picture/airy.hpp"
+#include "raytrace/device/image_change.hpp"
+#include "raytrace/system/optical_system.hpp"
+#include "raytrace/system/paper_method.hpp"
+#include "raytrace/retina/pupil_aim.hpp"
+#include "raytrace/retina/retina_pixels.hpp"
+#include "raytrace/device/shared_picture.hpp"
+#include "raytrace/system/sheet_mesh.hpp"
+#include "raytrace/picture/spectrum.hpp"
 
 namespace emmetrope::raytrace {
 namespace {

@@ -2,7 +2,7 @@
 
 #include <cmath>
 
-namespace emmetrope {
+namespace emmetrope::raytrace {
 
 double contrast_sensitivity(double cpd) {
   constexpr double peak = 0.9809;  // of the formula, near 7.9 cycles per degree
@@ -10,4 +10,4 @@ double contrast_sensitivity(double cpd) {
   return 2.6 * (0.0192 + scaled) * std::exp(-std::pow(scaled, 1.1)) / peak;
 }
 
-}  // namespace emmetrope
+}  // namespace emmetrope::raytrace

@@ -1,6 +1,6 @@
 #pragma once
 
-namespace emmetrope {
+namespace emmetrope::raytrace {
 
 /// Contrast sensitivity relative to its peak: Mannos and Sakrison, IEEE Trans. Information Theory
 /// 1974;20:525,
@@ -12,4 +12,4 @@ namespace emmetrope {
 /// \param cpd  spatial frequency, cycles per degree
 double contrast_sensitivity(double cpd);
 
-}  // namespace emmetrope
+}  // namespace emmetrope::raytrace

@@ -3,12 +3,12 @@
 #include <numeric>
 
 #include "pipeline/base/frames.hpp"
-#include "raytrace/eye/zernike.hpp"
+#include "pipeline/eye/surfaces/zernike.hpp"
 #include "raytrace/wavefront/contrast_sensitivity.hpp"
 #include "raytrace/wavefront/pupil_function.hpp"
 #include "raytrace/wavefront/simplex.hpp"
 
-namespace emmetrope {
+namespace emmetrope::raytrace {
 namespace {
 
 constexpr int highest_cpd = 60;
@@ -193,4 +193,4 @@ Json to_json(const RefractionCriteria& refraction) {
           {"visual_strehl", power(refraction.visual_strehl)}};
 }
 
-}  // namespace emmetrope
+}  // namespace emmetrope::raytrace

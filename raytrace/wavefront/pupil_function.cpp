@@ -6,9 +6,9 @@
 #include <opencv2/core.hpp>
 
 #include "pipeline/base/frames.hpp"
-#include "raytrace/eye/zernike.hpp"
+#include "pipeline/eye/surfaces/zernike.hpp"
 
-namespace emmetrope {
+namespace emmetrope::raytrace {
 namespace {
 
 /// Share of a square of side `step` about (x, y), in units of the radius, that lies in the unit circle.
@@ -150,4 +150,4 @@ std::vector<std::complex<double>> PupilFunction::otf(const std::vector<double>& 
   return result;
 }
 
-}  // namespace emmetrope
+}  // namespace emmetrope::raytrace

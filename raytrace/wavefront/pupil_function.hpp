@@ -4,7 +4,7 @@
 
 #include "raytrace/wavefront/wavefront.hpp"
 
-namespace emmetrope {
+namespace emmetrope::raytrace {
 
 /// The wavefront on a square grid over the entrance pupil, ready for Fourier transforms: one sample is
 /// 1/`per_cpd` cycle a degree of the OTF's argument. The lens in the pupil can be changed without another
@@ -45,4 +45,4 @@ class PupilFunction {
   double step_mm_ = 0, wavelength_um_ = 0, radius_mm_ = 0;
 };
 
-}  // namespace emmetrope
+}  // namespace emmetrope::raytrace

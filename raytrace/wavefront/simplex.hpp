@@ -4,7 +4,7 @@
 #include <array>
 #include <cmath>
 
-namespace emmetrope {
+namespace emmetrope::raytrace {
 
 /// Nelder and Mead's simplex in three dimensions, until it is smaller than `tolerance` in every direction.
 template <typename Loss>
@@ -54,4 +54,4 @@ Eigen::Vector3d minimise(const Loss& loss, const Eigen::Vector3d& start, double 
       ->at;
 }
 
-}  // namespace emmetrope
+}  // namespace emmetrope::raytrace

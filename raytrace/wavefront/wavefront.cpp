@@ -5,11 +5,11 @@
 
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/frames.hpp"
-#include "raytrace/eye/exact_trace.hpp"
-#include "raytrace/eye/paraxial.hpp"
-#include "raytrace/eye/zernike.hpp"
+#include "pipeline/eye/optics/exact_trace.hpp"
+#include "pipeline/eye/optics/paraxial.hpp"
+#include "pipeline/eye/surfaces/zernike.hpp"
 
-namespace emmetrope {
+namespace emmetrope::raytrace {
 namespace {
 
 constexpr int largest_order = 12;
@@ -329,4 +329,4 @@ PowerVector in_pupil(const Wavefront& wavefront, const PowerVector& at_vertex, d
   return move_towards_eye(at_vertex, vertex_distance_mm + wavefront.pupil_position_mm);
 }
 
-}  // namespace emmetrope
+}  // namespace emmetrope::raytrace

@@ -5,7 +5,7 @@
 
 #include "pipeline/base/json.hpp"
 #include "pipeline/base/power_vector.hpp"
-#include "raytrace/eye/eye_model.hpp"
+#include "pipeline/eye/model/eye_model.hpp"
 
 /// Wavefront aberration of an eye, ANSI Z80.28 / ISO 24157, by exact rays from the retina outward.
 ///
@@ -14,7 +14,7 @@
 /// path of the ray through the pupil's centre less that of the ray here: positive where the emerging
 /// wavefront is ahead, as a myope's converging one is at the rim: M = -4 sqrt(3) c20 / r^2 with c in um and r
 /// in mm.
-namespace emmetrope {
+namespace emmetrope::raytrace {
 
 struct WavefrontSettings {
   std::optional<double> wavelength_nm;      ///< default: the eye's reference wavelength
@@ -95,4 +95,4 @@ Json wavefront_json(const Wavefront& wavefront);
 /// {"paraxial": {"M_D", "J0_D", "J45_D"}, ...}: `wavefront_check` of prescription.json.
 Json to_json(const RefractionCriteria& refraction);
 
-}  // namespace emmetrope
+}  // namespace emmetrope::raytrace

@@ -4,8 +4,8 @@
 #include <cmath>
 
 #include "pipeline/base/frames.hpp"
-#include "raytrace/eye/corneal_form.hpp"
-#include "raytrace/eye/zernike.hpp"
+#include "pipeline/eye/parametric/corneal_form.hpp"
+#include "pipeline/eye/surfaces/zernike.hpp"
 
 namespace emmetrope::segmentation {
 namespace {

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "pipeline/base/laterality.hpp"
-#include "raytrace/eye/parametric_eye.hpp"
+#include "pipeline/eye/parametric/parametric_eye.hpp"
 #include "segmentation/finding/find_eyes.hpp"
 #include "segmentation/fit/corneal_irregularity.hpp"
 #include "segmentation/fit/least_squares.hpp"

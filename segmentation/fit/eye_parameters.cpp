@@ -6,7 +6,7 @@
 #include <cmath>
 
 #include "pipeline/base/frames.hpp"
-#include "raytrace/eye/parametric_eye.hpp"
+#include "pipeline/eye/parametric/parametric_eye.hpp"
 #include "segmentation/fit/corneal_form_prior.hpp"
 
 namespace emmetrope::segmentation {

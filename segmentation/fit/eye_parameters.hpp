@@ -5,13 +5,13 @@
 #include <string>
 #include <vector>
 
-#include "raytrace/eye/corneal_form.hpp"
+#include "pipeline/eye/parametric/corneal_form.hpp"
 #include "segmentation/finding/eye_candidates.hpp"
 
 /// The numbers that are fitted, as one vector: names, places, populations.
 namespace emmetrope::segmentation {
 
-/// Places in the parameter vector. Names, units and frames are those of raytrace/eye/parametric_eye.hpp where
+/// Places in the parameter vector. Names, units and frames are those of pipeline/eye/parametric/parametric_eye.hpp where
 /// it has them; intensities are relative to the reference intensity of the study.
 enum Parameter : int {
   apex_x,
@@ -86,7 +86,7 @@ enum StackParameter : int {
 struct ParameterLayout {
   int stacks = 1;
   int bumps = 0;  ///< Gaussians of the displacement of the wall, and as many of the background
-  /// Whether the cornea has a free form (raytrace/eye/corneal_form.hpp) on its biconic.
+  /// Whether the cornea has a free form (pipeline/eye/parametric/corneal_form.hpp) on its biconic.
   bool irregular_cornea = false;
 
   int stack(int index) const { return eye_parameter_count + index * stack_parameter_count; }

@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "pipeline/base/frames.hpp"
-#include "raytrace/eye/parametric_eye.hpp"
+#include "pipeline/eye/parametric/parametric_eye.hpp"
 
 namespace emmetrope::segmentation {
 namespace {

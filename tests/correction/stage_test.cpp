@@ -8,8 +8,8 @@
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/files.hpp"
 #include "pipeline/base/frames.hpp"
-#include "tests/base/temporary_folder.hpp"
-#include "tests/correction/measured_optics.hpp"
+#include "tests/support/temporary_folder.hpp"
+#include "tests/support/measured_optics.hpp"
 
 namespace emmetrope::correction {
 namespace {

@@ -9,7 +9,7 @@
 #include "meshing/remesh.hpp"
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/frames.hpp"
-#include "tests/meshing/random_eye.hpp"
+#include "tests/support/random_eye.hpp"
 
 namespace emmetrope {
 namespace {

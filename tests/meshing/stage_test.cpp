@@ -7,15 +7,15 @@
 #include <regex>
 #include <sstream>
 
-#include "meshing/meshing.hpp"
+#include "meshing/stage.hpp"
 #include "pipeline/base/case_folder.hpp"
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/files.hpp"
 #include "pipeline/base/measured.hpp"
-#include "raytrace/eye/eye_model.hpp"
-#include "raytrace/eye/mesh_shape.hpp"
-#include "tests/base/temporary_folder.hpp"
-#include "tests/meshing/random_eye.hpp"
+#include "pipeline/eye/model/eye_model.hpp"
+#include "pipeline/eye/surfaces/mesh_shape.hpp"
+#include "tests/support/temporary_folder.hpp"
+#include "tests/support/random_eye.hpp"
 
 namespace emmetrope {
 namespace {

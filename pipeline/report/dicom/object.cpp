@@ -9,7 +9,7 @@
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/files.hpp"
 #include "pipeline/base/version.hpp"
-#include "pipeline/report/encoding.hpp"
+#include "pipeline/report/figures/encoding.hpp"
 
 namespace emmetrope::report {
 namespace {

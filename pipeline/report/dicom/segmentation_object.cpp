@@ -15,7 +15,7 @@
 #include "pipeline/base/version.hpp"
 #include "pipeline/report/dicom/object.hpp"
 #include "pipeline/report/dicom/objects.hpp"
-#include "pipeline/report/slices.hpp"
+#include "pipeline/report/figures/slices.hpp"
 
 namespace emmetrope::report {
 namespace {

@@ -7,8 +7,8 @@
 #include "pipeline/base/version.hpp"
 #include "pipeline/report/dicom/object.hpp"
 #include "pipeline/report/dicom/objects.hpp"
-#include "pipeline/report/judgement.hpp"
-#include "pipeline/report/normal_ranges.hpp"
+#include "pipeline/report/content/judgement.hpp"
+#include "pipeline/report/content/normal_ranges.hpp"
 
 namespace emmetrope::report {
 namespace {

@@ -1,0 +1,73 @@
+#include "correction/prescription/known_data.hpp"
+
+#include <fmt/core.h>
+
+#include <cmath>
+
+#include "pipeline/base/error.hpp"
+
+namespace emmetrope::correction {
+namespace {
+
+Eigen::Vector3d as_vector(const PowerVector& power) { return {power.M_D, power.J0_D, power.J45_D}; }
+
+constexpr double usual_sigma_D = 0.25;  ///< of a subjective refraction
+
+}  // namespace
+
+std::map<Laterality, KnownData> parse_known_data(const KnownDataFlags& flags) {
+  std::map<Laterality, KnownData> by_eye;
+  // An eye of the correct stage ends at its photoreceptors.
+  constexpr double retinal_depth_mm = 0;
+  for (auto& [eye, instruments] : parse_instruments(flags.instruments, retinal_depth_mm))
+    by_eye[eye].instruments = instruments;
+  for (const std::string& text : flags.refractions) {
+    const auto colon = text.find(':');
+    const std::string side = text.substr(0, colon);
+    if (colon == std::string::npos || (side != "od" && side != "os"))
+      throw usage_error("--refraction \"" + text + "\" does not say which eye",
+                        "write od: or os: first, as in od:-2.25/-1.00x180@12+-0.25");
+    by_eye[side == "od" ? Laterality::od : Laterality::os].refraction =
+        parse_refraction(text.substr(colon + 1));
+  }
+  return by_eye;
+}
+
+Calibration calibrate(const raytrace::Tracer& tracer, const EyeModel& traced, UncertainEye& uncertain,
+                      const StatedRefraction& known, const PrescriptionSettings& settings) {
+  const PowerVector at_cornea = move_towards_eye(to_power_vector(known.refraction), known.vertex_distance_mm);
+  Calibration calibration;
+  calibration.given = move_towards_eye(at_cornea, -settings.vertex_distance_mm);
+  calibration.sigma_D = known.sigma_D.value_or(usual_sigma_D);
+  const Eigen::Index index = uncertain.index_of("lens_index");
+  calibration.index_before = uncertain.numbers.mean[index];
+  const SearchResult sharpest = sharpest_lens(tracer, traced, settings);
+  calibration.before = sharpest.family.power(sharpest.best.lens);
+  calibration.index_was_known = !(uncertain.numbers.covariance(index, index) > 0);
+  const Eigen::MatrixXd sensitivity = refraction_sensitivity(
+      uncertain, [&](const EyeModel& eye) { return refraction_by_spot(eye, settings); });
+  calibration.covariance_before = sensitivity * uncertain.numbers.covariance * sensitivity.transpose();
+
+  // The least-squares fit of ray slopes moves with the eye as the sharpest lens does.
+  const Eigen::Vector3d start = as_vector(refraction_by_spot(uncertain.eye, settings));
+  calibration.surprise_sigma = learn(
+      uncertain, "refraction",
+      [&](const Eigen::VectorXd& values) -> Eigen::VectorXd {
+        return as_vector(calibration.before) - start +
+               as_vector(refraction_by_spot(eye_at(uncertain, values), settings));
+      },
+      as_vector(calibration.given), Eigen::Matrix3d::Identity() * calibration.sigma_D * calibration.sigma_D);
+  calibration.index_after = Measured::from_sigma(
+      uncertain.numbers.mean[index], std::sqrt(std::max(0.0, uncertain.numbers.covariance(index, index))),
+      uncertain.sources[index]);
+  if (!(calibration.index_after.value > 1.36 && calibration.index_after.value < 1.5))
+    throw no_result_error(
+        fmt::format(
+            "the given refraction is {:+.2f} D from what the eye's geometry says and would need a lens "
+            "of index {:.3f}",
+            calibration.given.M_D - calibration.before.M_D, calibration.index_after.value),
+        "check the refraction's eye and sign, and the axial length");
+  return calibration;
+}
+
+}  // namespace emmetrope::correction

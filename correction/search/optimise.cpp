@@ -1,0 +1,177 @@
+#include "correction/search/optimise.hpp"
+
+#include <ceres/first_order_function.h>
+#include <ceres/gradient_problem.h>
+#include <ceres/gradient_problem_solver.h>
+#include <fmt/core.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "pipeline/base/error.hpp"
+
+namespace emmetrope::correction {
+namespace {
+
+/// Of ln(sharpness), the steepest way; above zero to divide by.
+double slope_per_D(const SharpnessValue& value) {
+  return std::max(value.gradient.norm() / value.value, 1e-9);
+}
+
+/// (S_start / S)^2 over (lens - start) / scale, times what makes its gradient 1 long at the start: Ceres'
+/// first step, which is minus the gradient, then goes one scale.
+class InverseSquare : public ceres::FirstOrderFunction {
+ public:
+  InverseSquare(const SharpnessFunction& sharpness, const Bounds& bounds, Eigen::VectorXd start,
+                const SharpnessValue& at_start, double scale_D)
+      : sharpness_(sharpness),
+        bounds_(bounds),
+        start_(std::move(start)),
+        start_sharpness_(at_start.value),
+        scale_D_(scale_D),
+        unit_(1 / (2 * slope_per_D(at_start) * scale_D)) {}
+
+  Eigen::VectorXd lens(const double* parameters) const {
+    return start_ + scale_D_ * Eigen::Map<const Eigen::VectorXd>(parameters, NumParameters());
+  }
+
+  bool Evaluate(const double* parameters, double* cost, double* gradient) const override {
+    const Eigen::VectorXd at = lens(parameters);
+    // Where it is false the line search takes a shorter step.
+    if (!bounds_.contain(at)) return false;
+    SharpnessValue value;
+    try {
+      value = sharpness_(at);
+    } catch (const Error& error) {
+      if (error.status() != ExitStatus::usage) throw;
+      return false;  // no such lens can be made
+    }
+    if (!(value.value > 0) || !value.gradient.allFinite()) return false;
+    *cost = unit_ * std::pow(start_sharpness_ / value.value, 2);
+    if (gradient)
+      Eigen::Map<Eigen::VectorXd>(gradient, NumParameters()) =
+          -2 * *cost * scale_D_ / value.value * value.gradient;
+    return true;
+  }
+  int NumParameters() const override { return static_cast<int>(start_.size()); }
+
+ private:
+  const SharpnessFunction& sharpness_;
+  const Bounds& bounds_;
+  Eigen::VectorXd start_;
+  double start_sharpness_, scale_D_, unit_;
+};
+
+/// Ends a climb near a summit that is known.
+class AtSummit : public ceres::IterationCallback {
+ public:
+  AtSummit(const OptimiserSettings& settings, const InverseSquare& cost, const Eigen::VectorXd& moved)
+      : settings_(settings), cost_(cost), moved_(moved) {}
+
+  ceres::CallbackReturnType operator()(const ceres::IterationSummary& /*summary*/) override {
+    const Eigen::VectorXd lens = cost_.lens(moved_.data());
+    const bool near = std::any_of(
+        settings_.summits.begin(), settings_.summits.end(),
+        [&](const Eigen::VectorXd& summit) { return (summit - lens).norm() < settings_.summit_reach_D; });
+    return near ? ceres::SOLVER_TERMINATE_SUCCESSFULLY : ceres::SOLVER_CONTINUE;
+  }
+
+ private:
+  const OptimiserSettings& settings_;
+  const InverseSquare& cost_;
+  const Eigen::VectorXd& moved_;
+};
+
+/// How far the summit is, were 1/S^2 (from afar) or ln(S) a parabola as the depth of focus says.
+double distance_to_summit_D(const SharpnessValue& value, const OptimiserSettings& settings) {
+  constexpr double nearest_D = 1e-3, farthest_D = 10;
+  const double by_log_D = slope_per_D(value) * std::pow(settings.depth_of_focus_D, 2);
+  return std::clamp(settings.from_afar ? by_log_D / std::pow(value.value, 2) : by_log_D, nearest_D,
+                    farthest_D);
+}
+
+}  // namespace
+
+OptimiserSettings coarse_search() {
+  OptimiserSettings settings;
+  settings.from_afar = true;
+  settings.gradient_tolerance_per_D = 0.05;
+  settings.function_tolerance = 1e-3;
+  settings.max_iterations = 12;
+  return settings;
+}
+
+Optimum climb(const SharpnessFunction& sharpness, const Eigen::VectorXd& start, const Bounds& bounds,
+              const OptimiserSettings& settings) {
+  if (!bounds.contain(start))
+    throw Error(ExitStatus::fault, "a start of the lens search is outside its bounds");
+  const Bounds reached{bounds.lower.cwiseMax((start.array() - settings.reach_D).matrix()),
+                       bounds.upper.cwiseMin((start.array() + settings.reach_D).matrix())};
+  Optimum optimum;
+  optimum.lens = start;
+
+  // Evaluations are costly and Ceres asks again for points it has seen.
+  Eigen::VectorXd cached_lens;
+  SharpnessValue cached;
+  int evaluations = 0;
+  const SharpnessFunction remembering = [&](const Eigen::VectorXd& lens) {
+    if (cached_lens.size() == 0 || cached_lens != lens) {
+      cached = sharpness(lens);
+      cached_lens = lens;
+      ++evaluations;
+    }
+    return cached;
+  };
+  ceres::GradientProblemSolver::Options options;
+  options.line_search_direction_type = ceres::BFGS;
+  options.line_search_type = ceres::WOLFE;
+  options.use_approximate_eigenvalue_bfgs_scaling = true;
+  options.max_num_iterations = settings.max_iterations;
+  options.function_tolerance = settings.function_tolerance;
+  options.parameter_tolerance = 1e-6;
+  options.logging_type = ceres::SILENT;
+  options.update_state_every_iteration = true;  // for the callback
+  ceres::GradientProblemSolver::Summary summary;
+  // Ceres' tolerance is absolute and the cost scaled by its start; after a long way down it is small against
+  // that, and a second round with the new scale ends at the slope that was asked for.
+  for (int round = 0; round < 3; ++round) {
+    const SharpnessValue start_value = remembering(optimum.lens);
+    const double scale_D = distance_to_summit_D(start_value, settings);
+    auto* cost = new InverseSquare(remembering, reached, optimum.lens, start_value, scale_D);
+    const ceres::GradientProblem problem(cost);  // owns the cost
+    options.gradient_tolerance = settings.gradient_tolerance_per_D / slope_per_D(start_value);
+    Eigen::VectorXd moved = Eigen::VectorXd::Zero(optimum.lens.size());
+    AtSummit at_summit(settings, *cost, moved);
+    options.callbacks = {&at_summit};
+    ceres::Solve(options, problem, moved.data(), &summary);
+    optimum.lens = cost->lens(moved.data());
+    if (summary.termination_type == ceres::USER_SUCCESS) break;
+    if (remembering(optimum.lens).value < 1.1 * start_value.value) break;
+  }
+
+  const SharpnessValue value = remembering(optimum.lens);
+  optimum.sharpness = value.value;
+  optimum.gradient = value.gradient / value.value;
+  optimum.evaluations = evaluations;
+  optimum.reason = summary.message;
+  const double steepest_per_D = optimum.gradient.lpNorm<Eigen::Infinity>();
+  const bool flat = steepest_per_D <= settings.accepted_gradient_per_D;
+  if (!flat)
+    optimum.reason += fmt::format("; sharpness still changes by {:.2g} per dioptre there", steepest_per_D);
+  optimum.converged = summary.termination_type == ceres::CONVERGENCE && optimum.lens.allFinite() &&
+                      optimum.gradient.allFinite() && reached.contain(optimum.lens) && flat;
+  return optimum;
+}
+
+Eigen::MatrixXd curvature_of_log(const SharpnessFunction& sharpness, const Optimum& optimum) {
+  constexpr double step_D = 0.05;
+  const Eigen::Index n = optimum.lens.size();
+  Eigen::MatrixXd hessian(n, n);
+  for (Eigen::Index i = 0; i < n; ++i) {
+    const SharpnessValue beside = sharpness(optimum.lens + step_D * Eigen::VectorXd::Unit(n, i));
+    hessian.col(i) = (beside.gradient / beside.value - optimum.gradient) / step_D;
+  }
+  return (hessian + hessian.transpose()) / 2;
+}
+
+}  // namespace emmetrope::correction

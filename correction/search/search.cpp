@@ -1,0 +1,131 @@
+#include "correction/search/search.hpp"
+
+#include <fmt/core.h>
+
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+
+namespace emmetrope::correction {
+namespace {
+
+/// Optima closer than a third of the depth of focus are one (3 mm pupil: 0.13 D, on the coarse level 1 D).
+double same_optimum_D(const ImagingLevel& level) { return level.depth_of_focus_D() / 3; }
+/// The fine search stays this near to where the coarse one ended: that is a third of its depth of focus off
+/// at most, and the spherical aberration of a wide pupil adds as much again. Farther away, where the picture
+/// is all blur, noise has summits of its own.
+constexpr double fine_reach_D = 2;
+/// A coarse optimum is followed to the fine level only where it comes near the sharpest.
+constexpr double worth_following = 0.95;
+constexpr double accepted_step_D = 0.02;
+
+struct Climbed {
+  LensFamily family;
+  Optimum end;
+};
+
+/// Sorts by sharpness and drops what is near a sharper one of its family.
+std::vector<Climbed> distinct(std::vector<Climbed> all, double apart_D) {
+  std::stable_sort(all.begin(), all.end(),
+                   [](const Climbed& a, const Climbed& b) { return a.end.sharpness > b.end.sharpness; });
+  std::vector<Climbed> kept;
+  for (Climbed& one : all)
+    if (std::none_of(kept.begin(), kept.end(), [&](const Climbed& other) {
+          return other.family.name == one.family.name && (other.end.lens - one.end.lens).norm() < apart_D;
+        }))
+      kept.push_back(std::move(one));
+  return kept;
+}
+
+/// What is near the sharpest in sharpness, from a sorted list.
+std::vector<Climbed> worthwhile(std::vector<Climbed> sorted) {
+  const double least = worth_following * sorted.front().end.sharpness;
+  sorted.erase(std::find_if(sorted.begin(), sorted.end(),
+                            [&](const Climbed& one) { return one.end.sharpness < least; }),
+               sorted.end());
+  return sorted;
+}
+
+}  // namespace
+
+std::vector<ImagingLevel> imaging_levels(Measure measure, double pupil_mm, double wavelength_nm,
+                                         const Eigen::Vector2d& centre_mm, std::uint64_t seed) {
+  ImagingLevel coarse;
+  coarse.measure = Measure::gradient_energy;
+  coarse.pixels = 96;
+  coarse.field_mm = 4;
+  coarse.samples = 32;
+  coarse.blur_arcmin = 8;
+  coarse.pupil_mm = std::min(pupil_mm, 3.0);
+  ImagingLevel fine;
+  fine.measure = measure;
+  fine.pixels = 192;
+  fine.field_mm = 1.2;  // pixels fine enough for the chart's detail, whatever a lens magnifies
+  fine.samples = 32;
+  for (ImagingLevel* level : {&coarse, &fine}) {
+    level->wavelength_nm = wavelength_nm;
+    level->centre_mm = centre_mm;
+    level->seed = seed;
+  }
+  fine.pupil_mm = pupil_mm;
+  return {coarse, fine};
+}
+
+SearchResult find_sharpest(const raytrace::Tracer& tracer,
+                           const std::shared_ptr<const raytrace::Scene>& scene, const EyeModel& eye,
+                           const std::vector<ImagingLevel>& levels, const std::vector<Start>& starts) {
+  SearchResult result;
+  std::vector<Climbed> climbed;
+  for (const Start& start : starts) {
+    climbed.push_back({start.family, {}});
+    climbed.back().end.lens = start.lens;
+  }
+  for (const ImagingLevel& level : levels) {
+    const bool last = &level == &levels.back();
+    for (auto one = climbed.begin(); one != climbed.end(); ++one) {
+      OptimiserSettings settings = last ? OptimiserSettings{} : coarse_search();
+      if (last) settings.reach_D = fine_reach_D;
+      settings.summit_reach_D = last ? 0 : same_optimum_D(level);
+      for (auto before = climbed.begin(); before != one; ++before)
+        if (before->family.name == one->family.name) settings.summits.push_back(before->end.lens);
+      const RetinalSharpness sharpness(tracer, scene, eye, one->family, level);
+      one->end = climb(sharpness, one->end.lens, settings);
+      result.images += sharpness.images();
+    }
+    climbed = distinct(std::move(climbed), same_optimum_D(level));
+    if (!last) climbed = worthwhile(std::move(climbed));
+  }
+  result.family = climbed.front().family;
+  result.best = climbed.front().end;
+  for (const Climbed& one : climbed)
+    if (one.family.name == result.family.name) result.optima.push_back(one.end.lens);
+
+  const RetinalSharpness sharpness(tracer, scene, eye, result.family, levels.back());
+  result.curvature = curvature_of_log(std::cref(sharpness), result.best);
+  ImagingLevel other_rays = levels.back();
+  other_rays.seed += 1;
+  const RetinalSharpness again(tracer, scene, eye, result.family, other_rays);
+  const SharpnessValue value = again(result.best.lens);
+  // The optimum moves by H^-1 times the change of slope; two sets of rays differ by sqrt(2) times one set's
+  // error.
+  const auto inverse = result.curvature.ldlt();
+  result.sampling_sigma_D =
+      inverse.solve(value.gradient / value.value - result.best.gradient).cwiseAbs() / std::sqrt(2.0);
+  result.images += sharpness.images() + again.images();
+
+  const double flattest =
+      Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(result.curvature).eigenvalues().maxCoeff();
+  const double next_step_D = inverse.solve(result.best.gradient).norm();
+  if (!result.best.converged)
+    result.reason = "the search for the sharpest image did not converge: " + result.best.reason;
+  else if (!(flattest < 0))
+    result.reason =
+        "there is no sharpest lens: sharpness does not fall in every direction from where the search ended";
+  else if (!(next_step_D < accepted_step_D))
+    result.reason = fmt::format("the search ended {:.2f} D before the sharpest lens", next_step_D);
+  result.accepted = result.reason.empty();
+  return result;
+}
+
+}  // namespace emmetrope::correction

@@ -1,0 +1,206 @@
+#include "correction/what_if/what_if.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <limits>
+#include <utility>
+
+#include "correction/what_if/ablation.hpp"
+#include "correction/what_if/iol_formulas.hpp"
+#include "pipeline/base/error.hpp"
+#include "pipeline/base/frames.hpp"
+#include "raytrace/wavefront/wavefront.hpp"
+
+namespace emmetrope::correction {
+namespace {
+
+constexpr double aqueous_index = 1.336, iol_index = 1.46, iol_thickness_mm = 0.8;
+
+/// Radius of each face of a symmetric biconvex lens in aqueous with that equivalent power (thick lens), mm.
+double iol_radius_mm(double power_D) {
+  // F = 2 F1 - (t/n) F1^2 with F1 the power of a face; the root near F / 2.
+  const double t_over_n = iol_thickness_mm * 1e-3 / iol_index;
+  const double face_D = (1 - std::sqrt(1 - t_over_n * power_D)) / t_over_n;
+  return 1e3 * (iol_index - aqueous_index) / face_D;
+}
+
+double mean_refraction_at_cornea_D(const EyeModel& eye, double wavelength_nm) {
+  WavefrontSettings settings;
+  settings.wavelength_nm = wavelength_nm;
+  const Wavefront wavefront = measure_wavefront(eye, settings);
+  return at_vertex(wavefront, wavefront.minimum_rms_spot, 0).M_D;
+}
+
+/// A distance for JSON: null where it is infinite.
+Json finite_or_null(double value) { return std::isfinite(value) ? Json(value) : Json(nullptr); }
+
+Json pupil_json(const EyeModel& eye, const PrescriptionSettings& settings) {
+  Json rows = Json::array();
+  for (const double pupil_mm : {1.0, 2.0, 3.0, 4.0, 5.0, 6.0}) {
+    PrescriptionSettings other = settings;
+    other.pupil_mm = pupil_mm;
+    try {
+      const PowerVector power = refraction_by_spot(eye, other);
+      rows.push_back(
+          {{"pupil_mm", pupil_mm}, {"M_D", power.M_D}, {"J0_D", power.J0_D}, {"J45_D", power.J45_D}});
+    } catch (const Error& error) {  // a pupil wider than what the eye lets through
+      if (error.status() != ExitStatus::no_result) throw;
+    }
+  }
+  return rows;
+}
+
+/// Mean keratometric power 1.5 mm from the apex, over two perpendicular meridians.
+double mean_keratometry_D(const EyeModel& eye) {
+  constexpr double ring_mm = 1.5;
+  const Shape& cornea = *eye.surface("cornea_anterior").shape;
+  double sum_D = 0;
+  for (const auto& [x, y] : {std::pair(1, 0), std::pair(-1, 0), std::pair(0, 1), std::pair(0, -1)}) {
+    const auto normal = cornea.normal(ring_mm * x, ring_mm * y);
+    if (!normal) throw no_result_error("the front cornea ends within 1.5 mm of its apex");
+    sum_D += 337.5 * (normal->x() * x + normal->y() * y) / ring_mm;
+  }
+  return sum_D / 4;
+}
+
+Json iol_json(const EyeModel& eye, const PrescriptionSettings& settings, const WhatIfSettings& what_if) {
+  constexpr double vertex_mm = 12;
+  const double a_constant = what_if.iol_a_constant, target_D = what_if.iol_target_D;
+  const double target_at_cornea_D = move_towards_eye({target_D, 0, 0}, vertex_mm).M_D;
+  const IolBiometry biometry{what_if.axial_length_mm.value_or(eye.axial_length_mm()), mean_keratometry_D(eye),
+                             eye.surface("lens_anterior").position_mm};
+  const ThinLensEye srkt = srkt_eye(biometry, a_constant);
+  return {{"target_M_D", target_D},
+          {"target_vertex_distance_mm", vertex_mm},
+          {"a_constant", a_constant},
+          {"axial_length_mm", biometry.axial_length_mm},
+          {"position_mm", srkt.lens_mm},
+          {"ray_traced_D", ray_traced_iol_D(with_pupil(eye, settings.pupil_mm), srkt.lens_mm,
+                                            target_at_cornea_D, settings.wavelength_nm)},
+          {"srkt_D", iol_power_D(srkt, target_D)},
+          {"holladay_1_D", iol_power_D(holladay_eye(biometry, a_constant), target_D)},
+          {"hoffer_q_D", iol_power_D(hoffer_q_eye(biometry, a_constant), target_D)},
+          {"haigis_D", iol_power_D(haigis_eye(biometry, a_constant), target_D)}};
+}
+
+/// Root mean square of the aberrations over the ablation's zone, with what no Zernike term describes.
+Json zone_rms_json(const EyeModel& eye, const PrescriptionSettings& settings, const OpticalZone& zone) {
+  WavefrontSettings over_zone;
+  over_zone.wavelength_nm = settings.wavelength_nm;
+  over_zone.fovea_mm = settings.fovea_mm;
+  over_zone.entrance_pupil_mm = zone.diameter_mm;
+  const Wavefront wavefront = measure_wavefront(eye, over_zone);
+  const double beyond_um = wavefront.fit_residual_rms_um;
+  return {{"all_um", std::hypot(wavefront.rms_um(), beyond_um)},
+          {"higher_order_um", std::hypot(wavefront.higher_order_rms_um(), beyond_um)}};
+}
+
+Json ablation_json(const EyeModel& eye, const PrescriptionSettings& settings,
+                   const AblationProfile& profile) {
+  PrescriptionSettings at_cornea = settings;
+  at_cornea.vertex_distance_mm = 0;
+  const EyeModel operated = with_ablation(eye, profile);
+  const PowerVector left = refraction_by_spot(operated, at_cornea);
+  return {{"optical_zone_mm", profile.zone().diameter_mm},
+          {"centre_mm", {profile.zone().centre_mm.x(), profile.zone().centre_mm.y()}},
+          {"central_depth_um", profile.central_depth_um()},
+          {"deepest_um", profile.deepest_um()},
+          {"residual", {{"M_D", left.M_D}, {"J0_D", left.J0_D}, {"J45_D", left.J45_D}}},
+          {"zone_rms_before", zone_rms_json(eye, settings, profile.zone())},
+          {"zone_rms", zone_rms_json(operated, settings, profile.zone())}};
+}
+
+}  // namespace
+
+Json what_if_json(const EyeModel& eye, const PrescriptionSettings& settings, const PowerVector& refraction,
+                  const WhatIfSettings& what_if) {
+  const PowerVector at_cornea = move_towards_eye(refraction, settings.vertex_distance_mm);
+  Json json;
+  json["pupil"] = pupil_json(eye, settings);
+  if (what_if.age_years) {
+    const Amplitude amplitude = accommodation_amplitude(*what_if.age_years);
+    json["accommodation"] = {
+        {"age_years", *what_if.age_years},
+        {"amplitude_D", amplitude.average_D},
+        {"minimum_amplitude_D", amplitude.minimum_D},
+        {"far_point_mm", finite_or_null(near_point_mm(at_cornea.M_D, 0))},
+        {"near_point_mm", finite_or_null(near_point_mm(at_cornea.M_D, amplitude.average_D))},
+        {"near_point_with_lens_mm",
+         finite_or_null(near_point_with_lens_mm(at_cornea.M_D, amplitude.average_D, refraction.M_D,
+                                                settings.vertex_distance_mm))}};
+  }
+  const auto or_reason = [](const std::function<Json()>& what) -> Json {
+    try {
+      return what();
+    } catch (const Error& error) {
+      return {{"reason", error.what()}};
+    }
+  };
+  json["intra_ocular_lens"] = or_reason([&] { return iol_json(eye, settings, what_if); });
+  json["ablation"] =
+      or_reason([&] { return ablation_json(eye, settings, munnerlyn_profile(eye, at_cornea)); });
+  json["wavefront_guided_ablation"] = or_reason([&] {
+    return ablation_json(eye, settings,
+                         wavefront_guided_profile(eye, settings.wavelength_nm, settings.fovea_mm));
+  });
+  return json;
+}
+
+Amplitude accommodation_amplitude(double age_years) {
+  return {std::max(0.0, 18.5 - 0.30 * age_years), std::max(0.0, 15.0 - 0.25 * age_years)};
+}
+
+double near_point_mm(double at_cornea_D, double amplitude_D) {
+  const double vergence_D = at_cornea_D - amplitude_D;  // of light that the eye then focuses, at the cornea
+  return vergence_D == 0 ? std::numeric_limits<double>::infinity() : -1e3 / vergence_D;
+}
+
+double near_point_with_lens_mm(double at_cornea_D, double amplitude_D, double lens_D, double vertex_mm) {
+  const double behind_lens_D = move_towards_eye({at_cornea_D - amplitude_D, 0, 0}, -vertex_mm).M_D;
+  const double before_lens_D = behind_lens_D - lens_D;
+  return before_lens_D == 0 ? std::numeric_limits<double>::infinity() : vertex_mm - 1e3 / before_lens_D;
+}
+
+EyeModel with_iol(EyeModel eye, double power_D, double position_mm) {
+  const double radius_mm = std::abs(power_D) < 1e-6 ? 1e9 : iol_radius_mm(power_D);
+  Surface& front = eye.surface("lens_anterior");
+  Surface& back = eye.surface("lens_posterior");
+  for (Surface* face : {&front, &back}) {
+    face->tilt_deg.setZero();
+    face->decentre_mm.setZero();
+    face->semi_diameter_mm = 0;
+    face->shape = make_sphere(face == &front ? radius_mm : -radius_mm);
+    face->position_mm = position_mm + (face == &front ? -1 : 1) * iol_thickness_mm / 2;
+  }
+  front.medium_after = "iol";
+  eye.media["iol"] = Medium{iol_index, {}, {}};
+  // Whatever the natural lens had inside goes with it.
+  const auto named = [&](const char* name) {
+    return std::find_if(eye.surfaces.begin(), eye.surfaces.end(),
+                        [&](const Surface& surface) { return surface.name == name; });
+  };
+  eye.surfaces.erase(named("lens_anterior") + 1, named("lens_posterior"));
+  for (Surface& surface : eye.surfaces)
+    if (surface.is_stop())
+      surface.position_mm = std::min(surface.position_mm, position_mm - iol_thickness_mm);
+  return eye;
+}
+
+double ray_traced_iol_D(const EyeModel& eye, double position_mm, double target_at_cornea_D,
+                        double wavelength_nm) {
+  const auto error_D = [&](double power_D) {
+    return mean_refraction_at_cornea_D(with_iol(eye, power_D, position_mm), wavelength_nm) -
+           target_at_cornea_D;
+  };
+  double low_D = -10, high_D = 50;  // more power makes the eye more myopic
+  if (!(error_D(low_D) > 0 && error_D(high_D) < 0))
+    throw no_result_error("no intra-ocular lens from -10 to +50 D gives the target refraction");
+  while (high_D - low_D > 1e-4) {
+    const double middle_D = (low_D + high_D) / 2;
+    (error_D(middle_D) > 0 ? low_D : high_D) = middle_D;
+  }
+  return (low_D + high_D) / 2;
+}
+
+}  // namespace emmetrope::correction

@@ -1,0 +1,47 @@
+#pragma once
+#include <optional>
+
+#include "correction/prescription/prescription.hpp"
+#include "pipeline/base/json.hpp"
+#include "pipeline/base/power_vector.hpp"
+#include "pipeline/eye/model/eye_model.hpp"
+
+/// What would change the refraction: pupil, accommodation, an intra-ocular lens, an ablation. All on the eye
+/// as it is traced, by the least-squares fit of ray slopes.
+namespace emmetrope::correction {
+
+/// Amplitude of accommodation at an age, D; Hofstetter (1950): average 18.5 - 0.30 age, minimum 15 - 0.25
+/// age; not below 0.
+struct Amplitude {
+  double average_D = 0, minimum_D = 0;
+};
+Amplitude accommodation_amplitude(double age_years);
+
+/// Nearest distance of clear sight in front of the cornea, mm, with that amplitude; infinity or negative
+/// (behind the eye) where none is. \param at_cornea_D  mean refraction at the corneal vertex
+double near_point_mm(double at_cornea_D, double amplitude_D);
+/// The same, also from the cornea, through a lens of back vertex power lens_D at vertex_mm in front of it.
+double near_point_with_lens_mm(double at_cornea_D, double amplitude_D, double lens_D, double vertex_mm);
+
+/// A symmetric biconvex IOL of index 1.46, 0.8 mm thick.
+/// \param position_mm  its middle behind the corneal vertex
+EyeModel with_iol(EyeModel eye, double power_D, double position_mm);
+/// Power of that IOL that gives the eye `target` mean refraction at the corneal vertex, by ray tracing.
+/// \throw Error (no_result) when no power from -10 to 50 D does
+double ray_traced_iol_D(const EyeModel& eye, double position_mm, double target_at_cornea_D,
+                        double wavelength_nm);
+
+struct WhatIfSettings {
+  std::optional<double> age_years;        ///< for the near point
+  double iol_target_D = 0;                ///< refraction that an IOL is to leave, 12 mm before the cornea
+  double iol_a_constant = 118.4;          ///< of the IOL, for the formulas and for its place
+  std::optional<double> axial_length_mm;  ///< optical, for the formulas; the model's own where none is given
+};
+
+/// All of it for one eye, as prescription.json's "what_if": refraction against pupil, near point by age
+/// (where an age is given), the IOL by rays and by four formulas, and what two ablations of this refraction
+/// would leave. \param refraction  at the settings' vertex distance
+Json what_if_json(const EyeModel& eye, const PrescriptionSettings& settings, const PowerVector& refraction,
+                  const WhatIfSettings& what_if);
+
+}  // namespace emmetrope::correction

@@ -1,0 +1,30 @@
+#include <fmt/format.h>
+
+#include "pipeline/base/command_line.hpp"
+#include "pipeline/eye/optics/describe_eye.hpp"
+
+using namespace emmetrope;
+
+int main(int argc, char** argv) {
+  EyeQuery query;
+  Command command;
+  command.name = "eye";
+  command.summary = "Cardinal points, pupils and refraction of a schematic eye or of an eye.json";
+  command.example = "emmetrope eye navarro --accommodation 4 --json";
+  command.declare = [&](CLI::App& app) {
+    app.add_option("eye", query.eye, "Schematic eye or eye.json: " + schematic_eyes_line())
+        ->required()
+        ->type_name("NAME|FILE");
+    declare_eye_options(app, query.options);
+    app.add_option("--wavelength", query.wavelength_nm,
+                   "Wavelength (nm); default: the eye's reference wavelength")
+        ->check(CLI::Range(200.0, 2500.0))
+        ->type_name("NM");
+    app.add_option("-o,--output", query.output, "Write the eye as eye.json")->type_name("FILE");
+  };
+  command.run = [&](const CommonOptions& common) {
+    if (common.laterality == LateralityChoice::os) query.options.laterality = Laterality::os;
+    return describe_eye(query);
+  };
+  return run_command(argc, argv, command);
+}

@@ -1,0 +1,203 @@
+#include "pipeline/eye/instruments/instruments.hpp"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <optional>
+
+#include "pipeline/base/error.hpp"
+#include "pipeline/base/frames.hpp"
+#include "pipeline/eye/parametric/analytic_eye.hpp"
+#include "pipeline/eye/parametric/corneal_metrics.hpp"
+
+namespace emmetrope {
+namespace {
+
+using Eigen::Matrix3d;
+using Eigen::MatrixXd;
+using Eigen::Vector3d;
+using Eigen::VectorXd;
+
+std::optional<double> number(const std::string& text) {
+  std::size_t used = 0;
+  try {
+    const double value = std::stod(text, &used);
+    if (used == text.size() && std::isfinite(value)) return value;
+  } catch (const std::exception&) {
+  }
+  return std::nullopt;
+}
+
+Error misread(const std::string& flag, const std::string& text, const std::string& expected) {
+  return usage_error(fmt::format("{} {}: cannot be read", flag, text), "expected " + expected);
+}
+
+double checked(const std::string& flag, const std::string& text, double low, double high, const char* unit) {
+  const auto value = number(text);
+  if (!value) throw misread(flag, text, fmt::format("a number in {}", unit));
+  if (*value < low || *value > high)
+    throw usage_error(fmt::format("{} {}: no eye has that", flag, text),
+                      fmt::format("expected {:g} to {:g} {}", low, high, unit));
+  return *value;
+}
+
+struct Meridian {
+  double power_D, axis_deg;
+};
+
+Meridian parse_meridian(const std::string& text) {
+  const auto at = text.find('@');
+  if (at == std::string::npos) throw misread("--keratometry", text, "POWER@AXIS, such as 43.25@175");
+  return {checked("--keratometry", text.substr(0, at), 30, 60, "D"),
+          checked("--keratometry", text.substr(at + 1), 0, 180, "degrees")};
+}
+
+ExternalMeasurement scalar(std::string source, Functional of_eye, double value, double sigma) {
+  return {std::move(source), std::move(of_eye), VectorXd::Constant(1, value),
+          MatrixXd::Constant(1, 1, sigma * sigma)};
+}
+
+/// One standard deviation of a keratometer, topographer or biometer where none is typed.
+constexpr double power_sigma_D = 0.25, length_sigma_mm = 0.05;
+
+VectorXd one(double value) { return VectorXd::Constant(1, value); }
+
+/// A flag's eye and the rest.
+struct EyeFlag {
+  Laterality eye = Laterality::od;
+  std::string value;  ///< between the colon and +-
+  double sigma = 0;   ///< what was given, or the flag's default
+};
+
+EyeFlag parse_eye_flag(const std::string& flag, const std::string& text, double default_sigma) {
+  const std::string expected = "EYE:VALUE+-SIGMA, EYE being od or os";
+  EyeFlag parsed;
+  if (text.rfind("od:", 0) == 0)
+    parsed.eye = Laterality::od;
+  else if (text.rfind("os:", 0) == 0)
+    parsed.eye = Laterality::os;
+  else
+    throw misread(flag, text, expected);
+  const auto sign = text.rfind("+-");
+  parsed.value = text.substr(3, sign == std::string::npos ? sign : sign - 3);
+  parsed.sigma = default_sigma;
+  if (sign != std::string::npos) {
+    const auto sigma = number(text.substr(sign + 2));
+    if (!sigma || !(*sigma > 0)) throw misread(flag, text, "a positive number after +-");
+    parsed.sigma = *sigma;
+  }
+  if (parsed.value.empty()) throw misread(flag, text, expected);
+  return parsed;
+}
+
+}  // namespace
+
+void declare(CLI::App& app, InstrumentFlags& flags) {
+  const auto measurement = [&](const char* flag, std::vector<std::string>& values, const char* help) {
+    app.add_option(flag, values, help)
+        ->allow_extra_args(false)
+        ->type_name("EYE:VALUE+-SD")
+        ->group("Measured by other instruments (repeatable)");
+  };
+  measurement("--keratometry", flags.keratometry,
+              "K in D at its axis in degrees, both meridians: od:43.25@175/44.75@85+-0.25");
+  measurement("--axial-length", flags.axial_length, "Optical axial length, mm: od:23.60+-0.05");
+  measurement("--acd", flags.anterior_chamber_depth, "Anterior chamber depth with the cornea, mm");
+  measurement("--lens-thickness", flags.lens_thickness, "Lens thickness, mm");
+  measurement("--topography", flags.topography,
+              "Corneal elevation map (CSV) or Zernike list (JSON); SD of its power in D: od:FILE+-0.25");
+}
+
+Json to_json(const InstrumentFlags& flags) {
+  return {{"keratometry", flags.keratometry},
+          {"axial_length", flags.axial_length},
+          {"acd", flags.anterior_chamber_depth},
+          {"lens_thickness", flags.lens_thickness},
+          {"topography", flags.topography}};
+}
+
+std::map<Laterality, EyeInstruments> parse_instruments(const InstrumentFlags& flags,
+                                                       double retinal_depth_mm) {
+  std::map<Laterality, EyeInstruments> by_eye;
+  const auto add = [&](const char* flag, const std::vector<std::string>& texts, double default_sigma,
+                       auto measurement) {
+    for (const std::string& text : texts) {
+      const EyeFlag parsed = parse_eye_flag(flag, text, default_sigma);
+      by_eye[parsed.eye].measurements.push_back(measurement(parsed.value, parsed.sigma));
+    }
+  };
+  add("--keratometry", flags.keratometry, power_sigma_D, keratometry_measurement);
+  add("--axial-length", flags.axial_length, length_sigma_mm, [&](const std::string& text, double sigma_mm) {
+    return axial_length_measurement(text, sigma_mm, retinal_depth_mm);
+  });
+  add("--acd", flags.anterior_chamber_depth, length_sigma_mm, anterior_chamber_measurement);
+  add("--lens-thickness", flags.lens_thickness, length_sigma_mm, lens_thickness_measurement);
+  for (const std::string& text : flags.topography) {
+    const EyeFlag parsed = parse_eye_flag("--topography", text, power_sigma_D);
+    by_eye[parsed.eye].topography = {parsed.value, parsed.sigma};
+  }
+  return by_eye;
+}
+
+InstrumentReadings read_instruments(const EyeInstruments& instruments) {
+  InstrumentReadings readings{instruments.measurements, {}};
+  if (const auto& flag = instruments.topography) {
+    try {
+      readings.topography = analyse_topography(read_elevation_map(flag->file), flag->sigma_D);
+    } catch (Error& error) {
+      error.add_context("reading " + flag->file.string());
+      throw;
+    }
+    readings.measurements.push_back(readings.topography->toric);
+  }
+  return readings;
+}
+
+ExternalMeasurement keratometry_measurement(const std::string& text, double sigma_D) {
+  const auto slash = text.find('/');
+  if (slash == std::string::npos) throw misread("--keratometry", text, "POWER@AXIS/POWER@AXIS");
+  const Meridian a = parse_meridian(text.substr(0, slash)), b = parse_meridian(text.substr(slash + 1));
+  const double off_square_deg = std::abs(std::abs(normalise_axis_deg(a.axis_deg - b.axis_deg)) - 90);
+  if (off_square_deg > 5)
+    throw usage_error(fmt::format("--keratometry {}: the meridians are {:g} degrees from perpendicular", text,
+                                  off_square_deg),
+                      "give the flat and the steep meridian, 90 degrees apart");
+  const Meridian& flat = a.power_D <= b.power_D ? a : b;
+  const Meridian& steep = a.power_D <= b.power_D ? b : a;
+  const double half = (steep.power_D - flat.power_D) / 2;
+  // Mean and half difference of two independent powers: sigma/sqrt 2 each; the second astigmatic component
+  // alike.
+  return {"keratometry",
+          [](const ParametricEye& eye) -> VectorXd {
+            const CornealPower power = corneal_power(anterior_cornea(eye));
+            return Vector3d(power.M_D, power.J0_D, power.J45_D);
+          },
+          Vector3d((flat.power_D + steep.power_D) / 2, half * std::cos(2 * flat.axis_deg * degree),
+                   half * std::sin(2 * flat.axis_deg * degree)),
+          Matrix3d::Identity() * sigma_D* sigma_D / 2};
+}
+
+ExternalMeasurement axial_length_measurement(const std::string& text, double sigma_mm,
+                                             double retinal_depth_mm) {
+  return scalar(
+      "biometry", [=](const ParametricEye& eye) { return one(eye.pole_depth_mm() + retinal_depth_mm); },
+      checked("--axial-length", text, 14, 40, "mm"), sigma_mm);
+}
+
+ExternalMeasurement anterior_chamber_measurement(const std::string& text, double sigma_mm) {
+  return scalar(
+      "biometry", [](const ParametricEye& eye) { return one(lens_on_axis(eye).front_mm); },
+      checked("--acd", text, 1, 7, "mm"), sigma_mm);
+}
+
+ExternalMeasurement lens_thickness_measurement(const std::string& text, double sigma_mm) {
+  return scalar(
+      "biometry",
+      [](const ParametricEye& eye) {
+        const LensOnAxis lens = lens_on_axis(eye);
+        return one(lens.back_mm - lens.front_mm);
+      },
+      checked("--lens-thickness", text, 2, 8, "mm"), sigma_mm);
+}
+
+}  // namespace emmetrope

@@ -1,0 +1,297 @@
+#include <algorithm>
+#include <cmath>
+
+#include "pipeline/base/error.hpp"
+#include "pipeline/base/frames.hpp"
+#include "pipeline/base/checked_object.hpp"
+#include "pipeline/eye/model/eye_model.hpp"
+#include "pipeline/eye/surfaces/mesh_shape.hpp"
+
+namespace emmetrope {
+namespace {
+
+using Formula = Dispersion::Formula;
+
+/// One dispersion formula as eye.json names it, and how many coefficients it takes (0: any number).
+struct FormulaKey {
+  const char* key;
+  Formula formula;
+  std::size_t count;
+};
+constexpr FormulaKey formula_keys[] = {
+    {"cauchy", Formula::cauchy, 0},       {"conrady", Formula::conrady, 3},
+    {"cornu", Formula::cornu, 3},         {"herzberger", Formula::herzberger, 4},
+    {"sellmeier", Formula::sellmeier, 0}, {"polynomial", Formula::polynomial, 0},
+    {"abbe", Formula::abbe, 2},           {"table", Formula::table, 0}};
+
+constexpr double farthest_mm = 1000;  // of a surface from the corneal apex: eyes, spectacles, instruments
+
+double read_index(CheckedObject& json, const std::string& key) {
+  const double index = json.number(key);
+  if (index < 1 || index > 4)
+    throw json.fault(key, "a refractive index lies between 1 and 4, found " + std::to_string(index));
+  return index;
+}
+
+std::vector<double> read_table(CheckedObject& json) {
+  const Json& rows = json.get("table");
+  std::vector<double> result;
+  if (!rows.is_array() || rows.size() < 2)
+    throw json.fault("table", "expected [[wavelength_nm, index], ...], two rows or more");
+  for (const Json& row : rows) {
+    if (!row.is_array() || row.size() != 2 || !row[0].is_number() || !row[1].is_number())
+      throw json.fault("table", "expected [[wavelength_nm, index], ...], found " + row.dump());
+    if (!result.empty() && row[0].get<double>() <= result[result.size() - 2])
+      throw json.fault("table", "the wavelengths must ascend");
+    result.push_back(row[0].get<double>());
+    result.push_back(row[1].get<double>());
+  }
+  if (result[0] <= 0) throw json.fault("table", "a wavelength must be greater than 0");
+  return result;
+}
+
+Dispersion read_dispersion(CheckedObject& json) {
+  Dispersion dispersion;
+  for (const FormulaKey& entry : formula_keys) {
+    if (!json.has(entry.key)) continue;
+    if (dispersion.formula != Formula::constant)
+      throw json.fault(entry.key, "a medium has one dispersion, and this is the second");
+    dispersion.formula = entry.formula;
+    dispersion.coefficients =
+        entry.formula == Formula::table ? read_table(json) : json.numbers(entry.key, entry.count);
+    if (entry.formula == Formula::sellmeier && dispersion.coefficients.size() % 2 != 0)
+      throw json.fault(entry.key, "expected pairs B1, C1, B2, C2, ...");
+    if (entry.formula == Formula::abbe &&
+        (dispersion.coefficients[0] <= 1 || dispersion.coefficients[1] <= 0))
+      throw json.fault(entry.key, "expected [n_d > 1, Abbe number > 0]");
+  }
+  return dispersion;
+}
+
+GradientIndex read_gradient(CheckedObject& json) {
+  const Json& terms = json.get("grin");
+  if (!terms.is_array() || terms.empty())
+    throw json.fault("grin", "expected a list of {\"depth_power\", \"radius_power\", \"coefficient\"}");
+  GradientIndex gradient;
+  for (std::size_t k = 0; k < terms.size(); ++k) {
+    CheckedObject term(terms[k], json.place() + ".grin[" + std::to_string(k) + "]");
+    const auto power = [&](const char* key) {
+      const double value = term.number(key);
+      if (value < 0 || value > 20 || value != std::floor(value))
+        throw term.fault(key, "must be a whole number, 0 to 20");
+      return static_cast<int>(value);
+    };
+    gradient.terms.push_back({power("depth_power"), power("radius_power"), term.number("coefficient")});
+    if (gradient.terms.back().radius_power % 2 != 0) throw term.fault("radius_power", "must be even");
+    term.finish();
+  }
+  return gradient;
+}
+
+Medium read_medium(const std::string& name, const Json& entry, double reference_nm) {
+  CheckedObject json(entry, "media." + name);
+  Medium medium;
+  if (json.has("grin")) {
+    medium.gradient = read_gradient(json);
+    medium.index = medium.gradient->index(0, 0);
+    if (json.has("index") && std::abs(read_index(json, "index") - medium.index) > 1e-9)
+      throw json.fault("index", "does not agree with the gradient at depth 0 and radius 0; leave it out");
+    if (medium.index < 1) throw json.fault("grin", "the index at depth 0 and radius 0 is below 1");
+  } else {
+    medium.index = read_index(json, "index");
+  }
+  medium.dispersion = read_dispersion(json);
+  for (const double nm : {380.0, reference_nm, 780.0})
+    if (const double index = medium.index_at(nm, reference_nm); !(index >= 1 && index <= 4))
+      throw input_error(json.place() + ": the dispersion gives an index of " + std::to_string(index) +
+                        " at " + std::to_string(static_cast<int>(nm)) + " nm");
+  json.finish();
+  return medium;
+}
+
+Surface read_stop(CheckedObject& json, const std::string& name) {
+  Surface stop;
+  stop.name = name;
+  stop.position_mm = json.within("position_mm", -farthest_mm, farthest_mm);
+  stop.stop_diameter_mm = json.positive("diameter_mm");
+  return stop;
+}
+
+Surface read_mesh_entry(CheckedObject& json, const std::string& name, const std::filesystem::path& folder,
+                        const std::optional<Eigen::Isometry3d>& lps_from_eye) {
+  MeshInterpolation interpolation = MeshInterpolation::smooth;
+  const std::string word = json.text("interpolation", "smooth");
+  if (word == "triangles")
+    interpolation = MeshInterpolation::triangles;
+  else if (word != "smooth")
+    throw json.fault("interpolation", "must be \"smooth\" or \"triangles\", found \"" + word + "\"");
+  Surface surface;
+  try {
+    surface = read_mesh_surface(name, folder / json.text("file"), lps_from_eye, {}, interpolation);
+  } catch (const Error& error) {
+    throw Error(error.status(), json.place() + ": key \"file\": " + error.what(), error.remedy());
+  }
+  constexpr double agreement_mm = 0.05;
+  if (json.has("position_mm") && std::abs(json.number("position_mm") - surface.position_mm) > agreement_mm)
+    throw json.fault("position_mm", "the mesh, which is in the eye's frame, crosses the axis at depth " +
+                                        std::to_string(surface.position_mm) + " mm; leave the key out");
+  return surface;
+}
+
+Surface read_surface(const Json& entry, std::size_t number, bool is_last, const std::filesystem::path& folder,
+                     const EyeModel& eye) {
+  std::string place = "surfaces[" + std::to_string(number) + "]";
+  if (entry.is_object() && entry.contains("name") && entry["name"].is_string())
+    place += " (" + entry["name"].get<std::string>() + ")";
+  CheckedObject json(entry, place);
+  const std::string name = json.text("name");
+  const std::string type = json.text("type");
+  Surface surface;
+  if (type == "stop") {
+    surface = read_stop(json, name);
+  } else if (type == "mesh") {
+    surface = read_mesh_entry(json, name, folder, eye.lps_from_eye);
+  } else {
+    surface.name = name;
+    surface.shape = shape_from_json(type, json);
+    surface.position_mm = json.within("position_mm", -farthest_mm, farthest_mm);
+  }
+  surface.decentre_mm = json.pair("decentre_mm", {0, 0});
+  json.require_magnitude("decentre_mm", surface.decentre_mm, 0, 20);
+  surface.tilt_deg = json.pair("tilt_deg", {0, 0});
+  if (surface.tilt_deg.cwiseAbs().maxCoeff() >= 90) throw json.fault("tilt_deg", "must be less than 90");
+  if (json.has("semi_diameter_mm")) surface.semi_diameter_mm = json.positive("semi_diameter_mm");
+  if (is_last) {
+    if (surface.is_stop()) throw json.fault("type", "the last surface is the retina and cannot be a stop");
+    if (json.has("medium_after"))
+      throw json.fault("medium_after", "the last surface is the retina and has none");
+  } else if (!surface.is_stop()) {
+    surface.medium_after = json.text("medium_after");
+    if (surface.medium_after != "air" && eye.media.count(surface.medium_after) == 0)
+      throw json.fault("medium_after", "there is no medium \"" + surface.medium_after + "\" under \"media\"");
+  }
+  json.finish();
+  return surface;
+}
+
+void check_order(const EyeModel& eye) {
+  for (std::size_t k = 0; k < eye.surfaces.size(); ++k) {
+    const Surface& surface = eye.surfaces[k];
+    const std::string place = "surfaces[" + std::to_string(k) + "] (" + surface.name + ")";
+    for (std::size_t before = 0; before < k; ++before) {
+      if (eye.surfaces[before].name == surface.name)
+        throw input_error(place + ": key \"name\": there is another surface of that name");
+      if (surface.is_stop() && eye.surfaces[before].is_stop())
+        throw input_error(place + ": key \"type\": an eye has one stop, and this is the second");
+    }
+    if (k > 0 && surface.position_mm < eye.surfaces[k - 1].position_mm - 1e-9)
+      throw input_error(
+          place + ": key \"position_mm\": " + std::to_string(surface.position_mm) +
+          " lies in front of the surface before it; surfaces stand in the order that light meets them");
+  }
+}
+
+Json medium_json(const Medium& medium) {
+  Json json = Json::object();
+  if (medium.gradient) {
+    json["grin"] = Json::array();
+    for (const GradientIndex::Term& term : medium.gradient->terms)
+      json["grin"].push_back({{"depth_power", term.depth_power},
+                              {"radius_power", term.radius_power},
+                              {"coefficient", term.coefficient}});
+  } else {
+    json["index"] = medium.index;
+  }
+  for (const FormulaKey& entry : formula_keys) {
+    if (entry.formula != medium.dispersion.formula) continue;
+    const std::vector<double>& values = medium.dispersion.coefficients;
+    if (entry.formula == Formula::table) {
+      json[entry.key] = Json::array();
+      for (std::size_t k = 0; k + 1 < values.size(); k += 2)
+        json[entry.key].push_back({values[k], values[k + 1]});
+    } else {
+      json[entry.key] = values;
+    }
+  }
+  return json;
+}
+
+Json surface_json(const Surface& surface) {
+  Json json{{"name", surface.name}};
+  if (surface.is_stop()) {
+    json["type"] = "stop";
+    json["position_mm"] = surface.position_mm;
+    json["diameter_mm"] = surface.stop_diameter_mm;
+  } else {
+    const Json form = surface.shape->to_json();
+    json["type"] = form["type"];
+    json["position_mm"] = surface.position_mm;
+    for (const auto& [key, value] : form.items()) json[key] = value;
+  }
+  if (surface.semi_diameter_mm > 0) json["semi_diameter_mm"] = surface.semi_diameter_mm;
+  if (!surface.decentre_mm.isZero(0))
+    json["decentre_mm"] = {surface.decentre_mm.x(), surface.decentre_mm.y()};
+  if (!surface.tilt_deg.isZero(0)) json["tilt_deg"] = {surface.tilt_deg.x(), surface.tilt_deg.y()};
+  if (!surface.medium_after.empty()) json["medium_after"] = surface.medium_after;
+  return json;
+}
+
+}  // namespace
+
+EyeModel eye_from_json(const Json& json, const std::filesystem::path& folder) {
+  CheckedObject top(json, "eye");
+  EyeModel eye;
+  eye.name = top.text("name", "eye");
+  eye.reference_wavelength_nm = top.positive("reference_wavelength_nm");
+  if (eye.reference_wavelength_nm < 200 || eye.reference_wavelength_nm > 2500)
+    throw top.fault("reference_wavelength_nm", "must lie between 200 and 2500 nm");
+  if (top.has("lps_from_eye")) {
+    try {
+      eye.lps_from_eye = isometry_from_json(top.get("lps_from_eye"));
+    } catch (const Error& error) {
+      throw top.fault("lps_from_eye", error.what());
+    }
+  }
+  const Json& media = top.get("media");
+  if (!media.is_object() || media.empty()) throw top.fault("media", "expected an object of media by name");
+  for (const auto& [name, entry] : media.items())
+    eye.media[name] = read_medium(name, entry, eye.reference_wavelength_nm);
+  const Json& surfaces = top.get("surfaces");
+  if (!surfaces.is_array() || surfaces.size() < 2)
+    throw top.fault("surfaces", "expected a list of at least two surfaces, the retina last");
+  for (std::size_t k = 0; k < surfaces.size(); ++k)
+    eye.surfaces.push_back(read_surface(surfaces[k], k, k + 1 == surfaces.size(), folder, eye));
+  top.finish();
+  check_order(eye);
+  return eye;
+}
+
+EyeModel read_eye(const std::filesystem::path& file) {
+  const Json json = read_json(file);
+  try {
+    return eye_from_json(json, file.parent_path());
+  } catch (const Error& error) {
+    throw Error(error.status(), file.string() + ": " + error.what(), error.remedy());
+  }
+}
+
+Json to_json(const EyeModel& eye) {
+  Json json{{"name", eye.name}, {"reference_wavelength_nm", eye.reference_wavelength_nm}};
+  if (eye.lps_from_eye) json["lps_from_eye"] = to_json_matrix(*eye.lps_from_eye);
+  json["media"] = Json::object();
+  for (const auto& [name, medium] : eye.media) json["media"][name] = medium_json(medium);
+  json["surfaces"] = Json::array();
+  for (const Surface& surface : eye.surfaces) json["surfaces"].push_back(surface_json(surface));
+  return json;
+}
+
+void write_eye(const std::filesystem::path& file, const EyeModel& eye) {
+  Json json = to_json(eye);
+  const std::filesystem::path folder = std::filesystem::absolute(file).parent_path();
+  for (Json& surface : json["surfaces"])
+    if (surface.contains("file"))
+      surface["file"] = std::filesystem::proximate(surface["file"].get<std::string>(), folder).string();
+  write_json(file, json);
+}
+
+}  // namespace emmetrope

@@ -1,0 +1,48 @@
+#include "pipeline/eye/model/eye_model.hpp"
+
+#include "pipeline/base/error.hpp"
+#include "pipeline/base/frames.hpp"
+
+namespace emmetrope {
+
+Eigen::Isometry3d Surface::eye_from_surface() const {
+  Eigen::Isometry3d result = Eigen::Isometry3d::Identity();
+  result.translate(Eigen::Vector3d(decentre_mm.x(), decentre_mm.y(), -position_mm));
+  result.rotate(Eigen::AngleAxisd(tilt_deg.y() * degree, Eigen::Vector3d::UnitY()) *
+                Eigen::AngleAxisd(tilt_deg.x() * degree, Eigen::Vector3d::UnitX()));
+  return result;
+}
+
+const Surface& EyeModel::surface(const std::string& surface_name) const {
+  std::string known;
+  for (const Surface& candidate : surfaces) {
+    if (candidate.name == surface_name) return candidate;
+    known += " " + candidate.name;
+  }
+  throw input_error("eye '" + name + "' has no surface '" + surface_name + "'; it has" + known);
+}
+
+Surface& EyeModel::surface(const std::string& surface_name) {
+  return const_cast<Surface&>(static_cast<const EyeModel&>(*this).surface(surface_name));
+}
+
+const Surface* EyeModel::stop() const {
+  for (const Surface& candidate : surfaces)
+    if (candidate.is_stop()) return &candidate;
+  return nullptr;
+}
+
+const Medium& EyeModel::medium(const std::string& medium_name) const {
+  static const Medium air;
+  const auto found = media.find(medium_name);
+  if (found != media.end()) return found->second;
+  if (medium_name == "air") return air;
+  throw input_error("eye '" + name + "' has no medium '" + medium_name + "'");
+}
+
+void EyeModel::set_stop_diameter(double diameter_mm) {
+  for (Surface& candidate : surfaces)
+    if (candidate.is_stop()) candidate.stop_diameter_mm = diameter_mm;
+}
+
+}  // namespace emmetrope

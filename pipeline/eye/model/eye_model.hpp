@@ -1,0 +1,74 @@
+#pragma once
+#include <Eigen/Geometry>
+#include <filesystem>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "pipeline/base/laterality.hpp"
+#include "pipeline/eye/media/medium.hpp"
+#include "pipeline/eye/surfaces/shape.hpp"
+
+namespace emmetrope {
+
+/// One optical surface of an eye, or its stop, in the order that light meets them.
+struct Surface {
+  std::string name;  ///< "cornea_anterior", "cornea_posterior", "lens_anterior", "lens_posterior", "retina"
+  ShapePtr shape;    ///< null for a stop
+  double position_mm = 0;  ///< depth of the vertex behind the anterior corneal apex, positive into the eye
+  Eigen::Vector2d decentre_mm{0, 0};  ///< along eye x and y
+  Eigen::Vector2d tilt_deg{0,
+                           0};  ///< about the vertex, first about +x, then about the fixed +y, right-handed
+  double semi_diameter_mm = 0;  ///< clear aperture; 0: as far as the shape reaches
+  double stop_diameter_mm = 0;  ///< for a stop: the iris aperture
+  std::string medium_after;     ///< key of EyeModel::media; empty for a stop and for the retina
+
+  bool is_stop() const { return shape == nullptr; }
+  /// From the shape's own frame into the eye's.
+  Eigen::Isometry3d eye_from_surface() const;
+};
+
+/// An optical system in the eye's frame (pipeline/base/frames.hpp), the retina last. Light comes from air.
+/// Surfaces in front of the cornea (spectacle, contact lens) have negative positions.
+struct EyeModel {
+  std::string name;
+  double reference_wavelength_nm = 589.3;
+  std::map<std::string, Medium> media;
+  std::vector<Surface> surfaces;
+  std::optional<Eigen::Isometry3d> lps_from_eye;  ///< applies to mesh files that say SPACE=LPS
+
+  const Surface& surface(const std::string& surface_name) const;  ///< \throw Error (input_invalid)
+  Surface& surface(const std::string& surface_name);
+  const Surface* stop() const;  ///< null where there is none
+  /// "air" is there in every eye, index 1. \throw Error (input_invalid) for one that is not
+  const Medium& medium(const std::string& medium_name) const;
+  /// Opens or closes the iris; nothing happens where there is none.
+  void set_stop_diameter(double diameter_mm);
+  const Surface& retina() const { return surfaces.back(); }
+  /// Depth of the retina's vertex, mm.
+  double axial_length_mm() const { return retina().position_mm; }
+};
+
+/// Reads an eye.json; every key and value is checked.
+/// \throw Error (input_invalid) naming file and key
+EyeModel read_eye(const std::filesystem::path& file);
+/// \param folder  what relative mesh paths are relative to
+EyeModel eye_from_json(const Json& json, const std::filesystem::path& folder);
+Json to_json(const EyeModel& eye);
+void write_eye(const std::filesystem::path& file, const EyeModel& eye);
+
+/// A schematic eye by name ("navarro", "atchison:-4", ...) or an eye.json by path.
+struct EyeOptions {
+  double accommodation_D = 0;                     ///< change of refraction from the relaxed eye
+  std::optional<double> accommodation_parameter;  ///< the model's own, instead
+  std::optional<double> pupil_mm;                 ///< iris aperture
+  Laterality laterality = Laterality::od;         ///< where a schematic eye's nasal side is
+};
+/// \throw Error (usage) for an unknown name, listing the known ones; (unsupported) when it cannot accommodate
+EyeModel make_eye(const std::string& name_or_file, const EyeOptions& options = {});
+std::vector<std::string> schematic_eye_names();
+/// Whether make_eye would take it for a schematic eye and not for a file.
+bool is_schematic_eye(const std::string& name_or_file);
+
+}  // namespace emmetrope

@@ -1,0 +1,121 @@
+#include "pipeline/eye/optics/describe_eye.hpp"
+
+#include <fmt/format.h>
+
+#include <cmath>
+
+#include "pipeline/base/error.hpp"
+#include "pipeline/eye/optics/exact_trace.hpp"
+#include "pipeline/eye/optics/paraxial.hpp"
+
+namespace emmetrope {
+namespace {
+
+/// Wider than any iris: a schematic eye's iris that stops nothing.
+constexpr double open_iris_mm = 20;
+
+Json to_json(const Pupil& pupil) {
+  return {{"position_mm", pupil.position_mm}, {"diameter_mm", pupil.diameter_mm}};
+}
+
+Json to_json(const Eigen::Vector3d& v) { return {v.x(), v.y(), v.z()}; }
+
+Eigen::Vector3d point(const std::vector<double>& values, const char* option) {
+  Eigen::Vector3d p(values.at(0), values.at(1), values.at(2));
+  if (!p.allFinite()) throw usage_error(std::string(option) + ": expected three finite numbers");
+  return p;
+}
+
+/// Without the sign of a zero.
+double plain(double value) { return std::abs(value) < 5e-5 ? 0 : value; }
+
+std::string text_of(const EyeModel& eye, const Json& json) {
+  const auto number = [&](const char* key) { return json[key].get<double>(); };
+  const Pupil in{json["entrance_pupil"]["position_mm"],
+                 json["entrance_pupil"]["diameter_mm"].is_number()
+                     ? json["entrance_pupil"]["diameter_mm"].get<double>()
+                     : NAN};
+  std::string text = fmt::format("{} at {:g} nm (depths in mm behind the corneal vertex)\n", eye.name,
+                                 number("wavelength_nm"));
+  text += fmt::format("power             {:9.4f} D\n", number("power_D"));
+  for (const auto& [label, key] : {std::pair{"focal points    ", "focal"},
+                                   {"principal points", "principal"},
+                                   {"nodal points    ", "nodal"}})
+    text +=
+        fmt::format("{}  {:9.4f} and {:.4f}\n", label, json[fmt::format("object_{}_mm", key)].get<double>(),
+                    json[fmt::format("image_{}_mm", key)].get<double>());
+  text += fmt::format("entrance pupil    {:9.4f}, diameter {:.4f} mm\n", in.position_mm, in.diameter_mm);
+  text += fmt::format("axial length      {:9.4f} mm\n", number("axial_length_mm"));
+  const Json& r = json["refraction"];
+  text += fmt::format("refraction        M {:+.4f}  J0 {:+.4f}  J45 {:+.4f} D at the corneal vertex\n",
+                      plain(r["M_D"]), plain(r["J0_D"]), plain(r["J45_D"]));
+  return text;
+}
+
+}  // namespace
+
+void declare_eye_options(CLI::App& app, EyeOptions& options) {
+  app.add_option("--accommodation", options.accommodation_D, "Change of refraction from the relaxed eye (D)")
+      ->type_name("D");
+  app.add_option("--accommodation-parameter", options.accommodation_parameter,
+                 "The schematic eye's own accommodation parameter, instead")
+      ->type_name("A");
+  app.add_option("--pupil", options.pupil_mm, "Diameter of the iris aperture (mm)")->type_name("MM");
+}
+
+std::string schematic_eyes_line() { return fmt::format("{}", fmt::join(schematic_eye_names(), ", ")); }
+
+Answer describe_eye(const EyeQuery& query) {
+  const EyeModel eye = make_eye(query.eye, query.options);
+  const double nm = query.wavelength_nm.value_or(eye.reference_wavelength_nm);
+  const CardinalPoints points = cardinal_points(eye, nm);
+  const PowerVector refraction = paraxial_refraction(eye, nm);
+  Answer answer;
+  answer.json = {
+      {"name", eye.name},
+      {"wavelength_nm", nm},
+      {"power_D", points.power_D},
+      {"object_focal_mm", points.object_focal_mm},
+      {"image_focal_mm", points.image_focal_mm},
+      {"object_principal_mm", points.object_principal_mm},
+      {"image_principal_mm", points.image_principal_mm},
+      {"object_nodal_mm", points.object_nodal_mm},
+      {"image_nodal_mm", points.image_nodal_mm},
+      {"entrance_pupil", to_json(entrance_pupil(eye, nm))},
+      {"exit_pupil", to_json(exit_pupil(eye, nm))},
+      {"axial_length_mm", eye.axial_length_mm()},
+      {"refraction", {{"M_D", refraction.M_D}, {"J0_D", refraction.J0_D}, {"J45_D", refraction.J45_D}}},
+      {"refraction_D", refraction.M_D}};
+  answer.text = text_of(eye, answer.json);
+  if (!query.output.empty()) write_eye(query.output, eye);
+  return answer;
+}
+
+Answer describe_ray(const RayQuery& query) {
+  EyeOptions options = query.options;
+  if (!options.pupil_mm && is_schematic_eye(query.eye)) options.pupil_mm = open_iris_mm;
+  const EyeModel eye = make_eye(query.eye, options);
+  const Eigen::Vector3d from = point(query.from_mm, "--from"), to = point(query.to_mm, "--to");
+  if ((to - from).norm() < 1e-12) throw usage_error("--to is the point of --from: the ray has no direction");
+  if ((to - from).normalized().z() == 0)
+    throw usage_error("the ray runs across the eye's axis and neither into the eye nor out of it");
+  const RayPath path = trace_exact(eye, {from, (to - from).normalized()},
+                                   query.wavelength_nm.value_or(eye.reference_wavelength_nm));
+  Answer answer;
+  Json hits = Json::array();
+  for (const RayHit& hit : path.hits) {
+    hits.push_back({{"surface", hit.surface},
+                    {"position_mm", to_json(hit.position_mm)},
+                    {"direction", to_json(hit.direction)},
+                    {"opl_mm", hit.opl_mm}});
+    answer.text += fmt::format(
+        "{:<18} {:11.6f} {:11.6f} {:11.6f}   direction {:10.7f} {:10.7f} {:10.7f}   path {:.6f}\n",
+        hit.surface, hit.position_mm.x(), hit.position_mm.y(), hit.position_mm.z(), hit.direction.x(),
+        hit.direction.y(), hit.direction.z(), hit.opl_mm);
+  }
+  answer.json = {{"hits", hits}, {"state", to_string(path.state)}, {"at", path.at}};
+  answer.text += fmt::format("{} at {}\n", to_string(path.state), path.at);
+  return answer;
+}
+
+}  // namespace emmetrope

@@ -1,0 +1,32 @@
+#pragma once
+#include "pipeline/base/power_vector.hpp"
+#include "pipeline/eye/model/eye_model.hpp"
+
+namespace emmetrope {
+
+/// Gaussian properties; depths behind the anterior corneal apex, mm. A toric eye's cardinal points use the
+/// mean curvature of each surface.
+struct CardinalPoints {
+  double power_D = 0;
+  double object_focal_mm = 0, image_focal_mm = 0;
+  double object_principal_mm = 0, image_principal_mm = 0;
+  double object_nodal_mm = 0, image_nodal_mm = 0;
+};
+CardinalPoints cardinal_points(const EyeModel& eye, double wavelength_nm);
+
+/// A pupil on the axis: depth and diameter.
+struct Pupil {
+  double position_mm = 0;
+  double diameter_mm = 0;
+};
+/// The stop imaged by what is in front of it; the first lens surface's vertex plane is the stop where there
+/// is none.
+Pupil entrance_pupil(const EyeModel& eye, double wavelength_nm);
+Pupil exit_pupil(const EyeModel& eye, double wavelength_nm);
+
+/// Paraxial refraction at the corneal vertex, meridian by meridian (2 x 2 vergence): what corrects the eye.
+/// Where surfaces are tilted or decentred it is that of rays near the one that leaves the retina's pole along
+/// the axis, traced exactly. \throw Error (no_result) when that ray does not leave the eye
+PowerVector paraxial_refraction(const EyeModel& eye, double wavelength_nm);
+
+}  // namespace emmetrope

@@ -1,0 +1,34 @@
+#pragma once
+#include <string>
+
+#include "pipeline/report/case/case_data.hpp"
+#include "pipeline/report/content/document.hpp"
+
+namespace emmetrope::report {
+
+struct ContentOptions {
+  /// "Name, born 1961-02-03" from the study's header; empty: pseudonymous.
+  std::string identity;
+  std::string study_date;  ///< YYYY-MM-DD, or empty
+};
+
+/// What could not be drawn or written, in words; costs a figure, never the report.
+using Notes = std::vector<std::string>;
+
+/// The whole report of a case.
+Document make_document(const CaseData& data, const ContentOptions& options, Notes& notes);
+
+// Its sections, in the order in which they are read.
+Section result_section(const CaseData& data);
+Section measured_section(const CaseData& data);
+Section images_section(const CaseData& data, Notes& notes);
+Section cornea_section(const CaseData& data, Notes& notes);
+Section optics_section(const CaseData& data, Notes& notes);
+Section correction_section(const CaseData& data, Notes& notes);
+Section lenses_section(const CaseData& data);
+Section limits_section(const CaseData& data, const Notes& notes);
+Section methods_section(const CaseData& data);
+Section review_section();
+Section provenance_section(const CaseData& data);
+
+}  // namespace emmetrope::report

@@ -1,0 +1,229 @@
+#include <fmt/format.h>
+
+#include <cctype>
+
+#include "pipeline/report/content/content.hpp"
+#include "pipeline/report/content/content_tables.hpp"
+#include "pipeline/report/content/judgement.hpp"
+
+namespace emmetrope::report {
+namespace {
+
+const NumberStyle dioptres{2, true, "D"}, millimetres{1, false, "mm"};
+
+std::string refraction_of(const Json& lens) {
+  const auto sphere = value_of(lens, "sphere_D");
+  return sphere ? format_refraction(*sphere, value_of(lens, "cylinder_D").value_or(0),
+                                    value_of(lens, "axis_deg").value_or(180))
+                : "\u2013";
+}
+
+/// The lens of a kind among those that correction searched; null where there is none.
+Json lens_of(const EyeData& eye, const std::string& kind) {
+  for (const auto& lens : eye.prescription.value("lenses", Json::array()))
+    if (lens.value("kind", std::string()) == kind) return lens;
+  return {};
+}
+
+std::vector<std::string> kinds_of(const Eyes& eyes) {
+  std::vector<std::string> kinds;
+  for (const auto* eye : eyes)
+    for (const auto& lens : eye->prescription.value("lenses", Json::array())) {
+      const std::string kind = lens.value("kind", std::string());
+      if (!kind.empty() && std::find(kinds.begin(), kinds.end(), kind) == kinds.end()) kinds.push_back(kind);
+    }
+  return kinds;
+}
+
+/// "Contact lens at 0 mm"; both distances where the eyes differ.
+std::string name_of(std::string kind, const Eyes& eyes) {
+  std::vector<std::string> distances;
+  for (const auto* eye : eyes)
+    if (const auto vertex_mm = value_of(lens_of(*eye, kind), "vertex_distance_mm"))
+      if (const std::string text = fixed(*vertex_mm, 0); distances.empty() || distances.back() != text)
+        distances.push_back(text);
+  kind[0] = static_cast<char>(std::toupper(static_cast<unsigned char>(kind[0])));
+  return fmt::format("{} at {} mm", kind, fmt::join(distances, " / "));
+}
+
+/// Each lens that was searched for its own sharpest image, and the conversion to the corneal plane.
+Table lens_table(const Eyes& eyes) {
+  Table table{"Best lens of each kind, before and after rounding", {"Lens"}, {}};
+  for (const auto* eye : eyes)
+    for (const char* column : {"", " rounded", " sharpness"})
+      table.header.push_back(short_name(*eye) + column);
+  for (const auto& kind : kinds_of(eyes)) {
+    std::vector<std::string> row{name_of(kind, eyes)};
+    for (const auto* eye : eyes) {
+      const Json lens = lens_of(*eye, kind);
+      const auto sharpness = value_of(lens, "sharpness");
+      const std::string rounded =
+          lens.is_object() ? lens.value("rounded_text", std::string()) : std::string();
+      row.insert(row.end(), {refraction_of(lens), rounded.empty() ? "\u2013" : rounded,
+                             sharpness ? fixed(*sharpness, 4) : "\u2013"});
+    }
+    table.rows.push_back(row);
+  }
+  std::vector<std::string> converted{"Prescription converted to the cornea"};
+  for (const auto* eye : eyes) {
+    const Json lens = eye->prescription.value("contact_lens", Json());
+    const Json rounded = lens.is_object() ? lens.value("rounded", Json()) : Json();
+    converted.insert(converted.end(), {refraction_of(lens), refraction_of(rounded), "\u2013"});
+  }
+  if (std::any_of(converted.begin() + 1, converted.end(),
+                  [](const std::string& cell) { return cell != "\u2013"; }))
+    table.rows.push_back(converted);
+  return table;
+}
+
+Table meniscus_table(const Eyes& eyes) {
+  Table table{"Toric meniscus", {"Quantity"}, {}};
+  std::vector<std::string> material{"Material"};
+  bool any = false;
+  for (const auto* eye : eyes) {
+    table.header.push_back(short_name(*eye));
+    const Json lens = lens_of(*eye, "toric meniscus");
+    const std::string name = lens.is_object() ? lens.value("material", std::string()) : std::string();
+    any = any || !name.empty();
+    material.push_back(name.empty() ? "\u2013" : name);
+  }
+  if (any) table.rows.push_back(material);
+  for (const EyeRow& row : {EyeRow{"index", "Refractive index", {3, false, ""}},
+                            {"abbe", "Abbe number", {1, false, ""}},
+                            {"base_D", "Base curve (front)", dioptres},
+                            {"centre_thickness_mm", "Centre thickness", millimetres}}) {
+    std::vector<std::string> cells{row.name};
+    bool is_known = false;
+    for (const auto* eye : eyes) {
+      const auto value = value_of(lens_of(*eye, "toric meniscus"), row.pointer);
+      is_known = is_known || value.has_value();
+      cells.push_back(value ? format(*value, row.style) : "\u2013");
+    }
+    if (is_known) table.rows.push_back(cells);
+  }
+  return table;
+}
+
+const std::vector<EyeRow>& cylinder_rows() {
+  static const std::vector<EyeRow> rows{
+      {"/plano_cylinder/radius_mm", "Radius of the back surface", {1, true, "mm"}},
+      {"/plano_cylinder/power_D", "Power", dioptres},
+      {"/plano_cylinder/axis_deg", "Axis (meridian without power)", {0, false, "deg"}},
+      {"/plano_cylinder/index", "Refractive index", {3, false, ""}},
+      {"/plano_cylinder/vertex_distance_mm", "In front of the cornea", {0, false, "mm"}},
+      {"/plano_cylinder/sharpness", "Sharpness reached", {4, false, ""}}};
+  return rows;
+}
+
+const std::vector<EyeRow>& implant_rows() {
+  static const std::vector<EyeRow> rows{
+      {"/what_if/intra_ocular_lens/ray_traced_D", "By ray tracing", dioptres},
+      {"/what_if/intra_ocular_lens/srkt_D", "SRK/T", dioptres},
+      {"/what_if/intra_ocular_lens/holladay_1_D", "Holladay 1", dioptres},
+      {"/what_if/intra_ocular_lens/hoffer_q_D", "Hoffer Q", dioptres},
+      {"/what_if/intra_ocular_lens/haigis_D", "Haigis", dioptres},
+      {"/what_if/intra_ocular_lens/target_M_D", "Target mean sphere", dioptres},
+      {"/what_if/intra_ocular_lens/target_vertex_distance_mm", "Target's vertex distance", {0, false, "mm"}},
+      {"/what_if/intra_ocular_lens/a_constant", "A constant", {1, false, ""}},
+      {"/what_if/intra_ocular_lens/position_mm", "Lens plane behind the cornea", {2, false, "mm"}}};
+  return rows;
+}
+
+const std::vector<EyeRow>& ablation_rows() {
+  static const std::vector<EyeRow> rows{
+      {"/what_if/ablation/optical_zone_mm", "Optical zone", millimetres},
+      {"/what_if/ablation/central_depth_um", "Depth at the centre", {1, false, "\u00b5m"}},
+      {"/what_if/ablation/deepest_um", "Deepest", {1, false, "\u00b5m"}},
+      {"/what_if/ablation/residual/M_D", "Left over, M", dioptres},
+      {"/what_if/ablation/residual/J0_D", "Left over, J0", dioptres},
+      {"/what_if/ablation/residual/J45_D", "Left over, J45", dioptres}};
+  return rows;
+}
+
+const std::vector<EyeRow>& accommodation_rows() {
+  static const std::vector<EyeRow> rows{
+      {"/what_if/accommodation/age_years", "Age", {0, false, "years"}},
+      {"/what_if/accommodation/amplitude_D", "Amplitude, mean for the age", {2, false, "D"}},
+      {"/what_if/accommodation/minimum_amplitude_D", "Amplitude, least for the age", {2, false, "D"}},
+      {"/what_if/accommodation/far_point_mm", "Far point without a lens, from the cornea", {0, false, "mm"}},
+      {"/what_if/accommodation/near_point_mm",
+       "Near point without a lens, from the cornea",
+       {0, false, "mm"}},
+      {"/what_if/accommodation/near_point_with_lens_mm",
+       "Near point with the lens, from the cornea",
+       {0, false, "mm"}}};
+  return rows;
+}
+
+Table pupil_table(const Eyes& eyes) {
+  PowerTable table("The sharpest lens at other pupils (iris apertures)", "Pupil", eyes, dioptres);
+  std::map<double, std::vector<Json>> by_pupil;
+  for (std::size_t i = 0; i < eyes.size(); ++i) {
+    const Json::json_pointer pointer("/what_if/pupil");
+    if (!eyes[i]->prescription.contains(pointer)) continue;
+    for (const auto& line : eyes[i]->prescription.at(pointer)) {
+      auto& powers = by_pupil[value_of(line, "pupil_mm").value_or(0)];
+      powers.resize(eyes.size());
+      powers[i] = line;
+    }
+  }
+  for (const auto& [pupil_mm, powers] : by_pupil) table.add(format(pupil_mm, millimetres), powers);
+  return table.table();
+}
+
+Table peripheral_table(const EyeData& eye) {
+  Table table{std::string("Refraction away from the axis, ") + clinical_name(eye.laterality),
+              {"Horizontal, vertical", "M", "J0", "J45"},
+              {},
+              true};
+  for (const auto& point : eye.prescription.value("peripheral", Json::array())) {
+    const auto angle = [&](const char* key) {
+      return format(value_of(point, key).value_or(0), {1, true, "deg"});
+    };
+    std::vector<std::string> row{angle("horizontal_deg") + ", " + angle("vertical_deg")};
+    for (const char* key : {"M_D", "J0_D", "J45_D"}) {
+      const auto value = value_of(point, key);
+      row.push_back(value ? format(*value, dioptres) : "\u2013");
+    }
+    table.rows.push_back(row);
+  }
+  return table;
+}
+
+}  // namespace
+
+Section lenses_section(const CaseData& data) {
+  Section section{"lenses", "The same correction in other forms", {}};
+  Eyes prescribed, refracted;
+  for (const auto& eye : data.eyes) {
+    const Judgement judgement = judge(data, eye);
+    if (judgement.has_prescription) prescribed.push_back(&eye);
+    if (judgement.has_refraction) refracted.push_back(&eye);
+  }
+  const auto add = [&](Table table, Paper paper) {
+    if (!table.rows.empty()) section.blocks.push_back({std::move(table), paper});
+  };
+  const auto rows = [&](const char* caption, const Eyes& eyes, const std::vector<EyeRow>& of) {
+    return eye_table(caption, eyes, &EyeData::prescription, of);
+  };
+  // What has the form of a prescription is for eyes that have one.
+  add(lens_table(prescribed), Paper::if_room);
+  add(meniscus_table(prescribed), Paper::never);
+  add(rows("Best plano-cylinder", refracted, cylinder_rows()), Paper::never);
+  add(rows("Intraocular lens for a target refraction, for information", prescribed, implant_rows()),
+      Paper::if_room);
+  add(rows("Laser ablation for this refraction", prescribed, ablation_rows()), Paper::never);
+  add(pupil_table(refracted), Paper::never);
+  add(rows("Accommodation", refracted, accommodation_rows()), Paper::never);
+  for (const auto* eye : refracted) add(peripheral_table(*eye), Paper::never);
+  if (!section.blocks.empty())
+    section.blocks.push_back(
+        {Paragraph{
+             "Each form shares the interval of the mean sphere above. Nothing here is a plan for surgery: "
+             "formulas want optical biometry and the surgeon's own constants. Amplitudes are "
+             "Hofstetter's (1950)."},
+         Paper::never});
+  return section;
+}
+
+}  // namespace emmetrope::report

@@ -1,0 +1,208 @@
+#include <fmt/format.h>
+
+#include "pipeline/report/content/content.hpp"
+#include "pipeline/report/figures/encoding.hpp"
+#include "pipeline/report/content/judgement.hpp"
+#include "pipeline/report/content/normal_ranges.hpp"
+#include "pipeline/report/content/numbers.hpp"
+
+namespace emmetrope::report {
+namespace {
+
+std::string rounded_prescription(const Json& prescription) {
+  const Json rounded = prescription.value("rounded", Json::object());
+  const auto sphere = value_of(rounded, "sphere_D"), cylinder = value_of(rounded, "cylinder_D"),
+             axis = value_of(rounded, "axis_deg");
+  return sphere ? format_refraction(*sphere, cylinder.value_or(0), axis.value_or(180)) : "";
+}
+
+/// "name, value, 95 % interval, source" of a key that may be missing.
+void add_measured(Table& table, const Json& json, const std::string& key, const std::string& name,
+                  const NumberStyle& style) {
+  if (!json.is_object() || !json.contains(key) || json[key].is_null()) return;
+  const Json& found = json[key];
+  if (found.is_number()) {
+    table.rows.push_back({name, format(found.get<double>(), style), "exact"});
+    return;
+  }
+  const auto measured = found.get<Measured>();
+  table.rows.push_back({name, format(measured.value, style), format_interval(measured, style)});
+}
+
+std::string refraction_of(const Json& notation) {
+  return format_refraction(value_of(notation, "sphere_D").value_or(0),
+                           value_of(notation, "cylinder_D").value_or(0),
+                           value_of(notation, "axis_deg").value_or(180));
+}
+
+/// Side by side what was given, what the images say, and what has been combined from them.
+void add_calibration(EyeCard& card, const Json& prescription) {
+  const Json calibration = prescription.value("calibration", Json());
+  if (!calibration.is_object()) return;
+  const NumberStyle dioptres{2, true, "D"};
+  const Json given = calibration.value("given", Json()), alone = calibration.value("without_it", Json());
+  const double half_width_D =
+      Measured::from_sigma(0, value_of(calibration, "sigma_D").value_or(0), "").ci95[1];
+  card.note += ". Combined from the refraction that was given, " + refraction_of(given) +
+               ", and what the images alone say, " + refraction_of(alone) +
+               ", each by its accuracy: no independent measurement";
+  card.details.rows.push_back(
+      {"Given", refraction_of(given), "\u00b1" + fixed(half_width_D, 2) + " D in M, J0 and J45"});
+  card.details.rows.push_back({"Images alone", refraction_of(alone), ""});
+  add_measured(card.details, alone, "M_D", "M, images alone", dioptres);
+}
+
+EyeCard card_of(const CaseData& data, const EyeData& eye) {
+  const Judgement judgement = judge(data, eye);
+  EyeCard card;
+  card.eye = clinical_name(eye.laterality);
+  card.id = eye.id();
+  card.light = judgement.light;
+  card.verdict = judgement.verdict;
+  card.reasons = judgement.reasons;
+  if (!judgement.has_refraction) return card;
+
+  const Json& prescription = eye.prescription;
+  if (judgement.has_prescription)
+    card.prescription = rounded_prescription(prescription);
+  else
+    card.estimate = "Estimate, not a prescription: mean sphere " +
+                    format(value_of(prescription, "M_D").value_or(0), {1, true, "D"});
+  card.note = fmt::format("vertex distance {} mm, minus cylinder, for distance, pupil {} mm",
+                          fixed(value_of(prescription, "vertex_distance_mm").value_or(12), 0),
+                          fixed(value_of(prescription, "pupil_mm").value_or(3), 1));
+  card.details.caption =
+      (judgement.has_prescription ? "Best lens before rounding, " : "Best lens, for information only, ") +
+      card.eye;
+  card.details.header = {"", "Value", "95 % interval"};
+  const NumberStyle dioptres{2, true, "D"};
+  add_measured(card.details, prescription, "sphere_D", "Sphere", dioptres);
+  add_measured(card.details, prescription, "cylinder_D", "Cylinder", dioptres);
+  add_measured(card.details, prescription, "axis_deg", "Axis", {0, false, "deg"});
+  add_measured(card.details, prescription, "M_D", "M", dioptres);
+  add_measured(card.details, prescription, "J0_D", "J0", dioptres);
+  add_measured(card.details, prescription, "J45_D", "J45", dioptres);
+  add_calibration(card, prescription);
+  card.before_png = page_png(eye.uncorrected_png);
+  card.after_png = page_png(eye.corrected_png);
+  card.picture_caption =
+      std::string(
+          "The same chart on the retina of this eye, upright as the patient perceives it: before, with no "
+          "lens; after, with the ") +
+      (judgement.has_prescription ? "best lens." : "lens of the estimate.") +
+      " Look at the smallest row that can be read, and at the direction of the blur.";
+  return card;
+}
+
+std::string normal_range(const BiometryRow& row) {
+  if (row.low == row.high) return "\u2013";
+  return fmt::format("{} to {} [{}]", fixed(row.low, row.style.decimals), fixed(row.high, row.style.decimals),
+                     row.reference);
+}
+
+struct Cells {
+  std::string value, interval, source;
+};
+
+Cells cells_of(const EyeData& eye, const BiometryRow& row) {
+  const Json::json_pointer pointer("/" + row.key);
+  if (!eye.biometry.is_object() || !eye.biometry.contains(pointer) || eye.biometry.at(pointer).is_null())
+    return {"\u2013", "", ""};
+  const Json& found = eye.biometry.at(pointer);
+  if (found.is_number()) return {format(found.get<double>(), row.style), "", "exact"};
+  const auto measured = found.get<Measured>();
+  const bool is_unusual = row.low != row.high && (measured.value < row.low || measured.value > row.high);
+  return {format(measured.value, row.style) + (is_unusual ? " (!)" : ""),
+          format_interval(measured, row.style), source_name(measured.source)};
+}
+
+/// "OD (right): K1 42.39 D @ 2 deg, K2 45.06 D @ 92 deg, dK 2.67 D, with-the-rule", as keratometers print it.
+BulletList keratometer_lines(const CaseData& data) {
+  BulletList lines;
+  for (const auto& eye : data.eyes) {
+    const auto number = [&](const char* pointer, const NumberStyle& style) {
+      const auto value = value_at(eye.biometry, pointer);
+      return value ? format(*value, style) : std::string("\u2013");
+    };
+    const NumberStyle power{2, false, "D"}, axis{0, false, "deg"};
+    if (!value_at(eye.biometry, "/keratometry/flat/power_D")) continue;
+    std::string line =
+        fmt::format("{}: K1 {} @ {}, K2 {} @ {}, \u0394K {}", clinical_name(eye.laterality),
+                    number("/keratometry/flat/power_D", power), number("/keratometry/flat/axis_deg", axis),
+                    number("/keratometry/steep/power_D", power), number("/keratometry/steep/axis_deg", axis),
+                    number("/keratometry/cylinder_D", power));
+    const Json& cylinder = eye.biometry.at(Json::json_pointer("/keratometry/cylinder_D"));
+    const Json astigmatism = eye.biometry.value("astigmatism", Json::object());
+    if (cylinder.is_object() && cylinder.get<Measured>().ci95[0] <= 0)
+      line += ", axis not determined";
+    else if (astigmatism.is_object() && astigmatism.contains("type") && astigmatism["type"].is_string())
+      line += ", " + astigmatism["type"].get<std::string>();
+    lines.items.push_back(line);
+  }
+  return lines;
+}
+
+Table measured_table(const CaseData& data, const std::vector<BiometryRow>& rows, const std::string& caption) {
+  Table table;
+  table.caption = caption;
+  table.header = {"Quantity"};
+  for (const auto& eye : data.eyes)
+    for (const char* column : {"", " 95 % interval"})
+      table.header.push_back((eye.laterality == Laterality::od ? "OD" : "OS") + std::string(column));
+  table.header.insert(table.header.end(), {"Source", "Normal adult"});
+  for (const auto& row : rows) {
+    std::vector<std::string> cells{row.name};
+    std::vector<std::string> sources;
+    for (const auto& eye : data.eyes) {
+      const Cells found = cells_of(eye, row);
+      cells.insert(cells.end(), {found.value, found.interval});
+      if (!found.source.empty()) sources.push_back(found.source);
+    }
+    if (sources.empty()) continue;
+    const bool is_same = sources.size() < 2 || sources[0] == sources[1];
+    cells.insert(cells.end(), {is_same ? sources[0] : sources[0] + " / " + sources[1], normal_range(row)});
+    table.rows.push_back(cells);
+  }
+  return table;
+}
+
+}  // namespace
+
+Section result_section(const CaseData& data) {
+  Section section{"result", "Result", {}};
+  EyeCards cards;
+  bool any = false;
+  for (const auto& eye : data.eyes) {
+    cards.cards.push_back(card_of(data, eye));
+    any = any || !cards.cards.back().details.rows.empty();
+  }
+  section.blocks.push_back({cards});
+  if (any)
+    section.blocks.push_back(
+        {Paragraph{"The refraction holds for the state of accommodation that the eyes had in the scanner, "
+                   "on the eye's own "
+                   "axis. The fovea is not visible in MRI."}});
+  return section;
+}
+
+Section measured_section(const CaseData& data) {
+  Section section{"measured", "What was measured", {}};
+  const Table biometry = measured_table(data, biometry_rows(), "Biometry");
+  const Table keratometry = measured_table(data, keratometry_rows(), "Keratometry and corneal astigmatism");
+  if (biometry.rows.empty() && keratometry.rows.empty()) return section;
+  section.blocks.push_back({biometry});
+  section.blocks.push_back({keratometry});
+  if (const BulletList lines = keratometer_lines(data); !lines.items.empty())
+    section.blocks.push_back({lines});
+  section.blocks.push_back({Paragraph{
+      "(!) marks a value outside the normal adult range of the numbered source, in most rows mean \u00b1 2 "
+      "standard deviations. "
+      "A prior is the population's knowledge and no measurement of this patient: its interval is "
+      "that of the population. Keratometric "
+      "powers are 337.5 / R, 1.5 mm from the apex; axes are counter-clockwise from the examiner's "
+      "right (TABO), the "
+      "same for both eyes."}});
+  return section;
+}
+
+}  // namespace emmetrope::report

@@ -1,0 +1,60 @@
+#include "pipeline/report/content/numbers.hpp"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <map>
+
+namespace emmetrope::report {
+
+std::string fixed(double value, int decimals) {
+  const double unit = std::pow(10.0, -decimals);
+  return fmt::format("{:.{}f}", std::abs(value) < unit / 2 ? 0.0 : value, decimals);
+}
+
+std::string signed_fixed(double value, int decimals) {
+  const std::string text = fixed(value, decimals);
+  const bool is_positive = text[0] != '-' && text.find_first_not_of("0.") != std::string::npos;
+  return is_positive ? "+" + text : text;
+}
+
+std::string format(double value, const NumberStyle& style) {
+  if (!std::isfinite(value)) return "not determined";
+  const std::string number =
+      style.with_sign ? signed_fixed(value, style.decimals) : fixed(value, style.decimals);
+  if (style.unit.empty()) return number;
+  return style.unit == "deg" ? number + "\u00b0" : number + " " + style.unit;
+}
+
+std::string format_interval(const Measured& measured, const NumberStyle& style) {
+  if (style.unit == "deg") {  // an axis turns on at 180
+    const double half_width = (measured.ci95[1] - measured.ci95[0]) / 2;
+    return half_width >= 90 ? "any" : "\u00b1 " + fixed(half_width, style.decimals) + "\u00b0";
+  }
+  const NumberStyle bare{style.decimals, style.with_sign, ""};
+  return format(measured.ci95[0], bare) + " to " + format(measured.ci95[1], bare);
+}
+
+std::string format_refraction(double sphere_D, double cylinder_D, double axis_deg) {
+  const std::string sphere = signed_fixed(sphere_D, 2);
+  const std::string cylinder = signed_fixed(cylinder_D, 2);
+  if (cylinder == "0.00") return sphere + " DS";
+  int axis = static_cast<int>(std::lround(axis_deg)) % 180;
+  if (axis <= 0) axis += 180;
+  return fmt::format("{} / {} x {:03d}", sphere, cylinder, axis);
+}
+
+std::string source_name(const std::string& source) {
+  static const std::map<std::string, std::string> names{{"mri", "MRI"},
+                                                        {"prior", "prior"},
+                                                        {"labels", "labels by hand"},
+                                                        {"keratometry", "keratometry"},
+                                                        {"topography", "corneal topography"},
+                                                        {"axial_length", "optical biometry"},
+                                                        {"biometry", "optical biometry"},
+                                                        {"refraction", "known refraction"}};
+  const auto found = names.find(source);
+  return found == names.end() ? source : found->second;
+}
+
+}  // namespace emmetrope::report

@@ -1,0 +1,165 @@
+#include "pipeline/report/dicom/write_objects.hpp"
+
+#include <fmt/format.h>
+
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
+
+#include "pipeline/base/files.hpp"
+#include "pipeline/base/version.hpp"
+#include "pipeline/report/dicom/objects.hpp"
+#include "pipeline/report/content/judgement.hpp"
+
+namespace emmetrope::report {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// Everything that an object may tell, as one hash: the same result gives the same instances.
+std::string result_hash(const CaseData& data) {
+  std::string all;
+  for (const auto& stage : data.stages)
+    all += stage.provenance.dump(-1, ' ', false, Json::error_handler_t::replace);
+  return sha256_of(all);
+}
+
+/// Runs one writer; a failure becomes a note.
+template <typename Write>
+void attempt(Notes& notes, const std::string& what, const Write& write) {
+  try {
+    write();
+  } catch (const Error& error) {
+    if (error.status() == ExitStatus::not_writable) throw;
+    notes.push_back(what + " was not written: " + error.what());
+  }
+}
+
+void write_if_any(const fs::path& file, const std::string& bytes) {
+  if (!bytes.empty()) write_file(file, bytes);
+}
+
+void write_meshes(const fs::path& folder, const CaseData& data, const SourceStudy& source,
+                  const std::string& result) {
+  int number = 0;
+  for (const auto& eye : data.eyes)
+    for (const char* surface :
+         {"cornea_anterior", "cornea_posterior", "lens_anterior", "lens_posterior", "retina"}) {
+      ++number;
+      if (!fs::exists(eye.mesh(surface))) continue;
+      write_file(
+          folder / fmt::format("{}_{}.dcm", eye.id(), surface),
+          mesh_object(source, read_mesh(eye.mesh(surface)).mesh, eye.laterality, surface, number, result));
+    }
+}
+
+void write_pictures(const fs::path& folder, const CaseData& data, const SourceStudy& source,
+                    const std::string& result) {
+  int number = 0;
+  for (const auto& eye : data.eyes)
+    for (const auto& [name, file, title] :
+         {std::tuple{"uncorrected", eye.uncorrected_png, "Retinal image without a lens"},
+          std::tuple{"corrected", eye.corrected_png, "Retinal image with the lens"}}) {
+      ++number;
+      if (file.empty()) continue;
+      const cv::Mat image = cv::imread(file.string(), cv::IMREAD_COLOR);
+      if (image.empty()) throw input_error(file.string() + " is no picture", "run the stage again");
+      cv::Mat rgb;
+      cv::cvtColor(image, rgb, cv::COLOR_BGR2RGB);
+      const std::string pixels(reinterpret_cast<const char*>(rgb.data), rgb.total() * 3);
+      write_file(folder / fmt::format("{}_{}.dcm", eye.id(), name),
+                 picture_object(source, pixels, rgb.rows, rgb.cols, eye.laterality,
+                                std::string(eye.laterality == Laterality::od ? "OD: " : "OS: ") + title,
+                                number, result));
+    }
+}
+
+/// UID of the series that a stack was made of, from case.json; empty where it names none.
+std::string series_of(const CaseData& data, const std::string& stack_name) {
+  for (const auto& stack : data.case_json.value("stacks", Json::array()))
+    if (stack.value("name", std::string()) == stack_name) return stack.value("uid", std::string());
+  return {};
+}
+
+void write_segmentations(const fs::path& folder, const CaseData& data, const SourceStudy& source,
+                         const std::string& result) {
+  const fs::path names = data.folder / "segmentation" / "labels.json";
+  if (!fs::exists(names)) return;
+  int number = 0;
+  for (const auto& stack : data.stacks) {
+    const std::string name = stack.filename().string().substr(0, stack.filename().string().size() - 7);
+    const fs::path labels = data.folder / "segmentation" / (name + "_labels.nii.gz");
+    if (!fs::exists(labels)) continue;
+    ++number;
+    const std::string file =
+        number == 1 ? "segmentation.dcm" : "segmentation_" + std::to_string(number) + ".dcm";
+    write_if_any(folder / file, segmentation_object(source, labels, read_json(names), series_of(data, name),
+                                                    number, result));
+  }
+}
+
+}  // namespace
+
+Json fhir_prescription(const CaseData& data, const std::string& study_date) {
+  Json lenses = Json::array();
+  for (const auto& eye : data.eyes) {
+    if (!judge(data, eye).has_prescription) continue;
+    const Json rounded = eye.prescription.value("rounded", Json::object());
+    Json lens{{"product",
+               {{"coding",
+                 {{{"system", "http://terminology.hl7.org/CodeSystem/ex-visionprescriptionproduct"},
+                   {"code", "lens"}}}}}},
+              {"eye", eye.laterality == Laterality::od ? "right" : "left"},
+              {"sphere", value_of(rounded, "sphere_D").value_or(0)}};
+    if (const double cylinder = value_of(rounded, "cylinder_D").value_or(0); cylinder != 0) {
+      lens["cylinder"] = cylinder;
+      lens["axis"] = std::lround(value_of(rounded, "axis_deg").value_or(180));
+    }
+    lens["note"] = {{{"text", fmt::format("Vertex distance {:.0f} mm. {}",
+                                          value_of(eye.prescription, "vertex_distance_mm").value_or(12),
+                                          research_notice)}}};
+    lenses.push_back(lens);
+  }
+  if (lenses.empty()) return nullptr;
+  Json resource{{"resourceType", "VisionPrescription"}, {"status", "draft"}};
+  if (study_date.empty()) {
+    const Json unknown{{"extension",
+                        {{{"url", "http://hl7.org/fhir/StructureDefinition/data-absent-reason"},
+                          {"valueCode", "unknown"}}}}};
+    resource["_created"] = unknown;
+    resource["_dateWritten"] = unknown;
+  } else {
+    resource["created"] = study_date;
+    resource["dateWritten"] = study_date;
+  }
+  resource["patient"] = {{"identifier", {{"value", data.subject()}}}};
+  resource["prescriber"] = {{"display", "None: made by software, unverified"}};
+  resource["lensSpecification"] = lenses;
+  return resource;
+}
+
+std::string study_date_of(const CaseData& data, const SourceStudy& source) {
+  if (!data.study_date().empty() || source.images().empty()) return data.study_date();
+  const std::string date = source.date();
+  return date.substr(0, 4) + "-" + date.substr(4, 2) + "-" + date.substr(6, 2);
+}
+
+void write_objects(const fs::path& folder, const CaseData& data, const SourceStudy& source,
+                   const std::string& pdf, bool identified, Notes& notes) {
+  const std::string result = result_hash(data);
+  const fs::path more = folder / "dicom";
+  fs::create_directories(more);
+  attempt(notes, "prescription.dcm",
+          [&] { write_if_any(folder / "prescription.dcm", prescription_object(source, data, result)); });
+  attempt(notes, "biometry.dcm",
+          [&] { write_if_any(folder / "biometry.dcm", biometry_object(source, data, result)); });
+  attempt(notes, "segmentation.dcm", [&] { write_segmentations(folder, data, source, result); });
+  attempt(notes, "A surface mesh as DICOM", [&] { write_meshes(more, data, source, result); });
+  attempt(notes, "A retinal image as DICOM", [&] { write_pictures(more, data, source, result); });
+  attempt(notes, "report.dcm",
+          [&] { write_file(folder / "report.dcm", pdf_object(source, pdf, identified, result)); });
+  if (const Json fhir = fhir_prescription(data, study_date_of(data, source)); !fhir.is_null())
+    write_json(folder / "prescription.fhir.json", fhir);
+  if (fs::is_empty(more)) fs::remove(more);
+}
+
+}  // namespace emmetrope::report

@@ -1,0 +1,26 @@
+#pragma once
+#include <optional>
+#include <string>
+
+#include "pipeline/report/content/document.hpp"
+
+/// Charts as SVG by gnuplot. Black becomes currentColor, so that a chart follows the page's light or dark
+/// scheme.
+namespace emmetrope::report {
+
+/// The gnuplot on PATH; nothing where there is none.
+std::optional<std::string> find_gnuplot();
+
+/// Runs `script` (plot commands without terminal and output) and fills in the figure's svg.
+/// \param figure  id, width_px and height_px set
+/// \return false where gnuplot is missing or fails: the report then says so instead
+bool draw_chart(Figure& figure, const std::string& script);
+
+/// Series colours that read on white and on dark grey, and with the common colour blindnesses (Okabe and
+/// Ito).
+inline constexpr const char* first_colour = "#2b83c6";
+inline constexpr const char* second_colour = "#d9661f";
+inline constexpr const char* third_colour = "#1f9e77";
+inline constexpr const char* quiet_colour = "#8a8a8a";
+
+}  // namespace emmetrope::report

@@ -1,0 +1,182 @@
+#include "pipeline/report/page/html.hpp"
+
+#include <fmt/format.h>
+
+#include <kainjow/mustache.hpp>
+
+#include "pipeline/base/error.hpp"
+#include "pipeline/base/version.hpp"
+#include "pipeline/report/figures/encoding.hpp"
+
+namespace emmetrope {
+extern const char report_template[];
+extern const char report_style[];
+extern const char report_script[];
+}  // namespace emmetrope
+
+namespace emmetrope::report {
+namespace {
+
+using kainjow::mustache::data;
+using kainjow::mustache::mustache;
+
+const char* light_name(Light light) {
+  switch (light) {
+    case Light::green:
+      return "green";
+    case Light::amber:
+      return "amber";
+    case Light::red:
+      break;
+  }
+  return "red";
+}
+
+data list_of(const std::vector<std::string>& texts) {
+  data list{data::type::list};
+  for (const auto& text : texts) {
+    data item;
+    item.set("text", clean_text(text));
+    list.push_back(item);
+  }
+  return list;
+}
+
+data table_data(const Table& table) {
+  data result;
+  result.set("caption", clean_text(table.caption));
+  result.set("header", list_of(table.header));
+  data rows{data::type::list};
+  for (const auto& row : table.rows) {
+    data cells;
+    cells.set("name", clean_text(row.front()));
+    cells.set("cells", list_of({row.begin() + 1, row.end()}));
+    rows.push_back(cells);
+  }
+  result.set("rows", rows);
+  result.set("wide", table.header.size() > 4);
+  result.set("folded", table.folded);
+  return result;
+}
+
+/// The picture itself is markup of our own making and goes in unescaped; all text around it is escaped.
+data figure_data(const Figure& figure) {
+  data result;
+  result.set("id", figure.id);
+  result.set("title", clean_text(figure.title));
+  result.set("caption", clean_text(figure.caption));
+  result.set("alt", clean_text(figure.alt));
+  result.set("svg", figure.svg);
+  return result;
+}
+
+data card_data(const EyeCard& card) {
+  data result;
+  result.set("eye", card.eye);
+  result.set("id", card.id);
+  result.set("light", light_name(card.light));
+  result.set("verdict", clean_text(card.verdict));
+  result.set("reasons", list_of(card.reasons));
+  result.set("has_reasons", !card.reasons.empty());
+  result.set("has_prescription", !card.prescription.empty());
+  result.set("prescription", clean_text(card.prescription));
+  result.set("has_estimate", !card.estimate.empty());
+  result.set("estimate", clean_text(card.estimate));
+  result.set("note", clean_text(card.note));
+  result.set("has_details", !card.details.rows.empty());
+  result.set("details", table_data(card.details));
+  result.set("has_pictures", !card.before_png.empty() && !card.after_png.empty());
+  result.set("before", png_url(card.before_png));
+  result.set("after", png_url(card.after_png));
+  result.set("picture_caption", clean_text(card.picture_caption));
+  return result;
+}
+
+/// One entry with exactly one of the block kinds set; the template picks by kind.
+struct BlockToData {
+  data operator()(const Paragraph& block) const { return kind("paragraph", "text", clean_text(block.text)); }
+  data operator()(const BulletList& block) const {
+    data result = kind("list", "items", list_of(block.items));
+    result.set("small", block.small);
+    return result;
+  }
+  data operator()(const Table& block) const { return kind("table", "table", table_data(block)); }
+  data operator()(const FigureRow& block) const {
+    data figures{data::type::list};
+    for (const auto& figure : block.figures) figures.push_back(figure_data(figure));
+    data result = kind("figures", "figures", figures);
+    result.set("anatomical", block.anatomical);
+    result.set("row_caption", clean_text(block.caption));
+    return result;
+  }
+  data operator()(const Folded& block) const {
+    data result = kind("folded", "summary", clean_text(block.summary));
+    std::string lines;  // line breaks stay: this is preformatted text
+    std::size_t start = 0;
+    for (auto end = block.text.find('\n'); end != std::string::npos; end = block.text.find('\n', start)) {
+      lines += clean_text(block.text.substr(start, end - start)) + "\n";
+      start = end + 1;
+    }
+    result.set("text", lines + clean_text(block.text.substr(start)));
+    return result;
+  }
+  data operator()(const SignatureLines& block) const {
+    return kind("lines", "labels", list_of(block.labels));
+  }
+  data operator()(const EyeCards& block) const {
+    data cards{data::type::list};
+    for (const auto& card : block.cards) cards.push_back(card_data(card));
+    return kind("cards", "cards", cards);
+  }
+
+ private:
+  static data kind(const char* name, const char* key, const data& value) {
+    data result;
+    for (const char* other : {"paragraph", "list", "table", "figures", "folded", "cards", "lines"})
+      result.set(std::string("is_") + other, std::string(other) == name);
+    result.set("anatomical", false);
+    result.set(key, value);
+    return result;
+  }
+};
+
+}  // namespace
+
+std::string render_html(const Document& document, const ViewerData& viewer) {
+  data page;
+  page.set("title", clean_text(document.title));
+  page.set("notice", research_notice);
+  page.set("style", report_style);
+  page.set("script", report_script);
+  page.set("has_viewer", !viewer.script.empty());
+  page.set("viewer_script", viewer.script);
+  page.set("viewer_data", viewer.data_json);
+  page.set("viewer_note", clean_text(viewer.note));
+  data heading{data::type::list};
+  for (const auto& [name, value] : document.heading) {
+    data line;
+    line.set("name", clean_text(name));
+    line.set("value", clean_text(value));
+    heading.push_back(line);
+  }
+  page.set("heading", heading);
+  data sections{data::type::list};
+  for (const auto& section : document.sections) {
+    data entry;
+    entry.set("id", section.id);
+    entry.set("section_title", clean_text(section.title));
+    entry.set("viewer_here", !viewer.script.empty() && section.id == "images");
+    entry.set("viewer_missing", viewer.script.empty() && !viewer.note.empty() && section.id == "images");
+    data blocks{data::type::list};
+    for (const auto& block : section.blocks) blocks.push_back(std::visit(BlockToData{}, block.block));
+    entry.set("blocks", blocks);
+    sections.push_back(entry);
+  }
+  page.set("sections", sections);
+  mustache page_template{std::string(report_template)};
+  if (!page_template.is_valid())
+    throw Error(ExitStatus::fault, "the report's template is broken: " + page_template.error_message());
+  return page_template.render(page);
+}
+
+}  // namespace emmetrope::report

@@ -1,0 +1,21 @@
+#pragma once
+#include <string>
+
+#include "pipeline/report/content/document.hpp"
+
+namespace emmetrope::report {
+
+/// What the reader may turn and scroll in the page; empty without it.
+struct ViewerData {
+  std::string script;     ///< the viewer library
+  std::string data_json;  ///< volumes and meshes as base64
+  std::string note;       ///< what was coarsened or left out to keep the page small; empty where nothing was
+};
+
+/// What mail and archives still take (bytes).
+inline constexpr std::size_t most_page_bytes = 10'000'000;
+
+/// The document as one self-contained HTML file.
+std::string render_html(const Document& document, const ViewerData& viewer);
+
+}  // namespace emmetrope::report

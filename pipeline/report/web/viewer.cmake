@@ -1,9 +1,0 @@
-# The viewer library from npm, exactly as web/package-lock.json says. Without npm or network the report is complete but
-# for the interactive viewer, and says so.
-include(${CMAKE_SOURCE_DIR}/pipeline/build/npm.cmake)
-emmetrope_npm(web @niivue/niivue/dist/niivue.umd.js EMMETROPE_VIEWER_FILE)
-set(EMMETROPE_HAS_VIEWER 0)
-if(EMMETROPE_VIEWER_FILE)
-  set(EMMETROPE_HAS_VIEWER 1)
-endif()
-configure_file(viewer_library.cpp.in ${CMAKE_CURRENT_BINARY_DIR}/viewer_library.cpp @ONLY)

@@ -1,0 +1,122 @@
+#include "raytrace/case/measured_eye.hpp"
+
+#include <fmt/format.h>
+
+#include "pipeline/base/error.hpp"
+#include "pipeline/base/frames.hpp"
+#include "pipeline/eye/surfaces/mesh_shape.hpp"
+
+namespace emmetrope::raytrace {
+namespace {
+
+/// Le Grand's dispersion as a difference from 589.3 nm; n_inf is his, the index at reference is ours.
+Medium medium(double index, double n_inf, double k) {
+  return {index, {Dispersion::Formula::cornu, {n_inf, k, 130}}, {}};
+}
+
+std::optional<double> age_of_case(const std::filesystem::path& case_folder) {
+  const auto file = case_folder / "case.json";
+  if (!std::filesystem::exists(file)) return std::nullopt;
+  const Json json = read_json(file);
+  const auto subject = json.find("subject");
+  if (subject == json.end() || !subject->is_object()) return std::nullopt;
+  const auto age = subject->find("age_years");
+  if (age == subject->end() || !age->is_number()) return std::nullopt;
+  return age->get<double>();
+}
+
+Surface sphere(const std::string& name, double position_mm, double radius_mm,
+               const std::string& medium_after) {
+  Surface surface;
+  surface.name = name;
+  surface.shape = make_sphere(radius_mm);
+  surface.position_mm = position_mm;
+  surface.medium_after = medium_after;
+  return surface;
+}
+
+/// Gullstrand's core scaled to the lens.
+void add_core(EyeModel& eye) {
+  const auto front = std::find_if(eye.surfaces.begin(), eye.surfaces.end(),
+                                  [](const auto& s) { return s.name == "lens_anterior"; });
+  const auto back = std::next(front);
+  const double thickness = back->position_mm - front->position_mm;
+  const double front_radius = 2 / front->shape->vertex_curvature().trace(),
+               back_radius = 2 / back->shape->vertex_curvature().trace();
+  const Surface core_front =
+      sphere("core_anterior", front->position_mm + 0.1517 * thickness, 0.7911 * front_radius, "core");
+  const Surface core_back =
+      sphere("core_posterior", front->position_mm + 0.8236 * thickness, 0.96 * back_radius, "cortex");
+  front->medium_after = "cortex";
+  eye.surfaces.insert(back, {core_front, core_back});
+  eye.media.erase("lens");
+  eye.media["cortex"] = medium(1.386, 1.3999, 9.2492);
+  eye.media["core"] = medium(1.406, 1.3999, 9.2492);
+}
+
+}  // namespace
+
+MeasuredEye read_measured_eye(const std::filesystem::path& case_folder, Laterality laterality,
+                              const MeasuredEyeOptions& options) {
+  const auto folder = case_folder / "meshing" / to_string(laterality);
+  const Json biometry = read_json(folder / "biometry.json");
+  if (!biometry.contains("lps_from_eye"))
+    throw input_error((folder / "biometry.json").string() + " has no lps_from_eye",
+                      "run emmetrope mesh again");
+
+  MeasuredEye result;
+  EyeModel& eye = result.eye;
+  eye.name = to_string(laterality);
+  eye.reference_wavelength_nm = 589.3;
+  eye.lps_from_eye = isometry_from_json(biometry["lps_from_eye"]);
+
+  std::optional<double> age = options.age_years;
+  const bool asked = age.has_value();
+  if (!age) age = age_of_case(case_folder);
+  result.lens_index = options.lens_index.value_or(1.441 - 0.00039 * age.value_or(40));
+  result.lens_source = options.lens_core    ? "Gullstrand's cortex and core"
+                       : options.lens_index ? "--lens-index"
+                       : !age               ? "age unknown, taken as 40 years"
+                              : fmt::format("age {:.0f} years{}", *age, asked ? " (--age)" : "");
+  if (result.lens_index < 1.34 || result.lens_index > 1.6)
+    throw usage_error(fmt::format("a lens of index {:.4f} is no human lens", result.lens_index),
+                      "check --lens-index or --age");
+  eye.media["cornea"] = medium(1.376, 1.3610, 7.4147);
+  eye.media["aqueous"] = medium(1.336, 1.3221, 7.0096);
+  eye.media["lens"] = medium(result.lens_index, 1.3999, 9.2492);
+  eye.media["vitreous"] = medium(1.336, 1.3208, 6.9806);
+
+  const auto mesh = [&](const char* name, const char* medium_after) {
+    return read_mesh_surface(name, folder / (std::string(name) + ".ply"), eye.lps_from_eye, medium_after);
+  };
+  const Surface lens_anterior = mesh("lens_anterior", "lens");
+  Surface iris;
+  iris.name = "iris";
+  iris.position_mm = lens_anterior.position_mm;
+  iris.stop_diameter_mm = options.pupil_mm;
+  eye.surfaces = {mesh("cornea_anterior", "cornea"), mesh("cornea_posterior", "aqueous"), iris, lens_anterior,
+                  mesh("lens_posterior", "vitreous")};
+
+  const auto interface = read_mesh(folder / "retina.ply");
+  TriangleMesh in_eye =
+      interface.says_lps ? transformed(eye.lps_from_eye->inverse(), interface.mesh) : interface.mesh;
+  for (auto& vertex : in_eye.vertices) vertex.z() -= options.retinal_depth_mm;
+  result.photoreceptors_in_lps = transformed(*eye.lps_from_eye, in_eye);
+  eye.surfaces.push_back(make_mesh_surface("retina", in_eye, {}));
+  if (options.lens_core) add_core(eye);
+  return result;
+}
+
+Json measured_eye_json(const MeasuredEye& measured, Laterality laterality) {
+  Json json = to_json(measured.eye);
+  for (auto& surface : json["surfaces"])
+    if (surface["type"] == "mesh") {
+      const std::string name = surface["name"];
+      surface["file"] = name == "retina"
+                            ? "photoreceptors.ply"
+                            : "../../meshing/" + std::string(to_string(laterality)) + "/" + name + ".ply";
+    }
+  return json;
+}
+
+}  // namespace emmetrope::raytrace

@@ -1,0 +1,39 @@
+#pragma once
+#include <filesystem>
+#include <optional>
+#include <string>
+
+#include "pipeline/base/json.hpp"
+#include "pipeline/base/laterality.hpp"
+#include "pipeline/eye/model/eye_model.hpp"
+#include "pipeline/eye/meshes/triangle_mesh.hpp"
+
+namespace emmetrope::raytrace {
+
+/// What MR images do not show of an eye.
+struct MeasuredEyeOptions {
+  std::optional<double> age_years;  ///< default: the study's, else 40
+  std::optional<double>
+      lens_index;  ///< equivalent index; default: 1.441 - 0.00039 age (Dubbelman and van der Heijde 2001)
+  bool lens_core = false;          ///< Gullstrand's cortex and core scaled to the lens, the paper's choice
+  double retinal_depth_mm = 0.20;  ///< photoreceptors behind the vitreo-retinal interface
+  double pupil_mm = 4;             ///< iris aperture, at the lens front vertex
+};
+
+/// An eye of a case as it is traced.
+struct MeasuredEye {
+  EyeModel eye;
+  TriangleMesh photoreceptors_in_lps;  ///< what light ends on: the interface moved outward along the axis
+  double lens_index = 0;
+  std::string lens_source;  ///< "--lens-index", "age 41 years", "age 40 years (unknown)", "cortex and core"
+};
+
+/// The eye's meshes as one optical system: Gullstrand's indices with Le Grand's dispersion.
+/// \throw Error (input_invalid) naming what is missing in CASE/meshing/<eye>
+MeasuredEye read_measured_eye(const std::filesystem::path& case_folder, Laterality eye,
+                              const MeasuredEyeOptions& options);
+
+/// eye.json of CASE/raytrace/<eye>: paths relative to that folder, photoreceptors.ply beside it.
+Json measured_eye_json(const MeasuredEye& measured, Laterality eye);
+
+}  // namespace emmetrope::raytrace

@@ -1,0 +1,5 @@
+#include "raytrace/stage.hpp"
+
+int main(int argc, char** argv) {
+  return emmetrope::run_command(argc, argv, emmetrope::raytrace::trace_command());
+}

@@ -1,0 +1,57 @@
+#include <cstdlib>
+#include <opencv2/imgcodecs.hpp>
+
+#include "pipeline/base/error.hpp"
+#include "pipeline/base/files.hpp"
+#include "raytrace/picture/spectrum.hpp"
+#include "raytrace/picture/linear_image.hpp"
+
+namespace emmetrope::raytrace {
+namespace {
+
+/// OpenCV wants blue first.
+int source_channel(const LinearImage& image, int channel) { return image.channels == 3 ? 2 - channel : 0; }
+
+void write(const std::filesystem::path& file, const cv::Mat& picture, const std::string& ending,
+           const std::vector<int>& options) {
+  std::vector<unsigned char> bytes;
+  if (!cv::imencode(ending, picture, bytes, options))
+    throw Error(ExitStatus::fault, "cannot encode " + file.string());
+  write_file(file, {reinterpret_cast<const char*>(bytes.data()), bytes.size()});
+}
+
+cv::Mat floats_of(const LinearImage& image) {
+  cv::Mat picture(image.height, image.width, CV_32FC(image.channels));
+  for (int row = 0; row < image.height; ++row)
+    for (int column = 0; column < image.width; ++column)
+      for (int c = 0; c < image.channels; ++c)
+        picture.ptr<float>(row)[column * image.channels + c] =
+            image.at(column, row, source_channel(image, c));
+  return picture;
+}
+
+}  // namespace
+
+void write_png(const std::filesystem::path& file, const LinearImage& image) {
+  cv::Mat picture(image.height, image.width, CV_8UC(image.channels));
+  for (int row = 0; row < image.height; ++row)
+    for (int column = 0; column < image.width; ++column)
+      for (int c = 0; c < image.channels; ++c)
+        picture.ptr<unsigned char>(row)[column * image.channels + c] = static_cast<unsigned char>(
+            std::lround(255 * srgb_encoded(image.at(column, row, source_channel(image, c)))));
+  write(file, picture, ".png", {cv::IMWRITE_PNG_COMPRESSION, 6});
+}
+
+void write_tiff(const std::filesystem::path& file, const LinearImage& image) {
+  // Left to itself OpenCV packs colours logarithmically, 2 % off.
+  constexpr int uncompressed = 1;  // libtiff's COMPRESSION_NONE
+  write(file, floats_of(image), ".tiff", {cv::IMWRITE_TIFF_COMPRESSION, uncompressed});
+}
+
+void write_exr(const std::filesystem::path& file, const LinearImage& image) {
+  // OpenCV reads and writes OpenEXR where this says so.
+  setenv("OPENCV_IO_ENABLE_OPENEXR", "1", 1);
+  write(file, floats_of(image), ".exr", {cv::IMWRITE_EXR_TYPE, cv::IMWRITE_EXR_TYPE_FLOAT});
+}
+
+}  // namespace emmetrope::raytrace

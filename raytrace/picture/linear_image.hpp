@@ -1,0 +1,24 @@
+#pragma once
+#include <cstddef>
+#include <filesystem>
+#include <vector>
+
+namespace emmetrope::raytrace {
+
+/// Linear-light image, row after row from the top as the patient perceives it, channels interleaved.
+struct LinearImage {
+  int width = 0, height = 0, channels = 3;
+  std::vector<float> values;
+  float at(int column, int row, int channel) const {
+    return values[(static_cast<std::size_t>(row) * width + column) * channels + channel];
+  }
+};
+
+/// Writes sRGB-encoded PNG from linear light; whole or not at all.
+void write_png(const std::filesystem::path& file, const LinearImage& image);
+/// Writes float TIFF of the linear values.
+void write_tiff(const std::filesystem::path& file, const LinearImage& image);
+/// Writes float OpenEXR of the linear values.
+void write_exr(const std::filesystem::path& file, const LinearImage& image);
+
+}  // namespace emmetrope::raytrace

@@ -1,0 +1,128 @@
+#include "segmentation/intake/study_input.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <map>
+
+#include "pipeline/base/case_folder.hpp"
+#include "segmentation/intake/file_list.hpp"
+#include "segmentation/intake/tags.hpp"
+#include "segmentation/intake/wire.hpp"
+
+namespace emmetrope::segmentation {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// Whether the file lies somewhere below the folder.
+bool is_below(const fs::path& file, const fs::path& folder) {
+  const fs::path relative = fs::weakly_canonical(file).lexically_relative(fs::weakly_canonical(folder));
+  return !relative.empty() && *relative.begin() != "..";
+}
+
+bool may_hold_images(const fs::path& path) {
+  const fs::path extension = path.extension();
+  return fs::is_directory(path) || is_nifti_name(path) || extension.empty() || extension == ".dcm" ||
+         extension == ".IMA";
+}
+
+/// A study in the case's folder would be read as a case, not as images, from then on. \pre the study exists
+void check_case_folder(const SegmentOptions& options) {
+  const fs::path study = fs::weakly_canonical(fs::absolute(options.study)),
+                 folder = fs::weakly_canonical(fs::absolute(options.case_folder)),
+                 images = fs::is_directory(study) ? study : study.parent_path();
+  if (folder == images)
+    throw usage_error("the case " + options.case_folder.string() +
+                          " is the study's own folder; nothing is written among the images",
+                      "give another folder with -o");
+  if (!is_below(images, folder) || looks_like_a_case(folder)) return;
+  // A patient's folder may hold the study and the case, but no other images, which the case would hide.
+  for (fs::path path = images; path != folder; path = path.parent_path()) {
+    std::error_code unreadable;
+    for (const fs::path& other : fs::directory_iterator(path.parent_path(), unreadable))
+      if (other != path && other.filename().string().front() != '.' && may_hold_images(other))
+        throw usage_error(
+            fmt::format("the case {} is a folder around the study, and {} lies in it too, which "
+                        "may hold images; nothing is written among images",
+                        options.case_folder.string(), other.string()),
+            "give another folder with -o");
+  }
+}
+
+/// Labels are the user's own: none where the stage would overwrite it, or take it for an image.
+void check_labels(const fs::path& file, const SegmentOptions& options) {
+  if (!fs::is_regular_file(file)) throw input_error("--labels " + file.string() + ": there is no such file");
+  if (!is_nifti_name(file))
+    throw input_error("--labels " + file.string() + ": not a NIfTI volume by its name",
+                      "labels are a .nii or .nii.gz file on the grid of a stack");
+  for (const auto& [folder, why] :
+       {std::pair{options.case_folder / "segmentation", "which this stage writes anew"},
+        {options.study, "whose files are read as images"}})
+    if (fs::is_directory(folder) && is_below(file, folder))
+      throw usage_error(fmt::format("--labels {}: it lies in {}, {}", file.string(), folder.string(), why),
+                        "save the corrected labels elsewhere");
+}
+
+/// Two visits are two states of the eyes: their stacks are not of one eye.
+void require_one_study(const std::vector<const SeriesInfo*>& chosen) {
+  std::map<std::string, std::string> stacks_of;  // by StudyInstanceUID
+  for (const SeriesInfo* info : chosen) {
+    if (info->is_nifti()) continue;
+    std::string& stacks = stacks_of[info->study_uid];
+    stacks += (stacks.empty() ? "" : ", ") + info->name;
+  }
+  if (stacks_of.size() < 2) return;
+  std::string studies;
+  for (const auto& [uid, stacks] : stacks_of) studies += fmt::format("\n  {}: {}", uid, stacks);
+  throw input_error(fmt::format("the series are of {} studies by {}{}", stacks_of.size(),
+                                to_string(tag::study_instance), studies),
+                    "give the folder of one study, or choose series of one with --series");
+}
+
+}  // namespace
+
+std::vector<StageInput> input_files(const SegmentOptions& options) {
+  const FileList study = list_files(options.study, IntakeLimits{});
+  check_case_folder(options);
+  std::vector<StageInput> inputs;
+  for (const fs::path& file : study.files)
+    inputs.push_back({fmt::format("study/{}", inputs.size() + 1), study.root / file});
+  for (std::size_t i = 0; i < options.labels.size(); ++i) {
+    check_labels(options.labels[i], options);
+    inputs.push_back({fmt::format("labels/{}", i + 1), options.labels[i]});
+  }
+  return inputs;
+}
+
+std::vector<const SeriesInfo*> choose_series(const StudyInventory& inventory,
+                                             const std::vector<std::string>& wanted) {
+  std::vector<const SeriesInfo*> chosen;
+  for (const std::string& words : wanted) {
+    const std::string id = uid_of_choice(words);
+    const auto by_number =
+        std::find_if(inventory.series.begin(), inventory.series.end(),
+                     [&](const SeriesInfo& s) { return s.name == id || s.name == "stack" + id; });
+    const SeriesInfo& info = by_number != inventory.series.end() ? *by_number : inventory.find(id);
+    if (!info.usable)
+      throw Error(info.refusal, fmt::format("series {} cannot be used: {}", info.uid, info.reason));
+    chosen.push_back(&info);
+  }
+  if (wanted.empty())
+    for (const SeriesInfo& info : inventory.series)
+      if (info.usable) chosen.push_back(&info);
+  if (chosen.empty()) {
+    std::string reasons;
+    for (const SeriesInfo& info : inventory.series)
+      reasons += fmt::format("\n  {}: {}", info.name, info.reason);
+    if (inventory.series.empty())
+      reasons = fmt::format(": none of its {} files is an image", inventory.skipped.size());
+    throw Error(inventory.status(),
+                fmt::format("{}: no series of the study can be used{}", inventory.study.string(), reasons),
+                "emmetrope inventory STUDY lists what is wrong with each");
+  }
+  require_one_study(chosen);
+  return chosen;
+}
+
+}  // namespace emmetrope::segmentation

@@ -1,0 +1,21 @@
+#pragma once
+#include <vector>
+
+#include "pipeline/base/case_folder.hpp"
+#include "segmentation/intake/study.hpp"
+#include "segmentation/stage.hpp"
+
+/// What the stage is made from: which files, and which of the study's series.
+namespace emmetrope::segmentation {
+
+/// The files that reading the study reads, and the labels; numbered, as a file's name may be the patient's.
+/// \throw Error (usage) where the case would be the study, or labels lie where the stage writes or reads
+/// images; (input_invalid) where something does not exist
+std::vector<StageInput> input_files(const SegmentOptions& options);
+
+/// The series asked for, or all usable ones; at least one, of one study.
+/// \throw Error with a series' reason where it is not usable; (input_invalid) for series of two studies
+std::vector<const SeriesInfo*> choose_series(const StudyInventory& inventory,
+                                             const std::vector<std::string>& wanted);
+
+}  // namespace emmetrope::segmentation

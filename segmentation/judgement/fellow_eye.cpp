@@ -1,0 +1,98 @@
+#include "segmentation/judgement/fellow_eye.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "pipeline/base/error.hpp"
+
+namespace emmetrope::segmentation {
+namespace {
+
+bool in_the_same_stacks(const JudgedEye& a, const JudgedEye& b) {
+  return a.found.contrast == b.found.contrast &&
+         std::equal(a.found.views.begin(), a.found.views.end(), b.found.views.begin(), b.found.views.end(),
+                    [](const EyeView& x, const EyeView& y) { return x.stack == y.stack; });
+}
+
+/// The largest difference in the displacement of fat that is beyond three standard deviations, mm.
+double fat_shift_difference_mm(const EyeFit& a, const EyeFit& b) {
+  double largest = 0;
+  for (int s = 0; s < a.layout.stacks; ++s)
+    for (const int along : {0, 1}) {
+      const int at = a.layout.stack(s) + fat_shift_first + along;
+      const double difference_mm = std::abs(a.value(at) - b.value(at));
+      if (difference_mm > 3 * std::hypot(a.sigma(at), b.sigma(at)))
+        largest = std::max(largest, difference_mm);
+    }
+  return largest;
+}
+
+bool agree(const JudgedEye& a, const JudgedEye& b) {
+  return fat_shift_difference_mm(*a.fit, *b.fit) <= most_fat_shift_difference_mm;
+}
+
+/// Whether it is measured, agrees with its fellow, and explains its images better than before when it starts
+/// from what that one is like.
+bool improve(JudgedEye& eye, const JudgedEye& fellow, const std::string& because,
+             const std::vector<const Stack*>& stacks, std::optional<double> age_years, Verbosity verbosity) {
+  Progress progress(fmt::format("fitting {} again", clinical_name(eye.found.laterality)), fit_steps,
+                    verbosity);
+  JudgedEye again{eye.found, std::nullopt, {}, because};
+  EyeStart start = start_of(eye.found, age_years);
+  start.fellow = fellow.fit->parameters;
+  fit_and_judge(again, views_of(eye.found, stacks), start, [&] { progress.advance(); });
+  if (again.refused() || !agree(again, fellow)) return false;
+  if (eye.fit && again.fit->chi2_per_voxel > eye.fit->chi2_per_voxel) return false;
+  eye = std::move(again);
+  return true;
+}
+
+std::string contradiction(const JudgedEye& od, const JudgedEye& os) {
+  return fmt::format(
+      "the two eyes contradict each other: in the same images the fat around one is displaced "
+      "by {:.1f} mm more than around the other, so that one was misread",
+      fat_shift_difference_mm(*od.fit, *os.fit));
+}
+
+}  // namespace
+
+std::string JudgedEye::reasons() const {
+  std::string text;
+  for (const QualityGate& gate : gates)
+    if (gate.decides && !gate.passed) text += (text.empty() ? "" : "; ") + gate.reason;
+  return text;
+}
+
+void fit_and_judge(JudgedEye& eye, const std::vector<const Stack*>& images, const EyeStart& start,
+                   const std::function<void()>& advance, Evidence evidence) {
+  try {
+    eye.fit = fit_eye(images, start, eye.found.contrast, advance, evidence);
+    eye.gates = judge_quality(eye.found, *eye.fit);
+  } catch (const Error& error) {
+    if (error.status() != ExitStatus::no_result) throw;
+    eye.gates = {{"fit", 0, 1, false, true, error.what()}};
+  }
+}
+
+void compare_fellow_eyes(JudgedEye& od, JudgedEye& os, const std::vector<const Stack*>& stacks,
+                         std::optional<double> age_years, Verbosity verbosity) {
+  if (!in_the_same_stacks(od, os)) return;
+  if (od.refused() != os.refused()) {
+    JudgedEye& refused = od.refused() ? od : os;
+    improve(refused, od.refused() ? os : od, refused.reasons(), stacks, age_years, verbosity);
+  }
+  if (od.refused() || os.refused() || agree(od, os)) return;
+  const std::string because = contradiction(od, os);
+  const bool od_is_worse = od.fit->chi2_per_voxel > os.fit->chi2_per_voxel;
+  JudgedEye &worse = od_is_worse ? od : os, &better = od_is_worse ? os : od;
+  if (improve(worse, better, because, stacks, age_years, verbosity) ||
+      improve(better, worse, because, stacks, age_years, verbosity))
+    return;
+  for (JudgedEye* eye : {&od, &os})
+    eye->gates.push_back({"fat_shift_difference_mm", fat_shift_difference_mm(*od.fit, *os.fit),
+                          most_fat_shift_difference_mm, false, true, because});
+}
+
+}  // namespace emmetrope::segmentation

@@ -1,0 +1,42 @@
+#pragma once
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "pipeline/base/progress.hpp"
+#include "segmentation/judgement/quality.hpp"
+
+namespace emmetrope::segmentation {
+
+/// One eye, from found to judged.
+struct JudgedEye {
+  FoundEye found;
+  std::optional<EyeFit> fit;
+  std::vector<QualityGate> gates;
+  std::string fitted_again_because;  ///< its first fit was not taken; empty: it was
+
+  bool refused() const { return !fit || is_refused(gates); }
+  /// Why it is refused, in the user's words.
+  std::string reasons() const;
+};
+
+/// Fits the eye that was found to its images and judges it; data that cannot support a fit fail a gate.
+void fit_and_judge(JudgedEye& eye, const std::vector<const Stack*>& images, const EyeStart& start,
+                   const std::function<void()>& advance = {}, Evidence evidence = Evidence::intensities);
+
+/// By how much the fat of one image may be displaced in one eye's fit and not in its fellow's, or by three
+/// standard deviations: it has one chemical shift and one bandwidth. Chosen; right fits of phantoms differ by
+/// up to 0.2 mm, wrong ones by 1.5 to 2 mm.
+inline constexpr double most_fat_shift_difference_mm = 0.5;
+
+/// Looks once more at two eyes that were fitted to the intensities of the same stacks, in the same order. An
+/// eye that is refused while its fellow is measured is fitted again from what its fellow is like, and so is
+/// the one that explains its images worse when the two find fat displaced differently (then the other one).
+/// The new fit is taken where it is measured, agrees, and leaves smaller residuals. Two that still contradict
+/// each other are both refused: one took something else for its globe, and which is not known. Not for eyes
+/// that were fitted to labels. \param stacks  of the study, as FoundEye counts them
+void compare_fellow_eyes(JudgedEye& od, JudgedEye& os, const std::vector<const Stack*>& stacks,
+                         std::optional<double> age_years, Verbosity verbosity);
+
+}  // namespace emmetrope::segmentation

@@ -1,0 +1,254 @@
+#include "segmentation/output/overlay.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
+
+#include "pipeline/base/files.hpp"
+#include "segmentation/finding/sampling.hpp"
+#include "segmentation/labels/eye_labels.hpp"
+
+namespace emmetrope::segmentation {
+namespace {
+
+using Eigen::Vector3d;
+
+constexpr int tile_px = 288, tiles_across = 3, tiles = 6;
+constexpr double tile_mm = 36, pixel_mm = tile_mm / tile_px;
+
+/// The slices that are shown: evenly through the globe, each nearest to its place.
+std::vector<int> slices_through(const Stack& stack, const Vector3d& centre, double reach_mm) {
+  std::vector<int> chosen;
+  const double middle = stack.normal.dot(centre);
+  for (int i = 0; i < tiles; ++i) {
+    const double wanted = middle + reach_mm * (2.0 * i / (tiles - 1) - 1);
+    int best = 0;
+    for (int s = 1; s < stack.slices(); ++s)
+      if (std::abs(stack.normal.dot(stack.slice_position[s]) - wanted) <
+          std::abs(stack.normal.dot(stack.slice_position[best]) - wanted))
+        best = s;
+    if (std::find(chosen.begin(), chosen.end(), best) == chosen.end()) chosen.push_back(best);
+  }
+  return chosen;
+}
+
+/// Display axes of a stack: radiological convention (the patient's right at the left of axial and coronal
+/// slices, head up), the nose to the left in sagittal ones.
+struct DisplayAxes {
+  Vector3d right, down;
+};
+DisplayAxes display_axes(const Stack& stack) {
+  Eigen::Index across = 0;
+  stack.normal.cwiseAbs().maxCoeff(&across);
+  const Vector3d wanted_right = across == 0 ? Vector3d::UnitY() : Vector3d::UnitX();
+  const Vector3d wanted_down = across == 2 ? Vector3d::UnitY() : Vector3d(-Vector3d::UnitZ());
+  const auto towards = [](const Vector3d& axis, const Vector3d& wanted) -> Vector3d {
+    return axis.dot(wanted) < 0 ? Vector3d(-axis) : axis;
+  };
+  const bool rows_across =
+      std::abs(stack.along_row.dot(wanted_right)) >= std::abs(stack.along_column.dot(wanted_right));
+  return {towards(rows_across ? stack.along_row : stack.along_column, wanted_right),
+          towards(rows_across ? stack.along_column : stack.along_row, wanted_down)};
+}
+
+/// Where a direction of LPS points: L, R, P, A, S (head) or I.
+const char* direction_letter(const Vector3d& direction) {
+  Eigen::Index axis = 0;
+  direction.cwiseAbs().maxCoeff(&axis);
+  constexpr const char* letters[3][2] = {{"L", "R"}, {"P", "A"}, {"S", "I"}};
+  return letters[axis][direction[axis] < 0 ? 1 : 0];
+}
+
+/// One slice around the eye, enlarged.
+class Tile {
+ public:
+  Tile(const Stack& stack, int slice, const Vector3d& centre)
+      : stack_(stack), slice_(slice), axes_(display_axes(stack)) {
+    const Vector3d to_centre = centre - stack.slice_position[slice];
+    corner_ = stack.slice_position[slice] + to_centre - to_centre.dot(stack.normal) * stack.normal -
+              tile_mm / 2 * (axes_.right + axes_.down);
+  }
+  Vector3d position(int x, int y) const {
+    return corner_ + pixel_mm * ((x + 0.5) * axes_.right + (y + 0.5) * axes_.down);
+  }
+  /// In pixels of the tile.
+  cv::Rect2d box_of_voxel(const Vector3d& position) const {
+    const Vector3d from_corner = position - corner_;
+    const Vector3d size =
+        stack_.column_spacing_mm * stack_.along_row + stack_.row_spacing_mm * stack_.along_column;
+    const double w = std::abs(size.dot(axes_.right)) / pixel_mm,
+                 h = std::abs(size.dot(axes_.down)) / pixel_mm;
+    return {from_corner.dot(axes_.right) / pixel_mm - w / 2, from_corner.dot(axes_.down) / pixel_mm - h / 2,
+            w, h};
+  }
+  cv::Mat grey(double black, double white) const {
+    const cv::Mat slice(stack_.rows, stack_.columns, CV_32F,
+                        const_cast<float*>(stack_.slice_intensity[slice_].data()));
+    const Vector3d first = position(0, 0) - stack_.slice_position[slice_];
+    const auto per_pixel = [&](const Vector3d& display, const Vector3d& along, double spacing_mm) {
+      return pixel_mm * display.dot(along) / spacing_mm;
+    };
+    const double dx = stack_.column_spacing_mm, dy = stack_.row_spacing_mm;
+    const cv::Mat warp =
+        (cv::Mat_<double>(2, 3) << per_pixel(axes_.right, stack_.along_row, dx),
+         per_pixel(axes_.down, stack_.along_row, dx), first.dot(stack_.along_row) / dx,
+         per_pixel(axes_.right, stack_.along_column, dy), per_pixel(axes_.down, stack_.along_column, dy),
+         first.dot(stack_.along_column) / dy);
+    cv::Mat enlarged, scaled, colour;
+    cv::warpAffine(slice, enlarged, warp, {tile_px, tile_px}, cv::INTER_CUBIC | cv::WARP_INVERSE_MAP);
+    enlarged.convertTo(scaled, CV_8U, 255 / (white - black), -255 * black / (white - black));
+    cv::cvtColor(scaled, colour, cv::COLOR_GRAY2BGR);
+    return colour;
+  }
+  /// Stack and slice, and at each edge the way to the patient's left, right, front, back, head or feet.
+  void annotate(cv::Mat& image) const {
+    const auto write = [&](const std::string& text, cv::Point at, double scale) {
+      cv::putText(image, text, at, cv::FONT_HERSHEY_SIMPLEX, scale, {0, 0, 0}, 3, cv::LINE_AA);
+      cv::putText(image, text, at, cv::FONT_HERSHEY_SIMPLEX, scale, {255, 255, 255}, 1, cv::LINE_AA);
+    };
+    write(fmt::format("{} slice {}", stack_.name, slice_ + 1), {6, 16}, 0.42);
+    constexpr int middle = tile_px / 2;
+    write(direction_letter(-axes_.right), {5, middle + 5}, 0.5);
+    write(direction_letter(axes_.right), {tile_px - 16, middle + 5}, 0.5);
+    write(direction_letter(-axes_.down), {middle - 5, 32}, 0.5);
+    write(direction_letter(axes_.down), {middle - 5, tile_px - 8}, 0.5);
+  }
+
+ private:
+  const Stack& stack_;
+  int slice_;
+  DisplayAxes axes_;
+  Vector3d corner_;
+};
+
+cv::Vec3b colour_between(Label a, Label b) {
+  const auto either = [&](Label l) { return a == l || b == l; };
+  if (either(Label::lens)) return {0, 140, 255};
+  if (either(Label::iris)) return {230, 80, 200};
+  if (either(Label::cornea)) return {230, 210, 0};
+  if (either(Label::none)) return {0, 220, 240};
+  return {80, 220, 60};
+}
+
+/// \param shift  of the head against the stack `view` of the fit, LPS mm
+void draw_borders(cv::Mat& tile_image, const Tile& tile, const EyeFit& fit, std::size_t view,
+                  const Vector3d& shift) {
+  const ForwardModel::AtParameters eye(fit.model, fit.parameters);
+  std::vector<Label> labels(static_cast<std::size_t>(tile_px) * tile_px);
+  for (int y = 0; y < tile_px; ++y)
+    for (int x = 0; x < tile_px; ++x)
+      labels[static_cast<std::size_t>(y) * tile_px + x] =
+          label_at(eye, fit.parameters, eye.to_eye(tile.position(x, y) + shift, static_cast<int>(view)));
+  // The front chamber and the vitreous are one fluid: no border between them.
+  const auto shown = [&](int x, int y) {
+    const Label label = labels[static_cast<std::size_t>(y) * tile_px + x];
+    return label == Label::anterior_chamber ? Label::vitreous : label;
+  };
+  for (int y = 0; y + 1 < tile_px; ++y) {
+    for (int x = 0; x + 1 < tile_px; ++x) {
+      const Label here = shown(x, y);
+      for (const Label next : {shown(x + 1, y), shown(x, y + 1)})
+        if (next != here) tile_image.at<cv::Vec3b>(y, x) = colour_between(here, next);
+    }
+  }
+}
+
+void write_montage(const std::filesystem::path& file, const std::vector<cv::Mat>& images) {
+  const int rows = (static_cast<int>(images.size()) + tiles_across - 1) / tiles_across;
+  const int columns = std::min<int>(tiles_across, static_cast<int>(images.size()));
+  cv::Mat montage(std::max(rows, 1) * tile_px, std::max(columns, 1) * tile_px, CV_8UC3, cv::Scalar(0, 0, 0));
+  for (std::size_t i = 0; i < images.size(); ++i) {
+    const int x = static_cast<int>(i) % tiles_across * tile_px,
+              y = static_cast<int>(i) / tiles_across * tile_px;
+    images[i].copyTo(montage(cv::Rect(x, y, tile_px, tile_px)));
+  }
+  std::vector<unsigned char> png;
+  cv::imencode(".png", montage, png);
+  write_file(file, std::string_view(reinterpret_cast<const char*>(png.data()), png.size()));
+}
+
+/// Black and white of the display: the darkest and brightest of what lies around the eye.
+std::pair<double, double> window(const Stack& stack, const Vector3d& centre) {
+  std::vector<double> values;
+  for_each_voxel_near(stack, centre, 18,
+                      [&](int c, int r, int s, const Vector3d&) { values.push_back(stack.at(c, r, s)); });
+  const double black = quantile(values, 0.01), white = quantile(values, 0.995);
+  return {black, std::max(white, black + 1e-6)};
+}
+
+Vector3d centre_in_view(const EyeFit& fit, std::size_t view) {
+  return fit.globe_centre_lps() -
+         fit.parameters.segment<3>(fit.layout.stack(static_cast<int>(view)) + shift_first);
+}
+
+void write_borders(const std::filesystem::path& file, const Stack& stack, const EyeFit& fit, std::size_t view,
+                   const Vector3d& shift) {
+  const Vector3d globe = centre_in_view(fit, view) - shift;
+  // The crop is centred between cornea and fundus.
+  const Vector3d centre = globe + 1.5 * gaze_axis(fit.value(gaze_horizontal), fit.value(gaze_vertical));
+  const auto [black, white] = window(stack, centre);
+  std::vector<cv::Mat> images;
+  for (const int slice : slices_through(stack, globe, 8)) {
+    const Tile tile(stack, slice, centre);
+    cv::Mat image = tile.grey(black, white);
+    draw_borders(image, tile, fit, view, shift);
+    tile.annotate(image);
+    images.push_back(image);
+  }
+  write_montage(file, images);
+}
+
+}  // namespace
+
+void write_overlay(const std::filesystem::path& file, const EyeFit& fit, std::size_t view) {
+  write_borders(file, *fit.stacks[view].stack, fit, view, Vector3d::Zero());
+}
+
+void write_overlay(const std::filesystem::path& file, const EyeFit& fit, const Stack& other,
+                   const Vector3d& shift) {
+  write_borders(file, other, fit, 0, shift);
+}
+
+void write_residuals(const std::filesystem::path& file, const EyeFit& fit, std::size_t view) {
+  const Stack& stack = *fit.stacks[view].stack;
+  const Vector3d globe = centre_in_view(fit, view);
+  const Vector3d centre = globe + 1.5 * gaze_axis(fit.value(gaze_horizontal), fit.value(gaze_vertical));
+  const auto [black, white] = window(stack, centre);
+  std::vector<cv::Mat> images;
+  for (const int slice : slices_through(stack, globe, 8)) {
+    const Tile tile(stack, slice, centre);
+    cv::Mat image = 0.35 * tile.grey(black, white);
+    for (std::size_t i = 0; i < fit.samples.size(); ++i) {
+      const Sample& sample = fit.samples[i];
+      const Vector3d d = sample.position - stack.slice_position[slice];
+      if (sample.stack != view || std::abs(d.dot(stack.normal)) > 1e-3) continue;
+      const cv::Rect2d box = tile.box_of_voxel(sample.position);
+      const double t = std::clamp(fit.residuals[i] / 4, -1.0, 1.0);
+      const double fade = 255 * (1 - std::abs(t));
+      const cv::Scalar colour = t > 0 ? cv::Scalar(fade, fade, 255) : cv::Scalar(255, fade, fade);
+      const cv::Point first(static_cast<int>(box.x), static_cast<int>(box.y));
+      const cv::Point last(static_cast<int>(box.x + box.width) - 1, static_cast<int>(box.y + box.height) - 1);
+      cv::rectangle(image, first, last, colour, cv::FILLED);
+    }
+    tile.annotate(image);
+    images.push_back(image);
+  }
+  write_montage(file, images);
+}
+
+void write_plain(const std::filesystem::path& file, const Stack& stack, const Vector3d& centre) {
+  const auto [black, white] = window(stack, centre);
+  std::vector<cv::Mat> images;
+  for (const int slice : slices_through(stack, centre, 8)) {
+    const Tile tile(stack, slice, centre);
+    cv::Mat image = tile.grey(black, white);
+    tile.annotate(image);
+    images.push_back(image);
+  }
+  write_montage(file, images);
+}
+
+}  // namespace emmetrope::segmentation

@@ -1,0 +1,81 @@
+#include <gmock/gmock.h>
+#include <unistd.h>
+
+#include <filesystem>
+
+#include "pipeline/base/error.hpp"
+#include "pipeline/eye/optics/describe_eye.hpp"
+
+namespace emmetrope {
+namespace {
+
+TEST(EyeCommand, AnswersWithTheContractsKeys) {
+  EyeQuery query;
+  query.eye = "navarro";
+  const Json json = describe_eye(query).json;
+  for (const char* key :
+       {"power_D", "object_focal_mm", "image_focal_mm", "object_principal_mm", "image_principal_mm",
+        "object_nodal_mm", "image_nodal_mm", "axial_length_mm", "refraction_D"})
+    EXPECT_TRUE(json[key].is_number()) << key;
+  for (const char* pupil : {"entrance_pupil", "exit_pupil"})
+    for (const char* key : {"position_mm", "diameter_mm"}) EXPECT_TRUE(json[pupil][key].is_number()) << pupil;
+  for (const char* key : {"M_D", "J0_D", "J45_D"}) EXPECT_TRUE(json["refraction"][key].is_number()) << key;
+  EXPECT_EQ(json["refraction"]["M_D"], json["refraction_D"]);
+}
+
+TEST(EyeCommand, WritesAnEyeThatGivesTheSameAnswer) {
+  EyeQuery query;
+  query.eye = "arizona";
+  query.options.accommodation_D = 3;
+  query.options.pupil_mm = 5;
+  query.wavelength_nm = 500;
+  const std::filesystem::path file = std::filesystem::path(testing::TempDir()) /
+                                     ("emmetrope-arizona-" + std::to_string(::getpid()) + ".json");
+  query.output = file.string();
+  const Json first = describe_eye(query).json;
+  EyeQuery again;
+  again.eye = file.string();
+  again.wavelength_nm = 500;
+  EXPECT_EQ(describe_eye(again).json, first);
+}
+
+TEST(RayCommand, GivesEveryHitAndAnOpenSchematicIris) {
+  RayQuery query;
+  query.eye = "gullstrand";
+  query.from_mm = {0, 3, 10};
+  query.to_mm = {0, 3, 0};
+  Json json = describe_ray(query).json;
+  EXPECT_EQ(json["state"], "reached");
+  EXPECT_EQ(json["at"], "retina");
+  EXPECT_EQ(json["hits"].size(), 7u);
+  EXPECT_EQ(json["hits"][0]["surface"], "cornea_anterior");
+  EXPECT_EQ(json["hits"][0]["position_mm"].size(), 3u);
+  EXPECT_EQ(json["hits"][0]["direction"].size(), 3u);
+  EXPECT_NEAR(json["hits"][0]["opl_mm"].get<double>(), 10 + 7.7 - std::sqrt(7.7 * 7.7 - 9), 1e-12);
+  query.options.pupil_mm = 3;
+  json = describe_ray(query).json;
+  EXPECT_EQ(json["state"], "vignetted");
+  EXPECT_EQ(json["at"], "iris");
+}
+
+TEST(RayCommand, ARayAwayFromTheEyeMeetsNothing) {
+  RayQuery query;
+  query.eye = "navarro";
+  query.from_mm = {0, 0, 20};
+  query.to_mm = {0, 0, 30};
+  const Json json = describe_ray(query).json;
+  EXPECT_TRUE(json["hits"].empty());
+  EXPECT_EQ(json["state"], "missed_surface");
+}
+
+TEST(RayCommand, RefusesARayWithoutDirection) {
+  RayQuery query;
+  query.eye = "navarro";
+  query.from_mm = query.to_mm = {0, 0, 10};
+  EXPECT_THROW(describe_ray(query), Error);
+  query.to_mm = {1, 0, 10};
+  EXPECT_THROW(describe_ray(query), Error);
+}
+
+}  // namespace
+}  // namespace emmetrope

@@ -1,0 +1,154 @@
+#include <gmock/gmock.h>
+#include <unistd.h>
+
+#include <filesystem>
+#include <fstream>
+#include <random>
+
+#include "pipeline/base/error.hpp"
+#include "pipeline/base/files.hpp"
+#include "pipeline/eye/meshes/triangle_mesh.hpp"
+#include "tests/support/sheet.hpp"
+
+namespace emmetrope {
+namespace {
+
+std::filesystem::path scratch(const std::string& name) {
+  const std::filesystem::path folder =
+      std::filesystem::path(testing::TempDir()) / ("emmetrope-mesh-files-" + std::to_string(::getpid()));
+  std::filesystem::create_directories(folder);
+  return folder / name;
+}
+
+TriangleMesh sheet() { return testing_eye::jittered_sheet(*make_sphere(7.8), 4, 120, 5); }
+
+TEST(MeshFiles, EveryFormatReadsBack) {
+  const TriangleMesh mesh = sheet();
+  for (const char* ending : {"ply", "obj", "vtp"})
+    for (const bool says_lps : {false, true}) {
+      const std::filesystem::path file = scratch(std::string("round.") + ending);
+      write_mesh(file, mesh, says_lps);
+      const MeshFile again = read_mesh(file);
+      EXPECT_EQ(again.says_lps, says_lps) << ending;
+      ASSERT_EQ(again.mesh.vertices.size(), mesh.vertices.size()) << ending;
+      EXPECT_EQ(again.mesh.triangles, mesh.triangles) << ending;
+      ASSERT_EQ(again.mesh.normals.size(), mesh.normals.size()) << ending;
+      for (std::size_t k = 0; k < mesh.vertices.size(); ++k) {
+        EXPECT_EQ(again.mesh.vertices[k], mesh.vertices[k]) << ending;
+        EXPECT_LT((again.mesh.normals[k] - mesh.normals[k]).norm(), 1e-15) << ending;
+      }
+    }
+}
+
+TEST(MeshFiles, StlWeldsItsCorners) {
+  const TriangleMesh mesh = sheet();
+  write_mesh(scratch("round.stl"), mesh, true);
+  const MeshFile again = read_mesh(scratch("round.stl"));
+  EXPECT_TRUE(again.says_lps);
+  EXPECT_EQ(again.mesh.triangles.size(), mesh.triangles.size());
+  EXPECT_LE(again.mesh.vertices.size(), mesh.vertices.size());
+  EXPECT_LT((again.mesh.vertices[again.mesh.triangles[3][1]] - mesh.vertices[mesh.triangles[3][1]]).norm(),
+            1e-6);
+}
+
+TEST(MeshFiles, TextFormsAreRead) {
+  write_file(scratch("text.ply"),
+             "ply\nformat ascii 1.0\ncomment SPACE=LPS\nelement vertex 4\nproperty float x\nproperty float "
+             "y\nproperty float z\n"
+             "property uchar label\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n"
+             "0 0 0 1\n1 0 0 1\n1 1 0.5 2\n0 1 0 3\n4 0 1 2 3\n");
+  const MeshFile ply = read_mesh(scratch("text.ply"));
+  EXPECT_TRUE(ply.says_lps);
+  EXPECT_EQ(ply.mesh.triangles.size(), 2u);
+  EXPECT_EQ(ply.mesh.vertices[2], Eigen::Vector3d(1, 1, 0.5));
+  write_file(scratch("text.stl"),
+             "solid sheet SPACE=LPS\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 "
+             "0\nendloop\nendfacet\n"
+             "facet normal 0 0 1\nouter loop\nvertex 1 0 0\nvertex 1 1 0\nvertex 0 1 "
+             "0\nendloop\nendfacet\nendsolid sheet\n");
+  const MeshFile stl = read_mesh(scratch("text.stl"));
+  EXPECT_TRUE(stl.says_lps);
+  EXPECT_EQ(stl.mesh.vertices.size(), 4u);
+  write_file(scratch("text.obj"), "# plain\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf -4 -3 -2 -1\n");
+  EXPECT_EQ(read_mesh(scratch("text.obj")).mesh.triangles.size(), 2u);
+}
+
+TEST(MeshFiles, BigEndianPlyIsRead) {
+  std::string bytes =
+      "ply\nformat binary_big_endian 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty "
+      "float z\n"
+      "element face 1\nproperty list uchar int vertex_indices\nend_header\n";
+  const auto big = [&](auto value) {
+    char raw[sizeof value];
+    std::memcpy(raw, &value, sizeof value);
+    bytes.append(std::string(std::rbegin(raw), std::rend(raw)));
+  };
+  for (const float v : {0.f, 0.f, 0.f, 1.f, 0.f, 0.f, 0.f, 2.5f, 0.f}) big(v);
+  bytes.push_back(3);
+  for (const int i : {0, 1, 2}) big(i);
+  write_file(scratch("big.ply"), bytes);
+  EXPECT_EQ(read_mesh(scratch("big.ply")).mesh.vertices[2].y(), 2.5);
+}
+
+TEST(MeshFiles, CutFilesAreRefusedByName) {
+  const TriangleMesh mesh = sheet();
+  for (const char* ending : {"ply", "stl", "vtp"}) {
+    write_mesh(scratch(std::string("whole.") + ending), mesh, false);
+    const std::string bytes = read_file(scratch(std::string("whole.") + ending));
+    for (const double part : {0.05, 0.5, 0.95}) {
+      const std::filesystem::path file = scratch(std::string("cut.") + ending);
+      write_file(file, bytes.substr(0, static_cast<std::size_t>(part * static_cast<double>(bytes.size()))));
+      try {
+        read_mesh(file);
+        ADD_FAILURE() << ending << part;
+      } catch (const Error& error) {
+        EXPECT_EQ(error.status(), ExitStatus::input_invalid);
+        EXPECT_THAT(error.what(), testing::HasSubstr(file.filename().string()));
+      }
+    }
+  }
+}
+
+TEST(MeshFiles, LyingHeadersAreRefusedWithoutMemory) {
+  const auto refused = [](const char* name, const std::string& bytes) {
+    write_file(scratch(name), bytes);
+    EXPECT_THROW(read_mesh(scratch(name)), Error) << bytes.substr(0, 60);
+  };
+  const std::string header = "ply\nformat binary_little_endian 1.0\nelement vertex ";
+  const std::string rest = "\nproperty double x\nproperty double y\nproperty double z\nend_header\n";
+  refused("lie.ply", header + "4000000000000" + rest);
+  refused("lie.ply", header + "-3" + rest);
+  refused("lie.ply", header + "1e3" + rest);
+  refused("lie.ply",
+          "ply\nformat binary_little_endian 1.0\nelement vertex 0\nproperty list uint int "
+          "vertex_indices\nend_header\n\x01");
+  std::string stl(84, ' ');
+  stl[80] = stl[81] = stl[82] = stl[83] = '\xff';
+  refused("lie.stl", stl);
+  refused("lie.obj", "v 0 0 0\nf 1 2 3\n");
+  refused("lie.obj", "v 0 0 nan\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
+  refused("lie.obj", "v 0 0\n");
+  EXPECT_THROW(read_mesh(scratch("no.such")), Error);
+}
+
+TEST(MeshFiles, RandomDamageNeverCrashes) {
+  std::mt19937 random(11);
+  const TriangleMesh mesh = testing_eye::jittered_sheet(*make_sphere(7.8), 4, 30, 5);
+  for (const char* ending : {"ply", "stl", "obj"}) {
+    const std::filesystem::path file = scratch(std::string("damaged.") + ending);
+    write_mesh(file, mesh, false);
+    const std::string whole = read_file(file);
+    for (int k = 0; k < 200; ++k) {
+      std::string bytes = whole;
+      for (int n = 0; n < 3; ++n) bytes[random() % bytes.size()] = static_cast<char>(random());
+      std::ofstream(file, std::ios::binary) << bytes;
+      try {
+        for (const auto& v : read_mesh(file).mesh.vertices) ASSERT_TRUE(v.allFinite());
+      } catch (const Error&) {
+      }
+    }
+  }
+}
+
+}  // namespace
+}  // namespace emmetrope

@@ -1,0 +1,228 @@
+#include <cstring>
+#include <opencv2/core.hpp>
+#include <opencv2/imgcodecs.hpp>
+#include <set>
+#include <sstream>
+
+#include "pipeline/eye/meshes/triangle_mesh.hpp"
+#include "tests/pipeline/report/report_fixture.hpp"
+
+// The DICOM objects, read back by other programs: dciodvfy and dcmdump.
+
+namespace emmetrope::report {
+namespace {
+
+using ::testing::HasSubstr;
+using ::testing::Not;
+
+class DicomTest : public ReportTest {
+ protected:
+  /// The bytes of an object's element of this kind (OB, explicit little endian).
+  std::string bytes_of(const std::string& name, std::uint16_t group, std::uint16_t element) const {
+    const std::string object = output(name);
+    std::string tag(8, '\0');
+    std::memcpy(tag.data(), &group, 2);
+    std::memcpy(tag.data() + 2, &element, 2);
+    std::memcpy(tag.data() + 4, "OB", 2);
+    const std::size_t at = object.find(tag);
+    std::uint32_t length = 0;
+    if (at == std::string::npos || at + 12 > object.size()) return {};
+    std::memcpy(&length, object.data() + at + 8, 4);
+    return object.substr(at + 12, length);
+  }
+
+  void expect_the_pdf() const;
+  void expect_the_lenses() const;
+  void expect_coded_segments() const;
+  void expect_every_labelled_voxel() const;
+  void expect_the_mesh() const;
+  void expect_the_picture() const;
+};
+
+TEST_F(DicomTest, EveryObjectConforms) {
+  test::make_fixture_case(folder_);
+  const fs::path study = folder_ / "study";
+  test::make_fixture_study(study);
+  report(study);
+  int objects = 0;
+  for (const auto& entry : fs::recursive_directory_iterator(folder_ / "report")) {
+    if (entry.path().extension() != ".dcm") continue;
+    ++objects;
+    // dciodvfy writes to standard error.
+    const std::string found =
+        run_process("/bin/sh", {"-c", "dciodvfy \"$1\" 2>&1", "sh", entry.path().string()},
+                    ChildOutput::capture)
+            .output;
+    std::istringstream lines(found);
+    for (std::string line; std::getline(lines, line);) {
+      if (line.rfind("Error", 0) != 0) continue;
+      // Its table for this SOP class demands the clinical trial modules, which are optional.
+      const bool is_known =
+          entry.path().filename() == "prescription.dcm" && line.find("ClinicalTrial") != std::string::npos;
+      EXPECT_TRUE(is_known) << entry.path().filename() << ": " << line;
+    }
+  }
+  EXPECT_EQ(objects, 4 + 10 + 4);
+}
+
+TEST_F(DicomTest, ObjectsBelongToThePatientsStudy) {
+  test::make_fixture_case(folder_);
+  const fs::path study = folder_.string() + "-study";
+  fs::remove_all(study);
+  test::make_fixture_study(study);
+  report(study);
+  for (const char* name :
+       {"report.dcm", "prescription.dcm", "biometry.dcm", "segmentation.dcm", "dicom/od_retina.dcm"}) {
+    const std::string object = dump(name);
+    EXPECT_THAT(object, HasSubstr("[DOE^JANE]")) << name;
+    EXPECT_THAT(object, HasSubstr("[1.2.826.0.1.3680043.10.1.1]")) << name;  // the study
+    EXPECT_THAT(object, Not(HasSubstr("[1.2.826.0.1.3680043.10.1.2]\n"))) << name;
+    EXPECT_THAT(object, HasSubstr("1.2.826.0.1.3680043.10.1.3.7")) << name;  // a source image
+  }
+  const std::string html =
+      visible_text(output("report.html"));  // a picture's base64 may hold any three letters
+  EXPECT_THAT(html, Not(HasSubstr("DOE")));
+  EXPECT_THAT(html, Not(HasSubstr("1961")));
+  EXPECT_THAT(html, Not(HasSubstr("MRN-4711")));
+  EXPECT_THAT(pdf_text(), Not(HasSubstr("DOE")));
+  EXPECT_THAT(output("stage.json"), Not(HasSubstr("DOE")));
+  EXPECT_THAT(output("prescription.fhir.json"), Not(HasSubstr("DOE")));
+
+  report(study, true);
+  EXPECT_THAT(pdf_text(), HasSubstr("JANE DOE"));
+  EXPECT_THAT(pdf_text(), HasSubstr("1961-02-03"));
+  EXPECT_THAT(dump("report.dcm"), HasSubstr("[YES]"));
+  EXPECT_THAT(output("stage.json"), Not(HasSubstr("DOE")));
+  fs::remove_all(study);
+}
+
+// A name that would be markup, a path or a format elsewhere is a name.
+TEST_F(DicomTest, HostileIdentityStaysInsideTheObjectsAndIsShownOnlyOnDemand) {
+  test::make_fixture_case(folder_);
+  const fs::path study = folder_.string() + "-study";
+  fs::remove_all(study);
+  test::make_fixture_study(study, "../TELLING^<script>alert(4)</script>\"'%n");
+  const std::string told = report(study).text;
+  EXPECT_THAT(told, Not(HasSubstr("TELLING")));
+  for (const auto& entry : fs::recursive_directory_iterator(folder_)) {
+    EXPECT_THAT(entry.path().string(), Not(HasSubstr("TELLING")));
+    if (!entry.is_regular_file() || entry.path().extension() == ".dcm") continue;
+    EXPECT_EQ(read_file(entry.path()).find("TELLING"), std::string::npos) << entry.path();
+  }
+  EXPECT_THAT(pdf_text(), Not(HasSubstr("TELLING")));
+  EXPECT_THAT(dump("biometry.dcm"), HasSubstr("TELLING"));
+
+  report(study, true);
+  const std::string html = output("report.html");
+  EXPECT_NE(html.find("&lt;script&gt;alert(4)"), std::string::npos);
+  EXPECT_NE(html.find("../TELLING"), std::string::npos);
+  EXPECT_EQ(html.find("<script>alert"), std::string::npos);
+  EXPECT_THAT(pdf_text(), HasSubstr("TELLING"));
+  EXPECT_EQ(output("stage.json").find("TELLING"), std::string::npos);
+  EXPECT_EQ(output("prescription.fhir.json").find("TELLING"), std::string::npos);
+  fs::remove_all(study);
+}
+
+void DicomTest::expect_the_pdf() const {
+  std::string pdf = output("report.pdf");
+  if (pdf.size() % 2 != 0) pdf.push_back('\0');
+  EXPECT_TRUE(bytes_of("report.dcm", 0x0042, 0x0011) == pdf);
+}
+
+void DicomTest::expect_the_lenses() const {
+  const std::string text =
+      output_of("/usr/bin/dsrdump", {(folder_ / "report" / "prescription.dcm").string()});
+  EXPECT_THAT(text, HasSubstr("Completion Flag     : PARTIAL"));
+  EXPECT_THAT(text, HasSubstr("Verification Flag   : UNVERIFIED"));
+  for (const auto& [eye, name] : {std::pair{"od", "Right Eye Rx"}, std::pair{"os", "Left Eye Rx"}}) {
+    const Json rounded = read_json(folder_ / "correction" / eye / "prescription.json").at("rounded");
+    const std::size_t from = text.find(name);
+    ASSERT_NE(from, std::string::npos);
+    const std::string lens = text.substr(from, text.find("CONTAINER", from) - from);
+    const auto number = [&](const char* concept_name) {
+      const std::size_t at = lens.find("\"" + std::string(concept_name) + "\")=\"");
+      return std::stod(lens.substr(at + std::strlen(concept_name) + 5));
+    };
+    EXPECT_EQ(number("Sphere"), rounded.at("sphere_D").get<double>());
+    EXPECT_EQ(number("Cylinder"), rounded.at("cylinder_D").get<double>());
+    EXPECT_EQ(number("Axis"), rounded.at("axis_deg").get<double>());
+  }
+}
+
+// SNOMED CT: what each label is, and whose.
+void DicomTest::expect_coded_segments() const {
+  std::istringstream lines(dump("segmentation.dcm"));
+  std::map<std::string, std::set<std::string>> codes;
+  std::string label;
+  for (std::string line; std::getline(lines, line);) {
+    const auto value = [&] {
+      const std::size_t from = line.find('[') + 1;
+      return line.substr(from, line.find(']') - from);
+    };
+    if (line.find("(0062,0005)") != std::string::npos) label = value();
+    if (line.find("(5200,9229)") != std::string::npos) break;  // segments are done
+    if (!label.empty() && line.find("(0008,0100)") != std::string::npos) codes[label].insert(value());
+  }
+  const std::map<std::string, std::string> expected{{"cornea", "28726007"},
+                                                    {"anterior chamber", "31636006"},
+                                                    {"lens", "78076003"},
+                                                    {"vitreous", "372242005"},
+                                                    {"sclera", "18619003"}};
+  ASSERT_EQ(codes.size(), 2 * expected.size());
+  for (const auto& [structure, code] : expected) {
+    EXPECT_THAT(codes["od " + structure], ::testing::IsSupersetOf({code, std::string("24028007")}));
+    EXPECT_THAT(codes["os " + structure], ::testing::IsSupersetOf({code, std::string("7771000")}));
+  }
+}
+
+void DicomTest::expect_every_labelled_voxel() const {
+  const std::string frames = bytes_of("segmentation.dcm", 0x7fe0, 0x0010);
+  std::size_t marked = 0;
+  for (const char byte : frames)
+    marked += static_cast<std::size_t>(__builtin_popcount(static_cast<unsigned char>(byte)));
+  const std::string volume =
+      output_of("/bin/sh", {"-c", "gzip -dc \"$1\" | tail -c +353", "sh",
+                            (folder_ / "segmentation" / "stack1_labels.nii.gz").string()});
+  EXPECT_GT(marked, 1000U);
+  EXPECT_EQ(marked, static_cast<std::size_t>(
+                        std::count_if(volume.begin(), volume.end(), [](char c) { return c != 0; })));
+}
+
+void DicomTest::expect_the_mesh() const {
+  EXPECT_THAT(dump("dicom/os_retina.dcm"), HasSubstr("[mm]"));
+  const std::string stl = bytes_of("dicom/os_retina.dcm", 0x0042, 0x0011);
+  const TriangleMesh mesh = read_mesh(folder_ / "meshing" / "os" / "retina.ply").mesh;
+  std::uint32_t count = 0;
+  std::memcpy(&count, stl.data() + 80, 4);
+  ASSERT_EQ(count, mesh.triangles.size());
+  ASSERT_GE(stl.size(), 84 + std::size_t{50} * count);
+  for (std::size_t i = 0; i < count; ++i)
+    for (std::size_t corner = 0; corner < 3; ++corner) {
+      std::array<float, 3> point{};
+      std::memcpy(point.data(), stl.data() + 84 + 50 * i + 12 + 12 * corner, 12);
+      const Eigen::Vector3d& expected = mesh.vertices[static_cast<std::size_t>(mesh.triangles[i][corner])];
+      for (int axis = 0; axis < 3; ++axis) ASSERT_NEAR(point[axis], expected[axis], 1e-4);
+    }
+}
+
+void DicomTest::expect_the_picture() const {
+  cv::Mat picture = cv::imread((folder_ / "correction" / "od" / "corrected.png").string(), cv::IMREAD_COLOR);
+  const std::string pixels = bytes_of("dicom/od_corrected.dcm", 0x7fe0, 0x0010);
+  ASSERT_EQ(pixels.size(), picture.total() * 3);
+  for (std::size_t i = 0; i < pixels.size(); ++i)  // RGB against OpenCV's BGR
+    ASSERT_EQ(static_cast<unsigned char>(pixels[i]), picture.data[i / 3 * 3 + 2 - i % 3]);
+}
+
+TEST_F(DicomTest, ObjectsHoldWhatTheCaseHolds) {
+  test::make_fixture_case(folder_);
+  report();
+  expect_the_pdf();
+  expect_the_lenses();
+  expect_coded_segments();
+  expect_every_labelled_voxel();
+  expect_the_mesh();
+  expect_the_picture();
+}
+
+}  // namespace
+}  // namespace emmetrope::report

@@ -1,0 +1,374 @@
+#include <regex>
+#include <sstream>
+
+#include "pipeline/report/content/normal_ranges.hpp"
+#include "tests/pipeline/report/report_fixture.hpp"
+
+// Every clinical number on the pages and in the objects is the JSON's.
+
+namespace emmetrope::report {
+namespace {
+
+using ::testing::Contains;
+using ::testing::HasSubstr;
+
+class NumbersTest : public ReportTest {
+ protected:
+  Json json_of(const std::string& stage, const std::string& eye, const std::string& file) const {
+    return read_json(folder_ / stage / eye / file);
+  }
+  void expect_biometry() const;
+  void expect_refraction() const;
+  void expect_criteria_budget_and_wavefront() const;
+};
+
+using Row = std::vector<std::string>;
+
+/// The rows of all of the page's tables, cell by cell.
+std::vector<Row> table_rows(const std::string& html) {
+  std::vector<Row> rows;
+  const std::regex cell("<t[hd][^>]*>([^<]*)</t[hd]>");
+  for (std::size_t at = html.find("<tr>"); at != std::string::npos; at = html.find("<tr>", at + 1)) {
+    const std::string row = html.substr(at, html.find("</tr>", at) - at);
+    Row cells;
+    for (auto found = std::sregex_iterator(row.begin(), row.end(), cell); found != std::sregex_iterator();
+         ++found)
+      cells.push_back(std::regex_replace((*found)[1].str(), std::regex("&apos;|&#39;"), "'"));
+    rows.push_back(cells);
+  }
+  return rows;
+}
+
+/// A line of the PDF's text: its cells stand two spaces or more apart.
+std::vector<Row> lines_of(const std::string& text) {
+  std::vector<Row> lines;
+  std::istringstream stream(text);
+  const std::regex gap(" {2,}");
+  for (std::string line; std::getline(stream, line);) {
+    line.erase(0, line.find_first_not_of(" \f"));
+    lines.emplace_back(std::sregex_token_iterator(line.begin(), line.end(), gap, -1),
+                       std::sregex_token_iterator());
+  }
+  return lines;
+}
+
+/// Rows that begin with `expected`.
+::testing::Matcher<const std::vector<Row>&> have_row(const Row& expected) {
+  return Contains(::testing::ResultOf(
+      [count = expected.size()](const Row& row) {
+        return Row(row.begin(), row.begin() + static_cast<std::ptrdiff_t>(std::min(count, row.size())));
+      },
+      expected));
+}
+
+/// Whether a line of the PDF holds a row: words may break into a second line, numbers may not.
+bool holds(const Row& line, const Row& row) {
+  Row wanted;
+  std::copy_if(row.begin(), row.end(), std::back_inserter(wanted),
+               [](const auto& cell) { return !cell.empty(); });
+  const auto shows = [](const std::string& cell, const std::string& whole) {
+    const bool is_number = whole.find_first_of("0123456789") <= 1;
+    return cell == whole || (!is_number && !cell.empty() && whole.rfind(cell, 0) == 0);
+  };
+  for (std::size_t first = 0; first + wanted.size() <= line.size(); ++first)
+    if (std::equal(wanted.begin(), wanted.end(), line.begin() + static_cast<std::ptrdiff_t>(first),
+                   [&](const auto& whole, const auto& cell) { return shows(cell, whole); }))
+      return true;
+  return false;
+}
+
+bool have_line(const std::vector<Row>& lines, const Row& row) {
+  return std::any_of(lines.begin(), lines.end(), [&](const Row& line) { return holds(line, row); });
+}
+
+void NumbersTest::expect_biometry() const {
+  const auto html = table_rows(output("report.html"));
+  for (const auto* rows : {&biometry_rows(), &keratometry_rows()})
+    for (const auto& row : *rows) {
+      Row expected{row.name};
+      for (const char* eye : {"od", "os"}) {
+        const auto measured =
+            json_of("meshing", eye, "biometry.json").at(Json::json_pointer("/" + row.key)).get<Measured>();
+        const bool is_unusual =
+            row.low != row.high && (measured.value < row.low || measured.value > row.high);
+        expected.push_back(format(measured.value, row.style) + (is_unusual ? " (!)" : ""));
+        expected.push_back(format_interval(measured, row.style));
+      }
+      EXPECT_THAT(html, have_row(expected));
+    }
+}
+
+void NumbersTest::expect_refraction() const {
+  const auto html = table_rows(output("report.html"));
+  const std::string pdf = pdf_text(), page = visible_text(output("report.html"));
+  for (const char* eye : {"od", "os"}) {
+    const Json prescription = json_of("correction", eye, "prescription.json");
+    const Json& rounded = prescription.at("rounded");
+    const std::string text =
+        format_refraction(rounded.at("sphere_D"), rounded.at("cylinder_D"), rounded.at("axis_deg"));
+    EXPECT_THAT(page, HasSubstr(text));
+    EXPECT_THAT(pdf, HasSubstr(text));
+    for (const auto& [key, name] :
+         {std::pair{"sphere_D", "Sphere"}, std::pair{"cylinder_D", "Cylinder"}, std::pair{"axis_deg", "Axis"},
+          std::pair{"M_D", "M"}, std::pair{"J0_D", "J0"}, std::pair{"J45_D", "J45"}}) {
+      const auto measured = prescription.at(key).get<Measured>();
+      const NumberStyle style =
+          std::string(key) == "axis_deg" ? NumberStyle{0, false, "deg"} : NumberStyle{2, true, "D"};
+      EXPECT_THAT(html, have_row({name, format(measured.value, style), format_interval(measured, style)}));
+      EXPECT_TRUE(std::regex_search(
+          pdf, std::regex(name + std::string(" +") +
+                          std::regex_replace(format(measured.value, style), std::regex("[+]"), "[+]") + " +" +
+                          std::regex_replace(format_interval(measured, style), std::regex("[+]"), "[+]"))))
+          << name << " of " << eye;
+    }
+  }
+}
+
+void NumbersTest::expect_criteria_budget_and_wavefront() const {
+  const auto html = table_rows(output("report.html")), pdf = lines_of(pdf_text());
+  const Json od = json_of("correction", "od", "prescription.json"),
+             os = json_of("correction", "os", "prescription.json");
+  const auto powers_of = [](const std::string& name, const Json& right, const Json& left, bool with_sign) {
+    Row row{name};
+    for (const Json& eye : {right, left})
+      for (const char* key : {"M_D", "J0_D", "J45_D"})
+        row.push_back(format(eye.at(key), {2, with_sign, "D"}));
+    return row;
+  };
+  for (const auto& [key, name] : {std::pair{"paraxial", "Paraxial (curvature at the centre)"},
+                                  std::pair{"minimum_rms_wavefront", "Least wavefront error"},
+                                  std::pair{"minimum_rms_spot", "Least spot"},
+                                  std::pair{"visual_strehl", "Best visual Strehl ratio"}}) {
+    const Row row = powers_of(name, od.at("wavefront_check").at(key), os.at("wavefront_check").at(key), true);
+    EXPECT_THAT(html, have_row(row));
+    EXPECT_TRUE(have_line(pdf, row)) << row.front();
+  }
+  for (std::size_t i = 0; i < od.at("budget").size(); ++i) {
+    const Row row = powers_of(od["budget"][i].at("source"), od["budget"][i], os["budget"][i], false);
+    EXPECT_THAT(html, have_row(row));
+    EXPECT_TRUE(have_line(pdf, row)) << row.front();
+  }
+  const Json right = json_of("raytrace", "od", "wavefront.json"),
+             left = json_of("raytrace", "os", "wavefront.json");
+  for (const auto& [key, name, style] :
+       {std::tuple{"pupil_mm", "Entrance pupil", NumberStyle{2, false, "mm"}},
+        std::tuple{"wavelength_nm", "Wavelength", NumberStyle{1, false, "nm"}},
+        std::tuple{"rms_um", "Wavefront error, rms", NumberStyle{3, false, "\u00b5m"}},
+        std::tuple{"strehl", "Strehl ratio", NumberStyle{3, false, ""}},
+        std::tuple{"vsotf", "Visual Strehl ratio (VSOTF)", NumberStyle{3, false, ""}}}) {
+    const Row row{name, format(right.at(key), style), format(left.at(key), style)};
+    EXPECT_THAT(html, have_row(row));
+    EXPECT_TRUE(have_line(pdf, row)) << row.front();
+  }
+  const Json& cylinder = od.at("plano_cylinder");
+  EXPECT_THAT(html,
+              have_row({"Radius of the back surface", format(cylinder.at("radius_mm"), {1, true, "mm"})}));
+  EXPECT_THAT(html, have_row({"Sharpness reached", format(cylinder.at("sharpness"), {4, false, ""})}));
+}
+
+TEST_F(NumbersTest, OfTheJsonStandInHtmlAndPdf) {
+  test::make_fixture_case(folder_);
+  report();
+  expect_biometry();
+  expect_refraction();
+  expect_criteria_budget_and_wavefront();
+}
+
+/// Every table of the page whose caption the PDF carries stands there row by row.
+TEST_F(NumbersTest, PdfHoldsTheRowsOfThePage) {
+  test::make_fixture_case(folder_);
+  report();
+  const std::string html = output("report.html"), text = pdf_text();
+  const auto lines = lines_of(text);
+  const std::regex caption("<caption>([^<]*)</caption>");
+  int printed = 0;
+  for (std::size_t at = html.find("<table"); at != std::string::npos; at = html.find("<table", at + 1)) {
+    const std::string table = html.substr(at, html.find("</table>", at) - at);
+    std::smatch found;
+    ASSERT_TRUE(std::regex_search(table, found, caption));
+    if (text.find(found[1].str()) == std::string::npos) continue;
+    ++printed;
+    for (const auto& row : table_rows(table.substr(table.find("<tbody>"))))
+      EXPECT_TRUE(have_line(lines, row)) << found[1] << ": " << ::testing::PrintToString(row);
+  }
+  EXPECT_GE(printed, 9);
+}
+
+/// A number of a result file, and whether it is the half width of an axis's interval.
+struct Leaf {
+  std::string pointer;
+  double value = 0;
+};
+
+/// What a clinician has no use for: how the search went, frames, curves that are drawn, and texts' parts.
+bool is_clinical(const std::string& pointer) {
+  static const std::regex other(
+      "/(lps_from_eye|head_roll_deg|plausibility|search|images|distinct_optima_D|log_curvature[^/"
+      "]*|learnt_from|"
+      "difference|mtf|zone_mm|cornea_zernike_um)(/.*)?|.*/(residual_D|search|images|distinct_optima_D|"
+      "log_curvature[^/]*)(/.*)?");
+  return !std::regex_match(pointer, other);
+}
+
+/// Moves every clinical number by another small step, so that no two are alike, and lists what they became.
+void make_distinct(Json& json, const std::string& pointer, int& count, std::vector<Leaf>& leaves) {
+  if (!is_clinical(pointer)) return;
+  const auto step = [&] { return 0.0137 * ++count; };
+  if (json.is_object() && json.contains("ci95")) {
+    const double by = step();
+    json["value"] = json["value"].get<double>() + by;
+    leaves.push_back({pointer, json["value"]});
+    for (auto& end : json["ci95"]) end = end.get<double>() + by;
+    const bool is_axis = pointer.find("axis_deg") != std::string::npos;
+    if (is_axis)
+      leaves.push_back({pointer, (json["ci95"][1].get<double>() - json["ci95"][0].get<double>()) / 2});
+    if (!is_axis)
+      for (const auto& end : json["ci95"]) leaves.push_back({pointer, end});
+  } else if (json.is_structured()) {
+    std::size_t index = 0;
+    for (auto item = json.begin(); item != json.end(); ++item, ++index)
+      make_distinct(*item, pointer + "/" + (json.is_object() ? item.key() : std::to_string(index)), count,
+                    leaves);
+  } else if (json.is_number_float()) {
+    json = json.get<double>() + step();
+    leaves.push_back({pointer, json});
+  }
+}
+
+/// A number as a page shows it.
+struct Written {
+  double value = 0;
+  int decimals = 0;
+  bool is_ratio = false;  ///< "2.0e-04"
+};
+
+std::vector<Written> written_numbers(const std::string& text) {
+  std::vector<Written> numbers;
+  const std::regex number("[-+]?[0-9]+(\\.[0-9]+)?(e-[0-9]+)?");
+  for (auto found = std::sregex_iterator(text.begin(), text.end(), number); found != std::sregex_iterator();
+       ++found)
+    numbers.push_back({std::stod(found->str()), std::max(0, static_cast<int>((*found)[1].length()) - 1),
+                       (*found)[2].matched});
+  return numbers;
+}
+
+/// Decimals that a number has at least: axes, near points and vertex distances are written whole.
+int least_decimals(const std::string& pointer) {
+  const std::string key = pointer.substr(pointer.rfind('/') + 1);
+  if (key == "axis_deg" || key.rfind("near_point", 0) == 0 || key.rfind("vertex_distance", 0) == 0) return 0;
+  return key.find("_D") != std::string::npos ? 2 : 1;
+}
+
+bool is_written(const std::vector<Written>& numbers, const Leaf& leaf) {
+  const int least = least_decimals(leaf.pointer);
+  return std::any_of(numbers.begin(), numbers.end(), [&](const Written& number) {
+    if (number.is_ratio) return std::abs(number.value / leaf.value - 1) < 0.06;
+    return number.decimals >= least &&
+           std::abs(number.value - leaf.value) <= 0.5001 * std::pow(10.0, -number.decimals);
+  });
+}
+
+TEST_F(NumbersTest, OfEachResultFileStandOnThePage) {
+  test::make_fixture_case(folder_);
+  std::vector<Leaf> leaves;
+  int count = 0;
+  for (const char* eye : {"od", "os"})
+    for (const auto& [stage, file] :
+         {std::pair{"meshing", "biometry.json"}, std::pair{"raytrace", "wavefront.json"},
+          std::pair{"correction", "prescription.json"}}) {
+      const fs::path path = folder_ / stage / eye / file;
+      Json json = read_json(path);
+      make_distinct(json, "", count, leaves);
+      write_json(path, json);
+    }
+  ASSERT_GT(leaves.size(), 300U);
+  report();
+  const auto written = written_numbers(visible_text(output("report.html")));
+  for (const auto& leaf : leaves) EXPECT_TRUE(is_written(written, leaf)) << leaf.pointer << " " << leaf.value;
+}
+
+TEST_F(NumbersTest, FollowTheJsonAndNotAStoredText) {
+  test::make_fixture_case(folder_);
+  const fs::path file = folder_ / "correction" / "od" / "prescription.json";
+  Json prescription = read_json(file);
+  prescription["rounded"]["sphere_D"] = -7.5;
+  write_json(file, prescription);
+  report();
+  EXPECT_THAT(visible_text(output("report.html")), HasSubstr("-7.50 / -1.00 x 175"));
+  EXPECT_THAT(pdf_text(), HasSubstr("-7.50 / -1.00 x 175"));
+  EXPECT_THAT(dump("prescription.dcm"), HasSubstr("[-7.5000]"));
+  EXPECT_THAT(output("prescription.fhir.json"), HasSubstr("\"sphere\": -7.5"));
+}
+
+/// What dsrdump prints of one NUM item.
+struct Number {
+  double value = 0, upper = -1, lower = -1;
+  std::string unit, method;
+};
+
+/// eye -> name -> number
+std::map<std::string, std::map<std::string, Number>> numbers_of(const std::string& dsrdump) {
+  std::map<std::string, std::map<std::string, Number>> numbers;
+  std::istringstream lines(dsrdump);
+  std::string eye, name;
+  const std::regex item(R"re((contains|has properties) NUM:\(,,"([^"]*)"\)="([^"]*)" \(([^,]*),)re");
+  const std::regex method(R"re(Measurement Method"\)=\(([^,]*),)re");
+  for (std::string line; std::getline(lines, line);) {
+    std::smatch found;
+    if (line.find("\"OD (right eye)\"") != std::string::npos) eye = "od";
+    if (line.find("\"OS (left eye)\"") != std::string::npos) eye = "os";
+    if (std::regex_search(line, found, method)) numbers[eye][name].method = found[1];
+    if (!std::regex_search(line, found, item)) continue;
+    const double value = std::stod(found[3]);
+    if (found[1] == "contains") {
+      name = found[2];
+      numbers[eye][name].value = value;
+      numbers[eye][name].unit = found[4];
+    } else {
+      (found[2].str()[0] == '+' ? numbers[eye][name].upper : numbers[eye][name].lower) = value;
+    }
+  }
+  return numbers;
+}
+
+/// How many measured numbers a document holds, but for the Zernike coefficients, which are of the whole
+/// surface.
+std::size_t measured_numbers(const Json& json) {
+  if (!json.is_structured()) return 0;
+  if (json.is_object() && json.contains("ci95")) return 1;
+  std::size_t count = 0;
+  for (auto item = json.begin(); item != json.end(); ++item)
+    if (!json.is_object() || item.key() != "cornea_zernike_um") count += measured_numbers(*item);
+  return count;
+}
+
+TEST_F(NumbersTest, BiometryObjectHoldsEveryNumberWithItsInterval) {
+  test::make_fixture_case(folder_);
+  report();
+  const auto numbers =
+      numbers_of(output_of("/usr/bin/dsrdump", {(folder_ / "report" / "biometry.dcm").string()}));
+  const std::map<std::string, std::string> units{
+      {"mm", "mm"}, {"D", "[diop]"}, {"deg", "deg"}, {"\u00b5m", "um"}, {"", "1"}};
+  constexpr double half_digit = 0.5e-4 + 1e-9;
+  for (const char* eye : {"od", "os"}) {
+    const Json biometry = json_of("meshing", eye, "biometry.json");
+    std::size_t count = 0;
+    for (const auto* rows : {&biometry_rows(), &keratometry_rows()})
+      for (const auto& row : *rows) {
+        ++count;
+        ASSERT_EQ(numbers.at(eye).count(row.name), 1U) << row.name;
+        const Number& number = numbers.at(eye).at(row.name);
+        const auto measured = biometry.at(Json::json_pointer("/" + row.key)).get<Measured>();
+        EXPECT_NEAR(number.value, measured.value, half_digit) << row.name;
+        EXPECT_NEAR(number.upper, measured.ci95[1] - measured.value, half_digit) << row.name;
+        EXPECT_NEAR(number.lower, measured.value - measured.ci95[0], half_digit) << row.name;
+        EXPECT_EQ(number.unit, units.at(row.style.unit)) << row.name;
+        EXPECT_EQ(number.method, measured.source == "mri" ? "113091000" : "PRIOR") << row.name;
+      }
+    EXPECT_EQ(numbers.at(eye).size(), count);
+    EXPECT_EQ(count, measured_numbers(biometry));  // none of the file is left out
+  }
+}
+
+}  // namespace
+}  // namespace emmetrope::report

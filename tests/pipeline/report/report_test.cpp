@@ -1,0 +1,546 @@
+#include <cstdlib>
+#include <cstring>
+#include <opencv2/core.hpp>
+#include <opencv2/imgcodecs.hpp>
+#include <regex>
+
+#include "pipeline/base/error.hpp"
+#include "pipeline/base/measured.hpp"
+#include "pipeline/report/content/comparison.hpp"
+#include "pipeline/report/page/viewer.hpp"
+#include "tests/pipeline/report/report_fixture.hpp"
+
+namespace emmetrope::report {
+namespace {
+
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+using ::testing::Not;
+
+TEST_F(ReportTest, EveryPageSaysThatItIsForResearch) {
+  test::make_fixture_case(folder_);
+  report();
+  const std::string pdf = pdf_text();
+  const auto pages = std::count(pdf.begin(), pdf.end(), '\f');
+  EXPECT_GE(pages, 2);
+  EXPECT_LE(pages, 4);
+  std::size_t start = 0;
+  for (int page = 0; page < pages; ++page) {
+    const std::size_t end = pdf.find('\f', start);
+    EXPECT_THAT(pdf.substr(start, end - start), HasSubstr("Research use only. Not a medical device."))
+        << page + 1;
+    start = end + 1;
+  }
+}
+
+TEST_F(ReportTest, CaseFullOfComplaintsStaysWithinFourPages) {
+  test::make_fixture_case(folder_);
+  const fs::path file = folder_ / "segmentation" / "stage.json";
+  Json stage = read_json(file);
+  for (int i = 0; i < 60; ++i)
+    stage["warnings"].push_back("complaint " + std::to_string(i) +
+                                ": a slice is missing between two others, and what that means is told at "
+                                "some length here, as stages do");
+  write_json(file, stage);
+  report();
+  const std::string pdf = pdf_text();
+  EXPECT_LE(std::count(pdf.begin(), pdf.end(), '\f'), 4);
+  EXPECT_THAT(pdf, HasSubstr("more are in the HTML report"));
+  EXPECT_THAT(visible_text(output("report.html")), HasSubstr("complaint 59:"));
+}
+
+TEST_F(ReportTest, TooWideAnIntervalIsNoPrescription) {
+  test::make_fixture_case(folder_);
+  const fs::path file = folder_ / "correction" / "od" / "prescription.json";
+  Json prescription = read_json(file);
+  prescription["M_D"]["ci95"] = {-2.87 - 3.2, -2.87 + 3.2};
+  write_json(file, prescription);
+  const Answer answer = report();
+  EXPECT_FALSE(answer.json.at("eyes").at("od").contains("prescription"));
+  EXPECT_TRUE(answer.json.at("eyes").at("os").contains("prescription"));
+  for (const std::string& text : {visible_text(output("report.html")), pdf_text()}) {
+    EXPECT_THAT(text, HasSubstr("No prescription: known only to ±3.2 D"));
+    EXPECT_THAT(text, HasSubstr("Estimate, not a prescription: mean sphere -2.9 D"));
+    EXPECT_THAT(text, Not(HasSubstr("-2.25 / -1.00 x 175")));
+  }
+  EXPECT_THAT(dump("prescription.dcm"), Not(HasSubstr("Right Eye Rx")));
+  EXPECT_THAT(output("prescription.fhir.json"), Not(HasSubstr("right")));
+}
+
+// A point of a stack plus its shift lies where the surfaces are: the slice through the eye's middle lies that
+// much lower in the stack, and the contours go with it.
+TEST_F(ReportTest, ContoursFollowTheHeadsMotionBetweenStacks) {
+  test::make_fixture_case(folder_);
+  const auto slice = [&] {
+    const std::string html = output("report.html");
+    const std::size_t at = html.find("<figure id=\"slice-od-axial\">");
+    return html.substr(at, html.find("</figure>", at) - at);
+  };
+  const auto contours = [](const std::string& figure) { return figure.substr(figure.find("<path")); };
+  report();
+  const std::string still = slice();
+  const fs::path file = folder_ / "segmentation" / "od" / "fit.json";
+  Json fit = read_json(file);
+  fit["stacks"] = {{{"name", "stack1"}, {"shift_lps_mm", {0.0, 0.0, 1.5}}}};
+  write_json(file, fit);
+  report();
+  const std::string moved = slice();
+  const std::regex height("axial, S ([0-9.]+) mm");
+  std::smatch before, after;
+  ASSERT_TRUE(std::regex_search(still, before, height));
+  ASSERT_TRUE(std::regex_search(moved, after, height));
+  EXPECT_NEAR(std::stod(before[1]) - std::stod(after[1]), 1.5, 0.051);
+  EXPECT_EQ(contours(still).substr(0, 2000), contours(moved).substr(0, 2000));
+}
+
+TEST_F(ReportTest, SameCaseGivesSameBytes) {
+  test::make_fixture_case(folder_);
+  report();
+  std::map<std::string, std::string> first;
+  for (const auto& entry : fs::recursive_directory_iterator(folder_ / "report"))
+    if (entry.is_regular_file()) first[entry.path().string()] = read_file(entry.path());
+  const fs::path moved = folder_.string() + "-moved";
+  fs::remove_all(moved);
+  fs::rename(folder_, moved);
+  fs::remove_all(moved / "report");
+  CommonOptions common;
+  common.verbosity.quiet = true;
+  write_report({moved, {}, false}, common);
+  EXPECT_GT(first.size(), 20U);
+  for (const auto& [name, bytes] : first) {
+    if (fs::path(name).filename() == "stage.json") continue;
+    const fs::path again = moved / fs::relative(name, folder_);
+    ASSERT_TRUE(fs::exists(again)) << again;
+    EXPECT_TRUE(read_file(again) == bytes) << again;
+  }
+  fs::remove_all(moved);
+}
+
+TEST_F(ReportTest, AnAstigmatismThatMayBeNoneHasNoRule) {
+  test::make_fixture_case(folder_);
+  const fs::path file = folder_ / "meshing" / "os" / "biometry.json";
+  Json biometry = read_json(file);
+  biometry["keratometry"]["cylinder_D"]["ci95"][0] = 0.0;
+  write_json(file, biometry);
+  report();
+  const std::string text = visible_text(output("report.html"));
+  const auto line_of = [&](const std::string& eye) {
+    const auto at = text.find(eye + ": K1");
+    return text.substr(at, text.find('<', at + 1) - at).substr(0, 120);
+  };
+  EXPECT_THAT(line_of("OD (right)"), ::testing::HasSubstr("with-the-rule"));
+  EXPECT_THAT(line_of("OS (left)"), ::testing::HasSubstr("axis not determined"));
+  EXPECT_THAT(line_of("OS (left)"), ::testing::Not(::testing::HasSubstr("with-the-rule")));
+}
+
+TEST_F(ReportTest, SecondRunIsSkippedUntilAResultChanges) {
+  test::make_fixture_case(folder_);
+  report();
+  EXPECT_EQ(report().json["skipped"], true);
+  Json biometry = read_json(folder_ / "meshing" / "os" / "biometry.json");
+  biometry["axial_length_mm"]["value"] = 24.75;
+  write_json(folder_ / "meshing" / "os" / "biometry.json", biometry);
+  EXPECT_EQ(report().json["skipped"], false);
+  EXPECT_THAT(visible_text(output("report.html")), HasSubstr("24.75 mm"));
+}
+
+TEST_F(ReportTest, RefusedCaseHasAReportWithReasonsAndNoNumbers) {
+  test::FixtureOptions options;
+  options.refused = true;
+  test::make_fixture_case(folder_, options);
+  const Answer answer = report();
+  EXPECT_EQ(answer.status, ExitStatus::done);
+  for (const std::string& text : {visible_text(output("report.html")), pdf_text()}) {
+    EXPECT_THAT(text, HasSubstr("No prescription"));
+    EXPECT_THAT(text, HasSubstr("chi2 per voxel 4.2"));
+    EXPECT_FALSE(std::regex_search(text, std::regex("[+-][0-9]+\\.[0-9]{2} (D|/)"))) << text;
+  }
+  EXPECT_TRUE(fs::exists(folder_ / "report" / "report.dcm"));
+  EXPECT_FALSE(fs::exists(folder_ / "report" / "prescription.dcm"));
+  EXPECT_FALSE(fs::exists(folder_ / "report" / "prescription.fhir.json"));
+  EXPECT_FALSE(fs::exists(folder_ / "report" / "biometry.dcm"));
+}
+
+TEST_F(ReportTest, ARefusedFitOutweighsAPrescriptionThatIsLeftOver) {
+  test::make_fixture_case(folder_);
+  Json fit = read_json(folder_ / "segmentation" / "od" / "fit.json");
+  fit["status"] = "refused";
+  write_json(folder_ / "segmentation" / "od" / "fit.json", fit);
+  const Answer answer = report();
+  EXPECT_FALSE(answer.json.at("eyes").at("od").contains("prescription"));
+  EXPECT_TRUE(answer.json.at("eyes").at("os").contains("prescription"));
+  EXPECT_THAT(dump("prescription.dcm"), Not(HasSubstr("Right Eye Rx")));
+}
+
+TEST_F(ReportTest, AnEyeThatAStageWasNotAskedForIsNotCalledUnsupported) {
+  test::make_fixture_case(folder_);
+  const fs::path correction = folder_ / "correction";
+  Json stage = read_json(correction / "stage.json");
+  stage["parameters"]["laterality"] = "od";
+  write_json(correction / "stage.json", stage);
+  fs::remove_all(correction / "os");
+  report();
+  for (const std::string& text : {visible_text(output("report.html")), pdf_text()}) {
+    EXPECT_THAT(text, HasSubstr("No prescription: not asked for"));
+    EXPECT_THAT(text, Not(HasSubstr("the images do not support one")));
+  }
+}
+
+TEST_F(ReportTest, OneEyeIsReportedAndTheOtherNamedAsMissing) {
+  test::FixtureOptions options;
+  options.only_right = true;
+  test::make_fixture_case(folder_, options);
+  report();
+  const std::string html = visible_text(output("report.html"));
+  EXPECT_THAT(html, HasSubstr("-2.25 / -1.00 x 175"));
+  EXPECT_THAT(html, HasSubstr("the left eye is not in the images"));
+}
+
+TEST_F(ReportTest, HostileTextsStayTexts) {
+  test::FixtureOptions options;
+  options.subject = "<script>alert(1)</script>{{{style}}}%n\"'&";
+  options.stage_warning = "</pre><img src=x onerror=alert(2)> \xff\x01 {{#sections}}";
+  test::make_fixture_case(folder_, options);
+  report();
+  const std::string html = output("report.html");
+  const auto has = [&](const char* text) {
+    return html.find(text) != std::string::npos;
+  };  // no page in a message
+  EXPECT_FALSE(has("<script>alert(1)"));
+  EXPECT_FALSE(has("<img src=x"));
+  EXPECT_TRUE(has("&lt;script&gt;alert(1)"));
+  EXPECT_TRUE(has("{{#sections}}"));
+  EXPECT_THAT(pdf_text(), HasSubstr("onerror=alert(2)"));
+}
+
+TEST_F(ReportTest, HtmlNamesNoNetworkAddress) {
+  test::make_fixture_case(folder_);
+  report();
+  const std::string html = output("report.html");
+  EXPECT_LT(html.size(), most_page_bytes);
+  const std::string own = html.substr(0, html.find("id=\"viewer-data\""));
+  EXPECT_FALSE(std::regex_search(own, std::regex("(src|href)=[\"']?(https?:)?//")));
+}
+
+/// The program in an environment without any tool.
+TEST_F(ReportTest, WithoutToolsFiguresAreMissingAndNamed) {
+  test::make_fixture_case(folder_);
+  const char* programs = std::getenv("EMMETROPE_BIN");
+  ASSERT_NE(programs, nullptr) << "run by ctest, or set EMMETROPE_BIN to the folder of the programs";
+  const auto ended = run_process(
+      "/usr/bin/env",
+      {"-i", "PATH=/nonexistent", std::string(programs) + "/emmetrope-report", folder_.string(), "--quiet"},
+      ChildOutput::capture);
+  ASSERT_EQ(ended.status, 0) << ended.output;
+  for (const std::string& text : {visible_text(output("report.html")), pdf_text()}) {
+    EXPECT_THAT(text, HasSubstr("-2.25 / -1.00 x 175"));
+    EXPECT_THAT(text, HasSubstr("OD: corneal maps are missing, because gnuplot is not installed or failed."));
+    EXPECT_THAT(text, HasSubstr("OS: charts of the wavefront are missing"));
+  }
+  EXPECT_NE(output("report.html").find("<figure id=\"slice-od-axial\">"), std::string::npos);
+  EXPECT_EQ(output("report.html").find("<figure id=\"axial-power-od\">"), std::string::npos);
+}
+
+/// The NIfTI volume that the viewer gets first.
+std::string first_volume(const ViewerData& viewer, const fs::path& folder) {
+  write_file(folder / "volume.txt",
+             Json::parse(viewer.data_json).at("volumes").at(0).at("data").get<std::string>());
+  return run_process("/bin/sh", {"-c", "base64 -d \"$1\" | gzip -dc", "sh", (folder / "volume.txt").string()},
+                     ChildOutput::capture)
+      .output;
+}
+
+template <typename T>
+T at(const std::string& bytes, std::size_t offset) {
+  T value;
+  std::memcpy(&value, bytes.data() + offset, sizeof value);
+  return value;
+}
+
+TEST_F(ReportTest, ViewerIsCoarsenedThenLeftOutWhereThePageHasNoRoom) {
+  if (!has_viewer_library()) GTEST_SKIP() << "this build has no viewer (npm or network missing)";
+  test::make_fixture_case(folder_);
+  const CaseData data = read_case(folder_, LateralityChoice::both);
+  const ViewerData full = make_viewer_data(data, most_page_bytes);
+  EXPECT_EQ(full.note, "");
+  const std::size_t bytes = full.script.size() + full.data_json.size();
+  const ViewerData coarse = make_viewer_data(data, bytes - 1000);
+  EXPECT_THAT(coarse.note, HasSubstr("every second voxel"));
+  EXPECT_LE(coarse.script.size() + coarse.data_json.size(), bytes - 1000);
+  const std::string fine_volume = first_volume(full, folder_), coarse_volume = first_volume(coarse, folder_);
+  ASSERT_GT(coarse_volume.size(), 352U);
+  for (const std::size_t axis : {0, 1}) {
+    const auto count = at<std::int16_t>(fine_volume, 42 + 2 * axis);
+    EXPECT_EQ(at<std::int16_t>(coarse_volume, 42 + 2 * axis), (count + 1) / 2);
+    const std::size_t diagonal = 280 + 16 * axis + 4 * axis, origin = 280 + 16 * axis + 12;
+    EXPECT_FLOAT_EQ(at<float>(coarse_volume, diagonal), 2 * at<float>(fine_volume, diagonal));
+    EXPECT_EQ(at<float>(coarse_volume, origin), at<float>(fine_volume, origin));
+  }
+  EXPECT_EQ(at<std::int16_t>(coarse_volume, 46), at<std::int16_t>(fine_volume, 46));
+  const ViewerData none = make_viewer_data(data, full.script.size() + 1000);
+  EXPECT_EQ(none.script, "");
+  EXPECT_THAT(none.note, HasSubstr("left out"));
+}
+
+TEST_F(ReportTest, LargePicturesAreScaledAndThePageStaysSmall) {
+  test::make_fixture_case(folder_);
+  cv::Mat noise(1500, 1500, CV_8UC3);
+  cv::RNG(7).fill(noise, cv::RNG::UNIFORM, 0, 255);
+  for (const char* eye : {"od", "os"})
+    cv::imwrite((folder_ / "correction" / eye / "corrected.png").string(), noise);
+  ASSERT_GT(fs::file_size(folder_ / "correction" / "od" / "corrected.png"), 5'000'000U);
+  report();
+  EXPECT_LT(output("report.html").size(), most_page_bytes);
+}
+
+TEST_F(ReportTest, FollowUpTellsChangesFromMeasurementError) {
+  const fs::path later = folder_.string() + "-later";
+  fs::remove_all(later);
+  test::make_fixture_case(folder_);
+  test::make_fixture_case(later);
+  const fs::path file = later / "meshing" / "od" / "biometry.json";
+  Json biometry = read_json(file);
+  // Half widths of 0.0588 mm each: the limit is 0.083 mm.
+  biometry["optical_axial_length_mm"] = Measured::from_sigma(23.6 + 0.09, 0.03, "mri");
+  // Half widths of 0.098 mm each: the limit is 0.139 mm.
+  biometry["anterior_chamber_depth_mm"] = Measured::from_sigma(3.4 + 0.13, 0.05, "mri");
+  write_json(file, biometry);
+  CommonOptions common;
+  common.verbosity.quiet = true;
+  write_comparison(folder_, later, common);
+  const std::string text =
+      run_process("/usr/bin/pdftotext", {"-layout", (later / "comparison" / "comparison.pdf").string(), "-"},
+                  ChildOutput::capture)
+          .output;
+  EXPECT_THAT(text, HasSubstr("OD (right): Axial length, optical +0.09 mm."));
+  EXPECT_THAT(text, HasSubstr("OS (left): nothing changed by more than its interval."));
+  EXPECT_THAT(text, HasSubstr("was not checked: the source study of the cases is not at hand"));
+  EXPECT_TRUE(
+      std::regex_search(text, std::regex("Axial length, optical +23.60 mm +23.69 mm +.0.09 mm .*changed")))
+      << text;
+  EXPECT_TRUE(
+      std::regex_search(text, std::regex("Anterior chamber depth +3.40 mm +3.53 mm +.0.13 mm .*within")))
+      << text;
+  fs::remove_all(later);
+}
+
+TEST_F(ReportTest, FollowUpMindsTheOrderOfDatesAndTheSubjects) {
+  const fs::path later = folder_.string() + "-later";
+  fs::remove_all(later);
+  test::make_fixture_case(folder_);
+  test::FixtureOptions another;
+  another.subject = "s-another";
+  test::make_fixture_case(later, another);
+  Json case_json = read_json(later / "case.json");
+  case_json["study_date"] = "2027-01-05";
+  write_json(later / "case.json", case_json);
+  CommonOptions common;
+  common.verbosity.quiet = true;
+  EXPECT_THROW(write_comparison(later, folder_, common), Error);
+  EXPECT_FALSE(fs::exists(folder_ / "comparison"));
+  write_comparison(folder_, later, common);
+  fs::remove_all(later);
+}
+
+TEST_F(ReportTest, FollowUpComparesThePatientsOfTheSourceStudies) {
+  const fs::path later = folder_.string() + "-later", first = folder_.string() + "-first-study",
+                 second = folder_.string() + "-second-study";
+  for (const auto& left_over : {later, first, second}) fs::remove_all(left_over);
+  test::make_fixture_case(folder_);
+  test::FixtureOptions another;
+  another.subject = "s-another";
+  test::make_fixture_case(later, another);
+  const auto set_study = [](const fs::path& case_folder, const fs::path& study) {
+    const fs::path file = case_folder / "segmentation" / "stage.json";
+    Json stage = read_json(file);
+    stage["study"] = study.string();
+    write_json(file, stage);
+  };
+  set_study(folder_, first);
+  set_study(later, second);
+  test::make_fixture_study(first);
+  CommonOptions common;
+  const auto remark = [&] {
+    return write_comparison(folder_, later, common).json["remarks"][0].get<std::string>();
+  };
+  EXPECT_THAT(remark(), HasSubstr("not checked: the source study of the later case"));
+  test::make_fixture_study(second);
+  EXPECT_EQ(remark(), "The source studies agree in the patient's ID and birth date.");
+  const auto change = [&](const std::string& tag_and_value) {
+    std::vector<std::string> words{"-nb", "-m", tag_and_value};
+    for (const auto& entry : fs::directory_iterator(second)) words.push_back(entry.path().string());
+    output_of("/usr/bin/dcmodify", words);
+  };
+  change("(0010,0020)=MRN-OTHER");
+  EXPECT_THAT(remark(), HasSubstr("make sure that both are of one patient"));
+  change("(0010,0030)=19610204");
+  try {
+    remark();
+    ADD_FAILURE() << "two patients compared";
+  } catch (const Error& error) {
+    EXPECT_EQ(error.status(), ExitStatus::input_invalid);
+    EXPECT_THAT(error.what(), HasSubstr("two patients"));
+    EXPECT_THAT(error.what(), Not(HasSubstr("1961")));
+  }
+  for (const char* page : {"comparison.html", "stage.json"})
+    EXPECT_THAT(read_file(later / "comparison" / page),
+                AllOf(Not(HasSubstr("MRN-")), Not(HasSubstr("1961"))));
+  for (const auto& made : {later, first, second}) fs::remove_all(made);
+}
+
+TEST_F(ReportTest, FollowUpRefusesOneCaseTwiceAndExplainsARefusedOne) {
+  const fs::path later = folder_.string() + "-later";
+  fs::remove_all(later);
+  test::make_fixture_case(folder_);
+  test::make_fixture_case(later);
+  CommonOptions common;
+  common.verbosity.quiet = true;
+  for (const auto& same : {folder_, later}) try {
+      write_comparison(folder_, same, common);
+      ADD_FAILURE() << "one case twice";
+    } catch (const Error& error) {
+      EXPECT_EQ(error.status(), ExitStatus::usage);
+      EXPECT_THAT(error.what(), HasSubstr("the same results"));
+    }
+  fs::remove_all(later);
+  test::FixtureOptions refused;
+  refused.refused = true;
+  test::make_fixture_case(later, refused);
+  write_comparison(folder_, later, common);
+  EXPECT_THAT(visible_text(read_file(later / "comparison" / "comparison.html")),
+              AllOf(HasSubstr("Later, OD (right): No prescription: the images do not support one."),
+                    HasSubstr("chi2 per voxel 4.2, at most 1.5")));
+  fs::remove_all(later);
+}
+
+TEST_F(ReportTest, AnEditedResultIsRefused) {
+  test::make_fixture_case(folder_);
+  const std::string name = "correction/od/prescription.json";
+  Json stage = read_json(folder_ / "correction" / "stage.json");
+  stage["outputs"][name] = sha256_of_file(folder_ / name);
+  write_json(folder_ / "correction" / "stage.json", stage);
+  report();
+  Json prescription = read_json(folder_ / name);
+  prescription["rounded"]["sphere_D"] = -99;
+  write_json(folder_ / name, prescription);
+  try {
+    report();
+    FAIL() << "-99 D reported";
+  } catch (const Error& error) {
+    EXPECT_EQ(error.status(), ExitStatus::input_invalid);
+    EXPECT_THAT(error.what(), HasSubstr((folder_ / name).string() + " has been changed"));
+    EXPECT_THAT(error.remedy(), HasSubstr("emmetrope correct"));
+  }
+  EXPECT_THAT(visible_text(output("report.html")), Not(HasSubstr("-99")));
+}
+
+TEST_F(ReportTest, ADamagedValueIsNamedByFileAndKey) {
+  test::make_fixture_case(folder_);
+  const fs::path file = folder_ / "correction" / "os" / "prescription.json";
+  const Json good = read_json(file);
+  for (const auto& [key, value] : {std::pair<std::string, Json>{"/rounded/sphere_D", "-2"},
+                                   {"/M_D/ci95/1", true},
+                                   {"/J0_D/value", "x"}}) {
+    Json damaged = good;
+    damaged[Json::json_pointer(key)] = value;
+    write_json(file, damaged);
+    try {
+      report();
+      ADD_FAILURE() << key;
+    } catch (const Error& error) {
+      EXPECT_EQ(error.status(), ExitStatus::input_invalid);
+      EXPECT_THAT(error.what(), AllOf(HasSubstr(file.string()), HasSubstr(key), HasSubstr(value.dump())));
+    }
+  }
+}
+
+TEST_F(ReportTest, WhatNarrowsTheIntervalIsWhatTheStageFound) {
+  test::make_fixture_case(folder_);
+  for (const char* eye : {"od", "os"}) {
+    const fs::path file = folder_ / "correction" / eye / "prescription.json";
+    Json prescription = read_json(file);
+    prescription["M_D"] = Measured::from_sigma(-2, 0.8, "mri");
+    prescription["if_measured"] = {{{"measurement", "optical axial length +-0.05 mm"}, {"M_D", 0.79}},
+                                   {{"measurement", "keratometry +-0.25 D"}, {"M_D", 0.5}},
+                                   {{"measurement", "refraction +-0.25 D"}, {"M_D", 0.25}}};
+    prescription["budget"].push_back(
+        {{"source", "correlations"}, {"M_D", -0.3}, {"J0_D", 0.0}, {"J45_D", 0.0}});
+    write_json(file, prescription);
+  }
+  report();
+  const std::string page = visible_text(output("report.html"));
+  EXPECT_THAT(page,
+              HasSubstr("Known from elsewhere, refraction \u00b10.25 D would narrow it to \u00b10.49 D, "
+                        "keratometry \u00b10.25 D to \u00b10.98 D; optical axial length \u00b10.05 mm "
+                        "would not."));
+  EXPECT_THAT(page, HasSubstr("correlations (with a minus sign it lessens the total)"));
+}
+
+TEST_F(ReportTest, AGivenRefractionStandsBesideWhatTheImagesSay) {
+  const auto with_surprise = [&](double sigmas) {
+    fs::remove_all(folder_);
+    test::make_fixture_case(folder_);
+    const fs::path file = folder_ / "correction/od/prescription.json";
+    Json prescription = read_json(file);
+    prescription["M_D"] = Measured::from_sigma(-8, 0.2, "refraction");
+    prescription["calibration"] = {
+        {"given", {{"sphere_D", -9.0}, {"cylinder_D", 0.0}, {"axis_deg", 0.0}}},
+        {"sigma_D", 0.25},
+        {"surprise_sigma", sigmas},
+        {"surprise_limit_sigma", 3},
+        {"without_it",
+         {{"sphere_D", -1.62},
+          {"cylinder_D", -0.85},
+          {"axis_deg", 170.0},
+          {"M_D", {{"value", -2.045}, {"ci95", {-3.345, -0.745}}, {"source", "mri"}}}}}};
+    write_json(file, prescription);
+    report();
+    const std::string html = output("report.html");
+    const std::size_t card = html.find("id=\"card-od\"");
+    return html.substr(card, html.find("</article>", card) - card);
+  };
+  const std::string agreeing = with_surprise(1.2);
+  for (const char* shown : {"-9.00 DS", "-1.62 / -0.85 x 170", "\u00b10.49 D", "-3.35"})
+    EXPECT_NE(visible_text("<body>" + agreeing).find(shown), std::string::npos) << shown;
+  EXPECT_NE(agreeing.find("Supported by the data"), std::string::npos);
+  EXPECT_EQ(agreeing.find("standard deviations"), std::string::npos);
+
+  const std::string contradicted = with_surprise(4.4);
+  EXPECT_NE(contradicted.find("differ by 4.4 standard deviations"), std::string::npos);
+  EXPECT_EQ(contradicted.find("Supported by the data"), std::string::npos);
+  EXPECT_NE(pdf_text().find("-9.00 DS"), std::string::npos);
+}
+
+TEST_F(ReportTest, QuietSaysOnlyWhereTheReportIs) {
+  test::make_fixture_case(folder_);
+  EXPECT_EQ(report().text, (folder_ / "report" / "report.html").string() + "\n");
+}
+
+TEST_F(ReportTest, BrokenJsonIsAnInputErrorAndLeavesNothing) {
+  test::make_fixture_case(folder_);
+  write_json(folder_ / "meshing" / "od" / "biometry.json",
+             Json{{"lps_from_eye", "nonsense"}, {"astigmatism", 3}});
+  try {
+    report();
+    FAIL();
+  } catch (const Error& error) {
+    EXPECT_EQ(error.status(), ExitStatus::input_invalid) << error.what();
+  }
+  EXPECT_FALSE(fs::exists(folder_ / "report"));
+}
+
+TEST_F(ReportTest, MissingSegmentationIsNamed) {
+  fs::create_directories(folder_);
+  try {
+    report();
+    FAIL();
+  } catch (const Error& error) {
+    EXPECT_EQ(error.status(), ExitStatus::input_invalid);
+    EXPECT_THAT(error.what(), HasSubstr("segmentation"));
+    EXPECT_THAT(error.remedy(), HasSubstr("emmetrope segment"));
+  }
+  EXPECT_FALSE(fs::exists(folder_ / "report"));
+}
+
+}  // namespace
+}  // namespace emmetrope::report

@@ -1,0 +1,60 @@
+// What the command writes and refuses.
+#include "raytrace/stage.hpp"
+
+#include <gtest/gtest.h>
+
+#include <CLI/CLI.hpp>
+#include <cmath>
+
+#include "pipeline/base/error.hpp"
+#include "pipeline/base/json.hpp"
+#include "pipeline/eye/optics/paraxial.hpp"
+#include "tests/support/temporary_folder.hpp"
+
+namespace emmetrope::raytrace {
+namespace {
+
+void run(const std::string& line, LateralityChoice laterality = LateralityChoice::both) {
+  const Command command = trace_command();
+  CLI::App app;
+  command.declare(app);
+  app.parse(line);
+  CommonOptions common;
+  common.laterality = laterality;
+  common.verbosity.quiet = true;
+  command.run(common);
+}
+
+TEST(TraceCommand, WritesTheSystemThatWasTraced) {
+  const test::TemporaryFolder folder;
+  const std::string output = (folder.path() / "worn").string();
+  run("--eye navarro --spectacle=-2/0x0@12 --pupil 1 --size 8x8 --samples 32 -o " + output);
+  // Light that is parallel behind a lens of -2 D, 4 mm of index 1.5 and 12 mm in front of the cornea, has
+  // this vergence at the lens's plane front and at the cornea.
+  const double at_front_D = 2 / (1 + 2 * 0.004 / 1.5), at_cornea_D = at_front_D / (1 - 0.016 * at_front_D);
+  const EyeModel worn = make_eye(output + "/eye.json");
+  const double own_D = paraxial_refraction(make_eye("navarro"), worn.reference_wavelength_nm).M_D;
+  const double found_D = paraxial_refraction(worn, worn.reference_wavelength_nm).M_D;
+  EXPECT_NEAR(found_D - own_D, at_cornea_D, 1e-3);
+  const Json wavefront = read_json(output + "/wavefront.json");
+  const double radius_mm = wavefront["pupil_mm"].get<double>() / 2;
+  const double in_pupil_D =
+      -4 * std::sqrt(3.0) * wavefront["zernike_um"][4].get<double>() / (radius_mm * radius_mm);
+  const double depth_m = wavefront["pupil_position_mm"].get<double>() / 1000;
+  EXPECT_NEAR(in_pupil_D, found_D / (1 + depth_m * found_D), 0.05);  // spherical aberration of a 1 mm pupil
+  EXPECT_TRUE(std::filesystem::exists(output + "/psf.tiff"));
+}
+
+TEST(TraceCommand, RefusesOptionsThatWouldBeIdle) {
+  const test::TemporaryFolder folder;
+  const std::string output = " -o " + (folder.path() / "x.png").string();
+  EXPECT_THROW(run("--eye navarro --age 40" + output), Error);
+  EXPECT_THROW(run("--eye navarro --lens-model core" + output), Error);
+  EXPECT_THROW(run("--eye navarro --fixate 0,0,300 --strabismus os:5,0" + output, LateralityChoice::od),
+               Error);
+  EXPECT_THROW(run("--eye navarro --achromatic --surfaces fast" + output), Error);
+  EXPECT_FALSE(std::filesystem::exists(folder.path() / "x.png"));
+}
+
+}  // namespace
+}  // namespace emmetrope::raytrace

@@ -1,0 +1,91 @@
+// What identifies the patient stays in the headers, wherever people have typed it.
+#include "segmentation/intake/identity.hpp"
+
+#include "segmentation/intake/clean_text.hpp"
+#include "tests/segmentation/intake/intake_test.hpp"
+
+namespace emmetrope::test {
+namespace {
+
+using segmentation::Identity;
+using segmentation::ImageHeader;
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+using ::testing::Not;
+
+Identity of_patient(const std::string& name, const std::string& id, const std::string& born) {
+  ImageHeader header;
+  header.data_set = {{"PatientName", name}, {"PatientID", id}, {"PatientBirthDate", born}};
+  Identity identity;
+  identity.add(header);
+  return identity;
+}
+
+TEST(Identity, IsTakenOutOfTextsInEverySpelling) {
+  const Identity identity = of_patient("Quixotl^Jos\u00e9 Li", "MRN-7654321", "19850703");
+  for (const char* text :
+       {"Quixotl",    "QUIXOTL", "quixotl",    "jose",        "JOS\u00c9",  "Jose\u0301", "MRN-7654321",
+        "mrn7654321", "7654321", "19850703",   "1985-07-03",  "3.7.1985",   "03.07.1985", "07/03/1985",
+        "03071985",   "850703",  "3 Jul 1985", "03-JUL-1985", "jul 3 1985", "03.07.85",   "1985_07_03"})
+    EXPECT_EQ(identity.removed_from(std::string("T2 ") + text + ", axial"), "T2 [removed], axial") << text;
+  EXPECT_EQ(identity.removed_from("QuixotlJose_T2"), "[removed]_T2");
+  for (const char* text : {"AX T2 FSE li 2021", "orbit 0.4 mm, 1985 ms, TE 91", "\u7720\u79d1 T1"})
+    EXPECT_EQ(identity.removed_from(text), text);
+  EXPECT_EQ(of_patient("Yamada^Tarou=\u5c71\u7530^\u592a\u90ce", "", "").removed_from("\u5c71\u7530 T2"),
+            "[removed] T2");
+  EXPECT_EQ(of_patient("", "", "").removed_from("AX T2"), "AX T2");
+}
+
+TEST(CleanText, HasNoCharacterThatSteersWhatShowsIt) {
+  EXPECT_EQ(segmentation::clean_utf8("a\u202eb\u2066c\u200ed\x1b[31me\x07"
+                                     "f\u2028g"),
+            "abcd[31mefg");
+  EXPECT_EQ(segmentation::clean_utf8(std::string("a\0b\xff", 4)), "ab\uFFFD");
+  EXPECT_EQ(segmentation::clean_utf8("Sch\u00e4del \u982d T2*"), "Sch\u00e4del \u982d T2*");
+}
+
+TEST_F(IntakeTest, WhatACaseKeepsNamesNobody) {
+  GeneratedSeries series;
+  series.set_all(DCM_SpecificCharacterSet, "ISO_IR 192");
+  series.set_all(DCM_SeriesDescription, "Name Secret T2 01.01.1986 SECRET-ID-77\u202e");
+  series.set_all(DCM_BodyPartExamined, "FOOT SECRET");
+  series.remove(6);
+  series.write(folder() / "SECRET_NAME");
+  const auto info = only_series();
+  EXPECT_EQ(info.description, "[removed] [removed] T2 [removed] [removed]");
+  EXPECT_THAT(info.body_part, Not(HasSubstr("SECRET")));
+  // The terminal names the files on both sides of the gap, the case names the slices.
+  EXPECT_THAT(info.warnings, testing::Contains(HasSubstr("SECRET_NAME/" + file_name(5))));
+  EXPECT_THAT(info.kept.warnings,
+              testing::Contains(HasSubstr("1 slice is missing between slice 1 and slice 11: ")));
+  const std::string kept = kept_json(info).dump();
+  EXPECT_THAT(kept, AllOf(Not(HasSubstr("SECRET")), Not(HasSubstr("1986")), Not(HasSubstr("scan/im"))));
+}
+
+TEST_F(IntakeTest, ARefusalNamesTheFileOnTheTerminalOnly) {
+  GeneratedSeries series;
+  series.set(4, DCM_PixelSpacing, "0.9\\0.9");
+  series.write(folder());
+  const auto info = only_series();
+  EXPECT_FALSE(info.usable);
+  EXPECT_THAT(info.reason, HasSubstr(file_name(4) + ": (0028,0030)"));
+  EXPECT_THAT(info.kept.reason, AllOf(HasSubstr("slice 8: (0028,0030)"), Not(HasSubstr("scan/im"))));
+}
+
+// A hash of the study's UID and PatientID gave a short PatientID away to whoever tried all of them.
+TEST_F(IntakeTest, ThePseudonymDoesNotDependOnThePatientsNumber) {
+  const auto pseudonym = [&](const std::string& id, const std::string& study) {
+    GeneratedSeries series;
+    series.set_all(DCM_PatientID, id);
+    series.set_all(DCM_StudyInstanceUID, study);
+    series.write(folder());
+    return inventory().subjects.at(study).id;
+  };
+  const std::string one = pseudonym("1", "1.2.3");
+  EXPECT_EQ(one.size(), 16U);
+  EXPECT_EQ(pseudonym("2", "1.2.3"), one);
+  EXPECT_NE(pseudonym("1", "1.2.4"), one);
+}
+
+}  // namespace
+}  // namespace emmetrope::test

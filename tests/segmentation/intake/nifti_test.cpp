@@ -1,0 +1,347 @@
+#include <cstring>
+#include <fstream>
+#include <random>
+
+#include "pipeline/base/files.hpp"
+#include "segmentation/intake/decoder.hpp"
+#include "segmentation/intake/nifti.hpp"
+#include "segmentation/intake/slice_grid.hpp"
+#include "tests/segmentation/intake/intake_test.hpp"
+
+namespace emmetrope::test {
+namespace {
+
+using segmentation::Stack;
+using ::testing::HasSubstr;
+
+/// An oblique stack, its slices at these numbers times 2 mm.
+Stack oblique_stack(const std::vector<double>& slice_numbers) {
+  Stack stack;
+  stack.name = "stack1";
+  stack.columns = 7;
+  stack.rows = 5;
+  stack.along_row = GeneratedSeries::along_row();
+  stack.along_column = GeneratedSeries::along_column();
+  stack.normal = GeneratedSeries::normal();
+  stack.column_spacing_mm = 0.4;
+  stack.row_spacing_mm = 0.5;
+  stack.slice_thickness_mm = 2;
+  for (const double number : slice_numbers) {
+    stack.slice_position.push_back(GeneratedSeries::position(number));
+    std::vector<float> values;
+    for (int i = 0; i < 35; ++i) values.push_back(static_cast<float>(10 * number + i) + 0.25F);
+    stack.slice_intensity.push_back(values);
+  }
+  return stack;
+}
+
+void expect_same(const Stack& a, const Stack& b, double tolerance_mm) {
+  ASSERT_EQ(a.slices(), b.slices());
+  EXPECT_EQ(a.slice_intensity, b.slice_intensity);
+  for (int slice = 0; slice < a.slices(); ++slice)
+    for (const auto& [column, row] : {std::pair{0, 0}, std::pair{6, 4}})
+      EXPECT_LT((a.position(column, row, slice) - b.position(column, row, slice)).norm(), tolerance_mm);
+}
+
+template <typename T>
+void patch(const std::filesystem::path& file, std::size_t offset, T value) {
+  std::string bytes = read_file(file);
+  std::memcpy(bytes.data() + offset, &value, sizeof value);
+  std::ofstream(file, std::ios::binary | std::ios::trunc) << bytes;
+}
+
+class NiftiTest : public ::testing::Test {
+ protected:
+  std::filesystem::path file(const std::string& name) const { return folder_.path() / name; }
+  /// A sound, not compressed file to be broken.
+  std::filesystem::path sound() const {
+    segmentation::write_nifti(file("sound.nii"), oblique_stack({0, 1, 2, 3}));
+    return file("sound.nii");
+  }
+
+ private:
+  TemporaryFolder folder_;
+};
+
+TEST_F(NiftiTest, KeepsVoxelsAndPlaces) {
+  for (const auto* name : {"a.nii", "a.nii.gz"}) {
+    const Stack stack = oblique_stack({0, 1, 2, 3});
+    segmentation::write_nifti(file(name), stack);
+    expect_same(segmentation::read_nifti(file(name)), stack, 2e-5);  // float32 of 100 mm
+  }
+}
+
+TEST_F(NiftiTest, KeepsGaps) {
+  const Stack stack = oblique_stack({0, 1, 3, 4, 7});
+  segmentation::write_nifti(file("a.nii.gz"), stack);
+  expect_same(segmentation::read_nifti(file("a.nii.gz")), stack, 2e-5);
+}
+
+TEST_F(NiftiTest, SaysHowFarUnevenSlicesAreFromTheGrid) {
+  const Stack stack = oblique_stack({0, 1, 2.1, 3, 4});
+  segmentation::write_nifti(file("a.nii"), stack);
+  const Json sidecar = read_json(file("a.json"));
+  const auto grid = segmentation::fit_slice_grid(stack);
+  EXPECT_DOUBLE_EQ(sidecar.at("largest_distance_from_grid_mm").get<double>(), grid.deviation_mm);
+  EXPECT_NEAR(grid.deviation_mm, 0.16, 1e-3);  // 0.2 mm less the mean of five, 0.04
+  EXPECT_NEAR(sidecar.at("slices").at(2).at("position_lps_mm").at(0).get<double>(),
+              stack.slice_position[2].x(), 1e-12);
+}
+
+TEST_F(NiftiTest, QuaternionAndMatrixSayTheSame) {
+  const auto path = sound();
+  patch<std::int16_t>(path, 254, 0);  // no sform: the qform decides
+  expect_same(segmentation::read_nifti(path), oblique_stack({0, 1, 2, 3}), 1e-4);
+}
+
+TEST_F(NiftiTest, IsRasPlus) {
+  // The first voxel's LPS (-40, -70, 30) is RAS (40, 70, 30).
+  const std::string bytes = read_file(sound());
+  float x = 0, y = 0, z = 0;
+  std::memcpy(&x, bytes.data() + 292, 4);
+  std::memcpy(&y, bytes.data() + 308, 4);
+  std::memcpy(&z, bytes.data() + 324, 4);
+  EXPECT_FLOAT_EQ(x, 40);
+  EXPECT_FLOAT_EQ(y, 70);
+  EXPECT_FLOAT_EQ(z, 30);
+}
+
+TEST_F(NiftiTest, LabelsLieOnTheSameGrid) {
+  const Stack stack = oblique_stack({0, 1, 3});
+  std::vector<std::vector<std::uint8_t>> labels(3, std::vector<std::uint8_t>(35, 4));
+  segmentation::write_label_nifti(file("labels.nii.gz"), stack, labels);
+  const Stack read = segmentation::read_nifti(file("labels.nii.gz"));
+  ASSERT_EQ(read.slices(), 4);
+  EXPECT_EQ(read.at(3, 3, 1), 4);
+  EXPECT_EQ(read.at(3, 3, 2), 0);  // the gap
+  EXPECT_EQ(read.at(3, 3, 3), 4);
+  EXPECT_LT((read.position(2, 3, 3) - stack.position(2, 3, 2)).norm(), 2e-5);
+}
+
+TEST_F(IntakeTest, AVolumeOfOneSliceIsSaid) {
+  segmentation::write_nifti(folder() / "a.nii", oblique_stack({0}));
+  EXPECT_THAT(only_series().warnings, testing::Contains(HasSubstr("one slice only")));
+}
+
+TEST_F(NiftiTest, EqualStacksGiveEqualBytes) {
+  segmentation::write_nifti(file("a.nii.gz"), oblique_stack({0, 1, 3}));
+  segmentation::write_nifti(file("b.nii.gz"), oblique_stack({0, 1, 3}));
+  EXPECT_EQ(read_file(file("a.nii.gz")), read_file(file("b.nii.gz")));
+}
+
+TEST_F(NiftiTest, AppliesItsScale) {
+  const auto path = sound();
+  patch(path, 112, 2.0F);
+  patch(path, 116, -5.0F);
+  EXPECT_FLOAT_EQ(segmentation::read_nifti(path).at(3, 2, 1), 2 * oblique_stack({1}).at(3, 2, 0) - 5);
+  patch(path, 112, 0.0F);  // a slope of 0 means none
+  EXPECT_FLOAT_EQ(segmentation::read_nifti(path).at(3, 2, 1), oblique_stack({1}).at(3, 2, 0));
+}
+
+TEST_F(NiftiTest, ALeftHandedVolumeIsTurnedWithItsSlices) {
+  const auto path = sound();
+  // Third column of the sform reversed, the origin at the other end: the same voxels stored in reverse.
+  const Stack stack = oblique_stack({0, 1, 2, 3});
+  const Eigen::Vector3d step = GeneratedSeries::position(1) - GeneratedSeries::position(0),
+                        last = stack.slice_position[3];
+  const Eigen::Vector3d ras(-1, -1, 1);
+  for (std::size_t i = 0; i < 3; ++i) {
+    patch(path, 280 + 16 * i + 8, static_cast<float>(-ras[static_cast<int>(i)] * step[static_cast<int>(i)]));
+    patch(path, 292 + 16 * i, static_cast<float>(ras[static_cast<int>(i)] * last[static_cast<int>(i)]));
+  }
+  patch<std::int16_t>(path, 252, 0);
+  Stack expected = stack;
+  std::reverse(expected.slice_intensity.begin(), expected.slice_intensity.end());
+  expect_same(segmentation::read_nifti(path), expected, 1e-4);
+}
+
+TEST_F(NiftiTest, BrokenFilesAreRefusedByName) {
+  struct Defect {
+    std::size_t offset;
+    std::int16_t value;
+    const char* says;
+  };
+  // sizeof_hdr, dim[1], dim[3] too long, four dimensions, datatype RGB, float32 of 8 bits, magic
+  for (const auto& [offset, value, says] :
+       {Defect{0, 1, "sizeof_hdr"}, Defect{42, 0, "dim[1]"}, Defect{46, 30'000, "voxels"},
+        Defect{40, 9, "dim[0]"}, Defect{70, 128, "datatype"}, Defect{72, 8, "bitpix"},
+        Defect{344, 0, "magic"},
+        // An unknown unit of length; voxels of 400 m and 0.4 um.
+        Defect{123, 5, "xyzt_units"}, Defect{123, 1, "xyzt_units"}, Defect{123, 3, "xyzt_units"}}) {
+    const auto path = sound();
+    patch(path, offset, value);
+    try {
+      segmentation::read_nifti(path);
+      ADD_FAILURE() << says;
+    } catch (const Error& error) {
+      EXPECT_THAT(error.what(), HasSubstr(path.string()));
+      EXPECT_THAT(error.what(), HasSubstr(says));
+    }
+  }
+}
+
+TEST_F(NiftiTest, ScalesThatNoScanHasAreRefusedByField) {
+  for (const auto& [offset, value, says] : {std::tuple{112, -1.0F, "scl_slope"},
+                                            {112, 1e30F, "scl_slope"},
+                                            {116, 1e12F, "scl_inter"},
+                                            {280, 3e38F, "srow_x"},
+                                            {280, 0.001F, "srow_x"}}) {
+    const auto path = sound();
+    patch(path, 112, 1.0F);
+    for (const int srow : {296, 312}) patch(path, static_cast<std::size_t>(srow), 0.0F);  // i is x alone
+    patch(path, static_cast<std::size_t>(offset), value);
+    try {
+      segmentation::read_nifti(path);
+      ADD_FAILURE() << says;
+    } catch (const Error& error) {
+      EXPECT_THAT(error.what(), HasSubstr(says));
+    }
+  }
+}
+
+TEST_F(NiftiTest, MetresAndMicronsAreUnderstood) {
+  for (const auto& [unit, of_mm] : {std::pair{char{1}, 1e-3F}, {char{3}, 1e3F}}) {
+    const auto path = sound();
+    const std::string bytes = read_file(path);
+    for (std::size_t at = 280; at < 328; at += 4) {
+      float value = 0;
+      std::memcpy(&value, bytes.data() + at, 4);
+      patch(path, at, value * of_mm);
+    }
+    patch<std::int16_t>(path, 252, 0);  // the sform alone
+    patch(path, 123, unit);
+    expect_same(segmentation::read_nifti(path), oblique_stack({0, 1, 2, 3}), 1e-4);
+  }
+}
+
+/// A gzip stream that unpacks to voxels but not to those that were packed.
+TEST_F(NiftiTest, AWrongChecksumIsADamagedStream) {
+  segmentation::write_nifti(file("a.nii.gz"), oblique_stack({0, 1, 2}));
+  const auto size = std::filesystem::file_size(file("a.nii.gz"));
+  patch(file("a.nii.gz"), size - 8, std::int32_t{0});
+  try {
+    segmentation::read_nifti(file("a.nii.gz"));
+    ADD_FAILURE();
+  } catch (const Error& error) {
+    EXPECT_THAT(error.what(), HasSubstr("checksum"));
+  }
+}
+
+TEST_F(NiftiTest, RefusesWhatCannotBePlacedOrMeasured) {
+  auto path = sound();
+  patch<std::int16_t>(path, 252, 0);
+  patch<std::int16_t>(path, 254, 0);
+  EXPECT_THROW(segmentation::read_nifti(path), Error);  // no orientation
+
+  path = sound();
+  patch(path, 112, std::numeric_limits<float>::quiet_NaN());
+  EXPECT_THROW(segmentation::read_nifti(path), Error);
+
+  path = sound();
+  patch(path, 352 + 40, std::numeric_limits<float>::quiet_NaN());
+  EXPECT_THROW(segmentation::read_nifti(path), Error);  // one voxel without a value
+
+  path = sound();
+  patch(path, 280 + 8, 0.5F);  // the slices run off the normal
+  EXPECT_THROW(segmentation::read_nifti(path), Error);
+
+  path = sound();
+  patch<std::int16_t>(path, 40, 4);
+  patch<std::int16_t>(path, 48, 2);
+  EXPECT_THROW(segmentation::read_nifti(path), Error);  // two volumes
+
+  const std::string packed = [&] {
+    segmentation::write_nifti(file("a.nii.gz"), oblique_stack({0, 1, 2}));
+    return read_file(file("a.nii.gz"));
+  }();
+  std::ofstream(file("a.nii.gz"), std::ios::trunc) << packed.substr(0, packed.size() / 2);
+  EXPECT_THROW(segmentation::read_nifti(file("a.nii.gz")), Error);
+}
+
+/// In the decoding process as in this one, geometry, values and warnings to the last bit.
+TEST_F(NiftiTest, TheDecoderReadsTheSameVolume) {
+  const auto path = sound();
+  patch(path, 280 + 12, 100.5F);  // sform and qform disagree
+  segmentation::Decoder decoder{segmentation::IntakeLimits{}};
+  std::vector<std::string> here, there;
+  const Stack expected = segmentation::read_nifti(path, here), read = decoder.decode_volume(path, there);
+  expect_same(read, expected, 1e-12);
+  EXPECT_EQ(read.normal, expected.normal);
+  EXPECT_EQ(there, here);
+  EXPECT_FALSE(there.empty());
+}
+
+TEST_F(NiftiTest, TheDecoderRefusesByNameAndGoesOn) {
+  segmentation::Decoder decoder{segmentation::IntakeLimits{}};
+  std::vector<std::string> warnings;
+  const auto refusal = [&](const std::filesystem::path& path) -> std::string {
+    try {
+      decoder.decode_volume(path, warnings);
+    } catch (const Error& error) {
+      EXPECT_EQ(error.status(), ExitStatus::input_invalid);
+      return error.what();
+    }
+    return "read";
+  };
+  auto path = sound();
+  patch<std::int16_t>(path, 252, 0);
+  patch<std::int16_t>(path, 254, 0);
+  EXPECT_THAT(refusal(path), HasSubstr("sound.nii: sform_code"));
+  path = sound();  // a slice of 4 GB in a file of half a kilobyte
+  for (const std::size_t dim : {42, 44}) patch<std::int16_t>(path, dim, 31'000);
+  patch<std::int16_t>(path, 46, 1);
+  EXPECT_THAT(refusal(path), HasSubstr("sound.nii: needs more memory"));
+  EXPECT_EQ(refusal(sound()), "read");
+
+  segmentation::IntakeLimits hasty;
+  hasty.wall_s = -1;
+  segmentation::Decoder late(hasty);
+  try {
+    late.decode_volume(sound(), warnings);
+    ADD_FAILURE();
+  } catch (const Error& error) {
+    EXPECT_THAT(error.what(), HasSubstr("sound.nii: took longer"));
+  }
+}
+
+/// Random changes of a valid volume: it is read or refused.
+TEST_F(NiftiTest, RandomDamageNeverEndsTheProgram) {
+  std::mt19937 random(20240607);
+  const std::string whole = read_file(sound());
+  segmentation::Decoder decoder{segmentation::IntakeLimits{}};
+  for (int round = 0; round < 60; ++round) {
+    std::string bytes = whole;
+    for (int change = 0; change < 4; ++change) bytes[random() % 352] = static_cast<char>(random());
+    std::ofstream(file("damaged.nii"), std::ios::binary | std::ios::trunc) << bytes;
+    std::vector<std::string> warnings;
+    try {
+      const Stack read = decoder.decode_volume(file("damaged.nii"), warnings);
+      EXPECT_GT(read.slices(), 0);
+    } catch (const Error& error) {
+      EXPECT_THAT(error.what(), HasSubstr("damaged.nii"));
+    }
+  }
+}
+
+TEST_F(NiftiTest, AStudyMayBeNifti) {
+  segmentation::write_nifti(file("scan.nii.gz"), oblique_stack({0, 1, 2, 3}));
+  const auto found = segmentation::read_inventory(file("scan.nii.gz"), quiet());
+  ASSERT_EQ(found.series.size(), 1U);
+  EXPECT_TRUE(found.series[0].usable);
+  EXPECT_TRUE(found.series[0].uniform);
+  expect_same(segmentation::read_series(found, found.series[0].uid, quiet()), oblique_stack({0, 1, 2, 3}),
+              2e-5);
+}
+
+TEST(SliceGrid, FindsGapsAndSpacing) {
+  const auto grid = segmentation::fit_slice_grid({0, 2, 4.001, 10, 12});
+  EXPECT_EQ(grid.plane, (std::vector<int>{0, 1, 2, 5, 6}));
+  EXPECT_NEAR(grid.spacing_mm, 2, 1e-3);
+  EXPECT_LT(grid.deviation_mm, 0.002);
+  EXPECT_TRUE(grid.has_gaps());
+  EXPECT_EQ(grid.planes(), 7);
+  EXPECT_EQ(segmentation::fit_slice_grid({5.0}).planes(), 1);
+}
+
+}  // namespace
+}  // namespace emmetrope::test

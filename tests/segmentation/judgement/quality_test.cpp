@@ -1,0 +1,335 @@
+// Studies that support no result: one phantom for each reason, through the stage, which must say that reason
+// and nothing clinical.
+#include <gtest/gtest.h>
+
+#include <array>
+#include <cmath>
+#include <random>
+#include <tuple>
+
+#include "pipeline/base/files.hpp"
+#include "segmentation/intake/nifti.hpp"
+#include "segmentation/judgement/fellow_eye.hpp"
+#include "segmentation/stage.hpp"
+#include "tests/support/phantom_eyes.hpp"
+
+namespace emmetrope::segmentation {
+namespace {
+
+namespace fs = std::filesystem;
+using Eigen::Vector3d;
+
+class QualityGates : public testing::Test {
+ protected:
+  void SetUp() override {
+    const std::string test = testing::UnitTest::GetInstance()->current_test_info()->name();
+    folder_ = fs::temp_directory_path() / ("emmetrope_quality_" + test + "_" + std::to_string(::getpid()));
+    fs::remove_all(folder_);
+    fs::create_directories(folder_ / "study");
+    common_.verbosity.quiet = true;
+    common_.laterality = LateralityChoice::od;
+    head_.od.gaze_vertical_deg = -8;
+    anatomy_ = std::make_unique<phantom::Anatomy>(head_);
+  }
+  void TearDown() override { fs::remove_all(folder_); }
+
+  /// The right eye in an axial T2 stack of 0.8 mm voxels.
+  Stack image(const phantom::Disturbances& disturbances, double centre_offset_mm = 0) const {
+    phantom::Protocol protocol;
+    protocol.disturbances = disturbances;
+    protocol.stacks.push_back(
+        phantom::make_stack("head-axial:pixel_mm=0.8,slice_mm=0.8,matrix=56x56,slices=44", *anatomy_));
+    protocol.stacks[0].centre = right_eye().globe_centre_lps() + Vector3d(0, -3 + centre_offset_mm, 0);
+    return to_stack(phantom::render(*anatomy_, protocol, 0, 1), "stack1");
+  }
+  const phantom::PlacedEye& right_eye() const { return anatomy_->eye(Laterality::od); }
+  /// A point of the scanner's LPS in the eye frame.
+  Vector3d in_eye(const Vector3d& lps) const { return right_eye().lps_from_eye.inverse() * lps; }
+
+  /// Replaces voxels; the change gets the scanner's noise.
+  void replace(Stack& stack, const std::function<std::optional<double>(const Vector3d&)>& by) const {
+    std::mt19937 random(5);
+    std::normal_distribution<float> noise(0, 50);
+    for (int s = 0; s < stack.slices(); ++s)
+      for (int r = 0; r < stack.rows; ++r)
+        for (int c = 0; c < stack.columns; ++c)
+          if (const auto value = by(in_eye(stack.position(c, r, s))))
+            stack.slice_intensity[s][static_cast<std::size_t>(r) * stack.columns + c] =
+                std::abs(static_cast<float>(*value) + noise(random));
+  }
+
+  Answer run(const Stack& stack) {
+    write_nifti(folder_ / "study" / "stack1.nii.gz", stack);
+    SegmentOptions options;
+    options.study = folder_ / "study";
+    options.case_folder = folder_ / "case";
+    return segment(options, common_);
+  }
+  /// Status 6, the reason in the stage's record, a picture, and no eye for the next stage.
+  void expect_refused(const Answer& answer, const std::string& reason) const {
+    EXPECT_EQ(answer.status, ExitStatus::no_result);
+    const Json stage = read_json(folder_ / "case" / "segmentation" / "stage.json");
+    EXPECT_NE(stage.at("verdict").dump().find(reason), std::string::npos) << stage.at("verdict");
+    bool picture = false;
+    for (const auto& entry : fs::recursive_directory_iterator(folder_ / "case" / "segmentation"))
+      picture = picture || entry.path().extension() == ".png";
+    EXPECT_TRUE(picture);
+    const fs::path fit = folder_ / "case" / "segmentation" / "od" / "fit.json";
+    if (fs::exists(fit)) {
+      EXPECT_EQ(read_json(fit).at("status"), "refused");
+    }
+  }
+
+  double gate(const std::string& name) const {
+    const Json fit = read_json(folder_ / "case" / "segmentation" / "od" / "fit.json");
+    for (const Json& one : fit.at("quality"))
+      if (one.at("name") == name) return one.at("value");
+    ADD_FAILURE() << "no gate " << name;
+    return 0;
+  }
+
+  static phantom::Disturbances quiet_scan() {
+    phantom::Disturbances disturbances;
+    disturbances.snr = 20;
+    return disturbances;
+  }
+
+  phantom::HeadGeometry head_ = phantom::sample_head();
+  std::unique_ptr<phantom::Anatomy> anatomy_;
+  fs::path folder_;
+  CommonOptions common_;
+};
+
+/// Without a defect the same phantom is measured: what the others are refused for is their defect.
+TEST_F(QualityGates, AGoodScanPasses) {
+  EXPECT_EQ(run(image(quiet_scan())).status, ExitStatus::done);
+  EXPECT_LT(gate("slice_displacement_mm"), 0.05);
+}
+
+TEST_F(QualityGates, ADefacedHeadHasNoCornea) {
+  Stack stack = image(quiet_scan());
+  // Face removal cuts a plane through the front of the eye and leaves nothing before it.
+  replace(stack, [](const Vector3d& p) { return p.z() > -6.5 ? std::optional<double>(0) : std::nullopt; });
+  expect_refused(run(stack), "the cornea is not visible");
+}
+
+TEST_F(QualityGates, AnEyeCutOffIsSaidToBe) { expect_refused(run(image(quiet_scan(), 16)), "cut off"); }
+
+/// One slice of 0.8 mm is missing near the globe's middle: that millimetre is not taken out of the eye. Five
+/// are too many.
+TEST_F(QualityGates, AMissingSliceDoesNotShrinkTheEyeAndFiveRefuseIt) {
+  const auto scan_without = [&](int missing) {
+    Stack stack = image(quiet_scan());
+    const int middle = stack.slices() / 2 + 3;
+    stack.slice_position.erase(stack.slice_position.begin() + middle,
+                               stack.slice_position.begin() + middle + missing);
+    stack.slice_intensity.erase(stack.slice_intensity.begin() + middle,
+                                stack.slice_intensity.begin() + middle + missing);
+    return stack;
+  };
+  const auto height_mm = [&] {
+    const Json eye = read_json(folder_ / "case" / "segmentation" / "od" / "fit.json").at("eye");
+    return 2 * eye.at("globe_semi_axes_mm").at(1).get<double>();
+  };
+  EXPECT_EQ(run(scan_without(0)).status, ExitStatus::done);
+  const double whole_mm = height_mm();
+  EXPECT_EQ(run(scan_without(1)).status, ExitStatus::done);
+  EXPECT_NEAR(height_mm(), whole_mm, 0.1);
+  EXPECT_NEAR(height_mm(), 2 * head_.od.globe_semi_y_mm, 0.2);
+  expect_refused(run(scan_without(5)), "slices through it are missing");
+}
+
+/// The second stack is too noisy to say anything beside the first.
+TEST_F(QualityGates, TheEyeIsDrawnOnAStackThatWasNotFittedToo) {
+  phantom::Disturbances noisy;
+  noisy.snr = 3;
+  write_nifti(folder_ / "study" / "stack2.nii.gz", image(noisy));
+  EXPECT_EQ(run(image(quiet_scan())).status, ExitStatus::done);
+  const fs::path eye = folder_ / "case" / "segmentation" / "od";
+  const Json described = read_json(folder_ / "case" / "case.json");
+  int fitted = 0;
+  ASSERT_EQ(described.at("stacks").size(), 2);
+  for (const Json& stack : described.at("stacks")) {
+    const auto name = stack.at("name").get<std::string>();
+    fitted += stack.at("used").get<bool>() ? 1 : 0;
+    EXPECT_EQ(fs::exists(eye / ("residual_" + name + ".png")), stack.at("used").get<bool>()) << name;
+    EXPECT_TRUE(fs::exists(eye / ("overlay_" + name + ".png"))) << name;
+  }
+  EXPECT_EQ(fitted, 1);
+}
+
+TEST_F(QualityGates, MotionBetweenSlicesIsNoEye) {
+  phantom::Disturbances disturbances = quiet_scan();
+  disturbances.slice_motion_mm = 1.5;
+  expect_refused(run(image(disturbances)), "moved");
+}
+
+/// Two axes of the shifts lie in the slices' plane.
+TEST_F(QualityGates, MotionBetweenSlicesIsMeasured) {
+  phantom::Disturbances disturbances = quiet_scan();
+  disturbances.slice_motion_mm = 0.5;
+  expect_refused(run(image(disturbances)), "moved");
+  EXPECT_NEAR(gate("slice_displacement_mm"), 0.5 * std::sqrt(2.0), 0.15);
+}
+
+TEST_F(QualityGates, AnEyeWithoutALensIsNotMeasured) {
+  Stack stack = image(quiet_scan());
+  // An eye whose lens was replaced by a thin plastic one.
+  replace(stack, [](const Vector3d& p) {
+    return p.z() < -2.9 && p.z() > -8 && p.head<2>().norm() < 5.5 ? std::optional<double>(1000)
+                                                                  : std::nullopt;
+  });
+  expect_refused(run(stack), "lens is not visible");
+}
+
+TEST_F(QualityGates, ACorneaThatLooksLikeItsSurroundingsIsSaidToBeUnseen) {
+  Stack stack = image(quiet_scan());
+  // Water before the eye (a wet dressing): no edge where the cornea is.
+  replace(stack, [](const Vector3d& p) { return p.z() > -2.6 ? std::optional<double>(980) : std::nullopt; });
+  expect_refused(run(stack), "cornea");
+}
+
+/// X-ray attenuation in a file that does not say so: soft tissue is all alike.
+TEST_F(QualityGates, AComputedTomogramShowsNoEye) {
+  Stack stack = image(quiet_scan());
+  replace(stack, [](const Vector3d& p) {
+    const bool air = p.z() > 2.2;
+    const bool bone = p.head<2>().norm() > 17 && p.z() < -10;
+    return std::optional<double>(air ? 0 : bone ? 1700 : 1040);
+  });
+  expect_refused(run(stack), "no such eye was found");
+}
+
+/// A fit that ended at these parameters, certain of all of them.
+EyeFit fit_at(const ParameterLayout& layout, const Eigen::VectorXd& parameters, Contrast contrast) {
+  EyeFit fit{layout,     contrast, {},   ForwardModel(layout, {}, Vector3d::Zero()),
+             parameters, {},       {},   population_priors(layout, parameters, contrast),
+             {},         {},       0,    {},
+             {},         0,        true, {}};
+  for (int i = 0; i < layout.size(); ++i) fit.active.push_back(i);
+  fit.covariance = 1e-6 * Eigen::MatrixXd::Identity(layout.size(), layout.size());
+  fit.regions.resize(part_count);
+  fit.misfit = Eigen::VectorXd::Ones(1);
+  return fit;
+}
+
+QualityGate gate_of(const EyeFit& fit, const std::string& name) {
+  FoundEye found;
+  found.views.resize(1);
+  for (const QualityGate& gate : judge_quality(found, fit))
+    if (gate.name == name) return gate;
+  ADD_FAILURE() << "no gate " << name;
+  return {};
+}
+
+/// The length that is judged is the one that is told: to the wall on the axis, displaced there by a bulge.
+TEST(QualityOfShapes, ABulgeAtThePoleCounts) {
+  ParameterLayout layout;
+  const std::vector<Vector3d> bumps = bump_directions();
+  layout.bumps = static_cast<int>(bumps.size());
+  Eigen::VectorXd parameters = Eigen::VectorXd::Zero(layout.size());
+  parameters.head(eye_parameter_count) = population_mean(layout).head(eye_parameter_count);
+  const auto pole = std::min_element(bumps.begin(), bumps.end(),
+                                     [](const Vector3d& a, const Vector3d& b) { return a.z() < b.z(); });
+  parameters[layout.displacement() + static_cast<int>(pole - bumps.begin())] = 12;
+  const EyeFit fit = fit_at(layout, parameters, Contrast::t2);
+  const QualityGate gate = gate_of(fit, "axial_length_plausible_upper_mm");
+  EXPECT_LT(fit.value(axial_length), 25);
+  const double angle = std::acos(-pole->z()) / bump_width_rad;
+  EXPECT_NEAR(gate.value,
+              fit.value(axial_length) + fit.value(globe_z) / 11 * 12 * std::exp(-angle * angle / 2), 1e-6);
+  EXPECT_FALSE(gate.passed);
+}
+
+/// What is dark behind the globe may have been taken for its wall: said, but the eye is measured.
+TEST(QualityOfShapes, AWallTwiceAnEyesIsSaid) {
+  const ParameterLayout layout;
+  Eigen::VectorXd parameters = population_mean(layout);
+  for (int i = vitreous; i <= surround; ++i) parameters[i] = 0.5;
+  EXPECT_TRUE(gate_of(fit_at(layout, parameters, Contrast::t1), "thickest_wall_t1_mm").passed);
+  parameters[wall_axial] = 3;
+  const QualityGate gate = gate_of(fit_at(layout, parameters, Contrast::t1), "thickest_wall_t1_mm");
+  EXPECT_FALSE(gate.passed);
+  EXPECT_FALSE(gate.decides);
+  EXPECT_DOUBLE_EQ(gate.value, 3);
+}
+
+/// Fat before the eye was taken for aqueous, a lid for the lens: it is brighter than the vitreous only.
+TEST(QualityOfShapes, ALensDiffersFromBothFluids) {
+  const ParameterLayout layout;
+  for (const auto& [of, contrast, levels, is_lens] :
+       {std::tuple{"T1", Contrast::t1, std::array{0.25, 0.22, 0.45}, true},
+        {"T1, a lid", Contrast::t1, std::array{0.25, 0.67, 0.38}, false},
+        {"T2", Contrast::t2, std::array{1.0, 0.98, 0.16}, true},
+        {"T2, dark before and in it", Contrast::t2, std::array{1.0, 0.2, 0.16}, false}}) {
+    Eigen::VectorXd parameters = population_mean(layout);
+    parameters[vitreous] = levels[0];
+    parameters[aqueous] = levels[1];
+    parameters[lens] = levels[2];
+    const QualityGate gate = gate_of(fit_at(layout, parameters, contrast), "lens_contrast");
+    EXPECT_TRUE(gate.decides);
+    EXPECT_EQ(gate.passed, is_lens) << of;
+  }
+}
+
+/// Two measured eyes of one stack that shows no eye, so that fitting again helps neither.
+class FellowEyes : public testing::Test {
+ protected:
+  FellowEyes() {
+    dark_.columns = dark_.rows = 4;
+    dark_.along_row = Vector3d::UnitX();
+    dark_.along_column = Vector3d::UnitY();
+    dark_.normal = Vector3d::UnitZ();
+    dark_.column_spacing_mm = dark_.row_spacing_mm = dark_.slice_thickness_mm = 1;
+    dark_.slice_position = {Vector3d::Zero(), Vector3d::UnitZ()};
+    dark_.slice_intensity.assign(2, std::vector<float>(16, 0));
+  }
+  JudgedEye eye(double fat_shift_mm) const {
+    const ParameterLayout layout;
+    Eigen::VectorXd parameters = population_mean(layout);
+    parameters[layout.stack(0) + fat_shift_first + 1] = fat_shift_mm;
+    JudgedEye judged{{}, fit_at(layout, parameters, Contrast::t1), {}, {}};
+    judged.found.contrast = Contrast::t1;
+    judged.found.axis = -Vector3d::UnitY();
+    judged.found.radius_mm = 11.5;
+    judged.found.views.resize(1);
+    judged.found.views[0].globe.centre = Vector3d::Zero();
+    judged.found.views[0].globe.inside = 1;
+    return judged;
+  }
+  void compare(JudgedEye& od, JudgedEye& os) const {
+    compare_fellow_eyes(od, os, {&dark_, &dark_}, {}, Verbosity{true});
+  }
+  Stack dark_;
+};
+
+TEST_F(FellowEyes, OneImageHasOneChemicalShift) {
+  JudgedEye od = eye(1.1), os = eye(0.9);
+  compare(od, os);
+  EXPECT_FALSE(od.refused() || os.refused());
+  os = eye(-0.8);
+  compare(od, os);
+  for (const JudgedEye* eye : {&od, &os}) {
+    EXPECT_TRUE(eye->refused());
+    EXPECT_NE(eye->reasons().find("displaced by 1.9 mm more"), std::string::npos) << eye->reasons();
+  }
+}
+
+TEST_F(FellowEyes, EyesOfTwoStacksMayDiffer) {
+  JudgedEye od = eye(1.1), os = eye(-0.8);
+  os.found.views[0].stack = 1;
+  compare(od, os);
+  EXPECT_FALSE(od.refused() || os.refused());
+}
+
+TEST_F(FellowEyes, ARefusedEyeThatCannotBeReadAgainKeepsItsReason) {
+  JudgedEye od = eye(1.1), os = eye(1.1);
+  os.gates = {{"lens_contrast", 0, 0.1, false, true, "no lens"}};
+  compare(od, os);
+  EXPECT_FALSE(od.refused());
+  EXPECT_EQ(os.reasons(), "no lens");
+  EXPECT_EQ(os.fitted_again_because, "");
+}
+
+}  // namespace
+}  // namespace emmetrope::segmentation

@@ -1,0 +1,226 @@
+#include "segmentation/stage.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstdlib>
+#include <random>
+
+#include "pipeline/base/files.hpp"
+#include "pipeline/eye/parametric/parametric_eye.hpp"
+#include "segmentation/intake/nifti.hpp"
+#include "tests/support/generated_series.hpp"
+
+namespace emmetrope::segmentation {
+namespace {
+
+namespace fs = std::filesystem;
+
+class SegmentStage : public testing::Test {
+ protected:
+  void SetUp() override {
+    const std::string test = testing::UnitTest::GetInstance()->current_test_info()->name();
+    folder_ = fs::temp_directory_path() / ("emmetrope_segment_" + test + "_" + std::to_string(::getpid()));
+    fs::remove_all(folder_);
+    fs::create_directories(folder_);
+    common_.verbosity.quiet = true;
+  }
+  void TearDown() override { fs::remove_all(folder_); }
+  Answer run(const fs::path& study, const std::string& name) {
+    SegmentOptions options;
+    options.study = study;
+    options.case_folder = folder_ / name;
+    return segment(options, common_);
+  }
+  ParametricEye eye(const std::string& name, Laterality laterality) const {
+    return parametric_eye_from_json(
+        read_json(folder_ / name / "segmentation" / to_string(laterality) / "fit.json").at("eye"));
+  }
+  fs::path folder_;
+  CommonOptions common_;
+};
+
+double sigma(const ParametricEye& eye, const std::string& name) {
+  const auto at =
+      std::find(eye.parameter_names.begin(), eye.parameter_names.end(), name) - eye.parameter_names.begin();
+  return std::sqrt(eye.covariance(at, at));
+}
+
+/// The sample study's right eye against the geometry it was made from.
+TEST_F(SegmentStage, SampleEyeIsMeasuredWithinItsIntervals) {
+  const fs::path sample = data_folder() / "data_samples" / "sample";
+  ASSERT_TRUE(fs::exists(sample / "truth.json")) << "the sample study is not at " << sample;
+  common_.laterality = LateralityChoice::od;
+  const Answer answer = run(sample, "case");
+  EXPECT_EQ(answer.status, ExitStatus::done);
+  const Json truth = read_json(sample / "truth.json").at("eyes").at("od");
+  const ParametricEye od = eye("case", Laterality::od);
+  EXPECT_NEAR(od.pole_depth_mm(), truth.at("axial_length_mm").get<double>(), 0.12);
+  EXPECT_NEAR(od.anterior_chamber_depth_mm, truth.at("anterior_chamber_depth_mm").get<double>(), 0.08);
+  EXPECT_NEAR(od.lens_thickness_mm, truth.at("lens_thickness_mm").get<double>(), 0.08);
+  const double power_D = 337.5 * od.cornea_c_per_mm,
+               truth_D = truth.at("astigmatism").at("M_D").get<double>();
+  EXPECT_NEAR(power_D, truth_D, 3 * 337.5 * sigma(od, "cornea_c_per_mm"));
+  EXPECT_LT(337.5 * sigma(od, "cornea_c_per_mm"), 1.1);
+  // With the rule: the vertical meridian is steeper.
+  EXPECT_LT(od.cornea_j0_per_mm, -0.5 / 337.5);
+
+  const fs::path stage = folder_ / "case" / "segmentation";
+  for (const char* file : {"labels.json", "od/boundary.ply", "od/fit.json", "od/overlay_stack1.png",
+                           "od/residual_stack1.png", "stack1.nii.gz", "stack1_labels.nii.gz"})
+    EXPECT_TRUE(fs::exists(stage / file)) << file;
+  const Json case_json = read_json(folder_ / "case" / "case.json");
+  EXPECT_EQ(case_json.at("eyes").at("od").at("contrast"), "T2");
+  for (const Json& stack : case_json.at("stacks"))
+    EXPECT_FALSE(stack.at("reason").get<std::string>().empty());
+
+  EXPECT_TRUE(run(sample, "case").json.at("skipped").get<bool>());
+}
+
+TEST_F(SegmentStage, NothingThatIsKeptNamesThePatient) {
+  test::GeneratedSeries series;  // of SECRET^NAME, SECRET-ID-77, born 1986-01-01; it shows no eye
+  series.set_all(DCM_SeriesDescription, "Secret T2 1986-01-01 secret-id-77");
+  series.remove(5);
+  series.write(folder_ / "study" / "SECRET_NAME");
+  testing::internal::CaptureStdout();  // where the tests' logger writes
+  const Answer answer = run(folder_ / "study", "case");
+  const std::string said = testing::internal::GetCapturedStdout() + answer.text + answer.json.dump();
+  EXPECT_EQ(answer.status, ExitStatus::no_result);
+  const std::string case_json = read_file(folder_ / "case" / "case.json"),
+                    stage_json = read_file(folder_ / "case" / "segmentation" / "stage.json");
+  for (const std::string& text : {said, case_json, stage_json})
+    for (const char* telling : {"SECRET", "Secret", "secret", "1986"})
+      EXPECT_EQ(text.find(telling), std::string::npos) << telling << " in " << text;
+  for (const std::string& text : {case_json, stage_json})
+    EXPECT_NE(text.find("missing between slice 8 and slice 6"), std::string::npos) << text;
+}
+
+/// What is read is what is hashed: images behind a link too, and nothing of a case among the images.
+TEST_F(SegmentStage, InputsAreTheFilesThatAreRead) {
+  test::GeneratedSeries series;
+  series.write(folder_ / "real");
+  fs::create_directories(folder_ / "study");
+  fs::create_directory_symlink(folder_ / "real", folder_ / "study" / "link");
+  fs::create_directory_symlink(folder_ / "study", folder_ / "study" / "loop");
+  EXPECT_EQ(run(folder_ / "study", "study/case").status, ExitStatus::no_result);
+  const Json stage = read_json(folder_ / "study" / "case" / "segmentation" / "stage.json");
+  EXPECT_EQ(stage.at("inputs").size(), 12U);
+  EXPECT_TRUE(run(folder_ / "study", "study/case").json.at("skipped").get<bool>());
+  series.set_pixels(3, std::vector<Uint16>(std::size_t{20} * 24, 7));
+  series.write(folder_ / "real");
+  EXPECT_FALSE(run(folder_ / "study", "study/case").json.at("skipped").get<bool>());
+}
+
+TEST_F(SegmentStage, TheCaseIsNotTheStudysFolder) {
+  test::GeneratedSeries().write(folder_ / "study");
+  try {
+    run(folder_ / "study", "study");
+    ADD_FAILURE();
+  } catch (const Error& error) {
+    EXPECT_EQ(error.status(), ExitStatus::usage);
+  }
+  EXPECT_FALSE(fs::exists(folder_ / "study" / "case.json"));
+  EXPECT_FALSE(fs::exists(folder_ / "study" / ".lock"));
+}
+
+/// Written around one of the study's series, the case would hide the others.
+TEST_F(SegmentStage, TheCaseIsNoFolderAroundTheStudyAndOtherFiles) {
+  test::GeneratedSeries().write(folder_ / "dicom" / "first");
+  write_json(folder_ / "dicom" / "keratometry.json", {});
+  EXPECT_EQ(run(folder_ / "dicom" / "first", "dicom").status, ExitStatus::no_result) << "no other images";
+  fs::remove_all(folder_ / "dicom");
+  test::GeneratedSeries().write(folder_ / "dicom" / "first");
+  test::GeneratedSeries("1.2.826.0.1.3680043.9.7.5", 2).write(folder_ / "dicom" / "second");
+  const fs::path file = fs::directory_iterator(folder_ / "dicom" / "first" / "scan")->path();
+  for (const auto& [study, folder] : {std::pair{folder_ / "dicom" / "first", "dicom"},
+                                      std::pair{file, "dicom/first/scan"}, std::pair{file, "dicom"}}) {
+    try {
+      run(study, folder);
+      ADD_FAILURE() << folder;
+    } catch (const Error& error) {
+      EXPECT_EQ(error.status(), ExitStatus::usage);
+    }
+    EXPECT_FALSE(fs::exists(folder_ / folder / "case.json"));
+  }
+}
+
+/// Two visits: the eyes of one are not measured with those of the other, nor at the other's age.
+TEST_F(SegmentStage, SeriesOfTwoStudiesAreNotOneEye) {
+  test::GeneratedSeries first, second("1.2.826.0.1.3680043.9.7.5", 2);
+  second.set_all(DCM_StudyInstanceUID, "1.2.3.4");
+  second.set_all(DCM_PatientAge, "041Y");
+  first.write(folder_ / "study" / "2020");
+  second.write(folder_ / "study" / "2023");
+  try {
+    run(folder_ / "study", "case");
+    ADD_FAILURE();
+  } catch (const Error& error) {
+    EXPECT_EQ(error.status(), ExitStatus::input_invalid);
+    for (const char* says : {"(0020,000d)", "1.2.3.4: stack2"})
+      EXPECT_NE(std::string(error.what()).find(says), std::string::npos) << error.what();
+  }
+  EXPECT_FALSE(fs::exists(folder_ / "case"));
+  SegmentOptions options;
+  options.study = folder_ / "study";
+  options.case_folder = folder_ / "case";
+  options.series = {"2"};
+  EXPECT_EQ(segment(options, common_).status, ExitStatus::no_result);
+  EXPECT_EQ(read_json(folder_ / "case" / "case.json").at("subject").at("age_years"), 41);
+}
+
+TEST_F(SegmentStage, NoiseGivesNoEyeButAReason) {
+  Stack noise;
+  noise.name = "noise";
+  noise.columns = noise.rows = 80;
+  noise.along_row = Eigen::Vector3d::UnitX();
+  noise.along_column = Eigen::Vector3d::UnitY();
+  noise.normal = Eigen::Vector3d::UnitZ();
+  noise.column_spacing_mm = noise.row_spacing_mm = noise.slice_thickness_mm = 1;
+  std::mt19937 random(1);
+  std::uniform_real_distribution<float> uniform(0, 100);
+  for (int s = 0; s < 40; ++s) {
+    noise.slice_position.push_back({-40, -40, s - 20.0});
+    noise.slice_intensity.emplace_back();
+    for (int i = 0; i < 6400; ++i) noise.slice_intensity.back().push_back(uniform(random));
+  }
+  fs::create_directories(folder_ / "study");
+  write_nifti(folder_ / "study" / "noise.nii.gz", noise);
+  const Answer answer = run(folder_ / "study", "case");
+  EXPECT_EQ(answer.status, ExitStatus::no_result);
+  EXPECT_GE(answer.json.at("reasons").size(), 2U);
+  EXPECT_TRUE(fs::exists(folder_ / "case" / "segmentation" / "stage.json"));
+  EXPECT_FALSE(fs::exists(folder_ / "case" / "segmentation" / "od" / "fit.json"));
+}
+
+/// One person, two contrasts: the same eyes.
+TEST_F(SegmentStage, RealScansOfOnePersonAgree) {
+  const char* scans = std::getenv("EMMETROPE_REAL_SCANS");
+  if (scans == nullptr) GTEST_SKIP() << "EMMETROPE_REAL_SCANS names no folder of real scans";
+  ASSERT_EQ(run(fs::path(scans) / "fnndsc_adi_t1_dicom" / "dicom", "t1").status, ExitStatus::done);
+  ASSERT_EQ(run(fs::path(scans) / "fnndsc_adi_t2_dicom" / "dicom", "t2").status, ExitStatus::done);
+  for (const Laterality laterality : both_eyes) {
+    const ParametricEye t1 = eye("t1", laterality), t2 = eye("t2", laterality);
+    EXPECT_NEAR(t1.pole_depth_mm(), t2.pole_depth_mm(), 0.8);
+    EXPECT_NEAR(2 * t1.globe_semi_axes_mm.x(), 2 * t2.globe_semi_axes_mm.x(), 0.6);
+  }
+  // A slice is missing through the right eye: it must not shrink by the millimetre that it covers.
+  EXPECT_NEAR(2 * eye("t1", Laterality::od).globe_semi_axes_mm.x(), 23.4, 0.4);
+}
+
+TEST_F(SegmentStage, ChildIsMeasuredAndAnUnseenCorneaRefused) {
+  const char* scans = std::getenv("EMMETROPE_REAL_SCANS");
+  if (scans == nullptr) GTEST_SKIP() << "EMMETROPE_REAL_SCANS names no folder of real scans";
+  EXPECT_EQ(run(fs::path(scans) / "fnndsc_child_t1_nii", "child").status, ExitStatus::done);
+  for (const Laterality laterality : both_eyes) {
+    const double length = eye("child", laterality).pole_depth_mm();
+    EXPECT_GT(length, 21);
+    EXPECT_LT(length, 26);
+  }
+  // Holes in the vitreous and low contrast: nothing of the cornea is in the images.
+  const Answer answer = run(fs::path(scans) / "seg3d_t1_nii", "holes");
+  EXPECT_EQ(answer.status, ExitStatus::no_result);
+  EXPECT_NE(answer.text.find("cornea is not visible"), std::string::npos) << answer.text;
+}
+
+}  // namespace
+}  // namespace emmetrope::segmentation

@@ -1,0 +1,96 @@
+// A small part of the accuracy study (docs/accuracy.md): one random head a protocol.
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "meshing/biometry.hpp"
+#include "tests/studies/study_eye.hpp"
+
+namespace emmetrope::segmentation {
+namespace {
+
+/// What no eye of a protocol may exceed: about the largest errors of the 200 eyes in docs/accuracy.md.
+struct Worst {
+  const char* protocol;
+  unsigned long long seed;
+  double axial_length_mm, M_D, J_D, retina_mm, cornea_mm;
+};
+std::ostream& operator<<(std::ostream& out, const Worst& worst) { return out << worst.protocol; }
+
+/// Around the small globes of head 107 the fat, against bone, is a sharper ball than they are.
+class StudyHead : public testing::TestWithParam<Worst> {};
+INSTANTIATE_TEST_SUITE_P(Accuracy, StudyHead,
+                         testing::Values(Worst{"surface-coil", 101, 0.06, 1.7, 0.7, 0.012, 0.05},
+                                         Worst{"head-t2", 101, 0.09, 1.9, 0.8, 0.012, 0.08},
+                                         Worst{"head-t1", 107, 0.35, 3.2, 2.0, 0.12, 0.2}));
+
+TEST_P(StudyHead, ErrorsAreOfTheTablesOrderAndWithinTheirIntervals) {
+  const Worst& worst = GetParam();
+  StudyProtocol protocol;
+  protocol.name = worst.protocol;
+  int covered = 0, of = 0;
+  for (const Json& record : study_head(protocol, worst.seed)) {
+    ASSERT_EQ(record.at("status"), "measured") << record.at("reasons");
+    EXPECT_FALSE(record.at("irregular_cornea").get<bool>());
+    const Json& truth = record.at("truth");
+    const Json found = biometry_json(EyeEstimate(parametric_eye_from_json(record.at("fit"))), {});
+    const auto error = [&](const char* pointer) {
+      const Json::json_pointer at(pointer);
+      const auto measured = found.at(at).get<Measured>();
+      const double e = measured.value - truth.at(at).get<double>();
+      EXPECT_LT(std::abs(e), 4 * measured.sigma()) << pointer;
+      covered += std::abs(e) < 1.96 * measured.sigma() ? 1 : 0;
+      ++of;
+      return e;
+    };
+    EXPECT_LT(std::abs(error("/axial_length_mm")), worst.axial_length_mm);
+    EXPECT_LT(std::abs(error("/astigmatism/M_D")), worst.M_D);
+    EXPECT_LT(std::hypot(error("/astigmatism/J0_D"), error("/astigmatism/J45_D")), worst.J_D);
+    for (const char* other : {"/anterior_chamber_depth_mm", "/lens_thickness_mm", "/lens_anterior_radius_mm",
+                              "/lens_posterior_radius_mm", "/globe_width_mm", "/globe_height_mm"})
+      error(other);
+    EXPECT_LT(record.at("surface_mm").at("retina").get<double>(), worst.retina_mm);
+    EXPECT_LT(record.at("surface_mm").at("cornea").get<double>(), worst.cornea_mm);
+    // No interval is narrower than noise and priors allow.
+    const Json& stated = record.at("fit").at("covariance");
+    const Json& bound = record.at("bound");
+    for (std::size_t i = 0; i < bound.size(); ++i)
+      EXPECT_GT(stated[i][i].get<double>(), 0.9 * bound[i][i].get<double>()) << i;
+  }
+  EXPECT_GE(covered, 0.8 * of);
+}
+
+/// With fat displaced by a pixel one eye of each of these heads is misread: a globe 2 mm too long without a
+/// fault in itself, or a lens that is none. Its fellow, in the same image, knows better.
+struct Misread {
+  unsigned long long seed;
+  Laterality eye;
+  const char* because;
+};
+std::ostream& operator<<(std::ostream& out, const Misread& misread) { return out << misread.seed; }
+
+class FellowEyes : public testing::TestWithParam<Misread> {};
+INSTANTIATE_TEST_SUITE_P(Head, FellowEyes,
+                         testing::Values(Misread{164, Laterality::os, "contradict"},
+                                         Misread{129, Laterality::od, "lens is not visible"}));
+
+TEST_P(FellowEyes, TheOneThatWasMisreadIsFittedAgain) {
+  StudyProtocol protocol;
+  protocol.name = "head-t1";
+  protocol.distorted = true;
+  for (const Json& record : study_head(protocol, GetParam().seed)) {
+    ASSERT_EQ(record.at("status"), "measured") << record.at("reasons");
+    const auto because = record.at("fitted_again_because").get<std::string>();
+    if (record.at("laterality") == to_string(GetParam().eye)) {
+      EXPECT_NE(because.find(GetParam().because), std::string::npos) << because;
+    } else {
+      EXPECT_EQ(because, "");
+    }
+    const Json found = biometry_json(EyeEstimate(parametric_eye_from_json(record.at("fit"))), {});
+    EXPECT_NEAR(found.at("axial_length_mm").at("value"), record.at("truth").at("axial_length_mm"), 0.35);
+    EXPECT_NEAR(record.at("fat_shift_mm").at(0), 1, 0.25);  // one pixel, known to 0.1 of it
+  }
+}
+
+}  // namespace
+}  // namespace emmetrope::segmentation
