@@ -4,26 +4,25 @@
 
 #include <algorithm>
 #include <array>
-#include <charconv>
 #include <cmath>
-#include <string_view>
 
-#include "correction/what_if/ablation.hpp"
-#include "pipeline/base/notation.hpp"
 #include "correction/search/sweep.hpp"
+#include "correction/what_if/ablation.hpp"
+#include "pipeline/base/case_subject.hpp"
 #include "pipeline/base/error.hpp"
+#include "pipeline/base/eye_stage.hpp"
 #include "pipeline/base/files.hpp"
 #include "pipeline/base/interrupt.hpp"
 #include "pipeline/base/log.hpp"
+#include "pipeline/base/notation.hpp"
 #include "pipeline/base/version.hpp"
+#include "pipeline/eye/population/population.hpp"
 #include "raytrace/spectacle/spectacle.hpp"
 
 namespace emmetrope::correction {
 namespace {
 
 namespace fs = std::filesystem;
-
-constexpr double lens_index_prior_sigma = 0.005;
 
 Json parameters_of(const CorrectionSettings& settings, const CommonOptions& common) {
   const PrescriptionSettings& p = settings.prescription;
@@ -41,9 +40,8 @@ Json parameters_of(const CorrectionSettings& settings, const CommonOptions& comm
           {"centre_thickness_mm",
            p.spectacle.centre_thickness_mm ? Json(*p.spectacle.centre_thickness_mm) : Json(nullptr)},
           {"lens_diameter_mm", 2 * p.spectacle.semi_diameter_mm},
-          {"lens_index_sigma", settings.lens_index_sigma.value_or(lens_index_prior_sigma)},
-          {"instruments", to_json(settings.known.instruments)},
-          {"known_refractions", settings.known.refractions},
+          {"lens_index_sigma", settings.lens_index_sigma.value_or(usual_lens_index_sigma)},
+          {"known", to_json(settings.known)},
           {"ablation_picture", settings.ablation_picture},
           {"age_years", settings.what_if.age_years ? Json(*settings.what_if.age_years) : Json(nullptr)},
           {"iol_target_D", settings.what_if.iol_target_D},
@@ -59,21 +57,6 @@ Json parameters_of(const CorrectionSettings& settings, const CommonOptions& comm
             {"pupil_mm", picture.pupil_mm}}}};
 }
 
-/// "500x500", "6x6", "0,0": two numbers of the trace stage's parameters.
-std::array<double, 2> two_numbers(const Json& parameters, const char* key, char separator) {
-  const auto text = parameters.at(key).get<std::string>();
-  const auto middle = text.find(separator);
-  std::array<double, 2> numbers{};
-  const auto read = [&](std::string_view part, double& number) {
-    return std::from_chars(part.data(), part.data() + part.size(), number).ec == std::errc();
-  };
-  if (middle == std::string::npos || !read(std::string_view(text).substr(0, middle), numbers[0]) ||
-      !read(std::string_view(text).substr(middle + 1), numbers[1]))
-    throw input_error("raytrace/stage.json: parameter \"" + std::string(key) + "\" is \"" + text + "\"",
-                      "run \"emmetrope trace --force\" on the case");
-  return numbers;
-}
-
 /// What the trace stage decided: how its picture was made, and whether the lens index is known.
 void follow_trace_stage(const fs::path& case_folder, CorrectionSettings& settings) {
   const Json stage = read_json(case_folder / "raytrace" / "stage.json");
@@ -83,14 +66,13 @@ void follow_trace_stage(const fs::path& case_folder, CorrectionSettings& setting
     picture.scene = parameters.at("scene").get<std::string>();
     picture.samples = parameters.at("samples").get<int>();
     picture.pupil_mm = parameters.at("pupil_mm").get<double>();
-    const auto size = two_numbers(parameters, "size", 'x'),
-               field_mm = two_numbers(parameters, "field_mm", 'x');
-    const auto fovea_mm = two_numbers(parameters, "fovea", ',');
-    picture.width = static_cast<int>(size[0]);
-    picture.height = static_cast<int>(size[1]);
-    picture.field_x_mm = field_mm[0];
-    picture.field_y_mm = field_mm[1];
-    picture.centre_mm = {fovea_mm[0], fovea_mm[1]};
+    const auto pair = [&](const char* key) { return parameters.at(key).get<std::array<double, 2>>(); };
+    const auto [width, height] = pair("size");
+    picture.width = static_cast<int>(width);
+    picture.height = static_cast<int>(height);
+    picture.field_x_mm = pair("field_mm")[0];
+    picture.field_y_mm = pair("field_mm")[1];
+    picture.centre_mm = {pair("fovea_mm")[0], pair("fovea_mm")[1]};
     if (settings.prescription.fovea_mm.isZero()) settings.prescription.fovea_mm = picture.centre_mm;
     if (!parameters.at("lens_index").is_null() && !settings.lens_index_sigma) settings.lens_index_sigma = 0;
     if (!settings.what_if.age_years && parameters.at("age_years").is_number())
@@ -109,21 +91,18 @@ struct EyeResult {
 
 /// What the clinic knows is learnt about the eye as formulas, which then stands for the one that was traced.
 std::optional<Calibration> learn_known_data(const raytrace::Tracer& tracer, EyeModel& eye,
-                                            UncertainEye& uncertain, const KnownData& known,
+                                            UncertainOptics& uncertain, const KnownData& known,
                                             const PrescriptionSettings& settings,
                                             std::vector<std::string>& warnings) {
   if (known.has_instruments()) {
     warnings = learn(uncertain, read_instruments(known.instruments));
-    eye = uncertain.eye;
+    eye = uncertain.model;
   }
   if (!known.refraction) return {};
   Calibration calibration = calibrate(tracer, eye, uncertain, *known.refraction, settings);
-  if (calibration.surprise_sigma > surprising_sigma)
-    warnings.push_back(fmt::format(
-        "the given refraction and the images differ by {:.1f} standard deviations; check its eye and "
-        "its sign",
-        calibration.surprise_sigma));
-  eye = uncertain.eye;
+  const std::string warning = judge_surprise("the given refraction", calibration.surprise_sigma);
+  if (!warning.empty()) warnings.push_back(warning);
+  eye = uncertain.model;
   return calibration;
 }
 
@@ -138,9 +117,9 @@ void check_learnable(const fs::path& case_folder, const std::string& eye_name, c
   if (traced.media.find("lens") == traced.media.end())
     throw give_to_mesh("it was traced with a lens of cortex and core");
   const Json meshing = read_json(case_folder / "meshing" / "stage.json");
-  for (const Json& map : meshing.at("parameters").value("topography", Json::array()))
-    if (map.get<std::string>().rfind(eye_name + ":", 0) == 0)
-      throw give_to_mesh("its cornea has been meshed from a topography");
+  const Json::json_pointer topography("/parameters/instruments/" + eye_name + "/topography");
+  if (meshing.contains(topography) && !meshing.at(topography).is_null())
+    throw give_to_mesh("its cornea has been meshed from a topography");
 }
 
 void write_eye_files(const fs::path& folder, const raytrace::Tracer& tracer, const EyeModel& eye,
@@ -169,7 +148,7 @@ void write_eye_files(const fs::path& folder, const raytrace::Tracer& tracer, con
     raytrace::write_png(folder / name, tracer.trace(model, *scene, trace).image);
   };
   write_picture("corrected.png",
-                with_thin_lens(seeing, result.prescription.refraction, p.vertex_distance_mm));
+                raytrace::with_thin_lens(seeing, result.prescription.refraction, p.vertex_distance_mm));
   if (settings.ablation_picture) {
     const PowerVector at_cornea = move_towards_eye(result.prescription.refraction, p.vertex_distance_mm);
     try {
@@ -206,18 +185,11 @@ std::vector<std::string> doubts(const Prescription& prescription) {
 }
 
 /// The lens index of a measured eye that was traced is the one to be uncertain about.
-UncertainEye read_uncertain_eye(const fs::path& file, double lens_index_sigma, const EyeModel& traced) {
-  UncertainEye uncertain = uncertain_eye_from_json(read_json(file), file.parent_path(), lens_index_sigma);
+UncertainOptics read_uncertain_optics(const fs::path& file, double lens_index_sigma, const EyeModel& traced) {
+  UncertainOptics optics = uncertain_optics_from_json(read_json(file), file.parent_path(), lens_index_sigma);
   const auto lens = traced.media.find("lens");
-  if (lens == traced.media.end()) return uncertain;  // cortex and core: the equivalent index stays
-  const double index = lens->second.index;
-  const Eigen::Index i = uncertain.index_of("lens_index");
-  uncertain.numbers.mean[i] = index;
-  uncertain.numbers.covariance.row(i).setZero();
-  uncertain.numbers.covariance.col(i).setZero();
-  uncertain.numbers.covariance(i, i) = lens_index_sigma * lens_index_sigma;
-  uncertain.eye.media.at("lens").index = index;
-  return uncertain;
+  if (lens == traced.media.end()) return optics;  // cortex and core: the equivalent index stays
+  return with_lens_index(optics, lens->second.index, lens_index_sigma);
 }
 
 /// What `write_eye_files` may write.
@@ -258,110 +230,111 @@ class WholeOutput {
   RemoveOnInterrupt guard_;
 };
 
+/// What each eye is corrected from.
+std::vector<StageInput> inputs_of(const fs::path& case_folder, const std::vector<Laterality>& eyes,
+                                  const std::map<Laterality, KnownData>& known) {
+  std::vector<StageInput> inputs;
+  for (const Laterality eye : eyes) {
+    const std::string name = to_string(eye);
+    const auto data = known.find(eye);
+    if (data != known.end() && data->second.instruments.topography)
+      inputs.push_back({"topography/" + name, data->second.instruments.topography->file});
+    for (const char* stage : {"meshing/", "raytrace/"})
+      for (const StageInput& input : inputs_below(case_folder, stage + name)) inputs.push_back(input);
+  }
+  return inputs;
+}
+
+/// The eye that was traced, its uncertainty where it was measured, and what the clinic knows of it learnt.
+struct KnownEye {
+  EyeModel eye;
+  std::optional<UncertainOptics> uncertain;
+  std::optional<Calibration> calibration;
+};
+
+KnownEye read_known_eye(const fs::path& case_folder, Laterality side, const CorrectionSettings& settings,
+                        const raytrace::Tracer& tracer, StageWorkspace& workspace) {
+  const auto warn = [&](const std::string& text) {
+    workspace.warn(std::string(clinical_name(side)) + ": " + text);
+  };
+  KnownEye known{read_eye(case_folder / "raytrace" / to_string(side) / "eye.json"), {}, {}};
+  const fs::path optics = case_folder / "meshing" / to_string(side) / "optics.json";
+  if (fs::exists(optics))
+    known.uncertain =
+        read_uncertain_optics(optics, settings.lens_index_sigma.value_or(usual_lens_index_sigma), known.eye);
+  const auto data = settings.known.find(side);
+  if (data == settings.known.end()) return known;
+  std::vector<std::string> warnings;
+  known.calibration =
+      learn_known_data(tracer, known.eye, *known.uncertain, data->second, settings.prescription, warnings);
+  for (const std::string& warning : warnings) warn(warning);
+  warn(
+      "what was measured elsewhere is in the prescription and in corrected.png, not in the meshes and "
+      "uncorrected.png; give it to the mesh stage to have it there too");
+  return known;
+}
+
+EyeResult correct_one(const KnownEye& known, const raytrace::Tracer& tracer,
+                      const PrescriptionSettings& settings) {
+  EyeResult result{prescribe(tracer, known.eye, settings), {}, {}};
+  if (known.uncertain) result.axial_length_mm = known.uncertain->known.eye().axial_length_mm;
+  result.uncertainty =
+      uncertainty_of(result.prescription, known.uncertain ? &*known.uncertain : nullptr, known.calibration);
+  return result;
+}
+
 }  // namespace
 
 Answer correct_case(const fs::path& case_folder, CorrectionSettings settings, const CommonOptions& common) {
   const CaseLock lock(case_folder, false);
   const StageVerdict traced = read_verdict(case_folder, "raytrace");
   follow_trace_stage(case_folder, settings);
-  if (!settings.what_if.age_years && fs::exists(case_folder / "case.json")) {
-    const Json subject = read_json(case_folder / "case.json").value("subject", Json::object());
-    if (subject.contains("age_years") && subject["age_years"].is_number())
-      settings.what_if.age_years = subject["age_years"].get<double>();
-  }
-  const std::map<Laterality, KnownData> known = parse_known_data(settings.known);
-  std::vector<Laterality> eyes;
-  StageSpec spec{"correction", parameters_of(settings, common), {}, true, {}};
-  for (const Laterality eye : both_eyes) {
-    const std::string name = to_string(eye);
-    if (!includes(common.laterality, eye) || !fs::exists(case_folder / "raytrace" / name / "eye.json"))
-      continue;
-    eyes.push_back(eye);
-    if (const auto data = known.find(eye); data != known.end()) {
-      check_learnable(case_folder, name, read_eye(case_folder / "raytrace" / name / "eye.json"));
-      if (const auto& map = data->second.instruments.topography)
-        spec.inputs.push_back({"topography/" + name, map->file});
-    }
-    for (const char* stage : {"meshing/", "raytrace/"})
-      for (const StageInput& input : inputs_below(case_folder, stage + name)) spec.inputs.push_back(input);
-  }
+  if (!settings.what_if.age_years) settings.what_if.age_years = subject_age_years(case_folder);
+  const std::vector<Laterality> eyes = eyes_with(case_folder, "raytrace", "eye.json", common.laterality);
   if (eyes.empty() && traced.status == ExitStatus::done)
     throw input_error((case_folder / "raytrace").string() + " holds no eye that --laterality asks for",
                       "trace it with: emmetrope trace " + case_folder.string());
+  for (const Laterality eye : eyes)
+    if (settings.known.count(eye) > 0)
+      check_learnable(case_folder, to_string(eye),
+                      read_eye(case_folder / "raytrace" / to_string(eye) / "eye.json"));
+  StageSpec spec{
+      "correction", parameters_of(settings, common), inputs_of(case_folder, eyes, settings.known), true, {}};
   std::optional<raytrace::Tracer> tracer;
   if (!eyes.empty()) {
     tracer.emplace(common.device, common.threads);
     spec.device = tracer->device_name();
   }
 
-  std::string text;
-  Json answers = Json::object();
-  const auto work = [&](StageWorkspace& workspace) {
-    StageVerdict verdict;
-    verdict.reasons = traced.reasons;
-    for (const auto& [side, data] : known)
+  std::map<Laterality, std::string> summaries;
+  const StageOutcome outcome = run_stage(case_folder, spec, common, [&](StageWorkspace& workspace) {
+    for (const auto& [side, data] : settings.known)
       if (std::find(eyes.begin(), eyes.end(), side) == eyes.end())
         workspace.warn(std::string(clinical_name(side)) +
                        ": what was measured of it elsewhere is not used: this run does not work on that eye");
-    std::size_t done = 0;
-    for (const Laterality side : eyes) {
-      const std::string name = to_string(side);
-      try {
-        EyeModel eye = read_eye(case_folder / "raytrace" / name / "eye.json");
-        const fs::path optics = case_folder / "meshing" / name / "optics.json";
-        std::optional<UncertainEye> uncertain;
-        if (fs::exists(optics))
-          uncertain =
-              read_uncertain_eye(optics, settings.lens_index_sigma.value_or(lens_index_prior_sigma), eye);
-        std::optional<Calibration> calibration;
-        if (const auto data = known.find(side); data != known.end()) {
-          std::vector<std::string> warnings;
-          calibration =
-              learn_known_data(*tracer, eye, *uncertain, data->second, settings.prescription, warnings);
-          for (const std::string& warning : warnings)
-            workspace.warn(std::string(clinical_name(side)) + ": " + warning);
-          workspace.warn(
-              std::string(clinical_name(side)) +
-              ": what was measured elsewhere is in the prescription and in corrected.png, not in the "
-              "meshes and uncorrected.png; give it to the mesh stage to have it there too");
-        }
-        EyeResult result{prescribe(*tracer, eye, settings.prescription), {}, {}};
-        if (uncertain)
-          result.axial_length_mm = uncertain->numbers.mean[uncertain->index_of("optical_axial_length_mm")];
-        result.uncertainty =
-            uncertainty_of(result.prescription, uncertain ? &*uncertain : nullptr, calibration);
-        write_eye_files(workspace.folder() / name, *tracer, eye, result, settings, common.seed, name);
-        for (const std::string& doubt : doubts(result.prescription))
-          workspace.warn(std::string(clinical_name(side)) + ": " + doubt);
-        text += summary(clinical_name(side), result);
-        ++done;
-      } catch (const Error& error) {
-        if (error.status() != ExitStatus::no_result) throw;
-        verdict.reasons.push_back(std::string(clinical_name(side)) + ": " + error.what());
-      }
-    }
-    verdict.status = done == 0                                                    ? ExitStatus::no_result
-                     : done < eyes.size() || traced.status == ExitStatus::partial ? ExitStatus::partial
-                                                                                  : ExitStatus::done;
-    return verdict;
-  };
-  const StageOutcome outcome = run_stage(case_folder, spec, common, work);
-  for (const Laterality eye : eyes) {
-    const fs::path file = case_folder / "correction" / to_string(eye) / "prescription.json";
-    if (fs::exists(file)) answers[to_string(eye)] = read_json(file);
-  }
-  Answer answer;
-  answer.status = outcome.verdict.status;
-  answer.json = {{"eyes", answers}, {"reasons", outcome.verdict.reasons}, {"skipped", outcome.skipped}};
-  answer.text = text;
-  for (const std::string& reason : outcome.verdict.reasons) answer.text += reason + "\n";
-  answer.text += describe("correction", outcome, common.verbosity) + research_notice + "\n";
+    return work_eye_by_eye(eyes, traced, [&](Laterality side) {
+      const KnownEye known = read_known_eye(case_folder, side, settings, *tracer, workspace);
+      const EyeResult result = correct_one(known, *tracer, settings.prescription);
+      write_eye_files(workspace.folder() / to_string(side), *tracer, known.eye, result, settings, common.seed,
+                      to_string(side));
+      for (const std::string& doubt : doubts(result.prescription))
+        workspace.warn(std::string(clinical_name(side)) + ": " + doubt);
+      summaries[side] = summary(clinical_name(side), result);
+    });
+  });
+  Answer answer = stage_answer(
+      *stage_of_folder("correction"), outcome, common, [&](Laterality eye) -> std::optional<EyeAnswer> {
+        const fs::path file = case_folder / "correction" / to_string(eye) / "prescription.json";
+        if (!fs::exists(file)) return std::nullopt;
+        return EyeAnswer{read_json(file), summaries[eye]};
+      });
+  answer.text += research_notice + std::string("\n");
   return answer;
 }
 
 Answer correct_eye(const EyeModel& eye, const fs::path& output, const CorrectionSettings& settings,
                    const CommonOptions& common) {
-  if (!parse_known_data(settings.known).empty())
+  if (!settings.known.empty())
     throw usage_error("measurements from elsewhere are learnt about a measured eye; --eye is known exactly",
                       "leave them out, or name a CASE");
   raytrace::make_scene(settings.picture.scene);  // where that fails, or the folder, at once

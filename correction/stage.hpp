@@ -1,5 +1,6 @@
 #pragma once
 #include <filesystem>
+#include <map>
 #include <optional>
 #include <string>
 #include <vector>
@@ -29,14 +30,14 @@ struct CorrectionSettings {
   /// Prior of a measured eye's lens index; where none is given 0.005, or 0 where the trace stage was told the
   /// index
   std::optional<double> lens_index_sigma;
-  WhatIfSettings what_if;  ///< a case's own age where none is given
-  KnownDataFlags known;
+  WhatIfSettings what_if;                 ///< a case's own age where none is given
+  std::map<Laterality, KnownData> known;  ///< of a case, by eye
   bool ablation_picture = false;  ///< what the eye sees after an ablation of its refraction: ablated.png
 };
 
 /// CASE/correction/<eye>/: prescription.json, corrected.png, sweep.csv, sweep.svg, for every eye that was
-/// traced. An eye whose sharpest lens is not found gets no number; the reasons stand in stage.json. \throw
-/// Error (input_invalid) when the case, or the eye that is asked for, has not been traced
+/// traced. An eye whose sharpest lens is not found gets no number; the reasons stand in stage.json.
+/// \throw Error (input_invalid) when the case, or the eye that is asked for, has not been traced
 Answer correct_case(const std::filesystem::path& case_folder, CorrectionSettings settings,
                     const CommonOptions& common);
 

@@ -8,9 +8,9 @@
 
 #include "pipeline/base/astigmatism.hpp"
 #include "pipeline/base/frames.hpp"
-#include "pipeline/eye/surfaces/zernike.hpp"
-#include "pipeline/eye/parametric/analytic_eye.hpp"
 #include "pipeline/eye/instruments/topography.hpp"
+#include "pipeline/eye/parametric/analytic_eye.hpp"
+#include "pipeline/eye/surfaces/zernike.hpp"
 
 namespace emmetrope::meshing {
 namespace {
@@ -78,7 +78,7 @@ VectorXd corneal_numbers(const CornealDepth& cornea, const BiometryOptions& opti
 VectorXd globe_centre_lps_mm(const ParametricEye& eye) { return eye.lps_from_eye * eye.globe_centre_mm(); }
 
 /// What the images show of an irregular cornea's departure from its best toric conicoid.
-Measured fitted_irregularity_um(const EyeEstimate& estimate) {
+Measured fitted_irregularity_um(const UncertainEye& estimate) {
   return root_sum_square(estimate.propagate(
       [](const ParametricEye& eye) { return corneal_departure_um(anterior_cornea(eye)); }));
 }
@@ -175,7 +175,7 @@ std::string astigmatism_type(double steep_axis_deg) {
   return from_vertical >= 60 ? "against-the-rule" : "oblique";
 }
 
-Json biometry_json(const EyeEstimate& estimate, const BiometryOptions& options,
+Json biometry_json(const UncertainEye& estimate, const BiometryOptions& options,
                    const Topography* topography) {
   const ParametricEye& eye = estimate.eye();
   const Propagated length = estimate.propagate(lengths);
@@ -228,7 +228,7 @@ Json biometry_json(const EyeEstimate& estimate, const BiometryOptions& options,
   return json;
 }
 
-Measured interpupillary_distance_mm(const EyeEstimate& od, const EyeEstimate& os, double scale_sd,
+Measured interpupillary_distance_mm(const UncertainEye& od, const UncertainEye& os, double scale_sd,
                                     double head_motion_sd_mm) {
   const Propagated right = od.propagate(globe_centre_lps_mm), left = os.propagate(globe_centre_lps_mm);
   const Vector3d between = left.value - right.value;

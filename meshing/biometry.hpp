@@ -5,13 +5,17 @@
 #include "pipeline/base/json.hpp"
 #include "pipeline/base/measured.hpp"
 #include "pipeline/eye/parametric/corneal_metrics.hpp"
-#include "pipeline/eye/uncertainty/estimate.hpp"
+#include "pipeline/eye/uncertainty/uncertain_eye.hpp"
+
+namespace emmetrope {
+struct Topography;
+}
 
 namespace emmetrope::meshing {
 
 struct BiometryOptions {
-  double retinal_depth_mm = 0.20;  ///< photoreceptors behind the vitreo-retinal interface
-  double zernike_zone_mm = 6;      ///< diameter
+  double retinal_depth_mm = usual_retinal_depth_mm;
+  double zernike_zone_mm = 6;  ///< diameter
   int zernike_order = 6;
 };
 
@@ -28,21 +32,18 @@ Keratometry keratometry_from(const Propagated& power);
 /// "with-the-rule", "against-the-rule" or "oblique", by the steep meridian.
 std::string astigmatism_type(double steep_axis_deg);
 
-struct Topography;
-
 /// biometry.json of one eye without what needs both eyes (interpupillary distance) or the study (head roll).
 ///
 /// \param topography  its departure from a toric conicoid is part of the cornea; without it (null) the
-/// irregularity is what
-///                    is usual in the population, labelled so
-Json biometry_json(const EyeEstimate& estimate, const BiometryOptions& options,
+///   irregularity is what is usual in the population, labelled so
+Json biometry_json(const UncertainEye& estimate, const BiometryOptions& options,
                    const Topography* topography = nullptr);
 
 /// Distance between the globes' centres.
 ///
 /// \param scale_sd  relative standard deviation of the scanner's scale
 /// \param head_motion_sd_mm  of the head between the series that the two eyes were measured in
-Measured interpupillary_distance_mm(const EyeEstimate& od, const EyeEstimate& os, double scale_sd,
+Measured interpupillary_distance_mm(const UncertainEye& od, const UncertainEye& os, double scale_sd,
                                     double head_motion_sd_mm);
 
 /// Numbers outside what eyes are: `plausibility` in biometry.json, and a sentence for each that failed.

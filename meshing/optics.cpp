@@ -17,7 +17,7 @@ const std::vector<std::string>& optical_parameters() {
 
 }  // namespace
 
-Json optics_json(const EyeEstimate& estimate, const OpticalDefaults& defaults) {
+Json optics_json(const UncertainEye& estimate, const OpticalDefaults& defaults) {
   std::vector<std::string> names = optical_parameters();
   if (estimate.eye().has_irregular_cornea()) {
     for (int i = 0; i < corneal_form_terms; ++i) names.push_back(corneal_form_name(i));

@@ -12,8 +12,7 @@ TriangleMesh mesh_with_edge(const Sheet& sheet, double edge_mm);
 /// The same with an exact number of vertices: the edge length is searched, the last few vertices are added on
 /// the longest edges or taken from the shortest.
 ///
-/// \throw Error (usage) for fewer than 60 vertices or more than
-/// 200 000
+/// \throw Error (usage) for fewer than 60 vertices or more than 200 000
 TriangleMesh mesh_with_vertices(const Sheet& sheet, int vertices);
 
 }  // namespace emmetrope::meshing

@@ -1,6 +1,7 @@
 #pragma once
 #include <Eigen/Core>
 #include <Eigen/Geometry>
+#include <array>
 #include <memory>
 #include <string>
 #include <vector>
@@ -14,7 +15,7 @@ namespace emmetrope::meshing {
 class Sheet {
  public:
   virtual ~Sheet() = default;
-  /// \param reach    0 at the vertex, 1 on the rim
+  /// \param reach  0 at the vertex, 1 on the rim
   /// \param azimuth  radians about the sheet's axis, counter-clockwise as the examiner sees it
   virtual Eigen::Vector3d at(double reach, double azimuth) const = 0;
   /// The point of the surface that belongs to a point close to it; a point beyond the rim goes to the rim.
@@ -29,18 +30,21 @@ std::unique_ptr<Sheet> make_height_sheet(const Eigen::Isometry3d& eye_from_surfa
 /// The vitreo-retinal interface, out to `polar_angle_rad` from the pole in scaled directions.
 std::unique_ptr<Sheet> make_globe_sheet(const ParametricEye& eye, double polar_angle_rad);
 
+inline constexpr std::array<const char*, 5> sheet_names{"cornea_anterior", "cornea_posterior",
+                                                        "lens_anterior", "lens_posterior", "retina"};
+
 /// A surface to be meshed.
 struct NamedSheet {
-  std::string name;        ///< "cornea_anterior", ...: the mesh file's name
+  std::string name;        ///< of sheet_names: the mesh file's name
   int paper_vertices = 0;  ///< how many Wei, Patkar and Pai (2014) gave this surface
   std::unique_ptr<Sheet> sheet;
 };
 
-/// Cornea, lens and retina in the order that light meets them.
-/// Corneas reach 6.0 and 5.5 mm from the axis; the lens' sheets its equator, or where they would meet; the
-/// retina 105 degrees from the pole, about the ora serrata.
+/// Cornea, lens and retina in the order that light meets them. Corneas reach 6.0 and 5.5 mm from the axis;
+/// the lens' sheets its equator, or where they would meet; the retina 105 degrees from the pole, about the
+/// ora serrata.
 ///
-/// \param anterior_cornea     the front surface where more is known than the fitted biconic; may be null
+/// \param anterior_cornea  the front surface where more is known than the fitted biconic; may be null
 /// \param cornea_known_to_mm  how far from the axis it is; not used without it
 std::vector<NamedSheet> make_sheets(const ParametricEye& eye, const ShapePtr& anterior_cornea = nullptr,
                                     double cornea_known_to_mm = 0);

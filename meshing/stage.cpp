@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <optional>
 
 #include "meshing/biometry.hpp"
@@ -10,48 +11,26 @@
 #include "meshing/mesh_check.hpp"
 #include "meshing/optics.hpp"
 #include "meshing/remesh.hpp"
-#include "pipeline/base/case_folder.hpp"
-#include "pipeline/base/log.hpp"
+#include "pipeline/base/case_subject.hpp"
+#include "pipeline/base/eye_stage.hpp"
 #include "pipeline/eye/instruments/topography.hpp"
+#include "pipeline/eye/population/limits.hpp"
 
 namespace emmetrope::meshing {
 namespace {
 
 namespace fs = std::filesystem;
 
-constexpr double head_roll_limit_deg = 3;
-/// Vertices of each surface, by name.
-std::map<std::string, int> parse_vertices(const std::vector<std::string>& texts) {
-  std::map<std::string, int> counts;
-  for (const std::string& text : texts) {
-    const auto colon = text.find(':');
-    const std::string name = colon == std::string::npos ? "" : text.substr(0, colon);
-    const std::string digits = colon == std::string::npos ? text : text.substr(colon + 1);
-    const bool known = name.empty() || name == "cornea_anterior" || name == "cornea_posterior" ||
-                       name == "lens_anterior" || name == "lens_posterior" || name == "retina";
-    if (!known || digits.empty() || digits.size() > 7 ||
-        digits.find_first_not_of("0123456789") != std::string::npos)
-      throw usage_error("--vertices " + text + ": cannot be read",
-                        "expected N or SURFACE:N, such as retina:973");
-    counts[name] = std::stoi(digits);
-  }
-  return counts;
-}
-
 struct FittedEye {
   Json fit;
-  EyeEstimate estimate;
+  UncertainEye estimate;
   std::optional<Topography> topography;
 };
 
-/// The eye's fit; nothing where segmentation has none or refused it, with the reason.
-std::optional<FittedEye> read_fit(const fs::path& case_folder, Laterality eye,
-                                  std::vector<std::string>& reasons) {
+/// \throw Error (no_result) where segmentation has no fit or refused it, with the reason
+FittedEye read_fit(const fs::path& case_folder, Laterality eye) {
   const fs::path file = case_folder / "segmentation" / to_string(eye) / "fit.json";
-  if (!fs::exists(file)) {
-    reasons.push_back(fmt::format("{}: segmentation found no such eye", clinical_name(eye)));
-    return std::nullopt;
-  }
+  if (!fs::exists(file)) throw no_result_error("segmentation found no such eye");
   try {
     const Json fit = read_json(file);
     if (fit.at("status") == "refused") {
@@ -60,14 +39,13 @@ std::optional<FittedEye> read_fit(const fs::path& case_folder, Laterality eye,
         if (!gate.at("passed").get<bool>())
           why += (why.empty() ? "" : "; ") + gate.at("reason").get<std::string>();
       }
-      reasons.push_back(fmt::format("{}: refused by segmentation: {}", clinical_name(eye), why));
-      return std::nullopt;
+      throw no_result_error("refused by segmentation: " + why);
     }
-    return FittedEye{fit, EyeEstimate(parametric_eye_from_json(fit.at("eye"))), std::nullopt};
+    return {fit, fitted_eye(parametric_eye_from_json(fit.at("eye"))), std::nullopt};
   } catch (const nlohmann::json::exception& fault) {
     throw input_error(file.string() + " is broken: " + fault.what(), "make it again with: emmetrope segment");
   } catch (Error& error) {
-    error.add_context("reading " + file.string());
+    if (error.status() != ExitStatus::no_result) error.add_context("reading " + file.string());
     throw;
   }
 }
@@ -75,11 +53,8 @@ std::optional<FittedEye> read_fit(const fs::path& case_folder, Laterality eye,
 OpticalDefaults optical_defaults(const fs::path& case_folder, double retinal_depth_mm) {
   OpticalDefaults defaults;
   defaults.retinal_depth_mm = retinal_depth_mm;
-  const fs::path file = case_folder / "case.json";
-  if (!fs::exists(file)) return defaults;
-  const Json subject = read_json(file).value("subject", Json::object());
-  const auto age = subject.find("age_years");
-  if (age != subject.end() && age->is_number()) defaults.lens_index = lens_index_at_age(age->get<double>());
+  if (const auto age_years = subject_age_years(case_folder))
+    defaults.lens_index = lens_index_at_age(*age_years);
   return defaults;
 }
 
@@ -99,17 +74,18 @@ double head_motion_sd_mm(const Json& od_fit, const Json& os_fit) {
   return same ? 0 : between_series_sd_mm;
 }
 
-/// Writes the sheets of one eye. \return their measured quality, by name
+/// Writes the sheets of one eye.
+/// \return their measured quality, by name
 Json write_meshes(const fs::path& folder, const FittedEye& fitted, const MeshingOptions& options) {
   const ParametricEye& eye = fitted.estimate.eye();
-  const std::map<std::string, int> counts = parse_vertices(options.vertices);
   const ShapePtr cornea = fitted.topography ? anterior_cornea_shape(eye, *fitted.topography) : nullptr;
   const double reach_mm = fitted.topography ? fitted.topography->zone_mm / 2 : 0;
   Json report = Json::object();
   for (const NamedSheet& sheet : make_sheets(eye, cornea, reach_mm)) {
     int vertices = sheet.paper_vertices;
     for (const std::string& key : {std::string(), sheet.name}) {
-      if (const auto wanted = counts.find(key); wanted != counts.end()) vertices = wanted->second;
+      if (const auto wanted = options.vertices.find(key); wanted != options.vertices.end())
+        vertices = wanted->second;
     }
     const TriangleMesh mesh = options.edge_mm > 0 ? mesh_with_edge(*sheet.sheet, options.edge_mm)
                                                   : mesh_with_vertices(*sheet.sheet, vertices);
@@ -142,130 +118,150 @@ std::string summary(const Json& biometry) {
          line("corneal cylinder", k.at("cylinder_D"), "D");
 }
 
-}  // namespace
+Json parameters_of(const MeshingOptions& options, const CommonOptions& common) {
+  return {{"laterality", to_string(common.laterality)},
+          {"instruments", to_json(options.instruments)},
+          {"vertices", options.vertices},
+          {"edge_mm", options.edge_mm},
+          {"formats", options.formats},
+          {"retinal_depth_mm", options.retinal_depth_mm},
+          {"scale_sd", options.scale_sd}};
+}
 
-Answer make_meshes(const MeshingOptions& options, const CommonOptions& common) {
-  const auto instruments = parse_instruments(options.instruments, options.retinal_depth_mm);
-  parse_vertices(options.vertices);
-  const StageVerdict segmentation = read_verdict(options.case_folder, "segmentation");
-
-  StageSpec spec;
-  spec.stage = "meshing";
-  spec.parameters = {{"laterality", to_string(common.laterality)},
-                     {"keratometry", options.instruments.keratometry},
-                     {"axial_length", options.instruments.axial_length},
-                     {"acd", options.instruments.anterior_chamber_depth},
-                     {"lens_thickness", options.instruments.lens_thickness},
-                     {"topography", options.instruments.topography},
-                     {"vertices", options.vertices},
-                     {"edge_mm", options.edge_mm},
-                     {"formats", options.formats},
-                     {"retinal_depth_mm", options.retinal_depth_mm},
-                     {"scale_sd", options.scale_sd}};
+std::vector<StageInput> inputs_of(const MeshingOptions& options) {
+  std::vector<StageInput> inputs;
   for (const Laterality eye : both_eyes) {
     const std::string name = std::string("segmentation/") + to_string(eye) + "/fit.json";
-    if (fs::exists(options.case_folder / name)) spec.inputs.push_back({name, options.case_folder / name});
+    if (fs::exists(options.case_folder / name)) inputs.push_back({name, options.case_folder / name});
   }
-  for (const auto& [eye, measured] : instruments) {
+  for (const auto& [eye, measured] : options.instruments)
     if (measured.topography)
-      spec.inputs.push_back({std::string("topography/") + to_string(eye), measured.topography->file});
-  }
+      inputs.push_back({std::string("topography/") + to_string(eye), measured.topography->file});
   if (fs::exists(options.case_folder / "case.json"))
-    spec.inputs.push_back({"case.json", options.case_folder / "case.json"});
+    inputs.push_back({"case.json", options.case_folder / "case.json"});
+  return inputs;
+}
 
-  const StageOutcome outcome = run_stage(options.case_folder, spec, common, [&](StageWorkspace& workspace) {
-    StageVerdict verdict;
-    verdict.reasons = segmentation.reasons;
-    std::map<Laterality, FittedEye> eyes;
-    for (const Laterality eye : both_eyes) {
-      std::vector<std::string> reasons;
-      if (auto fitted = read_fit(options.case_folder, eye, reasons)) eyes.emplace(eye, std::move(*fitted));
-      if (includes(common.laterality, eye))
-        verdict.reasons.insert(verdict.reasons.end(), reasons.begin(), reasons.end());
-    }
-    for (const auto& [eye, measured] : instruments)
-      if (eyes.count(eye) == 0)
-        workspace.warn(
-            fmt::format("{}: not measured in the images, so that what other instruments say of it is "
-                        "not used",
-                        clinical_name(eye)));
-    for (auto& [eye, fitted] : eyes) {
-      fitted.estimate.add_scale_prior(options.scale_sd);
-      const auto measured = instruments.find(eye);
-      if (measured == instruments.end()) continue;
-      InstrumentReadings readings = read_instruments(measured->second);
-      fitted.topography = std::move(readings.topography);
-      for (const ExternalMeasurement& measurement : readings.measurements) {
-        const double surprise = fitted.estimate.assimilate(measurement);
-        const std::string text = fmt::format("{}: {} and the images differ by {:.1f} standard deviations",
-                                             clinical_name(eye), measurement.source, surprise);
-        if (surprise > irreconcilable_sigma)
-          throw input_error(
-              text + ": they cannot both be of this eye",
-              "check eye, unit and digits of the measurement; without it the images speak alone");
-        if (surprise > surprising_sigma) workspace.warn(text);
-      }
-    }
+/// What is known of the eyes that segmentation measured, with what other instruments say of them.
+struct KnownEyes {
+  std::map<Laterality, FittedEye> fitted;
+  std::map<Laterality, std::string> missing;  ///< why, of the others
+};
 
-    std::optional<Measured> interpupillary;
-    if (eyes.size() == 2)
-      interpupillary = interpupillary_distance_mm(
-          eyes.at(Laterality::od).estimate, eyes.at(Laterality::os).estimate, options.scale_sd,
-          head_motion_sd_mm(eyes.at(Laterality::od).fit, eyes.at(Laterality::os).fit));
-    const OpticalDefaults defaults = optical_defaults(options.case_folder, options.retinal_depth_mm);
-    int meshed = 0, wanted = 0;
-    Json quality = Json::object();
-    for (const Laterality eye : both_eyes) {
-      if (!includes(common.laterality, eye)) continue;
-      ++wanted;
-      const auto found = eyes.find(eye);
-      if (found == eyes.end()) continue;
-      const EyeEstimate& estimate = found->second.estimate;
-      const fs::path folder = workspace.folder() / to_string(eye);
-      fs::create_directories(folder);
-      quality[to_string(eye)] = write_meshes(folder, found->second, options);
-
-      Json biometry = biometry_json(estimate, {options.retinal_depth_mm},
-                                    found->second.topography ? &*found->second.topography : nullptr);
-      const Json& roll = found->second.fit.at("head_roll_deg");
-      biometry["head_roll_deg"] = roll;
-      if (interpupillary) biometry["interpupillary_distance_mm"] = *interpupillary;
-      const std::vector<PlausibilityFlag> flags = plausibility(biometry);
-      biometry["plausibility"] = to_json(flags);
-      for (const PlausibilityFlag& flag : flags) {
-        if (!flag.passed) workspace.warn(std::string(clinical_name(eye)) + ": " + flag.describe());
-      }
-      if (meshed == 0 && roll.is_number() && std::abs(roll.get<double>()) > head_roll_limit_deg)
-        workspace.warn(fmt::format(
-            "the head is rolled by {:.1f} degrees against the scanner, in which astigmatic axes are given",
-            roll.get<double>()));
-      write_json(folder / "biometry.json", biometry);
-      write_json(folder / "optics.json", optics_json(estimate, defaults));
-      ++meshed;
-    }
-    workspace.provenance()["meshes"] = quality;
-    verdict.status = meshed == wanted ? ExitStatus::done
-                     : meshed > 0     ? ExitStatus::partial
-                                      : ExitStatus::no_result;
-    return verdict;
-  });
-
-  Answer answer;
-  answer.status = outcome.verdict.status;
-  answer.json = {{"status", static_cast<int>(outcome.verdict.status)},
-                 {"reasons", outcome.verdict.reasons},
-                 {"skipped", outcome.skipped},
-                 {"meshes", outcome.stage_json.value("meshes", Json::object())},
-                 {"eyes", Json::object()}};
-  answer.text = describe("meshing", outcome, common.verbosity);
-  for (const std::string& reason : outcome.verdict.reasons) answer.text += reason + "\n";
+KnownEyes read_eyes(const MeshingOptions& options, StageWorkspace& workspace) {
+  KnownEyes eyes;
   for (const Laterality eye : both_eyes) {
-    const fs::path file = options.case_folder / "meshing" / to_string(eye) / "biometry.json";
-    if (!includes(common.laterality, eye) || !fs::exists(file)) continue;
-    const Json biometry = read_json(file);
-    answer.json["eyes"][to_string(eye)] = biometry;
-    answer.text += std::string(clinical_name(eye)) + "\n" + summary(biometry);
+    try {
+      eyes.fitted.emplace(eye, read_fit(options.case_folder, eye));
+    } catch (const Error& error) {
+      if (error.status() != ExitStatus::no_result) throw;
+      eyes.missing[eye] = error.what();
+    }
   }
+  for (const auto& [eye, measured] : options.instruments) {
+    if (eyes.fitted.count(eye) == 0)
+      workspace.warn(std::string(clinical_name(eye)) +
+                     ": not measured in the images, so that what other instruments say of it is not used");
+  }
+  return eyes;
+}
+
+void learn_from_instruments(KnownEyes& eyes, const MeshingOptions& options, StageWorkspace& workspace) {
+  for (auto& [eye, fitted] : eyes.fitted) {
+    fitted.estimate.add_scale_prior(options.scale_sd);
+    const auto measured = options.instruments.find(eye);
+    if (measured == options.instruments.end()) continue;
+    InstrumentReadings readings = read_instruments(measured->second);
+    fitted.topography = std::move(readings.topography);
+    try {
+      for (const std::string& warning : learn(fitted.estimate, readings))
+        workspace.warn(std::string(clinical_name(eye)) + ": " + warning);
+    } catch (Error& error) {
+      error.add_context(clinical_name(eye));
+      throw;
+    }
+  }
+}
+
+std::optional<Measured> interpupillary_distance(const KnownEyes& eyes, double scale_sd) {
+  if (eyes.fitted.size() != 2) return std::nullopt;
+  const FittedEye &od = eyes.fitted.at(Laterality::od), &os = eyes.fitted.at(Laterality::os);
+  return interpupillary_distance_mm(od.estimate, os.estimate, scale_sd, head_motion_sd_mm(od.fit, os.fit));
+}
+
+/// biometry.json with what is implausible in it told.
+Json biometry_of(const FittedEye& fitted, Laterality eye, const MeshingOptions& options,
+                 const std::optional<Measured>& interpupillary, StageWorkspace& workspace) {
+  Json biometry = biometry_json(fitted.estimate, {options.retinal_depth_mm},
+                                fitted.topography ? &*fitted.topography : nullptr);
+  biometry["head_roll_deg"] = fitted.fit.at("head_roll_deg");
+  if (interpupillary) biometry["interpupillary_distance_mm"] = *interpupillary;
+  const std::vector<PlausibilityFlag> flags = plausibility(biometry);
+  biometry["plausibility"] = to_json(flags);
+  for (const PlausibilityFlag& flag : flags)
+    if (!flag.passed) workspace.warn(std::string(clinical_name(eye)) + ": " + flag.describe());
+  return biometry;
+}
+
+void warn_of_head_roll(const Json& roll, StageWorkspace& workspace) {
+  if (roll.is_number() && std::abs(roll.get<double>()) > largest_head_roll_deg)
+    workspace.warn(fmt::format(
+        "the head is rolled by {:.1f} degrees against the scanner, in which astigmatic axes are given",
+        roll.get<double>()));
+}
+
+StageVerdict mesh_eyes(const MeshingOptions& options, const StageVerdict& segmented,
+                       const CommonOptions& common, StageWorkspace& workspace) {
+  KnownEyes eyes = read_eyes(options, workspace);
+  learn_from_instruments(eyes, options, workspace);
+  const std::optional<Measured> interpupillary = interpupillary_distance(eyes, options.scale_sd);
+  const OpticalDefaults defaults = optical_defaults(options.case_folder, options.retinal_depth_mm);
+  if (!eyes.fitted.empty()) warn_of_head_roll(eyes.fitted.begin()->second.fit.at("head_roll_deg"), workspace);
+
+  Json quality = Json::object();
+  const StageVerdict verdict = work_eye_by_eye(
+      eyes_asked_for(common.laterality), {ExitStatus::done, segmented.reasons}, [&](Laterality eye) {
+        const auto found = eyes.fitted.find(eye);
+        if (found == eyes.fitted.end()) throw no_result_error(eyes.missing.at(eye));
+        const FittedEye& fitted = found->second;
+        const fs::path folder = workspace.folder() / to_string(eye);
+        fs::create_directories(folder);
+        quality[to_string(eye)] = write_meshes(folder, fitted, options);
+        write_json(folder / "biometry.json", biometry_of(fitted, eye, options, interpupillary, workspace));
+        write_json(folder / "optics.json", optics_json(fitted.estimate, defaults));
+      });
+  workspace.provenance()["meshes"] = quality;
+  return verdict;
+}
+
+}  // namespace
+
+void MeshingOptions::check() const {
+  for (const auto& [name, count] : vertices) {
+    const auto& names = sheet_names;
+    if (!name.empty() && std::find(names.begin(), names.end(), name) == names.end())
+      throw usage_error("--vertices: no surface is called " + name,
+                        "expected " + fmt::format("{}", fmt::join(names, ", ")));
+    if (count <= 0) throw usage_error(fmt::format("--vertices: {} vertices make no surface", count));
+  }
+  if (edge_mm < 0) throw usage_error(fmt::format("--edge-mm: an edge of {:g} mm is none", edge_mm));
+}
+
+Answer make_meshes(const MeshingOptions& options, const CommonOptions& common) {
+  options.check();
+  const StageVerdict segmented = read_verdict(options.case_folder, "segmentation");
+  const StageSpec spec{"meshing", parameters_of(options, common), inputs_of(options), false, ""};
+  const StageOutcome outcome = run_stage(options.case_folder, spec, common, [&](StageWorkspace& workspace) {
+    return mesh_eyes(options, segmented, common, workspace);
+  });
+  Answer answer = stage_answer(
+      *stage_of_folder("meshing"), outcome, common, [&](Laterality eye) -> std::optional<EyeAnswer> {
+        const fs::path file = options.case_folder / "meshing" / to_string(eye) / "biometry.json";
+        if (!fs::exists(file)) return std::nullopt;
+        const Json biometry = read_json(file);
+        return EyeAnswer{biometry, std::string(clinical_name(eye)) + "\n" + summary(biometry)};
+      });
+  answer.json["meshes"] = outcome.stage_json.value("meshes", Json::object());
   return answer;
 }
 

@@ -1,13 +1,16 @@
 #include "raytrace/command.hpp"
 
 #include <fmt/format.h>
+#include <CLI/CLI.hpp>
 
 #include <charconv>
 #include <cmath>
 #include <map>
+#include <memory>
 
 #include "pipeline/base/error.hpp"
 #include "raytrace/spectacle/spectacle.hpp"
+#include "raytrace/stage.hpp"
 
 namespace emmetrope::raytrace {
 namespace {
@@ -28,8 +31,6 @@ void take(const std::string& option, const std::string& whole, std::string_view&
     throw usage_error(option + ": \"" + whole + "\" has no '" + expected + "' where it should");
   text.remove_prefix(1);
 }
-
-}  // namespace
 
 Eigen::Vector2d read_pair(const std::string& option, const std::string& text, char separator) {
   std::string_view rest = text;
@@ -128,6 +129,8 @@ std::vector<int> read_counts(const std::string& option, const std::string& text)
   }
 }
 
+}  // namespace
+
 TraceSettings read_settings(const TraceOptions& o) {
   TraceSettings settings = o.settings;
   settings.samples = o.samples.value_or(settings.target_error ? 16384 : settings.samples);
@@ -198,7 +201,7 @@ Exposure read_exposure(const TraceOptions& o) {
 EyeModel with_spectacle(const EyeModel& eye, const TraceOptions& o) {
   if (!o.spectacle.empty() && !o.plano_cylinder.empty())
     throw usage_error("--spectacle and --plano-cylinder exclude each other");
-  if (!o.spectacle.empty()) return emmetrope::with_spectacle(eye, o.spectacle);
+  if (!o.spectacle.empty()) return with_spectacle(eye, o.spectacle);
   if (!o.plano_cylinder.empty()) {
     const Eigen::Vector2d lens = read_pair("--plano-cylinder", o.plano_cylinder, '@');
     if (std::abs(lens.x()) < 10) throw usage_error("--plano-cylinder: a radius below 10 mm is no spectacle");
@@ -207,6 +210,52 @@ EyeModel with_spectacle(const EyeModel& eye, const TraceOptions& o) {
     return with_plano_cylinder(eye, lens.x(), lens.y());
   }
   return eye;
+}
+
+namespace {
+
+void refuse_options_of_a_case(const TraceOptions& options) {
+  const MeasuredEyeOptions untouched;
+  const bool given = options.measured.age_years || options.measured.lens_index ||
+                     !options.lens_model.empty() ||
+                     options.measured.retinal_depth_mm != untouched.retinal_depth_mm;
+  if (given)
+    throw usage_error("--age, --lens-index, --lens-model and --retinal-depth make a measured eye of a case",
+                      "leave them out with --eye");
+}
+
+}  // namespace
+
+Command command() {
+  const auto options = std::make_shared<TraceOptions>();
+  Command command;
+  command.name = "trace";
+  command.summary = "Draws what an eye sees: rays from the retina through the pupil into a scene.";
+  command.example =
+      "emmetrope trace CASE    or: emmetrope trace --eye navarro --scene letters:logmar=1 -o navarro.png";
+  command.declare = [options](CLI::App& app) { declare(app, *options); };
+  command.run = [options](const CommonOptions& common) {
+    if (options->case_folder.empty() == options->eye.empty())
+      throw usage_error(
+          options->eye.empty() ? "neither a case nor --eye is given" : "a case and --eye exclude each other",
+          "see emmetrope trace --help");
+    if (options->eye.empty() && !options->output.empty())
+      throw usage_error("-o: a case's pictures go into the case",
+                        "leave -o away, or trace a single eye with --eye CASE/raytrace/od/eye.json -o FILE");
+    if (!options->lens_model.empty() && options->lens_model != "core" && options->lens_model != "homogeneous")
+      throw usage_error("--lens-model: \"" + options->lens_model + "\" is unknown",
+                        "give homogeneous or core");
+    options->measured.lens_core = options->lens_model == "core";
+    if (!options->eye.empty()) refuse_options_of_a_case(*options);
+    const std::string deviating = options->strabismus.substr(0, 2);
+    if ((deviating == "od" && common.laterality == LateralityChoice::os) ||
+        (deviating == "os" && common.laterality == LateralityChoice::od))
+      throw usage_error("--strabismus: " + deviating + " is the eye that --laterality leaves out");
+    options->settings.seed = common.seed;
+    options->settings.verbosity = common.verbosity;
+    return options->eye.empty() ? trace_case(*options, common) : trace_named(*options, common);
+  };
+  return command;
 }
 
 }  // namespace emmetrope::raytrace

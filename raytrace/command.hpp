@@ -1,11 +1,11 @@
 #pragma once
-#include <CLI/CLI.hpp>
 #include <filesystem>
 #include <optional>
 #include <string>
 
-#include "raytrace/tracer/exposure.hpp"
+#include "pipeline/base/command_line.hpp"
 #include "raytrace/case/measured_eye.hpp"
+#include "raytrace/tracer/exposure.hpp"
 
 namespace emmetrope::raytrace {
 
@@ -24,8 +24,8 @@ struct TraceOptions {
   TraceSettings settings;
 };
 
-/// Declares the options on the command line.
-void declare(CLI::App& app, TraceOptions& options);
+/// `emmetrope trace`: the eyes of a case, or one eye by name or file.
+Command command();
 
 /// The settings with size, field and gaze read.
 /// \throw Error (usage) naming the option
@@ -38,8 +38,5 @@ Exposure read_exposure(const TraceOptions& options);
 
 /// The eye with the spectacle in front of it that was asked for, if any.
 EyeModel with_spectacle(const EyeModel& eye, const TraceOptions& options);
-
-/// Two numbers with a separator between them: "500x500", "-10,0".
-Eigen::Vector2d read_pair(const std::string& option, const std::string& text, char separator);
 
 }  // namespace emmetrope::raytrace

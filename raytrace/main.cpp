@@ -1,5 +1,3 @@
-#include "raytrace/stage.hpp"
+#include "raytrace/command.hpp"
 
-int main(int argc, char** argv) {
-  return emmetrope::run_command(argc, argv, emmetrope::raytrace::trace_command());
-}
+int main(int argc, char** argv) { return emmetrope::run_command(argc, argv, emmetrope::raytrace::command()); }

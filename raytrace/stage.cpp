@@ -9,8 +9,8 @@
 #include "pipeline/base/frames.hpp"
 #include "pipeline/base/log.hpp"
 #include "pipeline/eye/optics/paraxial.hpp"
-#include "raytrace/scene/scene_model.hpp"
 #include "raytrace/command.hpp"
+#include "raytrace/scene/scene_model.hpp"
 #include "raytrace/wavefront/wavefront.hpp"
 
 namespace emmetrope::raytrace {
@@ -34,8 +34,7 @@ void warn_of_doubts(const TraceResult& result, const TraceSettings& settings) {
   if (*brightest - *darkest < 1e-4F)
     spdlog::warn(
         "the picture is blank: what the scene holds lies outside the field or between its pixels' centres, "
-        "from which "
-        "rays start; use a smaller --field-mm, or a coarser logmar for a chart");
+        "from which rays start; use a smaller --field-mm, or a coarser logmar for a chart");
   const std::uint64_t stopped = result.states.at(RayState::missed_surface) + result.states.at(RayState::tir);
   if (20 * stopped > result.rays)
     spdlog::warn(
@@ -142,67 +141,40 @@ fs::path write_named(const fs::path& output, const EyeModel& eye, const TraceSet
   return output / "uncorrected.png";
 }
 
-Answer trace_named(const TraceOptions& options, const CommonOptions& common) {
-  check_output(options.output);
-  const bool two_eyes = options.pupillary_distance_mm && common.laterality == LateralityChoice::both;
-  const auto scene = make_scene(options.scene);
-  const Tracer tracer(common.device, common.threads);
-  Answer answer;
-  for (const Laterality laterality : both_eyes) {
-    if (!includes(common.laterality, laterality)) continue;
-    if (!two_eyes && common.laterality == LateralityChoice::both && laterality == Laterality::os) continue;
-    EyeOptions eye_options;
-    eye_options.accommodation_D = options.accommodation_D.value_or(0);
-    eye_options.accommodation_parameter = options.accommodation_parameter;
-    eye_options.pupil_mm = options.pupil_mm;
-    eye_options.laterality = laterality;
-    const EyeModel eye = with_spectacle(make_eye(options.eye, eye_options), options);
-    TraceSettings settings = read_settings(options);
-    settings.pose = read_pose(options, laterality);
-    const TraceResult result = trace_exposure(tracer, eye, *scene, settings, read_exposure(options));
-    for (const auto& note : result.notes) spdlog::info("{}", note);
-    warn_of_doubts(result, settings);
-    const fs::path image =
-        write_named(output_of(options.output, laterality, two_eyes), eye, settings, result.image);
-    Json of_eye = summary(result, image.string());
-    of_eye["scale"] = scale_of(eye, settings);
-    of_eye["gaze_deg"] = {settings.pose.gaze.horizontal_deg, settings.pose.gaze.vertical_deg};
-    answer.text += line(eye.name, of_eye);
-    if (two_eyes)
-      answer.json["eyes"][to_string(laterality)] = of_eye;
-    else
-      answer.json = of_eye;
-  }
-  return answer;
-}
+Json pair_json(const Eigen::Vector2d& pair) { return {pair.x(), pair.y()}; }
 
 Json stage_parameters(const TraceOptions& o, const CommonOptions& common) {
   const auto or_null = [](const std::optional<double>& value) {
     return value ? Json(*value) : Json(nullptr);
   };
+  const TraceSettings settings = read_settings(o);
+  const Exposure exposure = read_exposure(o);
+  Json gaze_deg = Json::object();
+  for (const Laterality eye : both_eyes) {
+    const EyePose pose = read_pose(o, eye);
+    gaze_deg[to_string(eye)] = {pose.gaze.horizontal_deg, pose.gaze.vertical_deg};
+  }
   return {{"scene", o.scene},
-          {"surfaces", o.surfaces},
-          {"size", o.size},
-          {"field_mm", o.field_mm},
-          {"fovea", o.fovea},
-          {"samples", read_settings(o).samples},
-          {"target_error", or_null(o.settings.target_error)},
-          {"method", o.method},
+          {"surfaces", settings.representation ? Json(to_string(*settings.representation)) : Json(nullptr)},
+          {"size", {settings.grid.width, settings.grid.height}},
+          {"field_mm", {settings.grid.field_x_mm, settings.grid.field_y_mm}},
+          {"fovea_mm", pair_json(settings.grid.centre_mm)},
+          {"samples", settings.samples},
+          {"target_error", or_null(settings.target_error)},
+          {"method", to_string(settings.method)},
           {"pupil_mm", o.measured.pupil_mm},
           {"spectacle", o.spectacle},
           {"plano_cylinder", o.plano_cylinder},
-          {"gaze", o.gaze},
-          {"fixate", o.fixate},
+          {"gaze_deg", gaze_deg},
           {"pupillary_distance_mm", or_null(o.pupillary_distance_mm)},
-          {"strabismus", o.strabismus},
           {"rotation_centre_mm", o.rotation_centre_mm},
-          {"motion", o.motion},
-          {"exposure_steps", o.exposure_steps},
-          {"wavelength_nm", or_null(o.wavelength_nm)},
-          {"achromatic", o.settings.achromatic},
-          {"illuminance", o.settings.illuminance},
-          {"stiles_crawford_per_mm2", o.settings.stiles_crawford_per_mm2},
-          {"diffraction", o.settings.diffraction},
+          {"motion_deg", pair_json(exposure.eye_motion_deg)},
+          {"exposure_steps", exposure.steps},
+          {"wavelength_nm", or_null(settings.wavelength_nm)},
+          {"achromatic", settings.achromatic},
+          {"illuminance", settings.illuminance},
+          {"stiles_crawford_per_mm2", settings.stiles_crawford_per_mm2},
+          {"diffraction", settings.diffraction},
           {"age_years", or_null(o.measured.age_years)},
           {"lens_index", or_null(o.measured.lens_index)},
           {"lens_core", o.measured.lens_core},
@@ -276,6 +248,42 @@ std::vector<StageInput> inputs_of(const fs::path& case_folder, const TraceOption
   return inputs;
 }
 
+}  // namespace
+
+Answer trace_named(const TraceOptions& options, const CommonOptions& common) {
+  check_output(options.output);
+  const bool two_eyes = options.pupillary_distance_mm && common.laterality == LateralityChoice::both;
+  const auto scene = make_scene(options.scene);
+  const Tracer tracer(common.device, common.threads);
+  Answer answer;
+  for (const Laterality laterality : both_eyes) {
+    if (!includes(common.laterality, laterality)) continue;
+    if (!two_eyes && common.laterality == LateralityChoice::both && laterality == Laterality::os) continue;
+    EyeOptions eye_options;
+    eye_options.accommodation_D = options.accommodation_D.value_or(0);
+    eye_options.accommodation_parameter = options.accommodation_parameter;
+    eye_options.pupil_mm = options.pupil_mm;
+    eye_options.laterality = laterality;
+    const EyeModel eye = with_spectacle(make_eye(options.eye, eye_options), options);
+    TraceSettings settings = read_settings(options);
+    settings.pose = read_pose(options, laterality);
+    const TraceResult result = trace_exposure(tracer, eye, *scene, settings, read_exposure(options));
+    for (const auto& note : result.notes) spdlog::info("{}", note);
+    warn_of_doubts(result, settings);
+    const fs::path image =
+        write_named(output_of(options.output, laterality, two_eyes), eye, settings, result.image);
+    Json of_eye = summary(result, image.string());
+    of_eye["scale"] = scale_of(eye, settings);
+    of_eye["gaze_deg"] = {settings.pose.gaze.horizontal_deg, settings.pose.gaze.vertical_deg};
+    answer.text += line(eye.name, of_eye);
+    if (two_eyes)
+      answer.json["eyes"][to_string(laterality)] = of_eye;
+    else
+      answer.json = of_eye;
+  }
+  return answer;
+}
+
 Answer trace_case(TraceOptions options, const CommonOptions& common) {
   if (options.accommodation_D || options.accommodation_parameter)
     throw usage_error("--accommodation: a measured eye is traced as it was in the scanner",
@@ -307,50 +315,6 @@ Answer trace_case(TraceOptions options, const CommonOptions& common) {
   for (const auto& reason : outcome.verdict.reasons) answer.text += reason + "\n";
   answer.text += describe("raytrace", outcome, common.verbosity);
   return answer;
-}
-
-void refuse_options_of_a_case(const TraceOptions& options) {
-  const MeasuredEyeOptions untouched;
-  const bool given = options.measured.age_years || options.measured.lens_index ||
-                     !options.lens_model.empty() ||
-                     options.measured.retinal_depth_mm != untouched.retinal_depth_mm;
-  if (given)
-    throw usage_error("--age, --lens-index, --lens-model and --retinal-depth make a measured eye of a case",
-                      "leave them out with --eye");
-}
-
-}  // namespace
-
-Command trace_command() {
-  const auto options = std::make_shared<TraceOptions>();
-  Command command;
-  command.name = "trace";
-  command.summary = "Draws what an eye sees: rays from the retina through the pupil into a scene.";
-  command.example =
-      "emmetrope trace CASE    or: emmetrope trace --eye navarro --scene letters:logmar=1 -o navarro.png";
-  command.declare = [options](CLI::App& app) { declare(app, *options); };
-  command.run = [options](const CommonOptions& common) {
-    if (options->case_folder.empty() == options->eye.empty())
-      throw usage_error(
-          options->eye.empty() ? "neither a case nor --eye is given" : "a case and --eye exclude each other",
-          "see emmetrope trace --help");
-    if (options->eye.empty() && !options->output.empty())
-      throw usage_error("-o: a case's pictures go into the case",
-                        "leave -o away, or trace a single eye with --eye CASE/raytrace/od/eye.json -o FILE");
-    if (!options->lens_model.empty() && options->lens_model != "core" && options->lens_model != "homogeneous")
-      throw usage_error("--lens-model: \"" + options->lens_model + "\" is unknown",
-                        "give homogeneous or core");
-    options->measured.lens_core = options->lens_model == "core";
-    if (!options->eye.empty()) refuse_options_of_a_case(*options);
-    const std::string deviating = options->strabismus.substr(0, 2);
-    if ((deviating == "od" && common.laterality == LateralityChoice::os) ||
-        (deviating == "os" && common.laterality == LateralityChoice::od))
-      throw usage_error("--strabismus: " + deviating + " is the eye that --laterality leaves out");
-    options->settings.seed = common.seed;
-    options->settings.verbosity = common.verbosity;
-    return options->eye.empty() ? trace_case(*options, common) : trace_named(*options, common);
-  };
-  return command;
 }
 
 }  // namespace emmetrope::raytrace

@@ -1,9 +1,14 @@
 #pragma once
-#include "pipeline/base/command_line.hpp"
+#include "raytrace/command.hpp"
 
 namespace emmetrope::raytrace {
 
-/// `emmetrope trace`: the eyes of a case, or one eye by name or file.
-Command trace_command();
+/// The eyes of a case: CASE/raytrace/<eye>/ with uncorrected.png, wavefront.json, psf.tiff, spots.csv,
+/// eye.json and photoreceptors.ply.
+/// \throw Error (input_invalid) when the case, or the eye that is asked for, has not been meshed
+Answer trace_case(TraceOptions options, const CommonOptions& common);
+
+/// A schematic eye or an eye.json, into a picture or a folder of such files.
+Answer trace_named(const TraceOptions& options, const CommonOptions& common);
 
 }  // namespace emmetrope::raytrace

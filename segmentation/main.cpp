@@ -1,31 +1,5 @@
-#include "segmentation/stage.hpp"
+#include "segmentation/command.hpp"
 
 int main(int argc, char** argv) {
-  emmetrope::segmentation::SegmentOptions options;
-  emmetrope::Command command;
-  command.name = "segment";
-  command.summary = "Finds the eyes in an MRI study and fits each to its voxels.";
-  command.example = "emmetrope segment STUDY -o CASE";
-  command.declare = [&](CLI::App& app) {
-    app.add_option("study", options.study, "Folder of DICOM files (any depth), or NIfTI volumes")
-        ->required()
-        ->type_name("STUDY");
-    app.add_option("-o,--output", options.case_folder, "Case folder")->required()->type_name("CASE");
-    app.add_option("--series", options.series,
-                   "Series to use instead of the program's choice: UID, number of inventory, or "
-                   "UID,KEYWORD=VALUE; repeatable")
-        ->type_name("UID");
-    app.add_option("--labels", options.labels,
-                   "Label volume (NIfTI) on a stack's grid, corrected by hand, to fit instead of the stack's "
-                   "intensities; repeatable")
-        ->allow_extra_args(false)
-        ->type_name("FILE");
-    app.add_option("--age", options.age_years, "Years, where the study does not say")
-        ->check(CLI::Range(0.0, 120.0));
-    app.add_flag("--any-modality", options.any_modality, "Also use series that do not say that they are MR");
-  };
-  command.run = [&](const emmetrope::CommonOptions& common) {
-    return emmetrope::segmentation::segment(options, common);
-  };
-  return emmetrope::run_command(argc, argv, command);
+  return emmetrope::run_command(argc, argv, emmetrope::segmentation::command());
 }

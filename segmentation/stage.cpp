@@ -7,19 +7,22 @@
 #include <optional>
 #include <thread>
 
-#include "pipeline/base/case_folder.hpp"
+#include "pipeline/base/eye_stage.hpp"
 #include "pipeline/base/frames.hpp"
+#include "pipeline/eye/population/limits.hpp"
+#include "pipeline/eye/population/population.hpp"
+#include "pipeline/eye/uncertainty/uncertain_eye.hpp"
 #include "segmentation/finding/find_eyes.hpp"
 #include "segmentation/fit/both_eyes.hpp"
 #include "segmentation/fit/eye_fit.hpp"
 #include "segmentation/intake/nifti.hpp"
 #include "segmentation/intake/study.hpp"
-#include "segmentation/output/boundary.hpp"
-#include "segmentation/labels/eye_labels.hpp"
-#include "segmentation/judgement/fellow_eye.hpp"
-#include "segmentation/labels/hand_labels.hpp"
-#include "segmentation/output/overlay.hpp"
 #include "segmentation/intake/study_input.hpp"
+#include "segmentation/judgement/fellow_eye.hpp"
+#include "segmentation/labels/eye_labels.hpp"
+#include "segmentation/labels/hand_labels.hpp"
+#include "segmentation/output/boundary.hpp"
+#include "segmentation/output/overlay.hpp"
 
 namespace emmetrope::segmentation {
 namespace {
@@ -73,8 +76,6 @@ bool couple(std::vector<EyeResult>& eyes) {
   return couple_eyes(*eyes[0].fit, *eyes[1].fit);
 }
 
-Json vector_json(const Eigen::Vector3d& v) { return Json::array({v.x(), v.y(), v.z()}); }
-
 /// Angle of the line of the globes' centres against the scanner's horizontal; positive: the left eye is
 /// higher.
 std::optional<double> head_roll_deg(const std::vector<EyeResult>& eyes) {
@@ -96,7 +97,7 @@ Json fit_json(const EyeResult& eye, const std::optional<double>& roll_deg) {
   for (const QualityGate& gate : eye.gates) json["quality"].push_back(to_json(gate));
   if (!eye.fit) return json;
   const EyeFit& fit = *eye.fit;
-  json["globe_centre_lps_mm"] = vector_json(fit.globe_centre_lps());
+  json["globe_centre_lps_mm"] = to_json_vector(fit.globe_centre_lps());
   json["chi2_per_voxel"] = fit.chi2_per_voxel;
   json["voxels"] = fit.samples.size();
   json["iterations"] = fit.iterations;
@@ -111,8 +112,8 @@ Json fit_json(const EyeResult& eye, const std::optional<double>& roll_deg) {
         {{"name", o.stack->name},
          {"reference_intensity", o.reference},
          {"noise", o.sampling.noise * o.reference},
-         {"shift_lps_mm", vector_json(fit.parameters.segment<3>(at + shift_first))},
-         {"turn_lps_deg", vector_json(fit.parameters.segment<3>(at + turn_first))},
+         {"shift_lps_mm", to_json_vector(fit.parameters.segment<3>(at + shift_first))},
+         {"turn_lps_deg", to_json_vector(fit.parameters.segment<3>(at + turn_first))},
          {"fat_shift_mm", {fit.parameters[at + fat_shift_first], fit.parameters[at + fat_shift_first + 1]}},
          {"misfit", fit.misfit[s]},
          {"gain", std::exp(fit.parameters[at + log_gain])},
@@ -207,7 +208,7 @@ Json case_json(const StudyInventory& inventory, const std::vector<const SeriesIn
     for (const EyeView& view : eye.found.views) used.push_back(series[view.stack]->name);
     json["eyes"][to_string(eye.found.laterality)] = {
         {"name", clinical_name(eye.found.laterality)},
-        {"globe_centre_lps_mm", vector_json(eye.found.views.front().globe.centre)},
+        {"globe_centre_lps_mm", to_json_vector(eye.found.views.front().globe.centre)},
         {"stacks", used},
         {"contrast", to_string(eye.found.contrast)},
         {"evidence", eye.is_labelled() ? "labels" : "intensities"},
@@ -279,7 +280,7 @@ StageVerdict segment_study(const SegmentOptions& options, const CommonOptions& c
   const bool coupled = couple(eyes);
 
   const std::optional<double> roll = head_roll_deg(eyes);
-  if (roll && std::abs(*roll) > 3)
+  if (roll && std::abs(*roll) > largest_head_roll_deg)
     workspace.warn(fmt::format(
         "the head is rolled by {:.1f} deg: astigmatic axes are given against the scanner", *roll));
   for (const EyeResult& eye : eyes) {
@@ -308,30 +309,17 @@ StageVerdict segment_study(const SegmentOptions& options, const CommonOptions& c
 }
 
 /// The figures a user looks at first.
-std::string summary(const fs::path& case_folder) {
-  std::string text;
-  for (const Laterality laterality : both_eyes) {
-    const fs::path file = case_folder / "segmentation" / to_string(laterality) / "fit.json";
-    if (!fs::exists(file)) continue;
-    const Json fit = read_json(file);
-    if (fit.at("status") == "refused") {
-      text += fmt::format("{}: refused\n", clinical_name(laterality));
-      continue;
-    }
-    const ParametricEye eye = parametric_eye_from_json(fit.at("eye"));
-    const auto sigma = [&](const char* name) {
-      const auto at = std::find(eye.parameter_names.begin(), eye.parameter_names.end(), name) -
-                      eye.parameter_names.begin();
-      return std::sqrt(eye.covariance(at, at));
-    };
-    text += fmt::format(
-        "{}: axial length {:.2f} mm, corneal power {:.2f} +- {:.2f} D, anterior chamber {:.2f} +- {:.2f} mm, "
-        "lens {:.2f} +- {:.2f} mm\n",
-        clinical_name(laterality), eye.pole_depth_mm(), 337.5 * eye.cornea_c_per_mm,
-        1.96 * 337.5 * sigma("cornea_c_per_mm"), eye.anterior_chamber_depth_mm,
-        1.96 * sigma("anterior_chamber_depth_mm"), eye.lens_thickness_mm, 1.96 * sigma("lens_thickness_mm"));
-  }
-  return text;
+std::string summary(const Json& fit, Laterality laterality) {
+  if (fit.at("status") == "refused") return fmt::format("{}: refused\n", clinical_name(laterality));
+  const UncertainEye measured(parametric_eye_from_json(fit.at("eye")));
+  const ParametricEye& eye = measured.eye();
+  const auto half_width = [&](const char* name) { return 1.96 * measured.sigma(name); };
+  return fmt::format(
+      "{}: axial length {:.2f} mm, corneal power {:.2f} +- {:.2f} D, anterior chamber {:.2f} +- {:.2f} mm, "
+      "lens {:.2f} +- {:.2f} mm\n",
+      clinical_name(laterality), eye.pole_depth_mm(), keratometric_D_mm * eye.cornea_c_per_mm,
+      keratometric_D_mm * half_width("cornea_c_per_mm"), eye.anterior_chamber_depth_mm,
+      half_width("anterior_chamber_depth_mm"), eye.lens_thickness_mm, half_width("lens_thickness_mm"));
 }
 
 }  // namespace
@@ -347,20 +335,14 @@ Answer segment(const SegmentOptions& options, const CommonOptions& common) {
   const StageOutcome outcome = run_stage(options.case_folder, spec, common, [&](StageWorkspace& workspace) {
     return segment_study(options, common, workspace);
   });
-  Answer answer;
-  answer.status = outcome.verdict.status;
-  answer.text = summary(options.case_folder) + describe("segmentation", outcome, common.verbosity);
-  for (const auto& reason : outcome.verdict.reasons) answer.text += reason + "\n";
-  answer.json = {{"case", options.case_folder.string()},
-                 {"status", static_cast<int>(outcome.verdict.status)},
-                 {"reasons", outcome.verdict.reasons},
-                 {"skipped", outcome.skipped},
-                 {"wall_s", outcome.wall_s},
-                 {"eyes", Json::object()}};
-  for (const Laterality laterality : both_eyes) {
-    const fs::path file = options.case_folder / "segmentation" / to_string(laterality) / "fit.json";
-    if (fs::exists(file)) answer.json["eyes"][to_string(laterality)] = read_json(file).at("status");
-  }
+  Answer answer = stage_answer(
+      *stage_of_folder("segmentation"), outcome, common, [&](Laterality eye) -> std::optional<EyeAnswer> {
+        const fs::path file = options.case_folder / "segmentation" / to_string(eye) / "fit.json";
+        if (!fs::exists(file)) return std::nullopt;
+        const Json fit = read_json(file);
+        return EyeAnswer{fit.at("status"), summary(fit, eye)};
+      });
+  answer.json["case"] = options.case_folder.string();
   return answer;
 }
 

@@ -11,16 +11,16 @@ namespace emmetrope::segmentation {
 struct SegmentOptions {
   std::filesystem::path study;
   std::filesystem::path case_folder;
-  std::vector<std::string>
-      series;  ///< SeriesInstanceUID or number in the inventory, or "UID,KEYWORD=VALUE"; empty: choose
+  /// SeriesInstanceUID or number in the inventory, or "UID,KEYWORD=VALUE"; empty: choose
+  std::vector<std::string> series;
   bool any_modality = false;
   std::optional<double> age_years;  ///< default: the study's
-  std::vector<std::filesystem::path>
-      labels;  ///< label volumes corrected by hand, one a stack; never written to
+  /// label volumes corrected by hand, one a stack; never written to
+  std::vector<std::filesystem::path> labels;
 };
 
-/// Reads a study, finds the eyes, fits each and writes CASE/segmentation and CASE/case.json.
-/// Status done (both eyes, or the one asked for), partial (one of two) or no_result.
+/// Reads a study, finds the eyes, fits each and writes CASE/segmentation and CASE/case.json. Status done
+/// (both eyes, or the one asked for), partial (one of two) or no_result.
 /// \throw Error (input_invalid, unsupported) for a study that cannot be read
 Answer segment(const SegmentOptions& options, const CommonOptions& common);
 

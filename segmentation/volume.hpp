@@ -10,8 +10,8 @@ namespace emmetrope::segmentation {
 struct Stack {
   std::string name;  ///< file-safe, never from a tag: "stack1"
   int columns = 0, rows = 0;
-  Eigen::Vector3d
-      along_row;  ///< unit: direction in which the column index grows (ImageOrientationPatient 1 to 3)
+  /// Unit: direction in which the column index grows (ImageOrientationPatient 1 to 3)
+  Eigen::Vector3d along_row;
   Eigen::Vector3d along_column;  ///< unit: direction in which the row index grows (4 to 6)
   Eigen::Vector3d normal;        ///< along_row x along_column; slices are ordered by position along it
   double column_spacing_mm = 0;  ///< between columns, along_row (PixelSpacing 2)

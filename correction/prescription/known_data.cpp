@@ -33,23 +33,38 @@ std::map<Laterality, KnownData> parse_known_data(const KnownDataFlags& flags) {
   return by_eye;
 }
 
-Calibration calibrate(const raytrace::Tracer& tracer, const EyeModel& traced, UncertainEye& uncertain,
+Json to_json(const std::map<Laterality, KnownData>& known) {
+  std::map<Laterality, EyeInstruments> instruments;
+  Json refractions = Json::object();
+  for (const auto& [eye, data] : known) {
+    if (data.has_instruments()) instruments[eye] = data.instruments;
+    if (!data.refraction) continue;
+    const StatedRefraction& stated = *data.refraction;
+    refractions[to_string(eye)] = {{"sphere_D", stated.refraction.sphere_D},
+                                   {"cylinder_D", stated.refraction.cylinder_D},
+                                   {"axis_deg", stated.refraction.axis_deg},
+                                   {"vertex_distance_mm", stated.vertex_distance_mm},
+                                   {"sigma_D", stated.sigma_D.value_or(usual_sigma_D)}};
+  }
+  return {{"instruments", to_json(instruments)}, {"refractions", refractions}};
+}
+
+Calibration calibrate(const raytrace::Tracer& tracer, const EyeModel& traced, UncertainOptics& uncertain,
                       const StatedRefraction& known, const PrescriptionSettings& settings) {
   const PowerVector at_cornea = move_towards_eye(to_power_vector(known.refraction), known.vertex_distance_mm);
   Calibration calibration;
   calibration.given = move_towards_eye(at_cornea, -settings.vertex_distance_mm);
   calibration.sigma_D = known.sigma_D.value_or(usual_sigma_D);
-  const Eigen::Index index = uncertain.index_of("lens_index");
-  calibration.index_before = uncertain.numbers.mean[index];
+  calibration.index_before = uncertain.known.eye().lens_index;
   const SearchResult sharpest = sharpest_lens(tracer, traced, settings);
   calibration.before = sharpest.family.power(sharpest.best.lens);
-  calibration.index_was_known = !(uncertain.numbers.covariance(index, index) > 0);
+  calibration.index_was_known = !(uncertain.known.sigma("lens_index") > 0);
   const Eigen::MatrixXd sensitivity = refraction_sensitivity(
       uncertain, [&](const EyeModel& eye) { return refraction_by_spot(eye, settings); });
-  calibration.covariance_before = sensitivity * uncertain.numbers.covariance * sensitivity.transpose();
+  calibration.covariance_before = sensitivity * uncertain.known.eye().covariance * sensitivity.transpose();
 
   // The least-squares fit of ray slopes moves with the eye as the sharpest lens does.
-  const Eigen::Vector3d start = as_vector(refraction_by_spot(uncertain.eye, settings));
+  const Eigen::Vector3d start = as_vector(refraction_by_spot(uncertain.model, settings));
   calibration.surprise_sigma = learn(
       uncertain, "refraction",
       [&](const Eigen::VectorXd& values) -> Eigen::VectorXd {
@@ -57,9 +72,10 @@ Calibration calibrate(const raytrace::Tracer& tracer, const EyeModel& traced, Un
                as_vector(refraction_by_spot(eye_at(uncertain, values), settings));
       },
       as_vector(calibration.given), Eigen::Matrix3d::Identity() * calibration.sigma_D * calibration.sigma_D);
+  const Eigen::Index index = uncertain.known.index_of("lens_index");
+  const auto unit = Eigen::RowVectorXd::Unit(uncertain.known.eye().covariance.rows(), index);
   calibration.index_after = Measured::from_sigma(
-      uncertain.numbers.mean[index], std::sqrt(std::max(0.0, uncertain.numbers.covariance(index, index))),
-      uncertain.sources[index]);
+      uncertain.known.eye().lens_index, uncertain.known.sigma("lens_index"), uncertain.known.source_of(unit));
   if (!(calibration.index_after.value > 1.36 && calibration.index_after.value < 1.5))
     throw no_result_error(
         fmt::format(

@@ -4,9 +4,9 @@
 #include <string>
 #include <vector>
 
-#include "pipeline/base/notation.hpp"
 #include "correction/prescription/prescription.hpp"
 #include "pipeline/base/laterality.hpp"
+#include "pipeline/base/notation.hpp"
 #include "pipeline/eye/instruments/instruments.hpp"
 
 /// What the clinic knows of an eye beside its images.
@@ -27,6 +27,8 @@ struct KnownData {
 };
 /// \throw Error (usage) naming the flag and what was expected
 std::map<Laterality, KnownData> parse_known_data(const KnownDataFlags& flags);
+/// For stage.json's parameters.
+Json to_json(const std::map<Laterality, KnownData>& known);
 
 /// The clinic's refraction enters as one more measurement of the eye: all that is uncertain about it moves,
 /// the lens index most where it is free, so that the sharpest lens comes to lie between what the images say
@@ -34,7 +36,7 @@ std::map<Laterality, KnownData> parse_known_data(const KnownDataFlags& flags);
 ///
 /// \param traced  the eye whose sharpest lens is compared with the refraction
 /// \throw Error (no_result) when that would need a lens index outside 1.36 to 1.50
-Calibration calibrate(const raytrace::Tracer& tracer, const EyeModel& traced, UncertainEye& uncertain,
+Calibration calibrate(const raytrace::Tracer& tracer, const EyeModel& traced, UncertainOptics& uncertain,
                       const StatedRefraction& known, const PrescriptionSettings& settings);
 
 }  // namespace emmetrope::correction

@@ -17,12 +17,12 @@ std::vector<FieldPoint> peripheral_refraction(const EyeModel& eye, double wavele
   for (int row = 0; row < points_across; ++row)
     for (int column = 0; column < points_across; ++column) {
       const double half = 0.5 * (points_across - 1);
-      WavefrontSettings settings;
+      raytrace::WavefrontSettings settings;
       settings.wavelength_nm = wavelength_nm;
       settings.order = 4;
       settings.fovea_mm = reach_mm / half * Eigen::Vector2d(half - column, row - half);
       try {
-        const Wavefront wavefront = measure_wavefront(eye, settings);
+        const raytrace::Wavefront wavefront = raytrace::measure_wavefront(eye, settings);
         field.push_back(
             {wavefront.line_of_sight_deg.x(), wavefront.line_of_sight_deg.y(), wavefront.minimum_rms_spot});
       } catch (const Error& error) {

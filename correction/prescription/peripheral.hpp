@@ -8,9 +8,9 @@ namespace emmetrope::correction {
 
 /// Refraction of one direction of the visual field.
 struct FieldPoint {
-  double horizontal_deg = 0,
-         vertical_deg = 0;  ///< of the line of sight against the eye's axis, towards eye +x and +y
-  PowerVector refraction;   ///< least-squares fit of ray slopes, in the entrance pupil plane across that line
+  /// Of the line of sight against the eye's axis, towards eye +x and +y
+  double horizontal_deg = 0, vertical_deg = 0;
+  PowerVector refraction;  ///< least-squares fit of ray slopes, in the entrance pupil plane across that line
 };
 
 /// Refraction over a square grid of the visual field out to `reach_deg` each way; directions whose rays do

@@ -5,18 +5,18 @@
 #include <algorithm>
 #include <cmath>
 
-#include "pipeline/base/notation.hpp"
 #include "correction/sharpness/refraction_chart.hpp"
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/frames.hpp"
+#include "pipeline/base/notation.hpp"
 
 namespace emmetrope::correction {
 namespace {
 
 Eigen::Vector3d as_vector(const PowerVector& power) { return {power.M_D, power.J0_D, power.J45_D}; }
 
-WavefrontSettings wavefront_settings(const PrescriptionSettings& settings) {
-  WavefrontSettings result;
+raytrace::WavefrontSettings wavefront_settings(const PrescriptionSettings& settings) {
+  raytrace::WavefrontSettings result;
   result.wavelength_nm = settings.wavelength_nm;
   result.fovea_mm = settings.fovea_mm;
   return result;
@@ -144,8 +144,8 @@ SearchResult sharpest_lens(const raytrace::Tracer& tracer, const EyeModel& eye,
   // The wavefront's answer, whose summit the others most often find too; no lens at all; and a sphere beyond
   // the answer, from the other side.
   const Eigen::Vector3d from_wavefront =
-      as_vector(refraction_by_wavefront(with_pupil(eye, settings.pupil_mm), wavefront_settings(settings),
-                                        settings.vertex_distance_mm)
+      as_vector(raytrace::refraction_by_wavefront(with_pupil(eye, settings.pupil_mm),
+                                                  wavefront_settings(settings), settings.vertex_distance_mm)
                     .minimum_rms_wavefront);
   const Eigen::Vector3d beyond(1.5 * from_wavefront[0] + std::copysign(1, from_wavefront[0]), 0, 0);
   std::vector<Start> starts;
@@ -163,8 +163,8 @@ Prescription prescribe(const raytrace::Tracer& tracer, const EyeModel& eye,
   const auto scene = scene_of(settings);
   Progress progress("looking for the sharpest lens", 3, settings.verbosity);
   const EyeModel seeing = with_pupil(eye, settings.pupil_mm);
-  result.wavefront = measure_wavefront(seeing, wavefront_settings(settings));
-  result.check = refraction_by_wavefront(result.wavefront, settings.vertex_distance_mm);
+  result.wavefront = raytrace::measure_wavefront(seeing, wavefront_settings(settings));
+  result.check = raytrace::refraction_by_wavefront(result.wavefront, settings.vertex_distance_mm);
   constexpr double field_reach_deg = 20;
   constexpr int field_points_across = 5;
   result.field = peripheral_refraction(seeing, settings.wavelength_nm, field_reach_deg, field_points_across);
@@ -194,39 +194,40 @@ Prescription prescribe(const raytrace::Tracer& tracer, const EyeModel& eye,
 }
 
 PowerVector refraction_by_spot(const EyeModel& eye, const PrescriptionSettings& settings) {
-  const Wavefront wavefront =
-      measure_wavefront(with_pupil(eye, settings.pupil_mm), wavefront_settings(settings));
-  return at_vertex(wavefront, wavefront.minimum_rms_spot, settings.vertex_distance_mm);
+  const raytrace::Wavefront wavefront =
+      raytrace::measure_wavefront(with_pupil(eye, settings.pupil_mm), wavefront_settings(settings));
+  return raytrace::at_vertex(wavefront, wavefront.minimum_rms_spot, settings.vertex_distance_mm);
 }
 
-PrescriptionUncertainty uncertainty_of(const Prescription& prescription, const UncertainEye* eye,
+PrescriptionUncertainty uncertainty_of(const Prescription& prescription, const UncertainOptics* optics,
                                        const std::optional<Calibration>& calibration) {
   PrescriptionUncertainty result;
   result.calibration = calibration;
   const Eigen::Vector3d sampling = prescription.search.sampling_sigma_D;
-  if (eye) {
+  if (optics) {
     const PrescriptionSettings& settings = prescription.settings;
     // The least-squares fit of ray slopes moves with the eye as the sharpest lens does, at a fraction of the
     // cost.
     const RefractionOf refraction = [&](const EyeModel& changed) {
       return refraction_by_spot(changed, settings);
     };
-    const Eigen::MatrixXd sensitivity = refraction_sensitivity(*eye, refraction);
-    for (int i = 0; i < 3; ++i) result.sources[i] = source_of(*eye, sensitivity.row(i));
-    for (const auto& step : eye->learnt) result.data.push_back(step.source);
-    result.budget = uncertainty_budget(*eye, sensitivity);
+    const Eigen::MatrixXd sensitivity = refraction_sensitivity(*optics, refraction);
+    for (int i = 0; i < 3; ++i) result.sources[i] = optics->known.source_of(sensitivity.row(i));
+    result.data = optics->known.learnt_from();
+    result.budget = uncertainty_budget(*optics, sensitivity);
     result.budget.pop_back();  // the total follows with the sampling in it
-    result.covariance = sensitivity * eye->numbers.covariance * sensitivity.transpose();
+    result.covariance = sensitivity * optics->known.eye().covariance * sensitivity.transpose();
     const auto add = [&](const std::string& name, const Measurement& measurement) {
       const Eigen::Vector3d sigma =
-          (sensitivity * covariance_after(eye->numbers.covariance, measurement) * sensitivity.transpose())
+          (sensitivity * covariance_after(optics->known.eye().covariance, measurement) *
+           sensitivity.transpose())
               .diagonal()
               .cwiseMax(0)
               .cwiseSqrt();
       result.if_measured.push_back({name, {"", sigma[0], sigma[1], sigma[2]}});
     };
-    add("keratometry +-0.25 D", keratometry(*eye, 0.25));
-    add("optical axial length +-0.05 mm", optical_axial_length(*eye, 0.05));
+    add("keratometry +-0.25 D", keratometry(*optics, 0.25));
+    add("optical axial length +-0.05 mm", optical_axial_length(*optics, 0.05));
     add("refraction +-0.25 D", known_refraction(sensitivity, 0.25));
   }
   result.covariance += Eigen::Matrix3d(sampling.cwiseAbs2().asDiagonal());

@@ -5,10 +5,10 @@
 #include <vector>
 
 #include "correction/prescription/peripheral.hpp"
+#include "correction/prescription/uncertain_optics.hpp"
+#include "correction/prescription/uncertainty.hpp"
 #include "correction/search/real_lenses.hpp"
 #include "correction/search/search.hpp"
-#include "correction/prescription/uncertain_eye.hpp"
-#include "correction/prescription/uncertainty.hpp"
 #include "pipeline/base/json.hpp"
 #include "pipeline/base/progress.hpp"
 #include "raytrace/wavefront/wavefront.hpp"
@@ -62,15 +62,16 @@ struct Prescription {
   double sharpness_without_lens = 0;
   std::vector<RealLens> lenses;  ///< thin lens, toric meniscus and contact lens, each at its sharpest
   PlanoCylinderResult plano_cylinder;
-  Wavefront wavefront;
-  RefractionCriteria check;
+  raytrace::Wavefront wavefront;
+  raytrace::RefractionCriteria check;
   std::vector<FieldPoint> field;  ///< refraction over the visual field
 
   /// Retinal images behind all of it; the sweep's pictures are a drawing and not among them.
   int images() const;
 };
 
-/// The thin lens of the sharpest image. \throw Error (no_result) when none is found, with the reason
+/// The thin lens of the sharpest image.
+/// \throw Error (no_result) when none is found, with the reason
 SearchResult sharpest_lens(const raytrace::Tracer& tracer, const EyeModel& eye,
                            const PrescriptionSettings& settings);
 
@@ -109,8 +110,8 @@ struct PrescriptionUncertainty {
   std::optional<Calibration> calibration;
 };
 /// \param eye  what is known of it by now; null for a schematic eye, whose geometry is exact: what is left is
-/// the image's sampling
-PrescriptionUncertainty uncertainty_of(const Prescription& prescription, const UncertainEye* eye,
+///   the image's sampling
+PrescriptionUncertainty uncertainty_of(const Prescription& prescription, const UncertainOptics* optics,
                                        const std::optional<Calibration>& calibration = {});
 
 /// prescription.json of the case folder.

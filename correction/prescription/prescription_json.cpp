@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "pipeline/base/notation.hpp"
 #include "correction/prescription/prescription.hpp"
+#include "pipeline/base/notation.hpp"
 #include "pipeline/base/version.hpp"
 
 namespace emmetrope::correction {
@@ -52,8 +52,8 @@ Json search_json(const SearchResult& search) {
 /// Why the criteria differ, with this eye's numbers.
 Json difference_json(const Prescription& prescription) {
   const PowerVector& sharpest = prescription.refraction;
-  const RefractionCriteria& check = prescription.check;
-  const Wavefront& wavefront = prescription.wavefront;
+  const raytrace::RefractionCriteria& check = prescription.check;
+  const raytrace::Wavefront& wavefront = prescription.wavefront;
   const double c40_um = wavefront.zernike_um.size() > 12 ? wavefront.zernike_um[12] : 0;
   const double radius_mm = wavefront.pupil_mm / 2;
   const double by_aberration_D = 12 * std::sqrt(5.0) * c40_um / (radius_mm * radius_mm);
@@ -160,7 +160,7 @@ Json to_json(const Prescription& prescription, const PrescriptionUncertainty& un
   else
     json["plano_cylinder"]["reason"] = plano.search.reason;
 
-  json["wavefront_check"] = emmetrope::to_json(prescription.check);
+  json["wavefront_check"] = raytrace::to_json(prescription.check);
   json["difference"] = difference_json(prescription);
   json["sharpness"] = {{"without_lens", prescription.sharpness_without_lens},
                        {"with_lens", prescription.search.best.sharpness}};

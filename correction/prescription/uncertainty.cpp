@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "pipeline/base/astigmatism.hpp"
+
 namespace emmetrope::correction {
 namespace {
 
@@ -15,7 +16,7 @@ struct Group {
 };
 const std::vector<Group>& groups() {
   static const std::vector<Group> all{
-      {"axial length", {"optical_axial_length"}},
+      {"axial length", {"axial_length"}},
       {"anterior cornea", {"cornea_c_", "cornea_j", "cornea_q", "cornea_zernike_"}},
       {"posterior cornea", {"cornea_back", "cornea_thickness"}},
       {"anterior chamber depth", {"anterior_chamber_depth"}},
@@ -35,34 +36,37 @@ Eigen::Vector3d as_vector(const PowerVector& power) { return {power.M_D, power.J
 
 }  // namespace
 
-Eigen::MatrixXd refraction_sensitivity(const UncertainEye& eye, const RefractionOf& refraction) {
-  Eigen::MatrixXd sensitivity(3, eye.numbers.mean.size());
-  for (Eigen::Index i = 0; i < eye.numbers.mean.size(); ++i) {
-    const double sigma = std::sqrt(std::max(0.0, eye.numbers.covariance(i, i)));
-    const double step = sigma > 0 ? sigma / 2 : 1e-4 * std::max(1.0, std::abs(eye.numbers.mean[i]));
-    Eigen::VectorXd ahead = eye.numbers.mean, behind = eye.numbers.mean;
+Eigen::MatrixXd refraction_sensitivity(const UncertainOptics& optics, const RefractionOf& refraction) {
+  const NormalDistribution numbers = optics.known.parameters();
+  Eigen::MatrixXd sensitivity(3, numbers.mean.size());
+  for (Eigen::Index i = 0; i < numbers.mean.size(); ++i) {
+    const double sigma = std::sqrt(std::max(0.0, numbers.covariance(i, i)));
+    const double step = sigma > 0 ? sigma / 2 : 1e-4 * std::max(1.0, std::abs(numbers.mean[i]));
+    Eigen::VectorXd ahead = numbers.mean, behind = numbers.mean;
     ahead[i] += step;
     behind[i] -= step;
     sensitivity.col(i) =
-        (as_vector(refraction(eye_at(eye, ahead))) - as_vector(refraction(eye_at(eye, behind)))) / (2 * step);
+        (as_vector(refraction(eye_at(optics, ahead))) - as_vector(refraction(eye_at(optics, behind)))) /
+        (2 * step);
   }
   return sensitivity;
 }
 
-std::vector<BudgetLine> uncertainty_budget(const UncertainEye& eye, const Eigen::MatrixXd& sensitivity) {
+std::vector<BudgetLine> uncertainty_budget(const UncertainOptics& optics,
+                                           const Eigen::MatrixXd& sensitivity) {
   std::vector<BudgetLine> budget;
   Eigen::Vector3d sum = Eigen::Vector3d::Zero();
   for (const Group& group : groups()) {
     Eigen::MatrixXd part = Eigen::MatrixXd::Zero(3, sensitivity.cols());
     for (Eigen::Index i = 0; i < sensitivity.cols(); ++i)
-      if (belongs(group, eye.parameters[i])) part.col(i) = sensitivity.col(i);
+      if (belongs(group, optics.known.eye().parameter_names[i])) part.col(i) = sensitivity.col(i);
     const Eigen::Vector3d variance =
-        (part * eye.numbers.covariance * part.transpose()).diagonal().cwiseMax(0);
+        (part * optics.known.eye().covariance * part.transpose()).diagonal().cwiseMax(0);
     sum += variance;
     budget.push_back({group.source, std::sqrt(variance[0]), std::sqrt(variance[1]), std::sqrt(variance[2])});
   }
   const Eigen::Vector3d total =
-      (sensitivity * eye.numbers.covariance * sensitivity.transpose()).diagonal().cwiseMax(0);
+      (sensitivity * optics.known.eye().covariance * sensitivity.transpose()).diagonal().cwiseMax(0);
   const Eigen::Vector3d cross = total - sum;
   budget.push_back({"correlations", signed_root(cross[0]), signed_root(cross[1]), signed_root(cross[2])});
   budget.push_back({"total", std::sqrt(total[0]), std::sqrt(total[1]), std::sqrt(total[2])});
@@ -71,23 +75,21 @@ std::vector<BudgetLine> uncertainty_budget(const UncertainEye& eye, const Eigen:
 
 namespace {
 /// How an instrument's reading depends on the eye.
-Measurement of_instrument(const UncertainEye& eye, const ExternalMeasurement& measurement) {
-  return {measurement.source,
-          jacobian(eye.numbers,
-                   [&](const Eigen::VectorXd& values) {
-                     return measurement.of_eye(parametric_eye_at(eye, values));
-                   }),
-          measurement.covariance};
+Measurement of_instrument(const UncertainOptics& optics, const ExternalMeasurement& measurement) {
+  const auto reading = [&](const Eigen::VectorXd& values) {
+    return measurement.of_eye(optics.known.at(values));
+  };
+  return {measurement.source, jacobian(optics.known.parameters(), reading), measurement.covariance};
 }
 }  // namespace
 
 // Only the accuracy of these readings matters, not what they say.
-Measurement keratometry(const UncertainEye& eye, double sigma_D) {
-  return of_instrument(eye, keratometry_measurement("43@180/44@90", sigma_D));
+Measurement keratometry(const UncertainOptics& optics, double sigma_D) {
+  return of_instrument(optics, keratometry_measurement("43@180/44@90", sigma_D));
 }
 
-Measurement optical_axial_length(const UncertainEye& eye, double sigma_mm) {
-  return of_instrument(eye, axial_length_measurement("24", sigma_mm, 0));
+Measurement optical_axial_length(const UncertainOptics& optics, double sigma_mm) {
+  return of_instrument(optics, axial_length_measurement("24", sigma_mm, 0));
 }
 
 Measurement known_refraction(const Eigen::MatrixXd& refraction_sensitivity, double sigma_D) {

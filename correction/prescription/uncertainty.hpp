@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "correction/prescription/uncertain_eye.hpp"
+#include "correction/prescription/uncertain_optics.hpp"
 #include "pipeline/base/measured.hpp"
 #include "pipeline/base/power_vector.hpp"
 
@@ -17,7 +17,7 @@ using RefractionOf = std::function<PowerVector(const EyeModel& eye)>;
 
 /// d(M, J0, J45) / d parameter, 3 rows, one column a parameter: central differences over half a standard
 /// deviation, or over a small step for a parameter that is known exactly.
-Eigen::MatrixXd refraction_sensitivity(const UncertainEye& eye, const RefractionOf& refraction);
+Eigen::MatrixXd refraction_sensitivity(const UncertainOptics& optics, const RefractionOf& refraction);
 
 /// One line of an uncertainty budget: the standard deviations that a source alone brings.
 struct BudgetLine {
@@ -27,7 +27,7 @@ struct BudgetLine {
 /// Lines for axial length, anterior cornea, posterior cornea, chamber depth, lens shape, lens tilt and
 /// decentre, and lens index; then "correlations" (signed: its square is added or taken away) and "total". The
 /// squares of all lines but the last sum to the last's.
-std::vector<BudgetLine> uncertainty_budget(const UncertainEye& eye, const Eigen::MatrixXd& sensitivity);
+std::vector<BudgetLine> uncertainty_budget(const UncertainOptics& optics, const Eigen::MatrixXd& sensitivity);
 
 /// Something that could still be measured: a linear functional of the parameters with its accuracy.
 struct Measurement {
@@ -36,8 +36,8 @@ struct Measurement {
   Eigen::MatrixXd noise_covariance;
 };
 /// What a keratometer (mean power and both components of corneal astigmatism) or a biometer would add.
-Measurement keratometry(const UncertainEye& eye, double sigma_D);
-Measurement optical_axial_length(const UncertainEye& eye, double sigma_mm);
+Measurement keratometry(const UncertainOptics& optics, double sigma_D);
+Measurement optical_axial_length(const UncertainOptics& optics, double sigma_mm);
 Measurement known_refraction(const Eigen::MatrixXd& refraction_sensitivity, double sigma_D);
 
 /// Covariance of the parameters after the measurement (Kalman).
@@ -52,7 +52,7 @@ struct RefractionIntervals {
 /// It is unwrapped about its value, so that it may pass 0 or 180.
 ///
 /// \param sources  of M, J0 and J45; the notation takes sphere's from M, cylinder's and axis' from the larger
-///                 component of J
+///   component of J
 RefractionIntervals refraction_intervals(const PowerVector& refraction, const Eigen::Matrix3d& covariance,
                                          const std::array<std::string, 3>& sources);
 

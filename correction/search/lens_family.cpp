@@ -38,7 +38,7 @@ LensFamily thin_lens(double vertex_distance_mm) {
           {Eigen::Vector3d(-strongest_D, -strongest_D / 2, -strongest_D / 2),
            Eigen::Vector3d(strongest_D, strongest_D / 2, strongest_D / 2)},
           [=](const EyeModel& eye, const Eigen::VectorXd& lens) {
-            return with_thin_lens(eye, power(lens), vertex_distance_mm);
+            return raytrace::with_thin_lens(eye, power(lens), vertex_distance_mm);
           },
           power};
 }
@@ -49,7 +49,8 @@ LensFamily plano_cylinder(int sign, double distance_mm, double index) {
           {Eigen::Vector2d(-largest_D, -largest_D), Eigen::Vector2d(largest_D, largest_D)},
           [=](const EyeModel& eye, const Eigen::VectorXd& lens) {
             const PlanoCylinder cylinder = plano_cylinder_of(sign, lens, index);
-            return with_plano_cylinder(eye, cylinder.radius_mm, cylinder.axis_deg, distance_mm, index);
+            return raytrace::with_plano_cylinder(eye, cylinder.radius_mm, cylinder.axis_deg, distance_mm,
+                                                 index);
           },
           [=](const Eigen::VectorXd& lens) { return cylinder_power(sign, lens); }};
 }

@@ -16,7 +16,8 @@ namespace emmetrope::correction {
 struct LensFamily {
   std::string name;
   Bounds bounds;
-  /// The eye with the lens before it. \throw Error (usage) where no such lens can be made
+  /// The eye with the lens before it.
+  /// \throw Error (usage) where no such lens can be made
   std::function<EyeModel(const EyeModel& eye, const Eigen::VectorXd& lens)> before;
   /// Back vertex power.
   std::function<PowerVector(const Eigen::VectorXd& lens)> power;
@@ -29,7 +30,8 @@ struct LensFamily {
 LensFamily thin_lens(double vertex_distance_mm);
 
 /// The paper's spectacle: plano-cylinder of either sign. Parameters J0, J45 (D) of the lens; its M is -|J|
-/// for a minus cylinder and +|J| for a plus cylinder, so one family holds one sign. \param sign  -1 or +1
+/// for a minus cylinder and +|J| for a plus cylinder, so one family holds one sign.
+/// \param sign  -1 or +1
 LensFamily plano_cylinder(int sign, double distance_mm, double index);
 
 /// The lenses of a family along one direction of its parameters: the only parameter t >= 0 stands for t times

@@ -4,9 +4,9 @@
 #include <array>
 #include <cmath>
 
-#include "pipeline/base/notation.hpp"
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/frames.hpp"
+#include "pipeline/base/notation.hpp"
 #include "raytrace/spectacle/spectacle.hpp"
 
 namespace emmetrope::correction {
@@ -72,7 +72,7 @@ LensMaterial lens_material(const std::string& name) {
 
 LensFamily toric_meniscus(const EyeModel& eye, const SpectacleSettings& spectacle, double vertex_distance_mm,
                           const PowerVector& about) {
-  Meniscus lens;
+  raytrace::Meniscus lens;
   lens.power = about;
   lens.vertex_distance_mm = vertex_distance_mm;
   lens.base_D = spectacle.base_D.value_or(base_by_vogel_D(about.M_D));
@@ -81,16 +81,16 @@ LensFamily toric_meniscus(const EyeModel& eye, const SpectacleSettings& spectacl
   lens.index = spectacle.material.index;
   lens.abbe = spectacle.material.abbe;
   // Blanks differ in their backs: front and thickness are those of the lens in the middle.
-  const EyeModel middle = with_meniscus(eye, lens);
+  const EyeModel middle = raytrace::with_meniscus(eye, lens);
   lens.centre_thickness_mm =
       middle.surface("spectacle_back").position_mm - middle.surface("spectacle_front").position_mm;
   const Eigen::Vector3d centre = as_vector(about);
   return {"toric meniscus",
           {centre.array() - reach_D, centre.array() + reach_D},
           [=](const EyeModel& bare, const Eigen::VectorXd& power) {
-            Meniscus ground = lens;
+            raytrace::Meniscus ground = lens;
             ground.power = as_power(power);
-            return with_meniscus(bare, ground);
+            return raytrace::with_meniscus(bare, ground);
           },
           as_power};
 }

@@ -15,13 +15,14 @@ struct LensMaterial {
   const char* name;
   double index, abbe;
 };
-/// By name: cr39, trivex, polycarbonate, 1.60, 1.67, 1.74, crown. \throw Error (usage) listing them
+/// By name: cr39, trivex, polycarbonate, 1.60, 1.67, 1.74, crown.
+/// \throw Error (usage) listing them
 LensMaterial lens_material(const std::string& name);
 
 struct SpectacleSettings {
   LensMaterial material = lens_material("cr39");
-  std::optional<double>
-      base_D;  ///< front surface; default: Vogel's rule, M + 6 D for plus, M/2 + 6 D for minus
+  /// Front surface; default: Vogel's rule, M + 6 D for plus, M/2 + 6 D for minus
+  std::optional<double> base_D;
   std::optional<double> centre_thickness_mm;  ///< default: 2 mm, or what leaves 1 mm at the rim
   double semi_diameter_mm = 25;
 };

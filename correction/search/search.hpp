@@ -25,8 +25,8 @@ struct SearchResult {
   Optimum best;                      ///< on the last level
   Eigen::MatrixXd curvature;         ///< of ln(sharpness) there, 1/D^2; negative definite at an optimum
   Eigen::VectorXd sampling_sigma_D;  ///< how far another set of rays would move the optimum
-  std::vector<Eigen::VectorXd>
-      optima;             ///< distinct optima of that family that were reached, the sharpest first
+  /// distinct optima of that family that were reached, the sharpest first
+  std::vector<Eigen::VectorXd> optima;
   int images = 0;         ///< retinal images traced, all levels and starts
   bool accepted = false;  ///< converged, a maximum, and the next Newton step below 0.02 D
   std::string reason;     ///< why not

@@ -76,8 +76,8 @@ struct Axes {
   }
 };
 
-/// The optimum with its number and its curvature, where the sweep holds it. \param most  the sweep's best of
-/// measure k
+/// The optimum with its number and its curvature, where the sweep holds it.
+/// \param most  the sweep's best of measure k
 std::string optimum_mark(const PlanoCylinderResult& result, std::size_t k, double most, const Axes& axes) {
   const double best_mm = result.lens.radius_mm;
   const auto of_best = std::find_if(result.sweep.begin(), result.sweep.end(), [&](const SweepRow& row) {
@@ -124,10 +124,9 @@ std::string sweep_svg(const PlanoCylinderResult& result, Measure criterion) {
 
   std::string svg = fmt::format(
       "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {0:.0f} {1:.0f}\" width=\"{0:.0f}\" "
-      "height=\"{1:.0f}\" "
-      "font-family=\"DejaVu Sans, sans-serif\" font-size=\"12\" role=\"img\" aria-label=\"Image sharpness "
-      "against the "
-      "radius of the plano-cylinder\">\n<rect width=\"100%\" height=\"100%\" fill=\"white\"/>\n",
+      "height=\"{1:.0f}\" font-family=\"DejaVu Sans, sans-serif\" font-size=\"12\" role=\"img\" "
+      "aria-label=\"Image sharpness against the radius of the plano-cylinder\">\n<rect width=\"100%\" "
+      "height=\"100%\" fill=\"white\"/>\n",
       width, height);
   const std::string grid = "stroke=\"#dddddd\"", frame = "stroke=\"#444444\"";
   const bool minus = result.lens.power_D < 0;

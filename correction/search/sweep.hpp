@@ -9,7 +9,8 @@ namespace emmetrope::correction {
 std::string sweep_csv(const PlanoCylinderResult& result);
 
 /// The same as a picture: sharpness against radius (logarithmic), the optimum marked with its curvature, as
-/// SVG text. \param criterion  the measure that the optimum is of
+/// SVG text.
+/// \param criterion  the measure that the optimum is of
 std::string sweep_svg(const PlanoCylinderResult& result, Measure criterion);
 
 }  // namespace emmetrope::correction

@@ -10,7 +10,8 @@ namespace emmetrope::correction {
 /// direction, at every place and at every scale as a picture full of edges (power falling as the third power
 /// of frequency), from 0.1 to 25 cycles per degree. Unlike a chart of letters or bars it is band-limited, so
 /// that its image is a smooth function of the lens, and no repeated form can be mistaken for itself when it
-/// is blurred (spurious resolution). \param extent_deg  width and height
+/// is blurred (spurious resolution).
+/// \param extent_deg  width and height
 std::shared_ptr<const raytrace::Scene> refraction_chart(double extent_deg = 17, std::uint64_t seed = 1);
 
 }  // namespace emmetrope::correction

@@ -22,7 +22,8 @@ double weight(Measure measure, double cycles_per_degree) {
     case Measure::laplacian_variance:
       return std::pow(angular, 4);
     case Measure::mtf_weighted:
-      return std::pow(cycles_per_degree * contrast_sensitivity(cycles_per_degree), 2) * cycles_per_degree;
+      return std::pow(cycles_per_degree * raytrace::contrast_sensitivity(cycles_per_degree), 2) *
+             cycles_per_degree;
   }
   return 0;
 }

@@ -31,9 +31,8 @@ Measure measure_from_string(const std::string& name);
 class SharpnessMeasure {
  public:
   /// \param pixel_arcmin  visual angle of a pixel
-  /// \param blur_arcmin   standard deviation of a Gaussian that is applied first: detail much finer than it
-  /// does not count;
-  ///                      it keeps sampling noise out and makes coarse levels
+  /// \param blur_arcmin  standard deviation of a Gaussian that is applied first: detail much finer than it
+  ///   does not count; it keeps sampling noise out and makes coarse levels
   SharpnessMeasure(Measure measure, int width, int height, double pixel_arcmin, double blur_arcmin);
 
   struct Energy {

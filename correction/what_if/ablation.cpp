@@ -36,7 +36,7 @@ double corneal_thickness_mm(const EyeModel& eye) {
 }
 
 /// Where the line of sight leaves the cornea, from its apex (the cornea's own depth there is nothing).
-Vector2d on_cornea_mm(const Wavefront& wavefront) {
+Vector2d on_cornea_mm(const raytrace::Wavefront& wavefront) {
   const Vector2d slope(std::tan(wavefront.line_of_sight_deg.x() * degree),
                        std::tan(wavefront.line_of_sight_deg.y() * degree));
   return wavefront.pupil_centre_mm + wavefront.pupil_position_mm * slope;
@@ -117,14 +117,15 @@ AblationProfile munnerlyn_profile(const EyeModel& eye, const PowerVector& correc
 AblationProfile wavefront_guided_profile(const EyeModel& eye, double wavelength_nm, const Vector2d& fovea_mm,
                                          int rounds) {
   OpticalZone zone;
-  WavefrontSettings settings;
+  raytrace::WavefrontSettings settings;
   settings.wavelength_nm = wavelength_nm;
   settings.entrance_pupil_mm = zone.diameter_mm;
   settings.fovea_mm = fovea_mm;
   Eigen::VectorXd shape_um = Eigen::VectorXd::Zero(zernike_count(settings.order));
   std::optional<AblationProfile> profile;
   for (int round = 0; round < rounds; ++round) {
-    const Wavefront wavefront = measure_wavefront(profile ? with_ablation(eye, *profile) : eye, settings);
+    const raytrace::Wavefront wavefront =
+        raytrace::measure_wavefront(profile ? with_ablation(eye, *profile) : eye, settings);
     if (!profile) zone.centre_mm = on_cornea_mm(wavefront);
     const Eigen::Map<const Eigen::VectorXd> zernike_um(wavefront.zernike_um.data(), shape_um.size());
     shape_um -= zernike_um / (cornea_index(eye) - 1);
@@ -144,8 +145,8 @@ EyeModel with_ablation(EyeModel eye, const AblationProfile& profile) {
   const double left_um = 1e3 * corneal_thickness_mm(eye) - profile.deepest_um();
   if (left_um < least_left_um)
     throw no_result_error(
-        fmt::format("the ablation would be {:.0f} um deep and leave {:.0f} um of cornea, "
-                    "less than the {:.0f} um that keep its shape",
+        fmt::format("the ablation would be {:.0f} um deep and leave {:.0f} um of cornea, less than the "
+                    "{:.0f} um that keep its shape",
                     profile.deepest_um(), left_um, least_left_um));
   Surface& front = eye.surface("cornea_anterior");
   const auto* mesh = dynamic_cast<const MeshShape*>(front.shape.get());

@@ -18,7 +18,7 @@ struct OpticalZone {
 class AblationProfile {
  public:
   /// \param shape_mm  depth over the zone, from its centre, up to a constant that is chosen so that the least
-  ///                  depth is 0
+  ///   depth is 0
   AblationProfile(std::function<double(const Eigen::Vector2d&)> shape_mm, const OpticalZone& zone);
 
   double depth_mm(double x_mm, double y_mm) const;  ///< from the apex
@@ -36,8 +36,8 @@ class AblationProfile {
 /// and of the new curvature.
 ///
 /// \param curvature_per_mm  of the front cornea at its apex, over eye x and y
-/// \param correction        the refraction that it takes away, at the corneal vertex
-/// \param index_step        of the cornea against air
+/// \param correction  the refraction that it takes away, at the corneal vertex
+/// \param index_step  of the cornea against air
 /// \throw Error (no_result) when it would leave no convex cornea
 AblationProfile munnerlyn_profile(const Eigen::Matrix2d& curvature_per_mm, const PowerVector& correction,
                                   double index_step, const OpticalZone& zone = {});

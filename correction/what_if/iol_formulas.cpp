@@ -5,11 +5,12 @@
 
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/frames.hpp"
+#include "pipeline/eye/population/population.hpp"
 
 namespace emmetrope::correction {
 namespace {
 
-double radius_mm(const IolBiometry& biometry) { return 337.5 / biometry.keratometry_D; }
+double radius_mm(const IolBiometry& biometry) { return keratometric_D_mm / biometry.keratometry_D; }
 
 /// Height of a corneal cap of that radius over a chord.
 double cap_height_mm(double radius, double chord_mm) {

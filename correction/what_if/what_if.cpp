@@ -10,12 +10,14 @@
 #include "correction/what_if/iol_formulas.hpp"
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/frames.hpp"
+#include "pipeline/eye/media/ocular_media.hpp"
+#include "pipeline/eye/population/population.hpp"
 #include "raytrace/wavefront/wavefront.hpp"
 
 namespace emmetrope::correction {
 namespace {
 
-constexpr double aqueous_index = 1.336, iol_index = 1.46, iol_thickness_mm = 0.8;
+constexpr double iol_index = 1.46, iol_thickness_mm = 0.8;
 
 /// Radius of each face of a symmetric biconvex lens in aqueous with that equivalent power (thick lens), mm.
 double iol_radius_mm(double power_D) {
@@ -26,10 +28,10 @@ double iol_radius_mm(double power_D) {
 }
 
 double mean_refraction_at_cornea_D(const EyeModel& eye, double wavelength_nm) {
-  WavefrontSettings settings;
+  raytrace::WavefrontSettings settings;
   settings.wavelength_nm = wavelength_nm;
-  const Wavefront wavefront = measure_wavefront(eye, settings);
-  return at_vertex(wavefront, wavefront.minimum_rms_spot, 0).M_D;
+  const raytrace::Wavefront wavefront = raytrace::measure_wavefront(eye, settings);
+  return raytrace::at_vertex(wavefront, wavefront.minimum_rms_spot, 0).M_D;
 }
 
 /// A distance for JSON: null where it is infinite.
@@ -59,7 +61,7 @@ double mean_keratometry_D(const EyeModel& eye) {
   for (const auto& [x, y] : {std::pair(1, 0), std::pair(-1, 0), std::pair(0, 1), std::pair(0, -1)}) {
     const auto normal = cornea.normal(ring_mm * x, ring_mm * y);
     if (!normal) throw no_result_error("the front cornea ends within 1.5 mm of its apex");
-    sum_D += 337.5 * (normal->x() * x + normal->y() * y) / ring_mm;
+    sum_D += keratometric_D_mm * (normal->x() * x + normal->y() * y) / ring_mm;
   }
   return sum_D / 4;
 }
@@ -86,11 +88,11 @@ Json iol_json(const EyeModel& eye, const PrescriptionSettings& settings, const W
 
 /// Root mean square of the aberrations over the ablation's zone, with what no Zernike term describes.
 Json zone_rms_json(const EyeModel& eye, const PrescriptionSettings& settings, const OpticalZone& zone) {
-  WavefrontSettings over_zone;
+  raytrace::WavefrontSettings over_zone;
   over_zone.wavelength_nm = settings.wavelength_nm;
   over_zone.fovea_mm = settings.fovea_mm;
   over_zone.entrance_pupil_mm = zone.diameter_mm;
-  const Wavefront wavefront = measure_wavefront(eye, over_zone);
+  const raytrace::Wavefront wavefront = raytrace::measure_wavefront(eye, over_zone);
   const double beyond_um = wavefront.fit_residual_rms_um;
   return {{"all_um", std::hypot(wavefront.rms_um(), beyond_um)},
           {"higher_order_um", std::hypot(wavefront.higher_order_rms_um(), beyond_um)}};

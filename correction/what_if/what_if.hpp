@@ -18,7 +18,8 @@ struct Amplitude {
 Amplitude accommodation_amplitude(double age_years);
 
 /// Nearest distance of clear sight in front of the cornea, mm, with that amplitude; infinity or negative
-/// (behind the eye) where none is. \param at_cornea_D  mean refraction at the corneal vertex
+/// (behind the eye) where none is.
+/// \param at_cornea_D  mean refraction at the corneal vertex
 double near_point_mm(double at_cornea_D, double amplitude_D);
 /// The same, also from the cornea, through a lens of back vertex power lens_D at vertex_mm in front of it.
 double near_point_with_lens_mm(double at_cornea_D, double amplitude_D, double lens_D, double vertex_mm);
@@ -40,7 +41,8 @@ struct WhatIfSettings {
 
 /// All of it for one eye, as prescription.json's "what_if": refraction against pupil, near point by age
 /// (where an age is given), the IOL by rays and by four formulas, and what two ablations of this refraction
-/// would leave. \param refraction  at the settings' vertex distance
+/// would leave.
+/// \param refraction  at the settings' vertex distance
 Json what_if_json(const EyeModel& eye, const PrescriptionSettings& settings, const PowerVector& refraction,
                   const WhatIfSettings& what_if);
 

@@ -51,8 +51,8 @@ struct StackPlan {
 
 /// What disturbs a whole study.
 struct Disturbances {
-  double snr =
-      20;  ///< vitreous (T2) or fat (T1) over sigma of one channel, where the coil's sensitivity is 1
+  /// Vitreous (T2) or fat (T1) over sigma of one channel, where the coil's sensitivity is 1
+  double snr = 20;
   double motion_mm = 0;        ///< rms per axis of the head's shift of every stack but the first
   double motion_deg = 0;       ///< rms per axis of its rotation about the point midway between the globes
   double slice_motion_mm = 0;  ///< rms per axis of shifts between the slices of a stack
@@ -68,13 +68,15 @@ struct Protocol {
 };
 
 /// "surface-coil", "head-t2" or "head-t1", planned on this head as a technologist would: near the eyes' axes,
-/// not on them. \throw Error (usage) for another name
+/// not on them.
+/// \throw Error (usage) for another name
 Protocol make_protocol(const std::string& name, const Anatomy& anatomy);
 
 /// A stack from words:
 /// "od-coronal:pixel_mm=0.4,slice_mm=2,gap_mm=0,matrix=192x160,slices=16,tilt_deg=4/-3,contrast=t2,
 /// profile=box,coil=surface,acquired=1x0.8". Planes: axial, coronal, sagittal; at: od, os, head. The tilt
-/// turns the stack about its rows, then about its columns. \throw Error (usage) naming the key
+/// turns the stack about its rows, then about its columns.
+/// \throw Error (usage) naming the key
 StackPlan make_stack(const std::string& words, const Anatomy& anatomy);
 
 }  // namespace emmetrope::phantom

@@ -17,7 +17,7 @@ class Tube {
     double half_thickness_mm;  ///< along the flattening direction
     double half_width_mm;      ///< across it
   };
-  /// \param nodes       at least two; a smooth curve is drawn through them
+  /// \param nodes  at least two; a smooth curve is drawn through them
   /// \param flattening  direction in which the tube is thin; need not be a unit vector
   Tube(const std::vector<Node>& nodes, const Eigen::Vector3d& flattening);
   /// Whether the tube, thickened all round by `margin_mm`, holds the point.

@@ -35,8 +35,8 @@ struct EyeGeometry {
   double lens_anterior_radius_mm = 10.5, lens_posterior_radius_mm = 6.0;  ///< magnitudes
   double lens_anterior_q = -3, lens_posterior_q = -1;
   double lens_decentre_x_mm = 0, lens_decentre_y_mm = 0;
-  double lens_tilt_x_deg = 0,
-         lens_tilt_y_deg = 0;  ///< about mid-lens, first about +x, then about the fixed +y
+  /// About mid-lens, first about +x, then about the fixed +y
+  double lens_tilt_x_deg = 0, lens_tilt_y_deg = 0;
   double lens_equator_radius_mm = 4.6;
 
   // Iris and ciliary body.
@@ -52,8 +52,8 @@ struct EyeGeometry {
   // width^2)).
   double bulge_height_mm = 0;
   double bulge_width_deg = 18;
-  double bulge_x_deg = 0,
-         bulge_y_deg = 0;  ///< direction from the posterior pole, in scaled space, towards +x and +y
+  /// Direction from the posterior pole, in scaled space, towards +x and +y
+  double bulge_x_deg = 0, bulge_y_deg = 0;
   double wall_lateral_mm = 0.85, wall_axial_mm = 1.0;  ///< retina, choroid and sclera together
 
   double lid_thickness_mm = 2.0;  ///< 0: open eye, air in front of the cornea
@@ -100,7 +100,7 @@ Eigen::Isometry3d lps_from_head(const HeadGeometry& head);
 PlacedEye place(const HeadGeometry& head, Laterality laterality);
 
 /// \throw Error (usage) naming the first value that makes no eye: surfaces that cross, radii out of reach,
-/// ...
+///   ...
 void check(const HeadGeometry& head);
 
 /// What a cone adds to the depth of the anterior cornea.

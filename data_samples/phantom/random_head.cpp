@@ -6,6 +6,7 @@
 #include "data_samples/phantom/geometry.hpp"
 #include "data_samples/phantom/population.hpp"
 #include "pipeline/base/frames.hpp"
+#include "pipeline/eye/population/population.hpp"
 
 namespace emmetrope::phantom {
 namespace {
@@ -19,7 +20,7 @@ class Draw {
     const double radius = std::sqrt(-2 * std::log(uniform()));
     return radius * std::cos(2 * pi * uniform());
   }
-  /// \param shared   what this eye has in common with others or other values, in standard deviations
+  /// \param shared  what this eye has in common with others or other values, in standard deviations
   /// \param loading  its weight; the rest is the eye's own
   double of(const char* name, double age_years = 40, double shared = 0, double loading = 0) {
     const Distribution& row =
@@ -53,8 +54,8 @@ EyeGeometry random_eye(Draw& draw, const Person& person, double nasal) {
   const double j45_D = draw.of("corneal_j45_D");
   const double half_D = std::hypot(j0_D, j45_D);
   eye.cornea_axis_deg = normalise_axis_deg(0.5 * std::atan2(j45_D, j0_D) / degree);  // the flat meridian
-  eye.cornea_radius_x_mm = 337.5 / (mean_D - half_D);
-  eye.cornea_radius_y_mm = 337.5 / (mean_D + half_D);
+  eye.cornea_radius_x_mm = keratometric_D_mm / (mean_D - half_D);
+  eye.cornea_radius_y_mm = keratometric_D_mm / (mean_D + half_D);
   const double q = draw.of("cornea_q");
   eye.cornea_q_x = q + draw.of("cornea_q_of_meridian");
   eye.cornea_q_y = q + draw.of("cornea_q_of_meridian");

@@ -21,10 +21,10 @@ struct RenderedStack {
   }
 };
 
-/// Renders stack number `index` of a protocol: tissue sampled at 4 x 4 x 10 points (4 x 4 x 4 farther than
-/// 19 mm from the centres of the globes) in every voxel that a border may cross, coil, Fourier transform,
-/// k-space cut to what was acquired, noise in both channels, magnitude.
-/// Deterministic in protocol, index and seed, whatever the number of threads.
+/// Renders stack number `index` of a protocol: tissue sampled at 4 x 4 x 10 points (4 x 4 x 4 farther than 19
+/// mm from the centres of the globes) in every voxel that a border may cross, coil, Fourier transform,
+/// k-space cut to what was acquired, noise in both channels, magnitude. Deterministic in protocol, index and
+/// seed, whatever the number of threads.
 /// \param advance  called after each slice, from any thread; may be empty
 RenderedStack render(const Anatomy& anatomy, const Protocol& protocol, std::size_t index, int threads = 1,
                      const std::function<void()>& advance = {});

@@ -16,8 +16,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-Json to_json(const Eigen::Vector3d& v) { return {v.x(), v.y(), v.z()}; }
-
 const char* name_of(SliceProfile profile) {
   return profile == SliceProfile::box ? "box" : profile == SliceProfile::trapezoid ? "trapezoid" : "gaussian";
 }
@@ -38,9 +36,9 @@ Json to_json(const StackPlan& plan) {
           {"coil", name_of(plan.coil)},
           {"acquired_readout", plan.acquired_readout},
           {"acquired_phase", plan.acquired_phase},
-          {"centre_lps_mm", to_json(plan.centre)},
-          {"along_row", to_json(plan.along_row)},
-          {"along_column", to_json(plan.along_column)}};
+          {"centre_lps_mm", to_json_vector(plan.centre)},
+          {"along_row", to_json_vector(plan.along_row)},
+          {"along_column", to_json_vector(plan.along_column)}};
 }
 
 Json to_json(const Disturbances& d) {

@@ -2,7 +2,9 @@
 
 #include "data_samples/phantom/truth.hpp"
 #include "pipeline/base/frames.hpp"
+#include "pipeline/eye/media/ocular_media.hpp"
 #include "pipeline/eye/parametric/corneal_metrics.hpp"
+#include "pipeline/eye/population/population.hpp"
 
 namespace emmetrope::phantom {
 namespace {
@@ -17,11 +19,6 @@ Surface surface(const std::string& name, ShapePtr shape, double position_mm,
   s.position_mm = position_mm;
   s.medium_after = medium_after;
   return s;
-}
-
-/// Le Grand's (1956) dispersion n_inf + K / (lambda - 130 nm), of which only differences from 589.3 nm count.
-Medium medium(double index, double n_infinite, double k_nm) {
-  return {index, {Dispersion::Formula::cornu, {n_infinite, k_nm, 130}}, {}};
 }
 
 /// Zernike terms (um of depth) that describe a cone over the whole cornea to 0.1 um: OSA order over
@@ -47,11 +44,8 @@ EyeModel true_optics(const PlacedEye& eye, double lens_index) {
   const EyeGeometry& g = eye.geometry;
   EyeModel model;
   model.name = std::string("phantom ") + to_string(eye.laterality);
-  model.reference_wavelength_nm = 589.3;
-  model.media = {{"cornea", medium(1.376, 1.3610, 7.4147)},
-                 {"aqueous", medium(1.336, 1.3221, 7.0096)},
-                 {"lens", medium(lens_index, 1.3999, 9.2492)},
-                 {"vitreous", medium(1.336, 1.3208, 6.9806)}};
+  model.reference_wavelength_nm = sodium_nm;
+  model.media = ocular_media(lens_index);
 
   const auto cornea = [&](double ratio, double cone_ratio) {
     if (g.cone_height_um != 0)
@@ -79,18 +73,18 @@ EyeModel true_optics(const PlacedEye& eye, double lens_index) {
   iris.position_mm = g.anterior_chamber_depth_mm;
   iris.stop_diameter_mm = g.iris_diameter_mm;
 
-  const Vector3d axes(g.globe_semi_x_mm + retinal_depth_mm, g.globe_semi_y_mm + retinal_depth_mm,
-                      -g.globe_semi_z_mm - retinal_depth_mm);
-  model.surfaces = {
-      surface("cornea_anterior", cornea(1, 1), 0, "cornea"),
-      surface("cornea_posterior", cornea(g.cornea_back_ratio, g.cone_back_ratio), g.cornea_thickness_mm,
-              "aqueous"),
-      iris,
-      lens("lens_anterior", make_conic(g.lens_anterior_radius_mm, g.lens_anterior_q), g.lens_thickness_mm / 2,
-           "lens"),
-      lens("lens_posterior", make_conic(-g.lens_posterior_radius_mm, g.lens_posterior_q),
-           -g.lens_thickness_mm / 2, "vitreous"),
-      surface("retina", make_ellipsoid(axes, g.globe_axis_deg), pole_depth_mm(g) + retinal_depth_mm, "")};
+  const Vector3d axes(g.globe_semi_x_mm + usual_retinal_depth_mm, g.globe_semi_y_mm + usual_retinal_depth_mm,
+                      -g.globe_semi_z_mm - usual_retinal_depth_mm);
+  model.surfaces = {surface("cornea_anterior", cornea(1, 1), 0, "cornea"),
+                    surface("cornea_posterior", cornea(g.cornea_back_ratio, g.cone_back_ratio),
+                            g.cornea_thickness_mm, "aqueous"),
+                    iris,
+                    lens("lens_anterior", make_conic(g.lens_anterior_radius_mm, g.lens_anterior_q),
+                         g.lens_thickness_mm / 2, "lens"),
+                    lens("lens_posterior", make_conic(-g.lens_posterior_radius_mm, g.lens_posterior_q),
+                         -g.lens_thickness_mm / 2, "vitreous"),
+                    surface("retina", make_ellipsoid(axes, g.globe_axis_deg),
+                            pole_depth_mm(g) + usual_retinal_depth_mm, "")};
   model.lps_from_eye = eye.lps_from_eye;
   return model;
 }

@@ -6,10 +6,11 @@
 #include "data_samples/phantom/true_optics.hpp"
 #include "pipeline/base/frames.hpp"
 #include "pipeline/base/version.hpp"
-#include "pipeline/eye/optics/paraxial.hpp"
-#include "pipeline/eye/surfaces/zernike.hpp"
-#include "pipeline/eye/parametric/corneal_metrics.hpp"
 #include "pipeline/eye/instruments/topography.hpp"
+#include "pipeline/eye/optics/paraxial.hpp"
+#include "pipeline/eye/parametric/corneal_metrics.hpp"
+#include "pipeline/eye/population/population.hpp"
+#include "pipeline/eye/surfaces/zernike.hpp"
 
 namespace emmetrope::phantom {
 namespace {
@@ -74,7 +75,7 @@ Json irregular_cornea_truth(const EyeGeometry& eye) {
   const double flat_deg = normalise_axis_deg(std::atan2(power.J45_D, power.J0_D) / degree / 2);
   const double steep_deg = normalise_axis_deg(flat_deg + 90);
   const auto meridian = [](double power_D, double axis_deg) {
-    return Json{{"radius_mm", 337.5 / power_D}, {"power_D", power_D}, {"axis_deg", axis_deg}};
+    return Json{{"radius_mm", keratometric_D_mm / power_D}, {"power_D", power_D}, {"axis_deg", axis_deg}};
   };
   Json json = Json::object();
   json["keratometry"] = {{"flat", meridian(power.M_D - half, flat_deg)},
@@ -94,7 +95,7 @@ Json irregular_cornea_truth(const EyeGeometry& eye) {
 
 Json cornea_truth(const EyeGeometry& eye) {
   if (eye.cone_height_um != 0) return irregular_cornea_truth(eye);
-  const auto power = [&](double angle) { return 337.5 / keratometric_radius_mm(eye, angle); };
+  const auto power = [&](double angle) { return keratometric_D_mm / keratometric_radius_mm(eye, angle); };
   // A biconic is symmetric about its principal meridians, so there the power is extreme.
   double flat_deg = normalise_axis_deg(eye.cornea_axis_deg);
   double steep_deg = normalise_axis_deg(eye.cornea_axis_deg + 90);
@@ -106,8 +107,8 @@ Json cornea_truth(const EyeGeometry& eye) {
 
   Json json = Json::object();
   json["keratometry"] = {
-      {"flat", {{"radius_mm", 337.5 / flat_D}, {"power_D", flat_D}, {"axis_deg", flat_deg}}},
-      {"steep", {{"radius_mm", 337.5 / steep_D}, {"power_D", steep_D}, {"axis_deg", steep_deg}}},
+      {"flat", {{"radius_mm", keratometric_D_mm / flat_D}, {"power_D", flat_D}, {"axis_deg", flat_deg}}},
+      {"steep", {{"radius_mm", keratometric_D_mm / steep_D}, {"power_D", steep_D}, {"axis_deg", steep_deg}}},
       {"cylinder_D", steep_D - flat_D},
       {"asphericity_q", q}};
   const double half = (steep_D - flat_D) / 2;
@@ -205,7 +206,7 @@ Json eye_truth(const PlacedEye& eye, double lens_index) {
   json["laterality"] = to_string(eye.laterality);
   json["lps_from_eye"] = to_json_matrix(eye.lps_from_eye);
   json["axial_length_mm"] = pole_depth_mm(g);
-  json["optical_axial_length_mm"] = pole_depth_mm(g) + retinal_depth_mm;
+  json["optical_axial_length_mm"] = pole_depth_mm(g) + usual_retinal_depth_mm;
   json["corneal_thickness_mm"] = g.cornea_thickness_mm;
   const double front = lens_depth_mm(g, true);
   json["anterior_chamber_depth_mm"] = front;

@@ -7,8 +7,6 @@
 
 namespace emmetrope::phantom {
 
-inline constexpr double retinal_depth_mm = 0.20;  ///< from the vitreo-retinal interface to the photoreceptors
-
 /// Axial radius of the anterior cornea's meridian at 1.5 mm from the apex, as keratometry is defined.
 double keratometric_radius_mm(const EyeGeometry& eye, double meridian_deg);
 /// Depth at which the axis meets the vitreo-retinal interface, bulge included.

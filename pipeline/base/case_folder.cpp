@@ -12,7 +12,6 @@
 #include <chrono>
 #include <cstdlib>
 #include <cstring>
-#include <map>
 #include <set>
 #include <thread>
 
@@ -156,19 +155,10 @@ void remove_leftovers(const fs::path& case_folder) {
   }
 }
 
-const std::map<std::string, std::string>& commands_of_stages() {
-  static const std::map<std::string, std::string> commands{{"segmentation", "segment"},
-                                                           {"meshing", "mesh"},
-                                                           {"raytrace", "trace"},
-                                                           {"correction", "correct"},
-                                                           {"report", "report"}};
-  return commands;
-}
-
-std::string command_for(const std::string& stage, const fs::path& case_folder) {
-  const auto command = commands_of_stages().find(stage);
-  return "emmetrope " + (command == commands_of_stages().end() ? stage : command->second) + " " +
-         (stage == "segmentation" ? "STUDY -o " : "") + case_folder.string();
+std::string command_for(const std::string& folder, const fs::path& case_folder) {
+  const PipelineStage* stage = stage_of_folder(folder);
+  return "emmetrope " + (stage == nullptr ? folder : stage->command) + " " +
+         (folder == pipeline_stages.front().folder ? "STUDY -o " : "") + case_folder.string();
 }
 
 /// A result that somebody has edited since must not pass for one that the program measured.
@@ -186,11 +176,12 @@ void require_own_outputs(const fs::path& case_folder, const std::string& stage, 
 /// A stage made from results that have been made anew since would mix two eyes: checked up to the first
 /// stage.
 void require_same_inputs(const fs::path& case_folder, const std::string& stage, const Json& inputs) {
-  if (stage == "segmentation") return;  // its inputs are the study's files, under the study's names
+  if (stage == pipeline_stages.front().folder)
+    return;  // its inputs are the study's files, under the study's names
   std::set<std::string> stages_before;
   for (const auto& [name, hash] : inputs.items()) {
     const std::string top = name.substr(0, name.find('/'));
-    if (commands_of_stages().count(top) == 0) continue;
+    if (stage_of_folder(top) == nullptr) continue;
     stages_before.insert(top);
     const fs::path file = case_folder / name;
     if (!fs::exists(file) || sha256_of_file(file) != hash.get<std::string>())
@@ -206,8 +197,8 @@ void require_same_inputs(const fs::path& case_folder, const std::string& stage, 
 bool looks_like_a_case(const fs::path& folder) {
   std::error_code ignored;
   if (fs::exists(folder / "case.json", ignored)) return true;
-  return std::any_of(commands_of_stages().begin(), commands_of_stages().end(), [&](const auto& stage) {
-    return fs::exists(folder / stage.first / stage_file, ignored);
+  return std::any_of(pipeline_stages.begin(), pipeline_stages.end(), [&](const PipelineStage& stage) {
+    return fs::exists(folder / stage.folder / stage_file, ignored);
   });
 }
 

@@ -6,6 +6,7 @@
 
 #include "pipeline/base/command_line.hpp"
 #include "pipeline/base/json.hpp"
+#include "pipeline/base/stages.hpp"
 
 namespace emmetrope {
 
@@ -17,8 +18,8 @@ bool looks_like_a_case(const std::filesystem::path& folder);
 class CaseLock {
  public:
   /// \param create  make the folder where it does not exist; it goes again if nothing is put into it
-  /// \throw Error (not_writable) when another run holds it or the folder cannot be written,
-  ///        (input_invalid) when it does not exist and is not to be made
+  /// \throw Error (not_writable) when another run holds it or the folder cannot be written, (input_invalid)
+  ///   when it does not exist and is not to be made
   CaseLock(const std::filesystem::path& case_folder, bool create);
   ~CaseLock();
   CaseLock(const CaseLock&) = delete;
@@ -40,8 +41,8 @@ struct StageInput {
 /// What a stage is about to do; two runs with the same spec and inputs' contents give the same bytes.
 struct StageSpec {
   std::string stage;  ///< folder in the case: "segmentation"
-  Json parameters =
-      Json::object();  ///< all that decides the result, and nothing else (no threads, no verbosity)
+  /// all that decides the result, and nothing else (no threads, no verbosity)
+  Json parameters = Json::object();
   std::vector<StageInput> inputs;
   bool uses_opencl = false;  ///< the device is then part of the key
   std::string device;        ///< name and driver, when it uses OpenCL
@@ -90,10 +91,10 @@ StageOutcome run_stage(const std::filesystem::path& case_folder, const StageSpec
                        const CommonOptions& common, const std::function<StageVerdict(StageWorkspace&)>& work);
 
 /// The verdict of a finished stage whose outputs are still what it wrote, and whose inputs in the case are
-/// still those that it was made from; the same holds for the stages before it. \throw Error (input_invalid)
-/// when CASE/<stage>/stage.json is missing or broken, when a file was edited or removed since, or when a
-/// stage before it has been made anew (mixed results would be of no eye), naming the command that makes it
-/// again
+/// still those that it was made from; the same holds for the stages before it.
+/// \throw Error (input_invalid) when CASE/<stage>/stage.json is missing or broken, when a file was edited or
+///   removed since, or when a stage before it has been made anew (mixed results would be of no eye), naming
+///   the command that makes it again
 StageVerdict read_verdict(const std::filesystem::path& case_folder, const std::string& stage);
 
 /// All regular files below a folder of the case, sorted, named relative to the case: the inputs a stage

@@ -12,8 +12,8 @@
 namespace emmetrope {
 
 /// A JSON object whose every key must be asked for: reads values with checks and, in the end, refuses keys
-/// that nobody read. Errors name the place ("surfaces[2] (lens_anterior)") and the key. \throw Error
-/// (input_invalid) from every member
+/// that nobody read. Errors name the place ("surfaces[2] (lens_anterior)") and the key.
+/// \throw Error (input_invalid) from every member
 class CheckedObject {
  public:
   CheckedObject(const Json& object, std::string place);

@@ -1,6 +1,7 @@
 #include "pipeline/base/command_line.hpp"
 
 #include <fmt/format.h>
+#include <CLI/CLI.hpp>
 
 #include <algorithm>
 #include <charconv>

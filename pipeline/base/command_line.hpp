@@ -1,5 +1,4 @@
 #pragma once
-#include <CLI/CLI.hpp>
 #include <cstdint>
 #include <functional>
 #include <string>
@@ -8,6 +7,10 @@
 #include "pipeline/base/json.hpp"
 #include "pipeline/base/laterality.hpp"
 #include "pipeline/base/progress.hpp"
+
+namespace CLI {
+class App;
+}
 
 namespace emmetrope {
 

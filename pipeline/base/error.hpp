@@ -24,7 +24,7 @@ enum class ExitStatus {
 /// to do.
 class Error : public std::runtime_error {
  public:
-  /// \param what    names the file, tag or parameter and what was found there
+  /// \param what  names the file, tag or parameter and what was found there
   /// \param remedy  what the user can do; may be empty
   Error(ExitStatus status, const std::string& what, std::string remedy = {})
       : std::runtime_error(what), status_(status), remedy_(std::move(remedy)) {}

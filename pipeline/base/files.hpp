@@ -5,11 +5,13 @@
 
 namespace emmetrope {
 
-/// The whole file. \throw Error (input_invalid) when it cannot be read
+/// The whole file.
+/// \throw Error (input_invalid) when it cannot be read
 std::string read_file(const std::filesystem::path& file);
 
 /// Writes beside the target, checks every step, syncs, renames: the file holds all of `bytes` or is as it
-/// was. \throw Error (not_writable) naming the file and the system's reason
+/// was.
+/// \throw Error (not_writable) naming the file and the system's reason
 void write_file(const std::filesystem::path& file, std::string_view bytes);
 
 /// SHA-256 as 64 hexadecimal digits.
@@ -18,8 +20,8 @@ std::string sha256_of(std::string_view bytes);
 std::string sha256_of_file(const std::filesystem::path& file);
 
 /// Folder of data that is installed with the program (share/emmetrope) or, in a build tree, its source
-/// folder: found from the place of the running executable, so that an installed tree can be moved. \throw
-/// Error (fault) when it does not exist
+/// folder: found from the place of the running executable, so that an installed tree can be moved.
+/// \throw Error (fault) when it does not exist
 std::filesystem::path data_folder();
 
 /// The folder of the running executable, where its sibling commands are.

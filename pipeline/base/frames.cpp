@@ -1,5 +1,6 @@
 #include "pipeline/base/frames.hpp"
 
+#include <algorithm>
 #include <cmath>
 
 #include "pipeline/base/error.hpp"
@@ -18,6 +19,20 @@ Eigen::Isometry3d lps_from_eye(const Eigen::Vector3d& apex_in_lps, const Eigen::
   transform.linear() << x, z.cross(x), z;
   transform.translation() = apex_in_lps;
   return transform;
+}
+
+Eigen::Vector3d gaze_axis(double horizontal_deg, double vertical_deg) {
+  const double h = horizontal_deg * degree, v = vertical_deg * degree;
+  return {std::sin(h) * std::cos(v), -std::cos(h) * std::cos(v), std::sin(v)};
+}
+
+Eigen::Vector2d gaze_deg(const Eigen::Vector3d& axis_in_lps) {
+  return {std::atan2(axis_in_lps.x(), -axis_in_lps.y()) / degree,
+          std::asin(std::clamp(axis_in_lps.z() / axis_in_lps.norm(), -1.0, 1.0)) / degree};
+}
+
+Json to_json_vector(const Eigen::Vector3d& vector) {
+  return Json::array({vector.x(), vector.y(), vector.z()});
 }
 
 Json to_json_matrix(const Eigen::Isometry3d& transform) {

@@ -8,9 +8,8 @@
 ///
 /// lps: DICOM patient frame: +x to the patient's left, +y posterior, +z superior.
 /// eye: ANSI Z80.28 / ISO 24157: +z out of the eye along its axis, +x horizontal (no superior component) to
-/// the
-///      examiner's right, which is the patient's left, +y up; origin at the anterior corneal apex. OD and OS
-///      alike.
+///      the examiner's right, which is the patient's left, +y up; origin at the anterior corneal apex. OD and
+///      OS alike.
 /// A depth d is a distance behind the apex into the eye: d = -z.
 namespace emmetrope {
 
@@ -22,6 +21,13 @@ inline constexpr double degree = pi / 180;
 /// \throw Error (input_invalid) when the axis is vertical, so that no horizontal direction is defined
 Eigen::Isometry3d lps_from_eye(const Eigen::Vector3d& apex_in_lps, const Eigen::Vector3d& axis_in_lps);
 
+/// Outward axis in LPS of an eye that looks this far to the patient's left and up from straight ahead, and
+/// back.
+Eigen::Vector3d gaze_axis(double horizontal_deg, double vertical_deg);
+Eigen::Vector2d gaze_deg(const Eigen::Vector3d& axis_in_lps);
+
+/// [x, y, z]
+Json to_json_vector(const Eigen::Vector3d& vector);
 /// 4 x 4 row-major matrix as nested arrays, the form of `lps_from_eye` in every JSON file.
 Json to_json_matrix(const Eigen::Isometry3d& transform);
 /// \throw Error (input_invalid) when it is no rigid transform to 1e-6

@@ -26,10 +26,6 @@ std::string written(const SpheroCylinder& refraction) {
                      format_axis(refraction.axis_deg));
 }
 
-double distance_D(const PowerVector& a, const PowerVector& b) {
-  return std::hypot(a.M_D - b.M_D, a.J0_D - b.J0_D, a.J45_D - b.J45_D);
-}
-
 /// Takes numbers and signs off the front of a text.
 class Reader {
  public:

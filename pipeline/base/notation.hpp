@@ -37,8 +37,8 @@ struct StatedRefraction {
   std::optional<double> sigma_D;  ///< of M, J0 and J45 each
 };
 /// Reads "-2.25/-1.00x180@12+-0.25"; cylinder, vertex distance and accuracy may be left out ("-3", "+1.50
-/// DS",
-/// "+1.5@14", "PL"). \throw Error (usage) naming the text and what was expected
+/// DS", "+1.5@14", "PL").
+/// \throw Error (usage) naming the text and what was expected
 StatedRefraction parse_refraction(const std::string& text);
 
 }  // namespace emmetrope

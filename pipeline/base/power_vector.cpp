@@ -8,6 +8,10 @@
 
 namespace emmetrope {
 
+double distance_D(const PowerVector& a, const PowerVector& b) {
+  return std::hypot(a.M_D - b.M_D, a.J0_D - b.J0_D, a.J45_D - b.J45_D);
+}
+
 PowerVector to_power_vector(const SpheroCylinder& refraction) {
   const double half_cylinder_D = refraction.cylinder_D / 2;
   const double twice_axis = 2 * refraction.axis_deg * degree;

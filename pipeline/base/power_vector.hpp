@@ -16,6 +16,9 @@ struct SpheroCylinder {
   double axis_deg = 0;
 };
 
+/// Length of the difference in power-vector space.
+double distance_D(const PowerVector& a, const PowerVector& b);
+
 PowerVector to_power_vector(const SpheroCylinder& refraction);
 
 /// The same refraction in minus cylinder; the axis of a sphere is 0.

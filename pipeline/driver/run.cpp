@@ -45,11 +45,10 @@ std::vector<std::string> common_arguments(const CommonOptions& common) {
 
 std::vector<Stage> stages_of(const RunOptions& options, const CommonOptions& common) {
   const std::string folder = as_argument(options.case_folder);
-  std::vector<Stage> stages{{"segment", "segmentation", {as_argument(options.study), "-o", folder}},
-                            {"mesh", "meshing", {folder}},
-                            {"trace", "raytrace", {folder}},
-                            {"correct", "correction", {folder}},
-                            {"report", "report", {folder}}};
+  std::vector<Stage> stages;
+  for (const PipelineStage& stage : pipeline_stages)
+    stages.push_back({stage.command, stage.folder, {folder}});
+  stages.front().arguments = {as_argument(options.study), "-o", folder};
   const std::array<const std::vector<std::string>*, 5> own{&options.segment_options, &options.mesh_options,
                                                            &options.trace_options, &options.correct_options,
                                                            &options.report_options};

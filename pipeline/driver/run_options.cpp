@@ -1,5 +1,6 @@
 #include "pipeline/driver/run_options.hpp"
 
+#include <CLI/CLI.hpp>
 namespace emmetrope::driver {
 namespace {
 

@@ -3,12 +3,12 @@
 #include "pipeline/base/case_folder.hpp"
 #include "pipeline/base/files.hpp"
 #include "pipeline/report/case/case_data.hpp"
-#include "pipeline/report/figures/chart.hpp"
 #include "pipeline/report/content/content.hpp"
-#include "pipeline/report/page/html.hpp"
 #include "pipeline/report/dicom/write_objects.hpp"
-#include "pipeline/report/pdf/pdf.hpp"
+#include "pipeline/report/figures/chart.hpp"
+#include "pipeline/report/page/html.hpp"
 #include "pipeline/report/page/viewer.hpp"
+#include "pipeline/report/pdf/pdf.hpp"
 
 namespace emmetrope::report {
 namespace {
@@ -79,8 +79,7 @@ Source source_of(const CaseData& data, const ReportOptions& options) {
   const fs::path study = study_of(data, options);
   std::string note =
       "The DICOM study is not at hand: the DICOM objects carry the pseudonym and belong to a study of their "
-      "own "
-      "(give the study with --study).";
+      "own (give the study with --study).";
   if (!study.empty()) {
     try {
       return {SourceStudy::read(study, data.case_json), ""};
@@ -89,8 +88,7 @@ Source source_of(const CaseData& data, const ReportOptions& options) {
       // Not what the error says: it names the folder, which may bear a person's name.
       note =
           "The DICOM objects carry the pseudonym and belong to a study of their own: the study's folder "
-          "holds "
-          "no MR image in DICOM.";
+          "holds no MR image in DICOM.";
     }
   }
   if (options.identified)

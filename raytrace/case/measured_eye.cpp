@@ -2,28 +2,14 @@
 
 #include <fmt/format.h>
 
+#include "pipeline/base/case_subject.hpp"
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/frames.hpp"
+#include "pipeline/eye/media/ocular_media.hpp"
 #include "pipeline/eye/surfaces/mesh_shape.hpp"
 
 namespace emmetrope::raytrace {
 namespace {
-
-/// Le Grand's dispersion as a difference from 589.3 nm; n_inf is his, the index at reference is ours.
-Medium medium(double index, double n_inf, double k) {
-  return {index, {Dispersion::Formula::cornu, {n_inf, k, 130}}, {}};
-}
-
-std::optional<double> age_of_case(const std::filesystem::path& case_folder) {
-  const auto file = case_folder / "case.json";
-  if (!std::filesystem::exists(file)) return std::nullopt;
-  const Json json = read_json(file);
-  const auto subject = json.find("subject");
-  if (subject == json.end() || !subject->is_object()) return std::nullopt;
-  const auto age = subject->find("age_years");
-  if (age == subject->end() || !age->is_number()) return std::nullopt;
-  return age->get<double>();
-}
 
 Surface sphere(const std::string& name, double position_mm, double radius_mm,
                const std::string& medium_after) {
@@ -50,8 +36,8 @@ void add_core(EyeModel& eye) {
   front->medium_after = "cortex";
   eye.surfaces.insert(back, {core_front, core_back});
   eye.media.erase("lens");
-  eye.media["cortex"] = medium(1.386, 1.3999, 9.2492);
-  eye.media["core"] = medium(1.406, 1.3999, 9.2492);
+  eye.media["cortex"] = lens_medium(lens_cortex_index);
+  eye.media["core"] = lens_medium(lens_core_index);
 }
 
 }  // namespace
@@ -67,24 +53,21 @@ MeasuredEye read_measured_eye(const std::filesystem::path& case_folder, Laterali
   MeasuredEye result;
   EyeModel& eye = result.eye;
   eye.name = to_string(laterality);
-  eye.reference_wavelength_nm = 589.3;
+  eye.reference_wavelength_nm = sodium_nm;
   eye.lps_from_eye = isometry_from_json(biometry["lps_from_eye"]);
 
   std::optional<double> age = options.age_years;
   const bool asked = age.has_value();
-  if (!age) age = age_of_case(case_folder);
-  result.lens_index = options.lens_index.value_or(1.441 - 0.00039 * age.value_or(40));
+  if (!age) age = subject_age_years(case_folder);
+  result.lens_index = options.lens_index.value_or(lens_index_at_age(age.value_or(usual_age_years)));
   result.lens_source = options.lens_core    ? "Gullstrand's cortex and core"
                        : options.lens_index ? "--lens-index"
-                       : !age               ? "age unknown, taken as 40 years"
+                       : !age               ? fmt::format("age unknown, taken as {:g} years", usual_age_years)
                               : fmt::format("age {:.0f} years{}", *age, asked ? " (--age)" : "");
   if (result.lens_index < 1.34 || result.lens_index > 1.6)
     throw usage_error(fmt::format("a lens of index {:.4f} is no human lens", result.lens_index),
                       "check --lens-index or --age");
-  eye.media["cornea"] = medium(1.376, 1.3610, 7.4147);
-  eye.media["aqueous"] = medium(1.336, 1.3221, 7.0096);
-  eye.media["lens"] = medium(result.lens_index, 1.3999, 9.2492);
-  eye.media["vitreous"] = medium(1.336, 1.3208, 6.9806);
+  eye.media = ocular_media(result.lens_index);
 
   const auto mesh = [&](const char* name, const char* medium_after) {
     return read_mesh_surface(name, folder / (std::string(name) + ".ply"), eye.lps_from_eye, medium_after);

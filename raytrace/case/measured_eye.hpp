@@ -5,19 +5,20 @@
 
 #include "pipeline/base/json.hpp"
 #include "pipeline/base/laterality.hpp"
-#include "pipeline/eye/model/eye_model.hpp"
 #include "pipeline/eye/meshes/triangle_mesh.hpp"
+#include "pipeline/eye/model/eye_model.hpp"
+#include "pipeline/eye/population/population.hpp"
 
 namespace emmetrope::raytrace {
 
 /// What MR images do not show of an eye.
 struct MeasuredEyeOptions {
   std::optional<double> age_years;  ///< default: the study's, else 40
-  std::optional<double>
-      lens_index;  ///< equivalent index; default: 1.441 - 0.00039 age (Dubbelman and van der Heijde 2001)
-  bool lens_core = false;          ///< Gullstrand's cortex and core scaled to the lens, the paper's choice
-  double retinal_depth_mm = 0.20;  ///< photoreceptors behind the vitreo-retinal interface
-  double pupil_mm = 4;             ///< iris aperture, at the lens front vertex
+  /// Equivalent index; default: lens_index_at_age
+  std::optional<double> lens_index;
+  bool lens_core = false;  ///< Gullstrand's cortex and core scaled to the lens, the paper's choice
+  double retinal_depth_mm = usual_retinal_depth_mm;
+  double pupil_mm = 4;  ///< iris aperture, at the lens front vertex
 };
 
 /// An eye of a case as it is traced.

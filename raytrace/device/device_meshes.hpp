@@ -17,7 +17,7 @@ struct DeviceMeshes {
 
 /// A scene's meshes with a hierarchy of bounding boxes over their triangles (binned surface area heuristic).
 /// \param eye_from_scene  where the scene stands for a turned eye
-/// \param channels        1: luminances
+/// \param channels  1: luminances
 /// \param first_texel_of  stores a texture and returns the place of its first texel
 DeviceMeshes make_device_meshes(const Scene& scene, const Eigen::Isometry3d& eye_from_scene, int channels,
                                 const std::function<std::size_t(const Texture&)>& first_texel_of);

@@ -59,7 +59,8 @@ class DevicePicture {
   /// \throw cl::Error
   void trace(const std::vector<Band>& bands, std::uint64_t seed, int first_sample, int samples,
              Progress& progress);
-  /// Adds what the last pass found in these rows. \throw cl::Error
+  /// Adds what the last pass found in these rows.
+  /// \throw cl::Error
   void add_to(PictureSums& sums, const std::vector<Band>& bands);
 
  private:

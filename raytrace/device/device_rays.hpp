@@ -55,8 +55,9 @@ std::string definitions_of(const OpticalSystem& system, const KernelForm& form);
 constexpr int work_group = 64;  ///< pixels, or rays
 
 /// Single rays through the first operations of a system: x, y, z, L, M, N as planes of `count` values in; the
-/// same behind them out, and a seventh plane with the state (kernels/surfaces.cl). \pre the system's
-/// wavelengths are one and the same \throw cl::Error
+/// same behind them out, and a seventh plane with the state (kernels/surfaces.cl).
+/// \pre the system's wavelengths are one and the same
+/// \throw cl::Error
 std::vector<float> trace_rays(OpenCl& cl, const OpticalSystem& system, const SystemBuffers& buffers,
                               const std::vector<float>& in, int operation_count);
 

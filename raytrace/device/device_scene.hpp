@@ -3,8 +3,8 @@
 #include <cstdint>
 #include <vector>
 
-#include "raytrace/scene/scene_model.hpp"
 #include "raytrace/device/device_meshes.hpp"
+#include "raytrace/scene/scene_model.hpp"
 
 namespace emmetrope::raytrace {
 
@@ -21,7 +21,7 @@ struct DeviceScene {
 };
 
 /// \param eye_from_scene  where the scene stands for a turned eye
-/// \param monochromatic   luminances instead of colours
+/// \param monochromatic  luminances instead of colours
 DeviceScene make_device_scene(const Scene& scene, const Eigen::Isometry3d& eye_from_scene, bool monochromatic,
                               int threads);
 

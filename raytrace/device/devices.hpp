@@ -20,13 +20,13 @@ struct DeviceInfo {
 
 /// All devices of all platforms, in the order of their indices.
 /// \param threads  for CPU devices, where more than 0; has an effect before the first OpenCL call of the
-/// process only \throw Error (no_device) where there is no platform or device, or the kernel cache cannot be
-/// written
+///   process only
+/// \throw Error (no_device) where there is no platform or device, or the kernel cache cannot be written
 std::vector<DeviceInfo> list_devices(int threads = 0);
 
 /// The devices of a list such as "0,2" or "gpu": indices, or each the first whose name contains the word;
-/// "all" of them; the first where nothing is wanted. \throw Error (no_device) naming the devices of this
-/// machine
+/// "all" of them; the first where nothing is wanted.
+/// \throw Error (no_device) naming the devices of this machine
 std::vector<DeviceInfo> chosen_devices(const std::vector<DeviceInfo>& devices, const std::string& wanted);
 
 /// The folder for compiled kernels: POCL_CACHE_DIR where it is set, else emmetrope/kernels below

@@ -1,4 +1,5 @@
 #include <fmt/format.h>
+#include <CLI/CLI.hpp>
 
 #include "pipeline/base/command_line.hpp"
 #include "raytrace/device/devices.hpp"

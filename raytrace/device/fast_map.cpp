@@ -9,9 +9,9 @@
 
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/frames.hpp"
+#include "pipeline/base/parallel.hpp"
 #include "pipeline/eye/optics/exact_trace.hpp"
 #include "raytrace/device/device_rays.hpp"
-#include "pipeline/base/parallel.hpp"
 #include "raytrace/retina/pupil_polynomial.hpp"
 
 namespace emmetrope::raytrace {
@@ -228,8 +228,7 @@ FastMap make_fast_map(OpenCl& cl, const EyeModel& eye, const RetinalGrid& grid, 
   }
   throw unsupported_error(
       fmt::format("--surfaces fast: the map misses one of {} exactly traced rays by {:.3g} arcmin and {:.3g} "
-                  "um (rms {:.3g} arcmin)"
-                  ", more than {} arcmin and {} um (rms {} arcmin)",
+                  "um (rms {:.3g} arcmin), more than {} arcmin and {} um (rms {} arcmin)",
                   truth.size(), map.direction_max_arcmin, map.position_max_um, map.direction_rms_arcmin,
                   largest_arcmin, largest_position_um, largest_rms_arcmin),
       "use a smaller --pupil or --field-mm, or another --surfaces");

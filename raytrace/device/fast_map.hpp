@@ -4,17 +4,16 @@
 
 #include "pipeline/eye/model/eye_model.hpp"
 #include "raytrace/device/opencl.hpp"
-#include "raytrace/system/optical_system.hpp"
-#include "raytrace/retina/pupil_aim.hpp"
 #include "raytrace/picture/trace_settings.hpp"
+#include "raytrace/retina/pupil_aim.hpp"
+#include "raytrace/system/optical_system.hpp"
 
 namespace emmetrope::raytrace {
 
 /// The smooth map from (retina point, point of the unit disc that the aim ellipse is made of) to the ray
-/// behind the eye: polynomials of total degree `degree` in the disc,
-/// their coefficients tensor products of `nodes` Chebyshev nodes on each of `tiles` x `tiles` parts of the
-/// field. Values: x and y on the plane z = plane_z_mm, slopes L/N and M/N, squared radius at the stop over
-/// the stop's.
+/// behind the eye: polynomials of total degree `degree` in the disc, their coefficients tensor products of
+/// `nodes` Chebyshev nodes on each of `tiles` x `tiles` parts of the field. Values: x and y on the plane z =
+/// plane_z_mm, slopes L/N and M/N, squared radius at the stop over the stop's.
 struct FastMap {
   static constexpr int outputs = 5;
 
@@ -39,7 +38,7 @@ struct FastMap {
 };
 
 /// Fits the map to rays traced on the device and checks it against 10 000 exact random ones (float64).
-/// \param system      with formulas or smooth patches
+/// \param system  with formulas or smooth patches
 /// \throw Error (unsupported) where no map of the sizes that are tried comes within 0.01 arcmin of every ray
 FastMap make_fast_map(OpenCl& cl, const EyeModel& eye, const RetinalGrid& grid, const PupilAim& aim,
                       const OpticalSystem& system, const std::array<double, wavelength_count>& wavelength_nm,

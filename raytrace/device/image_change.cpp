@@ -9,6 +9,7 @@
 
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/parallel.hpp"
+#include "pipeline/eye/optics/exact_trace.hpp"
 #include "raytrace/retina/pupil_polynomial.hpp"
 
 namespace emmetrope::raytrace {
@@ -286,8 +287,7 @@ ImageChange make_image_change(const std::vector<EyeTangent>& tangents, const Dev
   throw unsupported_error(
       fmt::format("a derivative image: its polynomials miss exactly traced rays by {:.2g} %", 100 * error),
       "use a smaller --pupil or --field-mm: part of the field sees the scene past an edge within the eye, or "
-      "a "
-      "plane edge on");
+      "a plane edge on");
 }
 
 }  // namespace emmetrope::raytrace

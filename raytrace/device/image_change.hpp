@@ -3,8 +3,8 @@
 #include <vector>
 
 #include "raytrace/device/device_scene.hpp"
-#include "raytrace/picture/spectrum.hpp"
 #include "raytrace/picture/eye_tangent.hpp"
+#include "raytrace/picture/spectrum.hpp"
 #include "raytrace/picture/trace_settings.hpp"
 
 namespace emmetrope::raytrace {
@@ -22,8 +22,7 @@ struct ImageChange {
 
 /// Fits the polynomials to exactly traced rays (float64) and checks them against others at random.
 /// \throw Error (unsupported) where they miss those by more than 0.5 % (rms): parts of the field see the
-/// scene past an
-///        edge within the eye, or a plane edge on
+///   scene past an edge within the eye, or a plane edge on
 ImageChange make_image_change(const std::vector<EyeTangent>& tangents, const DeviceScene& scene,
                               const RetinalGrid& grid,
                               const std::array<double, wavelength_count>& wavelength_nm, int threads);

@@ -17,7 +17,7 @@ namespace emmetrope::raytrace {
 class OpenCl {
  public:
   /// \param device  of list_devices()
-  /// \param lanes   rays a work-item carries, 1 or 16; 0: what suits the device
+  /// \param lanes  rays a work-item carries, 1 or 16; 0: what suits the device
   /// \throw Error (no_device)
   OpenCl(const DeviceInfo& device, int threads, int lanes);
 

@@ -12,7 +12,8 @@ namespace emmetrope::raytrace {
 /// A picture on several devices, each with rows of its own.
 class SharedPicture {
  public:
-  /// Both arguments outlive it. \throw Error (no_device) of the first device that failed
+  /// Both arguments outlive it.
+  /// \throw Error (no_device) of the first device that failed
   SharedPicture(const std::vector<std::unique_ptr<OpenCl>>& devices, const PictureJob& job);
 
   /// Nothing yet.

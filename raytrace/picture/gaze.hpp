@@ -22,8 +22,8 @@ struct EyePose {
 };
 
 /// The gaze that brings the axis of an eye through a point of the scene; with a deviation in prism dioptres
-/// (left, up) as the eye itself sees it, for an eye that squints. \throw Error (usage) for a point that is
-/// not in front of it
+/// (left, up) as the eye itself sees it, for an eye that squints.
+/// \throw Error (usage) for a point that is not in front of it
 Gaze gaze_at(const EyePose& eye, const Eigen::Vector3d& point_mm,
              const Eigen::Vector2d& deviation_prism = {0, 0});
 

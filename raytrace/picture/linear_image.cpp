@@ -3,8 +3,8 @@
 
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/files.hpp"
-#include "raytrace/picture/spectrum.hpp"
 #include "raytrace/picture/linear_image.hpp"
+#include "raytrace/picture/spectrum.hpp"
 
 namespace emmetrope::raytrace {
 namespace {

@@ -13,10 +13,13 @@ namespace emmetrope::raytrace {
 /// every_triangle: the paper's, each triangle tested for each ray, plain means of face normals.
 enum class Representation { analytic, triangles, smooth, fast, every_triangle };
 
+const char* to_string(Representation representation);
+
 /// How rays are sent from a retinal point: `pupil`, spread evenly over the stop as the retina sees it;
 /// `paper`, as in Wei, Patkar and Pai (2014): to the nearest surface points of random points on a cap over
 /// the posterior lens, as wide as the stop, which itself stops nothing; triangles are then every_triangle.
 enum class Method { pupil, paper };
+const char* to_string(Method method);
 
 /// The image plane: pixels equidistant in eye x and y on the retina, centred on the pole.
 struct RetinalGrid {

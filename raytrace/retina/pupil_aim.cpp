@@ -8,8 +8,8 @@
 
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/frames.hpp"
-#include "pipeline/eye/optics/exact_trace.hpp"
 #include "pipeline/base/parallel.hpp"
+#include "pipeline/eye/optics/exact_trace.hpp"
 
 namespace emmetrope::raytrace {
 namespace {

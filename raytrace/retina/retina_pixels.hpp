@@ -2,8 +2,8 @@
 #include <vector>
 
 #include "pipeline/eye/model/eye_model.hpp"
-#include "raytrace/retina/pupil_aim.hpp"
 #include "raytrace/picture/trace_settings.hpp"
+#include "raytrace/retina/pupil_aim.hpp"
 
 namespace emmetrope::raytrace {
 

@@ -7,9 +7,11 @@
 
 namespace emmetrope::raytrace {
 
-/// Reads a PNG, JPEG or TIFF file as sRGB. \throw Error (input_invalid) naming it
+/// Reads a PNG, JPEG or TIFF file as sRGB.
+/// \throw Error (input_invalid) naming it
 std::shared_ptr<const Texture> read_picture(const std::filesystem::path& file);
-/// The same from its bytes. \param name  what an error calls it
+/// The same from its bytes.
+/// \param name  what an error calls it
 std::shared_ptr<const Texture> decode_picture(const std::string& bytes, const std::string& name);
 
 /// sRGB of a byte, 0 to 255, as linear light.

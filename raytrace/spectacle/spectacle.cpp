@@ -4,9 +4,9 @@
 
 #include <cmath>
 
+#include "pipeline/base/checked_object.hpp"
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/frames.hpp"
-#include "pipeline/base/checked_object.hpp"
 
 namespace emmetrope::raytrace {
 namespace {

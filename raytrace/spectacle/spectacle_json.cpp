@@ -1,6 +1,6 @@
+#include "pipeline/base/checked_object.hpp"
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/files.hpp"
-#include "pipeline/base/checked_object.hpp"
 #include "raytrace/spectacle/spectacle.hpp"
 
 namespace emmetrope::raytrace {

@@ -16,8 +16,8 @@ struct DeviceSurface {
   double axis_deg = 0;
   double clear_radius_mm = unlimited_mm;
   std::vector<double> parameters;  ///< what stands from place 4 on (kernels/surfaces.cl)
-  std::vector<float>
-      records;  ///< patches: 16 coefficients a cell; triangles: 16 floats each, 32 in a hierarchy
+  /// patches: 16 coefficients a cell; triangles: 16 floats each, 32 in a hierarchy
+  std::vector<float> records;
   std::vector<float> seeds;  ///< triangles: the grid's (int bits); a hierarchy's nodes
   int columns = 0;           ///< of the grid; for every_triangle the number of triangles
   std::string note;          ///< deviation of a fit from the surface

@@ -10,8 +10,8 @@
 
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/frames.hpp"
-#include "raytrace/system/device_surface.hpp"
 #include "pipeline/base/parallel.hpp"
+#include "raytrace/system/device_surface.hpp"
 
 namespace emmetrope::raytrace {
 namespace {
@@ -133,7 +133,7 @@ class Builder {
     return p;
   }
 
-  /// \param behind, front  media on the retina's side and on the other; null for air
+  /// \param behind,  front media on the retina's side and on the other; null for air
   void add(Operation kind, const Parameters& p, const Medium* behind, const Medium* front) {
     system_.kinds.push_back(kind);
     system_.operations.insert(system_.operations.end(), p.begin(), p.end());

@@ -11,7 +11,8 @@ struct BaseConic {
 };
 
 /// A sheet that is a height field over x and y, as kernels/surfaces.cl walks it. Triangles within 6 degrees
-/// of the axis are left out. \param mesh  in the shape's frame, with vertex normals
+/// of the axis are left out.
+/// \param mesh  in the shape's frame, with vertex normals
 DeviceSurface triangle_walk(const TriangleMesh& mesh, const BaseConic& base);
 
 }  // namespace emmetrope::raytrace

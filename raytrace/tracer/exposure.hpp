@@ -11,7 +11,8 @@ struct Exposure {
 };
 
 /// As Tracer::trace. A spectacle (surfaces whose names begin with "spectacle") stays with the head while the
-/// eye turns. Where nothing moves it is one trace. \throw Error (usage) for fewer samples than steps
+/// eye turns. Where nothing moves it is one trace.
+/// \throw Error (usage) for fewer samples than steps
 TraceResult trace_exposure(const Tracer& tracer, const EyeModel& eye, const Scene& scene,
                            const TraceSettings& settings, const Exposure& exposure);
 

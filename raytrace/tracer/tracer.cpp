@@ -6,17 +6,17 @@
 #include <thread>
 
 #include "pipeline/base/error.hpp"
-#include "pipeline/eye/surfaces/mesh_shape.hpp"
 #include "pipeline/eye/optics/paraxial.hpp"
-#include "raytrace/picture/airy.hpp"
+#include "pipeline/eye/surfaces/mesh_shape.hpp"
 #include "raytrace/device/image_change.hpp"
-#include "raytrace/system/optical_system.hpp"
-#include "raytrace/system/paper_method.hpp"
+#include "raytrace/device/shared_picture.hpp"
+#include "raytrace/picture/airy.hpp"
+#include "raytrace/picture/spectrum.hpp"
 #include "raytrace/retina/pupil_aim.hpp"
 #include "raytrace/retina/retina_pixels.hpp"
-#include "raytrace/device/shared_picture.hpp"
+#include "raytrace/system/optical_system.hpp"
+#include "raytrace/system/paper_method.hpp"
 #include "raytrace/system/sheet_mesh.hpp"
-#include "raytrace/picture/spectrum.hpp"
 
 namespace emmetrope::raytrace {
 namespace {

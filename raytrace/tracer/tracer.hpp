@@ -42,9 +42,9 @@ struct ExitRay {
 /// OpenCL devices with their programs; keeps compiled kernels between calls.
 class Tracer {
  public:
-  /// \param device  index or part of its name; empty: the first; several separated by commas, or "all":
-  ///                they share the rows of a picture, which is the same to the bit where they are alike
-  /// \param lanes   rays a work-item carries: 16 (CPU) or 1 (GPU); 0: what suits the device
+  /// \param device  index or part of its name; empty: the first; several separated by commas, or "all": they
+  ///   share the rows of a picture, which is the same to the bit where they are alike
+  /// \param lanes  rays a work-item carries: 16 (CPU) or 1 (GPU); 0: what suits the device
   /// \throw Error (no_device) with the remedy
   explicit Tracer(const std::string& device, int threads = 0, int lanes = 0);
   ~Tracer();
@@ -56,7 +56,8 @@ class Tracer {
 
   /// Traces backward from the retina through the pupil of `eye` into `scene`.
   /// \param tangents  derivatives are those of what the same samples see: retina point and place in the pupil
-  /// held \throw Error (unsupported) where the derivatives' check against exact rays fails (image_change.hpp)
+  ///   held
+  /// \throw Error (unsupported) where the derivatives' check against exact rays fails (image_change.hpp)
   TraceResult trace(const EyeModel& eye, const Scene& scene, const TraceSettings& settings,
                     const std::vector<EyeTangent>& tangents = {}) const;
 

@@ -12,8 +12,7 @@ namespace emmetrope::raytrace {
 class PupilFunction {
  public:
   /// \param samples_across  at least so many over the pupil's diameter
-  /// \param padding         side of the transform over the pupil's diameter, at least 2 for an OTF without
-  /// wrap
+  /// \param padding  side of the transform over the pupil's diameter, at least 2 for an OTF without wrap
   PupilFunction(const Wavefront& wavefront, int samples_across, double padding);
 
   int size() const { return size_; }        ///< side of the transforms

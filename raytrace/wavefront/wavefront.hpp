@@ -10,10 +10,9 @@
 /// Wavefront aberration of an eye, ANSI Z80.28 / ISO 24157, by exact rays from the retina outward.
 ///
 /// The reference plane is the entrance pupil's, perpendicular to the line of sight (the ray from the retinal
-/// point through the centre of the stop); its x is the eye's horizontal, its y up. W (um) is the optical
-/// path of the ray through the pupil's centre less that of the ray here: positive where the emerging
-/// wavefront is ahead, as a myope's converging one is at the rim: M = -4 sqrt(3) c20 / r^2 with c in um and r
-/// in mm.
+/// point through the centre of the stop); its x is the eye's horizontal, its y up. W (um) is the optical path
+/// of the ray through the pupil's centre less that of the ray here: positive where the emerging wavefront is
+/// ahead, as a myope's converging one is at the rim: M = -4 sqrt(3) c20 / r^2 with c in um and r in mm.
 namespace emmetrope::raytrace {
 
 struct WavefrontSettings {
@@ -58,8 +57,8 @@ Wavefront measure_wavefront(const EyeModel& eye, const WavefrontSettings& settin
 /// entrance pupil.
 struct ImageQuality {
   double strehl = 0;  ///< peak of the point spread function over that of the perfect pupil
-  double vsotf =
-      0;  ///< visual Strehl ratio by the OTF (Thibos et al. 2004), weighted by contrast_sensitivity()
+  /// visual Strehl ratio by the OTF (Thibos et al. 2004), weighted by contrast_sensitivity()
+  double vsotf = 0;
   std::vector<double> cpd, mtf_tangential, mtf_sagittal;  ///< 0 to 60 cycles a degree; along eye y and x
 };
 /// \param lens_in_pupil  what a thin lens in the entrance pupil plane corrects, the sign of a prescription
@@ -70,8 +69,8 @@ ImageQuality image_quality(const Wavefront& wavefront, const PowerVector& lens_i
 struct PointSpread {
   int size = 0;
   double pitch_arcmin = 0;
-  bool wraps =
-      false;  ///< the blur is wider than the grid, and what leaves it on one side enters on the other
+  /// The blur is wider than the grid, and what leaves it on one side enters on the other
+  bool wraps = false;
   std::vector<float> values;
 };
 PointSpread point_spread(const Wavefront& wavefront, const PowerVector& lens_in_pupil = {});

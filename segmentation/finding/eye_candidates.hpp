@@ -16,8 +16,8 @@ struct EyeCandidate {
   Eigen::Vector3d centre;  ///< LPS, mm
   double radius_mm = 0;    ///< of the strongest step: the inner wall in T2, the outer one in T1
   Contrast contrast = Contrast::t2;
-  double agreement =
-      0;  ///< share of the directions inside the stack whose edge lies on the sphere (within 1.2 mm)
+  /// Share of the directions inside the stack whose edge lies on the sphere (within 1.2 mm)
+  double agreement = 0;
   double inside = 0;              ///< share of the directions whose wall lies inside the stack
   double contrast_to_spread = 0;  ///< step across the wall over the vitreous' own spread
   double score() const { return agreement * inside; }
@@ -32,8 +32,8 @@ std::vector<EyeCandidate> find_candidates(const Stack& stack);
 /// Searched within 60 degrees of straight ahead.
 struct Gaze {
   Eigen::Vector3d axis;  ///< unit, out of the eye, LPS
-  double lens_contrast =
-      0;  ///< of the lens against its surroundings, relative to the vitreous (T2) or the surround (T1)
+  /// of the lens against its surroundings, relative to the vitreous (T2) or the surround (T1)
+  double lens_contrast = 0;
   /// In T1 the globe was found by the edge of the fat, which chemical shift displaces: the axis if the lens
   /// is up to 2 mm nearer or farther than usual, where that is more than 10 degrees away.
   std::optional<Eigen::Vector3d> other_axis;

@@ -16,8 +16,8 @@ using Eigen::Vector3d;
 constexpr double least_separation_mm = 42, largest_separation_mm = 82;  // from small children to wide adults
 constexpr double least_score = 0.45;
 constexpr double same_eye_mm = 12;  ///< the head moves less than this between series
-constexpr double off_midline_mm =
-    10;  ///< a globe farther to one side is that side's: half the least separation
+/// a globe farther to one side is that side's: half the least separation
+constexpr double off_midline_mm = 10;
 constexpr std::size_t most_stacks = 4;
 
 /// Two globes side by side: distance in range, more across than along the head, of like size.
@@ -84,7 +84,8 @@ void choose_views(const Cluster& cluster, FoundEye& eye) {
 }
 
 /// The wrong eye is the worst result: a stack that shows one globe only must not say that it is the other
-/// one. \throw Error (input_invalid)
+/// one.
+/// \throw Error (input_invalid)
 void compare_with_tags(const std::vector<Cluster>& eyes, const std::vector<const Stack*>& stacks,
                        const std::vector<std::string>& laterality_tags) {
   const double midline_mm = eyes.size() == 2 ? (eyes[0].centre() + eyes[1].centre()).x() / 2 : 0;

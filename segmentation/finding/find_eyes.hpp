@@ -40,8 +40,9 @@ struct FoundEyes {
 };
 
 /// Finds the eyes in all stacks (one patient frame), pairs them left and right by LPS x, and chooses for each
-/// eye the stacks of the contrast class that says most about it. \param laterality_tags  ImageLaterality of
-/// each stack ("R", "L" or else), decides where one eye only is seen, within 10 mm of the midline
+/// eye the stacks of the contrast class that says most about it.
+/// \param laterality_tags  ImageLaterality of each stack ("R", "L" or else), decides where one eye only is
+///   seen, within 10 mm of the midline
 /// \throw Error (input_invalid) naming the tags, where a stack shows one eye only and its tag says the other
 FoundEyes find_eyes(const std::vector<const Stack*>& stacks, const std::vector<std::string>& laterality_tags);
 

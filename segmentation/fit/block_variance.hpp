@@ -30,7 +30,7 @@ struct BlockVariance {
 ///     factor, too large, of independent samples as well (MacKinnon, Nielsen and Webb 2023).
 /// Priors are no samples: their share of the variance is in neither.
 /// \param covariance  C = H^-1 of the parameters, priors included
-/// \param figures     a column f for each figure
+/// \param figures  a column f for each figure
 BlockVariance block_variance(const LinearRows& rows, const Eigen::MatrixXd& covariance, const Blocks& blocks,
                              const Eigen::MatrixXd& figures);
 

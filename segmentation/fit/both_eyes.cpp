@@ -1,4 +1,5 @@
 #include "segmentation/fit/both_eyes.hpp"
+#include "pipeline/eye/population/population.hpp"
 
 #include <Eigen/LU>
 #include <algorithm>
@@ -13,8 +14,6 @@ using Eigen::Matrix2d;
 using Eigen::MatrixXd;
 using Eigen::Vector2d;
 using Eigen::VectorXd;
-
-constexpr double per_dioptre = 1 / 337.5;  ///< keratometric power to curvature, 1/mm
 
 /// A number of each eye, linear in its free parameters, and what is known of the pair besides the images:
 /// an information matrix and its product with the mean.
@@ -69,7 +68,7 @@ Shared of_one_person(const std::array<EyeFit*, 2>& eyes, int parameter, const Ve
 Shared corneal_curvature(const std::array<EyeFit*, 2>& eyes) {
   Vector2d mean;
   for (int e = 0; e < 2; ++e) mean[e] = expected_curvature(eyes[e]->priors, eyes[e]->value(axial_length));
-  return of_one_person(eyes, cornea_c, mean, corneal_power_difference_D * per_dioptre);
+  return of_one_person(eyes, cornea_c, mean, corneal_power_difference_D * per_mm_of_keratometric_D);
 }
 
 /// Depths and thicknesses that are alike in the eyes of a person.

@@ -13,14 +13,15 @@ namespace emmetrope::segmentation {
 /// them.
 class EyeDrawing {
  public:
-  /// \param cell            edges of the cells, in the eye frame (columns)
+  /// \param cell  edges of the cells, in the eye frame (columns)
   /// \param voxel_reach_mm  how far a voxel reaches from its middle
   /// \param at, parameters  must outlive the drawing
   EyeDrawing(const ForwardModel& model, const ForwardModel::AtParameters& at,
              const Eigen::VectorXd& parameters, int stack, const Eigen::Matrix3d& cell,
              double voxel_reach_mm);
 
-  /// Goes to the voxel about a point of the eye frame. \return whether a border may cross it
+  /// Goes to the voxel about a point of the eye frame.
+  /// \return whether a border may cross it
   bool enter(const Eigen::Vector3d& middle);
 
   /// Mean intensity of a cell about a point of the voxel.

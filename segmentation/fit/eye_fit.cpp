@@ -25,7 +25,8 @@ using Eigen::VectorXd;
 
 /// Deviation of each sample, frozen for a pass: the noise of a Rician magnitude at the model's signal,
 /// widened for each stack by what the model does not explain (median of the residuals), so that the loss sees
-/// outliers of the misfit and not of the noise alone. \return the factors
+/// outliers of the misfit and not of the noise alone.
+/// \return the factors
 VectorXd freeze_weights(FitProblem& problem, const VectorXd& a) {
   const ForwardModel::AtParameters at(*problem.model, a);
   std::vector<std::vector<double>> misfit(problem.model->stacks().size());
@@ -168,7 +169,8 @@ int coarse_stride(const std::vector<ObservedStack>& stacks) {
 }
 
 /// The last passes: everything that is active, then once more with weights that know the misfit. Samples,
-/// covariance and judgement go into the fit. \param step_done  called after each
+/// covariance and judgement go into the fit.
+/// \param step_done  called after each
 void settle(EyeFit& fit, FitProblem& problem, const std::function<void()>& step_done) {
   problem.model = &fit.model;
   const Basis basis = select_parameters(fit.layout.size(), fit.active);

@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "pipeline/base/frames.hpp"
 #include "pipeline/base/laterality.hpp"
 #include "pipeline/eye/parametric/parametric_eye.hpp"
 #include "segmentation/finding/find_eyes.hpp"
@@ -36,8 +37,8 @@ struct EyeFit {
   std::vector<Sample> samples;    ///< of the last pass
   std::vector<double> residuals;  ///< image minus model over the noise, of the samples
   double chi2_per_voxel = 0;      ///< in units of the noise
-  Eigen::VectorXd
-      misfit;  ///< of each stack: by how much its weights were widened for what the model does not explain
+  /// of each stack: by how much its weights were widened for what the model does not explain
+  Eigen::VectorXd misfit;
   std::vector<RegionFit> regions;  ///< by Part
   int iterations = 0;
   bool converged = false;
@@ -68,9 +69,9 @@ std::vector<const Stack*> views_of(const FoundEye& eye, const std::vector<const 
 /// Fits one eye to its stacks, which are of one contrast. The order that converges: globe, lens and pose
 /// without the cornea, from several starts; the cornea from five depths; everything, the globe that explains
 /// most; everything once more with weights that know the misfit; and where a test says that the cornea is
-/// irregular, both again with its free form.
-/// Where labels are the evidence, intensities, coil and sharpness are known and only shapes, pose and the
-/// head's shifts are free. \param advance  called `fit_steps` times in all
+/// irregular, both again with its free form. Where labels are the evidence, intensities, coil and sharpness
+/// are known and only shapes, pose and the head's shifts are free.
+/// \param advance  called `fit_steps` times in all
 /// \throw Error (no_result) when the data cannot support a fit
 EyeFit fit_eye(const std::vector<const Stack*>& stacks, const EyeStart& start, Contrast contrast,
                const std::function<void()>& advance = {}, Evidence evidence = Evidence::intensities);

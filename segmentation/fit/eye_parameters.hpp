@@ -100,7 +100,7 @@ struct ParameterLayout {
   std::string name(int index) const;
 };
 
-/// Normal beliefs about parameters before the image is seen; an infinite sigma is none.
+/// Normal priors of parameters before the image is seen; an infinite sigma is none.
 struct Priors {
   Eigen::VectorXd mean, sigma;
   /// Cornea and wall are equally bright but for this, in the unit of intensities; infinite: not asked for.
@@ -113,7 +113,7 @@ struct Priors {
   Eigen::MatrixXd corneal_form_information = {};
 };
 
-/// Population and acquisition priors (values and sources: docs/segmentation.md) about a start vector:
+/// Population and acquisition priors (values and sources: docs/method/segmentation.md) about a start vector:
 /// parameters with no population mean (pose, intensities) are weakly held at `start` or not at all. Where the
 /// patient's age is known, the radii of the lens, and of an adult the depth of the chamber and the thickness
 /// of the lens, are expected as they are at that age.
@@ -121,7 +121,8 @@ Priors population_priors(const ParameterLayout& layout, const Eigen::VectorXd& s
                          std::optional<double> age_years = {});
 
 /// The same, with what is believed of a cornea that is not regular (keratoconus): its free form, and its
-/// biconic with wider spreads. \param layout  with the irregular cornea
+/// biconic with wider spreads.
+/// \param layout  with the irregular cornea
 Priors irregular_cornea_priors(const Priors& of_regular, const ParameterLayout& layout);
 
 /// What is expected of cornea_c in an eye of this length.
@@ -129,10 +130,6 @@ double expected_curvature(const Priors& priors, double axial_length_mm);
 
 /// A vector at the population means, pose and intensities zero.
 Eigen::VectorXd population_mean(const ParameterLayout& layout);
-
-/// Outward axis in LPS of an eye that looks this far to the patient's left and up, and back.
-Eigen::Vector3d gaze_axis(double horizontal_deg, double vertical_deg);
-Eigen::Vector2d gaze_deg(const Eigen::Vector3d& axis);
 
 /// Directions on the unit sphere (x, y, z of the eye frame, scaled by the globe's half axes) where the wall
 /// may be displaced: a Fibonacci lattice, none over the cornea.

@@ -53,7 +53,8 @@ Bump bump_at(double cosine);
 EyeSurface cornea_surface(const Eigen::VectorXd& a, const Eigen::Vector3d& p, bool back,
                           const CorneaField* field);
 EyeSurface lid_surface(const Eigen::VectorXd& a, const Eigen::Vector3d& p);
-/// Inner or outer side of the wall. \param fields  none: the ellipsoid alone
+/// Inner or outer side of the wall.
+/// \param fields  none: the ellipsoid alone
 EyeSurface globe_surface(const Eigen::VectorXd& a, const Eigen::Vector3d& p, bool outer,
                          const WallFields* fields);
 void lens_surfaces(const Eigen::VectorXd& a, const Eigen::Vector3d& p, EyeSurface& front, EyeSurface& back,

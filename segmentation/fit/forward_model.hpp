@@ -110,7 +110,8 @@ class ForwardModel {
   const std::vector<StackSampling>& stacks() const { return stacks_; }
   std::vector<StackSampling>& stacks() { return stacks_; }
 
-  /// A model at fixed parameters. \pre parameters.size() == layout.size()
+  /// A model at fixed parameters.
+  /// \pre parameters.size() == layout.size()
   class AtParameters {
    public:
     AtParameters(const ForwardModel& model, const Eigen::VectorXd& parameters);

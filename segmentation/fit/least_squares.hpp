@@ -53,8 +53,8 @@ SolveResult solve(const FitProblem& problem, const Eigen::VectorXd& start, const
                   int max_iterations);
 
 /// Covariance of the parameters that move, at a solution: inverse of J'J with the priors, by
-/// ceres::Covariance, which checks the rank. In the order of the basis' columns. \throw Error (no_result)
-/// when J'J is rank deficient
+/// ceres::Covariance, which checks the rank. In the order of the basis' columns.
+/// \throw Error (no_result) when J'J is rank deficient
 Eigen::MatrixXd covariance(const FitProblem& problem, const Eigen::VectorXd& parameters, const Basis& basis);
 
 /// \param basis  a selection of parameters

@@ -62,7 +62,8 @@ struct TissueLevels {
 TissueLevels measure_levels(const Stack& stack, const EyeStart& start, Contrast contrast);
 
 /// Sigma of the noise (one channel) in the vitreous: residual of a quadratic in each slice, corrected for the
-/// Rician magnitude. \throw Error (no_result) when there are too few voxels in it
+/// Rician magnitude.
+/// \throw Error (no_result) when there are too few voxels in it
 double vitreous_noise(const Stack& stack, const EyeStart& start);
 
 /// Normalises stacks and measures their noise and resolution.

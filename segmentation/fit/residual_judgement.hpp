@@ -11,9 +11,9 @@ namespace emmetrope::segmentation {
 /// \param pairs  of neighbours that the correlation was taken from
 double voxels_per_independent(double correlation, double pairs);
 
-/// Residuals by part, into the fit. \return by how much the variance of each part's samples is to be widened:
-/// what the model does not explain, and neighbours whose residuals are alike, carry less information than
-/// independent noise.
+/// Residuals by part, into the fit.
+/// \return by how much the variance of each part's samples is to be widened: what the model does not explain,
+///   and neighbours whose residuals are alike, carry less information than independent noise.
 std::array<double, part_count> judge_residuals(EyeFit& fit, const FitProblem& problem);
 
 /// The fit's covariance with the variances of the eye's distances (eye_distances.hpp) widened where residuals

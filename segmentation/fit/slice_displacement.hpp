@@ -14,11 +14,11 @@ struct DisplacedSlices {
 };
 
 /// Each slice's residuals ask for a displacement: steps along the model's derivatives P_s by the eye's place.
-/// The fit has taken up a part: where slices lie d_t off, independently, one step finds
-/// N_s^-1 sum_t A_st d_t with N_s = P_s'P_s, A_st = N_s [s = t] - P_s'J_s C J_t'P_t, so that the mean square
-/// over the slices, weighted by N, is divided by sum tr(A_st' N_s^-1 A_st) / sum tr N_s. The solution moved
-/// by -C J_s'P_s d_s, corneal power and astigmatism, which few slices tell, most. Twice the mean square that
-/// noise alone makes, sum tr(N_s^-1 A_ss), widens nothing.
+/// The fit has taken up a part: where slices lie d_t off, independently, one step finds N_s^-1 sum_t A_st d_t
+/// with N_s = P_s'P_s, A_st = N_s [s = t] - P_s'J_s C J_t'P_t, so that the mean square over the slices,
+/// weighted by N, is divided by sum tr(A_st' N_s^-1 A_st) / sum tr N_s. The solution moved by -C J_s'P_s d_s,
+/// corneal power and astigmatism, which few slices tell, most. Twice the mean square that noise alone makes,
+/// sum tr(N_s^-1 A_ss), widens nothing.
 ///
 /// \param covariance  C, of the solution
 /// \pre fit.parameters solve the problem, which has samples

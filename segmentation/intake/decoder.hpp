@@ -32,13 +32,14 @@ class Decoder {
   /// \throw Error (fault) when the child cannot be started
   File decode(const std::filesystem::path& file, const FrameSink& sink);
 
-  /// A NIfTI volume, see read_nifti. \throw Error as that does, or (input_invalid) naming the file where the
-  /// child did not survive it
+  /// A NIfTI volume, see read_nifti.
+  /// \throw Error as that does, or (input_invalid) naming the file where the child did not survive it
   Stack decode_volume(const std::filesystem::path& file, std::vector<std::string>& warnings);
 
  private:
   class Child;
-  /// Sends the file's name to a child. \return when its answer must be there
+  /// Sends the file's name to a child.
+  /// \return when its answer must be there
   std::chrono::steady_clock::time_point ask(const std::filesystem::path& file);
   IntakeLimits limits_;
   std::unique_ptr<Child> child_;

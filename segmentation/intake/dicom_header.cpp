@@ -9,8 +9,8 @@
 #include <array>
 #include <fstream>
 
+#include "pipeline/base/clean_text.hpp"
 #include "pipeline/base/error.hpp"
-#include "segmentation/intake/clean_text.hpp"
 
 namespace emmetrope::segmentation {
 namespace {

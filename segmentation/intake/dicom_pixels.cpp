@@ -191,7 +191,8 @@ std::vector<Fragment> fragments_of(DcmPixelData& pixels, E_TransferSyntax syntax
   return fragments;
 }
 
-/// One compressed stream a frame. \throw Error (unsupported) when fragments cannot be told to frames
+/// One compressed stream a frame.
+/// \throw Error (unsupported) when fragments cannot be told to frames
 std::vector<Fragment> streams_of(std::vector<Fragment> fragments, int frames) {
   if (static_cast<int>(fragments.size()) == frames) return fragments;
   if (fragments.empty() || static_cast<int>(fragments.size()) < frames)

@@ -17,8 +17,9 @@ using FrameSink = std::function<void(const std::vector<std::int32_t>&)>;
 void register_decoders();
 
 /// Decodes all frames one after the other. The size is checked against the bytes that are there before any
-/// allocation. \param byte_limit  for the decoded pixels of a compressed file; others are as large as the
-/// file says and is \throw Error (input_invalid or unsupported) naming the tag
+/// allocation.
+/// \param byte_limit for the decoded pixels of a compressed file; others are as large as the file says and is
+/// \throw Error (input_invalid or unsupported) naming the tag
 DecodeEnd decode_pixels(DcmFileFormat& parsed, std::uint64_t byte_limit, const FrameSink& sink);
 
 }  // namespace emmetrope::segmentation

@@ -1,6 +1,6 @@
 #include "segmentation/intake/file_mention.hpp"
 
-#include "segmentation/intake/clean_text.hpp"
+#include "pipeline/base/clean_text.hpp"
 
 namespace emmetrope::segmentation {
 namespace {

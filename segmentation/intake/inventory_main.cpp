@@ -1,4 +1,5 @@
 #include <spdlog/spdlog.h>
+#include <CLI/CLI.hpp>
 
 #include "pipeline/base/command_line.hpp"
 #include "segmentation/intake/study.hpp"

@@ -12,9 +12,9 @@
 namespace emmetrope::segmentation {
 
 /// Reads a volume with one value a voxel, in this process: of files that we wrote. Files of unknown origin
-/// are read by Decoder::decode_volume. The scanner's (sform, else qform) orientation decides; planes that
-/// are NaN throughout are gaps, as write_nifti leaves them. \throw Error (input_invalid or unsupported)
-/// naming the file and the header field
+/// are read by Decoder::decode_volume. The scanner's (sform, else qform) orientation decides; planes that are
+/// NaN throughout are gaps, as write_nifti leaves them.
+/// \throw Error (input_invalid or unsupported) naming the file and the header field
 Stack read_nifti(const std::filesystem::path& file);
 
 /// What read_nifti noticed besides: sform and qform that disagree, and so on.

@@ -36,7 +36,8 @@ class ByteReader {
       size -= static_cast<std::uint64_t>(got);
     }
   }
-  /// Nothing more is wanted; at the end of a gzip stream its checksum is compared. \throw Error
+  /// Nothing more is wanted; at the end of a gzip stream its checksum is compared.
+  /// \throw Error
   void finish() {
     char unused = 0;
     if (::gzread(stream_.get(), &unused, 1) < 0) fail("end");

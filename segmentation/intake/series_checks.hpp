@@ -48,8 +48,8 @@ inline constexpr const char* one_slice_only = "one slice only: it shows no eye i
 SeriesInfo judge_series(std::vector<ScannedFile> files, const IntakeOptions& options);
 
 /// Orders the images along the normal of info.orientation and judges their positions: duplicates, shear,
-/// gaps, uneven spacing. Sets slices, slice_spacing_mm, uniform and warnings of `info`. \throw Error
-/// (input_invalid)
+/// gaps, uneven spacing. Sets slices, slice_spacing_mm, uniform and warnings of `info`.
+/// \throw Error (input_invalid)
 void judge_positions(std::vector<SeriesImage> images, SeriesInfo& info);
 
 }  // namespace emmetrope::segmentation

@@ -22,12 +22,13 @@ struct SliceGrid {
 /// headers.
 inline constexpr double on_grid_mm = 0.02;
 
-/// Median distance of neighbours. \param along_normal_mm  positions, ascending, at least two
+/// Median distance of neighbours.
+/// \param along_normal_mm  positions, ascending, at least two
 double median_step_mm(const std::vector<double>& along_normal_mm);
 
 /// Least-squares grid through slice positions: the coarsest whose step occurs between two slices and that has
-/// all slices on it; of the median step where there is none. \param along_normal_mm  positions along the
-/// normal, ascending, at least one
+/// all slices on it; of the median step where there is none.
+/// \param along_normal_mm  positions along the normal, ascending, at least one
 SliceGrid fit_slice_grid(const std::vector<double>& along_normal_mm);
 SliceGrid fit_slice_grid(const Stack& stack);
 

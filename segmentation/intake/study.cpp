@@ -6,8 +6,8 @@
 #include <map>
 #include <set>
 
+#include "pipeline/base/clean_text.hpp"
 #include "pipeline/base/files.hpp"
-#include "segmentation/intake/clean_text.hpp"
 #include "segmentation/intake/decoder.hpp"
 #include "segmentation/intake/file_list.hpp"
 #include "segmentation/intake/file_mention.hpp"

@@ -77,8 +77,8 @@ struct SeriesInfo {
   std::optional<double> repetition_time_ms, echo_time_ms, inversion_time_ms, flip_angle_deg;
   std::optional<double> field_strength_T, pixel_bandwidth_Hz;
   std::string phase_encoding;  ///< InPlanePhaseEncodingDirection: "ROW", "COL" or empty
-  std::optional<std::array<double, 2>>
-      private_scaling;  ///< Philips (2005,100E) slope, (2005,100D) intercept; not applied
+  /// Philips (2005,100E) slope, (2005,100D) intercept; not applied
+  std::optional<std::array<double, 2>> private_scaling;
 
   std::vector<std::string> warnings;
   bool usable = false;
@@ -127,13 +127,14 @@ struct StudyInventory {
 std::string uid_of_choice(const std::string& choice);
 
 /// Lists and judges what a study holds. All pixels are decoded once. Series that cannot be used are listed
-/// with the reason; only a study that cannot be read at all is an error. \param study  a folder, or one DICOM
-/// or NIfTI file \throw Error (input_invalid) when it does not exist or holds too many files
+/// with the reason; only a study that cannot be read at all is an error.
+/// \param study  a folder, or one DICOM or NIfTI file
+/// \throw Error (input_invalid) when it does not exist or holds too many files
 StudyInventory read_inventory(const std::filesystem::path& study, const IntakeOptions& options = {});
 
 /// The voxels of one series of the inventory, every slice at its own position.
 /// \throw Error with the series' reason when it is not usable, (input_invalid) when its files changed
-/// meanwhile
+///   meanwhile
 Stack read_series(const StudyInventory& inventory, const std::string& uid, const IntakeOptions& options = {});
 
 /// The document of `emmetrope inventory --json` as docs/reading-dicom.md describes it.

@@ -27,7 +27,8 @@ bool may_hold_images(const fs::path& path) {
          extension == ".IMA";
 }
 
-/// A study in the case's folder would be read as a case, not as images, from then on. \pre the study exists
+/// A study in the case's folder would be read as a case, not as images, from then on.
+/// \pre the study exists
 void check_case_folder(const SegmentOptions& options) {
   const fs::path study = fs::weakly_canonical(fs::absolute(options.study)),
                  folder = fs::weakly_canonical(fs::absolute(options.case_folder)),

@@ -10,7 +10,7 @@ namespace emmetrope::segmentation {
 
 /// The files that reading the study reads, and the labels; numbered, as a file's name may be the patient's.
 /// \throw Error (usage) where the case would be the study, or labels lie where the stage writes or reads
-/// images; (input_invalid) where something does not exist
+///   images; (input_invalid) where something does not exist
 std::vector<StageInput> input_files(const SegmentOptions& options);
 
 /// The series asked for, or all usable ones; at least one, of one study.

@@ -35,7 +35,8 @@ inline constexpr double most_fat_shift_difference_mm = 0.5;
 /// the one that explains its images worse when the two find fat displaced differently (then the other one).
 /// The new fit is taken where it is measured, agrees, and leaves smaller residuals. Two that still contradict
 /// each other are both refused: one took something else for its globe, and which is not known. Not for eyes
-/// that were fitted to labels. \param stacks  of the study, as FoundEye counts them
+/// that were fitted to labels.
+/// \param stacks  of the study, as FoundEye counts them
 void compare_fellow_eyes(JudgedEye& od, JudgedEye& os, const std::vector<const Stack*>& stacks,
                          std::optional<double> age_years, Verbosity verbosity);
 

@@ -1,4 +1,5 @@
 #include "segmentation/judgement/quality.hpp"
+#include "pipeline/eye/population/population.hpp"
 
 #include <fmt/format.h>
 
@@ -50,8 +51,8 @@ std::vector<QualityGate> judge_quality(const FoundEye& found, const EyeFit& fit)
       "lens_off_axis_mm", off_axis, 2, true,
       fmt::format("the lens was not found: the fitted one lies {:.1f} mm beside the eye's axis", off_axis));
 
-  const double k = 337.5 * fit.value(cornea_c), k_sigma = 337.5 * fit.sigma(cornea_c);
-  const double prior_sigma = 337.5 * fit.priors.sigma[cornea_c];
+  const double k = keratometric_D_mm * fit.value(cornea_c), k_sigma = keratometric_D_mm * fit.sigma(cornea_c);
+  const double prior_sigma = keratometric_D_mm * fit.priors.sigma[cornea_c];
   at_most("cornea_sigma_over_prior", k_sigma / prior_sigma, 0.95, true,
           fmt::format("the cornea is not visible (a defaced head?): the images say next to nothing about its "
                       "curvature (sigma {:.2f} D, prior {:.2f} D)",

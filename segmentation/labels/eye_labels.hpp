@@ -25,7 +25,8 @@ Label label_at(const ForwardModel::AtParameters& eye, const Eigen::VectorXd& par
                const Eigen::Vector3d& p);
 
 /// Writes the labels of an eye into a volume on the stack's grid (one vector a slice): the tissue at each
-/// voxel's centre. \param view  index of the stack in the fit
+/// voxel's centre.
+/// \param view  index of the stack in the fit
 void rasterise(const EyeFit& fit, std::size_t view, Laterality laterality,
                std::vector<std::vector<std::uint8_t>>& labels);
 

@@ -23,7 +23,7 @@ struct HandLabels {
 /// Reads NIfTI label volumes; each belongs to the stack whose voxels' centres are its own (within a tenth of
 /// a voxel, the axes in any order).
 /// \throw Error (input_invalid) naming the file, what was found and what is expected: a grid of no stack, a
-/// value that labels.json does not have, no label at all; (usage) for two files on one stack
+///   value that labels.json does not have, no label at all; (usage) for two files on one stack
 std::vector<HandLabels> read_hand_labels(const std::vector<std::filesystem::path>& files,
                                          const std::vector<const Stack*>& stacks);
 

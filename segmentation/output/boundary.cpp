@@ -5,6 +5,7 @@
 #include <array>
 #include <cmath>
 
+#include "pipeline/base/even_points.hpp"
 #include "pipeline/base/files.hpp"
 #include "pipeline/base/frames.hpp"
 
@@ -65,7 +66,6 @@ void write_boundary(const std::filesystem::path& file, const EyeFit& fit) {
   };
 
   // Sunflower discs on the four front surfaces, a Fibonacci lattice on the retina.
-  const double golden_angle = pi * (3 - std::sqrt(5.0));
   const double lens_front = a[anterior_chamber_depth], lens_back = lens_front + a[lens_thickness];
   const std::array<std::pair<SurfaceRange, double>, 4> discs{
       {{{OpticalSurface::cornea_anterior, 5.0}, 0},
@@ -75,17 +75,16 @@ void write_boundary(const std::filesystem::path& file, const EyeFit& fit) {
   for (const auto& [range, depth] : discs) {
     constexpr int points = 400;
     for (int i = 0; i < points; ++i) {
-      const double r = range.radius_mm * std::sqrt((i + 0.5) / points), angle = i * golden_angle;
-      add(range.surface, {r * std::cos(angle), r * std::sin(angle), -depth});
+      const Eigen::Vector2d at = range.radius_mm * sunflower_point(i, points);
+      add(range.surface, {at.x(), at.y(), -depth});
     }
   }
   constexpr int retina_points = 2400;
   const Vector3d half_axes = a.segment<3>(globe_x), centre(0, 0, a[globe_z] - a[axial_length]);
   for (int i = 0; i < retina_points; ++i) {
-    const double z = 1 - (2.0 * i + 1) / retina_points, r = std::sqrt(1 - z * z), angle = i * golden_angle;
-    if (z > 0.4) continue;  // in front of the ora serrata there is no retina
-    add(OpticalSurface::retina,
-        centre + half_axes.cwiseProduct(Vector3d(r * std::cos(angle), r * std::sin(angle), z)));
+    const Vector3d direction = fibonacci_direction(i, retina_points);
+    if (direction.z() > 0.4) continue;  // in front of the ora serrata there is no retina
+    add(OpticalSurface::retina, centre + half_axes.cwiseProduct(direction));
   }
   const std::string header = fmt::format(
       "ply\nformat binary_little_endian 1.0\ncomment SPACE=LPS\n"

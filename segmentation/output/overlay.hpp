@@ -6,11 +6,12 @@
 namespace emmetrope::segmentation {
 
 /// Six slices of a stack through the eye, cropped to it, with the fitted borders in colour: cornea cyan, iris
-/// violet, lens orange, inner wall green, outer wall yellow. \throw Error (not_writable)
+/// violet, lens orange, inner wall green, outer wall yellow.
+/// \throw Error (not_writable)
 void write_overlay(const std::filesystem::path& file, const EyeFit& fit, std::size_t view);
 
-/// The same of a stack that the eye was not fitted to. \param shift  a point of it plus this is where it lies
-/// in the first stack of the fit, LPS mm
+/// The same of a stack that the eye was not fitted to.
+/// \param shift  a point of it plus this is where it lies in the first stack of the fit, LPS mm
 void write_overlay(const std::filesystem::path& file, const EyeFit& fit, const Stack& other,
                    const Eigen::Vector3d& shift);
 

@@ -9,14 +9,14 @@
 #include <iostream>
 #include <thread>
 
-#include "tests/benchmarks/benchmark_baselines.hpp"
 #include "pipeline/base/json.hpp"
-#include "raytrace/scene/scene_model.hpp"
-#include "raytrace/spectacle/spectacle.hpp"
 #include "raytrace/retina/pupil_aim.hpp"
 #include "raytrace/retina/retina_pixels.hpp"
+#include "raytrace/scene/scene_model.hpp"
+#include "raytrace/spectacle/spectacle.hpp"
 #include "raytrace/system/sheet_mesh.hpp"
 #include "raytrace/tracer/tracer.hpp"
+#include "tests/benchmarks/benchmark_baselines.hpp"
 
 using namespace emmetrope;
 using namespace emmetrope::raytrace;

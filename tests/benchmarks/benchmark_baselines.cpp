@@ -1,7 +1,6 @@
 #include "tests/benchmarks/benchmark_baselines.hpp"
 #include "tests/support/embree.hpp"
 
-
 #include <cmath>
 #include <cstdint>
 #include <functional>

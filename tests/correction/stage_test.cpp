@@ -8,8 +8,8 @@
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/files.hpp"
 #include "pipeline/base/frames.hpp"
-#include "tests/support/temporary_folder.hpp"
 #include "tests/support/measured_optics.hpp"
+#include "tests/support/temporary_folder.hpp"
 
 namespace emmetrope::correction {
 namespace {
@@ -32,9 +32,9 @@ class CorrectStage : public testing::Test {
                                                    {{"scene", "letters"},
                                                     {"samples", 4},
                                                     {"pupil_mm", 4},
-                                                    {"size", "50x50"},
-                                                    {"field_mm", "6x6"},
-                                                    {"fovea", "0,0"},
+                                                    {"size", {50, 50}},
+                                                    {"field_mm", {6, 6}},
+                                                    {"fovea_mm", {0, 0}},
                                                     {"lens_index", nullptr},
                                                     {"age_years", 40}}}});
     settings_.prescription.verbosity.quiet = true;
@@ -43,10 +43,14 @@ class CorrectStage : public testing::Test {
   }
 
   const fs::path& folder() const { return temporary_.path(); }
-  Json prescription() { return correct_case(folder(), settings_, common_).json["eyes"]["od"]; }
+  Answer correct() {
+    settings_.known = parse_known_data(known_);
+    return correct_case(folder(), settings_, common_);
+  }
+  Json prescription() { return correct().json["eyes"]["od"]; }
   void expect_usage_error() {
     try {
-      correct_case(folder(), settings_, common_);
+      correct();
       ADD_FAILURE() << "was accepted";
     } catch (const Error& error) {
       EXPECT_EQ(error.status(), ExitStatus::usage) << error.what();
@@ -55,6 +59,7 @@ class CorrectStage : public testing::Test {
 
   test::TemporaryFolder temporary_;
   CorrectionSettings settings_;
+  KnownDataFlags known_;
   CommonOptions common_;
 };
 
@@ -63,7 +68,7 @@ double width(const Json& measured) {
 }
 
 TEST_F(CorrectStage, WhatTheClinicKnowsIsLearntAndNotClaimed) {
-  settings_.known.instruments.axial_length = {"od:24.00+-0.01"};
+  known_.instruments.axial_length = {"od:24.00+-0.01"};
   const Json eye = prescription();
   EXPECT_EQ(eye["learnt_from"], Json({"biometry"}));
   EXPECT_FALSE(eye.contains("calibration"));
@@ -71,8 +76,8 @@ TEST_F(CorrectStage, WhatTheClinicKnowsIsLearntAndNotClaimed) {
   // What glasses the patient is content with is half a dioptre off what the images say.
   const double said_D = eye["M_D"]["value"], given_D = said_D - 0.5;
   const double cylinder_D = eye["cylinder_D"]["value"], axis_deg = eye["axis_deg"]["value"];
-  settings_.known.refractions = {"od:" + std::to_string(given_D - cylinder_D / 2) + "/" +
-                                 std::to_string(cylinder_D) + "x" + std::to_string(axis_deg) + "@12+-0.1"};
+  known_.refractions = {"od:" + std::to_string(given_D - cylinder_D / 2) + "/" + std::to_string(cylinder_D) +
+                        "x" + std::to_string(axis_deg) + "@12+-0.1"};
   const Json calibrated = prescription();
   EXPECT_EQ(calibrated["M_D"]["source"], "refraction");
   EXPECT_NEAR(calibrated["M_D"]["value"], given_D, 0.02);
@@ -113,11 +118,11 @@ TEST_F(CorrectStage, RightAndLeftAreNeverSwapped) {
   // report.
   traced["surfaces"].back()["position_mm"] = 24.38;
   write_json(folder() / "raytrace/os/eye.json", traced);
-  settings_.known.instruments.axial_length = {"od:25.00+-0.01"};
-  settings_.known.refractions = {"od:-5.00"};
+  known_.instruments.axial_length = {"od:25.00+-0.01"};
+  known_.refractions = {"od:-5.00"};
   common_.laterality = LateralityChoice::os;
   fs::create_directories(folder() / "correction/od");  // of an earlier run
-  const Json eyes = correct_case(folder(), settings_, common_).json["eyes"];
+  const Json eyes = correct().json["eyes"];
   ASSERT_EQ(eyes.size(), 1U);
   EXPECT_EQ(eyes["os"]["what_if"]["intra_ocular_lens"]["axial_length_mm"], 24.4);
   // What was given of the right eye is left out, what there was of it goes: not without a word.
@@ -143,8 +148,8 @@ TEST_F(CorrectStage, RightAndLeftAreNeverSwapped) {
 
 TEST_F(CorrectStage, AKnownLensIndexStaysAndTheRestMoves) {
   const Json optics = measured_optics();
-  UncertainEye uncertain = uncertain_eye_from_json(optics, ".", 0);
-  const EyeModel eye = uncertain.eye;
+  UncertainOptics uncertain = uncertain_optics_from_json(optics, ".", 0);
+  const EyeModel eye = uncertain.model;
   const raytrace::Tracer tracer("", 2);
   const PowerVector spot = refraction_by_spot(eye, settings_.prescription);
   StatedRefraction stated;
@@ -153,7 +158,7 @@ TEST_F(CorrectStage, AKnownLensIndexStaysAndTheRestMoves) {
   EXPECT_TRUE(calibration.index_was_known);
   EXPECT_EQ(calibration.index_after.value, calibration.index_before);
   EXPECT_NE(calibration.index_after.source, "refraction");
-  EXPECT_LT(refraction_by_spot(uncertain.eye, settings_.prescription).M_D, spot.M_D - 0.2);
+  EXPECT_LT(refraction_by_spot(uncertain.model, settings_.prescription).M_D, spot.M_D - 0.2);
 }
 
 TEST_F(CorrectStage, AnEyeThatWasNotTracedIsNamedAndTheCaseLeftAsItIs) {
@@ -196,13 +201,14 @@ TEST_F(CorrectStage, OfANamedEyeAllFilesAreWrittenOrNone) {
 
 TEST_F(CorrectStage, WhatCannotBeLearntIsAUsageError) {
   for (const char* text : {"-2.25/-1.00x180", "ou:-2.25", "od:-2.25/-1x190", "od:minus two"}) {
-    settings_.known.refractions = {text};
+    known_.refractions = {text};
     expect_usage_error();
   }
-  settings_.known.refractions.clear();
-  settings_.known.instruments.keratometry = {"od:43@180/44@90"};
-  write_json(folder() / "meshing/stage.json", {{"verdict", {{"status", 0}, {"reasons", Json::array()}}},
-                                               {"parameters", {{"topography", {"od:map.csv"}}}}});
+  known_.refractions.clear();
+  known_.instruments.keratometry = {"od:43@180/44@90"};
+  write_json(folder() / "meshing/stage.json",
+             {{"verdict", {{"status", 0}, {"reasons", Json::array()}}},
+              {"parameters", {{"instruments", {{"od", {{"topography", {{"file", "map.csv"}}}}}}}}}});
   expect_usage_error();
 }
 

@@ -11,7 +11,7 @@
 #include "pipeline/base/frames.hpp"
 #include "tests/support/random_eye.hpp"
 
-namespace emmetrope {
+namespace emmetrope::meshing {
 namespace {
 
 using Eigen::Vector3d;
@@ -165,4 +165,4 @@ TEST(Remesh, SameSheetGivesSameMesh) {
 }
 
 }  // namespace
-}  // namespace emmetrope
+}  // namespace emmetrope::meshing

@@ -14,10 +14,10 @@
 #include "pipeline/base/measured.hpp"
 #include "pipeline/eye/model/eye_model.hpp"
 #include "pipeline/eye/surfaces/mesh_shape.hpp"
-#include "tests/support/temporary_folder.hpp"
 #include "tests/support/random_eye.hpp"
+#include "tests/support/temporary_folder.hpp"
 
-namespace emmetrope {
+namespace emmetrope::meshing {
 namespace {
 
 namespace fs = std::filesystem;
@@ -53,6 +53,7 @@ class MeshStage : public testing::Test {
   test::TemporaryFolder temporary_;
   std::map<Laterality, ParametricEye> eyes_;
   MeshingOptions options_;
+  InstrumentFlags instruments_;
 };
 
 TEST_F(MeshStage, WritesFiveSheetsInLpsForEachEye) {
@@ -170,7 +171,8 @@ TEST_F(MeshStage, SecondRunIsUpToDateAndSameBytesWhenForced) {
 TEST_F(MeshStage, InstrumentsOfOneEyeLeaveTheOtherAlone) {
   make_meshes(options_, {});
   const Json before = read_json(mesh("os", "biometry.json"));
-  options_.instruments.keratometry = {"od:43.25@175/44.75@85+-0.1"};
+  instruments_.keratometry = {"od:43.25@175/44.75@85+-0.1"};
+  options_.instruments = parse_instruments(instruments_, options_.retinal_depth_mm);
   make_meshes(options_, {});
   EXPECT_EQ(read_json(mesh("od", "biometry.json"))["astigmatism"]["M_D"]["source"], "keratometry");
   EXPECT_NEAR(read_json(mesh("od", "biometry.json"))["astigmatism"]["M_D"]["value"], 44, 0.1);
@@ -181,7 +183,8 @@ TEST_F(MeshStage, InstrumentsOfOneEyeLeaveTheOtherAlone) {
 TEST_F(MeshStage, IrreconcilableInstrumentsAreRefused) {
   make_meshes(options_, {});
   const std::string before = sha256_of_file(mesh("od", "biometry.json"));
-  options_.instruments.axial_length = {"od:29.0+-0.05"};
+  instruments_.axial_length = {"od:29.0+-0.05"};
+  options_.instruments = parse_instruments(instruments_, options_.retinal_depth_mm);
   try {
     make_meshes(options_, {});
     FAIL() << "taken";
@@ -195,7 +198,8 @@ TEST_F(MeshStage, IrreconcilableInstrumentsAreRefused) {
 
 TEST_F(MeshStage, InstrumentsOfAnEyeThatIsNotThereAreNamed) {
   write_fit(Laterality::os, "refused");
-  options_.instruments.keratometry = {"os:43.25@175/44.75@85"};
+  instruments_.keratometry = {"os:43.25@175/44.75@85"};
+  options_.instruments = parse_instruments(instruments_, options_.retinal_depth_mm);
   EXPECT_EQ(make_meshes(options_, {}).status, ExitStatus::partial);
   EXPECT_THAT(read_file(folder() / "meshing" / "stage.json"),
               testing::HasSubstr("OS (left): not measured in the images"));
@@ -222,7 +226,7 @@ TEST_F(MeshStage, BadInputLeavesTheCaseAsItWas) {
   write_file(folder() / "segmentation" / "od" / "fit.json", "{\"status\": \"measured\"}");
   EXPECT_THROW(make_meshes(options_, {}), Error);
   EXPECT_EQ(sha256_of_file(mesh("od", "biometry.json")), before);
-  options_.vertices = {"iris:200"};
+  options_.vertices = {{"iris", 200}};
   EXPECT_THROW(make_meshes(options_, {}), Error);
   options_.vertices.clear();
   options_.case_folder = folder() / "nothing";
@@ -231,7 +235,7 @@ TEST_F(MeshStage, BadInputLeavesTheCaseAsItWas) {
 
 TEST_F(MeshStage, GiftiIsRasWithTheSameTriangles) {
   options_.formats = {"gii"};
-  options_.vertices = {"100"};
+  options_.vertices = {{"", 100}};
   make_meshes(options_, {});
   const TriangleMesh ply = read_mesh(mesh("od", "retina.ply")).mesh;
   const std::string text = read_file(mesh("od", "retina.surf.gii"));
@@ -254,4 +258,4 @@ TEST_F(MeshStage, GiftiIsRasWithTheSameTriangles) {
 }
 
 }  // namespace
-}  // namespace emmetrope
+}  // namespace emmetrope::meshing

@@ -15,7 +15,7 @@ namespace emmetrope::raytrace {
 namespace {
 
 void run(const std::string& line, LateralityChoice laterality = LateralityChoice::both) {
-  const Command command = trace_command();
+  const Command command = raytrace::command();
   CLI::App app;
   command.declare(app);
   app.parse(line);

@@ -82,8 +82,7 @@ int main(int argc, char** argv) {
   const raytrace::Tracer tracer("", 1);
   fmt::print(
       "| eyes | number | paraxial, D | smallest spot, D | sharpest, D | axis at >= 1 D, deg | images | "
-      "refused "
-      "|\n| --- | --- | --- | --- | --- | --- | --- | --- |\n");
+      "refused |\n| --- | --- | --- | --- | --- | --- | --- | --- |\n");
   Errors lenses;
   for (int i = 0; i < (first == 1 ? 10 : 0); ++i) {
     const EyeModel eye = behind_known_lens(make_eye("gullstrand-emsley"), known_lens(i));

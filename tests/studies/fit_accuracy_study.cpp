@@ -11,8 +11,8 @@
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/files.hpp"
 #include "pipeline/base/frames.hpp"
-#include "tests/support/simulated_keratometry.hpp"
 #include "tests/studies/study_eye.hpp"
+#include "tests/support/simulated_keratometry.hpp"
 
 using namespace emmetrope;
 using namespace emmetrope::segmentation;
@@ -109,9 +109,9 @@ Json biometry_with(const Json& fit, const Json& covariance, double scale_sd,
                    const ExternalMeasurement* keratometry) {
   Json eye = fit;
   if (!covariance.is_null()) eye["covariance"] = covariance;
-  EyeEstimate estimate(parametric_eye_from_json(eye));
+  UncertainEye estimate = fitted_eye(parametric_eye_from_json(eye));
   estimate.add_scale_prior(scale_sd);
-  if (keratometry) estimate.assimilate(*keratometry);
+  if (keratometry) estimate.learn(*keratometry);
   return biometry_json(estimate, {});
 }
 
@@ -166,13 +166,11 @@ struct Study {
     const int n = eyes - refused - missed;
     fmt::print(
         "{} eyes: {} measured ({} corneas irregular), {} refused, {} not found; {:.1f} s to fit, {:.1f} s to "
-        "render, chi2 "
-        "{:.3f}\n\n",
+        "render, chi2 {:.3f}\n\n",
         eyes, n, irregular, refused, missed, fit_s / n, render_s / n, chi2 / n);
     fmt::print(
         "| quantity | mean | rms | median | 95th | stated sigma | bound | rms / bound | covered | interval "
-        "score / "
-        "bound's |\n| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |\n");
+        "score / bound's |\n| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |\n");
     int covered = 0, of = 0;
     double score = 0;
     const auto print_row = [n](const char* name, const Quantity& q) {

@@ -9,6 +9,8 @@
 namespace emmetrope::segmentation {
 namespace {
 
+using namespace meshing;
+
 /// What no eye of a protocol may exceed: about the largest errors of the 200 eyes in docs/accuracy.md.
 struct Worst {
   const char* protocol;
@@ -33,7 +35,7 @@ TEST_P(StudyHead, ErrorsAreOfTheTablesOrderAndWithinTheirIntervals) {
     ASSERT_EQ(record.at("status"), "measured") << record.at("reasons");
     EXPECT_FALSE(record.at("irregular_cornea").get<bool>());
     const Json& truth = record.at("truth");
-    const Json found = biometry_json(EyeEstimate(parametric_eye_from_json(record.at("fit"))), {});
+    const Json found = biometry_json(fitted_eye(parametric_eye_from_json(record.at("fit"))), {});
     const auto error = [&](const char* pointer) {
       const Json::json_pointer at(pointer);
       const auto measured = found.at(at).get<Measured>();
@@ -86,7 +88,7 @@ TEST_P(FellowEyes, TheOneThatWasMisreadIsFittedAgain) {
     } else {
       EXPECT_EQ(because, "");
     }
-    const Json found = biometry_json(EyeEstimate(parametric_eye_from_json(record.at("fit"))), {});
+    const Json found = biometry_json(fitted_eye(parametric_eye_from_json(record.at("fit"))), {});
     EXPECT_NEAR(found.at("axial_length_mm").at("value"), record.at("truth").at("axial_length_mm"), 0.35);
     EXPECT_NEAR(record.at("fat_shift_mm").at(0), 1, 0.25);  // one pixel, known to 0.1 of it
   }

@@ -89,11 +89,9 @@ int main(int argc, char** argv) {
       ++refused;
   }
   fmt::print(
-      "{}: {} eyes measured, {} refused or not found\n\n"
-      "| known beside the images | eyes | mean dM, D | dM, D: median / 95th | dJ, D: median / 95th | stated "
-      "sigma "
-      "of M | of J0, J45 | covered: M / J0 / J45 | paraxial dM | paraxial dJ |\n"
-      "| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |\n",
+      "{}: {} eyes measured, {} refused or not found\n\n| known beside the images | eyes | mean dM, D | dM, "
+      "D: median / 95th | dJ, D: median / 95th | stated sigma of M | of J0, J45 | covered: M / J0 / J45 | "
+      "paraxial dM | paraxial dJ |\n| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |\n",
       protocol, eyes.size(), refused);
   if (eyes.empty()) return 0;
   struct Row {

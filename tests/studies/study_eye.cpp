@@ -123,7 +123,8 @@ Json matrix_json(const Eigen::MatrixXd& matrix, const std::vector<Eigen::Index>&
   return rows;
 }
 
-/// Mean distance of the fitted surfaces from points of the true ones. \param fitted_from_true  eye frames
+/// Mean distance of the fitted surfaces from points of the true ones.
+/// \param fitted_from_true  eye frames
 Json surface_distances(const ParametricEye& fitted, const phantom::PlacedEye& truth,
                        const Eigen::Isometry3d& fitted_from_true) {
   constexpr int points = 2000;

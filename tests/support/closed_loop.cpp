@@ -186,9 +186,10 @@ ClosedLoop closed_loop(const raytrace::Tracer& tracer, const EyeModel& eye, doub
   constexpr double wavelength_nm = 589.3, pupil_mm = 3;
   const EyeModel seeing = with_pupil(eye, pupil_mm);
   ClosedLoop result;
-  WavefrontSettings wavefront;
+  raytrace::WavefrontSettings wavefront;
   wavefront.wavelength_nm = wavelength_nm;
-  const RefractionCriteria criteria = refraction_by_wavefront(seeing, wavefront, vertex_distance_mm);
+  const raytrace::RefractionCriteria criteria =
+      raytrace::refraction_by_wavefront(seeing, wavefront, vertex_distance_mm);
   result.paraxial = as_vector(criteria.paraxial);
   result.spot = as_vector(criteria.minimum_rms_spot);
   result.paraxial_by_pencils = paraxial_by_pencils(seeing, wavelength_nm, vertex_distance_mm);

@@ -27,13 +27,14 @@ class GeneratedSeries {
   void set_all(const DcmTagKey& tag, const std::string& value);
   void erase_all(const DcmTagKey& tag);
   void remove(int slice) { files_.erase(files_.begin() + slice); }
-  /// Adds a copy of a slice with a SOPInstanceUID of its own. \return its index
+  /// Adds a copy of a slice with a SOPInstanceUID of its own.
+  /// \return its index
   int duplicate(int slice);
   void set_position(int slice, const Eigen::Vector3d& position);
   void set_pixels(int slice, const std::vector<Uint16>& words);
 
-  /// Writes all files with names that tell nothing: "scan/im07", ... \return the files in the order of the
-  /// slices
+  /// Writes all files with names that tell nothing: "scan/im07", ...
+  /// \return the files in the order of the slices
   std::vector<std::filesystem::path> write(const std::filesystem::path& folder,
                                            E_TransferSyntax syntax = EXS_LittleEndianExplicit);
 
@@ -64,7 +65,8 @@ std::vector<Uint8> encode_jpeg2000(const std::vector<Uint16>& words, int rows, i
 
 bool is_jpeg2000(E_TransferSyntax syntax);
 
-/// Makes the codestream the slice's pixels. \param syntax  one of the two of JPEG 2000
+/// Makes the codestream the slice's pixels.
+/// \param syntax  one of the two of JPEG 2000
 void compress_jpeg2000(DcmFileFormat& file, const std::vector<Uint8>& stream, E_TransferSyntax syntax);
 
 }  // namespace emmetrope::test

@@ -30,7 +30,7 @@ inline SharpnessFunction geometric_sharpness(const std::vector<PupilRay>& rays, 
     Eigen::Vector3d slope = Eigen::Vector3d::Zero();
     for (int k = 0; k < frequencies; ++k) {
       const double f_cpd = coarsest_cpd * std::pow(finest_cpd / coarsest_cpd, (k + 0.5) / frequencies);
-      const double csf = contrast_sensitivity(f_cpd);
+      const double csf = raytrace::contrast_sensitivity(f_cpd);
       const double w = measure == Measure::gradient_energy      ? f_cpd * f_cpd
                        : measure == Measure::laplacian_variance ? std::pow(f_cpd, 4)
                                                                 : std::pow(f_cpd, 3) * csf * csf;

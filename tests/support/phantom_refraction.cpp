@@ -10,6 +10,9 @@
 namespace emmetrope::correction {
 namespace {
 
+using namespace meshing;
+using namespace raytrace;
+
 Eigen::Vector3d as_vector(const PowerVector& power) { return {power.M_D, power.J0_D, power.J45_D}; }
 
 struct Refraction {
@@ -17,16 +20,17 @@ struct Refraction {
 };
 Refraction refraction_of(const EyeModel& eye) {
   const PrescriptionSettings settings;
-  WavefrontSettings wavefront_settings;
+  raytrace::WavefrontSettings wavefront_settings;
   wavefront_settings.wavelength_nm = settings.wavelength_nm;
-  const Wavefront wavefront = measure_wavefront(with_pupil(eye, settings.pupil_mm), wavefront_settings);
+  const raytrace::Wavefront wavefront =
+      raytrace::measure_wavefront(with_pupil(eye, settings.pupil_mm), wavefront_settings);
   const auto at_lens = [&](const PowerVector& in_pupil) {
-    return as_vector(at_vertex(wavefront, in_pupil, settings.vertex_distance_mm));
+    return as_vector(raytrace::at_vertex(wavefront, in_pupil, settings.vertex_distance_mm));
   };
   return {at_lens(wavefront.minimum_rms_spot), at_lens(wavefront.paraxial)};
 }
 
-std::vector<BudgetLine> if_known(const UncertainEye& eye, const Eigen::MatrixXd& sensitivity) {
+std::vector<BudgetLine> if_known(const UncertainOptics& eye, const Eigen::MatrixXd& sensitivity) {
   struct Part {
     const char* name;
     std::vector<const char*> parameters;
@@ -37,19 +41,19 @@ std::vector<BudgetLine> if_known(const UncertainEye& eye, const Eigen::MatrixXd&
       {"ratio of the cornea's radii", {"cornea_back_ratio"}},
       {"lens radii", {"lens_anterior_radius_mm", "lens_posterior_radius_mm"}},
       {"lens asphericities", {"lens_anterior_q", "lens_posterior_q"}},
-      {"axial length", {"optical_axial_length_mm"}}};
+      {"axial length", {"axial_length_mm"}}};
   std::vector<BudgetLine> lines;
   for (const Part& part : parts) {
     const auto rows = static_cast<Eigen::Index>(part.parameters.size());
     Measurement exact{part.name, Eigen::MatrixXd::Zero(rows, sensitivity.cols()),
                       Eigen::MatrixXd::Zero(rows, rows)};
     for (Eigen::Index row = 0; row < rows; ++row) {
-      const Eigen::Index at = eye.index_of(part.parameters[row]);
+      const Eigen::Index at = eye.known.index_of(part.parameters[row]);
       exact.sensitivity(row, at) = 1;
-      exact.noise_covariance(row, row) = 1e-8 * eye.numbers.covariance(at, at);
+      exact.noise_covariance(row, row) = 1e-8 * eye.known.eye().covariance(at, at);
     }
     const Eigen::Vector3d sigma =
-        (sensitivity * covariance_after(eye.numbers.covariance, exact) * sensitivity.transpose())
+        (sensitivity * covariance_after(eye.known.eye().covariance, exact) * sensitivity.transpose())
             .diagonal()
             .cwiseMax(0)
             .cwiseSqrt();
@@ -93,17 +97,17 @@ RefractionError refraction_error(const PhantomEye& eye, const Knowledge& knowled
     truth.media.at("lens").index =
         std::normal_distribution<double>(usual_lens_index, lens_index_sigma)(random);
   }
-  EyeEstimate estimate(eye.fitted);
+  UncertainEye estimate = fitted_eye(eye.fitted);
   estimate.add_scale_prior(eye.scale_sd);
-  if (knowledge.keratometry) estimate.assimilate(simulated_keratometry(eye.corneal_power_D, eye.seed));
+  if (knowledge.keratometry) estimate.learn(simulated_keratometry(eye.corneal_power_D, eye.seed));
 
-  const UncertainEye uncertain =
-      uncertain_eye_from_json(optics_json(estimate, defaults), ".", defaults.lens_index_sigma);
+  const UncertainOptics uncertain =
+      uncertain_optics_from_json(optics_json(estimate, defaults), ".", defaults.lens_index_sigma);
   const Eigen::MatrixXd sensitivity = refraction_sensitivity(
       uncertain, [](const EyeModel& changed) { return refraction_by_spot(changed, {}); });
-  const Refraction fitted = refraction_of(uncertain.eye), true_one = refraction_of(truth);
+  const Refraction fitted = refraction_of(uncertain.model), true_one = refraction_of(truth);
   return {fitted.spot - true_one.spot, fitted.paraxial - true_one.paraxial,
-          sensitivity * uncertain.numbers.covariance * sensitivity.transpose(),
+          sensitivity * uncertain.known.eye().covariance * sensitivity.transpose(),
           uncertainty_budget(uncertain, sensitivity), if_known(uncertain, sensitivity)};
 }
 

@@ -19,7 +19,8 @@ struct PhantomEye {
   double scale_sd = 0;              ///< relative, of the scanner's lengths
   std::uint64_t seed = 1;           ///< of what is drawn for this eye
 };
-/// From a record of the fit's accuracy study (tests/studies/study_eye.hpp). \pre its "status" is "measured"
+/// From a record of the fit's accuracy study (tests/studies/study_eye.hpp).
+/// \pre its "status" is "measured"
 ///
 /// \param bound  take the covariance that noise and priors alone would leave for the one that the fit states
 PhantomEye phantom_eye_from_record(const Json& record, bool bound = false);
@@ -34,8 +35,8 @@ struct Knowledge {
 struct RefractionError {
   Eigen::Vector3d spot;      ///< by the smallest root mean square spot
   Eigen::Vector3d paraxial;  ///< by the pupil's centre
-  Eigen::Matrix3d
-      covariance;  ///< stated of the smallest spot's, as for patients: linear in the eye's numbers
+  /// stated of the smallest spot's, as for patients: linear in the eye's numbers
+  Eigen::Matrix3d covariance;
   std::vector<BudgetLine> budget;    ///< of that covariance
   std::vector<BudgetLine> if_known;  ///< its standard deviations if a part of the eye were known exactly
 

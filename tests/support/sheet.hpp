@@ -3,8 +3,8 @@
 #include <map>
 #include <random>
 
-#include "pipeline/eye/surfaces/shape.hpp"
 #include "pipeline/eye/meshes/triangle_mesh.hpp"
+#include "pipeline/eye/surfaces/shape.hpp"
 
 namespace emmetrope::testing_eye {
 

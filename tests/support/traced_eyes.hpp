@@ -10,9 +10,8 @@
 namespace emmetrope::correction {
 
 /// Navarro's eye with another front cornea: biconic with the given powers of curvature.
-/// \param radius_mm   mean radius; \param cylinder_D its toricity (376 times the difference of curvatures)
-/// with the
-///                    flat meridian at flat_deg
+/// \param radius_mm  mean radius;
+/// \param cylinder_D its toricity (376 times the difference of curvatures) with the flat meridian at flat_deg
 inline EyeModel with_cornea(EyeModel eye, double radius_mm, double cylinder_D, double flat_deg,
                             double q = -0.26) {
   const double c = 1 / radius_mm, half = cylinder_D / 376 / 2;
@@ -51,7 +50,7 @@ inline PowerVector known_lens(std::uint64_t seed) {
 
 /// It stands 12 mm before the cornea, its plane front 4 mm before that.
 inline EyeModel behind_known_lens(const EyeModel& eye, const PowerVector& lens) {
-  EyeModel behind = with_thin_lens(eye, lens, 12);
+  EyeModel behind = raytrace::with_thin_lens(eye, lens, 12);
   behind.surface("spectacle_front").name = "known_front";
   behind.surface("spectacle_back").name = "known_back";
   return behind;

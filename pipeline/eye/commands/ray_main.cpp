@@ -1,3 +1,4 @@
+#include <CLI/CLI.hpp>
 #include "pipeline/base/command_line.hpp"
 #include "pipeline/eye/optics/describe_eye.hpp"
 

@@ -1,6 +1,7 @@
 #include "pipeline/eye/instruments/instruments.hpp"
 
 #include <fmt/format.h>
+#include <CLI/CLI.hpp>
 
 #include <cmath>
 #include <optional>
@@ -52,9 +53,10 @@ Meridian parse_meridian(const std::string& text) {
           checked("--keratometry", text.substr(at + 1), 0, 180, "degrees")};
 }
 
-ExternalMeasurement scalar(std::string source, Functional of_eye, double value, double sigma) {
-  return {std::move(source), std::move(of_eye), VectorXd::Constant(1, value),
-          MatrixXd::Constant(1, 1, sigma * sigma)};
+/// A length by an optical biometer.
+ExternalMeasurement biometry(const char* quantity, Functional of_eye, double value_mm, double sigma_mm) {
+  return {"biometry", std::move(of_eye), VectorXd::Constant(1, value_mm),
+          MatrixXd::Constant(1, 1, sigma_mm * sigma_mm), quantity};
 }
 
 /// One standard deviation of a keratometer, topographer or biometer where none is typed.
@@ -108,12 +110,21 @@ void declare(CLI::App& app, InstrumentFlags& flags) {
               "Corneal elevation map (CSV) or Zernike list (JSON); SD of its power in D: od:FILE+-0.25");
 }
 
-Json to_json(const InstrumentFlags& flags) {
-  return {{"keratometry", flags.keratometry},
-          {"axial_length", flags.axial_length},
-          {"acd", flags.anterior_chamber_depth},
-          {"lens_thickness", flags.lens_thickness},
-          {"topography", flags.topography}};
+Json to_json(const std::map<Laterality, EyeInstruments>& instruments) {
+  Json json = Json::object();
+  for (const auto& [eye, known] : instruments) {
+    Json& of_eye = json[to_string(eye)];
+    of_eye = {{"measurements", Json::array()}, {"topography", nullptr}};
+    for (const ExternalMeasurement& measurement : known.measurements)
+      of_eye["measurements"].push_back(
+          {{"quantity", measurement.quantity},
+           {"value", std::vector<double>(measurement.value.begin(), measurement.value.end())},
+           {"sigma", std::sqrt(measurement.covariance(0, 0))}});
+    if (known.topography)
+      of_eye["topography"] = {{"file", known.topography->file.string()},
+                              {"sigma_D", known.topography->sigma_D}};
+  }
+  return json;
 }
 
 std::map<Laterality, EyeInstruments> parse_instruments(const InstrumentFlags& flags,
@@ -153,6 +164,15 @@ InstrumentReadings read_instruments(const EyeInstruments& instruments) {
   return readings;
 }
 
+std::vector<std::string> learn(UncertainEye& eye, const InstrumentReadings& readings) {
+  std::vector<std::string> warnings;
+  for (const ExternalMeasurement& measurement : readings.measurements) {
+    std::string warning = judge_surprise(measurement.source, eye.learn(measurement));
+    if (!warning.empty()) warnings.push_back(std::move(warning));
+  }
+  return warnings;
+}
+
 ExternalMeasurement keratometry_measurement(const std::string& text, double sigma_D) {
   const auto slash = text.find('/');
   if (slash == std::string::npos) throw misread("--keratometry", text, "POWER@AXIS/POWER@AXIS");
@@ -179,20 +199,20 @@ ExternalMeasurement keratometry_measurement(const std::string& text, double sigm
 
 ExternalMeasurement axial_length_measurement(const std::string& text, double sigma_mm,
                                              double retinal_depth_mm) {
-  return scalar(
-      "biometry", [=](const ParametricEye& eye) { return one(eye.pole_depth_mm() + retinal_depth_mm); },
+  return biometry(
+      "axial_length", [=](const ParametricEye& eye) { return one(eye.pole_depth_mm() + retinal_depth_mm); },
       checked("--axial-length", text, 14, 40, "mm"), sigma_mm);
 }
 
 ExternalMeasurement anterior_chamber_measurement(const std::string& text, double sigma_mm) {
-  return scalar(
-      "biometry", [](const ParametricEye& eye) { return one(lens_on_axis(eye).front_mm); },
+  return biometry(
+      "anterior_chamber_depth", [](const ParametricEye& eye) { return one(lens_on_axis(eye).front_mm); },
       checked("--acd", text, 1, 7, "mm"), sigma_mm);
 }
 
 ExternalMeasurement lens_thickness_measurement(const std::string& text, double sigma_mm) {
-  return scalar(
-      "biometry",
+  return biometry(
+      "lens_thickness",
       [](const ParametricEye& eye) {
         const LensOnAxis lens = lens_on_axis(eye);
         return one(lens.back_mm - lens.front_mm);

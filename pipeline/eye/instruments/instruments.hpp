@@ -1,5 +1,4 @@
 #pragma once
-#include <CLI/CLI.hpp>
 #include <filesystem>
 #include <map>
 #include <optional>
@@ -7,8 +6,12 @@
 #include <vector>
 
 #include "pipeline/base/laterality.hpp"
-#include "pipeline/eye/uncertainty/estimate.hpp"
 #include "pipeline/eye/instruments/topography.hpp"
+#include "pipeline/eye/uncertainty/uncertain_eye.hpp"
+
+namespace CLI {
+class App;
+}
 
 /// What other instruments measured of an eye, and how it is given on a command line.
 namespace emmetrope {
@@ -20,9 +23,6 @@ struct InstrumentFlags {
 };
 /// Declares --keratometry, --axial-length, --acd, --lens-thickness and --topography, all repeatable.
 void declare(CLI::App& app, InstrumentFlags& flags);
-/// For a stage's parameters in stage.json.
-Json to_json(const InstrumentFlags& flags);
-
 /// A corneal elevation map that is to be read.
 struct TopographyFlag {
   std::filesystem::path file;
@@ -35,9 +35,12 @@ struct EyeInstruments {
   std::optional<TopographyFlag> topography;  ///< the last one given
 };
 /// \param retinal_depth_mm  photoreceptors, which an optical axial length reaches, behind the interface that
-///                          the eye's own axial length reaches
+///   the eye's own axial length reaches
 /// \throw Error (usage) naming the flag and what was expected
 std::map<Laterality, EyeInstruments> parse_instruments(const InstrumentFlags& flags, double retinal_depth_mm);
+
+/// For a stage's parameters in stage.json, by eye.
+Json to_json(const std::map<Laterality, EyeInstruments>& instruments);
 
 /// With the elevation map read.
 struct InstrumentReadings {
@@ -47,10 +50,10 @@ struct InstrumentReadings {
 /// \throw Error (input_invalid) for a map that cannot be used
 InstrumentReadings read_instruments(const EyeInstruments& instruments);
 
-/// A measurement further than this from what was expected hardly fits the images.
-inline constexpr double surprising_sigma = 3;
-/// Beyond this both cannot be of one eye, and no mean of them would be near either.
-inline constexpr double irreconcilable_sigma = 5;
+/// Learns what other instruments found of an eye.
+/// \return warnings; see judge_surprise
+/// \throw Error (input_invalid) for a reading that cannot be of this eye
+std::vector<std::string> learn(UncertainEye& eye, const InstrumentReadings& readings);
 
 /// Two perpendicular meridians with their keratometric powers (index 1.3375): "43.25@175/44.75@85".
 /// \throw Error (usage)

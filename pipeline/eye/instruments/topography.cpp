@@ -11,6 +11,7 @@
 #include <sstream>
 
 #include "pipeline/base/error.hpp"
+#include "pipeline/base/even_points.hpp"
 #include "pipeline/base/files.hpp"
 #include "pipeline/base/frames.hpp"
 #include "pipeline/eye/surfaces/zernike.hpp"
@@ -29,8 +30,8 @@ constexpr double asphericity_sigma = 0.05;
 /// Coma that a conicoid (7.8 mm, Q -0.2) seems to have over 6 mm where the map's centre is 0.1 mm off the
 /// apex, which instruments do not do better than, as a height.
 constexpr double alignment_sigma_um = 0.3;
-constexpr double largest_residual_um =
-    50;  ///< beside toric conicoid and Zernike terms: no cornea has such a step
+/// Beside toric conicoid and Zernike terms: no cornea has such a step
+constexpr double largest_residual_um = 50;
 const char* const map_remedy =
     "give heights above a plane, not above a best-fit sphere, in the unit that the header names; leave gaps "
     "empty";
@@ -254,12 +255,10 @@ Departure depart(const ElevationMap& map, const Fit& fit, double radius_mm) {
 /// A cornea as a map of points spread evenly over a disc.
 ElevationMap sampled(const CornealDepth& cornea, double radius_mm) {
   constexpr int count = 600;
-  const double golden_angle = pi * (3 - std::sqrt(5.0));
   std::vector<Point> points;
   for (int i = 0; i < count; ++i) {
-    const double r = radius_mm * std::sqrt((i + 0.5) / count);
-    const double x = r * std::cos(golden_angle * i), y = r * std::sin(golden_angle * i);
-    points.push_back({x, y, cornea(x, y)});
+    const Vector2d at = radius_mm * sunflower_point(i, count);
+    points.push_back({at.x(), at.y(), cornea(at.x(), at.y())});
   }
   return map_of(points);
 }

@@ -3,9 +3,9 @@
 #include <filesystem>
 
 #include "pipeline/base/measured.hpp"
-#include "pipeline/eye/surfaces/shape.hpp"
 #include "pipeline/eye/parametric/corneal_metrics.hpp"
-#include "pipeline/eye/uncertainty/estimate.hpp"
+#include "pipeline/eye/surfaces/shape.hpp"
+#include "pipeline/eye/uncertainty/uncertain_eye.hpp"
 
 namespace emmetrope {
 
@@ -29,19 +29,17 @@ ElevationMap read_elevation_map(const std::filesystem::path& file);
 struct Topography {
   ExternalMeasurement toric;  ///< power vector and asphericity of the best toric conicoid
   double zone_mm = 0;         ///< diameter of the map
-  Eigen::VectorXd
-      departure_um;  ///< Zernike coefficients (order 6) over the zone of the depth beyond that conicoid
+  /// Zernike coefficients (order 6) over the zone of the depth beyond that conicoid
+  Eigen::VectorXd departure_um;
   Measured irregularity_um;  ///< rms of the departure over the central 6 mm
 };
 
 /// Best toric conicoid (curvature matrix and one Q) with the map's own piston and tilt, by Gauss-Newton over
 /// the central 8 mm; then Zernike terms of what is left.
 ///
-/// \param sigma_D  one standard deviation of the
-/// instrument's meridional power; the asphericity's is 0.05
+/// \param sigma_D  one standard deviation of the instrument's meridional power; the asphericity's is 0.05
 ///
-/// \throw Error (input_invalid) for fewer than 50
-/// points or a map narrower than 6 mm
+/// \throw Error (input_invalid) for fewer than 50 points or a map narrower than 6 mm
 Topography analyse_topography(const ElevationMap& map, double sigma_D);
 
 /// Zernike terms (OSA, to order 6, um of depth) over the central 6 mm of a cornea's departure from its best

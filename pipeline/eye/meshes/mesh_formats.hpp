@@ -5,8 +5,9 @@
 
 #include "pipeline/eye/meshes/triangle_mesh.hpp"
 
-/// Mesh file formats from and to memory; triangle_mesh.cpp adds the file's name to their errors.
-/// The parsers check every size against the bytes before they allocate. \throw Error (input_invalid)
+/// Mesh file formats from and to memory; triangle_mesh.cpp adds the file's name to their errors. The parsers
+/// check every size against the bytes before they allocate.
+/// \throw Error (input_invalid)
 namespace emmetrope {
 
 /// What a file says when its coordinates are DICOM patient coordinates.

@@ -2,8 +2,8 @@
 #include <optional>
 #include <vector>
 
-#include "pipeline/eye/surfaces/shape.hpp"
 #include "pipeline/eye/meshes/triangle_mesh.hpp"
+#include "pipeline/eye/surfaces/shape.hpp"
 
 namespace emmetrope {
 

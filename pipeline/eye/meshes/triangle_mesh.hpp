@@ -11,8 +11,8 @@ namespace emmetrope {
 struct TriangleMesh {
   std::vector<Eigen::Vector3d> vertices;
   std::vector<Eigen::Vector3d> normals;  ///< unit vertex normals, as many as vertices, or none
-  std::vector<std::array<int, 3>>
-      triangles;  ///< counter-clockwise seen from the side that the normals point to
+  /// counter-clockwise seen from the side that the normals point to
+  std::vector<std::array<int, 3>> triangles;
 };
 
 /// A mesh as it was read, with what its file says of its frame.
@@ -22,13 +22,13 @@ struct MeshFile {
 };
 
 /// Reads PLY (text, binary), STL (text, binary), OBJ or VTP, chosen by the file's ending. Sizes that the
-/// header promises are checked against the file before anything is allocated. \throw Error (input_invalid)
-/// naming file and fault; (unsupported) for other endings
+/// header promises are checked against the file before anything is allocated.
+/// \throw Error (input_invalid) naming file and fault; (unsupported) for other endings
 MeshFile read_mesh(const std::filesystem::path& file);
 
 /// Writes PLY (binary, little endian, float64 coordinates, with normals where there are any), STL, OBJ or VTP
-/// by the file's ending; whole or not at all. \param says_lps  the coordinates are LPS: a SPACE=LPS comment
-/// is written
+/// by the file's ending; whole or not at all.
+/// \param says_lps  the coordinates are LPS: a SPACE=LPS comment is written
 void write_mesh(const std::filesystem::path& file, const TriangleMesh& mesh, bool says_lps);
 
 }  // namespace emmetrope

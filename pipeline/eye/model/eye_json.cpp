@@ -1,9 +1,9 @@
 #include <algorithm>
 #include <cmath>
 
+#include "pipeline/base/checked_object.hpp"
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/frames.hpp"
-#include "pipeline/base/checked_object.hpp"
 #include "pipeline/eye/model/eye_model.hpp"
 #include "pipeline/eye/surfaces/mesh_shape.hpp"
 

@@ -18,8 +18,8 @@ struct Surface {
   ShapePtr shape;    ///< null for a stop
   double position_mm = 0;  ///< depth of the vertex behind the anterior corneal apex, positive into the eye
   Eigen::Vector2d decentre_mm{0, 0};  ///< along eye x and y
-  Eigen::Vector2d tilt_deg{0,
-                           0};  ///< about the vertex, first about +x, then about the fixed +y, right-handed
+  /// about the vertex, first about +x, then about the fixed +y, right-handed
+  Eigen::Vector2d tilt_deg{0, 0};
   double semi_diameter_mm = 0;  ///< clear aperture; 0: as far as the shape reaches
   double stop_diameter_mm = 0;  ///< for a stop: the iris aperture
   std::string medium_after;     ///< key of EyeModel::media; empty for a stop and for the retina

@@ -6,6 +6,7 @@
 #include <limits>
 
 #include "pipeline/base/error.hpp"
+#include "pipeline/eye/media/ocular_media.hpp"
 #include "pipeline/eye/model/eye_model.hpp"
 #include "pipeline/eye/optics/paraxial.hpp"
 
@@ -78,16 +79,6 @@ double radius_between(double relaxed_mm, double accommodated_mm, double fraction
   return 1 / between(1 / relaxed_mm, 1 / accommodated_mm, fraction);
 }
 
-/// Le Grand's Cornu dispersion n = n_inf + K / (nm - 130); also lent, as differences, to eyes whose source
-/// has none.
-Medium le_grand_medium(double index, double n_inf, double k) {
-  return {index, {Dispersion::Formula::cornu, {n_inf, k, 130}}, {}};
-}
-Medium cornea(double index) { return le_grand_medium(index, 1.3610, 7.4147); }
-Medium aqueous(double index) { return le_grand_medium(index, 1.3221, 7.0096); }
-Medium lens(double index) { return le_grand_medium(index, 1.3999, 9.2492); }
-Medium vitreous(double index) { return le_grand_medium(index, 1.3208, 6.9806); }
-
 /// Gullstrand's exact eye; `demand_D` is the accommodation of Atchison and Smith's interpolation of its two
 /// states.
 EyeModel gullstrand(double demand_D) {
@@ -103,21 +94,22 @@ EyeModel gullstrand(double demand_D) {
              {"nucleus_anterior", radius_between(7.911, 2.655, f), 0, core, "lens_core"},
              {"nucleus_posterior", radius_between(-5.76, -2.655, f), 0, back_cortex, "lens_cortex"},
              {"lens_posterior", radius_between(-6, -5.333, f), 0, 0, "vitreous"}},
-            {{"cornea", cornea(1.376)},
-             {"aqueous", aqueous(1.336)},
-             {"lens_cortex", lens(1.386)},
-             {"lens_core", lens(1.406)},
-             {"vitreous", vitreous(1.336)}});
+            {{"cornea", cornea_medium()},
+             {"aqueous", aqueous_medium(1.336)},
+             {"lens_cortex", lens_medium(lens_cortex_index)},
+             {"lens_core", lens_medium(lens_core_index)},
+             {"vitreous", vitreous_medium(1.336)}});
   return retina_at(eye, 24.3854);
 }
 
 EyeModel gullstrand_emsley(double f) {
-  EyeModel eye =
-      build("gullstrand-emsley", 589.3,
-            {{"cornea_anterior", 7.8, 0, between(3.6, 3.2, f), "aqueous"},
-             {"lens_anterior", radius_between(10, 5, f), 0, between(3.6, 4, f), "lens"},
-             {"lens_posterior", radius_between(-6, -5, f), 0, 0, "vitreous"}},
-            {{"aqueous", aqueous(4.0 / 3)}, {"lens", lens(1.416)}, {"vitreous", vitreous(4.0 / 3)}});
+  EyeModel eye = build("gullstrand-emsley", 589.3,
+                       {{"cornea_anterior", 7.8, 0, between(3.6, 3.2, f), "aqueous"},
+                        {"lens_anterior", radius_between(10, 5, f), 0, between(3.6, 4, f), "lens"},
+                        {"lens_posterior", radius_between(-6, -5, f), 0, 0, "vitreous"}},
+                       {{"aqueous", aqueous_medium(4.0 / 3)},
+                        {"lens", lens_medium(1.416)},
+                        {"vitreous", vitreous_medium(4.0 / 3)}});
   return f == 0 ? retina_at(eye, cardinal_points(eye, 589.3).image_focal_mm)
                 : retina_at(eye, gullstrand_emsley(0).axial_length_mm());
 }
@@ -128,10 +120,10 @@ EyeModel le_grand(double f) {
                         {"cornea_posterior", 6.5, 0, between(3.05, 2.65, f), "aqueous"},
                         {"lens_anterior", radius_between(10.2, 6, f), 0, between(4, 4.5, f), "lens"},
                         {"lens_posterior", radius_between(-6, -5.5, f), 0, 0, "vitreous"}},
-                       {{"cornea", cornea(1.3771)},
-                        {"aqueous", aqueous(1.3374)},
-                        {"lens", lens(between(1.42, 1.427, f))},
-                        {"vitreous", vitreous(1.336)}},
+                       {{"cornea", cornea_medium(1.3771)},
+                        {"aqueous", aqueous_medium(1.3374)},
+                        {"lens", lens_medium(between(1.42, 1.427, f))},
+                        {"vitreous", vitreous_medium(1.336)}},
                        make_sphere(-13.4));
   return retina_at(eye, 24.19655);
 }
@@ -204,21 +196,21 @@ EyeModel liou_brennan(double) {
 }
 
 EyeModel atchison(double spectacle_D) {
-  const Dispersion lens_dispersion = lens(1).dispersion;
+  const Dispersion lens_dispersion = lens_medium(1).dispersion;
   return build("atchison", 555,
                {{"cornea_anterior", 7.77 + 0.022 * spectacle_D, -0.15, 0.55, "cornea"},
                 {"cornea_posterior", 6.4, -0.275, 3.15, "aqueous"},
                 {"lens_anterior", 11.48, -5, 1.44, "lens_front"},
                 {"lens_middle", std::numeric_limits<double>::infinity(), 0, 2.16, "lens_back"},
                 {"lens_posterior", -5.9, -2, 16.28 - 0.299 * spectacle_D, "vitreous"}},
-               {{"cornea", cornea(1.376)},
-                {"aqueous", aqueous(1.3374)},
+               {{"cornea", cornea_medium()},
+                {"aqueous", aqueous_medium(1.3374)},
                 {"lens_front",
                  gradient_medium({{{0, 0, 1.371}, {1, 0, 0.0652778}, {2, 0, -0.0226659}, {0, 2, -0.0020399}}},
                                  lens_dispersion)},
                 {"lens_back",
                  gradient_medium({{{0, 0, 1.418}, {2, 0, -0.0100737}, {0, 2, -0.0020399}}}, lens_dispersion)},
-                {"vitreous", vitreous(1.336)}},
+                {"vitreous", vitreous_medium(1.336)}},
                make_biconic(-12.91 - 0.094 * spectacle_D, -12.72 + 0.004 * spectacle_D,
                             0.27 + 0.026 * spectacle_D, 0.25 + 0.017 * spectacle_D, 0));
 }
@@ -257,7 +249,9 @@ EyeModel bennett_rabbetts(double a) {
                         {"lens_anterior", radius_between(from.front, to.front, f), 0,
                          between(from.thickness, to.thickness, f), "lens"},
                         {"lens_posterior", radius_between(from.back, to.back, f), 0, 0, "vitreous"}},
-                       {{"aqueous", aqueous(1.336)}, {"lens", lens(1.422)}, {"vitreous", vitreous(1.336)}});
+                       {{"aqueous", aqueous_medium(1.336)},
+                        {"lens", lens_medium(1.422)},
+                        {"vitreous", vitreous_medium(1.336)}});
   return a == 0 ? retina_at(eye, cardinal_points(eye, 589.3).image_focal_mm)
                 : retina_at(eye, bennett_rabbetts(0).axial_length_mm());
 }

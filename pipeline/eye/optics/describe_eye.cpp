@@ -1,10 +1,12 @@
 #include "pipeline/eye/optics/describe_eye.hpp"
 
 #include <fmt/format.h>
+#include <CLI/CLI.hpp>
 
 #include <cmath>
 
 #include "pipeline/base/error.hpp"
+#include "pipeline/base/frames.hpp"
 #include "pipeline/eye/optics/exact_trace.hpp"
 #include "pipeline/eye/optics/paraxial.hpp"
 
@@ -17,8 +19,6 @@ constexpr double open_iris_mm = 20;
 Json to_json(const Pupil& pupil) {
   return {{"position_mm", pupil.position_mm}, {"diameter_mm", pupil.diameter_mm}};
 }
-
-Json to_json(const Eigen::Vector3d& v) { return {v.x(), v.y(), v.z()}; }
 
 Eigen::Vector3d point(const std::vector<double>& values, const char* option) {
   Eigen::Vector3d p(values.at(0), values.at(1), values.at(2));
@@ -105,8 +105,8 @@ Answer describe_ray(const RayQuery& query) {
   Json hits = Json::array();
   for (const RayHit& hit : path.hits) {
     hits.push_back({{"surface", hit.surface},
-                    {"position_mm", to_json(hit.position_mm)},
-                    {"direction", to_json(hit.direction)},
+                    {"position_mm", to_json_vector(hit.position_mm)},
+                    {"direction", to_json_vector(hit.direction)},
                     {"opl_mm", hit.opl_mm}});
     answer.text += fmt::format(
         "{:<18} {:11.6f} {:11.6f} {:11.6f}   direction {:10.7f} {:10.7f} {:10.7f}   path {:.6f}\n",

@@ -26,7 +26,8 @@ Pupil exit_pupil(const EyeModel& eye, double wavelength_nm);
 
 /// Paraxial refraction at the corneal vertex, meridian by meridian (2 x 2 vergence): what corrects the eye.
 /// Where surfaces are tilted or decentred it is that of rays near the one that leaves the retina's pole along
-/// the axis, traced exactly. \throw Error (no_result) when that ray does not leave the eye
+/// the axis, traced exactly.
+/// \throw Error (no_result) when that ray does not leave the eye
 PowerVector paraxial_refraction(const EyeModel& eye, double wavelength_nm);
 
 }  // namespace emmetrope

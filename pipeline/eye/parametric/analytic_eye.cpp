@@ -4,6 +4,7 @@
 
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/frames.hpp"
+#include "pipeline/eye/media/ocular_media.hpp"
 #include "pipeline/eye/surfaces/zernike.hpp"
 
 namespace emmetrope {
@@ -39,17 +40,7 @@ Surface surface(std::string name, ShapePtr shape, double position_mm, std::strin
   return s;
 }
 
-/// Le Grand's (1956) Cornu formula n = n_inf + K / (lambda - 130 nm), of which only differences are used.
-Medium medium(double index, double n_infinite, double k_nm) {
-  Medium m;
-  m.index = index;
-  m.dispersion = {Dispersion::Formula::cornu, {n_infinite, k_nm, 130}};
-  return m;
-}
-
 }  // namespace
-
-double lens_index_at_age(double age_years) { return 1.441 - 0.00039 * age_years; }
 
 ShapePtr anterior_cornea_shape(const ParametricEye& eye) { return scaled_cornea(eye, 1, 1); }
 
@@ -110,11 +101,8 @@ EyeModel analytic_eye(const ParametricEye& eye, const ShapePtr& anterior_cornea,
                       const OpticalDefaults& defaults) {
   EyeModel model;
   model.name = std::string("measured ") + to_string(eye.laterality);
-  model.reference_wavelength_nm = 589.3;
-  model.media = {{"cornea", medium(1.376, 1.3610, 7.4147)},
-                 {"aqueous", medium(1.336, 1.3221, 7.0096)},
-                 {"lens", medium(defaults.lens_index, 1.3999, 9.2492)},
-                 {"vitreous", medium(1.336, 1.3208, 6.9806)}};
+  model.reference_wavelength_nm = sodium_nm;
+  model.media = ocular_media(defaults.lens_index);
   model.surfaces = analytic_surfaces(eye, anterior_cornea, defaults);
   model.lps_from_eye = eye.lps_from_eye;
   return model;

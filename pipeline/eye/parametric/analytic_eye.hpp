@@ -8,14 +8,11 @@ namespace emmetrope {
 
 /// What light does not reveal to MRI.
 struct OpticalDefaults {
-  double lens_index = 1.441 - 0.00039 * 40;  ///< equivalent, at 40 years: Dubbelman and van der Heijde (2001)
-  double lens_index_sigma = 0.005;
-  double retinal_depth_mm = 0.20;  ///< photoreceptors behind the vitreo-retinal interface
-  double pupil_mm = 3;             ///< iris aperture for a prescription
+  double lens_index = lens_index_at_age(usual_age_years);  ///< equivalent
+  double lens_index_sigma = usual_lens_index_sigma;
+  double retinal_depth_mm = usual_retinal_depth_mm;
+  double pupil_mm = 3;  ///< iris aperture for a prescription
 };
-
-/// Equivalent index of a lens of that age.
-double lens_index_at_age(double age_years);
 
 /// The front surface of the fitted cornea: a biconic, with Zernike terms where it is irregular.
 ShapePtr anterior_cornea_shape(const ParametricEye& eye);

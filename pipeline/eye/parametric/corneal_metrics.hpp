@@ -8,13 +8,12 @@ namespace emmetrope {
 
 /// Depth of the anterior cornea behind its apex at (x, y), mm; rotationally anything.
 using CornealDepth = std::function<double(double x_mm, double y_mm)>;
-/// That of an eye's fitted biconic. \pre the eye outlives it
+/// That of an eye's fitted biconic.
+/// \pre the eye outlives it
 CornealDepth anterior_cornea(const ParametricEye& eye);
 
 /// Radius of the ring on which keratometry is defined here.
 inline constexpr double keratometry_ring_mm = 1.5;
-/// Keratometric index - 1, times 1000.
-inline constexpr double keratometric_D_mm = 337.5;
 
 /// Axial radius in the meridian `azimuth` at `r_mm` from the apex: distance along the normal's slope to the
 /// axis. On a conic sqrt(R0^2 - Q r^2).

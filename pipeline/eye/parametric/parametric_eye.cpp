@@ -26,7 +26,7 @@ struct Field {
 };
 
 /// Parameters that are plain fields, by their names in fit.json.
-constexpr std::array<Field, 24> fields{{
+constexpr std::array<Field, 25> fields{{
     {"cornea_c_per_mm", [](ParametricEye& e) -> double& { return e.cornea_c_per_mm; }},
     {"cornea_j0_per_mm", [](ParametricEye& e) -> double& { return e.cornea_j0_per_mm; }},
     {"cornea_j45_per_mm", [](ParametricEye& e) -> double& { return e.cornea_j45_per_mm; }},
@@ -51,6 +51,7 @@ constexpr std::array<Field, 24> fields{{
     {"globe_semi_axis_y_mm", [](ParametricEye& e) -> double& { return e.globe_semi_axes_mm.y(); }},
     {"globe_semi_axis_z_mm", [](ParametricEye& e) -> double& { return e.globe_semi_axes_mm.z(); }},
     {"iris_diameter_mm", [](ParametricEye& e) -> double& { return e.iris_diameter_mm; }},
+    {"lens_index", [](ParametricEye& e) -> double& { return e.lens_index; }},
 }};
 
 /// The field or coefficient of that name; null for a pose parameter or an unknown name.
@@ -75,16 +76,7 @@ std::optional<int> apex_coordinate(const std::string& name) {
                                    : std::optional<int>(static_cast<int>(found - apex_names.begin()));
 }
 
-/// Direction of gaze in LPS: horizontal towards the patient's left, vertical upwards, from straight ahead.
-Vector3d axis_of_gaze(double horizontal_deg, double vertical_deg) {
-  const double h = horizontal_deg * degree, v = vertical_deg * degree;
-  return {std::sin(h) * std::cos(v), -std::cos(h) * std::cos(v), std::sin(v)};
-}
-
-Vector2d gaze_deg(const ParametricEye& eye) {
-  const Vector3d axis = eye.lps_from_eye.linear().col(2);
-  return {std::atan2(axis.x(), -axis.y()) / degree, std::asin(std::clamp(axis.z(), -1.0, 1.0)) / degree};
-}
+Vector2d gaze_deg_of(const ParametricEye& eye) { return gaze_deg(eye.lps_from_eye.linear().col(2)); }
 
 double conic_depth(const Matrix2d& curvature, const Matrix2d& q, double x_mm, double y_mm) {
   const Vector2d p(x_mm, y_mm);
@@ -270,8 +262,8 @@ double ParametricEye::get(const std::string& name) const {
   // find_number only hands out an address; nothing is written through it here.
   if (const double* number = find_number(const_cast<ParametricEye&>(*this), name)) return *number;
   if (const auto i = apex_coordinate(name)) return lps_from_eye.translation()[*i];
-  if (name == "gaze_horizontal_deg") return gaze_deg(*this).x();
-  if (name == "gaze_vertical_deg") return gaze_deg(*this).y();
+  if (name == "gaze_horizontal_deg") return gaze_deg_of(*this).x();
+  if (name == "gaze_vertical_deg") return gaze_deg_of(*this).y();
   throw Error(ExitStatus::fault, "the fitted eye has no parameter '" + name + "'");
 }
 
@@ -281,9 +273,9 @@ void ParametricEye::set(const std::string& name, double value) {
   } else if (const auto i = apex_coordinate(name)) {
     lps_from_eye.translation()[*i] = value;
   } else if (name == "gaze_horizontal_deg" || name == "gaze_vertical_deg") {
-    Vector2d gaze = gaze_deg(*this);
+    Vector2d gaze = gaze_deg_of(*this);
     gaze[name == "gaze_horizontal_deg" ? 0 : 1] = value;
-    lps_from_eye = emmetrope::lps_from_eye(lps_from_eye.translation(), axis_of_gaze(gaze.x(), gaze.y()));
+    lps_from_eye = emmetrope::lps_from_eye(lps_from_eye.translation(), gaze_axis(gaze.x(), gaze.y()));
   } else {
     throw Error(ExitStatus::fault, "the fitted eye has no parameter '" + name + "'");
   }
@@ -347,7 +339,7 @@ ParametricEye parametric_eye_from_json(const Json& json) {
     const std::string name = field.name;
     const bool in_array = name.rfind("lens_decentre", 0) == 0 || name.rfind("lens_tilt", 0) == 0 ||
                           name.rfind("globe_semi_axis", 0) == 0;
-    if (!in_array) field.of(eye) = number_at(json, name);
+    if (!in_array && name != "lens_index") field.of(eye) = number_at(json, name);
   }
   Eigen::Map<Eigen::Matrix<double, corneal_form_terms, 1>>(eye.cornea_zernike_um.data()) =
       vector_from<corneal_form_terms>(at(json, "cornea_zernike_um"), "cornea_zernike_um");

@@ -9,6 +9,7 @@
 #include "pipeline/base/json.hpp"
 #include "pipeline/base/laterality.hpp"
 #include "pipeline/eye/parametric/corneal_form.hpp"
+#include "pipeline/eye/population/population.hpp"
 
 namespace emmetrope {
 
@@ -50,6 +51,8 @@ struct ParametricEye {
   double displacement_width_rad = 0.3;
 
   double iris_diameter_mm = 4;
+  /// Equivalent index of the lens: a population's, as no image shows it; fit.json has none.
+  double lens_index = lens_index_at_age(usual_age_years);
 
   /// Covariance of named parameters (the names in fit.json), and which are measured and which are priors.
   std::vector<std::string> parameter_names;
@@ -69,7 +72,8 @@ struct ParametricEye {
     double steep_axis_deg;  ///< 0 <= axis < 180
   };
   Biconic cornea_biconic() const;
-  /// Depth of the anterior / posterior cornea at (x, y); \pre inside the surface's reach
+  /// Depth of the anterior / posterior cornea at (x, y);
+  /// \pre inside the surface's reach
   double cornea_anterior_depth_mm(double x_mm, double y_mm) const;
   double cornea_posterior_depth_mm(double x_mm, double y_mm) const;
   /// u in the scaled unit direction n.
@@ -83,7 +87,7 @@ struct ParametricEye {
   /// Apex to the interface on the axis.
   double pole_depth_mm() const;
 
-  /// A parameter by its name in fit.json. Plain fields have their own names; parts of vectors are
+  /// A parameter by its name in fit.json. Plain fields, lens_index among them, have their own names; parts of vectors are
   /// lens_decentre_x_mm, lens_decentre_y_mm, lens_tilt_x_deg, lens_tilt_y_deg, globe_semi_axis_{x,y,z}_mm,
   /// displacement_000_mm and on, cornea_zernike_06_um to cornea_zernike_35_um. The pose is apex_{x,y,z}_mm
   /// (LPS) with gaze_horizontal_deg (straight ahead 0, positive to the patient's left) and gaze_vertical_deg
@@ -95,14 +99,14 @@ struct ParametricEye {
 };
 
 /// The unit of astigmatism below which the two conic constants of a cornea approach one another, 1/mm.
-inline constexpr double cornea_split_scale_per_mm = 0.25 / 337.5;
+inline constexpr double cornea_split_scale_per_mm = 0.25 * per_mm_of_keratometric_D;
 
 /// Whether `get` and `set` know the name.
 bool has_parameter(const ParametricEye& eye, const std::string& name);
 /// "displacement_012_mm" for 12.
 std::string displacement_name(std::size_t index);
 
-/// The schema of fit.json's "eye": every field above, "parameters" (name, value, sigma, source) and
+/// The schema of fit.json's "eye": every field above but lens_index, "parameters" (name, value, sigma, source) and
 /// "covariance".
 Json to_json(const ParametricEye& eye);
 /// \throw Error (input_invalid) naming the key

@@ -2,10 +2,10 @@
 #include <filesystem>
 #include <optional>
 
-#include "pipeline/eye/model/eye_model.hpp"
-#include "pipeline/eye/surfaces/height_field.hpp"
 #include "pipeline/eye/meshes/triangle_hierarchy.hpp"
 #include "pipeline/eye/meshes/triangle_mesh.hpp"
+#include "pipeline/eye/model/eye_model.hpp"
+#include "pipeline/eye/surfaces/height_field.hpp"
 
 namespace emmetrope {
 
@@ -18,8 +18,9 @@ const char* to_string(MeshInterpolation interpolation);
 class MeshShape : public Shape {
  public:
   /// \param mesh_in_shape  normals are estimated (Max 1999) where there are none, and turned to positive z at
-  /// the vertex \param file           what eye.json names; may be empty for a mesh that is not on disk \throw
-  /// Error (input_invalid) when the sheet does not cross the axis
+  ///   the vertex
+  /// \param file  what eye.json names; may be empty for a mesh that is not on disk
+  /// \throw Error (input_invalid) when the sheet does not cross the axis
   MeshShape(TriangleMesh mesh_in_shape, MeshInterpolation interpolation, std::filesystem::path file = {});
 
   std::string type() const override { return "mesh"; }
@@ -57,7 +58,7 @@ Surface make_mesh_surface(const std::string& name, const TriangleMesh& mesh_in_e
 
 /// The same from a file: SPACE=LPS meshes are brought into the eye's frame by `lps_from_eye`.
 /// \throw Error (input_invalid) when the file says LPS and there is no lps_from_eye, or the sheet misses the
-/// axis
+///   axis
 Surface read_mesh_surface(const std::string& name, const std::filesystem::path& file,
                           const std::optional<Eigen::Isometry3d>& lps_from_eye,
                           const std::string& medium_after,

@@ -5,8 +5,8 @@
 #include <cmath>
 #include <limits>
 
-#include "pipeline/base/frames.hpp"
 #include "pipeline/base/checked_object.hpp"
+#include "pipeline/base/frames.hpp"
 #include "pipeline/eye/surfaces/newton_hit.hpp"
 #include "pipeline/eye/surfaces/zernike.hpp"
 

@@ -64,7 +64,8 @@ ShapePtr make_zernike(double radius_x_mm, double radius_y_mm, double q_x, double
 
 class CheckedObject;
 /// A shape from the keys of one entry of eye.json's "surfaces" that describe its form, "type" read already;
-/// not a mesh, which eye_json.cpp reads with its file. \throw Error (input_invalid) naming the key
+/// not a mesh, which eye_json.cpp reads with its file.
+/// \throw Error (input_invalid) naming the key
 ShapePtr shape_from_json(const std::string& type, CheckedObject& surface);
 
 }  // namespace emmetrope

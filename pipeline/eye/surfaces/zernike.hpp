@@ -24,7 +24,8 @@ struct ZernikeJet {
 };
 ZernikeJet zernike_jet(int j, double x, double y);
 
-/// Coefficients of the same function about axes turned by `angle_rad`. \pre whole orders
+/// Coefficients of the same function about axes turned by `angle_rad`.
+/// \pre whole orders
 Eigen::VectorXd turned_zernike(const Eigen::VectorXd& coefficients, double angle_rad);
 
 }  // namespace emmetrope

@@ -22,9 +22,8 @@ Eigen::MatrixXd jacobian(const NormalDistribution& numbers, const VectorFunction
 /// 1993), the covariance in Joseph's form, which stays positive.
 ///
 /// \return how far the measurement was from what was expected: the number of standard deviations that a
-/// single
-///         normal number exceeds as rarely as chi2 of this dimension is exceeded; above 3 (once in 370) the
-///         two hardly fit together, whatever the dimension
+///   single normal number exceeds as rarely as chi2 of this dimension is exceeded; above 3 (once in 370) the
+///   two hardly fit together, whatever the dimension
 double condition(NormalDistribution& numbers, const VectorFunction& function, const Eigen::VectorXd& measured,
                  const Eigen::MatrixXd& noise_covariance);
 

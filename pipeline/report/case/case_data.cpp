@@ -179,8 +179,10 @@ CaseData read_case(const fs::path& folder, LateralityChoice eyes) {
                       "make it with: emmetrope run STUDY -o " + folder.string());
   CaseData data;
   data.folder = folder;
-  for (const char* name : {"segmentation", "meshing", "raytrace", "correction"})
-    if (auto stage = read_stage(folder, name)) data.stages.push_back(std::move(*stage));
+  for (const PipelineStage& stage : pipeline_stages) {
+    if (stage.folder == std::string_view("report")) continue;
+    if (auto read = read_stage(folder, stage.folder)) data.stages.push_back(std::move(*read));
+  }
   if (data.stage("segmentation") == nullptr)
     throw input_error("the case has no finished segmentation: " +
                           (folder / "segmentation" / "stage.json").string() + " is missing",

@@ -10,11 +10,11 @@
 #include "pipeline/base/version.hpp"
 #include "pipeline/report/case/case_data.hpp"
 #include "pipeline/report/content/content.hpp"
-#include "pipeline/report/dicom/source_study.hpp"
-#include "pipeline/report/page/html.hpp"
 #include "pipeline/report/content/judgement.hpp"
 #include "pipeline/report/content/normal_ranges.hpp"
+#include "pipeline/report/dicom/source_study.hpp"
 #include "pipeline/report/dicom/write_objects.hpp"
+#include "pipeline/report/page/html.hpp"
 #include "pipeline/report/pdf/pdf.hpp"
 #include "pipeline/report/stage.hpp"
 
@@ -184,9 +184,8 @@ Document document_of(const Visit& first, const Visit& second, const std::vector<
   if (tables.empty()) section.blocks.push_back({Paragraph{"No quantity was measured in both cases."}});
   section.blocks.push_back({Paragraph{
       "Differences are taken before rounding. A difference within the limit may be measurement error alone. "
-      "The limit takes the two measurements as "
-      "independent; a prior that both share (the lens's index, the back of the cornea) makes it wider than "
-      "need be."}});
+      "The limit takes the two measurements as independent; a prior that both share (the lens's index, the "
+      "back of the cornea) makes it wider than need be."}});
   document.sections.push_back(section);
   return document;
 }

@@ -1,9 +1,9 @@
 #include <fmt/format.h>
 
-#include "pipeline/report/figures/chart.hpp"
 #include "pipeline/report/content/content.hpp"
 #include "pipeline/report/content/content_tables.hpp"
 #include "pipeline/report/content/judgement.hpp"
+#include "pipeline/report/figures/chart.hpp"
 
 namespace emmetrope::report {
 namespace {
@@ -139,8 +139,7 @@ Section correction_section(const CaseData& data, Notes& notes) {
   FigureRow charts;
   charts.caption =
       "Each measure against its own maximum. A single peak at the line is a lens well found; a flat top says "
-      "that the "
-      "image hardly cares. A line beyond the curve is an optimum outside the radii that were swept.";
+      "that the image hardly cares. A line beyond the curve is an optimum outside the radii that were swept.";
   for (const auto* eye : eyes) {
     const Json difference = eye->prescription.value("difference", Json::object());
     if (difference.is_object() && difference.contains("text"))

@@ -4,12 +4,12 @@
 
 #include "pipeline/base/files.hpp"
 #include "pipeline/base/frames.hpp"
-#include "pipeline/report/figures/chart.hpp"
+#include "pipeline/report/case/series.hpp"
 #include "pipeline/report/content/content.hpp"
+#include "pipeline/report/content/numbers.hpp"
+#include "pipeline/report/figures/chart.hpp"
 #include "pipeline/report/figures/cornea_map.hpp"
 #include "pipeline/report/figures/encoding.hpp"
-#include "pipeline/report/content/numbers.hpp"
-#include "pipeline/report/case/series.hpp"
 #include "pipeline/report/figures/slices.hpp"
 #include "pipeline/report/figures/still.hpp"
 
@@ -232,9 +232,8 @@ Section images_section(const CaseData& data, Notes& notes) {
   if (!printed.figures.empty())
     section.blocks.push_back(
         {Paragraph{"Slices are in the patient's axes through the middle of the globe, in radiological "
-                   "convention: the patient's "
-                   "right is on the left of the picture. R right, L left, A anterior, P posterior, S "
-                   "superior, I inferior."}});
+                   "convention: the patient's right is on the left of the picture. R right, L left, A "
+                   "anterior, P posterior, S superior, I inferior."}});
   return section;
 }
 
@@ -253,8 +252,7 @@ Section cornea_section(const CaseData& data, Notes& notes) {
     power.title = name + ", axial power";
     powers.caption =
         "Colours step by 1.5 D on a scale that is the same for all eyes. Solid line: steep meridian; dashed: "
-        "flat. A "
-        "bow tie is regular astigmatism; asymmetry is irregular. N nasal, T temporal.";
+        "flat. A bow tie is regular astigmatism; asymmetry is irregular. N nasal, T temporal.";
     power.alt = "Colour map of the axial power of the cornea";
     Figure elevation = power;
     elevation.id = "elevation-" + eye.id();

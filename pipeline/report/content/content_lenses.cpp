@@ -2,6 +2,7 @@
 
 #include <cctype>
 
+#include "pipeline/base/notation.hpp"
 #include "pipeline/report/content/content.hpp"
 #include "pipeline/report/content/content_tables.hpp"
 #include "pipeline/report/content/judgement.hpp"
@@ -13,8 +14,8 @@ const NumberStyle dioptres{2, true, "D"}, millimetres{1, false, "mm"};
 
 std::string refraction_of(const Json& lens) {
   const auto sphere = value_of(lens, "sphere_D");
-  return sphere ? format_refraction(*sphere, value_of(lens, "cylinder_D").value_or(0),
-                                    value_of(lens, "axis_deg").value_or(180))
+  return sphere ? format_refraction({*sphere, value_of(lens, "cylinder_D").value_or(0),
+                                     value_of(lens, "axis_deg").value_or(180)})
                 : "\u2013";
 }
 

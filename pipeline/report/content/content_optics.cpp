@@ -1,14 +1,14 @@
 #include <fmt/format.h>
 
 #include "pipeline/base/error.hpp"
-#include "pipeline/report/figures/chart.hpp"
+#include "pipeline/eye/surfaces/zernike.hpp"
 #include "pipeline/report/content/content.hpp"
 #include "pipeline/report/content/content_tables.hpp"
-#include "pipeline/report/figures/encoding.hpp"
 #include "pipeline/report/content/judgement.hpp"
+#include "pipeline/report/figures/chart.hpp"
+#include "pipeline/report/figures/encoding.hpp"
 #include "pipeline/report/figures/letter_chart.hpp"
 #include "pipeline/report/figures/reference_mtf.hpp"
-#include "pipeline/eye/surfaces/zernike.hpp"
 
 namespace emmetrope::report {
 namespace {
@@ -16,14 +16,14 @@ namespace {
 constexpr int picture_px = 300;
 constexpr std::size_t drawn_terms = 21;  ///< to the fifth order
 
-std::optional<Wavefront> wavefront_of(const EyeData& eye) {
+std::optional<raytrace::Wavefront> wavefront_of(const EyeData& eye) {
   const auto pupil = value_of(eye.wavefront, "pupil_mm"),
              wavelength = value_of(eye.wavefront, "wavelength_nm");
   if (!pupil || !wavelength || !eye.wavefront.contains("zernike_um")) return std::nullopt;
   if (!(*pupil > 0 && *wavelength > 0))
     throw input_error("wavefront.json: pupil_mm or wavelength_nm is not positive",
                       "run emmetrope trace again");
-  Wavefront wavefront;
+  raytrace::Wavefront wavefront;
   wavefront.pupil_mm = *pupil;
   wavefront.wavelength_nm = *wavelength;
   wavefront.pupil_position_mm = value_of(eye.wavefront, "pupil_position_mm").value_or(3);
@@ -34,12 +34,13 @@ std::optional<Wavefront> wavefront_of(const EyeData& eye) {
 
 /// The prescription where it acts on the wavefront: moved from the spectacle plane to the entrance pupil.
 std::optional<PowerVector> lens_in_pupil(const CaseData& data, const EyeData& eye,
-                                         const Wavefront& wavefront) {
+                                         const raytrace::Wavefront& wavefront) {
   if (!judge(data, eye).has_refraction) return std::nullopt;
   const auto M = value_of(eye.prescription, "M_D"), J0 = value_of(eye.prescription, "J0_D"),
              J45 = value_of(eye.prescription, "J45_D");
   if (!M || !J0 || !J45) return std::nullopt;
-  return in_pupil(wavefront, {*M, *J0, *J45}, value_of(eye.prescription, "vertex_distance_mm").value_or(12));
+  return raytrace::in_pupil(wavefront, {*M, *J0, *J45},
+                            value_of(eye.prescription, "vertex_distance_mm").value_or(12));
 }
 
 Figure chart_figure(const EyeData& eye, const std::string& name, const std::string& title) {
@@ -52,7 +53,8 @@ Figure chart_figure(const EyeData& eye, const std::string& name, const std::stri
 }
 
 /// \param range_um  [low, high] of the ordinate, the same for both eyes
-Figure zernike_figure(const EyeData& eye, const Wavefront& wavefront, const std::array<double, 2>& range_um) {
+Figure zernike_figure(const EyeData& eye, const raytrace::Wavefront& wavefront,
+                      const std::array<double, 2>& range_um) {
   Figure figure = chart_figure(eye, "zernike", "Zernike coefficients");
   figure.alt = "Bars of the Zernike coefficients of second to fifth order";
   const std::size_t end = std::min(wavefront.zernike_um.size(), drawn_terms);
@@ -84,7 +86,8 @@ std::array<double, 2> zernike_range_um(const CaseData& data) {
   return {low - room, high + room};
 }
 
-Figure mtf_figure(const EyeData& eye, const Wavefront& wavefront, const std::optional<PowerVector>& lens) {
+Figure mtf_figure(const EyeData& eye, const raytrace::Wavefront& wavefront,
+                  const std::optional<PowerVector>& lens) {
   Figure figure = chart_figure(eye, "mtf", "modulation transfer");
   figure.alt = "Modulation transfer function with diffraction limit and a normal eye";
   const Json mtf = eye.wavefront.value("mtf", Json::object());
@@ -98,7 +101,7 @@ Figure mtf_figure(const EyeData& eye, const Wavefront& wavefront, const std::opt
                           healthy_mtf(cpd[i], wavefront.pupil_mm));
   script += "EOD\n";
   if (lens) {
-    const ImageQuality with_lens = image_quality(wavefront, *lens);
+    const raytrace::ImageQuality with_lens = raytrace::image_quality(wavefront, *lens);
     script += "$lens << EOD\n";
     for (std::size_t i = 0; i < with_lens.cpd.size(); ++i)
       script += fmt::format("{:.4f} {:.5f}\n", with_lens.cpd[i],
@@ -134,14 +137,13 @@ Figure picture_figure(const EyeData& eye, const std::string& name, const std::st
   figure.height_px = picture_px;
   figure.svg = fmt::format(
       "<svg xmlns=\"http://www.w3.org/2000/svg\" xmlns:xlink=\"http://www.w3.org/1999/xlink\" viewBox=\"0 0 "
-      "{4} "
-      "{0}\"><image width=\"{0}\" height=\"{0}\" xlink:href=\"{1}\"/><rect x=\"0.5\" y=\"0.5\" width=\"{2}\" "
-      "height=\"{2}\" fill=\"none\" stroke=\"#8a8a8a\"/>{3}</svg>",
+      "{4} {0}\"><image width=\"{0}\" height=\"{0}\" xlink:href=\"{1}\"/><rect x=\"0.5\" y=\"0.5\" "
+      "width=\"{2}\" height=\"{2}\" fill=\"none\" stroke=\"#8a8a8a\"/>{3}</svg>",
       picture_px, png_url(png), picture_px - 1, marks, picture_px + margin_px);
   return figure;
 }
 
-Figure spread_figure(const EyeData& eye, const PointSpread& spread, const std::string& kind,
+Figure spread_figure(const EyeData& eye, const raytrace::PointSpread& spread, const std::string& kind,
                      const std::string& title) {
   constexpr double shown_arcmin = 40;
   const float peak = *std::max_element(spread.values.begin(), spread.values.end());
@@ -153,7 +155,7 @@ Figure spread_figure(const EyeData& eye, const PointSpread& spread, const std::s
   return figure;
 }
 
-Figure letters_figure(const EyeData& eye, const PointSpread& spread, const std::string& kind,
+Figure letters_figure(const EyeData& eye, const raytrace::PointSpread& spread, const std::string& kind,
                       const std::string& title) {
   constexpr double shown_arcmin = 132;
   constexpr int margin_px = 52;
@@ -206,16 +208,13 @@ Section optics_section(const CaseData& data, Notes& notes) {
   FigureRow zernike, mtf, letters, spreads;
   zernike.caption =
       "2,0 is defocus, 2,\u00b12 astigmatism, 3,\u00b11 coma, 4,0 spherical aberration. Second order is what "
-      "a lens "
-      "corrects; the rest stays.";
+      "a lens corrects; the rest stays.";
   mtf.caption =
       "Contrast that reaches the retina, by fineness of detail; letters of 20/20 need about 30 cycles per "
-      "degree. Grey: "
-      "the mean of healthy corrected eyes [11] and the diffraction limit of this pupil.";
+      "degree. Grey: the mean of healthy corrected eyes [11] and the diffraction limit of this pupil.";
   letters.caption =
       "Sloan letters of logMAR 0.7, 0.5, 0.3, 0.2, 0.1 and 0.0, computed from the wavefront in one colour. "
-      "The "
-      "smallest line whose letters can be told apart is about the acuity that the optics allow.";
+      "The smallest line whose letters can be told apart is about the acuity that the optics allow.";
   spreads.caption = "A point of light on the retina; each picture is scaled to its own peak.";
   const std::array<double, 2> range_um = zernike_range_um(data);
   for (const auto& eye : data.eyes) {
@@ -230,7 +229,7 @@ Section optics_section(const CaseData& data, Notes& notes) {
       notes.push_back(short_name(eye) +
                       ": charts of the wavefront are missing, because gnuplot is not installed or failed.");
     const auto show = [&](const PowerVector& power, const char* kind, const char* title) {
-      const PointSpread spread = point_spread(*wavefront, power);
+      const raytrace::PointSpread spread = raytrace::point_spread(*wavefront, power);
       letters.figures.push_back(letters_figure(eye, spread, kind, title));
       spreads.figures.push_back(spread_figure(eye, spread, kind, title));
     };

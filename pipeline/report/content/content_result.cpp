@@ -1,10 +1,11 @@
 #include <fmt/format.h>
 
+#include "pipeline/base/notation.hpp"
 #include "pipeline/report/content/content.hpp"
-#include "pipeline/report/figures/encoding.hpp"
 #include "pipeline/report/content/judgement.hpp"
 #include "pipeline/report/content/normal_ranges.hpp"
 #include "pipeline/report/content/numbers.hpp"
+#include "pipeline/report/figures/encoding.hpp"
 
 namespace emmetrope::report {
 namespace {
@@ -13,7 +14,7 @@ std::string rounded_prescription(const Json& prescription) {
   const Json rounded = prescription.value("rounded", Json::object());
   const auto sphere = value_of(rounded, "sphere_D"), cylinder = value_of(rounded, "cylinder_D"),
              axis = value_of(rounded, "axis_deg");
-  return sphere ? format_refraction(*sphere, cylinder.value_or(0), axis.value_or(180)) : "";
+  return sphere ? format_refraction({*sphere, cylinder.value_or(0), axis.value_or(180)}) : "";
 }
 
 /// "name, value, 95 % interval, source" of a key that may be missing.
@@ -30,9 +31,9 @@ void add_measured(Table& table, const Json& json, const std::string& key, const 
 }
 
 std::string refraction_of(const Json& notation) {
-  return format_refraction(value_of(notation, "sphere_D").value_or(0),
-                           value_of(notation, "cylinder_D").value_or(0),
-                           value_of(notation, "axis_deg").value_or(180));
+  return format_refraction({value_of(notation, "sphere_D").value_or(0),
+                            value_of(notation, "cylinder_D").value_or(0),
+                            value_of(notation, "axis_deg").value_or(180)});
 }
 
 /// Side by side what was given, what the images say, and what has been combined from them.
@@ -179,9 +180,8 @@ Section result_section(const CaseData& data) {
   section.blocks.push_back({cards});
   if (any)
     section.blocks.push_back(
-        {Paragraph{"The refraction holds for the state of accommodation that the eyes had in the scanner, "
-                   "on the eye's own "
-                   "axis. The fovea is not visible in MRI."}});
+        {Paragraph{"The refraction holds for the state of accommodation that the eyes had in the scanner, on "
+                   "the eye's own axis. The fovea is not visible in MRI."}});
   return section;
 }
 
@@ -196,12 +196,9 @@ Section measured_section(const CaseData& data) {
     section.blocks.push_back({lines});
   section.blocks.push_back({Paragraph{
       "(!) marks a value outside the normal adult range of the numbered source, in most rows mean \u00b1 2 "
-      "standard deviations. "
-      "A prior is the population's knowledge and no measurement of this patient: its interval is "
-      "that of the population. Keratometric "
-      "powers are 337.5 / R, 1.5 mm from the apex; axes are counter-clockwise from the examiner's "
-      "right (TABO), the "
-      "same for both eyes."}});
+      "standard deviations. A prior is the population's knowledge and no measurement of this patient: its "
+      "interval is that of the population. Keratometric powers are 337.5 / R, 1.5 mm from the apex; axes are "
+      "counter-clockwise from the examiner's right (TABO), the same for both eyes."}});
   return section;
 }
 

@@ -3,9 +3,9 @@
 #include <algorithm>
 
 #include "pipeline/base/version.hpp"
+#include "pipeline/report/case/series.hpp"
 #include "pipeline/report/content/content.hpp"
 #include "pipeline/report/content/numbers.hpp"
-#include "pipeline/report/case/series.hpp"
 
 namespace emmetrope::report {
 namespace {
@@ -13,35 +13,27 @@ namespace {
 const std::vector<std::string>& references() {
   static const std::vector<std::string> list{
       "1. Wei Q, Patkar S, Pai DK. Fast ray-tracing of human eye optics on graphics processing units. "
-      "Computer Methods "
-      "and Programs in Biomedicine 2014;114:302-314.",
+      "Computer Methods and Programs in Biomedicine 2014;114:302-314.",
       "2. Thibos LN, Wheeler W, Horner D. Power vectors: an application of Fourier analysis to the "
-      "description and "
-      "statistical analysis of refractive error. Optometry and Vision Science 1997;74:367-375.",
+      "description and statistical analysis of refractive error. Optometry and Vision Science "
+      "1997;74:367-375.",
       "3. ANSI Z80.28: Methods for reporting optical aberrations of eyes.",
       "4. Dubbelman M, van der Heijde GL. The shape of the aging human lens: curvature, equivalent "
-      "refractive index and "
-      "the lens paradox. Vision Research 2001;41:1867-1877 (lens index).",
+      "refractive index and the lens paradox. Vision Research 2001;41:1867-1877 (lens index).",
       "5. Hoffmann PC, Huetz WW. Analysis of biometry and prevalence data for corneal astigmatism in 23,239 "
-      "eyes. "
-      "Journal of Cataract and Refractive Surgery 2010;36:1479-1485.",
+      "eyes. Journal of Cataract and Refractive Surgery 2010;36:1479-1485.",
       "6. Distribution of ocular biometric parameters in 28,709 adult cataract patients in China using "
-      "swept-source "
-      "optical biometry. BMC Ophthalmology 2021;21 (doi 10.1186/s12886-021-01932-4).",
+      "swept-source optical biometry. BMC Ophthalmology 2021;21 (doi 10.1186/s12886-021-01932-4).",
       "7. Dubbelman M, van der Heijde GL, Weeber HA. The thickness of the aging human lens obtained from "
-      "corrected "
-      "Scheimpflug images. Optometry and Vision Science 2001;78:411-416.",
+      "corrected Scheimpflug images. Optometry and Vision Science 2001;78:411-416.",
       "8. As 4: radii at 20 to 70 years; within 0.4 mm of Navarro R. Adaptive model of the aging emmetropic "
-      "eye. "
-      "Journal of Vision 2014;14(13):21.",
+      "eye. Journal of Vision 2014;14(13):21.",
       "9. Dodgson NA. Variation and extrema of human interpupillary distance. Proc. SPIE 2004;5291:36-46.",
       "10. Corneal Q value of 1,683 adults in the Handan Eye Study (PMC5436654): -0.28 -+ 0.18 over 5 mm.",
       "11. Watson AB. A formula for the mean human optical modulation transfer function as a function of "
-      "pupil size. "
-      "Journal of Vision 2013;13(6):18.",
+      "pupil size. Journal of Vision 2013;13(6):18.",
       "12. Mannos JL, Sakrison DJ. The effects of a visual fidelity criterion on the encoding of images. "
-      "IEEE "
-      "Transactions on Information Theory 1974;20:525-536 (contrast sensitivity that weighs the VSOTF).",
+      "IEEE Transactions on Information Theory 1974;20:525-536 (contrast sensitivity that weighs the VSOTF).",
       "13. Flitcroft DI et al. IMI - Defining and classifying myopia. Investigative Ophthalmology and Visual "
       "Science 2019;60:M20-M30.",
       "14. Blendowske R. Unaided visual acuity and blur: a simple model. Optometry and Vision Science "
@@ -100,17 +92,15 @@ Section limits_section(const CaseData& data, const Notes& notes) {
   BulletList general;
   general.items = {std::string(research_notice),
                    "MRI shows the eye at a fraction of a millimetre. One tenth of a millimetre of corneal "
-                   "radius is about 0.6 D, one "
-                   "tenth of a millimetre of axial length about 0.26 D: read every number with its interval.",
+                   "radius is about 0.6 D, one tenth of a millimetre of axial length about 0.26 D: read "
+                   "every number with its interval.",
                    "The lens's refractive index is not visible in MRI. It is taken from the age; its spread "
-                   "of 0.005 alone moves the "
-                   "mean sphere by 0.8 D (one standard deviation) and is part of the interval. Astigmatism "
-                   "does not depend on it.",
+                   "of 0.005 alone moves the mean sphere by 0.8 D (one standard deviation) and is part of "
+                   "the interval. Astigmatism does not depend on it.",
                    "The back of the cornea is taken as a fixed proportion of its front where the images do "
                    "not resolve it.",
                    "The retina's fovea is not visible: the refraction is given on the eye's axis, which may "
-                   "lie a few degrees from "
-                   "the line of sight.",
+                   "lie a few degrees from the line of sight.",
                    "Images of the orbit may let a face be recognised even where no name is given."};
   section.blocks.push_back({general});
   BulletList found;
@@ -138,19 +128,16 @@ Section methods_section(const CaseData& data) {
   section.blocks.push_back(
       {Paragraph{images_sentence(data) + refraction_sentence(data) +
                  "The eyes are found in the MR volumes by radial symmetry and paired by the patient's "
-                 "coordinates. A parametric "
-                 "eye (biconic cornea, two-conic lens, ellipsoid globe with a smooth displacement) is fitted "
-                 "to the voxels through "
-                 "a model of the acquisition; the covariance of the fit gives the intervals. The surfaces "
-                 "are meshed and light is "
-                 "traced backward from the retina through them [1]. The lens is the one that makes the "
-                 "retinal image sharpest; "
-                 "refractions are averaged and compared as power vectors [2], wavefronts follow [3], the "
-                 "lens index [4]. This text may be copied into a paper."}});
+                 "coordinates. A parametric eye (biconic cornea, two-conic lens, ellipsoid globe with a "
+                 "smooth displacement) is fitted to the voxels through a model of the acquisition; the "
+                 "covariance of the fit gives the intervals. The surfaces are meshed and light is traced "
+                 "backward from the retina through them [1]. The lens is the one that makes the retinal "
+                 "image sharpest; refractions are averaged and compared as power vectors [2], wavefronts "
+                 "follow [3], the lens index [4]. This text may be copied into a paper."}});
   section.blocks.push_back(
-      {Paragraph{"Frames: light is described in the eye's frame, x to the examiner's right, y up, z out of "
-                 "the eye; origin at "
-                 "the corneal apex. Wavefront maps and axes are as the examiner sees them."},
+      {Paragraph{
+           "Frames: light is described in the eye's frame, x to the examiner's right, y up, z out of "
+           "the eye; origin at the corneal apex. Wavefront maps and axes are as the examiner sees them."},
        Paper::never});
   section.blocks.push_back({BulletList{references(), true}});
   return section;

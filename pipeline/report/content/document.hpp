@@ -94,8 +94,8 @@ struct Document {
   std::string title;
   std::vector<std::pair<std::string, std::string>> heading;  ///< "Case", "Study date", ...
   std::vector<Section> sections;
-  std::string
-      date_iso;  ///< of the study, "2026-03-14"; dates the PDF, so that the same case gives the same bytes
+  /// Of the study, "2026-03-14"; dates the PDF, so that the same case gives the same bytes
+  std::string date_iso;
 };
 
 }  // namespace emmetrope::report

@@ -1,5 +1,6 @@
 #include "pipeline/report/content/judgement.hpp"
 
+#include "pipeline/eye/population/limits.hpp"
 #include "pipeline/report/content/content_tables.hpp"
 #include "pipeline/report/content/normal_ranges.hpp"
 
@@ -9,7 +10,6 @@ namespace {
 constexpr double repeatability_D = 0.5;  ///< what clinics ask of a refraction's 95 % limits of agreement
 constexpr double dispensing_D = 1.0;     ///< beyond it a lens may be worse than the one that is worn
 constexpr double astigmatism_D = 0.5;    ///< half width of J0 or J45: a cylinder of 1 D may not be there
-constexpr double largest_head_roll_deg = 3;
 
 /// Half of the 95 % interval of a number of the prescription; 0 where it has none.
 double half_width(const EyeData& eye, const char* key) {

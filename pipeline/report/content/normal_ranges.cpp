@@ -5,9 +5,9 @@ namespace emmetrope::report {
 // Ranges are mean -+ 2 standard deviations of the source: axial length 23.45 (1.51) mm, chamber depth 3.11
 // (0.43) mm and corneal radius 7.69 (0.28) mm of 23 239 eyes [5]; corneal thickness 0.534 (0.040) mm of 28
 // 709 eyes [6]; asphericity -0.28 (0.18) of 1683 eyes [10]. Lens thickness is 2.93 mm + 0.0236 mm a year [7]
-// from 18 to 80 years,
-// -+ 0.4 mm. The lens's radii [8] are 12.9 - 0.057 age and 6.2 - 0.012 age (mm; Navarro 2014 has 12.7 - 0.058
-// age and 5.9 - 0.013 age). Distances of the eyes are the range of the vast majority of adults [9].
+// from 18 to 80 years, -+ 0.4 mm. The lens's radii [8] are 12.9 - 0.057 age and 6.2 - 0.012 age (mm; Navarro
+// 2014 has 12.7 - 0.058 age and 5.9 - 0.013 age). Distances of the eyes are the range of the vast majority of
+// adults [9].
 const std::vector<BiometryRow>& biometry_rows() {
   static const std::vector<BiometryRow> rows{
       {"optical_axial_length_mm", "Axial length, optical", {2, false, "mm"}, 20.43, 26.47, "5"},

@@ -35,15 +35,6 @@ std::string format_interval(const Measured& measured, const NumberStyle& style) 
   return format(measured.ci95[0], bare) + " to " + format(measured.ci95[1], bare);
 }
 
-std::string format_refraction(double sphere_D, double cylinder_D, double axis_deg) {
-  const std::string sphere = signed_fixed(sphere_D, 2);
-  const std::string cylinder = signed_fixed(cylinder_D, 2);
-  if (cylinder == "0.00") return sphere + " DS";
-  int axis = static_cast<int>(std::lround(axis_deg)) % 180;
-  if (axis <= 0) axis += 180;
-  return fmt::format("{} / {} x {:03d}", sphere, cylinder, axis);
-}
-
 std::string source_name(const std::string& source) {
   static const std::map<std::string, std::string> names{{"mri", "MRI"},
                                                         {"prior", "prior"},

@@ -24,11 +24,6 @@ std::string format(double value, const NumberStyle& style);
 /// "23.55 to 23.67", no unit; of an angle "+- 6 deg", or "any" when nothing is known of it
 std::string format_interval(const Measured& measured, const NumberStyle& style);
 
-/// Minus-cylinder notation, 2 decimals, axis of three digits 001 to 180: "-2.25 / -1.00 x 180"; without a
-/// cylinder
-/// "-2.25 DS", "0.00 DS".
-std::string format_refraction(double sphere_D, double cylinder_D, double axis_deg);
-
 /// "mri" -> "MRI", "prior" -> "population prior", ...: sources in the reader's words; unknown ones as they
 /// are.
 std::string source_name(const std::string& source);

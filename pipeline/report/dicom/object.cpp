@@ -6,6 +6,7 @@
 
 #include <algorithm>
 
+#include "pipeline/base/clean_text.hpp"
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/files.hpp"
 #include "pipeline/base/version.hpp"
@@ -42,7 +43,7 @@ std::string stable_uid(const std::string& text) {
 }
 
 std::string dicom_text(const std::string& text, std::size_t most) {
-  std::string clean = clean_text(text);
+  std::string clean = clean_utf8(text);
   std::replace(clean.begin(), clean.end(), '\\', '/');
   std::size_t end = std::min(clean.size(), most);
   while (end > 0 && end < clean.size() && (static_cast<unsigned char>(clean[end]) & 0xc0) == 0x80) --end;

@@ -4,9 +4,9 @@
 
 #include "pipeline/base/json.hpp"
 #include "pipeline/base/laterality.hpp"
+#include "pipeline/eye/meshes/triangle_mesh.hpp"
 #include "pipeline/report/case/case_data.hpp"
 #include "pipeline/report/dicom/source_study.hpp"
-#include "pipeline/eye/meshes/triangle_mesh.hpp"
 
 /// The report as DICOM objects of the source's study, each a series of its own; bytes of Part 10 files.
 namespace emmetrope::report {

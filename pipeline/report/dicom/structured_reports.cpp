@@ -5,10 +5,10 @@
 
 #include "pipeline/base/files.hpp"
 #include "pipeline/base/version.hpp"
-#include "pipeline/report/dicom/object.hpp"
-#include "pipeline/report/dicom/objects.hpp"
 #include "pipeline/report/content/judgement.hpp"
 #include "pipeline/report/content/normal_ranges.hpp"
+#include "pipeline/report/dicom/object.hpp"
+#include "pipeline/report/dicom/objects.hpp"
 
 namespace emmetrope::report {
 namespace {
@@ -16,8 +16,7 @@ namespace {
 constexpr const char* own_scheme = "99EMMETROPE";
 constexpr const char* biometry_comment =
     "Research use only. Not a medical device. Uncertainties are the distances of the 95 % limits from the "
-    "value. A "
-    "measurement whose method is a prior is the population's value, not this patient's.";
+    "value. A measurement whose method is a prior is the population's value, not this patient's.";
 
 /// A decimal string of at most 16 characters.
 std::string decimal_string(double value) {

@@ -7,8 +7,8 @@
 
 #include "pipeline/base/files.hpp"
 #include "pipeline/base/version.hpp"
-#include "pipeline/report/dicom/objects.hpp"
 #include "pipeline/report/content/judgement.hpp"
+#include "pipeline/report/dicom/objects.hpp"
 
 namespace emmetrope::report {
 namespace {

@@ -7,6 +7,7 @@
 #include <limits>
 
 #include "pipeline/base/frames.hpp"
+#include "pipeline/eye/population/population.hpp"
 #include "pipeline/report/figures/chart.hpp"
 
 namespace emmetrope::report {
@@ -15,7 +16,6 @@ namespace {
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-constexpr double keratometric_power_mm_D = 337.5;
 constexpr double centre_hole_mm = 0.3;
 constexpr double not_a_number = std::numeric_limits<double>::quiet_NaN();
 
@@ -85,7 +85,7 @@ void rasterise(CorneaGrid& grid, const TriangleMesh& mesh, const std::array<int,
       grid.elevation_um[at] = 1000 * above_sphere;
       // Sine of the normal's angle in the meridional plane.
       const double slope_sine = r > centre_hole_mm ? (normal.x() * x + normal.y() * y) / r : not_a_number;
-      grid.axial_power_D[at] = keratometric_power_mm_D * slope_sine / r;
+      grid.axial_power_D[at] = keratometric_D_mm * slope_sine / r;
     }
   }
 }

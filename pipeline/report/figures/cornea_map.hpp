@@ -1,8 +1,8 @@
 #pragma once
 #include <Eigen/Geometry>
 
-#include "pipeline/report/content/document.hpp"
 #include "pipeline/eye/meshes/triangle_mesh.hpp"
+#include "pipeline/report/content/document.hpp"
 
 /// Maps of the anterior cornea, from its mesh, as a topographer draws them.
 namespace emmetrope::report {

@@ -6,6 +6,7 @@
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
+#include "pipeline/base/clean_text.hpp"
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/files.hpp"
 
@@ -61,17 +62,9 @@ PagePicture page_picture(const std::filesystem::path& file) {
 
 std::string png_url(std::string_view png) { return "data:image/png;base64," + base64(png); }
 
-std::string clean_text(const std::string& text) {
-  const GlibText valid(g_utf8_make_valid(text.data(), static_cast<gssize>(text.size())));
-  std::string clean = valid.get();
-  for (char& c : clean)
-    if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f) c = ' ';
-  return clean;
-}
-
 std::string escape_xml(const std::string& text) {
   std::string escaped;
-  for (const char c : clean_text(text)) {
+  for (const char c : clean_utf8(text)) {
     switch (c) {
       case '&':
         escaped += "&amp;";

@@ -22,7 +22,5 @@ std::string png_url(std::string_view png);
 /// Text made safe between tags and in attributes of HTML and SVG; control characters become spaces, invalid
 /// UTF-8 U+FFFD.
 std::string escape_xml(const std::string& text);
-/// Well-formed UTF-8 without control characters.
-std::string clean_text(const std::string& text);
 
 }  // namespace emmetrope::report

@@ -59,7 +59,7 @@ std::vector<LetterLine> letter_lines(const std::vector<double>& logmar, double w
   return lines;
 }
 
-Picture blurred_letters(const PointSpread& spread, const std::vector<LetterLine>& lines,
+Picture blurred_letters(const raytrace::PointSpread& spread, const std::vector<LetterLine>& lines,
                         double field_arcmin) {
   const double step = spread.pitch_arcmin;
   // The blur must not come in again on the other side. Even, and a product of small primes.

@@ -26,7 +26,8 @@ struct LetterLine {
 std::vector<LetterLine> letter_lines(const std::vector<double>& logmar, double width_arcmin);
 
 /// The chart, black on white (1), blurred by the point spread; at least `field_arcmin` wide.
-Picture blurred_letters(const PointSpread& spread, const std::vector<LetterLine>& lines, double field_arcmin);
+Picture blurred_letters(const raytrace::PointSpread& spread, const std::vector<LetterLine>& lines,
+                        double field_arcmin);
 
 /// The middle `shown_arcmin` of a picture as an 8-bit grey PNG, intensities encoded as sRGB, `white` and
 /// above as white; dark outside the picture.

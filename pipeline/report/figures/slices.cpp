@@ -159,8 +159,7 @@ std::string letter(const char* text, int x, int y, const char* convention) {
   const std::string hidden = std::string(convention) == "neurological" ? " display=\"none\"" : "";
   return fmt::format(
       "<text class=\"{}\"{} x=\"{}\" y=\"{}\" text-anchor=\"middle\" font-family=\"DejaVu Sans\" "
-      "font-size=\"16\" "
-      "font-weight=\"bold\" fill=\"#ffe066\" stroke=\"#000\" stroke-width=\"3\" "
+      "font-size=\"16\" font-weight=\"bold\" fill=\"#ffe066\" stroke=\"#000\" stroke-width=\"3\" "
       "paint-order=\"stroke\">{}</text>",
       convention, hidden, x, y, text);
 }
@@ -201,8 +200,7 @@ Figure slice_figure(const Volume& volume, Plane plane, const Eigen::Vector3d& ce
   figure.width_px = figure.height_px = side_px;
   figure.svg = fmt::format(
       "<svg xmlns=\"http://www.w3.org/2000/svg\" xmlns:xlink=\"http://www.w3.org/1999/xlink\" viewBox=\"0 0 "
-      "{0} "
-      "{0}\"><rect width=\"{0}\" height=\"{0}\" fill=\"#000\"/><g class=\"{1}\"><image width=\"{0}\" "
+      "{0} {0}\"><rect width=\"{0}\" height=\"{0}\" fill=\"#000\"/><g class=\"{1}\"><image width=\"{0}\" "
       "height=\"{0}\" xlink:href=\"{2}\"/>",
       side_px, view.flips ? "anatomy flips" : "anatomy", png_url(png));
   for (const auto& contour : contours) figure.svg += contour_path(contour, view, centre_lps, pixel_mm);

@@ -5,8 +5,8 @@
 #include <string>
 #include <vector>
 
-#include "pipeline/report/content/document.hpp"
 #include "pipeline/eye/meshes/triangle_mesh.hpp"
+#include "pipeline/report/content/document.hpp"
 
 /// MR slices with the surfaces' contours over them, by VTK without OpenGL.
 namespace emmetrope::report {

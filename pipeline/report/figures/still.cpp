@@ -8,8 +8,8 @@
 #include <opencv2/imgcodecs.hpp>
 
 #include "pipeline/base/error.hpp"
-#include "pipeline/report/figures/encoding.hpp"
 #include "pipeline/eye/meshes/triangle_hierarchy.hpp"
+#include "pipeline/report/figures/encoding.hpp"
 
 namespace emmetrope::report {
 namespace {
@@ -135,10 +135,9 @@ Figure still_figure(const std::vector<StillSurface>& surfaces, Laterality eye, d
   figure.height_px = h;
   figure.svg = fmt::format(
       "<svg xmlns=\"http://www.w3.org/2000/svg\" xmlns:xlink=\"http://www.w3.org/1999/xlink\" viewBox=\"0 0 "
-      "{0} "
-      "{1}\"><image width=\"{0}\" height=\"{1}\" xlink:href=\"{2}\"/>{3}"
-      "<path d=\"M12 {4}h{5:.1f}\" stroke=\"currentColor\" stroke-width=\"3\"/><text x=\"12\" y=\"{6}\" "
-      "font-family=\"DejaVu Sans\" font-size=\"12\" fill=\"currentColor\">5 mm</text></svg>",
+      "{0} {1}\"><image width=\"{0}\" height=\"{1}\" xlink:href=\"{2}\"/>{3}<path d=\"M12 {4}h{5:.1f}\" "
+      "stroke=\"currentColor\" stroke-width=\"3\"/><text x=\"12\" y=\"{6}\" font-family=\"DejaVu Sans\" "
+      "font-size=\"12\" fill=\"currentColor\">5 mm</text></svg>",
       w, h, png_url({reinterpret_cast<const char*>(png.data()), png.size()}),
       letter("S", w / 2, 18) + letter("I", w / 2, h - 6) + letter(front_is_right ? "A" : "P", w - 12, h / 2) +
           letter(front_is_right ? "P" : "A", 12, h / 2),

@@ -4,6 +4,7 @@
 
 #include <kainjow/mustache.hpp>
 
+#include "pipeline/base/clean_text.hpp"
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/version.hpp"
 #include "pipeline/report/figures/encoding.hpp"
@@ -36,7 +37,7 @@ data list_of(const std::vector<std::string>& texts) {
   data list{data::type::list};
   for (const auto& text : texts) {
     data item;
-    item.set("text", clean_text(text));
+    item.set("text", clean_utf8(text));
     list.push_back(item);
   }
   return list;
@@ -44,12 +45,12 @@ data list_of(const std::vector<std::string>& texts) {
 
 data table_data(const Table& table) {
   data result;
-  result.set("caption", clean_text(table.caption));
+  result.set("caption", clean_utf8(table.caption));
   result.set("header", list_of(table.header));
   data rows{data::type::list};
   for (const auto& row : table.rows) {
     data cells;
-    cells.set("name", clean_text(row.front()));
+    cells.set("name", clean_utf8(row.front()));
     cells.set("cells", list_of({row.begin() + 1, row.end()}));
     rows.push_back(cells);
   }
@@ -63,9 +64,9 @@ data table_data(const Table& table) {
 data figure_data(const Figure& figure) {
   data result;
   result.set("id", figure.id);
-  result.set("title", clean_text(figure.title));
-  result.set("caption", clean_text(figure.caption));
-  result.set("alt", clean_text(figure.alt));
+  result.set("title", clean_utf8(figure.title));
+  result.set("caption", clean_utf8(figure.caption));
+  result.set("alt", clean_utf8(figure.alt));
   result.set("svg", figure.svg);
   return result;
 }
@@ -75,26 +76,26 @@ data card_data(const EyeCard& card) {
   result.set("eye", card.eye);
   result.set("id", card.id);
   result.set("light", light_name(card.light));
-  result.set("verdict", clean_text(card.verdict));
+  result.set("verdict", clean_utf8(card.verdict));
   result.set("reasons", list_of(card.reasons));
   result.set("has_reasons", !card.reasons.empty());
   result.set("has_prescription", !card.prescription.empty());
-  result.set("prescription", clean_text(card.prescription));
+  result.set("prescription", clean_utf8(card.prescription));
   result.set("has_estimate", !card.estimate.empty());
-  result.set("estimate", clean_text(card.estimate));
-  result.set("note", clean_text(card.note));
+  result.set("estimate", clean_utf8(card.estimate));
+  result.set("note", clean_utf8(card.note));
   result.set("has_details", !card.details.rows.empty());
   result.set("details", table_data(card.details));
   result.set("has_pictures", !card.before_png.empty() && !card.after_png.empty());
   result.set("before", png_url(card.before_png));
   result.set("after", png_url(card.after_png));
-  result.set("picture_caption", clean_text(card.picture_caption));
+  result.set("picture_caption", clean_utf8(card.picture_caption));
   return result;
 }
 
 /// One entry with exactly one of the block kinds set; the template picks by kind.
 struct BlockToData {
-  data operator()(const Paragraph& block) const { return kind("paragraph", "text", clean_text(block.text)); }
+  data operator()(const Paragraph& block) const { return kind("paragraph", "text", clean_utf8(block.text)); }
   data operator()(const BulletList& block) const {
     data result = kind("list", "items", list_of(block.items));
     result.set("small", block.small);
@@ -106,18 +107,18 @@ struct BlockToData {
     for (const auto& figure : block.figures) figures.push_back(figure_data(figure));
     data result = kind("figures", "figures", figures);
     result.set("anatomical", block.anatomical);
-    result.set("row_caption", clean_text(block.caption));
+    result.set("row_caption", clean_utf8(block.caption));
     return result;
   }
   data operator()(const Folded& block) const {
-    data result = kind("folded", "summary", clean_text(block.summary));
+    data result = kind("folded", "summary", clean_utf8(block.summary));
     std::string lines;  // line breaks stay: this is preformatted text
     std::size_t start = 0;
     for (auto end = block.text.find('\n'); end != std::string::npos; end = block.text.find('\n', start)) {
-      lines += clean_text(block.text.substr(start, end - start)) + "\n";
+      lines += clean_utf8(block.text.substr(start, end - start)) + "\n";
       start = end + 1;
     }
-    result.set("text", lines + clean_text(block.text.substr(start)));
+    result.set("text", lines + clean_utf8(block.text.substr(start)));
     return result;
   }
   data operator()(const SignatureLines& block) const {
@@ -144,19 +145,19 @@ struct BlockToData {
 
 std::string render_html(const Document& document, const ViewerData& viewer) {
   data page;
-  page.set("title", clean_text(document.title));
+  page.set("title", clean_utf8(document.title));
   page.set("notice", research_notice);
   page.set("style", report_style);
   page.set("script", report_script);
   page.set("has_viewer", !viewer.script.empty());
   page.set("viewer_script", viewer.script);
   page.set("viewer_data", viewer.data_json);
-  page.set("viewer_note", clean_text(viewer.note));
+  page.set("viewer_note", clean_utf8(viewer.note));
   data heading{data::type::list};
   for (const auto& [name, value] : document.heading) {
     data line;
-    line.set("name", clean_text(name));
-    line.set("value", clean_text(value));
+    line.set("name", clean_utf8(name));
+    line.set("value", clean_utf8(value));
     heading.push_back(line);
   }
   page.set("heading", heading);
@@ -164,7 +165,7 @@ std::string render_html(const Document& document, const ViewerData& viewer) {
   for (const auto& section : document.sections) {
     data entry;
     entry.set("id", section.id);
-    entry.set("section_title", clean_text(section.title));
+    entry.set("section_title", clean_utf8(section.title));
     entry.set("viewer_here", !viewer.script.empty() && section.id == "images");
     entry.set("viewer_missing", viewer.script.empty() && !viewer.note.empty() && section.id == "images");
     data blocks{data::type::list};

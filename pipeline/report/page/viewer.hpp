@@ -7,8 +7,8 @@ namespace emmetrope::report {
 
 /// What the interactive viewer shows: the orbits' part of the stacks, 8 bits, with their labels and the
 /// surfaces. Where that is more than the page has room for, every second, third or fourth voxel of the slices
-/// is kept, then the last stacks are left out, then the viewer.
-/// Empty where this build has no viewer or the case nothing to show; `note` says what is missing.
+/// is kept, then the last stacks are left out, then the viewer. Empty where this build has no viewer or the
+/// case nothing to show; `note` says what is missing.
 /// \param most_bytes  room in the page
 ViewerData make_viewer_data(const CaseData& data, std::size_t most_bytes);
 

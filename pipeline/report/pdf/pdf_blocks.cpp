@@ -167,8 +167,7 @@ void draw_figures(Pages& pages, const FigureRow& row) {
 
 std::string picture_svg(const std::string& png) {
   return "<svg xmlns=\"http://www.w3.org/2000/svg\" xmlns:xlink=\"http://www.w3.org/1999/xlink\" viewBox=\"0 "
-         "0 100 "
-         "100\"><image width=\"100\" height=\"100\" xlink:href=\"" +
+         "0 100 100\"><image width=\"100\" height=\"100\" xlink:href=\"" +
          png_url(png) + "\"/></svg>";
 }
 

@@ -4,6 +4,7 @@
 #include <librsvg/rsvg.h>
 #include <pango/pangocairo.h>
 
+#include "pipeline/base/clean_text.hpp"
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/version.hpp"
 #include "pipeline/report/figures/encoding.hpp"
@@ -26,7 +27,7 @@ Layout layout_of(cairo_t* context, const std::string& text, double width, const 
   pango_font_description_free(font);
   pango_layout_set_width(layout.get(), static_cast<int>(width * PANGO_SCALE));
   pango_layout_set_wrap(layout.get(), PANGO_WRAP_WORD_CHAR);
-  const std::string clean = clean_text(text);
+  const std::string clean = clean_utf8(text);
   pango_layout_set_text(layout.get(), clean.c_str(), static_cast<int>(clean.size()));
   return layout;
 }

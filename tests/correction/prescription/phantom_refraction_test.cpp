@@ -8,7 +8,7 @@
 #include "pipeline/eye/optics/paraxial.hpp"
 #include "pipeline/eye/parametric/analytic_eye.hpp"
 #include "pipeline/eye/parametric/corneal_metrics.hpp"
-#include "pipeline/eye/uncertainty/estimate.hpp"
+#include "pipeline/eye/uncertainty/uncertain_eye.hpp"
 
 namespace emmetrope::correction {
 namespace {
@@ -43,8 +43,11 @@ PhantomEye drawn_eye(std::uint64_t seed) {
   std::vector<Spread> spreads{{"cornea_c_per_mm", 0.0012},         {"cornea_j0_per_mm", 0.0006},
                               {"cornea_j45_per_mm", 0.0006},       {"axial_length_mm", 0.04},
                               {"anterior_chamber_depth_mm", 0.03}, {"lens_thickness_mm", 0.03}};
-  for (const PopulationPrior& prior : population_priors())
-    spreads.push_back({prior.parameter, prior.sigma / 3});
+  for (const char* known_by_a_prior :
+       {"cornea_q", "cornea_q_split", "cornea_thickness_mm", "cornea_back_ratio", "lens_anterior_radius_mm",
+        "lens_posterior_radius_mm", "lens_anterior_q", "lens_posterior_q", "lens_decentre_x_mm",
+        "lens_decentre_y_mm", "lens_tilt_x_deg", "lens_tilt_y_deg"})
+    spreads.push_back({known_by_a_prior, population_value(known_by_a_prior).sigma / 3});
   const auto n = static_cast<Eigen::Index>(spreads.size());
   eye.fitted = truth;
   eye.fitted.covariance = Eigen::MatrixXd::Zero(n, n);

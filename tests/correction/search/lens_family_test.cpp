@@ -2,10 +2,10 @@
 #include <ceres/gradient_checker.h>
 #include <gtest/gtest.h>
 
-#include "pipeline/base/notation.hpp"
 #include "correction/prescription/prescription.hpp"
 #include "correction/sharpness/refraction_chart.hpp"
 #include "pipeline/base/error.hpp"
+#include "pipeline/base/notation.hpp"
 #include "pipeline/eye/optics/exact_trace.hpp"
 #include "pipeline/eye/optics/paraxial.hpp"
 #include "raytrace/spectacle/spectacle.hpp"
@@ -259,9 +259,10 @@ TEST(Traced, SharpnessAgreesWithTheWavefrontWhereThereIsLittleAberration) {
   // Pupil 1.5 mm: spherical aberration hardly counts and all criteria must coincide.
   for (const std::uint64_t seed : {1, 2}) {
     const EyeModel eye = random_eye(seed);
-    WavefrontSettings wavefront;
+    raytrace::WavefrontSettings wavefront;
     wavefront.wavelength_nm = 589.3;
-    const RefractionCriteria check = refraction_by_wavefront(with_pupil(eye, 1.5), wavefront, 12);
+    const raytrace::RefractionCriteria check =
+        raytrace::refraction_by_wavefront(with_pupil(eye, 1.5), wavefront, 12);
     std::vector<ImagingLevel> levels = imaging_levels(Measure::gradient_energy, 1.5, 589.3, {0, 0}, 1);
     levels.back().pixels = 160;
     levels.back().samples = 32;
@@ -329,12 +330,12 @@ TEST(Traced, FigureSevenPlanoCylinderIsFoundFromAnyStart) {
 EyeModel without_spherical_aberration(EyeModel eye) {
   Surface& front = eye.surface("cornea_anterior");
   const Eigen::Matrix2d curvature = front.shape->vertex_curvature();
-  WavefrontSettings settings;
+  raytrace::WavefrontSettings settings;
   settings.wavelength_nm = 589.3;
   Eigen::Vector2d q(0, 0);
   const auto beyond_centre_D = [&](const Eigen::Vector2d& at) {
     front.shape = make_biconic(1 / curvature(0, 0), 1 / curvature(1, 1), at[0], at[1], 0);
-    const Wavefront wavefront = measure_wavefront(eye, settings);
+    const raytrace::Wavefront wavefront = raytrace::measure_wavefront(eye, settings);
     const Eigen::Vector3d off = as_vector(wavefront.minimum_rms_spot) - as_vector(wavefront.paraxial);
     return Eigen::Vector2d(off[0] + off[1], off[0] - off[1]);
   };
@@ -424,13 +425,15 @@ TEST(Traced, SpectacleMagnificationIsTheClosedForm) {
     const auto expected = [&](double front_D, double thickness_mm, double index) {
       return 1 / (1 - to_pupil_mm * 1e-3 * power_D) / (1 - thickness_mm * 1e-3 / index * front_D);
     };
-    EXPECT_NEAR(angle(eye) / angle(with_thin_lens(eye, {power_D, 0, 0}, 12)) / expected(0, 4, 1.5), 1, 0.005);
-    Meniscus lens;
+    EXPECT_NEAR(angle(eye) / angle(raytrace::with_thin_lens(eye, {power_D, 0, 0}, 12)) / expected(0, 4, 1.5),
+                1, 0.005);
+    raytrace::Meniscus lens;
     lens.power = {power_D, 0, 0};
     lens.base_D = 8;
     lens.centre_thickness_mm = 6;
     lens.semi_diameter_mm = 15;
-    EXPECT_NEAR(angle(eye) / angle(with_meniscus(eye, lens)) / expected(8, 6, 1.5), 1, 0.005) << power_D;
+    EXPECT_NEAR(angle(eye) / angle(raytrace::with_meniscus(eye, lens)) / expected(8, 6, 1.5), 1, 0.005)
+        << power_D;
   }
 }
 

@@ -104,11 +104,11 @@ TEST(Distortion, OfTheTracedPictureIsTheClosedForm) {
   // high.
   for (const double radius_mm : {50.0, -50.0})
     for (const double axis_deg : {90.0, 30.0})
-      expect_stretch(with_plano_cylinder(eye, radius_mm, axis_deg, 10),
+      expect_stretch(raytrace::with_plano_cylinder(eye, radius_mm, axis_deg, 10),
                      to_power_vector({0, -500 / radius_mm, axis_deg}), 10,
                      "radius " + std::to_string(radius_mm) + " x " + std::to_string(axis_deg));
   const PowerVector oblique = to_power_vector({-4, -2, 120});
-  expect_stretch(with_thin_lens(eye, oblique, 12), oblique, 12, "thin lens");
+  expect_stretch(raytrace::with_thin_lens(eye, oblique, 12), oblique, 12, "thin lens");
 }
 
 }  // namespace

@@ -74,7 +74,7 @@ TEST(Sharpness, WeightsAreThoseOfTheirFormulas) {
   };
   EXPECT_NEAR(ratio(Measure::gradient_energy), 4, 0.15);
   EXPECT_NEAR(ratio(Measure::laplacian_variance), 16, 1.5);
-  const double csf = contrast_sensitivity(8) / contrast_sensitivity(4);
+  const double csf = raytrace::contrast_sensitivity(8) / raytrace::contrast_sensitivity(4);
   EXPECT_NEAR(ratio(Measure::mtf_weighted), 8 * csf * csf, 0.4);
 }
 

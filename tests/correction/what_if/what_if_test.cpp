@@ -4,9 +4,9 @@
 
 #include <cmath>
 
+#include "correction/sharpness/retinal_sharpness.hpp"
 #include "correction/what_if/ablation.hpp"
 #include "correction/what_if/iol_formulas.hpp"
-#include "correction/sharpness/retinal_sharpness.hpp"
 #include "pipeline/base/error.hpp"
 #include "pipeline/eye/optics/paraxial.hpp"
 #include "pipeline/eye/surfaces/zernike.hpp"
@@ -173,10 +173,10 @@ TEST(WhatIf, WavefrontGuidedAblationTakesAKnownAberrationAway) {
   departure_um[12] = 0.4;
   eye.surface("cornea_anterior").shape = make_zernike(7.72, 7.72, -0.26, -0.26, 0, 3, departure_um);
   eye.surfaces.back().position_mm += 0.5;
-  WavefrontSettings over_zone;
+  raytrace::WavefrontSettings over_zone;
   over_zone.wavelength_nm = 589.3;
   over_zone.entrance_pupil_mm = 6;
-  const Wavefront before = measure_wavefront(eye, over_zone);
+  const raytrace::Wavefront before = raytrace::measure_wavefront(eye, over_zone);
   EXPECT_GT(before.higher_order_rms_um(), 0.4);
 
   // One round is the textbook's depth, W / (n - 1); where W is highest nothing is taken.
@@ -189,7 +189,7 @@ TEST(WhatIf, WavefrontGuidedAblationTakesAKnownAberrationAway) {
   };
   EXPECT_NEAR(1e3 * (once.depth_mm(0, 0) - once.depth_mm(1.5, -2)), textbook_um(0, 0) - textbook_um(1.5, -2),
               0.05);
-  const Wavefront after_once = measure_wavefront(with_ablation(eye, once), over_zone);
+  const raytrace::Wavefront after_once = raytrace::measure_wavefront(with_ablation(eye, once), over_zone);
   EXPECT_LT(after_once.rms_um(), 0.1 * before.rms_um());
 
   const AblationProfile profile = wavefront_guided_profile(eye, 589.3);
@@ -198,14 +198,14 @@ TEST(WhatIf, WavefrontGuidedAblationTakesAKnownAberrationAway) {
     for (double y = -4.5; y <= 4.5; y += 0.25) least_mm = std::min(least_mm, profile.depth_mm(x, y));
   EXPECT_NEAR(least_mm, 0, 5e-5);  // nothing is added, and tissue is spared
   const EyeModel operated = with_ablation(eye, profile);
-  const Wavefront after = measure_wavefront(operated, over_zone);
+  const raytrace::Wavefront after = raytrace::measure_wavefront(operated, over_zone);
   EXPECT_LT(after.rms_um(), 0.02 * before.rms_um());
   EXPECT_LT(after.higher_order_rms_um(), 0.1 * before.higher_order_rms_um());
   EXPECT_NEAR(refraction_by_spot(operated, at_cornea()).M_D, 0, 0.02);
   // Munnerlyn's takes sphere and cylinder only.
   const EyeModel by_munnerlyn =
       with_ablation(eye, munnerlyn_profile(eye, refraction_by_spot(eye, at_cornea())));
-  EXPECT_GT(measure_wavefront(by_munnerlyn, over_zone).higher_order_rms_um(),
+  EXPECT_GT(raytrace::measure_wavefront(by_munnerlyn, over_zone).higher_order_rms_um(),
             0.8 * before.higher_order_rms_um());
 }
 
@@ -214,10 +214,10 @@ TEST(WhatIf, WavefrontGuidedAblationIsCentredOnTheLineOfSight) {
   const EyeModel eye = make_eye("liou-brennan");
   const AblationProfile profile = wavefront_guided_profile(eye, 555);
   EXPECT_NEAR(profile.zone().centre_mm.norm(), 0.5, 0.1);
-  WavefrontSettings over_zone;
+  raytrace::WavefrontSettings over_zone;
   over_zone.entrance_pupil_mm = 6;
-  EXPECT_LT(measure_wavefront(with_ablation(eye, profile), over_zone).rms_um(),
-            0.1 * measure_wavefront(eye, over_zone).rms_um());
+  EXPECT_LT(raytrace::measure_wavefront(with_ablation(eye, profile), over_zone).rms_um(),
+            0.1 * raytrace::measure_wavefront(eye, over_zone).rms_um());
 }
 
 TEST(WhatIf, AnAblationThatLeavesTooLittleCorneaIsRefused) {

@@ -10,10 +10,6 @@
 namespace emmetrope {
 namespace {
 
-double distance_D(const PowerVector& a, const PowerVector& b) {
-  return std::hypot(a.M_D - b.M_D, a.J0_D - b.J0_D, a.J45_D - b.J45_D);
-}
-
 PowerVector random_refraction(std::mt19937_64& random) {
   std::uniform_real_distribution<double> sphere(-12, 8), cylinder(-5, 0), axis(0, 180);
   return to_power_vector({sphere(random), cylinder(random), axis(random)});

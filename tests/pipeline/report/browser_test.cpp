@@ -3,11 +3,12 @@
 
 #include <cstdlib>
 
-#include "tests/support/fixture_case.hpp"
 #include "pipeline/base/files.hpp"
+#include "pipeline/base/notation.hpp"
 #include "pipeline/base/process.hpp"
 #include "pipeline/report/content/numbers.hpp"
 #include "pipeline/report/stage.hpp"
+#include "tests/support/fixture_case.hpp"
 
 // report.html as its readers have it: in a browser, by mouse, by keyboard, on paper, in the dark, without
 // scripts.
@@ -62,7 +63,7 @@ TEST(Browser, ShowsMovesAndPrintsThePageWithoutNetwork) {
   EXPECT_LT(findings.at("printed").at("widest_black").get<double>(), 0.5);
   const Json rounded = read_json(folder / "correction" / "od" / "prescription.json").at("rounded");
   const std::string prescription =
-      format_refraction(rounded.at("sphere_D"), rounded.at("cylinder_D"), rounded.at("axis_deg"));
+      format_refraction({rounded.at("sphere_D"), rounded.at("cylinder_D"), rounded.at("axis_deg")});
   EXPECT_THAT(findings.at("printed").at("text").get<std::string>(), HasSubstr(prescription));
   const Json& plain = findings.at("without_scripts");
   EXPECT_THAT(plain.at("text").get<std::string>(), HasSubstr(prescription));

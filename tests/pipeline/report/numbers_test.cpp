@@ -1,6 +1,7 @@
 #include <regex>
 #include <sstream>
 
+#include "pipeline/base/notation.hpp"
 #include "pipeline/report/content/normal_ranges.hpp"
 #include "tests/pipeline/report/report_fixture.hpp"
 
@@ -105,7 +106,7 @@ void NumbersTest::expect_refraction() const {
     const Json prescription = json_of("correction", eye, "prescription.json");
     const Json& rounded = prescription.at("rounded");
     const std::string text =
-        format_refraction(rounded.at("sphere_D"), rounded.at("cylinder_D"), rounded.at("axis_deg"));
+        format_refraction({rounded.at("sphere_D"), rounded.at("cylinder_D"), rounded.at("axis_deg")});
     EXPECT_THAT(page, HasSubstr(text));
     EXPECT_THAT(pdf, HasSubstr(text));
     for (const auto& [key, name] :
@@ -203,10 +204,7 @@ struct Leaf {
 /// What a clinician has no use for: how the search went, frames, curves that are drawn, and texts' parts.
 bool is_clinical(const std::string& pointer) {
   static const std::regex other(
-      "/(lps_from_eye|head_roll_deg|plausibility|search|images|distinct_optima_D|log_curvature[^/"
-      "]*|learnt_from|"
-      "difference|mtf|zone_mm|cornea_zernike_um)(/.*)?|.*/(residual_D|search|images|distinct_optima_D|"
-      "log_curvature[^/]*)(/.*)?");
+      "/(lps_from_eye|head_roll_deg|plausibility|search|images|distinct_optima_D|log_curvature[^/]*|learnt_from|difference|mtf|zone_mm|cornea_zernike_um)(/.*)?|.*/(residual_D|search|images|distinct_optima_D|log_curvature[^/]*)(/.*)?");
   return !std::regex_match(pointer, other);
 }
 

@@ -2,10 +2,10 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "tests/support/fixture_case.hpp"
 #include "pipeline/base/files.hpp"
 #include "pipeline/base/process.hpp"
 #include "pipeline/report/stage.hpp"
+#include "tests/support/fixture_case.hpp"
 
 namespace emmetrope::report {
 

@@ -4,11 +4,11 @@
 #include <cmath>
 #include <opencv2/imgcodecs.hpp>
 
-#include "tests/support/temporary_folder.hpp"
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/files.hpp"
 #include "raytrace/tracer/exposure.hpp"
 #include "raytrace/tracer/tracer.hpp"
+#include "tests/support/temporary_folder.hpp"
 
 namespace emmetrope::raytrace {
 namespace {

@@ -5,8 +5,8 @@
 #include <cstdlib>
 
 #include "pipeline/base/error.hpp"
-#include "raytrace/spectacle/spectacle.hpp"
 #include "raytrace/device/devices.hpp"
+#include "raytrace/spectacle/spectacle.hpp"
 #include "raytrace/tracer/tracer.hpp"
 
 namespace emmetrope::raytrace {

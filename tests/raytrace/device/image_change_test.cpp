@@ -35,9 +35,8 @@ double relative_error(const LinearImage& derivative, const LinearImage& plus, co
 
 /// The derivative image by a parameter against the difference quotient of two images close by.
 /// \param eye_at  the eye with the parameter so much above where it is wanted
-/// \param step    of the eyes that the derivative is made from; the images' is a thousandth: the texture
-/// is bilinear,
-///                its slope has steps, whose share of the quotient falls with it
+/// \param step  of the eyes that the derivative is made from; the images' is a thousandth: the texture is
+///   bilinear, its slope has steps, whose share of the quotient falls with it
 double error_against_differences(const std::function<EyeModel(double)>& eye_at, double step,
                                  const Scene& scene, const TraceSettings& settings) {
   const Tracer tracer("");

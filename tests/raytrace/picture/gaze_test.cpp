@@ -6,10 +6,10 @@
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/frames.hpp"
 #include "pipeline/eye/optics/exact_trace.hpp"
+#include "raytrace/picture/gaze.hpp"
 #include "raytrace/scene/scene_model.hpp"
 #include "raytrace/spectacle/spectacle.hpp"
 #include "raytrace/tracer/exposure.hpp"
-#include "raytrace/picture/gaze.hpp"
 
 namespace emmetrope::raytrace {
 namespace {

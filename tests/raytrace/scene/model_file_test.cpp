@@ -8,13 +8,13 @@
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/frames.hpp"
 #include "pipeline/eye/optics/exact_trace.hpp"
+#include "raytrace/retina/pupil_aim.hpp"
 #include "raytrace/scene/model_file.hpp"
 #include "raytrace/scene/scene_json.hpp"
 #include "raytrace/scene/scene_model.hpp"
-#include "raytrace/retina/pupil_aim.hpp"
 #include "raytrace/tracer/tracer.hpp"
-#include "tests/support/temporary_folder.hpp"
 #include "tests/support/embree.hpp"
+#include "tests/support/temporary_folder.hpp"
 
 namespace emmetrope::raytrace {
 namespace {
@@ -298,8 +298,7 @@ TEST_F(ModelFile, BadScenesNameFileAndKey) {
         "element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n");
   write("binary.ply",
         "ply\nformat binary_little_endian 1.0\nelement vertex 90\nproperty float x\nproperty float "
-        "y\nproperty float "
-        "z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\nabc");
+        "y\nproperty float z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\nabc");
   write("index.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n");
   write("short.gltf", R"({"asset": {"version": "2.0"}, "meshes": [)");
   write("empty.obj", "v 0 0 0\n");

@@ -10,7 +10,7 @@
 #include "raytrace/spectacle/spectacle.hpp"
 #include "tests/support/temporary_folder.hpp"
 
-namespace emmetrope {
+namespace emmetrope::raytrace {
 namespace {
 
 using test::TemporaryFolder;
@@ -179,4 +179,4 @@ TEST(Spectacle, OfBadTextIsRefused) {
 }
 
 }  // namespace
-}  // namespace emmetrope
+}  // namespace emmetrope::raytrace

@@ -6,10 +6,10 @@
 #include "pipeline/base/frames.hpp"
 #include "pipeline/eye/optics/exact_trace.hpp"
 #include "pipeline/eye/optics/paraxial.hpp"
+#include "raytrace/picture/spectrum.hpp"
+#include "raytrace/retina/pupil_aim.hpp"
 #include "raytrace/scene/scene_model.hpp"
 #include "raytrace/spectacle/spectacle.hpp"
-#include "raytrace/retina/pupil_aim.hpp"
-#include "raytrace/picture/spectrum.hpp"
 #include "raytrace/tracer/tracer.hpp"
 
 namespace emmetrope::raytrace {

@@ -7,7 +7,7 @@
 #include "raytrace/wavefront/contrast_sensitivity.hpp"
 #include "raytrace/wavefront/pupil_function.hpp"
 
-namespace emmetrope {
+namespace emmetrope::raytrace {
 namespace {
 
 Wavefront perfect(double pupil_mm, double wavelength_nm) {
@@ -180,4 +180,4 @@ TEST(WavefrontJson, HasTheContractsKeys) {
 }
 
 }  // namespace
-}  // namespace emmetrope
+}  // namespace emmetrope::raytrace

@@ -9,7 +9,7 @@
 #include "raytrace/spectacle/spectacle.hpp"
 #include "raytrace/wavefront/wavefront.hpp"
 
-namespace emmetrope {
+namespace emmetrope::raytrace {
 namespace {
 
 WavefrontSettings entrance(double pupil_mm, int order = 8) {
@@ -234,4 +234,4 @@ TEST(Wavefront, NoStopIsAnError) {
 }
 
 }  // namespace
-}  // namespace emmetrope
+}  // namespace emmetrope::raytrace

@@ -1,7 +1,6 @@
 // What identifies the patient stays in the headers, wherever people have typed it.
 #include "segmentation/intake/identity.hpp"
 
-#include "segmentation/intake/clean_text.hpp"
 #include "tests/segmentation/intake/intake_test.hpp"
 
 namespace emmetrope::test {
@@ -34,14 +33,6 @@ TEST(Identity, IsTakenOutOfTextsInEverySpelling) {
   EXPECT_EQ(of_patient("Yamada^Tarou=\u5c71\u7530^\u592a\u90ce", "", "").removed_from("\u5c71\u7530 T2"),
             "[removed] T2");
   EXPECT_EQ(of_patient("", "", "").removed_from("AX T2"), "AX T2");
-}
-
-TEST(CleanText, HasNoCharacterThatSteersWhatShowsIt) {
-  EXPECT_EQ(segmentation::clean_utf8("a\u202eb\u2066c\u200ed\x1b[31me\x07"
-                                     "f\u2028g"),
-            "abcd[31mefg");
-  EXPECT_EQ(segmentation::clean_utf8(std::string("a\0b\xff", 4)), "ab\uFFFD");
-  EXPECT_EQ(segmentation::clean_utf8("Sch\u00e4del \u982d T2*"), "Sch\u00e4del \u982d T2*");
 }
 
 TEST_F(IntakeTest, WhatACaseKeepsNamesNobody) {

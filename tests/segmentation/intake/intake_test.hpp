@@ -3,8 +3,8 @@
 #include <gtest/gtest.h>
 
 #include "segmentation/intake/study.hpp"
-#include "tests/support/temporary_folder.hpp"
 #include "tests/support/generated_series.hpp"
+#include "tests/support/temporary_folder.hpp"
 
 namespace emmetrope::test {
 

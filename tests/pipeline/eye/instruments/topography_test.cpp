@@ -11,13 +11,15 @@
 #include "meshing/biometry.hpp"
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/files.hpp"
-#include "pipeline/eye/surfaces/zernike.hpp"
 #include "pipeline/eye/instruments/instruments.hpp"
-#include "tests/support/temporary_folder.hpp"
+#include "pipeline/eye/surfaces/zernike.hpp"
 #include "tests/support/random_eye.hpp"
+#include "tests/support/temporary_folder.hpp"
 
 namespace emmetrope {
 namespace {
+
+using namespace meshing;
 
 /// A toric cornea with 3 um of coma over 8 mm, lying tilted in its map.
 struct Patient {
@@ -162,9 +164,9 @@ TEST_F(TopographyFile, TightensTheEstimateAndKeepsItsShape) {
   const Patient patient;
   const Topography found =
       analyse_topography(read_elevation_map(write("a.csv", matrix_csv(patient, 1e-3, "elevation_um"))), 0.1);
-  EyeEstimate estimate(random_eye(50));
+  UncertainEye estimate = fitted_eye(random_eye(50));
   const double before = biometry_json(estimate, {})["keratometry"]["flat"]["power_D"].get<Measured>().sigma();
-  estimate.assimilate(found.toric);
+  estimate.learn(found.toric);
   const Json after = biometry_json(estimate, {}, &found);
   EXPECT_LT(after["keratometry"]["flat"]["power_D"].get<Measured>().sigma(), before / 3);
   EXPECT_EQ(after["astigmatism"]["irregularity_um"]["source"], "topography");

@@ -8,13 +8,15 @@
 #include "meshing/remesh.hpp"
 #include "meshing/sheet.hpp"
 #include "pipeline/base/frames.hpp"
-#include "pipeline/eye/surfaces/zernike.hpp"
-#include "pipeline/eye/parametric/analytic_eye.hpp"
 #include "pipeline/eye/instruments/topography.hpp"
+#include "pipeline/eye/parametric/analytic_eye.hpp"
+#include "pipeline/eye/surfaces/zernike.hpp"
 #include "tests/support/random_eye.hpp"
 
 namespace emmetrope {
 namespace {
+
+using namespace meshing;
 
 constexpr int trefoil = 3;  ///< term of the free form: OSA 9
 
@@ -105,7 +107,7 @@ TEST(IrregularCornea, BiometryTellsItFromTheImages) {
   ParametricEye eye = irregular_eye(6);
   eye.cornea_zernike_um.fill(0);
   eye.cornea_zernike_um[trefoil] = 10;
-  const EyeEstimate estimate(eye);
+  const UncertainEye estimate = fitted_eye(eye);
   const Json json = biometry_json(estimate, {});
   const Measured irregularity = json["astigmatism"]["irregularity_um"].get<Measured>();
   EXPECT_EQ(irregularity.source, "mri");

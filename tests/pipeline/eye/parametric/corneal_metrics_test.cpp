@@ -12,6 +12,8 @@
 namespace emmetrope {
 namespace {
 
+using namespace meshing;
+
 CornealDepth conic(double radius_mm, double q) {
   return [=](double x, double y) {
     const double r2 = x * x + y * y;

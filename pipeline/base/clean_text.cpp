@@ -1,20 +1,19 @@
-#include "segmentation/intake/clean_text.hpp"
+#include "pipeline/base/clean_text.hpp"
 
 #include <glib.h>
 
-namespace emmetrope::segmentation {
+namespace emmetrope {
 namespace {
 
+bool ends_a_word(gunichar letter) {
+  const GUnicodeType type = g_unichar_type(letter);
+  return (letter >= '\t' && letter <= '\r') || type == G_UNICODE_LINE_SEPARATOR ||
+         type == G_UNICODE_PARAGRAPH_SEPARATOR;
+}
+
 bool is_shown(gunichar letter) {
-  switch (g_unichar_type(letter)) {
-    case G_UNICODE_CONTROL:
-    case G_UNICODE_FORMAT:
-    case G_UNICODE_LINE_SEPARATOR:
-    case G_UNICODE_PARAGRAPH_SEPARATOR:
-      return false;
-    default:
-      return true;
-  }
+  const GUnicodeType type = g_unichar_type(letter);
+  return type != G_UNICODE_CONTROL && type != G_UNICODE_FORMAT;
 }
 
 }  // namespace
@@ -35,7 +34,10 @@ bool make_clean_utf8(std::string& text) {
       continue;
     }
     const auto length = static_cast<std::size_t>(g_unichar_to_utf8(letter, nullptr));
-    if (is_shown(letter)) clean.append(text, at, length);
+    if (ends_a_word(letter))
+      clean += ' ';
+    else if (is_shown(letter))
+      clean.append(text, at, length);
     at += length;
   }
   text = std::move(clean);
@@ -47,4 +49,4 @@ std::string clean_utf8(std::string text) {
   return text;
 }
 
-}  // namespace emmetrope::segmentation
+}  // namespace emmetrope

@@ -1,4 +1,4 @@
-#include "pipeline/eye/uncertainty/estimate.hpp"
+#include "pipeline/eye/uncertainty/uncertain_eye.hpp"
 
 #include <fmt/format.h>
 #include <gtest/gtest.h>
@@ -14,13 +14,14 @@
 #include "meshing/optics.hpp"
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/frames.hpp"
-#include "pipeline/eye/parametric/analytic_eye.hpp"
 #include "pipeline/eye/instruments/instruments.hpp"
+#include "pipeline/eye/parametric/analytic_eye.hpp"
 #include "tests/support/random_eye.hpp"
 
 namespace emmetrope {
 namespace {
 
+using namespace meshing;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
@@ -28,7 +29,7 @@ double value_of(const Json& json) { return json.get<Measured>().value; }
 double sigma_of(const Json& json) { return json.get<Measured>().sigma(); }
 
 /// Eyes drawn from an estimate's distribution.
-std::vector<ParametricEye> draw(const EyeEstimate& estimate, int count, unsigned seed) {
+std::vector<ParametricEye> draw(const UncertainEye& estimate, int count, unsigned seed) {
   const ParametricEye& mean = estimate.eye();
   const MatrixXd root = mean.covariance.llt().matrixL();
   std::mt19937 random(seed);
@@ -44,10 +45,10 @@ std::vector<ParametricEye> draw(const EyeEstimate& estimate, int count, unsigned
   return eyes;
 }
 
-TEST(Estimate, IntervalsAgreeWithMonteCarlo) {
+TEST(UncertainEye, IntervalsAgreeWithMonteCarlo) {
   ParametricEye toric = random_eye(21);
   toric.cornea_j0_per_mm = 0.004;  // away from zero, where flat and steep are smooth
-  const EyeEstimate estimate(toric);
+  const UncertainEye estimate = fitted_eye(toric);
   const Json linear = biometry_json(estimate, {});
   std::map<std::string, std::vector<double>> drawn;
   constexpr int count = 600;
@@ -86,8 +87,8 @@ TEST(Estimate, IntervalsAgreeWithMonteCarlo) {
 }
 
 /// A biconic has no coma, a healthy cornea has: what the fit leaves out is in the interval.
-TEST(Estimate, TermsThatABiconicLacksHaveAHealthyCorneasSpread) {
-  const Json terms = biometry_json(EyeEstimate(random_eye(22)), {})["cornea_zernike_um"];
+TEST(UncertainEye, TermsThatABiconicLacksHaveAHealthyCorneasSpread) {
+  const Json terms = biometry_json(fitted_eye(random_eye(22)), {})["cornea_zernike_um"];
   double variance = 0;
   for (std::size_t j = 6; j < terms.size(); ++j) {
     if (j == 12) continue;  // spherical aberration is the conicoid's
@@ -100,19 +101,19 @@ TEST(Estimate, TermsThatABiconicLacksHaveAHealthyCorneasSpread) {
   EXPECT_NEAR(std::sqrt(variance), 1.0, 0.1);  // um rms, Wang et al. 2003
 }
 
-TEST(Estimate, GlobeExtentsOfAnEllipsoidAreItsAxes) {
+TEST(UncertainEye, GlobeExtentsOfAnEllipsoidAreItsAxes) {
   ParametricEye eye = random_eye(22);
   std::fill(eye.displacement_mm.begin(), eye.displacement_mm.end(), 0);
-  const Json json = biometry_json(EyeEstimate(eye), {});
+  const Json json = biometry_json(fitted_eye(eye), {});
   EXPECT_NEAR(value_of(json["globe_width_mm"]), 2 * eye.globe_semi_axes_mm.x(), 1e-6);
   EXPECT_NEAR(value_of(json["globe_height_mm"]), 2 * eye.globe_semi_axes_mm.y(), 1e-6);
   EXPECT_NEAR(value_of(json["optical_axial_length_mm"]), eye.axial_length_mm + 0.2, 1e-12);
 }
 
-TEST(Estimate, UpdateOfOneNumberIsTheTextbookOne) {
+TEST(UncertainEye, UpdateOfOneNumberIsTheTextbookOne) {
   ParametricEye eye = random_eye(23);
   eye.lens_decentre_mm = eye.lens_tilt_deg = {0, 0};  // the chamber's depth is then one parameter
-  EyeEstimate estimate(eye);
+  UncertainEye estimate = fitted_eye(eye);
   const auto index = [&](const char* name) {
     const auto& names = estimate.eye().parameter_names;
     return std::find(names.begin(), names.end(), name) - names.begin();
@@ -120,7 +121,7 @@ TEST(Estimate, UpdateOfOneNumberIsTheTextbookOne) {
   const auto acd = index("anterior_chamber_depth_mm");
   const double before = estimate.eye().covariance(acd, acd), sigma = 0.02;
   const double measured = eye.anterior_chamber_depth_mm + 0.03;
-  const double surprise = estimate.assimilate(anterior_chamber_measurement(std::to_string(measured), sigma));
+  const double surprise = estimate.learn(anterior_chamber_measurement(std::to_string(measured), sigma));
   EXPECT_NEAR(surprise, 0.03 / std::sqrt(before + sigma * sigma), 1e-4);
   const double gain = before / (before + sigma * sigma);
   EXPECT_NEAR(estimate.eye().anterior_chamber_depth_mm, eye.anterior_chamber_depth_mm + gain * 0.03, 1e-6);
@@ -128,23 +129,23 @@ TEST(Estimate, UpdateOfOneNumberIsTheTextbookOne) {
 }
 
 /// A prior that is doubted is no image that contradicts; what is learnt stays the textbook's.
-TEST(Estimate, WhatAPriorAloneTellsMayBeTwiceAsFar) {
+TEST(UncertainEye, WhatAPriorAloneTellsMayBeTwiceAsFar) {
   ParametricEye eye = random_eye(23);
   eye.lens_decentre_mm = eye.lens_tilt_deg = {0, 0};
   const auto& names = eye.parameter_names;
   const auto acd = std::find(names.begin(), names.end(), "anterior_chamber_depth_mm") - names.begin();
   const double before = eye.covariance(acd, acd), sigma = 0.02, depth_mm = eye.anterior_chamber_depth_mm;
   eye.source["anterior_chamber_depth_mm"] = "prior";
-  EyeEstimate estimate(eye);
+  UncertainEye estimate = fitted_eye(eye);
   const double surprise =
-      estimate.assimilate(anterior_chamber_measurement(std::to_string(depth_mm + 0.03), sigma));
+      estimate.learn(anterior_chamber_measurement(std::to_string(depth_mm + 0.03), sigma));
   EXPECT_NEAR(surprise, 0.03 / std::sqrt(4 * before + sigma * sigma), 1e-4);
   const double gain = before / (before + sigma * sigma);
   EXPECT_NEAR(estimate.eye().anterior_chamber_depth_mm, depth_mm + gain * 0.03, 1e-6);
 }
 
 /// 5 D of oblique cylinder, as after a graft, where a T1 study has told next to nothing of astigmatism.
-TEST(Estimate, AHighAstigmatismIsBelievedWhereImagesAreSilent) {
+TEST(UncertainEye, AHighAstigmatismIsBelievedWhereImagesAreSilent) {
   ParametricEye eye = random_eye(24);
   const auto& names = eye.parameter_names;
   eye.cornea_j0_per_mm = eye.cornea_j45_per_mm = 0;
@@ -157,19 +158,19 @@ TEST(Estimate, AHighAstigmatismIsBelievedWhereImagesAreSilent) {
   const double mean_D = corneal_power(anterior_cornea(eye)).M_D;
   const auto measured =
       keratometry_measurement(fmt::format("{}@45/{}@135", mean_D - 2.5, mean_D + 2.5), 0.25);
-  EXPECT_GT(EyeEstimate(eye).assimilate(measured), 5);  // images that saw no astigmatism
+  EXPECT_GT(fitted_eye(eye).learn(measured), 5);  // images that saw no astigmatism
   for (const char* name : {"cornea_j0_per_mm", "cornea_j45_per_mm"}) eye.source[name] = "prior";
-  EXPECT_LT(EyeEstimate(eye).assimilate(measured), 4);
+  EXPECT_LT(fitted_eye(eye).learn(measured), 4);
 }
 
-TEST(Estimate, KeratometryTakesOverTheCorneaAndItsCorrelations) {
+TEST(UncertainEye, KeratometryTakesOverTheCorneaAndItsCorrelations) {
   const ParametricEye eye = random_eye(24);
-  EyeEstimate estimate(eye);
+  UncertainEye estimate = fitted_eye(eye);
   const Json before = biometry_json(estimate, {});
   EXPECT_EQ(before["astigmatism"]["M_D"]["source"], "mri");
   const CornealPower mri = corneal_power(anterior_cornea(eye));
   const double flat = mri.M_D - 0.4, steep = mri.M_D + 0.8;
-  estimate.assimilate(keratometry_measurement(fmt::format("{}@20/{}@110", flat, steep), 0.01));
+  estimate.learn(keratometry_measurement(fmt::format("{}@20/{}@110", flat, steep), 0.01));
   const Json after = biometry_json(estimate, {});
   // A sigma far below the image's: the instrument's numbers come back, with its interval and its name.
   EXPECT_NEAR(value_of(after["keratometry"]["flat"]["power_D"]), flat, 0.02);
@@ -182,41 +183,41 @@ TEST(Estimate, KeratometryTakesOverTheCorneaAndItsCorrelations) {
   EXPECT_LT(sigma_of(after["axial_length_mm"]), sigma_of(before["axial_length_mm"]));
 }
 
-TEST(Estimate, AxialLengthReadsToThePhotoreceptors) {
+TEST(UncertainEye, AxialLengthReadsToThePhotoreceptors) {
   const ParametricEye eye = random_eye(25);
-  EyeEstimate estimate(eye);
+  UncertainEye estimate = fitted_eye(eye);
   const double optical = eye.pole_depth_mm() + 0.2 + 0.05;
-  estimate.assimilate(axial_length_measurement(std::to_string(optical), 0.001, 0.2));
+  estimate.learn(axial_length_measurement(std::to_string(optical), 0.001, 0.2));
   const Json json = biometry_json(estimate, {});
   EXPECT_NEAR(value_of(json["optical_axial_length_mm"]), optical, 1e-4);
   EXPECT_NEAR(value_of(json["axial_length_mm"]), optical - 0.2, 1e-4);
   EXPECT_EQ(json["axial_length_mm"]["source"], "biometry");
 }
 
-TEST(Estimate, WhatTheFitLeftOutEntersAsALabelledPrior) {
-  const EyeEstimate estimate(random_eye(26));
+TEST(UncertainEye, WhatTheFitLeftOutEntersAsALabelledPrior) {
+  const UncertainEye estimate = fitted_eye(random_eye(26));
   const Json json = biometry_json(estimate, {});
   EXPECT_EQ(json["corneal_thickness_mm"]["source"], "prior");
   EXPECT_NEAR(sigma_of(json["corneal_thickness_mm"]), 0.035, 1e-6);
   ParametricEye incomplete = random_eye(26);
   incomplete.parameter_names[5] = "lens_tilt_x_deg";  // was cornea_c_per_mm
-  EXPECT_THROW(EyeEstimate{incomplete}, Error);
+  EXPECT_THROW(fitted_eye(incomplete), Error);
   ParametricEye impossible = random_eye(26);
   impossible.covariance(5, 12) = impossible.covariance(12, 5) = 1;
-  EXPECT_THROW(EyeEstimate{impossible}, Error);
+  EXPECT_THROW(fitted_eye(impossible), Error);
 }
 
-TEST(Estimate, CylinderThatDrownsHasAnUnknownAxis) {
+TEST(UncertainEye, CylinderThatDrownsHasAnUnknownAxis) {
   ParametricEye eye = random_eye(27);
   eye.cornea_j0_per_mm = eye.cornea_j45_per_mm = 0;
-  const Json k = biometry_json(EyeEstimate(eye), {})["keratometry"];
+  const Json k = biometry_json(fitted_eye(eye), {})["keratometry"];
   EXPECT_DOUBLE_EQ(k["cylinder_D"]["ci95"][0], 0);
   EXPECT_NEAR(k["flat"]["axis_deg"]["ci95"][1].get<double>() - k["flat"]["axis_deg"]["ci95"][0].get<double>(),
               180, 1e-9);
 }
 
-TEST(Estimate, ScalePriorStretchesEveryLengthTogether) {
-  EyeEstimate estimate(random_eye(30));
+TEST(UncertainEye, ScalePriorStretchesEveryLengthTogether) {
+  UncertainEye estimate = fitted_eye(random_eye(30));
   const Json before = biometry_json(estimate, {});
   estimate.add_scale_prior(0.003);
   const Json after = biometry_json(estimate, {});
@@ -226,7 +227,7 @@ TEST(Estimate, ScalePriorStretchesEveryLengthTogether) {
   }
   // A length measured elsewhere settles the scale, and with it the globe's width.
   const double optical = value_of(after["optical_axial_length_mm"]);
-  estimate.assimilate(axial_length_measurement(std::to_string(optical), 0.001, 0.2));
+  estimate.learn(axial_length_measurement(std::to_string(optical), 0.001, 0.2));
   EXPECT_LT(sigma_of(biometry_json(estimate, {})["globe_width_mm"]), sigma_of(after["globe_width_mm"]));
 }
 
@@ -258,7 +259,7 @@ TEST(Instruments, FlagsAreReadOrRefused) {
 TEST(Plausibility, FlagsWhatNoEyeHas) {
   ParametricEye eye = random_eye(28);
   eye.cornea_c_per_mm = 1 / 9.9;
-  Json biometry = biometry_json(EyeEstimate(eye), {});
+  Json biometry = biometry_json(fitted_eye(eye), {});
   std::vector<std::string> failed;
   for (const PlausibilityFlag& flag : plausibility(biometry)) {
     if (!flag.passed) failed.push_back(flag.name);
@@ -291,7 +292,7 @@ TEST(RootSumSquare, IsThatOfTheDistributionsThatAreKnown) {
 }
 
 TEST(Optics, EyeAndCovarianceAgree) {
-  const EyeEstimate estimate(random_eye(29));
+  const UncertainEye estimate = fitted_eye(random_eye(29));
   const Json json = optics_json(estimate, {});
   const std::size_t n = json["parameters"].size();
   ASSERT_EQ(json["values"].size(), n);

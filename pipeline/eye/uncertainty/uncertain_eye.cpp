@@ -1,0 +1,218 @@
+#include "pipeline/eye/uncertainty/uncertain_eye.hpp"
+
+#include <fmt/format.h>
+
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <random>
+
+#include "pipeline/base/error.hpp"
+#include "pipeline/eye/population/population.hpp"
+
+namespace emmetrope {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+/// What the images must have shown for an eye to be measured at all.
+constexpr const char* required[] = {"cornea_c_per_mm", "cornea_j0_per_mm",          "cornea_j45_per_mm",
+                                    "axial_length_mm", "anterior_chamber_depth_mm", "lens_thickness_mm"};
+/// What a fit may leave to the population.
+constexpr const char* optional[] = {
+    "cornea_q",           "cornea_q_split",          "cornea_thickness_mm",
+    "cornea_back_ratio",  "lens_anterior_radius_mm", "lens_posterior_radius_mm",
+    "lens_anterior_q",    "lens_posterior_q",        "lens_decentre_x_mm",
+    "lens_decentre_y_mm", "lens_tilt_x_deg",         "lens_tilt_y_deg"};
+
+bool is_named(const ParametricEye& eye, const std::string& name) {
+  return std::find(eye.parameter_names.begin(), eye.parameter_names.end(), name) != eye.parameter_names.end();
+}
+
+void add_prior(ParametricEye& eye, const PopulationValue& prior) {
+  const Index n = eye.covariance.rows();
+  MatrixXd covariance = MatrixXd::Zero(n + 1, n + 1);
+  covariance.topLeftCorner(n, n) = eye.covariance;
+  covariance(n, n) = prior.sigma * prior.sigma;
+  eye.covariance = covariance;
+  eye.parameter_names.emplace_back(prior.parameter);
+  eye.source[prior.parameter] = "prior";
+}
+
+void check_covariance(const ParametricEye& eye) {
+  const MatrixXd& p = eye.covariance;
+  if (p.rows() != p.cols() || p.rows() != static_cast<Index>(eye.parameter_names.size()))
+    throw input_error("measured eye: the covariance's size is not that of its list of parameters");
+  if (!p.allFinite()) throw input_error("measured eye: the covariance holds numbers that are not finite");
+  // Judged as correlations, since the parameters differ in their units.
+  const VectorXd sigma = p.diagonal().cwiseMax(0).cwiseSqrt();
+  const VectorXd scale = sigma.unaryExpr([](double s) { return s > 0 ? 1 / s : 0; });
+  const MatrixXd scaled = scale.asDiagonal() * p * scale.asDiagonal();
+  const MatrixXd asymmetry = scaled - scaled.transpose();
+  if (asymmetry.cwiseAbs().maxCoeff() > 1e-6)
+    throw input_error("measured eye: the covariance is not symmetric");
+  const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(scaled, Eigen::EigenvaluesOnly);
+  if (eigen.eigenvalues().minCoeff() < -1e-6)
+    throw input_error("measured eye: the covariance is not positive semidefinite");
+}
+
+}  // namespace
+
+double Propagated::sigma(Index i) const { return std::sqrt(std::max(0.0, covariance(i, i))); }
+
+Measured root_sum_square(const Propagated& terms) {
+  constexpr std::size_t draws = 4000;
+  const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(terms.covariance);
+  const MatrixXd spread = eigen.eigenvectors() * eigen.eigenvalues().cwiseMax(0).cwiseSqrt().asDiagonal();
+  std::mt19937_64 random(1);
+  std::normal_distribution<double> normal;
+  std::vector<double> roots(draws);
+  for (double& root : roots)
+    root = (terms.value +
+            spread * VectorXd::NullaryExpr(terms.value.size(), [&] {
+              return normal(random);
+            })).norm();
+  std::sort(roots.begin(), roots.end());
+  const auto quantile = [&](double share) { return roots[static_cast<std::size_t>(share * (draws - 1))]; };
+  Index largest = 0;
+  terms.covariance.diagonal().maxCoeff(&largest);
+  return {quantile(0.5), {quantile(0.025), quantile(0.975)}, terms.source[largest]};
+}
+
+UncertainEye::UncertainEye(ParametricEye eye) : eye_(std::move(eye)) {
+  for (const std::string& name : eye_.parameter_names)
+    if (!has_parameter(eye_, name)) throw input_error("measured eye: no eye has a parameter '" + name + "'");
+  check_covariance(eye_);
+}
+
+UncertainEye fitted_eye(ParametricEye fitted) {
+  for (const char* name : required) {
+    if (!is_named(fitted, name))
+      throw input_error(std::string("measured eye: '") + name + "' is not among the fitted parameters");
+  }
+  for (Index i = 0; i < std::min(fitted.covariance.rows(), fitted.covariance.cols()); ++i)
+    if (!(fitted.covariance(i, i) > 0)) throw input_error("measured eye: a fitted parameter has no variance");
+  for (const char* name : optional)
+    if (!is_named(fitted, name)) add_prior(fitted, population_value(name));
+  return UncertainEye(std::move(fitted));
+}
+
+void UncertainEye::add_scale_prior(double relative_sd) {
+  const auto ends_with = [](const std::string& name, const std::string& end) {
+    return name.size() >= end.size() && name.compare(name.size() - end.size(), end.size(), end) == 0;
+  };
+  VectorXd along =
+      VectorXd::Zero(eye_.covariance.rows());  // derivative of each parameter by the scale; its unit tells
+  for (Index i = 0; i < along.size(); ++i) {
+    const std::string& name = eye_.parameter_names[i];
+    if (ends_with(name, "_per_mm"))
+      along[i] = -eye_.get(name);
+    else if (ends_with(name, "_mm") && name.rfind("apex_", 0) != 0 && name.rfind("displacement_", 0) != 0)
+      along[i] = eye_.get(name);
+  }
+  eye_.covariance += relative_sd * relative_sd * along * along.transpose();
+}
+
+NormalDistribution UncertainEye::parameters() const {
+  VectorXd mean(static_cast<Index>(eye_.parameter_names.size()));
+  for (Index i = 0; i < mean.size(); ++i) mean[i] = eye_.get(eye_.parameter_names[i]);
+  return {std::move(mean), eye_.covariance};
+}
+
+Index UncertainEye::index_of(const std::string& parameter) const {
+  const auto& names = eye_.parameter_names;
+  const auto found = std::find(names.begin(), names.end(), parameter);
+  if (found == names.end()) throw input_error("measured eye: parameter \"" + parameter + "\" is missing");
+  return found - names.begin();
+}
+
+double UncertainEye::sigma(const std::string& parameter) const {
+  const Index i = index_of(parameter);
+  return std::sqrt(std::max(0.0, eye_.covariance(i, i)));
+}
+
+const std::string& UncertainEye::source(Index parameter) const {
+  static const std::string images = "mri";
+  const auto named = eye_.source.find(eye_.parameter_names[parameter]);
+  return named == eye_.source.end() ? images : named->second;
+}
+
+ParametricEye UncertainEye::at(const VectorXd& values) const {
+  ParametricEye eye = eye_;
+  for (Index i = 0; i < values.size(); ++i) eye.set(eye_.parameter_names[i], values[i]);
+  return eye;
+}
+
+VectorFunction UncertainEye::of_parameters(const Functional& functional) const {
+  return [eye = eye_, current = parameters().mean, functional](const VectorXd& values) mutable {
+    for (Index i = 0; i < values.size(); ++i)
+      if (values[i] != current[i]) eye.set(eye.parameter_names[i], values[i]);
+    current = values;
+    return functional(eye);
+  };
+}
+
+Propagated UncertainEye::propagate(const Functional& functional) const {
+  const MatrixXd j = jacobian(parameters(), of_parameters(functional));
+  Propagated result{functional(eye_), j * eye_.covariance * j.transpose(), {}};
+  for (Index row = 0; row < j.rows(); ++row) result.source.push_back(source_of(j.row(row)));
+  return result;
+}
+
+std::string UncertainEye::source_of(const Eigen::RowVectorXd& row) const {
+  const MatrixXd& first = steps_.empty() ? eye_.covariance : steps_.front().covariance_before;
+  std::map<std::string, double> share;
+  for (Index i = 0; i < row.size(); ++i) share[source(i)] += row[i] * row[i] * first(i, i);
+  std::string origin = std::max_element(share.begin(), share.end(), [](const auto& a, const auto& b) {
+                         return a.second < b.second;
+                       })->first;
+  const auto variance = [&](const MatrixXd& covariance) { return row.dot(covariance * row.transpose()); };
+  for (std::size_t s = 0; s < steps_.size(); ++s) {
+    const MatrixXd& after = s + 1 < steps_.size() ? steps_[s + 1].covariance_before : eye_.covariance;
+    if (variance(after) < variance(steps_[s].covariance_before) / 2) origin = steps_[s].source;
+  }
+  return origin;
+}
+
+double UncertainEye::learn(const std::string& source, const VectorFunction& function,
+                           const VectorXd& measured, const MatrixXd& noise_covariance) {
+  NormalDistribution doubted = parameters();
+  for (Index i = 0; i < doubted.mean.size(); ++i) {
+    if (this->source(i) != "prior") continue;
+    doubted.covariance.row(i) *= tail_of(eye_.parameter_names[i]);
+    doubted.covariance.col(i) *= tail_of(eye_.parameter_names[i]);
+  }
+  const double surprise_sigma = condition(doubted, function, measured, noise_covariance);
+  NormalDistribution learnt = parameters();
+  steps_.push_back({source, learnt.covariance});
+  condition(learnt, function, measured, noise_covariance);
+  for (Index i = 0; i < learnt.mean.size(); ++i) eye_.set(eye_.parameter_names[i], learnt.mean[i]);
+  eye_.covariance = std::move(learnt.covariance);
+  return surprise_sigma;
+}
+
+double UncertainEye::learn(const ExternalMeasurement& measurement) {
+  return learn(measurement.source, of_parameters(measurement.of_eye), measurement.value,
+               measurement.covariance);
+}
+
+std::vector<std::string> UncertainEye::learnt_from() const {
+  std::vector<std::string> sources;
+  for (const Step& step : steps_) sources.push_back(step.source);
+  return sources;
+}
+
+std::string judge_surprise(const std::string& reading, double surprise_sigma) {
+  const std::string text =
+      fmt::format("{} and the images differ by {:.1f} standard deviations", reading, surprise_sigma);
+  if (surprise_sigma > irreconcilable_sigma)
+    throw input_error(
+        text + ": they cannot both be of this eye",
+        "check eye, sign, unit and digits of the measurement; without it the images speak alone");
+  return surprise_sigma > surprising_sigma ? text : "";
+}
+
+}  // namespace emmetrope
