@@ -263,7 +263,7 @@ int main(int count, char** v) {
     } else if (what == "movie" && count > 4) {
       movie(count - 2, v + 2);
     } else {
-      std::fprintf(stderr, "measure: wrong usage; see the head of docs/paper/measure.cpp\n");
+      std::fprintf(stderr, "measure: wrong usage; see the head of docs/evidence/paper/measure.cpp\n");
       return 2;
     }
   } catch (const std::exception& fault) {

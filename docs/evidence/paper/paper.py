@@ -10,7 +10,7 @@ import sys
 import zlib
 
 here = pathlib.Path(__file__).resolve().parent
-build = pathlib.Path(os.environ.get("EMMETROPE_BIN", here.parent.parent / "build" / "bin"))
+build = pathlib.Path(os.environ.get("EMMETROPE_BIN", here.parents[2] / "build" / "bin"))
 
 
 class Figure:
@@ -63,7 +63,7 @@ class Figure:
 def patient(f, study=None):
     """A case folder of that study, else of the sample phantom, which is segmented and meshed once for all figures of a run."""
     case = f.path("case") if study else f.folder.parent / "case"
-    command("segment", study or here.parent.parent / "data_samples" / "sample" / "dicom", "-o", case)
+    command("segment", study or here.parents[2] / "data_samples" / "sample" / "dicom", "-o", case)
     command("mesh", case)
     return case
 
