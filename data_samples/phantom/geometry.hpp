@@ -129,9 +129,9 @@ double matching_globe_semi_z_mm(const EyeGeometry& eye);
 /// The head of the sample study: right eye with 2.25 D of with-the-rule corneal astigmatism, left eye near
 /// emmetropia.
 HeadGeometry sample_head();
-/// A head drawn from the population in docs/phantom.md; one seed, one head.
+/// A head drawn from the population in docs/method/phantom.md; one seed, one head.
 HeadGeometry random_head(unsigned long long seed);
-/// The same head with keratoconus of both eyes, drawn from docs/phantom.md's table of cones.
+/// The same head with keratoconus of both eyes, drawn from docs/method/phantom.md's table of cones.
 HeadGeometry random_keratoconus(unsigned long long seed);
 
 }  // namespace emmetrope::phantom

@@ -3,7 +3,7 @@
 
 namespace emmetrope::phantom {
 
-/// A normal distribution cut off at its limits: one row of the population's table in docs/phantom.md.
+/// A normal distribution cut off at its limits: one row of the population's table in docs/method/phantom.md.
 struct Distribution {
   const char* name;  ///< a key of the geometry, or what it is derived from
   double mean;       ///< at 40 years

@@ -39,7 +39,7 @@ struct TissueProperties {
   bool is_fat;       ///< its signal is displaced by the chemical shift
 };
 
-/// The table in docs/phantom.md (turbo spin echo, 3 T, no fat saturation), in the order of Tissue.
+/// The table in docs/method/phantom.md (turbo spin echo, 3 T, no fat saturation), in the order of Tissue.
 const std::array<TissueProperties, tissue_count>& tissue_table();
 
 inline double signal_of(Tissue tissue, Contrast contrast) {

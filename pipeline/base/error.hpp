@@ -5,7 +5,7 @@
 
 namespace emmetrope {
 
-/// Exit status of every command. docs/exit-status.md is the user's copy of this table.
+/// Exit status of every command. docs/use/exit-status.md is the user's copy of this table.
 enum class ExitStatus {
   done = 0,
   fault = 1,          ///< unexpected: a defect of the program

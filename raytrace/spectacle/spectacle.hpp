@@ -49,7 +49,7 @@ inline constexpr double least_edge_mm = 1;
 EyeModel with_meniscus(const EyeModel& eye, const Meniscus& lens);
 
 /// Puts any surfaces in front of or into the eye: spectacle, contact lens, intra-ocular lens
-/// (docs/tracing.md).
+/// (docs/use/trace.md).
 /// \throw Error (input_invalid) naming file and key
 EyeModel with_surfaces_of(const EyeModel& eye, const std::filesystem::path& file);
 

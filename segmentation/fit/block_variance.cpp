@@ -15,7 +15,7 @@ using RowMatrix = Eigen::SparseMatrix<double, Eigen::RowMajor>;
 
 /// Of the unbiased widening, by how much it must be above 1 for residuals to be coherent beyond doubt;
 /// chosen, as noise alone makes it 0.4 to 1.2 in phantoms, and it is 0.9 to 2.1 in real scans
-/// (docs/segmentation.md, "Intervals").
+/// (docs/method/segmentation.md, "Intervals").
 constexpr double evident_excess = 0.5;
 
 std::vector<std::vector<Index>> members(const Blocks& blocks) {

@@ -4,7 +4,7 @@
 namespace emmetrope::segmentation {
 
 /// How far the eyes of one person differ: standard deviations of the differences (sources:
-/// docs/segmentation.md, "Priors").
+/// docs/method/segmentation.md, "Priors").
 inline constexpr double corneal_power_difference_D = 0.7;
 inline constexpr double axial_length_difference_mm = 0.5, chamber_depth_difference_mm = 0.15,
                         lens_thickness_difference_mm = 0.15, corneal_thickness_difference_mm = 0.02,

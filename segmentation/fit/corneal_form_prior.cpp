@@ -13,7 +13,7 @@ namespace {
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-// Sources are given in docs/segmentation.md, "Priors".
+// Sources are given in docs/method/segmentation.md, "Priors".
 constexpr double bump_height_um = 75;  ///< rms
 constexpr std::array<double, 6> bump_widths_mm{1.1, 1.3, 1.5, 1.7, 1.9, 2.1};
 constexpr std::array<double, 6> bump_distances_mm{0.1, 0.4, 0.8, 1.2, 1.6, 2.0};

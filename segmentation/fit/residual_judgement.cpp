@@ -80,11 +80,11 @@ Blocks patches(const EyeFit& fit, const std::vector<Sample>& samples) {
 
 /// In T1 displaced fat outshines the wall that it lies over, and what of it is muscle, which stays, is known
 /// roughly: the interface is off by this share of the displacement, mean errors of length, width and height
-/// in phantoms, rms (docs/accuracy.md). A stated model error.
+/// in phantoms, rms (docs/evidence/accuracy.md). A stated model error.
 constexpr double interface_error_by_displacement = 0.06;
 /// How wrong the place of an interface may be, in pixels, for what the model does not have, muscle off the
 /// wall and the ringing of edges farther away: mean errors of length, width and height in phantoms, rms
-/// (docs/accuracy.md). On the step of 0.16 of fat's signal from vitreous to wall; in T2 that is five times as
+/// (docs/evidence/accuracy.md). On the step of 0.16 of fat's signal from vitreous to wall; in T2 that is five times as
 /// high.
 constexpr double ringing_error_by_pixel = 0.025;
 

@@ -6,7 +6,7 @@
 #include "segmentation/intake/study.hpp"
 #include "segmentation/intake/wire.hpp"
 
-/// What makes a series usable. Rules and tolerances are listed in docs/reading-dicom.md.
+/// What makes a series usable. Rules and tolerances are listed in docs/use/reading-dicom.md.
 namespace emmetrope::segmentation {
 
 /// Of the stored values of one frame.

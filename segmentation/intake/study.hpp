@@ -15,7 +15,7 @@
 
 /// Reading a study: a folder of MR DICOM files (any depth, any names, other files mixed in) or NIfTI volumes.
 /// Files are parsed and decoded in a child process with limits (decoder.hpp), judged here
-/// (series_checks.hpp). docs/reading-dicom.md lists what is accepted, what is warned about and what is
+/// (series_checks.hpp). docs/use/reading-dicom.md lists what is accepted, what is warned about and what is
 /// refused.
 namespace emmetrope::segmentation {
 
@@ -137,7 +137,7 @@ StudyInventory read_inventory(const std::filesystem::path& study, const IntakeOp
 ///   meanwhile
 Stack read_series(const StudyInventory& inventory, const std::string& uid, const IntakeOptions& options = {});
 
-/// The document of `emmetrope inventory --json` as docs/reading-dicom.md describes it.
+/// The document of `emmetrope inventory --json` as docs/use/reading-dicom.md describes it.
 Json to_json(const StudyInventory& inventory);
 /// One element of "series"; unknown numbers are null.
 Json to_json(const SeriesInfo& series);

@@ -1,5 +1,5 @@
 // Rays a second of every way through the eye, with scalar C++ and Embree in the same run:
-// docs/performance.md. emmetrope-benchmark [--samples N] [--rounds N] [--vertices N] [--device D] [--threads
+// docs/evidence/performance.md. emmetrope-benchmark [--samples N] [--rounds N] [--vertices N] [--device D] [--threads
 // N] [--large] [--only WAY...]: one JSON document.
 #include <CLI/CLI.hpp>
 #include <algorithm>

@@ -16,7 +16,7 @@ clean moved/bin/emmetrope eye navarro --json | grep -q '"power_D"'
 clean moved/bin/emmetrope trace --eye navarro --scene letters:logmar=0.3,distance_mm=6000 --size 32x32 --samples 16 \
       -o "$place/picture" --quiet
 find "$place/picture" -name '*.png' | grep -q .
-for file in README.md LICENSE docs/case-folder.md data_samples/sample/truth.json; do
+for file in README.md LICENSE docs/use/case-folder.md data_samples/sample/truth.json; do
   test -s "moved/share/emmetrope/$file" || { echo "missing: $file"; exit 1; }
 done
 echo "installed tree: all found"

@@ -10,7 +10,7 @@
 #include "tests/support/closed_loop.hpp"
 #include "tests/support/traced_eyes.hpp"
 
-/// The table of docs/accuracy-refraction.md: closed-loop-study [EYES] [FIRST]; known eyes with the first
+/// The table of docs/evidence/accuracy-refraction.md: closed-loop-study [EYES] [FIRST]; known eyes with the first
 /// only. closed-loop-study images [EYES]: how many retinal images a whole prescription takes
 namespace emmetrope::correction {
 namespace {

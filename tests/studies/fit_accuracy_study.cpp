@@ -1,5 +1,5 @@
 /// Fits random phantom eyes, keeps a record of each, and prints errors, coverage and scores:
-/// docs/accuracy.md. Not part of the tests.
+/// docs/evidence/accuracy.md. Not part of the tests.
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>

@@ -1,4 +1,4 @@
-// A small part of the accuracy study (docs/accuracy.md): one random head a protocol.
+// A small part of the accuracy study (docs/evidence/accuracy.md): one random head a protocol.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -11,7 +11,7 @@ namespace {
 
 using namespace meshing;
 
-/// What no eye of a protocol may exceed: about the largest errors of the 200 eyes in docs/accuracy.md.
+/// What no eye of a protocol may exceed: about the largest errors of the 200 eyes in docs/evidence/accuracy.md.
 struct Worst {
   const char* protocol;
   unsigned long long seed;

@@ -1,5 +1,5 @@
 // Prints how meshes approach the surface they were made from: exit direction and preparation time against
-// vertices. Not part of the default tests; docs/mesh-accuracy.md shows its output.
+// vertices. Not part of the default tests; docs/evidence/mesh-accuracy.md shows its output.
 #include <fmt/format.h>
 
 #include <chrono>

@@ -1,4 +1,4 @@
-# Draws docs/mesh-convergence.png: bin/mesh_accuracy >mesh.csv; gnuplot -e "data='mesh.csv'; picture='docs/mesh-convergence.png'" THIS
+# Draws docs/evidence/mesh-convergence.png: bin/mesh_accuracy >mesh.csv; gnuplot -e "data='mesh.csv'; picture='docs/evidence/mesh-convergence.png'" THIS
 set terminal pngcairo size 760,500 font "DejaVu Sans,11"
 set output picture
 set datafile separator ","

@@ -1,4 +1,4 @@
-/// Refraction of the phantom eyes that the fit's accuracy study has recorded: docs/accuracy-refraction.md.
+/// Refraction of the phantom eyes that the fit's accuracy study has recorded: docs/evidence/accuracy-refraction.md.
 /// Not part of the tests; about half a second an eye.
 #include <fmt/format.h>
 

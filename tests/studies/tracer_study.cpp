@@ -1,4 +1,4 @@
-// Studies too long for the test suite; docs/performance.md and docs/mesh-accuracy.md show what they print.
+// Studies too long for the test suite; docs/evidence/performance.md and docs/evidence/mesh-accuracy.md show what they print.
 //   tracer-study paper [PIXELS SAMPLES [CHART]]   the paper's validation: MSD and SSIM of every way
 //   tracer-study samples      image error against rays a pixel, ours and random ones
 //   tracer-study watertight   ten million rays at vertices and edges; fails where one is lost

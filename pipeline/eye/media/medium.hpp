@@ -7,11 +7,11 @@
 namespace emmetrope {
 
 /// A published dispersion formula n(wavelength); what enters a trace is its difference from the reference
-/// wavelength. docs/eye-json.md documents each formula with units and one complete example.
+/// wavelength. docs/use/eye-json.md documents each formula with units and one complete example.
 struct Dispersion {
   enum class Formula { constant, cauchy, conrady, cornu, herzberger, sellmeier, polynomial, abbe, table };
   Formula formula = Formula::constant;
-  /// As docs/eye-json.md orders them; a table as wavelength (nm, ascending), index, wavelength, index, ...
+  /// As docs/use/eye-json.md orders them; a table as wavelength (nm, ascending), index, wavelength, index, ...
   std::vector<double> coefficients;
 
   /// The published formula itself; 0 for `constant`.

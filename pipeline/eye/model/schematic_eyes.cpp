@@ -10,7 +10,7 @@
 #include "pipeline/eye/model/eye_model.hpp"
 #include "pipeline/eye/optics/paraxial.hpp"
 
-// Published schematic eyes. docs/schematic-eyes.md names the sources and what was chosen where they say
+// Published schematic eyes. docs/method/schematic-eyes.md names the sources and what was chosen where they say
 // nothing.
 namespace emmetrope {
 namespace {

@@ -1,4 +1,4 @@
-// Random heads: plausible, reproducible, distributed as docs/phantom.md says.
+// Random heads: plausible, reproducible, distributed as docs/method/phantom.md says.
 #include <gtest/gtest.h>
 
 #include <cmath>

@@ -1,4 +1,4 @@
-// The sample study in data_samples/ and the tables in docs/phantom.md against the code.
+// The sample study in data_samples/ and the tables in docs/method/phantom.md against the code.
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
@@ -38,7 +38,7 @@ TEST(Sample, TruthIsThatOfTheGeometryInTheCode) {
 }
 
 TEST(Documentation, ListsEveryTissueWithItsSignals) {
-  const std::string page = read_file(data_folder() / "docs/phantom.md");
+  const std::string page = read_file(data_folder() / "docs/method/phantom.md");
   for (const TissueProperties& tissue : tissue_table()) {
     const std::string row = fmt::format("| {} | {:.2f} | {:.2f} | {} |", tissue.name, tissue.signal_T1,
                                         tissue.signal_T2, tissue.is_fat ? "yes" : "");
@@ -47,7 +47,7 @@ TEST(Documentation, ListsEveryTissueWithItsSignals) {
 }
 
 TEST(Documentation, ListsThePopulation) {
-  const std::string page = read_file(data_folder() / "docs/phantom.md");
+  const std::string page = read_file(data_folder() / "docs/method/phantom.md");
   for (const Distribution& d : population()) {
     const std::string row =
         fmt::format("| {} | {} | {} | {} | {} to {} | {} |", d.name, d.mean,
@@ -57,7 +57,7 @@ TEST(Documentation, ListsThePopulation) {
 }
 
 TEST(Documentation, ListsEveryGeometryKey) {
-  const std::string page = read_file(data_folder() / "docs/phantom.md");
+  const std::string page = read_file(data_folder() / "docs/use/phantom.md");
   for (const auto& names : {eye_field_names(), head_field_names()})
     for (const std::string& name : names)
       EXPECT_TRUE(page.find("`" + name + "`") != std::string::npos) << name;

@@ -18,7 +18,7 @@ std::set<int> numbers_in(const std::string& text, const std::regex& pattern) {
 
 TEST(ExitStatus, PageForUsersListsWhatTheProgramKnows) {
   const std::string header = read_file(data_folder() / "pipeline/base/error.hpp");
-  const std::string page = read_file(data_folder() / "docs/exit-status.md");
+  const std::string page = read_file(data_folder() / "docs/use/exit-status.md");
   const auto in_program = numbers_in(header, std::regex(R"(\n  \w+ = (\d+),)"));
   EXPECT_EQ(in_program.size(), 11U);
   EXPECT_EQ(numbers_in(page, std::regex(R"(\n\| (\d+) \|)")), in_program);

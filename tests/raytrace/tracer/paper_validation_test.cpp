@@ -1,5 +1,5 @@
 // The paper's validation: meshes against formulas, measured against the noise of two runs of formulas. The
-// whole of it is tracer-study paper (docs/performance.md).
+// whole of it is tracer-study paper (docs/evidence/performance.md).
 #include <gtest/gtest.h>
 
 #include "tests/support/image_difference.hpp"

@@ -7,7 +7,7 @@
 #include "pipeline/eye/optics/exact_trace.hpp"
 #include "pipeline/eye/optics/paraxial.hpp"
 
-// Published and independently recomputed figures of the schematic eyes (docs/schematic-eyes.md).
+// Published and independently recomputed figures of the schematic eyes (docs/method/schematic-eyes.md).
 namespace emmetrope {
 namespace {
 
