@@ -7,11 +7,20 @@ if(CCACHE_PROGRAM)
       CCACHE_SLOPPINESS=pch_defines,time_macros,include_file_mtime,include_file_ctime ${CCACHE_PROGRAM})
 endif()
 
-# Interface target: what every target of ours compiles with.
+option(EMMETROPE_WARNINGS_AS_ERRORS "For developers and CI" OFF)
+
+# Interface target: what every target of ours compiles with. -pthread everywhere, as some libraries ask for it and a
+# precompiled header serves only where the same is defined.
 add_library(emmetrope_compile INTERFACE)
-target_compile_options(emmetrope_compile INTERFACE
-  -Wall -Wextra -Wpedantic -Wshadow -Wnon-virtual-dtor -Woverloaded-virtual -Werror -fpch-preprocess)
-target_include_directories(emmetrope_compile INTERFACE ${CMAKE_SOURCE_DIR})
+set(warnings -Wall -Wextra -Wpedantic -Wshadow -Wnon-virtual-dtor -Woverloaded-virtual)
+if(EMMETROPE_WARNINGS_AS_ERRORS)
+  list(APPEND warnings -Werror)
+endif()
+target_compile_features(emmetrope_compile INTERFACE cxx_std_17)
+target_compile_options(emmetrope_compile INTERFACE -pthread "$<BUILD_INTERFACE:${warnings};-fpch-preprocess>")
+target_include_directories(emmetrope_compile INTERFACE
+  $<BUILD_INTERFACE:${CMAKE_SOURCE_DIR}> $<INSTALL_INTERFACE:include/emmetrope>)
+install(TARGETS emmetrope_compile EXPORT emmetrope COMPONENT development)
 # An executable loads the libraries that it uses, not all that its parts could use.
 target_link_options(emmetrope_compile INTERFACE -Wl,--as-needed)
 
@@ -42,12 +51,28 @@ function(emmetrope_library name)
   endif()
 endfunction()
 
+# emmetrope_public(NAME FOLDERS ...): the library is installed for other programs, with the headers of these folders, as
+# the target emmetrope::NAME without its prefix (find_package(emmetrope))
+function(emmetrope_public name)
+  cmake_parse_arguments(ARG "" "" "FOLDERS" ${ARGN})
+  string(REPLACE emmetrope_ "" exported ${name})
+  set_target_properties(${name} PROPERTIES EXPORT_NAME ${exported})
+  install(TARGETS ${name} EXPORT emmetrope ARCHIVE DESTINATION lib/emmetrope COMPONENT development)
+  foreach(folder ${ARG_FOLDERS})
+    install(DIRECTORY ${CMAKE_SOURCE_DIR}/${folder} DESTINATION include/emmetrope/${folder}/..
+            COMPONENT development FILES_MATCHING PATTERN *.hpp)
+  endforeach()
+endfunction()
+
 # emmetrope_executable(NAME SOURCES main.cpp LINK library): a thin main, installed to bin/
+add_custom_target(programs)
 function(emmetrope_executable name)
   cmake_parse_arguments(ARG "" "" "SOURCES;LINK" ${ARGN})
   add_executable(${name} ${ARG_SOURCES})
   target_link_libraries(${name} PRIVATE ${ARG_LINK})
-  install(TARGETS ${name} RUNTIME DESTINATION bin)
+  target_precompile_headers(${name} REUSE_FROM emmetrope_base)
+  add_dependencies(programs ${name})
+  install(TARGETS ${name} RUNTIME DESTINATION bin COMPONENT programs)
 endfunction()
 
 # emmetrope_embed(TARGET VARIABLE FILE): the text of FILE as `extern const char VARIABLE[]` in namespace emmetrope

@@ -11,7 +11,10 @@
 #include <cerrno>
 #include <chrono>
 #include <csignal>
+#include <cstdlib>
 #include <cstring>
+#include <sstream>
+#include <vector>
 
 #include "pipeline/base/files.hpp"
 #include "pipeline/base/interrupt.hpp"
@@ -43,9 +46,14 @@ std::uint64_t frame_bytes(const ImageHeader& header) {
 
 std::filesystem::path decoder_executable() {
   const auto here = executable_folder();
-  for (const auto& folder : {here, here.parent_path() / "bin"})
+  std::vector<std::filesystem::path> folders{here, here.parent_path() / "bin"};
+  // Another program that uses the library finds it where it finds the commands.
+  const char* path = std::getenv("PATH");
+  std::istringstream listed(path == nullptr ? "" : path);
+  for (std::string folder; std::getline(listed, folder, ':');) folders.emplace_back(folder);
+  for (const auto& folder : folders)
     if (std::filesystem::exists(folder / "emmetrope-decode")) return folder / "emmetrope-decode";
-  throw Error(ExitStatus::fault, "emmetrope-decode is missing beside " + here.string(),
+  throw Error(ExitStatus::fault, "emmetrope-decode is neither beside " + here.string() + " nor on the PATH",
               "install Emmetrope again with cmake --install");
 }
 

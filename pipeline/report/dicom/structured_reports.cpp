@@ -187,7 +187,8 @@ std::string prescription_object(const SourceStudy& source, const CaseData& data,
 
 std::string biometry_object(const SourceStudy& source, const CaseData& data, const std::string& result) {
   TID1500_MeasurementReport report(CMR_CID7021::ImagingMeasurementReport);
-  check(report.setLanguage(CID5000_Languages(CID5000_Languages::English)), "language");
+  // By its code: the class of languages has another name in every other DCMTK.
+  check(report.setLanguage(DSRCodedEntryValue("en", "RFC5646", "English")), "language");
   check(report.getObservationContext().addDeviceObserver(stable_uid("device " + version()).c_str(), model,
                                                          manufacturer, model, serial_number),
         "observer");
