@@ -60,7 +60,7 @@ def check(root):
     complaints = []
     for page in pages:
         text = re.sub(r"^```.*?^```", "", (root / page).read_text(), flags=re.MULTILINE | re.DOTALL)
-        for code in re.findall(r"`([^`\n]+)`", text):
+        for code in [" ".join(code.split()) for code in re.findall(r"`([^`]+)`", text)]:
             wrong = complaint(tree, code)
             if wrong:
                 complaints.append(f"{page}: `{code}`: {wrong}")
