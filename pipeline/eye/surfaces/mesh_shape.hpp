@@ -2,10 +2,10 @@
 #include <filesystem>
 #include <optional>
 
-#include "pipeline/eye/meshes/triangle_hierarchy.hpp"
 #include "pipeline/eye/meshes/triangle_mesh.hpp"
 #include "pipeline/eye/model/eye_model.hpp"
 #include "pipeline/eye/surfaces/height_field.hpp"
+#include "pipeline/eye/surfaces/triangle_hierarchy.hpp"
 
 namespace emmetrope {
 

@@ -8,7 +8,7 @@
 #include <opencv2/imgcodecs.hpp>
 
 #include "pipeline/base/error.hpp"
-#include "pipeline/eye/meshes/triangle_hierarchy.hpp"
+#include "pipeline/eye/surfaces/triangle_hierarchy.hpp"
 #include "pipeline/report/figures/encoding.hpp"
 
 namespace emmetrope::report {

@@ -1,4 +1,4 @@
-#include "pipeline/eye/meshes/triangle_hierarchy.hpp"
+#include "pipeline/eye/surfaces/triangle_hierarchy.hpp"
 
 #include <algorithm>
 #include <cmath>
