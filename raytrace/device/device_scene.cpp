@@ -2,20 +2,13 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstring>
 
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/parallel.hpp"
+#include "raytrace/system/int_bits.hpp"
 
 namespace emmetrope::raytrace {
 namespace {
-
-float bits(std::size_t value) {
-  const auto integer = static_cast<std::int32_t>(value);
-  float result = 0;
-  std::memcpy(&result, &integer, sizeof result);
-  return result;
-}
 
 float luminance(const float* rgb) { return 0.2126F * rgb[0] + 0.7152F * rgb[1] + 0.0722F * rgb[2]; }
 
@@ -92,8 +85,8 @@ void append(std::vector<float>& planes, const TexturedPlane& plane, const Eigen:
   planes.push_back(plane.at_infinity ? 0.F : 1.F);
   planes.push_back(static_cast<float>(plane.texture->width - 1));
   planes.push_back(static_cast<float>(plane.texture->height - 1));
-  planes.push_back(bits(plane.texture->width));
-  planes.push_back(bits(first_texel));
+  planes.push_back(int_bits(plane.texture->width));
+  planes.push_back(int_bits(first_texel));
   planes.insert(planes.end(), 3, 0.F);
 }
 

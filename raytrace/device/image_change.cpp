@@ -26,8 +26,7 @@ constexpr std::array<std::array<int, 2>, 4> sizes{{{3, 3}, {3, 5}, {5, 7}, {7, 9
 class OpenEye {
  public:
   OpenEye(EyeModel eye, const std::vector<double>& wavelength_nm) {
-    for (auto& surface : eye.surfaces)
-      if (surface.is_stop()) surface.stop_diameter_mm = 1e3;
+    eye.set_stop_diameter(1e3);
     for (const double wavelength : wavelength_nm) tracers_.emplace_back(eye, wavelength);
   }
   Ray operator()(const Ray& ray, int wave) const {

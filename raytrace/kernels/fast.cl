@@ -1,7 +1,9 @@
-// The fast map: what leaves the eye as polynomials of where the ray is aimed at, made and checked in fast_map.cpp.
+// The fast map: what leaves the eye as polynomials of where the ray is aimed at, made and checked in
+// fast_map.cpp.
 #if FAST
-// A pixel's polynomials have OUTPUTS_OF_MAP values (x, y on the plane z = map_z, slopes L/N and M/N, squared radius at the stop
-// over that of the stop), each of MAP_TERMS terms; x^i y^j with i rising, for j = 0..DEGREE.
+// A pixel's polynomials have OUTPUTS_OF_MAP values (x, y on the plane z = map_z, slopes L/N and M/N, squared
+// radius at the stop over that of the stop), each of MAP_TERMS terms; x^i y^j with i rising, for j =
+// 0..DEGREE.
 #define OUTPUTS_OF_MAP 5
 #define MAP_TERMS ((DEGREE + 1) * (DEGREE + 2) / 2)
 #define MAP_FLOATS ((OUTPUTS_OF_MAP * MAP_TERMS + 15) / 16 * 16)
@@ -14,11 +16,12 @@ typedef float coefficient;
 #endif
 
 // A pixel's polynomials from those of its row at NODES places across its tile.
-AI void map_of_pixel(coefficient* c, int row, int column, int width, int height, int wave, global const float* restrict rows,
-                     global const float* restrict weights) {
+AI void map_of_pixel(coefficient* c, int row, int column, int width, int height, int wave,
+                     global const float* restrict rows, global const float* restrict weights) {
   const int tile = (2 * column + 1) * TILES / (2 * width);
   const int stride = MAP_FLOATS * (MAP_LANES ? VLN : 1);
-  global const float* nodes = rows + ((MAP_LANES ? row : wave * height + row) * TILES + tile) * NODES * stride;
+  global const float* nodes =
+      rows + ((MAP_LANES ? row : wave * height + row) * TILES + tile) * NODES * stride;
   weights += column * NODES;
 #if MAP_LANES
   for (int k = 0; k < OUTPUTS_OF_MAP * MAP_TERMS; k++) {
@@ -44,10 +47,12 @@ AI void map_of_pixel(coefficient* c, int row, int column, int width, int height,
 AI vf map_value(const coefficient* c, vf x, vf y) {
   vf value = 0.f;
   int first = MAP_TERMS;
-  UNROLL for (int j = DEGREE; j >= 0; j--) {
+  UNROLL
+  for (int j = DEGREE; j >= 0; j--) {
     first -= DEGREE - j + 1;
     vf row = c[first + DEGREE - j];
-    UNROLL for (int i = DEGREE - j - 1; i >= 0; i--) row = row * x + c[first + i];
+    UNROLL
+    for (int i = DEGREE - j - 1; i >= 0; i--) row = row * x + c[first + i];
     value = value * y + row;
   }
   return value;

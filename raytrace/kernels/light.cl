@@ -1,12 +1,14 @@
 // What the wave nature of light and the direction of receptors add to geometrical rays; off unless asked for.
 #if STILES_CRAWFORD
 // Weight of sample n: 2^(-falloff rho^2), rho its place in the pupil over the rim's.
-AI vf receptor_weight(vu n, uint shift_1, float falloff) { return exp2(-falloff * unit_interval(n * 3242174889u + shift_1)); }
+AI vf receptor_weight(vu n, uint shift_1, float falloff) {
+  return exp2(-falloff * unit_interval(n * 3242174889u + shift_1));
+}
 #endif
 
 #if DIFFRACTION
-// 16 angles wavelength / (pi pupil), then a table over w = 0..1 of v (1 - w^2), where w^2 is the share of light within v of
-// the Airy disc (kept finite to its far rings).
+// 16 angles wavelength / (pi pupil), then a table over w = 0..1 of v (1 - w^2), where w^2 is the share of
+// light within v of the Airy disc (kept finite to its far rings).
 #define AIRY_STEPS 1024
 AI void diffract(ray* r, vu n, uint shift, int wave, constant float* restrict airy) {
   const vf share = AT_MOST(1.f - 1.f / 4096.f, unit_interval(n * 1779033704u + shift));

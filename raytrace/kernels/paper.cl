@@ -1,33 +1,71 @@
-// Sheets whose triangles are tested one by one or by a hierarchy of boxes, and the aim of Wei, Patkar and Pai (2014): random
-// points of a cap over the posterior lens.
+// Sheets whose triangles are tested one by one or by a hierarchy of boxes, and the aim of Wei, Patkar and Pai
+// (2014): random points of a cap over the posterior lens.
 
 #if HAS_EVERY_TRIANGLE
-// Two records a triangle: {plane n (3), n.p; barycentric u (3 + 1), v (3 + 1); corner a (3), 0} and {normals at a, b, c (9);
-// edges b - a (3), c - a (3), 0}.
-// p[4]: nodes of a hierarchy over them, 0 for none; p[11]: number of triangles; p[12], p[14]: first record and first node (int bits)
+// Two records a triangle: {plane n (3), n.p; barycentric u (3 + 1), v (3 + 1); corner a (3), 0} and {normals
+// at a, b, c (9); edges b - a (3), c - a (3), 0}.
+// p[4]: nodes of a hierarchy over them, 0 for none; p[11]: number of triangles; p[12], p[14]: first record
+// and first node (int bits)
 #define SHEET_TRIANGLE 32
-#define SHEET_NODE 8  // low corner (3), next node where the box is missed; high corner (3), leaf: first triangle x 16 + count
+// Low corner (3), next node where the box is missed; high corner (3), leaf: first triangle x 16 + count.
+#define SHEET_NODE 8
 // The part of the line inside a box: empty where enter > leave.
 AI void cross_box(const ray* r, vf x, vf y, vf z, global const float* n, vf* enter, vf* leave) {
   const vf ix = RECIP(r->L), iy = RECIP(r->M), iz = RECIP(r->N);
-  const vf ax = (n[0] - x) * ix, bx = (n[4] - x) * ix, ay = (n[1] - y) * iy, by = (n[5] - y) * iy, az = (n[2] - z) * iz,
-           bz = (n[6] - z) * iz;
+  const vf ax = (n[0] - x) * ix, bx = (n[4] - x) * ix, ay = (n[1] - y) * iy, by = (n[5] - y) * iy,
+           az = (n[2] - z) * iz, bz = (n[6] - z) * iz;
   *enter = max(max(min(ax, bx), min(ay, by)), min(az, bz));
   *leave = min(min(max(ax, bx), max(ay, by)), max(az, bz));
+}
+
+// The nearest triangle that a ray has met so far. The ray starts at (x, y, z) in the sheet's own frame.
+typedef struct {
+  vf x, y, z, nearest, u, v;
+  vi triangle;
+} sheet_hit;
+
+AI void meet_sheet_triangle(const ray* r, sheet_hit* h, int k, global const float* restrict sheet) {
+  global const float* f = sheet + k * SHEET_TRIANGLE;
+  const vf t =
+      (f[3] - f[0] * h->x - f[1] * h->y - f[2] * h->z) * RECIP(f[0] * r->L + f[1] * r->M + f[2] * r->N);
+  const vf hx = h->x + t * r->L, hy = h->y + t * r->M, hz = h->z + t * r->N;
+  const vf u = f[4] * hx + f[5] * hy + f[6] * hz + f[7], v = f[8] * hx + f[9] * hy + f[10] * hz + f[11];
+  // a ray that starts on the sheet meets it
+  const vi hit = (min(min(u, v), 1.f - u - v) >= -1e-5f) & (t > -1e-3f) & (t < h->nearest);
+  h->nearest = select(h->nearest, t, hit);
+  h->u = select(h->u, u, hit);
+  h->v = select(h->v, v, hit);
+  h->triangle = select(h->triangle, (vi)k, hit);
+}
+
+// Takes the ray to its hit and refracts it with the normal between those of the corners.
+AI void refract_at_sheet(ray* r, const sheet_hit* h, global const float* restrict sheet, vf eta) {
+  const vi lost = h->triangle < 0;
+  record n;
+  fetch(&n, sheet, max(h->triangle, (vi)0) * SHEET_TRIANGLE + 16);
+  const vf u = h->u, v = h->v, w = 1.f - u - v;
+  const vf nx = w * n.m[0] + u * n.m[3] + v * n.m[6], ny = w * n.m[1] + u * n.m[4] + v * n.m[7],
+           nz = w * n.m[2] + u * n.m[5] + v * n.m[8];
+  const vf t = select(h->nearest, (vf)0.f, lost);
+  r->x += t * r->L;
+  r->y += t * r->M;
+  r->z += t * r->N;
+  if (ANY(lost)) end(r, lost, MISSED_SURFACE);
+  const vf nd = nx * r->L + ny * r->M + nz * r->N;
+  refract(r, nx, ny, nz, nx * nx + ny * ny + nz * nz, nd, nd * nd, eta, (vf)1.f);
 }
 
 AI void every_triangle(ray* r, constant float* restrict p, global const float* restrict records, vf eta) {
   global const float* sheet = records + as_int(p[12]);
   const int count = as_int(p[11]);
-  vf x[UN], y[UN], z[UN], nearest[UN], best_u[UN], best_v[UN];
-  vi best[UN];
-  UNROLL for (int q = 0; q < UN; q++) {
-    x[q] = r[q].x - p[O_X];
-    y[q] = r[q].y - p[O_Y];
-    z[q] = r[q].z - p[O_Z];
-    nearest[q] = INFINITY;
-    best_u[q] = best_v[q] = 0.f;
-    best[q] = -1;
+  sheet_hit hits[UN];
+  EACH_RAY (q) {
+    hits[q].x = r[q].x - p[O_X];
+    hits[q].y = r[q].y - p[O_Y];
+    hits[q].z = r[q].z - p[O_Z];
+    hits[q].nearest = INFINITY;
+    hits[q].u = hits[q].v = 0.f;
+    hits[q].triangle = -1;
   }
   const int node_count = (int)p[4];
   global const float* nodes = records + as_int(p[14]);
@@ -36,10 +74,10 @@ AI void every_triangle(ray* r, constant float* restrict p, global const float* r
     if (node_count > 0) {
       global const float* n = nodes + i * SHEET_NODE;
       int met = 0;
-      UNROLL for (int q = 0; q < UN; q++) {
+      EACH_RAY (q) {
         vf enter, leave;
-        cross_box(r + q, x[q], y[q], z[q], n, &enter, &leave);
-        met |= ANY((enter <= leave) & (leave >= -1e-3f) & (enter < nearest[q]));
+        cross_box(r + q, hits[q].x, hits[q].y, hits[q].z, n, &enter, &leave);
+        met |= ANY((enter <= leave) & (leave >= -1e-3f) & (enter < hits[q].nearest));
       }
       if (!met) {
         i = as_int(n[3]) - 1;
@@ -49,34 +87,11 @@ AI void every_triangle(ray* r, constant float* restrict p, global const float* r
       first = leaf >> 4;
       end_of_leaf = first + (leaf & 15);
     }
-    for (int k = first; k < end_of_leaf; k++) UNROLL for (int q = 0; q < UN; q++) {
-      global const float* f = sheet + k * SHEET_TRIANGLE;
-      const vf t = (f[3] - f[0] * x[q] - f[1] * y[q] - f[2] * z[q]) * RECIP(f[0] * r[q].L + f[1] * r[q].M + f[2] * r[q].N);
-      const vf hx = x[q] + t * r[q].L, hy = y[q] + t * r[q].M, hz = z[q] + t * r[q].N;
-      const vf u = f[4] * hx + f[5] * hy + f[6] * hz + f[7], v = f[8] * hx + f[9] * hy + f[10] * hz + f[11];
-      // a ray that starts on the sheet meets it
-      const vi hit = (min(min(u, v), 1.f - u - v) >= -1e-5f) & (t > -1e-3f) & (t < nearest[q]);
-      nearest[q] = select(nearest[q], t, hit);
-      best_u[q] = select(best_u[q], u, hit);
-      best_v[q] = select(best_v[q], v, hit);
-      best[q] = select(best[q], (vi)k, hit);
+    for (int k = first; k < end_of_leaf; k++) {
+      EACH_RAY (q) meet_sheet_triangle(r + q, hits + q, k, sheet);
     }
   }
-  UNROLL for (int q = 0; q < UN; q++) {
-    const vi lost = best[q] < 0;
-    record n;
-    fetch(&n, sheet, max(best[q], (vi)0) * SHEET_TRIANGLE + 16);
-    const vf u = best_u[q], v = best_v[q], w = 1.f - u - v;
-    const vf nx = w * n.m[0] + u * n.m[3] + v * n.m[6], ny = w * n.m[1] + u * n.m[4] + v * n.m[7],
-             nz = w * n.m[2] + u * n.m[5] + v * n.m[8];
-    const vf t = select(nearest[q], (vf)0.f, lost);
-    r[q].x += t * r[q].L;
-    r[q].y += t * r[q].M;
-    r[q].z += t * r[q].N;
-    if (ANY(lost)) end(r + q, lost, MISSED_SURFACE);
-    const vf nd = nx * r[q].L + ny * r[q].M + nz * r[q].N;
-    refract(r + q, nx, ny, nz, nx * nx + ny * ny + nz * nz, nd, nd * nd, eta, (vf)1.f);
-  }
+  EACH_RAY (q) refract_at_sheet(r + q, hits + q, sheet, eta);
 }
 #endif
 
@@ -97,7 +112,8 @@ AI vf along_edge(vf dx, vf dy, vf dz, float ex, float ey, float ez, vf* square) 
 }
 
 // Moves (x, y, z) to the nearest point of the sheet.
-AI void to_nearest_point(vf* x, vf* y, vf* z, constant float* restrict p, global const float* restrict records) {
+AI void to_nearest_point(vf* x, vf* y, vf* z, constant float* restrict p,
+                         global const float* restrict records) {
   global const float* sheet = records + as_int(p[12]);
   const int count = as_int(p[11]);
   const vf px = *x - p[O_X], py = *y - p[O_Y], pz = *z - p[O_Z];
@@ -107,14 +123,17 @@ AI void to_nearest_point(vf* x, vf* y, vf* z, constant float* restrict p, global
     global const float* b = f + 16 + 9;
     global const float* c = b + 3;
     const vf dx = px - f[12], dy = py - f[13], dz = pz - f[14];
-    vf u = f[4] * px + f[5] * py + f[6] * pz + f[7], v = f[8] * px + f[9] * py + f[10] * pz + f[11], from_plane, on_b, on_c, on_bc;
+    vf u = f[4] * px + f[5] * py + f[6] * pz + f[7], v = f[8] * px + f[9] * py + f[10] * pz + f[11],
+       from_plane, on_b, on_c, on_bc;
     const vi over = min(min(u, v), 1.f - u - v) >= 0.f;
     from_plane = f[0] * px + f[1] * py + f[2] * pz - f[3];
     from_plane = select((vf)INFINITY, from_plane * from_plane, over);
-    const vf s = along_edge(dx, dy, dz, b[0], b[1], b[2], &on_b), t = along_edge(dx, dy, dz, c[0], c[1], c[2], &on_c),
+    const vf s = along_edge(dx, dy, dz, b[0], b[1], b[2], &on_b),
+             t = along_edge(dx, dy, dz, c[0], c[1], c[2], &on_c),
              w = along_edge(dx - b[0], dy - b[1], dz - b[2], c[0] - b[0], c[1] - b[1], c[2] - b[2], &on_bc);
     const vf square = min(min(from_plane, on_b), min(on_c, on_bc));
-    const vi outside = square < from_plane, at_b = outside & (square == on_b), at_c = outside & (square == on_c) & (on_c < on_b),
+    const vi outside = square < from_plane, at_b = outside & (square == on_b),
+             at_c = outside & (square == on_c) & (on_c < on_b),
              at_bc = outside & (square == on_bc) & (on_bc < min(on_b, on_c));
     u = select(select(select(u, s, at_b), (vf)0.f, at_c), 1.f - w, at_bc);
     v = select(select(select(v, (vf)0.f, at_b), t, at_c), w, at_bc);
@@ -132,8 +151,9 @@ AI void to_nearest_point(vf* x, vf* y, vf* z, constant float* restrict p, global
 
 // A ray from the retina to a random point of the cap, evenly by area. cap: its vertex (3), signed radius
 // and depth, operation of its surface (int bits).
-AI void start_at_cap(ray* r, vu n, uint shift_1, uint shift_2, const float* pixel, constant float* restrict cap,
-                     constant float* restrict operations, global const float* restrict records) {
+AI void start_at_cap(ray* r, vu n, uint shift_1, uint shift_2, const float* pixel,
+                     constant float* restrict cap, constant float* restrict operations,
+                     global const float* restrict records) {
   const vf u1 = unit_interval(scramble_lanes(n ^ shift_1)), u2 = unit_interval(scramble_lanes(n ^ shift_2));
   vf s, c;
   angle(u2, &s, &c);
@@ -142,7 +162,8 @@ AI void start_at_cap(ray* r, vu n, uint shift_1, uint shift_2, const float* pixe
 #if HAS_EVERY_TRIANGLE
   to_nearest_point(&x, &y, &z, operations + as_int(cap[5]) * PARAMETERS, records);
 #endif
-  const vf dx = x - pixel[0], dy = y - pixel[1], dz = z - pixel[2], scale = rsqrt(dx * dx + dy * dy + dz * dz);
+  const vf dx = x - pixel[0], dy = y - pixel[1], dz = z - pixel[2],
+           scale = rsqrt(dx * dx + dy * dy + dz * dz);
   r->x = pixel[0];
   r->y = pixel[1];
   r->z = pixel[2];

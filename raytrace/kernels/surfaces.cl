@@ -1,5 +1,6 @@
-// A ray and what surfaces do to it. Frame: the eye's, or that frame turned about its origin (ROTATE); mm. The ray runs
-// outward, N > 0. A surface's depth is d(x, y), z = -d in its own frame, whose origin is (o[0], o[1], o[2]).
+// A ray and what surfaces do to it. Frame: the eye's, or that frame turned about its origin (ROTATE); mm. The
+// ray runs outward, N > 0. A surface's depth is d(x, y), z = -d in its own frame, whose origin is (o[0],
+// o[1], o[2]).
 typedef struct {
   vf x, y, z, L, M, N;
   vi state;  // 0 while it lives; the first event is kept
@@ -30,16 +31,17 @@ typedef struct {
 #define O_X 0
 #define O_Y 1
 #define O_Z 2
-#define O_LIMIT2 3  // square of the clear radius
-#define O_FLAGS 15  // int bits
-#define ENTERS_BODY 1   // back of a body that a ray may miss; its limit is the body's edge
-#define INSIDE_BODY 2   // what only a ray in the body meets, its front included
-#define LOCAL_RATIO 4   // the ratio of indices is the ray's own
+#define O_LIMIT2 3     // square of the clear radius
+#define O_FLAGS 15     // int bits
+#define ENTERS_BODY 1  // back of a body that a ray may miss; its limit is the body's edge
+#define INSIDE_BODY 2  // what only a ray in the body meets, its front included
+#define LOCAL_RATIO 4  // the ratio of indices is the ray's own
 
 AI void end(ray* r, vi event, int state) { r->state = select(r->state, (vi)state, event & (r->state == 0)); }
 
-// Refraction with a normal of any length: d' = eta d + g n. Events are rare: one test for all lanes.
-// q = n.n, nd = n.d, nd2 its square; e is negative where the ray missed the surface or passed outside its clear aperture.
+// Refraction with a normal of any length: d' = eta d + g n. Events are rare: one test for all lanes. q = n.n,
+// nd = n.d, nd2 its square; e is negative where the ray missed the surface or passed outside its clear
+// aperture.
 AI void refract(ray* r, vf nx, vf ny, vf nz, vf q, vf nd, vf nd2, vf eta, vf e) {
   const vf s = q * (1.f - eta * eta) + (eta * eta) * nd2;
   if (ANY(min(e, s) < 0.f)) {
@@ -52,26 +54,28 @@ AI void refract(ray* r, vf nx, vf ny, vf nz, vf q, vf nd, vf nd2, vf eta, vf e) 
   r->N = eta * r->N + g * nz;
 }
 
-// The ray's place in the frame of a surface, and back. What a kernel that is made for a sequence of surfaces knows of each:
+// The ray's place in the frame of a surface, and back. What a kernel that is made for a sequence of surfaces
+// knows of each:
 #define CENTRED (form & 1)    // it stands on the axis
 #define UNLIMITED (form & 2)  // it has no rim
 #define ENTER_FRAME \
   vf x = CENTRED ? r->x : r->x - p[O_X], y = CENTRED ? r->y : r->y - p[O_Y], z = r->z - p[O_Z];
-#define LEAVE_FRAME(at_z)             \
-  r->x = CENTRED ? x : x + p[O_X];    \
-  r->y = CENTRED ? y : y + p[O_Y];    \
+#define LEAVE_FRAME(at_z)          \
+  r->x = CENTRED ? x : x + p[O_X]; \
+  r->y = CENTRED ? y : y + p[O_Y]; \
   r->z = (at_z) + p[O_Z];
 // Less than 0 outside the clear aperture.
 #define INSIDE(x, y) (p[O_LIMIT2] - ((x) * (x) + (y) * (y)))
 
-// c (x^2 + y^2 + z^2) + 2 z = 0 with c well off 0; vertex form. p[4] = c, p[5] = 1 / c
+// c (x^2 + y^2 + z^2) + 2 z = 0 with c well off 0; vertex form.
+// p[4] = c, p[5] = 1 / c
 AI void sphere(ray* r, constant float* restrict p, int form, vf eta) {
   const float c = p[4];
   ENTER_FRAME
   const vf G = r->N + c * (x * r->L + y * r->M + z * r->N);
   const vf F = c * (x * x + y * y + z * z) + 2.f * z;
-  const vf e = G * G - c * F;                                // squared cosine of incidence
-  const vf k = (1.f - eta * eta) + (eta * eta) * e;          // and of refraction: both roots at the same time
+  const vf e = G * G - c * F;                        // squared cosine of incidence
+  const vf k = (1.f - eta * eta) + (eta * eta) * e;  // and of refraction: both roots at the same time
   const vf nd = sqrt(AT_LEAST(0.f, e)), root = sqrt(AT_LEAST(0.f, k));
   const vf t = (nd - G) * p[5];  // what cancels here moves the point along the ray by nanometres
   x += t * r->L;
@@ -90,7 +94,8 @@ AI void sphere(ray* r, constant float* restrict p, int form, vf eta) {
   r->N = eta * r->N + (gc * z + g);
 }
 
-// cx x^2 + cy y^2 + cz z^2 + 2 z = 0: conics, ellipsoids, cylinders, planes. p[4..6] = cx, cy, cz
+// cx x^2 + cy y^2 + cz z^2 + 2 z = 0: conics, ellipsoids, cylinders, planes.
+// p[4..6] = cx, cy, cz
 AI void quadric(ray* r, constant float* restrict p, int form, vf eta) {
   const float cx = p[4], cy = p[5], cz = p[6];
   ENTER_FRAME
@@ -116,9 +121,11 @@ AI vf base_distance(const ray* r, vf x, vf y, vf z, float c, float k) {
   return -F * RECIP(G + sqrt(AT_LEAST(0.f, G * G - A * F)));
 }
 
-// The slopes are those of the last step's start: quadratic convergence has brought it within nanometres of the hit.
+// The slopes are those of the last step's start: quadratic convergence has brought it within nanometres of
+// the hit.
 #define NEWTON_STEPS 2
-// Less than 0 where the last step was so long that the ray may pass the surface by: close to a steep body, say.
+// Less than 0 where the last step was so long that the ray may pass the surface by: close to a steep body,
+// say.
 #define SETTLED(last) (1e-2f - (last) * (last))
 
 #if HAS_BICONIC
@@ -129,7 +136,8 @@ AI void biconic(ray* r, constant float* restrict p, int form, vf eta) {
   ENTER_FRAME
   const vf x0 = x, y0 = y;
   vf t = base_distance(r, x, y, z, p[8], p[9]), gx, gy, inside, slope, last;
-  UNROLL for (int step = 0; step < NEWTON_STEPS; step++) {
+  UNROLL
+  for (int step = 0; step < NEWTON_STEPS; step++) {
     x = x0 + t * r->L;
     y = y0 + t * r->M;
     const vf S = cx * x * x + cy * y * y;
@@ -146,7 +154,8 @@ AI void biconic(ray* r, constant float* restrict p, int form, vf eta) {
   z += t * r->N;
   LEAVE_FRAME(z)
   const vf nd = gx * r->L + gy * r->M + r->N, beyond = min(inside - 1e-3f, SETTLED(last));
-  refract(r, gx, gy, (vf)1.f, 1.f + gx * gx + gy * gy, nd, nd * nd, eta, UNLIMITED ? beyond : min(beyond, INSIDE(x, y)));
+  refract(r, gx, gy, (vf)1.f, 1.f + gx * gx + gy * gy, nd, nd * nd, eta,
+          UNLIMITED ? beyond : min(beyond, INSIDE(x, y)));
 }
 #endif
 
@@ -156,10 +165,11 @@ AI void biconic(ray* r, constant float* restrict p, int form, vf eta) {
 
 #if HAS_PATCH
 // Bicubic patches: a record of 16 coefficients a cell, a[4 j + i] u^i v^j with u, v in 0..1.
-// p[4], p[5]: base conic; p[6], p[7]: grid origin; p[8]: cells per mm; p[9], p[10]: last cell in x and y; p[11], p[12]: cells in
-// a row and the first record (as int bits); p[13]: offset of the base conic
+// p[4], p[5]: base conic; p[6], p[7]: grid origin; p[8]: cells per mm; p[9], p[10]: last cell in x and y;
+// p[11], p[12]: cells in a row and the first record (as int bits); p[13]: offset of the base conic
 #define PATCH_NEWTON(C)                                                                                      \
-  UNROLL for (int step = 0; step < NEWTON_STEPS; step++) {                                                   \
+  UNROLL                                                                                                     \
+  for (int step = 0; step < NEWTON_STEPS; step++) {                                                          \
     const vf u = (x0 + t * r->L - p[6]) * h - u0, v = (y0 + t * r->M - p[7]) * h - v0;                       \
     const vf a0 = ((C(3) * u + C(2)) * u + C(1)) * u + C(0), a1 = ((C(7) * u + C(6)) * u + C(5)) * u + C(4), \
              a2 = ((C(11) * u + C(10)) * u + C(9)) * u + C(8),                                               \
@@ -205,35 +215,37 @@ AI void patch(ray* r, constant float* restrict p, global const float* restrict r
 #endif
 
 #if HAS_TRIANGLES
-// Exact hits on an irregular sheet: a grid gives a triangle near the hit, then the ray walks across edges to the one it goes
-// through. A record a triangle: depth and barycentric u, v as functions of x and y {z, z_x, z_y; u, u_x, u_y; v, v_x, v_y},
-// neighbours across u, v, w (int bits), normal's x and y at the corner w, and what is added to x and to y at the corners
-// u and v, two 16-bit numbers each in units of p[7]. Normals are as long as the base conic's gradient (c x, c y, sqrt(1 - c k r^2)),
-// whose x and y are linear: interpolation costs only what the sheet departs from that conic.
-// p[4], p[5]: base conic c, k; p[6]: grid origin in x and y; p[8]: cells per mm; p[9]: last cell in x and y; p[11]: cells in a row;
-// p[12], p[14]: first record and first cell of the grid in `records` (int bits); p[13]: offset of the base conic
+// Exact hits on an irregular sheet: a grid gives a triangle near the hit, then the ray walks across edges to
+// the one it goes through. A record a triangle: depth and barycentric u, v as functions of x and y {z, z_x,
+// z_y; u, u_x, u_y; v, v_x, v_y}, neighbours across u, v, w (int bits), normal's x and y at the corner w, and
+// what is added to x and to y at the corners u and v, two 16-bit numbers each in units of p[7]. Normals are
+// as long as the base conic's gradient (c x, c y, sqrt(1 - c k r^2)), whose x and y are linear: interpolation
+// costs only what the sheet departs from that conic.
+// p[4], p[5]: base conic c, k; p[6]: grid origin in x and y; p[8]: cells per mm; p[9]: last cell in x and y;
+// p[11]: cells in a row; p[12], p[14]: first record and first cell of the grid in `records` (int bits);
+// p[13]: offset of the base conic
 #define EDGE_TOLERANCE 2e-5f  // barycentric, against slips between neighbours in float32
 #define LEAST_GRADIENT 0.05f  // where the sheet goes on beyond the conic's equator
 #define LONGEST_WALK 512      // steps; beyond it a ray is lost, never accepted
-AI void triangles(ray* r, constant float* restrict p, global const float* restrict records, vf eta) {
-  const float h = p[8];
-  const vf x0 = r->x - p[O_X], y0 = r->y - p[O_Y], z0 = r->z - p[O_Z];
-  vf t = base_distance(r, x0, y0, z0 + p[13], p[4], p[5]);
-  const vi column = TO_VI(CLAMPED((x0 + t * r->L - p[6]) * h, 0.f, p[9]));
-  const vi row = TO_VI(CLAMPED((y0 + t * r->M - p[6]) * h, 0.f, p[9]));
-  const vi cell = row * as_int(p[11]) + column;
-  global const int* seeds = (global const int*)records + as_int(p[14]);
-  vi id = GATHER(vi, seeds, 0, cell);
-  global const float* sheet = records + as_int(p[12]);
-  vf x, y, u, v, nx, ny;
+typedef struct {
+  vf t, x, y;     // distance, and place in the sheet's frame
+  vf u, v;        // barycentric
+  vf nx, ny;      // normal at the corner w
+  vi by_x, by_y;  // what is added to them towards u and v
+  vi lost;        // beyond the sheet
+} walk_end;
+
+// From triangle `id` (times 16) across edges to the one that the ray goes through.
+AI walk_end walk_to_triangle(const ray* r, vf x0, vf y0, vf z0, vi id, global const float* restrict sheet) {
+  vf t, x, y, u, v, nx, ny;
   vi by_x, by_y, lost = 0;
-#define MEET_TRIANGLE(F)                                                                    \
-  t = (F(0) + F(1) * x0 + F(2) * y0 - z0) * RECIP(r->N - F(1) * r->L - F(2) * r->M);        \
-  x = x0 + t * r->L;                                                                        \
-  y = y0 + t * r->M;                                                                        \
-  u = F(3) + F(4) * x + F(5) * y;                                                           \
-  v = F(6) + F(7) * x + F(8) * y;                                                           \
-  nx = F(12);                                                                               \
+#define MEET_TRIANGLE(F)                                                             \
+  t = (F(0) + F(1) * x0 + F(2) * y0 - z0) * RECIP(r->N - F(1) * r->L - F(2) * r->M); \
+  x = x0 + t * r->L;                                                                 \
+  y = y0 + t * r->M;                                                                 \
+  u = F(3) + F(4) * x + F(5) * y;                                                    \
+  v = F(6) + F(7) * x + F(8) * y;                                                    \
+  nx = F(12);                                                                        \
   ny = F(13);
   for (int step = 0;; step++) {
     vi beyond_u, beyond_v, beyond_w;
@@ -262,8 +274,7 @@ AI void triangles(ray* r, constant float* restrict p, global const float* restri
     vi go = least < -EDGE_TOLERANCE;
     if (!ANY(go)) break;
     const vi next = select(select(beyond_w, beyond_v, v == least), beyond_u, u == least);
-    const vi off = go & (next < 0);
-    lost |= off;
+    lost |= go & (next < 0);
     go &= (next >= 0);
     if (!ANY(go)) break;
     if (step >= LONGEST_WALK) {
@@ -272,23 +283,36 @@ AI void triangles(ray* r, constant float* restrict p, global const float* restri
     }
     id = select(id, next, VLN == 1 ? (go ? -1 : 0) : go);
   }
-  u *= p[7];
-  v *= p[7];
-  nx += u * TO_VF((by_x << 16) >> 16) + v * TO_VF(by_x >> 16);
-  ny += u * TO_VF((by_y << 16) >> 16) + v * TO_VF(by_y >> 16);
-  const vf r2 = x * x + y * y, nz2 = AT_LEAST(LEAST_GRADIENT * LEAST_GRADIENT, 1.f - p[4] * p[5] * r2), nz = sqrt(nz2);
-  r->x = x + p[O_X];
-  r->y = y + p[O_Y];
-  r->z = z0 + t * r->N + p[O_Z];
-  if (ANY(lost)) end(r, lost, MISSED_SURFACE);
+  return (walk_end){t, x, y, u, v, nx, ny, by_x, by_y, lost};
+}
+
+AI void triangles(ray* r, constant float* restrict p, global const float* restrict records, vf eta) {
+  const float h = p[8];
+  const vf x0 = r->x - p[O_X], y0 = r->y - p[O_Y], z0 = r->z - p[O_Z];
+  const vf near = base_distance(r, x0, y0, z0 + p[13], p[4], p[5]);
+  const vi column = TO_VI(CLAMPED((x0 + near * r->L - p[6]) * h, 0.f, p[9]));
+  const vi row = TO_VI(CLAMPED((y0 + near * r->M - p[6]) * h, 0.f, p[9]));
+  const vi cell = row * as_int(p[11]) + column;
+  global const int* seeds = (global const int*)records + as_int(p[14]);
+  const walk_end at = walk_to_triangle(r, x0, y0, z0, GATHER(vi, seeds, 0, cell), records + as_int(p[12]));
+  const vf u = at.u * p[7], v = at.v * p[7];
+  vf nx = at.nx, ny = at.ny;
+  nx += u * TO_VF((at.by_x << 16) >> 16) + v * TO_VF(at.by_x >> 16);
+  ny += u * TO_VF((at.by_y << 16) >> 16) + v * TO_VF(at.by_y >> 16);
+  const vf r2 = at.x * at.x + at.y * at.y,
+           nz2 = AT_LEAST(LEAST_GRADIENT * LEAST_GRADIENT, 1.f - p[4] * p[5] * r2), nz = sqrt(nz2);
+  r->x = at.x + p[O_X];
+  r->y = at.y + p[O_Y];
+  r->z = z0 + at.t * r->N + p[O_Z];
+  if (ANY(at.lost)) end(r, at.lost, MISSED_SURFACE);
   const vf nd = nx * r->L + ny * r->M + nz * r->N;
   refract(r, nx, ny, nz, nx * nx + ny * ny + nz2, nd, nd * nd, eta, p[O_LIMIT2] - r2);
 }
 #endif
 
 #if HAS_GRADIENT
-// A gradient medium is 32 floats: 12 coefficients c[3 i + j] of t^i w^j, t = depth behind the origin, w = squared distance from
-// its axis; the origin; a spare; and the shift of the index at each of 16 wavelengths.
+// A gradient medium is 32 floats: 12 coefficients c[3 i + j] of t^i w^j, t = depth behind the origin, w =
+// squared distance from its axis; the origin; a spare; and the shift of the index at each of 16 wavelengths.
 #define GRADIENT_FLOATS 32
 #define GRADIENT_STEPS 12
 
@@ -325,8 +349,9 @@ AI void gradient_step(vf* x, vf* y, vf z, vf* p, vf* q, vf h, constant float* re
   *q += s * (a.q + 2.f * (b.q + c.q) + d.q);
 }
 
-// Takes the ray to the surface ahead and leaves the ratio of indices there: p[0..2] the surface's origin, p[4], p[5] its conic,
-// p[6], p[7] the gradients behind and in front (int bits, -1: homogeneous), eta the ratio of the homogeneous parts.
+// Takes the ray to the surface ahead and leaves the ratio of indices there: p[0..2] the surface's origin,
+// p[4], p[5] its conic, p[6], p[7] the gradients behind and in front (int bits, -1: homogeneous), eta the
+// ratio of the homogeneous parts.
 AI void gradient(ray* r, constant float* restrict p, constant float* restrict gradients, vf eta, int wave) {
   const int behind = as_int(p[6]), front = as_int(p[7]);
   vf by_w, n_behind = 1.f, n_front = 1.f;
@@ -335,7 +360,9 @@ AI void gradient(ray* r, constant float* restrict p, constant float* restrict gr
     const vf shift = WAVE_LANES ? VLOAD(1, g) : (vf)g[16 + wave];
     vf n = gradient_index(r->x, r->y, r->z, g, shift, &by_w);
     vf P = n * r->L, Q = n * r->M;
-    UNROLL for (int part = 0; part < 2; part++) {  // to where a straight ray would meet the surface, then what is left
+    UNROLL
+    for (int part = 0; part < 2;
+         part++) {  // to where a straight ray would meet the surface, then what is left
       const vf t = base_distance(r, r->x - p[O_X], r->y - p[O_Y], r->z - p[O_Z], p[4], p[5]);
       const int steps = part == 0 ? GRADIENT_STEPS : 1;
       const vf h = t * r->N * (1.f / steps);

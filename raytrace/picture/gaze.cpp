@@ -17,6 +17,11 @@ Eigen::Quaterniond listing(const Gaze& gaze) {
 
 }  // namespace
 
+void EyePose::check() const {
+  if (std::abs(gaze.horizontal_deg) > 60 || std::abs(gaze.vertical_deg) > 60)
+    throw usage_error("--gaze: an eye does not turn by more than 60 degrees");
+}
+
 Eigen::Isometry3d EyePose::turned_from_straight() const {
   if (gaze.horizontal_deg == 0 && gaze.vertical_deg == 0) return Eigen::Isometry3d::Identity();
   const Eigen::Vector3d centre(0, 0, -rotation_centre_mm);

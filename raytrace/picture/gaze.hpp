@@ -15,6 +15,8 @@ struct EyePose {
   double rotation_centre_mm = 13.5;  ///< behind the apex
   Gaze gaze;
 
+  /// \throw Error (usage) for a gaze beyond what an eye can turn to
+  void check() const;
   /// The turn from straight ahead, by Listing's law: about an axis in the frontal plane, without torsion.
   Eigen::Isometry3d turned_from_straight() const;
   /// The scene as the turned eye's own frame sees it.

@@ -26,6 +26,9 @@ struct RetinalGrid {
   int width = 500, height = 500;
   double field_x_mm = 6, field_y_mm = 6;
   Eigen::Vector2d centre_mm{0, 0};  ///< from the pole, eye x and y
+
+  /// \throw Error (usage)
+  void check() const;
 };
 
 struct TraceSettings {
@@ -47,6 +50,9 @@ struct TraceSettings {
   /// one more than there are refracting surfaces the first is the retina's, which is then a mesh as well.
   std::vector<int> vertices{800};
   Verbosity verbosity;
+
+  /// \throw Error (usage) naming the option, for one that is out of range or does not go with another
+  void check() const;
 };
 
 }  // namespace emmetrope::raytrace

@@ -9,7 +9,8 @@
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/frames.hpp"
 #include "pipeline/base/parallel.hpp"
-#include "pipeline/eye/optics/exact_trace.hpp"
+#include "raytrace/retina/pupil_polynomial.hpp"
+#include "raytrace/retina/stop_crossing.hpp"
 
 namespace emmetrope::raytrace {
 namespace {
@@ -19,15 +20,8 @@ constexpr int rim_points = 12;
 /// What interpolation over the field and other wavelengths may add to an ellipse.
 constexpr double allowance = 1.004;
 
-/// Chebyshev nodes on [-1, 1].
-std::array<double, nodes_a_side> chebyshev() {
-  std::array<double, nodes_a_side> x{};
-  for (int i = 0; i < nodes_a_side; ++i) x[i] = std::cos(pi * (i + 0.5) / nodes_a_side);
-  return x;
-}
-
 std::array<double, nodes_a_side> lagrange(double x) {
-  static const auto nodes = chebyshev();
+  static const auto nodes = chebyshev_nodes(nodes_a_side);
   std::array<double, nodes_a_side> weights{};
   for (int i = 0; i < nodes_a_side; ++i) {
     double above = 1, below = 1;
@@ -41,81 +35,63 @@ std::array<double, nodes_a_side> lagrange(double x) {
   return weights;
 }
 
-/// Exact rays from the retina to the plane of the stop.
-class ToStop {
- public:
-  ToStop(const EyeModel& eye, double plane_z_mm, double wavelength_nm) : open_(eye), plane_z_mm_(plane_z_mm) {
-    const auto stop =
-        std::find_if(open_.surfaces.begin(), open_.surfaces.end(), [](const auto& s) { return s.is_stop(); });
-    if (stop == open_.surfaces.end())
-      throw input_error("eye \"" + eye.name + "\" has no stop",
-                        "add a surface of type stop with diameter_mm");
-    radius_mm_ = stop->stop_diameter_mm / 2;
-    if (!(radius_mm_ > 0))
-      throw input_error("eye \"" + eye.name + "\": the diameter of its stop is not positive");
-    stop_from_eye_ = stop->eye_from_surface().inverse();
-    stop->stop_diameter_mm = 1e3;  // where the stop would cut is what is asked for
-    const auto behind = std::next(stop);
-    behind_stop_ = std::next(behind) == open_.surfaces.end() ? "" : behind->name;
-    exact_.emplace(open_, wavelength_nm);
+/// Where rays towards a plane in front of the retina cross the stop.
+struct PlaneToStop {
+  const StopCrossing& crossing;
+  const Eigen::Vector3d& retina;
+  double plane_z_mm = 0;
+  std::optional<Eigen::Vector2d> operator()(const Eigen::Vector2d& aim) const {
+    return crossing(retina, {aim.x(), aim.y(), plane_z_mm});
   }
-
-  double radius_mm() const { return radius_mm_; }
-
-  /// Where a ray towards `aim` crosses the stop, in the stop's frame.
-  std::optional<Eigen::Vector2d> operator()(const Eigen::Vector3d& retina, const Eigen::Vector2d& aim) const {
-    const Ray ray{retina, (Eigen::Vector3d(aim.x(), aim.y(), plane_z_mm_) - retina).normalized()};
-    Eigen::Vector3d position = ray.origin, direction = ray.direction;
-    if (!behind_stop_.empty()) {
-      const RayPath path = exact_->trace(ray);
-      const auto hit = std::find_if(path.hits.begin(), path.hits.end(),
-                                    [&](const auto& h) { return h.surface == behind_stop_; });
-      if (hit == path.hits.end() || (path.state != RayState::reached && path.at == behind_stop_))
-        return std::nullopt;
-      position = hit->position_mm;
-      direction = hit->direction;
-    }
-    const Eigen::Vector3d p = stop_from_eye_ * position, d = stop_from_eye_.linear() * direction;
-    if (d.z() <= 0) return std::nullopt;
-    return Eigen::Vector2d(p.head<2>() - p.z() / d.z() * d.head<2>());
-  }
-
- private:
-  EyeModel open_;
-  std::optional<ExactTracer> exact_;
-  double plane_z_mm_, radius_mm_ = 0;
-  Eigen::Isometry3d stop_from_eye_;
-  std::string behind_stop_;  ///< the surface between which and the stop the ray is straight
 };
 
-/// The smallest ellipse of its form about the stop's image as `retina` sees it.
-std::optional<AimEllipse> ellipse_of(const ToStop& to_stop, const Eigen::Vector3d& retina) {
-  // A first guess straight through, then chords with the Jacobian at the centre: the map is nearly affine.
-  Eigen::Vector2d aim(0, 0);
+/// Towards the centre of the stop, and how the stop's plane follows the aim there.
+struct CentreOfStop {
+  Eigen::Vector2d aim{0, 0};
+  Eigen::Matrix2d aim_from_stop = Eigen::Matrix2d::Identity();
+};
+
+/// A first guess straight through, then chords with the Jacobian at the centre: the map is nearly affine.
+std::optional<CentreOfStop> find_centre(const PlaneToStop& to_stop) {
+  CentreOfStop centre;
   constexpr double step_mm = 0.2;
   Eigen::Matrix2d stop_from_aim = Eigen::Matrix2d::Identity();
   for (int round = 0; round < 3; ++round) {
-    const auto centre = to_stop(retina, aim), right = to_stop(retina, aim + Eigen::Vector2d(step_mm, 0)),
-               up = to_stop(retina, aim + Eigen::Vector2d(0, step_mm));
-    if (!centre || !right || !up) return std::nullopt;
-    stop_from_aim << (*right - *centre) / step_mm, (*up - *centre) / step_mm;
-    aim -= stop_from_aim.inverse() * *centre;
+    const auto middle = to_stop(centre.aim), right = to_stop(centre.aim + Eigen::Vector2d(step_mm, 0)),
+               up = to_stop(centre.aim + Eigen::Vector2d(0, step_mm));
+    if (!middle || !right || !up) return std::nullopt;
+    stop_from_aim << (*right - *middle) / step_mm, (*up - *middle) / step_mm;
+    centre.aim -= stop_from_aim.inverse() * *middle;
   }
-  const Eigen::Matrix2d aim_from_stop = stop_from_aim.inverse();
+  centre.aim_from_stop = stop_from_aim.inverse();
+  return centre;
+}
+
+/// The aims whose rays run along the stop's rim.
+std::array<Eigen::Vector2d, rim_points> find_rim(const PlaneToStop& to_stop, const CentreOfStop& centre) {
   std::array<Eigen::Vector2d, rim_points> rim;
   for (int k = 0; k < rim_points; ++k) {
     const double angle = 2 * pi * k / rim_points;
-    const Eigen::Vector2d target = to_stop.radius_mm() * Eigen::Vector2d(std::cos(angle), std::sin(angle));
-    rim[k] = aim + aim_from_stop * target;
+    const Eigen::Vector2d target =
+        to_stop.crossing.stop_radius_mm() * Eigen::Vector2d(std::cos(angle), std::sin(angle));
+    rim[k] = centre.aim + centre.aim_from_stop * target;
     for (int round = 0; round < 5; ++round) {
-      const auto reached = to_stop(retina, rim[k]);
+      const auto reached = to_stop(rim[k]);
       if (!reached) {  // the lens does not reach the rim there: as far as it does
-        rim[k] = 0.5 * (rim[k] + aim);
+        rim[k] = 0.5 * (rim[k] + centre.aim);
         break;
       }
-      rim[k] += aim_from_stop * (target - *reached);
+      rim[k] += centre.aim_from_stop * (target - *reached);
     }
   }
+  return rim;
+}
+
+/// The smallest ellipse of its form about the stop's image as a point of the retina sees it.
+std::optional<AimEllipse> ellipse_of(const PlaneToStop& to_stop) {
+  const std::optional<CentreOfStop> centre = find_centre(to_stop);
+  if (!centre) return std::nullopt;
+  const std::array<Eigen::Vector2d, rim_points> rim = find_rim(to_stop, *centre);
   AimEllipse ellipse;
   for (const auto& point : rim) ellipse.centre_mm += point / rim_points;
   for (int k = 0; k < rim_points; ++k) {
@@ -140,12 +116,8 @@ RetinaPoint retina_point(const EyeModel& eye, double x_mm, double y_mm) {
     const auto depth = retina.shape->depth_mm(x, y);
     const auto normal = depth ? retina.shape->normal(x, y) : std::nullopt;
     if (normal) return {{x_mm, y_mm, eye_from_surface.translation().z() - *depth}, *normal};
-  } else {
-    const Eigen::Isometry3d surface_from_eye = eye_from_surface.inverse();
-    const Ray along{surface_from_eye * Eigen::Vector3d(x_mm, y_mm, 0),
-                    surface_from_eye.linear() * -Eigen::Vector3d::UnitZ()};
-    if (const auto hit = retina.shape->intersect(along))
-      return {eye_from_surface * hit->position, eye_from_surface.linear() * hit->normal};
+  } else if (const auto point = meet_retina(eye, {x_mm, y_mm})) {
+    return *point;
   }
   std::ostringstream where;
   where << "the retina does not reach eye x = " << x_mm << ", y = " << y_mm << " mm";
@@ -159,12 +131,15 @@ PupilAim::PupilAim(const EyeModel& eye, const RetinalGrid& grid, double waveleng
   const std::size_t count = eye.surfaces.size();
   if (count < 3) throw input_error("eye \"" + eye.name + "\" has too few surfaces");
   plane_z_mm_ = -eye.surfaces[count - 2].position_mm;
-  const ToStop to_stop(eye, plane_z_mm_, wavelength_nm);
-  const auto nodes = chebyshev();
+  const StopCrossing crossing(eye, wavelength_nm);
+  if (!(crossing.stop_radius_mm() > 0))
+    throw input_error("eye \"" + eye.name + "\": the diameter of its stop is not positive");
+  const auto nodes = chebyshev_nodes(nodes_a_side);
   on_threads(threads, nodes_.size(), [&](std::size_t k) {
     const Eigen::Vector2d at =
         centre_ + half_.cwiseProduct(Eigen::Vector2d(nodes[k % nodes_a_side], nodes[k / nodes_a_side]));
-    const auto ellipse = ellipse_of(to_stop, retina_point(eye, at.x(), at.y()).position_mm);
+    const Eigen::Vector3d retina = retina_point(eye, at.x(), at.y()).position_mm;
+    const auto ellipse = ellipse_of({crossing, retina, plane_z_mm_});
     if (!ellipse)
       throw input_error(
           "eye \"" + eye.name + "\": no ray from the retina at x = " + std::to_string(at.x()) +

@@ -2,7 +2,7 @@
 #include <Eigen/Core>
 #include <vector>
 
-#include "pipeline/eye/model/eye_model.hpp"
+#include "pipeline/eye/optics/retina_point.hpp"
 #include "raytrace/picture/trace_settings.hpp"
 
 namespace emmetrope::raytrace {
@@ -33,10 +33,7 @@ class PupilAim {
   std::vector<AimEllipse> nodes_;  ///< row after row
 };
 
-/// The retina point at eye x and y, and the unit normal there towards the light, in the eye's frame.
-struct RetinaPoint {
-  Eigen::Vector3d position_mm, normal;
-};
+/// The retina at eye x and y, as pictures take it: by its depth where it stands upright, which is quick.
 /// \throw Error (input_invalid) when the retina does not reach there
 RetinaPoint retina_point(const EyeModel& eye, double x_mm, double y_mm);
 

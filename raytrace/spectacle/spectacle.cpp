@@ -4,9 +4,9 @@
 
 #include <cmath>
 
-#include "pipeline/base/checked_object.hpp"
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/frames.hpp"
+#include "pipeline/eye/surfaces/mesh_shape.hpp"
 
 namespace emmetrope::raytrace {
 namespace {
@@ -39,26 +39,36 @@ void tilt(Surface& front, const Prism& prism, double index) {
   front.tilt_deg = {std::asin(-normal.y()) / degree, std::atan2(normal.x(), normal.z()) / degree};
 }
 
-EyeModel with_lens(const EyeModel& eye, ShapePtr front_shape, ShapePtr back, double back_vertex_mm,
-                   double thickness_mm, const Medium& material, const Prism& prism,
-                   double semi_diameter_mm = 0) {
+/// Two surfaces and what lies between them.
+struct Lens {
+  ShapePtr front, back;
+  double back_vertex_mm = 0;  ///< in front of the cornea
+  double thickness_mm = 0;
+  Medium material;
+  Prism prism;
+  double semi_diameter_mm = 0;
+};
+
+EyeModel with_lens(const EyeModel& eye, const Lens& lens) {
   EyeModel result = eye;
-  result.media["spectacle"] = material;
+  result.media["spectacle"] = lens.material;
   result.media["air"] = Medium{1.0, {}, {}};
   Surface front;
   front.name = "spectacle_front";
-  front.shape = std::move(front_shape);
-  front.position_mm = -back_vertex_mm - thickness_mm;
+  front.shape = lens.front;
+  front.position_mm = -lens.back_vertex_mm - lens.thickness_mm;
   front.medium_after = "spectacle";
-  front.semi_diameter_mm = semi_diameter_mm;
-  tilt(front, prism, material.index);
-  Surface rear;
-  rear.name = "spectacle_back";
-  rear.shape = std::move(back);
-  rear.position_mm = -back_vertex_mm;
-  rear.medium_after = "air";
-  rear.semi_diameter_mm = semi_diameter_mm;
-  result.surfaces.insert(result.surfaces.begin(), {front, rear});
+  front.semi_diameter_mm = lens.semi_diameter_mm;
+  front.bearer = Bearer::head;
+  tilt(front, lens.prism, lens.material.index);
+  Surface back;
+  back.name = "spectacle_back";
+  back.shape = lens.back;
+  back.position_mm = -lens.back_vertex_mm;
+  back.medium_after = "air";
+  back.semi_diameter_mm = lens.semi_diameter_mm;
+  back.bearer = Bearer::head;
+  result.surfaces.insert(result.surfaces.begin(), {front, back});
   return result;
 }
 
@@ -83,65 +93,103 @@ double least_thickness_mm(const Shape& front, const Shape& back, double centre_m
 EyeModel with_thin_lens(const EyeModel& eye, const PowerVector& power, double vertex_distance_mm,
                         const Prism& prism) {
   constexpr double index = 1.5;
-  const SpheroCylinder lens = to_sphero_cylinder(power);
+  const SpheroCylinder notation = to_sphero_cylinder(power);
   const double curvature_per_D = 1e-3 / (1 - index);  // back surface, light from glass to air
-  ShapePtr back =
-      make_biconic(radius_mm(lens.sphere_D * curvature_per_D),
-                   radius_mm((lens.sphere_D + lens.cylinder_D) * curvature_per_D), 0, 0, lens.axis_deg);
-  const double thickness = slab_mm + slab_radius_mm * std::tan(tilt_rad(prism, index));
-  return with_lens(eye, make_plane(), std::move(back), vertex_distance_mm, thickness, {index, {}, {}}, prism);
+  Lens lens;
+  lens.front = make_plane();
+  lens.back = make_biconic(radius_mm(notation.sphere_D * curvature_per_D),
+                           radius_mm((notation.sphere_D + notation.cylinder_D) * curvature_per_D), 0, 0,
+                           notation.axis_deg);
+  lens.back_vertex_mm = vertex_distance_mm;
+  lens.thickness_mm = slab_mm + slab_radius_mm * std::tan(tilt_rad(prism, index));
+  lens.material.index = index;
+  lens.prism = prism;
+  return with_lens(eye, lens);
 }
 
 EyeModel with_plano_cylinder(const EyeModel& eye, double radius, double axis_deg, double distance_mm,
                              double index, double centre_thickness_mm) {
-  ShapePtr back = make_biconic(flat_radius_mm, radius, 0, 0, axis_deg);
-  return with_lens(eye, make_plane(), std::move(back), distance_mm, centre_thickness_mm, {index, {}, {}}, {});
+  Lens lens;
+  lens.front = make_plane();
+  lens.back = make_biconic(flat_radius_mm, radius, 0, 0, axis_deg);
+  lens.back_vertex_mm = distance_mm;
+  lens.thickness_mm = centre_thickness_mm;
+  lens.material.index = index;
+  return with_lens(eye, lens);
 }
 
-EyeModel with_meniscus(const EyeModel& eye, const Meniscus& lens) {
+EyeModel with_meniscus(const EyeModel& eye, const Meniscus& meniscus) {
   Medium material;
-  double index = lens.index;
-  if (lens.abbe) {
-    material.dispersion = {Dispersion::Formula::abbe, {lens.index, *lens.abbe}};
+  double index = meniscus.index;
+  if (meniscus.abbe) {
+    material.dispersion = {Dispersion::Formula::abbe, {meniscus.index, *meniscus.abbe}};
     material.index = material.dispersion.formula_index(eye.reference_wavelength_nm);
     index = material.dispersion.formula_index(prescription_nm);
   } else {
     material.index = index;
   }
-  const double front_radius_mm = radius_mm(lens.base_D * 1e-3 / (index - 1));
+  const double front_radius_mm = radius_mm(meniscus.base_D * 1e-3 / (index - 1));
   const ShapePtr front = make_sphere(front_radius_mm);
-  const SpheroCylinder power = to_sphero_cylinder(lens.power);
+  const SpheroCylinder power = to_sphero_cylinder(meniscus.power);
   const auto back_of = [&](double thickness_mm) {
     // F'v = F1 / (1 - F1 t/n) + F2, and F2 = (1 - n) / R2
-    const double from_front = lens.base_D / (1 - 1e-3 * thickness_mm / index * lens.base_D);
+    const double from_front = meniscus.base_D / (1 - 1e-3 * thickness_mm / index * meniscus.base_D);
     const auto radius = [&](double vertex_power_D) {
       return radius_mm((vertex_power_D - from_front) * 1e-3 / (1 - index));
     };
     return make_biconic(radius(power.sphere_D), radius(power.sphere_D + power.cylinder_D), 0, 0,
                         power.axis_deg);
   };
-  const double slope = std::tan(tilt_rad(lens.prism, index));
-  double thickness = lens.centre_thickness_mm.value_or(usual_thickness_mm);
+  const double slope = std::tan(tilt_rad(meniscus.prism, index));
+  double thickness = meniscus.centre_thickness_mm.value_or(usual_thickness_mm);
   // The back follows from the thickness, and weakly: a few rounds settle both to a micrometre.
-  for (int round = 0; round < 8 && !lens.centre_thickness_mm; ++round)
+  for (int round = 0; round < 8 && !meniscus.centre_thickness_mm; ++round)
     thickness = std::max(usual_thickness_mm, thickness + least_edge_mm -
                                                  least_thickness_mm(*front, *back_of(thickness), thickness,
-                                                                    lens.semi_diameter_mm, slope));
+                                                                    meniscus.semi_diameter_mm, slope));
   const ShapePtr back = back_of(thickness);
-  if (!(least_thickness_mm(*front, *back, thickness, lens.semi_diameter_mm, slope) > 0))
+  if (!(least_thickness_mm(*front, *back, thickness, meniscus.semi_diameter_mm, slope) > 0))
     throw usage_error(fmt::format("a spectacle {} mm thick has no edge left at {} mm from its centre",
-                                  thickness, lens.semi_diameter_mm),
+                                  thickness, meniscus.semi_diameter_mm),
                       "make it thicker or smaller");
-  return with_lens(eye, front, back, lens.vertex_distance_mm, thickness, material, lens.prism,
-                   lens.semi_diameter_mm);
+  Lens lens;
+  lens.front = front;
+  lens.back = back;
+  lens.back_vertex_mm = meniscus.vertex_distance_mm;
+  lens.thickness_mm = thickness;
+  lens.material = material;
+  lens.prism = meniscus.prism;
+  lens.semi_diameter_mm = meniscus.semi_diameter_mm;
+  return with_lens(eye, lens);
+}
+
+void PlanoCylinder::check() const {
+  if (std::abs(radius_mm) < 10) throw usage_error("--plano-cylinder: a radius below 10 mm is no spectacle");
+  if (!(axis_deg >= 0 && axis_deg <= 180))
+    throw usage_error("--plano-cylinder: the axis must be 0 to 180 degrees");
+}
+
+EyeModel with_spectacle(const EyeModel& eye, const Spectacle& spectacle) {
+  struct Put {
+    const EyeModel& eye;
+    EyeModel operator()(const ThinLens& lens) const {
+      return with_thin_lens(eye, lens.power, lens.vertex_distance_mm, lens.prism);
+    }
+    EyeModel operator()(const Meniscus& lens) const { return with_meniscus(eye, lens); }
+    EyeModel operator()(const PlanoCylinder& lens) const {
+      return with_plano_cylinder(eye, lens.radius_mm, lens.axis_deg);
+    }
+    EyeModel operator()(const SurfacesFile& surfaces) const { return with_surfaces_of(eye, surfaces.file); }
+  };
+  return std::visit(Put{eye}, spectacle);
 }
 
 EyeModel fixed_to_head(const EyeModel& eye, const Eigen::Isometry3d& eye_from_head) {
   EyeModel result = eye;
   if (eye_from_head.isApprox(Eigen::Isometry3d::Identity(), 0)) return result;
   for (Surface& surface : result.surfaces) {
-    if (surface.name.rfind("spectacle", 0) != 0) continue;
-    if (surface.shape->type() == "mesh")
+    if (surface.bearer != Bearer::head) continue;
+    if (mesh_of(surface) != nullptr)
       throw unsupported_error(
           "surface \"" + surface.name + "\" is a mesh: it cannot stay with the head while the eye turns",
           "use a formula, or no gaze");
@@ -153,11 +201,7 @@ EyeModel fixed_to_head(const EyeModel& eye, const Eigen::Isometry3d& eye_from_he
     // What tilts about x and y leave of the turn is one about the surface's own z.
     const Eigen::Matrix3d rest = surface.eye_from_surface().linear().transpose() * place.linear();
     const double roll_deg = std::atan2(rest(1, 0), rest(0, 0)) / degree;
-    Json form = surface.shape->to_json();
-    if (!form.contains("axis_deg")) continue;
-    form["axis_deg"] = form["axis_deg"].get<double>() + roll_deg;
-    CheckedObject keys(form, surface.name);
-    surface.shape = shape_from_json(keys.text("type"), keys);
+    if (!surface.is_stop()) surface.shape = turned_about_axis(surface.shape, roll_deg);
   }
   return result;
 }

@@ -1,6 +1,8 @@
 #pragma once
 #include <filesystem>
 #include <optional>
+#include <string>
+#include <variant>
 
 #include "pipeline/base/power_vector.hpp"
 #include "pipeline/eye/model/eye_model.hpp"
@@ -53,12 +55,33 @@ EyeModel with_meniscus(const EyeModel& eye, const Meniscus& lens);
 /// \throw Error (input_invalid) naming file and key
 EyeModel with_surfaces_of(const EyeModel& eye, const std::filesystem::path& file);
 
+/// What with_thin_lens() puts before the eye.
+struct ThinLens {
+  PowerVector power;
+  double vertex_distance_mm = 12;
+  Prism prism;
+};
+/// What with_plano_cylinder() puts 10 mm before the eye.
+struct PlanoCylinder {
+  double radius_mm = 0, axis_deg = 0;
+  /// \throw Error (usage)
+  void check() const;
+};
+/// What with_surfaces_of() reads.
+struct SurfacesFile {
+  std::filesystem::path file;
+};
+/// What an eye wears.
+using Spectacle = std::variant<ThinLens, Meniscus, PlanoCylinder, SurfacesFile>;
+
 /// As `--spectacle` gives it: a file of surfaces (.json), or "S/CxA@V[,key=value...]": a thin lens, or with
 /// one of the keys base_D, thickness_mm, semi_diameter_mm, index, abbe a meniscus; prism=P@BASE with either.
 /// \throw Error (usage) naming what is wrong
-EyeModel with_spectacle(const EyeModel& eye, const std::string& text);
+Spectacle parse_spectacle(const std::string& text);
+EyeModel with_spectacle(const EyeModel& eye, const Spectacle& spectacle);
+Json to_json(const Spectacle& spectacle);
 
-/// The same with the surfaces whose names begin with "spectacle" left where they are when the eye turns.
+/// The same with the surfaces that the head bears left where they are when the eye turns.
 /// \param eye_from_head  rotation about the eye's centre of rotation
 /// \throw Error (unsupported) for a mesh
 EyeModel fixed_to_head(const EyeModel& eye, const Eigen::Isometry3d& eye_from_head);

@@ -1,8 +1,8 @@
-#include <charconv>
 #include <cmath>
 
 #include "pipeline/base/error.hpp"
 #include "raytrace/spectacle/spectacle.hpp"
+#include "raytrace/spectacle/text_reader.hpp"
 
 namespace emmetrope::raytrace {
 namespace {
@@ -11,45 +11,34 @@ const char* const form =
     "write S/CxA@V[,key=value...], such as -2.25/-1.00x180@12,base_D=5,prism=2@90; without @V it stands at "
     "12 mm";
 
-/// What is left to read of the option's text.
-class Reader {
+/// Reads the text, or says what is wrong with it.
+class LensReader {
  public:
-  explicit Reader(const std::string& text) : whole_(text), rest_(text) {}
+  explicit LensReader(const std::string& text) : whole_(text), rest_(whole_) {}
 
-  bool done() const { return rest_.empty(); }
-  bool take(char expected) {
-    if (rest_.empty() || rest_.front() != expected) return false;
-    rest_.remove_prefix(1);
-    return true;
-  }
+  bool done() const { return rest_.done(); }
+  bool take(char expected) { return rest_.take(expected); }
   void need(char expected) {
     if (!take(expected)) throw fault(std::string("'") + expected + "' is missing");
   }
   double number() {
-    take('+');
-    double value = 0;
-    const auto [end, error] = std::from_chars(rest_.data(), rest_.data() + rest_.size(), value);
-    if (error != std::errc() || !std::isfinite(value)) throw fault("a number is missing");
-    rest_.remove_prefix(end - rest_.data());
-    return value;
+    if (const auto value = rest_.number()) return *value;
+    throw fault("a number is missing");
   }
   std::string key() {
-    const std::size_t equals = rest_.find('=');
-    if (equals == std::string_view::npos) throw fault("key=value is missing");
-    const std::string name(rest_.substr(0, equals));
-    rest_.remove_prefix(equals + 1);
-    return name;
+    if (const auto name = rest_.until('=')) return std::string(*name);
+    throw fault("key=value is missing");
   }
   Error fault(const std::string& what) const {
     return usage_error("--spectacle: \"" + whole_ + "\": " + what, form);
   }
 
  private:
-  std::string whole_;
-  std::string_view rest_;
+  const std::string& whole_;
+  TextReader rest_;
 };
 
-void read_keys(Reader& reader, Meniscus& lens, bool& real) {
+void read_keys(LensReader& reader, Meniscus& lens, bool& real) {
   while (!reader.done()) {
     reader.need(',');
     const std::string key = reader.key();
@@ -87,9 +76,9 @@ void read_keys(Reader& reader, Meniscus& lens, bool& real) {
 
 }  // namespace
 
-EyeModel with_spectacle(const EyeModel& eye, const std::string& text) {
-  if (std::filesystem::path(text).extension() == ".json") return with_surfaces_of(eye, text);
-  Reader reader(text);
+Spectacle parse_spectacle(const std::string& text) {
+  if (std::filesystem::path(text).extension() == ".json") return SurfacesFile{text};
+  LensReader reader(text);
   SpheroCylinder power;
   Meniscus lens;
   bool real = false;  // any key of a ground lens makes it one
@@ -108,8 +97,40 @@ EyeModel with_spectacle(const EyeModel& eye, const std::string& text) {
     throw reader.fault("the vertex distance must be above 0 and at most 50 mm");
   read_keys(reader, lens, real);
   lens.power = to_power_vector(power);
-  return real ? with_meniscus(eye, lens)
-              : with_thin_lens(eye, lens.power, lens.vertex_distance_mm, lens.prism);
+  if (real) return lens;
+  return ThinLens{lens.power, lens.vertex_distance_mm, lens.prism};
 }
+
+namespace {
+
+Json to_json(const PowerVector& power) {
+  return {{"M_D", power.M_D}, {"J0_D", power.J0_D}, {"J45_D", power.J45_D}};
+}
+Json to_json(const Prism& prism) { return {{"dioptres", prism.dioptres}, {"base_deg", prism.base_deg}}; }
+
+struct SpectacleJson {
+  Json operator()(const ThinLens& lens) const {
+    return {{"power", to_json(lens.power)},
+            {"vertex_distance_mm", lens.vertex_distance_mm},
+            {"prism", to_json(lens.prism)}};
+  }
+  Json operator()(const Meniscus& lens) const {
+    Json json = (*this)(ThinLens{lens.power, lens.vertex_distance_mm, lens.prism});
+    json["base_D"] = lens.base_D;
+    json["thickness_mm"] = lens.centre_thickness_mm ? Json(*lens.centre_thickness_mm) : Json(nullptr);
+    json["semi_diameter_mm"] = lens.semi_diameter_mm;
+    json["index"] = lens.index;
+    json["abbe"] = lens.abbe ? Json(*lens.abbe) : Json(nullptr);
+    return json;
+  }
+  Json operator()(const PlanoCylinder& lens) const {
+    return {{"radius_mm", lens.radius_mm}, {"axis_deg", lens.axis_deg}};
+  }
+  Json operator()(const SurfacesFile& surfaces) const { return surfaces.file.string(); }
+};
+
+}  // namespace
+
+Json to_json(const Spectacle& spectacle) { return std::visit(SpectacleJson(), spectacle); }
 
 }  // namespace emmetrope::raytrace

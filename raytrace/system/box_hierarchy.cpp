@@ -1,21 +1,15 @@
 #include "raytrace/system/box_hierarchy.hpp"
 
 #include <algorithm>
-#include <cstring>
 #include <limits>
 #include <numeric>
+
+#include "raytrace/system/int_bits.hpp"
 
 namespace emmetrope::raytrace {
 namespace {
 
 constexpr int leaf_size = 4, bins = 16;
-
-float bits(std::size_t value) {
-  const auto integer = static_cast<std::int32_t>(value);
-  float result = 0;
-  std::memcpy(&result, &integer, sizeof result);
-  return result;
-}
 
 double area(const Eigen::AlignedBox3d& box) {
   if (box.isEmpty()) return 0;
@@ -60,8 +54,8 @@ class Builder {
       result.nodes[self + c] = static_cast<float>(box.min()[c] - room);
       result.nodes[self + 4 + c] = static_cast<float>(box.max()[c] + room);
     }
-    result.nodes[self + 3] = bits(result.nodes.size() / BoxHierarchy::node_floats);
-    result.nodes[self + 7] = bits(is_leaf ? static_cast<std::size_t>(first) * 16 + count : 0);
+    result.nodes[self + 3] = int_bits(result.nodes.size() / BoxHierarchy::node_floats);
+    result.nodes[self + 7] = int_bits(is_leaf ? first * 16 + count : 0);
   }
 
   /// Where the cost (area times triangles of both halves) is least among the bins' borders of the longest

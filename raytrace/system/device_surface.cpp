@@ -14,16 +14,6 @@
 namespace emmetrope::raytrace {
 namespace {
 
-double number(const Json& json, const char* key, int index) {
-  const Json& value = json.at(key);
-  return value.is_array() ? value.at(index).get<double>() : value.get<double>();
-}
-
-/// The first number under a key that may be missing.
-double number_or(const Json& json, const char* key, double otherwise) {
-  return json.contains(key) ? number(json, key, 0) : otherwise;
-}
-
 DeviceSurface quadric(double cx, double cy, double cz, double axis_deg) {
   DeviceSurface form;
   form.kind = Operation::quadric;
@@ -41,20 +31,16 @@ DeviceSurface sphere(double curvature) {
   return form;
 }
 
-DeviceSurface biconic(double cx, double cy, double qx, double qy, double axis_deg) {
+DeviceSurface biconic(const BiconicFormula& formula) {
+  const double cx = 1 / formula.radius_mm.x(), cy = 1 / formula.radius_mm.y();
+  const double qx = formula.q.x(), qy = formula.q.y();
+  if (cx == cy && qx == qy) return quadric(cx, cx, cx * (1 + qx), 0);
   const double mean = (cx + cy) / 2, mean_q = (qx + qy) / 2;
   DeviceSurface form;
   form.kind = Operation::biconic;
-  form.axis_deg = axis_deg;
+  form.axis_deg = formula.axis_deg;
   form.parameters = {cx, cy, (1 + qx) * cx * cx, (1 + qy) * cy * cy, mean, mean * (1 + mean_q)};
   return form;
-}
-
-DeviceSurface biconic(const Json& json) {
-  const double c[2] = {1 / number(json, "radius_mm", 0), 1 / number(json, "radius_mm", 1)};
-  const double q[2] = {number(json, "q", 0), number(json, "q", 1)};
-  if (c[0] == c[1] && q[0] == q[1]) return quadric(c[0], c[0], c[0] * (1 + q[0]), 0);
-  return biconic(c[0], c[1], q[0], q[1], json.value("axis_deg", 0.0));
 }
 
 /// Uniform cubic B-spline on 4 control values as powers of the cell's coordinate: row p gives the coefficient
@@ -126,21 +112,56 @@ DeviceSurface smooth(const Surface& surface, const TriangleMesh& mesh) {
   return form;
 }
 
-DeviceSurface formula(const Surface& surface) {
-  const std::string type = surface.shape->type();
-  const Json json = surface.shape->to_json();
-  if (type == "plane") return sphere(0);
-  if (type == "sphere") return sphere(1 / number(json, "radius_mm", 0));
-  if (type == "conic") {
-    const double c = 1 / number(json, "radius_mm", 0);
-    return quadric(c, c, c * (1 + number(json, "q", 0)), 0);
+/// The kernel that a formula has of its own; nothing for the others.
+struct FormulaOnDevice {
+  std::optional<DeviceSurface> operator()(const PlaneFormula&) const { return sphere(0); }
+  std::optional<DeviceSurface> operator()(const SphereFormula& formula) const {
+    return sphere(1 / formula.radius_mm);
   }
-  if (type == "ellipsoid") {
-    const Json& a = json.at("semi_axes_mm");
-    const double x = a[0], y = a[1], z = a[2];
-    return quadric(z / (x * x), z / (y * y), 1 / z, json.value("axis_deg", 0.0));
+  std::optional<DeviceSurface> operator()(const ConicFormula& formula) const {
+    const double c = 1 / formula.radius_mm;
+    return quadric(c, c, c * (1 + formula.q), 0);
   }
-  if (type == "biconic") return biconic(json);
+  std::optional<DeviceSurface> operator()(const EllipsoidFormula& formula) const {
+    const double x = formula.semi_axes_mm.x(), y = formula.semi_axes_mm.y(), z = formula.semi_axes_mm.z();
+    return quadric(z / (x * x), z / (y * y), 1 / z, formula.axis_deg);
+  }
+  std::optional<DeviceSurface> operator()(const BiconicFormula& formula) const { return biconic(formula); }
+  std::optional<DeviceSurface> operator()(const ZernikeFormula&) const { return std::nullopt; }
+  std::optional<DeviceSurface> operator()(std::monostate) const { return std::nullopt; }
+};
+
+/// A formula as a sheet of triangles.
+TriangleMesh meshed(const Surface& surface, int vertices) {
+  return sheet_mesh(*surface.shape, default_semi_diameter_mm(surface), vertices, 0.25);
+}
+
+DeviceSurface mesh_on_device(const MeshShape& mesh, Representation representation) {
+  const HeightField* patch = mesh.patch();
+  if (representation == Representation::every_triangle) return every_triangle(mesh.mesh());
+  if (patch == nullptr) return sheet_hierarchy(mesh.mesh());
+  if (representation == Representation::triangles)
+    return triangle_walk(
+        mesh.mesh(), {patch->base_curvature_per_mm().trace() / 2, patch->base_q(), patch->base_offset_mm()});
+  DeviceSurface form = patches(*patch);
+  form.note = deviation(*patch);
+  return form;
+}
+
+DeviceSurface formula_on_device(const Surface& surface, Representation representation, int vertices) {
+  switch (representation) {
+    case Representation::smooth:
+      return smooth(surface, meshed(surface, vertices));
+    case Representation::every_triangle:
+      return every_triangle(meshed(surface, vertices));
+    case Representation::triangles:
+      return triangle_walk(meshed(surface, vertices), {surface.shape->vertex_curvature().trace() / 2,
+                                                       surface.shape->asphericity().x(), 0});
+    case Representation::analytic:
+    case Representation::fast:  // what its map is fitted to
+      break;
+  }
+  if (auto form = std::visit(FormulaOnDevice(), surface.shape->formula())) return *std::move(form);
   // Whatever else is smooth: a patch through 12 000 points with the surface's own slopes.
   return smooth(surface, sheet_mesh(*surface.shape, default_semi_diameter_mm(surface), 12000, 0));
 }
@@ -148,31 +169,9 @@ DeviceSurface formula(const Surface& surface) {
 }  // namespace
 
 DeviceSurface device_surface(const Surface& surface, Representation representation, int vertices) {
-  DeviceSurface form;
-  if (const auto* mesh = dynamic_cast<const MeshShape*>(surface.shape.get())) {
-    const HeightField* patch = mesh->patch();
-    if (representation == Representation::every_triangle) {
-      form = every_triangle(mesh->mesh());
-    } else if (patch == nullptr) {
-      form = sheet_hierarchy(mesh->mesh());
-    } else if (representation == Representation::triangles) {
-      form = triangle_walk(mesh->mesh(), {patch->base_curvature_per_mm().trace() / 2, patch->base_q(),
-                                          patch->base_offset_mm()});
-    } else {
-      form = patches(*patch);
-      form.note = deviation(*patch);
-    }
-  } else if (representation == Representation::smooth) {
-    form = smooth(surface, sheet_mesh(*surface.shape, default_semi_diameter_mm(surface), vertices, 0.25));
-  } else if (representation == Representation::every_triangle) {
-    form = every_triangle(sheet_mesh(*surface.shape, default_semi_diameter_mm(surface), vertices, 0.25));
-  } else if (representation == Representation::triangles) {
-    const double q = number_or(surface.shape->to_json(), "q", 0);
-    form = triangle_walk(sheet_mesh(*surface.shape, default_semi_diameter_mm(surface), vertices, 0.25),
-                         {surface.shape->vertex_curvature().trace() / 2, q, 0});
-  } else {  // analytic; what a fast map is fitted to
-    form = formula(surface);
-  }
+  const MeshShape* mesh = mesh_of(surface);
+  DeviceSurface form = mesh != nullptr ? mesh_on_device(*mesh, representation)
+                                       : formula_on_device(surface, representation, vertices);
   if (surface.semi_diameter_mm > 0)
     form.clear_radius_mm = std::min(form.clear_radius_mm, surface.semi_diameter_mm);
   return form;

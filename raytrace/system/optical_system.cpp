@@ -11,29 +11,17 @@
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/frames.hpp"
 #include "pipeline/base/parallel.hpp"
+#include "pipeline/eye/surfaces/mesh_shape.hpp"
 #include "raytrace/system/device_surface.hpp"
+#include "raytrace/system/int_bits.hpp"
 
 namespace emmetrope::raytrace {
 namespace {
 
 using Parameters = std::array<float, OpticalSystem::parameters>;
 
-float bits(int value) {
-  float result = 0;
-  std::memcpy(&result, &value, sizeof result);
-  return result;
-}
-
 // O_FLAGS in kernels/surfaces.cl
 constexpr int enters_body = 1, inside_body = 2, local_ratio = 4;
-
-/// 0 where the shape has none, the mean of a biconic's two.
-double conic_constant(const Shape& shape) {
-  const Json json = shape.to_json();
-  if (!json.contains("q")) return 0;
-  return json["q"].is_array() ? (json["q"][0].get<double>() + json["q"][1].get<double>()) / 2
-                              : json["q"].get<double>();
-}
 
 /// Bodies that a ray may pass by: a surface and the next one that leads back into the medium in front of it,
 /// when the two meet in an edge (a nucleus smaller than the lens).
@@ -101,7 +89,7 @@ std::vector<DeviceSurface> device_surfaces(const EyeModel& eye, const Bodies& bo
   on_threads(wanted.threads, places.size(), [&](std::size_t k) {
     Surface surface = eye.surfaces[places[k]];
     // A body's surface ends at its edge, and its sheet just beyond: further out it may be too steep for one.
-    if (const double end_mm = 1.03 * bodies.edge_mm(places[k]); end_mm > 0 && surface.shape->type() != "mesh")
+    if (const double end_mm = 1.03 * bodies.edge_mm(places[k]); end_mm > 0 && mesh_of(surface) == nullptr)
       surface.semi_diameter_mm =
           surface.semi_diameter_mm > 0 ? std::min(surface.semi_diameter_mm, end_mm) : end_mm;
     forms[places[k]] = device_surface(surface, wanted.representation, vertices[k]);
@@ -111,8 +99,96 @@ std::vector<DeviceSurface> device_surfaces(const EyeModel& eye, const Bodies& bo
 
 class Builder {
  public:
-  Builder(const EyeModel& eye, const std::array<double, wavelength_count>& wavelength_nm)
-      : eye_(eye), wavelength_nm_(wavelength_nm) {}
+  Builder(const EyeModel& eye, const std::array<double, wavelength_count>& wavelength_nm,
+          const SystemForm& wanted)
+      : eye_(eye),
+        wavelength_nm_(wavelength_nm),
+        bodies_(eye),
+        forms_(device_surfaces(eye, bodies_, wanted)) {
+    system_.has_body = bodies_.any() && !wanted.every_surface;
+    std::size_t floats = 0;
+    for (const DeviceSurface& form : forms_) floats += form.records.size() + form.seeds.size() + 16;
+    system_.records.reserve(floats);
+  }
+
+  OpticalSystem operator()() {
+    for (int i = static_cast<int>(eye_.surfaces.size()) - 2; i >= 0; --i)
+      eye_.surfaces[i].is_stop() ? add_stop(eye_.surfaces[i]) : add_refraction(i);
+    turn_to(Eigen::Matrix3d::Identity());
+    return std::move(system_);
+  }
+
+ private:
+  /// Media on the retina's side of a surface and on the other; null for air.
+  struct Sides {
+    const Medium *behind = nullptr, *front = nullptr;
+  };
+
+  void add_stop(const Surface& stop) {
+    turn_to(stop.eye_from_surface().linear());
+    begin(stop);
+    add(Operation::stop, placed(stop, stop.stop_diameter_mm / 2), {});
+  }
+
+  void add_refraction(int i) {
+    const Surface& surface = eye_.surfaces[i];
+    const DeviceSurface& form = forms_[i];
+    turn_to(surface.eye_from_surface().linear() *
+            Eigen::AngleAxisd(form.axis_deg * degree, Eigen::Vector3d::UnitZ()));
+    begin(surface);
+    int before = i - 1;  // the medium in front is what follows the next refracting surface towards the light
+    while (before >= 0 && eye_.surfaces[before].is_stop()) --before;
+    const Sides sides{medium(surface.medium_after),
+                      before < 0 ? nullptr : medium(eye_.surfaces[before].medium_after)};
+    int flags = system_.has_body ? bodies_.flags(i) : 0;
+    const double clear_radius_mm = (flags & enters_body) != 0
+                                       ? std::min(form.clear_radius_mm, bodies_.edge_mm(i))
+                                       : form.clear_radius_mm;
+    Parameters p = placed(surface, clear_radius_mm);
+    if (is_gradient(sides.behind) || is_gradient(sides.front)) {
+      add_crossing(surface, before, sides, p, flags);
+      flags |= local_ratio;
+    }
+    store(form, p);
+    p[15] = int_bits(flags);
+    if (!form.note.empty()) system_.notes.push_back(surface.name + ": " + form.note);
+    add(form.kind, p, sides);
+  }
+
+  /// The way through the gradients on either side to where the surface is met.
+  void add_crossing(const Surface& surface, int before, const Sides& sides, const Parameters& at, int flags) {
+    Parameters p = at;
+    const double c = surface.shape->vertex_curvature().trace() / 2;
+    const Eigen::Vector2d q = surface.shape->asphericity();
+    p[4] = static_cast<float>(c);
+    p[5] = static_cast<float>(c * (1 + (q.x() + q.y()) / 2));
+    p[6] = int_bits(is_gradient(sides.behind) ? add_gradient(*sides.behind, surface) : -1);
+    p[7] = int_bits(is_gradient(sides.front) ? add_gradient(*sides.front, eye_.surfaces[before]) : -1);
+    p[15] = int_bits(flags & inside_body);
+    add(Operation::gradient, p, sides);
+  }
+
+  /// What the surface's own kernel takes, its tables among the records.
+  void store(const DeviceSurface& form, Parameters& p) {
+    std::vector<float>& records = system_.records;
+    std::transform(form.parameters.begin(), form.parameters.end(), p.begin() + 4,
+                   [](double value) { return static_cast<float>(value); });
+    if (!form.records.empty()) {
+      p[11] = int_bits(form.columns);
+      p[12] = int_bits(records.size());
+      records.insert(records.end(), form.records.begin(), form.records.end());
+    }
+    if (!form.seeds.empty()) {
+      p[14] = int_bits(records.size());
+      records.insert(records.end(), form.seeds.begin(), form.seeds.end());
+      records.resize((records.size() + 15) / 16 * 16);  // records are read at multiples of 64 bytes
+    }
+  }
+
+  /// The next operation is the surface's first.
+  void begin(const Surface& surface) {
+    system_.operation_of[surface.name] = static_cast<int>(system_.kinds.size());
+  }
 
   /// Turns the frame to that of the next surface.
   void turn_to(const Eigen::Matrix3d& eye_from_frame) {
@@ -120,7 +196,7 @@ class Builder {
     if ((turn - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff() < 1e-12) return;
     Parameters p{};
     for (int i = 0; i < 9; ++i) p[i] = static_cast<float>(turn(i / 3, i % 3));
-    add(Operation::rotate, p, nullptr, nullptr);
+    add(Operation::rotate, p, {});
     frame_ = eye_from_frame;
   }
 
@@ -133,12 +209,11 @@ class Builder {
     return p;
   }
 
-  /// \param behind,  front media on the retina's side and on the other; null for air
-  void add(Operation kind, const Parameters& p, const Medium* behind, const Medium* front) {
+  void add(Operation kind, const Parameters& p, const Sides& sides) {
     system_.kinds.push_back(kind);
     system_.operations.insert(system_.operations.end(), p.begin(), p.end());
     for (const double wavelength : wavelength_nm_) {
-      const double ratio = index(behind, wavelength) / index(front, wavelength);
+      const double ratio = index(sides.behind, wavelength) / index(sides.front, wavelength);
       system_.ratios.push_back(static_cast<float>(ratio));
     }
   }
@@ -165,9 +240,9 @@ class Builder {
     return static_cast<int>(system_.gradients.size() / g.size()) - 1;
   }
 
-  OpticalSystem& system() { return system_; }
+  const Medium* medium(const std::string& name) const { return name.empty() ? nullptr : &eye_.medium(name); }
+  static bool is_gradient(const Medium* medium) { return medium != nullptr && medium->gradient; }
 
- private:
   /// Of a gradient 1: the kernel multiplies by what it finds.
   double index(const Medium* medium, double wavelength_nm) const {
     return medium == nullptr || medium->gradient
@@ -177,6 +252,8 @@ class Builder {
 
   const EyeModel& eye_;
   const std::array<double, wavelength_count>& wavelength_nm_;
+  Bodies bodies_;
+  std::vector<DeviceSurface> forms_;  ///< by a surface's place in the eye
   Eigen::Matrix3d frame_ = Eigen::Matrix3d::Identity();
   OpticalSystem system_;
 };
@@ -225,73 +302,7 @@ std::string OpticalSystem::sequence_definitions() const {
 OpticalSystem make_optical_system(const EyeModel& eye,
                                   const std::array<double, wavelength_count>& wavelength_nm,
                                   const SystemForm& wanted) {
-  Builder builder(eye, wavelength_nm);
-  auto& system = builder.system();
-  const auto medium = [&](const std::string& name) -> const Medium* {
-    if (name.empty()) return nullptr;
-    const Medium& found = eye.medium(name);
-    return &found;
-  };
-
-  const Bodies bodies(eye);
-  system.has_body = bodies.any() && !wanted.every_surface;
-  const std::vector<DeviceSurface> forms = device_surfaces(eye, bodies, wanted);
-  std::size_t floats = 0;
-  for (const DeviceSurface& form : forms) floats += form.records.size() + form.seeds.size() + 16;
-  system.records.reserve(floats);
-  for (int i = static_cast<int>(eye.surfaces.size()) - 2; i >= 0; --i) {
-    const Surface& surface = eye.surfaces[i];
-    const Eigen::Matrix3d eye_from_surface = surface.eye_from_surface().linear();
-    system.operation_of[surface.name] = static_cast<int>(system.kinds.size());
-    if (surface.is_stop()) {
-      builder.turn_to(eye_from_surface);
-      system.operation_of[surface.name] = static_cast<int>(system.kinds.size());
-      builder.add(Operation::stop, builder.placed(surface, surface.stop_diameter_mm / 2), nullptr, nullptr);
-      continue;
-    }
-    int before = i - 1;  // the medium in front is what follows the next refracting surface towards the light
-    while (before >= 0 && eye.surfaces[before].is_stop()) --before;
-    const Medium* front = before < 0 ? nullptr : medium(eye.surfaces[before].medium_after);
-    const Medium* behind = medium(surface.medium_after);
-
-    const DeviceSurface& form = forms[i];
-    builder.turn_to(eye_from_surface * Eigen::AngleAxisd(form.axis_deg * degree, Eigen::Vector3d::UnitZ()));
-    system.operation_of[surface.name] = static_cast<int>(system.kinds.size());
-    int flags = system.has_body ? bodies.flags(i) : 0;
-    const double clear_radius_mm =
-        (flags & enters_body) != 0 ? std::min(form.clear_radius_mm, bodies.edge_mm(i)) : form.clear_radius_mm;
-    Parameters p = builder.placed(surface, clear_radius_mm);
-    const auto is_gradient = [](const Medium* m) { return m != nullptr && m->gradient; };
-    if (is_gradient(behind) || is_gradient(front)) {
-      Parameters crossing = p;
-      const double c = surface.shape->vertex_curvature().trace() / 2;
-      crossing[4] = static_cast<float>(c);
-      crossing[5] = static_cast<float>(c * (1 + conic_constant(*surface.shape)));
-      crossing[6] = bits(is_gradient(behind) ? builder.add_gradient(*behind, surface) : -1);
-      crossing[7] = bits(is_gradient(front) ? builder.add_gradient(*front, eye.surfaces[before]) : -1);
-      crossing[15] = bits(flags & inside_body);
-      builder.add(Operation::gradient, crossing, behind, front);
-      flags |= local_ratio;
-    }
-    std::transform(form.parameters.begin(), form.parameters.end(), p.begin() + 4,
-                   [](double value) { return static_cast<float>(value); });
-    if (!form.records.empty()) {
-      p[11] = bits(form.columns);
-      p[12] = bits(static_cast<int>(system.records.size()));
-      system.records.insert(system.records.end(), form.records.begin(), form.records.end());
-    }
-    if (!form.seeds.empty()) {
-      p[14] = bits(static_cast<int>(system.records.size()));
-      system.records.insert(system.records.end(), form.seeds.begin(), form.seeds.end());
-      system.records.resize((system.records.size() + 15) / 16 *
-                            16);  // records are read at multiples of 64 bytes
-    }
-    p[15] = bits(flags);
-    if (!form.note.empty()) system.notes.push_back(surface.name + ": " + form.note);
-    builder.add(form.kind, p, behind, front);
-  }
-  builder.turn_to(Eigen::Matrix3d::Identity());
-  return system;
+  return Builder(eye, wavelength_nm, wanted)();
 }
 
 }  // namespace emmetrope::raytrace

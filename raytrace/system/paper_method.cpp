@@ -3,11 +3,11 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
-#include <cstring>
 #include <numeric>
 
 #include "pipeline/base/error.hpp"
 #include "raytrace/system/box_hierarchy.hpp"
+#include "raytrace/system/int_bits.hpp"
 
 namespace emmetrope::raytrace {
 
@@ -88,20 +88,10 @@ std::vector<float> aim_cap(const EyeModel& eye, const std::map<std::string, int>
   const double reach_mm = std::min(stop->stop_diameter_mm / 2, 0.99 * std::abs(radius_mm));
   const double depth_mm =
       radius_mm - std::copysign(std::sqrt(radius_mm * radius_mm - reach_mm * reach_mm), radius_mm);
-  const int operation = operation_of.at(lens->name);
-  float operation_bits = 0;
-  std::memcpy(&operation_bits, &operation, sizeof operation_bits);
   const Eigen::Vector3d vertex = lens->eye_from_surface().translation();
-  return {static_cast<float>(vertex.x()), static_cast<float>(vertex.y()), static_cast<float>(vertex.z()),
-          static_cast<float>(radius_mm),  static_cast<float>(depth_mm),   operation_bits};
-}
-
-EyeModel without_stop(EyeModel eye) {
-  auto& surfaces = eye.surfaces;
-  surfaces.erase(
-      std::remove_if(surfaces.begin(), surfaces.end(), [](const auto& surface) { return surface.is_stop(); }),
-      surfaces.end());
-  return eye;
+  return {static_cast<float>(vertex.x()), static_cast<float>(vertex.y()),
+          static_cast<float>(vertex.z()), static_cast<float>(radius_mm),
+          static_cast<float>(depth_mm),   int_bits(operation_of.at(lens->name))};
 }
 
 }  // namespace emmetrope::raytrace

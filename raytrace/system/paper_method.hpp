@@ -20,11 +20,8 @@ DeviceSurface sheet_hierarchy(const TriangleMesh& mesh);
 /// Where the paper's rays are aimed at: a cap over the surface in front of the retina, as wide as the stop.
 /// Its vertex (3, eye frame), signed radius and depth, operation of that surface: as kernels/paper.cl takes
 /// them.
-/// \param operation_of  of the system without stop
+/// \param operation_of  of the system without stop: the cap alone bounds the paper's rays
 /// \throw Error (input_invalid) when there is no stop, (unsupported) when that surface is tilted
 std::vector<float> aim_cap(const EyeModel& eye, const std::map<std::string, int>& operation_of);
-
-/// The eye without its stop: the cap alone bounds the paper's rays.
-EyeModel without_stop(EyeModel eye);
 
 }  // namespace emmetrope::raytrace

@@ -4,8 +4,9 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
-#include <cstring>
 #include <numeric>
+
+#include "raytrace/system/int_bits.hpp"
 
 namespace emmetrope::raytrace {
 namespace {
@@ -16,12 +17,6 @@ constexpr double cells_a_triangle = 2;
 /// sheet ends there.
 constexpr double least_normal_z = 0.1;
 constexpr double least_gradient = 0.05;  // LEAST_GRADIENT in kernels/surfaces.cl
-
-float bits(int value) {
-  float result = 0;
-  std::memcpy(&result, &value, sizeof result);
-  return result;
-}
 
 Eigen::Vector3d cross_of(const TriangleMesh& mesh, const std::array<int, 3>& t) {
   return (mesh.vertices[t[1]] - mesh.vertices[t[0]]).cross(mesh.vertices[t[2]] - mesh.vertices[t[0]]);
@@ -114,52 +109,72 @@ std::vector<int> seed_grid(const TriangleMesh& mesh, const std::vector<std::arra
   return seed;
 }
 
-}  // namespace
+/// Which triangle lies across an edge.
+class Neighbours {
+ public:
+  Neighbours(const std::vector<std::array<int, 3>>& triangles, std::size_t vertices)
+      : first_(vertices + 1, 0), leaving_(3 * triangles.size()) {
+    for (const auto& t : triangles)
+      for (const int vertex : t) ++first_[vertex + 1];
+    std::partial_sum(first_.begin(), first_.end(), first_.begin());
+    std::vector<int> next(first_.begin(), first_.end() - 1);
+    for (std::size_t f = 0; f < triangles.size(); ++f)
+      for (int k = 0; k < 3; ++k)
+        leaving_[next[triangles[f][k]]++] = {triangles[f][(k + 1) % 3], static_cast<int>(f)};
+  }
+  /// Of the triangle with the edge from a to b; -1: none.
+  int across(int a, int b) const {
+    const auto begin = leaving_.begin() + first_[b], end = leaving_.begin() + first_[b + 1];
+    const auto found = std::find_if(begin, end, [a](const Edge& edge) { return edge.to == a; });
+    return found != end ? found->triangle : -1;
+  }
 
-DeviceSurface triangle_walk(const TriangleMesh& mesh, const BaseConic& base) {
-  double reach = 0;
-  for (const auto& vertex : mesh.vertices) reach = std::max(reach, vertex.head<2>().cwiseAbs().maxCoeff());
-  const auto triangles = ordered(mesh, reach);
-  // The triangles that leave each vertex along an edge: first[v] ... first[v + 1] of `leaving`.
+ private:
   struct Edge {
     int to, triangle;
   };
-  std::vector<int> first(mesh.vertices.size() + 1, 0);
-  for (const auto& t : triangles)
-    for (const int vertex : t) ++first[vertex + 1];
-  std::partial_sum(first.begin(), first.end(), first.begin());
-  std::vector<Edge> leaving(3 * triangles.size());
-  std::vector<int> next(first.begin(), first.end() - 1);
-  for (std::size_t f = 0; f < triangles.size(); ++f)
-    for (int k = 0; k < 3; ++k)
-      leaving[next[triangles[f][k]]++] = {triangles[f][(k + 1) % 3], static_cast<int>(f)};
-  const auto neighbour = [&](int a, int b) {  // across the edge from a to b
-    const auto begin = leaving.begin() + first[b], end = leaving.begin() + first[b + 1];
-    const auto found = std::find_if(begin, end, [a](const Edge& edge) { return edge.to == a; });
-    return bits(found != end ? found->triangle * floats_a_triangle : -1);
-  };
+  /// The triangles that leave vertex v along an edge: first_[v] ... first_[v + 1] of leaving_.
+  std::vector<int> first_;
+  std::vector<Edge> leaving_;
+};
 
-  DeviceSurface form;
-  form.kind = Operation::triangles;
-  // Normals as long as the base conic's gradient: kernels/surfaces.cl. They differ by so little over a
-  // triangle that 16 bits hold their differences.
+/// Normals at the vertices, as long as the base conic's gradient (kernels/surfaces.cl): x and y.
+std::vector<Eigen::Vector2d> gradients_of(const TriangleMesh& mesh, const BaseConic& base) {
   std::vector<Eigen::Vector2d> gradients(mesh.vertices.size());
   const double ck = base.curvature_per_mm * base.curvature_per_mm * (1 + base.q);
   for (std::size_t i = 0; i < gradients.size(); ++i)
     gradients[i] = mesh.normals[i].head<2>() / std::max(least_normal_z, mesh.normals[i].z()) *
                    std::sqrt(std::max(least_gradient * least_gradient,
                                       1 - ck * mesh.vertices[i].head<2>().squaredNorm()));
+  return gradients;
+}
+
+/// Gradients differ by so little over a triangle that 16 bits hold their differences, in this unit.
+double unit_of_differences(const std::vector<Eigen::Vector2d>& gradients,
+                           const std::vector<std::array<int, 3>>& triangles) {
   double largest = 1e-9;
   for (const auto& [a, b, c] : triangles)
     for (const int other : {b, c})
       largest = std::max(largest, (gradients[other] - gradients[a]).cwiseAbs().maxCoeff());
-  const double unit = largest / 32767;
-  const auto two = [&](double by_u, double by_v) {
-    const auto short_of = [&](double value) { return static_cast<int>(std::lround(value / unit)); };
-    return bits(static_cast<int>(static_cast<std::uint32_t>(short_of(by_u) & 0xffff) |
-                                 static_cast<std::uint32_t>(short_of(by_v) & 0xffff) << 16U));
+  return largest / 32767;
+}
+
+float two_differences(double by_u, double by_v, double unit) {
+  const auto in_units = [&](double value) { return static_cast<int>(std::lround(value / unit)); };
+  return int_bits(static_cast<std::uint32_t>(in_units(by_u) & 0xffff) |
+                  static_cast<std::uint32_t>(in_units(by_v) & 0xffff) << 16U);
+}
+
+/// TRIANGLES in kernels/surfaces.cl.
+std::vector<float> triangle_records(const TriangleMesh& mesh,
+                                    const std::vector<std::array<int, 3>>& triangles,
+                                    const std::vector<Eigen::Vector2d>& gradients, double unit) {
+  const Neighbours neighbours(triangles, mesh.vertices.size());
+  const auto record_across = [&](int from, int to) {
+    const int triangle = neighbours.across(from, to);
+    return int_bits(triangle < 0 ? -1 : triangle * floats_a_triangle);
   };
-  auto& records = form.records;
+  std::vector<float> records;
   records.reserve(triangles.size() * floats_a_triangle);
   for (const auto& [a, b, c] : triangles) {
     const Eigen::Vector3d pa = mesh.vertices[a], u = mesh.vertices[b] - pa, v = mesh.vertices[c] - pa;
@@ -175,15 +190,29 @@ DeviceSurface triangle_walk(const TriangleMesh& mesh, const BaseConic& base) {
     push(0, along_v);
     const Eigen::Vector2d &g = gradients[a], by_u = gradients[b] - g, by_v = gradients[c] - g;
     records.insert(records.end(),
-                   {neighbour(c, a), neighbour(a, b), neighbour(b, c), static_cast<float>(g.x()),
-                    static_cast<float>(g.y()), two(by_u.x(), by_v.x()), two(by_u.y(), by_v.y())});
+                   {record_across(c, a), record_across(a, b), record_across(b, c), static_cast<float>(g.x()),
+                    static_cast<float>(g.y()), two_differences(by_u.x(), by_v.x(), unit),
+                    two_differences(by_u.y(), by_v.y(), unit)});
   }
+  return records;
+}
 
+}  // namespace
+
+DeviceSurface triangle_walk(const TriangleMesh& mesh, const BaseConic& base) {
+  double reach = 0;
+  for (const auto& vertex : mesh.vertices) reach = std::max(reach, vertex.head<2>().cwiseAbs().maxCoeff());
+  const auto triangles = ordered(mesh, reach);
+  const auto gradients = gradients_of(mesh, base);
+  const double unit = unit_of_differences(gradients, triangles);
+  DeviceSurface form;
+  form.kind = Operation::triangles;
+  form.records = triangle_records(mesh, triangles, gradients, unit);
   const int size =
       std::max(8, static_cast<int>(std::sqrt(cells_a_triangle * static_cast<double>(triangles.size()))));
   form.columns = size;
   for (const int seed : seed_grid(mesh, triangles, size, reach))
-    form.seeds.push_back(bits(seed * floats_a_triangle));
+    form.seeds.push_back(int_bits(seed * floats_a_triangle));
   form.parameters = {base.curvature_per_mm,
                      base.curvature_per_mm * (1 + base.q),
                      -reach,

@@ -16,13 +16,17 @@ TraceResult trace_turned(const Tracer& tracer, const EyeModel& eye, const Scene&
 
 }  // namespace
 
+void Exposure::check() const {
+  constexpr int most = 1024;
+  if (steps < 2 || steps > most)
+    throw usage_error("--exposure-steps: " + std::to_string(steps) + " is out of range",
+                      "give 2 to " + std::to_string(most));
+}
+
 TraceResult trace_exposure(const Tracer& tracer, const EyeModel& eye, const Scene& scene,
                            const TraceSettings& settings, const Exposure& exposure) {
   if (exposure.eye_motion_deg.isZero(0) && !moves(scene)) return trace_turned(tracer, eye, scene, settings);
-  constexpr int most = 1024;
-  if (exposure.steps < 2 || exposure.steps > most)
-    throw usage_error("--exposure-steps: " + std::to_string(exposure.steps) + " is out of range",
-                      "give 2 to " + std::to_string(most));
+  exposure.check();
   TraceResult mean;
   for (int k = 0; k < exposure.steps; ++k) {
     const double time = (k + 0.5) / exposure.steps - 0.5;

@@ -35,10 +35,7 @@ double seconds_since(std::chrono::steady_clock::time_point begin) {
 
 /// Diameter of the entrance pupil of the eye without what it wears.
 double entrance_pupil_mm(const EyeModel& eye) {
-  EyeModel bare = eye;
-  const auto worn = [](const Surface& surface) { return surface.name.rfind("spectacle", 0) == 0; };
-  bare.surfaces.erase(std::remove_if(bare.surfaces.begin(), bare.surfaces.end(), worn), bare.surfaces.end());
-  return entrance_pupil(bare, bare.reference_wavelength_nm).diameter_mm;
+  return entrance_pupil(without_spectacle(eye), eye.reference_wavelength_nm).diameter_mm;
 }
 
 /// The Stiles-Crawford weight at the pupil's rim is 2 to the minus this.
@@ -54,10 +51,10 @@ Representation chosen(const EyeModel& eye, const TraceSettings& settings) {
     return wanted == Representation::triangles ? Representation::every_triangle : wanted;
   }
   if (settings.representation) return *settings.representation;
-  for (const auto& surface : eye.surfaces)
-    if (!surface.is_stop() && surface.shape->type() == "mesh" && surface.name != "retina")
-      return Representation::smooth;
-  return Representation::analytic;
+  const bool refracts_at_mesh =
+      std::any_of(eye.surfaces.begin(), std::prev(eye.surfaces.end()),
+                  [](const Surface& surface) { return mesh_of(surface) != nullptr; });
+  return refracts_at_mesh ? Representation::smooth : Representation::analytic;
 }
 
 /// The counts of `vertices` that belong to refracting surfaces; a retina's own count makes it a mesh.
@@ -73,7 +70,7 @@ std::vector<int> take_retina_mesh(EyeModel& eye, const TraceSettings& settings, 
                       "give one for all, or one each from the retina to the cornea");
   if (given < surfaces) return vertices;
   Surface& retina = eye.surfaces.back();
-  if (meshed && retina.shape->type() != "mesh") {
+  if (meshed && mesh_of(retina) == nullptr) {
     const RetinalGrid& grid = settings.grid;
     const double reach_mm = grid.centre_mm.norm() + std::hypot(grid.field_x_mm, grid.field_y_mm) / 2;
     retina.shape = std::make_shared<MeshShape>(
@@ -83,36 +80,57 @@ std::vector<int> take_retina_mesh(EyeModel& eye, const TraceSettings& settings, 
   return vertices;
 }
 
-void check(const TraceSettings& settings) {
-  if (settings.method == Method::paper && settings.illuminance)
-    throw usage_error("--illuminance: the paper's rays are not spread evenly over the pupil",
-                      "leave out --method paper");
-  const RetinalGrid& grid = settings.grid;
-  if (grid.width < 1 || grid.height < 1 || grid.width > 16384 || grid.height > 16384)
-    throw usage_error(
-        "--size: " + std::to_string(grid.width) + "x" + std::to_string(grid.height) + " is no image size",
-        "give 1x1 to 16384x16384");
-  if (!(grid.field_x_mm > 0) || !(grid.field_y_mm > 0))
-    throw usage_error("--field-mm: the field must be larger than 0");
-  if (settings.samples < 1 || settings.samples > 1'000'000)
-    throw usage_error("--samples: " + std::to_string(settings.samples) + " is out of range",
-                      "give 1 to 1000000");
-  if (settings.wavelength_nm && (*settings.wavelength_nm < 380 || *settings.wavelength_nm > 780))
-    throw usage_error("--wavelength: " + std::to_string(*settings.wavelength_nm) + " nm is not visible",
-                      "give 380 to 780");
-  if (!(settings.stiles_crawford_per_mm2 >= 0 && settings.stiles_crawford_per_mm2 <= 1))
-    throw usage_error("--stiles-crawford: " + std::to_string(settings.stiles_crawford_per_mm2) +
-                          " per mm^2 is out of range",
-                      "give 0 to 1; 0.05 is usual");
-  if (settings.method == Method::paper && (settings.stiles_crawford_per_mm2 > 0 || settings.diffraction))
-    throw usage_error("--method paper knows neither diffraction nor the Stiles-Crawford effect");
-  if (settings.target_error && !(*settings.target_error > 0))
-    throw usage_error("--target-error: the standard error must be larger than 0", "such as 0.5");
-  if (settings.achromatic && (settings.wavelength_nm || settings.representation == Representation::fast))
-    throw usage_error("--achromatic goes with neither --wavelength nor --surfaces fast");
-  const Gaze& gaze = settings.pose.gaze;
-  if (std::abs(gaze.horizontal_deg) > 60 || std::abs(gaze.vertical_deg) > 60)
-    throw usage_error("--gaze: an eye does not turn by more than 60 degrees");
+/// \throw Error where the picture's derivatives are not offered
+void check_derivatives(const Scene& scene, const TraceSettings& settings,
+                       const std::vector<EyeTangent>& tangents) {
+  if (tangents.empty()) return;
+  if (!scene.meshes.empty())
+    throw unsupported_error("derivatives of a scene with meshes are not offered", "use a scene of planes");
+  if (settings.method == Method::paper || settings.achromatic)
+    throw usage_error("neither --method paper nor --achromatic has derivatives");
+}
+
+Spectrum spectrum_of(const TraceSettings& settings, const EyeModel& eye) {
+  Spectrum spectrum = display_spectrum();
+  if (settings.wavelength_nm) spectrum.wavelength_nm.fill(*settings.wavelength_nm);
+  if (settings.achromatic) spectrum.wavelength_nm.fill(eye.reference_wavelength_nm);
+  return spectrum;
+}
+
+/// \param eye  its retina becomes a mesh where its own count of vertices says so
+SystemForm system_form(EyeModel& eye, const TraceSettings& settings, int threads) {
+  SystemForm form;
+  form.representation = chosen(eye, settings);
+  form.vertices = take_retina_mesh(eye, settings, form.representation != Representation::analytic);
+  form.every_surface = settings.method == Method::paper;
+  form.threads = threads;
+  return form;
+}
+
+/// All that does not need a device.
+PictureJob picture_job(const EyeModel& eye, const Scene& scene, const TraceSettings& settings,
+                       const SystemForm& form, const Spectrum& spectrum, const PupilAim& aim) {
+  const bool paper = settings.method == Method::paper, spectral = !settings.wavelength_nm;
+  PictureJob job;
+  job.system = make_optical_system(paper ? without_stop(eye) : eye, spectrum.wavelength_nm, form);
+  job.view = make_device_scene(scene, settings.pose.eye_from_scene(), !spectral, form.threads);
+  job.grid = settings.grid;
+  job.samples = settings.samples;
+  job.pixels = make_pixels(eye, job.grid, aim, form.threads);
+  job.aim_plane_z_mm = aim.plane_z_mm();
+  job.colours = colour_table(spectrum);
+  if (paper) job.cap = aim_cap(eye, job.system.operation_of);
+  if (settings.stiles_crawford_per_mm2 > 0)
+    job.pupil_falloff = static_cast<float>(pupil_falloff(eye, settings));
+  if (settings.diffraction) job.airy = airy_table(spectrum.wavelength_nm, entrance_pupil_mm(eye));
+  job.form.channels = job.view.channels;
+  job.form.spectral = spectral;
+  job.form.illuminance = settings.illuminance;
+  job.form.meshes = job.view.has_meshes();
+  job.form.stiles_crawford = job.pupil_falloff.has_value();
+  job.form.diffraction = settings.diffraction;
+  job.form.random_cap = paper;
+  return job;
 }
 
 /// Means from sums.
@@ -171,55 +189,23 @@ std::string Tracer::device_name() const {
 
 TraceResult Tracer::trace(const EyeModel& whole_eye, const Scene& scene, const TraceSettings& settings,
                           const std::vector<EyeTangent>& tangents) const {
-  check(settings);
+  settings.check();
+  check_derivatives(scene, settings, tangents);
   const auto begin = std::chrono::steady_clock::now();
-  const bool spectral = !settings.wavelength_nm;
-  Spectrum spectrum = display_spectrum();
-  if (!spectral) spectrum.wavelength_nm.fill(*settings.wavelength_nm);
-  if (settings.achromatic) spectrum.wavelength_nm.fill(whole_eye.reference_wavelength_nm);
-
+  const Spectrum spectrum = spectrum_of(settings, whole_eye);
   EyeModel eye = whole_eye;
-  const bool paper = settings.method == Method::paper;
-  SystemForm system_form;
-  system_form.representation = chosen(eye, settings);
-  system_form.vertices =
-      take_retina_mesh(eye, settings, system_form.representation != Representation::analytic);
-  system_form.every_surface = paper;
-  system_form.threads = state_->threads;
-
-  PictureJob job;
-  job.system = make_optical_system(paper ? without_stop(eye) : eye, spectrum.wavelength_nm, system_form);
-  job.view = make_device_scene(scene, settings.pose.eye_from_scene(), !spectral, state_->threads);
-  if (job.view.has_meshes() && !tangents.empty())
-    throw unsupported_error("derivatives of a scene with meshes are not offered", "use a scene of planes");
-  if ((paper || settings.achromatic) && !tangents.empty())
-    throw usage_error("neither --method paper nor --achromatic has derivatives");
-  job.grid = settings.grid;
-  job.samples = settings.samples;
-  const PupilAim aim(eye, job.grid, spectral ? eye.reference_wavelength_nm : *settings.wavelength_nm,
+  const SystemForm form = system_form(eye, settings, state_->threads);
+  const PupilAim aim(eye, settings.grid, settings.wavelength_nm.value_or(eye.reference_wavelength_nm),
                      state_->threads);
-  job.pixels = make_pixels(eye, job.grid, aim, state_->threads);
-  job.aim_plane_z_mm = aim.plane_z_mm();
-  job.colours = colour_table(spectrum);
-  if (paper) job.cap = aim_cap(eye, job.system.operation_of);
-  if (settings.stiles_crawford_per_mm2 > 0)
-    job.pupil_falloff = static_cast<float>(pupil_falloff(eye, settings));
-  if (settings.diffraction) job.airy = airy_table(spectrum.wavelength_nm, entrance_pupil_mm(eye));
+  PictureJob job = picture_job(eye, scene, settings, form, spectrum, aim);
   if (!tangents.empty())
     job.change = make_image_change(tangents, job.view, job.grid, spectrum.wavelength_nm, state_->threads);
-  job.form.channels = job.view.channels;
-  job.form.spectral = spectral;
-  job.form.illuminance = settings.illuminance;
-  job.form.meshes = job.view.has_meshes();
-  job.form.stiles_crawford = job.pupil_falloff.has_value();
-  job.form.diffraction = settings.diffraction;
-  job.form.random_cap = paper;
   job.form.tangents = tangents.size();
 
   TraceResult result;
   result.device = device_name();
   result.notes = job.system.notes;
-  if (system_form.representation == Representation::fast) {
+  if (form.representation == Representation::fast) {
     OpenCl& first = *state_->devices.front();
     try {
       job.map = make_fast_map(first, eye, job.grid, aim, job.system, spectrum.wavelength_nm, settings.seed,

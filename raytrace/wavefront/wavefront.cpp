@@ -7,7 +7,9 @@
 #include "pipeline/base/frames.hpp"
 #include "pipeline/eye/optics/exact_trace.hpp"
 #include "pipeline/eye/optics/paraxial.hpp"
+#include "pipeline/eye/optics/retina_point.hpp"
 #include "pipeline/eye/surfaces/zernike.hpp"
+#include "raytrace/retina/stop_crossing.hpp"
 
 namespace emmetrope::raytrace {
 namespace {
@@ -45,18 +47,12 @@ Quadrature gauss_legendre(int n) {
   return q;
 }
 
-/// The point of the retina at (x, y) from the pole, eye frame.
-Eigen::Vector3d retinal_point(const EyeModel& eye, const Eigen::Vector2d& from_pole) {
-  const Surface& retina = eye.retina();
-  const Eigen::Isometry3d surface_from_eye = retina.eye_from_surface().inverse();
-  // From inside the globe, so that the sheet in front of the equator is out of the way.
-  const Eigen::Vector3d start(from_pole.x(), from_pole.y(), -eye.axial_length_mm() * 0.7);
-  const std::optional<ShapeHit> hit = retina.shape->intersect(
-      {surface_from_eye * start, surface_from_eye.linear() * Eigen::Vector3d(0, 0, -1)});
-  if (!hit)
-    throw input_error("the retina does not reach (" + std::to_string(from_pole.x()) + ", " +
-                      std::to_string(from_pole.y()) + ") mm from its pole");
-  return retina.eye_from_surface() * hit->position;
+Eigen::Vector3d retinal_point(const EyeModel& eye, const Eigen::Vector2d& from_pole_mm) {
+  const std::optional<RetinaPoint> point = meet_retina(eye, from_pole_mm);
+  if (!point)
+    throw input_error("the retina does not reach (" + std::to_string(from_pole_mm.x()) + ", " +
+                      std::to_string(from_pole_mm.y()) + ") mm from its pole");
+  return point->position_mm;
 }
 
 /// A ray where it crosses the reference plane, in that plane's axes.
@@ -74,6 +70,7 @@ class RetinalPencil {
       : tracer_(without_stop(eye), wavelength_nm),
         source_(retinal_point(eye, fovea_mm)),
         aim_depth_mm_(exit_pupil(eye, wavelength_nm).position_mm) {
+    find_chief_ray(eye, wavelength_nm);
     find_line_of_sight(eye, wavelength_nm);
     // Plane coordinates against aim coordinates about the line of sight.
     constexpr double h = 0.05;
@@ -104,54 +101,22 @@ class RetinalPencil {
   const Eigen::Vector3d& centre() const { return centre_; }  ///< of the entrance pupil
 
  private:
-  static EyeModel without_stop(EyeModel eye) {
-    for (std::size_t k = eye.surfaces.size(); k-- > 0;)
-      if (eye.surfaces[k].is_stop())
-        eye.surfaces.erase(eye.surfaces.begin() + static_cast<std::ptrdiff_t>(k));
-    return eye;
-  }
+  Eigen::Vector3d target(const Eigen::Vector2d& aim) const { return {aim.x(), aim.y(), -aim_depth_mm_}; }
+  Ray aimed(const Eigen::Vector2d& aim) const { return {source_, (target(aim) - source_).normalized()}; }
 
-  Ray aimed(const Eigen::Vector2d& aim) const {
-    const Eigen::Vector3d target(aim.x(), aim.y(), -aim_depth_mm_);
-    return {source_, (target - source_).normalized()};
-  }
-
-  /// Where the ray crosses the plane of the stop, inside the eye.
-  std::optional<Eigen::Vector2d> at_stop(const EyeModel& eye, const Eigen::Vector2d& aim) const {
-    const Surface& stop = *eye.stop();
-    const RayPath path = tracer_.trace(aimed(aim));
-    if (path.state != RayState::reached) return std::nullopt;
-    // The last hit on a surface behind the stop.
-    bool behind = false;
-    Eigen::Vector3d position = source_, direction = aimed(aim).direction;
-    std::size_t hit = 0;
-    for (auto surface = eye.surfaces.rbegin(); surface != eye.surfaces.rend(); ++surface) {
-      if (surface->is_stop()) {
-        behind = true;
-        break;
-      }
-      if (hit < path.hits.size() && path.hits[hit].surface == surface->name) {
-        position = path.hits[hit].position_mm;
-        direction = path.hits[hit].direction;
-        ++hit;
-      }
+  /// The aim through the centre of the stop; straight ahead where there is none.
+  void find_chief_ray(const EyeModel& eye, double wavelength_nm) {
+    if (eye.stop() == nullptr) return;
+    const StopCrossing at_stop(eye, wavelength_nm);
+    for (int iteration = 0; iteration < 30; ++iteration) {
+      const std::optional<Eigen::Vector2d> at = at_stop(source_, target(chief_aim_));
+      if (!at) throw no_result_error("the ray through the centre of the stop does not leave the eye");
+      if (at->norm() < 1e-10) break;
+      chief_aim_ -= *at;  // the stop lies close to its image: converges by a factor of about ten a step
     }
-    if (!behind) return std::nullopt;
-    const Eigen::Isometry3d stop_from_eye = stop.eye_from_surface().inverse();
-    const Eigen::Vector3d p = stop_from_eye * position, d = stop_from_eye.linear() * direction;
-    return Eigen::Vector2d((p - p.z() / d.z() * d).head<2>());
   }
 
   void find_line_of_sight(const EyeModel& eye, double wavelength_nm) {
-    chief_aim_ = {0, 0};
-    if (eye.stop() != nullptr) {
-      for (int iteration = 0; iteration < 30; ++iteration) {
-        const std::optional<Eigen::Vector2d> at = at_stop(eye, chief_aim_);
-        if (!at) throw no_result_error("the ray through the centre of the stop does not leave the eye");
-        if (at->norm() < 1e-10) break;
-        chief_aim_ -= *at;  // the stop lies close to its image: converges by a factor of about ten a step
-      }
-    }
     const ExactTracer::End chief = tracer_.trace_end(aimed(chief_aim_));
     if (chief.state != RayState::reached || chief.direction.z() <= 0)
       throw no_result_error("the line of sight does not leave the eye");
@@ -181,12 +146,6 @@ class RetinalPencil {
   Eigen::Vector3d line_of_sight_, centre_, x_axis_, y_axis_;
 };
 
-/// Symmetric vergence matrix (1/mm) as a power vector (D).
-PowerVector power_from(const Eigen::Matrix2d& vergence) {
-  return {500 * (vergence(0, 0) + vergence(1, 1)), 500 * (vergence(0, 0) - vergence(1, 1)),
-          500 * (vergence(0, 1) + vergence(1, 0))};
-}
-
 PowerVector central_vergence(const RetinalPencil& pencil) {
   Eigen::Matrix2d vergence;
   for (int k = 0; k < 2; ++k) {
@@ -195,7 +154,7 @@ PowerVector central_vergence(const RetinalPencil& pencil) {
     if (!ahead || !behind) throw no_result_error("rays near the line of sight do not leave the eye");
     vergence.col(k) = (ahead->slope - behind->slope) / (2 * centre_mm);
   }
-  return power_from(vergence);
+  return power_from_vergence(vergence);
 }
 
 /// One ray of the pupil with its share of the pupil's area.
@@ -243,7 +202,29 @@ PowerVector slope_vergence(const std::vector<Sample>& samples) {
   const Eigen::Matrix<double, 5, 1> fit = normal.ldlt().solve(right);
   Eigen::Matrix2d vergence;
   vergence << fit[2], fit[3], fit[3], fit[4];
-  return power_from(vergence);
+  return power_from_vergence(vergence);
+}
+
+/// Weighted least squares of the optical paths over the pupil; writes the terms and what they leave.
+/// \return all coefficients, piston too
+Eigen::VectorXd fit_zernike(Wavefront& result, const std::vector<Sample>& samples, double chief_opl_mm,
+                            int order) {
+  const auto rows = static_cast<Eigen::Index>(samples.size());
+  Eigen::MatrixXd terms(rows, zernike_count(order));
+  Eigen::VectorXd wavefront_um(rows), root_weight(rows);
+  for (Eigen::Index k = 0; k < rows; ++k) {
+    const Sample& sample = samples[static_cast<std::size_t>(k)];
+    root_weight[k] = std::sqrt(sample.weight);
+    terms.row(k) = zernike_values(order, sample.place.x(), sample.place.y()).transpose();
+    wavefront_um[k] = 1000 * (chief_opl_mm - sample.at.opl_mm);
+  }
+  Eigen::VectorXd fit =
+      (root_weight.asDiagonal() * terms).colPivHouseholderQr().solve(root_weight.asDiagonal() * wavefront_um);
+  const Eigen::VectorXd left = root_weight.asDiagonal() * (terms * fit - wavefront_um);
+  result.fit_residual_rms_um = left.norm() / root_weight.norm();
+  result.zernike_um.assign(fit.data(), fit.data() + fit.size());
+  result.zernike_um[0] = 0;
+  return fit;
 }
 
 }  // namespace
@@ -292,23 +273,9 @@ Wavefront measure_wavefront(const EyeModel& eye, const WavefrontSettings& settin
   if (!chief) throw no_result_error("the line of sight does not leave the eye");
   const std::vector<Sample> samples = sample_pupil(pencil, radius_mm, settings.order);
 
-  const auto rows = static_cast<Eigen::Index>(samples.size());
-  Eigen::MatrixXd terms(rows, zernike_count(settings.order));
-  Eigen::VectorXd wavefront_um(rows), root_weight(rows);
-  for (Eigen::Index k = 0; k < rows; ++k) {
-    const Sample& sample = samples[static_cast<std::size_t>(k)];
-    root_weight[k] = std::sqrt(sample.weight);
-    terms.row(k) = zernike_values(settings.order, sample.place.x(), sample.place.y()).transpose();
-    wavefront_um[k] = 1000 * (chief->opl_mm - sample.at.opl_mm);
-  }
-  const Eigen::VectorXd fit =
-      (root_weight.asDiagonal() * terms).colPivHouseholderQr().solve(root_weight.asDiagonal() * wavefront_um);
   for (const Sample& sample : samples)
     result.rays.push_back({sample.at.position_mm, sample.at.slope, sample.weight});
-  const Eigen::VectorXd left = root_weight.asDiagonal() * (terms * fit - wavefront_um);
-  result.fit_residual_rms_um = left.norm() / root_weight.norm();
-  result.zernike_um.assign(fit.data(), fit.data() + fit.size());
-  result.zernike_um[0] = 0;
+  const Eigen::VectorXd fit = fit_zernike(result, samples, chief->opl_mm, settings.order);
 
   result.line_of_sight_deg = {std::atan2(pencil.line_of_sight().x(), pencil.line_of_sight().z()) / degree,
                               std::atan2(pencil.line_of_sight().y(), pencil.line_of_sight().z()) / degree};

@@ -1,6 +1,4 @@
 // What the command writes and refuses.
-#include "raytrace/stage.hpp"
-
 #include <gtest/gtest.h>
 
 #include <CLI/CLI.hpp>
@@ -9,6 +7,7 @@
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/json.hpp"
 #include "pipeline/eye/optics/paraxial.hpp"
+#include "raytrace/command.hpp"
 #include "tests/support/temporary_folder.hpp"
 
 namespace emmetrope::raytrace {

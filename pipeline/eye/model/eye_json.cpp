@@ -109,6 +109,11 @@ Medium read_medium(const std::string& name, const Json& entry, double reference_
   return medium;
 }
 
+/// The only place where a name decides what a surface is.
+Bearer bearer_of(const std::string& name) {
+  return name.rfind("spectacle", 0) == 0 ? Bearer::head : Bearer::eye;
+}
+
 Surface read_stop(CheckedObject& json, const std::string& name) {
   Surface stop;
   stop.name = name;
@@ -156,6 +161,7 @@ Surface read_surface(const Json& entry, std::size_t number, bool is_last, const 
     surface.shape = shape_from_json(type, json);
     surface.position_mm = json.within("position_mm", -farthest_mm, farthest_mm);
   }
+  surface.bearer = bearer_of(name);
   surface.decentre_mm = json.pair("decentre_mm", {0, 0});
   json.require_magnitude("decentre_mm", surface.decentre_mm, 0, 20);
   surface.tilt_deg = json.pair("tilt_deg", {0, 0});

@@ -1,5 +1,7 @@
 #include "pipeline/eye/model/eye_model.hpp"
 
+#include <algorithm>
+
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/frames.hpp"
 
@@ -43,6 +45,24 @@ const Medium& EyeModel::medium(const std::string& medium_name) const {
 void EyeModel::set_stop_diameter(double diameter_mm) {
   for (Surface& candidate : surfaces)
     if (candidate.is_stop()) candidate.stop_diameter_mm = diameter_mm;
+}
+
+namespace {
+
+template <typename Predicate>
+EyeModel without(EyeModel eye, const Predicate& goes) {
+  eye.surfaces.erase(std::remove_if(eye.surfaces.begin(), eye.surfaces.end(), goes), eye.surfaces.end());
+  return eye;
+}
+
+}  // namespace
+
+EyeModel without_stop(EyeModel eye) {
+  return without(std::move(eye), [](const Surface& surface) { return surface.is_stop(); });
+}
+
+EyeModel without_spectacle(EyeModel eye) {
+  return without(std::move(eye), [](const Surface& surface) { return surface.bearer == Bearer::head; });
 }
 
 }  // namespace emmetrope

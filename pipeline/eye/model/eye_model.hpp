@@ -12,6 +12,9 @@
 
 namespace emmetrope {
 
+/// What a surface turns with: a spectacle stays with the head while the eye turns behind it.
+enum class Bearer { eye, head };
+
 /// One optical surface of an eye, or its stop, in the order that light meets them.
 struct Surface {
   std::string name;  ///< "cornea_anterior", "cornea_posterior", "lens_anterior", "lens_posterior", "retina"
@@ -23,6 +26,8 @@ struct Surface {
   double semi_diameter_mm = 0;  ///< clear aperture; 0: as far as the shape reaches
   double stop_diameter_mm = 0;  ///< for a stop: the iris aperture
   std::string medium_after;     ///< key of EyeModel::media; empty for a stop and for the retina
+  /// eye.json says head by a name that begins with "spectacle"
+  Bearer bearer = Bearer::eye;
 
   bool is_stop() const { return shape == nullptr; }
   /// From the shape's own frame into the eye's.
@@ -49,6 +54,11 @@ struct EyeModel {
   /// Depth of the retina's vertex, mm.
   double axial_length_mm() const { return retina().position_mm; }
 };
+
+/// The eye without its stop: all rays that its surfaces pass.
+EyeModel without_stop(EyeModel eye);
+/// The eye without what it wears before it.
+EyeModel without_spectacle(EyeModel eye);
 
 /// Reads an eye.json; every key and value is checked.
 /// \throw Error (input_invalid) naming file and key

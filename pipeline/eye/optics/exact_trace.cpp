@@ -161,8 +161,16 @@ bool ExactTracer::inside_body(int partner, const Eigen::Vector3d& position, bool
   return inward ? -p.z() < *depth : -p.z() > *depth;
 }
 
-std::optional<ExactTracer::GradientArrival> ExactTracer::cross_gradient(int owner, const Step& target,
-                                                                        const Ray& ray, bool inward) const {
+std::optional<ExactTracer::Arrival> ExactTracer::run_straight(const Step& target, const Ray& ray, int medium,
+                                                              bool may_lie_behind) const {
+  const std::optional<ShapeHit> met = hit(target, ray, may_lie_behind);
+  if (!met) return std::nullopt;
+  return Arrival{
+      {met->position, ray.direction}, met->normal, index_at(medium, ray.origin) * met->distance_mm};
+}
+
+std::optional<ExactTracer::Arrival> ExactTracer::cross_gradient(int owner, const Step& target, const Ray& ray,
+                                                                bool inward) const {
   const Step& frame = steps_[owner];
   const Medium& medium = frame.medium_after;
   const double shift = frame.index_after - medium.index;
@@ -207,10 +215,38 @@ std::optional<ExactTracer::GradientArrival> ExactTracer::cross_gradient(int owne
     }
     const Eigen::Vector3d p = target_from_frame * next.r;
     if (target.semi_diameter_mm > 0 && p.head<2>().norm() > target.semi_diameter_mm) return std::nullopt;
-    return GradientArrival{frame.eye_from_surface * next.r,
-                           (frame.eye_from_surface.linear() * next.t).normalized(), next.opl};
+    const Ray arrived{frame.eye_from_surface * next.r,
+                      (frame.eye_from_surface.linear() * next.t).normalized()};
+    const Eigen::Vector3d at = target.surface_from_eye * arrived.origin;
+    const std::optional<Eigen::Vector3d> normal = target.shape->normal(at.x(), at.y());
+    if (!normal) return std::nullopt;
+    return Arrival{arrived, target.eye_from_surface.linear() * *normal, next.opl};
   }
   return std::nullopt;
+}
+
+/// A stop only looks at the ray: a decentred lens may bulge through its plane.
+bool ExactTracer::passes_stop(const Step& stop, const Ray& ray) const {
+  const Ray local{stop.surface_from_eye * ray.origin, stop.surface_from_eye.linear() * ray.direction};
+  const Eigen::Vector3d crossing = local.origin - local.origin.z() / local.direction.z() * local.direction;
+  return crossing.head<2>().norm() <= stop.stop_radius_mm;
+}
+
+int ExactTracer::first_ahead(const Eigen::Vector3d& origin, bool inward) const {
+  const int count = static_cast<int>(steps_.size());
+  int first = inward ? 0 : count - 2;
+  if (inward)
+    while (first < count && lies_behind(steps_[first], origin)) ++first;
+  else
+    while (first >= 0 && !lies_behind(steps_[first], origin)) --first;
+  return first;
+}
+
+int ExactTracer::medium_before(int first, bool inward) const {
+  const int count = static_cast<int>(steps_.size());
+  if (inward) return first < count ? steps_[first].medium_before : count - 1;
+  if (first < 0) return -1;
+  return steps_[first].shape ? first : steps_[first].medium_before;
 }
 
 template <typename Report>
@@ -218,23 +254,11 @@ ExactTracer::End ExactTracer::walk(const Ray& ray_in_eye, const Report& report) 
   const bool inward = ray_in_eye.direction.z() < 0;
   const int count = static_cast<int>(steps_.size());
   const int retina = count - 1;
-
-  // The surfaces that the origin has behind it are passed already.
-  int first = inward ? 0 : count - 2;
-  for (int k = 0; k < count; ++k)
-    if (inward && !lies_behind(steps_[k], ray_in_eye.origin)) {
-      first = k;
-      break;
-    } else if (inward) {
-      first = k + 1;
-    }
-  if (!inward)
-    while (first >= 0 && !lies_behind(steps_[first], ray_in_eye.origin)) --first;
+  const int first = first_ahead(ray_in_eye.origin, inward);
 
   End end{RayState::reached, -1, ray_in_eye.origin, ray_in_eye.direction, 0};
   Ray ray = ray_in_eye;
-  int medium = inward ? (first < count ? steps_[first].medium_before : retina)
-                      : (first < 0 ? -1 : (steps_[first].shape ? first : steps_[first].medium_before));
+  int medium = medium_before(first, inward);
   int last_hit = -1;
   const auto ended = [&](RayState state, int surface) {
     end.state = state;
@@ -245,44 +269,29 @@ ExactTracer::End ExactTracer::walk(const Ray& ray_in_eye, const Report& report) 
   for (int k = first; inward ? k < count : k >= 0; k += inward ? 1 : -1) {
     const Step& step = steps_[k];
     if (!step.shape) {
-      // A stop only looks at the ray: a decentred lens may bulge through its plane.
-      const Ray local{step.surface_from_eye * ray.origin, step.surface_from_eye.linear() * ray.direction};
-      const Eigen::Vector3d crossing =
-          local.origin - local.origin.z() / local.direction.z() * local.direction;
-      if (!(crossing.head<2>().norm() <= step.stop_radius_mm)) return ended(RayState::vignetted, k);
+      if (!passes_stop(step, ray)) return ended(RayState::vignetted, k);
       continue;
     }
     const bool in_gradient = medium >= 0 && steps_[medium].medium_after.gradient.has_value();
     const bool thin = last_hit >= 0 &&
                       std::abs(steps_[last_hit].position_mm - step.position_mm) < coincident_mm &&
                       k != retina;
-    Eigen::Vector3d normal;
-    if (in_gradient) {
-      const std::optional<GradientArrival> arrival = cross_gradient(medium, step, ray, inward);
-      if (!arrival) return ended(RayState::missed_surface, k);
-      const Eigen::Vector3d p = step.surface_from_eye * arrival->position;
-      const std::optional<Eigen::Vector3d> local_normal = step.shape->normal(p.x(), p.y());
-      if (!local_normal) return ended(RayState::missed_surface, k);
-      normal = step.eye_from_surface.linear() * *local_normal;
-      ray = {arrival->position, arrival->direction};
-      end.opl_mm += arrival->opl_mm;
-    } else {
-      const std::optional<ShapeHit> met = hit(step, ray, thin);
-      const bool enters_body = step.partner >= 0 && (inward ? step.partner > k : step.partner < k);
-      if (enters_body && (!met || !inside_body(step.partner, met->position, inward))) {
-        k = step.partner;  // past the whole body, in the medium around it
-        continue;
-      }
-      if (!met) return ended(RayState::missed_surface, k);
-      end.opl_mm += index_at(medium, ray.origin) * met->distance_mm;
-      ray.origin = met->position;
-      normal = met->normal;
+    const std::optional<Arrival> arrival =
+        in_gradient ? cross_gradient(medium, step, ray, inward) : run_straight(step, ray, medium, thin);
+    const bool enters_body =
+        !in_gradient && step.partner >= 0 && (inward ? step.partner > k : step.partner < k);
+    if (enters_body && (!arrival || !inside_body(step.partner, arrival->ray.origin, inward))) {
+      k = step.partner;  // past the whole body, in the medium around it
+      continue;
     }
+    if (!arrival) return ended(RayState::missed_surface, k);
+    ray = arrival->ray;
+    end.opl_mm += arrival->opl_mm;
     last_hit = k;
     const int next_medium = inward ? k : step.medium_before;
     if (k != retina) {
-      const std::optional<Eigen::Vector3d> direction =
-          refract(ray.direction, normal, index_at(medium, ray.origin), index_at(next_medium, ray.origin));
+      const std::optional<Eigen::Vector3d> direction = refract(
+          ray.direction, arrival->normal, index_at(medium, ray.origin), index_at(next_medium, ray.origin));
       if (!direction) {
         end.position_mm = ray.origin;
         return ended(RayState::tir, k);

@@ -62,12 +62,20 @@ class ExactTracer {
   bool lies_behind(const Step& step, const Eigen::Vector3d& position) const;
   std::optional<ShapeHit> hit(const Step& step, const Ray& ray, bool may_lie_behind) const;
   bool inside_body(int partner, const Eigen::Vector3d& position, bool inward) const;
-  struct GradientArrival {
-    Eigen::Vector3d position, direction;
-    double opl_mm;
+  /// A ray on the surface ahead, before it is refracted there.
+  struct Arrival {
+    Ray ray;
+    Eigen::Vector3d normal;
+    double opl_mm = 0;  ///< from the last surface
   };
-  std::optional<GradientArrival> cross_gradient(int owner, const Step& target, const Ray& ray,
-                                                bool inward) const;
+  std::optional<Arrival> run_straight(const Step& target, const Ray& ray, int medium,
+                                      bool may_lie_behind) const;
+  std::optional<Arrival> cross_gradient(int owner, const Step& target, const Ray& ray, bool inward) const;
+  bool passes_stop(const Step& stop, const Ray& ray) const;
+  /// The first surface that the origin has not passed already; beyond the last one where it has passed all.
+  int first_ahead(const Eigen::Vector3d& origin, bool inward) const;
+  /// Index of the surface behind which lies the medium that a ray runs through to surface `first`; -1: air.
+  int medium_before(int first, bool inward) const;
   template <typename Report>
   End walk(const Ray& ray_in_eye, const Report& report) const;
 

@@ -6,6 +6,7 @@
 
 #include "pipeline/base/error.hpp"
 #include "pipeline/eye/optics/exact_trace.hpp"
+#include "pipeline/eye/optics/retina_point.hpp"
 
 namespace emmetrope {
 namespace {
@@ -163,25 +164,13 @@ bool is_centred(const EyeModel& eye) {
   return true;
 }
 
-PowerVector power_from(const Eigen::Matrix2d& vergence_per_mm) {
-  return {500 * (vergence_per_mm(0, 0) + vergence_per_mm(1, 1)),
-          500 * (vergence_per_mm(0, 0) - vergence_per_mm(1, 1)),
-          500 * (vergence_per_mm(0, 1) + vergence_per_mm(1, 0))};
-}
-
 /// Exact rays near the one that leaves the pole along the axis: their slopes against their places in the
 /// plane of the corneal vertex, across the ray.
-PowerVector parabasal_refraction(EyeModel eye, double wavelength_nm) {
-  const auto is_stop = [](const Surface& s) { return s.is_stop(); };
-  eye.surfaces.erase(std::remove_if(eye.surfaces.begin(), eye.surfaces.end(), is_stop), eye.surfaces.end());
-  const ExactTracer tracer(eye, wavelength_nm);
-  const Surface& retina = eye.retina();
-  const Eigen::Isometry3d retina_from_eye = retina.eye_from_surface().inverse();
-  const Eigen::Vector3d inside(0, 0, -0.7 * eye.axial_length_mm());
-  const std::optional<ShapeHit> pole = retina.shape->intersect(
-      {retina_from_eye * inside, retina_from_eye.linear() * Eigen::Vector3d(0, 0, -1)});
+PowerVector parabasal_refraction(const EyeModel& eye, double wavelength_nm) {
+  const ExactTracer tracer(without_stop(eye), wavelength_nm);
+  const std::optional<RetinaPoint> pole = meet_retina(eye, {0, 0});
   if (!pole) throw no_result_error("eye '" + eye.name + "': the axis does not meet the retina");
-  const Eigen::Vector3d start = retina.eye_from_surface() * pole->position;
+  const Eigen::Vector3d start = pole->position_mm;
   const auto leaving = [&](double angle_x, double angle_y) {
     const ExactTracer::End end = tracer.trace_end({start, Eigen::Vector3d(angle_x, angle_y, 1).normalized()});
     if (end.state != RayState::reached || end.direction.z() <= 0)
@@ -208,10 +197,16 @@ PowerVector parabasal_refraction(EyeModel eye, double wavelength_nm) {
       place.col(k) += sign * Eigen::Vector2d(offset.dot(x), offset.dot(y));
       slope.col(k) += sign * Eigen::Vector2d(end.direction.dot(x), end.direction.dot(y));
     }
-  return power_from(slope * place.inverse());
+  return power_from_vergence(slope * place.inverse());
 }
 
 }  // namespace
+
+PowerVector power_from_vergence(const Eigen::Matrix2d& vergence_per_mm) {
+  return {500 * (vergence_per_mm(0, 0) + vergence_per_mm(1, 1)),
+          500 * (vergence_per_mm(0, 0) - vergence_per_mm(1, 1)),
+          500 * (vergence_per_mm(0, 1) + vergence_per_mm(1, 0))};
+}
 
 CardinalPoints cardinal_points(const EyeModel& eye, double wavelength_nm) {
   const AxialSystem system(eye, wavelength_nm, true);
@@ -252,7 +247,7 @@ PowerVector paraxial_refraction(const EyeModel& eye, double wavelength_nm) {
   const int retina = static_cast<int>(eye.surfaces.size()) - 1;
   const Matrix4 m = system.from_air(0, retina, eye.axial_length_mm());
   // A y + B p = 0 on the retina for p = -L y: the vergence L that the eye focuses.
-  return power_from(m.topRightCorner<2, 2>().inverse() * m.topLeftCorner<2, 2>());
+  return power_from_vergence(m.topRightCorner<2, 2>().inverse() * m.topLeftCorner<2, 2>());
 }
 
 }  // namespace emmetrope

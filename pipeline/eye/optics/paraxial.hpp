@@ -24,6 +24,9 @@ struct Pupil {
 Pupil entrance_pupil(const EyeModel& eye, double wavelength_nm);
 Pupil exit_pupil(const EyeModel& eye, double wavelength_nm);
 
+/// A symmetric vergence matrix (1/mm) as a power vector.
+PowerVector power_from_vergence(const Eigen::Matrix2d& vergence_per_mm);
+
 /// Paraxial refraction at the corneal vertex, meridian by meridian (2 x 2 vergence): what corrects the eye.
 /// Where surfaces are tilted or decentred it is that of rays near the one that leaves the retina's pole along
 /// the axis, traced exactly.

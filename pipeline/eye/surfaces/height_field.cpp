@@ -22,7 +22,6 @@ constexpr int fewest_vertices = 12;
 constexpr double largest_rms_mm = 0.05;
 
 // --- the conic
-// -------------------------------------------------------------------------------------------------
 
 /// d = offset + g.x + S / (1 + sqrt(1 - (1 + q) T)), S = x'Cx, T = x'C^2 x.
 struct Base {
@@ -124,7 +123,6 @@ Base fit_base(const Points& all) {
 }
 
 // --- uniform cubic B-splines
-// -------------------------------------------------------------------------------------
 
 /// Weights of the four control values of a cell at t in [0, 1], with derivatives with respect to t.
 struct Weights {
@@ -285,39 +283,22 @@ double inside_distance(const Eigen::Vector2d& a, const Eigen::Vector2d& b, const
   return edge.x() * (p.y() - a.y()) - edge.y() * (p.x() - a.x());
 }
 
-}  // namespace
-
-std::optional<HeightField> HeightField::fit(const TriangleMesh& mesh) {
+/// The vertices, without those on slopes too steep for a height field.
+Points gently_sloped(const TriangleMesh& mesh) {
   Points points;
   for (std::size_t k = 0; k < mesh.vertices.size(); ++k)
     if (mesh.normals.empty() || mesh.normals[k].z() >= least_normal_z)
       points.emplace_back(mesh.vertices[k].x(), mesh.vertices[k].y(), -mesh.vertices[k].z());
-  if (points.size() < fewest_vertices) return std::nullopt;
+  return points;
+}
 
-  HeightField field;
-  field.outline_ = convex_hull(points);
-  const double area = polygon_area(field.outline_);
-  if (field.outline_.size() < 3 || !(area > 0)) return std::nullopt;
-  field.inner_reach_ = std::numeric_limits<double>::infinity();
-  for (std::size_t k = 0; k < field.outline_.size(); ++k) {
-    const Eigen::Vector2d &a = field.outline_[k], &b = field.outline_[(k + 1) % field.outline_.size()];
-    field.reach_ = std::max(field.reach_, a.norm());
-    field.inner_reach_ = std::min(field.inner_reach_, inside_distance(a, b, {0, 0}));
-  }
-  if (field.inner_reach_ <= 0) return std::nullopt;  // does not hold its vertex
-
-  const Base base = fit_base(points);
-  // Half as many knots as vertices, and no finer than an optical surface can want.
-  const double knots_mm =
-      std::max(1.4 * std::sqrt(area / static_cast<double>(points.size())), field.reach_ / 24);
-  Grid residual = grid_over(points, knots_mm, 1);
-  fit_residual(residual, points, base);
-
-  // Resampled with the same knots and more between them, so that the residual's spline is reproduced exactly;
-  // a margin lets the ends' condition die away.
+/// Conic and residual as one spline: with the residual's knots and more between them, so that its spline is
+/// reproduced exactly; a margin lets the ends' condition die away.
+Grid resampled(const Base& base, const Grid& residual, double reach_mm) {
+  const double knots_mm = residual.spacing;
   const double strongest_per_mm = base.curvature.cwiseAbs().maxCoeff();
   const double wanted_mm =
-      std::max(field.reach_ / 150, std::min({knots_mm / 2, 0.2, 1 / (30 * strongest_per_mm + 1e-9)}));
+      std::max(reach_mm / 150, std::min({knots_mm / 2, 0.2, 1 / (30 * strongest_per_mm + 1e-9)}));
   const int split = std::max(1, static_cast<int>(std::ceil(knots_mm / wanted_mm)));
   Grid fine;
   fine.spacing = knots_mm / split;
@@ -335,6 +316,25 @@ std::optional<HeightField> HeightField::fit(const TriangleMesh& mesh) {
   for (int j = 0; j < fine.rows; ++j)
     interpolate_line(&fine.controls[static_cast<std::size_t>(j) * fine.columns], fine.columns, 1);
   for (int i = 0; i < fine.columns; ++i) interpolate_line(&fine.controls[i], fine.rows, fine.columns);
+  return fine;
+}
+
+}  // namespace
+
+std::optional<HeightField> HeightField::fit(const TriangleMesh& mesh) {
+  const Points points = gently_sloped(mesh);
+  if (points.size() < fewest_vertices) return std::nullopt;
+  HeightField field;
+  if (!field.outline(points)) return std::nullopt;
+
+  const Base base = fit_base(points);
+  // Half as many knots as vertices, and no finer than an optical surface can want.
+  const double area = polygon_area(field.outline_);
+  const double knots_mm =
+      std::max(1.4 * std::sqrt(area / static_cast<double>(points.size())), field.reach_ / 24);
+  Grid residual = grid_over(points, knots_mm, 1);
+  fit_residual(residual, points, base);
+  Grid fine = resampled(base, residual, field.reach_);
 
   field.origin_ = fine.origin;
   field.spacing_ = fine.spacing;
@@ -344,16 +344,32 @@ std::optional<HeightField> HeightField::fit(const TriangleMesh& mesh) {
   field.base_offset_ = base.offset;
   field.base_curvature_ = base.curvature;
   field.base_q_ = base.q;
-  field.fitted_vertices_ = static_cast<int>(points.size());
-  double square = 0;
-  for (const Eigen::Vector3d& p : points) {
-    const double deviation_um = 1000 * (field.at(p.x(), p.y()).depth_mm - p.z());
-    field.max_deviation_um_ = std::max(field.max_deviation_um_, std::abs(deviation_um));
-    square += deviation_um * deviation_um;
-  }
-  field.rms_deviation_um_ = std::sqrt(square / static_cast<double>(points.size()));
+  field.measure_deviation(points);
   if (!(field.rms_deviation_um_ <= 1000 * largest_rms_mm)) return std::nullopt;
   return field;
+}
+
+bool HeightField::outline(const Points& points) {
+  outline_ = convex_hull(points);
+  if (outline_.size() < 3 || !(polygon_area(outline_) > 0)) return false;
+  inner_reach_ = std::numeric_limits<double>::infinity();
+  for (std::size_t k = 0; k < outline_.size(); ++k) {
+    const Eigen::Vector2d &a = outline_[k], &b = outline_[(k + 1) % outline_.size()];
+    reach_ = std::max(reach_, a.norm());
+    inner_reach_ = std::min(inner_reach_, inside_distance(a, b, {0, 0}));
+  }
+  return inner_reach_ > 0;
+}
+
+void HeightField::measure_deviation(const Points& points) {
+  fitted_vertices_ = static_cast<int>(points.size());
+  double square = 0;
+  for (const Eigen::Vector3d& p : points) {
+    const double deviation_um = 1000 * (at(p.x(), p.y()).depth_mm - p.z());
+    max_deviation_um_ = std::max(max_deviation_um_, std::abs(deviation_um));
+    square += deviation_um * deviation_um;
+  }
+  rms_deviation_um_ = std::sqrt(square / static_cast<double>(points.size()));
 }
 
 HeightField::Jet HeightField::at(double x_mm, double y_mm) const {

@@ -59,6 +59,11 @@ class HeightField {
   double reach_mm() const { return reach_; }
 
  private:
+  /// Points are x, y, depth.
+  /// \return whether their outline holds the vertex
+  bool outline(const std::vector<Eigen::Vector3d>& points);
+  void measure_deviation(const std::vector<Eigen::Vector3d>& points);
+
   Eigen::Vector2d origin_{0, 0};
   double spacing_ = 1;
   int columns_ = 0, rows_ = 0;

@@ -50,6 +50,11 @@ class MeshShape : public Shape {
   std::optional<HeightField> patch_;
 };
 
+/// The mesh that a surface is; null where it is a formula, or a stop.
+inline const MeshShape* mesh_of(const Surface& surface) {
+  return dynamic_cast<const MeshShape*>(surface.shape.get());
+}
+
 /// An optical surface from a mesh in the eye's frame: position_mm is where the mesh crosses the eye's axis.
 Surface make_mesh_surface(const std::string& name, const TriangleMesh& mesh_in_eye,
                           const std::string& medium_after,

@@ -102,6 +102,7 @@ class Plane : public Quadric {
  public:
   Plane() : Quadric(0, 0, 0, 0) {}
   std::string type() const override { return "plane"; }
+  SurfaceFormula formula() const override { return PlaneFormula{}; }
   Json to_json() const override { return {{"type", type()}}; }
 };
 
@@ -113,6 +114,11 @@ class Conic : public Quadric {
         q_(q),
         sphere_(sphere) {}
   std::string type() const override { return sphere_ ? "sphere" : "conic"; }
+  SurfaceFormula formula() const override {
+    if (sphere_) return SphereFormula{radius_};
+    return ConicFormula{radius_, q_};
+  }
+  Eigen::Vector2d asphericity() const override { return {q_, q_}; }
   Json to_json() const override {
     Json json{{"type", type()}, {"radius_mm", radius_}};
     if (!sphere_) json["q"] = q_;
@@ -131,6 +137,7 @@ class Ellipsoid : public Quadric {
                 semi_axes_mm.z() / (semi_axes_mm.y() * semi_axes_mm.y()), 1 / semi_axes_mm.z(), axis_deg),
         semi_axes_(semi_axes_mm) {}
   std::string type() const override { return "ellipsoid"; }
+  SurfaceFormula formula() const override { return EllipsoidFormula{semi_axes_, axis_deg()}; }
   Json to_json() const override {
     return {{"type", type()},
             {"semi_axes_mm", {semi_axes_.x(), semi_axes_.y(), semi_axes_.z()}},
@@ -184,9 +191,11 @@ class SagShape : public Shape {
 
 class Biconic : public SagShape {
  public:
-  Biconic(double radius_x_mm, double radius_y_mm, double q_x, double q_y, double axis_deg)
-      : SagShape(axis_deg), radius_(radius_x_mm, radius_y_mm), q_(q_x, q_y) {}
+  explicit Biconic(const BiconicFormula& formula)
+      : SagShape(formula.axis_deg), radius_(formula.radius_mm), q_(formula.q) {}
   std::string type() const override { return "biconic"; }
+  SurfaceFormula formula() const override { return biconic(); }
+  Eigen::Vector2d asphericity() const override { return q_; }
   Eigen::Matrix2d vertex_curvature() const override {
     return turn().from_form(1 / radius_.x(), 1 / radius_.y());
   }
@@ -210,8 +219,7 @@ class Biconic : public SagShape {
     const Eigen::Array2d t_slope = 2 * (1 + q_.array()) * c.square() * p.array();
     return Sag{s / denominator, s_slope / denominator + s * t_slope / (2 * root * denominator * denominator)};
   }
-  const Eigen::Vector2d& radius_mm() const { return radius_; }
-  const Eigen::Vector2d& q() const { return q_; }
+  BiconicFormula biconic() const { return {radius_, q_, turn().axis_deg()}; }
 
  private:
   Eigen::Vector2d radius_, q_;
@@ -219,12 +227,14 @@ class Biconic : public SagShape {
 
 class ZernikeSag : public Biconic {
  public:
-  ZernikeSag(double radius_x_mm, double radius_y_mm, double q_x, double q_y, double axis_deg,
-             double norm_radius_mm, std::vector<double> coefficients_um)
-      : Biconic(radius_x_mm, radius_y_mm, q_x, q_y, axis_deg),
-        norm_radius_(norm_radius_mm),
-        coefficients_um_(std::move(coefficients_um)) {}
+  explicit ZernikeSag(ZernikeFormula formula)
+      : Biconic(formula.biconic),
+        norm_radius_(formula.norm_radius_mm),
+        coefficients_um_(std::move(formula.coefficients_um)) {}
   std::string type() const override { return "zernike"; }
+  SurfaceFormula formula() const override {
+    return ZernikeFormula{biconic(), norm_radius_, coefficients_um_};
+  }
 
   Eigen::Matrix2d vertex_curvature() const override {
     // Second differences of the polynomial part: exact to 1e-9 at this step for any order that is used.
@@ -343,15 +353,30 @@ ShapePtr make_plane() { return std::make_shared<Plane>(); }
 ShapePtr make_sphere(double radius_mm) { return std::make_shared<Conic>(radius_mm, 0, true); }
 ShapePtr make_conic(double radius_mm, double q) { return std::make_shared<Conic>(radius_mm, q, false); }
 ShapePtr make_biconic(double radius_x_mm, double radius_y_mm, double q_x, double q_y, double axis_deg) {
-  return std::make_shared<Biconic>(radius_x_mm, radius_y_mm, q_x, q_y, axis_deg);
+  return std::make_shared<Biconic>(BiconicFormula{{radius_x_mm, radius_y_mm}, {q_x, q_y}, axis_deg});
 }
 ShapePtr make_ellipsoid(const Eigen::Vector3d& semi_axes_mm, double axis_deg) {
   return std::make_shared<Ellipsoid>(semi_axes_mm, axis_deg);
 }
 ShapePtr make_zernike(double radius_x_mm, double radius_y_mm, double q_x, double q_y, double axis_deg,
                       double norm_radius_mm, const std::vector<double>& coefficients_um) {
-  return std::make_shared<ZernikeSag>(radius_x_mm, radius_y_mm, q_x, q_y, axis_deg, norm_radius_mm,
-                                      coefficients_um);
+  const BiconicFormula biconic{{radius_x_mm, radius_y_mm}, {q_x, q_y}, axis_deg};
+  return std::make_shared<ZernikeSag>(ZernikeFormula{biconic, norm_radius_mm, coefficients_um});
+}
+
+ShapePtr turned_about_axis(const ShapePtr& shape, double angle_deg) {
+  SurfaceFormula formula = shape->formula();
+  if (auto* ellipsoid = std::get_if<EllipsoidFormula>(&formula))
+    return make_ellipsoid(ellipsoid->semi_axes_mm, ellipsoid->axis_deg + angle_deg);
+  if (auto* biconic = std::get_if<BiconicFormula>(&formula)) {
+    biconic->axis_deg += angle_deg;
+    return std::make_shared<Biconic>(*biconic);
+  }
+  if (auto* zernike = std::get_if<ZernikeFormula>(&formula)) {
+    zernike->biconic.axis_deg += angle_deg;
+    return std::make_shared<ZernikeSag>(std::move(*zernike));
+  }
+  return shape;  // the others are rotationally symmetric
 }
 
 ShapePtr shape_from_json(const std::string& type, CheckedObject& surface) {

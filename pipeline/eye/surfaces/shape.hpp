@@ -3,6 +3,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <variant>
 #include <vector>
 
 #include "pipeline/base/json.hpp"
@@ -22,11 +23,37 @@ struct ShapeHit {
   Eigen::Vector3d normal;  ///< unit, with positive z (out of the eye)
 };
 
+/// The parameters of a surface's formula, by its kind: what make_plane() and its like take.
+struct PlaneFormula {};
+struct SphereFormula {
+  double radius_mm = 0;
+};
+struct ConicFormula {
+  double radius_mm = 0, q = 0;
+};
+struct EllipsoidFormula {
+  Eigen::Vector3d semi_axes_mm;
+  double axis_deg = 0;
+};
+struct BiconicFormula {
+  Eigen::Vector2d radius_mm, q;
+  double axis_deg = 0;
+};
+struct ZernikeFormula {
+  BiconicFormula biconic;
+  double norm_radius_mm = 0;
+  std::vector<double> coefficients_um;
+};
+/// std::monostate: the surface has no formula, as a mesh has none.
+using SurfaceFormula = std::variant<std::monostate, PlaneFormula, SphereFormula, ConicFormula,
+                                    EllipsoidFormula, BiconicFormula, ZernikeFormula>;
+
 /// The form of an optical surface in its own frame: origin at the vertex, z out of the eye like the eye's
 /// frame. Its depth d(x, y) behind the vertex plane is the textbook sag: z = -d. Radii are positive where the
 /// centre of curvature lies deeper than the vertex.
 ///
 /// A new type: one class derived from this one, and one line in the table of `shape_from_json` (shape.cpp).
+/// Where it returns no formula, devices take it by its depth and normals.
 class Shape {
  public:
   virtual ~Shape() = default;
@@ -41,6 +68,9 @@ class Shape {
   virtual std::optional<ShapeHit> intersect(const Ray& ray_in_shape) const = 0;
   /// Curvature at the vertex, 1/mm, textbook sign: [[c_xx, c_xy], [c_xy, c_yy]].
   virtual Eigen::Matrix2d vertex_curvature() const = 0;
+  virtual SurfaceFormula formula() const { return {}; }
+  /// Conic constants of its two meridians; 0 where the form has none.
+  virtual Eigen::Vector2d asphericity() const { return {0, 0}; }
   /// The keys of eye.json that describe the form ("type", "radius_mm", "q", "axis_deg", ...).
   virtual Json to_json() const = 0;
 };
@@ -61,6 +91,10 @@ ShapePtr make_ellipsoid(const Eigen::Vector3d& semi_axes_mm, double axis_deg);
 /// micrometres of depth, x and y in the surface's frame turned by axis_deg as well.
 ShapePtr make_zernike(double radius_x_mm, double radius_y_mm, double q_x, double q_y, double axis_deg,
                       double norm_radius_mm, const std::vector<double>& coefficients_um);
+
+/// The same surface turned about its own z, counter-clockwise as the examiner sees it.
+/// \pre it has a formula
+ShapePtr turned_about_axis(const ShapePtr& shape, double angle_deg);
 
 class CheckedObject;
 /// A shape from the keys of one entry of eye.json's "surfaces" that describe its form, "type" read already;

@@ -105,7 +105,7 @@ TEST(Prism, FollowsPrentice) {
 
 TEST(Spectacle, StaysWithTheHeadWhenTheEyeTurns) {
   // The same ray of the head's frame through the lens, before and after the eye has turned.
-  const EyeModel eye = with_spectacle(bare(), "-4/-2x20@12,base_D=5,index=1.6,prism=3@45");
+  const EyeModel eye = with_spectacle(bare(), parse_spectacle("-4/-2x20@12,base_D=5,index=1.6,prism=3@45"));
   const Eigen::Vector3d centre(0, 0, -13.5);
   const Eigen::Isometry3d eye_from_head =
       Eigen::Translation3d(centre) *
@@ -171,7 +171,7 @@ TEST(Spectacle, OfBadTextIsRefused) {
   for (const char* bad :
        {"", "abc", "-2/1", "-2/-1x", "-2@0", "-2@12,colour=3", "-2@12,index=9", "-2@12,prism=3", "-2@12 "})
     try {
-      with_spectacle(bare(), bad);
+      parse_spectacle(bad);
       ADD_FAILURE() << bad;
     } catch (const Error& error) {
       EXPECT_EQ(error.status(), ExitStatus::usage) << bad;

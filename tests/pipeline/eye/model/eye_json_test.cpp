@@ -132,6 +132,19 @@ TEST(EyeJson, AKeyThatStandsTwiceIsRefused) {
   }
 }
 
+TEST(EyeJson, ASpectacleIsWhatTheHeadBears) {
+  Json json = to_json(make_eye("navarro"));
+  const auto plane = [](const char* name, double position_mm) {
+    return Json{{"name", name}, {"type", "plane"}, {"position_mm", position_mm}, {"medium_after", "air"}};
+  };
+  json["surfaces"].insert(json["surfaces"].begin(), {plane("spectacle_front", -14), plane("contact", -1)});
+  const EyeModel worn = eye_from_json(json, {});
+  EXPECT_EQ(worn.surfaces[0].bearer, Bearer::head);
+  EXPECT_EQ(worn.surfaces[1].bearer, Bearer::eye);
+  EXPECT_EQ(without_spectacle(worn).surfaces.size(), worn.surfaces.size() - 1);
+  EXPECT_EQ(to_json(worn), json);  // it is a matter of the name: no key of its own
+}
+
 TEST(EyeJson, APatientsMeshCorneaInASchematicEye) {
   const std::filesystem::path folder = scratch("mesh");
   const EyeModel navarro = make_eye("navarro");

@@ -137,5 +137,21 @@ TEST(Shape, ImpossibleValuesNameTheirKey) {
   EXPECT_THAT(message({{"type", "torus"}}), testing::HasSubstr("torus"));
 }
 
+TEST(Shape, TurnsAboutItsAxis) {
+  const double turn_deg = 25, c = std::cos(turn_deg * degree), s = std::sin(turn_deg * degree);
+  const ShapePtr shapes[] = {make_plane(), make_conic(7.8, -0.2), make_ellipsoid({11, 12, -10}, 10),
+                             make_biconic(7.6, 8, -0.3, -0.1, 170),
+                             make_zernike(7.6, 8, -0.3, -0.1, 40, 3, {0, 1, 2, 3, 4, 5, 6, 7})};
+  for (const ShapePtr& shape : shapes) {
+    const ShapePtr turned = turned_about_axis(shape, turn_deg);
+    EXPECT_EQ(turned->type(), shape->type());
+    EXPECT_EQ(turned->formula().index(), shape->formula().index());
+    EXPECT_EQ(turned->asphericity(), shape->asphericity());
+    const double x = 1.3, y = -0.6;
+    EXPECT_NEAR(turned->depth_mm(c * x - s * y, s * x + c * y).value(), shape->depth_mm(x, y).value(), 1e-12)
+        << shape->type();
+  }
+}
+
 }  // namespace
 }  // namespace emmetrope

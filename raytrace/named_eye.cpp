@@ -1,0 +1,95 @@
+#include "raytrace/named_eye.hpp"
+
+#include "pipeline/base/error.hpp"
+#include "pipeline/base/eye_stage.hpp"
+#include "pipeline/base/log.hpp"
+#include "raytrace/eye_picture.hpp"
+#include "raytrace/wavefront_files.hpp"
+
+namespace emmetrope::raytrace {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// Where a named eye's picture goes: the path itself, or with two eyes one beside the other.
+fs::path output_of(const fs::path& output, Laterality laterality, bool two_eyes) {
+  if (!two_eyes) return output;
+  if (!output.has_extension()) return output / to_string(laterality);
+  fs::path name = output.stem();
+  name += std::string("-") + to_string(laterality) + output.extension().string();
+  return output.parent_path() / name;
+}
+
+/// Writes the picture, and into a folder what belongs to it.
+/// \return the picture's path
+fs::path write_output(const fs::path& output, const EyeModel& eye, const TraceSettings& settings,
+                      const LinearImage& picture) {
+  const std::string ending = output.extension().string();
+  if (ending == ".png") {
+    write_png(output, picture);
+    return output;
+  }
+  if (ending == ".exr") {
+    write_exr(output, picture);
+    return output;
+  }
+  if (ending == ".tif" || ending == ".tiff") {
+    write_tiff(output, picture);
+    return output;
+  }
+  std::error_code fault;
+  fs::create_directories(output, fault);
+  if (fault) throw output_error("cannot make the folder " + output.string() + ": " + fault.message());
+  write_wavefront(eye, settings, output);  // computes first, then files follow one another at once
+  write_eye(output / "eye.json", eye);
+  write_png(output / "uncorrected.png", picture);
+  return output / "uncorrected.png";
+}
+
+std::vector<Laterality> eyes_of(const TraceOptions& options, LateralityChoice wanted) {
+  if (wanted == LateralityChoice::both && !options.pupillary_distance_mm) return {Laterality::od};
+  return eyes_asked_for(wanted);
+}
+
+}  // namespace
+
+void NamedEye::check() const {
+  if (output.empty()) throw usage_error("--eye needs -o: where to write", "add -o FOLDER or -o image.png");
+  const std::string ending = output.extension().string();
+  const bool known =
+      ending.empty() || ending == ".png" || ending == ".exr" || ending == ".tif" || ending == ".tiff";
+  if (!known && !fs::is_directory(output))
+    throw usage_error("-o: a picture cannot be written as " + ending,
+                      "give .png, .exr or .tif (float), or a folder without an ending");
+}
+
+Answer trace_named(const NamedEye& named, const TraceOptions& options, const CommonOptions& common) {
+  named.check();
+  options.check();
+  const auto scene = make_scene(options.scene);
+  const Tracer tracer(common.device, common.threads);
+  const std::vector<Laterality> eyes = eyes_of(options, common.laterality);
+  const bool two_eyes = eyes.size() == 2;
+  Answer answer;
+  for (const Laterality laterality : eyes) {
+    EyeOptions eye_options = named.options;
+    eye_options.laterality = laterality;
+    const EyeModel eye = options.with_worn(make_eye(named.eye, eye_options));
+    const TraceSettings settings = options.settings_of(laterality);
+    const TraceResult result = trace_exposure(tracer, eye, *scene, settings, options.exposure);
+    for (const auto& note : result.notes) spdlog::info("{}", note);
+    warn_of_doubts(result, settings);
+    const fs::path image =
+        write_output(output_of(named.output, laterality, two_eyes), eye, settings, result.image);
+    Json of_eye = picture_json(result, image.string(), eye, settings);
+    of_eye["gaze_deg"] = {settings.pose.gaze.horizontal_deg, settings.pose.gaze.vertical_deg};
+    answer.text += picture_line(eye.name, of_eye);
+    if (two_eyes)
+      answer.json["eyes"][to_string(laterality)] = of_eye;
+    else
+      answer.json = of_eye;
+  }
+  return answer;
+}
+
+}  // namespace emmetrope::raytrace

@@ -1,0 +1,55 @@
+#include "raytrace/wavefront_files.hpp"
+
+#include <fmt/format.h>
+
+#include "pipeline/base/files.hpp"
+#include "pipeline/base/frames.hpp"
+#include "pipeline/base/log.hpp"
+#include "raytrace/picture/linear_image.hpp"
+#include "raytrace/wavefront/wavefront.hpp"
+
+namespace emmetrope::raytrace {
+namespace {
+
+/// The rays' directions about their mean, by where they cross the pupil.
+std::string spot_diagram(const Wavefront& wavefront) {
+  std::string spots = "pupil_x_mm,pupil_y_mm,angle_x_arcmin,angle_y_arcmin,weight\n";
+  Eigen::Vector2d mean(0, 0);
+  double weight = 0;
+  for (const auto& ray : wavefront.rays) {
+    mean += ray.weight * ray.slope;
+    weight += ray.weight;
+  }
+  for (const auto& ray : wavefront.rays) {
+    const Eigen::Vector2d angle = (ray.slope - mean / weight) / degree * 60;
+    spots += fmt::format("{:.5f},{:.5f},{:.5f},{:.5f},{:.6g}\n", ray.place_mm.x(), ray.place_mm.y(),
+                         angle.x(), angle.y(), ray.weight / weight);
+  }
+  return spots;
+}
+
+}  // namespace
+
+void write_wavefront(const EyeModel& eye, const TraceSettings& settings,
+                     const std::filesystem::path& folder) {
+  WavefrontSettings wavefront_settings;
+  wavefront_settings.wavelength_nm = settings.wavelength_nm;
+  wavefront_settings.fovea_mm = settings.grid.centre_mm;
+  const Wavefront wavefront = measure_wavefront(eye, wavefront_settings);
+  const PointSpread spread = point_spread(wavefront);
+  Json json = wavefront_json(wavefront);
+  if (spread.wraps) {
+    spdlog::warn(
+        "psf.tiff is left out: the blur is wider than the largest grid of a point spread function; spots.csv "
+        "has the rays");
+    json["psf"] = nullptr;
+    std::filesystem::remove(folder / "psf.tiff");  // of an earlier run
+  } else {
+    json["psf"] = {{"file", "psf.tiff"}, {"pitch_arcmin", spread.pitch_arcmin}};
+    write_tiff(folder / "psf.tiff", {spread.size, spread.size, 1, spread.values});
+  }
+  write_json(folder / "wavefront.json", json);
+  write_file(folder / "spots.csv", spot_diagram(wavefront));
+}
+
+}  // namespace emmetrope::raytrace

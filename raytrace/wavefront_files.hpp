@@ -1,0 +1,13 @@
+#pragma once
+#include <filesystem>
+
+#include "pipeline/eye/model/eye_model.hpp"
+#include "raytrace/picture/trace_settings.hpp"
+
+namespace emmetrope::raytrace {
+
+/// At the eye's reference wavelength or the one asked for: wavefront.json, the point spread function psf.tiff
+/// and the spot diagram spots.csv.
+void write_wavefront(const EyeModel& eye, const TraceSettings& settings, const std::filesystem::path& folder);
+
+}  // namespace emmetrope::raytrace
