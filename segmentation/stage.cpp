@@ -92,7 +92,7 @@ Json fit_json(const EyeResult& eye, const std::optional<double>& roll_deg) {
             {"status", eye.refused() ? "refused" : "measured"}};
   json["head_roll_deg"] = roll_deg ? Json(*roll_deg) : Json(nullptr);
   json["evidence"] = eye.is_labelled() ? "labels" : "intensities";
-  json["contrast"] = to_string(eye.found.contrast);
+  json["contrast"] = to_string(eye.found.weighting);
   json["quality"] = Json::array();
   for (const QualityGate& gate : eye.gates) json["quality"].push_back(to_json(gate));
   if (!eye.fit) return json;
@@ -197,7 +197,7 @@ Json case_json(const StudyInventory& inventory, const std::vector<const SeriesIn
     json["stacks"].push_back({{"name", series[choice.stack]->name},
                               {"uid", series[choice.stack]->uid},
                               {"used", choice.used},
-                              {"contrast", choice.contrast.empty() ? Json(nullptr) : Json(choice.contrast)},
+                              {"contrast", choice.weighting.empty() ? Json(nullptr) : Json(choice.weighting)},
                               {"reason", choice.reason}});
     for (const HandLabels& one : labels)
       if (one.stack == choice.stack) json["stacks"].back()["labels"] = one.input;
@@ -210,7 +210,7 @@ Json case_json(const StudyInventory& inventory, const std::vector<const SeriesIn
         {"name", clinical_name(eye.found.laterality)},
         {"globe_centre_lps_mm", to_json_vector(eye.found.views.front().globe.centre)},
         {"stacks", used},
-        {"contrast", to_string(eye.found.contrast)},
+        {"contrast", to_string(eye.found.weighting)},
         {"evidence", eye.is_labelled() ? "labels" : "intensities"},
         {"status", eye.refused() ? "refused" : "measured"},
         {"reason", eye.reasons()}};

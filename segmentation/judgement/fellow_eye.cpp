@@ -11,7 +11,7 @@ namespace emmetrope::segmentation {
 namespace {
 
 bool in_the_same_stacks(const JudgedEye& a, const JudgedEye& b) {
-  return a.found.contrast == b.found.contrast &&
+  return a.found.weighting == b.found.weighting &&
          std::equal(a.found.views.begin(), a.found.views.end(), b.found.views.begin(), b.found.views.end(),
                     [](const EyeView& x, const EyeView& y) { return x.stack == y.stack; });
 }
@@ -68,7 +68,7 @@ std::string JudgedEye::reasons() const {
 void fit_and_judge(JudgedEye& eye, const std::vector<const Stack*>& images, const EyeStart& start,
                    const std::function<void()>& advance, Evidence evidence) {
   try {
-    eye.fit = fit_eye(images, start, eye.found.contrast, advance, evidence);
+    eye.fit = fit_eye(images, start, eye.found.weighting, advance, evidence);
     eye.gates = judge_quality(eye.found, *eye.fit);
   } catch (const Error& error) {
     if (error.status() != ExitStatus::no_result) throw;
