@@ -163,7 +163,7 @@ TEST_F(SegmentStage, SeriesOfTwoStudiesAreNotOneEye) {
   SegmentOptions options;
   options.study = folder_ / "study";
   options.case_folder = folder_ / "case";
-  options.series = {"2"};
+  options.series = {parse_series_choice("2")};
   EXPECT_EQ(segment(options, common_).status, ExitStatus::no_result);
   EXPECT_EQ(read_json(folder_ / "case" / "case.json").at("subject").at("age_years"), 41);
 }
