@@ -168,6 +168,22 @@ TEST_F(SegmentStage, SeriesOfTwoStudiesAreNotOneEye) {
   EXPECT_EQ(read_json(folder_ / "case" / "case.json").at("subject").at("age_years"), 41);
 }
 
+TEST(SegmentOptions, CheckNamesTheOption) {
+  SegmentOptions options;
+  options.study = "study";
+  options.case_folder = "case";
+  options.age_years = 120;
+  EXPECT_NO_THROW(options.check());
+  options.age_years = -1;
+  try {
+    options.check();
+    ADD_FAILURE();
+  } catch (const Error& error) {
+    EXPECT_EQ(error.status(), ExitStatus::usage);
+    EXPECT_EQ(std::string(error.what()).rfind("--age", 0), 0U) << error.what();
+  }
+}
+
 TEST_F(SegmentStage, NoiseGivesNoEyeButAReason) {
   Stack noise;
   noise.name = "noise";
