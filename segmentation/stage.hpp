@@ -1,22 +1,25 @@
 #pragma once
 #include <filesystem>
 #include <optional>
-#include <string>
 #include <vector>
 
 #include "pipeline/base/command_line.hpp"
+#include "segmentation/intake/series_choice.hpp"
 
 namespace emmetrope::segmentation {
 
 struct SegmentOptions {
   std::filesystem::path study;
   std::filesystem::path case_folder;
-  /// SeriesInstanceUID or number in the inventory, or "UID,KEYWORD=VALUE"; empty: choose
-  std::vector<std::string> series;
+  std::vector<SeriesChoice> series;  ///< by UID or number in the inventory; empty: choose
   bool any_modality = false;
   std::optional<double> age_years;  ///< default: the study's
   /// label volumes corrected by hand, one a stack; never written to
   std::vector<std::filesystem::path> labels;
+
+  static constexpr double oldest_years = 120;
+  /// \throw Error (usage) naming the field
+  void check() const;
 };
 
 /// Reads a study, finds the eyes, fits each and writes CASE/segmentation and CASE/case.json. Status done

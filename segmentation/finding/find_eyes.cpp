@@ -7,6 +7,7 @@
 #include <optional>
 
 #include "pipeline/base/error.hpp"
+#include "segmentation/finding/lens_axis.hpp"
 
 namespace emmetrope::segmentation {
 namespace {
@@ -20,11 +21,16 @@ constexpr double same_eye_mm = 12;  ///< the head moves less than this between s
 constexpr double off_midline_mm = 10;
 constexpr std::size_t most_stacks = 4;
 
-/// Two globes side by side: distance in range, more across than along the head, of like size.
+/// Two places side by side: distance in range, more across than along the head.
+bool are_side_by_side(const Vector3d& a, const Vector3d& b) {
+  const Vector3d d = b - a;
+  return d.norm() > least_separation_mm && d.norm() < largest_separation_mm &&
+         std::abs(d.x()) > 0.85 * d.norm();
+}
+
+/// Two globes side by side, of like size.
 bool is_pair(const EyeCandidate& a, const EyeCandidate& b) {
-  const Vector3d d = b.centre - a.centre;
-  return a.contrast == b.contrast && d.norm() > least_separation_mm && d.norm() < largest_separation_mm &&
-         std::abs(d.x()) > 0.85 * d.norm() &&
+  return a.weighting == b.weighting && are_side_by_side(a.centre, b.centre) &&
          std::abs(a.radius_mm - b.radius_mm) < 0.2 * (a.radius_mm + b.radius_mm) / 2;
 }
 
@@ -67,15 +73,55 @@ struct Cluster {
   }
 };
 
+/// The globes of all stacks, those of one place together.
+std::vector<Cluster> cluster_globes(const std::vector<const Stack*>& stacks) {
+  std::vector<Cluster> clusters;
+  for (std::size_t s = 0; s < stacks.size(); ++s) {
+    for (const EyeCandidate& globe : eyes_in_stack(find_candidates(*stacks[s]))) {
+      const EyeView view{s, globe, merit_of(*stacks[s], globe)};
+      const auto known = std::find_if(clusters.begin(), clusters.end(), [&](const Cluster& c) {
+        return (c.centre() - globe.centre).norm() < same_eye_mm;
+      });
+      if (known != clusters.end()) {
+        known->views.push_back(view);
+      } else {
+        clusters.push_back({{view}});
+      }
+    }
+  }
+  return clusters;
+}
+
+/// The best pair, the right one first, else the best single globe.
+std::vector<Cluster> best_pair_or_globe(const std::vector<Cluster>& clusters) {
+  std::vector<Cluster> eyes;
+  double best = 0;
+  for (std::size_t i = 0; i < clusters.size(); ++i) {
+    for (std::size_t j = i + 1; j < clusters.size(); ++j) {
+      const Cluster &a = clusters[i], &b = clusters[j];
+      const double merit = a.merit() + b.merit();
+      if (merit <= best || !are_side_by_side(a.centre(), b.centre())) continue;
+      best = merit;
+      eyes = b.centre().x() > a.centre().x() ? std::vector<Cluster>{a, b} : std::vector<Cluster>{b, a};
+    }
+  }
+  if (eyes.empty() && !clusters.empty()) {
+    eyes.push_back(
+        *std::max_element(clusters.begin(), clusters.end(),
+                          [](const Cluster& a, const Cluster& b) { return a.merit() < b.merit(); }));
+  }
+  return eyes;
+}
+
 void choose_views(const Cluster& cluster, FoundEye& eye) {
   double merit[2]{0, 0};
-  for (const EyeView& v : cluster.views) merit[v.globe.contrast == Contrast::t2] += v.merit;
-  eye.contrast = merit[1] >= merit[0] ? Contrast::t2 : Contrast::t1;
+  for (const EyeView& v : cluster.views) merit[v.globe.weighting == Weighting::t2] += v.merit;
+  eye.weighting = merit[1] >= merit[0] ? Weighting::t2 : Weighting::t1;
   std::vector<EyeView> sorted = cluster.views;
   std::stable_sort(sorted.begin(), sorted.end(),
                    [](const EyeView& a, const EyeView& b) { return a.merit > b.merit; });
   for (const EyeView& v : sorted) {
-    const bool useful = v.globe.contrast == eye.contrast &&
+    const bool useful = v.globe.weighting == eye.weighting &&
                         (eye.views.empty() || v.merit > 0.1 * eye.views.front().merit) &&
                         eye.views.size() < most_stacks;
     (useful ? eye.views : eye.left_out).push_back(v);
@@ -109,99 +155,69 @@ void compare_with_tags(const std::vector<Cluster>& eyes, const std::vector<const
   }
 }
 
+/// Which eye a globe is that is seen alone.
+/// \param note  receives how that was decided
+Laterality laterality_of_single(const Cluster& globe, const std::string& tag, std::string& note) {
+  if (tag == "R" || tag == "L") {
+    note = "one eye only is seen; its side is the image's laterality tag";
+    return tag == "R" ? Laterality::od : Laterality::os;
+  }
+  const double x = globe.centre().x();
+  note = fmt::format(
+      "one eye only is seen; its side is taken from its place, {:.0f} mm to the patient's {} of the scanner's "
+      "centre",
+      std::abs(x), x < 0 ? "right" : "left");
+  return x < 0 ? Laterality::od : Laterality::os;
+}
+
+void find_axis(FoundEye& eye, const std::vector<const Stack*>& stacks) {
+  std::vector<GlobeInStack> views;
+  for (const EyeView& v : eye.views) views.push_back({stacks[v.stack], v.globe.centre});
+  const LensAxis lens = find_lens_axis(views, eye.radius_mm, eye.weighting);
+  eye.axis = lens.axis;
+  eye.other_axis = lens.other_axis;
+  eye.lens_contrast = lens.lens_contrast;
+}
+
+/// Adds to a stack's choice what it shows of an eye, and why it is used or not.
+void explain(StackChoice& choice, const FoundEye& eye, const EyeView& view, bool used) {
+  const std::string text = fmt::format(
+      "{}: globe seen with {:.0f} % of its wall on a sphere of {:.1f} mm, {:.0f} % of it inside the stack, merit "
+      "{:.3g}",
+      to_string(eye.laterality), 100 * view.globe.agreement, view.globe.radius_mm, 100 * view.globe.inside,
+      view.merit);
+  const std::string why = used ? "used"
+                          : view.globe.weighting != eye.weighting
+                              ? fmt::format("not used: {} says more about this eye", to_string(eye.weighting))
+                              : "not used: it adds little to the better stacks";
+  if (choice.weighting.empty())
+    choice.reason.clear();
+  else
+    choice.reason += ". ";
+  choice.reason += fmt::format("{}; {}", text, why);
+  choice.weighting = to_string(view.globe.weighting);
+  choice.used = choice.used || used;
+}
+
 }  // namespace
 
 FoundEyes find_eyes(const std::vector<const Stack*>& stacks,
                     const std::vector<std::string>& laterality_tags) {
   FoundEyes found;
-  std::vector<Cluster> clusters;
-  for (std::size_t s = 0; s < stacks.size(); ++s) {
-    found.choices.push_back({s, false, "", "no globe of 9 to 15 mm radius seen in it"});
-    for (const EyeCandidate& globe : eyes_in_stack(find_candidates(*stacks[s]))) {
-      const EyeView view{s, globe, merit_of(*stacks[s], globe)};
-      const auto known = std::find_if(clusters.begin(), clusters.end(), [&](const Cluster& c) {
-        return (c.centre() - globe.centre).norm() < same_eye_mm;
-      });
-      if (known != clusters.end()) {
-        known->views.push_back(view);
-      } else {
-        clusters.push_back({{view}});
-      }
-    }
-  }
-
-  // The best pair, else the best single globe.
-  std::vector<Cluster> eyes;
-  double best = 0;
-  for (std::size_t i = 0; i < clusters.size(); ++i) {
-    for (std::size_t j = i + 1; j < clusters.size(); ++j) {
-      const Vector3d d = clusters[j].centre() - clusters[i].centre();
-      const double merit = clusters[i].merit() + clusters[j].merit();
-      if (d.norm() < least_separation_mm || d.norm() > largest_separation_mm ||
-          std::abs(d.x()) < 0.85 * d.norm())
-        continue;
-      if (merit > best) {
-        best = merit;
-        eyes = d.x() > 0 ? std::vector<Cluster>{clusters[i], clusters[j]}
-                         : std::vector<Cluster>{clusters[j], clusters[i]};
-      }
-    }
-  }
-  if (eyes.empty() && !clusters.empty()) {
-    eyes.push_back(
-        *std::max_element(clusters.begin(), clusters.end(),
-                          [](const Cluster& a, const Cluster& b) { return a.merit() < b.merit(); }));
-  }
-
+  for (std::size_t s = 0; s < stacks.size(); ++s) found.choices.emplace_back().stack = s;
+  const std::vector<Cluster> eyes = best_pair_or_globe(cluster_globes(stacks));
   compare_with_tags(eyes, stacks, laterality_tags);
   for (std::size_t e = 0; e < eyes.size(); ++e) {
     FoundEye eye;
     choose_views(eyes[e], eye);
-    if (eyes.size() == 2) {
+    if (eyes.size() == 2)
       eye.laterality = e == 0 ? Laterality::od : Laterality::os;
-    } else {
-      const std::string& tag = laterality_tags[eye.views.front().stack];
-      const double x = eyes[e].centre().x();
-      if (tag == "R" || tag == "L") {
-        eye.laterality = tag == "R" ? Laterality::od : Laterality::os;
-        found.notes.push_back("one eye only is seen; its side is the image's laterality tag");
-      } else {
-        eye.laterality = x < 0 ? Laterality::od : Laterality::os;
-        found.notes.push_back(
-            fmt::format("one eye only is seen; its side is taken from its place, {:.0f} mm to the patient's "
-                        "{} of the scanner's centre",
-                        std::abs(x), x < 0 ? "right" : "left"));
-      }
-    }
-    std::vector<GlobeInStack> views;
-    for (const EyeView& v : eye.views) views.push_back({stacks[v.stack], v.globe.centre});
-    const Gaze gaze = find_gaze(views, eye.radius_mm, eye.contrast);
-    eye.axis = gaze.axis;
-    eye.other_axis = gaze.other_axis;
-    eye.lens_contrast = gaze.lens_contrast;
-
-    const auto explain = [&](const EyeView& v, bool used) {
-      StackChoice& choice = found.choices[v.stack];
-      const std::string text = fmt::format(
-          "{}: globe seen with {:.0f} % of its wall on a sphere of {:.1f} mm, {:.0f} % of it inside the "
-          "stack, merit {:.3g}",
-          to_string(eye.laterality), 100 * v.globe.agreement, v.globe.radius_mm, 100 * v.globe.inside,
-          v.merit);
-      const std::string why =
-          used ? "used"
-               : (v.globe.contrast != eye.contrast
-                      ? std::string("not used: ") + to_string(eye.contrast) + " says more about this eye"
-                      : "not used: it adds little to the better stacks");
-      if (!choice.contrast.empty())
-        choice.reason += ". ";
-      else
-        choice.reason.clear();
-      choice.reason += fmt::format("{}; {}", text, why);
-      choice.contrast = to_string(v.globe.contrast);
-      choice.used = choice.used || used;
-    };
-    for (const EyeView& v : eye.views) explain(v, true);
-    for (const EyeView& v : eye.left_out) explain(v, false);
+    else
+      eye.laterality =
+          laterality_of_single(eyes[e], laterality_tags[eye.views.front().stack], found.notes.emplace_back());
+    find_axis(eye, stacks);
+    for (const EyeView& view : eye.views) explain(found.choices[view.stack], eye, view, true);
+    for (const EyeView& view : eye.left_out) explain(found.choices[view.stack], eye, view, false);
     found.eyes.push_back(eye);
   }
   return found;

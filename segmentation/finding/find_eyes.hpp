@@ -1,4 +1,5 @@
 #pragma once
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -16,11 +17,11 @@ struct EyeView {
 
 struct FoundEye {
   Laterality laterality = Laterality::od;
-  Contrast contrast = Contrast::t2;
-  std::vector<EyeView> views;  ///< chosen for the fit, best first; one contrast class
+  Weighting weighting = Weighting::t2;
+  std::vector<EyeView> views;  ///< chosen for the fit, best first; of one weighting
   std::vector<EyeView> left_out;
   Eigen::Vector3d axis;                       ///< outward, LPS
-  std::optional<Eigen::Vector3d> other_axis;  ///< what else it may be, see Gaze
+  std::optional<Eigen::Vector3d> other_axis;  ///< what else it may be, see LensAxis
   double lens_contrast = 0;
   double radius_mm = 0;
 };
@@ -29,8 +30,8 @@ struct FoundEye {
 struct StackChoice {
   std::size_t stack = 0;
   bool used = false;
-  std::string contrast;  ///< "T1", "T2", or empty where no eye is seen
-  std::string reason;
+  std::string weighting;  ///< "T1", "T2", or empty where no eye is seen
+  std::string reason = "no globe of 9 to 15 mm radius seen in it";
 };
 
 struct FoundEyes {
@@ -40,7 +41,7 @@ struct FoundEyes {
 };
 
 /// Finds the eyes in all stacks (one patient frame), pairs them left and right by LPS x, and chooses for each
-/// eye the stacks of the contrast class that says most about it.
+/// eye the stacks of the weighting that says most about it.
 /// \param laterality_tags  ImageLaterality of each stack ("R", "L" or else), decides where one eye only is
 ///   seen, within 10 mm of the midline
 /// \throw Error (input_invalid) naming the tags, where a stack shows one eye only and its tag says the other

@@ -62,10 +62,10 @@ BlockVariance block_variance(const LinearRows& rows, const MatrixXd& covariance,
       const MatrixXd left = hessian - MatrixXd(jacobian.transpose() * jacobian);
       without = left.ldlt().solve(jacobian.transpose() * residual);
     }
-    const VectorXd by_it = figures.transpose() * (covariance * (jacobian.transpose() * residual)),
-                   left_out = figures.transpose() * without;
-    sum.unbiased += by_it.cwiseProduct(left_out);
-    sum.jackknife += left_out.cwiseAbs2();
+    const VectorXd influence = figures.transpose() * (covariance * (jacobian.transpose() * residual)),
+                   deletion = figures.transpose() * without;
+    sum.unbiased += influence.cwiseProduct(deletion);
+    sum.jackknife += deletion.cwiseAbs2();
   }
   const auto count = static_cast<double>(list.size());
   sum.jackknife *= (count - 1) / count;
@@ -74,14 +74,15 @@ BlockVariance block_variance(const LinearRows& rows, const MatrixXd& covariance,
 
 MatrixXd widened_for_blocks(const LinearRows& rows, const MatrixXd& covariance, const Blocks& first,
                             const Blocks& second, const MatrixXd& figures) {
-  const MatrixXd by_figure = covariance * figures, before = figures.transpose() * by_figure;
-  const VectorXd from_samples = (rows.jacobian * by_figure).colwise().squaredNorm().transpose();
-  const BlockVariance by_first = block_variance(rows, covariance, first, figures),
-                      by_second = block_variance(rows, covariance, second, figures),
-                      by_both = block_variance(rows, covariance, intersection(first, second), figures);
+  const MatrixXd covariance_with_figures = covariance * figures,
+                 before = figures.transpose() * covariance_with_figures;
+  const VectorXd from_samples = (rows.jacobian * covariance_with_figures).colwise().squaredNorm().transpose();
+  const BlockVariance of_first = block_variance(rows, covariance, first, figures),
+                      of_second = block_variance(rows, covariance, second, figures),
+                      of_both = block_variance(rows, covariance, intersection(first, second), figures);
   const auto mean_widening = [&](const VectorXd BlockVariance::*kind) {
     const VectorXd after =
-        before.diagonal() - from_samples + by_first.*kind + by_second.*kind - by_both.*kind;
+        before.diagonal() - from_samples + of_first.*kind + of_second.*kind - of_both.*kind;
     return after.cwiseQuotient(before.diagonal()).mean();
   };
   const double unbiased = std::max(1.0, mean_widening(&BlockVariance::unbiased)),

@@ -19,7 +19,7 @@ using Eigen::VectorXd;
 /// an information matrix and its product with the mean.
 struct Shared {
   std::array<double, 2> value;
-  std::array<VectorXd, 2> by;
+  std::array<VectorXd, 2> gradient;  ///< by the free parameters
   double difference_sigma;
   Matrix2d information;
   Vector2d information_mean = Vector2d::Zero();
@@ -30,11 +30,11 @@ bool is_free(const EyeFit& fit, int parameter) {
 }
 
 /// The derivative of a combination of parameters by the free ones.
-VectorXd by_active(const EyeFit& fit, const std::vector<std::pair<int, double>>& terms) {
-  VectorXd by = VectorXd::Zero(static_cast<Index>(fit.active.size()));
+VectorXd gradient_of(const EyeFit& fit, const std::vector<std::pair<int, double>>& terms) {
+  VectorXd gradient = VectorXd::Zero(static_cast<Index>(fit.active.size()));
   for (const auto& [parameter, factor] : terms)
-    by[std::find(fit.active.begin(), fit.active.end(), parameter) - fit.active.begin()] = factor;
-  return by;
+    gradient[std::find(fit.active.begin(), fit.active.end(), parameter) - fit.active.begin()] = factor;
+  return gradient;
 }
 
 /// Equal but for a normal difference of this standard deviation.
@@ -52,7 +52,7 @@ Shared of_one_person(const std::array<EyeFit*, 2>& eyes, int parameter, const Ve
   Vector2d variance;
   for (int e = 0; e < 2; ++e) {
     shared.value[e] = eyes[e]->value(parameter);
-    shared.by[e] = by_active(*eyes[e], {{parameter, 1.0}});
+    shared.gradient[e] = gradient_of(*eyes[e], {{parameter, 1.0}});
     variance[e] = std::pow(eyes[e]->priors.sigma[parameter], 2);
   }
   // var(a - b) = var a + var b - 2 cov(a, b)
@@ -90,7 +90,7 @@ std::vector<Shared> alike_lengths(const std::array<EyeFit*, 2>& eyes) {
 std::vector<Shared> same_images(const std::array<EyeFit*, 2>& eyes) {
   std::vector<Shared> list;
   const EyeFit &od = *eyes[0], &os = *eyes[1];
-  const bool same = od.contrast == os.contrast && od.stacks.size() == os.stacks.size() &&
+  const bool same = od.weighting == os.weighting && od.stacks.size() == os.stacks.size() &&
                     std::equal(od.stacks.begin(), od.stacks.end(), os.stacks.begin(),
                                [](const auto& a, const auto& b) { return a.stack == b.stack; });
   if (!same || od.evidence == Evidence::labels || os.evidence == Evidence::labels) return list;
@@ -112,7 +112,7 @@ std::vector<Shared> same_images(const std::array<EyeFit*, 2>& eyes) {
     for (int e = 0; e < 2; ++e) {
       const double of_tissue = eyes[e]->value(tissue), of_aqueous = eyes[e]->value(aqueous);
       brightness.value[e] = std::log(of_tissue / of_aqueous);
-      brightness.by[e] = by_active(*eyes[e], {{tissue, 1 / of_tissue}, {aqueous, -1 / of_aqueous}});
+      brightness.gradient[e] = gradient_of(*eyes[e], {{tissue, 1 / of_tissue}, {aqueous, -1 / of_aqueous}});
     }
     list.push_back(brightness);
   }
@@ -127,7 +127,7 @@ std::vector<Shared> same_images(const std::array<EyeFit*, 2>& eyes) {
       image.information = alike(sigma);
       for (int e = 0; e < 2; ++e) {
         image.value[e] = eyes[e]->value(at);
-        image.by[e] = by_active(*eyes[e], {{at, 1.0}});
+        image.gradient[e] = gradient_of(*eyes[e], {{at, 1.0}});
       }
       list.push_back(image);
     }
@@ -137,7 +137,7 @@ std::vector<Shared> same_images(const std::array<EyeFit*, 2>& eyes) {
 /// Whether the eyes differ by no more than three standard deviations of what is allowed.
 bool agree(const Shared& shared, const std::array<EyeFit*, 2>& eyes) {
   double variance = shared.difference_sigma * shared.difference_sigma;
-  for (int e = 0; e < 2; ++e) variance += shared.by[e].dot(eyes[e]->covariance * shared.by[e]);
+  for (int e = 0; e < 2; ++e) variance += shared.gradient[e].dot(eyes[e]->covariance * shared.gradient[e]);
   return std::pow(shared.value[0] - shared.value[1], 2) <= 9 * variance;
 }
 
@@ -154,16 +154,16 @@ bool couple_eyes(EyeFit& od, EyeFit& os) {
       if (agree(other, eyes)) shared.push_back(other);
 
   const auto count = static_cast<Index>(shared.size());
-  std::array<MatrixXd, 2> by, own;  // of one eye: derivatives of what is shared, and its covariance
+  std::array<MatrixXd, 2> jacobian, own;  // of what is shared, in one eye: derivatives and covariance
   MatrixXd information = MatrixXd::Zero(2 * count, 2 * count);
   VectorXd information_mean = VectorXd::Zero(2 * count), before(2 * count);
   for (int e = 0; e < 2; ++e) {
-    by[e].resize(count, static_cast<Index>(eyes[e]->active.size()));
+    jacobian[e].resize(count, static_cast<Index>(eyes[e]->active.size()));
     for (Index i = 0; i < count; ++i) {
-      by[e].row(i) = shared[i].by[e];
+      jacobian[e].row(i) = shared[i].gradient[e];
       before[e * count + i] = shared[i].value[e];
     }
-    own[e] = by[e] * eyes[e]->covariance * by[e].transpose();
+    own[e] = jacobian[e] * eyes[e]->covariance * jacobian[e].transpose();
     information.block(e * count, e * count, count, count) = own[e].inverse();
   }
   information_mean = information * before;
@@ -177,7 +177,7 @@ bool couple_eyes(EyeFit& od, EyeFit& os) {
 
   for (int e = 0; e < 2; ++e) {
     EyeFit& eye = *eyes[e];
-    const MatrixXd slope = eye.covariance * by[e].transpose() * own[e].inverse();
+    const MatrixXd slope = eye.covariance * jacobian[e].transpose() * own[e].inverse();
     const VectorXd move = slope * step.segment(e * count, count);
     for (std::size_t i = 0; i < eye.active.size(); ++i)
       eye.parameters[eye.active[i]] += move[static_cast<Index>(i)];

@@ -21,7 +21,7 @@ CornealIrregularity corneal_irregularity(const FitProblem& problem, const Vector
   const ParameterLayout& layout = model.layout();
   FitProblem irregular = problem;
   irregular.model = &model;
-  // No belief about the terms: the images alone are asked. All else keeps the regular cornea's.
+  // No prior of the terms: the images alone are asked. All else keeps the regular cornea's.
   irregular.priors.mean = with_free_form(problem.priors.mean, layout);
   irregular.priors.sigma = VectorXd::Constant(layout.size(), 1e6);
   irregular.priors.sigma.head(problem.priors.sigma.size()) = problem.priors.sigma;
@@ -31,11 +31,11 @@ CornealIrregularity corneal_irregularity(const FitProblem& problem, const Vector
   for (int i = 0; i < CornealIrregularity::tested_terms; ++i) terms.push_back(layout.corneal_form() + i);
   const MatrixXd hessian = equations.hessian.selfadjointView<Eigen::Lower>();
   const MatrixXd across = hessian(active, terms);
-  const MatrixXd by_active = MatrixXd(hessian(active, active)).llt().solve(across);
-  const MatrixXd information = MatrixXd(hessian(terms, terms)) - across.transpose() * by_active;
+  const MatrixXd regression = MatrixXd(hessian(active, active)).llt().solve(across);
+  const MatrixXd information = MatrixXd(hessian(terms, terms)) - across.transpose() * regression;
   // What is left of the gradient by the other parameters is taken for their next step.
   const VectorXd score =
-      VectorXd(equations.gradient(terms)) - by_active.transpose() * VectorXd(equations.gradient(active));
+      VectorXd(equations.gradient(terms)) - regression.transpose() * VectorXd(equations.gradient(active));
   return {score.dot(information.ldlt().solve(score))};
 }
 

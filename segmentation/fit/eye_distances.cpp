@@ -8,10 +8,10 @@ using Eigen::MatrixXd;
 using Eigen::Vector3d;
 
 MatrixXd distance_derivatives(const EyeFit& fit) {
-  MatrixXd by = MatrixXd::Zero(static_cast<Eigen::Index>(fit.active.size()), distance_count);
+  MatrixXd derivatives = MatrixXd::Zero(static_cast<Eigen::Index>(fit.active.size()), distance_count);
   const auto add = [&](Distance distance, int parameter, double derivative) {
     const auto at = std::find(fit.active.begin(), fit.active.end(), parameter);
-    if (at != fit.active.end()) by(at - fit.active.begin(), distance) += derivative;
+    if (at != fit.active.end()) derivatives(at - fit.active.begin(), distance) += derivative;
   };
   const std::vector<Vector3d> bumps = bump_directions();
   const auto add_displacement = [&](Distance distance, const Vector3d& direction, int half_axis) {
@@ -29,7 +29,7 @@ MatrixXd distance_derivatives(const EyeFit& fit) {
     add(globe_height, globe_y, 1);
     add_displacement(globe_height, side * Vector3d::UnitY(), globe_y);
   }
-  return by;
+  return derivatives;
 }
 
 }  // namespace emmetrope::segmentation

@@ -81,7 +81,7 @@ double EyeDrawing::operator()(const Vector3d& p) const {
 
 EyeSurface EyeDrawing::surface(Surface which, const Vector3d& p) const {
   WallFields fields = fields_;
-  fields.u += fields.gradient.dot(p - middle_);
+  fields.displacement += fields.gradient.dot(p - middle_);
   EyeSurface front, back, equator;
   switch (which) {
     case lid_front:

@@ -27,24 +27,24 @@ struct RegionFit {
 /// A fitted eye.
 struct EyeFit {
   ParameterLayout layout;
-  Contrast contrast = Contrast::t2;
+  Weighting weighting = Weighting::t2;
   std::vector<ObservedStack> stacks;
   ForwardModel model;
-  Eigen::VectorXd parameters;
-  std::vector<int> active;     ///< parameters that were free in the last pass
-  Eigen::MatrixXd covariance;  ///< of them, in this order; priors included, image weighted by its misfit
-  Priors priors;
-  std::vector<Sample> samples;    ///< of the last pass
-  std::vector<double> residuals;  ///< image minus model over the noise, of the samples
-  double chi2_per_voxel = 0;      ///< in units of the noise
+  Eigen::VectorXd parameters = {};
+  std::vector<int> active = {};     ///< parameters that were free in the last pass
+  Eigen::MatrixXd covariance = {};  ///< of them, in this order; priors included, image weighted by its misfit
+  Priors priors = {};
+  std::vector<Sample> samples = {};    ///< of the last pass
+  std::vector<double> residuals = {};  ///< image minus model over the noise, of the samples
+  double chi2_per_voxel = 0;           ///< in units of the noise
   /// of each stack: by how much its weights were widened for what the model does not explain
-  Eigen::VectorXd misfit;
-  std::vector<RegionFit> regions;  ///< by Part
+  Eigen::VectorXd misfit = {};
+  std::vector<RegionFit> regions = {};  ///< by Part
   int iterations = 0;
   bool converged = false;
   /// Cost of the anterior fit from each start of the apex, lowest first subtracted, in the order of the
   /// starts.
-  std::vector<double> start_costs;
+  std::vector<double> start_costs = {};
   Evidence evidence = Evidence::intensities;
   CornealIrregularity irregularity = {};  ///< what decided whether the cornea has a free form
   double slice_displacement_mm = 0;       ///< slice_displacement.hpp
@@ -66,14 +66,14 @@ struct EyeFit {
 EyeStart start_of(const FoundEye& eye, std::optional<double> age_years = {});
 std::vector<const Stack*> views_of(const FoundEye& eye, const std::vector<const Stack*>& stacks);
 
-/// Fits one eye to its stacks, which are of one contrast. The order that converges: globe, lens and pose
+/// Fits one eye to its stacks, which are of one weighting. The order that converges: globe, lens and pose
 /// without the cornea, from several starts; the cornea from five depths; everything, the globe that explains
 /// most; everything once more with weights that know the misfit; and where a test says that the cornea is
 /// irregular, both again with its free form. Where labels are the evidence, intensities, coil and sharpness
 /// are known and only shapes, pose and the head's shifts are free.
 /// \param advance  called `fit_steps` times in all
 /// \throw Error (no_result) when the data cannot support a fit
-EyeFit fit_eye(const std::vector<const Stack*>& stacks, const EyeStart& start, Contrast contrast,
+EyeFit fit_eye(const std::vector<const Stack*>& stacks, const EyeStart& start, Weighting weighting,
                const std::function<void()>& advance = {}, Evidence evidence = Evidence::intensities);
 inline constexpr int fit_steps = 4;
 

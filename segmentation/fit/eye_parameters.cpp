@@ -109,7 +109,7 @@ Eigen::VectorXd population_mean(const ParameterLayout& layout) {
   return mean;
 }
 
-Priors population_priors(const ParameterLayout& layout, const Eigen::VectorXd& start, Contrast contrast,
+Priors population_priors(const ParameterLayout& layout, const Eigen::VectorXd& start, Weighting weighting,
                          std::optional<double> age_years) {
   Priors priors{population_mean(layout), Eigen::VectorXd::Constant(layout.size(), no_prior)};
   for (int i = 0; i < eye_parameter_count; ++i) priors.sigma[i] = prior_table()[i].sigma;
@@ -127,7 +127,7 @@ Priors population_priors(const ParameterLayout& layout, const Eigen::VectorXd& s
   }
   priors.curvature_per_axial_length = curvature_per_axial_length;
   // In T1 the vitreous is dark and the tissues around it spread over a wider range of it.
-  if (contrast == Contrast::t1) {
+  if (weighting == Weighting::t1) {
     priors.sigma[cornea] = 0.25;
     priors.cornea_like_wall_sigma = cornea_like_wall * start[wall];
   }
@@ -147,7 +147,7 @@ Priors population_priors(const ParameterLayout& layout, const Eigen::VectorXd& s
       if (directions[i].z() < posterior_cosine) priors.sigma[layout.displacement() + i] = bulge_sigma_mm;
   }
   priors.sigma.segment(layout.background(), layout.bumps)
-      .setConstant(contrast == Contrast::t1 ? background_sigma_t1 : background_sigma_t2);
+      .setConstant(weighting == Weighting::t1 ? background_sigma_t1 : background_sigma_t2);
   return priors;
 }
 

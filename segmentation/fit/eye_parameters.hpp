@@ -102,7 +102,7 @@ struct ParameterLayout {
 
 /// Normal priors of parameters before the image is seen; an infinite sigma is none.
 struct Priors {
-  Eigen::VectorXd mean, sigma;
+  Eigen::VectorXd mean = {}, sigma = {};
   /// Cornea and wall are equally bright but for this, in the unit of intensities; infinite: not asked for.
   double cornea_like_wall_sigma = std::numeric_limits<double>::infinity();
   /// By how much the mean of cornea_c changes with the axial length, 1/mm per mm: longer eyes have flatter
@@ -117,10 +117,10 @@ struct Priors {
 /// parameters with no population mean (pose, intensities) are weakly held at `start` or not at all. Where the
 /// patient's age is known, the radii of the lens, and of an adult the depth of the chamber and the thickness
 /// of the lens, are expected as they are at that age.
-Priors population_priors(const ParameterLayout& layout, const Eigen::VectorXd& start, Contrast contrast,
+Priors population_priors(const ParameterLayout& layout, const Eigen::VectorXd& start, Weighting weighting,
                          std::optional<double> age_years = {});
 
-/// The same, with what is believed of a cornea that is not regular (keratoconus): its free form, and its
+/// The same for a cornea that is not regular (keratoconus): with the prior of its free form, and of its
 /// biconic with wider spreads.
 /// \param layout  with the irregular cornea
 Priors irregular_cornea_priors(const Priors& of_regular, const ParameterLayout& layout);

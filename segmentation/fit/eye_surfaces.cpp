@@ -18,15 +18,15 @@ constexpr double iris_reference_radius_mm = 3;
 
 /// Depth of a rotationally symmetric conic at squared radius s, with derivatives by s, curvature and Q.
 struct ConicSag {
-  double value, by_s, by_c, by_q;
+  double value, d_s, d_c, d_q;
 };
 ConicSag conic_sag(double s, double c, double q) {
   // Beyond the conic's reach (a far voxel) its slope is kept finite.
   const double inside = std::max(1 - (1 + q) * c * c * s, 0.05);
   const double root = std::sqrt(inside), d = 1 + root;
-  const double by_root = -c * s / (d * d);  // d value / d root
-  return {c * s / d, c / d + by_root * (-(1 + q) * c * c) / (2 * root),
-          s / d + by_root * (-2 * (1 + q) * c * s) / (2 * root), by_root * (-c * c * s) / (2 * root)};
+  const double d_root = -c * s / (d * d);  // d value / d root
+  return {c * s / d, c / d + d_root * (-(1 + q) * c * c) / (2 * root),
+          s / d + d_root * (-2 * (1 + q) * c * s) / (2 * root), d_root * (-c * c * s) / (2 * root)};
 }
 
 Bump exact_bump(double cosine) {
@@ -50,8 +50,8 @@ class BumpTable {
     const Bump &a = nodes_[i], &b = nodes_[i + 1];
     const double rise = (b.value - a.value) / step;
     return {s * s * (1 + 2 * t) * a.value + t * t * (1 + 2 * s) * b.value +
-                step * s * t * (s * a.by_cosine - t * b.by_cosine),
-            6 * s * t * rise + s * (1 - 3 * t) * a.by_cosine + t * (1 - 3 * s) * b.by_cosine};
+                step * s * t * (s * a.d_cosine - t * b.d_cosine),
+            6 * s * t * rise + s * (1 - 3 * t) * a.d_cosine + t * (1 - 3 * s) * b.d_cosine};
   }
 
  private:
@@ -81,37 +81,36 @@ EyeSurface cornea_surface(const VectorXd& a, const Vector3d& p, bool back, const
   const double w1 = k11 * v1 + k12 * v2, w2 = k12 * v1 + k22 * v2;
   const double s = x * v1 + y * v2, t = v1 * w1 + v2 * w2;
   const double root = std::sqrt(std::max(1 - t, 0.05)), d = 1 + root;
-  const double by_s = 1 / d, by_t = s / (2 * root * d * d);
-  const double by_c11 = by_s * x * x + by_t * 2 * w1 * x;
-  const double by_c22 = by_s * y * y + by_t * 2 * w2 * y;
-  const double by_c12 = by_s * 2 * x * y + by_t * 2 * (w1 * y + w2 * x);
+  const double d_s = 1 / d, d_t = s / (2 * root * d * d);
+  const double d_c11 = d_s * x * x + d_t * 2 * w1 * x;
+  const double d_c22 = d_s * y * y + d_t * 2 * w2 * y;
+  const double d_c12 = d_s * 2 * x * y + d_t * 2 * (w1 * y + w2 * x);
   // By the split's components along 0 and 45 degrees.
-  const double by_q0 = by_t * (v1 * v1 - v2 * v2), by_q45 = by_t * 2 * v1 * v2;
-  const double along = (by_q0 * j0 + by_q45 * j45) / (j_scale * j_scale);
+  const double d_q0 = d_t * (v1 * v1 - v2 * v2), d_q45 = d_t * 2 * v1 * v2;
+  const double along = (d_q0 * j0 + d_q45 * j45) / (j_scale * j_scale);
 
   EyeSurface surface;
   surface.f = -p.z() - s / d - (back ? a[cornea_thickness] : 0);
-  surface.gradient = {-(by_s * 2 * v1 + by_t * 2 * (c11 * w1 + c12 * w2)),
-                      -(by_s * 2 * v2 + by_t * 2 * (c12 * w1 + c22 * w2)), -1};
+  surface.gradient = {-(d_s * 2 * v1 + d_t * 2 * (c11 * w1 + c12 * w2)),
+                      -(d_s * 2 * v2 + d_t * 2 * (c12 * w1 + c22 * w2)), -1};
   // Of S and T; the mixed terms are small within the cornea.
-  surface.hessian(0, 0) =
-      -2 * (by_s * c11 + by_t * (k11 * c11 * c11 + 2 * k12 * c11 * c12 + k22 * c12 * c12));
-  surface.hessian(1, 1) =
-      -2 * (by_s * c22 + by_t * (k11 * c12 * c12 + 2 * k12 * c12 * c22 + k22 * c22 * c22));
-  surface.depends(cornea_c, -(by_c11 + by_c22) / ratio);
-  surface.depends(cornea_j0, -(by_c11 - by_c22) / ratio - split / j_scale * (by_q0 - along * j0));
-  surface.depends(cornea_j45, -by_c12 / ratio - split / j_scale * (by_q45 - along * j45));
-  surface.depends(cornea_q, -by_t * (v1 * v1 + v2 * v2));
-  surface.depends(cornea_q_split, -(by_q0 * j0 + by_q45 * j45) / j_scale);
+  surface.hessian(0, 0) = -2 * (d_s * c11 + d_t * (k11 * c11 * c11 + 2 * k12 * c11 * c12 + k22 * c12 * c12));
+  surface.hessian(1, 1) = -2 * (d_s * c22 + d_t * (k11 * c12 * c12 + 2 * k12 * c12 * c22 + k22 * c22 * c22));
+  surface.depends(cornea_c, -(d_c11 + d_c22) / ratio);
+  surface.depends(cornea_j0, -(d_c11 - d_c22) / ratio - split / j_scale * (d_q0 - along * j0));
+  surface.depends(cornea_j45, -d_c12 / ratio - split / j_scale * (d_q45 - along * j45));
+  surface.depends(cornea_q, -d_t * (v1 * v1 + v2 * v2));
+  surface.depends(cornea_q_split, -(d_q0 * j0 + d_q45 * j45) / j_scale);
   if (back) {
     surface.depends(cornea_thickness, -1);
-    surface.depends(cornea_back_ratio, (by_c11 * c11 + by_c22 * c22 + by_c12 * c12) / ratio);
+    surface.depends(cornea_back_ratio, (d_c11 * c11 + d_c22 * c22 + d_c12 * c12) / ratio);
   }
   if (field) {
     const double times = back ? a[field->back_ratio] : 1;
     surface.f -= times * field->depth;
     surface.gradient.head<2>() -= times * field->gradient;
-    for (int i = 0; i < corneal_form_terms; ++i) surface.depends(field->first + i, -times * field->by[i]);
+    for (int i = 0; i < corneal_form_terms; ++i)
+      surface.depends(field->first + i, -times * field->d_depth[i]);
     if (back) surface.depends(field->back_ratio, -field->depth);
   }
   return surface;
@@ -141,24 +140,24 @@ EyeSurface globe_surface(const VectorXd& a, const Vector3d& p, bool outer, const
   const double depth = -p.z() - (a[axial_length] - a[globe_z]);
   const Vector3d q(p.x() / rx, p.y() / ry, depth / rz);
   const double rho = std::max(q.norm(), 0.05);
-  const Vector3d by_q = -displacement_sphere_mm / rho * q;
+  const Vector3d d_q = -displacement_sphere_mm / rho * q;
 
   EyeSurface surface;
   surface.f = displacement_sphere_mm * (1 - rho);
-  surface.gradient = {by_q.x() / rx, by_q.y() / ry, -by_q.z() / rz};
+  surface.gradient = {d_q.x() / rx, d_q.y() / ry, -d_q.z() / rz};
   const Vector3d r(rx, ry, -rz), n = q.cwiseQuotient(r) / rho;
   surface.hessian = displacement_sphere_mm / rho * (n * n.transpose());
   surface.hessian.diagonal() -= displacement_sphere_mm / rho * r.cwiseAbs2().cwiseInverse();
-  surface.depends(globe_x, -by_q.x() * q.x() / rx);
-  surface.depends(globe_y, -by_q.y() * q.y() / ry);
-  surface.depends(globe_z, by_q.z() * (1 - q.z()) / rz);
-  surface.depends(axial_length, -by_q.z() / rz);
+  surface.depends(globe_x, -d_q.x() * q.x() / rx);
+  surface.depends(globe_y, -d_q.y() * q.y() / ry);
+  surface.depends(globe_z, d_q.z() * (1 - q.z()) / rz);
+  surface.depends(axial_length, -d_q.z() / rz);
   if (outer) {
-    surface.depends(wall_lateral, -by_q.x() * q.x() / rx - by_q.y() * q.y() / ry);
-    surface.depends(wall_axial, -by_q.z() * q.z() / rz);
+    surface.depends(wall_lateral, -d_q.x() * q.x() / rx - d_q.y() * q.y() / ry);
+    surface.depends(wall_axial, -d_q.z() * q.z() / rz);
   }
   if (fields) {
-    surface.f += fields->u;
+    surface.f += fields->displacement;
     surface.gradient += fields->gradient;
   }
   return surface;
@@ -182,19 +181,19 @@ void lens_surfaces(const VectorXd& a, const Vector3d& p, EyeSurface& front, EyeS
     const ConicSag sag = conic_sag(s, c, a[is_front ? lens_anterior_q : lens_posterior_q]);
     const double sign = is_front ? 1 : -1;
     surface.f = sign * delta + half - sag.value;
-    surface.gradient = sign * grad_delta - sag.by_s * 2 * (x * grad_x + y * grad_y);
-    surface.hessian.diagonal() << -2 * sag.by_s, -2 * sag.by_s, 0;
+    surface.gradient = sign * grad_delta - sag.d_s * 2 * (x * grad_x + y * grad_y);
+    surface.hessian.diagonal() << -2 * sag.d_s, -2 * sag.d_s, 0;
     surface.count = 0;
-    surface.depends(radius, sag.by_c * c * c);
-    surface.depends(is_front ? lens_anterior_q : lens_posterior_q, -sag.by_q);
+    surface.depends(radius, sag.d_c * c * c);
+    surface.depends(is_front ? lens_anterior_q : lens_posterior_q, -sag.d_q);
     // w.z grows with the depth of mid-lens.
     surface.depends(anterior_chamber_depth, surface.gradient.z());
     surface.depends(lens_thickness, 0.5 + surface.gradient.z() / 2);
     surface.depends(lens_decentre_x, -surface.gradient.x());
     surface.depends(lens_decentre_y, -surface.gradient.y());
-    const double by_x = -sag.by_s * 2 * x, by_y = -sag.by_s * 2 * y;
-    surface.depends(lens_tilt_x, degree * (by_y * w.z() + sign * w.y()));
-    surface.depends(lens_tilt_y, degree * (-by_x * w.z() - sign * w.x()));
+    const double d_x = -sag.d_s * 2 * x, d_y = -sag.d_s * 2 * y;
+    surface.depends(lens_tilt_x, degree * (d_y * w.z() + sign * w.y()));
+    surface.depends(lens_tilt_y, degree * (-d_x * w.z() - sign * w.x()));
   }
   const double r = std::max(std::sqrt(s), 0.3);
   equator.f = a[lens_equator_radius] - r;

@@ -18,18 +18,18 @@ struct EyeSurface {
   Eigen::Vector3d gradient = Eigen::Vector3d::Zero();
   Eigen::Matrix3d hessian = Eigen::Matrix3d::Zero();  ///< near the surface, to a tenth: it corrects microns
   int count = 0;
-  std::array<int, 9 + corneal_form_terms> index;
-  std::array<double, 9 + corneal_form_terms> by;
-  void depends(int parameter, double derivative) {
-    index[count] = parameter;
-    by[count++] = derivative;
+  std::array<int, 9 + corneal_form_terms> parameter;
+  std::array<double, 9 + corneal_form_terms> derivative;
+  void depends(int on_parameter, double with_derivative) {
+    parameter[count] = on_parameter;
+    derivative[count++] = with_derivative;
   }
 };
 
 /// Fields on the wall at a point: its displacement with the gradient, and by how much the background differs
 /// from its mean.
 struct WallFields {
-  double u = 0, background = 0;
+  double displacement = 0, background = 0;
   Eigen::Vector3d gradient = Eigen::Vector3d::Zero();
   std::array<double, 128> bump;  ///< at most all of bump_directions()
 };
@@ -39,13 +39,13 @@ struct WallFields {
 struct CorneaField {
   double depth = 0;
   Eigen::Vector2d gradient = Eigen::Vector2d::Zero();
-  std::array<double, corneal_form_terms> by;  ///< mm of depth by um of a coefficient
+  std::array<double, corneal_form_terms> d_depth;  ///< mm of depth by um of a coefficient
   int first = 0, back_ratio = 0;
 };
 
 /// A Gaussian of the angle from a bump's direction, and its derivative by the angle's cosine.
 struct Bump {
-  double value, by_cosine;
+  double value, d_cosine;
 };
 Bump bump_at(double cosine);
 

@@ -18,12 +18,15 @@ struct StackSampling {
   double thickness_mm = 0;  ///< of the box profile
   int subslices = 1;
   double noise = 0.05;  ///< sigma of one channel, in the unit of intensities
-  /// What is believed of the chemical shift of fat: mm along row and column, about 0; 0: there is none.
+  /// Prior spread about 0 of the chemical shift of fat: mm along row and column; 0: there is none.
   Eigen::Vector2d fat_shift_sigma_mm = Eigen::Vector2d::Zero();
   double fat = 1;  ///< its intensity, positive
-  /// What is believed of the coil's second-order coefficients, about 0.
+  /// Prior spread about 0 of the coil's second-order coefficients.
   double coil_curvature_sigma = 0.2;
 };
+
+/// Fat is at least this much brighter than the wall, where its share of the surroundings is computed.
+inline constexpr double least_fat_over_wall = 0.2;
 
 /// Fat's signal in what surrounds the globe: what of it is not fat is muscle, as bright as the wall.
 double fat_signal(double around, double wall, double fat);
@@ -131,7 +134,7 @@ class ForwardModel {
     Distances distances(const Eigen::Vector3d& p) const;
     /// The wall's fields at a point of the eye frame, from some bumps.
     WallFields wall_fields(const std::vector<std::uint8_t>& bumps, const Eigen::Vector3d& p) const;
-    /// Displacement u (mm) in a scaled direction, from all bumps.
+    /// Displacement (mm) in a scaled direction, from all bumps.
     double displacement(const Eigen::Vector3d& direction) const;
 
     /// A surface at a point of the eye frame: signed distance to first order, unit normal out of the tissue's
@@ -150,12 +153,18 @@ class ForwardModel {
    private:
     std::optional<CorneaField> cornea_field(const Eigen::Vector3d& p) const;
     std::array<double, coil_count> coil_terms(const Eigen::Vector3d& position) const;
-    struct Edge;
+    /// A surface's edge response, averaged through a sub-slice.
+    struct Edge {
+      double value = 1;  ///< 0 far outside, 1 far inside
+      double d_f = 0;    ///< by the surface's F
+      double d_log_sharpness = 0;
+    };
     Edge edge(const EyeSurface& surface, int stack) const;
+    class SignalSum;
 
     const ForwardModel& model_;
     const Eigen::VectorXd& a_;
-    Eigen::Matrix3d eye_from_lps_, by_horizontal_, by_vertical_;
+    Eigen::Matrix3d eye_from_lps_, d_eye_from_lps_d_horizontal_, d_eye_from_lps_d_vertical_;
     struct StackInEye {
       Eigen::Vector3d row, column, normal;
       double inverse_kx, inverse_ky;

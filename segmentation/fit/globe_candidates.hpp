@@ -15,8 +15,8 @@ VoxelLoss voxel_loss(const FitProblem& problem, const Eigen::VectorXd& parameter
 struct Candidate {
   SolveResult solution;
   Priors priors;
-  std::vector<double> apex_costs;
-  VoxelLoss loss;  ///< of the whole eye
+  std::vector<double> apex_costs = {};
+  VoxelLoss loss = {};  ///< of the whole eye
 };
 
 /// The likeliest globe and, of different ones, up to two nearly as likely: where fat may be displaced several

@@ -15,7 +15,8 @@ using Eigen::VectorXd;
 
 /// Distance of the corneal apex from the globe's centre: the steepest change along the axis between aqueous
 /// and lid.
-double find_apex_distance(const std::vector<const Stack*>& stacks, const EyeStart& start, Contrast contrast) {
+double find_apex_distance(const std::vector<const Stack*>& stacks, const EyeStart& start,
+                          Weighting weighting) {
   constexpr double first = 8.8, last = 15.5, step = 0.2;
   const int count = static_cast<int>((last - first) / step) + 1;
   VectorXd profile = VectorXd::Zero(count);
@@ -36,7 +37,7 @@ double find_apex_distance(const std::vector<const Stack*>& stacks, const EyeStar
     if (values > 0) profile[i] /= values;
   }
   // From bright aqueous to dark cornea in T2, the other way round in T1.
-  const double sign = contrast == Contrast::t2 ? -1 : 1;
+  const double sign = weighting == Weighting::t2 ? -1 : 1;
   int best = 0;
   double steepest = 0;
   for (int i = 3; i + 3 < count; ++i) {
@@ -56,9 +57,9 @@ void set_stack_shifts(VectorXd& a, const ParameterLayout& layout, const EyeStart
 }
 
 VectorXd start_parameters(const ParameterLayout& layout, const std::vector<const Stack*>& stacks,
-                          const EyeStart& start, Contrast contrast, Evidence evidence) {
+                          const EyeStart& start, Weighting weighting, Evidence evidence) {
   VectorXd a = population_mean(layout);
-  const double apex = find_apex_distance(stacks, start, contrast);
+  const double apex = find_apex_distance(stacks, start, weighting);
   a.segment<3>(apex_x) = start.globe_centre + apex * start.axis;
   a.segment<2>(gaze_horizontal) = gaze_deg(start.axis);
   a[globe_x] = a[globe_y] = a[globe_z] = start.globe_radius_mm;
@@ -74,14 +75,14 @@ VectorXd start_parameters(const ParameterLayout& layout, const std::vector<const
   }
   std::vector<TissueLevels> levels;
   for (std::size_t k = 0; k < stacks.size(); ++k)
-    levels.push_back(measure_levels(*stacks[k], start.in_stack(k), contrast));
+    levels.push_back(tissue_levels(*stacks[k], start.in_stack(k), weighting));
   const auto relative = [&](double TissueLevels::*tissue) {
     double sum = 0;
     for (const TissueLevels& l : levels)
-      sum += l.*tissue / (contrast == Contrast::t2 ? l.vitreous : l.surround);
+      sum += l.*tissue / (weighting == Weighting::t2 ? l.vitreous : l.surround);
     return sum / static_cast<double>(levels.size());
   };
-  const bool t2 = contrast == Contrast::t2;
+  const bool t2 = weighting == Weighting::t2;
   a[vitreous] = a[aqueous] = relative(&TissueLevels::vitreous);
   a[wall] = relative(&TissueLevels::wall);
   a[lens] = relative(&TissueLevels::lens);
@@ -127,21 +128,21 @@ void move_off_fat(VectorXd& a, const ForwardModel& model, int stack, const Vecto
 }
 
 std::vector<VectorXd> starts_along_axis(const ForwardModel& model, const std::vector<const Stack*>& stacks,
-                                        const EyeStart& start, Contrast contrast, Evidence evidence) {
+                                        const EyeStart& start, Weighting weighting, Evidence evidence) {
   const ParameterLayout& layout = model.layout();
   if (start.fellow.size() > 0) {
     std::vector<VectorXd> starts{like_fellow(layout, start)};
-    if (contrast != Contrast::t1) return starts;
+    if (weighting != Weighting::t1) return starts;
     starts.push_back(starts[0]);
     for (int s = 0; s < layout.stacks; ++s)
       move_off_fat(starts[1], model, s, starts[1].segment<2>(layout.stack(s) + fat_shift_first));
     return starts;
   }
-  std::vector<VectorXd> starts{start_parameters(layout, stacks, start, contrast, evidence)};
-  if (contrast != Contrast::t1 || evidence == Evidence::labels) return starts;
+  std::vector<VectorXd> starts{start_parameters(layout, stacks, start, weighting, evidence)};
+  if (weighting != Weighting::t1 || evidence == Evidence::labels) return starts;
   EyeStart smaller = start;
   smaller.globe_radius_mm -= 1;
-  starts.push_back(start_parameters(layout, stacks, smaller, contrast, evidence));
+  starts.push_back(start_parameters(layout, stacks, smaller, weighting, evidence));
   for (const VectorXd& still : std::vector<VectorXd>(starts)) {
     for (int s = 0; s < layout.stacks; ++s) {
       for (const int along : {0, 1}) {
@@ -163,12 +164,13 @@ std::vector<VectorXd> starts_along_axis(const ForwardModel& model, const std::ve
 
 std::vector<std::vector<VectorXd>> globe_starts(const ForwardModel& model,
                                                 const std::vector<const Stack*>& stacks,
-                                                const EyeStart& start, Contrast contrast, Evidence evidence) {
-  std::vector<std::vector<VectorXd>> starts{starts_along_axis(model, stacks, start, contrast, evidence)};
-  if (!start.other_axis || contrast != Contrast::t1 || evidence == Evidence::labels) return starts;
+                                                const EyeStart& start, Weighting weighting,
+                                                Evidence evidence) {
+  std::vector<std::vector<VectorXd>> starts{starts_along_axis(model, stacks, start, weighting, evidence)};
+  if (!start.other_axis || weighting != Weighting::t1 || evidence == Evidence::labels) return starts;
   EyeStart other = start;
   other.axis = *start.other_axis;
-  starts.push_back(starts_along_axis(model, stacks, other, contrast, evidence));
+  starts.push_back(starts_along_axis(model, stacks, other, weighting, evidence));
   return starts;
 }
 

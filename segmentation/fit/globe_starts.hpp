@@ -12,7 +12,7 @@ namespace emmetrope::segmentation {
 /// axis). Parameter vectors by axis, the likeliest first: T2 and labels have one.
 std::vector<std::vector<Eigen::VectorXd>> globe_starts(const ForwardModel& model,
                                                        const std::vector<const Stack*>& stacks,
-                                                       const EyeStart& start, Contrast contrast,
+                                                       const EyeStart& start, Weighting weighting,
                                                        Evidence evidence);
 
 }  // namespace emmetrope::segmentation

@@ -18,7 +18,7 @@ using Eigen::VectorXd;
 
 /// Expected magnitude and its derivative by the signal.
 struct Expected {
-  double value, by_signal;
+  double value, d_signal;
 };
 Expected expected(double signal, double noise, bool with_noise) {
   if (!with_noise) return {signal, 1};
@@ -29,15 +29,15 @@ Expected expected(double signal, double noise, bool with_noise) {
 /// A sample's residual under the loss, r' = sign(r) sqrt(rho), whose square is the loss, and its derivative
 /// by the signal (Triggs' correction of first order).
 struct RobustResidual {
-  double value, by_signal;
+  double value, d_signal;
 };
 RobustResidual robust_residual(const FitProblem& problem, const Sample& sample, double signal) {
   const double c2 = problem.loss_scale * problem.loss_scale;
   const Expected e = expected(signal, problem.model->stacks()[sample.stack].noise, problem.rician);
   const double r = (sample.value - e.value) / sample.deviation;
   const double value = std::copysign(std::sqrt(c2 * std::log1p(r * r / c2)), r);
-  const double by_r = std::abs(r) < 1e-6 ? 1 : r / (value * (1 + r * r / c2));
-  return {value, -by_r * e.by_signal / sample.deviation};
+  const double d_r = std::abs(r) < 1e-6 ? 1 : r / (value * (1 + r * r / c2));
+  return {value, -d_r * e.d_signal / sample.deviation};
 }
 
 /// Where a parameter still makes an eye. Beyond, the image is that at the limit and the prior alone pulls
@@ -65,6 +65,12 @@ constexpr std::array<Limit, 18> limits{{{cornea_c, 1 / 12.0, 1 / 5.0},
                                         {iris_half_thickness, 0.05, 0.4},
                                         {pupil_radius, 0.4, 5}}};
 
+VectorXd within_limits(VectorXd parameters) {
+  for (const Limit& limit : limits)
+    parameters[limit.parameter] = std::clamp(parameters[limit.parameter], limit.lower, limit.upper);
+  return parameters;
+}
+
 /// J'J = L L' of the moved combinations, L^-1 J'r, and what of the cost no step can remove.
 struct Condensed {
   MatrixXd factor;
@@ -82,26 +88,81 @@ Condensed condense(const NormalEquations& equations, const Basis& basis) {
   return condensed;
 }
 
+/// The terms of the cost: each adds its share, and where asked for its derivatives.
+void add_samples(const FitProblem& problem, const ForwardModel::AtParameters& at, bool derivatives,
+                 NormalEquations& out) {
+  SparseRow row(problem.model->layout().size());
+  std::vector<double> values;
+  std::vector<int> places;
+  for (const Sample& sample : problem.samples) {
+    const double signal = at.intensity(sample, derivatives ? &row : nullptr);
+    const RobustResidual r = robust_residual(problem, sample, signal);
+    out.cost += r.value * r.value / 2;
+    if (!derivatives) continue;
+    places = row.touched();
+    std::sort(places.begin(), places.end());
+    values.clear();
+    for (const int i : places) values.push_back(r.d_signal * row[i]);
+    for (std::size_t j = 0; j < places.size(); ++j) {
+      double* column = out.hessian.col(places[j]).data();
+      const double v = values[j];
+      if (v == 0) continue;
+      out.gradient[places[j]] += v * r.value;
+      for (std::size_t i = j; i < places.size(); ++i) column[places[i]] += v * values[i];
+    }
+  }
+}
+
+void add_limbus(const FitProblem& problem, const ForwardModel::AtParameters& at, bool derivatives,
+                NormalEquations& out) {
+  if (!(problem.limbus_sigma_mm > 0)) return;
+  SparseRow row(problem.model->layout().size());
+  for (int quadrant = 0; quadrant < 4; ++quadrant) {
+    const double r = at.limbus_misfit(quadrant, derivatives ? &row : nullptr) / problem.limbus_sigma_mm;
+    out.cost += r * r / 2;
+    if (!derivatives) continue;
+    for (const int j : row.touched()) {
+      const double v = row[j] / problem.limbus_sigma_mm;
+      out.gradient[j] += v * r;
+      for (const int i : row.touched())
+        if (i >= j) out.hessian(i, j) += v * row[i] / problem.limbus_sigma_mm;
+    }
+  }
+}
+
+void add_cornea_like_wall(const Priors& priors, const VectorXd& parameters, bool derivatives,
+                          NormalEquations& out) {
+  const double per_sigma = 1 / priors.cornea_like_wall_sigma,
+               deviation = per_sigma * (parameters[cornea] - parameters[wall]);
+  out.cost += deviation * deviation / 2;
+  if (!derivatives) return;
+  out.gradient[cornea] += per_sigma * deviation;
+  out.gradient[wall] -= per_sigma * deviation;
+  out.hessian(cornea, cornea) += per_sigma * per_sigma;
+  out.hessian(wall, wall) += per_sigma * per_sigma;
+  out.hessian(cornea, wall) -= per_sigma * per_sigma;
+}
+
 void add_priors(const FitProblem& problem, const VectorXd& parameters, bool derivatives,
                 NormalEquations& out) {
   const Priors& priors = problem.priors;
   const VectorXd per_sigma = priors.sigma.cwiseInverse();
-  VectorXd off = (parameters - priors.mean).cwiseProduct(per_sigma);
-  off[cornea_c] =
+  VectorXd deviation = (parameters - priors.mean).cwiseProduct(per_sigma);
+  deviation[cornea_c] =
       (parameters[cornea_c] - expected_curvature(priors, parameters[axial_length])) * per_sigma[cornea_c];
   const MatrixXd& information = priors.corneal_form_information;
   const int form = problem.model->layout().corneal_form();
   const auto terms = static_cast<int>(information.rows());
-  VectorXd pull = off;
-  pull.segment(form, terms) = information * off.segment(form, terms);
-  out.cost += off.dot(pull) / 2;
+  VectorXd score = deviation;  // by the information
+  score.segment(form, terms) = information * deviation.segment(form, terms);
+  out.cost += deviation.dot(score) / 2;
   if (!derivatives) return;
-  out.gradient += pull.cwiseProduct(per_sigma);
-  const double by_length = -priors.curvature_per_axial_length * per_sigma[cornea_c];  // of off[cornea_c]
-  out.gradient[axial_length] += pull[cornea_c] * by_length;
-  out.hessian(axial_length, axial_length) += by_length * by_length;
+  out.gradient += score.cwiseProduct(per_sigma);
+  const double d_length = -priors.curvature_per_axial_length * per_sigma[cornea_c];  // of deviation[cornea_c]
+  out.gradient[axial_length] += score[cornea_c] * d_length;
+  out.hessian(axial_length, axial_length) += d_length * d_length;
   static_assert(cornea_c < axial_length, "of the symmetric matrix the lower triangle is filled");
-  out.hessian(axial_length, cornea_c) += by_length * per_sigma[cornea_c];
+  out.hessian(axial_length, cornea_c) += d_length * per_sigma[cornea_c];
   VectorXd alone = per_sigma.cwiseAbs2();
   alone.segment(form, terms).setZero();
   out.hessian.diagonal() += alone;
@@ -158,67 +219,22 @@ double residual(const FitProblem& problem, const ForwardModel::AtParameters& at,
 
 NormalEquations evaluate(const FitProblem& problem, const VectorXd& parameters, bool derivatives) {
   const int size = problem.model->layout().size();
-  VectorXd within = parameters;
-  std::vector<int> beyond;
-  for (const Limit& limit : limits) {
-    within[limit.parameter] = std::clamp(parameters[limit.parameter], limit.lower, limit.upper);
-    if (within[limit.parameter] != parameters[limit.parameter]) beyond.push_back(limit.parameter);
-  }
+  const VectorXd within = within_limits(parameters);
   const ForwardModel::AtParameters at(*problem.model, within);
   NormalEquations out;
   if (derivatives) {
     out.hessian = MatrixXd::Zero(size, size);
     out.gradient = VectorXd::Zero(size);
   }
-  SparseRow row(size);
-  std::vector<double> values;
-  std::vector<int> places;
-
-  for (const Sample& sample : problem.samples) {
-    const double signal = at.intensity(sample, derivatives ? &row : nullptr);
-    const RobustResidual r = robust_residual(problem, sample, signal);
-    out.cost += r.value * r.value / 2;
-    if (!derivatives) continue;
-    places = row.touched();
-    std::sort(places.begin(), places.end());
-    values.clear();
-    for (const int i : places) values.push_back(r.by_signal * row[i]);
-    for (std::size_t j = 0; j < places.size(); ++j) {
-      double* column = out.hessian.col(places[j]).data();
-      const double v = values[j];
-      if (v == 0) continue;
-      out.gradient[places[j]] += v * r.value;
-      for (std::size_t i = j; i < places.size(); ++i) column[places[i]] += v * values[i];
-    }
-  }
-  if (problem.limbus_sigma_mm > 0) {
-    for (int quadrant = 0; quadrant < 4; ++quadrant) {
-      const double r = at.limbus_misfit(quadrant, derivatives ? &row : nullptr) / problem.limbus_sigma_mm;
-      out.cost += r * r / 2;
-      if (!derivatives) continue;
-      for (const int j : row.touched()) {
-        const double v = row[j] / problem.limbus_sigma_mm;
-        out.gradient[j] += v * r;
-        for (const int i : row.touched())
-          if (i >= j) out.hessian(i, j) += v * row[i] / problem.limbus_sigma_mm;
-      }
-    }
-  }
-  const double by = 1 / problem.priors.cornea_like_wall_sigma,
-               unlike = by * (parameters[cornea] - parameters[wall]);
-  out.cost += unlike * unlike / 2;
+  add_samples(problem, at, derivatives, out);
+  add_limbus(problem, at, derivatives, out);
+  add_cornea_like_wall(problem.priors, parameters, derivatives, out);
   if (derivatives) {
-    out.gradient[cornea] += by * unlike;
-    out.gradient[wall] -= by * unlike;
-    out.hessian(cornea, cornea) += by * by;
-    out.hessian(wall, wall) += by * by;
-    out.hessian(cornea, wall) -= by * by;
-  }
-  if (derivatives) {
-    for (const int i : beyond) {
-      out.gradient[i] = 0;
-      out.hessian.row(i).setZero();
-      out.hessian.col(i).setZero();
+    for (const Limit& limit : limits) {
+      if (within[limit.parameter] == parameters[limit.parameter]) continue;
+      out.gradient[limit.parameter] = 0;
+      out.hessian.row(limit.parameter).setZero();
+      out.hessian.col(limit.parameter).setZero();
     }
   }
   add_priors(problem, parameters, derivatives, out);
@@ -247,7 +263,7 @@ LinearRows linearise(const FitProblem& problem, const VectorXd& parameters, cons
     rows.residual[i] = r.value;
     entries.clear();
     for (const int parameter : row.touched())
-      if (column[parameter] >= 0) entries.emplace_back(column[parameter], r.by_signal * row[parameter]);
+      if (column[parameter] >= 0) entries.emplace_back(column[parameter], r.d_signal * row[parameter]);
     std::sort(entries.begin(), entries.end());
     rows.jacobian.startVec(i);
     for (const auto& [j, value] : entries) rows.jacobian.insertBack(i, j) = value;
@@ -272,11 +288,12 @@ SolveResult solve(const FitProblem& problem, const VectorXd& start, const Basis&
   ceres::Solver::Summary summary;
   ceres::Solve(options, &ceres_problem, &summary);
   if (!summary.IsSolutionUsable()) throw no_result_error("the fit failed: " + summary.message);
-  VectorXd solution = start + basis * z;
-  for (const Limit& limit : limits)
-    solution[limit.parameter] = std::clamp(solution[limit.parameter], limit.lower, limit.upper);
-  return {std::move(solution), summary.final_cost, static_cast<int>(summary.iterations.size()) - 1,
-          summary.termination_type == ceres::CONVERGENCE};
+  SolveResult result;
+  result.parameters = within_limits(start + basis * z);
+  result.cost = summary.final_cost;
+  result.iterations = static_cast<int>(summary.iterations.size()) - 1;
+  result.converged = summary.termination_type == ceres::CONVERGENCE;
+  return result;
 }
 
 MatrixXd covariance(const FitProblem& problem, const VectorXd& parameters, const Basis& basis) {

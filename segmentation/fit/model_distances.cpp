@@ -35,7 +35,8 @@ ForwardModel::AtParameters::Distances ForwardModel::AtParameters::distances(cons
   d.direction = q.squaredNorm() > 1e-12 ? q.normalized() : Vector3d(-Vector3d::UnitZ());
   WallFields wall_at;
   // Far from the wall a displacement of tenths of a millimetre decides nothing.
-  if (std::abs(distance(globe_surface(a_, p, false, nullptr))) < 5) wall_at.u = displacement(d.direction);
+  if (std::abs(distance(globe_surface(a_, p, false, nullptr))) < 5)
+    wall_at.displacement = displacement(d.direction);
   d.globe = distance(globe_surface(a_, p, false, &wall_at));
   d.outer = distance(globe_surface(a_, p, true, &wall_at));
   return d;
@@ -51,8 +52,9 @@ double ForwardModel::AtParameters::limbus_misfit(int quadrant, SparseRow* row) c
   const double per_f = 1 / globe.gradient.norm();
   if (row) {
     row->clear();
-    for (int i = 0; i < globe.count; ++i) row->add(globe.index[i], per_f * globe.by[i]);
-    for (int i = 0; i < front.count; ++i) row->add(front.index[i], per_f * globe.gradient.z() * front.by[i]);
+    for (int i = 0; i < globe.count; ++i) row->add(globe.parameter[i], per_f * globe.derivative[i]);
+    for (int i = 0; i < front.count; ++i)
+      row->add(front.parameter[i], per_f * globe.gradient.z() * front.derivative[i]);
   }
   return per_f * globe.f;
 }
@@ -77,14 +79,14 @@ ForwardModel::AtParameters::SurfacePoint ForwardModel::AtParameters::at_surface(
   const double per_f = 1 / surface.gradient.norm();
   if (row) {
     row->clear();
-    for (int i = 0; i < surface.count; ++i) row->add(surface.index[i], per_f * surface.by[i]);
+    for (int i = 0; i < surface.count; ++i) row->add(surface.parameter[i], per_f * surface.derivative[i]);
     for (std::size_t k = 0; k < everywhere.bumps.size(); ++k)
       row->add(model_.layout_.displacement() + everywhere.bumps[k], per_f * wall_at.bump[k]);
     const Vector3d arm = eye_from_lps_.transpose() * p;
     const Vector3d in_lps = eye_from_lps_.transpose() * surface.gradient * per_f;
     for (int i = 0; i < 3; ++i) row->add(apex_x + i, -in_lps[i]);
-    row->add(gaze_horizontal, per_f * surface.gradient.dot(by_horizontal_ * arm));
-    row->add(gaze_vertical, per_f * surface.gradient.dot(by_vertical_ * arm));
+    row->add(gaze_horizontal, per_f * surface.gradient.dot(d_eye_from_lps_d_horizontal_ * arm));
+    row->add(gaze_vertical, per_f * surface.gradient.dot(d_eye_from_lps_d_vertical_ * arm));
   }
   return {per_f * surface.f, -per_f * surface.gradient};
 }

@@ -52,6 +52,123 @@ constexpr double front_reach_mm = 4.6, least_limbus_mm = 5.5;
 /// Where in the eye frame (y) the fissure between closed lids begins at the highest.
 constexpr double fissure_top_mm = -2.6;
 
+/// Which voxels of one stack a pass uses, and what matters to each.
+class VoxelSelector {
+ public:
+  VoxelSelector(const ForwardModel::AtParameters& at, const VectorXd& a, const ObservedStack& observed,
+                std::size_t index, const Selection& selection)
+      : at_(at),
+        observed_(observed),
+        index_(index),
+        selection_(selection),
+        pixel_(std::max(observed.stack->column_spacing_mm, observed.stack->row_spacing_mm)),
+        edge_reach_(std::max(2.0, 2.5 * pixel_)),
+        outside_reach_(std::max(0.6, 0.6 * pixel_)),
+        influence_(std::max(2.5, 5 * pixel_) + 0.5),
+        lens_begin_(a[anterior_chamber_depth]),
+        mid_lens_(a[anterior_chamber_depth] + a[lens_thickness] / 2),
+        lens_end_(a[anterior_chamber_depth] + a[lens_thickness]),
+        equator_depth_(a[axial_length] - a[globe_z]),
+        through_(at.to_eye(observed.stack->normal * (observed.sampling.thickness_mm / 2),
+                           static_cast<int>(index)) -
+                 at.to_eye(Vector3d::Zero(), static_cast<int>(index))) {}
+
+  double equator_depth() const { return equator_depth_; }
+
+  /// A voxel without its value, where the pass uses it.
+  std::optional<Sample> select(const Vector3d& position) {
+    const Vector3d p = at_.to_eye(position, static_cast<int>(index_));
+    Sample sample;
+    sample.zone = -p.z() < mid_lens_ ? Zone::front : Zone::rear;
+    if (!(sample.zone == Zone::front ? select_front(p, sample) : select_rear(p, sample))) return std::nullopt;
+    sample.position = position;
+    sample.deviation = static_cast<float>(observed_.sampling.noise);
+    sample.stack = static_cast<std::uint8_t>(index_);
+    return sample;
+  }
+
+ private:
+  /// Distance of the farthest part of the voxel from the axis.
+  double off_axis_reach(const Vector3d& p) const {
+    return std::max((p + through_).head<2>().norm(), (p - through_).head<2>().norm());
+  }
+
+  bool select_front(const Vector3d& p, Sample& sample) const {
+    const double depth = -p.z(), off_axis = std::hypot(p.x(), p.y()), reach = off_axis_reach(p);
+    if (off_axis > front_reach_mm && reach + pixel_ > least_limbus_mm) return false;
+    const auto d = at_.distances(p);
+    if (d.lid < -edge_reach_ || d.cornea_front < -5) return false;
+    sample.near_cornea = d.cornea_back < influence_;
+    sample.near_lens = depth > lens_begin_ - influence_;
+    if (!selection_.cornea && d.cornea_back < 0.5 + pixel_) return false;
+    // The root of the iris and the lens' rounded edge are not modelled.
+    if (reach > 3.4 && (d.iris > -1 || depth > lens_begin_ - 0.5)) return false;
+    // Nor is the fissure between the lids, a few millimetres below the apex.
+    const double lowest = p.y() - std::abs(through_.y()) - pixel_;
+    const double foremost = d.cornea_front - std::abs(through_.z());
+    if (lowest < fissure_top_mm && foremost < -0.6) return false;
+    sample.part = d.cornea_front < -0.6              ? Part::lid
+                  : d.cornea_back < 0.5 + pixel_     ? Part::cornea
+                  : depth > lens_begin_ - 1 - pixel_ ? Part::lens
+                                                     : Part::vitreous;
+    return true;
+  }
+
+  bool select_rear(const Vector3d& p, Sample& sample) {
+    if (!selection_.rear) return false;
+    const double depth = -p.z();
+    if (off_axis_reach(p) > 3.4 && depth < lens_end_ + 1.5) return false;  // lens edge, zonule, ciliary body
+    const auto d = at_.distances(p);
+    if (d.outer < -outside_reach_) return false;
+    if (d.globe < edge_reach_ + 1 && depth < equator_depth_ - 2) return false;  // ciliary body, tendons, lids
+    if (!selection_.optic_nerve && observed_.optic_nerve && d.globe < edge_reach_ &&
+        d.direction.dot(*observed_.optic_nerve) > std::cos(optic_nerve_reach_deg * degree))
+      return false;
+    sample.near_lens = depth < lens_end_ + influence_ && std::hypot(p.x(), p.y()) < 5;
+    sample.near_wall = d.globe < influence_;
+    // Pure vitreous says little: one voxel in eight.
+    if (d.globe > edge_reach_ && depth > lens_end_ + edge_reach_ && vitreous_voxels_++ % 8 != 0) return false;
+    sample.part = d.outer < 0.3           ? Part::surroundings
+                  : d.globe < edge_reach_ ? Part::wall
+                  : d.lens > -1 - pixel_  ? Part::lens
+                                          : Part::vitreous;
+    if (sample.near_wall && selection_.fields) {
+      for (std::size_t i = 0; i < bumps_.size(); ++i)
+        if (bumps_[i].dot(d.direction) > bump_reach_) sample.bumps.push_back(static_cast<std::uint8_t>(i));
+    }
+    return true;
+  }
+
+  const ForwardModel::AtParameters& at_;
+  const ObservedStack& observed_;
+  std::size_t index_;
+  const Selection& selection_;
+  double pixel_, edge_reach_, outside_reach_;
+  double influence_;  ///< of a surface on a voxel
+  double lens_begin_, mid_lens_, lens_end_, equator_depth_;
+  Vector3d through_;  ///< half the slice's thickness, in the eye frame
+  std::vector<Vector3d> bumps_ = bump_directions();
+  /// Three widths and a bit: a neighbour's Gaussian has fallen to 0.6 %.
+  double bump_reach_ = std::cos(3.2 * bump_width_rad);
+  int vitreous_voxels_ = 0;
+};
+
+/// What only a scanner's image has: levels, noise, coil, chemical shift.
+void observe_intensities(ObservedStack& o, const EyeStart& start, Weighting weighting) {
+  const Stack& stack = *o.stack;
+  const TissueLevels levels = tissue_levels(stack, start, weighting);
+  o.reference = weighting == Weighting::t2 ? levels.vitreous : levels.surround;
+  // Positive where an image is masked to zero around the globe too: the model divides by it.
+  o.sampling.fat = std::max(levels.fat / o.reference, 1e-3);
+  if (!(o.reference > 0)) throw no_result_error(stack.name + ": no signal where the eye should be");
+  o.sampling.thickness_mm =
+      stack.slice_thickness_mm > 0 ? stack.slice_thickness_mm : stack.slice_spacing_mm();
+  if (weighting == Weighting::t1 && start.laterality) o.optic_nerve = optic_nerve(*start.laterality);
+  o.sampling.coil_curvature_sigma = coil_curvature_sigma(stack);
+  o.sampling.fat_shift_sigma_mm = stack.fat_shift_sigma_mm;
+  o.sampling.noise = vitreous_noise(stack, start) / o.reference;
+}
+
 }  // namespace
 
 double label_deviation(const Stack& stack) {
@@ -59,7 +176,7 @@ double label_deviation(const Stack& stack) {
   return std::sqrt(std::max(pixel, stack.slice_spacing_mm()) / pixel / 12);
 }
 
-TissueLevels measure_levels(const Stack& stack, const EyeStart& start, Contrast contrast) {
+TissueLevels tissue_levels(const Stack& stack, const EyeStart& start, Weighting weighting) {
   std::vector<double> vitreous_values, wall_values, lens_values, lid_values, air_values, surround_values;
   for_each_voxel_near(stack, start.globe_centre, 24, [&](int c, int r, int s, const Vector3d& x) {
     const double value = stack.at(c, r, s);
@@ -76,7 +193,7 @@ TissueLevels measure_levels(const Stack& stack, const EyeStart& start, Contrast 
     if (along > 13.2 && along < 14.8 && off_axis < 3) lid_values.push_back(value);
     if (along > 17) air_values.push_back(value);
   });
-  const bool t2 = contrast == Contrast::t2;
+  const bool t2 = weighting == Weighting::t2;
   TissueLevels levels;
   levels.vitreous = quantile(vitreous_values, 0.5);
   levels.surround = quantile(surround_values, 0.5);
@@ -125,35 +242,24 @@ double vitreous_noise(const Stack& stack, const EyeStart& start) {
 }
 
 std::vector<ObservedStack> observe(const std::vector<const Stack*>& stacks, const EyeStart& start,
-                                   Contrast contrast, Evidence evidence) {
-  const bool drawn = evidence == Evidence::labels;
+                                   Weighting weighting, Evidence evidence) {
   std::vector<ObservedStack> observed;
   for (std::size_t k = 0; k < stacks.size(); ++k) {
-    const Stack* stack = stacks[k];
+    const Stack& stack = *stacks[k];
     ObservedStack o;
-    o.stack = stack;
-    if (!drawn) {
-      const TissueLevels levels = measure_levels(*stack, start.in_stack(k), contrast);
-      o.reference = contrast == Contrast::t2 ? levels.vitreous : levels.surround;
-      // Positive where an image is masked to zero around the globe too: the model divides by it.
-      o.sampling.fat = std::max(levels.fat / o.reference, 1e-3);
+    o.stack = &stack;
+    o.sampling.along_row = stack.along_row;
+    o.sampling.along_column = stack.along_column;
+    o.sampling.normal = stack.normal;
+    o.sampling.row_cutoff_per_mm = 0.5 / stack.column_spacing_mm;
+    o.sampling.column_cutoff_per_mm = 0.5 / stack.row_spacing_mm;
+    if (evidence == Evidence::labels) {
+      o.sampling.thickness_mm = std::max(stack.column_spacing_mm, stack.row_spacing_mm);
+      o.sampling.noise = label_deviation(stack);
+    } else {
+      observe_intensities(o, start.in_stack(k), weighting);
     }
-    if (!(o.reference > 0)) throw no_result_error(stack->name + ": no signal where the eye should be");
-    o.sampling.along_row = stack->along_row;
-    o.sampling.along_column = stack->along_column;
-    o.sampling.normal = stack->normal;
-    o.sampling.row_cutoff_per_mm = 0.5 / stack->column_spacing_mm;
-    o.sampling.column_cutoff_per_mm = 0.5 / stack->row_spacing_mm;
-    o.sampling.thickness_mm = drawn ? std::max(stack->column_spacing_mm, stack->row_spacing_mm)
-                              : stack->slice_thickness_mm > 0 ? stack->slice_thickness_mm
-                                                              : stack->slice_spacing_mm();
-    if (!drawn && contrast == Contrast::t1 && start.laterality)
-      o.optic_nerve = optic_nerve(*start.laterality);
-    if (!drawn) o.sampling.coil_curvature_sigma = coil_curvature_sigma(*stack);
     o.sampling.subslices = subslices_for(o.sampling.thickness_mm);
-    if (!drawn) o.sampling.fat_shift_sigma_mm = stack->fat_shift_sigma_mm;
-    o.sampling.noise =
-        drawn ? label_deviation(*stack) : vitreous_noise(*stack, start.in_stack(k)) / o.reference;
     observed.push_back(o);
   }
   return observed;
@@ -162,83 +268,21 @@ std::vector<ObservedStack> observe(const std::vector<const Stack*>& stacks, cons
 std::vector<Sample> select_samples(const ForwardModel& model, const VectorXd& a,
                                    const std::vector<ObservedStack>& stacks, const Selection& selection) {
   const ForwardModel::AtParameters at(model, a);
-  const std::vector<Vector3d> bumps = bump_directions();
-  // Three widths and a bit: a neighbour's Gaussian has fallen to 0.6 %.
-  const double bump_reach = std::cos(3.2 * bump_width_rad);
-  const double mid_lens = a[anterior_chamber_depth] + a[lens_thickness] / 2;
-  const double lens_end = a[anterior_chamber_depth] + a[lens_thickness];
-  const double equator_depth = a[axial_length] - a[globe_z];
+  const Vector3d axis = gaze_axis(a[gaze_horizontal], a[gaze_vertical]);
   std::vector<Sample> samples;
-
   for (std::size_t k = 0; k < stacks.size(); ++k) {
-    const Stack& stack = *stacks[k].stack;
-    const double pixel = std::max(stack.column_spacing_mm, stack.row_spacing_mm);
-    const double edge_reach = std::max(2.0, 2.5 * pixel);
-    const double outside_reach = std::max(0.6, 0.6 * pixel);
-    const double influence = std::max(2.5, 5 * pixel) + 0.5;
-    const Vector3d centre =
+    const Vector3d apex =
         a.segment<3>(apex_x) - a.segment<3>(model.layout().stack(static_cast<int>(k)) + shift_first);
-    const Vector3d axis = gaze_axis(a[gaze_horizontal], a[gaze_vertical]);
-    int deep = 0, counted = 0;
-    const Vector3d through =
-        at.to_eye(stack.normal * (stacks[k].sampling.thickness_mm / 2), static_cast<int>(k)) -
-        at.to_eye(Vector3d::Zero(), static_cast<int>(k));
-    for_each_voxel_near(
-        stack, centre - equator_depth * axis, 19, [&](int c, int r, int s, const Vector3d& x) {
-          const Vector3d p = at.to_eye(x, static_cast<int>(k));
-          const double depth = -p.z();
-          // The farthest part of the voxel from the axis.
-          const double off_axis = std::hypot(p.x(), p.y());
-          const double reach = std::max((p + through).head<2>().norm(), (p - through).head<2>().norm());
-          Sample sample;
-          sample.zone = depth < mid_lens ? Zone::front : Zone::rear;
-          if (sample.zone == Zone::front) {
-            if (off_axis > front_reach_mm && reach + pixel > least_limbus_mm) return;
-            const auto d = at.distances(p);
-            if (d.lid < -edge_reach || d.cornea_front < -5) return;
-            sample.near_cornea = d.cornea_back < influence;
-            sample.near_lens = depth > a[anterior_chamber_depth] - influence;
-            if (!selection.cornea && d.cornea_back < 0.5 + pixel) return;
-            // The root of the iris and the lens' rounded edge are not modelled.
-            if (reach > 3.4 && (d.iris > -1 || depth > a[anterior_chamber_depth] - 0.5)) return;
-            // Nor is the fissure between the lids, a few millimetres below the apex.
-            const double lowest = p.y() - std::abs(through.y()) - pixel;
-            const double foremost = d.cornea_front - std::abs(through.z());
-            if (lowest < fissure_top_mm && foremost < -0.6) return;
-            sample.part = d.cornea_front < -0.6                           ? Part::lid
-                          : d.cornea_back < 0.5 + pixel                   ? Part::cornea
-                          : depth > a[anterior_chamber_depth] - 1 - pixel ? Part::lens
-                                                                          : Part::vitreous;
-          } else {
-            if (!selection.rear) return;
-            if (reach > 3.4 && depth < lens_end + 1.5) return;  // lens edge, zonule, ciliary body
-            const auto d = at.distances(p);
-            if (d.outer < -outside_reach) return;
-            if (d.globe < edge_reach + 1 && depth < equator_depth - 2) return;  // ciliary body, tendons, lids
-            if (!selection.optic_nerve && stacks[k].optic_nerve && d.globe < edge_reach &&
-                d.direction.dot(*stacks[k].optic_nerve) > std::cos(optic_nerve_reach_deg * degree))
-              return;
-            sample.near_lens = depth < lens_end + influence && off_axis < 5;
-            sample.near_wall = d.globe < influence;
-            // Pure vitreous says little: one voxel in eight.
-            if (d.globe > edge_reach && depth > lens_end + edge_reach && deep++ % 8 != 0) return;
-            sample.part = d.outer < 0.3          ? Part::surroundings
-                          : d.globe < edge_reach ? Part::wall
-                          : d.lens > -1 - pixel  ? Part::lens
-                                                 : Part::vitreous;
-            if (sample.near_wall && selection.fields) {
-              for (std::size_t i = 0; i < bumps.size(); ++i)
-                if (bumps[i].dot(d.direction) > bump_reach)
-                  sample.bumps.push_back(static_cast<std::uint8_t>(i));
-            }
-          }
-          if (counted++ % selection.stride != 0) return;
-          sample.position = x;
-          sample.value = static_cast<float>(stack.at(c, r, s) / stacks[k].reference);
-          sample.deviation = static_cast<float>(stacks[k].sampling.noise);
-          sample.stack = static_cast<std::uint8_t>(k);
-          samples.push_back(std::move(sample));
-        });
+    VoxelSelector selector(at, a, stacks[k], k, selection);
+    int counted = 0;
+    for_each_voxel_near(*stacks[k].stack, apex - selector.equator_depth() * axis, 19,
+                        [&](int c, int r, int s, const Vector3d& x) {
+                          std::optional<Sample> sample = selector.select(x);
+                          if (!sample || counted++ % selection.stride != 0) return;
+                          sample->value =
+                              static_cast<float>(stacks[k].stack->at(c, r, s) / stacks[k].reference);
+                          samples.push_back(std::move(*sample));
+                        });
   }
   return samples;
 }

@@ -37,6 +37,10 @@ enum class Evidence {
   labels,       ///< tissues that somebody drew: the levels below
 };
 
+inline const char* to_string(Evidence evidence) {
+  return evidence == Evidence::labels ? "labels" : "intensities";
+}
+
 /// What a voxel of a tissue is worth where labels are the evidence: neighbours differ by 1, the iris by 1/2.
 inline constexpr double fluid_level = 1, solid_level = 0, iris_level = 0.5, outside_level = 1;
 /// Deviation of a label's voxel from the model. A label is a point sample: it says of an edge along a line of
@@ -59,16 +63,16 @@ struct ObservedStack {
 struct TissueLevels {
   double vitreous = 0, wall = 0, lens = 0, lid = 0, air = 0, surround = 0, fat = 0;
 };
-TissueLevels measure_levels(const Stack& stack, const EyeStart& start, Contrast contrast);
+TissueLevels tissue_levels(const Stack& stack, const EyeStart& start, Weighting weighting);
 
 /// Sigma of the noise (one channel) in the vitreous: residual of a quadratic in each slice, corrected for the
 /// Rician magnitude.
 /// \throw Error (no_result) when there are too few voxels in it
 double vitreous_noise(const Stack& stack, const EyeStart& start);
 
-/// Normalises stacks and measures their noise and resolution.
+/// Normalises stacks; their noise and resolution.
 std::vector<ObservedStack> observe(const std::vector<const Stack*>& stacks, const EyeStart& start,
-                                   Contrast contrast, Evidence evidence = Evidence::intensities);
+                                   Weighting weighting, Evidence evidence = Evidence::intensities);
 
 /// Which voxels a pass uses.
 struct Selection {

@@ -139,7 +139,7 @@ Eigen::MatrixXd widened_for_coherent_residuals(const EyeFit& fit, const FitProbl
 }
 
 Eigen::MatrixXd widened_for_faint_wall(const EyeFit& fit) {
-  if (fit.contrast != Contrast::t1 || fit.evidence == Evidence::labels) return fit.covariance;
+  if (fit.weighting != Weighting::t1 || fit.evidence == Evidence::labels) return fit.covariance;
   double displacement2 = 0, pixel2 = 0;
   for (int s = 0; s < fit.layout.stacks; ++s) {
     displacement2 +=

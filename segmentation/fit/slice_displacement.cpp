@@ -16,30 +16,30 @@ using Eigen::Vector3d;
 using RowMatrix = Eigen::SparseMatrix<double, Eigen::RowMajor>;
 
 /// Derivatives of each sample's residual by the eye's place, along the rows and columns of its slice.
-Matrix2Xd by_place_in_plane(const EyeFit& fit, const FitProblem& problem, const RowMatrix& by_place) {
-  Matrix2Xd by(2, by_place.rows());
-  for (Index i = 0; i < by.cols(); ++i) {
+Matrix2Xd d_place_in_plane(const EyeFit& fit, const FitProblem& problem, const RowMatrix& d_place) {
+  Matrix2Xd in_plane(2, d_place.rows());
+  for (Index i = 0; i < in_plane.cols(); ++i) {
     const Stack& stack = *fit.stacks[problem.samples[static_cast<std::size_t>(i)].stack].stack;
-    const Vector3d in_lps = Vector3d(by_place.row(i).transpose());
-    by.col(i) << in_lps.dot(stack.along_row), in_lps.dot(stack.along_column);
+    const Vector3d in_lps = Vector3d(d_place.row(i).transpose());
+    in_plane.col(i) << in_lps.dot(stack.along_row), in_lps.dot(stack.along_column);
   }
-  return by;
+  return in_plane;
 }
 
 using Information = std::vector<Eigen::Matrix2d>;
 
-Information information_of(const Matrix2Xd& by_place, const Blocks& slice_of, Index slices) {
+Information information_of(const Matrix2Xd& d_place, const Blocks& slice_of, Index slices) {
   Information information(slices, Eigen::Matrix2d::Zero());
   for (std::size_t i = 0; i < slice_of.size(); ++i) {
-    const Vector2d by = by_place.col(static_cast<Index>(i));
-    information[slice_of[i]] += by * by.transpose();
+    const Vector2d row = d_place.col(static_cast<Index>(i));
+    information[slice_of[i]] += row * row.transpose();
   }
   return information;
 }
 
-/// Mean square of the displacements that the slices' residuals ask for (mm^2), both axes.
-double mean_square_asked(const EyeFit& fit, const FitProblem& problem, const Basis& place,
-                         const Blocks& slice_of, Index slices) {
+/// Mean square of the displacements that the slices' residuals call for (mm^2), both axes.
+double mean_square_displacement(const EyeFit& fit, const FitProblem& problem, const Basis& place,
+                                const Blocks& slice_of, Index slices) {
   // Several steps: one reaches no farther than an edge is wide, a third of a millimetre in fine images.
   constexpr int steps = 6;
   constexpr double farthest_step_mm = 0.3;
@@ -49,12 +49,12 @@ double mean_square_asked(const EyeFit& fit, const FitProblem& problem, const Bas
   Information information;
   for (int step = 0; step < steps; ++step) {
     const LinearRows rows = linearise(moved, fit.parameters, place);
-    const Matrix2Xd by = by_place_in_plane(fit, problem, rows.jacobian);
-    information = information_of(by, slice_of, slices);
+    const Matrix2Xd d_place = d_place_in_plane(fit, problem, rows.jacobian);
+    information = information_of(d_place, slice_of, slices);
     Matrix2Xd gradient = Matrix2Xd::Zero(2, slices);
     for (std::size_t i = 0; i < slice_of.size(); ++i) {
       const auto row = static_cast<Index>(i);
-      gradient.col(slice_of[i]) += rows.residual[row] * by.col(row);
+      gradient.col(slice_of[i]) += rows.residual[row] * d_place.col(row);
     }
     for (Index s = 0; s < slices; ++s) {
       const Vector2d change = information[s].completeOrthogonalDecomposition().solve(gradient.col(s));
@@ -62,9 +62,9 @@ double mean_square_asked(const EyeFit& fit, const FitProblem& problem, const Bas
     }
     for (std::size_t i = 0; i < slice_of.size(); ++i) {
       const Stack& stack = *fit.stacks[problem.samples[i].stack].stack;
-      const Vector2d by_slice = displacement_mm.col(slice_of[i]);
+      const Vector2d moved_by = displacement_mm.col(slice_of[i]);
       moved.samples[i].position =
-          problem.samples[i].position + by_slice.x() * stack.along_row + by_slice.y() * stack.along_column;
+          problem.samples[i].position + moved_by.x() * stack.along_row + moved_by.y() * stack.along_column;
     }
   }
   double sum = 0, weights = 0;
@@ -94,33 +94,36 @@ DisplacedSlices displaced_slices(const EyeFit& fit, const FitProblem& problem, c
   const Blocks slice_of = slices_of(fit, problem.samples);
   const Index slices = 1 + *std::max_element(slice_of.begin(), slice_of.end());
   const Basis place = select_parameters(fit.layout.size(), {apex_x, apex_y, apex_z});
-  const double asked = mean_square_asked(fit, problem, place, slice_of, slices);
+  const double mean_square = mean_square_displacement(fit, problem, place, slice_of, slices);
 
-  const Matrix2Xd by = by_place_in_plane(fit, problem, linearise(problem, fit.parameters, place).jacobian);
-  const Information information = information_of(by, slice_of, slices);
+  const Matrix2Xd d_place =
+      d_place_in_plane(fit, problem, linearise(problem, fit.parameters, place).jacobian);
+  const Information information = information_of(d_place, slice_of, slices);
   const RowMatrix jacobian =
       linearise(problem, fit.parameters, select_parameters(fit.layout.size(), fit.active)).jacobian;
-  MatrixXd pull = MatrixXd::Zero(covariance.rows(), 2 * slices);  // J'P
+  MatrixXd cross_information = MatrixXd::Zero(covariance.rows(), 2 * slices);  // J'P
   for (std::size_t i = 0; i < slice_of.size(); ++i)
     for (RowMatrix::InnerIterator entry(jacobian, static_cast<Index>(i)); entry; ++entry)
-      pull.block<1, 2>(entry.col(), Index{2} * slice_of[i]) +=
-          entry.value() * by.col(static_cast<Index>(i)).transpose();
-  const MatrixXd moved = covariance * pull;
+      cross_information.block<1, 2>(entry.col(), Index{2} * slice_of[i]) +=
+          entry.value() * d_place.col(static_cast<Index>(i)).transpose();
+  const MatrixXd response = covariance * cross_information;  // of the solution
 
-  MatrixXd left = -pull.transpose() * moved;  // A
+  MatrixXd remaining = -cross_information.transpose() * response;  // A
   double seen = 0, all = 0, noise = 0;
   for (Index s = 0; s < slices; ++s) {
-    left.block<2, 2>(2 * s, 2 * s) += information[s];
-    const MatrixXd of_slice = left.middleRows<2>(2 * s);
+    remaining.block<2, 2>(2 * s, 2 * s) += information[s];
+    const MatrixXd of_slice = remaining.middleRows<2>(2 * s);
     seen += of_slice.cwiseProduct(information[s].completeOrthogonalDecomposition().solve(of_slice)).sum();
     all += information[s].trace();
-    noise += information[s].completeOrthogonalDecomposition().solve(left.block<2, 2>(2 * s, 2 * s)).trace();
+    noise +=
+        information[s].completeOrthogonalDecomposition().solve(remaining.block<2, 2>(2 * s, 2 * s)).trace();
   }
   DisplacedSlices found;
-  if (seen > 0) found.rms_mm = std::sqrt(asked * all / seen);
+  if (seen > 0) found.rms_mm = std::sqrt(mean_square * all / seen);
   // Still phantoms are at 0.6 to 1.2 times what noise makes.
-  const double beyond_noise = seen > 0 ? std::max(0.0, (asked - 2 * noise / (all / 2)) * all / seen) : 0;
-  found.covariance = beyond_noise / 2 * moved * moved.transpose();
+  const double beyond_noise =
+      seen > 0 ? std::max(0.0, (mean_square - 2 * noise / (all / 2)) * all / seen) : 0;
+  found.covariance = beyond_noise / 2 * response * response.transpose();
   return found;
 }
 

@@ -7,6 +7,7 @@
 int main(int argc, char** argv) {
   using namespace emmetrope;
   std::string study;
+  std::vector<std::string> choices;
   segmentation::IntakeOptions options;
   Command command;
   command.name = "inventory";
@@ -15,13 +16,14 @@ int main(int argc, char** argv) {
   command.declare = [&](CLI::App& app) {
     app.add_option("study", study, "A folder with DICOM files or NIfTI volumes, or one such file")
         ->required();
-    app.add_option("--series", options.choices,
+    app.add_option("--series", choices,
                    "UID,KEYWORD=VALUE: of a series with several images at one place, those with this value");
     app.add_flag("--any-modality", options.any_modality,
                  "Also accept series that are not MR, and secondary captures");
   };
   command.run = [&](const CommonOptions& common) {
     options.verbosity = common.verbosity;
+    options.choices = segmentation::parse_series_choices(choices);
     const auto inventory = segmentation::read_inventory(study, options);
     for (const auto& series : inventory.series)
       if (!series.usable) spdlog::warn("{}: not usable: {}", series.name, series.reason);

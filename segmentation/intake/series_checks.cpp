@@ -253,17 +253,13 @@ void check_total_size(const SeriesInfo& info, std::size_t images, std::uint64_t 
                                   info.columns, images, limit / 1'000'000));
 }
 
-/// Keeps the images that the user chose for this series, "UID,KEYWORD=VALUE".
-void apply_choice(const std::vector<std::string>& choices, const SeriesInfo& info,
+/// Keeps the images that the user chose for this series.
+void apply_choice(const std::vector<SeriesChoice>& choices, const SeriesInfo& info,
                   std::vector<SeriesImage>& images) {
-  for (const auto& choice : choices) {
-    const auto comma = choice.find(','), equals = choice.find('=', comma == std::string::npos ? 0 : comma);
-    if (comma == std::string::npos || choice.substr(0, comma) != info.uid) continue;
-    if (equals == std::string::npos)
-      throw usage_error("--series " + in_quotes(choice) + " is not UID,KEYWORD=VALUE");
-    const std::string keyword = choice.substr(comma + 1, equals - comma - 1),
-                      value = choice.substr(equals + 1);
-    const auto matches = [&](const SeriesImage& image) {
+  for (const SeriesChoice& choice : choices) {
+    if (choice.series != info.uid || !choice.images_with) continue;
+    const auto& [keyword, value] = *choice.images_with;
+    const auto matches = [&, &keyword = keyword, &value = value](const SeriesImage& image) {
       const auto& its = image.value(Tag{0, 0, keyword.c_str()});
       const auto number = parse_number(value);
       return its == value || (number && parse_number(its) == number);
@@ -272,7 +268,8 @@ void apply_choice(const std::vector<std::string>& choices, const SeriesInfo& inf
         std::remove_if(images.begin(), images.end(), [&](const auto& image) { return !matches(image); }),
         images.end());
     if (images.empty())
-      throw input_error("--series " + in_quotes(choice) + ": no image of the series has this value");
+      throw input_error("--series " + in_quotes(to_string(choice)) +
+                        ": no image of the series has this value");
   }
 }
 

@@ -205,8 +205,6 @@ ExitStatus StudyInventory::status() const {
   return !series.empty() && all_unsupported ? ExitStatus::unsupported : ExitStatus::input_invalid;
 }
 
-std::string uid_of_choice(const std::string& choice) { return choice.substr(0, choice.find(',')); }
-
 StudyInventory read_inventory(const fs::path& study, const IntakeOptions& options) {
   StudyInventory inventory;
   auto list = list_files(study, options.limits);
@@ -255,7 +253,7 @@ StudyInventory read_inventory(const fs::path& study, const IntakeOptions& option
     inventory.series[i].name = fmt::format("stack{}", i + 1);
     separate_file_names(inventory.series[i]);
   }
-  for (const auto& choice : options.choices) inventory.find(uid_of_choice(choice));
+  for (const SeriesChoice& choice : options.choices) inventory.find(choice.series);
   std::sort(inventory.skipped.begin(), inventory.skipped.end(),
             [](const SkippedFile& a, const SkippedFile& b) { return a.file < b.file; });
   return inventory;

@@ -11,6 +11,7 @@
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/json.hpp"
 #include "pipeline/base/progress.hpp"
+#include "segmentation/intake/series_choice.hpp"
 #include "segmentation/volume.hpp"
 
 /// Reading a study: a folder of MR DICOM files (any depth, any names, other files mixed in) or NIfTI volumes.
@@ -35,9 +36,7 @@ struct IntakeOptions {
   IntakeLimits limits;
   Verbosity verbosity;
   bool any_modality = false;  ///< also take series that say that they are not MR, or a secondary capture
-  /// For a series with several images at one position: "UID,KEYWORD=VALUE" keeps the images with this value
-  /// of the tag, as in "1.2.3,EchoTime=91". A plain UID keeps all images.
-  std::vector<std::string> choices;
+  std::vector<SeriesChoice> choices;  ///< by UID: which images of a series with several at one position
 };
 
 /// Where a slice of a series comes from.
@@ -122,9 +121,6 @@ struct StudyInventory {
   /// input_invalid.
   ExitStatus status() const;
 };
-
-/// The UID of one of IntakeOptions::choices: all before its comma.
-std::string uid_of_choice(const std::string& choice);
 
 /// Lists and judges what a study holds. All pixels are decoded once. Series that cannot be used are listed
 /// with the reason; only a study that cannot be read at all is an error.

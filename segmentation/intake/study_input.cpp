@@ -97,10 +97,10 @@ std::vector<StageInput> input_files(const SegmentOptions& options) {
 }
 
 std::vector<const SeriesInfo*> choose_series(const StudyInventory& inventory,
-                                             const std::vector<std::string>& wanted) {
+                                             const std::vector<SeriesChoice>& wanted) {
   std::vector<const SeriesInfo*> chosen;
-  for (const std::string& words : wanted) {
-    const std::string id = uid_of_choice(words);
+  for (const SeriesChoice& choice : wanted) {
+    const std::string& id = choice.series;
     const auto by_number =
         std::find_if(inventory.series.begin(), inventory.series.end(),
                      [&](const SeriesInfo& s) { return s.name == id || s.name == "stack" + id; });

@@ -16,6 +16,6 @@ std::vector<StageInput> input_files(const SegmentOptions& options);
 /// The series asked for, or all usable ones; at least one, of one study.
 /// \throw Error with a series' reason where it is not usable; (input_invalid) for series of two studies
 std::vector<const SeriesInfo*> choose_series(const StudyInventory& inventory,
-                                             const std::vector<std::string>& wanted);
+                                             const std::vector<SeriesChoice>& wanted);
 
 }  // namespace emmetrope::segmentation

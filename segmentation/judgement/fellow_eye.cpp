@@ -11,7 +11,7 @@ namespace emmetrope::segmentation {
 namespace {
 
 bool in_the_same_stacks(const JudgedEye& a, const JudgedEye& b) {
-  return a.found.contrast == b.found.contrast &&
+  return a.found.weighting == b.found.weighting &&
          std::equal(a.found.views.begin(), a.found.views.end(), b.found.views.begin(), b.found.views.end(),
                     [](const EyeView& x, const EyeView& y) { return x.stack == y.stack; });
 }
@@ -39,7 +39,9 @@ bool improve(JudgedEye& eye, const JudgedEye& fellow, const std::string& because
              const std::vector<const Stack*>& stacks, std::optional<double> age_years, Verbosity verbosity) {
   Progress progress(fmt::format("fitting {} again", clinical_name(eye.found.laterality)), fit_steps,
                     verbosity);
-  JudgedEye again{eye.found, std::nullopt, {}, because};
+  JudgedEye again;
+  again.found = eye.found;
+  again.fitted_again_because = because;
   EyeStart start = start_of(eye.found, age_years);
   start.fellow = fellow.fit->parameters;
   fit_and_judge(again, views_of(eye.found, stacks), start, [&] { progress.advance(); });
@@ -66,9 +68,9 @@ std::string JudgedEye::reasons() const {
 }
 
 void fit_and_judge(JudgedEye& eye, const std::vector<const Stack*>& images, const EyeStart& start,
-                   const std::function<void()>& advance, Evidence evidence) {
+                   const std::function<void()>& advance) {
   try {
-    eye.fit = fit_eye(images, start, eye.found.contrast, advance, evidence);
+    eye.fit = fit_eye(images, start, eye.found.weighting, advance, eye.evidence);
     eye.gates = judge_quality(eye.found, *eye.fit);
   } catch (const Error& error) {
     if (error.status() != ExitStatus::no_result) throw;

@@ -15,15 +15,17 @@ struct JudgedEye {
   std::optional<EyeFit> fit;
   std::vector<QualityGate> gates;
   std::string fitted_again_because;  ///< its first fit was not taken; empty: it was
+  Evidence evidence = Evidence::intensities;
 
   bool refused() const { return !fit || is_refused(gates); }
   /// Why it is refused, in the user's words.
   std::string reasons() const;
 };
 
-/// Fits the eye that was found to its images and judges it; data that cannot support a fit fail a gate.
+/// Fits the eye that was found to its images, which hold its evidence, and judges it; data that cannot support a
+/// fit fail a gate.
 void fit_and_judge(JudgedEye& eye, const std::vector<const Stack*>& images, const EyeStart& start,
-                   const std::function<void()>& advance = {}, Evidence evidence = Evidence::intensities);
+                   const std::function<void()>& advance = {});
 
 /// By how much the fat of one image may be displaced in one eye's fit and not in its fellow's, or by three
 /// standard deviations: it has one chemical shift and one bandwidth. Chosen; right fits of phantoms differ by

@@ -43,7 +43,7 @@ std::vector<QualityGate> judge_quality(const FoundEye& found, const EyeFit& fit)
   // lens may differ from one of them.
   const auto [darker, brighter] = std::minmax({fit.value(vitreous), fit.value(aqueous)});
   const double contrast =
-      fit.contrast == Contrast::t2 ? darker - fit.value(lens) : fit.value(lens) - brighter;
+      fit.weighting == Weighting::t2 ? darker - fit.value(lens) : fit.value(lens) - brighter;
   at_least("lens_contrast", contrast, 0.10, true,
            "the lens is not visible: nothing between aqueous and vitreous differs from both");
   const double off_axis = std::hypot(fit.value(lens_decentre_x), fit.value(lens_decentre_y));
@@ -63,7 +63,7 @@ std::vector<QualityGate> judge_quality(const FoundEye& found, const EyeFit& fit)
                       "visible, or the head moved",
                       length_sigma));
   // In T1 fat that chemical shift has laid over the wall is brighter than either, and is taken for the wall.
-  if (fit.contrast == Contrast::t1) {
+  if (fit.weighting == Weighting::t1) {
     // A wall as bright as what surrounds it has no outer border, and any thickness fits.
     const double thickness = std::min(fit.value(wall_lateral), fit.value(wall_axial));
     const bool fits = fit.regions[static_cast<std::size_t>(Part::wall)].chi2 < 1.5;

@@ -163,9 +163,25 @@ TEST_F(SegmentStage, SeriesOfTwoStudiesAreNotOneEye) {
   SegmentOptions options;
   options.study = folder_ / "study";
   options.case_folder = folder_ / "case";
-  options.series = {"2"};
+  options.series = {parse_series_choice("2")};
   EXPECT_EQ(segment(options, common_).status, ExitStatus::no_result);
   EXPECT_EQ(read_json(folder_ / "case" / "case.json").at("subject").at("age_years"), 41);
+}
+
+TEST(SegmentOptions, CheckNamesTheOption) {
+  SegmentOptions options;
+  options.study = "study";
+  options.case_folder = "case";
+  options.age_years = 120;
+  EXPECT_NO_THROW(options.check());
+  options.age_years = -1;
+  try {
+    options.check();
+    ADD_FAILURE();
+  } catch (const Error& error) {
+    EXPECT_EQ(error.status(), ExitStatus::usage);
+    EXPECT_EQ(std::string(error.what()).rfind("--age", 0), 0U) << error.what();
+  }
 }
 
 TEST_F(SegmentStage, NoiseGivesNoEyeButAReason) {

@@ -173,7 +173,7 @@ void fit(StudiedEye& eye, bool of_one_eye, double age_years) {
                                 [&](const FoundEye& f) { return f.laterality == eye.laterality; });
   eye.record["reasons"] = found.notes;
   if (one == found.eyes.end()) return;
-  eye.judged = JudgedEye{*one, std::nullopt, {}, {}};
+  eye.judged.emplace().found = *one;
   fit_and_judge(*eye.judged, views_of(*one, eye.images->views()), start_of(*one, age_years));
 }
 

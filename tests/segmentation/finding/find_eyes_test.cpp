@@ -6,6 +6,7 @@
 #include "pipeline/base/error.hpp"
 #include "segmentation/finding/eye_candidates.hpp"
 #include "segmentation/finding/find_eyes.hpp"
+#include "segmentation/finding/lens_axis.hpp"
 #include "segmentation/finding/sampling.hpp"
 
 namespace emmetrope::segmentation {
@@ -19,8 +20,9 @@ struct Ball {
 };
 
 /// An axial stack of balls with a wall and a lens, in fat, with air in front; noise in per cent.
-Stack axial_stack(const std::vector<Ball>& balls, Contrast contrast, unsigned seed, float noise_percent = 4) {
-  const bool t2 = contrast == Contrast::t2;
+Stack axial_stack(const std::vector<Ball>& balls, Weighting weighting, unsigned seed,
+                  float noise_percent = 4) {
+  const bool t2 = weighting == Weighting::t2;
   const double fluid = t2 ? 100 : 25, fat = t2 ? 55 : 100, lens = t2 ? 20 : 60, wall = t2 ? 20 : 45;
   Stack stack;
   stack.name = "stack1";
@@ -56,8 +58,8 @@ Stack axial_stack(const std::vector<Ball>& balls, Contrast contrast, unsigned se
   return stack;
 }
 
-class BothContrasts : public testing::TestWithParam<Contrast> {};
-INSTANTIATE_TEST_SUITE_P(Finding, BothContrasts, testing::Values(Contrast::t1, Contrast::t2),
+class BothContrasts : public testing::TestWithParam<Weighting> {};
+INSTANTIATE_TEST_SUITE_P(Finding, BothContrasts, testing::Values(Weighting::t1, Weighting::t2),
                          [](const auto& of) { return std::string(to_string(of.param)); });
 
 TEST_P(BothContrasts, PairIsFoundSidedAndLooksStraightAhead) {
@@ -72,11 +74,11 @@ TEST_P(BothContrasts, PairIsFoundSidedAndLooksStraightAhead) {
     for (int i = 0; i < 2; ++i) {
       const FoundEye& eye = found.eyes[i];
       const Ball& truth = i == 0 ? right : left;
-      EXPECT_EQ(eye.contrast, GetParam());
+      EXPECT_EQ(eye.weighting, GetParam());
       EXPECT_LT((eye.views[0].globe.centre - truth.centre).norm(), 0.6);
       // In T1 the step from wall to fat is larger than that from vitreous to wall: the wall's outside is
       // seen.
-      const double seen_mm = truth.radius_mm + (GetParam() == Contrast::t1 ? 1 : 0);
+      const double seen_mm = truth.radius_mm + (GetParam() == Weighting::t1 ? 1 : 0);
       EXPECT_NEAR(eye.radius_mm, seen_mm, 0.5);
       EXPECT_GT(eye.axis.dot(-Vector3d::UnitY()), std::cos(6 * 0.0174533));
       EXPECT_GT(eye.lens_contrast, 0.15);
@@ -87,11 +89,11 @@ TEST_P(BothContrasts, PairIsFoundSidedAndLooksStraightAhead) {
 /// Displaced fat in T1 moves what is found of the globe along the eye's axis, and the lens with it.
 TEST(Finding, TheLensIsFoundFromACentreThatIsOff) {
   const Ball ball{{-30.3, -33.2, 1.4}, 11.4};
-  const Stack stack = axial_stack({ball}, Contrast::t1, 1);
+  const Stack stack = axial_stack({ball}, Weighting::t1, 1);
   for (const double off_mm : {-1.8, 0.0, 1.8}) {
     const Vector3d centre = ball.centre + off_mm * Vector3d::UnitY();
-    const Gaze gaze = find_gaze({{&stack, centre}}, ball.radius_mm + 1, Contrast::t1);
-    EXPECT_GT(gaze.other_axis.value_or(gaze.axis).dot(-Vector3d::UnitY()), std::cos(6 * 0.0174533)) << off_mm;
+    const LensAxis lens = find_lens_axis({{&stack, centre}}, ball.radius_mm + 1, Weighting::t1);
+    EXPECT_GT(lens.other_axis.value_or(lens.axis).dot(-Vector3d::UnitY()), std::cos(6 * 0.0174533)) << off_mm;
   }
 }
 
@@ -100,7 +102,7 @@ TEST(Finding, TheLensIsFoundFromACentreThatIsOff) {
 TEST_P(BothContrasts, OfBothTheOneThatSaysMoreIsUsed) {
   const std::vector<Ball> eyes{{{-30.3, -33.2, 1.4}, 11.4}, {{32.1, -32.4, 0.3}, 11.9}};
   const Stack better = axial_stack(eyes, GetParam(), 1, 3),
-              worse = axial_stack(eyes, GetParam() == Contrast::t1 ? Contrast::t2 : Contrast::t1, 2, 9);
+              worse = axial_stack(eyes, GetParam() == Weighting::t1 ? Weighting::t2 : Weighting::t1, 2, 9);
   const FoundEyes alone = find_eyes({&better}, {""}), together = find_eyes({&worse, &better}, {"", ""});
   ASSERT_EQ(together.eyes.size(), 2U);
   EXPECT_FALSE(together.choices[0].used);
@@ -108,7 +110,7 @@ TEST_P(BothContrasts, OfBothTheOneThatSaysMoreIsUsed) {
       << together.choices[0].reason;
   EXPECT_TRUE(together.choices[1].used);
   for (int i = 0; i < 2; ++i) {
-    EXPECT_EQ(together.eyes[i].contrast, GetParam());
+    EXPECT_EQ(together.eyes[i].weighting, GetParam());
     ASSERT_EQ(together.eyes[i].views.size(), 1U);
     EXPECT_EQ(together.eyes[i].views[0].stack, 1U);
     EXPECT_LT((together.eyes[i].views[0].globe.centre - alone.eyes[i].views[0].globe.centre).norm(), 1e-9);
@@ -116,7 +118,7 @@ TEST_P(BothContrasts, OfBothTheOneThatSaysMoreIsUsed) {
 }
 
 TEST(Finding, OneEyeIsSaidToBeOne) {
-  const Stack stack = axial_stack({{{31, -33, 1}, 11.6}}, Contrast::t2, 3);
+  const Stack stack = axial_stack({{{31, -33, 1}, 11.6}}, Weighting::t2, 3);
   const FoundEyes by_place = find_eyes({&stack}, {""});
   ASSERT_EQ(by_place.eyes.size(), 1U);
   EXPECT_EQ(by_place.eyes[0].laterality, Laterality::os);
@@ -126,7 +128,7 @@ TEST(Finding, OneEyeIsSaidToBeOne) {
 
 /// Of a globe on the midline (a head off the scanner's centre) only the tag can tell the side.
 TEST(Finding, NearTheMidlineTheTagTellsTheSide) {
-  const Stack stack = axial_stack({{{3, -33, 1}, 11.6}}, Contrast::t2, 3);
+  const Stack stack = axial_stack({{{3, -33, 1}, 11.6}}, Weighting::t2, 3);
   EXPECT_EQ(find_eyes({&stack}, {"R"}).eyes.at(0).laterality, Laterality::od);
   EXPECT_EQ(find_eyes({&stack}, {"L"}).eyes.at(0).laterality, Laterality::os);
 }
@@ -145,26 +147,26 @@ void expect_side_refused(const std::vector<const Stack*>& stacks, const std::vec
 /// A tag against patient coordinates: no eye is measured under the other one's name.
 TEST(Finding, ATagOfTheOtherSideIsRefused) {
   const Ball right{{-30.3, -33.2, 1.4}, 11.4}, left{{32.1, -32.4, 0.3}, 11.9};
-  const Stack only_right = axial_stack({right}, Contrast::t2, 3),
-              only_left = axial_stack({left}, Contrast::t2, 4);
+  const Stack only_right = axial_stack({right}, Weighting::t2, 3),
+              only_left = axial_stack({left}, Weighting::t2, 4);
   expect_side_refused({&only_left}, {"R"});
   expect_side_refused({&only_right}, {"L"});
   // Two surface coils, their tags exchanged; a stack of both eyes may be tagged for the coil's.
   expect_side_refused({&only_right, &only_left}, {"L", "R"});
   EXPECT_EQ(find_eyes({&only_right, &only_left}, {"R", "L"}).eyes.size(), 2U);
-  const Stack both = axial_stack({right, left}, Contrast::t2, 5);
+  const Stack both = axial_stack({right, left}, Weighting::t2, 5);
   EXPECT_EQ(find_eyes({&both}, {"R"}).eyes.size(), 2U);
 }
 
 TEST(Finding, NoEyeIsInvented) {
-  const Stack fat_only = axial_stack({}, Contrast::t2, 4);
+  const Stack fat_only = axial_stack({}, Weighting::t2, 4);
   EXPECT_TRUE(find_eyes({&fat_only}, {""}).eyes.empty());
-  const Stack small_balls = axial_stack({{{-30, -33, 0}, 5}, {{30, -33, 0}, 5}}, Contrast::t2, 5);
+  const Stack small_balls = axial_stack({{{-30, -33, 0}, 5}, {{30, -33, 0}, 5}}, Weighting::t2, 5);
   EXPECT_TRUE(find_eyes({&small_balls}, {""}).eyes.empty());
 }
 
 TEST(Sampling, GapsAreNotInterpolated) {
-  Stack stack = axial_stack({{{-30, -33, 0}, 11}}, Contrast::t2, 6);
+  Stack stack = axial_stack({{{-30, -33, 0}, 11}}, Weighting::t2, 6);
   const Vector3d in_the_gap(-30, -33, 0.9);
   EXPECT_TRUE(interpolate(stack, in_the_gap).has_value());
   for (const int removed : {11, 10, 9}) {

@@ -35,14 +35,10 @@ Images images(double power_D, double sigma_D, double chamber_mm) {
 EyeFit fit_of(const Images& seen) {
   const ParameterLayout layout;
   const VectorXd mean = population_mean(layout);
-  EyeFit fit{layout, Contrast::t2,
-             {},     ForwardModel(layout, {}, Eigen::Vector3d::Zero()),
-             mean,   {},
-             {},     population_priors(layout, mean, Contrast::t2),
-             {},     {},
-             0,      {},
-             {},     0,
-             true,   {}};
+  EyeFit fit{layout, Weighting::t2, {}, ForwardModel(layout, {}, Eigen::Vector3d::Zero())};
+  fit.parameters = mean;
+  fit.priors = population_priors(layout, mean, Weighting::t2);
+  fit.converged = true;
   fit.active = {cornea_c, anterior_chamber_depth};
   const Vector2d sigma(fit.priors.sigma[cornea_c], chamber_sigma_mm);
   const Vector2d prior_mean(fit.priors.mean[cornea_c], fit.priors.mean[anterior_chamber_depth]);

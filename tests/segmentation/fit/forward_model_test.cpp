@@ -248,10 +248,10 @@ TEST(ForwardModel, FewSubslicesSeeTheCurvatureOfTheGlobe) {
 TEST(Priors, OfTheLensFollowThePatientsAge) {
   ParameterLayout layout;
   const VectorXd start = population_mean(layout);
-  const Priors unknown = population_priors(layout, start, Contrast::t2);
+  const Priors unknown = population_priors(layout, start, Weighting::t2);
   EXPECT_NEAR(unknown.mean[lens_anterior_radius], 10.62, 1e-9);
   EXPECT_NEAR(unknown.mean[lens_posterior_radius], 5.72, 1e-9);
-  const Priors at_60 = population_priors(layout, start, Contrast::t2, 60);
+  const Priors at_60 = population_priors(layout, start, Weighting::t2, 60);
   EXPECT_NEAR(at_60.mean[lens_anterior_radius], 9.48, 1e-9);
   EXPECT_NEAR(at_60.mean[lens_posterior_radius], 5.48, 1e-9);
   EXPECT_NEAR(at_60.sigma[lens_anterior_radius], 1.232, 1e-3);
@@ -261,8 +261,8 @@ TEST(Priors, OfTheLensFollowThePatientsAge) {
   EXPECT_NEAR(at_60.sigma[anterior_chamber_depth], 0.316, 1e-3);
   EXPECT_NEAR(at_60.sigma[lens_thickness], 0.309, 1e-3);
   // Nobody has measured the regression in children.
-  const Priors child = population_priors(layout, start, Contrast::t2, 6),
-               grown_up = population_priors(layout, start, Contrast::t2, 18);
+  const Priors child = population_priors(layout, start, Weighting::t2, 6),
+               grown_up = population_priors(layout, start, Weighting::t2, 18);
   EXPECT_EQ(child.mean[lens_anterior_radius], grown_up.mean[lens_anterior_radius]);
   for (const Parameter depth : {anterior_chamber_depth, lens_thickness}) {
     EXPECT_EQ(child.mean[depth], unknown.mean[depth]);
@@ -279,7 +279,7 @@ TEST(Priors, OfTheLensFollowThePatientsAge) {
 TEST(Priors, CorneasAreSteeperVertically) {
   ParameterLayout layout;
   const VectorXd mean = population_mean(layout);
-  const Priors regular = population_priors(layout, mean, Contrast::t1);
+  const Priors regular = population_priors(layout, mean, Weighting::t1);
   const double horizontal = mean[cornea_c] + mean[cornea_j0], vertical = mean[cornea_c] - mean[cornea_j0];
   EXPECT_NEAR(337.5 * (vertical - horizontal), 0.6, 1e-9);
   EXPECT_EQ(mean[cornea_j45], 0);
@@ -299,7 +299,7 @@ TEST(Priors, LongerEyesHaveFlatterCorneas) {
   const VectorXd mean = population_mean(model.layout());
   FitProblem problem;
   problem.model = &model;
-  problem.priors = population_priors(model.layout(), mean, Contrast::t2);
+  problem.priors = population_priors(model.layout(), mean, Weighting::t2);
   problem.limbus_sigma_mm = 0;
   const auto cost = [&](double longer_mm, double steeper_D) {
     VectorXd a = mean;
@@ -337,7 +337,7 @@ TEST(LeastSquares, GradientMatchesDifferencesOfTheCost) {
     sample.value = static_cast<float>(at.intensity(sample, nullptr) + 0.05 * normal(random));
     sample.deviation = 0.05F;
   }
-  problem.priors = population_priors(model.layout(), a, Contrast::t2);
+  problem.priors = population_priors(model.layout(), a, Weighting::t2);
   problem.rician = true;
   const NormalEquations equations = evaluate(problem, a, true);
   for (const int i : {int(vitreous), int(lens), int(cornea), model.layout().stack(0) + 2, int(lid_thickness),

@@ -99,19 +99,19 @@ TEST(Observation, TellsTheNerveInT1OnItsNasalSide) {
   const Stack stack = stack_of(1, 1);
   EyeStart start{Vector3d::Zero(), 11.5, -Vector3d::UnitY(), {}, {}, {}, Laterality::od};
   // The nose is to the patient's left of the right eye.
-  EXPECT_GT(observe({&stack}, start, Contrast::t1).front().optic_nerve.value().x(), 0.2);
-  EXPECT_FALSE(observe({&stack}, start, Contrast::t2).front().optic_nerve);
+  EXPECT_GT(observe({&stack}, start, Weighting::t1).front().optic_nerve.value().x(), 0.2);
+  EXPECT_FALSE(observe({&stack}, start, Weighting::t2).front().optic_nerve);
   start.laterality = Laterality::os;
-  EXPECT_LT(observe({&stack}, start, Contrast::t1).front().optic_nerve.value().x(), -0.2);
+  EXPECT_LT(observe({&stack}, start, Weighting::t1).front().optic_nerve.value().x(), -0.2);
   start.laterality.reset();
-  EXPECT_FALSE(observe({&stack}, start, Contrast::t1).front().optic_nerve);
+  EXPECT_FALSE(observe({&stack}, start, Weighting::t1).front().optic_nerve);
 }
 
 TEST(Observation, AStackOfBothEyesWasMadeWithALargeCoil) {
   const EyeStart start{Vector3d::Zero(), 11.5, -Vector3d::UnitY(), {}, {}, {}, {}};
   const Stack of_one = stack_of(1, 1), of_both = stack_of(1, 1, 100);
-  EXPECT_DOUBLE_EQ(observe({&of_one}, start, Contrast::t2).front().sampling.coil_curvature_sigma, 0.2);
-  EXPECT_DOUBLE_EQ(observe({&of_both}, start, Contrast::t2).front().sampling.coil_curvature_sigma, 0.1);
+  EXPECT_DOUBLE_EQ(observe({&of_one}, start, Weighting::t2).front().sampling.coil_curvature_sigma, 0.2);
+  EXPECT_DOUBLE_EQ(observe({&of_both}, start, Weighting::t2).front().sampling.coil_curvature_sigma, 0.1);
 }
 
 }  // namespace

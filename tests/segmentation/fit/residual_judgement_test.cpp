@@ -13,7 +13,7 @@ namespace {
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-EyeFit fit_with_fat_displaced(Contrast contrast, double along_row_mm, double along_column_mm) {
+EyeFit fit_with_fat_displaced(Weighting weighting, double along_row_mm, double along_column_mm) {
   ParameterLayout layout;
   StackSampling sampling;
   sampling.along_row = Eigen::Vector3d::UnitX();
@@ -23,10 +23,10 @@ EyeFit fit_with_fat_displaced(Contrast contrast, double along_row_mm, double alo
   sampling.column_cutoff_per_mm = 0.5 / 1.2;
   VectorXd parameters = population_mean(layout);
   parameters.segment<2>(layout.stack(0) + fat_shift_first) << along_row_mm, along_column_mm;
-  const std::vector<int> active{cornea_c,       axial_length, anterior_chamber_depth,
-                                lens_thickness, globe_x,      globe_y};
   const ForwardModel model(layout, {sampling}, Eigen::Vector3d::Zero());
-  EyeFit fit{layout, contrast, {}, model, parameters, active, {}, {}, {}, {}, 0, {}, {}, 0, false, {}};
+  EyeFit fit{layout, weighting, {}, model};
+  fit.parameters = parameters;
+  fit.active = {cornea_c, axial_length, anterior_chamber_depth, lens_thickness, globe_x, globe_y};
   fit.covariance = 1e-4 * MatrixXd::Identity(6, 6);
   return fit;
 }
@@ -56,7 +56,7 @@ TEST(ResidualCorrelation, OfFewIndependentPairsIsNearlyNone) {
 /// Length, width and height get 0.06 of the displacement on top, and 0.025 coarsest pixels for every
 /// interface that ends them, in quadrature; all else stays.
 TEST(FaintWall, WidensTheGlobesIntervals) {
-  const EyeFit fit = fit_with_fat_displaced(Contrast::t1, 0.6, -0.8);
+  const EyeFit fit = fit_with_fat_displaced(Weighting::t1, 0.6, -0.8);
   const MatrixXd by = distance_derivatives(fit);
   const VectorXd before = (by.transpose() * fit.covariance * by).diagonal(),
                  after = (by.transpose() * widened_for_faint_wall(fit) * by).diagonal();
@@ -72,7 +72,7 @@ TEST(FaintWall, WidensTheGlobesIntervals) {
 }
 
 TEST(FaintWall, AddsNothingInT2) {
-  const EyeFit fit = fit_with_fat_displaced(Contrast::t2, 0.6, -0.8);
+  const EyeFit fit = fit_with_fat_displaced(Weighting::t2, 0.6, -0.8);
   EXPECT_EQ(widened_for_faint_wall(fit), fit.covariance);
 }
 

@@ -171,7 +171,7 @@ TEST_F(IntakeTest, AnImageOfSeveralCanBeChosen) {
   }
   series.write(folder());
   auto options = quiet();
-  options.choices = {"1.2.826.0.1.3680043.9.7.1,EchoTime=91"};
+  options.choices = {segmentation::parse_series_choice("1.2.826.0.1.3680043.9.7.1,EchoTime=91")};
   const auto found = segmentation::read_inventory(folder(), options);
   ASSERT_TRUE(found.series.at(0).usable) << found.series.at(0).reason;
   expect_generated_volume(segmentation::read_series(found, found.series[0].uid, options));
@@ -297,7 +297,7 @@ TEST_F(IntakeTest, AChoiceOfAnAbsentSeriesIsAnError) {
   GeneratedSeries series;
   series.write(folder());
   auto options = quiet();
-  options.choices = {"1.2.3,EchoTime=91"};
+  options.choices = {segmentation::parse_series_choice("1.2.3,EchoTime=91")};
   EXPECT_THROW(segmentation::read_inventory(folder(), options), Error);
 }
 
@@ -382,7 +382,7 @@ TEST_F(IntakeTest, SeveralVolumesInOneEnhancedFileAreRefusedUnlessOneIsChosen) {
   ASSERT_TRUE(file->saveFile((folder() / "IM_0001").c_str(), EXS_LittleEndianExplicit).good());
   EXPECT_THAT(only_series().reason, AllOf(HasSubstr("(0020,9128)"), HasSubstr("IM_0001 frame")));
   auto options = quiet();
-  options.choices = {"1.2.826.0.1.3680043.9.7.2,TemporalPositionIndex=2"};
+  options.choices = {segmentation::parse_series_choice("1.2.826.0.1.3680043.9.7.2,TemporalPositionIndex=2")};
   const auto chosen = segmentation::read_inventory(folder(), options);
   ASSERT_TRUE(chosen.series.at(0).usable) << chosen.series.at(0).reason;
   EXPECT_EQ(segmentation::read_series(chosen, chosen.series[0].uid, options).slices(), 6);

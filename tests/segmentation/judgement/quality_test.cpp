@@ -201,11 +201,11 @@ TEST_F(QualityGates, AComputedTomogramShowsNoEye) {
 }
 
 /// A fit that ended at these parameters, certain of all of them.
-EyeFit fit_at(const ParameterLayout& layout, const Eigen::VectorXd& parameters, Contrast contrast) {
-  EyeFit fit{layout,     contrast, {},   ForwardModel(layout, {}, Vector3d::Zero()),
-             parameters, {},       {},   population_priors(layout, parameters, contrast),
-             {},         {},       0,    {},
-             {},         0,        true, {}};
+EyeFit fit_at(const ParameterLayout& layout, const Eigen::VectorXd& parameters, Weighting weighting) {
+  EyeFit fit{layout,     weighting, {},   ForwardModel(layout, {}, Vector3d::Zero()),
+             parameters, {},        {},   population_priors(layout, parameters, weighting),
+             {},         {},        0,    {},
+             {},         0,         true, {}};
   for (int i = 0; i < layout.size(); ++i) fit.active.push_back(i);
   fit.covariance = 1e-6 * Eigen::MatrixXd::Identity(layout.size(), layout.size());
   fit.regions.resize(part_count);
@@ -232,7 +232,7 @@ TEST(QualityOfShapes, ABulgeAtThePoleCounts) {
   const auto pole = std::min_element(bumps.begin(), bumps.end(),
                                      [](const Vector3d& a, const Vector3d& b) { return a.z() < b.z(); });
   parameters[layout.displacement() + static_cast<int>(pole - bumps.begin())] = 12;
-  const EyeFit fit = fit_at(layout, parameters, Contrast::t2);
+  const EyeFit fit = fit_at(layout, parameters, Weighting::t2);
   const QualityGate gate = gate_of(fit, "axial_length_plausible_upper_mm");
   EXPECT_LT(fit.value(axial_length), 25);
   const double angle = std::acos(-pole->z()) / bump_width_rad;
@@ -246,9 +246,9 @@ TEST(QualityOfShapes, AWallTwiceAnEyesIsSaid) {
   const ParameterLayout layout;
   Eigen::VectorXd parameters = population_mean(layout);
   for (int i = vitreous; i <= surround; ++i) parameters[i] = 0.5;
-  EXPECT_TRUE(gate_of(fit_at(layout, parameters, Contrast::t1), "thickest_wall_t1_mm").passed);
+  EXPECT_TRUE(gate_of(fit_at(layout, parameters, Weighting::t1), "thickest_wall_t1_mm").passed);
   parameters[wall_axial] = 3;
-  const QualityGate gate = gate_of(fit_at(layout, parameters, Contrast::t1), "thickest_wall_t1_mm");
+  const QualityGate gate = gate_of(fit_at(layout, parameters, Weighting::t1), "thickest_wall_t1_mm");
   EXPECT_FALSE(gate.passed);
   EXPECT_FALSE(gate.decides);
   EXPECT_DOUBLE_EQ(gate.value, 3);
@@ -258,10 +258,10 @@ TEST(QualityOfShapes, AWallTwiceAnEyesIsSaid) {
 TEST(QualityOfShapes, ALensDiffersFromBothFluids) {
   const ParameterLayout layout;
   for (const auto& [of, contrast, levels, is_lens] :
-       {std::tuple{"T1", Contrast::t1, std::array{0.25, 0.22, 0.45}, true},
-        {"T1, a lid", Contrast::t1, std::array{0.25, 0.67, 0.38}, false},
-        {"T2", Contrast::t2, std::array{1.0, 0.98, 0.16}, true},
-        {"T2, dark before and in it", Contrast::t2, std::array{1.0, 0.2, 0.16}, false}}) {
+       {std::tuple{"T1", Weighting::t1, std::array{0.25, 0.22, 0.45}, true},
+        {"T1, a lid", Weighting::t1, std::array{0.25, 0.67, 0.38}, false},
+        {"T2", Weighting::t2, std::array{1.0, 0.98, 0.16}, true},
+        {"T2, dark before and in it", Weighting::t2, std::array{1.0, 0.2, 0.16}, false}}) {
     Eigen::VectorXd parameters = population_mean(layout);
     parameters[vitreous] = levels[0];
     parameters[aqueous] = levels[1];
@@ -288,8 +288,8 @@ class FellowEyes : public testing::Test {
     const ParameterLayout layout;
     Eigen::VectorXd parameters = population_mean(layout);
     parameters[layout.stack(0) + fat_shift_first + 1] = fat_shift_mm;
-    JudgedEye judged{{}, fit_at(layout, parameters, Contrast::t1), {}, {}};
-    judged.found.contrast = Contrast::t1;
+    JudgedEye judged{{}, fit_at(layout, parameters, Weighting::t1), {}, {}};
+    judged.found.weighting = Weighting::t1;
     judged.found.axis = -Vector3d::UnitY();
     judged.found.radius_mm = 11.5;
     judged.found.views.resize(1);

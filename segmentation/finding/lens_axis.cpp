@@ -1,0 +1,139 @@
+#include "segmentation/finding/lens_axis.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "pipeline/base/frames.hpp"
+#include "segmentation/finding/sampling.hpp"
+
+namespace emmetrope::segmentation {
+namespace {
+
+using Eigen::Vector3d;
+
+constexpr double usual_globe_radius_mm = 11.4;
+
+/// Mean over a disc across an axis.
+/// \param scale  of the globe, by which distance and radius are multiplied
+double disc_mean(const GlobeInStack& view, double scale, const Vector3d& axis, double distance,
+                 double radius) {
+  const Vector3d u = axis.unitOrthogonal(), v = axis.cross(u);
+  double sum = 0;
+  int count = 0;
+  for (int i = 0; i < 19; ++i) {
+    const double r = i == 0 ? 0 : (i <= 6 ? 0.5 : 1.0), angle = i <= 6 ? i * pi / 3 : i * pi / 6;
+    const auto value = interpolate(
+        *view.stack,
+        view.centre + scale * (distance * axis + radius * r * (std::cos(angle) * u + std::sin(angle) * v)));
+    if (value) {
+      sum += *value;
+      ++count;
+    }
+  }
+  return count > 0 ? sum / count : 0;
+}
+
+/// How well an axis meets the lens: the mean over the views of its contrast, in units of the vitreous (T2) or
+/// the surround (T1).
+class LensContrast {
+ public:
+  LensContrast(const std::vector<GlobeInStack>& views, double globe_radius_mm, Weighting weighting)
+      : views_(views),
+        scale_(globe_radius_mm / usual_globe_radius_mm),
+        sign_(weighting == Weighting::t2 ? 1 : -1) {
+    const Vector3d ahead = -Vector3d::UnitY();
+    for (const GlobeInStack& view : views) {
+      const double vitreous = disc_mean(view, scale_, ahead, 2.0, 4.0);
+      units_.push_back(weighting == Weighting::t2
+                           ? vitreous
+                           : std::max(disc_mean(view, scale_, -ahead, 13.5, 8), vitreous));
+    }
+  }
+
+  /// Of a lens in its usual place; the front may have been cut off.
+  double usual(const Vector3d& axis) const {
+    const Sides at = sides(axis, 0);
+    return (at.behind + at.before) / 2;
+  }
+
+  /// The best of lenses up to 2 mm nearer or farther.
+  double displaced(const Vector3d& axis) const {
+    double best = -1e9;
+    for (const double farther : {-2, -1, 0, 1, 2}) {
+      const Sides at = sides(axis, farther);
+      best = std::max(best, std::min(at.behind, at.before));
+    }
+    return best;
+  }
+
+ private:
+  /// Against what lies behind the lens and before it.
+  struct Sides {
+    double behind, before;
+  };
+  /// \param farther  by how much all of them are moved along the axis
+  Sides sides(const Vector3d& axis, double farther) const {
+    Sides sum{0, 0};
+    for (std::size_t i = 0; i < views_.size(); ++i) {
+      const auto disc_at = [&](double distance, double radius) {
+        return disc_mean(views_[i], scale_, axis, distance + farther, radius);
+      };
+      const double lens = (disc_at(6.6, 2.5) + disc_at(7.4, 2.5) + disc_at(8.2, 2.0)) / 3;
+      const double per_view = sign_ / std::max(units_[i], 1e-9) / static_cast<double>(views_.size());
+      sum.behind += per_view * (disc_at(3.5, 3.5) - lens);
+      sum.before += per_view * (disc_at(10.4, 1.5) - lens);
+    }
+    return sum;
+  }
+
+  const std::vector<GlobeInStack>& views_;
+  double scale_, sign_;
+  std::vector<double> units_;
+};
+
+/// The direction h degrees to the left and v degrees up from straight ahead.
+Vector3d direction_at(double h, double v) {
+  return Vector3d(std::sin(h * degree) * std::cos(v * degree), -std::cos(h * degree) * std::cos(v * degree),
+                  std::sin(v * degree));
+}
+
+struct ScoredAxis {
+  Vector3d axis;
+  double score;
+};
+/// The best axis on a grid of 4 degrees, refined to 1 degree.
+template <typename Score>
+ScoredAxis best_axis(const Score& score) {
+  double best_h = 0, best_v = 0, best = -1e9;
+  const auto search_about = [&](double centre_h, double centre_v, double reach, double step) {
+    for (double h = centre_h - reach; h <= centre_h + reach + 1e-9; h += step) {
+      for (double v = centre_v - reach; v <= centre_v + reach + 1e-9; v += step) {
+        if (std::hypot(h, v) > 60) continue;
+        const double s = score(direction_at(h, v));
+        if (s > best) {
+          best = s;
+          best_h = h;
+          best_v = v;
+        }
+      }
+    }
+  };
+  search_about(0, 0, 56, 4);
+  search_about(best_h, best_v, 3, 1);
+  return {direction_at(best_h, best_v), best};
+}
+
+}  // namespace
+
+LensAxis find_lens_axis(const std::vector<GlobeInStack>& views, double globe_radius_mm, Weighting weighting) {
+  const LensContrast contrast(views, globe_radius_mm, weighting);
+  const ScoredAxis usual = best_axis([&](const Vector3d& axis) { return contrast.usual(axis); });
+  LensAxis found{usual.axis, usual.score};
+  if (weighting == Weighting::t1) {
+    const Vector3d other = best_axis([&](const Vector3d& axis) { return contrast.displaced(axis); }).axis;
+    if (other.dot(found.axis) < std::cos(10 * degree)) found.other_axis = other;
+  }
+  return found;
+}
+
+}  // namespace emmetrope::segmentation

@@ -1,0 +1,85 @@
+#include "segmentation/output/fit_json.hpp"
+
+#include <fmt/format.h>
+
+#include <cmath>
+
+#include "pipeline/eye/population/population.hpp"
+#include "pipeline/eye/uncertainty/uncertain_eye.hpp"
+
+namespace emmetrope::segmentation {
+namespace {
+
+Json stack_json(const EyeFit& fit, int s) {
+  const ObservedStack& o = fit.stacks[s];
+  const int at = fit.layout.stack(s);
+  return {{"name", o.stack->name},
+          {"reference_intensity", o.reference},
+          {"noise", o.sampling.noise * o.reference},
+          {"shift_lps_mm", to_json_vector(fit.parameters.segment<3>(at + shift_first))},
+          {"turn_lps_deg", to_json_vector(fit.parameters.segment<3>(at + turn_first))},
+          {"fat_shift_mm", {fit.parameters[at + fat_shift_first], fit.parameters[at + fat_shift_first + 1]}},
+          {"misfit", fit.misfit[s]},
+          {"gain", std::exp(fit.parameters[at + log_gain])},
+          {"sharpness", std::exp(fit.parameters[at + log_sharpness])}};
+}
+
+Json region_json(const RegionFit& region) {
+  return {{"name", region.name},
+          {"voxels", region.voxels},
+          {"chi2_per_voxel", region.chi2},
+          {"residual_correlation", region.correlation},
+          {"outlier_share", region.outliers}};
+}
+
+}  // namespace
+
+Json fit_json(const JudgedEye& eye, std::optional<double> head_roll_deg) {
+  Json json{{"laterality", to_string(eye.found.laterality)},
+            {"status", eye.refused() ? "refused" : "measured"}};
+  json["head_roll_deg"] = head_roll_deg ? Json(*head_roll_deg) : Json(nullptr);
+  json["evidence"] = to_string(eye.evidence);
+  json["contrast"] = to_string(eye.found.weighting);
+  json["quality"] = Json::array();
+  for (const QualityGate& gate : eye.gates) json["quality"].push_back(to_json(gate));
+  if (!eye.fit) return json;
+  const EyeFit& fit = *eye.fit;
+  json["globe_centre_lps_mm"] = to_json_vector(fit.globe_centre_lps());
+  json["chi2_per_voxel"] = fit.chi2_per_voxel;
+  json["voxels"] = fit.samples.size();
+  json["iterations"] = fit.iterations;
+  json["converged"] = fit.converged;
+  json["noise"] = Json::array();
+  json["stacks"] = Json::array();
+  for (int s = 0; s < fit.layout.stacks; ++s) {
+    json["noise"].push_back(fit.stacks[s].sampling.noise * fit.stacks[s].reference);
+    json["stacks"].push_back(stack_json(fit, s));
+  }
+  json["regions"] = Json::array();
+  for (const RegionFit& region : fit.regions) json["regions"].push_back(region_json(region));
+  if (fit.evidence == Evidence::intensities)
+    json["cornea"] = {{"form", fit.layout.irregular_cornea ? "irregular" : "biconic"},
+                      {"irregularity_chi2", fit.irregularity.chi2},
+                      {"irregularity_chi2_limit", CornealIrregularity::chi2_limit}};
+  json["apex_start_costs"] = fit.start_costs;
+  Json intensities;
+  for (int i = vitreous; i <= surround; ++i) intensities[fit.layout.name(i)] = fit.parameters[i];
+  json["intensities"] = intensities;
+  json["eye"] = to_json(to_parametric_eye(fit, eye.found.laterality));
+  return json;
+}
+
+std::string summary(const Json& fit, Laterality laterality) {
+  if (fit.at("status") == "refused") return fmt::format("{}: refused\n", clinical_name(laterality));
+  const UncertainEye measured(parametric_eye_from_json(fit.at("eye")));
+  const ParametricEye& eye = measured.eye();
+  const auto half_width = [&](const char* name) { return 1.96 * measured.sigma(name); };
+  return fmt::format(
+      "{}: axial length {:.2f} mm, corneal power {:.2f} +- {:.2f} D, anterior chamber {:.2f} +- {:.2f} mm, "
+      "lens {:.2f} +- {:.2f} mm\n",
+      clinical_name(laterality), eye.pole_depth_mm(), keratometric_D_mm * eye.cornea_c_per_mm,
+      keratometric_D_mm * half_width("cornea_c_per_mm"), eye.anterior_chamber_depth_mm,
+      half_width("anterior_chamber_depth_mm"), eye.lens_thickness_mm, half_width("lens_thickness_mm"));
+}
+
+}  // namespace emmetrope::segmentation
