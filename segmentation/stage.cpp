@@ -12,13 +12,13 @@
 #include "pipeline/eye/population/limits.hpp"
 #include "segmentation/finding/find_eyes.hpp"
 #include "segmentation/fit/both_eyes.hpp"
-#include "segmentation/intake/study_input.hpp"
 #include "segmentation/judgement/fellow_eye.hpp"
 #include "segmentation/labels/hand_labels.hpp"
 #include "segmentation/output/boundary.hpp"
 #include "segmentation/output/case_json.hpp"
 #include "segmentation/output/fit_json.hpp"
 #include "segmentation/output/images.hpp"
+#include "segmentation/study_input.hpp"
 
 namespace emmetrope::segmentation {
 namespace {

@@ -8,7 +8,7 @@
 
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/frames.hpp"
-#include "pipeline/eye/surfaces/mesh_shape.hpp"
+#include "pipeline/eye/model/mesh_shape.hpp"
 #include "pipeline/eye/surfaces/zernike.hpp"
 #include "raytrace/system/sheet_mesh.hpp"
 #include "raytrace/wavefront/wavefront.hpp"

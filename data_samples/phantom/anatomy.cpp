@@ -3,19 +3,13 @@
 #include <algorithm>
 #include <cmath>
 
+#include "data_samples/phantom/ellipsoid_distance.hpp"
 #include "pipeline/base/frames.hpp"
 
 namespace emmetrope::phantom {
 namespace {
 
 using Eigen::Vector3d;
-
-double ellipsoid_distance(const Vector3d& p, const Vector3d& half_axes) {
-  const Vector3d scaled = p.cwiseQuotient(half_axes);
-  const double k0 = scaled.norm();
-  const double k1 = scaled.cwiseQuotient(half_axes).norm();
-  return k1 > 0 ? k0 * (k0 - 1) / k1 : -half_axes.minCoeff();
-}
 
 constexpr double near_globe_mm = 19;
 

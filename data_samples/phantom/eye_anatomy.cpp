@@ -2,6 +2,7 @@
 #include <cmath>
 
 #include "data_samples/phantom/anatomy.hpp"
+#include "data_samples/phantom/ellipsoid_distance.hpp"
 #include "pipeline/base/frames.hpp"
 
 namespace emmetrope::phantom {
@@ -29,14 +30,6 @@ double biconic_depth(const Vector2d& p, double rx, double ry, double qx, double 
 double conic_depth(double r2, double radius, double q) {
   const double root = 1 - (1 + q) * r2 / (radius * radius);
   return root <= 0 ? 1e3 : r2 / radius / (1 + std::sqrt(root));
-}
-
-/// Distance from an ellipsoid to first order, good near its surface.
-double ellipsoid_distance(const Vector3d& p, const Vector3d& half_axes) {
-  const Vector3d scaled = p.cwiseQuotient(half_axes);
-  const double k0 = scaled.norm();
-  const double k1 = scaled.cwiseQuotient(half_axes).norm();
-  return k1 > 0 ? k0 * (k0 - 1) / k1 : -half_axes.minCoeff();
 }
 
 }  // namespace

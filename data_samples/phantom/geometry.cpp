@@ -211,7 +211,8 @@ PlacedEye place(const HeadGeometry& head, Laterality laterality) {
 
 void check(const HeadGeometry& head) {
   const auto require = [](bool good, const std::string& eye, const std::string& what) {
-    if (!good) throw usage_error(fmt::format("{}: {}", eye, what), "see docs/use/phantom.md for the geometry");
+    if (!good)
+      throw usage_error(fmt::format("{}: {}", eye, what), "see docs/use/phantom.md for the geometry");
   };
   for (const Laterality laterality : both_eyes) {
     const EyeGeometry& eye = head.eye(laterality);

@@ -102,7 +102,8 @@ int main(int argc, char** argv) {
     app.add_option("--geometry", options.geometry, "Geometry from a file (a truth.json will do)")
         ->check(CLI::ExistingFile)
         ->group(geometry);
-    app.add_option("--od", options.od, "Right eye: key=value,... (keys in docs/use/phantom.md)")->group(geometry);
+    app.add_option("--od", options.od, "Right eye: key=value,... (keys in docs/use/phantom.md)")
+        ->group(geometry);
     app.add_option("--os", options.os, "Left eye: key=value,...")->group(geometry);
     app.add_option("--head", options.head, "Head: key=value,...")->group(geometry);
     app.add_option("--gaze", options.gaze, "H,V of both eyes (deg; to the patient's left, up)")

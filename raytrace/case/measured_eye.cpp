@@ -6,7 +6,7 @@
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/frames.hpp"
 #include "pipeline/eye/media/ocular_media.hpp"
-#include "pipeline/eye/surfaces/mesh_shape.hpp"
+#include "pipeline/eye/model/mesh_shape.hpp"
 
 namespace emmetrope::raytrace {
 namespace {

@@ -6,7 +6,7 @@
 
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/frames.hpp"
-#include "pipeline/eye/surfaces/mesh_shape.hpp"
+#include "pipeline/eye/model/mesh_shape.hpp"
 #include "raytrace/system/paper_method.hpp"
 #include "raytrace/system/sheet_mesh.hpp"
 #include "raytrace/system/triangle_walk.hpp"

@@ -11,7 +11,7 @@
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/frames.hpp"
 #include "pipeline/base/parallel.hpp"
-#include "pipeline/eye/surfaces/mesh_shape.hpp"
+#include "pipeline/eye/model/mesh_shape.hpp"
 #include "raytrace/system/device_surface.hpp"
 #include "raytrace/system/int_bits.hpp"
 

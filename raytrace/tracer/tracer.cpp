@@ -6,8 +6,8 @@
 #include <thread>
 
 #include "pipeline/base/error.hpp"
+#include "pipeline/eye/model/mesh_shape.hpp"
 #include "pipeline/eye/optics/paraxial.hpp"
-#include "pipeline/eye/surfaces/mesh_shape.hpp"
 #include "raytrace/device/image_change.hpp"
 #include "raytrace/device/shared_picture.hpp"
 #include "raytrace/picture/airy.hpp"

@@ -3,7 +3,7 @@
 #include <vector>
 
 #include "segmentation/finding/weighting.hpp"
-#include "segmentation/volume.hpp"
+#include "segmentation/intake/volume.hpp"
 
 namespace emmetrope::segmentation {
 

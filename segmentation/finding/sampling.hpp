@@ -4,7 +4,7 @@
 #include <optional>
 #include <vector>
 
-#include "segmentation/volume.hpp"
+#include "segmentation/intake/volume.hpp"
 
 namespace emmetrope::segmentation {
 

@@ -5,7 +5,7 @@
 
 #include "pipeline/base/laterality.hpp"
 #include "segmentation/fit/forward_model.hpp"
-#include "segmentation/volume.hpp"
+#include "segmentation/intake/volume.hpp"
 
 namespace emmetrope::segmentation {
 

@@ -57,23 +57,6 @@ std::filesystem::path decoder_executable() {
               "install Emmetrope again with cmake --install");
 }
 
-struct Pipe {
-  std::array<int, 2> ends{-1, -1};
-  Pipe() {
-    if (::pipe2(ends.data(), O_CLOEXEC) != 0)
-      throw Error(ExitStatus::fault, std::string("cannot make a pipe: ") + std::strerror(errno));
-  }
-  ~Pipe() {
-    close(0);
-    close(1);
-  }
-  Pipe(const Pipe&) = delete;
-  Pipe& operator=(const Pipe&) = delete;
-  void close(int end) {
-    if (ends[end] >= 0) ::close(std::exchange(ends[end], -1));
-  }
-};
-
 ChildFailure failure_of(int status) {
   if (WIFSIGNALED(status)) {
     const int signal = WTERMSIG(status);
@@ -197,6 +180,23 @@ class Decoder::Child {
     end_on_interrupt_.reset();
     process_ = -1;
   }
+
+  struct Pipe {
+    std::array<int, 2> ends{-1, -1};
+    Pipe() {
+      if (::pipe2(ends.data(), O_CLOEXEC) != 0)
+        throw Error(ExitStatus::fault, std::string("cannot make a pipe: ") + std::strerror(errno));
+    }
+    ~Pipe() {
+      close(0);
+      close(1);
+    }
+    Pipe(const Pipe&) = delete;
+    Pipe& operator=(const Pipe&) = delete;
+    void close(int end) {
+      if (ends[end] >= 0) ::close(std::exchange(ends[end], -1));
+    }
+  };
 
   Pipe to_child_, from_child_;
   pid_t process_ = -1;

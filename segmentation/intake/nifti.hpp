@@ -3,7 +3,7 @@
 #include <filesystem>
 #include <vector>
 
-#include "segmentation/volume.hpp"
+#include "segmentation/intake/volume.hpp"
 
 /// NIfTI-1 (and, for reading, NIfTI-2) volumes, plain or gzipped. Files are RAS+ as the format asks; stacks
 /// are LPS. Stacks with gaps or uneven slices are written on the regular grid that fits them best

@@ -2,7 +2,7 @@
 #include <Eigen/Core>
 #include <vector>
 
-#include "segmentation/volume.hpp"
+#include "segmentation/intake/volume.hpp"
 
 namespace emmetrope::segmentation {
 

@@ -12,7 +12,7 @@
 #include "pipeline/base/json.hpp"
 #include "pipeline/base/progress.hpp"
 #include "segmentation/intake/series_choice.hpp"
-#include "segmentation/volume.hpp"
+#include "segmentation/intake/volume.hpp"
 
 /// Reading a study: a folder of MR DICOM files (any depth, any names, other files mixed in) or NIfTI volumes.
 /// Files are parsed and decoded in a child process with limits (decoder.hpp), judged here

@@ -8,7 +8,7 @@
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/json.hpp"
 #include "segmentation/intake/tags.hpp"
-#include "segmentation/volume.hpp"
+#include "segmentation/intake/volume.hpp"
 
 /// What the decoding process tells its parent about one file, over a pipe. Each message is a type, its length
 /// as 8 bytes in the machine's order, and the bytes: first `header` (JSON of ImageHeader), then for an image

@@ -13,7 +13,7 @@
 #include "pipeline/base/files.hpp"
 #include "pipeline/base/measured.hpp"
 #include "pipeline/eye/model/eye_model.hpp"
-#include "pipeline/eye/surfaces/mesh_shape.hpp"
+#include "pipeline/eye/model/mesh_shape.hpp"
 #include "tests/support/random_eye.hpp"
 #include "tests/support/temporary_folder.hpp"
 

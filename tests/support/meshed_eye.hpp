@@ -2,8 +2,8 @@
 #include <random>
 
 #include "pipeline/base/frames.hpp"
+#include "pipeline/eye/model/mesh_shape.hpp"
 #include "pipeline/eye/optics/exact_trace.hpp"
-#include "pipeline/eye/surfaces/mesh_shape.hpp"
 #include "tests/support/sheet.hpp"
 
 namespace emmetrope::testing_eye {

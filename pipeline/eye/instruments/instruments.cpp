@@ -8,6 +8,7 @@
 
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/frames.hpp"
+#include "pipeline/base/typed_number.hpp"
 #include "pipeline/eye/parametric/analytic_eye.hpp"
 #include "pipeline/eye/parametric/corneal_metrics.hpp"
 
@@ -19,22 +20,12 @@ using Eigen::MatrixXd;
 using Eigen::Vector3d;
 using Eigen::VectorXd;
 
-std::optional<double> number(const std::string& text) {
-  std::size_t used = 0;
-  try {
-    const double value = std::stod(text, &used);
-    if (used == text.size() && std::isfinite(value)) return value;
-  } catch (const std::exception&) {
-  }
-  return std::nullopt;
-}
-
 Error misread(const std::string& flag, const std::string& text, const std::string& expected) {
   return usage_error(fmt::format("{} {}: cannot be read", flag, text), "expected " + expected);
 }
 
 double checked(const std::string& flag, const std::string& text, double low, double high, const char* unit) {
-  const auto value = number(text);
+  const auto value = typed_number(text);
   if (!value) throw misread(flag, text, fmt::format("a number in {}", unit));
   if (*value < low || *value > high)
     throw usage_error(fmt::format("{} {}: no eye has that", flag, text),
@@ -84,7 +75,7 @@ EyeFlag parse_eye_flag(const std::string& flag, const std::string& text, double 
   parsed.value = text.substr(3, sign == std::string::npos ? sign : sign - 3);
   parsed.sigma = default_sigma;
   if (sign != std::string::npos) {
-    const auto sigma = number(text.substr(sign + 2));
+    const auto sigma = typed_number(text.substr(sign + 2));
     if (!sigma || !(*sigma > 0)) throw misread(flag, text, "a positive number after +-");
     parsed.sigma = *sigma;
   }

@@ -14,6 +14,7 @@
 #include "pipeline/base/even_points.hpp"
 #include "pipeline/base/files.hpp"
 #include "pipeline/base/frames.hpp"
+#include "pipeline/base/typed_number.hpp"
 #include "pipeline/eye/surfaces/zernike.hpp"
 
 namespace emmetrope {
@@ -45,16 +46,6 @@ std::vector<std::string> cells_of(const std::string& line) {
       cells.back() += c;
   }
   return cells;
-}
-
-std::optional<double> number(const std::string& cell) {
-  try {
-    std::size_t used = 0;
-    const double value = std::stod(cell, &used);
-    if (used == cell.size() && std::isfinite(value)) return value;
-  } catch (const std::exception&) {
-  }
-  return std::nullopt;
 }
 
 bool is_gap(const std::string& cell) {
@@ -97,7 +88,7 @@ ElevationMap read_csv(const std::filesystem::path& file) {
   std::vector<Point> points;
   const auto add = [&](int at, double x, double y, const std::string& elevation) {
     if (is_gap(elevation)) return;
-    const auto z = number(elevation);
+    const auto z = typed_number(elevation);
     if (!z) throw fault(at, "'" + elevation + "' is no elevation; a gap is an empty cell or nan");
     points.push_back({x, y, -unit * *z});
   };
@@ -106,16 +97,16 @@ ElevationMap read_csv(const std::filesystem::path& file) {
     if (cells.size() == 1 && cells[0].empty()) continue;
     if (cells.size() != head.size())
       throw fault(at, fmt::format("{} cells, the header has {}", cells.size(), head.size()));
-    const auto first = number(cells[0]);
+    const auto first = typed_number(cells[0]);
     if (!first) throw fault(at, "'" + cells[0] + "' is no position in mm");
     if (columns) {
-      const auto y = number(cells[1]);
+      const auto y = typed_number(cells[1]);
       if (!y) throw fault(at, "'" + cells[1] + "' is no position in mm");
       add(at, *first, *y, cells[2]);
       continue;
     }
     for (std::size_t i = 1; i < cells.size(); ++i) {
-      const auto x = number(head[i]);
+      const auto x = typed_number(head[i]);
       if (!x) throw fault(1, "'" + head[i] + "' is no position in mm");
       add(at, *x, *first, cells[i]);
     }

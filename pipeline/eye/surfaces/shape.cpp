@@ -13,9 +13,6 @@
 namespace emmetrope {
 namespace {
 
-/// Hits this little behind the origin still count: surfaces may touch.
-constexpr double behind_mm = 1e-9;
-
 /// Turns a rotationally incomplete form by axis_deg about z: the form is written in (u, v), u along the
 /// meridian.
 class Turn {

@@ -16,6 +16,9 @@ struct Ray {
   Eigen::Vector3d direction;
 };
 
+/// Hits this little behind the origin still count: surfaces may touch.
+inline constexpr double behind_mm = 1e-9;
+
 /// Where a ray meets a shape.
 struct ShapeHit {
   double distance_mm = 0;

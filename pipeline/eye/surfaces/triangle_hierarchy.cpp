@@ -9,7 +9,6 @@ namespace emmetrope {
 namespace {
 
 constexpr int leaf_size = 4;
-constexpr double behind_mm = 1e-9;
 /// How far outside its triangle a hit may lie, in barycentric weight: rounding of a ray through an edge.
 constexpr double edge_slack = 1e-10;
 constexpr double infinity = std::numeric_limits<double>::infinity();

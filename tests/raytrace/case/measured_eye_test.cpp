@@ -6,8 +6,8 @@
 
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/frames.hpp"
+#include "pipeline/eye/model/mesh_shape.hpp"
 #include "pipeline/eye/optics/paraxial.hpp"
-#include "pipeline/eye/surfaces/mesh_shape.hpp"
 #include "raytrace/case/measured_eye.hpp"
 #include "raytrace/system/sheet_mesh.hpp"
 #include "raytrace/tracer/tracer.hpp"

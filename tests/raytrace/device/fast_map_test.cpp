@@ -5,7 +5,7 @@
 #include <cmath>
 
 #include "pipeline/base/error.hpp"
-#include "pipeline/eye/surfaces/mesh_shape.hpp"
+#include "pipeline/eye/model/mesh_shape.hpp"
 #include "raytrace/system/sheet_mesh.hpp"
 #include "raytrace/tracer/tracer.hpp"
 

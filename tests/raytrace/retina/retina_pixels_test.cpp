@@ -5,7 +5,7 @@
 #include <cmath>
 #include <set>
 
-#include "pipeline/eye/surfaces/mesh_shape.hpp"
+#include "pipeline/eye/model/mesh_shape.hpp"
 #include "raytrace/retina/retina_pixels.hpp"
 #include "raytrace/system/sheet_mesh.hpp"
 #include "raytrace/tracer/tracer.hpp"

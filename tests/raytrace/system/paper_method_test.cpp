@@ -6,8 +6,8 @@
 
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/frames.hpp"
+#include "pipeline/eye/model/mesh_shape.hpp"
 #include "pipeline/eye/optics/exact_trace.hpp"
-#include "pipeline/eye/surfaces/mesh_shape.hpp"
 #include "raytrace/scene/scene_model.hpp"
 #include "raytrace/system/paper_method.hpp"
 #include "raytrace/system/sheet_mesh.hpp"

@@ -4,7 +4,7 @@
 
 #include <random>
 
-#include "pipeline/eye/surfaces/mesh_shape.hpp"
+#include "pipeline/eye/model/mesh_shape.hpp"
 #include "raytrace/system/sheet_mesh.hpp"
 #include "raytrace/tracer/tracer.hpp"
 #include "tests/support/embree.hpp"

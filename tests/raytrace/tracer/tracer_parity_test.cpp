@@ -5,8 +5,8 @@
 #include <random>
 
 #include "pipeline/base/frames.hpp"
+#include "pipeline/eye/model/mesh_shape.hpp"
 #include "pipeline/eye/optics/exact_trace.hpp"
-#include "pipeline/eye/surfaces/mesh_shape.hpp"
 #include "raytrace/retina/pupil_aim.hpp"
 #include "raytrace/spectacle/spectacle.hpp"
 #include "raytrace/system/sheet_mesh.hpp"

@@ -6,9 +6,9 @@
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/files.hpp"
 #include "pipeline/eye/model/eye_model.hpp"
+#include "pipeline/eye/model/mesh_shape.hpp"
 #include "pipeline/eye/optics/describe_eye.hpp"
 #include "pipeline/eye/optics/paraxial.hpp"
-#include "pipeline/eye/surfaces/mesh_shape.hpp"
 #include "tests/support/sheet.hpp"
 
 namespace emmetrope {

@@ -4,7 +4,7 @@
 
 #include <random>
 
-#include "pipeline/eye/surfaces/mesh_shape.hpp"
+#include "pipeline/eye/model/mesh_shape.hpp"
 #include "tests/support/sheet.hpp"
 
 namespace emmetrope {

@@ -1,4 +1,4 @@
-#include "pipeline/eye/surfaces/mesh_shape.hpp"
+#include "pipeline/eye/model/mesh_shape.hpp"
 
 #include <Eigen/Geometry>
 #include <cmath>

@@ -1,4 +1,4 @@
-#include "segmentation/intake/study_input.hpp"
+#include "segmentation/study_input.hpp"
 
 #include <fmt/format.h>
 
