@@ -19,8 +19,8 @@ struct EyeCandidate {
   double score() const { return agreement * inside; }
 };
 
-/// Globes in a stack, best first: places of radial symmetry (radial_symmetry.hpp), each checked and refined on
-/// radial profiles. Several may be false; pairing and the fit decide.
+/// Globes in a stack, best first: places of radial symmetry (radial_symmetry.hpp), each checked and refined
+/// on radial profiles. Several may be false; pairing and the fit decide.
 std::vector<EyeCandidate> find_candidates(const Stack& stack);
 
 }  // namespace emmetrope::segmentation

@@ -164,8 +164,8 @@ Laterality laterality_of_single(const Cluster& globe, const std::string& tag, st
   }
   const double x = globe.centre().x();
   note = fmt::format(
-      "one eye only is seen; its side is taken from its place, {:.0f} mm to the patient's {} of the scanner's "
-      "centre",
+      "one eye only is seen; its side is taken from its place, {:.0f} mm to the patient's {} of the "
+      "scanner's centre",
       std::abs(x), x < 0 ? "right" : "left");
   return x < 0 ? Laterality::od : Laterality::os;
 }
@@ -182,8 +182,8 @@ void find_axis(FoundEye& eye, const std::vector<const Stack*>& stacks) {
 /// Adds to a stack's choice what it shows of an eye, and why it is used or not.
 void explain(StackChoice& choice, const FoundEye& eye, const EyeView& view, bool used) {
   const std::string text = fmt::format(
-      "{}: globe seen with {:.0f} % of its wall on a sphere of {:.1f} mm, {:.0f} % of it inside the stack, merit "
-      "{:.3g}",
+      "{}: globe seen with {:.0f} % of its wall on a sphere of {:.1f} mm, {:.0f} % of it inside the stack, "
+      "merit {:.3g}",
       to_string(eye.laterality), 100 * view.globe.agreement, view.globe.radius_mm, 100 * view.globe.inside,
       view.merit);
   const std::string why = used ? "used"

@@ -16,8 +16,8 @@ struct SymmetryPeak {
   Weighting weighting;       ///< T2: of a bright ball; T1: of a dark one
 };
 
-/// Radial symmetry (Loy and Zelinsky 2003) in three dimensions: the edges of a stack, resampled to 1.5 mm, vote
-/// for centres of balls along their gradient; the ten highest maxima of each polarity, 10 mm apart.
+/// Radial symmetry (Loy and Zelinsky 2003) in three dimensions: the edges of a stack, resampled to 1.5 mm,
+/// vote for centres of balls along their gradient; the ten highest maxima of each polarity, 10 mm apart.
 std::vector<SymmetryPeak> symmetry_peaks(const Stack& stack);
 
 }  // namespace emmetrope::segmentation

@@ -53,8 +53,8 @@ std::vector<int> open_parameters(const ParameterLayout& layout, std::vector<int>
   return wanted;
 }
 
-/// The direction that slides cornea and lid along the axis: the apex moves out, all that lies behind keeps its
-/// place.
+/// The direction that slides cornea and lid along the axis: the apex moves out, all that lies behind keeps
+/// its place.
 VectorXd apex_slide(const VectorXd& parameters) {
   VectorXd slide = VectorXd::Zero(parameters.size());
   slide.segment<3>(apex_x) = gaze_axis(parameters[gaze_horizontal], parameters[gaze_vertical]);

@@ -4,8 +4,8 @@
 #include "segmentation/fit/least_squares.hpp"
 #include "segmentation/fit/observation.hpp"
 
-/// The passes of an eye's fit, each from where the one before it ended. Every pass sets what of the problem is
-/// its own (free parameters, loss, tighter priors) and leaves its priors as they were.
+/// The passes of an eye's fit, each from where the one before it ended. Every pass sets what of the problem
+/// is its own (free parameters, loss, tighter priors) and leaves its priors as they were.
 namespace emmetrope::segmentation {
 
 /// Freezes each sample's deviation for a pass: the noise of a Rician magnitude at the model's signal, widened
@@ -14,8 +14,8 @@ namespace emmetrope::segmentation {
 /// \return the factors
 Eigen::VectorXd freeze_deviations(FitProblem& problem, const Eigen::VectorXd& parameters);
 
-/// The parameters of a whole eye that the evidence leaves open: labels have no intensities, coil, sharpness or
-/// lid.
+/// The parameters of a whole eye that the evidence leaves open: labels have no intensities, coil, sharpness
+/// or lid.
 std::vector<int> free_parameters(const ForwardModel& model, Evidence evidence);
 
 /// Globe, lens and pose, without the cornea; the apex rides with the globe.

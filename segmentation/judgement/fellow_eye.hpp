@@ -22,8 +22,8 @@ struct JudgedEye {
   std::string reasons() const;
 };
 
-/// Fits the eye that was found to its images, which hold its evidence, and judges it; data that cannot support a
-/// fit fail a gate.
+/// Fits the eye that was found to its images, which hold its evidence, and judges it; data that cannot
+/// support a fit fail a gate.
 void fit_and_judge(JudgedEye& eye, const std::vector<const Stack*>& images, const EyeStart& start,
                    const std::function<void()>& advance = {});
 
