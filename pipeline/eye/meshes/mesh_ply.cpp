@@ -114,9 +114,9 @@ Header read_header(const std::string& bytes) {
 }
 
 /// Reads one scalar after another, text or binary, and never past the end.
-class Reader {
+class PlyReader {
  public:
-  Reader(const std::string& bytes, std::size_t start, Encoding encoding)
+  PlyReader(const std::string& bytes, std::size_t start, Encoding encoding)
       : bytes_(bytes), at_(start), encoding_(encoding), text_(std::string_view(bytes).substr(start)) {}
 
   double next(Scalar scalar) {
@@ -168,7 +168,7 @@ class Reader {
   TextScanner text_;
 };
 
-void read_vertices(Reader& reader, const Element& element, TriangleMesh& mesh) {
+void read_vertices(PlyReader& reader, const Element& element, TriangleMesh& mesh) {
   const std::array<const char*, 6> wanted{"x", "y", "z", "nx", "ny", "nz"};
   std::array<int, 6> column{-1, -1, -1, -1, -1, -1};
   std::size_t record = 0;
@@ -194,7 +194,7 @@ void read_vertices(Reader& reader, const Element& element, TriangleMesh& mesh) {
   }
 }
 
-void read_others(Reader& reader, const Element& element, TriangleMesh& mesh) {
+void read_others(PlyReader& reader, const Element& element, TriangleMesh& mesh) {
   std::vector<int> corners;
   for (std::size_t i = 0; i < element.count; ++i)
     for (const Property& property : element.properties) {
@@ -236,7 +236,7 @@ MeshFile parse_ply(const std::string& bytes) {
   const Header header = read_header(bytes);
   MeshFile result;
   result.says_lps = header.says_lps;
-  Reader reader(bytes, header.end, header.encoding);
+  PlyReader reader(bytes, header.end, header.encoding);
   for (const Element& element : header.elements) {
     // Even text takes two bytes a number.
     if (!element.properties.empty() && element.count > reader.left())
