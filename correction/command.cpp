@@ -18,15 +18,20 @@ struct Flags {
   double accommodation_D = 0;
 };
 
-void declare(CLI::App& app, Flags& flags) {
-  CorrectionSettings& settings = flags.settings;
-  PrescriptionSettings& prescription = settings.prescription;
-  PictureSettings& picture = settings.picture;
+/// What is corrected: a case, or one eye by name or file.
+/// \return the option that gives the latter
+CLI::Option* declare_eye(CLI::App& app, Flags& flags) {
   auto* in_case = app.add_option("CASE", flags.case_folder, "case folder with a traced eye");
   auto* schematic = app.add_option("--eye", flags.eye, "a schematic eye or an eye.json instead of a case")
                         ->excludes(in_case);
   app.add_option("-o,--output", flags.output, "folder for the results of --eye")->needs(schematic);
-  app.add_option("--accommodation", flags.accommodation_D, "of a schematic flags.eye, D")->needs(schematic);
+  app.add_option("--accommodation", flags.accommodation_D, "of a schematic eye, D")->needs(schematic);
+  return schematic;
+}
+
+/// How the sharpest lens is sought.
+void declare_search(CLI::App& app, Flags& flags) {
+  PrescriptionSettings& prescription = flags.settings.prescription;
   app.add_option("--vertex-distance", prescription.vertex_distance_mm,
                  "spectacle lens to cornea, mm; 0: contact lens")
       ->check(CLI::Range(0.0, 30.0))
@@ -44,23 +49,35 @@ void declare(CLI::App& app, Flags& flags) {
   app.add_option("--fovea", flags.fovea_mm, "X,Y on the retina from the pole, mm")
       ->delimiter(',')
       ->expected(2);
+}
+
+/// What the clinic knows of the eye.
+void declare_known_data(CLI::App& app, Flags& flags) {
   emmetrope::declare(app, flags.known.instruments);
   app.add_option("--refraction", flags.known.refractions,
                  "known refraction, settles the lens index: od:-2.25/-1.00x180@12+-0.25")
       ->allow_extra_args(false);
   app.add_option(
-         "--lens-index-sigma", settings.lens_index_sigma,
+         "--lens-index-sigma", flags.settings.lens_index_sigma,
          "standard deviation of the lens index, 0: known; default 0.005, or 0 where trace had --lens-index")
       ->check(CLI::Range(0.0, 0.05));
-  app.add_option("--age", settings.what_if.age_years, "years; for the near point")
-      ->check(CLI::Range(0.0, 120.0));
-  app.add_option("--iol-target", settings.what_if.iol_target_D,
+}
+
+void declare_what_if(CLI::App& app, WhatIfSettings& what_if) {
+  app.add_option("--age", what_if.age_years, "years; for the near point")->check(CLI::Range(0.0, 120.0));
+  app.add_option("--iol-target", what_if.iol_target_D,
                  "refraction that an intra-ocular lens is to leave, D, 12 mm before the cornea")
       ->check(CLI::Range(-10.0, 5.0))
       ->capture_default_str();
-  app.add_option("--iol-a-constant", settings.what_if.iol_a_constant, "of the intra-ocular lens (SRK)")
+  app.add_option("--iol-a-constant", what_if.iol_a_constant, "of the intra-ocular lens (SRK)")
       ->check(CLI::Range(110.0, 125.0))
       ->capture_default_str();
+}
+
+/// The paper's plano-cylinder, and the toric meniscus.
+void declare_real_lenses(CLI::App& app, Flags& flags) {
+  PrescriptionSettings& prescription = flags.settings.prescription;
+  SpectacleSettings& spectacle = prescription.spectacle;
   app.add_option("--plano-cylinder-distance", prescription.plano_cylinder_distance_mm,
                  "of the plano-cylinder, mm")
       ->check(CLI::Range(0.0, 30.0))
@@ -71,33 +88,44 @@ void declare(CLI::App& app, Flags& flags) {
   app.add_option("--material", flags.material,
                  "of the toric meniscus: cr39, trivex, polycarbonate, 1.60, 1.67, 1.74 or crown")
       ->capture_default_str();
-  app.add_option("--base-curve", prescription.spectacle.base_D,
-                 "power of its front surface, D; default by Vogel's rule")
+  app.add_option("--base-curve", spectacle.base_D, "power of its front surface, D; default by Vogel's rule")
       ->check(CLI::Range(0.0, 20.0));
-  app.add_option("--centre-thickness", prescription.spectacle.centre_thickness_mm,
+  app.add_option("--centre-thickness", spectacle.centre_thickness_mm,
                  "mm; default: 2, or what leaves 1 mm at the rim")
       ->check(CLI::Range(0.5, 20.0));
   app.add_option_function<double>(
-         "--lens-diameter", [&](double mm) { prescription.spectacle.semi_diameter_mm = mm / 2; },
+         "--lens-diameter", [&](double mm) { spectacle.semi_diameter_mm = mm / 2; },
          "of the meniscus, mm; default 50")
       ->check(CLI::Range(20.0, 90.0));
+}
+
+void declare_pictures(CLI::App& app, CLI::Option* schematic, CorrectionSettings& settings) {
   app.add_flag(
       "--ablation-picture", settings.ablation_picture,
       "also ablated.png, ablated_wavefront_guided.png: what the eye would see after such an ablation");
-  app.add_option("--scene", picture.scene,
+  app.add_option("--scene", settings.picture.scene,
                  "scene of corrected.png with --eye; a case has that of its trace stage")
       ->needs(schematic)
       ->capture_default_str();
-  app.add_option("--samples", picture.samples, "rays a pixel of corrected.png with --eye")
+  app.add_option("--samples", settings.picture.samples, "rays a pixel of corrected.png with --eye")
       ->needs(schematic)
       ->check(CLI::Range(1, 100000))
       ->capture_default_str();
 }
 
+void declare(CLI::App& app, Flags& flags) {
+  CLI::Option* schematic = declare_eye(app, flags);
+  declare_search(app, flags);
+  declare_known_data(app, flags);
+  declare_what_if(app, flags.settings.what_if);
+  declare_real_lenses(app, flags);
+  declare_pictures(app, schematic, flags.settings);
+}
+
 Answer run(Flags& flags, const CommonOptions& common) {
   CorrectionSettings& settings = flags.settings;
   PrescriptionSettings& prescription = settings.prescription;
-  prescription.criterion = measure_from_string(flags.criterion);
+  prescription.criterion = criterion_from_string(flags.criterion);
   prescription.spectacle.material = lens_material(flags.material);
   prescription.fovea_mm = {flags.fovea_mm[0], flags.fovea_mm[1]};
   prescription.seed = common.seed;

@@ -6,6 +6,7 @@
 #include <array>
 #include <cmath>
 
+#include "correction/prescription/withholding.hpp"
 #include "correction/search/sweep.hpp"
 #include "correction/what_if/ablation.hpp"
 #include "pipeline/base/case_subject.hpp"
@@ -100,7 +101,7 @@ std::optional<Calibration> learn_known_data(const raytrace::Tracer& tracer, EyeM
   }
   if (!known.refraction) return {};
   Calibration calibration = calibrate(tracer, eye, uncertain, *known.refraction, settings);
-  const std::string warning = judge_surprise("the given refraction", calibration.surprise_sigma);
+  const std::string warning = judge_innovation("the given refraction", calibration.innovation_sigma);
   if (!warning.empty()) warnings.push_back(warning);
   eye = uncertain.model;
   return calibration;
@@ -122,11 +123,50 @@ void check_learnable(const fs::path& case_folder, const std::string& eye_name, c
     throw give_to_mesh("its cornea has been meshed from a topography");
 }
 
+raytrace::TraceSettings trace_settings(const PictureSettings& picture, std::uint64_t seed) {
+  raytrace::TraceSettings trace;
+  trace.grid.width = picture.width;
+  trace.grid.height = picture.height;
+  trace.grid.field_x_mm = picture.field_x_mm;
+  trace.grid.field_y_mm = picture.field_y_mm;
+  trace.grid.centre_mm = picture.centre_mm;
+  trace.samples = picture.samples;
+  trace.representation =
+      raytrace::Representation::analytic;  // the lens; an eye's meshes are patches in it too
+  trace.seed = seed;
+  trace.verbosity.quiet = true;
+  return trace;
+}
+
+/// What the eye sees through the sharpest lens, and after an ablation where that is asked for.
+void write_pictures(const fs::path& folder, const raytrace::Tracer& tracer, const EyeModel& eye,
+                    const Prescription& prescription, const CorrectionSettings& settings,
+                    std::uint64_t seed) {
+  const PrescriptionSettings& p = prescription.settings;
+  const raytrace::TraceSettings trace = trace_settings(settings.picture, seed);
+  const EyeModel seeing = with_pupil(eye, settings.picture.pupil_mm);
+  const auto scene = raytrace::make_scene(settings.picture.scene);
+  const auto write_picture = [&](const char* name, const EyeModel& model) {
+    raytrace::write_png(folder / name, tracer.trace(model, *scene, trace).image);
+  };
+  write_picture("corrected.png",
+                raytrace::with_thin_lens(seeing, prescription.refraction, p.vertex_distance_mm));
+  if (!settings.ablation_picture) return;
+  const PowerVector at_cornea = move_towards_eye(prescription.refraction, p.vertex_distance_mm);
+  try {
+    write_picture("ablated.png", with_ablation(seeing, munnerlyn_profile(seeing, at_cornea)));
+    write_picture("ablated_wavefront_guided.png",
+                  with_ablation(seeing, wavefront_guided_profile(seeing, p.wavelength_nm, p.fovea_mm)));
+  } catch (const Error& error) {  // a cornea too thin for it: the prescription stands
+    if (error.status() != ExitStatus::no_result) throw;
+    spdlog::warn("no picture of an ablation: {}", error.what());
+  }
+}
+
 void write_eye_files(const fs::path& folder, const raytrace::Tracer& tracer, const EyeModel& eye,
                      const EyeResult& result, const CorrectionSettings& settings, std::uint64_t seed,
                      const std::string& laterality) {
   const PrescriptionSettings& p = result.prescription.settings;
-  const PictureSettings& picture = settings.picture;
   fs::create_directories(folder);
   Json prescription = to_json(result.prescription, result.uncertainty, laterality);
   WhatIfSettings what_if = settings.what_if;
@@ -135,41 +175,21 @@ void write_eye_files(const fs::path& folder, const raytrace::Tracer& tracer, con
   write_json(folder / "prescription.json", prescription);
   write_file(folder / "sweep.csv", sweep_csv(result.prescription.plano_cylinder));
   write_file(folder / "sweep.svg", sweep_svg(result.prescription.plano_cylinder, p.criterion));
-  raytrace::TraceSettings trace;
-  trace.grid = {picture.width, picture.height, picture.field_x_mm, picture.field_y_mm, picture.centre_mm};
-  trace.samples = picture.samples;
-  trace.representation =
-      raytrace::Representation::analytic;  // the lens; an eye's meshes are patches in it too
-  trace.seed = seed;
-  trace.verbosity.quiet = true;
-  const EyeModel seeing = with_pupil(eye, picture.pupil_mm);
-  const auto scene = raytrace::make_scene(picture.scene);
-  const auto write_picture = [&](const char* name, const EyeModel& model) {
-    raytrace::write_png(folder / name, tracer.trace(model, *scene, trace).image);
-  };
-  write_picture("corrected.png",
-                raytrace::with_thin_lens(seeing, result.prescription.refraction, p.vertex_distance_mm));
-  if (settings.ablation_picture) {
-    const PowerVector at_cornea = move_towards_eye(result.prescription.refraction, p.vertex_distance_mm);
-    try {
-      write_picture("ablated.png", with_ablation(seeing, munnerlyn_profile(seeing, at_cornea)));
-      write_picture("ablated_wavefront_guided.png",
-                    with_ablation(seeing, wavefront_guided_profile(seeing, p.wavelength_nm, p.fovea_mm)));
-    } catch (const Error& error) {  // a cornea too thin for it: the prescription stands
-      if (error.status() != ExitStatus::no_result) throw;
-      spdlog::warn("no picture of an ablation: {}", error.what());
-    }
-  }
+  write_pictures(folder, tracer, eye, result.prescription, settings, seed);
 }
 
 std::string summary(const std::string& who, const EyeResult& result) {
   const Prescription& p = result.prescription;
   const Eigen::Vector3d sigma = result.uncertainty.covariance.diagonal().cwiseSqrt();
-  return fmt::format(
-      "{}: {} at {:g} mm (M {:+.2f} +-{:.2f}, J0 {:+.2f} +-{:.2f}, J45 {:+.2f} +-{:.2f} D, 95 %)\n", who,
+  const std::string withheld =
+      reason_to_withhold(Measured::from_sigma(p.refraction.M_D, sigma[0], result.uncertainty.sources[0]));
+  const std::string line = fmt::format(
+      "{}: {}{} at {:g} mm (M {:+.2f} +-{:.2f}, J0 {:+.2f} +-{:.2f}, J45 {:+.2f} +-{:.2f} D, 95 %)\n", who,
+      withheld.empty() ? "" : "no prescription, an estimate for information: ",
       format_refraction(round_refraction(p.refraction).refraction), p.settings.vertex_distance_mm,
       p.refraction.M_D, 1.96 * sigma[0], p.refraction.J0_D, 1.96 * sigma[1], p.refraction.J45_D,
       1.96 * sigma[2]);
+  return withheld.empty() ? line : line + "  " + withheld + "\n";
 }
 
 /// What the searches leave to be said.
@@ -276,7 +296,8 @@ KnownEye read_known_eye(const fs::path& case_folder, Laterality side, const Corr
 
 EyeResult correct_one(const KnownEye& known, const raytrace::Tracer& tracer,
                       const PrescriptionSettings& settings) {
-  EyeResult result{prescribe(tracer, known.eye, settings), {}, {}};
+  EyeResult result;
+  result.prescription = prescribe(tracer, known.eye, settings);
   if (known.uncertain) result.axial_length_mm = known.uncertain->known.eye().axial_length_mm;
   result.uncertainty =
       uncertainty_of(result.prescription, known.uncertain ? &*known.uncertain : nullptr, known.calibration);
@@ -285,7 +306,26 @@ EyeResult correct_one(const KnownEye& known, const raytrace::Tracer& tracer,
 
 }  // namespace
 
+void PictureSettings::check() const {
+  check_setting("picture.width", width, {1, 100000});
+  check_setting("picture.height", height, {1, 100000});
+  check_setting("picture.field_x_mm", field_x_mm, {1e-3, 30});
+  check_setting("picture.field_y_mm", field_y_mm, {1e-3, 30});
+  check_setting("picture.samples", samples, {1, 100000});
+  check_setting("picture.pupil_mm", pupil_mm, {0.5, 9});
+}
+
+void CorrectionSettings::check() const {
+  prescription.check();
+  picture.check();
+  if (lens_index_sigma) check_setting("lens_index_sigma", *lens_index_sigma, {0, 0.05});
+  if (what_if.age_years) check_setting("what_if.age_years", *what_if.age_years, {0, 120});
+  check_setting("what_if.iol_target_D", what_if.iol_target_D, {-10, 5});
+  check_setting("what_if.iol_a_constant", what_if.iol_a_constant, {110, 125});
+}
+
 Answer correct_case(const fs::path& case_folder, CorrectionSettings settings, const CommonOptions& common) {
+  settings.check();
   const CaseLock lock(case_folder, false);
   const StageVerdict traced = read_verdict(case_folder, "raytrace");
   follow_trace_stage(case_folder, settings);
@@ -298,8 +338,11 @@ Answer correct_case(const fs::path& case_folder, CorrectionSettings settings, co
     if (settings.known.count(eye) > 0)
       check_learnable(case_folder, to_string(eye),
                       read_eye(case_folder / "raytrace" / to_string(eye) / "eye.json"));
-  StageSpec spec{
-      "correction", parameters_of(settings, common), inputs_of(case_folder, eyes, settings.known), true, {}};
+  StageSpec spec;
+  spec.stage = "correction";
+  spec.parameters = parameters_of(settings, common);
+  spec.inputs = inputs_of(case_folder, eyes, settings.known);
+  spec.uses_opencl = true;
   std::optional<raytrace::Tracer> tracer;
   if (!eyes.empty()) {
     tracer.emplace(common.device, common.threads);

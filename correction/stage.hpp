@@ -22,6 +22,9 @@ struct PictureSettings {
   int samples = 128;
   double pupil_mm = 4;
   Eigen::Vector2d centre_mm{0, 0};
+
+  /// \throw Error (usage) naming the field
+  void check() const;
 };
 
 struct CorrectionSettings {
@@ -33,6 +36,9 @@ struct CorrectionSettings {
   WhatIfSettings what_if;                 ///< a case's own age where none is given
   std::map<Laterality, KnownData> known;  ///< of a case, by eye
   bool ablation_picture = false;  ///< what the eye sees after an ablation of its refraction: ablated.png
+
+  /// \throw Error (usage) naming the field
+  void check() const;
 };
 
 /// CASE/correction/<eye>/: prescription.json, corrected.png, sweep.csv, sweep.svg, for every eye that was

@@ -109,30 +109,24 @@ Measured with_departure(const Measured& fitted, double sigma_um, const char* sou
                               sigma_um > fitted.sigma() ? source : fitted.source);
 }
 
+/// A number that is told when it is implausible, and where its limits are.
 struct Gate {
   const char* name;
-  double low, high;
-  std::vector<const char*> path;
+  const char* quantity;  ///< path in biometry.json
 };
-
-const std::vector<Gate>& gates() {
-  static const std::vector<Gate> list{
-      {"axial_length_mm", 20, 32, {"axial_length_mm"}},
-      {"keratometry_flat_D", 38, 50, {"keratometry", "flat", "power_D"}},
-      {"keratometry_steep_D", 38, 50, {"keratometry", "steep", "power_D"}},
-      {"cylinder_D", 0, 6, {"keratometry", "cylinder_D"}},
-      {"asphericity_q", -1, 0.6, {"keratometry", "asphericity_q"}},
-      {"corneal_thickness_mm", 0.4, 0.7, {"corneal_thickness_mm"}},
-      {"anterior_chamber_depth_mm", 2, 5, {"anterior_chamber_depth_mm"}},
-      {"lens_thickness_mm", 2.8, 6, {"lens_thickness_mm"}},
-      {"lens_anterior_radius_mm", 5, 17, {"lens_anterior_radius_mm"}},
-      {"lens_posterior_radius_mm", 3.5, 9, {"lens_posterior_radius_mm"}},
-      {"globe_width_mm", 19, 30, {"globe_width_mm"}},
-      {"globe_height_mm", 19, 30, {"globe_height_mm"}},
-      {"interpupillary_distance_mm", 45, 80, {"interpupillary_distance_mm"}},
-  };
-  return list;
-}
+constexpr Gate gates[] = {{"axial_length_mm", "axial_length_mm"},
+                          {"keratometry_flat_D", "keratometry/flat/power_D"},
+                          {"keratometry_steep_D", "keratometry/steep/power_D"},
+                          {"cylinder_D", "keratometry/cylinder_D"},
+                          {"asphericity_q", "keratometry/asphericity_q"},
+                          {"corneal_thickness_mm", "corneal_thickness_mm"},
+                          {"anterior_chamber_depth_mm", "anterior_chamber_depth_mm"},
+                          {"lens_thickness_mm", "lens_thickness_mm"},
+                          {"lens_anterior_radius_mm", "lens_anterior_radius_mm"},
+                          {"lens_posterior_radius_mm", "lens_posterior_radius_mm"},
+                          {"globe_width_mm", "globe_width_mm"},
+                          {"globe_height_mm", "globe_height_mm"},
+                          {"interpupillary_distance_mm", "interpupillary_distance_mm"}};
 
 }  // namespace
 
@@ -240,20 +234,19 @@ Measured interpupillary_distance_mm(const UncertainEye& od, const UncertainEye& 
 }
 
 std::string PlausibilityFlag::describe() const {
-  return fmt::format("{} is {:.4g}, outside the plausible {:g} to {:g}", name, value, low, high);
+  return fmt::format("{} is {:.4g}, outside the plausible {:g} to {:g}", name, value, plausible.low,
+                     plausible.high);
 }
 
 std::vector<PlausibilityFlag> plausibility(const Json& biometry) {
   std::vector<PlausibilityFlag> flags;
-  for (const Gate& gate : gates()) {
-    const Json* number = &biometry;
-    for (const char* key : gate.path) {
-      number = number->contains(key) ? &number->at(key) : nullptr;
-      if (number == nullptr) break;
-    }
-    if (number == nullptr) continue;  // an interpupillary distance of one eye
-    const double value = number->get<Measured>().value;
-    flags.push_back({gate.name, value, gate.low, gate.high, value >= gate.low && value <= gate.high});
+  for (const Gate& gate : gates) {
+    const Json::json_pointer place(std::string("/") + gate.quantity);
+    if (!biometry.contains(place)) continue;  // an interpupillary distance of one eye
+    PlausibilityFlag& flag = flags.emplace_back();
+    flag.name = gate.name;
+    flag.value = biometry.at(place).get<Measured>().value;
+    flag.plausible = limits_of(gate.quantity).plausible;
   }
   return flags;
 }
@@ -263,9 +256,9 @@ Json to_json(const std::vector<PlausibilityFlag>& flags) {
   for (const PlausibilityFlag& flag : flags) {
     json.push_back({{"name", flag.name},
                     {"value", flag.value},
-                    {"low", flag.low},
-                    {"high", flag.high},
-                    {"passed", flag.passed}});
+                    {"low", flag.plausible.low},
+                    {"high", flag.plausible.high},
+                    {"passed", flag.passed()}});
   }
   return json;
 }

@@ -5,6 +5,7 @@
 #include "pipeline/base/json.hpp"
 #include "pipeline/base/measured.hpp"
 #include "pipeline/eye/parametric/corneal_metrics.hpp"
+#include "pipeline/eye/population/limits.hpp"
 #include "pipeline/eye/uncertainty/uncertain_eye.hpp"
 
 namespace emmetrope {
@@ -49,8 +50,9 @@ Measured interpupillary_distance_mm(const UncertainEye& od, const UncertainEye& 
 /// Numbers outside what eyes are: `plausibility` in biometry.json, and a sentence for each that failed.
 struct PlausibilityFlag {
   std::string name;
-  double value = 0, low = 0, high = 0;
-  bool passed = true;
+  double value = 0;
+  Range plausible;
+  bool passed() const { return plausible.contains(value); }
   std::string describe() const;
 };
 std::vector<PlausibilityFlag> plausibility(const Json& biometry);

@@ -199,12 +199,12 @@ Json biometry_of(const FittedEye& fitted, Laterality eye, const MeshingOptions& 
   const std::vector<PlausibilityFlag> flags = plausibility(biometry);
   biometry["plausibility"] = to_json(flags);
   for (const PlausibilityFlag& flag : flags)
-    if (!flag.passed) workspace.warn(std::string(clinical_name(eye)) + ": " + flag.describe());
+    if (!flag.passed()) workspace.warn(std::string(clinical_name(eye)) + ": " + flag.describe());
   return biometry;
 }
 
 void warn_of_head_roll(const Json& roll, StageWorkspace& workspace) {
-  if (roll.is_number() && std::abs(roll.get<double>()) > largest_head_roll_deg)
+  if (roll.is_number() && !limits_of("head_roll_deg").plausible.contains(roll.get<double>()))
     workspace.warn(fmt::format(
         "the head is rolled by {:.1f} degrees against the scanner, in which astigmatic axes are given",
         roll.get<double>()));
@@ -250,7 +250,10 @@ void MeshingOptions::check() const {
 Answer make_meshes(const MeshingOptions& options, const CommonOptions& common) {
   options.check();
   const StageVerdict segmented = read_verdict(options.case_folder, "segmentation");
-  const StageSpec spec{"meshing", parameters_of(options, common), inputs_of(options), false, ""};
+  StageSpec spec;
+  spec.stage = "meshing";
+  spec.parameters = parameters_of(options, common);
+  spec.inputs = inputs_of(options);
   const StageOutcome outcome = run_stage(options.case_folder, spec, common, [&](StageWorkspace& workspace) {
     return mesh_eyes(options, segmented, common, workspace);
   });

@@ -180,7 +180,7 @@ StageVerdict segment_study(const SegmentOptions& options, const CommonOptions& c
   const bool coupled = couple(eyes);
 
   const std::optional<double> roll = head_roll_deg(eyes);
-  if (roll && std::abs(*roll) > largest_head_roll_deg)
+  if (roll && !limits_of("head_roll_deg").plausible.contains(*roll))
     workspace.warn(fmt::format(
         "the head is rolled by {:.1f} deg: astigmatic axes are given against the scanner", *roll));
   for (const JudgedEye& eye : eyes) {

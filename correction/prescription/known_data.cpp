@@ -65,7 +65,7 @@ Calibration calibrate(const raytrace::Tracer& tracer, const EyeModel& traced, Un
 
   // The least-squares fit of ray slopes moves with the eye as the sharpest lens does.
   const Eigen::Vector3d start = as_vector(refraction_by_spot(uncertain.model, settings));
-  calibration.surprise_sigma = learn(
+  calibration.innovation_sigma = learn(
       uncertain, "refraction",
       [&](const Eigen::VectorXd& values) -> Eigen::VectorXd {
         return as_vector(calibration.before) - start +

@@ -122,7 +122,7 @@ PlanoCylinderResult best_plano_cylinder(const raytrace::Tracer& tracer,
     const double signed_mm = -sign * radius_mm;
     best.sweep.push_back(
         {signed_mm, 1e3 * (1 - index) / signed_mm,
-         sharpness.by_all_measures(plano_cylinder_parameters(signed_mm, best.lens.axis_deg, index))});
+         sharpness.by_all_criteria(plano_cylinder_parameters(signed_mm, best.lens.axis_deg, index))});
   }
   // Along the radius only: with power P = 1000 (1 - n) / R the first parameter, half the power, moves by its
   // R-th part a millimetre.
@@ -131,6 +131,24 @@ PlanoCylinderResult best_plano_cylinder(const raytrace::Tracer& tracer,
 }
 
 }  // namespace
+
+void check_setting(const char* field, double value, const Range& allowed) {
+  if (!allowed.contains(value))
+    throw usage_error(
+        fmt::format("{} is {:g}, outside {:g} to {:g}", field, value, allowed.low, allowed.high));
+}
+
+void PrescriptionSettings::check() const {
+  check_setting("vertex_distance_mm", vertex_distance_mm, {0, 30});
+  check_setting("pupil_mm", pupil_mm, {0.5, 9});
+  check_setting("wavelength_nm", wavelength_nm, {380, 780});
+  check_setting("plano_cylinder_distance_mm", plano_cylinder_distance_mm, {0, 30});
+  check_setting("plano_cylinder_index", plano_cylinder_index, {1.3, 2});
+  check_setting("spectacle.semi_diameter_mm", spectacle.semi_diameter_mm, {10, 45});
+  if (spectacle.base_D) check_setting("spectacle.base_D", *spectacle.base_D, {0, 20});
+  if (spectacle.centre_thickness_mm)
+    check_setting("spectacle.centre_thickness_mm", *spectacle.centre_thickness_mm, {0.5, 20});
+}
 
 int Prescription::images() const {
   int images = plano_cylinder.search.images;
@@ -141,7 +159,7 @@ int Prescription::images() const {
 SearchResult sharpest_lens(const raytrace::Tracer& tracer, const EyeModel& eye,
                            const PrescriptionSettings& settings) {
   const LensFamily family = thin_lens(settings.vertex_distance_mm);
-  // The wavefront's answer, whose summit the others most often find too; no lens at all; and a sphere beyond
+  // The wavefront's answer, whose maximum the others most often find too; no lens at all; and a sphere beyond
   // the answer, from the other side.
   const Eigen::Vector3d from_wavefront =
       as_vector(raytrace::refraction_by_wavefront(with_pupil(eye, settings.pupil_mm),
@@ -217,7 +235,7 @@ PrescriptionUncertainty uncertainty_of(const Prescription& prescription, const U
     result.budget = uncertainty_budget(*optics, sensitivity);
     result.budget.pop_back();  // the total follows with the sampling in it
     result.covariance = sensitivity * optics->known.eye().covariance * sensitivity.transpose();
-    const auto add = [&](const std::string& name, const Measurement& measurement) {
+    const auto add = [&](const std::string& name, const PlannedObservation& measurement) {
       const Eigen::Vector3d sigma =
           (sensitivity * covariance_after(optics->known.eye().covariance, measurement) *
            sensitivity.transpose())

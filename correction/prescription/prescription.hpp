@@ -11,13 +11,14 @@
 #include "correction/search/search.hpp"
 #include "pipeline/base/json.hpp"
 #include "pipeline/base/progress.hpp"
+#include "pipeline/eye/population/limits.hpp"
 #include "raytrace/wavefront/wavefront.hpp"
 
 namespace emmetrope::correction {
 
 /// What is asked for.
 struct PrescriptionSettings {
-  Measure criterion = Measure::gradient_energy;
+  SharpnessCriterion criterion = SharpnessCriterion::gradient_energy;
   std::string chart;  ///< scene to judge sharpness on; empty: the refraction chart
   double vertex_distance_mm = 12;
   double pupil_mm = 3;  ///< iris aperture
@@ -28,13 +29,18 @@ struct PrescriptionSettings {
   SpectacleSettings spectacle;  ///< of the toric meniscus
   std::uint64_t seed = 1;
   Verbosity verbosity;
+
+  /// \throw Error (usage) naming the field
+  void check() const;
 };
+/// \throw Error (usage) naming the field of the settings, its value and what is allowed
+void check_setting(const char* field, double value, const Range& allowed);
 
 /// One row of the sweep of the paper's Fig. 7: the plano-cylinder at its best axis, all radii, the best among
 /// them.
 struct SweepRow {
   double radius_mm = 0, power_D = 0;
-  std::array<double, all_measures.size()> sharpness{};
+  std::array<double, all_criteria.size()> sharpness{};
 };
 
 /// What the axis of the plano-cylinder is from.
@@ -88,7 +94,7 @@ PowerVector refraction_by_spot(const EyeModel& eye, const PrescriptionSettings& 
 struct Calibration {
   PowerVector given;  ///< at the settings' vertex distance
   double sigma_D = 0.25;
-  double surprise_sigma = 0;  ///< how far it was from what the eye said, in standard deviations
+  double innovation_sigma = 0;  ///< normalised innovation: how far it was from what the eye said
   double index_before = 0;
   Measured index_after;
   bool index_was_known = false;  ///< it has then stayed, and the eye's shape has moved

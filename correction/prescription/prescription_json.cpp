@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "correction/prescription/prescription.hpp"
+#include "correction/prescription/withholding.hpp"
 #include "pipeline/base/notation.hpp"
 #include "pipeline/base/version.hpp"
 
@@ -89,8 +90,8 @@ Json calibration_json(const Calibration& calibration) {
   return {
       {"given", notation_json(calibration.given)},
       {"sigma_D", calibration.sigma_D},
-      {"surprise_sigma", calibration.surprise_sigma},
-      {"surprise_limit_sigma", surprising_sigma},
+      {"surprise_sigma", calibration.innovation_sigma},
+      {"surprise_limit_sigma", doubtful_innovation_sigma},
       {"lens_index_before", calibration.index_before},
       {"lens_index_after", calibration.index_was_known ? Json(after) : Json(calibration.index_after)},
       {"without_it", std::move(without_it)},
@@ -112,22 +113,69 @@ std::string to_string(AxisFrom from) {
   return {};
 }
 
-}  // namespace
+Json contact_lens_json(const Prescription& prescription) {
+  const PowerVector power =
+      move_towards_eye(prescription.refraction, prescription.settings.vertex_distance_mm);
+  Json json = notation_json(power);
+  json["vertex_distance_mm"] = 0;
+  json["rounded"] = rounded_json(power);
+  return json;
+}
 
-Json to_json(const Prescription& prescription, const PrescriptionUncertainty& uncertainty,
-             const std::string& laterality) {
-  const PrescriptionSettings& settings = prescription.settings;
-  const RefractionIntervals intervals =
-      refraction_intervals(prescription.refraction, uncertainty.covariance, uncertainty.sources);
-  const SpheroCylinder notation = to_sphero_cylinder(prescription.refraction);
+Json plano_cylinder_json(const PlanoCylinderResult& plano, const PrescriptionSettings& settings) {
+  Json json = {{"index", settings.plano_cylinder_index},
+               {"vertex_distance_mm", settings.plano_cylinder_distance_mm}};
+  if (plano.search.accepted)
+    json.update({{"radius_mm", plano.lens.radius_mm},
+                 {"axis_deg", plano.lens.axis_deg},
+                 {"axis_from", to_string(plano.axis_from)},
+                 {"sharpness", plano.sharpness},
+                 {"power_D", plano.lens.power_D},
+                 {"log_curvature_per_mm2", plano.radius_curvature_per_mm2},
+                 {"search", search_json(plano.search)}});
+  else
+    json["reason"] = plano.search.reason;
+  return json;
+}
 
-  Json json;
-  json["laterality"] = laterality.empty() ? Json(nullptr) : Json(laterality);
+Json budget_json(const std::vector<BudgetLine>& budget) {
+  Json json = Json::array();
+  for (const BudgetLine& line : budget) json.push_back(line_json("source", line.source, line));
+  return json;
+}
+
+Json if_measured_json(const std::vector<PrescriptionUncertainty::Value>& values) {
+  Json json = Json::array();
+  for (const auto& value : values)
+    json.push_back(line_json("measurement", value.measurement, value.sigma_after));
+  return json;
+}
+
+Json peripheral_json(const std::vector<FieldPoint>& field) {
+  Json json = Json::array();
+  for (const FieldPoint& point : field)
+    json.push_back({{"horizontal_deg", point.horizontal_deg},
+                    {"vertical_deg", point.vertical_deg},
+                    {"M_D", point.refraction.M_D},
+                    {"J0_D", point.refraction.J0_D},
+                    {"J45_D", point.refraction.J45_D}});
+  return json;
+}
+
+/// Conditions under which the refraction holds.
+void add_conditions(Json& json, const PrescriptionSettings& settings) {
   json["vertex_distance_mm"] = settings.vertex_distance_mm;
   json["pupil_mm"] = settings.pupil_mm;
   json["wavelength_nm"] = settings.wavelength_nm;
   json["criterion"] = to_string(settings.criterion);
   json["chart"] = settings.chart.empty() ? "refraction chart" : settings.chart;
+}
+
+/// The refraction in every notation, with intervals, and whether it may stand as a prescription.
+void add_refraction(Json& json, const PowerVector& refraction, const RefractionIntervals& intervals) {
+  const std::string withheld = reason_to_withhold(intervals.M_D);
+  const SpheroCylinder notation = to_sphero_cylinder(refraction);
+  json["withheld"] = withheld.empty() ? Json(nullptr) : Json(withheld);
   json["sphere_D"] = intervals.sphere_D;
   json["cylinder_D"] = intervals.cylinder_D;
   json["axis_deg"] = intervals.axis_deg;
@@ -136,52 +184,32 @@ Json to_json(const Prescription& prescription, const PrescriptionUncertainty& un
   json["J45_D"] = intervals.J45_D;
   json["text"] = format_refraction(notation);
   json["plus_cylinder_text"] = format_plus_cylinder(notation);
-  json["rounded"] = rounded_json(prescription.refraction);
+  json["rounded"] = rounded_json(refraction);
+}
 
-  const PowerVector contact_lens = move_towards_eye(prescription.refraction, settings.vertex_distance_mm);
-  json["contact_lens"] = notation_json(contact_lens);
-  json["contact_lens"]["vertex_distance_mm"] = 0;
-  json["contact_lens"]["rounded"] = rounded_json(contact_lens);
+}  // namespace
 
+Json to_json(const Prescription& prescription, const PrescriptionUncertainty& uncertainty,
+             const std::string& laterality) {
+  const PrescriptionSettings& settings = prescription.settings;
+  Json json;
+  json["laterality"] = laterality.empty() ? Json(nullptr) : Json(laterality);
+  add_conditions(json, settings);
+  add_refraction(json, prescription.refraction,
+                 refraction_intervals(prescription.refraction, uncertainty.covariance, uncertainty.sources));
+  json["contact_lens"] = contact_lens_json(prescription);
   json["lenses"] = lenses_json(prescription.lenses, settings.spectacle);
   json["sharpest_lens"] = name_sharpest(prescription.lenses);
-
-  const PlanoCylinderResult& plano = prescription.plano_cylinder;
-  json["plano_cylinder"] = {{"index", settings.plano_cylinder_index},
-                            {"vertex_distance_mm", settings.plano_cylinder_distance_mm}};
-  if (plano.search.accepted)
-    json["plano_cylinder"].update({{"radius_mm", plano.lens.radius_mm},
-                                   {"axis_deg", plano.lens.axis_deg},
-                                   {"axis_from", to_string(plano.axis_from)},
-                                   {"sharpness", plano.sharpness},
-                                   {"power_D", plano.lens.power_D},
-                                   {"log_curvature_per_mm2", plano.radius_curvature_per_mm2},
-                                   {"search", search_json(plano.search)}});
-  else
-    json["plano_cylinder"]["reason"] = plano.search.reason;
-
+  json["plano_cylinder"] = plano_cylinder_json(prescription.plano_cylinder, settings);
   json["wavefront_check"] = raytrace::to_json(prescription.check);
   json["difference"] = difference_json(prescription);
   json["sharpness"] = {{"without_lens", prescription.sharpness_without_lens},
                        {"with_lens", prescription.search.best.sharpness}};
   json["images"] = prescription.images();
   json["search"] = search_json(prescription.search);
-
-  Json budget = Json::array();
-  for (const BudgetLine& line : uncertainty.budget) budget.push_back(line_json("source", line.source, line));
-  json["budget"] = std::move(budget);
-  Json values = Json::array();
-  for (const auto& value : uncertainty.if_measured)
-    values.push_back(line_json("measurement", value.measurement, value.sigma_after));
-  json["if_measured"] = std::move(values);
-  Json field = Json::array();
-  for (const FieldPoint& point : prescription.field)
-    field.push_back({{"horizontal_deg", point.horizontal_deg},
-                     {"vertical_deg", point.vertical_deg},
-                     {"M_D", point.refraction.M_D},
-                     {"J0_D", point.refraction.J0_D},
-                     {"J45_D", point.refraction.J45_D}});
-  json["peripheral"] = std::move(field);
+  json["budget"] = budget_json(uncertainty.budget);
+  json["if_measured"] = if_measured_json(uncertainty.if_measured);
+  json["peripheral"] = peripheral_json(prescription.field);
   json["learnt_from"] = uncertainty.data;
   if (uncertainty.calibration) json["calibration"] = calibration_json(*uncertainty.calibration);
   json["notice"] = research_notice;

@@ -135,9 +135,9 @@ EyeModel eye_at(const UncertainOptics& optics, const Eigen::VectorXd& values) {
 
 double learn(UncertainOptics& optics, const std::string& source, const VectorFunction& function,
              const Eigen::VectorXd& measured, const Eigen::MatrixXd& noise_covariance) {
-  const double surprise_sigma = optics.known.learn(source, function, measured, noise_covariance);
+  const double innovation_sigma = optics.known.learn(source, function, measured, noise_covariance);
   optics.model = eye_at(optics, optics.known.parameters().mean);
-  return surprise_sigma;
+  return innovation_sigma;
 }
 
 std::vector<std::string> learn(UncertainOptics& optics, const InstrumentReadings& readings) {

@@ -75,7 +75,7 @@ std::vector<BudgetLine> uncertainty_budget(const UncertainOptics& optics,
 
 namespace {
 /// How an instrument's reading depends on the eye.
-Measurement of_instrument(const UncertainOptics& optics, const ExternalMeasurement& measurement) {
+PlannedObservation of_instrument(const UncertainOptics& optics, const ExternalMeasurement& measurement) {
   const auto reading = [&](const Eigen::VectorXd& values) {
     return measurement.of_eye(optics.known.at(values));
   };
@@ -84,19 +84,19 @@ Measurement of_instrument(const UncertainOptics& optics, const ExternalMeasureme
 }  // namespace
 
 // Only the accuracy of these readings matters, not what they say.
-Measurement keratometry(const UncertainOptics& optics, double sigma_D) {
+PlannedObservation keratometry(const UncertainOptics& optics, double sigma_D) {
   return of_instrument(optics, keratometry_measurement("43@180/44@90", sigma_D));
 }
 
-Measurement optical_axial_length(const UncertainOptics& optics, double sigma_mm) {
+PlannedObservation optical_axial_length(const UncertainOptics& optics, double sigma_mm) {
   return of_instrument(optics, axial_length_measurement("24", sigma_mm, 0));
 }
 
-Measurement known_refraction(const Eigen::MatrixXd& refraction_sensitivity, double sigma_D) {
+PlannedObservation known_refraction(const Eigen::MatrixXd& refraction_sensitivity, double sigma_D) {
   return {"refraction", refraction_sensitivity, Eigen::Matrix3d::Identity() * sigma_D * sigma_D};
 }
 
-Eigen::MatrixXd covariance_after(const Eigen::MatrixXd& covariance, const Measurement& measurement) {
+Eigen::MatrixXd covariance_after(const Eigen::MatrixXd& covariance, const PlannedObservation& measurement) {
   const Eigen::MatrixXd& h = measurement.sensitivity;
   const Eigen::MatrixXd innovation = h * covariance * h.transpose() + measurement.noise_covariance;
   const Eigen::MatrixXd gain = innovation.ldlt().solve(h * covariance).transpose();
@@ -115,8 +115,10 @@ RefractionIntervals refraction_intervals(const PowerVector& refraction, const Ei
   const std::string& of_cylinder =
       std::abs(refraction.J0_D) >= std::abs(refraction.J45_D) ? sources[1] : sources[2];
   const double sigma_half_D = astigmatism.sigma_half_cylinder_D;
-  RefractionIntervals intervals{
-      interval(refraction.M_D, 0), interval(refraction.J0_D, 1), interval(refraction.J45_D, 2), {}, {}, {}};
+  RefractionIntervals intervals;
+  intervals.M_D = interval(refraction.M_D, 0);
+  intervals.J0_D = interval(refraction.J0_D, 1);
+  intervals.J45_D = interval(refraction.J45_D, 2);
   // Sphere is M + |J|, the minus cylinder -2 |J|.
   const double var_sphere =
       covariance(0, 0) + sigma_half_D * sigma_half_D + 2 * astigmatism.covariance_with_M_D2;

@@ -30,18 +30,18 @@ struct BudgetLine {
 std::vector<BudgetLine> uncertainty_budget(const UncertainOptics& optics, const Eigen::MatrixXd& sensitivity);
 
 /// Something that could still be measured: a linear functional of the parameters with its accuracy.
-struct Measurement {
+struct PlannedObservation {
   std::string name;
   Eigen::MatrixXd sensitivity;  ///< rows: the measured numbers; columns: the eye's parameters
   Eigen::MatrixXd noise_covariance;
 };
 /// What a keratometer (mean power and both components of corneal astigmatism) or a biometer would add.
-Measurement keratometry(const UncertainOptics& optics, double sigma_D);
-Measurement optical_axial_length(const UncertainOptics& optics, double sigma_mm);
-Measurement known_refraction(const Eigen::MatrixXd& refraction_sensitivity, double sigma_D);
+PlannedObservation keratometry(const UncertainOptics& optics, double sigma_D);
+PlannedObservation optical_axial_length(const UncertainOptics& optics, double sigma_mm);
+PlannedObservation known_refraction(const Eigen::MatrixXd& refraction_sensitivity, double sigma_D);
 
 /// Covariance of the parameters after the measurement (Kalman).
-Eigen::MatrixXd covariance_after(const Eigen::MatrixXd& covariance, const Measurement& measurement);
+Eigen::MatrixXd covariance_after(const Eigen::MatrixXd& covariance, const PlannedObservation& measurement);
 
 /// 95 % intervals of a refraction in every notation.
 struct RefractionIntervals {

@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 
 #include "pipeline/base/error.hpp"
 
@@ -62,17 +63,18 @@ class InverseSquare : public ceres::FirstOrderFunction {
   double start_sharpness_, scale_D_, unit_;
 };
 
-/// Ends a climb near a summit that is known.
-class AtSummit : public ceres::IterationCallback {
+/// Ends an ascent near a maximum that is known.
+class AtKnownMaximum : public ceres::IterationCallback {
  public:
-  AtSummit(const OptimiserSettings& settings, const InverseSquare& cost, const Eigen::VectorXd& moved)
+  AtKnownMaximum(const OptimiserSettings& settings, const InverseSquare& cost, const Eigen::VectorXd& moved)
       : settings_(settings), cost_(cost), moved_(moved) {}
 
   ceres::CallbackReturnType operator()(const ceres::IterationSummary& /*summary*/) override {
     const Eigen::VectorXd lens = cost_.lens(moved_.data());
-    const bool near = std::any_of(
-        settings_.summits.begin(), settings_.summits.end(),
-        [&](const Eigen::VectorXd& summit) { return (summit - lens).norm() < settings_.summit_reach_D; });
+    const bool near = std::any_of(settings_.known_maxima.begin(), settings_.known_maxima.end(),
+                                  [&](const Eigen::VectorXd& maximum) {
+                                    return (maximum - lens).norm() < settings_.known_maximum_reach_D;
+                                  });
     return near ? ceres::SOLVER_TERMINATE_SUCCESSFULLY : ceres::SOLVER_CONTINUE;
   }
 
@@ -82,12 +84,70 @@ class AtSummit : public ceres::IterationCallback {
   const Eigen::VectorXd& moved_;
 };
 
-/// How far the summit is, were 1/S^2 (from afar) or ln(S) a parabola as the depth of focus says.
-double distance_to_summit_D(const SharpnessValue& value, const OptimiserSettings& settings) {
+/// How far the maximum is, were 1/S^2 (from afar) or ln(S) a parabola as the depth of focus says.
+double distance_to_maximum_D(const SharpnessValue& value, const OptimiserSettings& settings) {
   constexpr double nearest_D = 1e-3, farthest_D = 10;
   const double by_log_D = slope_per_D(value) * std::pow(settings.depth_of_focus_D, 2);
   return std::clamp(settings.from_afar ? by_log_D / std::pow(value.value, 2) : by_log_D, nearest_D,
                     farthest_D);
+}
+
+/// Evaluations are costly and Ceres asks again for points it has seen.
+class RememberedSharpness {
+ public:
+  explicit RememberedSharpness(const SharpnessFunction& sharpness) : sharpness_(sharpness) {}
+  const SharpnessValue& operator()(const Eigen::VectorXd& lens) {
+    if (lens_.size() == 0 || lens_ != lens) {
+      value_ = sharpness_(lens);
+      lens_ = lens;
+      ++evaluations_;
+    }
+    return value_;
+  }
+  int evaluations() const { return evaluations_; }
+
+ private:
+  const SharpnessFunction& sharpness_;
+  Eigen::VectorXd lens_;
+  SharpnessValue value_;
+  int evaluations_ = 0;
+};
+
+ceres::GradientProblemSolver::Options bfgs_options(const OptimiserSettings& settings) {
+  ceres::GradientProblemSolver::Options options;
+  options.line_search_direction_type = ceres::BFGS;
+  options.line_search_type = ceres::WOLFE;
+  options.use_approximate_eigenvalue_bfgs_scaling = true;
+  options.max_num_iterations = settings.max_iterations;
+  options.function_tolerance = settings.function_tolerance;
+  options.parameter_tolerance = 1e-6;
+  options.logging_type = ceres::SILENT;
+  options.update_state_every_iteration = true;  // for the callback
+  return options;
+}
+
+/// Ceres' tolerance is absolute and the cost scaled by its start; after a long way down it is small against
+/// that, and a second round with the new scale ends at the slope that was asked for.
+ceres::GradientProblemSolver::Summary ascend_in_rounds(const SharpnessFunction& sharpness,
+                                                       Eigen::VectorXd& lens, const Bounds& bounds,
+                                                       const OptimiserSettings& settings) {
+  ceres::GradientProblemSolver::Options options = bfgs_options(settings);
+  ceres::GradientProblemSolver::Summary summary;
+  for (int round = 0; round < 3; ++round) {
+    const SharpnessValue start_value = sharpness(lens);
+    const double scale_D = distance_to_maximum_D(start_value, settings);
+    auto* cost = new InverseSquare(sharpness, bounds, lens, start_value, scale_D);
+    const ceres::GradientProblem problem(cost);  // owns the cost
+    options.gradient_tolerance = settings.gradient_tolerance_per_D / slope_per_D(start_value);
+    Eigen::VectorXd moved = Eigen::VectorXd::Zero(lens.size());
+    AtKnownMaximum at_known_maximum(settings, *cost, moved);
+    options.callbacks = {&at_known_maximum};
+    ceres::Solve(options, problem, moved.data(), &summary);
+    lens = cost->lens(moved.data());
+    if (summary.termination_type == ceres::USER_SUCCESS) break;
+    if (sharpness(lens).value < 1.1 * start_value.value) break;
+  }
+  return summary;
 }
 
 }  // namespace
@@ -101,58 +161,20 @@ OptimiserSettings coarse_search() {
   return settings;
 }
 
-Optimum climb(const SharpnessFunction& sharpness, const Eigen::VectorXd& start, const Bounds& bounds,
-              const OptimiserSettings& settings) {
+Optimum ascend(const SharpnessFunction& sharpness, const Eigen::VectorXd& start, const Bounds& bounds,
+               const OptimiserSettings& settings) {
   if (!bounds.contain(start))
     throw Error(ExitStatus::fault, "a start of the lens search is outside its bounds");
   const Bounds reached{bounds.lower.cwiseMax((start.array() - settings.reach_D).matrix()),
                        bounds.upper.cwiseMin((start.array() + settings.reach_D).matrix())};
+  RememberedSharpness remembered(sharpness);
   Optimum optimum;
   optimum.lens = start;
-
-  // Evaluations are costly and Ceres asks again for points it has seen.
-  Eigen::VectorXd cached_lens;
-  SharpnessValue cached;
-  int evaluations = 0;
-  const SharpnessFunction remembering = [&](const Eigen::VectorXd& lens) {
-    if (cached_lens.size() == 0 || cached_lens != lens) {
-      cached = sharpness(lens);
-      cached_lens = lens;
-      ++evaluations;
-    }
-    return cached;
-  };
-  ceres::GradientProblemSolver::Options options;
-  options.line_search_direction_type = ceres::BFGS;
-  options.line_search_type = ceres::WOLFE;
-  options.use_approximate_eigenvalue_bfgs_scaling = true;
-  options.max_num_iterations = settings.max_iterations;
-  options.function_tolerance = settings.function_tolerance;
-  options.parameter_tolerance = 1e-6;
-  options.logging_type = ceres::SILENT;
-  options.update_state_every_iteration = true;  // for the callback
-  ceres::GradientProblemSolver::Summary summary;
-  // Ceres' tolerance is absolute and the cost scaled by its start; after a long way down it is small against
-  // that, and a second round with the new scale ends at the slope that was asked for.
-  for (int round = 0; round < 3; ++round) {
-    const SharpnessValue start_value = remembering(optimum.lens);
-    const double scale_D = distance_to_summit_D(start_value, settings);
-    auto* cost = new InverseSquare(remembering, reached, optimum.lens, start_value, scale_D);
-    const ceres::GradientProblem problem(cost);  // owns the cost
-    options.gradient_tolerance = settings.gradient_tolerance_per_D / slope_per_D(start_value);
-    Eigen::VectorXd moved = Eigen::VectorXd::Zero(optimum.lens.size());
-    AtSummit at_summit(settings, *cost, moved);
-    options.callbacks = {&at_summit};
-    ceres::Solve(options, problem, moved.data(), &summary);
-    optimum.lens = cost->lens(moved.data());
-    if (summary.termination_type == ceres::USER_SUCCESS) break;
-    if (remembering(optimum.lens).value < 1.1 * start_value.value) break;
-  }
-
-  const SharpnessValue value = remembering(optimum.lens);
+  const auto summary = ascend_in_rounds(std::ref(remembered), optimum.lens, reached, settings);
+  const SharpnessValue value = remembered(optimum.lens);
   optimum.sharpness = value.value;
   optimum.gradient = value.gradient / value.value;
-  optimum.evaluations = evaluations;
+  optimum.evaluations = remembered.evaluations();
   optimum.reason = summary.message;
   const double steepest_per_D = optimum.gradient.lpNorm<Eigen::Infinity>();
   const bool flat = steepest_per_D <= settings.accepted_gradient_per_D;

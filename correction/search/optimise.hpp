@@ -27,10 +27,10 @@ struct OptimiserSettings {
   /// sets the length of the first step.
   double depth_of_focus_D = 0.35;
   /// The start may be many depths of focus away: what blurs it is then the error of focus, and the first step
-  /// goes to the summit of the parabola 1 / sharpness^2. From near, what blurs it may be what lenses of this
+  /// goes to the maximum of the parabola 1 / sharpness^2. From near, what blurs it may be what lenses of this
   /// kind leave, and it goes to that of ln(sharpness).
   bool from_afar = false;
-  /// The climb stays this near to its start in each parameter.
+  /// The ascent stays this near to its start in each parameter.
   double reach_D = std::numeric_limits<double>::infinity();
   /// Converged when the slope of ln(sharpness) is below this everywhere (1/D).
   double gradient_tolerance_per_D = 1e-3;
@@ -38,11 +38,11 @@ struct OptimiserSettings {
   double function_tolerance = 1e-5;
   int max_iterations = 15;
   /// Whatever Ceres says, a slope of ln(sharpness) above this is no optimum: a bound or a fault stopped the
-  /// climb.
+  /// ascent.
   double accepted_gradient_per_D = 0.02;
-  /// A climb that comes this near to one of the summits that are known ends there.
-  std::vector<Eigen::VectorXd> summits;
-  double summit_reach_D = 0;
+  /// An ascent that comes this near to one of the maxima that are known ends there.
+  std::vector<Eigen::VectorXd> known_maxima;
+  double known_maximum_reach_D = 0;
 };
 
 /// For a coarse picture, whose optimum need only come near enough for a finer one to take over.
@@ -57,13 +57,13 @@ struct Optimum {
   std::string reason;      ///< Ceres' message, or what is wrong
 };
 
-/// Climbs from `start` to a local maximum of sharpness with Ceres (BFGS, strong Wolfe line search). What is
+/// Ascends from `start` to a local maximum of sharpness with Ceres (BFGS, strong Wolfe line search). What is
 /// minimised is 1 / sharpness^2: far from focus sharpness falls as the inverse of the blur's width, so this
 /// is nearly a quadratic function of the lens's power over many dioptres. A trial that cannot be made
 /// (`sharpness` throws Error (usage)) is stepped back from.
 /// \throw Error (fault) when `start` is outside the bounds, (usage) when it cannot be made
-Optimum climb(const SharpnessFunction& sharpness, const Eigen::VectorXd& start, const Bounds& bounds,
-              const OptimiserSettings& settings);
+Optimum ascend(const SharpnessFunction& sharpness, const Eigen::VectorXd& start, const Bounds& bounds,
+               const OptimiserSettings& settings);
 
 /// Matrix of second derivatives of ln(sharpness) at an optimum, from how its gradient changes over 0.05 D;
 /// one evaluation a parameter.

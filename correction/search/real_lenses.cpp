@@ -45,11 +45,11 @@ double in_front_of_cornea_mm(const EyeModel& eye) {
   return foremost + clearance_mm;
 }
 
-RealLens climb_from(const raytrace::Tracer& tracer, const std::shared_ptr<const raytrace::Scene>& scene,
-                    const EyeModel& eye, const ImagingLevel& level, const LensFamily& family,
-                    const PowerVector& start) {
+RealLens ascend_from(const raytrace::Tracer& tracer, const std::shared_ptr<const raytrace::Scene>& scene,
+                     const EyeModel& eye, const ImagingLevel& level, const LensFamily& family,
+                     const PowerVector& start) {
   const RetinalSharpness sharpness(tracer, scene, eye, family, level);
-  const Optimum optimum = climb(sharpness, as_vector(start));
+  const Optimum optimum = ascend(sharpness, as_vector(start));
   RealLens lens;
   lens.kind = family.name;
   lens.power = family.power(optimum.lens);
@@ -104,7 +104,7 @@ std::vector<RealLens> sharpest_real_lenses(const raytrace::Tracer& tracer,
   RealLens& meniscus = lenses.emplace_back();
   try {
     const LensFamily family = toric_meniscus(eye, spectacle, vertex_distance_mm, thin);
-    meniscus = climb_from(tracer, scene, eye, level, family, thin);
+    meniscus = ascend_from(tracer, scene, eye, level, family, thin);
     const EyeModel worn = family.before(eye, as_vector(meniscus.power));
     const Surface &front = worn.surface("spectacle_front"), &back = worn.surface("spectacle_back");
     meniscus.base_D = spectacle.base_D.value_or(base_by_vogel_D(thin.M_D));
@@ -118,7 +118,7 @@ std::vector<RealLens> sharpest_real_lenses(const raytrace::Tracer& tracer,
   LensFamily contact = thin_lens(in_front_of_cornea_mm(eye));
   contact.name = "contact lens";
   lenses.push_back(
-      climb_from(tracer, scene, eye, level, contact, move_towards_eye(thin, vertex_distance_mm)));
+      ascend_from(tracer, scene, eye, level, contact, move_towards_eye(thin, vertex_distance_mm)));
   return lenses;
 }
 

@@ -43,7 +43,7 @@ struct RealLens {
 LensFamily toric_meniscus(const EyeModel& eye, const SpectacleSettings& spectacle, double vertex_distance_mm,
                           const PowerVector& about);
 
-/// Climbs from the thin lens's power on the level that decided about it; for a contact lens in the plane of
+/// Ascends from the thin lens's power on the level that decided about it; for a contact lens in the plane of
 /// the cornea.
 std::vector<RealLens> sharpest_real_lenses(const raytrace::Tracer& tracer,
                                            const std::shared_ptr<const raytrace::Scene>& scene,

@@ -14,24 +14,24 @@ namespace {
 double same_optimum_D(const ImagingLevel& level) { return level.depth_of_focus_D() / 3; }
 /// The fine search stays this near to where the coarse one ended: that is a third of its depth of focus off
 /// at most, and the spherical aberration of a wide pupil adds as much again. Farther away, where the picture
-/// is all blur, noise has summits of its own.
+/// is all blur, noise has maxima of its own.
 constexpr double fine_reach_D = 2;
 /// A coarse optimum is followed to the fine level only where it comes near the sharpest.
 constexpr double worth_following = 0.95;
 constexpr double accepted_step_D = 0.02;
 
-struct Climbed {
+struct Ascent {
   LensFamily family;
   Optimum end;
 };
 
 /// Sorts by sharpness and drops what is near a sharper one of its family.
-std::vector<Climbed> distinct(std::vector<Climbed> all, double apart_D) {
+std::vector<Ascent> distinct(std::vector<Ascent> all, double apart_D) {
   std::stable_sort(all.begin(), all.end(),
-                   [](const Climbed& a, const Climbed& b) { return a.end.sharpness > b.end.sharpness; });
-  std::vector<Climbed> kept;
-  for (Climbed& one : all)
-    if (std::none_of(kept.begin(), kept.end(), [&](const Climbed& other) {
+                   [](const Ascent& a, const Ascent& b) { return a.end.sharpness > b.end.sharpness; });
+  std::vector<Ascent> kept;
+  for (Ascent& one : all)
+    if (std::none_of(kept.begin(), kept.end(), [&](const Ascent& other) {
           return other.family.name == one.family.name && (other.end.lens - one.end.lens).norm() < apart_D;
         }))
       kept.push_back(std::move(one));
@@ -39,27 +39,27 @@ std::vector<Climbed> distinct(std::vector<Climbed> all, double apart_D) {
 }
 
 /// What is near the sharpest in sharpness, from a sorted list.
-std::vector<Climbed> worthwhile(std::vector<Climbed> sorted) {
+std::vector<Ascent> worthwhile(std::vector<Ascent> sorted) {
   const double least = worth_following * sorted.front().end.sharpness;
   sorted.erase(std::find_if(sorted.begin(), sorted.end(),
-                            [&](const Climbed& one) { return one.end.sharpness < least; }),
+                            [&](const Ascent& one) { return one.end.sharpness < least; }),
                sorted.end());
   return sorted;
 }
 
 }  // namespace
 
-std::vector<ImagingLevel> imaging_levels(Measure measure, double pupil_mm, double wavelength_nm,
+std::vector<ImagingLevel> imaging_levels(SharpnessCriterion criterion, double pupil_mm, double wavelength_nm,
                                          const Eigen::Vector2d& centre_mm, std::uint64_t seed) {
   ImagingLevel coarse;
-  coarse.measure = Measure::gradient_energy;
+  coarse.criterion = SharpnessCriterion::gradient_energy;
   coarse.pixels = 96;
   coarse.field_mm = 4;
   coarse.samples = 32;
   coarse.blur_arcmin = 8;
   coarse.pupil_mm = std::min(pupil_mm, 3.0);
   ImagingLevel fine;
-  fine.measure = measure;
+  fine.criterion = criterion;
   fine.pixels = 192;
   fine.field_mm = 1.2;  // pixels fine enough for the chart's detail, whatever a lens magnifies
   fine.samples = 32;
@@ -76,29 +76,29 @@ SearchResult find_sharpest(const raytrace::Tracer& tracer,
                            const std::shared_ptr<const raytrace::Scene>& scene, const EyeModel& eye,
                            const std::vector<ImagingLevel>& levels, const std::vector<Start>& starts) {
   SearchResult result;
-  std::vector<Climbed> climbed;
+  std::vector<Ascent> ascents;
   for (const Start& start : starts) {
-    climbed.push_back({start.family, {}});
-    climbed.back().end.lens = start.lens;
+    ascents.push_back({start.family, {}});
+    ascents.back().end.lens = start.lens;
   }
   for (const ImagingLevel& level : levels) {
     const bool last = &level == &levels.back();
-    for (auto one = climbed.begin(); one != climbed.end(); ++one) {
+    for (auto one = ascents.begin(); one != ascents.end(); ++one) {
       OptimiserSettings settings = last ? OptimiserSettings{} : coarse_search();
       if (last) settings.reach_D = fine_reach_D;
-      settings.summit_reach_D = last ? 0 : same_optimum_D(level);
-      for (auto before = climbed.begin(); before != one; ++before)
-        if (before->family.name == one->family.name) settings.summits.push_back(before->end.lens);
+      settings.known_maximum_reach_D = last ? 0 : same_optimum_D(level);
+      for (auto before = ascents.begin(); before != one; ++before)
+        if (before->family.name == one->family.name) settings.known_maxima.push_back(before->end.lens);
       const RetinalSharpness sharpness(tracer, scene, eye, one->family, level);
-      one->end = climb(sharpness, one->end.lens, settings);
+      one->end = ascend(sharpness, one->end.lens, settings);
       result.images += sharpness.images();
     }
-    climbed = distinct(std::move(climbed), same_optimum_D(level));
-    if (!last) climbed = worthwhile(std::move(climbed));
+    ascents = distinct(std::move(ascents), same_optimum_D(level));
+    if (!last) ascents = worthwhile(std::move(ascents));
   }
-  result.family = climbed.front().family;
-  result.best = climbed.front().end;
-  for (const Climbed& one : climbed)
+  result.family = ascents.front().family;
+  result.best = ascents.front().end;
+  for (const Ascent& one : ascents)
     if (one.family.name == result.family.name) result.optima.push_back(one.end.lens);
 
   const RetinalSharpness sharpness(tracer, scene, eye, result.family, levels.back());

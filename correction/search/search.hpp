@@ -10,7 +10,7 @@ namespace emmetrope::correction {
 
 /// Coarse to fine: the first level's picture is large-scale and cheap, and its pupil may be small, so that
 /// sharpness rises towards focus from far away; the last level decides.
-std::vector<ImagingLevel> imaging_levels(Measure measure, double pupil_mm, double wavelength_nm,
+std::vector<ImagingLevel> imaging_levels(SharpnessCriterion criterion, double pupil_mm, double wavelength_nm,
                                          const Eigen::Vector2d& centre_mm, std::uint64_t seed);
 
 /// A lens to start from.
@@ -32,7 +32,7 @@ struct SearchResult {
   std::string reason;     ///< why not
 };
 
-/// Climbs from every start on the coarse level and from the distinct ends of that on the next.
+/// Ascends from every start on the coarse level and from the distinct ends of that on the next.
 /// \param starts  at least one, inside the bounds of their families
 SearchResult find_sharpest(const raytrace::Tracer& tracer,
                            const std::shared_ptr<const raytrace::Scene>& scene, const EyeModel& eye,

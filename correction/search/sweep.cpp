@@ -18,8 +18,8 @@ struct Curve {
   const char* colour;
   const char* dashes;
 };
-/// In the order of all_measures; distinguishable without colour.
-constexpr std::array<Curve, all_measures.size()> curves{{{"gradient energy", "#1f5fa8", "none"},
+/// In the order of all_criteria; distinguishable without colour.
+constexpr std::array<Curve, all_criteria.size()> curves{{{"gradient energy", "#1f5fa8", "none"},
                                                          {"variance of Laplacian", "#b4561f", "6 3"},
                                                          {"MTF-weighted", "#3a7d44", "2 3"}}};
 
@@ -77,7 +77,7 @@ struct Axes {
 };
 
 /// The optimum with its number and its curvature, where the sweep holds it.
-/// \param most  the sweep's best of measure k
+/// \param most  the sweep's best by criterion k
 std::string optimum_mark(const PlanoCylinderResult& result, std::size_t k, double most, const Axes& axes) {
   const double best_mm = result.lens.radius_mm;
   const auto of_best = std::find_if(result.sweep.begin(), result.sweep.end(), [&](const SweepRow& row) {
@@ -115,10 +115,10 @@ std::string sweep_csv(const PlanoCylinderResult& result) {
   return csv;
 }
 
-std::string sweep_svg(const PlanoCylinderResult& result, Measure criterion) {
+std::string sweep_svg(const PlanoCylinderResult& result, SharpnessCriterion criterion) {
   const Axes axes{std::abs(result.sweep.front().radius_mm), std::abs(result.sweep.back().radius_mm)};
-  // Each measure against its own best: they have no common unit.
-  std::array<double, all_measures.size()> most{};
+  // Each criterion against its own best: they have no common unit.
+  std::array<double, all_criteria.size()> most{};
   for (const SweepRow& row : result.sweep)
     for (std::size_t k = 0; k < most.size(); ++k) most[k] = std::max(most[k], row.sharpness[k]);
 

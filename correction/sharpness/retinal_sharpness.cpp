@@ -79,7 +79,7 @@ RetinalSharpness::RetinalSharpness(const raytrace::Tracer& tracer,
       family_(std::move(family)),
       level_(std::move(level)),
       pixel_arcmin_(arcmin_per_mm(eye_, level_.wavelength_nm) * level_.field_mm / level_.pixels),
-      measure_(level_.measure, level_.pixels, level_.pixels, pixel_arcmin_, level_.blur_arcmin) {}
+      measure_(level_.criterion, level_.pixels, level_.pixels, pixel_arcmin_, level_.blur_arcmin) {}
 
 raytrace::TraceResult RetinalSharpness::trace(const EyeModel& eye, const Eigen::VectorXd& lens, int samples,
                                               bool derivatives) const {
@@ -110,22 +110,22 @@ SharpnessValue RetinalSharpness::operator()(const Eigen::VectorXd& lens) const {
   return {sharpness, sharpness * (image.gradient - pinhole.gradient)};
 }
 
-std::array<double, all_measures.size()> RetinalSharpness::by_all_measures(const Eigen::VectorXd& lens) const {
+std::array<double, all_criteria.size()> RetinalSharpness::by_all_criteria(const Eigen::VectorXd& lens) const {
   const GreyImage image = luminance(trace(eye_, lens, level_.samples, false).image);
   const GreyImage pinhole = luminance(trace(pinhole_eye_, lens, pinhole_samples, false).image);
   ++images_;
-  std::array<double, all_measures.size()> sharpness{};
-  for (std::size_t i = 0; i < all_measures.size(); ++i) {
-    const SharpnessMeasure measure(all_measures[i], level_.pixels, level_.pixels, pixel_arcmin_,
+  std::array<double, all_criteria.size()> sharpness{};
+  for (std::size_t i = 0; i < all_criteria.size(); ++i) {
+    const SharpnessMeasure measure(all_criteria[i], level_.pixels, level_.pixels, pixel_arcmin_,
                                    level_.blur_arcmin);
     sharpness[i] = measure(image).value / measure(pinhole).value;
   }
   return sharpness;
 }
 
-Optimum climb(const RetinalSharpness& sharpness, const Eigen::VectorXd& start, OptimiserSettings settings) {
+Optimum ascend(const RetinalSharpness& sharpness, const Eigen::VectorXd& start, OptimiserSettings settings) {
   settings.depth_of_focus_D = sharpness.level().depth_of_focus_D();
-  return climb(std::cref(sharpness), start, sharpness.family().bounds, settings);
+  return ascend(std::cref(sharpness), start, sharpness.family().bounds, settings);
 }
 
 }  // namespace emmetrope::correction

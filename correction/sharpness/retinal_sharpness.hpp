@@ -14,7 +14,7 @@ namespace emmetrope::correction {
 
 /// How a retinal image is made and judged. One level of the coarse-to-fine search.
 struct ImagingLevel {
-  Measure measure = Measure::gradient_energy;
+  SharpnessCriterion criterion = SharpnessCriterion::gradient_energy;
   int pixels = 192;        ///< width and height
   double field_mm = 1.2;   ///< width and height on the retina
   int samples = 32;        ///< rays a pixel
@@ -43,8 +43,8 @@ class RetinalSharpness {
 
   SharpnessValue operator()(const Eigen::VectorXd& lens) const;
 
-  /// The same image judged by each measure, in the order of `all_measures`.
-  std::array<double, all_measures.size()> by_all_measures(const Eigen::VectorXd& lens) const;
+  /// The same image judged by each criterion, in the order of `all_criteria`.
+  std::array<double, all_criteria.size()> by_all_criteria(const Eigen::VectorXd& lens) const;
 
   const LensFamily& family() const { return family_; }
   const ImagingLevel& level() const { return level_; }
@@ -69,9 +69,9 @@ class RetinalSharpness {
   mutable std::uint64_t rays_ = 0;
 };
 
-/// The climb by retinal images, inside the family's bounds, with the level's depth of focus.
-Optimum climb(const RetinalSharpness& sharpness, const Eigen::VectorXd& start,
-              OptimiserSettings settings = {});
+/// The ascent by retinal images, inside the family's bounds, with the level's depth of focus.
+Optimum ascend(const RetinalSharpness& sharpness, const Eigen::VectorXd& start,
+               OptimiserSettings settings = {});
 
 /// The visual angle of a millimetre of retina on the axis, arcmin, by the distance from the image-side nodal
 /// point.

@@ -14,14 +14,14 @@ namespace {
 /// Signed frequency of a bin of a discrete transform of `size` samples, cycles per sample.
 double frequency(int bin, int size) { return static_cast<double>(bin <= size / 2 ? bin : bin - size) / size; }
 
-double weight(Measure measure, double cycles_per_degree) {
+double weight(SharpnessCriterion criterion, double cycles_per_degree) {
   const double angular = 2 * pi * cycles_per_degree;
-  switch (measure) {
-    case Measure::gradient_energy:
+  switch (criterion) {
+    case SharpnessCriterion::gradient_energy:
       return angular * angular;
-    case Measure::laplacian_variance:
+    case SharpnessCriterion::laplacian_variance:
       return std::pow(angular, 4);
-    case Measure::mtf_weighted:
+    case SharpnessCriterion::mtf_weighted:
       return std::pow(cycles_per_degree * raytrace::contrast_sensitivity(cycles_per_degree), 2) *
              cycles_per_degree;
   }
@@ -30,26 +30,26 @@ double weight(Measure measure, double cycles_per_degree) {
 
 }  // namespace
 
-std::string to_string(Measure measure) {
-  switch (measure) {
-    case Measure::gradient_energy:
+std::string to_string(SharpnessCriterion criterion) {
+  switch (criterion) {
+    case SharpnessCriterion::gradient_energy:
       return "gradient-energy";
-    case Measure::laplacian_variance:
+    case SharpnessCriterion::laplacian_variance:
       return "laplacian-variance";
-    case Measure::mtf_weighted:
+    case SharpnessCriterion::mtf_weighted:
       return "mtf-weighted";
   }
   return {};
 }
 
-Measure measure_from_string(const std::string& name) {
-  for (const Measure measure : all_measures)
-    if (to_string(measure) == name) return measure;
+SharpnessCriterion criterion_from_string(const std::string& name) {
+  for (const SharpnessCriterion criterion : all_criteria)
+    if (to_string(criterion) == name) return criterion;
   throw usage_error("--criterion \"" + name + "\" is not known",
                     "choose gradient-energy, laplacian-variance or mtf-weighted");
 }
 
-SharpnessMeasure::SharpnessMeasure(Measure measure, int width, int height, double pixel_arcmin,
+SharpnessMeasure::SharpnessMeasure(SharpnessCriterion criterion, int width, int height, double pixel_arcmin,
                                    double blur_arcmin)
     : width_(width), height_(height) {
   const std::size_t count = static_cast<std::size_t>(width) * height;
@@ -62,7 +62,7 @@ SharpnessMeasure::SharpnessMeasure(Measure measure, int width, int height, doubl
       window_[i] = std::pow(std::sin(pi * (row + 0.5) / height) * std::sin(pi * (column + 0.5) / width), 2);
       const double f_cpd = std::hypot(frequency(row, height), frequency(column, width)) * pixels_per_degree;
       const double phase = 2 * pi * f_cpd * blur_arcmin / 60;
-      weights_[i] = weight(measure, f_cpd) * std::exp(-phase * phase);
+      weights_[i] = weight(criterion, f_cpd) * std::exp(-phase * phase);
     }
   const double window_sum = std::accumulate(window_.begin(), window_.end(), 0.0);
   for (double& w : window_) w /= window_sum;

@@ -13,18 +13,19 @@ struct GreyImage {
 
 /// How sharpness is measured. Each is a quadratic form of the picture: the sum over spatial frequencies f of
 /// weight(f) times the squared modulus of the picture's spectrum.
-enum class Measure {
+enum class SharpnessCriterion {
   gradient_energy,     ///< weight (2 pi f)^2: mean squared slope
   laplacian_variance,  ///< weight (2 pi f)^4: mean squared Laplacian
   mtf_weighted,  ///< weight f^3 CSF(f)^2: on a chart of edges, whose power falls as f^-3, the mean of MTF^2
                  ///< under the eye's contrast sensitivity, the image-domain relative of VSMTF (Thibos et al.
                  ///< 2004)
 };
-inline constexpr std::array all_measures{Measure::gradient_energy, Measure::laplacian_variance,
-                                         Measure::mtf_weighted};
-std::string to_string(Measure measure);
-/// \throw Error (usage) listing the measures
-Measure measure_from_string(const std::string& name);
+inline constexpr std::array all_criteria{SharpnessCriterion::gradient_energy,
+                                         SharpnessCriterion::laplacian_variance,
+                                         SharpnessCriterion::mtf_weighted};
+std::string to_string(SharpnessCriterion criterion);
+/// \throw Error (usage) listing the criteria
+SharpnessCriterion criterion_from_string(const std::string& name);
 
 /// Energy of the detail in a picture, and its derivative. The picture is divided by its mean, so brightness
 /// does not count, and windowed (Hann), so that what leaves the frame does not count either.
@@ -33,7 +34,8 @@ class SharpnessMeasure {
   /// \param pixel_arcmin  visual angle of a pixel
   /// \param blur_arcmin  standard deviation of a Gaussian that is applied first: detail much finer than it
   ///   does not count; it keeps sampling noise out and makes coarse levels
-  SharpnessMeasure(Measure measure, int width, int height, double pixel_arcmin, double blur_arcmin);
+  SharpnessMeasure(SharpnessCriterion criterion, int width, int height, double pixel_arcmin,
+                   double blur_arcmin);
 
   struct Energy {
     double value = 0;

@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "pipeline/base/error.hpp"
+#include "pipeline/eye/population/limits.hpp"
 
 namespace emmetrope::segmentation {
 namespace {
@@ -30,7 +31,7 @@ double fat_shift_difference_mm(const EyeFit& a, const EyeFit& b) {
 }
 
 bool agree(const JudgedEye& a, const JudgedEye& b) {
-  return fat_shift_difference_mm(*a.fit, *b.fit) <= most_fat_shift_difference_mm;
+  return limits_of("fat_shift_difference_mm").accepted.contains(fat_shift_difference_mm(*a.fit, *b.fit));
 }
 
 /// Whether it is measured, agrees with its fellow, and explains its images better than before when it starts
@@ -74,7 +75,12 @@ void fit_and_judge(JudgedEye& eye, const std::vector<const Stack*>& images, cons
     eye.gates = judge_quality(eye.found, *eye.fit);
   } catch (const Error& error) {
     if (error.status() != ExitStatus::no_result) throw;
-    eye.gates = {{"fit", 0, 1, false, true, error.what()}};
+    QualityGate fitted;
+    fitted.name = "fit";
+    fitted.limit = 1;
+    fitted.passed = false;
+    fitted.reason = error.what();
+    eye.gates = {fitted};
   }
 }
 
@@ -92,9 +98,13 @@ void compare_fellow_eyes(JudgedEye& od, JudgedEye& os, const std::vector<const S
   if (improve(worse, better, because, stacks, age_years, verbosity) ||
       improve(better, worse, because, stacks, age_years, verbosity))
     return;
-  for (JudgedEye* eye : {&od, &os})
-    eye->gates.push_back({"fat_shift_difference_mm", fat_shift_difference_mm(*od.fit, *os.fit),
-                          most_fat_shift_difference_mm, false, true, because});
+  QualityGate alike;
+  alike.name = "fat_shift_difference_mm";
+  alike.value = fat_shift_difference_mm(*od.fit, *os.fit);
+  alike.limit = limits_of(alike.name).accepted.high;
+  alike.passed = false;
+  alike.reason = because;
+  for (JudgedEye* eye : {&od, &os}) eye->gates.push_back(alike);
 }
 
 }  // namespace emmetrope::segmentation

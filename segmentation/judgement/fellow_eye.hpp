@@ -27,11 +27,6 @@ struct JudgedEye {
 void fit_and_judge(JudgedEye& eye, const std::vector<const Stack*>& images, const EyeStart& start,
                    const std::function<void()>& advance = {});
 
-/// By how much the fat of one image may be displaced in one eye's fit and not in its fellow's, or by three
-/// standard deviations: it has one chemical shift and one bandwidth. Chosen; right fits of phantoms differ by
-/// up to 0.2 mm, wrong ones by 1.5 to 2 mm.
-inline constexpr double most_fat_shift_difference_mm = 0.5;
-
 /// Looks once more at two eyes that were fitted to the intensities of the same stacks, in the same order. An
 /// eye that is refused while its fellow is measured is fitted again from what its fellow is like, and so is
 /// the one that explains its images worse when the two find fat displaced differently (then the other one).

@@ -1,10 +1,12 @@
 #include "segmentation/judgement/quality.hpp"
-#include "pipeline/eye/population/population.hpp"
 
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <cmath>
+
+#include "pipeline/eye/population/limits.hpp"
+#include "pipeline/eye/population/population.hpp"
 
 namespace emmetrope::segmentation {
 namespace {
@@ -17,121 +19,211 @@ double sigma_of(const EyeFit& fit, const Eigen::VectorXd& weights) {
   return std::sqrt(std::max(0.0, active.dot(fit.covariance * active)));
 }
 
-}  // namespace
+/// The limits of a number, and what its gate is called in fit.json where that differs.
+struct GateName {
+  GateName(const char* both) : GateName(both, both) {}
+  GateName(const char* in_fit_json, const char* in_table) : gate(in_fit_json), quantity(in_table) {}
+  const char* gate;
+  const char* quantity;
+};
 
-std::vector<QualityGate> judge_quality(const FoundEye& found, const EyeFit& fit) {
-  std::vector<QualityGate> gates;
-  const auto at_least = [&](const char* name, double value, double limit, bool decides,
-                            const std::string& reason) {
-    const bool passed = value >= limit;
-    gates.push_back({name, value, limit, passed, decides, passed ? "" : reason});
-  };
-  const auto at_most = [&](const char* name, double value, double limit, bool decides,
-                           const std::string& reason) {
-    const bool passed = value <= limit;
-    gates.push_back({name, value, limit, passed, decides, passed ? "" : reason});
-  };
+/// Numbers judged by the table of limits, in the order of fit.json. Each reason is in the user's words.
+class Gates {
+ public:
+  void refuse_below(const GateName& name, double value, const std::string& reason) {
+    const double limit = limits_of(name.quantity).accepted.low;
+    add(name.gate, value, limit, value >= limit, true, reason);
+  }
+  void refuse_above(const GateName& name, double value, const std::string& reason) {
+    const double limit = limits_of(name.quantity).accepted.high;
+    add(name.gate, value, limit, value <= limit, true, reason);
+  }
+  void warn_below(const GateName& name, double value, const std::string& reason) {
+    const double limit = limits_of(name.quantity).plausible.low;
+    add(name.gate, value, limit, value >= limit, false, reason);
+  }
+  void warn_above(const GateName& name, double value, const std::string& reason) {
+    warn_above(name, value, limits_of(name.quantity).plausible.high, reason);
+  }
+  void warn_above(const GateName& name, double value, double limit, const std::string& reason) {
+    add(name.gate, value, limit, value <= limit, false, reason);
+  }
+  std::vector<QualityGate> take() { return std::move(gates_); }
 
+ private:
+  void add(const char* name, double value, double limit, bool passed, bool decides,
+           const std::string& reason) {
+    QualityGate& gate = gates_.emplace_back();
+    gate.name = name;
+    gate.value = value;
+    gate.limit = limit;
+    gate.passed = passed;
+    gate.decides = decides;
+    gate.reason = passed ? "" : reason;
+  }
+
+  std::vector<QualityGate> gates_;
+};
+
+/// How much of the globe's wall lies inside the stack that shows most of it.
+double share_inside_stack(const FoundEye& found) {
   double inside = 0;
   for (const EyeView& view : found.views) inside = std::max(inside, view.globe.inside);
-  at_least(
-      "globe_inside_stack", inside, 0.85, true,
-      fmt::format("the eye is cut off or slices through it are missing: {:.0f} % of its wall lies inside the "
-                  "images",
-                  100 * inside));
-  // Of the fit's reference: vitreous in T2, what surrounds the globe in T1. Against both fluids: what is no
-  // lens may differ from one of them.
+  return inside;
+}
+
+/// Of the fit's reference: vitreous in T2, what surrounds the globe in T1. Against both fluids: what is no
+/// lens may differ from one of them.
+double lens_contrast(const EyeFit& fit) {
   const auto [darker, brighter] = std::minmax({fit.value(vitreous), fit.value(aqueous)});
-  const double contrast =
-      fit.weighting == Weighting::t2 ? darker - fit.value(lens) : fit.value(lens) - brighter;
-  at_least("lens_contrast", contrast, 0.10, true,
-           "the lens is not visible: nothing between aqueous and vitreous differs from both");
-  const double off_axis = std::hypot(fit.value(lens_decentre_x), fit.value(lens_decentre_y));
-  at_most(
-      "lens_off_axis_mm", off_axis, 2, true,
-      fmt::format("the lens was not found: the fitted one lies {:.1f} mm beside the eye's axis", off_axis));
+  return fit.weighting == Weighting::t2 ? darker - fit.value(lens) : fit.value(lens) - brighter;
+}
 
-  const double k = keratometric_D_mm * fit.value(cornea_c), k_sigma = keratometric_D_mm * fit.sigma(cornea_c);
-  const double prior_sigma = keratometric_D_mm * fit.priors.sigma[cornea_c];
-  at_most("cornea_sigma_over_prior", k_sigma / prior_sigma, 0.95, true,
-          fmt::format("the cornea is not visible (a defaced head?): the images say next to nothing about its "
-                      "curvature (sigma {:.2f} D, prior {:.2f} D)",
-                      k_sigma, prior_sigma));
-  const double length_sigma = fit.pole_depth_sigma_mm();
-  at_most("axial_length_sigma_mm", length_sigma, 0.6, true,
-          fmt::format("the axial length is not determined (sigma {:.2f} mm): cornea or fundus is not "
-                      "visible, or the head moved",
-                      length_sigma));
-  // In T1 fat that chemical shift has laid over the wall is brighter than either, and is taken for the wall.
-  if (fit.weighting == Weighting::t1) {
-    // A wall as bright as what surrounds it has no outer border, and any thickness fits.
-    const double thickness = std::min(fit.value(wall_lateral), fit.value(wall_axial));
-    const bool fits = fit.regions[static_cast<std::size_t>(Part::wall)].chi2 < 1.5;
-    at_least("wall_thickness_t1_mm", thickness, 0.3, !fits,
-             fits ? "the globe's wall is as bright as what surrounds it: its thickness is not known"
-                  : fmt::format("a wall of {:.1f} mm is no eye's: fat was taken for it", thickness));
-    // Retina, choroid and sclera are 0.8 to 1.5 mm.
-    const double thickest = std::max(fit.value(wall_lateral), fit.value(wall_axial));
-    at_most("thickest_wall_t1_mm", thickest, 2.5, false,
-            fmt::format(
-                "a wall of {:.1f} mm is no eye's: something as dark behind the globe was taken for it; its "
-                "inner border may still be right",
-                thickest));
-    const double brightness = fit.value(wall) / fit.value(surround);
-    at_most("wall_over_surroundings_t1", brightness, 1.2, true,
-            fmt::format("the globe's wall is {:.1f} times as bright as the fat around it: fat displaced by "
-                        "chemical shift covers it",
-                        brightness));
-  }
-  Eigen::VectorXd apex = Eigen::VectorXd::Zero(fit.layout.size());
-  apex.segment<3>(apex_x) = gaze_axis(fit.value(gaze_horizontal), fit.value(gaze_vertical));
-  const double apex_sigma = sigma_of(fit, apex);
-  at_most("apex_sigma_mm", apex_sigma, 0.5, true,
-          fmt::format("the cornea is not visible: its apex is known to {:.2f} mm only", apex_sigma));
+/// Standard deviation of the apex along the eye's axis.
+double apex_sigma_mm(const EyeFit& fit) {
+  Eigen::VectorXd along_axis = Eigen::VectorXd::Zero(fit.layout.size());
+  along_axis.segment<3>(apex_x) = gaze_axis(fit.value(gaze_horizontal), fit.value(gaze_vertical));
+  return sigma_of(fit, along_axis);
+}
 
-  at_most("chi2_per_voxel", fit.chi2_per_voxel, 25, true,
-          fmt::format("the images do not look like an eye: residuals are {:.1f} times the noise (motion, "
-                      "artefacts, a defaced head?)",
-                      std::sqrt(fit.chi2_per_voxel)));
-  at_most("slice_displacement_mm", fit.slice_displacement_mm, 0.25, true,
-          fmt::format("the slices lie {:.2f} mm (rms) from where one eye has them: the head or the eye moved "
-                      "between them",
-                      fit.slice_displacement_mm));
-  at_most("outlier_share", fit.regions[0].outliers, 0.35, true,
-          fmt::format("{:.0f} % of the voxels at the globe's wall contradict the fitted eye",
-                      100 * fit.regions[0].outliers));
-  at_least("converged", fit.converged ? 1 : 0, 1, false, "the fit was still improving when it stopped");
-
-  // Shapes: the first pair refuses what is no eye, the second flags what is unusual.
-  // As it is told: to the interface on the axis, a bulge there included.
-  const double length = to_parametric_eye(fit, found.laterality).pole_depth_mm();
-  at_least("axial_length_mm_lower", length, 16, true,
-           fmt::format("an axial length of {:.1f} mm is no eye's", length));
-  at_most("axial_length_mm_upper", length, 38, true,
-          fmt::format("an axial length of {:.1f} mm is no eye's", length));
-  at_least("keratometry_D_lower", k, 30, true,
-           fmt::format("a corneal power of {:.1f} D is no eye's: the cornea was not found", k));
-  at_most("keratometry_D_upper", k, 60, true,
-          fmt::format("a corneal power of {:.1f} D is no eye's: the cornea was not found", k));
-  at_least("axial_length_plausible_mm", length, 20, false,
-           fmt::format("axial length {:.2f} mm is below 20 mm", length));
-  at_most("axial_length_plausible_upper_mm", length, 32, false,
-          fmt::format("axial length {:.2f} mm is above 32 mm", length));
-  at_least("keratometry_plausible_D", k, 38, false, fmt::format("corneal power {:.1f} D is below 38 D", k));
-  at_most("keratometry_plausible_upper_D", k, 50, false,
-          fmt::format("corneal power {:.1f} D is above 50 D", k));
-  at_least("anterior_chamber_depth_mm", fit.value(anterior_chamber_depth), 1.8, true,
-           fmt::format("an anterior chamber of {:.1f} mm is no eye's", fit.value(anterior_chamber_depth)));
-  at_most("corneal_irregularity_chi2", fit.irregularity.chi2, CornealIrregularity::chi2_limit, false,
-          fmt::format("irregular cornea (keratoconus, a scar, surgery?): no biconic describes it, score "
-                      "{:.0f} (limit {:.0f}); a free form was fitted",
-                      fit.irregularity.chi2, CornealIrregularity::chi2_limit));
+double largest_head_shift_mm(const EyeFit& fit) {
   double shift = 0;
   for (int s = 1; s < fit.layout.stacks; ++s)
     shift = std::max(shift, fit.parameters.segment<3>(fit.layout.stack(s) + shift_first).norm());
-  at_most("head_shift_mm", shift, 6, false,
-          fmt::format("the head moved {:.1f} mm between the stacks", shift));
-  return gates;
+  return shift;
+}
+
+void judge_globe_and_lens(const FoundEye& found, const EyeFit& fit, Gates& gates) {
+  const double inside = share_inside_stack(found);
+  gates.refuse_below(
+      "globe_inside_stack", inside,
+      fmt::format("the eye is cut off or slices through it are missing: {:.0f} % of its wall lies inside the "
+                  "images",
+                  100 * inside));
+  gates.refuse_below("lens_contrast", lens_contrast(fit),
+                     "the lens is not visible: nothing between aqueous and vitreous differs from both");
+  const double off_axis_mm = std::hypot(fit.value(lens_decentre_x), fit.value(lens_decentre_y));
+  gates.refuse_above(
+      "lens_off_axis_mm", off_axis_mm,
+      fmt::format("the lens was not found: the fitted one lies {:.1f} mm beside the eye's axis",
+                  off_axis_mm));
+}
+
+void judge_cornea_and_length(const EyeFit& fit, Gates& gates) {
+  const double power_sigma_D = keratometric_D_mm * fit.sigma(cornea_c);
+  const double prior_sigma_D = keratometric_D_mm * fit.priors.sigma[cornea_c];
+  gates.refuse_above(
+      "cornea_sigma_over_prior", power_sigma_D / prior_sigma_D,
+      fmt::format("the cornea is not visible (a defaced head?): the images say next to nothing about its "
+                  "curvature (sigma {:.2f} D, prior {:.2f} D)",
+                  power_sigma_D, prior_sigma_D));
+  const double length_sigma_mm = fit.pole_depth_sigma_mm();
+  gates.refuse_above("axial_length_sigma_mm", length_sigma_mm,
+                     fmt::format("the axial length is not determined (sigma {:.2f} mm): cornea or fundus is "
+                                 "not visible, or the head moved",
+                                 length_sigma_mm));
+}
+
+/// In T1 fat that chemical shift has laid over the wall is brighter than either, and is taken for the wall.
+void judge_wall_in_t1(const EyeFit& fit, Gates& gates) {
+  constexpr double explained_chi2 = 1.5;
+  const double thinnest_mm = std::min(fit.value(wall_lateral), fit.value(wall_axial));
+  if (fit.regions[static_cast<std::size_t>(Part::wall)].chi2 < explained_chi2)
+    gates.warn_below("wall_thickness_t1_mm", thinnest_mm,
+                     "the globe's wall is as bright as what surrounds it: its thickness is not known");
+  else
+    gates.refuse_below("wall_thickness_t1_mm", thinnest_mm,
+                       fmt::format("a wall of {:.1f} mm is no eye's: fat was taken for it", thinnest_mm));
+  const double thickest_mm = std::max(fit.value(wall_lateral), fit.value(wall_axial));
+  gates.warn_above(
+      "thickest_wall_t1_mm", thickest_mm,
+      fmt::format("a wall of {:.1f} mm is no eye's: something as dark behind the globe was taken for it; its "
+                  "inner border may still be right",
+                  thickest_mm));
+  const double brightness = fit.value(wall) / fit.value(surround);
+  gates.refuse_above("wall_over_surroundings_t1", brightness,
+                     fmt::format("the globe's wall is {:.1f} times as bright as the fat around it: fat "
+                                 "displaced by chemical shift covers it",
+                                 brightness));
+}
+
+void judge_apex(const EyeFit& fit, Gates& gates) {
+  const double sigma_mm = apex_sigma_mm(fit);
+  gates.refuse_above("apex_sigma_mm", sigma_mm,
+                     fmt::format("the cornea is not visible: its apex is known to {:.2f} mm only", sigma_mm));
+}
+
+void judge_residuals(const EyeFit& fit, Gates& gates) {
+  gates.refuse_above(
+      "chi2_per_voxel", fit.chi2_per_voxel,
+      fmt::format("the images do not look like an eye: residuals are {:.1f} times the noise (motion, "
+                  "artefacts, a defaced head?)",
+                  std::sqrt(fit.chi2_per_voxel)));
+  gates.refuse_above(
+      "slice_displacement_mm", fit.slice_displacement_mm,
+      fmt::format("the slices lie {:.2f} mm (rms) from where one eye has them: the head or the eye moved "
+                  "between them",
+                  fit.slice_displacement_mm));
+  const double outlier_share = fit.regions[0].outliers;
+  gates.refuse_above("outlier_share", outlier_share,
+                     fmt::format("{:.0f} % of the voxels at the globe's wall contradict the fitted eye",
+                                 100 * outlier_share));
+  gates.warn_below("converged", fit.converged ? 1 : 0, "the fit was still improving when it stopped");
+}
+
+void judge_dimensions(const FoundEye& found, const EyeFit& fit, Gates& gates) {
+  const char *length = "axial_length_mm", *power = "astigmatism/M_D";
+  const Range plausible_mm = limits_of(length).plausible, plausible_D = limits_of(power).plausible;
+  // As it is told: to the interface on the axis, a bulge there included.
+  const double length_mm = to_parametric_eye(fit, found.laterality).pole_depth_mm();
+  const double power_D = keratometric_D_mm * fit.value(cornea_c);
+  const std::string no_length = fmt::format("an axial length of {:.1f} mm is no eye's", length_mm);
+  gates.refuse_below({"axial_length_mm_lower", length}, length_mm, no_length);
+  gates.refuse_above({"axial_length_mm_upper", length}, length_mm, no_length);
+  const std::string no_power =
+      fmt::format("a corneal power of {:.1f} D is no eye's: the cornea was not found", power_D);
+  gates.refuse_below({"keratometry_D_lower", power}, power_D, no_power);
+  gates.refuse_above({"keratometry_D_upper", power}, power_D, no_power);
+  gates.warn_below({"axial_length_plausible_mm", length}, length_mm,
+                   fmt::format("axial length {:.2f} mm is below {:g} mm", length_mm, plausible_mm.low));
+  gates.warn_above({"axial_length_plausible_upper_mm", length}, length_mm,
+                   fmt::format("axial length {:.2f} mm is above {:g} mm", length_mm, plausible_mm.high));
+  gates.warn_below({"keratometry_plausible_D", power}, power_D,
+                   fmt::format("corneal power {:.1f} D is below {:g} D", power_D, plausible_D.low));
+  gates.warn_above({"keratometry_plausible_upper_D", power}, power_D,
+                   fmt::format("corneal power {:.1f} D is above {:g} D", power_D, plausible_D.high));
+  const double chamber_mm = fit.value(anterior_chamber_depth);
+  gates.refuse_below("anterior_chamber_depth_mm", chamber_mm,
+                     fmt::format("an anterior chamber of {:.1f} mm is no eye's", chamber_mm));
+}
+
+void judge_corneal_form(const EyeFit& fit, Gates& gates) {
+  constexpr double limit = CornealIrregularity::chi2_limit;
+  gates.warn_above("corneal_irregularity_chi2", fit.irregularity.chi2, limit,
+                   fmt::format("irregular cornea (keratoconus, a scar, surgery?): no biconic describes it, "
+                               "score {:.0f} (limit {:.0f}); a free form was fitted",
+                               fit.irregularity.chi2, limit));
+}
+
+void judge_head_motion(const EyeFit& fit, Gates& gates) {
+  const double shift_mm = largest_head_shift_mm(fit);
+  gates.warn_above("head_shift_mm", shift_mm,
+                   fmt::format("the head moved {:.1f} mm between the stacks", shift_mm));
+}
+
+}  // namespace
+
+std::vector<QualityGate> judge_quality(const FoundEye& found, const EyeFit& fit) {
+  Gates gates;
+  judge_globe_and_lens(found, fit, gates);
+  judge_cornea_and_length(fit, gates);
+  if (fit.weighting == Weighting::t1) judge_wall_in_t1(fit, gates);
+  judge_apex(fit, gates);
+  judge_residuals(fit, gates);
+  judge_dimensions(found, fit, gates);
+  judge_corneal_form(fit, gates);
+  judge_head_motion(fit, gates);
+  return gates.take();
 }
 
 bool is_refused(const std::vector<QualityGate>& gates) {

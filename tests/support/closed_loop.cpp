@@ -200,11 +200,11 @@ ClosedLoop closed_loop(const raytrace::Tracer& tracer, const EyeModel& eye, doub
   result.sharpest = Lens::Zero();
   const LensFamily family = thin_lens(vertex_distance_mm);
   const auto scene = refraction_chart();
-  const auto levels = imaging_levels(Measure::gradient_energy, pupil_mm, wavelength_nm, {0, 0}, 1);
+  const auto levels = imaging_levels(SharpnessCriterion::gradient_energy, pupil_mm, wavelength_nm, {0, 0}, 1);
   for (const ImagingLevel& level : levels) {
     const RetinalSharpness sharpness(tracer, scene, eye, family, level);
     const bool last = &level == &levels.back();
-    const Optimum optimum = climb(sharpness, result.sharpest, last ? OptimiserSettings{} : coarse_search());
+    const Optimum optimum = ascend(sharpness, result.sharpest, last ? OptimiserSettings{} : coarse_search());
     result.sharpest = optimum.lens;
     result.converged = optimum.converged;
     result.images += sharpness.images();

@@ -228,6 +228,7 @@ Json prescription_of(const TrueEye& eye) {
             {"vertex_distance_mm", 12},
             {"pupil_mm", 3},
             {"criterion", "gradient energy"},
+            {"withheld", nullptr},
             {"sphere_D", measured(eye.sphere_D, 0.84)},
             {"cylinder_D", measured(eye.cylinder_D, 0.31)},
             {"axis_deg", measured(eye.axis_deg, 8)},

@@ -17,9 +17,9 @@ struct PupilRay {
   Eigen::Vector2d slope_mrad;   ///< of the outgoing ray against the chief ray
 };
 
-/// Sharpness (mean MTF^2 under the measure's weight times a chart whose power falls as f^-3) behind a thin
+/// Sharpness (mean MTF^2 under the criterion's weight times a chart whose power falls as f^-3) behind a thin
 /// lens in the pupil plane; parameters M, J0, J45.
-inline SharpnessFunction geometric_sharpness(const std::vector<PupilRay>& rays, Measure measure,
+inline SharpnessFunction geometric_sharpness(const std::vector<PupilRay>& rays, SharpnessCriterion criterion,
                                              double blur_arcmin, double finest_cpd = 30) {
   return [=](const Eigen::VectorXd& lens) {
     constexpr int frequencies = 60, directions = 16;
@@ -31,9 +31,9 @@ inline SharpnessFunction geometric_sharpness(const std::vector<PupilRay>& rays, 
     for (int k = 0; k < frequencies; ++k) {
       const double f_cpd = coarsest_cpd * std::pow(finest_cpd / coarsest_cpd, (k + 0.5) / frequencies);
       const double csf = raytrace::contrast_sensitivity(f_cpd);
-      const double w = measure == Measure::gradient_energy      ? f_cpd * f_cpd
-                       : measure == Measure::laplacian_variance ? std::pow(f_cpd, 4)
-                                                                : std::pow(f_cpd, 3) * csf * csf;
+      const double w = criterion == SharpnessCriterion::gradient_energy      ? f_cpd * f_cpd
+                       : criterion == SharpnessCriterion::laplacian_variance ? std::pow(f_cpd, 4)
+                                                                             : std::pow(f_cpd, 3) * csf * csf;
       const double phase = 2 * pi * f_cpd * blur_arcmin / 60;
       // chart f^-3, area f df = f^2 d ln f
       const double weight = w / f_cpd * std::exp(-phase * phase - 2 * std::pow(f_cpd / 30, 4));

@@ -45,8 +45,8 @@ std::vector<BudgetLine> if_known(const UncertainOptics& eye, const Eigen::Matrix
   std::vector<BudgetLine> lines;
   for (const Part& part : parts) {
     const auto rows = static_cast<Eigen::Index>(part.parameters.size());
-    Measurement exact{part.name, Eigen::MatrixXd::Zero(rows, sensitivity.cols()),
-                      Eigen::MatrixXd::Zero(rows, rows)};
+    PlannedObservation exact{part.name, Eigen::MatrixXd::Zero(rows, sensitivity.cols()),
+                             Eigen::MatrixXd::Zero(rows, rows)};
     for (Eigen::Index row = 0; row < rows; ++row) {
       const Eigen::Index at = eye.known.index_of(part.parameters[row]);
       exact.sensitivity(row, at) = 1;

@@ -158,7 +158,7 @@ InstrumentReadings read_instruments(const EyeInstruments& instruments) {
 std::vector<std::string> learn(UncertainEye& eye, const InstrumentReadings& readings) {
   std::vector<std::string> warnings;
   for (const ExternalMeasurement& measurement : readings.measurements) {
-    std::string warning = judge_surprise(measurement.source, eye.learn(measurement));
+    std::string warning = judge_innovation(measurement.source, eye.learn(measurement));
     if (!warning.empty()) warnings.push_back(std::move(warning));
   }
   return warnings;

@@ -51,7 +51,7 @@ struct InstrumentReadings {
 InstrumentReadings read_instruments(const EyeInstruments& instruments);
 
 /// Learns what other instruments found of an eye.
-/// \return warnings; see judge_surprise
+/// \return warnings; see judge_innovation
 /// \throw Error (input_invalid) for a reading that cannot be of this eye
 std::vector<std::string> learn(UncertainEye& eye, const InstrumentReadings& readings);
 

@@ -1,8 +1,36 @@
 #pragma once
+#include <limits>
+#include <string>
+#include <vector>
 
+/// What an eye's numbers may be: the one table that every stage judges by.
 namespace emmetrope {
 
-/// Beyond this astigmatic axes, which are given against the scanner, are not the patient's own.
-inline constexpr double largest_head_roll_deg = 3;
+/// Both ends belong to it; either may be open.
+struct Range {
+  double low = -std::numeric_limits<double>::infinity(), high = std::numeric_limits<double>::infinity();
+  bool contains(double value) const { return value >= low && value <= high; }
+  bool contains(const Range& other) const { return contains(other.low) && contains(other.high); }
+  /// Whether anything is outside.
+  bool is_limited() const;
+};
+
+/// The limits of one quantity at three severities, each within the one before where there are both.
+struct Limits {
+  std::string
+      quantity;  ///< path in biometry.json ("keratometry/flat/power_D"), or the name below its heading
+  std::string unit;
+  Range accepted;   ///< outside it there is no result: no eye is like that, or the data do not support one
+  Range plausible;  ///< outside it the user is warned
+  Range normal;     ///< of healthy adults
+  std::string normal_reference;  ///< where the normal range is from: authors and year
+};
+
+/// Numbers of biometry.json and of prescription.json, then qualities of a fit to images.
+const std::vector<Limits>& limits_table();
+/// \return null for a quantity that has no limits
+const Limits* find_limits(const std::string& quantity);
+/// \throw Error (fault) for a quantity that has none
+const Limits& limits_of(const std::string& quantity);
 
 }  // namespace emmetrope

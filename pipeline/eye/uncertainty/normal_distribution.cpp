@@ -47,8 +47,9 @@ double condition(NormalDistribution& numbers, const VectorFunction& function, co
   const auto innovation_covariance = [&](const MatrixXd& j) -> MatrixXd {
     return j * p * j.transpose() + noise_covariance;
   };
-  const VectorXd surprise = measured - function(prior);
-  const double chi2 = surprise.dot(innovation_covariance(jacobian(numbers, function)).ldlt().solve(surprise));
+  const VectorXd innovation = measured - function(prior);
+  const double chi2 =
+      innovation.dot(innovation_covariance(jacobian(numbers, function)).ldlt().solve(innovation));
 
   MatrixXd j, gain;
   for (int iteration = 0; iteration < 4; ++iteration) {

@@ -185,13 +185,13 @@ double UncertainEye::learn(const std::string& source, const VectorFunction& func
     doubted.covariance.row(i) *= tail_of(eye_.parameter_names[i]);
     doubted.covariance.col(i) *= tail_of(eye_.parameter_names[i]);
   }
-  const double surprise_sigma = condition(doubted, function, measured, noise_covariance);
+  const double innovation_sigma = condition(doubted, function, measured, noise_covariance);
   NormalDistribution learnt = parameters();
   steps_.push_back({source, learnt.covariance});
   condition(learnt, function, measured, noise_covariance);
   for (Index i = 0; i < learnt.mean.size(); ++i) eye_.set(eye_.parameter_names[i], learnt.mean[i]);
   eye_.covariance = std::move(learnt.covariance);
-  return surprise_sigma;
+  return innovation_sigma;
 }
 
 double UncertainEye::learn(const ExternalMeasurement& measurement) {
@@ -205,14 +205,14 @@ std::vector<std::string> UncertainEye::learnt_from() const {
   return sources;
 }
 
-std::string judge_surprise(const std::string& reading, double surprise_sigma) {
+std::string judge_innovation(const std::string& reading, double innovation_sigma) {
   const std::string text =
-      fmt::format("{} and the images differ by {:.1f} standard deviations", reading, surprise_sigma);
-  if (surprise_sigma > irreconcilable_sigma)
+      fmt::format("{} and the images differ by {:.1f} standard deviations", reading, innovation_sigma);
+  if (innovation_sigma > irreconcilable_innovation_sigma)
     throw input_error(
         text + ": they cannot both be of this eye",
         "check eye, sign, unit and digits of the measurement; without it the images speak alone");
-  return surprise_sigma > surprising_sigma ? text : "";
+  return innovation_sigma > doubtful_innovation_sigma ? text : "";
 }
 
 }  // namespace emmetrope

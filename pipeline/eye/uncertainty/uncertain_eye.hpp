@@ -95,15 +95,15 @@ class UncertainEye {
 UncertainEye fitted_eye(ParametricEye fitted);
 
 /// A reading further than this from what was expected hardly fits the eye: it is learnt, with a warning.
-inline constexpr double surprising_sigma = 3;
+inline constexpr double doubtful_innovation_sigma = 3;
 /// Beyond this both cannot be of one eye, and no mean of them would be near either: it is refused, wherever
 /// it is given.
-inline constexpr double irreconcilable_sigma = 5;
+inline constexpr double irreconcilable_innovation_sigma = 5;
 
 /// The one rule for a reading that contradicts what is known.
 /// \param reading  such as "keratometry"
 /// \return a warning, or an empty text
-/// \throw Error (input_invalid) beyond irreconcilable_sigma
-std::string judge_surprise(const std::string& reading, double surprise_sigma);
+/// \throw Error (input_invalid) beyond irreconcilable_innovation_sigma
+std::string judge_innovation(const std::string& reading, double innovation_sigma);
 
 }  // namespace emmetrope

@@ -1,10 +1,11 @@
 #include <fmt/format.h>
 
 #include "pipeline/base/notation.hpp"
+#include "pipeline/report/content/biometry_rows.hpp"
 #include "pipeline/report/content/content.hpp"
 #include "pipeline/report/content/judgement.hpp"
-#include "pipeline/report/content/normal_ranges.hpp"
 #include "pipeline/report/content/numbers.hpp"
+#include "pipeline/report/content/references.hpp"
 #include "pipeline/report/figures/encoding.hpp"
 
 namespace emmetrope::report {
@@ -96,9 +97,11 @@ EyeCard card_of(const CaseData& data, const EyeData& eye) {
 }
 
 std::string normal_range(const BiometryRow& row) {
-  if (row.low == row.high) return "\u2013";
-  return fmt::format("{} to {} [{}]", fixed(row.low, row.style.decimals), fixed(row.high, row.style.decimals),
-                     row.reference);
+  const Range normal = row.normal();
+  if (!normal.is_limited()) return "\u2013";
+  return fmt::format("{} to {} [{}]", fixed(normal.low, row.style.decimals),
+                     fixed(normal.high, row.style.decimals),
+                     reference_number(limits_of(row.key).normal_reference));
 }
 
 struct Cells {
@@ -112,8 +115,7 @@ Cells cells_of(const EyeData& eye, const BiometryRow& row) {
   const Json& found = eye.biometry.at(pointer);
   if (found.is_number()) return {format(found.get<double>(), row.style), "", "exact"};
   const auto measured = found.get<Measured>();
-  const bool is_unusual = row.low != row.high && (measured.value < row.low || measured.value > row.high);
-  return {format(measured.value, row.style) + (is_unusual ? " (!)" : ""),
+  return {format(measured.value, row.style) + (row.normal().contains(measured.value) ? "" : " (!)"),
           format_interval(measured, row.style), source_name(measured.source)};
 }
 

@@ -6,40 +6,10 @@
 #include "pipeline/report/case/series.hpp"
 #include "pipeline/report/content/content.hpp"
 #include "pipeline/report/content/numbers.hpp"
+#include "pipeline/report/content/references.hpp"
 
 namespace emmetrope::report {
 namespace {
-
-const std::vector<std::string>& references() {
-  static const std::vector<std::string> list{
-      "1. Wei Q, Patkar S, Pai DK. Fast ray-tracing of human eye optics on graphics processing units. "
-      "Computer Methods and Programs in Biomedicine 2014;114:302-314.",
-      "2. Thibos LN, Wheeler W, Horner D. Power vectors: an application of Fourier analysis to the "
-      "description and statistical analysis of refractive error. Optometry and Vision Science "
-      "1997;74:367-375.",
-      "3. ANSI Z80.28: Methods for reporting optical aberrations of eyes.",
-      "4. Dubbelman M, van der Heijde GL. The shape of the aging human lens: curvature, equivalent "
-      "refractive index and the lens paradox. Vision Research 2001;41:1867-1877 (lens index).",
-      "5. Hoffmann PC, Huetz WW. Analysis of biometry and prevalence data for corneal astigmatism in 23,239 "
-      "eyes. Journal of Cataract and Refractive Surgery 2010;36:1479-1485.",
-      "6. Distribution of ocular biometric parameters in 28,709 adult cataract patients in China using "
-      "swept-source optical biometry. BMC Ophthalmology 2021;21 (doi 10.1186/s12886-021-01932-4).",
-      "7. Dubbelman M, van der Heijde GL, Weeber HA. The thickness of the aging human lens obtained from "
-      "corrected Scheimpflug images. Optometry and Vision Science 2001;78:411-416.",
-      "8. As 4: radii at 20 to 70 years; within 0.4 mm of Navarro R. Adaptive model of the aging emmetropic "
-      "eye. Journal of Vision 2014;14(13):21.",
-      "9. Dodgson NA. Variation and extrema of human interpupillary distance. Proc. SPIE 2004;5291:36-46.",
-      "10. Corneal Q value of 1,683 adults in the Handan Eye Study (PMC5436654): -0.28 -+ 0.18 over 5 mm.",
-      "11. Watson AB. A formula for the mean human optical modulation transfer function as a function of "
-      "pupil size. Journal of Vision 2013;13(6):18.",
-      "12. Mannos JL, Sakrison DJ. The effects of a visual fidelity criterion on the encoding of images. "
-      "IEEE Transactions on Information Theory 1974;20:525-536 (contrast sensitivity that weighs the VSOTF).",
-      "13. Flitcroft DI et al. IMI - Defining and classifying myopia. Investigative Ophthalmology and Visual "
-      "Science 2019;60:M20-M30.",
-      "14. Blendowske R. Unaided visual acuity and blur: a simple model. Optometry and Vision Science "
-      "2015;92:e121-e125."};
-  return list;
-}
 
 std::string status_text(ExitStatus status) {
   switch (status) {
@@ -139,7 +109,7 @@ Section methods_section(const CaseData& data) {
            "Frames: light is described in the eye's frame, x to the examiner's right, y up, z out of "
            "the eye; origin at the corneal apex. Wavefront maps and axes are as the examiner sees them."},
        Paper::never});
-  section.blocks.push_back({BulletList{references(), true}});
+  section.blocks.push_back({BulletList{numbered_references(), true}});
   return section;
 }
 

@@ -1,15 +1,11 @@
 #include "pipeline/report/content/judgement.hpp"
 
 #include "pipeline/eye/population/limits.hpp"
+#include "pipeline/report/content/biometry_rows.hpp"
 #include "pipeline/report/content/content_tables.hpp"
-#include "pipeline/report/content/normal_ranges.hpp"
 
 namespace emmetrope::report {
 namespace {
-
-constexpr double repeatability_D = 0.5;  ///< what clinics ask of a refraction's 95 % limits of agreement
-constexpr double dispensing_D = 1.0;     ///< beyond it a lens may be worse than the one that is worn
-constexpr double astigmatism_D = 0.5;    ///< half width of J0 or J45: a cylinder of 1 D may not be there
 
 /// Half of the 95 % interval of a number of the prescription; 0 where it has none.
 double half_width(const EyeData& eye, const char* key) {
@@ -62,13 +58,6 @@ void add_stage_reasons(const CaseData& data, const EyeData& eye, std::vector<std
     }
 }
 
-Judgement refused(const CaseData& data, const EyeData& eye, std::vector<std::string> reasons) {
-  add_stage_reasons(data, eye, reasons);
-  if (reasons.empty())
-    reasons.emplace_back("The stages before this report gave no prescription for this eye.");
-  return {Light::red, "No prescription: the images do not support one", reasons, false, false};
-}
-
 /// The first stage that was told to work on the other eye only.
 const StageData* stage_of_other_eye(const CaseData& data, const EyeData& eye) {
   const char* other = to_string(eye.laterality == Laterality::od ? Laterality::os : Laterality::od);
@@ -89,9 +78,98 @@ std::vector<std::string> contradictions(const EyeData& eye) {
       "is combined from them is not to be relied on."};
 }
 
-const Json* at_path(const Json& json, const std::string& path) {
-  const Json::json_pointer pointer("/" + path);
-  return json.is_object() && json.contains(pointer) ? &json.at(pointer) : nullptr;
+/// Why the correction stage gives an estimate only; empty where it gives a prescription. Cases of before it
+/// said so are held to the same limit.
+std::string withheld_because(const EyeData& eye) {
+  const Json said = eye.prescription.value("withheld", Json());
+  if (said.is_string()) return with_symbols(said.get<std::string>());
+  const double M_half_width_D = half_width(eye, "M_D");
+  if (eye.prescription.contains("withheld") || limits_of("M_half_width_D").accepted.contains(M_half_width_D))
+    return {};
+  return "The mean sphere's 95 % interval, \u00b1" + fixed(M_half_width_D, 2) +
+         " D, is too wide for a prescription.";
+}
+
+/// What is to be said of a mean sphere with that interval.
+std::vector<std::string> sphere_reasons(const EyeData& eye, const std::string& withheld) {
+  const double half_width_D = half_width(eye, "M_D");
+  if (!withheld.empty()) return {withheld + " The estimate is for information." + remedy_for(eye)};
+  if (limits_of("M_half_width_D").normal.contains(half_width_D)) return {};
+  return {"The mean sphere's 95 % interval is \u00b1" + fixed(half_width_D, 2) +
+          " D; clinical refraction is expected to repeat within \u00b10.50 D." + remedy_for(eye)};
+}
+
+std::vector<std::string> cylinder_reasons(const EyeData& eye) {
+  const double J0_D = half_width(eye, "J0_D"), J45_D = half_width(eye, "J45_D");
+  if (limits_of("J_half_width_D").plausible.contains(std::max(J0_D, J45_D))) return {};
+  return {"Cylinder and axis are not determined: the 95 % intervals of J0 and J45 are \u00b1" +
+          fixed(J0_D, 2) + " and \u00b1" + fixed(J45_D, 2) + " D."};
+}
+
+std::vector<std::string> head_roll_reasons(const EyeData& eye) {
+  const auto roll_deg = value_of(eye.biometry, "head_roll_deg");
+  if (!roll_deg || limits_of("head_roll_deg").plausible.contains(*roll_deg)) return {};
+  return {"The head is rolled by " + fixed(*roll_deg, 1) +
+          "\u00b0 against the scanner; astigmatic axes are given against the scanner."};
+}
+
+/// All that is to be said of a refraction, the weightiest first.
+std::vector<std::string> reasons_of_refraction(const CaseData& data, const EyeData& eye,
+                                               const std::vector<std::string>& gates,
+                                               const std::string& withheld) {
+  const std::vector<std::string> sphere = sphere_reasons(eye, withheld);
+  std::vector<std::string> reasons = contradictions(eye);
+  const auto add = [&](const std::vector<std::string>& more) {
+    reasons.insert(reasons.end(), more.begin(), more.end());
+  };
+  if (!withheld.empty()) add(sphere);
+  add(gates);
+  if (withheld.empty()) add(sphere);
+  add(cylinder_reasons(eye));
+  add(unusual_values(eye));
+  add(head_roll_reasons(eye));
+  add_stage_reasons(data, eye, reasons);
+  return reasons;
+}
+
+/// Without a refraction.
+Judgement no_prescription(std::string verdict, std::vector<std::string> reasons) {
+  Judgement judgement;
+  judgement.verdict = std::move(verdict);
+  judgement.reasons = std::move(reasons);
+  return judgement;
+}
+
+Judgement refused(const CaseData& data, const EyeData& eye, std::vector<std::string> reasons) {
+  add_stage_reasons(data, eye, reasons);
+  if (reasons.empty())
+    reasons.emplace_back("The stages before this report gave no prescription for this eye.");
+  return no_prescription("No prescription: the images do not support one", std::move(reasons));
+}
+
+/// Of a refraction that was found.
+Judgement judge_refraction(const CaseData& data, const EyeData& eye, const std::vector<std::string>& gates) {
+  const std::string withheld = withheld_because(eye);
+  const double M_half_width_D = half_width(eye, "M_D");
+  Judgement judgement;
+  judgement.reasons = reasons_of_refraction(data, eye, gates, withheld);
+  judgement.has_refraction = true;
+  judgement.has_prescription = withheld.empty();
+  judgement.light = !withheld.empty() ? Light::red : judgement.reasons.empty() ? Light::green : Light::amber;
+  switch (judgement.light) {
+    case Light::red:
+      judgement.verdict = "No prescription: known only to \u00b1" + fixed(M_half_width_D, 1) + " D";
+      break;
+    case Light::amber:
+      judgement.verdict = limits_of("M_half_width_D").plausible.contains(M_half_width_D)
+                              ? "Use with caution"
+                              : "Estimate: refract before dispensing";
+      break;
+    case Light::green:
+      judgement.verdict = "Supported by the data";
+      break;
+  }
+  return judgement;
 }
 
 }  // namespace
@@ -100,12 +178,12 @@ std::vector<std::string> unusual_values(const EyeData& eye) {
   std::vector<std::string> sentences;
   for (const auto* rows : {&biometry_rows(), &keratometry_rows()})
     for (const auto& row : *rows) {
-      const Json* found = at_path(eye.biometry, row.key);
-      if (found == nullptr || row.low == row.high) continue;
-      const double value = found->is_object() ? found->value("value", row.low) : found->get<double>();
-      if (value < row.low || value > row.high)
-        sentences.push_back(row.name + " " + format(value, row.style) + " is outside the adult range of " +
-                            fixed(row.low, row.style.decimals) + " to " + format(row.high, row.style) + ".");
+      const auto value = value_at(eye.biometry, "/" + row.key);
+      const Range normal = row.normal();
+      if (value && !normal.contains(*value))
+        sentences.push_back(row.name + " " + format(*value, row.style) + " is outside the adult range of " +
+                            fixed(normal.low, row.style.decimals) + " to " + format(normal.high, row.style) +
+                            ".");
     }
   return sentences;
 }
@@ -115,47 +193,15 @@ Judgement judge(const CaseData& data, const EyeData& eye) {
   if (const StageData* stage = stage_of_other_eye(data, eye)) {
     std::vector<std::string> reasons = gates;
     reasons.push_back("The " + stage->name + " stage was run for the other eye only.");
-    return {Light::red, "No prescription: not asked for", reasons, false, false};
+    return no_prescription("No prescription: not asked for", reasons);
   }
   const bool fit_refused = eye.fit.is_object() && eye.fit.value("status", "measured") == "refused";
   const bool was_corrected = data.stage("correction") != nullptr;
   if (!fit_refused && !was_corrected && data.stage("segmentation")->status != ExitStatus::no_result)
-    return {Light::red, "No prescription: the correction stage has not been run", gates, false, false};
+    return no_prescription("No prescription: the correction stage has not been run", gates);
   if (fit_refused || !eye.prescription.is_object() || !value_of(eye.prescription, "sphere_D"))
     return refused(data, eye, gates);
-
-  std::vector<std::string> reasons = gates;
-  const double M_half_width = half_width(eye, "M_D");
-  const bool may_be_prescribed = M_half_width <= widest_prescription_D;
-  if (!may_be_prescribed)
-    reasons.insert(
-        reasons.begin(),
-        "The mean sphere's 95 % interval, \u00b1" + fixed(M_half_width, 2) +
-            " D, is wider than from no lens at all to high myopia (6 D): these data do not support "
-            "a prescription. The estimate is for information." +
-            remedy_for(eye));
-  else if (M_half_width > repeatability_D)
-    reasons.push_back("The mean sphere's 95 % interval is \u00b1" + fixed(M_half_width, 2) +
-                      " D; clinical refraction is expected to repeat within \u00b10.50 D." + remedy_for(eye));
-  const std::vector<std::string> contradicted = contradictions(eye);
-  reasons.insert(reasons.begin(), contradicted.begin(), contradicted.end());
-  if (std::max(half_width(eye, "J0_D"), half_width(eye, "J45_D")) > astigmatism_D)
-    reasons.push_back("Cylinder and axis are not determined: the 95 % intervals of J0 and J45 are \u00b1" +
-                      fixed(half_width(eye, "J0_D"), 2) + " and \u00b1" + fixed(half_width(eye, "J45_D"), 2) +
-                      " D.");
-  for (auto& sentence : unusual_values(eye)) reasons.push_back(std::move(sentence));
-  const auto roll = value_of(eye.biometry, "head_roll_deg");
-  if (roll && std::abs(*roll) > largest_head_roll_deg)
-    reasons.push_back("The head is rolled by " + fixed(*roll, 1) +
-                      "\u00b0 against the scanner; astigmatic axes are given against the scanner.");
-  add_stage_reasons(data, eye, reasons);
-  if (!may_be_prescribed)
-    return {Light::red, "No prescription: known only to \u00b1" + fixed(M_half_width, 1) + " D", reasons,
-            true, false};
-  if (reasons.empty()) return {Light::green, "Supported by the data", {}, true, true};
-  return {Light::amber,
-          M_half_width > dispensing_D ? "Estimate: refract before dispensing" : "Use with caution", reasons,
-          true, true};
+  return judge_refraction(data, eye, gates);
 }
 
 }  // namespace emmetrope::report

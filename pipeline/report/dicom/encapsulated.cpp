@@ -46,7 +46,13 @@ std::string stl_of(const TriangleMesh& mesh) {
 std::string pdf_object(const SourceStudy& source, const std::string& pdf, bool identified,
                        const std::string& result) {
   DcmDataset dataset;
-  put_common(dataset, source, {"report", "DOC", "Emmetrope eye report", 9001, result});
+  ObjectName name;
+  name.role = "report";
+  name.modality = "DOC";
+  name.description = "Emmetrope eye report";
+  name.series_number = 9001;
+  name.result = result;
+  put_common(dataset, source, name);
   put(dataset, 0x0008, 0x0016, UID_EncapsulatedPDFStorage);
   put(dataset, 0x0008, 0x0064, "WSD");
   dataset.insertEmptyElement(DCM_AcquisitionDateTime);

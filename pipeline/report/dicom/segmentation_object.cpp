@@ -84,13 +84,20 @@ std::string decimal(double value) { return fmt::format("{:.6g}", std::abs(value)
 /// A plane of voxels in the patient.
 struct PlaneGrid {
   Eigen::Vector3d row, column, normal;  ///< unit directions in which columns, rows and slices grow
-  double column_spacing_mm, row_spacing_mm, slice_spacing_mm;
+  double column_spacing_mm = 0, row_spacing_mm = 0, slice_spacing_mm = 0;
 };
 
 PlaneGrid grid_of(const Eigen::Matrix4d& lps_from_voxel) {
   const Eigen::Vector3d i = lps_from_voxel.block<3, 1>(0, 0), j = lps_from_voxel.block<3, 1>(0, 1),
                         k = lps_from_voxel.block<3, 1>(0, 2);
-  return {i.normalized(), j.normalized(), k.normalized(), i.norm(), j.norm(), k.norm()};
+  PlaneGrid grid;
+  grid.row = i.normalized();
+  grid.column = j.normalized();
+  grid.normal = k.normalized();
+  grid.column_spacing_mm = i.norm();
+  grid.row_spacing_mm = j.norm();
+  grid.slice_spacing_mm = k.norm();
+  return grid;
 }
 
 std::unique_ptr<DcmSegment> segment_of(const Label& label) {
@@ -213,7 +220,13 @@ std::string segmentation_object(const SourceStudy& source, const std::filesystem
   }
   if (!any) return {};
   DcmDataset header;
-  put_common(header, source, {"segmentation", "SEG", "Eye structures, RESEARCH USE ONLY", 9006, result});
+  ObjectName name;
+  name.role = "segmentation";
+  name.modality = "SEG";
+  name.description = "Eye structures, RESEARCH USE ONLY";
+  name.series_number = 9006;
+  name.result = result;
+  put_common(header, source, name);
   const bool has_frame = !source.images().empty() && !source.images().front().frame_of_reference_uid.empty();
   put(header, 0x0020, 0x0052,
       has_frame ? source.images().front().frame_of_reference_uid : stable_uid("frame " + source.study_uid()));

@@ -5,8 +5,8 @@
 
 #include "pipeline/base/files.hpp"
 #include "pipeline/base/version.hpp"
+#include "pipeline/report/content/biometry_rows.hpp"
 #include "pipeline/report/content/judgement.hpp"
-#include "pipeline/report/content/normal_ranges.hpp"
 #include "pipeline/report/dicom/object.hpp"
 #include "pipeline/report/dicom/objects.hpp"
 
@@ -90,31 +90,37 @@ DSRCodedEntryValue method_code(const std::string& source) {
   return {code.substr(0, 16).c_str(), own_scheme, source_name(source).c_str()};
 }
 
+/// A number of the report.
+struct ReportedNumber {
+  std::optional<Measured> interval;  ///< where it has one
+  std::string unit;
+};
+
 /// TID 310 below each measurement that has an interval: how far its 95 % limits lie from the value (CID 225).
 /// DCMTK's template knows no such rows.
-/// \param intervals  one for each measurement of the tree, in its order
-void add_uncertainties(DSRDocumentTree& tree, const std::vector<std::optional<Measured>>& intervals,
-                       const std::vector<std::string>& units) {
+/// \param numbers  one for each measurement of the tree, in its order
+void add_uncertainties(DSRDocumentTree& tree, const std::vector<ReportedNumber>& numbers) {
   std::vector<std::size_t> nodes;
   if (tree.gotoRoot() != 0) do {
       if (tree.getCurrentContentItem().getValueType() == DSRTypes::VT_Num) nodes.push_back(tree.getNodeID());
     } while (tree.iterate() != 0);
-  if (nodes.size() != intervals.size()) check(SR_EC_InvalidDocumentTree, "measurement intervals");
+  if (nodes.size() != numbers.size()) check(SR_EC_InvalidDocumentTree, "measurement intervals");
   for (std::size_t i = 0; i < nodes.size(); ++i) {
-    if (!intervals[i]) continue;
+    const std::optional<Measured>& interval = numbers[i].interval;
+    if (!interval) continue;
     const auto add = [&](const DSRCodedEntryValue& concept_name, double range) {
       if (tree.gotoNode(nodes[i]) == 0 ||
           tree.addContentItem(DSRTypes::RT_hasProperties, DSRTypes::VT_Num, DSRTypes::AM_belowCurrent) == 0)
         check(SR_EC_InvalidDocumentTree, "measurement interval");
       check(tree.getCurrentContentItem().setConceptName(concept_name), "measurement interval");
       check(tree.getCurrentContentItem().setNumericValue(
-                DSRNumericMeasurementValue(decimal_string(range).c_str(), unit_code(units[i]))),
+                DSRNumericMeasurementValue(decimal_string(range).c_str(), unit_code(numbers[i].unit))),
             "measurement interval");
     };
     add({"371886008", "SCT", "+, range of upper measurement uncertainty"},
-        intervals[i]->ci95[1] - intervals[i]->value);
+        interval->ci95[1] - interval->value);
     add({"371885007", "SCT", "-, range of lower measurement uncertainty"},
-        intervals[i]->value - intervals[i]->ci95[0]);
+        interval->value - interval->ci95[0]);
   }
 }
 
@@ -164,6 +170,50 @@ void describe_document(DSRDocument& document, const SourceStudy& source) {
   check(document.setPreliminaryFlag(DSRTypes::PF_Preliminary), "preliminary");
 }
 
+void start_measurement_report(TID1500_MeasurementReport& report) {
+  // By its code: the class of languages has another name in every other DCMTK.
+  check(report.setLanguage(DSRCodedEntryValue("en", "RFC5646", "English")), "language");
+  check(report.getObservationContext().addDeviceObserver(stable_uid("device " + version()).c_str(), model,
+                                                         manufacturer, model, serial_number),
+        "observer");
+  check(report.addProcedureReported(DSRCodedEntryValue("113091000", "SCT", "Magnetic resonance imaging")),
+        "procedure");
+}
+
+using MeasurementGroup = TID1500_MeasurementReport::TID1501_Measurements;
+
+/// Which eye the group's numbers are of.
+void describe_finding(MeasurementGroup& group, const SourceStudy& source, const EyeData& eye) {
+  const bool is_right = eye.laterality == Laterality::od;
+  check(group.setTrackingIdentifier(is_right ? "OD (right eye)" : "OS (left eye)"), "tracking");
+  check(group.setTrackingUniqueIdentifier(stable_uid("eye " + source.study_uid() + eye.id()).c_str()),
+        "tracking");
+  check(group.addFindingSite(
+            DSRCodedEntryValue("81745001", "SCT", "Eye"),
+            CID244e_Laterality(is_right ? CID244e_Laterality::Right : CID244e_Laterality::Left)),
+        "site");
+}
+
+/// Writes an eye's biometry into its group, and lists what has been written.
+void add_measurements(MeasurementGroup& group, const EyeData& eye, std::vector<ReportedNumber>& numbers) {
+  for (const auto* rows : {&biometry_rows(), &keratometry_rows()})
+    for (const auto& row : *rows) {
+      const auto value = value_at(eye.biometry, "/" + row.key);
+      if (!value) continue;
+      const std::string code = "E" + sha256_of(row.key).substr(0, 10);  // at most 16 characters
+      check(group.addMeasurement(DSRCodedEntryValue(code.c_str(), own_scheme, row.name.c_str()),
+                                 CMR_TID1501_in_TID1500::MeasurementValue(decimal_string(*value).c_str(),
+                                                                          unit_code(row.style.unit)),
+                                 OFTrue),
+            row.key);
+      const Json& found = eye.biometry.at(Json::json_pointer("/" + row.key));
+      const auto measured = found.is_object() ? std::optional(found.get<Measured>()) : std::nullopt;
+      if (measured)
+        check(group.getMeasurement().setMeasurementMethod(method_code(measured->source)), row.key);
+      numbers.push_back({measured, row.style.unit});
+    }
+}
+
 }  // namespace
 
 std::string prescription_object(const SourceStudy& source, const CaseData& data, const std::string& result) {
@@ -181,55 +231,26 @@ std::string prescription_object(const SourceStudy& source, const CaseData& data,
   }
   if (!any) return {};
   tree.text({"121106", "DCM", "Comment"}, comment);
-  return document_bytes(document, source,
-                        {"prescription", "SR", "Spectacle prescription, RESEARCH USE ONLY", 9002, result});
+  ObjectName name;
+  name.role = "prescription";
+  name.modality = "SR";
+  name.description = "Spectacle prescription, RESEARCH USE ONLY";
+  name.series_number = 9002;
+  name.result = result;
+  return document_bytes(document, source, name);
 }
 
 std::string biometry_object(const SourceStudy& source, const CaseData& data, const std::string& result) {
   TID1500_MeasurementReport report(CMR_CID7021::ImagingMeasurementReport);
-  // By its code: the class of languages has another name in every other DCMTK.
-  check(report.setLanguage(DSRCodedEntryValue("en", "RFC5646", "English")), "language");
-  check(report.getObservationContext().addDeviceObserver(stable_uid("device " + version()).c_str(), model,
-                                                         manufacturer, model, serial_number),
-        "observer");
-  check(report.addProcedureReported(DSRCodedEntryValue("113091000", "SCT", "Magnetic resonance imaging")),
-        "procedure");
-  std::vector<std::optional<Measured>> intervals;
-  std::vector<std::string> units;
+  start_measurement_report(report);
+  std::vector<ReportedNumber> numbers;
   bool any = false;
   for (const auto& eye : data.eyes) {
     if (!eye.biometry.is_object()) continue;
     if (any) check(report.addIndividualMeasurements(), "measurement group");
     auto& group = report.getIndividualMeasurements();
-    const bool is_right = eye.laterality == Laterality::od;
-    check(group.setTrackingIdentifier(is_right ? "OD (right eye)" : "OS (left eye)"), "tracking");
-    check(group.setTrackingUniqueIdentifier(stable_uid("eye " + source.study_uid() + eye.id()).c_str()),
-          "tracking");
-    check(group.addFindingSite(
-              DSRCodedEntryValue("81745001", "SCT", "Eye"),
-              CID244e_Laterality(is_right ? CID244e_Laterality::Right : CID244e_Laterality::Left)),
-          "site");
-    for (const auto* rows : {&biometry_rows(), &keratometry_rows()})
-      for (const auto& row : *rows) {
-        const Json::json_pointer pointer("/" + row.key);
-        if (!eye.biometry.contains(pointer)) continue;
-        const Json& found = eye.biometry.at(pointer);
-        const auto value =
-            found.is_number() ? std::optional(found.get<double>()) : value_of(Json{{"v", found}}, "v");
-        if (!value) continue;
-        std::string code = row.key;  // "keratometry/flat/power_D" -> at most 16 characters
-        code = "E" + sha256_of(code).substr(0, 10);
-        check(group.addMeasurement(DSRCodedEntryValue(code.c_str(), own_scheme, row.name.c_str()),
-                                   CMR_TID1501_in_TID1500::MeasurementValue(decimal_string(*value).c_str(),
-                                                                            unit_code(row.style.unit)),
-                                   OFTrue),
-              row.key);
-        const auto measured = found.is_object() ? std::optional(found.get<Measured>()) : std::nullopt;
-        if (measured)
-          check(group.getMeasurement().setMeasurementMethod(method_code(measured->source)), row.key);
-        intervals.push_back(measured);
-        units.push_back(row.style.unit);
-      }
+    describe_finding(group, source, eye);
+    add_measurements(group, eye, numbers);
     check(group.addQualitativeEvaluation(DSRCodedEntryValue("121106", "DCM", "Comment"),
                                          OFString(biometry_comment)),
           "comment");
@@ -238,10 +259,15 @@ std::string biometry_object(const SourceStudy& source, const CaseData& data, con
   if (!any) return {};
   DSRDocument document;
   check(document.setTreeFromRootTemplate(report, OFTrue /* expand */), "TID 1500");
-  add_uncertainties(document.getTree(), intervals, units);
+  add_uncertainties(document.getTree(), numbers);
   describe_document(document, source);
-  return document_bytes(document, source,
-                        {"biometry", "SR", "Eye biometry, RESEARCH USE ONLY", 9003, result});
+  ObjectName name;
+  name.role = "biometry";
+  name.modality = "SR";
+  name.description = "Eye biometry, RESEARCH USE ONLY";
+  name.series_number = 9003;
+  name.result = result;
+  return document_bytes(document, source, name);
 }
 
 }  // namespace emmetrope::report

@@ -25,26 +25,33 @@ namespace {
 
 constexpr int side_px = 360;
 
-/// What a slice shows: directions (LPS) in which its columns and rows grow, and the letters at its edges.
+/// What a slice shows: directions (LPS) in which its columns and rows grow, and the axis across it.
 struct View {
   const char* name;
-  const char *towards, *away;  ///< letters of the coordinate across the slice, positive and negative
-  Eigen::Vector3d right, down;
-  const char *left_letter, *right_letter, *top_letter, *bottom_letter;
-  bool flips;  ///< left and right change places in neurological convention
+  Eigen::Vector3d right, down, across;
+
+  /// Left and right change places in neurological convention.
+  bool flips() const { return right.x() != 0; }
 };
 
 View view_of(Plane plane) {
-  const Eigen::Vector3d left{1, 0, 0}, posterior{0, 1, 0}, inferior{0, 0, -1};
+  const Eigen::Vector3d left{1, 0, 0}, posterior{0, 1, 0}, superior{0, 0, 1};
   switch (plane) {
     case Plane::axial:
-      return {"axial", "S", "I", left, posterior, "R", "L", "A", "P", true};
+      return {"axial", left, posterior, superior};
     case Plane::coronal:
-      return {"coronal", "P", "A", left, inferior, "R", "L", "S", "I", true};
+      return {"coronal", left, -superior, posterior};
     case Plane::sagittal:
       break;
   }
-  return {"sagittal", "L", "R", posterior, inferior, "A", "P", "S", "I", false};
+  return {"sagittal", posterior, -superior, left};
+}
+
+/// "L", "R", "P", "A", "S" or "I".
+const char* anatomical_letter(const Eigen::Vector3d& along_axis) {
+  if (along_axis.x() != 0) return along_axis.x() > 0 ? "L" : "R";
+  if (along_axis.y() != 0) return along_axis.y() > 0 ? "P" : "A";
+  return along_axis.z() > 0 ? "S" : "I";
 }
 
 vtkSmartPointer<vtkImageData> resliced(const Volume& volume, const View& view,
@@ -166,15 +173,15 @@ std::string letter(const char* text, int x, int y, const char* convention) {
 
 std::string letters(const View& view) {
   constexpr int middle = side_px / 2, near = 14, far = side_px - 14, lift = 6;
-  std::string svg =
-      letter(view.top_letter, middle, near + 5, "both") + letter(view.bottom_letter, middle, far, "both");
-  if (!view.flips)
-    return svg + letter(view.left_letter, near, middle + lift, "both") +
-           letter(view.right_letter, far, middle + lift, "both");
-  svg += letter(view.left_letter, near, middle + lift, "radiological");
-  svg += letter(view.right_letter, far, middle + lift, "radiological");
-  svg += letter(view.right_letter, near, middle + lift, "neurological");
-  return svg + letter(view.left_letter, far, middle + lift, "neurological");
+  const char *left = anatomical_letter(-view.right), *right = anatomical_letter(view.right),
+             *top = anatomical_letter(-view.down), *bottom = anatomical_letter(view.down);
+  std::string svg = letter(top, middle, near + 5, "both") + letter(bottom, middle, far, "both");
+  if (!view.flips())
+    return svg + letter(left, near, middle + lift, "both") + letter(right, far, middle + lift, "both");
+  svg += letter(left, near, middle + lift, "radiological");
+  svg += letter(right, far, middle + lift, "radiological");
+  svg += letter(right, near, middle + lift, "neurological");
+  return svg + letter(left, far, middle + lift, "neurological");
 }
 
 std::string scale_bar(double pixel_mm) {
@@ -202,14 +209,13 @@ Figure slice_figure(const Volume& volume, Plane plane, const Eigen::Vector3d& ce
       "<svg xmlns=\"http://www.w3.org/2000/svg\" xmlns:xlink=\"http://www.w3.org/1999/xlink\" viewBox=\"0 0 "
       "{0} {0}\"><rect width=\"{0}\" height=\"{0}\" fill=\"#000\"/><g class=\"{1}\"><image width=\"{0}\" "
       "height=\"{0}\" xlink:href=\"{2}\"/>",
-      side_px, view.flips ? "anatomy flips" : "anatomy", png_url(png));
+      side_px, view.flips() ? "anatomy flips" : "anatomy", png_url(png));
   for (const auto& contour : contours) figure.svg += contour_path(contour, view, centre_lps, pixel_mm);
   figure.svg += "</g>" + letters(view) + scale_bar(pixel_mm) + "</svg>";
-  const double across = centre_lps.dot(plane == Plane::axial     ? Eigen::Vector3d::UnitZ()
-                                       : plane == Plane::coronal ? Eigen::Vector3d::UnitY()
-                                                                 : Eigen::Vector3d::UnitX());
+  const double across_mm = centre_lps.dot(view.across);
   figure.title =
-      fmt::format("{}, {} {:.1f} mm", view.name, across < 0 ? view.away : view.towards, std::abs(across));
+      fmt::format("{}, {} {:.1f} mm", view.name,
+                  anatomical_letter(across_mm < 0 ? -view.across : view.across), std::abs(across_mm));
   figure.alt = fmt::format("{} MR slice through the eye with the contours of the fitted surfaces", view.name);
   return figure;
 }

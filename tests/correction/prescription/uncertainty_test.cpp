@@ -138,7 +138,7 @@ TEST(Uncertainty, MeasurementsBuyWhatTheyMust) {
 
 TEST(Uncertainty, KeratometryIsTheDerivativeOfItsDefinition) {
   const UncertainOptics eye = uncertain_optics_from_json(measured_optics(), ".", 0.005);
-  const Measurement k = keratometry(eye, 0.25);
+  const PlannedObservation k = keratometry(eye, 0.25);
   const auto power = [](double c, double q) { return 337.5 / std::sqrt(1 / (c * c) - q * 1.5 * 1.5); };
   const double c = 1 / 7.8, q = -0.2, h = 1e-6;
   // Across the uncertainty of a toric cornea, not at a point of a round one.
@@ -251,17 +251,17 @@ TEST(Uncertainty, IntervalsAreThoseOfDraws) {
 
 TEST(Uncertainty, SurpriseIsThatOfANormalNumber) {
   // Three numbers known to 1 and measured to 0: what chi2 tables have for three degrees of freedom.
-  const auto surprise = [](const Eigen::VectorXd& off) {
+  const auto innovation = [](const Eigen::VectorXd& off) {
     const Eigen::Index n = off.size();
     NormalDistribution numbers{Eigen::VectorXd::Zero(n), Eigen::MatrixXd::Identity(n, n)};
     return condition(
         numbers, [](const Eigen::VectorXd& x) { return x; }, off, 1e-12 * Eigen::MatrixXd::Identity(n, n));
   };
-  EXPECT_NEAR(surprise(Eigen::VectorXd::Constant(1, -3.3)), 3.3, 1e-6);
-  EXPECT_NEAR(surprise(Eigen::Vector3d(0, std::sqrt(7.815), 0)), 1.960, 1e-3);    // p = 0.05
-  EXPECT_NEAR(surprise(Eigen::Vector3d(0, 0, std::sqrt(16.266))), 3.2905, 1e-3);  // p = 0.001
-  EXPECT_NEAR(surprise(Eigen::Vector2d(std::sqrt(13.816), 0)), 3.2905, 1e-3);
-  EXPECT_GT(surprise(Eigen::Vector3d(0, 60, 0)), 30);
+  EXPECT_NEAR(innovation(Eigen::VectorXd::Constant(1, -3.3)), 3.3, 1e-6);
+  EXPECT_NEAR(innovation(Eigen::Vector3d(0, std::sqrt(7.815), 0)), 1.960, 1e-3);    // p = 0.05
+  EXPECT_NEAR(innovation(Eigen::Vector3d(0, 0, std::sqrt(16.266))), 3.2905, 1e-3);  // p = 0.001
+  EXPECT_NEAR(innovation(Eigen::Vector2d(std::sqrt(13.816), 0)), 3.2905, 1e-3);
+  EXPECT_GT(innovation(Eigen::Vector3d(0, 60, 0)), 30);
 }
 
 }  // namespace

@@ -53,10 +53,10 @@ class LogSharpness : public ceres::CostFunction {
   SharpnessFunction sharpness_;
 };
 
-void check_gradient(const LensFamily& family, const Eigen::VectorXd& lens, Measure measure,
+void check_gradient(const LensFamily& family, const Eigen::VectorXd& lens, SharpnessCriterion criterion,
                     const EyeModel& eye = make_eye("navarro")) {
   ImagingLevel level;
-  level.measure = measure;
+  level.criterion = criterion;
   level.pixels = 64;
   level.field_mm = 0.6;
   level.samples = 128;
@@ -72,27 +72,28 @@ void check_gradient(const LensFamily& family, const Eigen::VectorXd& lens, Measu
   const double* parameters[] = {lens.data()};
   ceres::GradientChecker::ProbeResults results;
   EXPECT_TRUE(checker.Probe(parameters, 0.02, &results))
-      << family.name << ' ' << to_string(measure) << results.error_log;
+      << family.name << ' ' << to_string(criterion) << results.error_log;
 }
 
 TEST(Traced, GradientsPassCeresGradientChecker) {
-  for (const Measure measure : all_measures)
-    check_gradient(thin_lens(12), Eigen::Vector3d(-0.7, 0.3, -0.4), measure);
-  check_gradient(plano_cylinder(-1, 10, 1.5), Eigen::Vector2d(0.4, -0.5), Measure::gradient_energy);
-  check_gradient(plano_cylinder(1, 10, 1.5), Eigen::Vector2d(-0.4, 0.5), Measure::gradient_energy);
+  for (const SharpnessCriterion criterion : all_criteria)
+    check_gradient(thin_lens(12), Eigen::Vector3d(-0.7, 0.3, -0.4), criterion);
+  check_gradient(plano_cylinder(-1, 10, 1.5), Eigen::Vector2d(0.4, -0.5),
+                 SharpnessCriterion::gradient_energy);
+  check_gradient(plano_cylinder(1, 10, 1.5), Eigen::Vector2d(-0.4, 0.5), SharpnessCriterion::gradient_energy);
   check_gradient(polar(plano_cylinder(-1, 10, 1.5), {0.4, -0.9}), Eigen::Vector2d(0.7, 0.5),
-                 Measure::gradient_energy, random_eye(7));
-  check_gradient(thin_lens(0), Eigen::Vector3d(-0.7, 0.3, -0.4), Measure::gradient_energy);
+                 SharpnessCriterion::gradient_energy, random_eye(7));
+  check_gradient(thin_lens(0), Eigen::Vector3d(-0.7, 0.3, -0.4), SharpnessCriterion::gradient_energy);
   const PowerVector power{-0.7, 0.3, -0.4};
   check_gradient(toric_meniscus(make_eye("navarro"), {}, 12, power),
-                 Eigen::Vector3d(power.M_D, power.J0_D, power.J45_D), Measure::gradient_energy);
+                 Eigen::Vector3d(power.M_D, power.J0_D, power.J45_D), SharpnessCriterion::gradient_energy);
 }
 
 /// Sharpness on the level that decides.
 double sharpness_behind(const EyeModel& eye, const LensFamily& family, const PowerVector& lens) {
-  const ImagingLevel level = imaging_levels(Measure::gradient_energy, 3, 589.3, {0, 0}, 1).back();
+  const ImagingLevel level = imaging_levels(SharpnessCriterion::gradient_energy, 3, 589.3, {0, 0}, 1).back();
   const RetinalSharpness sharpness(tracer(), refraction_chart(), eye, family, level);
-  return sharpness.by_all_measures(as_vector(lens))[0];
+  return sharpness.by_all_criteria(as_vector(lens))[0];
 }
 
 EyeModel with_length_changed(EyeModel eye, double by_mm) {
@@ -162,7 +163,7 @@ TEST(Traced, SharpestLensIsThatOfTheExhaustiveSearch) {
   PrescriptionSettings settings;
   settings.verbosity.quiet = true;
   const LensFamily family = thin_lens(12);
-  std::vector<ImagingLevel> levels = imaging_levels(Measure::gradient_energy, 3, 589.3, {0, 0}, 1);
+  std::vector<ImagingLevel> levels = imaging_levels(SharpnessCriterion::gradient_energy, 3, 589.3, {0, 0}, 1);
   levels.back() = small_level();
   const SearchResult search =
       find_sharpest(tracer(), refraction_chart(), eye, levels, {{family, Eigen::Vector3d::Zero()}});
@@ -263,7 +264,8 @@ TEST(Traced, SharpnessAgreesWithTheWavefrontWhereThereIsLittleAberration) {
     wavefront.wavelength_nm = 589.3;
     const raytrace::RefractionCriteria check =
         raytrace::refraction_by_wavefront(with_pupil(eye, 1.5), wavefront, 12);
-    std::vector<ImagingLevel> levels = imaging_levels(Measure::gradient_energy, 1.5, 589.3, {0, 0}, 1);
+    std::vector<ImagingLevel> levels =
+        imaging_levels(SharpnessCriterion::gradient_energy, 1.5, 589.3, {0, 0}, 1);
     levels.back().pixels = 160;
     levels.back().samples = 32;
     const SearchResult search =
@@ -285,7 +287,8 @@ TEST(Traced, FigureSevenPlanoCylinderIsFoundFromAnyStart) {
     EXPECT_NEAR(paraxial.M_D + paraxial.J0_D, sign * 10, 0.05);
     EXPECT_NEAR(paraxial.M_D - paraxial.J0_D, 0, 0.02);
 
-    std::vector<ImagingLevel> levels = imaging_levels(Measure::gradient_energy, 3, 589.3, {0, 0}, 1);
+    std::vector<ImagingLevel> levels =
+        imaging_levels(SharpnessCriterion::gradient_energy, 3, 589.3, {0, 0}, 1);
     levels.back().pixels = 128;
     const LensFamily family = plano_cylinder(sign, 10, 1.5);
     const RetinalSharpness sharpness(tracer(), refraction_chart(), eye, family, levels.back());
@@ -355,7 +358,8 @@ TEST(Traced, FigureSevenWithoutSphericalAberrationIsTheParaxialLens) {
     const EyeModel eye =
         without_spherical_aberration(with_pupil(figure_seven_eye(sign > 0 ? 1.138 : 1 / 1.089), 3));
     const double paraxial_D = move_towards_eye(paraxial_refraction(eye, 589.3), -10).M_D * 2;
-    std::vector<ImagingLevel> levels = imaging_levels(Measure::gradient_energy, 3, 589.3, {0, 0}, 1);
+    std::vector<ImagingLevel> levels =
+        imaging_levels(SharpnessCriterion::gradient_energy, 3, 589.3, {0, 0}, 1);
     const SearchResult search =
         find_sharpest(tracer(), refraction_chart(), eye, levels,
                       {{plano_cylinder(sign, 10, 1.5), plano_cylinder_parameters(-sign * 60, 80, 1.5)}});

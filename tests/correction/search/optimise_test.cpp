@@ -29,7 +29,7 @@ TEST(Optimise, ReachesTheOptimumFromFarInFewEvaluations) {
   const Eigen::Vector3d focus(-6.3, 1.1, -0.7);
   OptimiserSettings settings;
   settings.from_afar = true;
-  const Optimum optimum = climb(blur_width(focus), Eigen::Vector3d(4, 0, 0), box(20), settings);
+  const Optimum optimum = ascend(blur_width(focus), Eigen::Vector3d(4, 0, 0), box(20), settings);
   EXPECT_TRUE(optimum.converged) << optimum.reason;
   EXPECT_LT((optimum.lens - focus).norm(), 2e-3);
   EXPECT_LE(optimum.gradient.lpNorm<Eigen::Infinity>(), 4e-3);
@@ -39,14 +39,14 @@ TEST(Optimise, ReachesTheOptimumFromFarInFewEvaluations) {
 TEST(Optimise, NoConvergenceAtTheIterationLimit) {
   OptimiserSettings settings;
   settings.max_iterations = 1;
-  const Optimum optimum = climb(blur_width({-6, 1, 1}), Eigen::Vector3d(4, 0, 0), box(20), settings);
+  const Optimum optimum = ascend(blur_width({-6, 1, 1}), Eigen::Vector3d(4, 0, 0), box(20), settings);
   EXPECT_FALSE(optimum.converged);
   EXPECT_FALSE(optimum.reason.empty());
 }
 
 TEST(Optimise, NoConvergenceWhenTheOptimumIsOutsideTheBounds) {
-  const Optimum optimum = climb(blur_width({-30, 0, 0}), Eigen::Vector3d(0, 0, 0), box(20), {});
-  EXPECT_GT(optimum.gradient.norm(), 0.05);  // still climbing where it had to stop
+  const Optimum optimum = ascend(blur_width({-30, 0, 0}), Eigen::Vector3d(0, 0, 0), box(20), {});
+  EXPECT_GT(optimum.gradient.norm(), 0.05);  // still rising where it had to stop
   EXPECT_FALSE(optimum.converged) << optimum.reason;
 }
 
@@ -54,14 +54,14 @@ TEST(Optimise, NoConvergenceOnPoison) {
   const SharpnessFunction poison = [](const Eigen::VectorXd& lens) {
     return SharpnessValue{lens[0] > 1 ? NAN : lens[0] + 20, Eigen::Vector3d(1, 0, 0)};
   };
-  EXPECT_FALSE(climb(poison, Eigen::Vector3d(0, 0, 0), box(20), {}).converged);
+  EXPECT_FALSE(ascend(poison, Eigen::Vector3d(0, 0, 0), box(20), {}).converged);
 }
 
 TEST(Optimise, CurvatureIsTheHessian) {
   const Eigen::Vector3d focus(1, 0.5, -0.5);
   const SharpnessFunction sharpness = blur_width(focus);
   const Eigen::Vector3d weights(1, 1.2, 0.9);
-  // Beside the summit, as a search ends.
+  // Beside the maximum, as a search ends.
   for (const Eigen::Vector3d& off : {Eigen::Vector3d(0, 0, 0), Eigen::Vector3d(0.02, -0.01, 0.01)}) {
     Optimum optimum;
     optimum.lens = focus + off;
@@ -90,7 +90,7 @@ SharpnessValue ridge(const Eigen::Vector2d& at, double focus, double axis_weight
   return {1 / std::sqrt(width_squared), -std::pow(width_squared, -1.5) * slope};
 }
 
-TEST(Optimise, ARoundRidgeIsClimbedInPolarForm) {
+TEST(Optimise, ARoundRidgeIsAscendedInPolarForm) {
   // The same ridge in J0 and J45, where it is bent, and in power and arc.
   constexpr double focus = 2.5, axis_weight = 0.05;
   const double start_angle = 0.5;
@@ -109,8 +109,8 @@ TEST(Optimise, ARoundRidgeIsClimbedInPolarForm) {
                                                        value.gradient.dot(across) * lens[0] / start.norm())};
   };
   const auto in_components = [&](const Eigen::VectorXd& lens) { return ridge(lens, focus, axis_weight); };
-  const Optimum by_polar = climb(in_polar, Eigen::Vector2d(2, 0), straight.bounds, {});
-  const Optimum by_components = climb(in_components, start, bounds, {});
+  const Optimum by_polar = ascend(in_polar, Eigen::Vector2d(2, 0), straight.bounds, {});
+  const Optimum by_components = ascend(in_components, start, bounds, {});
   ASSERT_TRUE(by_polar.converged && by_components.converged);
   const PowerVector found = straight.power(by_polar.lens);
   EXPECT_NEAR(found.M_D, focus, 1e-3);
@@ -132,7 +132,7 @@ TEST(Optimise, FirstStepIsNewtonsOnAParabolaOfTheInverseSquare) {
   settings.depth_of_focus_D = 0.7;
   settings.from_afar = true;
   const Bounds bounds{Eigen::VectorXd::Constant(1, -20), Eigen::VectorXd::Constant(1, 20)};
-  const Optimum optimum = climb(sharpness, Eigen::VectorXd::Constant(1, 6), bounds, settings);
+  const Optimum optimum = ascend(sharpness, Eigen::VectorXd::Constant(1, 6), bounds, settings);
   EXPECT_TRUE(optimum.converged);
   EXPECT_NEAR(optimum.lens[0], 0, 1e-9);
   EXPECT_LE(evaluations, 2);

@@ -24,10 +24,11 @@ double depth_of_focus_D(double blur_arcmin) {
   return level.depth_of_focus_D();
 }
 
-TEST(Climb, DepthOfFocusIsWhereTheInverseSquareHasGrownByOne) {
+TEST(Ascent, DepthOfFocusIsWhereTheInverseSquareHasGrownByOne) {
   const auto rays = aberrated_pupil(entrance_pupil_mm, {0, 0, 0}, 0, 24);
   for (const double blur_arcmin : {1.0, 2.0}) {
-    const SharpnessFunction sharpness = geometric_sharpness(rays, Measure::gradient_energy, blur_arcmin);
+    const SharpnessFunction sharpness =
+        geometric_sharpness(rays, SharpnessCriterion::gradient_energy, blur_arcmin);
     for (const Eigen::Vector3d& unit : {Eigen::Vector3d(1, 0, 0), Eigen::Vector3d(0, 0, 1)}) {
       const double value = sharpness(depth_of_focus_D(blur_arcmin) * unit).value;
       // Not 2 to the digit: a disc is no Gaussian.
@@ -36,7 +37,7 @@ TEST(Climb, DepthOfFocusIsWhereTheInverseSquareHasGrownByOne) {
   }
 }
 
-TEST(Climb, ConvergesFromEightDioptresAway) {
+TEST(Ascent, ConvergesFromEightDioptresAway) {
   std::mt19937_64 random(11);
   std::uniform_real_distribution<double> unit(-1, 1);
   int evaluations = 0, most = 0;
@@ -45,10 +46,10 @@ TEST(Climb, ConvergesFromEightDioptresAway) {
     const auto rays = aberrated_pupil(entrance_pupil_mm, focus, 0.03, 6);
     OptimiserSettings from_afar = coarse_search();
     from_afar.depth_of_focus_D = depth_of_focus_D(8);
-    const Optimum coarse = climb(geometric_sharpness(rays, Measure::gradient_energy, 8),
-                                 Eigen::Vector3d::Zero(), box(), from_afar);
+    const Optimum coarse = ascend(geometric_sharpness(rays, SharpnessCriterion::gradient_energy, 8),
+                                  Eigen::Vector3d::Zero(), box(), from_afar);
     const Optimum fine =
-        climb(geometric_sharpness(rays, Measure::gradient_energy, 1), coarse.lens, box(), {});
+        ascend(geometric_sharpness(rays, SharpnessCriterion::gradient_energy, 1), coarse.lens, box(), {});
     ASSERT_TRUE(fine.converged) << fine.reason;
     // Aberrated alike, so all eyes' optima lie at the same small offset from their refraction.
     EXPECT_NEAR(fine.lens[0] - focus[0], -0.1, 0.02) << i;
@@ -62,32 +63,32 @@ TEST(Climb, ConvergesFromEightDioptresAway) {
   RecordProperty("most", most);
 }
 
-TEST(Climb, GradientEnergyRisesAllTheWayAndTheOthersDoNot) {
+TEST(Ascent, GradientEnergyRisesAllTheWayAndTheOthersDoNot) {
   // Why gradient energy is the default: the other two weigh fine detail so much that far from focus they have
-  // only the ripples of spurious resolution to climb.
+  // only the ripples of spurious resolution to ascend.
   const auto rays = aberrated_pupil(entrance_pupil_mm, {0, 0, 0}, 0, 12);
-  const auto has_false_slope = [&](Measure measure) {
-    const SharpnessFunction sharpness = geometric_sharpness(rays, measure, 1);
+  const auto has_false_slope = [&](SharpnessCriterion criterion) {
+    const SharpnessFunction sharpness = geometric_sharpness(rays, criterion, 1);
     for (double M_D = -9; M_D < -0.4; M_D += 0.5)
       if (sharpness(Eigen::Vector3d(M_D, 0, 0)).gradient[0] <= 0) return true;
     return false;
   };
-  EXPECT_FALSE(has_false_slope(Measure::gradient_energy));
-  EXPECT_TRUE(has_false_slope(Measure::laplacian_variance));
-  EXPECT_TRUE(has_false_slope(Measure::mtf_weighted));
+  EXPECT_FALSE(has_false_slope(SharpnessCriterion::gradient_energy));
+  EXPECT_TRUE(has_false_slope(SharpnessCriterion::laplacian_variance));
+  EXPECT_TRUE(has_false_slope(SharpnessCriterion::mtf_weighted));
 }
 
-TEST(Climb, NeedsAThirdOfNelderMeadsEvaluations) {
+TEST(Ascent, NeedsAThirdOfNelderMeadsEvaluations) {
   std::mt19937_64 random(5);
   std::uniform_real_distribution<double> unit(-1, 1);
   int with_derivatives = 0, without = 0;
   for (int i = 0; i < 4; ++i) {
     const Eigen::Vector3d focus(4 * unit(random), unit(random), unit(random));
-    const SharpnessFunction sharpness =
-        geometric_sharpness(aberrated_pupil(entrance_pupil_mm, focus, 0.02, 6), Measure::gradient_energy, 2);
+    const SharpnessFunction sharpness = geometric_sharpness(
+        aberrated_pupil(entrance_pupil_mm, focus, 0.02, 6), SharpnessCriterion::gradient_energy, 2);
     OptimiserSettings settings;
     settings.depth_of_focus_D = depth_of_focus_D(2);
-    const Optimum optimum = climb(sharpness, Eigen::Vector3d::Zero(), box(), settings);
+    const Optimum optimum = ascend(sharpness, Eigen::Vector3d::Zero(), box(), settings);
     const NelderMeadResult simplex =
         nelder_mead([&](const Eigen::VectorXd& lens) { return 1 / std::pow(sharpness(lens).value, 2); },
                     Eigen::Vector3d::Zero(), 1.0, 0.005);
@@ -122,10 +123,10 @@ class LogSharpness : public ceres::CostFunction {
   SharpnessFunction sharpness_;
 };
 
-TEST(Climb, GeometricGradientPassesCeresGradientChecker) {
-  for (const Measure measure : all_measures) {
+TEST(Ascent, GeometricGradientPassesCeresGradientChecker) {
+  for (const SharpnessCriterion criterion : all_criteria) {
     const LogSharpness cost(
-        geometric_sharpness(aberrated_pupil(entrance_pupil_mm, {-2, 0.5, 0.3}, 0.05, 6), measure, 1));
+        geometric_sharpness(aberrated_pupil(entrance_pupil_mm, {-2, 0.5, 0.3}, 0.05, 6), criterion, 1));
     const ceres::GradientChecker checker(&cost, static_cast<std::vector<const ceres::Manifold*>*>(nullptr),
                                          ceres::NumericDiffOptions());
     const Eigen::Vector3d lens(-1.3, 0.4, 0.6);

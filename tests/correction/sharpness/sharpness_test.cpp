@@ -27,8 +27,8 @@ GreyImage grating(int size, double cycles_per_degree, double direction, double c
 TEST(Sharpness, GradientIsTheDerivative) {
   std::mt19937_64 random(1);
   std::uniform_real_distribution<double> pixel(0.2, 1);
-  for (const Measure measure : all_measures) {
-    const SharpnessMeasure sharpness(measure, 12, 10, 1.3, 0.8);
+  for (const SharpnessCriterion criterion : all_criteria) {
+    const SharpnessMeasure sharpness(criterion, 12, 10, 1.3, 0.8);
     GreyImage image{12, 10, {}}, direction{12, 10, {}};
     for (int i = 0; i < 120; ++i) {
       image.values.push_back(pixel(random));
@@ -44,13 +44,13 @@ TEST(Sharpness, GradientIsTheDerivative) {
       behind.values[i] -= step * direction.values[i];
     }
     const double numeric = (sharpness(ahead).value - sharpness(behind).value) / (2 * step);
-    EXPECT_NEAR(slope, numeric, 1e-6 * std::abs(numeric) + 1e-12) << to_string(measure);
+    EXPECT_NEAR(slope, numeric, 1e-6 * std::abs(numeric) + 1e-12) << to_string(criterion);
   }
 }
 
 TEST(Sharpness, BrightnessDoesNotCountAndContrastDoesSquared) {
-  for (const Measure measure : all_measures) {
-    const SharpnessMeasure sharpness(measure, 128, 128, 1, 1);
+  for (const SharpnessCriterion criterion : all_criteria) {
+    const SharpnessMeasure sharpness(criterion, 128, 128, 1, 1);
     const double reference = sharpness(grating(128, 6, 0.3, 0.4, 1)).value;
     EXPECT_NEAR(sharpness(grating(128, 6, 0.3, 0.4, 7.5)).value, reference, 1e-9 * reference);
     EXPECT_NEAR(sharpness(grating(128, 6, 0.3, 0.2, 1)).value, reference / 4, 0.02 * reference);
@@ -59,8 +59,8 @@ TEST(Sharpness, BrightnessDoesNotCountAndContrastDoesSquared) {
 }
 
 TEST(Sharpness, AllDirectionsCountAlike) {
-  for (const Measure measure : all_measures) {
-    const SharpnessMeasure sharpness(measure, 128, 128, 1, 1);
+  for (const SharpnessCriterion criterion : all_criteria) {
+    const SharpnessMeasure sharpness(criterion, 128, 128, 1, 1);
     const double reference = sharpness(grating(128, 6, 0, 0.4, 1)).value;
     for (const double direction : {0.2, 0.7, 1.2, 2.0, 2.9})
       EXPECT_NEAR(sharpness(grating(128, 6, direction, 0.4, 1)).value, reference, 0.02 * reference);
@@ -68,21 +68,23 @@ TEST(Sharpness, AllDirectionsCountAlike) {
 }
 
 TEST(Sharpness, WeightsAreThoseOfTheirFormulas) {
-  const auto ratio = [](Measure measure) {  // of two gratings at 4 and 8 cycles per degree
-    const SharpnessMeasure sharpness(measure, 240, 240, 1, 0);
+  const auto ratio = [](SharpnessCriterion criterion) {  // of two gratings at 4 and 8 cycles per degree
+    const SharpnessMeasure sharpness(criterion, 240, 240, 1, 0);
     return sharpness(grating(240, 8, 0, 0.4, 1)).value / sharpness(grating(240, 4, 0, 0.4, 1)).value;
   };
-  EXPECT_NEAR(ratio(Measure::gradient_energy), 4, 0.15);
-  EXPECT_NEAR(ratio(Measure::laplacian_variance), 16, 1.5);
+  EXPECT_NEAR(ratio(SharpnessCriterion::gradient_energy), 4, 0.15);
+  EXPECT_NEAR(ratio(SharpnessCriterion::laplacian_variance), 16, 1.5);
   const double csf = raytrace::contrast_sensitivity(8) / raytrace::contrast_sensitivity(4);
-  EXPECT_NEAR(ratio(Measure::mtf_weighted), 8 * csf * csf, 0.4);
+  EXPECT_NEAR(ratio(SharpnessCriterion::mtf_weighted), 8 * csf * csf, 0.4);
 }
 
 TEST(Sharpness, RefusesBlackPicturesAndUnknownNames) {
-  EXPECT_THROW(SharpnessMeasure(Measure::gradient_energy, 8, 8, 1, 1)({8, 8, std::vector<double>(64, 0.0)}),
-               Error);
-  EXPECT_THROW(measure_from_string("sharp"), Error);
-  for (const Measure measure : all_measures) EXPECT_EQ(measure_from_string(to_string(measure)), measure);
+  EXPECT_THROW(
+      SharpnessMeasure(SharpnessCriterion::gradient_energy, 8, 8, 1, 1)({8, 8, std::vector<double>(64, 0.0)}),
+      Error);
+  EXPECT_THROW(criterion_from_string("sharp"), Error);
+  for (const SharpnessCriterion criterion : all_criteria)
+    EXPECT_EQ(criterion_from_string(to_string(criterion)), criterion);
 }
 
 }  // namespace

@@ -2,7 +2,7 @@
 #include <sstream>
 
 #include "pipeline/base/notation.hpp"
-#include "pipeline/report/content/normal_ranges.hpp"
+#include "pipeline/report/content/biometry_rows.hpp"
 #include "tests/pipeline/report/report_fixture.hpp"
 
 // Every clinical number on the pages and in the objects is the JSON's.
@@ -90,9 +90,8 @@ void NumbersTest::expect_biometry() const {
       for (const char* eye : {"od", "os"}) {
         const auto measured =
             json_of("meshing", eye, "biometry.json").at(Json::json_pointer("/" + row.key)).get<Measured>();
-        const bool is_unusual =
-            row.low != row.high && (measured.value < row.low || measured.value > row.high);
-        expected.push_back(format(measured.value, row.style) + (is_unusual ? " (!)" : ""));
+        expected.push_back(format(measured.value, row.style) +
+                           (row.normal().contains(measured.value) ? "" : " (!)"));
         expected.push_back(format_interval(measured, row.style));
       }
       EXPECT_THAT(html, have_row(expected));

@@ -49,11 +49,12 @@ TEST_F(ReportTest, CaseFullOfComplaintsStaysWithinFourPages) {
   EXPECT_THAT(visible_text(output("report.html")), HasSubstr("complaint 59:"));
 }
 
-TEST_F(ReportTest, TooWideAnIntervalIsNoPrescription) {
+TEST_F(ReportTest, AWithheldPrescriptionIsNone) {
   test::make_fixture_case(folder_);
   const fs::path file = folder_ / "correction" / "od" / "prescription.json";
   Json prescription = read_json(file);
   prescription["M_D"]["ci95"] = {-2.87 - 3.2, -2.87 + 3.2};
+  prescription["withheld"] = "The mean sphere's 95 % interval, +-3.20 D, does not support a prescription.";
   write_json(file, prescription);
   const Answer answer = report();
   EXPECT_FALSE(answer.json.at("eyes").at("od").contains("prescription"));
@@ -63,8 +64,27 @@ TEST_F(ReportTest, TooWideAnIntervalIsNoPrescription) {
     EXPECT_THAT(text, HasSubstr("Estimate, not a prescription: mean sphere -2.9 D"));
     EXPECT_THAT(text, Not(HasSubstr("-2.25 / -1.00 x 175")));
   }
+  EXPECT_THAT(visible_text(output("report.html")),
+              HasSubstr("95 % interval, ±3.20 D, does not support a prescription. The estimate is for "
+                        "information. Known from elsewhere, keratometry"));
   EXPECT_THAT(dump("prescription.dcm"), Not(HasSubstr("Right Eye Rx")));
   EXPECT_THAT(output("prescription.fhir.json"), Not(HasSubstr("right")));
+}
+
+/// Cases that were corrected before the correction stage said so hold no word of it.
+TEST_F(ReportTest, AnOlderCaseIsHeldToTheSameLimit) {
+  test::make_fixture_case(folder_);
+  for (const char* eye : {"od", "os"}) {
+    const fs::path file = folder_ / "correction" / eye / "prescription.json";
+    Json prescription = read_json(file);
+    prescription.erase("withheld");
+    if (std::string(eye) == "od") prescription["M_D"]["ci95"] = {-2.87 - 3.2, -2.87 + 3.2};
+    write_json(file, prescription);
+  }
+  const Answer answer = report();
+  EXPECT_FALSE(answer.json.at("eyes").at("od").contains("prescription"));
+  EXPECT_TRUE(answer.json.at("eyes").at("os").contains("prescription"));
+  EXPECT_THAT(visible_text(output("report.html")), HasSubstr("No prescription: known only to ±3.2 D"));
 }
 
 // A point of a stack plus its shift lies where the surfaces are: the slice through the eye's middle lies that

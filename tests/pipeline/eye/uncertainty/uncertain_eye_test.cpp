@@ -121,8 +121,8 @@ TEST(UncertainEye, UpdateOfOneNumberIsTheTextbookOne) {
   const auto acd = index("anterior_chamber_depth_mm");
   const double before = estimate.eye().covariance(acd, acd), sigma = 0.02;
   const double measured = eye.anterior_chamber_depth_mm + 0.03;
-  const double surprise = estimate.learn(anterior_chamber_measurement(std::to_string(measured), sigma));
-  EXPECT_NEAR(surprise, 0.03 / std::sqrt(before + sigma * sigma), 1e-4);
+  const double innovation = estimate.learn(anterior_chamber_measurement(std::to_string(measured), sigma));
+  EXPECT_NEAR(innovation, 0.03 / std::sqrt(before + sigma * sigma), 1e-4);
   const double gain = before / (before + sigma * sigma);
   EXPECT_NEAR(estimate.eye().anterior_chamber_depth_mm, eye.anterior_chamber_depth_mm + gain * 0.03, 1e-6);
   EXPECT_NEAR(estimate.eye().covariance(acd, acd), (1 - gain) * before, 1e-12);
@@ -137,9 +137,9 @@ TEST(UncertainEye, WhatAPriorAloneTellsMayBeTwiceAsFar) {
   const double before = eye.covariance(acd, acd), sigma = 0.02, depth_mm = eye.anterior_chamber_depth_mm;
   eye.source["anterior_chamber_depth_mm"] = "prior";
   UncertainEye estimate = fitted_eye(eye);
-  const double surprise =
+  const double innovation =
       estimate.learn(anterior_chamber_measurement(std::to_string(depth_mm + 0.03), sigma));
-  EXPECT_NEAR(surprise, 0.03 / std::sqrt(4 * before + sigma * sigma), 1e-4);
+  EXPECT_NEAR(innovation, 0.03 / std::sqrt(4 * before + sigma * sigma), 1e-4);
   const double gain = before / (before + sigma * sigma);
   EXPECT_NEAR(estimate.eye().anterior_chamber_depth_mm, depth_mm + gain * 0.03, 1e-6);
 }
@@ -262,7 +262,7 @@ TEST(Plausibility, FlagsWhatNoEyeHas) {
   Json biometry = biometry_json(fitted_eye(eye), {});
   std::vector<std::string> failed;
   for (const PlausibilityFlag& flag : plausibility(biometry)) {
-    if (!flag.passed) failed.push_back(flag.name);
+    if (!flag.passed()) failed.push_back(flag.name);
   }
   EXPECT_EQ(failed, (std::vector<std::string>{"keratometry_flat_D", "keratometry_steep_D"}));
 }

@@ -1,0 +1,19 @@
+#include "correction/prescription/withholding.hpp"
+
+#include <fmt/core.h>
+
+#include "pipeline/eye/population/limits.hpp"
+
+namespace emmetrope::correction {
+
+std::string reason_to_withhold(const Measured& mean_sphere_D) {
+  const double half_width_D = (mean_sphere_D.ci95[1] - mean_sphere_D.ci95[0]) / 2;
+  const Range supported_D = limits_of("M_half_width_D").accepted;
+  if (supported_D.contains(half_width_D)) return {};
+  return fmt::format(
+      "The mean sphere's 95 % interval, +-{:.2f} D, is wider than from no lens at all to high myopia ({:g} "
+      "D): these data do not support a prescription.",
+      half_width_D, 2 * supported_D.high);
+}
+
+}  // namespace emmetrope::correction

@@ -1,0 +1,148 @@
+#include "pipeline/eye/population/limits.hpp"
+
+#include <algorithm>
+
+#include "pipeline/base/error.hpp"
+
+namespace emmetrope {
+namespace {
+
+Range at_least(double low) {
+  Range range;
+  range.low = low;
+  return range;
+}
+Range at_most(double high) {
+  Range range;
+  range.high = high;
+  return range;
+}
+
+/// A row as it is written below.
+class Row {
+ public:
+  Row(const char* quantity, const char* unit) {
+    limits_.quantity = quantity;
+    limits_.unit = unit;
+  }
+  Row& refuse_outside(Range range) { return limits_.accepted = range, *this; }
+  Row& warn_outside(Range range) { return limits_.plausible = range, *this; }
+  Row& normal(Range range, const char* reference) {
+    limits_.normal = range;
+    limits_.normal_reference = reference;
+    return *this;
+  }
+  operator Limits() const { return limits_; }
+
+ private:
+  Limits limits_;
+};
+
+// Normal ranges are mean -+ 2 standard deviations of the source: axial length 23.45 (1.51) mm, chamber depth
+// 3.11 (0.43) mm and corneal radius 7.69 (0.28) mm of 23 239 eyes; corneal thickness 0.534 (0.040) mm of 28
+// 709 eyes; asphericity -0.28 (0.18) of 1683 eyes. Lens thickness is 2.93 mm + 0.0236 mm a year from 18 to 80
+// years, -+ 0.4 mm. The lens's radii are 12.9 - 0.057 age and 6.2 - 0.012 age (mm; Navarro 2014 has 12.7 -
+// 0.058 age and 5.9 - 0.013 age). Distances of the eyes are the range of the vast majority of adults.
+constexpr const char *hoffmann = "Hoffmann and Huetz 2010", *cataract_patients = "BMC Ophthalmology 2021;21",
+                     *handan = "Handan Eye Study", *lens_thickness = "Dubbelman et al. 2001",
+                     *lens_radii = "Dubbelman and van der Heijde 2001", *dodgson = "Dodgson 2004";
+constexpr Range plausible_corneal_power_D{38, 50}, normal_corneal_power_D{40.91, 47.34};
+
+std::vector<Limits> biometry() {
+  return {
+      Row("axial_length_mm", "mm").refuse_outside({16, 38}).warn_outside({20, 32}),
+      Row("optical_axial_length_mm", "mm").normal({20.43, 26.47}, hoffmann),
+      Row("corneal_thickness_mm", "mm").warn_outside({0.4, 0.7}).normal({0.45, 0.61}, cataract_patients),
+      Row("anterior_chamber_depth_mm", "mm")
+          .refuse_outside(at_least(1.8))
+          .warn_outside({2, 5})
+          .normal({2.25, 3.97}, hoffmann),
+      Row("lens_thickness_mm", "mm").warn_outside({2.8, 6}).normal({2.95, 5.2}, lens_thickness),
+      Row("lens_anterior_radius_mm", "mm").warn_outside({5, 17}).normal({7.5, 13.2}, lens_radii),
+      Row("lens_posterior_radius_mm", "mm").warn_outside({3.5, 9}).normal({4.9, 7.0}, lens_radii),
+      Row("globe_width_mm", "mm").warn_outside({19, 30}),
+      Row("globe_height_mm", "mm").warn_outside({19, 30}),
+      Row("interpupillary_distance_mm", "mm").warn_outside({45, 80}).normal({50, 75}, dodgson),
+      // Beyond this astigmatic axes, which are given against the scanner, are not the patient's own.
+      Row("head_roll_deg", "deg").warn_outside({-3, 3}),
+      Row("astigmatism/M_D", "D")
+          .refuse_outside({30, 60})
+          .warn_outside(plausible_corneal_power_D)
+          .normal(normal_corneal_power_D, hoffmann),
+      Row("keratometry/flat/power_D", "D")
+          .warn_outside(plausible_corneal_power_D)
+          .normal(normal_corneal_power_D, hoffmann),
+      Row("keratometry/steep/power_D", "D")
+          .warn_outside(plausible_corneal_power_D)
+          .normal(normal_corneal_power_D, hoffmann),
+      Row("keratometry/cylinder_D", "D").warn_outside({0, 6}),
+      Row("keratometry/asphericity_q", "").warn_outside({-1, 0.6}).normal({-0.64, 0.08}, handan),
+  };
+}
+
+/// Half widths of the 95 % intervals of a refraction's M, and of its J0 and J45.
+std::vector<Limits> refraction() {
+  return {
+      // An interval of 6 D reaches from an eye that needs no lens to a highly myopic one (-6 D, International
+      // Myopia Institute 2019): it does not even tell the class of the ametropia. With a lens that is 1 D off
+      // its wearer may see worse than with the one that is worn.
+      Row("M_half_width_D", "D")
+          .refuse_outside(at_most(3))
+          .warn_outside(at_most(1))
+          .normal(at_most(0.5), "Goss and Grosvenor 1996"),
+      // Beyond this a cylinder of 1 D may not be there.
+      Row("J_half_width_D", "D").warn_outside(at_most(0.5)),
+  };
+}
+
+/// Numbers of fit.json's "quality".
+std::vector<Limits> fit_quality() {
+  return {
+      Row("globe_inside_stack", "").refuse_outside(at_least(0.85)),
+      Row("lens_contrast", "").refuse_outside(at_least(0.10)),
+      Row("lens_off_axis_mm", "mm").refuse_outside(at_most(2)),
+      Row("cornea_sigma_over_prior", "").refuse_outside(at_most(0.95)),
+      Row("axial_length_sigma_mm", "mm").refuse_outside(at_most(0.6)),
+      Row("apex_sigma_mm", "mm").refuse_outside(at_most(0.5)),
+      // A wall as bright as what surrounds it has no outer border, and any thickness fits: a warning then.
+      Row("wall_thickness_t1_mm", "mm").refuse_outside(at_least(0.3)).warn_outside(at_least(0.3)),
+      // Retina, choroid and sclera are 0.8 to 1.5 mm.
+      Row("thickest_wall_t1_mm", "mm").warn_outside(at_most(2.5)),
+      Row("wall_over_surroundings_t1", "").refuse_outside(at_most(1.2)),
+      Row("chi2_per_voxel", "").refuse_outside(at_most(25)),
+      Row("slice_displacement_mm", "mm").refuse_outside(at_most(0.25)),
+      Row("outlier_share", "").refuse_outside(at_most(0.35)),
+      Row("converged", "").warn_outside(at_least(1)),
+      Row("head_shift_mm", "mm").warn_outside(at_most(6)),
+      // Between two eyes in one image, which has one chemical shift and one bandwidth. Chosen; right fits of
+      // phantoms differ by up to 0.2 mm, wrong ones by 1.5 to 2 mm.
+      Row("fat_shift_difference_mm", "mm").refuse_outside(at_most(0.5)),
+  };
+}
+
+}  // namespace
+
+bool Range::is_limited() const { return !contains(Range{}); }
+
+const std::vector<Limits>& limits_table() {
+  static const std::vector<Limits> table = [] {
+    std::vector<Limits> all;
+    for (const std::vector<Limits>& part : {biometry(), refraction(), fit_quality()})
+      all.insert(all.end(), part.begin(), part.end());
+    return all;
+  }();
+  return table;
+}
+
+const Limits* find_limits(const std::string& quantity) {
+  const auto found = std::find_if(limits_table().begin(), limits_table().end(),
+                                  [&](const Limits& limits) { return limits.quantity == quantity; });
+  return found == limits_table().end() ? nullptr : &*found;
+}
+
+const Limits& limits_of(const std::string& quantity) {
+  if (const Limits* found = find_limits(quantity)) return *found;
+  throw Error(ExitStatus::fault, "no limits are known of " + quantity);
+}
+
+}  // namespace emmetrope

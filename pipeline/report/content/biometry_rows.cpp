@@ -1,0 +1,46 @@
+#include "pipeline/report/content/biometry_rows.hpp"
+
+namespace emmetrope::report {
+
+Range BiometryRow::normal() const {
+  const Limits* limits = find_limits(key);
+  return limits == nullptr ? Range{} : limits->normal;
+}
+
+const std::vector<BiometryRow>& biometry_rows() {
+  static const std::vector<BiometryRow> rows{
+      {"optical_axial_length_mm", "Axial length, optical", {2, false, "mm"}},
+      {"axial_length_mm", "Axial length, to the inner retina", {2, false, "mm"}},
+      {"corneal_thickness_mm", "Corneal thickness", {2, false, "mm"}},
+      {"anterior_chamber_depth_mm", "Anterior chamber depth", {2, false, "mm"}},
+      {"lens_thickness_mm", "Lens thickness", {2, false, "mm"}},
+      {"lens_anterior_radius_mm", "Lens front radius", {1, false, "mm"}},
+      {"lens_posterior_radius_mm", "Lens back radius", {1, false, "mm"}},
+      {"globe_width_mm", "Globe width (inner)", {1, false, "mm"}},
+      {"globe_height_mm", "Globe height (inner)", {1, false, "mm"}},
+      {"interpupillary_distance_mm", "Distance of the globe centres", {1, false, "mm"}}};
+  return rows;
+}
+
+const std::vector<BiometryRow>& keratometry_rows() {
+  static const std::vector<BiometryRow> rows{
+      {"keratometry/flat/power_D", "Flat meridian K1", {2, false, "D"}},
+      {"keratometry/flat/radius_mm", "Flat radius", {2, false, "mm"}},
+      {"keratometry/flat/axis_deg", "Flat axis", {0, false, "deg"}},
+      {"keratometry/steep/power_D", "Steep meridian K2", {2, false, "D"}},
+      {"keratometry/steep/radius_mm", "Steep radius", {2, false, "mm"}},
+      {"keratometry/steep/axis_deg", "Steep axis", {0, false, "deg"}},
+      {"keratometry/cylinder_D", "Corneal cylinder (steep - flat)", {2, false, "D"}},
+      {"keratometry/asphericity_q", "Asphericity Q", {2, true, ""}},
+      {"astigmatism/M_D", "Corneal mean power M", {2, false, "D"}},
+      {"astigmatism/J0_D", "Corneal J0", {2, true, "D"}},
+      {"astigmatism/J45_D", "Corneal J45", {2, true, "D"}},
+      {"astigmatism/irregularity_um", "Irregularity (rms from the best toric)", {1, false, "\u00b5m"}},
+      {"astigmatism/section_2p3mm/horizontal_mm",
+       "Corneal section 2.3 mm deep, horizontal",
+       {2, false, "mm"}},
+      {"astigmatism/section_2p3mm/vertical_mm", "Corneal section 2.3 mm deep, vertical", {2, false, "mm"}}};
+  return rows;
+}
+
+}  // namespace emmetrope::report

@@ -1,0 +1,95 @@
+// One rule for a reading of another instrument, wherever it is given: "mesh --keratometry K, trace, correct"
+// and "mesh, trace, correct --keratometry K" are of the same eye.
+#include <gtest/gtest.h>
+
+#include <array>
+#include <cmath>
+
+#include "correction/stage.hpp"
+#include "meshing/stage.hpp"
+#include "pipeline/base/files.hpp"
+#include "pipeline/base/measured.hpp"
+#include "pipeline/eye/meshes/mesh_formats.hpp"
+#include "pipeline/eye/meshes/triangle_mesh.hpp"
+#include "raytrace/case/measured_eye.hpp"
+#include "tests/support/random_eye.hpp"
+#include "tests/support/temporary_folder.hpp"
+
+namespace emmetrope::correction {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// A right eye as segmentation leaves it.
+void write_fitted_eye(const fs::path& case_folder) {
+  const fs::path folder = case_folder / "segmentation";
+  fs::create_directories(folder / "od");
+  write_json(folder / "od/fit.json", {{"laterality", "od"},
+                                      {"eye", to_json(random_eye(40))},
+                                      {"head_roll_deg", nullptr},
+                                      {"quality", Json::array()},
+                                      {"status", "measured"}});
+  write_json(folder / "stage.json", {{"verdict", {{"status", 0}, {"reasons", Json::array()}}}});
+  write_json(case_folder / "case.json", {{"subject", {{"age_years", 40}}}});
+}
+
+/// What the trace stage leaves for the correction, without a picture.
+void trace(const fs::path& case_folder) {
+  const fs::path folder = case_folder / "raytrace";
+  fs::create_directories(folder / "od");
+  const raytrace::MeasuredEye measured = raytrace::read_measured_eye(case_folder, Laterality::od, {});
+  write_mesh(folder / "od/photoreceptors.ply", measured.photoreceptors_in_lps, true);
+  write_json(folder / "od/eye.json", raytrace::measured_eye_json(measured, Laterality::od));
+  write_json(folder / "stage.json", {{"verdict", {{"status", 0}, {"reasons", Json::array()}}},
+                                     {"parameters",
+                                      {{"scene", "letters"},
+                                       {"samples", 4},
+                                       {"pupil_mm", 4},
+                                       {"size", {20, 20}},
+                                       {"field_mm", {6, 6}},
+                                       {"fovea_mm", {0, 0}},
+                                       {"lens_index", nullptr},
+                                       {"age_years", 40}}}});
+}
+
+/// The refraction of a case in which these instruments' readings are given to one stage or the other.
+Json refraction(const fs::path& case_folder, const InstrumentFlags& to_mesh,
+                const InstrumentFlags& to_correct) {
+  CommonOptions common;
+  common.verbosity.quiet = true;
+  common.threads = 2;
+  write_fitted_eye(case_folder);
+  meshing::MeshingOptions meshing;
+  meshing.case_folder = case_folder;
+  meshing.instruments = parse_instruments(to_mesh, meshing.retinal_depth_mm);
+  meshing::make_meshes(meshing, common);
+  trace(case_folder);
+  CorrectionSettings settings;
+  settings.prescription.verbosity.quiet = true;
+  KnownDataFlags known;
+  known.instruments = to_correct;
+  settings.known = parse_known_data(known);
+  return correct_case(case_folder, settings, common).json["eyes"]["od"];
+}
+
+TEST(KnownAtEitherStage, KeratometryGivesOneRefraction) {
+  const test::TemporaryFolder temporary;
+  const double power_D = 337.5 * random_eye(40).cornea_c_per_mm;
+  InstrumentFlags keratometry;
+  keratometry.keratometry = {"od:" + std::to_string(power_D + 0.2) + "@170/" + std::to_string(power_D + 1.1) +
+                             "@80+-0.25"};
+  const Json meshed = refraction(temporary.path() / "meshed", keratometry, {});
+  const Json corrected = refraction(temporary.path() / "corrected", {}, keratometry);
+  const Json without = refraction(temporary.path() / "without", {}, {});
+  for (const Json* j : {&meshed, &corrected, &without}) {
+    for (const char* key : {"M_D", "J0_D", "J45_D"}) {
+      const auto m = j->at(key).get<Measured>();
+      printf("%s %.5f sigma %.5f %s\n", key, m.value, m.sigma(), m.source.c_str());
+    }
+    printf("%s\n%s\n", (*j)["wavefront_check"].dump().c_str(), (*j)["budget"].dump().c_str());
+    printf("%s %s\n", (*j)["learnt_from"].dump().c_str(), (*j)["search"]["distinct_optima_D"].dump().c_str());
+  }
+}
+
+}  // namespace
+}  // namespace emmetrope::correction

@@ -1,0 +1,70 @@
+#include "pipeline/eye/population/limits.hpp"
+
+#include <gtest/gtest.h>
+
+#include <limits>
+#include <regex>
+
+#include "meshing/biometry.hpp"
+#include "pipeline/base/error.hpp"
+#include "tests/support/random_eye.hpp"
+
+namespace emmetrope {
+namespace {
+
+TEST(LimitsTable, NormalIsPlausibleAndPlausibleIsAccepted) {
+  for (const Limits& row : limits_table()) {
+    const bool is_limited =
+        row.accepted.is_limited() || row.plausible.is_limited() || row.normal.is_limited();
+    EXPECT_TRUE(is_limited) << row.quantity;
+    for (const Range& range : {row.accepted, row.plausible, row.normal})
+      EXPECT_LT(range.low, range.high) << row.quantity;
+    if (row.normal.is_limited()) {
+      EXPECT_TRUE(row.plausible.contains(row.normal)) << row.quantity;
+      EXPECT_TRUE(row.accepted.contains(row.normal)) << row.quantity;
+    }
+    if (row.plausible.is_limited()) {
+      EXPECT_TRUE(row.accepted.contains(row.plausible)) << row.quantity;
+    }
+  }
+}
+
+TEST(LimitsTable, ANormalRangeNamesItsReference) {
+  for (const Limits& row : limits_table())
+    EXPECT_EQ(row.normal_reference.empty(), !row.normal.is_limited()) << row.quantity;
+}
+
+TEST(LimitsTable, EachQuantityHasOneRow) {
+  for (const Limits& row : limits_table()) EXPECT_EQ(&limits_of(row.quantity), &row) << row.quantity;
+  EXPECT_EQ(find_limits("keratometry/steep"), nullptr);
+  EXPECT_THROW(limits_of("keratometry/steep"), Error);
+}
+
+/// Paths of the measured numbers in a document, '/' between levels.
+void collect_measured(const Json& json, const std::string& path, std::vector<std::string>& paths) {
+  if (!json.is_object()) return;
+  if (json.contains("ci95")) return paths.push_back(path);
+  for (const auto& [key, value] : json.items())
+    collect_measured(value, path + (path.empty() ? "" : "/") + key, paths);
+}
+
+TEST(LimitsTable, HoldsWhatBiometryMeasures) {
+  std::vector<std::string> paths;
+  collect_measured(meshing::biometry_json(UncertainEye(random_eye(2)), {}), "", paths);
+  ASSERT_GT(paths.size(), 15U);
+  // Of these what is limited is the power that they follow from, or nothing is known of them.
+  const std::regex without(".*/(radius_mm|axis_deg|J0_D|J45_D|irregularity_um|section_2p3mm/.*)");
+  for (const std::string& path : paths)
+    EXPECT_EQ(find_limits(path) == nullptr, std::regex_match(path, without)) << path;
+}
+
+TEST(Range, HoldsItsEndsAndNoNumberThatIsNone) {
+  const Range range{1.8, 5};
+  EXPECT_TRUE(range.contains(1.8) && range.contains(5.0));
+  EXPECT_FALSE(range.contains(1.799) || range.contains(5.001));
+  EXPECT_FALSE(range.contains(std::numeric_limits<double>::quiet_NaN()));
+  EXPECT_FALSE(Range{}.is_limited());
+}
+
+}  // namespace
+}  // namespace emmetrope
