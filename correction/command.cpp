@@ -4,6 +4,7 @@
 #include <memory>
 
 #include "correction/stage.hpp"
+#include "pipeline/eye/schematic/schematic_eyes.hpp"
 
 namespace emmetrope::correction {
 namespace {

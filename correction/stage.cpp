@@ -6,8 +6,8 @@
 #include <array>
 #include <cmath>
 
+#include "correction/prescription/sweep.hpp"
 #include "correction/prescription/withholding.hpp"
-#include "correction/search/sweep.hpp"
 #include "correction/what_if/ablation.hpp"
 #include "pipeline/base/case_subject.hpp"
 #include "pipeline/base/error.hpp"
@@ -285,8 +285,13 @@ KnownEye read_known_eye(const fs::path& case_folder, Laterality side, const Corr
   const auto data = settings.known.find(side);
   if (data == settings.known.end()) return known;
   std::vector<std::string> warnings;
-  known.calibration =
-      learn_known_data(tracer, known.eye, *known.uncertain, data->second, settings.prescription, warnings);
+  try {
+    known.calibration =
+        learn_known_data(tracer, known.eye, *known.uncertain, data->second, settings.prescription, warnings);
+  } catch (const Error& error) {
+    if (error.status() == ExitStatus::no_result) throw;  // told as the eye's reason
+    throw said_of(side, error);
+  }
   for (const std::string& warning : warnings) warn(warning);
   warn(
       "what was measured elsewhere is in the prescription and in corrected.png, not in the meshes and "

@@ -4,6 +4,7 @@
 #include "pipeline/eye/model/eye_model.hpp"
 #include "pipeline/eye/optics/exact_trace.hpp"
 #include "pipeline/eye/optics/paraxial.hpp"
+#include "pipeline/eye/schematic/schematic_eyes.hpp"
 
 int main() {
   using namespace emmetrope;

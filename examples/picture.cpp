@@ -1,6 +1,7 @@
 // What a myope of 4 D sees of letters at 6 m, without and with glasses.
 #include <cstdio>
 
+#include "pipeline/eye/schematic/schematic_eyes.hpp"
 #include "raytrace/spectacle/spectacle.hpp"
 #include "raytrace/tracer/tracer.hpp"
 

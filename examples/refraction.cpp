@@ -3,6 +3,7 @@
 
 #include "correction/prescription/prescription.hpp"
 #include "pipeline/base/notation.hpp"
+#include "pipeline/eye/schematic/schematic_eyes.hpp"
 
 int main() {
   using namespace emmetrope;

@@ -176,9 +176,8 @@ void learn_from_instruments(KnownEyes& eyes, const MeshingOptions& options, Stag
     try {
       for (const std::string& warning : learn(fitted.estimate, readings))
         workspace.warn(std::string(clinical_name(eye)) + ": " + warning);
-    } catch (Error& error) {
-      error.add_context(clinical_name(eye));
-      throw;
+    } catch (const Error& error) {
+      throw said_of(eye, error);
     }
   }
 }

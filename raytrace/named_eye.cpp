@@ -3,6 +3,7 @@
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/eye_stage.hpp"
 #include "pipeline/base/log.hpp"
+#include "pipeline/eye/schematic/schematic_eyes.hpp"
 #include "raytrace/eye_picture.hpp"
 #include "raytrace/wavefront_files.hpp"
 

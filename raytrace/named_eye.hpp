@@ -3,6 +3,7 @@
 #include <string>
 
 #include "pipeline/base/command_line.hpp"
+#include "pipeline/eye/schematic/schematic_eyes.hpp"
 #include "raytrace/trace_options.hpp"
 
 namespace emmetrope::raytrace {

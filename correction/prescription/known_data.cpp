@@ -9,8 +9,6 @@
 namespace emmetrope::correction {
 namespace {
 
-Eigen::Vector3d as_vector(const PowerVector& power) { return {power.M_D, power.J0_D, power.J45_D}; }
-
 constexpr double usual_sigma_D = 0.25;  ///< of a subjective refraction
 
 }  // namespace

@@ -13,8 +13,6 @@
 namespace emmetrope::correction {
 namespace {
 
-Eigen::Vector3d as_vector(const PowerVector& power) { return {power.M_D, power.J0_D, power.J45_D}; }
-
 raytrace::WavefrontSettings wavefront_settings(const PrescriptionSettings& settings) {
   raytrace::WavefrontSettings result;
   result.wavelength_nm = settings.wavelength_nm;

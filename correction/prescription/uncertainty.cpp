@@ -32,8 +32,6 @@ bool belongs(const Group& group, const std::string& parameter) {
 
 double signed_root(double variance) { return std::copysign(std::sqrt(std::abs(variance)), variance); }
 
-Eigen::Vector3d as_vector(const PowerVector& power) { return {power.M_D, power.J0_D, power.J45_D}; }
-
 }  // namespace
 
 Eigen::MatrixXd refraction_sensitivity(const UncertainOptics& optics, const RefractionOf& refraction) {

@@ -25,8 +25,6 @@ constexpr std::array<LensMaterial, 7> materials{{{"cr39", 1.498, 58},
 constexpr double reach_D = 3;
 
 PowerVector as_power(const Eigen::VectorXd& lens) { return {lens[0], lens[1], lens[2]}; }
-Eigen::Vector3d as_vector(const PowerVector& power) { return {power.M_D, power.J0_D, power.J45_D}; }
-
 double base_by_vogel_D(double M_D) { return std::clamp(M_D > 0 ? M_D + 6 : M_D / 2 + 6, 0.5, 12.0); }
 
 /// Where a thin lens on the cornea stands: just clear of it. An irregular cornea reaches in front of its

@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "correction/sharpness/retinal_sharpness.hpp"
+#include "correction/search/retinal_sharpness.hpp"
 
 namespace emmetrope::correction {
 

@@ -36,6 +36,10 @@ StageVerdict work_eye_by_eye(const std::vector<Laterality>& eyes, const StageVer
   return verdict;
 }
 
+Error said_of(Laterality eye, const Error& error) {
+  return {error.status(), std::string(clinical_name(eye)) + ": " + error.what(), error.remedy()};
+}
+
 Answer stage_answer(const PipelineStage& stage, const StageOutcome& outcome, const CommonOptions& common,
                     const std::function<std::optional<EyeAnswer>(Laterality)>& of_eye) {
   Answer answer;

@@ -25,6 +25,9 @@ std::vector<Laterality> eyes_with(const std::filesystem::path& case_folder, cons
 StageVerdict work_eye_by_eye(const std::vector<Laterality>& eyes, const StageVerdict& before,
                              const std::function<void(Laterality)>& work);
 
+/// The same error, said of an eye.
+Error said_of(Laterality eye, const Error& error);
+
 /// What a stage has to say of one eye.
 struct EyeAnswer {
   Json json;

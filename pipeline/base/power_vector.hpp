@@ -1,4 +1,5 @@
 #pragma once
+#include <Eigen/Core>
 
 namespace emmetrope {
 
@@ -15,6 +16,9 @@ struct SpheroCylinder {
   double cylinder_D = 0;
   double axis_deg = 0;
 };
+
+/// (M, J0, J45)
+inline Eigen::Vector3d as_vector(const PowerVector& power) { return {power.M_D, power.J0_D, power.J45_D}; }
 
 /// Length of the difference in power-vector space.
 double distance_D(const PowerVector& a, const PowerVector& b);

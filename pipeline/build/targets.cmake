@@ -12,7 +12,10 @@ option(EMMETROPE_WARNINGS_AS_ERRORS "For developers and CI" OFF)
 # Interface target: what every target of ours compiles with. -pthread everywhere, as some libraries ask for it and a
 # precompiled header serves only where the same is defined.
 add_library(emmetrope_compile INTERFACE)
-set(warnings -Wall -Wextra -Wpedantic -Wshadow -Wnon-virtual-dtor -Woverloaded-virtual)
+set(warnings -Wall -Wextra -Wpedantic -Wnon-virtual-dtor -Woverloaded-virtual)
+if(NOT CMAKE_UNITY_BUILD)
+  list(APPEND warnings -Wshadow)  # in a batch one source's names would shadow another's
+endif()
 if(EMMETROPE_WARNINGS_AS_ERRORS)
   list(APPEND warnings -Werror)
 endif()

@@ -4,7 +4,7 @@
 #include <memory>
 
 #include "pipeline/base/error.hpp"
-#include "pipeline/report/content/comparison.hpp"
+#include "pipeline/report/comparison.hpp"
 #include "pipeline/report/stage.hpp"
 
 namespace emmetrope::report {

@@ -22,7 +22,8 @@ constexpr double largest_arcmin = 0.01, largest_rms_arcmin = 0.003, largest_posi
 constexpr double arcmin = degree / 60;
 
 /// What is tried, the fastest first: degree, nodes, tiles.
-constexpr std::array<std::array<int, 3>, 5> sizes{{{5, 8, 1}, {7, 8, 1}, {9, 8, 1}, {9, 8, 3}, {11, 10, 4}}};
+constexpr std::array<std::array<int, 3>, 5> map_sizes{
+    {{5, 8, 1}, {7, 8, 1}, {9, 8, 1}, {9, 8, 3}, {11, 10, 4}}};
 
 /// The system at one of its wavelengths, its stop wide open.
 OpticalSystem opened_at(OpticalSystem system, int wave, int stop) {
@@ -219,7 +220,7 @@ FastMap make_fast_map(OpenCl& cl, const EyeModel& eye, const RetinalGrid& grid, 
                             "use a smaller --field-mm or another --surfaces");
   const Fit fit(cl, eye, grid, aim, system, static_cast<int>(stop - system.kinds.begin()));
   FastMap map;
-  for (const auto& size : sizes) {
+  for (const auto& size : map_sizes) {
     map = fit(size, static_cast<int>(wavelengths.size()));
     measure(map, truth);
     if (map.direction_max_arcmin <= largest_arcmin && map.direction_rms_arcmin <= largest_rms_arcmin &&

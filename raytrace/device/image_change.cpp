@@ -17,10 +17,10 @@ namespace {
 
 constexpr int floats_a_plane = 20;  // PLANE in kernels/scene.cl
 constexpr double largest_relative_error = 0.005;
-constexpr int random_rays = 128;
+constexpr int checked_rays = 128;
 
 /// What is tried: degree over the pupil, nodes across the field.
-constexpr std::array<std::array<int, 2>, 4> sizes{{{3, 3}, {3, 5}, {5, 7}, {7, 9}}};
+constexpr std::array<std::array<int, 2>, 4> polynomial_sizes{{{3, 3}, {3, 5}, {5, 7}, {7, 9}}};
 
 /// Exact rays out of an eye whose stop does not cut, or out of a part of it.
 class OpenEye {
@@ -218,8 +218,8 @@ double relative_error(const Table& table, const Change& change, const RetinalGri
                       const std::vector<double>& wavelength_nm, int threads) {
   const auto terms = static_cast<Eigen::Index>((table.degree + 1) * (table.degree + 2) / 2);
   const Eigen::Index sets = wavelength_nm.size() > 1 ? 2 : 1;
-  Eigen::MatrixXd errors(change.outputs(), random_rays), values(change.outputs(), random_rays);
-  on_threads(threads, random_rays, [&](std::size_t ray) {
+  Eigen::MatrixXd errors(change.outputs(), checked_rays), values(change.outputs(), checked_rays);
+  on_threads(threads, checked_rays, [&](std::size_t ray) {
     std::mt19937 random(static_cast<unsigned>(ray) + 1);
     const auto unit = [&] { return random() / 4294967296.0; };
     const double share_x = unit(), share_y = unit(), radius = std::sqrt(unit()), angle = 2 * M_PI * unit();
@@ -256,7 +256,7 @@ ImageChange make_image_change(const std::vector<EyeTangent>& tangents, const Dev
   wavelengths.erase(std::unique(wavelengths.begin(), wavelengths.end()), wavelengths.end());
   const Change change(tangents, scene, grid, wavelengths, threads);
   double error = 0;
-  for (const auto& size : sizes) {
+  for (const auto& size : polynomial_sizes) {
     const int degree = size[0], nodes = size[1];
     const Table table = fit(change, grid, wavelengths, degree, nodes, threads);
     error = relative_error(table, change, grid, wavelengths, threads);

@@ -10,6 +10,7 @@
 #include <thread>
 
 #include "pipeline/base/json.hpp"
+#include "pipeline/eye/schematic/schematic_eyes.hpp"
 #include "raytrace/retina/pupil_aim.hpp"
 #include "raytrace/retina/retina_pixels.hpp"
 #include "raytrace/scene/scene_model.hpp"

@@ -8,6 +8,7 @@
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/files.hpp"
 #include "pipeline/base/frames.hpp"
+#include "pipeline/eye/schematic/schematic_eyes.hpp"
 #include "tests/support/measured_optics.hpp"
 #include "tests/support/temporary_folder.hpp"
 

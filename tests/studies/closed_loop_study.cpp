@@ -6,6 +6,7 @@
 #include <string>
 
 #include "correction/prescription/prescription.hpp"
+#include "pipeline/eye/schematic/schematic_eyes.hpp"
 #include "raytrace/spectacle/spectacle.hpp"
 #include "tests/support/closed_loop.hpp"
 #include "tests/support/traced_eyes.hpp"

@@ -6,6 +6,7 @@
 #include <cstdio>
 
 #include "pipeline/eye/optics/exact_trace.hpp"
+#include "pipeline/eye/schematic/schematic_eyes.hpp"
 #include "tests/support/meshed_eye.hpp"
 
 int main() {

@@ -13,6 +13,7 @@
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/frames.hpp"
 #include "pipeline/eye/optics/exact_trace.hpp"
+#include "pipeline/eye/schematic/schematic_eyes.hpp"
 #include "raytrace/retina/pupil_aim.hpp"
 #include "raytrace/system/sheet_mesh.hpp"
 #include "tests/support/image_difference.hpp"

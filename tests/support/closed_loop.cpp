@@ -33,8 +33,6 @@ std::optional<Vector2d> land(const ExactTracer& tracer, double vertex_distance_m
   return Vector2d(end.position_mm.head<2>());
 }
 
-Vector3d as_vector(const PowerVector& power) { return {power.M_D, power.J0_D, power.J45_D}; }
-
 /// Gauss and Legendre's rule on [0, 1] with five nodes, for the square of the distance from the centre: exact
 /// for an area's moments to the 18th power of that distance.
 struct Node {

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <vector>
 
+#include "pipeline/eye/schematic/schematic_eyes.hpp"
 #include "raytrace/picture/spectrum.hpp"
 #include "raytrace/tracer/tracer.hpp"
 

@@ -13,8 +13,6 @@ namespace {
 using namespace meshing;
 using namespace raytrace;
 
-Eigen::Vector3d as_vector(const PowerVector& power) { return {power.M_D, power.J0_D, power.J45_D}; }
-
 struct Refraction {
   Eigen::Vector3d spot, paraxial;
 };

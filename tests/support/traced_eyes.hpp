@@ -4,6 +4,7 @@
 
 #include "pipeline/base/frames.hpp"
 #include "pipeline/eye/model/eye_model.hpp"
+#include "pipeline/eye/schematic/schematic_eyes.hpp"
 #include "raytrace/spectacle/spectacle.hpp"
 
 /// Eyes with a known error of refraction, as formulas.

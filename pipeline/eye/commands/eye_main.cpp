@@ -2,7 +2,7 @@
 #include <CLI/CLI.hpp>
 
 #include "pipeline/base/command_line.hpp"
-#include "pipeline/eye/optics/describe_eye.hpp"
+#include "pipeline/eye/commands/describe_eye.hpp"
 
 using namespace emmetrope;
 

@@ -28,7 +28,7 @@ struct AgeingLength {
 constexpr AgeingLength lens_front{"lens_anterior_radius_mm", 12.9, -0.057, 1.5};
 constexpr AgeingLength lens_back{"lens_posterior_radius_mm", 6.2, -0.012, 0.6};
 constexpr AgeingLength chamber{"anterior_chamber_depth_mm", 3.87, -0.010, 0.35};
-constexpr AgeingLength lens_thickness{"lens_thickness_mm", 2.93, 0.0236, 0.47};
+constexpr AgeingLength thickness_of_lens{"lens_thickness_mm", 2.93, 0.0236, 0.47};
 constexpr double youngest_years = 18, oldest_years = 70;
 
 }  // namespace
@@ -78,7 +78,7 @@ double lens_index_at_age(double age_years) { return 1.441 - 0.00039 * age_years;
 std::vector<PopulationValue> population_at_age(double age_years) {
   const double age = std::clamp(age_years, youngest_years, oldest_years);
   std::vector<AgeingLength> ageing{lens_front, lens_back};
-  if (age_years >= youngest_years) ageing.insert(ageing.end(), {chamber, lens_thickness});
+  if (age_years >= youngest_years) ageing.insert(ageing.end(), {chamber, thickness_of_lens});
   std::vector<PopulationValue> values;
   for (const AgeingLength& length : ageing)
     values.push_back({length.parameter, length.mean_mm(age), length.sigma_at_known_age_mm(), dubbelman_2001});

@@ -1,3 +1,5 @@
+#include "pipeline/eye/schematic/schematic_eyes.hpp"
+
 #include <algorithm>
 #include <array>
 #include <charconv>

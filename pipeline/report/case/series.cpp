@@ -4,7 +4,7 @@
 
 #include <Eigen/Geometry>
 
-#include "pipeline/report/content/numbers.hpp"
+#include "pipeline/report/document/numbers.hpp"
 
 namespace emmetrope::report {
 namespace {

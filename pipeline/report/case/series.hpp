@@ -3,7 +3,7 @@
 #include <vector>
 
 #include "pipeline/report/case/case_data.hpp"
-#include "pipeline/report/content/document.hpp"
+#include "pipeline/report/document/document.hpp"
 
 /// The images behind a case, as case.json tells them.
 namespace emmetrope::report {

@@ -3,7 +3,7 @@
 #include <vector>
 
 #include "pipeline/eye/population/limits.hpp"
-#include "pipeline/report/content/numbers.hpp"
+#include "pipeline/report/document/numbers.hpp"
 
 namespace emmetrope::report {
 

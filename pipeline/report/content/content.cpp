@@ -2,7 +2,7 @@
 
 #include "pipeline/base/version.hpp"
 #include "pipeline/report/content/judgement.hpp"
-#include "pipeline/report/content/numbers.hpp"
+#include "pipeline/report/document/numbers.hpp"
 
 namespace emmetrope::report {
 

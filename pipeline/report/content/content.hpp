@@ -2,7 +2,7 @@
 #include <string>
 
 #include "pipeline/report/case/case_data.hpp"
-#include "pipeline/report/content/document.hpp"
+#include "pipeline/report/document/document.hpp"
 
 namespace emmetrope::report {
 

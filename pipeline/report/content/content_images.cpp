@@ -6,7 +6,7 @@
 #include "pipeline/base/frames.hpp"
 #include "pipeline/report/case/series.hpp"
 #include "pipeline/report/content/content.hpp"
-#include "pipeline/report/content/numbers.hpp"
+#include "pipeline/report/document/numbers.hpp"
 #include "pipeline/report/figures/chart.hpp"
 #include "pipeline/report/figures/cornea_map.hpp"
 #include "pipeline/report/figures/encoding.hpp"

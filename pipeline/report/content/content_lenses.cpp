@@ -12,13 +12,6 @@ namespace {
 
 const NumberStyle dioptres{2, true, "D"}, millimetres{1, false, "mm"};
 
-std::string refraction_of(const Json& lens) {
-  const auto sphere = value_of(lens, "sphere_D");
-  return sphere ? format_refraction({*sphere, value_of(lens, "cylinder_D").value_or(0),
-                                     value_of(lens, "axis_deg").value_or(180)})
-                : "\u2013";
-}
-
 /// The lens of a kind among those that correction searched; null where there is none.
 Json lens_of(const EyeData& eye, const std::string& kind) {
   for (const auto& lens : eye.prescription.value("lenses", Json::array()))

@@ -3,19 +3,17 @@
 #include "pipeline/base/notation.hpp"
 #include "pipeline/report/content/biometry_rows.hpp"
 #include "pipeline/report/content/content.hpp"
+#include "pipeline/report/content/content_tables.hpp"
 #include "pipeline/report/content/judgement.hpp"
-#include "pipeline/report/content/numbers.hpp"
 #include "pipeline/report/content/references.hpp"
+#include "pipeline/report/document/numbers.hpp"
 #include "pipeline/report/figures/encoding.hpp"
 
 namespace emmetrope::report {
 namespace {
 
 std::string rounded_prescription(const Json& prescription) {
-  const Json rounded = prescription.value("rounded", Json::object());
-  const auto sphere = value_of(rounded, "sphere_D"), cylinder = value_of(rounded, "cylinder_D"),
-             axis = value_of(rounded, "axis_deg");
-  return sphere ? format_refraction({*sphere, cylinder.value_or(0), axis.value_or(180)}) : "";
+  return refraction_of(prescription.value("rounded", Json::object()), "");
 }
 
 /// "name, value, 95 % interval, source" of a key that may be missing.
@@ -29,12 +27,6 @@ void add_measured(Table& table, const Json& json, const std::string& key, const 
   }
   const auto measured = found.get<Measured>();
   table.rows.push_back({name, format(measured.value, style), format_interval(measured, style)});
-}
-
-std::string refraction_of(const Json& notation) {
-  return format_refraction({value_of(notation, "sphere_D").value_or(0),
-                            value_of(notation, "cylinder_D").value_or(0),
-                            value_of(notation, "axis_deg").value_or(180)});
 }
 
 /// Side by side what was given, what the images say, and what has been combined from them.

@@ -1,5 +1,7 @@
 #include "pipeline/report/content/content_tables.hpp"
 
+#include "pipeline/base/notation.hpp"
+
 #include <fmt/format.h>
 
 #include <cmath>
@@ -60,6 +62,13 @@ void PowerTable::add(const std::string& name, const std::vector<Json>& powers) {
       row.push_back(value ? format(*value, style_) : none);
     }
   if (any) table_.rows.push_back(row);
+}
+
+std::string refraction_of(const Json& notation, const std::string& otherwise) {
+  const auto sphere = value_of(notation, "sphere_D");
+  return sphere ? format_refraction({*sphere, value_of(notation, "cylinder_D").value_or(0),
+                                     value_of(notation, "axis_deg").value_or(180)})
+                : otherwise;
 }
 
 }  // namespace emmetrope::report

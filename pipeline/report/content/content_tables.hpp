@@ -3,8 +3,8 @@
 #include <vector>
 
 #include "pipeline/report/case/case_data.hpp"
-#include "pipeline/report/content/document.hpp"
-#include "pipeline/report/content/numbers.hpp"
+#include "pipeline/report/document/document.hpp"
+#include "pipeline/report/document/numbers.hpp"
 
 /// Tables that several sections have in common: OD first, as clinics write them.
 namespace emmetrope::report {
@@ -41,5 +41,8 @@ class PowerTable {
   Table table_;
   NumberStyle style_;
 };
+
+/// "-2.25 / -1.00 x 180" of what has sphere_D, cylinder_D and axis_deg; `otherwise` where it has no sphere.
+std::string refraction_of(const Json& notation, const std::string& otherwise = "\u2013");
 
 }  // namespace emmetrope::report

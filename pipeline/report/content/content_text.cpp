@@ -5,8 +5,8 @@
 #include "pipeline/base/version.hpp"
 #include "pipeline/report/case/series.hpp"
 #include "pipeline/report/content/content.hpp"
-#include "pipeline/report/content/numbers.hpp"
 #include "pipeline/report/content/references.hpp"
+#include "pipeline/report/document/numbers.hpp"
 
 namespace emmetrope::report {
 namespace {

@@ -1,6 +1,6 @@
 #pragma once
 #include "pipeline/report/case/case_data.hpp"
-#include "pipeline/report/content/document.hpp"
+#include "pipeline/report/document/document.hpp"
 
 namespace emmetrope::report {
 

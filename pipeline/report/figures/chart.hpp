@@ -2,7 +2,7 @@
 #include <optional>
 #include <string>
 
-#include "pipeline/report/content/document.hpp"
+#include "pipeline/report/document/document.hpp"
 
 /// Charts as SVG by gnuplot. Black becomes currentColor, so that a chart follows the page's light or dark
 /// scheme.

@@ -2,7 +2,7 @@
 #include <Eigen/Geometry>
 
 #include "pipeline/eye/meshes/triangle_mesh.hpp"
-#include "pipeline/report/content/document.hpp"
+#include "pipeline/report/document/document.hpp"
 
 /// Maps of the anterior cornea, from its mesh, as a topographer draws them.
 namespace emmetrope::report {

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "pipeline/eye/meshes/triangle_mesh.hpp"
-#include "pipeline/report/content/document.hpp"
+#include "pipeline/report/document/document.hpp"
 
 /// MR slices with the surfaces' contours over them, by VTK without OpenGL.
 namespace emmetrope::report {

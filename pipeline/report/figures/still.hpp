@@ -5,7 +5,7 @@
 
 #include "pipeline/base/laterality.hpp"
 #include "pipeline/eye/meshes/triangle_mesh.hpp"
-#include "pipeline/report/content/document.hpp"
+#include "pipeline/report/document/document.hpp"
 
 /// A picture of the eye's surfaces in space for readers without the viewer: ray-cast on the processor, as VTK
 /// of Debian renders only where there is an X server.

@@ -1,7 +1,7 @@
 #pragma once
 #include <string>
 
-#include "pipeline/report/content/document.hpp"
+#include "pipeline/report/document/document.hpp"
 
 namespace emmetrope::report {
 

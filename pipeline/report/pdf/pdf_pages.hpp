@@ -4,7 +4,7 @@
 #include <memory>
 #include <string>
 
-#include "pipeline/report/content/document.hpp"
+#include "pipeline/report/document/document.hpp"
 
 /// The pages of the PDF: text, lines and pictures at places in points from the upper left. For the pdf_*.cpp
 /// files only.

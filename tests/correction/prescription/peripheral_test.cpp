@@ -6,9 +6,10 @@
 #include <array>
 #include <cmath>
 
-#include "correction/sharpness/retinal_sharpness.hpp"
+#include "correction/search/retinal_sharpness.hpp"
 #include "pipeline/base/frames.hpp"
 #include "pipeline/eye/model/eye_model.hpp"
+#include "pipeline/eye/schematic/schematic_eyes.hpp"
 
 /// Refraction off the axis against Coddington's equations along the chief ray, in a plane and on spheres.
 namespace emmetrope::correction {

@@ -8,6 +8,7 @@
 #include "pipeline/base/notation.hpp"
 #include "pipeline/eye/optics/exact_trace.hpp"
 #include "pipeline/eye/optics/paraxial.hpp"
+#include "pipeline/eye/schematic/schematic_eyes.hpp"
 #include "raytrace/spectacle/spectacle.hpp"
 #include "tests/support/closed_loop.hpp"
 #include "tests/support/traced_eyes.hpp"
@@ -28,8 +29,6 @@ ImagingLevel small_level() {
   level.samples = 32;
   return level;
 }
-
-Eigen::Vector3d as_vector(const PowerVector& power) { return {power.M_D, power.J0_D, power.J45_D}; }
 
 /// ln(sharpness) for Ceres' checker.
 class LogSharpness : public ceres::CostFunction {

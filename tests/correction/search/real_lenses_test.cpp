@@ -5,9 +5,10 @@
 #include <cmath>
 #include <memory>
 
-#include "correction/sharpness/retinal_sharpness.hpp"
+#include "correction/search/retinal_sharpness.hpp"
 #include "pipeline/base/frames.hpp"
 #include "pipeline/eye/optics/paraxial.hpp"
+#include "pipeline/eye/schematic/schematic_eyes.hpp"
 #include "raytrace/scene/scene_model.hpp"
 #include "raytrace/spectacle/spectacle.hpp"
 

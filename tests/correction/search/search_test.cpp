@@ -5,7 +5,7 @@
 #include <random>
 
 #include "correction/search/optimise.hpp"
-#include "correction/sharpness/retinal_sharpness.hpp"
+#include "correction/search/retinal_sharpness.hpp"
 #include "tests/support/geometric_blur.hpp"
 #include "tests/support/nelder_mead.hpp"
 

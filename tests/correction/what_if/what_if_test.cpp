@@ -4,11 +4,12 @@
 
 #include <cmath>
 
-#include "correction/sharpness/retinal_sharpness.hpp"
+#include "correction/search/retinal_sharpness.hpp"
 #include "correction/what_if/ablation.hpp"
 #include "correction/what_if/iol_formulas.hpp"
 #include "pipeline/base/error.hpp"
 #include "pipeline/eye/optics/paraxial.hpp"
+#include "pipeline/eye/schematic/schematic_eyes.hpp"
 #include "pipeline/eye/surfaces/zernike.hpp"
 
 namespace emmetrope::correction {

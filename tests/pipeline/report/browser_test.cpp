@@ -6,7 +6,7 @@
 #include "pipeline/base/files.hpp"
 #include "pipeline/base/notation.hpp"
 #include "pipeline/base/process.hpp"
-#include "pipeline/report/content/numbers.hpp"
+#include "pipeline/report/document/numbers.hpp"
 #include "pipeline/report/stage.hpp"
 #include "tests/support/fixture_case.hpp"
 

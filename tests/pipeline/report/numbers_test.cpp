@@ -227,7 +227,9 @@ void make_distinct(Json& json, const std::string& pointer, int& count, std::vect
       make_distinct(*item, pointer + "/" + (json.is_object() ? item.key() : std::to_string(index)), count,
                     leaves);
   } else if (json.is_number_float()) {
-    json = json.get<double>() + step();
+    // A minus cylinder, and one that is written: below 0.125 D there is none.
+    const bool is_cylinder = pointer.substr(pointer.rfind('/') + 1) == "cylinder_D";
+    json = is_cylinder ? -0.2 - std::abs(json.get<double>()) - step() : json.get<double>() + step();
     leaves.push_back({pointer, json});
   }
 }

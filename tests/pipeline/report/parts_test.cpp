@@ -6,8 +6,8 @@
 #include <numeric>
 
 #include "pipeline/base/frames.hpp"
-#include "pipeline/report/content/numbers.hpp"
 #include "pipeline/report/dicom/object.hpp"
+#include "pipeline/report/document/numbers.hpp"
 #include "pipeline/report/figures/cornea_map.hpp"
 #include "pipeline/report/figures/encoding.hpp"
 #include "pipeline/report/figures/letter_chart.hpp"

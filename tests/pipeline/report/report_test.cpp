@@ -6,7 +6,7 @@
 
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/measured.hpp"
-#include "pipeline/report/content/comparison.hpp"
+#include "pipeline/report/comparison.hpp"
 #include "pipeline/report/page/viewer.hpp"
 #include "tests/pipeline/report/report_fixture.hpp"
 

@@ -8,6 +8,7 @@
 #include "pipeline/base/frames.hpp"
 #include "pipeline/eye/model/mesh_shape.hpp"
 #include "pipeline/eye/optics/paraxial.hpp"
+#include "pipeline/eye/schematic/schematic_eyes.hpp"
 #include "raytrace/case/measured_eye.hpp"
 #include "raytrace/system/sheet_mesh.hpp"
 #include "raytrace/tracer/tracer.hpp"

@@ -6,6 +6,7 @@
 
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/files.hpp"
+#include "pipeline/eye/schematic/schematic_eyes.hpp"
 #include "raytrace/tracer/exposure.hpp"
 #include "raytrace/tracer/tracer.hpp"
 #include "tests/support/temporary_folder.hpp"

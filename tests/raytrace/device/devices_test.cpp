@@ -5,6 +5,7 @@
 #include <cstdlib>
 
 #include "pipeline/base/error.hpp"
+#include "pipeline/eye/schematic/schematic_eyes.hpp"
 #include "raytrace/device/devices.hpp"
 #include "raytrace/spectacle/spectacle.hpp"
 #include "raytrace/tracer/tracer.hpp"

@@ -4,6 +4,7 @@
 
 #include <cmath>
 
+#include "pipeline/eye/schematic/schematic_eyes.hpp"
 #include "raytrace/tracer/tracer.hpp"
 
 namespace emmetrope::raytrace {

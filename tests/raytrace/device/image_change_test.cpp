@@ -5,6 +5,7 @@
 #include <functional>
 
 #include "pipeline/base/error.hpp"
+#include "pipeline/eye/schematic/schematic_eyes.hpp"
 #include "raytrace/spectacle/spectacle.hpp"
 #include "raytrace/tracer/tracer.hpp"
 

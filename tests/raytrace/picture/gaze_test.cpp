@@ -6,6 +6,7 @@
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/frames.hpp"
 #include "pipeline/eye/optics/exact_trace.hpp"
+#include "pipeline/eye/schematic/schematic_eyes.hpp"
 #include "raytrace/picture/gaze.hpp"
 #include "raytrace/scene/scene_model.hpp"
 #include "raytrace/spectacle/spectacle.hpp"

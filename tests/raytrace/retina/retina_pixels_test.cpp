@@ -6,6 +6,7 @@
 #include <set>
 
 #include "pipeline/eye/model/mesh_shape.hpp"
+#include "pipeline/eye/schematic/schematic_eyes.hpp"
 #include "raytrace/retina/retina_pixels.hpp"
 #include "raytrace/system/sheet_mesh.hpp"
 #include "raytrace/tracer/tracer.hpp"

@@ -8,6 +8,7 @@
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/frames.hpp"
 #include "pipeline/eye/optics/exact_trace.hpp"
+#include "pipeline/eye/schematic/schematic_eyes.hpp"
 #include "raytrace/retina/pupil_aim.hpp"
 #include "raytrace/scene/model_file.hpp"
 #include "raytrace/scene/scene_json.hpp"

@@ -7,6 +7,7 @@
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/frames.hpp"
 #include "pipeline/eye/optics/exact_trace.hpp"
+#include "pipeline/eye/schematic/schematic_eyes.hpp"
 #include "raytrace/spectacle/spectacle.hpp"
 #include "tests/support/temporary_folder.hpp"
 

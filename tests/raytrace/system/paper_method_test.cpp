@@ -8,6 +8,7 @@
 #include "pipeline/base/frames.hpp"
 #include "pipeline/eye/model/mesh_shape.hpp"
 #include "pipeline/eye/optics/exact_trace.hpp"
+#include "pipeline/eye/schematic/schematic_eyes.hpp"
 #include "raytrace/scene/scene_model.hpp"
 #include "raytrace/system/paper_method.hpp"
 #include "raytrace/system/sheet_mesh.hpp"

@@ -5,6 +5,7 @@
 #include <random>
 
 #include "pipeline/eye/model/mesh_shape.hpp"
+#include "pipeline/eye/schematic/schematic_eyes.hpp"
 #include "raytrace/system/sheet_mesh.hpp"
 #include "raytrace/tracer/tracer.hpp"
 #include "tests/support/embree.hpp"

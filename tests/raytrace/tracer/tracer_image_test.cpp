@@ -6,6 +6,7 @@
 #include "pipeline/base/frames.hpp"
 #include "pipeline/eye/optics/exact_trace.hpp"
 #include "pipeline/eye/optics/paraxial.hpp"
+#include "pipeline/eye/schematic/schematic_eyes.hpp"
 #include "raytrace/picture/spectrum.hpp"
 #include "raytrace/retina/pupil_aim.hpp"
 #include "raytrace/scene/scene_model.hpp"

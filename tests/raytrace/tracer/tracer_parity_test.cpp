@@ -7,6 +7,7 @@
 #include "pipeline/base/frames.hpp"
 #include "pipeline/eye/model/mesh_shape.hpp"
 #include "pipeline/eye/optics/exact_trace.hpp"
+#include "pipeline/eye/schematic/schematic_eyes.hpp"
 #include "raytrace/retina/pupil_aim.hpp"
 #include "raytrace/spectacle/spectacle.hpp"
 #include "raytrace/system/sheet_mesh.hpp"

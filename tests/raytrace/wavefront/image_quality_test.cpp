@@ -4,6 +4,7 @@
 #include <numeric>
 
 #include "pipeline/base/frames.hpp"
+#include "pipeline/eye/schematic/schematic_eyes.hpp"
 #include "raytrace/wavefront/contrast_sensitivity.hpp"
 #include "raytrace/wavefront/pupil_function.hpp"
 

@@ -6,6 +6,7 @@
 #include "pipeline/base/frames.hpp"
 #include "pipeline/eye/optics/exact_trace.hpp"
 #include "pipeline/eye/optics/paraxial.hpp"
+#include "pipeline/eye/schematic/schematic_eyes.hpp"
 #include "raytrace/spectacle/spectacle.hpp"
 #include "raytrace/wavefront/wavefront.hpp"
 

@@ -4,7 +4,7 @@
 #include <filesystem>
 
 #include "pipeline/base/error.hpp"
-#include "pipeline/eye/optics/describe_eye.hpp"
+#include "pipeline/eye/commands/describe_eye.hpp"
 
 namespace emmetrope {
 namespace {

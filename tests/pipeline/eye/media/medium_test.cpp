@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 
 #include "pipeline/eye/model/eye_model.hpp"
+#include "pipeline/eye/schematic/schematic_eyes.hpp"
 
 namespace emmetrope {
 namespace {

@@ -5,10 +5,11 @@
 
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/files.hpp"
+#include "pipeline/eye/commands/describe_eye.hpp"
 #include "pipeline/eye/model/eye_model.hpp"
 #include "pipeline/eye/model/mesh_shape.hpp"
-#include "pipeline/eye/optics/describe_eye.hpp"
 #include "pipeline/eye/optics/paraxial.hpp"
+#include "pipeline/eye/schematic/schematic_eyes.hpp"
 #include "tests/support/sheet.hpp"
 
 namespace emmetrope {

@@ -6,6 +6,7 @@
 
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/frames.hpp"
+#include "pipeline/eye/schematic/schematic_eyes.hpp"
 #include "tests/support/meshed_eye.hpp"
 
 namespace emmetrope {

@@ -6,6 +6,7 @@
 
 #include "pipeline/base/frames.hpp"
 #include "pipeline/eye/optics/paraxial.hpp"
+#include "pipeline/eye/schematic/schematic_eyes.hpp"
 
 namespace emmetrope {
 namespace {

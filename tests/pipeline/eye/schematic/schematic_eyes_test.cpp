@@ -6,6 +6,7 @@
 #include "pipeline/base/power_vector.hpp"
 #include "pipeline/eye/optics/exact_trace.hpp"
 #include "pipeline/eye/optics/paraxial.hpp"
+#include "pipeline/eye/schematic/schematic_eyes.hpp"
 
 // Published and independently recomputed figures of the schematic eyes (docs/method/schematic-eyes.md).
 namespace emmetrope {

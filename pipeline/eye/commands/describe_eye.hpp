@@ -5,6 +5,7 @@
 
 #include "pipeline/base/command_line.hpp"
 #include "pipeline/eye/model/eye_model.hpp"
+#include "pipeline/eye/schematic/schematic_eyes.hpp"
 
 /// What `emmetrope eye` and `emmetrope ray` answer.
 namespace emmetrope {

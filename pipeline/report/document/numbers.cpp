@@ -1,4 +1,4 @@
-#include "pipeline/report/content/numbers.hpp"
+#include "pipeline/report/document/numbers.hpp"
 
 #include <fmt/format.h>
 

@@ -1,4 +1,4 @@
-#include "correction/search/sweep.hpp"
+#include "correction/prescription/sweep.hpp"
 
 #include <fmt/core.h>
 

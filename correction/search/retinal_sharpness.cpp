@@ -1,4 +1,4 @@
-#include "correction/sharpness/retinal_sharpness.hpp"
+#include "correction/search/retinal_sharpness.hpp"
 
 #include <cmath>
 #include <functional>

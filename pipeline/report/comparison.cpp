@@ -1,4 +1,4 @@
-#include "pipeline/report/content/comparison.hpp"
+#include "pipeline/report/comparison.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>

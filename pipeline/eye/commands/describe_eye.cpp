@@ -1,4 +1,4 @@
-#include "pipeline/eye/optics/describe_eye.hpp"
+#include "pipeline/eye/commands/describe_eye.hpp"
 
 #include <fmt/format.h>
 #include <CLI/CLI.hpp>
@@ -9,6 +9,7 @@
 #include "pipeline/base/frames.hpp"
 #include "pipeline/eye/optics/exact_trace.hpp"
 #include "pipeline/eye/optics/paraxial.hpp"
+#include "pipeline/eye/schematic/schematic_eyes.hpp"
 
 namespace emmetrope {
 namespace {
