@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "meshing/paper_vertices.hpp"
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/frames.hpp"
 #include "pipeline/eye/parametric/analytic_eye.hpp"
@@ -122,17 +123,18 @@ std::vector<NamedSheet> make_sheets(const ParametricEye& eye, const ShapePtr& an
   });
 
   std::vector<NamedSheet> sheets;
-  const auto add = [&](const std::string& name, int paper_vertices, double radius_mm) {
-    sheets.push_back({name, paper_vertices,
+  const auto add = [&](const std::string& name, int vertices, double radius_mm) {
+    sheets.push_back({name, vertices,
                       make_height_sheet(surface(name).eye_from_surface(), surface(name).shape, radius_mm)});
   };
   const double cornea_wanted_mm =
       anterior_cornea ? std::min(cornea_anterior_radius_mm, cornea_known_to_mm) : cornea_anterior_radius_mm;
-  add("cornea_anterior", 613, cornea_radius("cornea_anterior", cornea_wanted_mm));
-  add("cornea_posterior", 723, cornea_radius("cornea_posterior", cornea_posterior_radius_mm));
-  add("lens_anterior", 565, lens_radius);
-  add("lens_posterior", 1516, lens_radius);
-  sheets.push_back({"retina", 973, make_globe_sheet(eye, retina_polar_angle_rad)});
+  add("cornea_anterior", paper_vertices::cornea_anterior, cornea_radius("cornea_anterior", cornea_wanted_mm));
+  add("cornea_posterior", paper_vertices::cornea_posterior,
+      cornea_radius("cornea_posterior", cornea_posterior_radius_mm));
+  add("lens_anterior", paper_vertices::lens_anterior, lens_radius);
+  add("lens_posterior", paper_vertices::lens_posterior, lens_radius);
+  sheets.push_back({"retina", paper_vertices::retina, make_globe_sheet(eye, retina_polar_angle_rad)});
   return sheets;
 }
 

@@ -7,6 +7,7 @@
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/frames.hpp"
 #include "pipeline/base/notation.hpp"
+#include "raytrace/spectacle/base_curve.hpp"
 #include "raytrace/spectacle/spectacle.hpp"
 
 namespace emmetrope::correction {
@@ -25,7 +26,6 @@ constexpr std::array<LensMaterial, 7> materials{{{"cr39", 1.498, 58},
 constexpr double reach_D = 3;
 
 PowerVector as_power(const Eigen::VectorXd& lens) { return {lens[0], lens[1], lens[2]}; }
-double base_by_vogel_D(double M_D) { return std::clamp(M_D > 0 ? M_D + 6 : M_D / 2 + 6, 0.5, 12.0); }
 
 /// Where a thin lens on the cornea stands: just clear of it. An irregular cornea reaches in front of its
 /// vertex beside the axis.
@@ -73,7 +73,7 @@ LensFamily toric_meniscus(const EyeModel& eye, const SpectacleSettings& spectacl
   raytrace::Meniscus lens;
   lens.power = about;
   lens.vertex_distance_mm = vertex_distance_mm;
-  lens.base_D = spectacle.base_D.value_or(base_by_vogel_D(about.M_D));
+  lens.base_D = spectacle.base_D.value_or(raytrace::base_by_vogel_D(about.M_D));
   lens.centre_thickness_mm = spectacle.centre_thickness_mm;
   lens.semi_diameter_mm = spectacle.semi_diameter_mm;
   lens.index = spectacle.material.index;
@@ -105,7 +105,7 @@ std::vector<RealLens> sharpest_real_lenses(const raytrace::Tracer& tracer,
     meniscus = ascend_from(tracer, scene, eye, level, family, thin);
     const EyeModel worn = family.before(eye, as_vector(meniscus.power));
     const Surface &front = worn.surface("spectacle_front"), &back = worn.surface("spectacle_back");
-    meniscus.base_D = spectacle.base_D.value_or(base_by_vogel_D(thin.M_D));
+    meniscus.base_D = spectacle.base_D.value_or(raytrace::base_by_vogel_D(thin.M_D));
     meniscus.centre_thickness_mm = back.position_mm - front.position_mm;
   } catch (const Error& error) {
     if (error.status() != ExitStatus::usage) throw;

@@ -5,6 +5,7 @@
 #include <opencv2/core.hpp>
 #include <random>
 
+#include "data_samples/phantom/chemical_shift.hpp"
 #include "pipeline/base/frames.hpp"
 
 namespace emmetrope::phantom {
@@ -51,8 +52,7 @@ std::vector<float> magnitude_image(const FineSlice& object, const KSpace& k_spac
   std::vector<Complex> water_factor, fat_factor;  // by kx + reach_x
   for (int kx = -reach_x; kx <= reach_x; ++kx) {
     water_factor.push_back(fine_cell_factor(kx, columns));
-    fat_factor.push_back(water_factor.back() *
-                         std::polar(1.0, -2 * pi * kx * k_space.fat_shift_px / columns));
+    fat_factor.push_back(water_factor.back() * chemical_shift_factor(kx, k_space.fat_shift_px, columns));
   }
   cv::Mat image = cv::Mat::zeros(rows, columns, CV_64FC2);
   for (int ky = -reach_y; ky <= reach_y; ++ky) {

@@ -8,6 +8,7 @@
 #include "pipeline/base/files.hpp"
 #include "pipeline/base/log.hpp"
 #include "pipeline/base/process.hpp"
+#include "pipeline/driver/stale_results.hpp"
 
 namespace emmetrope::driver {
 namespace {
@@ -128,15 +129,6 @@ bool gave_result(int status) {
   return status == static_cast<int>(ExitStatus::done) || status == static_cast<int>(ExitStatus::partial);
 }
 
-/// What a stage that failed leaves behind from an earlier run would contradict the new report.
-void remove_stale(const fs::path& case_folder, const Stage& stage) {
-  std::error_code fault;
-  fs::remove_all(case_folder / stage.folder, fault);
-  if (fault)
-    throw output_error("cannot remove the outdated " + (case_folder / stage.folder).string() + ": " +
-                       fault.message());
-}
-
 Answer answer_of(const std::vector<StageReport>& reports, ExitStatus status, const fs::path& case_folder) {
   Answer answer;
   answer.status = status;
@@ -171,7 +163,7 @@ Answer run_pipeline(const RunOptions& options, const CommonOptions& common) {
   ExitStatus status = ExitStatus::done;
   for (const Stage& stage : stages_of(options, common)) {
     if (status == ExitStatus::no_result && stage.command != "report") {
-      remove_stale(options.case_folder, stage);
+      remove_stale_results(options.case_folder, stage.folder);
       continue;
     }
     spdlog::info("{} ...", stage.command);

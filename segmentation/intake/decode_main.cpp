@@ -3,10 +3,8 @@
 // for users.
 #include <dcmtk/config/osconfig.h>
 #include <dcmtk/dcmdata/dctk.h>
-#include <sys/resource.h>
 #include <unistd.h>
 
-#include <cmath>
 #include <cstdlib>
 #include <filesystem>
 #include <iostream>
@@ -18,6 +16,7 @@
 #include "segmentation/intake/dicom_header.hpp"
 #include "segmentation/intake/dicom_pixels.hpp"
 #include "segmentation/intake/nifti.hpp"
+#include "segmentation/intake/process_limits.hpp"
 
 namespace emmetrope::segmentation {
 namespace {
@@ -40,21 +39,6 @@ void send(MessageType type, const void* data, std::uint64_t size) {
 void send(MessageType type, const Json& json) {
   const std::string text = json.dump(-1, ' ', false, Json::error_handler_t::replace);
   send(type, text.data(), text.size());
-}
-
-void limit(decltype(RLIMIT_AS) what, rlim_t soft, rlim_t hard) {
-  const rlimit value{soft, hard};
-  if (::setrlimit(what, &value) != 0) ::_exit(1);
-}
-
-/// Processor time used so far by this process.
-double cpu_seconds() {
-  rusage usage{};
-  ::getrusage(RUSAGE_SELF, &usage);
-  const auto seconds = [](const timeval& time) {
-    return static_cast<double>(time.tv_sec) + 1e-6 * static_cast<double>(time.tv_usec);
-  };
-  return seconds(usage.ru_utime) + seconds(usage.ru_stime);
 }
 
 void decode(const std::filesystem::path& file, std::uint64_t byte_limit) {
@@ -97,20 +81,15 @@ void decode_volume(const std::filesystem::path& file) {
     send(MessageType::frame, slice.data(), slice.size() * sizeof slice[0]);
 }
 
-int serve([[maybe_unused]] std::uint64_t memory_bytes, std::uint64_t byte_limit, double cpu_s) {
-#ifndef __SANITIZE_ADDRESS__  // its shadow memory needs terabytes of address space
-  limit(RLIMIT_AS, memory_bytes, memory_bytes);
-#endif
-  limit(RLIMIT_CORE, 0, 0);
-  limit(RLIMIT_FSIZE, 0, 0);
-  limit(RLIMIT_NOFILE, 32, 32);
+int serve(std::uint64_t memory_bytes, std::uint64_t byte_limit, double cpu_s) {
+  limit_process(memory_bytes);
   register_decoders();
   dcmAcceptOddAttributeLength.set(OFFalse);
   if (!dcmDataDict.isDictionaryLoaded()) return 2;
   for (std::string file; std::getline(std::cin, file, '\0');) {
     std::error_code unreadable;
     const double megabytes = static_cast<double>(std::filesystem::file_size(file, unreadable)) / 1e6;
-    limit(RLIMIT_CPU, static_cast<rlim_t>(std::ceil(cpu_seconds() + cpu_s + 0.5 * megabytes)), RLIM_INFINITY);
+    limit_processor_time(cpu_s + 0.5 * megabytes);
     if (is_nifti_name(file))
       decode_volume(file);
     else

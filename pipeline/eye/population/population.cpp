@@ -73,8 +73,6 @@ const PopulationValue& population_value(const std::string& parameter) {
 
 double tail_of(const std::string& parameter) { return parameter == "lens_index" ? 1 : 2; }
 
-double lens_index_at_age(double age_years) { return 1.441 - 0.00039 * age_years; }
-
 std::vector<PopulationValue> population_at_age(double age_years) {
   const double age = std::clamp(age_years, youngest_years, oldest_years);
   std::vector<AgeingLength> ageing{lens_front, lens_back};

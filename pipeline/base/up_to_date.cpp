@@ -1,0 +1,132 @@
+#include "pipeline/base/up_to_date.hpp"
+
+#include <fmt/format.h>
+
+#include <set>
+
+#include "pipeline/base/files.hpp"
+#include "pipeline/base/log.hpp"
+#include "pipeline/base/version.hpp"
+
+namespace emmetrope {
+namespace {
+
+namespace fs = std::filesystem;
+
+Json hashes_of(const std::vector<StageInput>& inputs) {
+  Json hashes = Json::object();
+  for (const auto& input : inputs) hashes[input.name] = sha256_of_file(input.path);
+  return hashes;
+}
+
+StageVerdict verdict_from(const Json& stage_json) {
+  const Json& verdict = stage_json.at("verdict");
+  const auto status = static_cast<ExitStatus>(verdict.at("status").get<int>());
+  if (status != ExitStatus::done && status != ExitStatus::partial && status != ExitStatus::no_result)
+    throw input_error(fmt::format("verdict.status is {}, not 0, 6 or 8", static_cast<int>(status)));
+  return {status, verdict.at("reasons").get<std::vector<std::string>>()};
+}
+
+std::vector<std::string> warnings_from(const Json& stage_json) {
+  return stage_json.at("warnings").get<std::vector<std::string>>();
+}
+
+/// Whether a stored result was made from the key, or for both eyes from the same where the key asks for one.
+bool answers(const Json& stored, Json key) {
+  const auto laterality = [](const Json& of) { return of.at("parameters").value("laterality", "both"); };
+  const bool is_part = laterality(key) != "both" && laterality(stored) == "both";
+  if (is_part) {
+    key["parameters"]["laterality"] = "both";
+    for (const auto& [name, hash] : key["inputs"].items())
+      if (stored.at("inputs").value(name, "") != hash) return false;
+    key.erase("inputs");
+  }
+  for (const auto& [name, value] : key.items())
+    if (stored.at(name) != value) return false;
+  return true;
+}
+
+std::string command_for(const std::string& folder, const fs::path& case_folder) {
+  const PipelineStage* stage = stage_of_folder(folder);
+  return "emmetrope " + (stage == nullptr ? folder : stage->command) + " " +
+         (folder == pipeline_stages.front().folder ? "STUDY -o " : "") + case_folder.string();
+}
+
+/// A result that somebody has edited since must not pass for one that the program measured.
+void require_own_outputs(const fs::path& case_folder, const std::string& stage, const Json& outputs) {
+  for (const auto& [name, hash] : outputs.items()) {
+    const fs::path file = case_folder / name;
+    const bool is_there = fs::exists(file);
+    if (is_there && sha256_of_file(file) == hash.get<std::string>()) continue;
+    throw input_error(fmt::format("{} {} since {} wrote it", file.string(),
+                                  is_there ? "has been changed" : "has been removed", stage),
+                      "make it again with: " + command_for(stage, case_folder));
+  }
+}
+
+/// A stage made from results that have been made anew since would mix two eyes: checked up to the first
+/// stage.
+void require_same_inputs(const fs::path& case_folder, const std::string& stage, const Json& inputs) {
+  if (stage == pipeline_stages.front().folder)
+    return;  // its inputs are the study's files, under the study's names
+  std::set<std::string> stages_before;
+  for (const auto& [name, hash] : inputs.items()) {
+    const std::string top = name.substr(0, name.find('/'));
+    if (stage_of_folder(top) == nullptr) continue;
+    stages_before.insert(top);
+    const fs::path file = case_folder / name;
+    if (!fs::exists(file) || sha256_of_file(file) != hash.get<std::string>())
+      throw input_error(fmt::format("{} was made from another {}: {} {}", stage, top, file.string(),
+                                    fs::exists(file) ? "has changed since" : "is gone"),
+                        "make it again with: " + command_for(stage, case_folder));
+  }
+  for (const std::string& before : stages_before) read_verdict(case_folder, before);
+}
+
+}  // namespace
+
+Json key_of(const StageSpec& spec, const CommonOptions& common) {
+  Json key{{"version", version()}, {"parameters", spec.parameters}, {"seed", common.seed}};
+  if (spec.uses_opencl) key["device"] = spec.device;
+  key["inputs"] = hashes_of(spec.inputs);
+  return key;
+}
+
+std::optional<StageOutcome> finished(const fs::path& case_folder, const std::string& stage, const Json& key) {
+  const fs::path file = case_folder / stage / stage_file;
+  if (!fs::exists(file)) return std::nullopt;
+  try {
+    Json stored = read_json(file);
+    if (!answers(stored, key)) return std::nullopt;
+    for (const auto& [name, hash] : stored.at("outputs").items())
+      if (sha256_of_file(case_folder / name) != hash.get<std::string>()) return std::nullopt;
+    for (const auto& warning : warnings_from(stored)) spdlog::warn("{}", warning);
+    return StageOutcome{verdict_from(stored), true, 0, std::move(stored)};
+  } catch (const std::exception&) {
+    return std::nullopt;  // unreadable or incomplete: make it again
+  }
+}
+
+StageVerdict read_verdict(const fs::path& case_folder, const std::string& stage) {
+  const fs::path file = case_folder / stage / stage_file;
+  const std::string remedy = "make it with: " + command_for(stage, case_folder);
+  if (!fs::exists(file))
+    throw input_error("the case has no finished " + stage + ": " + file.string() + " is missing", remedy);
+  const auto broken = [&](const std::exception& fault) {
+    return input_error(file.string() + " is broken: " + fault.what(), remedy);
+  };
+  try {
+    const Json stage_json = read_json(file);
+    StageVerdict verdict = verdict_from(stage_json);
+    require_same_inputs(case_folder, stage, stage_json.value("inputs", Json::object()));
+    require_own_outputs(case_folder, stage, stage_json.value("outputs", Json::object()));
+    return verdict;
+  } catch (const nlohmann::json::exception& fault) {
+    throw broken(fault);
+  } catch (const Error& fault) {
+    if (!fault.remedy().empty()) throw;
+    throw broken(fault);
+  }
+}
+
+}  // namespace emmetrope

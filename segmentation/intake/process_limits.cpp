@@ -1,0 +1,41 @@
+#include "segmentation/intake/process_limits.hpp"
+
+#include <sys/resource.h>
+#include <unistd.h>
+
+#include <cmath>
+
+namespace emmetrope::segmentation {
+namespace {
+
+void limit(decltype(RLIMIT_AS) what, rlim_t soft, rlim_t hard) {
+  const rlimit value{soft, hard};
+  if (::setrlimit(what, &value) != 0) ::_exit(1);
+}
+
+/// Processor time used so far by this process.
+double cpu_seconds() {
+  rusage usage{};
+  ::getrusage(RUSAGE_SELF, &usage);
+  const auto seconds = [](const timeval& time) {
+    return static_cast<double>(time.tv_sec) + 1e-6 * static_cast<double>(time.tv_usec);
+  };
+  return seconds(usage.ru_utime) + seconds(usage.ru_stime);
+}
+
+}  // namespace
+
+void limit_process([[maybe_unused]] std::uint64_t memory_bytes) {
+#ifndef __SANITIZE_ADDRESS__  // its shadow memory needs terabytes of address space
+  limit(RLIMIT_AS, memory_bytes, memory_bytes);
+#endif
+  limit(RLIMIT_CORE, 0, 0);
+  limit(RLIMIT_FSIZE, 0, 0);
+  limit(RLIMIT_NOFILE, 32, 32);
+}
+
+void limit_processor_time(double further_s) {
+  limit(RLIMIT_CPU, static_cast<rlim_t>(std::ceil(cpu_seconds() + further_s)), RLIM_INFINITY);
+}
+
+}  // namespace emmetrope::segmentation
