@@ -16,7 +16,7 @@ int main() {
   settings.samples = 64;
 
   raytrace::write_png("without.png", tracer.trace(eye, *scene, settings).image);
-  const EyeModel corrected = raytrace::with_spectacle(eye, "-4/0x0@12");
+  const EyeModel corrected = raytrace::with_spectacle(eye, raytrace::ThinLens{{-4, 0, 0}, 12, {}});
   const raytrace::TraceResult seen = tracer.trace(corrected, *scene, settings);
   raytrace::write_png("with.png", seen.image);
   std::printf("%.1f million rays a second on %s\n", seen.rays_per_s() / 1e6, seen.device.c_str());
