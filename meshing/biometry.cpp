@@ -163,12 +163,6 @@ Keratometry keratometry_from(const Propagated& power) {
   return k;
 }
 
-std::string astigmatism_type(double steep_axis_deg) {
-  const double from_vertical = std::abs(normalise_axis_deg(steep_axis_deg) - 90);
-  if (from_vertical <= 30) return "with-the-rule";
-  return from_vertical >= 60 ? "against-the-rule" : "oblique";
-}
-
 Json biometry_json(const UncertainEye& estimate, const BiometryOptions& options,
                    const Topography* topography) {
   const ParametricEye& eye = estimate.eye();

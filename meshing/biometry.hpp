@@ -30,9 +30,6 @@ struct Keratometry {
 /// \param power  begins with M, J0, J45
 Keratometry keratometry_from(const Propagated& power);
 
-/// "with-the-rule", "against-the-rule" or "oblique", by the steep meridian.
-std::string astigmatism_type(double steep_axis_deg);
-
 /// biometry.json of one eye without what needs both eyes (interpupillary distance) or the study (head roll).
 ///
 /// \param topography  its departure from a toric conicoid is part of the cornea; without it (null) the

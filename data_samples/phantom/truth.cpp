@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "data_samples/phantom/true_optics.hpp"
+#include "pipeline/base/astigmatism.hpp"
 #include "pipeline/base/frames.hpp"
 #include "pipeline/base/version.hpp"
 #include "pipeline/eye/instruments/topography.hpp"
@@ -60,11 +61,6 @@ Json corneal_zernike_um(const EyeGeometry& eye) {
   Json terms = Json::array();
   for (const double term : sum) terms.push_back(term / (rings * spokes));
   return terms;
-}
-
-const char* astigmatism_type(double steep_deg) {
-  const double from_horizontal = std::min(steep_deg, 180 - steep_deg);
-  return from_horizontal >= 60 ? "with-the-rule" : from_horizontal <= 30 ? "against-the-rule" : "oblique";
 }
 
 /// As the contract defines its numbers on a surface without symmetry: no closed form.

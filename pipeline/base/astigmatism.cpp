@@ -30,4 +30,10 @@ Astigmatism astigmatism_of(const Eigen::Vector2d& j_D, const Eigen::Matrix3d& co
   return result;
 }
 
+std::string astigmatism_type(double steep_axis_deg) {
+  const double from_vertical = std::abs(normalise_axis_deg(steep_axis_deg) - 90);
+  if (from_vertical <= 30) return "with-the-rule";
+  return from_vertical >= 60 ? "against-the-rule" : "oblique";
+}
+
 }  // namespace emmetrope

@@ -1,5 +1,6 @@
 #pragma once
 #include <Eigen/Core>
+#include <string>
 
 namespace emmetrope {
 
@@ -15,5 +16,9 @@ struct Astigmatism {
 
 /// \param covariance  of (M, J0, J45)
 Astigmatism astigmatism_of(const Eigen::Vector2d& j_D, const Eigen::Matrix3d& covariance);
+
+/// "with-the-rule" (steep meridian within 30 degrees of the vertical), "against-the-rule" (within 30 of the
+/// horizontal) or "oblique".
+std::string astigmatism_type(double steep_axis_deg);
 
 }  // namespace emmetrope

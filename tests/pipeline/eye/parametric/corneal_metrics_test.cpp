@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "meshing/biometry.hpp"
+#include "pipeline/base/astigmatism.hpp"
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/frames.hpp"
 #include "pipeline/eye/surfaces/zernike.hpp"
