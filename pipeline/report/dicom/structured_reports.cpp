@@ -172,7 +172,7 @@ void describe_document(DSRDocument& document, const SourceStudy& source) {
 
 void start_measurement_report(TID1500_MeasurementReport& report) {
   // By its code: the class of languages has another name in every other DCMTK.
-  check(report.setLanguage(DSRCodedEntryValue("en", "RFC5646", "English")), "language");
+  check(report.setLanguage(DSRCodedEntryValue("eng", "RFC5646", "English")), "language");
   check(report.getObservationContext().addDeviceObserver(stable_uid("device " + version()).c_str(), model,
                                                          manufacturer, model, serial_number),
         "observer");
