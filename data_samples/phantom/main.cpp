@@ -83,6 +83,62 @@ std::string summary(const Json& truth, const std::string& out) {
   return text + fmt::format("study in {0}/dicom, truth in {0}/truth.json\n", out);
 }
 
+void declare_geometry(CLI::App& app, Options& options) {
+  app.add_option("-o,--output", options.out, "Folder to make: dicom/ and truth.json")->required();
+  const std::string geometry = "Geometry";
+  app.add_option("--random", options.random, "Eyes drawn from the population with this seed")
+      ->group(geometry);
+  app.add_option("--keratoconus", options.keratoconus, "The same eyes, each with a cone on its cornea")
+      ->excludes("--random")
+      ->group(geometry);
+  app.add_option("--geometry", options.geometry, "Geometry from a file (a truth.json will do)")
+      ->check(CLI::ExistingFile)
+      ->group(geometry);
+  app.add_option("--od", options.od, "Right eye: key=value,... (keys in docs/use/phantom.md)")
+      ->group(geometry);
+  app.add_option("--os", options.os, "Left eye: key=value,...")->group(geometry);
+  app.add_option("--head", options.head, "Head: key=value,...")->group(geometry);
+  app.add_option("--gaze", options.gaze, "H,V of both eyes (deg; to the patient's left, up)")
+      ->delimiter(',')
+      ->expected(2)
+      ->group(geometry);
+  app.add_option("--head-roll", options.roll, "Roll (deg; positive: left eye higher)")->group(geometry);
+}
+
+void declare_acquisition(CLI::App& app, Options& options) {
+  const std::string acquisition = "Acquisition";
+  app.add_option("--protocol", options.protocol, "surface-coil, head-t2 or head-t1")
+      ->capture_default_str()
+      ->group(acquisition);
+  app.add_option("--stack", options.stacks, "A stack instead of the protocol's: od-coronal:key=value,...")
+      ->group(acquisition);
+  app.add_option("--snr", options.snr, "Vitreous (T2) or fat (T1) over noise; 0: no noise")
+      ->check(CLI::NonNegativeNumber)
+      ->group(acquisition);
+  app.add_option("--motion", options.disturbances.motion_mm, "Head shift between stacks, rms (mm)")
+      ->check(CLI::NonNegativeNumber)
+      ->group(acquisition);
+  app.add_option("--motion-deg", options.disturbances.motion_deg, "Head rotation between stacks, rms (deg)")
+      ->check(CLI::NonNegativeNumber)
+      ->group(acquisition);
+  app.add_option("--slice-motion", options.disturbances.slice_motion_mm, "Shift between slices, rms (mm)")
+      ->check(CLI::NonNegativeNumber)
+      ->group(acquisition);
+  app.add_option("--scale-error", options.disturbances.scale_error, "Relative error of all lengths (0.003)")
+      ->check(CLI::Range(-0.1, 0.1))
+      ->group(acquisition);
+  app.add_option("--chemical-shift", options.disturbances.chemical_shift_px,
+                 "Shift of fat along rows (pixels)")
+      ->check(CLI::Range(-10.0, 10.0))
+      ->group(acquisition);
+  const std::map<std::string, Compression> kinds{
+      {"none", Compression::none}, {"jpeg", Compression::jpeg_lossless}, {"jpeg-ls", Compression::jpeg_ls}};
+  app.add_option("--compress", options.compression, "none, jpeg (lossless) or jpeg-ls")
+      ->transform(CLI::CheckedTransformer(kinds).description(""))
+      ->type_name("KIND")
+      ->group(acquisition);
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
@@ -92,57 +148,8 @@ int main(int argc, char** argv) {
   command.summary = "Makes an orbit MRI study with known truth.";
   command.example = "emmetrope phantom -o study --random 7 --protocol head-t2 --motion 0.3";
   command.declare = [&](CLI::App& app) {
-    app.add_option("-o,--output", options.out, "Folder to make: dicom/ and truth.json")->required();
-    const std::string geometry = "Geometry";
-    app.add_option("--random", options.random, "Eyes drawn from the population with this seed")
-        ->group(geometry);
-    app.add_option("--keratoconus", options.keratoconus, "The same eyes, each with a cone on its cornea")
-        ->excludes("--random")
-        ->group(geometry);
-    app.add_option("--geometry", options.geometry, "Geometry from a file (a truth.json will do)")
-        ->check(CLI::ExistingFile)
-        ->group(geometry);
-    app.add_option("--od", options.od, "Right eye: key=value,... (keys in docs/use/phantom.md)")
-        ->group(geometry);
-    app.add_option("--os", options.os, "Left eye: key=value,...")->group(geometry);
-    app.add_option("--head", options.head, "Head: key=value,...")->group(geometry);
-    app.add_option("--gaze", options.gaze, "H,V of both eyes (deg; to the patient's left, up)")
-        ->delimiter(',')
-        ->expected(2)
-        ->group(geometry);
-    app.add_option("--head-roll", options.roll, "Roll (deg; positive: left eye higher)")->group(geometry);
-
-    const std::string acquisition = "Acquisition";
-    app.add_option("--protocol", options.protocol, "surface-coil, head-t2 or head-t1")
-        ->capture_default_str()
-        ->group(acquisition);
-    app.add_option("--stack", options.stacks, "A stack instead of the protocol's: od-coronal:key=value,...")
-        ->group(acquisition);
-    app.add_option("--snr", options.snr, "Vitreous (T2) or fat (T1) over noise; 0: no noise")
-        ->check(CLI::NonNegativeNumber)
-        ->group(acquisition);
-    app.add_option("--motion", options.disturbances.motion_mm, "Head shift between stacks, rms (mm)")
-        ->check(CLI::NonNegativeNumber)
-        ->group(acquisition);
-    app.add_option("--motion-deg", options.disturbances.motion_deg, "Head rotation between stacks, rms (deg)")
-        ->check(CLI::NonNegativeNumber)
-        ->group(acquisition);
-    app.add_option("--slice-motion", options.disturbances.slice_motion_mm, "Shift between slices, rms (mm)")
-        ->check(CLI::NonNegativeNumber)
-        ->group(acquisition);
-    app.add_option("--scale-error", options.disturbances.scale_error, "Relative error of all lengths (0.003)")
-        ->check(CLI::Range(-0.1, 0.1))
-        ->group(acquisition);
-    app.add_option("--chemical-shift", options.disturbances.chemical_shift_px,
-                   "Shift of fat along rows (pixels)")
-        ->check(CLI::Range(-10.0, 10.0))
-        ->group(acquisition);
-    const std::map<std::string, Compression> kinds{
-        {"none", Compression::none}, {"jpeg", Compression::jpeg_lossless}, {"jpeg-ls", Compression::jpeg_ls}};
-    app.add_option("--compress", options.compression, "none, jpeg (lossless) or jpeg-ls")
-        ->transform(CLI::CheckedTransformer(kinds).description(""))
-        ->type_name("KIND")
-        ->group(acquisition);
+    declare_geometry(app, options);
+    declare_acquisition(app, options);
   };
   command.run = [&](const CommonOptions& common) {
     StudyRequest request;

@@ -6,40 +6,11 @@
 #include <future>
 #include <random>
 
+#include "data_samples/phantom/head_motion.hpp"
 #include "data_samples/phantom/slice_sampler.hpp"
-#include "pipeline/base/frames.hpp"
 
 namespace emmetrope::phantom {
 namespace {
-
-using Eigen::Isometry3d;
-using Eigen::Vector3d;
-
-std::uint64_t mixed(std::uint64_t seed, std::uint64_t salt) {  // splitmix64
-  std::uint64_t z = seed + 0x9E3779B97F4A7C15ULL * (salt + 1);
-  z = (z ^ (z >> 30)) * 0xBF58476D1CE4E5B9ULL;
-  z = (z ^ (z >> 27)) * 0x94D049BB133111EBULL;
-  return z ^ (z >> 31);
-}
-
-Vector3d gaussian_vector(std::mt19937_64& random, double sigma) {
-  std::normal_distribution<double> normal(0, 1);
-  const double x = normal(random);
-  const double y = normal(random);
-  return sigma * Vector3d(x, y, normal(random));
-}
-
-/// The head's movement between the first stack and this one, about the point midway between the globes.
-Isometry3d movement(const Anatomy& anatomy, const Disturbances& disturbances, std::size_t index) {
-  if (index == 0) return Isometry3d::Identity();
-  std::mt19937_64 random(mixed(disturbances.seed, 1000 + index));
-  const Vector3d shift = gaussian_vector(random, disturbances.motion_mm);
-  const Vector3d turn = gaussian_vector(random, disturbances.motion_deg * degree);
-  const Vector3d pivot = anatomy.between_globes();
-  const double angle = turn.norm();
-  const Eigen::AngleAxisd rotation(angle, angle > 0 ? Vector3d(turn / angle) : Vector3d::UnitX());
-  return Eigen::Translation3d(pivot + shift) * rotation * Eigen::Translation3d(-pivot);
-}
 
 /// Margin around the image, so that the field of view's edge does not ring into it.
 int margin_of(int pixels) { return std::max(8, pixels / 32); }
@@ -51,7 +22,7 @@ RenderedStack render(const Anatomy& anatomy, const Protocol& protocol, std::size
   const Disturbances& disturbances = protocol.disturbances;
   RenderedStack stack;
   stack.plan = protocol.stacks.at(index);
-  stack.scanner_from_reference = movement(anatomy, disturbances, index);
+  stack.scanner_from_reference = stack_movement(anatomy.between_globes(), disturbances, index);
   stack.sigma = disturbances.snr > 0 ? reference_intensity / disturbances.snr : 0;
   const StackPlan& plan = stack.plan;
   stack.slices.resize(plan.slices);
@@ -63,9 +34,8 @@ RenderedStack render(const Anatomy& anatomy, const Protocol& protocol, std::size
   const int rows = plan.rows + 2 * margin_y;
 
   const auto render_slice = [&](int number) {
-    std::mt19937_64 random(mixed(disturbances.seed, 1000000 * (index + 1) + number));
-    const Isometry3d moved = Eigen::Translation3d(gaussian_vector(random, disturbances.slice_motion_mm)) *
-                             stack.scanner_from_reference;
+    std::mt19937_64 random = slice_random(disturbances.seed, index, number);
+    const Eigen::Isometry3d moved = slice_movement(disturbances, random) * stack.scanner_from_reference;
     const SlicePose pose{stack.position(-margin_x, -margin_y, number), moved.inverse(),
                          1 + disturbances.scale_error};
     const SliceSampler sampler(anatomy, plan, sensitivity, pose, columns, rows);

@@ -174,14 +174,7 @@ void share_geometry(DcmSegmentation& object, const PlaneGrid& grid) {
   check(object.addForAllFrames(measures), "spacing");
 }
 
-}  // namespace
-
-std::string segmentation_object(const SourceStudy& source, const std::filesystem::path& label_nifti,
-                                const Json& labels_json, const std::string& series_uid, int number,
-                                const std::string& result) {
-  const Volume volume(label_nifti);
-  const Eigen::Vector3i size = volume.size();
-  const PlaneGrid grid = grid_of(volume.lps_from_voxel());
+std::unique_ptr<DcmSegmentation> empty_object(const Eigen::Vector3i& size, int number) {
   DcmSegmentation* made = nullptr;
   check(DcmSegmentation::createBinarySegmentation(
             made, static_cast<Uint16>(size.y()), static_cast<Uint16>(size.x()),
@@ -190,28 +183,44 @@ std::string segmentation_object(const SourceStudy& source, const std::filesystem
             ContentIdentificationMacro(std::to_string(number).c_str(), "EYES",
                                        "Structures of the eyes, RESEARCH USE ONLY", "")),
         "segmentation");
-  const std::unique_ptr<DcmSegmentation> object(made);
+  return std::unique_ptr<DcmSegmentation>(made);
+}
+
+void add_dimensions(DcmSegmentation& object, const std::string& organization) {
+  check(object.getDimensions().addDimensionIndex(DCM_ReferencedSegmentNumber, organization.c_str(),
+                                                 DCM_SegmentIdentificationSequence, "Segment"),
+        "dimension");
+  check(object.getDimensions().addDimensionIndex(DCM_ImagePositionPatient, organization.c_str(),
+                                                 DCM_PlanePositionSequence, "Plane"),
+        "dimension");
+}
+
+/// One slice's voxels of a label as ones; true if there are any.
+bool fill_mask(std::vector<Uint8>& mask, const Volume& volume, int slice, int label) {
+  const Eigen::Vector3i size = volume.size();
+  for (int j = 0; j < size.y(); ++j)
+    for (int i = 0; i < size.x(); ++i)
+      mask[static_cast<std::size_t>(j) * size.x() + i] = std::lround(volume.at(i, j, slice)) == label;
+  return std::any_of(mask.begin(), mask.end(), [](Uint8 voxel) { return voxel != 0; });
+}
+
+}  // namespace
+
+std::string segmentation_object(const SourceStudy& source, const std::filesystem::path& label_nifti,
+                                const Json& labels_json, const std::string& series_uid, int number,
+                                const std::string& result) {
+  const Volume volume(label_nifti);
+  const Eigen::Vector3i size = volume.size();
+  const PlaneGrid grid = grid_of(volume.lps_from_voxel());
+  const std::unique_ptr<DcmSegmentation> object = empty_object(size, number);
   share_geometry(*object, grid);
-  const std::string organization = stable_uid("dimensions " + source.study_uid());
-  check(object->getDimensions().addDimensionIndex(DCM_ReferencedSegmentNumber, organization.c_str(),
-                                                  DCM_SegmentIdentificationSequence, "Segment"),
-        "dimension");
-  check(object->getDimensions().addDimensionIndex(DCM_ImagePositionPatient, organization.c_str(),
-                                                  DCM_PlanePositionSequence, "Plane"),
-        "dimension");
+  add_dimensions(*object, stable_uid("dimensions " + source.study_uid()));
   bool any = false;
   std::vector<Uint8> mask(static_cast<std::size_t>(size.x()) * static_cast<std::size_t>(size.y()));
   for (const auto& label : labels_of(labels_json)) {
     Uint16 segment = 0;
     for (int k = 0; k < size.z(); ++k) {
-      bool is_there = false;
-      for (int j = 0; j < size.y(); ++j)
-        for (int i = 0; i < size.x(); ++i) {
-          const bool inside = std::lround(volume.at(i, j, k)) == label.value;
-          mask[static_cast<std::size_t>(j) * size.x() + i] = inside ? 1 : 0;
-          is_there = is_there || inside;
-        }
-      if (!is_there) continue;
+      if (!fill_mask(mask, volume, k, label.value)) continue;
       if (segment == 0) check(object->addSegment(segment_of(label).release(), segment), "segment");
       const Eigen::Vector3d position = (volume.lps_from_voxel() * Eigen::Vector4d(0, 0, k, 1)).head<3>();
       add_frame(*object, source, series_uid, grid, position, segment, static_cast<Uint32>(k + 1), mask);
