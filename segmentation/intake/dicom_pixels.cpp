@@ -259,6 +259,15 @@ DecodeEnd stream_jpeg2000(const std::vector<Fragment>& streams, const Layout& la
   return {};
 }
 
+/// DCMTK 3.6.8 has other names for it.
+bool is_compressed(const DcmXfer& syntax) {
+#if OFFIS_DCMTK_VERSION_NUMBER >= 368
+  return syntax.usesEncapsulatedFormat() && syntax.isPixelDataCompressed();
+#else
+  return syntax.isEncapsulated();
+#endif
+}
+
 }  // namespace
 
 void register_decoders() {
@@ -281,7 +290,7 @@ DecodeEnd decode_pixels(DcmFileFormat& parsed, std::uint64_t byte_limit, const F
   DcmPixelData& pixels = pixel_data(data_set);
   Layout layout = read_layout(data_set);
   const DcmXfer syntax(data_set.getOriginalXfer());
-  if (!syntax.isEncapsulated()) {
+  if (!is_compressed(syntax)) {
     const bool misordered =
         syntax.getByteOrder() == EBO_BigEndian && layout.bits_allocated > 8 && pixels.getVR() == EVR_OB;
     if (misordered)

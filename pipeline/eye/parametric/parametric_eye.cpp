@@ -1,5 +1,7 @@
 #include "pipeline/eye/parametric/parametric_eye.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -84,15 +86,15 @@ double conic_depth(const Matrix2d& curvature, const Matrix2d& q, double x_mm, do
   return p.dot(cp) / (1 + std::sqrt(1 - cp.squaredNorm() - cp.dot(q * cp)));
 }
 
-const Json& at(const Json& json, const std::string& key) {
+const Json& at(const Json& json, const char* key) {
   const auto found = json.find(key);
-  if (found == json.end()) throw input_error("fitted eye: key '" + key + "' is missing");
+  if (found == json.end()) throw input_error(fmt::format("fitted eye: key '{}' is missing", key));
   return *found;
 }
 
-double number_at(const Json& json, const std::string& key) {
+double number_at(const Json& json, const char* key) {
   const Json& value = at(json, key);
-  if (!value.is_number()) throw input_error("fitted eye: '" + key + "' is no number");
+  if (!value.is_number()) throw input_error(fmt::format("fitted eye: '{}' is no number", key));
   return value.get<double>();
 }
 
@@ -339,7 +341,7 @@ ParametricEye parametric_eye_from_json(const Json& json) {
     const std::string name = field.name;
     const bool in_array = name.rfind("lens_decentre", 0) == 0 || name.rfind("lens_tilt", 0) == 0 ||
                           name.rfind("globe_semi_axis", 0) == 0;
-    if (!in_array && name != "lens_index") field.of(eye) = number_at(json, name);
+    if (!in_array && name != "lens_index") field.of(eye) = number_at(json, name.c_str());
   }
   Eigen::Map<Eigen::Matrix<double, corneal_form_terms, 1>>(eye.cornea_zernike_um.data()) =
       vector_from<corneal_form_terms>(at(json, "cornea_zernike_um"), "cornea_zernike_um");
