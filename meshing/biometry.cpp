@@ -22,7 +22,7 @@ using Eigen::VectorXd;
 constexpr double section_depth_mm = 2.3;
 
 Measured measured(const Propagated& p, Eigen::Index i) {
-  return Measured::from_sigma(p.value[i], p.sigma(i), p.source[i]);
+  return Measured::from_sigma(p.value[i], p.sigma(i), p.source[i], "fit");
 }
 
 /// Largest coordinate of the interface along a direction of the eye frame: coarse search, then a compass
@@ -236,7 +236,8 @@ std::vector<PlausibilityFlag> plausibility(const Json& biometry) {
   std::vector<PlausibilityFlag> flags;
   for (const Gate& gate : gates) {
     const Json::json_pointer place(std::string("/") + gate.quantity);
-    if (!biometry.contains(place)) continue;  // an interpupillary distance of one eye
+    // An interpupillary distance of one eye is not there.
+    if (!biometry.contains(place) || is_withheld(biometry.at(place))) continue;
     PlausibilityFlag& flag = flags.emplace_back();
     flag.name = gate.name;
     flag.value = biometry.at(place).get<Measured>().value;

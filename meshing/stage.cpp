@@ -10,6 +10,7 @@
 #include "meshing/gifti.hpp"
 #include "meshing/mesh_check.hpp"
 #include "meshing/optics.hpp"
+#include "meshing/partial_biometry.hpp"
 #include "meshing/remesh.hpp"
 #include "pipeline/base/case_subject.hpp"
 #include "pipeline/base/eye_stage.hpp"
@@ -25,23 +26,27 @@ struct FittedEye {
   Json fit;
   UncertainEye estimate;
   std::optional<Topography> topography;
+  std::string cornea_withheld;  ///< why; empty: its shape is known
 };
 
-/// \throw Error (no_result) where segmentation has no fit or refused it, with the reason
-FittedEye read_fit(const fs::path& case_folder, Laterality eye) {
+/// What segmentation knows of an eye: its fit, or what edges tell where that is withheld.
+struct SegmentedEye {
+  Json fit;
+  std::optional<FittedEye> fitted;
+};
+
+/// \throw Error (no_result) where segmentation knows nothing of the eye, with the reason
+SegmentedEye read_segmented(const fs::path& case_folder, Laterality eye) {
   const fs::path file = case_folder / "segmentation" / to_string(eye) / "fit.json";
   if (!fs::exists(file)) throw no_result_error("segmentation found no such eye");
   try {
     const Json fit = read_json(file);
-    if (fit.at("status") == "refused") {
-      std::string why;
-      for (const Json& gate : fit.at("quality")) {
-        if (!gate.at("passed").get<bool>())
-          why += (why.empty() ? "" : "; ") + gate.at("reason").get<std::string>();
-      }
-      throw no_result_error("refused by segmentation: " + why);
-    }
-    return {fit, fitted_eye(parametric_eye_from_json(fit.at("eye"))), std::nullopt};
+    const Json& withheld = fit.at("withheld");
+    if (fit.at("status") == "refused")
+      throw no_result_error("refused by segmentation: " + withheld.at("fit").get<std::string>());
+    if (withheld.contains("fit")) return {fit, std::nullopt};
+    return {fit, FittedEye{fit, fitted_eye(parametric_eye_from_json(fit.at("eye"))), std::nullopt,
+                           withheld.value("cornea", std::string())}};
   } catch (const nlohmann::json::exception& fault) {
     throw input_error(file.string() + " is broken: " + fault.what(), "make it again with: emmetrope segment");
   } catch (Error& error) {
@@ -82,6 +87,8 @@ Json write_meshes(const fs::path& folder, const FittedEye& fitted, const Meshing
   const double reach_mm = fitted.topography ? fitted.topography->zone_mm / 2 : 0;
   Json report = Json::object();
   for (const NamedSheet& sheet : make_sheets(eye, cornea, reach_mm)) {
+    const bool is_cornea = sheet.name.rfind("cornea", 0) == 0;
+    if (is_cornea && !fitted.cornea_withheld.empty()) continue;
     int vertices = sheet.paper_vertices;
     for (const std::string& key : {std::string(), sheet.name}) {
       if (const auto wanted = options.vertices.find(key); wanted != options.vertices.end())
@@ -104,6 +111,7 @@ Json write_meshes(const fs::path& folder, const FittedEye& fitted, const Meshing
 
 std::string summary(const Json& biometry) {
   const auto line = [](const char* what, const Json& json, const char* unit) {
+    if (is_withheld(json)) return fmt::format("  {:<26}withheld\n", what);
     const auto m = json.get<Measured>();
     return fmt::format("  {:<26}{:8.2f} {:<3} (95 % {:.2f} to {:.2f}, {})\n", what, m.value, unit, m.ci95[0],
                        m.ci95[1], m.source);
@@ -145,6 +153,7 @@ std::vector<StageInput> inputs_of(const MeshingOptions& options) {
 /// What is known of the eyes that segmentation measured, with what other instruments say of them.
 struct KnownEyes {
   std::map<Laterality, FittedEye> fitted;
+  std::map<Laterality, Json> read;            ///< fit.json of eyes known by their edges alone
   std::map<Laterality, std::string> missing;  ///< why, of the others
 };
 
@@ -152,7 +161,11 @@ KnownEyes read_eyes(const MeshingOptions& options, StageWorkspace& workspace) {
   KnownEyes eyes;
   for (const Laterality eye : both_eyes) {
     try {
-      eyes.fitted.emplace(eye, read_fit(options.case_folder, eye));
+      SegmentedEye segmented = read_segmented(options.case_folder, eye);
+      if (segmented.fitted)
+        eyes.fitted.emplace(eye, std::move(*segmented.fitted));
+      else
+        eyes.read.emplace(eye, std::move(segmented.fit));
     } catch (const Error& error) {
       if (error.status() != ExitStatus::no_result) throw;
       eyes.missing[eye] = error.what();
@@ -161,7 +174,7 @@ KnownEyes read_eyes(const MeshingOptions& options, StageWorkspace& workspace) {
   for (const auto& [eye, measured] : options.instruments) {
     if (eyes.fitted.count(eye) == 0)
       workspace.warn(std::string(clinical_name(eye)) +
-                     ": not measured in the images, so that what other instruments say of it is not used");
+                     ": not fitted to the images, so that what other instruments say of it is not used");
   }
   return eyes;
 }
@@ -173,6 +186,10 @@ void learn_from_instruments(KnownEyes& eyes, const MeshingOptions& options, Stag
     if (measured == options.instruments.end()) continue;
     InstrumentReadings readings = read_instruments(measured->second);
     fitted.topography = std::move(readings.topography);
+    const bool cornea_was_measured = std::any_of(
+        readings.measurements.begin(), readings.measurements.end(),
+        [](const ExternalMeasurement& m) { return m.source == "keratometry" || m.source == "topography"; });
+    if (cornea_was_measured) fitted.cornea_withheld.clear();
     try {
       for (const std::string& warning : learn(fitted.estimate, readings))
         workspace.warn(std::string(clinical_name(eye)) + ": " + warning);
@@ -188,17 +205,23 @@ std::optional<Measured> interpupillary_distance(const KnownEyes& eyes, double sc
   return interpupillary_distance_mm(od.estimate, os.estimate, scale_sd, head_motion_sd_mm(od.fit, os.fit));
 }
 
+/// What is implausible in a biometry.json goes into it and is told.
+void flag(Json& biometry, Laterality eye, StageWorkspace& workspace) {
+  const std::vector<PlausibilityFlag> flags = plausibility(biometry);
+  biometry["plausibility"] = to_json(flags);
+  for (const PlausibilityFlag& flag : flags)
+    if (!flag.passed()) workspace.warn(std::string(clinical_name(eye)) + ": " + flag.describe());
+}
+
 /// biometry.json with what is implausible in it told.
 Json biometry_of(const FittedEye& fitted, Laterality eye, const MeshingOptions& options,
                  const std::optional<Measured>& interpupillary, StageWorkspace& workspace) {
   Json biometry = biometry_json(fitted.estimate, {options.retinal_depth_mm},
                                 fitted.topography ? &*fitted.topography : nullptr);
+  if (!fitted.cornea_withheld.empty()) withhold_cornea(biometry, fitted.cornea_withheld);
   biometry["head_roll_deg"] = fitted.fit.at("head_roll_deg");
   if (interpupillary) biometry["interpupillary_distance_mm"] = *interpupillary;
-  const std::vector<PlausibilityFlag> flags = plausibility(biometry);
-  biometry["plausibility"] = to_json(flags);
-  for (const PlausibilityFlag& flag : flags)
-    if (!flag.passed()) workspace.warn(std::string(clinical_name(eye)) + ": " + flag.describe());
+  flag(biometry, eye, workspace);
   return biometry;
 }
 
@@ -218,18 +241,33 @@ StageVerdict mesh_eyes(const MeshingOptions& options, const StageVerdict& segmen
   if (!eyes.fitted.empty()) warn_of_head_roll(eyes.fitted.begin()->second.fit.at("head_roll_deg"), workspace);
 
   Json quality = Json::object();
-  const StageVerdict verdict = work_eye_by_eye(
+  StageVerdict verdict = work_eye_by_eye(
       eyes_asked_for(common.laterality), {ExitStatus::done, segmented.reasons}, [&](Laterality eye) {
-        const auto found = eyes.fitted.find(eye);
-        if (found == eyes.fitted.end()) throw no_result_error(eyes.missing.at(eye));
-        const FittedEye& fitted = found->second;
+        if (const auto missing = eyes.missing.find(eye); missing != eyes.missing.end())
+          throw no_result_error(missing->second);
         const fs::path folder = workspace.folder() / to_string(eye);
         fs::create_directories(folder);
+        if (const auto read = eyes.read.find(eye); read != eyes.read.end()) {
+          Json biometry = edge_biometry_json(read->second, eye, options.retinal_depth_mm);
+          flag(biometry, eye, workspace);
+          write_json(folder / "biometry.json", biometry);
+          return;
+        }
+        const FittedEye& fitted = eyes.fitted.at(eye);
         quality[to_string(eye)] = write_meshes(folder, fitted, options);
         write_json(folder / "biometry.json", biometry_of(fitted, eye, options, interpupillary, workspace));
-        write_json(folder / "optics.json", optics_json(fitted.estimate, defaults));
+        if (fitted.cornea_withheld.empty())
+          write_json(folder / "optics.json", optics_json(fitted.estimate, defaults));
       });
   workspace.provenance()["meshes"] = quality;
+  const bool something_withheld =
+      std::any_of(eyes.fitted.begin(), eyes.fitted.end(),
+                  [&](const auto& eye) {
+                    return includes(common.laterality, eye.first) && !eye.second.cornea_withheld.empty();
+                  }) ||
+      std::any_of(eyes.read.begin(), eyes.read.end(),
+                  [&](const auto& eye) { return includes(common.laterality, eye.first); });
+  if (verdict.status == ExitStatus::done && something_withheld) verdict.status = ExitStatus::partial;
   return verdict;
 }
 

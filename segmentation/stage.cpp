@@ -78,7 +78,9 @@ void fit_one(JudgedEye& eye, const StudyImages& images, const std::function<void
   std::vector<const Stack*> drawn_views;
   for (const Stack& image : drawn) drawn_views.push_back(&image);
   eye.evidence = drawn.empty() ? Evidence::intensities : Evidence::labels;
-  fit_and_judge(eye, drawn.empty() ? views : drawn_views, start_of(eye.found, images.age_years), advance);
+  if (drawn.empty()) eye.edges = read_edges_of(eye.found, stacks);
+  fit_and_judge(eye, drawn.empty() ? views : drawn_views, start_of(eye.found, eye.edges, images.age_years),
+                advance);
   if (!eye.fit) return;
   // What is shown and written is the scanner's image.
   for (std::size_t v = 0; v < views.size(); ++v) eye.fit->stacks[v].stack = views[v];
@@ -109,7 +111,7 @@ void fit_all(std::vector<JudgedEye>& eyes, const StudyImages& images, const Comm
 
 /// \return whether both were measured and are alike enough to tell of each other
 bool couple(std::vector<JudgedEye>& eyes) {
-  if (eyes.size() != 2 || eyes[0].refused() || eyes[1].refused()) return false;
+  if (eyes.size() != 2 || !eyes[0].is_fitted() || !eyes[1].is_fitted()) return false;
   return couple_eyes(*eyes[0].fit, *eyes[1].fit);
 }
 
@@ -144,7 +146,7 @@ void warn_of(const JudgedEye& eye, StageWorkspace& workspace) {
 
 StageVerdict verdict_of(const std::vector<JudgedEye>& eyes, const FoundEyes& found, LateralityChoice wanted) {
   StageVerdict verdict;
-  int expected = 0, measured = 0;
+  int expected = 0, measured = 0, in_part = 0;
   for (const Laterality laterality : both_eyes) {
     if (!includes(wanted, laterality)) continue;
     ++expected;
@@ -153,15 +155,17 @@ StageVerdict verdict_of(const std::vector<JudgedEye>& eyes, const FoundEyes& fou
     if (eye == eyes.end()) {
       verdict.reasons.push_back(
           fmt::format("{}: no such eye was found in the images", clinical_name(laterality)));
-    } else if (eye->refused()) {
-      verdict.reasons.push_back(fmt::format("{}: {}", clinical_name(laterality), eye->reasons()));
-    } else {
+    } else if (eye->is_measured()) {
       ++measured;
+    } else {
+      if (eye->is_fitted() || eye->is_read()) ++in_part;
+      verdict.reasons.push_back(fmt::format("{}: {}", clinical_name(laterality), eye->reasons()));
     }
   }
   for (const std::string& note : found.notes) verdict.reasons.push_back(note);
-  verdict.status =
-      measured == expected ? ExitStatus::done : (measured > 0 ? ExitStatus::partial : ExitStatus::no_result);
+  verdict.status = measured == expected     ? ExitStatus::done
+                   : measured + in_part > 0 ? ExitStatus::partial
+                                            : ExitStatus::no_result;
   return verdict;
 }
 

@@ -210,7 +210,14 @@ double EyeFit::pole_depth_sigma_mm() const {
   return std::sqrt(std::max(0.0, derivatives.dot(covariance * derivatives)));
 }
 
-EyeStart start_of(const FoundEye& eye, std::optional<double> age_years) {
+ViewEdges read_edges_of(const FoundEye& eye, const std::vector<const Stack*>& stacks) {
+  ViewEdges edges;
+  for (const EyeView& view : eye.views)
+    edges.push_back(read_eye(*stacks[view.stack], {view.globe.centre, eye.axis}, eye.weighting));
+  return edges;
+}
+
+EyeStart start_of(const FoundEye& eye, const ViewEdges& edges, std::optional<double> age_years) {
   EyeStart start;
   start.age_years = age_years;
   start.laterality = eye.laterality;
@@ -218,7 +225,18 @@ EyeStart start_of(const FoundEye& eye, std::optional<double> age_years) {
   start.globe_radius_mm = eye.radius_mm;
   start.axis = eye.axis;
   start.other_axis = eye.other_axis;
-  for (const EyeView& view : eye.views) start.stack_shift.push_back(start.globe_centre - view.globe.centre);
+  const auto centre_in = [&](std::size_t v) {
+    return v < edges.size() && edges[v] ? edges[v]->reading.globe.centre : eye.views[v].globe.centre;
+  };
+  start.globe_centre = centre_in(0);
+  for (std::size_t v = 0; v < eye.views.size(); ++v)
+    start.stack_shift.push_back(start.globe_centre - centre_in(v));
+  if (edges.empty() || !edges.front()) return start;
+  const EdgeReading& read = edges.front()->reading;
+  start.axis = read.globe.axes.col(2);
+  start.other_axis.reset();
+  start.globe_half_axes_mm = read.globe.half_axes;
+  if (read.axial) start.apex_distance_mm = apex_distance_mm(*read.axial);
   return start;
 }
 

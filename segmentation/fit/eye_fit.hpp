@@ -7,6 +7,7 @@
 #include "pipeline/base/frames.hpp"
 #include "pipeline/base/laterality.hpp"
 #include "pipeline/eye/parametric/parametric_eye.hpp"
+#include "segmentation/edges/edge_biometry.hpp"
 #include "segmentation/finding/find_eyes.hpp"
 #include "segmentation/fit/corneal_irregularity.hpp"
 #include "segmentation/fit/least_squares.hpp"
@@ -62,8 +63,12 @@ struct EyeFit {
   double pole_depth_sigma_mm() const;
 };
 
+/// What half-level edges say of an eye in each of its views; none where they are not sure of it.
+using ViewEdges = std::vector<std::optional<ReadEye>>;
+ViewEdges read_edges_of(const FoundEye& eye, const std::vector<const Stack*>& stacks);
+
 /// What the fit of a found eye starts from, and its stacks.
-EyeStart start_of(const FoundEye& eye, std::optional<double> age_years = {});
+EyeStart start_of(const FoundEye& eye, const ViewEdges& edges, std::optional<double> age_years = {});
 std::vector<const Stack*> views_of(const FoundEye& eye, const std::vector<const Stack*>& stacks);
 
 /// Fits one eye to its stacks, which are of one weighting. The order that converges: globe, lens and pose

@@ -59,11 +59,12 @@ void set_stack_shifts(VectorXd& a, const ParameterLayout& layout, const EyeStart
 VectorXd start_parameters(const ParameterLayout& layout, const std::vector<const Stack*>& stacks,
                           const EyeStart& start, Weighting weighting, Evidence evidence) {
   VectorXd a = population_mean(layout);
-  const double apex = find_apex_distance(stacks, start, weighting);
+  const double apex =
+      start.apex_distance_mm ? *start.apex_distance_mm : find_apex_distance(stacks, start, weighting);
   a.segment<3>(apex_x) = start.globe_centre + apex * start.axis;
   a.segment<2>(gaze_horizontal) = gaze_deg(start.axis);
-  a[globe_x] = a[globe_y] = a[globe_z] = start.globe_radius_mm;
-  a[axial_length] = apex + start.globe_radius_mm;
+  a.segment<3>(globe_x) = start.globe_half_axes_mm.value_or(Vector3d::Constant(start.globe_radius_mm));
+  a[axial_length] = apex + a[globe_z];
 
   set_stack_shifts(a, layout, start);
   if (evidence == Evidence::labels) {
@@ -140,9 +141,11 @@ std::vector<VectorXd> starts_along_axis(const ForwardModel& model, const std::ve
   }
   std::vector<VectorXd> starts{start_parameters(layout, stacks, start, weighting, evidence)};
   if (weighting != Weighting::t1 || evidence == Evidence::labels) return starts;
+  // Edges tell the inner wall, where the finder may have seen the edge of displaced fat.
+  const bool on_inner_wall = start.globe_half_axes_mm.has_value();
   EyeStart smaller = start;
   smaller.globe_radius_mm -= 1;
-  starts.push_back(start_parameters(layout, stacks, smaller, weighting, evidence));
+  if (!on_inner_wall) starts.push_back(start_parameters(layout, stacks, smaller, weighting, evidence));
   for (const VectorXd& still : std::vector<VectorXd>(starts)) {
     for (int s = 0; s < layout.stacks; ++s) {
       for (const int along : {0, 1}) {
@@ -152,7 +155,7 @@ std::vector<VectorXd> starts_along_axis(const ForwardModel& model, const std::ve
           starts.push_back(still);
           VectorXd& moved = starts.back();
           moved[layout.stack(s) + fat_shift_first + along] = shift;
-          move_off_fat(moved, model, s, shift * Vector2d::Unit(along));
+          if (!on_inner_wall) move_off_fat(moved, model, s, shift * Vector2d::Unit(along));
         }
       }
     }

@@ -22,6 +22,9 @@ struct EyeStart {
   std::optional<Laterality> laterality;
   /// Parameters of the person's other eye, fitted to the same stacks, to start from instead; empty: none.
   Eigen::VectorXd fellow = {};
+  /// Where half-level edges told them: the interface's half axes, and the apex' distance from the centre.
+  std::optional<Eigen::Vector3d> globe_half_axes_mm = {};
+  std::optional<double> apex_distance_mm = {};
 
   /// The same eye as it lies in stack k.
   EyeStart in_stack(std::size_t k) const {

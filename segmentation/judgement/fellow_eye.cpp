@@ -7,6 +7,7 @@
 
 #include "pipeline/base/error.hpp"
 #include "pipeline/eye/population/limits.hpp"
+#include "segmentation/judgement/edge_agreement.hpp"
 
 namespace emmetrope::segmentation {
 namespace {
@@ -43,13 +44,18 @@ bool improve(JudgedEye& eye, const JudgedEye& fellow, const std::string& because
   JudgedEye again;
   again.found = eye.found;
   again.fitted_again_because = because;
-  EyeStart start = start_of(eye.found, age_years);
+  again.edges = eye.edges;
+  EyeStart start = start_of(eye.found, eye.edges, age_years);
   start.fellow = fellow.fit->parameters;
   fit_and_judge(again, views_of(eye.found, stacks), start, [&] { progress.advance(); });
-  if (again.refused() || !agree(again, fellow)) return false;
+  if (!again.is_measured() || !agree(again, fellow)) return false;
   if (eye.fit && again.fit->chi2_per_voxel > eye.fit->chi2_per_voxel) return false;
   eye = std::move(again);
   return true;
+}
+
+bool is_confirmed(const JudgedEye& eye) {
+  return eye.main_edges() && compare_with_edges(*eye.fit, *eye.main_edges()).confirms();
 }
 
 std::string contradiction(const JudgedEye& od, const JudgedEye& os) {
@@ -62,17 +68,16 @@ std::string contradiction(const JudgedEye& od, const JudgedEye& os) {
 }  // namespace
 
 std::string JudgedEye::reasons() const {
-  std::string text;
-  for (const QualityGate& gate : gates)
-    if (gate.decides && !gate.passed) text += (text.empty() ? "" : "; ") + gate.reason;
-  return text;
+  const std::string of_fit = reasons_for(gates, Withholds::fit),
+                    of_cornea = reasons_for(gates, Withholds::cornea);
+  return of_fit + (of_fit.empty() || of_cornea.empty() ? "" : "; ") + of_cornea;
 }
 
 void fit_and_judge(JudgedEye& eye, const std::vector<const Stack*>& images, const EyeStart& start,
                    const std::function<void()>& advance) {
   try {
     eye.fit = fit_eye(images, start, eye.found.weighting, advance, eye.evidence);
-    eye.gates = judge_quality(eye.found, *eye.fit);
+    eye.gates = judge_quality(eye.found, *eye.fit, eye.main_edges());
   } catch (const Error& error) {
     if (error.status() != ExitStatus::no_result) throw;
     QualityGate fitted;
@@ -87,11 +92,13 @@ void fit_and_judge(JudgedEye& eye, const std::vector<const Stack*>& images, cons
 void compare_fellow_eyes(JudgedEye& od, JudgedEye& os, const std::vector<const Stack*>& stacks,
                          std::optional<double> age_years, Verbosity verbosity) {
   if (!in_the_same_stacks(od, os)) return;
-  if (od.refused() != os.refused()) {
-    JudgedEye& refused = od.refused() ? od : os;
-    improve(refused, od.refused() ? os : od, refused.reasons(), stacks, age_years, verbosity);
+  if (od.is_measured() != os.is_measured()) {
+    JudgedEye& other = od.is_measured() ? os : od;
+    improve(other, od.is_measured() ? od : os, other.reasons(), stacks, age_years, verbosity);
   }
-  if (od.refused() || os.refused() || agree(od, os)) return;
+  if (!od.is_fitted() || !os.is_fitted() || agree(od, os)) return;
+  // Where the edges confirm both, what the fits make of the fat behind the wall does not matter.
+  if (is_confirmed(od) && is_confirmed(os)) return;
   const std::string because = contradiction(od, os);
   const bool od_is_worse = od.fit->chi2_per_voxel > os.fit->chi2_per_voxel;
   JudgedEye &worse = od_is_worse ? od : os, &better = od_is_worse ? os : od;

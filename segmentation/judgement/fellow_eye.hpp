@@ -12,13 +12,24 @@ namespace emmetrope::segmentation {
 /// One eye, from found to judged.
 struct JudgedEye {
   FoundEye found;
+  ViewEdges edges;  ///< of its views; empty where labels are the evidence
   std::optional<EyeFit> fit;
   std::vector<QualityGate> gates;
   std::string fitted_again_because;  ///< its first fit was not taken; empty: it was
   Evidence evidence = Evidence::intensities;
 
-  bool refused() const { return !fit || is_refused(gates); }
-  /// Why it is refused, in the user's words.
+  /// Whether surfaces and lengths of the fit stand, and the cornea's shape too.
+  bool is_fitted() const { return fit && !is_withheld(gates, Withholds::fit); }
+  bool is_measured() const { return is_fitted() && !is_withheld(gates, Withholds::cornea); }
+  /// The edges that stand in for a fit that is withheld.
+  bool is_read() const { return !is_fitted() && main_edges(); }
+  /// Of the best view.
+  std::optional<ReadEye> main_edges() const { return edges.empty() ? std::nullopt : edges.front(); }
+  /// "measured", "partial" (some quantities are withheld), or "refused" (all are).
+  const char* status() const {
+    return is_measured() ? "measured" : is_fitted() || is_read() ? "partial" : "refused";
+  }
+  /// Why something is withheld, in the user's words.
   std::string reasons() const;
 };
 

@@ -7,6 +7,7 @@
 
 #include "pipeline/eye/population/limits.hpp"
 #include "pipeline/eye/population/population.hpp"
+#include "segmentation/judgement/edge_agreement.hpp"
 
 namespace emmetrope::segmentation {
 namespace {
@@ -30,35 +31,40 @@ struct GateName {
 /// Numbers judged by the table of limits, in the order of fit.json. Each reason is in the user's words.
 class Gates {
  public:
-  void refuse_below(const GateName& name, double value, const std::string& reason) {
+  void refuse_below(const GateName& name, double value, const std::string& reason,
+                    Withholds withholds = Withholds::fit) {
     const double limit = limits_of(name.quantity).accepted.low;
-    add(name.gate, value, limit, value >= limit, true, reason);
+    add(name.gate, value, limit, value >= limit, withholds, reason);
   }
-  void refuse_above(const GateName& name, double value, const std::string& reason) {
+  void refuse_above(const GateName& name, double value, const std::string& reason,
+                    Withholds withholds = Withholds::fit) {
     const double limit = limits_of(name.quantity).accepted.high;
-    add(name.gate, value, limit, value <= limit, true, reason);
+    add(name.gate, value, limit, value <= limit, withholds, reason);
+  }
+  void refuse_above(const GateName& name, double value, double limit, const std::string& reason) {
+    add(name.gate, value, limit, value <= limit, Withholds::fit, reason);
   }
   void warn_below(const GateName& name, double value, const std::string& reason) {
     const double limit = limits_of(name.quantity).plausible.low;
-    add(name.gate, value, limit, value >= limit, false, reason);
+    add(name.gate, value, limit, value >= limit, Withholds::nothing, reason);
   }
   void warn_above(const GateName& name, double value, const std::string& reason) {
     warn_above(name, value, limits_of(name.quantity).plausible.high, reason);
   }
   void warn_above(const GateName& name, double value, double limit, const std::string& reason) {
-    add(name.gate, value, limit, value <= limit, false, reason);
+    add(name.gate, value, limit, value <= limit, Withholds::nothing, reason);
   }
   std::vector<QualityGate> take() { return std::move(gates_); }
 
  private:
-  void add(const char* name, double value, double limit, bool passed, bool decides,
+  void add(const char* name, double value, double limit, bool passed, Withholds withholds,
            const std::string& reason) {
     QualityGate& gate = gates_.emplace_back();
     gate.name = name;
     gate.value = value;
     gate.limit = limit;
     gate.passed = passed;
-    gate.decides = decides;
+    gate.withholds = withholds;
     gate.reason = passed ? "" : reason;
   }
 
@@ -114,9 +120,10 @@ void judge_cornea_and_length(const EyeFit& fit, Gates& gates) {
   const double prior_sigma_D = keratometric_D_mm * fit.priors.sigma[cornea_c];
   gates.refuse_above(
       "cornea_sigma_over_prior", power_sigma_D / prior_sigma_D,
-      fmt::format("the cornea is not visible (a defaced head?): the images say next to nothing about its "
+      fmt::format("the cornea's shape is not visible: the images say next to nothing about its "
                   "curvature (sigma {:.2f} D, prior {:.2f} D)",
-                  power_sigma_D, prior_sigma_D));
+                  power_sigma_D, prior_sigma_D),
+      Withholds::cornea);
   const double length_sigma_mm = fit.pole_depth_sigma_mm();
   gates.refuse_above("axial_length_sigma_mm", length_sigma_mm,
                      fmt::format("the axial length is not determined (sigma {:.2f} mm): cornea or fundus is "
@@ -125,7 +132,9 @@ void judge_cornea_and_length(const EyeFit& fit, Gates& gates) {
 }
 
 /// In T1 fat that chemical shift has laid over the wall is brighter than either, and is taken for the wall.
-void judge_wall_in_t1(const EyeFit& fit, Gates& gates) {
+/// \param confirmed  by edges: then a wall that is no eye's tells nothing of its inner surface
+void judge_wall_in_t1(const EyeFit& fit, Gates& gates, bool confirmed) {
+  const Withholds if_failed = confirmed ? Withholds::nothing : Withholds::fit;
   constexpr double explained_chi2 = 1.5;
   const double thinnest_mm = std::min(fit.value(wall_lateral), fit.value(wall_axial));
   if (fit.regions[static_cast<std::size_t>(Part::wall)].chi2 < explained_chi2)
@@ -133,7 +142,8 @@ void judge_wall_in_t1(const EyeFit& fit, Gates& gates) {
                      "the globe's wall is as bright as what surrounds it: its thickness is not known");
   else
     gates.refuse_below("wall_thickness_t1_mm", thinnest_mm,
-                       fmt::format("a wall of {:.1f} mm is no eye's: fat was taken for it", thinnest_mm));
+                       fmt::format("a wall of {:.1f} mm is no eye's: fat was taken for it", thinnest_mm),
+                       if_failed);
   const double thickest_mm = std::max(fit.value(wall_lateral), fit.value(wall_axial));
   gates.warn_above(
       "thickest_wall_t1_mm", thickest_mm,
@@ -144,23 +154,49 @@ void judge_wall_in_t1(const EyeFit& fit, Gates& gates) {
   gates.refuse_above("wall_over_surroundings_t1", brightness,
                      fmt::format("the globe's wall is {:.1f} times as bright as the fat around it: fat "
                                  "displaced by chemical shift covers it",
-                                 brightness));
+                                 brightness),
+                     if_failed);
+}
+
+void judge_edges(const EdgeAgreement& agreement, Gates& gates) {
+  gates.refuse_above("edge_disagreement", agreement.sigmas,
+                     fmt::format("the fit and the edges in the image disagree: {}", agreement.largest));
 }
 
 void judge_apex(const EyeFit& fit, Gates& gates) {
   const double sigma_mm = apex_sigma_mm(fit);
   gates.refuse_above("apex_sigma_mm", sigma_mm,
-                     fmt::format("the cornea is not visible: its apex is known to {:.2f} mm only", sigma_mm));
+                     fmt::format("the cornea is not visible: its apex is known to {:.2f} mm only", sigma_mm),
+                     Withholds::fit);
 }
 
-void judge_residuals(const EyeFit& fit, Gates& gates) {
+/// Root mean square of the residuals over the step between vitreous and wall: of a clean image the noise is so
+/// low that every model leaves many times as much.
+double residual_over_contrast(const EyeFit& fit) {
+  double noise = 0;
+  for (const ObservedStack& stack : fit.stacks) noise = std::max(noise, stack.sampling.noise);
+  return std::sqrt(fit.chi2_per_voxel) * noise / std::abs(fit.value(wall) - fit.value(vitreous));
+}
+
+/// \param confirmed  by edges
+void judge_residuals(const EyeFit& fit, Gates& gates, bool confirmed) {
+  const double share = residual_over_contrast(fit);
+  const auto limit_of = [&](const char* quantity) {
+    const Limits& limits = limits_of(quantity);
+    return confirmed ? limits.accepted.high : limits.plausible.high;
+  };
+  gates.refuse_above("residual_over_contrast", share, limit_of("residual_over_contrast"),
+                     fmt::format("the images do not look like an eye: what the model leaves is {:.0f} % of "
+                                 "the step at the globe's wall (motion, artefacts, a defaced head?)",
+                                 100 * share));
   gates.refuse_above(
       "chi2_per_voxel", fit.chi2_per_voxel,
       fmt::format("the images do not look like an eye: residuals are {:.1f} times the noise (motion, "
                   "artefacts, a defaced head?)",
-                  std::sqrt(fit.chi2_per_voxel)));
+                  std::sqrt(fit.chi2_per_voxel)),
+      confirmed ? Withholds::nothing : Withholds::fit);
   gates.refuse_above(
-      "slice_displacement_mm", fit.slice_displacement_mm,
+      "slice_displacement_mm", fit.slice_displacement_mm, limit_of("slice_displacement_mm"),
       fmt::format("the slices lie {:.2f} mm (rms) from where one eye has them: the head or the eye moved "
                   "between them",
                   fit.slice_displacement_mm));
@@ -213,27 +249,49 @@ void judge_head_motion(const EyeFit& fit, Gates& gates) {
 
 }  // namespace
 
-std::vector<QualityGate> judge_quality(const FoundEye& found, const EyeFit& fit) {
+const char* to_string(Withholds withholds) {
+  return withholds == Withholds::nothing ? "nothing" : withholds == Withholds::cornea ? "cornea" : "fit";
+}
+
+std::vector<QualityGate> judge_quality(const FoundEye& found, const EyeFit& fit,
+                                       const std::optional<ReadEye>& edges) {
   Gates gates;
+  bool confirmed = false;
+  if (edges) {
+    const EdgeAgreement agreement = compare_with_edges(fit, *edges);
+    judge_edges(agreement, gates);
+    confirmed = agreement.confirms();
+  }
   judge_globe_and_lens(found, fit, gates);
   judge_cornea_and_length(fit, gates);
-  if (fit.weighting == Weighting::t1) judge_wall_in_t1(fit, gates);
+  if (fit.weighting == Weighting::t1) judge_wall_in_t1(fit, gates, confirmed);
   judge_apex(fit, gates);
-  judge_residuals(fit, gates);
+  judge_residuals(fit, gates, confirmed);
   judge_dimensions(found, fit, gates);
   judge_corneal_form(fit, gates);
   judge_head_motion(fit, gates);
   return gates.take();
 }
 
-bool is_refused(const std::vector<QualityGate>& gates) {
+bool is_withheld(const std::vector<QualityGate>& gates, Withholds what) {
   return std::any_of(gates.begin(), gates.end(),
-                     [](const QualityGate& gate) { return gate.decides && !gate.passed; });
+                     [&](const QualityGate& gate) { return gate.withholds == what && !gate.passed; });
+}
+
+std::string reasons_for(const std::vector<QualityGate>& gates, Withholds what) {
+  std::string text;
+  for (const QualityGate& gate : gates)
+    if (gate.withholds == what && !gate.passed) text += (text.empty() ? "" : "; ") + gate.reason;
+  return text;
 }
 
 Json to_json(const QualityGate& gate) {
-  return Json{{"name", gate.name},     {"value", gate.value},     {"limit", gate.limit},
-              {"passed", gate.passed}, {"decides", gate.decides}, {"reason", gate.reason}};
+  return Json{{"name", gate.name},
+              {"value", gate.value},
+              {"limit", gate.limit},
+              {"passed", gate.passed},
+              {"withholds", to_string(gate.withholds)},
+              {"reason", gate.reason}};
 }
 
 }  // namespace emmetrope::segmentation

@@ -7,19 +7,30 @@
 
 namespace emmetrope::segmentation {
 
+/// What a failed gate takes from an eye's results.
+enum class Withholds {
+  nothing,  ///< a warning
+  cornea,   ///< its shape, and all that light does
+  fit,      ///< everything that was fitted
+};
+const char* to_string(Withholds withholds);
+
 /// One gate: a number against its limit.
 struct QualityGate {
   std::string name;
   double value = 0, limit = 0;
   bool passed = true;
-  bool decides = true;  ///< whether failing it refuses the eye; else it is a warning
-  std::string reason;   ///< why it failed, in the user's words; empty when passed
+  Withholds withholds = Withholds::fit;
+  std::string reason;  ///< why it failed, in the user's words; empty when passed
 };
 
 /// Judges a fit: globe inside the stack, lens and cornea seen, lengths determined, residuals explained,
-/// shapes of an eye.
-std::vector<QualityGate> judge_quality(const FoundEye& found, const EyeFit& fit);
-bool is_refused(const std::vector<QualityGate>& gates);
+/// shapes of an eye, the edges of an independent reading where that is sure of them.
+std::vector<QualityGate> judge_quality(const FoundEye& found, const EyeFit& fit,
+                                       const std::optional<ReadEye>& edges);
+/// Whether a gate failed that withholds this; and the reasons of those, once each.
+bool is_withheld(const std::vector<QualityGate>& gates, Withholds what);
+std::string reasons_for(const std::vector<QualityGate>& gates, Withholds what);
 Json to_json(const QualityGate& gate);
 
 }  // namespace emmetrope::segmentation

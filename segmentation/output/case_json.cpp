@@ -24,7 +24,7 @@ Json eye_json(const JudgedEye& eye, const std::vector<const SeriesInfo*>& series
           {"stacks", used},
           {"contrast", to_string(eye.found.weighting)},
           {"evidence", to_string(eye.evidence)},
-          {"status", eye.refused() ? "refused" : "measured"},
+          {"status", eye.status()},
           {"reason", eye.reasons()}};
 }
 

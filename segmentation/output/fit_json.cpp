@@ -4,8 +4,10 @@
 
 #include <cmath>
 
+#include "pipeline/base/measured.hpp"
 #include "pipeline/eye/population/population.hpp"
 #include "pipeline/eye/uncertainty/uncertain_eye.hpp"
+#include "segmentation/edges/edge_biometry.hpp"
 
 namespace emmetrope::segmentation {
 namespace {
@@ -32,16 +34,63 @@ Json region_json(const RegionFit& region) {
           {"outlier_share", region.outliers}};
 }
 
+/// What is not to be used, and why: "fit" is everything that was fitted.
+Json withheld_json(const JudgedEye& eye) {
+  Json json = Json::object();
+  for (const Withholds what : {Withholds::fit, Withholds::cornea})
+    if (is_withheld(eye.gates, what)) json[to_string(what)] = reasons_for(eye.gates, what);
+  return json;
+}
+
+Json to_json(const Estimate& estimate) {
+  return Measured::from_sigma(estimate.value, estimate.sigma, "mri", "edges");
+}
+
+/// The plain reading of half-level edges; null where it is not sure of the globe.
+Json edges_json(const JudgedEye& eye) {
+  const std::optional<ReadEye> edges = eye.main_edges();
+  if (!edges) return nullptr;
+  const auto& [reading, biometry] = *edges;
+  Json json{{"lps_from_eye", to_json_matrix(frame_of(reading))},
+            {"globe_centre_lps_mm", to_json_vector(reading.globe.centre)},
+            {"globe_centre_sigma_mm", biometry.centre.sigma},
+            {"lens_centre_lps_mm", to_json_vector(reading.lens_centre)},
+            {"globe_width_mm", to_json(biometry.globe_width)},
+            {"globe_height_mm", to_json(biometry.globe_height)},
+            {"globe_depth_mm", to_json(biometry.globe_depth)},
+            {"kept_share", reading.globe.kept_share},
+            {"rms_mm", reading.globe.rms_mm}};
+  for (const auto& [name, estimate] : {std::pair{"axial_length_mm", biometry.axial_length},
+                                       {"anterior_chamber_depth_mm", biometry.anterior_chamber_depth},
+                                       {"lens_thickness_mm", biometry.lens_thickness}})
+    json[name] = estimate ? to_json(*estimate)
+                          : withheld("cornea or lens have no edges of their own along the eye's axis");
+  return json;
+}
+
+/// What half-level edges say of an eye whose fit is withheld.
+std::string edges_summary(const Json& edges) {
+  const auto number = [&](const char* name) {
+    const Json& found = edges.at(name);
+    if (found.at("value").is_null()) return std::string("withheld");
+    const auto measured = found.get<Measured>();
+    return fmt::format("{:.1f} +- {:.1f} mm", measured.value, 1.96 * measured.sigma());
+  };
+  return fmt::format("by edges alone: axial length {}, width {}, height {}", number("axial_length_mm"),
+                     number("globe_width_mm"), number("globe_height_mm"));
+}
+
 }  // namespace
 
 Json fit_json(const JudgedEye& eye, std::optional<double> head_roll_deg) {
-  Json json{{"laterality", to_string(eye.found.laterality)},
-            {"status", eye.refused() ? "refused" : "measured"}};
+  Json json{{"laterality", to_string(eye.found.laterality)}, {"status", eye.status()}};
   json["head_roll_deg"] = head_roll_deg ? Json(*head_roll_deg) : Json(nullptr);
   json["evidence"] = to_string(eye.evidence);
   json["contrast"] = to_string(eye.found.weighting);
   json["quality"] = Json::array();
   for (const QualityGate& gate : eye.gates) json["quality"].push_back(to_json(gate));
+  json["withheld"] = withheld_json(eye);
+  json["edges"] = edges_json(eye);
   if (!eye.fit) return json;
   const EyeFit& fit = *eye.fit;
   json["globe_centre_lps_mm"] = to_json_vector(fit.globe_centre_lps());
@@ -71,15 +120,20 @@ Json fit_json(const JudgedEye& eye, std::optional<double> head_roll_deg) {
 
 std::string summary(const Json& fit, Laterality laterality) {
   if (fit.at("status") == "refused") return fmt::format("{}: refused\n", clinical_name(laterality));
+  if (fit.at("withheld").contains("fit"))
+    return fmt::format("{}: {}\n", clinical_name(laterality), edges_summary(fit.at("edges")));
   const UncertainEye measured(parametric_eye_from_json(fit.at("eye")));
   const ParametricEye& eye = measured.eye();
   const auto half_width = [&](const char* name) { return 1.96 * measured.sigma(name); };
   return fmt::format(
-      "{}: axial length {:.2f} mm, corneal power {:.2f} +- {:.2f} D, anterior chamber {:.2f} +- {:.2f} mm, "
-      "lens {:.2f} +- {:.2f} mm\n",
-      clinical_name(laterality), eye.pole_depth_mm(), keratometric_D_mm * eye.cornea_c_per_mm,
-      keratometric_D_mm * half_width("cornea_c_per_mm"), eye.anterior_chamber_depth_mm,
-      half_width("anterior_chamber_depth_mm"), eye.lens_thickness_mm, half_width("lens_thickness_mm"));
+      "{}: axial length {:.2f} mm, {}, anterior chamber {:.2f} +- {:.2f} mm, lens {:.2f} +- {:.2f} mm\n",
+      clinical_name(laterality), eye.pole_depth_mm(),
+      fit.at("withheld").contains("cornea")
+          ? std::string("corneal power withheld")
+          : fmt::format("corneal power {:.2f} +- {:.2f} D", keratometric_D_mm * eye.cornea_c_per_mm,
+                        keratometric_D_mm * half_width("cornea_c_per_mm")),
+      eye.anterior_chamber_depth_mm, half_width("anterior_chamber_depth_mm"), eye.lens_thickness_mm,
+      half_width("lens_thickness_mm"));
 }
 
 }  // namespace emmetrope::segmentation

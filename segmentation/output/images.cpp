@@ -54,7 +54,7 @@ void write_volumes(const fs::path& folder, const std::vector<JudgedEye>& eyes,
     bool used = false;
     for (const JudgedEye& eye : eyes) {
       for (const EyeView& view : eye.found.views) used = used || stacks[view.stack] == stack;
-      if (eye.refused()) continue;
+      if (!eye.is_fitted()) continue;
       for (std::size_t v = 0; v < eye.fit->stacks.size(); ++v)
         if (eye.fit->stacks[v].stack == stack) rasterise(*eye.fit, v, eye.found.laterality, labels);
     }

@@ -161,7 +161,7 @@ struct StudiedEye {
   std::optional<JudgedEye> judged;  ///< none: not found
   std::optional<EyeFit> bound;      ///< the same eye with the covariance of the information bound
 
-  bool is_measured() const { return judged && !judged->refused(); }
+  bool is_measured() const { return judged && judged->is_fitted(); }
 };
 
 /// Finds and fits it, as the stage does.
@@ -174,12 +174,14 @@ void fit(StudiedEye& eye, bool of_one_eye, double age_years) {
   eye.record["reasons"] = found.notes;
   if (one == found.eyes.end()) return;
   eye.judged.emplace().found = *one;
-  fit_and_judge(*eye.judged, views_of(*one, eye.images->views()), start_of(*one, age_years));
+  eye.judged->edges = read_edges_of(*one, eye.images->views());
+  fit_and_judge(*eye.judged, views_of(*one, eye.images->views()),
+                start_of(*one, eye.judged->edges, age_years));
 }
 
 /// What became of it in the record.
 void conclude(StudiedEye& eye) {
-  eye.record["status"] = !eye.judged ? "not found" : eye.judged->refused() ? "refused" : "measured";
+  eye.record["status"] = !eye.judged ? "not found" : eye.judged->is_fitted() ? "measured" : "refused";
   if (!eye.judged) return;
   for (const QualityGate& gate : eye.judged->gates)
     if (!gate.passed) eye.record["reasons"].push_back(gate.reason);

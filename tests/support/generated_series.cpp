@@ -129,8 +129,7 @@ std::vector<std::filesystem::path> GeneratedSeries::write(const std::filesystem:
   for (int slice = 0; slice < size(); ++slice) {
     written.push_back(folder / file_name(slice));
     std::filesystem::create_directories(written.back().parent_path());
-    if (DcmXfer(syntax).isEncapsulated() && !is_jpeg2000(syntax))
-      require((*this)[slice].chooseRepresentation(syntax, nullptr));
+    if (!is_jpeg2000(syntax)) require((*this)[slice].chooseRepresentation(syntax, nullptr));
     require(file(slice).saveFile(written.back().c_str(), syntax));
   }
   return written;

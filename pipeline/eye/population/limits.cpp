@@ -110,8 +110,13 @@ std::vector<Limits> fit_quality() {
       Row("thickest_wall_t1_mm", "mm").warn_outside(at_most(2.5)),
       Row("wall_over_surroundings_t1", "").refuse_outside(at_most(1.2)),
       Row("chi2_per_voxel", "").refuse_outside(at_most(25)),
-      Row("slice_displacement_mm", "mm").refuse_outside(at_most(0.25)),
+      // Up to the second where edges confirm the fit: what moved stands in its intervals.
+      Row("slice_displacement_mm", "mm").warn_outside(at_most(0.25)).refuse_outside(at_most(0.5)),
       Row("outlier_share", "").refuse_outside(at_most(0.35)),
+      // Standard deviations between the fit and the edges. Chosen: right fits of real eyes differ by up to 2.
+      Row("edge_disagreement", "").refuse_outside(at_most(3.5)).warn_outside(at_most(2.5)),
+      // Of the step between vitreous and wall; up to the second where edges confirm the fit. Chosen.
+      Row("residual_over_contrast", "").warn_outside(at_most(0.5)).refuse_outside(at_most(1)),
       Row("converged", "").warn_outside(at_least(1)),
       Row("head_shift_mm", "mm").warn_outside(at_most(6)),
       // Between two eyes in one image, which has one chemical shift and one bandwidth. Chosen; right fits of

@@ -105,10 +105,12 @@ Cells cells_of(const EyeData& eye, const BiometryRow& row) {
   if (!eye.biometry.is_object() || !eye.biometry.contains(pointer) || eye.biometry.at(pointer).is_null())
     return {"\u2013", "", ""};
   const Json& found = eye.biometry.at(pointer);
+  if (is_withheld(found)) return {"withheld", "", ""};
   if (found.is_number()) return {format(found.get<double>(), row.style), "", "exact"};
   const auto measured = found.get<Measured>();
   return {format(measured.value, row.style) + (row.normal().contains(measured.value) ? "" : " (!)"),
-          format_interval(measured, row.style), source_name(measured.source)};
+          format_interval(measured, row.style),
+          source_name(measured.source) + (measured.method == "edges" ? ", edges" : "")};
 }
 
 /// "OD (right): K1 42.39 D @ 2 deg, K2 45.06 D @ 92 deg, dK 2.67 D, with-the-rule", as keratometers print it.

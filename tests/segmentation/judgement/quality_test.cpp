@@ -8,6 +8,7 @@
 #include <tuple>
 
 #include "pipeline/base/files.hpp"
+#include "pipeline/base/measured.hpp"
 #include "segmentation/intake/nifti.hpp"
 #include "segmentation/judgement/fellow_eye.hpp"
 #include "segmentation/stage.hpp"
@@ -65,9 +66,9 @@ class QualityGates : public testing::Test {
     options.case_folder = folder_ / "case";
     return segment(options, common_);
   }
-  /// Status 6, the reason in the stage's record, a picture, and no eye for the next stage.
-  void expect_refused(const Answer& answer, const std::string& reason) const {
-    EXPECT_EQ(answer.status, ExitStatus::no_result);
+  /// The reason in the stage's record, a picture, and no fitted cornea for the next stage.
+  void expect_withheld(const Answer& answer, const std::string& reason, ExitStatus status) const {
+    EXPECT_EQ(answer.status, status);
     const Json stage = read_json(folder_ / "case" / "segmentation" / "stage.json");
     EXPECT_NE(stage.at("verdict").dump().find(reason), std::string::npos) << stage.at("verdict");
     bool picture = false;
@@ -76,7 +77,23 @@ class QualityGates : public testing::Test {
     EXPECT_TRUE(picture);
     const fs::path fit = folder_ / "case" / "segmentation" / "od" / "fit.json";
     if (fs::exists(fit)) {
-      EXPECT_EQ(read_json(fit).at("status"), "refused");
+      EXPECT_EQ(read_json(fit).at("status"), status == ExitStatus::partial ? "partial" : "refused");
+      EXPECT_FALSE(read_json(fit).at("withheld").empty());
+    }
+  }
+  void expect_refused(const Answer& answer, const std::string& reason) const {
+    expect_withheld(answer, reason, ExitStatus::no_result);
+  }
+  /// The fit is withheld, and a ruler on the edges tells the globe's extents all the same.
+  void expect_read(const Answer& answer, const std::string& reason) const {
+    expect_withheld(answer, reason, ExitStatus::partial);
+    const Json edges = read_json(folder_ / "case" / "segmentation" / "od" / "fit.json").at("edges");
+    for (const auto& [name, truth_mm] : {std::pair{"globe_width_mm", 2 * head_.od.globe_semi_x_mm},
+                                         {"globe_height_mm", 2 * head_.od.globe_semi_y_mm}}) {
+      const auto measured = edges.at(name).get<Measured>();
+      EXPECT_LT(measured.ci95[0], truth_mm) << name;
+      EXPECT_GT(measured.ci95[1], truth_mm) << name;
+      EXPECT_EQ(measured.method, "edges");
     }
   }
 
@@ -110,10 +127,11 @@ TEST_F(QualityGates, ADefacedHeadHasNoCornea) {
   Stack stack = image(quiet_scan());
   // Face removal cuts a plane through the front of the eye and leaves nothing before it.
   replace(stack, [](const Vector3d& p) { return p.z() > -6.5 ? std::optional<double>(0) : std::nullopt; });
-  expect_refused(run(stack), "the cornea is not visible");
+  expect_read(run(stack), "cornea");
 }
 
-TEST_F(QualityGates, AnEyeCutOffIsSaidToBe) { expect_refused(run(image(quiet_scan(), 16)), "cut off"); }
+/// The front is missing; width and height are in the images.
+TEST_F(QualityGates, AnEyeCutOffIsSaidToBe) { expect_read(run(image(quiet_scan(), 16)), "cut off"); }
 
 /// One slice of 0.8 mm is missing near the globe's middle: that millimetre is not taken out of the eye. Five
 /// are too many.
@@ -168,7 +186,7 @@ TEST_F(QualityGates, MotionBetweenSlicesIsNoEye) {
 TEST_F(QualityGates, MotionBetweenSlicesIsMeasured) {
   phantom::Disturbances disturbances = quiet_scan();
   disturbances.slice_motion_mm = 0.5;
-  expect_refused(run(image(disturbances)), "moved");
+  expect_read(run(image(disturbances)), "moved");
   EXPECT_NEAR(gate("slice_displacement_mm"), 0.5 * std::sqrt(2.0), 0.15);
 }
 
@@ -186,7 +204,7 @@ TEST_F(QualityGates, ACorneaThatLooksLikeItsSurroundingsIsSaidToBeUnseen) {
   Stack stack = image(quiet_scan());
   // Water before the eye (a wet dressing): no edge where the cornea is.
   replace(stack, [](const Vector3d& p) { return p.z() > -2.6 ? std::optional<double>(980) : std::nullopt; });
-  expect_refused(run(stack), "cornea");
+  expect_read(run(stack), "cornea");
 }
 
 /// X-ray attenuation in a file that does not say so: soft tissue is all alike.
@@ -216,7 +234,7 @@ EyeFit fit_at(const ParameterLayout& layout, const Eigen::VectorXd& parameters, 
 QualityGate gate_of(const EyeFit& fit, const std::string& name) {
   FoundEye found;
   found.views.resize(1);
-  for (const QualityGate& gate : judge_quality(found, fit))
+  for (const QualityGate& gate : judge_quality(found, fit, std::nullopt))
     if (gate.name == name) return gate;
   ADD_FAILURE() << "no gate " << name;
   return {};
@@ -250,7 +268,7 @@ TEST(QualityOfShapes, AWallTwiceAnEyesIsSaid) {
   parameters[wall_axial] = 3;
   const QualityGate gate = gate_of(fit_at(layout, parameters, Weighting::t1), "thickest_wall_t1_mm");
   EXPECT_FALSE(gate.passed);
-  EXPECT_FALSE(gate.decides);
+  EXPECT_EQ(gate.withholds, Withholds::nothing);
   EXPECT_DOUBLE_EQ(gate.value, 3);
 }
 
@@ -267,7 +285,7 @@ TEST(QualityOfShapes, ALensDiffersFromBothFluids) {
     parameters[aqueous] = levels[1];
     parameters[lens] = levels[2];
     const QualityGate gate = gate_of(fit_at(layout, parameters, contrast), "lens_contrast");
-    EXPECT_TRUE(gate.decides);
+    EXPECT_EQ(gate.withholds, Withholds::fit);
     EXPECT_EQ(gate.passed, is_lens) << of;
   }
 }
@@ -288,7 +306,7 @@ class FellowEyes : public testing::Test {
     const ParameterLayout layout;
     Eigen::VectorXd parameters = population_mean(layout);
     parameters[layout.stack(0) + fat_shift_first + 1] = fat_shift_mm;
-    JudgedEye judged{{}, fit_at(layout, parameters, Weighting::t1), {}, {}};
+    JudgedEye judged{{}, {}, fit_at(layout, parameters, Weighting::t1), {}, {}};
     judged.found.weighting = Weighting::t1;
     judged.found.axis = -Vector3d::UnitY();
     judged.found.radius_mm = 11.5;
@@ -306,11 +324,11 @@ class FellowEyes : public testing::Test {
 TEST_F(FellowEyes, OneImageHasOneChemicalShift) {
   JudgedEye od = eye(1.1), os = eye(0.9);
   compare(od, os);
-  EXPECT_FALSE(od.refused() || os.refused());
+  EXPECT_TRUE(od.is_measured() && os.is_measured());
   os = eye(-0.8);
   compare(od, os);
   for (const JudgedEye* eye : {&od, &os}) {
-    EXPECT_TRUE(eye->refused());
+    EXPECT_FALSE(eye->is_fitted());
     EXPECT_NE(eye->reasons().find("displaced by 1.9 mm more"), std::string::npos) << eye->reasons();
   }
 }
@@ -319,14 +337,14 @@ TEST_F(FellowEyes, EyesOfTwoStacksMayDiffer) {
   JudgedEye od = eye(1.1), os = eye(-0.8);
   os.found.views[0].stack = 1;
   compare(od, os);
-  EXPECT_FALSE(od.refused() || os.refused());
+  EXPECT_TRUE(od.is_measured() && os.is_measured());
 }
 
 TEST_F(FellowEyes, ARefusedEyeThatCannotBeReadAgainKeepsItsReason) {
   JudgedEye od = eye(1.1), os = eye(1.1);
-  os.gates = {{"lens_contrast", 0, 0.1, false, true, "no lens"}};
+  os.gates = {{"lens_contrast", 0, 0.1, false, Withholds::fit, "no lens"}};
   compare(od, os);
-  EXPECT_FALSE(od.refused());
+  EXPECT_TRUE(od.is_measured());
   EXPECT_EQ(os.reasons(), "no lens");
   EXPECT_EQ(os.fitted_again_because, "");
 }

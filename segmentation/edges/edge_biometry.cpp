@@ -1,0 +1,102 @@
+#include "segmentation/edges/edge_biometry.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "pipeline/base/frames.hpp"
+#include "pipeline/eye/population/limits.hpp"
+#include "pipeline/eye/population/population.hpp"
+
+namespace emmetrope::segmentation {
+namespace {
+
+/// How far half levels lie from the surfaces that they stand for, and how well that is known. T2: random
+/// phantom eyes of 0.6 mm voxels, where lines as thin as the cornea draw the edge to the fluid. T1: the
+/// retina's rim is brighter than the wall behind it in some eyes and not in others, which moves the edge both
+/// ways by half a millimetre (docs/method/edges.md).
+struct EdgeBias {
+  Estimate across, length, chamber, lens;
+};
+EdgeBias bias_of(Weighting weighting) {
+  if (weighting == Weighting::t2) return {{-0.1, 0.2}, {-0.35, 0.3}, {-0.1, 0.25}, {-0.1, 0.25}};
+  return {{0, 0.4}, {0.1, 0.45}, {0.1, 0.35}, {0, 0.35}};
+}
+
+Estimate without_bias(double value, const Estimate& bias, double other_sigma) {
+  return {value - bias.value, std::hypot(bias.sigma, other_sigma)};
+}
+
+/// Slices blur what lies across them.
+double slice_sigma_mm(const Stack& stack) {
+  return 0.12 * std::max(stack.slice_thickness_mm, stack.slice_spacing_mm());
+}
+
+bool is_lens(double thickness_mm) { return thickness_mm >= 2.5 && thickness_mm <= 6.5; }
+bool is_chamber(double depth_mm) { return depth_mm >= 1.5 && depth_mm <= 5.5; }
+
+}  // namespace
+
+double apex_distance_mm(const AxialEdges& axial) {
+  return axial.inner_cornea_mm + population_value("cornea_thickness_mm").mean;
+}
+
+EdgeBiometry edge_biometry(const EdgeReading& reading, const Stack& stack, Weighting weighting) {
+  const EdgeBias bias = bias_of(weighting);
+  const double scatter_mm = 0.5 * reading.globe.rms_mm;
+  const double sigma_mm = std::hypot(slice_sigma_mm(stack), scatter_mm);
+  const double across_mm = std::hypot(sigma_mm, reading.rule_spread_mm);
+  EdgeBiometry biometry;
+  biometry.centre = {0, std::hypot(0.3, sigma_mm)};
+  biometry.globe_width = without_bias(2 * reading.globe.half_axes[0], bias.across, across_mm);
+  biometry.globe_height = without_bias(2 * reading.globe.half_axes[1], bias.across, across_mm);
+  biometry.globe_depth = without_bias(2 * reading.globe.half_axes[2], bias.across, across_mm);
+  if (!reading.axial) return biometry;
+  const AxialEdges& axial = *reading.axial;
+  const double lens_mm = axial.lens_front_mm - axial.lens_back_mm;
+  const double chamber_mm = apex_distance_mm(axial) - axial.lens_front_mm;
+  if (!is_lens(lens_mm) || !is_chamber(chamber_mm)) return biometry;
+  const double length_mm = apex_distance_mm(axial) - axial.inner_wall_mm;
+  biometry.axial_length = without_bias(length_mm, bias.length, sigma_mm);
+  biometry.anterior_chamber_depth = without_bias(chamber_mm, bias.chamber, sigma_mm);
+  biometry.lens_thickness = without_bias(lens_mm, bias.lens, sigma_mm);
+  return biometry;
+}
+
+Eigen::Isometry3d frame_of(const EdgeReading& reading) {
+  constexpr double usual_apex_mm = 12.3;
+  const double apex_mm = reading.axial ? apex_distance_mm(*reading.axial) : usual_apex_mm;
+  const Eigen::Vector3d outward = reading.globe.axes.col(2);
+  return lps_from_eye(reading.globe.centre + apex_mm * outward, outward);
+}
+
+std::optional<ReadEye> read_eye(const Stack& stack, const EdgeSeed& seed, Weighting weighting) {
+  const auto reading = read_edges(stack, seed, weighting);
+  if (!reading || !doubt_about_globe(*reading).empty()) return std::nullopt;
+  return ReadEye{*reading, edge_biometry(*reading, stack, weighting)};
+}
+
+std::string doubt_about_globe(const EdgeReading& reading) {
+  // Right readings of ordinary scans have 0.75 to 0.98, 0.8 to 1.0 and 0.2 to 0.75 mm.
+  constexpr double least_kept = 0.75, least_edges = 0.75, least_inside = 0.85, largest_rms_mm = 0.85;
+  if (reading.rays_inside < least_inside)
+    return fmt::format("{:.0f} % of its wall lies inside the images", 100 * reading.rays_inside);
+  if (reading.rays_with_edge < least_edges)
+    return fmt::format("its wall has an edge in {:.0f} % of the directions", 100 * reading.rays_with_edge);
+  if (reading.globe.kept_share < least_kept)
+    return fmt::format("{:.0f} % of its edges lie on one ellipsoid", 100 * reading.globe.kept_share);
+  if (reading.globe.rms_mm > largest_rms_mm)
+    return fmt::format("its edges scatter by {:.1f} mm about an ellipsoid", reading.globe.rms_mm);
+  for (const auto& [quantity, axis] : {std::pair{"globe_width_mm", 0}, std::pair{"globe_height_mm", 1}}) {
+    const double extent_mm = 2 * reading.globe.half_axes[axis];
+    if (!limits_of(quantity).plausible.contains(extent_mm))
+      return fmt::format("a globe of {:.1f} mm is no eye's", extent_mm);
+  }
+  const double lens_mm = reading.lens_to_centre_mm();
+  if (lens_mm < 6 || lens_mm > 11.5)
+    return fmt::format("what was taken for its lens lies {:.1f} mm from its centre", lens_mm);
+  return {};
+}
+
+}  // namespace emmetrope::segmentation

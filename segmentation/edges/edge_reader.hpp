@@ -1,0 +1,37 @@
+#pragma once
+#include <Eigen/Core>
+#include <optional>
+
+#include "segmentation/edges/edge_ellipsoid.hpp"
+#include "segmentation/finding/weighting.hpp"
+#include "segmentation/intake/volume.hpp"
+
+/// A plain reader of an eye: half-level edges along rays, an ellipsoid through them, the lens by its contrast.
+/// It shares nothing with the fit of the image model but the image, so that its errors are of another kind.
+namespace emmetrope::segmentation {
+
+struct EdgeSeed {
+  Eigen::Vector3d globe_centre;  ///< LPS, mm
+  Eigen::Vector3d axis;          ///< unit, out of the eye
+};
+
+/// Distances along the axis from the globe's centre, positive towards the cornea, mm.
+struct AxialEdges {
+  double inner_cornea_mm = 0, lens_front_mm = 0, lens_back_mm = 0, inner_wall_mm = 0;
+};
+
+struct EdgeReading {
+  EdgeEllipsoid globe;  ///< inner wall, by half levels between vitreous and plateau
+  Eigen::Vector3d lens_centre;
+  std::optional<AxialEdges> axial;
+  double wall_contrast = 0;  ///< the wall's typical step over the vitreous' level, signed as the wall differs
+  double rays_with_edge = 0;  ///< share of the rays inside the stack
+  double rays_inside = 0;     ///< share of the rays (off the lens) whose wall lies inside the stack
+  double rule_spread_mm = 0;  ///< largest difference of a diameter across the axis between three rules
+  double lens_to_centre_mm() const { return (lens_centre - globe.centre).norm(); }
+};
+
+/// Reads the eye near a seed; nothing where there are too few edges.
+std::optional<EdgeReading> read_edges(const Stack& stack, const EdgeSeed& seed, Weighting weighting);
+
+}  // namespace emmetrope::segmentation

@@ -1,0 +1,23 @@
+#pragma once
+#include <optional>
+#include <string>
+
+#include "segmentation/edges/edge_biometry.hpp"
+#include "segmentation/fit/eye_fit.hpp"
+
+namespace emmetrope::segmentation {
+
+/// The largest difference between a fit and an independent reading of the same eye, in standard deviations of
+/// both.
+struct EdgeAgreement {
+  double sigmas = 0;
+  std::string largest;  ///< which difference it is, in the user's words
+
+  /// The two say the same: what else speaks against the fit does not mean that its surfaces are elsewhere.
+  bool confirms() const;
+};
+
+/// Compares centre, width, height and, where both know it, length.
+EdgeAgreement compare_with_edges(const EyeFit& fit, const ReadEye& edges);
+
+}  // namespace emmetrope::segmentation
