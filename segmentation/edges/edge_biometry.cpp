@@ -12,16 +12,17 @@
 namespace emmetrope::segmentation {
 namespace {
 
-/// How far half levels lie from the surfaces that they stand for, and how well that is known. T2: random
-/// phantom eyes of 0.6 mm voxels, where lines as thin as the cornea draw the edge to the fluid. T1: the
-/// retina's rim is brighter than the wall behind it in some eyes and not in others, which moves the edge both
-/// ways by half a millimetre (docs/method/edges.md).
+/// How far half levels lie from the surfaces that they stand for, and how well that is known. T2: random phantom
+/// eyes of 0.6 mm voxels, where lines as thin as the cornea draw the edge to the fluid; the spread is that
+/// between scanners, chosen. T1: on real scans whose retina has a bright rim half levels are right to 0.3 mm;
+/// where the wall is as dark as the vitreous the first edge is that of the fat, 1.2 mm outside it and more where
+/// chemical shift displaces it (docs/method/edges.md).
 struct EdgeBias {
   Estimate across, length, chamber, lens;
 };
 EdgeBias bias_of(Weighting weighting) {
-  if (weighting == Weighting::t2) return {{-0.1, 0.2}, {-0.35, 0.3}, {-0.1, 0.25}, {-0.1, 0.25}};
-  return {{0, 0.4}, {0.1, 0.45}, {0.1, 0.35}, {0, 0.35}};
+  if (weighting == Weighting::t2) return {{-0.1, 0.3}, {-0.35, 0.4}, {-0.1, 0.25}, {-0.1, 0.25}};
+  return {{0, 0.6}, {0.1, 0.8}, {0.1, 0.35}, {0, 0.35}};
 }
 
 Estimate without_bias(double value, const Estimate& bias, double other_sigma) {

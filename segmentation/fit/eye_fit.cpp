@@ -217,7 +217,10 @@ ViewEdges read_edges_of(const FoundEye& eye, const std::vector<const Stack*>& st
   return edges;
 }
 
-EyeStart start_of(const FoundEye& eye, const ViewEdges& edges, std::optional<double> age_years) {
+namespace {
+
+/// Where the finder saw the eye, or its edges where they are given.
+EyeStart start_at(const FoundEye& eye, const ViewEdges& edges, std::optional<double> age_years) {
   EyeStart start;
   start.age_years = age_years;
   start.laterality = eye.laterality;
@@ -237,6 +240,16 @@ EyeStart start_of(const FoundEye& eye, const ViewEdges& edges, std::optional<dou
   start.other_axis.reset();
   start.globe_half_axes_mm = read.globe.half_axes;
   if (read.axial) start.apex_distance_mm = apex_distance_mm(*read.axial);
+  return start;
+}
+
+}  // namespace
+
+EyeStart start_of(const FoundEye& eye, const ViewEdges& edges, std::optional<double> age_years) {
+  EyeStart start = start_at(eye, edges, age_years);
+  // In T1 an edge may be the wall's or that of displaced fat.
+  if (start.globe_half_axes_mm && eye.weighting == Weighting::t1)
+    start.others.push_back(start_at(eye, {}, age_years));
   return start;
 }
 

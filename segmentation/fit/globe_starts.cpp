@@ -141,11 +141,10 @@ std::vector<VectorXd> starts_along_axis(const ForwardModel& model, const std::ve
   }
   std::vector<VectorXd> starts{start_parameters(layout, stacks, start, weighting, evidence)};
   if (weighting != Weighting::t1 || evidence == Evidence::labels) return starts;
-  // Edges tell the inner wall, where the finder may have seen the edge of displaced fat.
-  const bool on_inner_wall = start.globe_half_axes_mm.has_value();
+  if (start.globe_half_axes_mm) return starts;
   EyeStart smaller = start;
   smaller.globe_radius_mm -= 1;
-  if (!on_inner_wall) starts.push_back(start_parameters(layout, stacks, smaller, weighting, evidence));
+  starts.push_back(start_parameters(layout, stacks, smaller, weighting, evidence));
   for (const VectorXd& still : std::vector<VectorXd>(starts)) {
     for (int s = 0; s < layout.stacks; ++s) {
       for (const int along : {0, 1}) {
@@ -155,7 +154,7 @@ std::vector<VectorXd> starts_along_axis(const ForwardModel& model, const std::ve
           starts.push_back(still);
           VectorXd& moved = starts.back();
           moved[layout.stack(s) + fat_shift_first + along] = shift;
-          if (!on_inner_wall) move_off_fat(moved, model, s, shift * Vector2d::Unit(along));
+          move_off_fat(moved, model, s, shift * Vector2d::Unit(along));
         }
       }
     }
@@ -170,6 +169,9 @@ std::vector<std::vector<VectorXd>> globe_starts(const ForwardModel& model,
                                                 const EyeStart& start, Weighting weighting,
                                                 Evidence evidence) {
   std::vector<std::vector<VectorXd>> starts{starts_along_axis(model, stacks, start, weighting, evidence)};
+  for (const EyeStart& other : start.others)
+    for (auto& along_axis : globe_starts(model, stacks, other, weighting, evidence))
+      starts.push_back(std::move(along_axis));
   if (!start.other_axis || weighting != Weighting::t1 || evidence == Evidence::labels) return starts;
   EyeStart other = start;
   other.axis = *start.other_axis;

@@ -25,6 +25,7 @@ struct EyeStart {
   /// Where half-level edges told them: the interface's half axes, and the apex' distance from the centre.
   std::optional<Eigen::Vector3d> globe_half_axes_mm = {};
   std::optional<double> apex_distance_mm = {};
+  std::vector<EyeStart> others = {};  ///< to start from too: what explains the images best is taken
 
   /// The same eye as it lies in stack k.
   EyeStart in_stack(std::size_t k) const {

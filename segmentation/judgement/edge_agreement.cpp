@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "pipeline/eye/population/limits.hpp"
@@ -9,12 +10,24 @@
 namespace emmetrope::segmentation {
 namespace {
 
-void consider(EdgeAgreement& agreement, const char* what, double fitted_mm, double fitted_sigma_mm,
-              const Estimate& read) {
-  const double sigmas = std::abs(fitted_mm - read.value) / std::hypot(fitted_sigma_mm, read.sigma);
-  if (sigmas <= agreement.sigmas) return;
-  agreement.sigmas = sigmas;
-  agreement.largest = fmt::format("{} {:.1f} mm, by the edges {:.1f} mm", what, fitted_mm, read.value);
+/// How far outside the inner wall the fit itself sees the edge of fat.
+struct FatEdge {
+  double across_mm = 0, along_axis_mm = 0, centre_mm = 0;
+};
+FatEdge fat_edge(const EyeFit& fit) {
+  if (fit.weighting == Weighting::t2) return {};
+  const double displaced_mm = fit.parameters.segment<2>(fit.layout.stack(0) + fat_shift_first).norm();
+  return {2 * fit.value(wall_lateral) + displaced_mm, fit.value(wall_axial) + displaced_mm, displaced_mm};
+}
+
+void consider(EdgeAgreement& agreement, const std::string& what, double edges_outside_mm, double fat_mm,
+              double sigma_mm) {
+  const double beyond_mm =
+      edges_outside_mm < 0 ? -edges_outside_mm : std::max(0.0, edges_outside_mm - fat_mm);
+  agreement.sigmas = std::max(agreement.sigmas, std::abs(edges_outside_mm) / sigma_mm);
+  if (beyond_mm / sigma_mm < agreement.sigmas_beyond_wall) return;
+  agreement.sigmas_beyond_wall = beyond_mm / sigma_mm;
+  agreement.largest = what;
 }
 
 }  // namespace
@@ -23,14 +36,21 @@ bool EdgeAgreement::confirms() const { return limits_of("edge_disagreement").pla
 
 EdgeAgreement compare_with_edges(const EyeFit& fit, const ReadEye& read) {
   const EdgeBiometry& edges = read.biometry;
+  const FatEdge fat = fat_edge(fit);
   EdgeAgreement agreement;
   const double apart_mm = (fit.globe_centre_lps() - read.reading.globe.centre).norm();
-  agreement.sigmas = apart_mm / (std::sqrt(3.0) * edges.centre.sigma);
-  agreement.largest = fmt::format("the globe's centres lie {:.1f} mm apart", apart_mm);
-  consider(agreement, "width", 2 * fit.value(globe_x), fit.sigma(globe_x), edges.globe_width);
-  consider(agreement, "height", 2 * fit.value(globe_y), fit.sigma(globe_y), edges.globe_height);
+  consider(agreement, fmt::format("the globe's centres lie {:.1f} mm apart", apart_mm), apart_mm,
+           fat.centre_mm, std::sqrt(3.0) * edges.centre.sigma);
+  const auto compare = [&](const char* what, double fitted_mm, double fitted_sigma_mm,
+                           const Estimate& by_edges, double fat_mm) {
+    consider(agreement, fmt::format("{} {:.1f} mm, by the edges {:.1f} mm", what, fitted_mm, by_edges.value),
+             by_edges.value - fitted_mm, fat_mm, std::hypot(fitted_sigma_mm, by_edges.sigma));
+  };
+  compare("width", 2 * fit.value(globe_x), fit.sigma(globe_x), edges.globe_width, fat.across_mm);
+  compare("height", 2 * fit.value(globe_y), fit.sigma(globe_y), edges.globe_height, fat.across_mm);
   if (edges.axial_length)
-    consider(agreement, "length", fit.value(axial_length), fit.pole_depth_sigma_mm(), *edges.axial_length);
+    compare("length", fit.value(axial_length), fit.pole_depth_sigma_mm(), *edges.axial_length,
+            fat.along_axis_mm);
   return agreement;
 }
 

@@ -1,5 +1,4 @@
 #pragma once
-#include <optional>
 #include <string>
 
 #include "segmentation/edges/edge_biometry.hpp"
@@ -11,7 +10,10 @@ namespace emmetrope::segmentation {
 /// both.
 struct EdgeAgreement {
   double sigmas = 0;
-  std::string largest;  ///< which difference it is, in the user's words
+  /// The same where the edges may be those of fat in T1: as far outside the fit's inner wall as its wall is
+  /// thick and fat is displaced.
+  double sigmas_beyond_wall = 0;
+  std::string largest;  ///< which difference that is, in the user's words
 
   /// The two say the same: what else speaks against the fit does not mean that its surfaces are elsewhere.
   bool confirms() const;

@@ -7,7 +7,6 @@
 
 #include "pipeline/base/error.hpp"
 #include "pipeline/eye/population/limits.hpp"
-#include "segmentation/judgement/edge_agreement.hpp"
 
 namespace emmetrope::segmentation {
 namespace {
@@ -47,15 +46,12 @@ bool improve(JudgedEye& eye, const JudgedEye& fellow, const std::string& because
   again.edges = eye.edges;
   EyeStart start = start_of(eye.found, eye.edges, age_years);
   start.fellow = fellow.fit->parameters;
+  for (EyeStart& other : start.others) other.fellow = fellow.fit->parameters;
   fit_and_judge(again, views_of(eye.found, stacks), start, [&] { progress.advance(); });
-  if (!again.is_measured() || !agree(again, fellow)) return false;
+  if (!again.is_fitted() || again.rank() < eye.rank() || !agree(again, fellow)) return false;
   if (eye.fit && again.fit->chi2_per_voxel > eye.fit->chi2_per_voxel) return false;
   eye = std::move(again);
   return true;
-}
-
-bool is_confirmed(const JudgedEye& eye) {
-  return eye.main_edges() && compare_with_edges(*eye.fit, *eye.main_edges()).confirms();
 }
 
 std::string contradiction(const JudgedEye& od, const JudgedEye& os) {
@@ -92,13 +88,11 @@ void fit_and_judge(JudgedEye& eye, const std::vector<const Stack*>& images, cons
 void compare_fellow_eyes(JudgedEye& od, JudgedEye& os, const std::vector<const Stack*>& stacks,
                          std::optional<double> age_years, Verbosity verbosity) {
   if (!in_the_same_stacks(od, os)) return;
-  if (od.is_measured() != os.is_measured()) {
-    JudgedEye& other = od.is_measured() ? os : od;
-    improve(other, od.is_measured() ? od : os, other.reasons(), stacks, age_years, verbosity);
+  if (od.rank() != os.rank()) {
+    JudgedEye &less = od.rank() < os.rank() ? od : os, &more = od.rank() < os.rank() ? os : od;
+    improve(less, more, less.reasons(), stacks, age_years, verbosity);
   }
   if (!od.is_fitted() || !os.is_fitted() || agree(od, os)) return;
-  // Where the edges confirm both, what the fits make of the fat behind the wall does not matter.
-  if (is_confirmed(od) && is_confirmed(os)) return;
   const std::string because = contradiction(od, os);
   const bool od_is_worse = od.fit->chi2_per_voxel > os.fit->chi2_per_voxel;
   JudgedEye &worse = od_is_worse ? od : os, &better = od_is_worse ? os : od;

@@ -21,6 +21,8 @@ struct JudgedEye {
   /// Whether surfaces and lengths of the fit stand, and the cornea's shape too.
   bool is_fitted() const { return fit && !is_withheld(gates, Withholds::fit); }
   bool is_measured() const { return is_fitted() && !is_withheld(gates, Withholds::cornea); }
+  /// How much of the fit stands.
+  int rank() const { return is_measured() ? 2 : is_fitted() ? 1 : 0; }
   /// The edges that stand in for a fit that is withheld.
   bool is_read() const { return !is_fitted() && main_edges(); }
   /// Of the best view.

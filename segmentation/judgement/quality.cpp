@@ -159,7 +159,7 @@ void judge_wall_in_t1(const EyeFit& fit, Gates& gates, bool confirmed) {
 }
 
 void judge_edges(const EdgeAgreement& agreement, Gates& gates) {
-  gates.refuse_above("edge_disagreement", agreement.sigmas,
+  gates.refuse_above("edge_disagreement", agreement.sigmas_beyond_wall,
                      fmt::format("the fit and the edges in the image disagree: {}", agreement.largest));
 }
 

@@ -29,7 +29,7 @@ class MeshStage : public testing::Test {
     for (const Laterality eye : both_eyes) {
       eyes_[eye] = random_eye(eye == Laterality::od ? 40 : 41);
       eyes_[eye].lps_from_eye.translation().x() = eye == Laterality::od ? -31 : 31;
-      write_fit(eye, "measured");
+      write_fit(eye);
     }
     write_json(folder() / "segmentation" / "stage.json",
                {{"verdict", {{"status", 0}, {"reasons", Json::array()}}}});
@@ -37,14 +37,19 @@ class MeshStage : public testing::Test {
     options_.case_folder = folder();
   }
 
-  void write_fit(Laterality eye, const char* status) {
+  /// \param withheld  "fit" or "cornea", and why
+  void write_fit(Laterality eye, const Json& withheld = Json::object(), const Json& edges = nullptr) {
+    const bool is_refused = withheld.contains("fit") && edges.is_null();
     fs::create_directories(folder() / "segmentation" / to_string(eye));
     write_json(folder() / "segmentation" / to_string(eye) / "fit.json",
                {{"laterality", to_string(eye)},
                 {"eye", to_json(eyes_[eye])},
                 {"head_roll_deg", 4.0},
-                {"quality", {{{"name", "lens"}, {"passed", false}, {"reason", "lens not visible"}}}},
-                {"status", status}});
+                {"withheld", withheld},
+                {"edges", edges},
+                {"status", withheld.empty() ? "measured"
+                           : is_refused     ? "refused"
+                                            : "partial"}});
   }
 
   const fs::path& folder() const { return temporary_.path(); }
@@ -197,16 +202,16 @@ TEST_F(MeshStage, IrreconcilableInstrumentsAreRefused) {
 }
 
 TEST_F(MeshStage, InstrumentsOfAnEyeThatIsNotThereAreNamed) {
-  write_fit(Laterality::os, "refused");
+  write_fit(Laterality::os, {{"fit", "lens not visible"}});
   instruments_.keratometry = {"os:43.25@175/44.75@85"};
   options_.instruments = parse_instruments(instruments_, options_.retinal_depth_mm);
   EXPECT_EQ(make_meshes(options_, {}).status, ExitStatus::partial);
   EXPECT_THAT(read_file(folder() / "meshing" / "stage.json"),
-              testing::HasSubstr("OS (left): not measured in the images"));
+              testing::HasSubstr("OS (left): not fitted to the images"));
 }
 
 TEST_F(MeshStage, RefusedEyeIsNotMeshed) {
-  write_fit(Laterality::os, "refused");
+  write_fit(Laterality::os, {{"fit", "lens not visible"}});
   const Answer answer = make_meshes(options_, {});
   EXPECT_EQ(answer.status, ExitStatus::partial);
   EXPECT_TRUE(fs::exists(mesh("od", "retina.ply")));
@@ -214,10 +219,60 @@ TEST_F(MeshStage, RefusedEyeIsNotMeshed) {
   EXPECT_THAT(answer.text, testing::HasSubstr("lens not visible"));
   EXPECT_FALSE(read_json(mesh("od", "biometry.json")).contains("interpupillary_distance_mm"));
 
-  write_fit(Laterality::od, "refused");
+  write_fit(Laterality::od, {{"fit", "lens not visible"}});
   EXPECT_EQ(make_meshes(options_, {}).status, ExitStatus::no_result);
   EXPECT_EQ(read_verdict(folder(), "meshing").status, ExitStatus::no_result);
   EXPECT_FALSE(fs::exists(folder() / "meshing" / "od"));
+}
+
+TEST_F(MeshStage, WithoutItsCorneaAnEyeKeepsTheRest) {
+  write_fit(Laterality::od, {{"cornea", "cornea not visible"}});
+  EXPECT_EQ(make_meshes(options_, {}).status, ExitStatus::partial);
+  const Json biometry = read_json(mesh("od", "biometry.json"));
+  EXPECT_NEAR(biometry.at("axial_length_mm").at("value"), eyes_[Laterality::od].pole_depth_mm(), 1e-9);
+  EXPECT_EQ(biometry.at("axial_length_mm").at("method"), "fit");
+  for (const char* quantity :
+       {"/keratometry/flat/power_D", "/keratometry/cylinder_D", "/astigmatism/J45_D"}) {
+    const Json& withheld = biometry.at(Json::json_pointer(quantity));
+    EXPECT_TRUE(withheld.at("value").is_null()) << quantity;
+    EXPECT_EQ(withheld.at("withheld"), "cornea not visible") << quantity;
+  }
+  EXPECT_TRUE(fs::exists(mesh("od", "retina.ply")));
+  EXPECT_TRUE(fs::exists(mesh("od", "lens_anterior.ply")));
+  EXPECT_FALSE(fs::exists(mesh("od", "cornea_anterior.ply")));
+  EXPECT_FALSE(fs::exists(mesh("od", "optics.json")));
+  EXPECT_TRUE(fs::exists(mesh("os", "optics.json")));
+}
+
+TEST_F(MeshStage, AKeratometerKnowsTheCorneaThatTheImagesDoNotShow) {
+  write_fit(Laterality::od, {{"cornea", "cornea not visible"}});
+  instruments_.keratometry = {"od:43.25@175/44.75@85+-5"};
+  options_.instruments = parse_instruments(instruments_, options_.retinal_depth_mm);
+  EXPECT_EQ(make_meshes(options_, {}).status, ExitStatus::done);
+  EXPECT_TRUE(fs::exists(mesh("od", "cornea_anterior.ply")));
+  EXPECT_TRUE(fs::exists(mesh("od", "optics.json")));
+  EXPECT_FALSE(read_json(mesh("od", "biometry.json"))
+                   .at("/keratometry/flat/power_D"_json_pointer)
+                   .contains("withheld"));
+}
+
+TEST_F(MeshStage, EdgesStandInForAFitThatIsWithheld) {
+  const Json number = Measured::from_sigma(24, 0.5, "mri", "edges");
+  Json edges{{"lps_from_eye", to_json_matrix(Eigen::Isometry3d::Identity())},
+             {"anterior_chamber_depth_mm", withheld("no edges")}};
+  for (const char* name :
+       {"axial_length_mm", "lens_thickness_mm", "globe_width_mm", "globe_height_mm", "globe_depth_mm"})
+    edges[name] = number;
+  write_fit(Laterality::od, {{"fit", "slices moved"}}, edges);
+  EXPECT_EQ(make_meshes(options_, {}).status, ExitStatus::partial);
+  const Json biometry = read_json(mesh("od", "biometry.json"));
+  EXPECT_EQ(biometry.at("globe_width_mm"), number);
+  EXPECT_NEAR(biometry.at("optical_axial_length_mm").at("value"), 24 + options_.retinal_depth_mm, 1e-12);
+  EXPECT_EQ(biometry.at("optical_axial_length_mm").at("method"), "edges");
+  EXPECT_EQ(biometry.at("anterior_chamber_depth_mm").at("withheld"), "no edges");
+  EXPECT_EQ(biometry.at("/astigmatism/M_D"_json_pointer).at("withheld"), "slices moved");
+  EXPECT_FALSE(fs::exists(mesh("od", "retina.ply")));
+  EXPECT_FALSE(fs::exists(mesh("od", "optics.json")));
 }
 
 TEST_F(MeshStage, BadInputLeavesTheCaseAsItWas) {

@@ -113,8 +113,8 @@ std::vector<Limits> fit_quality() {
       // Up to the second where edges confirm the fit: what moved stands in its intervals.
       Row("slice_displacement_mm", "mm").warn_outside(at_most(0.25)).refuse_outside(at_most(0.5)),
       Row("outlier_share", "").refuse_outside(at_most(0.35)),
-      // Standard deviations between the fit and the edges. Chosen: right fits of real eyes differ by up to 2.
-      Row("edge_disagreement", "").refuse_outside(at_most(3.5)).warn_outside(at_most(2.5)),
+      // Standard deviations between the fit and the edges; within the first they confirm each other. Chosen.
+      Row("edge_disagreement", "").refuse_outside(at_most(2.5)).warn_outside(at_most(1.5)),
       // Of the step between vitreous and wall; up to the second where edges confirm the fit. Chosen.
       Row("residual_over_contrast", "").warn_outside(at_most(0.5)).refuse_outside(at_most(1)),
       Row("converged", "").warn_outside(at_least(1)),

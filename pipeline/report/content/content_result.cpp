@@ -1,5 +1,7 @@
 #include <fmt/format.h>
 
+#include <map>
+
 #include "pipeline/base/notation.hpp"
 #include "pipeline/report/content/biometry_rows.hpp"
 #include "pipeline/report/content/content.hpp"
@@ -139,6 +141,27 @@ BulletList keratometer_lines(const CaseData& data) {
   return lines;
 }
 
+/// What is not told of each eye, and why.
+BulletList withheld_lines(const CaseData& data) {
+  BulletList lines;
+  for (const auto& eye : data.eyes) {
+    std::map<std::string, std::string> quantities;  // by reason
+    const auto add = [&](const BiometryRow& row, const std::string& name) {
+      const Json::json_pointer at("/" + row.key);
+      if (!eye.biometry.is_object() || !eye.biometry.contains(at) || !is_withheld(eye.biometry.at(at)))
+        return;
+      std::string& list = quantities[eye.biometry.at(at).at("withheld").get<std::string>()];
+      if (list.find(name) == std::string::npos) list += (list.empty() ? "" : "; ") + name;
+    };
+    for (const BiometryRow& row : biometry_rows()) add(row, row.name);
+    for (const BiometryRow& row : keratometry_rows()) add(row, "Keratometry and corneal astigmatism");
+    for (const auto& [reason, list] : quantities)
+      lines.items.push_back(
+          fmt::format("{}: withheld, since {}: {}.", clinical_name(eye.laterality), reason, list));
+  }
+  return lines;
+}
+
 Table measured_table(const CaseData& data, const std::vector<BiometryRow>& rows, const std::string& caption) {
   Table table;
   table.caption = caption;
@@ -187,7 +210,8 @@ Section measured_section(const CaseData& data) {
   const Table keratometry = measured_table(data, keratometry_rows(), "Keratometry and corneal astigmatism");
   if (biometry.rows.empty() && keratometry.rows.empty()) return section;
   section.blocks.push_back({biometry});
-  section.blocks.push_back({keratometry});
+  if (!keratometry.rows.empty()) section.blocks.push_back({keratometry});
+  if (const BulletList lines = withheld_lines(data); !lines.items.empty()) section.blocks.push_back({lines});
   if (const BulletList lines = keratometer_lines(data); !lines.items.empty())
     section.blocks.push_back({lines});
   section.blocks.push_back({Paragraph{

@@ -195,11 +195,14 @@ Judgement judge(const CaseData& data, const EyeData& eye) {
     reasons.push_back("The " + stage->name + " stage was run for the other eye only.");
     return no_prescription("No prescription: not asked for", reasons);
   }
-  const bool fit_refused = eye.fit.is_object() && eye.fit.value("status", "measured") == "refused";
+  // An eye whose cornea other instruments measured is partial and has a refraction all the same.
+  const std::string segmented = eye.fit.is_object() ? eye.fit.value("status", "measured") : "measured";
+  const bool is_incomplete =
+      segmented == "refused" || (segmented == "partial" && !eye.prescription.is_object());
   const bool was_corrected = data.stage("correction") != nullptr;
-  if (!fit_refused && !was_corrected && data.stage("segmentation")->status != ExitStatus::no_result)
+  if (!is_incomplete && !was_corrected && data.stage("segmentation")->status != ExitStatus::no_result)
     return no_prescription("No prescription: the correction stage has not been run", gates);
-  if (fit_refused || !eye.prescription.is_object() || !value_of(eye.prescription, "sphere_D"))
+  if (is_incomplete || !eye.prescription.is_object() || !value_of(eye.prescription, "sphere_D"))
     return refused(data, eye, gates);
   return judge_refraction(data, eye, gates);
 }

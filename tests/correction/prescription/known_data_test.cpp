@@ -26,7 +26,7 @@ void write_fitted_eye(const fs::path& case_folder) {
   write_json(folder / "od/fit.json", {{"laterality", "od"},
                                       {"eye", to_json(random_eye(40))},
                                       {"head_roll_deg", nullptr},
-                                      {"quality", Json::array()},
+                                      {"withheld", Json::object()},
                                       {"status", "measured"}});
   write_json(folder / "stage.json", {{"verdict", {{"status", 0}, {"reasons", Json::array()}}}});
   write_json(case_folder / "case.json", {{"subject", {{"age_years", 40}}}});
