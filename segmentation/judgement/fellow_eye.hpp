@@ -41,7 +41,7 @@ void fit_and_judge(JudgedEye& eye, const std::vector<const Stack*>& images, cons
                    const std::function<void()>& advance = {});
 
 /// Looks once more at two eyes that were fitted to the intensities of the same stacks, in the same order. An
-/// eye that is refused while its fellow is measured is fitted again from what its fellow is like, and so is
+/// eye of which less is known than of its fellow is fitted again from what its fellow is like, and so is
 /// the one that explains its images worse when the two find fat displaced differently (then the other one).
 /// The new fit is taken where it is measured, agrees, and leaves smaller residuals. Two that still contradict
 /// each other are both refused: one took something else for its globe, and which is not known. Not for eyes
