@@ -16,6 +16,7 @@
 #include "pipeline/base/eye_stage.hpp"
 #include "pipeline/eye/instruments/topography.hpp"
 #include "pipeline/eye/population/limits.hpp"
+#include "pipeline/eye/population/population.hpp"
 
 namespace emmetrope::meshing {
 namespace {
@@ -114,7 +115,7 @@ std::string summary(const Json& biometry) {
     if (is_withheld(json)) return fmt::format("  {:<26}withheld\n", what);
     const auto m = json.get<Measured>();
     return fmt::format("  {:<26}{:8.2f} {:<3} (95 % {:.2f} to {:.2f}, {})\n", what, m.value, unit, m.ci95[0],
-                       m.ci95[1], m.source);
+                       m.ci95[1], m.method == "edges" ? m.source + ", edges" : m.source);
   };
   const Json& k = biometry.at("keratometry");
   return line("axial length", biometry.at("axial_length_mm"), "mm") +
@@ -186,16 +187,16 @@ void learn_from_instruments(KnownEyes& eyes, const MeshingOptions& options, Stag
     if (measured == options.instruments.end()) continue;
     InstrumentReadings readings = read_instruments(measured->second);
     fitted.topography = std::move(readings.topography);
-    const bool cornea_was_measured = std::any_of(
-        readings.measurements.begin(), readings.measurements.end(),
-        [](const ExternalMeasurement& m) { return m.source == "keratometry" || m.source == "topography"; });
-    if (cornea_was_measured) fitted.cornea_withheld.clear();
     try {
       for (const std::string& warning : learn(fitted.estimate, readings))
         workspace.warn(std::string(clinical_name(eye)) + ": " + warning);
     } catch (const Error& error) {
       throw said_of(eye, error);
     }
+    const double sigma_over_prior =
+        fitted.estimate.sigma("cornea_c_per_mm") / population_value("cornea_c_per_mm").sigma;
+    if (limits_of("cornea_sigma_over_prior").accepted.contains(sigma_over_prior))
+      fitted.cornea_withheld.clear();
   }
 }
 

@@ -161,8 +161,9 @@ Answer run_pipeline(const RunOptions& options, const CommonOptions& common) {
   const CaseLock lock(options.case_folder, true);
   std::vector<StageReport> reports;
   ExitStatus status = ExitStatus::done;
+  bool has_ended = false;  // a stage gave nothing for those after it
   for (const Stage& stage : stages_of(options, common)) {
-    if (status == ExitStatus::no_result && stage.command != "report") {
+    if (has_ended && stage.command != "report") {
       remove_stale_results(options.case_folder, stage.folder);
       continue;
     }
@@ -172,7 +173,10 @@ Answer run_pipeline(const RunOptions& options, const CommonOptions& common) {
     if (gave_result(ended)) {
       if (ended != 0 && status == ExitStatus::done) status = ExitStatus::partial;
     } else if (ended == static_cast<int>(ExitStatus::no_result)) {
-      status = ExitStatus::no_result;
+      has_ended = true;
+      // Biometry of an eye that light cannot be traced through is a result in part.
+      const bool something_was_measured = stage.command != "segment" && stage.command != "mesh";
+      status = something_was_measured ? ExitStatus::partial : ExitStatus::no_result;
     } else {
       throw failure_of(stage, reports.back().process);
     }

@@ -25,7 +25,9 @@ namespace fs = std::filesystem;
 
 std::optional<Measured> measured_at(const Json& json, const std::string& path) {
   const Json::json_pointer pointer("/" + path);
-  if (!json.is_object() || !json.contains(pointer) || !json.at(pointer).is_object()) return std::nullopt;
+  if (!json.is_object() || !json.contains(pointer) || !json.at(pointer).is_object() ||
+      is_withheld(json.at(pointer)))
+    return std::nullopt;
   return json.at(pointer).get<Measured>();
 }
 

@@ -34,8 +34,15 @@ double slice_sigma_mm(const Stack& stack) {
   return 0.12 * std::max(stack.slice_thickness_mm, stack.slice_spacing_mm());
 }
 
-bool is_lens(double thickness_mm) { return thickness_mm >= 2.5 && thickness_mm <= 6.5; }
-bool is_chamber(double depth_mm) { return depth_mm >= 1.5 && depth_mm <= 5.5; }
+double lens_mm(const AxialEdges& axial) { return axial.lens_front_mm - axial.lens_back_mm; }
+double chamber_mm(const AxialEdges& axial) { return apex_distance_mm(axial) - axial.lens_front_mm; }
+double length_mm(const AxialEdges& axial) { return apex_distance_mm(axial) - axial.inner_wall_mm; }
+
+bool are_an_eyes(const AxialEdges& axial) {
+  const Range lens{2.5, 6.5}, chamber{1.5, 5.5};
+  return lens.contains(lens_mm(axial)) && chamber.contains(chamber_mm(axial)) &&
+         limits_of("axial_length_mm").accepted.contains(length_mm(axial));
+}
 
 }  // namespace
 
@@ -55,13 +62,9 @@ EdgeBiometry edge_biometry(const EdgeReading& reading, const Stack& stack, Weigh
   biometry.globe_depth = without_bias(2 * reading.globe.half_axes[2], bias.across, across_mm);
   if (!reading.axial) return biometry;
   const AxialEdges& axial = *reading.axial;
-  const double lens_mm = axial.lens_front_mm - axial.lens_back_mm;
-  const double chamber_mm = apex_distance_mm(axial) - axial.lens_front_mm;
-  if (!is_lens(lens_mm) || !is_chamber(chamber_mm)) return biometry;
-  const double length_mm = apex_distance_mm(axial) - axial.inner_wall_mm;
-  biometry.axial_length = without_bias(length_mm, bias.length, sigma_mm);
-  biometry.anterior_chamber_depth = without_bias(chamber_mm, bias.chamber, sigma_mm);
-  biometry.lens_thickness = without_bias(lens_mm, bias.lens, sigma_mm);
+  biometry.axial_length = without_bias(length_mm(axial), bias.length, sigma_mm);
+  biometry.anterior_chamber_depth = without_bias(chamber_mm(axial), bias.chamber, sigma_mm);
+  biometry.lens_thickness = without_bias(lens_mm(axial), bias.lens, sigma_mm);
   return biometry;
 }
 
@@ -73,8 +76,9 @@ Eigen::Isometry3d frame_of(const EdgeReading& reading) {
 }
 
 std::optional<ReadEye> read_eye(const Stack& stack, const EdgeSeed& seed, Weighting weighting) {
-  const auto reading = read_edges(stack, seed, weighting);
+  auto reading = read_edges(stack, seed, weighting);
   if (!reading || !doubt_about_globe(*reading).empty()) return std::nullopt;
+  if (reading->axial && !are_an_eyes(*reading->axial)) reading->axial.reset();
   return ReadEye{*reading, edge_biometry(*reading, stack, weighting)};
 }
 

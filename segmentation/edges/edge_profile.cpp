@@ -95,9 +95,9 @@ std::optional<Edge> first_edge(const Profile& profile, double before, const Edge
   const auto index_of = [&](double mm) {
     return static_cast<std::size_t>(std::lround((mm - profile.first_mm) / profile.step_mm));
   };
-  const std::size_t first = index_of(rule.first_mm),
-                    last = std::min(index_of(rule.last_mm), value.size() < 2 ? 0 : value.size() - 2);
   const auto reach = static_cast<std::size_t>(std::lround(1.2 / profile.step_mm));
+  const std::size_t first = index_of(std::max(rule.first_mm, profile.at_mm(reach + 1))),
+                    last = std::min(index_of(rule.last_mm), value.size() < 2 ? 0 : value.size() - 2);
   const auto slope = [&](std::size_t i) { return value[i + 1] - value[i - 1]; };
   double largest = 0;
   for (std::size_t i = first; i <= last; ++i) largest = std::max(largest, slope(i));

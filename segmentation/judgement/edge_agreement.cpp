@@ -15,7 +15,11 @@ struct FatEdge {
   double across_mm = 0, along_axis_mm = 0, centre_mm = 0;
 };
 FatEdge fat_edge(const EyeFit& fit) {
-  if (fit.weighting == Weighting::t2) return {};
+  // A wall brighter than that has an edge of its own.
+  constexpr double dark_wall = 0.4;
+  const double wall_share =
+      (fit.value(wall) - fit.value(vitreous)) / (fit.value(surround) - fit.value(vitreous));
+  if (fit.weighting == Weighting::t2 || wall_share > dark_wall) return {};
   const double displaced_mm = fit.parameters.segment<2>(fit.layout.stack(0) + fat_shift_first).norm();
   return {2 * fit.value(wall_lateral) + displaced_mm, fit.value(wall_axial) + displaced_mm, displaced_mm};
 }
@@ -32,7 +36,9 @@ void consider(EdgeAgreement& agreement, const std::string& what, double edges_ou
 
 }  // namespace
 
-bool EdgeAgreement::confirms() const { return limits_of("edge_disagreement").plausible.contains(sigmas); }
+bool EdgeAgreement::confirms() const {
+  return with_length && limits_of("edge_disagreement").plausible.contains(sigmas);
+}
 
 EdgeAgreement compare_with_edges(const EyeFit& fit, const ReadEye& read) {
   const EdgeBiometry& edges = read.biometry;
@@ -46,8 +52,9 @@ EdgeAgreement compare_with_edges(const EyeFit& fit, const ReadEye& read) {
     consider(agreement, fmt::format("{} {:.1f} mm, by the edges {:.1f} mm", what, fitted_mm, by_edges.value),
              by_edges.value - fitted_mm, fat_mm, std::hypot(fitted_sigma_mm, by_edges.sigma));
   };
-  compare("width", 2 * fit.value(globe_x), fit.sigma(globe_x), edges.globe_width, fat.across_mm);
-  compare("height", 2 * fit.value(globe_y), fit.sigma(globe_y), edges.globe_height, fat.across_mm);
+  compare("width", 2 * fit.value(globe_x), 2 * fit.sigma(globe_x), edges.globe_width, fat.across_mm);
+  compare("height", 2 * fit.value(globe_y), 2 * fit.sigma(globe_y), edges.globe_height, fat.across_mm);
+  agreement.with_length = edges.axial_length.has_value();
   if (edges.axial_length)
     compare("length", fit.value(axial_length), fit.pole_depth_sigma_mm(), *edges.axial_length,
             fat.along_axis_mm);

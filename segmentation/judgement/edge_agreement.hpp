@@ -13,7 +13,8 @@ struct EdgeAgreement {
   /// The same where the edges may be those of fat in T1: as far outside the fit's inner wall as its wall is
   /// thick and fat is displaced.
   double sigmas_beyond_wall = 0;
-  std::string largest;  ///< which difference that is, in the user's words
+  bool with_length = false;  ///< both know it
+  std::string largest;       ///< which difference that is, in the user's words
 
   /// The two say the same: what else speaks against the fit does not mean that its surfaces are elsewhere.
   bool confirms() const;

@@ -69,6 +69,16 @@ std::string JudgedEye::reasons() const {
   return of_fit + (of_fit.empty() || of_cornea.empty() ? "" : "; ") + of_cornea;
 }
 
+std::string JudgedEye::edges_on_axis_withheld() const {
+  if (edges.empty() || !edges.front() || !edges.front()->biometry.axial_length)
+    return "cornea or lens have no edges of their own along the eye's axis";
+  for (const QualityGate& gate : gates)
+    for (const char* on_axis :
+         {"apex_sigma_mm", "axial_length_sigma_mm", "lens_contrast", "lens_off_axis_mm"})
+      if (gate.name == on_axis && !gate.passed) return gate.reason;
+  return {};
+}
+
 void fit_and_judge(JudgedEye& eye, const std::vector<const Stack*>& images, const EyeStart& start,
                    const std::function<void()>& advance) {
   try {

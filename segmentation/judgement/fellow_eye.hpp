@@ -27,6 +27,8 @@ struct JudgedEye {
   bool is_read() const { return !is_fitted() && main_edges(); }
   /// Of the best view.
   std::optional<ReadEye> main_edges() const { return edges.empty() ? std::nullopt : edges.front(); }
+  /// Why the edges' length, chamber and lens are not told: the fit saw no cornea or no lens; empty: they are.
+  std::string edges_on_axis_withheld() const;
   /// "measured", "partial" (some quantities are withheld), or "refused" (all are).
   const char* status() const {
     return is_measured() ? "measured" : is_fitted() || is_read() ? "partial" : "refused";

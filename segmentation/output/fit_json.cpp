@@ -60,11 +60,11 @@ Json edges_json(const JudgedEye& eye) {
             {"globe_depth_mm", to_json(biometry.globe_depth)},
             {"kept_share", reading.globe.kept_share},
             {"rms_mm", reading.globe.rms_mm}};
+  const std::string on_axis_withheld = eye.edges_on_axis_withheld();
   for (const auto& [name, estimate] : {std::pair{"axial_length_mm", biometry.axial_length},
                                        {"anterior_chamber_depth_mm", biometry.anterior_chamber_depth},
                                        {"lens_thickness_mm", biometry.lens_thickness}})
-    json[name] = estimate ? to_json(*estimate)
-                          : withheld("cornea or lens have no edges of their own along the eye's axis");
+    json[name] = on_axis_withheld.empty() ? to_json(*estimate) : withheld(on_axis_withheld);
   return json;
 }
 

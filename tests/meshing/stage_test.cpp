@@ -246,7 +246,7 @@ TEST_F(MeshStage, WithoutItsCorneaAnEyeKeepsTheRest) {
 
 TEST_F(MeshStage, AKeratometerKnowsTheCorneaThatTheImagesDoNotShow) {
   write_fit(Laterality::od, {{"cornea", "cornea not visible"}});
-  instruments_.keratometry = {"od:43.25@175/44.75@85+-5"};
+  instruments_.keratometry = {"od:43.25@175/44.75@85+-0.3"};
   options_.instruments = parse_instruments(instruments_, options_.retinal_depth_mm);
   EXPECT_EQ(make_meshes(options_, {}).status, ExitStatus::done);
   EXPECT_TRUE(fs::exists(mesh("od", "cornea_anterior.ply")));

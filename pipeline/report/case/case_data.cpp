@@ -201,7 +201,10 @@ CaseData read_case(const fs::path& folder, LateralityChoice eyes) {
 }
 
 std::optional<Eigen::Vector3d> globe_centre(const EyeData& eye) {
-  const Json centre = eye.fit.is_object() ? eye.fit.value("globe_centre_lps_mm", Json()) : Json();
+  const Json fit = eye.fit.is_object() ? eye.fit : Json::object();
+  const bool by_edges =
+      fit.value("withheld", Json::object()).contains("fit") && fit.value("edges", Json()).is_object();
+  const Json centre = (by_edges ? fit.at("edges") : fit).value("globe_centre_lps_mm", Json());
   if (centre.is_array() && centre.size() == 3)
     return Eigen::Vector3d(centre[0].get<double>(), centre[1].get<double>(), centre[2].get<double>());
   if (eye.biometry.is_object() && eye.biometry.contains("lps_from_eye")) {

@@ -197,8 +197,7 @@ Judgement judge(const CaseData& data, const EyeData& eye) {
   }
   // An eye whose cornea other instruments measured is partial and has a refraction all the same.
   const std::string segmented = eye.fit.is_object() ? eye.fit.value("status", "measured") : "measured";
-  const bool is_incomplete =
-      segmented == "refused" || (segmented == "partial" && !eye.prescription.is_object());
+  const bool is_incomplete = segmented == "refused" || (segmented == "partial" && !eye.optics.is_object());
   const bool was_corrected = data.stage("correction") != nullptr;
   if (!is_incomplete && !was_corrected && data.stage("segmentation")->status != ExitStatus::no_result)
     return no_prescription("No prescription: the correction stage has not been run", gates);
