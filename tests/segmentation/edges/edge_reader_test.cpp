@@ -60,8 +60,8 @@ Stack drawn(const DrawnEye& eye, const Eigen::Matrix3d& axes, double voxel_mm = 
       for (int c = 0; c < count; ++c) {
         double sum = 0;
         for (int i = 0; i < 27; ++i)
-          sum +=
-              eye.at(stack.position(c, r, s) + voxel_mm / 3 * Vector3d(i % 3 - 1, i / 3 % 3 - 1, i / 9 - 1));
+          sum += eye.at(stack.position(c, r, s) +
+                        voxel_mm / 3 * Eigen::Vector3i(i % 3 - 1, i / 3 % 3 - 1, i / 9 - 1).cast<double>());
         slice.push_back(static_cast<float>(gain * sum / 27));
       }
   }
