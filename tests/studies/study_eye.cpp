@@ -161,7 +161,7 @@ struct StudiedEye {
   std::optional<JudgedEye> judged;  ///< none: not found
   std::optional<EyeFit> bound;      ///< the same eye with the covariance of the information bound
 
-  bool is_measured() const { return judged && judged->is_fitted(); }
+  bool is_measured() const { return judged && judged->is_measured(); }
 };
 
 /// Finds and fits it, as the stage does.
@@ -181,7 +181,7 @@ void fit(StudiedEye& eye, bool of_one_eye, double age_years) {
 
 /// What became of it in the record.
 void conclude(StudiedEye& eye) {
-  eye.record["status"] = !eye.judged ? "not found" : eye.judged->is_fitted() ? "measured" : "refused";
+  eye.record["status"] = !eye.judged ? "not found" : eye.judged->is_measured() ? "measured" : "refused";
   if (!eye.judged) return;
   for (const QualityGate& gate : eye.judged->gates)
     if (!gate.passed) eye.record["reasons"].push_back(gate.reason);
