@@ -182,7 +182,7 @@ std::string summary(const std::string& who, const EyeResult& result) {
   const Prescription& p = result.prescription;
   const Eigen::Vector3d sigma = result.uncertainty.covariance.diagonal().cwiseSqrt();
   const std::string withheld =
-      reason_to_withhold(Measured::from_sigma(p.refraction.M_D, sigma[0], result.uncertainty.sources[0]));
+      reason_to_withhold(Measured::from_sigma(p.refraction.M_D, sigma[0], result.uncertainty.origins[0]));
   const std::string line = fmt::format(
       "{}: {}{} at {:g} mm (M {:+.2f} +-{:.2f}, J0 {:+.2f} +-{:.2f}, J45 {:+.2f} +-{:.2f} D, 95 %)\n", who,
       withheld.empty() ? "" : "no prescription, an estimate for information: ",

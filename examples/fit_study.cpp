@@ -19,7 +19,7 @@ int main(int argc, char** argv) try {
     const Propagated length = eye.propagate(
         [](const ParametricEye& one) { return Eigen::VectorXd::Constant(1, one.pole_depth_mm()); });
     std::printf("%s: axial length %.2f +- %.2f mm (95 %%, %s)\n", name.c_str(), length.value[0],
-                1.96 * length.sigma(0), length.source[0].c_str());
+                1.96 * length.sigma(0), length.origin[0].source.c_str());
   }
   return static_cast<int>(answer.status);
 } catch (const emmetrope::Error& error) {

@@ -22,7 +22,7 @@ using Eigen::VectorXd;
 constexpr double section_depth_mm = 2.3;
 
 Measured measured(const Propagated& p, Eigen::Index i) {
-  return Measured::from_sigma(p.value[i], p.sigma(i), p.source[i], "fit");
+  return Measured::from_sigma(p.value[i], p.sigma(i), p.origin[static_cast<std::size_t>(i)], "fit");
 }
 
 /// Largest coordinate of the interface along a direction of the eye frame: coarse search, then a compass
@@ -105,8 +105,10 @@ double departure_sigma_um(int term, double zone_mm, bool mapped) {
 
 Measured with_departure(const Measured& fitted, double sigma_um, const char* source) {
   if (sigma_um == 0) return fitted;
-  return Measured::from_sigma(fitted.value, std::hypot(fitted.sigma(), sigma_um),
-                              sigma_um > fitted.sigma() ? source : fitted.source);
+  Measured departed = Measured::from_sigma(fitted.value, std::hypot(fitted.sigma(), sigma_um),
+                                           sigma_um > fitted.sigma() ? source : fitted.source);
+  departed.image_share = fitted.image_share;
+  return departed;
 }
 
 /// A number that is told when it is implausible, and where its limits are.
@@ -139,26 +141,28 @@ Keratometry keratometry_from(const Propagated& power) {
   const double var_half = astigmatism.sigma_half_cylinder_D * astigmatism.sigma_half_cylinder_D;
   const auto sigma = [](double variance) { return std::sqrt(std::max(0.0, variance)); };
 
-  const std::string& source = power.source[0];
-  const std::string& cylinder_source = power.source[std::abs(j.x()) > std::abs(j.y()) ? 1 : 2];
+  const Origin& of_mean = power.origin[0];
+  const Origin& of_cylinder = power.origin[std::abs(j.x()) > std::abs(j.y()) ? 1 : 2];
   const auto axis = [&](double axis_deg) {
     return Measured{axis_deg,
                     {axis_deg - astigmatism.axis_half_width_deg, axis_deg + astigmatism.axis_half_width_deg},
-                    cylinder_source};
+                    of_cylinder.source,
+                    {},
+                    of_cylinder.image_share};
   };
 
   Keratometry k;
-  k.flat_power_D = Measured::from_sigma(mean - half, sigma(var_mean + var_half - 2 * cov), source);
-  k.steep_power_D = Measured::from_sigma(mean + half, sigma(var_mean + var_half + 2 * cov), source);
-  const auto radius = [](const Measured& power_D) {
+  k.flat_power_D = Measured::from_sigma(mean - half, sigma(var_mean + var_half - 2 * cov), of_mean);
+  k.steep_power_D = Measured::from_sigma(mean + half, sigma(var_mean + var_half + 2 * cov), of_mean);
+  const auto radius = [&](const Measured& power_D) {
     const double r = keratometric_D_mm / power_D.value;
-    return Measured::from_sigma(r, r / power_D.value * power_D.sigma(), power_D.source);
+    return Measured::from_sigma(r, r / power_D.value * power_D.sigma(), of_mean);
   };
   k.flat_radius_mm = radius(k.flat_power_D);
   k.steep_radius_mm = radius(k.steep_power_D);
   k.flat_axis_deg = axis(astigmatism.axis_deg);
   k.steep_axis_deg = axis(normalise_axis_deg(astigmatism.axis_deg + 90));
-  k.cylinder_D = Measured::from_sigma(2 * half, 2 * sigma(var_half), cylinder_source);
+  k.cylinder_D = Measured::from_sigma(2 * half, 2 * sigma(var_half), of_cylinder);
   k.cylinder_D.ci95[0] = std::max(0.0, k.cylinder_D.ci95[0]);
   return k;
 }
@@ -224,7 +228,7 @@ Measured interpupillary_distance_mm(const UncertainEye& od, const UncertainEye& 
   const Eigen::Matrix3d covariance = right.covariance + left.covariance;
   const double sigma_mm =
       std::hypot(std::sqrt(along.dot(covariance * along)), scale_sd * between.norm(), head_motion_sd_mm);
-  return Measured::from_sigma(between.norm(), sigma_mm, right.source[0]);
+  return Measured::from_sigma(between.norm(), sigma_mm, right.origin[0]);
 }
 
 std::string PlausibilityFlag::describe() const {

@@ -1,5 +1,7 @@
 #include "meshing/optics.hpp"
 
+#include <cmath>
+
 namespace emmetrope::meshing {
 namespace {
 
@@ -51,8 +53,14 @@ Json optics_json(const UncertainEye& estimate, const OpticalDefaults& defaults) 
   for (Eigen::Index column = 0; column <= n; ++column) last.push_back(0.0);
   last.push_back(defaults.lens_index_sigma * defaults.lens_index_sigma);
   json["covariance"].push_back(last);
-  json["sources"] = p.source;
+  json["sources"] = Json::array();
+  for (const Origin& origin : p.origin) json["sources"].push_back(origin.source);
   json["sources"].push_back("prior");
+  json["prior_sigmas"] = Json::array();
+  for (const double sigma : p.prior_sigma)
+    json["prior_sigmas"].push_back(std::isfinite(sigma) ? Json(sigma) : Json(nullptr));
+  json["prior_sigmas"].push_back(defaults.lens_index_sigma > 0 ? Json(defaults.lens_index_sigma)
+                                                               : Json(nullptr));
   return json;
 }
 

@@ -73,7 +73,7 @@ Calibration calibrate(const raytrace::Tracer& tracer, const EyeModel& traced, Un
   const Eigen::Index index = uncertain.known.index_of("lens_index");
   const auto unit = Eigen::RowVectorXd::Unit(uncertain.known.eye().covariance.rows(), index);
   calibration.index_after = Measured::from_sigma(
-      uncertain.known.eye().lens_index, uncertain.known.sigma("lens_index"), uncertain.known.source_of(unit));
+      uncertain.known.eye().lens_index, uncertain.known.sigma("lens_index"), uncertain.known.origin_of(unit));
   if (!(calibration.index_after.value > 1.36 && calibration.index_after.value < 1.5))
     throw no_result_error(
         fmt::format(

@@ -228,7 +228,7 @@ PrescriptionUncertainty uncertainty_of(const Prescription& prescription, const U
       return refraction_by_spot(changed, settings);
     };
     const Eigen::MatrixXd sensitivity = refraction_sensitivity(*optics, refraction);
-    for (int i = 0; i < 3; ++i) result.sources[i] = optics->known.source_of(sensitivity.row(i));
+    for (int i = 0; i < 3; ++i) result.origins[i] = optics->known.origin_of(sensitivity.row(i));
     result.data = optics->known.learnt_from();
     result.budget = uncertainty_budget(*optics, sensitivity);
     result.budget.pop_back();  // the total follows with the sampling in it

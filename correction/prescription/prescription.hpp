@@ -110,8 +110,8 @@ struct PrescriptionUncertainty {
     std::string measurement;
     BudgetLine sigma_after;
   };
-  std::vector<Value> if_measured;                                 ///< what a further measurement would leave
-  std::array<std::string, 3> sources{"model", "model", "model"};  ///< of M, J0, J45
+  std::vector<Value> if_measured;                            ///< what a further measurement would leave
+  std::array<Origin, 3> origins{"model", "model", "model"};  ///< of M, J0, J45
   std::vector<std::string> data;  ///< what the eye was learnt from beside its images, in order
   std::optional<Calibration> calibration;
 };

@@ -196,7 +196,7 @@ Json to_json(const Prescription& prescription, const PrescriptionUncertainty& un
   json["laterality"] = laterality.empty() ? Json(nullptr) : Json(laterality);
   add_conditions(json, settings);
   add_refraction(json, prescription.refraction,
-                 refraction_intervals(prescription.refraction, uncertainty.covariance, uncertainty.sources));
+                 refraction_intervals(prescription.refraction, uncertainty.covariance, uncertainty.origins));
   json["contact_lens"] = contact_lens_json(prescription);
   json["lenses"] = lenses_json(prescription.lenses, settings.spectacle);
   json["sharpest_lens"] = name_sharpest(prescription.lenses);

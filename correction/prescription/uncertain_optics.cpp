@@ -41,9 +41,10 @@ ParametricEye parametric_eye(const Json& optics) {
   const auto values = optics.at("values").get<std::vector<double>>();
   const auto rows = optics.at("covariance").get<std::vector<std::vector<double>>>();
   const auto sources = optics.at("sources").get<std::vector<std::string>>();
+  const auto priors = optics.at("prior_sigmas").get<std::vector<Json>>();
   const std::size_t n = names.size();
-  if (values.size() != n || rows.size() != n || sources.size() != n)
-    throw invalid("parameters, values, covariance and sources differ in size");
+  if (values.size() != n || rows.size() != n || sources.size() != n || priors.size() != n)
+    throw invalid("parameters, values, covariance, sources and prior_sigmas differ in size");
   ParametricEye eye;
   eye.covariance.resize(static_cast<Eigen::Index>(n), static_cast<Eigen::Index>(n));
   for (std::size_t i = 0; i < n; ++i) {
@@ -56,6 +57,7 @@ ParametricEye parametric_eye(const Json& optics) {
     eye.set(name, values[i]);
     eye.parameter_names.push_back(name);
     eye.source[name] = sources[i];
+    if (!priors[i].is_null()) eye.prior_sigma[name] = priors[i].get<double>();
   }
   return eye;
 }

@@ -104,14 +104,14 @@ Eigen::MatrixXd covariance_after(const Eigen::MatrixXd& covariance, const Planne
 }
 
 RefractionIntervals refraction_intervals(const PowerVector& refraction, const Eigen::Matrix3d& covariance,
-                                         const std::array<std::string, 3>& sources) {
+                                         const std::array<Origin, 3>& origins) {
   const auto interval = [&](double value, int i) {
-    return Measured::from_sigma(value, std::sqrt(std::max(0.0, covariance(i, i))), sources[i]);
+    return Measured::from_sigma(value, std::sqrt(std::max(0.0, covariance(i, i))), origins[i]);
   };
   const SpheroCylinder notation = to_sphero_cylinder(refraction);
   const Astigmatism astigmatism = astigmatism_of({refraction.J0_D, refraction.J45_D}, covariance);
-  const std::string& of_cylinder =
-      std::abs(refraction.J0_D) >= std::abs(refraction.J45_D) ? sources[1] : sources[2];
+  const Origin& of_cylinder =
+      std::abs(refraction.J0_D) >= std::abs(refraction.J45_D) ? origins[1] : origins[2];
   const double sigma_half_D = astigmatism.sigma_half_cylinder_D;
   RefractionIntervals intervals;
   intervals.M_D = interval(refraction.M_D, 0);
@@ -121,13 +121,15 @@ RefractionIntervals refraction_intervals(const PowerVector& refraction, const Ei
   const double var_sphere =
       covariance(0, 0) + sigma_half_D * sigma_half_D + 2 * astigmatism.covariance_with_M_D2;
   intervals.sphere_D =
-      Measured::from_sigma(notation.sphere_D, std::sqrt(std::max(0.0, var_sphere)), sources[0]);
+      Measured::from_sigma(notation.sphere_D, std::sqrt(std::max(0.0, var_sphere)), origins[0]);
   intervals.cylinder_D = Measured::from_sigma(notation.cylinder_D, 2 * sigma_half_D, of_cylinder);
   intervals.cylinder_D.ci95[1] = std::min(0.0, intervals.cylinder_D.ci95[1]);
   intervals.axis_deg = {notation.axis_deg,
                         {notation.axis_deg - astigmatism.axis_half_width_deg,
                          notation.axis_deg + astigmatism.axis_half_width_deg},
-                        of_cylinder};
+                        of_cylinder.source,
+                        {},
+                        of_cylinder.image_share};
   return intervals;
 }
 

@@ -51,9 +51,9 @@ struct RefractionIntervals {
 /// (astigmatism_of). A cylinder's interval ends at 0; where it does, its axis has the interval value -+ 90.
 /// It is unwrapped about its value, so that it may pass 0 or 180.
 ///
-/// \param sources  of M, J0 and J45; the notation takes sphere's from M, cylinder's and axis' from the larger
+/// \param origins  of M, J0 and J45; the notation takes sphere's from M, cylinder's and axis' from the larger
 ///   component of J
 RefractionIntervals refraction_intervals(const PowerVector& refraction, const Eigen::Matrix3d& covariance,
-                                         const std::array<std::string, 3>& sources);
+                                         const std::array<Origin, 3>& origins);
 
 }  // namespace emmetrope::correction

@@ -64,12 +64,17 @@ class Sha256 {
       reason == ENOSPC || reason == EFBIG ? "free some disk space" : "check the folder and its permissions");
 }
 
-}  // namespace
-
-std::string read_file(const std::filesystem::path& file) {
+/// A device or a pipe may never end.
+void require_regular_file(const std::filesystem::path& file) {
   std::error_code status;
   if (!std::filesystem::is_regular_file(file, status))
     throw input_error("cannot read " + file.string() + ": it is not a regular file or does not exist");
+}
+
+}  // namespace
+
+std::string read_file(const std::filesystem::path& file) {
+  require_regular_file(file);
   std::ifstream stream(file, std::ios::binary);
   std::string bytes{std::istreambuf_iterator<char>(stream), std::istreambuf_iterator<char>()};
   if (!stream || stream.bad())
@@ -102,6 +107,7 @@ std::string sha256_of(std::string_view bytes) {
 }
 
 std::string sha256_of_file(const std::filesystem::path& file) {
+  require_regular_file(file);
   std::ifstream stream(file, std::ios::binary);
   if (!stream) throw input_error("cannot read " + file.string() + ": " + std::strerror(errno));
   Sha256 hash;

@@ -82,17 +82,20 @@ Source source_of(const CaseData& data, const ReportOptions& options) {
       "own (give the study with --study).";
   if (!study.empty()) {
     try {
-      return {SourceStudy::read(study, data.case_json), ""};
+      return {SourceStudy::read(
+                  study, noted_study(data.case_json, read_json(data.folder / "segmentation" / "stage.json"))),
+              ""};
     } catch (const Error&) {
       if (!options.study.empty()) throw;
       // Not what the error says: it names the folder, which may bear a person's name.
       note =
-          "The DICOM objects carry the pseudonym and belong to a study of their own: the study's folder "
-          "holds no MR image in DICOM.";
+          "The DICOM objects carry the pseudonym and belong to a study of their own: the study's folder does not "
+          "hold the DICOM files that the case was made from.";
     }
   }
   if (options.identified)
-    throw input_error("--identified needs the DICOM study, which is not at hand", "give it with --study");
+    throw input_error("--identified needs the DICOM study that the case was made from, which is not at hand",
+                      "give it with --study");
   return {SourceStudy::pseudonymous(data.subject(), data.study_date()), note};
 }
 

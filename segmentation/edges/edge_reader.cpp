@@ -19,7 +19,8 @@ constexpr int ray_count = 1500, first_ray_count = 400;  ///< of the last round, 
 constexpr double first_mm = 3, last_mm = 16.5, farthest_edge_mm = 15.5;
 constexpr double lens_cone_deg = 57;  ///< rays nearer to the axis meet lens and cornea
 constexpr double smoothing_mm = 0.2;
-constexpr int rounds = 4;
+constexpr int fewest_rounds = 4, most_rounds = 16;
+constexpr double settled_mm = 1e-3;  ///< of the centre: where it ends does not depend on where it began
 
 Matrix3d axes_about(const Vector3d& outward) {
   Matrix3d axes;
@@ -225,8 +226,9 @@ std::optional<EdgeReading> read_edges(const Stack& stack, const EdgeSeed& seed, 
   reading.globe.centre = seed.globe_centre;
   Vector3d axis = seed.axis;
   double step = 0;
-  for (int round = 0; round < rounds; ++round) {
-    const bool is_last = round == rounds - 1;
+  bool has_settled = false;
+  for (int round = 0; round < most_rounds; ++round) {
+    const bool is_last = has_settled || round == most_rounds - 1;
     const Rays rays =
         cast_rays(stack, reading.globe.centre, axis, sign, is_last ? ray_count : first_ray_count);
     if (rays.inside.size() < 100) return std::nullopt;
@@ -254,8 +256,11 @@ std::optional<EdgeReading> read_edges(const Stack& stack, const EdgeSeed& seed, 
     const double vitreous = quantile(levels, 0.5);
     reading.lens_centre = find_lens(stack, reading.globe.centre + 8 * axis, vitreous, step, sign);
     axis = (reading.lens_centre - reading.globe.centre).normalized();
+    has_settled = round + 2 >= fewest_rounds && (reading.globe.centre - from).norm() < settled_mm;
     reading.wall_contrast = step / std::max(std::abs(vitreous), 1e-9);
-    if (is_last) reading.axial = read_axis(stack, reading, edges, from, step, sign);
+    if (!is_last) continue;
+    reading.axial = read_axis(stack, reading, edges, from, step, sign);
+    break;
   }
   return reading;
 }

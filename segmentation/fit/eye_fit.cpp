@@ -8,6 +8,7 @@
 
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/frames.hpp"
+#include "pipeline/base/measured.hpp"
 #include "segmentation/fit/curved_edges.hpp"
 #include "segmentation/fit/eye_distances.hpp"
 #include "segmentation/fit/fit_passes.hpp"
@@ -22,6 +23,7 @@ namespace {
 using Eigen::VectorXd;
 
 constexpr std::size_t fewest_voxels = 1000;  ///< that an eye can be fitted to
+constexpr double unknown_sigma = 1e5;        ///< a prior that wide is none
 
 /// The first passes need not use every voxel: a tenth of a voxel is all they are asked for.
 int coarse_stride(const std::vector<ObservedStack>& stacks) {
@@ -130,6 +132,21 @@ Priors with_smooth_coil(Priors priors, const ForwardModel& model) {
   return priors;
 }
 
+/// What a globe's length and diameters may be off by where the image is not what the model has: the share of the
+/// residuals that noise does not explain, times what fits of real heads differ by from independent readings, and
+/// of one person in T1 and T2 (docs/evidence/real-scans.md).
+Eigen::MatrixXd model_error(const EyeFit& fit) {
+  constexpr double of_unexplained_mm = 0.3;
+  const double sigma_mm = of_unexplained_mm * (1 - 1 / std::max(1.0, fit.chi2_per_voxel));
+  VectorXd sigma = VectorXd::Zero(static_cast<Eigen::Index>(fit.active.size()));
+  for (Eigen::Index i = 0; i < sigma.size(); ++i) {
+    const int parameter = fit.active[static_cast<std::size_t>(i)];
+    if (parameter == axial_length) sigma[i] = sigma_mm;
+    if (parameter >= globe_x && parameter <= globe_z) sigma[i] = sigma_mm / 2;
+  }
+  return sigma.cwiseAbs2().asDiagonal();
+}
+
 /// The covariance at the fit's solution, widened by what noise does not explain.
 void estimate_covariance(EyeFit& fit, const FitProblem& problem, const Basis& basis) {
   const Eigen::MatrixXd of_solution = fit.covariance = covariance(problem, fit.parameters, basis);
@@ -139,6 +156,7 @@ void estimate_covariance(EyeFit& fit, const FitProblem& problem, const Basis& ba
     const DisplacedSlices displaced = displaced_slices(fit, problem, of_solution);
     fit.slice_displacement_mm = displaced.rms_mm;
     fit.covariance += displaced.covariance;
+    fit.covariance += model_error(fit);
   }
 }
 
@@ -200,7 +218,7 @@ void make_cornea_irregular(EyeFit& fit) {
 
 double EyeFit::sigma(int parameter) const {
   const auto at = std::find(active.begin(), active.end(), parameter);
-  if (at == active.end()) return priors.sigma[parameter] < 1e5 ? priors.sigma[parameter] : 0;
+  if (at == active.end()) return priors.sigma[parameter] < unknown_sigma ? priors.sigma[parameter] : 0;
   const auto i = at - active.begin();
   return std::sqrt(covariance(i, i));
 }
@@ -247,9 +265,14 @@ EyeStart start_at(const FoundEye& eye, const ViewEdges& edges, std::optional<dou
 
 EyeStart start_of(const FoundEye& eye, const ViewEdges& edges, std::optional<double> age_years) {
   EyeStart start = start_at(eye, edges, age_years);
-  // In T1 an edge may be the wall's or that of displaced fat.
-  if (start.globe_half_axes_mm && eye.weighting == Weighting::t1)
-    start.others.push_back(start_at(eye, {}, age_years));
+  // In T1 an edge may be the wall's or that of displaced fat: a sphere about the same place too.
+  if (start.globe_half_axes_mm && eye.weighting == Weighting::t1) {
+    EyeStart sphere = start;
+    sphere.globe_radius_mm = start.globe_half_axes_mm->mean();
+    sphere.globe_half_axes_mm.reset();
+    sphere.apex_distance_mm.reset();
+    start.others.push_back(std::move(sphere));
+  }
   return start;
 }
 
@@ -305,7 +328,9 @@ ParametricEye to_parametric_eye(const EyeFit& fit, Laterality laterality) {
     eye.parameter_names.push_back(name);
     eye.set(name, fit.parameters[fit.active[i]]);
     const double prior = fit.priors.sigma[fit.active[i]];
-    eye.source[name] = fit.sigma(fit.active[i]) > 0.9 * prior ? "prior" : measured;
+    if (prior < unknown_sigma) eye.prior_sigma[name] = prior;
+    const double left = std::min(1.0, fit.sigma(fit.active[i]) / prior);
+    eye.source[name] = Origin::of_images(measured, 1 - left * left).source;
   }
   const auto n = static_cast<Eigen::Index>(rows.size());
   eye.covariance.resize(n, n);

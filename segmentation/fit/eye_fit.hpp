@@ -82,8 +82,7 @@ EyeFit fit_eye(const std::vector<const Stack*>& stacks, const EyeStart& start, W
                const std::function<void()>& advance = {}, Evidence evidence = Evidence::intensities);
 inline constexpr int fit_steps = 4;
 
-/// The eye for the next stages: named parameters, covariance and sources ("mri" or "labels", or "prior" where
-/// they narrowed the prior by less than a tenth).
+/// The eye for the next stages: named parameters, covariance, priors and sources (Origin::of_images).
 ParametricEye to_parametric_eye(const EyeFit& fit, Laterality laterality);
 
 }  // namespace emmetrope::segmentation

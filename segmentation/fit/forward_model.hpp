@@ -112,6 +112,8 @@ class ForwardModel {
   const ParameterLayout& layout() const { return layout_; }
   const std::vector<StackSampling>& stacks() const { return stacks_; }
   std::vector<StackSampling>& stacks() { return stacks_; }
+  /// Where the coil's polynomial has its origin, and the eye its middle, about; LPS, mm.
+  const Eigen::Vector3d& coil_reference() const { return coil_reference_; }
 
   /// A model at fixed parameters.
   /// \pre parameters.size() == layout.size()

@@ -13,6 +13,7 @@ namespace emmetrope::segmentation {
 namespace {
 
 using Eigen::Vector3d;
+using Eigen::Vector3i;
 using Eigen::VectorXd;
 
 /// Radius of a sphere that holds vitreous only, about a point a little behind the globe's centre.
@@ -29,10 +30,7 @@ int subslices_for(double thickness_mm) {
 /// logarithm is 0.12 to 0.18 for an eye's coil (R 25 to 35 mm, d 12 mm), and 0.015 to 0.04 for an element of
 /// a head coil (R 50 to 70 mm, d 25 to 40 mm), which a stack that shows both eyes was made with.
 double coil_curvature_sigma(const Stack& stack) {
-  const double extent_mm =
-      std::max({stack.columns * stack.column_spacing_mm, stack.rows * stack.row_spacing_mm,
-                stack.slices() * stack.slice_spacing_mm()});
-  return extent_mm > 90 ? 0.1 : 0.2;
+  return (stack.extent_mm > 0 ? stack.extent_mm : whole_extent_mm(stack)) > 90 ? 0.1 : 0.2;
 }
 
 /// The optic nerve with its sheath, 5 mm thick, leaves the globe 15 degrees nasally of the pole. In T1 it is
@@ -51,6 +49,21 @@ constexpr double front_reach_mm = 4.6, least_limbus_mm = 5.5;
 
 /// Where in the eye frame (y) the fissure between closed lids begins at the highest.
 constexpr double fissure_top_mm = -2.6;
+
+// One voxel in so many is chosen by its place from the globe's middle, not by where the file began.
+bool is_every(int stride, const Vector3i& from_middle) {
+  return from_middle.dot(Vector3i(1, 2, 3)) % stride == 0;
+}
+bool all_even(const Vector3i& from_middle) {
+  return std::all_of(from_middle.begin(), from_middle.end(), [](int i) { return i % 2 == 0; });
+}
+Vector3i nearest_voxel(const Stack& stack, const Vector3d& lps) {
+  const Vector3d from_first = lps - stack.slice_position.front();
+  return Vector3d(std::round(from_first.dot(stack.along_row) / stack.column_spacing_mm),
+                  std::round(from_first.dot(stack.along_column) / stack.row_spacing_mm),
+                  std::round(from_first.dot(stack.normal) / stack.slice_spacing_mm()))
+      .cast<int>();
+}
 
 /// Which voxels of one stack a pass uses, and what matters to each.
 class VoxelSelector {
@@ -76,11 +89,14 @@ class VoxelSelector {
   double equator_depth() const { return equator_depth_; }
 
   /// A voxel without its value, where the pass uses it.
-  std::optional<Sample> select(const Vector3d& position) {
+  /// \param from_middle  its column, row and slice from the voxel in the globe's middle
+  std::optional<Sample> select(const Vector3d& position, const Vector3i& from_middle) const {
     const Vector3d p = at_.to_eye(position, static_cast<int>(index_));
     Sample sample;
     sample.zone = -p.z() < mid_lens_ ? Zone::front : Zone::rear;
-    if (!(sample.zone == Zone::front ? select_front(p, sample) : select_rear(p, sample))) return std::nullopt;
+    const bool used =
+        sample.zone == Zone::front ? select_front(p, sample) : select_rear(p, from_middle, sample);
+    if (!used || !is_every(selection_.stride, from_middle)) return std::nullopt;
     sample.position = position;
     sample.deviation = static_cast<float>(observed_.sampling.noise);
     sample.stack = static_cast<std::uint8_t>(index_);
@@ -114,7 +130,7 @@ class VoxelSelector {
     return true;
   }
 
-  bool select_rear(const Vector3d& p, Sample& sample) {
+  bool select_rear(const Vector3d& p, const Vector3i& from_middle, Sample& sample) const {
     if (!selection_.rear) return false;
     const double depth = -p.z();
     if (off_axis_reach(p) > 3.4 && depth < lens_end_ + 1.5) return false;  // lens edge, zonule, ciliary body
@@ -127,7 +143,7 @@ class VoxelSelector {
     sample.near_lens = depth < lens_end_ + influence_ && std::hypot(p.x(), p.y()) < 5;
     sample.near_wall = d.globe < influence_;
     // Pure vitreous says little: one voxel in eight.
-    if (d.globe > edge_reach_ && depth > lens_end_ + edge_reach_ && vitreous_voxels_++ % 8 != 0) return false;
+    if (d.globe > edge_reach_ && depth > lens_end_ + edge_reach_ && !all_even(from_middle)) return false;
     sample.part = d.outer < 0.3           ? Part::surroundings
                   : d.globe < edge_reach_ ? Part::wall
                   : d.lens > -1 - pixel_  ? Part::lens
@@ -150,7 +166,6 @@ class VoxelSelector {
   std::vector<Vector3d> bumps_ = bump_directions();
   /// Three widths and a bit: a neighbour's Gaussian has fallen to 0.6 %.
   double bump_reach_ = std::cos(3.2 * bump_width_rad);
-  int vitreous_voxels_ = 0;
 };
 
 /// What only a scanner's image has: levels, noise, coil, chemical shift.
@@ -273,12 +288,12 @@ std::vector<Sample> select_samples(const ForwardModel& model, const VectorXd& a,
   for (std::size_t k = 0; k < stacks.size(); ++k) {
     const Vector3d apex =
         a.segment<3>(apex_x) - a.segment<3>(model.layout().stack(static_cast<int>(k)) + shift_first);
-    VoxelSelector selector(at, a, stacks[k], k, selection);
-    int counted = 0;
+    const VoxelSelector selector(at, a, stacks[k], k, selection);
+    const Vector3i middle = nearest_voxel(*stacks[k].stack, model.coil_reference());
     for_each_voxel_near(*stacks[k].stack, apex - selector.equator_depth() * axis, 19,
                         [&](int c, int r, int s, const Vector3d& x) {
-                          std::optional<Sample> sample = selector.select(x);
-                          if (!sample || counted++ % selection.stride != 0) return;
+                          std::optional<Sample> sample = selector.select(x, Vector3i(c, r, s) - middle);
+                          if (!sample) return;
                           sample->value =
                               static_cast<float>(stacks[k].stack->at(c, r, s) / stacks[k].reference);
                           samples.push_back(std::move(*sample));

@@ -41,12 +41,12 @@ void send(MessageType type, const Json& json) {
   send(type, text.data(), text.size());
 }
 
-void decode(const std::filesystem::path& file, std::uint64_t byte_limit) {
+void decode(const std::filesystem::path& file, Request request, std::uint64_t byte_limit) {
   DcmFileFormat parsed;
   const ImageHeader header = read_header(file, parsed);
   send(MessageType::header, Json(header));
   DecodeEnd end;
-  if (header.kind == FileKind::image) {
+  if (header.kind == FileKind::image && request == Request::everything) {
     try {
       end = decode_pixels(parsed, byte_limit, [](const std::vector<std::int32_t>& samples) {
         send(MessageType::frame, samples.data(), samples.size() * sizeof samples[0]);
@@ -86,14 +86,16 @@ int serve(std::uint64_t memory_bytes, std::uint64_t byte_limit, double cpu_s) {
   register_decoders();
   dcmAcceptOddAttributeLength.set(OFFalse);
   if (!dcmDataDict.isDictionaryLoaded()) return 2;
-  for (std::string file; std::getline(std::cin, file, '\0');) {
+  for (std::string asked; std::getline(std::cin, asked, '\0');) {
+    const auto request = static_cast<Request>(asked.at(0));
+    const std::filesystem::path file = asked.substr(1);
     std::error_code unreadable;
     const double megabytes = static_cast<double>(std::filesystem::file_size(file, unreadable)) / 1e6;
     limit_processor_time(cpu_s + 0.5 * megabytes);
     if (is_nifti_name(file))
       decode_volume(file);
     else
-      decode(file, byte_limit);
+      decode(file, request, byte_limit);
   }
   return 0;
 }

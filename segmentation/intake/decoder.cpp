@@ -115,10 +115,10 @@ class Decoder::Child {
   Child(const Child&) = delete;
   Child& operator=(const Child&) = delete;
 
-  void ask(const std::filesystem::path& file) {
-    const std::string request = file.string() + '\0';
-    for (std::size_t done = 0; done < request.size();) {
-      const ssize_t written = ::write(to_child_.ends[1], request.data() + done, request.size() - done);
+  void ask(const std::filesystem::path& file, Request request) {
+    const std::string asked = static_cast<char>(request) + file.string() + '\0';
+    for (std::size_t done = 0; done < asked.size();) {
+      const ssize_t written = ::write(to_child_.ends[1], asked.data() + done, asked.size() - done);
       if (written < 0 && errno != EINTR) fail();
       if (written > 0) done += static_cast<std::size_t>(written);
     }
@@ -207,6 +207,14 @@ Decoder::Decoder(const IntakeLimits& limits) : limits_(limits) {}
 Decoder::~Decoder() = default;
 
 Decoder::File Decoder::decode(const std::filesystem::path& file, const FrameSink& sink) {
+  return decode(file, Request::everything, sink);
+}
+
+ImageHeader Decoder::header(const std::filesystem::path& file) {
+  return decode(file, Request::header, [](int, const std::vector<std::int32_t>&) {}).header;
+}
+
+Decoder::File Decoder::decode(const std::filesystem::path& file, Request request, const FrameSink& sink) {
   File result;
   if (hangs_ >= limits_.hanging_files) {
     result.header = {FileKind::damaged,
@@ -215,7 +223,7 @@ Decoder::File Decoder::decode(const std::filesystem::path& file, const FrameSink
   }
   bool header_read = false;
   try {
-    const auto deadline = ask(file);
+    const auto deadline = ask(file, request);
     std::vector<std::int32_t> samples;
     for (int frame = 0;;) {
       const auto [type, size] = child_->read_start(deadline);
@@ -250,11 +258,11 @@ Decoder::File Decoder::decode(const std::filesystem::path& file, const FrameSink
   return result;
 }
 
-Clock::time_point Decoder::ask(const std::filesystem::path& file) {
+Clock::time_point Decoder::ask(const std::filesystem::path& file, Request request) {
   if (!child_) child_ = std::make_unique<Child>(limits_);
   std::error_code unreadable;
   const double megabytes = static_cast<double>(std::filesystem::file_size(file, unreadable)) / 1e6;
-  child_->ask(file);
+  child_->ask(file, request);
   return Clock::now() +
          std::chrono::milliseconds(static_cast<long long>(1000 * (limits_.wall_s + megabytes)));
 }
@@ -262,7 +270,7 @@ Clock::time_point Decoder::ask(const std::filesystem::path& file) {
 Stack Decoder::decode_volume(const std::filesystem::path& file, std::vector<std::string>& warnings) {
   const std::string name = file.string();
   try {
-    const auto deadline = ask(file);
+    const auto deadline = ask(file, Request::everything);
     const auto [type, size] = child_->read_start(deadline);
     if (type != MessageType::volume) throw ChildFailure{"made the decoder answer nonsense"};
     auto header = child_->read_json(size, deadline).get<VolumeHeader>();

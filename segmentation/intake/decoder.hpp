@@ -32,6 +32,9 @@ class Decoder {
   /// \throw Error (fault) when the child cannot be started
   File decode(const std::filesystem::path& file, const FrameSink& sink);
 
+  /// The header alone, as `decode` has it.
+  ImageHeader header(const std::filesystem::path& file);
+
   /// A NIfTI volume, see read_nifti.
   /// \throw Error as that does, or (input_invalid) naming the file where the child did not survive it
   Stack decode_volume(const std::filesystem::path& file, std::vector<std::string>& warnings);
@@ -40,7 +43,8 @@ class Decoder {
   class Child;
   /// Sends the file's name to a child.
   /// \return when its answer must be there
-  std::chrono::steady_clock::time_point ask(const std::filesystem::path& file);
+  std::chrono::steady_clock::time_point ask(const std::filesystem::path& file, Request request);
+  File decode(const std::filesystem::path& file, Request request, const FrameSink& sink);
   IntakeLimits limits_;
   std::unique_ptr<Child> child_;
   int hangs_ = 0;

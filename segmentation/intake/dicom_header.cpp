@@ -157,6 +157,7 @@ ImageHeader read_header(const std::filesystem::path& file, DcmFileFormat& parsed
     for (const auto& wanted : tag::of_data_set)
       if (auto text = text_of(data_set, wanted); !text.empty())
         header.data_set[wanted.keyword] = std::move(text);
+    if (data_set.tagExists(key(tag::modality_lut))) header.data_set[tag::modality_lut.keyword] = "present";
     read_description(data_set, header);
     header.frames = read_frames(data_set);
   } catch (const Error& fault) {

@@ -127,6 +127,9 @@ void check_kind(const Files& files, bool any_modality) {
     if (header.value(tag::burned_in_annotation) == "YES")
       throw input_error(found(file, tag::burned_in_annotation) +
                         ": text drawn into the image would be measured");
+    if (header.has(tag::modality_lut))
+      throw unsupported_error(file.name() + ": " + to_string(tag::modality_lut) +
+                              " gives stored values another meaning; a linear rescale is required");
     if (is_mosaic(header))
       throw unsupported_error(found(file, tag::image_type) +
                               ": a Siemens mosaic shows many slices in one image; export single slices");
@@ -235,6 +238,25 @@ std::vector<SeriesImage> check_frames(const Files& files, SeriesInfo& info) {
     }
   }
   return images;
+}
+
+/// Slices of one stack are of one contrast: times agree but for the rounding and jitter of scanners.
+void check_contrast(const std::vector<SeriesImage>& images, const std::string& uid) {
+  constexpr double same_time = 0.05;
+  for (const Tag& tag :
+       {tag::echo_time, tag::effective_echo_time, tag::repetition_time, tag::inversion_time}) {
+    const SeriesImage& first = images.front();
+    const auto time = parse_number(first.value(tag));
+    if (!time) continue;
+    for (const SeriesImage& image : images) {
+      const auto its = parse_number(image.value(tag));
+      if (!its || std::abs(*its - *time) <= same_time * std::abs(*time)) continue;
+      throw input_error(
+          fmt::format("{} and {}: {} is {:g} and {:g}: slices of two contrasts make no stack", first.name(),
+                      image.name(), to_string(tag), *time, *its),
+          fmt::format("choose the images of one with --series '{},{}={:g}'", uid, tag.keyword, *time));
+    }
+  }
 }
 
 void check_pixels(const Files& files) {
@@ -366,7 +388,8 @@ SeriesInfo judge_series(std::vector<ScannedFile> files, const IntakeOptions& opt
     check_total_size(info, images.size(), options.limits.series_bytes);
     add_statistics(images, info);
     add_warnings(files, info);
-    judge_positions(std::move(images), info);
+    judge_positions(images, info);
+    check_contrast(images, info.uid);
     info.usable = true;
   } catch (const Error& refusal) {
     if (refusal.status() == ExitStatus::usage) throw;

@@ -40,8 +40,8 @@ struct SeriesImage {
   std::string name() const;
 };
 
-/// The warning of a series or volume of one slice.
-inline constexpr const char* one_slice_only = "one slice only: it shows no eye in three dimensions";
+/// The warning of a series or volume of one slice or two; empty of more.
+std::string too_few_slices(int slices);
 
 /// Describes and judges the files of one SeriesInstanceUID.
 /// \param files  one of each SOP instance, at least one; their order does not matter

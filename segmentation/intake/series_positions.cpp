@@ -128,6 +128,13 @@ void compare_stated_spacing(const SeriesImage& image, SeriesInfo& info) {
 
 }  // namespace
 
+std::string too_few_slices(int slices) {
+  constexpr const char* why = "it shows no eye in three dimensions";
+  return slices == 1   ? fmt::format("one slice only: {}", why)
+         : slices == 2 ? fmt::format("two slices only: {}", why)
+                       : "";
+}
+
 void judge_positions(std::vector<SeriesImage> images, SeriesInfo& info) {
   const Eigen::Vector3d along_row(info.orientation.data()), along_column(info.orientation.data() + 3);
   const Eigen::Vector3d normal = along_row.cross(along_column);
@@ -139,10 +146,9 @@ void judge_positions(std::vector<SeriesImage> images, SeriesInfo& info) {
     info.slices.push_back({image.source->file, image.frame, image.position_mm, image.slope, image.intercept});
     along_normal.push_back(normal.dot(image.position_mm));
   }
-  if (images.size() == 1) {
-    info.warnings.emplace_back(one_slice_only);
-    return;
-  }
+  if (std::string few = too_few_slices(static_cast<int>(images.size())); !few.empty())
+    info.warnings.push_back(std::move(few));
+  if (images.size() == 1) return;
   if (const auto places = shared_places(along_normal); !places.empty())
     refuse_shared_places(images, places, info.uid);
 

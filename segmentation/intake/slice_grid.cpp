@@ -75,4 +75,9 @@ double Stack::slice_spacing_mm() const {
   return median_step_mm(along_normal);
 }
 
+double whole_extent_mm(const Stack& stack) {
+  return std::max({stack.columns * stack.column_spacing_mm, stack.rows * stack.row_spacing_mm,
+                   stack.slices() * stack.slice_spacing_mm()});
+}
+
 }  // namespace emmetrope::segmentation

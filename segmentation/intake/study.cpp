@@ -110,7 +110,8 @@ SeriesInfo judge_nifti(Decoder& decoder, const fs::path& root, const fs::path& f
     info.slice_spacing_mm = stack.slice_spacing_mm();
     info.slice_thickness_mm = stack.slice_thickness_mm;
     info.uniform = !fit_slice_grid(stack).has_gaps();
-    if (stack.slices() == 1) info.warnings.emplace_back(one_slice_only);
+    if (std::string few = too_few_slices(stack.slices()); !few.empty())
+      info.warnings.push_back(std::move(few));
     for (int i = 0; i < 3; ++i) {
       info.orientation[i] = stack.along_row[i];
       info.orientation[i + 3] = stack.along_column[i];
@@ -281,6 +282,7 @@ Stack read_series(const StudyInventory& inventory, const std::string& uid, const
   stack.column_spacing_mm = *info.column_spacing_mm;
   stack.slice_thickness_mm = info.slice_thickness_mm.value_or(info.slice_spacing_mm.value_or(0));
   stack.fat_shift_sigma_mm = fat_shift_sigma_mm(info, stack);
+  stack.slices_are_told = info.acquisition_type != "3D";
   stack.slice_intensity.resize(info.slices.size());
 
   // Slices by file, as a multi-frame file is decoded once.

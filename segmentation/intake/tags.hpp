@@ -21,6 +21,9 @@ inline constexpr Tag image_type{0x0008, 0x0008, "ImageType"};
 inline constexpr Tag sop_class{0x0008, 0x0016, "SOPClassUID"};
 inline constexpr Tag sop_instance{0x0008, 0x0018, "SOPInstanceUID"};
 inline constexpr Tag study_date{0x0008, 0x0020, "StudyDate"};
+inline constexpr Tag study_time{0x0008, 0x0030, "StudyTime"};
+inline constexpr Tag referring_physician{0x0008, 0x0090, "ReferringPhysicianName"};
+inline constexpr Tag study_description{0x0008, 0x1030, "StudyDescription"};
 inline constexpr Tag accession_number{0x0008, 0x0050, "AccessionNumber"};
 inline constexpr Tag modality{0x0008, 0x0060, "Modality"};
 inline constexpr Tag series_description{0x0008, 0x103e, "SeriesDescription"};
@@ -28,12 +31,20 @@ inline constexpr Tag complex_image_component{0x0008, 0x9208, "ComplexImageCompon
 inline constexpr Tag frame_type{0x0008, 0x9007, "FrameType"};
 inline constexpr Tag patient_name{0x0010, 0x0010, "PatientName"};
 inline constexpr Tag patient_id{0x0010, 0x0020, "PatientID"};
+inline constexpr Tag issuer_of_patient_id{0x0010, 0x0021, "IssuerOfPatientID"};
+inline constexpr Tag patient_birth_time{0x0010, 0x0032, "PatientBirthTime"};
 inline constexpr Tag patient_birth_date{0x0010, 0x0030, "PatientBirthDate"};
 inline constexpr Tag patient_sex{0x0010, 0x0040, "PatientSex"};
 inline constexpr Tag other_patient_ids{0x0010, 0x1000, "OtherPatientIDs"};
 inline constexpr Tag other_patient_names{0x0010, 0x1001, "OtherPatientNames"};
 inline constexpr Tag patient_birth_name{0x0010, 0x1005, "PatientBirthName"};
 inline constexpr Tag patient_age{0x0010, 0x1010, "PatientAge"};
+inline constexpr Tag patient_size{0x0010, 0x1020, "PatientSize"};
+inline constexpr Tag patient_weight{0x0010, 0x1030, "PatientWeight"};
+inline constexpr Tag ethnic_group{0x0010, 0x2160, "EthnicGroup"};
+inline constexpr Tag patient_comments{0x0010, 0x4000, "PatientComments"};
+inline constexpr Tag identity_removed{0x0012, 0x0062, "PatientIdentityRemoved"};
+inline constexpr Tag deidentification_method{0x0012, 0x0063, "DeidentificationMethod"};
 inline constexpr Tag body_part{0x0018, 0x0015, "BodyPartExamined"};
 inline constexpr Tag scanning_sequence{0x0018, 0x0020, "ScanningSequence"};
 inline constexpr Tag acquisition_type{0x0018, 0x0023, "MRAcquisitionType"};
@@ -54,6 +65,7 @@ inline constexpr Tag private_creator_0019{0x0019, 0x0010, "PrivateCreator 0019"}
 inline constexpr Tag mosaic_images{0x0019, 0x100a, "NumberOfImagesInMosaic"};
 inline constexpr Tag study_instance{0x0020, 0x000d, "StudyInstanceUID"};
 inline constexpr Tag series_instance{0x0020, 0x000e, "SeriesInstanceUID"};
+inline constexpr Tag study_id{0x0020, 0x0010, "StudyID"};
 inline constexpr Tag series_number{0x0020, 0x0011, "SeriesNumber"};
 inline constexpr Tag acquisition_number{0x0020, 0x0012, "AcquisitionNumber"};
 inline constexpr Tag instance_number{0x0020, 0x0013, "InstanceNumber"};
@@ -78,6 +90,7 @@ inline constexpr Tag pixel_representation{0x0028, 0x0103, "PixelRepresentation"}
 inline constexpr Tag burned_in_annotation{0x0028, 0x0301, "BurnedInAnnotation"};
 inline constexpr Tag rescale_intercept{0x0028, 0x1052, "RescaleIntercept"};
 inline constexpr Tag rescale_slope{0x0028, 0x1053, "RescaleSlope"};
+inline constexpr Tag modality_lut{0x0028, 0x3000, "ModalityLUTSequence"};
 inline constexpr Tag private_creator_2005{0x2005, 0x0010, "PrivateCreator 2005"};
 inline constexpr Tag lossy_compression{0x0028, 0x2110, "LossyImageCompression"};
 inline constexpr Tag philips_scale_intercept{0x2005, 0x100d, "Philips ScaleIntercept"};
@@ -101,10 +114,22 @@ inline constexpr Tag of_data_set[] = {image_type,
                                       sop_class,
                                       sop_instance,
                                       study_date,
+                                      study_time,
                                       accession_number,
+                                      referring_physician,
+                                      study_description,
                                       modality,
                                       patient_name,
                                       patient_id,
+                                      issuer_of_patient_id,
+                                      patient_birth_time,
+                                      patient_size,
+                                      patient_weight,
+                                      ethnic_group,
+                                      patient_comments,
+                                      identity_removed,
+                                      deidentification_method,
+                                      study_id,
                                       other_patient_ids,
                                       other_patient_names,
                                       patient_birth_name,

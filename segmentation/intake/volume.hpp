@@ -20,6 +20,9 @@ struct Stack {
   /// How far the image may show fat displaced against water by the chemical shift, along row and column:
   /// one standard deviation, mm. Zero where there is none.
   Eigen::Vector2d fat_shift_sigma_mm = Eigen::Vector2d::Zero();
+  /// Whether slices were acquired as they are stored (2-D): the header tells.
+  bool slices_are_told = false;
+  double extent_mm = 0;  ///< longest side of the stack that this is a part of; 0: it is whole
   std::vector<Eigen::Vector3d> slice_position;      ///< centre of the first voxel of each slice, LPS
   std::vector<std::vector<float>> slice_intensity;  ///< rows x columns, row after row, after rescale
 
@@ -35,5 +38,8 @@ struct Stack {
   /// Median distance between neighbouring slices; the slice thickness where there is one slice only.
   double slice_spacing_mm() const;
 };
+
+/// Longest side of what a stack holds.
+double whole_extent_mm(const Stack& stack);
 
 }  // namespace emmetrope::segmentation

@@ -7,6 +7,7 @@
 
 #include "pipeline/base/error.hpp"
 #include "pipeline/eye/population/limits.hpp"
+#include "segmentation/intake/canonical_stack.hpp"
 
 namespace emmetrope::segmentation {
 namespace {
@@ -81,8 +82,15 @@ std::string JudgedEye::edges_on_axis_withheld() const {
 
 void fit_and_judge(JudgedEye& eye, const std::vector<const Stack*>& images, const EyeStart& start,
                    const std::function<void()>& advance) {
+  constexpr double reach_mm = 40;
+  std::vector<Stack> parts;
+  for (std::size_t v = 0; v < images.size(); ++v)
+    parts.push_back(canonical_part(*images[v], start.in_stack(v).globe_centre, reach_mm));
+  std::vector<const Stack*> canonical;
+  for (const Stack& part : parts) canonical.push_back(&part);
   try {
-    eye.fit = fit_eye(images, start, eye.found.weighting, advance, eye.evidence);
+    eye.fit = fit_eye(canonical, start, eye.found.weighting, advance, eye.evidence);
+    for (std::size_t v = 0; v < images.size(); ++v) eye.fit->stacks[v].stack = images[v];
     eye.gates = judge_quality(eye.found, *eye.fit, eye.main_edges());
   } catch (const Error& error) {
     if (error.status() != ExitStatus::no_result) throw;

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "pipeline/eye/population/limits.hpp"
 #include "pipeline/eye/population/population.hpp"
@@ -131,6 +132,15 @@ void judge_cornea_and_length(const EyeFit& fit, Gates& gates) {
                                  length_sigma_mm));
 }
 
+void judge_slices_in_t1(const EyeFit& fit, Gates& gates) {
+  double thinnest_mm = std::numeric_limits<double>::infinity();
+  for (const ObservedStack& stack : fit.stacks)
+    thinnest_mm = std::min(thinnest_mm, stack.stack->slice_spacing_mm());
+  gates.refuse_above(
+      "slice_spacing_t1_mm", thinnest_mm,
+      fmt::format("in T1 slices of {:.1f} mm the wall and the fat around it are one edge", thinnest_mm));
+}
+
 /// In T1 fat that chemical shift has laid over the wall is brighter than either, and is taken for the wall.
 /// \param confirmed  by edges: then a wall that is no eye's tells nothing of its inner surface
 void judge_wall_in_t1(const EyeFit& fit, Gates& gates, bool confirmed) {
@@ -161,6 +171,11 @@ void judge_wall_in_t1(const EyeFit& fit, Gates& gates, bool confirmed) {
 void judge_edges(const EdgeAgreement& agreement, Gates& gates) {
   gates.refuse_above("edge_disagreement", agreement.sigmas_beyond_wall,
                      fmt::format("the fit and the edges in the image disagree: {}", agreement.largest));
+  gates.refuse_above(
+      "edge_difference", agreement.sigmas,
+      fmt::format("the fit and the edges in the image differ by {:.1f} standard deviations, more than "
+                  "a wall and displaced fat make",
+                  agreement.sigmas));
 }
 
 void judge_apex(const EyeFit& fit, Gates& gates) {
@@ -264,7 +279,10 @@ std::vector<QualityGate> judge_quality(const FoundEye& found, const EyeFit& fit,
   }
   judge_globe_and_lens(found, fit, gates);
   judge_cornea_and_length(fit, gates);
-  if (fit.weighting == Weighting::t1) judge_wall_in_t1(fit, gates, confirmed);
+  if (fit.weighting == Weighting::t1) {
+    judge_slices_in_t1(fit, gates);
+    judge_wall_in_t1(fit, gates, confirmed);
+  }
   judge_apex(fit, gates);
   judge_residuals(fit, gates, confirmed);
   judge_dimensions(found, fit, gates);

@@ -43,7 +43,7 @@ Json withheld_json(const JudgedEye& eye) {
 }
 
 Json to_json(const Estimate& estimate) {
-  return Measured::from_sigma(estimate.value, estimate.sigma, "mri", "edges");
+  return Measured::from_sigma(estimate.value, estimate.sigma, Origin::of_images("mri", 1), "edges");
 }
 
 /// The plain reading of half-level edges; null where it is not sure of the globe.

@@ -18,6 +18,7 @@ elsewhere = {
     "pipeline/report/parts_test.cpp": "small parts of several rooms",
     "raytrace/device/gpu_form_test.cpp": "the kernels in the form that a GPU runs",
     "segmentation/orientation_test.cpp": "reading and finding together",
+    "segmentation/storage_test.cpp": "reading, finding, edges and fit together",
     "segmentation/intake/real_scans_test.cpp": "reading as a whole, on scans that are not in the tree",
 }
 

@@ -25,6 +25,7 @@ namespace fs = std::filesystem;
 using Eigen::Isometry3d;
 using Eigen::Vector3d;
 
+constexpr const char* fixture_series = "1.2.826.0.1.3680043.10.1.2";
 constexpr double axial_length_mm = 23.4, globe_radius_mm = 11.5;
 constexpr double lens_front_mm = 3.4, lens_back_mm = 7.2;
 constexpr int columns = 140, rows = 70, slices = 60;
@@ -425,6 +426,20 @@ void make_fixture_case(const fs::path& folder, const FixtureOptions& options) {
     write_stage(folder, stage, status, Json::array(), Json::array());
 }
 
+void note_study(const fs::path& case_folder, const fs::path& study) {
+  const fs::path file = case_folder / "segmentation" / "stage.json";
+  Json stage = read_json(file);
+  stage["study"] = study.string();
+  stage["inputs"] = Json::object();
+  for (const auto& entry : fs::directory_iterator(study))
+    stage["inputs"]["study/" + std::to_string(stage["inputs"].size() + 1)] = sha256_of_file(entry.path());
+  write_json(file, stage);
+  Json case_json = read_json(case_folder / "case.json");
+  case_json["series"][0]["uid"] = case_json["stacks"][0]["uid"] = fixture_series;
+  case_json["series"][0]["files"] = stage["inputs"].size();
+  write_json(case_folder / "case.json", case_json);
+}
+
 void make_fixture_study(const fs::path& folder, const std::string& patient_name) {
   fs::create_directories(folder);
   for (int k = 0; k < slices; ++k) {
@@ -436,7 +451,7 @@ void make_fixture_study(const fs::path& folder, const std::string& patient_name)
     put(DCM_SOPClassUID, UID_MRImageStorage);
     put(DCM_SOPInstanceUID, "1.2.826.0.1.3680043.10.1.3.7" + std::to_string(k));
     put(DCM_StudyInstanceUID, "1.2.826.0.1.3680043.10.1.1");
-    put(DCM_SeriesInstanceUID, "1.2.826.0.1.3680043.10.1.2");
+    put(DCM_SeriesInstanceUID, fixture_series);
     put(DCM_FrameOfReferenceUID, "1.2.826.0.1.3680043.10.1.4");
     put(DCM_Modality, "MR");
     put(DCM_PatientName, patient_name);

@@ -21,4 +21,7 @@ void make_fixture_case(const std::filesystem::path& folder, const FixtureOptions
 /// A DICOM MR study of the fixture's volume (PatientName "DOE^JANE", 1961-02-03).
 void make_fixture_study(const std::filesystem::path& folder, const std::string& patient_name = "DOE^JANE");
 
+/// Notes in the case, as segmentation does, that it was made from this study.
+void note_study(const std::filesystem::path& case_folder, const std::filesystem::path& study);
+
 }  // namespace emmetrope::test

@@ -68,7 +68,8 @@ inline Json measured_optics() {
           {"parameters", names},
           {"values", values},
           {"covariance", covariance},
-          {"sources", std::vector<std::string>(names.size(), "mri")}};
+          {"sources", std::vector<std::string>(names.size(), "mri")},
+          {"prior_sigmas", std::vector<Json>(names.size(), nullptr)}};
 }
 
 }  // namespace emmetrope::correction

@@ -62,6 +62,7 @@ inline ParametricEye random_eye(unsigned seed) {
   knows("globe_semi_axis_y_mm", 0.02, "mri");
   knows("globe_semi_axis_z_mm", 0.02, "mri");
   for (std::size_t i = 0; i < eye.displacement_mm.size(); ++i) knows(displacement_name(i), 0.03, "mri");
+  for (const PopulationValue& known : population_values()) eye.prior_sigma[known.parameter] = known.sigma;
   // The front surface of the cornea and the length trade against each other, as in a fit.
   const auto correlate = [&](const char* a, const char* b, double r) {
     const auto index = [&](const char* name) {

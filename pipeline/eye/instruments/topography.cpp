@@ -61,6 +61,16 @@ struct Point {
   double x, y, depth;
 };
 
+/// A cornea ends 6 mm from its apex, 3 mm deeper.
+constexpr double farthest_mm = 10;
+std::string why_no_cornea(const Point& point) {
+  const double off_mm = std::hypot(point.x, point.y);
+  if (!(off_mm <= farthest_mm)) return fmt::format("a point lies {:.3g} mm from the apex", off_mm);
+  if (!(std::abs(point.depth) <= farthest_mm))
+    return fmt::format("a point lies {:.3g} mm below the apex", std::abs(point.depth));
+  return {};
+}
+
 ElevationMap map_of(const std::vector<Point>& points) {
   ElevationMap map;
   map.position_mm.resize(static_cast<Index>(points.size()), 2);
@@ -91,6 +101,8 @@ ElevationMap read_csv(const std::filesystem::path& file) {
     const auto z = typed_number(elevation);
     if (!z) throw fault(at, "'" + elevation + "' is no elevation; a gap is an empty cell or nan");
     points.push_back({x, y, -unit * *z});
+    if (const std::string why = why_no_cornea(points.back()); !why.empty())
+      throw fault(at, fmt::format("{}; a cornea ends 6 mm from it, and {:g} mm are read", why, farthest_mm));
   };
   for (int at = 2; std::getline(text, line); ++at) {
     const std::vector<std::string> cells = cells_of(line);
@@ -134,6 +146,10 @@ ElevationMap read_zernike(const std::filesystem::path& file) {
         const double x = static_cast<double>(i) / steps, y = static_cast<double>(k) / steps;
         if (x * x + y * y > 1) continue;
         points.push_back({x * zone_mm / 2, y * zone_mm / 2, -1e-3 * padded.dot(zernike_values(order, x, y))});
+        if (const std::string why = why_no_cornea(points.back()); !why.empty())
+          throw input_error(fmt::format("{}: {}; a cornea ends 6 mm from it, and {:g} mm are read",
+                                        file.string(), why, farthest_mm),
+                            "zone_mm is a diameter, zernike_um a height in um (OSA order, normalised)");
       }
     }
     return map_of(points);
@@ -227,6 +243,9 @@ struct Departure {
 
 Departure depart(const ElevationMap& map, const Fit& fit, double radius_mm) {
   const VectorXd left_um = 1e3 * (map.depth_mm - depths(fit, map.position_mm));
+  if (!left_um.allFinite())
+    throw input_error(
+        "the elevation map is no cornea: a point lies outside the conicoid that fits its centre", map_remedy);
   const auto points = static_cast<double>(left_um.size());
   MatrixXd terms(left_um.size(), zernike_count(departure_order));
   for (Index i = 0; i < left_um.size(); ++i)

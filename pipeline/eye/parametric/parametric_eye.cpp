@@ -152,6 +152,13 @@ void read_parameters(const Json& json, ParametricEye& eye) {
       throw input_error("fitted eye: 'parameters' names '" + name.get<std::string>() + "' twice");
     eye.parameter_names.push_back(name.get<std::string>());
     eye.source[eye.parameter_names.back()] = source.get<std::string>();
+    if (const auto prior = parameters[i].find("prior_sigma");
+        prior != parameters[i].end() && !prior->is_null()) {
+      if (!prior->is_number() || !(prior->get<double>() > 0))
+        throw input_error("fitted eye: 'prior_sigma' of '" + eye.parameter_names.back() +
+                          "' is no positive number");
+      eye.prior_sigma[eye.parameter_names.back()] = prior->get<double>();
+    }
     if (!has_parameter(eye, eye.parameter_names.back())) {
       throw input_error("fitted eye: unknown parameter '" + eye.parameter_names.back() + "'");
     }
@@ -320,10 +327,13 @@ Json to_json(const ParametricEye& eye) {
   for (std::size_t i = 0; i < eye.parameter_names.size(); ++i) {
     const std::string& name = eye.parameter_names[i];
     const auto source = eye.source.find(name);
-    json["parameters"].push_back({{"name", name},
-                                  {"value", eye.get(name)},
-                                  {"sigma", std::sqrt(eye.covariance(i, i))},
-                                  {"source", source == eye.source.end() ? "mri" : source->second}});
+    const auto prior_sigma = eye.prior_sigma.find(name);
+    json["parameters"].push_back(
+        {{"name", name},
+         {"value", eye.get(name)},
+         {"sigma", std::sqrt(eye.covariance(i, i))},
+         {"prior_sigma", prior_sigma == eye.prior_sigma.end() ? Json(nullptr) : Json(prior_sigma->second)},
+         {"source", source == eye.source.end() ? "mri" : source->second}});
     json["covariance"].push_back(to_array(eye.covariance.row(i)));
   }
   return json;

@@ -57,7 +57,9 @@ struct ParametricEye {
   /// Covariance of named parameters (the names in fit.json), and which are measured and which are priors.
   std::vector<std::string> parameter_names;
   Eigen::MatrixXd covariance;
-  std::map<std::string, std::string> source;  ///< "mri", "prior", "keratometry", ... by name
+  std::map<std::string, std::string> source;  ///< "mri", "mri+prior", "prior", "keratometry", ... by name
+  /// What was known of a parameter before the images were seen: standard deviation by name; absent: nothing.
+  std::map<std::string, double> prior_sigma;
 
   /// C, the curvature matrix of the anterior cornea, and Q, its matrix of conic constants.
   Eigen::Matrix2d cornea_curvature_per_mm() const;

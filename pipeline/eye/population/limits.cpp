@@ -104,6 +104,9 @@ std::vector<Limits> fit_quality() {
       Row("cornea_sigma_over_prior", "").refuse_outside(at_most(0.95)),
       Row("axial_length_sigma_mm", "mm").refuse_outside(at_most(0.6)),
       Row("apex_sigma_mm", "mm").refuse_outside(at_most(0.5)),
+      // Of the thinnest stack. In thicker ones fits of real T1 heads had globes 2 mm smaller than independent
+      // readings: wall and fat are one edge.
+      Row("slice_spacing_t1_mm", "mm").refuse_outside(at_most(3.5)),
       // A wall as bright as what surrounds it has no outer border, and any thickness fits: a warning then.
       Row("wall_thickness_t1_mm", "mm").refuse_outside(at_least(0.3)).warn_outside(at_least(0.3)),
       // Retina, choroid and sclera are 0.8 to 1.5 mm.
@@ -115,6 +118,8 @@ std::vector<Limits> fit_quality() {
       Row("outlier_share", "").refuse_outside(at_most(0.35)),
       // Standard deviations between the fit and the edges; within the first they confirm each other. Chosen.
       Row("edge_disagreement", "").refuse_outside(at_most(2.5)).warn_outside(at_most(1.5)),
+      // The same, whatever the edges may be those of. Chosen: of right fits of phantoms with displaced fat 2.7.
+      Row("edge_difference", "").refuse_outside(at_most(3.5)),
       // Of the step between vitreous and wall; up to the second where edges confirm the fit. Chosen.
       Row("residual_over_contrast", "").warn_outside(at_most(0.5)).refuse_outside(at_most(1)),
       Row("converged", "").warn_outside(at_least(1)),

@@ -5,6 +5,7 @@
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <map>
 #include <random>
 
@@ -40,6 +41,11 @@ void add_prior(ParametricEye& eye, const PopulationValue& prior) {
   eye.covariance = covariance;
   eye.parameter_names.emplace_back(prior.parameter);
   eye.source[prior.parameter] = "prior";
+}
+
+/// Images, or what was known before they were seen; else an instrument.
+bool is_of_images(const std::string& source) {
+  return source == "prior" || source.rfind("mri", 0) == 0 || source.rfind("labels", 0) == 0;
 }
 
 void check_covariance(const ParametricEye& eye) {
@@ -79,7 +85,8 @@ Measured root_sum_square(const Propagated& terms) {
   const auto quantile = [&](double share) { return roots[static_cast<std::size_t>(share * (draws - 1))]; };
   Index largest = 0;
   terms.covariance.diagonal().maxCoeff(&largest);
-  return {quantile(0.5), {quantile(0.025), quantile(0.975)}, terms.source[largest]};
+  const Origin& origin = terms.origin[static_cast<std::size_t>(largest)];
+  return {quantile(0.5), {quantile(0.025), quantile(0.975)}, origin.source, {}, origin.image_share};
 }
 
 UncertainEye::UncertainEye(ParametricEye eye) : eye_(std::move(eye)) {
@@ -157,22 +164,53 @@ VectorFunction UncertainEye::of_parameters(const Functional& functional) const {
 
 Propagated UncertainEye::propagate(const Functional& functional) const {
   const MatrixXd j = jacobian(parameters(), of_parameters(functional));
-  Propagated result{functional(eye_), j * eye_.covariance * j.transpose(), {}};
-  for (Index row = 0; row < j.rows(); ++row) result.source.push_back(source_of(j.row(row)));
+  Propagated result{functional(eye_), j * eye_.covariance * j.transpose(), {}, VectorXd(j.rows())};
+  for (Index row = 0; row < j.rows(); ++row) {
+    result.origin.push_back(origin_of(j.row(row)));
+    result.prior_sigma[row] = prior_sigma_of(j.row(row));
+  }
   return result;
 }
 
-std::string UncertainEye::source_of(const Eigen::RowVectorXd& row) const {
-  const MatrixXd& first = steps_.empty() ? eye_.covariance : steps_.front().covariance_before;
-  std::map<std::string, double> share;
-  for (Index i = 0; i < row.size(); ++i) share[source(i)] += row[i] * row[i] * first(i, i);
-  std::string origin = std::max_element(share.begin(), share.end(), [](const auto& a, const auto& b) {
-                         return a.second < b.second;
-                       })->first;
+const MatrixXd& UncertainEye::covariance_by_images() const {
+  return steps_.empty() ? eye_.covariance : steps_.front().covariance_before;
+}
+
+double UncertainEye::prior_sigma_of(const Eigen::RowVectorXd& row) const {
+  const MatrixXd& by_images = covariance_by_images();
+  const double total = row.dot(by_images * row.transpose());
+  double variance = 0;
+  for (Index i = 0; i < row.size(); ++i) {
+    const auto known = eye_.prior_sigma.find(eye_.parameter_names[i]);
+    if (known != eye_.prior_sigma.end())
+      variance += std::pow(row[i] * known->second, 2);
+    else if (source(i) == "prior")
+      variance += row[i] * row[i] * by_images(i, i);
+    else if (row[i] * row[i] * by_images(i, i) > 1e-6 * total)
+      return std::numeric_limits<double>::infinity();
+  }
+  return std::sqrt(variance);
+}
+
+Origin UncertainEye::origin_of(const Eigen::RowVectorXd& row) const {
+  const MatrixXd& by_images = covariance_by_images();
   const auto variance = [&](const MatrixXd& covariance) { return row.dot(covariance * row.transpose()); };
+  std::map<std::string, double> parts;  // of the variance, by source
+  for (Index i = 0; i < row.size(); ++i) parts[source(i)] += row[i] * row[i] * by_images(i, i);
+  Origin origin = std::max_element(parts.begin(), parts.end(), [](const auto& a, const auto& b) {
+                    return a.second < b.second;
+                  })->first;
+  if (is_of_images(origin.source)) {
+    const bool by_hand = std::any_of(parts.begin(), parts.end(), [](const auto& part) {
+      return part.first.rfind("labels", 0) == 0 && part.second > 0;
+    });
+    const double prior_sigma = prior_sigma_of(row);
+    const double left = prior_sigma > 0 ? variance(by_images) / (prior_sigma * prior_sigma) : 1;
+    origin = Origin::of_images(by_hand ? "labels" : "mri", std::clamp(1 - left, 0.0, 1.0));
+  }
   for (std::size_t s = 0; s < steps_.size(); ++s) {
     const MatrixXd& after = s + 1 < steps_.size() ? steps_[s + 1].covariance_before : eye_.covariance;
-    if (variance(after) < variance(steps_[s].covariance_before) / 2) origin = steps_[s].source;
+    if (variance(after) < variance(steps_[s].covariance_before) / 2) origin.source = steps_[s].source;
   }
   return origin;
 }

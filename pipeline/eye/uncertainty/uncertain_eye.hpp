@@ -17,7 +17,8 @@ using Functional = std::function<Eigen::VectorXd(const ParametricEye&)>;
 struct Propagated {
   Eigen::VectorXd value;
   Eigen::MatrixXd covariance;
-  std::vector<std::string> source;
+  std::vector<Origin> origin;
+  Eigen::VectorXd prior_sigma = {};  ///< before any image was seen; infinite where nothing was known
 
   double sigma(Eigen::Index i) const;
 };
@@ -61,10 +62,10 @@ class UncertainEye {
   /// Linear propagation: value at the mean, covariance J P J' with J by central differences over 0.2 sigma.
   Propagated propagate(const Functional& functional) const;
 
-  /// Where a number comes from whose derivatives by the parameters are `row`: from the parameters with the
-  /// largest share in its variance, or the last measurement that took away more than half of the variance
-  /// there was.
-  std::string source_of(const Eigen::RowVectorXd& row) const;
+  /// Where a number comes from whose derivatives by the parameters are `row`: images or priors by how much the
+  /// images narrowed it, an instrument that told of the parameters with the largest share in its variance, or
+  /// the last measurement that took away more than half of the variance there was.
+  Origin origin_of(const Eigen::RowVectorXd& row) const;
 
   /// Learns that `function` of the parameters was measured, as `condition` does.
   ///
@@ -79,6 +80,8 @@ class UncertainEye {
 
  private:
   const std::string& source(Eigen::Index parameter) const;
+  const Eigen::MatrixXd& covariance_by_images() const;
+  double prior_sigma_of(const Eigen::RowVectorXd& row) const;
   VectorFunction of_parameters(const Functional& functional) const;
 
   struct Step {

@@ -1,6 +1,7 @@
 #include <fmt/format.h>
 
 #include <map>
+#include <optional>
 
 #include "pipeline/base/notation.hpp"
 #include "pipeline/report/content/biometry_rows.hpp"
@@ -100,6 +101,7 @@ std::string normal_range(const BiometryRow& row) {
 
 struct Cells {
   std::string value, interval, source;
+  std::optional<double> image_share = {};
 };
 
 Cells cells_of(const EyeData& eye, const BiometryRow& row) {
@@ -112,7 +114,19 @@ Cells cells_of(const EyeData& eye, const BiometryRow& row) {
   const auto measured = found.get<Measured>();
   return {format(measured.value, row.style) + (row.normal().contains(measured.value) ? "" : " (!)"),
           format_interval(measured, row.style),
-          source_name(measured.source) + (measured.method == "edges" ? ", edges" : "")};
+          source_name(measured.source) + (measured.method == "edges" ? ", edges" : ""), measured.image_share};
+}
+
+/// "MRI (97 / 95 %)": where the numbers of the eyes come from, and how much of it the images gave.
+std::string source_of(const std::vector<Cells>& eyes) {
+  std::vector<std::string> names, shares;
+  for (const Cells& eye : eyes) {
+    if (eye.source.empty()) continue;
+    if (names.empty() || names.back() != eye.source) names.push_back(eye.source);
+    if (eye.image_share) shares.push_back(fixed(100 * *eye.image_share, 0));
+  }
+  std::string text = fmt::format("{}", fmt::join(names, " / "));
+  return shares.empty() ? text : fmt::format("{} ({} %)", text, fmt::join(shares, " / "));
 }
 
 /// "OD (right): K1 42.39 D @ 2 deg, K2 45.06 D @ 92 deg, dK 2.67 D, with-the-rule", as keratometers print it.
@@ -169,18 +183,18 @@ Table measured_table(const CaseData& data, const std::vector<BiometryRow>& rows,
   for (const auto& eye : data.eyes)
     for (const char* column : {"", " 95 % interval"})
       table.header.push_back((eye.laterality == Laterality::od ? "OD" : "OS") + std::string(column));
-  table.header.insert(table.header.end(), {"Source", "Normal adult"});
+  table.header.insert(table.header.end(), {"Source (images' share)", "Normal adult"});
   for (const auto& row : rows) {
     std::vector<std::string> cells{row.name};
-    std::vector<std::string> sources;
+    std::vector<Cells> found_of_eyes;
     for (const auto& eye : data.eyes) {
       const Cells found = cells_of(eye, row);
       cells.insert(cells.end(), {found.value, found.interval});
-      if (!found.source.empty()) sources.push_back(found.source);
+      found_of_eyes.push_back(found);
     }
-    if (sources.empty()) continue;
-    const bool is_same = sources.size() < 2 || sources[0] == sources[1];
-    cells.insert(cells.end(), {is_same ? sources[0] : sources[0] + " / " + sources[1], normal_range(row)});
+    const std::string source = source_of(found_of_eyes);
+    if (source.empty()) continue;
+    cells.insert(cells.end(), {source, normal_range(row)});
     table.rows.push_back(cells);
   }
   return table;

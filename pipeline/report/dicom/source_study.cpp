@@ -2,50 +2,50 @@
 
 #include <dcmtk/config/osconfig.h>
 #include <dcmtk/dcmdata/dctk.h>
+#include <fmt/format.h>
 
 #include <algorithm>
 #include <array>
-#include <set>
 
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/files.hpp"
 #include "pipeline/report/dicom/object.hpp"
+#include "segmentation/intake/decoder.hpp"
+#include "segmentation/intake/file_list.hpp"
+#include "segmentation/intake/tag_values.hpp"
 
 namespace emmetrope::report {
 namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::size_t most_files = 20'000;
+namespace tag = segmentation::tag;
+using segmentation::ImageHeader;
 
 /// What an object of the same study must repeat, so that an archive files it with its patient.
-const std::array<DcmTagKey, 24>& study_tags() {
-  static const std::array<DcmTagKey, 24> tags{DCM_SpecificCharacterSet,
-                                              DCM_PatientName,
-                                              DCM_PatientID,
-                                              DCM_IssuerOfPatientID,
-                                              DCM_PatientBirthDate,
-                                              DCM_PatientBirthTime,
-                                              DCM_PatientSex,
-                                              DCM_OtherPatientNames,
-                                              DCM_EthnicGroup,
-                                              DCM_PatientComments,
-                                              DCM_PatientIdentityRemoved,
-                                              DCM_DeidentificationMethod,
-                                              DCM_DeidentificationMethodCodeSequence,
-                                              DCM_PatientAge,
-                                              DCM_PatientSize,
-                                              DCM_PatientWeight,
-                                              DCM_StudyInstanceUID,
-                                              DCM_StudyDate,
-                                              DCM_StudyTime,
-                                              DCM_ReferringPhysicianName,
-                                              DCM_StudyID,
-                                              DCM_AccessionNumber,
-                                              DCM_StudyDescription,
-                                              DCM_IssuerOfAccessionNumberSequence};
-  return tags;
-}
+constexpr std::array study_tags{tag::patient_name,
+                                tag::patient_id,
+                                tag::issuer_of_patient_id,
+                                tag::patient_birth_date,
+                                tag::patient_birth_time,
+                                tag::patient_sex,
+                                tag::other_patient_names,
+                                tag::ethnic_group,
+                                tag::patient_comments,
+                                tag::identity_removed,
+                                tag::deidentification_method,
+                                tag::patient_age,
+                                tag::patient_size,
+                                tag::patient_weight,
+                                tag::study_instance,
+                                tag::study_date,
+                                tag::study_time,
+                                tag::referring_physician,
+                                tag::study_id,
+                                tag::accession_number,
+                                tag::study_description};
+
+DcmTagKey key(const segmentation::Tag& tag) { return {tag.group, tag.element}; }
 
 /// Type 2 attributes: present even where the source has none.
 void complete(DcmItem& header) {
@@ -59,24 +59,29 @@ std::string text_of(DcmItem& item, const DcmTagKey& tag) {
   return item.findAndGetOFStringArray(tag, value).good() ? std::string(value.c_str()) : std::string();
 }
 
-Eigen::Vector3d vector_of(DcmItem& item, const DcmTagKey& tag, unsigned long first) {
-  Eigen::Vector3d vector(0, 0, 0);
-  for (unsigned long i = 0; i < 3; ++i) {
-    Float64 value = 0;
-    if (item.findAndGetFloat64(tag, value, first + i).good()) vector[static_cast<Eigen::Index>(i)] = value;
-  }
-  return vector;
+/// \param first  number of the attribute's values
+Eigen::Vector3d vector_of(const ImageHeader& header, const segmentation::Tag& tag, std::size_t count,
+                          std::size_t first) {
+  const auto numbers = segmentation::parse_numbers(header.value(tag), count);
+  return numbers ? Eigen::Vector3d(numbers->data() + first) : Eigen::Vector3d(0, 0, 0);
 }
 
-std::vector<fs::path> files_of(const fs::path& study) {
+SourceImage image_of(const ImageHeader& header) {
+  return {
+      header.value(tag::sop_class),
+      header.value(tag::sop_instance),
+      header.value(tag::series_instance),
+      header.value(tag::frame_of_reference),
+      vector_of(header, tag::image_position, 3, 0),
+      vector_of(header, tag::image_orientation, 6, 0).cross(vector_of(header, tag::image_orientation, 6, 3))};
+}
+
+/// The files below a folder that segmentation read, each once.
+std::vector<fs::path> files_read(const fs::path& study, std::set<std::string> sha256) {
+  const segmentation::FileList list = segmentation::list_files(study, {});
   std::vector<fs::path> files;
-  if (fs::is_regular_file(study)) return {study};
-  for (auto entry = fs::recursive_directory_iterator(study, fs::directory_options::skip_permission_denied);
-       entry != fs::recursive_directory_iterator() && files.size() < most_files; ++entry) {
-    if (entry.depth() > 16) entry.disable_recursion_pending();
-    if (entry->is_regular_file()) files.push_back(entry->path());
-  }
-  std::sort(files.begin(), files.end());
+  for (const fs::path& file : list.files)
+    if (sha256.erase(sha256_of_file(list.root / file)) > 0) files.push_back(list.root / file);
   return files;
 }
 
@@ -89,41 +94,50 @@ SourceStudy::SourceStudy(SourceStudy&&) noexcept = default;
 SourceStudy& SourceStudy::operator=(SourceStudy&&) noexcept = default;
 SourceStudy::~SourceStudy() = default;
 
-SourceStudy SourceStudy::read(const fs::path& study, const Json& case_json) {
+NotedStudy noted_study(const Json& case_json, const Json& stage_json) {
+  NotedStudy noted;
+  const Json inputs = stage_json.value("inputs", Json::object());
+  for (const auto& [input, sha256] : inputs.items())
+    if (input.rfind("study/", 0) == 0) noted.sha256.insert(sha256.get<std::string>());
+  std::map<std::string, std::size_t> files;
+  for (const Json& series : case_json.value("series", Json::array()))
+    files[series.value("uid", std::string())] = series.value("files", std::size_t{0});
+  for (const Json& stack : case_json.value("stacks", Json::array()))
+    if (stack.value("used", true)) {
+      const std::string uid = stack.value("uid", std::string());
+      noted.files_of_used[uid] = files[uid];
+    }
+  return noted;
+}
+
+SourceStudy SourceStudy::read(const fs::path& study, const NotedStudy& noted) {
   SourceStudy source;
-  std::set<std::string> used;
-  for (const auto& stack : case_json.value("stacks", Json::array()))
-    if (stack.value("used", true)) used.insert(stack.value("uid", std::string()));
-  std::vector<SourceImage> named;
-  for (const auto& file : files_of(study)) {
-    DcmFileFormat format;
-    if (format
-            .loadFileUntilTag(file.c_str(), EXS_Unknown, EGL_noChange, DCM_MaxReadLength, ERM_autoDetect,
-                              DCM_PixelData)
-            .bad())
-      continue;
-    DcmDataset& dataset = *format.getDataset();
-    if (text_of(dataset, DCM_Modality) != "MR") continue;
-    SourceImage image;
-    image.sop_class_uid = text_of(dataset, DCM_SOPClassUID);
-    image.sop_instance_uid = text_of(dataset, DCM_SOPInstanceUID);
-    image.series_uid = text_of(dataset, DCM_SeriesInstanceUID);
-    image.frame_of_reference_uid = text_of(dataset, DCM_FrameOfReferenceUID);
-    image.position_lps = vector_of(dataset, DCM_ImagePositionPatient, 0);
-    image.normal = vector_of(dataset, DCM_ImageOrientationPatient, 0)
-                       .cross(vector_of(dataset, DCM_ImageOrientationPatient, 3));
-    if (image.sop_instance_uid.empty() || image.series_uid.empty()) continue;
-    const bool is_named = used.count(image.series_uid) > 0;
-    if (source.images_.empty() || (is_named && named.empty())) {
-      source.header_->clear();
-      for (const auto& tag : study_tags()) dataset.findAndInsertCopyOfElement(tag, source.header_.get());
+  std::map<std::string, std::size_t> found;
+  segmentation::Decoder decoder{segmentation::IntakeLimits{}};
+  for (const fs::path& file : files_read(study, noted.sha256)) {
+    const ImageHeader header = decoder.header(file);
+    const SourceImage image = image_of(header);
+    if (noted.files_of_used.count(image.series_uid) == 0 || image.sop_instance_uid.empty()) continue;
+    ++found[image.series_uid];
+    if (source.images_.empty()) {
+      source.header_->putAndInsertString(DCM_SpecificCharacterSet, "ISO_IR 192");
+      for (const auto& tag : study_tags)
+        if (header.has(tag)) source.header_->putAndInsertString(key(tag), header.value(tag).c_str());
     }
     source.images_.push_back(image);
-    if (is_named) named.push_back(image);
   }
+  for (const auto& [series, files] : noted.files_of_used)
+    if (found[series] == 0 || found[series] < files)
+      throw input_error(
+          fmt::format("{} is not the study that the case was made from: of the {} files of its series "
+                      "{}, {} are there as they were",
+                      study.string(), files, series, found[series]),
+          "give that study with --study, or run the case again: emmetrope run STUDY -o CASE");
   if (source.images_.empty())
-    throw input_error("the study " + study.string() + " holds no MR image", "give the study with --study");
-  if (!named.empty()) source.images_ = named;
+    throw input_error(study.string() +
+                          " is not the study that the case was made from: the case names no DICOM "
+                          "series",
+                      "without --study the objects carry the pseudonym");
   std::sort(source.images_.begin(), source.images_.end(), [](const SourceImage& a, const SourceImage& b) {
     return std::tie(a.series_uid, a.sop_instance_uid) < std::tie(b.series_uid, b.sop_instance_uid);
   });
@@ -177,7 +191,7 @@ std::string SourceStudy::birth_date() const { return text(0x0010, 0x0030); }
 std::string SourceStudy::fingerprint() const {
   std::string all;
   for (const auto& image : images_) all += image.sop_instance_uid + "\n";
-  for (const auto& tag : study_tags()) all += text_of(*header_, tag) + "\n";
+  for (const auto& tag : study_tags) all += text_of(*header_, key(tag)) + "\n";
   return sha256_of(all);
 }
 

@@ -1,7 +1,9 @@
 #pragma once
 #include <Eigen/Core>
 #include <filesystem>
+#include <map>
 #include <memory>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -18,6 +20,14 @@ struct SourceImage {
   Eigen::Vector3d normal{0, 0, 1};
 };
 
+/// What segmentation noted of the study that it read.
+struct NotedStudy {
+  std::set<std::string> sha256;                      ///< of all its files
+  std::map<std::string, std::size_t> files_of_used;  ///< how many files each used series has, by UID
+};
+/// \param stage_json  segmentation's
+NotedStudy noted_study(const Json& case_json, const Json& stage_json);
+
 /// The DICOM library's own messages would tell tags of the patient: failures come as our errors and notes
 /// instead.
 void quiet_dicom_library();
@@ -25,10 +35,11 @@ void quiet_dicom_library();
 /// The patient and the study that the report's DICOM objects belong to, with the images behind the result.
 class SourceStudy {
  public:
-  /// Reads the headers of a study; pixels are not touched.
-  /// \param case_json  names the series that were used; where it names none, all MR images count
-  /// \throw Error (input_invalid) when there is no MR image
-  static SourceStudy read(const std::filesystem::path& study, const Json& case_json);
+  /// Reads the headers of the files that segmentation read, known by their bytes; others are not opened. A
+  /// child process parses them (segmentation/intake/decoder.hpp).
+  /// \throw Error (input_invalid) when a file of a used series is not there as it was: it is another study, or
+  ///   another patient's
+  static SourceStudy read(const std::filesystem::path& study, const NotedStudy& noted);
   /// Where the study is not at hand: a patient named by the pseudonym, a study of its own.
   static SourceStudy pseudonymous(const std::string& subject, const std::string& study_date);
 

@@ -37,8 +37,10 @@ std::string format_interval(const Measured& measured, const NumberStyle& style) 
 
 std::string source_name(const std::string& source) {
   static const std::map<std::string, std::string> names{{"mri", "MRI"},
+                                                        {"mri+prior", "MRI and prior"},
                                                         {"prior", "prior"},
                                                         {"labels", "labels by hand"},
+                                                        {"labels+prior", "labels by hand and prior"},
                                                         {"keratometry", "keratometry"},
                                                         {"topography", "corneal topography"},
                                                         {"axial_length", "optical biometry"},

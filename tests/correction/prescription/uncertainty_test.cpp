@@ -169,9 +169,9 @@ TEST(Uncertainty, AReadingBecomesTheEyes) {
   EXPECT_NEAR(power_D(112), 41.4, 0.05);
   EXPECT_NEAR(power_D(22), 45.1, 0.05);
   EXPECT_NEAR(eye.model.axial_length_mm(), 24.05, 0.005);
-  EXPECT_EQ(eye.known.source_of(Eigen::RowVectorXd::Unit(s.cols(), 0)), "keratometry");
-  EXPECT_EQ(eye.known.source_of(Eigen::RowVectorXd::Unit(s.cols(), 10)), "biometry");
-  EXPECT_EQ(eye.known.source_of(s.row(1)), "keratometry");
+  EXPECT_EQ(eye.known.origin_of(Eigen::RowVectorXd::Unit(s.cols(), 0)).source, "keratometry");
+  EXPECT_EQ(eye.known.origin_of(Eigen::RowVectorXd::Unit(s.cols(), 10)).source, "biometry");
+  EXPECT_EQ(eye.known.origin_of(s.row(1)).source, "keratometry");
 }
 
 TEST(Uncertainty, AnUnlikelyReadingIsWarnedOfAndAnImpossibleOneRefused) {
@@ -202,7 +202,7 @@ TEST(Uncertainty, AKnownRefractionIsLearnt) {
 
 TEST(Uncertainty, IntervalsInEveryNotation) {
   const Eigen::Matrix3d covariance = Eigen::Vector3d(0.25, 0.01, 0.01).asDiagonal();
-  const std::array<std::string, 3> sources{"mri", "mri", "mri"};
+  const std::array<Origin, 3> sources{"mri", "mri", "mri"};
   const auto at = refraction_intervals({-3, 0.5, 0}, covariance, sources);
   EXPECT_NEAR(at.M_D.ci95[0], -3 - 1.96 * 0.5, 1e-3);
   EXPECT_NEAR(at.J0_D.sigma(), 0.1, 1e-9);
@@ -214,7 +214,7 @@ TEST(Uncertainty, IntervalsInEveryNotation) {
 
 TEST(Uncertainty, AnAstigmatismThatMayBeNoneHasAnyAxis) {
   const Eigen::Matrix3d covariance = Eigen::Vector3d(0.25, 0.01, 0.01).asDiagonal();
-  const std::array<std::string, 3> sources{"mri", "mri", "mri"};
+  const std::array<Origin, 3> sources{"mri", "mri", "mri"};
   const auto drowned = refraction_intervals({-3, 0.12, 0.12}, covariance, sources);
   EXPECT_EQ(drowned.cylinder_D.ci95[1], 0);
   EXPECT_NEAR(drowned.axis_deg.ci95[1] - drowned.axis_deg.ci95[0], 180, 1e-9);

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 #include <sys/resource.h>
+#include <sys/stat.h>
 
 #include <csignal>
 #include <fstream>
@@ -83,6 +84,14 @@ TEST(ReadFile, RefusesFoldersAndFifos) {
   const test::TemporaryFolder folder;
   EXPECT_THROW(read_file(folder.path()), Error);
   EXPECT_THROW(read_file(folder.path() / "missing"), Error);
+  // What may never end is not begun, be it read or only hashed, and through a link too.
+  const auto fifo = folder.path() / "fifo", link = folder.path() / "link";
+  ASSERT_EQ(::mkfifo(fifo.c_str(), 0600), 0);
+  std::filesystem::create_symlink("/dev/zero", link);
+  for (const auto& endless : {fifo, link, std::filesystem::path("/dev/zero")}) {
+    EXPECT_THROW(read_file(endless), Error) << endless;
+    EXPECT_THROW(sha256_of_file(endless), Error) << endless;
+  }
 }
 
 }  // namespace

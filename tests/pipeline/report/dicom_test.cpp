@@ -43,6 +43,7 @@ TEST_F(DicomTest, EveryObjectConforms) {
   test::make_fixture_case(folder_);
   const fs::path study = folder_ / "study";
   test::make_fixture_study(study);
+  test::note_study(folder_, study);
   report(study);
   int objects = 0;
   for (const auto& entry : fs::recursive_directory_iterator(folder_ / "report")) {
@@ -70,6 +71,7 @@ TEST_F(DicomTest, ObjectsBelongToThePatientsStudy) {
   const fs::path study = folder_.string() + "-study";
   fs::remove_all(study);
   test::make_fixture_study(study);
+  test::note_study(folder_, study);
   report(study);
   for (const char* name :
        {"report.dcm", "prescription.dcm", "biometry.dcm", "segmentation.dcm", "dicom/od_retina.dcm"}) {
@@ -96,12 +98,98 @@ TEST_F(DicomTest, ObjectsBelongToThePatientsStudy) {
   fs::remove_all(study);
 }
 
+/// A study that is not, or no longer, the one that the case was made from.
+class OtherStudies : public DicomTest {
+ protected:
+  void SetUp() override {
+    DicomTest::SetUp();
+    study_ = folder_.string() + "-study";
+    fs::remove_all(study_);
+    test::make_fixture_case(folder_);
+    test::make_fixture_study(study_);
+    test::note_study(folder_, study_);
+  }
+  void TearDown() override {
+    fs::remove_all(study_);
+    DicomTest::TearDown();
+  }
+
+  void expect_refused_and_pseudonymous() {
+    try {
+      report(study_);
+      ADD_FAILURE() << "a report under another study's name";
+    } catch (const Error& error) {
+      EXPECT_EQ(error.status(), ExitStatus::input_invalid);
+      EXPECT_THAT(error.what(), HasSubstr(study_.string()));
+      EXPECT_THAT(error.what(), HasSubstr("1.2.826.0.1.3680043.10.1.2"));  // the case's series
+      EXPECT_THAT(error.what(), Not(HasSubstr("DOE")));
+    }
+    // Where segmentation read it, and nobody has said that it is the patient's.
+    report({});
+    for (const char* name : {"report.dcm", "prescription.dcm", "biometry.dcm"}) {
+      EXPECT_THAT(dump(name), Not(HasSubstr("DOE"))) << name;
+      EXPECT_THAT(dump(name), HasSubstr("s-0a1b2c3d")) << name;
+    }
+    EXPECT_THROW(report({}, true), Error);
+  }
+  void change(const std::string& tag_and_value) {
+    std::vector<std::string> words{"-nb", "-m", tag_and_value};
+    for (const auto& entry : fs::directory_iterator(study_)) words.push_back(entry.path().string());
+    output_of("/usr/bin/dcmodify", words);
+  }
+
+  /// Sequences in sequences: what reads them by recursion does not survive it.
+  void write_nested() const {
+    std::string bytes(128, '\0');
+    bytes += "DICM";
+    for (int level = 0; level < 20'000; ++level)
+      bytes += std::string("\x08\x00\x15\x11SQ\0\0\xff\xff\xff\xff\xfe\xff\x00\xe0\xff\xff\xff\xff", 20);
+    write_file(study_ / "nested", bytes);
+  }
+
+  fs::path study_;
+};
+
+TEST_F(OtherStudies, AnotherPatientsOfOtherSeries) {
+  change("(0010,0010)=ROE^RICHARD");
+  change("(0020,000e)=1.2.826.0.1.3680043.10.1.99");
+  expect_refused_and_pseudonymous();
+}
+
+TEST_F(OtherStudies, AnotherPatientsUnderTheSameUids) {
+  change("(0010,0020)=MRN-OTHER");
+  expect_refused_and_pseudonymous();
+}
+
+TEST_F(OtherStudies, OneSliceRemoved) {
+  fs::remove(study_ / "slice3");
+  expect_refused_and_pseudonymous();
+}
+
+TEST_F(OtherStudies, AFileThatCameLaterIsNotOpened) {
+  test::make_fixture_study(study_ / "later", "ROE^RICHARD");
+  write_nested();
+  report(study_);
+  EXPECT_THAT(dump("biometry.dcm"), HasSubstr("[DOE^JANE]"));
+}
+
+TEST_F(OtherStudies, AFileThatKillsItsReaderWasThereFromTheStart) {
+  write_nested();
+  const fs::path file = folder_ / "segmentation" / "stage.json";
+  Json stage = read_json(file);
+  stage["inputs"]["study/99"] = sha256_of_file(study_ / "nested");
+  write_json(file, stage);
+  report(study_);
+  EXPECT_THAT(dump("biometry.dcm"), HasSubstr("[DOE^JANE]"));
+}
+
 // A name that would be markup, a path or a format elsewhere is a name.
 TEST_F(DicomTest, HostileIdentityStaysInsideTheObjectsAndIsShownOnlyOnDemand) {
   test::make_fixture_case(folder_);
   const fs::path study = folder_.string() + "-study";
   fs::remove_all(study);
   test::make_fixture_study(study, "../TELLING^<script>alert(4)</script>\"'%n");
+  test::note_study(folder_, study);
   const std::string told = report(study).text;
   EXPECT_THAT(told, Not(HasSubstr("TELLING")));
   for (const auto& entry : fs::recursive_directory_iterator(folder_)) {

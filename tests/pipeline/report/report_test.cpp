@@ -370,26 +370,21 @@ TEST_F(ReportTest, FollowUpComparesThePatientsOfTheSourceStudies) {
   test::FixtureOptions another;
   another.subject = "s-another";
   test::make_fixture_case(later, another);
-  const auto set_study = [](const fs::path& case_folder, const fs::path& study) {
-    const fs::path file = case_folder / "segmentation" / "stage.json";
-    Json stage = read_json(file);
-    stage["study"] = study.string();
-    write_json(file, stage);
-  };
-  set_study(folder_, first);
-  set_study(later, second);
   test::make_fixture_study(first);
+  test::note_study(folder_, first);
   CommonOptions common;
   const auto remark = [&] {
     return write_comparison(folder_, later, common).json["remarks"][0].get<std::string>();
   };
   EXPECT_THAT(remark(), HasSubstr("not checked: the source study of the later case"));
   test::make_fixture_study(second);
+  test::note_study(later, second);
   EXPECT_EQ(remark(), "The source studies agree in the patient's ID and birth date.");
   const auto change = [&](const std::string& tag_and_value) {
     std::vector<std::string> words{"-nb", "-m", tag_and_value};
     for (const auto& entry : fs::directory_iterator(second)) words.push_back(entry.path().string());
     output_of("/usr/bin/dcmodify", words);
+    test::note_study(later, second);
   };
   change("(0010,0020)=MRN-OTHER");
   EXPECT_THAT(remark(), HasSubstr("make sure that both are of one patient"));

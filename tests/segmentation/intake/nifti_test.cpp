@@ -123,6 +123,13 @@ TEST_F(IntakeTest, AVolumeOfOneSliceIsSaid) {
   EXPECT_THAT(only_series().warnings, testing::Contains(HasSubstr("one slice only")));
 }
 
+TEST_F(IntakeTest, TwoSlicesAreNoVolume) {
+  GeneratedSeries series;
+  while (series.size() > 2) series.remove(2);
+  series.write(folder());
+  EXPECT_THAT(only_series().warnings, testing::Contains(HasSubstr("two slices only")));
+}
+
 TEST_F(NiftiTest, EqualStacksGiveEqualBytes) {
   segmentation::write_nifti(file("a.nii.gz"), oblique_stack({0, 1, 3}));
   segmentation::write_nifti(file("b.nii.gz"), oblique_stack({0, 1, 3}));

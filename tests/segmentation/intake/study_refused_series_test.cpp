@@ -64,6 +64,21 @@ constexpr auto diffusion = [](GeneratedSeries& series) {
     series[series.duplicate(slice)].putAndInsertFloat64(DCM_DiffusionBValue, 1000);
   }
 };
+constexpr auto alternating_echoes = [](GeneratedSeries& series) {
+  for (int slice = 0; slice < GeneratedSeries::slices; ++slice)
+    series.set(slice, DCM_EchoTime, slice % 2 == 0 ? "12" : "90");
+};
+constexpr auto alternating_repetitions = [](GeneratedSeries& series) {
+  for (int slice = 0; slice < GeneratedSeries::slices; ++slice)
+    series.set(slice, DCM_RepetitionTime, slice % 2 == 0 ? "600" : "4000");
+};
+constexpr auto inverting_lut = [](GeneratedSeries& series) {
+  for (int slice = 0; slice < GeneratedSeries::slices; ++slice) {
+    DcmItem* table = nullptr;
+    series[slice].findOrCreateSequenceItem(DCM_ModalityLUTSequence, table);
+    table->putAndInsertString(DCM_ModalityLUTType, "US");
+  }
+};
 constexpr auto sheared = [](GeneratedSeries& series) {
   for (int slice = 0; slice < series.size(); ++slice)
     series.set_position(slice,
@@ -104,6 +119,9 @@ const Defect defects[] = {
     {"MagnitudeAndPhase", phase_images, "(0008,0008)"},
     {"TwoTimes", second_time, "(0020,0100)"},
     {"TwoDiffusionWeights", diffusion, "(0018,9087)"},
+    {"AlternatingEchoes", alternating_echoes, "(0018,0081)"},
+    {"AlternatingRepetitions", alternating_repetitions, "(0018,0080)"},
+    {"ModalityLut", inverting_lut, "(0028,3000)", ExitStatus::unsupported},
     {"SameImageUnderAnotherUid", [](GeneratedSeries& series) { series.duplicate(3); }, "(0020,0032)"},
     {"SameUidOtherContents",
      [](GeneratedSeries& series) {

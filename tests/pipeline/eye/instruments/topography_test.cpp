@@ -211,5 +211,33 @@ TEST_F(TopographyFile, BrokenMapsAreRefusedWithLineAndFile) {
               HasSubstr("no cornea"));
 }
 
+// A slip of the decimal sign, or of the exponent.
+TEST_F(TopographyFile, OnePointThatLiesFarOffIsRefusedWithItsLine) {
+  const auto with_point = [&](const std::string& row) {
+    std::string text = "x_mm,y_mm,elevation_um\n";
+    const Patient patient;
+    for (double y = -4; y <= 4; y += 0.25)
+      for (double x = -4; x <= 4; x += 0.25)
+        if (std::hypot(x, y) <= 4) text += fmt::format("{},{},{}\n", x, y, -1e3 * patient.depth_mm(x, y));
+    return write("a.csv", text + row + "\n");
+  };
+  for (const char* row : {"-3,20,-900", "1e308,0,-900", "0,-1e308,-900", "0,3.2,1e308", "1e200,1e200,1"}) {
+    try {
+      read_elevation_map(with_point(row));
+      ADD_FAILURE() << row;
+    } catch (const Error& error) {
+      EXPECT_THAT(error.what(),
+                  testing::AllOf(testing::HasSubstr("a.csv, line "), testing::HasSubstr("apex")))
+          << row;
+    }
+  }
+  // Within what is read, but where the cornea's conicoid has no depth.
+  EXPECT_THROW(analyse_topography(read_elevation_map(with_point("9.9,0,-900")), 0.25), Error);
+  EXPECT_THROW(read_elevation_map(write("z.json", "{\"zone_mm\": 60, \"zernike_um\": [0,0,0,0,-300]}")),
+               Error);
+  EXPECT_THROW(read_elevation_map(write("z.json", "{\"zone_mm\": 8, \"zernike_um\": [0,0,0,0,1e308]}")),
+               Error);
+}
+
 }  // namespace
 }  // namespace emmetrope

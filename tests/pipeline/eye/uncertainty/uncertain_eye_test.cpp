@@ -183,6 +183,44 @@ TEST(UncertainEye, KeratometryTakesOverTheCorneaAndItsCorrelations) {
   EXPECT_LT(sigma_of(after["axial_length_mm"]), sigma_of(before["axial_length_mm"]));
 }
 
+/// The part of the information is that of the variances, for a sum of parameters as for one of them.
+TEST(UncertainEye, TheImagesShareIsThatOfTheInformation) {
+  ParametricEye eye = random_eye(27);
+  const auto& names = eye.parameter_names;
+  const auto acd = std::find(names.begin(), names.end(), "anterior_chamber_depth_mm") - names.begin();
+  const auto lens = std::find(names.begin(), names.end(), "lens_thickness_mm") - names.begin();
+  eye.prior_sigma["anterior_chamber_depth_mm"] = 0.3;
+  eye.prior_sigma["lens_thickness_mm"] = 0.4;
+  const auto origin_with = [&](double acd_sigma, double lens_sigma) {
+    for (const auto& [at, sigma] : {std::pair{acd, acd_sigma}, {lens, lens_sigma}}) {
+      eye.covariance.row(at).setZero();
+      eye.covariance.col(at).setZero();
+      eye.covariance(at, at) = sigma * sigma;
+    }
+    const UncertainEye estimate = fitted_eye(eye);
+    return estimate
+        .propagate([](const ParametricEye& e) {
+          return VectorXd::Constant(1, e.anterior_chamber_depth_mm + e.lens_thickness_mm);
+        })
+        .origin[0];
+  };
+  const Origin seen = origin_with(0.06, 0.08);
+  EXPECT_EQ(seen.source, "mri");
+  EXPECT_NEAR(*seen.image_share, 0.96, 1e-6);
+  const Origin half = origin_with(0.24, 0.32);
+  EXPECT_EQ(half.source, "mri+prior");
+  EXPECT_NEAR(*half.image_share, 0.36, 1e-6);
+  const Origin hardly = origin_with(0.297, 0.396);
+  EXPECT_EQ(hardly.source, "prior");
+  EXPECT_NEAR(*hardly.image_share, 0.0199, 1e-6);
+  // What is wholly the images' (a place in the scanner has no population).
+  const Propagated apex = fitted_eye(eye).propagate(
+      [](const ParametricEye& e) { return VectorXd::Constant(1, e.get("apex_x_mm")); });
+  EXPECT_EQ(apex.origin[0].source, "mri");
+  EXPECT_EQ(*apex.origin[0].image_share, 1);
+  EXPECT_TRUE(std::isinf(apex.prior_sigma[0]));
+}
+
 TEST(UncertainEye, AxialLengthReadsToThePhotoreceptors) {
   const ParametricEye eye = random_eye(25);
   UncertainEye estimate = fitted_eye(eye);
