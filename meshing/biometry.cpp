@@ -105,10 +105,8 @@ double departure_sigma_um(int term, double zone_mm, bool mapped) {
 
 Measured with_departure(const Measured& fitted, double sigma_um, const char* source) {
   if (sigma_um == 0) return fitted;
-  Measured departed = Measured::from_sigma(fitted.value, std::hypot(fitted.sigma(), sigma_um),
-                                           sigma_um > fitted.sigma() ? source : fitted.source);
-  departed.image_share = fitted.image_share;
-  return departed;
+  return Measured::from_sigma(fitted.value, std::hypot(fitted.sigma(), sigma_um),
+                              sigma_um > fitted.sigma() ? source : fitted.source);
 }
 
 /// A number that is told when it is implausible, and where its limits are.

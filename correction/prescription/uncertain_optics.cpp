@@ -112,6 +112,7 @@ UncertainOptics with_lens_index(const UncertainOptics& optics, double index, dou
   eye.covariance.row(i).setZero();
   eye.covariance.col(i).setZero();
   eye.covariance(i, i) = sigma * sigma;
+  eye.prior_sigma[index_name] = sigma;
   UncertainOptics result{optics.model, UncertainEye(std::move(eye)), optics.topography};
   result.model.media.at("lens").index = index;
   return result;

@@ -49,7 +49,9 @@ def room(x, y, w, folder, name):
 
 
 def rooms_of(part):
-    return [folder for folder in layers.folders if layers.part_of[folder] == part]
+    """Its folders; of segmentation those of reading too, which only the report sees besides."""
+    parts = {part, "reading"} if part == "segmentation" else {part}
+    return [folder for folder in layers.folders if layers.part_of[folder] in parts]
 
 
 def short(folder):

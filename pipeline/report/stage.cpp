@@ -85,8 +85,8 @@ Source source_of(const CaseData& data, const ReportOptions& options) {
       return {SourceStudy::read(
                   study, noted_study(data.case_json, read_json(data.folder / "segmentation" / "stage.json"))),
               ""};
-    } catch (const Error&) {
-      if (!options.study.empty()) throw;
+    } catch (const Error& error) {
+      if (!options.study.empty() || error.status() != ExitStatus::input_invalid) throw;
       // Not what the error says: it names the folder, which may bear a person's name.
       note =
           "The DICOM objects carry the pseudonym and belong to a study of their own: the study's folder does not "

@@ -134,7 +134,7 @@ bool refine(const Stack& stack, const SymmetryPeak& peak, EyeCandidate& candidat
   // Air in a sinus is dark, and nothing but noise: the median of a Rayleigh magnitude is 1.8 of such spreads.
   constexpr double air_over_spread = 1.95, air_over_wall = 0.25;
   const double inside = quantile(core, 0.5), wall = inside + quantile(steps, 0.5);
-  if (inside < air_over_spread * spread && inside < air_over_wall * wall) return false;
+  if (inside >= 0 && inside < air_over_spread * spread && inside < air_over_wall * wall) return false;
   candidate.contrast_to_spread = quantile(steps, 0.5) / spread;
   // A globe is as bright within its edge as in its middle; the fat around it, in T1 a bright ball against
   // bone and air, is not.

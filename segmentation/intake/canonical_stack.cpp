@@ -118,9 +118,11 @@ Stack canonical_part(const Stack& stack, const Vector3d& centre_lps, double reac
   for (std::size_t i = 0; i < 3; ++i) {
     const Vector3d origin = stack.slice_position.front();
     const double at = (centre_lps - origin).dot(axes[i].direction) / axes[i].spacing_mm;
-    // Slices that are not evenly apart are all kept.
-    const double reach = i < 2 || is_one_lattice(stack) ? reach_mm : part.extent_mm;
-    run[i] = run_around(axes[i], at, reach, i < 2 ? backward[i] : part.normal.dot(axes[2].direction) < 0);
+    const bool is_backward = i < 2 ? backward[i] : part.normal.dot(axes[2].direction) < 0;
+    // Of slices that are not evenly apart no index is told by a place: all are kept.
+    run[i] = i < 2 || is_one_lattice(stack) ? run_around(axes[i], at, reach_mm, is_backward)
+             : is_backward                  ? Run{axes[i].count - 1, -1, axes[i].count}
+                                            : Run{0, 1, axes[i].count};
   }
   part.columns = run[0].count;
   part.rows = run[1].count;

@@ -43,7 +43,7 @@ void send(MessageType type, const Json& json) {
 
 void decode(const std::filesystem::path& file, Request request, std::uint64_t byte_limit) {
   DcmFileFormat parsed;
-  const ImageHeader header = read_header(file, parsed);
+  const ImageHeader header = read_header(file, parsed, request);
   send(MessageType::header, Json(header));
   DecodeEnd end;
   if (header.kind == FileKind::image && request == Request::everything) {

@@ -14,6 +14,7 @@
 #include <cstdlib>
 #include <cstring>
 #include <sstream>
+#include <thread>
 #include <vector>
 
 #include "pipeline/base/files.hpp"
@@ -160,10 +161,16 @@ class Decoder::Child {
   }
 
  private:
-  /// The child closed its end: says how it ended.
+  /// A pipe broke: says how the child ended. One that lives on is ended.
   [[noreturn]] void fail() {
+    const auto deadline = Clock::now() + std::chrono::seconds(1);
     int status = 0;
-    while (::waitpid(process_, &status, 0) < 0 && errno == EINTR) {
+    while (::waitpid(process_, &status, WNOHANG) != process_) {
+      if (Clock::now() > deadline) {
+        stop();
+        throw ChildFailure{"broke the pipe to the decoder"};
+      }
+      std::this_thread::sleep_for(std::chrono::milliseconds(1));
     }
     end_on_interrupt_.reset();
     process_ = -1;

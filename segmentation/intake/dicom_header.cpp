@@ -122,6 +122,17 @@ bool nests_deeper(DcmObject& object, int levels) {
   return false;
 }
 
+/// Nothing of it is measured: what cannot be read is left out.
+void read_study(DcmDataset& data_set, ImageHeader& header) {
+  for (const auto& wanted : tag::of_study) {
+    try {
+      if (auto text = text_of(data_set, wanted); !text.empty())
+        header.data_set[wanted.keyword] = std::move(text);
+    } catch (const Error&) {
+    }
+  }
+}
+
 void read_description(DcmDataset& data_set, ImageHeader& header) {
   OFString raw;
   if (data_set.findAndGetOFStringArray(key(tag::series_description), raw).bad()) return;
@@ -132,7 +143,7 @@ void read_description(DcmDataset& data_set, ImageHeader& header) {
 
 }  // namespace
 
-ImageHeader read_header(const std::filesystem::path& file, DcmFileFormat& parsed) {
+ImageHeader read_header(const std::filesystem::path& file, DcmFileFormat& parsed, Request request) {
   ImageHeader header;
   const Guess guess = guess_format(file);
   if (guess == Guess::other) {
@@ -157,6 +168,7 @@ ImageHeader read_header(const std::filesystem::path& file, DcmFileFormat& parsed
     for (const auto& wanted : tag::of_data_set)
       if (auto text = text_of(data_set, wanted); !text.empty())
         header.data_set[wanted.keyword] = std::move(text);
+    if (request == Request::header) read_study(data_set, header);
     if (data_set.tagExists(key(tag::modality_lut))) header.data_set[tag::modality_lut.keyword] = "present";
     read_description(data_set, header);
     header.frames = read_frames(data_set);

@@ -56,7 +56,7 @@ SliceGrid fit_slice_grid(const std::vector<double>& along_normal_mm) {
   auto steps = steps_of(along_normal_mm);
   std::sort(steps.rbegin(), steps.rend());
   for (const double step : steps)
-    if (const auto grid = grid_of_step(along_normal_mm, step); grid.deviation_mm <= on_grid_mm) return grid;
+    if (auto grid = grid_of_step(along_normal_mm, step); grid.deviation_mm <= on_grid_mm) return grid;
   return grid_of_step(along_normal_mm, median_step_mm(along_normal_mm));
 }
 

@@ -114,22 +114,10 @@ inline constexpr Tag of_data_set[] = {image_type,
                                       sop_class,
                                       sop_instance,
                                       study_date,
-                                      study_time,
                                       accession_number,
-                                      referring_physician,
-                                      study_description,
                                       modality,
                                       patient_name,
                                       patient_id,
-                                      issuer_of_patient_id,
-                                      patient_birth_time,
-                                      patient_size,
-                                      patient_weight,
-                                      ethnic_group,
-                                      patient_comments,
-                                      identity_removed,
-                                      deidentification_method,
-                                      study_id,
                                       other_patient_ids,
                                       other_patient_names,
                                       patient_birth_name,
@@ -182,6 +170,12 @@ inline constexpr Tag of_data_set[] = {image_type,
                                       private_creator_0019,
                                       private_creator_2005,
                                       lossy_compression};
+
+/// Read besides where a header alone is asked for: what objects of the same study must repeat.
+inline constexpr Tag of_study[] = {
+    study_time,         referring_physician, study_description,       issuer_of_patient_id,
+    patient_birth_time, patient_size,        patient_weight,          ethnic_group,
+    patient_comments,   identity_removed,    deidentification_method, study_id};
 
 struct FrameTag {
   Tag macro, attribute;

@@ -47,7 +47,7 @@ bool improve(JudgedEye& eye, const JudgedEye& fellow, const std::string& because
   again.edges = eye.edges;
   EyeStart start = start_of(eye.found, eye.edges, age_years);
   start.fellow = fellow.fit->parameters;
-  for (EyeStart& other : start.others) other.fellow = fellow.fit->parameters;
+  start.others.clear();  // sizes and tissues are the fellow's
   fit_and_judge(again, views_of(eye.found, stacks), start, [&] { progress.advance(); });
   if (!again.is_fitted() || again.rank() < eye.rank() || !agree(again, fellow)) return false;
   if (eye.fit && again.fit->chi2_per_voxel > eye.fit->chi2_per_voxel) return false;

@@ -134,8 +134,11 @@ void judge_cornea_and_length(const EyeFit& fit, Gates& gates) {
 
 void judge_slices_in_t1(const EyeFit& fit, Gates& gates) {
   double thinnest_mm = std::numeric_limits<double>::infinity();
+  // Slices, whichever way they are stored, lie along the longest side of a voxel.
   for (const ObservedStack& stack : fit.stacks)
-    thinnest_mm = std::min(thinnest_mm, stack.stack->slice_spacing_mm());
+    thinnest_mm =
+        std::min(thinnest_mm, std::max({stack.stack->slice_spacing_mm(), stack.stack->row_spacing_mm,
+                                        stack.stack->column_spacing_mm}));
   gates.refuse_above(
       "slice_spacing_t1_mm", thinnest_mm,
       fmt::format("in T1 slices of {:.1f} mm the wall and the fat around it are one edge", thinnest_mm));

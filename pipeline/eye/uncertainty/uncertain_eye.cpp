@@ -200,7 +200,10 @@ Origin UncertainEye::origin_of(const Eigen::RowVectorXd& row) const {
   Origin origin = std::max_element(parts.begin(), parts.end(), [](const auto& a, const auto& b) {
                     return a.second < b.second;
                   })->first;
-  if (is_of_images(origin.source)) {
+  const bool by_images_alone = std::all_of(parts.begin(), parts.end(), [](const auto& part) {
+    return part.second <= 0 || is_of_images(part.first);
+  });
+  if (by_images_alone) {
     const bool by_hand = std::any_of(parts.begin(), parts.end(), [](const auto& part) {
       return part.first.rfind("labels", 0) == 0 && part.second > 0;
     });

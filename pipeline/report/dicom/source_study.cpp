@@ -47,16 +47,20 @@ constexpr std::array study_tags{tag::patient_name,
 
 DcmTagKey key(const segmentation::Tag& tag) { return {tag.group, tag.element}; }
 
+std::string text_of(DcmItem& item, const DcmTagKey& tag) {
+  OFString value;
+  return item.findAndGetOFStringArray(tag, value).good() ? std::string(value.c_str()) : std::string();
+}
+
 /// Type 2 attributes: present even where the source has none.
 void complete(DcmItem& header) {
   for (const auto& tag : {DCM_PatientName, DCM_PatientID, DCM_PatientBirthDate, DCM_PatientSex, DCM_StudyDate,
                           DCM_StudyTime, DCM_ReferringPhysicianName, DCM_StudyID, DCM_AccessionNumber})
     if (!header.tagExists(tag)) header.insertEmptyElement(tag);
-}
-
-std::string text_of(DcmItem& item, const DcmTagKey& tag) {
-  OFString value;
-  return item.findAndGetOFStringArray(tag, value).good() ? std::string(value.c_str()) : std::string();
+  // Type 1C: how, where identity was removed; a source may have told it by codes alone.
+  if (text_of(header, DCM_PatientIdentityRemoved) == "YES" &&
+      text_of(header, DCM_DeidentificationMethod).empty())
+    header.putAndInsertString(DCM_DeidentificationMethod, "by the source of the images");
 }
 
 /// \param first  number of the attribute's values
@@ -66,22 +70,27 @@ Eigen::Vector3d vector_of(const ImageHeader& header, const segmentation::Tag& ta
   return numbers ? Eigen::Vector3d(numbers->data() + first) : Eigen::Vector3d(0, 0, 0);
 }
 
+/// Of several frames each has its own place: none is told here.
 SourceImage image_of(const ImageHeader& header) {
-  return {
-      header.value(tag::sop_class),
-      header.value(tag::sop_instance),
-      header.value(tag::series_instance),
-      header.value(tag::frame_of_reference),
-      vector_of(header, tag::image_position, 3, 0),
-      vector_of(header, tag::image_orientation, 6, 0).cross(vector_of(header, tag::image_orientation, 6, 3))};
+  SourceImage image{header.value(tag::sop_class), header.value(tag::sop_instance),
+                    header.value(tag::series_instance), header.value(tag::frame_of_reference)};
+  if (header.frames.size() > 1) return image;
+  image.position_lps = vector_of(header, tag::image_position, 3, 0);
+  image.normal =
+      vector_of(header, tag::image_orientation, 6, 0).cross(vector_of(header, tag::image_orientation, 6, 3));
+  return image;
 }
 
 /// The files below a folder that segmentation read, each once.
 std::vector<fs::path> files_read(const fs::path& study, std::set<std::string> sha256) {
   const segmentation::FileList list = segmentation::list_files(study, {});
   std::vector<fs::path> files;
-  for (const fs::path& file : list.files)
-    if (sha256.erase(sha256_of_file(list.root / file)) > 0) files.push_back(list.root / file);
+  for (const fs::path& file : list.files) {
+    if (sha256.empty()) break;
+    const bool is_noted =
+        !segmentation::is_nifti_name(file) && sha256.erase(sha256_of_file(list.root / file)) > 0;
+    if (is_noted) files.push_back(list.root / file);
+  }
   return files;
 }
 
@@ -99,14 +108,18 @@ NotedStudy noted_study(const Json& case_json, const Json& stage_json) {
   const Json inputs = stage_json.value("inputs", Json::object());
   for (const auto& [input, sha256] : inputs.items())
     if (input.rfind("study/", 0) == 0) noted.sha256.insert(sha256.get<std::string>());
-  std::map<std::string, std::size_t> files;
+  std::map<std::string, std::size_t> files;  // of DICOM series
   for (const Json& series : case_json.value("series", Json::array()))
-    files[series.value("uid", std::string())] = series.value("files", std::size_t{0});
-  for (const Json& stack : case_json.value("stacks", Json::array()))
-    if (stack.value("used", true)) {
-      const std::string uid = stack.value("uid", std::string());
-      noted.files_of_used[uid] = files[uid];
-    }
+    if (const std::string uid = series.value("uid", std::string()); uid.rfind("nifti-", 0) != 0)
+      files[uid] = series.value("files", std::size_t{0});
+  // Where no eye was seen no stack was used: all that were searched are the study.
+  for (const bool only_used : {true, false}) {
+    for (const Json& stack : case_json.value("stacks", Json::array()))
+      if (const auto series = files.find(stack.value("uid", std::string()));
+          series != files.end() && (stack.value("used", true) || !only_used))
+        noted.files_of_used.insert(*series);
+    if (!noted.files_of_used.empty()) break;
+  }
   return noted;
 }
 
@@ -120,6 +133,8 @@ SourceStudy SourceStudy::read(const fs::path& study, const NotedStudy& noted) {
     if (noted.files_of_used.count(image.series_uid) == 0 || image.sop_instance_uid.empty()) continue;
     ++found[image.series_uid];
     if (source.images_.empty()) {
+      if (noted.sha256.count(sha256_of_file(file)) == 0)
+        throw input_error(file.string() + " was changed while it was read", "run it again");
       source.header_->putAndInsertString(DCM_SpecificCharacterSet, "ISO_IR 192");
       for (const auto& tag : study_tags)
         if (header.has(tag)) source.header_->putAndInsertString(key(tag), header.value(tag).c_str());

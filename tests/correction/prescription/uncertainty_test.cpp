@@ -38,7 +38,7 @@ TEST(UncertainOptics, TiltTurnsTheLensAboutItsMiddle) {
 }
 
 TEST(UncertainOptics, RefusesWhatDoesNotFit) {
-  const auto refused = [](Json json) {
+  const auto refused = [](const Json& json) {
     try {
       uncertain_optics_from_json(json, ".", 0.005);
     } catch (const Error& error) {
