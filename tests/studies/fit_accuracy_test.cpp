@@ -62,32 +62,17 @@ TEST_P(StudyHead, ErrorsAreOfTheTablesOrderAndWithinTheirIntervals) {
   EXPECT_GE(covered, 0.8 * of);
 }
 
-/// With fat displaced by a pixel one eye of each of these heads is misread: a globe 2 mm too long without a
-/// fault in itself, or a lens that is none. Its fellow, in the same image, knows better.
-struct Misread {
-  unsigned long long seed;
-  Laterality eye;
-  const char* because;
-};
-std::ostream& operator<<(std::ostream& out, const Misread& misread) { return out << misread.seed; }
+/// With fat displaced by a pixel an eye of each of these heads can be misread: a globe 2 mm too long without a fault
+/// in itself, or a lens that is none. Both are right, at once or fitted again from what the fellow is like.
+class DisplacedFat : public testing::TestWithParam<unsigned long long> {};
+INSTANTIATE_TEST_SUITE_P(Head, DisplacedFat, testing::Values(164, 129));
 
-class FellowEyes : public testing::TestWithParam<Misread> {};
-INSTANTIATE_TEST_SUITE_P(Head, FellowEyes,
-                         testing::Values(Misread{164, Laterality::os, "contradict"},
-                                         Misread{129, Laterality::od, "lens is not visible"}));
-
-TEST_P(FellowEyes, TheOneThatWasMisreadIsFittedAgain) {
+TEST_P(DisplacedFat, MisleadsNoEye) {
   StudyProtocol protocol;
   protocol.name = "head-t1";
   protocol.distorted = true;
-  for (const Json& record : study_head(protocol, GetParam().seed)) {
+  for (const Json& record : study_head(protocol, GetParam())) {
     ASSERT_EQ(record.at("status"), "measured") << record.at("reasons");
-    const auto because = record.at("fitted_again_because").get<std::string>();
-    if (record.at("laterality") == to_string(GetParam().eye)) {
-      EXPECT_NE(because.find(GetParam().because), std::string::npos) << because;
-    } else {
-      EXPECT_EQ(because, "");
-    }
     const Json found = biometry_json(fitted_eye(parametric_eye_from_json(record.at("fit"))), {});
     EXPECT_NEAR(found.at("axial_length_mm").at("value"), record.at("truth").at("axial_length_mm"), 0.35);
     EXPECT_NEAR(record.at("fat_shift_mm").at(0), 1, 0.25);  // one pixel, known to 0.1 of it

@@ -200,10 +200,16 @@ Origin UncertainEye::origin_of(const Eigen::RowVectorXd& row) const {
   Origin origin = std::max_element(parts.begin(), parts.end(), [](const auto& a, const auto& b) {
                     return a.second < b.second;
                   })->first;
-  const bool by_images_alone = std::all_of(parts.begin(), parts.end(), [](const auto& part) {
-    return part.second <= 0 || is_of_images(part.first);
-  });
-  if (by_images_alone) {
+  // Of what an instrument has narrowed, before or here, the images' share is not told.
+  constexpr double noticeable = 0.01;
+  double by_instruments = 0, total = 0;
+  for (const auto& [name, part] : parts) {
+    total += part;
+    if (!is_of_images(name)) by_instruments += part;
+  }
+  const bool is_narrowed = by_instruments > noticeable * total ||
+                           variance(eye_.covariance) < (1 - noticeable) * variance(by_images);
+  if (!is_narrowed) {
     const bool by_hand = std::any_of(parts.begin(), parts.end(), [](const auto& part) {
       return part.first.rfind("labels", 0) == 0 && part.second > 0;
     });

@@ -63,8 +63,8 @@ class UncertainEye {
   Propagated propagate(const Functional& functional) const;
 
   /// Where a number comes from whose derivatives by the parameters are `row`: images or priors by how much the
-  /// images narrowed it, an instrument that told of the parameters with the largest share in its variance, or
-  /// the last measurement that took away more than half of the variance there was.
+  /// images narrowed it; where an instrument told of it too, the parameters with the largest part of its variance,
+  /// or the last measurement that took away more than half of the variance there was.
   Origin origin_of(const Eigen::RowVectorXd& row) const;
 
   /// Learns that `function` of the parameters was measured, as `condition` does.

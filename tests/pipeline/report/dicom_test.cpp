@@ -166,6 +166,16 @@ TEST_F(OtherStudies, OneSliceRemoved) {
   expect_refused_and_pseudonymous();
 }
 
+TEST_F(OtherStudies, NoneWhereNoEyeWasSeenOrAVolumeLiesBeside) {
+  Json case_json = read_json(folder_ / "case.json");
+  case_json["stacks"][0]["used"] = false;
+  case_json["series"].push_back({{"uid", "nifti-0123"}, {"files", 1}});
+  case_json["stacks"].push_back({{"uid", "nifti-0123"}, {"used", true}});
+  write_json(folder_ / "case.json", case_json);
+  report(study_);
+  EXPECT_THAT(dump("biometry.dcm"), HasSubstr("[DOE^JANE]"));
+}
+
 TEST_F(OtherStudies, AFileThatCameLaterIsNotOpened) {
   test::make_fixture_study(study_ / "later", "ROE^RICHARD");
   write_nested();
