@@ -20,8 +20,7 @@ std::string signed_fixed(double value, int decimals) {
 
 std::string format(double value, const NumberStyle& style) {
   if (!std::isfinite(value)) return "not determined";
-  std::string number =
-      style.with_sign ? signed_fixed(value, style.decimals) : fixed(value, style.decimals);
+  std::string number = style.with_sign ? signed_fixed(value, style.decimals) : fixed(value, style.decimals);
   if (style.unit.empty()) return number;
   return style.unit == "deg" ? number + "\u00b0" : number + " " + style.unit;
 }
