@@ -11,11 +11,11 @@
 #include "segmentation/intake/volume.hpp"
 
 /// What the decoding process tells its parent about one file, over a pipe, when asked by a Request and the file's
-/// name, ended by a zero byte. Each message is a type, its length
-/// as 8 bytes in the machine's order, and the bytes: first `header` (JSON of ImageHeader), then for an image
-/// `frame` for each frame (int32 samples, row after row, stored values without rescale), at the end `end`
-/// (JSON of DecodeEnd); of a header alone there are no frames. For a NIfTI file, which is known by its name: `volume` (JSON of VolumeHeader), then
-/// for each slice `frame` (float32 intensities, row after row).
+/// name, ended by a zero byte. Each message is a type, its length as 8 bytes in the machine's order, and the bytes:
+/// first `header` (JSON of ImageHeader), then for an image `frame` for each frame (int32 samples, row after row, stored
+/// values without rescale), at the end `end` (JSON of DecodeEnd); of a header alone there are no frames. For a NIfTI
+/// file, which is known by its name: `volume` (JSON of VolumeHeader), then for each slice `frame` (float32 intensities,
+/// row after row).
 namespace emmetrope::segmentation {
 
 enum class Request : char { everything = 'E', header = 'H' };
