@@ -1,5 +1,6 @@
 #include "pipeline/driver/doctor.hpp"
 
+#include <dcmtk/config/osconfig.h>
 #include <fmt/format.h>
 #include <fontconfig/fontconfig.h>
 #include <unistd.h>
@@ -107,12 +108,19 @@ Check check_charts() {
           ExitStatus::done};
 }
 
+/// Where this build of DCMTK looks first.
+fs::path default_dictionary() {
+  const std::string searched = DCM_DICT_DEFAULT_PATH;
+  return searched.substr(0, searched.find(':'));
+}
+
 Check check_dictionary() {
   const char* given = std::getenv("DCMDICTPATH");
-  const fs::path dictionary = given == nullptr ? "/usr/share/libdcmtk17/dicom.dic" : given;
+  const fs::path dictionary = given == nullptr ? default_dictionary() : given;
   if (fs::exists(dictionary)) return {"DICOM dictionary", true, dictionary.string(), {}, ExitStatus::done};
   return {"DICOM dictionary", false, dictionary.string() + " is missing",
-          "apt-get install --reinstall libdcmtk17, and unset DCMDICTPATH", ExitStatus::input_invalid};
+          "apt-get install --reinstall dcmtk-data (libdcmtk17 on Debian 12), and unset DCMDICTPATH",
+          ExitStatus::input_invalid};
 }
 
 }  // namespace
