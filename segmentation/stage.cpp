@@ -5,10 +5,10 @@
 #include <algorithm>
 #include <exception>
 #include <optional>
-#include <thread>
 
 #include "pipeline/base/eye_stage.hpp"
 #include "pipeline/base/frames.hpp"
+#include "pipeline/base/parallel.hpp"
 #include "pipeline/eye/population/limits.hpp"
 #include "segmentation/finding/find_eyes.hpp"
 #include "segmentation/fit/both_eyes.hpp"
@@ -90,23 +90,7 @@ void fit_one(JudgedEye& eye, const StudyImages& images, const std::function<void
 void fit_all(std::vector<JudgedEye>& eyes, const StudyImages& images, const CommonOptions& common) {
   Progress progress("fitting the eyes", eyes.size() * fit_steps, common.verbosity);
   const auto advance = [&] { progress.advance(); };
-  std::vector<std::exception_ptr> faults(eyes.size());
-  const auto run = [&](std::size_t i) {
-    try {
-      fit_one(eyes[i], images, advance);
-    } catch (...) {
-      faults[i] = std::current_exception();
-    }
-  };
-  if (common.thread_count() > 1) {
-    std::vector<std::thread> threads;
-    for (std::size_t i = 0; i < eyes.size(); ++i) threads.emplace_back(run, i);
-    for (auto& thread : threads) thread.join();
-  } else {
-    for (std::size_t i = 0; i < eyes.size(); ++i) run(i);
-  }
-  for (const auto& fault : faults)
-    if (fault) std::rethrow_exception(fault);
+  on_threads(common.thread_count(), eyes.size(), [&](std::size_t i) { fit_one(eyes[i], images, advance); });
 }
 
 /// \return whether both were measured and are alike enough to tell of each other
@@ -225,7 +209,9 @@ Answer segment(const SegmentOptions& options, const CommonOptions& common) {
   spec.parameters = parameters_of(options, common);
   spec.inputs = input_files(options);
   const StageOutcome outcome = run_stage(options.case_folder, spec, common, [&](StageWorkspace& workspace) {
-    return segment_study(options, common, workspace);
+    const StageVerdict verdict = segment_study(options, common, workspace);
+    require_same_files(options, spec.inputs);
+    return verdict;
   });
   Answer answer = stage_answer(
       *stage_of_folder("segmentation"), outcome, common, [&](Laterality eye) -> std::optional<EyeAnswer> {

@@ -96,6 +96,19 @@ std::vector<StageInput> input_files(const SegmentOptions& options) {
   return inputs;
 }
 
+void require_same_files(const SegmentOptions& options, const std::vector<StageInput>& noted) {
+  const auto of_study = [&](const std::vector<StageInput>& inputs) {
+    return std::count_if(inputs.begin(), inputs.end(), [&](const StageInput& input) {
+      return !is_below(input.path, options.case_folder);  // what this run writes
+    });
+  };
+  const auto then = of_study(noted), now = of_study(input_files(options));
+  if (now != then)
+    throw input_error(
+        fmt::format("{} had {} files when it was begun and has {} now", options.study.string(), then, now),
+        "run it again when nothing writes there any more");
+}
+
 std::vector<const SeriesInfo*> choose_series(const StudyInventory& inventory,
                                              const std::vector<SeriesChoice>& wanted) {
   std::vector<const SeriesInfo*> chosen;

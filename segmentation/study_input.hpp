@@ -13,6 +13,10 @@ namespace emmetrope::segmentation {
 ///   images; (input_invalid) where something does not exist
 std::vector<StageInput> input_files(const SegmentOptions& options);
 
+/// A study that is still being copied has files that were read and not noted.
+/// \throw Error (input_invalid) where it has not as many files as when its inputs were noted
+void require_same_files(const SegmentOptions& options, const std::vector<StageInput>& noted);
+
 /// The series asked for, or all usable ones; at least one, of one study.
 /// \throw Error with a series' reason where it is not usable; (input_invalid) for series of two studies
 std::vector<const SeriesInfo*> choose_series(const StudyInventory& inventory,

@@ -1,13 +1,12 @@
 #include "data_samples/phantom/render.hpp"
 
 #include <algorithm>
-#include <atomic>
 #include <cmath>
-#include <future>
 #include <random>
 
 #include "data_samples/phantom/head_motion.hpp"
 #include "data_samples/phantom/slice_sampler.hpp"
+#include "pipeline/base/parallel.hpp"
 
 namespace emmetrope::phantom {
 namespace {
@@ -44,8 +43,16 @@ RenderedStack render(const Anatomy& anatomy, const Protocol& protocol, std::size
     k_space.acquired_phase = plan.acquired_phase;
     k_space.fat_shift_px = disturbances.chemical_shift_px;
     k_space.sigma = stack.sigma;
+    k_space.window = disturbances.window;
+    k_space.noise_variation = disturbances.noise_variation;
+    k_space.echo_train = disturbances.echo_train;
+    k_space.ghost = disturbances.ghost;
     k_space.seed = random();
-    const std::vector<float> image = magnitude_image(sampler.sample(), k_space);
+    std::vector<float> image = magnitude_image(sampler.sample(), k_space);
+    if (disturbances.slice_gain > 0) {
+      const double gain = std::exp(std::normal_distribution<double>(0, disturbances.slice_gain)(random));
+      for (float& value : image) value *= static_cast<float>(gain);
+    }
     std::vector<float>& out = stack.slices[number];
     out.reserve(static_cast<std::size_t>(plan.rows) * plan.columns);
     for (int row = 0; row < plan.rows; ++row) {
@@ -55,13 +62,8 @@ RenderedStack render(const Anatomy& anatomy, const Protocol& protocol, std::size
     if (advance) advance();
   };
 
-  std::atomic<int> next{0};
-  std::vector<std::future<void>> workers;
-  for (int i = 0; i < std::max(1, threads); ++i)
-    workers.push_back(std::async(std::launch::async, [&] {
-      for (int number = next++; number < plan.slices; number = next++) render_slice(number);
-    }));
-  for (auto& worker : workers) worker.get();
+  on_threads(threads, static_cast<std::size_t>(plan.slices),
+             [&](std::size_t number) { render_slice(static_cast<int>(number)); });
   return stack;
 }
 

@@ -79,6 +79,7 @@ StageOutcome run_stage(const fs::path& case_folder, const StageSpec& spec, const
     StageWorkspace workspace(folder);
     warn_of_lost_eye(case_folder / spec.stage, common.laterality, workspace);
     const StageVerdict verdict = work(workspace);
+    require_unchanged(spec.inputs, key.at("inputs"));
 
     Json outputs = Json::object();
     std::vector<fs::path> files;

@@ -14,6 +14,7 @@
 
 #include "pipeline/base/interrupt.hpp"
 #include "pipeline/base/log.hpp"
+#include "pipeline/base/memory_limit.hpp"
 #include "pipeline/base/version.hpp"
 
 namespace emmetrope {
@@ -145,8 +146,9 @@ int run_command(int argc, char** argv, const Command& command) {
   } catch (const Error& error) {
     return report_failure(command.name, common, error);
   } catch (const std::bad_alloc&) {
-    return report_failure(command.name, common,
-                          Error(ExitStatus::fault, "out of memory", "use a machine with more memory"));
+    return report_failure(
+        command.name, common,
+        Error(ExitStatus::fault, "out of memory", "give it more memory" + memory_limit_note()));
   } catch (const std::filesystem::filesystem_error& fault) {
     return report_failure(command.name, common, output_error(fault.what()));
   } catch (const std::exception& fault) {

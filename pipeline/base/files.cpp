@@ -9,7 +9,7 @@
 #include <cerrno>
 #include <cstdlib>
 #include <cstring>
-#include <fstream>
+#include <functional>
 #include <memory>
 
 #include "pipeline/base/error.hpp"
@@ -71,14 +71,26 @@ void require_regular_file(const std::filesystem::path& file) {
     throw input_error("cannot read " + file.string() + ": it is not a regular file or does not exist");
 }
 
+void read_blocks(const std::filesystem::path& file,
+                 const std::function<void(const char*, std::size_t)>& take) {
+  require_regular_file(file);
+  const auto fail = [&] { throw input_error("cannot read " + file.string() + ": " + std::strerror(errno)); };
+  Descriptor descriptor(::open(file.c_str(), O_RDONLY | O_CLOEXEC));
+  if (descriptor.get() < 0) fail();
+  std::array<char, 1 << 16> block{};
+  while (true) {
+    const ssize_t size = ::read(descriptor.get(), block.data(), block.size());
+    if (size == 0) return;
+    if (size > 0) take(block.data(), static_cast<std::size_t>(size));
+    if (size < 0 && errno != EINTR) fail();
+  }
+}
+
 }  // namespace
 
 std::string read_file(const std::filesystem::path& file) {
-  require_regular_file(file);
-  std::ifstream stream(file, std::ios::binary);
-  std::string bytes{std::istreambuf_iterator<char>(stream), std::istreambuf_iterator<char>()};
-  if (!stream || stream.bad())
-    throw input_error("cannot read " + file.string() + ": " + std::strerror(errno));
+  std::string bytes;
+  read_blocks(file, [&](const char* block, std::size_t size) { bytes.append(block, size); });
   return bytes;
 }
 
@@ -107,14 +119,8 @@ std::string sha256_of(std::string_view bytes) {
 }
 
 std::string sha256_of_file(const std::filesystem::path& file) {
-  require_regular_file(file);
-  std::ifstream stream(file, std::ios::binary);
-  if (!stream) throw input_error("cannot read " + file.string() + ": " + std::strerror(errno));
   Sha256 hash;
-  std::array<char, 1 << 16> buffer{};
-  while (stream.read(buffer.data(), buffer.size()) || stream.gcount() > 0)
-    hash.add(buffer.data(), static_cast<std::size_t>(stream.gcount()));
-  if (stream.bad()) throw input_error("cannot read " + file.string() + ": " + std::strerror(errno));
+  read_blocks(file, [&](const char* block, std::size_t size) { hash.add(block, size); });
   return hash.hex();
 }
 

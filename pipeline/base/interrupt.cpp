@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <csignal>
+#include <system_error>
 #include <thread>
 #include <vector>
 
@@ -61,7 +62,11 @@ void handle_interrupts() {
   pthread_sigmask(SIG_BLOCK, &signals, nullptr);
   std::signal(SIGPIPE, SIG_IGN);
   std::signal(SIGXFSZ, SIG_IGN);
-  std::thread(wait_for_signal).detach();
+  try {
+    std::thread(wait_for_signal).detach();
+  } catch (const std::system_error&) {  // no thread to be had: a signal ends the process as it is
+    pthread_sigmask(SIG_UNBLOCK, &signals, nullptr);
+  }
 }
 
 RemoveOnInterrupt::RemoveOnInterrupt(std::filesystem::path path) : path_(std::move(path)) {

@@ -3,13 +3,14 @@
 #include <cstddef>
 #include <exception>
 #include <mutex>
+#include <system_error>
 #include <thread>
 #include <vector>
 
 namespace emmetrope {
 
-/// Calls work(k) for k = 0 ... count - 1, each once, on so many threads; when all have ended, rethrows what
-/// one of them threw.
+/// Calls work(k) for k = 0 ... count - 1, each once, on so many threads, or as many as the system gives; when all have
+/// ended, rethrows what one of them threw.
 template <typename Work>
 void on_threads(int threads, std::size_t count, const Work& work) {
   std::atomic<std::size_t> next{0};
@@ -25,7 +26,10 @@ void on_threads(int threads, std::size_t count, const Work& work) {
     }
   };
   std::vector<std::thread> workers;
-  for (int t = 1; t < threads; ++t) workers.emplace_back(run);
+  try {
+    for (int t = 1; t < threads; ++t) workers.emplace_back(run);
+  } catch (const std::system_error&) {  // no more threads: those that there are do the work
+  }
   run();
   for (auto& worker : workers) worker.join();
   if (fault) std::rethrow_exception(fault);

@@ -92,6 +92,14 @@ Json key_of(const StageSpec& spec, const CommonOptions& common) {
   return key;
 }
 
+void require_unchanged(const std::vector<StageInput>& inputs, const Json& noted) {
+  for (const StageInput& input : inputs)
+    if (!fs::exists(input.path) || sha256_of_file(input.path) != noted.at(input.name).get<std::string>())
+      throw input_error(fmt::format("{} {} while it was read", input.path.string(),
+                                    fs::exists(input.path) ? "changed" : "was removed"),
+                        "run it again when nothing writes there any more");
+}
+
 std::optional<StageOutcome> finished(const fs::path& case_folder, const std::string& stage, const Json& key) {
   const fs::path file = case_folder / stage / stage_file;
   if (!fs::exists(file)) return std::nullopt;

@@ -13,6 +13,11 @@ inline constexpr const char* stage_file = "stage.json";
 /// What a result depends on. The seed is part of it, threads and verbosity are not.
 Json key_of(const StageSpec& spec, const CommonOptions& common);
 
+/// A result of which no one can say from which bytes it was made is none.
+/// \param noted  SHA-256 by name, as in the key
+/// \throw Error (input_invalid) naming the first input that is not what was noted
+void require_unchanged(const std::vector<StageInput>& inputs, const Json& noted);
+
 /// The stored outcome of a stage, if it answers the key and its outputs are still what was written; its
 /// warnings are told again.
 std::optional<StageOutcome> finished(const std::filesystem::path& case_folder, const std::string& stage,

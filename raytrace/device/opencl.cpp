@@ -1,5 +1,6 @@
 #include "raytrace/device/opencl.hpp"
 
+#include <fcntl.h>
 #include <pwd.h>
 #include <unistd.h>
 
@@ -7,6 +8,7 @@
 #include <cstdlib>
 
 #include "pipeline/base/error.hpp"
+#include "pipeline/base/memory_limit.hpp"
 
 namespace emmetrope {
 extern const char kernel_lanes[];
@@ -27,6 +29,8 @@ Error device_error(const std::string& what, const std::string& remedy) {
   return {ExitStatus::no_device, what, remedy};
 }
 
+constexpr off_t kernel_cache_bytes = 20'000'000;
+
 /// PoCL compiles to files; in a folder that cannot be written it finds no device or ends the process. So the
 /// folder is chosen and tried before the first OpenCL call, and is private: never below a shared temporary
 /// folder.
@@ -38,13 +42,15 @@ void prepare_kernel_cache(int threads) {
     std::filesystem::create_directories(folder, fault);
     std::string probe = (folder / "probe-XXXXXX").string();
     const int file = fault ? -1 : mkstemp(probe.data());
-    const bool written = file >= 0 && write(file, "x", 1) == 1;
+    // PoCL ends the process where its compiler cannot write.
+    const bool written = file >= 0 && posix_fallocate(file, 0, kernel_cache_bytes) == 0;
     if (file >= 0) {
       close(file);
       unlink(probe.c_str());
     }
     if (!written)
-      throw device_error("the folder for compiled OpenCL kernels, " + folder.string() + ", cannot be written",
+      throw device_error("the folder for compiled OpenCL kernels, " + folder.string() +
+                             ", cannot be written, or has not 20 MB free",
                          "set POCL_CACHE_DIR to a private writable folder with some 20 MB free");
     setenv("POCL_CACHE_DIR", folder.c_str(), 1);
     if (threads > 0) setenv("POCL_MAX_PTHREAD_COUNT", std::to_string(threads).c_str(), 0);
@@ -81,9 +87,11 @@ std::vector<cl::Device> all_devices(int threads) {
     devices.insert(devices.end(), some.begin(), some.end());
   }
   if (devices.empty())
-    throw device_error(platforms.empty() ? "there is no OpenCL platform on this machine"
-                                         : "no OpenCL platform of this machine offers a device",
-                       "install pocl-opencl-icd, which computes on the CPU, or your GPU's OpenCL driver");
+    throw device_error(
+        platforms.empty() ? "there is no OpenCL platform on this machine"
+                          : "no OpenCL platform of this machine offers a device",
+        "install pocl-opencl-icd, which computes on the CPU, or your GPU's OpenCL driver" +
+            (memory_limit_bytes() ? "; or it found too little memory" + memory_limit_note() : ""));
   return devices;
 }
 

@@ -6,7 +6,8 @@
 #include <cmath>
 #include <exception>
 #include <mutex>
-#include <thread>
+
+#include "pipeline/base/parallel.hpp"
 
 namespace emmetrope::raytrace {
 namespace {
@@ -49,24 +50,13 @@ SharedPicture::SharedPicture(const std::vector<std::unique_ptr<OpenCl>>& devices
 }
 
 void SharedPicture::on_all(const std::function<void(std::size_t)>& work) const {
-  std::vector<std::exception_ptr> faults(devices_.size());
-  const auto guarded = [&](std::size_t i) {
+  on_threads(static_cast<int>(devices_.size()), devices_.size(), [&](std::size_t i) {
     try {
-      try {
-        work(i);
-      } catch (const cl::Error& fault) {
-        throw_device_error(fault, devices_[i]->info().name);
-      }
-    } catch (...) {
-      faults[i] = std::current_exception();
+      work(i);
+    } catch (const cl::Error& fault) {
+      throw_device_error(fault, devices_[i]->info().name);
     }
-  };
-  std::vector<std::thread> others;
-  for (std::size_t i = 1; i < devices_.size(); ++i) others.emplace_back(guarded, i);
-  guarded(0);
-  for (auto& other : others) other.join();
-  for (const auto& fault : faults)
-    if (fault) std::rethrow_exception(fault);
+  });
 }
 
 int SharedPicture::rounded_up(double samples) const {

@@ -85,7 +85,8 @@ int serve(std::uint64_t memory_bytes, std::uint64_t byte_limit, double cpu_s) {
   limit_process(memory_bytes);
   register_decoders();
   dcmAcceptOddAttributeLength.set(OFFalse);
-  if (!dcmDataDict.isDictionaryLoaded()) return 2;
+  if (!dcmDataDict.isDictionaryLoaded()) return no_dictionary;
+  send(MessageType::ready, "", 0);
   for (std::string asked; std::getline(std::cin, asked, '\0');) {
     const auto request = static_cast<Request>(asked.at(0));
     const std::filesystem::path file = asked.substr(1);
@@ -112,6 +113,10 @@ int main(int argc, char** argv) {
            "Example: emmetrope inventory STUDY\n";
     return asked ? 0 : 2;
   }
-  return emmetrope::segmentation::serve(std::strtoull(argv[1], nullptr, 10),
-                                        std::strtoull(argv[2], nullptr, 10), std::strtod(argv[3], nullptr));
+  try {
+    return emmetrope::segmentation::serve(std::strtoull(argv[1], nullptr, 10),
+                                          std::strtoull(argv[2], nullptr, 10), std::strtod(argv[3], nullptr));
+  } catch (const std::bad_alloc&) {
+    return emmetrope::segmentation::out_of_memory;
+  }
 }

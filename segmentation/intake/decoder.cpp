@@ -19,6 +19,7 @@
 
 #include "pipeline/base/files.hpp"
 #include "pipeline/base/interrupt.hpp"
+#include "pipeline/base/memory_limit.hpp"
 #include "segmentation/intake/tag_values.hpp"
 
 namespace emmetrope::segmentation {
@@ -64,6 +65,7 @@ ChildFailure failure_of(int status) {
     if (signal == SIGXCPU) return {"took more processor time than the decoder is allowed", true};
     return {fmt::format("crashed the decoder (signal {}, {})", signal, ::strsignal(signal))};
   }
+  if (WEXITSTATUS(status) == out_of_memory) return {"needs more memory than the decoder is allowed"};
   return {fmt::format("ended the decoder with status {}", WEXITSTATUS(status))};
 }
 
@@ -107,6 +109,7 @@ class Decoder::Child {
     from_child_.close(1);
     ::fcntl(from_child_.ends[0], F_SETPIPE_SZ, 1 << 20);
     end_on_interrupt_ = std::make_unique<EndOnInterrupt>(process_);
+    await_start();
   }
 
   ~Child() {
@@ -161,6 +164,18 @@ class Decoder::Child {
   }
 
  private:
+  /// A decoder that does not even start is the machine's fault, not that of the file that it was to read.
+  void await_start() {
+    try {
+      if (read_start(Clock::now() + std::chrono::seconds(60)).first == MessageType::ready) return;
+      throw ChildFailure{"it does not answer as one"};
+    } catch (const ChildFailure& failure) {
+      if (process_ > 0) stop();
+      throw Error(ExitStatus::fault, "emmetrope-decode does not start: it " + failure.text,
+                  "give it more memory and processes" + memory_limit_note());
+    }
+  }
+
   /// A pipe broke: says how the child ended. One that lives on is ended.
   [[noreturn]] void fail() {
     const auto deadline = Clock::now() + std::chrono::seconds(1);
@@ -174,9 +189,9 @@ class Decoder::Child {
     }
     end_on_interrupt_.reset();
     process_ = -1;
-    if (WIFEXITED(status) && WEXITSTATUS(status) == 2)
+    if (WIFEXITED(status) && WEXITSTATUS(status) == no_dictionary)
       throw Error(ExitStatus::fault, "DCMTK's data dictionary is not installed",
-                  "install the package libdcmtk17");
+                  "install the package dcmtk-data (libdcmtk17 on Debian 12)");
     throw failure_of(status);
   }
 

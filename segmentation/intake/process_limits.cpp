@@ -3,13 +3,18 @@
 #include <sys/resource.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cmath>
 
 namespace emmetrope::segmentation {
 namespace {
 
+/// No higher than what the system already allows: a lower limit from outside stands.
 void limit(decltype(RLIMIT_AS) what, rlim_t soft, rlim_t hard) {
-  const rlimit value{soft, hard};
+  rlimit value{};
+  if (::getrlimit(what, &value) != 0) ::_exit(1);
+  value.rlim_max = std::min(value.rlim_max, hard);
+  value.rlim_cur = std::min(value.rlim_max, soft);
   if (::setrlimit(what, &value) != 0) ::_exit(1);
 }
 

@@ -10,8 +10,8 @@
 #include "segmentation/intake/tags.hpp"
 #include "segmentation/intake/volume.hpp"
 
-/// What the decoding process tells its parent about one file, over a pipe, when asked by a Request and the file's
-/// name, ended by a zero byte. Each message is a type, its length as 8 bytes in the machine's order, and the bytes:
+/// What the decoding process tells its parent, over a pipe: `ready` when it has started, then of each file when asked by
+/// a Request and the file's name, ended by a zero byte. Each message is a type, its length as 8 bytes in the machine's order, and the bytes:
 /// first `header` (JSON of ImageHeader), then for an image `frame` for each frame (int32 samples, row after row, stored
 /// values without rescale), at the end `end` (JSON of DecodeEnd); of a header alone there are no frames. For a NIfTI
 /// file, which is known by its name: `volume` (JSON of VolumeHeader), then for each slice `frame` (float32 intensities,
@@ -19,7 +19,10 @@
 namespace emmetrope::segmentation {
 
 enum class Request : char { everything = 'E', header = 'H' };
-enum class MessageType : char { header = 'H', frame = 'P', end = 'E', volume = 'V' };
+enum class MessageType : char { ready = 'R', header = 'H', frame = 'P', end = 'E', volume = 'V' };
+
+/// How the decoding process ends when it cannot go on.
+enum DecoderStatus : int { no_dictionary = 2, out_of_memory = 3 };
 
 /// Whether a file is read as NIfTI: .nii or .nii.gz.
 bool is_nifti_name(const std::filesystem::path& file);

@@ -4,7 +4,9 @@
 
 #include <cmath>
 #include <cstdlib>
+#include <future>
 #include <random>
+#include <thread>
 
 #include "pipeline/base/files.hpp"
 #include "pipeline/eye/parametric/parametric_eye.hpp"
@@ -109,6 +111,23 @@ TEST_F(SegmentStage, InputsAreTheFilesThatAreRead) {
   series.set_pixels(3, std::vector<Uint16>(std::size_t{20} * 24, 7));
   series.write(folder_ / "real");
   EXPECT_FALSE(run(folder_ / "study", "study/case").json.at("skipped").get<bool>());
+}
+
+/// A file that arrives while the study is read may have been read and is not noted.
+TEST_F(SegmentStage, AStudyThatIsStillBeingCopiedIsRefused) {
+  const fs::path study = folder_ / "study";
+  fs::copy(data_folder() / "data_samples" / "sample" / "dicom", study, fs::copy_options::recursive);
+  std::future<Answer> answer = std::async(std::launch::async, [&] { return run(study, "case"); });
+  while (!fs::exists(folder_ / "case" / ".writing-segmentation")) std::this_thread::yield();
+  write_file(study / "another.dcm", "late");
+  try {
+    answer.get();
+    FAIL() << "a study that grew was segmented";
+  } catch (const Error& error) {
+    EXPECT_EQ(error.status(), ExitStatus::input_invalid);
+    EXPECT_NE(std::string(error.what()).find("files when it was begun"), std::string::npos) << error.what();
+  }
+  EXPECT_FALSE(fs::exists(folder_ / "case" / "segmentation"));
 }
 
 TEST_F(SegmentStage, TheCaseIsNotTheStudysFolder) {

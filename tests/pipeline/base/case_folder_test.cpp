@@ -123,6 +123,32 @@ TEST_F(Stage, LeavesTheCaseAsItWasWhenItFails) {
   EXPECT_FALSE(fs::exists(case_folder / ".writing-meshing"));
 }
 
+TEST_F(Stage, OfAnInputThatChangesWhileItIsReadMakesNothing) {
+  run();
+  common.force = true;
+  const auto run_while = [&](const std::function<void()>& change) {
+    return run_stage(case_folder, spec(), common, [&](StageWorkspace& workspace) {
+      write_file(workspace.folder() / "out.txt", read_file(input));
+      change();
+      return StageVerdict{ExitStatus::done, {}};
+    });
+  };
+  for (const auto& [change, said] : {std::pair<std::function<void()>, std::string>{
+                                         [&] { write_file(input, "two"); }, "changed while it was read"},
+                                     {[&] { fs::remove(input); }, "was removed while it was read"}}) {
+    write_file(input, "one");
+    try {
+      run_while(change);
+      ADD_FAILURE() << said;
+    } catch (const Error& error) {
+      EXPECT_EQ(error.status(), ExitStatus::input_invalid);
+      EXPECT_NE(std::string(error.what()).find(input.string() + " " + said), std::string::npos)
+          << error.what();
+    }
+    EXPECT_EQ(read_file(case_folder / "meshing/od/out.txt"), "made from one");
+  }
+}
+
 TEST_F(Stage, LeavesNoFolderWhereNothingCameOfIt) {
   EXPECT_THROW(run_stage(case_folder, spec(), common,
                          [](StageWorkspace&) -> StageVerdict { throw input_error("no study"); }),

@@ -3,6 +3,7 @@
 
 #include <cstdio>
 #include <cstdlib>
+#include <fstream>
 
 #include "tests/segmentation/intake/intake_test.hpp"
 
@@ -14,16 +15,49 @@ struct Outcome {
   std::string out;
 };
 
-Outcome inventory_of(const std::string& arguments) {
-  const char* bin = std::getenv("EMMETROPE_BIN");
-  if (bin == nullptr) throw std::runtime_error("EMMETROPE_BIN is not set; run by ctest");
-  std::FILE* pipe = ::popen((std::string(bin) + "/emmetrope-inventory " + arguments + " 2>&1").c_str(), "r");
+Outcome run(const std::string& command) {
+  std::FILE* pipe = ::popen((command + " 2>&1").c_str(), "r");
   Outcome outcome{0, {}};
   for (int letter = std::fgetc(pipe); letter != EOF; letter = std::fgetc(pipe))
     outcome.out += static_cast<char>(letter);
   outcome.status = WEXITSTATUS(::pclose(pipe));
   return outcome;
 }
+
+std::string programs() {
+  const char* bin = std::getenv("EMMETROPE_BIN");
+  if (bin == nullptr) throw std::runtime_error("EMMETROPE_BIN is not set; run by ctest");
+  return bin;
+}
+
+Outcome inventory_of(const std::string& arguments) {
+  return run(programs() + "/emmetrope-inventory " + arguments);
+}
+
+/// The decoder's own limits do not fail where lower ones stand; where it cannot work under them, no file is blamed.
+#ifndef __SANITIZE_ADDRESS__  // its shadow memory needs terabytes of address space
+TEST_F(IntakeTest, CommandReadsUnderAMemoryLimitOrSaysThatItIsTooLow) {
+  GeneratedSeries series;
+  series.write(folder());
+  const auto inventory_under_limit = [&](const std::string& bin) {
+    return run("ulimit -v 700000; " + bin + "/emmetrope-inventory --quiet --json " + folder().string());
+  };
+  const Outcome enough = inventory_under_limit(programs());
+  EXPECT_EQ(enough.status, 0) << enough.out;
+  EXPECT_TRUE(Json::parse(enough.out).at("series").at(0).at("usable").get<bool>());
+
+  const TemporaryFolder bin;
+  const std::filesystem::path inventory = bin.path() / "emmetrope-inventory",
+                              decode = bin.path() / "emmetrope-decode";
+  std::filesystem::copy_file(programs() + "/emmetrope-inventory", inventory);
+  std::ofstream(decode) << "#!/bin/sh\nexit 127\n";
+  std::filesystem::permissions(decode, std::filesystem::perms::owner_all);
+  const Outcome too_little = inventory_under_limit(bin.path().string());
+  EXPECT_EQ(too_little.status, 1);
+  EXPECT_THAT(too_little.out, ::testing::AllOf(::testing::HasSubstr("emmetrope-decode does not start"),
+                                               ::testing::HasSubstr("ulimit -v")));
+}
+#endif
 
 TEST_F(IntakeTest, CommandListsAStudyAsJson) {
   GeneratedSeries series;
