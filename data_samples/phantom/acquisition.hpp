@@ -49,6 +49,13 @@ struct StackPlan {
   }
 };
 
+/// How a scanner's console weighs k-space.
+enum class Window {
+  none,
+  hann,   ///< to 0 at the edge of what was acquired
+  fermi,  ///< flat to 0.8 of it
+};
+
 /// What disturbs a whole study.
 struct Disturbances {
   /// Vitreous (T2) or fat (T1) over sigma of one channel, where the coil's sensitivity is 1
@@ -58,6 +65,11 @@ struct Disturbances {
   double slice_motion_mm = 0;  ///< rms per axis of shifts between the slices of a stack
   double scale_error = 0;  ///< images show lengths (1 + this) times too long about the isocentre (gradients)
   double chemical_shift_px = 0;  ///< fat appears this many pixels further along the rows (readout)
+  Window window = Window::none;  ///< with which the scanner's console smooths the images, noise included
+  double noise_variation = 0;    ///< relative amplitude with which the noise varies over the picture
+  double echo_train = 0;  ///< the signal falls by exp(-this) towards the edge of k-space, along columns
+  double ghost = 0;       ///< amplitude of two ghosts, a third of the field of view off along columns
+  double slice_gain = 0;  ///< rms of relative differences in brightness between slices
   std::uint64_t seed = 1;
 };
 

@@ -135,6 +135,12 @@ void Anatomy::add_muscles_and_nerve(std::size_t side, const HeadGeometry& head) 
                                   {0.2 * leaving + 0.8 * apex + 0.8 * outward, 1.5, 2.2},
                                   {apex + 1.5 * outward, 0.8, 1.0}};
     muscles_[side].emplace_back(nodes, outward);
+    if (const double tendon = eye.placed().geometry.tendon_mm; tendon > 0)
+      tendons_[side].emplace_back(
+          std::vector<Tube::Node>{{on_globe(centre - 6, 0.3 * tendon), tendon / 2, 5.2},
+                                  {on_globe(centre - 3, tendon / 2), tendon / 2, 5.2},
+                                  {on_globe(centre + 1, tendon / 2), tendon / 2, 4.8}},
+          outward);
   }
 
   // Optic nerve: leaves the globe 15 deg nasally, sags on its way to the canal.
@@ -165,6 +171,7 @@ Tissue Anatomy::tissue_at(const Vector3d& lps) const {
   const bool near_eye = in_eye.squaredNorm() < 45 * 45;
   Tissue tissue{};
   if (near_eye && eye.contains(in_eye, tissue)) return tissue;
+  if (near_eye && eye.in_buckle(in_eye)) return Tissue::silicone_rubber;
 
   double mean_radius = 0;
   const double orbit = orbit_radius({std::abs(p.x()), p.y(), p.z()}, mean_radius);
@@ -172,7 +179,7 @@ Tissue Anatomy::tissue_at(const Vector3d& lps) const {
 
   double skin = face_distance(p);
   if (near_eye && in_eye.z() > -20) {
-    const double lid = eye.placed().geometry.lid_thickness_mm;
+    const double lid = eye.lid_thickness_mm(in_eye);
     const double outside = eye.distance_outside_mm(in_eye);
     skin = smooth_union(skin, outside - lid, 3);
     if (outside < lid && in_eye.z() > -9)
@@ -190,6 +197,8 @@ Tissue Anatomy::tissue_at(const Vector3d& lps) const {
 Tissue Anatomy::orbit_content(const Vector3d& lps, std::size_t side) const {
   if (nerves_[side].contains(lps)) return Tissue::nerve;
   if (nerves_[side].contains(lps, 0.9)) return Tissue::nerve_sheath;
+  for (const Tube& tendon : tendons_[side])
+    if (tendon.contains(lps)) return Tissue::tendon;
   for (const Tube& muscle : muscles_[side])
     if (muscle.contains(lps)) return Tissue::muscle;
   return Tissue::fat;

@@ -41,6 +41,10 @@ class EyeAnatomy {
   double distance_outside_mm(const Eigen::Vector3d& p) const;
   /// Whether the point lies between the closed lids, 3.4 mm below the apex.
   bool in_fissure(const Eigen::Vector3d& p) const;
+  /// Thickness of the closed lid in front of a point.
+  double lid_thickness_mm(const Eigen::Vector3d& p) const;
+  /// Whether a silicone band around the equator holds the point.
+  bool in_buckle(const Eigen::Vector3d& p) const;
   /// Half the lateral extent of the outer globe at a depth, 0 beyond its poles.
   double outer_radius_mm(double depth_mm) const;
   double centre_depth_mm() const { return centre_depth_; }
@@ -50,7 +54,13 @@ class EyeAnatomy {
   double cornea_back_mm(double x, double y) const;
   bool in_lens(const Eigen::Vector3d& p) const;
   Tissue content(const Eigen::Vector3d& p, double scaled_radius) const;
+  Tissue vitreous(const Eigen::Vector3d& p) const;
+  /// \param inner_norm, outer_norm  scaled radii for the inner and the outer surface of the wall
+  Tissue wall(const Eigen::Vector3d& from_centre, double inner_norm, double outer_norm) const;
+  bool in_nucleus(const Eigen::Vector3d& p) const;
   double bulge(const Eigen::Vector3d& scaled) const;
+  /// How much thicker than its mean the wall is in a direction: relative.
+  double wall_swell(const Eigen::Vector3d& direction) const;
 
   PlacedEye eye_;
   Eigen::Matrix3d rotation_;
@@ -58,7 +68,7 @@ class EyeAnatomy {
   Eigen::Matrix2d cornea_turn_, globe_turn_, head_turn_;
   Eigen::Vector3d inner_, outer_;  ///< half axes
   double centre_depth_;
-  Eigen::Vector3d bulge_direction_;
+  Eigen::Vector3d bulge_direction_, tumour_centre_;  ///< the tumour's from the globe's centre
   Eigen::Matrix3d lens_from_eye_;
   Eigen::Vector3d lens_centre_;
 };
@@ -87,7 +97,7 @@ class Anatomy {
 
   Eigen::Isometry3d head_from_lps_;
   std::vector<EyeAnatomy> eyes_;
-  std::array<std::vector<Tube>, 2> muscles_;
+  std::array<std::vector<Tube>, 2> muscles_, tendons_;
   std::vector<Tube> nerves_;
 };
 

@@ -20,6 +20,20 @@ Matrix2d turn_to_meridian(double axis_deg) {
   return Eigen::Rotation2Dd(-axis_deg * degree).toRotationMatrix();
 }
 
+/// Direction so many degrees from the posterior pole, towards +x and +y.
+Vector3d from_pole(double x_deg, double y_deg) {
+  const double away = std::hypot(x_deg, y_deg) * degree;
+  const double around = std::atan2(y_deg, x_deg);
+  return {std::sin(away) * std::cos(around), std::sin(away) * std::sin(around), -std::cos(away)};
+}
+
+/// A smooth irregular pattern between -1 and 1 with cells of about 3 / k.
+double pattern(const Vector3d& p, double k) {
+  return std::sin(k * p.x() + 1.3 * std::sin(0.7 * k * p.y() + 0.4)) *
+         std::sin(1.1 * k * p.y() + 1.1 * std::sin(0.6 * k * p.z() + 1.1) + 0.5) *
+         std::cos(0.9 * k * p.z() + 1.2 * std::sin(0.8 * k * p.x()));
+}
+
 double biconic_depth(const Vector2d& p, double rx, double ry, double qx, double qy) {
   const double x = p.x() / rx;
   const double y = p.y() / ry;
@@ -43,10 +57,8 @@ EyeAnatomy::EyeAnatomy(const PlacedEye& eye)
   inner_ = Vector3d(g.globe_semi_x_mm, g.globe_semi_y_mm, g.globe_semi_z_mm);
   outer_ = inner_ + Vector3d(g.wall_lateral_mm, g.wall_lateral_mm, g.wall_axial_mm);
   centre_depth_ = eye.globe_centre_depth_mm();
-  const double away = std::hypot(g.bulge_x_deg, g.bulge_y_deg) * degree;
-  const double around = std::atan2(g.bulge_y_deg, g.bulge_x_deg);
-  bulge_direction_ =
-      Vector3d(std::sin(away) * std::cos(around), std::sin(away) * std::sin(around), -std::cos(away));
+  bulge_direction_ = from_pole(g.bulge_x_deg, g.bulge_y_deg);
+  tumour_centre_ = from_pole(g.tumour_x_deg, g.tumour_y_deg).cwiseProduct(inner_);
   lens_from_eye_ = (Eigen::AngleAxisd(g.lens_tilt_y_deg * degree, Vector3d::UnitY()) *
                     Eigen::AngleAxisd(g.lens_tilt_x_deg * degree, Vector3d::UnitX()))
                        .toRotationMatrix()
@@ -97,12 +109,58 @@ bool EyeAnatomy::in_lens(const Vector3d& p) const {
   return half * half + beyond * beyond < 1;
 }
 
+bool EyeAnatomy::in_nucleus(const Vector3d& p) const {
+  const EyeGeometry& g = eye_.geometry;
+  if (g.nucleus_share == 0) return false;
+  const Vector3d half_axes(g.lens_equator_radius_mm, g.lens_equator_radius_mm, g.lens_thickness_mm / 2);
+  return (lens_from_eye_ * (p - lens_centre_)).cwiseQuotient(half_axes).norm() < g.nucleus_share;
+}
+
+Tissue EyeAnatomy::vitreous(const Vector3d& p) const {
+  const EyeGeometry& g = eye_.geometry;
+  const Vector3d from_centre = p + Vector3d(0, 0, centre_depth_);
+  if (g.tumour_mm > 0 && (from_centre - tumour_centre_).squaredNorm() < g.tumour_mm * g.tumour_mm)
+    return Tissue::melanoma;
+  if (g.oil != 0) return Tissue::silicone_oil;
+  // The pattern's median is 0, its quartiles about 0.2 off.
+  if (g.liquefied_share > 0 && pattern(p, 0.6) > 0.8 * (0.5 - g.liquefied_share))
+    return Tissue::liquefied_vitreous;
+  return Tissue::vitreous;
+}
+
+Tissue EyeAnatomy::wall(const Vector3d& from_centre, double inner_norm, double outer_norm) const {
+  const EyeGeometry& g = eye_.geometry;
+  if (g.tumour_mm > 0 && (from_centre - tumour_centre_).squaredNorm() < g.tumour_mm * g.tumour_mm)
+    return Tissue::melanoma;
+  if (g.choroid_mm == 0) return Tissue::wall;
+  // Both scaled radii grow by about the same per mm: the wall's thickness is shared between them.
+  const double outwards = inner_norm - 1, inwards = 1 - outer_norm;
+  const double thickness_mm = g.wall_lateral_mm;
+  return outwards * thickness_mm < g.choroid_mm * (outwards + inwards) ? Tissue::choroid : Tissue::sclera;
+}
+
+double EyeAnatomy::wall_swell(const Vector3d& direction) const {
+  return eye_.geometry.wall_variation * pattern(direction, 2.5);
+}
+
+double EyeAnatomy::lid_thickness_mm(const Vector3d& p) const {
+  const EyeGeometry& g = eye_.geometry;
+  const double up_mm = (head_turn_ * p.head<2>()).y();
+  return g.lid_thickness_mm * (1 + g.lid_slope * std::clamp(up_mm / 10, -1.0, 1.0));
+}
+
+bool EyeAnatomy::in_buckle(const Vector3d& p) const {
+  const EyeGeometry& g = eye_.geometry;
+  return g.buckle_mm > 0 && std::abs(p.z() + centre_depth_) < 3 && distance_outside_mm(p) < g.buckle_mm;
+}
+
 Tissue EyeAnatomy::content(const Vector3d& p, double scaled_radius) const {
   const EyeGeometry& g = eye_.geometry;
   const double d = -p.z();
   const double lens_equator = g.anterior_chamber_depth_mm + 0.4 * g.lens_thickness_mm;
-  if (d > lens_equator + 4.5) return Tissue::vitreous;
-  if (in_lens(p)) return Tissue::lens;
+  if (d > lens_equator + 4.5) return vitreous(p);
+  if (in_lens(p))
+    return g.implant != 0 ? Tissue::acrylic : in_nucleus(p) ? Tissue::lens_nucleus : Tissue::lens;
 
   const double r = p.head<2>().norm();
   // The iris rests on the lens at the pupil and runs slightly forward towards its root.
@@ -118,7 +176,7 @@ Tissue EyeAnatomy::content(const Vector3d& p, double scaled_radius) const {
     if (from_wall < g.ciliary_thickness_mm * (1 - along)) return Tissue::ciliary_body;
   }
   const Vector3d q = p - lens_centre_;
-  return -q.z() < -0.1 * g.lens_thickness_mm ? Tissue::aqueous : Tissue::vitreous;
+  return -q.z() < -0.1 * g.lens_thickness_mm ? Tissue::aqueous : vitreous(p);
 }
 
 bool EyeAnatomy::contains(const Vector3d& p, Tissue& tissue) const {
@@ -129,7 +187,10 @@ bool EyeAnatomy::contains(const Vector3d& p, Tissue& tissue) const {
   if (d < -0.1 || from_centre.squaredNorm() > 400) return false;
 
   const Vector3d scaled_in = from_centre.cwiseQuotient(inner_);
-  const double inner_norm = scaled_in.norm(), outer_norm = from_centre.cwiseQuotient(outer_).norm();
+  const Vector3d outer =
+      g.wall_variation == 0 ? outer_
+                            : Vector3d(inner_ + (1 + wall_swell(scaled_in.normalized())) * (outer_ - inner_));
+  const double inner_norm = scaled_in.norm(), outer_norm = from_centre.cwiseQuotient(outer).norm();
   const double reach = std::abs(g.bulge_height_mm) / displacement_sphere_mm;
   double swell = 1;
   if (inner_norm >= 1 - reach && outer_norm < 1 + reach) {
@@ -148,7 +209,7 @@ bool EyeAnatomy::contains(const Vector3d& p, Tissue& tissue) const {
   if (in_cornea_front || outer_norm < swell) {
     const bool cornea =
         in_cornea_front && p.head<2>().squaredNorm() < g.limbus_radius_mm * g.limbus_radius_mm;
-    tissue = cornea ? Tissue::cornea : Tissue::wall;
+    tissue = cornea ? Tissue::cornea : wall(from_centre, rho_in, outer_norm / swell);
     return true;
   }
   return false;

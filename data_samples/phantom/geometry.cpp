@@ -65,6 +65,20 @@ const std::vector<Field<EyeGeometry>> eye_fields{FIELD(EyeGeometry, cornea_radiu
                                                  FIELD(EyeGeometry, lid_thickness_mm),
                                                  FIELD(EyeGeometry, gaze_horizontal_deg),
                                                  FIELD(EyeGeometry, gaze_vertical_deg)};
+/// Written down where an eye has them.
+const std::vector<Field<EyeGeometry>> eye_structures{FIELD(EyeGeometry, choroid_mm),
+                                                     FIELD(EyeGeometry, wall_variation),
+                                                     FIELD(EyeGeometry, tendon_mm),
+                                                     FIELD(EyeGeometry, nucleus_share),
+                                                     FIELD(EyeGeometry, liquefied_share),
+                                                     FIELD(EyeGeometry, lid_slope),
+                                                     FIELD(EyeGeometry, proptosis_mm),
+                                                     FIELD(EyeGeometry, tumour_mm),
+                                                     FIELD(EyeGeometry, tumour_x_deg),
+                                                     FIELD(EyeGeometry, tumour_y_deg),
+                                                     FIELD(EyeGeometry, oil),
+                                                     FIELD(EyeGeometry, buckle_mm),
+                                                     FIELD(EyeGeometry, implant)};
 const std::vector<Field<HeadGeometry>> head_fields{FIELD(HeadGeometry, interpupillary_distance_mm),
                                                    FIELD(HeadGeometry, roll_deg),
                                                    FIELD(HeadGeometry, position_x_mm),
@@ -73,6 +87,13 @@ const std::vector<Field<HeadGeometry>> head_fields{FIELD(HeadGeometry, interpupi
                                                    FIELD(HeadGeometry, age_years),
                                                    FIELD(HeadGeometry, lens_index)};
 #undef FIELD
+
+/// All that can be set.
+const std::vector<Field<EyeGeometry>> all_eye_fields = [] {
+  std::vector<Field<EyeGeometry>> all = eye_fields;
+  all.insert(all.end(), eye_structures.begin(), eye_structures.end());
+  return all;
+}();
 
 template <class Owner>
 std::vector<std::string> names_of(const std::vector<Field<Owner>>& fields) {
@@ -93,6 +114,14 @@ template <class Owner>
 Json fields_to_json(const std::vector<Field<Owner>>& fields, const Owner& owner) {
   Json json = Json::object();
   for (const auto& field : fields) json[field.name] = owner.*field.member;
+  return json;
+}
+
+Json eye_to_json(const EyeGeometry& eye) {
+  static const EyeGeometry without;
+  Json json = fields_to_json(eye_fields, eye);
+  for (const auto& field : eye_structures)
+    if (eye.*field.member != without.*field.member) json[field.name] = eye.*field.member;
   return json;
 }
 
@@ -119,7 +148,7 @@ void assign(const std::vector<Field<Owner>>& fields, Owner& owner, const std::st
 EyeGeometry eye_from_json(const Json& json, const std::string& where) {
   EyeGeometry eye;
   for (const auto& [key, value] : json.items()) {
-    double* const number = find(eye_fields, eye, key);
+    double* const number = find(all_eye_fields, eye, key);
     if (number == nullptr) throw input_error(fmt::format("unknown key \"{}.{}\"", where, key));
     if (!value.is_number()) throw input_error(fmt::format("\"{}.{}\" is no number", where, key));
     *number = value.get<double>();
@@ -141,6 +170,9 @@ EyeGeometry turned(EyeGeometry eye, double angle_deg) {
   const Eigen::Vector2d bulge = turn * Eigen::Vector2d(eye.bulge_x_deg, eye.bulge_y_deg);
   eye.bulge_x_deg = bulge.x();
   eye.bulge_y_deg = bulge.y();
+  const Eigen::Vector2d tumour = turn * Eigen::Vector2d(eye.tumour_x_deg, eye.tumour_y_deg);
+  eye.tumour_x_deg = tumour.x();
+  eye.tumour_y_deg = tumour.y();
   // The lens is round: its axis says all. R = Ry(b) Rx(a) takes z to (cos a sin b, -sin a, cos a cos b).
   const double a = eye.lens_tilt_x_deg * degree;
   const double b = eye.lens_tilt_y_deg * degree;
@@ -195,7 +227,7 @@ PlacedEye place(const HeadGeometry& head, Laterality laterality) {
   const double h = eye.gaze_horizontal_deg * degree;
   const double v = eye.gaze_vertical_deg * degree;
   const Vector3d axis(std::sin(h) * std::cos(v), -std::cos(h) * std::cos(v), std::sin(v));
-  const Vector3d centre(side * head.interpupillary_distance_mm / 2, 0, 0);
+  const Vector3d centre(side * head.interpupillary_distance_mm / 2, -eye.proptosis_mm, 0);
   const Vector3d apex = centre + (eye.axial_length_mm - eye.globe_semi_z_mm) * axis;
   const Isometry3d head_from_eye = lps_from_eye(apex, axis);
   const Isometry3d to_lps = lps_from_head(head);
@@ -217,7 +249,7 @@ void check(const HeadGeometry& head) {
   for (const Laterality laterality : both_eyes) {
     const EyeGeometry& eye = head.eye(laterality);
     const std::string name = to_string(laterality);
-    for (const auto& field : eye_fields)
+    for (const auto& field : all_eye_fields)
       require(std::isfinite(eye.*field.member), name, fmt::format("{} is not finite", field.name));
     for (const double radius : {eye.cornea_radius_x_mm, eye.cornea_radius_y_mm})
       require(radius > 5.5 && radius < 12, name, "cornea_radius_x_mm and _y_mm must lie between 5.5 and 12");
@@ -239,12 +271,12 @@ void check(const HeadGeometry& head) {
             "cornea_thickness_mm must lie between 0.2 and 1");
     require(eye.anterior_chamber_depth_mm > eye.cornea_thickness_mm + 0.8, name,
             "anterior_chamber_depth_mm leaves no chamber in front of the lens");
-    require(eye.lens_thickness_mm > 2 && eye.lens_thickness_mm < 7, name,
-            "lens_thickness_mm must lie between 2 and 7");
+    require(eye.lens_thickness_mm > (eye.implant != 0 ? 0.5 : 2) && eye.lens_thickness_mm < 7, name,
+            "lens_thickness_mm must lie between 2 and 7 (an implant's from 0.5)");
     require(eye.lens_anterior_radius_mm > 4 && eye.lens_posterior_radius_mm > 3.5, name,
             "lens radii are too small");
-    require(eye.lens_equator_radius_mm > 3.5 && eye.lens_equator_radius_mm < 5.5, name,
-            "lens_equator_radius_mm must lie between 3.5 and 5.5");
+    require(eye.lens_equator_radius_mm > (eye.implant != 0 ? 2.5 : 3.5) && eye.lens_equator_radius_mm < 5.5,
+            name, "lens_equator_radius_mm must lie between 3.5 and 5.5 (an implant's from 2.5)");
     require(std::hypot(eye.lens_decentre_x_mm, eye.lens_decentre_y_mm) < 1.5 &&
                 std::hypot(eye.lens_tilt_x_deg, eye.lens_tilt_y_deg) < 20,
             name, "the lens is decentred or tilted too far (1.5 mm, 20 deg)");
@@ -255,6 +287,17 @@ void check(const HeadGeometry& head) {
     require(eye.axial_length_mm - 2 * eye.globe_semi_z_mm > 0.3, name,
             "the globe's ellipsoid reaches the cornea: axial_length_mm is too small for globe_semi_z_mm");
     require(eye.wall_lateral_mm > 0.2 && eye.wall_axial_mm > 0.2, name, "the wall is thinner than 0.2 mm");
+    require(eye.choroid_mm >= 0 && eye.choroid_mm < std::min(eye.wall_lateral_mm, eye.wall_axial_mm), name,
+            "choroid_mm must be less than the wall's thickness");
+    require(std::abs(eye.wall_variation) <= 0.5 && std::abs(eye.lid_slope) <= 0.8, name,
+            "wall_variation must lie within 0.5, lid_slope within 0.8");
+    require(eye.nucleus_share >= 0 && eye.nucleus_share < 0.95 && eye.liquefied_share >= 0 &&
+                eye.liquefied_share <= 0.8,
+            name, "nucleus_share must lie between 0 and 0.95, liquefied_share between 0 and 0.8");
+    require(eye.tendon_mm >= 0 && eye.tendon_mm < 4 && eye.tumour_mm >= 0 && eye.tumour_mm < 10 &&
+                eye.buckle_mm >= 0 && eye.buckle_mm < 5,
+            name, "tendon_mm must lie between 0 and 4, tumour_mm to 10, buckle_mm to 5");
+    require(std::abs(eye.proptosis_mm) < 8, name, "proptosis_mm must lie within 8");
     require(eye.bulge_width_deg > 5 && std::abs(eye.bulge_height_mm) < 4, name,
             "bulge_width_deg must exceed 5 and bulge_height_mm lie within 4");
     require(eye.lid_thickness_mm >= 0 && eye.lid_thickness_mm < 5, name,
@@ -269,8 +312,8 @@ void check(const HeadGeometry& head) {
 
 Json to_json(const HeadGeometry& head) {
   Json json = fields_to_json(head_fields, head);
-  json["od"] = fields_to_json(eye_fields, head.od);
-  json["os"] = fields_to_json(eye_fields, head.os);
+  json["od"] = eye_to_json(head.od);
+  json["os"] = eye_to_json(head.os);
   return json;
 }
 
@@ -289,11 +332,13 @@ HeadGeometry head_from_json(const Json& json) {
   return head;
 }
 
-void set_fields(EyeGeometry& eye, const std::string& assignments) { assign(eye_fields, eye, assignments); }
+void set_fields(EyeGeometry& eye, const std::string& assignments) {
+  assign(all_eye_fields, eye, assignments);
+}
 void set_fields(HeadGeometry& head, const std::string& assignments) {
   assign(head_fields, head, assignments);
 }
-std::vector<std::string> eye_field_names() { return names_of(eye_fields); }
+std::vector<std::string> eye_field_names() { return names_of(all_eye_fields); }
 std::vector<std::string> head_field_names() { return names_of(head_fields); }
 
 double matching_globe_semi_z_mm(const EyeGeometry& eye) {

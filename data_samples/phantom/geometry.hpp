@@ -58,6 +58,20 @@ struct EyeGeometry {
 
   double lid_thickness_mm = 2.0;  ///< 0: open eye, air in front of the cornea
 
+  // Structures that the fit's model has not; 0: none.
+  double choroid_mm = 0;       ///< a bright layer inside the wall; the rest of it is then dark sclera
+  double wall_variation = 0;   ///< relative amplitude with which the wall's thickness varies over the globe
+  double tendon_mm = 0;        ///< thickness of the tendons that lie on the globe in front of its equator
+  double nucleus_share = 0;    ///< of the lens: its nucleus, half axes over those of the lens
+  double liquefied_share = 0;  ///< of the vitreous, in pockets
+  double lid_slope = 0;        ///< the lid is thicker by this share 10 mm above the axis, thinner below
+  double proptosis_mm = 0;     ///< the globe lies this much further out of the head
+  double tumour_mm = 0;        ///< radius of a melanoma on the wall
+  double tumour_x_deg = 40, tumour_y_deg = 20;  ///< its direction, as the bulge's
+  double oil = 0;                               ///< 1: silicone oil in place of the vitreous
+  double buckle_mm = 0;                         ///< thickness of a silicone band around the equator
+  double implant = 0;                           ///< 1: the lens is of acrylic
+
   // Pose, in the head: where the eye looks from straight ahead, about the globe's centre.
   double gaze_horizontal_deg = 0;  ///< towards the patient's left
   double gaze_vertical_deg = 0;    ///< up

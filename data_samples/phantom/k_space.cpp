@@ -31,6 +31,42 @@ Complex fine_cell_factor(int k, int n) {
 /// Largest frequency that is acquired; the Nyquist frequency itself has no partner and is left out.
 int last_frequency(double acquired, int n) { return static_cast<int>(std::ceil(acquired * n / 2)) - 1; }
 
+/// \param t  frequency over the largest that is acquired
+double window_at(Window window, double t) {
+  switch (window) {
+    case Window::none:
+      return 1;
+    case Window::hann:
+      return 0.5 + 0.5 * std::cos(pi * std::min(1.0, t));
+    case Window::fermi:
+      return 1 / (1 + std::exp((t - 0.8) / 0.06));
+  }
+  return 1;
+}
+
+/// What the order of acquisition makes of a line: the echo train's decay from the middle outwards, and two
+/// ghosts of what moves in step with every third line.
+double line_factor(const KSpace& k_space, int ky, int reach_y) {
+  const double decay = std::exp(-k_space.echo_train * std::abs(ky) / reach_y);
+  return decay * (1 + 2 * k_space.ghost * std::cos(2 * pi * ky / 3.0));
+}
+
+/// Parallel imaging amplifies noise unevenly: most in the middle of the picture.
+double noise_amplification(double variation, double x, double y) {
+  return 1 + variation * std::cos(pi * (x - 0.5)) * std::cos(pi * (y - 0.5));
+}
+
+/// Noise of the image's own, windowed as the signal is, amplified by place.
+cv::Mat noise_image(const cv::Mat& spectrum, double variation) {
+  cv::Mat noise;
+  cv::dft(spectrum, noise, cv::DFT_INVERSE | cv::DFT_SCALE);
+  for (int row = 0; row < noise.rows; ++row)
+    for (int column = 0; column < noise.cols; ++column)
+      noise.at<cv::Vec2d>(row, column) *=
+          noise_amplification(variation, (column + 0.5) / noise.cols, (row + 0.5) / noise.rows);
+  return noise;
+}
+
 }  // namespace
 
 std::vector<float> magnitude_image(const FineSlice& object, const KSpace& k_space) {
@@ -55,22 +91,28 @@ std::vector<float> magnitude_image(const FineSlice& object, const KSpace& k_spac
     fat_factor.push_back(water_factor.back() * chemical_shift_factor(kx, k_space.fat_shift_px, columns));
   }
   cv::Mat image = cv::Mat::zeros(rows, columns, CV_64FC2);
+  cv::Mat noise_spectrum = image.clone();
   for (int ky = -reach_y; ky <= reach_y; ++ky) {
     const int fine_row = (ky + fine_rows) % fine_rows;
-    const Complex row_factor = fine_cell_factor(ky, rows) * to_image;
+    const Complex row_factor = fine_cell_factor(ky, rows) * to_image * line_factor(k_space, ky, reach_y);
+    const double row_window = window_at(k_space.window, std::abs(ky) / (reach_y + 1.0));
     for (int kx = -reach_x; kx <= reach_x; ++kx) {
       const int fine_column = (kx + fine_columns) % fine_columns;
       const auto& w = water.at<cv::Vec2d>(fine_row, fine_column);
       const auto& f = fat.at<cv::Vec2d>(fine_row, fine_column);
       const Complex signal = row_factor * (Complex(w[0], w[1]) * water_factor[kx + reach_x] +
                                            Complex(f[0], f[1]) * fat_factor[kx + reach_x]);
+      const double window = row_window * window_at(k_space.window, std::abs(kx) / (reach_x + 1.0));
       const double in_phase = noise(random);
       const double quadrature = noise(random);
-      image.at<cv::Vec2d>((ky + rows) % rows, (kx + columns) % columns) = {signal.real() + in_phase,
-                                                                           signal.imag() + quadrature};
+      const int at_row = (ky + rows) % rows, at_column = (kx + columns) % columns;
+      image.at<cv::Vec2d>(at_row, at_column) = {window * signal.real(), window * signal.imag()};
+      noise_spectrum.at<cv::Vec2d>(at_row, at_column) = {window * in_phase, window * quadrature};
     }
   }
+  if (k_space.noise_variation == 0) image += noise_spectrum;
   cv::dft(image, image, cv::DFT_INVERSE | cv::DFT_SCALE);
+  if (k_space.noise_variation != 0) image += noise_image(noise_spectrum, k_space.noise_variation);
 
   std::vector<float> magnitude(static_cast<std::size_t>(rows) * columns);
   for (int row = 0; row < rows; ++row)

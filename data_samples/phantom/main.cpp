@@ -20,6 +20,7 @@ struct Options {
   std::string geometry, od, os, head;
   std::vector<double> gaze;
   std::optional<double> roll, snr;
+  std::string world;
   Disturbances disturbances;
   Compression compression = Compression::none;
 };
@@ -41,6 +42,7 @@ HeadGeometry geometry_of(const Options& options) {
       head.eye(eye).gaze_vertical_deg = options.gaze[1];
     }
   if (options.roll) head.roll_deg = *options.roll;
+  if (!options.world.empty()) furnish(head, options.world, options.random.value_or(0));
   return head;
 }
 
@@ -66,6 +68,7 @@ Protocol protocol_of(const Options& options, const CommonOptions& common, const 
   protocol.disturbances = options.disturbances;
   protocol.disturbances.snr = options.snr.value_or(preset_snr);
   protocol.disturbances.seed = common.seed;
+  if (!options.world.empty()) disturb(protocol, options.world, options.random.value_or(0));
   return protocol;
 }
 
@@ -90,6 +93,12 @@ void declare_geometry(CLI::App& app, Options& options) {
       ->group(geometry);
   app.add_option("--keratoconus", options.keratoconus, "The same eyes, each with a cone on its cornea")
       ->excludes("--random")
+      ->group(geometry);
+  app.add_option("--world", options.world,
+                 fmt::format("Structures that the fit's model has not: {}", fmt::join(world_names(), ", ")))
+      ->needs("--random")
+      ->check(CLI::IsMember(world_names()).description(""))
+      ->type_name("NAME")
       ->group(geometry);
   app.add_option("--geometry", options.geometry, "Geometry from a file (a truth.json will do)")
       ->check(CLI::ExistingFile)

@@ -11,3 +11,4 @@
 #include "data_samples/phantom/render.hpp"
 #include "data_samples/phantom/study.hpp"
 #include "data_samples/phantom/truth.hpp"
+#include "data_samples/phantom/world.hpp"

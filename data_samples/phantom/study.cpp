@@ -19,6 +19,9 @@ namespace fs = std::filesystem;
 const char* name_of(SliceProfile profile) {
   return profile == SliceProfile::box ? "box" : profile == SliceProfile::trapezoid ? "trapezoid" : "gaussian";
 }
+const char* name_of(Window window) {
+  return window == Window::none ? "none" : window == Window::hann ? "hann" : "fermi";
+}
 const char* name_of(Coil coil) {
   return coil == Coil::uniform ? "uniform" : coil == Coil::surface ? "surface" : "head";
 }
@@ -42,13 +45,21 @@ Json to_json(const StackPlan& plan) {
 }
 
 Json to_json(const Disturbances& d) {
-  return {{"snr", d.snr},
-          {"motion_mm", d.motion_mm},
-          {"motion_deg", d.motion_deg},
-          {"slice_motion_mm", d.slice_motion_mm},
-          {"scale_error", d.scale_error},
-          {"chemical_shift_px", d.chemical_shift_px},
-          {"seed", d.seed}};
+  Json json{{"snr", d.snr},
+            {"motion_mm", d.motion_mm},
+            {"motion_deg", d.motion_deg},
+            {"slice_motion_mm", d.slice_motion_mm},
+            {"scale_error", d.scale_error},
+            {"chemical_shift_px", d.chemical_shift_px},
+            {"seed", d.seed}};
+  // Of a world; without one the text, and the identifiers made from it, are as they always were.
+  if (d.window != Window::none) json["window"] = name_of(d.window);
+  for (const auto& [name, amount] : {std::pair{"noise_variation", d.noise_variation},
+                                     {"echo_train", d.echo_train},
+                                     {"ghost", d.ghost},
+                                     {"slice_gain", d.slice_gain}})
+    if (amount != 0) json[name] = amount;
+  return json;
 }
 
 Json to_json(const Protocol& protocol) {

@@ -26,8 +26,17 @@ enum class Tissue : unsigned char {
   csf,
   grey_matter,
   white_matter,
+  choroid,
+  sclera,
+  tendon,
+  lens_nucleus,
+  liquefied_vitreous,
+  melanoma,
+  silicone_oil,
+  silicone_rubber,
+  acrylic,
 };
-inline constexpr std::size_t tissue_count = 20;
+inline constexpr std::size_t tissue_count = 29;
 
 enum class Contrast { T1, T2 };
 inline const char* to_string(Contrast contrast) { return contrast == Contrast::T1 ? "T1" : "T2"; }

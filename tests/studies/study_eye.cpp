@@ -10,11 +10,14 @@
 #include <optional>
 #include <random>
 
+#include "meshing/biometry.hpp"
+#include "meshing/partial_biometry.hpp"
 #include "pipeline/base/frames.hpp"
 #include "segmentation/finding/find_eyes.hpp"
 #include "segmentation/fit/both_eyes.hpp"
 #include "segmentation/fit/rician.hpp"
 #include "segmentation/judgement/fellow_eye.hpp"
+#include "segmentation/output/fit_json.hpp"
 #include "tests/support/phantom_eyes.hpp"
 
 namespace emmetrope::segmentation {
@@ -191,6 +194,18 @@ void conclude(StudiedEye& eye) {
   eye.bound->covariance = information_bound(*eye.judged->fit);
 }
 
+/// What the stages `segment` and `mesh` would state of the eye: the fit's quantities, without the cornea's where that is
+/// withheld, or those of edges; null where it is refused.
+Json stated_biometry(const JudgedEye& eye) {
+  if (!eye.is_fitted() && !eye.is_read()) return nullptr;
+  const Json fit = fit_json(eye, 0.0);
+  if (eye.is_read()) return meshing::edge_biometry_json(fit, eye.found.laterality, usual_retinal_depth_mm);
+  Json biometry = meshing::biometry_json(fitted_eye(parametric_eye_from_json(fit.at("eye"))), {});
+  if (!eye.is_measured())
+    meshing::withhold_cornea(biometry, fit.at("withheld").at("cornea").get<std::string>());
+  return biometry;
+}
+
 /// The fit's figures in the record.
 void write_down(StudiedEye& studied) {
   const EyeFit& fit = *studied.judged->fit;
@@ -234,8 +249,9 @@ std::filesystem::path record_file(const std::filesystem::path& cache, const Stud
 }
 
 std::vector<Json> study_head(const StudyProtocol& wanted, unsigned long long seed) {
-  const phantom::HeadGeometry head =
+  phantom::HeadGeometry head =
       wanted.keratoconus ? phantom::random_keratoconus(seed) : phantom::random_head(seed);
+  if (!wanted.world.empty()) phantom::furnish(head, wanted.world, seed);
   const phantom::Anatomy anatomy(head);
   phantom::Protocol protocol = phantom::make_protocol(wanted.name, anatomy);
   protocol.disturbances.motion_mm = 0.3;
@@ -247,6 +263,7 @@ std::vector<Json> study_head(const StudyProtocol& wanted, unsigned long long see
     protocol.disturbances.scale_error = std::normal_distribution<double>(0, 0.003)(random);
     protocol.disturbances.chemical_shift_px = 1;
   }
+  if (!wanted.world.empty()) phantom::disturb(protocol, wanted.world, seed);
   const Vector3d od = anatomy.eye(Laterality::od).globe_centre_lps(),
                  os = anatomy.eye(Laterality::os).globe_centre_lps();
   for (phantom::StackPlan& plan : protocol.stacks) {
@@ -287,6 +304,8 @@ std::vector<Json> study_head(const StudyProtocol& wanted, unsigned long long see
   }
   std::vector<Json> records;
   for (StudiedEye& eye : eyes) {
+    eye.record["verdict"] = eye.judged ? eye.judged->status() : "not found";
+    if (eye.judged) eye.record["stated"] = stated_biometry(*eye.judged);
     if (eye.bound) write_down(eye);
     records.push_back(std::move(eye.record));
   }

@@ -17,12 +17,13 @@ struct StudyProtocol {
   bool keratoconus = false;  ///< a cone on each cornea
   double turn_deg = 0;       ///< rms per axis of the head's rotation between stacks
   double snr = 0;            ///< 0: the protocol's own
+  std::string world;         ///< a phantom's world; empty: the model's own
 
   /// "surface-coil", "surface-coil-distorted", "surface-coil-turned", "surface-coil-keratoconus": how records
   /// are named.
   std::string label() const {
     return name + (keratoconus ? "-keratoconus" : "") + (distorted ? "-distorted" : "") +
-           (turn_deg > 0 ? "-turned" : "");
+           (turn_deg > 0 ? "-turned" : "") + (world.empty() ? "" : "-" + world);
   }
 };
 
@@ -38,6 +39,7 @@ struct StudyProtocol {
 ///   "bound_if_known": for each group of nuisance parameters the bound's standard deviations of
 ///   axial length (mm) and corneal power (D) if it were known,
 ///   "irregular_cornea", "irregularity_chi2": whether the cornea was found irregular, and by what,
+///   "stated": what `emmetrope mesh` would state of it, "verdict": "measured", "partial" or "refused",
 ///   "surface_mm": mean distance of the fitted "retina" (hemisphere about the pole) and "cornea" (8 mm) from
 ///   the true ones, "fat_shift_mm", "chi2_per_voxel", "voxels", "iterations", "start_costs", "fit_s",
 ///   "render_s" (processor time).

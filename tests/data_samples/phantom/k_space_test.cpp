@@ -101,5 +101,71 @@ TEST(KSpace, NoiseIsRician) {
   }
 }
 
+/// A Hann window to the edge of k-space: 1/2 + 1/2 cos(pi k / k_max) on a wave of frequency k; of the noise's power in one
+/// direction the mean of its square, 3/8, is left.
+TEST(KSpace, AWindowSmoothsSignalAndNoiseAlike) {
+  KSpace hann;
+  hann.window = Window::hann;
+  const double cycles = 12, gain = 0.5 + 0.5 * std::cos(pi * cycles / (size / 2));
+  const auto image = magnitude_image(cosine(cycles, 0.3), hann);
+  for (int i = 0; i < size; ++i)
+    EXPECT_NEAR(image[i], 10 + gain * std::cos(2 * pi * cycles * i / size + 0.3), 1e-5) << i;
+  hann.sigma = 5;
+  EXPECT_NEAR(moments(magnitude_image(constant(200), hann)).sd, 5 * 3.0 / 8, 0.1);
+}
+
+/// What moves in step with every third line appears a third of the field of view away, on both sides.
+TEST(KSpace, GhostsLieAThirdOfTheFieldOfViewAway) {
+  FineSlice slice = constant(0);
+  slice.columns = slice.rows = 96;
+  slice.water.assign(static_cast<std::size_t>(fine) * fine * 96 * 96, 0);
+  slice.fat = slice.water;
+  for (int j = 0; j < fine * 96; ++j)
+    for (int i = 0; i < fine * 96; ++i)
+      if (std::abs(j - 48 * fine) < 6 * fine) slice.water[static_cast<std::size_t>(j) * fine * 96 + i] = 100;
+  KSpace ghosts;
+  ghosts.ghost = 0.05;
+  const auto image = magnitude_image(slice, ghosts);
+  const auto row = [&](int r) { return image[static_cast<std::size_t>(r) * 96 + 40]; };
+  EXPECT_NEAR(row(48), 100, 2);  // a slab rings
+  EXPECT_NEAR(row(48 + 32), 5, 0.5);
+  EXPECT_NEAR(row(48 - 32), 5, 0.5);
+  EXPECT_NEAR(row(48 + 20), 0, 0.5);
+}
+
+TEST(KSpace, AnEchoTrainBlursAlongTheColumnsOnly) {
+  KSpace train;
+  train.echo_train = 1;
+  const double cycles = 12, reach = size / 2 - 1;
+  FineSlice along_columns = cosine(cycles, 0.3), across = along_columns;
+  for (int j = 0; j < fine * size; ++j)
+    for (int i = 0; i < fine * size; ++i)
+      across.water[static_cast<std::size_t>(i) * fine * size + j] =
+          along_columns.water[static_cast<std::size_t>(j) * fine * size + i];
+  const auto rows_kept = magnitude_image(along_columns, train),
+             columns_blurred = magnitude_image(across, train);
+  const double gain = std::exp(-cycles / reach);
+  for (int i = 0; i < size; ++i) {
+    const double wave = std::cos(2 * pi * cycles * i / size + 0.3);
+    EXPECT_NEAR(rows_kept[i], 10 + wave, 1e-5);
+    EXPECT_NEAR(columns_blurred[static_cast<std::size_t>(i) * size], 10 + gain * wave, 1e-5);
+  }
+}
+
+TEST(KSpace, NoiseThatVariesIsStrongestInTheMiddle) {
+  KSpace noisy;
+  noisy.sigma = 5;
+  noisy.noise_variation = 1;
+  const auto image = magnitude_image(constant(400), noisy);
+  std::vector<float> middle, corner;
+  for (int r = 0; r < 16; ++r)
+    for (int c = 0; c < 16; ++c) {
+      middle.push_back(image[static_cast<std::size_t>(r + 56) * 128 + c + 56]);
+      corner.push_back(image[static_cast<std::size_t>(r) * 128 + c]);
+    }
+  EXPECT_NEAR(moments(middle).sd, 10, 1.5);
+  EXPECT_NEAR(moments(corner).sd, 5, 0.8);
+}
+
 }  // namespace
 }  // namespace emmetrope::phantom

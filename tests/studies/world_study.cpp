@@ -1,0 +1,174 @@
+/// What the program states of eyes in a world that its model does not know (docs/method/phantom.md), against the truth:
+/// the tables of docs/evidence/worlds.md. About ten seconds of processor time an eye.
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <map>
+#include <set>
+
+#include "data_samples/phantom/world.hpp"
+#include "pipeline/base/files.hpp"
+#include "pipeline/base/measured.hpp"
+#include "tests/studies/study_eye.hpp"
+
+using namespace emmetrope;
+using namespace emmetrope::segmentation;
+
+namespace {
+
+constexpr double normal_95 = 1.959963985;
+
+struct Quantity {
+  const char *name, *pointer;
+};
+constexpr std::array<Quantity, 12> quantities{{{"axial length, mm", "/axial_length_mm"},
+                                               {"globe width, mm", "/globe_width_mm"},
+                                               {"globe height, mm", "/globe_height_mm"},
+                                               {"anterior chamber depth, mm", "/anterior_chamber_depth_mm"},
+                                               {"lens thickness, mm", "/lens_thickness_mm"},
+                                               {"lens front radius, mm", "/lens_anterior_radius_mm"},
+                                               {"lens back radius, mm", "/lens_posterior_radius_mm"},
+                                               {"corneal thickness, mm", "/corneal_thickness_mm"},
+                                               {"corneal power M, D", "/astigmatism/M_D"},
+                                               {"astigmatism J0, D", "/astigmatism/J0_D"},
+                                               {"astigmatism J45, D", "/astigmatism/J45_D"},
+                                               {"corneal asphericity Q", "/keratometry/asphericity_q"}}};
+
+/// Of the eyes in which one quantity was stated.
+struct Errors {
+  std::vector<double> error, sigma;
+
+  double rms() const { return root_mean_square(error); }
+  double stated() const { return root_mean_square(sigma); }
+  int covered() const {
+    int count = 0;
+    for (std::size_t i = 0; i < error.size(); ++i) count += std::abs(error[i]) <= normal_95 * sigma[i];
+    return count;
+  }
+  double mean() const {
+    double sum = 0;
+    for (const double e : error) sum += e;
+    return sum / static_cast<double>(error.size());
+  }
+  double median() const {
+    std::vector<double> sizes;
+    for (const double e : error) sizes.push_back(std::abs(e));
+    std::nth_element(sizes.begin(), sizes.begin() + sizes.size() / 2, sizes.end());
+    return sizes[sizes.size() / 2];
+  }
+  double largest_in_sigmas() const {
+    double largest = 0;
+    for (std::size_t i = 0; i < error.size(); ++i) largest = std::max(largest, std::abs(error[i]) / sigma[i]);
+    return largest;
+  }
+
+ private:
+  static double root_mean_square(const std::vector<double>& values) {
+    double sum = 0;
+    for (const double v : values) sum += v * v;
+    return std::sqrt(sum / static_cast<double>(values.size()));
+  }
+};
+
+struct Study {
+  std::map<std::string, int> verdicts;
+  std::map<std::string, int> by;  ///< "fit", "edges"
+  std::array<Errors, quantities.size()> errors;
+  int irregular = 0;
+
+  void add(const Json& record) {
+    ++verdicts[record.at("verdict")];
+    const Json stated = record.value("stated", Json());
+    if (stated.is_null()) return;
+    bool by_edges = false;
+    for (std::size_t i = 0; i < quantities.size(); ++i) {
+      const Json::json_pointer at(quantities[i].pointer);
+      if (!stated.contains(at) || is_withheld(stated.at(at))) continue;
+      const auto measured = stated.at(at).get<Measured>();
+      errors[i].error.push_back(measured.value - record.at("truth").at(at).get<double>());
+      errors[i].sigma.push_back(measured.sigma());
+      by_edges = by_edges || measured.method == "edges";
+    }
+    ++by[by_edges ? "edges" : "fit"];
+    if (!by_edges && record.value("irregular_cornea", false)) ++irregular;
+  }
+
+  void print() const {
+    for (const auto& [verdict, count] : verdicts) fmt::print("{} {}; ", count, verdict);
+    for (const auto& [method, count] : by) fmt::print("by {} {}; ", method, count);
+    fmt::print("irregular corneas {}\n\n", irregular);
+    fmt::print(
+        "| quantity | eyes | mean | rms | median | stated sigma | covered | largest, sd |\n"
+        "| --- | --- | --- | --- | --- | --- | --- | --- |\n");
+    int covered = 0;
+    std::size_t of = 0;
+    for (std::size_t i = 0; i < quantities.size(); ++i) {
+      const Errors& e = errors[i];
+      const std::size_t n = e.error.size();
+      if (n == 0) continue;
+      covered += e.covered();
+      of += n;
+      fmt::print("| {} | {} | {:+.2f} | {:.2f} | {:.2f} | {:.2f} | {:.0f} % | {:.1f} |\n", quantities[i].name,
+                 n, e.mean(), e.rms(), e.median(), e.stated(), 100.0 * e.covered() / static_cast<double>(n),
+                 e.largest_in_sigmas());
+    }
+    if (of > 0)
+      fmt::print("| pooled | {} | | | | | {:.1f} % | |\n", of, 100.0 * covered / static_cast<double>(of));
+  }
+};
+
+/// What was stated beyond so many standard deviations, and of which eye.
+void print_worst(const Json& record, double beyond_sigmas) {
+  const Json stated = record.value("stated", Json());
+  if (stated.is_null()) return;
+  for (const Quantity& quantity : quantities) {
+    const Json::json_pointer at(quantity.pointer);
+    if (!stated.contains(at) || is_withheld(stated.at(at))) continue;
+    const auto measured = stated.at(at).get<Measured>();
+    const double error = measured.value - record.at("truth").at(at).get<double>();
+    if (std::abs(error) > beyond_sigmas * measured.sigma())
+      fmt::print("{} {} {} {}: {:+.2f}, {:.1f} sd\n", record.at("seed").get<int>(),
+                 record.at("laterality").get<std::string>(), quantity.name,
+                 measured.method == "edges" ? "by edges" : "by fit", error,
+                 std::abs(error) / measured.sigma());
+  }
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  CLI::App app("What is stated of eyes in a world that the model does not know, two eyes a head");
+  StudyProtocol protocol;
+  unsigned long long first = 1;
+  int count = 1;
+  std::filesystem::path cache;
+  double worst = 3;
+  app.add_option("--protocol", protocol.name, "surface-coil, head-t2, head-t1");
+  app.add_option("--world", protocol.world, "Of the phantom")->check(CLI::IsMember(phantom::world_names()));
+  app.add_option("--first", first, "Seed of the first head");
+  app.add_option("--count", count, "Heads");
+  app.add_option("--worst", worst, "Errors beyond so many standard deviations are told one by one");
+  app.add_option("--cache", cache, "Folder of records; those that are there are not made again")->required();
+  CLI11_PARSE(app, argc, argv);
+
+  std::filesystem::create_directories(cache);
+  Study study;
+  for (unsigned long long seed = first; seed < first + count; ++seed) {
+    const auto file = [&](Laterality eye) { return record_file(cache, protocol, seed, eye); };
+    if (!std::filesystem::exists(file(Laterality::od)) || !std::filesystem::exists(file(Laterality::os))) {
+      const std::vector<Json> records = study_head(protocol, seed);
+      for (std::size_t i = 0; i < records.size(); ++i) write_json(file(both_eyes[i]), records[i]);
+    }
+    for (const Laterality eye : both_eyes) {
+      const Json record = read_json(file(eye));
+      study.add(record);
+      print_worst(record, worst);
+    }
+  }
+  fmt::print("\n{}: ", protocol.label());
+  study.print();
+  return 0;
+}
