@@ -35,7 +35,7 @@ EyeDrawing::EyeDrawing(const ForwardModel& model, const ForwardModel::AtParamete
 bool EyeDrawing::enter(const Vector3d& middle) {
   middle_ = middle;
   fields_ = {};
-  const double inside = distance(globe_surface(a_, middle, false, nullptr));
+  const double inside = distance(globe_surface(a_, middle, WallSide::inner, nullptr));
   if (std::abs(inside) < background_reach_mm) {
     const Vector3d semi_axes(a_[globe_x], a_[globe_y], a_[globe_z]);
     const Vector3d direction =
@@ -71,12 +71,16 @@ double EyeDrawing::operator()(const Vector3d& p) const {
     value += behind_face * ((around - fat) * (1 - eye) + fat * (1 - without_fat));
   }
   value += (a_[cornea] + (a_[wall] - a_[cornea]) * rear) * (eye - inside);
+  const double share = a_[wall_inner_share];
+  value += rear * a_[wall_layering] *
+           (coverage(wall_between, p) - (1 - share) * coverage(wall_inside, p) -
+            share * coverage(wall_outside, p));
   const double mid_lens = a_[anterior_chamber_depth] + a_[lens_thickness] / 2;
   const double fluid =
       a_[aqueous] + (a_[vitreous] - a_[aqueous]) * smooth_step(depth, mid_lens - 1, mid_lens + 1);
   value += fluid * inside;
   const double in_lens = coverage(lens_front, p) * coverage(lens_back, p) * coverage(lens_equator, p);
-  return value + (a_[lens] - fluid) * in_lens;
+  return value + (a_[lens] - fluid) * in_lens + a_[lens_nucleus] * coverage(nucleus, p);
 }
 
 EyeSurface EyeDrawing::surface(Surface which, const Vector3d& p) const {
@@ -91,11 +95,15 @@ EyeSurface EyeDrawing::surface(Surface which, const Vector3d& p) const {
     case cornea_back:
       return at_.cornea_at(p, true);
     case wall_outside:
-      return globe_surface(a_, p, true, &fields);
+      return globe_surface(a_, p, WallSide::outer, &fields);
     case wall_inside:
-      return globe_surface(a_, p, false, &fields);
+      return globe_surface(a_, p, WallSide::inner, &fields);
+    case wall_between:
+      return globe_surface(a_, p, WallSide::between, &fields);
+    case nucleus:
+      return nucleus_surface(a_, p);
     case fat_begins:
-      return globe_surface(a_, p - fat_shift_, true, &fields);
+      return globe_surface(a_, p - fat_shift_, WallSide::outer, &fields);
     default:
       lens_surfaces(a_, p, front, back, equator);
       return which == lens_front ? front : which == lens_back ? back : equator;

@@ -33,11 +33,13 @@ class EyeDrawing {
     cornea_front,
     cornea_back,
     wall_outside,
+    wall_between,
     wall_inside,
     fat_begins,
     lens_front,
     lens_back,
     lens_equator,
+    nucleus,
     surface_count
   };
 

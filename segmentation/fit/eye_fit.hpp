@@ -51,6 +51,8 @@ struct EyeFit {
   double slice_displacement_mm = 0;       ///< slice_displacement.hpp
 
   double value(int parameter) const { return parameters[parameter]; }
+  /// Brightness of the wall's inner layer, which the vitreous borders on.
+  double inner_wall() const { return value(wall) + (1 - value(wall_inner_share)) * value(wall_layering); }
   /// Centre of the globe's ellipsoid.
   Eigen::Vector3d globe_centre_lps() const {
     return parameters.segment<3>(apex_x) -

@@ -33,6 +33,7 @@ std::vector<Prior> make_table() {
   table.insert(table.end(), {
                                 {"wall_lateral_mm", 0.85, 0.2},
                                 {"wall_axial_mm", 1.2, 0.4},
+                                {"wall_inner_share", 0.45, 0.12},
                                 {"iris_offset_mm", -0.1, 0.15},
                                 {"iris_slope", 0, 0.1},
                                 {"iris_half_thickness_mm", 0.2, 0.03},
@@ -46,8 +47,10 @@ std::vector<Prior> make_table() {
                                 {"intensity_vitreous", 0, 0.5},
                                 {"intensity_aqueous", 0, 0.5},
                                 {"intensity_wall", 0, 0.5},
+                                {"intensity_wall_layering", 0, 0.2},
                                 {"intensity_cornea", 0, 0.15},
                                 {"intensity_lens", 0, 0.5},
+                                {"intensity_lens_nucleus", 0, 0.08},
                                 {"intensity_iris", 0, 0.2},
                                 {"intensity_lid", 0, 0.5},
                                 {"intensity_air", 0, 0.1},

@@ -43,7 +43,8 @@ enum Parameter : int {
   globe_z,
   wall_lateral,
   wall_axial,
-  iris_offset,  ///< middle of the iris behind the lens' front vertex, at 3 mm from the axis
+  wall_inner_share,  ///< of the wall's thickness: its inner layer, retina and choroid
+  iris_offset,       ///< middle of the iris behind the lens' front vertex, at 3 mm from the axis
   iris_slope,
   iris_half_thickness,
   pupil_radius,
@@ -55,9 +56,11 @@ enum Parameter : int {
   lid_xy,
   vitreous,
   aqueous,
-  wall,
+  wall,           ///< mean of its layers
+  wall_layering,  ///< the inner layer less the outer one, the sclera
   cornea,
   lens,
+  lens_nucleus,  ///< less the cortex, which is `lens`
   iris,
   lid,
   air,

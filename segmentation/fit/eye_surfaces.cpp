@@ -134,9 +134,10 @@ EyeSurface lid_surface(const VectorXd& a, const Vector3d& p) {
   return surface;
 }
 
-EyeSurface globe_surface(const VectorXd& a, const Vector3d& p, bool outer, const WallFields* fields) {
-  const double lateral = outer ? a[wall_lateral] : 0, axial = outer ? a[wall_axial] : 0;
-  const double rx = a[globe_x] + lateral, ry = a[globe_y] + lateral, rz = a[globe_z] + axial;
+EyeSurface globe_surface(const VectorXd& a, const Vector3d& p, WallSide side, const WallFields* fields) {
+  const double share = side == WallSide::inner ? 0 : side == WallSide::outer ? 1 : a[wall_inner_share];
+  const double rx = a[globe_x] + share * a[wall_lateral], ry = a[globe_y] + share * a[wall_lateral],
+               rz = a[globe_z] + share * a[wall_axial];
   const double depth = -p.z() - (a[axial_length] - a[globe_z]);
   const Vector3d q(p.x() / rx, p.y() / ry, depth / rz);
   const double rho = std::max(q.norm(), 0.05);
@@ -152,9 +153,12 @@ EyeSurface globe_surface(const VectorXd& a, const Vector3d& p, bool outer, const
   surface.depends(globe_y, -d_q.y() * q.y() / ry);
   surface.depends(globe_z, d_q.z() * (1 - q.z()) / rz);
   surface.depends(axial_length, -d_q.z() / rz);
-  if (outer) {
-    surface.depends(wall_lateral, -d_q.x() * q.x() / rx - d_q.y() * q.y() / ry);
-    surface.depends(wall_axial, -d_q.z() * q.z() / rz);
+  if (side != WallSide::inner) {
+    const double by_lateral = -d_q.x() * q.x() / rx - d_q.y() * q.y() / ry, by_axial = -d_q.z() * q.z() / rz;
+    surface.depends(wall_lateral, share * by_lateral);
+    surface.depends(wall_axial, share * by_axial);
+    if (side == WallSide::between)
+      surface.depends(wall_inner_share, a[wall_lateral] * by_lateral + a[wall_axial] * by_axial);
   }
   if (fields) {
     surface.f += fields->displacement;
@@ -163,15 +167,35 @@ EyeSurface globe_surface(const VectorXd& a, const Vector3d& p, bool outer, const
   return surface;
 }
 
+namespace {
+
+/// A point in the lens's frame, about mid-lens; tilts are about mid-lens, first about +x, then about the fixed +y.
+struct InLens {
+  InLens(const VectorXd& a, const Vector3d& p)
+      : w(p.x() - a[lens_decentre_x], p.y() - a[lens_decentre_y],
+          p.z() + a[anterior_chamber_depth] + a[lens_thickness] / 2) {
+    const double tx = a[lens_tilt_x] * degree, ty = a[lens_tilt_y] * degree;
+    // The rows of the rotation's inverse.
+    const double sx = std::sin(tx), cx = std::cos(tx), sy = std::sin(ty), cy = std::cos(ty);
+    grad_x = {cy, 0, -sy};
+    grad_y = {sx * sy, cx, sx * cy};
+    grad_delta = {-cx * sy, sx, -cx * cy};
+    x = grad_x.dot(w);
+    y = grad_y.dot(w);
+    delta = grad_delta.dot(w);
+  }
+  Vector3d w;  ///< from mid-lens, in the eye frame
+  Vector3d grad_x, grad_y, grad_delta;
+  double x, y, delta;  ///< delta: along the lens's axis, into the eye
+};
+
+}  // namespace
+
 void lens_surfaces(const VectorXd& a, const Vector3d& p, EyeSurface& front, EyeSurface& back,
                    EyeSurface& equator) {
-  const double acd = a[anterior_chamber_depth], half = a[lens_thickness] / 2;
-  const double tx = a[lens_tilt_x] * degree, ty = a[lens_tilt_y] * degree;
-  const Vector3d w(p.x() - a[lens_decentre_x], p.y() - a[lens_decentre_y], p.z() + acd + half);
-  // About mid-lens, first about +x, then about the fixed +y: the rows of the rotation's inverse.
-  const double sx = std::sin(tx), cx = std::cos(tx), sy = std::sin(ty), cy = std::cos(ty);
-  const Vector3d grad_x(cy, 0, -sy), grad_y(sx * sy, cx, sx * cy), grad_delta(-cx * sy, sx, -cx * cy);
-  const double x = grad_x.dot(w), y = grad_y.dot(w), delta = grad_delta.dot(w);
+  const double half = a[lens_thickness] / 2;
+  const InLens at(a, p);
+  const auto& [w, grad_x, grad_y, grad_delta, x, y, delta] = at;
   const double s = x * x + y * y;
 
   for (const bool is_front : {true, false}) {
@@ -202,6 +226,28 @@ void lens_surfaces(const VectorXd& a, const Vector3d& p, EyeSurface& front, EyeS
   equator.depends(lens_equator_radius, 1);
   equator.depends(lens_decentre_x, x / r);
   equator.depends(lens_decentre_y, y / r);
+}
+
+EyeSurface nucleus_surface(const VectorXd& a, const Vector3d& p) {
+  const InLens at(a, p);
+  const double across = nucleus_share * a[lens_equator_radius], along = nucleus_share * a[lens_thickness] / 2;
+  const double x = at.x / across, y = at.y / across, delta = at.delta / along;
+  const double rho = std::max(std::sqrt(x * x + y * y + delta * delta), 0.1);
+  // By the point's coordinates in the lens; F is a length along its axis.
+  const double d_x = -along * x / (rho * across), d_y = -along * y / (rho * across), d_delta = -delta / rho;
+
+  EyeSurface surface;
+  surface.f = along * (1 - rho);
+  surface.gradient = d_x * at.grad_x + d_y * at.grad_y + d_delta * at.grad_delta;
+  surface.depends(anterior_chamber_depth, surface.gradient.z());
+  surface.depends(lens_thickness,
+                  surface.gradient.z() / 2 + nucleus_share / 2 * (1 - rho + delta * delta / rho));
+  surface.depends(lens_equator_radius, nucleus_share * along * (x * x + y * y) / (rho * across));
+  surface.depends(lens_decentre_x, -surface.gradient.x());
+  surface.depends(lens_decentre_y, -surface.gradient.y());
+  surface.depends(lens_tilt_x, degree * (d_y * at.w.z() + d_delta * at.w.y()));
+  surface.depends(lens_tilt_y, degree * (-d_x * at.w.z() - d_delta * at.w.x()));
+  return surface;
 }
 
 void iris_surfaces(const VectorXd& a, const Vector3d& p, EyeSurface& top, EyeSurface& bottom,

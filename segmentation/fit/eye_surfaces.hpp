@@ -53,10 +53,14 @@ Bump bump_at(double cosine);
 EyeSurface cornea_surface(const Eigen::VectorXd& a, const Eigen::Vector3d& p, bool back,
                           const CorneaField* field);
 EyeSurface lid_surface(const Eigen::VectorXd& a, const Eigen::Vector3d& p);
-/// Inner or outer side of the wall.
+/// Sides of the wall, and where its layers meet.
+enum class WallSide { inner, between, outer };
 /// \param fields  none: the ellipsoid alone
-EyeSurface globe_surface(const Eigen::VectorXd& a, const Eigen::Vector3d& p, bool outer,
+EyeSurface globe_surface(const Eigen::VectorXd& a, const Eigen::Vector3d& p, WallSide side,
                          const WallFields* fields);
+/// The nucleus: an ellipsoid of the lens's proportions, this share as large.
+inline constexpr double nucleus_share = 0.62;
+EyeSurface nucleus_surface(const Eigen::VectorXd& a, const Eigen::Vector3d& p);
 void lens_surfaces(const Eigen::VectorXd& a, const Eigen::Vector3d& p, EyeSurface& front, EyeSurface& back,
                    EyeSurface& equator);
 void iris_surfaces(const Eigen::VectorXd& a, const Eigen::Vector3d& p, EyeSurface& top, EyeSurface& bottom,

@@ -46,7 +46,8 @@ std::vector<int> open_parameters(const ParameterLayout& layout, std::vector<int>
   const auto known = [&](int parameter) {
     const int in_stack = (parameter - eye_parameter_count) % stack_parameter_count;
     const bool of_stack = parameter >= eye_parameter_count && parameter < layout.displacement();
-    return (parameter >= lid_thickness && parameter <= surround) || parameter >= layout.background() ||
+    return parameter == wall_inner_share || (parameter >= lid_thickness && parameter <= surround) ||
+           parameter >= layout.background() ||
            (of_stack && (in_stack < shift_first || in_stack == log_sharpness || in_stack >= fat_shift_first));
   };
   wanted.erase(std::remove_if(wanted.begin(), wanted.end(), known), wanted.end());
@@ -105,7 +106,7 @@ SolveResult fit_globe(FitProblem& problem, const VectorXd& start, Evidence evide
   std::vector<int> active = range(apex_x, gaze_vertical);
   append(active, {anterior_chamber_depth, lens_thickness, lens_anterior_radius, lens_posterior_radius,
                   globe_x, globe_y, globe_z, wall_lateral, wall_axial, iris_offset, pupil_radius, vitreous,
-                  aqueous, wall, lens, iris, surround});
+                  aqueous, wall, wall_layering, lens, lens_nucleus, iris, surround});
   const ParameterLayout& layout = problem.model->layout();
   append(active, stack_parameters(*problem.model, false));
   const Priors kept = problem.priors;

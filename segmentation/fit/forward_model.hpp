@@ -95,9 +95,12 @@ class SparseRow {
 /// a cornea thinner than the blur is right.
 ///
 /// Front: air + (lid - air) H_lid + (cornea - lid) H_front + (aqueous - cornea) H_back + (lens - aqueous)
-/// H_lens + (iris - aqueous) (H_iris_front - H_iris_back_or_lens) H_pupil
+/// H_lens + nucleus H_nucleus + (iris - aqueous) (H_iris_front - H_iris_back_or_lens) H_pupil
 /// Rear:  surround(n) (1 - H_outer) + fat(n) (H_outer - H_fat) + wall (H_outer - H_inner)
-/// + vitreous H_inner + (lens - vitreous) H_lens
+/// + layering (H_between - (1 - share) H_inner - share H_outer) + vitreous H_inner
+/// + (lens - vitreous) H_lens + nucleus H_nucleus
+/// The wall has a brighter inner layer (retina and choroid, `share` of its thickness) and a darker outer one (sclera);
+/// `wall` is the mean of both. The lens has a nucleus.
 /// H_fat is H_outer displaced by the chemical shift: the fat of what surrounds the globe lies over the wall
 /// on one side and leaves a gap on the other, muscle stays in its place. surround(n) tells their shares:
 /// muscle is as bright as the wall, fat as its brightest surroundings. The coil multiplies by exp(log_gain +

@@ -40,13 +40,16 @@ RobustResidual robust_residual(const FitProblem& problem, const Sample& sample, 
   return {value, -d_r * e.d_signal / sample.deviation};
 }
 
+/// Retina and choroid are not darker than sclera; a limit there would have a kink in which solutions end apart.
+constexpr double inverted_layering_sigma = 0.02;
+
 /// Where a parameter still makes an eye. Beyond, the image is that at the limit and the prior alone pulls
 /// back, so that a step over a limit costs the fit nothing else.
 struct Limit {
   int parameter;
   double lower, upper;
 };
-constexpr std::array<Limit, 18> limits{{{cornea_c, 1 / 12.0, 1 / 5.0},
+constexpr std::array<Limit, 19> limits{{{cornea_c, 1 / 12.0, 1 / 5.0},
                                         {cornea_q, -1.5, 1},
                                         {cornea_q_split, -0.4, 0.4},
                                         {cornea_thickness, 0.2, 1.2},
@@ -62,6 +65,7 @@ constexpr std::array<Limit, 18> limits{{{cornea_c, 1 / 12.0, 1 / 5.0},
                                         {globe_z, 6, 18},
                                         {wall_lateral, 0.2, 4},
                                         {wall_axial, 0.2, 4},
+                                        {wall_inner_share, 0.1, 0.9},
                                         {iris_half_thickness, 0.05, 0.4},
                                         {pupil_radius, 0.4, 5}}};
 
@@ -146,7 +150,8 @@ void add_cornea_like_wall(const Priors& priors, const VectorXd& parameters, bool
 void add_priors(const FitProblem& problem, const VectorXd& parameters, bool derivatives,
                 NormalEquations& out) {
   const Priors& priors = problem.priors;
-  const VectorXd per_sigma = priors.sigma.cwiseInverse();
+  VectorXd per_sigma = priors.sigma.cwiseInverse();
+  if (parameters[wall_layering] < 0) per_sigma[wall_layering] = 1 / inverted_layering_sigma;
   VectorXd deviation = (parameters - priors.mean).cwiseProduct(per_sigma);
   deviation[cornea_c] =
       (parameters[cornea_c] - expected_curvature(priors, parameters[axial_length])) * per_sigma[cornea_c];

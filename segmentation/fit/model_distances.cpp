@@ -35,10 +35,10 @@ ForwardModel::AtParameters::Distances ForwardModel::AtParameters::distances(cons
   d.direction = q.squaredNorm() > 1e-12 ? q.normalized() : Vector3d(-Vector3d::UnitZ());
   WallFields wall_at;
   // Far from the wall a displacement of tenths of a millimetre decides nothing.
-  if (std::abs(distance(globe_surface(a_, p, false, nullptr))) < 5)
+  if (std::abs(distance(globe_surface(a_, p, WallSide::inner, nullptr))) < 5)
     wall_at.displacement = displacement(d.direction);
-  d.globe = distance(globe_surface(a_, p, false, &wall_at));
-  d.outer = distance(globe_surface(a_, p, true, &wall_at));
+  d.globe = distance(globe_surface(a_, p, WallSide::inner, &wall_at));
+  d.outer = distance(globe_surface(a_, p, WallSide::outer, &wall_at));
   return d;
 }
 
@@ -48,7 +48,7 @@ double ForwardModel::AtParameters::limbus_misfit(int quadrant, SparseRow* row) c
   Vector3d p(limbus_radius_mm * std::cos(angle), limbus_radius_mm * std::sin(angle), 0);
   const EyeSurface front = cornea_at(p, false);
   p.z() = front.f;  // front.f is minus the sag here: on the cornea
-  const EyeSurface globe = globe_surface(a_, p, true, nullptr);
+  const EyeSurface globe = globe_surface(a_, p, WallSide::outer, nullptr);
   const double per_f = 1 / globe.gradient.norm();
   if (row) {
     row->clear();
@@ -70,7 +70,7 @@ ForwardModel::AtParameters::SurfacePoint ForwardModel::AtParameters::at_surface(
   } else if (which == OpticalSurface::retina) {
     for (int i = 0; i < model_.layout_.bumps; ++i) everywhere.bumps.push_back(static_cast<std::uint8_t>(i));
     wall_at = wall_fields(everywhere.bumps, p);
-    surface = globe_surface(a_, p, false, &wall_at);
+    surface = globe_surface(a_, p, WallSide::inner, &wall_at);
   } else {
     EyeSurface front, back, equator;
     lens_surfaces(a_, p, front, back, equator);

@@ -97,26 +97,33 @@ class ForwardModel::AtParameters::SignalSum {
     fluid_share_ += back_edge.value;
   }
 
-  /// Surroundings with displaced fat, wall and vitreous, nested.
+  /// Surroundings with displaced fat, the wall's two layers and vitreous, nested.
   void add_wall(const Vector3d& p) {
-    Edge outer_edge, inner_edge, fat_edge;
+    Edge outer_edge, between_edge, inner_edge, fat_edge;
+    const double layering = a_[wall_layering], share = a_[wall_inner_share];
     const double outside = a_[surround] + wall_.background;
     const double fat = fat_signal(outside, a_[wall], sampling_.fat);
     if (sample_.near_wall) {
-      const EyeSurface outer = globe_surface(a_, p, true, &wall_),
-                       inner = globe_surface(a_, p, false, &wall_);
+      const EyeSurface outer = globe_surface(a_, p, WallSide::outer, &wall_),
+                       inner = globe_surface(a_, p, WallSide::inner, &wall_);
       outer_edge = fat_edge = edge(outer);
       inner_edge = edge(inner);
+      const EyeSurface between = globe_surface(a_, p, WallSide::between, &wall_);
+      between_edge = edge(between);
       EyeSurface fat_begins = outer;
       if (axes_.has_fat_shift) {
-        fat_begins = globe_surface(a_, p - axes_.fat_shift, true, &wall_);
+        fat_begins = globe_surface(a_, p - axes_.fat_shift, WallSide::outer, &wall_);
         fat_edge = edge(fat_begins);
       }
       if (row_) {
         const double d_f = enter(fat_begins, fat_edge, -fat);
         d_fat_shift_ -= d_f * fat_begins.gradient;
-        d_displacement_ += d_f + enter(outer, outer_edge, a_[wall] - outside + fat);
-        d_displacement_ += enter(inner, inner_edge, fluid_ - a_[wall]);
+        d_displacement_ += d_f + enter(outer, outer_edge, a_[wall] - share * layering - outside + fat);
+        d_displacement_ += enter(between, between_edge, layering);
+        d_displacement_ += enter(inner, inner_edge, fluid_ - a_[wall] - (1 - share) * layering);
+        row_->add(wall_layering,
+                  weight_ * (between_edge.value - (1 - share) * inner_edge.value - share * outer_edge.value));
+        row_->add(wall_inner_share, weight_ * layering * (inner_edge.value - outer_edge.value));
         const double over_wall = sampling_.fat - a_[wall];
         const double d_share =
             (outer_edge.value - fat_edge.value) * sampling_.fat / std::max(over_wall, least_fat_over_wall);
@@ -127,8 +134,10 @@ class ForwardModel::AtParameters::SignalSum {
         row_->add(wall, weight_ * (outer_edge.value - inner_edge.value - d_share * d_share_d_wall));
       }
     }
-    signal_ += weight_ * (outside * (1 - outer_edge.value) + fat * (outer_edge.value - fat_edge.value) +
-                          a_[wall] * (outer_edge.value - inner_edge.value) + fluid_ * inner_edge.value);
+    signal_ += weight_ *
+               (outside * (1 - outer_edge.value) + fat * (outer_edge.value - fat_edge.value) +
+                a_[wall] * (outer_edge.value - inner_edge.value) + fluid_ * inner_edge.value +
+                layering * (between_edge.value - (1 - share) * inner_edge.value - share * outer_edge.value));
     fluid_share_ += inner_edge.value;
   }
 
@@ -136,17 +145,20 @@ class ForwardModel::AtParameters::SignalSum {
   void add_lens_and_iris(const Vector3d& p) {
     EyeSurface front, back, equator;
     lens_surfaces(a_, p, front, back, equator);
-    const Edge f = edge(front), b = edge(back), e = edge(equator);
+    const EyeSurface nucleus = nucleus_surface(a_, p);
+    const Edge f = edge(front), b = edge(back), e = edge(equator), n = edge(nucleus);
     const double share = f.value * b.value * e.value;
     const double contrast = a_[lens] - fluid_;
-    signal_ += weight_ * contrast * share;
+    signal_ += weight_ * (contrast * share + a_[lens_nucleus] * n.value);
     fluid_share_ -= share;
     if (is_front_) add_iris(p, front, f);
     if (!row_) return;
     enter(front, f, contrast * b.value * e.value);
     enter(back, b, contrast * f.value * e.value);
     enter(equator, e, contrast * f.value * b.value);
+    enter(nucleus, n, a_[lens_nucleus]);
     row_->add(lens, weight_ * share);
+    row_->add(lens_nucleus, weight_ * n.value);
   }
 
   /// The iris ends where its back or the lens begins, whichever comes first: a difference of nested regions,

@@ -17,8 +17,8 @@ struct FatEdge {
 FatEdge fat_edge(const EyeFit& fit) {
   // A wall brighter than that has an edge of its own.
   constexpr double dark_wall = 0.4;
-  const double wall_share =
-      (fit.value(wall) - fit.value(vitreous)) / (fit.value(surround) - fit.value(vitreous));
+  const double wall_share = (std::max(fit.value(wall), fit.inner_wall()) - fit.value(vitreous)) /
+                            (fit.value(surround) - fit.value(vitreous));
   if (fit.weighting == Weighting::t2 || wall_share > dark_wall) return {};
   const double displaced_mm = fit.parameters.segment<2>(fit.layout.stack(0) + fat_shift_first).norm();
   return {2 * fit.value(wall_lateral) + displaced_mm, fit.value(wall_axial) + displaced_mm, displaced_mm};
@@ -38,6 +38,25 @@ void consider(EdgeAgreement& agreement, const std::string& what, double edges_ou
 
 bool EdgeAgreement::confirms() const {
   return with_length && limits_of("edge_disagreement").plausible.contains(sigmas);
+}
+
+EdgeBiometry with_doubt(const ReadEye& read, const EyeFit& fit) {
+  EdgeBiometry biometry = read.biometry;
+  constexpr double same_globe_mm = 5;
+  const Range plausible_mm = limits_of("globe_width_mm").plausible;
+  const double width_mm = 2 * fit.value(globe_x), height_mm = 2 * fit.value(globe_y);
+  if ((fit.globe_centre_lps() - read.reading.globe.centre).norm() > same_globe_mm ||
+      !plausible_mm.contains(width_mm) || !plausible_mm.contains(height_mm))
+    return biometry;
+  const auto reach = [](Estimate& by_edges, double fitted_mm) {
+    const double apart_mm = std::abs(by_edges.value - fitted_mm);
+    if (apart_mm > 2 * by_edges.sigma) by_edges.sigma = std::hypot(by_edges.sigma, apart_mm / 2);
+  };
+  reach(biometry.globe_width, width_mm);
+  reach(biometry.globe_height, height_mm);
+  reach(biometry.globe_depth, 2 * fit.value(globe_z));
+  if (biometry.axial_length) reach(*biometry.axial_length, fit.value(axial_length));
+  return biometry;
 }
 
 EdgeAgreement compare_with_edges(const EyeFit& fit, const ReadEye& read) {

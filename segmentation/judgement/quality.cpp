@@ -193,7 +193,9 @@ void judge_apex(const EyeFit& fit, Gates& gates) {
 double residual_over_contrast(const EyeFit& fit) {
   double noise = 0;
   for (const ObservedStack& stack : fit.stacks) noise = std::max(noise, stack.sampling.noise);
-  return std::sqrt(fit.chi2_per_voxel) * noise / std::abs(fit.value(wall) - fit.value(vitreous));
+  const double step = std::max(std::abs(fit.value(wall) - fit.value(vitreous)),
+                               std::abs(fit.inner_wall() - fit.value(vitreous)));
+  return std::sqrt(fit.chi2_per_voxel) * noise / step;
 }
 
 /// \param confirmed  by edges

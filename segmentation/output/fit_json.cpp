@@ -50,7 +50,8 @@ Json to_json(const Estimate& estimate) {
 Json edges_json(const JudgedEye& eye) {
   const std::optional<ReadEye> edges = eye.main_edges();
   if (!edges) return nullptr;
-  const auto& [reading, biometry] = *edges;
+  const EdgeReading& reading = edges->reading;
+  const EdgeBiometry biometry = eye.stated_edges();
   Json json{{"lps_from_eye", to_json_matrix(frame_of(reading))},
             {"globe_centre_lps_mm", to_json_vector(reading.globe.centre)},
             {"globe_centre_sigma_mm", biometry.centre.sigma},

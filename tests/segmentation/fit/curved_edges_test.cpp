@@ -58,6 +58,7 @@ struct Globe {
     parameters[apex_y] = -centre_depth;  // the eye looks to -y
     parameters[globe_y] = parameters[globe_x];
     for (int i = vitreous; i <= iris; ++i) parameters[i] = inside_globe;
+    parameters[wall_layering] = parameters[lens_nucleus] = 0;
     for (const int i : {int(lid), int(air), int(surround)}) parameters[i] = outside_globe;
     radius_mm = parameters[globe_x] + parameters[wall_lateral];
     half_depth_mm = parameters[globe_z] + parameters[wall_axial];

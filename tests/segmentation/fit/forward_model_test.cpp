@@ -44,8 +44,18 @@ VectorXd test_parameters(unsigned seed) {
   a[lens_tilt_x] = 3;
   a[lens_tilt_y] = -2;
   a[lens_decentre_x] = 0.2;
-  const double intensities[]{1, 0.95, 0.3, 0.25, 0.35, 0.2, 0.5, 0.02, 0.6};
-  for (int i = 0; i < 9; ++i) a[vitreous + i] = intensities[i];
+  for (const auto& [tissue, intensity] : {std::pair{vitreous, 1.0},
+                                          {aqueous, 0.95},
+                                          {wall, 0.3},
+                                          {wall_layering, 0.15},
+                                          {cornea, 0.25},
+                                          {lens, 0.35},
+                                          {lens_nucleus, -0.1},
+                                          {iris, 0.2},
+                                          {lid, 0.5},
+                                          {air, 0.02},
+                                          {surround, 0.6}})
+    a[tissue] = intensity;
   for (int i = 0; i < layout.bumps; ++i) {
     a[layout.displacement() + i] = 0.03 * normal(random);
     a[layout.background() + i] = 0.1 * normal(random);
