@@ -97,9 +97,10 @@ std::vector<StageInput> input_files(const SegmentOptions& options) {
 }
 
 void require_same_files(const SegmentOptions& options, const std::vector<StageInput>& noted) {
+  const bool study_holds_case = is_below(options.case_folder, options.study);
   const auto of_study = [&](const std::vector<StageInput>& inputs) {
     return std::count_if(inputs.begin(), inputs.end(), [&](const StageInput& input) {
-      return !is_below(input.path, options.case_folder);  // what this run writes
+      return !study_holds_case || !is_below(input.path, options.case_folder);  // what this run writes
     });
   };
   const auto then = of_study(noted), now = of_study(input_files(options));

@@ -56,7 +56,7 @@ class EyeAnatomy {
   Tissue content(const Eigen::Vector3d& p, double scaled_radius) const;
   Tissue vitreous(const Eigen::Vector3d& p) const;
   /// \param inner_norm, outer_norm  scaled radii for the inner and the outer surface of the wall
-  Tissue wall(const Eigen::Vector3d& from_centre, double inner_norm, double outer_norm) const;
+  Tissue wall(const Eigen::Vector3d& p, double inner_norm, double outer_norm) const;
   bool in_nucleus(const Eigen::Vector3d& p) const;
   double bulge(const Eigen::Vector3d& scaled) const;
   /// How much thicker than its mean the wall is in a direction: relative.

@@ -128,8 +128,9 @@ Tissue EyeAnatomy::vitreous(const Vector3d& p) const {
   return Tissue::vitreous;
 }
 
-Tissue EyeAnatomy::wall(const Vector3d& from_centre, double inner_norm, double outer_norm) const {
+Tissue EyeAnatomy::wall(const Vector3d& p, double inner_norm, double outer_norm) const {
   const EyeGeometry& g = eye_.geometry;
+  const Vector3d from_centre = p + Vector3d(0, 0, centre_depth_);
   if (g.tumour_mm > 0 && (from_centre - tumour_centre_).squaredNorm() < g.tumour_mm * g.tumour_mm)
     return Tissue::melanoma;
   if (g.choroid_mm == 0) return Tissue::wall;
@@ -209,7 +210,7 @@ bool EyeAnatomy::contains(const Vector3d& p, Tissue& tissue) const {
   if (in_cornea_front || outer_norm < swell) {
     const bool cornea =
         in_cornea_front && p.head<2>().squaredNorm() < g.limbus_radius_mm * g.limbus_radius_mm;
-    tissue = cornea ? Tissue::cornea : wall(from_centre, rho_in, outer_norm / swell);
+    tissue = cornea ? Tissue::cornea : wall(p, rho_in, outer_norm / swell);
     return true;
   }
   return false;

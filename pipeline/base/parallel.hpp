@@ -1,9 +1,9 @@
 #pragma once
+#include <algorithm>
 #include <atomic>
 #include <cstddef>
 #include <exception>
 #include <mutex>
-#include <system_error>
 #include <thread>
 #include <vector>
 
@@ -26,9 +26,11 @@ void on_threads(int threads, std::size_t count, const Work& work) {
     }
   };
   std::vector<std::thread> workers;
+  const std::size_t most = std::min(static_cast<std::size_t>(std::max(threads, 1)), count);
+  workers.reserve(most);
   try {
-    for (int t = 1; t < threads; ++t) workers.emplace_back(run);
-  } catch (const std::system_error&) {  // no more threads: those that there are do the work
+    for (std::size_t t = 1; t < most; ++t) workers.emplace_back(run);
+  } catch (const std::exception&) {  // no more threads, or memory for one: those that there are do the work
   }
   run();
   for (auto& worker : workers) worker.join();

@@ -168,7 +168,7 @@ class Decoder::Child {
   void await_start() {
     try {
       if (read_start(Clock::now() + std::chrono::seconds(60)).first == MessageType::ready) return;
-      throw ChildFailure{"it does not answer as one"};
+      throw ChildFailure{"does not answer as one"};
     } catch (const ChildFailure& failure) {
       if (process_ > 0) stop();
       throw Error(ExitStatus::fault, "emmetrope-decode does not start: it " + failure.text,

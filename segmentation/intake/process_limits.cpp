@@ -9,13 +9,20 @@
 namespace emmetrope::segmentation {
 namespace {
 
-/// No higher than what the system already allows: a lower limit from outside stands.
-void limit(decltype(RLIMIT_AS) what, rlim_t soft, rlim_t hard) {
+rlimit limits_of(decltype(RLIMIT_AS) what) {
   rlimit value{};
   if (::getrlimit(what, &value) != 0) ::_exit(1);
-  value.rlim_max = std::min(value.rlim_max, hard);
-  value.rlim_cur = std::min(value.rlim_max, soft);
+  return value;
+}
+
+void set(decltype(RLIMIT_AS) what, const rlimit& value) {
   if (::setrlimit(what, &value) != 0) ::_exit(1);
+}
+
+/// No higher than what the system already allows: a lower limit from outside stands.
+void limit(decltype(RLIMIT_AS) what, rlim_t most) {
+  const rlimit now = limits_of(what);
+  set(what, {std::min(now.rlim_cur, most), std::min(now.rlim_max, most)});
 }
 
 /// Processor time used so far by this process.
@@ -32,15 +39,16 @@ double cpu_seconds() {
 
 void limit_process([[maybe_unused]] std::uint64_t memory_bytes) {
 #ifndef __SANITIZE_ADDRESS__  // its shadow memory needs terabytes of address space
-  limit(RLIMIT_AS, memory_bytes, memory_bytes);
+  limit(RLIMIT_AS, memory_bytes);
 #endif
-  limit(RLIMIT_CORE, 0, 0);
-  limit(RLIMIT_FSIZE, 0, 0);
-  limit(RLIMIT_NOFILE, 32, 32);
+  limit(RLIMIT_CORE, 0);
+  limit(RLIMIT_FSIZE, 0);
+  limit(RLIMIT_NOFILE, 32);
 }
 
 void limit_processor_time(double further_s) {
-  limit(RLIMIT_CPU, static_cast<rlim_t>(std::ceil(cpu_seconds() + further_s)), RLIM_INFINITY);
+  const rlim_t most = limits_of(RLIMIT_CPU).rlim_max;
+  set(RLIMIT_CPU, {std::min(most, static_cast<rlim_t>(std::ceil(cpu_seconds() + further_s))), most});
 }
 
 }  // namespace emmetrope::segmentation

@@ -6,7 +6,6 @@
 #include <cstdlib>
 #include <future>
 #include <random>
-#include <thread>
 
 #include "pipeline/base/files.hpp"
 #include "pipeline/eye/parametric/parametric_eye.hpp"
@@ -118,7 +117,9 @@ TEST_F(SegmentStage, AStudyThatIsStillBeingCopiedIsRefused) {
   const fs::path study = folder_ / "study";
   fs::copy(data_folder() / "data_samples" / "sample" / "dicom", study, fs::copy_options::recursive);
   std::future<Answer> answer = std::async(std::launch::async, [&] { return run(study, "case"); });
-  while (!fs::exists(folder_ / "case" / ".writing-segmentation")) std::this_thread::yield();
+  while (!fs::exists(folder_ / "case" / ".writing-segmentation") &&
+         answer.wait_for(std::chrono::milliseconds(1)) != std::future_status::ready) {
+  }
   write_file(study / "another.dcm", "late");
   try {
     answer.get();

@@ -20,8 +20,16 @@ class ScoreTest : public testing::Test {
   ScoreTest() {
     layout_.stacks = 1;
     parameters_ = population_mean(layout_);
-    const double intensities[]{1, 0.95, 0.3, 0.25, 0.35, 0.2, 0.5, 0.02, 0.6};
-    for (int i = 0; i < 9; ++i) parameters_[vitreous + i] = intensities[i];
+    for (const auto& [tissue, intensity] : {std::pair{vitreous, 1.0},
+                                            {aqueous, 0.95},
+                                            {wall, 0.3},
+                                            {cornea, 0.25},
+                                            {lens, 0.35},
+                                            {iris, 0.2},
+                                            {lid, 0.5},
+                                            {air, 0.02},
+                                            {surround, 0.6}})
+      parameters_[tissue] = intensity;
     problem_.model = &model_;
     problem_.limbus_sigma_mm = 0;
     problem_.loss_scale = 1e6;  // squares: then the statistic's distribution is known
