@@ -58,6 +58,7 @@ class EyeAnatomy {
   /// \param inner_norm, outer_norm  scaled radii for the inner and the outer surface of the wall
   Tissue wall(const Eigen::Vector3d& p, double inner_norm, double outer_norm) const;
   bool in_nucleus(const Eigen::Vector3d& p) const;
+  bool in_tumour(const Eigen::Vector3d& p) const;
   double bulge(const Eigen::Vector3d& scaled) const;
   /// How much thicker than its mean the wall is in a direction: relative.
   double wall_swell(const Eigen::Vector3d& direction) const;

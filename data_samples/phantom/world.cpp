@@ -77,7 +77,7 @@ void treat(EyeGeometry& eye, Draw& draw) {
 
 /// \throw Error (usage) for an unknown name
 unsigned long long number_of(const std::string& name) {
-  const std::vector<std::string> names = world_names();
+  const std::vector<std::string>& names = world_names();
   const auto found = std::find(names.begin(), names.end(), name);
   if (found == names.end())
     throw usage_error(fmt::format("unknown world \"{}\"", name),
@@ -87,28 +87,8 @@ unsigned long long number_of(const std::string& name) {
 
 }  // namespace
 
-const std::vector<World>& worlds() {
-  static const std::vector<World> list{
-      {"tissue",
-       "a bright layer inside a dark sclera, tendons on the globe, a nucleus in the lens, a thick "
-       "ciliary body; in half of the heads fat displaced by a pixel"},
-      {"console",
-       "smoothed and zero-filled images, noise that is correlated and varies over the picture, blur "
-       "by the echo train"},
-      {"orbit",
-       "layers, tendons and nucleus by other rules, a wall of varying thickness, liquefied vitreous, "
-       "lids of other shapes or open, gaze to 40 degrees, eyes deeper or shallower in the head, "
-       "corneas and globes from another population, fat displaced either way"},
-      {"scanner",
-       "ghosts, echo trains, slices of unequal brightness that are moved singly, smoothing, a scale "
-       "error, layers in the wall"},
-      {"treated", "each eye with silicone oil, a scleral buckle, an intra-ocular lens or a tumour"}};
-  return list;
-}
-
-std::vector<std::string> world_names() {
-  std::vector<std::string> names;
-  for (const World& world : worlds()) names.push_back(world.name);
+const std::vector<std::string>& world_names() {
+  static const std::vector<std::string> names{"tissue", "console", "orbit", "scanner", "treated"};
   return names;
 }
 

@@ -9,11 +9,7 @@
 /// it has not. docs/method/phantom.md says what is in each, and which were used to tune the fit.
 namespace emmetrope::phantom {
 
-struct World {
-  std::string name, contents;
-};
-const std::vector<World>& worlds();
-std::vector<std::string> world_names();
+const std::vector<std::string>& world_names();
 
 /// What a world adds to a head, and to the way in which it is scanned; drawn from the seed, the same for the
 /// same seed.

@@ -66,8 +66,8 @@ const std::vector<Prior>& prior_table() {
 
 bool is_intensity(int index) { return index >= vitreous && index <= surround; }
 
-constexpr double cornea_like_wall = 0.08;  ///< relative
-constexpr double layering_sigma_t2 = 0.05;
+constexpr double cornea_like_wall = 0.08;   ///< relative
+constexpr double layering_sigma_t2 = 0.05;  ///< of the vitreous' brightness; chosen
 constexpr double curvature_per_axial_length = -0.4 * per_mm_of_keratometric_D;
 constexpr double coil_sigma = 0.3, gain_sigma = 0.3;
 constexpr double shift_sigma_mm = 3;     ///< the head moves 1 to 3 mm between series

@@ -58,7 +58,7 @@ enum class WallSide { inner, between, outer };
 /// \param fields  none: the ellipsoid alone
 EyeSurface globe_surface(const Eigen::VectorXd& a, const Eigen::Vector3d& p, WallSide side,
                          const WallFields* fields);
-/// The nucleus: an ellipsoid of the lens's proportions, this share as large.
+/// The nucleus: an ellipsoid of the lens's proportions, this share as large (chosen).
 inline constexpr double nucleus_share = 0.62;
 EyeSurface nucleus_surface(const Eigen::VectorXd& a, const Eigen::Vector3d& p);
 void lens_surfaces(const Eigen::VectorXd& a, const Eigen::Vector3d& p, EyeSurface& front, EyeSurface& back,

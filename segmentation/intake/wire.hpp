@@ -10,9 +10,9 @@
 #include "segmentation/intake/tags.hpp"
 #include "segmentation/intake/volume.hpp"
 
-/// What the decoding process tells its parent, over a pipe: `ready` when it has started, then of each file when asked by
-/// a Request and the file's name, ended by a zero byte. Each message is a type, its length as 8 bytes in the machine's order, and the bytes:
-/// first `header` (JSON of ImageHeader), then for an image `frame` for each frame (int32 samples, row after row, stored
+/// What the decoding process tells its parent, over a pipe: `ready` when it has started, then of each file when asked
+/// by a Request and the file's name, ended by a zero byte. Each message is a type, its length as 8 bytes in the
+/// machine's order, and the bytes: first `header` (JSON of ImageHeader), then for an image `frame` for each frame (int32 samples, row after row, stored
 /// values without rescale), at the end `end` (JSON of DecodeEnd); of a header alone there are no frames. For a NIfTI
 /// file, which is known by its name: `volume` (JSON of VolumeHeader), then for each slice `frame` (float32 intensities,
 /// row after row).

@@ -42,7 +42,7 @@ bool EdgeAgreement::confirms() const {
 
 EdgeBiometry with_doubt(const ReadEye& read, const EyeFit& fit) {
   EdgeBiometry biometry = read.biometry;
-  constexpr double same_globe_mm = 5;
+  constexpr double same_globe_mm = 5;  // chosen: well within a globe
   const Range plausible_mm = limits_of("globe_width_mm").plausible;
   const double width_mm = 2 * fit.value(globe_x), height_mm = 2 * fit.value(globe_y);
   if ((fit.globe_centre_lps() - read.reading.globe.centre).norm() > same_globe_mm ||

@@ -23,8 +23,8 @@ struct EdgeAgreement {
 /// Compares centre, width, height and, where both know it, length.
 EdgeAgreement compare_with_edges(const EyeFit& fit, const ReadEye& edges);
 
-/// The edges of an eye whose fit, a globe at the same place, has its borders elsewhere: which of the two took the edge of
-/// displaced fat for the wall is not known, and the intervals reach to both.
+/// The edges of an eye whose fit, a globe at the same place, has its borders elsewhere: which of the two took the
+/// edge of displaced fat for the wall is not known, and the intervals reach to both.
 EdgeBiometry with_doubt(const ReadEye& edges, const EyeFit& fit);
 
 }  // namespace emmetrope::segmentation

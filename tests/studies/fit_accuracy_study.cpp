@@ -11,42 +11,20 @@
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/files.hpp"
 #include "pipeline/base/frames.hpp"
+#include "tests/studies/stated_errors.hpp"
 #include "tests/studies/study_eye.hpp"
 #include "tests/support/simulated_keratometry.hpp"
 
 using namespace emmetrope;
+using namespace emmetrope::meshing;
 using namespace emmetrope::segmentation;
 
 namespace {
 
-constexpr double normal_95 = 1.959963985;
-
 /// Errors of one quantity over the eyes, with what was stated of them.
-struct Quantity {
-  std::vector<double> error, sigma, bound;
+struct Quantity : StatedErrors {
+  std::vector<double> bound;
 
-  double median() const { return quantile(0.5); }
-  double quantile(double share) const {
-    std::vector<double> sorted;
-    for (const double e : error) sorted.push_back(std::abs(e));
-    std::sort(sorted.begin(), sorted.end());
-    return sorted[static_cast<std::size_t>(std::min(share * sorted.size(), sorted.size() - 1.0))];
-  }
-  double mean() const {
-    double sum = 0;
-    for (const double e : error) sum += e / error.size();
-    return sum;
-  }
-  static double rms(const std::vector<double>& values) {
-    double sum = 0;
-    for (const double v : values) sum += v * v / values.size();
-    return std::sqrt(sum);
-  }
-  int covered() const {
-    int count = 0;
-    for (std::size_t i = 0; i < error.size(); ++i) count += std::abs(error[i]) <= normal_95 * sigma[i];
-    return count;
-  }
   /// Mean interval score of 95 % intervals (Gneiting and Raftery 2007): width, and 2/0.05 times every miss.
   double score(const std::vector<double>& of) const {
     double sum = 0;
@@ -176,9 +154,9 @@ struct Study {
     const auto print_row = [n](const char* name, const Quantity& q) {
       fmt::print(
           "| {} | {:+.3f} | {:.3f} | {:.3f} | {:.3f} | {:.3f} | {:.3f} | {:.2f} | {:.1f} % | {:.2f} |\n",
-          name, q.mean(), Quantity::rms(q.error), q.median(), q.quantile(0.95), Quantity::rms(q.sigma),
-          Quantity::rms(q.bound), Quantity::rms(q.error) / Quantity::rms(q.bound), 100.0 * q.covered() / n,
-          q.score(q.sigma) / q.bound_score());
+          name, q.mean(), root_mean_square(q.error), q.median(), q.quantile(0.95), root_mean_square(q.sigma),
+          root_mean_square(q.bound), root_mean_square(q.error) / root_mean_square(q.bound),
+          100.0 * q.covered() / n, q.score(q.sigma) / q.bound_score());
     };
     for (const Wanted& wanted : quantities()) {
       const Quantity& q = by_name.at(wanted.name);
@@ -191,8 +169,8 @@ struct Study {
       if (const auto found = by_name.find(wanted.name); found != by_name.end())
         print_row(wanted.name, found->second);
     fmt::print("| pooled | | | | | | | | {:.1f} % | {:.2f} |\n", 100.0 * covered / of, score);
-    fmt::print("| J as a vector, D | | {:.3f} | {:.3f} | {:.3f} | | | | | |\n", Quantity::rms(j_vector.error),
-               j_vector.median(), j_vector.quantile(0.95));
+    fmt::print("| J as a vector, D | | {:.3f} | {:.3f} | {:.3f} | | | | | |\n",
+               root_mean_square(j_vector.error), j_vector.median(), j_vector.quantile(0.95));
     fmt::print("| retina, mean distance, mm | {:.3f} | | {:.3f} | {:.3f} | | | | | |\n", retina.mean(),
                retina.median(), retina.quantile(0.95));
     fmt::print("| cornea, mean distance, mm | {:.3f} | | {:.3f} | {:.3f} | | | | | |\n\n", cornea.mean(),
@@ -203,7 +181,8 @@ struct Study {
   void print_bound() const {
     fmt::print("| known | bound of axial length, mm | bound of M, D |\n| --- | --- | --- |\n");
     for (const auto& [name, sigmas] : bound_if_known)
-      fmt::print("| {} | {:.3f} | {:.3f} |\n", name, Quantity::rms(sigmas[0]), Quantity::rms(sigmas[1]));
+      fmt::print("| {} | {:.3f} | {:.3f} |\n", name, root_mean_square(sigmas[0]),
+                 root_mean_square(sigmas[1]));
     fmt::print("\n");
   }
 
@@ -246,24 +225,13 @@ int main(int argc, char** argv) {
   app.add_flag("--each", each, "A line for every eye");
   CLI11_PARSE(app, argc, argv);
 
-  std::filesystem::create_directories(cache);
   Study images, keratometry;
-  for (unsigned long long seed = first; seed < first + count; ++seed) {
-    const auto file = [&](Laterality eye) { return record_file(cache, protocol, seed, eye); };
-    const bool made =
-        std::filesystem::exists(file(Laterality::od)) && std::filesystem::exists(file(Laterality::os));
-    if (!made && !score_only) {
-      const std::vector<Json> records = study_head(protocol, seed);
-      for (std::size_t i = 0; i < records.size(); ++i) write_json(file(both_eyes[i]), records[i]);
-    }
-    for (const Laterality eye : both_eyes) {
-      if (!std::filesystem::exists(file(eye))) continue;
-      const Json record = read_json(file(eye));
+  for (unsigned long long seed = first; seed < first + count; ++seed)
+    for (const Json& record : cached_head(cache, protocol, seed, !score_only)) {
       images.add(record, false);
       if (each) images.print_each(record);
       keratometry.add(record, true);
     }
-  }
   fmt::print("\n{}, images alone: ", protocol.label());
   images.print();
   fmt::print("{}, keratometry of 0.25 D given: ", protocol.label());

@@ -12,6 +12,7 @@
 
 #include "meshing/biometry.hpp"
 #include "meshing/partial_biometry.hpp"
+#include "pipeline/base/files.hpp"
 #include "pipeline/base/frames.hpp"
 #include "segmentation/finding/find_eyes.hpp"
 #include "segmentation/fit/both_eyes.hpp"
@@ -194,8 +195,8 @@ void conclude(StudiedEye& eye) {
   eye.bound->covariance = information_bound(*eye.judged->fit);
 }
 
-/// What the stages `segment` and `mesh` would state of the eye: the fit's quantities, without the cornea's where that is
-/// withheld, or those of edges; null where it is refused.
+/// What the stages `segment` and `mesh` would state of the eye: the fit's quantities, without the cornea's where
+/// that is withheld, or those of edges; null where it is refused.
 Json stated_biometry(const JudgedEye& eye) {
   if (!eye.is_fitted() && !eye.is_read()) return nullptr;
   const Json fit = fit_json(eye, 0.0);
@@ -242,11 +243,6 @@ void write_down(StudiedEye& studied) {
 }
 
 }  // namespace
-
-std::filesystem::path record_file(const std::filesystem::path& cache, const StudyProtocol& protocol,
-                                  unsigned long long seed, Laterality eye) {
-  return cache / fmt::format("{}-{}-{}.json", protocol.label(), seed, to_string(eye));
-}
 
 std::vector<Json> study_head(const StudyProtocol& wanted, unsigned long long seed) {
   phantom::HeadGeometry head =
@@ -309,6 +305,23 @@ std::vector<Json> study_head(const StudyProtocol& wanted, unsigned long long see
     if (eye.bound) write_down(eye);
     records.push_back(std::move(eye.record));
   }
+  return records;
+}
+
+std::vector<Json> cached_head(const std::filesystem::path& cache, const StudyProtocol& protocol,
+                              unsigned long long seed, bool make) {
+  std::filesystem::create_directories(cache);
+  std::vector<std::filesystem::path> files;
+  for (const Laterality eye : both_eyes)
+    files.push_back(cache / fmt::format("{}-{}-{}.json", protocol.label(), seed, to_string(eye)));
+  const auto is_there = [](const std::filesystem::path& file) { return std::filesystem::exists(file); };
+  if (make && !std::all_of(files.begin(), files.end(), is_there)) {
+    const std::vector<Json> records = study_head(protocol, seed);
+    for (std::size_t i = 0; i < records.size(); ++i) write_json(files[i], records[i]);
+  }
+  std::vector<Json> records;
+  for (const std::filesystem::path& file : files)
+    if (is_there(file)) records.push_back(read_json(file));
   return records;
 }
 

@@ -45,8 +45,9 @@ struct StudyProtocol {
 ///   "render_s" (processor time).
 std::vector<Json> study_head(const StudyProtocol& protocol, unsigned long long seed);
 
-/// CACHE/<label>-<seed>-<eye>.json
-std::filesystem::path record_file(const std::filesystem::path& cache, const StudyProtocol& protocol,
-                                  unsigned long long seed, Laterality eye);
+/// The same from CACHE/<label>-<seed>-<eye>.json, which are made where they are missing.
+/// \param make  whether they are; if not, those that are there
+std::vector<Json> cached_head(const std::filesystem::path& cache, const StudyProtocol& protocol,
+                              unsigned long long seed, bool make = true);
 
 }  // namespace emmetrope::segmentation

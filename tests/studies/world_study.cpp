@@ -7,19 +7,16 @@
 #include <array>
 #include <cmath>
 #include <map>
-#include <set>
 
 #include "data_samples/phantom/world.hpp"
-#include "pipeline/base/files.hpp"
 #include "pipeline/base/measured.hpp"
+#include "tests/studies/stated_errors.hpp"
 #include "tests/studies/study_eye.hpp"
 
 using namespace emmetrope;
 using namespace emmetrope::segmentation;
 
 namespace {
-
-constexpr double normal_95 = 1.959963985;
 
 struct Quantity {
   const char *name, *pointer;
@@ -37,46 +34,10 @@ constexpr std::array<Quantity, 12> quantities{{{"axial length, mm", "/axial_leng
                                                {"astigmatism J45, D", "/astigmatism/J45_D"},
                                                {"corneal asphericity Q", "/keratometry/asphericity_q"}}};
 
-/// Of the eyes in which one quantity was stated.
-struct Errors {
-  std::vector<double> error, sigma;
-
-  double rms() const { return root_mean_square(error); }
-  double stated() const { return root_mean_square(sigma); }
-  int covered() const {
-    int count = 0;
-    for (std::size_t i = 0; i < error.size(); ++i) count += std::abs(error[i]) <= normal_95 * sigma[i];
-    return count;
-  }
-  double mean() const {
-    double sum = 0;
-    for (const double e : error) sum += e;
-    return sum / static_cast<double>(error.size());
-  }
-  double median() const {
-    std::vector<double> sizes;
-    for (const double e : error) sizes.push_back(std::abs(e));
-    std::nth_element(sizes.begin(), sizes.begin() + sizes.size() / 2, sizes.end());
-    return sizes[sizes.size() / 2];
-  }
-  double largest_in_sigmas() const {
-    double largest = 0;
-    for (std::size_t i = 0; i < error.size(); ++i) largest = std::max(largest, std::abs(error[i]) / sigma[i]);
-    return largest;
-  }
-
- private:
-  static double root_mean_square(const std::vector<double>& values) {
-    double sum = 0;
-    for (const double v : values) sum += v * v;
-    return std::sqrt(sum / static_cast<double>(values.size()));
-  }
-};
-
 struct Study {
   std::map<std::string, int> verdicts;
   std::map<std::string, int> by;  ///< "fit", "edges"
-  std::array<Errors, quantities.size()> errors;
+  std::array<StatedErrors, quantities.size()> errors;
   int irregular = 0;
 
   void add(const Json& record) {
@@ -106,14 +67,14 @@ struct Study {
     int covered = 0;
     std::size_t of = 0;
     for (std::size_t i = 0; i < quantities.size(); ++i) {
-      const Errors& e = errors[i];
+      const StatedErrors& e = errors[i];
       const std::size_t n = e.error.size();
       if (n == 0) continue;
       covered += e.covered();
       of += n;
       fmt::print("| {} | {} | {:+.2f} | {:.2f} | {:.2f} | {:.2f} | {:.0f} % | {:.1f} |\n", quantities[i].name,
-                 n, e.mean(), e.rms(), e.median(), e.stated(), 100.0 * e.covered() / static_cast<double>(n),
-                 e.largest_in_sigmas());
+                 n, e.mean(), root_mean_square(e.error), e.median(), root_mean_square(e.sigma),
+                 100.0 * e.covered() / static_cast<double>(n), e.largest_in_sigmas());
     }
     if (of > 0)
       fmt::print("| pooled | {} | | | | | {:.1f} % | |\n", of, 100.0 * covered / static_cast<double>(of));
@@ -154,20 +115,12 @@ int main(int argc, char** argv) {
   app.add_option("--cache", cache, "Folder of records; those that are there are not made again")->required();
   CLI11_PARSE(app, argc, argv);
 
-  std::filesystem::create_directories(cache);
   Study study;
-  for (unsigned long long seed = first; seed < first + count; ++seed) {
-    const auto file = [&](Laterality eye) { return record_file(cache, protocol, seed, eye); };
-    if (!std::filesystem::exists(file(Laterality::od)) || !std::filesystem::exists(file(Laterality::os))) {
-      const std::vector<Json> records = study_head(protocol, seed);
-      for (std::size_t i = 0; i < records.size(); ++i) write_json(file(both_eyes[i]), records[i]);
-    }
-    for (const Laterality eye : both_eyes) {
-      const Json record = read_json(file(eye));
+  for (unsigned long long seed = first; seed < first + count; ++seed)
+    for (const Json& record : cached_head(cache, protocol, seed)) {
       study.add(record);
       print_worst(record, worst);
     }
-  }
   fmt::print("\n{}: ", protocol.label());
   study.print();
   return 0;

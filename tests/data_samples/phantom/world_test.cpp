@@ -21,10 +21,10 @@ HeadGeometry head_of(const std::string& world, unsigned long long seed) {
 }
 
 TEST(Worlds, MakeHeadsFromEverySeed) {
-  for (const World& world : worlds()) {
+  for (const std::string& world : world_names()) {
     for (unsigned long long seed = 1; seed <= 300; ++seed)
-      EXPECT_NO_THROW(check(head_of(world.name, seed))) << world.name << " " << seed;
-    EXPECT_EQ(to_json(head_of(world.name, 7)), to_json(head_of(world.name, 7)));
+      EXPECT_NO_THROW(check(head_of(world, seed))) << world << " " << seed;
+    EXPECT_EQ(to_json(head_of(world, 7)), to_json(head_of(world, 7)));
   }
   HeadGeometry head = sample_head();
   EXPECT_THROW(furnish(head, "nowhere", 1), Error);

@@ -1,0 +1,46 @@
+#pragma once
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+namespace emmetrope::segmentation {
+
+inline constexpr double normal_95 = 1.959963985;  ///< half a 95 % interval, in standard deviations
+
+inline double root_mean_square(const std::vector<double>& values) {
+  double sum = 0;
+  for (const double v : values) sum += v * v / static_cast<double>(values.size());
+  return std::sqrt(sum);
+}
+
+/// Errors of one quantity over the eyes in which it was stated, with the standard deviations that were stated.
+struct StatedErrors {
+  std::vector<double> error, sigma;
+
+  double mean() const {
+    double sum = 0;
+    for (const double e : error) sum += e / static_cast<double>(error.size());
+    return sum;
+  }
+  /// Of the errors' sizes.
+  double quantile(double share) const {
+    std::vector<double> sorted;
+    for (const double e : error) sorted.push_back(std::abs(e));
+    std::sort(sorted.begin(), sorted.end());
+    const auto count = static_cast<double>(sorted.size());
+    return sorted[static_cast<std::size_t>(std::min(share * count, count - 1))];
+  }
+  double median() const { return quantile(0.5); }
+  int covered() const {
+    int count = 0;
+    for (std::size_t i = 0; i < error.size(); ++i) count += std::abs(error[i]) <= normal_95 * sigma[i];
+    return count;
+  }
+  double largest_in_sigmas() const {
+    double largest = 0;
+    for (std::size_t i = 0; i < error.size(); ++i) largest = std::max(largest, std::abs(error[i]) / sigma[i]);
+    return largest;
+  }
+};
+
+}  // namespace emmetrope::segmentation
