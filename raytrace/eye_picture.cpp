@@ -3,23 +3,38 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 
 #include "pipeline/base/frames.hpp"
 #include "pipeline/base/log.hpp"
-#include "pipeline/eye/optics/paraxial.hpp"
+#include "pipeline/eye/optics/chief_ray.hpp"
+#include "pipeline/eye/optics/retina_point.hpp"
 
 namespace emmetrope::raytrace {
 namespace {
 
-/// What a pixel is on the retina and, near the picture's middle, as an angle of the scene (paraxial).
+/// The angle that the lines of sight of two retinal points make, nothing where one does not leave the eye.
+Json between_lines_of_sight_arcmin(const ChiefRays& chief_rays, const EyeModel& eye,
+                                   const Eigen::Vector2d& from_mm, const Eigen::Vector2d& to_mm) {
+  const auto from = meet_retina(eye, from_mm), to = meet_retina(eye, to_mm);
+  const auto a = from ? chief_rays.line_of_sight(from->position_mm) : std::nullopt,
+             b = to ? chief_rays.line_of_sight(to->position_mm) : std::nullopt;
+  if (!a || !b) return nullptr;
+  return std::atan2(a->direction.cross(b->direction).norm(), a->direction.dot(b->direction)) / degree * 60;
+}
+
+/// What a pixel is on the retina and, in the picture's middle, as an angle of the scene.
 Json scale_of(const EyeModel& eye, const TraceSettings& settings) {
   const RetinalGrid& grid = settings.grid;
-  const double nodal_mm =
-      eye.axial_length_mm() - cardinal_points(eye, eye.reference_wavelength_nm).image_nodal_mm;
   const Eigen::Vector2d pixel_mm(grid.field_x_mm / grid.width, grid.field_y_mm / grid.height);
-  const Eigen::Vector2d pixel_arcmin = pixel_mm / nodal_mm / degree * 60;
-  return {{"um_per_pixel", {1000 * pixel_mm.x(), 1000 * pixel_mm.y()}},
-          {"arcmin_per_pixel", {pixel_arcmin.x(), pixel_arcmin.y()}}};
+  const ChiefRays chief_rays(eye, settings.wavelength_nm.value_or(eye.reference_wavelength_nm));
+  Json arcmin = Json::array();
+  for (int k = 0; k < 2; ++k) {
+    const Eigen::Vector2d half = 0.5 * pixel_mm[k] * Eigen::Vector2d::Unit(k);
+    arcmin.push_back(
+        between_lines_of_sight_arcmin(chief_rays, eye, grid.centre_mm - half, grid.centre_mm + half));
+  }
+  return {{"um_per_pixel", {1000 * pixel_mm.x(), 1000 * pixel_mm.y()}}, {"arcmin_per_pixel", arcmin}};
 }
 
 }  // namespace

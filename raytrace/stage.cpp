@@ -108,8 +108,8 @@ std::vector<StageInput> inputs_of(const fs::path& case_folder, const TraceOption
 Json trace_eye(const MeasuredEye& measured, Laterality eye, const TraceOptions& options, const Tracer& tracer,
                const Scene& scene, const fs::path& folder) {
   const TraceSettings settings = options.settings_of(eye);
-  const TraceResult result =
-      trace_exposure(tracer, options.with_worn(measured.eye), scene, settings, options.exposure);
+  const EyeModel worn = options.with_worn(measured.eye);
+  const TraceResult result = trace_exposure(tracer, worn, scene, settings, options.exposure);
   for (const auto& note : result.notes) spdlog::info("{}: {}", to_string(eye), note);
   warn_of_doubts(result, settings);
   fs::create_directories(folder);
@@ -118,8 +118,8 @@ Json trace_eye(const MeasuredEye& measured, Laterality eye, const TraceOptions& 
   write_json(folder / "eye.json", measured_eye_json(measured, eye));
   write_png(folder / "uncorrected.png", result.image);
   write_wavefront(measured.eye, settings, folder);
-  Json json = picture_json(result, fmt::format("raytrace/{}/uncorrected.png", to_string(eye)), measured.eye,
-                           settings);
+  Json json =
+      picture_json(result, fmt::format("raytrace/{}/uncorrected.png", to_string(eye)), worn, settings);
   json["lens_index"] = measured.lens_index;
   json["lens_index_from"] = measured.lens_source;
   json["notes"] = result.notes;

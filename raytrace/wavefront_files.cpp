@@ -14,16 +14,13 @@ namespace {
 /// The rays' directions about their mean, by where they cross the pupil.
 std::string spot_diagram(const Wavefront& wavefront) {
   std::string spots = "pupil_x_mm,pupil_y_mm,angle_x_arcmin,angle_y_arcmin,weight\n";
-  Eigen::Vector2d mean(0, 0);
-  double weight = 0;
+  const Eigen::Vector2d mean = wavefront.mean_slope();
+  double light = 0;
+  for (const auto& ray : wavefront.rays) light += wavefront.light_share(ray);
   for (const auto& ray : wavefront.rays) {
-    mean += ray.weight * ray.slope;
-    weight += ray.weight;
-  }
-  for (const auto& ray : wavefront.rays) {
-    const Eigen::Vector2d angle = (ray.slope - mean / weight) / degree * 60;
+    const Eigen::Vector2d angle = (ray.slope - mean) / degree * 60;
     spots += fmt::format("{:.5f},{:.5f},{:.5f},{:.5f},{:.6g}\n", ray.place_mm.x(), ray.place_mm.y(),
-                         angle.x(), angle.y(), ray.weight / weight);
+                         angle.x(), angle.y(), wavefront.light_share(ray) / light);
   }
   return spots;
 }
@@ -35,6 +32,7 @@ void write_wavefront(const EyeModel& eye, const TraceSettings& settings,
   WavefrontSettings wavefront_settings;
   wavefront_settings.wavelength_nm = settings.wavelength_nm;
   wavefront_settings.fovea_mm = settings.grid.centre_mm;
+  wavefront_settings.stiles_crawford_per_mm2 = settings.stiles_crawford_per_mm2;
   const Wavefront wavefront = measure_wavefront(eye, wavefront_settings);
   const PointSpread spread = point_spread(wavefront);
   Json json = wavefront_json(wavefront);

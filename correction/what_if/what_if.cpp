@@ -86,16 +86,14 @@ Json iol_json(const EyeModel& eye, const PrescriptionSettings& settings, const W
           {"haigis_D", iol_power_D(haigis_eye(biometry, a_constant), target_D)}};
 }
 
-/// Root mean square of the aberrations over the ablation's zone, with what no Zernike term describes.
+/// Root mean square of the aberrations over the ablation's zone.
 Json zone_rms_json(const EyeModel& eye, const PrescriptionSettings& settings, const OpticalZone& zone) {
   raytrace::WavefrontSettings over_zone;
   over_zone.wavelength_nm = settings.wavelength_nm;
   over_zone.fovea_mm = settings.fovea_mm;
   over_zone.entrance_pupil_mm = zone.diameter_mm;
   const raytrace::Wavefront wavefront = raytrace::measure_wavefront(eye, over_zone);
-  const double beyond_um = wavefront.fit_residual_rms_um;
-  return {{"all_um", std::hypot(wavefront.rms_um(), beyond_um)},
-          {"higher_order_um", std::hypot(wavefront.higher_order_rms_um(), beyond_um)}};
+  return {{"all_um", wavefront.rms_um()}, {"higher_order_um", wavefront.higher_order_rms_um()}};
 }
 
 Json ablation_json(const EyeModel& eye, const PrescriptionSettings& settings,

@@ -37,9 +37,9 @@ void TraceSettings::check() const {
   grid.check();
   if (samples < 1 || samples > 1'000'000)
     throw usage_error("--samples: " + std::to_string(samples) + " is out of range", "give 1 to 1000000");
-  if (wavelength_nm && (*wavelength_nm < 380 || *wavelength_nm > 780))
-    throw usage_error("--wavelength: " + std::to_string(*wavelength_nm) + " nm is not visible",
-                      "give 380 to 780");
+  if (wavelength_nm && (*wavelength_nm < 380 || *wavelength_nm > 900))  // aberrometers use 840
+    throw usage_error("--wavelength: " + std::to_string(*wavelength_nm) + " nm is out of range",
+                      "give 380 to 900");
   if (!(stiles_crawford_per_mm2 >= 0 && stiles_crawford_per_mm2 <= 1))
     throw usage_error(
         "--stiles-crawford: " + std::to_string(stiles_crawford_per_mm2) + " per mm^2 is out of range",

@@ -1,16 +1,17 @@
 #include "raytrace/retina/pupil_aim.hpp"
 
+#include <fmt/format.h>
+
 #include <Eigen/LU>
 #include <array>
 #include <cmath>
 #include <optional>
-#include <sstream>
 
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/frames.hpp"
 #include "pipeline/base/parallel.hpp"
+#include "pipeline/eye/optics/stop_crossing.hpp"
 #include "raytrace/retina/pupil_polynomial.hpp"
-#include "raytrace/retina/stop_crossing.hpp"
 
 namespace emmetrope::raytrace {
 namespace {
@@ -45,40 +46,18 @@ struct PlaneToStop {
   }
 };
 
-/// Towards the centre of the stop, and how the stop's plane follows the aim there.
-struct CentreOfStop {
-  Eigen::Vector2d aim{0, 0};
-  Eigen::Matrix2d aim_from_stop = Eigen::Matrix2d::Identity();
-};
-
-/// A first guess straight through, then chords with the Jacobian at the centre: the map is nearly affine.
-std::optional<CentreOfStop> find_centre(const PlaneToStop& to_stop) {
-  CentreOfStop centre;
-  constexpr double step_mm = 0.2;
-  Eigen::Matrix2d stop_from_aim = Eigen::Matrix2d::Identity();
-  for (int round = 0; round < 3; ++round) {
-    const auto middle = to_stop(centre.aim), right = to_stop(centre.aim + Eigen::Vector2d(step_mm, 0)),
-               up = to_stop(centre.aim + Eigen::Vector2d(0, step_mm));
-    if (!middle || !right || !up) return std::nullopt;
-    stop_from_aim << (*right - *middle) / step_mm, (*up - *middle) / step_mm;
-    centre.aim -= stop_from_aim.inverse() * *middle;
-  }
-  centre.aim_from_stop = stop_from_aim.inverse();
-  return centre;
-}
-
 /// The aims whose rays run along the stop's rim.
-std::array<Eigen::Vector2d, rim_points> find_rim(const PlaneToStop& to_stop, const CentreOfStop& centre) {
+std::array<Eigen::Vector2d, rim_points> find_rim(const PlaneToStop& to_stop, const StopCentreAim& centre) {
   std::array<Eigen::Vector2d, rim_points> rim;
   for (int k = 0; k < rim_points; ++k) {
     const double angle = 2 * pi * k / rim_points;
     const Eigen::Vector2d target =
         to_stop.crossing.stop_radius_mm() * Eigen::Vector2d(std::cos(angle), std::sin(angle));
-    rim[k] = centre.aim + centre.aim_from_stop * target;
+    rim[k] = centre.aim_mm + centre.aim_from_stop * target;
     for (int round = 0; round < 5; ++round) {
       const auto reached = to_stop(rim[k]);
       if (!reached) {  // the lens does not reach the rim there: as far as it does
-        rim[k] = 0.5 * (rim[k] + centre.aim);
+        rim[k] = 0.5 * (rim[k] + centre.aim_mm);
         break;
       }
       rim[k] += centre.aim_from_stop * (target - *reached);
@@ -89,7 +68,8 @@ std::array<Eigen::Vector2d, rim_points> find_rim(const PlaneToStop& to_stop, con
 
 /// The smallest ellipse of its form about the stop's image as a point of the retina sees it.
 std::optional<AimEllipse> ellipse_of(const PlaneToStop& to_stop) {
-  const std::optional<CentreOfStop> centre = find_centre(to_stop);
+  const std::optional<StopCentreAim> centre =
+      aim_at_stop_centre(to_stop.crossing, to_stop.retina, to_stop.plane_z_mm);
   if (!centre) return std::nullopt;
   const std::array<Eigen::Vector2d, rim_points> rim = find_rim(to_stop, *centre);
   AimEllipse ellipse;
@@ -109,19 +89,10 @@ std::optional<AimEllipse> ellipse_of(const PlaneToStop& to_stop) {
 }  // namespace
 
 RetinaPoint retina_point(const EyeModel& eye, double x_mm, double y_mm) {
-  const Surface& retina = eye.retina();
-  const Eigen::Isometry3d eye_from_surface = retina.eye_from_surface();
-  if (eye_from_surface.linear().isIdentity(1e-14)) {  // the common case without a search
-    const double x = x_mm - eye_from_surface.translation().x(), y = y_mm - eye_from_surface.translation().y();
-    const auto depth = retina.shape->depth_mm(x, y);
-    const auto normal = depth ? retina.shape->normal(x, y) : std::nullopt;
-    if (normal) return {{x_mm, y_mm, eye_from_surface.translation().z() - *depth}, *normal};
-  } else if (const auto point = meet_retina(eye, {x_mm, y_mm})) {
-    return *point;
-  }
-  std::ostringstream where;
-  where << "the retina does not reach eye x = " << x_mm << ", y = " << y_mm << " mm";
-  throw input_error(where.str(), "use a smaller --field-mm");
+  if (const std::optional<RetinaPoint> point = meet_retina(eye, {x_mm, y_mm})) return *point;
+  throw input_error(
+      fmt::format("the retina does not reach eye x = {:g}, y = {:g} mm from its pole", x_mm, y_mm),
+      "use a smaller --field-mm, or a --fovea nearer the pole");
 }
 
 PupilAim::PupilAim(const EyeModel& eye, const RetinalGrid& grid, double wavelength_nm, int threads)

@@ -33,7 +33,7 @@ class PupilAim {
   std::vector<AimEllipse> nodes_;  ///< row after row
 };
 
-/// The retina at eye x and y, as pictures take it: by its depth where it stands upright, which is quick.
+/// The retina at eye x and y.
 /// \throw Error (input_invalid) when the retina does not reach there
 RetinaPoint retina_point(const EyeModel& eye, double x_mm, double y_mm);
 

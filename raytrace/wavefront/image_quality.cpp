@@ -11,7 +11,8 @@
 namespace emmetrope::raytrace {
 namespace {
 
-constexpr int highest_cpd = 60;
+/// Beyond it the eye's sensitivity to contrast is nothing.
+constexpr int highest_weighted_cpd = 60;
 
 /// The lens in the pupil as the search knows it, and the search's figures.
 using Lens = Eigen::Vector3d;
@@ -43,20 +44,25 @@ double samples_needed(const Wavefront& wavefront) {
 
 constexpr int most_samples = 1024;
 
-PupilFunction sampled(const Wavefront& wavefront) {
+PupilFunction sampled(const Wavefront& wavefront, const Eigen::Vector2d& up = {0, 1}) {
   const int samples = static_cast<int>(std::clamp(samples_needed(wavefront), 128.0, 1.0 * most_samples));
-  return {wavefront, samples, samples > 512 ? 2.0 : 3.0};
+  return {wavefront, samples, samples > 512 ? 2.0 : 3.0, up};
+}
+
+/// Where diffraction by the pupil's circle lets no contrast through any more.
+double cut_off_cpd(const Wavefront& wavefront) {
+  return wavefront.pupil_mm / (wavefront.wavelength_nm * 1e-6) * degree;
 }
 
 /// Sum of Re(OTF) over frequencies up to 60 cycles a degree weighted by contrast sensitivity.
 class SensitivitySum {
  public:
   explicit SensitivitySum(const PupilFunction& pupil) {
-    const int reach = highest_cpd * pupil.per_cpd(), size = pupil.size();
+    const int reach = highest_weighted_cpd * pupil.per_cpd(), size = pupil.size();
     for (int row = -reach; row <= reach; ++row)
       for (int column = -reach; column <= reach; ++column) {
         const double cpd = std::hypot(row, column) / pupil.per_cpd();
-        if (cpd > highest_cpd || 2 * std::max(std::abs(row), std::abs(column)) >= size) continue;
+        if (cpd > highest_weighted_cpd || 2 * std::max(std::abs(row), std::abs(column)) >= size) continue;
         entries_.push_back(
             {((row + size) % size) * size + (column + size) % size, contrast_sensitivity(cpd)});
       }
@@ -90,14 +96,14 @@ Json spot_json(const Wavefront& wavefront) {
 
 ImageQuality image_quality(const Wavefront& uncorrected, const PowerVector& lens_in_pupil) {
   const Wavefront wavefront = with_lens(uncorrected, lens_in_pupil);
-  const PupilFunction pupil = sampled(wavefront);
+  const PupilFunction pupil = sampled(wavefront, wavefront.tangential);
   const std::vector<double> spread = pupil.point_spread({}), perfect = pupil.perfect_point_spread();
   const std::vector<std::complex<double>> otf = pupil.otf(spread);
   const SensitivitySum weighted(pupil);
   ImageQuality quality;
   quality.strehl = pupil.strehl({}, spread);
   quality.vsotf = weighted.of(otf) / weighted.of(pupil.otf(perfect));
-  for (int cpd = 0; cpd <= highest_cpd; ++cpd) {
+  for (int cpd = 0; cpd <= cut_off_cpd(wavefront); ++cpd) {
     const int step = cpd * pupil.per_cpd();
     const bool inside = 2 * step < pupil.size();
     quality.cpd.push_back(cpd);
@@ -130,11 +136,9 @@ PointSpread point_spread(const Wavefront& uncorrected, const PowerVector& lens_i
 RefractionCriteria refraction_by_wavefront(const Wavefront& wavefront, double vertex_distance_mm) {
   // Searched from the other criteria: a scan of the sphere first, as the through-focus curve may have side
   // lobes.
-  Wavefront corrected =
-      wavefront;  // its second order removed, so that the sampling suffices all along the search
   const PowerVector& start = wavefront.minimum_rms_wavefront;
-  corrected.zernike_um[3] = corrected.zernike_um[4] = corrected.zernike_um[5] = 0;
-  const PupilFunction pupil(corrected, 96, 2);
+  // Without its second order the sampling suffices all along the search.
+  const PupilFunction pupil(with_lens(wavefront, start), 96, 2);
   const SensitivitySum weighted(pupil);
   const double perfect = weighted.of(pupil.otf(pupil.perfect_point_spread()));
   const auto loss = [&](const Lens& lens) {
@@ -170,12 +174,15 @@ Json wavefront_json(const Wavefront& wavefront) {
   return {
       {"pupil_mm", wavefront.pupil_mm},
       {"pupil_position_mm", wavefront.pupil_position_mm},
+      {"pupil_rim_mm", wavefront.rim.radius_mm},
+      {"stiles_crawford_per_mm2", wavefront.stiles_crawford_per_mm2},
       {"wavelength_nm", wavefront.wavelength_nm},
       {"zernike_um", wavefront.zernike_um},
       {"rms_um", wavefront.rms_um()},
       {"higher_order_rms_um", wavefront.higher_order_rms_um()},
       {"fit_residual_rms_um", wavefront.fit_residual_rms_um},
       {"line_of_sight_deg", {wavefront.line_of_sight_deg.x(), wavefront.line_of_sight_deg.y()}},
+      {"tangential_deg", std::atan2(wavefront.tangential.y(), wavefront.tangential.x()) / degree},
       {"spot", spot_json(wavefront)},
       {"strehl", quality.strehl},
       {"vsotf", quality.vsotf},

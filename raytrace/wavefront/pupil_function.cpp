@@ -11,17 +11,38 @@
 namespace emmetrope::raytrace {
 namespace {
 
-/// Share of a square of side `step` about (x, y), in units of the radius, that lies in the unit circle.
-double coverage(double x, double y, double step) {
-  const double reach = std::hypot(x, y), half = step * 0.7072;
-  if (reach + half <= 1) return 1;
-  if (reach - half >= 1) return 0;
+/// A rim's distances at even angles, close enough to be read off between them.
+class RimTable {
+ public:
+  explicit RimTable(const PupilRim& rim) {
+    for (int k = 0; k <= angles; ++k) radius_mm_.push_back(rim.at(2 * pi * k / angles));
+  }
+  double at(double x, double y) const {
+    const double place = (std::atan2(y, x) / (2 * pi) + 1) * angles;
+    const auto whole = static_cast<int>(place);
+    const double share = place - whole;
+    return (1 - share) * radius_mm_[whole % angles] + share * radius_mm_[whole % angles + 1];
+  }
+
+ private:
+  static constexpr int angles = 2048;
+  std::vector<double> radius_mm_;
+};
+
+/// Share of a square of side `step_mm` about (x, y) that lies within the rim.
+double coverage(const RimTable& rim, const Eigen::Vector2d& centre_mm, double step_mm) {
+  // Twice the half diagonal: the rim of a flat ellipse runs slantwise across its spokes.
+  const double reach = centre_mm.norm(), margin = step_mm * 1.42,
+               rim_mm = rim.at(centre_mm.x(), centre_mm.y());
+  if (reach + margin <= rim_mm) return 1;
+  if (reach - margin >= rim_mm) return 0;
   constexpr int parts = 16;
   int inside = 0;
   for (int i = 0; i < parts; ++i)
     for (int j = 0; j < parts; ++j) {
-      const double u = x + step * ((i + 0.5) / parts - 0.5), v = y + step * ((j + 0.5) / parts - 0.5);
-      if (u * u + v * v <= 1) ++inside;
+      const double x = centre_mm.x() + step_mm * ((i + 0.5) / parts - 0.5),
+                   y = centre_mm.y() + step_mm * ((j + 0.5) / parts - 0.5);
+      if (std::hypot(x, y) <= rim.at(x, y)) ++inside;
     }
   return static_cast<double>(inside) / (parts * parts);
 }
@@ -32,7 +53,8 @@ cv::Mat complex_matrix(const std::vector<std::complex<double>>& values, int size
 
 }  // namespace
 
-PupilFunction::PupilFunction(const Wavefront& wavefront, int samples_across, double padding)
+PupilFunction::PupilFunction(const Wavefront& wavefront, int samples_across, double padding,
+                             const Eigen::Vector2d& up)
     : wavelength_um_(wavefront.wavelength_nm / 1000), radius_mm_(wavefront.pupil_mm / 2) {
   // A shift of the pupil by s is the frequency s / wavelength: one cycle a degree is a whole number of steps.
   const double one_cpd_mm = wavelength_um_ / 1000 / degree;
@@ -47,15 +69,18 @@ PupilFunction::PupilFunction(const Wavefront& wavefront, int samples_across, dou
   for (std::size_t j = 3; j < wavefront.zernike_um.size(); ++j)
     coefficients[static_cast<Eigen::Index>(j)] = wavefront.zernike_um[j];
 
-  const double step = step_mm_ / radius_mm_;
+  const RimTable rim(wavefront.rim.radius_mm.empty() ? PupilRim{{radius_mm_}} : wavefront.rim);
+  const Eigen::Vector2d right(up.y(), -up.x());
   for (int row = -half; row <= half; ++row)
     for (int column = -half; column <= half; ++column) {
-      const double x = column * step, y = row * step;
-      const double amplitude = coverage(x, y, step);
-      if (amplitude == 0) continue;
-      const Eigen::VectorXd z = zernike_values(order, x, y);
+      const Eigen::Vector2d place_mm = step_mm_ * (column * right + row * up);
+      const double covered = coverage(rim, place_mm, step_mm_);
+      if (covered == 0) continue;
+      const double weight = std::pow(10, -wavefront.stiles_crawford_per_mm2 * place_mm.squaredNorm());
+      const Eigen::VectorXd z = zernike_values(order, place_mm.x() / radius_mm_, place_mm.y() / radius_mm_);
       const int index = ((row + size_) % size_) * size_ + (column + size_) % size_;
-      points_.push_back({index, amplitude, coefficients.dot(z), z[4], z[5], z[3]});
+      points_.push_back({index, covered * std::sqrt(weight), coefficients.dot(z), z[4], z[5], z[3]});
+      light_ += covered * weight;
     }
 }
 
@@ -66,9 +91,7 @@ double PupilFunction::pitch_arcmin() const {
 std::vector<double> PupilFunction::transform(const std::vector<std::complex<double>>& field) const {
   cv::Mat spectrum;
   cv::dft(complex_matrix(field, size_), spectrum);
-  double area = 0;
-  for (const Point& point : points_) area += point.amplitude;
-  const double scale = 1 / (area * size_ * size_);
+  const double scale = 1 / (light_ * size_ * size_);
   std::vector<double> result(field.size());
   const auto* value = spectrum.ptr<std::complex<double>>();
   for (std::size_t k = 0; k < result.size(); ++k) result[k] = std::norm(value[k]) * scale;
@@ -103,8 +126,8 @@ double PupilFunction::strehl(const PowerVector& lens, const std::vector<double>&
       static_cast<int>(std::max_element(point_spread.begin(), point_spread.end()) - point_spread.begin());
   Eigen::Vector2d angle(signed_place(largest % size_), signed_place(largest / size_));  // grid steps
   const std::vector<std::complex<double>> amplitude = amplitudes(lens);
-  double area = 0, best = 0;
-  for (const Point& point : points_) area += point.amplitude;
+  double perfect = 0, best = 0;
+  for (const Point& point : points_) perfect += point.amplitude;
   for (int round = 0; round < 6; ++round) {
     // The field and its derivatives by the angle: sums of f, -i k f and -k k' f over the pupil.
     std::complex<double> field = 0;
@@ -129,7 +152,7 @@ double PupilFunction::strehl(const PowerVector& lens, const std::vector<double>&
     if (step.norm() < 1e-6 || step.norm() > 1) break;
     angle += step;
   }
-  return best / (area * area);
+  return best / (perfect * perfect);
 }
 
 std::vector<double> PupilFunction::perfect_point_spread() const {

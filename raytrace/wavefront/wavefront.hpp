@@ -6,6 +6,7 @@
 #include "pipeline/base/json.hpp"
 #include "pipeline/base/power_vector.hpp"
 #include "pipeline/eye/model/eye_model.hpp"
+#include "raytrace/wavefront/pupil_rim.hpp"
 
 /// Wavefront aberration of an eye, ANSI Z80.28 / ISO 24157, by exact rays from the retina outward.
 ///
@@ -13,18 +14,27 @@
 /// point through the centre of the stop); its x is the eye's horizontal, its y up. W (um) is the optical path
 /// of the ray through the pupil's centre less that of the ray here: positive where the emerging wavefront is
 /// ahead, as a myope's converging one is at the rim: M = -4 sqrt(3) c20 / r^2 with c in um and r in mm.
+///
+/// The pupil is what the stop and the surfaces let through, seen along the line of sight: off the axis about an
+/// ellipse. Its Zernike terms are those of the smallest circle about the line of sight that holds it, fitted
+/// over the pupil alone; off the axis they are not orthogonal there, so that rms values and second-order
+/// refraction come from the wavefront over the pupil and not from single terms.
 namespace emmetrope::raytrace {
 
 struct WavefrontSettings {
   std::optional<double> wavelength_nm;      ///< default: the eye's reference wavelength
-  std::optional<double> entrance_pupil_mm;  ///< default: the paraxial image of the eye's stop
+  std::optional<double> entrance_pupil_mm;  ///< a circle instead of what the eye's stop lets through
   int order = 8;                            ///< highest radial order of the Zernike terms, 2 to 12
   Eigen::Vector2d fovea_mm{0, 0};           ///< on the retina from the pole, eye x and y
+  /// Stiles-Crawford effect: light weighs 10^(-this r^2), r mm from the pupil's centre; 0: none
+  double stiles_crawford_per_mm2 = 0;
 };
 
 struct Wavefront {
   double wavelength_nm = 0;
-  double pupil_mm = 0;                    ///< diameter in the entrance pupil plane
+  double pupil_mm = 0;  ///< diameter of the Zernike terms' circle in the entrance pupil plane
+  PupilRim rim;         ///< empty: that circle
+  double stiles_crawford_per_mm2 = 0;
   double pupil_position_mm = 0;           ///< depth of that plane behind the corneal vertex
   Eigen::Vector2d pupil_centre_mm{0, 0};  ///< where the line of sight crosses it, eye x and y
   std::vector<double> zernike_um;         ///< OSA index order from 0; [0] is 0
@@ -33,21 +43,32 @@ struct Wavefront {
   struct PupilRay {
     Eigen::Vector2d place_mm;
     Eigen::Vector2d slope;  ///< direction cosines across the line of sight
-    double weight = 0;
+    double wavefront_um = 0;
+    double area_share = 0;
   };
   std::vector<PupilRay> rays;
   Eigen::Vector2d line_of_sight_deg{0, 0};  ///< its angles against the eye's axis towards +x and +y
+  /// In the pupil's plane, along the meridian of the field (the plane of the eye's axis and the line of sight);
+  /// y within a degree of the axis.
+  Eigen::Vector2d tangential{0, 1};
 
   /// Vergences in the entrance pupil plane, air, 1/m: the three criteria that need no search.
   PowerVector paraxial, minimum_rms_wavefront, minimum_rms_spot;
 
-  /// Without piston and tilt, that is from OSA index 3.
-  double rms_um() const;
+  /// Over the pupil, without piston and tilt.
+  double rms_um() const { return rms_beyond_order_um(1); }
+  /// Without what a lens corrects.
+  double higher_order_rms_um() const { return rms_beyond_order_um(2); }
+  /// The share of the light that a ray stands for.
+  double light_share(const PupilRay& ray) const;
+  /// Of all rays' light.
+  Eigen::Vector2d mean_slope() const;
   /// Root mean square of the rays' slopes about their mean: the radius of the blur, as seen from the object's
   /// side.
   double spot_rms_arcmin() const;
-  /// Of the terms of third order and higher.
-  double higher_order_rms_um() const;
+
+ private:
+  double rms_beyond_order_um(int order) const;
 };
 
 /// \throw Error (no_result) when too few rays reach the air to say anything
@@ -59,7 +80,8 @@ struct ImageQuality {
   double strehl = 0;  ///< peak of the point spread function over that of the perfect pupil
   /// visual Strehl ratio by the OTF (Thibos et al. 2004), weighted by contrast_sensitivity()
   double vsotf = 0;
-  std::vector<double> cpd, mtf_tangential, mtf_sagittal;  ///< 0 to 60 cycles a degree; along eye y and x
+  /// At whole cycles a degree to the pupil's cut-off; along Wavefront::tangential and across it.
+  std::vector<double> cpd, mtf_tangential, mtf_sagittal;
 };
 /// \param lens_in_pupil  what a thin lens in the entrance pupil plane corrects, the sign of a prescription
 ImageQuality image_quality(const Wavefront& wavefront, const PowerVector& lens_in_pupil = {});

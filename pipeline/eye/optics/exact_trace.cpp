@@ -21,6 +21,19 @@ std::optional<Eigen::Vector3d> refract(const Eigen::Vector3d& direction, Eigen::
   return (ratio * direction + (ratio * cosine - std::sqrt(square)) * normal).normalized();
 }
 
+/// Depth of a shape at (x, y), or at its edge on the way there where it does not reach so far.
+double depth_or_edge_mm(const Shape& shape, double x, double y) {
+  if (const std::optional<double> depth = shape.depth_mm(x, y)) return *depth;
+  double inside = 0, outside = 1, edge_mm = 0;
+  for (int halving = 0; halving < 30; ++halving) {
+    const double middle = 0.5 * (inside + outside);
+    const std::optional<double> depth = shape.depth_mm(middle * x, middle * y);
+    (depth ? inside : outside) = middle;
+    if (depth) edge_mm = *depth;
+  }
+  return edge_mm;
+}
+
 /// n and n grad n of a gradient at a point of its own frame (z out of the eye).
 struct GradientValue {
   double n = 0;
@@ -134,7 +147,7 @@ double ExactTracer::index_at(int owner, const Eigen::Vector3d& position) const {
 
 bool ExactTracer::lies_behind(const Step& step, const Eigen::Vector3d& position) const {
   const Eigen::Vector3d p = step.surface_from_eye * position;
-  return -p.z() > (step.shape ? step.shape->depth_mm(p.x(), p.y()).value_or(0) : 0) + on_surface_mm;
+  return -p.z() > (step.shape ? depth_or_edge_mm(*step.shape, p.x(), p.y()) : 0) + on_surface_mm;
 }
 
 std::optional<ShapeHit> ExactTracer::hit(const Step& step, const Ray& ray, bool may_lie_behind) const {

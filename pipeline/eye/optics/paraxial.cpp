@@ -7,6 +7,7 @@
 #include "pipeline/base/error.hpp"
 #include "pipeline/eye/optics/exact_trace.hpp"
 #include "pipeline/eye/optics/retina_point.hpp"
+#include "pipeline/eye/optics/stop_crossing.hpp"
 
 namespace emmetrope {
 namespace {
@@ -160,21 +161,29 @@ StopPlace stop_place(const EyeModel& eye) {
 
 bool is_centred(const EyeModel& eye) {
   for (const Surface& s : eye.surfaces)
-    if (!s.is_stop() && !(s.decentre_mm.isZero(0) && s.tilt_deg.isZero(0))) return false;
+    if (!(s.decentre_mm.isZero(0) && s.tilt_deg.isZero(0))) return false;
   return true;
 }
 
-/// Exact rays near the one that leaves the pole along the axis: their slopes against their places in the
-/// plane of the corneal vertex, across the ray.
+/// Exact rays near the pole's line of sight: their slopes against their places in the plane of the corneal
+/// vertex, across that line.
 PowerVector parabasal_refraction(const EyeModel& eye, double wavelength_nm) {
   const ExactTracer tracer(without_stop(eye), wavelength_nm);
   const std::optional<RetinaPoint> pole = meet_retina(eye, {0, 0});
   if (!pole) throw no_result_error("eye '" + eye.name + "': the axis does not meet the retina");
   const Eigen::Vector3d start = pole->position_mm;
+  Eigen::Vector2d chief(0, 0);  // its slope in the eye
+  if (eye.stop() != nullptr) {
+    const double aim_z_mm = -exit_pupil(eye, wavelength_nm).position_mm;
+    const auto centre = aim_at_stop_centre(StopCrossing(eye, wavelength_nm), start, aim_z_mm);
+    if (!centre) throw no_result_error("eye '" + eye.name + "': its line of sight does not leave it");
+    chief = (centre->aim_mm - start.head<2>()) / (aim_z_mm - start.z());
+  }
   const auto leaving = [&](double angle_x, double angle_y) {
-    const ExactTracer::End end = tracer.trace_end({start, Eigen::Vector3d(angle_x, angle_y, 1).normalized()});
+    const ExactTracer::End end =
+        tracer.trace_end({start, Eigen::Vector3d(chief.x() + angle_x, chief.y() + angle_y, 1).normalized()});
     if (end.state != RayState::reached || end.direction.z() <= 0)
-      throw no_result_error("eye '" + eye.name + "': the ray along its axis does not leave it");
+      throw no_result_error("eye '" + eye.name + "': its line of sight does not leave it");
     return end;
   };
   const ExactTracer::End base = leaving(0, 0);

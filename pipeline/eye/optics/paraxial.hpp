@@ -28,8 +28,8 @@ Pupil exit_pupil(const EyeModel& eye, double wavelength_nm);
 PowerVector power_from_vergence(const Eigen::Matrix2d& vergence_per_mm);
 
 /// Paraxial refraction at the corneal vertex, meridian by meridian (2 x 2 vergence): what corrects the eye.
-/// Where surfaces are tilted or decentred it is that of rays near the one that leaves the retina's pole along
-/// the axis, traced exactly.
+/// Where surfaces or the stop are tilted or decentred it is that of rays near the pole's line of sight (through
+/// the centre of the stop; along the axis where there is none), traced exactly.
 /// \throw Error (no_result) when that ray does not leave the eye
 PowerVector paraxial_refraction(const EyeModel& eye, double wavelength_nm);
 

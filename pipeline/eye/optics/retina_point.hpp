@@ -10,8 +10,8 @@ struct RetinaPoint {
   Eigen::Vector3d position_mm, normal;
 };
 
-/// The retina at eye x and y; nothing where it does not reach there. Met from inside the globe, so that the
-/// sheet in front of the equator is out of the way.
+/// The retina behind the equator at eye x and y; nothing where it does not reach there or its clear aperture
+/// ends before.
 std::optional<RetinaPoint> meet_retina(const EyeModel& eye, const Eigen::Vector2d& from_pole_mm);
 
 }  // namespace emmetrope

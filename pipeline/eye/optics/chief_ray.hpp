@@ -1,0 +1,24 @@
+#pragma once
+#include "pipeline/eye/optics/stop_crossing.hpp"
+
+namespace emmetrope {
+
+/// Exact rays through the centre of the stop, in both directions.
+class ChiefRays {
+ public:
+  /// \throw Error (input_invalid) when the eye has no stop
+  ChiefRays(const EyeModel& eye, double wavelength_nm);
+
+  /// The line of sight of a retinal point, where it leaves the eye; nothing where it does not.
+  std::optional<Ray> line_of_sight(const Eigen::Vector3d& retina) const;
+  /// Where the retina sees a direction; nothing where no ray from there comes to it.
+  /// \param direction  from the eye towards what is seen, z > 0
+  std::optional<Eigen::Vector3d> image_of(const Eigen::Vector3d& direction) const;
+
+ private:
+  StopCrossing crossing_;
+  ExactTracer tracer_;
+  double entrance_pupil_z_mm_, exit_pupil_z_mm_;
+};
+
+}  // namespace emmetrope
