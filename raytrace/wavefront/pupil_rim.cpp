@@ -20,10 +20,17 @@ double PupilRim::at(double angle_rad) const {
 
 double PupilRim::largest_mm() const {
   if (radius_mm.size() == 1) return radius_mm.front();
-  constexpr int angles = 720;
-  double largest = 0;
-  for (int k = 0; k < angles; ++k) largest = std::max(largest, at(2 * pi * k / angles));
-  return largest;
+  constexpr int angles = 360;
+  constexpr double step = 2 * pi / angles;
+  double best = 0;
+  for (int k = 1; k < angles; ++k)
+    if (at(k * step) > at(best)) best = k * step;
+  double low = best - step, high = best + step;  // with the maximum between
+  for (int third = 0; third < 40; ++third) {
+    const double left = low + (high - low) / 3, right = high - (high - low) / 3;
+    (at(left) < at(right) ? low : high) = at(left) < at(right) ? left : right;
+  }
+  return at((low + high) / 2);
 }
 
 double PupilRim::area_mm2() const {

@@ -45,6 +45,35 @@ TEST(TraceCommand, WritesTheSystemThatWasTraced) {
   EXPECT_TRUE(std::filesystem::exists(output + "/psf.tiff"));
 }
 
+std::string refusal(const std::string& line) {
+  try {
+    run(line);
+  } catch (const Error& error) {
+    return error.what();
+  }
+  return "";
+}
+
+// Navarro's retina is a sphere of 12 mm.
+TEST(TraceCommand, GoesToTheRetinasEquatorAndSaysWhereItEnds) {
+  const test::TemporaryFolder folder;
+  const std::string small = " --size 8x8 --samples 32 --field-mm .05x.05 -o ";
+  EXPECT_EQ(refusal("--eye navarro --fovea=11.2,0" + small + (folder.path() / "far").string()), "");
+  EXPECT_TRUE(std::filesystem::exists(folder.path() / "far" / "wavefront.json"));
+  for (const char* output : {"beyond", "beyond.png"})
+    EXPECT_NE(refusal("--eye navarro --fovea=12.2,0" + small + (folder.path() / output).string())
+                  .find("the retina does not reach"),
+              std::string::npos);
+  EyeModel eye = make_eye("navarro");
+  eye.surface("retina").semi_diameter_mm = 5;
+  const std::string narrow = (folder.path() / "narrow.json").string();
+  write_eye(narrow, eye);
+  EXPECT_EQ(refusal("--eye " + narrow + " --fovea=4,0" + small + (folder.path() / "in").string()), "");
+  EXPECT_NE(refusal("--eye " + narrow + " --fovea=6,0" + small + (folder.path() / "out").string())
+                .find("the retina does not reach"),
+            std::string::npos);
+}
+
 TEST(TraceCommand, RefusesOptionsThatWouldBeIdle) {
   const test::TemporaryFolder folder;
   const std::string output = " -o " + (folder.path() / "x.png").string();

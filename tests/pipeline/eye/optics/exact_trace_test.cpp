@@ -156,6 +156,23 @@ TEST(ExactTrace, AThinLensMayCrossItself) {
   EXPECT_NEAR(path.hits[1].direction.y() / path.hits[1].direction.z(), 2 * 5e-3, 1e-5);
 }
 
+// Deeper than the apex, but not behind the cornea, which ends nearer to the axis.
+TEST(ExactTrace, ARayFromBesideTheEyeMeetsTheCornea) {
+  const EyeModel eye = make_eye("navarro");
+  for (const Eigen::Vector3d& from : {Eigen::Vector3d(-25.043894, 0, -0.121285), Eigen::Vector3d(0, 20, -1),
+                                      Eigen::Vector3d(15, 15, -0.5)}) {
+    const Eigen::Vector3d to =
+        -5.12 * Eigen::Vector3d(-from.x(), -from.y(), 0).normalized() + Eigen::Vector3d(0, 0, -1.8644);
+    const RayPath path = trace_exact(eye, {from, (to - from).normalized()}, eye.reference_wavelength_nm);
+    ASSERT_FALSE(path.hits.empty());
+    EXPECT_EQ(path.hits.front().surface, "cornea_anterior");
+    const Eigen::Vector3d& at = path.hits.front().position_mm;
+    EXPECT_NEAR((at - from).cross((to - from).normalized()).norm(), 0, 1e-9);
+    // r^2 = 2 R d - (1 + Q) d^2
+    EXPECT_NEAR(at.head<2>().squaredNorm(), 2 * 7.72 * -at.z() - 0.74 * at.z() * at.z(), 1e-8);
+  }
+}
+
 TEST(ExactTrace, ARayMayStartInsideTheEye) {
   const EyeModel eye = open_eye("gullstrand");
   const RayPath inward = trace_exact(eye, {{0, 0.5, -3}, {0, 0, -1}}, 589.3);
