@@ -19,6 +19,7 @@ struct Flags {
   std::string case_folder, eye, output;
   std::string surfaces, method = "pupil", vertices = "800", size = "500x500", field_mm = "6x6", fovea = "0,0";
   std::string spectacle, plano_cylinder, lens_model;
+  std::string psf_grid;
   std::string gaze = "0,0", fixate, strabismus, motion = "0,0";
   double rotation_centre_mm = EyePose().rotation_centre_mm;
   std::optional<int> samples;
@@ -56,6 +57,12 @@ void declare_picture(CLI::App& app, Flags& flags) {
   app.add_option("--target-error", flags.options.settings.target_error,
                  "Add rays until the picture's rms standard error is this, of 255 levels of linear light")
       ->type_name("LEVELS");
+}
+
+void declare_field(CLI::App& app, Flags& flags) {
+  app.add_option("--psf-grid", flags.psf_grid,
+                 "Into the folder too: refraction, wavefront, MTF and PSF over the visual field, degrees")
+      ->type_name("REACH:STEP");
 }
 
 void declare_pupil_and_lens(CLI::App& app, Flags& flags) {
@@ -123,6 +130,7 @@ void declare_measured_eye(CLI::App& app, Flags& flags) {
 void declare(CLI::App& app, Flags& flags) {
   declare_eye_and_scene(app, flags);
   declare_picture(app, flags);
+  declare_field(app, flags);
   declare_pupil_and_lens(app, flags);
   declare_gaze(app, flags);
   declare_light(app, flags);
@@ -269,6 +277,10 @@ TraceOptions parse_options(const Flags& flags, const CommonOptions& common) {
   options.poses = parse_poses(flags, common.laterality);
   options.exposure.eye_motion_deg = parse_pair("--motion", flags.motion, ',');
   options.spectacle = parse_worn(flags);
+  if (!flags.psf_grid.empty()) {
+    const Eigen::Vector2d grid = parse_pair("--psf-grid", flags.psf_grid, ':');
+    options.psf_grid = FieldGrid{grid.x(), grid.y()};
+  }
   return options;
 }
 

@@ -24,6 +24,7 @@ fs::path output_of(const fs::path& output, Laterality laterality, bool two_eyes)
 /// Writes the picture, and into a folder what belongs to it.
 /// \return the picture's path
 fs::path write_output(const fs::path& output, const EyeModel& eye, const TraceSettings& settings,
+                      const std::optional<FieldGrid>& psf_grid, const CommonOptions& common,
                       const LinearImage& picture) {
   const std::string ending = output.extension().string();
   if (ending == ".png") {
@@ -42,6 +43,9 @@ fs::path write_output(const fs::path& output, const EyeModel& eye, const TraceSe
   fs::create_directories(output, fault);
   if (fault) throw output_error("cannot make the folder " + output.string() + ": " + fault.message());
   write_wavefront(eye, settings, output);  // computes first, then files follow one another at once
+  if (psf_grid)
+    write_field(eye, *psf_grid, wavefront_settings(settings), output, common.thread_count(),
+                common.verbosity);
   write_eye(output / "eye.json", eye);
   write_png(output / "uncorrected.png", picture);
   return output / "uncorrected.png";
@@ -67,6 +71,8 @@ void NamedEye::check() const {
 Answer trace_named(const NamedEye& named, const TraceOptions& options, const CommonOptions& common) {
   named.check();
   options.check();
+  if (options.psf_grid && named.output.has_extension() && !fs::is_directory(named.output))
+    throw usage_error("--psf-grid writes several files", "give -o a folder");
   const auto scene = make_scene(options.scene);
   const Tracer tracer(common.device, common.threads);
   const std::vector<Laterality> eyes = eyes_of(options, common.laterality);
@@ -80,8 +86,8 @@ Answer trace_named(const NamedEye& named, const TraceOptions& options, const Com
     const TraceResult result = trace_exposure(tracer, eye, *scene, settings, options.exposure);
     for (const auto& note : result.notes) spdlog::info("{}", note);
     warn_of_doubts(result, settings);
-    const fs::path image =
-        write_output(output_of(named.output, laterality, two_eyes), eye, settings, result.image);
+    const fs::path image = write_output(output_of(named.output, laterality, two_eyes), eye, settings,
+                                        options.psf_grid, common, result.image);
     Json of_eye = picture_json(result, image.string(), eye, settings);
     of_eye["gaze_deg"] = {settings.pose.gaze.horizontal_deg, settings.pose.gaze.vertical_deg};
     answer.text += picture_line(eye.name, of_eye);

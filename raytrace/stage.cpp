@@ -56,6 +56,8 @@ Json parameters_of(const TraceOptions& options, const MeasuredEyeOptions& measur
       {"lens_index", or_null(measured.lens_index)},
       {"lens_core", measured.lens_core},
       {"retinal_depth_mm", measured.retinal_depth_mm},
+      {"psf_grid_deg",
+       options.psf_grid ? Json{options.psf_grid->reach_deg, options.psf_grid->step_deg} : Json(nullptr)},
       {"seed", common.seed},
       {"laterality", to_string(common.laterality)}};
 }
@@ -105,8 +107,9 @@ std::vector<StageInput> inputs_of(const fs::path& case_folder, const TraceOption
 
 /// Writes what one eye sees into its folder.
 /// \return what stage.json says of it
-Json trace_eye(const MeasuredEye& measured, Laterality eye, const TraceOptions& options, const Tracer& tracer,
-               const Scene& scene, const fs::path& folder) {
+Json trace_eye(const MeasuredEye& measured, Laterality eye, const TraceOptions& options,
+               const CommonOptions& common, const Tracer& tracer, const Scene& scene,
+               const fs::path& folder) {
   const TraceSettings settings = options.settings_of(eye);
   const EyeModel worn = options.with_worn(measured.eye);
   const TraceResult result = trace_exposure(tracer, worn, scene, settings, options.exposure);
@@ -118,6 +121,9 @@ Json trace_eye(const MeasuredEye& measured, Laterality eye, const TraceOptions& 
   write_json(folder / "eye.json", measured_eye_json(measured, eye));
   write_png(folder / "uncorrected.png", result.image);
   write_wavefront(measured.eye, settings, folder);
+  if (options.psf_grid)
+    write_field(worn, *options.psf_grid, wavefront_settings(settings), folder, common.thread_count(),
+                common.verbosity);
   Json json =
       picture_json(result, fmt::format("raytrace/{}/uncorrected.png", to_string(eye)), worn, settings);
   json["lens_index"] = measured.lens_index;
@@ -150,8 +156,8 @@ Answer trace_case(const fs::path& case_folder, const MeasuredEyeOptions& measure
     const StageVerdict verdict = work_eye_by_eye(eyes, meshed, [&](Laterality eye) {
       if (!fs::exists(case_folder / "meshing" / to_string(eye) / "optics.json"))
         throw no_result_error("cornea or lens are withheld: light cannot be traced through this eye");
-      of_eyes[to_string(eye)] = trace_eye(read_measured_eye(case_folder, eye, measured), eye, options, tracer,
-                                          *scene, workspace.folder() / to_string(eye));
+      of_eyes[to_string(eye)] = trace_eye(read_measured_eye(case_folder, eye, measured), eye, options, common,
+                                          tracer, *scene, workspace.folder() / to_string(eye));
     });
     workspace.provenance()["eyes"] = of_eyes;
     return verdict;

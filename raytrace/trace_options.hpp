@@ -6,6 +6,7 @@
 #include "pipeline/base/laterality.hpp"
 #include "raytrace/spectacle/spectacle.hpp"
 #include "raytrace/tracer/exposure.hpp"
+#include "raytrace/wavefront/field.hpp"
 
 namespace emmetrope::raytrace {
 
@@ -17,6 +18,7 @@ struct TraceOptions {
   std::optional<double> pupillary_distance_mm;  ///< given where two eyes look
   Exposure exposure;
   std::optional<Spectacle> spectacle;
+  std::optional<FieldGrid> psf_grid;  ///< what else is measured over the visual field
 
   /// \throw Error (usage) naming the option
   void check() const;

@@ -6,7 +6,6 @@
 #include "pipeline/base/frames.hpp"
 #include "pipeline/base/log.hpp"
 #include "raytrace/picture/linear_image.hpp"
-#include "raytrace/wavefront/wavefront.hpp"
 
 namespace emmetrope::raytrace {
 namespace {
@@ -27,13 +26,17 @@ std::string spot_diagram(const Wavefront& wavefront) {
 
 }  // namespace
 
+WavefrontSettings wavefront_settings(const TraceSettings& settings) {
+  WavefrontSettings wavefront;
+  wavefront.wavelength_nm = settings.wavelength_nm;
+  wavefront.fovea_mm = settings.grid.centre_mm;
+  wavefront.stiles_crawford_per_mm2 = settings.stiles_crawford_per_mm2;
+  return wavefront;
+}
+
 void write_wavefront(const EyeModel& eye, const TraceSettings& settings,
                      const std::filesystem::path& folder) {
-  WavefrontSettings wavefront_settings;
-  wavefront_settings.wavelength_nm = settings.wavelength_nm;
-  wavefront_settings.fovea_mm = settings.grid.centre_mm;
-  wavefront_settings.stiles_crawford_per_mm2 = settings.stiles_crawford_per_mm2;
-  const Wavefront wavefront = measure_wavefront(eye, wavefront_settings);
+  const Wavefront wavefront = measure_wavefront(eye, wavefront_settings(settings));
   const PointSpread spread = point_spread(wavefront);
   Json json = wavefront_json(wavefront);
   if (spread.wraps) {

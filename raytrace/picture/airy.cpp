@@ -7,7 +7,7 @@
 namespace emmetrope::raytrace {
 namespace {
 
-constexpr int steps = 1024;  // AIRY_STEPS in kernels/light.cl
+constexpr int airy_steps = 1024;  // AIRY_STEPS in kernels/light.cl
 
 double outside(double v) {
   const double j0 = std::cyl_bessel_j(0.0, v), j1 = std::cyl_bessel_j(1.0, v);
@@ -27,8 +27,8 @@ double radius_of(double beyond) {
 std::vector<float> airy_table(const std::array<double, wavelength_count>& wavelength_nm, double pupil_mm) {
   std::vector<float> table;
   for (const double nm : wavelength_nm) table.push_back(static_cast<float>(nm * 1e-6 / (pi * pupil_mm)));
-  for (int i = 0; i < steps; ++i) {
-    const double beyond = 1 - static_cast<double>(i) * i / (static_cast<double>(steps) * steps);
+  for (int i = 0; i < airy_steps; ++i) {
+    const double beyond = 1 - static_cast<double>(i) * i / (static_cast<double>(airy_steps) * airy_steps);
     table.push_back(static_cast<float>(radius_of(beyond) * beyond));
   }
   table.push_back(static_cast<float>(2 / pi));  // the far rings: outside(v) -> 2 / (pi v)

@@ -9,6 +9,9 @@
 namespace emmetrope::raytrace {
 namespace {
 
+/// libtiff's COMPRESSION_NONE: left to itself OpenCV packs colours logarithmically, 2 % off.
+constexpr int uncompressed = 1;
+
 /// OpenCV wants blue first.
 int source_channel(const LinearImage& image, int channel) { return image.channels == 3 ? 2 - channel : 0; }
 
@@ -43,9 +46,20 @@ void write_png(const std::filesystem::path& file, const LinearImage& image) {
 }
 
 void write_tiff(const std::filesystem::path& file, const LinearImage& image) {
-  // Left to itself OpenCV packs colours logarithmically, 2 % off.
-  constexpr int uncompressed = 1;  // libtiff's COMPRESSION_NONE
   write(file, floats_of(image), ".tiff", {cv::IMWRITE_TIFF_COMPRESSION, uncompressed});
+}
+
+void write_tiff_pages(const std::filesystem::path& file, const std::vector<LinearImage>& images) {
+  std::vector<cv::Mat> pages;
+  for (const LinearImage& image : images) pages.push_back(floats_of(image));
+  // OpenCV encodes several pages into files only.
+  std::filesystem::path part = file;
+  part += ".part.tiff";
+  if (!cv::imwritemulti(part.string(), pages, {cv::IMWRITE_TIFF_COMPRESSION, uncompressed}))
+    throw output_error("cannot write " + part.string());
+  const std::string bytes = read_file(part);
+  std::filesystem::remove(part);
+  write_file(file, bytes);
 }
 
 void write_exr(const std::filesystem::path& file, const LinearImage& image) {

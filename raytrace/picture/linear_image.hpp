@@ -18,6 +18,8 @@ struct LinearImage {
 void write_png(const std::filesystem::path& file, const LinearImage& image);
 /// Writes float TIFF of the linear values.
 void write_tiff(const std::filesystem::path& file, const LinearImage& image);
+/// The same of several pictures, a page each.
+void write_tiff_pages(const std::filesystem::path& file, const std::vector<LinearImage>& images);
 /// Writes float OpenEXR of the linear values.
 void write_exr(const std::filesystem::path& file, const LinearImage& image);
 

@@ -7,45 +7,46 @@ namespace emmetrope::raytrace {
 namespace {
 
 constexpr double first_nm = 390, last_nm = 700;
-constexpr int steps = 63;  ///< of 5 nm
+constexpr int wavelength_steps = 63;  ///< of 5 nm
 
-double nm_at(int i) { return first_nm + (last_nm - first_nm) * i / (steps - 1); }
+double nm_at(int i) { return first_nm + (last_nm - first_nm) * i / (wavelength_steps - 1); }
 
 double lobe(double wavelength, double centre, double below, double above) {
   const double t = (wavelength - centre) / (wavelength < centre ? below : above);
   return std::exp(-0.5 * t * t);
 }
 
-using Curve = Eigen::Matrix<double, steps, 1>;
+using Curve = Eigen::Matrix<double, wavelength_steps, 1>;
 
 /// The smoothest non-negative spectrum (least sum of squared slopes, power 0 at both ends) with given XYZ:
 /// quadratic programme by pinning what would be negative to 0 and solving again.
 Curve primary(const Eigen::Vector3d& xyz) {
-  Eigen::Matrix<double, steps, steps> roughness = Eigen::Matrix<double, steps, steps>::Identity() * 1e-3;
-  for (int i = 0; i <= steps; ++i) {
-    if (i < steps) roughness(i, i) += 1;
+  Eigen::Matrix<double, wavelength_steps, wavelength_steps> roughness =
+      Eigen::Matrix<double, wavelength_steps, wavelength_steps>::Identity() * 1e-3;
+  for (int i = 0; i <= wavelength_steps; ++i) {
+    if (i < wavelength_steps) roughness(i, i) += 1;
     if (i > 0) roughness(i - 1, i - 1) += 1;
-    if (i > 0 && i < steps) roughness(i, i - 1) -= 1, roughness(i - 1, i) -= 1;
+    if (i > 0 && i < wavelength_steps) roughness(i, i - 1) -= 1, roughness(i - 1, i) -= 1;
   }
-  std::vector<bool> pinned(steps, false);
+  std::vector<bool> pinned(wavelength_steps, false);
   Curve curve = Curve::Zero();
-  for (int round = 0; round < steps; ++round) {
-    Eigen::MatrixXd system = Eigen::MatrixXd::Zero(steps + 3, steps + 3);
-    Eigen::VectorXd right = Eigen::VectorXd::Zero(steps + 3);
-    system.topLeftCorner(steps, steps) = roughness;
-    for (int i = 0; i < steps; ++i) {
+  for (int round = 0; round < wavelength_steps; ++round) {
+    Eigen::MatrixXd system = Eigen::MatrixXd::Zero(wavelength_steps + 3, wavelength_steps + 3);
+    Eigen::VectorXd right = Eigen::VectorXd::Zero(wavelength_steps + 3);
+    system.topLeftCorner(wavelength_steps, wavelength_steps) = roughness;
+    for (int i = 0; i < wavelength_steps; ++i) {
       const Eigen::Vector3d observer = cie_1931(nm_at(i));
-      system.block<3, 1>(steps, i) = observer;
-      system.block<1, 3>(i, steps) = observer.transpose();
+      system.block<3, 1>(wavelength_steps, i) = observer;
+      system.block<1, 3>(i, wavelength_steps) = observer.transpose();
       if (pinned[i]) {
         system.row(i).setZero();
         system(i, i) = 1;
       }
     }
     right.tail<3>() = xyz;
-    curve = system.fullPivLu().solve(right).head<steps>();
+    curve = system.fullPivLu().solve(right).head<wavelength_steps>();
     bool changed = false;
-    for (int i = 0; i < steps; ++i)
+    for (int i = 0; i < wavelength_steps; ++i)
       if (!pinned[i] && curve[i] < -1e-12) pinned[i] = changed = true;
     if (!changed) break;
   }
@@ -79,14 +80,14 @@ double srgb_decoded(double encoded) {
 
 Spectrum display_spectrum() {
   const Eigen::Matrix3d rgb_from_xyz = srgb_from_xyz(), xyz_from_rgb = rgb_from_xyz.inverse();
-  Eigen::Matrix<double, steps, 3> primaries;
+  Eigen::Matrix<double, wavelength_steps, 3> primaries;
   for (int c = 0; c < 3; ++c) primaries.col(c) = primary(xyz_from_rgb.col(c));
 
   // Share of the light: X + Y + Z of white, cumulated.
   Curve share;
-  for (int i = 0; i < steps; ++i) share[i] = cie_1931(nm_at(i)).sum() * primaries.row(i).sum();
-  std::array<double, steps + 1> below{};
-  for (int i = 0; i < steps; ++i) below[i + 1] = below[i] + share[i] / share.sum();
+  for (int i = 0; i < wavelength_steps; ++i) share[i] = cie_1931(nm_at(i)).sum() * primaries.row(i).sum();
+  std::array<double, wavelength_steps + 1> below{};
+  for (int i = 0; i < wavelength_steps; ++i) below[i + 1] = below[i] + share[i] / share.sum();
 
   Spectrum spectrum;
   Eigen::Matrix3d sum = Eigen::Matrix3d::Zero();
@@ -96,7 +97,7 @@ Spectrum display_spectrum() {
                  high = static_cast<double>(k + 1) / wavelength_count;
     Eigen::Matrix3d xyz = Eigen::Matrix3d::Zero();
     double mean = 0;
-    for (int i = 0; i < steps; ++i) {
+    for (int i = 0; i < wavelength_steps; ++i) {
       const double part = std::max(0.0, std::min(high, below[i + 1]) - std::max(low, below[i]));
       if (part == 0) continue;
       mean += part * nm_at(i);

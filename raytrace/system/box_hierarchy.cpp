@@ -17,9 +17,9 @@ double area(const Eigen::AlignedBox3d& box) {
   return s.x() * s.y() + s.y() * s.z() + s.z() * s.x();
 }
 
-class Builder {
+class HierarchyBuilder {
  public:
-  explicit Builder(const std::vector<std::array<Eigen::Vector3d, 3>>& triangles) {
+  explicit HierarchyBuilder(const std::vector<std::array<Eigen::Vector3d, 3>>& triangles) {
     for (const auto& corners : triangles) {
       boxes_.emplace_back();
       for (const auto& corner : corners) boxes_.back().extend(corner);
@@ -105,7 +105,7 @@ class Builder {
 }  // namespace
 
 BoxHierarchy make_box_hierarchy(const std::vector<std::array<Eigen::Vector3d, 3>>& triangles) {
-  return std::move(Builder(triangles).result);
+  return std::move(HierarchyBuilder(triangles).result);
 }
 
 }  // namespace emmetrope::raytrace

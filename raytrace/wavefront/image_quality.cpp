@@ -28,24 +28,46 @@ Wavefront with_lens(Wavefront wavefront, const PowerVector& lens) {
   return wavefront;
 }
 
+/// Of the wavefront's terms from the second order, um per mm.
+Eigen::Vector2d slope_at(const Wavefront& wavefront, const Eigen::Vector2d& place_mm) {
+  const double radius_mm = wavefront.pupil_mm / 2;
+  Eigen::Vector2d slope(0, 0);
+  for (std::size_t j = 3; j < wavefront.zernike_um.size(); ++j)
+    if (wavefront.zernike_um[j] != 0)
+      slope += wavefront.zernike_um[j] / radius_mm *
+               zernike_jet(static_cast<int>(j), place_mm.x() / radius_mm, place_mm.y() / radius_mm).gradient;
+  return slope;
+}
+
 /// Samples over the pupil so that the phase turns by less than half a wave from one to the next: then the
 /// point spread function fits into its grid, too.
 double samples_needed(const Wavefront& wavefront) {
-  // The radial slope at the edge: norm times n (n + 2) / 2 for m = 0, norm times n for |m| = n, between for
-  // the others.
-  double slope_um = 0;
-  for (std::size_t j = 3; j < wavefront.zernike_um.size(); ++j) {
-    const auto [n, m] = zernike_index(static_cast<int>(j));
-    const double norm = std::sqrt((m == 0 ? 1.0 : 2.0) * (n + 1));
-    slope_um += std::abs(wavefront.zernike_um[j]) * norm * (n * (n + 2) - m * m) / 2;
+  constexpr int rings = 8, spokes = 48;
+  std::vector<Eigen::Vector2d> slopes;
+  Eigen::Vector2d mean(0, 0);
+  double area = 0;
+  for (int k = 0; k < spokes; ++k) {
+    const double angle = 2 * pi * k / spokes, rim_mm = rim_of(wavefront).at(angle);
+    for (int ring = 1; ring <= rings; ++ring) {
+      const double radius_mm = rim_mm * ring / rings, share = radius_mm * rim_mm;
+      slopes.push_back(slope_at(wavefront, radius_mm * Eigen::Vector2d(std::cos(angle), std::sin(angle))));
+      mean += share * slopes.back();
+      area += share;
+    }
   }
-  return 2 * 2 * slope_um / (wavefront.wavelength_nm / 1000);
+  mean /= area;
+  double largest_um_per_mm = 0;
+  for (const Eigen::Vector2d& slope : slopes)
+    largest_um_per_mm = std::max(largest_um_per_mm, (slope - mean).norm());
+  return 2 * wavefront.pupil_mm * largest_um_per_mm / (wavefront.wavelength_nm / 1000);
 }
 
+constexpr int least_samples = 128;
 constexpr int most_samples = 1024;
 
 PupilFunction sampled(const Wavefront& wavefront, const Eigen::Vector2d& up = {0, 1}) {
-  const int samples = static_cast<int>(std::clamp(samples_needed(wavefront), 128.0, 1.0 * most_samples));
+  const int samples =
+      static_cast<int>(std::clamp(samples_needed(wavefront), 1.0 * least_samples, 1.0 * most_samples));
   return {wavefront, samples, samples > 512 ? 2.0 : 3.0, up};
 }
 
@@ -54,10 +76,11 @@ double cut_off_cpd(const Wavefront& wavefront) {
   return wavefront.pupil_mm / (wavefront.wavelength_nm * 1e-6) * degree;
 }
 
-/// Sum of Re(OTF) over frequencies up to 60 cycles a degree weighted by contrast sensitivity.
+/// Integral of Re(OTF) over frequencies up to 60 cycles a degree weighted by contrast sensitivity.
 class SensitivitySum {
  public:
-  explicit SensitivitySum(const PupilFunction& pupil) {
+  explicit SensitivitySum(const PupilFunction& pupil)
+      : area_cpd2_(1.0 / (pupil.per_cpd() * pupil.per_cpd())) {
     const int reach = highest_weighted_cpd * pupil.per_cpd(), size = pupil.size();
     for (int row = -reach; row <= reach; ++row)
       for (int column = -reach; column <= reach; ++column) {
@@ -70,7 +93,7 @@ class SensitivitySum {
   double of(const std::vector<std::complex<double>>& otf) const {
     double sum = 0;
     for (const auto& [index, weight] : entries_) sum += weight * otf[index].real();
-    return sum;
+    return area_cpd2_ * sum;
   }
 
  private:
@@ -78,8 +101,15 @@ class SensitivitySum {
     int index;
     double weight;
   };
+  double area_cpd2_;  ///< of a frequency's square
   std::vector<Entry> entries_;
 };
+
+/// Of the same pupil without aberration: few samples do.
+double perfect_sensitivity_sum(const Wavefront& wavefront) {
+  const PupilFunction pupil(wavefront, least_samples, 3, wavefront.tangential);
+  return SensitivitySum(pupil).of(pupil.otf(pupil.perfect_point_spread()));
+}
 
 /// The spot diagram: the angles of the rays in object space about the line of sight, along eye x and y.
 Json spot_json(const Wavefront& wavefront) {
@@ -97,12 +127,11 @@ Json spot_json(const Wavefront& wavefront) {
 ImageQuality image_quality(const Wavefront& uncorrected, const PowerVector& lens_in_pupil) {
   const Wavefront wavefront = with_lens(uncorrected, lens_in_pupil);
   const PupilFunction pupil = sampled(wavefront, wavefront.tangential);
-  const std::vector<double> spread = pupil.point_spread({}), perfect = pupil.perfect_point_spread();
+  const std::vector<double> spread = pupil.point_spread({});
   const std::vector<std::complex<double>> otf = pupil.otf(spread);
-  const SensitivitySum weighted(pupil);
   ImageQuality quality;
   quality.strehl = pupil.strehl({}, spread);
-  quality.vsotf = weighted.of(otf) / weighted.of(pupil.otf(perfect));
+  quality.vsotf = SensitivitySum(pupil).of(otf) / perfect_sensitivity_sum(wavefront);
   for (int cpd = 0; cpd <= cut_off_cpd(wavefront); ++cpd) {
     const int step = cpd * pupil.per_cpd();
     const bool inside = 2 * step < pupil.size();

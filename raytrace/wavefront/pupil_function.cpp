@@ -1,6 +1,6 @@
 #include "raytrace/wavefront/pupil_function.hpp"
 
-#include <Eigen/LU>
+#include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
 #include <opencv2/core.hpp>
@@ -69,7 +69,7 @@ PupilFunction::PupilFunction(const Wavefront& wavefront, int samples_across, dou
   for (std::size_t j = 3; j < wavefront.zernike_um.size(); ++j)
     coefficients[static_cast<Eigen::Index>(j)] = wavefront.zernike_um[j];
 
-  const RimTable rim(wavefront.rim.radius_mm.empty() ? PupilRim{{radius_mm_}} : wavefront.rim);
+  const RimTable rim(rim_of(wavefront));
   const Eigen::Vector2d right(up.y(), -up.x());
   for (int row = -half; row <= half; ++row)
     for (int column = -half; column <= half; ++column) {
@@ -82,6 +82,23 @@ PupilFunction::PupilFunction(const Wavefront& wavefront, int samples_across, dou
       points_.push_back({index, covered * std::sqrt(weight), coefficients.dot(z), z[4], z[5], z[3]});
       light_ += covered * weight;
     }
+  level();
+}
+
+void PupilFunction::level() {
+  // Zernike terms have no tilt over their circle, but over another pupil they have.
+  Eigen::Matrix3d normal = Eigen::Matrix3d::Zero();
+  Eigen::Vector3d right = Eigen::Vector3d::Zero();
+  const auto row_of = [&](const Point& point) {
+    return Eigen::Vector3d(1, signed_place(point.index % size_), signed_place(point.index / size_));
+  };
+  for (const Point& point : points_) {
+    const Eigen::Vector3d row = row_of(point);
+    normal += point.amplitude * row * row.transpose();
+    right += point.amplitude * point.wavefront_um * row;
+  }
+  const Eigen::Vector3d plane = normal.ldlt().solve(right);
+  for (Point& point : points_) point.wavefront_um -= plane.dot(row_of(point));
 }
 
 double PupilFunction::pitch_arcmin() const {
@@ -121,7 +138,6 @@ std::vector<double> PupilFunction::point_spread(const PowerVector& lens) const {
 }
 
 double PupilFunction::strehl(const PowerVector& lens, const std::vector<double>& point_spread) const {
-  const auto signed_place = [&](int place) { return 2 * place > size_ ? place - size_ : place; };
   const auto largest =
       static_cast<int>(std::max_element(point_spread.begin(), point_spread.end()) - point_spread.begin());
   Eigen::Vector2d angle(signed_place(largest % size_), signed_place(largest / size_));  // grid steps

@@ -71,6 +71,11 @@ struct Wavefront {
   double rms_beyond_order_um(int order) const;
 };
 
+/// The wavefront's, or its circle where it has none.
+inline PupilRim rim_of(const Wavefront& wavefront) {
+  return wavefront.rim.radius_mm.empty() ? PupilRim{{wavefront.pupil_mm / 2}} : wavefront.rim;
+}
+
 /// \throw Error (no_result) when too few rays reach the air to say anything
 Wavefront measure_wavefront(const EyeModel& eye, const WavefrontSettings& settings = {});
 

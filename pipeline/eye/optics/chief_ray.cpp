@@ -22,7 +22,7 @@ std::optional<Ray> ChiefRays::line_of_sight(const Eigen::Vector3d& retina) const
 }
 
 std::optional<Eigen::Vector3d> ChiefRays::image_of(const Eigen::Vector3d& direction) const {
-  constexpr double away_mm = 40;  // beyond anything worn
+  constexpr double away_mm = 100;  // beyond anything worn
   const Eigen::Vector3d towards = direction.normalized();
   const Eigen::Vector3d x = Eigen::Vector3d::UnitY().cross(towards).normalized(), y = towards.cross(x);
   // From the entrance pupil as seen along the axis, by Newton's method across the direction.
