@@ -20,7 +20,10 @@ if(EMMETROPE_WARNINGS_AS_ERRORS)
   list(APPEND warnings -Werror)
 endif()
 target_compile_features(emmetrope_compile INTERFACE cxx_std_17)
-target_compile_options(emmetrope_compile INTERFACE -pthread "$<BUILD_INTERFACE:${warnings};-fpch-preprocess>")
+# Position-independent, as the libraries also go into the Python module; as an option and not a property, so that
+# programs and libraries share one precompiled header.
+target_compile_options(emmetrope_compile INTERFACE -pthread
+  "$<BUILD_INTERFACE:${warnings};-fpch-preprocess;-fPIC;-fno-semantic-interposition>")
 target_include_directories(emmetrope_compile INTERFACE
   $<BUILD_INTERFACE:${CMAKE_SOURCE_DIR}> $<INSTALL_INTERFACE:include/emmetrope>)
 install(TARGETS emmetrope_compile EXPORT emmetrope COMPONENT development)

@@ -1,0 +1,32 @@
+#pragma once
+#include <pybind11/eigen.h>
+#include <pybind11/numpy.h>
+#include <pybind11/pybind11.h>
+#include <pybind11/stl.h>
+
+#include "pipeline/base/json.hpp"
+
+/// The Python module: what the commands offer, on numpy arrays, without files between. Each function below adds
+/// the names of one subject to it. Work that takes time runs without the interpreter's lock.
+namespace emmetrope::python {
+
+namespace py = pybind11;
+
+/// Of doubles in C's order; another array is converted.
+using Doubles = py::array_t<double, py::array::c_style | py::array::forcecast>;
+
+/// emmetrope::Error as Python exceptions of the same statuses.
+void bind_errors(py::module_& module);
+void bind_eyes(py::module_& module);
+void bind_rays(py::module_& module);
+void bind_wavefronts(py::module_& module);
+void bind_pictures(py::module_& module);
+
+py::object to_python(const Json& json);
+Json from_python(const py::object& object);
+
+/// Rows of three, an array of shape (N, 3).
+/// \throw Error (usage) naming the argument for any other shape
+const double* rows_of_three(const Doubles& array, const char* argument);
+
+}  // namespace emmetrope::python

@@ -1,0 +1,168 @@
+#include <fmt/format.h>
+
+#include "pipeline/base/error.hpp"
+#include "pipeline/base/frames.hpp"
+#include "pipeline/base/power_vector.hpp"
+#include "pipeline/eye/optics/chief_ray.hpp"
+#include "pipeline/eye/optics/paraxial.hpp"
+#include "pipeline/eye/optics/retina_point.hpp"
+#include "pipeline/eye/schematic/schematic_eyes.hpp"
+#include "pipeline/python/bindings.hpp"
+#include "raytrace/spectacle/spectacle.hpp"
+
+namespace emmetrope::python {
+namespace {
+
+double wavelength_of(const EyeModel& eye, const std::optional<double>& wavelength_nm) {
+  return wavelength_nm.value_or(eye.reference_wavelength_nm);
+}
+
+EyeModel new_eye(const std::string& name_or_file, double accommodation_D,
+                 const std::optional<double>& accommodation_parameter, const std::optional<double>& pupil_mm,
+                 const std::string& laterality) {
+  EyeOptions options;
+  options.accommodation_D = accommodation_D;
+  options.accommodation_parameter = accommodation_parameter;
+  options.pupil_mm = pupil_mm;
+  if (laterality != "od" && laterality != "os")
+    throw usage_error("laterality: \"" + laterality + "\" is unknown", "give od or os");
+  options.laterality = laterality == "od" ? Laterality::od : Laterality::os;
+  return make_eye(name_or_file, options);
+}
+
+EyeModel with_pupil_of(EyeModel eye, double pupil_mm) {
+  eye.set_stop_diameter(pupil_mm);
+  return eye;
+}
+
+std::vector<std::string> surface_names(const EyeModel& eye) {
+  std::vector<std::string> names;
+  for (const Surface& surface : eye.surfaces) names.push_back(surface.name);
+  return names;
+}
+
+void bind_power_vector(py::module_& module) {
+  py::class_<PowerVector>(
+      module, "PowerVector",
+      "A refraction, dioptres: mean sphere M and the cross cylinders J0 (180 against 90) and "
+      "J45 (45 against 135 degrees).")
+      .def(py::init([](double M_D, double J0_D, double J45_D) {
+             return PowerVector{M_D, J0_D, J45_D};
+           }),
+           py::arg("M_D") = 0, py::arg("J0_D") = 0, py::arg("J45_D") = 0)
+      .def_readonly("M_D", &PowerVector::M_D)
+      .def_readonly("J0_D", &PowerVector::J0_D)
+      .def_readonly("J45_D", &PowerVector::J45_D)
+      .def(
+          "sphero_cylinder",
+          [](const PowerVector& power) {
+            const SpheroCylinder rx = to_sphero_cylinder(power);
+            return py::make_tuple(rx.sphere_D, rx.cylinder_D, rx.axis_deg);
+          },
+          "(sphere_D, cylinder_D, axis_deg), the cylinder negative.")
+      .def("__repr__", [](const PowerVector& power) {
+        return fmt::format("PowerVector(M_D={:.4f}, J0_D={:.4f}, J45_D={:.4f})", power.M_D, power.J0_D,
+                           power.J45_D);
+      });
+}
+
+void bind_cardinal_points(py::module_& module) {
+  py::class_<CardinalPoints>(module, "CardinalPoints",
+                             "Depths behind the corneal apex, mm, and the power, D.")
+      .def_readonly("power_D", &CardinalPoints::power_D)
+      .def_readonly("object_focal_mm", &CardinalPoints::object_focal_mm)
+      .def_readonly("image_focal_mm", &CardinalPoints::image_focal_mm)
+      .def_readonly("object_principal_mm", &CardinalPoints::object_principal_mm)
+      .def_readonly("image_principal_mm", &CardinalPoints::image_principal_mm)
+      .def_readonly("object_nodal_mm", &CardinalPoints::object_nodal_mm)
+      .def_readonly("image_nodal_mm", &CardinalPoints::image_nodal_mm);
+}
+
+}  // namespace
+
+void bind_eyes(py::module_& module) {
+  bind_power_vector(module);
+  bind_cardinal_points(module);
+  const auto wavelength = py::arg("wavelength_nm") = py::none();
+  py::class_<EyeModel>(
+      module, "Eye",
+      "An optical system in the eye's frame: mm, +z out of the eye, origin at the corneal apex, +x to "
+      "the patient's left, +y up. It does not change; with_... make another.")
+      .def(py::init(&new_eye), py::arg("name_or_file"), py::arg("accommodation_D") = 0,
+           py::arg("accommodation_parameter") = py::none(), py::arg("pupil_mm") = py::none(),
+           py::arg("laterality") = "od",
+           "A schematic eye by name (schematic_eyes()), or an eye.json by its path, also a case's.")
+      .def_static(
+          "from_dict",
+          [](const py::object& dictionary, const std::string& folder) {
+            return eye_from_json(from_python(dictionary), folder);
+          },
+          py::arg("dictionary"), py::arg("folder") = ".",
+          "From what eye.json holds; paths of meshes are relative to the folder.")
+      .def(
+          "to_dict", [](const EyeModel& eye) { return to_python(to_json(eye)); }, "What eye.json would hold.")
+      .def(
+          "write", [](const EyeModel& eye, const std::string& file) { write_eye(file, eye); },
+          py::arg("file"), "Writes an eye.json.")
+      .def_readonly("name", &EyeModel::name)
+      .def_readonly("reference_wavelength_nm", &EyeModel::reference_wavelength_nm)
+      .def_property_readonly("axial_length_mm", &EyeModel::axial_length_mm)
+      .def_property_readonly("surface_names", &surface_names, "In the order that light meets them.")
+      .def("with_pupil", &with_pupil_of, py::arg("pupil_mm"), "With another iris aperture.")
+      .def(
+          "with_spectacle",
+          [](const EyeModel& eye, const std::string& lens) {
+            return raytrace::with_spectacle(eye, raytrace::parse_spectacle(lens));
+          },
+          py::arg("lens"),
+          "Behind a lens as --spectacle takes it: \"-2.25/-1.00x180@12\", or a file of surfaces.")
+      .def(
+          "cardinal_points",
+          [](const EyeModel& eye, const std::optional<double>& nm) {
+            return cardinal_points(eye, wavelength_of(eye, nm));
+          },
+          wavelength)
+      .def(
+          "entrance_pupil",
+          [](const EyeModel& eye, const std::optional<double>& nm) {
+            const Pupil pupil = entrance_pupil(eye, wavelength_of(eye, nm));
+            return py::make_tuple(pupil.position_mm, pupil.diameter_mm);
+          },
+          wavelength, "Paraxial (position_mm behind the apex, diameter_mm).")
+      .def(
+          "refraction",
+          [](const EyeModel& eye, const std::optional<double>& nm) {
+            return paraxial_refraction(eye, wavelength_of(eye, nm));
+          },
+          wavelength, "Paraxial, of the pole, at the corneal vertex: what corrects the eye.")
+      .def(
+          "retina_seeing",
+          [](const EyeModel& eye, double horizontal_deg, double vertical_deg,
+             const std::optional<double>& nm) -> std::optional<Eigen::Vector3d> {
+            const py::gil_scoped_release unlocked;
+            return ChiefRays(eye, wavelength_of(eye, nm))
+                .image_of({std::tan(horizontal_deg * degree), std::tan(vertical_deg * degree), 1});
+          },
+          py::arg("horizontal_deg"), py::arg("vertical_deg"), wavelength,
+          "Where the chief ray from a direction meets the retina, mm (3,); None where none does. Angles of the line "
+          "of sight towards +x and +y.")
+      .def(
+          "line_of_sight",
+          [](const EyeModel& eye, double x_mm, double y_mm,
+             const std::optional<double>& nm) -> std::optional<Eigen::Vector3d> {
+            const std::optional<RetinaPoint> from = meet_retina(eye, {x_mm, y_mm});
+            if (!from) return std::nullopt;
+            const py::gil_scoped_release unlocked;
+            const auto ray = ChiefRays(eye, wavelength_of(eye, nm)).line_of_sight(from->position_mm);
+            return ray ? std::optional<Eigen::Vector3d>(ray->direction) : std::nullopt;
+          },
+          py::arg("x_mm"), py::arg("y_mm"), wavelength,
+          "Direction (3,) in which the retina at x, y looks; None where it does not reach or no light leaves.")
+      .def("__repr__", [](const EyeModel& eye) {
+        return fmt::format("Eye('{}', {} surfaces, axial length {:.3f} mm)", eye.name, eye.surfaces.size(),
+                           eye.axial_length_mm());
+      });
+  module.def("schematic_eyes", &schematic_eye_names, "Names that Eye() knows.");
+}
+
+}  // namespace emmetrope::python

@@ -1,0 +1,27 @@
+#include "pipeline/base/error.hpp"
+#include "pipeline/python/bindings.hpp"
+
+namespace emmetrope::python {
+
+py::object to_python(const Json& json) { return py::module_::import("json").attr("loads")(json.dump()); }
+
+Json from_python(const py::object& object) {
+  return Json::parse(py::module_::import("json").attr("dumps")(object).cast<std::string>());
+}
+
+const double* rows_of_three(const Doubles& array, const char* argument) {
+  if (array.ndim() != 2 || array.shape(1) != 3)
+    throw usage_error(std::string(argument) + ": an array of shape (N, 3) is wanted");
+  return array.data();
+}
+
+}  // namespace emmetrope::python
+
+PYBIND11_MODULE(_emmetrope, module) {
+  using namespace emmetrope::python;
+  bind_errors(module);
+  bind_eyes(module);
+  bind_rays(module);
+  bind_wavefronts(module);
+  bind_pictures(module);
+}

@@ -1,0 +1,212 @@
+"""The Python module against the commands' own numbers, closed forms and its stubs."""
+import ast
+import json
+import os
+import pathlib
+import resource
+import subprocess
+import tempfile
+import threading
+import time
+import unittest
+
+import numpy
+
+import emmetrope
+
+commands = pathlib.Path(os.environ["EMMETROPE_BIN"])
+
+
+def command(name, *arguments):
+    """What a command answers with --json."""
+    line = [commands / f"emmetrope-{name}", *arguments, "--json", "--quiet"]
+    return json.loads(subprocess.run(line, check=True, capture_output=True, text=True).stdout)
+
+
+class Eyes(unittest.TestCase):
+    def test_figures_are_the_commands(self):
+        for name in ("navarro", "atchison:-4", "liou-brennan"):
+            eye, said = emmetrope.Eye(name), command("eye", name)
+            for key in ("power_D", "object_focal_mm", "image_focal_mm", "object_principal_mm", "image_principal_mm",
+                        "object_nodal_mm", "image_nodal_mm"):
+                self.assertEqual(getattr(eye.cardinal_points(), key), said[key])
+            for key in ("M_D", "J0_D", "J45_D"):
+                self.assertEqual(getattr(eye.refraction(), key), said["refraction"][key])
+            pupil = said["entrance_pupil"]
+            self.assertEqual(eye.entrance_pupil(), (pupil["position_mm"], pupil["diameter_mm"]))
+            self.assertEqual(eye.axial_length_mm, said["axial_length_mm"])
+
+    def test_go_through_files_and_dictionaries(self):
+        eye = emmetrope.Eye("arizona", accommodation_D=2, pupil_mm=3)
+        with tempfile.TemporaryDirectory() as folder:
+            file = os.path.join(folder, "eye.json")
+            eye.write(file)
+            again = emmetrope.Eye(file)
+        self.assertEqual(again.to_dict(), eye.to_dict())
+        self.assertEqual(emmetrope.Eye.from_dict(eye.to_dict()).refraction().M_D, eye.refraction().M_D)
+        self.assertEqual(eye.with_pupil(2).entrance_pupil()[1] / 2, eye.entrance_pupil()[1] / 3)
+
+    def test_a_lens_corrects(self):
+        eye = emmetrope.Eye("atchison:-4")
+        corrected = eye.with_spectacle("-4/0x0@12")
+        self.assertLess(abs(corrected.refraction().M_D), 0.05)
+        self.assertEqual(emmetrope.PowerVector(-2.5, 0.5, 0).sphero_cylinder()[:2], (-2.0, -1.0))
+
+    def test_what_the_retina_sees_is_where_it_looks(self):
+        eye = emmetrope.Eye("navarro")
+        at = eye.retina_seeing(30, -20)
+        sight = eye.line_of_sight(at[0], at[1])
+        self.assertAlmostEqual(numpy.degrees(numpy.arctan2(sight[0], sight[2])), 30, places=8)
+        self.assertAlmostEqual(numpy.degrees(numpy.arctan2(sight[1], sight[2])), -20, places=8)
+        self.assertIsNone(eye.line_of_sight(13, 0))
+
+
+class Errors(unittest.TestCase):
+    def test_are_exceptions_with_status_and_remedy(self):
+        with self.assertRaises(emmetrope.UsageError) as caught:
+            emmetrope.Eye("nobody")
+        self.assertEqual(caught.exception.status, 2)
+        self.assertIn("nobody", str(caught.exception))
+        with self.assertRaises(emmetrope.InputError):
+            emmetrope.wavefront(emmetrope.Eye("navarro"), retina_mm=(13, 0))
+        with self.assertRaises(emmetrope.Error):
+            emmetrope.Eye.from_dict({"name": "empty"})
+        with self.assertRaises(emmetrope.DeviceError):
+            emmetrope.Tracer("no such device")
+        with self.assertRaises(emmetrope.UsageError):
+            emmetrope.trace_rays(emmetrope.Eye("navarro"), numpy.zeros((4, 2)), numpy.zeros((4, 3)))
+
+
+class Rays(unittest.TestCase):
+    def test_are_the_commands(self):
+        eye = emmetrope.Eye("navarro", pupil_mm=20)
+        origin = numpy.array([[0, 2, 20], [1, -1, 20], [0, 0, 20], [9, 0, 20]], float)
+        direction = numpy.array([[0, 0, -1], [0.01, 0, -1], [0, 0.02, -1], [0, 0, -1]], float)
+        rays = emmetrope.trace_rays(eye, origin, direction)
+        for k in range(4):
+            said = command("ray", "--eye", "navarro", "--from=" + ",".join(map(str, origin[k])),
+                           "--to=" + ",".join(map(str, origin[k] + direction[k])))
+            self.assertEqual(emmetrope.ray_states[rays.state[k]], said["state"])
+            if not said["hits"]:
+                continue
+            last = said["hits"][-1]
+            numpy.testing.assert_allclose(rays.position_mm[k], last["position_mm"], atol=1e-12)
+            numpy.testing.assert_allclose(rays.direction[k], last["direction"], atol=1e-12)
+            self.assertAlmostEqual(rays.opl_mm[k], last["opl_mm"], places=10)
+            path = emmetrope.ray_path(eye, origin[k], direction[k])
+            self.assertEqual([hit["surface"] for hit in path], [hit["surface"] for hit in said["hits"]])
+
+    def test_are_the_same_on_any_number_of_threads(self):
+        eye = emmetrope.Eye("navarro")
+        random = numpy.random.default_rng(1)
+        origin = numpy.column_stack([random.uniform(-2, 2, (20000, 2)), numpy.full(20000, 10.0)])
+        direction = numpy.tile([0.0, 0.0, -1.0], (20000, 1))
+        one, two = (emmetrope.trace_rays(eye, origin, direction, threads=n) for n in (1, 2))
+        numpy.testing.assert_array_equal(one.position_mm, two.position_mm)
+        # Float32 and other orders are converted.
+        turned = emmetrope.trace_rays(eye, numpy.asfortranarray(origin), direction.astype("float32"))
+        numpy.testing.assert_array_equal(one.position_mm, turned.position_mm)
+
+    def test_leave_the_interpreter_to_others(self):
+        eye = emmetrope.Eye("liou-brennan")  # a gradient: slow rays
+        origin = numpy.tile([0.5, 0.5, 10.0], (3000, 1))
+        direction = numpy.tile([0.0, 0.0, -1.0], (3000, 1))
+        counted = [0]
+        done = threading.Event()
+
+        def count():
+            while not done.is_set():
+                counted[0] += 1
+                time.sleep(0.0005)
+
+        counter = threading.Thread(target=count)
+        counter.start()
+        before = counted[0]
+        emmetrope.trace_rays(eye, origin, direction, threads=1)
+        during = counted[0] - before
+        done.set()
+        counter.join()
+        self.assertGreater(during, 5)
+
+
+class Wavefronts(unittest.TestCase):
+    def test_are_those_of_trace(self):
+        with tempfile.TemporaryDirectory() as folder:
+            command("trace", "--eye", "navarro", "--pupil", "3", "--wavelength", "555", "--fovea=6,2", "--size", "8x8",
+                    "--samples", "32", "-o", folder)
+            said = json.loads(pathlib.Path(folder, "wavefront.json").read_text())
+        wavefront = emmetrope.wavefront(emmetrope.Eye("navarro", pupil_mm=3), (6, 2), wavelength_nm=555)
+        numpy.testing.assert_array_equal(wavefront.zernike_um, said["zernike_um"])
+        numpy.testing.assert_array_equal(wavefront.pupil_rim_mm, said["pupil_rim_mm"])
+        for key in ("pupil_mm", "rms_um", "higher_order_rms_um"):
+            self.assertEqual(getattr(wavefront, key), said[key])
+        quality = wavefront.image_quality()
+        self.assertEqual((quality.strehl, quality.vsotf), (said["strehl"], said["vsotf"]))
+        numpy.testing.assert_array_equal(quality.mtf_tangential, said["mtf"]["tangential"])
+
+    def test_a_lens_in_the_pupil_sharpens(self):
+        wavefront = emmetrope.wavefront(emmetrope.Eye("atchison:-4", pupil_mm=2))
+        better = wavefront.image_quality(wavefront.minimum_rms_wavefront)
+        self.assertGreater(better.strehl, 10 * wavefront.image_quality().strehl)
+        values, pitch_arcmin, wraps = wavefront.point_spread(wavefront.minimum_rms_wavefront)
+        self.assertAlmostEqual(float(values.sum()), 1, places=3)
+        self.assertFalse(wraps)
+        self.assertGreater(pitch_arcmin, 0)
+        self.assertAlmostEqual(wavefront.at_vertex(wavefront.paraxial).M_D, -4, delta=0.1)
+
+
+class Pictures(unittest.TestCase):
+    def test_are_those_of_trace(self):
+        with tempfile.TemporaryDirectory() as folder:
+            file, own = os.path.join(folder, "a.png"), os.path.join(folder, "b.png")
+            command("trace", "--eye", "navarro", "--size", "48x32", "--field-mm", "1.5x1", "--samples", "32",
+                    "-o", file)
+            picture = emmetrope.Tracer().picture(emmetrope.Eye("navarro"), size=(48, 32), field_mm=(1.5, 1), samples=32)
+            picture.write_png(own)
+            self.assertEqual(pathlib.Path(own).read_bytes(), pathlib.Path(file).read_bytes())
+        self.assertEqual(picture.linear.shape, (32, 48, 3))
+        self.assertEqual(sum(picture.states.values()), picture.rays)
+
+
+class Module(unittest.TestCase):
+    def test_keeps_no_memory(self):
+        eye = emmetrope.Eye("navarro")
+        origin, direction = numpy.tile([0.0, 1.0, 10.0], (64, 1)), numpy.tile([0.0, 0.0, -1.0], (64, 1))
+
+        def work(times):
+            for _ in range(times):
+                emmetrope.trace_rays(eye, origin, direction, threads=1)
+                eye.to_dict()
+                eye.with_pupil(3).cardinal_points()
+                try:
+                    emmetrope.Eye("nobody")
+                except emmetrope.UsageError:
+                    pass
+            return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+
+        before_kib = work(500)
+        self.assertLess(work(10000) - before_kib, 4096)
+
+    def test_stubs_name_what_there_is(self):
+        stubs = ast.parse(pathlib.Path(emmetrope.__file__).with_name("__init__.pyi").read_text())
+        names, members = set(), {}
+        for node in stubs.body:
+            if isinstance(node, ast.ClassDef):
+                names.add(node.name)
+                members[node.name] = {m.target.id if isinstance(m, ast.AnnAssign) else m.name for m in node.body
+                                      if isinstance(m, (ast.AnnAssign, ast.FunctionDef))}
+            elif isinstance(node, ast.FunctionDef):
+                names.add(node.name)
+            elif isinstance(node, ast.AnnAssign):
+                names.add(node.target.id)
+        self.assertEqual(names, {name for name in dir(emmetrope) if not name.startswith("_")})
+        for name in names & members.keys():
+            kind = getattr(emmetrope, name)
+            if issubclass(kind, Exception):
+                continue
+            there = {member for member in vars(kind) if not member.startswith("_")} - {"__init__"}
+            self.assertEqual(members[name] - {"__init__"}, there, name)
+
+
+if __name__ == "__main__":
+    unittest.main()
