@@ -21,6 +21,7 @@ using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 
 TEST(Browser, ShowsMovesAndPrintsThePageWithoutNetwork) {
+  if (!std::filesystem::exists("/usr/bin/chromium")) GTEST_SKIP() << "Chromium is not installed";
   if (std::string(EMMETROPE_PLAYWRIGHT).empty())
     GTEST_SKIP()
         << "playwright-core was not installed when the project was configured (npm or network missing)";
