@@ -25,6 +25,9 @@ void bind_pictures(py::module_& module);
 py::object to_python(const Json& json);
 Json from_python(const py::object& object);
 
+/// All cores where it is not positive.
+int thread_count(int wanted);
+
 /// Rows of three, an array of shape (N, 3).
 /// \throw Error (usage) naming the argument for any other shape
 const double* rows_of_three(const Doubles& array, const char* argument);

@@ -39,6 +39,7 @@ void bind_errors(py::module_& module) {
                     PyExc_RuntimeError);
   for (std::size_t k = 0; k < types.size(); ++k)
     types[k] = new_exception(module, error_types[k].name, error_types[k].meaning, base_type);
+  // NOLINTNEXTLINE(performance-unnecessary-value-param): pybind11 asks for a value
   py::register_exception_translator([](std::exception_ptr thrown) {
     try {
       if (thrown) std::rethrow_exception(thrown);

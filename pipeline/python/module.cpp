@@ -1,3 +1,6 @@
+#include <algorithm>
+#include <thread>
+
 #include "pipeline/base/error.hpp"
 #include "pipeline/python/bindings.hpp"
 
@@ -7,6 +10,10 @@ py::object to_python(const Json& json) { return py::module_::import("json").attr
 
 Json from_python(const py::object& object) {
   return Json::parse(py::module_::import("json").attr("dumps")(object).cast<std::string>());
+}
+
+int thread_count(int wanted) {
+  return wanted > 0 ? wanted : static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
 }
 
 const double* rows_of_three(const Doubles& array, const char* argument) {

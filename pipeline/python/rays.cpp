@@ -1,5 +1,4 @@
 #include <algorithm>
-#include <thread>
 
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/parallel.hpp"
@@ -35,8 +34,7 @@ TracedRays trace(const EyeModel& eye, const Doubles& origin_mm, const Doubles& d
   int* surface = rays.surface.mutable_data();
   const py::gil_scoped_release unlocked;
   const ExactTracer tracer(eye, wavelength_nm.value_or(eye.reference_wavelength_nm));
-  if (threads <= 0) threads = static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
-  on_threads(threads, (count + rays_at_once - 1) / rays_at_once, [&](std::size_t part) {
+  on_threads(thread_count(threads), (count + rays_at_once - 1) / rays_at_once, [&](std::size_t part) {
     for (std::size_t k = part * rays_at_once; k < std::min(count, (part + 1) * rays_at_once); ++k) {
       using Row = Eigen::Map<const Eigen::Vector3d>;
       const ExactTracer::End end = tracer.trace_end({Row(from + 3 * k), Row(along + 3 * k)});

@@ -1,5 +1,5 @@
 #include "pipeline/python/bindings.hpp"
-#include "raytrace/wavefront/wavefront.hpp"
+#include "raytrace/wavefront/field.hpp"
 
 namespace emmetrope::python {
 namespace {
@@ -31,6 +31,18 @@ py::tuple spread_of(const Wavefront& wavefront, const PowerVector& lens_in_pupil
   py::array_t<float> values({spread.size, spread.size});
   std::copy(spread.values.begin(), spread.values.end(), values.mutable_data());
   return py::make_tuple(values, spread.pitch_arcmin, spread.wraps);
+}
+
+void field_into(const EyeModel& eye, const std::string& folder, double reach_deg, double step_deg,
+                const std::optional<double>& wavelength_nm, double stiles_crawford_per_mm2, int threads) {
+  const FieldGrid grid{reach_deg, step_deg};
+  grid.check();
+  WavefrontSettings settings;
+  settings.wavelength_nm = wavelength_nm;
+  settings.stiles_crawford_per_mm2 = stiles_crawford_per_mm2;
+  const py::gil_scoped_release unlocked;
+  std::filesystem::create_directories(folder);
+  write_field(eye, grid, settings, folder, thread_count(threads), {true});
 }
 
 ImageQuality quality_of(const Wavefront& wavefront, const PowerVector& lens_in_pupil) {
@@ -89,6 +101,11 @@ void bind_wavefronts(py::module_& module) {
       py::arg("entrance_pupil_mm") = py::none(),
       "The wavefront that leaves a point of the retina (eye x, y from the pole), through the pupil as it is seen "
       "from there, or a circle of entrance_pupil_mm.");
+  module.def(
+      "write_field", &field_into, py::arg("eye"), py::arg("folder"), py::arg("reach_deg") = 60,
+      py::arg("step_deg") = 5, py::arg("wavelength_nm") = py::none(), py::arg("stiles_crawford_per_mm2") = 0,
+      py::arg("threads") = 0,
+      "As trace --psf-grid: field.json, psf-grid.tiff and psf-grid.png of the visual field into a folder.");
 }
 
 }  // namespace emmetrope::python

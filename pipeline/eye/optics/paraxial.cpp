@@ -180,7 +180,7 @@ PowerVector parabasal_refraction(const EyeModel& eye, double wavelength_nm) {
     chief = (centre->aim_mm - start.head<2>()) / (aim_z_mm - start.z());
   }
   const auto leaving = [&](double angle_x, double angle_y) {
-    const ExactTracer::End end =
+    ExactTracer::End end =
         tracer.trace_end({start, Eigen::Vector3d(chief.x() + angle_x, chief.y() + angle_y, 1).normalized()});
     if (end.state != RayState::reached || end.direction.z() <= 0)
       throw no_result_error("eye '" + eye.name + "': its line of sight does not leave it");

@@ -117,6 +117,16 @@ def wavefront(
     entrance_pupil_mm: Optional[float] = None,
 ) -> Wavefront: ...
 
+def write_field(
+    eye: Eye,
+    folder: str,
+    reach_deg: float = 60,
+    step_deg: float = 5,
+    wavelength_nm: Optional[float] = None,
+    stiles_crawford_per_mm2: float = 0,
+    threads: int = 0,
+) -> None: ...
+
 class Picture:
     linear: NDArray[numpy.float32]
     states: Dict[str, int]

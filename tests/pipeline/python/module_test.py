@@ -144,6 +144,19 @@ class Wavefronts(unittest.TestCase):
         self.assertEqual((quality.strehl, quality.vsotf), (said["strehl"], said["vsotf"]))
         numpy.testing.assert_array_equal(quality.mtf_tangential, said["mtf"]["tangential"])
 
+    def test_field_is_a_column_of_wavefronts(self):
+        eye = emmetrope.Eye("navarro", pupil_mm=2)
+        with tempfile.TemporaryDirectory() as folder:
+            emmetrope.write_field(eye, os.path.join(folder, "field"), 20, 20)
+            field = json.loads(pathlib.Path(folder, "field", "field.json").read_text())
+        self.assertEqual(list(zip(field["horizontal_deg"], field["vertical_deg"])),
+                         [(0, 20), (-20, 0), (0, 0), (20, 0), (0, -20)])
+        for k, at in enumerate(field["retina_mm"]):
+            found = emmetrope.wavefront(eye, at[:2]).minimum_rms_spot
+            self.assertAlmostEqual(found.M_D, field["minimum_rms_spot"]["M_D"][k], places=9)
+        with self.assertRaises(emmetrope.UsageError):
+            emmetrope.write_field(eye, "nowhere", 100, 5)
+
     def test_a_lens_in_the_pupil_sharpens(self):
         wavefront = emmetrope.wavefront(emmetrope.Eye("atchison:-4", pupil_mm=2))
         better = wavefront.image_quality(wavefront.minimum_rms_wavefront)
