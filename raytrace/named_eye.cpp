@@ -42,10 +42,13 @@ fs::path write_output(const fs::path& output, const EyeModel& eye, const TraceSe
   std::error_code fault;
   fs::create_directories(output, fault);
   if (fault) throw output_error("cannot make the folder " + output.string() + ": " + fault.message());
-  write_wavefront(eye, settings, output);  // computes first, then files follow one another at once
   if (psf_grid)
     write_field(eye, *psf_grid, wavefront_settings(settings), output, common.thread_count(),
                 common.verbosity);
+  else
+    remove_field(output);
+  write_wavefront(eye, settings,
+                  output);  // what takes long comes first, then files follow one another at once
   write_eye(output / "eye.json", eye);
   write_png(output / "uncorrected.png", picture);
   return output / "uncorrected.png";

@@ -13,8 +13,8 @@ struct FieldPoint {
   PowerVector refraction;  ///< least-squares fit of ray slopes, in the entrance pupil plane across that line
 };
 
-/// Refraction over a square grid of the visual field out to `reach_deg` each way; directions whose rays do
-/// not all come out of the eye are left out. Rows from the top.
+/// Refraction over a square grid of the visual field out to `reach_deg` each way; directions that
+/// the retina behind its equator does not see, or of whose light too little comes through, are left out. Rows from the top.
 std::vector<FieldPoint> peripheral_refraction(const EyeModel& eye, double wavelength_nm, double reach_deg,
                                               int points_across);
 

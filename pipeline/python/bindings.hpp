@@ -5,6 +5,7 @@
 #include <pybind11/stl.h>
 
 #include "pipeline/base/json.hpp"
+#include "pipeline/eye/model/eye_model.hpp"
 
 /// The Python module: what the commands offer, on numpy arrays, without files between. Each function below adds
 /// the names of one subject to it. Work that takes time runs without the interpreter's lock.
@@ -27,6 +28,10 @@ Json from_python(const py::object& object);
 
 /// All cores where it is not positive.
 int thread_count(int wanted);
+
+/// The eye's own where none is given.
+/// \throw Error (usage) for one that is no light's
+double wavelength_of(const EyeModel& eye, const std::optional<double>& wavelength_nm);
 
 /// Rows of three, an array of shape (N, 3).
 /// \throw Error (usage) naming the argument for any other shape

@@ -9,13 +9,10 @@
 #include "pipeline/eye/schematic/schematic_eyes.hpp"
 #include "pipeline/python/bindings.hpp"
 #include "raytrace/spectacle/spectacle.hpp"
+#include "raytrace/wavefront/field.hpp"
 
 namespace emmetrope::python {
 namespace {
-
-double wavelength_of(const EyeModel& eye, const std::optional<double>& wavelength_nm) {
-  return wavelength_nm.value_or(eye.reference_wavelength_nm);
-}
 
 EyeModel new_eye(const std::string& name_or_file, double accommodation_D,
                  const std::optional<double>& accommodation_parameter, const std::optional<double>& pupil_mm,
@@ -31,6 +28,7 @@ EyeModel new_eye(const std::string& name_or_file, double accommodation_D,
 }
 
 EyeModel with_pupil_of(EyeModel eye, double pupil_mm) {
+  if (!(pupil_mm > 0 && pupil_mm <= 20)) throw usage_error("pupil_mm: more than 0 and up to 20 are wanted");
   eye.set_stop_diameter(pupil_mm);
   return eye;
 }
@@ -140,8 +138,8 @@ void bind_eyes(py::module_& module) {
           [](const EyeModel& eye, double horizontal_deg, double vertical_deg,
              const std::optional<double>& nm) -> std::optional<Eigen::Vector3d> {
             const py::gil_scoped_release unlocked;
-            return ChiefRays(eye, wavelength_of(eye, nm))
-                .image_of({std::tan(horizontal_deg * degree), std::tan(vertical_deg * degree), 1});
+            const ChiefRays chief_rays(eye, wavelength_of(eye, nm));
+            return raytrace::retina_seeing(eye, chief_rays, {horizontal_deg, vertical_deg});
           },
           py::arg("horizontal_deg"), py::arg("vertical_deg"), wavelength,
           "Where the chief ray from a direction meets the retina, mm (3,); None where none does. Angles of the line "

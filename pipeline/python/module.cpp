@@ -9,7 +9,20 @@ namespace emmetrope::python {
 py::object to_python(const Json& json) { return py::module_::import("json").attr("loads")(json.dump()); }
 
 Json from_python(const py::object& object) {
-  return Json::parse(py::module_::import("json").attr("dumps")(object).cast<std::string>());
+  try {
+    return Json::parse(
+        py::module_::import("json").attr("dumps")(object, py::arg("allow_nan") = false).cast<std::string>());
+  } catch (const py::error_already_set& fault) {
+    throw input_error(std::string("the dictionary is no JSON: ") + fault.what());
+  } catch (const Json::exception& fault) {
+    throw input_error(std::string("the dictionary is no JSON: ") + fault.what());
+  }
+}
+
+double wavelength_of(const EyeModel& eye, const std::optional<double>& wavelength_nm) {
+  const double nm = wavelength_nm.value_or(eye.reference_wavelength_nm);
+  if (!(nm >= 200 && nm <= 2500)) throw usage_error("wavelength_nm: 200 to 2500 are wanted");
+  return nm;
 }
 
 int thread_count(int wanted) {

@@ -33,7 +33,7 @@ TracedRays trace(const EyeModel& eye, const Doubles& origin_mm, const Doubles& d
   std::uint8_t* state = rays.state.mutable_data();
   int* surface = rays.surface.mutable_data();
   const py::gil_scoped_release unlocked;
-  const ExactTracer tracer(eye, wavelength_nm.value_or(eye.reference_wavelength_nm));
+  const ExactTracer tracer(eye, wavelength_of(eye, wavelength_nm));
   on_threads(thread_count(threads), (count + rays_at_once - 1) / rays_at_once, [&](std::size_t part) {
     for (std::size_t k = part * rays_at_once; k < std::min(count, (part + 1) * rays_at_once); ++k) {
       using Row = Eigen::Map<const Eigen::Vector3d>;
@@ -50,8 +50,8 @@ TracedRays trace(const EyeModel& eye, const Doubles& origin_mm, const Doubles& d
 
 py::list path_of(const EyeModel& eye, const Eigen::Vector3d& origin_mm, const Eigen::Vector3d& direction,
                  const std::optional<double>& wavelength_nm) {
-  const RayPath path = trace_exact(eye, {origin_mm, direction.normalized()},
-                                   wavelength_nm.value_or(eye.reference_wavelength_nm));
+  const RayPath path =
+      trace_exact(eye, {origin_mm, direction.normalized()}, wavelength_of(eye, wavelength_nm));
   py::list hits;
   for (const RayHit& hit : path.hits) {
     py::dict entry;

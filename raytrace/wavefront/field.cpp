@@ -1,6 +1,7 @@
 #include "raytrace/wavefront/field.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 
@@ -14,10 +15,12 @@
 namespace emmetrope::raytrace {
 namespace {
 
-/// Pixels of a page, an odd number: the line of sight is the middle one's.
+/// Pixels of a page, an odd number.
 constexpr int page_side = 129;
 /// Of the light that a page is wide enough for.
 constexpr double light_in_page = 0.995;
+
+constexpr std::array<const char*, 3> field_files{"psf-grid.tiff", "psf-grid.png", "field.json"};
 
 /// One direction with all that is said of it.
 struct FieldEntry {
@@ -27,7 +30,7 @@ struct FieldEntry {
   std::optional<double> pitch_arcmin;
 };
 
-/// Half the side of the square about the line of sight that holds `light_in_page`, in pixels.
+/// Half the side of the square about the middle that holds `light_in_page`, in pixels.
 int reach_of_light(const PointSpread& spread) {
   const int half = spread.size / 2;
   std::vector<double> by_ring(half + 1, 0);
@@ -150,11 +153,15 @@ Json field_json(const EyeModel& eye, const FieldGrid& grid, const std::vector<Fi
              return std::atan2(w.tangential.y(), w.tangential.x()) / degree;
            })},
           {"mtf", mtf_columns(entries)},
-          {"psf", {{"file", "psf-grid.tiff"}, {"side", page_side}, {"pitch_arcmin", of([](const Entry& e) {
-                                                                      return e.pitch_arcmin
-                                                                                 ? Json(*e.pitch_arcmin)
-                                                                                 : Json(nullptr);
-                                                                    })}}}};
+          {"psf",
+           {{"file", "psf-grid.tiff"},
+            {"side", page_side},
+            {"pitch_arcmin",
+             of([](const Entry& e) { return e.pitch_arcmin ? Json(*e.pitch_arcmin) : Json(nullptr); })},
+            {"middle_arcmin", of_wavefront([](const Wavefront& w) {
+               const Eigen::Vector2d middle = w.tilt_mrad() / 1000 / degree * 60;
+               return Json{middle.x(), middle.y()};
+             })}}}};
 }
 
 /// All spreads where they are seen, each to its own peak, all at the scale of the widest.
@@ -212,13 +219,21 @@ std::vector<Eigen::Vector2d> FieldGrid::directions_deg() const {
   return directions;
 }
 
-std::optional<FieldWavefront> wavefront_towards(const EyeModel& eye, const ChiefRays& chief_rays,
-                                                const Eigen::Vector2d& direction_deg,
-                                                WavefrontSettings settings) {
+std::optional<Eigen::Vector3d> retina_seeing(const EyeModel& eye, const ChiefRays& chief_rays,
+                                             const Eigen::Vector2d& direction_deg) {
+  if (!(direction_deg.cwiseAbs().maxCoeff() < 90)) return std::nullopt;
   const std::optional<Eigen::Vector3d> image =
       chief_rays.image_of({std::tan(direction_deg.x() * degree), std::tan(direction_deg.y() * degree), 1});
   const auto behind_equator = image ? meet_retina(eye, image->head<2>()) : std::nullopt;
   if (!behind_equator || (behind_equator->position_mm - *image).norm() > 1e-6) return std::nullopt;
+  return image;
+}
+
+std::optional<FieldWavefront> wavefront_towards(const EyeModel& eye, const ChiefRays& chief_rays,
+                                                const Eigen::Vector2d& direction_deg,
+                                                WavefrontSettings settings) {
+  const std::optional<Eigen::Vector3d> image = retina_seeing(eye, chief_rays, direction_deg);
+  if (!image) return std::nullopt;
   settings.fovea_mm = image->head<2>();
   try {
     return FieldWavefront{direction_deg, *image, measure_wavefront(eye, settings)};
@@ -239,6 +254,10 @@ double retina_arc_mm(const EyeModel& eye, const Eigen::Vector2d& from_pole_mm) {
     last = next;
   }
   return last ? sum : std::numeric_limits<double>::quiet_NaN();
+}
+
+void remove_field(const std::filesystem::path& folder) {
+  for (const char* file : field_files) std::filesystem::remove(folder / file);
 }
 
 void write_field(const EyeModel& eye, const FieldGrid& grid, const WavefrontSettings& settings,

@@ -19,6 +19,10 @@ struct FieldGrid {
   std::vector<Eigen::Vector2d> directions_deg() const;
 };
 
+/// Where the retina behind its equator sees a direction, eye frame; nothing where it does not.
+std::optional<Eigen::Vector3d> retina_seeing(const EyeModel& eye, const ChiefRays& chief_rays,
+                                             const Eigen::Vector2d& direction_deg);
+
 /// Where the retina sees a direction, and the wavefront of the light between.
 struct FieldWavefront {
   Eigen::Vector2d direction_deg{0, 0};
@@ -40,5 +44,7 @@ double retina_arc_mm(const EyeModel& eye, const Eigen::Vector2d& from_pole_mm);
 /// \param settings  its fovea_mm is not looked at
 void write_field(const EyeModel& eye, const FieldGrid& grid, const WavefrontSettings& settings,
                  const std::filesystem::path& folder, int threads, Verbosity verbosity);
+/// Takes those of an earlier eye away.
+void remove_field(const std::filesystem::path& folder);
 
 }  // namespace emmetrope::raytrace

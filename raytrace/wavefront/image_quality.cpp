@@ -81,7 +81,7 @@ class SensitivitySum {
  public:
   explicit SensitivitySum(const PupilFunction& pupil)
       : area_cpd2_(1.0 / (pupil.per_cpd() * pupil.per_cpd())) {
-    const int reach = highest_weighted_cpd * pupil.per_cpd(), size = pupil.size();
+    const int size = pupil.size(), reach = std::min(highest_weighted_cpd * pupil.per_cpd(), size / 2);
     for (int row = -reach; row <= reach; ++row)
       for (int column = -reach; column <= reach; ++column) {
         const double cpd = std::hypot(row, column) / pupil.per_cpd();

@@ -88,17 +88,23 @@ PupilFunction::PupilFunction(const Wavefront& wavefront, int samples_across, dou
 void PupilFunction::level() {
   // Zernike terms have no tilt over their circle, but over another pupil they have.
   Eigen::Matrix3d normal = Eigen::Matrix3d::Zero();
-  Eigen::Vector3d right = Eigen::Vector3d::Zero();
+  Eigen::Matrix<double, 3, 4> right = Eigen::Matrix<double, 3, 4>::Zero();
   const auto row_of = [&](const Point& point) {
     return Eigen::Vector3d(1, signed_place(point.index % size_), signed_place(point.index / size_));
   };
-  for (const Point& point : points_) {
-    const Eigen::Vector3d row = row_of(point);
-    normal += point.amplitude * row * row.transpose();
-    right += point.amplitude * point.wavefront_um * row;
+  for (const Point& p : points_) {
+    const Eigen::Vector3d row = row_of(p);
+    normal += p.amplitude * row * row.transpose();
+    right += p.amplitude * row * Eigen::RowVector4d(p.wavefront_um, p.defocus, p.straight, p.oblique);
   }
-  const Eigen::Vector3d plane = normal.ldlt().solve(right);
-  for (Point& point : points_) point.wavefront_um -= plane.dot(row_of(point));
+  const Eigen::Matrix<double, 3, 4> planes = normal.ldlt().solve(right);
+  for (Point& p : points_) {
+    const Eigen::RowVector4d plane = row_of(p).transpose() * planes;
+    p.wavefront_um -= plane[0];
+    p.defocus -= plane[1];
+    p.straight -= plane[2];
+    p.oblique -= plane[3];
+  }
 }
 
 double PupilFunction::pitch_arcmin() const {

@@ -39,7 +39,8 @@ class PupilFunction {
         amplitude;  ///< share of the grid's square inside the pupil, dimmed as the receptors' direction asks
     double wavefront_um, defocus, straight, oblique;  ///< W without piston and tilt; Z4, Z5, Z3
   };
-  void level();  ///< takes the best plane out of the wavefront, so that the spread stands in the middle
+  /// Takes the best planes out of the wavefront and of what a lens adds, so that the spread stands in the middle.
+  void level();
   int signed_place(int place) const { return 2 * place > size_ ? place - size_ : place; }
   std::vector<std::complex<double>> amplitudes(const PowerVector& lens) const;  ///< of `points_`
   std::vector<double> transform(const std::vector<std::complex<double>>& field) const;

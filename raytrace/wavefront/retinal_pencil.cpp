@@ -20,7 +20,7 @@ constexpr double edge_mm = 1e-6;
 RetinalPencil::RetinalPencil(const EyeModel& eye, double wavelength_nm, const Eigen::Vector2d& fovea_mm)
     : tracer_(without_stop(eye), wavelength_nm),
       source_(retina_point(eye, fovea_mm.x(), fovea_mm.y()).position_mm),
-      aim_plane_z_mm_(-exit_pupil(eye, wavelength_nm).position_mm) {
+      aim_plane_z_mm_(emmetrope::aim_plane_z_mm(eye, wavelength_nm)) {
   if (eye.stop() != nullptr) {
     stop_.emplace(eye, wavelength_nm);
     const std::optional<StopCentreAim> centre = aim_at_stop_centre(*stop_, source_, aim_plane_z_mm_);
@@ -40,16 +40,30 @@ RetinalPencil::RetinalPencil(const EyeModel& eye, double wavelength_nm, const Ei
 }
 
 std::optional<PlaneCrossing> RetinalPencil::through(const Eigen::Vector2d& plane_mm) const {
-  const Eigen::Matrix2d aim_from_plane = plane_from_aim_.inverse();
-  Eigen::Vector2d aim = chief_aim_ + aim_from_plane * plane_mm;
-  std::optional<PlaneCrossing> at = crossing(aim);
-  for (int iteration = 0; iteration < 30 && at; ++iteration) {
+  // Broyden's method from the linear map about the line of sight; a step that loses the ray, or leads away, is
+  // halved, so that what lies near an edge is approached from inside.
+  Eigen::Matrix2d plane_from_aim = plane_from_aim_;
+  Eigen::Vector2d step = plane_from_aim.inverse() * plane_mm;
+  std::optional<PlaneCrossing> at = crossing(chief_aim_);
+  constexpr double least_step = 1e-6;
+  for (int iteration = 0; iteration < 60 && at; ++iteration) {
     const Eigen::Vector2d error = plane_mm - at->position_mm;
-    if (error.norm() < 1e-10) break;
-    aim += aim_from_plane * error;
-    at = crossing(aim);
+    if (error.norm() < 1e-10) return at;
+    std::optional<PlaneCrossing> next;
+    double share = 1;
+    for (; share > least_step; share /= 2) {
+      next = crossing(at->aim_mm + share * step);
+      if (next && (plane_mm - next->position_mm).norm() < error.norm()) break;
+    }
+    if (share <= least_step) break;
+    const Eigen::Vector2d aim_change = next->aim_mm - at->aim_mm,
+                          unforeseen = next->position_mm - at->position_mm - plane_from_aim * aim_change;
+    plane_from_aim += unforeseen * aim_change.transpose() / aim_change.squaredNorm();
+    at = next;
+    step = plane_from_aim.inverse() * (plane_mm - at->position_mm);
+    if (!step.allFinite()) break;
   }
-  if (at && (plane_mm - at->position_mm).norm() > 1e-6) return std::nullopt;
+  if (at && (plane_mm - at->position_mm).norm() > 1e-8) return std::nullopt;
   return at;
 }
 

@@ -153,6 +153,12 @@ double Wavefront::rms_beyond_order_um(int order) const {
   return fit_zernike(rays, pupil_mm / 2, order).residual_rms_um;
 }
 
+Eigen::Vector2d Wavefront::tilt_mrad() const {
+  // Z1 = 2 y / r, Z2 = 2 x / r; um per mm are mrad.
+  const Eigen::VectorXd c = fit_zernike(rays, pupil_mm / 2, 1).terms_um;
+  return 4 / pupil_mm * Eigen::Vector2d(c[2], c[1]);
+}
+
 double Wavefront::light_share(const PupilRay& ray) const {
   return ray.area_share * std::pow(10, -stiles_crawford_per_mm2 * ray.place_mm.squaredNorm());
 }
@@ -181,8 +187,12 @@ Wavefront measure_wavefront(const EyeModel& eye, const WavefrontSettings& settin
   if (settings.order < 2 || settings.order > largest_order)
     throw usage_error("the order of the Zernike terms must lie between 2 and " +
                       std::to_string(largest_order));
+  if (!(settings.stiles_crawford_per_mm2 >= 0 && settings.stiles_crawford_per_mm2 <= 1))
+    throw usage_error("the Stiles-Crawford weight must lie between 0 and 1 per mm^2");
   Wavefront result;
   result.wavelength_nm = settings.wavelength_nm.value_or(eye.reference_wavelength_nm);
+  if (!(result.wavelength_nm >= 200 && result.wavelength_nm <= 2500))
+    throw usage_error("the wavelength must lie between 200 and 2500 nm");
   result.stiles_crawford_per_mm2 = settings.stiles_crawford_per_mm2;
   const Pupil pupil = entrance_pupil(eye, result.wavelength_nm);
   result.pupil_position_mm = pupil.position_mm;

@@ -61,6 +61,9 @@ struct Wavefront {
   double higher_order_rms_um() const { return rms_beyond_order_um(2); }
   /// The share of the light that a ray stands for.
   double light_share(const PupilRay& ray) const;
+  /// Of the best plane through the wavefront over the pupil, towards x and y: the middle of point_spread() lies
+  /// there from the line of sight, in object space.
+  Eigen::Vector2d tilt_mrad() const;
   /// Of all rays' light.
   Eigen::Vector2d mean_slope() const;
   /// Root mean square of the rays' slopes about their mean: the radius of the blur, as seen from the object's
@@ -92,7 +95,7 @@ struct ImageQuality {
 ImageQuality image_quality(const Wavefront& wavefront, const PowerVector& lens_in_pupil = {});
 
 /// The point spread function on a square grid, unit sum, as the patient perceives it, like a retinal image:
-/// row 0 at the top (+y), columns to the patient's right (-x), angles in object space.
+/// row 0 at the top (+y), columns to the patient's right (-x), angles in object space about Wavefront::tilt_mrad().
 struct PointSpread {
   int size = 0;
   double pitch_arcmin = 0;

@@ -71,11 +71,13 @@ class PlainEye {
     const double a = u.squaredNorm() + p * v * v, b = r.dot(u) + p * d * v - R * v,
                  c = r.squaredNorm() + p * d * d - 2 * R * d, root = std::sqrt(b * b - a * c);
     const double first = (-b - root) / a, second = (-b + root) / a;
-    const double t = std::abs(d + first * v) < std::abs(d + second * v) ? first : second;
+    const bool plane = std::isinf(R);
+    const double t = plane ? -d / v : std::abs(d + first * v) < std::abs(d + second * v) ? first : second;
     ray.at += t * ray.direction;
     ray.opl_mm += t * surface.index_behind;
     const double depth = -ray.at.z() - surface.depth_mm;
-    Eigen::Vector3d normal = Eigen::Vector3d(ray.at.x(), ray.at.y(), -(p * depth - R)).normalized();
+    Eigen::Vector3d normal = plane ? Eigen::Vector3d(0, 0, 1)
+                                   : Eigen::Vector3d(ray.at.x(), ray.at.y(), R - p * depth).normalized();
     if (normal.dot(ray.direction) < 0) normal = -normal;
     const double ratio = surface.index_behind / surface.index_before, cosine = normal.dot(ray.direction);
     ray.direction = ratio * ray.direction +

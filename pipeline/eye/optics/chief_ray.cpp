@@ -10,41 +10,71 @@ ChiefRays::ChiefRays(const EyeModel& eye, double wavelength_nm)
     : crossing_(eye, wavelength_nm),
       tracer_(without_stop(eye), wavelength_nm),
       entrance_pupil_z_mm_(-entrance_pupil(eye, wavelength_nm).position_mm),
-      exit_pupil_z_mm_(-exit_pupil(eye, wavelength_nm).position_mm) {}
+      aim_plane_z_mm_(emmetrope::aim_plane_z_mm(eye, wavelength_nm)) {}
 
 std::optional<Ray> ChiefRays::line_of_sight(const Eigen::Vector3d& retina) const {
-  const std::optional<StopCentreAim> centre = aim_at_stop_centre(crossing_, retina, exit_pupil_z_mm_);
+  const std::optional<StopCentreAim> centre = aim_at_stop_centre(crossing_, retina, aim_plane_z_mm_);
   if (!centre) return std::nullopt;
-  const Eigen::Vector3d aim(centre->aim_mm.x(), centre->aim_mm.y(), exit_pupil_z_mm_);
+  const Eigen::Vector3d aim(centre->aim_mm.x(), centre->aim_mm.y(), aim_plane_z_mm_);
   const ExactTracer::End end = tracer_.trace_end({retina, (aim - retina).normalized()});
   if (end.state != RayState::reached || end.direction.z() <= 0) return std::nullopt;
   return Ray{end.position_mm, end.direction};
 }
 
-std::optional<Eigen::Vector3d> ChiefRays::image_of(const Eigen::Vector3d& direction) const {
-  constexpr double away_mm = 100;  // beyond anything worn
-  const Eigen::Vector3d towards = direction.normalized();
-  const Eigen::Vector3d x = Eigen::Vector3d::UnitY().cross(towards).normalized(), y = towards.cross(x);
-  // From the entrance pupil as seen along the axis, by Newton's method across the direction.
-  Eigen::Vector2d shift(0, 0);
-  const auto ray = [&](const Eigen::Vector2d& at) {
-    return Ray{Eigen::Vector3d(0, 0, entrance_pupil_z_mm_) + away_mm * towards + at.x() * x + at.y() * y,
-               -towards};
-  };
+/// A ray from a direction, known by how far it passes from the entrance pupil as seen along the axis.
+struct ChiefRays::FromDirection {
+  Eigen::Vector3d pupil, towards, x, y;
+  FromDirection(double entrance_pupil_z_mm, const Eigen::Vector3d& direction)
+      : pupil(0, 0, entrance_pupil_z_mm),
+        towards(direction.normalized()),
+        x(Eigen::Vector3d::UnitY().cross(towards).normalized()),
+        y(towards.cross(x)) {}
+  Ray operator()(const Eigen::Vector2d& shift_mm) const {
+    constexpr double away_mm = 100;  // beyond anything worn
+    return {pupil + away_mm * towards + shift_mm.x() * x + shift_mm.y() * y, -towards};
+  }
+};
+
+std::optional<Eigen::Vector2d> ChiefRays::shift_to_centre(const FromDirection& ray,
+                                                          Eigen::Vector2d shift_mm) const {
   constexpr double step_mm = 1e-3;
-  for (int round = 0; round < 30; ++round) {
-    const auto middle = crossing_.inward(ray(shift)),
-               right = crossing_.inward(ray(shift + Eigen::Vector2d(step_mm, 0))),
-               up = crossing_.inward(ray(shift + Eigen::Vector2d(0, step_mm)));
-    if (!middle || !right || !up) return std::nullopt;
-    if (middle->norm() < 1e-9) break;
+  std::optional<Eigen::Vector2d> middle = crossing_.inward(ray(shift_mm));
+  for (int round = 0; round < 40 && middle; ++round) {
+    if (middle->norm() < 1e-9) return shift_mm;
+    const auto right = crossing_.inward(ray(shift_mm + Eigen::Vector2d(step_mm, 0))),
+               up = crossing_.inward(ray(shift_mm + Eigen::Vector2d(0, step_mm)));
+    if (!right || !up) return std::nullopt;
     Eigen::Matrix2d stop_from_shift;
     stop_from_shift << (*right - *middle) / step_mm, (*up - *middle) / step_mm;
-    shift -= stop_from_shift.inverse() * *middle;
+    // A step that loses the ray, or leads away, is halved.
+    Eigen::Vector2d step = -(stop_from_shift.inverse() * *middle);
+    std::optional<Eigen::Vector2d> next;
+    for (int halving = 0; halving < 12; ++halving, step /= 2) {
+      next = crossing_.inward(ray(shift_mm + step));
+      if (next && next->norm() < middle->norm()) break;
+      next.reset();
+    }
+    shift_mm += step;
+    middle = next;
   }
-  const ExactTracer::End end = tracer_.trace_end(ray(shift));
-  if (end.state != RayState::reached) return std::nullopt;
-  return end.position_mm;
+  return std::nullopt;
+}
+
+std::optional<Eigen::Vector3d> ChiefRays::image_of(const Eigen::Vector3d& direction) const {
+  // At once; where that loses the ray, in ever smaller steps from the axis outward.
+  for (const int steps : {1, 4, 16, 64}) {
+    std::optional<Eigen::Vector2d> shift_mm = Eigen::Vector2d(0, 0);
+    for (int k = 1; k <= steps && shift_mm; ++k) {
+      const double share = static_cast<double>(k) / steps;
+      const Eigen::Vector3d on_the_way(share * direction.x(), share * direction.y(), direction.z());
+      shift_mm = shift_to_centre(FromDirection(entrance_pupil_z_mm_, on_the_way), *shift_mm);
+    }
+    if (!shift_mm) continue;
+    const ExactTracer::End end = tracer_.trace_end(FromDirection(entrance_pupil_z_mm_, direction)(*shift_mm));
+    if (end.state != RayState::reached) return std::nullopt;
+    return end.position_mm;
+  }
+  return std::nullopt;
 }
 
 }  // namespace emmetrope

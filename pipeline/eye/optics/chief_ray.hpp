@@ -16,9 +16,13 @@ class ChiefRays {
   std::optional<Eigen::Vector3d> image_of(const Eigen::Vector3d& direction) const;
 
  private:
+  struct FromDirection;
+  /// From a first guess; nothing where Newton's method finds no ray through the stop's centre.
+  std::optional<Eigen::Vector2d> shift_to_centre(const FromDirection& ray, Eigen::Vector2d shift_mm) const;
+
   StopCrossing crossing_;
   ExactTracer tracer_;
-  double entrance_pupil_z_mm_, exit_pupil_z_mm_;
+  double entrance_pupil_z_mm_, aim_plane_z_mm_;
 };
 
 }  // namespace emmetrope

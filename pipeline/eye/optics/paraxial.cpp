@@ -174,7 +174,7 @@ PowerVector parabasal_refraction(const EyeModel& eye, double wavelength_nm) {
   const Eigen::Vector3d start = pole->position_mm;
   Eigen::Vector2d chief(0, 0);  // its slope in the eye
   if (eye.stop() != nullptr) {
-    const double aim_z_mm = -exit_pupil(eye, wavelength_nm).position_mm;
+    const double aim_z_mm = aim_plane_z_mm(eye, wavelength_nm);
     const auto centre = aim_at_stop_centre(StopCrossing(eye, wavelength_nm), start, aim_z_mm);
     if (!centre) throw no_result_error("eye '" + eye.name + "': its line of sight does not leave it");
     chief = (centre->aim_mm - start.head<2>()) / (aim_z_mm - start.z());

@@ -1,5 +1,8 @@
 #include "pipeline/eye/optics/retina_point.hpp"
 
+#include <algorithm>
+#include <cmath>
+
 namespace emmetrope {
 namespace {
 
@@ -13,9 +16,10 @@ std::optional<RetinaPoint> at_depth(const Shape& shape, const Eigen::Vector2d& a
 
 /// Met from the depth of the centre of curvature, so that the sheet in front of the equator is out of the way.
 std::optional<RetinaPoint> met_from_inside(const Surface& retina, const Eigen::Vector2d& from_pole_mm) {
-  const double radius_mm = 2 / std::abs(retina.shape->vertex_curvature().trace());
+  const double radius_mm = 2 / std::abs(retina.shape->vertex_curvature().trace());  // a plane's is infinite
+  const double before_pole_mm = std::min(radius_mm, 0.7 * retina.position_mm);
   const Eigen::Isometry3d surface_from_eye = retina.eye_from_surface().inverse();
-  const Eigen::Vector3d inside(from_pole_mm.x(), from_pole_mm.y(), radius_mm - retina.position_mm);
+  const Eigen::Vector3d inside(from_pole_mm.x(), from_pole_mm.y(), before_pole_mm - retina.position_mm);
   const std::optional<ShapeHit> hit = retina.shape->intersect(
       {surface_from_eye * inside, surface_from_eye.linear() * Eigen::Vector3d(0, 0, -1)});
   if (!hit) return std::nullopt;

@@ -4,6 +4,7 @@
 #include <algorithm>
 
 #include "pipeline/base/error.hpp"
+#include "pipeline/eye/optics/paraxial.hpp"
 
 namespace emmetrope {
 namespace {
@@ -56,26 +57,45 @@ std::optional<Eigen::Vector2d> StopCrossing::inward(const Ray& ray_in_eye) const
   return in_stop_plane(*ray);
 }
 
+double aim_plane_z_mm(const EyeModel& eye, double wavelength_nm) {
+  const double pupil_mm = exit_pupil(eye, wavelength_nm).position_mm,
+               last_mm = eye.surfaces.at(eye.surfaces.size() - 2).position_mm;
+  const bool inside = pupil_mm > 0 && pupil_mm <= last_mm;
+  return inside ? -pupil_mm : -last_mm;
+}
+
 std::optional<StopCentreAim> aim_at_stop_centre(const StopCrossing& crossing, const Eigen::Vector3d& retina,
                                                 double plane_z_mm) {
   const auto at_stop = [&](const Eigen::Vector2d& aim) {
     return crossing(retina, {aim.x(), aim.y(), plane_z_mm});
   };
-  // Newton's method from straight ahead, its differences ever finer: the map is nearly affine.
+  // Newton's method from straight ahead, its differences ever finer: the map is nearly affine. A step that loses
+  // the ray, or leads away, is halved.
   StopCentreAim centre;
+  std::optional<Eigen::Vector2d> middle = at_stop(centre.aim_mm);
   double step_mm = 0.2;
-  for (int round = 0; round < 20; ++round) {
-    const auto middle = at_stop(centre.aim_mm), right = at_stop(centre.aim_mm + Eigen::Vector2d(step_mm, 0)),
+  for (int round = 0; round < 30 && middle; ++round) {
+    const auto right = at_stop(centre.aim_mm + Eigen::Vector2d(step_mm, 0)),
                up = at_stop(centre.aim_mm + Eigen::Vector2d(0, step_mm));
-    if (!middle || !right || !up) return std::nullopt;
+    if (!right || !up) return std::nullopt;
     Eigen::Matrix2d stop_from_aim;
     stop_from_aim << (*right - *middle) / step_mm, (*up - *middle) / step_mm;
     centre.aim_from_stop = stop_from_aim.inverse();
-    if (middle->norm() < 1e-10) break;
-    centre.aim_mm -= centre.aim_from_stop * *middle;
+    if (middle->norm() < 1e-10) return centre;
+    Eigen::Vector2d step = -(centre.aim_from_stop * *middle);
+    std::optional<Eigen::Vector2d> next;
+    for (int halving = 0; halving < 12; ++halving, step /= 2) {
+      next = at_stop(centre.aim_mm + step);
+      if (next && next->norm() < middle->norm()) break;
+      next.reset();
+    }
+    // Facets may keep it from the last digits.
+    if (!next) return middle->norm() < 1e-6 ? std::optional(centre) : std::nullopt;
+    centre.aim_mm += step;
+    middle = next;
     step_mm = std::clamp(middle->norm(), 1e-3, step_mm);
   }
-  return centre;
+  return std::nullopt;
 }
 
 }  // namespace emmetrope

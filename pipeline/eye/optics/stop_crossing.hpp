@@ -31,6 +31,10 @@ class StopCrossing {
   std::string before_stop_, behind_stop_;  ///< the surfaces between which the ray is straight; "": none
 };
 
+/// The plane across the axis that rays out of the eye are aimed at: the exit pupil's, or where that lies far away
+/// (a pinhole before the cornea) the one at the vertex of what stands before the retina.
+double aim_plane_z_mm(const EyeModel& eye, double wavelength_nm);
+
 /// Where on a plane z = `plane_z_mm` a point of the retina sees the stop's centre.
 struct StopCentreAim {
   Eigen::Vector2d aim_mm{0, 0};

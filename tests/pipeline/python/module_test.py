@@ -59,6 +59,7 @@ class Eyes(unittest.TestCase):
         self.assertAlmostEqual(numpy.degrees(numpy.arctan2(sight[0], sight[2])), 30, places=8)
         self.assertAlmostEqual(numpy.degrees(numpy.arctan2(sight[1], sight[2])), -20, places=8)
         self.assertIsNone(eye.line_of_sight(13, 0))
+        self.assertIsNone(eye.retina_seeing(120, 0))
 
 
 class Errors(unittest.TestCase):
@@ -71,6 +72,16 @@ class Errors(unittest.TestCase):
             emmetrope.wavefront(emmetrope.Eye("navarro"), retina_mm=(13, 0))
         with self.assertRaises(emmetrope.Error):
             emmetrope.Eye.from_dict({"name": "empty"})
+        for bad in ({"name": float("nan")}, {"name": numpy.float32(1)}):
+            with self.assertRaises(emmetrope.InputError):
+                emmetrope.Eye.from_dict(bad)
+        for bad in (0.555, float("nan"), 1e9):
+            with self.assertRaises(emmetrope.UsageError):
+                emmetrope.wavefront(emmetrope.Eye("navarro"), wavelength_nm=bad)
+            with self.assertRaises(emmetrope.UsageError):
+                emmetrope.Eye("navarro").refraction(bad)
+        with self.assertRaises(emmetrope.UsageError):
+            emmetrope.Eye("navarro").with_pupil(-3)
         with self.assertRaises(emmetrope.DeviceError):
             emmetrope.Tracer("no such device")
         with self.assertRaises(emmetrope.UsageError):

@@ -5,8 +5,10 @@
 #include <vector>
 
 #include "pipeline/base/frames.hpp"
+#include "pipeline/eye/optics/chief_ray.hpp"
 #include "pipeline/eye/optics/paraxial.hpp"
 #include "pipeline/eye/surfaces/zernike.hpp"
+#include "raytrace/spectacle/spectacle.hpp"
 #include "raytrace/wavefront/wavefront.hpp"
 #include "tests/support/plain_eye.hpp"
 #include "tests/support/random_conic_eye.hpp"
@@ -106,15 +108,7 @@ PlainWavefront plain_wavefront(const PlainEye& eye, const PlainPupil& pupil) {
   return result;
 }
 
-class OffAxis : public testing::TestWithParam<int> {};
-
-TEST_P(OffAxis, IsThatOfEvenRaysThroughTheStop) {
-  const int seed = GetParam();
-  EyeModel eye = random_conic_eye(seed);
-  eye.set_stop_diameter(2 + 0.25 * seed);
-  // From the axis to about 60 degrees of the visual field, in all directions.
-  const double eccentricity_mm = 11.2 * seed / 9, angle = 2.4 * seed;
-  const Vector2d at = eccentricity_mm * Vector2d(std::cos(angle), std::sin(angle));
+void expect_even_rays_wavefront(const EyeModel& eye, const Vector2d& at) {
   WavefrontSettings settings;
   settings.wavelength_nm = wavelength_nm;
   settings.order = order;
@@ -132,16 +126,41 @@ TEST_P(OffAxis, IsThatOfEvenRaysThroughTheStop) {
   EXPECT_NEAR(wavefront.spot_rms_arcmin(), expected.spot_rms_arcmin, 0.01 * expected.spot_rms_arcmin);
 
   const ImageQuality quality = image_quality(wavefront);
-  const Vector2d tangential = seed == 0 ? Vector2d(0, 1) : pupil.tangential(),
+  const Vector2d tangential = at.isZero() ? Vector2d(0, 1) : pupil.tangential(),
                  sagittal(tangential.y(), -tangential.x());
   for (const int cpd : {3, 10, 20, 30, 45}) {
     const double shift_mm = cpd * wavelength_nm * 1e-6 / degree;
     EXPECT_NEAR(quality.mtf_tangential[cpd], expected.mtf(shift_mm * tangential), 0.005) << cpd;
     EXPECT_NEAR(quality.mtf_sagittal[cpd], expected.mtf(shift_mm * sagittal), 0.005) << cpd;
   }
-  RecordProperty("field_deg", std::to_string(std::acos(pupil.sight.z()) / degree));
+}
+
+class OffAxis : public testing::TestWithParam<int> {};
+
+// From the axis to 64 degrees of the visual field, in all directions.
+TEST_P(OffAxis, IsThatOfEvenRaysThroughTheStop) {
+  const int seed = GetParam();
+  EyeModel eye = random_conic_eye(seed);
+  eye.set_stop_diameter(2 + 0.25 * seed);
+  const double angle = 2.4 * seed;
+  expect_even_rays_wavefront(eye, 11.2 * seed / 9 * Vector2d(std::cos(angle), std::sin(angle)));
 }
 INSTANTIATE_TEST_SUITE_P(TenRandomEyes, OffAxis, testing::Range(0, 10));
+
+// Behind a plane lens the entrance pupil swells towards the periphery, and aims map to it far from linearly.
+class BehindASpectacle : public testing::TestWithParam<std::pair<const char*, double>> {};
+TEST_P(BehindASpectacle, IsThatOfEvenRaysThroughTheStop) {
+  const auto& [lens, field_deg] = GetParam();
+  EyeModel eye = make_eye("navarro");
+  eye.set_stop_diameter(3.5);
+  eye = with_spectacle(eye, parse_spectacle(lens));
+  const auto at = ChiefRays(eye, wavelength_nm).image_of({std::tan(field_deg * degree), 0, 1});
+  ASSERT_TRUE(at);
+  expect_even_rays_wavefront(eye, at->head<2>());
+}
+INSTANTIATE_TEST_SUITE_P(AtWideAngles, BehindASpectacle,
+                         testing::Values(std::pair("-4/0x0@12", 30.0), std::pair("-4/0x0@12", 50.0),
+                                         std::pair("-8/0x0@12", 45.0), std::pair("4/0x0@12", 40.0)));
 
 // The thin pencil about the ray through the stop's centre, in the plane of the corneal vertex across it.
 TEST(OffAxisWavefront, ADecentredStopMovesTheRefraction) {
