@@ -17,7 +17,8 @@ namespace {
 /// As it is typed.
 struct Flags {
   std::string case_folder, eye, output;
-  std::string surfaces, method = "pupil", vertices = "800", size = "500x500", field_mm = "6x6", fovea = "0,0";
+  std::string surfaces, method = "pupil", vertices = "800", size = "500x500", field_mm, field_deg, projection,
+                        fovea = "0,0";
   std::string spectacle, plano_cylinder, lens_model;
   std::string psf_grid;
   std::string gaze = "0,0", fixate, strabismus, motion = "0,0";
@@ -49,7 +50,16 @@ void declare_eye_and_scene(CLI::App& app, Flags& flags) {
 
 void declare_picture(CLI::App& app, Flags& flags) {
   app.add_option("--size", flags.size, "Pixels")->capture_default_str()->type_name("WxH");
-  app.add_option("--field-mm", flags.field_mm, "On the retina, mm")->capture_default_str()->type_name("XxY");
+  auto* field_mm = app.add_option("--field-mm", flags.field_mm, "On the retina, mm (6x6)")->type_name("XxY");
+  app.add_option("--field-deg", flags.field_deg, "Instead: of the visual field, degrees, to 250")
+      ->type_name("WxH")
+      ->excludes(field_mm);
+  app.add_option(
+         "--projection", flags.projection,
+         "Pixels are equidistant on the retina's plane or along it (--field-mm), in visual angle or in its "
+         "tangents (--field-deg)")
+      ->type_name("KIND")
+      ->check(CLI::IsMember({"retina-plane", "retina-arc", "visual-angle", "perspective"}));
   app.add_option("--fovea", flags.fovea, "Centre of the picture on the retina, mm from the pole")
       ->type_name("X,Y");
   app.add_option("--samples", flags.samples,
@@ -200,15 +210,35 @@ Representation parse_representation(const std::string& text) {
   throw usage_error("--surfaces: \"" + text + "\" is unknown", "give analytic, triangles, smooth or fast");
 }
 
+Projection parse_projection(const Flags& flags) {
+  const bool angular = !flags.field_deg.empty();
+  if (flags.projection.empty()) return angular ? Projection::visual_angle : Projection::retina_plane;
+  const bool wants_angle = flags.projection == "visual-angle" || flags.projection == "perspective";
+  if (wants_angle && !angular)
+    throw usage_error("--projection " + flags.projection + ": its field is given in degrees",
+                      "write --field-deg 120x90");
+  if (!wants_angle && angular)
+    throw usage_error("--projection " + flags.projection + ": its field is given in mm on the retina",
+                      "write --field-mm 40x40");
+  if (wants_angle)
+    return flags.projection == "perspective" ? Projection::perspective : Projection::visual_angle;
+  return flags.projection == "retina-arc" ? Projection::retina_arc : Projection::retina_plane;
+}
+
 RetinalGrid parse_grid(const Flags& flags) {
-  const Eigen::Vector2d size = parse_pair("--size", flags.size, 'x'),
-                        field = parse_pair("--field-mm", flags.field_mm, 'x');
+  const Eigen::Vector2d size = parse_pair("--size", flags.size, 'x');
   if (size != size.array().floor().matrix()) throw usage_error("--size: pixels are counted in whole numbers");
   RetinalGrid grid;
   grid.width = static_cast<int>(std::min(size.x(), 1e9));
   grid.height = static_cast<int>(std::min(size.y(), 1e9));
-  grid.field_x_mm = field.x();
-  grid.field_y_mm = field.y();
+  grid.projection = parse_projection(flags);
+  if (grid.is_angular()) {
+    grid.field_deg = parse_pair("--field-deg", flags.field_deg, 'x');
+  } else if (!flags.field_mm.empty()) {
+    const Eigen::Vector2d field = parse_pair("--field-mm", flags.field_mm, 'x');
+    grid.field_x_mm = field.x();
+    grid.field_y_mm = field.y();
+  }
   grid.centre_mm = parse_pair("--fovea", flags.fovea, ',');
   return grid;
 }

@@ -7,34 +7,36 @@
 
 #include "pipeline/base/frames.hpp"
 #include "pipeline/base/log.hpp"
-#include "pipeline/eye/optics/chief_ray.hpp"
-#include "pipeline/eye/optics/retina_point.hpp"
+#include "raytrace/retina/field_points.hpp"
 
 namespace emmetrope::raytrace {
 namespace {
 
-/// The angle that the lines of sight of two retinal points make, nothing where one does not leave the eye.
-Json between_lines_of_sight_arcmin(const ChiefRays& chief_rays, const EyeModel& eye,
-                                   const Eigen::Vector2d& from_mm, const Eigen::Vector2d& to_mm) {
-  const auto from = meet_retina(eye, from_mm), to = meet_retina(eye, to_mm);
-  const auto a = from ? chief_rays.line_of_sight(from->position_mm) : std::nullopt,
-             b = to ? chief_rays.line_of_sight(to->position_mm) : std::nullopt;
-  if (!a || !b) return nullptr;
-  return std::atan2(a->direction.cross(b->direction).norm(), a->direction.dot(b->direction)) / degree * 60;
-}
-
-/// What a pixel is on the retina and, in the picture's middle, as an angle of the scene.
+/// What a pixel is in the picture's middle, on the retina and as an angle of the scene: null where the eye sees
+/// nothing there.
 Json scale_of(const EyeModel& eye, const TraceSettings& settings) {
   const RetinalGrid& grid = settings.grid;
-  const Eigen::Vector2d pixel_mm(grid.field_x_mm / grid.width, grid.field_y_mm / grid.height);
-  const ChiefRays chief_rays(eye, settings.wavelength_nm.value_or(eye.reference_wavelength_nm));
-  Json arcmin = Json::array();
+  const double wavelength_nm = settings.wavelength_nm.value_or(eye.reference_wavelength_nm);
+  const FieldPoints points(eye, grid, wavelength_nm);
+  const ChiefRays chief_rays(eye, wavelength_nm);
+  const Eigen::Vector2d pixel =
+      half_of(grid).cwiseProduct(Eigen::Vector2d(2.0 / grid.width, 2.0 / grid.height));
+  Json um = Json::array(), arcmin = Json::array();
   for (int k = 0; k < 2; ++k) {
-    const Eigen::Vector2d half = 0.5 * pixel_mm[k] * Eigen::Vector2d::Unit(k);
+    const Eigen::Vector2d half = 0.5 * pixel[k] * Eigen::Vector2d::Unit(k);
+    const auto from = points.at(-half), to = points.at(half);
+    const auto a = from ? chief_rays.line_of_sight(from->position_mm) : std::nullopt,
+               b = to ? chief_rays.line_of_sight(to->position_mm) : std::nullopt;
+    um.push_back(!from || !to ? Json(nullptr)
+                 : grid.projection == Projection::retina_plane
+                     ? Json(1000 * pixel[k])
+                     : Json(1000 * (to->position_mm - from->position_mm).norm()));
     arcmin.push_back(
-        between_lines_of_sight_arcmin(chief_rays, eye, grid.centre_mm - half, grid.centre_mm + half));
+        !a || !b ? Json(nullptr)
+                 : Json(std::atan2(a->direction.cross(b->direction).norm(), a->direction.dot(b->direction)) /
+                        degree * 60));
   }
-  return {{"um_per_pixel", {1000 * pixel_mm.x(), 1000 * pixel_mm.y()}}, {"arcmin_per_pixel", arcmin}};
+  return {{"projection", to_string(grid.projection)}, {"um_per_pixel", um}, {"arcmin_per_pixel", arcmin}};
 }
 
 }  // namespace
@@ -67,6 +69,8 @@ Json picture_json(const TraceResult& result, const std::string& image, const Eye
             {"samples", result.samples}};
   if (result.error) json["standard_error_levels"] = *result.error;
   json["scale"] = scale_of(eye, settings);
+  if (!result.unseen.empty())
+    json["unseen_pixels"] = std::count(result.unseen.begin(), result.unseen.end(), 1);
   return json;
 }
 

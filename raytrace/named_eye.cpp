@@ -90,7 +90,7 @@ Answer trace_named(const NamedEye& named, const TraceOptions& options, const Com
     for (const auto& note : result.notes) spdlog::info("{}", note);
     warn_of_doubts(result, settings);
     const fs::path image = write_output(output_of(named.output, laterality, two_eyes), eye, settings,
-                                        options.psf_grid, common, result.image);
+                                        options.psf_grid, common, with_cover(result.image, result.unseen));
     Json of_eye = picture_json(result, image.string(), eye, settings);
     of_eye["gaze_deg"] = {settings.pose.gaze.horizontal_deg, settings.pose.gaze.vertical_deg};
     answer.text += picture_line(eye.name, of_eye);

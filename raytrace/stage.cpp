@@ -34,7 +34,10 @@ Json parameters_of(const TraceOptions& options, const MeasuredEyeOptions& measur
       {"surfaces", settings.representation ? Json(to_string(*settings.representation)) : Json(nullptr)},
       {"vertices", settings.vertices},
       {"size", {settings.grid.width, settings.grid.height}},
-      {"field_mm", {settings.grid.field_x_mm, settings.grid.field_y_mm}},
+      {"projection", to_string(settings.grid.projection)},
+      {"field_mm",
+       settings.grid.is_angular() ? Json(nullptr) : Json{settings.grid.field_x_mm, settings.grid.field_y_mm}},
+      {"field_deg", settings.grid.is_angular() ? pair_json(settings.grid.field_deg) : Json(nullptr)},
       {"fovea_mm", pair_json(settings.grid.centre_mm)},
       {"samples", settings.samples},
       {"target_error", or_null(settings.target_error)},
@@ -119,7 +122,7 @@ Json trace_eye(const MeasuredEye& measured, Laterality eye, const TraceOptions& 
   write_mesh(folder / "photoreceptors.ply", measured.photoreceptors_in_lps, true);
   // The eye's own, whatever it wears in the picture: a correction starts from them.
   write_json(folder / "eye.json", measured_eye_json(measured, eye));
-  write_png(folder / "uncorrected.png", result.image);
+  write_png(folder / "uncorrected.png", with_cover(result.image, result.unseen));
   write_wavefront(measured.eye, settings, folder);
   if (options.psf_grid)
     write_field(worn, *options.psf_grid, wavefront_settings(settings), folder, common.thread_count(),

@@ -159,6 +159,7 @@ void DevicePicture::add_to(PictureSums& sums, const std::vector<Band>& bands) {
     for (std::size_t place = 0; place < (items.end - items.first) * order_.together; ++place) {
       if (order_.pixels[first_place + place] < 0) continue;
       const std::size_t pixel = order_.pixels[first_place + place];
+      if (job_.pixels.is_unseen(pixel)) continue;
       const float weight = image[order_.at(place, outputs, 3)] * static_cast<float>(last_samples_);
       for (int c = 0; c < 3; ++c) sums.light[pixel * 3 + c] += weight * image[order_.at(place, outputs, c)];
       sums.weight[pixel] += weight;

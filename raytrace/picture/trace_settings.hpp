@@ -21,12 +21,25 @@ const char* to_string(Representation representation);
 enum class Method { pupil, paper };
 const char* to_string(Method method);
 
-/// The image plane: pixels equidistant in eye x and y on the retina, centred on the pole.
+/// In what the picture's pixels are equidistant.
+/// retina_plane: eye x and y on the retina, behind its equator.
+/// retina_arc: azimuthal equidistant, distance along the retina from its pole.
+/// visual_angle: azimuthal equidistant, visual angle from the line of sight of the picture's centre.
+/// perspective: tangents of these angles, as a flat picture that is looked at.
+enum class Projection { retina_plane, retina_arc, visual_angle, perspective };
+const char* to_string(Projection projection);
+
+/// The pixels' places on the retina; those of retina_plane fill it, the others end where the eye sees no further.
 struct RetinalGrid {
   int width = 500, height = 500;
-  double field_x_mm = 6, field_y_mm = 6;
-  Eigen::Vector2d centre_mm{0, 0};  ///< from the pole, eye x and y
+  double field_x_mm = 6, field_y_mm = 6;  ///< width and height of retina_plane and retina_arc
+  Eigen::Vector2d centre_mm{0, 0};        ///< from the pole, eye x and y
+  Projection projection = Projection::retina_plane;
+  Eigen::Vector2d field_deg{0, 0};  ///< width and height of visual_angle and perspective
 
+  bool is_angular() const {
+    return projection == Projection::visual_angle || projection == Projection::perspective;
+  }
   /// \throw Error (usage)
   void check() const;
 };

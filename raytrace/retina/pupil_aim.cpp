@@ -5,12 +5,10 @@
 #include <Eigen/LU>
 #include <array>
 #include <cmath>
-#include <optional>
 
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/frames.hpp"
 #include "pipeline/base/parallel.hpp"
-#include "pipeline/eye/optics/stop_crossing.hpp"
 #include "raytrace/retina/pupil_polynomial.hpp"
 
 namespace emmetrope::raytrace {
@@ -66,10 +64,13 @@ std::array<Eigen::Vector2d, rim_points> find_rim(const PlaneToStop& to_stop, con
   return rim;
 }
 
-/// The smallest ellipse of its form about the stop's image as a point of the retina sees it.
-std::optional<AimEllipse> ellipse_of(const PlaneToStop& to_stop) {
-  const std::optional<StopCentreAim> centre =
-      aim_at_stop_centre(to_stop.crossing, to_stop.retina, to_stop.plane_z_mm);
+}  // namespace
+
+std::optional<AimEllipse> aim_ellipse(const StopCrossing& crossing, const Eigen::Vector3d& retina,
+                                      double plane_z_mm) {
+  if (!(retina.z() < plane_z_mm)) return std::nullopt;
+  const PlaneToStop to_stop{crossing, retina, plane_z_mm};
+  const std::optional<StopCentreAim> centre = aim_at_stop_centre(crossing, retina, plane_z_mm);
   if (!centre) return std::nullopt;
   const std::array<Eigen::Vector2d, rim_points> rim = find_rim(to_stop, *centre);
   AimEllipse ellipse;
@@ -85,8 +86,6 @@ std::optional<AimEllipse> ellipse_of(const PlaneToStop& to_stop) {
   ellipse.from_disc *= largest * allowance;
   return ellipse;
 }
-
-}  // namespace
 
 RetinaPoint retina_point(const EyeModel& eye, double x_mm, double y_mm) {
   if (const std::optional<RetinaPoint> point = meet_retina(eye, {x_mm, y_mm})) return *point;
@@ -110,7 +109,7 @@ PupilAim::PupilAim(const EyeModel& eye, const RetinalGrid& grid, double waveleng
     const Eigen::Vector2d at =
         centre_ + half_.cwiseProduct(Eigen::Vector2d(nodes[k % nodes_a_side], nodes[k / nodes_a_side]));
     const Eigen::Vector3d retina = retina_point(eye, at.x(), at.y()).position_mm;
-    const auto ellipse = ellipse_of({crossing, retina, plane_z_mm_});
+    const auto ellipse = aim_ellipse(crossing, retina, plane_z_mm_);
     if (!ellipse)
       throw input_error(
           "eye \"" + eye.name + "\": no ray from the retina at x = " + std::to_string(at.x()) +

@@ -1,8 +1,10 @@
 #pragma once
 #include <Eigen/Core>
+#include <optional>
 #include <vector>
 
 #include "pipeline/eye/optics/retina_point.hpp"
+#include "pipeline/eye/optics/stop_crossing.hpp"
 #include "raytrace/picture/trace_settings.hpp"
 
 namespace emmetrope::raytrace {
@@ -12,6 +14,11 @@ struct AimEllipse {
   Eigen::Vector2d centre_mm{0, 0};
   Eigen::Matrix2d from_disc = Eigen::Matrix2d::Zero();  ///< the unit disc to the ellipse
 };
+
+/// The smallest ellipse of its form about the stop as a point of the retina sees it; nothing where no ray from there
+/// passes the stop's centre.
+std::optional<AimEllipse> aim_ellipse(const StopCrossing& crossing, const Eigen::Vector3d& retina,
+                                      double plane_z_mm);
 
 /// Aim ellipses over the field: exact rays from 6 x 6 retinal points to the stop's rim, interpolated.
 /// Every ellipse is just large enough to hold the whole image of the stop, so that nothing is cut and few

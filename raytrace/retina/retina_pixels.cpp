@@ -68,7 +68,8 @@ std::vector<float> in_order(const std::vector<float>& values, int floats, const 
 
 RetinaPixels make_pixels(const EyeModel& eye, const RetinalGrid& grid, const PupilAim& aim, int threads) {
   const std::size_t count = static_cast<std::size_t>(grid.width) * grid.height;
-  RetinaPixels pixels{std::vector<float>(count * RetinaPixels::floats_a_pixel), std::vector<float>(count)};
+  RetinaPixels pixels{
+      std::vector<float>(count * RetinaPixels::floats_a_pixel), std::vector<float>(count), {}};
   // The retinal image is upside down: the picture's top left is seen by the retina's lower left in eye x and
   // y.
   std::vector<double> x_mm(grid.width);

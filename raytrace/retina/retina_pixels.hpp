@@ -13,6 +13,8 @@ struct RetinaPixels {
   static constexpr int floats_a_pixel = 12;
   std::vector<float> values;
   std::vector<float> area_mm2;
+  std::vector<char> unseen;  ///< where the eye sees nothing; empty where it sees all of the picture
+  bool is_unseen(std::size_t pixel) const { return !unseen.empty() && unseen[pixel] != 0; }
 };
 
 /// The order in which work-items take pixels: `together` pixels each.

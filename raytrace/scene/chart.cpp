@@ -197,7 +197,7 @@ ChartSpec parse_chart(const std::string& text) {
     std::string known;
     for (const auto& name : names) known += name + ", ";
     throw usage_error("--scene: no chart or file is called \"" + spec.name + "\"",
-                      "use a scene.json or one of " + known + "cards, pyramids");
+                      "use a scene.json or one of " + known + "cards, perimeter, pyramids");
   }
   spec.logmar = default_logmar(spec.name);
   if (spec.name == "point") spec.extent_deg = 2;  // all else is dark anyway, and its texels are fine

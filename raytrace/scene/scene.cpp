@@ -10,6 +10,7 @@
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/frames.hpp"
 #include "raytrace/scene/chart.hpp"
+#include "raytrace/scene/panorama.hpp"
 #include "raytrace/scene/scene_json.hpp"
 
 namespace emmetrope::raytrace {
@@ -106,7 +107,8 @@ std::shared_ptr<const Scene> make_scene(const std::string& name_or_file) {
   if (path.extension() == ".json") return std::make_shared<const Scene>(read_scene(path));
   if (name_or_file == "pyramids") return std::make_shared<const Scene>(pyramids());
   if (name_or_file == "cards") return std::make_shared<const Scene>(cards());
-  for (const std::string name : {"pyramids", "cards"})
+  if (name_or_file == "perimeter") return std::make_shared<const Scene>(perimeter());
+  for (const std::string name : {"pyramids", "cards", "perimeter"})
     if (name_or_file.rfind(name + ":", 0) == 0)
       throw usage_error(fmt::format("--scene: {} takes no keys, found \"{}\"", name, name_or_file),
                         fmt::format("write {}, or describe a scene of your own in a scene.json", name));

@@ -10,6 +10,7 @@
 #include "pipeline/base/json.hpp"
 #include "raytrace/scene/chart.hpp"
 #include "raytrace/scene/model_file.hpp"
+#include "raytrace/scene/panorama.hpp"
 #include "raytrace/scene/picture.hpp"
 
 namespace emmetrope::raytrace {
@@ -173,8 +174,24 @@ std::vector<MeshObject> read_meshes(const Object& object, const std::filesystem:
   return objects;
 }
 
+void read_panorama(const Json& json, const std::string& where, const std::filesystem::path& folder,
+                   Scene& scene) {
+  const Object object(json, where, {"type", "picture"});
+  scene.files.push_back(folder / object.text("picture"));
+  const std::shared_ptr<const Texture> picture = read_picture(scene.files.back());
+  if (picture->width != 2 * picture->height)
+    throw object.fault("picture", "an equirectangular picture is twice as wide as high, this one is " +
+                                      std::to_string(picture->width) + " x " +
+                                      std::to_string(picture->height));
+  for (TexturedPlane& face : panorama(*picture)) scene.planes.push_back(std::move(face));
+}
+
 void read_object(const Json& json, const std::string& where, const std::filesystem::path& folder,
                  Scene& scene) {
+  if (json.is_object() && json.value("type", Json()) == Json("panorama")) {
+    read_panorama(json, where, folder, scene);
+    return;
+  }
   const bool is_mesh = json.is_object() && json.value("type", Json()) == Json("mesh");
   const Object object(
       json, where,
@@ -185,7 +202,8 @@ void read_object(const Json& json, const std::string& where, const std::filesyst
     for (MeshObject& mesh : read_meshes(object, folder, scene.files)) scene.meshes.push_back(std::move(mesh));
     return;
   }
-  if (object.text("type") != "plane") throw object.fault("type", "only \"plane\" and \"mesh\" are known");
+  if (object.text("type") != "plane")
+    throw object.fault("type", "only \"plane\", \"mesh\" and \"panorama\" are known");
   TexturedPlane plane = read_plane(object, folder, scene.files);
   if (object.flag("lit")) {
     scene.meshes.push_back(lit(plane, object));

@@ -14,6 +14,7 @@
 #include "raytrace/picture/spectrum.hpp"
 #include "raytrace/retina/pupil_aim.hpp"
 #include "raytrace/retina/retina_pixels.hpp"
+#include "raytrace/retina/wide_field.hpp"
 #include "raytrace/system/optical_system.hpp"
 #include "raytrace/system/paper_method.hpp"
 #include "raytrace/system/sheet_mesh.hpp"
@@ -84,6 +85,8 @@ std::vector<int> take_retina_mesh(EyeModel& eye, const TraceSettings& settings, 
 void check_derivatives(const Scene& scene, const TraceSettings& settings,
                        const std::vector<EyeTangent>& tangents) {
   if (tangents.empty()) return;
+  if (settings.grid.projection != Projection::retina_plane)
+    throw usage_error("derivatives are of pictures equidistant in eye x and y");
   if (!scene.meshes.empty())
     throw unsupported_error("derivatives of a scene with meshes are not offered", "use a scene of planes");
   if (settings.method == Method::paper || settings.achromatic)
@@ -107,17 +110,34 @@ SystemForm system_form(EyeModel& eye, const TraceSettings& settings, int threads
   return form;
 }
 
+/// Where the picture's rays start, and what they are aimed at.
+struct PicturePlaces {
+  RetinaPixels pixels;
+  double aim_plane_z_mm = 0;
+  std::optional<PupilAim> aim;  ///< of the retina's plane alone
+};
+PicturePlaces places_of(const EyeModel& eye, const TraceSettings& settings, int threads) {
+  const double wavelength_nm = settings.wavelength_nm.value_or(eye.reference_wavelength_nm);
+  if (settings.grid.projection != Projection::retina_plane) {
+    const WideField field(eye, settings.grid, wavelength_nm, threads);
+    return {field.pixels(threads), field.plane_z_mm(), std::nullopt};
+  }
+  PupilAim aim(eye, settings.grid, wavelength_nm, threads);
+  RetinaPixels pixels = make_pixels(eye, settings.grid, aim, threads);
+  return {std::move(pixels), aim.plane_z_mm(), std::move(aim)};
+}
+
 /// All that does not need a device.
 PictureJob picture_job(const EyeModel& eye, const Scene& scene, const TraceSettings& settings,
-                       const SystemForm& form, const Spectrum& spectrum, const PupilAim& aim) {
+                       const SystemForm& form, const Spectrum& spectrum, PicturePlaces places) {
   const bool paper = settings.method == Method::paper, spectral = !settings.wavelength_nm;
   PictureJob job;
   job.system = make_optical_system(paper ? without_stop(eye) : eye, spectrum.wavelength_nm, form);
   job.view = make_device_scene(scene, settings.pose.eye_from_scene(), !spectral, form.threads);
   job.grid = settings.grid;
   job.samples = settings.samples;
-  job.pixels = make_pixels(eye, job.grid, aim, form.threads);
-  job.aim_plane_z_mm = aim.plane_z_mm();
+  job.pixels = std::move(places.pixels);
+  job.aim_plane_z_mm = places.aim_plane_z_mm;
   job.colours = colour_table(spectrum);
   if (paper) job.cap = aim_cap(eye, job.system.operation_of);
   if (settings.stiles_crawford_per_mm2 > 0)
@@ -153,7 +173,8 @@ void finish(TraceResult& result, const PictureSums& sums, const PictureJob& job,
       result.image.values[i] *= of(i / 3) / at_pole;
   }
   result.samples = sums.samples;
-  result.rays = pixels * sums.samples;
+  result.unseen = job.pixels.unseen;
+  result.rays = (pixels - std::count(result.unseen.begin(), result.unseen.end(), 1)) * sums.samples;
   std::uint64_t stopped = 0;
   constexpr RayState states[] = {RayState::vignetted, RayState::tir, RayState::missed_surface,
                                  RayState::missed_scene};
@@ -195,9 +216,9 @@ TraceResult Tracer::trace(const EyeModel& whole_eye, const Scene& scene, const T
   const Spectrum spectrum = spectrum_of(settings, whole_eye);
   EyeModel eye = whole_eye;
   const SystemForm form = system_form(eye, settings, state_->threads);
-  const PupilAim aim(eye, settings.grid, settings.wavelength_nm.value_or(eye.reference_wavelength_nm),
-                     state_->threads);
-  PictureJob job = picture_job(eye, scene, settings, form, spectrum, aim);
+  PicturePlaces places = places_of(eye, settings, state_->threads);
+  const std::optional<PupilAim> aim = std::move(places.aim);
+  PictureJob job = picture_job(eye, scene, settings, form, spectrum, std::move(places));
   if (!tangents.empty())
     job.change = make_image_change(tangents, job.view, job.grid, spectrum.wavelength_nm, state_->threads);
   job.form.tangents = tangents.size();
@@ -208,8 +229,8 @@ TraceResult Tracer::trace(const EyeModel& whole_eye, const Scene& scene, const T
   if (form.representation == Representation::fast) {
     OpenCl& first = *state_->devices.front();
     try {
-      job.map = make_fast_map(first, eye, job.grid, aim, job.system, spectrum.wavelength_nm, settings.seed,
-                              state_->threads);
+      job.map = make_fast_map(first, eye, job.grid, aim.value(), job.system, spectrum.wavelength_nm,
+                              settings.seed, state_->threads);
     } catch (const cl::Error& fault) {
       throw_device_error(fault, first.info().name);
     }

@@ -18,6 +18,7 @@ namespace emmetrope::raytrace {
 
 struct TraceResult {
   LinearImage image;
+  std::vector<char> unseen;  ///< pixels where the eye sees nothing, row after row; empty where it sees all
   std::vector<LinearImage> derivatives;  ///< one per tangent
   std::map<RayState, std::uint64_t> states;
   std::uint64_t rays = 0;

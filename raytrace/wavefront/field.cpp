@@ -11,6 +11,7 @@
 #include "pipeline/base/parallel.hpp"
 #include "pipeline/eye/optics/retina_point.hpp"
 #include "raytrace/picture/linear_image.hpp"
+#include "raytrace/retina/retina_arc.hpp"
 
 namespace emmetrope::raytrace {
 namespace {
@@ -137,7 +138,10 @@ Json field_json(const EyeModel& eye, const FieldGrid& grid, const std::vector<Fi
           {"horizontal_deg", of([](const Entry& e) { return e.at.direction_deg.x(); })},
           {"vertical_deg", of([](const Entry& e) { return e.at.direction_deg.y(); })},
           {"retina_mm", of([](const Entry& e) { return to_json_vector(e.at.retina_mm); })},
-          {"retina_arc_mm", of([&](const Entry& e) { return retina_arc_mm(eye, e.at.retina_mm.head<2>()); })},
+          {"retina_arc_mm", of([&](const Entry& e) {
+             const std::optional<double> arc_mm = retina_arc_mm(eye, e.at.retina_mm);
+             return arc_mm ? Json(*arc_mm) : Json(nullptr);
+           })},
           {"pupil_mm", of_wavefront([](const Wavefront& w) { return w.pupil_mm; })},
           {"pupil_area_mm2", of_wavefront([](const Wavefront& w) { return w.rim.area_mm2(); })},
           {"paraxial", power_columns(entries, &Wavefront::paraxial)},
@@ -222,11 +226,12 @@ std::vector<Eigen::Vector2d> FieldGrid::directions_deg() const {
 std::optional<Eigen::Vector3d> retina_seeing(const EyeModel& eye, const ChiefRays& chief_rays,
                                              const Eigen::Vector2d& direction_deg) {
   if (!(direction_deg.cwiseAbs().maxCoeff() < 90)) return std::nullopt;
-  const std::optional<Eigen::Vector3d> image =
+  const std::optional<RetinaPoint> image =
       chief_rays.image_of({std::tan(direction_deg.x() * degree), std::tan(direction_deg.y() * degree), 1});
-  const auto behind_equator = image ? meet_retina(eye, image->head<2>()) : std::nullopt;
-  if (!behind_equator || (behind_equator->position_mm - *image).norm() > 1e-6) return std::nullopt;
-  return image;
+  const auto behind_equator = image ? meet_retina(eye, image->position_mm.head<2>()) : std::nullopt;
+  if (!behind_equator || (behind_equator->position_mm - image->position_mm).norm() > 1e-6)
+    return std::nullopt;
+  return image->position_mm;
 }
 
 std::optional<FieldWavefront> wavefront_towards(const EyeModel& eye, const ChiefRays& chief_rays,
@@ -241,19 +246,6 @@ std::optional<FieldWavefront> wavefront_towards(const EyeModel& eye, const Chief
     if (error.status() != ExitStatus::no_result) throw;
     return std::nullopt;
   }
-}
-
-double retina_arc_mm(const EyeModel& eye, const Eigen::Vector2d& from_pole_mm) {
-  // Chords, ever shorter towards the end: a retina is steep near its equator.
-  constexpr int chords = 256;
-  double sum = 0;
-  std::optional<RetinaPoint> last = meet_retina(eye, {0, 0});
-  for (int k = 1; k <= chords && last; ++k) {
-    const auto next = meet_retina(eye, std::sin(0.5 * pi * k / chords) * from_pole_mm);
-    if (next) sum += (next->position_mm - last->position_mm).norm();
-    last = next;
-  }
-  return last ? sum : std::numeric_limits<double>::quiet_NaN();
 }
 
 void remove_field(const std::filesystem::path& folder) {

@@ -36,9 +36,6 @@ std::optional<FieldWavefront> wavefront_towards(const EyeModel& eye, const Chief
                                                 const Eigen::Vector2d& direction_deg,
                                                 WavefrontSettings settings);
 
-/// Along the section of the retina by the plane that holds the eye's axis, from the pole, mm.
-double retina_arc_mm(const EyeModel& eye, const Eigen::Vector2d& from_pole_mm);
-
 /// Into a folder: field.json (columns of equal length, one entry a direction), psf-grid.tiff (a page each) and
 /// psf-grid.png, all of them at a glance.
 /// \param settings  its fovea_mm is not looked at

@@ -1,13 +1,15 @@
 #include "pipeline/eye/optics/chief_ray.hpp"
 
 #include <Eigen/Dense>
+#include <cmath>
 
 #include "pipeline/eye/optics/paraxial.hpp"
 
 namespace emmetrope {
 
 ChiefRays::ChiefRays(const EyeModel& eye, double wavelength_nm)
-    : crossing_(eye, wavelength_nm),
+    : eye_(eye),
+      crossing_(eye, wavelength_nm),
       tracer_(without_stop(eye), wavelength_nm),
       entrance_pupil_z_mm_(-entrance_pupil(eye, wavelength_nm).position_mm),
       aim_plane_z_mm_(emmetrope::aim_plane_z_mm(eye, wavelength_nm)) {}
@@ -17,7 +19,7 @@ std::optional<Ray> ChiefRays::line_of_sight(const Eigen::Vector3d& retina) const
   if (!centre) return std::nullopt;
   const Eigen::Vector3d aim(centre->aim_mm.x(), centre->aim_mm.y(), aim_plane_z_mm_);
   const ExactTracer::End end = tracer_.trace_end({retina, (aim - retina).normalized()});
-  if (end.state != RayState::reached || end.direction.z() <= 0) return std::nullopt;
+  if (end.state != RayState::reached) return std::nullopt;
   return Ray{end.position_mm, end.direction};
 }
 
@@ -30,7 +32,8 @@ struct ChiefRays::FromDirection {
         x(Eigen::Vector3d::UnitY().cross(towards).normalized()),
         y(towards.cross(x)) {}
   Ray operator()(const Eigen::Vector2d& shift_mm) const {
-    constexpr double away_mm = 100;  // beyond anything worn
+    // Beyond anything worn; from beside the eye no further than what lies before its surfaces.
+    const double away_mm = towards.z() > 0.2 ? 100 : 15;
     return {pupil + away_mm * towards + shift_mm.x() * x + shift_mm.y() * y, -towards};
   }
 };
@@ -60,19 +63,29 @@ std::optional<Eigen::Vector2d> ChiefRays::shift_to_centre(const FromDirection& r
   return std::nullopt;
 }
 
-std::optional<Eigen::Vector3d> ChiefRays::image_of(const Eigen::Vector3d& direction) const {
+std::optional<RetinaPoint> ChiefRays::met_on_retina(const Ray& ray_in_eye) const {
+  RayPath path = tracer_.trace_inward(ray_in_eye);
+  if (path.at != eye_.retina().name) return std::nullopt;
+  // From the last surface before it: there is more of a retina than the sheet behind its equator.
+  if (path.state == RayState::reached) path.hits.pop_back();
+  if (path.hits.empty()) return meet_retina(eye_, ray_in_eye);
+  return meet_retina(eye_, Ray{path.hits.back().position_mm, path.hits.back().direction});
+}
+
+std::optional<RetinaPoint> ChiefRays::image_of(const Eigen::Vector3d& direction) const {
+  const double eccentricity_rad = std::atan2(direction.head<2>().norm(), direction.z());
+  const Eigen::Vector2d meridian = direction.head<2>().stableNormalized();
+  const auto at_share = [&](double share) {
+    const Eigen::Vector2d beside = std::sin(share * eccentricity_rad) * meridian;
+    return FromDirection(entrance_pupil_z_mm_, {beside.x(), beside.y(), std::cos(share * eccentricity_rad)});
+  };
   // At once; where that loses the ray, in ever smaller steps from the axis outward.
   for (const int steps : {1, 4, 16, 64}) {
     std::optional<Eigen::Vector2d> shift_mm = Eigen::Vector2d(0, 0);
-    for (int k = 1; k <= steps && shift_mm; ++k) {
-      const double share = static_cast<double>(k) / steps;
-      const Eigen::Vector3d on_the_way(share * direction.x(), share * direction.y(), direction.z());
-      shift_mm = shift_to_centre(FromDirection(entrance_pupil_z_mm_, on_the_way), *shift_mm);
-    }
+    for (int k = 1; k <= steps && shift_mm; ++k)
+      shift_mm = shift_to_centre(at_share(static_cast<double>(k) / steps), *shift_mm);
     if (!shift_mm) continue;
-    const ExactTracer::End end = tracer_.trace_end(FromDirection(entrance_pupil_z_mm_, direction)(*shift_mm));
-    if (end.state != RayState::reached) return std::nullopt;
-    return end.position_mm;
+    return met_on_retina(at_share(1)(*shift_mm));
   }
   return std::nullopt;
 }

@@ -263,8 +263,7 @@ int ExactTracer::medium_before(int first, bool inward) const {
 }
 
 template <typename Report>
-ExactTracer::End ExactTracer::walk(const Ray& ray_in_eye, const Report& report) const {
-  const bool inward = ray_in_eye.direction.z() < 0;
+ExactTracer::End ExactTracer::walk(const Ray& ray_in_eye, bool inward, const Report& report) const {
   const int count = static_cast<int>(steps_.size());
   const int retina = count - 1;
   const int first = first_ahead(ray_in_eye.origin, inward);
@@ -320,18 +319,26 @@ ExactTracer::End ExactTracer::walk(const Ray& ray_in_eye, const Report& report) 
   return ended(RayState::reached, last_hit);
 }
 
-RayPath ExactTracer::trace(const Ray& ray_in_eye) const {
+RayPath ExactTracer::path_of(const Ray& ray_in_eye, bool inward) const {
   RayPath path;
-  const End end = walk({ray_in_eye.origin, ray_in_eye.direction.normalized()}, [&](int k, const End& at) {
-    path.hits.push_back({steps_[k].name, at.position_mm, at.direction, at.opl_mm});
-  });
+  const End end =
+      walk({ray_in_eye.origin, ray_in_eye.direction.normalized()}, inward, [&](int k, const End& at) {
+        path.hits.push_back({steps_[k].name, at.position_mm, at.direction, at.opl_mm});
+      });
   path.state = end.state;
   if (end.surface >= 0) path.at = steps_[end.surface].name;
   return path;
 }
 
+RayPath ExactTracer::trace(const Ray& ray_in_eye) const {
+  return path_of(ray_in_eye, ray_in_eye.direction.z() < 0);
+}
+
+RayPath ExactTracer::trace_inward(const Ray& ray_in_eye) const { return path_of(ray_in_eye, true); }
+
 ExactTracer::End ExactTracer::trace_end(const Ray& ray_in_eye) const {
-  return walk({ray_in_eye.origin, ray_in_eye.direction.normalized()}, [](int, const End&) {});
+  return walk({ray_in_eye.origin, ray_in_eye.direction.normalized()}, ray_in_eye.direction.z() < 0,
+              [](int, const End&) {});
 }
 
 RayPath trace_exact(const EyeModel& eye, const Ray& ray_in_eye, double wavelength_nm,

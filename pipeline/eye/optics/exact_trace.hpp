@@ -36,6 +36,8 @@ class ExactTracer {
  public:
   ExactTracer(const EyeModel& eye, double wavelength_nm, double gradient_step_mm = 0.02);
   RayPath trace(const Ray& ray_in_eye) const;
+  /// A ray that enters the eye, from behind its apex too (direction z >= 0 before the cornea bends it).
+  RayPath trace_inward(const Ray& ray_in_eye) const;
 
   /// The last hit alone, without the names: for many rays.
   struct End {
@@ -77,7 +79,8 @@ class ExactTracer {
   /// Index of the surface behind which lies the medium that a ray runs through to surface `first`; -1: air.
   int medium_before(int first, bool inward) const;
   template <typename Report>
-  End walk(const Ray& ray_in_eye, const Report& report) const;
+  End walk(const Ray& ray_in_eye, bool inward, const Report& report) const;
+  RayPath path_of(const Ray& ray_in_eye, bool inward) const;
 
   std::vector<Step> steps_;
   double gradient_step_mm_;

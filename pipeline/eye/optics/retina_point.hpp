@@ -14,4 +14,11 @@ struct RetinaPoint {
 /// ends before.
 std::optional<RetinaPoint> meet_retina(const EyeModel& eye, const Eigen::Vector2d& from_pole_mm);
 
+/// Where a ray inside the eye meets the retina, in front of its equator too: a sphere, conic or ellipsoid is whole,
+/// other forms and meshes reach as far as they do. Nothing in front of the equator where it has a clear aperture.
+std::optional<RetinaPoint> meet_retina(const EyeModel& eye, const Ray& inside);
+
+/// Within the retina's curve, on the eye's axis, eye frame: polar angles of the retina are counted about it.
+Eigen::Vector3d retina_centre(const EyeModel& eye);
+
 }  // namespace emmetrope

@@ -28,9 +28,9 @@ StopCrossing::StopCrossing(const EyeModel& eye, double wavelength_nm) : open_(wi
   behind_stop_ = std::next(behind) == eye.surfaces.end() ? "" : behind->name;
 }
 
-std::optional<Ray> StopCrossing::beyond(const std::string& surface, const Ray& ray) const {
+std::optional<Ray> StopCrossing::beyond(const std::string& surface, const Ray& ray, bool inward) const {
   if (surface.empty()) return ray;
-  const RayPath path = open_.trace(ray);
+  const RayPath path = inward ? open_.trace_inward(ray) : open_.trace(ray);
   const auto hit =
       std::find_if(path.hits.begin(), path.hits.end(), [&](const RayHit& h) { return h.surface == surface; });
   if (hit == path.hits.end() || (path.state != RayState::reached && path.at == surface)) return std::nullopt;
@@ -46,13 +46,13 @@ std::optional<Eigen::Vector2d> StopCrossing::in_stop_plane(const Ray& straight) 
 
 std::optional<Eigen::Vector2d> StopCrossing::operator()(const Eigen::Vector3d& retina,
                                                         const Eigen::Vector3d& target) const {
-  const std::optional<Ray> ray = beyond(behind_stop_, {retina, (target - retina).normalized()});
+  const std::optional<Ray> ray = beyond(behind_stop_, {retina, (target - retina).normalized()}, false);
   if (!ray || (stop_from_eye_.linear() * ray->direction).z() <= 0) return std::nullopt;
   return in_stop_plane(*ray);
 }
 
 std::optional<Eigen::Vector2d> StopCrossing::inward(const Ray& ray_in_eye) const {
-  const std::optional<Ray> ray = beyond(before_stop_, ray_in_eye);
+  const std::optional<Ray> ray = beyond(before_stop_, ray_in_eye, true);
   if (!ray || (stop_from_eye_.linear() * ray->direction).z() >= 0) return std::nullopt;
   return in_stop_plane(*ray);
 }
@@ -64,14 +64,14 @@ double aim_plane_z_mm(const EyeModel& eye, double wavelength_nm) {
   return inside ? -pupil_mm : -last_mm;
 }
 
-std::optional<StopCentreAim> aim_at_stop_centre(const StopCrossing& crossing, const Eigen::Vector3d& retina,
-                                                double plane_z_mm) {
-  const auto at_stop = [&](const Eigen::Vector2d& aim) {
-    return crossing(retina, {aim.x(), aim.y(), plane_z_mm});
-  };
-  // Newton's method from straight ahead, its differences ever finer: the map is nearly affine. A step that loses
-  // the ray, or leads away, is halved.
+namespace {
+
+/// Newton's method, its differences ever finer: the map is nearly affine. A step that loses the ray, or leads away,
+/// is halved.
+template <typename AtStop>
+std::optional<StopCentreAim> aim_from(const Eigen::Vector2d& start_mm, const AtStop& at_stop) {
   StopCentreAim centre;
+  centre.aim_mm = start_mm;
   std::optional<Eigen::Vector2d> middle = at_stop(centre.aim_mm);
   double step_mm = 0.2;
   for (int round = 0; round < 30 && middle; ++round) {
@@ -95,6 +95,21 @@ std::optional<StopCentreAim> aim_at_stop_centre(const StopCrossing& crossing, co
     middle = next;
     step_mm = std::clamp(middle->norm(), 1e-3, step_mm);
   }
+  return std::nullopt;
+}
+
+}  // namespace
+
+std::optional<StopCentreAim> aim_at_stop_centre(const StopCrossing& crossing, const Eigen::Vector3d& retina,
+                                                double plane_z_mm) {
+  const auto at_stop = [&](const Eigen::Vector2d& aim) {
+    return crossing(retina, {aim.x(), aim.y(), plane_z_mm});
+  };
+  // From straight ahead; at wide angles, where that loses the ray, from beside: the pupil leans to where it is seen
+  // from.
+  const Eigen::Vector2d meridian = retina.head<2>().stableNormalized();
+  for (const double beside_mm : {0.0, 0.5, 1.0, 1.5, -0.5, -1.0})
+    if (const auto centre = aim_from(beside_mm * meridian, at_stop)) return centre;
   return std::nullopt;
 }
 

@@ -23,7 +23,7 @@ class StopCrossing {
  private:
   std::optional<Eigen::Vector2d> in_stop_plane(const Ray& straight) const;
   /// The ray behind its hit on a surface (itself where that has no name); nothing where it ends before.
-  std::optional<Ray> beyond(const std::string& surface, const Ray& ray) const;
+  std::optional<Ray> beyond(const std::string& surface, const Ray& ray, bool inward) const;
 
   ExactTracer open_;  ///< the stop cuts nothing
   double radius_mm_ = 0;

@@ -36,19 +36,14 @@ TEST(Field, TheRetinaSeesADirectionWhereItsChiefRayMeetsIt) {
     const ChiefRays rays(eye, eye.reference_wavelength_nm);
     for (const Vector2d& deg : FieldGrid{60, 20}.directions_deg()) {
       const Vector3d wanted(std::tan(deg.x() * degree), std::tan(deg.y() * degree), 1);
-      const std::optional<Vector3d> image = rays.image_of(wanted);
+      const std::optional<RetinaPoint> image = rays.image_of(wanted);
       ASSERT_TRUE(image) << deg.transpose();
-      EXPECT_NEAR((plain.retina(image->head<2>()) - *image).norm(), 0, 1e-9);
-      const PlainPupil pupil(plain, image->head<2>(), 3);
+      const Vector2d from_pole_mm = image->position_mm.head<2>();
+      EXPECT_NEAR((plain.retina(from_pole_mm) - image->position_mm).norm(), 0, 1e-9);
+      const PlainPupil pupil(plain, from_pole_mm, 3);
       EXPECT_NEAR(pupil.sight.cross(wanted.normalized()).norm(), 0, 1e-8) << deg.transpose();
     }
   }
-}
-
-TEST(Field, ArcOfASphericalRetinaIsItsAngleTimesTheRadius) {
-  const EyeModel eye = make_eye("navarro");
-  for (const double r_mm : {0.5, 6.0, 11.0, 12.0})
-    EXPECT_NEAR(retina_arc_mm(eye, r_mm * Vector2d(0.6, 0.8)), 12 * std::asin(r_mm / 12), 1e-3);
 }
 
 TEST(Field, FilesHoldAnEntryForEveryDirection) {

@@ -156,7 +156,7 @@ TEST_P(BehindASpectacle, IsThatOfEvenRaysThroughTheStop) {
   eye = with_spectacle(eye, parse_spectacle(lens));
   const auto at = ChiefRays(eye, wavelength_nm).image_of({std::tan(field_deg * degree), 0, 1});
   ASSERT_TRUE(at);
-  expect_even_rays_wavefront(eye, at->head<2>());
+  expect_even_rays_wavefront(eye, at->position_mm.head<2>());
 }
 INSTANTIATE_TEST_SUITE_P(AtWideAngles, BehindASpectacle,
                          testing::Values(std::pair("-4/0x0@12", 30.0), std::pair("-4/0x0@12", 50.0),
