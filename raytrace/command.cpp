@@ -20,7 +20,8 @@ struct Flags {
   std::string surfaces, method = "pupil", vertices = "800", size = "500x500", field_mm, field_deg, projection,
                         fovea = "0,0";
   std::string spectacle, plano_cylinder, lens_model;
-  std::string psf_grid;
+  std::string psf_grid, bands = "400:700:10";
+  std::optional<double> luminance_cd_m2, media_age_years;
   std::string gaze = "0,0", fixate, strabismus, motion = "0,0";
   double rotation_centre_mm = EyePose().rotation_centre_mm;
   std::optional<int> samples;
@@ -127,6 +128,21 @@ void declare_light(CLI::App& app, Flags& flags) {
   app.add_flag("--diffraction", flags.options.settings.diffraction, "Blur by diffraction at the pupil");
 }
 
+void declare_radiometry(CLI::App& app, Flags& flags) {
+  auto* irradiance =
+      app.add_option(
+             "--irradiance", flags.luminance_cd_m2,
+             "Into the folder too: spectral irradiance of the retina, where the scene's white has this luminance")
+          ->type_name("CD_M2");
+  app.add_option("--bands", flags.bands, "Its wavelengths, nm")
+      ->capture_default_str()
+      ->type_name("FIRST:LAST:STEP")
+      ->needs(irradiance);
+  app.add_option("--media-age", flags.media_age_years,
+                 "Years, of the media's transmittance (the subject's, else 40)")
+      ->needs(irradiance);
+}
+
 void declare_measured_eye(CLI::App& app, Flags& flags) {
   app.add_option("--age", flags.measured.age_years, "Years, where the study does not say (CASE)");
   app.add_option("--lens-index", flags.measured.lens_index, "Equivalent index of the lens (CASE)");
@@ -144,6 +160,7 @@ void declare(CLI::App& app, Flags& flags) {
   declare_pupil_and_lens(app, flags);
   declare_gaze(app, flags);
   declare_light(app, flags);
+  declare_radiometry(app, flags);
   declare_measured_eye(app, flags);
 }
 
@@ -301,12 +318,28 @@ std::optional<Spectacle> parse_worn(const Flags& flags) {
   return PlanoCylinder{lens.x(), lens.y()};
 }
 
+std::optional<IrradianceSettings> parse_irradiance(const Flags& flags) {
+  if (!flags.luminance_cd_m2) return std::nullopt;
+  IrradianceSettings settings;
+  settings.luminance_cd_m2 = *flags.luminance_cd_m2;
+  settings.age_years = flags.media_age_years ? flags.media_age_years : flags.measured.age_years;
+  NumbersOf bands("--bands", flags.bands);
+  settings.first_nm = bands.number();
+  bands.need(':');
+  settings.last_nm = bands.number();
+  bands.need(':');
+  settings.step_nm = bands.number();
+  if (!bands.done()) throw usage_error("--bands: \"" + flags.bands + "\" goes on after its third number");
+  return settings;
+}
+
 TraceOptions parse_options(const Flags& flags, const CommonOptions& common) {
   TraceOptions options = flags.options;
   options.settings = parse_settings(flags, common);
   options.poses = parse_poses(flags, common.laterality);
   options.exposure.eye_motion_deg = parse_pair("--motion", flags.motion, ',');
   options.spectacle = parse_worn(flags);
+  options.irradiance = parse_irradiance(flags);
   if (!flags.psf_grid.empty()) {
     const Eigen::Vector2d grid = parse_pair("--psf-grid", flags.psf_grid, ':');
     options.psf_grid = FieldGrid{grid.x(), grid.y()};

@@ -10,10 +10,7 @@
 #include "raytrace/retina/field_points.hpp"
 
 namespace emmetrope::raytrace {
-namespace {
 
-/// What a pixel is in the picture's middle, on the retina and as an angle of the scene: null where the eye sees
-/// nothing there.
 Json scale_of(const EyeModel& eye, const TraceSettings& settings) {
   const RetinalGrid& grid = settings.grid;
   const double wavelength_nm = settings.wavelength_nm.value_or(eye.reference_wavelength_nm);
@@ -39,8 +36,6 @@ Json scale_of(const EyeModel& eye, const TraceSettings& settings) {
   return {{"projection", to_string(grid.projection)}, {"um_per_pixel", um}, {"arcmin_per_pixel", arcmin}};
 }
 
-}  // namespace
-
 void warn_of_doubts(const TraceResult& result, const TraceSettings& settings) {
   const auto [darkest, brightest] =
       std::minmax_element(result.image.values.begin(), result.image.values.end());
@@ -49,7 +44,8 @@ void warn_of_doubts(const TraceResult& result, const TraceSettings& settings) {
         "the picture is blank: what the scene holds lies outside the field or between its pixels' centres, "
         "from which rays start; use a smaller --field-mm, or a coarser logmar for a chart");
   const std::uint64_t stopped = result.states.at(RayState::missed_surface) + result.states.at(RayState::tir);
-  if (20 * stopped > result.rays)
+  // A wide field's rim loses many.
+  if (settings.grid.projection == Projection::retina_plane && 20 * stopped > result.rays)
     spdlog::warn(
         "{:.0f} % of the rays stop inside the eye: they miss a surface or are totally reflected, and the "
         "picture is made of the rest; emmetrope ray shows where a ray ends",

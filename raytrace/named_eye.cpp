@@ -5,6 +5,8 @@
 #include "pipeline/base/log.hpp"
 #include "pipeline/eye/schematic/schematic_eyes.hpp"
 #include "raytrace/eye_picture.hpp"
+#include "raytrace/irradiance_files.hpp"
+#include "raytrace/visual_field.hpp"
 #include "raytrace/wavefront_files.hpp"
 
 namespace emmetrope::raytrace {
@@ -24,8 +26,8 @@ fs::path output_of(const fs::path& output, Laterality laterality, bool two_eyes)
 /// Writes the picture, and into a folder what belongs to it.
 /// \return the picture's path
 fs::path write_output(const fs::path& output, const EyeModel& eye, const TraceSettings& settings,
-                      const std::optional<FieldGrid>& psf_grid, const CommonOptions& common,
-                      const LinearImage& picture) {
+                      const TraceOptions& options, const CommonOptions& common, const LinearImage& picture,
+                      const std::optional<RetinalIrradiance>& light) {
   const std::string ending = output.extension().string();
   if (ending == ".png") {
     write_png(output, picture);
@@ -42,13 +44,18 @@ fs::path write_output(const fs::path& output, const EyeModel& eye, const TraceSe
   std::error_code fault;
   fs::create_directories(output, fault);
   if (fault) throw output_error("cannot make the folder " + output.string() + ": " + fault.message());
-  if (psf_grid)
-    write_field(eye, *psf_grid, wavefront_settings(settings), output, common.thread_count(),
+  if (options.psf_grid)
+    write_field(eye, *options.psf_grid, wavefront_settings(settings), output, common.thread_count(),
                 common.verbosity);
   else
     remove_field(output);
-  write_wavefront(eye, settings,
-                  output);  // what takes long comes first, then files follow one another at once
+  // What takes long comes first, then files follow one another at once.
+  write_wavefront(eye, settings, output);
+  write_visual_field(eye, settings, output);
+  if (light)
+    write_irradiance(*light, eye, settings, *options.irradiance, output);
+  else
+    remove_irradiance(output);
   write_eye(output / "eye.json", eye);
   write_png(output / "uncorrected.png", picture);
   return output / "uncorrected.png";
@@ -74,8 +81,9 @@ void NamedEye::check() const {
 Answer trace_named(const NamedEye& named, const TraceOptions& options, const CommonOptions& common) {
   named.check();
   options.check();
-  if (options.psf_grid && named.output.has_extension() && !fs::is_directory(named.output))
-    throw usage_error("--psf-grid writes several files", "give -o a folder");
+  if ((options.psf_grid || options.irradiance) && named.output.has_extension() &&
+      !fs::is_directory(named.output))
+    throw usage_error("--psf-grid and --irradiance write several files", "give -o a folder");
   const auto scene = make_scene(options.scene);
   const Tracer tracer(common.device, common.threads);
   const std::vector<Laterality> eyes = eyes_of(options, common.laterality);
@@ -89,8 +97,11 @@ Answer trace_named(const NamedEye& named, const TraceOptions& options, const Com
     const TraceResult result = trace_exposure(tracer, eye, *scene, settings, options.exposure);
     for (const auto& note : result.notes) spdlog::info("{}", note);
     warn_of_doubts(result, settings);
-    const fs::path image = write_output(output_of(named.output, laterality, two_eyes), eye, settings,
-                                        options.psf_grid, common, with_cover(result.image, result.unseen));
+    std::optional<RetinalIrradiance> light;
+    if (options.irradiance)
+      light = retinal_irradiance(tracer, eye, *scene, settings, options.exposure, *options.irradiance);
+    const fs::path image = write_output(output_of(named.output, laterality, two_eyes), eye, settings, options,
+                                        common, with_cover(result.image, result.unseen), light);
     Json of_eye = picture_json(result, image.string(), eye, settings);
     of_eye["gaze_deg"] = {settings.pose.gaze.horizontal_deg, settings.pose.gaze.vertical_deg};
     answer.text += picture_line(eye.name, of_eye);

@@ -2,11 +2,14 @@
 
 #include <fmt/format.h>
 
+#include "pipeline/base/case_subject.hpp"
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/eye_stage.hpp"
 #include "pipeline/base/log.hpp"
 #include "raytrace/eye_picture.hpp"
+#include "raytrace/irradiance_files.hpp"
 #include "raytrace/scene/scene_model.hpp"
+#include "raytrace/visual_field.hpp"
 #include "raytrace/wavefront_files.hpp"
 
 namespace emmetrope::raytrace {
@@ -19,6 +22,12 @@ Json pair_json(const Eigen::Vector2d& pair) { return {pair.x(), pair.y()}; }
 template <typename Value>
 Json or_null(const std::optional<Value>& value) {
   return value ? Json(*value) : Json(nullptr);
+}
+
+Json irradiance_json(const IrradianceSettings& settings) {
+  return {{"luminance_cd_m2", settings.luminance_cd_m2},
+          {"bands_nm", {settings.first_nm, settings.last_nm, settings.step_nm}},
+          {"media_age_years", or_null(settings.age_years)}};
 }
 
 Json parameters_of(const TraceOptions& options, const MeasuredEyeOptions& measured,
@@ -61,8 +70,15 @@ Json parameters_of(const TraceOptions& options, const MeasuredEyeOptions& measur
       {"retinal_depth_mm", measured.retinal_depth_mm},
       {"psf_grid_deg",
        options.psf_grid ? Json{options.psf_grid->reach_deg, options.psf_grid->step_deg} : Json(nullptr)},
+      {"irradiance", options.irradiance ? irradiance_json(*options.irradiance) : Json(nullptr)},
       {"seed", common.seed},
       {"laterality", to_string(common.laterality)}};
+}
+
+/// The subject's age where none is given.
+IrradianceSettings at_subjects_age(IrradianceSettings settings, const fs::path& case_folder) {
+  if (!settings.age_years) settings.age_years = subject_age_years(case_folder);
+  return settings;
 }
 
 /// What the stage reads, and nothing else that lies about in the case.
@@ -124,6 +140,10 @@ Json trace_eye(const MeasuredEye& measured, Laterality eye, const TraceOptions& 
   write_json(folder / "eye.json", measured_eye_json(measured, eye));
   write_png(folder / "uncorrected.png", with_cover(result.image, result.unseen));
   write_wavefront(measured.eye, settings, folder);
+  write_visual_field(measured.eye, settings, folder);
+  if (options.irradiance)
+    write_irradiance(retinal_irradiance(tracer, worn, scene, settings, options.exposure, *options.irradiance),
+                     worn, settings, *options.irradiance, folder);
   if (options.psf_grid)
     write_field(worn, *options.psf_grid, wavefront_settings(settings), folder, common.thread_count(),
                 common.verbosity);
@@ -148,6 +168,8 @@ Answer trace_case(const fs::path& case_folder, const MeasuredEyeOptions& measure
                       "run emmetrope mesh " + case_folder.string());
   const Tracer tracer(common.device, common.threads);
   const auto scene = make_scene(options.scene);
+  TraceOptions of_subject = options;
+  if (options.irradiance) of_subject.irradiance = at_subjects_age(*options.irradiance, case_folder);
   StageSpec spec;
   spec.stage = "raytrace";
   spec.parameters = parameters_of(options, measured, common);
@@ -159,8 +181,8 @@ Answer trace_case(const fs::path& case_folder, const MeasuredEyeOptions& measure
     const StageVerdict verdict = work_eye_by_eye(eyes, meshed, [&](Laterality eye) {
       if (!fs::exists(case_folder / "meshing" / to_string(eye) / "optics.json"))
         throw no_result_error("cornea or lens are withheld: light cannot be traced through this eye");
-      of_eyes[to_string(eye)] = trace_eye(read_measured_eye(case_folder, eye, measured), eye, options, common,
-                                          tracer, *scene, workspace.folder() / to_string(eye));
+      of_eyes[to_string(eye)] = trace_eye(read_measured_eye(case_folder, eye, measured), eye, of_subject,
+                                          common, tracer, *scene, workspace.folder() / to_string(eye));
     });
     workspace.provenance()["eyes"] = of_eyes;
     return verdict;

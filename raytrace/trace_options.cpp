@@ -8,6 +8,7 @@ void TraceOptions::check() const {
   settings.check();
   for (const auto& [eye, pose] : poses) pose.check();
   if (psf_grid) psf_grid->check();
+  if (irradiance) irradiance->check();
   if (const auto* cylinder = spectacle ? std::get_if<PlanoCylinder>(&*spectacle) : nullptr) cylinder->check();
   if (pupillary_distance_mm && !(*pupillary_distance_mm > 0 && *pupillary_distance_mm < 120))
     throw usage_error(

@@ -4,6 +4,7 @@
 #include <string>
 
 #include "pipeline/base/laterality.hpp"
+#include "raytrace/radiometry/irradiance.hpp"
 #include "raytrace/spectacle/spectacle.hpp"
 #include "raytrace/tracer/exposure.hpp"
 #include "raytrace/wavefront/field.hpp"
@@ -18,7 +19,8 @@ struct TraceOptions {
   std::optional<double> pupillary_distance_mm;  ///< given where two eyes look
   Exposure exposure;
   std::optional<Spectacle> spectacle;
-  std::optional<FieldGrid> psf_grid;  ///< what else is measured over the visual field
+  std::optional<FieldGrid> psf_grid;             ///< what else is measured over the visual field
+  std::optional<IrradianceSettings> irradiance;  ///< the light on the retina in physical units too
 
   /// \throw Error (usage) naming the option
   void check() const;

@@ -1,4 +1,6 @@
+#include "pipeline/base/error.hpp"
 #include "pipeline/python/bindings.hpp"
+#include "raytrace/radiometry/irradiance.hpp"
 #include "raytrace/scene/scene.hpp"
 #include "raytrace/tracer/tracer.hpp"
 
@@ -7,11 +9,29 @@ namespace {
 
 using namespace raytrace;
 
-TraceSettings settings_of(const std::pair<int, int>& size, const std::pair<double, double>& field_mm,
+using Pair = std::pair<double, double>;
+
+Projection projection_of(const std::string& name) {
+  for (const Projection projection :
+       {Projection::retina_plane, Projection::retina_arc, Projection::visual_angle, Projection::perspective})
+    if (name == to_string(projection)) return projection;
+  throw usage_error("projection: \"" + name + "\" is unknown",
+                    "give retina_plane, retina_arc, visual_angle or perspective");
+}
+
+TraceSettings settings_of(const std::pair<int, int>& size, const Pair& field_mm,
+                          const std::optional<Pair>& field_deg, const std::optional<std::string>& projection,
                           const Eigen::Vector2d& centre_mm, int samples,
                           const std::optional<double>& wavelength_nm, std::uint64_t seed) {
   TraceSettings settings;
   settings.grid = {size.first, size.second, field_mm.first, field_mm.second, centre_mm};
+  if (field_deg) {
+    settings.grid.projection = Projection::visual_angle;
+    settings.grid.field_deg = {field_deg->first, field_deg->second};
+  }
+  if (projection) settings.grid.projection = projection_of(*projection);
+  if (settings.grid.is_angular() != field_deg.has_value())
+    throw usage_error("field_deg belongs to the projections visual_angle and perspective, and they to it");
   settings.samples = samples;
   settings.wavelength_nm = wavelength_nm;
   settings.seed = seed;
@@ -19,11 +39,28 @@ TraceSettings settings_of(const std::pair<int, int>& size, const std::pair<doubl
   return settings;
 }
 
-py::array_t<float> pixels_of(const TraceResult& result) {
-  const LinearImage& image = result.image;
+py::array_t<float> array_of(const LinearImage& image) {
   py::array_t<float> pixels({image.height, image.width, image.channels});
   std::copy(image.values.begin(), image.values.end(), pixels.mutable_data());
   return pixels;
+}
+
+py::array_t<float> pixels_of(const TraceResult& result) { return array_of(result.image); }
+
+/// (height, width): true where the eye sees.
+py::array_t<bool> seen_of(const LinearImage& image, const std::vector<char>& unseen) {
+  py::array_t<bool> seen({image.height, image.width});
+  for (std::size_t i = 0; i < static_cast<std::size_t>(image.width) * image.height; ++i)
+    seen.mutable_data()[i] = unseen.empty() || unseen[i] == 0;
+  return seen;
+}
+
+py::array_t<float> bands_of(const RetinalIrradiance& light) {
+  const LinearImage& first = light.irradiance.front();
+  py::array_t<float> bands({static_cast<int>(light.irradiance.size()), first.height, first.width});
+  float* to = bands.mutable_data();
+  for (const LinearImage& band : light.irradiance) to = std::copy(band.values.begin(), band.values.end(), to);
+  return bands;
 }
 
 py::dict states_of(const TraceResult& result) {
@@ -38,6 +75,9 @@ void bind_pictures(py::module_& module) {
   py::class_<TraceResult>(module, "Picture", "What an eye sees.")
       .def_property_readonly("linear", &pixels_of,
                              "(height, width, 3) float32: linear light, upright as the patient perceives it.")
+      .def_property_readonly(
+          "seen", [](const TraceResult& result) { return seen_of(result.image, result.unseen); },
+          "(height, width) bool: false where the eye sees nothing.")
       .def_property_readonly("states", &states_of, "How many rays ended how.")
       .def_readonly("rays", &TraceResult::rays)
       .def_readonly("samples", &TraceResult::samples, "Rays a pixel.")
@@ -45,8 +85,24 @@ void bind_pictures(py::module_& module) {
       .def_readonly("device", &TraceResult::device)
       .def(
           "write_png",
-          [](const TraceResult& result, const std::string& file) { write_png(file, result.image); },
-          py::arg("file"), "As sRGB.");
+          [](const TraceResult& result, const std::string& file) {
+            write_png(file, with_cover(result.image, result.unseen));
+          },
+          py::arg("file"), "As sRGB, clear where the eye sees nothing.");
+  py::class_<RetinalIrradiance>(module, "Irradiance", "Light on the retina in physical units.")
+      .def_readonly("wavelength_nm", &RetinalIrradiance::wavelength_nm)
+      .def_property_readonly("irradiance", &bands_of, "(bands, height, width) float32, W / (m^2 nm).")
+      .def_property_readonly(
+          "cones", [](const RetinalIrradiance& light) { return array_of(light.cones); },
+          "(height, width, 3) float32: long, middle and short wavelength cones, W / m^2.")
+      .def_property_readonly(
+          "seen", [](const RetinalIrradiance& light) { return seen_of(light.cones, light.unseen); },
+          "(height, width) bool: false where the eye sees nothing.")
+      .def_readonly("transmittance", &RetinalIrradiance::transmittance, "Of the media, in the irradiance.")
+      .def_readonly("white_radiance", &RetinalIrradiance::white_radiance, "W / (m^2 sr nm).")
+      .def_readonly("pupil_area_mm2", &RetinalIrradiance::pupil_area_mm2)
+      .def_readonly("white_trolands", &RetinalIrradiance::white_trolands)
+      .def_readonly("rays", &RetinalIrradiance::rays);
   py::class_<Tracer>(module, "Tracer", "OpenCL devices with their compiled kernels.")
       .def(py::init([](const std::string& device, int threads) { return Tracer(device, threads); }),
            py::arg("device") = "", py::arg("threads") = 0,
@@ -55,19 +111,46 @@ void bind_pictures(py::module_& module) {
       .def(
           "picture",
           [](const Tracer& tracer, const EyeModel& eye, const std::string& scene,
-             const std::pair<int, int>& size, const std::pair<double, double>& field_mm,
-             const Eigen::Vector2d& centre_mm, int samples, const std::optional<double>& wavelength_nm,
-             std::uint64_t seed) {
+             const std::pair<int, int>& size, const Pair& field_mm, const Eigen::Vector2d& centre_mm,
+             int samples, const std::optional<double>& wavelength_nm, std::uint64_t seed,
+             const std::optional<Pair>& field_deg, const std::optional<std::string>& projection) {
             const TraceSettings settings =
-                settings_of(size, field_mm, centre_mm, samples, wavelength_nm, seed);
+                settings_of(size, field_mm, field_deg, projection, centre_mm, samples, wavelength_nm, seed);
             const py::gil_scoped_release unlocked;
             return tracer.trace(eye, *make_scene(scene), settings);
           },
           py::arg("eye"), py::arg("scene") = "letters", py::arg("size") = std::pair(500, 500),
           py::arg("field_mm") = std::pair(6.0, 6.0), py::arg("centre_mm") = Eigen::Vector2d(0, 0),
           py::arg("samples") = 128, py::arg("wavelength_nm") = py::none(), py::arg("seed") = 1,
+          py::arg("field_deg") = py::none(), py::arg("projection") = py::none(),
           "The retinal image of a scene, a chart NAME[:key=value,...] or a scene.json.\n\n"
-          "size: pixels (width, height); field_mm: on the retina; centre_mm: from the pole; samples: rays a pixel.");
+          "size: pixels (width, height); field_mm: on the retina; centre_mm: from the pole; samples: rays a pixel;\n"
+          "field_deg: instead of field_mm, of the visual field; projection: retina_plane, retina_arc, visual_angle or\n"
+          "perspective.")
+      .def(
+          "irradiance",
+          [](const Tracer& tracer, const EyeModel& eye, const std::string& scene,
+             const std::pair<int, int>& size, const Pair& field_mm, const Eigen::Vector2d& centre_mm,
+             int samples, std::uint64_t seed, const std::optional<Pair>& field_deg,
+             const std::optional<std::string>& projection, double luminance_cd_m2,
+             const std::tuple<double, double, double>& bands_nm,
+             const std::optional<double>& media_age_years) {
+            const TraceSettings settings =
+                settings_of(size, field_mm, field_deg, projection, centre_mm, samples, std::nullopt, seed);
+            IrradianceSettings light;
+            light.luminance_cd_m2 = luminance_cd_m2;
+            std::tie(light.first_nm, light.last_nm, light.step_nm) = bands_nm;
+            light.age_years = media_age_years;
+            const py::gil_scoped_release unlocked;
+            return retinal_irradiance(tracer, eye, *make_scene(scene), settings, {}, light);
+          },
+          py::arg("eye"), py::arg("scene") = "letters", py::arg("size") = std::pair(500, 500),
+          py::arg("field_mm") = std::pair(6.0, 6.0), py::arg("centre_mm") = Eigen::Vector2d(0, 0),
+          py::arg("samples") = 128, py::arg("seed") = 1, py::arg("field_deg") = py::none(),
+          py::arg("projection") = py::none(), py::arg("luminance_cd_m2") = 100.0,
+          py::arg("bands_nm") = std::tuple(400.0, 700.0, 10.0), py::arg("media_age_years") = py::none(),
+          "Spectral irradiance of the retina and the cones' excitations, where the scene's white has a luminance.\n\n"
+          "bands_nm: (first, last, step); media_age_years: of the media's transmittance (40).");
 }
 
 }  // namespace emmetrope::python

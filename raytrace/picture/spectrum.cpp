@@ -53,7 +53,23 @@ Curve primary(const Eigen::Vector3d& xyz) {
   return curve.cwiseMax(0);
 }
 
+Eigen::Matrix<double, wavelength_steps, 3> primaries_of_display() {
+  const Eigen::Matrix3d xyz_from_rgb = srgb_from_xyz().inverse();
+  Eigen::Matrix<double, wavelength_steps, 3> primaries;
+  for (int c = 0; c < 3; ++c) primaries.col(c) = primary(xyz_from_rgb.col(c));
+  return primaries;
+}
+
 }  // namespace
+
+DisplayPrimaries::DisplayPrimaries() : power_(primaries_of_display()) {}
+
+Eigen::Vector3d DisplayPrimaries::at(double wavelength_nm) const {
+  const double place = (wavelength_nm - first_nm) / (last_nm - first_nm) * (wavelength_steps - 1);
+  if (!(place >= 0 && place <= wavelength_steps - 1)) return {0, 0, 0};
+  const int before = std::min(static_cast<int>(place), wavelength_steps - 2);
+  return (1 - (place - before)) * power_.row(before) + (place - before) * power_.row(before + 1);
+}
 
 Eigen::Vector3d cie_1931(double w) {
   return {1.056 * lobe(w, 599.8, 37.9, 31.0) + 0.362 * lobe(w, 442.0, 16.0, 26.7) -
@@ -79,9 +95,8 @@ double srgb_decoded(double encoded) {
 }
 
 Spectrum display_spectrum() {
-  const Eigen::Matrix3d rgb_from_xyz = srgb_from_xyz(), xyz_from_rgb = rgb_from_xyz.inverse();
-  Eigen::Matrix<double, wavelength_steps, 3> primaries;
-  for (int c = 0; c < 3; ++c) primaries.col(c) = primary(xyz_from_rgb.col(c));
+  const Eigen::Matrix3d rgb_from_xyz = srgb_from_xyz();
+  const Eigen::Matrix<double, wavelength_steps, 3> primaries = primaries_of_display();
 
   // Share of the light: X + Y + Z of white, cumulated.
   Curve share;

@@ -22,6 +22,16 @@ struct Spectrum {
 /// the multi-lobe fit of Wyman, Sloan and Shirley, J. Computer Graphics Techniques 2(2), 2013.
 Spectrum display_spectrum();
 
+/// Spectra of the display's red, green and blue, relative; linear between 390 and 700 nm, 0 outside.
+class DisplayPrimaries {
+ public:
+  DisplayPrimaries();
+  Eigen::Vector3d at(double wavelength_nm) const;
+
+ private:
+  Eigen::Matrix<double, Eigen::Dynamic, 3> power_;
+};
+
 /// CIE 1931 2 degree colour matching functions x, y, z.
 Eigen::Vector3d cie_1931(double wavelength_nm);
 

@@ -3,6 +3,7 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <array>
+#include <atomic>
 #include <cmath>
 
 #include "pipeline/base/error.hpp"
@@ -28,16 +29,51 @@ constexpr double most_deg = 125, most_mm = 40;
 /// Share of a meridian's length at which a ring lies: densest where the eye sees no further.
 double share_of(int ring) { return std::sin(0.5 * pi * ring / rings); }
 
-/// Lagrange's weights of six nodes.
-template <typename NodeAt>
-std::array<double, stencil> node_weights(double at, const NodeAt& node_at) {
-  std::array<double, stencil> weights{};
-  for (int i = 0; i < stencil; ++i) {
-    weights[i] = 1;
-    for (int j = 0; j < stencil; ++j)
-      if (j != i) weights[i] *= (at - node_at(j)) / (node_at(i) - node_at(j));
+/// Lagrange's weights of six nodes, all but what depends on the place worked out once.
+class SixNodes {
+ public:
+  SixNodes() = default;
+  explicit SixNodes(const std::array<double, stencil>& nodes) : nodes_(nodes) {
+    for (int i = 0; i < stencil; ++i) {
+      factors_[i] = 1;
+      for (int j = 0; j < stencil; ++j)
+        if (j != i) factors_[i] /= nodes[i] - nodes[j];
+    }
   }
-  return weights;
+  std::array<double, stencil> weights(double at) const {
+    std::array<double, stencil> result = factors_;
+    double below = 1, above = 1;
+    for (int i = 0; i < stencil; ++i) {
+      result[i] *= below;
+      result[stencil - 1 - i] *= above;
+      below *= at - nodes_[i];
+      above *= at - nodes_[stencil - 1 - i];
+    }
+    return result;
+  }
+
+ private:
+  std::array<double, stencil> nodes_{}, factors_{};
+};
+
+/// Of meridians, from the first of the six on.
+const SixNodes& six_meridians() {
+  static const SixNodes nodes({0, 1, 2, 3, 4, 5});
+  return nodes;
+}
+
+/// Of rings, from every ring that may be the first of the six on.
+const SixNodes& six_rings(int first) {
+  static const auto all = [] {
+    std::array<SixNodes, rings - stencil + 2> nodes;
+    for (int k = 0; k < static_cast<int>(nodes.size()); ++k) {
+      std::array<double, stencil> shares{};
+      for (int i = 0; i < stencil; ++i) shares[i] = share_of(k + i);
+      nodes[k] = SixNodes(shares);
+    }
+    return nodes;
+  }();
+  return all[first];
 }
 
 /// The first of six nodes about a place.
@@ -71,10 +107,17 @@ WideField::WideField(const EyeModel& eye, const RetinalGrid& grid, double wavele
     throw input_error("eye \"" + eye.name + "\": no ray from the field's centre reaches the stop",
                       "use another --fovea, or look with emmetrope ray where rays end");
   centre_ = *centre;
+  // As far as the picture reaches where the eye sees all of that, else as far as it sees anything: an edge that is
+  // partly the picture's and partly the eye's would be hard to interpolate.
+  const double corner = place_of_node(grid, half_).norm();
+  std::atomic<bool> sees_all{corner <= (grid.is_angular() ? most_deg : most_mm)};
+  on_threads(threads, meridians, [&](std::size_t meridian) {
+    if (sees_all && !exact(corner * towards(static_cast<double>(meridian)))) sees_all = false;
+  });
   on_threads(threads, meridians, [&](std::size_t meridian) {
     const Eigen::Vector2d along = towards(static_cast<double>(meridian));
     double& limit = limits_[meridian];
-    limit = seen_until(along);
+    limit = sees_all ? corner : seen_until(along);
     for (int ring = 1; ring <= rings; ++ring) {
       const std::optional<Values> values = exact(limit * share_of(ring) * along);
       if (values) {
@@ -125,13 +168,13 @@ const WideField::Values& WideField::node(int meridian, int ring) const {
 std::optional<WideField::Values> WideField::between_nodes(const Eigen::Vector2d& place) const {
   const double meridian = std::atan2(place.y(), place.x()) / (2 * pi) * meridians;
   const int first_meridian = first_node(meridian);
-  const auto across = node_weights(meridian - first_meridian, [](int i) { return i; });
+  const auto across = six_meridians().weights(meridian - first_meridian);
   double limit = 0;
   for (int i = 0; i < stencil; ++i) limit += across[i] * limits_[wrapped(first_meridian + i)];
   const double share = place.norm() / limit;
   if (!(share <= 1)) return std::nullopt;
   const int first_ring = std::clamp(first_node(std::asin(share) * 2 * rings / pi), 0, rings - stencil + 1);
-  const auto along = node_weights(share, [&](int i) { return share_of(first_ring + i); });
+  const auto along = six_rings(first_ring).weights(share);
   Values values = Values::Zero();
   for (int j = 0; j < stencil; ++j)
     for (int i = 0; i < stencil; ++i)

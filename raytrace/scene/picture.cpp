@@ -42,6 +42,35 @@ std::shared_ptr<const Texture> decode_picture(const std::string& bytes, const st
   return std::make_shared<const Texture>(std::move(texture));
 }
 
+std::shared_ptr<const SpectralPicture> read_spectral_picture(const std::filesystem::path& file,
+                                                             const std::vector<double>& wavelength_nm) {
+  const std::string bytes = read_file(file);  // says what is wrong with the file itself
+  std::vector<cv::Mat> pages;
+  if (bytes.empty() || !cv::imreadmulti(file.string(), pages, cv::IMREAD_UNCHANGED) || pages.empty())
+    throw input_error(file.string() + " is no TIFF that can be read");
+  if (pages.size() != wavelength_nm.size())
+    throw input_error(file.string() + " has " + std::to_string(pages.size()) + " pages, and there are " +
+                          std::to_string(wavelength_nm.size()) + " wavelengths_nm",
+                      "give a page for every wavelength");
+  SpectralPicture picture{wavelength_nm, {}};
+  for (const cv::Mat& page : pages) {
+    if (page.type() != CV_32FC1 || page.size() != pages.front().size() || page.cols < 2 || page.rows < 2 ||
+        page.cols > largest_picture || page.rows > largest_picture)
+      throw input_error(
+          file.string() + ": a page is no picture of 32-bit floats of one channel and the first one's size",
+          "write spectral radiance in W / (m^2 sr nm) as 32-bit floats");
+    Texture texture{page.cols, page.rows, 1, {}};
+    for (int row = 0; row < page.rows; ++row)
+      texture.values.insert(texture.values.end(), page.ptr<float>(row), page.ptr<float>(row) + page.cols);
+    for (const float value : texture.values)
+      if (!(value >= 0 && std::isfinite(value)))
+        throw input_error(file.string() + " holds a radiance of " + std::to_string(value),
+                          "spectral radiance is finite and not negative");
+    picture.pages.push_back(std::move(texture));
+  }
+  return std::make_shared<const SpectralPicture>(std::move(picture));
+}
+
 std::shared_ptr<const Texture> read_picture(const std::filesystem::path& file) {
   return decode_picture(read_file(file), file.string());
 }

@@ -61,6 +61,17 @@ class Object {
       throw fault(key, "linear light from 0 to " + std::to_string(static_cast<int>(most)) + " is needed");
     return value;
   }
+  /// Numbers that rise.
+  std::vector<double> rising(const char* key) const {
+    std::vector<double> values;
+    if (!json_[key].is_array() || json_[key].empty()) throw fault(key, "a list of numbers is needed");
+    for (const Json& value : json_[key]) {
+      if (!value.is_number() || !(values.empty() || value.get<double>() > values.back()))
+        throw fault(key, "numbers that rise are needed");
+      values.push_back(value.get<double>());
+    }
+    return values;
+  }
   bool flag(const char* key) const {
     if (!has(key)) return false;
     if (!json_[key].is_boolean()) throw fault(key, "true or false is needed");
@@ -91,8 +102,10 @@ void read_material(const Object& object, Material& material) {
 
 TexturedPlane read_plane(const Object& object, const std::filesystem::path& folder,
                          std::vector<std::filesystem::path>& files) {
-  if (object.has("picture") == object.has("chart"))
-    throw object.fault("picture", "one of \"picture\" and \"chart\" is needed");
+  if (object.has("picture") + object.has("chart") + object.has("radiance") != 1)
+    throw object.fault("picture", "one of \"picture\", \"chart\" and \"radiance\" is needed");
+  if (object.has("radiance") != object.has("wavelengths_nm"))
+    throw object.fault("wavelengths_nm", "\"radiance\" and \"wavelengths_nm\" go together");
   TexturedPlane plane;
   plane.at_infinity = object.flag("at_infinity");
   plane.centre_mm = object.vector("centre_mm");
@@ -104,6 +117,11 @@ TexturedPlane read_plane(const Object& object, const std::filesystem::path& fold
   if (object.has("picture")) {
     files.push_back(folder / object.text("picture"));
     plane.texture = read_picture(files.back());
+  } else if (object.has("radiance")) {
+    if (object.flag("lit")) throw object.fault("lit", "a radiance is shown as it is, in no other light");
+    files.push_back(folder / object.text("radiance"));
+    plane.spectrum = read_spectral_picture(files.back(), object.rising("wavelengths_nm"));
+    plane.texture = std::make_shared<const Texture>(plane.spectrum->coloured());
   } else {
     // Drawn for the angle under which the plane is seen from the apex; its place is the plane's.
     ChartSpec chart = parse_chart(object.text("chart"));
@@ -196,8 +214,8 @@ void read_object(const Json& json, const std::string& where, const std::filesyst
   const Object object(
       json, where,
       is_mesh ? with_material({"type", "file", "position_mm", "rotate_deg", "scale", "size_mm", "picture"})
-              : with_material(
-                    {"type", "centre_mm", "right_mm", "up_mm", "at_infinity", "picture", "chart", "lit"}));
+              : with_material({"type", "centre_mm", "right_mm", "up_mm", "at_infinity", "picture", "chart",
+                               "radiance", "wavelengths_nm", "lit"}));
   if (is_mesh) {
     for (MeshObject& mesh : read_meshes(object, folder, scene.files)) scene.meshes.push_back(std::move(mesh));
     return;

@@ -18,6 +18,16 @@ struct Texture {
   std::vector<float> values;
 };
 
+/// Spectral radiance, W / (m^2 sr nm), at rising wavelengths: a page of one channel each, of the same size.
+struct SpectralPicture {
+  std::vector<double> wavelength_nm;
+  std::vector<Texture> pages;
+  /// Linear between pages, 0 outside them.
+  Texture at(double nm) const;
+  /// As a display shows it, sRGB, the brightest texel of luminance 1.
+  Texture coloured() const;
+};
+
 /// A flat picture in space: centre +- right +- up, mm in the eye's frame before gaze. The texture's left
 /// column lies at centre - right, its top row at centre + up, as the patient sees it.
 struct TexturedPlane {
@@ -26,6 +36,8 @@ struct TexturedPlane {
   Eigen::Vector3d up_mm{0, 100, 0};      ///< half the height
   bool at_infinity = false;  ///< the three vectors are then directions: tangents of visual angle, z = 1
   std::shared_ptr<const Texture> texture;
+  std::shared_ptr<const SpectralPicture>
+      spectrum;                        ///< what the texture shows in colours; null where only they are known
   Eigen::Vector3d motion_mm{0, 0, 0};  ///< displacement during the exposure, about the place above
 };
 

@@ -171,6 +171,7 @@ void finish(TraceResult& result, const PictureSums& sums, const PictureJob& job,
     const float at_pole = of(static_cast<std::size_t>(grid.height / 2) * grid.width + grid.width / 2);
     for (std::size_t i = 0; i < result.image.values.size(); ++i)
       result.image.values[i] *= of(i / 3) / at_pole;
+    result.middle_projected_sr = at_pole / static_cast<float>(sums.samples);
   }
   result.samples = sums.samples;
   result.unseen = job.pixels.unseen;

@@ -15,8 +15,8 @@ namespace {
 constexpr int highest_weighted_cpd = 60;
 
 /// The lens in the pupil as the search knows it, and the search's figures.
-using Lens = Eigen::Vector3d;
-PowerVector power_from(const Lens& lens) { return {lens[0], lens[1], lens[2]}; }
+using LensPowers = Eigen::Vector3d;
+PowerVector power_from(const LensPowers& lens) { return {lens[0], lens[1], lens[2]}; }
 
 /// The lens as part of the wavefront: c = power r^2 / (4 sqrt 3), r^2 / (2 sqrt 6).
 Wavefront with_lens(Wavefront wavefront, const PowerVector& lens) {
@@ -170,15 +170,15 @@ RefractionCriteria refraction_by_wavefront(const Wavefront& wavefront, double ve
   const PupilFunction pupil(with_lens(wavefront, start), 96, 2);
   const SensitivitySum weighted(pupil);
   const double perfect = weighted.of(pupil.otf(pupil.perfect_point_spread()));
-  const auto loss = [&](const Lens& lens) {
+  const auto loss = [&](const LensPowers& lens) {
     return -weighted.of(pupil.otf(pupil.point_spread(power_from(lens)))) / perfect;
   };
   const double away = wavefront.paraxial.M_D - start.M_D;
-  Lens best = Lens::Zero();
+  LensPowers best = LensPowers::Zero();
   double best_loss = loss(best);
   constexpr double step_D = 0.125;
   for (double m = std::min(0.0, away) - 0.75; m <= std::max(0.0, away) + 0.75; m += step_D) {
-    const Lens lens(m, 0, 0);
+    const LensPowers lens(m, 0, 0);
     const double value = loss(lens);
     if (value < best_loss) {
       best_loss = value;

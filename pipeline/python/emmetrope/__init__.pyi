@@ -129,12 +129,24 @@ def write_field(
 
 class Picture:
     linear: NDArray[numpy.float32]
+    seen: NDArray[numpy.bool_]
     states: Dict[str, int]
     rays: int
     samples: int
     wall_s: float
     device: str
     def write_png(self, file: str) -> None: ...
+
+class Irradiance:
+    wavelength_nm: List[float]
+    irradiance: NDArray[numpy.float32]
+    cones: NDArray[numpy.float32]
+    seen: NDArray[numpy.bool_]
+    transmittance: List[float]
+    white_radiance: List[float]
+    pupil_area_mm2: float
+    white_trolands: float
+    rays: int
 
 class Tracer:
     device_name: str
@@ -149,4 +161,21 @@ class Tracer:
         samples: int = 128,
         wavelength_nm: Optional[float] = None,
         seed: int = 1,
+        field_deg: Optional[Tuple[float, float]] = None,
+        projection: Optional[str] = None,
     ) -> Picture: ...
+    def irradiance(
+        self,
+        eye: Eye,
+        scene: str = "letters",
+        size: Tuple[int, int] = (500, 500),
+        field_mm: Tuple[float, float] = (6, 6),
+        centre_mm: ArrayLike = (0, 0),
+        samples: int = 128,
+        seed: int = 1,
+        field_deg: Optional[Tuple[float, float]] = None,
+        projection: Optional[str] = None,
+        luminance_cd_m2: float = 100,
+        bands_nm: Tuple[float, float, float] = (400, 700, 10),
+        media_age_years: Optional[float] = None,
+    ) -> Irradiance: ...

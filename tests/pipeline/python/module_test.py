@@ -192,6 +192,36 @@ class Pictures(unittest.TestCase):
         self.assertEqual(sum(picture.states.values()), picture.rays)
 
 
+    def test_of_the_visual_field_are_those_of_trace(self):
+        with tempfile.TemporaryDirectory() as folder:
+            file, own = os.path.join(folder, "a.png"), os.path.join(folder, "b.png")
+            command("trace", "--eye", "navarro", "--scene", "perimeter", "--size", "48x48", "--field-deg", "200x200",
+                    "--samples", "32", "-o", file)
+            picture = emmetrope.Tracer().picture(emmetrope.Eye("navarro"), "perimeter", size=(48, 48),
+                                                 field_deg=(200, 200), samples=32)
+            picture.write_png(own)
+            self.assertEqual(pathlib.Path(own).read_bytes(), pathlib.Path(file).read_bytes())
+        self.assertFalse(picture.seen[0, 0])
+        self.assertTrue(picture.seen[24, 24])
+        with self.assertRaises(emmetrope.UsageError):
+            emmetrope.Tracer().picture(emmetrope.Eye("navarro"), projection="perspective")
+
+    def test_irradiance_is_that_of_trace(self):
+        with tempfile.TemporaryDirectory() as folder:
+            command("trace", "--eye", "navarro", "--size", "16x8", "--samples", "32", "--irradiance", "80",
+                    "--bands", "500:600:50", "--media-age", "60", "-o", folder)
+            light = emmetrope.Tracer().irradiance(emmetrope.Eye("navarro"), size=(16, 8), samples=32,
+                                                  luminance_cd_m2=80, bands_nm=(500, 600, 50), media_age_years=60)
+            said = json.loads(pathlib.Path(folder, "irradiance.json").read_text())
+            pages = pathlib.Path(folder, "irradiance.tiff").read_bytes()
+        self.assertEqual(light.wavelength_nm, said["wavelength_nm"])
+        self.assertEqual(light.transmittance, said["transmittance"])
+        self.assertEqual(light.white_trolands, said["white_trolands"])
+        self.assertEqual(light.irradiance.shape, (3, 8, 16))
+        for band in light.irradiance:  # uncompressed strips of little-endian floats
+            self.assertIn(band[0].tobytes(), pages)
+
+
 class Module(unittest.TestCase):
     def test_keeps_no_memory(self):
         eye = emmetrope.Eye("navarro")

@@ -1,0 +1,91 @@
+#include "raytrace/radiometry/irradiance.hpp"
+
+#include <fmt/format.h>
+
+#include <cmath>
+
+#include "pipeline/base/error.hpp"
+#include "pipeline/base/frames.hpp"
+#include "pipeline/eye/media/transmittance.hpp"
+#include "pipeline/eye/optics/paraxial.hpp"
+#include "pipeline/eye/population/population.hpp"
+#include "raytrace/radiometry/observer.hpp"
+#include "raytrace/radiometry/spectral_scene.hpp"
+
+namespace emmetrope::raytrace {
+namespace {
+
+/// Index of the medium before the retina.
+double vitreous_index_at(const EyeModel& eye, double wavelength_nm) {
+  for (std::size_t i = eye.surfaces.size() - 1; i-- > 0;)
+    if (!eye.surfaces[i].is_stop())
+      return eye.medium(eye.surfaces[i].medium_after).index_at(wavelength_nm, eye.reference_wavelength_nm);
+  return 1;
+}
+
+LinearImage blank_image(const RetinalGrid& grid, int channels) {
+  return {grid.width, grid.height, channels,
+          std::vector<float>(static_cast<std::size_t>(grid.width) * grid.height * channels)};
+}
+
+}  // namespace
+
+std::vector<double> IrradianceSettings::wavelengths_nm() const {
+  std::vector<double> bands;
+  for (int k = 0; first_nm + k * step_nm <= last_nm + 1e-9; ++k) bands.push_back(first_nm + k * step_nm);
+  return bands;
+}
+
+void IrradianceSettings::check() const {
+  if (!(luminance_cd_m2 > 0 && luminance_cd_m2 <= 1e9))
+    throw usage_error("--irradiance: the luminance of white must be above 0 cd/m^2", "100 is a display's");
+  if (!(first_nm >= 380 && last_nm <= 900 && first_nm <= last_nm && step_nm >= 1))
+    throw usage_error("--bands: wavelengths from 380 to 900 nm in steps of at least 1 are wanted",
+                      "write 400:700:10");
+  if (age_years && !(*age_years >= 0 && *age_years <= 110))
+    throw usage_error(fmt::format("--media-age: {:g} years are out of range", *age_years), "give 0 to 110");
+}
+
+RetinalIrradiance retinal_irradiance(const Tracer& tracer, const EyeModel& eye, const Scene& scene,
+                                     const TraceSettings& trace, const Exposure& exposure,
+                                     const IrradianceSettings& settings) {
+  settings.check();
+  const DisplayLight display(settings.luminance_cd_m2);
+  RetinalIrradiance result;
+  result.cones = blank_image(trace.grid, 3);
+  const double diameter_mm = entrance_pupil(without_spectacle(eye), eye.reference_wavelength_nm).diameter_mm;
+  result.pupil_area_mm2 = pi * diameter_mm * diameter_mm / 4;
+  result.white_trolands = settings.luminance_cd_m2 * result.pupil_area_mm2;
+  for (const double nm : settings.wavelengths_nm()) {
+    TraceSettings now = trace;
+    now.wavelength_nm = nm;
+    now.achromatic = false;
+    now.illuminance = true;
+    now.stiles_crawford_per_mm2 = 0;
+    const SceneAtWavelength shown = at_wavelength(scene, display, nm);
+    const double transmittance = ocular_transmittance(nm, settings.age_years.value_or(usual_age_years));
+    LinearImage irradiance = blank_image(trace.grid, 1);
+    if (shown.unit > 0) {
+      const TraceResult traced = trace_exposure(tracer, eye, shown.scene, now, exposure);
+      const double n = vitreous_index_at(eye, nm);
+      const double in_clear_media = n * n * traced.middle_projected_sr * shown.unit;
+      const Eigen::Vector3d cones = in_clear_media * settings.step_nm * cone_fundamentals(nm);
+      for (std::size_t i = 0; i < irradiance.values.size(); ++i) {
+        const float light = traced.image.values[3 * i];
+        irradiance.values[i] = static_cast<float>(in_clear_media * transmittance) * light;
+        for (int c = 0; c < 3; ++c) result.cones.values[3 * i + c] += static_cast<float>(cones[c]) * light;
+      }
+      result.unseen = traced.unseen;
+      result.middle_projected_sr = traced.middle_projected_sr;
+      result.rays += traced.rays;
+      result.wall_s += traced.wall_s;
+    }
+    result.wavelength_nm.push_back(nm);
+    result.transmittance.push_back(transmittance);
+    result.white_radiance.push_back(display.radiance(nm).sum());
+    result.irradiance.push_back(std::move(irradiance));
+  }
+  return result;
+}
+
+}  // namespace emmetrope::raytrace
