@@ -86,7 +86,8 @@ INSTANTIATE_TEST_SUITE_P(SchematicEyes, Parity,
 
 TEST(GradientLens, MayEndAtSurfacesOfOtherTiltsAndCentres) {
   const Tracer tracer("");
-  for (const auto& [tilt_deg, toric] : {std::pair(Eigen::Vector2d(3, -2), false), {Eigen::Vector2d(-4, 5), true}}) {
+  for (const auto& [tilt_deg, toric] :
+       {std::pair(Eigen::Vector2d(3, -2), false), {Eigen::Vector2d(-4, 5), true}}) {
     EyeModel eye = make_eye("liou-brennan", {});
     eye.surface("lens_anterior").tilt_deg = tilt_deg;
     eye.surface("lens_posterior").tilt_deg = -0.5 * tilt_deg;
