@@ -178,7 +178,7 @@ Answer trace_case(const fs::path& case_folder, const MeasuredEyeOptions& measure
   spec.device = tracer.device_name();
   const StageOutcome outcome = run_stage(case_folder, spec, common, [&](StageWorkspace& workspace) {
     Json of_eyes = Json::object();
-    const StageVerdict verdict = work_eye_by_eye(eyes, meshed, [&](Laterality eye) {
+    StageVerdict verdict = work_eye_by_eye(eyes, meshed, [&](Laterality eye) {
       if (!fs::exists(case_folder / "meshing" / to_string(eye) / "optics.json"))
         throw no_result_error("cornea or lens are withheld: light cannot be traced through this eye");
       of_eyes[to_string(eye)] = trace_eye(read_measured_eye(case_folder, eye, measured), eye, of_subject,

@@ -48,9 +48,9 @@ Eigen::Vector3d FieldPoints::direction(const Eigen::Vector2d& place) const {
 std::optional<RetinaPoint> FieldPoints::at(const Eigen::Vector2d& place) const {
   if (grid_.is_angular()) return chief_rays_.image_of(direction(place));
   const Eigen::Vector2d from_pole_mm = grid_.centre_mm + place;
-  const std::optional<RetinaPoint> point = grid_.projection == Projection::retina_arc
-                                               ? retina_at_arc(eye_, from_pole_mm)
-                                               : meet_retina(eye_, from_pole_mm);
+  std::optional<RetinaPoint> point = grid_.projection == Projection::retina_arc
+                                         ? retina_at_arc(eye_, from_pole_mm)
+                                         : meet_retina(eye_, from_pole_mm);
   if (!point || !chief_rays_.line_of_sight(point->position_mm)) return std::nullopt;
   return point;
 }

@@ -109,7 +109,7 @@ std::optional<StopCentreAim> aim_at_stop_centre(const StopCrossing& crossing, co
   // from.
   const Eigen::Vector2d meridian = retina.head<2>().stableNormalized();
   for (const double beside_mm : {0.0, 0.5, 1.0, 1.5, -0.5, -1.0})
-    if (const auto centre = aim_from(beside_mm * meridian, at_stop)) return centre;
+    if (auto centre = aim_from(beside_mm * meridian, at_stop)) return centre;
   return std::nullopt;
 }
 
