@@ -32,14 +32,17 @@ std::vector<std::vector<Band>> split(const std::vector<std::unique_ptr<OpenCl>>&
   return bands;
 }
 
-/// Of the mean of two halves, rms over pixels and channels, in levels of 255.
+/// Of the mean of two halves, rms over the channels of pixels that see anything, in levels of 255.
 double standard_error(const PictureSums& a, const PictureSums& b) {
   double sum = 0;
+  std::size_t values = 0;
   for (std::size_t i = 0; i < a.light.size(); ++i) {
     const double wa = a.weight[i / 3], wb = b.weight[i / 3];
-    if (wa > 0 && wb > 0) sum += std::pow((a.light[i] / wa - b.light[i] / wb) / 2, 2);
+    if (!(wa > 0 && wb > 0)) continue;
+    sum += std::pow((a.light[i] / wa - b.light[i] / wb) / 2, 2);
+    ++values;
   }
-  return 255 * std::sqrt(sum / static_cast<double>(a.light.size()));
+  return values > 0 ? 255 * std::sqrt(sum / static_cast<double>(values)) : 0;
 }
 
 }  // namespace

@@ -56,8 +56,11 @@ RetinalIrradiance retinal_irradiance(const Tracer& tracer, const EyeModel& eye, 
   const double diameter_mm = entrance_pupil(without_spectacle(eye), eye.reference_wavelength_nm).diameter_mm;
   result.pupil_area_mm2 = pi * diameter_mm * diameter_mm / 4;
   result.white_trolands = settings.luminance_cd_m2 * result.pupil_area_mm2;
-  for (const double nm : settings.wavelengths_nm()) {
+  const std::vector<double> wavelengths_nm = settings.wavelengths_nm();
+  Progress progress("tracing wavelength by wavelength", wavelengths_nm.size(), trace.verbosity);
+  for (const double nm : wavelengths_nm) {
     TraceSettings now = trace;
+    now.verbosity.quiet = true;
     now.wavelength_nm = nm;
     now.achromatic = false;
     now.illuminance = true;
@@ -84,6 +87,7 @@ RetinalIrradiance retinal_irradiance(const Tracer& tracer, const EyeModel& eye, 
     result.transmittance.push_back(transmittance);
     result.white_radiance.push_back(display.radiance(nm).sum());
     result.irradiance.push_back(std::move(irradiance));
+    progress.advance();
   }
   return result;
 }

@@ -70,6 +70,9 @@ std::vector<int> take_retina_mesh(EyeModel& eye, const TraceSettings& settings, 
                           std::to_string(surfaces - 1) + " refracting surfaces and a retina",
                       "give one for all, or one each from the retina to the cornea");
   if (given < surfaces) return vertices;
+  if (settings.grid.projection != Projection::retina_plane)
+    throw usage_error("--vertices: the retina's own number goes with the projection retina-plane",
+                      "give one for all, or one for each refracting surface");
   Surface& retina = eye.surfaces.back();
   if (meshed && mesh_of(retina) == nullptr) {
     const RetinalGrid& grid = settings.grid;

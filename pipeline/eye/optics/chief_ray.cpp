@@ -1,14 +1,22 @@
 #include "pipeline/eye/optics/chief_ray.hpp"
 
 #include <Eigen/Dense>
+#include <algorithm>
 #include <cmath>
 
 #include "pipeline/eye/optics/paraxial.hpp"
 
 namespace emmetrope {
 
+namespace {
+
+bool is_worn(const Surface& surface) { return surface.bearer == Bearer::head; }
+
+}  // namespace
+
 ChiefRays::ChiefRays(const EyeModel& eye, double wavelength_nm)
     : eye_(eye),
+      worn_surfaces_(std::count_if(eye.surfaces.begin(), eye.surfaces.end(), is_worn)),
       crossing_(eye, wavelength_nm),
       tracer_(without_stop(eye), wavelength_nm),
       entrance_pupil_z_mm_(-entrance_pupil(eye, wavelength_nm).position_mm),
@@ -18,9 +26,15 @@ std::optional<Ray> ChiefRays::line_of_sight(const Eigen::Vector3d& retina) const
   const std::optional<StopCentreAim> centre = aim_at_stop_centre(crossing_, retina, aim_plane_z_mm_);
   if (!centre) return std::nullopt;
   const Eigen::Vector3d aim(centre->aim_mm.x(), centre->aim_mm.y(), aim_plane_z_mm_);
-  const ExactTracer::End end = tracer_.trace_end({retina, (aim - retina).normalized()});
-  if (end.state != RayState::reached) return std::nullopt;
-  return Ray{end.position_mm, end.direction};
+  const RayPath path = tracer_.trace({retina, (aim - retina).normalized()});
+  if (path.state != RayState::reached || !passes_what_is_worn(path)) return std::nullopt;
+  return Ray{path.hits.back().position_mm, path.hits.back().direction};
+}
+
+bool ChiefRays::passes_what_is_worn(const RayPath& path) const {
+  return worn_surfaces_ == std::count_if(path.hits.begin(), path.hits.end(), [&](const RayHit& hit) {
+           return is_worn(eye_.surface(hit.surface));
+         });
 }
 
 /// A ray from a direction, known by how far it passes from the entrance pupil as seen along the axis.
@@ -65,7 +79,7 @@ std::optional<Eigen::Vector2d> ChiefRays::shift_to_centre(const FromDirection& r
 
 std::optional<RetinaPoint> ChiefRays::met_on_retina(const Ray& ray_in_eye) const {
   RayPath path = tracer_.trace_inward(ray_in_eye);
-  if (path.at != eye_.retina().name) return std::nullopt;
+  if (path.at != eye_.retina().name || !passes_what_is_worn(path)) return std::nullopt;
   // From the last surface before it: there is more of a retina than the sheet behind its equator.
   if (path.state == RayState::reached) path.hits.pop_back();
   if (path.hits.empty()) return meet_retina(eye_, ray_in_eye);

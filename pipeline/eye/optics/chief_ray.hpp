@@ -4,7 +4,8 @@
 
 namespace emmetrope {
 
-/// Exact rays through the centre of the stop, in both directions.
+/// Exact rays through the centre of the stop, in both directions. Of an eye behind a spectacle only those that pass it:
+/// beside its rim the field begins anew with a jump.
 class ChiefRays {
  public:
   /// \throw Error (input_invalid) when the eye has no stop
@@ -25,7 +26,10 @@ class ChiefRays {
   /// Where a ray that enters the eye meets the retina.
   std::optional<RetinaPoint> met_on_retina(const Ray& ray_in_eye) const;
 
+  bool passes_what_is_worn(const RayPath& path) const;
+
   EyeModel eye_;
+  std::ptrdiff_t worn_surfaces_;
   StopCrossing crossing_;
   ExactTracer tracer_;  ///< without the stop
   double entrance_pupil_z_mm_, aim_plane_z_mm_;

@@ -8,6 +8,7 @@
 #include "pipeline/base/frames.hpp"
 #include "pipeline/eye/schematic/schematic_eyes.hpp"
 #include "raytrace/scene/scene.hpp"
+#include "raytrace/spectacle/spectacle.hpp"
 #include "raytrace/tracer/tracer.hpp"
 #include "tests/support/random_conic_eye.hpp"
 
@@ -144,6 +145,26 @@ TEST(WideField, CornersThatTheEyeDoesNotSeeAreMarked) {
   const RetinaPixels pixels = WideField(eye, wide_grid(Projection::visual_angle, 200, 64), 555, 2).pixels(2);
   EXPECT_TRUE(pixels.is_unseen(0));
   EXPECT_FALSE(pixels.is_unseen(32 * 64 + 32));
+}
+
+TEST(WideField, EndsAtTheRimOfASpectacle) {
+  const EyeModel eye = with_spectacle(make_eye("navarro"), parse_spectacle("-8/0x0@12"));
+  const RetinalGrid grid = wide_grid(Projection::visual_angle, 200, 200);
+  const RetinaPixels pixels = WideField(eye, grid, 555, 2).pixels(2);
+  const ExactTracer exact(without_stop(eye), 555);
+  int seen = 0;
+  for (int column = 0; column < 200; ++column) {
+    const std::size_t pixel = 100 * 200 + column;
+    if (pixels.is_unseen(pixel)) continue;
+    ++seen;
+    // Towards the middle of what is aimed at: through the lens.
+    const float* p = &pixels.values[pixel * RetinaPixels::floats_a_pixel];
+    const Vector3d retina(p[0], p[1], p[2]), aim(p[3], p[4], aim_plane_z_mm(eye, 555));
+    const RayPath path = exact.trace({retina, (aim - retina).normalized()});
+    EXPECT_EQ(path.hits.back().surface, "spectacle_front") << column;
+  }
+  EXPECT_GT(seen, 120);
+  EXPECT_LT(seen, 170);
 }
 
 TEST(WideField, APictureOf200DegreesShowsThePerimeter) {
