@@ -311,29 +311,14 @@ AI void triangles(ray* r, constant float* restrict p, global const float* restri
 #endif
 
 #if HAS_GRADIENT
-// A gradient medium is 48 floats: 12 coefficients c[3 i + j] of t^i w^j, t = depth behind its origin, w = squared
-// distance from its axis; the origin; a spare; the shift of the index at each of 16 wavelengths; and, row after row,
-// the matrix that turns the present frame into the medium's own.
-#define GRADIENT_FLOATS 48
+// A gradient medium is 32 floats: 12 coefficients c[3 i + j] of t^i w^j, t = depth behind the origin, w =
+// squared distance from its axis; the origin; a spare; and the shift of the index at each of 16 wavelengths.
+#define GRADIENT_FLOATS 32
 #define GRADIENT_STEPS 12
 
-// Into the frame of a gradient, and back.
-AI void turn_into(vf* x, vf* y, vf* z, constant float* restrict m) {
-  const vf a = *x, b = *y, c = *z;
-  *x = m[0] * a + m[1] * b + m[2] * c;
-  *y = m[3] * a + m[4] * b + m[5] * c;
-  *z = m[6] * a + m[7] * b + m[8] * c;
-}
-AI void turn_back(vf* x, vf* y, vf* z, constant float* restrict m) {
-  const vf a = *x, b = *y, c = *z;
-  *x = m[0] * a + m[3] * b + m[6] * c;
-  *y = m[1] * a + m[4] * b + m[7] * c;
-  *z = m[2] * a + m[5] * b + m[8] * c;
-}
-
-// n and dn/dw in the gradient's frame; dn/dt is not needed: z is the independent variable.
+// n and dn/dw, dn/dt is not needed: z is the independent variable.
 AI vf gradient_index(vf x, vf y, vf z, constant float* restrict g, vf shift, vf* by_w) {
-  const vf t = -z, w = x * x + y * y;
+  const vf t = g[14] - z, w = (x - g[12]) * (x - g[12]) + (y - g[13]) * (y - g[13]);
   const vf n0 = ((g[9] * t + g[6]) * t + g[3]) * t + g[0], n1 = ((g[10] * t + g[7]) * t + g[4]) * t + g[1],
            n2 = ((g[11] * t + g[8]) * t + g[5]) * t + g[2];
   *by_w = n1 + 2.f * n2 * w;
@@ -349,7 +334,7 @@ AI slope4 gradient_slopes(vf x, vf y, vf z, vf p, vf q, constant float* restrict
   const vf n = gradient_index(x, y, z, g, shift, &by_w);
   const vf i = rsqrt(AT_LEAST(1e-6f, n * n - p * p - q * q));
   const vf bend = 2.f * n * by_w * i;
-  return (slope4){p * i, q * i, bend * x, bend * y};
+  return (slope4){p * i, q * i, bend * (x - g[12]), bend * (y - g[13])};
 }
 AI void gradient_step(vf* x, vf* y, vf z, vf* p, vf* q, vf h, constant float* restrict g, vf shift) {
   const vf m = 0.5f * h;
@@ -373,38 +358,23 @@ AI void gradient(ray* r, constant float* restrict p, constant float* restrict gr
   if (behind >= 0) {
     constant float* g = gradients + behind * GRADIENT_FLOATS;
     const vf shift = WAVE_LANES ? VLOAD(1, g) : (vf)g[16 + wave];
-    constant float* turn = g + 32;
-    vf x = r->x - g[12], y = r->y - g[13], z = r->z - g[14], L = r->L, M = r->M, N = r->N;
-    turn_into(&x, &y, &z, turn);
-    turn_into(&L, &M, &N, turn);
-    vf n = gradient_index(x, y, z, g, shift, &by_w);
-    vf P = n * L, Q = n * M;
+    vf n = gradient_index(r->x, r->y, r->z, g, shift, &by_w);
+    vf P = n * r->L, Q = n * r->M;
     UNROLL
     for (int part = 0; part < 2;
          part++) {  // to where a straight ray would meet the surface, then what is left
       const vf t = base_distance(r, r->x - p[O_X], r->y - p[O_Y], r->z - p[O_Z], p[4], p[5]);
       const int steps = part == 0 ? GRADIENT_STEPS : 1;
-      const vf h = t * N * (1.f / steps);
+      const vf h = t * r->N * (1.f / steps);
       for (int i = 0; i < steps; i++) {
-        gradient_step(&x, &y, z, &P, &Q, h, g, shift);
-        z += h;
+        gradient_step(&r->x, &r->y, r->z, &P, &Q, h, g, shift);
+        r->z += h;
       }
-      n = gradient_index(x, y, z, g, shift, &by_w);
+      n = gradient_index(r->x, r->y, r->z, g, shift, &by_w);
       const vf scale = RECIP(n);
-      L = P * scale;
-      M = Q * scale;
-      N = sqrt(AT_LEAST(0.f, 1.f - L * L - M * M));
-      r->x = x;
-      r->y = y;
-      r->z = z;
-      turn_back(&r->x, &r->y, &r->z, turn);
-      r->x += g[12];
-      r->y += g[13];
-      r->z += g[14];
-      r->L = L;
-      r->M = M;
-      r->N = N;
-      turn_back(&r->L, &r->M, &r->N, turn);
+      r->L = P * scale;
+      r->M = Q * scale;
+      r->N = sqrt(AT_LEAST(0.f, 1.f - r->L * r->L - r->M * r->M));
     }
     n_behind = n;
   }
@@ -412,9 +382,7 @@ AI void gradient(ray* r, constant float* restrict p, constant float* restrict gr
     constant float* g = gradients + front * GRADIENT_FLOATS;
     const vf shift = WAVE_LANES ? VLOAD(1, g) : (vf)g[16 + wave];
     const vf t = base_distance(r, r->x - p[O_X], r->y - p[O_Y], r->z - p[O_Z], p[4], p[5]);
-    vf x = r->x + t * r->L - g[12], y = r->y + t * r->M - g[13], z = r->z + t * r->N - g[14];
-    turn_into(&x, &y, &z, g + 32);
-    n_front = gradient_index(x, y, z, g, shift, &by_w);
+    n_front = gradient_index(r->x + t * r->L, r->y + t * r->M, r->z + t * r->N, g, shift, &by_w);
   }
   r->eta = eta * n_behind * RECIP(n_front);
 }

@@ -221,7 +221,11 @@ class Builder {
   /// The gradient as the kernel takes it, in the present frame; returns its number.
   /// \param owner  the surface whose vertex its depth is counted from
   int add_gradient(const Medium& medium, const Surface& owner) {
-    std::array<float, 48> g{};
+    if (!owner.eye_from_surface().linear().isApprox(frame_, 1e-9))
+      throw unsupported_error(
+          "a gradient medium behind \"" + owner.name + "\" ends at a surface of another tilt",
+          "give both surfaces of a gradient the same tilt_deg");
+    std::array<float, 32> g{};
     for (const auto& term : medium.gradient->terms) {
       if (term.depth_power > 3 || term.radius_power > 4)
         throw unsupported_error("the gradient behind \"" + owner.name + "\" has powers beyond t^3 and r^4");
@@ -232,8 +236,6 @@ class Builder {
     for (int w = 0; w < wavelength_count; ++w)
       g[16 + w] =
           static_cast<float>(medium.index_at(wavelength_nm_[w], eye_.reference_wavelength_nm) - medium.index);
-    const Eigen::Matrix3d owner_from_frame = owner.eye_from_surface().linear().transpose() * frame_;
-    for (int i = 0; i < 9; ++i) g[32 + i] = static_cast<float>(owner_from_frame(i / 3, i % 3));
     system_.gradients.insert(system_.gradients.end(), g.begin(), g.end());
     return static_cast<int>(system_.gradients.size() / g.size()) - 1;
   }

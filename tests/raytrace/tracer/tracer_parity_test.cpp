@@ -84,23 +84,6 @@ INSTANTIATE_TEST_SUITE_P(SchematicEyes, Parity,
                                          "escudero-sanz-navarro", "arizona", "bennett-rabbetts",
                                          "liou-brennan", "atchison:-4"));
 
-TEST(GradientLens, MayEndAtSurfacesOfOtherTiltsAndCentres) {
-  const Tracer tracer("");
-  for (const auto& [tilt_deg, toric] :
-       {std::pair(Eigen::Vector2d(3, -2), false), {Eigen::Vector2d(-4, 5), true}}) {
-    EyeModel eye = make_eye("liou-brennan", {});
-    eye.surface("lens_anterior").tilt_deg = tilt_deg;
-    eye.surface("lens_posterior").tilt_deg = -0.5 * tilt_deg;
-    eye.surface("lens_posterior").decentre_mm = {0.2, -0.1};
-    if (toric) eye.surface("lens_anterior").shape = make_biconic(12.4, 11.6, -0.94, -0.5, 30);
-    const Difference d = compare(tracer, eye, eye, {}, 20000);
-    EXPECT_GT(d.reached, 19000);
-    EXPECT_LE(d.other_state, 2);
-    EXPECT_LE(d.direction_rms_arcmin, 0.01);
-    EXPECT_LE(d.position_rms_um, 0.05);
-  }
-}
-
 /// Every refracting surface as a sheet of 5 mm semi-diameter.
 EyeModel with_sheets(EyeModel eye) {
   for (auto& surface : eye.surfaces)
