@@ -20,7 +20,7 @@ struct Flags {
   std::string surfaces, method = "pupil", vertices = "800", size = "500x500", field_mm, field_deg, projection,
                         fovea = "0,0";
   std::string spectacle, plano_cylinder, lens_model;
-  std::string psf_grid, bands = "400:700:10";
+  std::string psf_grid, bands = "400:700:10", media_field = "small";
   std::optional<double> luminance_cd_m2, media_age_years;
   std::string gaze = "0,0", fixate, strabismus, motion = "0,0";
   double rotation_centre_mm = EyePose().rotation_centre_mm;
@@ -140,6 +140,11 @@ void declare_radiometry(CLI::App& app, Flags& flags) {
       ->needs(irradiance);
   app.add_option("--media-age", flags.media_age_years,
                  "Years, of the media's transmittance (the subject's, else 40)")
+      ->needs(irradiance);
+  app.add_option("--media-field", flags.media_field,
+                 "Their scatter: small, light that leaves the sharp image is lost; large, as much comes in")
+      ->check(CLI::IsMember({"small", "large"}))
+      ->capture_default_str()
       ->needs(irradiance);
 }
 
@@ -323,6 +328,7 @@ std::optional<IrradianceSettings> parse_irradiance(const Flags& flags) {
   IrradianceSettings settings;
   settings.luminance_cd_m2 = *flags.luminance_cd_m2;
   settings.age_years = flags.media_age_years ? flags.media_age_years : flags.measured.age_years;
+  settings.media_field = flags.media_field == "large" ? MediaField::large : MediaField::small;
   NumbersOf bands("--bands", flags.bands);
   settings.first_nm = bands.number();
   bands.need(':');

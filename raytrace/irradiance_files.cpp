@@ -3,6 +3,7 @@
 #include <matio.h>
 
 #include <array>
+#include <limits>
 #include <memory>
 
 #include "pipeline/base/error.hpp"
@@ -52,6 +53,13 @@ class MatFile {
   std::unique_ptr<mat_t, decltype(&Mat_Close)> mat_;
 };
 
+/// What nobody sees is no number.
+LinearImage with_unseen(LinearImage image, const std::vector<char>& unseen) {
+  for (std::size_t i = 0; i < unseen.size() * image.channels; ++i)
+    if (unseen[i / image.channels] != 0) image.values[i] = std::numeric_limits<float>::quiet_NaN();
+  return image;
+}
+
 /// Rows and columns of a picture's channel, column after column.
 void append_column_after_column(std::vector<float>& to, const LinearImage& image, int channel) {
   for (int column = 0; column < image.width; ++column)
@@ -79,8 +87,11 @@ void write_mat(const RetinalIrradiance& light, const Json& scale, const fs::path
 
 }  // namespace
 
-void write_irradiance(const RetinalIrradiance& light, const EyeModel& eye, const TraceSettings& trace,
+void write_irradiance(const RetinalIrradiance& traced, const EyeModel& eye, const TraceSettings& trace,
                       const IrradianceSettings& settings, const fs::path& folder) {
+  RetinalIrradiance light = traced;
+  for (LinearImage& band : light.irradiance) band = with_unseen(std::move(band), light.unseen);
+  light.cones = with_unseen(std::move(light.cones), light.unseen);
   const Json scale = scale_of(eye, trace);
   write_tiff_pages(folder / "irradiance.tiff", light.irradiance);
   write_tiff(folder / "cones.tiff", light.cones);
@@ -97,6 +108,7 @@ void write_irradiance(const RetinalIrradiance& light, const EyeModel& eye, const
               {"white_trolands", light.white_trolands},
               {"pupil_area_mm2", light.pupil_area_mm2},
               {"media_age_years", settings.age_years.value_or(usual_age_years)},
+              {"media_field", settings.media_field == MediaField::small ? "small" : "large"},
               {"transmittance", light.transmittance},
               {"rays", light.rays}});
 }

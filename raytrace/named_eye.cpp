@@ -6,6 +6,7 @@
 #include "pipeline/eye/schematic/schematic_eyes.hpp"
 #include "raytrace/eye_picture.hpp"
 #include "raytrace/irradiance_files.hpp"
+#include "raytrace/spectacle/spectacle.hpp"
 #include "raytrace/visual_field.hpp"
 #include "raytrace/wavefront_files.hpp"
 
@@ -44,14 +45,15 @@ fs::path write_output(const fs::path& output, const EyeModel& eye, const TraceSe
   std::error_code fault;
   fs::create_directories(output, fault);
   if (fault) throw output_error("cannot make the folder " + output.string() + ": " + fault.message());
+  const EyeModel turned = fixed_to_head(eye, settings.pose.turned_from_straight());
   if (options.psf_grid)
-    write_field(eye, *options.psf_grid, wavefront_settings(settings), output, common.thread_count(),
+    write_field(turned, *options.psf_grid, wavefront_settings(settings), output, common.thread_count(),
                 common.verbosity);
   else
     remove_field(output);
   // What takes long comes first, then files follow one another at once.
-  write_wavefront(eye, settings, output);
-  write_visual_field(eye, settings, output);
+  write_wavefront(turned, settings, output);
+  write_visual_field(turned, settings, output);
   if (light)
     write_irradiance(*light, eye, settings, *options.irradiance, output);
   else

@@ -140,12 +140,13 @@ Json trace_eye(const MeasuredEye& measured, Laterality eye, const TraceOptions& 
   write_json(folder / "eye.json", measured_eye_json(measured, eye));
   write_png(folder / "uncorrected.png", with_cover(result.image, result.unseen));
   write_wavefront(measured.eye, settings, folder);
-  write_visual_field(measured.eye, settings, folder);
+  const EyeModel turned = fixed_to_head(worn, settings.pose.turned_from_straight());
+  write_visual_field(turned, settings, folder);
   if (options.irradiance)
     write_irradiance(retinal_irradiance(tracer, worn, scene, settings, options.exposure, *options.irradiance),
                      worn, settings, *options.irradiance, folder);
   if (options.psf_grid)
-    write_field(worn, *options.psf_grid, wavefront_settings(settings), folder, common.thread_count(),
+    write_field(turned, *options.psf_grid, wavefront_settings(settings), folder, common.thread_count(),
                 common.verbosity);
   Json json =
       picture_json(result, fmt::format("raytrace/{}/uncorrected.png", to_string(eye)), worn, settings);

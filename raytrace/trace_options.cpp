@@ -9,6 +9,9 @@ void TraceOptions::check() const {
   for (const auto& [eye, pose] : poses) pose.check();
   if (psf_grid) psf_grid->check();
   if (irradiance) irradiance->check();
+  if (irradiance && (settings.wavelength_nm || settings.achromatic || settings.method == Method::paper))
+    throw usage_error("--irradiance traces every band by its own rays, spread evenly over the pupil",
+                      "leave out --wavelength (--bands gives them), --achromatic and --method paper");
   if (const auto* cylinder = spectacle ? std::get_if<PlanoCylinder>(&*spectacle) : nullptr) cylinder->check();
   if (pupillary_distance_mm && !(*pupillary_distance_mm > 0 && *pupillary_distance_mm < 120))
     throw usage_error(

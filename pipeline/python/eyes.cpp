@@ -3,6 +3,7 @@
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/frames.hpp"
 #include "pipeline/base/power_vector.hpp"
+#include "pipeline/eye/exchange/eye_file.hpp"
 #include "pipeline/eye/optics/chief_ray.hpp"
 #include "pipeline/eye/optics/paraxial.hpp"
 #include "pipeline/eye/optics/retina_point.hpp"
@@ -86,10 +87,12 @@ void bind_eyes(py::module_& module) {
       module, "Eye",
       "An optical system in the eye's frame: mm, +z out of the eye, origin at the corneal apex, +x to "
       "the patient's left, +y up. It does not change; with_... make another.")
-      .def(py::init(&new_eye), py::arg("name_or_file"), py::arg("accommodation_D") = 0,
-           py::arg("accommodation_parameter") = py::none(), py::arg("pupil_mm") = py::none(),
-           py::arg("laterality") = "od",
-           "A schematic eye by name (schematic_eyes()), or an eye.json by its path, also a case's.")
+      .def(
+          py::init(&new_eye), py::arg("name_or_file"), py::arg("accommodation_D") = 0,
+          py::arg("accommodation_parameter") = py::none(), py::arg("pupil_mm") = py::none(),
+          py::arg("laterality") = "od",
+          "A schematic eye by name (schematic_eyes()), an eye.json by its path, also a case's, or a lens of Zemax (.zmx), "
+          "Optiland or visisipy (.json).")
       .def_static(
           "from_dict",
           [](const py::object& dictionary, const std::string& folder) {
@@ -100,8 +103,10 @@ void bind_eyes(py::module_& module) {
       .def(
           "to_dict", [](const EyeModel& eye) { return to_python(to_json(eye)); }, "What eye.json would hold.")
       .def(
-          "write", [](const EyeModel& eye, const std::string& file) { write_eye(file, eye); },
-          py::arg("file"), "Writes an eye.json.")
+          "write", [](const EyeModel& eye, const std::string& file) { return write_eye_file(file, eye); },
+          py::arg("file"),
+          "Writes an eye.json, or a lens of Zemax where the file ends in .zmx; returns what the format could not hold "
+          "exactly.")
       .def_readonly("name", &EyeModel::name)
       .def_readonly("reference_wavelength_nm", &EyeModel::reference_wavelength_nm)
       .def_property_readonly("axial_length_mm", &EyeModel::axial_length_mm)

@@ -9,8 +9,8 @@ AI void plane_coordinates(const ray* r, constant float* restrict p, vf t, vf* u,
   *v = p[8] * x + p[9] * y + p[10] * z + p[11];
 }
 
-// How far a hit on plane p counts: what is at infinity lies behind everything else.
-#define DEPTH(p, t) ((p)[12] == 0.f ? (t)*1e30f : (t))
+// How far a hit on plane p counts: what is at infinity lies behind everything else, in the order of the scene.
+#define DEPTH(p, t) ((p)[12] == 0.f ? (vf)(1e30f) : (t))
 
 // What the kernels take of a scene.
 #define SCENE                                                                           \

@@ -33,7 +33,7 @@ const char* to_string(Projection projection);
 struct RetinalGrid {
   int width = 500, height = 500;
   double field_x_mm = 6, field_y_mm = 6;  ///< width and height of retina_plane and retina_arc
-  Eigen::Vector2d centre_mm{0, 0};        ///< from the pole, eye x and y
+  Eigen::Vector2d centre_mm{0, 0};        ///< from the pole, eye x and y, in every projection
   Projection projection = Projection::retina_plane;
   Eigen::Vector2d field_deg{0, 0};  ///< width and height of visual_angle and perspective
 
@@ -52,9 +52,12 @@ struct TraceSettings {
   std::optional<double> target_error;
   std::uint64_t seed = 1;               ///< common random numbers: same seed, same rays
   std::optional<double> wavelength_nm;  ///< monochromatic; spectral by default
-  bool achromatic = false;              ///< colours, all bent as the eye's reference wavelength is
-  EyePose pose;                         ///< where the eye stands and looks
-  bool illuminance = false;             ///< weight by relative retinal illuminance
+  /// Of the chief rays by which pixels of angular projections find their place on the retina; the picture's own, or
+  /// the eye's reference, where none is given.
+  std::optional<double> place_wavelength_nm;
+  bool achromatic = false;   ///< colours, all bent as the eye's reference wavelength is
+  EyePose pose;              ///< where the eye stands and looks
+  bool illuminance = false;  ///< weight by relative retinal illuminance
   /// Stiles-Crawford effect: light weighs 10^(-this r^2), r mm from the entrance pupil's centre; 0: none
   double stiles_crawford_per_mm2 = 0;
   bool diffraction = false;  ///< rays are bent at random as the entrance pupil diffracts them

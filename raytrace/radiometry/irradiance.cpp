@@ -39,8 +39,8 @@ std::vector<double> IrradianceSettings::wavelengths_nm() const {
 void IrradianceSettings::check() const {
   if (!(luminance_cd_m2 > 0 && luminance_cd_m2 <= 1e9))
     throw usage_error("--irradiance: the luminance of white must be above 0 cd/m^2", "100 is a display's");
-  if (!(first_nm >= 380 && last_nm <= 900 && first_nm <= last_nm && step_nm >= 1))
-    throw usage_error("--bands: wavelengths from 380 to 900 nm in steps of at least 1 are wanted",
+  if (!(first_nm >= 380 && last_nm <= 900 && first_nm <= last_nm && step_nm >= 1 && step_nm <= 500))
+    throw usage_error("--bands: wavelengths from 380 to 900 nm in steps of 1 to 500 are wanted",
                       "write 400:700:10");
   if (age_years && !(*age_years >= 0 && *age_years <= 110))
     throw usage_error(fmt::format("--media-age: {:g} years are out of range", *age_years), "give 0 to 110");
@@ -50,6 +50,7 @@ RetinalIrradiance retinal_irradiance(const Tracer& tracer, const EyeModel& eye, 
                                      const TraceSettings& trace, const Exposure& exposure,
                                      const IrradianceSettings& settings) {
   settings.check();
+  trace.check();
   const DisplayLight display(settings.luminance_cd_m2);
   RetinalIrradiance result;
   result.cones = blank_image(trace.grid, 3);
@@ -57,16 +58,19 @@ RetinalIrradiance retinal_irradiance(const Tracer& tracer, const EyeModel& eye, 
   result.pupil_area_mm2 = pi * diameter_mm * diameter_mm / 4;
   result.white_trolands = settings.luminance_cd_m2 * result.pupil_area_mm2;
   const std::vector<double> wavelengths_nm = settings.wavelengths_nm();
+  // A pixel is one point of the retina in every band: transverse chromatic aberration stays.
+  TraceSettings in_one_band = trace;
+  in_one_band.verbosity.quiet = true;
+  in_one_band.place_wavelength_nm = eye.reference_wavelength_nm;
+  in_one_band.illuminance = true;
+  in_one_band.stiles_crawford_per_mm2 = 0;
   Progress progress("tracing wavelength by wavelength", wavelengths_nm.size(), trace.verbosity);
   for (const double nm : wavelengths_nm) {
-    TraceSettings now = trace;
-    now.verbosity.quiet = true;
+    TraceSettings now = in_one_band;
     now.wavelength_nm = nm;
-    now.achromatic = false;
-    now.illuminance = true;
-    now.stiles_crawford_per_mm2 = 0;
     const SceneAtWavelength shown = at_wavelength(scene, display, nm);
-    const double transmittance = ocular_transmittance(nm, settings.age_years.value_or(usual_age_years));
+    const double transmittance =
+        ocular_transmittance(nm, settings.age_years.value_or(usual_age_years), settings.media_field);
     LinearImage irradiance = blank_image(trace.grid, 1);
     if (shown.unit > 0) {
       const TraceResult traced = trace_exposure(tracer, eye, shown.scene, now, exposure);
@@ -78,7 +82,8 @@ RetinalIrradiance retinal_irradiance(const Tracer& tracer, const EyeModel& eye, 
         irradiance.values[i] = static_cast<float>(in_clear_media * transmittance) * light;
         for (int c = 0; c < 3; ++c) result.cones.values[3 * i + c] += static_cast<float>(cones[c]) * light;
       }
-      result.unseen = traced.unseen;
+      if (result.unseen.empty()) result.unseen.resize(traced.unseen.size());
+      for (std::size_t i = 0; i < traced.unseen.size(); ++i) result.unseen[i] |= traced.unseen[i];
       result.middle_projected_sr = traced.middle_projected_sr;
       result.rays += traced.rays;
       result.wall_s += traced.wall_s;

@@ -1,6 +1,7 @@
 #pragma once
 #include <vector>
 
+#include "pipeline/eye/media/transmittance.hpp"
 #include "raytrace/tracer/exposure.hpp"
 
 namespace emmetrope::raytrace {
@@ -9,6 +10,7 @@ struct IrradianceSettings {
   double luminance_cd_m2 = 100;                        ///< of the scene's white (spectral_scene.hpp)
   double first_nm = 400, last_nm = 700, step_nm = 10;  ///< bands
   std::optional<double> age_years;                     ///< of the media; usual_age_years where none is given
+  MediaField media_field = MediaField::small;
 
   std::vector<double> wavelengths_nm() const;
   /// \throw Error (usage) naming the option
@@ -22,9 +24,9 @@ struct RetinalIrradiance {
   std::vector<double> white_radiance;   ///< of the scene's white, W / (m^2 sr nm)
   std::vector<LinearImage> irradiance;  ///< one channel, W / (m^2 nm)
   /// Long, middle and short wavelength cones: integral of fundamental times irradiance, W / m^2, as if the media were
-  /// clear, since the fundamentals hold the average observer's lens and macula.
+  /// clear, since the fundamentals hold the average observer's lens and macula (of the central 2 degrees).
   LinearImage cones;
-  std::vector<char> unseen;        ///< as TraceResult's
+  std::vector<char> unseen;        ///< pixels that see nothing in one of the bands; empty where all see
   double pupil_area_mm2 = 0;       ///< of the entrance pupil, as seen along the axis
   double white_trolands = 0;       ///< luminance of white times that area
   double middle_projected_sr = 0;  ///< of the middle pixel, at the last wavelength

@@ -26,6 +26,13 @@ Eigen::Vector3d grey(const Eigen::Vector3d& colour, const Eigen::Vector3d& share
   return Eigen::Vector3d::Constant(share.dot(colour));
 }
 
+/// Whether anything shines in the display's light; surfaces do where they are lit.
+bool shows_colours(const Scene& scene) {
+  return !scene.background.isZero(0) || !scene.meshes.empty() ||
+         std::any_of(scene.planes.begin(), scene.planes.end(),
+                     [](const TexturedPlane& plane) { return !plane.spectrum; });
+}
+
 float brightest(const Texture& texture) {
   return *std::max_element(texture.values.begin(), texture.values.end());
 }
@@ -47,7 +54,8 @@ Eigen::Vector3d DisplayLight::radiance(double wavelength_nm) const {
 SceneAtWavelength at_wavelength(const Scene& scene, const DisplayLight& display, double wavelength_nm) {
   const Eigen::Vector3d primaries = display.radiance(wavelength_nm);
   const double white = primaries.sum();
-  SceneAtWavelength result{scene, white};
+  // Pictures are held in steps of the unit: white is in it only where the scene shows any.
+  SceneAtWavelength result{scene, shows_colours(scene) ? white : 0};
   std::vector<Texture> spectral(scene.planes.size());
   for (std::size_t i = 0; i < scene.planes.size(); ++i)
     if (scene.planes[i].spectrum) {

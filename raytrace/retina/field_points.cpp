@@ -23,9 +23,17 @@ Eigen::Vector2d half_of(const RetinalGrid& grid) {
 }
 
 FieldPoints::FieldPoints(const EyeModel& eye, const RetinalGrid& grid, double wavelength_nm)
-    : eye_(eye), grid_(grid), chief_rays_(eye, wavelength_nm), eye_from_field_(Eigen::Matrix3d::Identity()) {
-  if (!grid.is_angular()) return;
+    : eye_(eye),
+      grid_(grid),
+      chief_rays_(eye, wavelength_nm),
+      centre_mm_(grid.centre_mm),
+      eye_from_field_(Eigen::Matrix3d::Identity()) {
+  if (grid.projection == Projection::retina_plane) return;
   const RetinaPoint centre = retina_point(eye, grid.centre_mm.x(), grid.centre_mm.y());
+  if (grid.projection == Projection::retina_arc) {
+    centre_mm_ = retina_arc_mm(eye, centre.position_mm).value_or(0) * grid.centre_mm.stableNormalized();
+    return;
+  }
   const std::optional<Ray> line_of_sight = chief_rays_.line_of_sight(centre.position_mm);
   if (!line_of_sight)
     throw input_error(
@@ -47,7 +55,7 @@ Eigen::Vector3d FieldPoints::direction(const Eigen::Vector2d& place) const {
 
 std::optional<RetinaPoint> FieldPoints::at(const Eigen::Vector2d& place) const {
   if (grid_.is_angular()) return chief_rays_.image_of(direction(place));
-  const Eigen::Vector2d from_pole_mm = grid_.centre_mm + place;
+  const Eigen::Vector2d from_pole_mm = centre_mm_ + place;
   std::optional<RetinaPoint> point = grid_.projection == Projection::retina_arc
                                          ? retina_at_arc(eye_, from_pole_mm)
                                          : meet_retina(eye_, from_pole_mm);

@@ -29,6 +29,7 @@ class FieldPoints {
   const EyeModel& eye_;
   RetinalGrid grid_;
   ChiefRays chief_rays_;
+  Eigen::Vector2d centre_mm_;       ///< from the pole, as the projection counts
   Eigen::Matrix3d eye_from_field_;  ///< turns +z to the line of sight of the field's centre
 };
 

@@ -94,10 +94,11 @@ int wrapped(int meridian) { return ((meridian % meridians) + meridians) % meridi
 
 }  // namespace
 
-WideField::WideField(const EyeModel& eye, const RetinalGrid& grid, double wavelength_nm, int threads)
+WideField::WideField(const EyeModel& eye, const RetinalGrid& grid, double wavelength_nm,
+                     double place_wavelength_nm, int threads)
     : grid_(grid),
       half_(half_of(grid)),
-      points_(eye, grid_of_nodes(grid), wavelength_nm),
+      points_(eye, grid_of_nodes(grid), place_wavelength_nm),
       crossing_(eye, wavelength_nm),
       plane_z_mm_(aim_plane_z_mm(eye, wavelength_nm)),
       limits_(meridians),
@@ -169,8 +170,15 @@ std::optional<WideField::Values> WideField::between_nodes(const Eigen::Vector2d&
   const double meridian = std::atan2(place.y(), place.x()) / (2 * pi) * meridians;
   const int first_meridian = first_node(meridian);
   const auto across = six_meridians().weights(meridian - first_meridian);
-  double limit = 0;
-  for (int i = 0; i < stencil; ++i) limit += across[i] * limits_[wrapped(first_meridian + i)];
+  double limit = 0, least = INFINITY, most = 0;
+  for (int i = 0; i < stencil; ++i) {
+    const double there = limits_[wrapped(first_meridian + i)];
+    limit += across[i] * there;
+    least = std::min(least, there);
+    most = std::max(most, there);
+  }
+  // Six points may swing beyond what they go through.
+  limit = std::clamp(limit, least, most);
   const double share = place.norm() / limit;
   if (!(share <= 1)) return std::nullopt;
   const int first_ring = std::clamp(first_node(std::asin(share) * 2 * rings / pi), 0, rings - stencil + 1);

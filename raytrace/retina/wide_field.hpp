@@ -13,8 +13,11 @@ namespace emmetrope::raytrace {
 /// no further, and interpolated between them (Lagrange, six nodes each way). Memory does not grow with the field.
 class WideField {
  public:
+  /// \param wavelength_nm  of the light that goes through the pupil
+  /// \param place_wavelength_nm  of the chief rays that find the pixels' places
   /// \throw Error (input_invalid) when the eye has no stop, or nothing is seen from the field's centre
-  WideField(const EyeModel& eye, const RetinalGrid& grid, double wavelength_nm, int threads);
+  WideField(const EyeModel& eye, const RetinalGrid& grid, double wavelength_nm, double place_wavelength_nm,
+            int threads);
 
   double plane_z_mm() const { return plane_z_mm_; }
   /// Pixels where the eye sees nothing are marked as unseen.

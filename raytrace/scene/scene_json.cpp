@@ -192,24 +192,21 @@ std::vector<MeshObject> read_meshes(const Object& object, const std::filesystem:
   return objects;
 }
 
-void read_panorama(const Json& json, const std::string& where, const std::filesystem::path& folder,
-                   Scene& scene) {
+std::vector<TexturedPlane> read_panorama(const Json& json, const std::string& where,
+                                         const std::filesystem::path& folder,
+                                         std::vector<std::filesystem::path>& files) {
   const Object object(json, where, {"type", "picture"});
-  scene.files.push_back(folder / object.text("picture"));
-  const std::shared_ptr<const Texture> picture = read_picture(scene.files.back());
+  files.push_back(folder / object.text("picture"));
+  const std::shared_ptr<const Texture> picture = read_picture(files.back());
   if (picture->width != 2 * picture->height)
     throw object.fault("picture", "an equirectangular picture is twice as wide as high, this one is " +
                                       std::to_string(picture->width) + " x " +
                                       std::to_string(picture->height));
-  for (TexturedPlane& face : panorama(*picture)) scene.planes.push_back(std::move(face));
+  return panorama(*picture);
 }
 
 void read_object(const Json& json, const std::string& where, const std::filesystem::path& folder,
                  Scene& scene) {
-  if (json.is_object() && json.value("type", Json()) == Json("panorama")) {
-    read_panorama(json, where, folder, scene);
-    return;
-  }
   const bool is_mesh = json.is_object() && json.value("type", Json()) == Json("mesh");
   const Object object(
       json, where,
@@ -274,8 +271,18 @@ Scene read_scene(const std::filesystem::path& file) {
   scene.name = top.has("name") ? top.text("name") : file.stem().string();
   scene.background = top.light("background", scene.background, 1);
   if (!top.has("objects")) throw top.fault("objects", "a list of at least one is needed");
-  for (std::size_t i = 0; i < list("objects").size(); ++i)
-    read_object(json["objects"][i], entry("objects", i), file.parent_path(), scene);
+  std::vector<TexturedPlane> behind;
+  for (std::size_t i = 0; i < list("objects").size(); ++i) {
+    const Json& object = json["objects"][i];
+    if (object.is_object() && object.value("type", Json()) == Json("panorama")) {
+      for (TexturedPlane& face : read_panorama(object, entry("objects", i), file.parent_path(), scene.files))
+        behind.push_back(std::move(face));
+    } else {
+      read_object(object, entry("objects", i), file.parent_path(), scene);
+    }
+  }
+  // Of what lies at infinity the first in order is seen.
+  std::move(behind.begin(), behind.end(), std::back_inserter(scene.planes));
   if (top.has("lights"))
     for (std::size_t i = 0; i < list("lights").size(); ++i)
       scene.lights.push_back(read_light(json["lights"][i], entry("lights", i)));

@@ -1,5 +1,6 @@
 #include "raytrace/tracer/exposure.hpp"
 
+#include <algorithm>
 #include <cmath>
 
 #include "pipeline/base/error.hpp"
@@ -14,6 +15,42 @@ TraceResult trace_turned(const Tracer& tracer, const EyeModel& eye, const Scene&
   return tracer.trace(fixed_to_head(eye, settings.pose.turned_from_straight()), scene, settings);
 }
 
+/// Sums of pictures: of light, and of how often each pixel saw anything.
+class PictureMean {
+ public:
+  void add(const TraceResult& step, bool illuminance) {
+    std::vector<float> light = step.image.values;
+    // With illuminance a step counts in multiples of its own middle's light.
+    if (illuminance)
+      for (float& value : light) value *= static_cast<float>(step.middle_projected_sr);
+    sums_.resize(light.size());
+    for (std::size_t i = 0; i < light.size(); ++i) sums_[i] += light[i];
+    seen_.resize(light.size() / 3);
+    for (std::size_t pixel = 0; pixel < seen_.size(); ++pixel)
+      seen_[pixel] += step.unseen.empty() || step.unseen[pixel] == 0 ? 1 : 0;
+    ++steps_;
+  }
+
+  /// \param result  of the first step
+  void finish(TraceResult& result, bool illuminance) const {
+    const double unit = illuminance && result.middle_projected_sr > 0 ? result.middle_projected_sr : 1;
+    for (std::size_t i = 0; i < sums_.size(); ++i) {
+      // What falls on a pixel is a mean over time; what it sees, over the time in which it sees.
+      const int times = illuminance ? steps_ : std::max(seen_[i / 3], 1);
+      result.image.values[i] = static_cast<float>(sums_[i] / unit / times);
+    }
+    const bool sees_all = std::all_of(seen_.begin(), seen_.end(), [](int times) { return times > 0; });
+    result.unseen.assign(sees_all ? 0 : seen_.size(), 0);
+    for (std::size_t pixel = 0; pixel < result.unseen.size(); ++pixel)
+      result.unseen[pixel] = seen_[pixel] == 0;
+  }
+
+ private:
+  std::vector<double> sums_;
+  std::vector<int> seen_;
+  int steps_ = 0;
+};
+
 }  // namespace
 
 void Exposure::check() const {
@@ -27,7 +64,8 @@ TraceResult trace_exposure(const Tracer& tracer, const EyeModel& eye, const Scen
                            const TraceSettings& settings, const Exposure& exposure) {
   if (exposure.eye_motion_deg.isZero(0) && !moves(scene)) return trace_turned(tracer, eye, scene, settings);
   exposure.check();
-  TraceResult mean;
+  TraceResult result;
+  PictureMean mean;
   for (int k = 0; k < exposure.steps; ++k) {
     const double time = (k + 0.5) / exposure.steps - 0.5;
     TraceSettings now = settings;
@@ -38,20 +76,20 @@ TraceResult trace_exposure(const Tracer& tracer, const EyeModel& eye, const Scen
     now.pose.gaze.horizontal_deg += time * exposure.eye_motion_deg.x();
     now.pose.gaze.vertical_deg += time * exposure.eye_motion_deg.y();
     TraceResult step = trace_turned(tracer, eye, at_time(scene, time), now);
+    mean.add(step, settings.illuminance);
     if (k == 0) {
-      mean = std::move(step);
+      result = std::move(step);
       continue;
     }
-    for (std::size_t i = 0; i < mean.image.values.size(); ++i) mean.image.values[i] += step.image.values[i];
-    for (const auto& [state, count] : step.states) mean.states[state] += count;
-    mean.rays += step.rays;
-    mean.samples += step.samples;
-    if (mean.error) mean.error = std::hypot(*mean.error, *step.error);
-    mean.wall_s += step.wall_s;
+    for (const auto& [state, count] : step.states) result.states[state] += count;
+    result.rays += step.rays;
+    result.samples += step.samples;
+    if (result.error) result.error = std::hypot(*result.error, *step.error);
+    result.wall_s += step.wall_s;
   }
-  for (float& value : mean.image.values) value /= static_cast<float>(exposure.steps);
-  if (mean.error) *mean.error /= exposure.steps;
-  return mean;
+  mean.finish(result, settings.illuminance);
+  if (result.error) *result.error /= exposure.steps;
+  return result;
 }
 
 }  // namespace emmetrope::raytrace

@@ -122,7 +122,8 @@ struct PicturePlaces {
 PicturePlaces places_of(const EyeModel& eye, const TraceSettings& settings, int threads) {
   const double wavelength_nm = settings.wavelength_nm.value_or(eye.reference_wavelength_nm);
   if (settings.grid.projection != Projection::retina_plane) {
-    const WideField field(eye, settings.grid, wavelength_nm, threads);
+    const WideField field(eye, settings.grid, wavelength_nm,
+                          settings.place_wavelength_nm.value_or(wavelength_nm), threads);
     return {field.pixels(threads), field.plane_z_mm(), std::nullopt};
   }
   PupilAim aim(eye, settings.grid, wavelength_nm, threads);
@@ -156,6 +157,20 @@ PictureJob picture_job(const EyeModel& eye, const Scene& scene, const TraceSetti
   return job;
 }
 
+/// Of the pixels that light reaches, the nearest to the picture's middle; the middle where there is none.
+std::size_t middle_pixel(const RetinalGrid& grid, const PictureSums& sums) {
+  const auto from_middle = [&](std::size_t pixel) {
+    return std::hypot(static_cast<double>(pixel % grid.width) - grid.width / 2,
+                      static_cast<double>(pixel / grid.width) - grid.height / 2);
+  };
+  const std::size_t middle = static_cast<std::size_t>(grid.height / 2) * grid.width + grid.width / 2;
+  if (sums.weight[middle] > 0) return middle;
+  std::optional<std::size_t> nearest;
+  for (std::size_t i = 0; i < sums.weight.size(); ++i)
+    if (sums.weight[i] > 0 && (!nearest || from_middle(i) < from_middle(*nearest))) nearest = i;
+  return nearest.value_or(middle);
+}
+
 /// Means from sums.
 void finish(TraceResult& result, const PictureSums& sums, const PictureJob& job, bool illuminance) {
   const RetinalGrid& grid = job.grid;
@@ -168,13 +183,13 @@ void finish(TraceResult& result, const PictureSums& sums, const PictureJob& job,
     for (std::size_t k = 0; k < 3 * derivatives; ++k)
       result.derivatives[k / 3].values[3 * i + k % 3] = sums.derivatives[3 * derivatives * i + k] * scale(i);
   }
-  // Relative retinal illuminance: the solid angle of the light times the cosine, against the pole's.
+  // Relative retinal illuminance: the solid angle of the light times the cosine, against the middle's.
   if (illuminance) {
     const auto of = [&](std::size_t pixel) { return sums.weight[pixel] * job.pixels.area_mm2[pixel]; };
-    const float at_pole = of(static_cast<std::size_t>(grid.height / 2) * grid.width + grid.width / 2);
-    for (std::size_t i = 0; i < result.image.values.size(); ++i)
-      result.image.values[i] *= of(i / 3) / at_pole;
-    result.middle_projected_sr = at_pole / static_cast<float>(sums.samples);
+    const float in_middle = of(middle_pixel(grid, sums));
+    for (std::size_t i = 0; in_middle > 0 && i < result.image.values.size(); ++i)
+      result.image.values[i] *= of(i / 3) / in_middle;
+    result.middle_projected_sr = in_middle / static_cast<float>(sums.samples);
   }
   result.samples = sums.samples;
   result.unseen = job.pixels.unseen;

@@ -20,8 +20,8 @@ struct TraceResult {
   LinearImage image;
   std::vector<char> unseen;  ///< pixels where the eye sees nothing, row after row; empty where it sees all
   std::vector<LinearImage> derivatives;  ///< one per tangent
-  /// With illuminance: solid angle times cosine of the light at the picture's middle pixel, of whose light the
-  /// picture is a multiple. Times radiance and the square of the vitreous's index it is the irradiance.
+  /// With illuminance: solid angle times cosine of the light at the picture's middle pixel (at the nearest that any
+  /// reaches), of whose light the picture is a multiple. Times radiance and the square of the vitreous's index it is the irradiance.
   double middle_projected_sr = 0;
   std::map<RayState, std::uint64_t> states;
   std::uint64_t rays = 0;

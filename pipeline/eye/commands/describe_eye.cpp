@@ -7,6 +7,7 @@
 
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/frames.hpp"
+#include "pipeline/eye/exchange/eye_file.hpp"
 #include "pipeline/eye/optics/exact_trace.hpp"
 #include "pipeline/eye/optics/paraxial.hpp"
 #include "pipeline/eye/schematic/schematic_eyes.hpp"
@@ -88,7 +89,11 @@ Answer describe_eye(const EyeQuery& query) {
       {"refraction", {{"M_D", refraction.M_D}, {"J0_D", refraction.J0_D}, {"J45_D", refraction.J45_D}}},
       {"refraction_D", refraction.M_D}};
   answer.text = text_of(eye, answer.json);
-  if (!query.output.empty()) write_eye(query.output, eye);
+  if (!query.output.empty())
+    for (const std::string& note : write_eye_file(query.output, eye)) {
+      answer.text += "note: " + note + "\n";
+      answer.json["notes"].push_back(note);
+    }
   return answer;
 }
 

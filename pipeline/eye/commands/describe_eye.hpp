@@ -14,7 +14,7 @@ struct EyeQuery {
   std::string eye;  ///< name or file
   EyeOptions options;
   std::optional<double> wavelength_nm;  ///< default: the eye's reference wavelength
-  std::string output;                   ///< where to write the eye as eye.json; empty: nowhere
+  std::string output;                   ///< where to write the eye (exchange/eye_file.hpp); empty: nowhere
 };
 /// Cardinal points, pupils, axial length and paraxial refraction.
 Answer describe_eye(const EyeQuery& query);

@@ -13,7 +13,9 @@ int main(int argc, char** argv) {
   command.summary = "Cardinal points, pupils and refraction of a schematic eye or of an eye.json";
   command.example = "emmetrope eye navarro --accommodation 4 --json";
   command.declare = [&](CLI::App& app) {
-    app.add_option("eye", query.eye, "Schematic eye or eye.json: " + schematic_eyes_line())
+    app.add_option("eye", query.eye,
+                   "Schematic eye, eye.json, or lens of Zemax (.zmx), Optiland or visisipy (.json): " +
+                       schematic_eyes_line())
         ->required()
         ->type_name("NAME|FILE");
     declare_eye_options(app, query.options);
@@ -21,7 +23,8 @@ int main(int argc, char** argv) {
                    "Wavelength (nm); default: the eye's reference wavelength")
         ->check(CLI::Range(200.0, 2500.0))
         ->type_name("NM");
-    app.add_option("-o,--output", query.output, "Write the eye as eye.json")->type_name("FILE");
+    app.add_option("-o,--output", query.output, "Write the eye as eye.json, or as a lens of Zemax (.zmx)")
+        ->type_name("FILE");
   };
   command.run = [&](const CommonOptions& common) {
     if (common.laterality == LateralityChoice::os) query.options.laterality = Laterality::os;

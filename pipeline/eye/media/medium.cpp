@@ -33,6 +33,12 @@ double sellmeier(const std::vector<double>& c, double um) {
   return std::sqrt(square);
 }
 
+double schott(const std::vector<double>& c, double um) {
+  const double square = um * um;
+  return std::sqrt(c[0] + c[1] * square +
+                   (c[2] + (c[3] + (c[4] + c[5] / square) / square) / square) / square);
+}
+
 double polynomial(const std::vector<double>& c, double um) {
   double sum = 0;
   for (std::size_t k = c.size(); k-- > 0;) sum = sum * um + c[k];
@@ -74,6 +80,8 @@ double Dispersion::formula_index(double wavelength_nm) const {
       return herzberger(coefficients, um);
     case Formula::sellmeier:
       return sellmeier(coefficients, um);
+    case Formula::schott:
+      return schott(coefficients, um);
     case Formula::polynomial:
       return polynomial(coefficients, um);
     case Formula::abbe:

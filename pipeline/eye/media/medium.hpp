@@ -9,7 +9,18 @@ namespace emmetrope {
 /// A published dispersion formula n(wavelength); what enters a trace is its difference from the reference
 /// wavelength. docs/use/eye-json.md documents each formula with units and one complete example.
 struct Dispersion {
-  enum class Formula { constant, cauchy, conrady, cornu, herzberger, sellmeier, polynomial, abbe, table };
+  enum class Formula {
+    constant,
+    cauchy,
+    conrady,
+    cornu,
+    herzberger,
+    sellmeier,
+    schott,
+    polynomial,
+    abbe,
+    table
+  };
   Formula formula = Formula::constant;
   /// As docs/use/eye-json.md orders them; a table as wavelength (nm, ascending), index, wavelength, index, ...
   std::vector<double> coefficients;

@@ -18,11 +18,15 @@ struct FormulaKey {
   Formula formula;
   std::size_t count;
 };
-constexpr FormulaKey formula_keys[] = {
-    {"cauchy", Formula::cauchy, 0},       {"conrady", Formula::conrady, 3},
-    {"cornu", Formula::cornu, 3},         {"herzberger", Formula::herzberger, 4},
-    {"sellmeier", Formula::sellmeier, 0}, {"polynomial", Formula::polynomial, 0},
-    {"abbe", Formula::abbe, 2},           {"table", Formula::table, 0}};
+constexpr FormulaKey formula_keys[] = {{"cauchy", Formula::cauchy, 0},
+                                       {"conrady", Formula::conrady, 3},
+                                       {"cornu", Formula::cornu, 3},
+                                       {"herzberger", Formula::herzberger, 4},
+                                       {"sellmeier", Formula::sellmeier, 0},
+                                       {"schott", Formula::schott, 6},
+                                       {"polynomial", Formula::polynomial, 0},
+                                       {"abbe", Formula::abbe, 2},
+                                       {"table", Formula::table, 0}};
 
 constexpr double farthest_mm = 1000;  // of a surface from the corneal apex: eyes, spectacles, instruments
 

@@ -40,10 +40,12 @@ bool ChiefRays::passes_what_is_worn(const RayPath& path) const {
 /// A ray from a direction, known by how far it passes from the entrance pupil as seen along the axis.
 struct ChiefRays::FromDirection {
   Eigen::Vector3d pupil, towards, x, y;
-  FromDirection(double entrance_pupil_z_mm, const Eigen::Vector3d& direction)
+  FromDirection(double entrance_pupil_z_mm, double meridian_rad, double eccentricity_rad)
       : pupil(0, 0, entrance_pupil_z_mm),
-        towards(direction.normalized()),
-        x(Eigen::Vector3d::UnitY().cross(towards).normalized()),
+        towards(std::sin(eccentricity_rad) * std::cos(meridian_rad),
+                std::sin(eccentricity_rad) * std::sin(meridian_rad), std::cos(eccentricity_rad)),
+        // Across the meridian, along it: the same at every eccentricity, so that a shift keeps its meaning.
+        x(-std::sin(meridian_rad), std::cos(meridian_rad), 0),
         y(towards.cross(x)) {}
   Ray operator()(const Eigen::Vector2d& shift_mm) const {
     // Beyond anything worn; from beside the eye no further than what lies before its surfaces.
@@ -88,10 +90,9 @@ std::optional<RetinaPoint> ChiefRays::met_on_retina(const Ray& ray_in_eye) const
 
 std::optional<RetinaPoint> ChiefRays::image_of(const Eigen::Vector3d& direction) const {
   const double eccentricity_rad = std::atan2(direction.head<2>().norm(), direction.z());
-  const Eigen::Vector2d meridian = direction.head<2>().stableNormalized();
+  const double meridian_rad = std::atan2(direction.y(), direction.x());
   const auto at_share = [&](double share) {
-    const Eigen::Vector2d beside = std::sin(share * eccentricity_rad) * meridian;
-    return FromDirection(entrance_pupil_z_mm_, {beside.x(), beside.y(), std::cos(share * eccentricity_rad)});
+    return FromDirection(entrance_pupil_z_mm_, meridian_rad, share * eccentricity_rad);
   };
   // At once; where that loses the ray, in ever smaller steps from the axis outward.
   for (const int steps : {1, 4, 16, 64}) {

@@ -8,6 +8,7 @@
 #include <limits>
 
 #include "pipeline/base/error.hpp"
+#include "pipeline/eye/exchange/eye_file.hpp"
 #include "pipeline/eye/media/ocular_media.hpp"
 #include "pipeline/eye/model/eye_model.hpp"
 #include "pipeline/eye/optics/paraxial.hpp"
@@ -344,6 +345,11 @@ EyeModel make_schematic(const Schematic& schematic, const EyeOptions& options) {
   return schematic.make(parameter);
 }
 
+bool names_a_file(const std::string& text) {
+  const std::string ending = std::filesystem::path(text).extension().string();
+  return std::filesystem::exists(text) || ending == ".json" || ending == ".zmx" || ending == ".ZMX";
+}
+
 }  // namespace
 
 std::vector<std::string> schematic_eye_names() {
@@ -371,9 +377,8 @@ EyeModel make_eye(const std::string& name_or_file, const EyeOptions& options) {
   } else if (is_atchison(name_or_file)) {
     if (accommodated) throw unsupported_error("the atchison eye has no accommodation");
     eye = make_atchison(name_or_file);
-  } else if (std::filesystem::exists(name_or_file) ||
-             std::filesystem::path(name_or_file).extension() == ".json") {
-    eye = read_eye(name_or_file);
+  } else if (names_a_file(name_or_file)) {
+    eye = read_eye_file(name_or_file);
     if (accommodated) throw unsupported_error(name_or_file + ": an eye from a file has no accommodation");
     if (options.pupil_mm && eye.stop() == nullptr)
       throw input_error(name_or_file + ": --pupil was given, but the eye has no surface of type \"stop\"");

@@ -8,7 +8,7 @@
 
 namespace emmetrope {
 
-/// A schematic eye by name ("navarro", "atchison:-4", ...) or an eye.json by path.
+/// A schematic eye by name ("navarro", "atchison:-4", ...) or a file (exchange/eye_file.hpp) by path.
 struct EyeOptions {
   double accommodation_D = 0;                     ///< change of refraction from the relaxed eye
   std::optional<double> accommodation_parameter;  ///< the model's own, instead

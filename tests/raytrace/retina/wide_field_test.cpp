@@ -61,7 +61,7 @@ Vector3d exact_line_of_sight(const EyeModel& eye, const Vector3d& from, Vector3d
 
 /// Pixels of a picture look where its projection says, by exact rays.
 void expect_directions(const EyeModel& eye, const RetinalGrid& grid, int points) {
-  const WideField field(eye, grid, 555, 2);
+  const WideField field(eye, grid, 555, 555, 2);
   const RetinaPixels pixels = field.pixels(2);
   const RetinaPoint pole = *meet_retina(eye, Vector2d(0, 0));
   const Vector3d ahead = exact_line_of_sight(eye, pole.position_mm, {0, 0, 1});
@@ -120,7 +120,7 @@ TEST(WideField, PixelsAlongTheRetinaAreAsFarFromThePole) {
   grid.width = grid.height = 101;
   grid.field_x_mm = grid.field_y_mm = 46;
   grid.projection = Projection::retina_arc;
-  const RetinaPixels pixels = WideField(eye, grid, 555, 2).pixels(2);
+  const RetinaPixels pixels = WideField(eye, grid, 555, 555, 2).pixels(2);
   const Vector3d centre(0, 0, -eye.axial_length_mm() + 12);
   double furthest_mm = 0;
   for (int row = 0; row < 101; row += 5)
@@ -142,7 +142,8 @@ TEST(WideField, PixelsAlongTheRetinaAreAsFarFromThePole) {
 
 TEST(WideField, CornersThatTheEyeDoesNotSeeAreMarked) {
   const EyeModel eye = make_eye("navarro");
-  const RetinaPixels pixels = WideField(eye, wide_grid(Projection::visual_angle, 200, 64), 555, 2).pixels(2);
+  const RetinaPixels pixels =
+      WideField(eye, wide_grid(Projection::visual_angle, 200, 64), 555, 555, 2).pixels(2);
   EXPECT_TRUE(pixels.is_unseen(0));
   EXPECT_FALSE(pixels.is_unseen(32 * 64 + 32));
 }
@@ -150,7 +151,7 @@ TEST(WideField, CornersThatTheEyeDoesNotSeeAreMarked) {
 TEST(WideField, EndsAtTheRimOfASpectacle) {
   const EyeModel eye = with_spectacle(make_eye("navarro"), parse_spectacle("-8/0x0@12"));
   const RetinalGrid grid = wide_grid(Projection::visual_angle, 200, 200);
-  const RetinaPixels pixels = WideField(eye, grid, 555, 2).pixels(2);
+  const RetinaPixels pixels = WideField(eye, grid, 555, 555, 2).pixels(2);
   const ExactTracer exact(without_stop(eye), 555);
   int seen = 0;
   for (int column = 0; column < 200; ++column) {
@@ -196,6 +197,36 @@ TEST(WideField, APictureOf200DegreesShowsThePerimeter) {
   }
   EXPECT_NE(result.unseen[0], 0);
   EXPECT_EQ(result.image.at(0, 0, 0), 0);
+}
+
+// A spectral picture has one point of the retina a pixel; light of another colour only goes through the pupil otherwise.
+TEST(WideField, PixelsOfEveryColourLieAtThePlacesOfOne) {
+  const EyeModel eye = make_eye("navarro");
+  const RetinalGrid grid = wide_grid(Projection::visual_angle, 80, 16);
+  const RetinaPixels one = WideField(eye, grid, 555, 555, 2).pixels(2),
+                     blue = WideField(eye, grid, 420, 555, 2).pixels(2),
+                     own = WideField(eye, grid, 420, 420, 2).pixels(2);
+  double aims_apart_mm = 0, own_apart_mm = 0;
+  for (std::size_t pixel = 0; pixel < 256; ++pixel) {
+    const std::size_t at = pixel * RetinaPixels::floats_a_pixel;
+    for (std::size_t k = 0; k < 3; ++k) {
+      EXPECT_NEAR(blue.values[at + k], one.values[at + k], 1e-6);
+      own_apart_mm = std::max<double>(own_apart_mm, std::abs(own.values[at + k] - one.values[at + k]));
+    }
+    aims_apart_mm = std::max<double>(aims_apart_mm, std::abs(blue.values[at + 3] - one.values[at + 3]));
+  }
+  EXPECT_GT(own_apart_mm, 0.01);
+  EXPECT_GT(aims_apart_mm, 1e-4);
+}
+
+TEST(WideField, APictureByArcsHasItsMiddleAtTheFovea) {
+  const EyeModel eye = make_eye("navarro");
+  RetinalGrid grid = wide_grid(Projection::retina_arc, 4, 2);
+  grid.field_x_mm = grid.field_y_mm = 4;
+  grid.centre_mm = {8, 3};
+  const auto middle = FieldPoints(eye, grid, 555).at({0, 0});
+  ASSERT_TRUE(middle);
+  EXPECT_LT((middle->position_mm.head<2>() - grid.centre_mm).norm(), 1e-4);
 }
 
 }  // namespace

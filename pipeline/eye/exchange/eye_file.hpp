@@ -1,0 +1,18 @@
+#pragma once
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "pipeline/eye/model/eye_model.hpp"
+
+namespace emmetrope {
+
+/// An eye from a file of any kind: eye.json, a lens of Zemax (.zmx), of Optiland or visisipy (their JSON).
+/// \throw Error (input_invalid, unsupported) naming the file
+EyeModel read_eye_file(const std::filesystem::path& file);
+
+/// Writes a lens of Zemax where the file ends so, else an eye.json.
+/// \return what the format could not hold exactly, one sentence each
+std::vector<std::string> write_eye_file(const std::filesystem::path& file, const EyeModel& eye);
+
+}  // namespace emmetrope

@@ -1,0 +1,16 @@
+#pragma once
+#include <string>
+
+#include "pipeline/eye/model/eye_model.hpp"
+
+namespace emmetrope {
+
+/// Whether a text is a lens as Optiland saves it, visisipy's eyes too.
+bool is_optiland(const std::string& text);
+
+/// Planes, spheres and conics, ideal and Abbe media; the image is the retina.
+/// \param file  what errors call it
+/// \throw Error (input_invalid) naming the surface; (unsupported) naming what of the format eyes have no use for
+EyeModel eye_from_optiland(const std::string& text, const std::string& file);
+
+}  // namespace emmetrope
