@@ -159,11 +159,12 @@ PictureJob picture_job(const EyeModel& eye, const Scene& scene, const TraceSetti
 
 /// Of the pixels that light reaches, the nearest to the picture's middle; the middle where there is none.
 std::size_t middle_pixel(const RetinalGrid& grid, const PictureSums& sums) {
+  const int column = grid.width / 2, row = grid.height / 2;
   const auto from_middle = [&](std::size_t pixel) {
-    return std::hypot(static_cast<double>(pixel % grid.width) - grid.width / 2,
-                      static_cast<double>(pixel / grid.width) - grid.height / 2);
+    const int i = static_cast<int>(pixel);
+    return std::hypot(i % grid.width - column, i / grid.width - row);
   };
-  const std::size_t middle = static_cast<std::size_t>(grid.height / 2) * grid.width + grid.width / 2;
+  const std::size_t middle = static_cast<std::size_t>(row) * grid.width + column;
   if (sums.weight[middle] > 0) return middle;
   std::optional<std::size_t> nearest;
   for (std::size_t i = 0; i < sums.weight.size(); ++i)

@@ -31,7 +31,7 @@ std::string plain_name(const std::string& comment) {
 
 /// One of the names that all commands know where the comment says as much.
 std::string surface_name(const std::string& comment) {
-  const std::string text = plain_name(comment);
+  std::string text = plain_name(comment);
   const bool front = has_word(text, {"ant", "front"}), back = has_word(text, {"post", "back"});
   if (front != back) {
     const std::string side = front ? "_anterior" : "_posterior";

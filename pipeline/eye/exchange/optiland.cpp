@@ -61,7 +61,7 @@ std::string add_medium(const Json& material, const std::string& place, LensSyste
   for (const auto& [name, known] : system.media)
     if (known.index == medium.index && known.dispersion.coefficients == medium.dispersion.coefficients)
       return name;
-  const std::string name = "medium_" + std::to_string(system.media.size() + 1);
+  std::string name = "medium_" + std::to_string(system.media.size() + 1);
   system.media[name] = medium;
   return name;
 }
