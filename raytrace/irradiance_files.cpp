@@ -87,9 +87,8 @@ void write_mat(const RetinalIrradiance& light, const Json& scale, const fs::path
 
 }  // namespace
 
-void write_irradiance(const RetinalIrradiance& traced, const EyeModel& eye, const TraceSettings& trace,
+void write_irradiance(RetinalIrradiance light, const EyeModel& eye, const TraceSettings& trace,
                       const IrradianceSettings& settings, const fs::path& folder) {
-  RetinalIrradiance light = traced;
   for (LinearImage& band : light.irradiance) band = with_unseen(std::move(band), light.unseen);
   light.cones = with_unseen(std::move(light.cones), light.unseen);
   const Json scale = scale_of(eye, trace);

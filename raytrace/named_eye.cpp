@@ -28,7 +28,7 @@ fs::path output_of(const fs::path& output, Laterality laterality, bool two_eyes)
 /// \return the picture's path
 fs::path write_output(const fs::path& output, const EyeModel& eye, const TraceSettings& settings,
                       const TraceOptions& options, const CommonOptions& common, const LinearImage& picture,
-                      const std::optional<RetinalIrradiance>& light) {
+                      std::optional<RetinalIrradiance> light) {
   const std::string ending = output.extension().string();
   if (ending == ".png") {
     write_png(output, picture);
@@ -55,7 +55,7 @@ fs::path write_output(const fs::path& output, const EyeModel& eye, const TraceSe
   write_wavefront(turned, settings, output);
   write_visual_field(turned, settings, output);
   if (light)
-    write_irradiance(*light, eye, settings, *options.irradiance, output);
+    write_irradiance(std::move(*light), eye, settings, *options.irradiance, output);
   else
     remove_irradiance(output);
   write_eye(output / "eye.json", eye);
@@ -103,7 +103,7 @@ Answer trace_named(const NamedEye& named, const TraceOptions& options, const Com
     if (options.irradiance)
       light = retinal_irradiance(tracer, eye, *scene, settings, options.exposure, *options.irradiance);
     const fs::path image = write_output(output_of(named.output, laterality, two_eyes), eye, settings, options,
-                                        common, with_cover(result.image, result.unseen), light);
+                                        common, with_cover(result.image, result.unseen), std::move(light));
     Json of_eye = picture_json(result, image.string(), eye, settings);
     of_eye["gaze_deg"] = {settings.pose.gaze.horizontal_deg, settings.pose.gaze.vertical_deg};
     answer.text += picture_line(eye.name, of_eye);

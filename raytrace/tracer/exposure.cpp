@@ -19,12 +19,11 @@ TraceResult trace_turned(const Tracer& tracer, const EyeModel& eye, const Scene&
 class PictureMean {
  public:
   void add(const TraceResult& step, bool illuminance) {
-    std::vector<float> light = step.image.values;
+    const std::vector<float>& light = step.image.values;
     // With illuminance a step counts in multiples of its own middle's light.
-    if (illuminance)
-      for (float& value : light) value *= static_cast<float>(step.middle_projected_sr);
+    const double unit = illuminance ? step.middle_projected_sr : 1;
     sums_.resize(light.size());
-    for (std::size_t i = 0; i < light.size(); ++i) sums_[i] += light[i];
+    for (std::size_t i = 0; i < light.size(); ++i) sums_[i] += unit * light[i];
     seen_.resize(light.size() / 3);
     for (std::size_t pixel = 0; pixel < seen_.size(); ++pixel)
       seen_[pixel] += step.unseen.empty() || step.unseen[pixel] == 0 ? 1 : 0;

@@ -16,9 +16,10 @@ bool is_zmx(const std::filesystem::path& file) { return capitals(file.extension(
 EyeModel read_eye_file(const std::filesystem::path& file) {
   if (is_zmx(file)) return read_zmx(file);
   const std::string text = read_file(file);
-  if (!is_optiland(text)) return read_eye(file);
+  const bool of_optiland = is_optiland(text);
+  const Json json = parse_json(of_optiland ? without_infinities(text) : text, file.string());
   try {
-    return eye_from_optiland(text, file.string());
+    return of_optiland ? eye_from_optiland(json) : eye_from_json(json, file.parent_path());
   } catch (const Error& error) {
     throw Error(error.status(), file.string() + ": " + error.what(), error.remedy());
   }

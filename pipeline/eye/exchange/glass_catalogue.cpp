@@ -6,7 +6,6 @@
 #include <Eigen/QR>
 #include <algorithm>
 #include <cmath>
-#include <sstream>
 
 #include "pipeline/base/error.hpp"
 #include "pipeline/eye/exchange/words.hpp"
@@ -104,7 +103,7 @@ std::map<std::string, Medium> read_glass_catalogue(const std::filesystem::path& 
   for (const WordLine& line : word_lines(file)) {
     if (line.words[0] == "NM") {
       name = capitals(line.word(1));
-      formula = static_cast<int>(line.number(2));
+      formula = line.whole(2);
     } else if (line.words[0] == "CD" && !name.empty()) {
       if (const auto dispersion = dispersion_of(formula, line.numbers(1)))
         media[name] = Medium{dispersion->formula_index(reference_nm), *dispersion, {}};

@@ -1,10 +1,8 @@
 #include "pipeline/eye/exchange/optiland.hpp"
 
 #include <cmath>
-#include <regex>
 
 #include "pipeline/base/error.hpp"
-#include "pipeline/base/json.hpp"
 #include "pipeline/eye/exchange/lens_system.hpp"
 
 namespace emmetrope {
@@ -94,10 +92,16 @@ void take_aperture(const Json& json, LensSystem& system) {
 
 bool is_optiland(const std::string& text) { return text.find("\"surface_group\"") != std::string::npos; }
 
-EyeModel eye_from_optiland(const std::string& text, const std::string& file) {
-  // Python writes what is infinite as a bare word that JSON does not know.
-  static const std::regex infinite(R"((:\s*)-?(Infinity|NaN))");
-  const Json json = parse_json(std::regex_replace(text, infinite, "$1null"), file);
+std::string without_infinities(std::string text) {
+  for (const std::string word : {"-Infinity", "Infinity", "NaN"})
+    for (std::size_t at = text.find(word); at != std::string::npos; at = text.find(word, at + 1)) {
+      const std::size_t before = text.find_last_not_of(" \t\r\n", at == 0 ? 0 : at - 1);
+      if (before != std::string::npos && text[before] == ':') text.replace(at, word.size(), "null");
+    }
+  return text;
+}
+
+EyeModel eye_from_optiland(const Json& json) try {
   if (!json.is_object() || !json.contains("surface_group") || !json["surface_group"].is_object())
     throw input_error("key \"surface_group\": an object is expected");
   LensSystem system;
@@ -125,6 +129,8 @@ EyeModel eye_from_optiland(const std::string& text, const std::string& file) {
     system.surfaces.push_back(surface);
   }
   return eye_of(system);
+} catch (const Json::exception& fault) {
+  throw input_error(std::string("no lens of Optiland: ") + fault.what());
 }
 
 }  // namespace emmetrope

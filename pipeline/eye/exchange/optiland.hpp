@@ -1,6 +1,8 @@
 #pragma once
 #include <string>
 
+#include "pipeline/base/json.hpp"
+
 #include "pipeline/eye/model/eye_model.hpp"
 
 namespace emmetrope {
@@ -9,8 +11,10 @@ namespace emmetrope {
 bool is_optiland(const std::string& text);
 
 /// Planes, spheres and conics, ideal and Abbe media; the image is the retina.
-/// \param file  what errors call it
 /// \throw Error (input_invalid) naming the surface; (unsupported) naming what of the format eyes have no use for
-EyeModel eye_from_optiland(const std::string& text, const std::string& file);
+EyeModel eye_from_optiland(const Json& json);
+
+/// The text as JSON: Python writes what is infinite as a bare word that JSON does not know; it becomes null.
+std::string without_infinities(std::string text);
 
 }  // namespace emmetrope

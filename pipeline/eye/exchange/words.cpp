@@ -2,12 +2,13 @@
 
 #include <algorithm>
 #include <cctype>
-#include <charconv>
 #include <cmath>
+#include <optional>
 #include <sstream>
 
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/files.hpp"
+#include "pipeline/base/typed_number.hpp"
 
 namespace emmetrope {
 namespace {
@@ -43,15 +44,20 @@ const std::string& WordLine::word(std::size_t k) const {
 }
 
 double WordLine::number(std::size_t k) const {
-  const std::string& text_here = word(k);
-  const char* begin = text_here.data() + (text_here[0] == '+' ? 1 : 0);
-  const char* end = text_here.data() + text_here.size();
-  double value = 0;
-  const auto read = std::from_chars(begin, end, value);
-  if (read.ec != std::errc() || read.ptr != end || std::isnan(value))
-    throw input_error(place + ": " + words[0] + ": expected a number, found \"" + text_here.substr(0, 40) +
+  const std::optional<double> value = typed_number(word(k));
+  if (!value)
+    throw input_error(place + ": " + words[0] + ": expected a number, found \"" + word(k).substr(0, 40) +
                       "\"");
-  return value;
+  return *value;
+}
+
+int WordLine::whole(std::size_t k) const {
+  constexpr double most = 10000;
+  const double value = number(k);
+  if (!(value >= 0 && value <= most && value == std::floor(value)))
+    throw input_error(place + ": " + words[0] + ": expected a whole number to 10000, found \"" +
+                      word(k).substr(0, 40) + "\"");
+  return static_cast<int>(value);
 }
 
 double WordLine::number(std::size_t k, double otherwise) const {

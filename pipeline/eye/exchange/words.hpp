@@ -16,6 +16,8 @@ struct WordLine {
   /// \throw Error (input_invalid) where it is none
   double number(std::size_t k) const;
   double number(std::size_t k, double otherwise) const;
+  /// 0 to 10000.
+  int whole(std::size_t k) const;
   /// From this word to the end of the line.
   std::vector<double> numbers(std::size_t from) const;
   /// What follows the first word, without quotes.

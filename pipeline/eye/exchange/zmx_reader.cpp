@@ -49,11 +49,11 @@ void read_system_line(const WordLine& line, ZmxFile& zmx) {
   if (key == "MODE" && line.word(1) != "SEQ") throw unsupported_here(line.place, "mode " + line.word(1));
   if (key == "UNIT" && line.word(1) != "MM")
     throw unsupported_error(line.place + ": lengths in " + line.word(1), "scale the lens to millimetres");
-  if (key == "WAVM") zmx.wavelengths_um[static_cast<int>(line.number(1))] = line.number(2);
+  if (key == "WAVM") zmx.wavelengths_um[line.whole(1)] = line.number(2);
   if (key == "WAVL")
     for (std::size_t k = 1; k < line.words.size(); ++k)
       zmx.wavelengths_um[static_cast<int>(k)] = line.number(k);
-  if (key == "PWAV") zmx.primary = static_cast<int>(line.number(1));
+  if (key == "PWAV") zmx.primary = line.whole(1);
   if (key == "ENPD") zmx.entrance_pupil_mm = line.number(1);
   if (key == "FLOA") zmx.stop_sets_aperture = true;
   if (key == "GCAT") zmx.catalogues.assign(line.words.begin() + 1, line.words.end());
@@ -67,8 +67,8 @@ void read_surface_line(const WordLine& line, ZmxSurface& surface) {
   if (key == "CONI") surface.conic = line.number(1);
   if (key == "DISZ") surface.thickness_mm = line.word(1) == "INFINITY" ? INFINITY : line.number(1);
   if (key == "DIAM") surface.semi_diameter_mm = line.number(1);
-  if (key == "PARM") surface.parameters[static_cast<int>(line.number(1))] = line.number(2);
-  if (key == "XDAT") surface.extra[static_cast<int>(line.number(1))] = line.number(2);
+  if (key == "PARM") surface.parameters[line.whole(1)] = line.number(2);
+  if (key == "XDAT") surface.extra[line.whole(1)] = line.number(2);
   if (key == "GLAS") surface.glass.assign(line.words.begin() + 1, line.words.end());
   if (key == "STOP") surface.is_stop = true;
   if (key == "CLAP") {
@@ -85,7 +85,7 @@ ZmxFile read_file_of(const std::filesystem::path& file) {
   for (const WordLine& line : word_lines(file)) {
     if (line.words[0] == "SURF") {
       zmx.surfaces.emplace_back();
-      zmx.surfaces.back().place = fmt::format("{}: surface {}", line.place, static_cast<int>(line.number(1)));
+      zmx.surfaces.back().place = fmt::format("{}: surface {}", line.place, line.whole(1));
     } else if (zmx.surfaces.empty()) {
       read_system_line(line, zmx);
     } else {
@@ -117,10 +117,10 @@ ShapePtr zernike_of(const ZmxSurface& surface) {
   if (surface.extra.count(1) == 0 || surface.extra.count(2) == 0)
     throw input_error(surface.place + ": XDAT 1 (number of terms) or XDAT 2 (radius) is missing");
   if (surface.curvature_per_mm == 0) throw unsupported_here(surface.place, "Zernike terms upon a plane");
-  const int terms = static_cast<int>(surface.extra.at(1));
-  constexpr int most_terms = 231;
-  if (terms < 1 || terms > most_terms)
+  constexpr double most_terms = 231;
+  if (!(surface.extra.at(1) >= 1 && surface.extra.at(1) <= most_terms))
     throw input_error(surface.place + ": XDAT 1: 1 to 231 terms are expected");
+  const int terms = static_cast<int>(surface.extra.at(1));
   std::vector<double> coefficients_um;
   for (int j = 0, found = 0; found < terms; ++j) {
     const int noll = noll_number(j);

@@ -3,7 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
-#include <set>
+#include <map>
 
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/files.hpp"
@@ -150,9 +150,8 @@ class ZmxWriter {
 
   std::string catalogue() {
     std::string text = fmt::format("CC media of {}\n", one_line(eye_.name));
-    for (const std::string& name : glasses_) {
-      const CatalogueGlass glass =
-          catalogue_glass(glass_name(name), eye_.medium(name), eye_.reference_wavelength_nm);
+    for (const auto& [name, as_glass] : glasses_) {
+      const CatalogueGlass glass = catalogue_glass(as_glass, eye_.medium(name), eye_.reference_wavelength_nm);
       if (glass.worst_index > 1e-9)
         notes_.push_back(fmt::format(
             "the medium {}: its dispersion is told by Schott's formula, which departs from it by at most {:.1g} "
@@ -201,9 +200,15 @@ class ZmxWriter {
   }
 
   void add_glass(const std::string& medium) {
-    // Zemax wants the index and Abbe number only of model glasses.
-    text_ += fmt::format("  GLAS {} 0 0 {} 0 0 0 0 0 0 0\n", glass_name(medium), eye_.medium(medium).index);
-    if (std::find(glasses_.begin(), glasses_.end(), medium) == glasses_.end()) glasses_.push_back(medium);
+    if (glasses_.count(medium) == 0) {
+      std::string name = glass_name(medium);
+      // Media may differ in what a catalogue cannot tell apart.
+      const auto taken = [&](const auto& glass) { return glass.second == name; };
+      for (int k = 2; std::any_of(glasses_.begin(), glasses_.end(), taken); ++k)
+        name = fmt::format("{}_{}", glass_name(medium), k);
+      glasses_[medium] = name;
+    }
+    text_ += fmt::format("  GLAS {} 0 0 {} 0 0 0 0 0 0 0\n", glasses_.at(medium), eye_.medium(medium).index);
   }
 
   /// Without the depth of its vertex.
@@ -234,7 +239,7 @@ class ZmxWriter {
   const EyeModel& eye_;
   std::vector<std::string>& notes_;
   std::string text_;
-  std::vector<std::string> glasses_;
+  std::map<std::string, std::string> glasses_;  ///< names in the catalogue, by medium
   int number_ = 0;
 };
 

@@ -61,7 +61,7 @@ TEST(Optiland, AVisisipyEyeIsNavarros) {
 
 std::string fault_of(const std::string& text) {
   try {
-    eye_from_optiland(text, "model.json");
+    eye_from_optiland(parse_json(without_infinities(text), "model.json"));
   } catch (const Error& error) {
     return error.what();
   }
@@ -74,6 +74,10 @@ TEST(Optiland, WhatEyesDoNotNeedIsRefusedByName) {
   EXPECT_THAT(fault_of(lens(R"("type": "StandardGeometry", "conic": 0)")), testing::HasSubstr("\"radius\""));
   EXPECT_THAT(fault_of(R"({"surface_group": {"surfaces": []}})"),
               testing::HasSubstr("wavelengths: none is primary"));
+  EXPECT_THAT(fault_of(R"({"surface_group": {"surfaces": [1, 2, 3]}, "wavelengths": 3})"),
+              testing::HasSubstr("no lens of Optiland"));
+  EXPECT_EQ(without_infinities("{\"Infinity\": -Infinity, \"b\":NaN, \"c\": \"NaN\"}"),
+            "{\"Infinity\": null, \"b\":null, \"c\": \"NaN\"}");
   EXPECT_THAT(fault_of(R"({"surface_group": 3})"), testing::HasSubstr("surface_group"));
 }
 

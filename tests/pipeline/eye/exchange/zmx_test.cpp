@@ -133,6 +133,19 @@ TEST(Zmx, AGradientThatZemaxCannotHoldIsRefused) {
   EXPECT_FALSE(std::filesystem::exists(folder.path() / "eye.zmx"));
 }
 
+TEST(Zmx, MediaWhoseNamesFallTogetherStayApart) {
+  const TemporaryFolder folder;
+  EyeModel eye = make_eye("navarro");
+  eye.media["medium a"] = eye.media.at("aqueous");
+  eye.media["medium-a"] = eye.media.at("vitreous");
+  eye.surface("cornea_posterior").medium_after = "medium a";
+  eye.surface("lens_posterior").medium_after = "medium-a";
+  const EyeModel again = there_and_back(eye, folder);
+  int reached = 0;
+  EXPECT_LT(rays_apart_mm(eye, again, eye.reference_wavelength_nm, 0.2, &reached), 1e-9);
+  EXPECT_GT(reached, 50);
+}
+
 TEST(Zmx, DispersionIsKeptWithinWhatTheNotesSay) {
   const TemporaryFolder folder;
   const EyeModel eye = make_eye("navarro");
@@ -273,6 +286,8 @@ TEST(Zmx, WhatEyesDoNotNeedIsRefusedByName) {
   EXPECT_THAT(fault_of(changed("PWAV 1", "PWAV 7")), testing::HasSubstr("no primary wavelength"));
   EXPECT_THAT(fault_of(changed("DISZ 4", "DISZ -4")),
               testing::HasSubstr("lies in front of the surface before it"));
+  EXPECT_THAT(fault_of(changed("SURF 1\n", "SURF 1e300\n")), testing::HasSubstr("expected a whole number"));
+  EXPECT_THAT(fault_of(changed("CONI -1\n", "CONI inf\n")), testing::HasSubstr("expected a number"));
   EXPECT_THAT(fault_of(changed("DISZ 4", "DISZ nan")), testing::HasSubstr("expected a number"));
   EXPECT_THAT(fault_of(changed("  CONI -1\n", "  CONI -1\n  SQAP 1 1\n")),
               testing::HasSubstr("an aperture of type SQAP"));
