@@ -2,7 +2,6 @@
 #include <string>
 
 #include "pipeline/base/json.hpp"
-
 #include "pipeline/eye/model/eye_model.hpp"
 
 namespace emmetrope {

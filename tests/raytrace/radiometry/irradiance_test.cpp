@@ -4,6 +4,7 @@
 
 #include <Eigen/Dense>
 #include <complex>
+#include <numeric>
 
 #include "pipeline/base/frames.hpp"
 #include "pipeline/eye/media/transmittance.hpp"
@@ -227,6 +228,37 @@ TEST(Irradiance, BadSettingsNameTheirOption) {
   settings = {};
   settings.age_years = 200;
   EXPECT_ANY_THROW(settings.check());
+}
+
+// Behind steps of the eye's own motion each picture is a multiple of its own middle's light: few rays make these differ.
+TEST(Irradiance, OfAMovingEyeIsTheMeanOfItsPlaces) {
+  const EyeModel eye = make_eye("navarro");
+  TraceSettings trace = small_picture({0, 0});
+  trace.samples = 64;
+  IrradianceSettings settings;
+  settings.first_nm = settings.last_nm = 550;
+  Exposure still, moving;
+  moving.eye_motion_deg = {1, 0};
+  const Scene white = flat_scene({2, 2, 1, {1, 1, 1, 1}});
+  const Tracer tracer("");
+  const auto mean = [&](const Exposure& exposure) {
+    const LinearImage light = retinal_irradiance(tracer, eye, white, trace, exposure, settings).irradiance[0];
+    return std::accumulate(light.values.begin(), light.values.end(), 0.0) /
+           static_cast<double>(light.values.size());
+  };
+  EXPECT_NEAR(mean(moving) / mean(still), 1, 2e-3);
+}
+
+TEST(Irradiance, OfADimSpectrumIsNotLostBesideAWhiteThatIsNotThere) {
+  // Radiances of twilight, a ten thousandth of a display's white.
+  const float dim = 1e-7F;
+  Scene scene = flat_scene({2, 2, 1, {0, 0, 0, 0}});
+  scene.background.setZero();
+  scene.planes[0].spectrum = std::make_shared<const SpectralPicture>(SpectralPicture{
+      {500, 600}, {{2, 2, 1, {dim, dim / 2, dim, dim}}, {2, 2, 1, {dim, dim / 2, dim, dim}}}});
+  const SceneAtWavelength shown = at_wavelength(scene, DisplayLight(100), 550);
+  EXPECT_NEAR(shown.unit / dim, 1, 1e-6);
+  EXPECT_NEAR(shown.scene.planes[0].texture->values[1], 0.5, 1e-6);
 }
 
 }  // namespace

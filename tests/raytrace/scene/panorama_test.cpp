@@ -4,7 +4,12 @@
 
 #include <random>
 
+#include "pipeline/base/files.hpp"
 #include "pipeline/base/frames.hpp"
+#include "pipeline/eye/schematic/schematic_eyes.hpp"
+#include "raytrace/scene/scene_json.hpp"
+#include "raytrace/tracer/tracer.hpp"
+#include "tests/support/temporary_folder.hpp"
 
 namespace emmetrope::raytrace {
 namespace {
@@ -59,6 +64,24 @@ TEST(Panorama, StraightAheadIsThePicturesMiddleAndItsRightThePatientsRight) {
   for (const double right_deg : {-170.0, -50.0, 0.5, 60.0, 140.0})
     for (const double up_deg : {-60.0, -20.0, 1.0, 45.0, 70.0})
       EXPECT_NEAR(at(right_deg, up_deg), expected(right_deg, up_deg), texel) << right_deg << ' ' << up_deg;
+}
+
+// Straight ahead a panorama's face is as far as a chart at infinity.
+TEST(Panorama, LiesBehindEverythingElse) {
+  const test::TemporaryFolder folder;
+  write_png(folder.path() / "black.png", {16, 8, 3, std::vector<float>(16 * 8 * 3, 0)});
+  write_png(folder.path() / "white.png", {4, 4, 3, std::vector<float>(4 * 4 * 3, 1)});
+  write_file(folder.path() / "scene.json", R"({"objects": [
+    {"type": "panorama", "picture": "black.png"},
+    {"type": "plane", "centre_mm": [0, 0, 1], "right_mm": [-0.1, 0, 0], "up_mm": [0, 0.1, 0], "at_infinity": true,
+     "picture": "white.png"}]})");
+  TraceSettings settings;
+  settings.grid.width = settings.grid.height = 2;
+  settings.grid.field_x_mm = settings.grid.field_y_mm = 0.1;
+  settings.samples = 16;
+  const TraceResult result =
+      Tracer("").trace(make_eye("navarro"), read_scene(folder.path() / "scene.json"), settings);
+  for (const float light : result.image.values) EXPECT_NEAR(light, 1, 1e-3);
 }
 
 }  // namespace
