@@ -6,6 +6,7 @@
 #include <Eigen/QR>
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
 #include "pipeline/base/error.hpp"
 #include "pipeline/eye/exchange/words.hpp"

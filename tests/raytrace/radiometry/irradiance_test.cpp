@@ -158,7 +158,7 @@ TEST(Irradiance, ConesSeeAGratingWithTheContrastThatPlainRaysGive) {
   constexpr double cycles_per_degree = 4;
   // Columns of the texture are even in the tangent: the grating is sinusoidal in the angle.
   constexpr int columns = 8192;
-  Texture grating{columns, 2, 1, std::vector<float>(2 * columns)};
+  Texture grating{columns, 2, 1, std::vector<float>(std::size_t{2} * columns)};
   for (int i = 0; i < columns; ++i) {
     const double angle_deg = std::atan((2 * (i + 0.5) / columns - 1) * std::tan(20 * degree)) / degree;
     grating.values[i] = grating.values[columns + i] =

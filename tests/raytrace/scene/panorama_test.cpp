@@ -47,7 +47,7 @@ TEST(Surround, ShowsEveryDirectionItsLight) {
 }
 
 TEST(Panorama, StraightAheadIsThePicturesMiddleAndItsRightThePatientsRight) {
-  Texture picture{64, 32, 1, std::vector<float>(64 * 32)};
+  Texture picture{64, 32, 1, std::vector<float>(std::size_t{64} * 32)};
   for (int row = 0; row < 32; ++row)
     for (int column = 0; column < 64; ++column)
       picture.values[row * 64 + column] = static_cast<float>(column + 100 * row);
@@ -69,8 +69,8 @@ TEST(Panorama, StraightAheadIsThePicturesMiddleAndItsRightThePatientsRight) {
 // Straight ahead a panorama's face is as far as a chart at infinity.
 TEST(Panorama, LiesBehindEverythingElse) {
   const test::TemporaryFolder folder;
-  write_png(folder.path() / "black.png", {16, 8, 3, std::vector<float>(16 * 8 * 3, 0)});
-  write_png(folder.path() / "white.png", {4, 4, 3, std::vector<float>(4 * 4 * 3, 1)});
+  write_png(folder.path() / "black.png", {16, 8, 3, std::vector<float>(std::size_t{16} * 8 * 3, 0)});
+  write_png(folder.path() / "white.png", {4, 4, 3, std::vector<float>(std::size_t{4} * 4 * 3, 1)});
   write_file(folder.path() / "scene.json", R"({"objects": [
     {"type": "panorama", "picture": "black.png"},
     {"type": "plane", "centre_mm": [0, 0, 1], "right_mm": [-0.1, 0, 0], "up_mm": [0, 0.1, 0], "at_infinity": true,
