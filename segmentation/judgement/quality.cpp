@@ -202,7 +202,7 @@ double residual_over_contrast(const EyeFit& fit) {
 void judge_residuals(const EyeFit& fit, Gates& gates, bool confirmed) {
   const double share = residual_over_contrast(fit);
   const auto limit_of = [&](const char* quantity) {
-    const Limits& limits = limits_of(quantity);
+    const Limits limits = limits_of(quantity);
     return confirmed ? limits.accepted.high : limits.plausible.high;
   };
   gates.refuse_above("residual_over_contrast", share, limit_of("residual_over_contrast"),
