@@ -204,14 +204,6 @@ std::vector<std::string> doubts(const Prescription& prescription) {
   return sentences;
 }
 
-/// The lens index of a measured eye that was traced is the one to be uncertain about.
-UncertainOptics read_uncertain_optics(const fs::path& file, double lens_index_sigma, const EyeModel& traced) {
-  UncertainOptics optics = uncertain_optics_from_json(read_json(file), file.parent_path(), lens_index_sigma);
-  const auto lens = traced.media.find("lens");
-  if (lens == traced.media.end()) return optics;  // cortex and core: the equivalent index stays
-  return with_lens_index(optics, lens->second.index, lens_index_sigma);
-}
-
 /// What `write_eye_files` may write.
 constexpr std::array eye_files{"prescription.json", "corrected.png", "sweep.csv",
                                "sweep.svg",         "ablated.png",   "ablated_wavefront_guided.png"};

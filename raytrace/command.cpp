@@ -18,10 +18,13 @@ namespace {
 struct Flags {
   std::string case_folder, eye, output;
   std::string surfaces, method = "pupil", vertices = "800", size = "500x500", field_mm, field_deg, projection,
-                        fovea = "0,0";
+                        fovea;
   std::string spectacle, plano_cylinder, lens_model;
   std::string psf_grid, bands = "400:700:10", media_field = "small";
+  std::vector<std::string> irradiance_formats, discs;
   std::optional<double> luminance_cd_m2, media_age_years;
+  std::string movement;
+  double frame_rate_hz = MovieSettings().frame_rate_hz;
   std::string gaze = "0,0", fixate, strabismus, motion = "0,0";
   double rotation_centre_mm = EyePose().rotation_centre_mm;
   std::optional<int> samples;
@@ -61,8 +64,12 @@ void declare_picture(CLI::App& app, Flags& flags) {
          "tangents (--field-deg)")
       ->type_name("KIND")
       ->check(CLI::IsMember({"retina-plane", "retina-arc", "visual-angle", "perspective"}));
-  app.add_option("--fovea", flags.fovea, "Centre of the picture on the retina, mm from the pole")
-      ->type_name("X,Y");
+  app.add_option("--fovea", flags.fovea,
+                 "Centre of the picture on the retina, mm from the pole, with its standard deviation where it was measured")
+      ->type_name("X,Y[+-S]");
+  app.add_option("--disc", flags.discs, "The optic disc's centre in the same way, for visual-field.json")
+      ->allow_extra_args(false)
+      ->type_name("[od:|os:]X,Y[+-S]");
   app.add_option("--samples", flags.samples,
                  "Rays a pixel, in multiples of 32 (128; with --target-error at most, 16384)");
   app.add_option("--target-error", flags.options.settings.target_error,
@@ -115,6 +122,16 @@ void declare_gaze(CLI::App& app, Flags& flags) {
       ->capture_default_str();
 }
 
+void declare_movement(CLI::App& app, Flags& flags) {
+  auto* movement =
+      app.add_option("--movement", flags.movement,
+                     "Into the folder too, a movie: gaze, vergence, accommodation, pupil from a table, or by a model: "
+                     "saccade, pursuit, drift, microsaccades, fixation")
+          ->type_name("FILE.csv|MODEL[:key=value,...]");
+  for (const char* still : {"--gaze", "--fixate", "--motion", "--strabismus"}) movement->excludes(still);
+  app.add_option("--frame-rate", flags.frame_rate_hz, "Of the movie, 1/s")->capture_default_str()->needs(movement);
+}
+
 void declare_light(CLI::App& app, Flags& flags) {
   app.add_option("--wavelength", flags.options.settings.wavelength_nm, "Monochromatic, nm (spectral)")
       ->type_name("NM");
@@ -146,6 +163,13 @@ void declare_radiometry(CLI::App& app, Flags& flags) {
       ->check(CLI::IsMember({"small", "large"}))
       ->capture_default_str()
       ->needs(irradiance);
+  app.add_option("--irradiance-format", flags.irradiance_formats, "Its files: tiff, exr, mat, isetbio (tiff,mat)")
+      ->delimiter(',')
+      ->check(CLI::IsMember(irradiance_formats).description(""))
+      ->type_name("KIND[,KIND...]")
+      ->needs(irradiance);
+  app.add_flag("--photons", flags.options.irradiance_files.photons, "Photons / (s m^2 nm) instead of W / (m^2 nm)")
+      ->needs(irradiance);
 }
 
 void declare_measured_eye(CLI::App& app, Flags& flags) {
@@ -164,6 +188,7 @@ void declare(CLI::App& app, Flags& flags) {
   declare_field(app, flags);
   declare_pupil_and_lens(app, flags);
   declare_gaze(app, flags);
+  declare_movement(app, flags);
   declare_light(app, flags);
   declare_radiometry(app, flags);
   declare_measured_eye(app, flags);
@@ -247,6 +272,31 @@ Projection parse_projection(const Flags& flags) {
   return flags.projection == "retina-arc" ? Projection::retina_arc : Projection::retina_plane;
 }
 
+Landmark parse_landmark(const std::string& option, const std::string& text) {
+  const std::size_t spread = text.find("+-");
+  Landmark landmark{parse_pair(option, text.substr(0, spread), ',')};
+  if (spread == std::string::npos) return landmark;
+  const std::string behind = text.substr(spread + 2);
+  NumbersOf rest(option, behind);
+  landmark.sigma_mm = rest.number();
+  if (!rest.done()) throw usage_error(option + ": \"" + text + "\" goes on after its standard deviation");
+  return landmark;
+}
+
+/// By eye; a disc without one is that of every eye.
+std::map<Laterality, Landmarks> parse_landmarks(const Flags& flags) {
+  std::map<Laterality, Landmarks> landmarks;
+  for (const Laterality eye : both_eyes) {
+    if (!flags.fovea.empty()) landmarks[eye].fovea = parse_landmark("--fovea", flags.fovea);
+    for (const std::string& text : flags.discs) {
+      const bool names_eye = text.rfind("od:", 0) == 0 || text.rfind("os:", 0) == 0;
+      if (names_eye && text.substr(0, 2) != to_string(eye)) continue;
+      landmarks[eye].disc = parse_landmark("--disc", names_eye ? text.substr(3) : text);
+    }
+  }
+  return landmarks;
+}
+
 RetinalGrid parse_grid(const Flags& flags) {
   const Eigen::Vector2d size = parse_pair("--size", flags.size, 'x');
   if (size != size.array().floor().matrix()) throw usage_error("--size: pixels are counted in whole numbers");
@@ -261,7 +311,7 @@ RetinalGrid parse_grid(const Flags& flags) {
     grid.field_x_mm = field.x();
     grid.field_y_mm = field.y();
   }
-  grid.centre_mm = parse_pair("--fovea", flags.fovea, ',');
+  if (!flags.fovea.empty()) grid.centre_mm = parse_landmark("--fovea", flags.fovea).from_pole_mm;
   return grid;
 }
 
@@ -345,7 +395,11 @@ TraceOptions parse_options(const Flags& flags, const CommonOptions& common) {
   options.poses = parse_poses(flags, common.laterality);
   options.exposure.eye_motion_deg = parse_pair("--motion", flags.motion, ',');
   options.spectacle = parse_worn(flags);
+  options.landmarks = parse_landmarks(flags);
   options.irradiance = parse_irradiance(flags);
+  if (!flags.irradiance_formats.empty())
+    options.irradiance_files.formats = {flags.irradiance_formats.begin(), flags.irradiance_formats.end()};
+  if (!flags.movement.empty()) options.movie = MovieSettings{flags.movement, flags.frame_rate_hz};
   if (!flags.psf_grid.empty()) {
     const Eigen::Vector2d grid = parse_pair("--psf-grid", flags.psf_grid, ':');
     options.psf_grid = FieldGrid{grid.x(), grid.y()};

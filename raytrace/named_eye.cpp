@@ -6,6 +6,7 @@
 #include "pipeline/eye/schematic/schematic_eyes.hpp"
 #include "raytrace/eye_picture.hpp"
 #include "raytrace/irradiance_files.hpp"
+#include "raytrace/picture/float_files.hpp"
 #include "raytrace/spectacle/spectacle.hpp"
 #include "raytrace/visual_field.hpp"
 #include "raytrace/wavefront_files.hpp"
@@ -27,7 +28,7 @@ fs::path output_of(const fs::path& output, Laterality laterality, bool two_eyes)
 /// Writes the picture, and into a folder what belongs to it.
 /// \return the picture's path
 fs::path write_output(const fs::path& output, const EyeModel& eye, const TraceSettings& settings,
-                      const TraceOptions& options, const CommonOptions& common, const LinearImage& picture,
+                      const Landmarks& landmarks, const TraceOptions& options, const CommonOptions& common, const LinearImage& picture,
                       std::optional<RetinalIrradiance> light) {
   const std::string ending = output.extension().string();
   if (ending == ".png") {
@@ -53,14 +54,25 @@ fs::path write_output(const fs::path& output, const EyeModel& eye, const TraceSe
     remove_field(output);
   // What takes long comes first, then files follow one another at once.
   write_wavefront(turned, settings, output);
-  write_visual_field(turned, settings, output);
+  write_visual_field(turned, settings, landmarks, nullptr, output);
   if (light)
-    write_irradiance(std::move(*light), eye, settings, *options.irradiance, output);
+    write_irradiance(std::move(*light), eye, settings, *options.irradiance, options.irradiance_files, output);
   else
     remove_irradiance(output);
+  if (!options.movie) remove_movie(output);
   write_eye(output / "eye.json", eye);
   write_png(output / "uncorrected.png", picture);
   return output / "uncorrected.png";
+}
+
+/// \param usual  of the eye at rest
+EyeInState in_state(const NamedEye& named, const EyeOptions& usual, const TraceOptions& options) {
+  return [&named, usual, &options](double accommodation_D, const std::optional<double>& pupil_mm) {
+    EyeOptions now = usual;
+    now.accommodation_D += accommodation_D;
+    if (pupil_mm) now.pupil_mm = pupil_mm;
+    return options.with_worn(make_eye(named.eye, now));
+  };
 }
 
 std::vector<Laterality> eyes_of(const TraceOptions& options, LateralityChoice wanted) {
@@ -83,9 +95,9 @@ void NamedEye::check() const {
 Answer trace_named(const NamedEye& named, const TraceOptions& options, const CommonOptions& common) {
   named.check();
   options.check();
-  if ((options.psf_grid || options.irradiance) && named.output.has_extension() &&
+  if ((options.psf_grid || options.irradiance || options.movie) && named.output.has_extension() &&
       !fs::is_directory(named.output))
-    throw usage_error("--psf-grid and --irradiance write several files", "give -o a folder");
+    throw usage_error("--psf-grid, --irradiance and --movement write several files", "give -o a folder");
   const auto scene = make_scene(options.scene);
   const Tracer tracer(common.device, common.threads);
   const std::vector<Laterality> eyes = eyes_of(options, common.laterality);
@@ -102,8 +114,12 @@ Answer trace_named(const NamedEye& named, const TraceOptions& options, const Com
     std::optional<RetinalIrradiance> light;
     if (options.irradiance)
       light = retinal_irradiance(tracer, eye, *scene, settings, options.exposure, *options.irradiance);
-    const fs::path image = write_output(output_of(named.output, laterality, two_eyes), eye, settings, options,
+    const fs::path output = output_of(named.output, laterality, two_eyes);
+    const fs::path image = write_output(output, eye, settings, options.landmarks_of(laterality), options,
                                         common, with_cover(result.image, result.unseen), std::move(light));
+    if (options.movie)
+      write_movie(tracer, in_state(named, eye_options, options), laterality, *scene, settings, options.exposure,
+                  *options.movie, output);
     Json of_eye = picture_json(result, image.string(), eye, settings);
     of_eye["gaze_deg"] = {settings.pose.gaze.horizontal_deg, settings.pose.gaze.vertical_deg};
     answer.text += picture_line(eye.name, of_eye);

@@ -24,10 +24,22 @@ Json or_null(const std::optional<Value>& value) {
   return value ? Json(*value) : Json(nullptr);
 }
 
-Json irradiance_json(const IrradianceSettings& settings) {
-  return {{"luminance_cd_m2", settings.luminance_cd_m2},
+Json irradiance_json(const IrradianceSettings& settings, const IrradianceFiles& files) {
+  return {{"formats", files.formats},
+          {"photons", files.photons},
+          {"luminance_cd_m2", settings.luminance_cd_m2},
           {"bands_nm", {settings.first_nm, settings.last_nm, settings.step_nm}},
           {"media_age_years", or_null(settings.age_years)}};
+}
+
+Json landmarks_json(const TraceOptions& options) {
+  const auto mark = [](const std::optional<Landmark>& given) {
+    return given ? Json{given->from_pole_mm.x(), given->from_pole_mm.y(), given->sigma_mm} : Json(nullptr);
+  };
+  Json json = Json::object();
+  for (const auto& [eye, marks] : options.landmarks)
+    json[to_string(eye)] = {{"fovea", mark(marks.fovea)}, {"disc", mark(marks.disc)}};
+  return json;
 }
 
 Json parameters_of(const TraceOptions& options, const MeasuredEyeOptions& measured,
@@ -48,6 +60,7 @@ Json parameters_of(const TraceOptions& options, const MeasuredEyeOptions& measur
        settings.grid.is_angular() ? Json(nullptr) : Json{settings.grid.field_x_mm, settings.grid.field_y_mm}},
       {"field_deg", settings.grid.is_angular() ? pair_json(settings.grid.field_deg) : Json(nullptr)},
       {"fovea_mm", pair_json(settings.grid.centre_mm)},
+      {"landmarks", landmarks_json(options)},
       {"samples", settings.samples},
       {"target_error", or_null(settings.target_error)},
       {"method", to_string(settings.method)},
@@ -70,7 +83,9 @@ Json parameters_of(const TraceOptions& options, const MeasuredEyeOptions& measur
       {"retinal_depth_mm", measured.retinal_depth_mm},
       {"psf_grid_deg",
        options.psf_grid ? Json{options.psf_grid->reach_deg, options.psf_grid->step_deg} : Json(nullptr)},
-      {"irradiance", options.irradiance ? irradiance_json(*options.irradiance) : Json(nullptr)},
+      {"movement", options.movie ? Json(options.movie->movement) : Json(nullptr)},
+      {"frame_rate_hz", options.movie ? Json(options.movie->frame_rate_hz) : Json(nullptr)},
+      {"irradiance", options.irradiance ? irradiance_json(*options.irradiance, options.irradiance_files) : Json(nullptr)},
       {"seed", common.seed},
       {"laterality", to_string(common.laterality)}};
 }
@@ -90,7 +105,7 @@ class Inputs {
 
   void add_meshes(const fs::path& case_folder) {
     for (const Laterality eye : both_eyes)
-      for (const char* file : {"biometry.json", "cornea_anterior.ply", "cornea_posterior.ply",
+      for (const char* file : {"biometry.json", "optics.json", "cornea_anterior.ply", "cornea_posterior.ply",
                                "lens_anterior.ply", "lens_posterior.ply", "retina.ply"}) {
         const fs::path name = fs::path("meshing") / to_string(eye) / file;
         add(name.string(), case_folder / name);
@@ -117,6 +132,7 @@ std::vector<StageInput> inputs_of(const fs::path& case_folder, const TraceOption
   inputs.add_meshes(case_folder);
   inputs.add("case.json", case_folder / "case.json");
   inputs.add("scene", options.scene);
+  if (options.movie) inputs.add("movement", options.movie->movement);
   for (std::size_t i = 0; i < scene.files.size(); ++i)
     inputs.add(fmt::format("scene file {}", i + 1), scene.files[i]);
   if (const auto* surfaces = options.spectacle ? std::get_if<SurfacesFile>(&*options.spectacle) : nullptr)
@@ -124,9 +140,18 @@ std::vector<StageInput> inputs_of(const fs::path& case_folder, const TraceOption
   return inputs.inputs;
 }
 
+/// A measured eye keeps the accommodation that it had in the scanner.
+EyeInState in_scanner(const EyeModel& eye, const TraceOptions& options) {
+  return [&](double /*accommodation_D*/, const std::optional<double>& pupil_mm) {
+    EyeModel now = eye;
+    if (pupil_mm) now.set_stop_diameter(*pupil_mm);
+    return options.with_worn(now);
+  };
+}
+
 /// Writes what one eye sees into its folder.
 /// \return what stage.json says of it
-Json trace_eye(const MeasuredEye& measured, Laterality eye, const TraceOptions& options,
+Json trace_eye(const MeasuredEye& measured, const UncertainOptics& optics, Laterality eye, const TraceOptions& options,
                const CommonOptions& common, const Tracer& tracer, const Scene& scene,
                const fs::path& folder) {
   const TraceSettings settings = options.settings_of(eye);
@@ -141,13 +166,21 @@ Json trace_eye(const MeasuredEye& measured, Laterality eye, const TraceOptions& 
   write_png(folder / "uncorrected.png", with_cover(result.image, result.unseen));
   write_wavefront(measured.eye, settings, folder);
   const EyeModel turned = fixed_to_head(worn, settings.pose.turned_from_straight());
-  write_visual_field(turned, settings, folder);
+  const UncertainField uncertain{
+      optics, [&](const EyeModel& own) {
+        return fixed_to_head(options.with_worn(own), settings.pose.turned_from_straight());
+      },
+      common.thread_count()};
+  write_visual_field(turned, settings, options.landmarks_of(eye), &uncertain, folder);
   if (options.irradiance)
     write_irradiance(retinal_irradiance(tracer, worn, scene, settings, options.exposure, *options.irradiance),
-                     worn, settings, *options.irradiance, folder);
+                     worn, settings, *options.irradiance, options.irradiance_files, folder);
   if (options.psf_grid)
     write_field(turned, *options.psf_grid, wavefront_settings(settings), folder, common.thread_count(),
                 common.verbosity);
+  if (options.movie)
+    write_movie(tracer, in_scanner(measured.eye, options), eye, scene, settings, options.exposure, *options.movie,
+                folder);
   Json json =
       picture_json(result, fmt::format("raytrace/{}/uncorrected.png", to_string(eye)), worn, settings);
   json["lens_index"] = measured.lens_index;
@@ -161,6 +194,9 @@ Json trace_eye(const MeasuredEye& measured, Laterality eye, const TraceOptions& 
 Answer trace_case(const fs::path& case_folder, const MeasuredEyeOptions& measured,
                   const TraceOptions& options, const CommonOptions& common) {
   options.check();
+  if (options.movie && make_movement(options.movie->movement, common.seed).accommodates())
+    throw usage_error("--movement: a measured eye is traced as it was in the scanner, without accommodation_D",
+                      "leave that column out, or use --eye");
   const CaseLock lock(case_folder, false);
   const StageVerdict meshed = read_verdict(case_folder, "meshing");
   const std::vector<Laterality> eyes = eyes_with(case_folder, "meshing", "biometry.json", common.laterality);
@@ -180,9 +216,12 @@ Answer trace_case(const fs::path& case_folder, const MeasuredEyeOptions& measure
   const StageOutcome outcome = run_stage(case_folder, spec, common, [&](StageWorkspace& workspace) {
     Json of_eyes = Json::object();
     StageVerdict verdict = work_eye_by_eye(eyes, meshed, [&](Laterality eye) {
-      if (!fs::exists(case_folder / "meshing" / to_string(eye) / "optics.json"))
+      const fs::path optics = case_folder / "meshing" / to_string(eye) / "optics.json";
+      if (!fs::exists(optics))
         throw no_result_error("cornea or lens are withheld: light cannot be traced through this eye");
-      of_eyes[to_string(eye)] = trace_eye(read_measured_eye(case_folder, eye, measured), eye, of_subject,
+      const MeasuredEye own = read_measured_eye(case_folder, eye, measured);
+      const double index_sigma = measured.lens_index ? 0 : usual_lens_index_sigma;
+      of_eyes[to_string(eye)] = trace_eye(own, read_uncertain_optics(optics, index_sigma, own.eye), eye, of_subject,
                                           common, tracer, *scene, workspace.folder() / to_string(eye));
     });
     workspace.provenance()["eyes"] = of_eyes;

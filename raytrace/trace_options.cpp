@@ -1,6 +1,9 @@
 #include "raytrace/trace_options.hpp"
 
+#include <cmath>
+
 #include "pipeline/base/error.hpp"
+#include "raytrace/retina/field_points.hpp"
 
 namespace emmetrope::raytrace {
 
@@ -9,9 +12,19 @@ void TraceOptions::check() const {
   for (const auto& [eye, pose] : poses) pose.check();
   if (psf_grid) psf_grid->check();
   if (irradiance) irradiance->check();
+  if (movie) movie->check(settings);
+  for (const auto& [eye, marks] : landmarks) {
+    if (marks.fovea) marks.fovea->check("--fovea");
+    if (marks.disc) marks.disc->check("--disc");
+  }
   if (irradiance && (settings.wavelength_nm || settings.achromatic || settings.method == Method::paper))
     throw usage_error("--irradiance traces every band by its own rays, spread evenly over the pupil",
                       "leave out --wavelength (--bands gives them), --achromatic and --method paper");
+  const Eigen::Vector2d half = half_of(settings.grid);
+  if (irradiance && irradiance_files.formats.count("isetbio") > 0 &&
+      std::abs(half.x() * settings.grid.height / (half.y() * settings.grid.width) - 1) > 0.01)
+    throw usage_error("--irradiance-format isetbio: its pixels are square",
+                      "give --size and --field-mm, or --field-deg, of one shape");
   if (const auto* cylinder = spectacle ? std::get_if<PlanoCylinder>(&*spectacle) : nullptr) cylinder->check();
   if (pupillary_distance_mm && !(*pupillary_distance_mm > 0 && *pupillary_distance_mm < 120))
     throw usage_error(
@@ -23,6 +36,11 @@ TraceSettings TraceOptions::settings_of(Laterality eye) const {
   TraceSettings own = settings;
   own.pose = poses.at(eye);
   return own;
+}
+
+Landmarks TraceOptions::landmarks_of(Laterality eye) const {
+  const auto found = landmarks.find(eye);
+  return found == landmarks.end() ? Landmarks() : found->second;
 }
 
 EyeModel TraceOptions::with_worn(const EyeModel& eye) const {

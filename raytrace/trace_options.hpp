@@ -4,9 +4,11 @@
 #include <string>
 
 #include "pipeline/base/laterality.hpp"
-#include "raytrace/radiometry/irradiance.hpp"
+#include "raytrace/irradiance_files.hpp"
+#include "raytrace/movie.hpp"
 #include "raytrace/spectacle/spectacle.hpp"
 #include "raytrace/tracer/exposure.hpp"
+#include "raytrace/visual_field.hpp"
 #include "raytrace/wavefront/field.hpp"
 
 namespace emmetrope::raytrace {
@@ -21,10 +23,14 @@ struct TraceOptions {
   std::optional<Spectacle> spectacle;
   std::optional<FieldGrid> psf_grid;             ///< what else is measured over the visual field
   std::optional<IrradianceSettings> irradiance;  ///< the light on the retina in physical units too
+  IrradianceFiles irradiance_files;
+  std::optional<MovieSettings> movie;
+  std::map<Laterality, Landmarks> landmarks;  ///< of the retinas, where they were given
 
   /// \throw Error (usage) naming the option
   void check() const;
   TraceSettings settings_of(Laterality eye) const;
+  Landmarks landmarks_of(Laterality eye) const;
   /// The eye with the spectacle before it, if there is one.
   EyeModel with_worn(const EyeModel& eye) const;
 };

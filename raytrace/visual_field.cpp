@@ -1,43 +1,136 @@
 #include "raytrace/visual_field.hpp"
 
-#include <cmath>
+#include <fmt/format.h>
 
+#include <cmath>
+#include <vector>
+
+#include "pipeline/base/error.hpp"
 #include "pipeline/base/files.hpp"
 #include "pipeline/base/frames.hpp"
+#include "pipeline/base/measured.hpp"
+#include "raytrace/case/retina_ellipse.hpp"
 #include "raytrace/retina/field_points.hpp"
+#include "raytrace/retina/geodesic.hpp"
+#include "raytrace/retina/pupil_aim.hpp"
 #include "raytrace/retina/retina_arc.hpp"
 
 namespace emmetrope::raytrace {
+namespace {
 
-void write_visual_field(const EyeModel& eye, const TraceSettings& settings,
-                        const std::filesystem::path& folder) {
+/// One direction of the field.
+struct Seen {
+  int eccentricity_deg, meridian_deg;
+  Eigen::Vector3d direction, retina_mm;
+};
+
+std::vector<Seen> field_of(const EyeModel& eye, const TraceSettings& settings, double wavelength_nm) {
   constexpr int step_deg = 5, most_deg = 125, meridian_step_deg = 15;
   RetinalGrid grid = settings.grid;
   grid.projection = Projection::visual_angle;
-  const double wavelength_nm = settings.wavelength_nm.value_or(eye.reference_wavelength_nm);
   const FieldPoints points(eye, grid, wavelength_nm);
-  Json eccentricity = Json::array(), meridian = Json::array(), direction = Json::array(),
-       retina = Json::array(), arc = Json::array();
+  std::vector<Seen> field;
   for (int towards_deg = 0; towards_deg < 360; towards_deg += meridian_step_deg)
     for (int away_deg = towards_deg == 0 ? 0 : step_deg; away_deg <= most_deg; away_deg += step_deg) {
       const double angle = towards_deg * degree;
       const Eigen::Vector2d place = away_deg * Eigen::Vector2d(std::cos(angle), -std::sin(angle));
       const std::optional<RetinaPoint> point = points.at(place);
       if (!point) break;  // the eye sees no further
-      const std::optional<double> arc_mm = retina_arc_mm(eye, point->position_mm);
-      eccentricity.push_back(away_deg);
-      meridian.push_back(towards_deg);
-      direction.push_back(to_json_vector(points.direction(place)));
-      retina.push_back(to_json_vector(point->position_mm));
-      arc.push_back(arc_mm ? Json(*arc_mm) : Json(nullptr));
+      field.push_back({away_deg, towards_deg, points.direction(place), point->position_mm});
     }
-  write_json(folder / "visual-field.json", {{"eye", eye.name},
-                                            {"wavelength_nm", wavelength_nm},
-                                            {"eccentricity_deg", eccentricity},
-                                            {"meridian_deg", meridian},
-                                            {"direction", direction},
-                                            {"retina_mm", retina},
-                                            {"retina_arc_mm", arc}});
+  return field;
+}
+
+Json number_or_null(const std::optional<double>& value) { return value ? Json(*value) : Json(nullptr); }
+
+Json columns_of(const EyeModel& eye, const std::vector<Seen>& field) {
+  Json columns = Json::object();
+  for (const Seen& seen : field) {
+    columns["eccentricity_deg"].push_back(seen.eccentricity_deg);
+    columns["meridian_deg"].push_back(seen.meridian_deg);
+    columns["direction"].push_back(to_json_vector(seen.direction));
+    columns["retina_mm"].push_back(to_json_vector(seen.retina_mm));
+    columns["retina_arc_mm"].push_back(number_or_null(retina_arc_mm(eye, seen.retina_mm)));
+  }
+  return columns;
+}
+
+void add_ellipses(Json& columns, const std::vector<Seen>& field, const UncertainField& uncertain,
+                  double wavelength_nm) {
+  std::vector<Eigen::Vector3d> directions;
+  for (const Seen& seen : field) directions.push_back(seen.direction);
+  for (const auto& ellipse : retina_ellipses(uncertain.optics, uncertain.as_it_looks, directions, wavelength_nm,
+                                             uncertain.threads)) {
+    const auto axes = [&] { return Json{ellipse->semi_axes_mm.x(), ellipse->semi_axes_mm.y()}; };
+    columns["ellipse95_semi_axes_mm"].push_back(ellipse ? axes() : Json(nullptr));
+    columns["ellipse95_axis_deg"].push_back(ellipse ? Json(ellipse->axis_deg) : Json(nullptr));
+  }
+}
+
+/// A landmark where it lies.
+struct Placed {
+  const char* name;
+  double sigma_mm;
+  Eigen::Vector3d retina_mm;
+};
+
+std::vector<Placed> placed(const EyeModel& eye, const Landmarks& landmarks) {
+  std::vector<Placed> all{{"pole", 0, retina_point(eye, 0, 0).position_mm}};
+  const auto add = [&](const char* name, const std::optional<Landmark>& mark) {
+    if (!mark) return;
+    all.push_back({name, mark->sigma_mm, retina_point(eye, mark->from_pole_mm.x(), mark->from_pole_mm.y()).position_mm});
+  };
+  add("fovea", landmarks.fovea);
+  add("disc", landmarks.disc);
+  return all;
+}
+
+Json landmarks_json(const EyeModel& eye, const std::vector<Placed>& marks, double wavelength_nm) {
+  const ChiefRays chief_rays(eye, wavelength_nm);
+  Json json = Json::object();
+  for (const Placed& mark : marks) {
+    const std::optional<Ray> sight = chief_rays.line_of_sight(mark.retina_mm);
+    json[mark.name] = {{"retina_mm", to_json_vector(mark.retina_mm)},
+                       {"direction", sight ? to_json_vector(sight->direction) : Json(nullptr)},
+                       {"retina_arc_mm", number_or_null(retina_arc_mm(eye, mark.retina_mm))}};
+    if (mark.sigma_mm > 0) json[mark.name]["sigma_mm"] = mark.sigma_mm;
+  }
+  return json;
+}
+
+Json distances_json(const EyeModel& eye, const std::vector<Placed>& marks) {
+  Json json = Json::object();
+  for (std::size_t a = 0; a < marks.size(); ++a)
+    for (std::size_t b = a + 1; b < marks.size(); ++b) {
+      const std::optional<double> way_mm = geodesic_mm(eye, marks[a].retina_mm, marks[b].retina_mm);
+      const double sigma_mm = std::hypot(marks[a].sigma_mm, marks[b].sigma_mm);
+      json[fmt::format("{}_{}_mm", marks[a].name, marks[b].name)] =
+          way_mm && sigma_mm > 0 ? Json(Measured::from_sigma(*way_mm, sigma_mm, "given"))
+                                 : number_or_null(way_mm);
+    }
+  return json;
+}
+
+}  // namespace
+
+void Landmark::check(const char* option) const {
+  if (!(sigma_mm >= 0 && sigma_mm <= 5))
+    throw usage_error(fmt::format("{}: a standard deviation of {:g} mm is out of range", option, sigma_mm),
+                      "give 0 to 5 mm behind +-");
+}
+
+void write_visual_field(const EyeModel& eye, const TraceSettings& settings, const Landmarks& landmarks,
+                        const UncertainField* uncertain, const std::filesystem::path& folder) {
+  const double wavelength_nm = settings.wavelength_nm.value_or(eye.reference_wavelength_nm);
+  const std::vector<Seen> field = field_of(eye, settings, wavelength_nm);
+  Json json = columns_of(eye, field);
+  if (uncertain != nullptr) add_ellipses(json, field, *uncertain, wavelength_nm);
+  const std::vector<Placed> marks = placed(eye, landmarks);
+  json["eye"] = eye.name;
+  json["wavelength_nm"] = wavelength_nm;
+  json["landmarks"] = landmarks_json(eye, marks, wavelength_nm);
+  json["distances"] = distances_json(eye, marks);
+  write_json(folder / "visual-field.json", json);
 }
 
 }  // namespace emmetrope::raytrace

@@ -5,7 +5,7 @@
 #include "pipeline/base/files.hpp"
 #include "pipeline/base/frames.hpp"
 #include "pipeline/base/log.hpp"
-#include "raytrace/picture/linear_image.hpp"
+#include "raytrace/picture/float_files.hpp"
 
 namespace emmetrope::raytrace {
 namespace {

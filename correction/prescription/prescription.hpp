@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "correction/prescription/peripheral.hpp"
-#include "correction/prescription/uncertain_optics.hpp"
+#include "pipeline/eye/measured/uncertain_optics.hpp"
 #include "correction/prescription/uncertainty.hpp"
 #include "correction/search/real_lenses.hpp"
 #include "correction/search/search.hpp"

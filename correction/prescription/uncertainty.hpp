@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "correction/prescription/uncertain_optics.hpp"
+#include "pipeline/eye/measured/uncertain_optics.hpp"
 #include "pipeline/base/measured.hpp"
 #include "pipeline/base/power_vector.hpp"
 

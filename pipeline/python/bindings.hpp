@@ -22,6 +22,7 @@ void bind_eyes(py::module_& module);
 void bind_rays(py::module_& module);
 void bind_wavefronts(py::module_& module);
 void bind_pictures(py::module_& module);
+void bind_corrections(py::module_& module);
 
 py::object to_python(const Json& json);
 Json from_python(const py::object& object);

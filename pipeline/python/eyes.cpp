@@ -9,11 +9,30 @@
 #include "pipeline/eye/optics/retina_point.hpp"
 #include "pipeline/eye/schematic/schematic_eyes.hpp"
 #include "pipeline/python/bindings.hpp"
+#include "raytrace/case/measured_eye.hpp"
 #include "raytrace/spectacle/spectacle.hpp"
 #include "raytrace/wavefront/field.hpp"
 
 namespace emmetrope::python {
 namespace {
+
+Laterality laterality_of(const std::string& name) {
+  if (name == "od") return Laterality::od;
+  if (name == "os") return Laterality::os;
+  throw usage_error("laterality: \"" + name + "\" is unknown", "give od or os");
+}
+
+EyeModel measured_eye(const std::string& case_folder, const std::string& laterality, double pupil_mm,
+                      const std::optional<double>& age_years, const std::optional<double>& lens_index, bool lens_core,
+                      double retinal_depth_mm) {
+  raytrace::MeasuredEyeOptions options;
+  options.age_years = age_years;
+  options.lens_index = lens_index;
+  options.lens_core = lens_core;
+  options.retinal_depth_mm = retinal_depth_mm;
+  options.pupil_mm = pupil_mm;
+  return raytrace::read_measured_eye(case_folder, laterality_of(laterality), options).eye;
+}
 
 EyeModel new_eye(const std::string& name_or_file, double accommodation_D,
                  const std::optional<double>& accommodation_parameter, const std::optional<double>& pupil_mm,
@@ -22,9 +41,7 @@ EyeModel new_eye(const std::string& name_or_file, double accommodation_D,
   options.accommodation_D = accommodation_D;
   options.accommodation_parameter = accommodation_parameter;
   options.pupil_mm = pupil_mm;
-  if (laterality != "od" && laterality != "os")
-    throw usage_error("laterality: \"" + laterality + "\" is unknown", "give od or os");
-  options.laterality = laterality == "od" ? Laterality::od : Laterality::os;
+  options.laterality = laterality_of(laterality);
   return make_eye(name_or_file, options);
 }
 
@@ -93,6 +110,10 @@ void bind_eyes(py::module_& module) {
           py::arg("laterality") = "od",
           "A schematic eye by name (schematic_eyes()), an eye.json by its path, also a case's, or a lens of Zemax (.zmx), "
           "Optiland or visisipy (.json).")
+      .def_static("from_case", &measured_eye, py::arg("case_folder"), py::arg("laterality") = "od",
+                  py::arg("pupil_mm") = 4.0, py::arg("age_years") = py::none(), py::arg("lens_index") = py::none(),
+                  py::arg("lens_core") = false, py::arg("retinal_depth_mm") = usual_retinal_depth_mm,
+                  "A measured eye from the meshes of a case, as trace has it.")
       .def_static(
           "from_dict",
           [](const py::object& dictionary, const std::string& folder) {

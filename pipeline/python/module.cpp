@@ -44,4 +44,5 @@ PYBIND11_MODULE(_emmetrope, module) {
   bind_rays(module);
   bind_wavefronts(module);
   bind_pictures(module);
+  bind_corrections(module);
 }

@@ -1,6 +1,7 @@
 #include "pipeline/base/error.hpp"
 #include "pipeline/python/bindings.hpp"
 #include "raytrace/radiometry/irradiance.hpp"
+#include "raytrace/retina/field_points.hpp"
 #include "raytrace/scene/scene.hpp"
 #include "raytrace/tracer/tracer.hpp"
 
@@ -40,12 +41,39 @@ TraceSettings settings_of(const std::pair<int, int>& size, const Pair& field_mm,
 }
 
 py::array_t<float> array_of(const LinearImage& image) {
-  py::array_t<float> pixels({image.height, image.width, image.channels});
+  std::vector<py::ssize_t> shape{image.height, image.width};
+  if (image.channels > 1) shape.push_back(image.channels);
+  py::array_t<float> pixels(shape);
   std::copy(image.values.begin(), image.values.end(), pixels.mutable_data());
   return pixels;
 }
 
-py::array_t<float> pixels_of(const TraceResult& result) { return array_of(result.image); }
+/// A picture, and where its pixels lie.
+struct Picture {
+  TraceResult traced;
+  RetinalGrid grid;
+};
+struct Irradiance {
+  RetinalIrradiance light;
+  RetinalGrid grid;
+};
+
+/// Places of columns and rows: {name with its unit: values}, the columns' first.
+py::dict axes_of(const RetinalGrid& grid) {
+  const auto places = [](double centre, double half, int count) {
+    py::array_t<double> values(count);
+    for (int k = 0; k < count; ++k) values.mutable_at(k) = centre + half * ((2.0 * k + 1) / count - 1);
+    return values;
+  };
+  const Eigen::Vector2d half = half_of(grid);
+  const bool angular = grid.is_angular();
+  const char* unit = !angular ? "_mm" : grid.projection == Projection::perspective ? "_tangent" : "_deg";
+  const Eigen::Vector2d centre = angular ? Eigen::Vector2d(0, 0) : grid.centre_mm;
+  py::dict axes;
+  axes[py::str(std::string(angular ? "right" : "x") + unit)] = places(centre.x(), half.x(), grid.width);
+  axes[py::str(std::string(angular ? "down" : "y") + unit)] = places(centre.y(), half.y(), grid.height);
+  return axes;
+}
 
 /// (height, width): true where the eye sees.
 py::array_t<bool> seen_of(const LinearImage& image, const std::vector<char>& unseen) {
@@ -55,11 +83,14 @@ py::array_t<bool> seen_of(const LinearImage& image, const std::vector<char>& uns
   return seen;
 }
 
-py::array_t<float> bands_of(const RetinalIrradiance& light) {
+py::array_t<float> bands_of(const RetinalIrradiance& light, bool photons) {
   const LinearImage& first = light.irradiance.front();
   py::array_t<float> bands({static_cast<int>(light.irradiance.size()), first.height, first.width});
   float* to = bands.mutable_data();
-  for (const LinearImage& band : light.irradiance) to = std::copy(band.values.begin(), band.values.end(), to);
+  for (std::size_t k = 0; k < light.irradiance.size(); ++k) {
+    const auto unit = static_cast<float>(photons ? photons_per_joule(light.wavelength_nm[k]) : 1);
+    for (const float value : light.irradiance[k].values) *to++ = unit * value;
+  }
   return bands;
 }
 
@@ -69,40 +100,66 @@ py::dict states_of(const TraceResult& result) {
   return states;
 }
 
+void bind_picture(py::module_& module) {
+  py::class_<Picture>(module, "Picture", "What an eye sees.")
+      .def_property_readonly(
+          "linear", [](const Picture& picture) { return array_of(picture.traced.image); },
+          "(height, width, 3) float32: linear light, upright as the patient perceives it.")
+      .def_property_readonly(
+          "seen", [](const Picture& picture) { return seen_of(picture.traced.image, picture.traced.unseen); },
+          "(height, width) bool: false where the eye sees nothing.")
+      .def_property_readonly(
+          "axes", [](const Picture& picture) { return axes_of(picture.grid); },
+          "Where columns and rows lie: x_mm and y_mm on the retina (eye frame), or right_deg and down_deg, right_tangent "
+          "and down_tangent as the patient perceives them, from the line of sight of the picture's centre.")
+      .def_property_readonly(
+          "states", [](const Picture& picture) { return states_of(picture.traced); }, "How many rays ended how.")
+      .def_property_readonly("rays", [](const Picture& picture) { return picture.traced.rays; })
+      .def_property_readonly(
+          "samples", [](const Picture& picture) { return picture.traced.samples; }, "Rays a pixel.")
+      .def_property_readonly("wall_s", [](const Picture& picture) { return picture.traced.wall_s; })
+      .def_property_readonly("device", [](const Picture& picture) { return picture.traced.device; })
+      .def(
+          "write_png",
+          [](const Picture& picture, const std::string& file) {
+            write_png(file, with_cover(picture.traced.image, picture.traced.unseen));
+          },
+          py::arg("file"), "As sRGB, clear where the eye sees nothing.");
+}
+
+void bind_irradiance(py::module_& module) {
+  py::class_<Irradiance>(module, "Irradiance", "Light on the retina in physical units.")
+      .def_property_readonly("wavelength_nm", [](const Irradiance& i) { return i.light.wavelength_nm; })
+      .def_property_readonly(
+          "irradiance", [](const Irradiance& i) { return bands_of(i.light, false); },
+          "(bands, height, width) float32, W / (m^2 nm).")
+      .def_property_readonly(
+          "photons", [](const Irradiance& i) { return bands_of(i.light, true); },
+          "(bands, height, width) float32, photons / (s m^2 nm).")
+      .def_property_readonly(
+          "cones", [](const Irradiance& i) { return array_of(i.light.cones); },
+          "(height, width, 3) float32: long, middle and short wavelength cones, W / m^2.")
+      .def_property_readonly(
+          "trolands", [](const Irradiance& i) { return array_of(i.light.trolands); }, "(height, width) float32.")
+      .def_property_readonly(
+          "seen", [](const Irradiance& i) { return seen_of(i.light.cones, i.light.unseen); },
+          "(height, width) bool: false where the eye sees nothing.")
+      .def_property_readonly(
+          "axes", [](const Irradiance& i) { return axes_of(i.grid); }, "As Picture.axes.")
+      .def_property_readonly(
+          "transmittance", [](const Irradiance& i) { return i.light.transmittance; }, "Of the media, in the irradiance.")
+      .def_property_readonly(
+          "white_radiance", [](const Irradiance& i) { return i.light.white_radiance; }, "W / (m^2 sr nm).")
+      .def_property_readonly("pupil_area_mm2", [](const Irradiance& i) { return i.light.pupil_area_mm2; })
+      .def_property_readonly("white_trolands", [](const Irradiance& i) { return i.light.white_trolands; })
+      .def_property_readonly("rays", [](const Irradiance& i) { return i.light.rays; });
+}
+
 }  // namespace
 
 void bind_pictures(py::module_& module) {
-  py::class_<TraceResult>(module, "Picture", "What an eye sees.")
-      .def_property_readonly("linear", &pixels_of,
-                             "(height, width, 3) float32: linear light, upright as the patient perceives it.")
-      .def_property_readonly(
-          "seen", [](const TraceResult& result) { return seen_of(result.image, result.unseen); },
-          "(height, width) bool: false where the eye sees nothing.")
-      .def_property_readonly("states", &states_of, "How many rays ended how.")
-      .def_readonly("rays", &TraceResult::rays)
-      .def_readonly("samples", &TraceResult::samples, "Rays a pixel.")
-      .def_readonly("wall_s", &TraceResult::wall_s)
-      .def_readonly("device", &TraceResult::device)
-      .def(
-          "write_png",
-          [](const TraceResult& result, const std::string& file) {
-            write_png(file, with_cover(result.image, result.unseen));
-          },
-          py::arg("file"), "As sRGB, clear where the eye sees nothing.");
-  py::class_<RetinalIrradiance>(module, "Irradiance", "Light on the retina in physical units.")
-      .def_readonly("wavelength_nm", &RetinalIrradiance::wavelength_nm)
-      .def_property_readonly("irradiance", &bands_of, "(bands, height, width) float32, W / (m^2 nm).")
-      .def_property_readonly(
-          "cones", [](const RetinalIrradiance& light) { return array_of(light.cones); },
-          "(height, width, 3) float32: long, middle and short wavelength cones, W / m^2.")
-      .def_property_readonly(
-          "seen", [](const RetinalIrradiance& light) { return seen_of(light.cones, light.unseen); },
-          "(height, width) bool: false where the eye sees nothing.")
-      .def_readonly("transmittance", &RetinalIrradiance::transmittance, "Of the media, in the irradiance.")
-      .def_readonly("white_radiance", &RetinalIrradiance::white_radiance, "W / (m^2 sr nm).")
-      .def_readonly("pupil_area_mm2", &RetinalIrradiance::pupil_area_mm2)
-      .def_readonly("white_trolands", &RetinalIrradiance::white_trolands)
-      .def_readonly("rays", &RetinalIrradiance::rays);
+  bind_picture(module);
+  bind_irradiance(module);
   py::class_<Tracer>(module, "Tracer", "OpenCL devices with their compiled kernels.")
       .def(py::init([](const std::string& device, int threads) { return Tracer(device, threads); }),
            py::arg("device") = "", py::arg("threads") = 0,
@@ -117,7 +174,7 @@ void bind_pictures(py::module_& module) {
             const TraceSettings settings =
                 settings_of(size, field_mm, field_deg, projection, centre_mm, samples, wavelength_nm, seed);
             const py::gil_scoped_release unlocked;
-            return tracer.trace(eye, *make_scene(scene), settings);
+            return Picture{tracer.trace(eye, *make_scene(scene), settings), settings.grid};
           },
           py::arg("eye"), py::arg("scene") = "letters", py::arg("size") = std::pair(500, 500),
           py::arg("field_mm") = std::pair(6.0, 6.0), py::arg("centre_mm") = Eigen::Vector2d(0, 0),
@@ -142,7 +199,7 @@ void bind_pictures(py::module_& module) {
             std::tie(light.first_nm, light.last_nm, light.step_nm) = bands_nm;
             light.age_years = media_age_years;
             const py::gil_scoped_release unlocked;
-            return retinal_irradiance(tracer, eye, *make_scene(scene), settings, {}, light);
+            return Irradiance{retinal_irradiance(tracer, eye, *make_scene(scene), settings, {}, light), settings.grid};
           },
           py::arg("eye"), py::arg("scene") = "letters", py::arg("size") = std::pair(500, 500),
           py::arg("field_mm") = std::pair(6.0, 6.0), py::arg("centre_mm") = Eigen::Vector2d(0, 0),

@@ -1,4 +1,3 @@
-#include <cstdlib>
 #include <opencv2/imgcodecs.hpp>
 
 #include "pipeline/base/error.hpp"
@@ -8,9 +7,6 @@
 
 namespace emmetrope::raytrace {
 namespace {
-
-/// libtiff's COMPRESSION_NONE: left to itself OpenCV packs colours logarithmically, 2 % off.
-constexpr int uncompressed = 1;
 
 /// OpenCV wants blue first.
 int source_channel(const LinearImage& image, int channel) {
@@ -23,16 +19,6 @@ void write(const std::filesystem::path& file, const cv::Mat& picture, const std:
   if (!cv::imencode(ending, picture, bytes, options))
     throw Error(ExitStatus::fault, "cannot encode " + file.string());
   write_file(file, {reinterpret_cast<const char*>(bytes.data()), bytes.size()});
-}
-
-cv::Mat floats_of(const LinearImage& image) {
-  cv::Mat picture(image.height, image.width, CV_32FC(image.channels));
-  for (int row = 0; row < image.height; ++row)
-    for (int column = 0; column < image.width; ++column)
-      for (int c = 0; c < image.channels; ++c)
-        picture.ptr<float>(row)[column * image.channels + c] =
-            image.at(column, row, source_channel(image, c));
-  return picture;
 }
 
 /// Light is encoded, the cover is linear.
@@ -61,29 +47,6 @@ void write_png(const std::filesystem::path& file, const LinearImage& image) {
       for (int c = 0; c < image.channels; ++c)
         picture.ptr<unsigned char>(row)[column * image.channels + c] = encoded(image, column, row, c);
   write(file, picture, ".png", {cv::IMWRITE_PNG_COMPRESSION, 6});
-}
-
-void write_tiff(const std::filesystem::path& file, const LinearImage& image) {
-  write(file, floats_of(image), ".tiff", {cv::IMWRITE_TIFF_COMPRESSION, uncompressed});
-}
-
-void write_tiff_pages(const std::filesystem::path& file, const std::vector<LinearImage>& images) {
-  std::vector<cv::Mat> pages;
-  for (const LinearImage& image : images) pages.push_back(floats_of(image));
-  // OpenCV encodes several pages into files only.
-  std::filesystem::path part = file;
-  part += ".part.tiff";
-  if (!cv::imwritemulti(part.string(), pages, {cv::IMWRITE_TIFF_COMPRESSION, uncompressed}))
-    throw output_error("cannot write " + part.string());
-  const std::string bytes = read_file(part);
-  std::filesystem::remove(part);
-  write_file(file, bytes);
-}
-
-void write_exr(const std::filesystem::path& file, const LinearImage& image) {
-  // OpenCV reads and writes OpenEXR where this says so.
-  setenv("OPENCV_IO_ENABLE_OPENEXR", "1", 1);
-  write(file, floats_of(image), ".exr", {cv::IMWRITE_EXR_TYPE, cv::IMWRITE_EXR_TYPE_FLOAT});
 }
 
 }  // namespace emmetrope::raytrace

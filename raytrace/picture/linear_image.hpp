@@ -20,11 +20,5 @@ LinearImage with_cover(const LinearImage& image, const std::vector<char>& unseen
 
 /// Writes sRGB-encoded PNG from linear light; whole or not at all.
 void write_png(const std::filesystem::path& file, const LinearImage& image);
-/// Writes float TIFF of the linear values.
-void write_tiff(const std::filesystem::path& file, const LinearImage& image);
-/// The same of several pictures, a page each.
-void write_tiff_pages(const std::filesystem::path& file, const std::vector<LinearImage>& images);
-/// Writes float OpenEXR of the linear values.
-void write_exr(const std::filesystem::path& file, const LinearImage& image);
 
 }  // namespace emmetrope::raytrace

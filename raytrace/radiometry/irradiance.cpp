@@ -54,6 +54,7 @@ RetinalIrradiance retinal_irradiance(const Tracer& tracer, const EyeModel& eye, 
   const DisplayLight display(settings.luminance_cd_m2);
   RetinalIrradiance result;
   result.cones = blank_image(trace.grid, 3);
+  result.trolands = blank_image(trace.grid, 1);
   const double diameter_mm = entrance_pupil(without_spectacle(eye), eye.reference_wavelength_nm).diameter_mm;
   result.pupil_area_mm2 = pi * diameter_mm * diameter_mm / 4;
   result.white_trolands = settings.luminance_cd_m2 * result.pupil_area_mm2;
@@ -77,9 +78,12 @@ RetinalIrradiance retinal_irradiance(const Tracer& tracer, const EyeModel& eye, 
       const double n = vitreous_index_at(eye, nm);
       const double in_clear_media = n * n * traced.middle_projected_sr * shown.unit;
       const Eigen::Vector3d cones = in_clear_media * settings.step_nm * cone_fundamentals(nm);
+      const auto trolands = static_cast<float>(photopic_efficacy * luminous_efficiency(nm) * shown.unit *
+                                               settings.step_nm * result.pupil_area_mm2);
       for (std::size_t i = 0; i < irradiance.values.size(); ++i) {
         const float light = traced.image.values[3 * i];
         irradiance.values[i] = static_cast<float>(in_clear_media * transmittance) * light;
+        result.trolands.values[i] += trolands * light;
         for (int c = 0; c < 3; ++c) result.cones.values[3 * i + c] += static_cast<float>(cones[c]) * light;
       }
       if (result.unseen.empty()) result.unseen.resize(traced.unseen.size());

@@ -26,6 +26,9 @@ struct RetinalIrradiance {
   /// Long, middle and short wavelength cones: integral of fundamental times irradiance, W / m^2, as if the media were
   /// clear, since the fundamentals hold the average observer's lens and macula (of the central 2 degrees).
   LinearImage cones;
+  /// Retinal illuminance, trolands: luminance of what a pixel sees, as much of it as the bands hold, times the area of the
+  /// entrance pupil, weighted as the irradiance is against the picture's middle. One channel.
+  LinearImage trolands;
   std::vector<char> unseen;        ///< pixels that see nothing in one of the bands; empty where all see
   double pupil_area_mm2 = 0;       ///< of the entrance pupil, as seen along the axis
   double white_trolands = 0;       ///< luminance of white times that area
@@ -33,6 +36,9 @@ struct RetinalIrradiance {
   std::uint64_t rays = 0;
   double wall_s = 0;
 };
+
+/// Quanta in a joule of light of this wavelength in vacuum: lambda / (h c).
+inline double photons_per_joule(double wavelength_nm) { return 5.03411656e15 * wavelength_nm; }
 
 /// Irradiance is n^2 T times the integral of radiance over the cone of light that the stop lets through, with the
 /// cosine at the retina; n is the vitreous's index, T the media's transmittance. Directional sensitivity of receptors

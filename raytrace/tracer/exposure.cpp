@@ -10,11 +10,6 @@
 namespace emmetrope::raytrace {
 namespace {
 
-TraceResult trace_turned(const Tracer& tracer, const EyeModel& eye, const Scene& scene,
-                         const TraceSettings& settings) {
-  return tracer.trace(fixed_to_head(eye, settings.pose.turned_from_straight()), scene, settings);
-}
-
 /// Sums of pictures: of light, and of how often each pixel saw anything.
 class PictureMean {
  public:
@@ -59,23 +54,39 @@ void Exposure::check() const {
                       "give 2 to " + std::to_string(most));
 }
 
+TraceResult trace_turned(const Tracer& tracer, const EyeModel& eye, const Scene& scene,
+                         const TraceSettings& settings) {
+  return tracer.trace(fixed_to_head(eye, settings.pose.turned_from_straight()), scene, settings);
+}
+
 TraceResult trace_exposure(const Tracer& tracer, const EyeModel& eye, const Scene& scene,
                            const TraceSettings& settings, const Exposure& exposure) {
   if (exposure.eye_motion_deg.isZero(0) && !moves(scene)) return trace_turned(tracer, eye, scene, settings);
   exposure.check();
-  TraceResult result;
-  PictureMean mean;
-  for (int k = 0; k < exposure.steps; ++k) {
+  return mean_over_steps(exposure.steps, settings.illuminance, [&](int k) {
     const double time = (k + 0.5) / exposure.steps - 0.5;
-    TraceSettings now = settings;
-    now.samples = (settings.samples + exposure.steps - 1) / exposure.steps;
-    // Steps have noise of their own: the mean's error is theirs over the root of their number.
-    if (settings.target_error) now.target_error = *settings.target_error * std::sqrt(exposure.steps);
-    now.seed = settings.seed + 1000003U * static_cast<std::uint64_t>(k);  // no step repeats another's noise
+    TraceSettings now = of_step(settings, k, exposure.steps);
     now.pose.gaze.horizontal_deg += time * exposure.eye_motion_deg.x();
     now.pose.gaze.vertical_deg += time * exposure.eye_motion_deg.y();
-    TraceResult step = trace_turned(tracer, eye, at_time(scene, time), now);
-    mean.add(step, settings.illuminance);
+    return trace_turned(tracer, eye, at_time(scene, time), now);
+  });
+}
+
+TraceSettings of_step(const TraceSettings& settings, int step, int steps) {
+  TraceSettings now = settings;
+  now.samples = (settings.samples + steps - 1) / steps;
+  // Steps have noise of their own: the mean's error is theirs over the root of their number.
+  if (settings.target_error) now.target_error = *settings.target_error * std::sqrt(steps);
+  now.seed = settings.seed + 1000003U * static_cast<std::uint64_t>(step);  // no step repeats another's noise
+  return now;
+}
+
+TraceResult mean_over_steps(int steps, bool illuminance, const std::function<TraceResult(int)>& trace_step) {
+  TraceResult result;
+  PictureMean mean;
+  for (int k = 0; k < steps; ++k) {
+    TraceResult step = trace_step(k);
+    mean.add(step, illuminance);
     if (k == 0) {
       result = std::move(step);
       continue;
@@ -86,8 +97,8 @@ TraceResult trace_exposure(const Tracer& tracer, const EyeModel& eye, const Scen
     if (result.error) result.error = std::hypot(*result.error, *step.error);
     result.wall_s += step.wall_s;
   }
-  mean.finish(result, settings.illuminance);
-  if (result.error) *result.error /= exposure.steps;
+  mean.finish(result, illuminance);
+  if (result.error) *result.error /= steps;
   return result;
 }
 

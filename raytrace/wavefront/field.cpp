@@ -10,7 +10,7 @@
 #include "pipeline/base/frames.hpp"
 #include "pipeline/base/parallel.hpp"
 #include "pipeline/eye/optics/retina_point.hpp"
-#include "raytrace/picture/linear_image.hpp"
+#include "raytrace/picture/float_files.hpp"
 #include "raytrace/retina/retina_arc.hpp"
 
 namespace emmetrope::raytrace {

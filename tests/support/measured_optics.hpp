@@ -3,7 +3,7 @@
 
 #include "pipeline/base/json.hpp"
 
-namespace emmetrope::correction {
+namespace emmetrope {
 
 /// A measured eye as the mesh stage describes it, with an oblique cornea and a tilted lens.
 inline Json measured_optics() {
@@ -72,4 +72,4 @@ inline Json measured_optics() {
           {"prior_sigmas", std::vector<Json>(names.size(), nullptr)}};
 }
 
-}  // namespace emmetrope::correction
+}  // namespace emmetrope

@@ -10,6 +10,7 @@
 #include <optional>
 #include <sstream>
 
+#include "pipeline/base/csv_cells.hpp"
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/even_points.hpp"
 #include "pipeline/base/files.hpp"
@@ -36,17 +37,6 @@ constexpr double largest_residual_um = 50;
 const char* const map_remedy =
     "give heights above a plane, not above a best-fit sphere, in the unit that the header names; leave gaps "
     "empty";
-
-std::vector<std::string> cells_of(const std::string& line) {
-  std::vector<std::string> cells(1);
-  for (const char c : line) {
-    if (c == ',' || c == ';' || c == '\t')
-      cells.emplace_back();
-    else if (c != ' ' && c != '\r' && c != '"')
-      cells.back() += c;
-  }
-  return cells;
-}
 
 bool is_gap(const std::string& cell) {
   std::string lower = cell;
@@ -86,8 +76,7 @@ ElevationMap read_csv(const std::filesystem::path& file) {
   std::istringstream text(read_file(file));
   std::string line;
   std::getline(text, line);
-  if (line.rfind("\xEF\xBB\xBF", 0) == 0) line.erase(0, 3);  // UTF-8's mark, as spreadsheets write it
-  const std::vector<std::string> head = cells_of(line);
+  const std::vector<std::string> head = csv_cells(without_byte_order_mark(line));
   const auto fault = [&](int at, const std::string& what) {
     return input_error(fmt::format("{}, line {}: {}", file.string(), at, what),
                        "columns x_mm,y_mm,elevation_um, or a matrix with elevation_um in its first cell");
@@ -105,7 +94,7 @@ ElevationMap read_csv(const std::filesystem::path& file) {
       throw fault(at, fmt::format("{}; a cornea ends 6 mm from it, and {:g} mm are read", why, farthest_mm));
   };
   for (int at = 2; std::getline(text, line); ++at) {
-    const std::vector<std::string> cells = cells_of(line);
+    const std::vector<std::string> cells = csv_cells(line);
     if (cells.size() == 1 && cells[0].empty()) continue;
     if (cells.size() != head.size())
       throw fault(at, fmt::format("{} cells, the header has {}", cells.size(), head.size()));

@@ -1,7 +1,13 @@
 from typing import Any, Dict, List, Optional, Tuple
 
+import pathlib
+
 import numpy
+import xarray
 from numpy.typing import ArrayLike, NDArray
+
+from . import commands as commands
+from . import labels as labels
 
 ray_states: Tuple[str, ...]
 
@@ -45,6 +51,16 @@ class Eye:
         pupil_mm: Optional[float] = None,
         laterality: str = "od",
     ) -> None: ...
+    @staticmethod
+    def from_case(
+        case_folder: str,
+        laterality: str = "od",
+        pupil_mm: float = 4,
+        age_years: Optional[float] = None,
+        lens_index: Optional[float] = None,
+        lens_core: bool = False,
+        retinal_depth_mm: float = 0.2,
+    ) -> Eye: ...
     @staticmethod
     def from_dict(dictionary: Dict[str, Any], folder: str = ".") -> Eye: ...
     def to_dict(self) -> Dict[str, Any]: ...
@@ -130,23 +146,29 @@ def write_field(
 class Picture:
     linear: NDArray[numpy.float32]
     seen: NDArray[numpy.bool_]
+    axes: Dict[str, NDArray[numpy.float64]]
     states: Dict[str, int]
     rays: int
     samples: int
     wall_s: float
     device: str
     def write_png(self, file: str) -> None: ...
+    def to_xarray(self) -> xarray.DataArray: ...
 
 class Irradiance:
     wavelength_nm: List[float]
     irradiance: NDArray[numpy.float32]
+    photons: NDArray[numpy.float32]
     cones: NDArray[numpy.float32]
+    trolands: NDArray[numpy.float32]
+    axes: Dict[str, NDArray[numpy.float64]]
     seen: NDArray[numpy.bool_]
     transmittance: List[float]
     white_radiance: List[float]
     pupil_area_mm2: float
     white_trolands: float
     rays: int
+    def to_xarray(self) -> xarray.Dataset: ...
 
 class Tracer:
     device_name: str
@@ -179,3 +201,39 @@ class Tracer:
         bands_nm: Tuple[float, float, float] = (400, 700, 10),
         media_age_years: Optional[float] = None,
     ) -> Irradiance: ...
+
+def correct(
+    tracer: Tracer,
+    eye: Eye,
+    vertex_distance_mm: float = 12,
+    pupil_mm: float = 3,
+    criterion: str = "gradient-energy",
+    wavelength_nm: float = 589.3,
+    retina_mm: ArrayLike = (0, 0),
+    seed: int = 1,
+) -> Dict[str, Any]: ...
+
+class Sharpness:
+    images: int
+    def __init__(
+        self,
+        tracer: Tracer,
+        eye: Eye,
+        vertex_distance_mm: float = 12,
+        pupil_mm: float = 3,
+        criterion: str = "gradient-energy",
+        wavelength_nm: float = 589.3,
+        retina_mm: ArrayLike = (0, 0),
+        seed: int = 1,
+    ) -> None: ...
+    def __call__(self, lens_D: ArrayLike) -> Tuple[float, NDArray[numpy.float64]]: ...
+
+class Case:
+    folder: pathlib.Path
+    eyes: List[str]
+    def __init__(self, folder: str) -> None: ...
+    def fit(self, eye: str) -> Dict[str, Any]: ...
+    def biometry(self, eye: str) -> Dict[str, Any]: ...
+    def wavefront(self, eye: str) -> Dict[str, Any]: ...
+    def prescription(self, eye: str) -> Dict[str, Any]: ...
+    def eye(self, eye: str, **options: Any) -> Eye: ...

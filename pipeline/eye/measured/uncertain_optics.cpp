@@ -1,4 +1,4 @@
-#include "correction/prescription/uncertain_optics.hpp"
+#include "pipeline/eye/measured/uncertain_optics.hpp"
 
 #include <fmt/core.h>
 
@@ -10,7 +10,7 @@
 #include "pipeline/eye/optics/paraxial.hpp"
 #include "pipeline/eye/parametric/analytic_eye.hpp"
 
-namespace emmetrope::correction {
+namespace emmetrope {
 namespace {
 
 constexpr const char* index_name = "lens_index";
@@ -118,6 +118,14 @@ UncertainOptics with_lens_index(const UncertainOptics& optics, double index, dou
   return result;
 }
 
+UncertainOptics read_uncertain_optics(const std::filesystem::path& file, double lens_index_sigma,
+                                      const EyeModel& traced) {
+  UncertainOptics optics = uncertain_optics_from_json(read_json(file), file.parent_path(), lens_index_sigma);
+  const auto lens = traced.media.find("lens");
+  if (lens == traced.media.end()) return optics;  // cortex and core: the equivalent index stays
+  return with_lens_index(optics, lens->second.index, lens_index_sigma);
+}
+
 EyeModel eye_at(const UncertainOptics& optics, const Eigen::VectorXd& values) {
   const ParametricEye parametric = optics.known.at(values);
   OpticalDefaults defaults;
@@ -150,4 +158,4 @@ std::vector<std::string> learn(UncertainOptics& optics, const InstrumentReadings
   return warnings;
 }
 
-}  // namespace emmetrope::correction
+}  // namespace emmetrope

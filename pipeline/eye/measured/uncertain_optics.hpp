@@ -10,7 +10,7 @@
 #include "pipeline/eye/model/eye_model.hpp"
 #include "pipeline/eye/uncertainty/uncertain_eye.hpp"
 
-namespace emmetrope::correction {
+namespace emmetrope {
 
 /// A measured eye as an optical system, with numbers that are uncertain: meshing/<eye>/optics.json.
 struct UncertainOptics {
@@ -29,6 +29,10 @@ UncertainOptics uncertain_optics_from_json(const Json& optics, const std::filesy
 /// The same, the lens index known to be another, apart from all else.
 UncertainOptics with_lens_index(const UncertainOptics& optics, double index, double sigma);
 
+/// optics.json of an eye that was traced: the lens index that it was traced with is the one to be uncertain about.
+UncertainOptics read_uncertain_optics(const std::filesystem::path& file, double lens_index_sigma,
+                                      const EyeModel& traced);
+
 /// The eye with other values of its parameters: cornea and lens as the parameters say, the retina's shape as
 /// it is.
 EyeModel eye_at(const UncertainOptics& optics, const Eigen::VectorXd& values);
@@ -39,4 +43,4 @@ double learn(UncertainOptics& optics, const std::string& source, const VectorFun
              const Eigen::VectorXd& measured, const Eigen::MatrixXd& noise_covariance);
 std::vector<std::string> learn(UncertainOptics& optics, const InstrumentReadings& readings);
 
-}  // namespace emmetrope::correction
+}  // namespace emmetrope
