@@ -64,8 +64,9 @@ void declare_picture(CLI::App& app, Flags& flags) {
          "tangents (--field-deg)")
       ->type_name("KIND")
       ->check(CLI::IsMember({"retina-plane", "retina-arc", "visual-angle", "perspective"}));
-  app.add_option("--fovea", flags.fovea,
-                 "Centre of the picture on the retina, mm from the pole, with its standard deviation where it was measured")
+  app.add_option(
+         "--fovea", flags.fovea,
+         "Centre of the picture on the retina, mm from the pole, with its standard deviation where it was measured")
       ->type_name("X,Y[+-S]");
   app.add_option("--disc", flags.discs, "The optic disc's centre in the same way, for visual-field.json")
       ->allow_extra_args(false)
@@ -124,12 +125,15 @@ void declare_gaze(CLI::App& app, Flags& flags) {
 
 void declare_movement(CLI::App& app, Flags& flags) {
   auto* movement =
-      app.add_option("--movement", flags.movement,
-                     "Into the folder too, a movie: gaze, vergence, accommodation, pupil from a table, or by a model: "
-                     "saccade, pursuit, drift, microsaccades, fixation")
+      app.add_option(
+             "--movement", flags.movement,
+             "Into the folder too, a movie: gaze, vergence, accommodation, pupil from a table, or by a model: "
+             "saccade, pursuit, drift, microsaccades, fixation")
           ->type_name("FILE.csv|MODEL[:key=value,...]");
   for (const char* still : {"--gaze", "--fixate", "--motion", "--strabismus"}) movement->excludes(still);
-  app.add_option("--frame-rate", flags.frame_rate_hz, "Of the movie, 1/s")->capture_default_str()->needs(movement);
+  app.add_option("--frame-rate", flags.frame_rate_hz, "Of the movie, 1/s")
+      ->capture_default_str()
+      ->needs(movement);
 }
 
 void declare_light(CLI::App& app, Flags& flags) {
@@ -163,12 +167,14 @@ void declare_radiometry(CLI::App& app, Flags& flags) {
       ->check(CLI::IsMember({"small", "large"}))
       ->capture_default_str()
       ->needs(irradiance);
-  app.add_option("--irradiance-format", flags.irradiance_formats, "Its files: tiff, exr, mat, isetbio (tiff,mat)")
+  app.add_option("--irradiance-format", flags.irradiance_formats,
+                 "Its files: tiff, exr, mat, isetbio (tiff,mat)")
       ->delimiter(',')
       ->check(CLI::IsMember(irradiance_formats).description(""))
       ->type_name("KIND[,KIND...]")
       ->needs(irradiance);
-  app.add_flag("--photons", flags.options.irradiance_files.photons, "Photons / (s m^2 nm) instead of W / (m^2 nm)")
+  app.add_flag("--photons", flags.options.irradiance_files.photons,
+               "Photons / (s m^2 nm) instead of W / (m^2 nm)")
       ->needs(irradiance);
 }
 

@@ -17,8 +17,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::array<const char*, 7> all_files{"irradiance.json", "irradiance.tiff", "cones.tiff",
-                                               "trolands.tiff",   "irradiance.exr",  "irradiance.mat",
+constexpr std::array<const char*, 7> all_files{"irradiance.json",  "irradiance.tiff", "cones.tiff",
+                                               "trolands.tiff",    "irradiance.exr",  "irradiance.mat",
                                                "optical-image.mat"};
 constexpr const char* energy_unit = "W / (m^2 nm)";
 constexpr const char* photon_unit = "photons / (s m^2 nm)";
@@ -46,7 +46,8 @@ void append_columns(std::vector<float>& to, const LinearImage& image, int channe
 MatVariable picture_variable(const std::string& name, const LinearImage& image) {
   std::vector<float> values;
   for (int c = 0; c < image.channels; ++c) append_columns(values, image, c);
-  std::vector<std::size_t> size{static_cast<std::size_t>(image.height), static_cast<std::size_t>(image.width)};
+  std::vector<std::size_t> size{static_cast<std::size_t>(image.height),
+                                static_cast<std::size_t>(image.width)};
   if (image.channels > 1) size.push_back(image.channels);
   return {name, size, std::move(values)};
 }
@@ -59,11 +60,13 @@ MatVariable spectral_variable(const std::string& name, const RetinalIrradiance& 
   for (std::size_t k = 0; k < light.irradiance.size(); ++k)
     append_columns(values, light.irradiance[k], 0, photons ? photons_per_joule(light.wavelength_nm[k]) : 1);
   return {name,
-          {static_cast<std::size_t>(first.height), static_cast<std::size_t>(first.width), light.irradiance.size()},
+          {static_cast<std::size_t>(first.height), static_cast<std::size_t>(first.width),
+           light.irradiance.size()},
           std::move(values)};
 }
 
-void write_irradiance_mat(const RetinalIrradiance& light, const Json& scale, bool photons, const fs::path& file) {
+void write_irradiance_mat(const RetinalIrradiance& light, const Json& scale, bool photons,
+                          const fs::path& file) {
   const std::size_t bands = light.wavelength_nm.size();
   std::vector<MatVariable> variables;
   variables.emplace_back("wavelength_nm", std::vector<std::size_t>{1, bands}, light.wavelength_nm);
@@ -82,10 +85,12 @@ void write_irradiance_mat(const RetinalIrradiance& light, const Json& scale, boo
 
 /// isetbio knows square pixels on a plane behind a thin lens: its focal length is the retina's distance from the
 /// image-side nodal point, by which a pixel's size and angle in the middle go together.
-void write_optical_image(const RetinalIrradiance& light, const EyeModel& eye, const Json& scale, const fs::path& file) {
+void write_optical_image(const RetinalIrradiance& light, const EyeModel& eye, const Json& scale,
+                         const fs::path& file) {
   const auto um = pair_of(scale, "um_per_pixel"), arcmin = pair_of(scale, "arcmin_per_pixel");
   if (!um || !arcmin)
-    throw no_result_error("--irradiance-format isetbio: the picture's middle, whose scale is the picture's, sees nothing");
+    throw no_result_error(
+        "--irradiance-format isetbio: the picture's middle, whose scale is the picture's, sees nothing");
   const double focal_mm = um->x() / 1000 / (arcmin->x() / 60 * degree);
   const double width_mm = um->x() / 1000 * light.irradiance.front().width;
   std::vector<MatVariable> optics, data, spectrum, oi;
@@ -135,7 +140,8 @@ Json irradiance_json(const RetinalIrradiance& light, const EyeModel& eye, const 
 }  // namespace
 
 void write_irradiance(RetinalIrradiance light, const EyeModel& eye, const TraceSettings& trace,
-                      const IrradianceSettings& settings, const IrradianceFiles& files, const fs::path& folder) {
+                      const IrradianceSettings& settings, const IrradianceFiles& files,
+                      const fs::path& folder) {
   for (LinearImage& band : light.irradiance) band = with_unseen(std::move(band), light.unseen);
   light.cones = with_unseen(std::move(light.cones), light.unseen);
   light.trolands = with_unseen(std::move(light.trolands), light.unseen);
@@ -148,7 +154,8 @@ void write_irradiance(RetinalIrradiance light, const EyeModel& eye, const TraceS
     for (std::size_t k = 0; k < light.irradiance.size(); ++k)
       for (float& value : light.irradiance[k].values)
         value *= static_cast<float>(photons_per_joule(light.wavelength_nm[k]));
-  PixelNotes notes{pair_of(scale, "um_per_pixel"), files.photons ? photon_unit : energy_unit, light.wavelength_nm};
+  PixelNotes notes{pair_of(scale, "um_per_pixel"), files.photons ? photon_unit : energy_unit,
+                   light.wavelength_nm};
   if (wants("exr")) write_spectral_exr(folder / "irradiance.exr", light.irradiance, notes);
   if (wants("tiff")) {
     write_tiff_pages(folder / "irradiance.tiff", light.irradiance, notes);

@@ -13,7 +13,8 @@ class MatVariable {
  public:
   MatVariable(const std::string& name, std::vector<std::size_t> size, std::vector<float> values);
   MatVariable(const std::string& name, std::vector<std::size_t> size, std::vector<double> values);
-  MatVariable(const std::string& name, double value) : MatVariable(name, {1, 1}, std::vector<double>{value}) {}
+  MatVariable(const std::string& name, double value)
+      : MatVariable(name, {1, 1}, std::vector<double>{value}) {}
   MatVariable(const std::string& name, std::string text);
   /// A structure of 1 x 1.
   MatVariable(const std::string& name, std::vector<MatVariable> fields);

@@ -24,9 +24,10 @@ constexpr int most_frames = 10'000;
 int frame_count(const Movement& movement, double frame_rate_hz) {
   const double frames = std::max(1.0, std::round(movement.duration_s() * frame_rate_hz));
   if (!(frames <= most_frames))
-    throw usage_error(fmt::format("--movement: {:g} s at {:g} frames a second are {:g} frames, {} are the most",
-                                  movement.duration_s(), frame_rate_hz, frames, most_frames),
-                      "give a shorter movement or a lower --frame-rate");
+    throw usage_error(
+        fmt::format("--movement: {:g} s at {:g} frames a second are {:g} frames, {} are the most",
+                    movement.duration_s(), frame_rate_hz, frames, most_frames),
+        "give a shorter movement or a lower --frame-rate");
   return static_cast<int>(frames);
 }
 
@@ -42,7 +43,12 @@ class Filming {
  public:
   Filming(const Tracer& tracer, const EyeInState& eye_in_state, Laterality side, const Scene& scene,
           const TraceSettings& trace, const Exposure& exposure, Movement movement)
-      : tracer_(tracer), eye_in_state_(eye_in_state), side_(side), scene_(scene), trace_(trace), exposure_(exposure),
+      : tracer_(tracer),
+        eye_in_state_(eye_in_state),
+        side_(side),
+        scene_(scene),
+        trace_(trace),
+        exposure_(exposure),
         movement_(std::move(movement)) {}
 
   EyeModel eye_at(double time_s) const {
@@ -71,7 +77,8 @@ class Filming {
       way_deg += std::hypot(next.horizontal_deg - last.horizontal_deg, next.vertical_deg - last.vertical_deg);
       last = next;
     }
-    return static_cast<int>(std::clamp(std::ceil(way_deg / pixel_deg), 1.0, static_cast<double>(exposure_.steps)));
+    return static_cast<int>(
+        std::clamp(std::ceil(way_deg / pixel_deg), 1.0, static_cast<double>(exposure_.steps)));
   }
 
   std::optional<RetinalSlip> slip(const Frame& frame, const EyeModel& eye) const {
@@ -94,8 +101,8 @@ class Filming {
 /// The columns of movement.json.
 class Table {
  public:
-  void add(const EyeMoment& moment, Laterality side, const EyeModel& eye, const std::optional<RetinalSlip>& slip,
-           int steps) {
+  void add(const EyeMoment& moment, Laterality side, const EyeModel& eye,
+           const std::optional<RetinalSlip>& slip, int steps) {
     const Gaze gaze = moment.gaze_of(side);
     const auto pair = [](const Eigen::Vector2d& v) { return Json{v.x(), v.y()}; };
     json_["time_s"].push_back(moment.time_s);
@@ -120,8 +127,9 @@ void write_mp4(const fs::path& file, double frame_rate_hz, const std::vector<fs:
     cv::VideoWriter writer;
     for (const fs::path& frame : frames) {
       const cv::Mat picture = cv::imread(frame.string(), cv::IMREAD_COLOR);
-      if (!writer.isOpened() && !writer.open(part.string(), cv::CAP_FFMPEG, cv::VideoWriter::fourcc('a', 'v', 'c', '1'),
-                                             frame_rate_hz, picture.size()))
+      if (!writer.isOpened() &&
+          !writer.open(part.string(), cv::CAP_FFMPEG, cv::VideoWriter::fourcc('a', 'v', 'c', '1'),
+                       frame_rate_hz, picture.size()))
         return false;
       writer.write(picture);
     }
@@ -133,7 +141,8 @@ void write_mp4(const fs::path& file, double frame_rate_hz, const std::vector<fs:
 
 void MovieSettings::check(const TraceSettings& trace) const {
   if (!(frame_rate_hz >= 1 && frame_rate_hz <= 10'000))
-    throw usage_error(fmt::format("--frame-rate: {:g} is out of range", frame_rate_hz), "give 1 to 10000 a second");
+    throw usage_error(fmt::format("--frame-rate: {:g} is out of range", frame_rate_hz),
+                      "give 1 to 10000 a second");
   if (trace.grid.width % 2 != 0 || trace.grid.height % 2 != 0)
     throw usage_error("--size: a movie's width and height are even numbers", "write --size 300x300");
   frame_count(make_movement(movement, trace.seed), frame_rate_hz);
@@ -152,8 +161,8 @@ void write_movie(const Tracer& tracer, const EyeInState& eye_in_state, Lateralit
   remove_movie(folder);
   fs::create_directories(folder / "frames");
   const Json scale = scale_of(filming.eye_at(filming.movement().first_s()), trace);
-  const double pixel_deg = scale["arcmin_per_pixel"][0].is_number() ? scale["arcmin_per_pixel"][0].get<double>() / 60
-                                                                    : 0.01;
+  const double pixel_deg =
+      scale["arcmin_per_pixel"][0].is_number() ? scale["arcmin_per_pixel"][0].get<double>() / 60 : 0.01;
   Table table;
   std::vector<fs::path> pictures;
   Progress progress("filming", frames, trace.verbosity);

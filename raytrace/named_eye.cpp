@@ -28,8 +28,8 @@ fs::path output_of(const fs::path& output, Laterality laterality, bool two_eyes)
 /// Writes the picture, and into a folder what belongs to it.
 /// \return the picture's path
 fs::path write_output(const fs::path& output, const EyeModel& eye, const TraceSettings& settings,
-                      const Landmarks& landmarks, const TraceOptions& options, const CommonOptions& common, const LinearImage& picture,
-                      std::optional<RetinalIrradiance> light) {
+                      const Landmarks& landmarks, const TraceOptions& options, const CommonOptions& common,
+                      const LinearImage& picture, std::optional<RetinalIrradiance> light) {
   const std::string ending = output.extension().string();
   if (ending == ".png") {
     write_png(output, picture);
@@ -118,8 +118,8 @@ Answer trace_named(const NamedEye& named, const TraceOptions& options, const Com
     const fs::path image = write_output(output, eye, settings, options.landmarks_of(laterality), options,
                                         common, with_cover(result.image, result.unseen), std::move(light));
     if (options.movie)
-      write_movie(tracer, in_state(named, eye_options, options), laterality, *scene, settings, options.exposure,
-                  *options.movie, output);
+      write_movie(tracer, in_state(named, eye_options, options), laterality, *scene, settings,
+                  options.exposure, *options.movie, output);
     Json of_eye = picture_json(result, image.string(), eye, settings);
     of_eye["gaze_deg"] = {settings.pose.gaze.horizontal_deg, settings.pose.gaze.vertical_deg};
     answer.text += picture_line(eye.name, of_eye);

@@ -85,7 +85,8 @@ Json parameters_of(const TraceOptions& options, const MeasuredEyeOptions& measur
        options.psf_grid ? Json{options.psf_grid->reach_deg, options.psf_grid->step_deg} : Json(nullptr)},
       {"movement", options.movie ? Json(options.movie->movement) : Json(nullptr)},
       {"frame_rate_hz", options.movie ? Json(options.movie->frame_rate_hz) : Json(nullptr)},
-      {"irradiance", options.irradiance ? irradiance_json(*options.irradiance, options.irradiance_files) : Json(nullptr)},
+      {"irradiance",
+       options.irradiance ? irradiance_json(*options.irradiance, options.irradiance_files) : Json(nullptr)},
       {"seed", common.seed},
       {"laterality", to_string(common.laterality)}};
 }
@@ -151,9 +152,9 @@ EyeInState in_scanner(const EyeModel& eye, const TraceOptions& options) {
 
 /// Writes what one eye sees into its folder.
 /// \return what stage.json says of it
-Json trace_eye(const MeasuredEye& measured, const UncertainOptics& optics, Laterality eye, const TraceOptions& options,
-               const CommonOptions& common, const Tracer& tracer, const Scene& scene,
-               const fs::path& folder) {
+Json trace_eye(const MeasuredEye& measured, const UncertainOptics& optics, Laterality eye,
+               const TraceOptions& options, const CommonOptions& common, const Tracer& tracer,
+               const Scene& scene, const fs::path& folder) {
   const TraceSettings settings = options.settings_of(eye);
   const EyeModel worn = options.with_worn(measured.eye);
   const TraceResult result = trace_exposure(tracer, worn, scene, settings, options.exposure);
@@ -166,11 +167,12 @@ Json trace_eye(const MeasuredEye& measured, const UncertainOptics& optics, Later
   write_png(folder / "uncorrected.png", with_cover(result.image, result.unseen));
   write_wavefront(measured.eye, settings, folder);
   const EyeModel turned = fixed_to_head(worn, settings.pose.turned_from_straight());
-  const UncertainField uncertain{
-      optics, [&](const EyeModel& own) {
-        return fixed_to_head(options.with_worn(own), settings.pose.turned_from_straight());
-      },
-      common.thread_count()};
+  const UncertainField uncertain{optics,
+                                 [&](const EyeModel& own) {
+                                   return fixed_to_head(options.with_worn(own),
+                                                        settings.pose.turned_from_straight());
+                                 },
+                                 common.thread_count()};
   write_visual_field(turned, settings, options.landmarks_of(eye), &uncertain, folder);
   if (options.irradiance)
     write_irradiance(retinal_irradiance(tracer, worn, scene, settings, options.exposure, *options.irradiance),
@@ -179,8 +181,8 @@ Json trace_eye(const MeasuredEye& measured, const UncertainOptics& optics, Later
     write_field(turned, *options.psf_grid, wavefront_settings(settings), folder, common.thread_count(),
                 common.verbosity);
   if (options.movie)
-    write_movie(tracer, in_scanner(measured.eye, options), eye, scene, settings, options.exposure, *options.movie,
-                folder);
+    write_movie(tracer, in_scanner(measured.eye, options), eye, scene, settings, options.exposure,
+                *options.movie, folder);
   Json json =
       picture_json(result, fmt::format("raytrace/{}/uncorrected.png", to_string(eye)), worn, settings);
   json["lens_index"] = measured.lens_index;
@@ -195,8 +197,9 @@ Answer trace_case(const fs::path& case_folder, const MeasuredEyeOptions& measure
                   const TraceOptions& options, const CommonOptions& common) {
   options.check();
   if (options.movie && make_movement(options.movie->movement, common.seed).accommodates())
-    throw usage_error("--movement: a measured eye is traced as it was in the scanner, without accommodation_D",
-                      "leave that column out, or use --eye");
+    throw usage_error(
+        "--movement: a measured eye is traced as it was in the scanner, without accommodation_D",
+        "leave that column out, or use --eye");
   const CaseLock lock(case_folder, false);
   const StageVerdict meshed = read_verdict(case_folder, "meshing");
   const std::vector<Laterality> eyes = eyes_with(case_folder, "meshing", "biometry.json", common.laterality);
@@ -221,8 +224,9 @@ Answer trace_case(const fs::path& case_folder, const MeasuredEyeOptions& measure
         throw no_result_error("cornea or lens are withheld: light cannot be traced through this eye");
       const MeasuredEye own = read_measured_eye(case_folder, eye, measured);
       const double index_sigma = measured.lens_index ? 0 : usual_lens_index_sigma;
-      of_eyes[to_string(eye)] = trace_eye(own, read_uncertain_optics(optics, index_sigma, own.eye), eye, of_subject,
-                                          common, tracer, *scene, workspace.folder() / to_string(eye));
+      of_eyes[to_string(eye)] =
+          trace_eye(own, read_uncertain_optics(optics, index_sigma, own.eye), eye, of_subject, common, tracer,
+                    *scene, workspace.folder() / to_string(eye));
     });
     workspace.provenance()["eyes"] = of_eyes;
     return verdict;

@@ -59,8 +59,8 @@ void add_ellipses(Json& columns, const std::vector<Seen>& field, const Uncertain
                   double wavelength_nm) {
   std::vector<Eigen::Vector3d> directions;
   for (const Seen& seen : field) directions.push_back(seen.direction);
-  for (const auto& ellipse : retina_ellipses(uncertain.optics, uncertain.as_it_looks, directions, wavelength_nm,
-                                             uncertain.threads)) {
+  for (const auto& ellipse : retina_ellipses(uncertain.optics, uncertain.as_it_looks, directions,
+                                             wavelength_nm, uncertain.threads)) {
     const auto axes = [&] { return Json{ellipse->semi_axes_mm.x(), ellipse->semi_axes_mm.y()}; };
     columns["ellipse95_semi_axes_mm"].push_back(ellipse ? axes() : Json(nullptr));
     columns["ellipse95_axis_deg"].push_back(ellipse ? Json(ellipse->axis_deg) : Json(nullptr));
@@ -78,7 +78,8 @@ std::vector<Placed> placed(const EyeModel& eye, const Landmarks& landmarks) {
   std::vector<Placed> all{{"pole", 0, retina_point(eye, 0, 0).position_mm}};
   const auto add = [&](const char* name, const std::optional<Landmark>& mark) {
     if (!mark) return;
-    all.push_back({name, mark->sigma_mm, retina_point(eye, mark->from_pole_mm.x(), mark->from_pole_mm.y()).position_mm});
+    all.push_back({name, mark->sigma_mm,
+                   retina_point(eye, mark->from_pole_mm.x(), mark->from_pole_mm.y()).position_mm});
   };
   add("fovea", landmarks.fovea);
   add("disc", landmarks.disc);

@@ -5,12 +5,12 @@
 #include <vector>
 
 #include "correction/prescription/peripheral.hpp"
-#include "pipeline/eye/measured/uncertain_optics.hpp"
 #include "correction/prescription/uncertainty.hpp"
 #include "correction/search/real_lenses.hpp"
 #include "correction/search/search.hpp"
 #include "pipeline/base/json.hpp"
 #include "pipeline/base/progress.hpp"
+#include "pipeline/eye/measured/uncertain_optics.hpp"
 #include "pipeline/eye/population/limits.hpp"
 #include "raytrace/wavefront/wavefront.hpp"
 

@@ -6,9 +6,9 @@
 #include <string>
 #include <vector>
 
-#include "pipeline/eye/measured/uncertain_optics.hpp"
 #include "pipeline/base/measured.hpp"
 #include "pipeline/base/power_vector.hpp"
+#include "pipeline/eye/measured/uncertain_optics.hpp"
 
 namespace emmetrope::correction {
 

@@ -28,8 +28,9 @@ void write_beside(const std::filesystem::path& file,
   try {
     errno = 0;
     if (!write(part) || !synced(part) || ::rename(part.c_str(), file.c_str()) != 0)
-      throw output_error("cannot write " + file.string() + (errno != 0 ? std::string(": ") + std::strerror(errno) : ""),
-                         "check the folder, its permissions and the room on its disk");
+      throw output_error(
+          "cannot write " + file.string() + (errno != 0 ? std::string(": ") + std::strerror(errno) : ""),
+          "check the folder, its permissions and the room on its disk");
   } catch (...) {
     ::unlink(part.c_str());
     throw;

@@ -22,9 +22,9 @@ PrescriptionSettings settings_of(double vertex_distance_mm, double pupil_mm, con
   return settings;
 }
 
-py::object corrected(const raytrace::Tracer& tracer, const EyeModel& eye, double vertex_distance_mm, double pupil_mm,
-                     const std::string& criterion, double wavelength_nm, const Eigen::Vector2d& retina_mm,
-                     std::uint64_t seed) {
+py::object corrected(const raytrace::Tracer& tracer, const EyeModel& eye, double vertex_distance_mm,
+                     double pupil_mm, const std::string& criterion, double wavelength_nm,
+                     const Eigen::Vector2d& retina_mm, std::uint64_t seed) {
   const PrescriptionSettings settings =
       settings_of(vertex_distance_mm, pupil_mm, criterion, wavelength_nm, retina_mm, seed);
   Json json;
@@ -34,6 +34,18 @@ py::object corrected(const raytrace::Tracer& tracer, const EyeModel& eye, double
     json = to_json(prescription, uncertainty_of(prescription, nullptr), "");
   }
   return to_python(json);
+}
+
+py::tuple sharpest(const raytrace::Tracer& tracer, const EyeModel& eye, double vertex_distance_mm,
+                   double pupil_mm, const std::string& criterion, double wavelength_nm,
+                   const Eigen::Vector2d& retina_mm, std::uint64_t seed) {
+  const PrescriptionSettings settings =
+      settings_of(vertex_distance_mm, pupil_mm, criterion, wavelength_nm, retina_mm, seed);
+  const SearchResult found = [&] {
+    const py::gil_scoped_release unlocked;
+    return sharpest_lens(tracer, eye, settings);
+  }();
+  return py::make_tuple(found.family.power(found.best.lens), found.best.sharpness);
 }
 
 RetinalSharpness sharpness_of(const raytrace::Tracer& tracer, const EyeModel& eye, double vertex_distance_mm,
@@ -55,16 +67,22 @@ void bind_corrections(py::module_& module) {
   const auto wavelength = py::arg("wavelength_nm") = 589.3;
   const auto retina = py::arg("retina_mm") = Eigen::Vector2d(0, 0);
   const auto seed = py::arg("seed") = 1;
-  module.def("correct", &corrected, py::arg("tracer"), py::arg("eye"), distance, pupil, criterion, wavelength, retina, seed,
-             "The lens that makes the retinal image of an eye sharpest, as a dictionary: what prescription.json holds, "
-             "but for what_if.\n\n"
-             "criterion: gradient-energy, laplacian-variance or mtf-weighted; retina_mm: eye x, y from the pole.");
-  py::class_<RetinalSharpness>(module, "Sharpness",
-                               "Sharpness of the retinal image behind a thin lens, as correct() judges it at last: the "
-                               "energy of its detail over that through a pinhole. A smooth function with derivatives: "
-                               "the same rays serve every lens. Not for several threads at once.")
-      .def(py::init(&sharpness_of), py::arg("tracer"), py::arg("eye"), distance, pupil, criterion, wavelength, retina, seed,
-           py::keep_alive<1, 2>())
+  module.def(
+      "correct", &corrected, py::arg("tracer"), py::arg("eye"), distance, pupil, criterion, wavelength,
+      retina, seed,
+      "The lens that makes the retinal image of an eye sharpest, as a dictionary: what prescription.json holds, "
+      "but for what_if.\n\n"
+      "criterion: gradient-energy, laplacian-variance or mtf-weighted; retina_mm: eye x, y from the pole.");
+  module.def("sharpest_lens", &sharpest, py::arg("tracer"), py::arg("eye"), distance, pupil, criterion,
+             wavelength, retina, seed,
+             "The search of correct() alone: (PowerVector at the vertex distance, sharpness behind it).");
+  py::class_<RetinalSharpness>(
+      module, "Sharpness",
+      "Sharpness of the retinal image behind a thin lens, as correct() judges it at last: the "
+      "energy of its detail over that through a pinhole. A smooth function with derivatives: "
+      "the same rays serve every lens. Not for several threads at once.")
+      .def(py::init(&sharpness_of), py::arg("tracer"), py::arg("eye"), distance, pupil, criterion, wavelength,
+           retina, seed, py::keep_alive<1, 2>())
       .def(
           "__call__",
           [](const RetinalSharpness& sharpness, const Eigen::Vector3d& lens_D) {

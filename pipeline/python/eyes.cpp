@@ -23,8 +23,8 @@ Laterality laterality_of(const std::string& name) {
 }
 
 EyeModel measured_eye(const std::string& case_folder, const std::string& laterality, double pupil_mm,
-                      const std::optional<double>& age_years, const std::optional<double>& lens_index, bool lens_core,
-                      double retinal_depth_mm) {
+                      const std::optional<double>& age_years, const std::optional<double>& lens_index,
+                      bool lens_core, double retinal_depth_mm) {
   raytrace::MeasuredEyeOptions options;
   options.age_years = age_years;
   options.lens_index = lens_index;
@@ -111,8 +111,9 @@ void bind_eyes(py::module_& module) {
           "A schematic eye by name (schematic_eyes()), an eye.json by its path, also a case's, or a lens of Zemax (.zmx), "
           "Optiland or visisipy (.json).")
       .def_static("from_case", &measured_eye, py::arg("case_folder"), py::arg("laterality") = "od",
-                  py::arg("pupil_mm") = 4.0, py::arg("age_years") = py::none(), py::arg("lens_index") = py::none(),
-                  py::arg("lens_core") = false, py::arg("retinal_depth_mm") = usual_retinal_depth_mm,
+                  py::arg("pupil_mm") = 4.0, py::arg("age_years") = py::none(),
+                  py::arg("lens_index") = py::none(), py::arg("lens_core") = false,
+                  py::arg("retinal_depth_mm") = usual_retinal_depth_mm,
                   "A measured eye from the meshes of a case, as trace has it.")
       .def_static(
           "from_dict",

@@ -113,7 +113,8 @@ void bind_picture(py::module_& module) {
           "Where columns and rows lie: x_mm and y_mm on the retina (eye frame), or right_deg and down_deg, right_tangent "
           "and down_tangent as the patient perceives them, from the line of sight of the picture's centre.")
       .def_property_readonly(
-          "states", [](const Picture& picture) { return states_of(picture.traced); }, "How many rays ended how.")
+          "states", [](const Picture& picture) { return states_of(picture.traced); },
+          "How many rays ended how.")
       .def_property_readonly("rays", [](const Picture& picture) { return picture.traced.rays; })
       .def_property_readonly(
           "samples", [](const Picture& picture) { return picture.traced.samples; }, "Rays a pixel.")
@@ -140,14 +141,16 @@ void bind_irradiance(py::module_& module) {
           "cones", [](const Irradiance& i) { return array_of(i.light.cones); },
           "(height, width, 3) float32: long, middle and short wavelength cones, W / m^2.")
       .def_property_readonly(
-          "trolands", [](const Irradiance& i) { return array_of(i.light.trolands); }, "(height, width) float32.")
+          "trolands", [](const Irradiance& i) { return array_of(i.light.trolands); },
+          "(height, width) float32.")
       .def_property_readonly(
           "seen", [](const Irradiance& i) { return seen_of(i.light.cones, i.light.unseen); },
           "(height, width) bool: false where the eye sees nothing.")
       .def_property_readonly(
           "axes", [](const Irradiance& i) { return axes_of(i.grid); }, "As Picture.axes.")
       .def_property_readonly(
-          "transmittance", [](const Irradiance& i) { return i.light.transmittance; }, "Of the media, in the irradiance.")
+          "transmittance", [](const Irradiance& i) { return i.light.transmittance; },
+          "Of the media, in the irradiance.")
       .def_property_readonly(
           "white_radiance", [](const Irradiance& i) { return i.light.white_radiance; }, "W / (m^2 sr nm).")
       .def_property_readonly("pupil_area_mm2", [](const Irradiance& i) { return i.light.pupil_area_mm2; })
@@ -199,7 +202,8 @@ void bind_pictures(py::module_& module) {
             std::tie(light.first_nm, light.last_nm, light.step_nm) = bands_nm;
             light.age_years = media_age_years;
             const py::gil_scoped_release unlocked;
-            return Irradiance{retinal_irradiance(tracer, eye, *make_scene(scene), settings, {}, light), settings.grid};
+            return Irradiance{retinal_irradiance(tracer, eye, *make_scene(scene), settings, {}, light),
+                              settings.grid};
           },
           py::arg("eye"), py::arg("scene") = "letters", py::arg("size") = std::pair(500, 500),
           py::arg("field_mm") = std::pair(6.0, 6.0), py::arg("centre_mm") = Eigen::Vector2d(0, 0),

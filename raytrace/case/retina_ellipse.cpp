@@ -34,15 +34,15 @@ RetinaEllipse ellipse_of(const Eigen::Matrix2d& covariance_mm2) {
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> axes(covariance_mm2);
   const Eigen::Vector2d longer = axes.eigenvectors().col(1);
   const double angle_deg = std::atan2(longer.y(), longer.x()) / degree;
-  return {sigmas_of_95 * axes.eigenvalues().reverse().cwiseMax(0).cwiseSqrt(), angle_deg < 0 ? angle_deg + 180 : angle_deg};
+  return {sigmas_of_95 * axes.eigenvalues().reverse().cwiseMax(0).cwiseSqrt(),
+          angle_deg < 0 ? angle_deg + 180 : angle_deg};
 }
 
 }  // namespace
 
-std::vector<std::optional<RetinaEllipse>> retina_ellipses(const UncertainOptics& optics,
-                                                          const std::function<EyeModel(const EyeModel&)>& as_it_looks,
-                                                          const std::vector<Eigen::Vector3d>& directions,
-                                                          double wavelength_nm, int threads) {
+std::vector<std::optional<RetinaEllipse>> retina_ellipses(
+    const UncertainOptics& optics, const std::function<EyeModel(const EyeModel&)>& as_it_looks,
+    const std::vector<Eigen::Vector3d>& directions, double wavelength_nm, int threads) {
   const std::size_t count = directions.size();
   const NormalDistribution known = optics.known.parameters();
   const auto seen_by = [&](const Eigen::VectorXd& values) {

@@ -19,9 +19,8 @@ struct RetinaEllipse {
 /// \param as_it_looks  what it wears and how it is turned
 /// \param directions  unit vectors from the eye, eye frame
 /// \return one a direction; nothing where the eye, or one that is as likely, does not see it
-std::vector<std::optional<RetinaEllipse>> retina_ellipses(const UncertainOptics& optics,
-                                                          const std::function<EyeModel(const EyeModel&)>& as_it_looks,
-                                                          const std::vector<Eigen::Vector3d>& directions,
-                                                          double wavelength_nm, int threads);
+std::vector<std::optional<RetinaEllipse>> retina_ellipses(
+    const UncertainOptics& optics, const std::function<EyeModel(const EyeModel&)>& as_it_looks,
+    const std::vector<Eigen::Vector3d>& directions, double wavelength_nm, int threads);
 
 }  // namespace emmetrope::raytrace

@@ -104,8 +104,10 @@ std::vector<EyeMoment> fixational(const ModelParameters& p, std::uint64_t seed) 
   std::mt19937_64 random(seed);
   const double duration_s = p.at("duration_s");
   const auto diffusion = p.find("diffusion_arcmin2_s");
-  const std::vector<Displacement> drift = brownian(duration_s, diffusion == p.end() ? 0 : diffusion->second, random);
-  const std::vector<Jump> of_microsaccades = p.count("rate_hz") > 0 ? jumps(duration_s, p, random) : std::vector<Jump>();
+  const std::vector<Displacement> drift =
+      brownian(duration_s, diffusion == p.end() ? 0 : diffusion->second, random);
+  const std::vector<Jump> of_microsaccades =
+      p.count("rate_hz") > 0 ? jumps(duration_s, p, random) : std::vector<Jump>();
   return sampled(duration_s, [&](double time_s) -> Displacement {
     return drift[static_cast<std::size_t>(std::lround(time_s / sample_s))] + after(of_microsaccades, time_s);
   });
@@ -115,7 +117,9 @@ std::vector<EyeMoment> fixational(const ModelParameters& p, std::uint64_t seed) 
 
 const std::vector<MovementModel>& movement_models() {
   static const std::vector<MovementModel> models{
-      {"saccade", {{"amplitude_deg", 10}, {"direction_deg", 0}, {"start_s", 0.05}, {"duration_s", 0.2}}, &saccade},
+      {"saccade",
+       {{"amplitude_deg", 10}, {"direction_deg", 0}, {"start_s", 0.05}, {"duration_s", 0.2}},
+       &saccade},
       {"pursuit",
        {{"velocity_deg_s", 10},
         {"direction_deg", 0},

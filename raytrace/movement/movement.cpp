@@ -37,9 +37,11 @@ std::string column_names() {
 std::vector<const Column*> columns_of(const std::vector<std::string>& head, const std::string& file) {
   std::vector<const Column*> found;
   for (const std::string& name : head) {
-    const auto* column = std::find_if(columns.begin(), columns.end(), [&](const Column& c) { return c.name == name; });
+    const auto* column =
+        std::find_if(columns.begin(), columns.end(), [&](const Column& c) { return c.name == name; });
     if (column == columns.end())
-      throw input_error(fmt::format("{}: column \"{}\" is unknown", file, name), "known are " + column_names());
+      throw input_error(fmt::format("{}: column \"{}\" is unknown", file, name),
+                        "known are " + column_names());
     if (std::find(found.begin(), found.end(), column) != found.end())
       throw input_error(fmt::format("{}: column \"{}\" stands there twice", file, name));
     found.push_back(column);
@@ -52,7 +54,8 @@ std::vector<const Column*> columns_of(const std::vector<std::string>& head, cons
 EyeMoment moment_of(const std::vector<std::string>& cells, const std::vector<const Column*>& named,
                     const std::string& where) {
   if (cells.size() != named.size())
-    throw input_error(fmt::format("{}: {} cells, the first line names {}", where, cells.size(), named.size()));
+    throw input_error(
+        fmt::format("{}: {} cells, the first line names {}", where, cells.size(), named.size()));
   EyeMoment moment;
   for (std::size_t k = 0; k < cells.size(); ++k) {
     const std::optional<double> value = typed_number(cells[k]);
@@ -68,14 +71,16 @@ double between(double from, double to, double share) { return from + share * (to
 
 void check(const EyeMoment& moment, const std::string& name) {
   const auto refuse = [&](const char* what, double value) {
-    throw input_error(fmt::format("movement {}: {} {:g} at {:g} s is out of range", name, what, value, moment.time_s));
+    throw input_error(
+        fmt::format("movement {}: {} {:g} at {:g} s is out of range", name, what, value, moment.time_s));
   };
   for (const Laterality eye : both_eyes) {
     const Gaze gaze = moment.gaze_of(eye);
     if (!(std::abs(gaze.horizontal_deg) <= 60)) refuse("horizontal_deg", gaze.horizontal_deg);
     if (!(std::abs(gaze.vertical_deg) <= 60)) refuse("vertical_deg", gaze.vertical_deg);
   }
-  if (moment.pupil_mm && !(*moment.pupil_mm >= 0.5 && *moment.pupil_mm <= 9)) refuse("pupil_mm", *moment.pupil_mm);
+  if (moment.pupil_mm && !(*moment.pupil_mm >= 0.5 && *moment.pupil_mm <= 9))
+    refuse("pupil_mm", *moment.pupil_mm);
 }
 
 /// \param text  ":key=value,..." or nothing
@@ -95,10 +100,12 @@ ModelParameters parameters_of(const MovementModel& model, const std::string& tex
   for (const auto& [key, value] : parameters) {
     const bool positive = key == "duration_s" || key == "amplitude_deg" || key == "rate_hz";
     if (key != "direction_deg" && !(positive ? value > 0 : value >= 0))
-      throw usage_error(fmt::format("--movement {}: {}={:g} is out of range", model.name, key, value), remedy);
+      throw usage_error(fmt::format("--movement {}: {}={:g} is out of range", model.name, key, value),
+                        remedy);
   }
   if (parameters.at("duration_s") > longest_model_s)
-    throw usage_error(fmt::format("--movement {}: duration_s up to {:g} is wanted", model.name, longest_model_s));
+    throw usage_error(
+        fmt::format("--movement {}: duration_s up to {:g} is wanted", model.name, longest_model_s));
   return parameters;
 }
 
@@ -123,8 +130,9 @@ Movement::Movement(std::string name, std::vector<EyeMoment> moments)
 EyeMoment Movement::at(double time_s) const {
   if (time_s <= first_s()) return moments_.front();
   if (time_s >= last_s()) return moments_.back();
-  const auto after = std::upper_bound(moments_.begin(), moments_.end(), time_s,
-                                      [](double time, const EyeMoment& moment) { return time < moment.time_s; });
+  const auto after =
+      std::upper_bound(moments_.begin(), moments_.end(), time_s,
+                       [](double time, const EyeMoment& moment) { return time < moment.time_s; });
   const EyeMoment &a = *(after - 1), &b = *after;
   const double share = (time_s - a.time_s) / (b.time_s - a.time_s);
   EyeMoment moment;

@@ -8,7 +8,7 @@ namespace emmetrope::raytrace {
 
 /// How the image of what is far away and at rest runs over the retina.
 struct RetinalSlip {
-  Eigen::Vector2d image_mm_s;      ///< of the image, along eye x and y
+  Eigen::Vector2d image_mm_s;       ///< of the image, along eye x and y
   Eigen::Vector2d direction_deg_s;  ///< of the object against the eye, to the patient's left and up
 };
 

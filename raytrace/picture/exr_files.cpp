@@ -1,4 +1,3 @@
-#include <fmt/format.h>
 #include <OpenEXR/ImfChannelList.h>
 #include <OpenEXR/ImfFrameBuffer.h>
 #include <OpenEXR/ImfHeader.h>
@@ -6,6 +5,7 @@
 #include <OpenEXR/ImfStandardAttributes.h>
 #include <OpenEXR/ImfStdIO.h>
 #include <OpenEXR/ImfStringAttribute.h>
+#include <fmt/format.h>
 
 #include <algorithm>
 #include <string_view>
@@ -28,7 +28,8 @@ class ExrFile {
     // OpenEXR takes what it reads as it takes what it writes: not const.
     auto* floats = const_cast<float*>(image.values.data()) + offset;
     header_.channels().insert(channel, Imf::Channel(Imf::FLOAT));
-    pixels_.insert(channel, Imf::Slice(Imf::FLOAT, reinterpret_cast<char*>(floats), step, step * image.width));
+    pixels_.insert(channel,
+                   Imf::Slice(Imf::FLOAT, reinterpret_cast<char*>(floats), step, step * image.width));
     height_ = image.height;
   }
   void write(const std::filesystem::path& file) {

@@ -59,7 +59,8 @@ double arc_mm(const RetinaPoint& a, const RetinaPoint& b) {
 
 }  // namespace
 
-std::optional<double> geodesic_mm(const EyeModel& eye, const Eigen::Vector3d& from, const Eigen::Vector3d& to) {
+std::optional<double> geodesic_mm(const EyeModel& eye, const Eigen::Vector3d& from,
+                                  const Eigen::Vector3d& to) {
   constexpr int halvings = 5, most_pulls = 200;
   constexpr double tight_mm = 1e-5;
   if ((from - to).norm() == 0) return 0;

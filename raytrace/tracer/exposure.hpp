@@ -23,9 +23,11 @@ TraceResult trace_exposure(const Tracer& tracer, const EyeModel& eye, const Scen
 /// The settings of one of several steps that share a picture's samples.
 TraceSettings of_step(const TraceSettings& settings, int step, int steps);
 /// The eye turned by its pose, with what the head bears where it is.
-TraceResult trace_turned(const Tracer& tracer, const EyeModel& eye, const Scene& scene, const TraceSettings& settings);
+TraceResult trace_turned(const Tracer& tracer, const EyeModel& eye, const Scene& scene,
+                         const TraceSettings& settings);
 /// The picture of what is seen step by step: its light is the mean over all steps, its colours over those that see.
 /// \param trace_step  of the same size each; with illuminance steps count by their own middle's light
-TraceResult mean_over_steps(int steps, bool illuminance, const std::function<TraceResult(int step)>& trace_step);
+TraceResult mean_over_steps(int steps, bool illuminance,
+                            const std::function<TraceResult(int step)>& trace_step);
 
 }  // namespace emmetrope::raytrace

@@ -1,12 +1,12 @@
 #include "raytrace/irradiance_files.hpp"
 
-#include <gtest/gtest.h>
-#include <matio.h>
 #include <OpenEXR/ImfFrameBuffer.h>
 #include <OpenEXR/ImfHeader.h>
 #include <OpenEXR/ImfInputFile.h>
 #include <OpenEXR/ImfStandardAttributes.h>
 #include <OpenEXR/ImfStringAttribute.h>
+#include <gtest/gtest.h>
+#include <matio.h>
 #include <tiffio.h>
 
 #include <cmath>
@@ -88,9 +88,10 @@ TraceSettings square_pixels() {
 
 TEST(IrradianceFiles, SayTheirPitchUnitAndWavelength) {
   const test::TemporaryFolder folder;
-  write_irradiance(numbered(), make_eye("navarro"), square_pixels(), {}, {{"tiff", "exr"}, true}, folder.path());
-  const std::unique_ptr<TIFF, decltype(&TIFFClose)> tiff(TIFFOpen((folder.path() / "irradiance.tiff").c_str(), "r"),
-                                                         &TIFFClose);
+  write_irradiance(numbered(), make_eye("navarro"), square_pixels(), {}, {{"tiff", "exr"}, true},
+                   folder.path());
+  const std::unique_ptr<TIFF, decltype(&TIFFClose)> tiff(
+      TIFFOpen((folder.path() / "irradiance.tiff").c_str(), "r"), &TIFFClose);
   ASSERT_NE(tiff, nullptr);
   ASSERT_EQ(TIFFSetDirectory(tiff.get(), 1), 1);
   float across = 0;
@@ -111,12 +112,13 @@ TEST(IrradianceFiles, SayTheirPitchUnitAndWavelength) {
   EXPECT_NEAR(row[2] / (105 * 600e-9 / (6.62607015e-34 * 299792458)), 1, 1e-6);
 
   Imf::InputFile exr((folder.path() / "irradiance.exr").c_str());
-  EXPECT_EQ(exr.header().typedAttribute<Imf::StringAttribute>("emissiveUnits").value(), "photons / (s m^2 nm)");
+  EXPECT_EQ(exr.header().typedAttribute<Imf::StringAttribute>("emissiveUnits").value(),
+            "photons / (s m^2 nm)");
   EXPECT_NEAR(xDensity(exr.header()), 254, 1e-3);  // pixels an inch
   std::vector<float> pixels(6);
   Imf::FrameBuffer buffer;
-  buffer.insert("S0.600,000000nm", Imf::Slice(Imf::FLOAT, reinterpret_cast<char*>(pixels.data()), sizeof(float),
-                                              3 * sizeof(float)));
+  buffer.insert("S0.600,000000nm", Imf::Slice(Imf::FLOAT, reinterpret_cast<char*>(pixels.data()),
+                                              sizeof(float), 3 * sizeof(float)));
   exr.setFrameBuffer(buffer);
   exr.readPixels(0, 1);
   EXPECT_EQ(pixels[5], row[2]);
@@ -140,20 +142,24 @@ TEST(IrradianceFiles, IsetbioFindsWhatItsGetterAsksFor) {
   EXPECT_EQ(std::string(static_cast<const char*>(field(oi.get(), "type")->data), 12), "opticalimage");
   const matvar_t* photons = field(field(oi.get(), "data"), "photons");
   ASSERT_EQ(photons->rank, 3);
-  EXPECT_NEAR(static_cast<const float*>(photons->data)[1 + 2 * 2] / (5 * 500e-9 / (6.62607015e-34 * 299792458)), 1, 1e-6);
+  EXPECT_NEAR(
+      static_cast<const float*>(photons->data)[1 + 2 * 2] / (5 * 500e-9 / (6.62607015e-34 * 299792458)), 1,
+      1e-6);
   const matvar_t* wave = field(field(oi.get(), "spectrum"), "wave");
   EXPECT_EQ(static_cast<const double*>(wave->data)[1], 600);
   // oiGet: width = 2 tan(wAngular / 2) x distance, which is the focal length where the scene is far away.
   const double focal_m = number(field(field(oi.get(), "optics"), "focalLength"));
   EXPECT_NEAR(2 * std::tan(number(field(oi.get(), "wAngular")) / 2 * degree) * focal_m, 0.3e-3, 1e-12);
   EXPECT_NEAR(focal_m, 16.5e-3, 0.1e-3);  // Navarro's eye: its retina from its image-side nodal point
-  EXPECT_NEAR(number(field(field(oi.get(), "optics"), "fNumber")), focal_m * 1000 / std::sqrt(4 * 7 / pi), 1e-9);
+  EXPECT_NEAR(number(field(field(oi.get(), "optics"), "fNumber")), focal_m * 1000 / std::sqrt(4 * 7 / pi),
+              1e-9);
 }
 
 TEST(IrradianceFiles, AreTheSameBytesAgain) {
   const test::TemporaryFolder a, b;
   for (const auto* folder : {&a, &b})
-    write_irradiance(numbered(), make_eye("navarro"), square_pixels(), {}, {irradiance_formats, false}, folder->path());
+    write_irradiance(numbered(), make_eye("navarro"), square_pixels(), {}, {irradiance_formats, false},
+                     folder->path());
   for (const auto& file : std::filesystem::directory_iterator(a.path()))
     EXPECT_EQ(read_file(file.path()), read_file(b.path() / file.path().filename())) << file.path();
 }

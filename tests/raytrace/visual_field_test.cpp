@@ -51,8 +51,12 @@ TEST(VisualField, LandmarksAndTheWaysBetweenThem) {
   landmarks.disc = Landmark{{-3.5, 0.5}, 0.2};
   write_visual_field(eye, {}, landmarks, nullptr, folder.path());
   const Json json = read_json(folder.path() / "visual-field.json");
-  const auto unit = [](double x, double y) { return Eigen::Vector3d(x, y, -std::sqrt(144 - x * x - y * y)) / 12; };
-  const auto way = [&](const Eigen::Vector3d& a, const Eigen::Vector3d& b) { return 12 * std::acos(a.dot(b)); };
+  const auto unit = [](double x, double y) -> Eigen::Vector3d {
+    return Eigen::Vector3d(x, y, -std::sqrt(144 - x * x - y * y)) / 12;
+  };
+  const auto way = [&](const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
+    return 12 * std::acos(a.dot(b));
+  };
   const Json& distances = json["distances"];
   EXPECT_NEAR(distances["pole_fovea_mm"]["value"].get<double>(), way(unit(0, 0), unit(1.2, 0)), 1e-4);
   const double wanted = way(unit(1.2, 0), unit(-3.5, 0.5)), sigma = std::hypot(0.1, 0.2);

@@ -213,6 +213,17 @@ def correct(
     seed: int = 1,
 ) -> Dict[str, Any]: ...
 
+def sharpest_lens(
+    tracer: Tracer,
+    eye: Eye,
+    vertex_distance_mm: float = 12,
+    pupil_mm: float = 3,
+    criterion: str = "gradient-energy",
+    wavelength_nm: float = 589.3,
+    retina_mm: ArrayLike = (0, 0),
+    seed: int = 1,
+) -> Tuple[PowerVector, float]: ...
+
 class Sharpness:
     images: int
     def __init__(

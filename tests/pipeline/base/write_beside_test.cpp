@@ -27,7 +27,11 @@ TEST(WriteBeside, TakesTheTargetsPlaceOrLeavesIt) {
   EXPECT_EQ(read_file(file), "first");
   EXPECT_THROW(write_beside(file, [](const fs::path& part) { return put(part, "half") && false; }), Error);
   EXPECT_THROW(write_beside(file, [](const fs::path&) { return true; }), Error);  // that wrote nothing
-  EXPECT_THROW(write_beside(file, [](const fs::path& part) -> bool { put(part, "x"); throw std::runtime_error(""); }),
+  EXPECT_THROW(write_beside(file,
+                            [](const fs::path& part) -> bool {
+                              put(part, "x");
+                              throw std::runtime_error("");
+                            }),
                std::runtime_error);
   EXPECT_EQ(read_file(file), "first");
   EXPECT_EQ(std::distance(fs::directory_iterator(folder.path()), fs::directory_iterator()), 1);

@@ -221,8 +221,67 @@ class Pictures(unittest.TestCase):
         self.assertEqual(light.transmittance, said["transmittance"])
         self.assertEqual(light.white_trolands, said["white_trolands"])
         self.assertEqual(light.irradiance.shape, (3, 8, 16))
+        numpy.testing.assert_allclose(light.photons[1], light.irradiance[1] * 550e-9 / (6.62607015e-34 * 299792458), rtol=1e-6)
+        self.assertEqual(light.trolands.shape, (8, 16))
         for band in light.irradiance:  # uncompressed strips of little-endian floats
             self.assertIn(band[0].tobytes(), pages)
+
+
+    def test_have_labels(self):
+        tracer, eye = emmetrope.Tracer(), emmetrope.Eye("navarro")
+        picture = tracer.picture(eye, size=(6, 4), field_mm=(0.6, 0.4), centre_mm=(1, 0), samples=32).to_xarray()
+        self.assertEqual(picture.dims, ("y_mm", "x_mm", "channel"))
+        numpy.testing.assert_allclose(picture.x_mm, [0.75, 0.85, 0.95, 1.05, 1.15, 1.25])
+        numpy.testing.assert_allclose(picture.y_mm, [-0.15, -0.05, 0.05, 0.15])
+        light = tracer.irradiance(eye, "perimeter", size=(4, 4), field_deg=(240, 240), samples=32,
+                                  bands_nm=(500, 600, 50)).to_xarray()
+        self.assertEqual(light.irradiance.dims, ("wavelength_nm", "down_deg", "right_deg"))
+        self.assertEqual(light.irradiance.attrs["units"], "W / (m^2 nm)")
+        numpy.testing.assert_allclose(light.right_deg, [-90, -30, 30, 90])
+        self.assertTrue(numpy.isnan(light.irradiance.values[0, 0, 0]))  # 127 degrees from the middle
+        self.assertGreater(float(light.irradiance.sel(wavelength_nm=550, right_deg=30, down_deg=30)), 0)
+
+
+class Corrections(unittest.TestCase):
+    def test_sharpness_has_its_derivative(self):
+        sharpness = emmetrope.Sharpness(emmetrope.Tracer(), emmetrope.Eye("atchison:-2"), wavelength_nm=555)
+        lens = numpy.array([-1.7, 0.1, 0.05])
+        value, gradient = sharpness(lens)
+        for k in range(3):
+            step = 0.01 * numpy.eye(3)[k]
+            slope = (sharpness(lens + step)[0] - sharpness(lens - step)[0]) / 0.02
+            self.assertAlmostEqual(gradient[k], slope, delta=0.02 * numpy.abs(gradient).max())
+        self.assertGreater(sharpness([-1.95, 0, 0])[0], value)
+        self.assertEqual(sharpness.images, 8)
+
+    def test_is_the_commands(self):
+        with tempfile.TemporaryDirectory() as folder:
+            said = command("correct", "--eye", "arizona", "-o", folder)
+        found = emmetrope.correct(emmetrope.Tracer(), emmetrope.Eye("arizona"))
+        for key in ("M_D", "J0_D", "J45_D", "sphere_D", "rounded", "plano_cylinder", "wavefront_check"):
+            self.assertEqual(found[key], said[key], key)
+        lens, _ = emmetrope.sharpest_lens(emmetrope.Tracer(), emmetrope.Eye("arizona"))
+        self.assertEqual(lens.M_D, said["M_D"]["value"])
+
+
+class Commands(unittest.TestCase):
+    def test_answer_as_dictionaries_and_fail_as_exceptions(self):
+        from emmetrope import commands as run
+        with tempfile.TemporaryDirectory() as folder:
+            truth = run.phantom(os.path.join(folder, "study"), random=3, protocol="head-t1", snr=0, quiet=True)
+            self.assertIn("axial_length_mm", truth["eyes"]["od"])
+            series = run.inventory(os.path.join(folder, "study", "dicom"), quiet=True)["series"]
+            self.assertTrue(series[0]["usable"])
+            with self.assertRaises(emmetrope.UsageError) as caught:
+                run.phantom(os.path.join(folder, "other"), protocol="none")
+            self.assertEqual(caught.exception.status, 2)
+            with self.assertRaises(emmetrope.InputError) as caught:
+                run.mesh(folder, quiet=True)
+            self.assertTrue(caught.exception.remedy)
+            with self.assertRaises(emmetrope.InputError) as caught:
+                emmetrope.Case(folder).biometry("od")
+            self.assertIn("emmetrope mesh", caught.exception.remedy)
+            self.assertEqual(emmetrope.Case(folder).eyes, [])
 
 
 class Module(unittest.TestCase):
@@ -256,13 +315,16 @@ class Module(unittest.TestCase):
                 names.add(node.name)
             elif isinstance(node, ast.AnnAssign):
                 names.add(node.target.id)
-        self.assertEqual(names, {name for name in dir(emmetrope) if not name.startswith("_")})
+            elif isinstance(node, ast.ImportFrom) and node.level == 1:
+                names.update(alias.asname for alias in node.names)
+        self.assertEqual(names, {name for name in dir(emmetrope) if not name.startswith("_")} - {"cases"})
         for name in names & members.keys():
             kind = getattr(emmetrope, name)
             if issubclass(kind, Exception):
                 continue
-            there = {member for member in vars(kind) if not member.startswith("_")} - {"__init__"}
-            self.assertEqual(members[name] - {"__init__"}, there, name)
+            there = {member for member in vars(kind) if not member.startswith("_")}
+            set_by_instances = {"folder"}
+            self.assertEqual({m for m in members[name] if not m.startswith("_")} - set_by_instances, there, name)
 
 
 if __name__ == "__main__":

@@ -23,11 +23,11 @@ Vector3d towards(double x_deg, double y_deg) {
 TEST(RetinaEllipse, HoldsNineteenOfTwentyEyesThatAreAsLikely) {
   const UncertainOptics optics = uncertain_optics_from_json(measured_optics(), ".", 0.005);
   const std::vector<Vector3d> directions{towards(0, 0), towards(25, -10), towards(-40, 5)};
-  const auto ellipses = retina_ellipses(optics, [](const EyeModel& eye) { return eye; }, directions, 555, 1);
+  const auto ellipses = retina_ellipses(
+      optics, [](const EyeModel& eye) { return eye; }, directions, 555, 1);
   const NormalDistribution known = optics.known.parameters();
   const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> axes(known.covariance);
-  const Eigen::MatrixXd root =
-      axes.eigenvectors() * axes.eigenvalues().cwiseMax(0).cwiseSqrt().asDiagonal();
+  const Eigen::MatrixXd root = axes.eigenvectors() * axes.eigenvalues().cwiseMax(0).cwiseSqrt().asDiagonal();
   std::mt19937 random(7);
   std::normal_distribution<double> normal;
   constexpr int draws = 400;
@@ -36,20 +36,24 @@ TEST(RetinaEllipse, HoldsNineteenOfTwentyEyesThatAreAsLikely) {
   for (const Vector3d& direction : directions)
     means.push_back(ChiefRays(eye_at(optics, known.mean), 555).image_of(direction)->position_mm);
   for (int draw = 0; draw < draws; ++draw) {
-    const Eigen::VectorXd unit = Eigen::VectorXd::NullaryExpr(known.mean.size(), [&] { return normal(random); });
+    const Eigen::VectorXd unit =
+        Eigen::VectorXd::NullaryExpr(known.mean.size(), [&] { return normal(random); });
     const ChiefRays chief_rays(eye_at(optics, known.mean + root * unit), 555);
     for (std::size_t k = 0; k < directions.size(); ++k) {
       // Of the point moved: away from the axis and across, which is along the retina up to its slope's cosine.
       const Vector3d moved = chief_rays.image_of(directions[k])->position_mm - means[k];
-      const Vector2d outward = means[k].head<2>().norm() > 1e-6 ? Vector2d(means[k].head<2>().normalized()) : Vector2d(1, 0);
+      const Vector2d outward =
+          means[k].head<2>().norm() > 1e-6 ? Vector2d(means[k].head<2>().normalized()) : Vector2d(1, 0);
       const double slope = means[k].head<2>().norm() > 1e-6 ? moved.z() : 0;
-      const double away = std::copysign(std::hypot(moved.head<2>().dot(outward), slope), moved.head<2>().dot(outward));
+      const double away =
+          std::copysign(std::hypot(moved.head<2>().dot(outward), slope), moved.head<2>().dot(outward));
       const double across = outward.x() * moved.y() - outward.y() * moved.x();
       // Looked at from within, with +z towards the viewer, counter-clockwise is from away to across.
       const double axis = ellipses[k]->axis_deg * degree;
       const double along = std::cos(axis) * away + std::sin(axis) * across,
                    beside = -std::sin(axis) * away + std::cos(axis) * across;
-      inside[k] += std::hypot(along / ellipses[k]->semi_axes_mm.x(), beside / ellipses[k]->semi_axes_mm.y()) < 1;
+      inside[k] +=
+          std::hypot(along / ellipses[k]->semi_axes_mm.x(), beside / ellipses[k]->semi_axes_mm.y()) < 1;
     }
   }
   // 95 % of 400 with the binomial's three standard deviations, and two hundredths for curvature and length.
@@ -61,8 +65,8 @@ TEST(RetinaEllipse, HoldsNineteenOfTwentyEyesThatAreAsLikely) {
 
 TEST(RetinaEllipse, IsNotWhereTheEyeDoesNotSee) {
   const UncertainOptics optics = uncertain_optics_from_json(measured_optics(), ".", 0.005);
-  const auto ellipses =
-      retina_ellipses(optics, [](const EyeModel& eye) { return eye; }, {Vector3d(0, 0, -1)}, 555, 1);
+  const auto ellipses = retina_ellipses(
+      optics, [](const EyeModel& eye) { return eye; }, {Vector3d(0, 0, -1)}, 555, 1);
   EXPECT_FALSE(ellipses[0]);
 }
 

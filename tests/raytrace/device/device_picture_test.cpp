@@ -9,6 +9,7 @@
 #include "pipeline/eye/schematic/schematic_eyes.hpp"
 #include "raytrace/tracer/exposure.hpp"
 #include "raytrace/tracer/tracer.hpp"
+#include "raytrace/picture/float_files.hpp"
 #include "tests/support/temporary_folder.hpp"
 
 namespace emmetrope::raytrace {

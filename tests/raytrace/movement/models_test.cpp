@@ -16,7 +16,8 @@ double peak_deg_s(const Movement& movement) {
   double peak = 0;
   const auto& moments = movement.moments();
   for (std::size_t k = 1; k < moments.size(); ++k)
-    peak = std::max(peak, (place(moments[k]) - place(moments[k - 1])).norm() / (moments[k].time_s - moments[k - 1].time_s));
+    peak = std::max(peak, (place(moments[k]) - place(moments[k - 1])).norm() /
+                              (moments[k].time_s - moments[k - 1].time_s));
   return peak;
 }
 
@@ -32,7 +33,8 @@ TEST(MovementModels, SaccadesLieOnTheMainSequence) {
 }
 
 TEST(MovementModels, PursuitFollowsAtItsGainAfterItsLatency) {
-  const Movement movement = make_movement("pursuit:velocity_deg_s=20,gain=0.9,latency_s=0.1,rise_s=0.05,duration_s=2", 1);
+  const Movement movement =
+      make_movement("pursuit:velocity_deg_s=20,gain=0.9,latency_s=0.1,rise_s=0.05,duration_s=2", 1);
   EXPECT_NEAR(place(movement.at(0.1)).x(), 0, 1e-12);
   EXPECT_NEAR(place(movement.at(2)).x() - place(movement.at(1)).x(), 18, 1e-6);
   // A first-order rise ends up its time constant behind.
@@ -43,7 +45,9 @@ TEST(MovementModels, DriftDiffuses) {
   // Mean squared displacement 4 D t in two dimensions; of 400 walks it is known to 5 % (chi2 of 800).
   double sum_arcmin2 = 0;
   for (int seed = 1; seed <= 400; ++seed)
-    sum_arcmin2 += place(make_movement("drift:diffusion_arcmin2_s=40,duration_s=0.5", seed).at(0.5)).squaredNorm() * 3600;
+    sum_arcmin2 +=
+        place(make_movement("drift:diffusion_arcmin2_s=40,duration_s=0.5", seed).at(0.5)).squaredNorm() *
+        3600;
   EXPECT_NEAR(sum_arcmin2 / 400, 4 * 40 * 0.5, 4 * 0.05 * 80);
 }
 

@@ -12,8 +12,9 @@ namespace {
 
 TEST(Movement, RunsStraightBetweenItsMoments) {
   const test::TemporaryFolder folder;
-  write_file(folder.path() / "m.csv",
-             "\xEF\xBB\xBFtime_s,horizontal_deg,vergence_deg,pupil_mm\r\n0,0,0,3\r\n0.5,10,4,5\r\n\r\n1,10,4,4\r\n");
+  write_file(
+      folder.path() / "m.csv",
+      "\xEF\xBB\xBFtime_s,horizontal_deg,vergence_deg,pupil_mm\r\n0,0,0,3\r\n0.5,10,4,5\r\n\r\n1,10,4,4\r\n");
   const Movement movement = make_movement((folder.path() / "m.csv").string(), 1);
   EXPECT_EQ(movement.duration_s(), 1);
   const EyeMoment moment = movement.at(0.25);
@@ -54,8 +55,9 @@ TEST(Movement, SaysWhatIsWrongWithATable) {
 }
 
 TEST(Movement, ModelsSayWhatTheyKnow) {
-  for (const char* wrong : {"saccades", "saccade:amplitude=3", "saccade:amplitude_deg=x", "saccade:amplitude_deg",
-                            "drift:diffusion_arcmin2_s=-1", "microsaccades:rate_hz=0", "pursuit:duration_s=1e9"}) {
+  for (const char* wrong :
+       {"saccades", "saccade:amplitude=3", "saccade:amplitude_deg=x", "saccade:amplitude_deg",
+        "drift:diffusion_arcmin2_s=-1", "microsaccades:rate_hz=0", "pursuit:duration_s=1e9"}) {
     try {
       make_movement(wrong, 1);
       ADD_FAILURE() << wrong;

@@ -37,7 +37,8 @@ TEST(RetinalSlip, OffTheAxisIsThatOfPlainRays) {
   ASSERT_TRUE(slip);
   // Lines of sight 0.02 mm apart turn by so many degrees a millimetre.
   const PlainEye plain(eye, 589.3);
-  const PlainPupil below(plain, at - Eigen::Vector2d(0, 0.01), 3), above(plain, at + Eigen::Vector2d(0, 0.01), 3);
+  const PlainPupil below(plain, at - Eigen::Vector2d(0, 0.01), 3),
+      above(plain, at + Eigen::Vector2d(0, 0.01), 3);
   const double rad_a_mm = std::asin(below.sight.cross(above.sight).norm()) / 0.02;
   EXPECT_NEAR(slip->image_mm_s.norm(), 20 * degree / rad_a_mm, 0.003 * 20 * degree / rad_a_mm);
 }
