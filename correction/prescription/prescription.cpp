@@ -181,8 +181,8 @@ Prescription prescribe(const raytrace::Tracer& tracer, const EyeModel& eye,
   const EyeModel seeing = with_pupil(eye, settings.pupil_mm);
   result.wavefront = raytrace::measure_wavefront(seeing, wavefront_settings(settings));
   result.check = raytrace::refraction_by_wavefront(result.wavefront, settings.vertex_distance_mm);
-  constexpr double field_reach_deg = 20;
-  constexpr int field_points_across = 5;
+  constexpr double field_reach_deg = 30;
+  constexpr int field_points_across = 7;
   result.field = peripheral_refraction(seeing, settings.wavelength_nm, field_reach_deg, field_points_across);
   progress.advance();
 

@@ -220,6 +220,24 @@ Json biometry_of(const TrueEye& eye) {
   return json;
 }
 
+/// 5 x 5 directions, more hyperopic outwards and to the patient's left, the field's meridian the more myopic;
+/// the left eye does not see its lower left corner.
+Json peripheral_of(const TrueEye& eye, const PowerVector& power) {
+  Json field = Json::array();
+  for (int row = 2; row >= -2; --row)
+    for (int column = -2; column <= 2; ++column) {
+      if (eye.laterality == Laterality::os && row == -2 && column == 2) continue;
+      const double horizontal_deg = 10 * column, vertical_deg = 10 * row;
+      const double x2 = horizontal_deg * horizontal_deg, y2 = vertical_deg * vertical_deg;
+      field.push_back({{"horizontal_deg", horizontal_deg},
+                       {"vertical_deg", vertical_deg},
+                       {"M_D", power.M_D + 0.0009 * (x2 + y2) + 0.013 * horizontal_deg},
+                       {"J0_D", power.J0_D - 0.0012 * (x2 - y2)},
+                       {"J45_D", power.J45_D - 0.0024 * horizontal_deg * vertical_deg}});
+    }
+  return field;
+}
+
 Json prescription_of(const TrueEye& eye) {
   const PowerVector power = to_power_vector({eye.sphere_D, eye.cylinder_D, eye.axis_deg});
   const auto plain = [](const PowerVector& p) {
@@ -277,11 +295,7 @@ Json prescription_of(const TrueEye& eye) {
                    {"base_D", 4.67},
                    {"centre_thickness_mm", 2.1}});
   json["lenses"] = {lens("thin lens", 12, 0, 0.9361), meniscus, lens("contact lens", 0, 0.07, 0.9482)};
-  json["peripheral"] = {{{"horizontal_deg", -19.6},
-                         {"vertical_deg", 10.3},
-                         {"M_D", power.M_D + 0.4},
-                         {"J0_D", power.J0_D - 0.7},
-                         {"J45_D", power.J45_D + 0.6}}};
+  json["peripheral"] = peripheral_of(eye, power);
   json["what_if"] = {
       {"pupil",
        {{{"pupil_mm", 4.0}, {"M_D", power.M_D - 0.33}, {"J0_D", power.J0_D + 0.05}, {"J45_D", 0.17}}}},

@@ -24,6 +24,7 @@ Document make_document(const CaseData& data, const ContentOptions& options, Note
   document.sections.push_back(cornea_section(data, notes));
   document.sections.push_back(optics_section(data, notes));
   document.sections.push_back(correction_section(data, notes));
+  document.sections.push_back(peripheral_section(data));
   document.sections.push_back(lenses_section(data));
   document.sections.push_back(limits_section(data, notes));
   document.sections.push_back(methods_section(data));

@@ -25,6 +25,7 @@ Section images_section(const CaseData& data, Notes& notes);
 Section cornea_section(const CaseData& data, Notes& notes);
 Section optics_section(const CaseData& data, Notes& notes);
 Section correction_section(const CaseData& data, Notes& notes);
+Section peripheral_section(const CaseData& data);
 Section lenses_section(const CaseData& data);
 Section limits_section(const CaseData& data, const Notes& notes);
 Section methods_section(const CaseData& data);

@@ -165,25 +165,6 @@ Table pupil_table(const Eyes& eyes) {
   return table.table();
 }
 
-Table peripheral_table(const EyeData& eye) {
-  Table table{std::string("Refraction away from the axis, ") + clinical_name(eye.laterality),
-              {"Horizontal, vertical", "M", "J0", "J45"},
-              {},
-              true};
-  for (const auto& point : eye.prescription.value("peripheral", Json::array())) {
-    const auto angle = [&](const char* key) {
-      return format(value_of(point, key).value_or(0), {1, true, "deg"});
-    };
-    std::vector<std::string> row{angle("horizontal_deg") + ", " + angle("vertical_deg")};
-    for (const char* key : {"M_D", "J0_D", "J45_D"}) {
-      const auto value = value_of(point, key);
-      row.push_back(value ? format(*value, dioptres) : "\u2013");
-    }
-    table.rows.push_back(row);
-  }
-  return table;
-}
-
 }  // namespace
 
 Section lenses_section(const CaseData& data) {
@@ -209,7 +190,6 @@ Section lenses_section(const CaseData& data) {
   add(rows("Laser ablation for this refraction", prescribed, ablation_rows()), Paper::never);
   add(pupil_table(refracted), Paper::never);
   add(rows("Accommodation", refracted, accommodation_rows()), Paper::never);
-  for (const auto* eye : refracted) add(peripheral_table(*eye), Paper::never);
   if (!section.blocks.empty())
     section.blocks.push_back(
         {Paragraph{

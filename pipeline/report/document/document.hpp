@@ -76,8 +76,8 @@ struct EyeCards {
 
 using Block = std::variant<Paragraph, BulletList, Table, FigureRow, Folded, EyeCards, SignatureLines>;
 
-/// Whether a block stands in the PDF, which has few pages.
-enum class Paper { always, if_room, never };
+/// Whether a block stands in the PDF, which has few pages; room goes to `first_if_room` before `if_room`.
+enum class Paper { always, first_if_room, if_room, never };
 
 struct SectionBlock {
   Block block;

@@ -96,7 +96,9 @@ Fit fit_of(const Document& document) {
   std::vector<const SectionBlock*> optional;
   for (const auto& section : document.sections)
     for (const auto& block : section.blocks)
-      if (block.paper == Paper::if_room) optional.push_back(&block);
+      if (block.paper == Paper::if_room || block.paper == Paper::first_if_room) optional.push_back(&block);
+  std::stable_partition(optional.begin(), optional.end(),
+                        [](const SectionBlock* block) { return block->paper == Paper::first_if_room; });
   bool fits = false;
   for (auto block = optional.rbegin(); block != optional.rend() && !fits; ++block) {
     fit.left_out.insert(*block);
