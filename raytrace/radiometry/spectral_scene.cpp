@@ -62,9 +62,12 @@ SceneAtWavelength at_wavelength(const Scene& scene, const DisplayLight& display,
       spectral[i] = scene.planes[i].spectrum->at(wavelength_nm);
       result.unit = std::max<double>(result.unit, brightest(spectral[i]));
     }
+  for (const Light& light : scene.lights)
+    if (light.radiance) result.unit = std::max(result.unit, light.radiance->at(wavelength_nm));
   if (result.unit == 0) return result;
   const Eigen::Vector3d share = primaries / result.unit,
-                        in_white = white > 0 ? Eigen::Vector3d(primaries / white) : Eigen::Vector3d(0, 0, 0);
+                        // Where the display has no light a colour is as grey as its mean.
+      in_white = white > 0 ? Eigen::Vector3d(primaries / white) : Eigen::Vector3d::Constant(1.0 / 3);
   result.scene.background = grey(scene.background, share);
   for (std::size_t i = 0; i < scene.planes.size(); ++i) {
     Texture texture = std::move(spectral[i]);
@@ -76,12 +79,17 @@ SceneAtWavelength at_wavelength(const Scene& scene, const DisplayLight& display,
   }
   // Lights carry the unit, surfaces their share of the light.
   result.scene.ambient = grey(scene.ambient, share);
-  for (Light& light : result.scene.lights) light.colour = grey(light.colour, share);
+  for (Light& light : result.scene.lights)
+    light.colour = light.radiance ? Eigen::Vector3d::Constant(light.radiance->at(wavelength_nm) / result.unit)
+                                  : grey(light.colour, share);
   for (MeshObject& mesh : result.scene.meshes) {
-    mesh.material.colour = grey(mesh.material.colour, in_white);
+    Material& material = mesh.material;
+    material.colour = material.reflectance
+                          ? Eigen::Vector3d::Constant(material.reflectance->held_at(wavelength_nm))
+                          : grey(material.colour, in_white);
     for (Eigen::Vector3d& colour : mesh.colours) colour = grey(colour, in_white);
-    if (mesh.material.texture)
-      mesh.material.texture = std::make_shared<const Texture>(grey(*mesh.material.texture, in_white));
+    if (material.texture)
+      material.texture = std::make_shared<const Texture>(grey(*material.texture, in_white));
   }
   return result;
 }

@@ -1,7 +1,11 @@
 #include "raytrace/scene/scene_json.hpp"
 
+#include <fmt/format.h>
+
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <cmath>
+#include <functional>
 #include <set>
 
 #include "pipeline/base/error.hpp"
@@ -61,16 +65,34 @@ class Object {
       throw fault(key, "linear light from 0 to " + std::to_string(static_cast<int>(most)) + " is needed");
     return value;
   }
-  /// Numbers that rise.
-  std::vector<double> rising(const char* key) const {
+  std::vector<double> numbers(const char* key) const {
+    if (!has(key) || !json_[key].is_array() || json_[key].empty())
+      throw fault(key, "a list of numbers is needed");
     std::vector<double> values;
-    if (!json_[key].is_array() || json_[key].empty()) throw fault(key, "a list of numbers is needed");
     for (const Json& value : json_[key]) {
-      if (!value.is_number() || !(values.empty() || value.get<double>() > values.back()))
-        throw fault(key, "numbers that rise are needed");
+      if (!value.is_number()) throw fault(key, "a list of numbers is needed");
       values.push_back(value.get<double>());
     }
     return values;
+  }
+  /// Numbers that rise.
+  std::vector<double> rising(const char* key) const {
+    std::vector<double> values = numbers(key);
+    if (std::adjacent_find(values.begin(), values.end(), std::greater_equal<>()) != values.end())
+      throw fault(key, "numbers that rise are needed");
+    return values;
+  }
+  /// {"wavelengths_nm": [...], "values": [...]} from 0 to `most`.
+  std::optional<SampledSpectrum> spectrum(const char* key, double most) const {
+    if (!has(key)) return std::nullopt;
+    const Object of_key(json_[key], place_ + ": key \"" + key + "\"", {"wavelengths_nm", "values"});
+    SampledSpectrum spectrum{of_key.rising("wavelengths_nm"), of_key.numbers("values")};
+    if (spectrum.values.size() != spectrum.wavelength_nm.size())
+      throw of_key.fault("values", "as many as wavelengths_nm are needed");
+    for (const double value : spectrum.values)
+      if (!(value >= 0 && value <= most))
+        throw of_key.fault("values", fmt::format("0 to {:g} are needed", most));
+    return spectrum;
   }
   bool flag(const char* key) const {
     if (!has(key)) return false;
@@ -86,7 +108,7 @@ class Object {
   std::string place_;
 };
 
-const std::set<std::string> material_keys{"colour", "specular", "shininess", "motion_mm"};
+const std::set<std::string> material_keys{"colour", "reflectance", "specular", "shininess", "motion_mm"};
 
 std::set<std::string> with_material(std::set<std::string> keys) {
   keys.insert(material_keys.begin(), material_keys.end());
@@ -94,7 +116,11 @@ std::set<std::string> with_material(std::set<std::string> keys) {
 }
 
 void read_material(const Object& object, Material& material) {
+  if (object.has("colour") && object.has("reflectance"))
+    throw object.fault("reflectance", "excludes \"colour\"");
   material.colour = object.light("colour", material.colour, 1);
+  material.reflectance = object.spectrum("reflectance", 1);
+  if (material.reflectance) material.colour = colour_of_reflectance(*material.reflectance);
   material.specular = object.number("specular", material.specular);
   material.shininess = object.positive("shininess", material.shininess);
   if (material.specular < 0) throw object.fault("specular", "must not be negative");
@@ -224,7 +250,7 @@ void read_object(const Json& json, const std::string& where, const std::filesyst
     scene.meshes.push_back(lit(plane, object));
     return;
   }
-  for (const char* key : {"colour", "specular", "shininess"})
+  for (const char* key : {"colour", "reflectance", "specular", "shininess"})
     if (object.has(key))
       throw object.fault(key, "needs \"lit\": true; a plane that is not lit shows its picture as it is");
   scene.planes.push_back(std::move(plane));
@@ -237,10 +263,13 @@ Light read_light(const Json& json, const std::string& where) {
   if (type.is_string() && !point && type != Json("directional"))
     throw input_error(where + ": type: only \"point\" and \"directional\" are known");
   const Object object(json, where,
-                      point ? std::set<std::string>{"type", "position_mm", "colour", "reference_mm"}
-                            : std::set<std::string>{"type", "direction", "colour"});
+                      point
+                          ? std::set<std::string>{"type", "position_mm", "colour", "radiance", "reference_mm"}
+                          : std::set<std::string>{"type", "direction", "colour", "radiance"});
   Light light;
+  if (object.has("colour") && object.has("radiance")) throw object.fault("radiance", "excludes \"colour\"");
   light.colour = object.light("colour", light.colour, brightest);
+  light.radiance = object.spectrum("radiance", 1e6);
   if (point) {
     light.at = object.vector("position_mm");
     if (!object.has("reference_mm")) throw object.fault("reference_mm", "a distance is needed");
@@ -253,6 +282,18 @@ Light read_light(const Json& json, const std::string& where) {
   if (!(light.at.norm() > 0)) throw object.fault("direction", "must not be zero");
   light.at.normalize();
   return light;
+}
+
+/// Lights whose spectra are known: the brightest of them shows a white surface as the display's white.
+void colour_spectral_lights(std::vector<Light>& lights) {
+  double brightest = 0;
+  for (Light& light : lights) {
+    if (!light.radiance) continue;
+    light.colour = colour_of_light(*light.radiance);
+    brightest = std::max(brightest, light.colour.maxCoeff());
+  }
+  for (Light& light : lights)
+    if (light.radiance && brightest > 0) light.colour /= brightest;
 }
 
 }  // namespace
@@ -286,6 +327,7 @@ Scene read_scene(const std::filesystem::path& file) {
   if (top.has("lights"))
     for (std::size_t i = 0; i < list("lights").size(); ++i)
       scene.lights.push_back(read_light(json["lights"][i], entry("lights", i)));
+  colour_spectral_lights(scene.lights);
   constexpr double shade = 0.1;  // what a surface in shadow shows where lights are given
   scene.ambient = top.light("ambient", Eigen::Vector3d::Constant(scene.lights.empty() ? 1 : shade), 1);
   return scene;

@@ -232,8 +232,8 @@ TEST(Irradiance, OfWhiteIsItsLuminanceTimesThePupilInTrolands) {
   EXPECT_NEAR(light.white_trolands, wanted_td, 1e-9 * wanted_td);
   const std::vector<float>& trolands = light.trolands.values;
   // Of bands of 10 nm from 400 to 700, which miss 0.1 % of V; the pupil seen by exact rays is 0.5 % narrower.
-  EXPECT_NEAR(std::accumulate(trolands.begin(), trolands.end(), 0.0) / static_cast<double>(trolands.size()), wanted_td,
-              0.01 * wanted_td);
+  EXPECT_NEAR(std::accumulate(trolands.begin(), trolands.end(), 0.0) / static_cast<double>(trolands.size()),
+              wanted_td, 0.01 * wanted_td);
 }
 
 TEST(Irradiance, BadSettingsNameTheirOption) {
@@ -265,6 +265,49 @@ TEST(Irradiance, OfAMovingEyeIsTheMeanOfItsPlaces) {
            static_cast<double>(light.values.size());
   };
   EXPECT_NEAR(mean(moving) / mean(still), 1, 2e-3);
+}
+
+TEST(Irradiance, OfALitSurfaceIsItsReflectanceTimesTheLightsRadiance) {
+  EyeModel eye = make_eye("navarro");
+  eye.set_stop_diameter(4);
+  // A large sheet 400 mm away, lit square on, nothing else; against a display's picture of one value.
+  MeshObject sheet;
+  sheet.positions_mm = {{-400, -400, 400}, {400, -400, 400}, {400, 400, 400}, {-400, 400, 400}};
+  sheet.normals.assign(4, {0, 0, -1});
+  sheet.triangles = {{0, 1, 2}, {0, 2, 3}};
+  sheet.material.reflectance = SampledSpectrum{{450, 650}, {0.2, 0.8}};
+  Scene scene;
+  scene.background = scene.ambient = Vector3d::Zero();
+  scene.meshes = {sheet};
+  Light lamp;
+  lamp.directional = true;
+  lamp.at = {0, 0, -1};
+  lamp.radiance = SampledSpectrum{{400, 600, 900}, {0.02, 0.05, 0.01}};
+  scene.lights = {lamp};
+  IrradianceSettings settings;
+  settings.luminance_cd_m2 = 100;
+  settings.first_nm = 450;
+  settings.last_nm = 850;  // where the display has no light
+  settings.step_nm = 100;
+  const Tracer tracer("");
+  const RetinalIrradiance light = retinal_irradiance(tracer, eye, scene, small_picture({0, 0}), {}, settings);
+  const auto between = [](double nm, double a, double b, double at_a, double at_b) {
+    return at_a + (nm - a) / (b - a) * (at_b - at_a);
+  };
+  for (std::size_t band = 0; band < light.wavelength_nm.size(); ++band) {
+    const double nm = light.wavelength_nm[band];
+    const double reflectance = nm >= 650 ? 0.8 : between(nm, 450, 650, 0.2, 0.8);
+    const double lamp_radiance =
+        nm < 600 ? between(nm, 400, 600, 0.02, 0.05) : between(nm, 600, 900, 0.05, 0.01);
+    const PlainEye plain(eye, nm);
+    const double index = eye.medium("vitreous").index_at(nm, eye.reference_wavelength_nm);
+    const double expected = index * index * ocular_transmittance(nm, 40, MediaField::small) *
+                            projected_sr(plain, {0, 0}, {0, 0, 1}) * reflectance * lamp_radiance;
+    const std::vector<float>& values = light.irradiance[band].values;
+    const double mean =
+        std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(values.size());
+    EXPECT_NEAR(mean, expected, 0.005 * expected) << nm;
+  }
 }
 
 TEST(Irradiance, OfADimSpectrumIsNotLostBesideAWhiteThatIsNotThere) {
