@@ -45,11 +45,11 @@ struct TexturedPlane {
 
 /// How a surface answers light: Phong (1975), with the light that comes from everywhere.
 struct Material {
-  Eigen::Vector3d colour{1, 1, 1};             ///< linear; share of the light that comes back
-  std::optional<SampledSpectrum> reflectance;  ///< that share by wavelength, where it is known
-  std::shared_ptr<const Texture> texture;      ///< times the colour; may be null
-  double specular = 0;                         ///< strength of the highlight
-  double shininess = 30;                       ///< its exponent
+  Eigen::Vector3d colour{1, 1, 1};                  ///< linear; share of the light that comes back
+  std::shared_ptr<const Texture> texture;           ///< times the colour; may be null
+  double specular = 0;                              ///< strength of the highlight
+  double shininess = 30;                            ///< its exponent
+  std::optional<SampledSpectrum> reflectance = {};  ///< in place of the colour, where it is known
 };
 
 /// Triangles of one material, in the scene's frame.
@@ -66,9 +66,9 @@ struct Light {
   bool directional = false;
   /// Where it stands, or (directional) the unit vector towards it.
   Eigen::Vector3d at{0, 0, 0};
-  Eigen::Vector3d colour{1, 1, 1};          ///< linear: what a white surface that faces it shows
-  std::optional<SampledSpectrum> radiance;  ///< of that surface, W / (m^2 sr nm), where it is known
+  Eigen::Vector3d colour{1, 1, 1};  ///< linear: what a white surface that faces it shows
   double reference_mm = 0;  ///< of a point light: where it shows that; further away it falls with the square
+  std::optional<SampledSpectrum> radiance = {};  ///< of that surface, W / (m^2 sr nm), where it is known
 };
 
 /// What the eye looks at: flat pictures that show their texture as it is (a print in even light, or a
