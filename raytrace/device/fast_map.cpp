@@ -30,9 +30,10 @@ OpticalSystem opened_at(OpticalSystem system, int wave, int stop) {
   for (std::size_t k = 0; k < system.kinds.size(); ++k)
     std::fill_n(system.ratios.begin() + static_cast<std::ptrdiff_t>(k * wavelength_count), wavelength_count,
                 system.ratios[k * wavelength_count + wave]);
-  for (std::size_t g = 0; g + 32 <= system.gradients.size(); g += 32)
-    std::fill_n(system.gradients.begin() + static_cast<std::ptrdiff_t>(g + 16), wavelength_count,
-                system.gradients[g + 16 + wave]);
+  for (std::size_t g = OpticalSystem::gradient_shifts; g < system.gradients.size();
+       g += OpticalSystem::gradient_floats)
+    std::fill_n(system.gradients.begin() + static_cast<std::ptrdiff_t>(g), wavelength_count,
+                system.gradients[g + wave]);
   system.operations[static_cast<std::size_t>(stop) * OpticalSystem::parameters + 3] = 1e8F;
   return system;
 }

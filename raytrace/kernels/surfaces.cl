@@ -311,14 +311,52 @@ AI void triangles(ray* r, constant float* restrict p, global const float* restri
 #endif
 
 #if HAS_GRADIENT
-// A gradient medium is 32 floats: 12 coefficients c[3 i + j] of t^i w^j, t = depth behind the origin, w =
-// squared distance from its axis; the origin; a spare; and the shift of the index at each of 16 wavelengths.
-#define GRADIENT_FLOATS 32
+// A gradient medium is GRADIENT_FLOATS floats: 12 coefficients c[3 i + j] of t^i w^j, t = depth behind its
+// origin, w = squared distance from its axis; the origin; a spare; the shift of the index at each of 16
+// wavelengths; and, row after row, the matrix that turns the present frame into the medium's own.
+#define GRADIENT_TURN 32
 #define GRADIENT_STEPS 12
 
-// n and dn/dw, dn/dt is not needed: z is the independent variable.
+AI void turn_into(vf* x, vf* y, vf* z, constant float* restrict m) {
+  const vf a = *x, b = *y, c = *z;
+  *x = m[0] * a + m[1] * b + m[2] * c;
+  *y = m[3] * a + m[4] * b + m[5] * c;
+  *z = m[6] * a + m[7] * b + m[8] * c;
+}
+AI void turn_back(vf* x, vf* y, vf* z, constant float* restrict m) {
+  const vf a = *x, b = *y, c = *z;
+  *x = m[0] * a + m[3] * b + m[6] * c;
+  *y = m[1] * a + m[4] * b + m[7] * c;
+  *z = m[2] * a + m[5] * b + m[8] * c;
+}
+// A ray's place and direction in the frame of a gradient, and back.
+AI void enter_gradient(ray* own, const ray* r, constant float* restrict g) {
+  own->x = r->x - g[12];
+  own->y = r->y - g[13];
+  own->z = r->z - g[14];
+  own->L = r->L;
+  own->M = r->M;
+  own->N = r->N;
+  turn_into(&own->x, &own->y, &own->z, g + GRADIENT_TURN);
+  turn_into(&own->L, &own->M, &own->N, g + GRADIENT_TURN);
+}
+AI void leave_gradient(ray* r, const ray* own, constant float* restrict g) {
+  r->x = own->x;
+  r->y = own->y;
+  r->z = own->z;
+  r->L = own->L;
+  r->M = own->M;
+  r->N = own->N;
+  turn_back(&r->x, &r->y, &r->z, g + GRADIENT_TURN);
+  turn_back(&r->L, &r->M, &r->N, g + GRADIENT_TURN);
+  r->x += g[12];
+  r->y += g[13];
+  r->z += g[14];
+}
+
+// n and dn/dw in the gradient's frame; dn/dt is not needed: z is the independent variable.
 AI vf gradient_index(vf x, vf y, vf z, constant float* restrict g, vf shift, vf* by_w) {
-  const vf t = g[14] - z, w = (x - g[12]) * (x - g[12]) + (y - g[13]) * (y - g[13]);
+  const vf t = -z, w = x * x + y * y;
   const vf n0 = ((g[9] * t + g[6]) * t + g[3]) * t + g[0], n1 = ((g[10] * t + g[7]) * t + g[4]) * t + g[1],
            n2 = ((g[11] * t + g[8]) * t + g[5]) * t + g[2];
   *by_w = n1 + 2.f * n2 * w;
@@ -334,7 +372,7 @@ AI slope4 gradient_slopes(vf x, vf y, vf z, vf p, vf q, constant float* restrict
   const vf n = gradient_index(x, y, z, g, shift, &by_w);
   const vf i = rsqrt(AT_LEAST(1e-6f, n * n - p * p - q * q));
   const vf bend = 2.f * n * by_w * i;
-  return (slope4){p * i, q * i, bend * (x - g[12]), bend * (y - g[13])};
+  return (slope4){p * i, q * i, bend * x, bend * y};
 }
 AI void gradient_step(vf* x, vf* y, vf z, vf* p, vf* q, vf h, constant float* restrict g, vf shift) {
   const vf m = 0.5f * h;
@@ -349,40 +387,60 @@ AI void gradient_step(vf* x, vf* y, vf z, vf* p, vf* q, vf h, constant float* re
   *q += s * (a.q + 2.f * (b.q + c.q) + d.q);
 }
 
+// Distance to the surface that ends a gradient: its conic p[4], p[5], and where it departs from that (p[14],
+// int bits) by (p[8] + p[11] r^2) x^2 + (p[9] + p[12] r^2) x y + (p[10] + p[13] r^2) y^2, a Newton step on.
+AI vf end_distance(const ray* r, constant float* restrict p) {
+  const vf x0 = r->x - p[O_X], y0 = r->y - p[O_Y], z0 = r->z - p[O_Z];
+  vf t = base_distance(r, x0, y0, z0, p[4], p[5]);
+  if (as_int(p[14])) {
+    const vf x = x0 + t * r->L, y = y0 + t * r->M, r2 = x * x + y * y;
+    const vf departure =
+        (p[8] + p[11] * r2) * x * x + (p[9] + p[12] * r2) * x * y + (p[10] + p[13] * r2) * y * y;
+    const vf slope = p[4] * RECIP(1.f + p[5] * (z0 + t * r->N));
+    t -= departure * RECIP(r->N + slope * (x * r->L + y * r->M));
+  }
+  return t;
+}
+
 // Takes the ray to the surface ahead and leaves the ratio of indices there: p[0..2] the surface's origin,
-// p[4], p[5] its conic, p[6], p[7] the gradients behind and in front (int bits, -1: homogeneous), eta the
-// ratio of the homogeneous parts.
+// p[4], p[5], p[8..14] its form, p[6], p[7] the gradients behind and in front (int bits, -1: homogeneous), eta
+// the ratio of the homogeneous parts.
 AI void gradient(ray* r, constant float* restrict p, constant float* restrict gradients, vf eta, int wave) {
   const int behind = as_int(p[6]), front = as_int(p[7]);
   vf by_w, n_behind = 1.f, n_front = 1.f;
   if (behind >= 0) {
     constant float* g = gradients + behind * GRADIENT_FLOATS;
     const vf shift = WAVE_LANES ? VLOAD(1, g) : (vf)g[16 + wave];
-    vf n = gradient_index(r->x, r->y, r->z, g, shift, &by_w);
-    vf P = n * r->L, Q = n * r->M;
+    ray own;
+    enter_gradient(&own, r, g);
+    vf n = gradient_index(own.x, own.y, own.z, g, shift, &by_w);
+    vf P = n * own.L, Q = n * own.M;
     UNROLL
     for (int part = 0; part < 2;
          part++) {  // to where a straight ray would meet the surface, then what is left
-      const vf t = base_distance(r, r->x - p[O_X], r->y - p[O_Y], r->z - p[O_Z], p[4], p[5]);
+      const vf t = end_distance(r, p);
       const int steps = part == 0 ? GRADIENT_STEPS : 1;
-      const vf h = t * r->N * (1.f / steps);
+      const vf h = t * own.N * (1.f / steps);
       for (int i = 0; i < steps; i++) {
-        gradient_step(&r->x, &r->y, r->z, &P, &Q, h, g, shift);
-        r->z += h;
+        gradient_step(&own.x, &own.y, own.z, &P, &Q, h, g, shift);
+        own.z += h;
       }
-      n = gradient_index(r->x, r->y, r->z, g, shift, &by_w);
+      n = gradient_index(own.x, own.y, own.z, g, shift, &by_w);
       const vf scale = RECIP(n);
-      r->L = P * scale;
-      r->M = Q * scale;
-      r->N = sqrt(AT_LEAST(0.f, 1.f - r->L * r->L - r->M * r->M));
+      own.L = P * scale;
+      own.M = Q * scale;
+      own.N = sqrt(AT_LEAST(0.f, 1.f - own.L * own.L - own.M * own.M));
+      leave_gradient(r, &own, g);
     }
     n_behind = n;
   }
   if (front >= 0) {
     constant float* g = gradients + front * GRADIENT_FLOATS;
     const vf shift = WAVE_LANES ? VLOAD(1, g) : (vf)g[16 + wave];
-    const vf t = base_distance(r, r->x - p[O_X], r->y - p[O_Y], r->z - p[O_Z], p[4], p[5]);
-    n_front = gradient_index(r->x + t * r->L, r->y + t * r->M, r->z + t * r->N, g, shift, &by_w);
+    const vf t = end_distance(r, p);
+    vf x = r->x + t * r->L - g[12], y = r->y + t * r->M - g[13], z = r->z + t * r->N - g[14];
+    turn_into(&x, &y, &z, g + GRADIENT_TURN);
+    n_front = gradient_index(x, y, z, g, shift, &by_w);
   }
   r->eta = eta * n_behind * RECIP(n_front);
 }

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <Eigen/QR>
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
@@ -97,6 +98,33 @@ std::vector<DeviceSurface> device_surfaces(const EyeModel& eye, const Bodies& bo
   return forms;
 }
 
+/// How a surface departs from a conic of curvature c and k = c (1 + q): coefficients of x^2, x y and y^2, then
+/// of the same times r^2; nothing where it is that conic.
+/// \param axis_deg  of the frame of x and y in the surface's own
+std::optional<std::array<double, 6>> departure_from_conic(const Shape& shape, double axis_deg, double c,
+                                                          double k) {
+  constexpr double reach_mm = 4.5, same_mm = 1e-6;  // what a wide pupil lets through; a nanometre
+  constexpr int rings = 8, spokes = 16;
+  Eigen::Matrix<double, rings * spokes, 6> design;
+  Eigen::Matrix<double, rings * spokes, 1> departure;
+  design.setZero();
+  departure.setZero();
+  for (int i = 0; i < rings * spokes; ++i) {
+    const double r = reach_mm * (1 + i / spokes) / rings, angle = 2 * pi * (i % spokes) / spokes;
+    const double x = r * std::cos(angle), y = r * std::sin(angle), turned = angle + axis_deg * degree;
+    const auto depth = shape.depth_mm(r * std::cos(turned), r * std::sin(turned));
+    const double inside = 1 - c * k * r * r;
+    if (!depth || inside < 0) continue;
+    departure[i] = *depth - c * r * r / (1 + std::sqrt(inside));
+    design.row(i) << x * x, x * y, y * y, r * r * x * x, r * r * x * y, r * r * y * y;
+  }
+  if (departure.cwiseAbs().maxCoeff() < same_mm) return std::nullopt;
+  std::array<double, 6> coefficients{};
+  Eigen::Map<Eigen::Matrix<double, 6, 1>>(coefficients.data()) =
+      design.colPivHouseholderQr().solve(departure);
+  return coefficients;
+}
+
 class Builder {
  public:
   Builder(const EyeModel& eye, const std::array<double, wavelength_count>& wavelength_nm,
@@ -146,7 +174,7 @@ class Builder {
                                        : form.clear_radius_mm;
     Parameters p = placed(surface, clear_radius_mm);
     if (is_gradient(sides.behind) || is_gradient(sides.front)) {
-      add_crossing(surface, before, sides, p, flags);
+      add_crossing(i, before, sides, p, flags);
       flags |= local_ratio;
     }
     store(form, p);
@@ -156,12 +184,19 @@ class Builder {
   }
 
   /// The way through the gradients on either side to where the surface is met.
-  void add_crossing(const Surface& surface, int before, const Sides& sides, const Parameters& at, int flags) {
+  void add_crossing(int i, int before, const Sides& sides, const Parameters& at, int flags) {
+    const Surface& surface = eye_.surfaces[i];
     Parameters p = at;
     const double c = surface.shape->vertex_curvature().trace() / 2;
     const Eigen::Vector2d q = surface.shape->asphericity();
+    const double k = c * (1 + (q.x() + q.y()) / 2);
     p[4] = static_cast<float>(c);
-    p[5] = static_cast<float>(c * (1 + (q.x() + q.y()) / 2));
+    p[5] = static_cast<float>(k);
+    if (const auto departure = departure_from_conic(*surface.shape, forms_[i].axis_deg, c, k)) {
+      std::transform(departure->begin(), departure->end(), p.begin() + 8,
+                     [](double value) { return static_cast<float>(value); });
+      p[14] = int_bits(1);
+    }
     p[6] = int_bits(is_gradient(sides.behind) ? add_gradient(*sides.behind, surface) : -1);
     p[7] = int_bits(is_gradient(sides.front) ? add_gradient(*sides.front, eye_.surfaces[before]) : -1);
     p[15] = int_bits(flags & inside_body);
@@ -221,11 +256,7 @@ class Builder {
   /// The gradient as the kernel takes it, in the present frame; returns its number.
   /// \param owner  the surface whose vertex its depth is counted from
   int add_gradient(const Medium& medium, const Surface& owner) {
-    if (!owner.eye_from_surface().linear().isApprox(frame_, 1e-9))
-      throw unsupported_error(
-          "a gradient medium behind \"" + owner.name + "\" ends at a surface of another tilt",
-          "give both surfaces of a gradient the same tilt_deg");
-    std::array<float, 32> g{};
+    std::array<float, OpticalSystem::gradient_floats> g{};
     for (const auto& term : medium.gradient->terms) {
       if (term.depth_power > 3 || term.radius_power > 4)
         throw unsupported_error("the gradient behind \"" + owner.name + "\" has powers beyond t^3 and r^4");
@@ -234,8 +265,11 @@ class Builder {
     const Eigen::Vector3d origin = frame_.transpose() * owner.eye_from_surface().translation();
     for (int c = 0; c < 3; ++c) g[12 + c] = static_cast<float>(origin[c]);
     for (int w = 0; w < wavelength_count; ++w)
-      g[16 + w] =
+      g[OpticalSystem::gradient_shifts + w] =
           static_cast<float>(medium.index_at(wavelength_nm_[w], eye_.reference_wavelength_nm) - medium.index);
+    const Eigen::Matrix3d owner_from_frame = owner.eye_from_surface().linear().transpose() * frame_;
+    for (int i = 0; i < 9; ++i)
+      g[OpticalSystem::gradient_turn + i] = static_cast<float>(owner_from_frame(i / 3, i % 3));
     system_.gradients.insert(system_.gradients.end(), g.begin(), g.end());
     return static_cast<int>(system_.gradients.size() / g.size()) - 1;
   }
@@ -278,7 +312,7 @@ std::string OpticalSystem::definitions() const {
   std::string text;
   for (const auto& [kind, name] : names)
     text += std::string(" -DHAS_") + name + "=" + (has(kind) ? "1" : "0");
-  return text + " -DHAS_BODY=" + (has_body ? "1" : "0");
+  return fmt::format("{} -DHAS_BODY={} -DGRADIENT_FLOATS={}", text, has_body ? 1 : 0, gradient_floats);
 }
 
 std::string OpticalSystem::sequence_definitions() const {

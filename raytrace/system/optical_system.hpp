@@ -25,12 +25,15 @@ enum class Operation : int {
 
 /// An eye as the kernels take it.
 struct OpticalSystem {
-  static constexpr int parameters = 16;  ///< floats an operation
+  static constexpr int parameters = 16;       ///< floats an operation
+  static constexpr int gradient_floats = 48;  ///< floats a gradient medium, as kernels/surfaces.cl says
+  static constexpr int gradient_shifts = 16;  ///< the first of them that shifts the index
+  static constexpr int gradient_turn = 32;    ///< the first of them that turns into its frame
 
   std::vector<Operation> kinds;
   std::vector<float> operations;            ///< `parameters` each
   std::vector<float> ratios;                ///< index before over index after, `wavelength_count` each
-  std::vector<float> gradients;             ///< 32 floats a gradient medium
+  std::vector<float> gradients;             ///< `gradient_floats` each
   bool has_body = false;                    ///< a ray may pass beside some surfaces
   std::vector<float> records;               ///< 16 floats a patch cell
   std::map<std::string, int> operation_of;  ///< by surface name

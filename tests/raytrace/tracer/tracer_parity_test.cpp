@@ -84,6 +84,25 @@ INSTANTIATE_TEST_SUITE_P(SchematicEyes, Parity,
                                          "escudero-sanz-navarro", "arizona", "bennett-rabbetts",
                                          "liou-brennan", "atchison:-4"));
 
+TEST(GradientLens, MayEndAtSurfacesOfOtherTiltsAndCentres) {
+  const Tracer tracer("");
+  for (const double toric_mm : {0.0, 0.4, 1.5}) {  // half the difference of the front's radii
+    EyeModel eye = make_eye("liou-brennan", {});
+    eye.surface("lens_anterior").tilt_deg = {-4, 5};
+    eye.surface("lens_posterior").tilt_deg = {2, -2.5};
+    eye.surface("lens_posterior").decentre_mm = {0.2, -0.1};
+    if (toric_mm > 0)
+      eye.surface("lens_anterior").shape = make_biconic(12 + toric_mm, 12 - toric_mm, -0.94, -0.5, 30);
+    const Difference d = compare(tracer, eye, eye, {}, 20000);
+    std::printf("toric by %g mm: direction rms %.5f max %.5f arcmin, position rms %.4f um\n", toric_mm,
+                d.direction_rms_arcmin, d.direction_max_arcmin, d.position_rms_um);
+    EXPECT_GT(d.reached, 19000);
+    EXPECT_LE(d.other_state, 2);
+    EXPECT_LE(d.direction_rms_arcmin, 0.01);
+    EXPECT_LE(d.position_rms_um, 0.05);
+  }
+}
+
 /// Every refracting surface as a sheet of 5 mm semi-diameter.
 EyeModel with_sheets(EyeModel eye) {
   for (auto& surface : eye.surfaces)
