@@ -168,7 +168,15 @@ SearchResult sharpest_lens(const raytrace::Tracer& tracer, const EyeModel& eye,
   for (const Eigen::Vector3d& start : {from_wavefront, Eigen::Vector3d(0, 0, 0), beyond})
     if (family.bounds.contain(start)) starts.push_back({family, start});
   SearchResult search = find_sharpest(tracer, scene_of(settings), eye, levels_of(settings), starts);
-  if (!search.accepted) throw no_result_error(search.reason);
+  if (!search.accepted) {
+    const PowerVector near = family.power(search.best.lens);
+    throw no_result_error(fmt::format("{} (near M {:.2f}, J0 {:.2f}, J45 {:.2f} D)", search.reason, near.M_D,
+                                      near.J0_D, near.J45_D),
+                          settings.pupil_mm > 3
+                              ? "give a smaller --pupil: through a wide one an aberrated eye's image hardly "
+                                "depends on the lens"
+                              : "");
+  }
   return search;
 }
 

@@ -5,6 +5,7 @@
 #include <ceres/gradient_problem_solver.h>
 #include <fmt/core.h>
 
+#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <functional>
@@ -150,7 +151,21 @@ ceres::GradientProblemSolver::Summary ascend_in_rounds(const SharpnessFunction& 
   return summary;
 }
 
+Eigen::MatrixXd curvature_over(const SharpnessFunction& sharpness, const Optimum& optimum, double step_D) {
+  const Eigen::Index n = optimum.lens.size();
+  Eigen::MatrixXd hessian(n, n);
+  for (Eigen::Index i = 0; i < n; ++i) {
+    const SharpnessValue beside = sharpness(optimum.lens + step_D * Eigen::VectorXd::Unit(n, i));
+    hessian.col(i) = (beside.gradient / beside.value - optimum.gradient) / step_D;
+  }
+  return (hessian + hessian.transpose()) / 2;
+}
+
 }  // namespace
+
+double largest_eigenvalue(const Eigen::MatrixXd& symmetric) {
+  return Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(symmetric).eigenvalues().maxCoeff();
+}
 
 OptimiserSettings coarse_search() {
   OptimiserSettings settings;
@@ -186,14 +201,11 @@ Optimum ascend(const SharpnessFunction& sharpness, const Eigen::VectorXd& start,
 }
 
 Eigen::MatrixXd curvature_of_log(const SharpnessFunction& sharpness, const Optimum& optimum) {
-  constexpr double step_D = 0.05;
-  const Eigen::Index n = optimum.lens.size();
-  Eigen::MatrixXd hessian(n, n);
-  for (Eigen::Index i = 0; i < n; ++i) {
-    const SharpnessValue beside = sharpness(optimum.lens + step_D * Eigen::VectorXd::Unit(n, i));
-    hessian.col(i) = (beside.gradient / beside.value - optimum.gradient) / step_D;
-  }
-  return (hessian + hessian.transpose()) / 2;
+  constexpr double short_step_D = 0.05, long_step_D = 0.25, least_change_per_D = 0.02;
+  const Eigen::MatrixXd close = curvature_over(sharpness, optimum, short_step_D);
+  return -largest_eigenvalue(close) * short_step_D < least_change_per_D
+             ? curvature_over(sharpness, optimum, long_step_D)
+             : close;
 }
 
 }  // namespace emmetrope::correction

@@ -65,8 +65,12 @@ struct Optimum {
 Optimum ascend(const SharpnessFunction& sharpness, const Eigen::VectorXd& start, const Bounds& bounds,
                const OptimiserSettings& settings);
 
-/// Matrix of second derivatives of ln(sharpness) at an optimum, from how its gradient changes over 0.05 D;
-/// one evaluation a parameter.
+/// Of a symmetric matrix; of a curvature at a maximum the flattest direction's.
+double largest_eigenvalue(const Eigen::MatrixXd& symmetric);
+
+/// Matrix of second derivatives of ln(sharpness) at an optimum, from how its gradient changes over 0.05 D; one
+/// evaluation a parameter. Where that change counts as flat in some direction, rays that pass from one texel
+/// of the chart to the next make much of it: then over 0.25 D.
 Eigen::MatrixXd curvature_of_log(const SharpnessFunction& sharpness, const Optimum& optimum);
 
 }  // namespace emmetrope::correction

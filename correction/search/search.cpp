@@ -3,7 +3,6 @@
 #include <fmt/core.h>
 
 #include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 
@@ -13,12 +12,20 @@ namespace {
 /// Optima closer than a third of the depth of focus are one (3 mm pupil: 0.13 D, on the coarse level 1 D).
 double same_optimum_D(const ImagingLevel& level) { return level.depth_of_focus_D() / 3; }
 /// The fine search stays this near to where the coarse one ended: that is a third of its depth of focus off
-/// at most, and the spherical aberration of a wide pupil adds as much again. Farther away, where the picture
-/// is all blur, noise has maxima of its own.
-constexpr double fine_reach_D = 2;
+/// at most, and spherical aberration adds as much again through 6 mm, by the square of a wider pupil. Farther
+/// away, where the picture is all blur, noise has maxima of its own.
+double fine_reach_D(double pupil_mm) { return 1 + std::max(1.0, std::pow(pupil_mm / 6, 2)); }
 /// A coarse optimum is followed to the fine level only where it comes near the sharpest.
 constexpr double worth_following = 0.95;
 constexpr double accepted_step_D = 0.02;
+
+/// Rays a pixel of the fine picture. Each meets the chart somewhere in the disc of blur, and what they differ
+/// by passes for detail. A chart whose power falls as f^-3 varies within a disc as the disc is wide, and
+/// spherical aberration widens that as the cube of the pupil: with as many more rays noise is that of 3 mm.
+int fine_samples(double pupil_mm) {
+  constexpr int at_most_3_mm = 32;  // and multiples of it: lanes times rays in flight
+  return at_most_3_mm * static_cast<int>(std::ceil(std::pow(std::max(1.0, pupil_mm / 3), 3)));
+}
 
 struct Ascent {
   LensFamily family;
@@ -62,7 +69,7 @@ std::vector<ImagingLevel> imaging_levels(SharpnessCriterion criterion, double pu
   fine.criterion = criterion;
   fine.pixels = 192;
   fine.field_mm = 1.2;  // pixels fine enough for the chart's detail, whatever a lens magnifies
-  fine.samples = 32;
+  fine.samples = fine_samples(pupil_mm);
   for (ImagingLevel* level : {&coarse, &fine}) {
     level->wavelength_nm = wavelength_nm;
     level->centre_mm = centre_mm;
@@ -85,7 +92,7 @@ SearchResult find_sharpest(const raytrace::Tracer& tracer,
     const bool last = &level == &levels.back();
     for (auto one = ascents.begin(); one != ascents.end(); ++one) {
       OptimiserSettings settings = last ? OptimiserSettings{} : coarse_search();
-      if (last) settings.reach_D = fine_reach_D;
+      if (last) settings.reach_D = fine_reach_D(level.pupil_mm);
       settings.known_maximum_reach_D = last ? 0 : same_optimum_D(level);
       for (auto before = ascents.begin(); before != one; ++before)
         if (before->family.name == one->family.name) settings.known_maxima.push_back(before->end.lens);
@@ -114,8 +121,7 @@ SearchResult find_sharpest(const raytrace::Tracer& tracer,
       inverse.solve(value.gradient / value.value - result.best.gradient).cwiseAbs() / std::sqrt(2.0);
   result.images += sharpness.images() + again.images();
 
-  const double flattest =
-      Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(result.curvature).eigenvalues().maxCoeff();
+  const double flattest = largest_eigenvalue(result.curvature);
   const double next_step_D = inverse.solve(result.best.gradient).norm();
   if (!result.best.converged)
     result.reason = "the search for the sharpest image did not converge: " + result.best.reason;

@@ -81,6 +81,22 @@ TEST(Optimise, CurvatureIsTheHessian) {
   }
 }
 
+TEST(Optimise, CurvatureOfAFlatSummitIsNotItsNoise) {
+  // As through a wide pupil: slopes that change by 0.1 per dioptre, and by up to 0.002 from ray to ray.
+  constexpr double curvature = -0.1, noise = 0.002, long_step_D = 0.25;
+  const SharpnessFunction sharpness = [&](const Eigen::VectorXd& lens) {
+    const double value = std::exp(curvature / 2 * lens.squaredNorm());
+    const Eigen::VectorXd slope = curvature * lens.array() + noise * (1000 * lens.array()).cos();
+    return SharpnessValue{value, value * slope};
+  };
+  Optimum optimum;
+  optimum.lens = Eigen::Vector3d::Zero();
+  optimum.gradient = sharpness(optimum.lens).gradient;
+  const Eigen::MatrixXd error =
+      curvature_of_log(sharpness, optimum) - curvature * Eigen::Matrix3d::Identity();
+  EXPECT_LE(error.cwiseAbs().maxCoeff(), 2 * noise / long_step_D + 1e-12);
+}
+
 /// A cylinder's sharpness: best at `focus`, falls fast with its power and hardly with its axis.
 SharpnessValue ridge(const Eigen::Vector2d& at, double focus, double axis_weight) {
   const double radius = at.norm(), angle = std::atan2(at[1], at[0]);
