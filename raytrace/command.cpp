@@ -3,10 +3,12 @@
 #include <fmt/format.h>
 #include <CLI/CLI.hpp>
 
+#include <algorithm>
 #include <cmath>
 #include <map>
 #include <memory>
 
+#include "pipeline/base/eye_stage.hpp"
 #include "raytrace/named_eye.hpp"
 #include "raytrace/spectacle/text_reader.hpp"
 #include "raytrace/stage.hpp"
@@ -130,7 +132,9 @@ void declare_movement(CLI::App& app, Flags& flags) {
              "Into the folder too, a movie: gaze, vergence, accommodation, pupil from a table, or by a model: "
              "saccade, pursuit, drift, microsaccades, fixation")
           ->type_name("FILE.csv|MODEL[:key=value,...]");
-  for (const char* still : {"--gaze", "--fixate", "--motion", "--strabismus"}) movement->excludes(still);
+  for (const char* still :
+       {"--gaze", "--fixate", "--motion", "--strabismus", "--accommodation", "--accommodation-parameter"})
+    movement->excludes(still);
   app.add_option("--frame-rate", flags.frame_rate_hz, "Of the movie, 1/s")
       ->capture_default_str()
       ->needs(movement);
@@ -289,14 +293,32 @@ Landmark parse_landmark(const std::string& option, const std::string& text) {
   return landmark;
 }
 
-/// By eye; a disc without one is that of every eye.
-std::map<Laterality, Landmarks> parse_landmarks(const Flags& flags) {
+/// Of a case, or a pair, what is asked for; else one eye.
+std::vector<Laterality> eyes_traced(const Flags& flags, LateralityChoice wanted) {
+  const bool one = !flags.eye.empty() && !flags.options.pupillary_distance_mm;
+  if (one && wanted == LateralityChoice::both) return {Laterality::od};
+  return eyes_asked_for(wanted);
+}
+
+/// By eye; a disc without one is that of the only eye.
+/// \param eyes  that are traced
+std::map<Laterality, Landmarks> parse_landmarks(const Flags& flags, const std::vector<Laterality>& eyes) {
   std::map<Laterality, Landmarks> landmarks;
-  for (const Laterality eye : both_eyes) {
+  for (const std::string& text : flags.discs) {
+    const bool names_eye = text.rfind("od:", 0) == 0 || text.rfind("os:", 0) == 0;
+    const bool traced = std::any_of(eyes.begin(), eyes.end(),
+                                    [&](Laterality eye) { return text.substr(0, 2) == to_string(eye); });
+    if (!names_eye && eyes.size() > 1)
+      throw usage_error("--disc " + text + ": +x is nasal in a right eye and temporal in a left one",
+                        "say of which: od:" + text);
+    if (names_eye && !traced) throw usage_error("--disc " + text + ": that eye is not traced");
+  }
+  for (const Laterality eye : eyes) {
     if (!flags.fovea.empty()) landmarks[eye].fovea = parse_landmark("--fovea", flags.fovea);
     for (const std::string& text : flags.discs) {
       const bool names_eye = text.rfind("od:", 0) == 0 || text.rfind("os:", 0) == 0;
       if (names_eye && text.substr(0, 2) != to_string(eye)) continue;
+      if (landmarks[eye].disc) throw usage_error("--disc " + text + ": that eye has one already");
       landmarks[eye].disc = parse_landmark("--disc", names_eye ? text.substr(3) : text);
     }
   }
@@ -401,7 +423,7 @@ TraceOptions parse_options(const Flags& flags, const CommonOptions& common) {
   options.poses = parse_poses(flags, common.laterality);
   options.exposure.eye_motion_deg = parse_pair("--motion", flags.motion, ',');
   options.spectacle = parse_worn(flags);
-  options.landmarks = parse_landmarks(flags);
+  options.landmarks = parse_landmarks(flags, eyes_traced(flags, common.laterality));
   options.irradiance = parse_irradiance(flags);
   if (!flags.irradiance_formats.empty())
     options.irradiance_files.formats = {flags.irradiance_formats.begin(), flags.irradiance_formats.end()};

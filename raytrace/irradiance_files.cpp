@@ -88,9 +88,6 @@ void write_irradiance_mat(const RetinalIrradiance& light, const Json& scale, boo
 void write_optical_image(const RetinalIrradiance& light, const EyeModel& eye, const Json& scale,
                          const fs::path& file) {
   const auto um = pair_of(scale, "um_per_pixel"), arcmin = pair_of(scale, "arcmin_per_pixel");
-  if (!um || !arcmin)
-    throw no_result_error(
-        "--irradiance-format isetbio: the picture's middle, whose scale is the picture's, sees nothing");
   const double focal_mm = um->x() / 1000 / (arcmin->x() / 60 * degree);
   const double width_mm = um->x() / 1000 * light.irradiance.front().width;
   std::vector<MatVariable> optics, data, spectrum, oi;
@@ -147,6 +144,9 @@ void write_irradiance(RetinalIrradiance light, const EyeModel& eye, const TraceS
   light.trolands = with_unseen(std::move(light.trolands), light.unseen);
   const Json scale = scale_of(eye, trace);
   const auto wants = [&](const char* format) { return files.formats.count(format) > 0; };
+  if (wants("isetbio") && (!pair_of(scale, "um_per_pixel") || !pair_of(scale, "arcmin_per_pixel")))
+    throw no_result_error(
+        "--irradiance-format isetbio: the picture's middle, whose scale is the picture's, sees nothing");
   remove_irradiance(folder);
   if (wants("isetbio")) write_optical_image(light, eye, scale, folder / "optical-image.mat");
   if (wants("mat")) write_irradiance_mat(light, scale, files.photons, folder / "irradiance.mat");

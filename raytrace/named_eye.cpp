@@ -69,7 +69,7 @@ fs::path write_output(const fs::path& output, const EyeModel& eye, const TraceSe
 EyeInState in_state(const NamedEye& named, const EyeOptions& usual, const TraceOptions& options) {
   return [&named, usual, &options](double accommodation_D, const std::optional<double>& pupil_mm) {
     EyeOptions now = usual;
-    now.accommodation_D += accommodation_D;
+    now.accommodation_D = accommodation_D;
     if (pupil_mm) now.pupil_mm = pupil_mm;
     return options.with_worn(make_eye(named.eye, now));
   };
@@ -108,6 +108,10 @@ Answer trace_named(const NamedEye& named, const TraceOptions& options, const Com
     eye_options.laterality = laterality;
     const EyeModel eye = options.with_worn(make_eye(named.eye, eye_options));
     const TraceSettings settings = options.settings_of(laterality);
+    // What cannot be is said before anything takes long.
+    require_on_retina(eye, options.landmarks_of(laterality));
+    if (options.movie)
+      require_states(in_state(named, eye_options, options), options.movie->movement, settings.seed);
     const TraceResult result = trace_exposure(tracer, eye, *scene, settings, options.exposure);
     for (const auto& note : result.notes) spdlog::info("{}", note);
     warn_of_doubts(result, settings);

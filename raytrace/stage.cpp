@@ -27,6 +27,7 @@ Json or_null(const std::optional<Value>& value) {
 Json irradiance_json(const IrradianceSettings& settings, const IrradianceFiles& files) {
   return {{"formats", files.formats},
           {"photons", files.photons},
+          {"media_field", settings.media_field == MediaField::small ? "small" : "large"},
           {"luminance_cd_m2", settings.luminance_cd_m2},
           {"bands_nm", {settings.first_nm, settings.last_nm, settings.step_nm}},
           {"media_age_years", or_null(settings.age_years)}};
@@ -156,6 +157,7 @@ Json trace_eye(const MeasuredEye& measured, const UncertainOptics& optics, Later
                const TraceOptions& options, const CommonOptions& common, const Tracer& tracer,
                const Scene& scene, const fs::path& folder) {
   const TraceSettings settings = options.settings_of(eye);
+  require_on_retina(measured.eye, options.landmarks_of(eye));
   const EyeModel worn = options.with_worn(measured.eye);
   const TraceResult result = trace_exposure(tracer, worn, scene, settings, options.exposure);
   for (const auto& note : result.notes) spdlog::info("{}: {}", to_string(eye), note);

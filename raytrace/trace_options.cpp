@@ -12,7 +12,10 @@ void TraceOptions::check() const {
   for (const auto& [eye, pose] : poses) pose.check();
   if (psf_grid) psf_grid->check();
   if (irradiance) irradiance->check();
-  if (movie) movie->check(settings);
+  if (movie) {
+    movie->check(settings);
+    exposure.check();
+  }
   for (const auto& [eye, marks] : landmarks) {
     if (marks.fovea) marks.fovea->check("--fovea");
     if (marks.disc) marks.disc->check("--disc");
@@ -25,6 +28,12 @@ void TraceOptions::check() const {
       std::abs(half.x() * settings.grid.height / (half.y() * settings.grid.width) - 1) > 0.01)
     throw usage_error("--irradiance-format isetbio: its pixels are square",
                       "give --size and --field-mm, or --field-deg, of one shape");
+  constexpr double widest_flat_deg = 40;
+  if (irradiance && irradiance_files.formats.count("isetbio") > 0 &&
+      (settings.grid.projection == Projection::retina_arc ||
+       (settings.grid.is_angular() && settings.grid.field_deg.maxCoeff() > widest_flat_deg)))
+    throw usage_error("--irradiance-format isetbio: its picture is flat, behind a thin lens",
+                      "give --field-mm, or a --field-deg of 40 at most");
   if (const auto* cylinder = spectacle ? std::get_if<PlanoCylinder>(&*spectacle) : nullptr) cylinder->check();
   if (pupillary_distance_mm && !(*pupillary_distance_mm > 0 && *pupillary_distance_mm < 120))
     throw usage_error(

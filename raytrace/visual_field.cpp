@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <vector>
 
@@ -105,9 +106,11 @@ Json distances_json(const EyeModel& eye, const std::vector<Placed>& marks) {
     for (std::size_t b = a + 1; b < marks.size(); ++b) {
       const std::optional<double> way_mm = geodesic_mm(eye, marks[a].retina_mm, marks[b].retina_mm);
       const double sigma_mm = std::hypot(marks[a].sigma_mm, marks[b].sigma_mm);
-      json[fmt::format("{}_{}_mm", marks[a].name, marks[b].name)] =
-          way_mm && sigma_mm > 0 ? Json(Measured::from_sigma(*way_mm, sigma_mm, "given"))
-                                 : number_or_null(way_mm);
+      Json& distance = json[fmt::format("{}_{}_mm", marks[a].name, marks[b].name)] = number_or_null(way_mm);
+      if (!way_mm || sigma_mm == 0) continue;
+      Measured measured = Measured::from_sigma(*way_mm, sigma_mm, "given");
+      measured.ci95[0] = std::max(measured.ci95[0], 0.0);  // no way is shorter than none
+      distance = measured;
     }
   return json;
 }
@@ -120,12 +123,24 @@ void Landmark::check(const char* option) const {
                       "give 0 to 5 mm behind +-");
 }
 
+void require_on_retina(const EyeModel& eye, const Landmarks& landmarks) {
+  const auto require = [&](const char* option, const std::optional<Landmark>& mark) {
+    if (mark && !meet_retina(eye, mark->from_pole_mm))
+      throw input_error(fmt::format("{}: the retina of eye \"{}\" does not reach {:g}, {:g} mm from its pole",
+                                    option, eye.name, mark->from_pole_mm.x(), mark->from_pole_mm.y()),
+                        "give eye x and y behind the equator, in mm");
+  };
+  require("--fovea", landmarks.fovea);
+  require("--disc", landmarks.disc);
+}
+
 void write_visual_field(const EyeModel& eye, const TraceSettings& settings, const Landmarks& landmarks,
                         const UncertainField* uncertain, const std::filesystem::path& folder) {
   const double wavelength_nm = settings.wavelength_nm.value_or(eye.reference_wavelength_nm);
   const std::vector<Seen> field = field_of(eye, settings, wavelength_nm);
   Json json = columns_of(eye, field);
   if (uncertain != nullptr) add_ellipses(json, field, *uncertain, wavelength_nm);
+  require_on_retina(eye, landmarks);
   const std::vector<Placed> marks = placed(eye, landmarks);
   json["eye"] = eye.name;
   json["wavelength_nm"] = wavelength_nm;

@@ -20,6 +20,9 @@ struct Landmarks {
   std::optional<Landmark> fovea, disc;
 };
 
+/// \throw Error (input_invalid) naming the option of a landmark beside the retina
+void require_on_retina(const EyeModel& eye, const Landmarks& landmarks);
+
 /// What is uncertain of a measured eye, and how it looks: with what it wears, turned.
 struct UncertainField {
   UncertainOptics optics;
@@ -32,7 +35,7 @@ struct UncertainField {
 /// 95 % ellipses of a measured eye; and the retina's landmarks with the shortest ways between them.
 /// \param eye  as it looks
 /// \param uncertain  of a measured eye; null for one that is exact
-/// \throw Error (input_invalid) for a landmark beside the retina
+/// \throw Error as require_on_retina
 void write_visual_field(const EyeModel& eye, const TraceSettings& settings, const Landmarks& landmarks,
                         const UncertainField* uncertain, const std::filesystem::path& folder);
 

@@ -2,6 +2,7 @@
 #include "correction/sharpness/refraction_chart.hpp"
 #include "pipeline/base/error.hpp"
 #include "pipeline/python/bindings.hpp"
+#include "raytrace/retina/pupil_aim.hpp"
 
 namespace emmetrope::python {
 namespace {
@@ -53,6 +54,7 @@ RetinalSharpness sharpness_of(const raytrace::Tracer& tracer, const EyeModel& ey
                               const Eigen::Vector2d& retina_mm, std::uint64_t seed) {
   const PrescriptionSettings settings =
       settings_of(vertex_distance_mm, pupil_mm, criterion, wavelength_nm, retina_mm, seed);
+  raytrace::retina_point(eye, retina_mm.x(), retina_mm.y());  // where it does not reach, at once
   const ImagingLevel finest =
       imaging_levels(settings.criterion, pupil_mm, wavelength_nm, retina_mm, seed).back();
   return {tracer, refraction_chart(), eye, thin_lens(vertex_distance_mm), finest};
@@ -86,6 +88,7 @@ void bind_corrections(py::module_& module) {
       .def(
           "__call__",
           [](const RetinalSharpness& sharpness, const Eigen::Vector3d& lens_D) {
+            if (!lens_D.allFinite()) throw usage_error("lens_D: three finite numbers are wanted");
             const SharpnessValue value = [&] {
               const py::gil_scoped_release unlocked;
               return sharpness(lens_D);

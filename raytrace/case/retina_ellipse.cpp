@@ -50,6 +50,9 @@ std::vector<std::optional<RetinaEllipse>> retina_ellipses(
     const ChiefRays chief_rays(eye, wavelength_nm);
     std::vector<std::optional<RetinaPoint>> points(count);
     on_threads(threads, count, [&](std::size_t k) { points[k] = chief_rays.image_of(directions[k]); });
+    // Places are those on the retina, which moves as a whole with the eye's length.
+    for (auto& point : points)
+      if (point) point->position_mm.z() += eye.axial_length_mm();
     return points;
   };
   const std::vector<std::optional<RetinaPoint>> means = seen_by(known.mean);

@@ -14,7 +14,7 @@ struct RetinaEllipse {
   double axis_deg = 0;
 };
 
-/// By linear propagation of what optics.json holds: cornea, lens, its index, length. The retina's shape is the one that was
+/// Along the retina from its own pole, by linear propagation of what optics.json holds: cornea, lens, its index, length. The retina's shape is the one that was
 /// measured, and the direction of the eye's axis is taken as known.
 /// \param as_it_looks  what it wears and how it is turned
 /// \param directions  unit vectors from the eye, eye frame

@@ -75,19 +75,22 @@ struct Jump {
   Displacement towards;
 };
 
-std::vector<Jump> jumps(double duration_s, const ModelParameters& p, std::mt19937_64& random) {
-  constexpr double least_interval_s = 0.15, spread = 1.5, farthest_deg = 0.5;
-  const double rest_s = std::max(1 / p.at("rate_hz") - least_interval_s, 1e-3);
+std::vector<Jump> jumps(const ModelParameters& p, const std::vector<Displacement>& drift,
+                        std::mt19937_64& random) {
+  constexpr double spread = 1.5, farthest_deg = 0.5;
+  const double rest_s = std::max(1 / p.at("rate_hz") - least_microsaccade_interval_s, 1e-3);
   std::exponential_distribution<double> rest(1 / rest_s);
   std::lognormal_distribution<double> amplitude(std::log(p.at("amplitude_deg")), std::log(spread));
   std::uniform_real_distribution<double> direction(0, 360);
   std::vector<Jump> all;
-  Displacement place(0, 0);
-  for (double time_s = rest(random); time_s < duration_s; time_s += least_interval_s + rest(random)) {
+  Displacement jumped(0, 0);
+  for (double time_s = rest(random); time_s < p.at("duration_s");
+       time_s += least_microsaccade_interval_s + rest(random)) {
     Jump jump{time_s, amplitude(random), towards(direction(random))};
+    const Displacement place = drift[static_cast<std::size_t>(std::lround(time_s / sample_s))] + jumped;
     if ((place + jump.amplitude_deg * jump.towards).norm() > farthest_deg && !place.isZero(0))
       jump.towards = -place.normalized();
-    place += jump.amplitude_deg * jump.towards;
+    jumped += jump.amplitude_deg * jump.towards;
     all.push_back(jump);
   }
   return all;
@@ -107,7 +110,7 @@ std::vector<EyeMoment> fixational(const ModelParameters& p, std::uint64_t seed) 
   const std::vector<Displacement> drift =
       brownian(duration_s, diffusion == p.end() ? 0 : diffusion->second, random);
   const std::vector<Jump> of_microsaccades =
-      p.count("rate_hz") > 0 ? jumps(duration_s, p, random) : std::vector<Jump>();
+      p.count("rate_hz") > 0 ? jumps(p, drift, random) : std::vector<Jump>();
   return sampled(duration_s, [&](double time_s) -> Displacement {
     return drift[static_cast<std::size_t>(std::lround(time_s / sample_s))] + after(of_microsaccades, time_s);
   });

@@ -9,6 +9,9 @@
 /// Eye movements by the models of the literature, sampled every millisecond.
 namespace emmetrope::raytrace {
 
+/// Microsaccades follow one another no faster.
+inline constexpr double least_microsaccade_interval_s = 0.15;
+
 /// Numbers of a model by name, all of them with a default.
 using ModelParameters = std::map<std::string, double>;
 
@@ -31,7 +34,7 @@ struct MovementModel {
 /// a second (Kuang, Poletti, Victor and Rucci, Curr. Biol. 22, 510, 2012: about 40).
 ///
 /// microsaccades: saccades as above of log-normal amplitude with median `amplitude_deg` and a spread of a factor 1.5, in
-/// random directions, each back towards straight ahead where it would lead away by more than 0.5 degrees, at intervals of
+/// random directions, each back towards straight ahead, from wherever drift has led, where it would end more than 0.5 degrees off, at intervals of
 /// 0.15 s and an exponential rest, `rate_hz` a second (Martinez-Conde, Macknik and Hubel, Nat. Rev. Neurosci. 5, 229,
 /// 2004: 1 to 2 a second).
 ///

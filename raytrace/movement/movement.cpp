@@ -54,8 +54,8 @@ std::vector<const Column*> columns_of(const std::vector<std::string>& head, cons
 EyeMoment moment_of(const std::vector<std::string>& cells, const std::vector<const Column*>& named,
                     const std::string& where) {
   if (cells.size() != named.size())
-    throw input_error(
-        fmt::format("{}: {} cells, the first line names {}", where, cells.size(), named.size()));
+    throw input_error(fmt::format("{}: {} cells, the first line names {}", where, cells.size(), named.size()),
+                      "separate cells by commas, decimals by points; leave no cell empty");
   EyeMoment moment;
   for (std::size_t k = 0; k < cells.size(); ++k) {
     const std::optional<double> value = typed_number(cells[k]);
@@ -103,9 +103,13 @@ ModelParameters parameters_of(const MovementModel& model, const std::string& tex
       throw usage_error(fmt::format("--movement {}: {}={:g} is out of range", model.name, key, value),
                         remedy);
   }
-  if (parameters.at("duration_s") > longest_model_s)
+  if (!(parameters.at("duration_s") >= 0.001 && parameters.at("duration_s") <= longest_model_s))
     throw usage_error(
-        fmt::format("--movement {}: duration_s up to {:g} is wanted", model.name, longest_model_s));
+        fmt::format("--movement {}: duration_s from 0.001 to {:g} is wanted", model.name, longest_model_s));
+  const auto rate = parameters.find("rate_hz");
+  if (rate != parameters.end() && rate->second * least_microsaccade_interval_s >= 1)
+    throw usage_error(fmt::format("--movement {}: rate_hz={:g}: they follow one another by {:g} s at least",
+                                  model.name, rate->second, least_microsaccade_interval_s));
   return parameters;
 }
 
@@ -166,7 +170,8 @@ Movement read_movement(const std::filesystem::path& file) {
 }
 
 Movement make_movement(const std::string& text, std::uint64_t seed) {
-  if (std::filesystem::path(text).extension() == ".csv") return read_movement(text);
+  const std::string ending = std::filesystem::path(text).extension().string();
+  if (ending == ".csv" || ending == ".CSV") return read_movement(text);
   const std::string name = text.substr(0, text.find(':'));
   std::string known;
   for (const MovementModel& model : movement_models()) {

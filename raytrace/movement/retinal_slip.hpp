@@ -6,10 +6,12 @@
 
 namespace emmetrope::raytrace {
 
-/// How the image of what is far away and at rest runs over the retina.
+/// How the image of what is far away and at rest runs over the retina. Off the axis x and y are carried along by the
+/// smallest turn from the axis.
 struct RetinalSlip {
-  Eigen::Vector2d image_mm_s;       ///< of the image, along eye x and y
-  Eigen::Vector2d direction_deg_s;  ///< of the object against the eye, to the patient's left and up
+  Eigen::Vector2d image_mm_s;  ///< of the image, along the retina
+  Eigen::Vector2d
+      direction_deg_s;  ///< of the object against the eye, across the line of sight: to the left, up
 };
 
 /// At a place of the retina and a moment, by the chief rays of half a millisecond before and after.

@@ -89,6 +89,8 @@ class Object {
     SampledSpectrum spectrum{of_key.rising("wavelengths_nm"), of_key.numbers("values")};
     if (spectrum.values.size() != spectrum.wavelength_nm.size())
       throw of_key.fault("values", "as many as wavelengths_nm are needed");
+    if (spectrum.wavelength_nm.front() > 780 || spectrum.wavelength_nm.back() < 380)
+      throw of_key.fault("wavelengths_nm", "none of them is light's, 380 to 780 nm");
     for (const double value : spectrum.values)
       if (!(value >= 0 && value <= most))
         throw of_key.fault("values", fmt::format("0 to {:g} are needed", most));

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <opencv2/core.hpp>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/videoio.hpp>
 
@@ -53,11 +54,19 @@ TEST(Movie, FramesShowWhereTheEyeLooks) {
   EXPECT_NEAR(table["steps"][0].get<int>(), 7.5, 1);
   EXPECT_EQ(table["steps"][3], 1);
 
-  // The last frame is the picture of that gaze, accommodation and pupil.
-  trace.pose.gaze.horizontal_deg = 0.5;
-  const TraceResult still = trace_turned(tracer, navarro(1, 3.75), *scene, trace);
-  write_png(folder.path() / "still.png", still.image);
-  EXPECT_EQ(read_file(folder.path() / "still.png"), read_file(folder.path() / "frames" / "0003.png"));
+  // The last frame is the picture of that gaze, accommodation and pupil, but for its noise, which is its own.
+  const auto still = [&](double horizontal_deg) {
+    TraceSettings there = trace;
+    there.pose.gaze.horizontal_deg = horizontal_deg;
+    write_png(folder.path() / "still.png", trace_turned(tracer, navarro(1, 3.75), *scene, there).image);
+    return cv::imread((folder.path() / "still.png").string());
+  };
+  const cv::Mat last = cv::imread((folder.path() / "frames" / "0003.png").string());
+  const double levels = cv::norm(last, still(0.5), cv::NORM_L1) / (64 * 64 * 3);
+  EXPECT_LT(levels, 12);
+  EXPECT_GT(cv::norm(last, still(0.4), cv::NORM_L1) / (64 * 64 * 3), 2 * levels);
+  EXPECT_NE(read_file(folder.path() / "frames" / "0003.png"),
+            read_file(folder.path() / "frames" / "0002.png"));
 
   cv::VideoCapture movie((folder.path() / "movie.mp4").string());
   ASSERT_TRUE(movie.isOpened());
@@ -65,8 +74,15 @@ TEST(Movie, FramesShowWhereTheEyeLooks) {
   int frames = 0;
   for (cv::Mat frame; movie.read(frame); ++frames) EXPECT_EQ(frame.size(), cv::Size(64, 64));
   EXPECT_EQ(frames, 4);
+  EXPECT_FALSE(fs::exists(folder.path() / ".writing-movie"));
+  write_file(folder.path() / "frames" / "mine.txt", "kept");
   remove_movie(folder.path());
-  EXPECT_FALSE(fs::exists(folder.path() / "frames"));
+  EXPECT_FALSE(fs::exists(folder.path() / "movie.mp4"));
+  EXPECT_FALSE(fs::exists(folder.path() / "frames" / "0000.png"));
+  EXPECT_EQ(read_file(folder.path() / "frames" / "mine.txt"), "kept");
+  write_file(folder.path() / "movie.mp4", "somebody's");
+  remove_movie(folder.path());
+  EXPECT_TRUE(fs::exists(folder.path() / "movie.mp4"));
 }
 
 TEST(Movie, RefusesWhatNoMovieIs) {
@@ -82,9 +98,21 @@ TEST(Movie, RefusesWhatNoMovieIs) {
   EXPECT_EQ(status({"saccade", 60}, trace), ExitStatus::done);
   EXPECT_EQ(status({"saccade", 0}, trace), ExitStatus::usage);
   EXPECT_EQ(status({"drift:duration_s=600", 1000}, trace), ExitStatus::usage);
+  EXPECT_EQ(status({"drift:duration_s=0.01", 60}, trace), ExitStatus::usage);
   TraceSettings odd = trace;
   odd.grid.width = 63;
   EXPECT_EQ(status({"saccade", 60}, odd), ExitStatus::usage);
+}
+
+TEST(Movie, SaysWhenTheEyeCannotBeAsTheTableWants) {
+  const test::TemporaryFolder folder;
+  write_file(folder.path() / "m.csv", "time_s,accommodation_D\n0,0\n0.5,40\n");
+  try {
+    require_states(&navarro, (folder.path() / "m.csv").string(), 1);
+    ADD_FAILURE();
+  } catch (const Error& error) {
+    EXPECT_NE(error.context().front().find("0.5 s"), std::string::npos);
+  }
 }
 
 }  // namespace

@@ -9,12 +9,20 @@ _stages = {"fit": ("segmentation", "segment"), "biometry": ("meshing", "mesh"), 
            "prescription": ("correction", "correct")}
 
 
+def _fault(kind, status, message, remedy):
+    error = kind(message)
+    error.status, error.remedy = status, remedy
+    return error
+
+
 class Case:
     """A case folder, read as it is asked for. A measured number is a dictionary of value, ci95, source and image_share;
     one that the images do not support has the value None and the reason in withheld."""
 
     def __init__(self, folder):
         self.folder = pathlib.Path(folder)
+        if not self.folder.is_dir():
+            raise _fault(_emmetrope.InputError, 3, f"{folder} is no folder", "emmetrope run makes one of a study")
 
     @property
     def eyes(self):
@@ -42,10 +50,11 @@ class Case:
         return _emmetrope.Eye.from_case(str(self.folder), eye, **options)
 
     def _read(self, name, eye):
+        if eye not in ("od", "os"):
+            raise _fault(_emmetrope.UsageError, 2, f'eye: "{eye}" is unknown', "give od or os")
         stage, command = _stages[name]
         file = self.folder / stage / eye / f"{name}.json"
         if not file.exists():
-            error = _emmetrope.InputError(f"{file} does not exist")
-            error.status, error.remedy = 3, f"run emmetrope {command} {self.folder}; its stage.json has the reasons"
-            raise error
+            raise _fault(_emmetrope.InputError, 3, f"{file} does not exist",
+                         f"run emmetrope {command} {self.folder}; its stage.json has the reasons")
         return json.loads(file.read_text())

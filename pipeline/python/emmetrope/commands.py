@@ -2,7 +2,8 @@
 
     commands.run("study", "case", age=40, keratometry=["od:43.25@175/44.75@85+-0.25"])
 
-A keyword is the option's name with underscores for hyphens; True gives a flag, a list repeats the option. What there is,
+A keyword is the option's name with underscores for hyphens; True gives a flag, a list repeats the option, a tuple is
+its numbers with commas. What there is,
 and in which units, `emmetrope NAME --help` says. Each runs in a process of its own, as the command does: its notes go to
 standard error (quiet=True: none), and a fault in it is an exception here. Status 8, a partial result, is none.
 """
@@ -39,20 +40,25 @@ def _program(name):
 def _options(keywords):
     for name, value in keywords.items():
         option = "--" + name.replace("_", "-")
-        for one in value if isinstance(value, (list, tuple)) else [value]:
-            if one is True:
-                yield option
-            elif one is not None and one is not False:
+        for one in value if isinstance(value, list) else [value]:
+            if isinstance(one, bool) or type(one).__name__ == "bool_":  # numpy's is none of Python's
+                if one:
+                    yield option
+            elif isinstance(one, tuple):
+                yield f"{option}={','.join(map(str, one))}"
+            elif one is not None:
                 yield f"{option}={one}"
 
 
 def _run(name, *places, **options):
-    line = [_program(name), *map(str, places), *_options(options), "--json"]
+    if any(place is None for place in places):
+        raise _error(2, f"{name}: None is no path")
+    line = [_program(name), *_options(options), "--json", "--", *map(str, places)]
     ended = subprocess.run(line, stdout=subprocess.PIPE, text=True)
     try:
         answer = json.loads(ended.stdout)
     except ValueError:
-        raise _error(1, f"emmetrope-{name} ended with status {ended.returncode} and no answer") from None
+        raise _error(ended.returncode or 2, f"emmetrope-{name} ended with status {ended.returncode} and no answer") from None
     if ended.returncode in (_done, _partial):
         return answer
     fault = answer.get("error", {})
@@ -75,14 +81,14 @@ def mesh(case, **options):
     return _run("mesh", case, **options)
 
 
-def trace(case, **options):
-    """What the eyes of a case see."""
-    return _run("trace", case, **options)
+def trace(case=None, **options):
+    """What the eyes of a case see, or (without one) eye="navarro", output="folder"."""
+    return _run("trace", *([] if case is None else [case]), **options)
 
 
-def correct(case, **options):
-    """The lens that makes the retinal images of a case sharpest."""
-    return _run("correct", case, **options)
+def correct(case=None, **options):
+    """The lens that makes the retinal images of a case sharpest, or (without one) of eye="navarro", output="folder"."""
+    return _run("correct", *([] if case is None else [case]), **options)
 
 
 def report(case, **options):

@@ -253,6 +253,10 @@ class Corrections(unittest.TestCase):
             self.assertAlmostEqual(gradient[k], slope, delta=0.02 * numpy.abs(gradient).max())
         self.assertGreater(sharpness([-1.95, 0, 0])[0], value)
         self.assertEqual(sharpness.images, 8)
+        with self.assertRaises(emmetrope.UsageError):
+            sharpness([numpy.nan, 0, 0])
+        with self.assertRaises(emmetrope.InputError):
+            emmetrope.Sharpness(emmetrope.Tracer(), emmetrope.Eye("navarro"), retina_mm=(100, 0))
 
     def test_is_the_commands(self):
         with tempfile.TemporaryDirectory() as folder:
@@ -282,6 +286,14 @@ class Commands(unittest.TestCase):
                 emmetrope.Case(folder).biometry("od")
             self.assertIn("emmetrope mesh", caught.exception.remedy)
             self.assertEqual(emmetrope.Case(folder).eyes, [])
+            for wrong, kind in ((lambda: emmetrope.Case(os.path.join(folder, "nowhere")), emmetrope.InputError),
+                                (lambda: emmetrope.Case(folder).fit("OD"), emmetrope.UsageError),
+                                (lambda: run.mesh(None), emmetrope.UsageError)):
+                with self.assertRaises(kind):
+                    wrong()
+            traced = run.trace(eye="navarro", fovea=(2, 0), size="16x16", samples=32, output=os.path.join(folder, "out"),
+                               quiet=numpy.bool_(True))
+            self.assertEqual(traced["samples"], 32)
 
 
 class Module(unittest.TestCase):

@@ -8,6 +8,7 @@
 
 #include "pipeline/base/frames.hpp"
 #include "pipeline/eye/optics/chief_ray.hpp"
+#include "raytrace/retina/retina_arc.hpp"
 #include "tests/support/measured_optics.hpp"
 
 namespace emmetrope::raytrace {
@@ -33,15 +34,19 @@ TEST(RetinaEllipse, HoldsNineteenOfTwentyEyesThatAreAsLikely) {
   constexpr int draws = 400;
   std::vector<int> inside(directions.size());
   std::vector<Vector3d> means;
+  // On the retina, from its own pole's depth.
+  const auto seen_by = [](const EyeModel& eye, const Vector3d& direction) -> Vector3d {
+    return ChiefRays(eye, 555).image_of(direction)->position_mm + Vector3d(0, 0, eye.axial_length_mm());
+  };
   for (const Vector3d& direction : directions)
-    means.push_back(ChiefRays(eye_at(optics, known.mean), 555).image_of(direction)->position_mm);
+    means.push_back(seen_by(eye_at(optics, known.mean), direction));
   for (int draw = 0; draw < draws; ++draw) {
     const Eigen::VectorXd unit =
         Eigen::VectorXd::NullaryExpr(known.mean.size(), [&] { return normal(random); });
-    const ChiefRays chief_rays(eye_at(optics, known.mean + root * unit), 555);
+    const EyeModel drawn = eye_at(optics, known.mean + root * unit);
     for (std::size_t k = 0; k < directions.size(); ++k) {
       // Of the point moved: away from the axis and across, which is along the retina up to its slope's cosine.
-      const Vector3d moved = chief_rays.image_of(directions[k])->position_mm - means[k];
+      const Vector3d moved = seen_by(drawn, directions[k]) - means[k];
       const Vector2d outward =
           means[k].head<2>().norm() > 1e-6 ? Vector2d(means[k].head<2>().normalized()) : Vector2d(1, 0);
       const double slope = means[k].head<2>().norm() > 1e-6 ? moved.z() : 0;
@@ -61,6 +66,29 @@ TEST(RetinaEllipse, HoldsNineteenOfTwentyEyesThatAreAsLikely) {
   EXPECT_GE(ellipses[1]->semi_axes_mm.x(), ellipses[1]->semi_axes_mm.y());
   // Magnification is what is least known: further out the ellipse is larger, and lies along the way from the pole.
   EXPECT_GT(ellipses[2]->semi_axes_mm.x(), ellipses[0]->semi_axes_mm.x());
+}
+
+TEST(RetinaEllipse, OfTheLengthAloneIsWhatDistancesFromThePoleChangeBy) {
+  Json json = measured_optics();
+  std::size_t length = 0;
+  while (json["parameters"][length] != "optical_axial_length_mm") ++length;
+  for (auto& row : json["covariance"])
+    for (auto& number : row) number = 0.0;
+  json["covariance"][length][length] = 0.01;  // 0.1 mm
+  const UncertainOptics optics = uncertain_optics_from_json(json, ".", 0);
+  const Vector3d direction = towards(60, 0);
+  const auto ellipse = retina_ellipses(
+                           optics, [](const EyeModel& eye) { return eye; }, {direction}, 555, 1)
+                           .front();
+  const auto arc_mm = [&](double off_mm) {
+    Eigen::VectorXd values = optics.known.parameters().mean;
+    values[optics.known.index_of("axial_length_mm")] += off_mm;
+    const EyeModel eye = eye_at(optics, values);
+    return *retina_arc_mm(eye, ChiefRays(eye, 555).image_of(direction)->position_mm);
+  };
+  const double sigma_mm = std::abs(arc_mm(0.1) - arc_mm(-0.1)) / 2;
+  ASSERT_TRUE(ellipse);
+  EXPECT_NEAR(ellipse->semi_axes_mm.x(), 2.4477 * sigma_mm, 0.02 * 2.4477 * sigma_mm);
 }
 
 TEST(RetinaEllipse, IsNotWhereTheEyeDoesNotSee) {

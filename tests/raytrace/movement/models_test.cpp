@@ -66,6 +66,12 @@ TEST(MovementModels, MicrosaccadesComeAtTheirRateAndStayNearby) {
   EXPECT_NEAR(starts, 300, 52);
 }
 
+TEST(MovementModels, FixationComesBackFromWhereDriftLeads) {
+  // Drift alone strays by 2 sqrt(D t) = 2.3 degrees in two minutes, rms.
+  const Movement movement = make_movement("fixation:duration_s=120", 3);
+  for (const EyeMoment& moment : movement.moments()) EXPECT_LT(place(moment).norm(), 1.5);
+}
+
 TEST(MovementModels, TheSeedAloneDecides) {
   const auto at_end = [](std::uint64_t seed) { return place(make_movement("fixation", seed).at(2)); };
   EXPECT_EQ(at_end(1), at_end(1));

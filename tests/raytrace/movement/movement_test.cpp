@@ -46,6 +46,7 @@ TEST(Movement, SaysWhatIsWrongWithATable) {
   EXPECT_THAT(fault("time_s,gaze\n0,1\n"), HasSubstr("\"gaze\" is unknown"));
   EXPECT_THAT(fault("time_s,time_s\n0,1\n"), HasSubstr("twice"));
   EXPECT_THAT(fault("time_s,vertical_deg\n0,1\n1\n"), HasSubstr("line 3"));
+  EXPECT_THAT(fault("time_s,vertical_deg\n0,1 2\n1,0\n"), HasSubstr("vertical_deg \"1 2\""));
   EXPECT_THAT(fault("time_s,vertical_deg\n0,1\n1,nan\n"), HasSubstr("vertical_deg \"nan\""));
   EXPECT_THAT(fault("time_s\n0\n0\n"), HasSubstr("does not rise"));
   EXPECT_THAT(fault("time_s\n0\n"), HasSubstr("two moments"));
@@ -57,7 +58,8 @@ TEST(Movement, SaysWhatIsWrongWithATable) {
 TEST(Movement, ModelsSayWhatTheyKnow) {
   for (const char* wrong :
        {"saccades", "saccade:amplitude=3", "saccade:amplitude_deg=x", "saccade:amplitude_deg",
-        "drift:diffusion_arcmin2_s=-1", "microsaccades:rate_hz=0", "pursuit:duration_s=1e9"}) {
+        "drift:diffusion_arcmin2_s=-1", "microsaccades:rate_hz=0", "fixation:rate_hz=7",
+        "drift:duration_s=1e-5", "pursuit:duration_s=1e9"}) {
     try {
       make_movement(wrong, 1);
       ADD_FAILURE() << wrong;

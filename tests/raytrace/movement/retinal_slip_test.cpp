@@ -35,11 +35,15 @@ TEST(RetinalSlip, OffTheAxisIsThatOfPlainRays) {
   const Eigen::Vector2d at(0, 5);
   const auto slip = retinal_slip(eye, {}, turning({0, -1}), Laterality::od, 0.05, at, 589.3);
   ASSERT_TRUE(slip);
-  // Lines of sight 0.02 mm apart turn by so many degrees a millimetre.
+  // The object turns at 20 degrees a second wherever it stands in the plane of the turn.
+  EXPECT_NEAR(slip->direction_deg_s.norm(), 20, 0.01);
+  // Lines of sight of points that close along the retina turn by so many radians a millimetre.
   const PlainEye plain(eye, 589.3);
   const PlainPupil below(plain, at - Eigen::Vector2d(0, 0.01), 3),
       above(plain, at + Eigen::Vector2d(0, 0.01), 3);
-  const double rad_a_mm = std::asin(below.sight.cross(above.sight).norm()) / 0.02;
+  const double apart_mm =
+      (plain.retina(at + Eigen::Vector2d(0, 0.01)) - plain.retina(at - Eigen::Vector2d(0, 0.01))).norm();
+  const double rad_a_mm = std::asin(below.sight.cross(above.sight).norm()) / apart_mm;
   EXPECT_NEAR(slip->image_mm_s.norm(), 20 * degree / rad_a_mm, 0.003 * 20 * degree / rad_a_mm);
 }
 
