@@ -126,8 +126,8 @@ void Landmark::check(const char* option) const {
 void require_on_retina(const EyeModel& eye, const Landmarks& landmarks) {
   const auto require = [&](const char* option, const std::optional<Landmark>& mark) {
     if (mark && !meet_retina(eye, mark->from_pole_mm))
-      throw input_error(fmt::format("{}: the retina of eye \"{}\" does not reach {:g}, {:g} mm from its pole",
-                                    option, eye.name, mark->from_pole_mm.x(), mark->from_pole_mm.y()),
+      throw input_error(fmt::format("{}: the retina does not reach {:g}, {:g} mm from its pole", option,
+                                    mark->from_pole_mm.x(), mark->from_pole_mm.y()),
                         "give eye x and y behind the equator, in mm");
   };
   require("--fovea", landmarks.fovea);

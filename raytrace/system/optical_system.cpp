@@ -110,7 +110,8 @@ std::optional<std::array<double, 6>> departure_from_conic(const Shape& shape, do
   design.setZero();
   departure.setZero();
   for (int i = 0; i < rings * spokes; ++i) {
-    const double r = reach_mm * (1 + i / spokes) / rings, angle = 2 * pi * (i % spokes) / spokes;
+    const int ring = 1 + i / spokes, spoke = i % spokes;
+    const double r = reach_mm * ring / rings, angle = 2 * pi * spoke / spokes;
     const double x = r * std::cos(angle), y = r * std::sin(angle), turned = angle + axis_deg * degree;
     const auto depth = shape.depth_mm(r * std::cos(turned), r * std::sin(turned));
     const double inside = 1 - c * k * r * r;
