@@ -7,9 +7,9 @@
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/files.hpp"
 #include "pipeline/eye/schematic/schematic_eyes.hpp"
+#include "raytrace/picture/float_files.hpp"
 #include "raytrace/tracer/exposure.hpp"
 #include "raytrace/tracer/tracer.hpp"
-#include "raytrace/picture/float_files.hpp"
 #include "tests/support/temporary_folder.hpp"
 
 namespace emmetrope::raytrace {
