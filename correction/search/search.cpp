@@ -17,7 +17,6 @@ double same_optimum_D(const ImagingLevel& level) { return level.depth_of_focus_D
 double fine_reach_D(double pupil_mm) { return 1 + std::max(1.0, std::pow(pupil_mm / 6, 2)); }
 /// A coarse optimum is followed to the fine level only where it comes near the sharpest.
 constexpr double worth_following = 0.95;
-constexpr double accepted_step_D = 0.02;
 
 /// Rays a pixel of the fine picture. Each meets the chart somewhere in the disc of blur, and what they differ
 /// by passes for detail. A chart whose power falls as f^-3 varies within a disc as the disc is wide, and
@@ -55,6 +54,11 @@ std::vector<Ascent> worthwhile(std::vector<Ascent> sorted) {
 }
 
 }  // namespace
+
+double accepted_step_D(double sampling_sigma_D) {
+  constexpr double most_D = 0.0625;  // a quarter of the step that lenses come in
+  return std::max(0.02, std::min(sampling_sigma_D, most_D));
+}
 
 std::vector<ImagingLevel> imaging_levels(SharpnessCriterion criterion, double pupil_mm, double wavelength_nm,
                                          const Eigen::Vector2d& centre_mm, std::uint64_t seed) {
@@ -128,7 +132,7 @@ SearchResult find_sharpest(const raytrace::Tracer& tracer,
   else if (!(flattest < 0))
     result.reason =
         "there is no sharpest lens: sharpness does not fall in every direction from where the search ended";
-  else if (!(next_step_D < accepted_step_D))
+  else if (!(next_step_D < accepted_step_D(result.sampling_sigma_D.norm())))
     result.reason = fmt::format("the search ended {:.2f} D before the sharpest lens", next_step_D);
   result.accepted = result.reason.empty();
   return result;

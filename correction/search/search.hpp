@@ -28,9 +28,13 @@ struct SearchResult {
   /// distinct optima of that family that were reached, the sharpest first
   std::vector<Eigen::VectorXd> optima;
   int images = 0;         ///< retinal images traced, all levels and starts
-  bool accepted = false;  ///< converged, a maximum, and the next Newton step below 0.02 D
+  bool accepted = false;  ///< converged, a maximum, and the next Newton step accepted
   std::string reason;     ///< why not
 };
+
+/// The longest next Newton step of a search that has ended: 0.02 D. Through a wide pupil the summit may be so flat
+/// that the rays' own noise moves it farther; that noise is part of the interval, and a step within it the end.
+double accepted_step_D(double sampling_sigma_D);
 
 /// Ascends from every start on the coarse level and from the distinct ends of that on the next.
 /// \param starts  at least one, inside the bounds of their families

@@ -6,6 +6,7 @@
 
 #include "correction/search/optimise.hpp"
 #include "correction/search/retinal_sharpness.hpp"
+#include "correction/search/search.hpp"
 #include "tests/support/geometric_blur.hpp"
 #include "tests/support/nelder_mead.hpp"
 
@@ -134,6 +135,13 @@ TEST(Ascent, GeometricGradientPassesCeresGradientChecker) {
     ceres::GradientChecker::ProbeResults results;
     EXPECT_TRUE(checker.Probe(parameters, 1e-6, &results)) << results.error_log;
   }
+}
+
+TEST(AcceptedStep, IsShortUnlessTheRaysNoiseIsLonger) {
+  EXPECT_EQ(accepted_step_D(0.0003), 0.02);
+  EXPECT_EQ(accepted_step_D(0.035), 0.035);
+  // what the noise leaves open beyond a quarter of a lens's step is no answer
+  EXPECT_EQ(accepted_step_D(0.3), 0.0625);
 }
 
 }  // namespace
