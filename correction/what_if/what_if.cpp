@@ -147,10 +147,6 @@ Json what_if_json(const EyeModel& eye, const PrescriptionSettings& settings, con
   return json;
 }
 
-Amplitude accommodation_amplitude(double age_years) {
-  return {std::max(0.0, 18.5 - 0.30 * age_years), std::max(0.0, 15.0 - 0.25 * age_years)};
-}
-
 double near_point_mm(double at_cornea_D, double amplitude_D) {
   const double vergence_D = at_cornea_D - amplitude_D;  // of light that the eye then focuses, at the cornea
   return vergence_D == 0 ? std::numeric_limits<double>::infinity() : -1e3 / vergence_D;

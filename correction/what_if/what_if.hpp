@@ -10,13 +10,6 @@
 /// as it is traced, by the least-squares fit of ray slopes.
 namespace emmetrope::correction {
 
-/// Amplitude of accommodation at an age, D; Hofstetter (1950): average 18.5 - 0.30 age, minimum 15 - 0.25
-/// age; not below 0.
-struct Amplitude {
-  double average_D = 0, minimum_D = 0;
-};
-Amplitude accommodation_amplitude(double age_years);
-
 /// Nearest distance of clear sight in front of the cornea, mm, with that amplitude; infinity or negative
 /// (behind the eye) where none is.
 /// \param at_cornea_D  mean refraction at the corneal vertex

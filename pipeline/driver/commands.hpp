@@ -10,13 +10,14 @@ struct CommandSummary {
 
 /// Every command of `emmetrope`, in the order that a newcomer meets them; each is an executable
 /// emmetrope-<name>.
-inline constexpr std::array<CommandSummary, 13> commands{{
+inline constexpr std::array<CommandSummary, 14> commands{{
     {"run", "from a DICOM folder to the report, all stages, resuming what is done"},
     {"segment", "find the eyes in the MR images and fit their surfaces"},
     {"mesh", "surfaces as triangle meshes; biometry and keratometry"},
     {"trace", "what the eye sees: rays traced backward from the retina"},
     {"correct", "the spectacle lens that sharpens the retinal image"},
     {"report", "the clinical report of a case: HTML, PDF, DICOM"},
+    {"view", "a page in which an eye looks at charts, through lenses that are dragged"},
     {"inventory", "the series of a DICOM folder and what is wrong with them"},
     {"eye", "a schematic or measured eye: powers, cardinal points, pupils"},
     {"ray", "one ray through an eye in float64"},

@@ -83,4 +83,8 @@ std::vector<PopulationValue> population_at_age(double age_years) {
   return values;
 }
 
+Amplitude accommodation_amplitude(double age_years) {
+  return {std::max(0.0, 18.5 - 0.30 * age_years), std::max(0.0, 15.0 - 0.25 * age_years)};
+}
+
 }  // namespace emmetrope

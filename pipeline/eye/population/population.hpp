@@ -43,4 +43,11 @@ inline constexpr double per_mm_of_keratometric_D = 1 / keratometric_D_mm;
 /// (Dubbelman and van der Heijde 2001.)
 std::vector<PopulationValue> population_at_age(double age_years);
 
+/// Amplitude of accommodation at an age, D; Hofstetter (1950): average 18.5 - 0.30 age, minimum 15 - 0.25
+/// age; not below 0.
+struct Amplitude {
+  double average_D = 0, minimum_D = 0;
+};
+Amplitude accommodation_amplitude(double age_years);
+
 }  // namespace emmetrope

@@ -1,0 +1,78 @@
+#include "pipeline/report/living/case_eyes.hpp"
+
+#include <filesystem>
+
+#include "pipeline/base/case_subject.hpp"
+#include "pipeline/eye/measured/uncertain_optics.hpp"
+#include "pipeline/eye/population/population.hpp"
+#include "pipeline/report/content/judgement.hpp"
+#include "pipeline/report/living/living_data.hpp"
+
+namespace emmetrope::report {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::optional<SpheroCylinder> power_in(const Json& json) {
+  const auto sphere = value_of(json, "sphere_D"), cylinder = value_of(json, "cylinder_D"),
+             axis = value_of(json, "axis_deg");
+  if (!sphere) return std::nullopt;
+  return SpheroCylinder{*sphere, cylinder.value_or(0), axis.value_or(0)};
+}
+
+/// None where the prescription is withheld.
+std::vector<NamedLens> lenses_of(const Json& prescription) {
+  std::vector<NamedLens> lenses;
+  const double vertex_mm = value_of(prescription, "vertex_distance_mm").value_or(12);
+  const auto add = [&](const char* name, const Json& json) {
+    if (!json.is_object()) return;
+    if (const auto power = power_in(json)) lenses.push_back({name, *power, vertex_mm});
+  };
+  add("best", prescription);
+  add("rounded", prescription.value("rounded", Json()));
+  return lenses;
+}
+
+LivingSubject subject_of(const CaseData& data, const EyeData& eye, const raytrace::EyeMapSettings& settings) {
+  LivingSubject subject;
+  subject.id = eye.id();
+  subject.name = eye.laterality == Laterality::od ? "OD (right)" : "OS (left)";
+  subject.eye = read_eye(data.folder / "raytrace" / eye.id() / "eye.json");
+  const fs::path optics_file = data.folder / "meshing" / eye.id() / "optics.json";
+  std::optional<UncertainOptics> optics;
+  if (fs::exists(optics_file))
+    optics = read_uncertain_optics(optics_file, usual_lens_index_sigma, subject.eye);
+  const double age_years = subject_age_years(data.folder).value_or(usual_age_years);
+  subject.living =
+      raytrace::living_measured_eye(subject.eye, optics ? &*optics : nullptr, age_years, settings);
+  subject.lenses = lenses_of(eye.prescription);
+  return subject;
+}
+
+}  // namespace
+
+CaseEyes living_eyes_of(const CaseData& data, int threads, std::uint64_t seed) {
+  raytrace::EyeMapSettings settings;
+  settings.threads = threads;
+  settings.seed = seed;
+  CaseEyes result;
+  for (const auto& eye : data.eyes) {
+    const std::string name = eye.laterality == Laterality::od ? "OD" : "OS";
+    if (!fs::exists(data.folder / "raytrace" / eye.id() / "eye.json")) {
+      result.notes.push_back(
+          name + " looks out of no picture: it was not traced (without cornea or lens there is none).");
+      continue;
+    }
+    try {
+      const LivingSubject subject = subject_of(data, eye, settings);
+      result.eyes.push_back(living_json(subject));
+      result.notes.push_back(name + ", its map: " + subject.living.map.note() + ".");
+    } catch (const Error& error) {
+      if (error.status() == ExitStatus::fault) throw;
+      result.notes.push_back(name + " looks out of no picture: " + error.what() + ".");
+    }
+  }
+  return result;
+}
+
+}  // namespace emmetrope::report

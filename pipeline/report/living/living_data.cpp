@@ -1,0 +1,180 @@
+#include "pipeline/report/living/living_data.hpp"
+
+#include <cmath>
+#include <cstring>
+#include <opencv2/core.hpp>
+#include <opencv2/imgcodecs.hpp>
+
+#include "pipeline/base/error.hpp"
+#include "pipeline/base/frames.hpp"
+#include "pipeline/eye/optics/paraxial.hpp"
+#include "pipeline/report/figures/encoding.hpp"
+#include "raytrace/picture/airy.hpp"
+#include "raytrace/picture/gaze.hpp"
+#include "raytrace/picture/spectrum.hpp"
+#include "raytrace/scene/chart.hpp"
+
+namespace emmetrope::report {
+namespace {
+
+using raytrace::EyeMap;
+
+/// Charts as wide as the picture that the page opens with.
+constexpr double chart_extent_deg = 5;
+
+template <typename Value>
+std::string packed(const std::vector<Value>& values) {
+  const std::vector<float> floats(values.begin(), values.end());
+  return base64({reinterpret_cast<const char*>(floats.data()), floats.size() * sizeof(float)});
+}
+
+/// Terms of wavelength and accommodation together end at this degree: beyond it they are below what is checked.
+constexpr int joint_degree = 6;
+
+/// EyeMap::rays with the terms [accommodation][wave] that are kept.
+Json joint_terms(const EyeMap& map, std::vector<double>& kept) {
+  Json terms = Json::array();
+  const std::size_t a_term = map.rays.size() / (static_cast<std::size_t>(map.waves) * map.accommodations);
+  for (int l = 0; l < map.accommodations; ++l)
+    for (int k = 0; k < map.waves; ++k) {
+      if (l + k > joint_degree) continue;
+      terms.push_back({l, k});
+      const auto first = map.rays.begin() + static_cast<std::ptrdiff_t>((l * map.waves + k) * a_term);
+      kept.insert(kept.end(), first, first + static_cast<std::ptrdiff_t>(a_term));
+    }
+  return terms;
+}
+
+Json map_json(const EyeMap& map) {
+  std::vector<double> rays;
+  Json json{{"field_mm", map.field_mm},
+            {"pupil_mm", map.pupil_mm},
+            {"shortest_nm", map.shortest_nm},
+            {"longest_nm", map.longest_nm},
+            {"reference_nm", map.reference_nm},
+            {"largest_accommodation_D", map.largest_accommodation_D},
+            {"accommodations", map.accommodations},
+            {"pupil_degree", EyeMap::pupil_degree},
+            {"field_degree", EyeMap::field_degree},
+            {"weight_pupil_degree", EyeMap::weight_pupil_degree},
+            {"weight_field_degree", EyeMap::weight_field_degree},
+            {"path_degree", EyeMap::path_degree},
+            {"surfaces", map.surfaces},
+            {"note", map.note()}};
+  json["terms"] = joint_terms(map, rays);
+  json["rays"] = packed(rays);
+  json["weights"] = packed(map.weights);
+  json["paths"] = packed(map.paths);
+  return json;
+}
+
+/// A surface as points in the eye's frame, mm: from its vertex outward, rings of spokes.
+Json outline_json(const Surface& surface, double reach_mm) {
+  constexpr int rings = 12, spokes = 24;
+  std::vector<double> points;
+  const Eigen::Isometry3d eye_from_surface = surface.eye_from_surface();
+  for (int ring = 0; ring <= rings; ++ring)
+    for (int spoke = 0; spoke < spokes; ++spoke) {
+      const double radius = reach_mm * std::sin(pi / 2 * ring / rings), angle = 2 * pi * spoke / spokes;
+      const double x = radius * std::cos(angle), y = radius * std::sin(angle);
+      const auto depth = surface.shape->depth_mm(x, y);
+      const Eigen::Vector3d point =
+          depth ? eye_from_surface * Eigen::Vector3d(x, y, -*depth) : Eigen::Vector3d::Constant(NAN);
+      points.insert(points.end(), {point.x(), point.y(), point.z()});
+    }
+  return {{"name", surface.name}, {"rings", rings}, {"spokes", spokes}, {"points", packed(points)}};
+}
+
+/// As far as the surface reaches, at most as far as is drawn.
+double reach_of(const Surface& surface) {
+  const bool is_lens = surface.name.rfind("lens", 0) == 0;
+  double reach = surface.semi_diameter_mm > 0 ? surface.semi_diameter_mm : is_lens ? 4.6 : 6;
+  if (surface.name == "retina") reach = 11.5;
+  reach = std::min(reach, surface.name == "retina" ? 11.5 : is_lens ? 4.8 : 6.2);
+  const auto is_there = [&](double radius) {
+    for (int k = 0; k < 8; ++k)
+      if (!surface.shape->depth_mm(radius * std::cos(k * pi / 4), radius * std::sin(k * pi / 4)))
+        return false;
+    return true;
+  };
+  while (reach > 1 && !is_there(reach)) reach -= 0.1;
+  return reach;
+}
+
+Json lens_json(const NamedLens& lens) {
+  return {{"name", lens.name},
+          {"sphere_D", lens.power.sphere_D},
+          {"cylinder_D", lens.power.cylinder_D},
+          {"axis_deg", lens.power.axis_deg},
+          {"vertex_distance_mm", lens.vertex_distance_mm}};
+}
+
+std::string linear_png_url(const raytrace::Texture& texture) {
+  cv::Mat bytes(texture.height, texture.width, CV_8U);
+  for (int row = 0; row < texture.height; ++row)
+    for (int column = 0; column < texture.width; ++column)
+      bytes.at<unsigned char>(row, column) = static_cast<unsigned char>(
+          std::lround(255 * texture.values[static_cast<std::size_t>(row) * texture.width + column]));
+  std::vector<unsigned char> png;
+  if (!cv::imencode(".png", bytes, png, {cv::IMWRITE_PNG_COMPRESSION, 9}))
+    throw Error(ExitStatus::fault, "cannot encode a PNG");
+  return png_url({reinterpret_cast<const char*>(png.data()), png.size()});
+}
+
+Json chart_json(const std::string& name) {
+  raytrace::ChartSpec spec = raytrace::parse_chart(name);
+  spec.extent_deg = chart_extent_deg;
+  const raytrace::Scene scene = raytrace::draw_chart(spec);
+  return {{"name", name},
+          {"extent_deg", spec.extent_deg},
+          {"linear_png", linear_png_url(*scene.planes[0].texture)}};
+}
+
+}  // namespace
+
+Json living_json(const LivingSubject& subject) {
+  const EyeModel& eye = subject.eye;
+  const double wavelength_nm = subject.living.map.reference_nm;
+  const Surface* stop = eye.stop();
+  const Pupil entrance = entrance_pupil(eye, wavelength_nm);
+  Json json{{"id", subject.id},
+            {"name", subject.name},
+            {"withheld", subject.withheld},
+            {"map", map_json(subject.living.map)},
+            {"axial_length_mm", eye.axial_length_mm()},
+            {"iris_mm", stop->stop_diameter_mm},
+            {"stop_depth_mm", stop->position_mm},
+            {"rotation_centre_mm", raytrace::EyePose().rotation_centre_mm},
+            {"entrance_pupil_magnification", entrance.diameter_mm / stop->stop_diameter_mm}};
+  json["bands"] = Json::array();
+  for (const auto& band : subject.living.bands)
+    json["bands"].push_back({{"M_D", band.reach_D.M_D},
+                             {"J0_D", band.reach_D.J0_D},
+                             {"J45_D", band.reach_D.J45_D},
+                             {"upper", packed(band.upper)},
+                             {"lower", packed(band.lower)}});
+  json["outlines"] = Json::array();
+  for (const auto& surface : eye.surfaces)
+    if (!surface.is_stop()) json["outlines"].push_back(outline_json(surface, reach_of(surface)));
+  json["lenses"] = Json::array();
+  for (const auto& lens : subject.lenses) json["lenses"].push_back(lens_json(lens));
+  return json;
+}
+
+Json living_world_json() {
+  const raytrace::Spectrum spectrum = raytrace::display_spectrum();
+  Json wavelengths = Json::array();
+  for (int k = 0; k < raytrace::wavelength_count; ++k) {
+    Json rgb = Json::array();
+    for (int row = 0; row < 3; ++row)
+      for (int column = 0; column < 3; ++column) rgb.push_back(spectrum.rgb_from_rgb[k](row, column));
+    wavelengths.push_back({{"nm", spectrum.wavelength_nm[k]}, {"rgb_from_rgb", rgb}});
+  }
+  // Behind the angles by wavelength, which the page makes itself: the table that they scale.
+  const std::vector<float> airy = raytrace::airy_table(spectrum.wavelength_nm, 1);
+  return {{"wavelengths", wavelengths},
+          {"airy", packed(std::vector<float>(airy.begin() + raytrace::wavelength_count, airy.end()))},
+          {"charts", {chart_json("letters"), chart_json("dial"), chart_json("siemens")}}};
+}
+
+}  // namespace emmetrope::report

@@ -1,0 +1,56 @@
+#include "pipeline/report/living/living_panel.hpp"
+
+#include <array>
+#include <kainjow/mustache.hpp>
+
+#include "pipeline/base/clean_text.hpp"
+#include "pipeline/base/error.hpp"
+#include "pipeline/base/version.hpp"
+
+namespace emmetrope {
+extern const char living_panel[], living_style[], living_page[], report_style[];
+extern const char living_eye_map[], living_lens[], living_beam[], living_picture[], living_scenes[],
+    living_quality[], living_living[], living_controls[];
+}  // namespace emmetrope
+
+namespace emmetrope::report {
+
+LivingPanel make_living_panel(const std::vector<Json>& eyes) {
+  LivingPanel panel{living_panel, living_style, ""};
+  Json data = living_world_json();
+  data["eyes"] = eyes;
+  std::string text = data.dump();
+  // "</script>" in a name would end the element.
+  for (auto at = text.find('<'); at != std::string::npos; at = text.find('<', at + 1))
+    text.replace(at, 1, "\\u003c");
+  panel.scripts = "<script type=\"application/json\" id=\"living-data\">" + text + "</script>\n";
+  for (const char* script : {living_eye_map, living_lens, living_beam, living_picture, living_scenes,
+                             living_quality, living_living, living_controls})
+    panel.scripts += "<script>" + std::string(script) + "</script>\n";
+  return panel;
+}
+
+std::string render_living_page(const std::string& title, const LivingPanel& panel,
+                               const std::vector<std::string>& notes) {
+  using kainjow::mustache::data;
+  data page;
+  page.set("title", clean_utf8(title));
+  page.set("notice", research_notice);
+  page.set("version", version());
+  page.set("style", report_style + panel.style);
+  page.set("panel", panel.markup);
+  page.set("scripts", panel.scripts);
+  data list{data::type::list};
+  for (const auto& note : notes) {
+    data entry;
+    entry.set("text", clean_utf8(note));
+    list.push_back(entry);
+  }
+  page.set("notes", list);
+  kainjow::mustache::mustache page_template{std::string(living_page)};
+  if (!page_template.is_valid())
+    throw Error(ExitStatus::fault, "the page's template is broken: " + page_template.error_message());
+  return page_template.render(page);
+}
+
+}  // namespace emmetrope::report

@@ -1,0 +1,42 @@
+#pragma once
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "pipeline/base/power_vector.hpp"
+#include "pipeline/eye/measured/uncertain_optics.hpp"
+#include "raytrace/eye_map/eye_map.hpp"
+
+namespace emmetrope::raytrace {
+
+/// One principal direction of what is not known of an eye's refraction: the eyes at the ends of its 95 % interval, each
+/// the likeliest that has that refraction.
+struct EyeBand {
+  PowerVector reach_D;  ///< change of refraction at the upper end; the lower one is its opposite
+  /// Changes of EyeMap::rays at rest and the reference wavelength, upper and lower end:
+  /// [field term][pupil term][output]
+  std::vector<double> upper, lower;
+};
+
+/// An eye as a page shows it.
+struct LivingEye {
+  EyeMap map;
+  std::vector<EyeBand> bands;  ///< the widest first; none for an eye that is known exactly
+};
+
+/// A schematic eye by name, or one from a file (pipeline/eye/schematic/schematic_eyes.hpp), which does not accommodate.
+LivingEye living_schematic_eye(const std::string& name_or_file, const EyeMapSettings& settings);
+
+/// A measured eye. It accommodates from its state in the scanner as lenses of its age do (below) to the average limit
+/// of that age; that and the band are those of the eye as formulas, added to the map of its meshes. Without `optics`
+/// it has neither.
+LivingEye living_measured_eye(const EyeModel& eye, const UncertainOptics* optics, double age_years,
+                              const EyeMapSettings& settings);
+
+/// The parameters of an eye whose refraction has changed by so much: for each dioptre of stimulus its lens gains 0.0077
+/// and 0.0043 /mm of curvature in front and behind, 0.058 - 0.0005 age mm of thickness and 0.0013 of equivalent index,
+/// and comes 0.048 - 0.0004 age mm forward (Dubbelman, van der Heijde and Weeber, Vision Research 45, 117, 2005, as in
+/// Norrby, Ophthal. Physiol. Opt. 25, 153, 2005); the stimulus is what it takes.
+Eigen::VectorXd accommodated(const UncertainOptics& optics, double accommodation_D, double age_years);
+
+}  // namespace emmetrope::raytrace
