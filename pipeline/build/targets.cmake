@@ -83,12 +83,13 @@ endfunction()
 
 # emmetrope_embed(TARGET VARIABLE FILE): the text of FILE as `extern const char VARIABLE[]` in namespace emmetrope
 function(emmetrope_embed target variable file)
+  get_filename_component(file ${file} ABSOLUTE)
   set(output ${CMAKE_CURRENT_BINARY_DIR}/${variable}.cpp)
   add_custom_command(OUTPUT ${output}
-    COMMAND ${CMAKE_COMMAND} -DINPUT=${CMAKE_CURRENT_SOURCE_DIR}/${file} -DOUTPUT=${output}
+    COMMAND ${CMAKE_COMMAND} -DINPUT=${file} -DOUTPUT=${output}
             -DVARIABLE=${variable} -P ${CMAKE_SOURCE_DIR}/pipeline/build/embed.cmake
-    DEPENDS ${CMAKE_CURRENT_SOURCE_DIR}/${file} ${CMAKE_SOURCE_DIR}/pipeline/build/embed.cmake
-    COMMENT "Embedding ${file}")
+    DEPENDS ${file} ${CMAKE_SOURCE_DIR}/pipeline/build/embed.cmake
+    COMMENT "Embedding ${variable}")
   target_sources(${target} PRIVATE ${output})
   set_source_files_properties(${output} PROPERTIES SKIP_PRECOMPILE_HEADERS ON)
 endfunction()

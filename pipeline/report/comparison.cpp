@@ -230,7 +230,7 @@ Answer write_comparison(const fs::path& earlier_folder, const fs::path& later_fo
     for (const StageInput& input : *inputs) spec.inputs.push_back({prefix + input.name, input.path});
   const auto work = [&](StageWorkspace& workspace) {
     const Document document = document_of(earlier, later, remarks);
-    write_file(workspace.folder() / "comparison.html", render_html(document, {}));
+    write_file(workspace.folder() / "comparison.html", render_html(document, {}, {}));
     write_file(workspace.folder() / "comparison.pdf", render_pdf(document).bytes);
     return StageVerdict{};
   };

@@ -6,6 +6,7 @@
 #include "pipeline/report/content/content.hpp"
 #include "pipeline/report/dicom/write_objects.hpp"
 #include "pipeline/report/figures/chart.hpp"
+#include "pipeline/report/living/case_eyes.hpp"
 #include "pipeline/report/page/html.hpp"
 #include "pipeline/report/page/viewer.hpp"
 #include "pipeline/report/pdf/pdf.hpp"
@@ -17,7 +18,8 @@ namespace fs = std::filesystem;
 
 /// All that decides the report: every result of the stages before, their verdicts, and what can be drawn
 /// here.
-StageSpec spec_of(const CaseData& data, const ReportOptions& options, const SourceStudy& source) {
+StageSpec spec_of(const CaseData& data, const ReportOptions& options, const SourceStudy& source,
+                  std::uint64_t seed) {
   StageSpec spec;
   spec.stage = "report";
   Json stages = Json::object();
@@ -33,6 +35,7 @@ StageSpec spec_of(const CaseData& data, const ReportOptions& options, const Sour
                      {"gnuplot", find_gnuplot().has_value()},
                      {"source", source.fingerprint()},
                      {"viewer", has_viewer_library()},
+                     {"seed", seed},
                      {"stages", stages}};
   if (fs::exists(data.folder / "case.json")) spec.inputs.push_back({"case.json", data.folder / "case.json"});
   for (const auto& stage : data.stages) {
@@ -100,12 +103,15 @@ Source source_of(const CaseData& data, const ReportOptions& options) {
 }
 
 /// The page within its size: the viewer gets what the rest leaves.
-std::string page_of(const CaseData& data, const Document& document, Notes& notes) {
-  const std::size_t without_viewer = render_html(document, {}).size();
+std::string page_of(const CaseData& data, const Document& document, const CommonOptions& common,
+                    Notes& notes) {
+  CaseEyes eyes = living_eyes_of(data, common.thread_count(), common.seed);
+  const LivingPanel living = make_living_panel(eyes.eyes, std::move(eyes.notes));
+  const std::size_t without_viewer = render_html(document, {}, living).size();
   const ViewerData viewer =
       make_viewer_data(data, most_page_bytes - std::min(without_viewer, most_page_bytes));
   if (!viewer.note.empty()) notes.push_back(viewer.note);
-  return render_html(document, viewer);
+  return render_html(document, viewer, living);
 }
 
 }  // namespace
@@ -127,7 +133,7 @@ Answer write_report(const ReportOptions& options, const CommonOptions& common) t
         {options.identified ? source.study.identity() : std::string(), study_date_of(data, source.study)},
         notes);
     const Pdf pdf = render_pdf(document);
-    write_file(workspace.folder() / "report.html", page_of(data, document, notes));
+    write_file(workspace.folder() / "report.html", page_of(data, document, common, notes));
     write_file(workspace.folder() / "report.pdf", pdf.bytes);
     write_objects(workspace.folder(), data, source.study, pdf.bytes, options.identified, notes);
     for (const auto& note : notes) workspace.warn(note);
@@ -135,7 +141,7 @@ Answer write_report(const ReportOptions& options, const CommonOptions& common) t
     return StageVerdict{};
   };
   const StageOutcome outcome =
-      run_stage(options.case_folder, spec_of(data, options, source.study), common, work);
+      run_stage(options.case_folder, spec_of(data, options, source.study, common.seed), common, work);
   const fs::path html = options.case_folder / "report" / "report.html";
   Answer answer;
   answer.json = outcome.stage_json.value("answer", Json::object());

@@ -330,7 +330,8 @@ EyeMap make_eye_map(const EyeStates& states, const EyeMapSettings& settings) {
       for (int m = 0; m < map.accommodations; ++m)
         for (int n = 0; n < map.waves; ++n) {
           nodes.push_back(&tables[static_cast<std::size_t>(m) * a_state + n].rays);
-          weights[m * map.waves + n] = by_accommodation(l, m) * by_wave(k, n);
+          weights[m * map.waves + n] =
+              l + k > EyeMap::state_degree ? 0 : by_accommodation(l, m) * by_wave(k, n);
         }
       append(map.rays, weighted(nodes, weights));
     }

@@ -39,6 +39,8 @@ struct EyeMap {
   /// The ray in air: x and y (mm) on the plane of the corneal apex, slopes L/N and M/N.
   static constexpr int outputs = 4;
   static constexpr int pupil_degree = 7, field_degree = 7;
+  /// Of accommodation and wavelength together: terms beyond are 0.
+  static constexpr int state_degree = 5;
   /// Share of light of a part of the stop against the mean, as rays spread evenly over the pupil that the retina sees.
   static constexpr int weight_pupil_degree = 2, weight_field_degree = 2;
   static constexpr int path_degree = 3;  ///< of the hits inside, in the pupil and over the field

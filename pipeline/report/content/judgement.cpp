@@ -78,18 +78,6 @@ std::vector<std::string> contradictions(const EyeData& eye) {
       "is combined from them is not to be relied on."};
 }
 
-/// Why the correction stage gives an estimate only; empty where it gives a prescription. Cases of before it
-/// said so are held to the same limit.
-std::string withheld_because(const EyeData& eye) {
-  const Json said = eye.prescription.value("withheld", Json());
-  if (said.is_string()) return with_symbols(said.get<std::string>());
-  const double M_half_width_D = half_width(eye, "M_D");
-  if (eye.prescription.contains("withheld") || limits_of("M_half_width_D").accepted.contains(M_half_width_D))
-    return {};
-  return "The mean sphere's 95 % interval, \u00b1" + fixed(M_half_width_D, 2) +
-         " D, is too wide for a prescription.";
-}
-
 /// What is to be said of a mean sphere with that interval.
 std::vector<std::string> sphere_reasons(const EyeData& eye, const std::string& withheld) {
   const double half_width_D = half_width(eye, "M_D");
@@ -173,6 +161,16 @@ Judgement judge_refraction(const CaseData& data, const EyeData& eye, const std::
 }
 
 }  // namespace
+
+std::string withheld_because(const EyeData& eye) {
+  const Json said = eye.prescription.value("withheld", Json());
+  if (said.is_string()) return with_symbols(said.get<std::string>());
+  const double M_half_width_D = half_width(eye, "M_D");
+  if (eye.prescription.contains("withheld") || limits_of("M_half_width_D").accepted.contains(M_half_width_D))
+    return {};
+  return "The mean sphere's 95 % interval, \u00b1" + fixed(M_half_width_D, 2) +
+         " D, is too wide for a prescription.";
+}
 
 std::vector<std::string> unusual_values(const EyeData& eye) {
   std::vector<std::string> sentences;

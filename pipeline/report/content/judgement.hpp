@@ -21,4 +21,8 @@ Judgement judge(const CaseData& data, const EyeData& eye);
 /// Values outside the range that is normal in adults: one sentence each.
 std::vector<std::string> unusual_values(const EyeData& eye);
 
+/// Why no prescription is given; empty where one is.
+/// \pre the eye has a refraction
+std::string withheld_because(const EyeData& eye);
+
 }  // namespace emmetrope::report

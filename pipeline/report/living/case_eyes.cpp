@@ -20,16 +20,21 @@ std::optional<SpheroCylinder> power_in(const Json& json) {
   return SpheroCylinder{*sphere, cylinder.value_or(0), axis.value_or(0)};
 }
 
-/// None where the prescription is withheld.
-std::vector<NamedLens> lenses_of(const Json& prescription) {
+/// The eye's own only where its prescription is given.
+std::vector<NamedLens> lenses_of(const Json& prescription, bool has_prescription) {
   std::vector<NamedLens> lenses;
   const double vertex_mm = value_of(prescription, "vertex_distance_mm").value_or(12);
   const auto add = [&](const char* name, const Json& json) {
     if (!json.is_object()) return;
     if (const auto power = power_in(json)) lenses.push_back({name, *power, vertex_mm});
   };
-  add("best", prescription);
-  add("rounded", prescription.value("rounded", Json()));
+  // Known glasses have moved what is known of the eye; the one that looks out of the page is that of the images.
+  const Json calibration = prescription.value("calibration", Json());
+  if (has_prescription) {
+    add("best", calibration.is_object() ? calibration.value("without_it", Json()) : prescription);
+    add("rounded", prescription.value("rounded", Json()));
+  }
+  if (calibration.is_object()) add("known", calibration.value("given", Json()));
   return lenses;
 }
 
@@ -45,7 +50,10 @@ LivingSubject subject_of(const CaseData& data, const EyeData& eye, const raytrac
   const double age_years = subject_age_years(data.folder).value_or(usual_age_years);
   subject.living =
       raytrace::living_measured_eye(subject.eye, optics ? &*optics : nullptr, age_years, settings);
-  subject.lenses = lenses_of(eye.prescription);
+  if (eye.prescription.is_object()) {
+    subject.withheld = withheld_because(eye);
+    subject.lenses = lenses_of(eye.prescription, subject.withheld.empty());
+  }
   return subject;
 }
 

@@ -28,16 +28,13 @@ std::string packed(const std::vector<Value>& values) {
   return base64({reinterpret_cast<const char*>(floats.data()), floats.size() * sizeof(float)});
 }
 
-/// Terms of wavelength and accommodation together end at this degree: beyond it they are below what is checked.
-constexpr int joint_degree = 6;
-
 /// EyeMap::rays with the terms [accommodation][wave] that are kept.
-Json joint_terms(const EyeMap& map, std::vector<double>& kept) {
+Json state_terms(const EyeMap& map, std::vector<double>& kept) {
   Json terms = Json::array();
   const std::size_t a_term = map.rays.size() / (static_cast<std::size_t>(map.waves) * map.accommodations);
   for (int l = 0; l < map.accommodations; ++l)
     for (int k = 0; k < map.waves; ++k) {
-      if (l + k > joint_degree) continue;
+      if (l + k > EyeMap::state_degree) continue;
       terms.push_back({l, k});
       const auto first = map.rays.begin() + static_cast<std::ptrdiff_t>((l * map.waves + k) * a_term);
       kept.insert(kept.end(), first, first + static_cast<std::ptrdiff_t>(a_term));
@@ -61,7 +58,7 @@ Json map_json(const EyeMap& map) {
             {"path_degree", EyeMap::path_degree},
             {"surfaces", map.surfaces},
             {"note", map.note()}};
-  json["terms"] = joint_terms(map, rays);
+  json["terms"] = state_terms(map, rays);
   json["rays"] = packed(rays);
   json["weights"] = packed(map.weights);
   json["paths"] = packed(map.paths);

@@ -10,13 +10,15 @@
 namespace emmetrope {
 extern const char living_panel[], living_style[], living_page[], report_style[];
 extern const char living_eye_map[], living_lens[], living_beam[], living_picture[], living_scenes[],
-    living_quality[], living_living[], living_controls[];
+    living_quality[], living_living[], living_controls[], living_numbers[], living_start[], living_plot[],
+    living_plot_style[];
 }  // namespace emmetrope
 
 namespace emmetrope::report {
 
-LivingPanel make_living_panel(const std::vector<Json>& eyes) {
-  LivingPanel panel{living_panel, living_style, ""};
+LivingPanel make_living_panel(const std::vector<Json>& eyes, std::vector<std::string> notes) {
+  if (eyes.empty()) return {"", "", "", std::move(notes)};
+  LivingPanel panel{living_panel, std::string(living_plot_style) + living_style, "", std::move(notes)};
   Json data = living_world_json();
   data["eyes"] = eyes;
   std::string text = data.dump();
@@ -24,14 +26,14 @@ LivingPanel make_living_panel(const std::vector<Json>& eyes) {
   for (auto at = text.find('<'); at != std::string::npos; at = text.find('<', at + 1))
     text.replace(at, 1, "\\u003c");
   panel.scripts = "<script type=\"application/json\" id=\"living-data\">" + text + "</script>\n";
-  for (const char* script : {living_eye_map, living_lens, living_beam, living_picture, living_scenes,
-                             living_quality, living_living, living_controls})
+  for (const char* script :
+       {living_plot, living_eye_map, living_lens, living_beam, living_picture, living_scenes, living_quality,
+        living_living, living_controls, living_numbers, living_start})
     panel.scripts += "<script>" + std::string(script) + "</script>\n";
   return panel;
 }
 
-std::string render_living_page(const std::string& title, const LivingPanel& panel,
-                               const std::vector<std::string>& notes) {
+std::string render_living_page(const std::string& title, const LivingPanel& panel) {
   using kainjow::mustache::data;
   data page;
   page.set("title", clean_utf8(title));
@@ -41,7 +43,7 @@ std::string render_living_page(const std::string& title, const LivingPanel& pane
   page.set("panel", panel.markup);
   page.set("scripts", panel.scripts);
   data list{data::type::list};
-  for (const auto& note : notes) {
+  for (const auto& note : panel.notes) {
     data entry;
     entry.set("text", clean_utf8(note));
     list.push_back(entry);

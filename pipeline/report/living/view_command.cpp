@@ -30,8 +30,9 @@ Answer view_named(const Flags& flags, const CommonOptions& common) {
   const LivingSubject subject{"eye", name, eye, raytrace::living_schematic_eye(flags.eye, settings), {}, ""};
   const fs::path output = flags.output.empty() ? fs::path(name + ".html") : flags.output;
   write_file(output,
-             render_living_page("What the eye " + name + " sees", make_living_panel({living_json(subject)}),
-                                {"The eye's map: " + subject.living.map.note() + "."}));
+             render_living_page("What the eye " + name + " sees",
+                                make_living_panel({living_json(subject)},
+                                                  {"The eye's map: " + subject.living.map.note() + "."})));
   return {ExitStatus::done,
           {{"html", output.string()}, {"map", subject.living.map.note()}},
           output.string() + "\n"};
@@ -48,7 +49,7 @@ Answer view_case(const Flags& flags, const CommonOptions& common) {
   }
   const fs::path output = flags.output.empty() ? flags.case_folder / "view.html" : flags.output;
   write_file(output, render_living_page("What the eyes of " + data.subject() + " see",
-                                        make_living_panel(eyes.eyes), eyes.notes));
+                                        make_living_panel(eyes.eyes, eyes.notes)));
   return {ExitStatus::done, {{"html", output.string()}, {"notes", eyes.notes}}, output.string() + "\n"};
 }
 

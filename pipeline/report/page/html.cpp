@@ -143,16 +143,26 @@ struct BlockToData {
 
 }  // namespace
 
-std::string render_html(const Document& document, const ViewerData& viewer) {
+std::string render_html(const Document& document, const ViewerData& viewer, const LivingPanel& living) {
   data page;
   page.set("title", clean_utf8(document.title));
   page.set("notice", research_notice);
-  page.set("style", report_style);
+  page.set("style", report_style + living.style);
   page.set("script", report_script);
   page.set("has_viewer", !viewer.script.empty());
   page.set("viewer_script", viewer.script);
   page.set("viewer_data", viewer.data_json);
   page.set("viewer_note", clean_utf8(viewer.note));
+  page.set("has_living", !living.markup.empty());
+  page.set("living_panel", living.markup);
+  page.set("living_scripts", living.scripts);
+  data living_notes{data::type::list};
+  for (const auto& note : living.notes) {
+    data entry;
+    entry.set("text", clean_utf8(note));
+    living_notes.push_back(entry);
+  }
+  page.set("living_notes", living_notes);
   data heading{data::type::list};
   for (const auto& [name, value] : document.heading) {
     data line;
@@ -166,6 +176,7 @@ std::string render_html(const Document& document, const ViewerData& viewer) {
     data entry;
     entry.set("id", section.id);
     entry.set("section_title", clean_utf8(section.title));
+    entry.set("living_follows", section.id == "result" && (!living.markup.empty() || !living.notes.empty()));
     entry.set("viewer_here", !viewer.script.empty() && section.id == "images");
     entry.set("viewer_missing", viewer.script.empty() && !viewer.note.empty() && section.id == "images");
     data blocks{data::type::list};

@@ -2,6 +2,7 @@
 #include <string>
 
 #include "pipeline/report/document/document.hpp"
+#include "pipeline/report/living/living_panel.hpp"
 
 namespace emmetrope::report {
 
@@ -16,6 +17,7 @@ struct ViewerData {
 inline constexpr std::size_t most_page_bytes = 10'000'000;
 
 /// The document as one self-contained HTML file.
-std::string render_html(const Document& document, const ViewerData& viewer);
+/// \param living  the eyes that look out of it; no markup where none does
+std::string render_html(const Document& document, const ViewerData& viewer, const LivingPanel& living);
 
 }  // namespace emmetrope::report

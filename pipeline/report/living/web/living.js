@@ -77,6 +77,7 @@ class Living {
       return eye;
     });
     this.current = { ...Living.start, eye: this.eyes[0].id, pupil_mm: Math.min(this.eyes[0].iris_mm, this.eyes[0].map.pupil_mm) };
+    this.opening = { ...this.current };
     this.counts = { frames_per_s: 0, rays_per_frame: 0, rays_per_s: 0, width: 0 };
     this.resting = 256;
     this.moving = { width: 256, samples: 16 };
@@ -120,14 +121,20 @@ class Living {
   state() { return { ...this.current, samples: this.resting }; }
   stats() { return { ...this.counts }; }
 
+  wake() {
+    this.isAwake = true;
+    this.draw();
+  }
+
   /// A quick picture now, and the fine one once nothing moves.
   draw() {
+    this.changed?.();
+    if (!this.isAwake) return;
     const number = ++this.work;
     clearTimeout(this.settle);
     cancelAnimationFrame(this.frame);
     this.frame = requestAnimationFrame(() => this.quick(number));
     this.settle = setTimeout(() => this.fine(number), 180);
-    this.changed?.();
   }
 
   async quick(number) {
@@ -207,7 +214,7 @@ class Living {
   /// The blur of the middle of the field.
   quality(id = this.shownEyes()[0].id, change = {}) {
     const state = { ...this.current, ...change }, eye = this.eyeOf(id);
-    const rays = spotOf(eye, { ...state, wavelength_nm: state.wavelength_nm ?? eye.map.reference_nm }, Math.min(far_mm, state.distance_mm));
+    const rays = spotOf(eye, state, state.wavelength_nm ?? eye.map.reference_nm);
     const blur_arcmin = blurOf(rays);
     return { blur_arcmin, logmar: acuityOf(blur_arcmin), sharpness: sharpnessOf(rays), rays };
   }

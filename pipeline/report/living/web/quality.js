@@ -3,7 +3,7 @@
 
 /// Places over the pupil of equal area.
 const pupilPlaces = (() => {
-  const rings = 9, places = [];
+  const rings = 7, places = [];
   for (let i = 0; i < rings; ++i)
     for (let k = 0; k < 4 * rings; ++k) {
       const rho = Math.sqrt((i + 0.5) / rings), angle = 2 * Math.PI * (k + 0.5 * (i % 2)) / (4 * rings);
@@ -12,21 +12,28 @@ const pupilPlaces = (() => {
   return places;
 })();
 
-/// Where rays meet the plane at a distance, as visual angles from their mean (mrad, patient's right and up), and weights.
-function spotOf(eye, state, distance_mm) {
-  const { map } = eye, scale = state.pupil_mm / map.pupil_mm;
-  const at = map.atField(map.raysOf(state), state.field_x_mm, state.field_y_mm, scale);
-  const share = map.weightsAt(state.accommodation_D, state.field_x_mm, state.field_y_mm, scale);
-  const lens = lensOf(state), turn = turnOf(state.gaze_deg);
-  const rays = [];
-  for (const [px, py] of pupilPlaces) {
-    const head = turned(map.ray(at, px, py), turn, eye.rotation_centre_mm);
-    const out = lens ? lens.pass(head) : head;
+/// Where rays meet the plane at the scene's distance, as visual angles from their mean (mrad, patient's right and up), and
+/// their share of the light.
+function spotOf(eye, state, wavelength_nm) {
+  const { map } = eye, distance_mm = Math.min(far_mm, state.distance_mm);
+  // What stays while only the lens changes.
+  const key = JSON.stringify([wavelength_nm, state.pupil_mm, state.accommodation_D, state.band, state.band_share, state.field_x_mm, state.field_y_mm]);
+  if (eye.bundleKey !== key) {
+    const scale = state.pupil_mm / map.pupil_mm;
+    const at = map.atField(map.raysOf({ ...state, wavelength_nm }), state.field_x_mm, state.field_y_mm, scale);
+    const share = map.weightsAt(state.accommodation_D, state.field_x_mm, state.field_y_mm, scale);
+    eye.bundle = pupilPlaces.map(([px, py]) => ({ ray: map.ray(at, px, py),
+      weight: share[0] + px * (share[1] + px * share[2] + py * share[4]) + py * (share[3] + py * share[5]) }));
+    eye.bundleKey = key;
+  }
+  const lens = lensOf(state), turn = turnOf(state.gaze_deg), rays = [];
+  for (const { ray, weight } of eye.bundle) {
+    const head = turned(ray, turn, eye.rotation_centre_mm), out = lens ? lens.pass(head) : head;
     if (!out) continue;
     const t = (distance_mm - out.at[2]) / out.to[2];
-    rays.push({ x: -1e3 * (out.at[0] + t * out.to[0]) / distance_mm, y: 1e3 * (out.at[1] + t * out.to[1]) / distance_mm, p: [px, py],
-      weight: share[0] + px * (share[1] + px * share[2] + py * share[4]) + py * (share[3] + py * share[5]) });
+    rays.push({ x: -1e3 * (out.at[0] + t * out.to[0]) / distance_mm, y: 1e3 * (out.at[1] + t * out.to[1]) / distance_mm, weight });
   }
+  if (rays.length === 0) throw new Error("no ray passes the spectacle");
   const light = rays.reduce((sum, ray) => sum + ray.weight, 0);
   for (const ray of rays) ray.weight /= light;
   const mean = (c) => rays.reduce((sum, ray) => sum + ray.weight * ray[c], 0), x = mean("x"), y = mean("y");

@@ -35,6 +35,8 @@ function drawStreet(pen, width, height) {
     pen.ellipse(x * width, y * height, r * 1.6, r * 0.55, 0, 0, 7);
     pen.fill();
   }
+  pen.fillStyle = "#8d938c";
+  pen.fillRect(0, horizon, width, height - horizon);
   // A road to the vanishing point, pavements, the middle line.
   const wedge = (left, right, colour, from = 0) => {
     pen.fillStyle = colour;

@@ -7,3 +7,12 @@ if(EMMETROPE_VIEWER_FILE)
   set(EMMETROPE_HAS_VIEWER 1)
 endif()
 configure_file(page/viewer_library.cpp.in ${CMAKE_CURRENT_BINARY_DIR}/viewer_library.cpp @ONLY)
+
+# The plots of the living eye; without them it says its figures in words.
+emmetrope_npm(page/web uplot/dist/uPlot.iife.min.js EMMETROPE_PLOT_FILE)
+emmetrope_npm(page/web uplot/dist/uPlot.min.css EMMETROPE_PLOT_STYLE)
+if(NOT EMMETROPE_PLOT_FILE OR NOT EMMETROPE_PLOT_STYLE)
+  set(EMMETROPE_PLOT_FILE ${CMAKE_CURRENT_BINARY_DIR}/no_plot)
+  set(EMMETROPE_PLOT_STYLE ${EMMETROPE_PLOT_FILE})
+  file(WRITE ${EMMETROPE_PLOT_FILE} "")
+endif()
