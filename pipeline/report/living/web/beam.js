@@ -28,7 +28,11 @@ const beamPlaces = (() => {
     }
   return places;
 })();
-const powersAt = (degree) => beamPlaces.map(([x, y]) => exponents(degree).map(([m, n]) => x ** m * y ** n));
+const powersByDegree = new Map();
+function powersAt(degree) {
+  if (!powersByDegree.has(degree)) powersByDegree.set(degree, beamPlaces.map(([x, y]) => exponents(degree).map(([m, n]) => x ** m * y ** n)));
+  return powersByDegree.get(degree);
+}
 
 /// By degree: the matrix from values at the places to the coefficients of least squares.
 const leastSquares = new Map();
@@ -40,27 +44,52 @@ function leastSquaresOf(degree) {
   return leastSquares.get(degree);
 }
 
-/// Misses by more than this (arcmin) are not allowed where there is a polynomial that does better.
-const beamTolerance_arcmin = 0.01;
+/// How far (arcmin) polynomials may miss rays: at rest, and while something moves.
+const restTolerance_arcmin = 0.01, motionTolerance_arcmin = 0.05;
 const largestDegree = 6;
 
-/// The rays of one state and wavelength before eye and spectacle.
+/// Rays out of an eye in one state at one wavelength, before gaze and spectacle: the part that stays while a lens is
+/// dragged.
+class Bundle {
+  constructor(map, state, wavelength_nm, rays = map.raysOf({ ...state, wavelength_nm })) {
+    this.map = map;
+    this.scale = state.pupil_mm / map.pupil_mm;
+    this.rays = rays;
+    this.powers = powersAt(map.pupil_degree);
+    this.points = new Map();
+  }
+
+  polynomialAt(x_mm, y_mm) { return this.map.atField(this.rays, x_mm, y_mm, this.scale); }
+
+  /// At a point of the retina: x, y on the plane of the corneal apex and slopes, for each of the places.
+  at(x_mm, y_mm) {
+    const key = `${x_mm},${y_mm}`;
+    if (!this.points.has(key)) {
+      const polynomial = this.polynomialAt(x_mm, y_mm), values = new Float64Array(4 * this.powers.length);
+      this.powers.forEach((powers, s) => {
+        for (let t = 0; t < powers.length; ++t) for (let c = 0; c < 4; ++c) values[4 * s + c] += polynomial[4 * t + c] * powers[t];
+      });
+      this.points.set(key, values);
+    }
+    return this.points.get(key);
+  }
+}
+
+/// A bundle beyond the spectacle, in the head's frame.
 class Beam {
   /// eye: { map, rotation_centre_mm }. Throws where rays do not pass the spectacle.
-  constructor(eye, state, wavelength_nm) {
+  constructor(eye, state, wavelength_nm, bundle = new Bundle(eye.map, state, wavelength_nm)) {
     this.map = eye.map;
-    this.rays = eye.map.raysOf({ ...state, wavelength_nm });
-    this.scale = state.pupil_mm / eye.map.pupil_mm;
+    this.bundle = bundle;
     this.lens = lensOf(state);
     this.turn = state.gaze_deg.some((angle) => angle) ? turnOf(state.gaze_deg) : null;
     this.rotation_centre_mm = eye.rotation_centre_mm;
     this.plane_mm = this.lens ? this.lens.back_mm + this.lens.thickness_mm : 0;
-    this.powers = powersAt(this.map.pupil_degree);
   }
 
-  /// A ray from the retina through a place of the pupil, in the head's frame beyond the spectacle; null if it misses that.
+  /// A ray from the retina through a place of the pupil; null if it misses the spectacle.
   ray(x_mm, y_mm, px, py) {
-    return this.beyond(this.map.ray(this.map.atField(this.rays, x_mm, y_mm, this.scale), px, py));
+    return this.beyond(this.map.ray(this.bundle.polynomialAt(x_mm, y_mm), px, py));
   }
 
   beyond(ray) {
@@ -68,42 +97,55 @@ class Beam {
     return this.lens ? this.lens.pass(head) : head;
   }
 
-  /// At a point of the retina: x, y on the plane, slopes, for each of the places, one row each.
+  /// At a point of the retina: x, y on the plane, slopes, for each of the places.
   values(x_mm, y_mm) {
-    const at = this.map.atField(this.rays, x_mm, y_mm, this.scale), terms = this.map.pupilTerms.length;
-    return this.powers.map((powers) => {
-      const value = [0, 0, 0, 0];
-      for (let t = 0; t < terms; ++t) for (let c = 0; c < 4; ++c) value[c] += at[4 * t + c] * powers[t];
-      const ray = this.beyond({ at: [value[0], value[1], 0], to: [value[2], value[3], 1] });
+    const bare = this.bundle.at(x_mm, y_mm);
+    if (!this.turn && !this.lens) return bare;
+    const values = new Float64Array(bare.length);
+    for (let first = 0; first < bare.length; first += 4) {
+      const ray = this.beyond({ at: [bare[first], bare[first + 1], 0], to: [bare[first + 2], bare[first + 3], 1] });
       if (!ray || !(ray.to[2] > 0)) throw new Error("through this spectacle and in this direction of gaze rays do not leave the lens");
       const l = ray.to[0] / ray.to[2], m = ray.to[1] / ray.to[2], ahead = this.plane_mm - ray.at[2];
-      return [ray.at[0] + ahead * l, ray.at[1] + ahead * m, l, m];
-    });
+      values[first] = ray.at[0] + ahead * l;
+      values[first + 1] = ray.at[1] + ahead * m;
+      values[first + 2] = l;
+      values[first + 3] = m;
+    }
+    return values;
   }
 
   /// Coefficients of a degree at a point of the retina: [term][x, y, L/N, M/N].
   polynomial(x_mm, y_mm, degree, values = this.values(x_mm, y_mm)) {
-    return leastSquaresOf(degree).map((row) => [0, 1, 2, 3].map((c) => row.reduce((sum, weight, s) => sum + weight * values[s][c], 0)));
+    const rows = leastSquaresOf(degree), out = new Float64Array(4 * rows.length);
+    for (let t = 0; t < rows.length; ++t) {
+      const row = rows[t];
+      for (let s = 0; s < row.length; ++s) for (let c = 0; c < 4; ++c) out[4 * t + c] += row[s] * values[4 * s + c];
+    }
+    return out;
   }
 
   /// The least degree that follows the rays, and how far it misses them (arcmin).
-  degreeAt(x_mm, y_mm) {
+  degreeAt(x_mm, y_mm, tolerance_arcmin) {
     const values = this.values(x_mm, y_mm);
     for (let degree = 3; ; ++degree) {
       const found = this.polynomial(x_mm, y_mm, degree, values);
       let most = 0;
       powersAt(degree).forEach((powers, s) => {
-        for (const c of [2, 3]) most = Math.max(most, Math.abs(found.reduce((sum, term, t) => sum + term[c] * powers[t], 0) - values[s][c]));
+        for (const c of [2, 3]) {
+          let value = 0;
+          for (let t = 0; t < powers.length; ++t) value += found[4 * t + c] * powers[t];
+          most = Math.max(most, Math.abs(value - values[4 * s + c]));
+        }
       });
       const misses_arcmin = most / radian * 60;
-      if (misses_arcmin < beamTolerance_arcmin || degree === largestDegree) return { degree, misses_arcmin };
+      if (misses_arcmin < tolerance_arcmin || degree === largestDegree) return { degree, misses_arcmin };
     }
   }
 
   /// What a field is drawn with: coefficients at the corners of a mesh over it (picture.js), each corner's terms and then
   /// the six of the share of light. field: { x_mm, y_mm, size_mm }
-  mesh(field, accommodation_D) {
-    const { degree } = this.degreeAt(field.x_mm, field.y_mm), terms = exponents(degree).length, count = 4 * terms;
+  mesh(field, accommodation_D, tolerance_arcmin = restTolerance_arcmin) {
+    const { degree } = this.degreeAt(field.x_mm, field.y_mm, tolerance_arcmin), terms = exponents(degree).length, count = 4 * terms;
     const nodes = field.size_mm > 2 ? 7 : 5, side = meshCells + 1;
     const node = (i) => Math.cos(Math.PI * (i + 0.5) / nodes);
     // Chebyshev coefficients over the field from values at its nodes, then values at the corners: one matrix for both.
@@ -117,13 +159,14 @@ class Beam {
     const half = field.size_mm / 2, rowTexels = terms + 2;
     const values = new Float32Array(4 * rowTexels * side * side);
     const columns = Array.from({ length: nodes }, (_, q) => {
-      const row = Array.from({ length: nodes }, (__, p) => this.polynomial(field.x_mm + half * node(p), field.y_mm + half * node(q), degree).flat());
+      const row = Array.from({ length: nodes }, (__, p) => this.polynomial(field.x_mm + half * node(p), field.y_mm + half * node(q), degree));
       return corners.map((weights) => {
         const sum = new Float64Array(count);
         weights.forEach((weight, p) => { for (let k = 0; k < count; ++k) sum[k] += weight * row[p][k]; });
         return sum;
       });
     });
+    const weights = this.map.weightsOf(accommodation_D, this.bundle.scale);
     const place = (k) => half * (2 * k / meshCells - 1);
     for (let j = 0; j < side; ++j)
       for (let i = 0; i < side; ++i) {
@@ -132,21 +175,24 @@ class Beam {
           const weight = corners[j][q], sum = columns[q][i];
           for (let k = 0; k < count; ++k) values[first + k] += weight * sum[k];
         }
-        values.set(this.map.weightsAt(accommodation_D, field.x_mm + place(i), field.y_mm + place(j), this.scale), first + count);
+        values.set(weights(field.x_mm + place(i), field.y_mm + place(j)), first + count);
       }
     return { degree, values, rowTexels, plane_mm: this.plane_mm };
   }
 
-  /// How another wavelength's rays differ from this one's, to first order in pupil and field: three terms of the pupil, the
-  /// first with its slopes over the field (per half of it), four numbers each.
+  /// How another wavelength's rays differ from this one's, to first order in pupil and field: three terms of the pupil
+  /// (1, x, y), then the first one's slopes over the field (per half of it), four numbers each.
   differenceFrom(beam, field) {
     const change = (dx, dy) => {
       const at = [field.x_mm + dx * field.size_mm / 2, field.y_mm + dy * field.size_mm / 2];
       const own = this.polynomial(...at, 3), other = beam.polynomial(...at, 3);
-      return own.map((term, t) => term.map((value, c) => value - other[t][c]));
+      return own.map((value, k) => value - other[k]);
     };
+    const middle = change(0, 0), sides = [[1, 0], [0, 1]].map(([x, y]) => {
+      const ahead = change(x, y), behind = change(-x, -y);
+      return [0, 1, 2, 3].map((c) => (ahead[c] - behind[c]) / 2);
+    });
     // Terms of degree 3 are numbered 1, x, x^2, x^3, y, ...
-    const middle = change(0, 0), slope = (a, b) => a[0].map((value, c) => (value - b[0][c]) / 2);
-    return [middle[0], middle[1], middle[4], slope(change(1, 0), change(-1, 0)), slope(change(0, 1), change(0, -1))].flat();
+    return [0, 1, 4].flatMap((t) => [...middle.slice(4 * t, 4 * t + 4)]).concat(...sides);
   }
 }

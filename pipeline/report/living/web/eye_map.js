@@ -12,10 +12,14 @@ function chebyshev(x, count) {
 }
 
 /// [i, j] with i + j <= degree, i rising, for j = 0 ... degree
+const exponentsByDegree = new Map();
 function exponents(degree) {
-  const pairs = [];
-  for (let j = 0; j <= degree; ++j) for (let i = 0; i <= degree - j; ++i) pairs.push([i, j]);
-  return pairs;
+  if (!exponentsByDegree.has(degree)) {
+    const pairs = [];
+    for (let j = 0; j <= degree; ++j) for (let i = 0; i <= degree - j; ++i) pairs.push([i, j]);
+    exponentsByDegree.set(degree, pairs);
+  }
+  return exponentsByDegree.get(degree);
 }
 
 /// Values of the products of Chebyshev polynomials over the field.
@@ -58,15 +62,17 @@ class EyeMap {
 
   /// Coefficients over the pupil at a point of the retina (mm from its pole): [pupil term][x, y, L/N, M/N].
   /// scale: the pupil over the widest one; places in the pupil are then -1 to 1 of the pupil itself.
-  atField(rays, x_mm, y_mm, scale, out = new Float64Array(4 * this.pupilTerms.length), first = 0) {
+  atField(rays, x_mm, y_mm, scale) {
     const terms = fieldTerms(2 * x_mm / this.field_mm, 2 * y_mm / this.field_mm, this.field_degree);
-    const count = 4 * this.pupilTerms.length;
-    for (let i = 0; i < count; ++i) {
-      let value = 0;
-      for (let f = 0; f < terms.length; ++f) value += terms[f] * rays[f * count + i];
-      const [m, n] = this.pupilTerms[i >> 2];
-      out[first + i] = value * scale ** (m + n);
+    const count = 4 * this.pupilTerms.length, out = new Float64Array(count);
+    for (let f = 0, first = 0; f < terms.length; ++f, first += count) {
+      const weight = terms[f];
+      for (let i = 0; i < count; ++i) out[i] += weight * rays[first + i];
     }
+    this.pupilTerms.forEach(([m, n], t) => {
+      const power = scale ** (m + n);
+      for (let c = 0; c < 4; ++c) out[4 * t + c] *= power;
+    });
     return out;
   }
 
@@ -81,18 +87,19 @@ class EyeMap {
   }
 
 
-  /// The share of light of places in the pupil: coefficients of its polynomial.
-  weightsAt(accommodation_D, x_mm, y_mm, scale) {
-    const pupil = exponents(this.weight_pupil_degree);
-    const inField = fieldTerms(2 * x_mm / this.field_mm, 2 * y_mm / this.field_mm, this.weight_field_degree);
-    const inA = this.accommodationTerms(accommodation_D);
-    return pupil.map(([m, n], t) => {
-      let value = 0;
-      for (let l = 0; l < inA.length; ++l)
-        for (let f = 0; f < inField.length; ++f)
-          value += inA[l] * inField[f] * this.weights[(l * inField.length + f) * pupil.length + t];
-      return value * scale ** (m + n);
-    });
+  /// The share of light of places in the pupil, as a function of the point of the retina (mm): coefficients of a polynomial.
+  weightsOf(accommodation_D, scale) {
+    const pupil = exponents(this.weight_pupil_degree), field = exponents(this.weight_field_degree).length;
+    const inA = this.accommodationTerms(accommodation_D), sum = new Float64Array(field * pupil.length);
+    inA.forEach((weight, l) => { for (let k = 0; k < sum.length; ++k) sum[k] += weight * this.weights[l * sum.length + k]; });
+    return (x_mm, y_mm) => {
+      const inField = fieldTerms(2 * x_mm / this.field_mm, 2 * y_mm / this.field_mm, this.weight_field_degree);
+      return pupil.map(([m, n], t) => {
+        let value = 0;
+        for (let f = 0; f < field; ++f) value += inField[f] * sum[f * pupil.length + t];
+        return value * scale ** (m + n);
+      });
+    };
   }
 
   /// Where a ray meets the eye's surfaces, the retina's side first: points [x, y, z], mm, eye frame.

@@ -38,41 +38,41 @@ class Lens {
     this.back = backOf(this.thickness_mm);
   }
 
-  /// Depth of the back surface behind its vertex, and its slopes.
-  backAt(x, y) {
+  /// Depth of the back surface behind its vertex.
+  backDepth(x, y) {
     const [c, s] = this.axis, along = c * x + s * y, across = c * y - s * x, [a, b] = this.back;
-    const bent = a * along ** 2 + b * across ** 2, root = Math.sqrt(1 - (a * along) ** 2 - (b * across) ** 2);
-    const slope = (k, at) => (2 * k * at * (1 + root) + bent * k * k * at / root) / (1 + root) ** 2;
-    const u = slope(a, along), v = slope(b, across);
-    return { depth: bent / (1 + root), slopes: [c * u - s * v, s * u + c * v] };
+    return (a * along ** 2 + b * across ** 2) / (1 + Math.sqrt(1 - (a * along) ** 2 - (b * across) ** 2));
   }
 
   /// The ray beyond the lens and its hits on both surfaces; nothing where it misses one.
-  pass(ray) {
-    const to = unit(ray.to);
-    let t = (this.back_mm - ray.at[2]) / to[2], at, surface;
-    for (let step = 0; step < 6; ++step) {
-      at = plus(ray.at, to, t);
-      surface = this.backAt(at[0], at[1]);
-      t -= (at[2] + surface.depth - this.back_mm) / (to[2] + surface.slopes[0] * to[0] + surface.slopes[1] * to[1]);
+  pass({ at: [x, y, z], to }) {
+    let [l, m, n] = unit(to), t = (this.back_mm - z) / n, slope_x = 0, slope_y = 0;
+    const [c, s] = this.axis, [a, b] = this.back;
+    for (let step = 0; step < 4; ++step) {
+      const hit_x = x + t * l, hit_y = y + t * m, along = c * hit_x + s * hit_y, across = c * hit_y - s * hit_x;
+      const bent_a = a * along, bent_b = b * across, root = Math.sqrt(1 - bent_a * bent_a - bent_b * bent_b);
+      const bent = bent_a * along + bent_b * across, wide = 1 + root, share = 1 / (wide * wide);
+      const u = (2 * bent_a * wide + bent * a * bent_a / root) * share, v = (2 * bent_b * wide + bent * b * bent_b / root) * share;
+      slope_x = c * u - s * v;
+      slope_y = s * u + c * v;
+      t -= (z + t * n + bent / wide - this.back_mm) / (n + slope_x * l + slope_y * m);
     }
-    at = plus(ray.at, to, t);
-    const inside = refract(to, unit([...this.backAt(at[0], at[1]).slopes, 1]), 1 / this.index);
-    const from = plus(at, [0, 0, -this.back_mm - this.thickness_mm]);
-    const b = this.front * dot(from, inside) + dot(this.front_normal, inside);
-    const f = this.front * dot(from, from) + 2 * dot(this.front_normal, from);
-    const path = -f / (b + Math.sqrt(b * b - this.front * f));
-    const end = plus(at, inside, path);
-    if (!end.every(Number.isFinite)) return null;
-    const normal = plus(this.front_normal, plus(from, inside, path), this.front);
-    return { at: end, to: refract(inside, unit(normal), this.index), hits: [at, end] };
+    const back = [x + t * l, y + t * m, z + t * n], steep = 1 / Math.sqrt(1 + slope_x * slope_x + slope_y * slope_y);
+    [l, m, n] = refract(l, m, n, slope_x * steep, slope_y * steep, steep, 1 / this.index);
+    const [fx, fy, fz] = this.front_normal, k = this.front, depth = back[2] - this.back_mm - this.thickness_mm;
+    const along = k * (back[0] * l + back[1] * m + depth * n) + fx * l + fy * m + fz * n;
+    const off = k * (back[0] * back[0] + back[1] * back[1] + depth * depth) + 2 * (fx * back[0] + fy * back[1] + fz * depth);
+    const path = -off / (along + Math.sqrt(along * along - k * off));
+    const front = [back[0] + path * l, back[1] + path * m, back[2] + path * n];
+    [l, m, n] = refract(l, m, n, fx + k * front[0], fy + k * front[1], fz + k * (depth + path * n), this.index);
+    return Number.isFinite(l + m + n + front[2]) ? { at: front, to: [l, m, n], hits: [back, front] } : null;
   }
 }
 
-/// Snell's law for a ray along the normal's side; eta: index before over behind.
-function refract(to, normal, eta) {
-  const cosine = dot(normal, to);
-  return plus(to.map((c) => eta * c), normal, Math.sqrt(1 - eta * eta * (1 - cosine * cosine)) - eta * cosine);
+/// Snell's law for a ray along the side of the unit normal (x, y, z); eta: index before over behind.
+function refract(l, m, n, x, y, z, eta) {
+  const cosine = l * x + m * y + n * z, bend = Math.sqrt(1 - eta * eta * (1 - cosine * cosine)) - eta * cosine;
+  return [eta * l + bend * x, eta * m + bend * y, eta * n + bend * z];
 }
 
 /// The turn of the eye from straight ahead by Listing's law: rows of the matrix head from eye.

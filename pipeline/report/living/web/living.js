@@ -17,7 +17,7 @@ class Eye {
   /// Kept while nothing that it depends on changes.
   kept(key, make) {
     if (!this.meshes.has(key)) {
-      if (this.meshes.size > 40) this.meshes.clear();
+      if (this.meshes.size > 80) this.meshes.delete(this.meshes.keys().next().value);
       this.meshes.set(key, make());
     }
     return this.meshes.get(key);
@@ -29,8 +29,12 @@ class Eye {
     const field = { x_mm: state.field_x_mm, y_mm: state.field_y_mm, size_mm: state.field_mm };
     const { scene: _, distance_mm, wavelength_nm, ...optical } = state;
     const key = (...more) => JSON.stringify([optical, ...more]);
-    const beam = (nm) => this.kept(key("beam", nm), () => new Beam(this, state, nm));
-    const mesh = (nm) => this.kept(key("mesh", nm), () => beam(nm).mesh(field, state.accommodation_D));
+    const { pupil_mm, accommodation_D, band, band_share } = state;
+    const rays = (nm) => this.kept(JSON.stringify(["rays", nm, accommodation_D, band, band_share]), () => this.map.raysOf({ ...state, wavelength_nm: nm }));
+    const bundle = (nm) => this.kept(JSON.stringify(["bundle", nm, pupil_mm, accommodation_D, band, band_share]), () => new Bundle(this.map, state, nm, rays(nm)));
+    const beam = (nm) => this.kept(key("beam", nm), () => new Beam(this, state, nm, bundle(nm)));
+    const tolerance_arcmin = together ? motionTolerance_arcmin : restTolerance_arcmin;
+    const mesh = (nm) => this.kept(key("mesh", nm, tolerance_arcmin), () => beam(nm).mesh(field, state.accommodation_D, tolerance_arcmin));
     const entrance_mm = state.pupil_mm * this.entrance_pupil_magnification;
     const falloff = state.stiles_crawford_per_mm2 * Math.log2(10) * (entrance_mm / 2) ** 2;
     const drawn = (wave, difference) => ({ matrix: wave.matrix, difference,

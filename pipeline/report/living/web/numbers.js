@@ -195,8 +195,8 @@ class Numbers {
     if (lens) svg.append(this.lensSection(lens, at));
     const beam = new Beam(eye, { ...state, gaze_deg: [0, 0] }, state.wavelength_nm ?? eye.map.reference_nm);
     for (let k = -3; k <= 3; ++k) {
-      const p = k / 3, bare = eye.map.ray(eye.map.atField(beam.rays, state.field_x_mm, state.field_y_mm, beam.scale), 0, p);
-      const inside = eye.map.path(state.accommodation_D, state.field_x_mm, state.field_y_mm, 0, p * beam.scale).filter((_, i) => eye.map.surfaces[i] !== "stop");
+      const p = k / 3, bare = eye.map.ray(beam.bundle.polynomialAt(state.field_x_mm, state.field_y_mm), 0, p);
+      const inside = eye.map.path(state.accommodation_D, state.field_x_mm, state.field_y_mm, 0, p * beam.bundle.scale).filter((_, i) => eye.map.surfaces[i] !== "stop");
       const out = lens ? lens.pass(bare) : bare;
       if (!out) continue;
       const ahead = (front - out.at[2]) / out.to[2];
@@ -208,7 +208,7 @@ class Numbers {
 
   lensSection(lens, at) {
     const half = 11, points = [];
-    for (let y = -half; y <= half; y += 1) points.push([0, y, lens.back_mm - lens.backAt(0, y).depth]);
+    for (let y = -half; y <= half; y += 1) points.push([0, y, lens.back_mm - lens.backDepth(0, y)]);
     for (let y = half; y >= -half; y -= 1) {
       const bend = lens.front * y * y / (1 + Math.sqrt(Math.max(0, 1 - (lens.front * y) ** 2)));
       points.push([0, y, lens.back_mm + lens.thickness_mm - bend - y * lens.front_normal[1] / lens.front_normal[2]]);
@@ -258,8 +258,8 @@ class Numbers {
   }
 
   /// Mean power of the wavefront that leaves a point of the retina (D, what a lens before the eye would have to be).
-  defocusAt(eye, state, x, y) {
-    const at = eye.map.atField(eye.map.raysOf({ ...state, wavelength_nm: state.wavelength_nm ?? eye.map.reference_nm }), x, y, state.pupil_mm / eye.map.pupil_mm);
+  defocusAt(eye, bundle, x, y) {
+    const at = bundle.polynomialAt(x, y);
     const own = pupilPlaces.map(([px, py]) => eye.map.ray(at, px, py));
     const mean = (of) => own.reduce((sum, ray) => sum + of(ray), 0) / own.length;
     const mx = mean((r) => r.at[0]), my = mean((r) => r.at[1]), ml = mean((r) => r.to[0]), mm = mean((r) => r.to[1]);
@@ -279,8 +279,9 @@ class Numbers {
       this.defocusKey = key;
       const reach = eye.map.field_mm / 2, steps = 8;
       this.defocus = [];
+      const bundle = new Bundle(eye.map, state, state.wavelength_nm ?? eye.map.reference_nm);
       for (let j = 0; j <= steps; ++j)
-        for (let i = 0; i <= steps; ++i) this.defocus.push(this.defocusAt(eye, state, reach * (2 * i / steps - 1), reach * (2 * j / steps - 1)));
+        for (let i = 0; i <= steps; ++i) this.defocus.push(this.defocusAt(eye, bundle, reach * (2 * i / steps - 1), reach * (2 * j / steps - 1)));
       const zero = this.defocus[(steps / 2) * (steps + 1) + steps / 2];
       this.defocus = this.defocus.map((value) => value - zero);
       this.defocusSteps = steps;

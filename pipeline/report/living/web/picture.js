@@ -19,9 +19,10 @@ void main() {
   weight_b = vec4(texelFetch(coefficients, ivec2(${terms + 1}, vertex), 0).xy, 2.0 * share - 1.0);
 }`;
 
-/// Horner's scheme over terms x^i y^j that are numbered with i rising, for j = 0 ... degree.
+/// Horner's scheme over terms x^i y^j that are numbered with i rising, for j = 0 ... degree; those of first order are the
+/// wavelength's own.
 function horner(degree) {
-  const numbered = new Map(exponents(degree).map(([i, j], t) => [`${i},${j}`, `c${t}`]));
+  const numbered = new Map(exponents(degree).map(([i, j], t) => [`${i},${j}`, `${i + j < 2 ? "k" : "c"}${t}`]));
   let text = "";
   for (let j = degree; j >= 0; --j) {
     let row = numbered.get(`${degree - j},${j}`);
@@ -46,7 +47,7 @@ uniform vec3 background;
 ${waves > 1 ? `uniform vec4 difference[${5 * waves}];` : ""}
 ${receptors ? "uniform float falloff;" : ""}
 ${diffraction ? `uniform sampler2D airy;\nuniform float airy_angle[${waves}];` : ""}
-${planes.map((_, k) => `uniform sampler2D texture_${k};\nuniform vec3 centre_${k}, right_${k}, up_${k};  // half width and height, each over its square`).join("\n")}
+${planes.map((_, k) => `uniform sampler2D texture_${k};\nuniform vec4 plane_${k}, right_${k}, up_${k};`).join("\n")}
 out vec4 light;
 
 uint scramble(uint h) {  // PCG, O'Neill 2014
@@ -60,10 +61,9 @@ vec3 look(vec3 at, vec3 to) {
   vec3 seen = background;
   float nearest = 1e30;
 ${planes.map((grey, k) => `  {
-    vec3 normal = cross(right_${k}, up_${k});
-    float t = dot(normal, centre_${k} - at) / dot(normal, to);
-    vec3 hit = at + t * to - centre_${k};
-    vec2 place = vec2(dot(right_${k}, hit), -dot(up_${k}, hit));
+    float t = (plane_${k}.w - dot(plane_${k}.xyz, at)) / dot(plane_${k}.xyz, to);
+    vec4 hit = vec4(at + t * to, 1.0);
+    vec2 place = vec2(dot(right_${k}, hit), dot(up_${k}, hit));
     if (t > 0.0 && t < nearest && max(abs(place.x), abs(place.y)) <= 1.0) {
       nearest = t;
       seen = textureLod(texture_${k}, 0.5 + 0.5 * place, 0.0).${grey ? "rrr" : "rgb"};
@@ -72,33 +72,37 @@ ${planes.map((grey, k) => `  {
   return seen;
 }
 
+/// Light of one wavelength at a pixel.
+vec4 gather(int wave, vec4 k0, vec4 k1, vec4 k${degree + 1}, uint shift_1, uint shift_2) {
+  vec4 sum = vec4(0.0);
+  for (int s = 0; s < samples; ++s) {
+    uint n = first + uint(wave * samples + s);
+    float rho2 = unit_interval(n * 3242174889u + shift_1), angle = 6.2831853 * unit_interval(n * 2447445414u + shift_2);
+    vec2 p = sqrt(rho2) * vec2(cos(angle), sin(angle));
+    vec4 ray = ${horner(degree)};
+    float weight = weight_a.x + p.x * (weight_a.y + p.x * weight_a.z + p.y * weight_b.x) + p.y * (weight_a.w + p.y * weight_b.y);
+    ${receptors ? "weight *= exp2(-falloff * rho2);" : ""}
+    vec3 at = vec3(ray.xy, plane), to = vec3(ray.zw, 1.0);
+    ${diffraction ? `to = normalize(to);
+    float share = min(1.0 - 1.0 / 4096.0, unit_interval(n * 1779033704u + scramble(shift_2)));
+    float place = sqrt(share) * 1024.0;
+    int step = int(min(1023.0, place));
+    float theta = airy_angle[wave] * mix(texelFetch(airy, ivec2(step, 0), 0).x, texelFetch(airy, ivec2(step + 1, 0), 0).x, place - float(step)) / (1.0 - share);
+    float turn = 6.2831853 * unit_interval(n * 3144134277u + scramble(scramble(shift_2)));
+    vec2 bend = theta * vec2(cos(turn), sin(turn));
+    float a = 1.0 / (1.0 + to.z), b = to.x * to.y * a;
+    to = vec3(to.x + bend.x * (1.0 - to.x * to.x * a) - bend.y * b, to.y + bend.y * (1.0 - to.y * to.y * a) - bend.x * b, to.z - bend.x * to.x - bend.y * to.y);` : ""}
+    sum += weight * vec4(look(at, to), 1.0);
+  }
+  return vec4(rgb_from_rgb[wave] * sum.rgb, sum.a);
+}
+
 void main() {
   uint shift_1 = scramble(uint(int(gl_FragCoord.y) * width + int(gl_FragCoord.x)) ^ seed), shift_2 = scramble(shift_1);
   light = vec4(0.0);
-  for (int wave = 0; wave < ${waves}; ++wave) {
-    vec4 sum = vec4(0.0);
-    ${waves > 1 ? "vec4 shift = difference[5 * wave] + weight_b.z * difference[5 * wave + 3] + weight_b.w * difference[5 * wave + 4];" : ""}
-    for (int s = 0; s < samples; ++s) {
-      uint n = first + uint(wave * samples + s);
-      float rho2 = unit_interval(n * 3242174889u + shift_1), angle = 6.2831853 * unit_interval(n * 2447445414u + shift_2);
-      vec2 p = sqrt(rho2) * vec2(cos(angle), sin(angle));
-      vec4 ray = ${horner(degree)}${waves > 1 ? " + shift + p.x * difference[5 * wave + 1] + p.y * difference[5 * wave + 2]" : ""};
-      float weight = weight_a.x + p.x * (weight_a.y + p.x * weight_a.z + p.y * weight_b.x) + p.y * (weight_a.w + p.y * weight_b.y);
-      ${receptors ? "weight *= exp2(-falloff * rho2);" : ""}
-      vec3 at = vec3(ray.xy, plane), to = vec3(ray.zw, 1.0);
-      ${diffraction ? `to = normalize(to);
-      float share = min(1.0 - 1.0 / 4096.0, unit_interval(n * 1779033704u + scramble(shift_2)));
-      float place = sqrt(share) * 1024.0;
-      int step = int(min(1023.0, place));
-      float theta = airy_angle[wave] * mix(texelFetch(airy, ivec2(step, 0), 0).x, texelFetch(airy, ivec2(step + 1, 0), 0).x, place - float(step)) / (1.0 - share);
-      float turn = 6.2831853 * unit_interval(n * 3144134277u + scramble(scramble(shift_2)));
-      vec2 bend = theta * vec2(cos(turn), sin(turn));
-      float a = 1.0 / (1.0 + to.z), b = to.x * to.y * a;
-      to = vec3(to.x + bend.x * (1.0 - to.x * to.x * a) - bend.y * b, to.y + bend.y * (1.0 - to.y * to.y * a) - bend.x * b, to.z - bend.x * to.x - bend.y * to.y);` : ""}
-      sum += weight * vec4(look(at, to), 1.0);
-    }
-    light += vec4(rgb_from_rgb[wave] * sum.rgb, sum.a);
-  }
+${Array.from({ length: waves }, (_, wave) => waves === 1 ? `  light += gather(0, c0, c1, c${degree + 1}, shift_1, shift_2);`
+    : `  light += gather(${wave}, c0 + difference[${5 * wave}] + weight_b.z * difference[${5 * wave + 3}] + weight_b.w * difference[${5 * wave + 4}],
+    c1 + difference[${5 * wave + 1}], c${degree + 1} + difference[${5 * wave + 2}], shift_1, shift_2);`).join("\n")}
 }`;
 
 const showVertices = `#version 300 es
@@ -236,10 +240,11 @@ class Picture {
       gl.activeTexture(gl.TEXTURE2 + k);
       gl.bindTexture(gl.TEXTURE_2D, this.textureOf(plane.picture));
       gl.uniform1i(place(`texture_${k}`), 2 + k);
-      const over = (half) => half.map((c) => c / dot(half, half));
-      gl.uniform3fv(place(`centre_${k}`), plane.centre);
-      gl.uniform3fv(place(`right_${k}`), over(plane.right));
-      gl.uniform3fv(place(`up_${k}`), over(plane.up));
+      // A normal and its height; then what takes a point to -1..1 across the picture, downwards.
+      const { centre, right, up } = plane, over = (half, sign) => half.map((c) => sign * c / dot(half, half));
+      const normal = unit([right[1] * up[2] - right[2] * up[1], right[2] * up[0] - right[0] * up[2], right[0] * up[1] - right[1] * up[0]]);
+      gl.uniform4f(place(`plane_${k}`), ...normal, dot(normal, centre));
+      for (const [name, across] of [["right", over(right, 1)], ["up", over(up, -1)]]) gl.uniform4f(place(`${name}_${k}`), ...across, -dot(across, centre));
     });
     const bottom = Math.round((1 - to) * this.sums.width);
     gl.enable(gl.SCISSOR_TEST);

@@ -21,7 +21,7 @@ function spotOf(eye, state, wavelength_nm) {
   if (eye.bundleKey !== key) {
     const scale = state.pupil_mm / map.pupil_mm;
     const at = map.atField(map.raysOf({ ...state, wavelength_nm }), state.field_x_mm, state.field_y_mm, scale);
-    const share = map.weightsAt(state.accommodation_D, state.field_x_mm, state.field_y_mm, scale);
+    const share = map.weightsOf(state.accommodation_D, scale)(state.field_x_mm, state.field_y_mm);
     eye.bundle = pupilPlaces.map(([px, py]) => ({ ray: map.ray(at, px, py),
       weight: share[0] + px * (share[1] + px * share[2] + py * share[4]) + py * (share[3] + py * share[5]) }));
     eye.bundleKey = key;

@@ -1,0 +1,260 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstdlib>
+
+#include "pipeline/base/files.hpp"
+#include "pipeline/base/notation.hpp"
+#include "pipeline/base/process.hpp"
+#include "pipeline/eye/schematic/schematic_eyes.hpp"
+#include "pipeline/report/living/living_panel.hpp"
+#include "raytrace/picture/spectrum.hpp"
+#include "raytrace/scene/scene.hpp"
+#include "raytrace/spectacle/spectacle.hpp"
+#include "raytrace/tracer/exposure.hpp"
+#include "raytrace/tracer/tracer.hpp"
+#include "raytrace/wavefront/wavefront.hpp"
+#include "tests/support/measured_optics.hpp"
+
+// The page in which an eye looks, in a browser without a graphics processor: its pictures against the tracer's.
+
+namespace emmetrope::report {
+namespace {
+
+namespace fs = std::filesystem;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+
+constexpr int side = 256, rays = 64;
+constexpr double field_mm = 1.4;
+
+/// What the page is set to, and the same for the tracer.
+struct Setting {
+  const char* name;
+  Json set;
+  std::string scene = "letters:extent_deg=5";
+  std::string spectacle = {};
+  double pupil_mm = 4, accommodation_D = 0;
+  raytrace::TraceSettings trace = {};
+};
+
+std::vector<Setting> settings() {
+  std::vector<Setting> all{
+      {"plain", Json::object()},
+      {"astigmatic",
+       {{"sphere_D", -1}, {"cylinder_D", -2}, {"axis_deg", 30}},
+       "letters:extent_deg=5",
+       "-1/-2x30@12"},
+      {"wide-green",
+       {{"pupil_mm", 6}, {"wavelength_nm", 555}, {"scene", "siemens"}},
+       "siemens:extent_deg=5",
+       "",
+       6},
+      {"near",
+       {{"accommodation_D", 2}, {"distance_mm", 400}},
+       "letters:extent_deg=5,distance_mm=400",
+       "",
+       4,
+       2},
+      {"ground",
+       {{"sphere_D", -4},
+        {"cylinder_D", -1},
+        {"axis_deg", 100},
+        {"is_thick", true},
+        {"base_D", 4},
+        {"index", 1.6},
+        {"prism_D", 2},
+        {"prism_base_deg", 90},
+        {"gaze_deg", {1.5, -1}}},
+       "letters:extent_deg=5",
+       "-4/-1x100@12,base_D=4,index=1.6,prism=2@90"},
+      {"night",
+       {{"scene", "dial"}, {"pupil_mm", 5}, {"stiles_crawford_per_mm2", 0.05}, {"diffraction", true}},
+       "dial:extent_deg=5",
+       "",
+       5}};
+  all[2].trace.wavelength_nm = 555;
+  all[4].trace.pose.gaze = {1.5, -1};
+  all[5].trace.stiles_crawford_per_mm2 = 0.05;
+  all[5].trace.diffraction = true;
+  return all;
+}
+
+/// sRGB levels, three a pixel.
+std::vector<double> traced(const EyeModel& eye, const Setting& setting, std::uint64_t seed) {
+  static const raytrace::Tracer tracer("", 2);
+  EyeModel worn = eye;
+  worn.set_stop_diameter(setting.pupil_mm);
+  if (!setting.spectacle.empty())
+    worn = raytrace::with_spectacle(worn, raytrace::parse_spectacle(setting.spectacle));
+  raytrace::TraceSettings trace = setting.trace;
+  trace.representation = raytrace::Representation::fast;
+  trace.grid = {side, side, field_mm, field_mm};
+  trace.samples = rays;
+  trace.seed = seed;
+  trace.verbosity.quiet = true;
+  const auto image =
+      raytrace::trace_exposure(tracer, worn, *raytrace::make_scene(setting.scene), trace, {}).image;
+  std::vector<double> levels;
+  for (int row = 0; row < side; ++row)
+    for (int column = 0; column < side; ++column)
+      for (int c = 0; c < 3; ++c)
+        levels.push_back(
+            std::round(255 * raytrace::srgb_encoded(image.at(column, row, image.channels == 1 ? 0 : c))));
+  return levels;
+}
+
+std::vector<double> drawn(const fs::path& file) {
+  const std::string bytes = read_file(file);
+  std::vector<double> levels;
+  for (std::size_t i = 0; i < bytes.size(); ++i)
+    if (i % 4 != 3) levels.push_back(static_cast<unsigned char>(bytes[i]));
+  return levels;
+}
+
+double rms(const std::vector<double>& a, const std::vector<double>& b) {
+  double sum = 0;
+  for (std::size_t i = 0; i < a.size(); ++i) sum += (a[i] - b.at(i)) * (a[i] - b.at(i));
+  return std::sqrt(sum / static_cast<double>(a.size()));
+}
+
+struct Page {
+  std::string name;
+  std::function<EyeModel(double accommodation_D)> eye;
+  LivingSubject subject;
+};
+
+raytrace::EyeMapSettings map_settings() {
+  raytrace::EyeMapSettings result;
+  result.threads = 2;
+  return result;
+}
+
+/// An eye's own iris may be narrower.
+Json with_pupil(const Setting& setting) {
+  Json set = setting.set;
+  set["pupil_mm"] = setting.pupil_mm;
+  return set;
+}
+
+/// Writes the page, has it read, and compares.
+Json read_page(const Page& page, const fs::path& folder, const char* extent) {
+  fs::remove_all(folder);
+  fs::create_directories(folder);
+  const std::string html = render_living_page(
+      page.name, make_living_panel({living_json(page.subject)}, {page.subject.living.map.note()}));
+  EXPECT_LE(html.size(), 2'000'000U);
+  write_file(folder / "page.html", html);
+  Json list = Json::array();
+  for (const Setting& setting : settings())
+    list.push_back(
+        {{"name", setting.name}, {"set", with_pupil(setting)}, {"width", side}, {"samples", rays}});
+  write_json(folder / "settings.json", list);
+  const ProcessResult browser =
+      run_process("/usr/bin/env",
+                  {"node", EMMETROPE_LIVING_CHECK, (folder / "page.html").string(),
+                   (folder / "settings.json").string(), (folder / "found").string(), extent},
+                  ChildOutput::capture);
+  EXPECT_EQ(browser.status, 0) << browser.output;
+  for (const Setting& setting : settings()) {
+    const EyeModel eye = page.eye(setting.accommodation_D);
+    const std::vector<double> one = traced(eye, setting, 1), other = traced(eye, setting, 2);
+    const std::vector<double> shown = drawn(folder / "found" / (std::string(setting.name) + ".rgba"));
+    const double noise = rms(one, other), difference = rms(shown, other);
+    EXPECT_GT(noise, 0.2) << setting.name << ": a blank picture proves nothing";
+    EXPECT_LE(difference, 1.2 * noise) << page.name << ", " << setting.name;
+    ::testing::Test::RecordProperty(page.name + "-" + setting.name, std::to_string(difference / noise));
+  }
+  return read_json(folder / "found" / "findings.json");
+}
+
+bool can_browse() { return fs::exists("/usr/bin/chromium") && !std::string(EMMETROPE_PLAYWRIGHT).empty(); }
+
+void expect_quiet(const Json& findings) {
+  EXPECT_THAT(findings.at("complaints"), IsEmpty());
+  EXPECT_THAT(findings.at("requests"), IsEmpty());
+  EXPECT_LT(findings.at("beam_arcmin").get<double>(), 0.02);
+}
+
+void expect_readable(const Json& findings) {
+  EXPECT_THAT(findings.at("unmoved"), IsEmpty());
+  EXPECT_NEAR(findings.at("dragged_axis_deg").get<double>(), 60, 1);
+  EXPECT_EQ(findings.at("held"), 1);
+  EXPECT_TRUE(findings.at("let_go"));
+  EXPECT_THAT(findings.at("saved").get<std::string>(), HasSubstr(".png"));
+  Json state = findings.at("state"), by_link = findings.at("state_by_link");
+  for (Json* one : {&state, &by_link}) one->erase("samples");  // how fine it is drawn is the reader's
+  EXPECT_EQ(state, by_link);
+  for (const Json& said : findings.at("refused")) EXPECT_NE(said, "");
+  ASSERT_EQ(findings.at("accessibility").size(), 4U);
+  for (const auto& [scheme, violations] : findings.at("accessibility").items())
+    EXPECT_THAT(violations, IsEmpty()) << scheme;
+  for (const auto& [width, elements] : findings.at("layout").items())
+    EXPECT_THAT(elements, IsEmpty()) << width;
+  EXPECT_EQ(findings.at("printed"), 0);
+  EXPECT_THAT(findings.at("without_webgl").get<std::string>(), HasSubstr("WebGL 2"));
+  EXPECT_EQ(findings.at("controls_without_webgl"), 0);
+}
+
+TEST(LivingPage, ShowsWhatTheTracerShowsOfASchematicEye) {
+  if (!can_browse()) GTEST_SKIP() << "Chromium or playwright-core is not installed";
+  const auto eye = [](double accommodation_D) {
+    EyeOptions options;
+    options.accommodation_D = accommodation_D;
+    return make_eye("navarro", options);
+  };
+  const Page page{
+      "navarro",
+      eye,
+      {"eye", "navarro", eye(0), raytrace::living_schematic_eye("navarro", map_settings()), {}, ""}};
+  const Json findings = read_page(page, fs::path(::testing::TempDir()) / "emmetrope-living-navarro", "whole");
+  expect_quiet(findings);
+  expect_readable(findings);
+  // `emmetrope correct --eye navarro`: docs/evidence/accuracy-refraction.md
+  EXPECT_NEAR(findings.at("sharpest").at("eye").at(0).get<double>(), -0.256, 0.06);
+  EXPECT_NEAR(findings.at("sharpest").at("eye").at(1).get<double>(), 0, 0.06);
+  EXPECT_NEAR(findings.at("sharpest").at("eye").at(2).get<double>(), 0, 0.06);
+  EXPECT_GT(findings.at("best").at("now"), findings.at("best").at("none"));
+}
+
+TEST(LivingPage, ShowsWhatTheTracerShowsOfAMeasuredEye) {
+  if (!can_browse()) GTEST_SKIP() << "Chromium or playwright-core is not installed";
+  const UncertainOptics optics = uncertain_optics_from_json(measured_optics(), ".", 0.005);
+  const auto eye = [&](double accommodation_D) {
+    return eye_at(optics, raytrace::accommodated(optics, accommodation_D, 40));
+  };
+  EyeModel narrow = eye(0);
+  narrow.set_stop_diameter(3);
+  raytrace::WavefrontSettings at_589;
+  at_589.wavelength_nm = 589.3;
+  const raytrace::Wavefront wavefront = raytrace::measure_wavefront(narrow, at_589);
+  const PowerVector refraction = raytrace::at_vertex(wavefront, wavefront.minimum_rms_spot, 12);
+  const LivingSubject subject{"od",
+                              "OD (right)",
+                              eye(0),
+                              raytrace::living_measured_eye(eye(0), &optics, 40, map_settings()),
+                              {{"best", to_sphero_cylinder(refraction), 12}},
+                              ""};
+  const Page page{"measured", eye, subject};
+  const Json findings =
+      read_page(page, fs::path(::testing::TempDir()) / "emmetrope-living-measured", "brief");
+  expect_quiet(findings);
+  const Json& sharpest = findings.at("sharpest").at("od");
+  EXPECT_NEAR(sharpest.at(0).get<double>(), refraction.M_D, 0.06);
+  EXPECT_NEAR(sharpest.at(1).get<double>(), refraction.J0_D, 0.06);
+  EXPECT_NEAR(sharpest.at(2).get<double>(), refraction.J45_D, 0.06);
+}
+
+TEST(LivingPage, KeepsNamesFromEndingItsScript) {
+  const EyeModel eye = make_eye("arizona");
+  raytrace::EyeMapSettings settings = map_settings();
+  const LivingSubject subject{
+      "eye", "</script><b>", eye, raytrace::living_schematic_eye("arizona", settings), {}, ""};
+  const std::string scripts = make_living_panel({living_json(subject)}, {}).scripts;
+  EXPECT_EQ(scripts.find("</script><b>"), std::string::npos);
+  EXPECT_EQ(make_living_panel({}, {"why"}).markup, "");
+}
+
+}  // namespace
+}  // namespace emmetrope::report
