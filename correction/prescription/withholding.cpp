@@ -11,7 +11,7 @@ std::string reason_to_withhold(const Measured& mean_sphere_D) {
   const Range supported_D = limits_of("M_half_width_D").accepted;
   if (supported_D.contains(half_width_D)) return {};
   return fmt::format(
-      "The mean sphere's 95 % interval, +-{:.2f} D, is wider than from no lens at all to high myopia ({:g} "
+      "The spherical equivalent's 95 % interval, +-{:.2f} D, is wider than from no lens at all to high myopia ({:g} "
       "D): these data do not support a prescription.",
       half_width_D, 2 * supported_D.high);
 }

@@ -5,7 +5,7 @@
 
 namespace emmetrope::correction {
 
-/// Why a refraction whose mean sphere is known so well may not stand as a prescription: it is an estimate for
+/// Why a refraction whose spherical equivalent is known so well may not stand as a prescription: it is an estimate for
 /// information then.
 /// \param mean_sphere_D  with its 95 % interval
 /// \return one sentence; empty where it may

@@ -10,15 +10,15 @@ Range BiometryRow::normal() const {
 const std::vector<BiometryRow>& biometry_rows() {
   static const std::vector<BiometryRow> rows{
       {"optical_axial_length_mm", "Axial length, optical", {2, false, "mm"}},
-      {"axial_length_mm", "Axial length, to the inner retina", {2, false, "mm"}},
+      {inner_axial_length_key, "Axial length, to the inner retina", {2, false, "mm"}},
+      {"globe_width_mm", "Globe width (inner)", {1, false, "mm"}},
+      {"globe_height_mm", "Globe height (inner)", {1, false, "mm"}},
       {"corneal_thickness_mm", "Corneal thickness", {2, false, "mm"}},
       {"anterior_chamber_depth_mm", "Anterior chamber depth", {2, false, "mm"}},
       {"lens_thickness_mm", "Lens thickness", {2, false, "mm"}},
       {"lens_anterior_radius_mm", "Lens front radius", {1, false, "mm"}},
       {"lens_posterior_radius_mm", "Lens back radius", {1, false, "mm"}},
-      {"globe_width_mm", "Globe width (inner)", {1, false, "mm"}},
-      {"globe_height_mm", "Globe height (inner)", {1, false, "mm"}},
-      {"interpupillary_distance_mm", "Distance of the globe centres", {1, false, "mm"}}};
+      {"interpupillary_distance_mm", "Between the globes' centres (not the pupils)", {1, false, "mm"}}};
   return rows;
 }
 

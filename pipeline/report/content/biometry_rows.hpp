@@ -17,6 +17,9 @@ struct BiometryRow {
   Range normal() const;
 };
 
+/// Of the axial length that tables tell in a note: the optical one stands for both.
+inline constexpr const char* inner_axial_length_key = "axial_length_mm";
+
 const std::vector<BiometryRow>& biometry_rows();
 const std::vector<BiometryRow>& keratometry_rows();
 

@@ -32,4 +32,7 @@ Section methods_section(const CaseData& data);
 Section review_section();
 Section provenance_section(const CaseData& data);
 
+/// Letters as each eye would see them at the estimate and at the end of its interval; none where that is narrow.
+FigureRow letters_at_the_ends(const CaseData& data);
+
 }  // namespace emmetrope::report

@@ -91,13 +91,36 @@ Figure picture_figure(const fs::path& file, const std::string& id) {
   figure.width_px = picture.width_px;
   figure.height_px = picture.height_px;
   figure.svg = fmt::format(
-      "<svg xmlns=\"http://www.w3.org/2000/svg\" xmlns:xlink=\"http://www.w3.org/1999/xlink\" viewBox=\"0 "
-      "0 {0} {1}\"><image width=\"{0}\" height=\"{1}\" xlink:href=\"{2}\"/></svg>",
+      "<svg xmlns=\"http://www.w3.org/2000/svg\" xmlns:xlink=\"http://www.w3.org/1999/xlink\" viewBox=\"0 0 "
+      "{0} {1}\"><image width=\"{0}\" height=\"{1}\" xlink:href=\"{2}\"/></svg>",
       figure.width_px, figure.height_px, picture.url);
   return figure;
 }
 
 constexpr std::size_t most_pictures = 6;
+
+/// Below the picture of the residuals, what its colours are (segmentation/output/overlay.cpp).
+void add_scale(Figure& figure) {
+  const double top = figure.height_px + 8, width = std::min(300.0, figure.width_px - 80), left = 30;
+  const auto label = [&](double share, const char* text) {
+    return fmt::format(
+        "<text x=\"{:.0f}\" y=\"{:.0f}\" text-anchor=\"middle\" font-family=\"DejaVu Sans\" font-size=\"14\" "
+        "fill=\"currentColor\">{}</text>",
+        left + share * width, top + 32, text);
+  };
+  const std::string scale =
+      fmt::format(
+          "<defs><linearGradient id=\"scale-{0}\"><stop offset=\"0\" stop-color=\"#00f\"/><stop offset=\"0.5\" "
+          "stop-color=\"#fff\"/><stop offset=\"1\" stop-color=\"#f00\"/></linearGradient></defs><rect x=\"{1}\" "
+          "y=\"{2}\" width=\"{3}\" height=\"14\" fill=\"url(#scale-{0})\" stroke=\"currentColor\"/>",
+          figure.id, left, top, width) +
+      label(0, "-4 \u03c3") + label(0.5, "0") + label(1, "+4 \u03c3");
+  const auto box = fmt::format("viewBox=\"0 0 {} {}\"", figure.width_px, figure.height_px);
+  figure.height_px += 46;
+  figure.svg.replace(figure.svg.find(box), box.size(),
+                     fmt::format("viewBox=\"0 0 {} {}\"", figure.width_px, figure.height_px));
+  figure.svg.insert(figure.svg.rfind("</svg>"), scale);
+}
 
 /// "stack1" of overlay_stack1.png, with a comma before it
 std::string stack_of(const fs::path& file) {
@@ -128,6 +151,7 @@ FigureRow overlays_of(const EyeData& eye) {
         : is_fitted ? "The fit's contours on the slices as they were acquired."
                     : "The eye as other stacks show it, if they do, placed where the globe was found in this "
                       "one, to about a millimetre.";
+    if (is_residual) add_scale(figure);
     figure.alt =
         is_residual ? "Residuals of the fit on the MR slices" : "Contours of the eye on the MR slices";
     row.figures.push_back(std::move(figure));
@@ -224,6 +248,10 @@ Section images_section(const CaseData& data, Notes& notes) {
   for (const auto& eye : data.eyes) {
     FigureRow overlays = overlays_of(eye);
     // On paper only where there are no surfaces to show: then they are the evidence for the refusal.
+    overlays.folded = eye.biometry.is_object()
+                          ? (eye.laterality == Laterality::od ? "OD" : "OS") +
+                                std::string(": contours and residuals of the fit, slice by slice")
+                          : std::string();
     if (!overlays.figures.empty())
       section.blocks.push_back({overlays, eye.biometry.is_object() ? Paper::never : Paper::always});
   }

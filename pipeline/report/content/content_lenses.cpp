@@ -116,7 +116,7 @@ const std::vector<EyeRow>& implant_rows() {
       {"/what_if/intra_ocular_lens/holladay_1_D", "Holladay 1", dioptres},
       {"/what_if/intra_ocular_lens/hoffer_q_D", "Hoffer Q", dioptres},
       {"/what_if/intra_ocular_lens/haigis_D", "Haigis", dioptres},
-      {"/what_if/intra_ocular_lens/target_M_D", "Target mean sphere", dioptres},
+      {"/what_if/intra_ocular_lens/target_M_D", "Target spherical equivalent", dioptres},
       {"/what_if/intra_ocular_lens/target_vertex_distance_mm", "Target's vertex distance", {0, false, "mm"}},
       {"/what_if/intra_ocular_lens/a_constant", "A constant", {1, false, ""}},
       {"/what_if/intra_ocular_lens/position_mm", "Lens plane behind the cornea", {2, false, "mm"}}};
@@ -193,7 +193,7 @@ Section lenses_section(const CaseData& data) {
   if (!section.blocks.empty())
     section.blocks.push_back(
         {Paragraph{
-             "Each form shares the interval of the mean sphere above. Nothing here is a plan for surgery: "
+             "Each form shares the interval of the spherical equivalent above. Nothing here is a plan for surgery: "
              "formulas want optical biometry and the surgeon's own constants. Amplitudes are "
              "Hofstetter's (1950)."},
          Paper::never});

@@ -1,6 +1,7 @@
 #include <fmt/format.h>
 
 #include "pipeline/base/error.hpp"
+#include "pipeline/eye/population/limits.hpp"
 #include "pipeline/eye/surfaces/zernike.hpp"
 #include "pipeline/report/content/content.hpp"
 #include "pipeline/report/content/content_tables.hpp"
@@ -205,6 +206,33 @@ Table zernike_table(const Eyes& eyes) {
 }
 
 }  // namespace
+
+FigureRow letters_at_the_ends(const CaseData& data) {
+  FigureRow row;
+  for (const auto& eye : data.eyes) {
+    const auto wavefront = wavefront_of(eye);
+    if (!wavefront) continue;
+    const auto lens = lens_in_pupil(data, eye, *wavefront);
+    const Json M = eye.prescription.is_object() ? eye.prescription.value("M_D", Json()) : Json();
+    if (!lens || !M.is_object() || !M.contains("ci95")) continue;
+    const auto measured = M.get<Measured>();
+    const double reach_D = (measured.ci95[1] - measured.ci95[0]) / 2;
+    if (limits_of("M_half_width_D").normal.contains(reach_D)) continue;
+    for (const auto& [change_D, kind] : {std::pair{0.0, "estimate"}, {reach_D, "end"}}) {
+      PowerVector power = *lens;
+      power.M_D += change_D;
+      const std::string title = change_D == 0
+                                    ? "with the lens, if it is right"
+                                    : "if the eye is at the interval's end, " + fixed(reach_D, 1) + " D off";
+      row.figures.push_back(letters_figure(eye, raytrace::point_spread(*wavefront, power), kind, title));
+    }
+  }
+  if (!row.figures.empty())
+    row.caption =
+        "The same letters through the same lens: as sharp as the estimate says, and as blurred as the 95 % interval "
+        "leaves open. Computed from the wavefront in one colour.";
+  return row;
+}
 
 Section optics_section(const CaseData& data, Notes& notes) {
   Section section{"optics", "What the eye does to light", {}};

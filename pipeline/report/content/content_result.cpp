@@ -7,6 +7,7 @@
 #include "pipeline/report/content/biometry_rows.hpp"
 #include "pipeline/report/content/content.hpp"
 #include "pipeline/report/content/content_tables.hpp"
+#include "pipeline/report/content/first_page.hpp"
 #include "pipeline/report/content/judgement.hpp"
 #include "pipeline/report/content/references.hpp"
 #include "pipeline/report/document/numbers.hpp"
@@ -32,6 +33,15 @@ void add_measured(Table& table, const Json& json, const std::string& key, const 
   table.rows.push_back({name, format(measured.value, style), format_interval(measured, style)});
 }
 
+/// An axis only where there is a cylinder.
+void add_axis(Table& table, const Json& prescription) {
+  const NumberStyle degrees{0, false, "deg"};
+  if (has_axis(prescription.value("cylinder_D", Json())))
+    add_measured(table, prescription, "axis_deg", "Axis", degrees);
+  else
+    table.rows.push_back({"Axis", "not determined", "any"});
+}
+
 /// Side by side what was given, what the images say, and what has been combined from them.
 void add_calibration(EyeCard& card, const Json& prescription) {
   const Json calibration = prescription.value("calibration", Json());
@@ -49,6 +59,25 @@ void add_calibration(EyeCard& card, const Json& prescription) {
   add_measured(card.details, alone, "M_D", "M, images alone", dioptres);
 }
 
+/// Before rounding, to the last decimal; of an eye without a prescription nothing that has the form of one.
+Table details_of(const Json& prescription, const Judgement& judgement, const std::string& eye) {
+  Table details{
+      (judgement.has_prescription ? "Best lens before rounding, " : "Estimate, for information only, ") + eye,
+      {"", "Value", "95 % interval"},
+      {}};
+  const NumberStyle dioptres{2, true, "D"};
+  if (judgement.has_prescription) {
+    details.rows.push_back({"Rounded", rounded_prescription(prescription), ""});
+    add_measured(details, prescription, "sphere_D", "Sphere", dioptres);
+    add_measured(details, prescription, "cylinder_D", "Cylinder", dioptres);
+    add_axis(details, prescription);
+  }
+  add_measured(details, prescription, "M_D", "M", dioptres);
+  add_measured(details, prescription, "J0_D", "J0", dioptres);
+  add_measured(details, prescription, "J45_D", "J45", dioptres);
+  return details;
+}
+
 EyeCard card_of(const CaseData& data, const EyeData& eye) {
   const Judgement judgement = judge(data, eye);
   EyeCard card;
@@ -57,28 +86,17 @@ EyeCard card_of(const CaseData& data, const EyeData& eye) {
   card.light = judgement.light;
   card.verdict = judgement.verdict;
   card.reasons = judgement.reasons;
+  card.headline = headline_of(eye, judgement);
+  card.facts = facts_of(eye);
+  card.next = next_step(eye, judgement);
   if (!judgement.has_refraction) return card;
 
   const Json& prescription = eye.prescription;
-  if (judgement.has_prescription)
-    card.prescription = rounded_prescription(prescription);
-  else
-    card.estimate = "Estimate, not a prescription: mean sphere " +
-                    format(value_of(prescription, "M_D").value_or(0), {1, true, "D"});
-  card.note = fmt::format("vertex distance {} mm, minus cylinder, for distance, pupil {} mm",
+  if (judgement.has_prescription) card.prescription = rounded_prescription(prescription);
+  card.note = fmt::format("vertex distance {} mm, {}for distance",
                           fixed(value_of(prescription, "vertex_distance_mm").value_or(12), 0),
-                          fixed(value_of(prescription, "pupil_mm").value_or(3), 1));
-  card.details.caption =
-      (judgement.has_prescription ? "Best lens before rounding, " : "Best lens, for information only, ") +
-      card.eye;
-  card.details.header = {"", "Value", "95 % interval"};
-  const NumberStyle dioptres{2, true, "D"};
-  add_measured(card.details, prescription, "sphere_D", "Sphere", dioptres);
-  add_measured(card.details, prescription, "cylinder_D", "Cylinder", dioptres);
-  add_measured(card.details, prescription, "axis_deg", "Axis", {0, false, "deg"});
-  add_measured(card.details, prescription, "M_D", "M", dioptres);
-  add_measured(card.details, prescription, "J0_D", "J0", dioptres);
-  add_measured(card.details, prescription, "J45_D", "J45", dioptres);
+                          judgement.has_prescription ? "minus cylinder, " : "");
+  card.details = details_of(prescription, judgement, card.eye);
   add_calibration(card, prescription);
   card.before_png = page_png(eye.uncorrected_png);
   card.after_png = page_png(eye.corrected_png);
@@ -86,8 +104,8 @@ EyeCard card_of(const CaseData& data, const EyeData& eye) {
       std::string(
           "The same chart on the retina of this eye, upright as the patient perceives it: before, with no "
           "lens; after, with the ") +
-      (judgement.has_prescription ? "best lens." : "lens of the estimate.") +
-      " Look at the smallest row that can be read, and at the direction of the blur.";
+      (judgement.has_prescription ? "best lens" : "lens of the estimate") +
+      " as if that were exact. Look at the smallest row that can be read, and at the direction of the blur.";
   return card;
 }
 
@@ -129,6 +147,8 @@ std::string source_of(const std::vector<Cells>& eyes) {
   return shares.empty() ? text : fmt::format("{} ({} %)", text, fmt::join(shares, " / "));
 }
 
+const Json::json_pointer cylinder_at("/keratometry/cylinder_D");
+
 /// "OD (right): K1 42.39 D @ 2 deg, K2 45.06 D @ 92 deg, dK 2.67 D, with-the-rule", as keratometers print it.
 BulletList keratometer_lines(const CaseData& data) {
   BulletList lines;
@@ -144,9 +164,9 @@ BulletList keratometer_lines(const CaseData& data) {
                     number("/keratometry/flat/power_D", power), number("/keratometry/flat/axis_deg", axis),
                     number("/keratometry/steep/power_D", power), number("/keratometry/steep/axis_deg", axis),
                     number("/keratometry/cylinder_D", power));
-    const Json& cylinder = eye.biometry.at(Json::json_pointer("/keratometry/cylinder_D"));
+    const Json cylinder = eye.biometry.value(cylinder_at, Json());
     const Json astigmatism = eye.biometry.value("astigmatism", Json::object());
-    if (cylinder.is_object() && cylinder.get<Measured>().ci95[0] <= 0)
+    if (!has_axis(cylinder))
       line += ", axis not determined";
     else if (astigmatism.is_object() && astigmatism.contains("type") && astigmatism["type"].is_string())
       line += ", " + astigmatism["type"].get<std::string>();
@@ -176,7 +196,32 @@ BulletList withheld_lines(const CaseData& data) {
   return lines;
 }
 
-Table measured_table(const CaseData& data, const std::vector<BiometryRow>& rows, const std::string& caption) {
+bool is_axis(const BiometryRow& row) { return row.style.unit == "deg"; }
+
+/// Of which eyes' numbers a table tells: what the images or instruments gave, or what nothing but the population tells.
+enum class Told { measured, assumed };
+
+/// The length that images show beside the one that biometers measure.
+std::string inner_lengths(const CaseData& data) {
+  std::vector<std::string> lengths;
+  const NumberStyle style{2, false, "mm"};
+  for (const auto& eye : data.eyes) {
+    const Json found = eye.biometry.is_object() ? eye.biometry.value(inner_axial_length_key, Json()) : Json();
+    if (!found.is_object() || !found.contains("ci95")) continue;
+    const auto measured = found.get<Measured>();
+    lengths.push_back(
+        fmt::format("{} in {}", format(measured.value, style) + " (" + format_interval(measured, style) + ")",
+                    short_name(eye)));
+  }
+  if (lengths.empty()) return {};
+  return fmt::format(
+      "The optical axial length ends at the photoreceptors, as biometers measure it; to the inner surface of the "
+      "retina, which MR images show, it is {}. ",
+      fmt::join(lengths, " and "));
+}
+
+Table measured_table(const CaseData& data, const std::vector<BiometryRow>& rows, const std::string& caption,
+                     Told told = Told::measured) {
   Table table;
   table.caption = caption;
   table.header = {"Quantity"};
@@ -185,15 +230,20 @@ Table measured_table(const CaseData& data, const std::vector<BiometryRow>& rows,
       table.header.push_back((eye.laterality == Laterality::od ? "OD" : "OS") + std::string(column));
   table.header.insert(table.header.end(), {"Source (images' share)", "Normal adult"});
   for (const auto& row : rows) {
+    if (row.key == inner_axial_length_key) continue;
     std::vector<std::string> cells{row.name};
     std::vector<Cells> found_of_eyes;
     for (const auto& eye : data.eyes) {
-      const Cells found = cells_of(eye, row);
+      Cells found = cells_of(eye, row);
+      if (is_axis(row) && !found.source.empty() && !has_axis(eye.biometry.value(cylinder_at, Json()))) {
+        found.value = "not determined";
+        found.interval = "any";
+      }
       cells.insert(cells.end(), {found.value, found.interval});
       found_of_eyes.push_back(found);
     }
     const std::string source = source_of(found_of_eyes);
-    if (source.empty()) continue;
+    if (source.empty() || (source.rfind(source_name("prior"), 0) == 0) != (told == Told::assumed)) continue;
     cells.insert(cells.end(), {source, normal_range(row)});
     table.rows.push_back(cells);
   }
@@ -211,10 +261,15 @@ Section result_section(const CaseData& data) {
     any = any || !cards.cards.back().details.rows.empty();
   }
   section.blocks.push_back({cards});
+  if (FigureRow ends = letters_at_the_ends(data); !ends.figures.empty())
+    section.blocks.push_back({std::move(ends), Paper::first_if_room});
+  if (const BulletList explained{what_explains(data)}; !explained.items.empty())
+    section.blocks.push_back({explained});
   if (any)
-    section.blocks.push_back(
-        {Paragraph{"The refraction holds for the state of accommodation that the eyes had in the scanner, on "
-                   "the eye's own axis. The fovea is not visible in MRI."}});
+    section.blocks.push_back({Paragraph{
+        "SE is the spherical equivalent, \u00b1 and \"to\" its 95 % interval. The refraction holds for the "
+        "state of accommodation that the eyes had in the scanner, on the eye's own axis. The fovea is not "
+        "visible in MRI."}});
   return section;
 }
 
@@ -222,13 +277,18 @@ Section measured_section(const CaseData& data) {
   Section section{"measured", "What was measured", {}};
   const Table biometry = measured_table(data, biometry_rows(), "Biometry");
   const Table keratometry = measured_table(data, keratometry_rows(), "Keratometry and corneal astigmatism");
-  if (biometry.rows.empty() && keratometry.rows.empty()) return section;
-  section.blocks.push_back({biometry});
-  if (!keratometry.rows.empty()) section.blocks.push_back({keratometry});
+  std::vector<BiometryRow> all = biometry_rows();
+  all.insert(all.end(), keratometry_rows().begin(), keratometry_rows().end());
+  Table assumed = measured_table(data, all, "Not measured here: what the population tells", Told::assumed);
+  assumed.folded = true;
+  if (biometry.rows.empty() && keratometry.rows.empty() && assumed.rows.empty()) return section;
+  for (const Table* table : std::initializer_list<const Table*>{&biometry, &keratometry, &assumed})
+    if (!table->rows.empty()) section.blocks.push_back({*table});
   if (const BulletList lines = withheld_lines(data); !lines.items.empty()) section.blocks.push_back({lines});
   if (const BulletList lines = keratometer_lines(data); !lines.items.empty())
     section.blocks.push_back({lines});
   section.blocks.push_back({Paragraph{
+      inner_lengths(data) +
       "(!) marks a value outside the normal adult range of the numbered source, in most rows mean \u00b1 2 "
       "standard deviations. A prior is the population's knowledge and no measurement of this patient: its "
       "interval is that of the population. Keratometric powers are 337.5 / R, 1.5 mm from the apex; axes are "

@@ -3,6 +3,7 @@
 #include "pipeline/eye/population/limits.hpp"
 #include "pipeline/report/content/biometry_rows.hpp"
 #include "pipeline/report/content/content_tables.hpp"
+#include "pipeline/report/content/first_page.hpp"
 
 namespace emmetrope::report {
 namespace {
@@ -13,28 +14,6 @@ double half_width(const EyeData& eye, const char* key) {
   if (!found.is_object() || !found.contains("ci95")) return 0;
   const auto measured = found.get<Measured>();
   return (measured.ci95[1] - measured.ci95[0]) / 2;
-}
-
-/// " Known from elsewhere, refraction +-0.25 D would narrow it to +-0.49 D; optical axial length would not.":
-/// what the correction stage found that each measurement would leave of M, the most telling first.
-std::string remedy_for(const EyeData& eye) {
-  constexpr double worth_telling = 0.95;
-  std::vector<std::pair<double, std::string>> left;
-  for (const auto& line : eye.prescription.value("if_measured", Json::array()))
-    if (const auto sigma_D = value_of(line, "M_D"))
-      left.emplace_back(Measured::from_sigma(0, *sigma_D, "").ci95[1],
-                        with_symbols(line.value("measurement", std::string("a measurement"))));
-  std::sort(left.begin(), left.end());
-  std::string useful, useless;
-  for (const auto& [half_width_D, measurement] : left) {
-    if (half_width_D < worth_telling * half_width(eye, "M_D"))
-      useful += (useful.empty() ? measurement + " would narrow it to" : ", " + measurement + " to") +
-                " \u00b1" + fixed(half_width_D, 2) + " D";
-    else
-      useless += (useless.empty() ? "" : " and ") + measurement;
-  }
-  if (useful.empty()) return {};
-  return " Known from elsewhere, " + useful + (useless.empty() ? "" : "; " + useless + " would not") + ".";
 }
 
 std::vector<std::string> failed_gates(const EyeData& eye) {
@@ -78,20 +57,23 @@ std::vector<std::string> contradictions(const EyeData& eye) {
       "is combined from them is not to be relied on."};
 }
 
-/// What is to be said of a mean sphere with that interval.
+/// What is to be said of a spherical equivalent with that interval.
 std::vector<std::string> sphere_reasons(const EyeData& eye, const std::string& withheld) {
   const double half_width_D = half_width(eye, "M_D");
-  if (!withheld.empty()) return {withheld + " The estimate is for information." + remedy_for(eye)};
+  if (!withheld.empty()) return {withheld + " The estimate is for information."};
   if (limits_of("M_half_width_D").normal.contains(half_width_D)) return {};
-  return {"The mean sphere's 95 % interval is \u00b1" + fixed(half_width_D, 2) +
-          " D; clinical refraction is expected to repeat within \u00b10.50 D." + remedy_for(eye)};
+  return {"The spherical equivalent's 95 % interval is \u00b1" + fixed(half_width_D, 1) +
+          " D; clinical refraction is expected to repeat within \u00b10.5 D."};
 }
 
 std::vector<std::string> cylinder_reasons(const EyeData& eye) {
   const double J0_D = half_width(eye, "J0_D"), J45_D = half_width(eye, "J45_D");
   if (limits_of("J_half_width_D").plausible.contains(std::max(J0_D, J45_D))) return {};
-  return {"Cylinder and axis are not determined: the 95 % intervals of J0 and J45 are \u00b1" +
-          fixed(J0_D, 2) + " and \u00b1" + fixed(J45_D, 2) + " D."};
+  return {(has_axis(eye.prescription.value("cylinder_D", Json()))
+               ? std::string("The cylinder is known badly: the 95 % intervals of J0 and J45 are \u00b1")
+               : std::string(
+                     "Cylinder and axis are not determined: the 95 % intervals of J0 and J45 are \u00b1")) +
+          fixed(J0_D, 1) + " and \u00b1" + fixed(J45_D, 1) + " D."};
 }
 
 std::vector<std::string> head_roll_reasons(const EyeData& eye) {
@@ -168,7 +150,7 @@ std::string withheld_because(const EyeData& eye) {
   const double M_half_width_D = half_width(eye, "M_D");
   if (eye.prescription.contains("withheld") || limits_of("M_half_width_D").accepted.contains(M_half_width_D))
     return {};
-  return "The mean sphere's 95 % interval, \u00b1" + fixed(M_half_width_D, 2) +
+  return "The spherical equivalent's 95 % interval, \u00b1" + fixed(M_half_width_D, 2) +
          " D, is too wide for a prescription.";
 }
 

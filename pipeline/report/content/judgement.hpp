@@ -14,7 +14,7 @@ struct Judgement {
 };
 
 /// Red: a stage refused, there is no refraction, or the correction stage withholds the prescription. Amber: a
-/// gate or a plausibility check complains, or the mean sphere's 95 % interval is wider than that within which
+/// gate or a plausibility check complains, or the spherical equivalent's 95 % interval is wider than that within which
 /// clinical refractions are expected to repeat. Green: neither.
 Judgement judge(const CaseData& data, const EyeData& eye);
 

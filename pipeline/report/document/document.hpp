@@ -40,6 +40,7 @@ struct FigureRow {
   std::string caption;  ///< what to look for, of all of them
   /// Slices in radiological convention, which the reader may switch.
   bool anatomical = false;
+  std::string folded = {};  ///< shown on demand under these words
 };
 
 /// Lines on paper for those who review the report.
@@ -62,11 +63,13 @@ struct EyeCard {
   Light light = Light::red;
   std::string verdict;  ///< the light in words
   std::vector<std::string> reasons;
-  std::string prescription;           ///< rounded, clinical notation; empty when there is none
-  std::string estimate;               ///< what stands in its place where it is withheld
-  std::string note;                   ///< of either: vertex distance, what it holds for
-  Table details;                      ///< full precision with intervals
-  std::string before_png, after_png;  ///< bytes; empty when there are none
+  std::string headline;      ///< the answer with its uncertainty; empty when there is none
+  std::string prescription;  ///< rounded, clinical notation; empty when there is none
+  std::vector<std::pair<std::string, std::string>> facts;  ///< beside the verdict
+  std::string next;                                        ///< what to do
+  std::string note;                                        ///< of either: vertex distance, what it holds for
+  Table details;                                           ///< full precision with intervals; on demand, not on paper
+  std::string before_png, after_png;                       ///< bytes; empty when there are none
   std::string picture_caption;
 };
 

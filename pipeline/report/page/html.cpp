@@ -79,10 +79,18 @@ data card_data(const EyeCard& card) {
   result.set("verdict", clean_utf8(card.verdict));
   result.set("reasons", list_of(card.reasons));
   result.set("has_reasons", !card.reasons.empty());
-  result.set("has_prescription", !card.prescription.empty());
-  result.set("prescription", clean_utf8(card.prescription));
-  result.set("has_estimate", !card.estimate.empty());
-  result.set("estimate", clean_utf8(card.estimate));
+  result.set("has_headline", !card.headline.empty());
+  result.set("headline", clean_utf8(card.headline));
+  data facts{data::type::list};
+  for (const auto& [name, value] : card.facts) {
+    data fact;
+    fact.set("name", clean_utf8(name));
+    fact.set("value", clean_utf8(value));
+    facts.push_back(fact);
+  }
+  result.set("has_facts", !card.facts.empty());
+  result.set("facts", facts);
+  result.set("next", clean_utf8(card.next));
   result.set("note", clean_utf8(card.note));
   result.set("has_details", !card.details.rows.empty());
   result.set("details", table_data(card.details));
@@ -108,6 +116,8 @@ struct BlockToData {
     data result = kind("figures", "figures", figures);
     result.set("anatomical", block.anatomical);
     result.set("row_caption", clean_utf8(block.caption));
+    result.set("row_folded", clean_utf8(block.folded));
+    result.set("is_folded_row", !block.folded.empty());
     return result;
   }
   data operator()(const Folded& block) const {
@@ -136,6 +146,7 @@ struct BlockToData {
     for (const char* other : {"paragraph", "list", "table", "figures", "folded", "cards", "lines"})
       result.set(std::string("is_") + other, std::string(other) == name);
     result.set("anatomical", false);
+    result.set("is_folded_row", false);
     result.set(key, value);
     return result;
   }

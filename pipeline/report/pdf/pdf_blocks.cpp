@@ -180,11 +180,15 @@ double draw_card(Pages& pages, const EyeCard& card, double x, double width) {
   y += pages.text_at(card.eye, x, y, inner, {11, true, black}) + 2;
   pages.box_at(x, y + 2, 7, 7, colour_of(card.light));
   y += pages.text_at(card.verdict, x + 11, y, inner - 11, {9, true, colour_of(card.light)}) + 3;
-  if (!card.prescription.empty()) {
-    y += pages.text_at(card.prescription, x, y, inner, {17, true, black}) + 1;
-  }
-  if (!card.estimate.empty()) y += pages.text_at(card.estimate, x, y, inner, {9, true, black}) + 1;
+  if (!card.headline.empty()) y += pages.text_at(card.headline, x, y, inner, {13, true, black}) + 1;
   if (!card.note.empty()) y += pages.text_at(card.note, x, y, inner, {7.5, false, soft}) + 4;
+  constexpr double name_width = 58;
+  for (const auto& [name, value] : card.facts) {
+    pages.text_at(name, x, y, name_width, {8, false, soft});
+    y += pages.text_at(value, x + name_width, y, inner - name_width, {8, false, black}) + 1;
+  }
+  pages.text_at("Do next", x, y, name_width, {8, true, black});
+  y += pages.text_at(card.next, x + name_width, y, inner - name_width, {8, true, black}) + 3;
   for (const auto& reason : first_of(card.reasons, most_reasons)) {
     pages.text_at("\u2022", x, y, 8, {8, false, black});
     y += pages.text_at(reason, x + 8, y, inner - 8, {8, false, black}) + 2;
@@ -198,11 +202,6 @@ double draw_card(Pages& pages, const EyeCard& card, double x, double width) {
     pages.svg_at(picture_svg(card.after_png), x + side + figure_gap, y, side, side);
     y += side + 3;
     y += pages.text_at(card.picture_caption, x, y, inner, {7, false, soft}) + 4;
-  }
-  if (!card.details.rows.empty()) {
-    pages.set_y(y + 2);
-    draw_table_at(pages, card.details, x, inner);
-    y = pages.y();
   }
   return y;
 }

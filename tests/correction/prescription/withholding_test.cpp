@@ -12,9 +12,10 @@ Measured with_half_width(double half_width_D) { return {-2, {-2 - half_width_D, 
 TEST(Withholding, AnIntervalFromNoLensToHighMyopiaIsNoPrescription) {
   EXPECT_EQ(reason_to_withhold(with_half_width(0)), "");
   EXPECT_EQ(reason_to_withhold(with_half_width(3)), "");
-  EXPECT_EQ(reason_to_withhold(with_half_width(3.25)),
-            "The mean sphere's 95 % interval, +-3.25 D, is wider than from no lens at all to high myopia (6 "
-            "D): these data do not support a prescription.");
+  EXPECT_EQ(
+      reason_to_withhold(with_half_width(3.25)),
+      "The spherical equivalent's 95 % interval, +-3.25 D, is wider than from no lens at all to high myopia (6 "
+      "D): these data do not support a prescription.");
   EXPECT_NE(reason_to_withhold(with_half_width(std::numeric_limits<double>::quiet_NaN())), "");
 }
 

@@ -82,12 +82,24 @@ bool have_line(const std::vector<Row>& lines, const Row& row) {
   return std::any_of(lines.begin(), lines.end(), [&](const Row& line) { return holds(line, row); });
 }
 
+/// An astigmatism whose interval holds zero has no axis.
+bool may_be_none(const Json& cylinder_D) {
+  const auto measured = cylinder_D.get<Measured>();
+  return measured.ci95[0] <= 0 && measured.ci95[1] >= 0;
+}
+
 void NumbersTest::expect_biometry() const {
   const auto html = table_rows(output("report.html"));
   for (const auto* rows : {&biometry_rows(), &keratometry_rows()})
     for (const auto& row : *rows) {
+      if (row.key == inner_axial_length_key) continue;  // in the note below (OfEachResultFileStandOnThePage)
       Row expected{row.name};
       for (const char* eye : {"od", "os"}) {
+        if (row.style.unit == "deg" &&
+            may_be_none(json_of("meshing", eye, "biometry.json")["keratometry"]["cylinder_D"])) {
+          expected.insert(expected.end(), {"not determined", "any"});
+          continue;
+        }
         const auto measured =
             json_of("meshing", eye, "biometry.json").at(Json::json_pointer("/" + row.key)).get<Measured>();
         expected.push_back(format(measured.value, row.style) +
@@ -107,19 +119,22 @@ void NumbersTest::expect_refraction() const {
     const std::string text =
         format_refraction({rounded.at("sphere_D"), rounded.at("cylinder_D"), rounded.at("axis_deg")});
     EXPECT_THAT(page, HasSubstr(text));
-    EXPECT_THAT(pdf, HasSubstr(text));
+    // The headline of both media: its interval is too wide for more than the spherical equivalent.
+    const auto M_D = prescription.at("M_D").get<Measured>();
+    const std::string headline = "SE " + format(M_D.value, {1, true, "D"}) + ", " +
+                                 signed_fixed(M_D.ci95[0], 1) + " to " + signed_fixed(M_D.ci95[1], 1) + ":";
+    EXPECT_THAT(page, HasSubstr(headline));
+    EXPECT_THAT(pdf, HasSubstr(headline));
     for (const auto& [key, name] :
          {std::pair{"sphere_D", "Sphere"}, std::pair{"cylinder_D", "Cylinder"}, std::pair{"axis_deg", "Axis"},
           std::pair{"M_D", "M"}, std::pair{"J0_D", "J0"}, std::pair{"J45_D", "J45"}}) {
       const auto measured = prescription.at(key).get<Measured>();
       const NumberStyle style =
           std::string(key) == "axis_deg" ? NumberStyle{0, false, "deg"} : NumberStyle{2, true, "D"};
-      EXPECT_THAT(html, have_row({name, format(measured.value, style), format_interval(measured, style)}));
-      EXPECT_TRUE(std::regex_search(
-          pdf, std::regex(name + std::string(" +") +
-                          std::regex_replace(format(measured.value, style), std::regex("[+]"), "[+]") + " +" +
-                          std::regex_replace(format_interval(measured, style), std::regex("[+]"), "[+]"))))
-          << name << " of " << eye;
+      if (std::string(key) == "axis_deg" && may_be_none(prescription.at("cylinder_D")))
+        EXPECT_THAT(html, have_row({name, "not determined", "any"}));
+      else
+        EXPECT_THAT(html, have_row({name, format(measured.value, style), format_interval(measured, style)}));
     }
   }
 }
@@ -191,7 +206,7 @@ TEST_F(NumbersTest, PdfHoldsTheRowsOfThePage) {
     for (const auto& row : table_rows(table.substr(table.find("<tbody>"))))
       EXPECT_TRUE(have_line(lines, row)) << found[1] << ": " << ::testing::PrintToString(row);
   }
-  EXPECT_GE(printed, 9);
+  EXPECT_GE(printed, 7);
 }
 
 /// A number of a result file, and whether it is the half width of an axis's interval.
@@ -294,7 +309,6 @@ TEST_F(NumbersTest, FollowTheJsonAndNotAStoredText) {
   write_json(file, prescription);
   report();
   EXPECT_THAT(visible_text(output("report.html")), HasSubstr("-7.50 / -1.00 x 175"));
-  EXPECT_THAT(pdf_text(), HasSubstr("-7.50 / -1.00 x 175"));
   EXPECT_THAT(dump("prescription.dcm"), HasSubstr("[-7.5000]"));
   EXPECT_THAT(output("prescription.fhir.json"), HasSubstr("\"sphere\": -7.5"));
 }

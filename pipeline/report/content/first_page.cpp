@@ -1,0 +1,238 @@
+#include "pipeline/report/content/first_page.hpp"
+
+#include <fmt/format.h>
+
+#include <cmath>
+
+#include "pipeline/base/notation.hpp"
+#include "pipeline/eye/population/limits.hpp"
+#include "pipeline/report/content/content_tables.hpp"
+#include "pipeline/report/document/numbers.hpp"
+
+namespace emmetrope::report {
+namespace {
+
+const NumberStyle coarse_dioptres{1, true, "D"}, millimetres{2, false, "mm"};
+
+std::optional<Measured> measured_in(const Json& json, const char* key) {
+  const Json found = json.is_object() ? json.value(key, Json()) : Json();
+  if (!found.is_object() || !found.contains("ci95")) return std::nullopt;
+  return found.get<Measured>();
+}
+
+double half_width(const Measured& measured) { return (measured.ci95[1] - measured.ci95[0]) / 2; }
+
+/// Readings of other instruments that the correction stage weighed, by how much each would narrow M.
+struct Remedy {
+  std::string measurement;
+  double half_width_D = 0;
+};
+std::optional<Remedy> best_remedy(const EyeData& eye, double now_D) {
+  constexpr double worth_telling = 0.95;
+  std::optional<Remedy> best;
+  for (const auto& line : eye.prescription.value("if_measured", Json::array())) {
+    const auto sigma_D = value_of(line, "M_D");
+    if (!sigma_D) continue;
+    const double left_D = Measured::from_sigma(0, *sigma_D, "").ci95[1];
+    if (left_D < worth_telling * now_D && (!best || left_D < best->half_width_D))
+      best = Remedy{with_symbols(line.value("measurement", std::string("a measurement"))), left_D};
+  }
+  return best;
+}
+
+/// The largest of what makes the spherical equivalent uncertain: "lens index".
+std::optional<std::pair<std::string, double>> largest_source(const EyeData& eye) {
+  std::optional<std::pair<std::string, double>> largest;
+  if (!eye.prescription.is_object()) return largest;
+  for (const auto& line : eye.prescription.value("budget", Json::array())) {
+    const std::string source = line.value("source", std::string());
+    const auto sigma_D = value_of(line, "M_D");
+    if (!sigma_D || source == "total" || source == "correlations") continue;
+    if (!largest || *sigma_D > largest->second) largest = {source, *sigma_D};
+  }
+  return largest;
+}
+
+std::string limit_of(const EyeData& eye) {
+  const auto M = measured_in(eye.prescription, "M_D");
+  const auto source = largest_source(eye);
+  if (!M || !source) return {};
+  const std::string shown =
+      source->first == "lens index" ? "lens index, which no MR image shows" : source->first;
+  return fmt::format("{} (\u00b1{} of \u00b1{} D)", shown,
+                     fixed(Measured::from_sigma(0, source->second, "").ci95[1], 1), fixed(half_width(*M), 1));
+}
+
+std::string images_of(const EyeData& eye) {
+  if (!eye.fit.is_object()) return {};
+  std::size_t checks = 0, passed = 0;
+  for (const auto& gate : eye.fit.value("quality", Json::array())) {
+    ++checks;
+    passed += gate.value("passed", true) ? 1 : 0;
+  }
+  if (checks == 0) return {};
+  const std::size_t stacks = eye.fit.value("stacks", Json::array()).size();
+  const std::string of_stacks =
+      stacks == 0 ? "" : fmt::format("{} {} fitted, ", stacks, stacks == 1 ? "stack" : "stacks");
+  return passed == checks
+             ? fmt::format("{}all {} checks of the fit passed", of_stacks, checks)
+             : fmt::format("{}{} of {} checks of the fit failed", of_stacks, checks - passed, checks);
+}
+
+std::string assumed_of(const EyeData& eye) {
+  if (!eye.prescription.is_object()) return {};
+  std::string text = fmt::format("pupil {} mm; accommodation as in the scanner",
+                                 fixed(value_of(eye.prescription, "pupil_mm").value_or(3), 1));
+  if (const auto index = value_at(eye.optics, "/eye/media/lens/index"))
+    text += fmt::format("; lens index {}", fixed(*index, 3));
+  return text;
+}
+
+/// Of numbers that are there for both eyes.
+struct Pair {
+  double right = 0, left = 0;
+  double difference() const { return right - left; }
+};
+std::optional<Pair> pair_of(const CaseData& data, const Json EyeData::*file, const char* pointer) {
+  if (data.eyes.size() != 2) return std::nullopt;
+  const auto right = value_at(data.eyes[0].*file, pointer), left = value_at(data.eyes[1].*file, pointer);
+  if (!right || !left) return std::nullopt;
+  return Pair{*right, *left};
+}
+
+// What a refraction moves by, in an average eye (Atchison and Smith, Optics of the Human Eye, 2000).
+constexpr double per_mm_of_length = -2.7, per_D_of_cornea = -0.9;
+constexpr double lens_step = 1000 * (1.42 - 1.336) * 0.75;  ///< D mm: of a lens surface, at the cornea
+constexpr double worth_explaining_D = 1;
+
+/// "its lens is rounder in front (9.1 against 10.9 mm)": the radius that differs by most power.
+std::string lens_difference(const CaseData& data) {
+  const auto front = pair_of(data, &EyeData::biometry, "/lens_anterior_radius_mm"),
+             back = pair_of(data, &EyeData::biometry, "/lens_posterior_radius_mm");
+  if (!front || !back) return {};
+  const auto power_D = [](const Pair& radius_mm) {
+    return lens_step * (1 / radius_mm.right - 1 / radius_mm.left);
+  };
+  const bool is_front = std::abs(power_D(*front)) > std::abs(power_D(*back));
+  const Pair& radius_mm = is_front ? *front : *back;
+  return fmt::format("the lens's {} radius, {} mm in OD and {} mm in OS (about {} D)",
+                     is_front ? "front" : "back", fixed(radius_mm.right, 1), fixed(radius_mm.left, 1),
+                     fixed(std::abs(power_D(radius_mm)), 1));
+}
+
+std::optional<std::string> between_the_eyes(const CaseData& data) {
+  const auto M = pair_of(data, &EyeData::prescription, "/M_D"),
+             length = pair_of(data, &EyeData::biometry, "/optical_axial_length_mm"),
+             cornea = pair_of(data, &EyeData::biometry, "/astigmatism/M_D");
+  if (!M || !length || !cornea || std::abs(M->difference()) < worth_explaining_D) return std::nullopt;
+  const double by_length_D = per_mm_of_length * length->difference(),
+               by_cornea_D = per_D_of_cornea * cornea->difference(),
+               rest_D = M->difference() - by_length_D - by_cornea_D;
+  std::string cause;
+  const auto is_large = [&](double part) { return std::abs(part) > 0.3 * std::abs(M->difference()); };
+  const auto add = [&](const std::string& text) { cause += (cause.empty() ? "" : "; ") + text; };
+  if (is_large(by_length_D))
+    add(fmt::format("axial length, {} and {} mm (about {} D)", fixed(length->right, 2),
+                    fixed(length->left, 2), fixed(std::abs(by_length_D), 1)));
+  if (is_large(by_cornea_D))
+    add(fmt::format("the cornea, {} and {} D", fixed(cornea->right, 1), fixed(cornea->left, 1)));
+  if (is_large(rest_D)) add(lens_difference(data));
+  if (cause.empty()) return std::nullopt;
+  return fmt::format("The eyes differ by {} D of spherical equivalent: from {}.",
+                     fixed(std::abs(M->difference()), 1), cause);
+}
+
+/// Refraction against length: what else makes the eye more or less myopic than its length alone.
+std::optional<std::string> against_length(const EyeData& eye) {
+  constexpr double usual_length_mm = 23.8, usual_cornea_D = 43.3, surprise_D = 3;
+  const auto M = value_at(eye.prescription, "/M_D"),
+             length = value_at(eye.biometry, "/optical_axial_length_mm"),
+             cornea = value_at(eye.biometry, "/astigmatism/M_D");
+  if (!M || !length || !cornea) return std::nullopt;
+  const double rest_D = *M - per_mm_of_length * (*length - usual_length_mm);
+  if (std::abs(rest_D) < surprise_D) return std::nullopt;
+  const double by_cornea_D = per_D_of_cornea * (*cornea - usual_cornea_D);
+  const std::string cause =
+      by_cornea_D / rest_D > 0.5
+          ? fmt::format("the cornea is {} ({} D)", rest_D < 0 ? "steep" : "flat", fixed(*cornea, 1))
+          : fmt::format(
+                "with a cornea of {} D it is the lens that is {}: its index is assumed and its radii are "
+                "known from the images as the table says",
+                fixed(*cornea, 1), rest_D < 0 ? "strong" : "weak");
+  return fmt::format("{}: {} D at {} mm of axial length: {}.", short_name(eye), signed_fixed(*M, 1),
+                     fixed(*length, 1), cause);
+}
+
+}  // namespace
+
+bool has_axis(const Json& cylinder_D) {
+  if (!cylinder_D.is_object() || !cylinder_D.contains("ci95")) return true;
+  const auto measured = cylinder_D.get<Measured>();
+  return measured.ci95[0] * measured.ci95[1] > 0;
+}
+
+std::string headline_of(const EyeData& eye, const Judgement& judgement) {
+  if (!judgement.has_refraction) return {};
+  const Json& prescription = eye.prescription;
+  const double M_D = value_of(prescription, "M_D").value_or(0);
+  const auto M = measured_in(prescription, "M_D");
+  const double reach_D = M ? half_width(*M) : 0;
+  if (!judgement.has_prescription || !limits_of("M_half_width_D").plausible.contains(reach_D))
+    return fmt::format("SE {}, {} to {}: {}", format(M_D, coarse_dioptres), signed_fixed(M->ci95[0], 1),
+                       signed_fixed(M->ci95[1], 1),
+                       judgement.has_prescription ? "do not dispense" : "no prescription");
+  const std::string uncertain = M ? fmt::format(" (SE \u00b1{} D)", fixed(reach_D, 1)) : "";
+  if (!has_axis(prescription.value("cylinder_D", Json())))
+    return fmt::format("SE {}{}, cylinder not determined", format(M_D, coarse_dioptres), uncertain);
+  return refraction_of(prescription.value("rounded", Json::object()), "") + uncertain;
+}
+
+std::vector<std::pair<std::string, std::string>> facts_of(const EyeData& eye) {
+  std::vector<std::pair<std::string, std::string>> facts;
+  const auto add = [&](const char* name, const std::string& text) {
+    if (!text.empty()) facts.emplace_back(name, text);
+  };
+  if (const auto length = measured_in(eye.biometry, "optical_axial_length_mm"))
+    add("Axial length",
+        format(length->value, millimetres) + " (" + format_interval(*length, millimetres) + ")");
+  add("Limited by", limit_of(eye));
+  add("Images", images_of(eye));
+  add("Assumed", assumed_of(eye));
+  return facts;
+}
+
+std::string next_step(const EyeData& eye, const Judgement& judgement) {
+  if (judgement.has_refraction) {
+    const auto M = measured_in(eye.prescription, "M_D");
+    const double now_D = M ? half_width(*M) : 0;
+    if (const auto remedy = best_remedy(eye, now_D);
+        remedy && !limits_of("M_half_width_D").normal.contains(now_D))
+      return fmt::format("{}: it would leave \u00b1{} D of spherical equivalent.",
+                         remedy->measurement.rfind("refraction", 0) == 0
+                             ? "Refract, and give what was found (--refraction)"
+                             : "Measure " + remedy->measurement,
+                         fixed(remedy->half_width_D, 1));
+    return "Confirm by a subjective refraction.";
+  }
+  if (judgement.light != Light::red || judgement.verdict.find("not asked for") != std::string::npos)
+    return "Run this eye too (--laterality both).";
+  if (judgement.verdict.find("has not been run") != std::string::npos)
+    return "Run the stages that are missing: emmetrope run.";
+  if (const auto length = measured_in(eye.biometry, "optical_axial_length_mm"))
+    return "Add keratometry of this eye (--keratometry): with a cornea there is a refraction. Length and shape stand "
+           "as they are.";
+  return eye.fit.is_object()
+             ? "Rescan this eye: a T2 stack of 0.5 mm in plane and 2 mm slices at most over the whole globe, eyes "
+               "closed and still; a surface coil shows the cornea."
+             : "Rescan with this eye in the field: a T2 stack over both orbits.";
+}
+
+std::vector<std::string> what_explains(const CaseData& data) {
+  std::vector<std::string> sentences;
+  if (const auto sentence = between_the_eyes(data)) sentences.push_back(*sentence);
+  for (const auto& eye : data.eyes)
+    if (const auto sentence = against_length(eye)) sentences.push_back(*sentence);
+  return sentences;
+}
+
+}  // namespace emmetrope::report
