@@ -39,8 +39,6 @@ struct EyeMap {
   /// The ray in air: x and y (mm) on the plane of the corneal apex, slopes L/N and M/N.
   static constexpr int outputs = 4;
   static constexpr int pupil_degree = 7, field_degree = 7;
-  /// Of accommodation and wavelength together: terms beyond are 0.
-  static constexpr int state_degree = 5;
   /// Share of light of a part of the stop against the mean, as rays spread evenly over the pupil that the retina sees.
   static constexpr int weight_pupil_degree = 2, weight_field_degree = 2;
   static constexpr int path_degree = 3;  ///< of the hits inside, in the pupil and over the field
@@ -49,6 +47,7 @@ struct EyeMap {
   double field_mm = 0, pupil_mm = 0, shortest_nm = 0, longest_nm = 0, reference_nm = 0;
   double largest_accommodation_D = 0;
   int waves = 1, accommodations = 1;  ///< numbers of Chebyshev terms
+  int state_degree = 0;               ///< of accommodation and wavelength together: terms beyond are 0
   /// [accommodation][wave][field term][pupil term][output]
   std::vector<double> rays;
   /// At the reference wavelength: [accommodation][field term][pupil term]
@@ -65,8 +64,8 @@ struct EyeMap {
   std::string note() const;
 };
 
-/// \throw Error (unsupported) where rays from the field to the stop are lost, or no map comes within 0.05 arcmin and 3
-///   um of every ray that checks it (0.01 arcmin rms); (input_invalid) for an eye without a stop
+/// \throw Error (unsupported) where rays from the field to the stop are lost, or no map comes within 0.1 arcmin and 3
+///   um of every ray that checks it (0.02 arcmin rms); (input_invalid) for an eye without a stop
 EyeMap make_eye_map(const EyeStates& states, const EyeMapSettings& settings);
 
 /// The part `rays` of a map that holds one eye at rest at the reference wavelength alone.

@@ -96,6 +96,11 @@ def report(case, **options):
     return _run("report", case, **options)
 
 
+def view(case=None, **options):
+    """A page in which the eyes of a case look at charts, or (without one) eye="navarro", output="eye.html"."""
+    return _run("view", *([] if case is None else [case]), **options)
+
+
 def run(study, case, **options):
     """All stages, resuming what is done."""
     return _run("run", study, output=case, **options)

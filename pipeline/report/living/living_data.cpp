@@ -34,7 +34,7 @@ Json state_terms(const EyeMap& map, std::vector<double>& kept) {
   const std::size_t a_term = map.rays.size() / (static_cast<std::size_t>(map.waves) * map.accommodations);
   for (int l = 0; l < map.accommodations; ++l)
     for (int k = 0; k < map.waves; ++k) {
-      if (l + k > EyeMap::state_degree) continue;
+      if (l + k > map.state_degree) continue;
       terms.push_back({l, k});
       const auto first = map.rays.begin() + static_cast<std::ptrdiff_t>((l * map.waves + k) * a_term);
       kept.insert(kept.end(), first, first + static_cast<std::ptrdiff_t>(a_term));
