@@ -113,9 +113,19 @@ LivingEye living_measured_eye(const EyeModel& eye, const UncertainOptics* optics
                              return eye_at(*optics, accommodated(*optics, accommodation_D, age_years));
                            },
                            std::min(most_D, accommodation_amplitude(age_years).average_D)};
+  // The eye itself is worth showing without them.
+  const auto if_possible = [&](const char* what, const std::function<void()>& add) {
+    try {
+      add();
+    } catch (const Error& error) {
+      if (error.status() == ExitStatus::fault) throw;
+      living.left_out.push_back(std::string(what) + " is left out: " + error.what());
+    }
+  };
   if (formulas.largest_accommodation_D > 0)
-    living.map = with_accommodation_of(living.map, make_eye_map(formulas, same));
-  living.bands = bands_of(*optics, same);
+    if_possible("accommodation",
+                [&] { living.map = with_accommodation_of(living.map, make_eye_map(formulas, same)); });
+  if_possible("the interval", [&] { living.bands = bands_of(*optics, same); });
   return living;
 }
 

@@ -21,7 +21,8 @@ struct EyeBand {
 /// An eye as a page shows it.
 struct LivingEye {
   EyeMap map;
-  std::vector<EyeBand> bands;  ///< the widest first; none for an eye that is known exactly
+  std::vector<EyeBand> bands;              ///< the widest first; none for an eye that is known exactly
+  std::vector<std::string> left_out = {};  ///< what could not be mapped, and why
 };
 
 /// A schematic eye by name, or one from a file (pipeline/eye/schematic/schematic_eyes.hpp), which does not accommodate.

@@ -67,7 +67,8 @@ Table details_of(const Json& prescription, const Judgement& judgement, const std
       {}};
   const NumberStyle dioptres{2, true, "D"};
   if (judgement.has_prescription) {
-    details.rows.push_back({"Rounded", rounded_prescription(prescription), ""});
+    if (has_axis(prescription.value("cylinder_D", Json())))
+      details.rows.push_back({"Rounded", rounded_prescription(prescription), ""});
     add_measured(details, prescription, "sphere_D", "Sphere", dioptres);
     add_measured(details, prescription, "cylinder_D", "Cylinder", dioptres);
     add_axis(details, prescription);
@@ -87,7 +88,7 @@ EyeCard card_of(const CaseData& data, const EyeData& eye) {
   card.verdict = judgement.verdict;
   card.reasons = judgement.reasons;
   card.headline = headline_of(eye, judgement);
-  card.facts = facts_of(eye);
+  card.facts = facts_of(eye, judgement);
   card.next = next_step(eye, judgement);
   if (!judgement.has_refraction) return card;
 
@@ -95,7 +96,7 @@ EyeCard card_of(const CaseData& data, const EyeData& eye) {
   if (judgement.has_prescription) card.prescription = rounded_prescription(prescription);
   card.note = fmt::format("vertex distance {} mm, {}for distance",
                           fixed(value_of(prescription, "vertex_distance_mm").value_or(12), 0),
-                          judgement.has_prescription ? "minus cylinder, " : "");
+                          card.headline.find(" x ") != std::string::npos ? "minus cylinder, " : "");
   card.details = details_of(prescription, judgement, card.eye);
   add_calibration(card, prescription);
   card.before_png = page_png(eye.uncorrected_png);

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "pipeline/base/notation.hpp"
@@ -59,6 +60,7 @@ std::string limit_of(const EyeData& eye) {
   if (!M || !source) return {};
   const std::string shown =
       source->first == "lens index" ? "lens index, which no MR image shows" : source->first;
+  if (Measured::from_sigma(0, source->second, "").ci95[1] > half_width(*M)) return shown;
   return fmt::format("{} (\u00b1{} of \u00b1{} D)", shown,
                      fixed(Measured::from_sigma(0, source->second, "").ci95[1], 1), fixed(half_width(*M), 1));
 }
@@ -105,8 +107,9 @@ constexpr double per_mm_of_length = -2.7, per_D_of_cornea = -0.9;
 constexpr double lens_step = 1000 * (1.42 - 1.336) * 0.75;  ///< D mm: of a lens surface, at the cornea
 constexpr double worth_explaining_D = 1;
 
-/// "its lens is rounder in front (9.1 against 10.9 mm)": the radius that differs by most power.
-std::string lens_difference(const CaseData& data) {
+/// "the lens's front radius, 9.1 mm in OD and 10.9 mm in OS (about 1.0 D)": the radius that differs by most power.
+/// \param rest_D  what length and cornea leave of the difference of M; empty where the radii do not make half of it
+std::string lens_difference(const CaseData& data, double rest_D) {
   const auto front = pair_of(data, &EyeData::biometry, "/lens_anterior_radius_mm"),
              back = pair_of(data, &EyeData::biometry, "/lens_posterior_radius_mm");
   if (!front || !back) return {};
@@ -115,12 +118,17 @@ std::string lens_difference(const CaseData& data) {
   };
   const bool is_front = std::abs(power_D(*front)) > std::abs(power_D(*back));
   const Pair& radius_mm = is_front ? *front : *back;
+  // A rounder lens makes an eye more myopic.
+  if (-power_D(radius_mm) / rest_D < 0.5) return {};
   return fmt::format("the lens's {} radius, {} mm in OD and {} mm in OS (about {} D)",
                      is_front ? "front" : "back", fixed(radius_mm.right, 1), fixed(radius_mm.left, 1),
                      fixed(std::abs(power_D(radius_mm)), 1));
 }
 
 std::optional<std::string> between_the_eyes(const CaseData& data) {
+  if (std::any_of(data.eyes.begin(), data.eyes.end(),
+                  [&](const EyeData& eye) { return !judge(data, eye).has_refraction; }))
+    return std::nullopt;
   const auto M = pair_of(data, &EyeData::prescription, "/M_D"),
              length = pair_of(data, &EyeData::biometry, "/optical_axial_length_mm"),
              cornea = pair_of(data, &EyeData::biometry, "/astigmatism/M_D");
@@ -129,14 +137,21 @@ std::optional<std::string> between_the_eyes(const CaseData& data) {
                by_cornea_D = per_D_of_cornea * cornea->difference(),
                rest_D = M->difference() - by_length_D - by_cornea_D;
   std::string cause;
-  const auto is_large = [&](double part) { return std::abs(part) > 0.3 * std::abs(M->difference()); };
+  // Of the same sign as the difference, and a real share of it.
+  const auto is_large = [&](double part_D) { return part_D / M->difference() > 0.3; };
   const auto add = [&](const std::string& text) { cause += (cause.empty() ? "" : "; ") + text; };
   if (is_large(by_length_D))
     add(fmt::format("axial length, {} and {} mm (about {} D)", fixed(length->right, 2),
                     fixed(length->left, 2), fixed(std::abs(by_length_D), 1)));
   if (is_large(by_cornea_D))
     add(fmt::format("the cornea, {} and {} D", fixed(cornea->right, 1), fixed(cornea->left, 1)));
-  if (is_large(rest_D)) add(lens_difference(data));
+  if (is_large(rest_D)) {
+    const std::string by_lens = lens_difference(data, rest_D);
+    add(by_lens.empty()
+            ? fmt::format("{} D that nothing measured explains (the index of each lens is assumed)",
+                          fixed(std::abs(rest_D), 1))
+            : by_lens);
+  }
   if (cause.empty()) return std::nullopt;
   return fmt::format("The eyes differ by {} D of spherical equivalent: from {}.",
                      fixed(std::abs(M->difference()), 1), cause);
@@ -150,14 +165,14 @@ std::optional<std::string> against_length(const EyeData& eye) {
              cornea = value_at(eye.biometry, "/astigmatism/M_D");
   if (!M || !length || !cornea) return std::nullopt;
   const double rest_D = *M - per_mm_of_length * (*length - usual_length_mm);
-  if (std::abs(rest_D) < surprise_D) return std::nullopt;
+  const auto interval = measured_in(eye.prescription, "M_D");
+  if (std::abs(rest_D) < std::max(surprise_D, interval ? half_width(*interval) : 0)) return std::nullopt;
   const double by_cornea_D = per_D_of_cornea * (*cornea - usual_cornea_D);
   const std::string cause =
       by_cornea_D / rest_D > 0.5
           ? fmt::format("the cornea is {} ({} D)", rest_D < 0 ? "steep" : "flat", fixed(*cornea, 1))
           : fmt::format(
-                "with a cornea of {} D it is the lens that is {}: its index is assumed and its radii are "
-                "known from the images as the table says",
+                "the cornea of {} D does not explain it, so the lens is {}, or its assumed index is wrong",
                 fixed(*cornea, 1), rest_D < 0 ? "strong" : "weak");
   return fmt::format("{}: {} D at {} mm of axial length: {}.", short_name(eye), signed_fixed(*M, 1),
                      fixed(*length, 1), cause);
@@ -176,18 +191,22 @@ std::string headline_of(const EyeData& eye, const Judgement& judgement) {
   const Json& prescription = eye.prescription;
   const double M_D = value_of(prescription, "M_D").value_or(0);
   const auto M = measured_in(prescription, "M_D");
-  const double reach_D = M ? half_width(*M) : 0;
+  // A number without an interval says nothing.
+  if (!M) return fmt::format("SE {}, interval unknown: do not dispense", format(M_D, coarse_dioptres));
+  const double reach_D = half_width(*M);
   if (!judgement.has_prescription || !limits_of("M_half_width_D").plausible.contains(reach_D))
     return fmt::format("SE {}, {} to {}: {}", format(M_D, coarse_dioptres), signed_fixed(M->ci95[0], 1),
                        signed_fixed(M->ci95[1], 1),
                        judgement.has_prescription ? "do not dispense" : "no prescription");
-  const std::string uncertain = M ? fmt::format(" (SE \u00b1{} D)", fixed(reach_D, 1)) : "";
+
   if (!has_axis(prescription.value("cylinder_D", Json())))
-    return fmt::format("SE {}{}, cylinder not determined", format(M_D, coarse_dioptres), uncertain);
-  return refraction_of(prescription.value("rounded", Json::object()), "") + uncertain;
+    return fmt::format("SE {} (\u00b1{} D), cylinder not determined", format(M_D, coarse_dioptres),
+                       fixed(reach_D, 1));
+  return fmt::format("{} (SE \u00b1{} D)", refraction_of(prescription.value("rounded", Json::object()), ""),
+                     fixed(reach_D, 1));
 }
 
-std::vector<std::pair<std::string, std::string>> facts_of(const EyeData& eye) {
+std::vector<std::pair<std::string, std::string>> facts_of(const EyeData& eye, const Judgement& judgement) {
   std::vector<std::pair<std::string, std::string>> facts;
   const auto add = [&](const char* name, const std::string& text) {
     if (!text.empty()) facts.emplace_back(name, text);
@@ -195,9 +214,9 @@ std::vector<std::pair<std::string, std::string>> facts_of(const EyeData& eye) {
   if (const auto length = measured_in(eye.biometry, "optical_axial_length_mm"))
     add("Axial length",
         format(length->value, millimetres) + " (" + format_interval(*length, millimetres) + ")");
-  add("Limited by", limit_of(eye));
+  if (judgement.has_refraction) add("Limited by", limit_of(eye));
   add("Images", images_of(eye));
-  add("Assumed", assumed_of(eye));
+  if (judgement.has_refraction) add("Assumed", assumed_of(eye));
   return facts;
 }
 
@@ -218,7 +237,8 @@ std::string next_step(const EyeData& eye, const Judgement& judgement) {
     return "Run this eye too (--laterality both).";
   if (judgement.verdict.find("has not been run") != std::string::npos)
     return "Run the stages that are missing: emmetrope run.";
-  if (const auto length = measured_in(eye.biometry, "optical_axial_length_mm"))
+  if (measured_in(eye.biometry, "optical_axial_length_mm") &&
+      !value_at(eye.biometry, "/keratometry/flat/power_D"))
     return "Add keratometry of this eye (--keratometry): with a cornea there is a refraction. Length and shape stand "
            "as they are.";
   return eye.fit.is_object()
@@ -231,7 +251,8 @@ std::vector<std::string> what_explains(const CaseData& data) {
   std::vector<std::string> sentences;
   if (const auto sentence = between_the_eyes(data)) sentences.push_back(*sentence);
   for (const auto& eye : data.eyes)
-    if (const auto sentence = against_length(eye)) sentences.push_back(*sentence);
+    if (const auto sentence = judge(data, eye).has_refraction ? against_length(eye) : std::nullopt)
+      sentences.push_back(*sentence);
   return sentences;
 }
 

@@ -16,7 +16,7 @@ std::string headline_of(const EyeData& eye, const Judgement& judgement);
 bool has_axis(const Json& cylinder_D);
 
 /// Beside the verdict: axial length, what limits the result, the images, what is assumed.
-std::vector<std::pair<std::string, std::string>> facts_of(const EyeData& eye);
+std::vector<std::pair<std::string, std::string>> facts_of(const EyeData& eye, const Judgement& judgement);
 
 /// The one thing to do for this eye.
 std::string next_step(const EyeData& eye, const Judgement& judgement);

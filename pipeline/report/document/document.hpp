@@ -68,8 +68,8 @@ struct EyeCard {
   std::vector<std::pair<std::string, std::string>> facts;  ///< beside the verdict
   std::string next;                                        ///< what to do
   std::string note;                                        ///< of either: vertex distance, what it holds for
-  Table details;                                           ///< full precision with intervals; on demand, not on paper
-  std::string before_png, after_png;                       ///< bytes; empty when there are none
+  Table details;                      ///< full precision with intervals; on demand, not on paper
+  std::string before_png, after_png;  ///< bytes; empty when there are none
   std::string picture_caption;
 };
 

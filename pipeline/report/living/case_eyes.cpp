@@ -50,9 +50,20 @@ LivingSubject subject_of(const CaseData& data, const EyeData& eye, const raytrac
   const double age_years = subject_age_years(data.folder).value_or(usual_age_years);
   subject.living =
       raytrace::living_measured_eye(subject.eye, optics ? &*optics : nullptr, age_years, settings);
+  subject.has_prescription = false;
   if (eye.prescription.is_object()) {
-    subject.withheld = withheld_because(eye);
-    subject.lenses = lenses_of(eye.prescription, subject.withheld.empty());
+    const Judgement judgement = judge(data, eye);
+    subject.has_prescription = judgement.has_prescription;
+    if (judgement.has_refraction) {
+      subject.withheld = withheld_because(eye);
+      subject.lenses = lenses_of(eye.prescription, judgement.has_prescription);
+      subject.pupil_mm = value_of(eye.prescription, "pupil_mm").value_or(subject.pupil_mm);
+      const Json M = eye.prescription.value("M_D", Json());
+      if (M.is_object() && M.contains("ci95")) {
+        const auto measured = M.get<Measured>();
+        subject.half_width_D = (measured.ci95[1] - measured.ci95[0]) / 2;
+      }
+    }
   }
   return subject;
 }
@@ -75,6 +86,7 @@ CaseEyes living_eyes_of(const CaseData& data, int threads, std::uint64_t seed) {
       const LivingSubject subject = subject_of(data, eye, settings);
       result.eyes.push_back(living_json(subject));
       result.notes.push_back(name + ", its map: " + subject.living.map.note() + ".");
+      for (const auto& note : subject.living.left_out) result.notes.push_back(name + ": " + note + ".");
     } catch (const Error& error) {
       if (error.status() == ExitStatus::fault) throw;
       result.notes.push_back(name + " looks out of no picture: " + error.what() + ".");

@@ -139,7 +139,9 @@ Json living_json(const LivingSubject& subject) {
             {"withheld", subject.withheld},
             {"map", map_json(subject.living.map)},
             {"axial_length_mm", eye.axial_length_mm()},
-            {"iris_mm", stop->stop_diameter_mm},
+            {"has_prescription", subject.has_prescription},
+            {"half_width_D", subject.half_width_D},
+            {"pupil_mm", subject.pupil_mm},
             {"stop_depth_mm", stop->position_mm},
             {"rotation_centre_mm", raytrace::EyePose().rotation_centre_mm},
             {"entrance_pupil_magnification", entrance.diameter_mm / stop->stop_diameter_mm}};

@@ -24,7 +24,10 @@ struct LivingSubject {
   EyeModel eye;      ///< at rest
   raytrace::LivingEye living;
   std::vector<NamedLens> lenses;
-  std::string withheld;  ///< why there is no prescription; empty where there is one
+  std::string withheld;  ///< why there is no prescription; empty where there is one or none was sought
+  bool has_prescription = true;  ///< a lens that is found in the page may have the form of one
+  double half_width_D = 0;       ///< of the 95 % interval of the spherical equivalent
+  double pupil_mm = 4;           ///< iris that the page opens with: the prescription's
 };
 
 /// The eye's numbers: its map as base64 of little-endian float32, the outlines of its surfaces, its lenses.

@@ -27,7 +27,15 @@ Answer view_named(const Flags& flags, const CommonOptions& common) {
   settings.threads = common.thread_count();
   const EyeModel eye = make_eye(flags.eye);
   const std::string name = fs::path(flags.eye).stem().string();
-  const LivingSubject subject{"eye", name, eye, raytrace::living_schematic_eye(flags.eye, settings), {}, ""};
+  const LivingSubject subject{"eye",
+                              name,
+                              eye,
+                              raytrace::living_schematic_eye(flags.eye, settings),
+                              {},
+                              "",
+                              true,
+                              0,
+                              eye.stop()->stop_diameter_mm};
   const fs::path output = flags.output.empty() ? fs::path(name + ".html") : flags.output;
   write_file(output,
              render_living_page("What the eye " + name + " sees",

@@ -66,6 +66,7 @@ std::vector<Setting> settings() {
         {"index", 1.6},
         {"prism_D", 2},
         {"prism_base_deg", 90},
+        {"scene_follows_gaze", false},
         {"gaze_deg", {1.5, -1}}},
        "letters:extent_deg=5",
        "-4/-1x100@12,base_D=4,index=1.6,prism=2@90"},
@@ -180,6 +181,12 @@ void expect_quiet(const Json& findings) {
 void expect_readable(const Json& findings) {
   EXPECT_THAT(findings.at("unmoved"), IsEmpty());
   EXPECT_NEAR(findings.at("dragged_axis_deg").get<double>(), 60, 1);
+  EXPECT_EQ(findings.at("images").at(0), 64);
+  EXPECT_EQ(findings.at("images").at(1), 32);
+  EXPECT_THAT(findings.at("images").at(2).get<std::string>(), HasSubstr("changed"));
+  // An eye that only turns keeps its blur.
+  EXPECT_NEAR(findings.at("gaze_blur").at(0).get<double>(), findings.at("gaze_blur").at(1).get<double>(),
+              0.01);
   EXPECT_EQ(findings.at("held"), 1);
   EXPECT_TRUE(findings.at("let_go"));
   EXPECT_THAT(findings.at("saved").get<std::string>(), HasSubstr(".png"));

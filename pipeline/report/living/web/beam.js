@@ -46,7 +46,7 @@ function leastSquaresOf(degree) {
 
 /// How far (arcmin) polynomials may miss rays: at rest, and while something moves.
 const restTolerance_arcmin = 0.01, motionTolerance_arcmin = 0.05;
-const largestDegree = 6;
+const polynomials = { largestDegree: 6 };  // what the graphics can interpolate (picture.js)
 
 /// Rays out of an eye in one state at one wavelength, before gaze and spectacle: the part that stays while a lens is
 /// dragged.
@@ -138,7 +138,7 @@ class Beam {
         }
       });
       const misses_arcmin = most / radian * 60;
-      if (misses_arcmin < tolerance_arcmin || degree === largestDegree) return { degree, misses_arcmin };
+      if (misses_arcmin < tolerance_arcmin || degree >= polynomials.largestDegree) return { degree, misses_arcmin };
     }
   }
 

@@ -14,14 +14,15 @@ const sliders = {
   ground: [["base_D", "Front surface", 0, 10, 0.5, (v) => `${signed(v, 1)} D`], ["index", "Index of the glass", 1.49, 1.9, 0.01, (v) => v.toFixed(2)]],
   eye: [["pupil_mm", "Pupil (iris)", 1, 6, 0.1, (v) => `${v.toFixed(1)} mm`], ["accommodation_D", "Accommodation", 0, 8, 0.1, (v) => `${v.toFixed(1)} D`],
     ["gaze_h", "Gaze, patient\u2019s left", -30, 30, 0.5, (v) => `${v}\u00b0`], ["gaze_v", "Gaze, up", -30, 30, 0.5, (v) => `${v}\u00b0`]],
-  band: [["band_share", "Along the 95 % interval", -1, 1, 0.05, (v) => (v ? `${Math.round(100 * v)} %` : "best estimate")]],
+  band: [["band_share", "To the interval\u2019s ends", -1, 1, 0.05, (v) => (v ? `${Math.round(100 * v)} %` : "estimate")]],
   scene: [["log_distance", "Distance", 2.3, 6, 0.02, (v) => distanceText(v >= 6 ? far_mm : 10 ** v)], ["field_mm", "Width of the picture", 0.5, 6, 0.1, (v) => `${v.toFixed(1)} mm`],
-    ["field_x_mm", "Off the axis, sideways", -2.7, 2.7, 0.1, (v) => `${v.toFixed(1)} mm`], ["field_y_mm", "Off the axis, upwards", -2.7, 2.7, 0.1, (v) => `${v.toFixed(1)} mm`]],
+    ["field_x_mm", "Off the axis, to the right", -2.7, 2.7, 0.1, (v) => `${v.toFixed(1)} mm`], ["field_up", "Off the axis, up", -2.7, 2.7, 0.1, (v) => `${v.toFixed(1)} mm`]],
   light: [["wavelength_nm", "Wavelength", 400, 700, 5, (v) => `${v} nm`]],
 };
 
 /// Sliders whose value is not the state's own.
 const derived = {
+  field_up: { get: (state) => -state.field_y_mm, set: (value) => ({ field_y_mm: -value }) },  // the retina below sees above
   gaze_h: { get: (state) => state.gaze_deg[0], set: (value, state) => ({ gaze_deg: [value, state.gaze_deg[1]] }) },
   gaze_v: { get: (state) => state.gaze_deg[1], set: (value, state) => ({ gaze_deg: [state.gaze_deg[0], value] }) },
   log_distance: { get: (state) => Math.min(6, Math.log10(state.distance_mm)), set: (value) => ({ distance_mm: value >= 6 ? far_mm : Math.round(10 ** value) }) },
@@ -39,7 +40,6 @@ class Controls {
     living.says = (text) => { panel.querySelector(".living-status").textContent = text; };
     living.finished = () => this.told();
     window.addEventListener("hashchange", () => this.readLink());
-    this.readLink();
     this.follow();
   }
 
@@ -64,7 +64,7 @@ class Controls {
     this.inputs.set(key, { row, follow: (state) => {
       const value = derived[key] ? derived[key].get(state) : state[key];
       if (document.activeElement !== input || Number(input.value) !== value) input.value = value;
-      output.textContent = reading(value);
+      output.textContent = key === "prism_base_deg" ? `${value}\u00b0 ${this.baseText(value)}` : reading(value);
       input.setAttribute("aria-valuetext", output.textContent);
     }, input });
     return row;
@@ -105,7 +105,7 @@ class Controls {
   lensGroup() {
     const buttons = document.createElement("p");
     buttons.className = "living-buttons";
-    const none = { sphere_D: 0, cylinder_D: 0, axis_deg: 0, prism_D: 0 };
+    const none = { sphere_D: 0, cylinder_D: 0, axis_deg: 0, prism_D: 0, is_thick: false };
     buttons.append(this.button("No lens", () => this.set(none)));
     for (const [name, text] of [["best", "Best lens"], ["rounded", "Rounded lens"], ["known", "Known glasses"]])
       buttons.append(this.button(text, () => this.wear(name), name));
@@ -123,7 +123,8 @@ class Controls {
     let lens = eye.lenses.find((one) => one.name === name);
     // A schematic eye has no prescription; what is sharpest at this distance is found here.
     if (!lens && name === "best") lens = { ...fromPower(this.numbers.bestFor(eye, this.living.current).power), vertex_distance_mm: this.living.current.vertex_distance_mm };
-    if (lens) this.set({ prism_D: 0, sphere_D: lens.sphere_D, cylinder_D: lens.cylinder_D, axis_deg: lens.axis_deg, vertex_distance_mm: lens.vertex_distance_mm });
+    if (eye.lenses.includes(lens)) return this.set({ prism_D: 0, is_thick: false, worn: name });
+    if (lens) this.set({ prism_D: 0, is_thick: false, sphere_D: lens.sphere_D, cylinder_D: lens.cylinder_D, axis_deg: lens.axis_deg, vertex_distance_mm: lens.vertex_distance_mm });
   }
 
   eye() { return this.living.shownEyes()[0]; }
@@ -147,12 +148,12 @@ class Controls {
     return this.group("What it looks at", this.choice("scene", "Scene", scenes), sliders.scene.map((row) => this.slider(row)),
       this.choice("light", "Light", [["white", "White"], ["one", "One wavelength"]], (value) => ({ wavelength_nm: value === "one" ? 555 : null }),
         (state) => (state.wavelength_nm ? "one" : "white")), this.slider(sliders.light[0]),
-      this.choice("time", "Day or night", [["as", "Pupil as it is set"], ["day", "Day: 3 mm"], ["night", "Night: widest pupil"]],
-        (value) => (value === "day" ? { pupil_mm: 3 } : value === "night" ? { pupil_mm: 99 } : {}),
-        (state) => (state.pupil_mm === 3 ? "day" : state.pupil_mm >= this.eye().map.pupil_mm ? "night" : "as")),
+      this.choice("time", "Day or night", [["as", "As it is set"], ["day", "Day: 3 mm, Stiles-Crawford"], ["night", "Night: widest pupil, Stiles-Crawford"]],
+        (value) => ({ stiles_crawford_per_mm2: value === "as" ? 0 : night, pupil_mm: value === "day" ? 3 : value === "night" ? 99 : this.living.opening.pupil_mm }),
+        (state) => (!state.stiles_crawford_per_mm2 ? "as" : state.pupil_mm === 3 ? "day" : state.pupil_mm >= this.eye().map.pupil_mm ? "night" : "as")),
       this.tick("receptors", "Receptors look at the pupil\u2019s middle (Stiles-Crawford)", (on) => ({ stiles_crawford_per_mm2: on ? night : 0 }),
         (state) => state.stiles_crawford_per_mm2 > 0),
-      this.tick("diffraction", "Diffraction"));
+      this.tick("diffraction", "Diffraction"), this.tick("scene_follows_gaze", "The scene turns with the gaze"));
   }
 
   actions() {
@@ -193,19 +194,32 @@ class Controls {
       });
       [...select.options].forEach((option, k) => { option.hidden = option.disabled = k >= eye.bands.length; });
       this.panel.querySelector(".living-band").textContent = state.band_share
-        ? "An eye that the images allow as well, at the reference wavelength; the ends hold 95 %." : "";
+        ? `An eye that the images allow as well: ${this.bandText(eye, state)}; the ends of this direction hold 95 %.` : "";
     }
     for (const { follow } of this.inputs.values()) follow(state);
     for (const shown of this.living.eyes) shown.figure.hidden = !this.living.shownEyes().includes(shown);
     this.panel.querySelector(".living-pictures").classList.toggle("two", this.living.shownEyes().length > 1);
     for (const overlay of this.axes) overlay.follow(state);
-    this.living.says("");
     this.numbers?.follow();
+  }
+
+  /// Counter-clockwise as the examiner sees it: 0 is the patient's left, the nose's side of a right eye.
+  baseText(base_deg) {
+    const quarter = Math.round(base_deg / 90) % 4;
+    if (base_deg % 90) return "";
+    return ["", "(up)", "", "(down)"][quarter] || ((quarter === 0) === (this.eye().id !== "os") ? "(in)" : "(out)");
+  }
+
+  /// What lies at this share of the way to a direction's end.
+  bandText(eye, state) {
+    const band = eye.bands[state.band] ?? { M_D: 0, J0_D: 0, J45_D: 0 }, M = state.band_share * band.M_D;
+    const J = Math.abs(state.band_share) * Math.hypot(band.J0_D, band.J45_D);
+    return `${Math.abs(M).toFixed(1)} D more ${M < 0 ? "myopic" : "hyperopic"}${J > 0.05 ? `, ${(2 * J).toFixed(1)} D of cylinder more or less` : ""}`;
   }
 
   told() {
     const state = this.living.current, eye = this.eye();
-    const text = `${eye.name}: ${this.living.scenes.all.get(state.scene).title.toLowerCase()} ${distanceText(state.distance_mm)} away, ${lensOf(state) ? `through ${notationOf(state)}` : "no lens"}, pupil ${state.pupil_mm.toFixed(1)} mm.`;
+    const text = this.living.current.eye === "both" && state.worn ? "Each eye through its own lens; figures are the right eye\u2019s." : `${eye.name}: ${this.living.scenes.all.get(state.scene).title.toLowerCase()} ${distanceText(state.distance_mm)} away, ${lensOf(state) ? `through ${notationOf(state)}` : "no lens"}, pupil ${state.pupil_mm.toFixed(1)} mm.`;
     if (this.panel.querySelector(".living-status").textContent !== text) this.living.says(text);
   }
 
@@ -219,7 +233,7 @@ class Controls {
       const svg = document.createElementNS("http://www.w3.org/2000/svg", "svg");
       svg.setAttribute("viewBox", "-100 -100 200 200");
       svg.setAttribute("aria-hidden", "true");
-      svg.innerHTML = '<line class="halo"/><line class="axis"/><circle r="5"/><circle r="5"/>';
+      svg.innerHTML = '<line class="halo"/><line class="halo"/><line/><line/><circle r="5"/><circle r="5"/>';
       stage.append(svg);
       const turn = (event) => {
         const box = svg.getBoundingClientRect();
@@ -233,7 +247,11 @@ class Controls {
       return { follow: (state) => {
         svg.style.display = state.cylinder_D ? "" : "none";
         const x = -88 * Math.cos(state.axis_deg * radian), y = -88 * Math.sin(state.axis_deg * radian);
-        for (const line of svg.querySelectorAll("line")) for (const [name, value] of [["x1", x], ["y1", y], ["x2", -x], ["y2", -y]]) line.setAttribute(name, value);
+        // Marks at the rim, so that the picture stays free.
+        svg.querySelectorAll("line").forEach((line, k) => {
+          const way = k % 2 ? -1 : 1;
+          for (const [name, value] of [["x1", way * x], ["y1", way * y], ["x2", way * 0.8 * x], ["y2", way * 0.8 * y]]) line.setAttribute(name, value);
+        });
         svg.querySelectorAll("circle").forEach((circle, k) => { circle.setAttribute("cx", k ? -x : x); circle.setAttribute("cy", k ? -y : y); });
       } };
     });
@@ -253,7 +271,8 @@ class Controls {
       const row = document.createElement("label");
       row.className = "living-split";
       row.innerHTML = `<span></span><input type="range" min="0" max="100" value="50"><button type="button">Let go</button>`;
-      row.firstChild.textContent = `Held (${lensOf(this.living.current) ? notationOf(this.living.current) : "no lens"}) | now`;
+      const state = stateOf(eye, this.living.current);
+      row.firstChild.textContent = `Held (${this.living.scenes.all.get(state.scene).title.toLowerCase()}, ${lensOf(state) ? notationOf(state) : "no lens"}, pupil ${state.pupil_mm.toFixed(1)} mm) | now`;
       const range = row.querySelector("input"), show = () => { held.style.clipPath = `inset(0 ${100 - range.value}% 0 0)`; };
       range.addEventListener("input", show);
       row.querySelector("button").addEventListener("click", () => { held.remove(); row.remove(); });
@@ -308,6 +327,7 @@ class Controls {
     try {
       const changes = JSON.parse(decodeURIComponent(match[1]));
       this.living.set({ ...this.living.opening, ...changes });
+      this.panel.scrollIntoView({ block: "start" });
     } catch (fault) {
       this.living.says(`The link's state cannot be read: ${fault.message}`);
     }

@@ -1,6 +1,12 @@
 "use strict";
 // The panel in which an eye looks out of the page: state, controls, pictures. window.emmetrope is its handle.
 
+/// The state as one eye has it: where named lenses are worn each eye has its own.
+function stateOf(eye, state) {
+  const lens = state.worn && eye.lenses.find((one) => one.name === state.worn);
+  return lens ? { ...state, sphere_D: lens.sphere_D, cylinder_D: lens.cylinder_D, axis_deg: lens.axis_deg, vertex_distance_mm: lens.vertex_distance_mm } : state;
+}
+
 const lensOf = (state) => (state.sphere_D || state.cylinder_D || state.prism_D || state.is_thick ? new Lens(state) : null);
 
 /// One eye with its canvas.
@@ -17,7 +23,7 @@ class Eye {
   /// Kept while nothing that it depends on changes.
   kept(key, make) {
     if (!this.meshes.has(key)) {
-      if (this.meshes.size > 80) this.meshes.delete(this.meshes.keys().next().value);
+      if (this.meshes.size > 200) this.meshes.delete(this.meshes.keys().next().value);
       this.meshes.set(key, make());
     }
     return this.meshes.get(key);
@@ -27,7 +33,7 @@ class Eye {
   /// and differ from it to first order.
   views(state, scene, waves, together) {
     const field = { x_mm: state.field_x_mm, y_mm: state.field_y_mm, size_mm: state.field_mm };
-    const { scene: _, distance_mm, wavelength_nm, ...optical } = state;
+    const { scene: _, distance_mm, wavelength_nm, scene_follows_gaze, worn, eye, ...optical } = state;
     const key = (...more) => JSON.stringify([optical, ...more]);
     const { pupil_mm, accommodation_D, band, band_share } = state;
     const rays = (nm) => this.kept(JSON.stringify(["rays", nm, accommodation_D, band, band_share]), () => this.map.raysOf({ ...state, wavelength_nm: nm }));
@@ -60,9 +66,29 @@ function wavesOf(state, wavelengths, groups) {
 
 /// After what the reader does has had its turn; timers would wait for 4 ms each time.
 const nextTask = (() => {
-  const channel = new MessageChannel();
-  return () => new Promise((resolve) => { channel.port1.onmessage = resolve; channel.port2.postMessage(null); });
+  const channel = new MessageChannel(), waiting = [];
+  channel.port1.onmessage = () => waiting.shift()();
+  return () => new Promise((resolve) => { waiting.push(resolve); channel.port2.postMessage(null); });
 })();
+
+/// What may be set: [least, most] of a number, a list of what is known, or a test.
+const isSwitch = (value) => typeof value === "boolean";
+const allowed = { eye: null, scene: null, distance_mm: [100, Infinity], field_mm: [0.1, 20], field_x_mm: [-10, 10], field_y_mm: [-10, 10], sphere_D: [-30, 30],
+  cylinder_D: [-15, 15], axis_deg: [0, 360], vertex_distance_mm: [2, 50], prism_D: [0, 20], prism_base_deg: [0, 360], is_thick: isSwitch, base_D: [-5, 20],
+  index: [1.3, 2.5], accommodation_D: [0, 20], band: [0, 2], band_share: [-1, 1], wavelength_nm: [390, 700], stiles_crawford_per_mm2: [0, 1], diffraction: isSwitch,
+  pupil_mm: [0.5, 99], samples: [1, 65536], scene_follows_gaze: isSwitch, worn: [null, "best", "rounded", "known"],
+  gaze_deg: (value) => Array.isArray(value) && value.length === 2 && value.every((angle) => Number.isFinite(angle) && Math.abs(angle) <= 45) };
+
+function refuseWrong(change) {
+  for (const [key, value] of Object.entries(change)) {
+    if (!(key in allowed)) throw new Error(`there is no ${key}`);
+    const range = allowed[key];
+    if (range === null || (key === "wavelength_nm" && value === null)) continue;
+    const isRange = Array.isArray(range) && typeof range[0] === "number";
+    const fits = typeof range === "function" ? range(value) : isRange ? typeof value === "number" && value >= range[0] && value <= range[1] : range.includes(value);
+    if (!fits) throw new Error(`${key} cannot be ${JSON.stringify(value)}${isRange ? `: it is ${range[0]} to ${range[1]}` : ""}`);
+  }
+}
 
 class Living {
   constructor(panel, data) {
@@ -80,7 +106,7 @@ class Living {
       eye.figure = figure;
       return eye;
     });
-    this.current = { ...Living.start, eye: this.eyes[0].id, pupil_mm: Math.min(this.eyes[0].iris_mm, this.eyes[0].map.pupil_mm) };
+    this.current = { ...Living.start, eye: this.eyes[0].id, pupil_mm: Math.min(this.eyes[0].pupil_mm, this.eyes[0].map.pupil_mm) };
     this.opening = { ...this.current };
     this.counts = { frames_per_s: 0, rays_per_frame: 0, rays_per_s: 0, width: 0 };
     this.resting = 256;
@@ -90,16 +116,17 @@ class Living {
 
   static start = { scene: "letters", distance_mm: 6000, field_mm: field_mm_of.chart, field_x_mm: 0, field_y_mm: 0, sphere_D: 0, cylinder_D: 0, axis_deg: 0,
     vertex_distance_mm: 12, prism_D: 0, prism_base_deg: 0, is_thick: false, base_D: 4, index: 1.5, accommodation_D: 0, band: 0, band_share: 0,
-    gaze_deg: [0, 0], wavelength_nm: null, stiles_crawford_per_mm2: 0, diffraction: false };
+    gaze_deg: [0, 0], scene_follows_gaze: true, worn: null, wavelength_nm: null, stiles_crawford_per_mm2: 0, diffraction: false };
 
   eyeOf(id) { return this.eyes.find((eye) => eye.id === id) ?? this.eyes[0]; }
   shownEyes() { return this.current.eye === "both" ? this.eyes : [this.eyeOf(this.current.eye)]; }
 
   /// Every value within what the eyes and the scene allow.
   set(change) {
+    refuseWrong(change);
     const next = { ...this.current, ...change };
-    const unknown = Object.keys(change).filter((key) => !(key in this.current) && key !== "samples");
-    if (unknown.length) throw new Error(`there is no ${unknown.join(", ")}`);
+    // A lens that is dragged is nobody's prescription.
+    if (change.worn === undefined && ["sphere_D", "cylinder_D", "axis_deg", "vertex_distance_mm"].some((key) => change[key] !== undefined)) next.worn = null;
     if (next.eye !== "both" && !this.eyes.some((eye) => eye.id === next.eye)) throw new Error(`no eye is called ${next.eye}`);
     const scene = this.scenes.all.get(next.scene);
     if (!scene) throw new Error(`no scene is called ${next.scene}`);
@@ -109,6 +136,7 @@ class Living {
     }
     const within = (value, low, high) => Math.min(high, Math.max(low, value));
     const eyes = next.eye === "both" ? this.eyes : [this.eyeOf(next.eye)];
+    Object.assign(next, stateOf(eyes[0], next));
     const least = (of) => Math.min(...eyes.map(of));
     next.pupil_mm = within(next.pupil_mm, 1, least((eye) => eye.map.pupil_mm));
     next.accommodation_D = within(next.accommodation_D, 0, least((eye) => eye.map.largest_accommodation_D));
@@ -142,67 +170,85 @@ class Living {
   }
 
   async quick(number) {
-    const state = this.current, scene = await this.scenes.at(state.scene, state.distance_mm);
-    if (number !== this.work) return;
-    const begun = performance.now(), { width, samples } = this.moving, eyes = this.shownEyes();
+    const state = this.current, begun = performance.now(), { width, samples } = this.moving, eyes = this.shownEyes();
     const waves = wavesOf(state, this.world.wavelengths, 4);
-    try {
-      for (const eye of eyes) {
-        const [view] = eye.views(state, scene, waves, true);
-        eye.picture.begin(width);
-        eye.picture.add(view, 0, samples / waves.length);
-        eye.picture.show();
-        eye.picture.finish();
-      }
-    } catch (fault) {
-      this.says?.(fault.message);
-      return;
+    for (const eye of eyes) {
+      const own = stateOf(eye, state), scene = await this.scenes.at(own, eye.rotation_centre_mm);
+      if (number !== this.work) return;
+      const views = this.viewsOr(eye, () => eye.views(own, scene, waves, true));
+      if (!views) continue;
+      eye.picture.begin(width);
+      eye.picture.add(views[0], 0, samples / waves.length);
+      eye.picture.show();
+      eye.picture.finish();
     }
     const took_ms = performance.now() - begun, rays = eyes.length * width * width * samples;
     this.counts = { ...this.counts, frames_per_s: 1e3 / took_ms, rays_per_frame: rays, rays_per_s: rays / took_ms * 1e3, width };
     this.moving.width = took_ms < 14 ? 512 : took_ms > 60 ? 256 : width;
   }
 
+  /// What an eye is drawn with; where it cannot be, its picture is blank and the panel says why.
+  viewsOr(eye, make) {
+    try {
+      return make();
+    } catch (fault) {
+      eye.picture.begin(8);
+      eye.picture.show();
+      this.fault = fault.message;
+      this.says?.(`No picture: ${fault.message}.`);
+      return null;
+    }
+  }
+
   /// Rays in portions of a strip each, so that the page stays responsive; shown when all wavelengths have had their share.
-  async fine(number, width = 512) {
-    const state = this.current, scene = await this.scenes.at(state.scene, state.distance_mm), strips = 4;
-    const begun = performance.now();
-    for (const eye of this.shownEyes()) {
-      const waves = wavesOf(state, this.world.wavelengths, 16), run = Math.ceil(this.resting / waves.length);
-      let views;
-      try {
-        views = eye.views(state, scene, waves, false);
-      } catch (fault) {
-        this.says?.(fault.message);
-        return;
-      }
+  /// Whether all was drawn before the state changed.
+  async fine(number, width = 512, eyes = this.shownEyes()) {
+    const state = this.current, strips = 4, begun = performance.now();
+    this.fault = "";
+    for (const eye of eyes) {
+      const own = stateOf(eye, state), scene = await this.scenes.at(own, eye.rotation_centre_mm);
+      const waves = wavesOf(own, this.world.wavelengths, 16), run = Math.ceil(this.resting / waves.length);
+      if (number !== this.work) return false;
+      const views = this.viewsOr(eye, () => eye.views(own, scene, waves, false));
+      if (!views) continue;
       const few = Math.min(run, Math.max(1, 64 / waves.length));
       for (const [done, portion] of run > few ? [[0, few], [few, run - few]] : [[0, run]]) {
         for (const [k, view] of views.entries())
           for (let strip = 0; strip < strips; ++strip) {
-            if (number !== this.work) return;
+            if (number !== this.work) return false;
             if (done === 0 && k === 0 && strip === 0) eye.picture.begin(width);
             eye.picture.add(view, k * run + done, portion, { from: strip / strips, to: (strip + 1) / strips });
             eye.picture.finish();
             await nextTask();
           }
-        if (number !== this.work) return;
+        if (number !== this.work) return false;
         eye.picture.show();
       }
     }
     this.counts.rest_ms = performance.now() - begun;
     this.panel.dataset.ready = number;
-    this.finished?.();
+    if (!this.fault) this.finished?.();
+    return true;
   }
 
-  /// The finished picture: ImageData, or linear light as { width, height, data } with three floats a pixel.
-  async image({ eye = this.shownEyes()[0].id, linear = false, width = 512 } = {}) {
+  /// The finished picture: ImageData, or linear light as { width, height, data } with three floats a pixel. One after the
+  /// other; fails where the state changes before it is finished, or where there is no picture.
+  image(options = {}) {
+    const next = (this.images ?? Promise.resolve()).then(() => this.finishedImage(options));
+    this.images = next.catch(() => {});
+    return next;
+  }
+
+  async finishedImage({ eye = this.shownEyes()[0].id, linear = false, width = 512 }) {
+    const one = this.eyes.find((other) => other.id === eye);
+    if (!one) throw new Error(`no eye is called ${eye}`);
     clearTimeout(this.settle);
     cancelAnimationFrame(this.frame);
-    const number = ++this.work;
-    await this.fine(number, width);
+    if (!await this.fine(++this.work, width, [one])) throw new Error("the state was changed before the picture was finished");
+    if (this.fault) throw new Error(this.fault);
     const { picture } = this.eyeOf(eye);
     const light = picture.linear();
+    if (width !== 512 || !this.shownEyes().includes(one)) this.draw();
     if (linear) return light;
     const encoded = new ImageData(light.width, light.height);
     for (let i = 0; i < light.width * light.height; ++i) {
@@ -217,9 +263,9 @@ class Living {
 
   /// The blur of the middle of the field.
   quality(id = this.shownEyes()[0].id, change = {}) {
-    const state = { ...this.current, ...change }, eye = this.eyeOf(id);
+    const eye = this.eyeOf(id), state = { ...stateOf(eye, this.current), ...change };
     const rays = spotOf(eye, state, state.wavelength_nm ?? eye.map.reference_nm);
     const blur_arcmin = blurOf(rays);
-    return { blur_arcmin, logmar: acuityOf(blur_arcmin), sharpness: sharpnessOf(rays), rays };
+    return { blur_arcmin, logmar: acuityOf(blur_arcmin), sharpness: sharpnessOf(rays), lost: rays.lost, rays };
   }
 }

@@ -42,13 +42,13 @@ class Numbers {
       root.append(element);
       return element.querySelector(".living-plot");
     };
-    this.table = figure("The middle of the picture", "Geometrical blur of a point at the scene\u2019s distance. A line of letters is 0.1 logMAR, 0.0 is 20/20; read by Smith\u2019s (1991) rule. Sharpness is that of the image of a chart full of edges, against the best lens for this pupil and distance.",
+    this.table = figure("The middle of the picture", "Geometrical blur of a point at the scene\u2019s distance, in light of 555 nm or the wavelength that is set, without diffraction. Coloured rims in white light are the eye\u2019s chromatic blur, of which the brain hides a part. A line of letters is 0.1 logMAR, 0.0 is 20/20; read by Smith\u2019s (1991) rule. Sharpness is that of the image of a chart full of edges, against the best lens for this pupil and distance.",
       panel.querySelector(".living-read"));
     this.spot = this.canvasIn(figure("Where the light of a point goes", "Rays through the whole pupil, as the patient sees them; the circle is 5 minutes of arc wide, the height of a letter of logMAR 0."));
-    this.contrast = figure("Contrast by frequency", "Geometrical transfer function times that of diffraction, along both meridians of the lens; the dashed line is diffraction alone.");
-    this.path = figure("The way of the light", "A section of the eye from its own surfaces; rays from the middle of the picture through the pupil, out of the eye and through the lens.");
+    this.contrast = figure("Contrast by frequency", "Geometrical transfer function at one wavelength times that of diffraction: blue along the lens\u2019s axis, orange across it; the dashed line is diffraction alone.");
+    this.path = figure("The way of the light", "Vertical section of the eye at rest, looking straight ahead; rays from the middle of the picture through the pupil, out of the eye and through the lens.");
     this.path.parentElement.classList.add("wide");
-    this.solid = this.canvasIn(figure("The eye in space", "Drag to turn. The retina is coloured by how much more myopic (red) or hyperopic (blue) it is than its middle, in what the map covers; the dot is the middle of the picture."));
+    this.solid = this.canvasIn(figure("The eye in space", "Drag to turn. The patch of the retina that the page knows, 6 mm or 20 degrees wide, is coloured by how much more myopic (red) or hyperopic (blue) it is than its middle; the dot is the middle of the picture."));
     this.turnSolid();
   }
 
@@ -68,12 +68,12 @@ class Numbers {
   }
 
   draw() {
-    const { living } = this, state = living.current, eye = living.shownEyes()[0];
+    const { living } = this, eye = living.shownEyes()[0], state = stateOf(eye, living.current);
     let quality;
     try {
       quality = living.quality(eye.id);
     } catch (fault) {
-      living.says?.(fault.message);
+      this.table.textContent = `No figures: ${fault.message}.`;
       return;
     }
     this.drawTable(eye, state, quality);
@@ -82,12 +82,12 @@ class Numbers {
     this.drawPath(eye, state);
     this.drawSolid();
     clearTimeout(this.search);
-    this.search = setTimeout(() => this.findBest(eye, state), 500);
+    this.search = setTimeout(() => { try { this.findBest(eye, state); } catch { /* said by draw() */ } }, 700);
   }
 
   bestKey(eye, state) {
     return JSON.stringify([eye.id, state.pupil_mm, state.accommodation_D, state.distance_mm, state.band, state.band_share, state.wavelength_nm,
-      state.vertex_distance_mm, state.field_x_mm, state.field_y_mm, state.gaze_deg]);
+      state.stiles_crawford_per_mm2, state.vertex_distance_mm, state.field_x_mm, state.field_y_mm, state.gaze_deg]);
   }
 
   bestFor(eye, state) {
@@ -103,16 +103,20 @@ class Numbers {
 
   findBest(eye, state) {
     this.bestFor(eye, state);
-    if (this.living.current === state) this.drawTable(eye, state, this.living.quality(eye.id));
+    if (stateOf(eye, this.living.current) === state || JSON.stringify(stateOf(eye, this.living.current)) === JSON.stringify(state)) this.drawTable(eye, state, this.living.quality(eye.id));
   }
 
-  drawTable(eye, state, { blur_arcmin, logmar, sharpness }) {
+  drawTable(eye, state, { blur_arcmin, logmar, sharpness, lost }) {
     const best = this.bestOf.get(this.bestKey(eye, state));
-    const rows = [["Lens", lensOf(state) ? `${notationOf(state)}${state.prism_D ? `, prism ${state.prism_D} \u0394 base ${state.prism_base_deg}\u00b0` : ""}` : "none"],
+    const rows = [["Eye", eye.name], ["Lens", lensOf(state) ? `${notationOf(state)}${state.prism_D ? `, prism ${state.prism_D} \u0394 base ${state.prism_base_deg}\u00b0` : ""}` : "none"],
       ["Blur (root mean square radius)", `${blur_arcmin.toFixed(2)} minutes of arc`],
-      ["Smallest letters read", `logMAR ${logmar.toFixed(2)}, ${logmar < 0.05 ? "no line lost" : `${(10 * logmar).toFixed(0)} lines worse than 20/20`}`],
+      ["Smallest letters read", `logMAR ${logmar.toFixed(2)}, ${logmar < 0.05 ? "no line lost" : `${(10 * logmar).toFixed(0)} ${Math.round(10 * logmar) === 1 ? "line" : "lines"} worse than 20/20`}`],
       ["Sharpness of the image", `${(100 * sharpness).toFixed(0)} % of a pinhole\u2019s${best ? `, ${(100 * Math.min(1, sharpness / best.sharpness)).toFixed(0)} % of the best lens\u2019s` : ""}`]];
-    if (best && !eye.withheld) rows.push(["Sharpest here", notationOf(fromPower(best.power))]);
+    // What has the form of a prescription only where the report gives one, and with its interval where that is wide.
+    const half_D = eye.half_width_D;
+    if (best && eye.has_prescription)
+      rows.push(["Sharpest here, now", half_D > 1 ? `SE ${signed(best.power[0], 1)} \u00b1 ${half_D.toFixed(1)} D` : notationOf(fromPower(best.power))]);
+    if (lost > 0.005) rows.push(["Rays that miss the lens", `${(100 * lost).toFixed(0)} %: the blur is that of the rest`]);
     if (state.band_share) rows.push(["Eye", `${Math.round(100 * state.band_share)} % along an interval of the geometry`]);
     const table = document.createElement("table");
     for (const [name, value] of rows) {
@@ -135,7 +139,8 @@ class Numbers {
     pen.globalAlpha = 0.75;
     for (const ray of rays) {
       pen.beginPath();
-      pen.arc(width / 2 + scale * minutes(ray.x), width / 2 - scale * minutes(ray.y), 4, 0, 7);
+      // What one point of the retina sees is a point's image turned about its middle.
+      pen.arc(width / 2 - scale * minutes(ray.x), width / 2 + scale * minutes(ray.y), 4, 0, 7);
       pen.fill();
     }
     pen.globalAlpha = 1;

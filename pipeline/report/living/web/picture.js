@@ -129,8 +129,8 @@ class Picture {
     this.gl = gl;
     this.programs = new Map();
     this.textures = new Map();
-    const needed = exponents(largestDegree).length + 2;
-    if (gl.getParameter(gl.MAX_VARYING_VECTORS) < needed) throw new Error(`this browser's WebGL interpolates fewer than ${needed} vectors`);
+    // Polynomials of degree 6 need 30 vectors; what has fewer (15 are certain) gets those of degree 3, and misses rays by more.
+    while (exponents(polynomials.largestDegree).length + 2 > gl.getParameter(gl.MAX_VARYING_VECTORS)) polynomials.largestDegree -= 1;
     const indices = [];
     for (let row = 0; row < meshCells; ++row)
       for (let column = 0; column < meshCells; ++column) {

@@ -12,28 +12,36 @@ const pupilPlaces = (() => {
   return places;
 })();
 
-/// Where rays meet the plane at the scene's distance, as visual angles from their mean (mrad, patient's right and up), and
-/// their share of the light.
+/// Where rays meet the plane across their mean at the scene's distance, as visual angles from it (mrad, patient's right and
+/// up), and their share of the light; and how many of them the spectacle loses.
 function spotOf(eye, state, wavelength_nm) {
   const { map } = eye, distance_mm = Math.min(far_mm, state.distance_mm);
   // What stays while only the lens changes.
-  const key = JSON.stringify([wavelength_nm, state.pupil_mm, state.accommodation_D, state.band, state.band_share, state.field_x_mm, state.field_y_mm]);
+  const key = JSON.stringify([wavelength_nm, state.stiles_crawford_per_mm2, state.pupil_mm, state.accommodation_D, state.band, state.band_share, state.field_x_mm, state.field_y_mm]);
   if (eye.bundleKey !== key) {
     const scale = state.pupil_mm / map.pupil_mm;
     const at = map.atField(map.raysOf({ ...state, wavelength_nm }), state.field_x_mm, state.field_y_mm, scale);
     const share = map.weightsOf(state.accommodation_D, scale)(state.field_x_mm, state.field_y_mm);
+    const falloff = state.stiles_crawford_per_mm2 * (state.pupil_mm * eye.entrance_pupil_magnification / 2) ** 2;
     eye.bundle = pupilPlaces.map(([px, py]) => ({ ray: map.ray(at, px, py),
-      weight: share[0] + px * (share[1] + px * share[2] + py * share[4]) + py * (share[3] + py * share[5]) }));
+      weight: 10 ** (-falloff * (px * px + py * py)) * (share[0] + px * (share[1] + px * share[2] + py * share[4]) + py * (share[3] + py * share[5])) }));
     eye.bundleKey = key;
   }
-  const lens = lensOf(state), turn = turnOf(state.gaze_deg), rays = [];
+  const lens = lensOf(state), turn = turnOf(state.gaze_deg), outside = [];
   for (const { ray, weight } of eye.bundle) {
     const head = turned(ray, turn, eye.rotation_centre_mm), out = lens ? lens.pass(head) : head;
-    if (!out) continue;
-    const t = (distance_mm - out.at[2]) / out.to[2];
-    rays.push({ x: -1e3 * (out.at[0] + t * out.to[0]) / distance_mm, y: 1e3 * (out.at[1] + t * out.to[1]) / distance_mm, weight });
+    if (out) outside.push({ at: out.at, to: unit(out.to), weight });
   }
-  if (rays.length === 0) throw new Error("no ray passes the spectacle");
+  if (outside.length === 0) throw new Error("no ray passes the spectacle");
+  const average = (of) => outside.reduce((sum, ray) => plus(sum, of(ray), 1 / outside.length), [0, 0, 0]);
+  const ahead = unit(average((ray) => ray.to)), target = plus(average((ray) => ray.at), ahead, distance_mm);
+  const right = unit([-ahead[2], 0, ahead[0]]);  // the patient's, across the mean ray
+  const down = [ahead[1] * right[2] - ahead[2] * right[1], ahead[2] * right[0] - ahead[0] * right[2], ahead[0] * right[1] - ahead[1] * right[0]];
+  const rays = outside.map(({ at, to, weight }) => {
+    const hit = plus(plus(at, to, dot(plus(target, at, -1), ahead) / dot(to, ahead)), target, -1);
+    return { x: 1e3 * dot(hit, right) / distance_mm, y: -1e3 * dot(hit, down) / distance_mm, weight };
+  });
+  rays.lost = 1 - outside.length / eye.bundle.length;
   const light = rays.reduce((sum, ray) => sum + ray.weight, 0);
   for (const ray of rays) ray.weight /= light;
   const mean = (c) => rays.reduce((sum, ray) => sum + ray.weight * ray[c], 0), x = mean("x"), y = mean("y");

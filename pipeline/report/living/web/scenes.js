@@ -3,7 +3,7 @@
 // the patient sees them (right is the head's -x); a picture is { image, linear } or { image } in sRGB.
 
 const far_mm = 1e9;
-const field_mm_of = { chart: 1.4, page: 2.4, wide: 5.6 };
+const field_mm_of = { chart: 1.4, page: 4.2, wide: 5.6 };
 
 function drawnCanvas(width, height, draw) {
   const canvas = document.createElement("canvas");
@@ -225,7 +225,7 @@ class Scenes {
       planes: (distance) => [flat(this.pictures.get("street"), distance, distance * tan(42), distance * tan(42) * 1152 / 2048)] });
     this.all.set("page", { title: "Page to read", far: true, distance_mm: 400, field_mm: field_mm_of.page, background: [0.25, 0.22, 0.2],
       load: () => this.draw("page", 1680, 2368, drawPage),
-      planes: (distance) => [flat(this.pictures.get("page"), distance, 52.5, 74, -20, -20)] });
+      planes: (distance) => [flat(this.pictures.get("page"), distance, 52.5, 74, 0, -26)] });
     this.all.set("depth", { title: "Near, middle, far", far: false, distance_mm: 1500, field_mm: field_mm_of.wide, background: [0.6, 0.7, 0.8],
       load: () => { this.all.get("street").load(); this.draw("phone", 512, 900, drawBoard("40 cm", ["18:42", "E F P", "T O Z L"], "#1d3557"));
         this.draw("board", 1024, 800, drawBoard("1.5 m", ["MENU", "Soup 4.50", "Pasta 9.80"], "#7a1f1f")); },
@@ -245,9 +245,14 @@ class Scenes {
     if (!this.pictures.has(name)) this.pictures.set(name, { image: drawnCanvas(width, height, how) });
   }
 
-  async at(name, distance_mm) {
+  /// As a state asks for it; turned with the gaze about the eye's centre of rotation where it is to stay before the eye.
+  async at({ scene: name, distance_mm, gaze_deg, scene_follows_gaze }, rotation_centre_mm) {
     const scene = this.all.get(name);
     await scene.load();
-    return { planes: scene.planes(Math.min(far_mm, distance_mm)), background: scene.background };
+    const planes = scene.planes(Math.min(far_mm, distance_mm));
+    if (!scene_follows_gaze || !gaze_deg.some((angle) => angle)) return { planes, background: scene.background };
+    const turn = turnOf(gaze_deg), centre = [0, 0, -rotation_centre_mm], rotate = (v) => turn.map((row) => dot(row, v));
+    return { background: scene.background, planes: planes.map((plane) => ({ picture: plane.picture,
+      centre: plus(rotate(plus(plane.centre, centre, -1)), centre), right: rotate(plane.right), up: rotate(plane.up) })) };
   }
 }

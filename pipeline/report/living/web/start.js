@@ -8,6 +8,9 @@
     const controls = new Controls(living, panel);
     controls.numbers = new Numbers(living, panel);
     controls.follow();
+    for (const eye of living.eyes)
+      eye.canvas.addEventListener("webglcontextlost", () => living.says("The browser has taken the graphics away: load the page again."));
+    controls.readLink();
     // Not before it is looked at, so that a report is there at once.
     new IntersectionObserver((entries, observer) => {
       if (!entries.some((entry) => entry.isIntersecting)) return;

@@ -106,7 +106,7 @@ if (!brief) {
   await page.evaluate(() => window.emmetrope.set({ cylinder_D: -1, prism_D: 1 }));
   let before = await picture();
   for (const label of ["Sphere", "Cylinder", "Axis", "Vertex distance", "Prism", "Base of the prism", "Pupil (iris)", "Accommodation", "Gaze, up", "Distance",
-    "Width of the picture", "Off the axis, sideways"]) {
+    "Width of the picture", "Off the axis, to the right", "Off the axis, up"]) {
     const slider = page.getByLabel(label, { exact: true }).first();
     if (!(await slider.isVisible())) continue;
     const said = await slider.getAttribute("aria-valuetext");
@@ -144,9 +144,21 @@ if (!brief) {
   await page.getByRole("button", { name: "Copy a link to this state" }).click();
   findings.state = await page.evaluate(() => window.emmetrope.state());
   findings.hash = await page.evaluate(() => location.hash);
-  findings.refused = await page.evaluate(() => ["scene", "eye", "sphere"].map((key) => {
-    try { window.emmetrope.set({ [key]: "none" }); return ""; } catch (fault) { return fault.message; }
+  findings.refused = await page.evaluate(() => [["scene", "none"], ["eye", "none"], ["sphere", 1], ["sphere_D", "2"], ["sphere_D", NaN], ["gaze_deg", 5],
+    ["wavelength_nm", 300], ["samples", -1], ["distance_mm", 0], ["band", 7]].map(([key, value]) => {
+    try { window.emmetrope.set({ [key]: value }); return ""; } catch (fault) { return fault.message; }
   }));
+  // Pictures asked for at once come one after the other; one that a change overtakes says so.
+  findings.images = await page.evaluate(async () => {
+    window.emmetrope.set({ samples: 16 });
+    const both = await Promise.all([window.emmetrope.image({ width: 64 }), window.emmetrope.image({ width: 32 })]);
+    const overtaken = window.emmetrope.image();
+    await new Promise((resolve) => setTimeout(resolve, 20));
+    window.emmetrope.set({ sphere_D: 1 });
+    return [...both.map((image) => image.width), await overtaken.then(() => "", (fault) => fault.message)];
+  });
+  // A spot is a point's image: skewed as the picture of a point is, off the axis where coma is.
+  findings.gaze_blur = await page.evaluate(() => [0, 30].map((angle) => window.emmetrope.quality(undefined, { ...window.emmetrope.opening, distance_mm: 1e9, gaze_deg: [angle, 0] }).blur_arcmin));
   if (pictures) await page.screenshot({ path: `${folder}/desktop.png`, fullPage: true });
   await page.context().close();
   const again = await open({ hash: findings.hash });
