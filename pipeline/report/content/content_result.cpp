@@ -67,8 +67,10 @@ Table details_of(const Json& prescription, const Judgement& judgement, const std
       {}};
   const NumberStyle dioptres{2, true, "D"};
   if (judgement.has_prescription) {
-    if (has_axis(prescription.value("cylinder_D", Json())))
-      details.rows.push_back({"Rounded", rounded_prescription(prescription), ""});
+    details.rows.push_back({has_axis(prescription.value("cylinder_D", Json()))
+                                ? "Rounded"
+                                : "Rounded; its axis is not determined",
+                            rounded_prescription(prescription), ""});
     add_measured(details, prescription, "sphere_D", "Sphere", dioptres);
     add_measured(details, prescription, "cylinder_D", "Cylinder", dioptres);
     add_axis(details, prescription);
