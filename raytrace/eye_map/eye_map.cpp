@@ -179,7 +179,8 @@ MatrixXd over_field(const MatrixXd& at_nodes, int degree) {
     for (int i = 0; i <= degree - j; ++i, ++k)
       for (int q = 0; q < field_nodes; ++q)
         for (int p = 0; p < field_nodes; ++p)
-          result.row(k) += to_coefficients(i, p) * to_coefficients(j, q) * at_nodes.row(q * field_nodes + p);
+          result.row(k) +=
+              to_coefficients(i, p) * to_coefficients(j, q) * at_nodes.row(Eigen::Index{q} * field_nodes + p);
   return result;
 }
 
@@ -208,7 +209,8 @@ Tables tables_of(const State& state, bool with_paths) {
     }
     const MatrixXd fit = Eigen::HouseholderQR<MatrixXd>(powers_of(at, EyeMap::pupil_degree)).solve(values);
     for (int t = 0; t < pupil_terms; ++t)
-      rays.block<1, EyeMap::outputs>(place, t * EyeMap::outputs) = fit.block<1, EyeMap::outputs>(t, 0);
+      rays.block<1, EyeMap::outputs>(place, Eigen::Index{t} * EyeMap::outputs) =
+          fit.block<1, EyeMap::outputs>(t, 0);
     weights.row(place) = Eigen::HouseholderQR<MatrixXd>(powers_of(at, EyeMap::weight_pupil_degree))
                              .solve(jacobians(at, fit.col(EyeMap::outputs), fit.col(EyeMap::outputs + 1)))
                              .transpose();

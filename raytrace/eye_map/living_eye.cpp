@@ -23,7 +23,9 @@ Eigen::Vector3d refraction_of(EyeModel eye) {
   return {spot.M_D, spot.J0_D, spot.J45_D};
 }
 
-double paraxial_M_D(const EyeModel& eye) { return paraxial_refraction(eye, eye.reference_wavelength_nm).M_D; }
+double paraxial_mean_D(const EyeModel& eye) {
+  return paraxial_refraction(eye, eye.reference_wavelength_nm).M_D;
+}
 
 std::vector<EyeBand> bands_of(const UncertainOptics& optics, const EyeMapSettings& settings) {
   const NormalDistribution known = optics.known.parameters();
@@ -69,11 +71,11 @@ Eigen::VectorXd accommodated(const UncertainOptics& optics, double accommodation
     value("lens_index") += stimulus_D * 0.0013;
     return values;
   };
-  const double at_rest_D = paraxial_M_D(eye_at(optics, mean));
+  const double at_rest_D = paraxial_mean_D(eye_at(optics, mean));
   // Nearly straight: the secant method ends in a few steps.
   double before = 0, before_D = 0, stimulus = accommodation_D;
   for (int round = 0; round < 20; ++round) {
-    const double reached_D = at_rest_D - paraxial_M_D(eye_at(optics, at_stimulus(stimulus)));
+    const double reached_D = at_rest_D - paraxial_mean_D(eye_at(optics, at_stimulus(stimulus)));
     if (std::abs(reached_D - accommodation_D) < 1e-6 || reached_D == before_D) break;
     const double next =
         stimulus + (accommodation_D - reached_D) * (stimulus - before) / (reached_D - before_D);

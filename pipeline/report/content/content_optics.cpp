@@ -1,6 +1,7 @@
 #include <fmt/format.h>
 
 #include "pipeline/base/error.hpp"
+#include "pipeline/base/frames.hpp"
 #include "pipeline/eye/population/limits.hpp"
 #include "pipeline/eye/surfaces/zernike.hpp"
 #include "pipeline/report/content/content.hpp"

@@ -58,8 +58,7 @@ std::string limit_of(const EyeData& eye) {
   const auto M = measured_in(eye.prescription, "M_D");
   const auto source = largest_source(eye);
   if (!M || !source) return {};
-  const std::string shown =
-      source->first == "lens index" ? "lens index, which no MR image shows" : source->first;
+  std::string shown = source->first == "lens index" ? "lens index, which no MR image shows" : source->first;
   if (Measured::from_sigma(0, source->second, "").ci95[1] > half_width(*M)) return shown;
   return fmt::format("{} (\u00b1{} of \u00b1{} D)", shown,
                      fixed(Measured::from_sigma(0, source->second, "").ci95[1], 1), fixed(half_width(*M), 1));

@@ -1,5 +1,7 @@
 #include "pipeline/report/living/case_eyes.hpp"
 
+#include <fmt/format.h>
+
 #include <filesystem>
 
 #include "pipeline/base/case_subject.hpp"
@@ -86,7 +88,8 @@ CaseEyes living_eyes_of(const CaseData& data, int threads, std::uint64_t seed) {
       const LivingSubject subject = subject_of(data, eye, settings);
       result.eyes.push_back(living_json(subject));
       result.notes.push_back(name + ", its map: " + subject.living.map.note() + ".");
-      for (const auto& note : subject.living.left_out) result.notes.push_back(name + ": " + note + ".");
+      for (const auto& note : subject.living.left_out)
+        result.notes.push_back(fmt::format("{}: {}.", name, note));
     } catch (const Error& error) {
       if (error.status() == ExitStatus::fault) throw;
       result.notes.push_back(name + " looks out of no picture: " + error.what() + ".");
