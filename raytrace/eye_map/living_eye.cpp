@@ -19,8 +19,7 @@ constexpr double usual_pupil_mm = 4;
 
 Eigen::Vector3d refraction_of(EyeModel eye) {
   eye.set_stop_diameter(usual_pupil_mm);
-  const PowerVector spot = measure_wavefront(eye).minimum_rms_spot;
-  return {spot.M_D, spot.J0_D, spot.J45_D};
+  return as_vector(measure_wavefront(eye).minimum_rms_spot);
 }
 
 double paraxial_mean_D(const EyeModel& eye) {
@@ -45,7 +44,7 @@ std::vector<EyeBand> bands_of(const UncertainOptics& optics, const EyeMapSetting
     const double reach_D = sigmas_to_95 * std::sqrt(std::max(0.0, axes.eigenvalues()[k]));
     if (reach_D < least_reach_D) break;
     Eigen::Vector3d axis = axes.eigenvectors().col(k);
-    if (axis[Eigen::Index{0}] < 0) axis = -axis;
+    if (axis.x() < 0) axis = -axis;
     const Eigen::VectorXd shift =
         known.covariance * slopes.transpose() * axis * (sigmas_to_95 * sigmas_to_95 / reach_D);
     const Eigen::Vector3d reach = reach_D * axis;

@@ -30,13 +30,16 @@ std::vector<NamedLens> lenses_of(const Json& prescription, bool has_prescription
     if (!json.is_object()) return;
     if (const auto power = power_in(json)) lenses.push_back({name, *power, vertex_mm});
   };
-  // Known glasses have moved what is known of the eye; the one that looks out of the page is that of the images.
+  // A given refraction has moved what is known of the eye; the one that looks out of the page is that of the images, and
+  // what was rounded is not its lens.
   const Json calibration = prescription.value("calibration", Json());
-  if (has_prescription) {
-    add("best", calibration.is_object() ? calibration.value("without_it", Json()) : prescription);
+  if (calibration.is_object()) {
+    if (has_prescription) add("best", calibration.value("without_it", Json()));
+    add("known", calibration.value("given", Json()));
+  } else if (has_prescription) {
+    add("best", prescription);
     add("rounded", prescription.value("rounded", Json()));
   }
-  if (calibration.is_object()) add("known", calibration.value("given", Json()));
   return lenses;
 }
 
@@ -88,6 +91,11 @@ CaseEyes living_eyes_of(const CaseData& data, int threads, std::uint64_t seed) {
       const LivingSubject subject = subject_of(data, eye, settings);
       result.eyes.push_back(living_json(subject));
       result.notes.push_back(name + ", its map: " + subject.living.map.note() + ".");
+      if (eye.prescription.is_object() && eye.prescription.contains("calibration"))
+        result.notes.push_back(
+            name +
+            " looks as the images alone show it: the refraction that was given has changed the "
+            "result above, not this eye, which may see less through the known glasses.");
       for (const auto& note : subject.living.left_out)
         result.notes.push_back(fmt::format("{}: {}.", name, note));
     } catch (const Error& error) {

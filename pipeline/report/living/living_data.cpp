@@ -82,12 +82,14 @@ Json outline_json(const Surface& surface, double reach_mm) {
   return {{"name", surface.name}, {"rings", rings}, {"spokes", spokes}, {"points", packed(points)}};
 }
 
-/// As far as the surface reaches, at most as far as is drawn.
+/// As far as the surface reaches, at most as far as an eye does: the retina to its equator, the lens to its own, the cornea
+/// to the limbus.
 double reach_of(const Surface& surface) {
-  const bool is_lens = surface.name.rfind("lens", 0) == 0;
-  double reach = surface.semi_diameter_mm > 0 ? surface.semi_diameter_mm : is_lens ? 4.6 : 6;
-  if (surface.name == "retina") reach = 11.5;
-  reach = std::min(reach, surface.name == "retina" ? 11.5 : is_lens ? 4.8 : 6.2);
+  constexpr double globe_mm = 11.5, lens_mm = 4.7, cornea_mm = 6;
+  double reach = surface.name == "retina"               ? globe_mm
+                 : surface.name.rfind("cornea", 0) == 0 ? cornea_mm
+                                                        : lens_mm;
+  if (surface.semi_diameter_mm > 0) reach = std::min(reach, surface.semi_diameter_mm);
   const auto is_there = [&](double radius) {
     for (int k = 0; k < 8; ++k)
       if (!surface.shape->depth_mm(radius * std::cos(k * pi / 4), radius * std::sin(k * pi / 4)))

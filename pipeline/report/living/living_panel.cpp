@@ -1,11 +1,10 @@
 #include "pipeline/report/living/living_panel.hpp"
 
 #include <array>
-#include <kainjow/mustache.hpp>
 
 #include "pipeline/base/clean_text.hpp"
-#include "pipeline/base/error.hpp"
 #include "pipeline/base/version.hpp"
+#include "pipeline/report/document/page_template.hpp"
 
 namespace emmetrope {
 extern const char living_panel[], living_style[], living_page[], report_style[];
@@ -42,17 +41,8 @@ std::string render_living_page(const std::string& title, const LivingPanel& pane
   page.set("style", report_style + panel.style);
   page.set("panel", panel.markup);
   page.set("scripts", panel.scripts);
-  data list{data::type::list};
-  for (const auto& note : panel.notes) {
-    data entry;
-    entry.set("text", clean_utf8(note));
-    list.push_back(entry);
-  }
-  page.set("notes", list);
-  kainjow::mustache::mustache page_template{std::string(living_page)};
-  if (!page_template.is_valid())
-    throw Error(ExitStatus::fault, "the page's template is broken: " + page_template.error_message());
-  return page_template.render(page);
+  page.set("notes", list_of(panel.notes));
+  return render_template(living_page, page);
 }
 
 }  // namespace emmetrope::report

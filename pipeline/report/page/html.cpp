@@ -2,11 +2,9 @@
 
 #include <fmt/format.h>
 
-#include <kainjow/mustache.hpp>
-
 #include "pipeline/base/clean_text.hpp"
-#include "pipeline/base/error.hpp"
 #include "pipeline/base/version.hpp"
+#include "pipeline/report/document/page_template.hpp"
 #include "pipeline/report/figures/encoding.hpp"
 
 namespace emmetrope {
@@ -19,7 +17,6 @@ namespace emmetrope::report {
 namespace {
 
 using kainjow::mustache::data;
-using kainjow::mustache::mustache;
 
 const char* light_name(Light light) {
   switch (light) {
@@ -31,16 +28,6 @@ const char* light_name(Light light) {
       break;
   }
   return "red";
-}
-
-data list_of(const std::vector<std::string>& texts) {
-  data list{data::type::list};
-  for (const auto& text : texts) {
-    data item;
-    item.set("text", clean_utf8(text));
-    list.push_back(item);
-  }
-  return list;
 }
 
 data table_data(const Table& table) {
@@ -167,13 +154,7 @@ std::string render_html(const Document& document, const ViewerData& viewer, cons
   page.set("has_living", !living.markup.empty());
   page.set("living_panel", living.markup);
   page.set("living_scripts", living.scripts);
-  data living_notes{data::type::list};
-  for (const auto& note : living.notes) {
-    data entry;
-    entry.set("text", clean_utf8(note));
-    living_notes.push_back(entry);
-  }
-  page.set("living_notes", living_notes);
+  page.set("living_notes", list_of(living.notes));
   data heading{data::type::list};
   for (const auto& [name, value] : document.heading) {
     data line;
@@ -196,10 +177,7 @@ std::string render_html(const Document& document, const ViewerData& viewer, cons
     sections.push_back(entry);
   }
   page.set("sections", sections);
-  mustache page_template{std::string(report_template)};
-  if (!page_template.is_valid())
-    throw Error(ExitStatus::fault, "the report's template is broken: " + page_template.error_message());
-  return page_template.render(page);
+  return render_template(report_template, page);
 }
 
 }  // namespace emmetrope::report

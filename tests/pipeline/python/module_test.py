@@ -276,6 +276,10 @@ class Commands(unittest.TestCase):
             self.assertIn("axial_length_mm", truth["eyes"]["od"])
             series = run.inventory(os.path.join(folder, "study", "dicom"), quiet=True)["series"]
             self.assertTrue(series[0]["usable"])
+            page = run.view(eye="arizona", output=os.path.join(folder, "arizona.html"), quiet=True)
+            self.assertLess(os.path.getsize(page["html"]), 2_000_000)
+            with self.assertRaisesRegex(emmetrope.UsageError, "nobody"):
+                run.view(eye="nobody", output=os.path.join(folder, "nobody.html"), quiet=True)
             with self.assertRaises(emmetrope.UsageError) as caught:
                 run.phantom(os.path.join(folder, "other"), protocol="none")
             self.assertEqual(caught.exception.status, 2)

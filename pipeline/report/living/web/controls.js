@@ -182,7 +182,7 @@ class Controls {
     this.inputs.get("log_distance").row.hidden = !this.living.scenes.all.get(state.scene).far;
     this.panel.querySelector(".living-ground").hidden = !state.is_thick;
     for (const button of this.panel.querySelectorAll("[data-lens]"))
-      button.disabled = !eye.lenses.some((lens) => lens.name === button.dataset.lens) && (button.dataset.lens !== "best" || !!eye.withheld);
+      button.disabled = !eye.lenses.some((lens) => lens.name === button.dataset.lens) && (button.dataset.lens !== "best" || !eye.has_prescription);
     const withheld = this.panel.querySelector(".living-withheld");
     withheld.textContent = eye.withheld ? `No prescription, so no best lens to put on: ${eye.withheld}` : "";
     withheld.hidden = !eye.withheld;

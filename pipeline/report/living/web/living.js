@@ -16,7 +16,6 @@ class Eye {
     this.map = new EyeMap(json.map, json.bands);
     this.canvas = figure.querySelector("canvas");
     this.picture = new Picture(this.canvas, airy);
-    this.airy = airy;
     this.meshes = new Map();
   }
 
@@ -140,7 +139,6 @@ class Living {
     const least = (of) => Math.min(...eyes.map(of));
     next.pupil_mm = within(next.pupil_mm, 1, least((eye) => eye.map.pupil_mm));
     next.accommodation_D = within(next.accommodation_D, 0, least((eye) => eye.map.largest_accommodation_D));
-    next.band_share = within(next.band_share, -1, 1);
     const room = least((eye) => eye.map.field_mm);
     next.field_mm = within(next.field_mm, 0.1, room);
     for (const key of ["field_x_mm", "field_y_mm"]) next[key] = within(next[key], (next.field_mm - room) / 2, (room - next.field_mm) / 2);
@@ -246,8 +244,7 @@ class Living {
     cancelAnimationFrame(this.frame);
     if (!await this.fine(++this.work, width, [one])) throw new Error("the state was changed before the picture was finished");
     if (this.fault) throw new Error(this.fault);
-    const { picture } = this.eyeOf(eye);
-    const light = picture.linear();
+    const light = one.picture.linear();
     if (width !== 512 || !this.shownEyes().includes(one)) this.draw();
     if (linear) return light;
     const encoded = new ImageData(light.width, light.height);

@@ -3,7 +3,6 @@
 // corners of a mesh and interpolated over it, then the scene. Rays add up in a float texture.
 
 const meshCells = 20;
-const scratchSize = 4;  // floats of a texel
 
 const vertexShader = (terms) => `#version 300 es
 precision highp float;
@@ -272,7 +271,7 @@ class Picture {
   /// Waits until everything is drawn.
   finish() {
     this.gl.bindFramebuffer(this.gl.FRAMEBUFFER, this.sums.buffer);
-    this.gl.readPixels(0, 0, 1, 1, this.gl.RGBA, this.gl.FLOAT, new Float32Array(scratchSize));
+    this.gl.readPixels(0, 0, 1, 1, this.gl.RGBA, this.gl.FLOAT, new Float32Array(4));
   }
 
   /// Linear light, red green blue, row after row from the top.

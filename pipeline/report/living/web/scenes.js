@@ -22,6 +22,13 @@ function evenRandom(seed) {
   };
 }
 
+function polygon(pen, colour, corners) {
+  pen.fillStyle = colour;
+  pen.beginPath();
+  for (const corner of corners) pen.lineTo(...corner);
+  pen.fill();
+}
+
 function drawStreet(pen, width, height) {
   const random = evenRandom(7), horizon = 0.56 * height, middle = 0.52 * width;
   const sky = pen.createLinearGradient(0, 0, 0, horizon);
@@ -39,25 +46,13 @@ function drawStreet(pen, width, height) {
   pen.fillRect(0, horizon, width, height - horizon);
   // A road to the vanishing point, pavements, the middle line.
   const wedge = (left, right, colour, from = 0) => {
-    pen.fillStyle = colour;
-    pen.beginPath();
-    pen.moveTo(middle + (left - middle) * from, horizon + (height - horizon) * from);
-    pen.lineTo(middle + (right - middle) * from, horizon + (height - horizon) * from);
-    pen.lineTo(right, height);
-    pen.lineTo(left, height);
-    pen.fill();
+    polygon(pen, colour, [[middle + (left - middle) * from, horizon + (height - horizon) * from], [middle + (right - middle) * from, horizon + (height - horizon) * from], [right, height], [left, height]]);
   };
   wedge(-1.2 * width, 2.2 * width, "#a9a59c");
   wedge(0.02 * width, 0.98 * width, "#55585c");
   for (let k = 0; k < 9; ++k) {
     const near = 1 / (1 + 0.55 * k), far = 1 / (1 + 0.55 * k + 0.25), y = (s) => horizon + (height - horizon) * s;
-    pen.fillStyle = "#f2f2ea";
-    pen.beginPath();
-    pen.moveTo(middle - 9 * near, y(near));
-    pen.lineTo(middle + 9 * near, y(near));
-    pen.lineTo(middle + 9 * far, y(far));
-    pen.lineTo(middle - 9 * far, y(far));
-    pen.fill();
+    polygon(pen, "#f2f2ea", [[middle - 9 * near, y(near)], [middle + 9 * near, y(near)], [middle + 9 * far, y(far)], [middle - 9 * far, y(far)]]);
   }
   // Houses: fronts between depths, the far ones first.
   const names = ["BAKERY", "OPTICIAN", "CAFE ROMA", "BOOKS", "PHARMACY", "FLOWERS", "HOTEL LUX", "CINEMA"];
@@ -66,13 +61,7 @@ function drawStreet(pen, width, height) {
       const near = 1 / (0.62 + 0.42 * k), far = 1 / (0.62 + 0.42 * (k + 1)), edge = 0.52 * width * side;
       const x = (s) => middle + edge * s, base = (s) => horizon + 0.34 * height * s, tall = 0.55 + 0.35 * random();
       const top = (s) => horizon - tall * height * s, colour = ["#b9846a", "#c9b18a", "#8f9aa3", "#a5675a", "#d8cdb8"][Math.floor(5 * random())];
-      pen.fillStyle = colour;
-      pen.beginPath();
-      pen.moveTo(x(near), base(near));
-      pen.lineTo(x(near), top(near));
-      pen.lineTo(x(far), top(far));
-      pen.lineTo(x(far), base(far));
-      pen.fill();
+      polygon(pen, colour, [[x(near), base(near)], [x(near), top(near)], [x(far), top(far)], [x(far), base(far)]]);
       pen.fillStyle = side < 0 ? "rgba(0,0,0,.08)" : "rgba(0,0,0,.22)";
       pen.fill();
       const storeys = 4, bays = 4;
@@ -81,24 +70,12 @@ function drawStreet(pen, width, height) {
         for (let bay = 0; bay < bays; ++bay) {
           const a = depth((bay + 0.25) / bays), b = depth((bay + 0.75) / bays);
           const level = (s, part) => top(s) + (base(s) - top(s)) * (0.06 + (storey + part) / (storeys + 1.2));
-          pen.fillStyle = storey === storeys - 1 ? "#3c4a52" : random() < 0.2 ? "#ffe9a8" : "#44586a";
-          pen.beginPath();
-          pen.moveTo(x(a), level(a, 0.2));
-          pen.lineTo(x(b), level(b, 0.2));
-          pen.lineTo(x(b), level(b, 0.8));
-          pen.lineTo(x(a), level(a, 0.8));
-          pen.fill();
+          polygon(pen, storey === storeys - 1 ? "#3c4a52" : random() < 0.2 ? "#ffe9a8" : "#44586a", [[x(a), level(a, 0.2)], [x(b), level(b, 0.2)], [x(b), level(b, 0.8)], [x(a), level(a, 0.8)]]);
         }
       // A sign over the shop, its letters squeezed with the front.
       const a = depth(0.08), b = depth(0.92), left = side < 0 ? a : b, right = side < 0 ? b : a;
       const line = (s, part) => base(s) - (base(s) - top(s)) * part;
-      pen.fillStyle = ["#7a1f1f", "#1f4d3a", "#1d3557", "#5b3a1e"][Math.floor(4 * random())];
-      pen.beginPath();
-      pen.moveTo(x(left), line(left, 0.2));
-      pen.lineTo(x(right), line(right, 0.2));
-      pen.lineTo(x(right), line(right, 0.27));
-      pen.lineTo(x(left), line(left, 0.27));
-      pen.fill();
+      polygon(pen, ["#7a1f1f", "#1f4d3a", "#1d3557", "#5b3a1e"][Math.floor(4 * random())], [[x(left), line(left, 0.2)], [x(right), line(right, 0.2)], [x(right), line(right, 0.27)], [x(left), line(left, 0.27)]]);
       pen.save();
       const wide = x(right) - x(left), rise = line(right, 0.235) - line(left, 0.235), size = (base(left) - top(left) + base(right) - top(right)) * 0.026;
       pen.setTransform(1, rise / wide, 0, 1, x(left), line(left, 0.235));

@@ -157,7 +157,7 @@ if (!brief) {
     window.emmetrope.set({ sphere_D: 1 });
     return [...both.map((image) => image.width), await overtaken.then(() => "", (fault) => fault.message)];
   });
-  // A spot is a point's image: skewed as the picture of a point is, off the axis where coma is.
+  // What an eye sees of a far point does not depend on where it looks.
   findings.gaze_blur = await page.evaluate(() => [0, 30].map((angle) => window.emmetrope.quality(undefined, { ...window.emmetrope.opening, distance_mm: 1e9, gaze_deg: [angle, 0] }).blur_arcmin));
   if (pictures) await page.screenshot({ path: `${folder}/desktop.png`, fullPage: true });
   await page.context().close();
