@@ -13,9 +13,9 @@
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/eye_stage.hpp"
 #include "pipeline/base/files.hpp"
-#include "pipeline/base/interrupt.hpp"
 #include "pipeline/base/log.hpp"
 #include "pipeline/base/notation.hpp"
+#include "pipeline/base/scratch_folder.hpp"
 #include "pipeline/base/version.hpp"
 #include "pipeline/eye/population/population.hpp"
 #include "raytrace/spectacle/spectacle.hpp"
@@ -208,24 +208,12 @@ std::vector<std::string> doubts(const Prescription& prescription) {
 constexpr std::array eye_files{"prescription.json", "corrected.png", "sweep.csv",
                                "sweep.svg",         "ablated.png",   "ablated_wavefront_guided.png"};
 
-/// A folder inside the output in which files are written, to be moved out of it together; it goes again,
-/// whatever happens.
+/// Files are written inside the output's folder, to be moved into it together.
 class WholeOutput {
  public:
-  explicit WholeOutput(fs::path output) : output_(std::move(output)), guard_(folder()) {
-    std::error_code fault;
-    fs::remove_all(folder(), fault);
-    fs::create_directories(folder(), fault);
-    if (fault) throw output_error("cannot make the folder " + output_.string() + ": " + fault.message());
-  }
-  ~WholeOutput() {
-    std::error_code ignored;
-    fs::remove_all(folder(), ignored);
-  }
-  WholeOutput(const WholeOutput&) = delete;
-  WholeOutput& operator=(const WholeOutput&) = delete;
+  explicit WholeOutput(const fs::path& output) : output_(output), scratch_(output / ".writing-correction") {}
 
-  fs::path folder() const { return output_ / ".writing-correction"; }
+  const fs::path& folder() const { return scratch_.path(); }
   /// Puts what has been written, or nothing, in the place of an earlier eye's files.
   void publish() const {
     const auto together = hold_interrupts();
@@ -239,7 +227,7 @@ class WholeOutput {
 
  private:
   fs::path output_;
-  RemoveOnInterrupt guard_;
+  ScratchFolder scratch_;
 };
 
 /// What each eye is corrected from.

@@ -6,10 +6,12 @@
 #include <algorithm>
 #include <cmath>
 
+#include "meshing/retinal_shape.hpp"
 #include "pipeline/base/astigmatism.hpp"
 #include "pipeline/base/frames.hpp"
 #include "pipeline/eye/instruments/topography.hpp"
 #include "pipeline/eye/parametric/analytic_eye.hpp"
+#include "pipeline/eye/parametric/retinal_metrics.hpp"
 #include "pipeline/eye/surfaces/zernike.hpp"
 
 namespace emmetrope::meshing {
@@ -25,31 +27,6 @@ Measured measured(const Propagated& p, Eigen::Index i) {
   return Measured::from_sigma(p.value[i], p.sigma(i), p.origin[static_cast<std::size_t>(i)], "fit");
 }
 
-/// Largest coordinate of the interface along a direction of the eye frame: coarse search, then a compass
-/// search.
-double extent_mm(const ParametricEye& eye, const Vector3d& along) {
-  const Vector3d across = along.cross(Vector3d::UnitZ()).normalized();
-  const auto coordinate = [&](double a, double b) {
-    const Vector3d n = (along + std::tan(a) * across + std::tan(b) * Vector3d::UnitZ()).normalized();
-    return along.dot(eye.retina_point(n));
-  };
-  double a = 0, b = 0, best = coordinate(0, 0);
-  const auto attempt = [&](double to_a, double to_b) {
-    const double value = coordinate(to_a, to_b);
-    if (value <= best) return false;
-    a = to_a, b = to_b, best = value;
-    return true;
-  };
-  for (int i = -2; i <= 2; ++i) {
-    for (int k = -2; k <= 2; ++k) attempt(0.2 * i, 0.2 * k);
-  }
-  for (double step = 0.1; step > 1e-4;) {  // the extent is then right to 1e-7 mm
-    if (!(attempt(a + step, b) || attempt(a - step, b) || attempt(a, b + step) || attempt(a, b - step)))
-      step /= 2;
-  }
-  return best;
-}
-
 VectorXd lengths(const ParametricEye& eye) {
   const LensOnAxis lens = lens_on_axis(eye);
   VectorXd v(6);
@@ -59,8 +36,9 @@ VectorXd lengths(const ParametricEye& eye) {
 }
 
 VectorXd globe_extents(const ParametricEye& eye) {
-  const Vector3d x = Vector3d::UnitX(), y = Vector3d::UnitY();
-  return Vector2d(extent_mm(eye, x) + extent_mm(eye, -x), extent_mm(eye, y) + extent_mm(eye, -y));
+  const InterfaceDistance interface = vitreoretinal_interface(eye);
+  return Vector2d(globe_extent_mm(interface, Vector3d::UnitX()),
+                  globe_extent_mm(interface, Vector3d::UnitY()));
 }
 
 /// Everything that keratometry and topography would see, in one vector: M, J0, J45, Q, the section's height
@@ -126,6 +104,7 @@ constexpr Gate gates[] = {{"axial_length_mm", "axial_length_mm"},
                           {"lens_posterior_radius_mm", "lens_posterior_radius_mm"},
                           {"globe_width_mm", "globe_width_mm"},
                           {"globe_height_mm", "globe_height_mm"},
+                          {"globe_depth_mm", "globe_depth_mm"},
                           {"interpupillary_distance_mm", "interpupillary_distance_mm"}};
 
 }  // namespace
@@ -191,6 +170,7 @@ Json biometry_json(const UncertainEye& estimate, const BiometryOptions& options,
   json["lens_posterior_radius_mm"] = measured(length, 5);
   json["globe_width_mm"] = measured(globe, 0);
   json["globe_height_mm"] = measured(globe, 1);
+  json.update(retinal_shape_json(estimate));
   json["keratometry"] = {
       {"flat", {{"radius_mm", k.flat_radius_mm}, {"power_D", k.flat_power_D}, {"axis_deg", k.flat_axis_deg}}},
       {"steep",

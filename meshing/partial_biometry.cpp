@@ -1,5 +1,6 @@
 #include "meshing/partial_biometry.hpp"
 
+#include "meshing/retinal_shape.hpp"
 #include "pipeline/base/measured.hpp"
 
 namespace emmetrope::meshing {
@@ -39,9 +40,10 @@ Json edge_biometry_json(const Json& fit, Laterality eye, double retinal_depth_mm
     for (double& bound : measured.ci95) bound += retinal_depth_mm;
     optical = measured;
   }
-  for (const char* name : {"anterior_chamber_depth_mm", "lens_thickness_mm", "globe_width_mm",
-                           "globe_height_mm", "globe_depth_mm"})
+  for (const char* name :
+       {"anterior_chamber_depth_mm", "lens_thickness_mm", "globe_width_mm", "globe_height_mm"})
     biometry[name] = edges.at(name);
+  biometry.update(ellipsoid_shape_json(edges, reason));
   for (const char* name : {"lens_anterior_radius_mm", "lens_posterior_radius_mm"})
     biometry[name] = withheld(reason);
   withhold_cornea(biometry, reason);

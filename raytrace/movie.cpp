@@ -9,8 +9,8 @@
 #include <opencv2/videoio.hpp>
 
 #include "pipeline/base/error.hpp"
-#include "pipeline/base/interrupt.hpp"
 #include "pipeline/base/json.hpp"
+#include "pipeline/base/scratch_folder.hpp"
 #include "pipeline/base/write_beside.hpp"
 #include "raytrace/eye_picture.hpp"
 #include "raytrace/movement/retinal_slip.hpp"
@@ -174,21 +174,14 @@ void write_mp4(const fs::path& file, double frame_rate_hz, const std::vector<fs:
       });
 }
 
-/// A folder in which a movie is made, to be moved out of it whole; it goes again, whatever happens.
+/// A movie is made inside the output's folder, to be moved into it whole.
 class Studio {
  public:
-  explicit Studio(fs::path output) : output_(std::move(output)), guard_(folder()) {
-    fs::remove_all(folder());
-    fs::create_directories(folder() / "frames");
+  explicit Studio(const fs::path& output) : output_(output), scratch_(output / ".writing-movie") {
+    fs::create_directory(folder() / "frames");
   }
-  ~Studio() {
-    std::error_code ignored;
-    fs::remove_all(folder(), ignored);
-  }
-  Studio(const Studio&) = delete;
-  Studio& operator=(const Studio&) = delete;
 
-  fs::path folder() const { return output_ / ".writing-movie"; }
+  const fs::path& folder() const { return scratch_.path(); }
   void publish() const {
     const auto together = hold_interrupts();
     remove_movie(output_);
@@ -200,7 +193,7 @@ class Studio {
 
  private:
   fs::path output_;
-  RemoveOnInterrupt guard_;
+  ScratchFolder scratch_;
 };
 
 fs::path frame_file(const fs::path& folder, int number) {

@@ -50,6 +50,9 @@ StudyImages read_images(const SegmentOptions& options, const CommonOptions& comm
   StudyImages images;
   images.inventory = read_inventory(options.study, intake);
   images.series = choose_series(images.inventory, options.series);
+  if (options.series.empty())
+    for (const SeriesInfo& info : images.inventory.series)
+      if (info.damaged) workspace.warn(fmt::format("{} is not used: {}", info.name, info.kept.reason));
   for (const SeriesInfo* info : images.series) {
     images.volumes.push_back(read_series(images.inventory, info->uid, intake));
     for (const std::string& warning : info->kept.warnings) workspace.warn(info->name + ": " + warning);
@@ -209,7 +212,7 @@ Answer segment(const SegmentOptions& options, const CommonOptions& common) {
   spec.parameters = parameters_of(options, common);
   spec.inputs = input_files(options);
   const StageOutcome outcome = run_stage(options.case_folder, spec, common, [&](StageWorkspace& workspace) {
-    const StageVerdict verdict = segment_study(options, common, workspace);
+    StageVerdict verdict = segment_study(options, common, workspace);
     require_same_files(options, spec.inputs);
     return verdict;
   });

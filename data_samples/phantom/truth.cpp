@@ -10,6 +10,7 @@
 #include "pipeline/eye/instruments/topography.hpp"
 #include "pipeline/eye/optics/paraxial.hpp"
 #include "pipeline/eye/parametric/corneal_metrics.hpp"
+#include "pipeline/eye/parametric/retinal_metrics.hpp"
 #include "pipeline/eye/population/population.hpp"
 #include "pipeline/eye/surfaces/zernike.hpp"
 
@@ -142,25 +143,44 @@ double lens_depth_mm(const EyeGeometry& eye, bool front) {
   return middle - z;
 }
 
+/// From the globe's centre.
+InterfaceDistance interface_of(const PlacedEye& eye) {
+  const EyeGeometry& g = eye.geometry;
+  const Eigen::Rotation2Dd turn(g.globe_axis_deg * degree);
+  const Vector3d centre(0, 0, -eye.globe_centre_depth_mm());
+  return [eye, turn, centre, half_axes = Vector3d(g.globe_semi_x_mm, g.globe_semi_y_mm, g.globe_semi_z_mm)](
+             const Vector3d& direction) {
+    Vector3d scaled = direction;
+    scaled.head<2>() = turn.inverse() * scaled.head<2>();
+    scaled = scaled.cwiseQuotient(half_axes).normalized();
+    scaled.head<2>() = turn * scaled.head<2>();
+    return (retina_point(eye, scaled) - centre).norm();
+  };
+}
+
 Json globe_truth(const PlacedEye& eye) {
-  double low_x = 0, high_x = 0, low_y = 0, high_y = 0;
-  constexpr int steps = 720;  // off by less than 1e-4 mm
-  // Along one coordinate the extreme lies on a ring through the poles of the other; with a bulge anywhere: a
-  // fine grid.
-  constexpr int rings = steps / 2;
-  for (int i = 0; i <= rings; ++i)
-    for (int j = 0; j < steps; ++j) {
-      const double polar = pi * i / rings;
-      const double around = 2 * pi * j / steps;
-      const Vector3d p = retina_point(
-          eye, {std::sin(polar) * std::cos(around), std::sin(polar) * std::sin(around), std::cos(polar)});
-      low_x = std::min(low_x, p.x());
-      high_x = std::max(high_x, p.x());
-      low_y = std::min(low_y, p.y());
-      high_y = std::max(high_y, p.y());
-      if (polar == 0) break;
-    }
-  return {{"globe_width_mm", high_x - low_x}, {"globe_height_mm", high_y - low_y}};
+  const InterfaceDistance interface = interface_of(eye);
+  const EyeGeometry& g = eye.geometry;
+  const BestEllipsoid narrow = best_ellipsoid(interface, 120), wide = best_ellipsoid(interface, 240);
+  const LensBack lens{g.anterior_chamber_depth_mm + g.lens_thickness_mm, g.lens_posterior_radius_mm,
+                      g.lens_posterior_q, g.lens_equator_radius_mm};
+  const auto meridians = [](const Eigen::Vector2d& v) {
+    return Json{{"horizontal", v.x()}, {"vertical", v.y()}};
+  };
+  return {{"globe_width_mm", globe_extent_mm(interface, Vector3d::UnitX())},
+          {"globe_height_mm", globe_extent_mm(interface, Vector3d::UnitY())},
+          {"globe_depth_mm", globe_extent_mm(interface, Vector3d::UnitZ())},
+          {"retina",
+           {{"vertex_radius_mm", meridians(wide.vertex_radius_mm)},
+            {"vertex_radius_120_mm", meridians(narrow.vertex_radius_mm)},
+            {"q_120", narrow.q},
+            {"q_240", wide.q},
+            {"axis_120_deg", meridians(narrow.axis_deg)},
+            {"axis_240_deg", meridians(wide.axis_deg)},
+            {"tilt_deg", meridians(rim_tilt_deg(interface, 120))},
+            {"volume_mm3", vitreous_volume_mm3(interface, eye.globe_centre_depth_mm(), lens)},
+            {"area_mm2", retinal_area_mm2(interface, 240)},
+            {"staphyloma_index", macular_curvature_index(interface)}}}};
 }
 
 }  // namespace

@@ -96,10 +96,12 @@ def draw():
     top_of_ground = top_of_library + library_height + gap
     height = top_of_ground + ground_height + margin + 22
 
-    box(margin, margin, width - 2 * margin, 36, colours["driver"])
-    text(margin + inset, margin + 23, "pipeline/driver", 13, "bold")
-    text(margin + 120, margin + 23, "emmetrope run: starts the stages one after another, redoes what is stale; sees the ground only",
-         11, colour=faint)
+    half = (width - 2 * margin - gap) / 2
+    for x, name, what in [(margin, "pipeline/driver", "emmetrope run: starts the stages, redoes what is stale"),
+                          (margin + half + gap, "pipeline/cohort", "many studies: a workflow, a table, a page")]:
+        box(x, margin, half, 36, colours["driver"])
+        text(x + inset, margin + 23, name, 13, "bold")
+        text(x + 124, margin + 23, what, 11, colour=faint)
 
     for i, (name, leaves) in enumerate(stages.items()):
         x = margin + i * (column + gap)

@@ -1,12 +1,15 @@
 #include "pipeline/base/command_line.hpp"
 
 #include <fmt/format.h>
+#include <unistd.h>
 #include <CLI/CLI.hpp>
 
 #include <algorithm>
 #include <charconv>
 #include <cmath>
 #include <cstdlib>
+#include <cstring>
+#include <exception>
 #include <iostream>
 #include <new>
 #include <string_view>
@@ -102,6 +105,31 @@ int report_failure(const std::string& command, const CommonOptions& common, cons
   }
   return static_cast<int>(error.status());
 }
+
+void say(const char* text) {
+  const ssize_t ignored = ::write(STDERR_FILENO, text, std::strlen(text));
+  static_cast<void>(ignored);  // there is nobody left to tell
+}
+
+/// Of what nobody caught, in another thread or before run_command could: says it without taking memory.
+[[noreturn]] void end_with_a_word() noexcept {
+  try {
+    if (const std::exception_ptr fault = std::current_exception()) std::rethrow_exception(fault);
+    say("emmetrope: error: unexpected end\n");
+  } catch (const std::bad_alloc&) {
+    say("emmetrope: error: out of memory\n  remedy: give it more memory\n");
+  } catch (const std::exception& fault) {
+    say("emmetrope: error: unexpected fault: ");
+    say(fault.what());
+    say("\n");
+  } catch (...) {
+    say("emmetrope: error: unexpected fault\n");
+  }
+  ::_exit(static_cast<int>(ExitStatus::fault));
+}
+
+/// From before main on, as main makes its command before run_command can catch anything.
+[[maybe_unused]] const std::terminate_handler handler_before = std::set_terminate(end_with_a_word);
 
 }  // namespace
 

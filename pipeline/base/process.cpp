@@ -10,7 +10,10 @@
 #include <cerrno>
 #include <chrono>
 #include <csignal>
+#include <cstdlib>
 #include <cstring>
+#include <sstream>
+#include <system_error>
 
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/interrupt.hpp"
@@ -80,6 +83,19 @@ ProcessResult run_process(const std::filesystem::path& program, const std::vecto
   result.wall_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   result.peak_memory_MB = static_cast<double>(usage.ru_maxrss) / 1024;
   return result;
+}
+
+std::optional<std::filesystem::path> find_program(const std::string& name) {
+  const char* path = std::getenv("PATH");
+  std::istringstream folders(path == nullptr ? "/usr/bin:/bin" : path);
+  for (std::string folder; std::getline(folders, folder, ':');) {
+    const std::filesystem::path program = std::filesystem::path(folder) / name;
+    std::error_code unreadable;
+    if (!folder.empty() && std::filesystem::is_regular_file(program, unreadable) &&
+        ::access(program.c_str(), X_OK) == 0)
+      return program;
+  }
+  return std::nullopt;
 }
 
 }  // namespace emmetrope

@@ -1,5 +1,6 @@
 #pragma once
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -19,5 +20,8 @@ enum class ChildOutput { inherit, capture, discard };
 /// \throw Error (fault) when it cannot be started
 ProcessResult run_process(const std::filesystem::path& program, const std::vector<std::string>& arguments,
                           ChildOutput output);
+
+/// The program of this name on the PATH; nothing where there is none.
+std::optional<std::filesystem::path> find_program(const std::string& name);
 
 }  // namespace emmetrope

@@ -14,6 +14,7 @@ find_dependency(TIFF)
 find_dependency(OpenEXR CONFIG)
 find_dependency(Ceres)
 find_dependency(ZLIB)
+find_dependency(pugixml)
 find_dependency(VTK COMPONENTS CommonCore CommonDataModel IOXML)
 find_dependency(CGAL)
 # After CGAL, whose module of that name would be found instead.

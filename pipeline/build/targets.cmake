@@ -24,11 +24,23 @@ target_compile_features(emmetrope_compile INTERFACE cxx_std_17)
 # programs and libraries share one precompiled header.
 target_compile_options(emmetrope_compile INTERFACE -pthread
   "$<BUILD_INTERFACE:${warnings};-fpch-preprocess;-fPIC;-fno-semantic-interposition>")
+# Files of unknown origin are read: tests/end_to_end/installed_tree.sh looks at what comes of it.
+include(CheckCXXCompilerFlag)
+set(hardening -fstack-protector-strong -fstack-clash-protection
+  "$<$<CONFIG:Release>:-U_FORTIFY_SOURCE;-D_FORTIFY_SOURCE=2>")
+check_cxx_compiler_flag(-fcf-protection=full EMMETROPE_HAS_CONTROL_FLOW_PROTECTION)
+check_cxx_compiler_flag(-mbranch-protection=standard EMMETROPE_HAS_BRANCH_PROTECTION)
+if(EMMETROPE_HAS_CONTROL_FLOW_PROTECTION)
+  list(APPEND hardening -fcf-protection=full)
+elseif(EMMETROPE_HAS_BRANCH_PROTECTION)
+  list(APPEND hardening -mbranch-protection=standard)
+endif()
+target_compile_options(emmetrope_compile INTERFACE "$<BUILD_INTERFACE:${hardening}>")
 target_include_directories(emmetrope_compile INTERFACE
   $<BUILD_INTERFACE:${CMAKE_SOURCE_DIR}> $<INSTALL_INTERFACE:include/emmetrope>)
 install(TARGETS emmetrope_compile EXPORT emmetrope COMPONENT development)
 # An executable loads the libraries that it uses, not all that its parts could use.
-target_link_options(emmetrope_compile INTERFACE -Wl,--as-needed)
+target_link_options(emmetrope_compile INTERFACE -Wl,--as-needed "$<BUILD_INTERFACE:-Wl,-z,relro,-z,now>")
 
 # emmetrope_sources(VARIABLE FOLDER ...): every .cpp directly in the folders but mains, relative to the current one
 function(emmetrope_sources variable)
@@ -78,6 +90,7 @@ function(emmetrope_executable name)
   target_link_libraries(${name} PRIVATE ${ARG_LINK})
   target_precompile_headers(${name} REUSE_FROM emmetrope_base)
   add_dependencies(programs ${name})
+  set_property(GLOBAL APPEND PROPERTY EMMETROPE_PROGRAMS ${name})
   install(TARGETS ${name} RUNTIME DESTINATION bin COMPONENT programs)
 endfunction()
 

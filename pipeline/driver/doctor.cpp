@@ -94,18 +94,29 @@ Check check_fonts() {
   return {"fonts", true, name, {}, ExitStatus::done};
 }
 
-bool on_path(const std::string& program) {
-  const char* path = std::getenv("PATH");
-  std::istringstream folders(path == nullptr ? "/usr/bin:/bin" : path);
-  for (std::string folder; std::getline(folders, folder, ':');)
-    if (::access((fs::path(folder) / program).c_str(), X_OK) == 0) return true;
-  return false;
+/// Files of unknown origin are parsed in a process that can do little else; what of that this kernel grants.
+Check check_confinement() {
+  const ProcessResult asked =
+      run_process(executable_folder() / "emmetrope-decode", {"--confinement"}, ChildOutput::capture);
+  std::string granted = asked.output.substr(0, asked.output.find('\n'));
+  if (asked.status != 0 || granted.empty())
+    return {"decoder", false, fmt::format("emmetrope-decode ended with status {}", asked.status),
+            "install Emmetrope again with cmake --install", ExitStatus::fault};
+  const bool whole = granted == "seccomp and Landlock";
+  return {"decoder", whole, "reads files of unknown origin confined by " + granted,
+          "a kernel with seccomp and Landlock (Linux 5.13 and later) confines it further", ExitStatus::done};
 }
 
 Check check_charts() {
-  if (on_path("gnuplot")) return {"charts", true, "gnuplot", {}, ExitStatus::done};
+  if (find_program("gnuplot")) return {"charts", true, "gnuplot", {}, ExitStatus::done};
   return {"charts", false, "gnuplot is missing: reports come without charts", "apt-get install gnuplot-nox",
           ExitStatus::done};
+}
+
+Check check_cohorts() {
+  if (find_program("snakemake")) return {"cohorts", true, "snakemake", {}, ExitStatus::done};
+  return {"cohorts", false, "snakemake is missing: emmetrope cohort does not run",
+          "apt-get install --no-install-recommends snakemake", ExitStatus::done};
 }
 
 /// Where this build of DCMTK looks first.
@@ -129,7 +140,7 @@ Answer examine_machine(const CommonOptions& common) {
   Answer answer;
   answer.json = Json{{"checks", Json::array()}};
   for (const Check& check : {check_commands(), check_opencl(common), check_disk(), check_fonts(),
-                             check_charts(), check_dictionary()}) {
+                             check_charts(), check_cohorts(), check_dictionary(), check_confinement()}) {
     answer.json["checks"].push_back(
         Json{{"name", check.name}, {"good", check.good}, {"found", check.found}, {"remedy", check.remedy}});
     answer.text += fmt::format("{:<5}{:<18}{}\n", check.good ? "ok" : "bad", check.name, check.found);

@@ -48,6 +48,9 @@ void declare(CLI::App& app, RunOptions& options) {
       ->required()
       ->type_name("CASE");
   app.add_flag_callback(
+      "--no-face", [&options] { options.report_options.emplace_back("--no-face"); },
+      "the report's viewer without what lies further forward than the eyes' centres, but for the eyes");
+  app.add_flag_callback(
       "--identified", [&options] { options.report_options.emplace_back("--identified"); },
       "Name and birth date on the report's pages");
   app.add_flag_callback(

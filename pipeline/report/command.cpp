@@ -24,6 +24,9 @@ void declare(CLI::App& app, Flags& flags) {
       "--study", options.study,
       "DICOM study whose patient and study the DICOM objects belong to (default: where segment read it)");
   app.add_flag("--identified", options.identified, "Name and birth date from the study on the pages");
+  app.add_flag(
+      "--no-face", options.no_face,
+      "The viewer's slices without what lies further forward than the eyes' centres, but for the eyes: a face may be known again");
   app.add_option("--compare", flags.compared,
                  "Two cases of one patient, the earlier first: a follow-up in LATER/comparison")
       ->type_name("EARLIER LATER")

@@ -72,7 +72,7 @@ Table table_of(const CaseData& earlier, const EyeData& a, const CaseData& later,
               {}};
   if (judge(earlier, a).has_refraction && judge(later, b).has_refraction)
     for (const auto& row : refraction_rows()) add_row(table, a.prescription, b.prescription, row);
-  for (const auto* rows : {&biometry_rows(), &keratometry_rows()})
+  for (const auto* rows : measured_rows())
     for (const auto& row : *rows) add_row(table, a.biometry, b.biometry, row);
   return table;
 }
@@ -142,9 +142,12 @@ std::string patients_of(const Visit& earlier, const Visit& later) {
 std::vector<std::string> refusals_in(const Visit& visit) {
   std::vector<std::string> refusals;
   for (const auto& eye : visit.data.eyes)
-    if (const Judgement judgement = judge(visit.data, eye); !judgement.has_refraction)
-      refusals.push_back(fmt::format("{}, {}: {}. {}", visit.name, clinical_name(eye.laterality),
-                                     judgement.verdict, fmt::join(judgement.reasons, " ")));
+    if (const Judgement judgement = judge(visit.data, eye); !judgement.has_refraction) {
+      std::string why;
+      for (const Finding& finding : judgement.reasons) why += " " + finding.what;
+      refusals.push_back(
+          fmt::format("{}, {}: {}.{}", visit.name, clinical_name(eye.laterality), judgement.verdict, why));
+    }
   return refusals;
 }
 

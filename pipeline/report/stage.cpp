@@ -2,10 +2,10 @@
 
 #include "pipeline/base/case_folder.hpp"
 #include "pipeline/base/files.hpp"
+#include "pipeline/base/process.hpp"
 #include "pipeline/report/case/case_data.hpp"
 #include "pipeline/report/content/content.hpp"
 #include "pipeline/report/dicom/write_objects.hpp"
-#include "pipeline/report/figures/chart.hpp"
 #include "pipeline/report/living/case_eyes.hpp"
 #include "pipeline/report/page/html.hpp"
 #include "pipeline/report/page/viewer.hpp"
@@ -32,7 +32,8 @@ StageSpec spec_of(const CaseData& data, const ReportOptions& options, const Sour
   for (const auto& eye : data.eyes) eyes.push_back(eye.id());
   spec.parameters = {{"eyes", eyes},
                      {"identified", options.identified},
-                     {"gnuplot", find_gnuplot().has_value()},
+                     {"no_face", options.no_face},
+                     {"gnuplot", find_program("gnuplot").has_value()},
                      {"source", source.fingerprint()},
                      {"viewer", has_viewer_library()},
                      {"seed", seed},
@@ -51,7 +52,8 @@ Json eyes_answer(const Document& document) {
     for (const auto& block : section.blocks)
       if (const auto* cards = std::get_if<EyeCards>(&block.block))
         for (const auto& card : cards->cards) {
-          Json eye{{"verdict", card.verdict}, {"reasons", card.reasons}};
+          Json eye{{"verdict", card.verdict}, {"reasons", Json::array()}};
+          for (const Finding& finding : card.reasons) eye["reasons"].push_back(finding.what);
           if (!card.prescription.empty()) eye["prescription"] = card.prescription;
           eyes[card.id] = eye;
         }
@@ -103,13 +105,13 @@ Source source_of(const CaseData& data, const ReportOptions& options) {
 }
 
 /// The page within its size: the viewer gets what the rest leaves.
-std::string page_of(const CaseData& data, const Document& document, const CommonOptions& common,
+std::string page_of(const CaseData& data, const Document& document, Face face, const CommonOptions& common,
                     Notes& notes) {
   CaseEyes eyes = living_eyes_of(data, common.thread_count(), common.seed);
   const LivingPanel living = make_living_panel(eyes.eyes, std::move(eyes.notes));
   const std::size_t without_viewer = render_html(document, {}, living).size();
   const ViewerData viewer =
-      make_viewer_data(data, most_page_bytes - std::min(without_viewer, most_page_bytes));
+      make_viewer_data(data, most_page_bytes - std::min(without_viewer, most_page_bytes), face);
   if (!viewer.note.empty()) notes.push_back(viewer.note);
   return render_html(document, viewer, living);
 }
@@ -133,7 +135,8 @@ Answer write_report(const ReportOptions& options, const CommonOptions& common) t
         {options.identified ? source.study.identity() : std::string(), study_date_of(data, source.study)},
         notes);
     const Pdf pdf = render_pdf(document);
-    write_file(workspace.folder() / "report.html", page_of(data, document, common, notes));
+    write_file(workspace.folder() / "report.html",
+               page_of(data, document, options.no_face ? Face::taken_off : Face::shown, common, notes));
     write_file(workspace.folder() / "report.pdf", pdf.bytes);
     write_objects(workspace.folder(), data, source.study, pdf.bytes, options.identified, notes);
     for (const auto& note : notes) workspace.warn(note);

@@ -13,6 +13,7 @@ struct ReportOptions {
   /// The DICOM study that the case was made from; empty: where segmentation found it
   std::filesystem::path study;
   bool identified = false;  ///< name and birth date of the study's header on the pages
+  bool no_face = false;     ///< the viewer's volume without the face's surface
 };
 
 /// Makes CASE/report/: report.html, report.pdf and the DICOM and FHIR objects. A refused case has a report

@@ -5,10 +5,12 @@
 #include <cmath>
 
 #include "pipeline/base/error.hpp"
+#include "pipeline/base/frames.hpp"
+#include "pipeline/base/parallel.hpp"
 #include "pipeline/eye/optics/paraxial.hpp"
 #include "pipeline/eye/population/population.hpp"
 #include "pipeline/eye/schematic/schematic_eyes.hpp"
-#include "raytrace/wavefront/wavefront.hpp"
+#include "raytrace/wavefront/field.hpp"
 
 namespace emmetrope::raytrace {
 namespace {
@@ -53,7 +55,35 @@ std::vector<EyeBand> bands_of(const UncertainOptics& optics, const EyeMapSetting
   return bands;
 }
 
+std::vector<EyeModel> accommodating(const EyeStates& states) {
+  if (!(states.largest_accommodation_D > 0)) return {};
+  return {states.at(0), states.at(states.largest_accommodation_D / 2),
+          states.at(states.largest_accommodation_D)};
+}
+
 }  // namespace
+
+RetinaRefraction retina_refraction(const EyeModel& eye, int threads) {
+  RetinaRefraction refraction;
+  refraction.places.resize(1 + RetinaRefraction::rings * RetinaRefraction::spokes);
+  WavefrontSettings settings;
+  settings.order = 4;
+  const ChiefRays chief_rays(eye, eye.reference_wavelength_nm);
+  on_threads(threads, refraction.places.size(), [&](std::size_t k) {
+    Eigen::Vector2d direction_deg(0, 0);
+    if (k > 0) {
+      const std::size_t ring = 1 + (k - 1) / RetinaRefraction::spokes,
+                        spoke = (k - 1) % RetinaRefraction::spokes;
+      const double slope = std::tan(static_cast<double>(ring) * RetinaRefraction::ring_deg * degree),
+                   angle = 2 * pi * static_cast<double>(spoke) / RetinaRefraction::spokes;
+      direction_deg = {std::atan(slope * std::cos(angle)) / degree,
+                       std::atan(slope * std::sin(angle)) / degree};
+    }
+    if (const auto seen = wavefront_towards(eye, chief_rays, direction_deg, settings))
+      refraction.places[k] = {seen->retina_mm, seen->wavefront.minimum_rms_spot.M_D};
+  });
+  return refraction;
+}
 
 Eigen::VectorXd accommodated(const UncertainOptics& optics, double accommodation_D, double age_years) {
   const Eigen::VectorXd mean = optics.known.parameters().mean;
@@ -100,7 +130,7 @@ LivingEye living_schematic_eye(const std::string& name_or_file, const EyeMapSett
     } catch (const Error& error) {  // a model that does not, or not so far
       if (error.status() == ExitStatus::fault) throw;
     }
-  return {widest_eye_map(states, settings), {}};
+  return {widest_eye_map(states, settings), {}, {}, accommodating(states)};
 }
 
 LivingEye living_measured_eye(const EyeModel& eye, const UncertainOptics* optics, double age_years,
@@ -124,8 +154,10 @@ LivingEye living_measured_eye(const EyeModel& eye, const UncertainOptics* optics
     }
   };
   if (formulas.largest_accommodation_D > 0)
-    if_possible("accommodation",
-                [&] { living.map = with_accommodation_of(living.map, make_eye_map(formulas, same)); });
+    if_possible("accommodation", [&] {
+      living.map = with_accommodation_of(living.map, make_eye_map(formulas, same));
+      living.accommodating = accommodating(formulas);
+    });
   if_possible("the interval", [&] { living.bands = bands_of(*optics, same); });
   return living;
 }

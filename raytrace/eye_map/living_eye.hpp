@@ -18,11 +18,27 @@ struct EyeBand {
   std::vector<double> upper, lower;
 };
 
+/// What of the visual field the retina sees, and how it is refracted there: rings of directions about the eye's axis.
+struct RetinaRefraction {
+  static constexpr int rings = 8, spokes = 24;
+  static constexpr double ring_deg = 7.5;
+  struct Place {
+    Eigen::Vector3d retina_mm;  ///< eye frame
+    double M_D = 0;             ///< as FieldWavefront::wavefront.minimum_rms_spot
+  };
+  /// The axis, then ring by ring outward, each from +x through +y; nothing where the retina does not see.
+  std::vector<std::optional<Place>> places;
+};
+RetinaRefraction retina_refraction(const EyeModel& eye, int threads);
+
 /// An eye as a page shows it.
 struct LivingEye {
   EyeMap map;
   std::vector<EyeBand> bands;              ///< the widest first; none for an eye that is known exactly
   std::vector<std::string> left_out = {};  ///< what could not be mapped, and why
+  /// At rest, at half of the map's accommodation and at all of it, to draw how the surfaces change; none for an eye that
+  /// does not. For a measured eye these are formulas, of which only the differences are its own.
+  std::vector<EyeModel> accommodating = {};
 };
 
 /// A schematic eye by name, or one from a file (pipeline/eye/schematic/schematic_eyes.hpp), which does not accommodate.

@@ -1,6 +1,6 @@
 // The decoding process: parses and decodes files of unknown origin for its parent, under limits on memory,
-// processor time and open files, so that a hostile or damaged file ends this process and nothing else. Not
-// for users.
+// processor time and open files and confined by the kernel, so that a hostile or damaged file ends this process
+// and nothing else. Not for users.
 #include <dcmtk/config/osconfig.h>
 #include <dcmtk/dcmdata/dctk.h>
 #include <unistd.h>
@@ -13,6 +13,7 @@
 
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/version.hpp"
+#include "segmentation/intake/confinement.hpp"
 #include "segmentation/intake/dicom_header.hpp"
 #include "segmentation/intake/dicom_pixels.hpp"
 #include "segmentation/intake/nifti.hpp"
@@ -86,6 +87,7 @@ int serve(std::uint64_t memory_bytes, std::uint64_t byte_limit, double cpu_s) {
   register_decoders();
   dcmAcceptOddAttributeLength.set(OFFalse);
   if (!dcmDataDict.isDictionaryLoaded()) return no_dictionary;
+  confine_process();  // what the kernel does not grant `emmetrope doctor` says
   send(MessageType::ready, "", 0);
   for (std::string asked; std::getline(std::cin, asked, '\0');) {
     const auto request = static_cast<Request>(asked.at(0));
@@ -105,6 +107,10 @@ int serve(std::uint64_t memory_bytes, std::uint64_t byte_limit, double cpu_s) {
 }  // namespace emmetrope::segmentation
 
 int main(int argc, char** argv) {
+  if (argc == 2 && std::string(argv[1]) == "--confinement") {
+    std::cout << emmetrope::segmentation::confine_process().in_words() << "\n";
+    return 0;
+  }
   if (argc != 4) {
     const bool asked = argc == 2 && (std::string(argv[1]) == "--help" || std::string(argv[1]) == "--version");
     (asked ? std::cout : std::cerr)

@@ -379,6 +379,9 @@ SeriesInfo judge_series(std::vector<ScannedFile> files, const IntakeOptions& opt
   });
   SeriesInfo info;
   describe_series(files, info);
+  info.damaged = std::any_of(files.begin(), files.end(), [](const auto& file) {
+    return file.header.kind == FileKind::damaged || (!file.end.error.empty() && !file.end.unsupported);
+  });
   try {
     check_kind(files, options.any_modality);
     check_pixel_format(files);

@@ -21,6 +21,9 @@ namespace emmetrope::segmentation {
 namespace {
 
 namespace fs = std::filesystem;
+
+constexpr const char* nifti_uid_prefix = "nifti-";
+
 using SeriesFiles = std::map<std::string, std::vector<ScannedFile>>;  // by SeriesInstanceUID
 
 FrameStatistics statistics_of(const std::vector<std::int32_t>& samples) {
@@ -97,7 +100,7 @@ SeriesInfo judge(std::vector<ScannedFile> files, const IntakeOptions& options, S
 
 SeriesInfo judge_nifti(Decoder& decoder, const fs::path& root, const fs::path& file) {
   SeriesInfo info;
-  info.uid = "nifti-" + sha256_of_file(root / file).substr(0, 16);
+  info.uid = nifti_uid_prefix + sha256_of_file(root / file).substr(0, 16);
   info.modality = "NIfTI";
   info.description = clean_utf8(file.string());
   info.files = 1;
@@ -131,6 +134,7 @@ SeriesInfo judge_nifti(Decoder& decoder, const fs::path& root, const fs::path& f
   } catch (const Error& fault) {
     info.reason = fault.what();
     info.refusal = fault.status();
+    info.damaged = info.refusal == ExitStatus::input_invalid;
   }
   const auto mention_file = [&, path = (root / file).string()](std::string& text) {
     if (const auto at = text.find(path); at != std::string::npos)
@@ -191,7 +195,10 @@ const SeriesInfo& StudyInventory::find(const std::string& uid) const {
 Subject StudyInventory::subject_of(const SeriesInfo& info) const {
   const auto found =
       info.is_nifti() && subjects.size() == 1 ? subjects.begin() : subjects.find(info.study_uid);
-  return found == subjects.end() ? Subject{} : found->second;
+  if (found != subjects.end()) return found->second;
+  Subject subject;
+  if (info.is_nifti()) subject.id = info.uid.substr(std::string(nifti_uid_prefix).size());
+  return subject;
 }
 
 bool StudyInventory::any_usable() const {

@@ -81,7 +81,8 @@ struct SeriesInfo {
 
   std::vector<std::string> warnings;
   bool usable = false;
-  std::string reason;  ///< why it is not usable: file, tag, what was found
+  std::string reason;    ///< why it is not usable: file, tag, what was found
+  bool damaged = false;  ///< a file of it could not be read to its end, by its own fault or the machine's
   /// What a case may keep: the same texts without names of files, which may be the patient's.
   struct {
     std::string description;
@@ -100,7 +101,9 @@ struct SkippedFile {
 
 /// The patient without identity.
 struct Subject {
-  std::string id;  ///< hash of the study's UID: the same study gives the same id, PatientID is not in it
+  /// Hash of the study's UID (of the bytes of a volume without study): the same study gives the same id, PatientID is not
+  /// in it
+  std::string id;
   std::optional<double> age_years;  ///< PatientAge, or from the dates of birth and of the study
   std::string sex;                  ///< "M", "F", "O" or empty
 };
@@ -114,7 +117,8 @@ struct StudyInventory {
 
   /// \throw Error (input_invalid) listing the series that there are, when there is none with this UID
   const SeriesInfo& find(const std::string& uid) const;
-  /// The patient at the time of the series' study; of a volume without study, at that of the only one.
+  /// The patient at the time of the series' study; of a volume without study, at that of the only one
+  /// where there is one.
   Subject subject_of(const SeriesInfo& info) const;
   bool any_usable() const;
   /// Status of `inventory`: done when a series is usable, unsupported when all refusals are, else

@@ -1,9 +1,10 @@
-"""check_test_places.py and check_names.py fail on what they forbid, in made-up trees."""
+"""check_test_places.py, check_names.py and check_hazards.py fail on what they forbid, in made-up trees."""
 import pathlib
 import sys
 import tempfile
 
 sys.dont_write_bytecode = True
+import check_hazards  # noqa: E402
 import check_names  # noqa: E402
 import check_test_places  # noqa: E402
 
@@ -46,5 +47,15 @@ with tempfile.TemporaryDirectory() as folder:
            ["PAGE.md: `stage/gone.cpp`: no such file or folder", "PAGE.md: `Lens::gone`: no source holds gone",
             "PAGE.md: `gone.json`: no such file", "PAGE.md: `stage/run stage/gone --all`: stage/run is not there",
             "PAGE.md: the link to gone.md leads nowhere"], "gone names")
+
+page = """| hazard | control | test |
+| --- | --- | --- |
+| swapped | sides | `Sides.Hold`, `Maps.*` |
+| gone | none | `Sides.Gone` |
+| open | none | none |
+"""
+expect(check_hazards.faults_of(page, ["Sides.Hold", "Maps.AreTrue"]),
+       ["gone: there is no test Sides.Gone", "no test stands against: open"], "hazards")
+expect(check_hazards.faults_of("", []), ["the table of hazards is empty"], "no hazards")
 
 sys.exit("\n".join(missed) or 0)

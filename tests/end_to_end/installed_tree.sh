@@ -16,7 +16,24 @@ clean moved/bin/emmetrope eye navarro --json | grep -q '"power_D"'
 clean moved/bin/emmetrope trace --eye navarro --scene letters:logmar=0.3,distance_mm=6000 --size 32x32 --samples 16 \
       -o "$place/picture" --quiet
 find "$place/picture" -name '*.png' | grep -q .
-for file in README.md LICENSE docs/use/case-folder.md data_samples/sample/truth.json; do
+# Files of unknown origin are read: what is installed is hardened (deb-hardening: position-independent, RELRO with all
+# symbols bound, stack canaries, fortified calls, control-flow protection where the machine has it).
+for program in moved/bin/emmetrope*; do
+  lacks() { echo "$program: $1"; exit 1; }
+  readelf -hW "$program" | grep -q 'Type:.*DYN' || lacks "not position-independent"
+  readelf -lW "$program" | grep -q GNU_RELRO || lacks "no RELRO"
+  readelf -dW "$program" | grep -q 'FLAGS.*NOW' || lacks "symbols are bound late"
+  readelf -lW "$program" | grep 'GNU_STACK' | grep -q 'RW ' || lacks "stack is executable"
+done
+# The linker marks a program only where all that it is linked from has it, Debian's start files too: functions are looked at.
+if [ "$(uname -m)" = x86_64 ]; then
+  test "$(objdump -d moved/bin/emmetrope-decode | grep -c endbr64)" -gt 100 || { echo "no control-flow protection"; exit 1; }
+fi
+readelf -sW --dyn-syms moved/bin/emmetrope-decode | grep -q __stack_chk_fail || { echo "no stack canaries"; exit 1; }
+readelf -sW --dyn-syms moved/bin/emmetrope-decode | grep -q '_chk@' || { echo "no fortified calls"; exit 1; }
+grep -q '"purl": "pkg:deb/debian/libdcmtk' moved/share/emmetrope/emmetrope.cdx.json
+
+for file in README.md SECURITY.md LICENSE docs/use/case-folder.md data_samples/sample/truth.json; do
   test -s "moved/share/emmetrope/$file" || { echo "missing: $file"; exit 1; }
 done
 echo "installed tree: all found"

@@ -11,6 +11,7 @@
 #include "pipeline/base/case_folder.hpp"
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/files.hpp"
+#include "pipeline/base/frames.hpp"
 #include "pipeline/base/measured.hpp"
 #include "pipeline/eye/model/eye_model.hpp"
 #include "pipeline/eye/model/mesh_shape.hpp"
@@ -100,6 +101,17 @@ TEST_F(MeshStage, BiometryHasEveryKeyWithValueIntervalAndSource) {
                               "/lens_posterior_radius_mm",
                               "/globe_width_mm",
                               "/globe_height_mm",
+                              "/globe_depth_mm",
+                              "/retina/vertex_radius_mm/horizontal",
+                              "/retina/vertex_radius_120_mm/vertical",
+                              "/retina/q_120",
+                              "/retina/q_240",
+                              "/retina/axis_120_deg/horizontal",
+                              "/retina/axis_240_deg/vertical",
+                              "/retina/tilt_deg/horizontal",
+                              "/retina/volume_mm3",
+                              "/retina/area_mm2",
+                              "/retina/staphyloma_index",
                               "/keratometry/flat/radius_mm",
                               "/keratometry/flat/power_D",
                               "/keratometry/flat/axis_deg",
@@ -270,6 +282,31 @@ TEST_F(MeshStage, EdgesStandInForAFitThatIsWithheld) {
   EXPECT_NEAR(biometry.at("optical_axial_length_mm").at("value"), 24 + options_.retinal_depth_mm, 1e-12);
   EXPECT_EQ(biometry.at("optical_axial_length_mm").at("method"), "edges");
   EXPECT_EQ(biometry.at("anterior_chamber_depth_mm").at("withheld"), "no edges");
+  // The globe is a sphere of 12 mm; each extent is known to 0.5 mm, each half axis to 0.25.
+  const Json& retina = biometry.at("retina");
+  const auto radius = retina.at("/vertex_radius_mm/horizontal"_json_pointer).get<Measured>();
+  EXPECT_NEAR(radius.value, 12, 1e-6);
+  EXPECT_NEAR(radius.sigma(), std::sqrt(5) * 0.25, 1e-3);  // of a^2 / c
+  EXPECT_EQ(radius.method, "edges");
+  EXPECT_NEAR(retina.at("area_mm2").at("value"), 3 * pi * 144, 1e-3);
+  EXPECT_EQ(retina.at("staphyloma_index").at("withheld"), "slices moved");
+  // The centre lies 12 mm behind the apex, the back of a usual lens 7.2 mm: a sphere less a cap and the lens's back.
+  const auto volume = retina.at("volume_mm3").get<Measured>();
+  EXPECT_NEAR(volume.value, 4 / 3.0 * pi * 1728 - pi * 5.5 * 5.5 * (12 - 5.5 / 3), 120);
+  // Where the length is withheld the centre lies where the eye's frame has it.
+  edges["axial_length_mm"] = withheld("no cornea");
+  edges["globe_centre_lps_mm"] = {0, 0, -12};
+  write_fit(Laterality::od, {{"fit", "slices moved"}}, edges);
+  make_meshes(options_, {});
+  EXPECT_NEAR(
+      read_json(mesh("od", "biometry.json")).at("/retina/volume_mm3/value"_json_pointer).get<double>(),
+      volume.value, 1e-6);
+  // A longer eye behind the same cornea has more vitreous, by about pi 12^2 a mm of depth over 2.
+  edges["globe_depth_mm"] = edges["axial_length_mm"] = Measured::from_sigma(27, 0.5, "mri", "edges");
+  write_fit(Laterality::od, {{"fit", "slices moved"}}, edges);
+  make_meshes(options_, {});
+  EXPECT_GT(read_json(mesh("od", "biometry.json")).at("/retina/volume_mm3/value"_json_pointer).get<double>(),
+            volume.value + 500);
   EXPECT_EQ(biometry.at("/astigmatism/M_D"_json_pointer).at("withheld"), "slices moved");
   EXPECT_FALSE(fs::exists(mesh("od", "retina.ply")));
   EXPECT_FALSE(fs::exists(mesh("od", "optics.json")));

@@ -96,6 +96,19 @@ TEST_F(SegmentStage, NothingThatIsKeptNamesThePatient) {
     EXPECT_NE(text.find("missing between slice 8 and slice 6"), std::string::npos) << text;
 }
 
+/// The others measure the eye, and nobody would know that images are missing.
+TEST_F(SegmentStage, ASeriesThatIsLeftOutForABrokenFileIsSaid) {
+  test::GeneratedSeries whole, broken("1.2.826.0.1.3680043.9.7.2", 2);
+  whole.write(folder_ / "study" / "a");
+  const fs::path file = broken.write(folder_ / "study" / "b").at(3);
+  fs::resize_file(file, fs::file_size(file) - 100);
+  EXPECT_EQ(run(folder_ / "study", "case").status, ExitStatus::no_result);
+  const std::string warnings =
+      read_json(folder_ / "case" / "segmentation" / "stage.json").at("warnings").dump();
+  EXPECT_NE(warnings.find("stack2 is not used: "), std::string::npos) << warnings;
+  EXPECT_EQ(warnings.find("stack1 is not used"), std::string::npos) << warnings;
+}
+
 /// What is read is what is hashed: images behind a link too, and nothing of a case among the images.
 TEST_F(SegmentStage, InputsAreTheFilesThatAreRead) {
   test::GeneratedSeries series;

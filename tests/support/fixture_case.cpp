@@ -199,6 +199,7 @@ Json biometry_of(const TrueEye& eye) {
             {"lens_posterior_radius_mm", measured(6.0, 0.3)},
             {"globe_width_mm", measured(23.1, 0.06)},
             {"globe_height_mm", measured(22.9, 0.06)},
+            {"globe_depth_mm", measured(21.8, 0.1)},
             {"interpupillary_distance_mm", measured(62.4, 0.05)}};
   json["keratometry"] = {{"flat",
                           {{"radius_mm", measured(eye.flat_radius_mm, 0.06)},
@@ -217,6 +218,14 @@ Json biometry_of(const TrueEye& eye) {
       {"type", "with-the-rule"},
       {"irregularity_um", measured(1.4, 0.5)},
       {"section_2p3mm", {{"vertical_mm", measured(10.9, 0.1)}, {"horizontal_mm", measured(11.1, 0.1)}}}};
+  json["retina"] = {
+      {"vertex_radius_mm", {{"horizontal", measured(12.3, 0.05)}, {"vertical", measured(12.0, 0.05)}}},
+      {"q_240", measured(0.11, 0.01)},
+      {"q_120", measured(0.12, 0.03)},
+      {"tilt_deg", {{"horizontal", measured(-0.6, 0.2)}, {"vertical", measured(0.4, 0.2)}}},
+      {"area_mm2", measured(1224, 8)},
+      {"volume_mm3", measured(5719, 56)},
+      {"staphyloma_index", measured(28.9, 0.5)}};
   return json;
 }
 

@@ -1,96 +1,83 @@
+#include <fmt/format.h>
 #include <vtkCellArray.h>
-#include <vtkDataArray.h>
 #include <vtkDoubleArray.h>
 #include <vtkFieldData.h>
-#include <vtkIdList.h>
-#include <vtkLogger.h>
 #include <vtkNew.h>
-#include <vtkObjectFactory.h>
-#include <vtkOutputWindow.h>
 #include <vtkPointData.h>
 #include <vtkPoints.h>
 #include <vtkPolyData.h>
-#include <vtkSmartPointer.h>
 #include <vtkStringArray.h>
-#include <vtkXMLPolyDataReader.h>
 #include <vtkXMLPolyDataWriter.h>
 
 #include "pipeline/base/error.hpp"
 #include "pipeline/eye/meshes/mesh_formats.hpp"
+#include "pipeline/eye/meshes/vtk_xml.hpp"
 
 namespace emmetrope {
 namespace {
 
-/// VTK reports faults by its output window and not by return values: caught here while the object lives.
-class FaultWindow : public vtkOutputWindow {
- public:
-  static FaultWindow* New();  // NOLINT(readability-identifier-naming): VTK's factory
-  vtkTypeMacro(FaultWindow, vtkOutputWindow) void DisplayText(const char* text) override { fault_ = text; }
-  const std::string& fault() const { return fault_; }
+pugi::xml_node named(pugi::xml_node parent, const char* name) {
+  for (const pugi::xml_node array : parent.children())
+    if (array.attribute("Name").value() == std::string(name)) return array;
+  return {};
+}
 
- private:
-  std::string fault_;
-};
-vtkStandardNewMacro(FaultWindow)
+std::vector<Eigen::Vector3d> vectors(const VtkXml& file, pugi::xml_node array) {
+  const std::vector<double> numbers = file.numbers(array);
+  if (array && (array.attribute("NumberOfComponents").as_int() != 3 || numbers.size() % 3 != 0))
+    throw input_error("points and normals of a VTP mesh have three coordinates");
+  std::vector<Eigen::Vector3d> result;
+  for (std::size_t k = 0; k < numbers.size(); k += 3)
+    result.emplace_back(numbers[k], numbers[k + 1], numbers[k + 2]);
+  return result;
+}
 
-    class FaultListener {
- public:
-  FaultListener()
-      : before_(vtkOutputWindow::GetInstance()), log_level_(vtkLogger::GetCurrentVerbosityCutoff()) {
-    vtkOutputWindow::SetInstance(window_);
-    vtkLogger::SetStderrVerbosity(vtkLogger::VERBOSITY_OFF);
+void expect_count(std::size_t found, pugi::xml_node piece, const char* promise) {
+  if (const auto promised = piece.attribute(promise).as_ullong(); found != promised)
+    throw input_error(fmt::format("the VTP mesh has {} where it says {}=\"{}\"", found, promise, promised));
+}
+
+void add_polygons(const VtkXml& file, pugi::xml_node piece, TriangleMesh& mesh, std::size_t first_vertex) {
+  const pugi::xml_node polygons = piece.child("Polys");
+  const std::vector<int> connectivity = file.indices(named(polygons, "connectivity")),
+                         ends = file.indices(named(polygons, "offsets"));
+  expect_count(ends.size(), piece, "NumberOfPolys");
+  std::size_t at = 0;
+  std::vector<int> corners;
+  for (const int end : ends) {
+    if (static_cast<std::size_t>(end) < at || static_cast<std::size_t>(end) > connectivity.size())
+      throw input_error("offsets of the VTP mesh's polygons are out of order");
+    corners.clear();
+    for (; at < static_cast<std::size_t>(end); ++at) {
+      if (static_cast<std::size_t>(connectivity[at]) >= mesh.vertices.size() - first_vertex)
+        throw input_error(fmt::format("a polygon of the VTP mesh names point {} of {}", connectivity[at],
+                                      mesh.vertices.size() - first_vertex));
+      corners.push_back(static_cast<int>(first_vertex) + connectivity[at]);
+    }
+    add_polygon(mesh, corners);
   }
-  ~FaultListener() {
-    vtkOutputWindow::SetInstance(before_);
-    vtkLogger::SetStderrVerbosity(log_level_);
-  }
-  FaultListener(const FaultListener&) = delete;
-  FaultListener& operator=(const FaultListener&) = delete;
-  bool heard_nothing() const { return window_->fault().empty(); }
-
- private:
-  vtkNew<FaultWindow> window_;
-  vtkSmartPointer<vtkOutputWindow> before_;
-  vtkLogger::Verbosity log_level_;
-};
+}
 
 }  // namespace
 
 MeshFile parse_vtp(const std::string& bytes) {
-  const FaultListener listener;
-  vtkNew<vtkXMLPolyDataReader> reader;
-  reader->ReadFromInputStringOn();
-  reader->SetInputString(bytes);
-  reader->Update();
-  vtkPolyData* data = reader->GetOutput();
-  if (!listener.heard_nothing() || reader->GetErrorCode() != 0 || data == nullptr ||
-      data->GetNumberOfPoints() == 0)
-    throw input_error("no readable VTP mesh, or it is cut short");
-
+  const VtkXml file(bytes, "PolyData");
   MeshFile result;
-  for (vtkIdType i = 0; i < data->GetNumberOfPoints(); ++i) {
-    double p[3];
-    data->GetPoint(i, p);
-    result.mesh.vertices.emplace_back(p[0], p[1], p[2]);
-  }
-  vtkDataArray* normals = data->GetPointData()->GetNormals();
-  if (normals != nullptr && normals->GetNumberOfComponents() == 3)
-    for (vtkIdType i = 0; i < normals->GetNumberOfTuples(); ++i) {
-      double n[3];
-      normals->GetTuple(i, n);
-      result.mesh.normals.emplace_back(n[0], n[1], n[2]);
+  for (const pugi::xml_node piece : file.data_set().children("Piece")) {
+    const std::size_t first_vertex = result.mesh.vertices.size();
+    const auto points = vectors(file, piece.child("Points").first_child());
+    expect_count(points.size(), piece, "NumberOfPoints");
+    result.mesh.vertices.insert(result.mesh.vertices.end(), points.begin(), points.end());
+    const pugi::xml_node data = piece.child("PointData");
+    if (const pugi::xml_attribute name = data.attribute("Normals")) {
+      const auto normals = vectors(file, named(data, name.value()));
+      result.mesh.normals.insert(result.mesh.normals.end(), normals.begin(), normals.end());
     }
-  vtkNew<vtkIdList> cell;
-  std::vector<int> corners;
-  vtkCellArray* polygons = data->GetPolys();
-  for (polygons->InitTraversal(); polygons->GetNextCell(cell) != 0;) {
-    corners.clear();
-    for (vtkIdType k = 0; k < cell->GetNumberOfIds(); ++k)
-      corners.push_back(static_cast<int>(cell->GetId(k)));
-    add_polygon(result.mesh, corners);
+    add_polygons(file, piece, result.mesh, first_vertex);
   }
-  auto* space = vtkStringArray::SafeDownCast(data->GetFieldData()->GetAbstractArray("SPACE"));
-  result.says_lps = space != nullptr && space->GetNumberOfValues() > 0 && space->GetValue(0) == "LPS";
+  if (result.mesh.vertices.empty()) throw input_error("the VTP mesh has no points");
+  result.says_lps = file.numbers(named(file.data_set().child("FieldData"), "SPACE")) ==
+                    std::vector<double>{'L', 'P', 'S', '\0'};
   return result;
 }
 

@@ -32,6 +32,12 @@ class TextScanner {
     return text_.substr(start, at_ - start);
   }
 
+  /// Whether there is another word.
+  bool skip_to_word() {
+    skip_space();
+    return !at_end();
+  }
+
   /// The next word as a number; nothing when it is none.
   std::optional<double> number() {
     std::string_view digits = word();

@@ -7,6 +7,7 @@
 
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/frames.hpp"
+#include "pipeline/base/quadrature.hpp"
 #include "pipeline/eye/surfaces/zernike.hpp"
 
 namespace emmetrope {
@@ -50,15 +51,6 @@ double extreme_meridian(const CornealDepth& depth, double sign) {
   return maximise(f, (best - 1) * pi / samples, (best + 1) * pi / samples);
 }
 
-/// Nodes and weights of Gauss-Legendre quadrature on [0, 1] (Golub and Welsch 1969).
-void gauss_legendre(int n, Eigen::VectorXd& node, Eigen::VectorXd& weight) {
-  Eigen::MatrixXd jacobi = Eigen::MatrixXd::Zero(n, n);
-  for (int i = 1; i < n; ++i) jacobi(i, i - 1) = jacobi(i - 1, i) = i / std::sqrt(4.0 * i * i - 1);
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(jacobi);
-  node = (eigen.eigenvalues().array() + 1) / 2;
-  weight = eigen.eigenvectors().row(0).array().square();
-}
-
 }  // namespace
 
 CornealDepth anterior_cornea(const ParametricEye& eye) {
@@ -91,7 +83,8 @@ double asphericity(const CornealDepth& depth) {
     Eigen::MatrixX2d basis(2 * samples, 2);
     Eigen::VectorXd r2(2 * samples);
     for (int i = 0; i < 2 * samples; ++i) {
-      const double r = asphericity_zone_mm / 2 * (i / 2 + 1) / samples * (i % 2 == 0 ? 1 : -1);
+      const int ring = i / 2 + 1;
+      const double r = asphericity_zone_mm / 2 * ring / samples * (i % 2 == 0 ? 1 : -1);
       const double d = depth(r * std::cos(azimuth), r * std::sin(azimuth));
       basis.row(i) << 2 * d, -d * d;
       r2[i] = r * r;
@@ -127,8 +120,8 @@ double section_width_mm(const CornealDepth& depth, double depth_mm, double azimu
 
 Eigen::VectorXd corneal_zernike_um(const CornealDepth& depth, double zone_mm, int order) {
   constexpr int rings = 16, spokes = 32;
-  Eigen::VectorXd node, weight;
-  gauss_legendre(rings, node, weight);  // in the square of the radius, in which a disc's area is even
+  const auto [node, weight] =
+      gauss_legendre(rings);  // in the square of the radius, in which a disc's area is even
   Eigen::VectorXd coefficients = Eigen::VectorXd::Zero(zernike_count(order));
   for (int i = 0; i < rings; ++i) {
     const double rho = std::sqrt(node[i]);

@@ -45,7 +45,8 @@ class Row {
 // 0.058 age and 5.9 - 0.013 age). Distances of the eyes are the range of the vast majority of adults.
 constexpr const char *hoffmann = "Hoffmann and Huetz 2010", *cataract_patients = "BMC Ophthalmology 2021;21",
                      *handan = "Handan Eye Study", *lens_thickness = "Dubbelman et al. 2001",
-                     *lens_radii = "Dubbelman and van der Heijde 2001", *dodgson = "Dodgson 2004";
+                     *lens_radii = "Dubbelman and van der Heijde 2001", *dodgson = "Dodgson 2004",
+                     *staphyloma = "BMC Ophthalmology 2024;24";
 constexpr Range plausible_corneal_power_D{38, 50}, normal_corneal_power_D{40.91, 47.34};
 
 std::vector<Limits> biometry() {
@@ -62,6 +63,9 @@ std::vector<Limits> biometry() {
       Row("lens_posterior_radius_mm", "mm").warn_outside({3.5, 9}).normal({4.9, 7.0}, lens_radii),
       Row("globe_width_mm", "mm").warn_outside({19, 30}),
       Row("globe_height_mm", "mm").warn_outside({19, 30}),
+      Row("globe_depth_mm", "mm").warn_outside({17, 34}),
+      // 202 eyes without a staphyloma had at most 37.5, 54 with one at least 42.7.
+      Row("retina/staphyloma_index", "").normal(at_most(40), staphyloma),
       Row("interpupillary_distance_mm", "mm").warn_outside({45, 80}).normal({50, 75}, dodgson),
       // Beyond this astigmatic axes, which are given against the scanner, are not the patient's own.
       Row("head_roll_deg", "deg").warn_outside({-3, 3}),

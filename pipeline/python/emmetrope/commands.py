@@ -101,6 +101,11 @@ def view(case=None, **options):
     return _run("view", *([] if case is None else [case]), **options)
 
 
+def deidentify(case, **options):
+    """A case's DICOM objects without identity, by the profile of DICOM PS3.15; output="folder"."""
+    return _run("deidentify", case, **options)
+
+
 def run(study, case, **options):
     """All stages, resuming what is done."""
     return _run("run", study, output=case, **options)

@@ -7,6 +7,8 @@ Range BiometryRow::normal() const {
   return limits == nullptr ? Range{} : limits->normal;
 }
 
+std::string BiometryRow::normal_text() const { return format_range(normal(), style.decimals); }
+
 const std::vector<BiometryRow>& biometry_rows() {
   static const std::vector<BiometryRow> rows{
       {"optical_axial_length_mm", "Axial length, optical", {2, false, "mm"}},
@@ -41,6 +43,25 @@ const std::vector<BiometryRow>& keratometry_rows() {
        {2, false, "mm"}},
       {"astigmatism/section_2p3mm/vertical_mm", "Corneal section 2.3 mm deep, vertical", {2, false, "mm"}}};
   return rows;
+}
+
+const std::vector<BiometryRow>& retina_rows() {
+  static const std::vector<BiometryRow> rows{
+      {"globe_depth_mm", "Globe depth (inner)", {1, false, "mm"}},
+      {"retina/vertex_radius_mm/horizontal", "Retinal vertex radius, horizontal", {2, false, "mm"}},
+      {"retina/vertex_radius_mm/vertical", "Retinal vertex radius, vertical", {2, false, "mm"}},
+      {"retina/q_240", "Retinal asphericity Q, 240\u00b0", {2, true, ""}},
+      {"retina/q_120", "Retinal asphericity Q, 120\u00b0", {2, true, ""}},
+      {"retina/tilt_deg/horizontal", "Retinal tilt to the patient's left", {1, true, "deg"}},
+      {"retina/tilt_deg/vertical", "Retinal tilt upwards", {1, true, "deg"}},
+      {"retina/area_mm2", "Retinal area, 240\u00b0", {0, false, "mm\u00b2"}},
+      {"retina/volume_mm3", "Vitreous volume", {0, false, "mm\u00b3"}},
+      {"retina/staphyloma_index", "Staphyloma index", {1, false, ""}}};
+  return rows;
+}
+
+std::array<const std::vector<BiometryRow>*, 3> measured_rows() {
+  return {&biometry_rows(), &keratometry_rows(), &retina_rows()};
 }
 
 }  // namespace emmetrope::report

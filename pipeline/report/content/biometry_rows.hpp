@@ -1,4 +1,5 @@
 #pragma once
+#include <array>
 #include <string>
 #include <vector>
 
@@ -15,6 +16,9 @@ struct BiometryRow {
 
   /// What is normal in adults; not limited where nothing is known.
   Range normal() const;
+  /// "22.1 to 26.0", "up to 40", in the style's decimals without its unit.
+  /// \pre normal() is limited
+  std::string normal_text() const;
 };
 
 /// Of the axial length that tables tell in a note: the optical one stands for both.
@@ -22,5 +26,8 @@ inline constexpr const char* inner_axial_length_key = "axial_length_mm";
 
 const std::vector<BiometryRow>& biometry_rows();
 const std::vector<BiometryRow>& keratometry_rows();
+const std::vector<BiometryRow>& retina_rows();
+/// The three in this order.
+std::array<const std::vector<BiometryRow>*, 3> measured_rows();
 
 }  // namespace emmetrope::report

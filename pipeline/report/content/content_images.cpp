@@ -10,6 +10,7 @@
 #include "pipeline/report/figures/chart.hpp"
 #include "pipeline/report/figures/cornea_map.hpp"
 #include "pipeline/report/figures/encoding.hpp"
+#include "pipeline/report/figures/picture_figure.hpp"
 #include "pipeline/report/figures/slices.hpp"
 #include "pipeline/report/figures/still.hpp"
 
@@ -82,19 +83,6 @@ FigureRow slices_of(const EyeData& eye, const std::vector<std::pair<std::string,
   if (fitted.empty())
     for (auto& figure : row.figures) figure.caption += " No surfaces were fitted.";
   return row;
-}
-
-Figure picture_figure(const fs::path& file, const std::string& id) {
-  const PagePicture picture = page_picture(file);
-  Figure figure;
-  figure.id = id;
-  figure.width_px = picture.width_px;
-  figure.height_px = picture.height_px;
-  figure.svg = fmt::format(
-      "<svg xmlns=\"http://www.w3.org/2000/svg\" xmlns:xlink=\"http://www.w3.org/1999/xlink\" viewBox=\"0 0 "
-      "{0} {1}\"><image width=\"{0}\" height=\"{1}\" xlink:href=\"{2}\"/></svg>",
-      figure.width_px, figure.height_px, picture.url);
-  return figure;
 }
 
 constexpr std::size_t most_pictures = 6;

@@ -1,5 +1,6 @@
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <map>
 #include <optional>
 
@@ -101,23 +102,20 @@ EyeCard card_of(const CaseData& data, const EyeData& eye) {
                           card.headline.find(" x ") != std::string::npos ? "minus cylinder, " : "");
   card.details = details_of(prescription, judgement, card.eye);
   add_calibration(card, prescription);
+  // Letters that are sharp would sell a lens that nobody is to wear.
+  if (!judgement.has_prescription) return card;
   card.before_png = page_png(eye.uncorrected_png);
   card.after_png = page_png(eye.corrected_png);
   card.picture_caption =
-      std::string(
-          "The same chart on the retina of this eye, upright as the patient perceives it: before, with no "
-          "lens; after, with the ") +
-      (judgement.has_prescription ? "best lens" : "lens of the estimate") +
-      " as if that were exact. Look at the smallest row that can be read, and at the direction of the blur.";
+      "The same chart on the retina of this eye, upright as the patient perceives it: before, with no lens; after, with "
+      "the best lens as if that were exact. Look at the smallest row that can be read, and at the direction of the "
+      "blur.";
   return card;
 }
 
 std::string normal_range(const BiometryRow& row) {
-  const Range normal = row.normal();
-  if (!normal.is_limited()) return "\u2013";
-  return fmt::format("{} to {} [{}]", fixed(normal.low, row.style.decimals),
-                     fixed(normal.high, row.style.decimals),
-                     reference_number(limits_of(row.key).normal_reference));
+  if (!row.normal().is_limited()) return "\u2013";
+  return fmt::format("{} [{}]", row.normal_text(), reference_number(limits_of(row.key).normal_reference));
 }
 
 struct Cells {
@@ -192,6 +190,7 @@ BulletList withheld_lines(const CaseData& data) {
     };
     for (const BiometryRow& row : biometry_rows()) add(row, row.name);
     for (const BiometryRow& row : keratometry_rows()) add(row, "Keratometry and corneal astigmatism");
+    for (const BiometryRow& row : retina_rows()) add(row, row.name);
     for (const auto& [reason, list] : quantities)
       lines.items.push_back(
           fmt::format("{}: withheld, since {}: {}.", clinical_name(eye.laterality), reason, list));
@@ -199,7 +198,10 @@ BulletList withheld_lines(const CaseData& data) {
   return lines;
 }
 
-bool is_axis(const BiometryRow& row) { return row.style.unit == "deg"; }
+/// Of a meridian, which a cornea without cylinder has not.
+bool is_axis(const BiometryRow& row) {
+  return row.key.rfind("keratometry/", 0) == 0 && row.style.unit == "deg";
+}
 
 /// Of which eyes' numbers a table tells: what the images or instruments gave, or what nothing but the population tells.
 enum class Told { measured, assumed };
@@ -264,6 +266,12 @@ Section result_section(const CaseData& data) {
     any = any || !cards.cards.back().details.rows.empty();
   }
   section.blocks.push_back({cards});
+  if (data.eyes.size() == 1) {
+    const bool is_right = data.eyes.front().laterality == Laterality::od;
+    section.blocks.push_back({Paragraph{fmt::format("{}: not asked for (--laterality {}).",
+                                                    clinical_name(is_right ? Laterality::os : Laterality::od),
+                                                    data.eyes.front().id())}});
+  }
   if (FigureRow ends = letters_at_the_ends(data); !ends.figures.empty())
     section.blocks.push_back({std::move(ends), Paper::first_if_room});
   if (const BulletList explained{what_explains(data)}; !explained.items.empty())
@@ -280,13 +288,17 @@ Section measured_section(const CaseData& data) {
   Section section{"measured", "What was measured", {}};
   const Table biometry = measured_table(data, biometry_rows(), "Biometry");
   const Table keratometry = measured_table(data, keratometry_rows(), "Keratometry and corneal astigmatism");
-  std::vector<BiometryRow> all = biometry_rows();
-  all.insert(all.end(), keratometry_rows().begin(), keratometry_rows().end());
+  const Table retina = measured_table(data, retina_rows(), "Shape of the back of the eye");
+  std::vector<BiometryRow> all;
+  for (const auto* rows : measured_rows()) all.insert(all.end(), rows->begin(), rows->end());
   Table assumed = measured_table(data, all, "Not measured here: what the population tells", Told::assumed);
   assumed.folded = true;
-  if (biometry.rows.empty() && keratometry.rows.empty() && assumed.rows.empty()) return section;
-  for (const Table* table : std::initializer_list<const Table*>{&biometry, &keratometry, &assumed})
-    if (!table->rows.empty()) section.blocks.push_back({*table});
+  const std::initializer_list<const Table*> tables{&biometry, &keratometry, &retina, &assumed};
+  if (std::all_of(tables.begin(), tables.end(), [](const Table* table) { return table->rows.empty(); }))
+    return section;
+  for (const Table* table : tables)
+    if (!table->rows.empty())
+      section.blocks.push_back({*table, table->folded ? Paper::if_room : Paper::always});
   if (const BulletList lines = withheld_lines(data); !lines.items.empty()) section.blocks.push_back({lines});
   if (const BulletList lines = keratometer_lines(data); !lines.items.empty())
     section.blocks.push_back({lines});
@@ -295,7 +307,9 @@ Section measured_section(const CaseData& data) {
       "(!) marks a value outside the normal adult range of the numbered source, in most rows mean \u00b1 2 "
       "standard deviations. A prior is the population's knowledge and no measurement of this patient: its "
       "interval is that of the population. Keratometric powers are 337.5 / R, 1.5 mm from the apex; axes are "
-      "counter-clockwise from the examiner's right (TABO), the same for both eyes."}});
+      "counter-clockwise from the examiner's right (TABO), the same for both eyes. Radii and Q of the retina are those "
+      "of the best ellipsoid over so wide a cap as seen from the globe's centre; Q is above 0 where it is wider than "
+      "deep. Eyes with a posterior staphyloma have an index above 40."}});
   return section;
 }
 

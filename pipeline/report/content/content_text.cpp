@@ -60,19 +60,20 @@ Section review_section() {
 Section limits_section(const CaseData& data, const Notes& notes) {
   Section section{"limits", "Limits and warnings", {}};
   BulletList general;
-  general.items = {
-      std::string(research_notice),
-      "MRI shows the eye at a fraction of a millimetre. One tenth of a millimetre of corneal "
-      "radius is about 0.6 D, one tenth of a millimetre of axial length about 0.26 D: read "
-      "every number with its interval.",
-      "The lens's refractive index is not visible in MRI. It is taken from the age; its spread "
-      "of 0.005 alone moves the spherical equivalent by 0.8 D (one standard deviation) and is part of "
-      "the interval. Astigmatism does not depend on it.",
-      "The back of the cornea is taken as a fixed proportion of its front where the images do "
-      "not resolve it.",
-      "The retina's fovea is not visible: the refraction is given on the eye's axis, which may "
-      "lie a few degrees from the line of sight.",
-      "Images of the orbit may let a face be recognised even where no name is given."};
+  general.items = {std::string(research_notice)};
+  for (const char* limit :
+       {"MRI shows the eye at a fraction of a millimetre. One tenth of a millimetre of corneal "
+        "radius is about 0.6 D, one tenth of a millimetre of axial length about 0.26 D: read "
+        "every number with its interval.",
+        "The lens's refractive index is not visible in MRI. It is taken from the age; its spread "
+        "of 0.005 alone moves the spherical equivalent by 0.8 D (one standard deviation) and is part of "
+        "the interval. Astigmatism does not depend on it.",
+        "The back of the cornea is taken as a fixed proportion of its front where the images do "
+        "not resolve it.",
+        "The retina's fovea is not visible: the refraction is given on the eye's axis, which may "
+        "lie a few degrees from the line of sight.",
+        "Images of the orbit may let a face be recognised even where no name is given."})
+    general.items.emplace_back(limit);
   section.blocks.push_back({general});
   BulletList found;
   const auto add_once = [&](const std::string& item) {
@@ -130,8 +131,11 @@ Section provenance_section(const CaseData& data) {
   section.blocks.push_back({table, Paper::never});
   std::string line = "Made by Emmetrope " + version() + ".";
   for (const auto& stage : data.stages)
-    line += " " + stage.name + ": " + status_text(stage.status) + ", inputs " +
-            stage.provenance.value("inputs_sha256", std::string()).substr(0, 12) + ".";
+    line += " " + stage.name + ": " + status_text(stage.status) +
+            (stage.provenance.contains("inputs_sha256")
+                 ? ", inputs " + stage.provenance["inputs_sha256"].get<std::string>().substr(0, 12)
+                 : std::string()) +
+            ".";
   section.blocks.push_back(
       {Paragraph{line + " Full provenance is in the HTML report and in each stage.json."}});
   const auto dump = [](const Json& json) { return json.dump(2, ' ', false, Json::error_handler_t::replace); };

@@ -197,10 +197,11 @@ std::string headline_of(const EyeData& eye, const Judgement& judgement) {
   // A number without an interval says nothing.
   if (!M) return fmt::format("SE {}, interval unknown: do not dispense", format(M_D, coarse_dioptres));
   const double reach_D = half_width(*M);
-  if (!judgement.has_prescription || !limits_of("M_half_width_D").plausible.contains(reach_D))
-    return fmt::format("SE {}, {} to {}: {}", format(M_D, coarse_dioptres), signed_fixed(M->ci95[0], 1),
-                       signed_fixed(M->ci95[1], 1),
-                       judgement.has_prescription ? "do not dispense" : "no prescription");
+  const std::string lowest = signed_fixed(M->ci95[0], 1), highest = signed_fixed(M->ci95[1], 1);
+  // Where there is no prescription no number stands that could be taken for one.
+  if (!judgement.has_prescription) return fmt::format("SE {} to {} D", lowest, highest);
+  if (!limits_of("M_half_width_D").plausible.contains(reach_D))
+    return fmt::format("SE {}, {} to {}: do not dispense", format(M_D, coarse_dioptres), lowest, highest);
 
   if (!has_axis(prescription.value("cylinder_D", Json())))
     return fmt::format("SE {} (\u00b1{} D), cylinder not determined", format(M_D, coarse_dioptres),
@@ -217,6 +218,8 @@ std::vector<std::pair<std::string, std::string>> facts_of(const EyeData& eye, co
   if (const auto length = measured_in(eye.biometry, "optical_axial_length_mm"))
     add("Axial length",
         format(length->value, millimetres) + " (" + format_interval(*length, millimetres) + ")");
+  else if (eye.biometry.is_object() || (eye.fit.is_object() && eye.fit.value("status", "") == "refused"))
+    add("Axial length", "withheld");
   if (judgement.has_refraction) add("Limited by", limit_of(eye));
   add("Images", images_of(eye));
   if (judgement.has_refraction) add("Assumed", assumed_of(eye));

@@ -4,6 +4,7 @@
 #include "pipeline/report/content/biometry_rows.hpp"
 #include "pipeline/report/content/content_tables.hpp"
 #include "pipeline/report/content/first_page.hpp"
+#include "pipeline/report/content/remedies.hpp"
 
 namespace emmetrope::report {
 namespace {
@@ -16,24 +17,39 @@ double half_width(const EyeData& eye, const char* key) {
   return (measured.ci95[1] - measured.ci95[0]) / 2;
 }
 
-std::vector<std::string> failed_gates(const EyeData& eye) {
-  std::vector<std::string> reasons;
-  if (!eye.fit.is_object()) return reasons;
-  for (const auto& gate : eye.fit.value("quality", Json::array()))
-    if (!gate.value("passed", true))
-      reasons.push_back(gate.value("reason", gate.value("name", "a gate failed")));
-  return reasons;
+using Findings = std::vector<Finding>;
+
+/// Those that withhold something before those that only warn.
+Findings failed_gates(const EyeData& eye) {
+  Findings withholding, warning;
+  if (!eye.fit.is_object()) return {};
+  for (const auto& gate : eye.fit.value("quality", Json::array())) {
+    if (gate.value("passed", true)) continue;
+    const std::string name = gate.value("name", "a gate");
+    (gate.value("withholds", "nothing") == "nothing" ? warning : withholding)
+        .push_back({gate.value("reason", name + " failed"), remedy_of_gate(name)});
+  }
+  withholding.insert(withholding.end(), warning.begin(), warning.end());
+  return withholding;
+}
+
+/// Whether all that a reason says, "one thing; another", stands among the findings.
+bool is_said(const std::string& reason, const Findings& findings) {
+  std::string left = reason;
+  for (const Finding& finding : findings)
+    if (const auto at = left.find(finding.what); at != std::string::npos) left.erase(at, finding.what.size());
+  return left.find_first_not_of("; ") == std::string::npos;
 }
 
 /// Reasons that a stage gave, once each and without those that only concern the other eye.
-void add_stage_reasons(const CaseData& data, const EyeData& eye, std::vector<std::string>& reasons) {
+void add_stage_reasons(const CaseData& data, const EyeData& eye, Findings& reasons) {
   const Laterality other = eye.laterality == Laterality::od ? Laterality::os : Laterality::od;
   const std::string own = std::string(clinical_name(eye.laterality)) + ": ";
   for (const auto& stage : data.stages)
     for (const auto& given : stage.reasons) {
       if (given.rfind(to_string(other), 0) == 0 || given.rfind(clinical_name(other), 0) == 0) continue;
       const std::string reason = given.rfind(own, 0) == 0 ? given.substr(own.size()) : given;
-      if (std::find(reasons.begin(), reasons.end(), reason) == reasons.end()) reasons.push_back(reason);
+      if (!is_said(reason, reasons)) reasons.push_back({reason, remedy_of_stage(stage.name)});
     }
 }
 
@@ -47,78 +63,86 @@ const StageData* stage_of_other_eye(const CaseData& data, const EyeData& eye) {
 }
 
 /// A refraction that was given and hardly belongs to this eye.
-std::vector<std::string> contradictions(const EyeData& eye) {
+Findings contradictions(const EyeData& eye) {
   const auto surprise = value_at(eye.prescription, "/calibration/surprise_sigma"),
              limit = value_at(eye.prescription, "/calibration/surprise_limit_sigma");
   if (!surprise || !limit || *surprise <= *limit) return {};
   return {
-      "The refraction that was given and the images differ by " + fixed(*surprise, 1) +
-      " standard deviations: it may be another eye's, have the wrong sign, or one of the two is wrong. What "
-      "is combined from them is not to be relied on."};
+      {"The refraction that was given and the images differ by " + fixed(*surprise, 1) +
+           " standard deviations: it may be another eye's, have the wrong sign, or one of the two is wrong. "
+           "What is combined from them is not to be relied on.",
+       "Check whose refraction it is, which eye's, and its sign; run correct again without it."}};
 }
 
 /// What is to be said of a spherical equivalent with that interval.
-std::vector<std::string> sphere_reasons(const EyeData& eye, const std::string& withheld) {
+Findings sphere_reasons(const EyeData& eye, const std::string& withheld) {
   const double half_width_D = half_width(eye, "M_D");
-  if (!withheld.empty()) return {withheld + " The estimate is for information."};
+  if (!withheld.empty()) return {{withheld + " The estimate is for information.", "Refract."}};
   if (limits_of("M_half_width_D").normal.contains(half_width_D)) return {};
-  return {"The spherical equivalent's 95 % interval is \u00b1" + fixed(half_width_D, 1) +
-          " D; clinical refraction is expected to repeat within \u00b10.5 D."};
+  return {{"The spherical equivalent's 95 % interval is \u00b1" + fixed(half_width_D, 1) +
+               " D; clinical refraction is expected to repeat within \u00b10.5 D.",
+           "Refract before dispensing."}};
 }
 
-std::vector<std::string> cylinder_reasons(const EyeData& eye) {
+Findings cylinder_reasons(const EyeData& eye) {
   const double J0_D = half_width(eye, "J0_D"), J45_D = half_width(eye, "J45_D");
   if (limits_of("J_half_width_D").plausible.contains(std::max(J0_D, J45_D))) return {};
-  return {(has_axis(eye.prescription.value("cylinder_D", Json()))
-               ? std::string("The cylinder is known badly: the 95 % intervals of J0 and J45 are \u00b1")
-               : std::string(
-                     "Cylinder and axis are not determined: the 95 % intervals of J0 and J45 are \u00b1")) +
-          fixed(J0_D, 1) + " and \u00b1" + fixed(J45_D, 1) + " D."};
+  return {{(has_axis(eye.prescription.value("cylinder_D", Json()))
+                ? std::string("The cylinder is known badly: the 95 % intervals of J0 and J45 are \u00b1")
+                : std::string(
+                      "Cylinder and axis are not determined: the 95 % intervals of J0 and J45 are \u00b1")) +
+               fixed(J0_D, 1) + " and \u00b1" + fixed(J45_D, 1) + " D.",
+           "Take cylinder and axis from refraction or keratometry."}};
 }
 
-std::vector<std::string> head_roll_reasons(const EyeData& eye) {
+Findings unusual_findings(const EyeData& eye) {
+  Findings findings;
+  for (const std::string& sentence : unusual_values(eye))
+    findings.push_back({sentence, "Look whether the contours on the slices bear it out."});
+  return findings;
+}
+
+Findings head_roll_reasons(const EyeData& eye) {
   const auto roll_deg = value_of(eye.biometry, "head_roll_deg");
   if (!roll_deg || limits_of("head_roll_deg").plausible.contains(*roll_deg)) return {};
-  return {"The head is rolled by " + fixed(*roll_deg, 1) +
-          "\u00b0 against the scanner; astigmatic axes are given against the scanner."};
+  return {{"The head is rolled by " + fixed(*roll_deg, 1) +
+               "\u00b0 against the scanner; astigmatic axes are given against the scanner.",
+           "Turn axes by the roll before they are compared with a refraction."}};
 }
 
-/// All that is to be said of a refraction, the weightiest first.
-std::vector<std::string> reasons_of_refraction(const CaseData& data, const EyeData& eye,
-                                               const std::vector<std::string>& gates,
-                                               const std::string& withheld) {
-  const std::vector<std::string> sphere = sphere_reasons(eye, withheld);
-  std::vector<std::string> reasons = contradictions(eye);
-  const auto add = [&](const std::vector<std::string>& more) {
-    reasons.insert(reasons.end(), more.begin(), more.end());
-  };
+/// All that is to be said of a refraction, the most dangerous first.
+Findings reasons_of_refraction(const CaseData& data, const EyeData& eye, const Findings& gates,
+                               const std::string& withheld) {
+  const Findings sphere = sphere_reasons(eye, withheld);
+  Findings reasons = contradictions(eye);
+  const auto add = [&](const Findings& more) { reasons.insert(reasons.end(), more.begin(), more.end()); };
   if (!withheld.empty()) add(sphere);
   add(gates);
   if (withheld.empty()) add(sphere);
   add(cylinder_reasons(eye));
-  add(unusual_values(eye));
+  add(unusual_findings(eye));
   add(head_roll_reasons(eye));
   add_stage_reasons(data, eye, reasons);
   return reasons;
 }
 
 /// Without a refraction.
-Judgement no_prescription(std::string verdict, std::vector<std::string> reasons) {
+Judgement no_prescription(std::string verdict, Findings reasons) {
   Judgement judgement;
   judgement.verdict = std::move(verdict);
   judgement.reasons = std::move(reasons);
   return judgement;
 }
 
-Judgement refused(const CaseData& data, const EyeData& eye, std::vector<std::string> reasons) {
+Judgement refused(const CaseData& data, const EyeData& eye, Findings reasons) {
   add_stage_reasons(data, eye, reasons);
   if (reasons.empty())
-    reasons.emplace_back("The stages before this report gave no prescription for this eye.");
+    reasons.push_back({"The stages before this report gave no prescription for this eye.", ""});
   return no_prescription("No prescription: the images do not support one", std::move(reasons));
 }
 
 /// Of a refraction that was found.
-Judgement judge_refraction(const CaseData& data, const EyeData& eye, const std::vector<std::string>& gates) {
+Judgement judge_refraction(const CaseData& data, const EyeData& eye, const Findings& gates) {
   const std::string withheld = withheld_because(eye);
   const double M_half_width_D = half_width(eye, "M_D");
   Judgement judgement;
@@ -136,7 +160,9 @@ Judgement judge_refraction(const CaseData& data, const EyeData& eye, const std::
                               : "Estimate: refract before dispensing";
       break;
     case Light::green:
-      judgement.verdict = "Supported by the data";
+      judgement.verdict = eye.prescription.value("calibration", Json()).is_object()
+                              ? "Supported, with the refraction that was given"
+                              : "Supported by the data";
       break;
   }
   return judgement;
@@ -156,23 +182,22 @@ std::string withheld_because(const EyeData& eye) {
 
 std::vector<std::string> unusual_values(const EyeData& eye) {
   std::vector<std::string> sentences;
-  for (const auto* rows : {&biometry_rows(), &keratometry_rows()})
+  for (const auto* rows : measured_rows())
     for (const auto& row : *rows) {
       const auto value = value_at(eye.biometry, "/" + row.key);
       const Range normal = row.normal();
       if (value && !normal.contains(*value))
         sentences.push_back(row.name + " " + format(*value, row.style) + " is outside the adult range of " +
-                            fixed(normal.low, row.style.decimals) + " to " + format(normal.high, row.style) +
-                            ".");
+                            row.normal_text() + (row.style.unit.empty() ? "" : " " + row.style.unit) + ".");
     }
   return sentences;
 }
 
 Judgement judge(const CaseData& data, const EyeData& eye) {
-  const std::vector<std::string> gates = failed_gates(eye);
+  const Findings gates = failed_gates(eye);
   if (const StageData* stage = stage_of_other_eye(data, eye)) {
-    std::vector<std::string> reasons = gates;
-    reasons.push_back("The " + stage->name + " stage was run for the other eye only.");
+    Findings reasons = gates;
+    reasons.push_back({"The " + stage->name + " stage was run for the other eye only.", ""});
     return no_prescription("No prescription: not asked for", reasons);
   }
   // An eye whose cornea other instruments measured is partial and has a refraction all the same.

@@ -7,10 +7,10 @@ namespace emmetrope::report {
 /// May this eye's prescription be trusted?
 struct Judgement {
   Light light = Light::red;
-  std::string verdict;               ///< one phrase
-  std::vector<std::string> reasons;  ///< why it is not green; first the weightiest
-  bool has_refraction = false;       ///< there is a refraction to show, if only for information
-  bool has_prescription = false;     ///< and one that may stand as a prescription
+  std::string verdict;            ///< one phrase
+  std::vector<Finding> reasons;   ///< why it is not green; the most dangerous first
+  bool has_refraction = false;    ///< there is a refraction to show, if only for information
+  bool has_prescription = false;  ///< and one that may stand as a prescription
 };
 
 /// Red: a stage refused, there is no refraction, or the correction stage withholds the prescription. Amber: a

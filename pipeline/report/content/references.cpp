@@ -40,6 +40,9 @@ constexpr Reference references[] = {
      "Dodgson NA. Variation and extrema of human interpupillary distance. Proc. SPIE 2004;5291:36-46."},
     {"Handan Eye Study",
      "Corneal Q value of 1,683 adults in the Handan Eye Study (PMC5436654): -0.28 -+ 0.18 over 5 mm."},
+    {"BMC Ophthalmology 2024;24",
+     "Radius of the steepest curvature of the retinal pigment epithelium in 268 eyes with and without posterior "
+     "staphyloma. BMC Ophthalmology 2024;24 (doi 10.1186/s12886-024-03321-z)."},
     {"Watson 2013",
      "Watson AB. A formula for the mean human optical modulation transfer function as a function of "
      "pupil size. Journal of Vision 2013;13(6):18."},

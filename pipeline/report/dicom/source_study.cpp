@@ -174,6 +174,27 @@ SourceStudy SourceStudy::pseudonymous(const std::string& subject, const std::str
   return source;
 }
 
+SourceStudy SourceStudy::deidentified(const Deidentified& header) {
+  SourceStudy source = pseudonymous(header.subject, "");
+  DcmItem& item = *source.header_;
+  item.putAndInsertString(DCM_StudyInstanceUID,
+                          stable_uid("deidentified study of " + header.subject + " " + header.study).c_str());
+  item.putAndInsertString(DCM_PatientIdentityRemoved, "YES");
+  item.putAndInsertString(DCM_DeidentificationMethod, "Emmetrope: PS3.15 Basic Profile");
+  item.putAndInsertString(DCM_LongitudinalTemporalInformationModified, "REMOVED");
+  std::vector<std::pair<const char*, const char*>> methods{
+      {"113100", "Basic Application Confidentiality Profile"},
+      {"113104", "Clean Structured Content Option"},
+      {"113105", "Clean Descriptors Option"}};
+  if (!header.age.empty() || !header.sex.empty()) {
+    methods.emplace_back("113108", "Retain Patient Characteristics Option");
+    if (!header.age.empty()) item.putAndInsertString(DCM_PatientAge, header.age.c_str());
+    item.putAndInsertString(DCM_PatientSex, header.sex.c_str());
+  }
+  for (const auto& [code, meaning] : methods) put_code(item, 0x0012, 0x0064, code, "DCM", meaning);
+  return source;
+}
+
 std::string SourceStudy::text(unsigned short group, unsigned short element) const {
   return text_of(*header_, DcmTagKey(group, element));
 }

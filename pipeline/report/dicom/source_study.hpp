@@ -32,6 +32,13 @@ NotedStudy noted_study(const Json& case_json, const Json& stage_json);
 /// instead.
 void quiet_dicom_library();
 
+/// Who a header without identity is of.
+struct Deidentified {
+  std::string subject;   ///< for PatientName and PatientID
+  std::string study;     ///< tells the study from others of that subject; UIDs are made from both
+  std::string age, sex;  ///< as DICOM has them, "040Y" and "F"; empty unless they are kept
+};
+
 /// The patient and the study that the report's DICOM objects belong to, with the images behind the result.
 class SourceStudy {
  public:
@@ -42,6 +49,9 @@ class SourceStudy {
   static SourceStudy read(const std::filesystem::path& study, const NotedStudy& noted);
   /// Where the study is not at hand: a patient named by the pseudonym, a study of its own.
   static SourceStudy pseudonymous(const std::string& subject, const std::string& study_date);
+  /// By PS3.15 annex E: what table E.1-1 names of these modules is removed or without value, UIDs are made anew from the
+  /// subject, and no image of the source is referred to; how, stands in the header itself.
+  static SourceStudy deidentified(const Deidentified& header);
 
   SourceStudy(SourceStudy&&) noexcept;
   SourceStudy& operator=(SourceStudy&&) noexcept;

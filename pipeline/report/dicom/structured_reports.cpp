@@ -29,6 +29,8 @@ DSRCodedEntryValue unit_code(const std::string& unit) {
   if (unit == "deg") return {"deg", "UCUM", "degree"};
   if (unit == "mm") return {"mm", "UCUM", "mm"};
   if (unit == "\u00b5m") return {"um", "UCUM", "um"};
+  if (unit == "mm\u00b2") return {"mm2", "UCUM", "mm2"};
+  if (unit == "mm\u00b3") return {"mm3", "UCUM", "mm3"};
   return {"1", "UCUM", "no units"};
 }
 
@@ -196,7 +198,7 @@ void describe_finding(MeasurementGroup& group, const SourceStudy& source, const 
 
 /// Writes an eye's biometry into its group, and lists what has been written.
 void add_measurements(MeasurementGroup& group, const EyeData& eye, std::vector<ReportedNumber>& numbers) {
-  for (const auto* rows : {&biometry_rows(), &keratometry_rows()})
+  for (const auto* rows : measured_rows())
     for (const auto& row : *rows) {
       const auto value = value_at(eye.biometry, "/" + row.key);
       if (!value) continue;

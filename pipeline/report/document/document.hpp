@@ -56,15 +56,23 @@ struct Folded {
 
 enum class Light { green, amber, red };
 
+/// What a card warns of, and what to do about it.
+struct Finding {
+  std::string what, to_do;
+};
+
+/// As many as a reader takes in; the rest is folded away, or in the page alone.
+inline constexpr std::size_t most_findings = 5;
+
 /// The answer for one eye.
 struct EyeCard {
   std::string eye;  ///< "OD (right)"
   std::string id;   ///< "od"
   Light light = Light::red;
-  std::string verdict;  ///< the light in words
-  std::vector<std::string> reasons;
-  std::string headline;      ///< the answer with its uncertainty; empty when there is none
-  std::string prescription;  ///< rounded, clinical notation; empty when there is none
+  std::string verdict;           ///< the light in words
+  std::vector<Finding> reasons;  ///< the most dangerous first
+  std::string headline;          ///< the answer with its uncertainty; empty when there is none
+  std::string prescription;      ///< rounded, clinical notation; empty when there is none
   std::vector<std::pair<std::string, std::string>> facts;  ///< beside the verdict
   std::string next;                                        ///< what to do
   std::string note;                                        ///< of either: vertex distance, what it holds for

@@ -34,6 +34,12 @@ std::string format_interval(const Measured& measured, const NumberStyle& style) 
   return format(measured.ci95[0], bare) + " to " + format(measured.ci95[1], bare);
 }
 
+std::string format_range(const Range& range, int decimals) {
+  if (!std::isfinite(range.low)) return "up to " + fixed(range.high, decimals);
+  if (!std::isfinite(range.high)) return "from " + fixed(range.low, decimals);
+  return fixed(range.low, decimals) + " to " + fixed(range.high, decimals);
+}
+
 std::string source_name(const std::string& source) {
   static const std::map<std::string, std::string> names{{"mri", "MRI"},
                                                         {"mri+prior", "MRI and prior"},

@@ -3,6 +3,7 @@
 
 #include "pipeline/base/json.hpp"
 #include "pipeline/base/measured.hpp"
+#include "pipeline/eye/population/limits.hpp"
 
 /// Numbers as the report writes them: one place, so that HTML, PDF and every table agree. ASCII signs,
 /// decimal point, whatever the locale.
@@ -23,6 +24,10 @@ struct NumberStyle {
 std::string format(double value, const NumberStyle& style);
 /// "23.55 to 23.67", no unit; of an angle "+- 6 deg", or "any" when nothing is known of it
 std::string format_interval(const Measured& measured, const NumberStyle& style);
+
+/// "22.1 to 26.0", "up to 40", "from 2"
+/// \pre the range is limited
+std::string format_range(const Range& range, int decimals);
 
 /// "mri" -> "MRI", "prior" -> "population prior", ...: sources in the reader's words; unknown ones as they
 /// are.

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <stdlib.h>
 
+#include <boost/algorithm/string/replace.hpp>
 #include <cstdlib>
 #include <filesystem>
 #include <sstream>
@@ -40,37 +41,21 @@ class TemporaryFolder {
   RemoveOnInterrupt on_interrupt_;
 };
 
-void replace_all(std::string& text, const std::string& from, const std::string& to) {
-  for (auto at = text.find(from); at != std::string::npos; at = text.find(from, at + to.size()))
-    text.replace(at, from.size(), to);
-}
-
 /// Several charts share one page: identifiers get the figure's id in front, and the page's colour is the ink.
 std::string for_page(std::string svg, const std::string& id) {
   svg.erase(0, svg.find("<svg"));
   for (const char* name : {"gpDot", "gpPt", "textbox", "greybox", "gnuplot_"})
     for (const char* before : {"id='", "id=\"", "'#", "\"#", "(#"})
-      replace_all(svg, std::string(before) + name, before + id + "-" + name);
+      boost::replace_all(svg, std::string(before) + name, before + id + "-" + name);
   for (const char* black : {"'black'", "\"black\"", "'rgb(  0,   0,   0)'", "\"rgb(0,0,0)\""})
-    replace_all(svg, black, "\"currentColor\"");
+    boost::replace_all(svg, black, "\"currentColor\"");
   return svg;
 }
 
 }  // namespace
 
-std::optional<std::string> find_gnuplot() {
-  const char* path = std::getenv("PATH");
-  std::istringstream folders(path == nullptr ? "/usr/bin" : path);
-  for (std::string folder; std::getline(folders, folder, ':');) {
-    const fs::path program = fs::path(folder) / "gnuplot";
-    std::error_code ignored;
-    if (!folder.empty() && fs::is_regular_file(program, ignored)) return program.string();
-  }
-  return std::nullopt;
-}
-
 bool draw_chart(Figure& figure, const std::string& script) {
-  const auto gnuplot = find_gnuplot();
+  const auto gnuplot = find_program("gnuplot");
   if (!gnuplot) return false;
   const TemporaryFolder folder;
   const fs::path script_file = folder.path() / "chart.gp", svg_file = folder.path() / "chart.svg";

@@ -8,9 +8,6 @@
 /// scheme.
 namespace emmetrope::report {
 
-/// The gnuplot on PATH; nothing where there is none.
-std::optional<std::string> find_gnuplot();
-
 /// Runs `script` (plot commands without terminal and output) and fills in the figure's svg.
 /// \param figure  id, width_px and height_px set
 /// \return false where gnuplot is missing or fails: the report then says so instead

@@ -89,7 +89,7 @@ CaseEyes living_eyes_of(const CaseData& data, int threads, std::uint64_t seed) {
     }
     try {
       const LivingSubject subject = subject_of(data, eye, settings);
-      result.eyes.push_back(living_json(subject));
+      result.eyes.push_back(living_json(subject, threads));
       result.notes.push_back(name + ", its map: " + subject.living.map.note() + ".");
       if (eye.prescription.is_object() && eye.prescription.contains("calibration"))
         result.notes.push_back(

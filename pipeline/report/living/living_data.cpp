@@ -65,21 +65,23 @@ Json map_json(const EyeMap& map) {
   return json;
 }
 
+constexpr int outline_rings = 12, outline_spokes = 24;
+
 /// A surface as points in the eye's frame, mm: from its vertex outward, rings of spokes.
-Json outline_json(const Surface& surface, double reach_mm) {
-  constexpr int rings = 12, spokes = 24;
+std::vector<double> outline_points(const Surface& surface, double reach_mm) {
   std::vector<double> points;
   const Eigen::Isometry3d eye_from_surface = surface.eye_from_surface();
-  for (int ring = 0; ring <= rings; ++ring)
-    for (int spoke = 0; spoke < spokes; ++spoke) {
-      const double radius = reach_mm * std::sin(pi / 2 * ring / rings), angle = 2 * pi * spoke / spokes;
+  for (int ring = 0; ring <= outline_rings; ++ring)
+    for (int spoke = 0; spoke < outline_spokes; ++spoke) {
+      const double radius = reach_mm * std::sin(pi / 2 * ring / outline_rings),
+                   angle = 2 * pi * spoke / outline_spokes;
       const double x = radius * std::cos(angle), y = radius * std::sin(angle);
       const auto depth = surface.shape->depth_mm(x, y);
       const Eigen::Vector3d point =
           depth ? eye_from_surface * Eigen::Vector3d(x, y, -*depth) : Eigen::Vector3d::Constant(NAN);
       points.insert(points.end(), {point.x(), point.y(), point.z()});
     }
-  return {{"name", surface.name}, {"rings", rings}, {"spokes", spokes}, {"points", packed(points)}};
+  return points;
 }
 
 /// As far as the surface reaches, at most as far as an eye does: the retina to its equator, the lens to its own, the cornea
@@ -98,6 +100,43 @@ double reach_of(const Surface& surface) {
   };
   while (reach > 1 && !is_there(reach)) reach -= 0.1;
   return reach;
+}
+
+/// A surface of the eye at rest; "changes": how far its points have moved at half and at all of the accommodation.
+Json outline_json(const Surface& surface, const std::vector<EyeModel>& accommodating) {
+  const double reach_mm = reach_of(surface);
+  Json json{{"name", surface.name},
+            {"rings", outline_rings},
+            {"spokes", outline_spokes},
+            {"points", packed(outline_points(surface, reach_mm))}};
+  std::vector<std::vector<double>> states;
+  for (const EyeModel& eye : accommodating)
+    for (const Surface& same : eye.surfaces)
+      if (same.name == surface.name) states.push_back(outline_points(same, reach_mm));
+  if (states.size() == 3 && (states[1] != states[0] || states[2] != states[0])) {
+    json["changes"] = Json::array();
+    for (const int state : {1, 2}) {
+      for (std::size_t i = 0; i < states[state].size(); ++i) states[state][i] -= states[0][i];
+      json["changes"].push_back(packed(states[state]));
+    }
+  }
+  return json;
+}
+
+/// The axis, then rings outward: x, y, z on the retina and M less that of the axis; no numbers where it does not see.
+Json retina_json(const raytrace::RetinaRefraction& refraction) {
+  std::vector<double> numbers;
+  const auto& axis = refraction.places.front();
+  for (const auto& place : refraction.places)
+    if (place && axis)
+      numbers.insert(numbers.end(), {place->retina_mm.x(), place->retina_mm.y(), place->retina_mm.z(),
+                                     place->M_D - axis->M_D});
+    else
+      numbers.insert(numbers.end(), 4, NAN);
+  return {{"rings", raytrace::RetinaRefraction::rings},
+          {"spokes", raytrace::RetinaRefraction::spokes},
+          {"reach_deg", raytrace::RetinaRefraction::rings * raytrace::RetinaRefraction::ring_deg},
+          {"places", packed(numbers)}};
 }
 
 Json lens_json(const NamedLens& lens) {
@@ -131,7 +170,7 @@ Json chart_json(const std::string& name) {
 
 }  // namespace
 
-Json living_json(const LivingSubject& subject) {
+Json living_json(const LivingSubject& subject, int threads) {
   const EyeModel& eye = subject.eye;
   const double wavelength_nm = subject.living.map.reference_nm;
   const Surface* stop = eye.stop();
@@ -156,7 +195,10 @@ Json living_json(const LivingSubject& subject) {
                              {"lower", packed(band.lower)}});
   json["outlines"] = Json::array();
   for (const auto& surface : eye.surfaces)
-    if (!surface.is_stop()) json["outlines"].push_back(outline_json(surface, reach_of(surface)));
+    if (!surface.is_stop()) json["outlines"].push_back(outline_json(surface, subject.living.accommodating));
+  EyeModel seeing = eye;
+  seeing.set_stop_diameter(subject.pupil_mm);
+  json["retina"] = retina_json(raytrace::retina_refraction(seeing, threads));
   json["lenses"] = Json::array();
   for (const auto& lens : subject.lenses) json["lenses"].push_back(lens_json(lens));
   return json;

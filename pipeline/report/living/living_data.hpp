@@ -30,8 +30,9 @@ struct LivingSubject {
   double pupil_mm = 4;           ///< iris that the page opens with: the prescription's
 };
 
-/// The eye's numbers: its map as base64 of little-endian float32, the outlines of its surfaces, its lenses.
-Json living_json(const LivingSubject& subject);
+/// The eye's numbers: its map as base64 of little-endian float32, the outlines of its surfaces, the refraction of its
+/// retina at rest through that pupil, its lenses.
+Json living_json(const LivingSubject& subject, int threads);
 
 /// What all eyes look at and by what light: charts as PNG, the display's wavelengths, the Airy disc.
 Json living_world_json();

@@ -39,7 +39,7 @@ Answer view_named(const Flags& flags, const CommonOptions& common) {
   const fs::path output = flags.output.empty() ? fs::path(name + ".html") : flags.output;
   write_file(output,
              render_living_page("What the eye " + name + " sees",
-                                make_living_panel({living_json(subject)},
+                                make_living_panel({living_json(subject, settings.threads)},
                                                   {"The eye's map: " + subject.living.map.note() + "."})));
   return {ExitStatus::done,
           {{"html", output.string()}, {"map", subject.living.map.note()}},
@@ -70,7 +70,8 @@ Command view_command() {
   command.summary = "A page in which an eye looks at charts and scenes, through lenses that are dragged.";
   command.example = "emmetrope view --eye navarro -o eye.html";
   command.declare = [flags](CLI::App& app) {
-    auto* folder = app.add_option("CASE", flags->case_folder, "Case folder, traced");
+    auto* folder = app.add_option("CASE|EYE", flags->case_folder,
+                                  "Case folder, traced; or what --eye takes, where there is no such folder");
     app.add_option("--eye", flags->eye, "Schematic eye by name, or an eye.json")
         ->type_name("NAME|FILE")
         ->excludes(folder);
@@ -78,6 +79,8 @@ Command view_command() {
         ->type_name("FILE.html");
   };
   command.run = [flags](const CommonOptions& common) {
+    if (flags->eye.empty() && !flags->case_folder.empty() && !fs::is_directory(flags->case_folder))
+      flags->eye = flags->case_folder.string();
     if (!flags->eye.empty()) return view_named(*flags, common);
     if (flags->case_folder.empty())
       throw usage_error("neither a case nor an eye is named",

@@ -64,8 +64,19 @@ data card_data(const EyeCard& card) {
   result.set("id", card.id);
   result.set("light", light_name(card.light));
   result.set("verdict", clean_utf8(card.verdict));
-  result.set("reasons", list_of(card.reasons));
+  data first{data::type::list}, rest{data::type::list};
+  for (const Finding& finding : card.reasons) {
+    data one;
+    one.set("what", clean_utf8(finding.what));
+    one.set("to_do", clean_utf8(finding.to_do));
+    (first.list_value().size() < most_findings ? first : rest).push_back(one);
+  }
+  const std::size_t folded = rest.list_value().size();
+  result.set("reasons", first);
   result.set("has_reasons", !card.reasons.empty());
+  result.set("more_reasons", rest);
+  result.set("has_more_reasons", folded > 0);
+  result.set("more_count", std::to_string(folded));
   result.set("has_headline", !card.headline.empty());
   result.set("headline", clean_utf8(card.headline));
   data facts{data::type::list};

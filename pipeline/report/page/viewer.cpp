@@ -113,6 +113,16 @@ std::optional<Crop> crop_of(const Volume& volume, const std::vector<Vector3d>& c
   return crop;
 }
 
+/// Behind all centres of globes, or within one with its lids.
+bool is_no_face(const Vector3d& place_lps, const std::vector<Vector3d>& centres) {
+  constexpr double globe_and_lids_mm = 14;
+  return std::all_of(centres.begin(), centres.end(),
+                     [&](const Vector3d& centre) { return place_lps.y() >= centre.y(); }) ||
+         std::any_of(centres.begin(), centres.end(), [&](const Vector3d& centre) {
+           return (place_lps - centre).norm() <= globe_and_lids_mm;
+         });
+}
+
 /// Calls `use` with each voxel of the crop in file order.
 template <typename Use>
 void each_voxel(const Volume& volume, const Crop& crop, const Use& use) {
@@ -120,6 +130,19 @@ void each_voxel(const Volume& volume, const Crop& crop, const Use& use) {
     for (int j = 0; j < crop.size.y(); j += crop.step.y())
       for (int i = 0; i < crop.size.x(); i += crop.step.x())
         use(volume.at(crop.first.x() + i, crop.first.y() + j, crop.first.z() + k));
+}
+
+/// Blackens the crop's voxels, in file order, that are of the face.
+void take_face_off(std::string& voxels, const Volume& volume, const Crop& crop,
+                   const std::vector<Vector3d>& centres) {
+  const Eigen::Matrix4d lps_from_voxel = volume.lps_from_voxel();
+  auto voxel = voxels.begin();
+  for (int k = 0; k < crop.size.z(); k += crop.step.z())
+    for (int j = 0; j < crop.size.y(); j += crop.step.y())
+      for (int i = 0; i < crop.size.x(); i += crop.step.x(), ++voxel) {
+        const Vector3d place = (crop.first + Vector3i(i, j, k)).cast<double>();
+        if (!is_no_face((lps_from_voxel * place.homogeneous()).head<3>(), centres)) *voxel = 0;
+      }
 }
 
 /// \param shift_mm  from the stack to where the surfaces are
@@ -176,9 +199,10 @@ std::vector<Vector3d> globe_centres(const CaseData& data) {
 
 /// A stack as the viewer takes it; null where it shows no globe.
 /// \param step  every step-th voxel along rows and columns; slices are few and all kept
-Json volume_entry(const CaseData& data, const fs::path& file, int step) {
+Json volume_entry(const CaseData& data, const fs::path& file, int step, Face face) {
   const Volume volume(file);
-  auto crop = crop_of(volume, globe_centres(data));
+  const std::vector<Vector3d> centres = globe_centres(data);
+  auto crop = crop_of(volume, centres);
   if (!crop) return {};
   crop->step = Vector3i(step, step, 1);
   const std::string name = file.filename().string().substr(0, file.filename().string().size() - 7);
@@ -187,14 +211,20 @@ Json volume_entry(const CaseData& data, const fs::path& file, int step) {
     return centre && volume.coverage(*centre, 11) >= 0.5;  // crop_of found one
   });
   const Vector3d shift = head_shift(*eye, name), start = *globe_centre(*eye);
+  std::string voxels = windowed(volume, *crop);
+  if (face == Face::taken_off) {
+    std::vector<Vector3d> in_stack = centres;
+    for (Vector3d& centre : in_stack) centre -= shift;
+    take_face_off(voxels, volume, *crop, in_stack);
+  }
   Json entry{{"name", name},
              {"start_ras_mm", {-start.x(), -start.y(), start.z()}},
-             {"data", packed_nifti(volume, *crop, windowed(volume, *crop), shift)}};
+             {"data", packed_nifti(volume, *crop, voxels, shift)}};
   const fs::path labels = file.parent_path() / (name + "_labels.nii.gz");
   if (!fs::exists(labels)) return entry;
   const Volume label_volume(labels);
   if (label_volume.size() != volume.size()) return entry;
-  std::string voxels;
+  voxels.clear();
   each_voxel(label_volume, *crop,
              [&](float value) { voxels.push_back(static_cast<char>(std::lround(value))); });
   entry["labels"] = packed_nifti(label_volume, *crop, voxels, shift);
@@ -221,11 +251,11 @@ struct Volumes {
   std::vector<std::string> left_out;
 };
 
-Volumes volumes_at(const CaseData& data, int step, std::size_t most_bytes) {
+Volumes volumes_at(const CaseData& data, int step, std::size_t most_bytes, Face face) {
   Volumes volumes;
   std::size_t bytes = 0;
   for (const auto& file : data.stacks) {
-    const Json entry = volume_entry(data, file, step);
+    const Json entry = volume_entry(data, file, step, face);
     if (entry.is_null()) continue;
     const std::size_t added = entry.dump().size() + 1;
     if (bytes + added > most_bytes) {
@@ -242,7 +272,7 @@ Volumes volumes_at(const CaseData& data, int step, std::size_t most_bytes) {
 
 bool has_viewer_library() { return viewer_library_size > 0; }
 
-ViewerData make_viewer_data(const CaseData& data, std::size_t most_bytes) {
+ViewerData make_viewer_data(const CaseData& data, std::size_t most_bytes, Face face) {
   if (!has_viewer_library())
     return {"", "", "The interactive viewer is not part of this build of Emmetrope."};
   const Json meshes = mesh_entries(data);
@@ -251,7 +281,7 @@ ViewerData make_viewer_data(const CaseData& data, std::size_t most_bytes) {
   int step = 1;
   if (fixed_bytes < most_bytes)
     for (; step <= coarsest; ++step) {
-      volumes = volumes_at(data, step, most_bytes - fixed_bytes);
+      volumes = volumes_at(data, step, most_bytes - fixed_bytes, face);
       if (volumes.left_out.empty()) break;
     }
   const std::string size = "the page would be larger than 10 MB.";
@@ -264,6 +294,10 @@ ViewerData make_viewer_data(const CaseData& data, std::size_t most_bytes) {
                        std::array<const char*, 3>{"second", "third", "fourth"}.at(
                            static_cast<std::size_t>(std::min(step, coarsest)) - 2),
                        size);
+  if (face == Face::taken_off)
+    note +=
+        std::string(note.empty() ? "" : " ") +
+        "The face is taken off the viewer's slices: in front of the eyes' centres there are only eyes and lids.";
   if (!volumes.left_out.empty()) note += fmt::format(" It leaves out {}.", fmt::join(volumes.left_out, ", "));
   return {std::string(viewer_library, viewer_library_size),
           Json{{"volumes", volumes.entries}, {"meshes", meshes}}.dump(), note};

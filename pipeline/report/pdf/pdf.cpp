@@ -58,7 +58,7 @@ cairo_status_t append(void* bytes, const unsigned char* data, unsigned int lengt
   return CAIRO_STATUS_SUCCESS;
 }
 
-Pdf render(const Document& document, const Fit& fit, bool draws_figures, int total_pages) {
+Pdf render(const Document& document, const Fit& fit, bool draws, int total_pages, pdf::TextHeights& heights) {
   Pdf pdf;
   const std::unique_ptr<cairo_surface_t, DestroySurface> surface(
       cairo_pdf_surface_create_for_stream(append, &pdf.bytes, pdf::page_width, pdf::page_height));
@@ -71,7 +71,7 @@ Pdf render(const Document& document, const Fit& fit, bool draws_figures, int tot
                                  ("Emmetrope " + version()).c_str());
   {
     const std::unique_ptr<cairo_t, DestroyContext> context(cairo_create(surface.get()));
-    pdf.pages = draw(document, fit, context.get(), {draws_figures, total_pages, fit.figure_scale});
+    pdf.pages = draw(document, fit, context.get(), {heights, draws, total_pages, fit.figure_scale});
     if (cairo_status(context.get()) != CAIRO_STATUS_SUCCESS)
       throw Error(ExitStatus::fault,
                   std::string("cannot draw the PDF: ") + cairo_status_to_string(cairo_status(context.get())));
@@ -82,15 +82,17 @@ Pdf render(const Document& document, const Fit& fit, bool draws_figures, int tot
   return pdf;
 }
 
-int pages_of(const Document& document, const Fit& fit) { return render(document, fit, false, 0).pages; }
+int pages_of(const Document& document, const Fit& fit, pdf::TextHeights& heights) {
+  return render(document, fit, false, 0, heights).pages;
+}
 
 /// Figures shrink a little; then what may be left out is, the last first, until the rest fits, and what fits
 /// after all comes back; only then figures shrink more.
-Fit fit_of(const Document& document) {
+Fit fit_of(const Document& document, pdf::TextHeights& heights) {
   Fit fit;
   const auto fits_at = [&](double scale) {
     fit.figure_scale = scale;
-    return pages_of(document, fit) <= most_pages;
+    return pages_of(document, fit, heights) <= most_pages;
   };
   if (fits_at(1) || fits_at(0.9)) return fit;
   std::vector<const SectionBlock*> optional;
@@ -104,9 +106,10 @@ Fit fit_of(const Document& document) {
     fit.left_out.insert(*block);
     fits = fits_at(0.9);
   }
-  for (const double scale : {0.8, 0.7, 0.6}) fits = fits || fits_at(scale);
+  for (const double scale : {0.8, 0.7, 0.6, 0.5}) fits = fits || fits_at(scale);
   for (const auto* block : optional) {
-    if (fit.left_out.erase(block) > 0 && pages_of(document, fit) > most_pages) fit.left_out.insert(block);
+    if (fit.left_out.erase(block) > 0 && pages_of(document, fit, heights) > most_pages)
+      fit.left_out.insert(block);
   }
   return fit;
 }
@@ -114,8 +117,9 @@ Fit fit_of(const Document& document) {
 }  // namespace
 
 Pdf render_pdf(const Document& document) {
-  const Fit fit = fit_of(document);
-  return render(document, fit, true, pages_of(document, fit));
+  pdf::TextHeights heights;
+  const Fit fit = fit_of(document, heights);
+  return render(document, fit, true, pages_of(document, fit, heights), heights);
 }
 
 }  // namespace emmetrope::report

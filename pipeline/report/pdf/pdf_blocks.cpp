@@ -12,7 +12,7 @@ namespace emmetrope::report::pdf {
 namespace {
 
 constexpr double figure_gap = 8;
-constexpr std::size_t most_reasons = 7, most_items = 14;  ///< of a list; the HTML page has all
+constexpr std::size_t most_items = 8;  ///< of a list; the HTML page has all
 
 Colour colour_of(Light light) {
   switch (light) {
@@ -28,7 +28,7 @@ Colour colour_of(Light light) {
 
 /// The first of a list's items, and how many more there are.
 std::vector<std::string> first_of(const std::vector<std::string>& items, std::size_t most) {
-  if (items.size() <= most + 1) return items;
+  if (items.size() <= most) return items;
   std::vector<std::string> first(items.begin(), items.begin() + static_cast<std::ptrdiff_t>(most));
   first.push_back(fmt::format("{} more are in the HTML report.", items.size() - most));
   return first;
@@ -183,13 +183,17 @@ double draw_card(Pages& pages, const EyeCard& card, double x, double width) {
   if (!card.headline.empty()) y += pages.text_at(card.headline, x, y, inner, {13, true, black}) + 1;
   if (!card.note.empty()) y += pages.text_at(card.note, x, y, inner, {7.5, false, soft}) + 4;
   constexpr double name_width = 58;
+  pages.text_at("Do next", x, y, name_width, {8, true, black});
+  y += pages.text_at(card.next, x + name_width, y, inner - name_width, {8, true, black}) + 1;
   for (const auto& [name, value] : card.facts) {
     pages.text_at(name, x, y, name_width, {8, false, soft});
     y += pages.text_at(value, x + name_width, y, inner - name_width, {8, false, black}) + 1;
   }
-  pages.text_at("Do next", x, y, name_width, {8, true, black});
-  y += pages.text_at(card.next, x + name_width, y, inner - name_width, {8, true, black}) + 3;
-  for (const auto& reason : first_of(card.reasons, most_reasons)) {
+  y += 2;
+  std::vector<std::string> reasons;
+  for (const Finding& finding : card.reasons)
+    reasons.push_back(finding.to_do.empty() ? finding.what : finding.what + " \u2192 " + finding.to_do);
+  for (const auto& reason : first_of(reasons, most_findings)) {
     pages.text_at("\u2022", x, y, 8, {8, false, black});
     y += pages.text_at(reason, x + 8, y, inner - 8, {8, false, black}) + 2;
   }

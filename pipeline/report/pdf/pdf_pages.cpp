@@ -61,10 +61,13 @@ void Pages::need(double height) {
 }
 
 double Pages::text_height(const std::string& text, double width, const Face& face) const {
-  return height_of(layout_of(context_, text, width, face));
+  const auto [known, is_new] = pass_.heights.try_emplace({text, width, face.size, face.bold}, 0);
+  if (is_new) known->second = height_of(layout_of(context_, text, width, face));
+  return known->second;
 }
 
 double Pages::text_at(const std::string& text, double x, double y, double width, const Face& face) {
+  if (!pass_.draws) return text_height(text, width, face);
   const Layout layout = layout_of(context_, text, width, face);
   cairo_set_source_rgb(context_, face.colour.red, face.colour.green, face.colour.blue);
   cairo_move_to(context_, x, y);
@@ -92,7 +95,7 @@ void Pages::box_at(double x, double y, double width, double height, const Colour
 }
 
 void Pages::svg_at(const std::string& svg, double x, double y, double width, double height) {
-  if (!pass_.draws_figures) return;
+  if (!pass_.draws) return;
   GError* fault = nullptr;
   const Svg handle(
       rsvg_handle_new_from_data(reinterpret_cast<const guint8*>(svg.data()), svg.size(), &fault));
@@ -106,14 +109,14 @@ void Pages::begin_page() {
   std::string heading = document_.title;
   for (const auto& [name, value] : document_.heading)
     if (name != "Software") heading += fmt::format("   {}: {}", name, value);
-  text_at(heading, margin, 26, text_width, {8, true, soft});
+  text_at(research_notice, margin, 15, text_width, {8, true, black});
+  text_at(heading, margin, 28, text_width, {8, true, soft});
   line_at(margin, 42, text_width);
   y_ = top;
 }
 
 void Pages::end() {
   line_at(margin, page_height - 40, text_width);
-  text_at(research_notice, margin, page_height - 35, text_width - 60, {7.5, true, soft});
   const std::string number =
       pass_.total_pages > 0 ? fmt::format("{} / {}", page_, pass_.total_pages) : fmt::format("{}", page_);
   text_at(number, page_width - margin - 40, page_height - 35, 40, {7.5, false, soft});

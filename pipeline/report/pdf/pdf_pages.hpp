@@ -1,8 +1,10 @@
 #pragma once
 #include <cairo.h>
 
+#include <map>
 #include <memory>
 #include <string>
+#include <tuple>
 
 #include "pipeline/report/document/document.hpp"
 
@@ -25,11 +27,16 @@ struct Face {
   Colour colour = black;
 };
 
+/// Heights of texts by text, width, size and weight: setting a text takes most of the time, and a document is set a dozen
+/// times until it fits its pages.
+using TextHeights = std::map<std::tuple<std::string, double, double, bool>, double>;
+
 /// What one pass over the pages does.
 struct Pass {
-  bool draws_figures = true;  ///< a pass that only measures leaves them out
-  int total_pages = 0;        ///< for the footer
-  double figure_scale = 1;    ///< of what figures would fill
+  TextHeights& heights;     ///< of the passes before, and for those to come
+  bool draws = true;        ///< a pass that only measures does not
+  int total_pages = 0;      ///< for the footer
+  double figure_scale = 1;  ///< of what figures would fill
 };
 
 /// Writes text and figures downwards and turns the page when it is full.

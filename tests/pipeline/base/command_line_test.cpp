@@ -8,6 +8,8 @@
 
 #include <cstdio>
 #include <iostream>
+#include <new>
+#include <thread>
 
 namespace emmetrope {
 namespace {
@@ -20,6 +22,7 @@ Command command() {
           [](const CommonOptions& common) -> Answer {
             if (common.seed == 3) throw input_error("a.dcm lacks (0020,0032)", "export the series again");
             if (common.seed == 4) throw std::runtime_error("surprise");
+            if (common.seed == 5) std::thread([] { throw std::bad_alloc(); }).join();
             std::cerr << "laterality " << static_cast<int>(common.laterality) << " threads " << common.threads
                       << "\n";
             return {common.seed == 8 ? ExitStatus::partial : ExitStatus::done, Json{{"value", 1}}, "text\n"};
@@ -111,6 +114,12 @@ TEST(CommandLine, AnswersHelpAndVersionOnStandardOutput) {
   EXPECT_THAT(help.out, HasSubstr("emmetrope try --radius 7.8"));
   EXPECT_THAT(help.out, HasSubstr("Research use only"));
   EXPECT_THAT(run({"--version"}).out, HasSubstr("emmetrope try "));
+}
+
+TEST(CommandLine, AFaultThatNobodyCaughtIsSaid) {
+  const Ended ended = run({"--seed", "5"});
+  EXPECT_EQ(ended.status, 1);
+  EXPECT_THAT(ended.err, HasSubstr("emmetrope: error: out of memory"));
 }
 
 }  // namespace

@@ -2,10 +2,12 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cmath>
 #include <numeric>
 
 #include "pipeline/base/frames.hpp"
+#include "pipeline/report/content/biometry_rows.hpp"
 #include "pipeline/report/dicom/object.hpp"
 #include "pipeline/report/document/numbers.hpp"
 #include "pipeline/report/figures/cornea_map.hpp"
@@ -18,6 +20,19 @@
 
 namespace emmetrope::report {
 namespace {
+
+TEST(BiometryRow, ARangeWithAnOpenEndIsSaidInWords) {
+  for (const auto* rows : measured_rows())
+    for (const BiometryRow& row : *rows)
+      if (row.normal().is_limited()) {
+        EXPECT_EQ(row.normal_text().find("inf"), std::string::npos) << row.key;
+      }
+  const auto index = std::find_if(retina_rows().begin(), retina_rows().end(), [](const BiometryRow& row) {
+    return row.key == "retina/staphyloma_index";
+  });
+  ASSERT_NE(index, retina_rows().end());
+  EXPECT_EQ(index->normal_text(), "up to 40.0");
+}
 
 TEST(Numbers, AreWrittenWithoutLocaleAndWithoutMinusZero) {
   EXPECT_EQ(fixed(-0.0004, 2), "0.00");

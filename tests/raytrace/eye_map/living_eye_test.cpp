@@ -6,6 +6,7 @@
 
 #include "pipeline/base/error.hpp"
 #include "pipeline/eye/optics/paraxial.hpp"
+#include "pipeline/eye/schematic/schematic_eyes.hpp"
 #include "raytrace/wavefront/wavefront.hpp"
 #include "tests/support/measured_optics.hpp"
 
@@ -91,6 +92,50 @@ TEST(LivingEye, ASchematicEyeAccommodatesIfItsModelDoes) {
   EXPECT_EQ(living_schematic_eye("navarro", {}).map.largest_accommodation_D, 8);
   EXPECT_EQ(living_schematic_eye("liou-brennan", {}).map.largest_accommodation_D, 0);
   EXPECT_THROW(living_schematic_eye("nobody", {}), Error);
+}
+
+TEST(LivingEye, ShowsItsSurfacesAtRestHalfwayAndAccommodated) {
+  const LivingEye living = living_schematic_eye("navarro", {});
+  ASSERT_EQ(living.accommodating.size(), 3U);
+  const auto radius_mm = [&](std::size_t state, const std::string& name) {
+    constexpr double beside_mm = 1e-2;
+    for (const Surface& surface : living.accommodating[state].surfaces)
+      if (surface.name == name) return beside_mm * beside_mm / 2 / *surface.shape->depth_mm(beside_mm, 0);
+    return 0.0;
+  };
+  // Navarro, Santamaria and Bescos (1985): both radii by the logarithm of one parameter A + 1, 1 at rest.
+  for (const std::size_t state : {0, 1, 2}) {
+    const double log_A = (10.2 - radius_mm(state, "lens_anterior")) / 1.75;
+    EXPECT_NEAR(radius_mm(state, "lens_posterior"), -6 + 0.2294 * log_A, 1e-4) << state;
+    const auto refraction_D = [&](std::size_t of) {
+      const EyeModel& eye = living.accommodating[of];
+      return paraxial_refraction(eye, eye.reference_wavelength_nm).M_D;
+    };
+    EXPECT_NEAR(refraction_D(0) - refraction_D(state),
+                0.5 * static_cast<double>(state) * living.map.largest_accommodation_D, 1e-3);
+  }
+}
+
+/// On Navarro's retina, a sphere of 12 mm whose back stands 24.0 mm behind the cornea.
+TEST(RetinaRefraction, LiesOnTheRetinaAndIsAsRoundAsTheEye) {
+  const EyeModel eye = make_eye("navarro");
+  const RetinaRefraction refraction = retina_refraction(eye, 2);
+  ASSERT_EQ(refraction.places.size(), 1U + RetinaRefraction::rings * RetinaRefraction::spokes);
+  const Eigen::Vector3d centre(0, 0, 12 - eye.axial_length_mm());
+  for (const auto& place : refraction.places) {
+    ASSERT_TRUE(place);
+    EXPECT_NEAR((place->retina_mm - centre).norm(), 12, 1e-6);
+  }
+  EXPECT_NEAR(refraction.places[0]->M_D, measure_wavefront(eye).minimum_rms_spot.M_D, 1e-9);
+  for (std::size_t ring = 0; ring < RetinaRefraction::rings; ++ring) {
+    const std::size_t first = 1 + ring * RetinaRefraction::spokes;
+    for (std::size_t spoke = 1; spoke < RetinaRefraction::spokes; ++spoke)
+      EXPECT_NEAR(refraction.places[first + spoke]->M_D, refraction.places[first]->M_D, 0.02)
+          << ring << ", " << spoke;
+    // Light from +x falls on the other side of the axis.
+    EXPECT_LT(refraction.places[first]->retina_mm.x(), 0);
+    EXPECT_NEAR(refraction.places[first]->retina_mm.y(), 0, 1e-6);
+  }
 }
 
 }  // namespace

@@ -46,9 +46,9 @@ class Numbers {
       panel.querySelector(".living-read"));
     this.spot = this.canvasIn(figure("Where the light of a point goes", "Rays through the whole pupil, as the patient sees them; the circle is 5 minutes of arc wide, the height of a letter of logMAR 0."));
     this.contrast = figure("Contrast by frequency", "Geometrical transfer function at one wavelength times that of diffraction: blue along the lens\u2019s axis, orange across it; the dashed line is diffraction alone.");
-    this.path = figure("The way of the light", "Vertical section of the eye at rest, looking straight ahead; rays from the middle of the picture through the pupil, out of the eye and through the lens.");
+    this.path = figure("The way of the light", "Vertical section of the eye, seen from its side, as it looks and accommodates now; rays from the middle of the picture through the pupil, out of the eye and through the lens.");
     this.path.parentElement.classList.add("wide");
-    this.solid = this.canvasIn(figure("The eye in space", "Drag to turn. The patch of the retina that the page knows, 6 mm or 20 degrees wide, is coloured by how much more myopic (red) or hyperopic (blue) it is than its middle; the dot is the middle of the picture."));
+    this.solid = this.canvasIn(figure("The eye in space", "Drag to turn. The retina out to 60 degrees of the visual field is coloured by the refraction of its place less that on the axis, at rest and without a lens: red more hyperopic, with the centre corrected the image there lies behind the retina; blue more myopic. Towards the rim a measured retina is extrapolated. Where it has no colour it sees nothing of the field. The dot is the middle of the picture."));
     this.turnSolid();
   }
 
@@ -188,24 +188,29 @@ class Numbers {
     style.textContent = ".s{fill:none;stroke:currentColor;stroke-width:2.5} .r{fill:none;stroke:#d08700;stroke-width:1.6} .l{fill:#7cc0ff55;stroke:#2f7fd0;stroke-width:2}";
     svg.append(style);
     const at = ([, y, z]) => `${(-z * scale).toFixed(1)},${(-y * scale).toFixed(1)}`;
+    const turn = state.gaze_deg.some((angle) => angle) ? turnOf(state.gaze_deg) : null;
+    const head = (at) => turn ? turned({ at, to: [0, 0, 1] }, turn, eye.rotation_centre_mm).at : at;
+    const share = eye.map.largest_accommodation_D > 0 ? state.accommodation_D / eye.map.largest_accommodation_D : 0;
     for (const outline of eye.outlines) {
-      const points = this.pointsOf(outline), line = [];
+      const points = this.pointsOf(outline, share).map(head), line = [];
       for (let ring = outline.rings; ring > 0; --ring) line.push(points[ring * outline.spokes + 3 * outline.spokes / 4]);
       for (let ring = 0; ring <= outline.rings; ++ring) line.push(points[ring * outline.spokes + outline.spokes / 4]);
       svg.append(svgElement("polyline", { class: "s", points: line.filter((p) => p.every(Number.isFinite)).map(at).join(" ") }));
     }
+    const front_lens = eye.outlines.find((one) => one.name === "lens_anterior");
+    const forward_mm = front_lens ? this.pointsOf(front_lens, share)[0][2] - this.pointsOf(front_lens)[0][2] : 0;  // the lens takes the iris along
     for (const side of [-1, 1])  // the iris about the pupil
-      svg.append(svgElement("line", { class: "s", x1: eye.stop_depth_mm * scale, x2: eye.stop_depth_mm * scale, y1: side * state.pupil_mm / 2 * scale, y2: side * 5.5 * scale }));
+      svg.append(svgElement("polyline", { class: "s", points: [state.pupil_mm / 2, 5.5].map((y) => at(head([0, side * y, forward_mm - eye.stop_depth_mm]))).join(" ") }));
     const lens = lensOf(state);
     if (lens) svg.append(this.lensSection(lens, at));
-    const beam = new Beam(eye, { ...state, gaze_deg: [0, 0] }, state.wavelength_nm ?? eye.map.reference_nm);
+    const beam = new Beam(eye, state, state.wavelength_nm ?? eye.map.reference_nm);
     for (let k = -3; k <= 3; ++k) {
-      const p = k / 3, bare = eye.map.ray(beam.bundle.polynomialAt(state.field_x_mm, state.field_y_mm), 0, p);
+      const p = k / 3;
       const inside = eye.map.path(state.accommodation_D, state.field_x_mm, state.field_y_mm, 0, p * beam.bundle.scale).filter((_, i) => eye.map.surfaces[i] !== "stop");
-      const out = lens ? lens.pass(bare) : bare;
+      const out = beam.ray(state.field_x_mm, state.field_y_mm, 0, p);
       if (!out) continue;
       const ahead = (front - out.at[2]) / out.to[2];
-      const ways = [this.retinaAt(eye, state.field_x_mm, state.field_y_mm), ...inside, ...(lens ? out.hits : []), plus(out.at, out.to, ahead)];
+      const ways = [...[this.retinaAt(eye, state.field_x_mm, state.field_y_mm), ...inside].map(head), ...(lens ? out.hits : []), plus(out.at, out.to, ahead)];
       svg.append(svgElement("polyline", { class: "r", points: ways.map(at).join(" ") }));
     }
     this.path.replaceChildren(svg);
@@ -221,9 +226,12 @@ class Numbers {
     return svgElement("polygon", { class: "l", points: points.filter((p) => p.every(Number.isFinite)).map(at).join(" ") });
   }
 
-  pointsOf(outline) {
-    outline.decoded ??= floatsOf(outline.points);
-    return Array.from({ length: outline.decoded.length / 3 }, (_, k) => Array.from(outline.decoded.slice(3 * k, 3 * k + 3)));
+  /// share: of the largest accommodation; the parabola through rest, half and all of it.
+  pointsOf(outline, share = 0) {
+    outline.decoded ??= [outline.points, ...(outline.changes ?? [])].map(floatsOf);
+    const [rest, half, all] = outline.decoded;
+    const at = (i) => share && half ? rest[i] + 4 * share * (1 - share) * half[i] + share * (2 * share - 1) * all[i] : rest[i];
+    return Array.from({ length: rest.length / 3 }, (_, k) => [at(3 * k), at(3 * k + 1), at(3 * k + 2)]);
   }
 
   /// The retina's depth between the rings of its outline.
@@ -262,14 +270,21 @@ class Numbers {
     this.drawSolid();
   }
 
-  /// Mean power of the wavefront that leaves a point of the retina (D, what a lens before the eye would have to be).
-  defocusAt(eye, bundle, x, y) {
-    const at = bundle.polynomialAt(x, y);
-    const own = pupilPlaces.map(([px, py]) => eye.map.ray(at, px, py));
-    const mean = (of) => own.reduce((sum, ray) => sum + of(ray), 0) / own.length;
-    const mx = mean((r) => r.at[0]), my = mean((r) => r.at[1]), ml = mean((r) => r.to[0]), mm = mean((r) => r.to[1]);
-    const slope = mean((r) => (r.to[0] - ml) * (r.at[0] - mx) + (r.to[1] - mm) * (r.at[1] - my));
-    return 1e3 * slope / mean((r) => (r.at[0] - mx) ** 2 + (r.at[1] - my) ** 2);
+  /// The refraction of the retina as quadrangles between its rings: { corners, value_D }.
+  coloursOf(eye) {
+    if (eye.colours) return eye.colours;
+    const { rings, spokes, places } = eye.retina, numbers = floatsOf(places);
+    const place = (ring, spoke) => {
+      const first = 4 * (ring ? 1 + (ring - 1) * spokes + spoke % spokes : 0);
+      return Array.from(numbers.slice(first, first + 4));
+    };
+    eye.colours = [];
+    for (let ring = 0; ring < rings; ++ring)
+      for (let spoke = 0; spoke < spokes; ++spoke) {
+        const corners = [place(ring, spoke), place(ring + 1, spoke), place(ring + 1, spoke + 1), place(ring, spoke + 1)];
+        if (corners.flat().every(Number.isFinite)) eye.colours.push({ corners, value_D: corners.reduce((sum, c) => sum + c[3], 0) / 4 });
+      }
+    return eye.colours;
   }
 
   drawSolid() {
@@ -279,23 +294,29 @@ class Numbers {
       const u = Math.cos(a) * (z - middle) - Math.sin(a) * x, w = Math.sin(a) * (z - middle) + Math.cos(a) * x;
       return [width / 2 - scale * u, width / 2 - scale * (Math.cos(b) * y - Math.sin(b) * w), Math.sin(b) * y + Math.cos(b) * w];
     };
-    const key = JSON.stringify([eye.id, state.accommodation_D, state.pupil_mm, state.band, state.band_share, state.wavelength_nm]);
-    if (this.defocusKey !== key) {
-      this.defocusKey = key;
-      const reach = eye.map.field_mm / 2, steps = 8;
-      this.defocus = [];
-      const bundle = new Bundle(eye.map, state, state.wavelength_nm ?? eye.map.reference_nm);
-      for (let j = 0; j <= steps; ++j)
-        for (let i = 0; i <= steps; ++i) this.defocus.push(this.defocusAt(eye, bundle, reach * (2 * i / steps - 1), reach * (2 * j / steps - 1)));
-      const zero = this.defocus[(steps / 2) * (steps + 1) + steps / 2];
-      this.defocus = this.defocus.map((value) => value - zero);
-      this.defocusSteps = steps;
-    }
     pen.clearRect(0, 0, width, width);
     pen.lineWidth = 1;
-    const ink = getComputedStyle(this.solid).color;
+    const ink = getComputedStyle(this.solid).color, share = eye.map.largest_accommodation_D > 0 ? state.accommodation_D / eye.map.largest_accommodation_D : 0;
+    const colours = this.coloursOf(eye), sizes = colours.map(({ value_D }) => Math.abs(value_D)).sort((p, q) => p - q), most = Math.max(0.5, sizes[Math.floor(0.9 * (sizes.length - 1))] ?? 0);  // the rim's last places shall not pale the rest
+    const colour = (value) => {
+      const pale = Math.round(255 * (1 - Math.min(1, Math.abs(value))));
+      return value > 0 ? `rgb(255,${pale},${pale})` : `rgb(${pale},${pale},255)`;
+    };
+    pen.globalAlpha = 0.9;
+    const far = colours.map(({ corners, value_D }) => {
+      const points = corners.map(project);
+      return { points, value_D, depth: points.reduce((sum, p) => sum + p[2], 0) };
+    }).sort((one, other) => one.depth - other.depth);
+    for (const { points, value_D } of far) {
+      pen.fillStyle = pen.strokeStyle = colour(value_D / most);
+      pen.beginPath();
+      for (const p of points) pen.lineTo(p[0], p[1]);
+      pen.closePath();
+      pen.fill();
+      pen.stroke();
+    }
     for (const outline of eye.outlines) {
-      const points = this.pointsOf(outline).map(project);
+      const points = this.pointsOf(outline, share).map(project);
       pen.strokeStyle = ink;
       pen.globalAlpha = outline.name === "retina" ? 0.25 : 0.45;
       for (let ring = 0; ring < outline.rings; ++ring)
@@ -308,27 +329,26 @@ class Numbers {
           pen.stroke();
         }
     }
-    pen.globalAlpha = 0.9;
-    const steps = this.defocusSteps, reach = eye.map.field_mm / 2, most = Math.max(0.5, ...this.defocus.map(Math.abs));
-    for (let j = 0; j < steps; ++j)
-      for (let i = 0; i < steps; ++i) {
-        const corner = (k, l) => project(this.retinaAt(eye, reach * (2 * (i + k) / steps - 1), reach * (2 * (j + l) / steps - 1)));
-        const value = [0, 1].flatMap((l) => [0, 1].map((k) => this.defocus[(j + l) * (steps + 1) + i + k])).reduce((sum, v) => sum + v, 0) / 4 / most;
-        pen.fillStyle = value < 0 ? `rgb(255,${Math.round(255 * (1 + value))},${Math.round(255 * (1 + value))})` : `rgb(${Math.round(255 * (1 - value))},${Math.round(255 * (1 - value))},255)`;
-        pen.beginPath();
-        for (const [k, l] of [[0, 0], [1, 0], [1, 1], [0, 1]]) pen.lineTo(...corner(k, l).slice(0, 2));
-        pen.fill();
-      }
     pen.globalAlpha = 1;
     const dot = project(this.retinaAt(eye, state.field_x_mm, state.field_y_mm));
     pen.fillStyle = "#d08700";
     pen.beginPath();
     pen.arc(dot[0], dot[1], 6, 0, 7);
     pen.fill();
-    pen.fillStyle = ink;
-    pen.font = "24px sans-serif";
-    pen.fillText(`\u00b1${most.toFixed(1)} D`, 10, width - 12);
+    this.drawScale(pen, width, most, colour, ink);
     this.solid.setAttribute("role", "img");
-    this.solid.setAttribute("aria-label", `The eye's surfaces; refraction of the retina within ${(2 * reach).toFixed(0)} mm, to ${most.toFixed(1)} D from its middle`);
+    this.solid.setAttribute("aria-label", `The eye's surfaces; refraction of the retina out to ${eye.retina.reach_deg} degrees, to ${most.toFixed(1)} D from that of its axis`);
+  }
+
+  drawScale(pen, width, most, colour, ink) {
+    const bar = { x: 0.25 * width, y: width - 44, width: 0.5 * width, height: 14 }, steps = 40;
+    for (let k = 0; k < steps; ++k) {
+      pen.fillStyle = colour(2 * (k + 0.5) / steps - 1);
+      pen.fillRect(bar.x + k / steps * bar.width, bar.y, bar.width / steps + 1, bar.height);
+    }
+    pen.fillStyle = ink;
+    pen.font = "22px sans-serif";
+    pen.textAlign = "center";
+    for (const share of [-1, 0, 1]) pen.fillText(share ? `${signed(share * most, 1)} D` : "0", bar.x + (share + 1) / 2 * bar.width, width - 6);
   }
 }

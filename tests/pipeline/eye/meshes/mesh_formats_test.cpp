@@ -9,6 +9,7 @@
 #include "pipeline/base/files.hpp"
 #include "pipeline/eye/meshes/triangle_mesh.hpp"
 #include "tests/support/sheet.hpp"
+#include "tests/support/vtp_files.hpp"
 
 namespace emmetrope {
 namespace {
@@ -109,6 +110,62 @@ TEST(MeshFiles, CutFilesAreRefusedByName) {
   }
 }
 
+TEST(MeshFiles, VtpIsReadHoweverItIsStored) {
+  const TriangleMesh mesh = sheet();
+  const auto files = testing_eye::vtp_files(mesh);
+  ASSERT_EQ(files.size(), 33);
+  for (const auto& [name, bytes] : files) {
+    write_file(scratch("stored.vtp"), bytes);
+    if (name == "lz4") {
+      EXPECT_THAT([] { read_mesh(scratch("stored.vtp")); },
+                  testing::ThrowsMessage<Error>(testing::HasSubstr("packed by vtkLZ4DataCompressor")));
+      continue;
+    }
+    const MeshFile again = read_mesh(scratch("stored.vtp"));
+    EXPECT_EQ(again.says_lps, name.find("raw") == std::string::npos) << name;
+    EXPECT_EQ(again.mesh.triangles, mesh.triangles) << name;
+    ASSERT_EQ(again.mesh.vertices.size(), mesh.vertices.size()) << name;
+    ASSERT_EQ(again.mesh.normals.size(), mesh.normals.size()) << name;
+    const double rounding_mm = name.find("ascii") == std::string::npos ? 0 : 1e-10;
+    for (std::size_t k = 0; k < mesh.vertices.size(); ++k) {
+      ASSERT_LE((again.mesh.vertices[k] - mesh.vertices[k]).norm(), rounding_mm) << name;
+      ASSERT_LE((again.mesh.normals[k] - mesh.normals[k]).norm(), 1e-9) << name;
+    }
+  }
+}
+
+TEST(MeshFiles, PiecesOfVtpAreOneMeshAndFoursAreTwoTriangles) {
+  const std::string piece =
+      "<Piece NumberOfPoints=\"4\" NumberOfPolys=\"1\"><Points><DataArray type=\"Float32\" NumberOfComponents=\"3\" "
+      "format=\"ascii\">0 0 0 1 0 0 1 1 0 0 1 0</DataArray></Points><Polys><DataArray type=\"Int32\" "
+      "Name=\"connectivity\" format=\"ascii\">0 1 2 3</DataArray><DataArray type=\"Int32\" Name=\"offsets\" "
+      "format=\"ascii\">4</DataArray></Polys></Piece>";
+  const auto file = [](const std::string& inside) {
+    return "<VTKFile type=\"PolyData\" version=\"1.0\"><PolyData>" + inside + "</PolyData></VTKFile>";
+  };
+  write_file(scratch("pieces.vtp"), file(piece + piece));
+  const TriangleMesh mesh = read_mesh(scratch("pieces.vtp")).mesh;
+  EXPECT_EQ(mesh.vertices.size(), 8);
+  EXPECT_THAT(mesh.triangles, testing::ElementsAre(std::array{0, 1, 2}, std::array{0, 2, 3},
+                                                   std::array{4, 5, 6}, std::array{4, 6, 7}));
+
+  const auto refused = [&](const std::string& whole, const std::string& broken, const char* said) {
+    std::string bytes = file(piece);
+    bytes.replace(bytes.find(whole), whole.size(), broken);
+    write_file(scratch("broken.vtp"), bytes);
+    EXPECT_THAT([] { read_mesh(scratch("broken.vtp")); },
+                testing::ThrowsMessage<Error>(testing::HasSubstr(said)));
+  };
+  refused("0 1 2 3", "0 1 2 4", "names point 4 of 4");
+  refused("0 1 2 3", "0 1 2 -1", "-1 as an index");
+  refused(">4<", ">5<", "out of order");
+  refused("NumberOfPoints=\"4\"", "NumberOfPoints=\"5\"", "4 where it says NumberOfPoints=\"5\"");
+  refused("0 1 0<", "0 one 0<", "no number");
+  refused("Float32\" NumberOfComponents=\"3", "Float32\" NumberOfComponents=\"2", "three coordinates");
+  refused("</Polys>", "", "no readable VTK file");
+  refused("PolyData>", "UnstructuredGrid>", "no readable VTK file");
+}
+
 TEST(MeshFiles, LyingHeadersAreRefusedWithoutMemory) {
   const auto refused = [](const char* name, const std::string& bytes) {
     write_file(scratch(name), bytes);
@@ -128,13 +185,19 @@ TEST(MeshFiles, LyingHeadersAreRefusedWithoutMemory) {
   refused("lie.obj", "v 0 0 0\nf 1 2 3\n");
   refused("lie.obj", "v 0 0 nan\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
   refused("lie.obj", "v 0 0\n");
+  refused(
+      "lie.vtp",
+      "<?xml version=\"1.0\"?>\n<VTKFile type=\"PolyData\" version=\"0.1\"><PolyData><Piece "
+      "NumberOfPoints=\"2147483647\" NumberOfVerts=\"0\" NumberOfLines=\"0\" NumberOfStrips=\"0\" "
+      "NumberOfPolys=\"1\"><Points><DataArray type=\"Float64\" NumberOfComponents=\"3\" format=\"ascii\">0 0 "
+      "0</DataArray></Points></Piece></PolyData></VTKFile>");
   EXPECT_THROW(read_mesh(scratch("no.such")), Error);
 }
 
 TEST(MeshFiles, RandomDamageNeverCrashes) {
   std::mt19937 random(11);
   const TriangleMesh mesh = testing_eye::jittered_sheet(*make_sphere(7.8), 4, 30, 5);
-  for (const char* ending : {"ply", "stl", "obj"}) {
+  for (const char* ending : {"ply", "stl", "obj", "vtp"}) {
     const std::filesystem::path file = scratch(std::string("damaged.") + ending);
     write_mesh(file, mesh, false);
     const std::string whole = read_file(file);

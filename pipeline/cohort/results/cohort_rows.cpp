@@ -1,0 +1,189 @@
+#include "pipeline/cohort/results/cohort_rows.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <sstream>
+
+#include "pipeline/base/case_subject.hpp"
+#include "pipeline/base/error.hpp"
+#include "pipeline/base/files.hpp"
+#include "pipeline/base/stages.hpp"
+#include "pipeline/cohort/results/quantities.hpp"
+#include "pipeline/cohort/subjects/stage_end.hpp"
+
+namespace emmetrope::cohort {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr const char* nothing = "n/a";
+
+/// A cell has no tabs and no line ends.
+std::string one_line(std::string text) {
+  std::replace_if(
+      text.begin(), text.end(), [](char c) { return c == '\t' || c == '\n' || c == '\r'; }, ' ');
+  return text;
+}
+
+std::string sex_of(const fs::path& case_folder) {
+  const fs::path file = case_folder / "case.json";
+  if (!fs::exists(file)) return {};
+  const Json subject = read_json(file).value("subject", Json::object());
+  return subject.is_object() ? subject.value("sex", "") : "";
+}
+
+void read_numbers(EyeRow& row, const fs::path& case_folder) {
+  std::map<fs::path, Json> files;
+  for (const Quantity& quantity : quantities()) {
+    const fs::path file = case_folder / quantity.stage / to_string(row.eye) / quantity.file;
+    if (files.count(file) == 0) files[file] = fs::exists(file) ? read_json(file) : Json();
+    const Json& json = files.at(file);
+    const Json::json_pointer at(quantity.key);
+    if (!json.is_object() || !json.contains(at) || is_withheld(json.at(at))) continue;
+    row.numbers[quantity.column] = json.at(at).get<Measured>();
+  }
+}
+
+/// Of lines such as "OD (right): the reason" the reasons of this eye and those of none.
+std::string said_of_eye(const std::string& message, Laterality eye) {
+  const std::string own = std::string(clinical_name(eye)) + ": ";
+  const std::string other = clinical_name(eye == Laterality::od ? Laterality::os : Laterality::od);
+  std::istringstream lines(message);
+  std::string said;
+  for (std::string line; std::getline(lines, line);)
+    if (line.rfind(other, 0) != 0)
+      said += (said.empty() ? "" : "; ") + (line.rfind(own, 0) == 0 ? line.substr(own.size()) : line);
+  return said;
+}
+
+/// The first stage that gave less than all, of what concerns the eye.
+void judge(EyeRow& row, const CohortFolder& cohort) {
+  const bool has_refraction = row.numbers.count("refraction_m") > 0;
+  row.outcome = has_refraction        ? Outcome::measured
+                : row.numbers.empty() ? Outcome::no_result
+                                      : Outcome::partial;
+  for (const PipelineStage& stage : pipeline_stages) {
+    const StageEnd end = read_end(cohort, row.subject, stage.command);
+    if (!end.status || *end.status == static_cast<int>(ExitStatus::done)) continue;
+    const bool is_result = *end.status == static_cast<int>(ExitStatus::partial) ||
+                           *end.status == static_cast<int>(ExitStatus::no_result);
+    if (!is_result && (row.outcome == Outcome::no_result || stage.command == std::string("report")))
+      row.outcome = Outcome::failed;
+    const std::string reason = said_of_eye(end.message, row.eye);
+    const bool is_of_the_other = is_result && (has_refraction || (reason.empty() && !end.message.empty()));
+    if (is_of_the_other) continue;
+    row.stage = stage.command;
+    row.reason = one_line(reason);
+    return;
+  }
+}
+
+std::string number(double value) { return fmt::format("{:.6g}", value); }
+
+}  // namespace
+
+const char* to_string(Outcome outcome) {
+  switch (outcome) {
+    case Outcome::measured:
+      return "measured";
+    case Outcome::partial:
+      return "partial";
+    case Outcome::no_result:
+      return "no_result";
+    default:
+      return "failed";
+  }
+}
+
+std::vector<EyeRow> read_rows(const CohortFolder& cohort) {
+  std::istringstream subjects(read_file(cohort.root() / "subjects.txt"));
+  std::vector<EyeRow> rows;
+  for (std::string subject; std::getline(subjects, subject);) {
+    const fs::path case_folder = cohort.case_folder(subject);
+    const std::optional<double> age_years = subject_age_years(case_folder);
+    const std::string sex = sex_of(case_folder);
+    for (const Laterality eye : both_eyes) {
+      EyeRow& row = rows.emplace_back();
+      row.subject = subject;
+      row.eye = eye;
+      row.age_years = age_years;
+      row.sex = sex;
+      try {
+        read_numbers(row, case_folder);
+        judge(row, cohort);
+      } catch (const Json::exception& fault) {
+        throw input_error(case_folder.string() + ": " + fault.what(), "run emmetrope cohort --force");
+      }
+    }
+  }
+  return rows;
+}
+
+Outcomes count_outcomes(const std::vector<EyeRow>& rows) {
+  const auto count = [&](Outcome outcome) {
+    return static_cast<std::size_t>(
+        std::count_if(rows.begin(), rows.end(), [&](const EyeRow& row) { return row.outcome == outcome; }));
+  };
+  return {count(Outcome::measured), count(Outcome::partial), count(Outcome::no_result),
+          count(Outcome::failed)};
+}
+
+std::string table_text(const std::vector<EyeRow>& rows) {
+  std::string text = "participant_id\teye\toutcome\tstage\treason\tage\tsex";
+  for (const Quantity& quantity : quantities())
+    text += fmt::format("\t{0}\t{0}_low\t{0}_high\t{0}_source", quantity.column);
+  text += "\n";
+  const auto cell = [](const std::string& value) { return value.empty() ? nothing : value; };
+  for (const EyeRow& row : rows) {
+    text += fmt::format("{}\t{}\t{}\t{}\t{}\t{}\t{}", row.subject, to_string(row.eye), to_string(row.outcome),
+                        cell(row.stage), cell(row.reason), row.age_years ? number(*row.age_years) : nothing,
+                        cell(row.sex));
+    for (const Quantity& quantity : quantities()) {
+      if (const auto found = row.numbers.find(quantity.column); found != row.numbers.end()) {
+        const Measured& measured = found->second;
+        text += fmt::format("\t{}\t{}\t{}\t{}", number(measured.value), number(measured.ci95[0]),
+                            number(measured.ci95[1]), measured.source);
+      } else {
+        for (int i = 0; i < 4; ++i) text += std::string("\t") + nothing;
+      }
+    }
+    text += "\n";
+  }
+  return text;
+}
+
+Json table_dictionary() {
+  Json dictionary{
+      {"participant_id", {{"Description", "The study's folder, or sub-X[_ses-Y] of a BIDS dataset"}}},
+      {"eye", {{"Levels", {{"od", "right"}, {"os", "left"}}}}},
+      {"outcome",
+       {{"Levels",
+         {{"measured", "with a refraction"},
+          {"partial", "some of the numbers; the others are n/a"},
+          {"no_result", "the images do not support any number"},
+          {"failed", "the study could not be read, or the machine failed"}}}}},
+      {"stage", {{"Description", "The command that gave less than all"}}},
+      {"reason", {{"Description", "Why"}}},
+      {"age", {{"Description", "At the examination"}, {"Units", "year"}}},
+      {"sex", {{"Levels", {{"M", "male"}, {"F", "female"}, {"O", "other"}}}}}};
+  for (const Quantity& quantity : quantities()) {
+    Json& value = dictionary[quantity.column];
+    value = {{"Description", quantity.description}};
+    const auto with_unit = [&](Json column) {
+      if (!quantity.unit.empty()) column["Units"] = quantity.unit;
+      return column;
+    };
+    value = with_unit(value);
+    dictionary[quantity.column + "_low"] =
+        with_unit({{"Description", "Lower end of the 95 % interval of " + quantity.column}});
+    dictionary[quantity.column + "_high"] =
+        with_unit({{"Description", "Upper end of the 95 % interval of " + quantity.column}});
+    dictionary[quantity.column + "_source"] = {
+        {"Description",
+         "Where " + quantity.column + " comes from: mri, mri+prior, prior, labels, keratometry, ..."}};
+  }
+  return dictionary;
+}
+
+}  // namespace emmetrope::cohort

@@ -1,0 +1,48 @@
+#pragma once
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "pipeline/base/laterality.hpp"
+#include "pipeline/base/measured.hpp"
+#include "pipeline/cohort/subjects/cohort_folder.hpp"
+
+namespace emmetrope::cohort {
+
+/// What came of an eye.
+enum class Outcome {
+  measured,   ///< with a refraction
+  partial,    ///< some of the numbers
+  no_result,  ///< the images do not support any
+  failed      ///< the study could not be read, or the machine failed
+};
+const char* to_string(Outcome outcome);
+
+/// One eye of one subject, from what the stages left; the images are not looked at.
+struct EyeRow {
+  std::string subject;
+  Laterality eye = Laterality::od;
+  Outcome outcome = Outcome::failed;
+  std::string stage;   ///< the command that gave less than all; empty for none
+  std::string reason;  ///< in one line
+  std::optional<double> age_years;
+  std::string sex;
+  std::map<std::string, Measured> numbers;  ///< by column of quantities(); what is withheld is not there
+};
+
+/// Two rows a subject, in the order of subjects.txt.
+/// \throw Error (input_invalid) naming a file that is broken
+std::vector<EyeRow> read_rows(const CohortFolder& cohort);
+
+struct Outcomes {
+  std::size_t measured = 0, partial = 0, no_result = 0, failed = 0;
+};
+Outcomes count_outcomes(const std::vector<EyeRow>& rows);
+
+/// Tab-separated, "n/a" where there is nothing, as BIDS has tables.
+std::string table_text(const std::vector<EyeRow>& rows);
+/// What its columns are, as BIDS describes them: {"axial_length": {"Description", "Units"}, ...}.
+Json table_dictionary();
+
+}  // namespace emmetrope::cohort

@@ -1,0 +1,34 @@
+#pragma once
+#include <optional>
+#include <string>
+
+#include "pipeline/cohort/subjects/cohort_folder.hpp"
+#include "pipeline/cohort/subjects/subjects.hpp"
+
+namespace emmetrope::cohort {
+
+/// How a stage ended for a subject.
+struct StageEnd {
+  std::optional<int> status;  ///< of the command; none: it was not run, for what a stage before gave
+  std::string message;        ///< why it gave no or a partial result; a line a reason
+};
+Json to_json(const StageEnd& end);
+/// \throw Error (input_invalid) naming the file
+StageEnd read_end(const CohortFolder& cohort, const std::string& subject, std::string_view stage);
+
+/// Whether a command's status tells of the machine (memory, disk, device), so that another attempt may end otherwise.
+bool is_of_the_machine(int status);
+
+struct Attempt {
+  int number = 1, of = 1;
+  int threads = 1;
+  bool force = false;  ///< redo what is up to date
+};
+
+/// Runs one stage of one subject and writes its end. What the data are at fault for is an end as any other; what the
+/// machine is at fault for (no memory, a full disk, no device) is one only when it was the last attempt.
+/// \return 0, or the command's status where there is to be another attempt
+int run_stage_of(const CohortFolder& cohort, const std::string& subject, const std::string& stage,
+                 const Attempt& attempt);
+
+}  // namespace emmetrope::cohort

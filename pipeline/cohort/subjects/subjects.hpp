@@ -1,0 +1,34 @@
+#pragma once
+#include <filesystem>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "pipeline/base/json.hpp"
+
+namespace emmetrope::cohort {
+
+/// One visit of one person: images, and what else is known of the eyes.
+struct Subject {
+  std::string id;               ///< letters, digits, '-', '_' and '.': names of folders and rows
+  std::filesystem::path study;  ///< absolute; a folder of images
+  /// Options by the command that they are for: {"mesh": ["--axial-length", "od:23.6"]}.
+  std::map<std::string, std::vector<std::string>> options;
+  /// Number, size and last change of the study's files: another study under the same name is another subject.
+  Json fingerprint;
+};
+Json to_json(const Subject& subject);
+/// \throw Error (input_invalid) naming the file
+Subject read_subject(const std::filesystem::path& file, const std::string& id);
+
+/// What is in STUDIES, sorted by id:
+/// - a BIDS dataset (dataset_description.json): sub-X[/ses-Y]/anat as "sub-X" or "sub-X_ses-Y",
+/// - a folder: each folder in it is a study, named by it,
+/// - a table (.tsv) with columns `participant_id` and `study`, a path from the table's folder.
+/// A `participants.tsv` in the folder, or the table itself, may have `age`, and for each eye (`_od`, `_os`)
+/// `keratometry`, `axial_length`, `acd`, `lens_thickness` and `refraction`, written as the options of `emmetrope run`
+/// without the eye ("43.25@175/44.75@85+-0.25"); "n/a" and an empty cell say nothing.
+/// \throw Error (input_invalid) naming file, line and column
+std::vector<Subject> find_subjects(const std::filesystem::path& studies);
+
+}  // namespace emmetrope::cohort

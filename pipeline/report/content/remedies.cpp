@@ -1,0 +1,40 @@
+#include "pipeline/report/content/remedies.hpp"
+
+#include <map>
+
+namespace emmetrope::report {
+namespace {
+
+constexpr const char* look =
+    "Look at the contours on the slices; where they lie off the edges, correct the labels (--labels).";
+constexpr const char* keep_still = "Rescan with the head still, in fewer minutes.";
+// Where the fit is withheld no other instrument helps.
+constexpr const char* rescan = "Rescan this eye, still, in T2 of 0.5 mm in plane.";
+constexpr const char* measure_cornea = "Measure the cornea, and give it (--keratometry).";
+
+}  // namespace
+
+std::string remedy_of_gate(const std::string& gate) {
+  static const std::map<std::string, const char*> remedies{
+      {"globe_inside_stack", "Rescan with the whole globe inside the slices."},
+      {"lens_contrast", "Rescan in T2, which shows the lens."},
+      {"cornea_sigma_over_prior", measure_cornea},
+      {"keratometry_plausible_D", measure_cornea},
+      {"keratometry_plausible_upper_D", measure_cornea},
+      {"apex_sigma_mm", rescan},
+      {"axial_length_sigma_mm", rescan},
+      {"axial_length_mm_lower", rescan},
+      {"axial_length_mm_upper", rescan},
+      {"slice_spacing_t1_mm", "Rescan in T2, or in T1 of 1 mm."},
+      {"slice_displacement_mm", keep_still},
+      {"head_shift_mm", keep_still},
+  };
+  const auto found = remedies.find(gate);
+  return found == remedies.end() ? look : found->second;
+}
+
+std::string remedy_of_stage(const std::string& stage) {
+  return stage == "segmentation" ? look : "See \"Limits and warnings\" below.";
+}
+
+}  // namespace emmetrope::report

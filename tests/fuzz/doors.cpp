@@ -1,0 +1,288 @@
+#include "tests/fuzz/doors.hpp"
+
+#include <dcmtk/config/osconfig.h>
+#include <dcmtk/dcmdata/dctk.h>
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <cmath>
+
+#include "pipeline/base/case_folder.hpp"
+#include "pipeline/base/files.hpp"
+#include "pipeline/eye/exchange/eye_file.hpp"
+#include "pipeline/eye/instruments/instruments.hpp"
+#include "pipeline/eye/meshes/triangle_mesh.hpp"
+#include "pipeline/eye/schematic/schematic_eyes.hpp"
+#include "raytrace/movement/movement.hpp"
+#include "raytrace/scene/chart.hpp"
+#include "raytrace/scene/scene_json.hpp"
+#include "raytrace/spectacle/spectacle.hpp"
+#include "segmentation/intake/dicom_header.hpp"
+#include "segmentation/intake/dicom_pixels.hpp"
+#include "segmentation/intake/nifti.hpp"
+#include "segmentation/intake/study.hpp"
+#include "tests/support/generated_series.hpp"
+#include "tests/support/vtp_files.hpp"
+
+namespace emmetrope::fuzz {
+namespace {
+
+namespace fs = std::filesystem;
+using Folder = const fs::path&;
+using Seeds = std::vector<std::string>;
+
+Seeds files_in(Folder folder) {
+  Seeds seeds;
+  for (const auto& entry : fs::recursive_directory_iterator(folder))
+    if (entry.is_regular_file()) seeds.push_back(read_file(entry.path()));
+  return seeds;
+}
+
+// ---- studies
+
+Seeds dicom_files(Folder folder) {
+  segmentation::register_decoders();
+  test::register_encoders();
+  for (const E_TransferSyntax syntax :
+       {EXS_LittleEndianExplicit, EXS_RLELossless, EXS_JPEGLSLossless, EXS_JPEGProcess14SV1}) {
+    test::GeneratedSeries series;
+    while (series.size() > 1) series.remove(1);
+    series.write(folder / std::to_string(static_cast<int>(syntax)), syntax);
+  }
+  return files_in(folder);
+}
+
+void decode(const fs::path& file) {
+  constexpr std::uint64_t most_bytes = 200'000'000;
+  DcmFileFormat parsed;
+  const segmentation::ImageHeader header =
+      segmentation::read_header(file, parsed, segmentation::Request::everything);
+  if (header.kind == segmentation::FileKind::image)
+    segmentation::decode_pixels(parsed, most_bytes, [](const std::vector<std::int32_t>&) {});
+}
+
+segmentation::IntakeOptions quiet() {
+  segmentation::IntakeOptions options;
+  options.verbosity.quiet = true;
+  return options;
+}
+
+/// One file of twelve is replaced: the others' geometry must come out, or a word about it.
+void replace_one_of_a_series(const fs::path& file) {
+  const fs::path folder = file.parent_path() / "study";
+  static const segmentation::SeriesInfo whole = [&] {
+    test::GeneratedSeries().write(folder);
+    return segmentation::read_inventory(folder, quiet()).series.at(0);
+  }();
+  fs::copy_file(file, folder / whole.slices.at(5).file, fs::copy_options::overwrite_existing);
+  const segmentation::StudyInventory inventory = segmentation::read_inventory(folder, quiet());
+  if (!inventory.skipped.empty() || inventory.series.size() != 1) return;
+  const segmentation::SeriesInfo& now = inventory.series[0];
+  if (!now.usable || !now.warnings.empty()) return;
+  const auto differs = [](const std::optional<double>& a, const std::optional<double>& b) {
+    return a.has_value() != b.has_value() || (a && std::abs(*a / *b - 1) > 1e-4);
+  };
+  bool changed = now.slices.size() != whole.slices.size() || now.rows != whole.rows ||
+                 now.columns != whole.columns || differs(now.row_spacing_mm, whole.row_spacing_mm) ||
+                 differs(now.column_spacing_mm, whole.column_spacing_mm);
+  for (std::size_t k = 0; !changed && k < whole.slices.size(); ++k)
+    changed = (now.slices[k].position_mm - whole.slices[k].position_mm).norm() > 0.02;
+  if (changed) throw std::logic_error("geometry changed without a word");
+}
+
+Seeds one_of_a_series(Folder folder) {
+  test::GeneratedSeries series;
+  return {read_file(series.write(folder).at(5))};
+}
+
+Seeds volumes(Folder folder) {
+  segmentation::Stack stack;
+  stack.name = "volume";
+  stack.rows = 6;
+  stack.columns = 5;
+  stack.row_spacing_mm = 0.7;
+  stack.column_spacing_mm = 0.8;
+  stack.slice_thickness_mm = 1.5;
+  stack.along_row = Eigen::Vector3d::UnitX();
+  stack.along_column = Eigen::Vector3d::UnitY();
+  stack.normal = Eigen::Vector3d::UnitZ();
+  for (int slice = 0; slice < 4; ++slice) {
+    stack.slice_intensity.emplace_back(30, static_cast<float>(slice));
+    stack.slice_position.emplace_back(0, 0, 1.5 * slice);
+  }
+  segmentation::write_nifti(folder / "volume.nii", stack);
+  fs::remove(folder / "volume.json");
+  return files_in(folder);
+}
+
+void read_volume(const fs::path& file) {
+  std::vector<std::string> warnings;
+  segmentation::read_nifti(file, warnings);
+}
+
+// ---- meshes
+
+TriangleMesh cube() {
+  TriangleMesh mesh;
+  for (const double x : {-1.0, 1.0})
+    for (const double y : {-1.0, 1.0})
+      for (const double z : {-1.0, 1.0}) mesh.vertices.emplace_back(x, y, z);
+  mesh.triangles = {{0, 1, 3}, {0, 3, 2}, {4, 6, 7}, {4, 7, 5}, {0, 4, 5}, {0, 5, 1}, {2, 3, 7}, {2, 7, 6}};
+  return mesh;
+}
+
+Door mesh_door(const std::string& ending) {
+  const auto seeds = [ending](Folder folder) -> Seeds {
+    const fs::path file = folder / ("mesh" + ending);
+    write_mesh(file, cube(), true);
+    return {read_file(file)};
+  };
+  return {ending.substr(1), "mesh" + ending, seeds, ending == ".obj" ? mutate_text : mutate_bytes,
+          [](const fs::path& file) { read_mesh(file); }};
+}
+
+Door vtp_door() {
+  const auto seeds = [](Folder) {
+    auto files = testing_eye::vtp_files(cube());
+    files.erase("lz4");  // is refused
+    Seeds inputs;
+    for (auto& [name, bytes] : files) inputs.push_back(std::move(bytes));
+    return inputs;
+  };
+  const auto mutate = [](const std::string& input, Random& random) {
+    return random() % 2 == 0 ? mutate_text(input, random) : mutate_bytes(input, random);
+  };
+  return {"vtp", "mesh.vtp", seeds, mutate, [](const fs::path& file) { read_mesh(file); }};
+}
+
+// ---- eyes, scenes, tables
+
+Seeds eye_files(Folder folder, const char* ending) {
+  for (const char* name : {"navarro", "liou-brennan", "gullstrand", "arizona"})
+    write_eye_file(folder / (name + std::string(ending)), make_eye(name));
+  Seeds seeds;
+  for (const auto& entry : fs::directory_iterator(folder))
+    if (entry.path().extension() == ending) seeds.push_back(read_file(entry.path()));
+  return seeds;
+}
+
+/// Its glass catalogue stays beside the lens.
+Seeds zemax_lens(Folder folder) {
+  const fs::path file = folder.parent_path() / "lens.zmx";
+  write_eye_file(file, make_eye("navarro"));
+  return {read_file(file)};
+}
+
+Seeds scenes(Folder) {
+  return {R"({"name": "card and wall", "background": [0.5, 0.5, 0.5], "objects": [
+      {"type": "plane", "centre_mm": [0, 0, 400], "right_mm": [-30, 0, 0], "up_mm": [0, 20, 0],
+       "chart": "letters:logmar=0.5"},
+      {"type": "plane", "centre_mm": [0, 0, 6000], "right_mm": [-3000, 0, 0], "up_mm": [0, 3000, 0], "lit": true,
+       "colour": [0.2, 0.3, 0.9], "chart": "dial"}],
+      "lights": [{"type": "point", "position_mm": [250, 60, 350], "reference_mm": 350, "colour": [0.9, 0.85, 0.8]},
+                 {"type": "directional", "direction": [0, -1, 1]}], "ambient": [0.1, 0.1, 0.1]})"};
+}
+
+double cornea_um(double x, double y) { return -1e3 * (x * x + y * y) / 2 / 7.8; }
+
+Seeds topographies(Folder) {
+  std::string columns = "x_mm,y_mm,elevation_um\n", matrix = "elevation_um";
+  for (int i = -6; i <= 6; ++i) matrix += fmt::format(",{:.1f}", 0.6 * i);
+  for (int i = -6; i <= 6; ++i) {
+    matrix += fmt::format("\n{:.1f}", 0.6 * i);
+    for (int j = -6; j <= 6; ++j) {
+      const double x = 0.6 * j, y = 0.6 * i;
+      columns += fmt::format("{:.1f},{:.1f},{:.2f}\n", x, y, cornea_um(x, y));
+      matrix += fmt::format(",{:.2f}", cornea_um(x, y));
+    }
+  }
+  return {columns, matrix + "\n"};
+}
+
+void read_topography(const fs::path& file) { analyse_topography(read_elevation_map(file), 0.25); }
+
+Seeds movements(Folder) { return {"time_s,horizontal_deg,vertical_deg\n0,0,0\n0.01,0.1,0\n0.02,0.3,-0.1\n"}; }
+
+// ---- the case
+
+Seeds stage_files(Folder) {
+  return {
+      R"({"version": "1", "parameters": {"laterality": "both"}, "seed": 1, "inputs": {}, "outputs": {}, "warnings": [],
+      "verdict": {"status": 8, "reasons": ["one eye"]}})"};
+}
+
+void read_stage_file(const fs::path& file) {
+  const fs::path folder = file.parent_path() / "case" / "meshing";
+  fs::create_directories(folder);
+  fs::copy_file(file, folder / "stage.json", fs::copy_options::overwrite_existing);
+  read_verdict(folder.parent_path(), "meshing");
+}
+
+// ---- options that have a grammar: the file's text is the value
+
+std::string value_in(const fs::path& file) {
+  std::string text = read_file(file);
+  text.erase(std::remove(text.begin(), text.end(), '\0'), text.end());
+  return text;
+}
+
+void read_instrument_options(const fs::path& file) {
+  const std::string text = value_in(file);
+  for (const auto option : {&InstrumentFlags::keratometry, &InstrumentFlags::axial_length,
+                            &InstrumentFlags::anterior_chamber_depth, &InstrumentFlags::lens_thickness,
+                            &InstrumentFlags::topography}) {
+    InstrumentFlags flags;
+    (flags.*option).push_back(text);
+    try {
+      parse_instruments(flags, 0.2);
+    } catch (const Error&) {  // the text is another option's, or no one's
+    }
+  }
+}
+
+Door option_door(const std::string& name, Seeds seeds, std::function<void(const fs::path&)> open) {
+  return {name, "value.txt", [seeds = std::move(seeds)](Folder) { return seeds; }, mutate_text,
+          std::move(open)};
+}
+
+}  // namespace
+
+const std::vector<Door>& doors() {
+  static const std::vector<Door> all{
+      {"dicom", "image.dcm", dicom_files, mutate_dicom, decode},
+      {"study", "image.dcm", one_of_a_series, mutate_dicom, replace_one_of_a_series},
+      {"nifti", "volume.nii", volumes, mutate_bytes, read_volume},
+      mesh_door(".ply"),
+      mesh_door(".stl"),
+      mesh_door(".obj"),
+      vtp_door(),
+      {"eye.json", "eye.json", [](Folder folder) { return eye_files(folder, ".json"); }, mutate_json,
+       [](const fs::path& file) { read_eye_file(file); }},
+      {"zmx", "lens.zmx", zemax_lens, mutate_text, [](const fs::path& file) { read_eye_file(file); }},
+      {"scene.json", "scene.json", scenes, mutate_json,
+       [](const fs::path& file) { raytrace::read_scene(file); }},
+      {"topography.csv", "map.csv", topographies, mutate_text, read_topography},
+      {"topography.json", "map.json",
+       [](Folder) {
+         return Seeds{R"({"zone_mm": 8, "zernike_um": [0, 0, 0, 3, 296, -5, 1, 0.5, -0.2, 0.1]})"};
+       },
+       mutate_json, read_topography},
+      {"movement.csv", "eye.csv", movements, mutate_text,
+       [](const fs::path& file) { raytrace::read_movement(file); }},
+      {"stage.json", "stage.json", stage_files, mutate_json, read_stage_file},
+      option_door("instruments",
+                  {"od:43.25@175/44.75@85+-0.25", "os:23.60+-0.05", "od:3.4", "both:/tmp/map.csv+-0.1"},
+                  read_instrument_options),
+      option_door("chart", {"letters:logmar=0.3,distance_mm=6000", "siemens:spokes=36,contrast=0.5"},
+                  [](const fs::path& file) { raytrace::parse_chart(value_in(file)); }),
+      option_door("eye", {"navarro", "atchison:-4", "gullstrand", "escudero-sanz-navarro"},
+                  [](const fs::path& file) { make_eye(value_in(file)); }),
+      option_door(
+          "spectacle",
+          {"-2.00/-1.00x90@12", "-3/0x0@12,base_D=5,prism=2@90", "+1.25/-0.50x5@14,base_D=6,index=1.6"},
+          [](const fs::path& file) { raytrace::parse_spectacle(value_in(file)); }),
+  };
+  return all;
+}
+
+}  // namespace emmetrope::fuzz

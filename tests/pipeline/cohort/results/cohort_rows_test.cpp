@@ -1,0 +1,99 @@
+#include "pipeline/cohort/results/cohort_rows.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <regex>
+
+#include "pipeline/base/files.hpp"
+#include "pipeline/base/stages.hpp"
+#include "pipeline/cohort/results/cohort_page.hpp"
+#include "pipeline/cohort/results/quantities.hpp"
+#include "pipeline/cohort/subjects/stage_end.hpp"
+#include "pipeline/cohort/subjects/table.hpp"
+#include "tests/support/fixture_case.hpp"
+#include "tests/support/temporary_folder.hpp"
+
+namespace emmetrope::cohort {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::HasSubstr;
+
+class CohortRows : public testing::Test {
+ protected:
+  void SetUp() override {
+    fs::create_directories(cohort_.root() / "cases");
+    test::make_fixture_case(cohort_.case_folder("whole"));
+    test::FixtureOptions right;
+    right.only_right = true;
+    test::make_fixture_case(cohort_.case_folder("right"), right);
+    fs::create_directories(cohort_.case_folder("broken"));
+    end("whole", {});
+    end("right", {{"segment", {8, "OD (right): a; b\nOS (left): no such eye in the images"}}});
+    end("broken", {{"segment", {3, "slice 3 is\tmissing"}},
+                   {"mesh", {}},
+                   {"trace", {}},
+                   {"correct", {}},
+                   {"report", {}}});
+    write_file(cohort_.root() / "subjects.txt", "broken\nright\nwhole\n");
+  }
+  void end(const std::string& subject, const std::map<std::string, StageEnd>& ends) {
+    fs::create_directories(cohort_.root() / "ends" / subject);
+    for (const PipelineStage& stage : pipeline_stages) {
+      const auto told = ends.find(stage.command);
+      write_json(cohort_.end_file(subject, stage.command),
+                 to_json(told == ends.end() ? StageEnd{0, ""} : told->second));
+    }
+  }
+  test::TemporaryFolder temporary_;
+  CohortFolder cohort_{temporary_.path() / "cohort"};
+};
+
+TEST_F(CohortRows, TellWhatCameOfEachEye) {
+  const std::vector<EyeRow> rows = read_rows(cohort_);
+  ASSERT_EQ(rows.size(), 6U);
+  EXPECT_EQ(rows[0].outcome, Outcome::failed);
+  EXPECT_EQ(rows[0].stage, "segment");
+  EXPECT_EQ(rows[0].reason, "slice 3 is missing");
+  EXPECT_EQ(rows[2].outcome, Outcome::measured);  // the right eye of "right"
+  EXPECT_EQ(rows[2].reason, "");
+  EXPECT_EQ(rows[3].outcome, Outcome::no_result);
+  EXPECT_EQ(rows[3].reason, "no such eye in the images");
+  EXPECT_EQ(rows[4].outcome, Outcome::measured);
+  const Outcomes outcomes = count_outcomes(rows);
+  EXPECT_EQ(outcomes.measured, 3U);
+  EXPECT_EQ(outcomes.failed, 2U);
+}
+
+TEST_F(CohortRows, OfTheTableAreTheNumbersOfTheCases) {
+  const fs::path file = temporary_.path() / "cohort.tsv";
+  write_file(file, table_text(read_rows(cohort_)));
+  const Table table = read_table(file, {"participant_id", "eye", "outcome"});
+  const Json biometry = read_json(cohort_.case_folder("whole") / "meshing" / "os" / "biometry.json");
+  const Json dictionary = table_dictionary();
+  for (const auto& column : table.columns) EXPECT_TRUE(dictionary.contains(column.first)) << column.first;
+  EXPECT_EQ(table.columns.size(), dictionary.size());
+  int numbers = 0;
+  for (const Quantity& quantity : quantities()) {
+    if (quantity.stage != "meshing" || !biometry.contains(Json::json_pointer(quantity.key))) continue;
+    const auto measured = biometry.at(Json::json_pointer(quantity.key)).get<Measured>();
+    EXPECT_NEAR(std::stod(table.cell(5, quantity.column)), measured.value, 1e-5 * std::abs(measured.value));
+    EXPECT_NEAR(std::stod(table.cell(5, quantity.column + "_low")), measured.ci95[0],
+                1e-5 * std::abs(measured.value));
+    EXPECT_EQ(table.cell(5, quantity.column + "_source"), measured.source);
+    EXPECT_EQ(table.cell(0, quantity.column), "");
+    ++numbers;
+  }
+  EXPECT_GT(numbers, 20);
+}
+
+TEST_F(CohortRows, MakeAPageThatTellsThemWithoutANetwork) {
+  const std::string page = cohort_page(cohort_, read_rows(cohort_));
+  for (const char* text : {"slice 3 is missing", "no such eye in the images", "axial_length, mm"})
+    EXPECT_THAT(page, HasSubstr(text));
+  EXPECT_FALSE(std::regex_search(page, std::regex("(src|href)=\"https?:")));
+}
+
+}  // namespace
+}  // namespace emmetrope::cohort

@@ -1,0 +1,128 @@
+#include "pipeline/cohort/subjects/subjects.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "pipeline/base/error.hpp"
+#include "pipeline/base/files.hpp"
+#include "tests/support/temporary_folder.hpp"
+
+namespace emmetrope::cohort {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::ElementsAre;
+using testing::HasSubstr;
+
+class Subjects : public testing::Test {
+ protected:
+  void add(const fs::path& image) {
+    fs::create_directories((folder() / image).parent_path());
+    write_file(folder() / image, "an image");
+  }
+  std::vector<std::string> ids(const fs::path& studies) const {
+    std::vector<std::string> ids;
+    for (const Subject& subject : find_subjects(studies)) ids.push_back(subject.id);
+    return ids;
+  }
+  std::string refusal(const fs::path& studies) const {
+    try {
+      find_subjects(studies);
+    } catch (const Error& error) {
+      EXPECT_EQ(error.status(), ExitStatus::input_invalid);
+      return error.what();
+    }
+    return "";
+  }
+  const fs::path& folder() const { return temporary_.path(); }
+  test::TemporaryFolder temporary_;
+};
+
+TEST_F(Subjects, AreTheFoldersOfAFolder) {
+  add("studies/b/1.dcm");
+  add("studies/a c/deep/1.dcm");
+  add("studies/.hidden/1.dcm");
+  write_file(folder() / "studies" / "note.txt", "no study");
+  const std::vector<Subject> found = find_subjects(folder() / "studies");
+  EXPECT_THAT(ids(folder() / "studies"), ElementsAre("a_c", "b"));
+  EXPECT_EQ(found[0].study, folder() / "studies" / "a c");
+  EXPECT_EQ(found[0].fingerprint.at("files"), 1);
+}
+
+TEST_F(Subjects, OfBidsAreItsSessions) {
+  for (const char* image :
+       {"sub-01/anat/sub-01_T1w.nii.gz", "sub-02/ses-a/anat/x.nii.gz", "sub-02/ses-b/anat/x.nii.gz",
+        "sub-03/func/x.nii.gz", "derivatives/sub-01/anat/x.nii.gz"})
+    add(fs::path("bids") / image);
+  write_file(folder() / "bids" / "dataset_description.json", "{}");
+  EXPECT_THAT(ids(folder() / "bids"), ElementsAre("sub-01", "sub-02_ses-a", "sub-02_ses-b"));
+}
+
+TEST_F(Subjects, TakeReadingsFromTheTableBesideThem) {
+  add("bids/sub-01/anat/x.nii.gz");
+  add("bids/sub-02/ses-a/anat/x.nii.gz");
+  write_file(folder() / "bids" / "dataset_description.json", "{}");
+  write_file(folder() / "bids" / "participants.tsv",
+             "participant_id\tage\tkeratometry_od\trefraction_os\n"
+             "sub-01\tn/a\t43.25@175/44.75@85+-0.25\t\nsub-02\t31\tn/a\t-2.25/-1.00x180@12\r\n");
+  const std::vector<Subject> found = find_subjects(folder() / "bids");
+  EXPECT_THAT(found.at(0).options.at("mesh"), ElementsAre("--keratometry", "od:43.25@175/44.75@85+-0.25"));
+  EXPECT_EQ(found[0].options.count("correct"), 0U);
+  EXPECT_THAT(found.at(1).options.at("segment"), ElementsAre("--age", "31"));
+  EXPECT_THAT(found[1].options.at("correct"),
+              ElementsAre("--age", "31", "--refraction", "os:-2.25/-1.00x180@12"));
+  write_json(folder() / "subject.json", to_json(found[1]));
+  const Subject read = read_subject(folder() / "subject.json", "sub-02_ses-a");
+  EXPECT_EQ(read.options, found[1].options);
+  EXPECT_EQ(read.study, found[1].study);
+}
+
+TEST_F(Subjects, ThatLookAlikeKeepTheirOwnReadings) {
+  for (const char* study : {"P1", "P1_ses-2", "7", "sub-7"}) add(fs::path("scans") / study / "1.dcm");
+  write_file(folder() / "scans" / "participants.tsv", "participant_id\tage\nP1\t30\nP1_ses-2\t32\n7\t50\n");
+  std::map<std::string, std::vector<std::string>> ages;
+  for (const Subject& subject : find_subjects(folder() / "scans"))
+    if (const auto found = subject.options.find("segment"); found != subject.options.end())
+      ages[subject.id] = found->second;
+  EXPECT_THAT(ages.at("P1"), ElementsAre("--age", "30"));
+  EXPECT_THAT(ages.at("P1_ses-2"), ElementsAre("--age", "32"));
+  EXPECT_EQ(ages.count("sub-7"), 0U);
+}
+
+TEST_F(Subjects, OddFoldersDoNotStopTheOthers) {
+  add("scans/loop/1.dcm");
+  fs::create_directory_symlink(".", folder() / "scans" / "loop" / "round");
+  EXPECT_THAT(ids(folder() / "scans"), ElementsAre("loop"));
+  add("scans/M\xfcller/1.dcm");
+  EXPECT_THAT(refusal(folder() / "scans"), HasSubstr("is not UTF-8"));
+}
+
+TEST_F(Subjects, AreNamedByATable) {
+  add("scans/x/1.dcm");
+  write_file(folder() / "people.tsv", "participant_id\tstudy\nfirst\tscans/x\n");
+  EXPECT_THAT(ids(folder() / "people.tsv"), ElementsAre("first"));
+}
+
+TEST_F(Subjects, ThatAreNoneAreRefusedByNameAndLine) {
+  EXPECT_THAT(refusal(folder() / "nothing"), HasSubstr("neither a folder nor a .tsv table"));
+  fs::create_directory(folder() / "empty");
+  EXPECT_THAT(refusal(folder() / "empty"), HasSubstr("no study in"));
+  add("two/a b/1.dcm");
+  add("two/a_b/1.dcm");
+  EXPECT_THAT(refusal(folder() / "two"), HasSubstr("two studies have the name \"a_b\""));
+  write_file(folder() / "people.tsv", "participant_id\tstudy\nx\tgone\n");
+  EXPECT_THAT(refusal(folder() / "people.tsv"), HasSubstr("line 2, column study: \"gone\""));
+  write_file(folder() / "people.tsv", "participant_id\tstudy\n\nx\tn/a\n");
+  EXPECT_THAT(refusal(folder() / "people.tsv"), HasSubstr("line 3, column study: \"\" is no folder"));
+  write_file(folder() / "people.tsv", "participant_id\tstudy\nn/a\ttwo\n");
+  EXPECT_THAT(refusal(folder() / "people.tsv"), HasSubstr("names nobody"));
+  write_file(folder() / "people.tsv", "participant_id\tstudy\nx\ttwo\nx\ttwo\n");
+  EXPECT_THAT(refusal(folder() / "people.tsv"), HasSubstr("\"x\" has a row already"));
+  write_file(folder() / "people.tsv", "participant_id\tage\nx\t3\n");
+  EXPECT_THAT(refusal(folder() / "people.tsv"), HasSubstr("the column \"study\" is missing"));
+  write_file(folder() / "people.tsv", "participant_id\tstudy\nx\n");
+  EXPECT_THAT(refusal(folder() / "people.tsv"), HasSubstr("line 2 has 1 cells, the header 2"));
+}
+
+}  // namespace
+}  // namespace emmetrope::cohort
