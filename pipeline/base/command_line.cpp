@@ -15,6 +15,7 @@
 #include <string_view>
 #include <thread>
 
+#include "pipeline/base/command_definition.hpp"
 #include "pipeline/base/interrupt.hpp"
 #include "pipeline/base/log.hpp"
 #include "pipeline/base/memory_limit.hpp"
@@ -148,6 +149,12 @@ int run_command(int argc, char** argv, const Command& command) {
   app.footer("Example: " + command.example + "\n" + research_notice);
   command.declare(app);
   declare_common(app, common);
+  app.add_flag_callback("--definition",
+                        [&] {
+                          throw CLI::CallForVersion(command_definition(app, command).dump(2),
+                                                    0);  // printed as --version is
+                        })
+      ->group("");
   try {
     app.parse(argc, argv);
     require_finite_values(app);

@@ -17,9 +17,7 @@ int main(int argc, char** argv) {
          app.add_option("-o,--output", options.output, "Folder to make or go on with")
              ->required()
              ->type_name("OUT");
-         app.add_option("--jobs", options.jobs, "At the same time (one a core)")
-             ->check(CLI::PositiveNumber)
-             ->type_name("N");
+         declare(app, options.engine);
        },
        [&](const emmetrope::CommonOptions& common) {
          return emmetrope::cohort::run_cohort(options, common);

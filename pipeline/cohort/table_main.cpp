@@ -2,9 +2,7 @@
 #include <CLI/CLI.hpp>
 
 #include "pipeline/base/command_line.hpp"
-#include "pipeline/base/files.hpp"
-#include "pipeline/cohort/results/cohort_page.hpp"
-#include "pipeline/cohort/results/cohort_rows.hpp"
+#include "pipeline/cohort/results/cohort_results.hpp"
 
 int main(int argc, char** argv) {
   using namespace emmetrope;
@@ -19,10 +17,8 @@ int main(int argc, char** argv) {
        },
        [&](const CommonOptions&) {
          const cohort::CohortFolder folder(output);
-         const std::vector<cohort::EyeRow> rows = cohort::read_rows(folder);
-         write_json(output / "cohort.json", cohort::table_dictionary());
-         write_file(output / "cohort.html", cohort::cohort_page(folder, rows));
-         write_file(output / "cohort.tsv", cohort::table_text(rows));
+         const std::vector<cohort::EyeRow> rows = cohort::read_rows(folder, cohort::listed_subjects(folder));
+         cohort::write_results(folder, rows, output);
          return Answer{ExitStatus::done, Json{{"eyes", rows.size()}}, {}};
        }});
 }

@@ -1,36 +1,22 @@
 #include "pipeline/cohort/workflow.hpp"
 
 #include <fmt/format.h>
-#include <unistd.h>
 
 #include <algorithm>
-#include <atomic>
-#include <chrono>
-#include <cstdlib>
-#include <set>
-#include <sstream>
-#include <thread>
 
 #include "pipeline/base/case_folder.hpp"
 #include "pipeline/base/files.hpp"
-#include "pipeline/base/process.hpp"
-#include "pipeline/base/progress.hpp"
 #include "pipeline/base/stages.hpp"
 #include "pipeline/cohort/results/cohort_rows.hpp"
 #include "pipeline/cohort/subjects/cohort_folder.hpp"
 #include "pipeline/cohort/subjects/stage_end.hpp"
+#include "pipeline/cohort/subjects/subject_plan.hpp"
 #include "pipeline/cohort/subjects/subjects.hpp"
 
 namespace emmetrope::cohort {
 namespace {
 
 namespace fs = std::filesystem;
-
-void require_snakemake() {
-  if (!find_program("snakemake"))
-    throw usage_error("snakemake, which runs cohorts, is not on the PATH",
-                      "install it: apt install --no-install-recommends snakemake");
-}
 
 /// What is written into the studies would be a study of the next run.
 void require_apart(const CohortFolder& cohort, const CohortOptions& options,
@@ -62,132 +48,36 @@ void forget_faults_of_the_machine(const CohortFolder& cohort, const std::vector<
   }
 }
 
-/// What all stages are asked for.
-std::vector<std::string> shared_options(const CommonOptions& common) {
-  std::vector<std::string> words{"--seed", std::to_string(common.seed)};
-  if (!common.device.empty()) words.insert(words.end(), {"--device", common.device});
-  if (common.laterality != LateralityChoice::both)
-    words.insert(words.end(), {"--laterality", to_string(common.laterality)});
-  return words;
-}
-
-/// Writes what changed only: Snakemake redoes what comes after a file that is newer.
-void write_if_new(const fs::path& file, const std::string& text) {
-  if (!fs::exists(file) || read_file(file) != text) write_file(file, text);
-}
-
-void write_plan(const CohortFolder& cohort, std::vector<Subject> subjects, const CommonOptions& common) {
-  fs::create_directories(cohort.root() / "subjects");
-  fs::create_directories(cohort.engine_log().parent_path());
+void write_plan(const CohortFolder& cohort, const std::vector<Subject>& subjects,
+                const CommonOptions& common) {
+  fs::create_directories(cohort.root());
   std::string list;
-  const std::vector<std::string> shared = shared_options(common);
-  for (Subject& subject : subjects) {
-    for (const PipelineStage& stage : pipeline_stages) {
-      std::vector<std::string>& words = subject.options[stage.command];
-      words.insert(words.end(), shared.begin(), shared.end());
-    }
-    write_if_new(cohort.subject_file(subject.id), to_json(subject).dump(2) + "\n");
+  for (const Subject& subject : subjects) {
+    write_subject(cohort, subject, common);
     list += subject.id + "\n";
   }
   write_if_new(cohort.root() / "subjects.txt", list);
 }
 
-/// Counts the ends of stages while the engine works.
-class Watch {
- public:
-  Watch(const CohortFolder& cohort, std::vector<Subject> subjects, Verbosity verbosity)
-      : thread_([this, cohort, subjects = std::move(subjects), verbosity] {
-          std::set<fs::path> waited_for;
-          for (const Subject& subject : subjects)
-            for (const PipelineStage& stage : pipeline_stages)
-              waited_for.insert(cohort.end_file(subject.id, stage.command));
-          Progress progress(fmt::format("{} subjects", subjects.size()), waited_for.size(), verbosity);
-          for (bool last = false; !last; std::this_thread::sleep_for(std::chrono::milliseconds(200))) {
-            last = over_;
-            for (auto file = waited_for.begin(); file != waited_for.end();) {
-              if (!fs::exists(*file)) {
-                ++file;
-              } else {
-                file = waited_for.erase(file);
-                progress.advance();
-              }
-            }
-          }
-        }) {}
-  ~Watch() {
-    over_ = true;
-    thread_.join();
-  }
-  Watch(const Watch&) = delete;
-  Watch& operator=(const Watch&) = delete;
-
- private:
-  std::atomic<bool> over_{false};
-  std::thread thread_;
-};
-
-std::string in_shell(const std::string& word) {
-  std::string quoted = "'";
-  for (const char c : word) quoted += c == '\'' ? "'\\''" : std::string(1, c);
-  return quoted + "'";
-}
-
-long memory_of_machine_mb() { return ::sysconf(_SC_PHYS_PAGES) / 1024 * ::sysconf(_SC_PAGE_SIZE) / 1024; }
-
-/// \return Snakemake's status
-int run_engine(const CohortFolder& cohort, const CohortOptions& options, const CommonOptions& common) {
-  std::vector<std::string> words{"snakemake",
-                                 "--snakefile",
-                                 (data_folder() / "pipeline/cohort/Snakefile").string(),
-                                 "--directory",
-                                 cohort.root().string(),
-                                 "--cores",
-                                 std::to_string(options.jobs > 0 ? options.jobs : common.thread_count()),
-                                 "--resources",
-                                 fmt::format("mem_mb={}", memory_of_machine_mb()),
-                                 "--keep-going",
-                                 "--nolock",
-                                 "--rerun-incomplete",
-                                 "--rerun-triggers",
-                                 "mtime",
-                                 "--config",
-                                 "bin=" + executable_folder().string()};
-  if (common.force) words.insert(words.end(), {"force=1", "--forceall"});
-  std::string line = "exec";
-  for (const std::string& word : words) line += " " + in_shell(word);
-  line += " >" + in_shell(cohort.engine_log().string()) + " 2>&1";
-  return run_process("/bin/sh", {"-c", line}, ChildOutput::inherit).status;
-}
-
-std::string last_lines(const fs::path& log, std::size_t count) {
-  const std::string text = fs::exists(log) ? read_file(log) : "";
-  std::size_t from = text.size();
-  for (std::size_t lines = 0; from > 0 && lines <= count; --from)
-    if (text[from - 1] == '\n') ++lines;
-  return text.substr(from);
-}
-
 }  // namespace
 
 Answer run_cohort(const CohortOptions& options, const CommonOptions& common) {
-  require_snakemake();
+  require_engine(options.engine);
   const std::vector<Subject> subjects = find_subjects(options.studies);
   const CohortFolder cohort(fs::absolute(options.output).lexically_normal());
   require_apart(cohort, options, subjects);
   const CaseLock lock(cohort.root(), true);
   write_plan(cohort, subjects, common);
   forget_faults_of_the_machine(cohort, subjects);
-  int status = 0;
-  {
-    const Watch watch(cohort, subjects, common.verbosity);
-    status = run_engine(cohort, options, common);
-  }
-  if (status != 0)
-    throw Error(
-        ExitStatus::fault,
-        fmt::format("snakemake ended with {}: {}", status, last_lines(cohort.engine_log(), 5)),
-        "its log is " + cohort.engine_log().string() + "; what is done is kept: the same command goes on");
-  const std::vector<EyeRow> rows = read_rows(cohort);
+  Workflow workflow{data_folder() / "pipeline/cohort/Snakefile",
+                    cohort.root(),
+                    fmt::format("{} subjects", subjects.size()),
+                    {}};
+  for (const Subject& subject : subjects)
+    for (const PipelineStage& stage : pipeline_stages)
+      workflow.waited_for.insert(cohort.end_file(subject.id, stage.command));
+  run_workflow(workflow, options.engine, common);
+  const std::vector<EyeRow> rows = read_rows(cohort, listed_subjects(cohort));
   const Outcomes outcomes = count_outcomes(rows);
   Answer answer;
   answer.status = outcomes.measured == rows.size()           ? ExitStatus::done

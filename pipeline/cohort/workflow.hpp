@@ -2,15 +2,17 @@
 #include <filesystem>
 
 #include "pipeline/base/command_line.hpp"
+#include "pipeline/cohort/engine/engine.hpp"
 
 namespace emmetrope::cohort {
 
 struct CohortOptions {
   std::filesystem::path studies, output;
-  int jobs = 0;  ///< at the same time; 0: one a core
+  EngineOptions engine;
 };
 
-/// Measures every study in `studies` (find_subjects) into cases below `output`, several at a time, by Snakemake, and
+/// Measures every study in `studies` (find_subjects) into cases below `output`, several at a time, by Snakemake on
+/// this machine or through Slurm, and
 /// writes the table and the page of all. What is done is not done again; one subject that fails does not stop others.
 /// \return done; partial where subjects failed or gave less than all; no_result where none gave anything
 /// \throw Error (usage) where Snakemake is missing, (fault) where it fails, with its log

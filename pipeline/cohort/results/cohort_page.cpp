@@ -250,14 +250,21 @@ const Measured* measured_in(const EyeRow& row, const Quantity& quantity) {
   return found == row.numbers.end() || found->second.source == "prior" ? nullptr : &found->second;
 }
 
+/// Where a page in `folder` finds the report of a subject, as a relative URL; empty where there is none.
+std::string link_to_report(const CohortFolder& cohort, const std::string& subject, const fs::path& folder) {
+  const fs::path report = cohort.case_folder(subject) / "report" / "report.html";
+  return fs::exists(report) ? report.lexically_relative(folder).generic_string() : "";
+}
+
 /// Eyes further than 3.5 robust standard deviations from the median (Iglewicz and Hoaglin 1993).
-Section outliers_section(const std::vector<EyeRow>& rows) {
+Section outliers_section(const CohortFolder& cohort, const std::vector<EyeRow>& rows,
+                         const fs::path& page_folder) {
   constexpr double far = 3.5, sigma_of_mad = 1.4826;
   constexpr std::size_t fewest = 8;
   Section section{"outliers", "Eyes far from the others", {}};
   report::Table table;
   table.caption = "More than 3.5 robust standard deviations from the median: to be looked at";
-  table.header = {"Eye", "Quantity", "Value", "Median", "Report"};
+  table.header = {"Eye", "Quantity", "Value", "Median"};
   for (const Quantity& quantity : quantities()) {
     Numbers values;
     for (const EyeRow& row : rows)
@@ -273,7 +280,8 @@ Section outliers_section(const std::vector<EyeRow>& rows) {
       if (measured == nullptr || std::abs(measured->value - median) < far * sigma) continue;
       table.rows.push_back({row.subject + " " + to_string(row.eye), quantity.column,
                             fmt::format("{:.4g} {}", measured->value, quantity.unit),
-                            fmt::format("{:.4g}", median), "cases/" + row.subject + "/report/report.html"});
+                            fmt::format("{:.4g}", median)});
+      table.links.push_back(link_to_report(cohort, row.subject, page_folder));
     }
   }
   if (!table.rows.empty()) section.blocks.push_back({table});
@@ -282,12 +290,13 @@ Section outliers_section(const std::vector<EyeRow>& rows) {
 
 }  // namespace
 
-std::string cohort_page(const CohortFolder& cohort, const std::vector<EyeRow>& rows) {
+std::string cohort_page(const CohortFolder& cohort, const std::vector<EyeRow>& rows,
+                        const fs::path& page_folder) {
   report::Document document;
   document.title = "Emmetrope cohort";
   document.heading = {{"Subjects", std::to_string(rows.size() / 2)}, {"Software", "Emmetrope " + version()}};
   for (Section section : {outcomes_section(rows), failures_section(cohort, rows), numbers_section(rows),
-                          relations_section(rows), outliers_section(rows)})
+                          relations_section(rows), outliers_section(cohort, rows, page_folder)})
     if (!section.blocks.empty()) document.sections.push_back(std::move(section));
   return report::render_html(document, {}, {});
 }

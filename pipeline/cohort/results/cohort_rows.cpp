@@ -96,10 +96,16 @@ const char* to_string(Outcome outcome) {
   }
 }
 
-std::vector<EyeRow> read_rows(const CohortFolder& cohort) {
-  std::istringstream subjects(read_file(cohort.root() / "subjects.txt"));
+std::vector<std::string> listed_subjects(const CohortFolder& cohort) {
+  std::istringstream lines(read_file(cohort.root() / "subjects.txt"));
+  std::vector<std::string> subjects;
+  for (std::string subject; std::getline(lines, subject);) subjects.push_back(subject);
+  return subjects;
+}
+
+std::vector<EyeRow> read_rows(const CohortFolder& cohort, const std::vector<std::string>& subjects) {
   std::vector<EyeRow> rows;
-  for (std::string subject; std::getline(subjects, subject);) {
+  for (const std::string& subject : subjects) {
     const fs::path case_folder = cohort.case_folder(subject);
     const std::optional<double> age_years = subject_age_years(case_folder);
     const std::string sex = sex_of(case_folder);

@@ -31,9 +31,11 @@ struct EyeRow {
   std::map<std::string, Measured> numbers;  ///< by column of quantities(); what is withheld is not there
 };
 
-/// Two rows a subject, in the order of subjects.txt.
+/// The subjects of subjects.txt.
+std::vector<std::string> listed_subjects(const CohortFolder& cohort);
+/// Two rows a subject.
 /// \throw Error (input_invalid) naming a file that is broken
-std::vector<EyeRow> read_rows(const CohortFolder& cohort);
+std::vector<EyeRow> read_rows(const CohortFolder& cohort, const std::vector<std::string>& subjects);
 
 struct Outcomes {
   std::size_t measured = 0, partial = 0, no_result = 0, failed = 0;

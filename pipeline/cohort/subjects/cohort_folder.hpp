@@ -19,8 +19,6 @@ class CohortFolder {
   std::filesystem::path end_file(const std::string& subject, std::string_view stage) const {
     return root_ / "ends" / subject / (std::string(stage) + ".json");
   }
-  /// What the workflow engine said.
-  std::filesystem::path engine_log() const { return root_ / "snakemake.log"; }
 
  private:
   std::filesystem::path root_;

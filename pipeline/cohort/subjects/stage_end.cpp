@@ -25,16 +25,6 @@ std::size_t place_of(const std::string& stage) {
   return static_cast<std::size_t>(std::distance(pipeline_stages.begin(), found));
 }
 
-bool gave_result(int status) {
-  return status == static_cast<int>(ExitStatus::done) || status == static_cast<int>(ExitStatus::partial);
-}
-
-/// Someone ended it, which says nothing of the subject.
-bool was_interrupted(int status) {
-  return status == static_cast<int>(ExitStatus::interrupted) ||
-         status == static_cast<int>(ExitStatus::terminated);
-}
-
 /// Whether a stage has anything to do after those before it: a report tells of an eye without a result too.
 bool has_work(const CohortFolder& cohort, const std::string& subject, std::size_t stage) {
   for (std::size_t before = 0; before < stage; ++before) {
@@ -51,13 +41,26 @@ std::string message_of(const ProcessResult& ended, const std::filesystem::path& 
   if (ended.status == 0) return {};
   if (ended.status == no_result || gave_result(ended.status))
     return fmt::format("{}", fmt::join(read_verdict(case_folder, folder).reasons, "\n"));
+  return message_of_failure(ended);
+}
+
+}  // namespace
+
+bool gave_result(int status) {
+  return status == static_cast<int>(ExitStatus::done) || status == static_cast<int>(ExitStatus::partial);
+}
+
+bool was_interrupted(int status) {
+  return status == static_cast<int>(ExitStatus::interrupted) ||
+         status == static_cast<int>(ExitStatus::terminated);
+}
+
+std::string message_of_failure(const ProcessResult& ended) {
   if (ended.status >= 128) return fmt::format("ended by signal {}", ended.status - 128);
   const Json answer = Json::parse(ended.output, nullptr, false);
   const Json said = answer.is_object() ? answer.value("error", Json::object()) : Json::object();
   return said.value("message", fmt::format("ended with status {}", ended.status));
 }
-
-}  // namespace
 
 bool is_of_the_machine(int status) {
   return status == static_cast<int>(ExitStatus::fault) ||

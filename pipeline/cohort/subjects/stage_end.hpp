@@ -1,7 +1,9 @@
 #pragma once
 #include <optional>
 #include <string>
+#include <string_view>
 
+#include "pipeline/base/process.hpp"
 #include "pipeline/cohort/subjects/cohort_folder.hpp"
 #include "pipeline/cohort/subjects/subjects.hpp"
 
@@ -18,6 +20,13 @@ StageEnd read_end(const CohortFolder& cohort, const std::string& subject, std::s
 
 /// Whether a command's status tells of the machine (memory, disk, device), so that another attempt may end otherwise.
 bool is_of_the_machine(int status);
+
+/// Whether a command with this status left a result, all or part of it.
+bool gave_result(int status);
+/// Someone ended it, which says nothing of what it worked on.
+bool was_interrupted(int status);
+/// Why a command with --json gave no result.
+std::string message_of_failure(const ProcessResult& ended);
 
 struct Attempt {
   int number = 1, of = 1;

@@ -92,14 +92,32 @@ bool starts_with(const fs::path& folder, const char* beginning) {
   return folder.filename().string().rfind(beginning, 0) == 0;
 }
 
-std::vector<Subject> of_bids(const fs::path& dataset) {
+/// The folders "sub-01" or "ses-1" of those labels; all where none is named.
+std::vector<fs::path> labelled_folders(const fs::path& folder, const std::string& prefix,
+                                       const std::set<std::string>& labels) {
+  std::vector<fs::path> folders;
+  if (labels.empty()) {
+    for (const fs::path& one : folders_in(folder))
+      if (starts_with(one, prefix.c_str())) folders.push_back(one);
+    return folders;
+  }
+  for (const std::string& label : labels)
+    if (is_folder(folder / (prefix + label))) folders.push_back(folder / (prefix + label));
+  return folders;
+}
+
+std::vector<Subject> of_bids(const fs::path& dataset, const BidsChoice& choice) {
+  for (const std::string& label : choice.participants)
+    if (label.empty() || !is_folder(dataset / ("sub-" + label)))
+      throw input_error(fmt::format("{}: there is no participant \"sub-{}\"", dataset.string(), label),
+                        "name folders sub-* of the dataset");
   std::vector<Subject> subjects;
-  for (const fs::path& person : folders_in(dataset)) {
-    if (!starts_with(person, "sub-")) continue;
+  for (const fs::path& person : labelled_folders(dataset, "sub-", choice.participants)) {
     const std::string name = person.filename().string();
-    if (is_folder(person / "anat")) subjects.push_back(make_subject(name, person / "anat"));
-    for (const fs::path& session : folders_in(person))
-      if (starts_with(session, "ses-") && is_folder(session / "anat"))
+    if (choice.sessions.empty() && is_folder(person / "anat"))
+      subjects.push_back(make_subject(name, person / "anat"));
+    for (const fs::path& session : labelled_folders(person, "ses-", choice.sessions))
+      if (is_folder(session / "anat"))
         subjects.push_back(make_subject(name + "_" + session.filename().string(), session / "anat"));
   }
   return subjects;
@@ -125,11 +143,15 @@ std::vector<Subject> of_table(const fs::path& file, const Table& table) {
   return subjects;
 }
 
-/// A row of a person of a BIDS dataset, written with or without "sub-", holds for each of the person's sessions.
-bool is_of(const Subject& subject, const std::string& participant, bool bids) {
-  if (!bids) return subject.id == plain_name(participant);
-  const std::string name = participant.rfind("sub-", 0) == 0 ? participant : "sub-" + participant;
-  return subject.id == name || subject.id.rfind(name + "_ses-", 0) == 0;
+/// Who a row of the table speaks of, as subjects are called by person_of; of a BIDS dataset with or without "sub-".
+std::string person_named(const std::string& participant, bool bids) {
+  if (!bids) return plain_name(participant);
+  return participant.rfind("sub-", 0) == 0 ? participant : "sub-" + participant;
+}
+
+/// A row of a person of a BIDS dataset holds for each of the person's sessions.
+std::string person_of(const Subject& subject, bool bids) {
+  return bids ? subject.id.substr(0, subject.id.find("_ses-")) : subject.id;
 }
 
 void require_distinct_rows(const Table& table) {
@@ -143,27 +165,35 @@ void require_distinct_rows(const Table& table) {
   }
 }
 
-void add_readings(std::vector<Subject>& subjects, const Table& table, bool bids) {
+/// What a row says is put into the options of a subject.
+void add_readings_of_row(Subject& subject, const Table& table, std::size_t row) {
+  const auto add = [&](const char* command, const char* option, const std::string& value) {
+    std::vector<std::string>& words = subject.options[command];
+    words.insert(words.end(), {option, value});
+  };
+  if (const std::string age = table.cell(row, "age"); !age.empty())
+    for (const char* command : {"segment", "trace", "correct"}) add(command, "--age", age);
+  for (const Reading& reading : readings)
+    for (const Laterality eye : both_eyes)
+      if (const std::string value = table.cell(row, fmt::format("{}_{}", reading.column, to_string(eye)));
+          !value.empty())
+        add(reading.command, reading.option, fmt::format("{}:{}", to_string(eye), value));
+}
+
+/// \param all_are_here  every person with a study is among the subjects, so that a row without one is a mistake
+void add_readings(std::vector<Subject>& subjects, const Table& table, bool bids, bool all_are_here) {
   require_distinct_rows(table);
+  std::map<std::string, std::vector<Subject*>> of_person;
+  for (Subject& subject : subjects) of_person[person_of(subject, bids)].push_back(&subject);
   for (std::size_t row = 0; row < table.rows.size(); ++row) {
-    bool is_known = false;
-    for (Subject& subject : subjects) {
-      if (!is_of(subject, table.cell(row, id_column), bids)) continue;
-      is_known = true;
-      if (const std::string age = table.cell(row, "age"); !age.empty())
-        for (const char* command : {"segment", "trace", "correct"})
-          subject.options[command].insert(subject.options[command].end(), {"--age", age});
-      for (const Reading& reading : readings)
-        for (const Laterality eye : both_eyes)
-          if (const std::string value = table.cell(row, fmt::format("{}_{}", reading.column, to_string(eye)));
-              !value.empty())
-            subject.options[reading.command].insert(
-                subject.options[reading.command].end(),
-                {reading.option, fmt::format("{}:{}", to_string(eye), value)});
+    const std::string participant = table.cell(row, id_column);
+    const auto found = of_person.find(person_named(participant, bids));
+    if (found == of_person.end()) {
+      if (all_are_here)
+        spdlog::warn("{}: there is no study of \"{}\"", table.place(row, id_column), participant);
+      continue;
     }
-    if (!is_known)
-      spdlog::warn("{}: there is no study of \"{}\"", table.place(row, id_column),
-                   table.cell(row, id_column));
+    for (Subject* subject : found->second) add_readings_of_row(*subject, table, row);
   }
 }
 
@@ -195,18 +225,25 @@ Subject read_subject(const fs::path& file, const std::string& id) {
   }
 }
 
-std::vector<Subject> find_subjects(const fs::path& studies) {
+void require_bids(const fs::path& dataset) {
+  if (!fs::exists(dataset / "dataset_description.json"))
+    throw input_error(dataset.string() + " is no BIDS dataset: it has no dataset_description.json",
+                      "name the folder that holds dataset_description.json and the folders sub-*");
+}
+
+std::vector<Subject> find_subjects(const fs::path& studies, const BidsChoice& choice) {
   std::vector<Subject> subjects;
   if (studies.extension() == ".tsv") {
     const Table table = read_table(studies, {id_column, "study"});
     require_distinct_rows(table);
     subjects = of_table(studies, table);
-    add_readings(subjects, table, false);
+    add_readings(subjects, table, false, true);
   } else if (fs::is_directory(studies)) {
     const bool bids = fs::exists(studies / "dataset_description.json");
-    subjects = bids ? of_bids(studies) : of_folder(studies);
+    subjects = bids ? of_bids(studies, choice) : of_folder(studies);
+    const bool all_are_here = choice.participants.empty() && choice.sessions.empty();
     if (const fs::path file = studies / "participants.tsv"; fs::exists(file))
-      add_readings(subjects, read_table(file, {id_column}), bids);
+      add_readings(subjects, read_table(file, {id_column}), bids, all_are_here);
   } else {
     throw input_error(studies.string() + " is neither a folder nor a .tsv table",
                       "name a folder of studies, a BIDS dataset or a participants.tsv");

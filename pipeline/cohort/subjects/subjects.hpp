@@ -1,6 +1,7 @@
 #pragma once
 #include <filesystem>
 #include <map>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -21,6 +22,14 @@ Json to_json(const Subject& subject);
 /// \throw Error (input_invalid) naming the file
 Subject read_subject(const std::filesystem::path& file, const std::string& id);
 
+/// Of a BIDS dataset: whose images; empty: everybody's, all.
+struct BidsChoice {
+  std::set<std::string> participants, sessions;  ///< labels without "sub-" and "ses-"
+};
+
+/// \throw Error (input_invalid) where the folder is not a BIDS dataset
+void require_bids(const std::filesystem::path& dataset);
+
 /// What is in STUDIES, sorted by id:
 /// - a BIDS dataset (dataset_description.json): sub-X[/ses-Y]/anat as "sub-X" or "sub-X_ses-Y",
 /// - a folder: each folder in it is a study, named by it,
@@ -28,7 +37,7 @@ Subject read_subject(const std::filesystem::path& file, const std::string& id);
 /// A `participants.tsv` in the folder, or the table itself, may have `age`, and for each eye (`_od`, `_os`)
 /// `keratometry`, `axial_length`, `acd`, `lens_thickness` and `refraction`, written as the options of `emmetrope run`
 /// without the eye ("43.25@175/44.75@85+-0.25"); "n/a" and an empty cell say nothing.
-/// \throw Error (input_invalid) naming file, line and column
-std::vector<Subject> find_subjects(const std::filesystem::path& studies);
+/// \throw Error (input_invalid) naming file, line and column, or a label of `choice` that nobody has
+std::vector<Subject> find_subjects(const std::filesystem::path& studies, const BidsChoice& choice = {});
 
 }  // namespace emmetrope::cohort

@@ -31,7 +31,8 @@ struct Table {
   std::string caption;
   std::vector<std::string> header;
   std::vector<std::vector<std::string>> rows;
-  bool folded = false;  ///< shown on demand
+  bool folded = false;                  ///< shown on demand
+  std::vector<std::string> links = {};  ///< where each row's name leads in HTML; empty: nowhere
 };
 
 /// Figures side by side.

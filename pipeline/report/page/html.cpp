@@ -35,10 +35,12 @@ data table_data(const Table& table) {
   result.set("caption", clean_utf8(table.caption));
   result.set("header", list_of(table.header));
   data rows{data::type::list};
-  for (const auto& row : table.rows) {
+  for (std::size_t i = 0; i < table.rows.size(); ++i) {
+    const std::vector<std::string>& row = table.rows[i];
     data cells;
     cells.set("name", clean_utf8(row.front()));
     cells.set("cells", list_of({row.begin() + 1, row.end()}));
+    if (i < table.links.size() && !table.links[i].empty()) cells.set("link", clean_utf8(table.links[i]));
     rows.push_back(cells);
   }
   result.set("rows", rows);

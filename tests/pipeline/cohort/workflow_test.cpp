@@ -17,6 +17,7 @@
 #include "pipeline/base/process.hpp"
 #include "pipeline/base/stages.hpp"
 #include "pipeline/cohort/subjects/table.hpp"
+#include "tests/support/stand_in_stages.hpp"
 #include "tests/support/temporary_folder.hpp"
 
 namespace emmetrope::cohort {
@@ -27,74 +28,30 @@ namespace fs = std::filesystem;
 class Workflow : public testing::Test {
  protected:
   void SetUp() override {
-    if (std::system("command -v snakemake >/dev/null") != 0) GTEST_SKIP() << "snakemake is not installed";
-    const fs::path built = std::getenv("EMMETROPE_BIN");
-    fs::create_directories(bin_);
-    for (const char* name : {"emmetrope-cohort", "emmetrope-cohort-stage", "emmetrope-cohort-table"})
-      fs::copy_file(built / name, bin_ / name);
-    const fs::path share = folder() / "share" / "emmetrope" / "pipeline" / "cohort";
-    fs::create_directories(share);
-    fs::copy_file(data_folder() / "pipeline" / "cohort" / "Snakefile", share / "Snakefile");
-    for (const PipelineStage& stage : pipeline_stages) make_stage(stage);
+    if (!find_program("snakemake")) GTEST_SKIP() << "snakemake is not installed";
     for (const char* subject : {"broken", "empty", "good", "late"}) {
       fs::create_directories(studies() / subject);
       write_file(studies() / subject / "image", subject);
     }
   }
-
-  void tell(const std::string& subject, const std::string& stage, const std::string& status) const {
-    fs::create_directories(folder() / "told" / subject);
-    write_file(folder() / "told" / subject / stage, status);
-  }
-
-  /// Its status is that in told/SUBJECT/COMMAND, else 0; one in COMMAND.once is that of the first attempt alone.
-  void make_stage(const PipelineStage& stage) {
-    const fs::path script = bin_ / (std::string("emmetrope-") + stage.command);
-    std::ofstream(script)
-        << "#!/bin/sh\n"
-        << "case=$1; [ " << stage.command << " != segment ] || case=$3\n"
-        << "name=$(basename \"$case\"); told='" << folder().string() << "/told'/$name\n"
-        << "echo \"" << stage.command << " $name\" >>'" << log().string() << "'\n"
-        << "[ ! -e '" << folder().string() << "/slow' ] || sleep 1\n"
-        << "status=0; [ ! -e \"$told/" << stage.command << "\" ] || status=$(cat \"$told/" << stage.command
-        << "\")\n"
-        << "once=\"$told/" << stage.command << ".once\"\n"
-        << "[ ! -e \"$once\" ] || { status=$(cat \"$once\"); mv \"$once\" '" << folder().string()
-        << "/used'; }\n"
-        << "case $status in 0|6|8) mkdir -p \"$case/" << stage.folder << "\"\n"
-        << "echo '{\"verdict\": {\"status\": '$status', \"reasons\": [\"why\"]}, \"inputs\": {}}' >\"$case/"
-        << stage.folder << "/stage.json\";; esac\n"
-        << "echo '{\"error\": {\"message\": \"told by " << stage.command << "\"}}'\nexit $status\n";
-    fs::permissions(script, fs::perms::owner_all);
-  }
-
   std::vector<std::string> words(const std::string& name, int jobs) const {
     return {studies().string(), "-o",     (folder() / name).string(), "--json",
             "--quiet",          "--jobs", std::to_string(jobs)};
   }
   ProcessResult run(const std::string& name = "out", int jobs = 2) const {
-    return run_process(bin_ / "emmetrope-cohort", words(name, jobs), ChildOutput::capture);
-  }
-  /// "segment good" and so on, as often as they were run.
-  std::map<std::string, int> runs() const {
-    std::map<std::string, int> counts;
-    if (!fs::exists(log())) return counts;
-    std::istringstream lines(read_file(log()));
-    for (std::string line; std::getline(lines, line);) ++counts[line];
-    return counts;
+    return stages_.run("cohort", words(name, jobs));
   }
   const fs::path& folder() const { return temporary_.path(); }
   fs::path studies() const { return folder() / "studies"; }
-  fs::path log() const { return folder() / "log"; }
 
   test::TemporaryFolder temporary_;
-  fs::path bin_ = temporary_.path() / "bin";
+  test::StandInStages stages_{temporary_.path()};
 };
 
 TEST_F(Workflow, GoesOnAfterSubjectsThatFailAndTriesTheMachinesFaultsAgain) {
-  tell("broken", "segment", "3");
-  tell("empty", "segment", "6");
-  tell("late", "trace.once", "7");
+  stages_.tell("broken", "segment", "3");
+  stages_.tell("empty", "segment", "6");
+  stages_.tell("late", "trace.once", "7");
   const ProcessResult ended = run();
   EXPECT_EQ(ended.status, 6) << ended.output;  // stand-ins measure nothing
   const Table table = read_table(folder() / "out" / "cohort.tsv", {"participant_id"});
@@ -103,20 +60,20 @@ TEST_F(Workflow, GoesOnAfterSubjectsThatFailAndTriesTheMachinesFaultsAgain) {
   EXPECT_EQ(table.cell(0, "reason"), "told by segment");
   EXPECT_EQ(table.cell(2, "outcome"), "no_result");
   EXPECT_EQ(table.cell(2, "reason"), "why");
-  EXPECT_EQ(runs().at("trace late"), 2);
-  EXPECT_EQ(runs().at("report late"), 1);
-  EXPECT_EQ(runs().count("mesh broken"), 0U);
-  EXPECT_EQ(runs().count("mesh empty"), 0U);
-  EXPECT_EQ(runs().at("report empty"), 1);  // which tells why
+  EXPECT_EQ(stages_.runs().at("trace late"), 2);
+  EXPECT_EQ(stages_.runs().at("report late"), 1);
+  EXPECT_EQ(stages_.runs().count("mesh broken"), 0U);
+  EXPECT_EQ(stages_.runs().count("mesh empty"), 0U);
+  EXPECT_EQ(stages_.runs().at("report empty"), 1);  // which tells why
   EXPECT_TRUE(fs::exists(folder() / "out" / "cohort.html"));
 
-  const std::map<std::string, int> before = runs();
+  const std::map<std::string, int> before = stages_.runs();
   EXPECT_EQ(run().status, 6);
-  EXPECT_EQ(runs(), before);
+  EXPECT_EQ(stages_.runs(), before);
   write_file(studies() / "good" / "another", "image");
   EXPECT_EQ(run().status, 6);
-  EXPECT_EQ(runs().at("report good"), 2);
-  EXPECT_EQ(runs().at("segment late"), before.at("segment late"));
+  EXPECT_EQ(stages_.runs().at("report good"), 2);
+  EXPECT_EQ(stages_.runs().at("segment late"), before.at("segment late"));
 
   const std::string whole = read_file(folder() / "out" / "cohort.tsv");
   EXPECT_EQ(run("one at a time", 1).status, 6);
@@ -124,18 +81,18 @@ TEST_F(Workflow, GoesOnAfterSubjectsThatFailAndTriesTheMachinesFaultsAgain) {
 }
 
 TEST_F(Workflow, AFaultOfTheMachineThatStaysIsToldAfterThreeAttempts) {
-  tell("late", "mesh", "5");
+  stages_.tell("late", "mesh", "5");
   EXPECT_EQ(run().status, 6);
-  EXPECT_EQ(runs().at("mesh late"), 3);
+  EXPECT_EQ(stages_.runs().at("mesh late"), 3);
   const Table table = read_table(folder() / "out" / "cohort.tsv", {"participant_id"});
   EXPECT_EQ(table.cell(6, "participant_id"), "late");
   EXPECT_EQ(table.cell(6, "outcome"), "failed");
   EXPECT_EQ(table.cell(6, "stage"), "mesh");
-  fs::remove(folder() / "told" / "late" / "mesh");
+  stages_.forget("late", "mesh");
   EXPECT_EQ(run().status, 6);
-  EXPECT_EQ(runs().at("mesh late"), 4);
-  EXPECT_EQ(runs().at("report late"), 1);
-  EXPECT_EQ(runs().at("segment late"), 1);
+  EXPECT_EQ(stages_.runs().at("mesh late"), 4);
+  EXPECT_EQ(stages_.runs().at("report late"), 1);
+  EXPECT_EQ(stages_.runs().at("segment late"), 1);
 }
 
 TEST_F(Workflow, NothingOfAnEarlierRunIsLeftOfAStudyThatFailsNow) {
@@ -144,7 +101,7 @@ TEST_F(Workflow, NothingOfAnEarlierRunIsLeftOfAStudyThatFailsNow) {
   EXPECT_TRUE(fs::exists(cases / "good" / "segmentation"));
   write_json(cases / "good" / "case.json", {{"subject", {{"age_years", 40}}}});
   write_file(studies() / "good" / "another", "image");
-  tell("good", "segment", "3");
+  stages_.tell("good", "segment", "3");
   EXPECT_EQ(run().status, 6);
   EXPECT_FALSE(fs::exists(cases / "good" / "segmentation"));
   EXPECT_FALSE(fs::exists(cases / "good" / "meshing"));
@@ -161,7 +118,7 @@ TEST_F(Workflow, IsNotWrittenIntoTheStudies) {
 TEST_F(Workflow, PassesOnWhatAllStagesAreAskedFor) {
   std::vector<std::string> asked = words("out", 2);
   asked.insert(asked.end(), {"--laterality", "od", "--seed", "7"});
-  run_process(bin_ / "emmetrope-cohort", asked, ChildOutput::capture);
+  stages_.run("cohort", asked);
   const Json options = read_json(folder() / "out" / "subjects" / "good.json").at("options");
   for (const PipelineStage& stage : pipeline_stages)
     EXPECT_THAT(options.at(stage.command).get<std::vector<std::string>>(),
@@ -169,13 +126,13 @@ TEST_F(Workflow, PassesOnWhatAllStagesAreAskedFor) {
 }
 
 TEST_F(Workflow, ThatIsKilledGoesOnWithWhatIsNotDone) {
-  write_file(folder() / "slow", "");
+  stages_.slow(true);
   const std::vector<std::string> asked = words("out", 2);
   const pid_t child = ::fork();
   if (child == 0) {
     ::setpgid(0, 0);
     std::vector<char*> argv;
-    const std::string program = (bin_ / "emmetrope-cohort").string();
+    const std::string program = stages_.program("cohort").string();
     argv.push_back(const_cast<char*>(program.c_str()));
     for (const std::string& word : asked) argv.push_back(const_cast<char*>(word.c_str()));
     argv.push_back(nullptr);
@@ -196,11 +153,11 @@ TEST_F(Workflow, ThatIsKilledGoesOnWithWhatIsNotDone) {
   const std::size_t done = ends();
   ASSERT_GE(done, 5U);
   ASSERT_LT(done, 20U);
-  fs::remove(folder() / "slow");
+  stages_.slow(false);
   EXPECT_EQ(run().status, 6);
   int begun = 0;
-  for (const auto& [what, count] : runs()) begun += count;
-  EXPECT_EQ(runs().size(), 20U);
+  for (const auto& [what, count] : stages_.runs()) begun += count;
+  EXPECT_EQ(stages_.runs().size(), 20U);
   EXPECT_LE(begun, 22);  // two were running
   EXPECT_EQ(ends(), 20U);
 }

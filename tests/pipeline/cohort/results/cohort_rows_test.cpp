@@ -51,7 +51,7 @@ class CohortRows : public testing::Test {
 };
 
 TEST_F(CohortRows, TellWhatCameOfEachEye) {
-  const std::vector<EyeRow> rows = read_rows(cohort_);
+  const std::vector<EyeRow> rows = read_rows(cohort_, listed_subjects(cohort_));
   ASSERT_EQ(rows.size(), 6U);
   EXPECT_EQ(rows[0].outcome, Outcome::failed);
   EXPECT_EQ(rows[0].stage, "segment");
@@ -68,7 +68,7 @@ TEST_F(CohortRows, TellWhatCameOfEachEye) {
 
 TEST_F(CohortRows, OfTheTableAreTheNumbersOfTheCases) {
   const fs::path file = temporary_.path() / "cohort.tsv";
-  write_file(file, table_text(read_rows(cohort_)));
+  write_file(file, table_text(read_rows(cohort_, listed_subjects(cohort_))));
   const Table table = read_table(file, {"participant_id", "eye", "outcome"});
   const Json biometry = read_json(cohort_.case_folder("whole") / "meshing" / "os" / "biometry.json");
   const Json dictionary = table_dictionary();
@@ -89,7 +89,7 @@ TEST_F(CohortRows, OfTheTableAreTheNumbersOfTheCases) {
 }
 
 TEST_F(CohortRows, MakeAPageThatTellsThemWithoutANetwork) {
-  const std::string page = cohort_page(cohort_, read_rows(cohort_));
+  const std::string page = cohort_page(cohort_, read_rows(cohort_, listed_subjects(cohort_)), cohort_.root());
   for (const char* text : {"slice 3 is missing", "no such eye in the images", "axial_length, mm"})
     EXPECT_THAT(page, HasSubstr(text));
   EXPECT_FALSE(std::regex_search(page, std::regex("(src|href)=\"https?:")));

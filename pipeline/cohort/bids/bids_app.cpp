@@ -1,0 +1,126 @@
+#include "pipeline/cohort/bids/bids_app.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+
+#include "pipeline/base/files.hpp"
+#include "pipeline/base/progress.hpp"
+#include "pipeline/base/stages.hpp"
+#include "pipeline/cohort/bids/derivatives.hpp"
+#include "pipeline/cohort/results/cohort_results.hpp"
+#include "pipeline/cohort/subjects/stage_end.hpp"
+#include "pipeline/cohort/subjects/subject_plan.hpp"
+#include "pipeline/cohort/subjects/subjects.hpp"
+
+namespace emmetrope::cohort {
+namespace {
+
+namespace fs = std::filesystem;
+
+fs::path whole_path(const fs::path& folder) {
+  const fs::path path = fs::absolute(folder).lexically_normal();
+  return path.has_filename() ? path : path.parent_path();
+}
+
+std::set<std::string> labels(const std::vector<std::string>& words, const std::string& prefix) {
+  std::set<std::string> bare;
+  for (const std::string& word : words)
+    bare.insert(word.rfind(prefix, 0) == 0 ? word.substr(prefix.size()) : word);
+  return bare;
+}
+
+/// What is written among the images of a person would be taken for one of them.
+void require_apart(const fs::path& output, const fs::path& dataset) {
+  const fs::path inner = output.lexically_relative(dataset);
+  const bool is_among_images =
+      !inner.empty() && (inner == "." || inner.begin()->string().rfind("sub-", 0) == 0);
+  if (is_among_images)
+    throw usage_error(output.string() + " lies among the images",
+                      "name a folder beside them, such as BIDS_DIR/derivatives/emmetrope");
+}
+
+Json counted(const Outcomes& outcomes) {
+  return {{"measured", outcomes.measured},
+          {"partial", outcomes.partial},
+          {"no_result", outcomes.no_result},
+          {"failed", outcomes.failed}};
+}
+
+std::string said(const Outcomes& outcomes) {
+  return fmt::format("{} eyes measured, {} in part, {} without a result, {} failed", outcomes.measured,
+                     outcomes.partial, outcomes.no_result, outcomes.failed);
+}
+
+Answer run_participants(const BidsOptions& options, const CommonOptions& common) {
+  const fs::path dataset = whole_path(options.dataset);
+  const Derivatives derivatives(whole_path(options.output));
+  require_bids(dataset);
+  require_apart(derivatives.root(), dataset);
+  const std::vector<Subject> subjects =
+      find_subjects(dataset, {labels(options.participants, "sub-"), labels(options.sessions, "ses-")});
+  derivatives.describe(dataset);
+  const CohortFolder cohort = derivatives.cohort();
+  Progress progress(fmt::format("{} visits", subjects.size()), subjects.size() * pipeline_stages.size(),
+                    common.verbosity);
+  std::vector<std::string> names, of_the_machine;
+  for (const Subject& subject : subjects) {
+    write_subject(cohort, subject, common);
+    bool is_finished = true;
+    for (const PipelineStage& stage : pipeline_stages) {
+      const int status =
+          run_stage_of(cohort, subject.id, stage.command, {1, 1, common.thread_count(), common.force});
+      if (status != 0)
+        throw Error(static_cast<ExitStatus>(status), std::string(stage.command) + " was interrupted",
+                    "what is done is kept: the same command goes on");
+      const StageEnd end = read_end(cohort, subject.id, stage.command);
+      is_finished = is_finished && !(end.status && is_of_the_machine(*end.status));
+      progress.advance();
+    }
+    derivatives.publish(subject, dataset);
+    names.push_back(subject.id);
+    if (!is_finished) of_the_machine.push_back(subject.id);
+  }
+  if (!of_the_machine.empty())
+    throw Error(ExitStatus::fault,
+                fmt::format("stages of {} failed for want of memory, disk or device",
+                            fmt::join(of_the_machine, ", ")),
+                "see " + (derivatives.root() / "sub-*").string() + " *_eyes.tsv; then run the same again");
+  const Outcomes outcomes = count_outcomes(read_rows(cohort, names));
+  Answer answer;
+  answer.json = counted(outcomes);
+  answer.json["participants"] = names;
+  answer.text = said(outcomes) + "\n" + derivatives.root().string() + "\n";
+  return answer;
+}
+
+Answer run_group(const BidsOptions& options) {
+  const Derivatives derivatives(whole_path(options.output));
+  const CohortFolder cohort = derivatives.cohort();
+  std::vector<std::string> subjects;
+  std::error_code missing;
+  for (const auto& entry : fs::directory_iterator(cohort.root() / "subjects", missing))
+    if (entry.path().extension() == ".json") subjects.push_back(entry.path().stem().string());
+  if (subjects.empty())
+    throw input_error(derivatives.root().string() + " holds no participant",
+                      "run emmetrope bids BIDS_DIR OUT participant before");
+  std::sort(subjects.begin(), subjects.end());
+  const std::vector<EyeRow> rows = read_rows(cohort, subjects);
+  write_results(cohort, rows, derivatives.root());
+  const Outcomes outcomes = count_outcomes(rows);
+  Answer answer;
+  answer.json = counted(outcomes);
+  answer.json["table"] = (derivatives.root() / "cohort.tsv").string();
+  answer.json["page"] = (derivatives.root() / "cohort.html").string();
+  answer.text = said(outcomes) + "\n" + (derivatives.root() / "cohort.html").string() + "\n";
+  return answer;
+}
+
+}  // namespace
+
+Answer run_bids(const BidsOptions& options, const CommonOptions& common) {
+  return options.level == "group" ? run_group(options) : run_participants(options, common);
+}
+
+}  // namespace emmetrope::cohort

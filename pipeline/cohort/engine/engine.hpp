@@ -1,0 +1,44 @@
+#pragma once
+#include <filesystem>
+#include <map>
+#include <set>
+#include <string>
+
+#include "pipeline/base/command_line.hpp"
+
+namespace CLI {
+class App;
+}
+
+namespace emmetrope::cohort {
+
+/// What runs a workflow's jobs.
+enum class Engine { local, slurm };
+
+struct EngineOptions {
+  Engine engine = Engine::local;
+  int jobs = 0;  ///< at the same time; 0: one a core, and 500 in Slurm's queue
+};
+/// --engine and --jobs
+void declare(CLI::App& app, EngineOptions& options);
+
+/// A workflow of Snakemake's.
+struct Workflow {
+  std::filesystem::path snakefile, folder;     ///< folder: where it works
+  std::string doing;                           ///< in the user's words: "20 subjects"
+  std::set<std::filesystem::path> waited_for;  ///< files that tell how far it is
+  std::map<std::string, std::string> settings = {};
+};
+
+/// FOLDER/snakemake.log: what the engine said.
+std::filesystem::path engine_log(const std::filesystem::path& folder);
+
+/// \throw Error (usage) where Snakemake or Slurm's commands are missing
+void require_engine(const EngineOptions& options);
+
+/// Runs what is not done yet, several jobs at a time; a job that fails does not stop the others. With --force all is
+/// done again, and the workflow's config has "force".
+/// \throw Error (fault) where it fails, with the end of its log
+void run_workflow(const Workflow& workflow, const EngineOptions& options, const CommonOptions& common);
+
+}  // namespace emmetrope::cohort

@@ -1,0 +1,73 @@
+#include "pipeline/cohort/sweep/sweep.hpp"
+
+#include <fmt/format.h>
+
+#include <set>
+
+#include "pipeline/base/case_folder.hpp"
+#include "pipeline/base/files.hpp"
+#include "pipeline/cohort/subjects/stage_end.hpp"
+#include "pipeline/cohort/subjects/subject_plan.hpp"
+#include "pipeline/cohort/sweep/sweep_results.hpp"
+#include "pipeline/cohort/sweep/sweep_run.hpp"
+
+namespace emmetrope::cohort {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// \return names of the runs, in their order
+std::vector<std::string> write_plans(const Sweep& sweep, const SweepFolder& folder,
+                                     const CommonOptions& common) {
+  fs::create_directories(folder.root / "plans");
+  std::vector<std::string> names;
+  std::string list;
+  std::set<std::string> seen;
+  for (const std::vector<Setting>& settings : sweep.runs) {
+    const Json plan = sweep_plan(sweep, settings, shared_options(common));
+    names.push_back(run_name(plan));
+    if (!seen.insert(names.back()).second) continue;  // a value that is there twice
+    write_if_new(folder.plan(names.back()), plan.dump(2) + "\n");
+    list += names.back() + "\n";
+  }
+  write_if_new(folder.list(), list);
+  return names;
+}
+
+/// A fault of the machine is tried again by each call.
+void forget_faults_of_machine(const SweepFolder& folder, const std::vector<std::string>& names) {
+  for (const std::string& name : names)
+    if (fs::exists(folder.end(name)) && is_of_the_machine(read_json(folder.end(name)).value("status", 1)))
+      fs::remove(folder.end(name));
+}
+
+}  // namespace
+
+Answer run_sweep(const SweepOptions& options, const CommonOptions& common) {
+  require_engine(options.engine);
+  const Sweep sweep = read_sweep(options.table);
+  const SweepFolder folder{fs::absolute(options.output).lexically_normal()};
+  const CaseLock lock(folder.root, true);
+  const std::vector<std::string> names = write_plans(sweep, folder, common);
+  forget_faults_of_machine(folder, names);
+  Workflow workflow{data_folder() / "pipeline/cohort/sweep/Snakefile",
+                    folder.root,
+                    fmt::format("{} runs", names.size()),
+                    {}};
+  for (const std::string& name : names) workflow.waited_for.insert(folder.end(name));
+  run_workflow(workflow, options.engine, common);
+  write_file(folder.root / "sweep.tsv", sweep_table(sweep, folder, names));
+  std::size_t failed = 0;
+  for (const std::string& name : names)
+    failed += gave_result(read_json(folder.end(name)).at("status")) ? 0 : 1;
+  Answer answer;
+  answer.status = failed == 0             ? ExitStatus::done
+                  : failed < names.size() ? ExitStatus::partial
+                                          : ExitStatus::no_result;
+  answer.json = {{"runs", names.size()}, {"failed", failed}, {"table", (folder.root / "sweep.tsv").string()}};
+  answer.text =
+      fmt::format("{} runs, {} failed\n{}\n", names.size(), failed, (folder.root / "sweep.tsv").string());
+  return answer;
+}
+
+}  // namespace emmetrope::cohort

@@ -1,0 +1,111 @@
+#include "pipeline/cohort/sweep/sweep_results.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <map>
+
+#include "pipeline/base/error.hpp"
+
+namespace emmetrope::cohort {
+namespace {
+
+constexpr const char* nothing = "n/a";
+
+using Cells =
+    std::vector<std::pair<std::string, std::string>>;  // column and text, in the order of the result
+
+std::string number_text(const Json& value) {
+  if (value.is_boolean()) return value.get<bool>() ? "true" : "false";
+  return fmt::format("{:.9g}", value.get<double>());
+}
+
+bool is_number(const Json& value) { return value.is_number() || value.is_boolean(); }
+
+void add_numbers(const Json& json, const std::string& prefix, Cells& cells) {
+  for (const auto& [key, value] : json.items()) {
+    const std::string column = prefix + key;
+    if (is_number(value)) {
+      if (column != "status") cells.emplace_back(column, number_text(value));
+    } else if (value.is_object() && value.contains("value") && is_number(value.at("value"))) {
+      cells.emplace_back(column, number_text(value.at("value")));
+      if (!value.contains("ci95")) continue;
+      cells.emplace_back(column + "_low", number_text(value.at("ci95").at(0)));
+      cells.emplace_back(column + "_high", number_text(value.at("ci95").at(1)));
+    } else if (value.is_object()) {
+      add_numbers(value, column + "_", cells);
+    }
+  }
+}
+
+std::string one_cell(std::string text) {
+  std::replace_if(
+      text.begin(), text.end(), [](char c) { return c == '\t' || c == '\n' || c == '\r'; }, ' ');
+  return text.empty() ? nothing : text;
+}
+
+/// What is asked for by pointer.
+Cells asked_for(const Sweep& sweep, const Json& result) {
+  Cells cells;
+  for (const auto& [column, pointer] : sweep.columns) {
+    const Json::json_pointer at(pointer);
+    if (!result.contains(at)) continue;
+    const Json& value = result.at(at);
+    cells.emplace_back(column, is_number(value)    ? number_text(value)
+                               : value.is_string() ? one_cell(value.get<std::string>())
+                                                   : one_cell(value.dump()));
+  }
+  return cells;
+}
+
+}  // namespace
+
+std::string sweep_table(const Sweep& sweep, const SweepFolder& folder,
+                        const std::vector<std::string>& names) {
+  std::vector<std::string> columns;
+  std::vector<std::map<std::string, std::string>> rows;
+  bool any_result = false;
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    const Json end = read_json(folder.end(names[i]));
+    try {
+      Cells cells{{"run", names[i]},
+                  {"status", std::to_string(end.at("status").get<int>())},
+                  {"message", one_cell(end.at("message").get<std::string>())}};
+      for (const Setting& setting : sweep.runs[i]) cells.emplace_back(setting.option, setting.text);
+      const std::size_t given = cells.size();
+      if (const Json& result = end.at("result"); result.is_object()) {
+        any_result = true;
+        add_numbers(result, "", cells);
+        const Cells asked = asked_for(sweep, result);
+        cells.insert(cells.end(), asked.begin(), asked.end());
+      }
+      std::map<std::string, std::string> row;
+      for (std::size_t c = 0; c < cells.size(); ++c) {
+        // A result that is called as a setting is.
+        std::string column = cells[c].first;
+        if (c >= given && row.count(column) > 0) column += "_result";
+        if (std::find(columns.begin(), columns.end(), column) == columns.end()) columns.push_back(column);
+        row[column] = cells[c].second;
+      }
+      rows.push_back(std::move(row));
+    } catch (const Json::exception& fault) {
+      throw input_error(folder.end(names[i]).string() + ": " + fault.what(),
+                        "remove it and run emmetrope sweep again");
+    }
+  }
+  for (const auto& [column, pointer] : sweep.columns)
+    if (any_result && std::find(columns.begin(), columns.end(), column) == columns.end())
+      throw input_error("[columns] " + column + ": no result has " + pointer,
+                        "see a JSON file in " + (folder.root / "results").string());
+  std::string text = fmt::format("{}\n", fmt::join(columns, "\t"));
+  for (const auto& row : rows) {
+    for (std::size_t c = 0; c < columns.size(); ++c) {
+      const auto found = row.find(columns[c]);
+      text += (c == 0 ? "" : "\t") + (found == row.end() ? nothing : one_cell(found->second));
+    }
+    text += "\n";
+  }
+  return text;
+}
+
+}  // namespace emmetrope::cohort

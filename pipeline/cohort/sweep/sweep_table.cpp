@@ -1,0 +1,147 @@
+#include "pipeline/cohort/sweep/sweep_table.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <toml++/toml.h>
+#include <algorithm>
+#include <array>
+#include <string_view>
+
+#include "pipeline/base/error.hpp"
+#include "pipeline/base/files.hpp"
+
+namespace emmetrope::cohort {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::array<std::string_view, 3> commands{"trace", "correct", "eye"};
+/// What the runs themselves need.
+constexpr std::array<std::string_view, 6> reserved{"output", "json", "quiet", "force", "threads", "help"};
+constexpr std::size_t most_runs = 100000;
+
+std::string place(const fs::path& file, const toml::node& node, std::string_view key) {
+  return fmt::format("{}: line {}, {}", file.string(), node.source().begin.line, key);
+}
+
+/// A number, a text or a truth value as a command line has it.
+std::string word_of(const fs::path& file, const toml::node& node, std::string_view key) {
+  if (const auto* text = node.as_string()) {
+    const fs::path named = file.parent_path() / text->get();
+    std::error_code unreadable;
+    return !text->get().empty() && fs::is_regular_file(named, unreadable)
+               ? fs::absolute(named).lexically_normal().string()
+               : text->get();
+  }
+  if (const auto* number = node.as_integer()) return std::to_string(number->get());
+  if (const auto* number = node.as_floating_point()) return fmt::format("{}", number->get());
+  throw input_error(place(file, node, key) + ": expected a number, a text, true or false");
+}
+
+Setting setting_of(const fs::path& file, const toml::node& node, std::string_view key) {
+  Setting setting{std::string(key), "", {}};
+  const std::string flag = fmt::format("--{}", key);
+  if (const auto* truth = node.as_boolean()) {
+    setting.text = truth->get() ? "true" : "false";
+    if (truth->get()) setting.words = {flag};
+    return setting;
+  }
+  setting.words = {flag};
+  if (const toml::array* several = node.as_array())
+    for (const toml::node& one : *several) setting.words.push_back(word_of(file, one, key));
+  else
+    setting.words.push_back(word_of(file, node, key));
+  setting.text = fmt::format("{}", fmt::join(setting.words.begin() + 1, setting.words.end(), " "));
+  // A negative number after a space would be taken for an option.
+  if (setting.words.size() == 2) setting.words = {flag + "=" + setting.words[1]};
+  return setting;
+}
+
+void require_open(const fs::path& file, const toml::node& node, std::string_view key) {
+  if (std::find(reserved.begin(), reserved.end(), key) != reserved.end())
+    throw input_error(place(file, node, key) + ": the sweep sets this itself", "leave it out");
+}
+
+const toml::table* table_in(const fs::path& file, const toml::table& root, std::string_view name) {
+  const toml::node* node = root.get(name);
+  if (node == nullptr) return nullptr;
+  if (!node->is_table())
+    throw input_error(place(file, *node, name) + ": expected a table [" + std::string(name) + "]");
+  return node->as_table();
+}
+
+/// Keys in the order of the file; toml++ sorts them by name.
+std::vector<std::pair<std::string, const toml::node*>> in_order(const toml::table& table) {
+  std::vector<std::pair<std::string, const toml::node*>> entries;
+  for (const auto& [key, node] : table) entries.emplace_back(std::string(key.str()), &node);
+  std::sort(entries.begin(), entries.end(), [](const auto& a, const auto& b) {
+    const auto &one = a.second->source().begin, &other = b.second->source().begin;
+    return std::pair(one.line, one.column) < std::pair(other.line, other.column);
+  });
+  return entries;
+}
+
+void add_variation(const fs::path& file, Sweep& sweep, const std::string& key, const toml::node& node) {
+  require_open(file, node, key);
+  const toml::array* values = node.as_array();
+  if (values == nullptr || values->empty())
+    throw input_error(place(file, node, key) + ": expected a list of values", key + " = [1, 2, 3]");
+  if (sweep.runs.size() * values->size() > most_runs)
+    throw input_error(fmt::format("{}: more than {} combinations", place(file, node, key), most_runs));
+  std::vector<std::vector<Setting>> runs;
+  for (const std::vector<Setting>& run : sweep.runs)
+    for (const toml::node& value : *values) {
+      runs.push_back(run);
+      runs.back().push_back(setting_of(file, value, key));
+    }
+  sweep.runs = std::move(runs);
+}
+
+std::string command_in(const fs::path& file, const toml::table& root) {
+  const auto command = root["command"].value<std::string>();
+  if (!command || std::find(commands.begin(), commands.end(), *command) == commands.end())
+    throw input_error(fmt::format("{}: command is \"{}\"", file.string(), command.value_or("")),
+                      fmt::format("write command = \"...\" with one of {}", fmt::join(commands, ", ")));
+  return *command;
+}
+
+toml::table parsed(const fs::path& file) {
+  try {
+    return toml::parse(read_file(file), file.string());
+  } catch (const toml::parse_error& fault) {
+    throw input_error(fmt::format("{}: line {}, column {}: {}", file.string(), fault.source().begin.line,
+                                  fault.source().begin.column, fault.description()));
+  }
+}
+
+}  // namespace
+
+Sweep read_sweep(const fs::path& file) {
+  const toml::table root = parsed(file);
+  for (const auto& [key, node] : root)
+    if (key != "command" && key != "all" && key != "vary" && key != "columns")
+      throw input_error(place(file, node, key.str()) + ": unknown",
+                        "expected command, [all], [vary] and [columns]");
+  Sweep sweep;
+  sweep.command = command_in(file, root);
+  if (const toml::table* all = table_in(file, root, "all"))
+    for (const auto& [key, node] : in_order(*all)) {
+      require_open(file, *node, key);
+      sweep.fixed.push_back(setting_of(file, *node, key));
+    }
+  sweep.runs.emplace_back();
+  if (const toml::table* vary = table_in(file, root, "vary"))
+    for (const auto& [key, node] : in_order(*vary)) add_variation(file, sweep, key, *node);
+  if (const toml::table* columns = table_in(file, root, "columns"))
+    for (const auto& [key, node] : in_order(*columns)) {
+      const auto pointer = node->value<std::string>();
+      if (!pointer || pointer->empty() || pointer->front() != '/')
+        throw input_error(place(file, *node, key) + ": expected a JSON pointer",
+                          key + " = \"/zernike_um/8\"");
+      sweep.columns.emplace_back(key, *pointer);
+    }
+  return sweep;
+}
+
+}  // namespace emmetrope::cohort

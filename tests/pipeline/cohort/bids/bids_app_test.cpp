@@ -1,0 +1,91 @@
+#include "pipeline/cohort/bids/bids_app.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "pipeline/base/files.hpp"
+#include "pipeline/cohort/subjects/table.hpp"
+#include "tests/support/stand_in_stages.hpp"
+#include "tests/support/temporary_folder.hpp"
+
+namespace emmetrope::cohort {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::HasSubstr;
+
+class BidsApp : public testing::Test {
+ protected:
+  void SetUp() override {
+    for (const char* image : {"sub-01/anat/sub-01_T1w.nii.gz", "sub-02/ses-a/anat/sub-02_ses-a_T1w.nii.gz",
+                              "sub-02/ses-b/anat/sub-02_ses-b_T1w.nii.gz"}) {
+      fs::create_directories((dataset() / image).parent_path());
+      write_file(dataset() / image, image);
+    }
+    write_file(dataset() / "dataset_description.json", "{}");
+    write_file(dataset() / "participants.tsv", "participant_id\tage\nsub-01\t30\nsub-02\t40\nsub-03\t50\n");
+  }
+  ProcessResult run(std::vector<std::string> words) const {
+    words.insert(words.begin(), {dataset().string(), out().string()});
+    words.insert(words.end(), {"--json", "--quiet"});
+    return stages_.run("bids", words);
+  }
+  fs::path dataset() const { return temporary_.path() / "dataset"; }
+  fs::path out() const { return dataset() / "derivatives" / "emmetrope"; }
+  test::TemporaryFolder temporary_;
+  test::StandInStages stages_{temporary_.path()};
+};
+
+TEST_F(BidsApp, MeasuresTheParticipantsThatAreAskedForAndThenTheGroup) {
+  stages_.tell("sub-02_ses-a", "segment", "3");
+  EXPECT_EQ(run({"participant", "--participant-label", "01"}).status, 0);
+  EXPECT_EQ(stages_.runs().size(), 5U);
+  EXPECT_EQ(run({"participant", "--participant_label", "sub-02", "--session-label", "a", "b"}).status, 0);
+  EXPECT_EQ(stages_.runs().at("segment sub-02_ses-b"), 1);
+  EXPECT_TRUE(fs::exists(out() / "sub-02" / "ses-a" / "anat" / "sub-02_ses-a_eyes.tsv"));
+  EXPECT_FALSE(fs::exists(out() / "cohort.tsv"));
+  EXPECT_EQ(read_json(out() / "emmetrope" / "subjects" / "sub-01.json").at("options").at("segment").at(1),
+            "30");
+
+  fs::rename(dataset() / "sub-01", temporary_.path() / "taken away");  // the group needs no images
+  const ProcessResult group = run({"group"});
+  EXPECT_EQ(group.status, 0) << group.output;
+  const Table table = read_table(out() / "cohort.tsv", {"participant_id", "reason"});
+  ASSERT_EQ(table.rows.size(), 6U);
+  EXPECT_EQ(table.cell(0, "participant_id"), "sub-01");
+  EXPECT_EQ(table.cell(2, "outcome"), "failed");
+  EXPECT_EQ(table.cell(2, "reason"), "told by segment");
+  EXPECT_TRUE(fs::exists(out() / "cohort.html"));
+}
+
+TEST_F(BidsApp, AllAreMeasuredWhereNobodyIsNamed) {
+  EXPECT_EQ(run({"participant"}).status, 0);
+  EXPECT_EQ(stages_.runs().size(), 15U);
+}
+
+TEST_F(BidsApp, AFaultOfTheMachineIsOneOfTheJob) {
+  stages_.tell("sub-01", "trace", "7");
+  const ProcessResult ended = run({"participant", "--participant-label", "01"});
+  EXPECT_EQ(ended.status, 1);
+  EXPECT_THAT(ended.output, HasSubstr("sub-01"));
+  stages_.forget("sub-01", "trace");
+  EXPECT_EQ(run({"participant", "--participant-label", "01"}).status, 0);
+}
+
+TEST_F(BidsApp, SaysWhatIsWrongWithWhatItWasGiven) {
+  EXPECT_EQ(run({"everybody"}).status, 2);
+  const ProcessResult nobody = run({"participant", "--participant-label", "07"});
+  EXPECT_EQ(nobody.status, 3);
+  EXPECT_THAT(nobody.output, HasSubstr("sub-07"));
+  EXPECT_EQ(run({"participant", "--participant-label", "02", "--session-label", "z"}).status, 3);
+  EXPECT_EQ(run({"group"}).status, 3);
+  EXPECT_FALSE(fs::exists(out() / "cohort.tsv"));
+  EXPECT_EQ(stages_.run("bids", {dataset().string(), (dataset() / "sub-01").string(), "participant"}).status,
+            2);
+  fs::remove(dataset() / "dataset_description.json");
+  EXPECT_EQ(run({"participant"}).status, 3);
+  EXPECT_TRUE(stages_.runs().empty());
+}
+
+}  // namespace
+}  // namespace emmetrope::cohort
