@@ -5,12 +5,14 @@
 namespace emmetrope {
 namespace {
 
-/// CLI11 appends what a check allows to a value's name: "LEVEL:{participant,group}".
+/// CLI11 appends what a check allows to a value's name: "LEVEL:{participant,group}", "ENGINE:value in {slurm->1} OR {1}".
 Json choices_in(const std::string& type) {
   Json choices = Json::array();
-  const std::size_t begin = type.find(":{"), end = type.find('}', begin);
-  if (begin == std::string::npos || end == std::string::npos) return choices;
-  for (const std::string& choice : CLI::detail::split(type.substr(begin + 2, end - begin - 2), ','))
+  const std::size_t colon = type.find(':');
+  const std::size_t begin = colon == std::string::npos ? colon : type.find('{', colon);
+  const std::size_t end = begin == std::string::npos ? begin : type.find('}', begin);
+  if (end == std::string::npos) return choices;
+  for (const std::string& choice : CLI::detail::split(type.substr(begin + 1, end - begin - 1), ','))
     choices.push_back(choice.substr(0, choice.find("->")));
   return choices;
 }

@@ -171,12 +171,12 @@ void write_volumes(const fs::path& folder) {
       }
   write_nifti(folder / "stack1.nii.gz", 16, 32, values);
   write_nifti(folder / "stack1_labels.nii.gz", 2, 8, labels);
-  Json names = Json::object();
-  const std::array<const char*, 6> tissues{"", "cornea", "anterior_chamber", "lens", "vitreous", "sclera"};
-  for (int tissue = 1; tissue <= 5; ++tissue) {
-    names[std::to_string(tissue)] = std::string("od_") + tissues[static_cast<std::size_t>(tissue)];
-    names[std::to_string(tissue + 10)] = std::string("os_") + tissues[static_cast<std::size_t>(tissue)];
-  }
+  Json names = Json::array();
+  const std::array<const char*, 5> tissues{"cornea", "anterior chamber", "lens", "vitreous body",
+                                           "sclera, choroid and retina"};
+  for (const auto& [side, first] : {std::pair("right ", 1), std::pair("left ", 11)})
+    for (std::size_t i = 0; i < tissues.size(); ++i)
+      names.push_back({{"value", first + static_cast<int>(i)}, {"name", side + std::string(tissues[i])}});
   write_json(folder / "labels.json", {{"labels", names}});
 }
 

@@ -96,8 +96,9 @@ std::vector<LabelledStack> labelled_stacks(const fs::path& case_folder, const Su
 }
 
 std::string label_table(const fs::path& case_folder) {
+  const Json labels = read_json(case_folder / "segmentation" / "labels.json");
   std::string text = "index\tname\n";
-  for (const Json& label : read_json(case_folder / "segmentation" / "labels.json").at("labels"))
+  for (const Json& label : labels.at("labels"))
     text += fmt::format("{}\t{}\n", label.at("value").get<int>(), label.at("name").get<std::string>());
   return text;
 }

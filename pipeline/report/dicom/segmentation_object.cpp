@@ -46,36 +46,17 @@ const StructureCode& code_of(const std::string& name) {
 
 struct Label {
   int value = 0;
-  std::string name;  ///< "od_cornea"
-  /// "od_..." or "right ...".
-  bool is_right() const { return name.rfind("od", 0) == 0 || name.find("right") != std::string::npos; }
-  bool is_left() const { return name.rfind("os", 0) == 0 || name.find("left") != std::string::npos; }
+  std::string name;  ///< "right cornea"
+  bool is_right() const { return name.rfind("right", 0) == 0; }
+  bool is_left() const { return name.rfind("left", 0) == 0; }
 };
 
-/// {"1": "od cornea"} or {"1": {"name": ...}}, at the top or under "labels"; an array of {"value", "name"}
-/// too.
+/// {"labels": [{"value", "name"}]}
 std::vector<Label> labels_of(const Json& json) {
   std::vector<Label> labels;
-  const Json& list = json.is_object() && json.contains("labels") ? json["labels"] : json;
-  const auto name_of = [](const Json& entry) {
-    return entry.is_string()   ? entry.get<std::string>()
-           : entry.is_object() ? entry.value("name", std::string())
-                               : std::string();
-  };
-  if (list.is_array()) {
-    for (const auto& entry : list)
-      if (entry.is_object() && entry.contains("value"))
-        labels.push_back({entry["value"].get<int>(), name_of(entry)});
-  } else if (list.is_object()) {
-    for (const auto& [key, entry] : list.items())
-      if (!key.empty() && key.find_first_not_of("0123456789") == std::string::npos)
-        labels.push_back({std::stoi(key), name_of(entry)});
-  }
-  labels.erase(std::remove_if(labels.begin(), labels.end(),
-                              [](const Label& label) { return label.value <= 0 || label.name.empty(); }),
-               labels.end());
+  for (const Json& entry : json.at("labels"))
+    labels.push_back({entry.at("value").get<int>(), entry.at("name").get<std::string>()});
   std::sort(labels.begin(), labels.end(), [](const Label& a, const Label& b) { return a.value < b.value; });
-  for (auto& label : labels) std::replace(label.name.begin(), label.name.end(), '_', ' ');
   return labels;
 }
 

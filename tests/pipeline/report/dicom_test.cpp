@@ -264,12 +264,12 @@ void DicomTest::expect_coded_segments() const {
   const std::map<std::string, std::string> expected{{"cornea", "28726007"},
                                                     {"anterior chamber", "31636006"},
                                                     {"lens", "78076003"},
-                                                    {"vitreous", "372242005"},
-                                                    {"sclera", "18619003"}};
+                                                    {"vitreous body", "372242005"},
+                                                    {"sclera, choroid and retina", "18619003"}};
   ASSERT_EQ(codes.size(), 2 * expected.size());
   for (const auto& [structure, code] : expected) {
-    EXPECT_THAT(codes["od " + structure], ::testing::IsSupersetOf({code, std::string("24028007")}));
-    EXPECT_THAT(codes["os " + structure], ::testing::IsSupersetOf({code, std::string("7771000")}));
+    EXPECT_THAT(codes["right " + structure], ::testing::IsSupersetOf({code, std::string("24028007")}));
+    EXPECT_THAT(codes["left " + structure], ::testing::IsSupersetOf({code, std::string("7771000")}));
   }
 }
 

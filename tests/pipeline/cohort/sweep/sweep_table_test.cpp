@@ -1,0 +1,81 @@
+#include "pipeline/cohort/sweep/sweep_table.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "pipeline/base/error.hpp"
+#include "pipeline/base/files.hpp"
+#include "tests/support/temporary_folder.hpp"
+
+namespace emmetrope::cohort {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::ElementsAre;
+using testing::HasSubstr;
+
+class SweepTable : public testing::Test {
+ protected:
+  Sweep read(const std::string& text) const {
+    write_file(file(), text);
+    return read_sweep(file());
+  }
+  std::string refusal(const std::string& text) const {
+    try {
+      read(text);
+    } catch (const Error& error) {
+      EXPECT_EQ(error.status(), ExitStatus::input_invalid);
+      return error.what();
+    }
+    return "none";
+  }
+  fs::path file() const { return temporary_.path() / "sweep.toml"; }
+  test::TemporaryFolder temporary_;
+};
+
+TEST_F(SweepTable, HasEveryCombinationInTheOrderOfTheFile) {
+  const Sweep sweep = read(
+      "command = 'trace'\n[all]\nsamples = 64\ndiffraction = true\nilluminance = false\n"
+      "[vary]\npupil = [2, 4.5]\neye = ['navarro', 'le-grand', 'arizona']\n");
+  EXPECT_EQ(sweep.command, "trace");
+  ASSERT_EQ(sweep.fixed.size(), 3U);
+  EXPECT_THAT(sweep.fixed[0].words, ElementsAre("--samples=64"));
+  EXPECT_THAT(sweep.fixed[1].words, ElementsAre("--diffraction"));
+  EXPECT_TRUE(sweep.fixed[2].words.empty());
+  ASSERT_EQ(sweep.runs.size(), 6U);
+  EXPECT_EQ(sweep.runs[0][0].text, "2");
+  EXPECT_EQ(sweep.runs[0][1].text, "navarro");
+  EXPECT_EQ(sweep.runs[1][1].text, "le-grand");
+  EXPECT_THAT(sweep.runs[5][0].words, ElementsAre("--pupil=4.5"));
+}
+
+TEST_F(SweepTable, AFileIsFoundFromTheTable) {
+  write_file(temporary_.path() / "my.json", "{}");
+  const Sweep sweep = read("command = 'trace'\n[vary]\neye = ['my.json', 'navarro']\n");
+  EXPECT_EQ(sweep.runs[0][0].text, (temporary_.path() / "my.json").string());
+  EXPECT_EQ(sweep.runs[1][0].text, "navarro");
+}
+
+TEST_F(SweepTable, AListInAListIsSeveralWords) {
+  const Sweep sweep = read("command = 'trace'\n[vary]\ndisc = [['od:4,0', 'os:-4,0']]\n");
+  EXPECT_THAT(sweep.runs[0][0].words, ElementsAre("--disc", "od:4,0", "os:-4,0"));
+}
+
+TEST_F(SweepTable, SaysWhereItIsWrong) {
+  EXPECT_THAT(refusal("command = 'trace'\n[vary]\npupil = [2,\n"), HasSubstr("line"));
+  EXPECT_THAT(refusal("command = 'report'\n"), HasSubstr("command is \"report\""));
+  EXPECT_THAT(refusal("[vary]\npupil = [2]\n"), HasSubstr("command is \"\""));
+  EXPECT_THAT(refusal("command = 'trace'\n[vary]\npupil = 2\n"), HasSubstr("line 3, pupil"));
+  EXPECT_THAT(refusal("command = 'trace'\n[vary]\npupil = []\n"), HasSubstr("line 3, pupil"));
+  EXPECT_THAT(refusal("command = 'trace'\n[all]\noutput = 'x'\n"), HasSubstr("sets this itself"));
+  EXPECT_THAT(refusal("command = 'trace'\n[very]\npupil = [1]\n"), HasSubstr("line 2, very"));
+  EXPECT_THAT(refusal("command = 'trace'\n[all]\npupil = 2001-01-01\n"), HasSubstr("expected a number"));
+  EXPECT_THAT(refusal("command = 'trace'\n[columns]\ncoma = 'x'\n"), HasSubstr("JSON pointer"));
+  std::string many = "command = 'trace'\n[vary]\n";
+  for (const char* key : {"a", "b", "c", "d", "e", "f"})
+    many += std::string(key) + " = [0,1,2,3,4,5,6,7,8,9]\n";
+  EXPECT_THAT(refusal(many), HasSubstr("more than 100000"));
+}
+
+}  // namespace
+}  // namespace emmetrope::cohort

@@ -1,0 +1,83 @@
+// Real runs of emmetrope eye and trace, against what these commands say when they are called by hand.
+#include "pipeline/cohort/sweep/sweep.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cstdlib>
+
+#include "pipeline/base/files.hpp"
+#include "pipeline/base/process.hpp"
+#include "pipeline/cohort/subjects/table.hpp"
+#include "tests/support/temporary_folder.hpp"
+
+namespace emmetrope::cohort {
+namespace {
+
+namespace fs = std::filesystem;
+
+class SweepOfEyes : public testing::Test {
+ protected:
+  void SetUp() override {
+    if (!find_program("snakemake")) GTEST_SKIP() << "snakemake is not installed";
+  }
+  ProcessResult run(const std::string& text) const {
+    write_file(folder() / "sweep.toml", text);
+    return run_process(
+        bin() / "emmetrope-sweep",
+        {(folder() / "sweep.toml").string(), "-o", (folder() / "out").string(), "--json", "--quiet"},
+        ChildOutput::capture);
+  }
+  Json by_hand(const std::string& command, const std::vector<std::string>& words) const {
+    return Json::parse(run_process(bin() / ("emmetrope-" + command), words, ChildOutput::capture).output);
+  }
+  Table table() const { return read_table(folder() / "out" / "sweep.tsv", {"run", "status"}); }
+  static fs::path bin() { return std::getenv("EMMETROPE_BIN"); }
+  const fs::path& folder() const { return temporary_.path(); }
+  test::TemporaryFolder temporary_;
+};
+
+TEST_F(SweepOfEyes, IsWhatTheCommandSaysOfEach) {
+  const std::string text =
+      "command = 'eye'\n[vary]\neye = ['navarro', 'no-such-eye', 'le-grand']\naccommodation = [0, 2]\n";
+  const ProcessResult ended = run(text);
+  EXPECT_EQ(ended.status, 8) << ended.output;
+  const Table found = table();
+  ASSERT_EQ(found.rows.size(), 6U);
+  const Json hand = by_hand("eye", {"navarro", "--accommodation", "2", "--json", "--quiet"});
+  EXPECT_EQ(found.cell(1, "eye"), "navarro");
+  EXPECT_EQ(found.cell(1, "accommodation"), "2");
+  EXPECT_NEAR(std::stod(found.cell(1, "power_D")), hand.at("power_D").get<double>(), 1e-6);
+  EXPECT_NEAR(std::stod(found.cell(1, "refraction_M_D")), -2, 0.01);
+  EXPECT_EQ(found.cell(2, "status"), "2");
+  EXPECT_THAT(found.cell(2, "message"), testing::HasSubstr("no-such-eye"));
+  EXPECT_EQ(found.cell(2, "power_D"), "");
+
+  // More values: only what is new is done.
+  const auto end = folder() / "out" / "ends" / (found.cell(0, "run") + ".json");
+  const auto before = fs::last_write_time(end);
+  run("command = 'eye'\n[vary]\neye = ['arizona', 'navarro']\naccommodation = [0, 2]\n");
+  const Table more = table();
+  ASSERT_EQ(more.rows.size(), 4U);
+  EXPECT_EQ(more.cell(2, "run"), found.cell(0, "run"));
+  EXPECT_EQ(fs::last_write_time(end), before);
+}
+
+TEST_F(SweepOfEyes, TracesAreNumbersOfTheirWavefronts) {
+  const ProcessResult ended =
+      run("command = 'trace'\n[all]\neye = 'navarro'\nsize = '32x32'\nsamples = 32\nachromatic = true\n"
+          "[vary]\npupil = [2, 4]\n[columns]\nspherical_um = '/zernike_um/12'\n");
+  ASSERT_EQ(ended.status, 0) << ended.output;
+  const Table found = table();
+  ASSERT_EQ(found.rows.size(), 2U);
+  const double small = std::stod(found.cell(0, "spherical_um")),
+               large = std::stod(found.cell(1, "spherical_um"));
+  EXPECT_GT(small, 0);
+  EXPECT_GT(large / small, 12);  // the fourth power of the pupil, and more by higher orders
+  EXPECT_LT(large / small, 20);
+  EXPECT_EQ(found.cell(0, "pupil"), "2");
+  EXPECT_TRUE(fs::exists(folder() / "out" / "results" / found.cell(0, "run") / "wavefront.json"));
+}
+
+}  // namespace
+}  // namespace emmetrope::cohort
