@@ -10,7 +10,7 @@ struct CommandSummary {
 
 /// Every command of `emmetrope`, in the order that a newcomer meets them; each is an executable
 /// emmetrope-<name>.
-inline constexpr std::array<CommandSummary, 18> commands{{
+inline constexpr std::array<CommandSummary, 19> commands{{
     {"run", "from a DICOM folder to the report, all stages, resuming what is done"},
     {"segment", "find the eyes in the MR images and fit their surfaces"},
     {"mesh", "surfaces as triangle meshes; biometry and keratometry"},
@@ -22,6 +22,7 @@ inline constexpr std::array<CommandSummary, 18> commands{{
     {"cohort", "many studies, several at a time; the table and the page of all"},
     {"bids", "a BIDS dataset, as BIDS Apps do"},
     {"sweep", "trace, correct or eye with every combination of settings; one table"},
+    {"pacs", "a study from an archive, a case's results into it"},
     {"inventory", "the series of a DICOM folder and what is wrong with them"},
     {"eye", "a schematic or measured eye: powers, cardinal points, pupils"},
     {"ray", "one ray through an eye in float64"},

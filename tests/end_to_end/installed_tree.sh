@@ -36,4 +36,11 @@ grep -q '"purl": "pkg:deb/debian/libdcmtk' moved/share/emmetrope/emmetrope.cdx.j
 for file in README.md SECURITY.md LICENSE docs/use/case-folder.md data_samples/sample/truth.json; do
   test -s "moved/share/emmetrope/$file" || { echo "missing: $file"; exit 1; }
 done
+for file in emmetrope/pipeline/cohort/Snakefile emmetrope/pipeline/cohort/sweep/Snakefile \
+            emmetrope/pipeline/cohort/engine/slurm/config.yaml emmetrope/pipeline/cohort/engine/slurm/job-state \
+            man/man1/emmetrope.1 man/man1/emmetrope-trace.1 bash-completion/completions/emmetrope \
+            zsh/vendor-completions/_emmetrope fish/vendor_completions.d/emmetrope.fish; do
+  test -s "moved/share/$file" || { echo "missing: share/$file"; exit 1; }
+done
+test -x moved/share/emmetrope/pipeline/cohort/engine/slurm/job-state
 echo "installed tree: all found"

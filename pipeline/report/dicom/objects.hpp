@@ -38,4 +38,9 @@ std::string segmentation_object(const SourceStudy& source, const std::filesystem
                                 const Json& labels_json, const std::string& series_uid, int number,
                                 const std::string& result);
 
+/// RT Structure Set: closed outlines of lens and eye on the images of one series, sub-voxel, from the meshes; empty where
+/// the series is not in the source or no mesh meets its images.
+std::string structure_set_object(const SourceStudy& source, const CaseData& data,
+                                 const std::string& series_uid, const std::string& result);
+
 }  // namespace emmetrope::report

@@ -97,6 +97,20 @@ void write_segmentations(const fs::path& folder, const CaseData& data, const Sou
   }
 }
 
+/// One structure set a stack whose images are at hand.
+void write_structure_sets(const fs::path& folder, const CaseData& data, const SourceStudy& source,
+                          const std::string& result) {
+  int number = 0;
+  for (const auto& stack : data.case_json.value("stacks", Json::array())) {
+    if (!stack.value("used", false)) continue;
+    const std::string series = stack.value("uid", std::string());
+    const std::string bytes = structure_set_object(source, data, series, result + series);
+    if (bytes.empty()) continue;
+    ++number;
+    write_file(folder / (number == 1 ? "structures.dcm" : fmt::format("structures_{}.dcm", number)), bytes);
+  }
+}
+
 }  // namespace
 
 Json fhir_prescription(const CaseData& data, const std::string& study_date) {
@@ -153,6 +167,7 @@ void write_objects(const fs::path& folder, const CaseData& data, const SourceStu
   attempt(notes, "biometry.dcm",
           [&] { write_if_any(folder / "biometry.dcm", biometry_object(source, data, result)); });
   attempt(notes, "segmentation.dcm", [&] { write_segmentations(folder, data, source, result); });
+  attempt(notes, "structures.dcm", [&] { write_structure_sets(folder, data, source, result); });
   attempt(notes, "A surface mesh as DICOM", [&] { write_meshes(more, data, source, result); });
   attempt(notes, "A retinal image as DICOM", [&] { write_pictures(more, data, source, result); });
   attempt(notes, "report.dcm",

@@ -9,7 +9,7 @@
 namespace emmetrope::report {
 
 /// Writes what archives and records take, beside the pages: report.dcm, prescription.dcm, biometry.dcm,
-/// segmentation.dcm (one a stack), dicom/ with meshes and retinal images, and prescription.fhir.json. An
+/// segmentation.dcm and structures.dcm (one a stack), dicom/ with meshes and retinal images, and prescription.fhir.json. An
 /// object whose data do not exist is not written; one that fails costs a note.
 void write_objects(const std::filesystem::path& folder, const CaseData& data, const SourceStudy& source,
                    const std::string& pdf, bool identified, Notes& notes);

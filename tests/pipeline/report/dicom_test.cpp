@@ -1,3 +1,8 @@
+#include <dcmtk/config/osconfig.h>
+#include <dcmtk/dcmdata/dctk.h>
+#include <dcmtk/dcmrt/drtstrct.h>
+
+#include <cmath>
 #include <cstring>
 #include <opencv2/core.hpp>
 #include <opencv2/imgcodecs.hpp>
@@ -5,6 +10,7 @@
 #include <sstream>
 
 #include "pipeline/eye/meshes/triangle_mesh.hpp"
+#include "pipeline/report/dicom/plane_cut.hpp"
 #include "tests/pipeline/report/report_fixture.hpp"
 
 // The DICOM objects, read back by other programs: dciodvfy and dcmdump.
@@ -63,7 +69,7 @@ TEST_F(DicomTest, EveryObjectConforms) {
       EXPECT_TRUE(is_known) << entry.path().filename() << ": " << line;
     }
   }
-  EXPECT_EQ(objects, 4 + 10 + 4);
+  EXPECT_EQ(objects, 5 + 10 + 4);
 }
 
 TEST_F(DicomTest, ObjectsBelongToThePatientsStudy) {
@@ -73,8 +79,8 @@ TEST_F(DicomTest, ObjectsBelongToThePatientsStudy) {
   test::make_fixture_study(study);
   test::note_study(folder_, study);
   report(study);
-  for (const char* name :
-       {"report.dcm", "prescription.dcm", "biometry.dcm", "segmentation.dcm", "dicom/od_retina.dcm"}) {
+  for (const char* name : {"report.dcm", "prescription.dcm", "biometry.dcm", "segmentation.dcm",
+                           "structures.dcm", "dicom/od_retina.dcm"}) {
     const std::string object = dump(name);
     EXPECT_THAT(object, HasSubstr("[DOE^JANE]")) << name;
     EXPECT_THAT(object, HasSubstr("[1.2.826.0.1.3680043.10.1.1]")) << name;  // the study
@@ -96,6 +102,89 @@ TEST_F(DicomTest, ObjectsBelongToThePatientsStudy) {
   EXPECT_THAT(dump("report.dcm"), HasSubstr("[YES]"));
   EXPECT_THAT(output("stage.json"), Not(HasSubstr("DOE")));
   fs::remove_all(study);
+}
+
+TEST_F(DicomTest, StructureSetOutlinesTheEyesOnTheirImages) {
+  test::make_fixture_case(folder_);
+  const fs::path study = folder_.string() + "-study";
+  fs::remove_all(study);
+  test::make_fixture_study(study);
+  test::note_study(folder_, study);
+  report(study);
+  const fs::path file = folder_ / "report" / "structures.dcm";
+  DcmFileFormat format;
+  ASSERT_TRUE(format.loadFile(file.c_str()).good());
+  DRTStructureSetIOD structures;
+  ASSERT_TRUE(structures.read(*format.getDataset()).good());
+  std::vector<std::string> names;
+  DRTStructureSetROISequence& regions = structures.getStructureSetROISequence();
+  for (std::size_t i = 0; i < regions.getNumberOfItems(); ++i) {
+    OFString name;
+    regions.getItem(i).getROIName(name);
+    names.emplace_back(name.c_str());
+  }
+  EXPECT_THAT(names, ::testing::ElementsAre("Eye_R", "Lens_R", "Eye_L", "Lens_L"));
+
+  // Every point lies in a plane of the images, and but for the straight parts on one of the meshes: on Eye_R the retina.
+  const TriangleMesh retina = read_mesh(folder_ / "meshing" / "od" / "retina.ply").mesh;
+  const TriangleMesh cornea = read_mesh(folder_ / "meshing" / "od" / "cornea_anterior.ply").mesh;
+  DRTROIContourSequence& outlines = structures.getROIContourSequence();
+  ASSERT_EQ(outlines.getNumberOfItems(), names.size());
+  DRTContourSequence& slices = outlines.getItem(0).getContourSequence();
+  EXPECT_GT(slices.getNumberOfItems(), 5U);
+  for (std::size_t slice = 0; slice < slices.getNumberOfItems(); ++slice) {
+    OFVector<Float64> numbers;
+    slices.getItem(slice).getContourData(numbers);
+    ASSERT_GE(numbers.size(), 9U);
+    for (std::size_t i = 0; i + 2 < numbers.size(); i += 3) {
+      const Eigen::Vector3d point(numbers[i], numbers[i + 1], numbers[i + 2]);
+      EXPECT_NEAR(point.z(), numbers[2], 1e-3);
+      double least = 1e9;
+      for (const TriangleMesh* mesh : {&retina, &cornea})
+        for (const Eigen::Vector3d& vertex : mesh->vertices) least = std::min(least, (vertex - point).norm());
+      EXPECT_LT(least, 1.5);  // within an edge of a triangle
+    }
+  }
+  fs::remove_all(study);
+}
+
+TEST(PlaneCut, OfASphereInTwoSheetsIsACircle) {
+  // Two caps of a sphere of radius 10 that leave a belt of 2 mm out.
+  const auto cap = [](double sign) {
+    TriangleMesh mesh;
+    constexpr int rings = 60, sectors = 120;
+    const double widest = std::acos(0.1);
+    for (int ring = 0; ring <= rings; ++ring)
+      for (int sector = 0; sector < sectors; ++sector) {
+        const double theta = widest * ring / rings, phi = 2 * 3.14159265358979 * sector / sectors;
+        mesh.vertices.push_back(10 * Eigen::Vector3d(std::sin(theta) * std::cos(phi),
+                                                     std::sin(theta) * std::sin(phi),
+                                                     sign * std::cos(theta)));
+      }
+    for (int ring = 0; ring < rings; ++ring)
+      for (int sector = 0; sector < sectors; ++sector) {
+        const int a = ring * sectors + sector, b = ring * sectors + (sector + 1) % sectors;
+        mesh.triangles.push_back({a, b, a + sectors});
+        mesh.triangles.push_back({b, b + sectors, a + sectors});
+      }
+    return mesh;
+  };
+  const Eigen::Vector3d point(0.3, 3, 0.2), normal = Eigen::Vector3d(0.1, 1, 0.05).normalized();
+  std::vector<Polyline> pieces;
+  for (const double sign : {-1.0, 1.0})
+    for (Polyline& piece : cut_by_plane(cap(sign), point, normal)) pieces.push_back(std::move(piece));
+  ASSERT_EQ(pieces.size(), 2U);
+  const Polyline outline = joined_outline(pieces);
+  const double distance = point.dot(normal), radius = std::sqrt(100 - distance * distance);
+  double length = 0;
+  for (std::size_t i = 0; i < outline.size(); ++i) {
+    EXPECT_NEAR((outline[i] - point).dot(normal), 0, 1e-9);
+    EXPECT_NEAR((outline[i] - distance * normal).norm(), radius, 0.02);
+    length += (outline[(i + 1) % outline.size()] - outline[i]).norm();
+  }
+  EXPECT_NEAR(length, 2 * 3.14159265358979 * radius, 0.1);
+  EXPECT_TRUE(cut_by_plane(cap(1), Eigen::Vector3d(0, 11, 0), Eigen::Vector3d::UnitY()).empty());
+  EXPECT_TRUE(joined_outline({}).empty());
 }
 
 /// A study that is not, or no longer, the one that the case was made from.

@@ -1,0 +1,279 @@
+#include "pipeline/pacs/archive.hpp"
+
+#include <dcmtk/config/osconfig.h>
+#include <dcmtk/dcmdata/dctk.h>
+#include <dcmtk/dcmnet/scu.h>
+#include <dcmtk/dcmtls/tlsscu.h>
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cstdlib>
+#include <map>
+#include <set>
+
+#include "pipeline/base/clean_text.hpp"
+#include "pipeline/base/error.hpp"
+
+namespace emmetrope::pacs {
+namespace {
+
+namespace fs = std::filesystem;
+
+const std::vector<const char*> mr_classes{UID_MRImageStorage, UID_EnhancedMRImageStorage,
+                                          UID_LegacyConvertedEnhancedMRImageStorage};
+
+/// Whatever an image is stored in comes as it is.
+OFList<OFString> image_syntaxes() {
+  OFList<OFString> list;
+  for (const char* syntax : {UID_LittleEndianExplicitTransferSyntax, UID_LittleEndianImplicitTransferSyntax,
+                             UID_JPEGProcess14SV1TransferSyntax, UID_JPEGLSLosslessTransferSyntax,
+                             UID_JPEG2000LosslessOnlyTransferSyntax, UID_RLELosslessTransferSyntax})
+    list.push_back(syntax);
+  return list;
+}
+
+/// Keeps what arrives under numbers: the names that an archive gives are its own words.
+template <class Scu>
+class Receiver : public Scu {
+ public:
+  fs::path folder;
+  std::function<void()> received;
+  std::size_t count = 0;
+
+  OFCondition handleSTORERequestFile(T_ASC_PresentationContextID* context, const OFString&,
+                                     T_DIMSE_C_StoreRQ* request) override {
+    const fs::path file = folder / fmt::format("{:05}.dcm", count + 1);
+    const OFCondition result = Scu::handleSTORERequestFile(context, file.c_str(), request);
+    if (result.good()) {
+      ++count;
+      received();
+    }
+    return result;
+  }
+};
+
+std::string text_of(DcmDataset& set, const DcmTagKey& tag) {
+  OFString text;
+  if (set.findAndGetOFStringArray(tag, text).bad()) return {};
+  return clean_utf8(std::string(text.c_str(), text.size()));
+}
+
+/// One association, with TLS or without, and everything that may go wrong said once.
+template <class Scu>
+class Association {
+ public:
+  Association(const ArchiveSettings& settings, ExitStatus status) : settings_(settings), status_(status) {
+    scu_.setPeerHostName(settings.host.c_str());
+    scu_.setPeerPort(settings.port);
+    scu_.setPeerAETitle(settings.called_ae_title.c_str());
+    scu_.setAETitle(settings.calling_ae_title.c_str());
+    scu_.setACSETimeout(static_cast<Uint32>(settings.timeout_s));
+    scu_.setConnectionTimeout(settings.timeout_s);
+    scu_.setDIMSEBlockingMode(DIMSE_NONBLOCKING);
+    scu_.setDIMSETimeout(static_cast<Uint32>(settings.timeout_s));
+  }
+  ~Association() {
+    if (!scu_.isConnected()) return;
+    if (scu_.releaseAssociation().bad()) scu_.abortAssociation();
+  }
+  Association(const Association&) = delete;
+  Association& operator=(const Association&) = delete;
+
+  Receiver<Scu>& scu() { return scu_; }
+  void offer(const char* sop_class, const OFList<OFString>& syntaxes,
+             T_ASC_SC_ROLE role = ASC_SC_ROLE_DEFAULT) {
+    require(scu_.addPresentationContext(sop_class, syntaxes, role), "cannot be asked");
+  }
+  void open() {
+    require(scu_.initNetwork(), "cannot be reached");
+    require(scu_.negotiateAssociation(), "opens no association");
+  }
+  T_ASC_PresentationContextID context(const char* sop_class, const std::string& service) {
+    const T_ASC_PresentationContextID id = scu_.findPresentationContextID(sop_class, "");
+    if (id == 0) fail("does not offer " + service);
+    return id;
+  }
+  void require(const OFCondition& result, const std::string& otherwise) const {
+    if (result.bad()) fail(otherwise + ": " + result.text());
+  }
+  [[noreturn]] void fail(const std::string& why) const {
+    throw Error(status_,
+                fmt::format("the archive {} at {}:{} {}", settings_.called_ae_title, settings_.host,
+                            settings_.port, clean_utf8(why)),
+                "check host, port and names in the settings, and that the archive knows \"" +
+                    settings_.calling_ae_title + "\"");
+  }
+
+ private:
+  const ArchiveSettings& settings_;
+  ExitStatus status_;
+  Receiver<Scu> scu_;
+};
+
+void add_tls(DcmTLSSCU& scu, const TlsFiles& tls) {
+  scu.setPeerCertVerification(DCV_requireCertificate);
+  scu.addTrustedCertFile(tls.authority.c_str());
+  if (!tls.certificate.empty()) scu.enableAuthentication(tls.key.c_str(), tls.certificate.c_str(), nullptr);
+}
+
+/// Calls `work` with an association that is set up but not open yet.
+template <class Work>
+auto with_association(const ArchiveSettings& settings, ExitStatus status, const Work& work) {
+  if (!settings.tls) {
+    Association<DcmSCU> association(settings, status);
+    return work(association);
+  }
+  Association<DcmTLSSCU> association(settings, status);
+  add_tls(association.scu(), *settings.tls);
+  return work(association);
+}
+
+const OFList<OFString>& plain_syntaxes() {
+  static const OFList<OFString> list = [] {
+    OFList<OFString> syntaxes;
+    syntaxes.push_back(UID_LittleEndianExplicitTransferSyntax);
+    syntaxes.push_back(UID_LittleEndianImplicitTransferSyntax);
+    return syntaxes;
+  }();
+  return list;
+}
+
+/// C-FIND in an association that is open.
+template <class Scu>
+std::vector<std::map<std::string, std::string>> found(Association<Scu>& association, DcmDataset& query,
+                                                      const std::map<std::string, DcmTagKey>& wanted) {
+  for (const auto& [name, tag] : wanted)
+    if (!query.tagExists(tag)) query.insertEmptyElement(tag);
+  OFList<QRResponse*> responses;
+  const auto id = association.context(UID_FINDStudyRootQueryRetrieveInformationModel, "C-FIND");
+  const OFCondition result = association.scu().sendFINDRequest(id, &query, &responses);
+  std::vector<std::map<std::string, std::string>> rows;
+  Uint16 last = 0;
+  for (QRResponse* response : responses) {
+    last = response->m_status;
+    if (response->m_dataset != nullptr) {
+      std::map<std::string, std::string>& row = rows.emplace_back();
+      for (const auto& [name, tag] : wanted) row[name] = text_of(*response->m_dataset, tag);
+    }
+    delete response;
+  }
+  association.require(result, "did not answer a query");
+  if (last != STATUS_Success) association.fail(fmt::format("refused a query with status {:04x}", last));
+  return rows;
+}
+
+void put(DcmDataset& set, const DcmTagKey& tag, const std::string& value) {
+  if (!value.empty()) set.putAndInsertString(tag, value.c_str());
+}
+
+}  // namespace
+
+Archive::Archive(ArchiveSettings settings) : settings_(std::move(settings)) {
+  OFLog::configure(OFLogger::OFF_LOG_LEVEL);  // it would name patients
+}
+
+std::vector<FoundStudy> Archive::find_studies(const StudyQuery& query) const {
+  return with_association(settings_, ExitStatus::input_invalid, [&](auto& association) {
+    association.offer(UID_FINDStudyRootQueryRetrieveInformationModel, plain_syntaxes());
+    association.open();
+    DcmDataset keys;
+    put(keys, DCM_QueryRetrieveLevel, "STUDY");
+    put(keys, DCM_StudyInstanceUID, query.study_uid);
+    put(keys, DCM_PatientID, query.patient_id);
+    put(keys, DCM_AccessionNumber, query.accession_number);
+    put(keys, DCM_StudyDate, query.study_date);
+    std::vector<FoundStudy> studies;
+    for (auto& row : found(association, keys,
+                           {{"uid", DCM_StudyInstanceUID},
+                            {"date", DCM_StudyDate},
+                            {"description", DCM_StudyDescription},
+                            {"modalities", DCM_ModalitiesInStudy}}))
+      studies.push_back({row["uid"], row["date"], row["description"], row["modalities"]});
+    std::sort(studies.begin(), studies.end(), [](const FoundStudy& a, const FoundStudy& b) {
+      return std::tie(a.date, a.uid) < std::tie(b.date, b.uid);
+    });
+    return studies;
+  });
+}
+
+std::vector<FoundSeries> Archive::find_mr_series(const std::string& study_uid) const {
+  return with_association(settings_, ExitStatus::input_invalid, [&](auto& association) {
+    association.offer(UID_FINDStudyRootQueryRetrieveInformationModel, plain_syntaxes());
+    association.open();
+    DcmDataset keys;
+    put(keys, DCM_QueryRetrieveLevel, "SERIES");
+    put(keys, DCM_StudyInstanceUID, study_uid);
+    put(keys, DCM_Modality, "MR");
+    std::vector<FoundSeries> series;
+    for (auto& row : found(association, keys,
+                           {{"uid", DCM_SeriesInstanceUID},
+                            {"modality", DCM_Modality},
+                            {"images", DCM_NumberOfSeriesRelatedInstances}}))
+      if (row["modality"] == "MR")
+        series.push_back({row["uid"], std::strtoul(row["images"].c_str(), nullptr, 10)});
+    return series;
+  });
+}
+
+std::size_t Archive::get(const std::string& study_uid, const std::vector<FoundSeries>& series,
+                         const fs::path& folder, const std::function<void()>& received) const {
+  return with_association(settings_, ExitStatus::input_invalid, [&](auto& association) {
+    association.offer(UID_GETStudyRootQueryRetrieveInformationModel, plain_syntaxes());
+    for (const char* sop_class : mr_classes) association.offer(sop_class, image_syntaxes(), ASC_SC_ROLE_SCP);
+    association.open();
+    auto& scu = association.scu();
+    scu.setStorageMode(DCMSCU_STORAGE_BIT_PRESERVING);
+    scu.setStorageDir(folder.c_str());
+    scu.folder = folder;
+    scu.received = received;
+    const auto id = association.context(UID_GETStudyRootQueryRetrieveInformationModel, "C-GET");
+    for (const FoundSeries& one : series) {
+      const std::size_t before = scu.count;
+      DcmDataset keys;
+      put(keys, DCM_QueryRetrieveLevel, "SERIES");
+      put(keys, DCM_StudyInstanceUID, study_uid);
+      put(keys, DCM_SeriesInstanceUID, one.uid);
+      OFList<RetrieveResponse*> responses;
+      const OFCondition result = scu.sendCGETRequest(id, &keys, &responses);
+      Uint16 last = 0;
+      for (RetrieveResponse* response : responses) {
+        last = response->m_status;
+        delete response;
+      }
+      association.require(result, "did not send a series");
+      if (last != STATUS_Success || scu.count - before < one.images)
+        association.fail(fmt::format("sent {} of {} images of a series, and status {:04x}",
+                                     scu.count - before, one.images, last));
+    }
+    return scu.count;
+  });
+}
+
+void Archive::store(const std::vector<fs::path>& files, const std::function<void()>& sent) const {
+  with_association(settings_, ExitStatus::not_writable, [&](auto& association) {
+    std::set<std::pair<std::string, std::string>> offered;
+    for (const fs::path& file : files) {
+      DcmMetaInfo header;
+      OFString sop_class, syntax;
+      association.require(header.loadFile(file.c_str()), file.string() + " is not read");
+      header.findAndGetOFString(DCM_MediaStorageSOPClassUID, sop_class);
+      header.findAndGetOFString(DCM_TransferSyntaxUID, syntax);
+      if (!offered.emplace(sop_class.c_str(), syntax.c_str()).second) continue;
+      OFList<OFString> syntaxes;
+      syntaxes.push_back(syntax);
+      association.offer(sop_class.c_str(), syntaxes);
+    }
+    association.open();
+    for (const fs::path& file : files) {
+      Uint16 status = 0;
+      const OFCondition result = association.scu().sendSTORERequest(0, file.c_str(), nullptr, status);
+      association.require(result, "did not take " + file.filename().string());
+      const bool is_kept = status == STATUS_Success || (status & 0xf000) == 0xb000;  // with a warning
+      if (!is_kept)
+        association.fail(fmt::format("refused {} with status {:04x}", file.filename().string(), status));
+      sent();
+    }
+  });
+}
+
+}  // namespace emmetrope::pacs

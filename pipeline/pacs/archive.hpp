@@ -1,0 +1,52 @@
+#pragma once
+#include <filesystem>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "pipeline/pacs/archive_settings.hpp"
+
+namespace emmetrope::pacs {
+
+/// What studies are asked for; empty fields are not. "*" and "?" are wild, a date is YYYYMMDD or a range of two with "-".
+struct StudyQuery {
+  std::string study_uid, patient_id, accession_number, study_date;
+};
+
+/// A study that an archive has, without its patient.
+struct FoundStudy {
+  std::string uid, date, description, modalities;
+};
+
+/// A series of MR images.
+struct FoundSeries {
+  std::string uid;
+  std::size_t images = 0;  ///< 0 where the archive does not say
+};
+
+/// An archive that speaks DICOM (PS3.4 C, PS3.7), over TLS where the settings say so. Every call is an association of its
+/// own.
+class Archive {
+ public:
+  explicit Archive(ArchiveSettings settings);
+
+  /// C-FIND, study root.
+  /// \throw Error (input_invalid) naming the archive and what it said
+  std::vector<FoundStudy> find_studies(const StudyQuery& query) const;
+  std::vector<FoundSeries> find_mr_series(const std::string& study_uid) const;
+  /// C-GET, byte by byte into `folder` as 00001.dcm and so on.
+  /// \param received  called after each file
+  /// \return how many files
+  /// \throw Error (input_invalid) where it fails or not all arrive
+  std::size_t get(const std::string& study_uid, const std::vector<FoundSeries>& series,
+                  const std::filesystem::path& folder, const std::function<void()>& received) const;
+  /// C-STORE.
+  /// \param sent  called after each file
+  /// \throw Error (not_writable) naming the file that the archive did not take, and why
+  void store(const std::vector<std::filesystem::path>& files, const std::function<void()>& sent) const;
+
+ private:
+  ArchiveSettings settings_;
+};
+
+}  // namespace emmetrope::pacs

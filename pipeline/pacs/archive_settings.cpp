@@ -1,0 +1,71 @@
+#include "pipeline/pacs/archive_settings.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "pipeline/base/error.hpp"
+#include "pipeline/base/json.hpp"
+
+namespace emmetrope::pacs {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// An application entity's name has 1 to 16 characters (PS3.5, VR AE).
+std::string ae_title(const fs::path& file, const Json& json, const char* key, const char* otherwise) {
+  const std::string title = json.value(key, std::string(otherwise));
+  const bool is_valid =
+      !title.empty() && title.size() <= 16 &&
+      std::all_of(title.begin(), title.end(), [](char c) { return c >= ' ' && c <= '~' && c != '\\'; });
+  if (!is_valid)
+    throw input_error(fmt::format("{}: {} is \"{}\"", file.string(), key, title), "1 to 16 ASCII characters");
+  return title;
+}
+
+fs::path named_file(const fs::path& file, const Json& json, const char* key) {
+  const std::string name = json.value(key, std::string());
+  if (name.empty()) return {};
+  const fs::path named = file.parent_path() / name;
+  if (!fs::is_regular_file(named))
+    throw input_error(fmt::format("{}: tls.{}: there is no file {}", file.string(), key, named.string()));
+  return named;
+}
+
+TlsFiles tls_files(const fs::path& file, const Json& json) {
+  TlsFiles tls{named_file(file, json, "authority"), named_file(file, json, "certificate"),
+               named_file(file, json, "key")};
+  if (tls.authority.empty())
+    throw input_error(file.string() + ": tls.authority is missing",
+                      "name the PEM file of the certificates that vouch for the archive");
+  if (tls.certificate.empty() != tls.key.empty())
+    throw input_error(file.string() + ": tls.certificate and tls.key belong together");
+  return tls;
+}
+
+}  // namespace
+
+ArchiveSettings read_settings(const fs::path& file) {
+  const Json json = read_json(file);
+  try {
+    ArchiveSettings settings;
+    settings.host = json.at("host");
+    const int port = json.at("port");
+    if (settings.host.empty() || port < 1 || port > 65535)
+      throw input_error(fmt::format("{}: host is \"{}\", port {}", file.string(), settings.host, port),
+                        "a name and a number from 1 to 65535");
+    settings.port = static_cast<std::uint16_t>(port);
+    settings.called_ae_title = ae_title(file, json, "called_ae_title", "");
+    settings.calling_ae_title = ae_title(file, json, "calling_ae_title", "EMMETROPE");
+    settings.timeout_s = json.value("timeout_s", settings.timeout_s);
+    if (settings.timeout_s < 1 || settings.timeout_s > 3600)
+      throw input_error(fmt::format("{}: timeout_s is {}", file.string(), settings.timeout_s), "1 to 3600");
+    if (json.contains("tls")) settings.tls = tls_files(file, json.at("tls"));
+    return settings;
+  } catch (const Json::exception& fault) {
+    throw input_error(file.string() + ": " + fault.what(),
+                      R"({"host": "pacs", "port": 4242, "called_ae_title": "PACS"} is the least)");
+  }
+}
+
+}  // namespace emmetrope::pacs

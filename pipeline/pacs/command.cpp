@@ -1,0 +1,95 @@
+#include "pipeline/pacs/command.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <numeric>
+
+#include "pipeline/base/case_folder.hpp"
+#include "pipeline/base/error.hpp"
+#include "pipeline/base/progress.hpp"
+#include "pipeline/base/scratch_folder.hpp"
+
+namespace emmetrope::pacs {
+namespace {
+
+namespace fs = std::filesystem;
+
+void require_query(const StudyQuery& query) {
+  const bool asks = !query.study_uid.empty() || !query.patient_id.empty() ||
+                    !query.accession_number.empty() || !query.study_date.empty();
+  if (!asks)
+    throw usage_error("pull: which study is not said",
+                      "give --study-uid, --accession, --patient-id or --study-date");
+}
+
+FoundStudy only_one(const std::vector<FoundStudy>& studies) {
+  if (studies.empty())
+    throw input_error("the archive has no such study", "check what is asked for; names are not searched");
+  if (studies.size() == 1) return studies.front();
+  constexpr std::size_t most_listed = 20;
+  std::string list;
+  for (std::size_t i = 0; i < std::min(studies.size(), most_listed); ++i)
+    list += fmt::format("\n  {}  {}  {}  {}", studies[i].uid, studies[i].date, studies[i].modalities,
+                        studies[i].description);
+  throw input_error(fmt::format("{} studies are found:{}", studies.size(), list),
+                    "choose one by --study-uid");
+}
+
+Answer pull(const PacsOptions& options, const CommonOptions& common) {
+  require_query(options.query);
+  if (options.output.empty()) throw usage_error("pull: -o is missing", "name the folder for the study");
+  if (fs::exists(options.output) && !fs::is_empty(options.output))
+    throw output_error(options.output.string() + " is there already", "name a new folder");
+  const Archive archive(read_settings(options.settings));
+  const FoundStudy study = only_one(archive.find_studies(options.query));
+  const std::vector<FoundSeries> series = archive.find_mr_series(study.uid);
+  if (series.empty())
+    throw input_error("study " + study.uid + " has no MR images in the archive: " + study.modalities);
+  const fs::path output = fs::absolute(options.output).lexically_normal();
+  fs::create_directories(output.parent_path());
+  const ScratchFolder scratch(output.string() + ".pulling");
+  const std::size_t expected =
+      std::accumulate(series.begin(), series.end(), std::size_t{0},
+                      [](std::size_t sum, const FoundSeries& one) { return sum + one.images; });
+  std::size_t count = 0;
+  {
+    Progress progress("receiving images", expected, common.verbosity);
+    count = archive.get(study.uid, series, scratch.path(), [&] { progress.advance(); });
+  }
+  fs::remove(output);
+  fs::rename(scratch.path(), output);
+  Answer answer;
+  answer.json = {{"study_uid", study.uid}, {"files", count}, {"study", output.string()}};
+  answer.text = fmt::format("{} images of study {}\n{}\n", count, study.uid, output.string());
+  return answer;
+}
+
+Answer push(const PacsOptions& options, const CommonOptions& common) {
+  if (!looks_like_a_case(options.case_folder))
+    throw usage_error("push: " + options.case_folder.string() + " is no case",
+                      "emmetrope pacs push SETTINGS CASE");
+  read_verdict(options.case_folder, "report");  // what is sent is whole and of this case
+  std::vector<fs::path> files;
+  for (const auto& entry : fs::recursive_directory_iterator(options.case_folder / "report"))
+    if (entry.path().extension() == ".dcm") files.push_back(entry.path());
+  if (files.empty())
+    throw input_error((options.case_folder / "report").string() + " holds no DICOM object",
+                      "run emmetrope report " + options.case_folder.string() + " --study STUDY");
+  std::sort(files.begin(), files.end());
+  const Archive archive(read_settings(options.settings));
+  Progress progress("sending objects", files.size(), common.verbosity);
+  archive.store(files, [&] { progress.advance(); });
+  Answer answer;
+  answer.json = {{"files", files.size()}};
+  answer.text = fmt::format("{} objects sent\n", files.size());
+  return answer;
+}
+
+}  // namespace
+
+Answer run_pacs(const PacsOptions& options, const CommonOptions& common) {
+  return options.action == "pull" ? pull(options, common) : push(options, common);
+}
+
+}  // namespace emmetrope::pacs

@@ -1,0 +1,33 @@
+#include <CLI/CLI.hpp>
+
+#include "pipeline/base/command_line.hpp"
+#include "pipeline/pacs/command.hpp"
+
+int main(int argc, char** argv) {
+  emmetrope::pacs::PacsOptions options;
+  return emmetrope::run_command(
+      argc, argv,
+      {"pacs", "Fetches a study from an archive (pull), or gives it the DICOM objects of a case (push).",
+       "emmetrope pacs pull archive.json --accession A123 -o study    or: emmetrope pacs push archive.json case",
+       [&](CLI::App& app) {
+         app.add_option("action", options.action, "pull: a study comes; push: a case's results go")
+             ->required()
+             ->check(CLI::IsMember({"pull", "push"}))
+             ->type_name("ACTION");
+         app.add_option("settings", options.settings,
+                        "host, port, called_ae_title, calling_ae_title, tls: a JSON file")
+             ->required()
+             ->type_name("ARCHIVE");
+         app.add_option("case", options.case_folder, "With push: a case with its report")->type_name("CASE");
+         app.add_option("--study-uid", options.query.study_uid, "With pull: StudyInstanceUID")
+             ->type_name("UID");
+         app.add_option("--accession", options.query.accession_number, "With pull: AccessionNumber")
+             ->type_name("TEXT");
+         app.add_option("--patient-id", options.query.patient_id, "With pull: PatientID")->type_name("TEXT");
+         app.add_option("--study-date", options.query.study_date,
+                        "With pull: YYYYMMDD, or two with - between")
+             ->type_name("DATE");
+         app.add_option("-o,--output", options.output, "With pull: folder to make")->type_name("STUDY");
+       },
+       [&](const emmetrope::CommonOptions& common) { return emmetrope::pacs::run_pacs(options, common); }});
+}
