@@ -10,7 +10,7 @@ struct CommandSummary {
 
 /// Every command of `emmetrope`, in the order that a newcomer meets them; each is an executable
 /// emmetrope-<name>.
-inline constexpr std::array<CommandSummary, 19> commands{{
+inline constexpr std::array<CommandSummary, 20> commands{{
     {"run", "from a DICOM folder to the report, all stages, resuming what is done"},
     {"segment", "find the eyes in the MR images and fit their surfaces"},
     {"mesh", "surfaces as triangle meshes; biometry and keratometry"},
@@ -19,6 +19,7 @@ inline constexpr std::array<CommandSummary, 19> commands{{
     {"report", "the clinical report of a case: HTML, PDF, DICOM"},
     {"view", "a page in which an eye looks at charts, through lenses that are dragged"},
     {"deidentify", "a case's DICOM objects without identity, by the profile of DICOM PS3.15"},
+    {"follow", "how the eyes of one person grow, from two or more visits"},
     {"cohort", "many studies, several at a time; the table and the page of all"},
     {"bids", "a BIDS dataset, as BIDS Apps do"},
     {"sweep", "trace, correct or eye with every combination of settings; one table"},

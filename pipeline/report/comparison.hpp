@@ -1,9 +1,16 @@
 #pragma once
 #include <filesystem>
+#include <optional>
+#include <string>
 
 #include "pipeline/base/command_line.hpp"
+#include "pipeline/report/dicom/source_study.hpp"
 
 namespace emmetrope::report {
+
+/// Whether two studies are of one patient, as far as their headers tell, in a sentence; nothing: a study is not at hand.
+/// \throw Error (input_invalid) when they are not
+std::string patients_of(const std::optional<SourceStudy>& earlier, const std::optional<SourceStudy>& later);
 
 /// Two dates of one patient side by side: HTML and PDF in LATER/comparison/. A difference counts as a change
 /// when it exceeds the 95 % interval of a difference of independent measurements, sqrt(h_a^2 + h_b^2) with

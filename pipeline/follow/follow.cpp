@@ -1,0 +1,148 @@
+#include "pipeline/follow/follow.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "pipeline/base/error.hpp"
+#include "pipeline/base/files.hpp"
+#include "pipeline/base/version.hpp"
+#include "pipeline/follow/quantities.hpp"
+#include "pipeline/follow/visits.hpp"
+#include "pipeline/report/document/document.hpp"
+#include "pipeline/report/page/html.hpp"
+#include "pipeline/report/pdf/pdf.hpp"
+
+namespace emmetrope::follow {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// One eye over the visits: what each shows by itself, and the growth that all show together.
+struct FollowedEye {
+  Laterality laterality = Laterality::od;
+  std::string reason;                         ///< why it is not followed; empty: it is
+  std::vector<std::vector<double>> by_visit;  ///< quantities at each visit
+  std::vector<Measured> per_year;
+};
+
+FollowedEye followed(const Visits& visits, Laterality laterality, double scale_sigma) {
+  FollowedEye eye{laterality, "", {}, {}};
+  const std::vector<EyeAtVisit> at_visits = eyes_of(visits, laterality, eye.reason);
+  if (!eye.reason.empty()) return eye;
+  for (const EyeAtVisit& visit : at_visits) {
+    const Eigen::VectorXd values = quantities_of(visit.eye.eye());
+    eye.by_visit.emplace_back(values.data(), values.data() + values.size());
+  }
+  eye.per_year = growth_of_quantities(growth_of(at_visits, scale_sigma));
+  return eye;
+}
+
+bool is_growth(const Measured& growth) { return growth.ci95[0] > 0 || growth.ci95[1] < 0; }
+
+/// Without dates it is the growth between the two visits.
+std::string unit_of(const FollowedQuantity& quantity, const Visits& visits) {
+  return quantity.unit + std::string(visits.are_dated ? " a year" : "");
+}
+
+report::Table table_of(const FollowedEye& eye, const Visits& visits) {
+  report::Table table;
+  table.caption = clinical_name(eye.laterality);
+  table.header = {"Quantity"};
+  for (std::size_t i = 0; i < visits.cases.size(); ++i)
+    table.header.push_back(visits.are_dated ? fmt::format("{:.2f} years", visits.years[i])
+                                            : fmt::format("Visit {}", i + 1));
+  table.header.insert(table.header.end(), {"Growth", "95 % interval", "Judgement"});
+  for (std::size_t q = 0; q < followed_quantities().size(); ++q) {
+    const FollowedQuantity& quantity = followed_quantities()[q];
+    std::vector<std::string> row{quantity.name};
+    for (const std::vector<double>& values : eye.by_visit)
+      row.push_back(fmt::format("{:.{}f} {}", values[q], quantity.decimals, quantity.unit));
+    const Measured& growth = eye.per_year[q];
+    row.push_back(fmt::format("{:+.{}f} {}", growth.value, quantity.decimals, unit_of(quantity, visits)));
+    row.push_back(fmt::format("{:+.{}f} to {:+.{}f}", growth.ci95[0], quantity.decimals, growth.ci95[1],
+                              quantity.decimals));
+    row.emplace_back(is_growth(growth) ? "changes" : "within the interval");
+    table.rows.push_back(std::move(row));
+  }
+  return table;
+}
+
+std::string headline(const FollowedEye& eye, const Visits& visits) {
+  if (!eye.reason.empty())
+    return fmt::format("{}: not followed; {}.", clinical_name(eye.laterality), eye.reason);
+  const Measured& length = eye.per_year.front();
+  return fmt::format("{}: axial length {:+.2f} {} ({:+.2f} to {:+.2f}).", clinical_name(eye.laterality),
+                     length.value, unit_of(followed_quantities().front(), visits), length.ci95[0],
+                     length.ci95[1]);
+}
+
+report::Document document_of(const std::vector<FollowedEye>& eyes, const Visits& visits) {
+  report::Document document;
+  document.title = "Emmetrope growth";
+  document.date_iso = visits.dates.back();
+  for (std::size_t i = 0; i < visits.cases.size(); ++i)
+    document.heading.emplace_back(
+        fmt::format("Visit {}", i + 1),
+        visits.cases[i].subject() + (visits.dates[i].empty() ? "" : ", " + visits.dates[i]));
+  document.heading.emplace_back("Software", "Emmetrope " + version());
+  report::Section section{"growth", "Growth", {}};
+  report::BulletList list;
+  for (const FollowedEye& eye : eyes) list.items.push_back(headline(eye, visits));
+  list.items.insert(list.items.end(), visits.remarks.begin(), visits.remarks.end());
+  section.blocks.push_back({list});
+  for (const FollowedEye& eye : eyes)
+    if (eye.reason.empty()) section.blocks.push_back({table_of(eye, visits)});
+  section.blocks.push_back({report::Paragraph{
+      "The visits are fitted together by one eye that changes evenly. What was assumed of the eye before its images were "
+      "seen is the same at all visits and takes no part; cornea and lens are held to change little. The columns of the "
+      "visits are the fits of each by itself, to the vitreo-retinal interface."}});
+  document.sections.push_back(std::move(section));
+  return document;
+}
+
+Json json_of(const std::vector<FollowedEye>& eyes, const Visits& visits) {
+  Json json{{"years", visits.are_dated ? Json(visits.years) : Json(nullptr)}, {"remarks", visits.remarks}};
+  for (const FollowedEye& eye : eyes) {
+    Json& entry = json["eyes"][to_string(eye.laterality)];
+    if (!eye.reason.empty()) {
+      entry = {{"withheld", eye.reason}};
+      continue;
+    }
+    for (std::size_t q = 0; q < followed_quantities().size(); ++q) {
+      Json at_visits = Json::array();
+      for (const std::vector<double>& values : eye.by_visit) at_visits.push_back(values[q]);
+      entry[followed_quantities()[q].key] = {{"visits", at_visits},
+                                             {visits.are_dated ? "per_year" : "growth", eye.per_year[q]}};
+    }
+  }
+  return json;
+}
+
+}  // namespace
+
+Answer run_follow(const FollowOptions& options, const CommonOptions& common) {
+  if (options.visits.size() < 2) throw usage_error("one visit has no growth", "name two or more cases");
+  const Visits visits = read_visits(options.visits, options.years, common.laterality);
+  std::vector<FollowedEye> eyes;
+  for (const Laterality eye : both_eyes)
+    if (includes(common.laterality, eye)) eyes.push_back(followed(visits, eye, options.scale_sigma));
+  const auto count = static_cast<std::size_t>(
+      std::count_if(eyes.begin(), eyes.end(), [](const FollowedEye& eye) { return eye.reason.empty(); }));
+  const Json json = json_of(eyes, visits);
+  fs::create_directories(options.output);
+  const report::Document document = document_of(eyes, visits);
+  write_file(options.output / "growth.html", report::render_html(document, {}, {}));
+  write_file(options.output / "growth.pdf", report::render_pdf(document).bytes);
+  write_json(options.output / "growth.json", json);
+  Answer answer;
+  answer.status = count == eyes.size() ? ExitStatus::done
+                  : count > 0          ? ExitStatus::partial
+                                       : ExitStatus::no_result;
+  answer.json = json;
+  for (const FollowedEye& eye : eyes) answer.text += headline(eye, visits) + "\n";
+  answer.text += (options.output / "growth.html").string() + "\n";
+  return answer;
+}
+
+}  // namespace emmetrope::follow

@@ -1,0 +1,54 @@
+#include "pipeline/follow/quantities.hpp"
+
+#include <cmath>
+
+#include "pipeline/eye/parametric/analytic_eye.hpp"
+#include "pipeline/eye/parametric/retinal_metrics.hpp"
+
+namespace emmetrope::follow {
+
+using Eigen::Index;
+using Eigen::VectorXd;
+
+const std::vector<FollowedQuantity>& followed_quantities() {
+  static const std::vector<FollowedQuantity> list{{"axial_length_mm", "Axial length", "mm", 2},
+                                                  {"vitreous_depth_mm", "Vitreous depth", "mm", 2},
+                                                  {"anterior_chamber_depth_mm", "Anterior chamber", "mm", 2},
+                                                  {"lens_thickness_mm", "Lens thickness", "mm", 2},
+                                                  {"globe_width_mm", "Globe, width", "mm", 2},
+                                                  {"globe_height_mm", "Globe, height", "mm", 2},
+                                                  {"corneal_power_D", "Corneal power, mean", "D", 2}};
+  return list;
+}
+
+VectorXd quantities_of(const ParametricEye& eye) {
+  const InterfaceDistance interface = vitreoretinal_interface(eye);
+  const LensOnAxis lens = lens_on_axis(eye);
+  VectorXd values(static_cast<Index>(followed_quantities().size()));
+  values << eye.pole_depth_mm(), eye.pole_depth_mm() - lens.back_mm, lens.front_mm,
+      lens.back_mm - lens.front_mm, globe_extent_mm(interface, Eigen::Vector3d::UnitX()),
+      globe_extent_mm(interface, Eigen::Vector3d::UnitY()), keratometric_D_mm * eye.cornea_c_per_mm;
+  return values;
+}
+
+std::vector<Measured> growth_of_quantities(const Growth& growth) {
+  VectorXd at(growth.per_year.mean.size());
+  for (Index i = 0; i < at.size(); ++i)
+    at[i] = growth.eye.get(growth.parameters[static_cast<std::size_t>(i)]);
+  const Eigen::MatrixXd slopes = jacobian({at, growth.per_year.covariance}, [&](const VectorXd& values) {
+    ParametricEye eye = growth.eye;
+    for (Index i = 0; i < values.size(); ++i) {
+      const std::string& name = growth.parameters[static_cast<std::size_t>(i)];
+      if (name.rfind("apex_", 0) != 0 && name.rfind("gaze_", 0) != 0) eye.set(name, values[i]);
+    }
+    return quantities_of(eye);
+  });
+  const VectorXd value = slopes * growth.per_year.mean;
+  const Eigen::MatrixXd covariance = slopes * growth.per_year.covariance * slopes.transpose();
+  std::vector<Measured> quantities;
+  for (Index i = 0; i < value.size(); ++i)
+    quantities.push_back(Measured::from_sigma(value[i], std::sqrt(covariance(i, i)), "mri", "fit"));
+  return quantities;
+}
+
+}  // namespace emmetrope::follow

@@ -1,0 +1,30 @@
+#pragma once
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "pipeline/follow/growth.hpp"
+#include "pipeline/report/case/case_data.hpp"
+
+namespace emmetrope::follow {
+
+/// The visits of one person.
+struct Visits {
+  std::vector<report::CaseData> cases;
+  std::vector<std::string> dates;  ///< YYYY-MM-DD; empty where nobody knows
+  /// Since the first visit; without dates of two visits 0 and 1, and `are_dated` is false.
+  std::vector<double> years;
+  bool are_dated = false;
+  std::vector<std::string> remarks;  ///< whether they are of one person
+};
+
+/// \param years  as in FollowOptions
+/// \throw Error as run_follow
+Visits read_visits(const std::vector<std::filesystem::path>& cases, const std::vector<double>& years,
+                   LateralityChoice eyes);
+
+/// The eye at every visit, or in `reason` why it cannot be followed.
+std::vector<EyeAtVisit> eyes_of(const Visits& visits, Laterality eye, std::string& reason);
+
+}  // namespace emmetrope::follow

@@ -1,0 +1,133 @@
+#include "pipeline/follow/growth.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cstdlib>
+
+#include "pipeline/base/files.hpp"
+#include "pipeline/base/process.hpp"
+#include "pipeline/follow/quantities.hpp"
+#include "tests/support/fixture_case.hpp"
+#include "tests/support/temporary_folder.hpp"
+
+namespace emmetrope::follow {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// An eye of this length whose parameters are known independently of one another.
+ParametricEye eye_of(double axial_length_mm, double length_sigma_mm, double chamber_mm = 3.4) {
+  ParametricEye eye;
+  eye.axial_length_mm = axial_length_mm;
+  eye.anterior_chamber_depth_mm = chamber_mm;
+  eye.parameter_names = {"cornea_c_per_mm",     "cornea_j0_per_mm",          "cornea_j45_per_mm",
+                         "axial_length_mm",     "anterior_chamber_depth_mm", "lens_thickness_mm",
+                         "globe_semi_axis_z_mm"};
+  const auto count = static_cast<Eigen::Index>(eye.parameter_names.size());
+  eye.covariance = Eigen::MatrixXd::Zero(count, count);
+  const double sigma[] = {0.001, 0.001, 0.001, length_sigma_mm, 0.05, 0.05, 0.1};
+  for (Eigen::Index i = 0; i < count; ++i) eye.covariance(i, i) = sigma[i] * sigma[i];
+  return eye;
+}
+
+/// Mean and standard deviation of a parameter's change in a year.
+std::pair<double, double> change_of(const Growth& growth, const std::string& parameter) {
+  const auto found = std::find(growth.parameters.begin(), growth.parameters.end(), parameter);
+  const auto place = std::distance(growth.parameters.begin(), found);
+  return {growth.per_year.mean[place], std::sqrt(growth.per_year.covariance(place, place))};
+}
+
+TEST(Growth, IsTheSlopeOfARegressionWithAPrior) {
+  // Straight line through independent points with an unknown beginning: precision sum (t - mean t)^2 / sigma^2, and that
+  // of the prior; here in closed form.
+  constexpr double sigma = 0.08;
+  const std::vector<double> years{0, 0.9, 2.2, 3.1}, lengths{23.5, 23.71, 23.8, 24.05};
+  std::vector<EyeAtVisit> visits;
+  double mean_year = 0, mean_length = 0;
+  for (std::size_t i = 0; i < years.size(); ++i) {
+    visits.push_back({fitted_eye(eye_of(lengths[i], sigma)), years[i]});
+    mean_year += years[i] / 4;
+    mean_length += lengths[i] / 4;
+  }
+  double squares = 0, products = 0;
+  for (std::size_t i = 0; i < years.size(); ++i) {
+    squares += (years[i] - mean_year) * (years[i] - mean_year);
+    products += (years[i] - mean_year) * (lengths[i] - mean_length);
+  }
+  const double prior = change_sigma("axial_length_mm");
+  const double variance = 1 / (squares / (sigma * sigma) + 1 / (prior * prior));
+  const auto [mean, deviation] = change_of(growth_of(visits, 0), "axial_length_mm");
+  EXPECT_NEAR(mean, variance * products / (sigma * sigma), 1e-6);
+  EXPECT_NEAR(deviation, std::sqrt(variance), 1e-6);
+}
+
+TEST(Growth, OfWhatAnEyeDoesNotChangeIsHeld) {
+  const std::vector<EyeAtVisit> visits{{fitted_eye(eye_of(23.5, 0.05, 3.3)), 0},
+                                       {fitted_eye(eye_of(23.5, 0.05, 3.5)), 1}};
+  const double prior = change_sigma("anterior_chamber_depth_mm"), noise = 2 * 0.05 * 0.05;
+  const auto [mean, deviation] = change_of(growth_of(visits, 0), "anterior_chamber_depth_mm");
+  EXPECT_NEAR(mean, 0.2 * prior * prior / (prior * prior + noise), 1e-6);
+  EXPECT_LT(deviation, prior);
+}
+
+TEST(Growth, TheScannersScaleMakesLengthsLessCertain) {
+  const std::vector<EyeAtVisit> visits{{fitted_eye(eye_of(24, 0.01)), 0},
+                                       {fitted_eye(eye_of(24.1, 0.01)), 1}};
+  const double alone = change_of(growth_of(visits, 0), "axial_length_mm").second;
+  const double with_scale = change_of(growth_of(visits, 0.002), "axial_length_mm").second;
+  const double more = with_scale * with_scale - alone * alone, whole = 2 * 0.002 * 24 * 0.002 * 24;
+  EXPECT_LT(more, whole);  // what is held tells of the scale, too
+  EXPECT_GT(more, 0.8 * whole);
+}
+
+class FollowCommand : public testing::Test {
+ protected:
+  fs::path visit(const std::string& name, double axial_length_mm) const {
+    const fs::path folder = temporary_.path() / name;
+    test::make_fixture_case(folder);
+    for (const char* eye : {"od", "os"}) {
+      const fs::path file = folder / "segmentation" / eye / "fit.json";
+      Json fit = read_json(file);
+      fit["eye"] = to_json(eye_of(axial_length_mm, 0.03));
+      fit["withheld"] = Json::object();
+      write_json(file, fit);
+    }
+    return folder;
+  }
+  ProcessResult run(std::vector<std::string> words) const {
+    words.insert(words.end(), {"-o", (temporary_.path() / "out").string(), "--json", "--quiet"});
+    return run_process(fs::path(std::getenv("EMMETROPE_BIN")) / "emmetrope-follow", words,
+                       ChildOutput::capture);
+  }
+  test::TemporaryFolder temporary_;
+};
+
+TEST_F(FollowCommand, TellsGrowthWithItsInterval) {
+  const std::string first = visit("first", 23.5).string(), second = visit("second", 23.8).string();
+  const ProcessResult ended = run({first, second, "--years", "2020.5,2022.0"});
+  ASSERT_EQ(ended.status, 0) << ended.output;
+  const Json growth = Json::parse(ended.output).at("eyes").at("od").at("axial_length_mm");
+  EXPECT_NEAR(growth.at("per_year").at("value").get<double>(), 0.2, 0.01);
+  EXPECT_GT(growth.at("per_year").at("ci95").at(0).get<double>(), 0.1);
+  EXPECT_EQ(growth.at("visits").size(), 2U);
+  EXPECT_TRUE(fs::exists(temporary_.path() / "out" / "growth.html"));
+  EXPECT_TRUE(fs::exists(temporary_.path() / "out" / "growth.pdf"));
+}
+
+TEST_F(FollowCommand, SaysWhatIsWrongWithItsVisits) {
+  const std::string first = visit("first", 23.5).string(), second = visit("second", 23.8).string();
+  EXPECT_EQ(run({first}).status, 2);
+  EXPECT_EQ(run({first, second, "--years", "2,1"}).status, 3);
+  EXPECT_EQ(run({first, second, "--years", "1"}).status, 2);
+  EXPECT_EQ(run({first, temporary_.path().string()}).status, 3);
+  Json fit = read_json(fs::path(second) / "segmentation" / "os" / "fit.json");
+  fit["withheld"] = {{"fit", "no cornea"}};
+  write_json(fs::path(second) / "segmentation" / "os" / "fit.json", fit);
+  const ProcessResult ended = run({first, second, "--years", "0,1"});
+  EXPECT_EQ(ended.status, 8);
+  EXPECT_THAT(ended.output, testing::HasSubstr("visit 2: the fit of this eye is withheld"));
+}
+
+}  // namespace
+}  // namespace emmetrope::follow
