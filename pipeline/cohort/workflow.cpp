@@ -7,6 +7,7 @@
 #include "pipeline/base/case_folder.hpp"
 #include "pipeline/base/files.hpp"
 #include "pipeline/base/stages.hpp"
+#include "pipeline/cohort/results/cohort_results.hpp"
 #include "pipeline/cohort/results/cohort_rows.hpp"
 #include "pipeline/cohort/subjects/cohort_folder.hpp"
 #include "pipeline/cohort/subjects/stage_end.hpp"
@@ -32,16 +33,18 @@ void require_apart(const CohortFolder& cohort, const CohortOptions& options,
     throw usage_error("-o: " + options.output.string() + " lies in the studies", "name a folder beside them");
 }
 
-/// A fault of the machine is tried again by each run, and what comes after it: Snakemake makes a file that is missing only
-/// where one that follows is missing too.
-void forget_faults_of_the_machine(const CohortFolder& cohort, const std::vector<Subject>& subjects) {
+/// A fault of the machine is tried again by each run, and so is what followed another plan (a job may have been running
+/// when the plan was changed), and what comes after it: Snakemake makes a file that is missing only where one that follows
+/// is missing too.
+void forget_what_does_not_hold(const CohortFolder& cohort, const std::vector<Subject>& subjects) {
   for (const Subject& subject : subjects) {
     bool is_to_be_redone = false;
+    const std::string plan = plan_hash(cohort, subject.id);
     for (const PipelineStage& stage : pipeline_stages) {
       const fs::path file = cohort.end_file(subject.id, stage.command);
       if (!fs::exists(file)) continue;
       const StageEnd end = read_end(cohort, subject.id, stage.command);
-      is_to_be_redone = is_to_be_redone || (end.status && is_of_the_machine(*end.status));
+      is_to_be_redone = is_to_be_redone || end.plan != plan || (end.status && is_of_the_machine(*end.status));
       if (is_to_be_redone) fs::remove(file);
     }
     if (is_to_be_redone) fs::remove(cohort.root() / "cohort.tsv");
@@ -59,6 +62,25 @@ void write_plan(const CohortFolder& cohort, const std::vector<Subject>& subjects
   write_if_new(cohort.root() / "subjects.txt", list);
 }
 
+/// Jobs that were ended from outside at every attempt (by a limit of memory or time) have left no end.
+void end_what_was_killed(const CohortFolder& cohort, const std::vector<Subject>& subjects) {
+  for (const Subject& subject : subjects) {
+    bool is_first = true;
+    for (const PipelineStage& stage : pipeline_stages) {
+      const fs::path file = cohort.end_file(subject.id, stage.command);
+      if (fs::exists(file)) continue;
+      StageEnd end{std::nullopt, "", plan_hash(cohort, subject.id)};
+      if (is_first) {
+        end.status = static_cast<int>(ExitStatus::fault);
+        end.message = "was ended from outside at every attempt: out of memory or time?";
+      }
+      is_first = false;
+      fs::create_directories(file.parent_path());
+      write_json(file, to_json(end));
+    }
+  }
+}
+
 }  // namespace
 
 Answer run_cohort(const CohortOptions& options, const CommonOptions& common) {
@@ -68,7 +90,7 @@ Answer run_cohort(const CohortOptions& options, const CommonOptions& common) {
   require_apart(cohort, options, subjects);
   const CaseLock lock(cohort.root(), true);
   write_plan(cohort, subjects, common);
-  forget_faults_of_the_machine(cohort, subjects);
+  forget_what_does_not_hold(cohort, subjects);
   Workflow workflow{data_folder() / "pipeline/cohort/Snakefile",
                     cohort.root(),
                     fmt::format("{} subjects", subjects.size()),
@@ -76,8 +98,10 @@ Answer run_cohort(const CohortOptions& options, const CommonOptions& common) {
   for (const Subject& subject : subjects)
     for (const PipelineStage& stage : pipeline_stages)
       workflow.waited_for.insert(cohort.end_file(subject.id, stage.command));
-  run_workflow(workflow, options.engine, common);
+  const bool is_whole = run_workflow(workflow, options.engine, common);
+  if (!is_whole) end_what_was_killed(cohort, subjects);
   const std::vector<EyeRow> rows = read_rows(cohort, listed_subjects(cohort));
+  if (!is_whole) write_results(cohort, rows, cohort.root());
   const Outcomes outcomes = count_outcomes(rows);
   Answer answer;
   answer.status = outcomes.measured == rows.size()           ? ExitStatus::done

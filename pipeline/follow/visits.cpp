@@ -27,7 +27,8 @@ double day_number(const std::string& date) {
   year -= month <= 2 ? 1 : 0;
   const int era = (year >= 0 ? year : year - 399) / 400, year_of_era = year - era * 400;
   const int day_of_year = (153 * (month + (month > 2 ? -3 : 9)) + 2) / 5 + day - 1;
-  return era * 146097.0 + year_of_era * 365 + year_of_era / 4 - year_of_era / 100 + day_of_year;
+  const int leap_days = year_of_era / 4 - year_of_era / 100;
+  return era * 146097.0 + year_of_era * 365.0 + leap_days + day_of_year;
 }
 
 void set_years(Visits& visits, const std::vector<double>& years) {

@@ -5,9 +5,11 @@
 #include <dcmtk/dcmnet/scu.h>
 #include <dcmtk/dcmtls/tlsscu.h>
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
-#include <cstdlib>
+#include <array>
+#include <fstream>
 #include <map>
 #include <set>
 
@@ -19,18 +21,22 @@ namespace {
 
 namespace fs = std::filesystem;
 
-const std::vector<const char*> mr_classes{UID_MRImageStorage, UID_EnhancedMRImageStorage,
-                                          UID_LegacyConvertedEnhancedMRImageStorage};
+constexpr std::array<const char*, 3> mr_classes{UID_MRImageStorage, UID_EnhancedMRImageStorage,
+                                                UID_LegacyConvertedEnhancedMRImageStorage};
 
-/// Whatever an image is stored in comes as it is.
-OFList<OFString> image_syntaxes() {
-  OFList<OFString> list;
-  for (const char* syntax : {UID_LittleEndianExplicitTransferSyntax, UID_LittleEndianImplicitTransferSyntax,
-                             UID_JPEGProcess14SV1TransferSyntax, UID_JPEGLSLosslessTransferSyntax,
-                             UID_JPEG2000LosslessOnlyTransferSyntax, UID_RLELosslessTransferSyntax})
-    list.push_back(syntax);
-  return list;
-}
+/// What an image may be stored in.
+constexpr std::array<const char*, 12> image_syntaxes{UID_LittleEndianExplicitTransferSyntax,
+                                                     UID_LittleEndianImplicitTransferSyntax,
+                                                     UID_DeflatedExplicitVRLittleEndianTransferSyntax,
+                                                     UID_JPEGProcess1TransferSyntax,
+                                                     UID_JPEGProcess2_4TransferSyntax,
+                                                     UID_JPEGProcess14TransferSyntax,
+                                                     UID_JPEGProcess14SV1TransferSyntax,
+                                                     UID_JPEGLSLosslessTransferSyntax,
+                                                     UID_JPEGLSLossyTransferSyntax,
+                                                     UID_JPEG2000LosslessOnlyTransferSyntax,
+                                                     UID_JPEG2000TransferSyntax,
+                                                     UID_RLELosslessTransferSyntax};
 
 /// Keeps what arrives under numbers: the names that an archive gives are its own words.
 template <class Scu>
@@ -39,6 +45,7 @@ class Receiver : public Scu {
   fs::path folder;
   std::function<void()> received;
   std::size_t count = 0;
+  bool disk_is_full = false;
 
   OFCondition handleSTORERequestFile(T_ASC_PresentationContextID* context, const OFString&,
                                      T_DIMSE_C_StoreRQ* request) override {
@@ -47,6 +54,8 @@ class Receiver : public Scu {
     if (result.good()) {
       ++count;
       received();
+    } else if (!std::ofstream(file).write(std::string(4096, ' ').data(), 4096).flush()) {
+      disk_is_full = true;
     }
     return result;
   }
@@ -162,6 +171,15 @@ std::vector<std::map<std::string, std::string>> found(Association<Scu>& associat
   return rows;
 }
 
+/// Beside images a series of Modality MR may hold spectra, raw data and objects of the vendor's own. An archive that does
+/// not tell the class is believed.
+bool is_image(const std::string& sop_class) {
+  return sop_class.empty() || std::find(mr_classes.begin(), mr_classes.end(), sop_class) != mr_classes.end();
+}
+
+/// UIDs have at most 64 characters; an identifier of some kB every archive takes.
+constexpr std::size_t images_a_request = 100;
+
 void put(DcmDataset& set, const DcmTagKey& tag, const std::string& value) {
   if (!value.empty()) set.putAndInsertString(tag, value.c_str());
 }
@@ -205,12 +223,18 @@ std::vector<FoundSeries> Archive::find_mr_series(const std::string& study_uid) c
     put(keys, DCM_StudyInstanceUID, study_uid);
     put(keys, DCM_Modality, "MR");
     std::vector<FoundSeries> series;
-    for (auto& row : found(association, keys,
-                           {{"uid", DCM_SeriesInstanceUID},
-                            {"modality", DCM_Modality},
-                            {"images", DCM_NumberOfSeriesRelatedInstances}}))
-      if (row["modality"] == "MR")
-        series.push_back({row["uid"], std::strtoul(row["images"].c_str(), nullptr, 10)});
+    for (auto& row : found(association, keys, {{"uid", DCM_SeriesInstanceUID}, {"modality", DCM_Modality}})) {
+      if (row["modality"] != "MR") continue;
+      DcmDataset images;
+      put(images, DCM_QueryRetrieveLevel, "IMAGE");
+      put(images, DCM_StudyInstanceUID, study_uid);
+      put(images, DCM_SeriesInstanceUID, row["uid"]);
+      FoundSeries one{row["uid"], {}};
+      for (auto& image :
+           found(association, images, {{"uid", DCM_SOPInstanceUID}, {"class", DCM_SOPClassUID}}))
+        if (is_image(image["class"])) one.images.push_back(image["uid"]);
+      if (!one.images.empty()) series.push_back(std::move(one));
+    }
     return series;
   });
 }
@@ -219,7 +243,13 @@ std::size_t Archive::get(const std::string& study_uid, const std::vector<FoundSe
                          const fs::path& folder, const std::function<void()>& received) const {
   return with_association(settings_, ExitStatus::input_invalid, [&](auto& association) {
     association.offer(UID_GETStudyRootQueryRetrieveInformationModel, plain_syntaxes());
-    for (const char* sop_class : mr_classes) association.offer(sop_class, image_syntaxes(), ASC_SC_ROLE_SCP);
+    // One context a syntax, so that the archive can choose the one that it has the image in.
+    for (const char* sop_class : mr_classes)
+      for (const char* syntax : image_syntaxes) {
+        OFList<OFString> one;
+        one.push_back(syntax);
+        association.offer(sop_class, one, ASC_SC_ROLE_SCP);
+      }
     association.open();
     auto& scu = association.scu();
     scu.setStorageMode(DCMSCU_STORAGE_BIT_PRESERVING);
@@ -229,21 +259,30 @@ std::size_t Archive::get(const std::string& study_uid, const std::vector<FoundSe
     const auto id = association.context(UID_GETStudyRootQueryRetrieveInformationModel, "C-GET");
     for (const FoundSeries& one : series) {
       const std::size_t before = scu.count;
-      DcmDataset keys;
-      put(keys, DCM_QueryRetrieveLevel, "SERIES");
-      put(keys, DCM_StudyInstanceUID, study_uid);
-      put(keys, DCM_SeriesInstanceUID, one.uid);
-      OFList<RetrieveResponse*> responses;
-      const OFCondition result = scu.sendCGETRequest(id, &keys, &responses);
-      Uint16 last = 0;
-      for (RetrieveResponse* response : responses) {
-        last = response->m_status;
-        delete response;
+      Uint16 last = STATUS_Success;
+      for (std::size_t from = 0; from < one.images.size() && last == STATUS_Success;
+           from += images_a_request) {
+        DcmDataset keys;
+        put(keys, DCM_QueryRetrieveLevel, "IMAGE");
+        put(keys, DCM_StudyInstanceUID, study_uid);
+        put(keys, DCM_SeriesInstanceUID, one.uid);
+        const auto begin = one.images.begin() + static_cast<std::ptrdiff_t>(from);
+        const auto end = one.images.begin() +
+                         static_cast<std::ptrdiff_t>(std::min(from + images_a_request, one.images.size()));
+        put(keys, DCM_SOPInstanceUID, fmt::format("{}", fmt::join(begin, end, "\\")));
+        OFList<RetrieveResponse*> responses;
+        const OFCondition result = scu.sendCGETRequest(id, &keys, &responses);
+        for (RetrieveResponse* response : responses) {
+          last = response->m_status;
+          delete response;
+        }
+        if (scu.disk_is_full)
+          throw output_error("cannot write into " + folder.string(), "make room on the disk");
+        association.require(result, "did not send a series");
       }
-      association.require(result, "did not send a series");
-      if (last != STATUS_Success || scu.count - before < one.images)
+      if (last != STATUS_Success || scu.count - before < one.images.size())
         association.fail(fmt::format("sent {} of {} images of a series, and status {:04x}",
-                                     scu.count - before, one.images, last));
+                                     scu.count - before, one.images.size(), last));
     }
     return scu.count;
   });

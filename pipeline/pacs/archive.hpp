@@ -21,7 +21,7 @@ struct FoundStudy {
 /// A series of MR images.
 struct FoundSeries {
   std::string uid;
-  std::size_t images = 0;  ///< 0 where the archive does not say
+  std::vector<std::string> images;  ///< their SOPInstanceUIDs, without other objects of the series
 };
 
 /// An archive that speaks DICOM (PS3.4 C, PS3.7), over TLS where the settings say so. Every call is an association of its

@@ -1,8 +1,10 @@
 #include "pipeline/pacs/archive_settings.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
+#include <vector>
 
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/json.hpp"
@@ -14,7 +16,7 @@ namespace fs = std::filesystem;
 
 /// An application entity's name has 1 to 16 characters (PS3.5, VR AE).
 std::string ae_title(const fs::path& file, const Json& json, const char* key, const char* otherwise) {
-  const std::string title = json.value(key, std::string(otherwise));
+  std::string title = json.value(key, std::string(otherwise));
   const bool is_valid =
       !title.empty() && title.size() <= 16 &&
       std::all_of(title.begin(), title.end(), [](char c) { return c >= ' ' && c <= '~' && c != '\\'; });
@@ -26,13 +28,24 @@ std::string ae_title(const fs::path& file, const Json& json, const char* key, co
 fs::path named_file(const fs::path& file, const Json& json, const char* key) {
   const std::string name = json.value(key, std::string());
   if (name.empty()) return {};
-  const fs::path named = file.parent_path() / name;
+  fs::path named = file.parent_path() / name;
   if (!fs::is_regular_file(named))
     throw input_error(fmt::format("{}: tls.{}: there is no file {}", file.string(), key, named.string()));
   return named;
 }
 
+/// A misspelt "tls" would send everything in the clear.
+void require_known(const fs::path& file, const Json& json, const std::string& of,
+                   const std::vector<std::string>& known) {
+  if (!json.is_object()) throw input_error(fmt::format("{}: {}expected an object", file.string(), of));
+  for (const auto& [key, value] : json.items())
+    if (std::find(known.begin(), known.end(), key) == known.end())
+      throw input_error(fmt::format("{}: {}\"{}\" is unknown", file.string(), of, key),
+                        fmt::format("expected {}", fmt::join(known, ", ")));
+}
+
 TlsFiles tls_files(const fs::path& file, const Json& json) {
+  require_known(file, json, "tls: ", {"authority", "certificate", "key"});
   TlsFiles tls{named_file(file, json, "authority"), named_file(file, json, "certificate"),
                named_file(file, json, "key")};
   if (tls.authority.empty())
@@ -47,6 +60,7 @@ TlsFiles tls_files(const fs::path& file, const Json& json) {
 
 ArchiveSettings read_settings(const fs::path& file) {
   const Json json = read_json(file);
+  require_known(file, json, "", {"host", "port", "called_ae_title", "calling_ae_title", "timeout_s", "tls"});
   try {
     ArchiveSettings settings;
     settings.host = json.at("host");

@@ -1,6 +1,7 @@
 #include "pipeline/pacs/command.hpp"
 
 #include <fmt/format.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <numeric>
@@ -39,19 +40,21 @@ FoundStudy only_one(const std::vector<FoundStudy>& studies) {
 Answer pull(const PacsOptions& options, const CommonOptions& common) {
   require_query(options.query);
   if (options.output.empty()) throw usage_error("pull: -o is missing", "name the folder for the study");
-  if (fs::exists(options.output) && !fs::is_empty(options.output))
-    throw output_error(options.output.string() + " is there already", "name a new folder");
+  // "study/" is the folder "study".
+  const fs::path named = fs::absolute(options.output).lexically_normal();
+  const fs::path output = named.has_filename() ? named : named.parent_path();
+  if (fs::exists(output) && !fs::is_empty(output))
+    throw output_error(output.string() + " is there already", "name a new folder");
   const Archive archive(read_settings(options.settings));
   const FoundStudy study = only_one(archive.find_studies(options.query));
   const std::vector<FoundSeries> series = archive.find_mr_series(study.uid);
   if (series.empty())
     throw input_error("study " + study.uid + " has no MR images in the archive: " + study.modalities);
-  const fs::path output = fs::absolute(options.output).lexically_normal();
   fs::create_directories(output.parent_path());
-  const ScratchFolder scratch(output.string() + ".pulling");
+  const ScratchFolder scratch(fmt::format("{}.pulling-{}", output.string(), ::getpid()));
   const std::size_t expected =
       std::accumulate(series.begin(), series.end(), std::size_t{0},
-                      [](std::size_t sum, const FoundSeries& one) { return sum + one.images; });
+                      [](std::size_t sum, const FoundSeries& one) { return sum + one.images.size(); });
   std::size_t count = 0;
   {
     Progress progress("receiving images", expected, common.verbosity);

@@ -65,6 +65,7 @@ void StandInStages::make_stage(const PipelineStage& stage) const {
       << "once=\"$told/" << stage.command << ".once\"\n"
       << "[ ! -e \"$once\" ] || { status=$(cat \"$once\"); mv \"$once\" '" << folder_.string()
       << "/used'; }\n"
+      << "[ \"$status\" != kill ] || { kill -9 $PPID; exit 1; }\n"
       << "case $status in 0|6|8) mkdir -p \"$case/" << stage.folder << "\"\n"
       << "echo '{\"verdict\": {\"status\": '$status', \"reasons\": [\"why\"]}, \"inputs\": {}}' >\"$case/"
       << stage.folder << "/stage.json\";; esac\n"

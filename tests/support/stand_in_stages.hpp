@@ -18,7 +18,7 @@ class StandInStages {
   ProcessResult run(const std::string& command, const std::vector<std::string>& words) const;
   std::filesystem::path program(const std::string& command) const { return bin() / ("emmetrope-" + command); }
 
-  /// The status that a stage of a subject ends with from now on; 0 where none is told. That of `COMMAND.once` is for
+  /// The status that a stage of a subject ends with from now on, or "kill", which ends what called it; 0 where none is told. That of `COMMAND.once` is for
   /// one time.
   void tell(const std::string& subject, const std::string& stage, const std::string& status) const;
   void forget(const std::string& subject, const std::string& stage) const;

@@ -4,8 +4,10 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <cctype>
 
 #include "pipeline/base/files.hpp"
+#include "pipeline/base/log.hpp"
 #include "pipeline/base/progress.hpp"
 #include "pipeline/base/stages.hpp"
 #include "pipeline/cohort/bids/derivatives.hpp"
@@ -24,10 +26,21 @@ fs::path whole_path(const fs::path& folder) {
   return path.has_filename() ? path : path.parent_path();
 }
 
+/// "01" of "01", "sub-01" and, as shells complete it, "sub-01/".
+std::string label_in(std::string word, const std::string& prefix) {
+  while (!word.empty() && word.back() == '/') word.pop_back();
+  if (word.rfind(prefix, 0) == 0) word.erase(0, prefix.size());
+  const bool is_label = !word.empty() && std::all_of(word.begin(), word.end(), [](unsigned char c) {
+    return std::isalnum(c) != 0 || c == '+';
+  });
+  if (!is_label)
+    throw usage_error("\"" + prefix + word + "\" is no label of BIDS", "letters, digits and + make one");
+  return word;
+}
+
 std::set<std::string> labels(const std::vector<std::string>& words, const std::string& prefix) {
   std::set<std::string> bare;
-  for (const std::string& word : words)
-    bare.insert(word.rfind(prefix, 0) == 0 ? word.substr(prefix.size()) : word);
+  for (const std::string& word : words) bare.insert(label_in(word, prefix));
   return bare;
 }
 
@@ -67,7 +80,7 @@ Answer run_participants(const BidsOptions& options, const CommonOptions& common)
   std::vector<std::string> names, of_the_machine;
   for (const Subject& subject : subjects) {
     write_subject(cohort, subject, common);
-    bool is_finished = true;
+    bool is_whole = true;
     for (const PipelineStage& stage : pipeline_stages) {
       const int status =
           run_stage_of(cohort, subject.id, stage.command, {1, 1, common.thread_count(), common.force});
@@ -75,18 +88,20 @@ Answer run_participants(const BidsOptions& options, const CommonOptions& common)
         throw Error(static_cast<ExitStatus>(status), std::string(stage.command) + " was interrupted",
                     "what is done is kept: the same command goes on");
       const StageEnd end = read_end(cohort, subject.id, stage.command);
-      is_finished = is_finished && !(end.status && is_of_the_machine(*end.status));
+      is_whole = is_whole && !(end.status && is_of_the_machine(*end.status));
       progress.advance();
     }
-    derivatives.publish(subject, dataset);
     names.push_back(subject.id);
-    if (!is_finished) of_the_machine.push_back(subject.id);
+    if (is_whole)
+      derivatives.publish(subject, dataset);
+    else
+      of_the_machine.push_back(subject.id);
   }
   if (!of_the_machine.empty())
     throw Error(ExitStatus::fault,
                 fmt::format("stages of {} failed for want of memory, disk or device",
                             fmt::join(of_the_machine, ", ")),
-                "see " + (derivatives.root() / "sub-*").string() + " *_eyes.tsv; then run the same again");
+                "see " + (cohort.root() / "ends").string() + "; then run the same again");
   const Outcomes outcomes = count_outcomes(read_rows(cohort, names));
   Answer answer;
   answer.json = counted(outcomes);
@@ -100,17 +115,27 @@ Answer run_group(const BidsOptions& options) {
   const CohortFolder cohort = derivatives.cohort();
   std::vector<std::string> subjects;
   std::error_code missing;
-  for (const auto& entry : fs::directory_iterator(cohort.root() / "subjects", missing))
-    if (entry.path().extension() == ".json") subjects.push_back(entry.path().stem().string());
+  std::size_t unfinished = 0;
+  for (const auto& entry : fs::directory_iterator(cohort.root() / "subjects", missing)) {
+    if (entry.path().extension() != ".json") continue;
+    const std::string subject = entry.path().stem().string();
+    if (is_finished(cohort, subject))
+      subjects.push_back(subject);
+    else
+      ++unfinished;
+  }
   if (subjects.empty())
-    throw input_error(derivatives.root().string() + " holds no participant",
+    throw input_error(derivatives.root().string() + " holds no participant that is finished",
                       "run emmetrope bids BIDS_DIR OUT participant before");
+  if (unfinished > 0)
+    spdlog::warn("{} visits are left out: their participant level is not finished", unfinished);
   std::sort(subjects.begin(), subjects.end());
   const std::vector<EyeRow> rows = read_rows(cohort, subjects);
   write_results(cohort, rows, derivatives.root());
   const Outcomes outcomes = count_outcomes(rows);
   Answer answer;
   answer.json = counted(outcomes);
+  answer.json["unfinished"] = unfinished;
   answer.json["table"] = (derivatives.root() / "cohort.tsv").string();
   answer.json["page"] = (derivatives.root() / "cohort.html").string();
   answer.text = said(outcomes) + "\n" + (derivatives.root() / "cohort.html").string() + "\n";

@@ -7,9 +7,12 @@
 #include <algorithm>
 #include <atomic>
 #include <chrono>
+#include <fstream>
 #include <thread>
 
 #include "pipeline/base/files.hpp"
+#include "pipeline/base/json.hpp"
+#include "pipeline/base/log.hpp"
 #include "pipeline/base/process.hpp"
 #include "pipeline/base/progress.hpp"
 
@@ -62,7 +65,34 @@ std::string in_shell(const std::string& word) {
   return quoted + "'";
 }
 
-long memory_of_machine_mb() { return ::sysconf(_SC_PHYS_PAGES) / 1024 * ::sysconf(_SC_PAGE_SIZE) / 1024; }
+/// Of the machine, or of the container that this runs in.
+long memory_mb() {
+  const long machine = ::sysconf(_SC_PHYS_PAGES) / 1024 * ::sysconf(_SC_PAGE_SIZE) / 1024;
+  long long limit_bytes = 0;
+  std::ifstream limit("/sys/fs/cgroup/memory.max");  // "max" where there is none
+  return limit >> limit_bytes ? std::min(machine, static_cast<long>(limit_bytes >> 20)) : machine;
+}
+
+/// By which Slurm's jobs of a folder are known.
+std::string job_name(const fs::path& folder) {
+  constexpr std::size_t digits = 12;
+  return "emmetrope-" + sha256_of(fs::weakly_canonical(folder).string()).substr(0, digits);
+}
+
+/// A job that runs knows nothing of a new workflow, which would start the same work beside it; those that only wait in the
+/// queue Snakemake finds again itself.
+void wait_for_running_jobs(const fs::path& folder) {
+  const fs::path squeue = find_program("squeue").value_or("squeue");
+  for (bool is_told = false;; std::this_thread::sleep_for(std::chrono::seconds(2))) {
+    const ProcessResult jobs = run_process(squeue,
+                                           {"--noheader", "--states=RUNNING,COMPLETING,CONFIGURING,SUSPENDED",
+                                            "--format=%i", "--name=" + job_name(folder)},
+                                           ChildOutput::capture);
+    if (jobs.status != 0 || jobs.output.empty()) return;
+    if (!is_told) spdlog::info("waiting for jobs of this folder that Slurm is running");
+    is_told = true;
+  }
+}
 
 /// Where jobs run, and how many at a time.
 std::vector<std::string> engine_words(const EngineOptions& options, const CommonOptions& common) {
@@ -72,7 +102,7 @@ std::vector<std::string> engine_words(const EngineOptions& options, const Common
             std::to_string(options.jobs > 0 ? options.jobs : jobs_in_queue)};
   }
   return {"--cores", std::to_string(options.jobs > 0 ? options.jobs : common.thread_count()), "--resources",
-          fmt::format("mem_mb={}", memory_of_machine_mb()), "--rerun-incomplete"};
+          fmt::format("mem_mb={}", memory_mb()), "--rerun-incomplete"};
 }
 
 std::string last_lines(const fs::path& log, std::size_t count) {
@@ -87,12 +117,15 @@ std::string last_lines(const fs::path& log, std::size_t count) {
 int run_snakemake(const Workflow& workflow, const EngineOptions& options, const CommonOptions& common) {
   std::vector<std::string> words = engine_words(options, common);
   words.insert(words.begin(), "snakemake");
-  words.insert(words.end(), {"--snakefile", workflow.snakefile.string(), "--directory",
-                             workflow.folder.string(), "--keep-going", "--nolock", "--rerun-triggers",
-                             "mtime", "--config", "bin=" + executable_folder().string()});
-  for (const auto& [name, value] : workflow.settings) words.push_back(fmt::format("{}={}", name, value));
-  if (common.force) words.insert(words.end(), {"force=1", "--forceall"});
-  std::string line = "exec";
+  words.insert(words.end(),
+               {"--snakefile", workflow.snakefile.string(), "--directory", workflow.folder.string(),
+                "--keep-going", "--nolock", "--rerun-triggers", "mtime"});
+  if (common.force) words.insert(words.end(), {"--config", "force=1", "--forceall"});
+  write_json(workflow.folder / "engine.json", {{"bin", executable_folder().string()}});
+  // The user's own profile is for the user's own workflows; what Snakemake keeps goes where it may write.
+  std::string line = "unset SNAKEMAKE_PROFILE; export XDG_CACHE_HOME=" +
+                     in_shell((workflow.folder / ".snakemake/cache").string()) +
+                     " SBATCH_JOB_NAME=" + job_name(workflow.folder) + "; exec";
   for (const std::string& word : words) line += " " + in_shell(word);
   line += " >" + in_shell(engine_log(workflow.folder).string()) + " 2>&1";
   return run_process("/bin/sh", {"-c", line}, ChildOutput::inherit).status;
@@ -117,25 +150,34 @@ void require_engine(const EngineOptions& options) {
     throw usage_error("snakemake, which runs the jobs, is not on the PATH",
                       "install it: apt install --no-install-recommends snakemake");
   if (options.engine == Engine::local) return;
-  for (const char* program : {"sbatch", "scontrol", "scancel"})
+  for (const char* program : {"sbatch", "scontrol", "squeue", "scancel"})
     if (!find_program(program))
       throw usage_error(std::string(program) + ", a command of Slurm, is not on the PATH",
                         "run it where jobs are given to the cluster (Debian: slurm-client)");
 }
 
-void run_workflow(const Workflow& workflow, const EngineOptions& options, const CommonOptions& common) {
-  if (options.engine == Engine::slurm) fs::create_directories(workflow.folder / "slurm");  // what jobs say
+bool run_workflow(const Workflow& workflow, const EngineOptions& options, const CommonOptions& common) {
+  if (options.engine == Engine::slurm) {
+    fs::create_directories(workflow.folder / "slurm");  // what jobs say
+    wait_for_running_jobs(workflow.folder);
+  }
   int status = 0;
   {
     const Watch watch(workflow.doing, workflow.waited_for, common.verbosity);
     status = run_snakemake(workflow, options, common);
   }
-  if (status != 0)
+  if (status == 0) return true;
+  const bool jobs_failed =
+      fs::exists(engine_log(workflow.folder)) &&
+      read_file(engine_log(workflow.folder)).find("Exiting because a job execution failed") !=
+          std::string::npos;
+  if (!jobs_failed)
     throw Error(
         ExitStatus::fault,
         fmt::format("snakemake ended with {}: {}", status, last_lines(engine_log(workflow.folder), 5)),
         "its log is " + engine_log(workflow.folder).string() +
             "; what is done is kept: the same command goes on");
+  return false;
 }
 
 }  // namespace emmetrope::cohort

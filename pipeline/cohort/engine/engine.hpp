@@ -1,6 +1,5 @@
 #pragma once
 #include <filesystem>
-#include <map>
 #include <set>
 #include <string>
 
@@ -27,7 +26,6 @@ struct Workflow {
   std::filesystem::path snakefile, folder;     ///< folder: where it works
   std::string doing;                           ///< in the user's words: "20 subjects"
   std::set<std::filesystem::path> waited_for;  ///< files that tell how far it is
-  std::map<std::string, std::string> settings = {};
 };
 
 /// FOLDER/snakemake.log: what the engine said.
@@ -36,9 +34,10 @@ std::filesystem::path engine_log(const std::filesystem::path& folder);
 /// \throw Error (usage) where Snakemake or Slurm's commands are missing
 void require_engine(const EngineOptions& options);
 
-/// Runs what is not done yet, several jobs at a time; a job that fails does not stop the others. With --force all is
-/// done again, and the workflow's config has "force".
-/// \throw Error (fault) where it fails, with the end of its log
-void run_workflow(const Workflow& workflow, const EngineOptions& options, const CommonOptions& common);
+/// Runs what is not done yet, several jobs at a time; a job that fails does not stop the others. Jobs of the folder that
+/// Slurm is running already are waited for before. With --force all is done again, and the workflow's config has "force".
+/// \return whether every job gave its files in one of its attempts
+/// \throw Error (fault) where the engine itself fails, with the end of its log
+bool run_workflow(const Workflow& workflow, const EngineOptions& options, const CommonOptions& common);
 
 }  // namespace emmetrope::cohort

@@ -33,9 +33,20 @@ std::string sex_of(const fs::path& case_folder) {
   return subject.is_object() ? subject.value("sex", "") : "";
 }
 
-void read_numbers(EyeRow& row, const fs::path& case_folder) {
+/// Whether a stage left what its folder holds; else it is of an earlier run.
+bool has_result(const CohortFolder& cohort, const std::string& subject, const std::string& folder) {
+  const StageEnd end = read_end(cohort, subject, stage_of_folder(folder)->command);
+  return end.status && gave_result(*end.status);
+}
+
+void read_numbers(EyeRow& row, const CohortFolder& cohort) {
+  const fs::path case_folder = cohort.case_folder(row.subject);
+  std::map<std::string, bool> is_made;
   std::map<fs::path, Json> files;
   for (const Quantity& quantity : quantities()) {
+    if (is_made.count(quantity.stage) == 0)
+      is_made[quantity.stage] = has_result(cohort, row.subject, quantity.stage);
+    if (!is_made.at(quantity.stage)) continue;
     const fs::path file = case_folder / quantity.stage / to_string(row.eye) / quantity.file;
     if (files.count(file) == 0) files[file] = fs::exists(file) ? read_json(file) : Json();
     const Json& json = files.at(file);
@@ -79,6 +90,16 @@ void judge(EyeRow& row, const CohortFolder& cohort) {
   }
 }
 
+/// As the plan has it.
+std::vector<Laterality> eyes_asked_for(const CohortFolder& cohort, const std::string& subject) {
+  std::vector<Laterality> eyes(both_eyes.begin(), both_eyes.end());
+  const fs::path file = cohort.subject_file(subject);
+  if (!fs::exists(file)) return eyes;
+  const std::string asked = read_json(file).value("eyes", "both");
+  if (asked == "both") return eyes;
+  return {asked == "od" ? Laterality::od : Laterality::os};
+}
+
 std::string number(double value) { return fmt::format("{:.6g}", value); }
 
 }  // namespace
@@ -96,6 +117,12 @@ const char* to_string(Outcome outcome) {
   }
 }
 
+bool is_finished(const CohortFolder& cohort, const std::string& subject) {
+  return std::all_of(pipeline_stages.begin(), pipeline_stages.end(), [&](const PipelineStage& stage) {
+    return fs::exists(cohort.end_file(subject, stage.command));
+  });
+}
+
 std::vector<std::string> listed_subjects(const CohortFolder& cohort) {
   std::istringstream lines(read_file(cohort.root() / "subjects.txt"));
   std::vector<std::string> subjects;
@@ -109,14 +136,14 @@ std::vector<EyeRow> read_rows(const CohortFolder& cohort, const std::vector<std:
     const fs::path case_folder = cohort.case_folder(subject);
     const std::optional<double> age_years = subject_age_years(case_folder);
     const std::string sex = sex_of(case_folder);
-    for (const Laterality eye : both_eyes) {
+    for (const Laterality eye : eyes_asked_for(cohort, subject)) {
       EyeRow& row = rows.emplace_back();
       row.subject = subject;
       row.eye = eye;
       row.age_years = age_years;
       row.sex = sex;
       try {
-        read_numbers(row, case_folder);
+        read_numbers(row, cohort);
         judge(row, cohort);
       } catch (const Json::exception& fault) {
         throw input_error(case_folder.string() + ": " + fault.what(), "run emmetrope cohort --force");

@@ -33,7 +33,9 @@ struct EyeRow {
 
 /// The subjects of subjects.txt.
 std::vector<std::string> listed_subjects(const CohortFolder& cohort);
-/// Two rows a subject.
+/// Whether every stage of a subject has ended.
+bool is_finished(const CohortFolder& cohort, const std::string& subject);
+/// A row for each eye that was asked for.
 /// \throw Error (input_invalid) naming a file that is broken
 std::vector<EyeRow> read_rows(const CohortFolder& cohort, const std::vector<std::string>& subjects);
 

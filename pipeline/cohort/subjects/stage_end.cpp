@@ -36,6 +36,15 @@ bool has_work(const CohortFolder& cohort, const std::string& subject, std::size_
   return true;
 }
 
+/// Whether a stage before failed for the machine's sake, so that what this one left earlier may hold still.
+bool is_interrupted_before(const CohortFolder& cohort, const std::string& subject, std::size_t stage) {
+  for (std::size_t before = 0; before < stage; ++before) {
+    const StageEnd end = read_end(cohort, subject, pipeline_stages[before].command);
+    if (end.status && is_of_the_machine(*end.status)) return true;
+  }
+  return false;
+}
+
 std::string message_of(const ProcessResult& ended, const std::filesystem::path& case_folder,
                        const char* folder) {
   if (ended.status == 0) return {};
@@ -62,6 +71,10 @@ std::string message_of_failure(const ProcessResult& ended) {
   return said.value("message", fmt::format("ended with status {}", ended.status));
 }
 
+std::string plan_hash(const CohortFolder& cohort, const std::string& subject) {
+  return sha256_of_file(cohort.subject_file(subject));
+}
+
 bool is_of_the_machine(int status) {
   return status == static_cast<int>(ExitStatus::fault) ||
          status == static_cast<int>(ExitStatus::not_writable) ||
@@ -69,7 +82,9 @@ bool is_of_the_machine(int status) {
 }
 
 Json to_json(const StageEnd& end) {
-  return {{"status", end.status ? Json(*end.status) : Json(nullptr)}, {"message", end.message}};
+  return {{"status", end.status ? Json(*end.status) : Json(nullptr)},
+          {"message", end.message},
+          {"plan", end.plan}};
 }
 
 StageEnd read_end(const CohortFolder& cohort, const std::string& subject, std::string_view stage) {
@@ -78,7 +93,7 @@ StageEnd read_end(const CohortFolder& cohort, const std::string& subject, std::s
   try {
     const Json& status = json.at("status");
     return {status.is_null() ? std::nullopt : std::optional(status.get<int>()),
-            json.at("message").get<std::string>()};
+            json.at("message").get<std::string>(), json.value("plan", std::string())};
   } catch (const Json::exception& fault) {
     throw input_error(file.string() + ": " + fault.what(), "remove it and run emmetrope cohort again");
   }
@@ -89,10 +104,11 @@ int run_stage_of(const CohortFolder& cohort, const std::string& subject, const s
   const std::size_t place = place_of(stage);
   const auto end_file = cohort.end_file(subject, stage);
   std::filesystem::create_directories(end_file.parent_path());
+  const std::string plan = plan_hash(cohort, subject);
   if (!has_work(cohort, subject, place)) {
-    std::filesystem::remove_all(cohort.case_folder(subject) /
-                                pipeline_stages[place].folder);  // of an earlier run
-    write_json(end_file, to_json(StageEnd{}));
+    if (!is_interrupted_before(cohort, subject, place))  // what is there is of an earlier run
+      std::filesystem::remove_all(cohort.case_folder(subject) / pipeline_stages[place].folder);
+    write_json(end_file, to_json(StageEnd{std::nullopt, "", plan}));
     return 0;
   }
   const Subject asked = read_subject(cohort.subject_file(subject), subject);
@@ -110,13 +126,15 @@ int run_stage_of(const CohortFolder& cohort, const std::string& subject, const s
   const char* folder = pipeline_stages[place].folder;
   std::string message = message_of(ended, case_folder, folder);
   boost::replace_all(message, asked.study.string(), "the study");  // a folder may be named after the patient
+  boost::replace_all(message, "the case " + case_folder.string(), "the case");
   boost::replace_all(message, case_folder.string(), "the case");
-  if (!gave_result(ended.status) &&
-      ended.status != no_result) {  // what an earlier run left is of another input
+  const bool is_of_the_data =
+      !gave_result(ended.status) && ended.status != no_result && !is_of_the_machine(ended.status);
+  if (is_of_the_data) {  // what an earlier run left is of another input
     std::filesystem::remove_all(case_folder / folder);
     if (place == 0) std::filesystem::remove(case_folder / "case.json");
   }
-  write_json(end_file, to_json(StageEnd{ended.status, message}));
+  write_json(end_file, to_json(StageEnd{ended.status, message, plan}));
   return 0;
 }
 

@@ -13,12 +13,17 @@ namespace emmetrope::cohort {
 struct StageEnd {
   std::optional<int> status;  ///< of the command; none: it was not run, for what a stage before gave
   std::string message;        ///< why it gave no or a partial result; a line a reason
+  std::string plan = {};      ///< SHA-256 of the subject's file that it followed
 };
 Json to_json(const StageEnd& end);
 /// \throw Error (input_invalid) naming the file
 StageEnd read_end(const CohortFolder& cohort, const std::string& subject, std::string_view stage);
 
-/// Whether a command's status tells of the machine (memory, disk, device), so that another attempt may end otherwise.
+/// Of the subject's file, as StageEnd has it.
+std::string plan_hash(const CohortFolder& cohort, const std::string& subject);
+
+/// Whether a command's status tells of the machine (memory, disk, device, a case in use), so that another attempt may end
+/// otherwise.
 bool is_of_the_machine(int status);
 
 /// Whether a command with this status left a result, all or part of it.
@@ -34,8 +39,9 @@ struct Attempt {
   bool force = false;  ///< redo what is up to date
 };
 
-/// Runs one stage of one subject and writes its end. What the data are at fault for is an end as any other; what the
-/// machine is at fault for (no memory, a full disk, no device) is one only when it was the last attempt.
+/// Runs one stage of one subject and writes its end. What the data are at fault for is an end as any other, and nothing of
+/// an earlier result is left; what the machine is at fault for (no memory, a full disk, no device) is one only when it was
+/// the last attempt, and leaves what is there.
 /// \return 0, or the command's status where there is to be another attempt
 int run_stage_of(const CohortFolder& cohort, const std::string& subject, const std::string& stage,
                  const Attempt& attempt);

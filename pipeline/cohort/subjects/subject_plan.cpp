@@ -1,5 +1,6 @@
 #include "pipeline/cohort/subjects/subject_plan.hpp"
 
+#include "pipeline/base/error.hpp"
 #include "pipeline/base/files.hpp"
 #include "pipeline/base/stages.hpp"
 
@@ -20,11 +21,19 @@ void write_subject(const CohortFolder& cohort, Subject subject, const CommonOpti
     words.insert(words.end(), shared.begin(), shared.end());
   }
   std::filesystem::create_directories(cohort.subject_file(subject.id).parent_path());
-  write_if_new(cohort.subject_file(subject.id), to_json(subject).dump(2) + "\n");
+  Json plan = to_json(subject);
+  plan["eyes"] = to_string(common.laterality);
+  write_if_new(cohort.subject_file(subject.id), plan.dump(2) + "\n");
 }
 
 void write_if_new(const std::filesystem::path& file, const std::string& text) {
-  if (!std::filesystem::exists(file) || read_file(file) != text) write_file(file, text);
+  const auto holds = [&] { return std::filesystem::exists(file) && read_file(file) == text; };
+  if (holds()) return;
+  try {
+    write_file(file, text);
+  } catch (const Error&) {
+    if (!holds()) throw;  // else another job wrote it meanwhile
+  }
 }
 
 }  // namespace emmetrope::cohort

@@ -1,10 +1,11 @@
 #include "pipeline/cohort/subjects/subjects.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <cctype>
-#include <chrono>
+#include <cstdlib>
 #include <fstream>
 #include <set>
 #include <sstream>
@@ -37,7 +38,7 @@ constexpr Reading readings[] = {{"keratometry", "--keratometry", "mesh"},
                                 {"refraction", "--refraction", "correct"}};
 
 bool is_plain(char c) {
-  return std::isalnum(static_cast<unsigned char>(c)) != 0 || c == '-' || c == '_' || c == '.';
+  return std::isalnum(static_cast<unsigned char>(c)) != 0 || c == '-' || c == '_' || c == '.' || c == '+';
 }
 
 /// A name that is one of a folder everywhere.
@@ -47,23 +48,20 @@ std::string plain_name(std::string name) {
   return name.empty() || name.front() == '.' || name.front() == '-' ? "_" + name : name;
 }
 
-/// What cannot be read is left out: the study's own reader tells of it.
+/// Of every file its place, size and last change. What cannot be read is left out: the study's own reader tells of it.
 Json fingerprint_of(const fs::path& study) {
-  std::size_t files = 0;
-  std::uintmax_t bytes = 0;
-  fs::file_time_type last = fs::file_time_type::min();
+  std::vector<std::string> files;
   std::error_code unreadable;
   fs::recursive_directory_iterator entry(study, fs::directory_options::skip_permission_denied, unreadable);
   for (; !unreadable && entry != fs::recursive_directory_iterator(); entry.increment(unreadable)) {
     std::error_code gone;
     if (!entry->is_regular_file(gone)) continue;
-    ++files;
-    bytes += entry->file_size(gone);
-    last = std::max(last, entry->last_write_time(gone));
+    files.push_back(fmt::format("{} {} {}", entry->path().lexically_relative(study).string(),
+                                entry->file_size(gone),
+                                entry->last_write_time(gone).time_since_epoch().count()));
   }
-  return {{"files", files},
-          {"bytes", bytes},
-          {"last_change", std::chrono::duration_cast<std::chrono::seconds>(last.time_since_epoch()).count()}};
+  std::sort(files.begin(), files.end());
+  return {{"files", files.size()}, {"state", sha256_of(fmt::format("{}", fmt::join(files, "\n")))}};
 }
 
 Subject make_subject(const std::string& name, const fs::path& study) {
@@ -112,14 +110,24 @@ std::vector<Subject> of_bids(const fs::path& dataset, const BidsChoice& choice) 
       throw input_error(fmt::format("{}: there is no participant \"sub-{}\"", dataset.string(), label),
                         "name folders sub-* of the dataset");
   std::vector<Subject> subjects;
+  std::set<std::string> sessions_seen;
   for (const fs::path& person : labelled_folders(dataset, "sub-", choice.participants)) {
     const std::string name = person.filename().string();
+    const std::size_t before = subjects.size();
     if (choice.sessions.empty() && is_folder(person / "anat"))
       subjects.push_back(make_subject(name, person / "anat"));
-    for (const fs::path& session : labelled_folders(person, "ses-", choice.sessions))
-      if (is_folder(session / "anat"))
-        subjects.push_back(make_subject(name + "_" + session.filename().string(), session / "anat"));
+    for (const fs::path& session : labelled_folders(person, "ses-", choice.sessions)) {
+      if (!is_folder(session / "anat")) continue;
+      subjects.push_back(make_subject(name + "_" + session.filename().string(), session / "anat"));
+      sessions_seen.insert(session.filename().string().substr(4));
+    }
+    if (!choice.participants.empty() && subjects.size() == before)
+      spdlog::warn("{} has no images in anat{}", name, choice.sessions.empty() ? "" : " of these sessions");
   }
+  for (const std::string& label : choice.sessions)
+    if (sessions_seen.count(label) == 0)
+      throw input_error(fmt::format("{}: nobody has a session \"ses-{}\" with anat", dataset.string(), label),
+                        "name folders ses-* of the dataset");
   return subjects;
 }
 
@@ -146,7 +154,7 @@ std::vector<Subject> of_table(const fs::path& file, const Table& table) {
 /// Who a row of the table speaks of, as subjects are called by person_of; of a BIDS dataset with or without "sub-".
 std::string person_named(const std::string& participant, bool bids) {
   if (!bids) return plain_name(participant);
-  return participant.rfind("sub-", 0) == 0 ? participant : "sub-" + participant;
+  return plain_name(participant.rfind("sub-", 0) == 0 ? participant : "sub-" + participant);
 }
 
 /// A row of a person of a BIDS dataset holds for each of the person's sessions.
@@ -154,15 +162,28 @@ std::string person_of(const Subject& subject, bool bids) {
   return bids ? subject.id.substr(0, subject.id.find("_ses-")) : subject.id;
 }
 
-void require_distinct_rows(const Table& table) {
+void require_distinct_rows(const Table& table, bool bids) {
   std::set<std::string> seen;
   for (std::size_t row = 0; row < table.rows.size(); ++row) {
     const std::string participant = table.cell(row, id_column);
     if (participant.empty()) throw input_error(table.place(row, id_column) + ": names nobody");
-    if (!seen.insert(participant).second)
+    if (!seen.insert(person_named(participant, bids)).second)
       throw input_error(table.place(row, id_column) + ": \"" + participant + "\" has a row already",
                         "give each participant one row");
   }
+}
+
+/// Years; BIDS has "89+" for all who are older.
+std::string age_in(const Table& table, std::size_t row) {
+  std::string age = table.cell(row, "age");
+  if (!age.empty() && age.back() == '+') age.pop_back();
+  if (age.empty()) return age;
+  char* end = nullptr;
+  const double years = std::strtod(age.c_str(), &end);
+  if (*end != '\0' || !(years >= 0 && years <= 120))
+    throw input_error(fmt::format("{}: \"{}\" is no age", table.place(row, "age"), table.cell(row, "age")),
+                      "years from 0 to 120, or n/a");
+  return age;
 }
 
 /// What a row says is put into the options of a subject.
@@ -171,7 +192,7 @@ void add_readings_of_row(Subject& subject, const Table& table, std::size_t row) 
     std::vector<std::string>& words = subject.options[command];
     words.insert(words.end(), {option, value});
   };
-  if (const std::string age = table.cell(row, "age"); !age.empty())
+  if (const std::string age = age_in(table, row); !age.empty())
     for (const char* command : {"segment", "trace", "correct"}) add(command, "--age", age);
   for (const Reading& reading : readings)
     for (const Laterality eye : both_eyes)
@@ -182,7 +203,7 @@ void add_readings_of_row(Subject& subject, const Table& table, std::size_t row) 
 
 /// \param all_are_here  every person with a study is among the subjects, so that a row without one is a mistake
 void add_readings(std::vector<Subject>& subjects, const Table& table, bool bids, bool all_are_here) {
-  require_distinct_rows(table);
+  require_distinct_rows(table, bids);
   std::map<std::string, std::vector<Subject*>> of_person;
   for (Subject& subject : subjects) of_person[person_of(subject, bids)].push_back(&subject);
   for (std::size_t row = 0; row < table.rows.size(); ++row) {
@@ -235,7 +256,7 @@ std::vector<Subject> find_subjects(const fs::path& studies, const BidsChoice& ch
   std::vector<Subject> subjects;
   if (studies.extension() == ".tsv") {
     const Table table = read_table(studies, {id_column, "study"});
-    require_distinct_rows(table);
+    require_distinct_rows(table, false);
     subjects = of_table(studies, table);
     add_readings(subjects, table, false, true);
   } else if (fs::is_directory(studies)) {

@@ -11,11 +11,11 @@ namespace emmetrope::cohort {
 
 /// One visit of one person: images, and what else is known of the eyes.
 struct Subject {
-  std::string id;               ///< letters, digits, '-', '_' and '.': names of folders and rows
+  std::string id;               ///< letters, digits, '-', '_', '.' and '+': names of folders and rows
   std::filesystem::path study;  ///< absolute; a folder of images
   /// Options by the command that they are for: {"mesh": ["--axial-length", "od:23.6"]}.
   std::map<std::string, std::vector<std::string>> options;
-  /// Number, size and last change of the study's files: another study under the same name is another subject.
+  /// Of the study's files, their sizes and last changes: another study under the same name is another subject.
   Json fingerprint;
 };
 Json to_json(const Subject& subject);

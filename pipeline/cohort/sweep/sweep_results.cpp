@@ -1,6 +1,7 @@
 #include "pipeline/cohort/sweep/sweep_results.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <map>
@@ -99,11 +100,12 @@ std::string sweep_table(const Sweep& sweep, const SweepFolder& folder,
                         "see a JSON file in " + (folder.root / "results").string());
   std::string text = fmt::format("{}\n", fmt::join(columns, "\t"));
   for (const auto& row : rows) {
-    for (std::size_t c = 0; c < columns.size(); ++c) {
-      const auto found = row.find(columns[c]);
-      text += (c == 0 ? "" : "\t") + (found == row.end() ? nothing : one_cell(found->second));
+    std::vector<std::string> cells;
+    for (const std::string& column : columns) {
+      const auto found = row.find(column);
+      cells.push_back(found == row.end() ? nothing : one_cell(found->second));
     }
-    text += "\n";
+    text += fmt::format("{}\n", fmt::join(cells, "\t"));
   }
   return text;
 }

@@ -21,9 +21,50 @@ std::vector<std::string> words_of(const std::string& command, const Setting& set
 }
 
 /// The command's result as JSON: a file that it wrote, or its answer.
+/// \throw Error (input_invalid) where it is none
 Json result_of(const std::string& command, const fs::path& folder, const std::string& answer) {
-  if (command == "eye") return Json::parse(answer);
+  if (command == "eye") return parse_json(answer, "the answer");
   return read_json(folder / (command == "trace" ? "wavefront.json" : "prescription.json"));
+}
+
+void add_file(const fs::path& file, Json& files);
+
+/// Every text in it that names a file beside it: pictures and models of a scene, meshes of an eye.
+void add_named_files(const Json& json, const fs::path& folder, Json& files) {
+  if (json.is_structured()) {
+    for (const Json& part : json) add_named_files(part, folder, files);
+  } else if (json.is_string()) {
+    const fs::path named = folder / json.get<std::string>();
+    std::error_code unreadable;
+    if (!json.get<std::string>().empty() && fs::is_regular_file(named, unreadable)) add_file(named, files);
+  }
+}
+
+/// The file, and what it names where it is JSON, each with its hash.
+void add_file(const fs::path& file, Json& files) {
+  const std::string path = file.lexically_normal().string();
+  if (files.contains(path)) return;
+  files[path] = sha256_of_file(file);
+  if (file.extension() != ".json") return;
+  const Json json = Json::parse(read_file(file), nullptr, false);
+  if (!json.is_discarded()) add_named_files(json, file.parent_path(), files);
+}
+
+/// "/a/b.json" of "--eye=/a/b.json".
+fs::path path_in(const std::string& word) {
+  const std::size_t equals = word.rfind("--", 0) == 0 ? word.find('=') : std::string::npos;
+  return equals == std::string::npos ? word : word.substr(equals + 1);
+}
+
+/// What all runs are asked for, but for what the sweep sets itself.
+void add_shared(const Sweep& sweep, const std::vector<Setting>& settings,
+                const std::vector<std::string>& shared, std::vector<std::string>& words) {
+  for (std::size_t i = 0; i + 1 < shared.size(); i += 2) {
+    const auto is_set = [&](const Setting& setting) { return "--" + setting.option == shared[i]; };
+    if (std::none_of(sweep.fixed.begin(), sweep.fixed.end(), is_set) &&
+        std::none_of(settings.begin(), settings.end(), is_set))
+      words.insert(words.end(), {shared[i], shared[i + 1]});
+  }
 }
 
 }  // namespace
@@ -33,15 +74,16 @@ Json sweep_plan(const Sweep& sweep, const std::vector<Setting>& settings,
   std::vector<std::string> words;
   Json files = Json::object();
   const auto add = [&](const Setting& setting) {
-    const std::vector<std::string> own = words_of(sweep.command, setting);
-    words.insert(words.end(), own.begin(), own.end());
-    std::error_code unreadable;
-    if (fs::path(setting.text).is_absolute() && fs::is_regular_file(setting.text, unreadable))
-      files[setting.text] = sha256_of_file(setting.text);
+    for (const std::string& word : words_of(sweep.command, setting)) {
+      words.push_back(word);
+      const fs::path file = path_in(word);
+      std::error_code unreadable;
+      if (file.is_absolute() && fs::is_regular_file(file, unreadable)) add_file(file, files);
+    }
   };
   std::for_each(sweep.fixed.begin(), sweep.fixed.end(), add);
   std::for_each(settings.begin(), settings.end(), add);
-  words.insert(words.end(), shared.begin(), shared.end());
+  add_shared(sweep, settings, shared, words);
   return {{"command", sweep.command}, {"words", words}, {"files", files}, {"version", version()}};
 }
 
@@ -65,10 +107,15 @@ int run_of_sweep(const SweepFolder& folder, const std::string& run, const Attemp
   if (was_interrupted(ended.status)) return ended.status;
   if (is_of_the_machine(ended.status) && attempt.number < attempt.of) return ended.status;
   Json end{{"status", ended.status}, {"message", ""}, {"result", nullptr}};
-  if (gave_result(ended.status))
-    end["result"] = result_of(command, folder.results(run), ended.output);
-  else
+  if (gave_result(ended.status)) {
+    try {
+      end["result"] = result_of(command, folder.results(run), ended.output);
+    } catch (const Error& unreadable) {
+      end["message"] = unreadable.what();
+    }
+  } else {
     end["message"] = message_of_failure(ended);
+  }
   fs::create_directories(folder.end(run).parent_path());
   write_json(folder.end(run), end);
   return 0;

@@ -6,10 +6,12 @@
 #include <toml++/toml.h>
 #include <algorithm>
 #include <array>
+#include <optional>
 #include <string_view>
 
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/files.hpp"
+#include "pipeline/base/json.hpp"
 
 namespace emmetrope::cohort {
 namespace {
@@ -18,7 +20,8 @@ namespace fs = std::filesystem;
 
 constexpr std::array<std::string_view, 3> commands{"trace", "correct", "eye"};
 /// What the runs themselves need.
-constexpr std::array<std::string_view, 6> reserved{"output", "json", "quiet", "force", "threads", "help"};
+constexpr std::array<std::string_view, 9> reserved{"output",  "case",    "json", "quiet",     "force",
+                                                   "threads", "version", "help", "definition"};
 constexpr std::size_t most_runs = 100000;
 
 std::string place(const fs::path& file, const toml::node& node, std::string_view key) {
@@ -61,6 +64,22 @@ Setting setting_of(const fs::path& file, const toml::node& node, std::string_vie
 void require_open(const fs::path& file, const toml::node& node, std::string_view key) {
   if (std::find(reserved.begin(), reserved.end(), key) != reserved.end())
     throw input_error(place(file, node, key) + ": the sweep sets this itself", "leave it out");
+}
+
+void require_once(const fs::path& file, const Sweep& sweep, const std::string& key, const toml::node& node) {
+  if (std::any_of(sweep.fixed.begin(), sweep.fixed.end(),
+                  [&](const Setting& setting) { return setting.option == key; }))
+    throw input_error(place(file, node, key) + ": is in [all] too", "leave it in one of them");
+}
+
+/// \throw Error (input_invalid) where it is no JSON pointer
+void require_pointer(const fs::path& file, const toml::node& node, const std::string& key,
+                     const std::optional<std::string>& pointer) {
+  try {
+    if (pointer && !pointer->empty() && !Json::json_pointer(*pointer).empty()) return;
+  } catch (const Json::exception&) {  // told below
+  }
+  throw input_error(place(file, node, key) + ": expected a JSON pointer", key + " = \"/zernike_um/8\"");
 }
 
 const toml::table* table_in(const fs::path& file, const toml::table& root, std::string_view name) {
@@ -132,13 +151,14 @@ Sweep read_sweep(const fs::path& file) {
     }
   sweep.runs.emplace_back();
   if (const toml::table* vary = table_in(file, root, "vary"))
-    for (const auto& [key, node] : in_order(*vary)) add_variation(file, sweep, key, *node);
+    for (const auto& [key, node] : in_order(*vary)) {
+      require_once(file, sweep, key, *node);
+      add_variation(file, sweep, key, *node);
+    }
   if (const toml::table* columns = table_in(file, root, "columns"))
     for (const auto& [key, node] : in_order(*columns)) {
       const auto pointer = node->value<std::string>();
-      if (!pointer || pointer->empty() || pointer->front() != '/')
-        throw input_error(place(file, *node, key) + ": expected a JSON pointer",
-                          key + " = \"/zernike_um/8\"");
+      require_pointer(file, *node, key, pointer);
       sweep.columns.emplace_back(key, *pointer);
     }
   return sweep;

@@ -4,6 +4,7 @@
 
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
+#include <set>
 
 #include "pipeline/base/files.hpp"
 #include "pipeline/base/version.hpp"
@@ -101,9 +102,10 @@ void write_segmentations(const fs::path& folder, const CaseData& data, const Sou
 void write_structure_sets(const fs::path& folder, const CaseData& data, const SourceStudy& source,
                           const std::string& result) {
   int number = 0;
+  std::set<std::string> written;
   for (const auto& stack : data.case_json.value("stacks", Json::array())) {
-    if (!stack.value("used", false)) continue;
     const std::string series = stack.value("uid", std::string());
+    if (!stack.value("used", false) || !written.insert(series).second) continue;
     const std::string bytes = structure_set_object(source, data, series, result + series);
     if (bytes.empty()) continue;
     ++number;

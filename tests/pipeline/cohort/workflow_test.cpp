@@ -95,6 +95,45 @@ TEST_F(Workflow, AFaultOfTheMachineThatStaysIsToldAfterThreeAttempts) {
   EXPECT_EQ(stages_.runs().at("segment late"), 1);
 }
 
+TEST_F(Workflow, AFaultOfTheMachineCostsNoResultThatIsThere) {
+  EXPECT_EQ(run().status, 6);
+  write_file(studies() / "late" / "another", "image");
+  stages_.tell("late", "segment", "5");  // in use by another run, say
+  EXPECT_EQ(run().status, 6);
+  const fs::path late = folder() / "out" / "cases" / "late";
+  for (const PipelineStage& stage : pipeline_stages)
+    EXPECT_TRUE(fs::exists(late / stage.folder)) << stage.folder;
+  const Table table = read_table(folder() / "out" / "cohort.tsv", {});
+  EXPECT_EQ(table.cell(6, "outcome"), "failed");
+  EXPECT_EQ(table.cell(6, "stage"), "segment");
+}
+
+TEST_F(Workflow, AJobThatIsKilledAtEveryAttemptIsAFailureOfItsSubject) {
+  stages_.tell("late", "mesh", "kill");
+  EXPECT_EQ(run().status, 6);
+  EXPECT_EQ(stages_.runs().at("mesh late"), 3);
+  EXPECT_EQ(stages_.runs().at("report good"), 1);
+  const Table table = read_table(folder() / "out" / "cohort.tsv", {});
+  ASSERT_EQ(table.rows.size(), 8U);
+  EXPECT_EQ(table.cell(6, "outcome"), "failed");
+  EXPECT_THAT(table.cell(6, "reason"), testing::HasSubstr("ended from outside"));
+  stages_.forget("late", "mesh");
+  EXPECT_EQ(run().status, 6);
+  EXPECT_EQ(stages_.runs().at("report late"), 1);
+}
+
+TEST_F(Workflow, WhatFollowedAnotherPlanIsDoneAgain) {
+  EXPECT_EQ(run().status, 6);
+  const fs::path end = folder() / "out" / "ends" / "good" / "trace.json";
+  Json json = read_json(end);
+  json["plan"] = "of a job that was running when the plan was changed";
+  write_json(end, json);
+  EXPECT_EQ(run().status, 6);
+  EXPECT_EQ(stages_.runs().at("mesh good"), 1);
+  EXPECT_EQ(stages_.runs().at("trace good"), 2);
+  EXPECT_EQ(stages_.runs().at("report good"), 2);
+}
+
 TEST_F(Workflow, NothingOfAnEarlierRunIsLeftOfAStudyThatFailsNow) {
   EXPECT_EQ(run().status, 6);
   const fs::path cases = folder() / "out" / "cases";
@@ -119,6 +158,7 @@ TEST_F(Workflow, PassesOnWhatAllStagesAreAskedFor) {
   std::vector<std::string> asked = words("out", 2);
   asked.insert(asked.end(), {"--laterality", "od", "--seed", "7"});
   stages_.run("cohort", asked);
+  EXPECT_EQ(read_table(folder() / "out" / "cohort.tsv", {}).rows.size(), 4U);  // one eye of each
   const Json options = read_json(folder() / "out" / "subjects" / "good.json").at("options");
   for (const PipelineStage& stage : pipeline_stages)
     EXPECT_THAT(options.at(stage.command).get<std::vector<std::string>>(),

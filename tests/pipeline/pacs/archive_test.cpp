@@ -84,7 +84,7 @@ class ArchiveOrthanc : public testing::Test {
   }
   /// The fixture's study arrives in the archive, as from a scanner.
   void send_study() const {
-    test::make_fixture_study(folder() / "study");
+    if (!fs::exists(folder() / "study")) test::make_fixture_study(folder() / "study");
     const ProcessResult sent = run_process(
         *find_program("storescu"),
         {"-aec", "ORTHANC", "127.0.0.1", std::to_string(port_ + 1), "+sd", (folder() / "study").string()},
@@ -159,6 +159,23 @@ TEST_F(ArchiveOrthanc, GivesAStudyAndTakesWhatCameOfIt) {
   EXPECT_LE(pdf.size(), expected.size() + 1);  // DICOM pads to an even length
 }
 
+TEST_F(ArchiveOrthanc, LeavesOutWhatIsNoImage) {
+  test::make_fixture_study(folder() / "study");
+  // A spectrum among the images.
+  const std::string spectrum = (folder() / "study" / "slice0").string();
+  run_process(*find_program("dcmodify"), {"-nb", "-m", "0008,0016=1.2.840.10008.5.1.4.1.1.4.2", spectrum},
+              ChildOutput::discard);
+  send_study();
+  const ProcessResult pulled =
+      pacs({"pull", "--patient-id", "MRN-4711", "-o", (folder() / "pulled/").string()});
+  ASSERT_EQ(pulled.status, 0) << pulled.output;
+  std::multiset<std::string> expected = contents_of(folder() / "study");
+  for (const std::string& one : contents_of(folder() / "study"))
+    if (one.find("MRSpectroscopyStorage") != std::string::npos) expected.erase(one);
+  EXPECT_EQ(contents_of(folder() / "pulled").size() + 1, contents_of(folder() / "study").size());
+  EXPECT_EQ(contents_of(folder() / "pulled"), expected);
+}
+
 TEST_F(ArchiveOrthanc, SaysWhatItDoesNotFind) {
   const ProcessResult none = pacs({"pull", "--accession", "no-such", "-o", (folder() / "none").string()});
   EXPECT_EQ(none.status, 3);
@@ -171,6 +188,11 @@ TEST_F(ArchiveOrthanc, SaysWhatItDoesNotFind) {
       pacs({"pull", "--accession", "1", "-o", (folder() / "none").string()}, "wrong.json");
   EXPECT_EQ(nobody.status, 3);
   EXPECT_THAT(nobody.output, HasSubstr("Connection refused"));
+  write_settings("wrong.json", {{"tsl", {{"authority", "a.crt"}}}});
+  const ProcessResult misspelt =
+      pacs({"pull", "--accession", "1", "-o", (folder() / "none").string()}, "wrong.json");
+  EXPECT_EQ(misspelt.status, 3);
+  EXPECT_THAT(misspelt.output, HasSubstr("tsl"));
   write_settings("wrong.json", {{"port", 0}});
   EXPECT_EQ(pacs({"pull", "--accession", "1", "-o", (folder() / "none").string()}, "wrong.json").status, 3);
 }

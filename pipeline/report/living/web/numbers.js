@@ -174,7 +174,7 @@ class Numbers {
     const ink = getComputedStyle(this.root).color, grid = { stroke: "rgba(128,128,128,.3)" };
     this.plot = new uPlot({ width: 300, height: 230, cursor: { show: false }, legend: { show: false },
       scales: { x: { time: false }, y: { range: [0, 1] } },
-      axes: [{ stroke: ink, grid, label: "cycles a degree", labelSize: 20 }, { stroke: ink, grid, size: 40 }],
+      axes: [{ stroke: ink, grid, label: "cycles a degree", labelSize: 20 }, { stroke: ink, grid, size: 56 }],
       series: [{}, { stroke: "#1f77d0", width: 2 }, { stroke: "#d0651f", width: 2 }, { stroke: ink, width: 1, dash: [5, 4] }] }, data, this.contrast);
     this.contrast.setAttribute("role", "img");
     this.contrast.setAttribute("aria-label", "Modulation transfer function along and across the lens's axis to 60 cycles a degree");

@@ -38,7 +38,7 @@ class BidsApp : public testing::Test {
 
 TEST_F(BidsApp, MeasuresTheParticipantsThatAreAskedForAndThenTheGroup) {
   stages_.tell("sub-02_ses-a", "segment", "3");
-  EXPECT_EQ(run({"participant", "--participant-label", "01"}).status, 0);
+  EXPECT_EQ(run({"participant", "--participant-label", "sub-01/"}).status, 0);
   EXPECT_EQ(stages_.runs().size(), 5U);
   EXPECT_EQ(run({"participant", "--participant_label", "sub-02", "--session-label", "a", "b"}).status, 0);
   EXPECT_EQ(stages_.runs().at("segment sub-02_ses-b"), 1);
@@ -47,6 +47,8 @@ TEST_F(BidsApp, MeasuresTheParticipantsThatAreAskedForAndThenTheGroup) {
   EXPECT_EQ(read_json(out() / "emmetrope" / "subjects" / "sub-01.json").at("options").at("segment").at(1),
             "30");
 
+  // One that is being measured just now.
+  write_file(out() / "emmetrope" / "subjects" / "sub-09.json", "{}");
   fs::rename(dataset() / "sub-01", temporary_.path() / "taken away");  // the group needs no images
   const ProcessResult group = run({"group"});
   EXPECT_EQ(group.status, 0) << group.output;
@@ -70,6 +72,10 @@ TEST_F(BidsApp, AFaultOfTheMachineIsOneOfTheJob) {
   EXPECT_THAT(ended.output, HasSubstr("sub-01"));
   stages_.forget("sub-01", "trace");
   EXPECT_EQ(run({"participant", "--participant-label", "01"}).status, 0);
+  stages_.tell("sub-01", "segment", "5");
+  EXPECT_EQ(run({"participant", "--participant-label", "01"}).status, 1);
+  EXPECT_TRUE(fs::exists(out() / "emmetrope" / "cases" / "sub-01" / "raytrace"));  // what was there stays
+  EXPECT_TRUE(fs::exists(out() / "sub-01" / "anat" / "sub-01_eyes.tsv"));
 }
 
 TEST_F(BidsApp, SaysWhatIsWrongWithWhatItWasGiven) {
@@ -77,7 +83,10 @@ TEST_F(BidsApp, SaysWhatIsWrongWithWhatItWasGiven) {
   const ProcessResult nobody = run({"participant", "--participant-label", "07"});
   EXPECT_EQ(nobody.status, 3);
   EXPECT_THAT(nobody.output, HasSubstr("sub-07"));
-  EXPECT_EQ(run({"participant", "--participant-label", "02", "--session-label", "z"}).status, 3);
+  EXPECT_EQ(run({"participant", "--participant-label", "../x"}).status, 2);
+  const ProcessResult no_session = run({"participant", "--session-label", "a", "z"});
+  EXPECT_EQ(no_session.status, 3);
+  EXPECT_THAT(no_session.output, HasSubstr("ses-z"));
   EXPECT_EQ(run({"group"}).status, 3);
   EXPECT_FALSE(fs::exists(out() / "cohort.tsv"));
   EXPECT_EQ(stages_.run("bids", {dataset().string(), (dataset() / "sub-01").string(), "participant"}).status,

@@ -3,6 +3,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <chrono>
+
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/files.hpp"
 #include "tests/support/temporary_folder.hpp"
@@ -122,6 +124,29 @@ TEST_F(Subjects, ThatAreNoneAreRefusedByNameAndLine) {
   EXPECT_THAT(refusal(folder() / "people.tsv"), HasSubstr("the column \"study\" is missing"));
   write_file(folder() / "people.tsv", "participant_id\tstudy\nx\n");
   EXPECT_THAT(refusal(folder() / "people.tsv"), HasSubstr("line 2 has 1 cells, the header 2"));
+}
+
+TEST_F(Subjects, OfBidsMayHavePlusInTheirNamesAndAges) {
+  add("bids/sub-a+b/anat/x.nii.gz");
+  write_file(folder() / "bids" / "dataset_description.json", "{}");
+  write_file(folder() / "bids" / "participants.tsv", "participant_id\tage\nsub-a+b\t89+\n");
+  const std::vector<Subject> found = find_subjects(folder() / "bids");
+  ASSERT_EQ(found.size(), 1U);
+  EXPECT_EQ(found[0].id, "sub-a+b");
+  EXPECT_THAT(found[0].options.at("segment"), ElementsAre("--age", "89"));
+  write_file(folder() / "bids" / "participants.tsv", "participant_id\tage\nsub-a+b\told\n");
+  EXPECT_THAT(refusal(folder() / "bids"), HasSubstr("line 2, column age: \"old\" is no age"));
+  write_file(folder() / "bids" / "participants.tsv", "participant_id\tage\nsub-a+b\t8\na+b\t9\n");
+  EXPECT_THAT(refusal(folder() / "bids"), HasSubstr("has a row already"));
+}
+
+TEST_F(Subjects, AnImageThatIsReplacedIsAnotherStudy) {
+  add("studies/a/1.dcm");
+  add("studies/a/2.dcm");
+  const Json before = find_subjects(folder() / "studies")[0].fingerprint;
+  fs::last_write_time(folder() / "studies/a/1.dcm",
+                      fs::last_write_time(folder() / "studies/a/1.dcm") - std::chrono::hours(1));
+  EXPECT_NE(find_subjects(folder() / "studies")[0].fingerprint, before);
 }
 
 }  // namespace

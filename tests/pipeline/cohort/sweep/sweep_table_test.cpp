@@ -68,6 +68,10 @@ TEST_F(SweepTable, SaysWhereItIsWrong) {
   EXPECT_THAT(refusal("command = 'trace'\n[vary]\npupil = 2\n"), HasSubstr("line 3, pupil"));
   EXPECT_THAT(refusal("command = 'trace'\n[vary]\npupil = []\n"), HasSubstr("line 3, pupil"));
   EXPECT_THAT(refusal("command = 'trace'\n[all]\noutput = 'x'\n"), HasSubstr("sets this itself"));
+  EXPECT_THAT(refusal("command = 'eye'\n[all]\nversion = true\n"), HasSubstr("sets this itself"));
+  EXPECT_THAT(refusal("command = 'trace'\n[all]\npupil = 2\n[vary]\npupil = [1]\n"),
+              HasSubstr("in [all] too"));
+  EXPECT_THAT(refusal("command = 'trace'\n[columns]\ncoma = '/a~x'\n"), HasSubstr("JSON pointer"));
   EXPECT_THAT(refusal("command = 'trace'\n[very]\npupil = [1]\n"), HasSubstr("line 2, very"));
   EXPECT_THAT(refusal("command = 'trace'\n[all]\npupil = 2001-01-01\n"), HasSubstr("expected a number"));
   EXPECT_THAT(refusal("command = 'trace'\n[columns]\ncoma = 'x'\n"), HasSubstr("JSON pointer"));
