@@ -64,6 +64,14 @@ std::map<std::string, fs::path> images_by_uid(const fs::path& study) {
   return images;
 }
 
+/// Whether the eye's surfaces were fitted and stand: voxels have labels of such eyes alone.
+bool is_fitted(const fs::path& case_folder, Laterality eye) {
+  const fs::path file = case_folder / "segmentation" / to_string(eye) / "fit.json";
+  if (!fs::exists(file)) return false;
+  const Json fit = read_json(file);
+  return fit.contains("eye") && !fit.at("withheld").contains("fit");
+}
+
 /// A stack of the case whose voxels have labels, and the image that it is.
 struct LabelledStack {
   std::string name;
@@ -83,7 +91,7 @@ std::vector<LabelledStack> labelled_stacks(const fs::path& case_folder, const Su
         const Json& eyes = json.at("eyes");
         if (!eyes.contains(to_string(eye))) return false;
         const Json& seen_in = eyes.at(to_string(eye)).at("stacks");
-        return fs::exists(case_folder / "segmentation" / to_string(eye) / "boundary.ply") &&
+        return is_fitted(case_folder, eye) &&
                std::find(seen_in.begin(), seen_in.end(), Json(name)) != seen_in.end();
       });
       const auto image = images.find(stack.at("uid").get<std::string>());

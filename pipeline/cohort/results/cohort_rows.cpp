@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cstdlib>
 #include <sstream>
 
 #include "pipeline/base/case_subject.hpp"
@@ -90,14 +91,24 @@ void judge(EyeRow& row, const CohortFolder& cohort) {
   }
 }
 
-/// As the plan has it.
-std::vector<Laterality> eyes_asked_for(const CohortFolder& cohort, const std::string& subject) {
-  std::vector<Laterality> eyes(both_eyes.begin(), both_eyes.end());
+/// What is to be done for a subject; an empty object where nobody says.
+Json plan_of(const CohortFolder& cohort, const std::string& subject) {
   const fs::path file = cohort.subject_file(subject);
-  if (!fs::exists(file)) return eyes;
-  const std::string asked = read_json(file).value("eyes", "both");
-  if (asked == "both") return eyes;
-  return {asked == "od" ? Laterality::od : Laterality::os};
+  return fs::exists(file) ? read_json(file) : Json::object();
+}
+
+std::vector<Laterality> eyes_asked_for(const Json& plan) {
+  const std::string asked = plan.value("eyes", "both");
+  if (asked == "od") return {Laterality::od};
+  if (asked == "os") return {Laterality::os};
+  return {both_eyes.begin(), both_eyes.end()};
+}
+
+/// At the examination, as the images say, else as the table of participants does.
+std::optional<double> age_of(const fs::path& case_folder, const Json& plan) {
+  if (const std::optional<double> age_years = subject_age_years(case_folder)) return age_years;
+  const std::string told = plan.value("age", "");
+  return told.empty() ? std::nullopt : std::optional(std::strtod(told.c_str(), nullptr));
 }
 
 std::string number(double value) { return fmt::format("{:.6g}", value); }
@@ -134,9 +145,10 @@ std::vector<EyeRow> read_rows(const CohortFolder& cohort, const std::vector<std:
   std::vector<EyeRow> rows;
   for (const std::string& subject : subjects) {
     const fs::path case_folder = cohort.case_folder(subject);
-    const std::optional<double> age_years = subject_age_years(case_folder);
+    const Json plan = plan_of(cohort, subject);
+    const std::optional<double> age_years = age_of(case_folder, plan);
     const std::string sex = sex_of(case_folder);
-    for (const Laterality eye : eyes_asked_for(cohort, subject)) {
+    for (const Laterality eye : eyes_asked_for(plan)) {
       EyeRow& row = rows.emplace_back();
       row.subject = subject;
       row.eye = eye;

@@ -192,8 +192,9 @@ void add_readings_of_row(Subject& subject, const Table& table, std::size_t row) 
     std::vector<std::string>& words = subject.options[command];
     words.insert(words.end(), {option, value});
   };
-  if (const std::string age = age_in(table, row); !age.empty())
-    for (const char* command : {"segment", "trace", "correct"}) add(command, "--age", age);
+  subject.age = age_in(table, row);
+  if (!subject.age.empty())
+    for (const char* command : {"segment", "trace", "correct"}) add(command, "--age", subject.age);
   for (const Reading& reading : readings)
     for (const Laterality eye : both_eyes)
       if (const std::string value = table.cell(row, fmt::format("{}_{}", reading.column, to_string(eye)));
@@ -230,6 +231,7 @@ void require_distinct(const std::vector<Subject>& subjects) {
 
 Json to_json(const Subject& subject) {
   return {{"study", subject.study.string()},
+          {"age", subject.age},
           {"options", subject.options},
           {"fingerprint", subject.fingerprint},
           {"version", version()}};  // another version measures anew

@@ -17,6 +17,7 @@ struct Subject {
   std::map<std::string, std::vector<std::string>> options;
   /// Of the study's files, their sizes and last changes: another study under the same name is another subject.
   Json fingerprint;
+  std::string age = {};  ///< years, as the table of participants has it; empty: not said
 };
 Json to_json(const Subject& subject);
 /// \throw Error (input_invalid) naming the file

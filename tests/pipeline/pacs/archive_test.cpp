@@ -183,7 +183,7 @@ TEST_F(ArchiveOrthanc, SaysWhatItDoesNotFind) {
   EXPECT_FALSE(fs::exists(folder() / "none"));
   EXPECT_EQ(pacs({"pull", "-o", (folder() / "none").string()}).status, 2);  // everything
   EXPECT_EQ(pacs({"push", folder().string()}).status, 2);
-  write_settings("wrong.json", {{"port", port_ + 5}});
+  write_settings("wrong.json", {{"port", 1}});  // nobody listens there
   const ProcessResult nobody =
       pacs({"pull", "--accession", "1", "-o", (folder() / "none").string()}, "wrong.json");
   EXPECT_EQ(nobody.status, 3);

@@ -50,7 +50,9 @@ class DerivativesOfACase : public testing::Test {
       write_file(case_folder / "segmentation" / (name + "_labels.nii.gz"), "labels of " + image);
     }
     write_json(case_folder / "case.json", json);
-    write_file(case_folder / "segmentation" / "od" / "boundary.ply", "points");
+    write_json(case_folder / "segmentation" / "od" / "fit.json",
+               {{"eye", Json::object()}, {"withheld", Json::object()}});
+    write_json(case_folder / "segmentation" / "os" / "fit.json", {{"withheld", {{"fit", "no eye"}}}});
   }
   std::vector<std::string> published() const {
     std::vector<std::string> names;
@@ -103,7 +105,8 @@ TEST_F(DerivativesOfACase, OfTwoContrastsHaveTheirNames) {
 
 TEST_F(DerivativesOfACase, OfNoFittedEyeAreItsRowsAlone) {
   fit_to({"sub-01_ses-a_T1w.nii.gz"});
-  fs::remove(derivatives_.cohort().case_folder(subject_.id) / "segmentation" / "od" / "boundary.ply");
+  write_json(derivatives_.cohort().case_folder(subject_.id) / "segmentation" / "od" / "fit.json",
+             {{"eye", Json::object()}, {"withheld", {{"fit", "fat was taken for its wall"}}}});
   derivatives_.publish(subject_, dataset());
   EXPECT_THAT(published(), UnorderedElementsAre("sub-01_ses-a_eyes.tsv"));
 }
