@@ -96,12 +96,14 @@ def draw():
     top_of_ground = top_of_library + library_height + gap
     height = top_of_ground + ground_height + margin + 22
 
-    half = (width - 2 * margin - gap) / 2
-    for x, name, what in [(margin, "pipeline/driver", "emmetrope run: starts the stages, redoes what is stale"),
-                          (margin + half + gap, "pipeline/cohort", "many studies: a workflow, a table, a page")]:
-        box(x, margin, half, 36, colours["driver"])
+    tops = [("pipeline/driver", "all stages of a study"), ("pipeline/follow", "growth over visits"),
+            ("pipeline/cohort", "many studies, sweeps"), ("pipeline/pacs", "archives")]
+    wide = (width - 2 * margin - (len(tops) - 1) * gap) / len(tops)
+    for place, (name, what) in enumerate(tops):
+        x = margin + place * (wide + gap)
+        box(x, margin, wide, 36, colours["driver"])
         text(x + inset, margin + 23, name, 13, "bold")
-        text(x + 124, margin + 23, what, 11, colour=faint)
+        text(x + inset + 8.2 * len(name), margin + 23, what, 11, colour=faint)
 
     for i, (name, leaves) in enumerate(stages.items()):
         x = margin + i * (column + gap)

@@ -38,6 +38,12 @@ FollowedEye followed(const Visits& visits, Laterality laterality, double scale_s
   return eye;
 }
 
+/// "+0.10", and "0.00" for what rounds to it.
+std::string with_sign(double value, int decimals) {
+  std::string text = fmt::format("{:+.{}f}", value, decimals);
+  return text.find_first_of("123456789") == std::string::npos ? text.substr(1) : text;
+}
+
 bool is_growth(const Measured& growth) { return growth.ci95[0] > 0 || growth.ci95[1] < 0; }
 
 /// Without dates it is the growth between the two visits.
@@ -59,10 +65,10 @@ report::Table table_of(const FollowedEye& eye, const Visits& visits) {
     for (const std::vector<double>& values : eye.by_visit)
       row.push_back(fmt::format("{:.{}f} {}", values[q], quantity.decimals, quantity.unit));
     const Measured& growth = eye.per_year[q];
-    row.push_back(fmt::format("{:+.{}f} {}", growth.value, quantity.decimals, unit_of(quantity, visits)));
-    row.push_back(fmt::format("{:+.{}f} to {:+.{}f}", growth.ci95[0], quantity.decimals, growth.ci95[1],
-                              quantity.decimals));
-    row.emplace_back(is_growth(growth) ? "changes" : "within the interval");
+    row.push_back(with_sign(growth.value, quantity.decimals) + " " + unit_of(quantity, visits));
+    row.push_back(with_sign(growth.ci95[0], quantity.decimals) + " to " +
+                  with_sign(growth.ci95[1], quantity.decimals));
+    row.emplace_back(is_growth(growth) ? "changes" : "no change is seen");
     table.rows.push_back(std::move(row));
   }
   return table;
@@ -72,9 +78,9 @@ std::string headline(const FollowedEye& eye, const Visits& visits) {
   if (!eye.reason.empty())
     return fmt::format("{}: not followed; {}.", clinical_name(eye.laterality), eye.reason);
   const Measured& length = eye.per_year.front();
-  return fmt::format("{}: axial length {:+.2f} {} ({:+.2f} to {:+.2f}).", clinical_name(eye.laterality),
-                     length.value, unit_of(followed_quantities().front(), visits), length.ci95[0],
-                     length.ci95[1]);
+  return fmt::format("{}: axial length {} {} ({} to {}).", clinical_name(eye.laterality),
+                     with_sign(length.value, 2), unit_of(followed_quantities().front(), visits),
+                     with_sign(length.ci95[0], 2), with_sign(length.ci95[1], 2));
 }
 
 report::Document document_of(const std::vector<FollowedEye>& eyes, const Visits& visits) {
@@ -94,9 +100,9 @@ report::Document document_of(const std::vector<FollowedEye>& eyes, const Visits&
   for (const FollowedEye& eye : eyes)
     if (eye.reason.empty()) section.blocks.push_back({table_of(eye, visits)});
   section.blocks.push_back({report::Paragraph{
-      "The visits are fitted together by one eye that changes evenly. What was assumed of the eye before its images were "
-      "seen is the same at all visits and takes no part; cornea and lens are held to change little. The columns of the "
-      "visits are the fits of each by itself, to the vitreo-retinal interface."}});
+      "The visits are fitted together as one eye that changes evenly: the change since the first visit has the errors of "
+      "both fits, and cornea, chamber and lens are known to change little. The columns of the visits are the fits of each "
+      "by itself, to the vitreo-retinal interface."}});
   document.sections.push_back(std::move(section));
   return document;
 }
