@@ -92,7 +92,8 @@ Outcome try_door(const Door& door, const Plan& plan) {
   Random random(plan.seed);
   const auto start = Clock::now();
   reading = fmt::format("{}: crashed or hung, {}\n", door.name, file.string());
-  for (const int signal : {SIGALRM, SIGPROF, SIGSEGV, SIGABRT, SIGFPE, SIGBUS, SIGILL}) std::signal(signal, say_which);
+  for (const int signal : {SIGALRM, SIGPROF, SIGSEGV, SIGABRT, SIGFPE, SIGBUS, SIGILL})
+    std::signal(signal, say_which);
   for (const std::string& input : inputs) try_one(door, file, input, outcome);
   if (outcome.refused > 0) throw std::runtime_error(door.name + " refuses a whole input");
   const auto goes_on = [&] {

@@ -96,7 +96,7 @@ std::string sweep_table(const Sweep& sweep, const SweepFolder& folder,
   }
   for (const auto& [column, pointer] : sweep.columns)
     if (any_result && std::find(columns.begin(), columns.end(), column) == columns.end())
-      throw input_error("[columns] " + column + ": no result has " + pointer,
+      throw input_error(fmt::format("[columns] {}: no result has {}", column, pointer),
                         "see a JSON file in " + (folder.root / "results").string());
   std::string text = fmt::format("{}\n", fmt::join(columns, "\t"));
   for (const auto& row : rows) {
