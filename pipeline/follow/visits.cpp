@@ -3,7 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cstdio>
+#include <boost/date_time/gregorian/gregorian.hpp>
 
 #include "pipeline/base/case_folder.hpp"
 #include "pipeline/base/error.hpp"
@@ -19,16 +19,12 @@ namespace fs = std::filesystem;
 
 constexpr double days_in_a_year = 365.25;
 
-/// Days of the proleptic Gregorian calendar (Howard Hinnant, days_from_civil).
-double day_number(const std::string& date) {
-  int year = 0, month = 0, day = 0;
-  if (std::sscanf(date.c_str(), "%d-%d-%d", &year, &month, &day) != 3)
+boost::gregorian::date calendar_date(const std::string& date) {
+  try {
+    return boost::gregorian::from_simple_string(date);
+  } catch (const std::exception&) {
     throw input_error("the date \"" + date + "\" of a visit is none", "give --years");
-  year -= month <= 2 ? 1 : 0;
-  const int era = (year >= 0 ? year : year - 399) / 400, year_of_era = year - era * 400;
-  const int day_of_year = (153 * (month + (month > 2 ? -3 : 9)) + 2) / 5 + day - 1;
-  const int leap_days = year_of_era / 4 - year_of_era / 100;
-  return era * 146097.0 + year_of_era * 365.0 + leap_days + day_of_year;
+  }
 }
 
 void set_years(Visits& visits, const std::vector<double>& years) {
@@ -41,7 +37,9 @@ void set_years(Visits& visits, const std::vector<double>& years) {
   } else if (std::none_of(visits.dates.begin(), visits.dates.end(),
                           [](const std::string& date) { return date.empty(); })) {
     for (const std::string& date : visits.dates)
-      visits.years.push_back((day_number(date) - day_number(visits.dates.front())) / days_in_a_year);
+      visits.years.push_back(
+          static_cast<double>((calendar_date(date) - calendar_date(visits.dates.front())).days()) /
+          days_in_a_year);
     visits.are_dated = true;
   } else if (count == 2) {
     visits.years = {0, 1};

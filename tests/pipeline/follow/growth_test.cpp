@@ -84,7 +84,7 @@ TEST(Growth, TheScannersScaleMakesLengthsLessCertain) {
 class FollowCommand : public testing::Test {
  protected:
   fs::path visit(const std::string& name, double axial_length_mm) const {
-    const fs::path folder = temporary_.path() / name;
+    fs::path folder = temporary_.path() / name;
     test::make_fixture_case(folder);
     for (const char* eye : {"od", "os"}) {
       const fs::path file = folder / "segmentation" / eye / "fit.json";
@@ -113,6 +113,23 @@ TEST_F(FollowCommand, TellsGrowthWithItsInterval) {
   EXPECT_EQ(growth.at("visits").size(), 2U);
   EXPECT_TRUE(fs::exists(temporary_.path() / "out" / "growth.html"));
   EXPECT_TRUE(fs::exists(temporary_.path() / "out" / "growth.pdf"));
+}
+
+TEST_F(FollowCommand, KnowsWhenTheVisitsWereFromTheirDates) {
+  const fs::path first = visit("first", 23.5), second = visit("second", 23.9);
+  const auto date = [&](const std::string& day) {
+    Json json = read_json(second / "case.json");
+    json["study_date"] = day;
+    write_json(second / "case.json", json);
+  };
+  date("2028-03-14");  // 731 days, with a leap day, after the first
+  const ProcessResult ended = run({first.string(), second.string()});
+  ASSERT_EQ(ended.status, 0) << ended.output;
+  EXPECT_NEAR(Json::parse(ended.output).at("years").at(1).get<double>(), 731 / 365.25, 1e-9);
+  date("2027-02-30");
+  EXPECT_EQ(run({first.string(), second.string()}).status, 3);
+  date("2025-03-14");
+  EXPECT_THAT(run({first.string(), second.string()}).output, testing::HasSubstr("is not after"));
 }
 
 TEST_F(FollowCommand, SaysWhatIsWrongWithItsVisits) {
