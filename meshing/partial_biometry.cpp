@@ -28,6 +28,15 @@ void withhold_cornea(Json& biometry, const std::string& reason) {
   biometry["cornea_zernike_um"] = nothing;
 }
 
+void withhold_front(Json& biometry, const std::string& reason) {
+  withhold_cornea(biometry, reason);
+  for (const char* name :
+       {"axial_length_mm", "optical_axial_length_mm", "anterior_chamber_depth_mm", "lens_thickness_mm",
+        "lens_anterior_radius_mm", "lens_posterior_radius_mm", "globe_depth_mm"})
+    biometry[name] = withheld(reason);
+  biometry["retina"]["volume_mm3"] = withheld(reason);  // it ends at the lens
+}
+
 Json edge_biometry_json(const Json& fit, Laterality eye, double retinal_depth_mm) {
   const Json& edges = fit.at("edges");
   const std::string reason = fit.at("withheld").at("fit").get<std::string>();

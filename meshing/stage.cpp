@@ -28,6 +28,9 @@ struct FittedEye {
   UncertainEye estimate;
   std::optional<Topography> topography;
   std::string cornea_withheld;  ///< why; empty: its shape is known
+  std::string front_withheld;   ///< why; empty: there is more than the back of the globe
+
+  bool has_optics() const { return cornea_withheld.empty() && front_withheld.empty(); }
 };
 
 /// What segmentation knows of an eye: its fit, or what edges tell where that is withheld.
@@ -47,7 +50,7 @@ SegmentedEye read_segmented(const fs::path& case_folder, Laterality eye) {
       throw no_result_error("refused by segmentation: " + withheld.at("fit").get<std::string>());
     if (withheld.contains("fit")) return {fit, std::nullopt};
     return {fit, FittedEye{fit, fitted_eye(parametric_eye_from_json(fit.at("eye"))), std::nullopt,
-                           withheld.value("cornea", std::string())}};
+                           withheld.value("cornea", std::string()), withheld.value("front", std::string())}};
   } catch (const nlohmann::json::exception& fault) {
     throw input_error(file.string() + " is broken: " + fault.what(), "make it again with: emmetrope segment");
   } catch (Error& error) {
@@ -90,6 +93,7 @@ Json write_meshes(const fs::path& folder, const FittedEye& fitted, const Meshing
   for (const NamedSheet& sheet : make_sheets(eye, cornea, reach_mm)) {
     const bool is_cornea = sheet.name.rfind("cornea", 0) == 0;
     if (is_cornea && !fitted.cornea_withheld.empty()) continue;
+    if (sheet.name != "retina" && !fitted.front_withheld.empty()) continue;
     int vertices = sheet.paper_vertices;
     for (const std::string& key : {std::string(), sheet.name}) {
       if (const auto wanted = options.vertices.find(key); wanted != options.vertices.end())
@@ -185,6 +189,12 @@ void learn_from_instruments(KnownEyes& eyes, const MeshingOptions& options, Stag
     fitted.estimate.add_scale_prior(options.scale_sd);
     const auto measured = options.instruments.find(eye);
     if (measured == options.instruments.end()) continue;
+    if (!fitted.front_withheld.empty()) {
+      workspace.warn(
+          std::string(clinical_name(eye)) +
+          ": its front is not in the images, so that what other instruments say of it is not used");
+      continue;
+    }
     InstrumentReadings readings = read_instruments(measured->second);
     fitted.topography = std::move(readings.topography);
     try {
@@ -220,6 +230,7 @@ Json biometry_of(const FittedEye& fitted, Laterality eye, const MeshingOptions& 
   Json biometry = biometry_json(fitted.estimate, {options.retinal_depth_mm},
                                 fitted.topography ? &*fitted.topography : nullptr);
   if (!fitted.cornea_withheld.empty()) withhold_cornea(biometry, fitted.cornea_withheld);
+  if (!fitted.front_withheld.empty()) withhold_front(biometry, fitted.front_withheld);
   biometry["head_roll_deg"] = fitted.fit.at("head_roll_deg");
   if (interpupillary) biometry["interpupillary_distance_mm"] = *interpupillary;
   flag(biometry, eye, workspace);
@@ -257,14 +268,13 @@ StageVerdict mesh_eyes(const MeshingOptions& options, const StageVerdict& segmen
         const FittedEye& fitted = eyes.fitted.at(eye);
         quality[to_string(eye)] = write_meshes(folder, fitted, options);
         write_json(folder / "biometry.json", biometry_of(fitted, eye, options, interpupillary, workspace));
-        if (fitted.cornea_withheld.empty())
-          write_json(folder / "optics.json", optics_json(fitted.estimate, defaults));
+        if (fitted.has_optics()) write_json(folder / "optics.json", optics_json(fitted.estimate, defaults));
       });
   workspace.provenance()["meshes"] = quality;
   const bool something_withheld =
       std::any_of(eyes.fitted.begin(), eyes.fitted.end(),
                   [&](const auto& eye) {
-                    return includes(common.laterality, eye.first) && !eye.second.cornea_withheld.empty();
+                    return includes(common.laterality, eye.first) && !eye.second.has_optics();
                   }) ||
       std::any_of(eyes.read.begin(), eyes.read.end(),
                   [&](const auto& eye) { return includes(common.laterality, eye.first); });

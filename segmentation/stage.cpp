@@ -98,7 +98,7 @@ void fit_all(std::vector<JudgedEye>& eyes, const StudyImages& images, const Comm
 
 /// \return whether both were measured and are alike enough to tell of each other
 bool couple(std::vector<JudgedEye>& eyes) {
-  if (eyes.size() != 2 || !eyes[0].is_fitted() || !eyes[1].is_fitted()) return false;
+  if (eyes.size() != 2 || !eyes[0].has_front() || !eyes[1].has_front()) return false;
   return couple_eyes(*eyes[0].fit, *eyes[1].fit);
 }
 

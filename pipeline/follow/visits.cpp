@@ -83,9 +83,11 @@ std::vector<EyeAtVisit> eyes_of(const Visits& visits, Laterality eye, std::strin
     const auto found = std::find_if(data.eyes.begin(), data.eyes.end(),
                                     [&](const report::EyeData& one) { return one.laterality == eye; });
     const bool is_there = found != data.eyes.end() && found->fit.is_object() && found->fit.contains("eye");
-    if (!is_there || found->fit.value("withheld", Json::object()).contains("fit")) {
-      reason = fmt::format("visit {}: {}", i + 1,
-                           is_there ? "the fit of this eye is withheld" : "this eye was not fitted");
+    const Json withheld = is_there ? found->fit.value("withheld", Json::object()) : Json::object();
+    if (!is_there || withheld.contains("fit") || withheld.contains("front")) {
+      reason =
+          fmt::format("visit {}: {}", i + 1,
+                      is_there ? "length and front of this eye are withheld" : "this eye was not fitted");
       return {};
     }
     eyes.push_back({fitted_eye(parametric_eye_from_json(found->fit.at("eye"))), visits.years[i]});

@@ -29,6 +29,9 @@ Estimate without_bias(double value, const Estimate& bias, double other_sigma) {
   return {value - bias.value, std::hypot(bias.sigma, other_sigma)};
 }
 
+/// Of a globe that is read from its back and sides alone: heads blanked on purpose against their whole images.
+constexpr double blanked_depth_sigma_mm = 2;
+
 /// Slices blur what lies across them.
 double slice_sigma_mm(const Stack& stack) {
   return 0.12 * std::max(stack.slice_thickness_mm, stack.slice_spacing_mm());
@@ -59,7 +62,9 @@ EdgeBiometry edge_biometry(const EdgeReading& reading, const Stack& stack, Weigh
   biometry.centre = {0, std::hypot(0.3, sigma_mm)};
   biometry.globe_width = without_bias(2 * reading.globe.half_axes[0], bias.across, across_mm);
   biometry.globe_height = without_bias(2 * reading.globe.half_axes[1], bias.across, across_mm);
-  biometry.globe_depth = without_bias(2 * reading.globe.half_axes[2], bias.across, across_mm);
+  biometry.globe_depth =
+      without_bias(2 * reading.globe.half_axes[2], bias.across,
+                   std::hypot(across_mm, reading.front_is_blanked ? blanked_depth_sigma_mm : 0));
   if (!reading.axial) return biometry;
   const AxialEdges& axial = *reading.axial;
   biometry.axial_length = without_bias(length_mm(axial), bias.length, sigma_mm);
@@ -84,7 +89,7 @@ std::optional<ReadEye> read_eye(const Stack& stack, const EdgeSeed& seed, Weight
 
 std::string doubt_about_globe(const EdgeReading& reading) {
   // Right readings of ordinary scans have 0.75 to 0.98, 0.8 to 1.0 and 0.2 to 0.75 mm.
-  constexpr double least_kept = 0.75, least_edges = 0.75, least_inside = 0.85, largest_rms_mm = 0.85;
+  constexpr double least_kept = 0.75, least_edges = 0.75, least_inside = 0.7, largest_rms_mm = 0.85;
   if (reading.rays_inside < least_inside)
     return fmt::format("{:.0f} % of its wall lies inside the images", 100 * reading.rays_inside);
   if (reading.rays_with_edge < least_edges)

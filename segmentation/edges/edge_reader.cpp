@@ -7,6 +7,7 @@
 #include "pipeline/base/even_points.hpp"
 #include "pipeline/base/frames.hpp"
 #include "segmentation/edges/edge_profile.hpp"
+#include "segmentation/finding/blanked_region.hpp"
 #include "segmentation/finding/sampling.hpp"
 
 namespace emmetrope::segmentation {
@@ -19,6 +20,8 @@ constexpr int ray_count = 1500, first_ray_count = 400;  ///< of the last round, 
 constexpr double first_mm = 3, last_mm = 16.5, farthest_edge_mm = 15.5;
 constexpr double lens_cone_deg = 57;  ///< rays nearer to the axis meet lens and cornea
 constexpr double smoothing_mm = 0.2;
+constexpr double usual_lens_mm = 8;               ///< from the globe's centre
+constexpr double blanked_reach_mm = last_mm + 6;  ///< the seed may be some mm off
 constexpr int fewest_rounds = 4, most_rounds = 16;
 constexpr double settled_mm = 1e-3;  ///< of the centre: where it ends does not depend on where it began
 
@@ -41,14 +44,22 @@ struct Rays {
   std::vector<Ray> inside;
   int cast = 0;
 };
-Rays cast_rays(const Stack& stack, const Vector3d& centre, const Vector3d& axis, double sign, int count) {
+Rays cast_rays(const Stack& stack, const BlankedRegion& blanked, const Vector3d& centre, const Vector3d& axis,
+               double sign, int count) {
+  constexpr double wall_reach_mm = 13.5, blank_step_mm = 0.75;
+  const auto meets_blank = [&](const Vector3d& direction) {
+    for (double mm = first_mm; mm <= wall_reach_mm; mm += blank_step_mm)
+      if (blanked.holds(stack, centre + mm * direction)) return true;
+    return false;
+  };
   Rays rays;
   for (int i = 0; i < count; ++i) {
     const Vector3d direction = fibonacci_direction(i, count);
     if (direction.dot(axis) > std::cos(lens_cone_deg * degree)) continue;
     ++rays.cast;
+    if (meets_blank(direction)) continue;
     Ray ray{direction, sample_profile(stack, {centre, direction}, first_mm, last_mm, sign, smoothing_mm)};
-    if (!ray.profile.covers(13.5)) continue;
+    if (!ray.profile.covers(wall_reach_mm)) continue;
     ray.vitreous = median_between(ray.profile, first_mm, 7.5);
     rays.inside.push_back(std::move(ray));
   }
@@ -115,18 +126,18 @@ WallEdges wall_edges(const std::vector<Ray>& rays, double step) {
 
 /// Mean shift of what differs from the vitreous as the wall does, in a ball of the lens' size.
 Vector3d find_lens(const Stack& stack, const Vector3d& start, double vitreous, double step, double sign) {
-  constexpr double ball_mm = 3.5;
+  constexpr double lens_ball_mm = 3.5;
   Vector3d centre = start;
   for (int i = 0; i < 30; ++i) {
     Vector3d sum = Vector3d::Zero();
     double weights = 0;
     constexpr double grid_mm = 0.5;
-    constexpr int reach = static_cast<int>(ball_mm / grid_mm);
+    constexpr int reach = static_cast<int>(lens_ball_mm / grid_mm);
     for (int x = -reach; x <= reach; ++x)
       for (int y = -reach; y <= reach; ++y)
         for (int z = -reach; z <= reach; ++z) {
           const Vector3d at = grid_mm * Vector3d(x, y, z);
-          if (at.norm() > ball_mm) continue;
+          if (at.norm() > lens_ball_mm) continue;
           const auto value = interpolate(stack, centre + at);
           if (!value) continue;
           const double weight = std::clamp(sign * *value - vitreous, 0.0, step);
@@ -225,12 +236,13 @@ std::optional<EdgeReading> read_edges(const Stack& stack, const EdgeSeed& seed, 
   EdgeReading reading;
   reading.globe.centre = seed.globe_centre;
   Vector3d axis = seed.axis;
+  const BlankedRegion blanked(stack, seed.globe_centre, blanked_reach_mm);
   double step = 0;
   bool has_settled = false;
   for (int round = 0; round < most_rounds; ++round) {
     const bool is_last = has_settled || round == most_rounds - 1;
     const Rays rays =
-        cast_rays(stack, reading.globe.centre, axis, sign, is_last ? ray_count : first_ray_count);
+        cast_rays(stack, blanked, reading.globe.centre, axis, sign, is_last ? ray_count : first_ray_count);
     if (rays.inside.size() < 100) return std::nullopt;
     step = wall_step(rays.inside, axis);
     if (!(step > 0)) return std::nullopt;
@@ -254,7 +266,10 @@ std::optional<EdgeReading> read_edges(const Stack& stack, const EdgeSeed& seed, 
     std::vector<double> levels;
     for (const Ray& ray : rays.inside) levels.push_back(ray.vitreous);
     const double vitreous = quantile(levels, 0.5);
-    reading.lens_centre = find_lens(stack, reading.globe.centre + 8 * axis, vitreous, step, sign);
+    reading.front_is_blanked = blanked.holds_lens(stack, reading.globe.centre, axis);
+    reading.lens_centre = reading.globe.centre + usual_lens_mm * axis;
+    if (!reading.front_is_blanked)
+      reading.lens_centre = find_lens(stack, reading.lens_centre, vitreous, step, sign);
     axis = (reading.lens_centre - reading.globe.centre).normalized();
     has_settled = round + 2 >= fewest_rounds && (reading.globe.centre - from).norm() < settled_mm;
     reading.wall_contrast = step / std::max(std::abs(vitreous), 1e-9);

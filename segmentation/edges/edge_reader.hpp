@@ -21,12 +21,13 @@ struct AxialEdges {
 };
 
 struct EdgeReading {
-  EdgeEllipsoid globe;  ///< inner wall, by half levels between vitreous and plateau
+  EdgeEllipsoid globe;            ///< inner wall, by half levels between vitreous and plateau
+  bool front_is_blanked = false;  ///< then the axis is the seed's, and a lens is where it usually is
   Eigen::Vector3d lens_centre;
   std::optional<AxialEdges> axial;
   double wall_contrast = 0;  ///< the wall's typical step over the vitreous' level, signed as the wall differs
   double rays_with_edge = 0;  ///< share of the rays inside the stack
-  double rays_inside = 0;     ///< share of the rays (off the lens) whose wall lies inside the stack
+  double rays_inside = 0;  ///< share of the rays (off the lens) whose wall lies inside the stack, not blanked
   double rule_spread_mm = 0;  ///< largest difference of a diameter across the axis between three rules
   double lens_to_centre_mm() const { return (lens_centre - globe.centre).norm(); }
 };

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "pipeline/base/frames.hpp"
+#include "segmentation/finding/blanked_region.hpp"
 #include "segmentation/finding/sampling.hpp"
 
 namespace emmetrope::segmentation {
@@ -126,6 +127,12 @@ ScoredAxis best_axis(const Score& score) {
 }  // namespace
 
 LensAxis find_lens_axis(const std::vector<GlobeInStack>& views, double globe_radius_mm, Weighting weighting) {
+  const Vector3d ahead = direction_at(0, 0);
+  const bool is_blanked = std::all_of(views.begin(), views.end(), [&](const GlobeInStack& view) {
+    constexpr double reach_mm = 20;
+    return BlankedRegion(*view.stack, view.centre, reach_mm).holds_lens(*view.stack, view.centre, ahead);
+  });
+  if (is_blanked) return {ahead, 0};
   const LensContrast contrast(views, globe_radius_mm, weighting);
   const ScoredAxis usual = best_axis([&](const Vector3d& axis) { return contrast.usual(axis); });
   LensAxis found{usual.axis, usual.score};

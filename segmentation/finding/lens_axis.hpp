@@ -22,7 +22,7 @@ struct GlobeInStack {
   Eigen::Vector3d centre;
 };
 
-/// Searches within 60 degrees of straight ahead.
+/// Searches within 60 degrees of straight ahead, which is the answer where a lens there was blanked in the images.
 LensAxis find_lens_axis(const std::vector<GlobeInStack>& views, double globe_radius_mm, Weighting weighting);
 
 }  // namespace emmetrope::segmentation

@@ -22,8 +22,9 @@ namespace {
 
 using Eigen::VectorXd;
 
-constexpr std::size_t fewest_voxels = 1000;  ///< that an eye can be fitted to
-constexpr double unknown_sigma = 1e5;        ///< a prior that wide is none
+constexpr std::size_t fewest_voxels = 1000;   ///< that an eye can be fitted to
+constexpr double unseen_gaze_sigma_deg = 10;  ///< where an eye looks whose front is blanked; chosen
+constexpr double unknown_sigma = 1e5;         ///< a prior that wide is none
 
 /// The first passes need not use every voxel: a tenth of a voxel is all they are asked for.
 int coarse_stride(const std::vector<ObservedStack>& stacks) {
@@ -57,6 +58,9 @@ ImagedEye imaged_eye(const std::vector<const Stack*>& stacks, const EyeStart& st
 Priors priors_about(const ImagedEye& eye, const VectorXd& start) {
   const ParameterLayout& layout = eye.model.layout();
   Priors priors = population_priors(layout, start, eye.weighting, eye.age_years);
+  if (std::all_of(eye.stacks.begin(), eye.stacks.end(),
+                  [](const ObservedStack& o) { return o.front_is_blanked; }))
+    for (const int gaze : {gaze_horizontal, gaze_vertical}) priors.sigma[gaze] = unseen_gaze_sigma_deg;
   for (int s = 0; s < layout.stacks; ++s)
     for (const int along : {0, 1})
       if (const double sigma = eye.model.stacks()[s].fat_shift_sigma_mm[along]; sigma > 0)
@@ -134,15 +138,17 @@ Priors with_smooth_coil(Priors priors, const ForwardModel& model) {
 
 /// What a globe's length and diameters may be off by where the image is not what the model has: the share of the
 /// residuals that noise does not explain, times what fits of real heads differ by from independent readings, and
-/// of one person in T1 and T2 (docs/evidence/real-scans.md).
+/// of one person in T1 and T2 (docs/evidence/real-scans.md). And the radius at which a lens ends, which is drawn as a
+/// sharp rim and is a round one: rms of what it errs by in phantoms (docs/evidence/accuracy.md).
 Eigen::MatrixXd model_error(const EyeFit& fit) {
-  constexpr double of_unexplained_mm = 0.3;
+  constexpr double of_unexplained_mm = 0.3, round_rim_mm = 0.24;
   const double sigma_mm = of_unexplained_mm * (1 - 1 / std::max(1.0, fit.chi2_per_voxel));
   VectorXd sigma = VectorXd::Zero(static_cast<Eigen::Index>(fit.active.size()));
   for (Eigen::Index i = 0; i < sigma.size(); ++i) {
     const int parameter = fit.active[static_cast<std::size_t>(i)];
     if (parameter == axial_length) sigma[i] = sigma_mm;
     if (parameter >= globe_x && parameter <= globe_z) sigma[i] = sigma_mm / 2;
+    if (parameter == lens_equator_radius) sigma[i] = round_rim_mm;
   }
   return sigma.cwiseAbs2().asDiagonal();
 }

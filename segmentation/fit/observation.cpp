@@ -168,6 +168,14 @@ class VoxelSelector {
   double bump_reach_ = std::cos(3.2 * bump_width_rad);
 };
 
+/// As far as the fit looks.
+BlankedRegion blanked_about(const Stack& stack, const EyeStart& start) {
+  constexpr double reach_mm = 26;
+  BlankedRegion region(stack, start.globe_centre, reach_mm);
+  // The air before a whole face is zero in many images: it stays, as the lid's edge is at it.
+  return region.holds_lens(stack, start.globe_centre, start.axis) ? region : BlankedRegion();
+}
+
 /// What only a scanner's image has: levels, noise, coil, chemical shift.
 void observe_intensities(ObservedStack& o, const EyeStart& start, Weighting weighting) {
   const Stack& stack = *o.stack;
@@ -182,6 +190,8 @@ void observe_intensities(ObservedStack& o, const EyeStart& start, Weighting weig
   o.sampling.coil_curvature_sigma = coil_curvature_sigma(stack);
   o.sampling.fat_shift_sigma_mm = stack.fat_shift_sigma_mm;
   o.sampling.noise = vitreous_noise(stack, start) / o.reference;
+  o.blanked = blanked_about(stack, start);
+  o.front_is_blanked = o.blanked.holds_lens(stack, start.globe_centre, start.axis);
 }
 
 }  // namespace
@@ -192,9 +202,11 @@ double label_deviation(const Stack& stack) {
 }
 
 TissueLevels tissue_levels(const Stack& stack, const EyeStart& start, Weighting weighting) {
+  const BlankedRegion blanked = blanked_about(stack, start);
   std::vector<double> vitreous_values, wall_values, lens_values, lid_values, air_values, surround_values;
   for_each_voxel_near(stack, start.globe_centre, 24, [&](int c, int r, int s, const Vector3d& x) {
     const double value = stack.at(c, r, s);
+    if (blanked.holds_voxel(c, r, s)) return;
     const Vector3d from_centre = x - start.globe_centre;
     const double distance = from_centre.norm(), along = from_centre.dot(start.axis);
     const double off_axis = std::sqrt(std::max(distance * distance - along * along, 0.0));
@@ -292,6 +304,7 @@ std::vector<Sample> select_samples(const ForwardModel& model, const VectorXd& a,
     const Vector3i middle = nearest_voxel(*stacks[k].stack, model.coil_reference());
     for_each_voxel_near(*stacks[k].stack, apex - selector.equator_depth() * axis, 19,
                         [&](int c, int r, int s, const Vector3d& x) {
+                          if (stacks[k].blanked.holds_voxel(c, r, s)) return;
                           std::optional<Sample> sample = selector.select(x, Vector3i(c, r, s) - middle);
                           if (!sample) return;
                           sample->value =

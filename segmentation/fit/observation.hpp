@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "pipeline/base/laterality.hpp"
+#include "segmentation/finding/blanked_region.hpp"
 #include "segmentation/fit/forward_model.hpp"
 #include "segmentation/intake/volume.hpp"
 
@@ -61,6 +62,8 @@ struct ObservedStack {
   /// Unit vector of the eye frame from the globe's centre to the optic nerve, where its surroundings hide
   /// the wall (Selection::optic_nerve); none: nothing hides it.
   std::optional<Eigen::Vector3d> optic_nerve;
+  BlankedRegion blanked = {};     ///< its voxels tell nothing
+  bool front_is_blanked = false;  ///< lens and cornea with it
 };
 
 /// Typical intensities of the tissues of an eye in one stack, in its own unit.

@@ -65,9 +65,11 @@ std::string contradiction(const JudgedEye& od, const JudgedEye& os) {
 }  // namespace
 
 std::string JudgedEye::reasons() const {
-  const std::string of_fit = reasons_for(gates, Withholds::fit),
-                    of_cornea = reasons_for(gates, Withholds::cornea);
-  return of_fit + (of_fit.empty() || of_cornea.empty() ? "" : "; ") + of_cornea;
+  std::string text;
+  for (const Withholds what : {Withholds::fit, Withholds::front, Withholds::cornea})
+    if (const std::string reasons = reasons_for(gates, what); !reasons.empty())
+      text += (text.empty() ? "" : "; ") + reasons;
+  return text;
 }
 
 std::string JudgedEye::edges_on_axis_withheld() const {

@@ -19,11 +19,12 @@ struct JudgedEye {
   std::string fitted_again_because;  ///< its first fit was not taken; empty: it was
   Evidence evidence = Evidence::intensities;
 
-  /// Whether surfaces and lengths of the fit stand, and the cornea's shape too.
+  /// Whether the globe of the fit stands, and cornea, chamber and lens, and the cornea's shape too.
   bool is_fitted() const { return fit && !is_withheld(gates, Withholds::fit); }
-  bool is_measured() const { return is_fitted() && !is_withheld(gates, Withholds::cornea); }
+  bool has_front() const { return is_fitted() && !is_withheld(gates, Withholds::front); }
+  bool is_measured() const { return has_front() && !is_withheld(gates, Withholds::cornea); }
   /// How much of the fit stands.
-  int rank() const { return is_measured() ? 2 : is_fitted() ? 1 : 0; }
+  int rank() const { return is_measured() ? 3 : has_front() ? 2 : is_fitted() ? 1 : 0; }
   /// The edges that stand in for a fit that is withheld.
   bool is_read() const { return !is_fitted() && main_edges(); }
   /// Of the best view.

@@ -55,6 +55,9 @@ class Gates {
   void warn_above(const GateName& name, double value, double limit, const std::string& reason) {
     add(name.gate, value, limit, value <= limit, Withholds::nothing, reason);
   }
+  void withhold(const char* gate, Withholds withholds, const std::string& reason) {
+    add(gate, 1, 0, false, withholds, reason);
+  }
   std::vector<QualityGate> take() { return std::move(gates_); }
 
  private:
@@ -100,13 +103,16 @@ double largest_head_shift_mm(const EyeFit& fit) {
   return shift;
 }
 
-void judge_globe_and_lens(const FoundEye& found, const EyeFit& fit, Gates& gates) {
+void judge_globe(const FoundEye& found, Gates& gates) {
   const double inside = share_inside_stack(found);
   gates.refuse_below(
       "globe_inside_stack", inside,
       fmt::format("the eye is cut off or slices through it are missing: {:.0f} % of its wall lies inside the "
                   "images",
                   100 * inside));
+}
+
+void judge_lens(const EyeFit& fit, Gates& gates) {
   gates.refuse_below("lens_contrast", lens_contrast(fit),
                      "the lens is not visible: nothing between aqueous and vitreous differs from both");
   const double off_axis_mm = std::hypot(fit.value(lens_decentre_x), fit.value(lens_decentre_y));
@@ -270,7 +276,17 @@ void judge_head_motion(const EyeFit& fit, Gates& gates) {
 }  // namespace
 
 const char* to_string(Withholds withholds) {
-  return withholds == Withholds::nothing ? "nothing" : withholds == Withholds::cornea ? "cornea" : "fit";
+  switch (withholds) {
+    case Withholds::nothing:
+      return "nothing";
+    case Withholds::cornea:
+      return "cornea";
+    case Withholds::front:
+      return "front";
+    case Withholds::fit:
+      return "fit";
+  }
+  return "fit";
 }
 
 std::vector<QualityGate> judge_quality(const FoundEye& found, const EyeFit& fit,
@@ -282,16 +298,25 @@ std::vector<QualityGate> judge_quality(const FoundEye& found, const EyeFit& fit,
     judge_edges(agreement, gates);
     confirmed = agreement.confirms();
   }
-  judge_globe_and_lens(found, fit, gates);
-  judge_cornea_and_length(fit, gates);
+  judge_globe(found, gates);
+  if (fit.front_is_blanked()) {
+    gates.withhold("front_is_blanked", Withholds::front,
+                   "the front of the eye was blanked in the images (a defaced head): no cornea, no lens, no "
+                   "length");
+  } else {
+    judge_lens(fit, gates);
+    judge_cornea_and_length(fit, gates);
+  }
   if (fit.weighting == Weighting::t1) {
     judge_slices_in_t1(fit, gates);
     judge_wall_in_t1(fit, gates, confirmed);
   }
-  judge_apex(fit, gates);
+  if (!fit.front_is_blanked()) judge_apex(fit, gates);
   judge_residuals(fit, gates, confirmed);
-  judge_dimensions(found, fit, gates);
-  judge_corneal_form(fit, gates);
+  if (!fit.front_is_blanked()) {
+    judge_dimensions(found, fit, gates);
+    judge_corneal_form(fit, gates);
+  }
   judge_head_motion(fit, gates);
   return gates.take();
 }

@@ -11,6 +11,7 @@ namespace emmetrope::segmentation {
 enum class Withholds {
   nothing,  ///< a warning
   cornea,   ///< its shape, and all that light does
+  front,    ///< cornea, chamber and lens, and what is measured from them; the back of the globe stands
   fit,      ///< everything that was fitted
 };
 const char* to_string(Withholds withholds);
@@ -25,7 +26,8 @@ struct QualityGate {
 };
 
 /// Judges a fit: globe inside the stack, lens and cornea seen, lengths determined, residuals explained,
-/// shapes of an eye, the edges of an independent reading where that is sure of them.
+/// shapes of an eye, the edges of an independent reading where that is sure of them. Of an eye whose front was blanked
+/// the globe alone.
 std::vector<QualityGate> judge_quality(const FoundEye& found, const EyeFit& fit,
                                        const std::optional<ReadEye>& edges);
 /// Whether a gate failed that withholds this; and the reasons of those, once each.

@@ -8,6 +8,9 @@ namespace emmetrope::segmentation {
 
 using Eigen::Vector3d;
 
+namespace {
+
+/// What the fitted eye has at a point of its frame.
 Label label_at(const ForwardModel::AtParameters& eye, const Eigen::VectorXd& a, const Vector3d& p) {
   const auto d = eye.distances(p);
   const double depth = -p.z(), r = std::hypot(p.x(), p.y());
@@ -24,16 +27,37 @@ Label label_at(const ForwardModel::AtParameters& eye, const Eigen::VectorXd& a, 
   return depth < mid_lens ? Label::anterior_chamber : Label::vitreous;
 }
 
+double reach_mm(const EyeFit& fit) { return fit.parameters.segment<3>(globe_x).maxCoeff() + 6; }
+
+}  // namespace
+
+EyeInStack::EyeInStack(const EyeFit& fit, std::size_t view, const Stack& stack, const Vector3d& shift)
+    : fit_(fit),
+      eye_(fit.model, fit.parameters),
+      view_(static_cast<int>(view)),
+      stack_(stack),
+      shift_(shift) {
+  const Vector3d centre =
+      fit.globe_centre_lps() - fit.parameters.segment<3>(fit.layout.stack(view_) + shift_first) - shift;
+  if (fit.front_is_blanked()) blanked_ = BlankedRegion(stack, centre, reach_mm(fit));
+}
+
+Label EyeInStack::at(const Vector3d& lps) const {
+  const Label label = label_at(eye_, fit_.parameters, eye_.to_eye(lps + shift_, view_));
+  if (!fit_.front_is_blanked() || label == Label::none) return label;
+  const bool is_seen = (label == Label::vitreous || label == Label::wall) && !blanked_.holds(stack_, lps);
+  return is_seen ? label : Label::none;
+}
+
 void rasterise(const EyeFit& fit, std::size_t view, Laterality laterality,
                std::vector<std::vector<std::uint8_t>>& labels) {
   const Stack& stack = *fit.stacks[view].stack;
-  const ForwardModel::AtParameters eye(fit.model, fit.parameters);
+  const EyeInStack eye(fit, view, stack);
   const Vector3d shift = fit.parameters.segment<3>(fit.layout.stack(static_cast<int>(view)) + shift_first);
   const Vector3d centre = fit.globe_centre_lps() - shift;
-  const double reach = fit.parameters.segment<3>(globe_x).maxCoeff() + 6;
   const int offset = laterality == Laterality::os ? left_eye_offset : 0;
-  for_each_voxel_near(stack, centre, reach, [&](int c, int r, int s, const Vector3d& x) {
-    const Label label = label_at(eye, fit.parameters, eye.to_eye(x, static_cast<int>(view)));
+  for_each_voxel_near(stack, centre, reach_mm(fit), [&](int c, int r, int s, const Vector3d& x) {
+    const Label label = eye.at(x);
     if (label != Label::none)
       labels[s][static_cast<std::size_t>(r) * stack.columns + c] =
           static_cast<std::uint8_t>(static_cast<int>(label) + offset);

@@ -20,9 +20,24 @@ enum class Label : std::uint8_t {
 };
 inline constexpr int left_eye_offset = 10;
 
-/// What the fitted eye has at a point of its frame.
-Label label_at(const ForwardModel::AtParameters& eye, const Eigen::VectorXd& parameters,
-               const Eigen::Vector3d& p);
+/// A fitted eye's labels in a stack. Of an eye whose front was blanked the wall and the vitreous, where the image is.
+class EyeInStack {
+ public:
+  /// \param view  of the fit, whose LPS the stack's is
+  /// \param shift  of the head from the stack to that view, mm
+  EyeInStack(const EyeFit& fit, std::size_t view, const Stack& stack,
+             const Eigen::Vector3d& shift = Eigen::Vector3d::Zero());
+  /// \param lps  in the stack
+  Label at(const Eigen::Vector3d& lps) const;
+
+ private:
+  const EyeFit& fit_;
+  ForwardModel::AtParameters eye_;
+  int view_;
+  const Stack& stack_;
+  Eigen::Vector3d shift_;
+  BlankedRegion blanked_;
+};
 
 /// Writes the labels of an eye into a volume on the stack's grid (one vector a slice): the tissue at each
 /// voxel's centre.

@@ -73,6 +73,7 @@ void write_boundary(const std::filesystem::path& file, const EyeFit& fit) {
        {{OpticalSurface::lens_anterior, 3.8}, lens_front},
        {{OpticalSurface::lens_posterior, 3.8}, lens_back}}};
   for (const auto& [range, depth] : discs) {
+    if (fit.front_is_blanked()) break;
     constexpr int points = 400;
     for (int i = 0; i < points; ++i) {
       const Eigen::Vector2d at = range.radius_mm * sunflower_point(i, points);

@@ -37,7 +37,7 @@ Json region_json(const RegionFit& region) {
 /// What is not to be used, and why: "fit" is everything that was fitted.
 Json withheld_json(const JudgedEye& eye) {
   Json json = Json::object();
-  for (const Withholds what : {Withholds::fit, Withholds::cornea})
+  for (const Withholds what : {Withholds::fit, Withholds::front, Withholds::cornea})
     if (is_withheld(eye.gates, what)) json[to_string(what)] = reasons_for(eye.gates, what);
   return json;
 }
@@ -126,6 +126,11 @@ std::string summary(const Json& fit, Laterality laterality) {
   const UncertainEye measured(parametric_eye_from_json(fit.at("eye")));
   const ParametricEye& eye = measured.eye();
   const auto half_width = [&](const char* name) { return 1.96 * measured.sigma(name); };
+  if (fit.at("withheld").contains("front"))
+    return fmt::format("{}: the back alone: width {:.2f} +- {:.2f} mm, height {:.2f} +- {:.2f} mm\n",
+                       clinical_name(laterality), 2 * eye.globe_semi_axes_mm.x(),
+                       2 * half_width("globe_semi_axis_x_mm"), 2 * eye.globe_semi_axes_mm.y(),
+                       2 * half_width("globe_semi_axis_y_mm"));
   return fmt::format(
       "{}: axial length {:.2f} mm, {}, anterior chamber {:.2f} +- {:.2f} mm, lens {:.2f} +- {:.2f} mm\n",
       clinical_name(laterality), eye.pole_depth_mm(),

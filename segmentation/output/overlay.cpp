@@ -117,6 +117,8 @@ class Tile {
     write(direction_letter(axes_.down), {middle - 5, tile_px - 8}, 0.5);
   }
 
+  const Stack& stack() const { return stack_; }
+
  private:
   const Stack& stack_;
   int slice_;
@@ -136,12 +138,11 @@ cv::Vec3b colour_between(Label a, Label b) {
 /// \param shift  of the head against the stack `view` of the fit, LPS mm
 void draw_borders(cv::Mat& tile_image, const Tile& tile, const EyeFit& fit, std::size_t view,
                   const Vector3d& shift) {
-  const ForwardModel::AtParameters eye(fit.model, fit.parameters);
+  const EyeInStack eye(fit, view, tile.stack(), shift);
   std::vector<Label> labels(static_cast<std::size_t>(tile_px) * tile_px);
   for (int y = 0; y < tile_px; ++y)
     for (int x = 0; x < tile_px; ++x)
-      labels[static_cast<std::size_t>(y) * tile_px + x] =
-          label_at(eye, fit.parameters, eye.to_eye(tile.position(x, y) + shift, static_cast<int>(view)));
+      labels[static_cast<std::size_t>(y) * tile_px + x] = eye.at(tile.position(x, y));
   // The front chamber and the vitreous are one fluid: no border between them.
   const auto shown = [&](int x, int y) {
     const Label label = labels[static_cast<std::size_t>(y) * tile_px + x];

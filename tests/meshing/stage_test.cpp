@@ -256,6 +256,27 @@ TEST_F(MeshStage, WithoutItsCorneaAnEyeKeepsTheRest) {
   EXPECT_TRUE(fs::exists(mesh("os", "optics.json")));
 }
 
+TEST_F(MeshStage, WithoutItsFrontAnEyeKeepsTheBackOfItsGlobe) {
+  write_fit(Laterality::od, {{"front", "blanked"}});
+  instruments_.keratometry = {"od:43.25@175/44.75@85"};
+  options_.instruments = parse_instruments(instruments_, options_.retinal_depth_mm);
+  EXPECT_EQ(make_meshes(options_, {}).status, ExitStatus::partial);
+  const Json biometry = read_json(mesh("od", "biometry.json"));
+  for (const char* quantity :
+       {"/axial_length_mm", "/optical_axial_length_mm", "/anterior_chamber_depth_mm", "/lens_thickness_mm",
+        "/lens_anterior_radius_mm", "/globe_depth_mm", "/keratometry/flat/power_D", "/astigmatism/J45_D",
+        "/corneal_thickness_mm", "/cornea_zernike_um", "/retina/volume_mm3"})
+    EXPECT_EQ(biometry.at(Json::json_pointer(quantity)).at("withheld"), "blanked") << quantity;
+  for (const char* quantity : {"/globe_width_mm", "/globe_height_mm", "/retina/vertex_radius_mm/horizontal",
+                               "/retina/q_240", "/retina/area_mm2"})
+    EXPECT_EQ(biometry.at(Json::json_pointer(quantity)).at("method"), "fit") << quantity;
+  EXPECT_TRUE(fs::exists(mesh("od", "retina.ply")));
+  for (const char* file : {"lens_anterior.ply", "cornea_anterior.ply", "optics.json"})
+    EXPECT_FALSE(fs::exists(mesh("od", file))) << file;
+  EXPECT_THAT(read_file(folder() / "meshing" / "stage.json"),
+              testing::HasSubstr("OD (right): its front is not in the images"));
+}
+
 TEST_F(MeshStage, AKeratometerKnowsTheCorneaThatTheImagesDoNotShow) {
   write_fit(Laterality::od, {{"cornea", "cornea not visible"}});
   instruments_.keratometry = {"od:43.25@175/44.75@85+-0.3"};

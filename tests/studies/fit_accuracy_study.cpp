@@ -140,8 +140,7 @@ struct Study {
     for (const Wanted& wanted : all) {
       const auto measured = at(stated, wanted.path).get<Measured>();
       Quantity& quantity = by_name[wanted.name];
-      quantity.error.push_back(measured.value - at(record.at("truth"), wanted.path).get<double>());
-      quantity.sigma.push_back(measured.sigma());
+      quantity.add(measured, at(record.at("truth"), wanted.path).get<double>());
       quantity.bound.push_back(at(bound, wanted.path).get<Measured>().sigma());
     }
     j_vector.error.push_back(

@@ -3,6 +3,8 @@
 #include <cmath>
 #include <vector>
 
+#include "pipeline/base/measured.hpp"
+
 namespace emmetrope::segmentation {
 
 inline constexpr double normal_95 = 1.959963985;  ///< half a 95 % interval, in standard deviations
@@ -13,9 +15,16 @@ inline double root_mean_square(const std::vector<double>& values) {
   return std::sqrt(sum);
 }
 
-/// Errors of one quantity over the eyes in which it was stated, with the standard deviations that were stated.
+/// Errors of one quantity over the eyes in which it was stated, with the standard deviations that were stated: of an
+/// interval with unequal halves that of the half in which the truth is to lie.
 struct StatedErrors {
   std::vector<double> error, sigma;
+
+  void add(const Measured& stated, double truth) {
+    error.push_back(stated.value - truth);
+    const double half = stated.value > truth ? stated.value - stated.ci95[0] : stated.ci95[1] - stated.value;
+    sigma.push_back(half / normal_95);
+  }
 
   double mean() const {
     double sum = 0;

@@ -49,6 +49,17 @@ phantom::StackPlan cropped(phantom::StackPlan plan, const std::vector<Vector3d>&
   return plan;
 }
 
+/// Takes the face off: LPS y grows backwards.
+void deface(PhantomEye& eye, double plane_y_mm) {
+  for (Stack& stack : eye.stacks)
+    for (int s = 0; s < stack.slices(); ++s)
+      for (int r = 0; r < stack.rows; ++r)
+        for (int c = 0; c < stack.columns; ++c)
+          if (stack.position(c, r, s).y() < plane_y_mm)
+            stack.slice_intensity[static_cast<std::size_t>(s)]
+                                 [static_cast<std::size_t>(r) * stack.columns + c] = 0;
+}
+
 /// Covariance that noise and priors alone would give at the fitted eye: every parameter free, the voxels'
 /// deviations those of the noise.
 Eigen::MatrixXd information_bound(const EyeFit& fit) {
@@ -202,8 +213,10 @@ Json stated_biometry(const JudgedEye& eye) {
   const Json fit = fit_json(eye, 0.0);
   if (eye.is_read()) return meshing::edge_biometry_json(fit, eye.found.laterality, usual_retinal_depth_mm);
   Json biometry = meshing::biometry_json(fitted_eye(parametric_eye_from_json(fit.at("eye"))), {});
-  if (!eye.is_measured())
-    meshing::withhold_cornea(biometry, fit.at("withheld").at("cornea").get<std::string>());
+  const Json& withheld = fit.at("withheld");
+  if (withheld.contains("cornea"))
+    meshing::withhold_cornea(biometry, withheld.at("cornea").get<std::string>());
+  if (withheld.contains("front")) meshing::withhold_front(biometry, withheld.at("front").get<std::string>());
   return biometry;
 }
 
@@ -271,15 +284,22 @@ std::vector<Json> study_head(const StudyProtocol& wanted, unsigned long long see
   }
 
   const bool of_one_eye = protocol.stacks.front().coil == phantom::Coil::surface;
+  std::mt19937_64 random_plane(seed + 99);
+  const double behind_apex_mm = std::uniform_real_distribution<double>(4, 10)(random_plane);
   std::vector<StudiedEye> eyes;
   for (const Laterality laterality : both_eyes) {
     StudiedEye eye{laterality, {{"protocol", wanted.label()}, {"seed", seed}}, {}, {}, {}, {}};
     eye.record["laterality"] = to_string(laterality);
     const double begin_s = processor_s();
     // A head coil's stacks show both eyes.
-    eye.images = of_one_eye || eyes.empty()
-                     ? std::make_shared<PhantomEye>(render_eye(head, protocol, laterality, 1))
-                     : eyes[0].images;
+    if (of_one_eye || eyes.empty()) {
+      PhantomEye images = render_eye(head, protocol, laterality, 1);
+      if (wanted.defaced)
+        deface(images, anatomy.eye(laterality).lps_from_eye.translation().y() + behind_apex_mm);
+      eye.images = std::make_shared<PhantomEye>(std::move(images));
+    } else {
+      eye.images = eyes[0].images;
+    }
     const double rendered_s = processor_s();
     eye.truth = phantom::place(head, laterality);
     eye.record["truth"] = phantom::eye_truth(eye.truth, head.lens_index);

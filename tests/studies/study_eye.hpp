@@ -18,12 +18,15 @@ struct StudyProtocol {
   double turn_deg = 0;       ///< rms per axis of the head's rotation between stacks
   double snr = 0;            ///< 0: the protocol's own
   std::string world;         ///< a phantom's world; empty: the model's own
+  /// Nothing is left before a coronal plane, drawn evenly between 4 and 10 mm behind the apices: cornea and at least
+  /// the lens's front are gone.
+  bool defaced = false;
 
   /// "surface-coil", "surface-coil-distorted", "surface-coil-turned", "surface-coil-keratoconus": how records
   /// are named.
   std::string label() const {
     return name + (keratoconus ? "-keratoconus" : "") + (distorted ? "-distorted" : "") +
-           (turn_deg > 0 ? "-turned" : "") + (world.empty() ? "" : "-" + world);
+           (turn_deg > 0 ? "-turned" : "") + (defaced ? "-defaced" : "") + (world.empty() ? "" : "-" + world);
   }
 };
 

@@ -1,5 +1,5 @@
-/// What the program states of eyes in a world that its model does not know (docs/method/phantom.md), against the truth:
-/// the tables of docs/evidence/worlds.md. About ten seconds of processor time an eye.
+/// What the program states of eyes in a world that its model does not know (docs/method/phantom.md), or in heads without
+/// their faces, against the truth: the tables of docs/evidence/worlds.md. About ten seconds of processor time an eye.
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
@@ -21,9 +21,15 @@ namespace {
 struct Quantity {
   const char *name, *pointer;
 };
-constexpr std::array<Quantity, 12> quantities{{{"axial length, mm", "/axial_length_mm"},
+constexpr std::array<Quantity, 18> quantities{{{"axial length, mm", "/axial_length_mm"},
                                                {"globe width, mm", "/globe_width_mm"},
                                                {"globe height, mm", "/globe_height_mm"},
+                                               {"globe depth, mm", "/globe_depth_mm"},
+                                               {"retina R across, mm", "/retina/vertex_radius_mm/horizontal"},
+                                               {"retina R upright, mm", "/retina/vertex_radius_mm/vertical"},
+                                               {"retina Q, 240 degrees", "/retina/q_240"},
+                                               {"vitreous volume, mm3", "/retina/volume_mm3"},
+                                               {"retinal area, mm2", "/retina/area_mm2"},
                                                {"anterior chamber depth, mm", "/anterior_chamber_depth_mm"},
                                                {"lens thickness, mm", "/lens_thickness_mm"},
                                                {"lens front radius, mm", "/lens_anterior_radius_mm"},
@@ -49,8 +55,7 @@ struct Study {
       const Json::json_pointer at(quantities[i].pointer);
       if (!stated.contains(at) || is_withheld(stated.at(at))) continue;
       const auto measured = stated.at(at).get<Measured>();
-      errors[i].error.push_back(measured.value - record.at("truth").at(at).get<double>());
-      errors[i].sigma.push_back(measured.sigma());
+      errors[i].add(measured, record.at("truth").at(at).get<double>());
       by_edges = by_edges || measured.method == "edges";
     }
     ++by[by_edges ? "edges" : "fit"];
@@ -109,6 +114,7 @@ int main(int argc, char** argv) {
   double worst = 3;
   app.add_option("--protocol", protocol.name, "surface-coil, head-t2, head-t1");
   app.add_option("--world", protocol.world, "Of the phantom")->check(CLI::IsMember(phantom::world_names()));
+  app.add_flag("--defaced", protocol.defaced, "Nothing is left before a plane 4 to 10 mm behind the apices");
   app.add_option("--first", first, "Seed of the first head");
   app.add_option("--count", count, "Heads");
   app.add_option("--worst", worst, "Errors beyond so many standard deviations are told one by one");

@@ -17,6 +17,7 @@ constexpr const char* measure_cornea = "Measure the cornea, and give it (--kerat
 std::string remedy_of_gate(const std::string& gate) {
   static const std::map<std::string, const char*> remedies{
       {"globe_inside_stack", "Rescan with the whole globe inside the slices."},
+      {"front_is_blanked", "Use the images from before the face was taken off."},
       {"lens_contrast", "Rescan in T2, which shows the lens."},
       {"cornea_sigma_over_prior", measure_cornea},
       {"keratometry_plausible_D", measure_cornea},

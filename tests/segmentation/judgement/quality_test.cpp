@@ -12,6 +12,7 @@
 #include "pipeline/base/measured.hpp"
 #include "segmentation/intake/nifti.hpp"
 #include "segmentation/judgement/fellow_eye.hpp"
+#include "segmentation/labels/eye_labels.hpp"
 #include "segmentation/stage.hpp"
 #include "tests/support/phantom_eyes.hpp"
 
@@ -129,6 +130,37 @@ TEST_F(QualityGates, ADefacedHeadHasNoCornea) {
   // Face removal cuts a plane through the front of the eye and leaves nothing before it.
   replace(stack, [](const Vector3d& p) { return p.z() > -6.5 ? std::optional<double>(0) : std::nullopt; });
   expect_read(run(stack), "cornea");
+}
+
+/// Where the face is zero, as most programs leave it, what is behind it is fitted as in a whole head.
+TEST_F(QualityGates, ABlankedFaceLeavesTheBackOfTheEye) {
+  Stack stack = image(quiet_scan());
+  for (int s = 0; s < stack.slices(); ++s)
+    for (int r = 0; r < stack.rows; ++r)
+      for (int c = 0; c < stack.columns; ++c)
+        if (in_eye(stack.position(c, r, s)).z() > -8)
+          stack.slice_intensity[s][static_cast<std::size_t>(r) * stack.columns + c] = 0;
+  EXPECT_EQ(run(stack).status, ExitStatus::partial);
+  const fs::path segmentation = folder_ / "case" / "segmentation";
+  const Json fit = read_json(segmentation / "od" / "fit.json");
+  EXPECT_FALSE(fit.at("withheld").contains("fit")) << fit.at("withheld");
+  EXPECT_NE(fit.at("withheld").at("front").get<std::string>().find("blanked"), std::string::npos);
+  const Json half_axes = fit.at("eye").at("globe_semi_axes_mm");
+  EXPECT_NEAR(half_axes.at(0), head_.od.globe_semi_x_mm, 0.15);
+  EXPECT_NEAR(half_axes.at(1), head_.od.globe_semi_y_mm, 0.15);
+  // Nothing that was blanked has a label: neither cornea, chamber, iris nor lens, nor a wall before the plane.
+  const Stack labels = read_nifti(segmentation / "stack1_labels.nii.gz");
+  int vitreous = 0;
+  for (int s = 0; s < labels.slices(); ++s)
+    for (int r = 0; r < labels.rows; ++r)
+      for (int c = 0; c < labels.columns; ++c) {
+        const float label = labels.at(c, r, s);
+        vitreous += label == static_cast<float>(Label::vitreous) ? 1 : 0;
+        if (label == 0) continue;
+        EXPECT_GE(label, static_cast<float>(Label::vitreous));
+        EXPECT_LT(in_eye(labels.position(c, r, s)).z(), -8);
+      }
+  EXPECT_GT(vitreous, 5000);
 }
 
 /// The front is missing; width and height are in the images.

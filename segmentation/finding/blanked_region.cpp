@@ -1,0 +1,87 @@
+#include "segmentation/finding/blanked_region.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "pipeline/base/even_points.hpp"
+#include "segmentation/finding/sampling.hpp"
+
+namespace emmetrope::segmentation {
+namespace {
+
+using Eigen::Array3i;
+using Eigen::Vector3d;
+
+constexpr double middle_mm = 5;  ///< of a globe: a face's plane leaves more than half of it
+
+bool is_zero_with_neighbours(const Stack& stack, int column, int row, int slice) {
+  for (int s = std::max(0, slice - 1); s <= std::min(stack.slices() - 1, slice + 1); ++s)
+    for (int r = std::max(0, row - 1); r <= std::min(stack.rows - 1, row + 1); ++r)
+      for (int c = std::max(0, column - 1); c <= std::min(stack.columns - 1, column + 1); ++c)
+        if (stack.at(c, r, s) > 0) return false;
+  return true;
+}
+
+}  // namespace
+
+BlankedRegion::BlankedRegion(const Stack& stack, const Vector3d& globe_centre, double radius_mm) {
+  Array3i first(stack.columns, stack.rows, stack.slices()), last = Array3i::Constant(-1);
+  int in_middle = 0, dark_in_middle = 0;
+  for_each_voxel_near(stack, globe_centre, radius_mm, [&](int c, int r, int s, const Vector3d& position) {
+    first = first.min(Array3i(c, r, s));
+    last = last.max(Array3i(c, r, s));
+    if ((position - globe_centre).norm() > middle_mm) return;
+    ++in_middle;
+    dark_in_middle += is_zero_with_neighbours(stack, c, r, s) ? 1 : 0;
+  });
+  if (2 * dark_in_middle > in_middle || (last < first).any()) return;
+  first_ = first;
+  count_ = last - first + 1;
+  core_.resize(static_cast<std::size_t>(count_.prod()));
+  std::size_t i = 0;
+  for (int s = first[2]; s <= last[2]; ++s)
+    for (int r = first[1]; r <= last[1]; ++r)
+      for (int c = first[0]; c <= last[0]; ++c) core_[i++] = is_zero_with_neighbours(stack, c, r, s) ? 1 : 0;
+}
+
+bool BlankedRegion::is_core(const Array3i& voxel) const {
+  const Array3i at = voxel - first_;
+  if ((at < 0).any() || (at >= count_).any()) return false;
+  return core_[static_cast<std::size_t>((at[2] * count_[1] + at[1]) * count_[0] + at[0])] != 0;
+}
+
+bool BlankedRegion::holds_voxel(int column, int row, int slice) const {
+  // One voxel around the core is zero too, and the next may have been mixed with it when the image was resampled.
+  constexpr int reach = 2;
+  if (core_.empty()) return false;
+  for (int s = -reach; s <= reach; ++s)
+    for (int r = -reach; r <= reach; ++r)
+      for (int c = -reach; c <= reach; ++c)
+        if (is_core({column + c, row + r, slice + s})) return true;
+  return false;
+}
+
+bool BlankedRegion::holds(const Stack& stack, const Vector3d& lps) const {
+  if (core_.empty()) return false;
+  const auto at = voxel_coordinates(stack, lps);
+  if (!at) return false;
+  const Array3i low = at->array().floor().cast<int>();
+  for (int s = -1; s <= 2; ++s)
+    for (int r = -1; r <= 2; ++r)
+      for (int c = -1; c <= 2; ++c)
+        if (is_core(low + Array3i(c, r, s))) return true;
+  return false;
+}
+
+bool BlankedRegion::holds_lens(const Stack& stack, const Vector3d& globe_centre, const Vector3d& axis) const {
+  constexpr int points = 200;
+  constexpr double to_lens_mm = 8, lens_mm = 3.5;
+  int lost = 0;
+  for (int i = 0; i < points; ++i) {
+    const double radius_mm = lens_mm * std::cbrt((i + 0.5) / points);
+    lost += holds(stack, globe_centre + to_lens_mm * axis + radius_mm * fibonacci_direction(i, points));
+  }
+  return lost > points / 4;
+}
+
+}  // namespace emmetrope::segmentation

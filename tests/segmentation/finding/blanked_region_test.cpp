@@ -1,0 +1,64 @@
+#include "segmentation/finding/blanked_region.hpp"
+
+#include <gtest/gtest.h>
+
+#include <functional>
+#include <random>
+
+namespace emmetrope::segmentation {
+namespace {
+
+using Eigen::Vector3d;
+
+/// 1 mm voxels about the globe's centre, which is LPS' origin; no voxel is zero but those that are blanked.
+Stack noisy_stack(const std::function<bool(const Vector3d&)>& is_blank) {
+  constexpr int half = 30;
+  Stack stack;
+  stack.columns = stack.rows = 2 * half + 1;
+  stack.along_row = Vector3d::UnitX();
+  stack.along_column = Vector3d::UnitY();
+  stack.normal = Vector3d::UnitZ();
+  stack.column_spacing_mm = stack.row_spacing_mm = stack.slice_thickness_mm = 1;
+  std::mt19937 random(1);
+  std::uniform_real_distribution<float> noise(1, 20);
+  for (int s = -half; s <= half; ++s) {
+    stack.slice_position.emplace_back(-half, -half, s);
+    std::vector<float> slice;
+    for (int r = -half; r <= half; ++r)
+      for (int c = -half; c <= half; ++c) slice.push_back(is_blank(Vector3d(c, r, s)) ? 0 : noise(random));
+    stack.slice_intensity.push_back(std::move(slice));
+  }
+  return stack;
+}
+const Vector3d ahead = -Vector3d::UnitY();  // LPS y grows backwards
+
+TEST(BlankedRegion, HoldsWhatLiesBeforeAPlaneAndWhatReachesIntoIt) {
+  const Stack stack = noisy_stack([](const Vector3d& p) { return p.y() < -6; });
+  const BlankedRegion blanked(stack, Vector3d::Zero(), 20);
+  EXPECT_TRUE(blanked.holds(stack, {0, -8, 0}));
+  EXPECT_FALSE(blanked.holds(stack, {0, -4, 0}));
+  EXPECT_TRUE(blanked.holds_voxel(30, 30 - 7, 30));
+  EXPECT_FALSE(blanked.holds_voxel(30, 30 - 4, 30));
+  EXPECT_TRUE(blanked.holds_lens(stack, Vector3d::Zero(), ahead));
+}
+
+TEST(BlankedRegion, TheAirBeforeAWholeEyeIsNotItsLens) {
+  const Stack stack = noisy_stack([](const Vector3d& p) { return p.y() < -14; });
+  EXPECT_FALSE(BlankedRegion(stack, Vector3d::Zero(), 20).holds_lens(stack, Vector3d::Zero(), ahead));
+}
+
+TEST(BlankedRegion, SingleZerosAreNoise) {
+  std::mt19937 random(2);
+  const Stack stack = noisy_stack([&](const Vector3d&) { return random() % 4 == 0; });
+  const BlankedRegion blanked(stack, Vector3d::Zero(), 20);
+  for (double y = -15; y < 15; y += 1) EXPECT_FALSE(blanked.holds(stack, {0, y, 0})) << y;
+}
+
+/// A window can make the fluid of T1 zero throughout.
+TEST(BlankedRegion, DarkVitreousIsNotBlanked) {
+  const Stack stack = noisy_stack([](const Vector3d& p) { return p.norm() < 11; });
+  EXPECT_FALSE(BlankedRegion(stack, Vector3d::Zero(), 20).holds(stack, {0, -8, 0}));
+}
+
+}  // namespace
+}  // namespace emmetrope::segmentation
