@@ -85,9 +85,10 @@ std::vector<EyeAtVisit> eyes_of(const Visits& visits, Laterality eye, std::strin
     const bool is_there = found != data.eyes.end() && found->fit.is_object() && found->fit.contains("eye");
     const Json withheld = is_there ? found->fit.value("withheld", Json::object()) : Json::object();
     if (!is_there || withheld.contains("fit") || withheld.contains("front")) {
-      reason =
-          fmt::format("visit {}: {}", i + 1,
-                      is_there ? "length and front of this eye are withheld" : "this eye was not fitted");
+      reason = fmt::format("visit {}: {}", i + 1,
+                           !is_there                  ? "this eye was not fitted"
+                           : withheld.contains("fit") ? "the fit of this eye is withheld"
+                                                      : "the front of this eye is withheld");
       return {};
     }
     eyes.push_back({fitted_eye(parametric_eye_from_json(found->fit.at("eye"))), visits.years[i]});

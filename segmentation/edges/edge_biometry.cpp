@@ -89,8 +89,9 @@ std::optional<ReadEye> read_eye(const Stack& stack, const EdgeSeed& seed, Weight
 
 std::string doubt_about_globe(const EdgeReading& reading) {
   // Right readings of ordinary scans have 0.75 to 0.98, 0.8 to 1.0 and 0.2 to 0.75 mm.
-  constexpr double least_kept = 0.75, least_edges = 0.75, least_inside = 0.7, largest_rms_mm = 0.85;
-  if (reading.rays_inside < least_inside)
+  constexpr double least_kept = 0.75, least_edges = 0.75, least_inside = 0.85, least_of_blanked = 0.7,
+                   largest_rms_mm = 0.85;
+  if (reading.rays_inside < (reading.front_is_blanked ? least_of_blanked : least_inside))
     return fmt::format("{:.0f} % of its wall lies inside the images", 100 * reading.rays_inside);
   if (reading.rays_with_edge < least_edges)
     return fmt::format("its wall has an edge in {:.0f} % of the directions", 100 * reading.rays_with_edge);

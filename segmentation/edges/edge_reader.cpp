@@ -236,7 +236,8 @@ std::optional<EdgeReading> read_edges(const Stack& stack, const EdgeSeed& seed, 
   EdgeReading reading;
   reading.globe.centre = seed.globe_centre;
   Vector3d axis = seed.axis;
-  const BlankedRegion blanked(stack, seed.globe_centre, blanked_reach_mm);
+  const BlankedRegion blanked = blanked_front(stack, seed.globe_centre, seed.axis, blanked_reach_mm);
+  reading.front_is_blanked = blanked.holds_front(stack, seed.globe_centre, seed.axis);
   double step = 0;
   bool has_settled = false;
   for (int round = 0; round < most_rounds; ++round) {
@@ -266,7 +267,6 @@ std::optional<EdgeReading> read_edges(const Stack& stack, const EdgeSeed& seed, 
     std::vector<double> levels;
     for (const Ray& ray : rays.inside) levels.push_back(ray.vitreous);
     const double vitreous = quantile(levels, 0.5);
-    reading.front_is_blanked = blanked.holds_lens(stack, reading.globe.centre, axis);
     reading.lens_centre = reading.globe.centre + usual_lens_mm * axis;
     if (!reading.front_is_blanked)
       reading.lens_centre = find_lens(stack, reading.lens_centre, vitreous, step, sign);
@@ -274,7 +274,7 @@ std::optional<EdgeReading> read_edges(const Stack& stack, const EdgeSeed& seed, 
     has_settled = round + 2 >= fewest_rounds && (reading.globe.centre - from).norm() < settled_mm;
     reading.wall_contrast = step / std::max(std::abs(vitreous), 1e-9);
     if (!is_last) continue;
-    reading.axial = read_axis(stack, reading, edges, from, step, sign);
+    if (!reading.front_is_blanked) reading.axial = read_axis(stack, reading, edges, from, step, sign);
     break;
   }
   return reading;

@@ -18,7 +18,7 @@ bool is_zero_with_neighbours(const Stack& stack, int column, int row, int slice)
   for (int s = std::max(0, slice - 1); s <= std::min(stack.slices() - 1, slice + 1); ++s)
     for (int r = std::max(0, row - 1); r <= std::min(stack.rows - 1, row + 1); ++r)
       for (int c = std::max(0, column - 1); c <= std::min(stack.columns - 1, column + 1); ++c)
-        if (stack.at(c, r, s) > 0) return false;
+        if (stack.at(c, r, s) != 0) return false;
   return true;
 }
 
@@ -50,15 +50,23 @@ bool BlankedRegion::is_core(const Array3i& voxel) const {
   return core_[static_cast<std::size_t>((at[2] * count_[1] + at[1]) * count_[0] + at[0])] != 0;
 }
 
-bool BlankedRegion::holds_voxel(int column, int row, int slice) const {
-  // One voxel around the core is zero too, and the next may have been mixed with it when the image was resampled.
-  constexpr int reach = 2;
+bool BlankedRegion::is_core_within(const Array3i& voxel, int reach) const {
   if (core_.empty()) return false;
   for (int s = -reach; s <= reach; ++s)
     for (int r = -reach; r <= reach; ++r)
       for (int c = -reach; c <= reach; ++c)
-        if (is_core({column + c, row + r, slice + s})) return true;
+        if (is_core(voxel + Array3i(c, r, s))) return true;
   return false;
+}
+
+bool BlankedRegion::holds_voxel(int column, int row, int slice) const {
+  // One voxel around the core is zero too, and the next may have been mixed with it when the image was resampled.
+  return is_core_within({column, row, slice}, 2);
+}
+
+bool BlankedRegion::is_zero(const Stack& stack, const Vector3d& lps) const {
+  const auto at = voxel_coordinates(stack, lps);
+  return at && is_core_within(at->array().round().cast<int>(), 1);
 }
 
 bool BlankedRegion::holds(const Stack& stack, const Vector3d& lps) const {
@@ -73,15 +81,24 @@ bool BlankedRegion::holds(const Stack& stack, const Vector3d& lps) const {
   return false;
 }
 
-bool BlankedRegion::holds_lens(const Stack& stack, const Vector3d& globe_centre, const Vector3d& axis) const {
+bool BlankedRegion::holds_front(const Stack& stack, const Vector3d& globe_centre,
+                                const Vector3d& axis) const {
   constexpr int points = 200;
-  constexpr double to_lens_mm = 8, lens_mm = 3.5;
-  int lost = 0;
-  for (int i = 0; i < points; ++i) {
-    const double radius_mm = lens_mm * std::cbrt((i + 0.5) / points);
-    lost += holds(stack, globe_centre + to_lens_mm * axis + radius_mm * fibonacci_direction(i, points));
-  }
-  return lost > points / 4;
+  const auto share_lost = [&](double along_mm, double radius_mm) {
+    int lost = 0;
+    for (int i = 0; i < points; ++i)
+      lost += is_zero(stack, globe_centre + along_mm * axis +
+                                 radius_mm * std::cbrt((i + 0.5) / points) * fibonacci_direction(i, points));
+    return static_cast<double>(lost) / points;
+  };
+  if (core_.empty()) return false;
+  return share_lost(8, 3.5) > 0.25 && share_lost(12.5, 1.5) > 0.8;
+}
+
+BlankedRegion blanked_front(const Stack& stack, const Vector3d& globe_centre, const Vector3d& axis,
+                            double radius_mm) {
+  BlankedRegion region(stack, globe_centre, radius_mm);
+  return region.holds_front(stack, globe_centre, axis) ? region : BlankedRegion();
 }
 
 }  // namespace emmetrope::segmentation

@@ -15,18 +15,28 @@ class BlankedRegion {
   /// Within so far of the globe's centre (LPS); nothing where most of its middle is zero, as dark vitreous is in a window.
   BlankedRegion(const Stack& stack, const Eigen::Vector3d& globe_centre, double radius_mm);
 
+  /// Zero, or within two voxels of what is zero with its neighbours.
   bool holds_voxel(int column, int row, int slice) const;
-  /// Whether an interpolation over four voxels a direction reaches into it.
+  /// Whether an interpolation over four voxels a direction reaches to a voxel that is zero with its neighbours.
   /// \param stack  the one that it is of
   bool holds(const Stack& stack, const Eigen::Vector3d& lps) const;
-  /// Whether a quarter of a usual lens, 8 mm before the globe's centre, was blanked.
-  bool holds_lens(const Stack& stack, const Eigen::Vector3d& globe_centre, const Eigen::Vector3d& axis) const;
+  /// Whether a quarter of a usual lens, 8 mm before the globe's centre, was blanked and nearly all that lies before it:
+  /// a lens that is dark in a whole head has a bright chamber or lid before it.
+  bool holds_front(const Stack& stack, const Eigen::Vector3d& globe_centre,
+                   const Eigen::Vector3d& axis) const;
 
  private:
   bool is_core(const Eigen::Array3i& voxel) const;
+  bool is_core_within(const Eigen::Array3i& voxel, int reach) const;
+  bool is_zero(const Stack& stack, const Eigen::Vector3d& lps) const;
 
   Eigen::Array3i first_ = Eigen::Array3i::Zero(), count_ = Eigen::Array3i::Zero();  ///< column, row, slice
   std::vector<char> core_;  ///< of the voxels from `first_` on: zero with all neighbours
 };
+
+/// That region where it holds the front of the eye, or nothing: the air before a whole face, which is zero in many
+/// images, stays.
+BlankedRegion blanked_front(const Stack& stack, const Eigen::Vector3d& globe_centre,
+                            const Eigen::Vector3d& axis, double radius_mm);
 
 }  // namespace emmetrope::segmentation

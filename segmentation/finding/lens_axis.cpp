@@ -130,7 +130,7 @@ LensAxis find_lens_axis(const std::vector<GlobeInStack>& views, double globe_rad
   const Vector3d ahead = direction_at(0, 0);
   const bool is_blanked = std::all_of(views.begin(), views.end(), [&](const GlobeInStack& view) {
     constexpr double reach_mm = 20;
-    return BlankedRegion(*view.stack, view.centre, reach_mm).holds_lens(*view.stack, view.centre, ahead);
+    return BlankedRegion(*view.stack, view.centre, reach_mm).holds_front(*view.stack, view.centre, ahead);
   });
   if (is_blanked) return {ahead, 0};
   const LensContrast contrast(views, globe_radius_mm, weighting);

@@ -58,9 +58,12 @@ ImagedEye imaged_eye(const std::vector<const Stack*>& stacks, const EyeStart& st
 Priors priors_about(const ImagedEye& eye, const VectorXd& start) {
   const ParameterLayout& layout = eye.model.layout();
   Priors priors = population_priors(layout, start, eye.weighting, eye.age_years);
-  if (std::all_of(eye.stacks.begin(), eye.stacks.end(),
-                  [](const ObservedStack& o) { return o.front_is_blanked; }))
-    for (const int gaze : {gaze_horizontal, gaze_vertical}) priors.sigma[gaze] = unseen_gaze_sigma_deg;
+  if (front_is_blanked(eye.stacks)) {
+    for (const int gaze : {gaze_horizontal, gaze_vertical}) {
+      priors.mean[gaze] = 0;  // straight ahead
+      priors.sigma[gaze] = unseen_gaze_sigma_deg;
+    }
+  }
   for (int s = 0; s < layout.stacks; ++s)
     for (const int along : {0, 1})
       if (const double sigma = eye.model.stacks()[s].fat_shift_sigma_mm[along]; sigma > 0)
@@ -204,7 +207,7 @@ void fit_to_all_voxels(EyeFit& fit, const std::function<void()>& step_done) {
   if (step_done) step_done();
   estimate_covariance(fit, problem, basis);
   // Labels are no smooth surface: what they depart from a biconic is how they were drawn.
-  if (!fit.layout.irregular_cornea && fit.evidence == Evidence::intensities)
+  if (!fit.layout.irregular_cornea && fit.evidence == Evidence::intensities && !fit.front_is_blanked())
     fit.irregularity = corneal_irregularity(problem, fit.parameters, fit.active);
   for (std::size_t i = 0; i < deviations.size(); ++i) problem.samples[i].deviation = deviations[i];
   judge_residuals(fit, problem);

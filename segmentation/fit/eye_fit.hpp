@@ -54,10 +54,7 @@ struct EyeFit {
   /// Brightness of the wall's inner layer, which the vitreous borders on.
   double inner_wall() const { return value(wall) + (1 - value(wall_inner_share)) * value(wall_layering); }
   /// Whether cornea and lens are in none of its images, as someone took the face off.
-  bool front_is_blanked() const {
-    return std::all_of(stacks.begin(), stacks.end(),
-                       [](const ObservedStack& o) { return o.front_is_blanked; });
-  }
+  bool front_is_blanked() const { return segmentation::front_is_blanked(stacks); }
   /// Centre of the globe's ellipsoid.
   Eigen::Vector3d globe_centre_lps() const {
     return parameters.segment<3>(apex_x) -

@@ -171,9 +171,7 @@ class VoxelSelector {
 /// As far as the fit looks.
 BlankedRegion blanked_about(const Stack& stack, const EyeStart& start) {
   constexpr double reach_mm = 26;
-  BlankedRegion region(stack, start.globe_centre, reach_mm);
-  // The air before a whole face is zero in many images: it stays, as the lid's edge is at it.
-  return region.holds_lens(stack, start.globe_centre, start.axis) ? region : BlankedRegion();
+  return blanked_front(stack, start.globe_centre, start.axis, reach_mm);
 }
 
 /// What only a scanner's image has: levels, noise, coil, chemical shift.
@@ -191,7 +189,7 @@ void observe_intensities(ObservedStack& o, const EyeStart& start, Weighting weig
   o.sampling.fat_shift_sigma_mm = stack.fat_shift_sigma_mm;
   o.sampling.noise = vitreous_noise(stack, start) / o.reference;
   o.blanked = blanked_about(stack, start);
-  o.front_is_blanked = o.blanked.holds_lens(stack, start.globe_centre, start.axis);
+  o.front_is_blanked = o.blanked.holds_front(stack, start.globe_centre, start.axis);
 }
 
 }  // namespace
@@ -199,6 +197,11 @@ void observe_intensities(ObservedStack& o, const EyeStart& start, Weighting weig
 double label_deviation(const Stack& stack) {
   const double pixel = std::max(stack.column_spacing_mm, stack.row_spacing_mm);
   return std::sqrt(std::max(pixel, stack.slice_spacing_mm()) / pixel / 12);
+}
+
+bool front_is_blanked(const std::vector<ObservedStack>& stacks) {
+  return !stacks.empty() &&
+         std::all_of(stacks.begin(), stacks.end(), [](const ObservedStack& o) { return o.front_is_blanked; });
 }
 
 TissueLevels tissue_levels(const Stack& stack, const EyeStart& start, Weighting weighting) {

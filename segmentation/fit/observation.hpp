@@ -66,6 +66,9 @@ struct ObservedStack {
   bool front_is_blanked = false;  ///< lens and cornea with it
 };
 
+/// Whether lens and cornea are blanked in all of them.
+bool front_is_blanked(const std::vector<ObservedStack>& stacks);
+
 /// Typical intensities of the tissues of an eye in one stack, in its own unit.
 struct TissueLevels {
   double vitreous = 0, wall = 0, lens = 0, lid = 0, air = 0, surround = 0, fat = 0;

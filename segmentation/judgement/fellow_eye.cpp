@@ -77,7 +77,7 @@ std::string JudgedEye::edges_on_axis_withheld() const {
     return "cornea or lens have no edges of their own along the eye's axis";
   for (const QualityGate& gate : gates)
     for (const char* on_axis :
-         {"apex_sigma_mm", "axial_length_sigma_mm", "lens_contrast", "lens_off_axis_mm"})
+         {"front_is_blanked", "apex_sigma_mm", "axial_length_sigma_mm", "lens_contrast", "lens_off_axis_mm"})
       if (gate.name == on_axis && !gate.passed) return gate.reason;
   return {};
 }
@@ -110,7 +110,8 @@ void compare_fellow_eyes(JudgedEye& od, JudgedEye& os, const std::vector<const S
   if (!in_the_same_stacks(od, os)) return;
   if (od.rank() != os.rank()) {
     JudgedEye &less = od.rank() < os.rank() ? od : os, &more = od.rank() < os.rank() ? os : od;
-    improve(less, more, less.reasons(), stacks, age_years, verbosity);
+    const bool can_improve = !less.fit || !less.fit->front_is_blanked();  // no fellow brings a front back
+    if (can_improve) improve(less, more, less.reasons(), stacks, age_years, verbosity);
   }
   if (!od.is_fitted() || !os.is_fitted() || agree(od, os)) return;
   const std::string because = contradiction(od, os);

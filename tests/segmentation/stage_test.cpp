@@ -6,10 +6,12 @@
 #include <cstdlib>
 #include <future>
 #include <random>
+#include <tuple>
 
 #include "pipeline/base/files.hpp"
 #include "pipeline/eye/parametric/parametric_eye.hpp"
 #include "segmentation/intake/nifti.hpp"
+#include "segmentation/intake/study.hpp"
 #include "tests/support/generated_series.hpp"
 
 namespace emmetrope::segmentation {
@@ -254,6 +256,35 @@ TEST_F(SegmentStage, RealScansOfOnePersonAgree) {
   }
   // A slice is missing through the right eye: it must not shrink by the millimetre that it covers.
   EXPECT_NEAR(2 * eye("t1", Laterality::od).globe_semi_axes_mm.x(), 23.4, 0.4);
+}
+
+/// What is blanked are cornea and half of the lens; the back is as somebody read it in the whole head (SOURCE.txt).
+TEST_F(SegmentStage, ARealHeadWithoutItsFaceKeepsTheBackOfItsEyes) {
+  const char* scans = std::getenv("EMMETROPE_REAL_SCANS");
+  if (scans == nullptr) GTEST_SKIP() << "EMMETROPE_REAL_SCANS names no folder of real scans";
+  const StudyInventory inventory = read_inventory(fs::path(scans) / "phil_elition_t1", {});
+  Stack stack = read_series(inventory, inventory.series.front().uid, {});
+  constexpr double plane_y_mm = -72;  // LPS; the apices lie at -78.9 and -77.9
+  for (int s = 0; s < stack.slices(); ++s)
+    for (int r = 0; r < stack.rows; ++r)
+      for (int c = 0; c < stack.columns; ++c)
+        if (stack.position(c, r, s).y() < plane_y_mm)
+          stack.slice_intensity[s][static_cast<std::size_t>(r) * stack.columns + c] = 0;
+  fs::create_directories(folder_ / "study");
+  write_nifti(folder_ / "study" / "defaced.nii.gz", stack);
+  EXPECT_EQ(run(folder_ / "study", "defaced").status, ExitStatus::partial);
+  constexpr double read_sigma_mm = 0.5;
+  for (const auto& [laterality, width_mm, height_mm] :
+       {std::tuple{Laterality::od, 24.8, 23.5}, {Laterality::os, 25.1, 22.7}}) {
+    const Json fit = read_json(folder_ / "defaced" / "segmentation" / to_string(laterality) / "fit.json");
+    EXPECT_TRUE(fit.at("withheld").contains("front"));
+    ASSERT_FALSE(fit.at("withheld").contains("fit")) << fit.at("withheld");
+    const ParametricEye found = eye("defaced", laterality);
+    EXPECT_NEAR(2 * found.globe_semi_axes_mm.x(), width_mm,
+                2 * std::hypot(2 * sigma(found, "globe_semi_axis_x_mm"), read_sigma_mm));
+    EXPECT_NEAR(2 * found.globe_semi_axes_mm.y(), height_mm,
+                2 * std::hypot(2 * sigma(found, "globe_semi_axis_y_mm"), read_sigma_mm));
+  }
 }
 
 TEST_F(SegmentStage, ChildIsMeasuredAndAnUnseenCorneaWithheld) {

@@ -220,7 +220,7 @@ int main(int argc, char** argv) {
   unsigned long long first = 1;
   int count = 1;
   std::filesystem::path cache;
-  bool score_only = false, each = false, bound = false;
+  bool score_only = false, images_alone = false, each = false, bound = false;
   app.add_option("--protocol", protocol.name, "surface-coil, head-t2, head-t1");
   app.add_option("--first", first, "Seed of the first head");
   app.add_option("--count", count, "Heads");
@@ -231,6 +231,7 @@ int main(int argc, char** argv) {
   app.add_option("--snr", protocol.snr, "Instead of the protocol's");
   app.add_option("--cache", cache, "Folder of records; those that are there are not made again")->required();
   app.add_flag("--score-only", score_only, "Score the records that are there");
+  app.add_flag("--images-alone", images_alone, "Without the table of what keratometry makes of it");
   app.add_flag("--each", each, "A line for every eye");
   CLI11_PARSE(app, argc, argv);
 
@@ -239,12 +240,14 @@ int main(int argc, char** argv) {
     for (const Json& record : cached_head(cache, protocol, seed, !score_only)) {
       images.add(record, false);
       if (each) images.print_each(record);
-      keratometry.add(record, true);
+      if (!images_alone) keratometry.add(record, true);
     }
   fmt::print("\n{}, images alone: ", protocol.label());
   images.print();
-  fmt::print("{}, keratometry of 0.25 D given: ", protocol.label());
-  keratometry.print();
+  if (!images_alone) {
+    fmt::print("{}, keratometry of 0.25 D given: ", protocol.label());
+    keratometry.print();
+  }
   if (bound) images.print_bound();
   return 0;
 }

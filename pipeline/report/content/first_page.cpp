@@ -8,6 +8,7 @@
 #include "pipeline/base/notation.hpp"
 #include "pipeline/eye/population/limits.hpp"
 #include "pipeline/report/content/content_tables.hpp"
+#include "pipeline/report/content/remedies.hpp"
 #include "pipeline/report/document/numbers.hpp"
 
 namespace emmetrope::report {
@@ -247,6 +248,8 @@ std::string next_step(const EyeData& eye, const Judgement& judgement) {
       !value_at(eye.biometry, "/keratometry/flat/power_D"))
     return "Add keratometry of this eye (--keratometry): with a cornea there is a refraction. Length and shape stand "
            "as they are.";
+  if (eye.fit.is_object() && eye.fit.value("withheld", Json::object()).contains("front"))
+    return remedy_of_gate("front_is_blanked");
   return eye.fit.is_object()
              ? "Rescan this eye: a T2 stack of 0.5 mm in plane and 2 mm slices at most over the whole globe, eyes "
                "closed and still; a surface coil shows the cornea."

@@ -143,7 +143,7 @@ TEST_F(FollowCommand, SaysWhatIsWrongWithItsVisits) {
   write_json(fs::path(second) / "segmentation" / "os" / "fit.json", fit);
   const ProcessResult ended = run({first, second, "--years", "0,1"});
   EXPECT_EQ(ended.status, 8);
-  EXPECT_THAT(ended.output, testing::HasSubstr("visit 2: length and front of this eye are withheld"));
+  EXPECT_THAT(ended.output, testing::HasSubstr("visit 2: the fit of this eye is withheld"));
 }
 
 }  // namespace
