@@ -47,7 +47,8 @@ BlankedRegion::BlankedRegion(const Stack& stack, const Vector3d& globe_centre, d
 bool BlankedRegion::is_core(const Array3i& voxel) const {
   const Array3i at = voxel - first_;
   if ((at < 0).any() || (at >= count_).any()) return false;
-  return core_[static_cast<std::size_t>((at[2] * count_[1] + at[1]) * count_[0] + at[0])] != 0;
+  const Eigen::Index place = (Eigen::Index{at[2]} * count_[1] + at[1]) * count_[0] + at[0];
+  return core_[static_cast<std::size_t>(place)] != 0;
 }
 
 bool BlankedRegion::is_core_within(const Array3i& voxel, int reach) const {
