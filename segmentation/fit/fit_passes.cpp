@@ -75,6 +75,10 @@ Basis select_parameters_and_direction(const std::vector<int>& active, const Vect
   return basis;
 }
 
+bool is_cornea_fluid(const VectorXd& parameters) {
+  return std::abs(parameters[cornea] - parameters[aqueous]) < std::abs(parameters[cornea] - parameters[wall]);
+}
+
 }  // namespace
 
 VectorXd freeze_deviations(FitProblem& problem, const VectorXd& parameters) {
@@ -139,7 +143,7 @@ SolveResult fit_cornea(FitProblem& problem, const VectorXd& start, Evidence evid
   problem.priors.sigma[lid] = 0.15;
   SolveResult best;
   best.cost = std::numeric_limits<double>::infinity();
-  for (const double offset : {-0.8, -0.4, 0.0, 0.4, 0.8}) {
+  const auto start_from = [&](double offset) {
     const VectorXd from = start + offset * slide;
     // The apex is held loosely at its start.
     problem.priors.mean.segment<3>(apex_x) = from.segment<3>(apex_x);
@@ -147,7 +151,11 @@ SolveResult fit_cornea(FitProblem& problem, const VectorXd& start, Evidence evid
     SolveResult result = solve(problem, from, basis, 12);
     costs.push_back(result.cost);
     if (result.cost < best.cost) best = std::move(result);
-  }
+  };
+  for (const double offset : {-0.8, -0.4, 0.0, 0.4, 0.8}) start_from(offset);
+  // What is as bright as the fluid behind it is no cornea: that lies further out, where it was taken for the lid.
+  for (const double offset : {1.2, 1.6, 2.0})
+    if (is_cornea_fluid(best.parameters)) start_from(offset);
   const double lowest = *std::min_element(costs.begin(), costs.end());
   for (double& cost : costs) cost -= lowest;
   problem.priors = kept;

@@ -23,8 +23,9 @@ std::vector<int> free_parameters(const ForwardModel& model, Evidence evidence);
 SolveResult fit_globe(FitProblem& problem, const Eigen::VectorXd& start, Evidence evidence,
                       bool background_varies);
 
-/// The front of the eye from five depths of the apex, globe and lens kept in place.
-/// \param costs  receives those of the five, less the lowest
+/// The front of the eye from five depths of the apex, globe and lens kept in place; from up to three further out where
+/// what they find for a cornea is as bright as the fluid behind it.
+/// \param costs  receives those of all, less the lowest
 SolveResult fit_cornea(FitProblem& problem, const Eigen::VectorXd& start, Evidence evidence,
                        std::vector<double>& costs);
 

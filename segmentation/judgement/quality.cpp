@@ -123,6 +123,12 @@ void judge_lens(const EyeFit& fit, Gates& gates) {
 }
 
 void judge_cornea_and_length(const EyeFit& fit, Gates& gates) {
+  // As dark as the wall: 1; as bright as the fluid: 0.
+  if (fit.weighting == Weighting::t2)
+    gates.refuse_below("cornea_contrast_t2",
+                       (fit.value(aqueous) - fit.value(cornea)) / (fit.value(aqueous) - fit.value(wall)),
+                       "the cornea was not found: what was taken for it is as bright as the fluid behind it",
+                       Withholds::front);
   const double power_sigma_D = keratometric_D_mm * fit.sigma(cornea_c);
   const double prior_sigma_D = keratometric_D_mm * fit.priors.sigma[cornea_c];
   gates.refuse_above(

@@ -227,6 +227,15 @@ std::vector<std::pair<std::string, std::string>> facts_of(const EyeData& eye, co
   return facts;
 }
 
+/// The gate that withheld an eye's front; empty: none.
+std::string gate_of_front(const Json& fit) {
+  if (!fit.is_object()) return {};
+  for (const Json& gate : fit.value("quality", Json::array()))
+    if (!gate.value("passed", true) && gate.value("withholds", std::string()) == "front")
+      return gate.at("name").get<std::string>();
+  return {};
+}
+
 std::string next_step(const EyeData& eye, const Judgement& judgement) {
   if (judgement.has_refraction) {
     const auto M = measured_in(eye.prescription, "M_D");
@@ -248,8 +257,7 @@ std::string next_step(const EyeData& eye, const Judgement& judgement) {
       !value_at(eye.biometry, "/keratometry/flat/power_D"))
     return "Add keratometry of this eye (--keratometry): with a cornea there is a refraction. Length and shape stand "
            "as they are.";
-  if (eye.fit.is_object() && eye.fit.value("withheld", Json::object()).contains("front"))
-    return remedy_of_gate("front_is_blanked");
+  if (const std::string gate = gate_of_front(eye.fit); !gate.empty()) return remedy_of_gate(gate);
   return eye.fit.is_object()
              ? "Rescan this eye: a T2 stack of 0.5 mm in plane and 2 mm slices at most over the whole globe, eyes "
                "closed and still; a surface coil shows the cornea."

@@ -19,6 +19,7 @@ std::string remedy_of_gate(const std::string& gate) {
       {"globe_inside_stack", "Rescan with the whole globe inside the slices."},
       {"front_is_blanked", "Use the images from before the face was taken off."},
       {"lens_contrast", "Rescan in T2, which shows the lens."},
+      {"cornea_contrast_t2", rescan},
       {"cornea_sigma_over_prior", measure_cornea},
       {"keratometry_plausible_D", measure_cornea},
       {"keratometry_plausible_upper_D", measure_cornea},
