@@ -29,7 +29,8 @@ fs::path named_file(const fs::path& file, const Json& json, const char* key) {
   const std::string name = json.value(key, std::string());
   if (name.empty()) return {};
   fs::path named = file.parent_path() / name;
-  if (!fs::is_regular_file(named))
+  std::error_code none;  // such as a name that is too long
+  if (!fs::is_regular_file(named, none))
     throw input_error(fmt::format("{}: tls.{}: there is no file {}", file.string(), key, named.string()));
   return named;
 }

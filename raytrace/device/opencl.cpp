@@ -2,10 +2,13 @@
 
 #include <fcntl.h>
 #include <pwd.h>
+#include <sys/mman.h>
 #include <unistd.h>
 
 #include <cctype>
+#include <cstdint>
 #include <cstdlib>
+#include <thread>
 
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/memory_limit.hpp"
@@ -31,9 +34,21 @@ Error device_error(const std::string& what, const std::string& remedy) {
 
 constexpr off_t kernel_cache_bytes = 20'000'000;
 
-/// PoCL compiles to files; in a folder that cannot be written it finds no device or ends the process. So the
-/// folder is chosen and tried before the first OpenCL call, and is private: never below a shared temporary
-/// folder.
+/// What PoCL's library for the machine's layout (hwloc) should take for granted where /sys, from which it reads
+/// cores and memory, is not mounted: PoCL ends the process otherwise.
+void describe_machine_without_sys() {
+  if (std::filesystem::exists("/sys/devices/system/cpu")) return;
+  const auto memory_bytes =
+      static_cast<std::uint64_t>(sysconf(_SC_PHYS_PAGES)) * static_cast<std::uint64_t>(sysconf(_SC_PAGESIZE));
+  const std::string layout = "node:1(memory=" + std::to_string(memory_bytes) +
+                             ") core:" + std::to_string(std::max(1U, std::thread::hardware_concurrency())) +
+                             " pu:1";
+  setenv("HWLOC_SYNTHETIC", layout.c_str(), 0);
+}
+
+/// PoCL compiles to files, which it maps to run; in a folder where it cannot write or run them it finds no device
+/// or ends the process. So the folder is chosen and tried before the first OpenCL call, and is private: never
+/// below a shared temporary folder.
 void prepare_kernel_cache(int threads) {
   static std::once_flag once;
   std::call_once(once, [threads] {
@@ -44,7 +59,11 @@ void prepare_kernel_cache(int threads) {
     const int file = fault ? -1 : mkstemp(probe.data());
     // PoCL ends the process where its compiler cannot write.
     const bool written = file >= 0 && posix_fallocate(file, 0, kernel_cache_bytes) == 0;
+    bool may_run = false;
     if (file >= 0) {
+      void* code = mmap(nullptr, 1, PROT_READ | PROT_EXEC, MAP_PRIVATE, file, 0);
+      may_run = code != MAP_FAILED;
+      if (may_run) munmap(code, 1);
       close(file);
       unlink(probe.c_str());
     }
@@ -52,7 +71,12 @@ void prepare_kernel_cache(int threads) {
       throw device_error("the folder for compiled OpenCL kernels, " + folder.string() +
                              ", cannot be written, or has not 20 MB free",
                          "set POCL_CACHE_DIR to a private writable folder with some 20 MB free");
+    if (!may_run)
+      throw device_error("nothing may be run from the folder for compiled OpenCL kernels, " +
+                             folder.string() + " (mounted noexec, say)",
+                         "set POCL_CACHE_DIR to a private folder from which programs may be run");
     setenv("POCL_CACHE_DIR", folder.c_str(), 1);
+    describe_machine_without_sys();
     if (threads > 0) setenv("POCL_MAX_PTHREAD_COUNT", std::to_string(threads).c_str(), 0);
   });
 }

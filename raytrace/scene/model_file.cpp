@@ -9,6 +9,8 @@
 #include <algorithm>
 #include <assimp/Importer.hpp>
 #include <cmath>
+#include <cstdint>
+#include <cstring>
 #include <set>
 
 #include "pipeline/base/error.hpp"
@@ -34,6 +36,19 @@ void check_ply_header(const std::filesystem::path& file) {
   const std::string text = read_file(file);
   if (text.rfind("ply", 0) != 0 || text.find("end_header") == std::string::npos)
     throw input_error(file.string() + " has no whole PLY header", "copy or export the file again");
+}
+
+/// Assimp makes room for whatever length a GLB file's first chunk, its JSON, claims (glTF 2.0, 4.4).
+void check_glb_header(const std::filesystem::path& file) {
+  constexpr std::size_t header_bytes = 12, chunk_header_bytes = 8;
+  const std::string bytes = read_file(file);
+  std::uint32_t json_bytes = 0;
+  if (bytes.size() >= header_bytes + chunk_header_bytes)
+    std::memcpy(&json_bytes, bytes.data() + header_bytes, sizeof json_bytes);
+  if (bytes.size() < header_bytes + chunk_header_bytes ||
+      json_bytes > bytes.size() - header_bytes - chunk_header_bytes)
+    throw input_error(file.string() + " ends before what its header promises",
+                      "copy or export the file again");
 }
 
 /// Notes what the importer reads; what it looks for in vain is no input.
@@ -147,6 +162,7 @@ std::vector<MeshObject> read_model(const std::filesystem::path& file,
   if (!std::filesystem::is_regular_file(file)) throw input_error("there is no file " + file.string());
 
   if (ending == ".ply") check_ply_header(file);
+  if (ending == ".glb") check_glb_header(file);
 
   std::vector<std::filesystem::path> read;
   Assimp::Importer importer;

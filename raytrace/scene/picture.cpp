@@ -12,6 +12,16 @@ namespace {
 
 constexpr int largest_picture = 16384;
 
+/// Nothing where OpenCV cannot read it, which of broken files it says by an exception or by an empty picture.
+template <typename Read>
+auto read_or_nothing(Read read) -> decltype(read()) {
+  try {
+    return read();
+  } catch (const cv::Exception&) {
+    return {};
+  }
+}
+
 }  // namespace
 
 float linear_light(unsigned char value) {
@@ -21,7 +31,8 @@ float linear_light(unsigned char value) {
 
 std::shared_ptr<const Texture> decode_picture(const std::string& bytes, const std::string& name) {
   const cv::Mat raw(1, static_cast<int>(bytes.size()), CV_8UC1, const_cast<char*>(bytes.data()));
-  const cv::Mat picture = bytes.empty() ? cv::Mat() : cv::imdecode(raw, cv::IMREAD_COLOR);
+  const cv::Mat picture =
+      bytes.empty() ? cv::Mat() : read_or_nothing([&] { return cv::imdecode(raw, cv::IMREAD_COLOR); });
   if (picture.empty()) throw input_error(name + " is no picture that can be read", "use PNG, JPEG or TIFF");
   if (picture.cols > largest_picture || picture.rows > largest_picture || picture.cols < 2 ||
       picture.rows < 2)
@@ -44,10 +55,12 @@ std::shared_ptr<const Texture> decode_picture(const std::string& bytes, const st
 
 std::shared_ptr<const SpectralPicture> read_spectral_picture(const std::filesystem::path& file,
                                                              const std::vector<double>& wavelength_nm) {
-  const std::string bytes = read_file(file);  // says what is wrong with the file itself
-  std::vector<cv::Mat> pages;
-  if (bytes.empty() || !cv::imreadmulti(file.string(), pages, cv::IMREAD_UNCHANGED) || pages.empty())
-    throw input_error(file.string() + " is no TIFF that can be read");
+  read_file(file);  // says what is wrong with the file itself
+  const std::vector<cv::Mat> pages = read_or_nothing([&] {
+    std::vector<cv::Mat> read;
+    return cv::imreadmulti(file.string(), read, cv::IMREAD_UNCHANGED) ? read : std::vector<cv::Mat>();
+  });
+  if (pages.empty()) throw input_error(file.string() + " is no TIFF that can be read");
   if (pages.size() != wavelength_nm.size())
     throw input_error(file.string() + " has " + std::to_string(pages.size()) + " pages, and there are " +
                           std::to_string(wavelength_nm.size()) + " wavelengths_nm",

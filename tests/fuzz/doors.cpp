@@ -4,23 +4,20 @@
 #include <dcmtk/dcmdata/dctk.h>
 #include <fmt/format.h>
 
-#include <CLI/CLI.hpp>
 #include <cmath>
+#include <iterator>
 
-#include "pipeline/base/case_folder.hpp"
 #include "pipeline/base/files.hpp"
 #include "pipeline/eye/exchange/eye_file.hpp"
 #include "pipeline/eye/instruments/instruments.hpp"
 #include "pipeline/eye/meshes/triangle_mesh.hpp"
 #include "pipeline/eye/schematic/schematic_eyes.hpp"
 #include "raytrace/movement/movement.hpp"
-#include "raytrace/scene/chart.hpp"
-#include "raytrace/scene/scene_json.hpp"
-#include "raytrace/spectacle/spectacle.hpp"
 #include "segmentation/intake/dicom_header.hpp"
 #include "segmentation/intake/dicom_pixels.hpp"
 #include "segmentation/intake/nifti.hpp"
 #include "segmentation/intake/study.hpp"
+#include "tests/fuzz/door_groups.hpp"
 #include "tests/support/generated_series.hpp"
 #include "tests/support/vtp_files.hpp"
 
@@ -155,7 +152,7 @@ Door vtp_door() {
   return {"vtp", "mesh.vtp", seeds, mutate, [](const fs::path& file) { read_mesh(file); }};
 }
 
-// ---- eyes, scenes, tables
+// ---- eyes, tables
 
 Seeds eye_files(Folder folder, const char* ending) {
   for (const char* name : {"navarro", "liou-brennan", "gullstrand", "arizona"})
@@ -171,16 +168,6 @@ Seeds zemax_lens(Folder folder) {
   const fs::path file = folder.parent_path() / "lens.zmx";
   write_eye_file(file, make_eye("navarro"));
   return {read_file(file)};
-}
-
-Seeds scenes(Folder) {
-  return {R"({"name": "card and wall", "background": [0.5, 0.5, 0.5], "objects": [
-      {"type": "plane", "centre_mm": [0, 0, 400], "right_mm": [-30, 0, 0], "up_mm": [0, 20, 0],
-       "chart": "letters:logmar=0.5"},
-      {"type": "plane", "centre_mm": [0, 0, 6000], "right_mm": [-3000, 0, 0], "up_mm": [0, 3000, 0], "lit": true,
-       "colour": [0.2, 0.3, 0.9], "chart": "dial"}],
-      "lights": [{"type": "point", "position_mm": [250, 60, 350], "reference_mm": 350, "colour": [0.9, 0.85, 0.8]},
-                 {"type": "directional", "direction": [0, -1, 1]}], "ambient": [0.1, 0.1, 0.1]})"};
 }
 
 double cornea_um(double x, double y) { return -1e3 * (x * x + y * y) / 2 / 7.8; }
@@ -203,52 +190,10 @@ void read_topography(const fs::path& file) { analyse_topography(read_elevation_m
 
 Seeds movements(Folder) { return {"time_s,horizontal_deg,vertical_deg\n0,0,0\n0.01,0.1,0\n0.02,0.3,-0.1\n"}; }
 
-// ---- the case
-
-Seeds stage_files(Folder) {
-  return {
-      R"({"version": "1", "parameters": {"laterality": "both"}, "seed": 1, "inputs": {}, "outputs": {}, "warnings": [],
-      "verdict": {"status": 8, "reasons": ["one eye"]}})"};
-}
-
-void read_stage_file(const fs::path& file) {
-  const fs::path folder = file.parent_path() / "case" / "meshing";
-  fs::create_directories(folder);
-  fs::copy_file(file, folder / "stage.json", fs::copy_options::overwrite_existing);
-  read_verdict(folder.parent_path(), "meshing");
-}
-
-// ---- options that have a grammar: the file's text is the value
-
-std::string value_in(const fs::path& file) {
-  std::string text = read_file(file);
-  text.erase(std::remove(text.begin(), text.end(), '\0'), text.end());
-  return text;
-}
-
-void read_instrument_options(const fs::path& file) {
-  const std::string text = value_in(file);
-  for (const auto option : {&InstrumentFlags::keratometry, &InstrumentFlags::axial_length,
-                            &InstrumentFlags::anterior_chamber_depth, &InstrumentFlags::lens_thickness,
-                            &InstrumentFlags::topography}) {
-    InstrumentFlags flags;
-    (flags.*option).push_back(text);
-    try {
-      parse_instruments(flags, 0.2);
-    } catch (const Error&) {  // the text is another option's, or no one's
-    }
-  }
-}
-
-Door option_door(const std::string& name, Seeds seeds, std::function<void(const fs::path&)> open) {
-  return {name, "value.txt", [seeds = std::move(seeds)](Folder) { return seeds; }, mutate_text,
-          std::move(open)};
-}
-
 }  // namespace
 
-const std::vector<Door>& doors() {
-  static const std::vector<Door> all{
+std::vector<Door> reader_doors() {
+  return {
       {"dicom", "image.dcm", dicom_files, mutate_dicom, decode},
       {"study", "image.dcm", one_of_a_series, mutate_dicom, replace_one_of_a_series},
       {"nifti", "volume.nii", volumes, mutate_bytes, read_volume},
@@ -259,8 +204,6 @@ const std::vector<Door>& doors() {
       {"eye.json", "eye.json", [](Folder folder) { return eye_files(folder, ".json"); }, mutate_json,
        [](const fs::path& file) { read_eye_file(file); }},
       {"zmx", "lens.zmx", zemax_lens, mutate_text, [](const fs::path& file) { read_eye_file(file); }},
-      {"scene.json", "scene.json", scenes, mutate_json,
-       [](const fs::path& file) { raytrace::read_scene(file); }},
       {"topography.csv", "map.csv", topographies, mutate_text, read_topography},
       {"topography.json", "map.json",
        [](Folder) {
@@ -269,19 +212,17 @@ const std::vector<Door>& doors() {
        mutate_json, read_topography},
       {"movement.csv", "eye.csv", movements, mutate_text,
        [](const fs::path& file) { raytrace::read_movement(file); }},
-      {"stage.json", "stage.json", stage_files, mutate_json, read_stage_file},
-      option_door("instruments",
-                  {"od:43.25@175/44.75@85+-0.25", "os:23.60+-0.05", "od:3.4", "both:/tmp/map.csv+-0.1"},
-                  read_instrument_options),
-      option_door("chart", {"letters:logmar=0.3,distance_mm=6000", "siemens:spokes=36,contrast=0.5"},
-                  [](const fs::path& file) { raytrace::parse_chart(value_in(file)); }),
-      option_door("eye", {"navarro", "atchison:-4", "gullstrand", "escudero-sanz-navarro"},
-                  [](const fs::path& file) { make_eye(value_in(file)); }),
-      option_door(
-          "spectacle",
-          {"-2.00/-1.00x90@12", "-3/0x0@12,base_D=5,prism=2@90", "+1.25/-0.50x5@14,base_D=6,index=1.6"},
-          [](const fs::path& file) { raytrace::parse_spectacle(value_in(file)); }),
   };
+}
+
+const std::vector<Door>& doors() {
+  static const std::vector<Door> all = [] {
+    std::vector<Door> joined;
+    for (auto group : {reader_doors(), scene_doors(), case_doors(), option_doors()})
+      joined.insert(joined.end(), std::make_move_iterator(group.begin()),
+                    std::make_move_iterator(group.end()));
+    return joined;
+  }();
   return all;
 }
 

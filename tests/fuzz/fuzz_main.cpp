@@ -57,7 +57,9 @@ extern "C" void say_which(int signal) {
 }
 
 void try_one(const Door& door, const fs::path& file, const std::string& input, Outcome& outcome) {
-  std::ofstream(file, std::ios::binary) << input;  // write_file() waits for the disk
+  fs::remove(
+      file);  // where a file is cut short and written again, file systems wait for the disk, as write_file() does
+  std::ofstream(file, std::ios::binary) << input;
   const auto start = Clock::now();
   limit_run(longest_run_s);
   try {

@@ -184,6 +184,28 @@ Json measured(double value, double sigma, const char* source = "mri") {
   return Measured::from_sigma(value, sigma, source);
 }
 
+/// Oblate, with a bulge 20 degrees down in the meridian of 300 degrees.
+Json retina_map() {
+  Json eccentricity = Json::array(), meridian = Json::array(), height = Json::array(), half = Json::array();
+  for (int m = 0; m < 12; ++m) meridian.push_back(30 * m);
+  for (int e = 0; e < 7; ++e) {
+    eccentricity.push_back(10 * e);
+    Json heights = Json::array(), halves = Json::array();
+    for (int m = 0; m < (e == 0 ? 1 : 12); ++m) {
+      const double x = 10 * e * std::cos(30 * m * degree), y = 10 * e * std::sin(30 * m * degree);
+      const double from_bulge_deg2 = std::pow(x - 10, 2) + std::pow(y + 17.3, 2);
+      heights.push_back(0.25 * std::exp(-from_bulge_deg2 / 300) + 0.15 * (std::pow(e / 6.0, 2) - 0.5));
+      halves.push_back(0.03 + 0.01 * e);
+    }
+    height.push_back(heights);
+    half.push_back(halves);
+  }
+  return {{"eccentricity_deg", eccentricity},
+          {"meridian_deg", meridian},
+          {"height_mm", height},
+          {"height_half_ci95_mm", half}};
+}
+
 Json biometry_of(const TrueEye& eye) {
   const double flat_D = 337.5 / eye.flat_radius_mm, steep_D = 337.5 / eye.steep_radius_mm;
   const double steep_axis = normalise_axis_deg(eye.flat_axis_deg + 90), half = (steep_D - flat_D) / 2;
@@ -225,7 +247,8 @@ Json biometry_of(const TrueEye& eye) {
       {"tilt_deg", {{"horizontal", measured(-0.6, 0.2)}, {"vertical", measured(0.4, 0.2)}}},
       {"area_mm2", measured(1224, 8)},
       {"volume_mm3", measured(5719, 56)},
-      {"staphyloma_index", measured(28.9, 0.5)}};
+      {"staphyloma_index", measured(28.9, 0.5)},
+      {"map", retina_map()}};
   return json;
 }
 

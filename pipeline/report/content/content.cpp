@@ -22,6 +22,7 @@ Document make_document(const CaseData& data, const ContentOptions& options, Note
   document.sections.push_back(measured_section(data));
   document.sections.push_back(images_section(data, notes));
   document.sections.push_back(cornea_section(data, notes));
+  document.sections.push_back(retina_section(data, notes));
   document.sections.push_back(optics_section(data, notes));
   document.sections.push_back(correction_section(data, notes));
   document.sections.push_back(peripheral_section(data));

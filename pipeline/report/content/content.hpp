@@ -23,6 +23,7 @@ Section result_section(const CaseData& data);
 Section measured_section(const CaseData& data);
 Section images_section(const CaseData& data, Notes& notes);
 Section cornea_section(const CaseData& data, Notes& notes);
+Section retina_section(const CaseData& data, Notes& notes);
 Section optics_section(const CaseData& data, Notes& notes);
 Section correction_section(const CaseData& data, Notes& notes);
 Section peripheral_section(const CaseData& data);

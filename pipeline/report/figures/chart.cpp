@@ -66,7 +66,9 @@ bool draw_chart(Figure& figure, const std::string& script) {
                          "set border 3\nset tics nomirror\nset grid ytics back lw 0.4 lc rgb '#b8c0c8'\n",
                          figure.width_px, figure.height_px, svg_file.string()) +
                  script);
-  const auto result = run_process(*gnuplot, {script_file.string()}, ChildOutput::discard);
+  // In a locale without UTF-8 gnuplot complains of its own degree sign.
+  const auto result = run_process("/usr/bin/env", {"LC_ALL=C.UTF-8", gnuplot->string(), script_file.string()},
+                                  ChildOutput::discard);
   if (result.status != 0 || !fs::exists(svg_file)) {
     spdlog::warn("gnuplot could not draw the figure {} (status {})", figure.id, result.status);
     return false;

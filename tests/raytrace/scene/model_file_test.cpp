@@ -303,6 +303,8 @@ TEST_F(ModelFile, BadScenesNameFileAndKey) {
   write("index.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n");
   write("short.gltf", R"({"asset": {"version": "2.0"}, "meshes": [)");
   write("empty.obj", "v 0 0 0\n");
+  write("long.glb",
+        std::string("glTF\2\0\0\0\x1c\0\0\0\xf4\1\0\xc1JSON{}      ", 28));  // 3 GB of JSON are promised
   const std::string mesh = R"({"objects": [{"type": "mesh", "file": "quad.obj", "position_mm": [0, 0, 300])";
   const auto fails = [&](const std::string& json, const std::string& says) {
     try {
@@ -322,7 +324,7 @@ TEST_F(ModelFile, BadScenesNameFileAndKey) {
   fails(mesh + R"(}], "lights": [{"direction": [0, 0, 1]}]})", "lights[0]");
   fails(mesh + R"(}], "lights": [{"type": "directional", "direction": [0, 0, 0]}]})", "direction");
   for (const char* file : {"none.obj", "broken.ply", "short.ply", "binary.ply", "index.obj", "short.gltf",
-                           "empty.obj", "scene.json"})
+                           "empty.obj", "long.glb", "scene.json"})
     fails(R"({"objects": [{"type": "mesh", "position_mm": [0, 0, 1], "file": ")" + std::string(file) +
               R"("}]})",
           file);
