@@ -12,6 +12,8 @@
 #include <memory>
 #include <sstream>
 
+#include "pipeline/base/sanitizers.hpp"
+
 namespace emmetrope::segmentation {
 namespace {
 

@@ -6,6 +6,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "pipeline/base/sanitizers.hpp"
+
 namespace emmetrope::segmentation {
 namespace {
 

@@ -40,11 +40,10 @@ struct Grid {
   std::optional<Eigen::Vector3i> voxel_at(const Vector3d& lps) const {
     const Vector3d index = index_from_lps * (lps - stack.slice_position.front());
     const Vector3d nearest = index.array().round();
-    const Eigen::Vector3i voxel = nearest.cast<int>();
-    if ((index - nearest).cwiseAbs().maxCoeff() > 0.1 || voxel.minCoeff() < 0 ||
-        (size - voxel).minCoeff() < 1)
+    if (!index.allFinite() || (index - nearest).cwiseAbs().maxCoeff() > 0.1 || nearest.minCoeff() < 0 ||
+        (size.cast<double>() - nearest).minCoeff() < 1)
       return std::nullopt;
-    return voxel;
+    return nearest.cast<int>();
   }
   /// How many voxels lie along this direction, which must be a step of one voxel; else 0.
   int size_along(const Vector3d& step) const {

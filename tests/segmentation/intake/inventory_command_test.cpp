@@ -5,6 +5,7 @@
 #include <cstdlib>
 #include <fstream>
 
+#include "pipeline/base/sanitizers.hpp"
 #include "tests/segmentation/intake/intake_test.hpp"
 
 namespace emmetrope::test {
