@@ -29,8 +29,7 @@ fs::path named_file(const fs::path& file, const Json& json, const char* key) {
   const std::string name = json.value(key, std::string());
   if (name.empty()) return {};
   fs::path named = file.parent_path() / name;
-  std::error_code none;  // such as a name that is too long
-  if (!fs::is_regular_file(named, none))
+  if (!fs::is_regular_file(named))
     throw input_error(fmt::format("{}: tls.{}: there is no file {}", file.string(), key, named.string()));
   return named;
 }
@@ -65,16 +64,17 @@ ArchiveSettings read_settings(const fs::path& file) {
   try {
     ArchiveSettings settings;
     settings.host = json.at("host");
-    const int port = json.at("port");
-    if (settings.host.empty() || port < 1 || port > 65535)
+    const double port = json.at("port");
+    if (settings.host.empty() || !(port >= 1 && port <= 65535))
       throw input_error(fmt::format("{}: host is \"{}\", port {}", file.string(), settings.host, port),
                         "a name and a number from 1 to 65535");
     settings.port = static_cast<std::uint16_t>(port);
     settings.called_ae_title = ae_title(file, json, "called_ae_title", "");
     settings.calling_ae_title = ae_title(file, json, "calling_ae_title", "EMMETROPE");
-    settings.timeout_s = json.value("timeout_s", settings.timeout_s);
-    if (settings.timeout_s < 1 || settings.timeout_s > 3600)
-      throw input_error(fmt::format("{}: timeout_s is {}", file.string(), settings.timeout_s), "1 to 3600");
+    const double timeout_s = json.value("timeout_s", 60.0);
+    if (!(timeout_s >= 1 && timeout_s <= 3600))
+      throw input_error(fmt::format("{}: timeout_s is {}", file.string(), timeout_s), "1 to 3600");
+    settings.timeout_s = static_cast<int>(timeout_s);
     if (json.contains("tls")) settings.tls = tls_files(file, json.at("tls"));
     return settings;
   } catch (const Json::exception& fault) {

@@ -11,8 +11,8 @@
 
 // PoCL 3.1 leaves plain inline helpers as calls, so that vectors would travel through memory.
 #define AI static inline __attribute__((always_inline))
-// PoCL's any() is a chain of tests; clang's reduction is one instruction.
-#ifdef __has_builtin
+// PoCL's any() is a chain of tests; clang's reduction is one instruction, which a simulator may not know (PLAIN_ANY).
+#if defined(__has_builtin) && !defined(PLAIN_ANY)
 #if __has_builtin(__builtin_reduce_or)
 #define ANY(mask) (__builtin_reduce_or(mask) != 0)
 #endif

@@ -68,6 +68,8 @@ void try_one(const Door& door, const fs::path& file, const std::string& input, O
   } catch (const Error& refusal) {
     if (refusal.status() == ExitStatus::fault) throw;
     ++outcome.refused;
+  } catch (const fs::filesystem_error&) {  // run_command() makes a refusal of it
+    ++outcome.refused;
   }
   limit_run(0);
   ++outcome.runs;
