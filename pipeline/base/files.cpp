@@ -88,6 +88,11 @@ void read_blocks(const std::filesystem::path& file,
 
 }  // namespace
 
+bool is_file(const std::filesystem::path& path) {
+  std::error_code none;
+  return std::filesystem::is_regular_file(path, none);
+}
+
 std::string read_file(const std::filesystem::path& file) {
   std::string bytes;
   read_blocks(file, [&](const char* block, std::size_t size) { bytes.append(block, size); });

@@ -9,6 +9,9 @@ namespace emmetrope {
 /// \throw Error (input_invalid) when it cannot be read
 std::string read_file(const std::filesystem::path& file);
 
+/// Whether a regular file is there; not where no file can have that name, as it is too long, say.
+bool is_file(const std::filesystem::path& path);
+
 /// Writes beside the target, checks every step, syncs, renames: the file holds all of `bytes` or is as it
 /// was.
 /// \throw Error (not_writable) naming the file and the system's reason

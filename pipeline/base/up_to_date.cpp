@@ -25,7 +25,7 @@ StageVerdict verdict_from(const Json& stage_json) {
   for (const ExitStatus status : {ExitStatus::done, ExitStatus::partial, ExitStatus::no_result})
     if (said == static_cast<int>(status))
       return {status, verdict.at("reasons").get<std::vector<std::string>>()};
-  throw input_error(fmt::format("verdict.status is {}, not 0, 6 or 8", said.dump()));
+  throw input_error(fmt::format("verdict.status is {}, not 0, 6 or 8", said.dump().substr(0, 60)));
 }
 
 std::vector<std::string> warnings_from(const Json& stage_json) {

@@ -4,9 +4,11 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <cmath>
 #include <vector>
 
 #include "pipeline/base/error.hpp"
+#include "pipeline/base/files.hpp"
 #include "pipeline/base/json.hpp"
 
 namespace emmetrope::pacs {
@@ -29,7 +31,7 @@ fs::path named_file(const fs::path& file, const Json& json, const char* key) {
   const std::string name = json.value(key, std::string());
   if (name.empty()) return {};
   fs::path named = file.parent_path() / name;
-  if (!fs::is_regular_file(named))
+  if (!is_file(named))
     throw input_error(fmt::format("{}: tls.{}: there is no file {}", file.string(), key, named.string()));
   return named;
 }
@@ -65,15 +67,16 @@ ArchiveSettings read_settings(const fs::path& file) {
     ArchiveSettings settings;
     settings.host = json.at("host");
     const double port = json.at("port");
-    if (settings.host.empty() || !(port >= 1 && port <= 65535))
+    if (settings.host.empty() || !(port >= 1 && port <= 65535 && port == std::floor(port)))
       throw input_error(fmt::format("{}: host is \"{}\", port {}", file.string(), settings.host, port),
                         "a name and a number from 1 to 65535");
     settings.port = static_cast<std::uint16_t>(port);
     settings.called_ae_title = ae_title(file, json, "called_ae_title", "");
     settings.calling_ae_title = ae_title(file, json, "calling_ae_title", "EMMETROPE");
-    const double timeout_s = json.value("timeout_s", 60.0);
-    if (!(timeout_s >= 1 && timeout_s <= 3600))
-      throw input_error(fmt::format("{}: timeout_s is {}", file.string(), timeout_s), "1 to 3600");
+    const double timeout_s = json.value("timeout_s", static_cast<double>(settings.timeout_s));
+    if (!(timeout_s >= 1 && timeout_s <= 3600 && timeout_s == std::floor(timeout_s)))
+      throw input_error(fmt::format("{}: timeout_s is {}", file.string(), timeout_s),
+                        "a whole number from 1 to 3600");
     settings.timeout_s = static_cast<int>(timeout_s);
     if (json.contains("tls")) settings.tls = tls_files(file, json.at("tls"));
     return settings;

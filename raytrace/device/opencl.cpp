@@ -5,6 +5,7 @@
 #include <sys/mman.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cctype>
 #include <cstdint>
 #include <cstdlib>
@@ -35,9 +36,11 @@ Error device_error(const std::string& what, const std::string& remedy) {
 constexpr off_t kernel_cache_bytes = 20'000'000;
 
 /// What PoCL's library for the machine's layout (hwloc) should take for granted where /sys, from which it reads
-/// cores and memory, is not mounted: PoCL ends the process otherwise.
+/// cores and memory, is not mounted: PoCL ends the process otherwise. Children, and what else of this process asks hwloc,
+/// are told the same.
 void describe_machine_without_sys() {
-  if (std::filesystem::exists("/sys/devices/system/cpu")) return;
+  std::error_code hidden;
+  if (std::filesystem::exists("/sys/devices/system/cpu", hidden)) return;
   const auto memory_bytes =
       static_cast<std::uint64_t>(sysconf(_SC_PHYS_PAGES)) * static_cast<std::uint64_t>(sysconf(_SC_PAGESIZE));
   const std::string layout = "node:1(memory=" + std::to_string(memory_bytes) +
@@ -72,7 +75,7 @@ void prepare_kernel_cache(int threads) {
                              ", cannot be written, or has not 20 MB free",
                          "set POCL_CACHE_DIR to a private writable folder with some 20 MB free");
     if (!may_run)
-      throw device_error("nothing may be run from the folder for compiled OpenCL kernels, " +
+      throw device_error("nothing may be run from the folder for PoCL's compiled kernels, " +
                              folder.string() + " (mounted noexec, say)",
                          "set POCL_CACHE_DIR to a private folder from which programs may be run");
     setenv("POCL_CACHE_DIR", folder.c_str(), 1);

@@ -174,7 +174,7 @@ MatrixXd powers_of(const std::vector<Vector2d>& places, int degree) {
 MatrixXd over_field(const MatrixXd& at_nodes, int degree) {
   const MatrixXd to_coefficients = coefficients_from_nodes(field_nodes);
   MatrixXd result = MatrixXd::Zero(EyeMap::terms(degree), at_nodes.cols());
-  if (at_nodes.cols() == 0) return result;  // which has no rows to point to either
+  if (at_nodes.cols() == 0) return result;  // an empty matrix has no data that row() could point into
   int k = 0;
   for (int j = 0; j <= degree; ++j)
     for (int i = 0; i <= degree - j; ++i, ++k)

@@ -38,7 +38,8 @@ void check_ply_header(const std::filesystem::path& file) {
     throw input_error(file.string() + " has no whole PLY header", "copy or export the file again");
 }
 
-/// Assimp makes room for whatever length a GLB file's first chunk, its JSON, claims (glTF 2.0, 4.4).
+/// Assimp makes room for whatever length a GLB file's first chunk, its JSON, claims (glTF 2.0, 4.4; little endian, as all
+/// machines that this runs on).
 void check_glb_header(const std::filesystem::path& file) {
   constexpr std::size_t header_bytes = 12, chunk_header_bytes = 8;
   const std::string bytes = read_file(file);
@@ -159,7 +160,7 @@ std::vector<MeshObject> read_model(const std::filesystem::path& file,
   if (endings.count(ending) == 0)
     throw unsupported_error(file.string() + ": models of this ending are not read",
                             "use OBJ, PLY, STL, glTF or GLB");
-  if (!std::filesystem::is_regular_file(file)) throw input_error("there is no file " + file.string());
+  if (!is_file(file)) throw input_error("there is no file " + file.string());
 
   if (ending == ".ply") check_ply_header(file);
   if (ending == ".glb") check_glb_header(file);

@@ -2,6 +2,8 @@
 
 #include <array>
 #include <cmath>
+#include <limits>
+#include <new>
 #include <opencv2/imgcodecs.hpp>
 
 #include "pipeline/base/error.hpp"
@@ -17,7 +19,8 @@ template <typename Read>
 auto read_or_nothing(Read read) -> decltype(read()) {
   try {
     return read();
-  } catch (const cv::Exception&) {
+  } catch (const cv::Exception& fault) {
+    if (fault.code == cv::Error::StsNoMem) throw std::bad_alloc();
     return {};
   }
 }
@@ -30,9 +33,11 @@ float linear_light(unsigned char value) {
 }
 
 std::shared_ptr<const Texture> decode_picture(const std::string& bytes, const std::string& name) {
-  const cv::Mat raw(1, static_cast<int>(bytes.size()), CV_8UC1, const_cast<char*>(bytes.data()));
-  const cv::Mat picture =
-      bytes.empty() ? cv::Mat() : read_or_nothing([&] { return cv::imdecode(raw, cv::IMREAD_COLOR); });
+  const cv::Mat picture = read_or_nothing([&] {
+    if (bytes.empty() || bytes.size() > std::numeric_limits<int>::max()) return cv::Mat();
+    const cv::Mat raw(1, static_cast<int>(bytes.size()), CV_8UC1, const_cast<char*>(bytes.data()));
+    return cv::imdecode(raw, cv::IMREAD_COLOR);
+  });
   if (picture.empty()) throw input_error(name + " is no picture that can be read", "use PNG, JPEG or TIFF");
   if (picture.cols > largest_picture || picture.rows > largest_picture || picture.cols < 2 ||
       picture.rows < 2)

@@ -1,4 +1,3 @@
-#include <fstream>
 #include <nlohmann/json.hpp>
 
 #include "pipeline/base/case_folder.hpp"
@@ -11,6 +10,8 @@
 #include "pipeline/pacs/archive_settings.hpp"
 #include "pipeline/report/case/case_data.hpp"
 #include "pipeline/report/content/content.hpp"
+#include "pipeline/report/content/judgement.hpp"
+#include "pipeline/report/figures/retina_map.hpp"
 #include "raytrace/case/measured_eye.hpp"
 #include "segmentation/labels/hand_labels.hpp"
 #include "tests/fuzz/door_groups.hpp"
@@ -79,64 +80,58 @@ Seeds labels(Folder folder) {
 
 void read_labels(const fs::path& file) { segmentation::read_hand_labels({file}, {&grid()}); }
 
-// ---- a finished case: the input's first line names the file that the rest is put in place of
+// ---- a finished case, of which one file is another
 
-Seeds files_of_a_case(Folder folder) {
-  const fs::path made = folder / "case";
-  test::make_fixture_case(made);
-  Seeds seeds;
-  for (const auto& entry : fs::recursive_directory_iterator(made)) {
-    const fs::path kind = entry.path().extension();
-    if (kind == ".json" || kind == ".csv" || kind == ".ply")
-      seeds.push_back(entry.path().lexically_relative(made).string() + "\n" + read_file(entry.path()));
-  }
-  return seeds;
+test::FixtureOptions of_one_eye() {
+  test::FixtureOptions options;
+  options.only_right = true;
+  return options;
 }
 
-std::string mutate_file_of_a_case(const std::string& input, Random& random) {
-  const std::size_t end = std::min(input.find('\n'), input.size() - 1) + 1;
-  const std::string name = input.substr(0, end), bytes = input.substr(end);
-  if (name == "\n" || input.empty()) return input;
-  return name + (name.find(".json") != std::string::npos  ? mutate_json(bytes, random)
-                 : name.find(".csv") != std::string::npos ? mutate_text(bytes, random)
-                                                          : mutate_bytes(bytes, random));
-}
-
-void read_a_case(const fs::path& file) {
-  const fs::path whole = file.parent_path() / "case";
-  if (!fs::exists(whole)) test::make_fixture_case(whole);
-  const std::string input = read_file(file);
-  const std::size_t end = std::min(input.find('\n'), input.size());
-  const fs::path changed = whole / input.substr(0, end);
-  if (input.find("..") < end || !fs::is_regular_file(changed)) return;
-  const std::string before = read_file(changed);
-  const auto put = [&](const std::string& bytes) { std::ofstream(changed, std::ios::binary) << bytes; };
-  put(input.substr(std::min(end + 1, input.size())));
+/// The sections of the report without figures, which take a second, and the eye as it is traced.
+void read_a_case(const fs::path& whole) {
   try {
-    // The sections without figures, which take a second.
     const report::CaseData data = report::read_case(whole, LateralityChoice::both);
     for (const auto section : {report::measured_section, report::peripheral_section, report::lenses_section,
                                report::methods_section, report::provenance_section})
       section(data);
     report::limits_section(data, {});
-    raytrace::read_measured_eye(whole, Laterality::od, {});
+    for (const report::EyeData& eye : data.eyes) {
+      report::judge(data, eye);
+      if (eye.biometry.is_object()) report::read_retina_map(eye.biometry.value("retina", Json::object()));
+    }
   } catch (const nlohmann::json::exception&) {  // write_report() makes a refusal of it
-    put(before);
-    return;
-  } catch (...) {
-    put(before);
-    throw;
   }
-  put(before);
+  raytrace::read_measured_eye(whole, Laterality::od, {});
+}
+
+/// \param file  in the case
+Door case_door(const fs::path& file) {
+  const auto seeds = [file](Folder folder) {
+    test::make_fixture_case(folder / "whole", of_one_eye());
+    return Seeds{read_file(folder / "whole" / file)};
+  };
+  const fs::path kind = file.extension();
+  std::function<std::string(const std::string&, Random&)> mutate = mutate_bytes;
+  if (kind == ".json") mutate = mutate_json;
+  if (kind == ".csv") mutate = mutate_text;
+  const auto open = [file](const fs::path& changed) {
+    const fs::path whole = changed.parent_path() / "case";
+    if (!fs::exists(whole)) test::make_fixture_case(whole, of_one_eye());
+    fs::copy_file(changed, whole / file, fs::copy_options::overwrite_existing);
+    read_a_case(whole);
+  };
+  return {file.filename().string(), file.filename().string(), seeds, mutate, open};
 }
 
 // ---- cohorts
 
-Seeds participants(Folder) {
+Seeds participants(Folder folder) {
+  fs::create_directories(folder.parent_path() / "study-a");
   return {
       "participant_id\tstudy\tage\tkeratometry_od\taxial_length_os\tacd_od\tlens_thickness_od\trefraction_od\n"
-      "a\t.\t41\t43.25@175/44.75@85+-0.25\t23.6\t3.4\tn/a\t-2.25/-1.00x180@12\n"
-      "b\t.\tn/a\t\t23.60+-0.05\t\t3.7\tPL\n"};
+      "a\tstudy-a\t41\t43.25@175/44.75@85+-0.25\t23.6\t3.4\tn/a\t-2.25/-1.00x180@12\n"
+      "b\tstudy-a\tn/a\t\t23.60+-0.05\t\t3.7\tPL\n"};
 }
 
 constexpr auto sweep = R"(command = "trace"
@@ -170,7 +165,12 @@ std::vector<Door> case_doors() {
       {"fit.json", "fit.json", [](Folder) { return Seeds{to_json(random_eye(3)).dump()}; }, mutate_json,
        read_fit},
       {"labels", "labels.nii", labels, mutate_bytes, read_labels},
-      {"case", "file", files_of_a_case, mutate_file_of_a_case, read_a_case},
+      case_door("case.json"),
+      case_door("meshing/od/biometry.json"),
+      case_door("meshing/od/cornea_anterior.ply"),
+      case_door("raytrace/od/wavefront.json"),
+      case_door("correction/od/prescription.json"),
+      case_door("correction/od/sweep.csv"),
       {"participants.tsv", "participants.tsv", participants, mutate_text,
        [](const fs::path& file) { cohort::find_subjects(file); }},
       {"sweep.toml", "sweep.toml", [](Folder) { return Seeds{sweep}; }, mutate_text,

@@ -190,8 +190,6 @@ void read_topography(const fs::path& file) { analyse_topography(read_elevation_m
 
 Seeds movements(Folder) { return {"time_s,horizontal_deg,vertical_deg\n0,0,0\n0.01,0.1,0\n0.02,0.3,-0.1\n"}; }
 
-}  // namespace
-
 std::vector<Door> reader_doors() {
   return {
       {"dicom", "image.dcm", dicom_files, mutate_dicom, decode},
@@ -214,6 +212,8 @@ std::vector<Door> reader_doors() {
        [](const fs::path& file) { raytrace::read_movement(file); }},
   };
 }
+
+}  // namespace
 
 const std::vector<Door>& doors() {
   static const std::vector<Door> all = [] {

@@ -184,7 +184,7 @@ Json measured(double value, double sigma, const char* source = "mri") {
   return Measured::from_sigma(value, sigma, source);
 }
 
-/// Oblate, with a bulge 20 degrees down in the meridian of 300 degrees.
+/// Oblate, with a bulge 20 degrees from the pole in the meridian of 300 degrees.
 Json retina_map() {
   Json eccentricity = Json::array(), meridian = Json::array(), height = Json::array(), half = Json::array();
   for (int m = 0; m < 12; ++m) meridian.push_back(30 * m);

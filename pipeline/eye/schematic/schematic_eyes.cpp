@@ -8,6 +8,7 @@
 #include <limits>
 
 #include "pipeline/base/error.hpp"
+#include "pipeline/base/files.hpp"
 #include "pipeline/eye/exchange/eye_file.hpp"
 #include "pipeline/eye/media/ocular_media.hpp"
 #include "pipeline/eye/model/eye_model.hpp"
@@ -347,7 +348,7 @@ EyeModel make_schematic(const Schematic& schematic, const EyeOptions& options) {
 
 bool names_a_file(const std::string& text) {
   const std::string ending = std::filesystem::path(text).extension().string();
-  return std::filesystem::exists(text) || ending == ".json" || ending == ".zmx" || ending == ".ZMX";
+  return is_file(text) || ending == ".json" || ending == ".zmx" || ending == ".ZMX";
 }
 
 }  // namespace

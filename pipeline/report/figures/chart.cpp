@@ -4,6 +4,7 @@
 #include <stdlib.h>
 
 #include <boost/algorithm/string/replace.hpp>
+#include <cmath>
 #include <cstdlib>
 #include <filesystem>
 #include <sstream>
@@ -66,7 +67,7 @@ bool draw_chart(Figure& figure, const std::string& script) {
                          "set border 3\nset tics nomirror\nset grid ytics back lw 0.4 lc rgb '#b8c0c8'\n",
                          figure.width_px, figure.height_px, svg_file.string()) +
                  script);
-  // In a locale without UTF-8 gnuplot complains of its own degree sign.
+  // In a locale without UTF-8 gnuplot complains, on standard error, of its own degree sign.
   const auto result = run_process("/usr/bin/env", {"LC_ALL=C.UTF-8", gnuplot->string(), script_file.string()},
                                   ChildOutput::discard);
   if (result.status != 0 || !fs::exists(svg_file)) {
@@ -75,6 +76,17 @@ bool draw_chart(Figure& figure, const std::string& script) {
   }
   figure.svg = for_page(read_file(svg_file), figure.id);
   return !figure.svg.empty();
+}
+
+std::string examiner_axes(double reach, double step, const std::string& x_label, const std::string& y_label,
+                          bool is_right_eye) {
+  return fmt::format(
+      "unset grid\nset size ratio -1\nset border 0\nset tics scale 0\nset xrange [-{0}:{0}]\nset yrange [-{0}:{0}]\n"
+      "set xtics -{1},{2},{1}\nset ytics -{1},{2},{1}\nset xlabel '{3}'\nset ylabel '{4}' offset 1\n"
+      "set label 1 '{5}' at -{6},0 center\nset label 2 '{7}' at {6},0 center\n"
+      "set label 3 'S' at 0,{6} center\nset label 4 'I' at 0,-{6} center\nunset key\n",
+      reach * 1.18, std::floor(reach / step) * step, step, x_label, y_label, is_right_eye ? "T" : "N",
+      reach * 1.09, is_right_eye ? "N" : "T");
 }
 
 }  // namespace emmetrope::report

@@ -13,6 +13,12 @@ namespace emmetrope::report {
 /// \return false where gnuplot is missing or fails: the report then says so instead
 bool draw_chart(Figure& figure, const std::string& script);
 
+/// Square axes about the middle with the anatomical sides, as the examiner sees the eye: a right eye's temporal side on the
+/// left.
+/// \param reach  from the middle to the rim of what is drawn; its ticks stand at every `step`
+std::string examiner_axes(double reach, double step, const std::string& x_label, const std::string& y_label,
+                          bool is_right_eye);
+
 /// Series colours that read on white and on dark grey, and with the common colour blindnesses (Okabe and
 /// Ito).
 inline constexpr const char* first_colour = "#2b83c6";

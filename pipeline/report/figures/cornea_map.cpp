@@ -122,16 +122,8 @@ std::string data_block(const std::vector<double>& values, const CorneaGrid& grid
   return text + "EOD\n";
 }
 
-/// Square axes in mm with the anatomical sides: the examiner sees the right eye's temporal side on the left.
-std::string frame(const CorneaGrid& grid, bool is_right_eye) {
-  return fmt::format(
-      "unset grid\nset size ratio -1\nset border 0\nset tics scale 0\nset xrange [-{0}:{0}]\nset yrange "
-      "[-{0}:{0}]\n"
-      "set xtics -4,2,4\nset ytics -4,2,4\nset xlabel 'x (mm)'\nset ylabel 'y (mm)' offset 1\n"
-      "set label 1 '{1}' at -{2},0 center\nset label 2 '{3}' at {2},0 center\n"
-      "set label 3 'S' at 0,{2} center\nset label 4 'I' at 0,-{2} center\nunset key\n",
-      grid.half_width_mm * 1.18, is_right_eye ? "T" : "N", grid.half_width_mm * 1.09,
-      is_right_eye ? "N" : "T");
+std::string axes(const CorneaGrid& grid, bool is_right_eye) {
+  return examiner_axes(grid.half_width_mm, 2, "x (mm)", "y (mm)", is_right_eye);
 }
 
 std::string meridian(double axis_deg, double length_mm, const char* style) {
@@ -162,7 +154,7 @@ bool draw_axial_power(Figure& figure, const CorneaGrid& grid, double flat_axis_d
   // The absolute 1.5 D scale of the topographers, so that two maps compare by colour.
   return draw_chart(
       figure,
-      data_block(grid.axial_power_D, grid) + frame(grid, is_right_eye) +
+      data_block(grid.axial_power_D, grid) + axes(grid, is_right_eye) +
           "set cbrange [36:51]\nset cbtics 3\nset cblabel 'Axial power (D)'\n"
           "set palette maxcolors 10 defined (0 '#2c2a80', 2 '#2b83c6', 4 '#31b57b', 5 '#a6d96a', 6 "
           "'#f3e04a', 8 '#ee7f1b', 10 '#a50f15')\n" +
@@ -174,7 +166,7 @@ bool draw_axial_power(Figure& figure, const CorneaGrid& grid, double flat_axis_d
 
 bool draw_elevation(Figure& figure, const CorneaGrid& grid, bool is_right_eye) {
   return draw_chart(figure,
-                    data_block(grid.elevation_um, grid) + frame(grid, is_right_eye) +
+                    data_block(grid.elevation_um, grid) + axes(grid, is_right_eye) +
                         "set cbrange [-40:40]\nset cbtics 20\nset cblabel 'Elevation (\u00b5m)'\n"
                         "set palette maxcolors 16 defined (-40 '#2166ac', -10 '#92c5de', 0 '#f7f7f7', 10 "
                         "'#f4a582', 40 '#b2182b')\n"

@@ -68,10 +68,10 @@ double RetinaMap::at(const Rings& rings, double eccentricity_deg, double meridia
 }
 
 std::optional<RetinaMap> read_retina_map(const Json& retina) {
-  if (!retina.is_object() || !retina.contains("map") || !retina["map"].is_object() ||
-      !retina["map"].contains("height_mm"))
-    return std::nullopt;
+  if (!retina.is_object() || !retina.contains("map") || !retina["map"].is_object()) return std::nullopt;
   const Json& json = retina["map"];
+  for (const char* key : {"eccentricity_deg", "meridian_deg", "height_mm", "height_half_ci95_mm"})
+    if (!json.contains(key)) return std::nullopt;
   const auto ring_step = step_of(json.at("eccentricity_deg"), 3),
              meridian_step = step_of(json.at("meridian_deg"), 4);
   if (!ring_step || !meridian_step) return std::nullopt;
@@ -102,17 +102,16 @@ bool draw_retina_map(Figure& figure, const RetinaMap& map, double range_mm, bool
     script += "\n";
   }
   script += "EOD\n";
-  script += fmt::format(
-      "unset grid\nset size ratio -1\nset border 0\nset tics scale 0\nset angles degrees\nset xrange [-{0}:{0}]\n"
-      "set yrange [-{0}:{0}]\nset xtics -60,30,60\nset ytics -60,30,60\nset xlabel 'degrees from the pole'\n"
-      "set label 1 '{1}' at -{2},0 center\nset label 2 '{3}' at {2},0 center\n"
-      "set label 3 'S' at 0,{2} center\nset label 4 'I' at 0,-{2} center\nunset key\n"
-      "set cbrange [-{4}:{4}]\nset cbtics {4}/2.\nset cblabel 'Height (mm)'\n"
-      "set palette maxcolors 16 defined (-1 '#2166ac', -0.25 '#92c5de', 0 '#f7f7f7', 0.25 '#f4a582', 1 '#b2182b')\n",
-      reach * 1.18, is_right_eye ? "T" : "N", reach * 1.09, is_right_eye ? "N" : "T", range_mm);
-  for (const double ring : {reach / 2, reach})
+  script +=
+      examiner_axes(reach, 30, "degrees from the pole", "", is_right_eye) +
+      fmt::format(
+          "set cbrange [-{0}:{0}]\nset cbtics {0}/2.\nset cblabel 'Height (mm)'\nset palette maxcolors 16 defined "
+          "(-1 '#2166ac', -0.25 '#92c5de', 0 '#f7f7f7', 0.25 '#f4a582', 1 '#b2182b')\n",
+          range_mm);
+  // gnuplot's SVG repeats a border's colour only where it differs from the last.
+  for (const auto& [ring, colour] : {std::pair{reach / 2, "#6a6a6a"}, std::pair{reach, "#6a6a6b"}})
     script +=
-        fmt::format("set object circle at 0,0 size {:.1f} front fs empty border lc rgb '#6a6a6a'\n", ring);
+        fmt::format("set object circle at 0,0 size {:.1f} front fs empty border lc rgb '{}'\n", ring, colour);
   script += "plot $map using 1:2:(201):(201):(201):3 with rgbalpha, $map using 1:2:4 with image\n";
   return draw_chart(figure, script);
 }

@@ -55,6 +55,24 @@ TEST_F(Stage, WritesOutputsProvenanceAndVerdict) {
   EXPECT_EQ(read_verdict(case_folder, "meshing").reasons[0], "one eye only");
 }
 
+TEST_F(Stage, AVerdictThatNoStageGivesIsRefused) {
+  run();
+  const fs::path file = case_folder / "meshing/stage.json";
+  const Json whole = read_json(file);
+  for (const Json& status : {Json(5), Json(8e300), Json("8"), Json()}) {
+    Json edited = whole;
+    edited["verdict"]["status"] = status;
+    write_json(file, edited);
+    try {
+      read_verdict(case_folder, "meshing");
+      ADD_FAILURE() << status;
+    } catch (const Error& error) {
+      EXPECT_EQ(error.status(), ExitStatus::input_invalid);
+      EXPECT_NE(std::string(error.what()).find("verdict.status"), std::string::npos) << error.what();
+    }
+  }
+}
+
 TEST_F(Stage, IsSkippedOnlyWhileNothingChanged) {
   run();
   EXPECT_TRUE(run().skipped);

@@ -1,8 +1,13 @@
 #include <gtest/gtest.h>
+#include <openssl/evp.h>
 
+#include <algorithm>
+#include <cctype>
 #include <cmath>
+#include <opencv2/imgcodecs.hpp>
 
 #include "pipeline/base/frames.hpp"
+#include "pipeline/base/process.hpp"
 #include "pipeline/report/figures/retina_map.hpp"
 
 namespace emmetrope::report {
@@ -40,6 +45,55 @@ TEST(RetinaMap, IsSmoothThroughItsHeightsAndThePole) {
     EXPECT_NEAR(map->at(map->height_mm, 30, 30 * m), map->height_mm[3][static_cast<std::size_t>(m)], 1e-9);
 }
 
+/// Where a label of one letter stands in an SVG, in pixels from the left.
+double place_of(const std::string& svg, const std::string& letter) {
+  const std::size_t label = svg.find(">" + letter + "<"), place = svg.rfind("translate(", label);
+  return std::stod(svg.substr(place + std::string("translate(").size()));
+}
+
+/// The picture of heights, which lies over the grey one; BGRA.
+cv::Mat heights_in(const std::string& svg) {
+  const std::string before = "base64,";
+  const std::size_t begin = svg.rfind(before) + before.size();
+  std::string text = svg.substr(begin, svg.find('\'', begin) - begin);
+  text.erase(std::remove_if(text.begin(), text.end(), [](unsigned char c) { return std::isspace(c); }),
+             text.end());
+  std::vector<unsigned char> bytes(text.size());
+  const int length = EVP_DecodeBlock(bytes.data(), reinterpret_cast<const unsigned char*>(text.data()),
+                                     static_cast<int>(text.size()));
+  bytes.resize(static_cast<std::size_t>(length));
+  return cv::imdecode(bytes, cv::IMREAD_UNCHANGED);
+}
+
+/// Outward is red and drawn, where the height is sure, on its own side: here the patient's left, the figure's right.
+TEST(RetinaMap, IsDrawnAsTheExaminerSeesIt) {
+  if (!find_program("gnuplot")) GTEST_SKIP() << "gnuplot is not installed";
+  Json retina = tilted();
+  for (Json& ring : retina["map"]["height_half_ci95_mm"])
+    for (Json& half : ring) half = 20;
+  const auto map = read_retina_map(retina);
+  ASSERT_TRUE(map);
+  for (const bool is_right_eye : {true, false}) {
+    Figure figure;
+    figure.id = "map";
+    figure.width_px = 400;
+    figure.height_px = 300;
+    ASSERT_TRUE(draw_retina_map(figure, *map, 80, is_right_eye));
+    EXPECT_EQ(place_of(figure.svg, "T") < place_of(figure.svg, "N"), is_right_eye);
+    const cv::Mat picture = heights_in(figure.svg);
+    ASSERT_EQ(picture.channels(), 4);
+    const auto at = [&](double x, double y) {  // in reaches from the middle, to the right and up
+      return picture.at<cv::Vec4b>(static_cast<int>((0.5 - y / 2) * (picture.rows - 1)),
+                                   static_cast<int>((0.5 + x / 2) * (picture.cols - 1)));
+    };
+    EXPECT_GT(at(0.8, 0.3)[2], at(0.8, 0.3)[0] + 50);      // red
+    EXPECT_GT(at(-0.8, -0.3)[0], at(-0.8, -0.3)[2] + 50);  // blue
+    EXPECT_EQ(at(0.8, 0.3)[3], 255);
+    EXPECT_EQ(at(0.1, 0)[3], 0);    // within its interval
+    EXPECT_EQ(at(0.9, 0.9)[3], 0);  // beyond the map
+  }
+}
+
 TEST(RetinaMap, WhatIsNoMapIsNone) {
   EXPECT_FALSE(read_retina_map(Json()));
   EXPECT_FALSE(read_retina_map({{"map", {{"withheld", "no fit"}}}}));
@@ -49,6 +103,9 @@ TEST(RetinaMap, WhatIsNoMapIsNone) {
   Json uneven = tilted();
   uneven["map"]["meridian_deg"][4] = 121;
   EXPECT_FALSE(read_retina_map(uneven));
+  Json bare = tilted();
+  bare["map"].erase("height_half_ci95_mm");
+  EXPECT_FALSE(read_retina_map(bare));
   Json alone = tilted();
   alone["map"]["eccentricity_deg"] = {0};
   EXPECT_FALSE(read_retina_map(alone));

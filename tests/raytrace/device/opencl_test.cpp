@@ -25,7 +25,10 @@ ProcessResult devices_after(const std::string& preparation, const test::Temporar
 class OddMachine : public testing::Test {
  protected:
   void SetUp() override {
-    if (run_process("/usr/bin/unshare", {"--mount", "/bin/true"}, ChildOutput::discard).status != 0)
+    if (run_process("/usr/bin/unshare",
+                    {"--mount", "/bin/mount", "-t", "tmpfs", "tmpfs", folder_.path().string()},
+                    ChildOutput::discard)
+            .status != 0)
       GTEST_SKIP() << "mounts of a test's own are not allowed here: run it as root";
   }
   test::TemporaryFolder folder_;

@@ -303,6 +303,9 @@ TEST_F(ModelFile, BadScenesNameFileAndKey) {
   write("index.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n");
   write("short.gltf", R"({"asset": {"version": "2.0"}, "meshes": [)");
   write("empty.obj", "v 0 0 0\n");
+  const std::string glb = std::string("glTF\2\0\0\0\x1c\0\0\0\x08\0\0\0JSON{}      ", 28);
+  write("whole.glb", glb);
+  write("one-short.glb", glb.substr(0, 27));
   write("long.glb",
         std::string("glTF\2\0\0\0\x1c\0\0\0\xf4\1\0\xc1JSON{}      ", 28));  // 3 GB of JSON are promised
   const std::string mesh = R"({"objects": [{"type": "mesh", "file": "quad.obj", "position_mm": [0, 0, 300])";
@@ -324,10 +327,17 @@ TEST_F(ModelFile, BadScenesNameFileAndKey) {
   fails(mesh + R"(}], "lights": [{"direction": [0, 0, 1]}]})", "lights[0]");
   fails(mesh + R"(}], "lights": [{"type": "directional", "direction": [0, 0, 0]}]})", "direction");
   for (const char* file : {"none.obj", "broken.ply", "short.ply", "binary.ply", "index.obj", "short.gltf",
-                           "empty.obj", "long.glb", "scene.json"})
+                           "empty.obj", "scene.json"})
     fails(R"({"objects": [{"type": "mesh", "position_mm": [0, 0, 1], "file": ")" + std::string(file) +
               R"("}]})",
           file);
+  const auto with_model = [](const std::string& file) {
+    return R"({"objects": [{"type": "mesh", "position_mm": [0, 0, 1], "file": ")" + file + R"("}]})";
+  };
+  for (const char* file : {"one-short.glb", "long.glb"})
+    fails(with_model(file), "ends before what its header promises");
+  fails(with_model("whole.glb"), "cannot be read");  // it is whole, and empty
+  fails(with_model(std::string(5000, 'x') + ".obj"), "there is no file");
 }
 
 }  // namespace
