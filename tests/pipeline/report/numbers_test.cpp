@@ -293,6 +293,7 @@ TEST_F(NumbersTest, OfEachResultFileStandOnThePage) {
           std::pair{"correction", "prescription.json"}}) {
       const fs::path path = folder_ / stage / eye / file;
       Json json = read_json(path);
+      if (json.contains("retina")) json["retina"].erase("map");  // is a picture
       make_distinct(json, "", count, leaves);
       write_json(path, json);
     }
