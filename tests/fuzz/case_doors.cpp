@@ -13,6 +13,7 @@
 #include "pipeline/report/content/judgement.hpp"
 #include "pipeline/report/figures/retina_map.hpp"
 #include "raytrace/case/measured_eye.hpp"
+#include "segmentation/intake/nifti.hpp"
 #include "segmentation/labels/hand_labels.hpp"
 #include "tests/fuzz/door_groups.hpp"
 #include "tests/support/fixture_case.hpp"
