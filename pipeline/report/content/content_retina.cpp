@@ -18,7 +18,7 @@ Section retina_section(const CaseData& data, Notes& notes) {
       maps.emplace_back(&eye, std::move(*map));
     }
   }
-  // One scale for both eyes; heights of real eyes are seldom beyond 0.2 mm (docs/evidence/real-scans.md).
+  // One scale for both eyes; 0.4 mm holds what real eyes have within 40 degrees (docs/evidence/real-scans.md).
   const double range_mm = std::max(0.4, std::ceil(largest_mm / 0.2) * 0.2);
   FigureRow row;
   row.caption =
