@@ -47,13 +47,15 @@ double offset(Index cell, Index cells) {
 
 /// By how much a cell (column) adds to a pixel (row): the k-space window's transform, sharpened by what the
 /// mean over a cell blurs.
-MatrixXf window_response(const Axis& axis, double cutoff_per_mm) {
+MatrixXf window_response(const Axis& axis, double cutoff_per_mm, double filter) {
   constexpr int steps = 400;
   const auto response = [&](double x_mm) {
     double sum = 0;
     for (int i = 0; i < steps; ++i) {
-      const double k = (i + 0.5) / steps * cutoff_per_mm, blur = pi * k * axis.cell_mm();
-      sum += std::cos(2 * pi * k * x_mm) * blur / std::sin(blur);
+      const double of_cutoff = (i + 0.5) / steps, k = of_cutoff * cutoff_per_mm,
+                   blur = pi * k * axis.cell_mm();
+      const double window = 1 - filter / 2 * (1 - std::cos(pi * of_cutoff));
+      sum += window * std::cos(2 * pi * k * x_mm) * blur / std::sin(blur);
     }
     return 2 * sum * cutoff_per_mm / steps * axis.cell_mm();
   };
@@ -90,9 +92,13 @@ class StackImage {
         cell_(cell_of(model, at, index)),
         drawing_(model, at, a, index, cell_, voxel_reach_mm(model, index)) {
     const StackSampling& sampling = model.stacks()[static_cast<std::size_t>(index)];
-    const double sharpness = std::exp(a[model.layout().stack(index) + log_sharpness]);
-    along_row_ = window_response(row_, sampling.row_cutoff_per_mm * sharpness).transpose();
-    along_column_ = window_response(column_, sampling.column_cutoff_per_mm * sharpness);
+    const int at_stack = model.layout().stack(index);
+    const double filter = a[at_stack + k_space_filter], ratio = a[at_stack + log_sharpness_ratio],
+                 reach = a[at_stack + log_sharpness] + log_cutoff_per_filter * filter;
+    along_row_ =
+        window_response(row_, sampling.row_cutoff_per_mm * std::exp(reach + ratio / 2), filter).transpose();
+    along_column_ =
+        window_response(column_, sampling.column_cutoff_per_mm * std::exp(reach - ratio / 2), filter);
   }
 
   /// Intensities at samples of one slice.

@@ -14,59 +14,77 @@ double sinc(double t) {
   return std::abs(x) < 1e-8 ? 1.0 : std::sin(x) / x;
 }
 
-/// E, EI and E' on a grid. Beyond the table's end the ringing (below 1 / (pi^2 t) = 0.3 %) is left out.
+/// The edge and what a filter adds to it, each with its antiderivative.
+struct EdgeTerms {
+  double edge = 0, integral = 0, filtered = 0, filtered_integral = 0;
+};
+
+/// E, F and their antiderivatives, by Hermite's cubic between the points of a grid. Beyond the table's end the ringing
+/// (below 1 / (pi^2 t) = 0.3 %) is left out.
 class EdgeTable {
  public:
   static constexpr double end = 32;
-  static constexpr int per_unit = 64;
 
   EdgeTable() {
-    const int count = static_cast<int>(2 * end) * per_unit + 1;
-    e_.resize(count);
-    integral_.resize(count);
-    slope_.resize(count);
-    const int middle = count / 2;
-    e_[middle] = 0.5;
-    slope_[middle] = 1;
-    const double step = 1.0 / per_unit;
+    std::vector<EdgeTerms> wider;  // a unit more at either end
+    std::vector<double> slope;
+    const int middle = static_cast<int>(end + 1) * per_unit, count = 2 * middle + 1;
+    wider.resize(static_cast<std::size_t>(count));
+    slope.resize(static_cast<std::size_t>(count));
+    const auto at = [](auto& of, int i) -> auto& { return of[static_cast<std::size_t>(i)]; };
+    at(wider, middle).edge = 0.5;
     // Si by Simpson's rule from the middle outwards; E(-t) = 1 - E(t).
-    for (int i = middle + 1; i < count; ++i) {
+    for (int i = middle; i < count; ++i) {
       const double t = (i - middle) * step;
-      slope_[i] = sinc(t);
-      e_[i] = e_[i - 1] + step / 6 * (sinc(t - step) + 4 * sinc(t - step / 2) + sinc(t));
-    }
-    for (int i = 0; i < middle; ++i) {
-      slope_[i] = slope_[count - 1 - i];
-      e_[i] = 1 - e_[count - 1 - i];
+      at(slope, i) = at(slope, 2 * middle - i) = sinc(t);
+      if (i > middle)
+        at(wider, i).edge =
+            at(wider, i - 1).edge + step / 6 * (sinc(t - step) + 4 * sinc(t - step / 2) + sinc(t));
+      at(wider, 2 * middle - i).edge = 1 - at(wider, i).edge;
     }
     // The antiderivative in closed form: t/2 + (t Si(pi t) + cos(pi t) / pi) / pi.
     for (int i = 0; i < count; ++i) {
       const double t = (i - middle) * step;
-      integral_[i] = t * e_[i] + std::cos(pi * t) / (pi * pi);
+      at(wider, i).integral = t * at(wider, i).edge + std::cos(pi * t) / (pi * pi);
+    }
+    const auto filtered = [&](int i, auto value) {
+      return (value(i - per_unit) + value(i + per_unit)) / 4 - value(i) / 2;
+    };
+    for (int i = per_unit; i < count - per_unit; ++i) {
+      Point& point = points_.emplace_back();
+      point.value = at(wider, i);
+      point.value.filtered = filtered(i, [&](int k) { return at(wider, k).edge; });
+      point.value.filtered_integral = filtered(i, [&](int k) { return at(wider, k).integral; });
+      point.slope = {at(slope, i), point.value.edge, filtered(i, [&](int k) { return at(slope, k); }),
+                     point.value.filtered};
     }
   }
 
-  double e(double t) const {
-    if (t <= -end) return 0;
-    if (t >= end) return 1;
-    return hermite(e_, slope_, t);
-  }
-  double integral(double t) const {
-    if (t <= -end) return integral_.front();
-    if (t >= end) return integral_.back() + (t - end);
-    return hermite(integral_, e_, t);
+  EdgeTerms operator()(double t) const {
+    if (t <= -end) return {0, points_.front().value.integral, 0, 0};
+    if (t >= end) return {1, points_.back().value.integral + (t - end), 0, 0};
+    const double x = (t + end) * per_unit;
+    const std::size_t i = std::min(static_cast<std::size_t>(x), points_.size() - 2);
+    const Point &a = points_[i], &b = points_[i + 1];
+    const double u = x - static_cast<double>(i), v = 1 - u;
+    const double of_a = v * v * (1 + 2 * u), of_b = u * u * (1 + 2 * v), of_slope_a = step * u * v * v,
+                 of_slope_b = -step * u * u * v;
+    const auto between = [&](double EdgeTerms::*term) {
+      return of_a * a.value.*term + of_b * b.value.*term + of_slope_a * a.slope.*term +
+             of_slope_b * b.slope.*term;
+    };
+    return {between(&EdgeTerms::edge), between(&EdgeTerms::integral), between(&EdgeTerms::filtered),
+            between(&EdgeTerms::filtered_integral)};
   }
 
  private:
-  static double hermite(const std::vector<double>& f, const std::vector<double>& df, double t) {
-    const double x = (t + end) * per_unit;
-    const int i = std::min(static_cast<int>(x), static_cast<int>(f.size()) - 2);
-    const double u = x - i, v = 1 - u, step = 1.0 / per_unit;
-    return f[i] * v * v * (1 + 2 * u) + f[i + 1] * u * u * (1 + 2 * v) +
-           step * u * v * (df[i] * v - df[i + 1] * u);
-  }
+  static constexpr int per_unit = 64;
+  static constexpr double step = 1.0 / per_unit;
 
-  std::vector<double> e_, integral_, slope_;
+  struct Point {
+    EdgeTerms value, slope;
+  };
+  std::vector<Point> points_;
 };
 
 const EdgeTable& table() {
@@ -76,20 +94,26 @@ const EdgeTable& table() {
 
 }  // namespace
 
-double edge_response(double t) { return table().e(t); }
+double edge_response(double t) { return table()(t).edge; }
 
-EdgeValue averaged_edge(double t, double h) {
-  const EdgeTable& edge = table();
-  if (t - h >= EdgeTable::end) return {1, 0, 0};
-  if (t + h <= -EdgeTable::end) return {0, 0, 0};
+EdgeValue averaged_edge(double t, double h, double filter) {
+  if (t - h >= EdgeTable::end) return {1, 0, 0, 0};
+  if (t + h <= -EdgeTable::end) return {0, 0, 0, 0};
   // Below this the difference of antiderivatives loses digits, and the average differs from E by h^2 E'' / 6
   // < 2e-4.
   constexpr double shortest_stretch = 0.02;
-  if (h < shortest_stretch) return {edge.e(t), sinc(t), t * sinc(t)};
-  const double ahead = edge.e(t + h), behind = edge.e(t - h);
-  const double value = (edge.integral(t + h) - edge.integral(t - h)) / (2 * h);
-  const double derivative = (ahead - behind) / (2 * h);
-  return {value, derivative, t * derivative + (ahead + behind) / 2 - value};
+  if (h < shortest_stretch) {
+    const EdgeTerms at = table()(t);
+    const double slope = sinc(t) + filter * ((sinc(t - 1) + sinc(t + 1)) / 4 - sinc(t) / 2);
+    return {at.edge + filter * at.filtered, slope, t * slope, at.filtered};
+  }
+  const EdgeTerms ahead = table()(t + h), behind = table()(t - h);
+  const double edge_ahead = ahead.edge + filter * ahead.filtered,
+               edge_behind = behind.edge + filter * behind.filtered;
+  const double of_filter = (ahead.filtered_integral - behind.filtered_integral) / (2 * h);
+  const double value = (ahead.integral - behind.integral) / (2 * h) + filter * of_filter;
+  const double derivative = (edge_ahead - edge_behind) / (2 * h);
+  return {value, derivative, t * derivative + (edge_ahead + edge_behind) / 2 - value, of_filter};
 }
 
 }  // namespace emmetrope::segmentation

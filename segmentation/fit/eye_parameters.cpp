@@ -72,7 +72,10 @@ constexpr double curvature_per_axial_length = -0.4 * per_mm_of_keratometric_D;
 constexpr double coil_sigma = 0.3, gain_sigma = 0.3;
 constexpr double shift_sigma_mm = 3;     ///< the head moves 1 to 3 mm between series
 constexpr double sharpness_sigma = 0.3;  ///< zero filling and filters that the header does not tell
-constexpr double turn_sigma_deg = 0.7;   ///< it turns with them
+/// Decay along the echo train, partial sampling and zero filling act along one direction.
+constexpr double sharpness_ratio_sigma = 0.2;
+constexpr double filter_sigma = 0.4;    ///< from a Hann window's to as much enhancement
+constexpr double turn_sigma_deg = 0.7;  ///< it turns with them
 constexpr double displacement_sigma_mm = 0.06;
 /// Within 40 degrees of the pole, where eyes bulge.
 constexpr double bulge_sigma_mm = 0.12, posterior_cosine = -0.77;
@@ -100,6 +103,8 @@ std::string ParameterLayout::name(int index) const {
   if (which < coil_count) return of_stack + "coil_" + std::to_string(which);
   if (which == log_gain) return of_stack + "log_gain";
   if (which == log_sharpness) return of_stack + "log_sharpness";
+  if (which == log_sharpness_ratio) return of_stack + "log_sharpness_ratio";
+  if (which == k_space_filter) return of_stack + "k_space_filter";
   if (which >= fat_shift_first)
     return of_stack + "fat_shift_along_" + (which == fat_shift_first ? "row" : "column") + "_mm";
   if (which >= turn_first) return of_stack + "turn_" + "xyz"[which - turn_first] + "_deg";
@@ -145,6 +150,8 @@ Priors population_priors(const ParameterLayout& layout, const Eigen::VectorXd& s
     priors.mean[at + log_gain] = start[at + log_gain];
     priors.sigma.segment<3>(at + shift_first).setConstant(shift_sigma_mm);
     priors.sigma[at + log_sharpness] = sharpness_sigma;
+    priors.sigma[at + log_sharpness_ratio] = sharpness_ratio_sigma;
+    priors.sigma[at + k_space_filter] = filter_sigma;
     priors.sigma.segment<3>(at + turn_first).setConstant(turn_sigma_deg);
   }
   priors.sigma.segment(layout.displacement(), layout.bumps).setConstant(displacement_sigma_mm);

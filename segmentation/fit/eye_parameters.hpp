@@ -75,15 +75,22 @@ enum StackParameter : int {
   coil_second_order = 3,  ///< the first of them that is not linear
   log_gain = 9,           ///< against the first stack
   shift_first = 10,       ///< LPS mm, against the first stack
-  log_sharpness = 13,     ///< log of the k-space cut-off over its nominal value
+  log_sharpness = 13,     ///< log of an edge's slope over that of the nominal k-space cut-off
   /// How the head has turned against the first stack: rotation vector (LPS, degrees) about the coil's
   /// reference, before the shift.
   turn_first = 14,
   /// By how much the image shows fat displaced against water (chemical shift): mm along the row, along the
   /// column.
   fat_shift_first = 17,
-  stack_parameter_count = 19
+  /// Log of the cut-off along the row over that along the column, beyond what they nominally are.
+  log_sharpness_ratio = 19,
+  k_space_filter = 20,  ///< 0: none, 1: a Hann window (edge_response.hpp); edges are enhanced below 0
+  stack_parameter_count = 21
 };
+
+/// What a filter takes from an edge's slope, 1 - f/2, a cut-off farther out by exp(0.6 f) gives back within 10 %: so that
+/// sharpness and filter are told apart.
+inline constexpr double log_cutoff_per_filter = 0.6;
 
 /// Where things are in the vector of one eye with its stacks and fields.
 struct ParameterLayout {

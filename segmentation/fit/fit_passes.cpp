@@ -22,8 +22,8 @@ void append(std::vector<int>& to, const std::vector<int>& more) {
   to.insert(to.end(), more.begin(), more.end());
 }
 
-/// \param turns  whether the head may have turned between the stacks
-std::vector<int> stack_parameters(const ForwardModel& model, bool turns) {
+/// Those that every pass tells.
+std::vector<int> stack_parameters(const ForwardModel& model) {
   const ParameterLayout& layout = model.layout();
   const std::vector<StackSampling>& stacks = model.stacks();
   std::vector<int> indices;
@@ -32,11 +32,27 @@ std::vector<int> stack_parameters(const ForwardModel& model, bool turns) {
     append(indices, range(at + coil_first, at + coil_first + coil_count - 1));
     // The first stack defines gain and place.
     if (s > 0) append(indices, range(at + log_gain, at + shift_first + 2));
-    if (s > 0 && turns) append(indices, range(at + turn_first, at + turn_first + 2));
     indices.push_back(at + log_sharpness);
     for (const int along : {0, 1})
-      if (stacks[s].fat_shift_sigma_mm[along] > 0) indices.push_back(at + fat_shift_first + along);
+      if (stacks[static_cast<std::size_t>(s)].fat_shift_sigma_mm[along] > 0)
+        indices.push_back(at + fat_shift_first + along);
   }
+  return indices;
+}
+
+/// Filter, and sharpness of rows against columns.
+std::vector<int> window_parameters(const ParameterLayout& layout) {
+  std::vector<int> indices;
+  for (int s = 0; s < layout.stacks; ++s)
+    append(indices, {layout.stack(s) + log_sharpness_ratio, layout.stack(s) + k_space_filter});
+  return indices;
+}
+
+/// The head's turns against the first stack.
+std::vector<int> turn_parameters(const ParameterLayout& layout) {
+  std::vector<int> indices;
+  for (int s = 1; s < layout.stacks; ++s)
+    append(indices, range(layout.stack(s) + turn_first, layout.stack(s) + turn_first + 2));
   return indices;
 }
 
@@ -101,7 +117,9 @@ VectorXd freeze_deviations(FitProblem& problem, const VectorXd& parameters) {
 std::vector<int> free_parameters(const ForwardModel& model, Evidence evidence) {
   const ParameterLayout& layout = model.layout();
   std::vector<int> indices = range(apex_x, surround);
-  append(indices, stack_parameters(model, true));
+  append(indices, stack_parameters(model));
+  append(indices, window_parameters(layout));
+  append(indices, turn_parameters(layout));
   append(indices, range(layout.displacement(), layout.size() - 1));
   return open_parameters(layout, indices, evidence);
 }
@@ -112,13 +130,16 @@ SolveResult fit_globe(FitProblem& problem, const VectorXd& start, Evidence evide
                   globe_x, globe_y, globe_z, wall_lateral, wall_axial, iris_offset, pupil_radius, vitreous,
                   aqueous, wall, wall_layering, lens, lens_nucleus, iris, surround});
   const ParameterLayout& layout = problem.model->layout();
-  append(active, stack_parameters(*problem.model, false));
+  append(active, stack_parameters(*problem.model));
   const Priors kept = problem.priors;
   if (background_varies) {
     append(active, range(layout.background(), layout.size() - 1));
     // Nor may the wall become part of it.
     problem.priors.sigma[wall_lateral] /= 2;
     problem.priors.sigma[wall_axial] /= 2;
+  } else {
+    // Of a wall that is faint against fat a wrong filter would lead to the wrong border.
+    append(active, window_parameters(layout));
   }
   problem.loss_scale = 6;
   SolveResult result =

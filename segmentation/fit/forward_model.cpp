@@ -22,9 +22,13 @@ constexpr double coil_length_mm = 12;
 /// The larger of two positive numbers, up to 12 % more where both are alike. Towards a corner of the
 /// scanner's rectangle in k-space a plane edge would be sharpest; a curved one has directions on both sides
 /// of the corner and is blurred by their mean.
-double rounded_maximum(double a, double b) {
-  const double a2 = a * a, b2 = b * b;
-  return std::sqrt(std::cbrt(a2 * a2 * a2 + b2 * b2 * b2));
+struct RoundedMaximum {
+  double value;
+  double share_of_a;  ///< d log value / d log a; the rest is b's
+};
+RoundedMaximum rounded_maximum(double a, double b) {
+  const double a2 = a * a, b2 = b * b, a6 = a2 * a2 * a2, sum = a6 + b2 * b2 * b2;
+  return {std::sqrt(std::cbrt(sum)), a6 / sum};
 }
 
 /// Columns x, y, z of the eye in LPS for a gaze (rad), and the derivatives by each of its angles.
@@ -79,7 +83,9 @@ ForwardModel::AtParameters::AtParameters(const ForwardModel& model, const Vector
   for (std::size_t s = 0; s < model.stacks_.size(); ++s) {
     const StackSampling& stack = model.stacks_[s];
     const int at = model.layout_.stack(static_cast<int>(s));
-    const double sharpness = std::exp(a_[at + log_sharpness]);
+    const double log_reach = a_[at + log_sharpness] + log_cutoff_per_filter * a_[at + k_space_filter],
+                 log_along_row = log_reach + a_[at + log_sharpness_ratio] / 2,
+                 log_along_column = log_reach - a_[at + log_sharpness_ratio] / 2;
     const Vector3d turn_deg = a_.segment<3>(at + turn_first);
     const double angle_deg = turn_deg.norm();
     const Matrix3d turn = angle_deg > 0
@@ -90,8 +96,9 @@ ForwardModel::AtParameters::AtParameters(const ForwardModel& model, const Vector
     axes.row = eye_from_stack * stack.along_row;
     axes.column = eye_from_stack * stack.along_column;
     axes.normal = eye_from_stack * stack.normal;
-    axes.inverse_kx = 1 / (stack.row_cutoff_per_mm * sharpness);
-    axes.inverse_ky = 1 / (stack.column_cutoff_per_mm * sharpness);
+    axes.inverse_kx = std::exp(-log_along_row) / stack.row_cutoff_per_mm;
+    axes.inverse_ky = std::exp(-log_along_column) / stack.column_cutoff_per_mm;
+    axes.filter = a_[at + k_space_filter];
     axes.turn = turn;
     axes.place = model.coil_reference_ - turn * model.coil_reference_ + a_.segment<3>(at + shift_first);
     const Vector2d fat_shift = a_.segment<2>(at + fat_shift_first);
@@ -158,16 +165,19 @@ ForwardModel::AtParameters::Edge ForwardModel::AtParameters::edge(const EyeSurfa
   const double exact_in_plane = std::sqrt(a * a + b * b);
   // Where a surface is parallel to the slice the slice alone blurs it; the floor keeps the ratio finite.
   const double in_plane = std::max(exact_in_plane, 0.01 * through) + 1e-12;
-  const double inverse_cutoff =
-      exact_in_plane > 1e-9 ? rounded_maximum(a * axes.inverse_kx, b * axes.inverse_ky) / exact_in_plane
-                            : std::max(axes.inverse_kx, axes.inverse_ky);
-  const double per_f = 2 / (inverse_cutoff * in_plane);
+  RoundedMaximum blur{std::max(axes.inverse_kx, axes.inverse_ky), 0.5};
+  if (exact_in_plane > 1e-9) {
+    blur = rounded_maximum(a * axes.inverse_kx, b * axes.inverse_ky);
+    blur.value /= exact_in_plane;
+  }
+  const double per_f = 2 / (blur.value * in_plane);
   const StackSampling& sampling = model_.stacks_[stack];
   const double half = sampling.thickness_mm / sampling.subslices / 2;
   // Within a sub-slice a curved surface lies on the average this far (in F) inside its tangent plane.
   const double bend = half * half / 6 * axes.normal.dot(surface.hessian * axes.normal);
-  const EdgeValue e = averaged_edge(per_f * (surface.f + bend), per_f * half * through);
-  return {e.value, e.derivative * per_f, e.scale_derivative};
+  const EdgeValue e = averaged_edge(per_f * (surface.f + bend), per_f * half * through, axes.filter);
+  return {e.value, e.derivative * per_f, e.scale_derivative, (blur.share_of_a - 0.5) * e.scale_derivative,
+          e.filter_derivative + log_cutoff_per_filter * e.scale_derivative};
 }
 
 std::array<double, coil_count> ForwardModel::AtParameters::coil_terms(const Vector3d& position) const {

@@ -162,7 +162,7 @@ class ForwardModel {
     struct Edge {
       double value = 1;  ///< 0 far outside, 1 far inside
       double d_f = 0;    ///< by the surface's F
-      double d_log_sharpness = 0;
+      double d_log_sharpness = 0, d_log_sharpness_ratio = 0, d_filter = 0;
     };
     Edge edge(const EyeSurface& surface, int stack) const;
     class SignalSum;
@@ -172,7 +172,7 @@ class ForwardModel {
     Eigen::Matrix3d eye_from_lps_, d_eye_from_lps_d_horizontal_, d_eye_from_lps_d_vertical_;
     struct StackInEye {
       Eigen::Vector3d row, column, normal;
-      double inverse_kx, inverse_ky;
+      double inverse_kx, inverse_ky, filter;
       Eigen::Matrix3d turn;       ///< of the head, in LPS
       Eigen::Vector3d place;      ///< a point x of the stack lies at turn x + place in the first
       Eigen::Vector3d fat_shift;  ///< in the eye frame

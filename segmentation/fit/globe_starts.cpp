@@ -107,7 +107,8 @@ VectorXd like_fellow(const ParameterLayout& layout, const EyeStart& start) {
   a.segment<2>(gaze_horizontal) = gaze_deg(start.axis);
   for (int s = 0; s < layout.stacks; ++s) {
     const int at = layout.stack(s);
-    a[at + log_sharpness] = start.fellow[at + log_sharpness];
+    for (const int resolution : {log_sharpness, log_sharpness_ratio, k_space_filter})
+      a[at + resolution] = start.fellow[at + resolution];
     a.segment<2>(at + fat_shift_first) = start.fellow.segment<2>(at + fat_shift_first);
   }
   set_stack_shifts(a, layout, start);

@@ -23,7 +23,9 @@ Json stack_json(const EyeFit& fit, int s) {
           {"fat_shift_mm", {fit.parameters[at + fat_shift_first], fit.parameters[at + fat_shift_first + 1]}},
           {"misfit", fit.misfit[s]},
           {"gain", std::exp(fit.parameters[at + log_gain])},
-          {"sharpness", std::exp(fit.parameters[at + log_sharpness])}};
+          {"sharpness", std::exp(fit.parameters[at + log_sharpness])},
+          {"sharpness_ratio", std::exp(fit.parameters[at + log_sharpness_ratio])},
+          {"k_space_filter", fit.parameters[at + k_space_filter]}};
 }
 
 Json region_json(const RegionFit& region) {

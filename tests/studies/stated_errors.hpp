@@ -1,11 +1,36 @@
 #pragma once
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <vector>
 
 #include "pipeline/base/measured.hpp"
 
 namespace emmetrope::segmentation {
+
+/// What biometry.json states, and where.
+struct StatedQuantity {
+  const char *name, *pointer;
+};
+inline constexpr std::array<StatedQuantity, 18> stated_quantities{
+    {{"axial length, mm", "/axial_length_mm"},
+     {"globe width, mm", "/globe_width_mm"},
+     {"globe height, mm", "/globe_height_mm"},
+     {"globe depth, mm", "/globe_depth_mm"},
+     {"retina R across, mm", "/retina/vertex_radius_mm/horizontal"},
+     {"retina R upright, mm", "/retina/vertex_radius_mm/vertical"},
+     {"retina Q, 240 degrees", "/retina/q_240"},
+     {"vitreous volume, mm3", "/retina/volume_mm3"},
+     {"retinal area, mm2", "/retina/area_mm2"},
+     {"anterior chamber depth, mm", "/anterior_chamber_depth_mm"},
+     {"lens thickness, mm", "/lens_thickness_mm"},
+     {"lens front radius, mm", "/lens_anterior_radius_mm"},
+     {"lens back radius, mm", "/lens_posterior_radius_mm"},
+     {"corneal thickness, mm", "/corneal_thickness_mm"},
+     {"corneal power M, D", "/astigmatism/M_D"},
+     {"astigmatism J0, D", "/astigmatism/J0_D"},
+     {"astigmatism J45, D", "/astigmatism/J45_D"},
+     {"corneal asphericity Q", "/keratometry/asphericity_q"}}};
 
 inline constexpr double normal_95 = 1.959963985;  ///< half a 95 % interval, in standard deviations
 

@@ -10,15 +10,13 @@
 #include <optional>
 #include <random>
 
-#include "meshing/biometry.hpp"
-#include "meshing/partial_biometry.hpp"
 #include "pipeline/base/files.hpp"
 #include "pipeline/base/frames.hpp"
 #include "segmentation/finding/find_eyes.hpp"
 #include "segmentation/fit/both_eyes.hpp"
 #include "segmentation/fit/rician.hpp"
 #include "segmentation/judgement/fellow_eye.hpp"
-#include "segmentation/output/fit_json.hpp"
+#include "tests/studies/judged_scan.hpp"
 #include "tests/support/phantom_eyes.hpp"
 
 namespace emmetrope::segmentation {
@@ -189,9 +187,7 @@ void fit(StudiedEye& eye, bool of_one_eye, double age_years) {
   eye.record["reasons"] = found.notes;
   if (one == found.eyes.end()) return;
   eye.judged.emplace().found = *one;
-  eye.judged->edges = read_edges_of(*one, eye.images->views());
-  fit_and_judge(*eye.judged, views_of(*one, eye.images->views()),
-                start_of(*one, eye.judged->edges, age_years));
+  judge(*eye.judged, eye.images->views(), age_years);
 }
 
 /// What became of it in the record.
@@ -204,20 +200,6 @@ void conclude(StudiedEye& eye) {
   if (!eye.judged->fit) return;
   eye.bound = eye.judged->fit;
   eye.bound->covariance = information_bound(*eye.judged->fit);
-}
-
-/// What the stages `segment` and `mesh` would state of the eye: the fit's quantities, without the cornea's where
-/// that is withheld, or those of edges; null where it is refused.
-Json stated_biometry(const JudgedEye& eye) {
-  if (!eye.is_fitted() && !eye.is_read()) return nullptr;
-  const Json fit = fit_json(eye, 0.0);
-  if (eye.is_read()) return meshing::edge_biometry_json(fit, eye.found.laterality, usual_retinal_depth_mm);
-  Json biometry = meshing::biometry_json(fitted_eye(parametric_eye_from_json(fit.at("eye"))), {});
-  const Json& withheld = fit.at("withheld");
-  if (withheld.contains("cornea"))
-    meshing::withhold_cornea(biometry, withheld.at("cornea").get<std::string>());
-  if (withheld.contains("front")) meshing::withhold_front(biometry, withheld.at("front").get<std::string>());
-  return biometry;
 }
 
 /// The fit's figures in the record.

@@ -18,32 +18,10 @@ using namespace emmetrope::segmentation;
 
 namespace {
 
-struct Quantity {
-  const char *name, *pointer;
-};
-constexpr std::array<Quantity, 18> quantities{{{"axial length, mm", "/axial_length_mm"},
-                                               {"globe width, mm", "/globe_width_mm"},
-                                               {"globe height, mm", "/globe_height_mm"},
-                                               {"globe depth, mm", "/globe_depth_mm"},
-                                               {"retina R across, mm", "/retina/vertex_radius_mm/horizontal"},
-                                               {"retina R upright, mm", "/retina/vertex_radius_mm/vertical"},
-                                               {"retina Q, 240 degrees", "/retina/q_240"},
-                                               {"vitreous volume, mm3", "/retina/volume_mm3"},
-                                               {"retinal area, mm2", "/retina/area_mm2"},
-                                               {"anterior chamber depth, mm", "/anterior_chamber_depth_mm"},
-                                               {"lens thickness, mm", "/lens_thickness_mm"},
-                                               {"lens front radius, mm", "/lens_anterior_radius_mm"},
-                                               {"lens back radius, mm", "/lens_posterior_radius_mm"},
-                                               {"corneal thickness, mm", "/corneal_thickness_mm"},
-                                               {"corneal power M, D", "/astigmatism/M_D"},
-                                               {"astigmatism J0, D", "/astigmatism/J0_D"},
-                                               {"astigmatism J45, D", "/astigmatism/J45_D"},
-                                               {"corneal asphericity Q", "/keratometry/asphericity_q"}}};
-
 struct Study {
   std::map<std::string, int> verdicts;
   std::map<std::string, int> by;  ///< "fit", "edges"
-  std::array<StatedErrors, quantities.size()> errors;
+  std::array<StatedErrors, stated_quantities.size()> errors;
   int irregular = 0;
 
   void add(const Json& record) {
@@ -51,8 +29,8 @@ struct Study {
     const Json stated = record.value("stated", Json());
     if (stated.is_null()) return;
     bool by_edges = false;
-    for (std::size_t i = 0; i < quantities.size(); ++i) {
-      const Json::json_pointer at(quantities[i].pointer);
+    for (std::size_t i = 0; i < stated_quantities.size(); ++i) {
+      const Json::json_pointer at(stated_quantities[i].pointer);
       if (!stated.contains(at) || is_withheld(stated.at(at))) continue;
       const auto measured = stated.at(at).get<Measured>();
       errors[i].add(measured, record.at("truth").at(at).get<double>());
@@ -71,15 +49,16 @@ struct Study {
         "| --- | --- | --- | --- | --- | --- | --- | --- |\n");
     int covered = 0;
     std::size_t of = 0;
-    for (std::size_t i = 0; i < quantities.size(); ++i) {
+    for (std::size_t i = 0; i < stated_quantities.size(); ++i) {
       const StatedErrors& e = errors[i];
       const std::size_t n = e.error.size();
       if (n == 0) continue;
       covered += e.covered();
       of += n;
-      fmt::print("| {} | {} | {:+.2f} | {:.2f} | {:.2f} | {:.2f} | {:.0f} % | {:.1f} |\n", quantities[i].name,
-                 n, e.mean(), root_mean_square(e.error), e.median(), root_mean_square(e.sigma),
-                 100.0 * e.covered() / static_cast<double>(n), e.largest_in_sigmas());
+      fmt::print("| {} | {} | {:+.2f} | {:.2f} | {:.2f} | {:.2f} | {:.0f} % | {:.1f} |\n",
+                 stated_quantities[i].name, n, e.mean(), root_mean_square(e.error), e.median(),
+                 root_mean_square(e.sigma), 100.0 * e.covered() / static_cast<double>(n),
+                 e.largest_in_sigmas());
     }
     if (of > 0)
       fmt::print("| pooled | {} | | | | | {:.1f} % | |\n", of, 100.0 * covered / static_cast<double>(of));
@@ -90,7 +69,7 @@ struct Study {
 void print_worst(const Json& record, double beyond_sigmas) {
   const Json stated = record.value("stated", Json());
   if (stated.is_null()) return;
-  for (const Quantity& quantity : quantities) {
+  for (const StatedQuantity& quantity : stated_quantities) {
     const Json::json_pointer at(quantity.pointer);
     if (!stated.contains(at) || is_withheld(stated.at(at))) continue;
     const auto measured = stated.at(at).get<Measured>();

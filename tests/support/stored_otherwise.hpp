@@ -35,6 +35,7 @@ inline Stack stored_otherwise(const Stack& stack, const Storage& storage) {
   const Eigen::Vector3d sigma_mm(stack.fat_shift_sigma_mm.x(), stack.fat_shift_sigma_mm.y(), 0);
   Stack other;
   other.name = stack.name;
+  other.slices_are_told = stack.slices_are_told && axis_of(2) == 2;
   other.columns = count(0);
   other.rows = count(1);
   other.column_spacing_mm = step(1, 0, 0).norm();
