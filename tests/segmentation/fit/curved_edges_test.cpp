@@ -26,18 +26,25 @@ double edge(double t) {
   return t > 0 ? e : 1 - e;
 }
 
+/// What a Hann window makes of a response in units of 1 / (2 k_c): it moves by a unit either way.
+template <typename Response>
+double filtered(const Response& response, double t, bool hann) {
+  return hann ? response(t) / 2 + (response(t - 1) + response(t + 1)) / 4 : response(t);
+}
+
 /// Image of a disc of this radius cut off in k-space at `cutoff_per_mm` in either direction: over its chords,
 /// each an edge response's difference.
-double disc_image(double radius_mm, double x_mm, double y_mm, double cutoff_per_mm) {
+double disc_image(double radius_mm, double x_mm, double y_mm, double cutoff_per_mm, bool hann) {
+  const auto line = [](double t) { return std::abs(t) < 1e-9 ? 1 : std::sin(pi * t) / (pi * t); };
   constexpr int steps = 1500;
   double sum = 0;
   for (int i = 0; i < steps; ++i) {
     const double angle = ((i + 0.5) / steps - 0.5) * pi;
     const double at = radius_mm * std::sin(angle), half_chord = radius_mm * std::cos(angle);
-    const double off = 2 * pi * cutoff_per_mm * (x_mm - at);
-    const double across = std::abs(off) < 1e-9 ? 1 : std::sin(off) / off;
+    const double across = filtered(line, 2 * cutoff_per_mm * (x_mm - at), hann);
     sum += 2 * cutoff_per_mm * across * half_chord * pi / steps *
-           (edge(2 * cutoff_per_mm * (y_mm + half_chord)) - edge(2 * cutoff_per_mm * (y_mm - half_chord)));
+           (filtered(edge, 2 * cutoff_per_mm * (y_mm + half_chord), hann) -
+            filtered(edge, 2 * cutoff_per_mm * (y_mm - half_chord), hann));
   }
   return sum;
 }
@@ -50,6 +57,7 @@ struct Globe {
   VectorXd parameters;
   double radius_mm;      ///< of the wall's outside, across the axis
   double half_depth_mm;  ///< along it
+  bool hann = false;     ///< the scanner's window
 
   explicit Globe(double pixel_mm)
       : stack(stack_of(pixel_mm)), observed{{&stack, 1, sampling_of(stack), {}}}, model(make_model()) {
@@ -111,7 +119,7 @@ struct Globe {
     double disc = 0;
     for (int i = 0; i < layers; ++i)
       disc += disc_image(slice_radius(sample.position.y() + ((i + 0.5) / layers - 0.5) * slice_mm),
-                         sample.position.x(), sample.position.z(), 0.5 / stack.column_spacing_mm) /
+                         sample.position.x(), sample.position.z(), 0.5 / stack.column_spacing_mm, hann) /
               layers;
     return outside_globe + (inside_globe - outside_globe) * disc;
   }
@@ -148,6 +156,15 @@ TEST(CurvedEdges, AreThoseOfTheScannersResolution) {
   Globe blurred(1 / 0.8);  // its closed form has that cut-off
   for (const Sample& sample : samples)
     EXPECT_NEAR(at.intensity(sample, nullptr), blurred.expected(sample), 0.004);
+}
+
+TEST(CurvedEdges, AreThoseOfTheScannersFilter) {
+  Globe globe(0.7);
+  globe.hann = true;
+  const int at_stack = globe.model.layout().stack(0);
+  globe.parameters[at_stack + k_space_filter] = 1;
+  globe.parameters[at_stack + log_sharpness] = -log_cutoff_per_filter;  // the cut-off is the nominal one
+  EXPECT_LT(errors_of(globe).curved, 0.004);
 }
 
 TEST(CurvedEdges, RingSoInSmallerVoxelsToo) { EXPECT_LT(errors_of(Globe(0.7)).curved, 0.004); }

@@ -68,6 +68,9 @@ VectorXd test_parameters(unsigned seed) {
   a.segment<3>(layout.stack(1) + turn_first) << 0.3, -0.2, 0.25;
   a.segment<2>(layout.stack(0) + fat_shift_first) << 0.25, -0.1;
   a.segment<2>(layout.stack(1) + fat_shift_first) << -0.2, 0.15;
+  a[layout.stack(0) + log_sharpness_ratio] = 0.15;
+  a[layout.stack(0) + k_space_filter] = 0.3;
+  a[layout.stack(1) + k_space_filter] = 0.5;
   return a;
 }
 
