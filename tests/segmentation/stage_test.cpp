@@ -78,6 +78,13 @@ TEST_F(SegmentStage, SampleEyeIsMeasuredWithinItsIntervals) {
     EXPECT_FALSE(stack.at("reason").get<std::string>().empty());
 
   EXPECT_TRUE(run(sample, "case").json.at("skipped").get<bool>());
+
+  // What its fellow tells of it does not depend on which is asked for.
+  common_.laterality = LateralityChoice::both;
+  run(sample, "both");
+  EXPECT_EQ(read_json(folder_ / "both" / "segmentation" / "od" / "fit.json"),
+            read_json(stage / "od" / "fit.json"));
+  EXPECT_FALSE(fs::exists(stage / "os"));
 }
 
 TEST_F(SegmentStage, NothingThatIsKeptNamesThePatient) {
