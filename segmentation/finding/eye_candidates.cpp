@@ -7,6 +7,7 @@
 #include "pipeline/base/frames.hpp"
 #include "segmentation/finding/radial_symmetry.hpp"
 #include "segmentation/finding/sampling.hpp"
+#include "segmentation/intake/canonical_stack.hpp"
 
 namespace emmetrope::segmentation {
 namespace {
@@ -143,9 +144,10 @@ bool refine(const Stack& stack, const SymmetryPeak& peak, EyeCandidate& candidat
 
 }  // namespace
 
-std::vector<EyeCandidate> find_candidates(const Stack& stack) {
+std::vector<EyeCandidate> find_candidates(const Stack& stored) {
   std::vector<EyeCandidate> candidates;
-  if (stack.slices() < 3) return candidates;
+  if (stored.slices() < 3) return candidates;
+  const Stack stack = canonical_part(stored, stored.slice_position.front(), whole_extent_mm(stored));
   for (const SymmetryPeak& peak : symmetry_peaks(stack)) {
     EyeCandidate candidate;
     if (!refine(stack, peak, candidate)) continue;

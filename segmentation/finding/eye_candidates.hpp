@@ -20,7 +20,8 @@ struct EyeCandidate {
 };
 
 /// Globes in a stack, best first: places of radial symmetry (radial_symmetry.hpp), each checked and refined
-/// on radial profiles. Several may be false; pairing and the fit decide.
+/// on radial profiles. Several may be false; pairing and the fit decide. Whatever the order of the voxels is
+/// (canonical_stack.hpp).
 std::vector<EyeCandidate> find_candidates(const Stack& stack);
 
 }  // namespace emmetrope::segmentation

@@ -8,6 +8,7 @@
 
 #include "pipeline/base/error.hpp"
 #include "segmentation/finding/lens_axis.hpp"
+#include "segmentation/intake/canonical_stack.hpp"
 
 namespace emmetrope::segmentation {
 namespace {
@@ -73,11 +74,27 @@ struct Cluster {
   }
 };
 
+/// The same globe as the voxels about it alone show it, so that the rest of the file, or how much there is of it, does not
+/// move what the fit starts from. Twice: the first time the part's middle is still that of the whole file.
+EyeCandidate seen_from_near(const Stack& stack, EyeCandidate globe) {
+  constexpr double reach_mm = 40, same_globe_mm = 4;
+  for (int i = 0; i < 2; ++i) {
+    const std::vector<EyeCandidate> near = find_candidates(canonical_part(stack, globe.centre, reach_mm));
+    const auto same = std::find_if(near.begin(), near.end(), [&](const EyeCandidate& other) {
+      return other.weighting == globe.weighting && (other.centre - globe.centre).norm() < same_globe_mm;
+    });
+    if (same == near.end()) break;
+    globe = *same;
+  }
+  return globe;
+}
+
 /// The globes of all stacks, those of one place together.
 std::vector<Cluster> cluster_globes(const std::vector<const Stack*>& stacks) {
   std::vector<Cluster> clusters;
   for (std::size_t s = 0; s < stacks.size(); ++s) {
-    for (const EyeCandidate& globe : eyes_in_stack(find_candidates(*stacks[s]))) {
+    for (const EyeCandidate& seen : eyes_in_stack(find_candidates(*stacks[s]))) {
+      const EyeCandidate globe = seen_from_near(*stacks[s], seen);
       const EyeView view{s, globe, merit_of(*stacks[s], globe)};
       const auto known = std::find_if(clusters.begin(), clusters.end(), [&](const Cluster& c) {
         return (c.centre() - globe.centre).norm() < same_eye_mm;

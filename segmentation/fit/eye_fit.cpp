@@ -179,9 +179,9 @@ void fit_to_all_voxels(EyeFit& fit, const std::function<void()>& step_done) {
   set_final_loss(problem, fit.evidence);
   const Basis basis = select_parameters(fit.layout.size(), fit.active);
   const bool faint_wall = fit.weighting == Weighting::t1 && fit.evidence == Evidence::intensities;
-  const auto pass = [&](int max_iterations) {
+  const auto pass = [&](const SolveLimits& stop) {
     if (faint_wall) add_curved_edges(problem.samples, fit.model, fit.parameters, fit.stacks);
-    SolveResult result = solve(problem, fit.parameters, basis, max_iterations);
+    SolveResult result = solve(problem, fit.parameters, basis, stop);
     fit.parameters = std::move(result.parameters);
     fit.iterations += result.iterations;
     fit.converged = result.converged;
@@ -193,7 +193,7 @@ void fit_to_all_voxels(EyeFit& fit, const std::function<void()>& step_done) {
   if (problem.samples.size() < fewest_voxels) throw no_result_error("too few voxels show the eye");
   fit.misfit = freeze_deviations(problem, fit.parameters);
   // Curved edges are those of the eye so far: after the third pass the globe moves by less than 0.01 mm.
-  for (int i = 0; i < (faint_wall ? 3 : 1); ++i) pass(25);
+  for (int i = 0; i < (faint_wall ? 3 : 1); ++i) pass({25});
   if (step_done) step_done();
 
   // The balance of image and priors, and the covariance, with weights that know about the misfit.
@@ -203,7 +203,8 @@ void fit_to_all_voxels(EyeFit& fit, const std::function<void()>& step_done) {
     deviations.push_back(sample.deviation);
     sample.deviation *= static_cast<float>(std::sqrt(widening[static_cast<std::size_t>(sample.part)]));
   }
-  pass(60);
+  // To the minimum itself: where a fit stops on the way depends on where it began, and so on how voxels are stored.
+  pass({100, 1e-9});
   if (step_done) step_done();
   estimate_covariance(fit, problem, basis);
   // Labels are no smooth surface: what they depart from a biconic is how they were drawn.

@@ -142,8 +142,8 @@ SolveResult fit_globe(FitProblem& problem, const VectorXd& start, Evidence evide
     append(active, window_parameters(layout));
   }
   problem.loss_scale = 6;
-  SolveResult result =
-      solve(problem, start, select_parameters(layout.size(), open_parameters(layout, active, evidence)), 16);
+  SolveResult result = solve(
+      problem, start, select_parameters(layout.size(), open_parameters(layout, active, evidence)), {16});
   problem.priors = kept;
   return result;
 }
@@ -169,7 +169,7 @@ SolveResult fit_cornea(FitProblem& problem, const VectorXd& start, Evidence evid
     // The apex is held loosely at its start.
     problem.priors.mean.segment<3>(apex_x) = from.segment<3>(apex_x);
     problem.priors.sigma.segment<3>(apex_x).setConstant(0.4 * std::sqrt(3.0));
-    SolveResult result = solve(problem, from, basis, 12);
+    SolveResult result = solve(problem, from, basis, {12});
     costs.push_back(result.cost);
     if (result.cost < best.cost) best = std::move(result);
   };
@@ -189,7 +189,7 @@ SolveResult fit_whole_eye(FitProblem& problem, const VectorXd& start, Evidence e
                    active.begin(), active.end(),
                    [](int parameter) { return parameter == iris_half_thickness || parameter == iris_slope; }),
                active.end());
-  return solve(problem, start, select_parameters(problem.model->layout().size(), active), 20);
+  return solve(problem, start, select_parameters(problem.model->layout().size(), active), {20});
 }
 
 void set_final_loss(FitProblem& problem, Evidence evidence) {

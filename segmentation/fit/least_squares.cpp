@@ -277,7 +277,8 @@ LinearRows linearise(const FitProblem& problem, const VectorXd& parameters, cons
   return rows;
 }  // NOLINT(clang-analyzer-unix.Malloc): the analyser loses sight of Eigen's memory in what is returned
 
-SolveResult solve(const FitProblem& problem, const VectorXd& start, const Basis& basis, int max_iterations) {
+SolveResult solve(const FitProblem& problem, const VectorXd& start, const Basis& basis,
+                  const SolveLimits& stop) {
   ceres::Problem::Options ownership;
   ownership.cost_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
   CondensedCost cost(problem, start, basis);
@@ -286,8 +287,8 @@ SolveResult solve(const FitProblem& problem, const VectorXd& start, const Basis&
   ceres_problem.AddResidualBlock(&cost, nullptr, z.data());
   ceres::Solver::Options options;
   options.linear_solver_type = ceres::DENSE_QR;
-  options.max_num_iterations = max_iterations;
-  options.function_tolerance = 3e-6;
+  options.max_num_iterations = stop.iterations;
+  options.function_tolerance = stop.cost_tolerance;
   options.num_threads = 1;
   options.logging_type = ceres::SILENT;
   ceres::Solver::Summary summary;

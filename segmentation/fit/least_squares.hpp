@@ -49,8 +49,12 @@ struct SolveResult {
 /// Levenberg-Marquardt by Ceres on the condensed problem: the voxels' rows are summed into normal equations
 /// as they are made, and Ceres sees L' z (J'J = L L'), which has the same cost, gradient and Gauss-Newton
 /// matrix.
+struct SolveLimits {
+  int iterations = 20;
+  double cost_tolerance = 3e-6;  ///< a step that gains less of the cost is the last
+};
 SolveResult solve(const FitProblem& problem, const Eigen::VectorXd& start, const Basis& basis,
-                  int max_iterations);
+                  const SolveLimits& stop);
 
 /// Covariance of the parameters that move, at a solution: inverse of J'J with the priors, by
 /// ceres::Covariance, which checks the rank. In the order of the basis' columns.

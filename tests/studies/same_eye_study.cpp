@@ -5,6 +5,7 @@
 #include <CLI/CLI.hpp>
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <functional>
 #include <random>
@@ -131,6 +132,29 @@ Stack with_slices_in_pairs(const Stack& stack) {
   return other;
 }
 
+/// As far as 45 mm from the eyes, at both ends of each axis alike.
+Scan cropped_to_the_eyes(const Scan& scan) {
+  constexpr double reach_mm = 45;
+  const FoundEyes found = scan.find();
+  return with_each_stack(scan, [&](const Stack& stack) {
+    const std::array<Eigen::Vector3d, 3> along{stack.along_row, stack.along_column, stack.normal};
+    const std::array<double, 3> spacing_mm{stack.column_spacing_mm, stack.row_spacing_mm,
+                                           stack.slice_spacing_mm()};
+    const std::array<int, 3> count{stack.columns, stack.rows, stack.slices()};
+    Storage storage;
+    for (std::size_t i = 0; i < 3; ++i) {
+      double free_mm = count[i] * spacing_mm[i];
+      for (const FoundEye& eye : found.eyes) {
+        const double at_mm = (eye.views.front().globe.centre - stack.slice_position.front()).dot(along[i]);
+        free_mm = std::min({free_mm, at_mm, (count[i] - 1) * spacing_mm[i] - at_mm});
+      }
+      storage.cropped[static_cast<Eigen::Index>(i)] =
+          static_cast<int>(std::max(0.0, (free_mm - reach_mm) / spacing_mm[i]));
+    }
+    return stored(stack, storage);
+  });
+}
+
 const std::vector<Way>& ways_to_store() {
   const auto each = [](Stack (*change)(Stack)) {
     return [change](const Scan& scan) { return with_each_stack(scan, change); };
@@ -141,7 +165,7 @@ const std::vector<Way>& ways_to_store() {
     };
   };
   static const std::vector<Way> ways{{"mirrored", each(in_mirror), true},
-                                     {"cropped", stored_as({{0, 1, 2}, {8, 8, 4}})},
+                                     {"cropped", cropped_to_the_eyes},
                                      {"flipped", stored_as({{~0, 1, ~2}})},
                                      {"turned-axes", stored_as({{2, ~1, 0}})},
                                      {"brighter", each(brighter)},
