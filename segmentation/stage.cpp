@@ -163,13 +163,17 @@ StageVerdict segment_study(const SegmentOptions& options, const CommonOptions& c
 
   const FoundEyes found = find_eyes_in(images);
   std::vector<JudgedEye> eyes;
-  for (const FoundEye& eye : found.eyes) eyes.emplace_back().found = eye;
+  const bool is_seen = std::any_of(found.eyes.begin(), found.eyes.end(), [&](const FoundEye& eye) {
+    return includes(common.laterality, eye.laterality);
+  });
+  // What each eye tells of the other is the same whichever is asked for.
+  if (is_seen)
+    for (const FoundEye& eye : found.eyes) eyes.emplace_back().found = eye;
   fit_all(eyes, images, common);
   if (eyes.size() == 2 && images.labels.empty())
     compare_fellow_eyes(eyes[0], eyes[1], stacks, images.age_years, common.verbosity);
   const bool coupled = couple(eyes);
   const std::optional<double> roll = head_roll_deg(eyes);
-  // What each eye tells of the other is the same whichever is asked for.
   eyes.erase(std::remove_if(
                  eyes.begin(), eyes.end(),
                  [&](const JudgedEye& eye) { return !includes(common.laterality, eye.found.laterality); }),

@@ -74,8 +74,9 @@ struct Cluster {
   }
 };
 
-/// The same globe as the voxels about it alone show it, so that the rest of the file, or how much there is of it, does not
-/// move what the fit starts from. Twice: the first time the part's middle is still that of the whole file.
+/// The same globe as the voxels about it alone show it (all slices of a stack that is no lattice), so that how much
+/// else the file holds does not move what the fit starts from. Twice: the first time the part's middle is still that of
+/// the whole file.
 EyeCandidate seen_from_near(const Stack& stack, EyeCandidate globe) {
   constexpr double reach_mm = 40, same_globe_mm = 4;
   for (int i = 0; i < 2; ++i) {

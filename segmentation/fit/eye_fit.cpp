@@ -203,7 +203,7 @@ void fit_to_all_voxels(EyeFit& fit, const std::function<void()>& step_done) {
     deviations.push_back(sample.deviation);
     sample.deviation *= static_cast<float>(std::sqrt(widening[static_cast<std::size_t>(sample.part)]));
   }
-  // To the minimum itself: where a fit stops on the way depends on where it began, and so on how voxels are stored.
+  // Closer than intervals need: where a fit stops on the way depends on where it began.
   pass({100, 1e-9});
   if (step_done) step_done();
   estimate_covariance(fit, problem, basis);

@@ -74,7 +74,7 @@ constexpr double shift_sigma_mm = 3;     ///< the head moves 1 to 3 mm between s
 constexpr double sharpness_sigma = 0.3;  ///< zero filling and filters that the header does not tell
 /// Decay along the echo train, partial sampling and zero filling act along one direction.
 constexpr double sharpness_ratio_sigma = 0.2;
-constexpr double filter_sigma = 0.4;    ///< from a Hann window's to as much enhancement
+constexpr double filter_sigma = 0.4;    ///< a Hann window is 1; chosen
 constexpr double turn_sigma_deg = 0.7;  ///< it turns with them
 constexpr double displacement_sigma_mm = 0.06;
 /// Within 40 degrees of the pole, where eyes bulge.

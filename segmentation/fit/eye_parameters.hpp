@@ -88,7 +88,8 @@ enum StackParameter : int {
   stack_parameter_count = 21
 };
 
-/// What a filter takes from an edge's slope, 1 - f/2, a cut-off farther out by exp(0.6 f) gives back within 10 %: so that
+/// What a filter takes from an edge's slope, 1 - f/2, a cut-off farther out by exp(0.6 f) gives back within 10 %
+/// for f from -0.6 to 1: so that
 /// sharpness and filter are told apart.
 inline constexpr double log_cutoff_per_filter = 0.6;
 

@@ -22,7 +22,7 @@ void append(std::vector<int>& to, const std::vector<int>& more) {
   to.insert(to.end(), more.begin(), more.end());
 }
 
-/// Those that every pass tells.
+/// Those that a globe tells.
 std::vector<int> stack_parameters(const ForwardModel& model) {
   const ParameterLayout& layout = model.layout();
   const std::vector<StackSampling>& stacks = model.stacks();
@@ -132,13 +132,13 @@ SolveResult fit_globe(FitProblem& problem, const VectorXd& start, Evidence evide
   const ParameterLayout& layout = problem.model->layout();
   append(active, stack_parameters(*problem.model));
   const Priors kept = problem.priors;
+  // Where the wall is faint against fat a wrong filter would lead to the wrong border.
   if (background_varies) {
     append(active, range(layout.background(), layout.size() - 1));
     // Nor may the wall become part of it.
     problem.priors.sigma[wall_lateral] /= 2;
     problem.priors.sigma[wall_axial] /= 2;
   } else {
-    // Of a wall that is faint against fat a wrong filter would lead to the wrong border.
     append(active, window_parameters(layout));
   }
   problem.loss_scale = 6;

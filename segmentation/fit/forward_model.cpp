@@ -19,13 +19,14 @@ using Eigen::VectorXd;
 
 constexpr double coil_length_mm = 12;
 
-/// The larger of two positive numbers, up to 12 % more where both are alike. Towards a corner of the
-/// scanner's rectangle in k-space a plane edge would be sharpest; a curved one has directions on both sides
-/// of the corner and is blurred by their mean.
 struct RoundedMaximum {
   double value;
   double share_of_a;  ///< d log value / d log a; the rest is b's
 };
+
+/// The larger of two positive numbers, up to 12 % more where both are alike. Towards a corner of the
+/// scanner's rectangle in k-space a plane edge would be sharpest; a curved one has directions on both sides
+/// of the corner and is blurred by their mean.
 RoundedMaximum rounded_maximum(double a, double b) {
   const double a2 = a * a, b2 = b * b, a6 = a2 * a2 * a2, sum = a6 + b2 * b2 * b2;
   return {std::sqrt(std::cbrt(sum)), a6 / sum};

@@ -46,13 +46,15 @@ struct SolveResult {
   bool converged = false;
 };
 
+/// When a solution is good enough.
+struct SolveLimits {
+  int iterations;
+  double cost_tolerance = 3e-6;  ///< a step that gains a smaller share of the cost is the last
+};
+
 /// Levenberg-Marquardt by Ceres on the condensed problem: the voxels' rows are summed into normal equations
 /// as they are made, and Ceres sees L' z (J'J = L L'), which has the same cost, gradient and Gauss-Newton
 /// matrix.
-struct SolveLimits {
-  int iterations = 20;
-  double cost_tolerance = 3e-6;  ///< a step that gains less of the cost is the last
-};
 SolveResult solve(const FitProblem& problem, const Eigen::VectorXd& start, const Basis& basis,
                   const SolveLimits& stop);
 

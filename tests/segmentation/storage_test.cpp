@@ -16,9 +16,10 @@ namespace emmetrope::segmentation {
 namespace {
 
 /// An eye, found, read by its edges and fitted.
-EyeFit eye_of(const Stack& stack, Laterality laterality) {
-  const std::vector<const Stack*> stacks{&stack};
-  const FoundEyes found = find_eyes(stacks, {""});
+EyeFit eye_of(const std::vector<Stack>& images, Laterality laterality) {
+  std::vector<const Stack*> stacks;
+  for (const Stack& image : images) stacks.push_back(&image);
+  const FoundEyes found = find_eyes(stacks, std::vector<std::string>(stacks.size()));
   const auto wanted = std::find_if(found.eyes.begin(), found.eyes.end(),
                                    [&](const FoundEye& one) { return one.laterality == laterality; });
   if (wanted == found.eyes.end()) throw std::runtime_error("no such eye found");
@@ -29,7 +30,7 @@ EyeFit eye_of(const Stack& stack, Laterality laterality) {
   return eye.fit.value();
 }
 
-EyeFit right_eye(const Stack& stack) { return eye_of(stack, Laterality::od); }
+EyeFit right_eye(const Stack& stack) { return eye_of({stack}, Laterality::od); }
 
 /// 0.02 mm, 0.05 D, and 2 % of every interval.
 void expect_same(const EyeFit& a, const EyeFit& b) {
@@ -52,46 +53,53 @@ TEST(StoredOtherwise, ARealHeadHasTheSameEye) {
     expect_same(right_eye(stored_otherwise(plain, storage)), as_it_is);
 }
 
-/// The first stack of the sample study: T2, slices of a phantom's head.
-Stack sample_stack() {
+/// The sample study: T2, slices of a phantom's head in three directions.
+std::vector<Stack> sample_stacks() {
   IntakeOptions options;
   options.verbosity.quiet = true;
   const StudyInventory inventory =
       read_inventory(data_folder() / "data_samples" / "sample" / "dicom", options);
-  return read_series(inventory, inventory.series.at(0).uid, options);
+  std::vector<Stack> stacks;
+  for (const SeriesInfo& series : inventory.series)
+    stacks.push_back(read_series(inventory, series.uid, options));
+  return stacks;
 }
 
 const EyeFit& sample_eye() {
-  static const EyeFit eye = right_eye(sample_stack());
+  static const EyeFit eye = eye_of(sample_stacks(), Laterality::od);
   return eye;
 }
 
 TEST(StoredOtherwise, VoxelsATenthLargerAreAnEyeATenthLarger) {
   constexpr double scale = 1.1, tolerance = 0.003;
-  Stack stack = sample_stack();
-  for (double* length_mm : {&stack.row_spacing_mm, &stack.column_spacing_mm, &stack.slice_thickness_mm})
-    *length_mm *= scale;
-  stack.fat_shift_sigma_mm *= scale;
-  for (Eigen::Vector3d& position : stack.slice_position) position *= scale;
-  const EyeFit larger = right_eye(stack);
+  std::vector<Stack> stacks = sample_stacks();
+  for (Stack& stack : stacks) {
+    for (double* length_mm : {&stack.row_spacing_mm, &stack.column_spacing_mm, &stack.slice_thickness_mm})
+      *length_mm *= scale;
+    stack.fat_shift_sigma_mm *= scale;
+    for (Eigen::Vector3d& position : stack.slice_position) position *= scale;
+  }
+  const EyeFit larger = eye_of(stacks, Laterality::od);
   for (const Parameter length : {axial_length, globe_x, globe_y})
     EXPECT_NEAR(larger.value(length) / sample_eye().value(length), scale, scale * tolerance)
         << larger.layout.name(length);
-  // Of which one stack alone says less, and the population's lengths, which do not grow, a part: within the intervals.
+  // Of which the population's lengths, which do not grow, say a part: within the intervals.
   for (const Parameter length : {anterior_chamber_depth, lens_thickness})
     EXPECT_NEAR(larger.value(length), scale * sample_eye().value(length), 2 * larger.sigma(length))
         << larger.layout.name(length);
 }
 
 TEST(StoredOtherwise, TheMirroredHeadHasTheSameEyeOnTheOtherSide) {
-  Stack stack = sample_stack();
-  for (Eigen::Vector3d* vector : {&stack.along_row, &stack.along_column}) vector->x() *= -1;
-  for (Eigen::Vector3d& position : stack.slice_position) position.x() *= -1;
-  // The normal of the mirrored axes runs the other way; slices are ordered along it.
-  stack.normal = stack.along_row.cross(stack.along_column);
-  std::reverse(stack.slice_position.begin(), stack.slice_position.end());
-  std::reverse(stack.slice_intensity.begin(), stack.slice_intensity.end());
-  const EyeFit mirrored = eye_of(stack, Laterality::os);
+  std::vector<Stack> stacks = sample_stacks();
+  for (Stack& stack : stacks) {
+    for (Eigen::Vector3d* vector : {&stack.along_row, &stack.along_column}) vector->x() *= -1;
+    for (Eigen::Vector3d& position : stack.slice_position) position.x() *= -1;
+    // The normal of the mirrored axes runs the other way; slices are ordered along it.
+    stack.normal = stack.along_row.cross(stack.along_column);
+    std::reverse(stack.slice_position.begin(), stack.slice_position.end());
+    std::reverse(stack.slice_intensity.begin(), stack.slice_intensity.end());
+  }
+  const EyeFit mirrored = eye_of(stacks, Laterality::os);
   for (const Parameter length : {axial_length, globe_x, globe_y, anterior_chamber_depth, lens_thickness})
     EXPECT_NEAR(mirrored.value(length), sample_eye().value(length), 0.02) << mirrored.layout.name(length);
   // An axis a becomes 180 - a.

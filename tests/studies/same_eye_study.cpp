@@ -49,8 +49,11 @@ bool is_even(const Stack& stack) {
 /// Slices that were acquired one by one stay slices, and a stack that is no lattice is left alone.
 Stack stored(const Stack& stack, Storage storage) {
   if (!is_even(stack)) return stack;
-  if (stack.slices_are_told && storage.axis[2] != 2 && storage.axis[2] != ~2) return stack;
-  return stored_otherwise(stack, storage);
+  const bool slices_stay = storage.axis[2] == 2 || storage.axis[2] == ~2;
+  if (stack.slices_are_told && !slices_stay) return stack;
+  Stack other = stored_otherwise(stack, storage);
+  if (slices_stay) other.slice_thickness_mm = stack.slice_thickness_mm;
+  return other;
 }
 
 Stack in_mirror(Stack stack) {
@@ -61,6 +64,13 @@ Stack in_mirror(Stack stack) {
   std::reverse(stack.slice_position.begin(), stack.slice_position.end());
   std::reverse(stack.slice_intensity.begin(), stack.slice_intensity.end());
   return stack;
+}
+
+Scan mirrored(const Scan& scan) {
+  Scan other = with_each_stack(scan, in_mirror);
+  for (std::string& tag : other.laterality_tags)
+    if (tag == "R" || tag == "L") tag = tag == "R" ? "L" : "R";
+  return other;
 }
 
 Stack brighter(Stack stack) {
@@ -164,7 +174,7 @@ const std::vector<Way>& ways_to_store() {
       return with_each_stack(scan, [&](const Stack& stack) { return stored(stack, storage); });
     };
   };
-  static const std::vector<Way> ways{{"mirrored", each(in_mirror), true},
+  static const std::vector<Way> ways{{"mirrored", mirrored, true},
                                      {"cropped", cropped_to_the_eyes},
                                      {"flipped", stored_as({{~0, 1, ~2}})},
                                      {"turned-axes", stored_as({{2, ~1, 0}})},

@@ -8,6 +8,7 @@
 #include "segmentation/finding/find_eyes.hpp"
 #include "segmentation/finding/lens_axis.hpp"
 #include "segmentation/finding/sampling.hpp"
+#include "tests/support/stored_otherwise.hpp"
 
 namespace emmetrope::segmentation {
 namespace {
@@ -87,6 +88,28 @@ TEST_P(BothContrasts, PairIsFoundSidedAndLooksStraightAhead) {
 }
 
 /// Displaced fat in T1 moves what is found of the globe along the eye's axis, and the lens with it.
+/// However the file stores its voxels, and whatever else it holds beyond 40 mm.
+TEST_P(BothContrasts, GlobesAreTheSameInEveryOrderOfTheVoxels) {
+  const Stack stack = axial_stack({{{-30.3, -33.2, 1.4}, 11.4}, {{32.1, -32.4, 0.3}, 11.9}}, GetParam(), 1);
+  const FoundEyes as_it_is = find_eyes({&stack}, {""});
+  ASSERT_EQ(as_it_is.eyes.size(), 2U);
+  // Rows end 58 mm behind the eyes; now 53 mm.
+  Stack shorter = stack;
+  shorter.rows -= 5;
+  for (std::vector<float>& slice : shorter.slice_intensity)
+    slice.resize(static_cast<std::size_t>(shorter.rows) * shorter.columns);
+  for (const Stack& other :
+       {stored_otherwise(stack, {{~0, 1, ~2}}), stored_otherwise(stack, {{1, ~0, 2}}), shorter}) {
+    const FoundEyes found = find_eyes({&other}, {""});
+    ASSERT_EQ(found.eyes.size(), 2U);
+    for (std::size_t i = 0; i < 2; ++i) {
+      const Vector3d &seen = found.eyes[i].views[0].globe.centre,
+                     &was = as_it_is.eyes[i].views[0].globe.centre;
+      EXPECT_LT((seen - was).norm(), 1e-6);
+    }
+  }
+}
+
 TEST(Finding, TheLensIsFoundFromACentreThatIsOff) {
   const Ball ball{{-30.3, -33.2, 1.4}, 11.4};
   const Stack stack = axial_stack({ball}, Weighting::t1, 1);

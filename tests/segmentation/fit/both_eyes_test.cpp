@@ -128,11 +128,13 @@ TEST(BothEyes, OneStackHasOneSharpnessOneChemicalShiftAndOneBrightnessOfTissues)
     bool is_brightness;
   };
   const ParameterLayout layout;
-  const std::array<Seen, 5> table{
+  const std::array<Seen, 7> table{
       {{cornea, 0.40, 0.36, 0.04, tissue_intensity_difference, true},
        {wall, 0.35, 0.38, 0.03, tissue_intensity_difference, true},
        {lid, 0.50, 0.58, 0.05, lid_intensity_difference, true},
        {layout.stack(0) + log_sharpness, 0.02, 0.06, 0.03, sharpness_difference, false},
+       {layout.stack(0) + log_sharpness_ratio, 0.02, 0.05, 0.03, sharpness_difference, false},
+       {layout.stack(0) + k_space_filter, 0.3, 0.33, 0.04, sharpness_difference, false},
        {layout.stack(0) + fat_shift_first, 0.10, 0.05, 0.06, fat_shift_difference_mm, false}}};
   Stack stack;
   const auto eye = [&](double Seen::*value) {
@@ -147,7 +149,8 @@ TEST(BothEyes, OneStackHasOneSharpnessOneChemicalShiftAndOneBrightnessOfTissues)
       fit.parameters[seen.parameter] = seen.*value;
       variance.push_back(seen.sigma * seen.sigma);
     }
-    fit.covariance = Eigen::Map<VectorXd>(variance.data(), 7).asDiagonal();
+    fit.covariance =
+        Eigen::Map<VectorXd>(variance.data(), static_cast<Eigen::Index>(variance.size())).asDiagonal();
     return fit;
   };
   EyeFit od = eye(&Seen::right), os = eye(&Seen::left);

@@ -34,17 +34,18 @@ double filtered(const Response& response, double t, bool hann) {
 
 /// Image of a disc of this radius cut off in k-space at `cutoff_per_mm` in either direction: over its chords,
 /// each an edge response's difference.
-double disc_image(double radius_mm, double x_mm, double y_mm, double cutoff_per_mm, bool hann) {
+double disc_image(double radius_mm, double x_mm, double y_mm, const Eigen::Vector2d& cutoff_per_mm,
+                  bool hann) {
   const auto line = [](double t) { return std::abs(t) < 1e-9 ? 1 : std::sin(pi * t) / (pi * t); };
   constexpr int steps = 1500;
   double sum = 0;
   for (int i = 0; i < steps; ++i) {
     const double angle = ((i + 0.5) / steps - 0.5) * pi;
     const double at = radius_mm * std::sin(angle), half_chord = radius_mm * std::cos(angle);
-    const double across = filtered(line, 2 * cutoff_per_mm * (x_mm - at), hann);
-    sum += 2 * cutoff_per_mm * across * half_chord * pi / steps *
-           (filtered(edge, 2 * cutoff_per_mm * (y_mm + half_chord), hann) -
-            filtered(edge, 2 * cutoff_per_mm * (y_mm - half_chord), hann));
+    const double across = filtered(line, 2 * cutoff_per_mm.x() * (x_mm - at), hann);
+    sum += 2 * cutoff_per_mm.x() * across * half_chord * pi / steps *
+           (filtered(edge, 2 * cutoff_per_mm.y() * (y_mm + half_chord), hann) -
+            filtered(edge, 2 * cutoff_per_mm.y() * (y_mm - half_chord), hann));
   }
   return sum;
 }
@@ -57,7 +58,9 @@ struct Globe {
   VectorXd parameters;
   double radius_mm;      ///< of the wall's outside, across the axis
   double half_depth_mm;  ///< along it
-  bool hann = false;     ///< the scanner's window
+  // What the scanner makes of it.
+  bool hann = false;
+  Eigen::Vector2d cutoff_per_mm;  ///< along rows, along columns
 
   explicit Globe(double pixel_mm)
       : stack(stack_of(pixel_mm)), observed{{&stack, 1, sampling_of(stack), {}}}, model(make_model()) {
@@ -70,6 +73,7 @@ struct Globe {
     for (const int i : {int(lid), int(air), int(surround)}) parameters[i] = outside_globe;
     radius_mm = parameters[globe_x] + parameters[wall_lateral];
     half_depth_mm = parameters[globe_z] + parameters[wall_axial];
+    cutoff_per_mm.setConstant(0.5 / pixel_mm);
   }
 
   static Stack stack_of(double pixel_mm) {
@@ -119,7 +123,7 @@ struct Globe {
     double disc = 0;
     for (int i = 0; i < layers; ++i)
       disc += disc_image(slice_radius(sample.position.y() + ((i + 0.5) / layers - 0.5) * slice_mm),
-                         sample.position.x(), sample.position.z(), 0.5 / stack.column_spacing_mm, hann) /
+                         sample.position.x(), sample.position.z(), cutoff_per_mm, hann) /
               layers;
     return outside_globe + (inside_globe - outside_globe) * disc;
   }
@@ -156,6 +160,15 @@ TEST(CurvedEdges, AreThoseOfTheScannersResolution) {
   Globe blurred(1 / 0.8);  // its closed form has that cut-off
   for (const Sample& sample : samples)
     EXPECT_NEAR(at.intensity(sample, nullptr), blurred.expected(sample), 0.004);
+}
+
+TEST(CurvedEdges, AreSharperAlongRowsWhereTheScannerIs) {
+  Globe globe(0.7);
+  globe.cutoff_per_mm = {0.5 / 0.7 * 1.1, 0.5 / 0.7 / 1.1};
+  globe.parameters[globe.model.layout().stack(0) + log_sharpness_ratio] = 2 * std::log(1.1);
+  EXPECT_LT(errors_of(globe).curved, 0.004);
+  globe.cutoff_per_mm.reverseInPlace();
+  EXPECT_GT(errors_of(globe).curved, 0.008);
 }
 
 TEST(CurvedEdges, AreThoseOfTheScannersFilter) {
