@@ -26,7 +26,7 @@ EyeFit eye_of(const std::vector<Stack>& images, Laterality laterality) {
   JudgedEye eye;
   eye.found = *wanted;
   eye.edges = read_edges_of(eye.found, stacks);
-  fit_and_judge(eye, stacks, start_of(eye.found, eye.edges));
+  fit_and_judge(eye, views_of(eye.found, stacks), start_of(eye.found, eye.edges));
   return eye.fit.value();
 }
 
