@@ -317,7 +317,7 @@ int main(int argc, char** argv) {
     const std::string name = study.filename().string();
     try {
       const Scan scan = read_scan(study);
-      const Json before = eyes_of(name, cache, [&] { return scan; });
+      const Json before = eyes_of(name, cache, [&]() -> const Scan& { return scan; });
       for (const Way& way : worse ? ways_to_worsen() : ways_to_store()) {
         const Json after = eyes_of(name + "-" + way.name, cache, [&] { return way.of(scan); });
         if (worse)
