@@ -321,6 +321,23 @@ TEST(QualityOfShapes, AWallTwiceAnEyesIsSaid) {
   EXPECT_DOUBLE_EQ(gate.value, 3);
 }
 
+/// Where the images say nothing of the cornea (its power is known as well as before them), the iris may have been taken
+/// for it.
+TEST(QualityOfShapes, AShallowChamberBehindAnUnseenCorneaIsWithheld) {
+  const ParameterLayout layout;
+  Eigen::VectorXd parameters = population_mean(layout);
+  for (const auto& [chamber_mm, stands] : {std::pair{3.4, true}, {2.5, true}, {2.1, false}}) {
+    parameters[anterior_chamber_depth] = chamber_mm;
+    EyeFit fit = fit_at(layout, parameters, Weighting::t1);
+    EXPECT_TRUE(gate_of(fit, "chamber_of_unseen_cornea_mm").passed) << "it is seen";
+    fit.active.clear();  // of what is not free the prior is what is known
+    fit.covariance.resize(0, 0);
+    const QualityGate gate = gate_of(fit, "chamber_of_unseen_cornea_mm");
+    EXPECT_EQ(gate.passed, stands) << chamber_mm;
+    EXPECT_EQ(gate.withholds, Withholds::front);
+  }
+}
+
 /// Fat before the eye was taken for aqueous, a lid for the lens: it is brighter than the vitreous only.
 TEST(QualityOfShapes, ALensDiffersFromBothFluids) {
   const ParameterLayout layout;
