@@ -58,11 +58,6 @@ class Gates {
   void withhold(const char* gate, Withholds withholds, const std::string& reason) {
     add(gate, 1, 0, false, withholds, reason);
   }
-  /// \param asked  whether the limit counts
-  void withhold_below(const char* gate, double value, double limit, bool asked, Withholds withholds,
-                      const std::string& reason) {
-    add(gate, value, limit, !asked || value >= limit, withholds, reason);
-  }
   std::vector<QualityGate> take() { return std::move(gates_); }
 
  private:
@@ -271,15 +266,13 @@ void judge_dimensions(const FoundEye& found, const EyeFit& fit, Gates& gates) {
   const double chamber_mm = fit.value(anterior_chamber_depth);
   gates.refuse_below("anterior_chamber_depth_mm", chamber_mm,
                      fmt::format("an anterior chamber of {:.1f} mm is no eye's", chamber_mm));
-  // Where nothing of its curvature is seen, what was taken for the cornea may be the iris: in T1 of slices of 2 mm both
-  // eyes of a real head had chambers of 2.1 mm, half of what its whole images show.
-  constexpr double shallowest_unseen_mm = 2.4;
-  const bool is_seen = limits_of("cornea_sigma_over_prior").accepted.contains(cornea_sigma_over_prior(fit));
-  gates.withhold_below(
-      "chamber_of_unseen_cornea_mm", chamber_mm, shallowest_unseen_mm, !is_seen, Withholds::front,
-      fmt::format("the cornea was not found: a chamber of {:.1f} mm behind a cornea whose shape is "
-                  "not visible",
-                  chamber_mm));
+  if (!limits_of("cornea_sigma_over_prior").accepted.contains(cornea_sigma_over_prior(fit)))
+    gates.refuse_below(
+        "chamber_of_unseen_cornea_mm", chamber_mm,
+        fmt::format(
+            "the cornea was not found: a chamber of {:.1f} mm behind a cornea whose shape is not visible",
+            chamber_mm),
+        Withholds::front);
 }
 
 void judge_corneal_form(const EyeFit& fit, Gates& gates) {

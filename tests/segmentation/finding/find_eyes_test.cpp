@@ -87,7 +87,6 @@ TEST_P(BothContrasts, PairIsFoundSidedAndLooksStraightAhead) {
   }
 }
 
-/// Displaced fat in T1 moves what is found of the globe along the eye's axis, and the lens with it.
 /// However the file stores its voxels, and whatever else it holds beyond 40 mm.
 TEST_P(BothContrasts, GlobesAreTheSameInEveryOrderOfTheVoxels) {
   const Stack stack = axial_stack({{{-30.3, -33.2, 1.4}, 11.4}, {{32.1, -32.4, 0.3}, 11.9}}, GetParam(), 1);
@@ -110,6 +109,7 @@ TEST_P(BothContrasts, GlobesAreTheSameInEveryOrderOfTheVoxels) {
   }
 }
 
+/// Displaced fat in T1 moves what is found of the globe along the eye's axis, and the lens with it.
 TEST(Finding, TheLensIsFoundFromACentreThatIsOff) {
   const Ball ball{{-30.3, -33.2, 1.4}, 11.4};
   const Stack stack = axial_stack({ball}, Weighting::t1, 1);
