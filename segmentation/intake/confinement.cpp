@@ -97,7 +97,7 @@ std::string Confinement::in_words() const {
 }
 
 Confinement confine_process() {
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+#ifdef EMMETROPE_UNDER_SANITIZER
   return {};
 #else
   Confinement confinement;

@@ -40,7 +40,7 @@ double cpu_seconds() {
 }  // namespace
 
 void limit_process([[maybe_unused]] std::uint64_t memory_bytes) {
-#ifndef __SANITIZE_ADDRESS__  // its shadow memory needs terabytes of address space
+#ifndef EMMETROPE_UNDER_SANITIZER
   limit(RLIMIT_AS, memory_bytes);
 #endif
   limit(RLIMIT_CORE, 0);

@@ -107,7 +107,7 @@ TEST_F(IntakeTest, AHangingDecoderIsEnded) {
 }
 
 TEST_F(IntakeTest, ADeflatedFileMayNotFillTheMemory) {
-#ifdef __SANITIZE_ADDRESS__
+#ifdef EMMETROPE_UNDER_SANITIZER
   GTEST_SKIP() << "under a sanitizer the decoder's memory is not limited";
 #endif
   GeneratedSeries series;

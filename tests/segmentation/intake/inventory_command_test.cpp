@@ -36,7 +36,7 @@ Outcome inventory_of(const std::string& arguments) {
 }
 
 /// The decoder's own limits do not fail where lower ones stand; where it cannot work under them, no file is blamed.
-#ifndef __SANITIZE_ADDRESS__  // its shadow memory needs terabytes of address space
+#ifndef EMMETROPE_UNDER_SANITIZER
 TEST_F(IntakeTest, CommandReadsUnderAMemoryLimitOrSaysThatItIsTooLow) {
   GeneratedSeries series;
   series.write(folder());

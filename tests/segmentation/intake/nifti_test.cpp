@@ -280,7 +280,7 @@ TEST_F(NiftiTest, TheDecoderReadsTheSameVolume) {
 }
 
 TEST_F(NiftiTest, TheDecoderRefusesByNameAndGoesOn) {
-#ifdef __SANITIZE_ADDRESS__
+#ifdef EMMETROPE_UNDER_SANITIZER
   GTEST_SKIP() << "under a sanitizer the decoder's memory is not limited";
 #endif
   segmentation::Decoder decoder{segmentation::IntakeLimits{}};
