@@ -137,7 +137,8 @@ TEST_F(SegmentStage, InputsAreTheFilesThatAreRead) {
 /// A file that arrives while the study is read may have been read and is not noted.
 TEST_F(SegmentStage, AStudyThatIsStillBeingCopiedIsRefused) {
   const fs::path study = folder_ / "study";
-  fs::copy(data_folder() / "data_samples" / "sample" / "dicom", study, fs::copy_options::recursive);
+  fs::copy(data_folder() / "data_samples" / "sample" / "dicom" / "1_od_coronal_t2", study,
+           fs::copy_options::recursive);
   std::future<Answer> answer = std::async(std::launch::async, [&] { return run(study, "case"); });
   while (!fs::exists(folder_ / "case" / ".writing-segmentation") &&
          answer.wait_for(std::chrono::milliseconds(1)) != std::future_status::ready) {
