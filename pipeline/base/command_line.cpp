@@ -1,10 +1,12 @@
 #include "pipeline/base/command_line.hpp"
 
 #include <fmt/format.h>
+#include <signal.h>
 #include <unistd.h>
 #include <CLI/CLI.hpp>
 
 #include <algorithm>
+#include <array>
 #include <charconv>
 #include <cmath>
 #include <cstdlib>
@@ -19,6 +21,7 @@
 #include "pipeline/base/interrupt.hpp"
 #include "pipeline/base/log.hpp"
 #include "pipeline/base/memory_limit.hpp"
+#include "pipeline/base/sanitizers.hpp"
 #include "pipeline/base/version.hpp"
 
 namespace emmetrope {
@@ -132,6 +135,42 @@ void say(const char* text) {
 /// From before main on, as main makes its command before run_command can catch anything.
 [[maybe_unused]] const std::terminate_handler handler_before = std::set_terminate(end_with_a_word);
 
+const char* name_of(int signal) {
+  switch (signal) {
+    case SIGSEGV:
+    case SIGBUS:
+      return "a memory fault";
+    case SIGFPE:
+      return "an arithmetic fault";
+    case SIGILL:
+      return "an instruction that this processor does not know";
+    default:
+      return "an assertion that failed";
+  }
+}
+
+extern "C" void end_with_the_signals_name(int signal) {
+  say("emmetrope: error: ended by ");
+  say(name_of(signal));
+  say(", here or in a library\n  remedy: try again; if it comes again, please report it with the command line\n");
+  ::_exit(static_cast<int>(ExitStatus::fault));
+}
+
+/// That a fault of a library, too, ends with a word and a status that is documented. A sanitizer says more.
+void say_what_ends_it() {
+#ifndef EMMETROPE_UNDER_SANITIZER
+  static std::array<char, 16384> room;  // the stack may be what is full
+  stack_t stack{};
+  stack.ss_sp = room.data();
+  stack.ss_size = room.size();
+  ::sigaltstack(&stack, nullptr);
+  struct sigaction action {};
+  action.sa_handler = end_with_the_signals_name;
+  action.sa_flags = static_cast<int>(SA_RESETHAND | SA_ONSTACK);
+  for (const int signal : {SIGSEGV, SIGBUS, SIGFPE, SIGILL, SIGABRT}) ::sigaction(signal, &action, nullptr);
+#endif
+}
+
 }  // namespace
 
 int CommonOptions::thread_count() const {
@@ -140,6 +179,7 @@ int CommonOptions::thread_count() const {
 
 int run_command(int argc, char** argv, const Command& command) {
   handle_interrupts();
+  say_what_ends_it();
   CommonOptions common;
   common.command_line = joined(argc, argv);
 

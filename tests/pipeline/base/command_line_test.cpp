@@ -6,10 +6,14 @@
 #include <unistd.h>
 #include <CLI/CLI.hpp>
 
+#include <csignal>
 #include <cstdio>
+#include <cstdlib>
 #include <iostream>
 #include <new>
 #include <thread>
+
+#include "pipeline/base/sanitizers.hpp"
 
 namespace emmetrope {
 namespace {
@@ -23,6 +27,8 @@ Command command() {
             if (common.seed == 3) throw input_error("a.dcm lacks (0020,0032)", "export the series again");
             if (common.seed == 4) throw std::runtime_error("surprise");
             if (common.seed == 5) std::thread([] { throw std::bad_alloc(); }).join();
+            if (common.seed == 6) std::abort();  // as a library does
+            if (common.seed == 7) ::raise(SIGSEGV);
             std::cerr << "laterality " << static_cast<int>(common.laterality) << " threads " << common.threads
                       << "\n";
             return {common.seed == 8 ? ExitStatus::partial : ExitStatus::done, Json{{"value", 1}}, "text\n"};
@@ -121,6 +127,17 @@ TEST(CommandLine, AFaultThatNobodyCaughtIsSaid) {
   EXPECT_EQ(ended.status, 1);
   EXPECT_THAT(ended.err, HasSubstr("emmetrope: error: out of memory"));
 }
+
+#ifndef EMMETROPE_UNDER_SANITIZER
+TEST(CommandLine, ASignalThatEndsItIsSaid) {
+  for (const auto& [seed, word] : {std::pair{"6", "assertion"}, std::pair{"7", "memory fault"}}) {
+    const Ended ended = run({"--seed", seed});
+    EXPECT_EQ(ended.status, 1);
+    EXPECT_THAT(ended.err, HasSubstr(word));
+    EXPECT_THAT(ended.err, HasSubstr("remedy"));
+  }
+}
+#endif
 
 }  // namespace
 }  // namespace emmetrope
