@@ -366,8 +366,8 @@ std::optional<Strabismus> parse_strabismus(const std::string& text, LateralityCh
   for (const Laterality eye : both_eyes) {
     if (text.rfind(to_string(eye) + std::string(":"), 0) != 0) continue;
     if (!includes(wanted, eye))
-      throw usage_error(std::string("--strabismus: ") + to_string(eye) +
-                        " is the eye that --laterality leaves out");
+      throw usage_error(std::string("--strabismus: ") + to_string(eye) + " is not traced",
+                        "ask for it with --laterality, or for a pair of eyes with --pupillary-distance");
     return Strabismus{eye, parse_pair("--strabismus", text.substr(3), ',')};
   }
   throw usage_error("--strabismus: \"" + text + "\" does not begin with od: or os:", "write os:15,0");
@@ -375,7 +375,10 @@ std::optional<Strabismus> parse_strabismus(const std::string& text, LateralityCh
 
 /// Where each eye stands and looks.
 std::map<Laterality, EyePose> parse_poses(const Flags& flags, LateralityChoice wanted) {
-  const auto strabismus = parse_strabismus(flags.strabismus, wanted);
+  // A named eye stands for the right one where neither its side nor a pair is asked for.
+  const bool is_right =
+      !flags.eye.empty() && !flags.options.pupillary_distance_mm && wanted == LateralityChoice::both;
+  const auto strabismus = parse_strabismus(flags.strabismus, is_right ? LateralityChoice::od : wanted);
   const Eigen::Vector2d gaze = parse_pair("--gaze", flags.gaze, ',');
   std::map<Laterality, EyePose> poses;
   for (const Laterality eye : both_eyes) {

@@ -6,6 +6,7 @@
 #include <exception>
 #include <optional>
 
+#include "pipeline/base/case_subject.hpp"
 #include "pipeline/base/eye_stage.hpp"
 #include "pipeline/base/frames.hpp"
 #include "pipeline/base/parallel.hpp"
@@ -31,7 +32,7 @@ struct StudyImages {
   std::vector<const SeriesInfo*> series;  ///< chosen
   std::vector<Stack> volumes;             ///< of each
   std::vector<HandLabels> labels;
-  std::optional<double> age_years;
+  Subject subject;  ///< of the age that was given, where the study says none
 
   std::vector<const Stack*> stacks() const {
     std::vector<const Stack*> list;
@@ -58,15 +59,17 @@ StudyImages read_images(const SegmentOptions& options, const CommonOptions& comm
     for (const std::string& warning : info->kept.warnings) workspace.warn(info->name + ": " + warning);
   }
   images.labels = read_hand_labels(options.labels, images.stacks());
-  images.age_years =
-      options.age_years ? options.age_years : images.inventory.subject_of(*images.series.front()).age_years;
+  images.subject = images.inventory.subject_of(*images.series.front());
+  if (const std::string warning = age_warning(images.subject.age_years, options.age_years); !warning.empty())
+    workspace.warn(warning);
+  if (!images.subject.age_years) images.subject.age_years = options.age_years;
   return images;
 }
 
-FoundEyes find_eyes_in(const StudyImages& images) {
+FoundEyes find_eyes_in(const StudyImages& images, LateralityChoice asked) {
   std::vector<std::string> laterality_tags;
   for (const SeriesInfo* info : images.series) laterality_tags.push_back(info->image_laterality);
-  FoundEyes found = find_eyes(images.stacks(), laterality_tags);
+  FoundEyes found = find_eyes(images.stacks(), laterality_tags, one_eye(asked));
   place_labelled_eyes(images.labels, images.stacks(), found);
   return found;
 }
@@ -82,8 +85,8 @@ void fit_one(JudgedEye& eye, const StudyImages& images, const std::function<void
   for (const Stack& image : drawn) drawn_views.push_back(&image);
   eye.evidence = drawn.empty() ? Evidence::intensities : Evidence::labels;
   if (drawn.empty()) eye.edges = read_edges_of(eye.found, stacks);
-  fit_and_judge(eye, drawn.empty() ? views : drawn_views, start_of(eye.found, eye.edges, images.age_years),
-                advance);
+  fit_and_judge(eye, drawn.empty() ? views : drawn_views,
+                start_of(eye.found, eye.edges, images.subject.age_years), advance);
   if (!eye.fit) return;
   // What is shown and written is the scanner's image.
   for (std::size_t v = 0; v < views.size(); ++v) eye.fit->stacks[v].stack = views[v];
@@ -161,7 +164,7 @@ StageVerdict segment_study(const SegmentOptions& options, const CommonOptions& c
   const StudyImages images = read_images(options, common, workspace);
   const std::vector<const Stack*> stacks = images.stacks();
 
-  const FoundEyes found = find_eyes_in(images);
+  const FoundEyes found = find_eyes_in(images, common.laterality);
   std::vector<JudgedEye> eyes;
   const bool is_seen = std::any_of(found.eyes.begin(), found.eyes.end(), [&](const FoundEye& eye) {
     return includes(common.laterality, eye.laterality);
@@ -171,7 +174,7 @@ StageVerdict segment_study(const SegmentOptions& options, const CommonOptions& c
     for (const FoundEye& eye : found.eyes) eyes.emplace_back().found = eye;
   fit_all(eyes, images, common);
   if (eyes.size() == 2 && images.labels.empty())
-    compare_fellow_eyes(eyes[0], eyes[1], stacks, images.age_years, common.verbosity);
+    compare_fellow_eyes(eyes[0], eyes[1], stacks, images.subject.age_years, common.verbosity);
   const bool coupled = couple(eyes);
   const std::optional<double> roll = head_roll_deg(eyes);
   eyes.erase(std::remove_if(
@@ -189,7 +192,7 @@ StageVerdict segment_study(const SegmentOptions& options, const CommonOptions& c
   write_volumes(workspace.folder(), eyes, stacks);
   if (eyes.empty()) write_middle_slices(workspace.folder(), stacks);
   write_json(workspace.case_file("case.json"),
-             case_json(images.inventory, images.series, found, eyes, images.labels, coupled));
+             case_json(images.subject, images.inventory, images.series, found, eyes, images.labels, coupled));
   workspace.provenance()["study"] = fs::absolute(options.study).lexically_normal().string();
   return verdict_of(eyes, found, common.laterality);
 }

@@ -1,5 +1,9 @@
 #include "pipeline/base/case_subject.hpp"
 
+#include <fmt/format.h>
+
+#include <cmath>
+
 #include "pipeline/base/json.hpp"
 
 namespace emmetrope {
@@ -11,6 +15,12 @@ std::optional<double> subject_age_years(const std::filesystem::path& case_folder
   const Json::json_pointer age("/subject/age_years");
   if (!json.is_object() || !json.contains(age) || !json.at(age).is_number()) return std::nullopt;
   return json.at(age).get<double>();
+}
+
+std::string age_warning(std::optional<double> of_study, std::optional<double> given) {
+  constexpr double rounding_years = 1;
+  if (!of_study || !given || std::abs(*of_study - *given) <= rounding_years) return {};
+  return fmt::format("--age {:g} is not used: the study says {:g} years", *given, *of_study);
 }
 
 }  // namespace emmetrope

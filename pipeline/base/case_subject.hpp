@@ -1,10 +1,15 @@
 #pragma once
 #include <filesystem>
 #include <optional>
+#include <string>
 
 namespace emmetrope {
 
 /// The age of a case's subject, from its case.json; nothing where that does not say.
 std::optional<double> subject_age_years(const std::filesystem::path& case_folder);
+
+/// That an age which was given is not the study's, which is used; empty: it is, or one of them is not known. A table of
+/// subjects may round otherwise than a header.
+std::string age_warning(std::optional<double> of_study, std::optional<double> given);
 
 }  // namespace emmetrope

@@ -99,7 +99,16 @@ std::string read_file(const std::filesystem::path& file) {
   return bytes;
 }
 
+void require_replaceable(const std::filesystem::path& file) {
+  std::error_code none;
+  const std::filesystem::file_status status = std::filesystem::status(file, none);
+  if (std::filesystem::exists(status) && !std::filesystem::is_regular_file(status))
+    throw output_error("cannot write " + file.string() + ": it is there and no regular file",
+                       "name another file");
+}
+
 void write_file(const std::filesystem::path& file, std::string_view bytes) {
+  require_replaceable(file);
   const std::string name = file.string() + "." + std::to_string(::getpid());
   Descriptor descriptor(::open(name.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666));
   if (descriptor.get() < 0) throw_not_written(file, errno);

@@ -12,6 +12,10 @@ std::string read_file(const std::filesystem::path& file);
 /// Whether a regular file is there; not where no file can have that name, as it is too long, say.
 bool is_file(const std::filesystem::path& path);
 
+/// That a file may be put there: a device, a pipe or a folder would be lost to what reads or writes it.
+/// \throw Error (not_writable) naming it
+void require_replaceable(const std::filesystem::path& file);
+
 /// Writes beside the target, checks every step, syncs, renames: the file holds all of `bytes` or is as it
 /// was.
 /// \throw Error (not_writable) naming the file and the system's reason

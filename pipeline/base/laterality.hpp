@@ -1,5 +1,6 @@
 #pragma once
 #include <array>
+#include <optional>
 #include <string>
 
 namespace emmetrope {
@@ -19,6 +20,11 @@ inline const char* to_string(LateralityChoice choice) {
 }
 inline bool includes(LateralityChoice choice, Laterality eye) {
   return choice == LateralityChoice::both || (choice == LateralityChoice::od) == (eye == Laterality::od);
+}
+/// The eye that is asked for alone.
+inline std::optional<Laterality> one_eye(LateralityChoice choice) {
+  if (choice == LateralityChoice::both) return std::nullopt;
+  return choice == LateralityChoice::od ? Laterality::od : Laterality::os;
 }
 /// "OD (right)", "OS (left)": as the report writes it.
 inline const char* clinical_name(Laterality eye) {

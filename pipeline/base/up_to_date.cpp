@@ -53,6 +53,16 @@ std::string command_for(const std::string& folder, const fs::path& case_folder) 
          (folder == pipeline_stages.front().folder ? "STUDY -o " : "") + case_folder.string();
 }
 
+/// What a stage did not write is not of this eye, whatever its name: another patient's eye, copied here. Hidden files,
+/// which desktops leave everywhere, are not read.
+void require_no_strangers(const fs::path& case_folder, const std::string& stage, const Json& outputs) {
+  for (const StageInput& file : inputs_below(case_folder, stage))
+    if (!outputs.contains(file.name) && file.path.filename().string().front() != '.')
+      throw input_error(
+          fmt::format("{} was not written by {}", file.path.string(), stage),
+          "move it elsewhere, or make all of it again with: " + command_for(stage, case_folder) + " --force");
+}
+
 /// A result that somebody has edited since must not pass for one that the program measured.
 void require_own_outputs(const fs::path& case_folder, const std::string& stage, const Json& outputs) {
   for (const auto& [name, hash] : outputs.items()) {
@@ -63,6 +73,7 @@ void require_own_outputs(const fs::path& case_folder, const std::string& stage, 
                                   is_there ? "has been changed" : "has been removed", stage),
                       "make it again with: " + command_for(stage, case_folder));
   }
+  require_no_strangers(case_folder, stage, outputs);
 }
 
 /// A stage made from results that have been made anew since would mix two eyes: checked up to the first
@@ -104,16 +115,19 @@ void require_unchanged(const std::vector<StageInput>& inputs, const Json& noted)
 std::optional<StageOutcome> finished(const fs::path& case_folder, const std::string& stage, const Json& key) {
   const fs::path file = case_folder / stage / stage_file;
   if (!fs::exists(file)) return std::nullopt;
+  StageOutcome outcome;
   try {
     Json stored = read_json(file);
     if (!answers(stored, key)) return std::nullopt;
     for (const auto& [name, hash] : stored.at("outputs").items())
       if (sha256_of_file(case_folder / name) != hash.get<std::string>()) return std::nullopt;
     for (const auto& warning : warnings_from(stored)) spdlog::warn("{}", warning);
-    return StageOutcome{verdict_from(stored), true, 0, std::move(stored)};
+    outcome = {verdict_from(stored), true, 0, std::move(stored)};
   } catch (const std::exception&) {
     return std::nullopt;  // unreadable or incomplete: make it again
   }
+  require_no_strangers(case_folder, stage, outcome.stage_json.at("outputs"));
+  return outcome;
 }
 
 StageVerdict read_verdict(const fs::path& case_folder, const std::string& stage) {
@@ -128,7 +142,7 @@ StageVerdict read_verdict(const fs::path& case_folder, const std::string& stage)
     const Json stage_json = read_json(file);
     StageVerdict verdict = verdict_from(stage_json);
     require_same_inputs(case_folder, stage, stage_json.value("inputs", Json::object()));
-    require_own_outputs(case_folder, stage, stage_json.value("outputs", Json::object()));
+    if (stage_json.contains("outputs")) require_own_outputs(case_folder, stage, stage_json["outputs"]);
     return verdict;
   } catch (const nlohmann::json::exception& fault) {
     throw broken(fault);

@@ -20,6 +20,7 @@ void require_unchanged(const std::vector<StageInput>& inputs, const Json& noted)
 
 /// The stored outcome of a stage, if it answers the key and its outputs are still what was written; its
 /// warnings are told again.
+/// \throw Error (input_invalid) naming a file in the stage's folder that the stage did not write
 std::optional<StageOutcome> finished(const std::filesystem::path& case_folder, const std::string& stage,
                                      const Json& key);
 

@@ -8,6 +8,7 @@
 #include <string>
 
 #include "pipeline/base/error.hpp"
+#include "pipeline/base/files.hpp"
 
 namespace emmetrope {
 namespace {
@@ -23,6 +24,7 @@ bool synced(const std::filesystem::path& file) {
 
 void write_beside(const std::filesystem::path& file,
                   const std::function<bool(const std::filesystem::path& part)>& write) {
+  require_replaceable(file);
   std::filesystem::path part = file;
   part.replace_filename(file.stem().string() + "." + std::to_string(::getpid()) + file.extension().string());
   try {

@@ -67,11 +67,13 @@ Visits read_visits(const std::vector<fs::path>& cases, const std::vector<double>
     visits.dates.push_back(sources.back() ? report::study_date_of(visits.cases.back(), *sources.back())
                                           : visits.cases.back().study_date());
   }
-  for (std::size_t i = 1; i < cases.size(); ++i) {
-    const std::string remark = report::patients_of(sources.front(), sources[i]);
-    if (std::find(visits.remarks.begin(), visits.remarks.end(), remark) == visits.remarks.end())
-      visits.remarks.push_back(remark);
-  }
+  // Each with each: the first may say least of its patient.
+  for (std::size_t i = 1; i < cases.size(); ++i)
+    for (std::size_t k = 0; k < i; ++k) {
+      const std::string remark = report::patients_of(sources[k], sources[i]);
+      if (std::find(visits.remarks.begin(), visits.remarks.end(), remark) == visits.remarks.end())
+        visits.remarks.push_back(remark);
+    }
   set_years(visits, years);
   return visits;
 }

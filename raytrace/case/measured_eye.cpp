@@ -56,14 +56,14 @@ MeasuredEye read_measured_eye(const std::filesystem::path& case_folder, Laterali
   eye.reference_wavelength_nm = sodium_nm;
   eye.lps_from_eye = isometry_from_json(biometry["lps_from_eye"]);
 
-  std::optional<double> age = options.age_years;
-  const bool asked = age.has_value();
-  if (!age) age = subject_age_years(case_folder);
+  const std::optional<double> of_study = subject_age_years(case_folder),
+                              age = of_study ? of_study : options.age_years;
+  result.warning = age_warning(of_study, options.age_years);
   result.lens_index = options.lens_index.value_or(lens_index_at_age(age.value_or(usual_age_years)));
   result.lens_source = options.lens_core    ? "Gullstrand's cortex and core"
                        : options.lens_index ? "--lens-index"
                        : !age               ? fmt::format("age unknown, taken as {:g} years", usual_age_years)
-                              : fmt::format("age {:.0f} years{}", *age, asked ? " (--age)" : "");
+                              : fmt::format("age {:.0f} years{}", *age, of_study ? "" : " (--age)");
   if (result.lens_index < 1.34 || result.lens_index > 1.6)
     throw usage_error(fmt::format("a lens of index {:.4f} is no human lens", result.lens_index),
                       "check --lens-index or --age");

@@ -25,6 +25,7 @@ struct MeasuredEyeOptions {
 struct MeasuredEye {
   EyeModel eye;
   TriangleMesh photoreceptors_in_lps;  ///< what light ends on: the interface moved outward along the axis
+  std::string warning;                 ///< that an age which was given is not the study's; or nothing
   double lens_index = 0;
   std::string lens_source;  ///< "--lens-index", "age 41 years", "age 40 years (unknown)", "cortex and core"
 };

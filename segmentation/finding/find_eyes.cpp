@@ -175,16 +175,25 @@ void compare_with_tags(const std::vector<Cluster>& eyes, const std::vector<const
 
 /// Which eye a globe is that is seen alone.
 /// \param note  receives how that was decided
-Laterality laterality_of_single(const Cluster& globe, const std::string& tag, std::string& note) {
+/// \throw Error (input_invalid) where nothing tells
+Laterality laterality_of_single(const Cluster& globe, const std::string& tag, std::optional<Laterality> asked,
+                                std::string& note) {
   if (tag == "R" || tag == "L") {
     note = "one eye only is seen; its side is the image's laterality tag";
     return tag == "R" ? Laterality::od : Laterality::os;
   }
   const double x = globe.centre().x();
-  note = fmt::format(
-      "one eye only is seen; its side is taken from its place, {:.0f} mm to the patient's {} of the "
-      "scanner's centre",
-      std::abs(x), x < 0 ? "right" : "left");
+  const std::string place = fmt::format("{:.0f} mm to the patient's {} of the scanner's centre", std::abs(x),
+                                        x < 0 ? "right" : "left");
+  if (std::abs(x) < off_midline_mm) {
+    if (!asked)
+      throw input_error("one eye only is seen, " + place + ", and no tag says which it is",
+                        "say it: --laterality od (right) or os (left)");
+    note = fmt::format("one eye only is seen, {}; that it is the {} is what --laterality says", place,
+                       clinical_name(*asked));
+    return *asked;
+  }
+  note = "one eye only is seen; its side is taken from its place, " + place;
   return x < 0 ? Laterality::od : Laterality::os;
 }
 
@@ -219,8 +228,8 @@ void explain(StackChoice& choice, const FoundEye& eye, const EyeView& view, bool
 
 }  // namespace
 
-FoundEyes find_eyes(const std::vector<const Stack*>& stacks,
-                    const std::vector<std::string>& laterality_tags) {
+FoundEyes find_eyes(const std::vector<const Stack*>& stacks, const std::vector<std::string>& laterality_tags,
+                    std::optional<Laterality> asked) {
   FoundEyes found;
   for (std::size_t s = 0; s < stacks.size(); ++s) found.choices.emplace_back().stack = s;
   const std::vector<Cluster> eyes = best_pair_or_globe(cluster_globes(stacks));
@@ -231,8 +240,8 @@ FoundEyes find_eyes(const std::vector<const Stack*>& stacks,
     if (eyes.size() == 2)
       eye.laterality = e == 0 ? Laterality::od : Laterality::os;
     else
-      eye.laterality =
-          laterality_of_single(eyes[e], laterality_tags[eye.views.front().stack], found.notes.emplace_back());
+      eye.laterality = laterality_of_single(eyes[e], laterality_tags[eye.views.front().stack], asked,
+                                            found.notes.emplace_back());
     find_axis(eye, stacks);
     for (const EyeView& view : eye.views) explain(found.choices[view.stack], eye, view, true);
     for (const EyeView& view : eye.left_out) explain(found.choices[view.stack], eye, view, false);

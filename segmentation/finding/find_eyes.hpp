@@ -44,7 +44,10 @@ struct FoundEyes {
 /// eye the stacks of the weighting that says most about it.
 /// \param laterality_tags  ImageLaterality of each stack ("R", "L" or else), decides where one eye only is
 ///   seen, within 10 mm of the midline
-/// \throw Error (input_invalid) naming the tags, where a stack shows one eye only and its tag says the other
-FoundEyes find_eyes(const std::vector<const Stack*>& stacks, const std::vector<std::string>& laterality_tags);
+/// \param asked  decides there without a tag
+/// \throw Error (input_invalid) naming the tags, where a stack shows one eye only and its tag says the other; where
+///   nothing tells which one it is
+FoundEyes find_eyes(const std::vector<const Stack*>& stacks, const std::vector<std::string>& laterality_tags,
+                    std::optional<Laterality> asked = {});
 
 }  // namespace emmetrope::segmentation

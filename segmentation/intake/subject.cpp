@@ -52,8 +52,12 @@ void Patients::compare(const Tag& tag, Found& first, const ScannedFile& file) {
 void Patients::add(const ScannedFile& file) {
   const ImageHeader& header = file.header;
   compare(tag::patient_id, first_id_, file);
-  // One name may be written in several ways, so it counts only where nothing better is there.
-  if (!header.has(tag::patient_id)) compare(tag::patient_name, first_name_, file);
+  // One name may be written in several ways, so it counts only where a file has nothing better.
+  lacks_id_ = lacks_id_ || !header.has(tag::patient_id);
+  if (lacks_id_)
+    compare(tag::patient_name, first_name_, file);
+  else if (first_name_.value.empty())
+    first_name_ = {file.name(), header.value(tag::patient_name)};
   compare(tag::patient_birth_date, first_birth_date_, file);
   const auto& study = header.value(tag::study_instance);
   Subject& subject = subjects_[study];

@@ -26,6 +26,7 @@ class Patients {
     std::string value;
   };
   Found first_id_, first_name_, first_birth_date_;
+  bool lacks_id_ = false;  ///< a file so far
   std::string conflict_;
   std::map<std::string, Subject> subjects_;
 

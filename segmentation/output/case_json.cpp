@@ -30,10 +30,11 @@ Json eye_json(const JudgedEye& eye, const std::vector<const SeriesInfo*>& series
 
 }  // namespace
 
-Json case_json(const StudyInventory& inventory, const std::vector<const SeriesInfo*>& series,
-               const FoundEyes& found, const std::vector<JudgedEye>& eyes,
-               const std::vector<HandLabels>& labels, bool corneas_coupled) {
-  Json json{{"subject", to_json(inventory.subject_of(*series.front()))}};
+Json case_json(const Subject& subject, const StudyInventory& inventory,
+               const std::vector<const SeriesInfo*>& series, const FoundEyes& found,
+               const std::vector<JudgedEye>& eyes, const std::vector<HandLabels>& labels,
+               bool corneas_coupled) {
+  Json json{{"subject", to_json(subject)}};
   json["series"] = Json::array();
   for (const SeriesInfo& info : inventory.series) json["series"].push_back(kept_json(info));
   json["stacks"] = Json::array();

@@ -399,7 +399,6 @@ void write_stage(const fs::path& folder, const std::string& stage, int status, c
                                              {"parameters", Json::object()},
                                              {"seed", 1},
                                              {"inputs", Json::object()},
-                                             {"outputs", Json::object()},
                                              {"opencl_device", nullptr},
                                              {"wall_s", 1.5},
                                              {"warnings", warnings},

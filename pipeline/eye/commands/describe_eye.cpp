@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <CLI/CLI.hpp>
 
+#include <algorithm>
 #include <cmath>
 
 #include "pipeline/base/error.hpp"
@@ -103,21 +104,28 @@ Answer describe_ray(const RayQuery& query) {
   const EyeModel eye = make_eye(query.eye, options);
   const Eigen::Vector3d from = point(query.from_mm, "--from"), to = point(query.to_mm, "--to");
   if ((to - from).norm() < 1e-12) throw usage_error("--to is the point of --from: the ray has no direction");
-  if ((to - from).normalized().z() == 0)
+  const Eigen::Vector3d direction = (to - from).normalized();
+  if (direction.z() == 0)
     throw usage_error("the ray runs across the eye's axis and neither into the eye nor out of it");
-  const RayPath path = trace_exact(eye, {from, (to - from).normalized()},
-                                   query.wavelength_nm.value_or(eye.reference_wavelength_nm));
+  // From far off, which is how infinity is written, intersections would lose their digits: the same line from near.
+  constexpr double near_mm = 1000;
+  const double skipped_mm = std::max(0.0, -from.dot(direction) - near_mm);
+  const Eigen::Vector3d& nearer = to.norm() < from.norm() ? to : from;
+  const Eigen::Vector3d start =
+      skipped_mm > 0 ? Eigen::Vector3d(nearer - (nearer.dot(direction) + near_mm) * direction) : from;
+  const RayPath path =
+      trace_exact(eye, {start, direction}, query.wavelength_nm.value_or(eye.reference_wavelength_nm));
   Answer answer;
   Json hits = Json::array();
   for (const RayHit& hit : path.hits) {
     hits.push_back({{"surface", hit.surface},
                     {"position_mm", to_json_vector(hit.position_mm)},
                     {"direction", to_json_vector(hit.direction)},
-                    {"opl_mm", hit.opl_mm}});
+                    {"opl_mm", skipped_mm + hit.opl_mm}});
     answer.text += fmt::format(
         "{:<18} {:11.6f} {:11.6f} {:11.6f}   direction {:10.7f} {:10.7f} {:10.7f}   path {:.6f}\n",
         hit.surface, hit.position_mm.x(), hit.position_mm.y(), hit.position_mm.z(), hit.direction.x(),
-        hit.direction.y(), hit.direction.z(), hit.opl_mm);
+        hit.direction.y(), hit.direction.z(), skipped_mm + hit.opl_mm);
   }
   answer.json = {{"hits", hits}, {"state", to_string(path.state)}, {"at", path.at}};
   answer.text += fmt::format("{} at {}\n", to_string(path.state), path.at);

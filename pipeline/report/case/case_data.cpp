@@ -110,6 +110,9 @@ EyeData read_eye_data(const fs::path& folder, Laterality laterality) {
   eye.biometry = json_if_there(eye.meshes / "biometry.json");
   eye.optics = json_if_there(eye.meshes / "optics.json");
   eye.wavefront = json_if_there(folder / "raytrace" / id / "wavefront.json");
+  const Json tracing = json_if_there(folder / "raytrace" / "stage.json");
+  if (const Json::json_pointer of_eye("/eyes/" + id); tracing.is_object() && tracing.contains(of_eye))
+    eye.traced = tracing.at(of_eye);
   eye.uncorrected_png = path_if_there(folder / "raytrace" / id / "uncorrected.png");
   eye.prescription = json_if_there(folder / "correction" / id / "prescription.json");
   eye.corrected_png = path_if_there(folder / "correction" / id / "corrected.png");

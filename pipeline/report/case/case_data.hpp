@@ -23,6 +23,8 @@ struct Sweep {
 struct EyeData {
   Laterality laterality = Laterality::od;
   Json fit, biometry, optics, wavefront, prescription;
+  Json
+      traced;  ///< what raytrace/stage.json says of the eye that was traced: {"lens_index", "lens_index_from"}
   std::optional<Sweep> sweep;
   std::filesystem::path uncorrected_png, corrected_png;
   std::vector<std::filesystem::path> overlays;  ///< pictures that segmentation left for this eye

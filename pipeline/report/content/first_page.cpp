@@ -85,8 +85,9 @@ std::string assumed_of(const EyeData& eye) {
   if (!eye.prescription.is_object()) return {};
   std::string text = fmt::format("pupil {} mm; accommodation as in the scanner",
                                  fixed(value_of(eye.prescription, "pupil_mm").value_or(3), 1));
-  if (const auto index = value_at(eye.optics, "/eye/media/lens/index"))
-    text += fmt::format("; lens index {}", fixed(*index, 3));
+  if (const auto index = value_of(eye.traced, "lens_index"))
+    text += fmt::format("; lens index {}, {}", fixed(*index, 3),
+                        eye.traced.value("lens_index_from", std::string("given")));
   return text;
 }
 

@@ -19,12 +19,22 @@ namespace {
 
 namespace fs = std::filesystem;
 
+constexpr const char* left_out = "a remark, left out here as it may quote the study's headers";
+
 /// As it is typed.
 struct DeidentifyFlags {
   fs::path case_folder, output;
   std::string subject;
   bool keeps_age = false;
 };
+
+/// That there was a warning or a reason, and of which eye: the words themselves may quote the study's headers.
+std::string without_words(const std::string& text) {
+  for (const Laterality eye : both_eyes)
+    if (const std::string name = std::string(clinical_name(eye)) + ": "; text.rfind(name, 0) == 0)
+      return name + left_out;
+  return left_out;
+}
 
 /// The case without what the profile takes away and the pages would tell: dates, texts of the study's headers (in
 /// descriptions, warnings and reasons), digests of its files, age and sex, and the lens index, which follows from age.
@@ -38,15 +48,17 @@ CaseData without_identity(CaseData data, const DeidentifyFlags& flags) {
     for (Json& stack : json["stacks"])
       if (stack.is_object()) stack.erase("reason");
   for (StageData& stage : data.stages) {
-    stage.warnings.clear();
-    stage.reasons.clear();
+    for (std::string& warning : stage.warnings) warning = without_words(warning);
+    for (std::string& reason : stage.reasons) reason = without_words(reason);
     stage.provenance.erase("inputs_sha256");
   }
   if (!flags.keeps_age)
-    for (EyeData& eye : data.eyes)
+    for (EyeData& eye : data.eyes) {
       if (const auto lens = "/eye/media/lens"_json_pointer;
           eye.optics.is_object() && eye.optics.contains(lens))
         eye.optics[lens].erase("index");
+      eye.traced = Json();
+    }
   Json subject;
   subject["id"] = flags.subject.empty() ? data.subject() : flags.subject;
   if (flags.keeps_age)

@@ -300,6 +300,30 @@ TEST_F(Stage, AnEditedOrRemovedOutputIsRefused) {
     }
 }
 
+/// Another patient's eye in a case that has none would be taken for this one's.
+TEST_F(Stage, WhatItDidNotWriteIsRefusedInItsFolder) {
+  run();
+  write_file(case_folder / "meshing/.DS_Store", "of a desktop");
+  EXPECT_EQ(read_verdict(case_folder, "meshing").status, ExitStatus::partial);
+  fs::create_directory(case_folder / "meshing/os");
+  const fs::path stranger = case_folder / "meshing/os/out.txt";
+  write_file(stranger, "of somebody else");
+  const auto expect_refusal = [&](const auto& use) {
+    try {
+      use();
+      ADD_FAILURE() << "used";
+    } catch (const Error& error) {
+      EXPECT_EQ(error.status(), ExitStatus::input_invalid);
+      EXPECT_NE(std::string(error.what()).find(stranger.string()), std::string::npos);
+    }
+  };
+  expect_refusal([&] { read_verdict(case_folder, "meshing"); });
+  expect_refusal([&] { run(); });
+  EXPECT_TRUE(fs::exists(stranger)) << "it may be somebody's work";
+  fs::remove(stranger);
+  EXPECT_TRUE(run().skipped);
+}
+
 TEST_F(Stage, ADamagedStageJsonIsMadeAgain) {
   run();
   for (const char* key : {"warnings", "verdict", "outputs"}) {

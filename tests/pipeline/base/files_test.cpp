@@ -29,6 +29,22 @@ TEST(WriteFile, ReplacesWholeFiles) {
   EXPECT_EQ(sha256_of_file(file), sha256_of(std::string(100'000, 'x')));
 }
 
+TEST(WriteFile, LeavesPipesAndFoldersAsTheyAre) {
+  const test::TemporaryFolder folder;
+  const auto pipe = folder.path() / "pipe";
+  ASSERT_EQ(::mkfifo(pipe.c_str(), 0600), 0);
+  for (const auto& taken : {pipe, folder.path()}) {
+    const auto before = std::filesystem::status(taken).type();
+    try {
+      write_file(taken, "bytes");
+      ADD_FAILURE() << taken;
+    } catch (const Error& error) {
+      EXPECT_EQ(error.status(), ExitStatus::not_writable);
+    }
+    EXPECT_EQ(std::filesystem::status(taken).type(), before);
+  }
+}
+
 TEST(WriteFile, LeavesTheOldFileWhenTheDiskIsFull) {
   // A file size limit stands for a full disk: the write fails half way.
   const test::TemporaryFolder folder;

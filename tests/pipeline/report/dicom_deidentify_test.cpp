@@ -112,6 +112,19 @@ TEST_F(Deidentify, ThePdfHasNeitherDateNorAge) {
   EXPECT_THAT(text, Not(HasSubstr("s-0a1b2c3d")));
 }
 
+/// Without their words, which may quote headers, but not as if there had been none.
+TEST_F(Deidentify, ThatAStageHadAWarningIsSaid) {
+  Json stage = read_json(folder_ / "correction" / "stage.json");
+  stage["warnings"] = {"two optima in THE SERIES OF DOE"};
+  stage["verdict"] = {{"status", 8}, {"reasons", {"OD (right): as DOE moved"}}};
+  write_json(folder_ / "correction" / "stage.json", stage);
+  ASSERT_EQ(deidentify(), 0);
+  const std::string text = pdf_words();
+  EXPECT_THAT(text, HasSubstr("left out here"));
+  EXPECT_THAT(text, Not(HasSubstr("no stage had an error or a warning")));
+  EXPECT_THAT(text, Not(HasSubstr("DOE")));
+}
+
 TEST_F(Deidentify, TwoStudiesOfASubjectStayTwo) {
   const auto study_uid = [&](const char* description) {
     Json json = read_json(folder_ / "case.json");

@@ -4,6 +4,7 @@
 #include <opencv2/imgcodecs.hpp>
 #include <regex>
 
+#include "pipeline/base/case_folder.hpp"
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/measured.hpp"
 #include "pipeline/report/comparison.hpp"
@@ -516,7 +517,8 @@ TEST_F(ReportTest, AnEditedResultIsRefused) {
   test::make_fixture_case(folder_);
   const std::string name = "correction/od/prescription.json";
   Json stage = read_json(folder_ / "correction" / "stage.json");
-  stage["outputs"][name] = sha256_of_file(folder_ / name);
+  for (const StageInput& file : inputs_below(folder_, "correction"))
+    stage["outputs"][file.name] = sha256_of_file(file.path);
   write_json(folder_ / "correction" / "stage.json", stage);
   report();
   Json prescription = read_json(folder_ / name);

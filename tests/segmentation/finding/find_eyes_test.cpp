@@ -156,6 +156,22 @@ TEST(Finding, NearTheMidlineTheTagTellsTheSide) {
   EXPECT_EQ(find_eyes({&stack}, {"L"}).eyes.at(0).laterality, Laterality::os);
 }
 
+TEST(Finding, NearTheMidlineWithoutATagTheUserTellsTheSide) {
+  for (const double x : {3.0, -3.0}) {
+    const Stack stack = axial_stack({{{x, -33, 1}, 11.6}}, Weighting::t2, 3);
+    try {
+      find_eyes({&stack}, {""});
+      FAIL() << "a side was guessed";
+    } catch (const Error& error) {
+      EXPECT_EQ(error.status(), ExitStatus::input_invalid);
+      EXPECT_NE(error.remedy().find("--laterality"), std::string::npos);
+    }
+    EXPECT_EQ(find_eyes({&stack}, {""}, Laterality::od).eyes.at(0).laterality, Laterality::od);
+    EXPECT_EQ(find_eyes({&stack}, {""}, Laterality::os).eyes.at(0).laterality, Laterality::os);
+    EXPECT_EQ(find_eyes({&stack}, {"R"}, Laterality::os).eyes.at(0).laterality, Laterality::od);
+  }
+}
+
 void expect_side_refused(const std::vector<const Stack*>& stacks, const std::vector<std::string>& tags) {
   try {
     find_eyes(stacks, tags);

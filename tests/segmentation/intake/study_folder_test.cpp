@@ -141,6 +141,22 @@ TEST_F(IntakeTest, SeriesOfTwoPatientsAreRefused) {
                                            Not(HasSubstr("SECRET"))));
 }
 
+/// One series says neither which patient it is of nor the other's name.
+TEST_F(IntakeTest, SeriesOfTwoNamesAreRefusedWhereOneHasNoIdentifier) {
+  for (const bool first_has_it : {true, false}) {
+    GeneratedSeries with, without("1.2.826.0.1.3680043.9.7.5", 2);
+    without.set_all(DCM_PatientID, "");
+    without.set_all(DCM_PatientName, "OTHER^NAME");
+    (first_has_it ? with : without).write(folder() / "a");
+    (first_has_it ? without : with).write(folder() / "b");
+    const auto found = inventory();
+    EXPECT_EQ(found.status(), ExitStatus::input_invalid);
+    EXPECT_THAT(to_json(found).dump(), AllOf(HasSubstr("(0010,0010)"), Not(HasSubstr("OTHER"))));
+    std::filesystem::remove_all(folder() / "a");
+    std::filesystem::remove_all(folder() / "b");
+  }
+}
+
 TEST_F(IntakeTest, OneFileIsAStudyToo) {
   GeneratedSeries series;
   const auto files = series.write(folder());

@@ -58,6 +58,25 @@ TEST(RayCommand, GivesEveryHitAndAnOpenSchematicIris) {
   EXPECT_EQ(json["at"], "iris");
 }
 
+TEST(RayCommand, HowFarOffARayBeginsDoesNotMatter) {
+  RayQuery query;
+  query.eye = "navarro";
+  query.to_mm = {0.5, 1, 0};
+  query.from_mm = {0.5, 1, 20};
+  const Json near = describe_ray(query).json.at("hits");
+  for (const double far_mm : {1e3, 1e6, 1e10, 1e15}) {
+    query.from_mm = {0.5, 1, far_mm};
+    const Json far = describe_ray(query).json.at("hits");
+    ASSERT_EQ(far.size(), near.size()) << far_mm;
+    for (std::size_t i = 0; i < near.size(); ++i) {
+      for (std::size_t k = 0; k < 3; ++k)
+        EXPECT_NEAR(far[i]["position_mm"][k].get<double>(), near[i]["position_mm"][k].get<double>(), 1e-9);
+      EXPECT_NEAR(far[i]["opl_mm"].get<double>() - far_mm, near[i]["opl_mm"].get<double>() - 20,
+                  1e-9 + 1e-15 * far_mm);
+    }
+  }
+}
+
 TEST(RayCommand, ARayAwayFromTheEyeMeetsNothing) {
   RayQuery query;
   query.eye = "navarro";
