@@ -147,15 +147,19 @@ Json what_if_json(const EyeModel& eye, const PrescriptionSettings& settings, con
   return json;
 }
 
+/// A vergence that is none: further than a kilometre.
+constexpr double none_D = 1e-3;
+
 double near_point_mm(double at_cornea_D, double amplitude_D) {
   const double vergence_D = at_cornea_D - amplitude_D;  // of light that the eye then focuses, at the cornea
-  return vergence_D == 0 ? std::numeric_limits<double>::infinity() : -1e3 / vergence_D;
+  return std::abs(vergence_D) < none_D ? std::numeric_limits<double>::infinity() : -1e3 / vergence_D;
 }
 
 double near_point_with_lens_mm(double at_cornea_D, double amplitude_D, double lens_D, double vertex_mm) {
   const double behind_lens_D = move_towards_eye({at_cornea_D - amplitude_D, 0, 0}, -vertex_mm).M_D;
   const double before_lens_D = behind_lens_D - lens_D;
-  return before_lens_D == 0 ? std::numeric_limits<double>::infinity() : vertex_mm - 1e3 / before_lens_D;
+  return std::abs(before_lens_D) < none_D ? std::numeric_limits<double>::infinity()
+                                          : vertex_mm - 1e3 / before_lens_D;
 }
 
 EyeModel with_iol(EyeModel eye, double power_D, double position_mm) {

@@ -93,9 +93,9 @@ StageOutcome run_stage(const std::filesystem::path& case_folder, const StageSpec
 
 /// The verdict of a finished stage whose outputs are still what it wrote, and whose inputs in the case are
 /// still those that it was made from; the same holds for the stages before it.
-/// \throw Error (input_invalid) when CASE/<stage>/stage.json is missing or broken, when a file was edited or
-///   removed since, or when a stage before it has been made anew (mixed results would be of no eye), naming
-///   the command that makes it again
+/// \throw Error (input_invalid) when CASE/<stage>/stage.json is missing or broken, when a file was edited,
+///   removed or added since (hidden ones are not read), or when a stage before it has been made anew (mixed
+///   results would be of no eye), naming the command that makes it again
 StageVerdict read_verdict(const std::filesystem::path& case_folder, const std::string& stage);
 
 /// All regular files below a folder of the case, sorted, named relative to the case: the inputs a stage

@@ -32,13 +32,13 @@ namespace {
   ::_exit(127);
 }
 
-std::string read_all(int descriptor) {
-  std::string bytes;
-  std::array<char, 4096> buffer{};
+/// \return 0, or errno where the end was not reached
+int read_all(int descriptor, std::string& bytes) {
+  std::array<char, 65536> buffer{};
   for (;;) {
     const ssize_t count = ::read(descriptor, buffer.data(), buffer.size());
     if (count < 0 && errno == EINTR) continue;
-    if (count <= 0) return bytes;
+    if (count <= 0) return count < 0 ? errno : 0;
     bytes.append(buffer.data(), static_cast<std::size_t>(count));
   }
 }
@@ -70,15 +70,19 @@ ProcessResult run_process(const std::filesystem::path& program, const std::vecto
   together.unlock();
 
   ProcessResult result;
+  int unread = 0;
   if (output == ChildOutput::capture) {
     ::close(ends[1]);
-    result.output = read_all(ends[0]);
+    unread = read_all(ends[0], result.output);
     ::close(ends[0]);
   }
   int status = 0;
   rusage usage{};
   while (::wait4(child, &status, 0, &usage) < 0 && errno == EINTR) {
   }
+  if (unread != 0)
+    throw Error(ExitStatus::fault,
+                "cannot read what " + program.string() + " says: " + std::strerror(unread));
   result.status = WIFSIGNALED(status) ? 128 + WTERMSIG(status) : WEXITSTATUS(status);
   result.wall_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   result.peak_memory_MB = static_cast<double>(usage.ru_maxrss) / 1024;

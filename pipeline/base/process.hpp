@@ -17,7 +17,7 @@ struct ProcessResult {
 enum class ChildOutput { inherit, capture, discard };
 
 /// Runs a program without a shell and waits for it; an interrupt of this process ends the child first.
-/// \throw Error (fault) when it cannot be started
+/// \throw Error (fault) when it cannot be started, or its output not be read to the end
 ProcessResult run_process(const std::filesystem::path& program, const std::vector<std::string>& arguments,
                           ChildOutput output);
 

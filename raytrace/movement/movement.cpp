@@ -88,6 +88,9 @@ ModelParameters parameters_of(const MovementModel& model, const std::string& tex
   std::string remedy = "its keys and defaults are";
   for (const auto& [key, usual] : model.defaults) remedy += fmt::format(" {}={:g}", key, usual);
   ModelParameters parameters = model.defaults;
+  if (text == ":" || (!text.empty() && text.back() == ','))
+    throw usage_error("--movement " + model.name + text + ": a key and a number are missing at the end",
+                      remedy);
   std::istringstream rest(text.empty() ? text : text.substr(1));
   for (std::string pair; std::getline(rest, pair, ',');) {
     const auto equals = std::min(pair.find('='), pair.size());

@@ -140,6 +140,9 @@ TexturedPlane read_plane(const Object& object, const std::filesystem::path& fold
   plane.right_mm = object.vector("right_mm");
   plane.up_mm = object.vector("up_mm");
   plane.motion_mm = object.vector("motion_mm", plane.motion_mm);
+  if (plane.at_infinity && !(plane.centre_mm.z() > 0))
+    throw object.fault("centre_mm",
+                       "of a plane at infinity is a direction in front of the eye: z must be above 0");
   if (!(plane.right_mm.cross(plane.up_mm).norm() > 0))
     throw object.fault("up_mm", "right_mm and up_mm span no plane");
   if (object.has("picture")) {

@@ -128,11 +128,11 @@ Door case_door(const fs::path& file) {
 // ---- cohorts
 
 Seeds participants(Folder folder) {
-  fs::create_directories(folder.parent_path() / "study-a");
+  for (const char* study : {"study-a", "study-b"}) fs::create_directories(folder.parent_path() / study);
   return {
       "participant_id\tstudy\tage\tkeratometry_od\taxial_length_os\tacd_od\tlens_thickness_od\trefraction_od\n"
       "a\tstudy-a\t41\t43.25@175/44.75@85+-0.25\t23.6\t3.4\tn/a\t-2.25/-1.00x180@12\n"
-      "b\tstudy-a\tn/a\t\t23.60+-0.05\t\t3.7\tPL\n"};
+      "b\tstudy-b\tn/a\t\t23.60+-0.05\t\t3.7\tPL\n"};
 }
 
 constexpr auto sweep = R"(command = "trace"

@@ -81,6 +81,7 @@ TEST(TraceCommand, RefusesOptionsThatWouldBeIdle) {
   EXPECT_THROW(run("--eye navarro --lens-model core" + output), Error);
   EXPECT_THROW(run("--eye navarro --fixate 0,0,300 --strabismus os:5,0" + output, LateralityChoice::od),
                Error);
+  EXPECT_THROW(run("--eye navarro --fixate 0,0,300 --strabismus os:" + output, LateralityChoice::os), Error);
   EXPECT_THROW(run("--eye navarro --achromatic --surfaces fast" + output), Error);
   EXPECT_THROW(run("--eye navarro --psf-grid 30:5" + output), Error);
   EXPECT_THROW(run("--eye navarro --psf-grid 95:5 -o " + folder.path().string()), Error);

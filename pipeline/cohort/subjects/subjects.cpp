@@ -7,6 +7,7 @@
 #include <cctype>
 #include <cstdlib>
 #include <fstream>
+#include <map>
 #include <set>
 #include <sstream>
 
@@ -49,19 +50,41 @@ std::string plain_name(std::string name) {
 }
 
 /// Of every file its place, size and last change. What cannot be read is left out: the study's own reader tells of it.
+constexpr std::size_t sample_bytes = 4096;
+
+/// From the beginning, where DICOM says whose file it is, and the middle, where NIfTI has its voxels.
+std::string sample_of(const fs::path& file, std::uintmax_t size) {
+  std::ifstream stream(file, std::ios::binary);
+  std::string bytes(2 * sample_bytes, '\0');
+  stream.read(bytes.data(), sample_bytes);
+  stream.clear();
+  stream.seekg(static_cast<std::streamoff>(size / 2));
+  stream.read(bytes.data() + sample_bytes, sample_bytes);
+  return bytes;
+}
+
+/// Of two studies that have changed names the files may be alike in names, sizes and times: the largest is looked into.
 Json fingerprint_of(const fs::path& study) {
   std::vector<std::string> files;
+  fs::path largest;
+  std::uintmax_t largest_size = 0;
   std::error_code unreadable;
   fs::recursive_directory_iterator entry(study, fs::directory_options::skip_permission_denied, unreadable);
   for (; !unreadable && entry != fs::recursive_directory_iterator(); entry.increment(unreadable)) {
     std::error_code gone;
     if (!entry->is_regular_file(gone)) continue;
-    files.push_back(fmt::format("{} {} {}", entry->path().lexically_relative(study).string(),
-                                entry->file_size(gone),
+    const std::uintmax_t size = entry->file_size(gone);
+    files.push_back(fmt::format("{} {} {}", entry->path().lexically_relative(study).string(), size,
                                 entry->last_write_time(gone).time_since_epoch().count()));
+    if (!gone && (size > largest_size || (size == largest_size && entry->path() < largest))) {
+      largest = entry->path();
+      largest_size = size;
+    }
   }
   std::sort(files.begin(), files.end());
-  return {{"files", files.size()}, {"state", sha256_of(fmt::format("{}", fmt::join(files, "\n")))}};
+  const std::size_t count = files.size();
+  if (!largest.empty()) files.push_back(sample_of(largest, largest_size));
+  return {{"files", count}, {"state", sha256_of(fmt::format("{}", fmt::join(files, "\n")))}};
 }
 
 Subject make_subject(const std::string& name, const fs::path& study) {
@@ -140,6 +163,7 @@ std::vector<Subject> of_folder(const fs::path& studies) {
 
 std::vector<Subject> of_table(const fs::path& file, const Table& table) {
   std::vector<Subject> subjects;
+  std::map<fs::path, std::string> whose;
   for (std::size_t row = 0; row < table.rows.size(); ++row) {
     const std::string named = table.cell(row, "study");
     const fs::path study = file.parent_path() / named;
@@ -147,6 +171,11 @@ std::vector<Subject> of_table(const fs::path& file, const Table& table) {
       throw input_error(table.place(row, "study") + ": \"" + named + "\" is no folder",
                         "give the study's folder as a path from the table");
     subjects.push_back(make_subject(table.cell(row, id_column), study));
+    const auto [other, is_new] = whose.emplace(fs::weakly_canonical(study), subjects.back().id);
+    if (!is_new)
+      throw input_error(fmt::format("{}: \"{}\" is the study of \"{}\" already", table.place(row, "study"),
+                                    named, other->second),
+                        "give each participant a study of its own");
   }
   return subjects;
 }

@@ -1,6 +1,7 @@
 #include "pipeline/eye/commands/describe_eye.hpp"
 
 #include <fmt/format.h>
+#include <spdlog/spdlog.h>
 #include <CLI/CLI.hpp>
 
 #include <algorithm>
@@ -32,6 +33,35 @@ Eigen::Vector3d point(const std::vector<double>& values, const char* option) {
 /// Without the sign of a zero.
 double plain(double value) { return std::abs(value) < 5e-5 ? 0 : value; }
 
+/// Where every eye's media have been measured, or near it.
+constexpr double first_known_nm = 380, last_known_nm = 1000;
+
+/// \throw Error (input_invalid) where a formula gives no index; beyond the known wavelengths a warning.
+void check_media(const EyeModel& eye, double nm) {
+  bool has_dispersion = false;
+  for (const auto& [name, medium] : eye.media) {
+    has_dispersion = has_dispersion || medium.dispersion.formula != Dispersion::Formula::constant;
+    const double index = medium.index_at(nm, eye.reference_wavelength_nm);
+    if (!(index >= 1 && index <= 4))
+      throw input_error(
+          fmt::format("--wavelength: at {:g} nm the dispersion of \"{}\" gives an index of {:g}", nm, name,
+                      index),
+          fmt::format("give {:g} to {:g} nm", first_known_nm, last_known_nm));
+  }
+  if (has_dispersion && (nm < first_known_nm || nm > last_known_nm))
+    spdlog::warn(
+        "at {:g} nm the indices are extrapolated: the media's dispersion is known from {:g} to {:g} nm", nm,
+        first_known_nm, last_known_nm);
+}
+
+/// Of an eye without power they are nowhere.
+std::string pair_text(const Json& object, const Json& image) {
+  const double before_mm = object.get<double>(), behind_mm = image.get<double>();
+  return std::isfinite(before_mm) && std::isfinite(behind_mm)
+             ? fmt::format("{:9.4f} and {:.4f}", before_mm, behind_mm)
+             : "     none: the eye has no power";
+}
+
 std::string text_of(const EyeModel& eye, const Json& json) {
   const auto number = [&](const char* key) { return json[key].get<double>(); };
   const Pupil in{json["entrance_pupil"]["position_mm"],
@@ -40,13 +70,13 @@ std::string text_of(const EyeModel& eye, const Json& json) {
                      : NAN};
   std::string text = fmt::format("{} at {:g} nm (depths in mm behind the corneal vertex)\n", eye.name,
                                  number("wavelength_nm"));
-  text += fmt::format("power             {:9.4f} D\n", number("power_D"));
+  text += fmt::format("power             {:9.4f} D\n", plain(number("power_D")));
   for (const auto& [label, key] : {std::pair{"focal points    ", "focal"},
                                    {"principal points", "principal"},
                                    {"nodal points    ", "nodal"}})
     text +=
-        fmt::format("{}  {:9.4f} and {:.4f}\n", label, json[fmt::format("object_{}_mm", key)].get<double>(),
-                    json[fmt::format("image_{}_mm", key)].get<double>());
+        fmt::format("{}  {}\n", label,
+                    pair_text(json[fmt::format("object_{}_mm", key)], json[fmt::format("image_{}_mm", key)]));
   text += fmt::format("entrance pupil    {:9.4f}, diameter {:.4f} mm\n", in.position_mm, in.diameter_mm);
   text += fmt::format("axial length      {:9.4f} mm\n", number("axial_length_mm"));
   const Json& r = json["refraction"];
@@ -71,13 +101,14 @@ std::string schematic_eyes_line() { return fmt::format("{}", fmt::join(schematic
 Answer describe_eye(const EyeQuery& query) {
   const EyeModel eye = make_eye(query.eye, query.options);
   const double nm = query.wavelength_nm.value_or(eye.reference_wavelength_nm);
+  check_media(eye, nm);
   const CardinalPoints points = cardinal_points(eye, nm);
   const PowerVector refraction = paraxial_refraction(eye, nm);
   Answer answer;
   answer.json = {
       {"name", eye.name},
       {"wavelength_nm", nm},
-      {"power_D", points.power_D},
+      {"power_D", points.power_D == 0 ? 0 : points.power_D},  // without the sign of a zero
       {"object_focal_mm", points.object_focal_mm},
       {"image_focal_mm", points.image_focal_mm},
       {"object_principal_mm", points.object_principal_mm},
@@ -113,8 +144,9 @@ Answer describe_ray(const RayQuery& query) {
   const Eigen::Vector3d& nearer = to.norm() < from.norm() ? to : from;
   const Eigen::Vector3d start =
       skipped_mm > 0 ? Eigen::Vector3d(nearer - (nearer.dot(direction) + near_mm) * direction) : from;
-  const RayPath path =
-      trace_exact(eye, {start, direction}, query.wavelength_nm.value_or(eye.reference_wavelength_nm));
+  const double nm = query.wavelength_nm.value_or(eye.reference_wavelength_nm);
+  check_media(eye, nm);
+  const RayPath path = trace_exact(eye, {start, direction}, nm);
   Answer answer;
   Json hits = Json::array();
   for (const RayHit& hit : path.hits) {

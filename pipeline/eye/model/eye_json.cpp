@@ -1,3 +1,5 @@
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 
@@ -28,7 +30,8 @@ constexpr FormulaKey formula_keys[] = {{"cauchy", Formula::cauchy, 0},
                                        {"abbe", Formula::abbe, 2},
                                        {"table", Formula::table, 0}};
 
-constexpr double farthest_mm = 1000;  // of a surface from the corneal apex: eyes, spectacles, instruments
+constexpr double agreement_mm = 0.05;  // of a mesh with what is said of it
+constexpr double farthest_mm = 1000;   // of a surface from the corneal apex: eyes, spectacles, instruments
 
 double read_index(CheckedObject& json, const std::string& key) {
   const double index = json.number(key);
@@ -50,7 +53,7 @@ std::vector<double> read_table(CheckedObject& json) {
     result.push_back(row[0].get<double>());
     result.push_back(row[1].get<double>());
   }
-  if (result[0] <= 0) throw json.fault("table", "a wavelength must be greater than 0");
+  if (result[0] < 100) throw json.fault("table", fmt::format("wavelengths are in nm, found {:g}", result[0]));
   return result;
 }
 
@@ -105,10 +108,11 @@ Medium read_medium(const std::string& name, const Json& entry, double reference_
     medium.index = read_index(json, "index");
   }
   medium.dispersion = read_dispersion(json);
-  for (const double nm : {380.0, reference_nm, 780.0})
+  // Close enough to see a formula's pole wherever a picture or an aberrometer looks.
+  for (double nm = 380; nm <= 900; nm += 5)
     if (const double index = medium.index_at(nm, reference_nm); !(index >= 1 && index <= 4))
-      throw input_error(json.place() + ": the dispersion gives an index of " + std::to_string(index) +
-                        " at " + std::to_string(static_cast<int>(nm)) + " nm");
+      throw input_error(
+          fmt::format("{}: the dispersion gives an index of {:g} at {:g} nm", json.place(), index, nm));
   json.finish();
   return medium;
 }
@@ -140,7 +144,6 @@ Surface read_mesh_entry(CheckedObject& json, const std::string& name, const std:
   } catch (const Error& error) {
     throw Error(error.status(), json.place() + ": key \"file\": " + error.what(), error.remedy());
   }
-  constexpr double agreement_mm = 0.05;
   if (json.has("position_mm") && std::abs(json.number("position_mm") - surface.position_mm) > agreement_mm)
     throw json.fault("position_mm", "the mesh, which is in the eye's frame, crosses the axis at depth " +
                                         std::to_string(surface.position_mm) + " mm; leave the key out");
@@ -198,6 +201,16 @@ void check_order(const EyeModel& eye) {
       throw input_error(
           place + ": key \"position_mm\": " + std::to_string(surface.position_mm) +
           " lies in front of the surface before it; surfaces stand in the order that light meets them");
+    // Depths, pupils, spectacles and the retina's points count from there.
+    if (surface.name == "cornea_anterior" && std::abs(surface.position_mm) > agreement_mm)
+      throw input_error(fmt::format(
+          "{}: key \"position_mm\": the corneal apex is the eye's origin, but it lies at depth {:g} mm",
+          place, surface.position_mm));
+    if (surface.bearer == Bearer::head && k + 1 < eye.surfaces.size() && !surface.is_stop() &&
+        eye.surfaces[k + 1].bearer == Bearer::eye && surface.medium_after != "air")
+      throw input_error(fmt::format(
+          "{}: key \"medium_after\": the spectacle's \"{}\" reaches to the eye; has it no back surface?",
+          place, surface.medium_after));
   }
 }
 

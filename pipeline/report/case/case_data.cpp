@@ -32,7 +32,7 @@ void require_numbers(const fs::path& file, const Json& json, const std::string& 
   if (json.is_structured()) {
     const bool is_measured = json.is_object() && json.contains("ci95");
     for (const auto& [key, value] : json.items())
-      require_numbers(file, value, pointer + "/" + key,
+      require_numbers(file, value, fmt::format("{}/{}", pointer, key),
                       (is_number && json.is_array()) || names_a_unit(key) ||
                           (is_measured && (key == "value" || key == "ci95")));
     for (const char* part : {"value", "source"})
@@ -92,11 +92,14 @@ std::optional<Sweep> read_sweep(const fs::path& file) {
   return sweep.rows.empty() ? std::nullopt : std::optional(sweep);
 }
 
+/// What no stage wrote: stages of another file system leave such beside their files.
+bool is_hidden(const fs::path& file) { return file.filename().string().front() == '.'; }
+
 std::vector<fs::path> pictures_in(const fs::path& folder) {
   std::vector<fs::path> pictures;
   if (fs::is_directory(folder))
     for (const auto& entry : fs::directory_iterator(folder))
-      if (entry.path().extension() == ".png") pictures.push_back(entry.path());
+      if (entry.path().extension() == ".png" && !is_hidden(entry.path())) pictures.push_back(entry.path());
   std::sort(pictures.begin(), pictures.end());
   return pictures;
 }
@@ -196,7 +199,8 @@ CaseData read_case(const fs::path& folder, LateralityChoice eyes) {
     if (includes(eyes, eye)) data.eyes.push_back(read_eye_data(folder, eye));
   for (const auto& entry : fs::directory_iterator(folder / "segmentation")) {
     const std::string name = entry.path().filename().string();
-    if (ends_with(name, ".nii.gz") && !ends_with(name, "_labels.nii.gz")) data.stacks.push_back(entry.path());
+    if (ends_with(name, ".nii.gz") && !ends_with(name, "_labels.nii.gz") && !is_hidden(name))
+      data.stacks.push_back(entry.path());
   }
   std::sort(data.stacks.begin(), data.stacks.end());
   data.overlays = pictures_in(folder / "segmentation");

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <stdlib.h>
 
+#include <boost/algorithm/string/predicate.hpp>
 #include <boost/algorithm/string/replace.hpp>
 #include <cmath>
 #include <cstdlib>
@@ -59,23 +60,23 @@ bool draw_chart(Figure& figure, const std::string& script) {
   const auto gnuplot = find_program("gnuplot");
   if (!gnuplot) return false;
   const TemporaryFolder folder;
-  const fs::path script_file = folder.path() / "chart.gp", svg_file = folder.path() / "chart.svg";
+  const fs::path script_file = folder.path() / "chart.gp";
   write_file(script_file,
              fmt::format("set encoding utf8\n"
                          "set terminal svg size {},{} dynamic font 'DejaVu Sans,11'\n"
-                         "set output '{}'\n"
                          "set border 3\nset tics nomirror\nset grid ytics back lw 0.4 lc rgb '#b8c0c8'\n",
-                         figure.width_px, figure.height_px, svg_file.string()) +
+                         figure.width_px, figure.height_px) +
                  script);
-  // In a locale without UTF-8 gnuplot complains, on standard error, of its own degree sign.
+  // Through a pipe: gnuplot does not notice what it cannot write into a file. In a locale without UTF-8 it complains, on
+  // standard error, of its own degree sign.
   const auto result = run_process("/usr/bin/env", {"LC_ALL=C.UTF-8", gnuplot->string(), script_file.string()},
-                                  ChildOutput::discard);
-  if (result.status != 0 || !fs::exists(svg_file)) {
+                                  ChildOutput::capture);
+  if (result.status != 0 || !boost::contains(result.output, "</svg>")) {
     spdlog::warn("gnuplot could not draw the figure {} (status {})", figure.id, result.status);
     return false;
   }
-  figure.svg = for_page(read_file(svg_file), figure.id);
-  return !figure.svg.empty();
+  figure.svg = for_page(result.output, figure.id);
+  return true;
 }
 
 std::string examiner_axes(double reach, double step, const std::string& x_label, const std::string& y_label,

@@ -1,6 +1,7 @@
 #include "pipeline/report/living/case_eyes.hpp"
 
 #include <fmt/format.h>
+#include <spdlog/spdlog.h>
 
 #include <filesystem>
 
@@ -101,6 +102,7 @@ CaseEyes living_eyes_of(const CaseData& data, int threads, std::uint64_t seed) {
     } catch (const Error& error) {
       if (error.status() == ExitStatus::fault) throw;
       result.notes.push_back(name + " looks out of no picture: " + error.what() + ".");
+      spdlog::warn("{}", result.notes.back());
     }
   }
   return result;

@@ -132,6 +132,25 @@ TEST_F(FollowCommand, KnowsWhenTheVisitsWereFromTheirDates) {
   EXPECT_THAT(run({first.string(), second.string()}).output, testing::HasSubstr("is not after"));
 }
 
+TEST_F(FollowCommand, ComparesPatientsOfLaterVisitsToo) {
+  const fs::path second = visit("second", 23.6), third = visit("third", 23.8),
+                 one = temporary_.path() / "one", other = temporary_.path() / "other";
+  const std::string first = visit("first", 23.5).string();  // whose study is not there
+  test::make_fixture_study(one);
+  test::note_study(second, one);
+  test::make_fixture_study(other);
+  test::note_study(third, other);
+  const auto follow = [&] { return run({first, second.string(), third.string(), "--years", "0,1,2"}); };
+  EXPECT_EQ(follow().status, 0) << follow().output;
+  std::vector<std::string> words{"-nb", "-m", "(0010,0020)=MRN-OTHER", "-m", "(0010,0030)=19610204"};
+  for (const auto& entry : fs::directory_iterator(other)) words.push_back(entry.path().string());
+  run_process("/usr/bin/dcmodify", words, ChildOutput::discard);
+  test::note_study(third, other);
+  const ProcessResult ended = follow();
+  EXPECT_EQ(ended.status, 3);
+  EXPECT_THAT(ended.output, testing::HasSubstr("two patients"));
+}
+
 TEST_F(FollowCommand, SaysWhatIsWrongWithItsVisits) {
   const std::string first = visit("first", 23.5).string(), second = visit("second", 23.8).string();
   EXPECT_EQ(run({first}).status, 2);

@@ -157,6 +157,30 @@ TEST_F(ReportTest, ContoursFollowTheHeadsMotionBetweenStacks) {
   EXPECT_EQ(contours(still).substr(0, 2000), contours(moved).substr(0, 2000));
 }
 
+TEST_F(ReportTest, FilesThatNoStageWroteAreNotShown) {
+  test::make_fixture_case(folder_);
+  const fs::path segmentation = folder_ / "segmentation";
+  for (const char* foreign : {"._stack.nii.gz", ".another.png", "od/.another.png"})
+    write_file(segmentation / foreign, "of another patient");
+  const CaseData data = read_case(folder_, LateralityChoice::both);
+  ASSERT_FALSE(data.stacks.empty());
+  for (const fs::path& file : data.stacks) EXPECT_NE(file.filename().string().front(), '.');
+  for (const EyeData& eye : data.eyes)
+    for (const fs::path& file : eye.overlays) EXPECT_NE(file.filename().string().front(), '.');
+}
+
+TEST_F(ReportTest, TheFirstPageNamesTheLensIndexAndTheAge) {
+  test::make_fixture_case(folder_);
+  const fs::path file = folder_ / "raytrace" / "stage.json";
+  Json stage = read_json(file);
+  stage["eyes"]["od"]["lens_index"] = 1.4231;
+  stage["eyes"]["od"]["lens_index_from"] = "usual at the age of 47";
+  write_json(file, stage);
+  report();
+  EXPECT_THAT(visible_text(output("report.html")), HasSubstr("lens index 1.423, usual at the age of 47"));
+  EXPECT_THAT(pdf_text(), HasSubstr("lens index 1.423, usual at the age"));
+}
+
 TEST_F(ReportTest, SameCaseGivesSameBytes) {
   test::make_fixture_case(folder_);
   report();

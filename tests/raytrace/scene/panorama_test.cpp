@@ -1,9 +1,11 @@
 #include "raytrace/scene/panorama.hpp"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <random>
 
+#include "pipeline/base/error.hpp"
 #include "pipeline/base/files.hpp"
 #include "pipeline/base/frames.hpp"
 #include "pipeline/eye/schematic/schematic_eyes.hpp"
@@ -82,6 +84,19 @@ TEST(Panorama, LiesBehindEverythingElse) {
   const TraceResult result =
       Tracer("").trace(make_eye("navarro"), read_scene(folder.path() / "scene.json"), settings);
   for (const float light : result.image.values) EXPECT_NEAR(light, 1, 1e-3);
+}
+
+TEST(Panorama, APlaneAtInfinityLiesInFrontOfTheEye) {
+  const test::TemporaryFolder folder;
+  write_file(folder.path() / "scene.json", R"({"objects": [
+    {"type": "plane", "centre_mm": [0, 0, -1], "right_mm": [-0.1, 0, 0], "up_mm": [0, 0.1, 0], "at_infinity": true,
+     "chart": "dial"}]})");
+  try {
+    read_scene(folder.path() / "scene.json");
+    ADD_FAILURE() << "accepted";
+  } catch (const Error& error) {
+    EXPECT_THAT(error.what(), testing::HasSubstr("centre_mm"));
+  }
 }
 
 }  // namespace

@@ -140,6 +140,27 @@ TEST_F(Subjects, OfBidsMayHavePlusInTheirNamesAndAges) {
   EXPECT_THAT(refusal(folder() / "bids"), HasSubstr("has a row already"));
 }
 
+TEST_F(Subjects, OfATableHaveEachAStudyOfTheirOwn) {
+  add("scans/x/1.dcm");
+  write_file(folder() / "people.tsv", "participant_id\tstudy\nfirst\tscans/x\nsecond\tscans/../scans/x\n");
+  EXPECT_THAT(refusal(folder() / "people.tsv"),
+              HasSubstr("line 3, column study: \"scans/../scans/x\" is the study of \"first\""));
+}
+
+TEST_F(Subjects, StudiesThatChangeNamesAreOtherStudies) {
+  const auto a = folder() / "studies/a", b = folder() / "studies/b";
+  for (const auto& [study, who] : {std::pair{a, 'A'}, {b, 'B'}}) {
+    fs::create_directories(study);
+    write_file(study / "1.nii", std::string(20000, '\0') + std::string(1, who) + std::string(20000, '\0'));
+  }
+  fs::last_write_time(a / "1.nii", fs::last_write_time(b / "1.nii"));
+  const Json before = find_subjects(folder() / "studies")[0].fingerprint;
+  fs::rename(a, folder() / "c");
+  fs::rename(b, a);
+  fs::rename(folder() / "c", b);
+  EXPECT_NE(find_subjects(folder() / "studies")[0].fingerprint, before);
+}
+
 TEST_F(Subjects, AnImageThatIsReplacedIsAnotherStudy) {
   add("studies/a/1.dcm");
   add("studies/a/2.dcm");

@@ -4,7 +4,9 @@
 #include <filesystem>
 
 #include "pipeline/base/error.hpp"
+#include "pipeline/base/files.hpp"
 #include "pipeline/eye/commands/describe_eye.hpp"
+#include "pipeline/eye/schematic/schematic_eyes.hpp"
 
 namespace emmetrope {
 namespace {
@@ -21,6 +23,41 @@ TEST(EyeCommand, AnswersWithTheContractsKeys) {
     for (const char* key : {"position_mm", "diameter_mm"}) EXPECT_TRUE(json[pupil][key].is_number()) << pupil;
   for (const char* key : {"M_D", "J0_D", "J45_D"}) EXPECT_TRUE(json["refraction"][key].is_number()) << key;
   EXPECT_EQ(json["refraction"]["M_D"], json["refraction_D"]);
+}
+
+TEST(EyeCommand, SaysThatAnEyeWithoutPowerHasNoCardinalPoints) {
+  const std::filesystem::path file = std::filesystem::path(testing::TempDir()) /
+                                     ("emmetrope-afocal-" + std::to_string(::getpid()) + ".json");
+  write_file(
+      file,
+      R"({"name": "afocal", "reference_wavelength_nm": 555, "media": {"air": {"index": 1}}, "surfaces": [
+    {"name": "cornea_anterior", "type": "sphere", "position_mm": 0, "radius_mm": 7.8, "medium_after": "air"},
+    {"name": "iris", "type": "stop", "position_mm": 3, "diameter_mm": 4},
+    {"name": "retina", "type": "sphere", "position_mm": 24, "radius_mm": -12}]})");
+  EyeQuery query;
+  query.eye = file.string();
+  const Answer answer = describe_eye(query);
+  EXPECT_THAT(answer.text, testing::HasSubstr("principal points       none"));
+  EXPECT_THAT(answer.text,
+              testing::Not(testing::AnyOf(testing::HasSubstr("nan"), testing::HasSubstr("inf"))));
+  EXPECT_NEAR(answer.json["refraction_D"].get<double>(), 1000 / 24.0, 1e-9);
+}
+
+TEST(EyeCommand, RefusesAWavelengthAtWhichAMediumHasNoIndex) {
+  EyeQuery query;
+  query.eye = "arizona";  // whose Abbe numbers make formulas that grow without end
+  for (const double nm : {380.0, 1000.0}) {
+    query.wavelength_nm = nm;
+    EXPECT_NO_THROW(describe_eye(query)) << nm;
+  }
+  EyeModel eye = make_eye("navarro");
+  eye.media.at("aqueous").dispersion = {Dispersion::Formula::cornu, {1.3, 1, 1200}};
+  const std::filesystem::path file =
+      std::filesystem::path(testing::TempDir()) / ("emmetrope-pole-" + std::to_string(::getpid()) + ".json");
+  write_eye(file, eye);
+  query.eye = file.string();
+  query.wavelength_nm = 1199.5;
+  EXPECT_THROW(describe_eye(query), Error);
 }
 
 TEST(EyeCommand, WritesAnEyeThatGivesTheSameAnswer) {

@@ -89,6 +89,22 @@ TEST(EyeJson, FaultsNameTheKey) {
   EXPECT_THAT(with([](Json& j) { j["reference_wavelength_nm"] = 0.555; }),
               HasSubstr("reference_wavelength_nm"));
   EXPECT_THAT(with([](Json& j) { j["surfaces"][0]["tilt_deg"] = {95, 0}; }), HasSubstr("tilt_deg"));
+  EXPECT_THAT(with([](Json& j) { j["surfaces"][0]["position_mm"] = -2; }), HasSubstr("the eye's origin"));
+  EXPECT_THAT(with([](Json& j) {
+                j["media"]["aqueous"]["table"] = {{0.4, 1.344}, {0.8, 1.33}};
+              }),
+              HasSubstr("in nm, found 0.4"));
+  // n = 1.3 + 1 / (nm - 612) is 1.3 or so at both ends of light and at the reference.
+  EXPECT_THAT(with([](Json& j) { j["media"]["aqueous"]["cornu"] = {1.3, 1, 612}; }), HasSubstr("at 610 nm"));
+  EXPECT_THAT(with([](Json& j) {
+                const Json front{{"name", "spectacle_anterior"},
+                                 {"type", "sphere"},
+                                 {"position_mm", -14},
+                                 {"radius_mm", 80},
+                                 {"medium_after", "cornea"}};
+                j["surfaces"].insert(j["surfaces"].begin(), front);
+              }),
+              HasSubstr("no back surface"));
   EXPECT_THAT(with([](Json& j) {
                 j["lps_from_eye"] = {{1, 0, 0, 0}, {0, 2, 0, 0}, {0, 0, 1, 0}, {0, 0, 0, 1}};
               }),
