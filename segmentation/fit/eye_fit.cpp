@@ -105,7 +105,8 @@ std::vector<Candidate> globe_candidates(const ImagedEye& eye,
 }
 
 /// From a globe to a whole eye: the globe once more, the cornea, everything.
-void complete(Candidate& candidate, const ImagedEye& eye) {
+/// \return the last problem, which the candidate solves
+FitProblem complete(Candidate& candidate, const ImagedEye& eye) {
   const Selection globe = globe_selection(eye);
   Selection front;
   front.rear = false;
@@ -127,7 +128,7 @@ void complete(Candidate& candidate, const ImagedEye& eye) {
   adopt(fit_cornea(problem, prepare(front), eye.evidence, candidate.apex_costs));
   set_final_loss(problem, eye.evidence);
   adopt(fit_whole_eye(problem, prepare({}), eye.evidence));
-  candidate.loss = voxel_loss(problem, candidate.solution.parameters);
+  return problem;
 }
 
 /// That the coil's profile is smooth counts once the globe is in its place: on the way there it must bend.
@@ -213,6 +214,14 @@ void fit_to_all_voxels(EyeFit& fit, const std::function<void()>& step_done) {
   for (std::size_t i = 0; i < deviations.size(); ++i) problem.samples[i].deviation = deviations[i];
   judge_residuals(fit, problem);
   fit.samples = std::move(problem.samples);
+}
+
+/// In some stack.
+bool shows_corneal_form(const std::vector<ObservedStack>& stacks) {
+  return std::any_of(stacks.begin(), stacks.end(), [](const ObservedStack& o) {
+    return std::max(o.stack->row_spacing_mm, o.stack->column_spacing_mm) <=
+           CornealIrregularity::coarsest_pixel_mm;
+  });
 }
 
 /// Frees the cornea's form.
@@ -302,8 +311,11 @@ EyeFit fit_eye(const std::vector<const Stack*>& stacks, const EyeStart& start, W
       globe_candidates(eye, globe_starts(eye.model, stacks, start, weighting, evidence));
   if (candidates.empty()) throw no_result_error("too few voxels show the eye");
   step_done();
-  for (Candidate& candidate : candidates) complete(candidate, eye);
-  const Candidate& best = most_likely(candidates);
+  for (Candidate& candidate : candidates) {
+    FitProblem solved = complete(candidate, eye);
+    if (candidates.size() > 1) note_residuals(candidate, std::move(solved), eye.stacks);
+  }
+  const Candidate& best = most_likely(candidates, eye.model);
   step_done();
 
   EyeFit fit{eye.model.layout(), weighting, eye.stacks, eye.model};
@@ -314,7 +326,7 @@ EyeFit fit_eye(const std::vector<const Stack*>& stacks, const EyeStart& start, W
   fit.iterations = best.solution.iterations;
   fit.start_costs = best.apex_costs;
   fit_to_all_voxels(fit, step_done);
-  if (fit.irregularity.found()) {
+  if (fit.irregularity.found() && shows_corneal_form(fit.stacks)) {
     make_cornea_irregular(fit);
     fit_to_all_voxels(fit, {});
   }

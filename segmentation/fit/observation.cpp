@@ -76,7 +76,7 @@ class VoxelSelector {
         selection_(selection),
         pixel_(std::max(observed.stack->column_spacing_mm, observed.stack->row_spacing_mm)),
         edge_reach_(std::max(2.0, 2.5 * pixel_)),
-        outside_reach_(std::max(0.6, 0.6 * pixel_)),
+        outside_reach_(std::max(selection.outside_mm, 0.6 * pixel_)),
         influence_(std::max(2.5, 5 * pixel_) + 0.5),
         lens_begin_(a[anterior_chamber_depth]),
         mid_lens_(a[anterior_chamber_depth] + a[lens_thickness] / 2),

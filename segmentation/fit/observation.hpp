@@ -91,6 +91,7 @@ struct Selection {
   bool fields = true;       ///< the wall's displacement and background are free
   int stride = 1;           ///< one voxel in so many
   bool optic_nerve = true;  ///< voxels of the wall about the optic nerve, where that is told
+  double outside_mm = 0.6;  ///< beyond the wall, or 0.6 pixels
 };
 /// Voxels near a modelled surface at these parameters, with what matters to each; in the order of the stacks.
 std::vector<Sample> select_samples(const ForwardModel& model, const Eigen::VectorXd& parameters,

@@ -31,8 +31,35 @@ double fat_shift_difference_mm(const EyeFit& a, const EyeFit& b) {
   return largest;
 }
 
-bool agree(const JudgedEye& a, const JudgedEye& b) {
-  return limits_of("fat_shift_difference_mm").accepted.contains(fat_shift_difference_mm(*a.fit, *b.fit));
+QualityGate failed(const char* name, double value, Withholds withholds, const std::string& reason) {
+  QualityGate gate;
+  gate.name = name;
+  gate.value = value;
+  gate.limit = limits_of(name).accepted.high;
+  gate.passed = false;
+  gate.withholds = withholds;
+  gate.reason = reason;
+  return gate;
+}
+
+/// What two eyes in the same images cannot both be right in.
+std::optional<QualityGate> contradiction(const EyeFit& a, const EyeFit& b) {
+  const char *fat = "fat_shift_difference_mm", *gaze = "vertical_gaze_difference_deg";
+  const double fat_mm = fat_shift_difference_mm(a, b);
+  if (!limits_of(fat).accepted.contains(fat_mm))
+    return failed(
+        fat, fat_mm, Withholds::fit,
+        fmt::format("the two eyes contradict each other: in the same images the fat around one is displaced "
+                    "by {:.1f} mm more than around the other, so that one was misread",
+                    fat_mm));
+  const double apart_deg = std::abs(a.value(gaze_vertical) - b.value(gaze_vertical));
+  if (!limits_of(gaze).accepted.contains(apart_deg) && !a.front_is_blanked() && !b.front_is_blanked())
+    return failed(
+        gaze, apart_deg, Withholds::front,
+        fmt::format("the two eyes contradict each other: one looks {:.0f} degrees higher than the other, so "
+                    "that the front of one was misread (or the eyes squint)",
+                    apart_deg));
+  return std::nullopt;
 }
 
 /// Whether it is measured, agrees with its fellow, and explains its images better than before when it starts
@@ -49,17 +76,10 @@ bool improve(JudgedEye& eye, const JudgedEye& fellow, const std::string& because
   start.fellow = fellow.fit->parameters;
   start.others.clear();  // sizes and tissues are the fellow's
   fit_and_judge(again, views_of(eye.found, stacks), start, [&] { progress.advance(); });
-  if (!again.is_fitted() || again.rank() < eye.rank() || !agree(again, fellow)) return false;
+  if (!again.is_fitted() || again.rank() < eye.rank() || contradiction(*again.fit, *fellow.fit)) return false;
   if (eye.fit && again.fit->chi2_per_voxel > eye.fit->chi2_per_voxel) return false;
   eye = std::move(again);
   return true;
-}
-
-std::string contradiction(const JudgedEye& od, const JudgedEye& os) {
-  return fmt::format(
-      "the two eyes contradict each other: in the same images the fat around one is displaced "
-      "by {:.1f} mm more than around the other, so that one was misread",
-      fat_shift_difference_mm(*od.fit, *os.fit));
 }
 
 }  // namespace
@@ -113,20 +133,15 @@ void compare_fellow_eyes(JudgedEye& od, JudgedEye& os, const std::vector<const S
     const bool can_improve = !less.fit || !less.fit->front_is_blanked();  // no fellow brings a front back
     if (can_improve) improve(less, more, less.reasons(), stacks, age_years, verbosity);
   }
-  if (!od.is_fitted() || !os.is_fitted() || agree(od, os)) return;
-  const std::string because = contradiction(od, os);
+  if (!od.is_fitted() || !os.is_fitted()) return;
+  const std::optional<QualityGate> found = contradiction(*od.fit, *os.fit);
+  if (!found) return;
   const bool od_is_worse = od.fit->chi2_per_voxel > os.fit->chi2_per_voxel;
   JudgedEye &worse = od_is_worse ? od : os, &better = od_is_worse ? os : od;
-  if (improve(worse, better, because, stacks, age_years, verbosity) ||
-      improve(better, worse, because, stacks, age_years, verbosity))
+  if (improve(worse, better, found->reason, stacks, age_years, verbosity) ||
+      improve(better, worse, found->reason, stacks, age_years, verbosity))
     return;
-  QualityGate alike;
-  alike.name = "fat_shift_difference_mm";
-  alike.value = fat_shift_difference_mm(*od.fit, *os.fit);
-  alike.limit = limits_of(alike.name).accepted.high;
-  alike.passed = false;
-  alike.reason = because;
-  for (JudgedEye* eye : {&od, &os}) eye->gates.push_back(alike);
+  for (JudgedEye* eye : {&od, &os}) eye->gates.push_back(*found);
 }
 
 }  // namespace emmetrope::segmentation

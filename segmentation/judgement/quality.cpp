@@ -106,6 +106,17 @@ double largest_head_shift_mm(const EyeFit& fit) {
 /// How much of what was not known of the corneal power is still not known: 1 is nothing from the images.
 double cornea_sigma_over_prior(const EyeFit& fit) { return fit.sigma(cornea_c) / fit.priors.sigma[cornea_c]; }
 
+/// No eye is so much wider than it is deep; heads that were made to fit an atlas are.
+void judge_shape(const EyeFit& fit, Gates& gates) {
+  const double width_mm = 2 * std::max(fit.value(globe_x), fit.value(globe_y)),
+               depth_mm = 2 * fit.value(globe_z);
+  gates.refuse_above(
+      "globe_flattening_mm", width_mm - depth_mm,
+      fmt::format("a globe {:.1f} mm across and {:.1f} mm deep is no eye's: was the head stretched to "
+                  "fit an atlas?",
+                  width_mm, depth_mm));
+}
+
 void judge_globe(const FoundEye& found, Gates& gates) {
   const double inside = share_inside_stack(found);
   gates.refuse_below(
@@ -203,19 +214,19 @@ void judge_apex(const EyeFit& fit, Gates& gates) {
                      Withholds::fit);
 }
 
-/// Root mean square of the residuals over the step between vitreous and wall: of a clean image the noise is so
-/// low that every model leaves many times as much.
-double residual_over_contrast(const EyeFit& fit) {
+/// Root mean square of what neither model nor noise explain, over the step between vitreous and wall: of a clean image
+/// the noise is so low that every model leaves many times as much.
+double unexplained_over_contrast(const EyeFit& fit) {
   double noise = 0;
   for (const ObservedStack& stack : fit.stacks) noise = std::max(noise, stack.sampling.noise);
   const double step = std::max(std::abs(fit.value(wall) - fit.value(vitreous)),
                                std::abs(fit.inner_wall() - fit.value(vitreous)));
-  return std::sqrt(fit.chi2_per_voxel) * noise / step;
+  return std::sqrt(std::max(0.0, fit.chi2_per_voxel - 1)) * noise / step;
 }
 
 /// \param confirmed  by edges
 void judge_residuals(const EyeFit& fit, Gates& gates, bool confirmed) {
-  const double share = residual_over_contrast(fit);
+  const double share = unexplained_over_contrast(fit);
   const auto limit_of = [&](const char* quantity) {
     const Limits limits = limits_of(quantity);
     return confirmed ? limits.accepted.high : limits.plausible.high;
@@ -277,10 +288,14 @@ void judge_dimensions(const FoundEye& found, const EyeFit& fit, Gates& gates) {
 
 void judge_corneal_form(const EyeFit& fit, Gates& gates) {
   constexpr double limit = CornealIrregularity::chi2_limit;
+  const char* reason =
+      fit.layout.irregular_cornea
+          ? "irregular cornea (keratoconus, a scar, surgery?): no biconic describes it, "
+            "score {:.0f} (limit {:.0f}); a free form was fitted"
+          : "no regular cornea describes what is at its place, score {:.0f} (limit {:.0f}), and "
+            "the voxels are too coarse to tell an irregular one from a lid or an artefact";
   gates.warn_above("corneal_irregularity_chi2", fit.irregularity.chi2, limit,
-                   fmt::format("irregular cornea (keratoconus, a scar, surgery?): no biconic describes it, "
-                               "score {:.0f} (limit {:.0f}); a free form was fitted",
-                               fit.irregularity.chi2, limit));
+                   fmt::format(fmt::runtime(reason), fit.irregularity.chi2, limit));
 }
 
 void judge_head_motion(const EyeFit& fit, Gates& gates) {
@@ -315,6 +330,7 @@ std::vector<QualityGate> judge_quality(const FoundEye& found, const EyeFit& fit,
     confirmed = agreement.confirms();
   }
   judge_globe(found, gates);
+  judge_shape(fit, gates);
   if (fit.front_is_blanked()) {
     gates.withhold("front_is_blanked", Withholds::front,
                    "the front of the eye was blanked in the images (a defaced head): no cornea, no lens, no "

@@ -121,6 +121,8 @@ std::vector<Limits> fit_quality() {
       // Retina, choroid and sclera are 0.8 to 1.5 mm.
       Row("thickest_wall_t1_mm", "mm").warn_outside(at_most(2.5)),
       Row("wall_over_surroundings_t1", "").refuse_outside(at_most(1.2)),
+      // Chosen: of right fits of real heads up to 2.9, of one that was stretched to an atlas 4.6.
+      Row("globe_flattening_mm", "mm").refuse_outside(at_most(4)),
       Row("chi2_per_voxel", "").refuse_outside(at_most(25)),
       // Up to the second where edges confirm the fit: what moved stands in its intervals.
       Row("slice_displacement_mm", "mm").warn_outside(at_most(0.25)).refuse_outside(at_most(0.5)),
@@ -136,6 +138,8 @@ std::vector<Limits> fit_quality() {
       // Between two eyes in one image, which has one chemical shift and one bandwidth. Chosen; right fits of
       // phantoms differ by up to 0.2 mm, wrong ones by 1.5 to 2 mm.
       Row("fat_shift_difference_mm", "mm").refuse_outside(at_most(0.5)),
+      // Eyes look up and down together. Chosen; right fits of real heads differ by up to 11 (noisy T1), wrong ones by 15.
+      Row("vertical_gaze_difference_deg", "deg").refuse_outside(at_most(12)),
   };
 }
 

@@ -342,6 +342,42 @@ TEST(QualityOfShapes, AShallowChamberBehindAnUnseenCorneaIsWithheld) {
   }
 }
 
+/// A head that was stretched to an atlas has eyes 5 mm wider than deep.
+TEST(QualityOfShapes, AFlattenedGlobeIsNoEyes) {
+  const ParameterLayout layout;
+  Eigen::VectorXd parameters = population_mean(layout);
+  for (int i = vitreous; i <= surround; ++i) parameters[i] = 0.5;
+  EXPECT_TRUE(gate_of(fit_at(layout, parameters, Weighting::t1), "globe_flattening_mm").passed);
+  parameters[globe_x] = parameters[globe_z] + 2.3;
+  const QualityGate gate = gate_of(fit_at(layout, parameters, Weighting::t1), "globe_flattening_mm");
+  EXPECT_FALSE(gate.passed);
+  EXPECT_EQ(gate.withholds, Withholds::fit);
+  EXPECT_NEAR(gate.value, 4.6, 1e-9);
+}
+
+/// What noise explains says nothing against a fit, however much it is of the step at the wall.
+TEST(QualityOfShapes, NoiseIsNoReasonToDoubtAFit) {
+  const ParameterLayout layout;
+  Eigen::VectorXd parameters = population_mean(layout);
+  for (int i = vitreous; i <= surround; ++i) parameters[i] = 0.5;
+  parameters[wall] = 0.7;
+  parameters[wall_layering] = 0;
+  EyeFit fit = fit_at(layout, parameters, Weighting::t1);
+  fit.stacks.resize(1);
+  fit.stacks[0].sampling.noise = 0.15;
+  const Stack stack = [] {
+    Stack one;
+    one.column_spacing_mm = one.row_spacing_mm = one.slice_thickness_mm = 1;
+    return one;
+  }();
+  fit.stacks[0].stack = &stack;
+  fit.chi2_per_voxel = 1;
+  EXPECT_TRUE(gate_of(fit, "residual_over_contrast").passed);
+  fit.chi2_per_voxel = 2;
+  EXPECT_NEAR(gate_of(fit, "residual_over_contrast").value, 0.15 / 0.2, 1e-9);
+  EXPECT_FALSE(gate_of(fit, "residual_over_contrast").passed);
+}
+
 /// Fat before the eye was taken for aqueous, a lid for the lens: it is brighter than the vitreous only.
 TEST(QualityOfShapes, ALensDiffersFromBothFluids) {
   const ParameterLayout layout;
@@ -400,6 +436,21 @@ TEST_F(FellowEyes, OneImageHasOneChemicalShift) {
   for (const JudgedEye* eye : {&od, &os}) {
     EXPECT_FALSE(eye->is_fitted());
     EXPECT_NE(eye->reasons().find("displaced by 1.9 mm more"), std::string::npos) << eye->reasons();
+  }
+}
+
+TEST_F(FellowEyes, EyesLookUpAndDownTogether) {
+  JudgedEye od = eye(0), os = eye(0);
+  od.fit->parameters[gaze_vertical] = -9;
+  os.fit->parameters[gaze_vertical] = -20;
+  compare(od, os);
+  EXPECT_TRUE(od.is_measured() && os.is_measured());
+  os.fit->parameters[gaze_vertical] = -24;
+  compare(od, os);
+  for (const JudgedEye* eye : {&od, &os}) {
+    EXPECT_TRUE(is_withheld(eye->gates, Withholds::front));
+    EXPECT_TRUE(eye->is_fitted());
+    EXPECT_NE(eye->reasons().find("15 degrees higher"), std::string::npos) << eye->reasons();
   }
 }
 
