@@ -140,9 +140,6 @@ TexturedPlane read_plane(const Object& object, const std::filesystem::path& fold
   plane.right_mm = object.vector("right_mm");
   plane.up_mm = object.vector("up_mm");
   plane.motion_mm = object.vector("motion_mm", plane.motion_mm);
-  if (plane.at_infinity && !(plane.centre_mm.z() > 0))
-    throw object.fault("centre_mm",
-                       "of a plane at infinity is a direction in front of the eye: z must be above 0");
   if (!(plane.right_mm.cross(plane.up_mm).norm() > 0))
     throw object.fault("up_mm", "right_mm and up_mm span no plane");
   if (object.has("picture")) {
@@ -154,6 +151,9 @@ TexturedPlane read_plane(const Object& object, const std::filesystem::path& fold
     plane.spectrum = read_spectral_picture(files.back(), object.rising("wavelengths_nm"));
     plane.texture = std::make_shared<const Texture>(plane.spectrum->coloured());
   } else {
+    if (plane.at_infinity && !(plane.centre_mm.z() > 0))
+      throw object.fault("centre_mm",
+                         "a chart at infinity is drawn for an eye that it faces: z must be above 0");
     // Drawn for the angle under which the plane is seen from the apex; its place is the plane's.
     ChartSpec chart = parse_chart(object.text("chart"));
     const double distance = plane.at_infinity ? plane.centre_mm.z() : plane.centre_mm.norm();

@@ -14,7 +14,7 @@ struct CornealIrregularity {
   bool found() const;
   static constexpr double chi2_limit = 44.3;  ///< exceeded by one regular cornea in 10000
   /// Coarser pixels than a cornea is thick show no form of it: what they ask for is a lid's or an artefact's.
-  static constexpr double coarsest_pixel_mm = 0.6;
+  static constexpr double coarsest_pixel_mm = 0.6001;  ///< headers and single precision round
 };
 /// \param problem  with weights that know the misfit, solved at `parameters` for those that are `active`
 CornealIrregularity corneal_irregularity(const FitProblem& problem, const Eigen::VectorXd& parameters,

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include "pipeline/base/frames.hpp"
 #include "segmentation/fit/fit_passes.hpp"
@@ -87,31 +86,33 @@ const Candidate& most_likely(const std::vector<Candidate>& candidates, const For
   for (std::size_t s = 0; s < model.stacks().size(); ++s)
     cost_in.emplace_back(model.stacks()[s], misfit[static_cast<Eigen::Index>(s)]);
 
-  struct Cost {
-    double known, explained;  ///< of the voxels that all know of, and of those that all explain
-  };
-  std::vector<Cost> costs;
-  for (const Candidate& candidate : candidates) costs.push_back({candidate.prior_cost, candidate.prior_cost});
-  for (const auto& [place, of_first] : candidates.front().residuals) {
-    std::vector<double> of_voxel;
-    bool all_explain = true;
-    for (const Candidate& candidate : candidates)
-      if (const auto found = candidate.residuals.find(place); found != candidate.residuals.end()) {
-        all_explain = all_explain && found->second;
-        of_voxel.push_back(cost_in[static_cast<std::size_t>(place[0])](found->second));
+  // Of the voxels that all of these know of, or that all explain.
+  const auto costs_of = [&](const std::vector<const Candidate*>& some, bool explained) {
+    std::vector<double> costs;
+    for (const Candidate* candidate : some) costs.push_back(candidate->prior_cost);
+    for (const auto& entry : some.front()->residuals) {
+      const VoxelCost& cost = cost_in[static_cast<std::size_t>(entry.first[0])];
+      std::vector<double> of_voxel;
+      for (const Candidate* candidate : some) {
+        const auto found = candidate->residuals.find(entry.first);
+        if (found != candidate->residuals.end() && (found->second || !explained))
+          of_voxel.push_back(cost(found->second));
       }
-    if (of_voxel.size() < candidates.size()) continue;
-    for (std::size_t i = 0; i < costs.size(); ++i) {
-      costs[i].known += of_voxel[i];
-      if (all_explain) costs[i].explained += of_voxel[i];
+      if (of_voxel.size() < some.size()) continue;
+      for (std::size_t i = 0; i < some.size(); ++i) costs[i] += of_voxel[i];
     }
-  }
-  double lowest = std::numeric_limits<double>::infinity();
-  for (const Cost& cost : costs) lowest = std::min(lowest, cost.known);
-  std::optional<std::size_t> best;
-  for (std::size_t i = 0; i < costs.size(); ++i)
-    if (costs[i].known <= alike * lowest && (!best || costs[i].explained < costs[*best].explained)) best = i;
-  return candidates[best.value_or(0)];
+    return costs;
+  };
+  std::vector<const Candidate*> likely;
+  for (const Candidate& candidate : candidates) likely.push_back(&candidate);
+  const std::vector<double> known = costs_of(likely, false);
+  const double lowest = *std::min_element(known.begin(), known.end());
+  likely.clear();
+  for (std::size_t i = 0; i < known.size(); ++i)
+    if (known[i] <= alike * lowest) likely.push_back(&candidates[i]);
+  const std::vector<double> explained = costs_of(likely, true);
+  return *likely[static_cast<std::size_t>(std::min_element(explained.begin(), explained.end()) -
+                                          explained.begin())];
 }
 
 }  // namespace emmetrope::segmentation

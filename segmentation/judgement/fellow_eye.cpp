@@ -42,24 +42,27 @@ QualityGate failed(const char* name, double value, Withholds withholds, const st
   return gate;
 }
 
-/// What two eyes in the same images cannot both be right in.
-std::optional<QualityGate> contradiction(const EyeFit& a, const EyeFit& b) {
-  const char *fat = "fat_shift_difference_mm", *gaze = "vertical_gaze_difference_deg";
-  const double fat_mm = fat_shift_difference_mm(a, b);
-  if (!limits_of(fat).accepted.contains(fat_mm))
-    return failed(
-        fat, fat_mm, Withholds::fit,
-        fmt::format("the two eyes contradict each other: in the same images the fat around one is displaced "
-                    "by {:.1f} mm more than around the other, so that one was misread",
-                    fat_mm));
-  const double apart_deg = std::abs(a.value(gaze_vertical) - b.value(gaze_vertical));
-  if (!limits_of(gaze).accepted.contains(apart_deg) && !a.front_is_blanked() && !b.front_is_blanked())
-    return failed(
-        gaze, apart_deg, Withholds::front,
-        fmt::format("the two eyes contradict each other: one looks {:.0f} degrees higher than the other, so "
-                    "that the front of one was misread (or the eyes squint)",
-                    apart_deg));
-  return std::nullopt;
+std::optional<QualityGate> fat_contradiction(const EyeFit& a, const EyeFit& b) {
+  const char* name = "fat_shift_difference_mm";
+  const double apart_mm = fat_shift_difference_mm(a, b);
+  if (limits_of(name).accepted.contains(apart_mm)) return std::nullopt;
+  return failed(name, apart_mm, Withholds::fit,
+                fmt::format("the two eyes contradict each other: in the same images the fat around one is "
+                            "displaced by {:.1f} mm more than around the other, so that one was misread",
+                            apart_mm));
+}
+
+/// What two eyes in the same images cannot both be right in. Where one eye's front was not found its gaze tells nothing
+/// of the other's.
+std::optional<QualityGate> contradiction(const JudgedEye& a, const JudgedEye& b) {
+  if (auto fat = fat_contradiction(*a.fit, *b.fit)) return fat;
+  const char* name = "vertical_gaze_difference_deg";
+  const double apart_deg = std::abs(a.fit->value(gaze_vertical) - b.fit->value(gaze_vertical));
+  if (!a.has_front() || !b.has_front() || limits_of(name).accepted.contains(apart_deg)) return std::nullopt;
+  return failed(name, apart_deg, Withholds::front,
+                fmt::format("the two eyes contradict each other: one looks {:.0f} degrees higher than the "
+                            "other, so that the front of one was misread (or the eyes squint)",
+                            apart_deg));
 }
 
 /// Whether it is measured, agrees with its fellow, and explains its images better than before when it starts
@@ -76,7 +79,10 @@ bool improve(JudgedEye& eye, const JudgedEye& fellow, const std::string& because
   start.fellow = fellow.fit->parameters;
   start.others.clear();  // sizes and tissues are the fellow's
   fit_and_judge(again, views_of(eye.found, stacks), start, [&] { progress.advance(); });
-  if (!again.is_fitted() || again.rank() < eye.rank() || contradiction(*again.fit, *fellow.fit)) return false;
+  if (!again.is_fitted() || again.rank() < eye.rank()) return false;
+  // A fit that was withheld is a gain even where the front still contradicts the fellow's: that is judged next.
+  const bool knows_more = again.rank() > eye.rank();
+  if (knows_more ? fat_contradiction(*again.fit, *fellow.fit) : contradiction(again, fellow)) return false;
   if (eye.fit && again.fit->chi2_per_voxel > eye.fit->chi2_per_voxel) return false;
   eye = std::move(again);
   return true;
@@ -96,8 +102,8 @@ std::string JudgedEye::edges_on_axis_withheld() const {
   if (edges.empty() || !edges.front() || !edges.front()->biometry.axial_length)
     return "cornea or lens have no edges of their own along the eye's axis";
   for (const QualityGate& gate : gates)
-    for (const char* on_axis :
-         {"front_is_blanked", "apex_sigma_mm", "axial_length_sigma_mm", "lens_contrast", "lens_off_axis_mm"})
+    for (const char* on_axis : {"front_is_blanked", "globe_flattening_mm", "apex_sigma_mm",
+                                "axial_length_sigma_mm", "lens_contrast", "lens_off_axis_mm"})
       if (gate.name == on_axis && !gate.passed) return gate.reason;
   return {};
 }
@@ -134,7 +140,7 @@ void compare_fellow_eyes(JudgedEye& od, JudgedEye& os, const std::vector<const S
     if (can_improve) improve(less, more, less.reasons(), stacks, age_years, verbosity);
   }
   if (!od.is_fitted() || !os.is_fitted()) return;
-  const std::optional<QualityGate> found = contradiction(*od.fit, *os.fit);
+  const std::optional<QualityGate> found = contradiction(od, os);
   if (!found) return;
   const bool od_is_worse = od.fit->chi2_per_voxel > os.fit->chi2_per_voxel;
   JudgedEye &worse = od_is_worse ? od : os, &better = od_is_worse ? os : od;

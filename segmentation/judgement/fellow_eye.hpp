@@ -51,10 +51,10 @@ void fit_and_judge(JudgedEye& eye, const std::vector<const Stack*>& images, cons
 
 /// Looks once more at two eyes that were fitted to the intensities of the same stacks, in the same order. An
 /// eye of which less is known than of its fellow is fitted again from what its fellow is like, and so is
-/// the one that explains its images worse when the two find fat displaced differently (then the other one).
-/// The new fit is taken where it is measured, agrees, and leaves smaller residuals. Two that still contradict
-/// each other are both refused: one took something else for its globe, and which is not known. Not for eyes
-/// that were fitted to labels.
+/// the one that explains its images worse when the two find fat displaced differently or look up and down apart
+/// (then the other one). The new fit is taken where as much is known by it, it agrees, and leaves smaller residuals.
+/// Two that still contradict each other lose both what they contradict each other in, the fit or the front: one took
+/// something else for it, and which is not known. Not for eyes that were fitted to labels.
 /// \param stacks  of the study, as FoundEye counts them
 void compare_fellow_eyes(JudgedEye& od, JudgedEye& os, const std::vector<const Stack*>& stacks,
                          std::optional<double> age_years, Verbosity verbosity);

@@ -330,7 +330,6 @@ std::vector<QualityGate> judge_quality(const FoundEye& found, const EyeFit& fit,
     confirmed = agreement.confirms();
   }
   judge_globe(found, gates);
-  judge_shape(fit, gates);
   if (fit.front_is_blanked()) {
     gates.withhold("front_is_blanked", Withholds::front,
                    "the front of the eye was blanked in the images (a defaced head): no cornea, no lens, no "
@@ -346,6 +345,7 @@ std::vector<QualityGate> judge_quality(const FoundEye& found, const EyeFit& fit,
   if (!fit.front_is_blanked()) judge_apex(fit, gates);
   judge_residuals(fit, gates, confirmed);
   if (!fit.front_is_blanked()) {
+    judge_shape(fit, gates);  // of a blanked head the depth is not known
     judge_dimensions(found, fit, gates);
     judge_corneal_form(fit, gates);
   }

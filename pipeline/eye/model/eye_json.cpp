@@ -109,7 +109,7 @@ Medium read_medium(const std::string& name, const Json& entry, double reference_
   }
   medium.dispersion = read_dispersion(json);
   // Close enough to see a formula's pole wherever a picture or an aberrometer looks.
-  for (double nm = 380; nm <= 900; nm += 5)
+  for (double nm = 380; nm <= 900; nm += 1)
     if (const double index = medium.index_at(nm, reference_nm); !(index >= 1 && index <= 4))
       throw input_error(
           fmt::format("{}: the dispersion gives an index of {:g} at {:g} nm", json.place(), index, nm));
@@ -187,6 +187,21 @@ Surface read_surface(const Json& entry, std::size_t number, bool is_last, const 
   return surface;
 }
 
+/// A head-borne surface with the eye's own next, stops apart, is a spectacle's last.
+void require_air_behind_spectacle(const EyeModel& eye, std::size_t k, const std::string& place) {
+  const Surface& surface = eye.surfaces[k];
+  if (surface.bearer != Bearer::head || surface.is_stop()) return;
+  const auto next = std::find_if(eye.surfaces.begin() + static_cast<std::ptrdiff_t>(k) + 1,
+                                 eye.surfaces.end(), [](const Surface& other) { return !other.is_stop(); });
+  constexpr double densest_gas = 1.01;
+  if (next == eye.surfaces.end() || next->bearer == Bearer::head || surface.medium_after == "air" ||
+      eye.media.at(surface.medium_after).index < densest_gas)
+    return;
+  throw input_error(fmt::format(
+      "{}: key \"medium_after\": the spectacle's \"{}\" reaches to the eye; has it no back surface?", place,
+      surface.medium_after));
+}
+
 void check_order(const EyeModel& eye) {
   for (std::size_t k = 0; k < eye.surfaces.size(); ++k) {
     const Surface& surface = eye.surfaces[k];
@@ -206,11 +221,7 @@ void check_order(const EyeModel& eye) {
       throw input_error(fmt::format(
           "{}: key \"position_mm\": the corneal apex is the eye's origin, but it lies at depth {:g} mm",
           place, surface.position_mm));
-    if (surface.bearer == Bearer::head && k + 1 < eye.surfaces.size() && !surface.is_stop() &&
-        eye.surfaces[k + 1].bearer == Bearer::eye && surface.medium_after != "air")
-      throw input_error(fmt::format(
-          "{}: key \"medium_after\": the spectacle's \"{}\" reaches to the eye; has it no back surface?",
-          place, surface.medium_after));
+    require_air_behind_spectacle(eye, k, place);
   }
 }
 

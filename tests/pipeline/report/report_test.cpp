@@ -165,6 +165,7 @@ TEST_F(ReportTest, FilesThatNoStageWroteAreNotShown) {
   const CaseData data = read_case(folder_, LateralityChoice::both);
   ASSERT_FALSE(data.stacks.empty());
   for (const fs::path& file : data.stacks) EXPECT_NE(file.filename().string().front(), '.');
+  for (const fs::path& file : data.overlays) EXPECT_NE(file.filename().string().front(), '.');
   for (const EyeData& eye : data.eyes)
     for (const fs::path& file : eye.overlays) EXPECT_NE(file.filename().string().front(), '.');
 }

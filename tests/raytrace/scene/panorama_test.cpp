@@ -86,7 +86,7 @@ TEST(Panorama, LiesBehindEverythingElse) {
   for (const float light : result.image.values) EXPECT_NEAR(light, 1, 1e-3);
 }
 
-TEST(Panorama, APlaneAtInfinityLiesInFrontOfTheEye) {
+TEST(Panorama, AChartAtInfinityFacesTheEye) {
   const test::TemporaryFolder folder;
   write_file(folder.path() / "scene.json", R"({"objects": [
     {"type": "plane", "centre_mm": [0, 0, -1], "right_mm": [-0.1, 0, 0], "up_mm": [0, 0.1, 0], "at_infinity": true,

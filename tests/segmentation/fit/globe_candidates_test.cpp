@@ -50,6 +50,15 @@ TEST_F(MostLikely, OfTwoNearlyAlikeLeavesLessOfWhatBothExplain) {
   EXPECT_EQ(best_of({candidate(800, 1.02), candidate(796, 1)}), 1U);
 }
 
+/// Where the better one of two leaves less, a third that is far from both explains nothing.
+TEST_F(MostLikely, OfTwoIsNotChosenByAHopelessThird) {
+  Candidate left = candidate(800, 1), right = candidate(800, 1);
+  for (int i = 0; i < 100; ++i) *left.residuals[{0, static_cast<double>(i), 0, 0}] *= 0.9;
+  for (int i = 100; i < 800; ++i) *right.residuals[{0, static_cast<double>(i), 0, 0}] *= 0.97;
+  EXPECT_EQ(best_of({left, right}), 1U);
+  EXPECT_EQ(best_of({left, right, candidate(100, 1)}), 1U);
+}
+
 TEST_F(MostLikely, IsNotAnEyeThatNoEyeIsLike) {
   EXPECT_EQ(best_of({candidate(800, 1, 400), candidate(800, 1.01, 20)}), 1U);
 }

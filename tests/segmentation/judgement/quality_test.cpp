@@ -454,6 +454,16 @@ TEST_F(FellowEyes, EyesLookUpAndDownTogether) {
   }
 }
 
+TEST_F(FellowEyes, AFrontThatWasNotFoundTellsNothingOfTheOther) {
+  JudgedEye od = eye(0), os = eye(0);
+  od.fit->parameters[gaze_vertical] = -9;
+  os.fit->parameters[gaze_vertical] = -24;
+  os.gates = {{"chamber_of_unseen_cornea_mm", 2, 2.4, false, Withholds::front, "no cornea"}};
+  compare(od, os);
+  EXPECT_TRUE(od.is_measured());
+  EXPECT_EQ(os.reasons(), "no cornea");
+}
+
 TEST_F(FellowEyes, EyesOfTwoStacksMayDiffer) {
   JudgedEye od = eye(1.1), os = eye(-0.8);
   os.found.views[0].stack = 1;
