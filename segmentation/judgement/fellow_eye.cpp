@@ -101,10 +101,14 @@ std::string JudgedEye::reasons() const {
 std::string JudgedEye::edges_on_axis_withheld() const {
   if (edges.empty() || !edges.front() || !edges.front()->biometry.axial_length)
     return "cornea or lens have no edges of their own along the eye's axis";
-  for (const QualityGate& gate : gates)
+  const double edges_sigma_mm = edges.front()->biometry.axial_length->sigma;
+  for (const QualityGate& gate : gates) {
+    // A fit that knows the length better than edges claim to does not speak against them.
+    if (gate.name == "axial_length_sigma_mm" && gate.value < edges_sigma_mm) continue;
     for (const char* on_axis : {"front_is_blanked", "globe_flattening_mm", "apex_sigma_mm",
                                 "axial_length_sigma_mm", "lens_contrast", "lens_off_axis_mm"})
       if (gate.name == on_axis && !gate.passed) return gate.reason;
+  }
   return {};
 }
 

@@ -464,6 +464,23 @@ TEST_F(FellowEyes, AFrontThatWasNotFoundTellsNothingOfTheOther) {
   EXPECT_EQ(os.reasons(), "no cornea");
 }
 
+/// What is asked of a fit's length is more than edges claim of theirs.
+TEST_F(FellowEyes, AFitThatKnowsTheLengthBetterDoesNotSpeakAgainstEdges) {
+  JudgedEye judged = eye(0);
+  ReadEye read{};
+  read.reading.lens_centre.setZero();
+  read.biometry.axial_length = Estimate{27, 1};
+  judged.edges = {read};
+  const auto gate = [](double sigma_mm) {
+    return std::vector<QualityGate>{
+        {"axial_length_sigma_mm", sigma_mm, 0.6, false, Withholds::fit, "not determined"}};
+  };
+  judged.gates = gate(0.67);
+  EXPECT_EQ(judged.edges_on_axis_withheld(), "");
+  judged.gates = gate(1.2);
+  EXPECT_EQ(judged.edges_on_axis_withheld(), "not determined");
+}
+
 TEST_F(FellowEyes, EyesOfTwoStacksMayDiffer) {
   JudgedEye od = eye(1.1), os = eye(-0.8);
   os.found.views[0].stack = 1;
