@@ -16,7 +16,7 @@ namespace emmetrope {
 namespace {
 
 std::filesystem::path scratch(const std::string& name) {
-  const std::filesystem::path folder =
+  std::filesystem::path folder =
       std::filesystem::path(testing::TempDir()) / ("emmetrope-eye-json-" + std::to_string(::getpid())) / name;
   std::filesystem::create_directories(folder);
   return folder;
