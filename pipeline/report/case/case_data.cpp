@@ -92,7 +92,7 @@ std::optional<Sweep> read_sweep(const fs::path& file) {
   return sweep.rows.empty() ? std::nullopt : std::optional(sweep);
 }
 
-/// What no stage wrote: stages of another file system leave such beside their files.
+/// What no stage wrote: copies from other systems leave such files beside theirs (._NAME).
 bool is_hidden(const fs::path& file) { return file.filename().string().front() == '.'; }
 
 std::vector<fs::path> pictures_in(const fs::path& folder) {
