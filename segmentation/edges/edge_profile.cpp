@@ -5,7 +5,6 @@
 #include <cmath>
 
 #include "pipeline/base/frames.hpp"
-#include "segmentation/finding/sampling.hpp"
 
 namespace emmetrope::segmentation {
 namespace {
@@ -47,9 +46,10 @@ double crossing_before(const Profile& profile, std::size_t from, double level) {
 
 }  // namespace
 
-std::optional<double> interpolate_cubic(const Stack& stack, const Vector3d& lps) {
-  const auto at = voxel_coordinates(stack, lps);
+std::optional<double> interpolate_cubic(const Sampler& sampler, const Vector3d& lps) {
+  const auto at = sampler.voxel_coordinates(lps);
   if (!at) return std::nullopt;
+  const Stack& stack = sampler.stack();
   const int c = static_cast<int>(std::floor(at->x())), r = static_cast<int>(std::floor(at->y())),
             s = static_cast<int>(std::floor(at->z()));
   if (c < 0 || r < 0 || c + 1 >= stack.columns || r + 1 >= stack.rows) return std::nullopt;
@@ -71,6 +71,7 @@ std::optional<double> interpolate_cubic(const Stack& stack, const Vector3d& lps)
 
 Profile sample_profile(const Stack& stack, const Tube& tube, double first_mm, double last_mm, double sign,
                        double smoothing_mm) {
+  const Sampler sampler(stack);
   Profile profile;
   profile.first_mm = first_mm;
   const Vector3d u = tube.direction.unitOrthogonal(), v = tube.direction.cross(u);
@@ -79,8 +80,8 @@ Profile sample_profile(const Stack& stack, const Tube& tube, double first_mm, do
     double sum = 0;
     for (int line = 0; line < lines; ++line) {
       const double angle = line * pi / 4, radius = line == 8 || lines == 1 ? 0 : tube.radius_mm;
-      const auto value = interpolate_cubic(stack, tube.origin + profile.at_mm(i) * tube.direction +
-                                                      radius * (std::cos(angle) * u + std::sin(angle) * v));
+      const auto value = interpolate_cubic(sampler, tube.origin + profile.at_mm(i) * tube.direction +
+                                                        radius * (std::cos(angle) * u + std::sin(angle) * v));
       if (!value) return profile.value = smoothed(profile.value, smoothing_mm / profile.step_mm), profile;
       sum += sign * *value;
     }

@@ -3,6 +3,7 @@
 #include <optional>
 #include <vector>
 
+#include "segmentation/finding/sampling.hpp"
 #include "segmentation/intake/volume.hpp"
 
 /// Image intensity along lines, and where it steps up.
@@ -19,7 +20,7 @@ struct Profile {
 
 /// Interpolation by cubic convolution (Keys 1981) over 4 x 4 x 4 voxels; absent outside the stack or inside a
 /// gap.
-std::optional<double> interpolate_cubic(const Stack& stack, const Eigen::Vector3d& lps);
+std::optional<double> interpolate_cubic(const Sampler& sampler, const Eigen::Vector3d& lps);
 
 /// A bundle of parallel lines averaged: one in the middle and, for a radius, eight on the circle.
 struct Tube {

@@ -127,6 +127,7 @@ WallEdges wall_edges(const std::vector<Ray>& rays, double step) {
 /// Mean shift of what differs from the vitreous as the wall does, in a ball of the lens' size.
 Vector3d find_lens(const Stack& stack, const Vector3d& start, double vitreous, double step, double sign) {
   constexpr double lens_ball_mm = 3.5;
+  const Sampler sampler(stack);
   Vector3d centre = start;
   for (int i = 0; i < 30; ++i) {
     Vector3d sum = Vector3d::Zero();
@@ -138,7 +139,7 @@ Vector3d find_lens(const Stack& stack, const Vector3d& start, double vitreous, d
         for (int z = -reach; z <= reach; ++z) {
           const Vector3d at = grid_mm * Vector3d(x, y, z);
           if (at.norm() > lens_ball_mm) continue;
-          const auto value = interpolate(stack, centre + at);
+          const auto value = sampler.interpolate(centre + at);
           if (!value) continue;
           const double weight = std::clamp(sign * *value - vitreous, 0.0, step);
           sum += weight * at;

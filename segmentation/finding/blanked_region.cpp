@@ -66,13 +66,13 @@ bool BlankedRegion::holds_voxel(int column, int row, int slice) const {
 }
 
 bool BlankedRegion::is_zero(const Stack& stack, const Vector3d& lps) const {
-  const auto at = voxel_coordinates(stack, lps);
+  const auto at = Sampler(stack).voxel_coordinates(lps);
   return at && is_core_within(at->array().round().cast<int>(), 1);
 }
 
 bool BlankedRegion::holds(const Stack& stack, const Vector3d& lps) const {
   if (core_.empty()) return false;
-  const auto at = voxel_coordinates(stack, lps);
+  const auto at = Sampler(stack).voxel_coordinates(lps);
   if (!at) return false;
   const Array3i low = at->array().floor().cast<int>();
   for (int s = -1; s <= 2; ++s)

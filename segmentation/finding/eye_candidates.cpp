@@ -34,11 +34,12 @@ RadialEdges radial_edges(const Stack& stack, const Vector3d& centre, Weighting w
   constexpr double step = 0.4, from = 7.0, to = 16.0;
   const int count = static_cast<int>((to - from) / step) + 1;
   const double sign = weighting == Weighting::t2 ? -1 : 1;
+  const Sampler sampler(stack);
   RadialEdges edges;
   for (const Vector3d& direction : directions(240)) {
     std::vector<double> profile;
     for (int i = 0; i < count; ++i) {
-      const auto value = interpolate(stack, centre + (from + i * step) * direction);
+      const auto value = sampler.interpolate(centre + (from + i * step) * direction);
       if (!value) break;
       profile.push_back(*value);
     }
@@ -112,6 +113,7 @@ bool refine(const Stack& stack, const SymmetryPeak& peak, EyeCandidate& candidat
     if ((candidate.centre - peak.position).norm() > 8) return false;
   }
   if (candidate.radius_mm < smallest_globe_mm || candidate.radius_mm > largest_globe_mm + 1) return false;
+  const Sampler sampler(stack);
   int agreeing = 0;
   std::vector<double> steps, rim;
   for (std::size_t i = 0; i < edges.points.size(); ++i) {
@@ -121,7 +123,7 @@ bool refine(const Stack& stack, const SymmetryPeak& peak, EyeCandidate& candidat
     ++agreeing;
     steps.push_back(edges.steps[i]);
     constexpr double within_edge_mm = 2;
-    if (const auto value = interpolate(stack, edges.points[i] - within_edge_mm / distance * from_centre))
+    if (const auto value = sampler.interpolate(edges.points[i] - within_edge_mm / distance * from_centre))
       rim.push_back(*value);
   }
   candidate.agreement = edges.inside > 0 ? static_cast<double>(agreeing) / edges.inside : 0;

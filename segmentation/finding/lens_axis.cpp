@@ -19,12 +19,12 @@ constexpr double usual_globe_radius_mm = 11.4;
 double disc_mean(const GlobeInStack& view, double scale, const Vector3d& axis, double distance,
                  double radius) {
   const Vector3d u = axis.unitOrthogonal(), v = axis.cross(u);
+  const Sampler sampler(*view.stack);
   double sum = 0;
   int count = 0;
   for (int i = 0; i < 19; ++i) {
     const double r = i == 0 ? 0 : (i <= 6 ? 0.5 : 1.0), angle = i <= 6 ? i * pi / 3 : i * pi / 6;
-    const auto value = interpolate(
-        *view.stack,
+    const auto value = sampler.interpolate(
         view.centre + scale * (distance * axis + radius * r * (std::cos(angle) * u + std::sin(angle) * v)));
     if (value) {
       sum += *value;

@@ -71,12 +71,14 @@ Grid resample(const Stack& stack) {
   // In-plane means over the grid's spacing, so that noise and ringing of fine voxels do not vote.
   const int half_c = static_cast<int>(0.5 * grid_mm / stack.column_spacing_mm);
   const int half_r = static_cast<int>(0.5 * grid_mm / stack.row_spacing_mm);
+  const Sampler sampler(stack);
+  const double spacing = stack.slice_spacing_mm();
   for (int k = 0; k < grid.size.z(); ++k) {
     for (int j = 0; j < grid.size.y(); ++j) {
       for (int i = 0; i < grid.size.x(); ++i) {
-        const auto at = voxel_coordinates(stack, grid.position({double(i), double(j), double(k)}));
+        const auto at = sampler.voxel_coordinates(grid.position({double(i), double(j), double(k)}));
         // A plane missing from the stack shows its nearest neighbour here: good enough to find an eye.
-        const double slice = at ? at->z() : k * grid_mm / stack.slice_spacing_mm();
+        const double slice = at ? at->z() : k * grid_mm / spacing;
         const int c = static_cast<int>(std::lround(i * grid_mm / stack.column_spacing_mm));
         const int r = static_cast<int>(std::lround(j * grid_mm / stack.row_spacing_mm));
         grid.value[grid.index(i, j, k)] = mean_in_plane(stack, slice, c, r, half_c, half_r);

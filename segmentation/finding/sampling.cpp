@@ -10,47 +10,48 @@ using Eigen::Vector3d;
 /// One thin slice that is missing leaves no more than this, as thick slices have everywhere.
 constexpr double gap_of_one_spacings = 2.2, gap_of_one_mm = 2.6;
 
-std::optional<Vector3d> voxel_coordinates(const Stack& stack, const Vector3d& lps) {
-  if (stack.slices() == 0) return std::nullopt;
-  const double along = stack.normal.dot(lps);
-  const auto depth = [&](int k) { return stack.normal.dot(stack.slice_position[k]); };
-  const double spacing = stack.slices() > 1 ? stack.slice_spacing_mm() : stack.slice_thickness_mm;
-  int low = 0, high = stack.slices() - 1;
-  double slice = 0;
-  if (along <= depth(0)) {
-    if (depth(0) - along > spacing / 2) return std::nullopt;
-    high = 0;
-  } else if (along >= depth(high)) {
-    if (along - depth(high) > spacing / 2) return std::nullopt;
-    low = high;
-    slice = high;
-  } else {
-    while (high - low > 1) {
-      const int middle = (low + high) / 2;
-      (depth(middle) <= along ? low : high) = middle;
-    }
-    const double gap = depth(high) - depth(low);
-    if (gap > std::max(1.6 * spacing, std::min(gap_of_one_spacings * spacing, gap_of_one_mm)))
-      return std::nullopt;
-    slice = low + (along - depth(low)) / gap;
-  }
-  // Slices may be shifted within their plane: the origin is interpolated as well.
-  const double u = slice - low;
-  const Vector3d origin = (1 - u) * stack.slice_position[low] + u * stack.slice_position[high];
-  return Vector3d((lps - origin).dot(stack.along_row) / stack.column_spacing_mm,
-                  (lps - origin).dot(stack.along_column) / stack.row_spacing_mm, slice);
+Sampler::Sampler(const Stack& stack) : stack_(stack), spacing_mm_(stack.slice_spacing_mm()) {
+  for (const Vector3d& position : stack.slice_position) depth_mm_.push_back(stack.normal.dot(position));
 }
 
-std::optional<double> interpolate(const Stack& stack, const Vector3d& lps) {
-  const auto at = voxel_coordinates(stack, lps);
+std::optional<Vector3d> Sampler::voxel_coordinates(const Vector3d& lps) const {
+  if (depth_mm_.empty()) return std::nullopt;
+  const double along = stack_.normal.dot(lps);
+  std::size_t low = 0, high = depth_mm_.size() - 1;
+  double slice = 0;
+  if (along <= depth_mm_.front()) {
+    if (depth_mm_.front() - along > spacing_mm_ / 2) return std::nullopt;
+    high = 0;
+  } else if (along >= depth_mm_.back()) {
+    if (along - depth_mm_.back() > spacing_mm_ / 2) return std::nullopt;
+    low = high;
+    slice = static_cast<double>(high);
+  } else {
+    high = static_cast<std::size_t>(std::upper_bound(depth_mm_.begin(), depth_mm_.end(), along) -
+                                    depth_mm_.begin());
+    low = high - 1;
+    const double gap = depth_mm_[high] - depth_mm_[low];
+    if (gap > std::max(1.6 * spacing_mm_, std::min(gap_of_one_spacings * spacing_mm_, gap_of_one_mm)))
+      return std::nullopt;
+    slice = static_cast<double>(low) + (along - depth_mm_[low]) / gap;
+  }
+  // Slices may be shifted within their plane: the origin is interpolated as well.
+  const double u = slice - static_cast<double>(low);
+  const Vector3d origin = (1 - u) * stack_.slice_position[low] + u * stack_.slice_position[high];
+  return Vector3d((lps - origin).dot(stack_.along_row) / stack_.column_spacing_mm,
+                  (lps - origin).dot(stack_.along_column) / stack_.row_spacing_mm, slice);
+}
+
+std::optional<double> Sampler::interpolate(const Vector3d& lps) const {
+  const auto at = voxel_coordinates(lps);
   if (!at) return std::nullopt;
   const int c = static_cast<int>(std::floor(at->x())), r = static_cast<int>(std::floor(at->y()));
-  if (c < 0 || r < 0 || c + 1 >= stack.columns || r + 1 >= stack.rows) return std::nullopt;
-  const int s0 = static_cast<int>(at->z()), s1 = std::min(s0 + 1, stack.slices() - 1);
+  if (c < 0 || r < 0 || c + 1 >= stack_.columns || r + 1 >= stack_.rows) return std::nullopt;
+  const int s0 = static_cast<int>(at->z()), s1 = std::min(s0 + 1, stack_.slices() - 1);
   const double u = at->x() - c, v = at->y() - r, w = at->z() - s0;
   const auto plane = [&](int s) {
-    return (1 - v) * ((1 - u) * stack.at(c, r, s) + u * stack.at(c + 1, r, s)) +
-           v * ((1 - u) * stack.at(c, r + 1, s) + u * stack.at(c + 1, r + 1, s));
+    return (1 - v) * ((1 - u) * stack_.at(c, r, s) + u * stack_.at(c + 1, r, s)) +
+           v * ((1 - u) * stack_.at(c, r + 1, s) + u * stack_.at(c + 1, r + 1, s));
   };
   return (1 - w) * plane(s0) + w * plane(s1);
 }

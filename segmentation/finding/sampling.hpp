@@ -8,13 +8,26 @@
 
 namespace emmetrope::segmentation {
 
-/// Column, row and slice coordinates (fractional) of a point; the slice coordinate interpolates the slices'
-/// own positions along the normal and is absent outside the stack or in a gap wider than 1.6 spacings, but
-/// for that of one missing slice up to 2.6 mm.
-std::optional<Eigen::Vector3d> voxel_coordinates(const Stack& stack, const Eigen::Vector3d& lps);
+/// Reads a stack, which must outlive it, between its voxels.
+class Sampler {
+ public:
+  explicit Sampler(const Stack& stack);
 
-/// Trilinear interpolation; absent outside the stack or inside a gap.
-std::optional<double> interpolate(const Stack& stack, const Eigen::Vector3d& lps);
+  /// Column, row and slice coordinates (fractional) of a point; the slice coordinate interpolates the slices'
+  /// own positions along the normal and is absent outside the stack or in a gap wider than 1.6 spacings, but
+  /// for that of one missing slice up to 2.6 mm.
+  std::optional<Eigen::Vector3d> voxel_coordinates(const Eigen::Vector3d& lps) const;
+
+  /// Trilinear interpolation; absent outside the stack or inside a gap.
+  std::optional<double> interpolate(const Eigen::Vector3d& lps) const;
+
+  const Stack& stack() const { return stack_; }
+
+ private:
+  const Stack& stack_;
+  std::vector<double> depth_mm_;  ///< of the slices, along the normal
+  double spacing_mm_;
+};
 
 /// Calls `visit(column, row, slice, position)` for each voxel with its centre within `radius_mm` of `centre`.
 void for_each_voxel_near(const Stack& stack, const Eigen::Vector3d& centre, double radius_mm,

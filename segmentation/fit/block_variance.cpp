@@ -12,6 +12,7 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 using RowMatrix = Eigen::SparseMatrix<double, Eigen::RowMajor>;
+using DenseRows = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
 /// Of the unbiased widening, by how much it must be above 1 for residuals to be coherent beyond doubt;
 /// chosen, as noise alone makes it 0.4 to 1.2 in phantoms, and it is 0.9 to 2.1 in real scans
@@ -39,6 +40,8 @@ Blocks intersection(const Blocks& first, const Blocks& second) {
 BlockVariance block_variance(const LinearRows& rows, const MatrixXd& covariance, const Blocks& blocks,
                              const MatrixXd& figures) {
   const MatrixXd hessian = covariance.llt().solve(MatrixXd::Identity(covariance.rows(), covariance.cols()));
+  const DenseRows covariance_rows = covariance;  // a sparse row times it adds up whole rows
+  const MatrixXd covariance_with_figures = covariance * figures;
   const std::vector<std::vector<Index>> list = members(blocks);
   BlockVariance sum{VectorXd::Zero(figures.cols()), VectorXd::Zero(figures.cols())};
   for (const std::vector<Index>& block : list) {
@@ -55,14 +58,14 @@ BlockVariance block_variance(const LinearRows& rows, const MatrixXd& covariance,
     VectorXd without;
     if (count < jacobian.cols()) {
       // (H - J'J)^-1 J' = C J' (I - J C J')^-1, the smaller matrix.
-      const MatrixXd spread = jacobian * covariance;
+      const DenseRows spread = jacobian * covariance_rows;
       const MatrixXd left = MatrixXd::Identity(count, count) - jacobian * spread.transpose();
       without = spread.transpose() * left.ldlt().solve(residual);
     } else {
       const MatrixXd left = hessian - MatrixXd(jacobian.transpose() * jacobian);
       without = left.ldlt().solve(jacobian.transpose() * residual);
     }
-    const VectorXd influence = figures.transpose() * (covariance * (jacobian.transpose() * residual)),
+    const VectorXd influence = covariance_with_figures.transpose() * (jacobian.transpose() * residual),
                    deletion = figures.transpose() * without;
     sum.unbiased += influence.cwiseProduct(deletion);
     sum.jackknife += deletion.cwiseAbs2();

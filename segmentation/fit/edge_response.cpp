@@ -14,6 +14,14 @@ double sinc(double t) {
   return std::abs(x) < 1e-8 ? 1.0 : std::sin(x) / x;
 }
 
+/// sinc(t) + filter ((sinc(t - 1) + sinc(t + 1)) / 4 - sinc(t) / 2), by one sine.
+double filtered_sinc(double t, double filter) {
+  const double sine = std::sin(pi * t) / pi;
+  const auto over = [](double numerator, double x) { return std::abs(x) < 1e-6 ? 1.0 : numerator / x; };
+  const double middle = over(sine, t);
+  return middle + filter * ((over(-sine, t - 1) + over(-sine, t + 1)) / 4 - middle / 2);
+}
+
 /// The edge and what a filter adds to it, each with its antiderivative.
 struct EdgeTerms {
   double edge = 0, integral = 0, filtered = 0, filtered_integral = 0;
@@ -104,7 +112,7 @@ EdgeValue averaged_edge(double t, double h, double filter) {
   constexpr double shortest_stretch = 0.02;
   if (h < shortest_stretch) {
     const EdgeTerms at = table()(t);
-    const double slope = sinc(t) + filter * ((sinc(t - 1) + sinc(t + 1)) / 4 - sinc(t) / 2);
+    const double slope = filtered_sinc(t, filter);
     return {at.edge + filter * at.filtered, slope, t * slope, at.filtered};
   }
   const EdgeTerms ahead = table()(t + h), behind = table()(t - h);

@@ -47,16 +47,18 @@ bool EyeDrawing::enter(const Vector3d& middle) {
     fields_ = at_.wall_fields(near_, middle);
     fields_.background *= 1 - smooth_step(-inside, background_reach_mm / 2, background_reach_mm);
   }
-  bool border = false;
-  for (int s = 0; s < surface_count; ++s) {
-    distance_[s] = distance(surface(static_cast<Surface>(s), middle));
-    border = border || std::abs(distance_[s]) < reach_;
-  }
-  return border;
+  for (int s = 0; s < lens_front; ++s) distance_[s] = distance(surface(static_cast<Surface>(s), middle));
+  EyeSurface front, back, equator;
+  lens_surfaces(a_, middle, front, back, equator);
+  distance_[lens_front] = distance(front);
+  distance_[lens_back] = distance(back);
+  distance_[lens_equator] = distance(equator);
+  distance_[nucleus] = distance(nucleus_surface(a_, middle));
+  return std::any_of(distance_.begin(), distance_.end(), [&](double d) { return std::abs(d) < reach_; });
 }
 
 double EyeDrawing::operator()(const Vector3d& p) const {
-  const double depth = -p.z(), off_axis = std::hypot(p.x(), p.y());
+  const double depth = -p.z(), off_axis = p.head<2>().norm();
   const double rear = std::max(smooth_step(off_axis, 5, 7), smooth_step(depth, 4, 6));
   const double eye = joined(rear, cornea_front, wall_outside, p),
                inside = joined(rear, cornea_back, wall_inside, p);
@@ -71,22 +73,22 @@ double EyeDrawing::operator()(const Vector3d& p) const {
     value += behind_face * ((around - fat) * (1 - eye) + fat * (1 - without_fat));
   }
   value += (a_[cornea] + (a_[wall] - a_[cornea]) * rear) * (eye - inside);
-  const double share = a_[wall_inner_share];
-  value += rear * a_[wall_layering] *
-           (coverage(wall_between, p) - (1 - share) * coverage(wall_inside, p) -
-            share * coverage(wall_outside, p));
+  if (rear > 0) {
+    const double share = a_[wall_inner_share];
+    value += rear * a_[wall_layering] *
+             (coverage(wall_between, p) - (1 - share) * coverage(wall_inside, p) -
+              share * coverage(wall_outside, p));
+  }
   const double mid_lens = a_[anterior_chamber_depth] + a_[lens_thickness] / 2;
   const double fluid =
       a_[aqueous] + (a_[vitreous] - a_[aqueous]) * smooth_step(depth, mid_lens - 1, mid_lens + 1);
   value += fluid * inside;
-  const double in_lens = coverage(lens_front, p) * coverage(lens_back, p) * coverage(lens_equator, p);
-  return value + (a_[lens] - fluid) * in_lens + a_[lens_nucleus] * coverage(nucleus, p);
+  return value + (a_[lens] - fluid) * in_lens(p) + a_[lens_nucleus] * coverage(nucleus, p);
 }
 
 EyeSurface EyeDrawing::surface(Surface which, const Vector3d& p) const {
   WallFields fields = fields_;
   fields.displacement += fields.gradient.dot(p - middle_);
-  EyeSurface front, back, equator;
   switch (which) {
     case lid_front:
       return lid_surface(a_, p);
@@ -100,23 +102,36 @@ EyeSurface EyeDrawing::surface(Surface which, const Vector3d& p) const {
       return globe_surface(a_, p, WallSide::inner, &fields);
     case wall_between:
       return globe_surface(a_, p, WallSide::between, &fields);
-    case nucleus:
-      return nucleus_surface(a_, p);
     case fat_begins:
       return globe_surface(a_, p - fat_shift_, WallSide::outer, &fields);
     default:
-      lens_surfaces(a_, p, front, back, equator);
-      return which == lens_front ? front : which == lens_back ? back : equator;
+      return nucleus_surface(a_, p);
   }
+}
+
+/// Share of the cell that lies inside a surface, by its form about the cell's middle.
+double EyeDrawing::share_inside(const EyeSurface& s) const {
+  // Of a ramp with the variance of the cell's points across the surface.
+  const double width = (cell_.transpose() * s.gradient).norm();
+  return std::clamp(0.5 + s.f / width, 0.0, 1.0);
 }
 
 /// Share of the cell about p that lies inside a surface.
 double EyeDrawing::coverage(Surface which, const Vector3d& p) const {
   if (std::abs(distance_[which]) > reach_) return distance_[which] > 0 ? 1 : 0;
-  const EyeSurface s = surface(which, p);
-  // Of a ramp with the variance of the cell's points across the surface.
-  const double width = (cell_.transpose() * s.gradient).norm();
-  return std::clamp(0.5 + s.f / width, 0.0, 1.0);
+  return share_inside(surface(which, p));
+}
+
+double EyeDrawing::in_lens(const Vector3d& p) const {
+  const double least = std::min({distance_[lens_front], distance_[lens_back], distance_[lens_equator]});
+  if (least < -reach_) return 0;
+  if (least > reach_) return 1;
+  std::array<EyeSurface, 3> sides;
+  lens_surfaces(a_, p, sides[0], sides[1], sides[2]);
+  double share = 1;
+  for (int i = 0; i < 3; ++i)
+    if (distance_[lens_front + i] <= reach_) share *= share_inside(sides[i]);
+  return share;
 }
 
 /// Inside of the cornea's surface before the limbus, of the globe's behind it.

@@ -43,7 +43,10 @@ class EyeDrawing {
     surface_count
   };
 
+  /// Any but the lens' three, which come together.
   EyeSurface surface(Surface which, const Eigen::Vector3d& p) const;
+  double share_inside(const EyeSurface& s) const;
+  double in_lens(const Eigen::Vector3d& p) const;
   double coverage(Surface which, const Eigen::Vector3d& p) const;
   double joined(double rear, Surface of_cornea, Surface of_globe, const Eigen::Vector3d& p) const;
 

@@ -35,7 +35,8 @@ Bump exact_bump(double cosine) {
   return {value, value / (bump_width_rad * bump_width_rad) * (sine > 1e-6 ? angle / sine : 1)};
 }
 
-/// Cubic interpolation on a grid of cosines, right to 1e-8: acos and exp would take a quarter of a fit.
+/// Cubic interpolation on a grid of cosines, right to 1e-8, which the Gaussian has fallen to at its end: acos
+/// and exp would take a quarter of a fit.
 class BumpTable {
  public:
   BumpTable() {
@@ -43,7 +44,7 @@ class BumpTable {
       nodes_[i] = exact_bump(1 - (1 - first_) * (1 - double(i) / intervals));
   }
   Bump operator()(double cosine) const {
-    if (cosine < first_) return exact_bump(cosine);
+    if (cosine < first_) return {0, 0};
     const double step = (1 - first_) / intervals, x = std::min(cosine - first_, 1 - first_) / step;
     const int i = std::min(static_cast<int>(x), intervals - 1);
     const double t = x - i, s = 1 - t;
@@ -55,8 +56,8 @@ class BumpTable {
   }
 
  private:
-  static constexpr int intervals = 256;
-  const double first_ = std::cos(3.3 * bump_width_rad);
+  static constexpr int intervals = 1024;
+  const double first_ = std::cos(6.1 * bump_width_rad);
   std::array<Bump, intervals + 1> nodes_;
 };
 
@@ -252,7 +253,7 @@ EyeSurface nucleus_surface(const VectorXd& a, const Vector3d& p) {
 
 void iris_surfaces(const VectorXd& a, const Vector3d& p, EyeSurface& top, EyeSurface& bottom,
                    EyeSurface& pupil) {
-  const double r = std::max(std::hypot(p.x(), p.y()), 0.3);
+  const double r = std::max(p.head<2>().norm(), 0.3);
   const double arm = r - iris_reference_radius_mm;
   const double depth = a[anterior_chamber_depth] + a[iris_offset] + a[iris_slope] * arm;
   const Vector3d radial(p.x() / r, p.y() / r, 0);

@@ -21,6 +21,8 @@ double find_apex_distance(const std::vector<const Stack*>& stacks, const EyeStar
   const int count = static_cast<int>((last - first) / step) + 1;
   VectorXd profile = VectorXd::Zero(count);
   const Vector3d across = start.axis.unitOrthogonal(), other = start.axis.cross(across);
+  std::vector<Sampler> samplers;
+  for (const Stack* stack : stacks) samplers.emplace_back(*stack);
   for (int i = 0; i < count; ++i) {
     int values = 0;
     for (std::size_t k = 0; k < stacks.size(); ++k) {
@@ -28,7 +30,7 @@ double find_apex_distance(const std::vector<const Stack*>& stacks, const EyeStar
         const double angle = ring * 2 * pi / 8, radius = ring == 8 ? 0 : 1.0;
         const Vector3d x = start.in_stack(k).globe_centre + (first + i * step) * start.axis +
                            radius * (std::cos(angle) * across + std::sin(angle) * other);
-        if (const auto value = interpolate(*stacks[k], x)) {
+        if (const auto value = samplers[k].interpolate(x)) {
           profile[i] += *value;
           ++values;
         }

@@ -91,12 +91,13 @@ class VoxelSelector {
   /// A voxel without its value, where the pass uses it.
   /// \param from_middle  its column, row and slice from the voxel in the globe's middle
   std::optional<Sample> select(const Vector3d& position, const Vector3i& from_middle) const {
+    if (!is_every(selection_.stride, from_middle)) return std::nullopt;
     const Vector3d p = at_.to_eye(position, static_cast<int>(index_));
     Sample sample;
     sample.zone = -p.z() < mid_lens_ ? Zone::front : Zone::rear;
     const bool used =
         sample.zone == Zone::front ? select_front(p, sample) : select_rear(p, from_middle, sample);
-    if (!used || !is_every(selection_.stride, from_middle)) return std::nullopt;
+    if (!used) return std::nullopt;
     sample.position = position;
     sample.deviation = static_cast<float>(observed_.sampling.noise);
     sample.stack = static_cast<std::uint8_t>(index_);
@@ -110,7 +111,7 @@ class VoxelSelector {
   }
 
   bool select_front(const Vector3d& p, Sample& sample) const {
-    const double depth = -p.z(), off_axis = std::hypot(p.x(), p.y()), reach = off_axis_reach(p);
+    const double depth = -p.z(), off_axis = p.head<2>().norm(), reach = off_axis_reach(p);
     if (off_axis > front_reach_mm && reach + pixel_ > least_limbus_mm) return false;
     const auto d = at_.distances(p);
     if (d.lid < -edge_reach_ || d.cornea_front < -5) return false;
@@ -140,7 +141,7 @@ class VoxelSelector {
     if (!selection_.optic_nerve && observed_.optic_nerve && d.globe < edge_reach_ &&
         d.direction.dot(*observed_.optic_nerve) > std::cos(optic_nerve_reach_deg * degree))
       return false;
-    sample.near_lens = depth < lens_end_ + influence_ && std::hypot(p.x(), p.y()) < 5;
+    sample.near_lens = depth < lens_end_ + influence_ && p.head<2>().norm() < 5;
     sample.near_wall = d.globe < influence_;
     // Pure vitreous says little: one voxel in eight.
     if (d.globe > edge_reach_ && depth > lens_end_ + edge_reach_ && !all_even(from_middle)) return false;

@@ -171,13 +171,14 @@ LabelledEye locate(const HandLabels& labels, const Stack& stack, Laterality late
       std::sqrt(std::max(0.0, sphere[3] + sphere.head<3>().squaredNorm())) - half_wall_mm, 7.0, 17.0);
   eye.globe.agreement = 1;
   constexpr int directions = 240;
+  const Sampler sampler(stack);
   int inside = 0;
   for (int i = 0; i < directions; ++i) {
     const double z = 1 - (2.0 * i + 1) / directions, r = std::sqrt(1 - z * z),
                  angle = i * pi * (3 - std::sqrt(5.0));
     const Vector3d wall =
         eye.globe.centre + eye.globe.radius_mm * Vector3d(r * std::cos(angle), r * std::sin(angle), z);
-    inside += voxel_coordinates(stack, wall) ? 1 : 0;
+    inside += sampler.voxel_coordinates(wall) ? 1 : 0;
   }
   eye.globe.inside = static_cast<double>(inside) / directions;
   eye.axis = (lens - eye.globe.centre).normalized();

@@ -207,13 +207,13 @@ TEST(Finding, NoEyeIsInvented) {
 TEST(Sampling, GapsAreNotInterpolated) {
   Stack stack = axial_stack({{{-30, -33, 0}, 11}}, Weighting::t2, 6);
   const Vector3d in_the_gap(-30, -33, 0.9);
-  EXPECT_TRUE(interpolate(stack, in_the_gap).has_value());
+  EXPECT_TRUE(Sampler(stack).interpolate(in_the_gap).has_value());
   for (const int removed : {11, 10, 9}) {
     stack.slice_position.erase(stack.slice_position.begin() + removed);
     stack.slice_intensity.erase(stack.slice_intensity.begin() + removed);
   }
-  EXPECT_FALSE(interpolate(stack, in_the_gap).has_value());
-  EXPECT_NEAR(*interpolate(stack, {-30, -33, 8}), 100, 16);
+  EXPECT_FALSE(Sampler(stack).interpolate(in_the_gap).has_value());
+  EXPECT_NEAR(*Sampler(stack).interpolate({-30, -33, 8}), 100, 16);
 }
 
 }  // namespace
