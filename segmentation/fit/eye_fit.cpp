@@ -25,6 +25,8 @@ using Eigen::VectorXd;
 constexpr std::size_t fewest_voxels = 1000;   ///< that an eye can be fitted to
 constexpr double unseen_gaze_sigma_deg = 10;  ///< where an eye looks whose front is blanked; chosen
 constexpr double unknown_sigma = 1e5;         ///< a prior that wide is none
+/// Fat is displaced alike about both eyes, and known so well about the fellow; chosen.
+constexpr double fellows_fat_shift_sigma_mm = 0.15;
 
 /// The first passes need not use every voxel: a tenth of a voxel is all they are asked for.
 int coarse_stride(const std::vector<ObservedStack>& stacks) {
@@ -40,6 +42,7 @@ struct ImagedEye {
   Weighting weighting;
   Evidence evidence;
   std::optional<double> age_years;
+  VectorXd fellow;  ///< parameters of the other eye in the same stacks; empty: not known
   std::vector<ObservedStack> stacks;
   ForwardModel model;
 };
@@ -51,7 +54,7 @@ ImagedEye imaged_eye(const std::vector<const Stack*>& stacks, const EyeStart& st
   std::vector<ObservedStack> observed = observe(stacks, start, weighting, evidence);
   std::vector<StackSampling> sampling;
   for (const ObservedStack& o : observed) sampling.push_back(o.sampling);
-  return {weighting, evidence, start.age_years, std::move(observed),
+  return {weighting, evidence, start.age_years, start.fellow, std::move(observed),
           ForwardModel(layout, std::move(sampling), start.globe_centre)};
 }
 
@@ -65,9 +68,13 @@ Priors priors_about(const ImagedEye& eye, const VectorXd& start) {
     }
   }
   for (int s = 0; s < layout.stacks; ++s)
-    for (const int along : {0, 1})
-      if (const double sigma = eye.model.stacks()[s].fat_shift_sigma_mm[along]; sigma > 0)
-        priors.sigma[layout.stack(s) + fat_shift_first + along] = sigma;
+    for (const int along : {0, 1}) {
+      const double sigma = eye.model.stacks()[s].fat_shift_sigma_mm[along];
+      if (!(sigma > 0)) continue;
+      const int at = layout.stack(s) + fat_shift_first + along;
+      priors.sigma[at] = eye.fellow.size() > 0 ? fellows_fat_shift_sigma_mm : sigma;
+      if (eye.fellow.size() > 0) priors.mean[at] = eye.fellow[at];
+    }
   return priors;
 }
 

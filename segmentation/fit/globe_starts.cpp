@@ -131,17 +131,29 @@ void move_off_fat(VectorXd& a, const ForwardModel& model, int stack, const Vecto
   for (int s = 1; s < layout.stacks; ++s) a.segment<3>(layout.stack(s) + shift_first) += globe;
 }
 
+/// With the fellow's sizes and with its own, where the globe was seen and, if that was the edge of displaced fat, off it.
+std::vector<VectorXd> starts_beside_fellow(const ForwardModel& model, const std::vector<const Stack*>& stacks,
+                                           const EyeStart& start, Weighting weighting, Evidence evidence) {
+  const ParameterLayout& layout = model.layout();
+  std::vector<VectorXd> starts{like_fellow(layout, start),
+                               start_parameters(layout, stacks, start, weighting, evidence)};
+  for (int s = 0; s < layout.stacks; ++s) {
+    const int at = layout.stack(s) + fat_shift_first;
+    starts[1].segment<2>(at) = start.fellow.segment<2>(at);
+  }
+  if (weighting != Weighting::t1) return starts;
+  for (const VectorXd& still : std::vector<VectorXd>(starts)) {
+    starts.push_back(still);
+    for (int s = 0; s < layout.stacks; ++s)
+      move_off_fat(starts.back(), model, s, still.segment<2>(layout.stack(s) + fat_shift_first));
+  }
+  return starts;
+}
+
 std::vector<VectorXd> starts_along_axis(const ForwardModel& model, const std::vector<const Stack*>& stacks,
                                         const EyeStart& start, Weighting weighting, Evidence evidence) {
   const ParameterLayout& layout = model.layout();
-  if (start.fellow.size() > 0) {
-    std::vector<VectorXd> starts{like_fellow(layout, start)};
-    if (weighting != Weighting::t1) return starts;
-    starts.push_back(starts[0]);
-    for (int s = 0; s < layout.stacks; ++s)
-      move_off_fat(starts[1], model, s, starts[1].segment<2>(layout.stack(s) + fat_shift_first));
-    return starts;
-  }
+  if (start.fellow.size() > 0) return starts_beside_fellow(model, stacks, start, weighting, evidence);
   std::vector<VectorXd> starts{start_parameters(layout, stacks, start, weighting, evidence)};
   if (weighting != Weighting::t1 || evidence == Evidence::labels) return starts;
   if (start.globe_half_axes_mm) return starts;

@@ -21,7 +21,8 @@ struct EyeStart {
   std::vector<Eigen::Vector3d> stack_shift;
   std::optional<double> age_years;  ///< of the patient; the lens changes with it
   std::optional<Laterality> laterality;
-  /// Parameters of the person's other eye, fitted to the same stacks, to start from instead; empty: none.
+  /// Parameters of the person's other eye, fitted to the same stacks, to start from too; fat is displaced here as it
+  /// is there. Empty: none.
   Eigen::VectorXd fellow = {};
   /// Where half-level edges told them: the interface's half axes, and the apex' distance from the centre.
   std::optional<Eigen::Vector3d> globe_half_axes_mm = {};

@@ -4,9 +4,12 @@
 
 #include <algorithm>
 #include <cmath>
+#include <tuple>
+#include <utility>
 
 #include "pipeline/base/error.hpp"
 #include "pipeline/eye/population/limits.hpp"
+#include "segmentation/fit/both_eyes.hpp"
 #include "segmentation/intake/canonical_stack.hpp"
 
 namespace emmetrope::segmentation {
@@ -31,11 +34,12 @@ double fat_shift_difference_mm(const EyeFit& a, const EyeFit& b) {
   return largest;
 }
 
-QualityGate failed(const char* name, double value, Withholds withholds, const std::string& reason) {
+QualityGate failed(const char* name, double value, double limit, Withholds withholds,
+                   const std::string& reason) {
   QualityGate gate;
   gate.name = name;
   gate.value = value;
-  gate.limit = limits_of(name).accepted.high;
+  gate.limit = limit;
   gate.passed = false;
   gate.withholds = withholds;
   gate.reason = reason;
@@ -45,8 +49,9 @@ QualityGate failed(const char* name, double value, Withholds withholds, const st
 std::optional<QualityGate> fat_contradiction(const EyeFit& a, const EyeFit& b) {
   const char* name = "fat_shift_difference_mm";
   const double apart_mm = fat_shift_difference_mm(a, b);
-  if (limits_of(name).accepted.contains(apart_mm)) return std::nullopt;
-  return failed(name, apart_mm, Withholds::fit,
+  const Range allowed = limits_of(name).accepted;
+  if (allowed.contains(apart_mm)) return std::nullopt;
+  return failed(name, apart_mm, allowed.high, Withholds::fit,
                 fmt::format("the two eyes contradict each other: in the same images the fat around one is "
                             "displaced by {:.1f} mm more than around the other, so that one was misread",
                             apart_mm));
@@ -58,17 +63,18 @@ std::optional<QualityGate> contradiction(const JudgedEye& a, const JudgedEye& b)
   if (auto fat = fat_contradiction(*a.fit, *b.fit)) return fat;
   const char* name = "vertical_gaze_difference_deg";
   const double apart_deg = std::abs(a.fit->value(gaze_vertical) - b.fit->value(gaze_vertical));
-  if (!a.has_front() || !b.has_front() || limits_of(name).accepted.contains(apart_deg)) return std::nullopt;
-  return failed(name, apart_deg, Withholds::front,
+  const Range allowed = limits_of(name).accepted;
+  if (!a.has_front() || !b.has_front() || allowed.contains(apart_deg)) return std::nullopt;
+  return failed(name, apart_deg, allowed.high, Withholds::front,
                 fmt::format("the two eyes contradict each other: one looks {:.0f} degrees higher than the "
                             "other, so that the front of one was misread (or the eyes squint)",
                             apart_deg));
 }
 
-/// Whether it is measured, agrees with its fellow, and explains its images better than before when it starts
-/// from what that one is like.
-bool improve(JudgedEye& eye, const JudgedEye& fellow, const std::string& because,
-             const std::vector<const Stack*>& stacks, std::optional<double> age_years, Verbosity verbosity) {
+/// From what its fellow is like.
+JudgedEye fitted_again(const JudgedEye& eye, const JudgedEye& fellow, const std::string& because,
+                       const std::vector<const Stack*>& stacks, std::optional<double> age_years,
+                       Verbosity verbosity) {
   Progress progress(fmt::format("fitting {} again", clinical_name(eye.found.laterality)), fit_steps,
                     verbosity);
   JudgedEye again;
@@ -79,13 +85,39 @@ bool improve(JudgedEye& eye, const JudgedEye& fellow, const std::string& because
   start.fellow = fellow.fit->parameters;
   start.others.clear();  // sizes and tissues are the fellow's
   fit_and_judge(again, views_of(eye.found, stacks), start, [&] { progress.advance(); });
-  if (!again.is_fitted() || again.rank() < eye.rank()) return false;
-  // A fit that was withheld is a gain even where the front still contradicts the fellow's: that is judged next.
-  const bool knows_more = again.rank() > eye.rank();
-  if (knows_more ? fat_contradiction(*again.fit, *fellow.fit) : contradiction(again, fellow)) return false;
-  if (eye.fit && again.fit->chi2_per_voxel > eye.fit->chi2_per_voxel) return false;
-  eye = std::move(again);
-  return true;
+  return again;
+}
+
+/// Whether as much is known by a second fit, and it leaves hardly larger residuals: what agrees with its fellow may
+/// explain its own images a little worse than what does not.
+bool is_as_good(const JudgedEye& again, const JudgedEye& eye) {
+  constexpr double hardly = 1.15;  // chosen: wrong second fits of real heads left 1.5 to 2.3 times as much
+  return again.is_fitted() && again.rank() >= eye.rank() &&
+         (!eye.fit || again.fit->chi2_per_voxel <= hardly * eye.fit->chi2_per_voxel);
+}
+
+/// Globes of a person are about equally wide and high. Where fits differ by more one was misread, and which is not known:
+/// the interval of each reaches to the other.
+void doubt_unlike_globes(JudgedEye& od, JudgedEye& os) {
+  const char* name = "globe_difference";
+  const Range allowed = limits_of(name).plausible;
+  for (const auto& [semi_axis, dimension] : {std::pair{globe_x, "wide"}, {globe_y, "high"}}) {
+    const double od_mm = 2 * od.fit->value(semi_axis), os_mm = 2 * os.fit->value(semi_axis),
+                 sigma_mm = std::hypot(globe_diameter_difference_mm, 2 * od.fit->sigma(semi_axis),
+                                       2 * os.fit->sigma(semi_axis)),
+                 sigmas = std::abs(od_mm - os_mm) / sigma_mm;
+    if (allowed.contains(sigmas)) continue;
+    for (JudgedEye* eye : {&od, &os}) {
+      const std::vector<int>& active = eye->fit->active;
+      const auto i = std::find(active.begin(), active.end(), int(semi_axis)) - active.begin();
+      eye->fit->covariance(i, i) += std::pow((od_mm - os_mm) / 4, 2);  // of half a diameter
+      eye->gates.push_back(failed(
+          name, sigmas, allowed.high, Withholds::nothing,
+          fmt::format("the right globe is {:.1f} mm {}, the left {:.1f} mm: the two of a person are more "
+                      "alike, so that one was misread; the intervals of both reach to the other",
+                      od_mm, dimension, os_mm)));
+    }
+  }
 }
 
 }  // namespace
@@ -135,23 +167,47 @@ void fit_and_judge(JudgedEye& eye, const std::vector<const Stack*>& images, cons
   }
 }
 
-void compare_fellow_eyes(JudgedEye& od, JudgedEye& os, const std::vector<const Stack*>& stacks,
-                         std::optional<double> age_years, Verbosity verbosity) {
-  if (!in_the_same_stacks(od, os)) return;
+namespace {
+
+void agree_by_second_fits(JudgedEye& od, JudgedEye& os, const std::vector<const Stack*>& stacks,
+                          std::optional<double> age_years, Verbosity verbosity) {
   if (od.rank() != os.rank()) {
     JudgedEye &less = od.rank() < os.rank() ? od : os, &more = od.rank() < os.rank() ? os : od;
     const bool can_improve = !less.fit || !less.fit->front_is_blanked();  // no fellow brings a front back
-    if (can_improve) improve(less, more, less.reasons(), stacks, age_years, verbosity);
+    if (can_improve) {
+      JudgedEye again = fitted_again(less, more, less.reasons(), stacks, age_years, verbosity);
+      // A fit that was withheld is a gain even where the front still contradicts the fellow's: that is judged next.
+      if (is_as_good(again, less) && again.rank() > less.rank() && !fat_contradiction(*again.fit, *more.fit))
+        less = std::move(again);
+    }
   }
   if (!od.is_fitted() || !os.is_fitted()) return;
   const std::optional<QualityGate> found = contradiction(od, os);
   if (!found) return;
-  const bool od_is_worse = od.fit->chi2_per_voxel > os.fit->chi2_per_voxel;
-  JudgedEye &worse = od_is_worse ? od : os, &better = od_is_worse ? os : od;
-  if (improve(worse, better, found->reason, stacks, age_years, verbosity) ||
-      improve(better, worse, found->reason, stacks, age_years, verbosity))
-    return;
-  for (JudgedEye* eye : {&od, &os}) eye->gates.push_back(*found);
+  JudgedEye od_again = fitted_again(od, os, found->reason, stacks, age_years, verbosity),
+            os_again = fitted_again(os, od, found->reason, stacks, age_years, verbosity);
+  // Of the pairs that agree the one that explains its images best.
+  std::optional<std::pair<JudgedEye, JudgedEye>> best;
+  const auto residuals = [](const JudgedEye& a, const JudgedEye& b) {
+    return a.fit->chi2_per_voxel + b.fit->chi2_per_voxel;
+  };
+  for (const auto& [a, b] : {std::pair{&od_again, &os}, {&od, &os_again}, {&od_again, &os_again}})
+    if (is_as_good(*a, od) && is_as_good(*b, os) && !contradiction(*a, *b) &&
+        (!best || residuals(*a, *b) < residuals(best->first, best->second)))
+      best = {*a, *b};
+  if (best)
+    std::tie(od, os) = *best;
+  else
+    for (JudgedEye* eye : {&od, &os}) eye->gates.push_back(*found);
+}
+
+}  // namespace
+
+void compare_fellow_eyes(JudgedEye& od, JudgedEye& os, const std::vector<const Stack*>& stacks,
+                         std::optional<double> age_years, Verbosity verbosity) {
+  if (!in_the_same_stacks(od, os)) return;
+  agree_by_second_fits(od, os, stacks, age_years, verbosity);
+  if (od.is_fitted() && os.is_fitted()) doubt_unlike_globes(od, os);
 }
 
 }  // namespace emmetrope::segmentation

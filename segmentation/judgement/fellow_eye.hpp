@@ -50,11 +50,12 @@ void fit_and_judge(JudgedEye& eye, const std::vector<const Stack*>& images, cons
                    const std::function<void()>& advance = {});
 
 /// Looks once more at two eyes that were fitted to the intensities of the same stacks, in the same order. An
-/// eye of which less is known than of its fellow is fitted again from what its fellow is like, and so is
-/// the one that explains its images worse when the two find fat displaced differently or look up and down apart
-/// (then the other one). The new fit is taken where as much is known by it, it agrees, and leaves smaller residuals.
-/// Two that still contradict each other lose both what they contradict each other in, the fit or the front: one took
-/// something else for it, and which is not known. Not for eyes that were fitted to labels.
+/// eye of which less is known than of its fellow is fitted again from what its fellow is like, and taken where more is
+/// known by it. Where the two find fat displaced differently or look up and down apart, each is fitted again from the
+/// other; of the pairs, old and new, that agree, that with the smallest residuals is taken. Where none does, both lose
+/// what they contradict each other in, the fit or the front: one took something else for it, and which is not known.
+/// Where their globes are not equally wide or high, the intervals of both reach to the other. Not for eyes that were
+/// fitted to labels.
 /// \param stacks  of the study, as FoundEye counts them
 void compare_fellow_eyes(JudgedEye& od, JudgedEye& os, const std::vector<const Stack*>& stacks,
                          std::optional<double> age_years, Verbosity verbosity);

@@ -171,9 +171,11 @@ void judge_slices_in_t1(const EyeFit& fit, Gates& gates) {
 }
 
 /// In T1 fat that chemical shift has laid over the wall is brighter than either, and is taken for the wall.
-/// \param confirmed  by edges: then a wall that is no eye's tells nothing of its inner surface
-void judge_wall_in_t1(const EyeFit& fit, Gates& gates, bool confirmed) {
-  const Withholds if_failed = confirmed ? Withholds::nothing : Withholds::fit;
+/// \param agreement  with edges. Those of the whole eye judge its inner surface by themselves: that the bright layer of
+///   the wall is all that is seen of it is no contradiction
+void judge_wall_in_t1(const EyeFit& fit, Gates& gates, const EdgeAgreement& agreement) {
+  const Withholds if_thin = agreement.with_length ? Withholds::nothing : Withholds::fit,
+                  if_bright = agreement.confirms() ? Withholds::nothing : Withholds::fit;
   constexpr double explained_chi2 = 1.5;
   const double thinnest_mm = std::min(fit.value(wall_lateral), fit.value(wall_axial));
   if (fit.regions[static_cast<std::size_t>(Part::wall)].chi2 < explained_chi2)
@@ -182,7 +184,7 @@ void judge_wall_in_t1(const EyeFit& fit, Gates& gates, bool confirmed) {
   else
     gates.refuse_below("wall_thickness_t1_mm", thinnest_mm,
                        fmt::format("a wall of {:.1f} mm is no eye's: fat was taken for it", thinnest_mm),
-                       if_failed);
+                       if_thin);
   const double thickest_mm = std::max(fit.value(wall_lateral), fit.value(wall_axial));
   gates.warn_above(
       "thickest_wall_t1_mm", thickest_mm,
@@ -194,7 +196,7 @@ void judge_wall_in_t1(const EyeFit& fit, Gates& gates, bool confirmed) {
                      fmt::format("the globe's wall is {:.1f} times as bright as the fat around it: fat "
                                  "displaced by chemical shift covers it",
                                  brightness),
-                     if_failed);
+                     if_bright);
 }
 
 void judge_edges(const EdgeAgreement& agreement, Gates& gates) {
@@ -323,11 +325,10 @@ const char* to_string(Withholds withholds) {
 std::vector<QualityGate> judge_quality(const FoundEye& found, const EyeFit& fit,
                                        const std::optional<ReadEye>& edges) {
   Gates gates;
-  bool confirmed = false;
+  EdgeAgreement agreement;
   if (edges) {
-    const EdgeAgreement agreement = compare_with_edges(fit, *edges);
+    agreement = compare_with_edges(fit, *edges);
     judge_edges(agreement, gates);
-    confirmed = agreement.confirms();
   }
   judge_globe(found, gates);
   if (fit.front_is_blanked()) {
@@ -340,10 +341,10 @@ std::vector<QualityGate> judge_quality(const FoundEye& found, const EyeFit& fit,
   }
   if (fit.weighting == Weighting::t1) {
     judge_slices_in_t1(fit, gates);
-    judge_wall_in_t1(fit, gates, confirmed);
+    judge_wall_in_t1(fit, gates, agreement);
   }
   if (!fit.front_is_blanked()) judge_apex(fit, gates);
-  judge_residuals(fit, gates, confirmed);
+  judge_residuals(fit, gates, agreement.confirms());
   if (!fit.front_is_blanked()) {
     judge_shape(fit, gates);  // of a blanked head the depth is not known
     judge_dimensions(found, fit, gates);

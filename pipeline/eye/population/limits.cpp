@@ -138,6 +138,8 @@ std::vector<Limits> fit_quality() {
       // Between two eyes in one image, which has one chemical shift and one bandwidth. Chosen; right fits of
       // phantoms differ by up to 0.2 mm, wrong ones by 1.5 to 2 mm.
       Row("fat_shift_difference_mm", "mm").refuse_outside(at_most(0.5)),
+      // Standard deviations between widths or heights of a person's globes; chosen.
+      Row("globe_difference", "").warn_outside(at_most(2.5)),
       // Eyes look up and down together. Chosen; right fits of real heads differ by up to 11 (noisy T1), wrong ones by 15.
       Row("vertical_gaze_difference_deg", "deg").refuse_outside(at_most(12)),
   };

@@ -325,6 +325,33 @@ TEST(QualityOfShapes, AWallTwiceAnEyesIsSaid) {
   EXPECT_DOUBLE_EQ(gate.value, 3);
 }
 
+/// Where residuals at the wall are larger than noise's, a wall of 0.2 mm may be fat: edges of the whole eye, where they
+/// were read, judge its inner side by themselves.
+TEST(QualityOfShapes, AThinWallIsDoubtedWhereNoEdgesSpeakForIt) {
+  const ParameterLayout layout;
+  Eigen::VectorXd parameters = population_mean(layout);
+  for (int i = vitreous; i <= surround; ++i) parameters[i] = i == vitreous || i == aqueous ? 0.1 : 1;
+  parameters[wall_lateral] = 0.2;
+  EyeFit fit = fit_at(layout, parameters, Weighting::t1);
+  fit.regions[static_cast<std::size_t>(Part::wall)].chi2 = 2;
+  EXPECT_EQ(gate_of(fit, "wall_thickness_t1_mm").withholds, Withholds::fit);
+  ReadEye edges{};
+  edges.reading.globe.centre = fit.globe_centre_lps();
+  edges.biometry.centre = edges.biometry.globe_width = edges.biometry.globe_height = {0, 0.7};
+  edges.biometry.globe_width.value = 2 * fit.value(globe_x);
+  edges.biometry.globe_height.value = 2 * fit.value(globe_y);
+  const auto withheld_by = [&] {
+    FoundEye found;
+    found.views.resize(1);
+    for (const QualityGate& gate : judge_quality(found, fit, edges))
+      if (gate.name == "wall_thickness_t1_mm") return gate.withholds;
+    return Withholds::cornea;
+  };
+  EXPECT_EQ(withheld_by(), Withholds::fit) << "edges without a length";
+  edges.biometry.axial_length = Estimate{fit.value(axial_length), 0.8};
+  EXPECT_EQ(withheld_by(), Withholds::nothing);
+}
+
 /// Where the images say nothing of the cornea (its power is known as well as before them), the iris may have been taken
 /// for it.
 TEST(QualityOfShapes, AShallowChamberBehindAnUnseenCorneaIsWithheld) {
@@ -451,6 +478,27 @@ TEST_F(FellowEyes, EyesLookUpAndDownTogether) {
     EXPECT_TRUE(is_withheld(eye->gates, Withholds::front));
     EXPECT_TRUE(eye->is_fitted());
     EXPECT_NE(eye->reasons().find("15 degrees higher"), std::string::npos) << eye->reasons();
+  }
+}
+
+/// Of one person: 0.5 mm is nothing, of 2.3 mm one was misread, and both intervals hold both.
+TEST_F(FellowEyes, UnlikeGlobesReachToEachOther) {
+  JudgedEye od = eye(0), os = eye(0);
+  od.fit->parameters[globe_y] = 11.5;
+  os.fit->parameters[globe_y] = 11.75;
+  const double before_mm = od.fit->sigma(globe_y);
+  compare(od, os);
+  EXPECT_TRUE(od.gates.empty() && os.gates.empty());
+  EXPECT_EQ(od.fit->sigma(globe_y), before_mm);
+  os.fit->parameters[globe_y] = 12.65;
+  compare(od, os);
+  for (const JudgedEye* eye : {&od, &os}) {
+    EXPECT_TRUE(eye->is_measured());
+    ASSERT_EQ(eye->gates.size(), 1U);
+    EXPECT_NE(eye->gates[0].reason.find("23.0 mm high, the left 25.3 mm"), std::string::npos)
+        << eye->gates[0].reason;
+    EXPECT_NEAR(eye->fit->sigma(globe_y), 1.15 / 2, 0.01);
+    EXPECT_NEAR(eye->fit->sigma(globe_x), before_mm, 1e-9);
   }
 }
 
