@@ -100,10 +100,7 @@ void fit_all(std::vector<JudgedEye>& eyes, const StudyImages& images, const Comm
 }
 
 /// \return whether both were measured and are alike enough to tell of each other
-bool couple(std::vector<JudgedEye>& eyes) {
-  if (eyes.size() != 2 || !eyes[0].has_front() || !eyes[1].has_front()) return false;
-  return couple_eyes(*eyes[0].fit, *eyes[1].fit);
-}
+bool couple(std::vector<JudgedEye>& eyes) { return eyes.size() == 2 && couple_fellow_eyes(eyes[0], eyes[1]); }
 
 /// Angle of the line of the globes' centres against the scanner's horizontal; positive: the left eye is
 /// higher.
@@ -128,8 +125,7 @@ void write_eye(const fs::path& folder, const JudgedEye& eye, const std::vector<c
 void warn_of(const JudgedEye& eye, StageWorkspace& workspace) {
   const char* name = clinical_name(eye.found.laterality);
   if (!eye.fitted_again_because.empty())
-    workspace.warn(
-        fmt::format("{}: fitted again, from what the other eye is like: {}", name, eye.fitted_again_because));
+    workspace.warn(fmt::format("{}: fitted again, beside the other eye: {}", name, eye.fitted_again_because));
   for (const QualityGate& gate : eye.gates)
     if (!gate.passed) workspace.warn(fmt::format("{}: {}", name, gate.reason));
 }

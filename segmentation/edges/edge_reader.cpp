@@ -47,9 +47,10 @@ struct Rays {
 Rays cast_rays(const Stack& stack, const BlankedRegion& blanked, const Vector3d& centre, const Vector3d& axis,
                double sign, int count) {
   constexpr double wall_reach_mm = 13.5, blank_step_mm = 0.75;
+  const Sampler sampler(stack);
   const auto meets_blank = [&](const Vector3d& direction) {
     for (double mm = first_mm; mm <= wall_reach_mm; mm += blank_step_mm)
-      if (blanked.holds(stack, centre + mm * direction)) return true;
+      if (blanked.holds(sampler, centre + mm * direction)) return true;
     return false;
   };
   Rays rays;

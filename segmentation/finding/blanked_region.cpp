@@ -65,14 +65,14 @@ bool BlankedRegion::holds_voxel(int column, int row, int slice) const {
   return is_core_within({column, row, slice}, 2);
 }
 
-bool BlankedRegion::is_zero(const Stack& stack, const Vector3d& lps) const {
-  const auto at = Sampler(stack).voxel_coordinates(lps);
+bool BlankedRegion::is_zero(const Sampler& stack, const Vector3d& lps) const {
+  const auto at = stack.voxel_coordinates(lps);
   return at && is_core_within(at->array().round().cast<int>(), 1);
 }
 
-bool BlankedRegion::holds(const Stack& stack, const Vector3d& lps) const {
+bool BlankedRegion::holds(const Sampler& stack, const Vector3d& lps) const {
   if (core_.empty()) return false;
-  const auto at = Sampler(stack).voxel_coordinates(lps);
+  const auto at = stack.voxel_coordinates(lps);
   if (!at) return false;
   const Array3i low = at->array().floor().cast<int>();
   for (int s = -1; s <= 2; ++s)
@@ -85,11 +85,13 @@ bool BlankedRegion::holds(const Stack& stack, const Vector3d& lps) const {
 bool BlankedRegion::holds_front(const Stack& stack, const Vector3d& globe_centre,
                                 const Vector3d& axis) const {
   constexpr int points = 200;
+  const Sampler sampler(stack);
   const auto share_lost = [&](double along_mm, double radius_mm) {
     int lost = 0;
     for (int i = 0; i < points; ++i)
-      lost += is_zero(stack, globe_centre + along_mm * axis +
-                                 radius_mm * std::cbrt((i + 0.5) / points) * fibonacci_direction(i, points));
+      lost +=
+          is_zero(sampler, globe_centre + along_mm * axis +
+                               radius_mm * std::cbrt((i + 0.5) / points) * fibonacci_direction(i, points));
     return static_cast<double>(lost) / points;
   };
   if (core_.empty()) return false;

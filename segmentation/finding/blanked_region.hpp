@@ -2,6 +2,7 @@
 #include <Eigen/Core>
 #include <vector>
 
+#include "segmentation/finding/sampling.hpp"
 #include "segmentation/intake/volume.hpp"
 
 namespace emmetrope::segmentation {
@@ -19,7 +20,7 @@ class BlankedRegion {
   bool holds_voxel(int column, int row, int slice) const;
   /// Whether an interpolation over four voxels a direction reaches to a voxel that is zero with its neighbours.
   /// \param stack  the one that it is of
-  bool holds(const Stack& stack, const Eigen::Vector3d& lps) const;
+  bool holds(const Sampler& stack, const Eigen::Vector3d& lps) const;
   /// Whether a quarter of a usual lens, 8 mm before the globe's centre, was blanked and nearly all that lies before it:
   /// a lens that is dark in a whole head has a bright chamber or lid before it.
   bool holds_front(const Stack& stack, const Eigen::Vector3d& globe_centre,
@@ -28,7 +29,7 @@ class BlankedRegion {
  private:
   bool is_core(const Eigen::Array3i& voxel) const;
   bool is_core_within(const Eigen::Array3i& voxel, int reach) const;
-  bool is_zero(const Stack& stack, const Eigen::Vector3d& lps) const;
+  bool is_zero(const Sampler& stack, const Eigen::Vector3d& lps) const;
 
   Eigen::Array3i first_ = Eigen::Array3i::Zero(), count_ = Eigen::Array3i::Zero();  ///< column, row, slice
   std::vector<char> core_;  ///< of the voxels from `first_` on: zero with all neighbours

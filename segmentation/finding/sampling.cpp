@@ -15,7 +15,7 @@ Sampler::Sampler(const Stack& stack) : stack_(stack), spacing_mm_(stack.slice_sp
 }
 
 std::optional<Vector3d> Sampler::voxel_coordinates(const Vector3d& lps) const {
-  if (depth_mm_.empty()) return std::nullopt;
+  if (depth_mm_.empty() || !lps.allFinite()) return std::nullopt;
   const double along = stack_.normal.dot(lps);
   std::size_t low = 0, high = depth_mm_.size() - 1;
   double slice = 0;

@@ -12,6 +12,7 @@ namespace emmetrope::segmentation {
 class Sampler {
  public:
   explicit Sampler(const Stack& stack);
+  explicit Sampler(Stack&&) = delete;
 
   /// Column, row and slice coordinates (fractional) of a point; the slice coordinate interpolates the slices'
   /// own positions along the normal and is absent outside the stack or in a gap wider than 1.6 spacings, but

@@ -9,8 +9,6 @@ inline constexpr double corneal_power_difference_D = 0.7;
 inline constexpr double axial_length_difference_mm = 0.5, chamber_depth_difference_mm = 0.15,
                         lens_thickness_difference_mm = 0.15, corneal_thickness_difference_mm = 0.02,
                         lid_thickness_difference_mm = 0.2;
-/// Of width and height; of nine pairs in real heads that were fitted alike.
-inline constexpr double globe_diameter_difference_mm = 0.4;
 // In one and the same stack: of the logarithm of a tissue's brightness over that of the aqueous, of the
 // logarithm of the sharpness, and of the chemical shift of fat.
 inline constexpr double tissue_intensity_difference = 0.05, lid_intensity_difference = 0.1;

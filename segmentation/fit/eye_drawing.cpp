@@ -104,6 +104,7 @@ EyeSurface EyeDrawing::surface(Surface which, const Vector3d& p) const {
       return globe_surface(a_, p, WallSide::between, &fields);
     case fat_begins:
       return globe_surface(a_, p - fat_shift_, WallSide::outer, &fields);
+    case nucleus:
     default:
       return nucleus_surface(a_, p);
   }

@@ -25,7 +25,7 @@ using Eigen::VectorXd;
 constexpr std::size_t fewest_voxels = 1000;   ///< that an eye can be fitted to
 constexpr double unseen_gaze_sigma_deg = 10;  ///< where an eye looks whose front is blanked; chosen
 constexpr double unknown_sigma = 1e5;         ///< a prior that wide is none
-/// Fat is displaced alike about both eyes, and known so well about the fellow; chosen.
+/// Fat is displaced alike about both eyes; how far the fellow's is to be trusted was chosen.
 constexpr double fellows_fat_shift_sigma_mm = 0.15;
 
 /// The first passes need not use every voxel: a tenth of a voxel is all they are asked for.
@@ -54,8 +54,9 @@ ImagedEye imaged_eye(const std::vector<const Stack*>& stacks, const EyeStart& st
   std::vector<ObservedStack> observed = observe(stacks, start, weighting, evidence);
   std::vector<StackSampling> sampling;
   for (const ObservedStack& o : observed) sampling.push_back(o.sampling);
-  return {weighting, evidence, start.age_years, start.fellow, std::move(observed),
-          ForwardModel(layout, std::move(sampling), start.globe_centre)};
+  return {weighting,           evidence,
+          start.age_years,     start.fellow,
+          std::move(observed), ForwardModel(layout, std::move(sampling), start.globe_centre)};
 }
 
 Priors priors_about(const ImagedEye& eye, const VectorXd& start) {
@@ -72,8 +73,10 @@ Priors priors_about(const ImagedEye& eye, const VectorXd& start) {
       const double sigma = eye.model.stacks()[s].fat_shift_sigma_mm[along];
       if (!(sigma > 0)) continue;
       const int at = layout.stack(s) + fat_shift_first + along;
-      priors.sigma[at] = eye.fellow.size() > 0 ? fellows_fat_shift_sigma_mm : sigma;
-      if (eye.fellow.size() > 0) priors.mean[at] = eye.fellow[at];
+      priors.sigma[at] = sigma;
+      if (eye.fellow.size() == 0) continue;
+      priors.mean[at] = eye.fellow[at];
+      priors.sigma[at] = std::min(sigma, fellows_fat_shift_sigma_mm);
     }
   return priors;
 }

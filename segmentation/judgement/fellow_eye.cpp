@@ -10,6 +10,7 @@
 #include "pipeline/base/error.hpp"
 #include "pipeline/eye/population/limits.hpp"
 #include "segmentation/fit/both_eyes.hpp"
+#include "segmentation/fit/eye_distances.hpp"
 #include "segmentation/intake/canonical_stack.hpp"
 
 namespace emmetrope::segmentation {
@@ -22,7 +23,7 @@ bool in_the_same_stacks(const JudgedEye& a, const JudgedEye& b) {
 }
 
 /// The largest difference in the displacement of fat that is beyond three standard deviations, mm.
-double fat_shift_difference_mm(const EyeFit& a, const EyeFit& b) {
+double fat_shifts_apart_mm(const EyeFit& a, const EyeFit& b) {
   double largest = 0;
   for (int s = 0; s < a.layout.stacks; ++s)
     for (const int along : {0, 1}) {
@@ -48,7 +49,7 @@ QualityGate failed(const char* name, double value, double limit, Withholds withh
 
 std::optional<QualityGate> fat_contradiction(const EyeFit& a, const EyeFit& b) {
   const char* name = "fat_shift_difference_mm";
-  const double apart_mm = fat_shift_difference_mm(a, b);
+  const double apart_mm = fat_shifts_apart_mm(a, b);
   const Range allowed = limits_of(name).accepted;
   if (allowed.contains(apart_mm)) return std::nullopt;
   return failed(name, apart_mm, allowed.high, Withholds::fit,
@@ -71,7 +72,7 @@ std::optional<QualityGate> contradiction(const JudgedEye& a, const JudgedEye& b)
                             apart_deg));
 }
 
-/// From what its fellow is like.
+/// Beside its fellow.
 JudgedEye fitted_again(const JudgedEye& eye, const JudgedEye& fellow, const std::string& because,
                        const std::vector<const Stack*>& stacks, std::optional<double> age_years,
                        Verbosity verbosity) {
@@ -83,7 +84,7 @@ JudgedEye fitted_again(const JudgedEye& eye, const JudgedEye& fellow, const std:
   again.edges = eye.edges;
   EyeStart start = start_of(eye.found, eye.edges, age_years);
   start.fellow = fellow.fit->parameters;
-  start.others.clear();  // sizes and tissues are the fellow's
+  start.others.clear();  // the fellow's sizes are tried instead of a sphere
   fit_and_judge(again, views_of(eye.found, stacks), start, [&] { progress.advance(); });
   return again;
 }
@@ -94,30 +95,6 @@ bool is_as_good(const JudgedEye& again, const JudgedEye& eye) {
   constexpr double hardly = 1.15;  // chosen: wrong second fits of real heads left 1.5 to 2.3 times as much
   return again.is_fitted() && again.rank() >= eye.rank() &&
          (!eye.fit || again.fit->chi2_per_voxel <= hardly * eye.fit->chi2_per_voxel);
-}
-
-/// Globes of a person are about equally wide and high. Where fits differ by more one was misread, and which is not known:
-/// the interval of each reaches to the other.
-void doubt_unlike_globes(JudgedEye& od, JudgedEye& os) {
-  const char* name = "globe_difference";
-  const Range allowed = limits_of(name).plausible;
-  for (const auto& [semi_axis, dimension] : {std::pair{globe_x, "wide"}, {globe_y, "high"}}) {
-    const double od_mm = 2 * od.fit->value(semi_axis), os_mm = 2 * os.fit->value(semi_axis),
-                 sigma_mm = std::hypot(globe_diameter_difference_mm, 2 * od.fit->sigma(semi_axis),
-                                       2 * os.fit->sigma(semi_axis)),
-                 sigmas = std::abs(od_mm - os_mm) / sigma_mm;
-    if (allowed.contains(sigmas)) continue;
-    for (JudgedEye* eye : {&od, &os}) {
-      const std::vector<int>& active = eye->fit->active;
-      const auto i = std::find(active.begin(), active.end(), int(semi_axis)) - active.begin();
-      eye->fit->covariance(i, i) += std::pow((od_mm - os_mm) / 4, 2);  // of half a diameter
-      eye->gates.push_back(failed(
-          name, sigmas, allowed.high, Withholds::nothing,
-          fmt::format("the right globe is {:.1f} mm {}, the left {:.1f} mm: the two of a person are more "
-                      "alike, so that one was misread; the intervals of both reach to the other",
-                      od_mm, dimension, os_mm)));
-    }
-  }
 }
 
 }  // namespace
@@ -167,15 +144,32 @@ void fit_and_judge(JudgedEye& eye, const std::vector<const Stack*>& images, cons
   }
 }
 
-namespace {
+std::optional<FellowPair> likeliest_agreeing(const JudgedEye& od, const JudgedEye& os,
+                                             const std::vector<FellowPair>& again) {
+  std::optional<FellowPair> best;
+  double least = 0;
+  for (const FellowPair& pair : again) {
+    if (!is_as_good(*pair.od, od) || !is_as_good(*pair.os, os) || contradiction(*pair.od, *pair.os)) continue;
+    const double residuals = pair.od->fit->chi2_per_voxel / od.fit->chi2_per_voxel +
+                             pair.os->fit->chi2_per_voxel / os.fit->chi2_per_voxel;
+    if (best && residuals >= least) continue;
+    best = pair;
+    least = residuals;
+  }
+  return best;
+}
 
-void agree_by_second_fits(JudgedEye& od, JudgedEye& os, const std::vector<const Stack*>& stacks,
-                          std::optional<double> age_years, Verbosity verbosity) {
+void compare_fellow_eyes(JudgedEye& od, JudgedEye& os, const std::vector<const Stack*>& stacks,
+                         std::optional<double> age_years, Verbosity verbosity) {
+  if (!in_the_same_stacks(od, os)) return;
+  const auto fitted_beside = [&](const JudgedEye& eye, const JudgedEye& fellow, const std::string& because) {
+    return fitted_again(eye, fellow, because, stacks, age_years, verbosity);
+  };
   if (od.rank() != os.rank()) {
     JudgedEye &less = od.rank() < os.rank() ? od : os, &more = od.rank() < os.rank() ? os : od;
     const bool can_improve = !less.fit || !less.fit->front_is_blanked();  // no fellow brings a front back
     if (can_improve) {
-      JudgedEye again = fitted_again(less, more, less.reasons(), stacks, age_years, verbosity);
+      JudgedEye again = fitted_beside(less, more, less.reasons());
       // A fit that was withheld is a gain even where the front still contradicts the fellow's: that is judged next.
       if (is_as_good(again, less) && again.rank() > less.rank() && !fat_contradiction(*again.fit, *more.fit))
         less = std::move(again);
@@ -184,30 +178,68 @@ void agree_by_second_fits(JudgedEye& od, JudgedEye& os, const std::vector<const 
   if (!od.is_fitted() || !os.is_fitted()) return;
   const std::optional<QualityGate> found = contradiction(od, os);
   if (!found) return;
-  JudgedEye od_again = fitted_again(od, os, found->reason, stacks, age_years, verbosity),
-            os_again = fitted_again(os, od, found->reason, stacks, age_years, verbosity);
-  // Of the pairs that agree the one that explains its images best.
-  std::optional<std::pair<JudgedEye, JudgedEye>> best;
-  const auto residuals = [](const JudgedEye& a, const JudgedEye& b) {
-    return a.fit->chi2_per_voxel + b.fit->chi2_per_voxel;
-  };
-  for (const auto& [a, b] : {std::pair{&od_again, &os}, {&od, &os_again}, {&od_again, &os_again}})
-    if (is_as_good(*a, od) && is_as_good(*b, os) && !contradiction(*a, *b) &&
-        (!best || residuals(*a, *b) < residuals(best->first, best->second)))
-      best = {*a, *b};
-  if (best)
-    std::tie(od, os) = *best;
-  else
-    for (JudgedEye* eye : {&od, &os}) eye->gates.push_back(*found);
+  // Each beside the other as it was, and then beside what became of that one.
+  const std::string& because = found->reason;
+  JudgedEye od_again = fitted_beside(od, os, because), os_again = fitted_beside(os, od, because);
+  JudgedEye od_third = os_again.is_fitted() ? fitted_beside(od, os_again, because) : JudgedEye{},
+            os_third = od_again.is_fitted() ? fitted_beside(os, od_again, because) : JudgedEye{};
+  const std::vector<FellowPair> pairs{
+      {&od_again, &os}, {&od, &os_again}, {&od_again, &os_third}, {&od_third, &os_again}};
+  if (const auto best = likeliest_agreeing(od, os, pairs)) {
+    JudgedEye new_od = *best->od, new_os = *best->os;
+    od = std::move(new_od);
+    os = std::move(new_os);
+    return;
+  }
+  for (JudgedEye* eye : {&od, &os}) eye->gates.push_back(*found);
+}
+
+namespace {
+
+/// Extent of the interface along an axis of the globe, as it is told.
+Estimate extent_of(const EyeFit& fit, Distance extent) {
+  const Eigen::VectorXd derivatives = distance_derivatives(fit).col(extent);
+  double extent_mm = 0;
+  for (std::size_t i = 0; i < fit.active.size(); ++i)
+    extent_mm += derivatives[static_cast<Eigen::Index>(i)] * fit.value(fit.active[i]);
+  return {extent_mm, std::sqrt(derivatives.dot(fit.covariance * derivatives))};
+}
+
+/// Globes of a person are about equally wide and high. Where fits differ by more, one was misread, or the eyes do differ:
+/// which is not known, so that the interval of each reaches to the other.
+void doubt_unlike_globes(JudgedEye& od, JudgedEye& os) {
+  // Standard deviation of the difference, mm; chosen after real heads (docs/method/segmentation.md, "Two eyes of one person").
+  constexpr double difference_mm = 0.4;
+  const char* name = "globe_difference";
+  const Range allowed = limits_of(name).plausible;
+  for (const auto& [extent, half_axis, dimension] :
+       {std::tuple{globe_width, globe_x, "wide"}, {globe_height, globe_y, "high"}}) {
+    const Estimate of_od = extent_of(*od.fit, extent), of_os = extent_of(*os.fit, extent);
+    const double apart_mm = of_od.value - of_os.value,
+                 sigmas = std::abs(apart_mm) / std::hypot(difference_mm, of_od.sigma, of_os.sigma);
+    if (allowed.contains(sigmas)) continue;
+    for (JudgedEye* eye : {&od, &os}) {
+      const std::vector<int>& active = eye->fit->active;
+      const auto i = std::find(active.begin(), active.end(), static_cast<int>(half_axis)) - active.begin();
+      eye->fit->covariance(i, i) += std::pow(apart_mm / 4, 2);  // half the difference, of an extent
+      eye->gates.push_back(failed(
+          name, sigmas, allowed.high, Withholds::nothing,
+          fmt::format(
+              "the right globe is {:.1f} mm {}, the left {:.1f} mm: one was misread, or the eyes differ more "
+              "than a person's do; the intervals of both reach to the other",
+              of_od.value, dimension, of_os.value)));
+    }
+  }
 }
 
 }  // namespace
 
-void compare_fellow_eyes(JudgedEye& od, JudgedEye& os, const std::vector<const Stack*>& stacks,
-                         std::optional<double> age_years, Verbosity verbosity) {
-  if (!in_the_same_stacks(od, os)) return;
-  agree_by_second_fits(od, os, stacks, age_years, verbosity);
-  if (od.is_fitted() && os.is_fitted()) doubt_unlike_globes(od, os);
+bool couple_fellow_eyes(JudgedEye& od, JudgedEye& os) {
+  const bool coupled = od.has_front() && os.has_front() && couple_eyes(*od.fit, *os.fit);
+  if (od.is_fitted() && os.is_fitted() && od.evidence == Evidence::intensities &&
+      os.evidence == Evidence::intensities)
+    doubt_unlike_globes(od, os);
+  return coupled;
 }
 
 }  // namespace emmetrope::segmentation

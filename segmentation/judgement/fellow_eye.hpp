@@ -54,10 +54,24 @@ void fit_and_judge(JudgedEye& eye, const std::vector<const Stack*>& images, cons
 /// known by it. Where the two find fat displaced differently or look up and down apart, each is fitted again from the
 /// other; of the pairs, old and new, that agree, that with the smallest residuals is taken. Where none does, both lose
 /// what they contradict each other in, the fit or the front: one took something else for it, and which is not known.
-/// Where their globes are not equally wide or high, the intervals of both reach to the other. Not for eyes that were
-/// fitted to labels.
+/// Not for eyes that were fitted to labels.
 /// \param stacks  of the study, as FoundEye counts them
 void compare_fellow_eyes(JudgedEye& od, JudgedEye& os, const std::vector<const Stack*>& stacks,
                          std::optional<double> age_years, Verbosity verbosity);
+
+/// The fits of two eyes.
+struct FellowPair {
+  const JudgedEye *od, *os;
+};
+/// Of pairs of old and new fits that agree and are as good as the old ones (nothing more is withheld, and their residuals
+/// are 1.15 times as large at most, each among its own voxels) that with the smallest residuals against the old ones.
+/// \param od, os  the old fits
+std::optional<FellowPair> likeliest_agreeing(const JudgedEye& od, const JudgedEye& os,
+                                             const std::vector<FellowPair>& again);
+
+/// What two eyes tell of each other in the end: fronts that stand are coupled, and where globes are not equally wide or
+/// high, the intervals of both reach to the other (fits to intensities).
+/// \return whether they were coupled (`couple_eyes`)
+bool couple_fellow_eyes(JudgedEye& od, JudgedEye& os);
 
 }  // namespace emmetrope::segmentation

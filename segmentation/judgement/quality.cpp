@@ -171,8 +171,8 @@ void judge_slices_in_t1(const EyeFit& fit, Gates& gates) {
 }
 
 /// In T1 fat that chemical shift has laid over the wall is brighter than either, and is taken for the wall.
-/// \param agreement  with edges. Those of the whole eye judge its inner surface by themselves: that the bright layer of
-///   the wall is all that is seen of it is no contradiction
+/// \param agreement  with edges, which judge the inner surface by themselves where they were read of the whole eye: that
+///   no more of the wall is seen than its bright inner layer (retina, choroid) does not speak against the fit then
 void judge_wall_in_t1(const EyeFit& fit, Gates& gates, const EdgeAgreement& agreement) {
   const Withholds if_thin = agreement.with_length ? Withholds::nothing : Withholds::fit,
                   if_bright = agreement.confirms() ? Withholds::nothing : Withholds::fit;
@@ -182,9 +182,12 @@ void judge_wall_in_t1(const EyeFit& fit, Gates& gates, const EdgeAgreement& agre
     gates.warn_below("wall_thickness_t1_mm", thinnest_mm,
                      "the globe's wall is as bright as what surrounds it: its thickness is not known");
   else
-    gates.refuse_below("wall_thickness_t1_mm", thinnest_mm,
-                       fmt::format("a wall of {:.1f} mm is no eye's: fat was taken for it", thinnest_mm),
-                       if_thin);
+    gates.refuse_below(
+        "wall_thickness_t1_mm", thinnest_mm,
+        if_thin == Withholds::fit
+            ? fmt::format("a wall of {:.1f} mm is no eye's: fat was taken for it", thinnest_mm)
+            : "only the bright inner layer of the globe's wall is seen: its thickness is not known",
+        if_thin);
   const double thickest_mm = std::max(fit.value(wall_lateral), fit.value(wall_axial));
   gates.warn_above(
       "thickest_wall_t1_mm", thickest_mm,

@@ -35,7 +35,7 @@ EyeInStack::EyeInStack(const EyeFit& fit, std::size_t view, const Stack& stack, 
     : fit_(fit),
       eye_(fit.model, fit.parameters),
       view_(static_cast<int>(view)),
-      stack_(stack),
+      sampler_(stack),
       shift_(shift) {
   const Vector3d centre =
       fit.globe_centre_lps() - fit.parameters.segment<3>(fit.layout.stack(view_) + shift_first) - shift;
@@ -45,7 +45,7 @@ EyeInStack::EyeInStack(const EyeFit& fit, std::size_t view, const Stack& stack, 
 Label EyeInStack::at(const Vector3d& lps) const {
   const Label label = label_at(eye_, fit_.parameters, eye_.to_eye(lps + shift_, view_));
   if (!fit_.front_is_blanked() || label == Label::none) return label;
-  const bool is_seen = (label == Label::vitreous || label == Label::wall) && !blanked_.holds(stack_, lps);
+  const bool is_seen = (label == Label::vitreous || label == Label::wall) && !blanked_.holds(sampler_, lps);
   return is_seen ? label : Label::none;
 }
 

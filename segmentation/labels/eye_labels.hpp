@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "pipeline/base/json.hpp"
+#include "segmentation/finding/sampling.hpp"
 #include "segmentation/fit/eye_fit.hpp"
 
 namespace emmetrope::segmentation {
@@ -34,7 +35,7 @@ class EyeInStack {
   const EyeFit& fit_;
   ForwardModel::AtParameters eye_;
   int view_;
-  const Stack& stack_;
+  Sampler sampler_;
   Eigen::Vector3d shift_;
   BlankedRegion blanked_;
 };

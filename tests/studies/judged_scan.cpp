@@ -43,7 +43,7 @@ std::vector<JudgedEye> judge(const Scan& scan) {
   on_threads(2, eyes.size(), [&](std::size_t i) { judge(eyes[i], stacks, scan.age_years); });
   if (eyes.size() != 2) return eyes;
   compare_fellow_eyes(eyes[0], eyes[1], stacks, scan.age_years, Verbosity{true});
-  if (eyes[0].has_front() && eyes[1].has_front()) couple_eyes(*eyes[0].fit, *eyes[1].fit);
+  couple_fellow_eyes(eyes[0], eyes[1]);
   return eyes;
 }
 

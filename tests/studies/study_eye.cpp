@@ -297,10 +297,8 @@ std::vector<Json> study_head(const StudyProtocol& wanted, unsigned long long see
     compare_fellow_eyes(*eyes[0].judged, *eyes[1].judged, eyes[0].images->views(), head.age_years,
                         Verbosity{true});
   for (StudiedEye& eye : eyes) conclude(eye);
-  if (eyes[0].is_measured() && eyes[1].is_measured()) {
-    couple_eyes(*eyes[0].judged->fit, *eyes[1].judged->fit);
-    couple_eyes(*eyes[0].bound, *eyes[1].bound);
-  }
+  if (eyes[0].is_measured() && eyes[1].is_measured()) couple_eyes(*eyes[0].bound, *eyes[1].bound);
+  if (eyes[0].judged && eyes[1].judged) couple_fellow_eyes(*eyes[0].judged, *eyes[1].judged);
   std::vector<Json> records;
   for (StudiedEye& eye : eyes) {
     eye.record["verdict"] = eye.judged ? eye.judged->status() : "not found";

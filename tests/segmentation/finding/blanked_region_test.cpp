@@ -35,8 +35,8 @@ const Vector3d ahead = -Vector3d::UnitY();  // LPS y grows backwards
 TEST(BlankedRegion, HoldsWhatLiesBeforeAPlaneAndWhatReachesIntoIt) {
   const Stack stack = noisy_stack([](const Vector3d& p) { return p.y() < -6; });
   const BlankedRegion blanked(stack, Vector3d::Zero(), 20);
-  EXPECT_TRUE(blanked.holds(stack, {0, -8, 0}));
-  EXPECT_FALSE(blanked.holds(stack, {0, -4, 0}));
+  EXPECT_TRUE(blanked.holds(Sampler(stack), {0, -8, 0}));
+  EXPECT_FALSE(blanked.holds(Sampler(stack), {0, -4, 0}));
   EXPECT_TRUE(blanked.holds_voxel(30, 30 - 7, 30));
   EXPECT_FALSE(blanked.holds_voxel(30, 30 - 4, 30));
   EXPECT_TRUE(blanked.holds_front(stack, Vector3d::Zero(), ahead));
@@ -51,7 +51,7 @@ TEST(BlankedRegion, SingleZerosAreNoise) {
   std::mt19937 random(2);
   const Stack stack = noisy_stack([&](const Vector3d&) { return random() % 4 == 0; });
   const BlankedRegion blanked(stack, Vector3d::Zero(), 20);
-  for (double y = -15; y < 15; y += 1) EXPECT_FALSE(blanked.holds(stack, {0, y, 0})) << y;
+  for (double y = -15; y < 15; y += 1) EXPECT_FALSE(blanked.holds(Sampler(stack), {0, y, 0})) << y;
 }
 
 /// A lens that a threshold made zero has its chamber and lid before it; negative voxels are somebody's normalisation.
@@ -60,18 +60,18 @@ TEST(BlankedRegion, ADarkLensInAWholeHeadIsNotBlanked) {
     return (p - 8 * ahead).cwiseQuotient(Vector3d(5, 3.5, 5)).norm() < 1;
   };
   Stack stack = noisy_stack(lens);
-  EXPECT_TRUE(BlankedRegion(stack, Vector3d::Zero(), 20).holds(stack, 8 * ahead));
-  EXPECT_FALSE(blanked_front(stack, Vector3d::Zero(), ahead, 20).holds(stack, 8 * ahead));
+  EXPECT_TRUE(BlankedRegion(stack, Vector3d::Zero(), 20).holds(Sampler(stack), 8 * ahead));
+  EXPECT_FALSE(blanked_front(stack, Vector3d::Zero(), ahead, 20).holds(Sampler(stack), 8 * ahead));
   stack = noisy_stack([](const Vector3d&) { return false; });
   for (auto& slice : stack.slice_intensity)
     for (float& value : slice) value -= 100;
-  EXPECT_FALSE(BlankedRegion(stack, Vector3d::Zero(), 20).holds(stack, 8 * ahead));
+  EXPECT_FALSE(BlankedRegion(stack, Vector3d::Zero(), 20).holds(Sampler(stack), 8 * ahead));
 }
 
 /// A window can make the fluid of T1 zero throughout.
 TEST(BlankedRegion, DarkVitreousIsNotBlanked) {
   const Stack stack = noisy_stack([](const Vector3d& p) { return p.norm() < 11; });
-  EXPECT_FALSE(BlankedRegion(stack, Vector3d::Zero(), 20).holds(stack, {0, -8, 0}));
+  EXPECT_FALSE(BlankedRegion(stack, Vector3d::Zero(), 20).holds(Sampler(stack), {0, -8, 0}));
 }
 
 }  // namespace
