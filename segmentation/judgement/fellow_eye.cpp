@@ -72,7 +72,7 @@ std::optional<QualityGate> contradiction(const JudgedEye& a, const JudgedEye& b)
                             apart_deg));
 }
 
-/// Beside its fellow.
+/// The eye with its own edges and its fellow's sizes and displacement of fat to start from.
 JudgedEye fitted_again(const JudgedEye& eye, const JudgedEye& fellow, const std::string& because,
                        const std::vector<const Stack*>& stacks, std::optional<double> age_years,
                        Verbosity verbosity) {
@@ -205,10 +205,10 @@ Estimate extent_of(const EyeFit& fit, Distance extent) {
   return {extent_mm, std::sqrt(derivatives.dot(fit.covariance * derivatives))};
 }
 
-/// Globes of a person are about equally wide and high. Where fits differ by more, one was misread, or the eyes do differ:
-/// which is not known, so that the interval of each reaches to the other.
+/// Globes of a person are about equally wide and high. Where fits differ by more, one was misread, or the eyes do
+/// differ: which is not known, so that the interval of each reaches to the other.
 void doubt_unlike_globes(JudgedEye& od, JudgedEye& os) {
-  // Standard deviation of the difference, mm; chosen after real heads (docs/method/segmentation.md, "Two eyes of one person").
+  // Standard deviation of the difference; chosen (docs/method/segmentation.md, "Two eyes of one person").
   constexpr double difference_mm = 0.4;
   const char* name = "globe_difference";
   const Range allowed = limits_of(name).plausible;

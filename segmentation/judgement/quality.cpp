@@ -171,11 +171,9 @@ void judge_slices_in_t1(const EyeFit& fit, Gates& gates) {
 }
 
 /// In T1 fat that chemical shift has laid over the wall is brighter than either, and is taken for the wall.
-/// \param agreement  with edges, which judge the inner surface by themselves where they were read of the whole eye: that
-///   no more of the wall is seen than its bright inner layer (retina, choroid) does not speak against the fit then
-void judge_wall_in_t1(const EyeFit& fit, Gates& gates, const EdgeAgreement& agreement) {
-  const Withholds if_thin = agreement.with_length ? Withholds::nothing : Withholds::fit,
-                  if_bright = agreement.confirms() ? Withholds::nothing : Withholds::fit;
+/// \param confirmed  by edges: then a wall that is no eye's tells nothing of its inner surface
+void judge_wall_in_t1(const EyeFit& fit, Gates& gates, bool confirmed) {
+  const Withholds if_failed = confirmed ? Withholds::nothing : Withholds::fit;
   constexpr double explained_chi2 = 1.5;
   const double thinnest_mm = std::min(fit.value(wall_lateral), fit.value(wall_axial));
   if (fit.regions[static_cast<std::size_t>(Part::wall)].chi2 < explained_chi2)
@@ -184,10 +182,9 @@ void judge_wall_in_t1(const EyeFit& fit, Gates& gates, const EdgeAgreement& agre
   else
     gates.refuse_below(
         "wall_thickness_t1_mm", thinnest_mm,
-        if_thin == Withholds::fit
-            ? fmt::format("a wall of {:.1f} mm is no eye's: fat was taken for it", thinnest_mm)
-            : "only the bright inner layer of the globe's wall is seen: its thickness is not known",
-        if_thin);
+        confirmed ? "only the bright inner layer of the globe's wall is seen: its thickness is not known"
+                  : fmt::format("a wall of {:.1f} mm is no eye's: fat was taken for it", thinnest_mm),
+        if_failed);
   const double thickest_mm = std::max(fit.value(wall_lateral), fit.value(wall_axial));
   gates.warn_above(
       "thickest_wall_t1_mm", thickest_mm,
@@ -199,7 +196,7 @@ void judge_wall_in_t1(const EyeFit& fit, Gates& gates, const EdgeAgreement& agre
                      fmt::format("the globe's wall is {:.1f} times as bright as the fat around it: fat "
                                  "displaced by chemical shift covers it",
                                  brightness),
-                     if_bright);
+                     if_failed);
 }
 
 void judge_edges(const EdgeAgreement& agreement, Gates& gates) {
@@ -328,10 +325,11 @@ const char* to_string(Withholds withholds) {
 std::vector<QualityGate> judge_quality(const FoundEye& found, const EyeFit& fit,
                                        const std::optional<ReadEye>& edges) {
   Gates gates;
-  EdgeAgreement agreement;
+  bool confirmed = false;
   if (edges) {
-    agreement = compare_with_edges(fit, *edges);
+    const EdgeAgreement agreement = compare_with_edges(fit, *edges);
     judge_edges(agreement, gates);
+    confirmed = agreement.confirms();
   }
   judge_globe(found, gates);
   if (fit.front_is_blanked()) {
@@ -344,10 +342,10 @@ std::vector<QualityGate> judge_quality(const FoundEye& found, const EyeFit& fit,
   }
   if (fit.weighting == Weighting::t1) {
     judge_slices_in_t1(fit, gates);
-    judge_wall_in_t1(fit, gates, agreement);
+    judge_wall_in_t1(fit, gates, confirmed);
   }
   if (!fit.front_is_blanked()) judge_apex(fit, gates);
-  judge_residuals(fit, gates, agreement.confirms());
+  judge_residuals(fit, gates, confirmed);
   if (!fit.front_is_blanked()) {
     judge_shape(fit, gates);  // of a blanked head the depth is not known
     judge_dimensions(found, fit, gates);

@@ -116,8 +116,7 @@ std::vector<Limits> fit_quality() {
       // Of the thinnest stack. In thicker ones fits of real T1 heads had globes 2 mm smaller than independent
       // readings: wall and fat are one edge.
       Row("slice_spacing_t1_mm", "mm").refuse_outside(at_most(3.5)),
-      // A wall as bright as what surrounds it has no outer border, and any thickness fits: a warning then, and where edges
-      // of the whole eye were read.
+      // A wall as bright as what surrounds it has no outer border, and any thickness fits: a warning then.
       Row("wall_thickness_t1_mm", "mm").refuse_outside(at_least(0.3)).warn_outside(at_least(0.3)),
       // Retina, choroid and sclera are 0.8 to 1.5 mm.
       Row("thickest_wall_t1_mm", "mm").warn_outside(at_most(2.5)),

@@ -325,8 +325,8 @@ TEST(QualityOfShapes, AWallTwiceAnEyesIsSaid) {
   EXPECT_DOUBLE_EQ(gate.value, 3);
 }
 
-/// Where residuals at the wall are larger than noise's, a wall of 0.2 mm may be fat: edges of the whole eye, where they
-/// were read, judge its inner side by themselves.
+/// Where residuals at the wall are larger than noise's, a wall of 0.2 mm may be fat, unless edges of the whole eye confirm
+/// its inner side.
 TEST(QualityOfShapes, AThinWallIsDoubtedWhereNoEdgesSpeakForIt) {
   const ParameterLayout layout;
   Eigen::VectorXd parameters = population_mean(layout);
@@ -351,6 +351,8 @@ TEST(QualityOfShapes, AThinWallIsDoubtedWhereNoEdgesSpeakForIt) {
   EXPECT_EQ(withheld_by(), Withholds::fit) << "edges without a length";
   edges.biometry.axial_length = Estimate{fit.value(axial_length), 0.8};
   EXPECT_EQ(withheld_by(), Withholds::nothing);
+  edges.biometry.globe_width.value += 1.6 * 0.7;
+  EXPECT_EQ(withheld_by(), Withholds::fit) << "edges that differ by 1.6 standard deviations";
 }
 
 /// Where the images say nothing of the cornea (its power is known as well as before them), the iris may have been taken
