@@ -1,5 +1,7 @@
 #include <fmt/format.h>
 
+#include <utility>
+
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/frames.hpp"
 #include "pipeline/base/power_vector.hpp"
@@ -31,7 +33,11 @@ EyeModel measured_eye(const std::string& case_folder, const std::string& lateral
   options.lens_core = lens_core;
   options.retinal_depth_mm = retinal_depth_mm;
   options.pupil_mm = pupil_mm;
-  return raytrace::read_measured_eye(case_folder, laterality_of(laterality), options).eye;
+  raytrace::MeasuredEye measured =
+      raytrace::read_measured_eye(case_folder, laterality_of(laterality), options);
+  if (!measured.warning.empty() && PyErr_WarnEx(PyExc_UserWarning, measured.warning.c_str(), 1) != 0)
+    throw py::error_already_set();  // who wants warnings as errors gets one
+  return std::move(measured.eye);
 }
 
 EyeModel new_eye(const std::string& name_or_file, double accommodation_D,
@@ -110,11 +116,11 @@ void bind_eyes(py::module_& module) {
           py::arg("laterality") = "od",
           "A schematic eye by name (schematic_eyes()), an eye.json by its path, also a case's, or a lens of Zemax (.zmx), "
           "Optiland or visisipy (.json).")
-      .def_static("from_case", &measured_eye, py::arg("case_folder"), py::arg("laterality") = "od",
-                  py::arg("pupil_mm") = 4.0, py::arg("age_years") = py::none(),
-                  py::arg("lens_index") = py::none(), py::arg("lens_core") = false,
-                  py::arg("retinal_depth_mm") = usual_retinal_depth_mm,
-                  "A measured eye from the meshes of a case, as trace has it.")
+      .def_static(
+          "from_case", &measured_eye, py::arg("case_folder"), py::arg("laterality") = "od",
+          py::arg("pupil_mm") = 4.0, py::arg("age_years") = py::none(), py::arg("lens_index") = py::none(),
+          py::arg("lens_core") = false, py::arg("retinal_depth_mm") = usual_retinal_depth_mm,
+          "A measured eye from the meshes of a case, as trace has it. An age that is not the study's is not used, and warned of.")
       .def_static(
           "from_dict",
           [](const py::object& dictionary, const std::string& folder) {

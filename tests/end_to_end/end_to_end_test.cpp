@@ -5,12 +5,14 @@
 #include <unistd.h>
 
 #include <chrono>
+#include <cmath>
 #include <csignal>
 #include <cstdlib>
 #include <thread>
 
 #include "pipeline/base/files.hpp"
 #include "pipeline/base/json.hpp"
+#include "pipeline/base/measured.hpp"
 #include "pipeline/base/process.hpp"
 #include "tests/support/temporary_folder.hpp"
 
@@ -67,7 +69,7 @@ void kill_in(const std::string& stage, const fs::path& case_folder, std::vector<
   ::waitpid(child, nullptr, 0);
 }
 
-TEST(EndToEnd, SampleStudyGivesAReportOfBothEyes) {
+TEST(EndToEnd, SampleStudyGivesAReportOfBothEyesAsTheyAre) {
   const test::TemporaryFolder folder;
   const fs::path case_folder = folder.path() / "case";
   const ProcessResult first =
@@ -89,6 +91,26 @@ TEST(EndToEnd, SampleStudyGivesAReportOfBothEyes) {
       name.replace(name.find("EYE"), 3, eye);
       EXPECT_TRUE(fs::exists(case_folder / name)) << name;
     }
+  }
+  // What was measured is what the study was made from.
+  const Json truth = read_json(sample().parent_path() / "truth.json").at("eyes");
+  for (const char* eye : {"od", "os"}) {
+    const Json biometry = read_json(case_folder / "meshing" / eye / "biometry.json");
+    for (const auto& [quantity, largest_error] : {std::pair{"/axial_length_mm", 0.12},
+                                                  {"/anterior_chamber_depth_mm", 0.08},
+                                                  {"/lens_thickness_mm", 0.08},
+                                                  {"/globe_width_mm", 0.1},
+                                                  {"/globe_height_mm", 0.1},
+                                                  {"/astigmatism/M_D", 1.5},
+                                                  {"/astigmatism/J0_D", 0.7},
+                                                  {"/astigmatism/J45_D", 0.7}}) {
+      const Json::json_pointer at(quantity);
+      const auto measured = biometry.at(at).get<Measured>();
+      const double error = measured.value - truth.at(eye).at(at).get<double>();
+      EXPECT_LT(std::abs(error), largest_error) << eye << quantity;
+      EXPECT_LT(std::abs(error), 3 * measured.sigma()) << eye << quantity;
+    }
+    EXPECT_LT(biometry.at("astigmatism").at("M_D").get<Measured>().sigma(), 1.1) << eye;
   }
   for (const auto& stage : stages()) {
     const Json provenance = read_json(case_folder / stage / "stage.json");

@@ -15,5 +15,7 @@ examples/eye_and_ray | grep -q '^reached'
 examples/picture
 test -s without.png && test -s with.png
 examples/refraction | grep 'dispensed as: -4.00 DS'
-examples/fit_study "$source/data_samples/sample/dicom" "$place/case" 2>/dev/null | tee fitted
+emmetrope phantom -o "$place/phantom" --random 7 --snr 20 --stack head-axial:pixel_mm=0.8,slice_mm=0.8,matrix=140x60,slices=44 \
+          --quiet
+examples/fit_study "$place/phantom/dicom" "$place/case" 2>/dev/null | tee fitted
 test "$(grep -c 'axial length' fitted)" = 2

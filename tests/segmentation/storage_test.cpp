@@ -5,21 +5,19 @@
 #include <cstdlib>
 #include <filesystem>
 
-#include "pipeline/base/files.hpp"
 #include "pipeline/eye/population/population.hpp"
 #include "segmentation/intake/nifti.hpp"
-#include "segmentation/intake/study.hpp"
 #include "segmentation/judgement/fellow_eye.hpp"
+#include "tests/support/phantom_eyes.hpp"
 #include "tests/support/stored_otherwise.hpp"
 
 namespace emmetrope::segmentation {
 namespace {
 
 /// An eye, found, read by its edges and fitted.
-EyeFit eye_of(const std::vector<Stack>& images, Laterality laterality) {
-  std::vector<const Stack*> stacks;
-  for (const Stack& image : images) stacks.push_back(&image);
-  const FoundEyes found = find_eyes(stacks, std::vector<std::string>(stacks.size()));
+EyeFit eye_of(const Stack& stack, Laterality laterality) {
+  const std::vector<const Stack*> stacks{&stack};
+  const FoundEyes found = find_eyes(stacks, {""});
   const auto wanted = std::find_if(found.eyes.begin(), found.eyes.end(),
                                    [&](const FoundEye& one) { return one.laterality == laterality; });
   if (wanted == found.eyes.end()) throw std::runtime_error("no such eye found");
@@ -30,7 +28,7 @@ EyeFit eye_of(const std::vector<Stack>& images, Laterality laterality) {
   return eye.fit.value();
 }
 
-EyeFit right_eye(const Stack& stack) { return eye_of({stack}, Laterality::od); }
+EyeFit right_eye(const Stack& stack) { return eye_of(stack, Laterality::od); }
 
 /// 0.02 mm, 0.05 D, and 2 % of every interval.
 void expect_same(const EyeFit& a, const EyeFit& b) {
@@ -53,60 +51,50 @@ TEST(StoredOtherwise, ARealHeadHasTheSameEye) {
     expect_same(right_eye(stored_otherwise(plain, storage)), as_it_is);
 }
 
-/// The sample study: T2, slices of a phantom's head in three directions.
-std::vector<Stack> sample_stacks() {
-  IntakeOptions options;
-  options.verbosity.quiet = true;
-  const StudyInventory inventory =
-      read_inventory(data_folder() / "data_samples" / "sample" / "dicom", options);
-  std::vector<Stack> stacks;
-  for (const SeriesInfo& series : inventory.series)
-    stacks.push_back(read_series(inventory, series.uid, options));
-  return stacks;
+/// A phantom's, in T2.
+const Stack& small_head() {
+  static const Stack stack = small_scan(7);
+  return stack;
 }
 
-const EyeFit& sample_eye() {
-  static const EyeFit eye = eye_of(sample_stacks(), Laterality::od);
+const EyeFit& its_right_eye() {
+  static const EyeFit eye = right_eye(small_head());
   return eye;
 }
 
 TEST(StoredOtherwise, VoxelsATenthLargerAreAnEyeATenthLarger) {
   constexpr double scale = 1.1, tolerance = 0.003;
-  std::vector<Stack> stacks = sample_stacks();
-  for (Stack& stack : stacks) {
-    for (double* length_mm : {&stack.row_spacing_mm, &stack.column_spacing_mm, &stack.slice_thickness_mm})
-      *length_mm *= scale;
-    stack.fat_shift_sigma_mm *= scale;
-    for (Eigen::Vector3d& position : stack.slice_position) position *= scale;
-  }
-  const EyeFit larger = eye_of(stacks, Laterality::od);
+  Stack stack = small_head();
+  for (double* length_mm : {&stack.row_spacing_mm, &stack.column_spacing_mm, &stack.slice_thickness_mm})
+    *length_mm *= scale;
+  stack.fat_shift_sigma_mm *= scale;
+  for (Eigen::Vector3d& position : stack.slice_position) position *= scale;
+  const EyeFit larger = right_eye(stack);
   for (const Parameter length : {axial_length, globe_x, globe_y})
-    EXPECT_NEAR(larger.value(length) / sample_eye().value(length), scale, scale * tolerance)
+    EXPECT_NEAR(larger.value(length) / its_right_eye().value(length), scale, scale * tolerance)
         << larger.layout.name(length);
   // Of which the population's lengths, which do not grow, say a part: within the intervals.
   for (const Parameter length : {anterior_chamber_depth, lens_thickness})
-    EXPECT_NEAR(larger.value(length), scale * sample_eye().value(length), 2 * larger.sigma(length))
+    EXPECT_NEAR(larger.value(length), scale * its_right_eye().value(length), 2 * larger.sigma(length))
         << larger.layout.name(length);
 }
 
 TEST(StoredOtherwise, TheMirroredHeadHasTheSameEyeOnTheOtherSide) {
-  std::vector<Stack> stacks = sample_stacks();
-  for (Stack& stack : stacks) {
-    for (Eigen::Vector3d* vector : {&stack.along_row, &stack.along_column}) vector->x() *= -1;
-    for (Eigen::Vector3d& position : stack.slice_position) position.x() *= -1;
-    // The normal of the mirrored axes runs the other way; slices are ordered along it.
-    stack.normal = stack.along_row.cross(stack.along_column);
-    std::reverse(stack.slice_position.begin(), stack.slice_position.end());
-    std::reverse(stack.slice_intensity.begin(), stack.slice_intensity.end());
-  }
-  const EyeFit mirrored = eye_of(stacks, Laterality::os);
+  Stack stack = small_head();
+  for (Eigen::Vector3d* vector : {&stack.along_row, &stack.along_column}) vector->x() *= -1;
+  for (Eigen::Vector3d& position : stack.slice_position) position.x() *= -1;
+  // The normal of the mirrored axes runs the other way; slices are ordered along it.
+  stack.normal = stack.along_row.cross(stack.along_column);
+  std::reverse(stack.slice_position.begin(), stack.slice_position.end());
+  std::reverse(stack.slice_intensity.begin(), stack.slice_intensity.end());
+  const EyeFit mirrored = eye_of(stack, Laterality::os);
   for (const Parameter length : {axial_length, globe_x, globe_y, anterior_chamber_depth, lens_thickness})
-    EXPECT_NEAR(mirrored.value(length), sample_eye().value(length), 0.02) << mirrored.layout.name(length);
+    EXPECT_NEAR(mirrored.value(length), its_right_eye().value(length), 0.02) << mirrored.layout.name(length);
   // An axis a becomes 180 - a.
   EXPECT_NEAR(keratometric_D_mm * mirrored.value(cornea_j0),
-              keratometric_D_mm * sample_eye().value(cornea_j0), 0.05);
+              keratometric_D_mm * its_right_eye().value(cornea_j0), 0.05);
   EXPECT_NEAR(keratometric_D_mm * mirrored.value(cornea_j45),
-              -keratometric_D_mm * sample_eye().value(cornea_j45), 0.05);
+              -keratometric_D_mm * its_right_eye().value(cornea_j45), 0.05);
 }
 
 }  // namespace

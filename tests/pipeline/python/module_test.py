@@ -9,6 +9,7 @@ import tempfile
 import threading
 import time
 import unittest
+import warnings
 
 import numpy
 
@@ -21,6 +22,12 @@ def command(name, *arguments):
     """What a command answers with --json."""
     line = [commands / f"emmetrope-{name}", *arguments, "--json", "--quiet"]
     return json.loads(subprocess.run(line, check=True, capture_output=True, text=True).stdout)
+
+
+def make_fixture_case(folder):
+    """A finished case made from formulas."""
+    subprocess.run([commands.parent / "tests/make-fixture-case", folder], check=True)
+    return folder
 
 
 class Eyes(unittest.TestCase):
@@ -272,7 +279,8 @@ class Commands(unittest.TestCase):
     def test_answer_as_dictionaries_and_fail_as_exceptions(self):
         from emmetrope import commands as run
         with tempfile.TemporaryDirectory() as folder:
-            truth = run.phantom(os.path.join(folder, "study"), random=3, protocol="head-t1", snr=0, quiet=True)
+            truth = run.phantom(os.path.join(folder, "study"), random=3, snr=0, quiet=True,
+                                stack="head-axial:pixel_mm=1.6,slice_mm=1.6,matrix=88x40,slices=24,contrast=t1")
             self.assertIn("axial_length_mm", truth["eyes"]["od"])
             series = run.inventory(os.path.join(folder, "study", "dicom"), quiet=True)["series"]
             self.assertTrue(series[0]["usable"])
@@ -298,6 +306,20 @@ class Commands(unittest.TestCase):
             traced = run.trace(eye="navarro", fovea=(2, 0), size="16x16", samples=32, output=os.path.join(folder, "out"),
                                quiet=numpy.bool_(True))
             self.assertEqual(traced["samples"], 32)
+
+
+class Cases(unittest.TestCase):
+    def test_an_age_that_is_not_the_studys_is_warned_of(self):
+        with tempfile.TemporaryDirectory() as folder:
+            case = emmetrope.Case(make_fixture_case(os.path.join(folder, "case")))
+            age_years = json.loads(pathlib.Path(case.folder, "case.json").read_text())["subject"]["age_years"]
+            with self.assertWarnsRegex(UserWarning, "age"):
+                case.eye("od", age_years=age_years + 20)
+            with warnings.catch_warnings():
+                warnings.simplefilter("error")
+                case.eye("od", age_years=age_years)
+                with self.assertRaises(UserWarning):
+                    case.eye("od", age_years=age_years + 20)
 
 
 class Module(unittest.TestCase):

@@ -1,13 +1,13 @@
 // living.mjs PAGE SETTINGS.json FOLDER [brief|pictures]: opens a page whose eyes look out of it, as its readers do. SETTINGS is
 // a list of { name, set, width, samples }; each picture is written as FOLDER/NAME.rgba, all else to FOLDER/findings.json; brief leaves
-// out what is the same for every eye, pictures adds screenshots.
+// out what is the same for every eye, pictures adds screenshots. EMMETROPE_FULL_PICTURES: how soon and how fast it draws, too.
 import { chromium } from "playwright-core";
 import { mkdirSync, readFileSync, writeFileSync } from "node:fs";
 import { createRequire } from "node:module";
 import { pathToFileURL } from "node:url";
 
 const [page_file, settings_file, folder, extent] = process.argv.slice(2);
-const pictures = extent === "pictures", brief = extent === "brief";
+const pictures = extent === "pictures", brief = extent === "brief", timed = process.env.EMMETROPE_FULL_PICTURES !== undefined;
 const address = pathToFileURL(page_file).href;
 const axe = createRequire(import.meta.url).resolve("axe-core/axe.min.js");
 mkdirSync(folder, { recursive: true });
@@ -30,7 +30,7 @@ const at_rest = (page) => page.waitForFunction(() => String(window.emmetrope.wor
 const settled = async (page) => { await page.waitForTimeout(300); await at_rest(page); };
 
 // 1. As it opens: how soon, and how fast.
-{
+if (timed) {
   const page = await open({ before: () => { window.opened = performance.now(); } });
   await page.waitForFunction(() => window.emmetrope?.stats().rays_per_s > 0);
   findings.first_picture_ms = await page.evaluate(() => performance.now() - window.opened);
@@ -100,6 +100,12 @@ if (!brief) {
   const page = await open();
   await page.evaluate(() => window.emmetrope.set({ samples: 16 }));
   await settled(page);
+  await page.evaluate(async () => {  // as a slider is dragged
+    for (const sphere_D of [-1, -0.9]) {
+      window.emmetrope.set({ sphere_D });
+      await window.emmetrope.quick(window.emmetrope.work);
+    }
+  });
   const canvas = page.locator(".living-stage canvas").first();
   const picture = async () => { await settled(page); return canvas.evaluate((element) => element.toDataURL()); };
   findings.unmoved = [];
