@@ -170,7 +170,8 @@ StageVerdict segment_study(const SegmentOptions& options, const CommonOptions& c
     for (const FoundEye& eye : found.eyes) eyes.emplace_back().found = eye;
   fit_all(eyes, images, common);
   if (eyes.size() == 2 && images.labels.empty())
-    compare_fellow_eyes(eyes[0], eyes[1], stacks, images.subject.age_years, common.verbosity);
+    compare_fellow_eyes(eyes[0], eyes[1], stacks, images.subject.age_years, common.thread_count(),
+                        common.verbosity);
   const bool coupled = couple(eyes);
   const std::optional<double> roll = head_roll_deg(eyes);
   eyes.erase(std::remove_if(

@@ -27,6 +27,8 @@ constexpr double unseen_gaze_sigma_deg = 10;  ///< where an eye looks whose fron
 constexpr double unknown_sigma = 1e5;         ///< a prior that wide is none
 /// Fat is displaced alike about both eyes; how far the fellow's is to be trusted was chosen.
 constexpr double fellows_fat_shift_sigma_mm = 0.15;
+/// So that the iris or the lid is not taken for the cornea; in the last passes the population's prior holds. Chosen.
+constexpr double fellows_chamber_sigma_mm = 0.2;
 
 /// The first passes need not use every voxel: a tenth of a voxel is all they are asked for.
 int coarse_stride(const std::vector<ObservedStack>& stacks) {
@@ -43,6 +45,7 @@ struct ImagedEye {
   Evidence evidence;
   std::optional<double> age_years;
   VectorXd fellow;  ///< parameters of the other eye in the same stacks; empty: not known
+  std::optional<double> fellows_chamber_mm;
   std::vector<ObservedStack> stacks;
   ForwardModel model;
 };
@@ -54,9 +57,13 @@ ImagedEye imaged_eye(const std::vector<const Stack*>& stacks, const EyeStart& st
   std::vector<ObservedStack> observed = observe(stacks, start, weighting, evidence);
   std::vector<StackSampling> sampling;
   for (const ObservedStack& o : observed) sampling.push_back(o.sampling);
-  return {weighting,           evidence,
-          start.age_years,     start.fellow,
-          std::move(observed), ForwardModel(layout, std::move(sampling), start.globe_centre)};
+  return {weighting,
+          evidence,
+          start.age_years,
+          start.fellow,
+          start.fellows_chamber_mm,
+          std::move(observed),
+          ForwardModel(layout, std::move(sampling), start.globe_centre)};
 }
 
 Priors priors_about(const ImagedEye& eye, const VectorXd& start) {
@@ -78,6 +85,15 @@ Priors priors_about(const ImagedEye& eye, const VectorXd& start) {
       priors.mean[at] = eye.fellow[at];
       priors.sigma[at] = std::min(sigma, fellows_fat_shift_sigma_mm);
     }
+  return priors;
+}
+
+/// Those on the way to the eye, too.
+Priors priors_on_the_way(const ImagedEye& eye, const VectorXd& start) {
+  Priors priors = priors_about(eye, start);
+  if (!eye.fellows_chamber_mm) return priors;
+  priors.mean[anterior_chamber_depth] = *eye.fellows_chamber_mm;
+  priors.sigma[anterior_chamber_depth] = fellows_chamber_sigma_mm;
   return priors;
 }
 
@@ -105,7 +121,7 @@ std::vector<Candidate> globe_candidates(const ImagedEye& eye,
     freeze_deviations(problem, starts.front());
     std::vector<Candidate> along_axis;
     for (const VectorXd& start : starts) {
-      problem.priors = priors_about(eye, start);
+      problem.priors = priors_on_the_way(eye, start);
       along_axis.push_back({fit_globe(problem, start, eye.evidence, globe.fields), problem.priors});
     }
     keep_distinct(along_axis, eye.model.layout());
@@ -333,6 +349,9 @@ EyeFit fit_eye(const std::vector<const Stack*>& stacks, const EyeStart& start, W
   fit.parameters = best.solution.parameters;
   fit.active = free_parameters(eye.model, evidence);
   fit.priors = with_smooth_coil(best.priors, eye.model);
+  const Priors of_population = priors_about(eye, fit.parameters);
+  fit.priors.mean[anterior_chamber_depth] = of_population.mean[anterior_chamber_depth];
+  fit.priors.sigma[anterior_chamber_depth] = of_population.sigma[anterior_chamber_depth];
   fit.iterations = best.solution.iterations;
   fit.start_costs = best.apex_costs;
   fit_to_all_voxels(fit, step_done);

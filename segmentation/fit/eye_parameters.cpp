@@ -187,13 +187,12 @@ double expected_curvature(const Priors& priors, double axial_length_mm) {
 }
 
 std::vector<Eigen::Vector3d> bump_directions() {
-  constexpr int lattice = 124;            // spacing 0.32 rad, one width
-  constexpr double cornea_cosine = 0.78;  // about 39 degrees around the axis, where the cornea is
+  constexpr int lattice = 124;  // spacing 0.31 rad, one width
+  constexpr double cornea_cosine =
+      0.78;  // the cornea ends 39 degrees from the axis; the first ring lies at 54
   std::vector<Eigen::Vector3d> directions;
-  for (int i = 0; i < lattice; ++i) {
-    const Eigen::Vector3d direction = fibonacci_direction(i, lattice);
+  for (const Eigen::Vector3d& direction : mirrored_directions(lattice))
     if (direction.z() <= cornea_cosine) directions.push_back(direction);
-  }
   return directions;
 }
 

@@ -143,7 +143,7 @@ double expected_curvature(const Priors& priors, double axial_length_mm);
 Eigen::VectorXd population_mean(const ParameterLayout& layout);
 
 /// Directions on the unit sphere (x, y, z of the eye frame, scaled by the globe's half axes) where the wall
-/// may be displaced: a Fibonacci lattice, none over the cornea.
+/// may be displaced: alike on both sides of the eye, above and below; none over the cornea.
 std::vector<Eigen::Vector3d> bump_directions();
 inline constexpr double bump_width_rad = 0.3;
 

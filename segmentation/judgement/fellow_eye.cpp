@@ -3,11 +3,13 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <tuple>
 #include <utility>
 
 #include "pipeline/base/error.hpp"
+#include "pipeline/base/parallel.hpp"
 #include "pipeline/eye/population/limits.hpp"
 #include "segmentation/fit/both_eyes.hpp"
 #include "segmentation/fit/eye_distances.hpp"
@@ -58,14 +60,32 @@ std::optional<QualityGate> fat_contradiction(const EyeFit& a, const EyeFit& b) {
                             apart_mm));
 }
 
-/// What two eyes in the same images cannot both be right in. Where one eye's front was not found its gaze tells nothing
-/// of the other's.
+constexpr const char* chamber_difference = "chamber_difference";
+
+/// In standard deviations, of which a part is what chambers of a person differ by.
+std::optional<QualityGate> chamber_contradiction(const EyeFit& a, const EyeFit& b) {
+  const double apart_mm = std::abs(a.value(anterior_chamber_depth) - b.value(anterior_chamber_depth)),
+               sigmas = apart_mm / std::hypot(chamber_depth_difference_mm, a.sigma(anterior_chamber_depth),
+                                              b.sigma(anterior_chamber_depth));
+  const Range allowed = limits_of(chamber_difference).accepted;
+  if (allowed.contains(sigmas)) return std::nullopt;
+  return failed(
+      chamber_difference, sigmas, allowed.high, Withholds::front,
+      fmt::format("the two eyes contradict each other: the anterior chamber of one is {:.1f} mm deeper, "
+                  "so that the iris or the lid of one was taken for its cornea (or its lens was replaced)",
+                  apart_mm));
+}
+
+/// What two eyes in the same images cannot both be right in. Where one eye's front was not found it tells nothing of the
+/// other's.
 std::optional<QualityGate> contradiction(const JudgedEye& a, const JudgedEye& b) {
   if (auto fat = fat_contradiction(*a.fit, *b.fit)) return fat;
+  if (!a.has_front() || !b.has_front()) return std::nullopt;
+  if (auto chamber = chamber_contradiction(*a.fit, *b.fit)) return chamber;
   const char* name = "vertical_gaze_difference_deg";
   const double apart_deg = std::abs(a.fit->value(gaze_vertical) - b.fit->value(gaze_vertical));
   const Range allowed = limits_of(name).accepted;
-  if (!a.has_front() || !b.has_front() || allowed.contains(apart_deg)) return std::nullopt;
+  if (allowed.contains(apart_deg)) return std::nullopt;
   return failed(name, apart_deg, allowed.high, Withholds::front,
                 fmt::format("the two eyes contradict each other: one looks {:.0f} degrees higher than the "
                             "other, so that the front of one was misread (or the eyes squint)",
@@ -75,17 +95,16 @@ std::optional<QualityGate> contradiction(const JudgedEye& a, const JudgedEye& b)
 /// The eye with its own edges and its fellow's sizes and displacement of fat to start from.
 JudgedEye fitted_again(const JudgedEye& eye, const JudgedEye& fellow, const std::string& because,
                        const std::vector<const Stack*>& stacks, std::optional<double> age_years,
-                       Verbosity verbosity) {
-  Progress progress(fmt::format("fitting {} again", clinical_name(eye.found.laterality)), fit_steps,
-                    verbosity);
+                       const std::function<void()>& advance) {
   JudgedEye again;
   again.found = eye.found;
   again.fitted_again_because = because;
   again.edges = eye.edges;
   EyeStart start = start_of(eye.found, eye.edges, age_years);
   start.fellow = fellow.fit->parameters;
+  if (fellow.has_front()) start.fellows_chamber_mm = fellow.fit->value(anterior_chamber_depth);
   start.others.clear();  // the fellow's sizes are tried instead of a sphere
-  fit_and_judge(again, views_of(eye.found, stacks), start, [&] { progress.advance(); });
+  fit_and_judge(again, views_of(eye.found, stacks), start, advance);
   return again;
 }
 
@@ -95,6 +114,26 @@ bool is_as_good(const JudgedEye& again, const JudgedEye& eye) {
   constexpr double hardly = 1.15;  // chosen: wrong second fits of real heads left 1.5 to 2.3 times as much
   return again.is_fitted() && again.rank() >= eye.rank() &&
          (!eye.fit || again.fit->chi2_per_voxel <= hardly * eye.fit->chi2_per_voxel);
+}
+
+/// Whether a globe is so much wider than deep that no eye is, beyond two standard deviations.
+bool is_flattened(const EdgeBiometry& globe) {
+  const Estimate& widest =
+      globe.globe_width.value > globe.globe_height.value ? globe.globe_width : globe.globe_height;
+  return widest.value - globe.globe_depth.value - 2 * std::hypot(widest.sigma, globe.globe_depth.sigma) >
+         limits_of("globe_flattening_mm").accepted.high;
+}
+
+bool is_in_thick_slices(const std::vector<QualityGate>& gates) {
+  return std::any_of(gates.begin(), gates.end(), [](const QualityGate& gate) {
+    return gate.name == "slice_spacing_t1_mm" && !gate.passed;
+  });
+}
+
+/// How far its depth is from what it was thought to be before the images were seen, squared, in standard deviations.
+double unlikeliness_of_chamber(const EyeFit& fit) {
+  const int chamber = anterior_chamber_depth;
+  return std::pow((fit.value(chamber) - fit.priors.mean[chamber]) / fit.priors.sigma[chamber], 2);
 }
 
 }  // namespace
@@ -110,10 +149,16 @@ std::string JudgedEye::reasons() const {
 std::string JudgedEye::edges_on_axis_withheld() const {
   if (edges.empty() || !edges.front() || !edges.front()->biometry.axial_length)
     return "cornea or lens have no edges of their own along the eye's axis";
-  const double edges_sigma_mm = edges.front()->biometry.axial_length->sigma;
+  const EdgeBiometry& read = edges.front()->biometry;
+  const double edges_sigma_mm = read.axial_length->sigma;
+  const bool in_thick_slices = is_in_thick_slices(gates);
   for (const QualityGate& gate : gates) {
+    // In slices that thick a fit is no witness: two fits of one eye's lens had a contrast of 0.67 and of -0.09.
+    if (in_thick_slices && gate.name != "front_is_blanked" && gate.name != "globe_flattening_mm") continue;
     // A fit that knows the length better than edges claim to does not speak against them.
     if (gate.name == "axial_length_sigma_mm" && gate.value < edges_sigma_mm) continue;
+    // A flat fit of a globe that is not flat by its edges was misread.
+    if (gate.name == "globe_flattening_mm" && !is_flattened(read)) continue;
     for (const char* on_axis : {"front_is_blanked", "globe_flattening_mm", "apex_sigma_mm",
                                 "axial_length_sigma_mm", "lens_contrast", "lens_off_axis_mm"})
       if (gate.name == on_axis && !gate.passed) return gate.reason;
@@ -146,30 +191,46 @@ void fit_and_judge(JudgedEye& eye, const std::vector<const Stack*>& images, cons
 
 std::optional<FellowPair> likeliest_agreeing(const JudgedEye& od, const JudgedEye& os,
                                              const std::vector<FellowPair>& again) {
-  std::optional<FellowPair> best;
-  double least = 0;
-  for (const FellowPair& pair : again) {
-    if (!is_as_good(*pair.od, od) || !is_as_good(*pair.os, os) || contradiction(*pair.od, *pair.os)) continue;
-    const double residuals = pair.od->fit->chi2_per_voxel / od.fit->chi2_per_voxel +
-                             pair.os->fit->chi2_per_voxel / os.fit->chi2_per_voxel;
-    if (best && residuals >= least) continue;
-    best = pair;
-    least = residuals;
+  std::vector<FellowPair> agreeing;
+  for (const FellowPair& pair : again)
+    if (is_as_good(*pair.od, od) && is_as_good(*pair.os, os) && !contradiction(*pair.od, *pair.os))
+      agreeing.push_back(pair);
+  const auto least = [&](const auto& badness) {
+    return *std::min_element(agreeing.begin(), agreeing.end(), [&](const FellowPair& a, const FellowPair& b) {
+      return badness(a) < badness(b);
+    });
+  };
+  if (agreeing.empty()) return std::nullopt;
+  const std::optional<QualityGate> old = contradiction(od, os);
+  if (old && old->name == chamber_difference) {
+    // An iris or a lid that was taken for the cornea may leave as little: of the depths that there are the likeliest.
+    const FellowPair likeliest = least([](const FellowPair& pair) {
+      return unlikeliness_of_chamber(*pair.od->fit) + unlikeliness_of_chamber(*pair.os->fit);
+    });
+    agreeing.erase(std::remove_if(agreeing.begin(), agreeing.end(),
+                                  [&](const FellowPair& pair) {
+                                    return chamber_contradiction(*pair.od->fit, *likeliest.od->fit) ||
+                                           chamber_contradiction(*pair.os->fit, *likeliest.os->fit);
+                                  }),
+                   agreeing.end());
   }
-  return best;
+  return least([&](const FellowPair& pair) {
+    return pair.od->fit->chi2_per_voxel / od.fit->chi2_per_voxel +
+           pair.os->fit->chi2_per_voxel / os.fit->chi2_per_voxel;
+  });
 }
 
 void compare_fellow_eyes(JudgedEye& od, JudgedEye& os, const std::vector<const Stack*>& stacks,
-                         std::optional<double> age_years, Verbosity verbosity) {
+                         std::optional<double> age_years, int threads, Verbosity verbosity) {
   if (!in_the_same_stacks(od, os)) return;
-  const auto fitted_beside = [&](const JudgedEye& eye, const JudgedEye& fellow, const std::string& because) {
-    return fitted_again(eye, fellow, because, stacks, age_years, verbosity);
-  };
   if (od.rank() != os.rank()) {
     JudgedEye &less = od.rank() < os.rank() ? od : os, &more = od.rank() < os.rank() ? os : od;
     const bool can_improve = !less.fit || !less.fit->front_is_blanked();  // no fellow brings a front back
     if (can_improve) {
-      JudgedEye again = fitted_beside(less, more, less.reasons());
+      Progress progress(fmt::format("fitting {} again", clinical_name(less.found.laterality)), fit_steps,
+                        verbosity);
+      JudgedEye again =
+          fitted_again(less, more, less.reasons(), stacks, age_years, [&] { progress.advance(); });
       // A fit that was withheld is a gain even where the front still contradicts the fellow's: that is judged next.
       if (is_as_good(again, less) && again.rank() > less.rank() && !fat_contradiction(*again.fit, *more.fit))
         less = std::move(again);
@@ -179,12 +240,19 @@ void compare_fellow_eyes(JudgedEye& od, JudgedEye& os, const std::vector<const S
   const std::optional<QualityGate> found = contradiction(od, os);
   if (!found) return;
   // Each beside the other as it was, and then beside what became of that one.
-  const std::string& because = found->reason;
-  JudgedEye od_again = fitted_beside(od, os, because), os_again = fitted_beside(os, od, because);
-  JudgedEye od_third = os_again.is_fitted() ? fitted_beside(od, os_again, because) : JudgedEye{},
-            os_third = od_again.is_fitted() ? fitted_beside(os, od_again, because) : JudgedEye{};
+  Progress progress("fitting both eyes again", 4 * fit_steps, verbosity);
+  const auto both_beside = [&](const JudgedEye& beside_od, const JudgedEye& beside_os) {
+    std::array<JudgedEye, 2> again;
+    on_threads(threads, 2, [&](std::size_t i) {
+      const JudgedEye &eye = i == 0 ? od : os, &fellow = i == 0 ? beside_od : beside_os;
+      if (fellow.is_fitted())
+        again[i] = fitted_again(eye, fellow, found->reason, stacks, age_years, [&] { progress.advance(); });
+    });
+    return again;
+  };
+  const std::array<JudgedEye, 2> second = both_beside(os, od), third = both_beside(second[1], second[0]);
   const std::vector<FellowPair> pairs{
-      {&od_again, &os}, {&od, &os_again}, {&od_again, &os_third}, {&od_third, &os_again}};
+      {&second[0], &os}, {&od, &second[1]}, {&second[0], &third[1]}, {&third[0], &second[1]}};
   if (const auto best = likeliest_agreeing(od, os, pairs)) {
     JudgedEye new_od = *best->od, new_os = *best->os;
     od = std::move(new_od);

@@ -51,20 +51,22 @@ void fit_and_judge(JudgedEye& eye, const std::vector<const Stack*>& images, cons
 
 /// Looks once more at two eyes that were fitted to the intensities of the same stacks, in the same order. An
 /// eye of which less is known than of its fellow is fitted again from what its fellow is like, and taken where more is
-/// known by it. Where the two find fat displaced differently or look up and down apart, each is fitted again from the
-/// other; of the pairs, old and new, that agree, that with the smallest residuals is taken. Where none does, both lose
+/// known by it. Where the two find fat displaced differently, have chambers of other depths or look up and down apart, each
+/// is fitted again from the other; of the pairs, old and new, that agree, the likeliest is taken. Where none does, both lose
 /// what they contradict each other in, the fit or the front: one took something else for it, and which is not known.
 /// Not for eyes that were fitted to labels.
-/// \param stacks  of the study, as FoundEye counts them
+/// \param stacks   of the study, as FoundEye counts them
+/// \param threads  at most; the result does not depend on them
 void compare_fellow_eyes(JudgedEye& od, JudgedEye& os, const std::vector<const Stack*>& stacks,
-                         std::optional<double> age_years, Verbosity verbosity);
+                         std::optional<double> age_years, int threads, Verbosity verbosity);
 
 /// The fits of two eyes.
 struct FellowPair {
   const JudgedEye *od, *os;
 };
 /// Of pairs of old and new fits that agree and are as good as the old ones (nothing more is withheld, and their residuals
-/// are 1.15 times as large at most, each among its own voxels) that with the smallest residuals against the old ones.
+/// are 1.15 times as large at most, each among its own voxels) that with the smallest residuals against the old ones; where
+/// these had chambers of different depths, of those with the likeliest chambers.
 /// \param od, os  the old fits
 std::optional<FellowPair> likeliest_agreeing(const JudgedEye& od, const JudgedEye& os,
                                              const std::vector<FellowPair>& again);

@@ -106,12 +106,15 @@ double largest_head_shift_mm(const EyeFit& fit) {
 /// How much of what was not known of the corneal power is still not known: 1 is nothing from the images.
 double cornea_sigma_over_prior(const EyeFit& fit) { return fit.sigma(cornea_c) / fit.priors.sigma[cornea_c]; }
 
-/// No eye is so much wider than it is deep; heads that were made to fit an atlas are.
+/// No eye is so much wider than it is deep, by two standard deviations; heads that were made to fit an atlas are.
 void judge_shape(const EyeFit& fit, Gates& gates) {
-  const double width_mm = 2 * std::max(fit.value(globe_x), fit.value(globe_y)),
-               depth_mm = 2 * fit.value(globe_z);
+  const int widest = fit.value(globe_x) > fit.value(globe_y) ? globe_x : globe_y;
+  const double width_mm = 2 * fit.value(widest), depth_mm = 2 * fit.value(globe_z);
+  Eigen::VectorXd flattening = Eigen::VectorXd::Zero(fit.layout.size());
+  flattening[widest] = 2;
+  flattening[globe_z] = -2;
   gates.refuse_above(
-      "globe_flattening_mm", width_mm - depth_mm,
+      "globe_flattening_mm", width_mm - depth_mm - 2 * sigma_of(fit, flattening),
       fmt::format("a globe {:.1f} mm across and {:.1f} mm deep is no eye's: was the head stretched to "
                   "fit an atlas?",
                   width_mm, depth_mm));
@@ -255,7 +258,17 @@ void judge_residuals(const EyeFit& fit, Gates& gates, bool confirmed) {
   gates.warn_below("converged", fit.converged ? 1 : 0, "the fit was still improving when it stopped");
 }
 
-void judge_dimensions(const FoundEye& found, const EyeFit& fit, Gates& gates) {
+/// Whether edges tell about the same chamber.
+bool edges_confirm_chamber(const EyeFit& fit, const std::optional<ReadEye>& edges) {
+  if (!edges || !edges->biometry.anterior_chamber_depth) return false;
+  const Estimate& chamber = *edges->biometry.anterior_chamber_depth;
+  const double sigmas = std::abs(chamber.value - fit.value(anterior_chamber_depth)) /
+                        std::hypot(chamber.sigma, fit.sigma(anterior_chamber_depth));
+  return limits_of("edge_disagreement").plausible.contains(sigmas);
+}
+
+void judge_dimensions(const FoundEye& found, const EyeFit& fit, const std::optional<ReadEye>& edges,
+                      Gates& gates) {
   const char *length = "axial_length_mm", *power = "astigmatism/M_D";
   const Range plausible_mm = limits_of(length).plausible, plausible_D = limits_of(power).plausible;
   // As it is told: to the interface on the axis, a bulge there included.
@@ -279,11 +292,13 @@ void judge_dimensions(const FoundEye& found, const EyeFit& fit, Gates& gates) {
   const double chamber_mm = fit.value(anterior_chamber_depth);
   gates.refuse_below("anterior_chamber_depth_mm", chamber_mm,
                      fmt::format("an anterior chamber of {:.1f} mm is no eye's", chamber_mm));
-  if (!limits_of("cornea_sigma_over_prior").accepted.contains(cornea_sigma_over_prior(fit)))
+  constexpr double hardly_seen = 0.8;  // sigma over prior; chosen: T1 of whole heads has 0.7 to 1
+  const bool is_seen = limits_of("cornea_sigma_over_prior").accepted.contains(cornea_sigma_over_prior(fit));
+  if (cornea_sigma_over_prior(fit) > hardly_seen && !(is_seen && edges_confirm_chamber(fit, edges)))
     gates.refuse_below(
         "chamber_of_unseen_cornea_mm", chamber_mm,
         fmt::format(
-            "the cornea was not found: a chamber of {:.1f} mm behind a cornea whose shape is not visible",
+            "the cornea was not found: a chamber of {:.1f} mm behind a cornea whose shape is hardly visible",
             chamber_mm),
         Withholds::front);
 }
@@ -348,7 +363,7 @@ std::vector<QualityGate> judge_quality(const FoundEye& found, const EyeFit& fit,
   judge_residuals(fit, gates, confirmed);
   if (!fit.front_is_blanked()) {
     judge_shape(fit, gates);  // of a blanked head the depth is not known
-    judge_dimensions(found, fit, gates);
+    judge_dimensions(found, fit, edges, gates);
     judge_corneal_form(fit, gates);
   }
   judge_head_motion(fit, gates);

@@ -42,7 +42,7 @@ std::vector<JudgedEye> judge(const Scan& scan) {
   for (const FoundEye& found : scan.find().eyes) eyes.emplace_back().found = found;
   on_threads(2, eyes.size(), [&](std::size_t i) { judge(eyes[i], stacks, scan.age_years); });
   if (eyes.size() != 2) return eyes;
-  compare_fellow_eyes(eyes[0], eyes[1], stacks, scan.age_years, Verbosity{true});
+  compare_fellow_eyes(eyes[0], eyes[1], stacks, scan.age_years, 1, Verbosity{true});
   couple_fellow_eyes(eyes[0], eyes[1]);
   return eyes;
 }

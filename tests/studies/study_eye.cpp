@@ -294,7 +294,7 @@ std::vector<Json> study_head(const StudyProtocol& wanted, unsigned long long see
     eyes.push_back(std::move(eye));
   }
   if (eyes[0].judged && eyes[1].judged && !of_one_eye)
-    compare_fellow_eyes(*eyes[0].judged, *eyes[1].judged, eyes[0].images->views(), head.age_years,
+    compare_fellow_eyes(*eyes[0].judged, *eyes[1].judged, eyes[0].images->views(), head.age_years, 1,
                         Verbosity{true});
   for (StudiedEye& eye : eyes) conclude(eye);
   if (eyes[0].is_measured() && eyes[1].is_measured()) couple_eyes(*eyes[0].bound, *eyes[1].bound);

@@ -20,6 +20,7 @@ std::string remedy_of_gate(const std::string& gate) {
       {"front_is_blanked", "Use the images from before the face was taken off."},
       {"globe_flattening_mm", "Use the images as the scanner made them, not resampled to a template."},
       {"vertical_gaze_difference_deg", look},
+      {"chamber_difference", look},
       {"lens_contrast", "Rescan in T2, which shows the lens."},
       {"cornea_contrast_t2", rescan},
       {"cornea_sigma_over_prior", measure_cornea},

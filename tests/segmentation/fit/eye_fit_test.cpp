@@ -1,0 +1,29 @@
+#include "segmentation/fit/eye_fit.hpp"
+
+#include <gtest/gtest.h>
+
+#include "tests/support/phantom_eyes.hpp"
+
+namespace emmetrope::segmentation {
+namespace {
+
+/// It shows the way; the eye that is found there is that of its own images, and known as well as they tell.
+TEST(EyeFit, AFellowsChamberLeadsAndDoesNotHold) {
+  const Stack stack = small_scan(7);
+  const std::vector<const Stack*> stacks{&stack};
+  const FoundEyes found = find_eyes(stacks, {""});
+  ASSERT_FALSE(found.eyes.empty());
+  EyeStart start = start_of(found.eyes.front(), read_edges_of(found.eyes.front(), stacks));
+  const EyeFit alone = fit_eye(stacks, start, Weighting::t2);
+  start.fellow = alone.parameters;
+  start.fellows_chamber_mm = alone.value(anterior_chamber_depth) + 0.4;
+  const EyeFit beside = fit_eye(stacks, start, Weighting::t2);
+  EXPECT_NEAR(beside.value(anterior_chamber_depth), alone.value(anterior_chamber_depth), 0.03);
+  EXPECT_EQ(beside.priors.mean[anterior_chamber_depth], alone.priors.mean[anterior_chamber_depth]);
+  EXPECT_EQ(beside.priors.sigma[anterior_chamber_depth], alone.priors.sigma[anterior_chamber_depth]);
+  EXPECT_NEAR(beside.sigma(anterior_chamber_depth), alone.sigma(anterior_chamber_depth),
+              0.05 * alone.sigma(anterior_chamber_depth));
+}
+
+}  // namespace
+}  // namespace emmetrope::segmentation
