@@ -240,7 +240,7 @@ void compare_fellow_eyes(JudgedEye& od, JudgedEye& os, const std::vector<const S
   const std::optional<QualityGate> found = contradiction(od, os);
   if (!found) return;
   // Each beside the other as it was, and then beside what became of that one.
-  Progress progress("fitting both eyes again", 4 * fit_steps, verbosity);
+  Progress progress("fitting both eyes again", std::size_t{4} * fit_steps, verbosity);
   const auto both_beside = [&](const JudgedEye& beside_od, const JudgedEye& beside_os) {
     std::array<JudgedEye, 2> again;
     on_threads(threads, 2, [&](std::size_t i) {
