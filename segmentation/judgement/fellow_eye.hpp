@@ -1,60 +1,18 @@
 #pragma once
-#include <functional>
 #include <optional>
-#include <string>
 #include <vector>
 
 #include "pipeline/base/progress.hpp"
-#include "segmentation/judgement/edge_agreement.hpp"
-#include "segmentation/judgement/quality.hpp"
+#include "segmentation/judgement/judged_eye.hpp"
 
 namespace emmetrope::segmentation {
 
-/// One eye, from found to judged.
-struct JudgedEye {
-  FoundEye found;
-  ViewEdges edges;  ///< of its views; empty where labels are the evidence
-  std::optional<EyeFit> fit;
-  std::vector<QualityGate> gates;
-  std::string fitted_again_because;  ///< its first fit was not taken; empty: it was
-  Evidence evidence = Evidence::intensities;
-
-  /// Whether the globe of the fit stands, and cornea, chamber and lens, and the cornea's shape too.
-  bool is_fitted() const { return fit && !is_withheld(gates, Withholds::fit); }
-  bool has_front() const { return is_fitted() && !is_withheld(gates, Withholds::front); }
-  bool is_measured() const { return has_front() && !is_withheld(gates, Withholds::cornea); }
-  /// How much of the fit stands.
-  int rank() const { return is_measured() ? 3 : has_front() ? 2 : is_fitted() ? 1 : 0; }
-  /// The edges that stand in for a fit that is withheld.
-  bool is_read() const { return !is_fitted() && main_edges(); }
-  /// Of the best view.
-  std::optional<ReadEye> main_edges() const { return edges.empty() ? std::nullopt : edges.front(); }
-  /// What they tell, doubted where the fit contradicts.
-  EdgeBiometry stated_edges() const {
-    const ReadEye edges = *main_edges();
-    return fit && !is_fitted() ? with_doubt(edges, *fit) : edges.biometry;
-  }
-  /// Why the edges' length, chamber and lens are not told: the fit saw no cornea or no lens; empty: they are.
-  std::string edges_on_axis_withheld() const;
-  /// "measured", "partial" (some quantities are withheld), or "refused" (all are).
-  const char* status() const {
-    return is_measured() ? "measured" : is_fitted() || is_read() ? "partial" : "refused";
-  }
-  /// Why something is withheld, in the user's words.
-  std::string reasons() const;
-};
-
-/// Fits the eye that was found to its images, which hold its evidence, and judges it; data that cannot
-/// support a fit fail a gate.
-void fit_and_judge(JudgedEye& eye, const std::vector<const Stack*>& images, const EyeStart& start,
-                   const std::function<void()>& advance = {});
-
-/// Looks once more at two eyes that were fitted to the intensities of the same stacks, in the same order. An
-/// eye of which less is known than of its fellow is fitted again from what its fellow is like, and taken where more is
-/// known by it. Where the two find fat displaced differently, have chambers of other depths or look up and down apart, each
-/// is fitted again from the other; of the pairs, old and new, that agree, the likeliest is taken. Where none does, both lose
-/// what they contradict each other in, the fit or the front: one took something else for it, and which is not known.
-/// Not for eyes that were fitted to labels.
+/// Looks once more at two eyes that were fitted to the intensities of the same stacks, in the same order. An eye of which
+/// less is known than of its fellow is fitted again from what its fellow is like, and taken where more is known by it.
+/// Where the two find fat displaced differently, have chambers of other depths or look up and down apart, each is fitted
+/// again from the other; of the pairs, old and new, that agree, the likeliest is taken. Where none does, both lose what
+/// they contradict each other in, the fit or the front: one took something else for it, and which is not known. Not for
+/// eyes that were fitted to labels.
 /// \param stacks   of the study, as FoundEye counts them
 /// \param threads  at most; the result does not depend on them
 void compare_fellow_eyes(JudgedEye& od, JudgedEye& os, const std::vector<const Stack*>& stacks,
@@ -65,8 +23,8 @@ struct FellowPair {
   const JudgedEye *od, *os;
 };
 /// Of pairs of old and new fits that agree and are as good as the old ones (nothing more is withheld, and their residuals
-/// are 1.15 times as large at most, each among its own voxels) that with the smallest residuals against the old ones; where
-/// these had chambers of different depths, of those with the likeliest chambers.
+/// are 1.15 times as large at most, each among its own voxels) that with the smallest residuals against the old ones;
+/// where these had chambers of different depths, of those with the likeliest chambers.
 /// \param od, os  the old fits
 std::optional<FellowPair> likeliest_agreeing(const JudgedEye& od, const JudgedEye& os,
                                              const std::vector<FellowPair>& again);

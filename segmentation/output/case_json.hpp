@@ -2,7 +2,7 @@
 #include <vector>
 
 #include "segmentation/intake/study.hpp"
-#include "segmentation/judgement/fellow_eye.hpp"
+#include "segmentation/judgement/judged_eye.hpp"
 #include "segmentation/labels/hand_labels.hpp"
 
 namespace emmetrope::segmentation {

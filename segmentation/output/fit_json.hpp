@@ -2,7 +2,7 @@
 #include <optional>
 #include <string>
 
-#include "segmentation/judgement/fellow_eye.hpp"
+#include "segmentation/judgement/judged_eye.hpp"
 
 namespace emmetrope::segmentation {
 

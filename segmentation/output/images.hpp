@@ -2,7 +2,7 @@
 #include <filesystem>
 #include <vector>
 
-#include "segmentation/judgement/fellow_eye.hpp"
+#include "segmentation/judgement/judged_eye.hpp"
 
 /// The pictures and volumes of CASE/segmentation.
 namespace emmetrope::segmentation {

@@ -7,7 +7,7 @@
 
 #include "pipeline/eye/population/population.hpp"
 #include "segmentation/intake/nifti.hpp"
-#include "segmentation/judgement/fellow_eye.hpp"
+#include "segmentation/judgement/judged_eye.hpp"
 #include "tests/support/phantom_eyes.hpp"
 #include "tests/support/stored_otherwise.hpp"
 

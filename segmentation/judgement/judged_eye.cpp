@@ -1,0 +1,80 @@
+#include "segmentation/judgement/judged_eye.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "pipeline/base/error.hpp"
+#include "pipeline/eye/population/limits.hpp"
+#include "segmentation/intake/canonical_stack.hpp"
+
+namespace emmetrope::segmentation {
+namespace {
+
+/// Whether a globe is so much wider than deep that no eye is, beyond two standard deviations.
+bool is_flattened(const EdgeBiometry& globe) {
+  const Estimate& widest =
+      globe.globe_width.value > globe.globe_height.value ? globe.globe_width : globe.globe_height;
+  return widest.value - globe.globe_depth.value - 2 * std::hypot(widest.sigma, globe.globe_depth.sigma) >
+         limits_of("globe_flattening_mm").accepted.high;
+}
+
+bool is_in_thick_slices(const std::vector<QualityGate>& gates) {
+  return std::any_of(gates.begin(), gates.end(), [](const QualityGate& gate) {
+    return gate.name == "slice_spacing_t1_mm" && !gate.passed;
+  });
+}
+
+}  // namespace
+
+std::string JudgedEye::reasons() const {
+  std::string text;
+  for (const Withholds what : {Withholds::fit, Withholds::front, Withholds::cornea})
+    if (const std::string reasons = reasons_for(gates, what); !reasons.empty())
+      text += (text.empty() ? "" : "; ") + reasons;
+  return text;
+}
+
+std::string JudgedEye::edges_on_axis_withheld() const {
+  if (edges.empty() || !edges.front() || !edges.front()->biometry.axial_length)
+    return "cornea or lens have no edges of their own along the eye's axis";
+  const EdgeBiometry& read = edges.front()->biometry;
+  const double edges_sigma_mm = read.axial_length->sigma;
+  const bool in_thick_slices = is_in_thick_slices(gates);
+  for (const QualityGate& gate : gates) {
+    // In slices that thick a fit is no witness: two fits of one eye's lens had a contrast of 0.67 and of -0.09.
+    if (in_thick_slices && gate.name != "front_is_blanked" && gate.name != "globe_flattening_mm") continue;
+    // A fit that knows the length better than edges claim to does not speak against them.
+    if (gate.name == "axial_length_sigma_mm" && gate.value < edges_sigma_mm) continue;
+    // A flat fit of a globe that is not flat by its edges was misread.
+    if (gate.name == "globe_flattening_mm" && !is_flattened(read)) continue;
+    for (const char* on_axis : {"front_is_blanked", "globe_flattening_mm", "apex_sigma_mm",
+                                "axial_length_sigma_mm", "lens_contrast", "lens_off_axis_mm"})
+      if (gate.name == on_axis && !gate.passed) return gate.reason;
+  }
+  return {};
+}
+
+void fit_and_judge(JudgedEye& eye, const std::vector<const Stack*>& images, const EyeStart& start,
+                   const std::function<void()>& advance) {
+  constexpr double reach_mm = 40;
+  std::vector<Stack> parts;
+  for (std::size_t v = 0; v < images.size(); ++v)
+    parts.push_back(canonical_part(*images[v], start.in_stack(v).globe_centre, reach_mm));
+  std::vector<const Stack*> canonical;
+  for (const Stack& part : parts) canonical.push_back(&part);
+  try {
+    eye.fit = fit_eye(canonical, start, eye.found.weighting, advance, eye.evidence);
+    for (std::size_t v = 0; v < images.size(); ++v) eye.fit->stacks[v].stack = images[v];
+    eye.gates = judge_quality(eye.found, *eye.fit, eye.main_edges());
+  } catch (const Error& error) {
+    if (error.status() != ExitStatus::no_result) throw;
+    QualityGate fitted;
+    fitted.name = "fit";
+    fitted.limit = 1;
+    fitted.passed = false;
+    fitted.reason = error.what();
+    eye.gates = {fitted};
+  }
+}
+
+}  // namespace emmetrope::segmentation

@@ -1,0 +1,51 @@
+#pragma once
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "segmentation/judgement/edge_agreement.hpp"
+#include "segmentation/judgement/quality.hpp"
+
+namespace emmetrope::segmentation {
+
+/// One eye, from found to judged.
+struct JudgedEye {
+  FoundEye found;
+  ViewEdges edges;  ///< of its views; empty where labels are the evidence
+  std::optional<EyeFit> fit;
+  std::vector<QualityGate> gates;
+  std::string fitted_again_because;  ///< its first fit was not taken; empty: it was
+  Evidence evidence = Evidence::intensities;
+
+  /// Whether the globe of the fit stands, and cornea, chamber and lens, and the cornea's shape too.
+  bool is_fitted() const { return fit && !is_withheld(gates, Withholds::fit); }
+  bool has_front() const { return is_fitted() && !is_withheld(gates, Withholds::front); }
+  bool is_measured() const { return has_front() && !is_withheld(gates, Withholds::cornea); }
+  /// How much of the fit stands.
+  int rank() const { return is_measured() ? 3 : has_front() ? 2 : is_fitted() ? 1 : 0; }
+  /// The edges that stand in for a fit that is withheld.
+  bool is_read() const { return !is_fitted() && main_edges(); }
+  /// Of the best view.
+  std::optional<ReadEye> main_edges() const { return edges.empty() ? std::nullopt : edges.front(); }
+  /// What they tell, doubted where the fit contradicts.
+  EdgeBiometry stated_edges() const {
+    const ReadEye edges = *main_edges();
+    return fit && !is_fitted() ? with_doubt(edges, *fit) : edges.biometry;
+  }
+  /// Why the edges' length, chamber and lens are not told: the fit saw no cornea or no lens; empty: they are.
+  std::string edges_on_axis_withheld() const;
+  /// "measured", "partial" (some quantities are withheld), or "refused" (all are).
+  const char* status() const {
+    return is_measured() ? "measured" : is_fitted() || is_read() ? "partial" : "refused";
+  }
+  /// Why something is withheld, in the user's words.
+  std::string reasons() const;
+};
+
+/// Fits the eye that was found to its images, which hold its evidence, and judges it; data that cannot
+/// support a fit fail a gate.
+void fit_and_judge(JudgedEye& eye, const std::vector<const Stack*>& images, const EyeStart& start,
+                   const std::function<void()>& advance = {});
+
+}  // namespace emmetrope::segmentation
