@@ -366,6 +366,16 @@ TEST(QualityOfShapes, AShallowChamberBehindAnUnseenCorneaIsWithheld) {
     const QualityGate gate = gate_of(fit, "chamber_of_unseen_cornea_mm");
     EXPECT_EQ(gate.passed, stands) << chamber_mm;
     EXPECT_EQ(gate.withholds, Withholds::front);
+    // Edges that tell the same chamber speak for it, but where the cornea's shape is not seen at all.
+    ReadEye edges{};
+    edges.reading.globe.centre = fit.globe_centre_lps();
+    edges.reading.lens_centre.setZero();
+    edges.biometry.anterior_chamber_depth = Estimate{chamber_mm + 0.3, 0.4};
+    FoundEye found;
+    found.views.resize(1);
+    EXPECT_FALSE(is_withheld(judge_quality(found, fit, edges), Withholds::front)) << chamber_mm;
+    fit.covariance(cornea_at, cornea_at) = std::pow(0.97 * fit.priors.sigma[cornea_c], 2);
+    EXPECT_EQ(is_withheld(judge_quality(found, fit, edges), Withholds::front), !stands) << chamber_mm;
   }
 }
 
