@@ -9,6 +9,7 @@
 #include "pipeline/report/document/numbers.hpp"
 #include "pipeline/report/stage.hpp"
 #include "tests/support/fixture_case.hpp"
+#include "tests/support/temporary_folder.hpp"
 
 // report.html as its readers have it: in a browser, by mouse, by keyboard, on paper, in the dark, without
 // scripts.
@@ -25,8 +26,8 @@ TEST(Browser, ShowsMovesAndPrintsThePageWithoutNetwork) {
   if (std::string(EMMETROPE_PLAYWRIGHT).empty())
     GTEST_SKIP()
         << "playwright-core was not installed when the project was configured (npm or network missing)";
-  const fs::path folder = fs::path(::testing::TempDir()) / "emmetrope-browser";
-  fs::remove_all(folder);
+  const test::TemporaryFolder temporary;
+  const fs::path folder = temporary.path() / "case";
   test::make_fixture_case(folder);
   CommonOptions common;
   common.verbosity.quiet = true;
@@ -71,7 +72,6 @@ TEST(Browser, ShowsMovesAndPrintsThePageWithoutNetwork) {
   EXPECT_EQ(plain.at("pictures"), plain.at("pictures_shown"));
   EXPECT_EQ(plain.at("pictures"), 4);
   EXPECT_GT(plain.at("figures").get<int>(), 20);
-  fs::remove_all(folder);
 }
 
 }  // namespace

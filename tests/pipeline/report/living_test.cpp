@@ -17,6 +17,7 @@
 #include "raytrace/tracer/tracer.hpp"
 #include "raytrace/wavefront/wavefront.hpp"
 #include "tests/support/measured_optics.hpp"
+#include "tests/support/temporary_folder.hpp"
 
 // The page in which an eye looks, in a browser without a graphics processor: its pictures against the tracer's.
 
@@ -144,7 +145,6 @@ Json with_pupil(const Setting& setting) {
 
 /// Writes the page, has it read, and compares.
 Json read_page(const Page& page, const fs::path& folder, const char* extent) {
-  fs::remove_all(folder);
   fs::create_directories(folder);
   const std::string html = render_living_page(
       page.name, make_living_panel({living_json(page.subject, 2)}, {page.subject.living.map.note()}));
@@ -223,7 +223,8 @@ TEST(LivingPage, ShowsWhatTheTracerShowsOfASchematicEye) {
       "navarro",
       eye,
       {"eye", "navarro", eye(0), raytrace::living_schematic_eye("navarro", map_settings()), {}, ""}};
-  const Json findings = read_page(page, fs::path(::testing::TempDir()) / "emmetrope-living-navarro", "whole");
+  const test::TemporaryFolder folder;
+  const Json findings = read_page(page, folder.path() / "page", "whole");
   expect_quiet(findings);
   expect_readable(findings);
   // `emmetrope correct --eye navarro`: docs/evidence/accuracy-refraction.md
@@ -252,8 +253,8 @@ TEST(LivingPage, ShowsWhatTheTracerShowsOfAMeasuredEye) {
                               {{"best", to_sphero_cylinder(refraction), 12}},
                               ""};
   const Page page{"measured", eye, subject};
-  const Json findings =
-      read_page(page, fs::path(::testing::TempDir()) / "emmetrope-living-measured", "brief");
+  const test::TemporaryFolder folder;
+  const Json findings = read_page(page, folder.path() / "page", "brief");
   expect_quiet(findings);
   const Json& sharpest = findings.at("sharpest").at("od");
   EXPECT_NEAR(sharpest.at(0).get<double>(), refraction.M_D, 0.06);
