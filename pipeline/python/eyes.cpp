@@ -120,7 +120,8 @@ void bind_eyes(py::module_& module) {
           "from_case", &measured_eye, py::arg("case_folder"), py::arg("laterality") = "od",
           py::arg("pupil_mm") = 4.0, py::arg("age_years") = py::none(), py::arg("lens_index") = py::none(),
           py::arg("lens_core") = false, py::arg("retinal_depth_mm") = usual_retinal_depth_mm,
-          "A measured eye from the meshes of a case, as trace has it. An age that is not the study's is not used, and warned of.")
+          "A measured eye from the meshes of a case, as trace has it. An age that is not the study's is not "
+          "used, and warned of.")
       .def_static(
           "from_dict",
           [](const py::object& dictionary, const std::string& folder) {

@@ -187,9 +187,8 @@ double expected_curvature(const Priors& priors, double axial_length_mm) {
 }
 
 std::vector<Eigen::Vector3d> bump_directions() {
-  constexpr int lattice = 124;  // spacing 0.31 rad, one width
-  constexpr double cornea_cosine =
-      0.78;  // the cornea ends 39 degrees from the axis; the first ring lies at 54
+  constexpr int lattice = 124;            // spacing 0.31 rad, one width
+  constexpr double cornea_cosine = 0.78;  // it ends 39 degrees from the axis; the first ring lies at 54
   std::vector<Eigen::Vector3d> directions;
   for (const Eigen::Vector3d& direction : mirrored_directions(lattice))
     if (direction.z() <= cornea_cosine) directions.push_back(direction);

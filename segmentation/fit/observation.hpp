@@ -24,8 +24,8 @@ struct EyeStart {
   /// Parameters of the person's other eye, fitted to the same stacks, to start from too; fat is displaced here as it
   /// is there. Empty: none.
   Eigen::VectorXd fellow = {};
-  std::optional<double> fellows_chamber_mm =
-      {};  ///< where its front was found: on the way this one's is about as deep
+  /// Where its front was found: on the way this one's is about as deep.
+  std::optional<double> fellows_chamber_mm = {};
   /// Where half-level edges told them: the interface's half axes, and the apex' distance from the centre.
   std::optional<Eigen::Vector3d> globe_half_axes_mm = {};
   std::optional<double> apex_distance_mm = {};

@@ -106,15 +106,12 @@ double largest_head_shift_mm(const EyeFit& fit) {
 /// How much of what was not known of the corneal power is still not known: 1 is nothing from the images.
 double cornea_sigma_over_prior(const EyeFit& fit) { return fit.sigma(cornea_c) / fit.priors.sigma[cornea_c]; }
 
-/// No eye is so much wider than it is deep, by two standard deviations; heads that were made to fit an atlas are.
+/// No eye is so much wider than it is deep; heads that were made to fit an atlas are.
 void judge_shape(const EyeFit& fit, Gates& gates) {
-  const int widest = fit.value(globe_x) > fit.value(globe_y) ? globe_x : globe_y;
-  const double width_mm = 2 * fit.value(widest), depth_mm = 2 * fit.value(globe_z);
-  Eigen::VectorXd flattening = Eigen::VectorXd::Zero(fit.layout.size());
-  flattening[widest] = 2;
-  flattening[globe_z] = -2;
+  const double width_mm = 2 * std::max(fit.value(globe_x), fit.value(globe_y)),
+               depth_mm = 2 * fit.value(globe_z);
   gates.refuse_above(
-      "globe_flattening_mm", width_mm - depth_mm - 2 * sigma_of(fit, flattening),
+      "globe_flattening_mm", width_mm - depth_mm,
       fmt::format("a globe {:.1f} mm across and {:.1f} mm deep is no eye's: was the head stretched to "
                   "fit an atlas?",
                   width_mm, depth_mm));

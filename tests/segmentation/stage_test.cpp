@@ -52,7 +52,7 @@ double sigma(const ParametricEye& eye, const std::string& name) {
 
 /// What its fellow tells of an eye does not depend on which is asked for.
 TEST_F(SegmentStage, AnEyeThatIsAskedForAloneIsTheSame) {
-  write_nifti(folder_ / "small.nii.gz", small_scan(7));
+  write_nifti(folder_ / "small.nii.gz", small_scan(1));
   common_.laterality = LateralityChoice::od;
   EXPECT_EQ(run(folder_ / "small.nii.gz", "one").status, ExitStatus::done);
   EXPECT_TRUE(run(folder_ / "small.nii.gz", "one").json.at("skipped").get<bool>());

@@ -1,5 +1,4 @@
-// A small part of the accuracy study (docs/evidence/accuracy.md): one random head in T1 and in T2; the sample study, which
-// runs from end to end, has surface coils.
+// A small part of the accuracy study (docs/evidence/accuracy.md): one random head a protocol.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -20,10 +19,12 @@ struct Worst {
 };
 std::ostream& operator<<(std::ostream& out, const Worst& worst) { return out << worst.protocol; }
 
-/// Around the small globes of head 107 the fat, against bone, is a sharper ball than they are.
+/// Around the small globes of head 107 the fat, against bone, is a sharper ball than they are. In head 115 the left apex
+/// begins 1.2 mm too deep.
 class StudyHead : public testing::TestWithParam<Worst> {};
 INSTANTIATE_TEST_SUITE_P(Accuracy, StudyHead,
-                         testing::Values(Worst{"head-t2", 101, 0.09, 1.9, 0.8, 0.012, 0.08},
+                         testing::Values(Worst{"surface-coil", 115, 0.06, 1.7, 0.7, 0.012, 0.05},
+                                         Worst{"head-t2", 101, 0.09, 1.9, 0.8, 0.012, 0.08},
                                          Worst{"head-t1", 107, 0.35, 3.2, 2.0, 0.12, 0.2}));
 
 TEST_P(StudyHead, ErrorsAreOfTheTablesOrderAndWithinTheirIntervals) {
