@@ -39,7 +39,6 @@ std::string definitions_of(const OpticalSystem& system, const KernelForm& form) 
   define("DIFFRACTION", form.diffraction ? 1 : 0);
   define("HAS_MESHES", form.meshes ? 1 : 0);
   define("TILE", form.tile ? 1 : 0);
-  define("SHARE_RECORDS", form.lanes == 1 || form.tile ? 1 : 0);
   return text.substr(1) + form.more + system.definitions();
 }
 

@@ -36,7 +36,10 @@ class OpenCl {
     static const T nothing{};
     const T* data = values.empty() ? &nothing : values.data();
     const std::size_t bytes = std::max<std::size_t>(1, values.size()) * sizeof(T);
-    return {context_, CL_MEM_READ_ONLY | CL_MEM_COPY_HOST_PTR, bytes, const_cast<T*>(data)};
+    // Written at once: a GPU's driver puts off copies that a buffer is made with to the first kernel that reads it.
+    cl::Buffer buffer(context_, CL_MEM_READ_ONLY, bytes);
+    queue_.enqueueWriteBuffer(buffer, CL_TRUE, 0, bytes, data);
+    return buffer;
   }
   /// `values` where a device computes in the host's memory, which must then outlive the buffer; else a copy.
   template <typename T>

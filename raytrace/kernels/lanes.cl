@@ -45,8 +45,6 @@ AI void gather_pair(global const ulong* p, vi id, vi* first, vi* second) {
 }
 #undef ANY
 #define ANY(mask) (mask)
-#define SAME(id) 1
-#define LANE0(v) (v)
 #define SUM(v) (v)
 #define COUNT(v) (v)
 #define ONE_WHERE(mask) ((mask) ? 1 : 0)
@@ -111,14 +109,22 @@ AI vf at_most(vf bound, vf v) { return select(bound, v, v < bound); }
 #define AT_MOST(bound, v) at_most((vf)(bound), v)
 #define CLAMPED(v, low, high) AT_MOST(high, AT_LEAST(low, v))
 
-// A 64-byte record of 16 floats for every lane, as 16 vectors. id: index of the record times 16.
+// A 64-byte record of 16 floats, 64 bytes aligned, for every lane, as 16 vectors. id: index of the record times 16.
 typedef struct {
   vf m[16];
 } record;
 AI void fetch(record* r, global const float* restrict p, vi id) {
 #if VLN == 1
+  // Four wide loads: on a GPU a ray's record costs by the load.
+  global const float4* quads = (global const float4*)(p + id);
   UNROLL
-  for (int q = 0; q < 16; q++) r->m[q] = p[id + q];
+  for (int q = 0; q < 4; q++) {
+    const float4 quad = quads[q];
+    r->m[4 * q] = quad.x;
+    r->m[4 * q + 1] = quad.y;
+    r->m[4 * q + 2] = quad.z;
+    r->m[4 * q + 3] = quad.w;
+  }
 #else
 // One aligned load a lane and a 16 x 16 transposition in registers: faster than gathers.
 #define LOAD_LANE(n, s) float16 r##n = vload16(0, p + id.s);

@@ -194,7 +194,7 @@ AI void patch(ray* r, constant float* restrict p, global const float* restrict r
   const vi id = (row * as_int(p[11]) + column) * 16;
   global const float* cells = records + as_int(p[12]);
   vf gx, gy, slope, last;
-#if SHARE_RECORDS
+#if TILE
   if (SAME(id)) {
     global const float* one = cells + LANE0(id);
     PATCH_NEWTON(SCALAR_COEFFICIENT)
@@ -249,7 +249,7 @@ AI walk_end walk_to_triangle(const ray* r, vf x0, vf y0, vf z0, vi id, global co
   ny = F(13);
   for (int step = 0;; step++) {
     vi beyond_u, beyond_v, beyond_w;
-#if SHARE_RECORDS
+#if TILE
     if (SAME(id)) {
       global const float* one = sheet + LANE0(id);
       MEET_TRIANGLE(SCALAR_COEFFICIENT)

@@ -1,5 +1,5 @@
 // Several OpenCL devices on one picture. PoCL offers the CPU twice where POCL_DEVICES says so, which it reads
-// at the first OpenCL call of a process: hence a program of its own.
+// at the first OpenCL call of a process: hence a program of its own. A machine's GPUs are left out: they round otherwise.
 #include <gtest/gtest.h>
 
 #include <cstdlib>
@@ -15,7 +15,10 @@ namespace {
 
 class Devices : public testing::Test {
  protected:
-  static void SetUpTestSuite() { setenv("POCL_DEVICES", "pthread pthread", 1); }
+  static void SetUpTestSuite() {
+    setenv("OCL_ICD_VENDORS", "/etc/OpenCL/vendors/pocl.icd", 1);
+    setenv("POCL_DEVICES", "pthread pthread", 1);
+  }
 };
 
 TraceSettings odd_size() {
