@@ -133,6 +133,15 @@ void read_study(DcmDataset& data_set, ImageHeader& header) {
   }
 }
 
+/// OtherPatientIDs, and what OtherPatientIDsSequence has in its place since 2017.
+void read_other_ids(DcmDataset& data_set, ImageHeader& header) {
+  DcmSequenceOfItems* others = nullptr;
+  if (data_set.findAndGetSequence(DCM_OtherPatientIDsSequence, others).bad() || others == nullptr) return;
+  std::string& ids = header.data_set[tag::other_patient_ids.keyword];
+  for (auto* item = others->nextInContainer(nullptr); item != nullptr; item = others->nextInContainer(item))
+    ids += (ids.empty() ? "" : "\\") + text_of(*dynamic_cast<DcmItem*>(item), tag::patient_id);
+}
+
 void read_description(DcmDataset& data_set, ImageHeader& header) {
   OFString raw;
   if (data_set.findAndGetOFStringArray(key(tag::series_description), raw).bad()) return;
@@ -168,6 +177,7 @@ ImageHeader read_header(const std::filesystem::path& file, DcmFileFormat& parsed
     for (const auto& wanted : tag::of_data_set)
       if (auto text = text_of(data_set, wanted); !text.empty())
         header.data_set[wanted.keyword] = std::move(text);
+    read_other_ids(data_set, header);
     if (request == Request::header) read_study(data_set, header);
     if (data_set.tagExists(key(tag::modality_lut))) header.data_set[tag::modality_lut.keyword] = "present";
     read_description(data_set, header);

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <array>
+#include <memory>
 
 namespace emmetrope::segmentation {
 namespace {
@@ -14,27 +15,47 @@ constexpr Tag numbers[] = {tag::patient_id, tag::other_patient_ids, tag::accessi
 /// What operators type; the other texts that are kept are terms of the standard.
 constexpr Tag free_texts[] = {tag::body_part, tag::stack_id};
 
-constexpr std::size_t shortest_name = 3, shortest_number = 3, telling_digits = 5;
+constexpr std::size_t shortest_name = 3, shortest_number = 3, telling_digits = 5, shortest_date = 6;
 
-/// A text as it is compared: small letters without accents, and where each begins in the text.
+/// A text as it is compared: small letters without accents, and from where to where in the text each was.
 struct Folded {
   std::u32string letters;
-  std::vector<std::size_t> starts;  ///< one more than letters: the last is the text's end
+  std::vector<std::size_t> starts, ends;
 };
 
-Folded fold(const std::string& text) {
+/// How letters with marks are written without: without the mark, or as languages spell them out (glib's names).
+constexpr std::array<const char*, 4> spellings{"", "C", "de", "da"};
+
+std::u32string without_marks(gunichar letter, const char* spelling) {
+  std::array<gunichar, G_UNICHAR_MAX_DECOMPOSITION_LENGTH> parts{};
+  g_unichar_fully_decompose(letter, FALSE, parts.data(), parts.size());
+  std::u32string plain(1, static_cast<char32_t>(g_unichar_tolower(parts[0])));
+  if (*spelling == '\0' || letter < 0x80) return plain;
+  std::array<char, 8> utf8{};
+  g_unichar_to_utf8(letter, utf8.data());
+  const std::unique_ptr<char, decltype(&g_free)> ascii(g_str_to_ascii(utf8.data(), spelling), &g_free);
+  const std::string spelt = ascii.get();
+  if (spelt.find('?') != std::string::npos) return plain;
+  std::u32string letters;
+  for (const char c : spelt) letters += static_cast<char32_t>(g_ascii_tolower(c));
+  return letters;
+}
+
+Folded fold(const std::string& text, const char* spelling = "") {
   Folded folded;
   for (std::size_t at = 0; at < text.size();) {
     const gunichar letter = g_utf8_get_char(text.data() + at);
-    if (!g_unichar_ismark(letter)) {
-      std::array<gunichar, G_UNICHAR_MAX_DECOMPOSITION_LENGTH> parts{};
-      g_unichar_fully_decompose(letter, FALSE, parts.data(), parts.size());
-      folded.letters += static_cast<char32_t>(g_unichar_tolower(parts[0]));
-      folded.starts.push_back(at);
-    }
-    at += static_cast<std::size_t>(g_unichar_to_utf8(letter, nullptr));
+    const std::size_t next = at + static_cast<std::size_t>(g_unichar_to_utf8(letter, nullptr));
+    if (!g_unichar_ismark(letter))
+      for (const char32_t written : without_marks(letter, spelling)) {
+        folded.letters += written;
+        folded.starts.push_back(at);
+        folded.ends.push_back(next);
+      }
+    else if (!folded.ends.empty())
+      folded.ends.back() = next;
+    at = next;
   }
-  folded.starts.push_back(text.size());
   return folded;
 }
 
@@ -56,21 +77,40 @@ bool is_letter(char32_t letter) { return g_unichar_isalpha(letter); }
 bool is_digit(char32_t letter) { return letter >= U'0' && letter <= U'9'; }
 bool is_letter_or_digit(char32_t letter) { return g_unichar_isalnum(letter); }
 
+/// What is left where what stands between letters and digits is dropped.
+Folded unpunctuated(const Folded& text) {
+  Folded bare;
+  for (std::size_t i = 0; i < text.letters.size(); ++i)
+    if (is_letter_or_digit(text.letters[i])) {
+      bare.letters += text.letters[i];
+      bare.starts.push_back(text.starts[i]);
+      bare.ends.push_back(text.ends[i]);
+    }
+  return bare;
+}
+
 }  // namespace
 
 void Identity::add_name(const std::string& name) {
-  for (const auto& part : runs_of(fold(name).letters, is_letter))
-    if (part.size() >= (g_unichar_iswide(part[0]) ? 2 : shortest_name)) terms_.insert(part);
+  for (const char* spelling : spellings)
+    for (const auto& part : runs_of(fold(name, spelling).letters, is_letter))
+      if (part.size() >= (g_unichar_iswide(part[0]) ? 2 : shortest_name)) terms_.insert(part);
 }
 
 void Identity::add_number(const std::string& number) {
   const std::u32string folded = fold(number).letters;
-  std::u32string bare;
-  for (const auto& run : runs_of(folded, is_letter_or_digit)) bare += run;
-  for (const auto& term : {folded, bare})
-    if (term.size() >= shortest_number) terms_.insert(term);
+  for (const auto& one : runs_of(folded, [](char32_t letter) { return letter != U'\\'; })) {
+    std::u32string bare;
+    for (const auto& run : runs_of(one, is_letter_or_digit)) bare += run;
+    for (const auto& term : {one, bare})
+      if (term.size() >= shortest_number) terms_.insert(term);
+    if (bare.size() >= telling_digits) numbers_.insert(bare);
+  }
   for (const auto& run : runs_of(folded, is_digit))
-    if (run.size() >= telling_digits) terms_.insert(run);
+    if (run.size() >= telling_digits) {
+      terms_.insert(run);
+      numbers_.insert(run);
+    }
 }
 
 void Identity::add_date(const std::string& date) {
@@ -78,25 +118,29 @@ void Identity::add_date(const std::string& date) {
   std::copy_if(date.begin(), date.end(), std::back_inserter(digits),
                [](char letter) { return letter >= '0' && letter <= '9'; });
   if (digits.size() != 8) return;
-  static constexpr std::array<const char*, 12> months{"jan", "feb", "mar", "apr", "may", "jun",
-                                                      "jul", "aug", "sep", "oct", "nov", "dec"};
+  static constexpr std::array<const char*, 12> months{"january",   "february", "march",    "april",
+                                                      "may",       "june",     "july",     "august",
+                                                      "september", "october",  "november", "december"};
   const std::string year = digits.substr(0, 4), month = digits.substr(4, 2), day = digits.substr(6);
   const auto month_number = static_cast<std::size_t>(std::stoi(month));
   const auto bare = [](const std::string& number) { return number[0] == '0' ? number.substr(1) : number; };
-  std::vector<std::array<std::string, 3>> spellings;
+  std::vector<std::array<std::string, 3>> orders;
   for (const std::string& y : {year, year.substr(2)})
     for (const auto& [m, d] : {std::pair{month, day}, std::pair{bare(month), bare(day)}})
-      spellings.insert(spellings.end(), {{y, m, d}, {d, m, y}, {m, d, y}});
+      orders.insert(orders.end(), {{y, m, d}, {d, m, y}, {m, d, y}});
   if (month_number >= 1 && month_number <= 12)
-    for (const std::string& d : {day, bare(day)}) {
-      const std::string m = months[month_number - 1];
-      spellings.insert(spellings.end(), {{d, m, year}, {m, d, year}, {year, m, d}});
-    }
-  for (const auto& [first, second, third] : spellings)
-    for (const char* between : {"", "-", ".", "/", "_", " "}) {
+    for (const std::string& d : {day, bare(day)})
+      for (const std::string& m :
+           {std::string(months[month_number - 1]), std::string(months[month_number - 1]).substr(0, 3)})
+        orders.insert(orders.end(), {{d, m, year}, {m, d, year}, {year, m, d}});
+  for (const auto& [first, second, third] : orders) {
+    const std::string bare_spelling = first + second + third;
+    if (bare_spelling.size() >= shortest_date) numbers_.insert(fold(bare_spelling).letters);
+    for (const char* between : {"-", ".", "/", "_", " "}) {
       const std::string spelling = fmt::format("{}{}{}{}{}", first, between, second, between, third);
-      if (spelling.size() >= 6) terms_.insert(fold(spelling).letters);
+      if (spelling.size() >= shortest_date) terms_.insert(fold(spelling).letters);
     }
+  }
 }
 
 void Identity::add(const ImageHeader& header) {
@@ -106,16 +150,20 @@ void Identity::add(const ImageHeader& header) {
 }
 
 std::string Identity::removed_from(const std::string& text) const {
-  const Folded folded = fold(text);
-  std::vector<bool> covered(folded.letters.size(), false);
-  for (const auto& term : terms_)
-    for (auto at = folded.letters.find(term); at != std::u32string::npos;
-         at = folded.letters.find(term, at + 1))
-      std::fill_n(covered.begin() + static_cast<std::ptrdiff_t>(at), term.size(), true);
+  std::vector<bool> covered(text.size(), false);
+  const auto cover = [&](const Folded& written, const std::set<std::u32string>& terms) {
+    for (const auto& term : terms)
+      for (auto at = written.letters.find(term); at != std::u32string::npos;
+           at = written.letters.find(term, at + 1))
+        std::fill(covered.begin() + static_cast<std::ptrdiff_t>(written.starts[at]),
+                  covered.begin() + static_cast<std::ptrdiff_t>(written.ends[at + term.size() - 1]), true);
+  };
+  for (const char* spelling : spellings) cover(fold(text, spelling), terms_);
+  cover(unpunctuated(fold(text)), numbers_);
   std::string kept;
   for (std::size_t i = 0; i < covered.size(); ++i) {
     if (!covered[i])
-      kept.append(text, folded.starts[i], folded.starts[i + 1] - folded.starts[i]);
+      kept += text[i];
     else if (i == 0 || !covered[i - 1])
       kept += "[removed]";
   }

@@ -23,9 +23,11 @@ Identity of_patient(const std::string& name, const std::string& id, const std::s
 TEST(Identity, IsTakenOutOfTextsInEverySpelling) {
   const Identity identity = of_patient("Quixotl^Jos\u00e9 Li", "MRN-7654321", "19850703");
   for (const char* text :
-       {"Quixotl",    "QUIXOTL", "quixotl",    "jose",        "JOS\u00c9",  "Jose\u0301", "MRN-7654321",
-        "mrn7654321", "7654321", "19850703",   "1985-07-03",  "3.7.1985",   "03.07.1985", "07/03/1985",
-        "03071985",   "850703",  "3 Jul 1985", "03-JUL-1985", "jul 3 1985", "03.07.85",   "1985_07_03"})
+       {"Quixotl",     "QUIXOTL",     "quixotl",    "jose",         "JOS\u00c9",    "Jose\u0301",
+        "MRN-7654321", "mrn7654321",  "7654321",    "19850703",     "1985-07-03",   "3.7.1985",
+        "03.07.1985",  "07/03/1985",  "03071985",   "850703",       "3 Jul 1985",   "03-JUL-1985",
+        "jul 3 1985",  "03.07.85",    "1985_07_03", "July 3, 1985", "3. July 1985", "76-54-321",
+        "765 43 21",   "mrn 76.54321"})
     EXPECT_EQ(identity.removed_from(std::string("T2 ") + text + ", axial"), "T2 [removed], axial") << text;
   EXPECT_EQ(identity.removed_from("QuixotlJose_T2"), "[removed]_T2");
   for (const char* text : {"AX T2 FSE li 2021", "orbit 0.4 mm, 1985 ms, TE 91", "\u7720\u79d1 T1"})
@@ -33,6 +35,30 @@ TEST(Identity, IsTakenOutOfTextsInEverySpelling) {
   EXPECT_EQ(of_patient("Yamada^Tarou=\u5c71\u7530^\u592a\u90ce", "", "").removed_from("\u5c71\u7530 T2"),
             "[removed] T2");
   EXPECT_EQ(of_patient("", "", "").removed_from("AX T2"), "AX T2");
+}
+
+TEST(Identity, IsTakenOutHoweverItsLettersAreSpeltOut) {
+  const auto removed = [](const char* name, const std::string& text) {
+    return of_patient(name, "", "").removed_from("T1 " + text + " head");
+  };
+  for (const char* text : {"M\u00fcller", "Mueller", "MUELLER", "muller"}) {
+    EXPECT_EQ(removed("M\u00fcller", text), "T1 [removed] head") << text;
+    EXPECT_EQ(removed("Mueller", text),
+              std::string(text) == "muller" ? "T1 muller head" : "T1 [removed] head")
+        << text;
+  }
+  EXPECT_EQ(removed("Gr\u00f6\u00dfe", "GROESSE"), "T1 [removed] head");
+  EXPECT_EQ(removed("S\u00f8rensen", "Soerensen"), "T1 [removed] head");
+  EXPECT_EQ(removed("Aagaard", "\u00c5gaard"), "T1 [removed] head");
+  EXPECT_EQ(removed("\u0141ukasz", "Lukasz"), "T1 [removed] head");
+}
+
+TEST(Identity, EveryOfSeveralNumbersIsTakenOut) {
+  ImageHeader header;
+  header.data_set = {{"OtherPatientIDs", "AB-12\\CD34"}};
+  Identity identity;
+  identity.add(header);
+  EXPECT_EQ(identity.removed_from("T2 ab12, T1 CD34, CD 3"), "T2 [removed], T1 [removed], CD 3");
 }
 
 TEST_F(IntakeTest, WhatACaseKeepsNamesNobody) {
@@ -51,6 +77,18 @@ TEST_F(IntakeTest, WhatACaseKeepsNamesNobody) {
               testing::Contains(HasSubstr("1 slice is missing between slice 1 and slice 11: ")));
   const std::string kept = kept_json(info).dump();
   EXPECT_THAT(kept, AllOf(Not(HasSubstr("SECRET")), Not(HasSubstr("1986")), Not(HasSubstr("scan/im"))));
+}
+
+TEST_F(IntakeTest, IdsOfASequenceAreKnownToo) {
+  GeneratedSeries series;
+  for (int slice = 0; slice < series.size(); ++slice) {
+    DcmItem* item = nullptr;
+    ASSERT_TRUE(series[slice].findOrCreateSequenceItem(DCM_OtherPatientIDsSequence, item, -2).good());
+    ASSERT_TRUE(item->putAndInsertString(DCM_PatientID, "OLD-4711").good());
+  }
+  series.set_all(DCM_SeriesDescription, "T2 old4711");
+  series.write(folder());
+  EXPECT_EQ(only_series().description, "T2 [removed]");
 }
 
 TEST_F(IntakeTest, ARefusalNamesTheFileOnTheTerminalOnly) {
