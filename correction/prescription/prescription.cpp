@@ -163,6 +163,13 @@ SearchResult sharpest_lens(const raytrace::Tracer& tracer, const EyeModel& eye,
       as_vector(raytrace::refraction_by_wavefront(with_pupil(eye, settings.pupil_mm),
                                                   wavefront_settings(settings), settings.vertex_distance_mm)
                     .minimum_rms_wavefront);
+  if (!family.bounds.contain(from_wavefront))
+    throw no_result_error(
+        fmt::format(
+            "by its wavefront this eye needs a lens of M {:.1f} D {:g} mm in front of it, and lenses are "
+            "sought up to {:g} D",
+            from_wavefront[0], settings.vertex_distance_mm, family.bounds.upper[0]),
+        "check the eye's length and powers; a smaller --vertex-distance needs a weaker lens where the eye is short-sighted");
   const Eigen::Vector3d beyond(1.5 * from_wavefront[0] + std::copysign(1, from_wavefront[0]), 0, 0);
   std::vector<Start> starts;
   for (const Eigen::Vector3d& start : {from_wavefront, Eigen::Vector3d(0, 0, 0), beyond})

@@ -10,7 +10,7 @@ namespace emmetrope::correction {
 namespace {
 
 /// Largest power that is sought in a meridian, D.
-constexpr double strongest_D = 30;
+constexpr double strongest_D = 40;
 
 PowerVector cylinder_power(int sign, const Eigen::VectorXd& lens) {
   return {sign * std::hypot(lens[0], lens[1]), lens[0], lens[1]};
