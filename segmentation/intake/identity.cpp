@@ -134,7 +134,7 @@ void Identity::add_date(const std::string& date) {
            {std::string(months[month_number - 1]), std::string(months[month_number - 1]).substr(0, 3)})
         orders.insert(orders.end(), {{d, m, year}, {m, d, year}, {year, m, d}});
   for (const auto& [first, second, third] : orders) {
-    const std::string bare_spelling = first + second + third;
+    const std::string bare_spelling = fmt::format("{}{}{}", first, second, third);
     if (bare_spelling.size() >= shortest_date) numbers_.insert(fold(bare_spelling).letters);
     for (const char* between : {"-", ".", "/", "_", " "}) {
       const std::string spelling = fmt::format("{}{}{}{}{}", first, between, second, between, third);
