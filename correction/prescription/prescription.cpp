@@ -166,10 +166,11 @@ SearchResult sharpest_lens(const raytrace::Tracer& tracer, const EyeModel& eye,
   if (!family.bounds.contain(from_wavefront))
     throw no_result_error(
         fmt::format(
-            "by its wavefront this eye needs a lens of M {:.1f} D {:g} mm in front of it, and lenses are "
-            "sought up to {:g} D",
-            from_wavefront[0], settings.vertex_distance_mm, family.bounds.upper[0]),
-        "check the eye's length and powers; a smaller --vertex-distance needs a weaker lens where the eye is short-sighted");
+            "by its wavefront this eye needs a lens of M {:.1f}, J0 {:.1f}, J45 {:.1f} D {:g} mm in front of it; "
+            "lenses are sought up to M {:g}, J {:g} D",
+            from_wavefront[0], from_wavefront[1], from_wavefront[2], settings.vertex_distance_mm,
+            family.bounds.upper[0], family.bounds.upper[1]),
+        "check the eye's length and powers; with a smaller --vertex-distance a short-sighted eye needs a weaker lens");
   const Eigen::Vector3d beyond(1.5 * from_wavefront[0] + std::copysign(1, from_wavefront[0]), 0, 0);
   std::vector<Start> starts;
   for (const Eigen::Vector3d& start : {from_wavefront, Eigen::Vector3d(0, 0, 0), beyond})

@@ -77,7 +77,8 @@ struct Prescription {
 };
 
 /// The thin lens of the sharpest image.
-/// \throw Error (no_result) when none is found, with the reason
+/// \throw Error (no_result) when none is found, or the wavefront asks for one beyond those that are sought, with the
+/// reason
 SearchResult sharpest_lens(const raytrace::Tracer& tracer, const EyeModel& eye,
                            const PrescriptionSettings& settings);
 

@@ -113,10 +113,12 @@ std::vector<RealLens> sharpest_real_lenses(const raytrace::Tracer& tracer,
     meniscus.reason = error.what();
   }
   meniscus.vertex_distance_mm = vertex_distance_mm;
+  const PowerVector at_cornea = move_towards_eye(thin, vertex_distance_mm);
   LensFamily contact = thin_lens(in_front_of_cornea_mm(eye));
   contact.name = "contact lens";
-  lenses.push_back(
-      ascend_from(tracer, scene, eye, level, contact, move_towards_eye(thin, vertex_distance_mm)));
+  // A strong plus lens is stronger yet on the cornea than any that is sought in front of it.
+  contact.bounds = {as_vector(at_cornea).array() - reach_D, as_vector(at_cornea).array() + reach_D};
+  lenses.push_back(ascend_from(tracer, scene, eye, level, contact, at_cornea));
   return lenses;
 }
 

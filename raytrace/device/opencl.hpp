@@ -36,7 +36,7 @@ class OpenCl {
     static const T nothing{};
     const T* data = values.empty() ? &nothing : values.data();
     const std::size_t bytes = std::max<std::size_t>(1, values.size()) * sizeof(T);
-    // Written at once: a GPU's driver puts off copies that a buffer is made with to the first kernel that reads it.
+    // Written at once: NVIDIA's driver puts off copies that a buffer is made with to the first kernel that reads it.
     cl::Buffer buffer(context_, CL_MEM_READ_ONLY, bytes);
     queue_.enqueueWriteBuffer(buffer, CL_TRUE, 0, bytes, data);
     return buffer;

@@ -133,13 +133,19 @@ void read_study(DcmDataset& data_set, ImageHeader& header) {
   }
 }
 
-/// OtherPatientIDs, and what OtherPatientIDsSequence has in its place since 2017.
+/// OtherPatientIDs, and what OtherPatientIDsSequence has in its place since 2017; what cannot be read is left out.
 void read_other_ids(DcmDataset& data_set, ImageHeader& header) {
   DcmSequenceOfItems* others = nullptr;
   if (data_set.findAndGetSequence(DCM_OtherPatientIDsSequence, others).bad() || others == nullptr) return;
-  std::string& ids = header.data_set[tag::other_patient_ids.keyword];
-  for (auto* item = others->nextInContainer(nullptr); item != nullptr; item = others->nextInContainer(item))
-    ids += (ids.empty() ? "" : "\\") + text_of(*dynamic_cast<DcmItem*>(item), tag::patient_id);
+  for (auto* item = others->nextInContainer(nullptr); item != nullptr; item = others->nextInContainer(item)) {
+    try {
+      const auto id = text_of(*dynamic_cast<DcmItem*>(item), tag::patient_id);
+      if (id.empty()) continue;
+      std::string& ids = header.data_set[tag::other_patient_ids.keyword];
+      ids += (ids.empty() ? "" : "\\") + id;
+    } catch (const Error&) {
+    }
+  }
 }
 
 void read_description(DcmDataset& data_set, ImageHeader& header) {

@@ -23,37 +23,66 @@ struct Folded {
   std::vector<std::size_t> starts, ends;
 };
 
-/// How letters with marks are written without: without the mark, or as languages spell them out (glib's names).
-constexpr std::array<const char*, 4> spellings{"", "C", "de", "da"};
+/// How letters with marks are written without: bare, or as languages spell them out (glib's names).
+constexpr const char* bare = "";
+constexpr std::array<const char*, 4> spellings{bare, "C", "de", "da"};
+
+/// Letters whose mark is no mark to Unicode, bare and spelt out where glib does not know how.
+struct Stroked {
+  gunichar letter;
+  char32_t plain;
+  const char* spelt;
+};
+constexpr Stroked stroked[] = {{U'ø', U'o', ""},   {U'đ', U'd', "dj"}, {U'ð', U'd', "dh"}, {U'þ', U't', "th"},
+                               {U'ł', U'l', ""},   {U'ı', U'i', "i"},  {U'ħ', U'h', "h"},  {U'ŧ', U't', "t"},
+                               {U'æ', U'a', "ae"}, {U'œ', U'o', "oe"}};
 
 std::u32string without_marks(gunichar letter, const char* spelling) {
+  letter = g_unichar_tolower(letter);
   std::array<gunichar, G_UNICHAR_MAX_DECOMPOSITION_LENGTH> parts{};
   g_unichar_fully_decompose(letter, FALSE, parts.data(), parts.size());
-  std::u32string plain(1, static_cast<char32_t>(g_unichar_tolower(parts[0])));
-  if (*spelling == '\0' || letter < 0x80) return plain;
-  std::array<char, 8> utf8{};
-  g_unichar_to_utf8(letter, utf8.data());
-  const std::unique_ptr<char, decltype(&g_free)> ascii(g_str_to_ascii(utf8.data(), spelling), &g_free);
-  const std::string spelt = ascii.get();
+  std::u32string plain(1, static_cast<char32_t>(parts[0]));
+  std::string spelt;
+  for (const Stroked& one : stroked)
+    if (one.letter == letter) {
+      plain[0] = one.plain;
+      spelt = one.spelt;
+    }
+  if (spelling == bare || letter < 0x80) return plain;
+  if (spelt.empty()) {
+    std::array<char, 8> utf8{};
+    g_unichar_to_utf8(letter, utf8.data());
+    const std::unique_ptr<char, decltype(&g_free)> ascii(g_str_to_ascii(utf8.data(), spelling), &g_free);
+    spelt = ascii.get();
+  }
   if (spelt.find('?') != std::string::npos) return plain;
   std::u32string letters;
   for (const char c : spelt) letters += static_cast<char32_t>(g_ascii_tolower(c));
   return letters;
 }
 
-Folded fold(const std::string& text, const char* spelling = "") {
+/// A letter and the marks that follow it, as the one letter that Unicode has for both where it has one.
+gunichar composed(const std::string& letter_and_marks) {
+  const std::unique_ptr<char, decltype(&g_free)> one(
+      g_utf8_normalize(letter_and_marks.data(), static_cast<gssize>(letter_and_marks.size()),
+                       G_NORMALIZE_NFC),
+      &g_free);
+  return g_utf8_get_char(one ? one.get() : letter_and_marks.data());
+}
+
+Folded fold(const std::string& text, const char* spelling = bare) {
   Folded folded;
+  const auto after = [&](std::size_t at) {
+    return at + static_cast<std::size_t>(g_unichar_to_utf8(g_utf8_get_char(text.data() + at), nullptr));
+  };
   for (std::size_t at = 0; at < text.size();) {
-    const gunichar letter = g_utf8_get_char(text.data() + at);
-    const std::size_t next = at + static_cast<std::size_t>(g_unichar_to_utf8(letter, nullptr));
-    if (!g_unichar_ismark(letter))
-      for (const char32_t written : without_marks(letter, spelling)) {
-        folded.letters += written;
-        folded.starts.push_back(at);
-        folded.ends.push_back(next);
-      }
-    else if (!folded.ends.empty())
-      folded.ends.back() = next;
+    std::size_t next = after(at);
+    while (next < text.size() && g_unichar_ismark(g_utf8_get_char(text.data() + next))) next = after(next);
+    for (const char32_t written : without_marks(composed(text.substr(at, next - at)), spelling)) {
+      folded.letters += written;
+      folded.starts.push_back(at);
+      folded.ends.push_back(next);
+    }
     at = next;
   }
   return folded;
@@ -92,24 +121,33 @@ Folded unpunctuated(const Folded& text) {
 }  // namespace
 
 void Identity::add_name(const std::string& name) {
-  for (const char* spelling : spellings)
-    for (const auto& part : runs_of(fold(name, spelling).letters, is_letter))
-      if (part.size() >= (g_unichar_iswide(part[0]) ? 2 : shortest_name)) terms_.insert(part);
+  const Folded folded = fold(name);
+  for (std::size_t first = 0; first < folded.letters.size(); ++first) {
+    std::size_t end = first;
+    while (end < folded.letters.size() && is_letter(folded.letters[end])) ++end;
+    if (end - first >= (g_unichar_iswide(folded.letters[first]) ? 2 : shortest_name)) {
+      const std::string part = name.substr(folded.starts[first], folded.ends[end - 1] - folded.starts[first]);
+      for (const char* spelling : spellings) terms_.insert(fold(part, spelling).letters);
+    }
+    first = end;
+  }
 }
 
 void Identity::add_number(const std::string& number) {
   const std::u32string folded = fold(number).letters;
-  for (const auto& one : runs_of(folded, [](char32_t letter) { return letter != U'\\'; })) {
-    std::u32string bare;
-    for (const auto& run : runs_of(one, is_letter_or_digit)) bare += run;
-    for (const auto& term : {one, bare})
+  for (std::u32string one : runs_of(folded, [](char32_t letter) { return letter != U'\\'; })) {
+    one.erase(0, std::min(one.find_first_not_of(U' '), one.size()));
+    one.erase(one.find_last_not_of(U' ') + 1);
+    std::u32string unpunctuated;
+    for (const auto& run : runs_of(one, is_letter_or_digit)) unpunctuated += run;
+    for (const auto& term : {one, unpunctuated})
       if (term.size() >= shortest_number) terms_.insert(term);
-    if (bare.size() >= telling_digits) numbers_.insert(bare);
+    if (unpunctuated.size() >= telling_digits) punctuated_.insert(unpunctuated);
   }
   for (const auto& run : runs_of(folded, is_digit))
     if (run.size() >= telling_digits) {
       terms_.insert(run);
-      numbers_.insert(run);
+      punctuated_.insert(run);
     }
 }
 
@@ -123,22 +161,25 @@ void Identity::add_date(const std::string& date) {
                                                       "september", "october",  "november", "december"};
   const std::string year = digits.substr(0, 4), month = digits.substr(4, 2), day = digits.substr(6);
   const auto month_number = static_cast<std::size_t>(std::stoi(month));
-  const auto bare = [](const std::string& number) { return number[0] == '0' ? number.substr(1) : number; };
+  const auto short_form = [](const std::string& number) {
+    return number[0] == '0' ? number.substr(1) : number;
+  };
   std::vector<std::array<std::string, 3>> orders;
   for (const std::string& y : {year, year.substr(2)})
-    for (const auto& [m, d] : {std::pair{month, day}, std::pair{bare(month), bare(day)}})
+    for (const auto& [m, d] : {std::pair{month, day}, std::pair{short_form(month), short_form(day)}})
       orders.insert(orders.end(), {{y, m, d}, {d, m, y}, {m, d, y}});
   if (month_number >= 1 && month_number <= 12)
-    for (const std::string& d : {day, bare(day)})
+    for (const std::string& d : {day, short_form(day)})
       for (const std::string& m :
            {std::string(months[month_number - 1]), std::string(months[month_number - 1]).substr(0, 3)})
         orders.insert(orders.end(), {{d, m, year}, {m, d, year}, {year, m, d}});
   for (const auto& [first, second, third] : orders) {
-    const std::string bare_spelling = fmt::format("{}{}{}", first, second, third);
-    if (bare_spelling.size() >= shortest_date) numbers_.insert(fold(bare_spelling).letters);
-    for (const char* between : {"-", ".", "/", "_", " "}) {
+    for (const char* between : {"", "-", ".", "/", "_", " "}) {
       const std::string spelling = fmt::format("{}{}{}{}{}", first, between, second, between, third);
-      if (spelling.size() >= shortest_date) terms_.insert(fold(spelling).letters);
+      if (spelling.size() < shortest_date) continue;
+      terms_.insert(fold(spelling).letters);
+      // Six digits alone are b-values or matrix sizes as well.
+      if (*between == '\0' && (first == year || third == year)) punctuated_.insert(fold(spelling).letters);
     }
   }
 }
@@ -151,15 +192,22 @@ void Identity::add(const ImageHeader& header) {
 
 std::string Identity::removed_from(const std::string& text) const {
   std::vector<bool> covered(text.size(), false);
-  const auto cover = [&](const Folded& written, const std::set<std::u32string>& terms) {
+  const auto digit_at = [&](std::size_t at) {
+    return at < text.size() && is_digit(static_cast<unsigned char>(text[at]));
+  };
+  const auto cover = [&](const Folded& written, const std::set<std::u32string>& terms, bool whole_numbers) {
     for (const auto& term : terms)
       for (auto at = written.letters.find(term); at != std::u32string::npos;
-           at = written.letters.find(term, at + 1))
-        std::fill(covered.begin() + static_cast<std::ptrdiff_t>(written.starts[at]),
-                  covered.begin() + static_cast<std::ptrdiff_t>(written.ends[at + term.size() - 1]), true);
+           at = written.letters.find(term, at + 1)) {
+        const std::size_t from = written.starts[at], to = written.ends[at + term.size() - 1];
+        const bool begins_inside = from > 0 && digit_at(from - 1) && digit_at(from);
+        if (whole_numbers && (begins_inside || (digit_at(to - 1) && digit_at(to)))) continue;
+        std::fill(covered.begin() + static_cast<std::ptrdiff_t>(from),
+                  covered.begin() + static_cast<std::ptrdiff_t>(to), true);
+      }
   };
-  for (const char* spelling : spellings) cover(fold(text, spelling), terms_);
-  cover(unpunctuated(fold(text)), numbers_);
+  for (const char* spelling : spellings) cover(fold(text, spelling), terms_, false);
+  cover(unpunctuated(fold(text)), punctuated_, true);
   std::string kept;
   for (std::size_t i = 0; i < covered.size(); ++i) {
     if (!covered[i])

@@ -15,7 +15,7 @@ class Identity {
   void add(const ImageHeader& header);
   /// The text with "[removed]" in place of each part of a name (3 letters or more; 2 where letters are
   /// words), each number, and the date of birth in its usual spellings; whatever the case, with accents, without or
-  /// spelt out (Müller, Muller, Mueller), and numbers of 5 digits or more however they are punctuated.
+  /// spelt out (Müller, Muller, Mueller), and numbers of 5 letters and digits or more however they are punctuated.
   std::string removed_from(const std::string& text) const;
   /// The same of the header's free texts; its own identifying values go.
   void remove_from(ImageHeader& header) const;
@@ -24,8 +24,8 @@ class Identity {
   void add_name(const std::string& name);
   void add_number(const std::string& number);
   void add_date(const std::string& date);
-  std::set<std::u32string> terms_;    ///< folded
-  std::set<std::u32string> numbers_;  ///< and dates: found however a text punctuates them
+  std::set<std::u32string> terms_;       ///< folded
+  std::set<std::u32string> punctuated_;  ///< numbers and dates, found however a text punctuates them
 };
 
 }  // namespace emmetrope::segmentation

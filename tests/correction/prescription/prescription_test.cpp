@@ -3,6 +3,7 @@
 
 #include <gmock/gmock.h>
 
+#include "correction/sharpness/refraction_chart.hpp"
 #include "pipeline/base/error.hpp"
 #include "pipeline/eye/optics/paraxial.hpp"
 #include "pipeline/eye/schematic/schematic_eyes.hpp"
@@ -28,6 +29,23 @@ TEST(SharpestLens, IsFoundForTheLongestEyesThatLive) {
   EXPECT_NEAR(search.family.power(search.best.lens).M_D, at_lens_D, 1);
 }
 
+TEST(SharpestLens, OfAVeryShortEyeIsAContactLensToo) {
+  PrescriptionSettings settings;
+  settings.vertex_distance_mm = 12;
+  settings.verbosity.quiet = true;
+  const EyeModel eye = navarro_of_length(14.8);  // +40 D at the cornea
+  const raytrace::Tracer tracer("", 0);
+  const SearchResult search = sharpest_lens(tracer, eye, settings);
+  const PowerVector thin = search.family.power(search.best.lens);
+  const auto levels =
+      imaging_levels(settings.criterion, settings.pupil_mm, settings.wavelength_nm, {0, 0}, 1);
+  const auto lenses = sharpest_real_lenses(tracer, refraction_chart(), eye, levels.back(), settings.spectacle,
+                                           thin, settings.vertex_distance_mm);
+  EXPECT_EQ(lenses.back().kind, "contact lens");
+  EXPECT_EQ(lenses.back().reason, "");
+  EXPECT_NEAR(lenses.back().power.M_D, paraxial_refraction(eye, settings.wavelength_nm).M_D, 2.5);
+}
+
 TEST(SharpestLens, IsNotSoughtWhereNoneIsMade) {
   PrescriptionSettings settings;
   settings.vertex_distance_mm = 12;
@@ -38,7 +56,7 @@ TEST(SharpestLens, IsNotSoughtWhereNoneIsMade) {
   } catch (const Error& error) {
     EXPECT_EQ(error.status(), ExitStatus::no_result);
     EXPECT_THAT(error.what(), testing::HasSubstr("by its wavefront this eye needs a lens of M -132"));
-    EXPECT_THAT(error.what(), testing::HasSubstr("lenses are sought up to 40 D"));
+    EXPECT_THAT(error.what(), testing::HasSubstr("lenses are sought up to M 40, J 20 D"));
   }
 }
 

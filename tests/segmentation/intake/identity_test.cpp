@@ -51,11 +51,28 @@ TEST(Identity, IsTakenOutHoweverItsLettersAreSpeltOut) {
   EXPECT_EQ(removed("S\u00f8rensen", "Soerensen"), "T1 [removed] head");
   EXPECT_EQ(removed("Aagaard", "\u00c5gaard"), "T1 [removed] head");
   EXPECT_EQ(removed("\u0141ukasz", "Lukasz"), "T1 [removed] head");
+  EXPECT_EQ(removed("S\u00f8rensen", "Sorensen"), "T1 [removed] head");
+  EXPECT_EQ(removed("\u0110or\u0111evi\u0107", "Dordevic"), "T1 [removed] head");
+  EXPECT_EQ(removed("Y\u0131ld\u0131z", "YILDIZ"), "T1 [removed] head");
+  EXPECT_EQ(removed("\u00de\u00f3rsd\u00f3ttir", "Thorsdottir"), "T1 [removed] head");
+  EXPECT_EQ(removed("Mu\u0308ller", "Mueller"), "T1 [removed] head");
+  EXPECT_EQ(removed("Mueller", "Mu\u0308ller"), "T1 [removed] head");
+}
+
+TEST(Identity, LeavesWhatOnlyResemblesIt) {
+  const auto kept = [](const char* name, const char* id, const char* born, const std::string& text) {
+    EXPECT_EQ(of_patient(name, id, born).removed_from(text), text);
+  };
+  kept("L\u00fc^Wei", "", "", "b-value 1000");
+  kept("R\u00fc^Jo", "", "", "TrueFISP");
+  kept("", "", "19501002", "DWI b 50 100 200");
+  kept("", "", "20000510", "DWI b100 500 1000");
+  kept("", "12345", "", "T2 TSE 3mm 0.4x0.4");
 }
 
 TEST(Identity, EveryOfSeveralNumbersIsTakenOut) {
   ImageHeader header;
-  header.data_set = {{"OtherPatientIDs", "AB-12\\CD34"}};
+  header.data_set = {{"OtherPatientIDs", "AB-12 \\ CD34"}};
   Identity identity;
   identity.add(header);
   EXPECT_EQ(identity.removed_from("T2 ab12, T1 CD34, CD 3"), "T2 [removed], T1 [removed], CD 3");
