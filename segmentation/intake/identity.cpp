@@ -23,9 +23,8 @@ struct Folded {
   std::vector<std::size_t> starts, ends;
 };
 
-/// How letters with marks are written without: bare, or as languages spell them out (glib's names).
-constexpr const char* bare = "";
-constexpr std::array<const char*, 4> spellings{bare, "C", "de", "da"};
+/// How letters with marks are written without: bare (""), or as languages spell them out (glib's names).
+constexpr std::array<const char*, 4> spellings{"", "C", "de", "da"};
 
 /// Letters whose mark is no mark to Unicode, bare and spelt out where glib does not know how.
 struct Stroked {
@@ -48,7 +47,7 @@ std::u32string without_marks(gunichar letter, const char* spelling) {
       plain[0] = one.plain;
       spelt = one.spelt;
     }
-  if (spelling == bare || letter < 0x80) return plain;
+  if (*spelling == '\0' || letter < 0x80) return plain;
   if (spelt.empty()) {
     std::array<char, 8> utf8{};
     g_unichar_to_utf8(letter, utf8.data());
@@ -70,7 +69,7 @@ gunichar composed(const std::string& letter_and_marks) {
   return g_utf8_get_char(one ? one.get() : letter_and_marks.data());
 }
 
-Folded fold(const std::string& text, const char* spelling = bare) {
+Folded fold(const std::string& text, const char* spelling = "") {
   Folded folded;
   const auto after = [&](std::size_t at) {
     return at + static_cast<std::size_t>(g_unichar_to_utf8(g_utf8_get_char(text.data() + at), nullptr));
