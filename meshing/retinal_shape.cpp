@@ -37,18 +37,32 @@ LensBack back_of_lens(const ParametricEye& eye) {
           eye.lens_equator_radius_mm};
 }
 
-enum ShapeNumber : Index {
-  depth,
+/// Numbers of a best ellipsoid, in this order.
+enum EllipsoidNumber : Index {
   radius_horizontal,
   radius_vertical,
-  narrow_radius_horizontal,
-  narrow_radius_vertical,
-  q_narrow,
-  q_wide,
-  narrow_axis_horizontal,
-  narrow_axis_vertical,
-  wide_axis_horizontal,
-  wide_axis_vertical,
+  asphericity,
+  axis_horizontal,
+  axis_vertical,
+  ellipsoid_numbers
+};
+using EllipsoidNumbers = Eigen::Matrix<double, ellipsoid_numbers, 1>;
+
+EllipsoidNumbers numbers_of(const Quadric& quadric) {
+  const BestEllipsoid best = as_ellipsoid(quadric);
+  EllipsoidNumbers v;
+  v << best.vertex_radius_mm, best.q, best.axis_deg;
+  return v;
+}
+
+constexpr Index quadric_terms = Quadric::RowsAtCompileTime;
+
+enum ShapeNumber : Index {
+  wide_ellipsoid = 0,
+  narrow_ellipsoid = wide_ellipsoid + ellipsoid_numbers,
+  wide_quadric = narrow_ellipsoid + ellipsoid_numbers,
+  narrow_quadric = wide_quadric + quadric_terms,
+  depth = narrow_quadric + quadric_terms,
   tilt_horizontal,
   tilt_vertical,
   volume,
@@ -67,11 +81,11 @@ ParametricEye without_bulges(ParametricEye eye) {
 VectorXd whole_shape(const ParametricEye& eye) {
   const ParametricEye ellipsoid = without_bulges(eye);
   const InterfaceDistance interface = vitreoretinal_interface(eye);
-  const BestEllipsoid narrow = best_ellipsoid(interface, narrow_cap_deg),
-                      wide = best_ellipsoid(interface, wide_cap_deg);
+  const Quadric wide = best_quadric(interface, wide_cap_deg),
+                narrow = best_quadric(interface, narrow_cap_deg);
   VectorXd v(shapes);
-  v << globe_extent_mm(interface, Vector3d::UnitZ()), wide.vertex_radius_mm, narrow.vertex_radius_mm,
-      narrow.q, wide.q, narrow.axis_deg, wide.axis_deg, rim_tilt_deg(interface, narrow_cap_deg),
+  v << numbers_of(wide), numbers_of(narrow), wide, narrow, globe_extent_mm(interface, Vector3d::UnitZ()),
+      rim_tilt_deg(interface, narrow_cap_deg),
       vitreous_volume_mm3(interface, -eye.globe_centre_mm().z(), back_of_lens(eye)),
       retinal_area_mm2(interface, wide_cap_deg), macular_curvature_index(interface),
       macular_curvature_index(vitreoretinal_interface(ellipsoid));
@@ -113,18 +127,30 @@ Measured staphyloma_number(const Propagated& p) {
   return index;
 }
 
-/// A direction of which nothing is known has the interval of all.
-Json axis_json(const Propagated& p, Index horizontal) {
-  const auto part = [&](Index i) {
-    Measured angle = number(p, i);
-    angle.ci95 = {std::max(angle.ci95[0], angle.value - 90), std::min(angle.ci95[1], angle.value + 90)};
-    return angle;
-  };
-  return {{"horizontal", part(horizontal)}, {"vertical", part(horizontal + 1)}};
+/// A best ellipsoid's numbers with the quantiles of what its quadric may be: which of its axes is nearest to the eye's
+/// may change within the interval, and no derivative tells of that.
+std::vector<Measured> ellipsoid_measured(const Propagated& p, Index ellipsoid, Index quadric) {
+  const Propagated terms{p.value.segment(quadric, quadric_terms),
+                         p.covariance.block(quadric, quadric, quadric_terms, quadric_terms),
+                         {}};
+  std::array<std::vector<double>, ellipsoid_numbers> drawn;
+  const Eigen::MatrixXd draws = terms.draws();
+  for (Index k = 0; k < draws.cols(); ++k) {
+    const EllipsoidNumbers v = numbers_of(draws.col(k));
+    for (Index i = 0; i < ellipsoid_numbers; ++i) drawn[static_cast<std::size_t>(i)].push_back(v[i]);
+  }
+  std::vector<Measured> measured;
+  for (Index i = 0; i < ellipsoid_numbers; ++i) {
+    Measured m = number(p, ellipsoid + i);
+    const auto [low, high] = ci95_of(std::move(drawn[static_cast<std::size_t>(i)]));
+    m.ci95 = {std::min(low, m.value), std::max(high, m.value)};
+    measured.push_back(m);
+  }
+  return measured;
 }
 
-Json radii_json(const Propagated& p, Index horizontal) {
-  return {{"horizontal", number(p, horizontal)}, {"vertical", number(p, horizontal + 1)}};
+Json two_json(const Measured& horizontal, const Measured& vertical) {
+  return {{"horizontal", horizontal}, {"vertical", vertical}};
 }
 
 /// Numbers of the grid, ring by ring; the first ring is the pole.
@@ -158,15 +184,17 @@ Json map_json(const Propagated& p) {
 
 Json retinal_shape_json(const UncertainEye& estimate) {
   const Propagated p = estimate.propagate(whole_shape);
+  const std::vector<Measured> wide = ellipsoid_measured(p, wide_ellipsoid, wide_quadric),
+                              narrow = ellipsoid_measured(p, narrow_ellipsoid, narrow_quadric);
   return {{"globe_depth_mm", number(p, depth, unseen_front_sigma_mm)},
           {"retina",
-           {{"vertex_radius_mm", radii_json(p, radius_horizontal)},
-            {"vertex_radius_120_mm", radii_json(p, narrow_radius_horizontal)},
-            {"q_120", number(p, q_narrow)},
-            {"q_240", number(p, q_wide)},
-            {"axis_120_deg", axis_json(p, narrow_axis_horizontal)},
-            {"axis_240_deg", axis_json(p, wide_axis_horizontal)},
-            {"tilt_deg", axis_json(p, tilt_horizontal)},
+           {{"vertex_radius_mm", two_json(wide[radius_horizontal], wide[radius_vertical])},
+            {"vertex_radius_120_mm", two_json(narrow[radius_horizontal], narrow[radius_vertical])},
+            {"q_120", narrow[asphericity]},
+            {"q_240", wide[asphericity]},
+            {"axis_120_deg", two_json(narrow[axis_horizontal], narrow[axis_vertical])},
+            {"axis_240_deg", two_json(wide[axis_horizontal], wide[axis_vertical])},
+            {"tilt_deg", two_json(number(p, tilt_horizontal), number(p, tilt_vertical))},
             {"volume_mm3", number(p, volume)},
             {"area_mm2", number(p, area)},
             {"staphyloma_index", staphyloma_number(p)},
@@ -215,15 +243,19 @@ Json ellipsoid_shape_json(const Json& globe, const std::string& reason) {
   const auto edges = [&](Index i) {
     return Measured::from_sigma(p.value[i], p.sigma(i), Origin::of_images("mri", 1), "edges");
   };
+  std::vector<Measured> wide = ellipsoid_measured(p, wide_ellipsoid, wide_quadric);
+  for (Measured& m : wide) {
+    const Origin read = Origin::of_images("mri", 1);
+    m.source = read.source, m.image_share = read.image_share, m.method = "edges";
+  }
   const Json nothing = withheld(reason);
   const Json no_axis{{"horizontal", nothing}, {"vertical", nothing}};
   return {{"globe_depth_mm", globe.at("globe_depth_mm")},
           {"retina",
-           {{"vertex_radius_mm",
-             {{"horizontal", edges(radius_horizontal)}, {"vertical", edges(radius_vertical)}}},
+           {{"vertex_radius_mm", two_json(wide[radius_horizontal], wide[radius_vertical])},
             {"vertex_radius_120_mm", no_axis},
             {"q_120", nothing},
-            {"q_240", edges(q_wide)},
+            {"q_240", wide[asphericity]},
             {"axis_120_deg", no_axis},
             {"axis_240_deg", no_axis},
             {"tilt_deg", no_axis},

@@ -57,42 +57,11 @@ Vector3d point(const InterfaceDistance& interface, const Vector3d& direction) {
   return interface(direction) * direction;
 }
 
-/// x'Ax + b'x = 1
-struct Quadric {
-  Matrix3d a;
-  Vector3d b;
-};
-
-using QuadricTerms = Eigen::Matrix<double, 9, 1>;
-
-Quadric quadric(const QuadricTerms& c) {
+/// A of the quadric x'Ax + b'x = 1.
+Matrix3d squares(const Quadric& c) {
   Matrix3d a;
   a << c[0], c[3], c[4], c[3], c[1], c[5], c[4], c[5], c[2];
-  return {a, c.tail<3>()};
-}
-
-/// Distances to first order: what is left of the equation over the gradient, whose size is that of the round before.
-Quadric nearest_quadric(const std::vector<Vector3d>& points, const std::vector<Share>& shares) {
-  QuadricTerms terms = QuadricTerms::Zero();
-  std::vector<double> weight(points.size(), 1);
-  for (int round = 0; round < 4; ++round) {
-    Eigen::Matrix<double, 9, 9> normal = Eigen::Matrix<double, 9, 9>::Zero();
-    QuadricTerms right = QuadricTerms::Zero();
-    for (std::size_t i = 0; i < points.size(); ++i) {
-      const Vector3d& p = points[i];
-      QuadricTerms row;
-      row << p.x() * p.x(), p.y() * p.y(), p.z() * p.z(), 2 * p.x() * p.y(), 2 * p.x() * p.z(),
-          2 * p.y() * p.z(), p;
-      const double w = weight[i] * shares[i].solid_angle;
-      normal += w * row * row.transpose();
-      right += w * row;
-    }
-    terms = normal.ldlt().solve(right);
-    const Quadric found = quadric(terms);
-    for (std::size_t i = 0; i < points.size(); ++i)
-      weight[i] = 1 / (2 * found.a * points[i] + found.b).squaredNorm();
-  }
-  return quadric(terms);
+  return a;
 }
 
 /// Unit vector of the plane across an axis that lies in the meridian of `along`.
@@ -145,27 +114,56 @@ Vector3d retinal_direction(double eccentricity_rad, double meridian_rad) {
   return {across * std::cos(meridian_rad), across * std::sin(meridian_rad), -std::cos(eccentricity_rad)};
 }
 
-BestEllipsoid best_ellipsoid(const InterfaceDistance& interface, double cap_deg) {
+Quadric best_quadric(const InterfaceDistance& interface, double cap_deg) {
   const std::vector<Share> shares = cap(cap_deg);
   std::vector<Vector3d> points;
   for (const Share& share : shares) points.push_back(point(interface, share.direction));
-  const Quadric found = nearest_quadric(points, shares);
-  const Eigen::SelfAdjointEigenSolver<Matrix3d> eigen(found.a);
+  // Distances to first order: what is left of the equation over the gradient, whose size is that of the round before.
+  Quadric found = Quadric::Zero();
+  std::vector<double> weight(points.size(), 1);
+  for (int round = 0; round < 4; ++round) {
+    Eigen::Matrix<double, 9, 9> normal = Eigen::Matrix<double, 9, 9>::Zero();
+    Quadric right = Quadric::Zero();
+    for (std::size_t i = 0; i < points.size(); ++i) {
+      const Vector3d& p = points[i];
+      Quadric row;
+      row << p.x() * p.x(), p.y() * p.y(), p.z() * p.z(), 2 * p.x() * p.y(), 2 * p.x() * p.z(),
+          2 * p.y() * p.z(), p;
+      const double w = weight[i] * shares[i].solid_angle;
+      normal += w * row * row.transpose();
+      right += w * row;
+    }
+    found = normal.ldlt().solve(right);
+    const Matrix3d a = squares(found);
+    for (std::size_t i = 0; i < points.size(); ++i)
+      weight[i] = 1 / (2 * a * points[i] + found.tail<3>()).squaredNorm();
+  }
+  return found;
+}
+
+BestEllipsoid as_ellipsoid(const Quadric& quadric) {
+  const Matrix3d a = squares(quadric);
+  const Vector3d b = quadric.tail<3>();
+  const Eigen::SelfAdjointEigenSolver<Matrix3d> eigen(a);
   Eigen::Index nearest = 0;
   eigen.eigenvectors().row(2).cwiseAbs().maxCoeff(&nearest);
   const Vector3d axis = eigen.eigenvectors().col(nearest) * (eigen.eigenvectors()(2, nearest) < 0 ? -1 : 1);
   // About its centre x'Ax = k; a hyperboloid of two sheets has k and the eigenvalue along the axis below 0.
-  const double k = 1 + found.b.dot(found.a.inverse() * found.b) / 4;
-  const double along = axis.dot(found.a * axis);
+  const double k = 1 + b.dot(a.inverse() * b) / 4;
+  const double along = axis.dot(a * axis);
   BestEllipsoid best;
   best.axis_deg = towards_deg(axis);
   for (const int meridian : {0, 1}) {
     const Vector3d h = in_meridian(Vector3d::Unit(meridian), axis);
-    const double sideways = h.dot(found.a * h);
+    const double sideways = h.dot(a * h);
     best.vertex_radius_mm[meridian] = std::sqrt(std::abs(k * along)) / sideways;
     best.q += (along / sideways - 1) / 2;
   }
   return best;
+}
+
+BestEllipsoid best_ellipsoid(const InterfaceDistance& interface, double cap_deg) {
+  return as_ellipsoid(best_quadric(interface, cap_deg));
 }
 
 double retinal_area_mm2(const InterfaceDistance& interface, double cap_deg) {

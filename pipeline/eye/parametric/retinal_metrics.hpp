@@ -20,8 +20,15 @@ double globe_extent_mm(const InterfaceDistance& interface, const Eigen::Vector3d
 /// examiner sees it.
 Eigen::Vector3d retinal_direction(double eccentricity_rad, double meridian_rad);
 
+/// c of c0 x^2 + c1 y^2 + c2 z^2 + 2 (c3 xy + c4 xz + c5 yz) + c6 x + c7 y + c8 z = 1.
+using Quadric = Eigen::Matrix<double, 9, 1>;
 /// The quadric that is nearest in the mean square of distances (first order; Taubin 1991) to the interface within a
-/// cap about the pole, as an ellipsoid with the axis that is nearest to the eye's.
+/// cap about the pole.
+/// \param cap_deg  full angle as seen from the globe's centre
+Quadric best_quadric(const InterfaceDistance& interface, double cap_deg);
+
+/// A quadric as an ellipsoid with the axis that is nearest to the eye's: where another is nearly as near, a small
+/// change of the quadric takes that one instead.
 struct BestEllipsoid {
   /// Where its axis points out of the eye: degrees to the patient's left and upwards.
   Eigen::Vector2d axis_deg;
@@ -30,7 +37,7 @@ struct BestEllipsoid {
   /// Mean of the two meridians' asphericity, (half axis across / half axis along)^2 - 1: above 0 oblate.
   double q = 0;
 };
-/// \param cap_deg  full angle as seen from the globe's centre
+BestEllipsoid as_ellipsoid(const Quadric& quadric);
 BestEllipsoid best_ellipsoid(const InterfaceDistance& interface, double cap_deg);
 
 /// Of the interface within a cap of this full angle.

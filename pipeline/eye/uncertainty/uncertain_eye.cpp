@@ -48,6 +48,10 @@ bool is_of_images(const std::string& source) {
   return source == "prior" || source.rfind("mri", 0) == 0 || source.rfind("labels", 0) == 0;
 }
 
+double quantile(const std::vector<double>& ascending, double share) {
+  return ascending[static_cast<std::size_t>(share * static_cast<double>(ascending.size() - 1))];
+}
+
 void check_covariance(const ParametricEye& eye) {
   const MatrixXd& p = eye.covariance;
   if (p.rows() != p.cols() || p.rows() != static_cast<Index>(eye.parameter_names.size()))
@@ -69,24 +73,29 @@ void check_covariance(const ParametricEye& eye) {
 
 double Propagated::sigma(Index i) const { return std::sqrt(std::max(0.0, covariance(i, i))); }
 
-Measured root_sum_square(const Propagated& terms) {
-  constexpr std::size_t draws = 4000;
-  const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(terms.covariance);
+MatrixXd Propagated::draws() const {
+  constexpr Index count = 4000;
+  const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(covariance);
   const MatrixXd spread = eigen.eigenvectors() * eigen.eigenvalues().cwiseMax(0).cwiseSqrt().asDiagonal();
   std::mt19937_64 random(1);
   std::normal_distribution<double> normal;
-  std::vector<double> roots(draws);
-  for (double& root : roots)
-    root = (terms.value +
-            spread * VectorXd::NullaryExpr(terms.value.size(), [&] {
-              return normal(random);
-            })).norm();
+  const MatrixXd standard = MatrixXd::NullaryExpr(value.size(), count, [&] { return normal(random); });
+  return (spread * standard).colwise() + value;
+}
+
+std::array<double, 2> ci95_of(std::vector<double> draws) {
+  std::sort(draws.begin(), draws.end());
+  return {quantile(draws, 0.025), quantile(draws, 0.975)};
+}
+
+Measured root_sum_square(const Propagated& terms) {
+  const VectorXd length = terms.draws().colwise().norm();
+  std::vector<double> roots(length.begin(), length.end());
   std::sort(roots.begin(), roots.end());
-  const auto quantile = [&](double share) { return roots[static_cast<std::size_t>(share * (draws - 1))]; };
   Index largest = 0;
   terms.covariance.diagonal().maxCoeff(&largest);
   const Origin& origin = terms.origin[static_cast<std::size_t>(largest)];
-  return {quantile(0.5), {quantile(0.025), quantile(0.975)}, origin.source, {}, origin.image_share};
+  return {quantile(roots, 0.5), ci95_of(roots), origin.source, {}, origin.image_share};
 }
 
 UncertainEye::UncertainEye(ParametricEye eye) : eye_(std::move(eye)) {

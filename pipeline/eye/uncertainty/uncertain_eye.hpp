@@ -1,5 +1,6 @@
 #pragma once
 #include <Eigen/Core>
+#include <array>
 #include <functional>
 #include <string>
 #include <vector>
@@ -21,7 +22,13 @@ struct Propagated {
   Eigen::VectorXd prior_sigma = {};  ///< before any image was seen; infinite where nothing was known
 
   double sigma(Eigen::Index i) const;
+  /// 4000 draws of the numbers, one a column, the same ones every time: for what follows from them by no straight
+  /// line (JCGM 101:2008).
+  Eigen::MatrixXd draws() const;
 };
+
+/// 2.5 % and 97.5 % quantile.
+std::array<double, 2> ci95_of(std::vector<double> draws);
 
 /// Root of the sum of squares of numbers that are known jointly: median, 2.5 % and 97.5 % quantile of 4000
 /// draws, since where it is uncertain the root's value at the mean is too low and its slope tells too little.

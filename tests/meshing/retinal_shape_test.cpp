@@ -1,0 +1,76 @@
+#include "meshing/retinal_shape.hpp"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Cholesky>
+#include <array>
+#include <random>
+#include <vector>
+
+#include "pipeline/base/measured.hpp"
+#include "pipeline/eye/parametric/retinal_metrics.hpp"
+#include "tests/support/random_eye.hpp"
+
+namespace emmetrope::meshing {
+namespace {
+
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+struct ShapeCase {
+  const char* description;
+  Eigen::Vector3d semi_axes_mm;
+};
+
+/// Both ellipsoids of eyes drawn from an estimate's distribution, each measured by itself.
+std::vector<std::array<BestEllipsoid, 2>> drawn_ellipsoids(const UncertainEye& estimate, int count) {
+  const auto [mean, covariance] = estimate.parameters();
+  const MatrixXd root = covariance.llt().matrixL();
+  std::mt19937 random(3);
+  std::normal_distribution<double> normal;
+  std::vector<std::array<BestEllipsoid, 2>> ellipsoids;
+  for (int k = 0; k < count; ++k) {
+    const VectorXd shift = root * VectorXd::NullaryExpr(root.rows(), [&] { return normal(random); });
+    const ParametricEye eye = estimate.at(mean + shift);
+    const InterfaceDistance interface = vitreoretinal_interface(eye);
+    ellipsoids.push_back({best_ellipsoid(interface, 120), best_ellipsoid(interface, 240)});
+  }
+  return ellipsoids;
+}
+
+/// Of a globe that is round the best ellipsoid's axis has no direction: which of its axes is nearest to the eye's
+/// changes from draw to draw. The intervals of its numbers hold what eyes drawn from the same distribution have, and
+/// are no wider.
+TEST(RetinalShape, IntervalsOfBestEllipsoidsHoldWhatDrawnEyesHave) {
+  for (const auto& [description, semi_axes_mm] :
+       {ShapeCase{"prolate", {11.2, 11.0, 12.2}}, ShapeCase{"nearly round", {11.62, 11.6, 11.61}}}) {
+    for (const unsigned seed : {3, 21}) {
+      ParametricEye eye = random_eye(seed);
+      eye.globe_semi_axes_mm = semi_axes_mm;
+      const UncertainEye estimate = fitted_eye(eye);
+      const Json retina = retinal_shape_json(estimate).at("retina");
+      const auto drawn = drawn_ellipsoids(estimate, 400);
+      const auto expect_held = [&](const char* pointer, const auto& number_of) {
+        const auto told = retina.at(Json::json_pointer(pointer)).get<Measured>();
+        int outside = 0;
+        for (const auto& [narrow, wide] : drawn) {
+          const double value = number_of(narrow, wide);
+          outside += value < told.ci95[0] || value > told.ci95[1];
+        }
+        EXPECT_NEAR(outside, 20, 15) << description << ", seed " << seed << ": "
+                                     << pointer;  // of 400; 3.4 sigma
+      };
+      using Best = BestEllipsoid;
+      expect_held("/q_240", [](const Best&, const Best& wide) { return wide.q; });
+      expect_held("/q_120", [](const Best& narrow, const Best&) { return narrow.q; });
+      expect_held("/vertex_radius_mm/horizontal",
+                  [](const Best&, const Best& wide) { return wide.vertex_radius_mm.x(); });
+      expect_held("/vertex_radius_120_mm/vertical",
+                  [](const Best& narrow, const Best&) { return narrow.vertex_radius_mm.y(); });
+      expect_held("/axis_240_deg/vertical", [](const Best&, const Best& wide) { return wide.axis_deg.y(); });
+    }
+  }
+}
+
+}  // namespace
+}  // namespace emmetrope::meshing
