@@ -243,19 +243,15 @@ Json ellipsoid_shape_json(const Json& globe, const std::string& reason) {
   const auto edges = [&](Index i) {
     return Measured::from_sigma(p.value[i], p.sigma(i), Origin::of_images("mri", 1), "edges");
   };
-  std::vector<Measured> wide = ellipsoid_measured(p, wide_ellipsoid, wide_quadric);
-  for (Measured& m : wide) {
-    const Origin read = Origin::of_images("mri", 1);
-    m.source = read.source, m.image_share = read.image_share, m.method = "edges";
-  }
   const Json nothing = withheld(reason);
   const Json no_axis{{"horizontal", nothing}, {"vertical", nothing}};
   return {{"globe_depth_mm", globe.at("globe_depth_mm")},
           {"retina",
-           {{"vertex_radius_mm", two_json(wide[radius_horizontal], wide[radius_vertical])},
+           {{"vertex_radius_mm",
+             two_json(edges(wide_ellipsoid + radius_horizontal), edges(wide_ellipsoid + radius_vertical))},
             {"vertex_radius_120_mm", no_axis},
             {"q_120", nothing},
-            {"q_240", wide[asphericity]},
+            {"q_240", edges(wide_ellipsoid + asphericity)},
             {"axis_120_deg", no_axis},
             {"axis_240_deg", no_axis},
             {"tilt_deg", no_axis},
