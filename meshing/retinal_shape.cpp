@@ -112,9 +112,10 @@ Measured number(const Propagated& p, Index i, double model_sigma = 0) {
                               p.origin[static_cast<std::size_t>(i)], "fit");
 }
 
-/// The depth ends at the front of an ellipsoid of which images show the back and the sides: where phantoms have it,
-/// rms beyond what the fit says (docs/evidence/accuracy.md).
-constexpr double unseen_front_sigma_mm = 0.13;
+/// The depth ends at the front of an ellipsoid of which images show the back and the sides: what two scans of a person
+/// have it apart beyond what their fits say, over root two (docs/evidence/real-scans.md). Phantoms, whose globes are
+/// ellipsoids, have 0.13.
+constexpr double unseen_front_sigma_mm = 0.6;
 
 /// Waves finer than those of the fit are rounded off: a bulge is sharper than it looks, by no more than most of what
 /// it adds to the index of the ellipsoid. Phantoms' bulges of 12 to 25 degrees (docs/evidence/accuracy.md).
