@@ -128,8 +128,8 @@ Measured staphyloma_number(const Propagated& p) {
   return index;
 }
 
-/// A best ellipsoid's numbers with the quantiles of what its quadric may be: which of its axes is nearest to the eye's
-/// may change within the interval, and no derivative tells of that.
+/// A best ellipsoid's numbers with the quantiles of what its quadric may be, which the eye's parameters move nearly
+/// linearly: which of its axes is nearest to the eye's may change within the interval, and no derivative tells of that.
 std::vector<Measured> ellipsoid_measured(const Propagated& p, Index ellipsoid, Index quadric) {
   const Propagated terms{p.value.segment(quadric, quadric_terms),
                          p.covariance.block(quadric, quadric, quadric_terms, quadric_terms),
@@ -138,12 +138,13 @@ std::vector<Measured> ellipsoid_measured(const Propagated& p, Index ellipsoid, I
   const Eigen::MatrixXd draws = terms.draws();
   for (Index k = 0; k < draws.cols(); ++k) {
     const EllipsoidNumbers v = numbers_of(draws.col(k));
+    if (!v.allFinite()) continue;  // a quadric without a centre
     for (Index i = 0; i < ellipsoid_numbers; ++i) drawn[static_cast<std::size_t>(i)].push_back(v[i]);
   }
   std::vector<Measured> measured;
   for (Index i = 0; i < ellipsoid_numbers; ++i) {
     Measured m = number(p, ellipsoid + i);
-    const auto [low, high] = ci95_of(std::move(drawn[static_cast<std::size_t>(i)]));
+    const auto [low, high] = ci95_of(drawn[static_cast<std::size_t>(i)]);
     m.ci95 = {std::min(low, m.value), std::max(high, m.value)};
     measured.push_back(m);
   }

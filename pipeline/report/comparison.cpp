@@ -42,8 +42,10 @@ double difference_of(const Measured& a, const Measured& b, const NumberStyle& st
 void add_row(Table& table, const Json& earlier, const Json& later, const BiometryRow& row) {
   const auto a = measured_at(earlier, row.key), b = measured_at(later, row.key);
   if (!a || !b) return;
-  const double limit = std::hypot((a->ci95[1] - a->ci95[0]) / 2, (b->ci95[1] - b->ci95[0]) / 2);
   const double difference = difference_of(*a, *b, row.style);
+  // Of unequal halves those that face each other.
+  const double limit = difference > 0 ? std::hypot(a->ci95[1] - a->value, b->value - b->ci95[0])
+                                      : std::hypot(a->value - a->ci95[0], b->ci95[1] - b->value);
   const NumberStyle with_sign{row.style.decimals, true, row.style.unit},
       without_sign{row.style.decimals, false, row.style.unit};
   table.rows.push_back({row.name, format(a->value, row.style), format(b->value, row.style),

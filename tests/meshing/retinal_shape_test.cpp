@@ -20,6 +20,7 @@ using Eigen::VectorXd;
 struct ShapeCase {
   const char* description;
   Eigen::Vector3d semi_axes_mm;
+  double times_as_uncertain;
 };
 
 /// Both ellipsoids of eyes drawn from an estimate's distribution, each measured by itself.
@@ -38,15 +39,17 @@ std::vector<std::array<BestEllipsoid, 2>> drawn_ellipsoids(const UncertainEye& e
   return ellipsoids;
 }
 
-/// Of a globe that is round the best ellipsoid's axis has no direction: which of its axes is nearest to the eye's
-/// changes from draw to draw. The intervals of its numbers hold what eyes drawn from the same distribution have, and
-/// are no wider.
+/// Of a globe that is round but for small bulges the best ellipsoid's axis has hardly a direction: which of its axes is
+/// nearest to the eye's changes from draw to draw. The intervals of its numbers hold what eyes drawn from the same
+/// distribution have, and are no wider.
 TEST(RetinalShape, IntervalsOfBestEllipsoidsHoldWhatDrawnEyesHave) {
-  for (const auto& [description, semi_axes_mm] :
-       {ShapeCase{"prolate", {11.2, 11.0, 12.2}}, ShapeCase{"nearly round", {11.62, 11.6, 11.61}}}) {
+  for (const auto& [description, semi_axes_mm, times_as_uncertain] :
+       {ShapeCase{"prolate", {11.2, 11.0, 12.2}, 1}, ShapeCase{"nearly round", {11.62, 11.6, 11.61}, 1},
+        ShapeCase{"nearly round, poorly seen", {11.62, 11.6, 11.61}, 2}}) {
     for (const unsigned seed : {3, 21}) {
       ParametricEye eye = random_eye(seed);
       eye.globe_semi_axes_mm = semi_axes_mm;
+      eye.covariance *= times_as_uncertain * times_as_uncertain;
       const UncertainEye estimate = fitted_eye(eye);
       const Json retina = retinal_shape_json(estimate).at("retina");
       const auto drawn = drawn_ellipsoids(estimate, 400);
@@ -57,8 +60,8 @@ TEST(RetinalShape, IntervalsOfBestEllipsoidsHoldWhatDrawnEyesHave) {
           const double value = number_of(narrow, wide);
           outside += value < told.ci95[0] || value > told.ci95[1];
         }
-        EXPECT_NEAR(outside, 20, 15) << description << ", seed " << seed << ": "
-                                     << pointer;  // of 400; 3.4 sigma
+        // 5 % of 400, to 3.4 standard deviations.
+        EXPECT_NEAR(outside, 20, 15) << description << ", seed " << seed << ": " << pointer;
       };
       using Best = BestEllipsoid;
       expect_held("/q_240", [](const Best&, const Best& wide) { return wide.q; });

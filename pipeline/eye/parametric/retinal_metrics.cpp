@@ -148,7 +148,8 @@ BestEllipsoid as_ellipsoid(const Quadric& quadric) {
   Eigen::Index nearest = 0;
   eigen.eigenvectors().row(2).cwiseAbs().maxCoeff(&nearest);
   const Vector3d axis = eigen.eigenvectors().col(nearest) * (eigen.eigenvectors()(2, nearest) < 0 ? -1 : 1);
-  // About its centre x'Ax = k; a hyperboloid of two sheets has k and the eigenvalue along the axis below 0.
+  // About its centre x'Ax = k; a hyperboloid of two sheets has k and the eigenvalue along the axis below 0. One of one
+  // sheet has no vertex on its axis: a radius of 0, as ellipsoids of ever longer axes come to.
   const double k = 1 + b.dot(a.inverse() * b) / 4;
   const double along = axis.dot(a * axis);
   BestEllipsoid best;
@@ -156,7 +157,7 @@ BestEllipsoid as_ellipsoid(const Quadric& quadric) {
   for (const int meridian : {0, 1}) {
     const Vector3d h = in_meridian(Vector3d::Unit(meridian), axis);
     const double sideways = h.dot(a * h);
-    best.vertex_radius_mm[meridian] = std::sqrt(std::abs(k * along)) / sideways;
+    best.vertex_radius_mm[meridian] = std::sqrt(std::max(0.0, k * along)) / sideways;
     best.q += (along / sideways - 1) / 2;
   }
   return best;

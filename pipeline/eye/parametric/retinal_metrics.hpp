@@ -27,8 +27,6 @@ using Quadric = Eigen::Matrix<double, 9, 1>;
 /// \param cap_deg  full angle as seen from the globe's centre
 Quadric best_quadric(const InterfaceDistance& interface, double cap_deg);
 
-/// A quadric as an ellipsoid with the axis that is nearest to the eye's: where another is nearly as near, a small
-/// change of the quadric takes that one instead.
 struct BestEllipsoid {
   /// Where its axis points out of the eye: degrees to the patient's left and upwards.
   Eigen::Vector2d axis_deg;
@@ -37,6 +35,8 @@ struct BestEllipsoid {
   /// Mean of the two meridians' asphericity, (half axis across / half axis along)^2 - 1: above 0 oblate.
   double q = 0;
 };
+/// The quadric as an ellipsoid with the axis that is nearest to the eye's: where another is nearly as near, a small
+/// change of the quadric takes that one instead.
 BestEllipsoid as_ellipsoid(const Quadric& quadric);
 BestEllipsoid best_ellipsoid(const InterfaceDistance& interface, double cap_deg);
 

@@ -48,7 +48,7 @@ bool is_of_images(const std::string& source) {
   return source == "prior" || source.rfind("mri", 0) == 0 || source.rfind("labels", 0) == 0;
 }
 
-double quantile(const std::vector<double>& ascending, double share) {
+double quantile_of_sorted(const std::vector<double>& ascending, double share) {
   return ascending[static_cast<std::size_t>(share * static_cast<double>(ascending.size() - 1))];
 }
 
@@ -85,7 +85,7 @@ MatrixXd Propagated::draws() const {
 
 std::array<double, 2> ci95_of(std::vector<double> draws) {
   std::sort(draws.begin(), draws.end());
-  return {quantile(draws, 0.025), quantile(draws, 0.975)};
+  return {quantile_of_sorted(draws, 0.025), quantile_of_sorted(draws, 0.975)};
 }
 
 Measured root_sum_square(const Propagated& terms) {
@@ -95,7 +95,11 @@ Measured root_sum_square(const Propagated& terms) {
   Index largest = 0;
   terms.covariance.diagonal().maxCoeff(&largest);
   const Origin& origin = terms.origin[static_cast<std::size_t>(largest)];
-  return {quantile(roots, 0.5), ci95_of(roots), origin.source, {}, origin.image_share};
+  return {quantile_of_sorted(roots, 0.5),
+          {quantile_of_sorted(roots, 0.025), quantile_of_sorted(roots, 0.975)},
+          origin.source,
+          {},
+          origin.image_share};
 }
 
 UncertainEye::UncertainEye(ParametricEye eye) : eye_(std::move(eye)) {
