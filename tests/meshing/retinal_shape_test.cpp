@@ -43,13 +43,13 @@ std::vector<std::array<BestEllipsoid, 2>> drawn_ellipsoids(const UncertainEye& e
 /// nearest to the eye's changes from draw to draw. The intervals of its numbers hold what eyes drawn from the same
 /// distribution have, and are no wider.
 TEST(RetinalShape, IntervalsOfBestEllipsoidsHoldWhatDrawnEyesHave) {
-  for (const auto& [description, semi_axes_mm, times_as_uncertain] :
+  for (const ShapeCase& shape :
        {ShapeCase{"prolate", {11.2, 11.0, 12.2}, 1}, ShapeCase{"nearly round", {11.62, 11.6, 11.61}, 1},
         ShapeCase{"nearly round, poorly seen", {11.62, 11.6, 11.61}, 2}}) {
     for (const unsigned seed : {3, 21}) {
       ParametricEye eye = random_eye(seed);
-      eye.globe_semi_axes_mm = semi_axes_mm;
-      eye.covariance *= times_as_uncertain * times_as_uncertain;
+      eye.globe_semi_axes_mm = shape.semi_axes_mm;
+      eye.covariance *= shape.times_as_uncertain * shape.times_as_uncertain;
       const UncertainEye estimate = fitted_eye(eye);
       const Json retina = retinal_shape_json(estimate).at("retina");
       const auto drawn = drawn_ellipsoids(estimate, 400);
@@ -61,7 +61,7 @@ TEST(RetinalShape, IntervalsOfBestEllipsoidsHoldWhatDrawnEyesHave) {
           outside += value < told.ci95[0] || value > told.ci95[1];
         }
         // 5 % of 400, to 3.4 standard deviations.
-        EXPECT_NEAR(outside, 20, 15) << description << ", seed " << seed << ": " << pointer;
+        EXPECT_NEAR(outside, 20, 15) << shape.description << ", seed " << seed << ": " << pointer;
       };
       using Best = BestEllipsoid;
       expect_held("/q_240", [](const Best&, const Best& wide) { return wide.q; });
