@@ -434,6 +434,8 @@ TEST_F(ReportTest, FollowUpTellsChangesFromMeasurementError) {
   biometry["optical_axial_length_mm"] = Measured::from_sigma(23.6 + 0.09, 0.03, "mri");
   // Half widths of 0.098 mm each: the limit is 0.139 mm.
   biometry["anterior_chamber_depth_mm"] = Measured::from_sigma(3.4 + 0.13, 0.05, "mri");
+  // Half widths of 0.02 and, on the side of the earlier number, 0.01: the limit is 0.022.
+  biometry["retina"]["q_240"] = Measured{0.14, {0.13, 0.24}, "mri"};
   write_json(file, biometry);
   CommonOptions common;
   common.verbosity.quiet = true;
@@ -442,7 +444,8 @@ TEST_F(ReportTest, FollowUpTellsChangesFromMeasurementError) {
       run_process("/usr/bin/pdftotext", {"-layout", (later / "comparison" / "comparison.pdf").string(), "-"},
                   ChildOutput::capture)
           .output;
-  EXPECT_THAT(text, HasSubstr("OD (right): Axial length, optical +0.09 mm."));
+  EXPECT_THAT(text,
+              HasSubstr("OD (right): Axial length, optical +0.09 mm; Retinal asphericity Q, 240° +0.03."));
   EXPECT_THAT(text, HasSubstr("OS (left): nothing changed by more than its interval."));
   EXPECT_THAT(text, HasSubstr("was not checked: the source study of the cases is not at hand"));
   EXPECT_TRUE(
@@ -450,6 +453,8 @@ TEST_F(ReportTest, FollowUpTellsChangesFromMeasurementError) {
       << text;
   EXPECT_TRUE(
       std::regex_search(text, std::regex("Anterior chamber depth +3.40 mm +3.53 mm +.0.13 mm .*within")))
+      << text;
+  EXPECT_TRUE(std::regex_search(text, std::regex("asphericity Q, 240.* .0.11 +.0.14 +.0.03 .*changed")))
       << text;
   fs::remove_all(later);
 }
