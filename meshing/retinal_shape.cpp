@@ -112,10 +112,17 @@ Measured number(const Propagated& p, Index i, double model_sigma = 0) {
                               p.origin[static_cast<std::size_t>(i)], "fit");
 }
 
-/// The depth ends at the front of an ellipsoid of which images show the back and the sides: what two scans of a person
-/// have it apart beyond what their fits say, over root two (docs/evidence/real-scans.md). Phantoms, whose globes are
-/// ellipsoids, have 0.13.
+/// The globe is an ellipsoid of which images show the back and the sides, and an eye has no such front: what two scans of
+/// a person have its depth apart beyond what their fits say, over root two (docs/evidence/real-scans.md). Phantoms,
+/// whose globes are ellipsoids, have 0.13.
 constexpr double unseen_front_sigma_mm = 0.6;
+
+/// What a front that much farther from the pole does to the shape.
+VectorXd of_unseen_front(ParametricEye eye) {
+  const VectorXd before = whole_shape(eye);
+  eye.globe_semi_axes_mm.z() += unseen_front_sigma_mm / 2;
+  return whole_shape(eye) - before;
+}
 
 /// Waves finer than those of the fit are rounded off: a bulge is sharper than it looks, by no more than most of what
 /// it adds to the index of the ellipsoid. Phantoms' bulges of 12 to 25 degrees (docs/evidence/accuracy.md).
@@ -186,9 +193,10 @@ Json map_json(const Propagated& p) {
 
 Json retinal_shape_json(const UncertainEye& estimate) {
   const Propagated p = estimate.propagate(whole_shape);
+  const VectorXd front = of_unseen_front(estimate.eye());
   const std::vector<Measured> wide = ellipsoid_measured(p, wide_ellipsoid, wide_quadric),
                               narrow = ellipsoid_measured(p, narrow_ellipsoid, narrow_quadric);
-  return {{"globe_depth_mm", number(p, depth, unseen_front_sigma_mm)},
+  return {{"globe_depth_mm", number(p, depth, front[depth])},
           {"retina",
            {{"vertex_radius_mm", two_json(wide[radius_horizontal], wide[radius_vertical])},
             {"vertex_radius_120_mm", two_json(narrow[radius_horizontal], narrow[radius_vertical])},
@@ -197,8 +205,8 @@ Json retinal_shape_json(const UncertainEye& estimate) {
             {"axis_120_deg", two_json(narrow[axis_horizontal], narrow[axis_vertical])},
             {"axis_240_deg", two_json(wide[axis_horizontal], wide[axis_vertical])},
             {"tilt_deg", two_json(number(p, tilt_horizontal), number(p, tilt_vertical))},
-            {"volume_mm3", number(p, volume)},
-            {"area_mm2", number(p, area)},
+            {"volume_mm3", number(p, volume, front[volume])},
+            {"area_mm2", number(p, area, front[area])},
             {"staphyloma_index", staphyloma_number(p)},
             {"map", map_json(estimate.propagate(local_shape))}}}};
 }

@@ -125,7 +125,7 @@ void write_eye(const fs::path& folder, const JudgedEye& eye, const std::vector<c
 void warn_of(const JudgedEye& eye, StageWorkspace& workspace) {
   const char* name = clinical_name(eye.found.laterality);
   if (!eye.fitted_again_because.empty())
-    workspace.warn(fmt::format("{}: fitted again, beside the other eye: {}", name, eye.fitted_again_because));
+    workspace.warn(fmt::format("{}: fitted again, {}", name, eye.fitted_again_because));
   for (const QualityGate& gate : eye.gates)
     if (!gate.passed) workspace.warn(fmt::format("{}: {}", name, gate.reason));
 }

@@ -134,17 +134,18 @@ void add_limbus(const FitProblem& problem, const ForwardModel::AtParameters& at,
   }
 }
 
-void add_cornea_like_wall(const Priors& priors, const VectorXd& parameters, bool derivatives,
-                          NormalEquations& out) {
-  const double per_sigma = 1 / priors.cornea_like_wall_sigma,
-               deviation = per_sigma * (parameters[cornea] - parameters[wall]);
+/// Two tissues are equally bright but for sigma.
+void add_alike(Parameter first, Parameter second, double sigma, const VectorXd& parameters, bool derivatives,
+               NormalEquations& out) {
+  const double per_sigma = 1 / sigma, deviation = per_sigma * (parameters[first] - parameters[second]);
   out.cost += deviation * deviation / 2;
   if (!derivatives) return;
-  out.gradient[cornea] += per_sigma * deviation;
-  out.gradient[wall] -= per_sigma * deviation;
-  out.hessian(cornea, cornea) += per_sigma * per_sigma;
-  out.hessian(wall, wall) += per_sigma * per_sigma;
-  out.hessian(cornea, wall) -= per_sigma * per_sigma;
+  out.gradient[first] += per_sigma * deviation;
+  out.gradient[second] -= per_sigma * deviation;
+  out.hessian(first, first) += per_sigma * per_sigma;
+  out.hessian(second, second) += per_sigma * per_sigma;
+  out.hessian(std::max(first, second), std::min(first, second)) -=
+      per_sigma * per_sigma;  // the lower triangle
 }
 
 void add_priors(const FitProblem& problem, const VectorXd& parameters, bool derivatives,
@@ -233,7 +234,8 @@ NormalEquations evaluate(const FitProblem& problem, const VectorXd& parameters, 
   }
   add_samples(problem, at, derivatives, out);
   add_limbus(problem, at, derivatives, out);
-  add_cornea_like_wall(problem.priors, parameters, derivatives, out);
+  add_alike(cornea, wall, problem.priors.cornea_like_wall_sigma, parameters, derivatives, out);
+  add_alike(aqueous, vitreous, problem.priors.aqueous_like_vitreous_sigma, parameters, derivatives, out);
   if (derivatives) {
     for (const Limit& limit : limits) {
       if (within[limit.parameter] == parameters[limit.parameter]) continue;

@@ -26,6 +26,8 @@ struct EyeStart {
   Eigen::VectorXd fellow = {};
   /// Where its front was found: on the way this one's is about as deep.
   std::optional<double> fellows_chamber_mm = {};
+  /// In T1 the aqueous is about as bright as the vitreous, both being water.
+  bool has_like_fluids = false;
   /// Where half-level edges told them: the interface's half axes, and the apex' distance from the centre.
   std::optional<Eigen::Vector3d> globe_half_axes_mm = {};
   std::optional<double> apex_distance_mm = {};

@@ -96,7 +96,7 @@ JudgedEye fitted_again(const JudgedEye& eye, const JudgedEye& fellow, const std:
                        const std::function<void()>& advance) {
   JudgedEye again;
   again.found = eye.found;
-  again.fitted_again_because = because;
+  again.fitted_again_because = "beside the other eye: " + because;
   again.edges = eye.edges;
   EyeStart start = start_of(eye.found, eye.edges, age_years);
   start.fellow = fellow.fit->parameters;
@@ -104,14 +104,6 @@ JudgedEye fitted_again(const JudgedEye& eye, const JudgedEye& fellow, const std:
   start.others.clear();  // the fellow's sizes are tried instead of a sphere
   fit_and_judge(again, views_of(eye.found, stacks), start, advance);
   return again;
-}
-
-/// Whether as much is known by a second fit, and it leaves hardly larger residuals: what agrees with its fellow may
-/// explain its own images a little worse than what does not.
-bool is_as_good(const JudgedEye& again, const JudgedEye& eye) {
-  constexpr double hardly = 1.15;  // chosen: wrong second fits of real heads left 1.5 to 2.3 times as much
-  return again.is_fitted() && again.rank() >= eye.rank() &&
-         (!eye.fit || again.fit->chi2_per_voxel <= hardly * eye.fit->chi2_per_voxel);
 }
 
 /// How far its depth is from what it was thought to be before the images were seen, squared, in standard deviations.

@@ -15,7 +15,7 @@ struct JudgedEye {
   ViewEdges edges;  ///< of its views; empty where labels are the evidence
   std::optional<EyeFit> fit;
   std::vector<QualityGate> gates;
-  std::string fitted_again_because;  ///< its first fit was not taken; empty: it was
+  std::string fitted_again_because;  ///< how, and why its first fit was not taken; empty: it was
   Evidence evidence = Evidence::intensities;
 
   /// Whether the globe of the fit stands, and cornea, chamber and lens, and the cornea's shape too.
@@ -43,8 +43,13 @@ struct JudgedEye {
   std::string reasons() const;
 };
 
+/// Whether as much is known by a second fit, and it leaves hardly larger residuals: what is right may explain the images
+/// a little worse than what is not.
+bool is_as_good(const JudgedEye& again, const JudgedEye& eye);
+
 /// Fits the eye that was found to its images, which hold its evidence, and judges it; data that cannot
-/// support a fit fail a gate.
+/// support a fit fail a gate. Where the globe stands and something else was taken for the aqueous, it is fitted
+/// again with one that is like the vitreous, which is taken where more is known by it.
 void fit_and_judge(JudgedEye& eye, const std::vector<const Stack*>& images, const EyeStart& start,
                    const std::function<void()>& advance = {});
 

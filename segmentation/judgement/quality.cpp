@@ -143,6 +143,15 @@ void judge_cornea_and_length(const EyeFit& fit, Gates& gates) {
                        (fit.value(aqueous) - fit.value(cornea)) / (fit.value(aqueous) - fit.value(wall)),
                        "the cornea was not found: what was taken for it is as bright as the fluid behind it",
                        Withholds::front);
+  const double fluids_apart = std::abs(fit.value(aqueous) - fit.value(vitreous));
+  if (fit.weighting == Weighting::t1)
+    gates.refuse_above(
+        "fluid_difference_t1", fluids_apart,
+        fmt::format(
+            "the cornea was not found: what was taken for the aqueous differs from the vitreous by {:.0f} % "
+            "of fat's brightness, and both are water (a lid? oil or blood in the vitreous?)",
+            100 * fluids_apart),
+        Withholds::front);
   const double power_sigma_D = keratometric_D_mm * fit.sigma(cornea_c);
   const double prior_sigma_D = keratometric_D_mm * fit.priors.sigma[cornea_c];
   gates.refuse_above(

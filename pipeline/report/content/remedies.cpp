@@ -23,6 +23,7 @@ std::string remedy_of_gate(const std::string& gate) {
       {"chamber_difference", look},
       {"lens_contrast", "Rescan in T2, which shows the lens."},
       {"cornea_contrast_t2", rescan},
+      {"fluid_difference_t1", rescan},
       {"cornea_sigma_over_prior", measure_cornea},
       {"chamber_of_unseen_cornea_mm", rescan},
       {"keratometry_plausible_D", measure_cornea},

@@ -379,6 +379,23 @@ TEST(QualityOfShapes, AShallowChamberBehindAnUnseenCorneaIsWithheld) {
   }
 }
 
+/// Aqueous and vitreous are both water: a lid that was taken for aqueous is brighter, in T1.
+TEST(QualityOfShapes, AnAqueousUnlikeTheVitreousIsNone) {
+  const ParameterLayout layout;
+  Eigen::VectorXd parameters = population_mean(layout);
+  for (int i = vitreous; i <= surround; ++i) parameters[i] = i == vitreous ? 0.25 : 1;
+  for (const auto& [brightness, stands] :
+       {std::pair{0.27, true}, {0.16, true}, {0.42, false}, {0.05, false}}) {
+    parameters[aqueous] = brightness;
+    const QualityGate gate = gate_of(fit_at(layout, parameters, Weighting::t1), "fluid_difference_t1");
+    EXPECT_EQ(gate.passed, stands) << brightness;
+    EXPECT_EQ(gate.withholds, Withholds::front);
+  }
+  const auto in_t2 = gates_of(fit_at(layout, parameters, Weighting::t2));
+  EXPECT_TRUE(std::none_of(in_t2.begin(), in_t2.end(),
+                           [](const QualityGate& gate) { return gate.name == "fluid_difference_t1"; }));
+}
+
 /// A head that was stretched to an atlas has eyes 5 mm wider than deep.
 TEST(QualityOfShapes, AFlattenedGlobeIsNoEyes) {
   const ParameterLayout layout;
