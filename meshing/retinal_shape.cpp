@@ -117,7 +117,8 @@ Measured number(const Propagated& p, Index i, double model_sigma = 0) {
 /// whose globes are ellipsoids, have 0.13.
 constexpr double unseen_front_sigma_mm = 0.6;
 
-/// What a front that much farther from the pole does to the shape.
+/// What a globe that is so much deeper, its pole kept, has otherwise. Not for radii and Q, which are those of the surface
+/// that is seen; the cap of the area is about the middle of the depth.
 VectorXd of_unseen_front(ParametricEye eye) {
   const VectorXd before = whole_shape(eye);
   eye.globe_semi_axes_mm.z() += unseen_front_sigma_mm / 2;

@@ -29,7 +29,7 @@ constexpr double unknown_sigma = 1e5;         ///< a prior that wide is none
 constexpr double fellows_fat_shift_sigma_mm = 0.15;
 /// So that the iris or the lid is not taken for the cornea; in the last passes the population's prior holds. Chosen.
 constexpr double fellows_chamber_sigma_mm = 0.2;
-/// Of fat's brightness. In right fits of real T1 heads aqueous and vitreous differ by 0.04, rms; rounded up.
+/// Of the surroundings' brightness. In fits of real T1 heads aqueous and vitreous differ by 0.04, rms; rounded up.
 constexpr double like_fluids_sigma = 0.05;
 
 /// The first passes need not use every voxel: a tenth of a voxel is all they are asked for.

@@ -98,7 +98,8 @@ void fit_and_judge(JudgedEye& eye, const std::vector<const Stack*>& images, cons
   with_like_fluids.has_like_fluids = true;
   fit_once(eye, images, canonical, with_like_fluids, {});
   if (is_as_good(eye, first) && eye.rank() > first.rank())
-    eye.fitted_again_because = "with an aqueous like the vitreous: " + unlike->reason;
+    eye.fitted_again_because += (eye.fitted_again_because.empty() ? "" : "; then ") +
+                                ("with an aqueous like the vitreous: " + unlike->reason);
   else
     eye = std::move(first);
 }

@@ -149,7 +149,7 @@ void judge_cornea_and_length(const EyeFit& fit, Gates& gates) {
         "fluid_difference_t1", fluids_apart,
         fmt::format(
             "the cornea was not found: what was taken for the aqueous differs from the vitreous by {:.0f} % "
-            "of fat's brightness, and both are water (a lid? oil or blood in the vitreous?)",
+            "of what surrounds the globe, and both are water (a lid? oil or blood in the vitreous?)",
             100 * fluids_apart),
         Withholds::front);
   const double power_sigma_D = keratometric_D_mm * fit.sigma(cornea_c);

@@ -75,5 +75,19 @@ TEST(RetinalShape, IntervalsOfBestEllipsoidsHoldWhatDrawnEyesHave) {
   }
 }
 
+/// However well its surface is known, an eye has no front where the globe's ellipsoid has one.
+TEST(RetinalShape, AnUnseenFrontIsInDepthVolumeAndArea) {
+  ParametricEye eye = random_eye(3);
+  eye.covariance *= 1e-8;
+  const Json shape = retinal_shape_json(fitted_eye(eye));
+  const auto sigma = [&](const char* pointer) {
+    return shape.at(Json::json_pointer(pointer)).get<Measured>().sigma();
+  };
+  EXPECT_NEAR(sigma("/globe_depth_mm"), 0.6, 0.01);
+  EXPECT_GT(sigma("/retina/volume_mm3"), 5);
+  EXPECT_GT(sigma("/retina/area_mm2"), 5);
+  EXPECT_LT(sigma("/retina/q_240"), 0.001) << "of the surface that is seen";
+}
+
 }  // namespace
 }  // namespace emmetrope::meshing

@@ -34,7 +34,7 @@ struct StudyProtocol {
 /// 0.3 mm rms per axis between stacks. The stacks are those of the protocol, cropped to 19 mm around the
 /// globes. A record holds
 ///   "protocol", "seed", "laterality", "status" ("measured", "refused", "not found") with "reasons",
-///   "fitted_again_because": why the first fit was not taken (segmentation/judgement/fellow_eye.hpp), empty where it was,
+///   "fitted_again_because": why the first fit was not taken (segmentation/judgement/judged_eye.hpp), empty where it was,
 ///   "truth": the eye's entry in the phantom's truth.json (biometry, "refraction", "optics", "geometry"),
 ///   "age_years", "lens_index": true index of the lens, which images do not show,
 ///   "fit": fit.json's "eye" (parameters, covariance); the scale's uncertainty comes on top,

@@ -107,7 +107,7 @@ std::vector<Limits> fit_quality() {
       Row("lens_off_axis_mm", "mm").refuse_outside(at_most(2)),
       // Phantoms in T2 have 0.88 to 0.93, a cornea that was missed 0.03.
       Row("cornea_contrast_t2", "").refuse_outside(at_least(0.5)),
-      // Of fat's brightness. Right fits of real T1 heads have up to 0.10 (0.04 rms), of phantoms 0.03; both eyes of one
+      // Of the surroundings' brightness. Fits of real T1 heads have up to 0.10 (0.04 rms), of phantoms 0.03; both eyes of one
       // head whose corneas reached into the lids 0.17 and 0.20.
       Row("fluid_difference_t1", "").refuse_outside(at_most(0.15)),
       Row("cornea_sigma_over_prior", "").refuse_outside(at_most(0.95)),

@@ -10,13 +10,16 @@
 namespace emmetrope::segmentation {
 namespace {
 
+EyeStart start_in(const std::vector<const Stack*>& stacks) {
+  const FoundEye found = find_eyes(stacks, {""}).eyes.at(0);
+  return start_of(found, read_edges_of(found, stacks));
+}
+
 /// It shows the way; the eye that is found there is that of its own images, and known as well as they tell.
 TEST(EyeFit, AFellowsChamberLeadsAndDoesNotHold) {
   const Stack stack = small_scan(7);
   const std::vector<const Stack*> stacks{&stack};
-  const FoundEyes found = find_eyes(stacks, {""});
-  ASSERT_FALSE(found.eyes.empty());
-  EyeStart start = start_of(found.eyes.front(), read_edges_of(found.eyes.front(), stacks));
+  EyeStart start = start_in(stacks);
   const EyeFit alone = fit_eye(stacks, start, Weighting::t2);
   start.fellow = alone.parameters;
   start.fellows_chamber_mm = alone.value(anterior_chamber_depth) + 0.4;
@@ -33,9 +36,7 @@ TEST(EyeFit, AFellowsChamberLeadsAndDoesNotHold) {
 TEST(EyeFit, LikeFluidsAreWeighedAgainstTheImage) {
   const Stack stack = small_scan(7);
   const std::vector<const Stack*> stacks{&stack};
-  const FoundEyes found = find_eyes(stacks, {""});
-  ASSERT_FALSE(found.eyes.empty());
-  EyeStart start = start_of(found.eyes.front(), read_edges_of(found.eyes.front(), stacks));
+  EyeStart start = start_in(stacks);
   const EyeFit free = fit_eye(stacks, start, Weighting::t2);
   start.has_like_fluids = true;
   const EyeFit held = fit_eye(stacks, start, Weighting::t2);
