@@ -16,6 +16,8 @@ constexpr Tag numbers[] = {tag::patient_id, tag::other_patient_ids, tag::accessi
 constexpr Tag free_texts[] = {tag::body_part, tag::stack_id};
 
 constexpr std::size_t shortest_name = 3, shortest_number = 3, telling_digits = 5, shortest_date = 6;
+/// Of a date: "3 de setembro de 1985", "3rd, 1985".
+constexpr std::size_t shortest_month = 3, widest_month = 24, widest_separator = 3, widest_ordinal = 5;
 
 /// A text as it is compared: small letters without accents, and from where to where in the text each was.
 struct Folded {
@@ -117,6 +119,73 @@ Folded unpunctuated(const Folded& text) {
   return bare;
 }
 
+/// A number in a text.
+struct Number {
+  int value;
+  std::size_t first, end;  ///< of its digits
+};
+
+std::vector<Number> numbers_in(const std::u32string& letters) {
+  std::vector<Number> numbers;
+  for (std::size_t first = 0; first < letters.size(); ++first) {
+    std::size_t end = first;
+    int value = 0;
+    constexpr std::size_t most_digits = 4;
+    while (end < letters.size() && is_digit(letters[end])) {
+      if (end - first < most_digits) value = 10 * value + static_cast<int>(letters[end] - U'0');
+      ++end;
+    }
+    if (end > first && end - first <= most_digits) numbers.push_back({value, first, end});
+    first = end;
+  }
+  return numbers;
+}
+
+bool holds_word(const std::u32string& letters) {
+  const auto words = runs_of(letters, is_letter);
+  return std::any_of(words.begin(), words.end(),
+                     [](const auto& word) { return word.size() >= shortest_month; });
+}
+
+/// From where a word begins that ends up to three signs before a place; that place where none does.
+std::size_t with_word_before(const std::u32string& letters, std::size_t place) {
+  std::size_t end = place;
+  while (end > 0 && place - end < widest_separator && !is_letter_or_digit(letters[end - 1])) --end;
+  std::size_t first = end;
+  while (first > 0 && is_letter(letters[first - 1])) --first;
+  return end - first >= shortest_month ? first : place;
+}
+
+/// From where to where a text holds a date whose numbers stand apart: three numbers in one of the usual orders, or day
+/// and year with a word for the month.
+std::vector<std::pair<std::size_t, std::size_t>> written_dates(const std::u32string& letters,
+                                                               const std::array<int, 3>& date) {
+  const auto& [year, month, day] = date;
+  const std::vector<Number> found = numbers_in(letters);
+  std::vector<std::pair<std::size_t, std::size_t>> places;
+  for (std::size_t i = 0; i + 1 < found.size(); ++i) {
+    const Number &a = found[i], &b = found[i + 1];
+    const std::size_t gap = b.first - a.end;
+    const bool is_near = gap <= widest_separator;
+    if (is_near && i + 2 < found.size() && found[i + 2].first - b.end <= widest_separator) {
+      const Number& c = found[i + 2];
+      for (const int y : {year, year % 100})
+        for (const auto& order :
+             {std::array{y, month, day}, std::array{day, month, y}, std::array{month, day, y}})
+          if (order == std::array{a.value, b.value, c.value} && c.end - a.first >= shortest_date)
+            places.emplace_back(a.first, c.end);
+    }
+    const bool day_first = a.value == day && b.value == year;
+    if (!day_first && !(a.value == year && b.value == day)) continue;
+    if (gap <= widest_month && holds_word(letters.substr(a.end, gap)))
+      places.emplace_back(a.first, b.end);
+    else if (const std::size_t word = with_word_before(letters, a.first);
+             day_first && gap <= widest_ordinal && word != a.first)
+      places.emplace_back(word, b.end);
+  }
+  return places;
+}
+
 }  // namespace
 
 void Identity::add_name(const std::string& name) {
@@ -155,32 +224,19 @@ void Identity::add_date(const std::string& date) {
   std::copy_if(date.begin(), date.end(), std::back_inserter(digits),
                [](char letter) { return letter >= '0' && letter <= '9'; });
   if (digits.size() != 8) return;
-  static constexpr std::array<const char*, 12> months{"january",   "february", "march",    "april",
-                                                      "may",       "june",     "july",     "august",
-                                                      "september", "october",  "november", "december"};
   const std::string year = digits.substr(0, 4), month = digits.substr(4, 2), day = digits.substr(6);
-  const auto month_number = static_cast<std::size_t>(std::stoi(month));
+  dates_.insert({std::stoi(year), std::stoi(month), std::stoi(day)});
   const auto short_form = [](const std::string& number) {
     return number[0] == '0' ? number.substr(1) : number;
   };
-  std::vector<std::array<std::string, 3>> orders;
   for (const std::string& y : {year, year.substr(2)})
     for (const auto& [m, d] : {std::pair{month, day}, std::pair{short_form(month), short_form(day)}})
-      orders.insert(orders.end(), {{y, m, d}, {d, m, y}, {m, d, y}});
-  if (month_number >= 1 && month_number <= 12)
-    for (const std::string& d : {day, short_form(day)})
-      for (const std::string& m :
-           {std::string(months[month_number - 1]), std::string(months[month_number - 1]).substr(0, 3)})
-        orders.insert(orders.end(), {{d, m, year}, {m, d, year}, {year, m, d}});
-  for (const auto& [first, second, third] : orders) {
-    for (const char* between : {"", "-", ".", "/", "_", " "}) {
-      const std::string spelling = fmt::format("{}{}{}{}{}", first, between, second, between, third);
-      if (spelling.size() < shortest_date) continue;
-      terms_.insert(fold(spelling).letters);
-      // Six digits alone are b-values or matrix sizes as well.
-      if (*between == '\0' && (first == year || third == year)) punctuated_.insert(fold(spelling).letters);
-    }
-  }
+      for (const std::string& written : {y + m + d, d + m + y, m + d + y}) {
+        if (written.size() < shortest_date) continue;
+        terms_.insert(fold(written).letters);
+        // Six digits alone are b-values or matrix sizes as well.
+        if (y == year) punctuated_.insert(fold(written).letters);
+      }
 }
 
 void Identity::add(const ImageHeader& header) {
@@ -207,6 +263,11 @@ std::string Identity::removed_from(const std::string& text) const {
   };
   for (const char* spelling : spellings) cover(fold(text, spelling), terms_, false);
   cover(unpunctuated(fold(text)), punctuated_, true);
+  const Folded plain = fold(text);
+  for (const auto& date : dates_)
+    for (const auto& [first, end] : written_dates(plain.letters, date))
+      std::fill(covered.begin() + static_cast<std::ptrdiff_t>(plain.starts[first]),
+                covered.begin() + static_cast<std::ptrdiff_t>(plain.ends[end - 1]), true);
   std::string kept;
   for (std::size_t i = 0; i < covered.size(); ++i) {
     if (!covered[i])

@@ -1,4 +1,5 @@
 #pragma once
+#include <array>
 #include <set>
 #include <string>
 #include <vector>
@@ -14,7 +15,8 @@ class Identity {
   /// Notes names, patient and accession numbers and the date of birth.
   void add(const ImageHeader& header);
   /// The text with "[removed]" in place of each part of a name (3 letters or more; 2 where letters are
-  /// words), each number, and the date of birth in its usual spellings; whatever the case, with accents, without or
+  /// words), each number, and the date of birth in its usual orders, with its month as a
+  /// number or as a word of any language; whatever the case, with accents, without or
   /// spelt out (Müller, Muller, Mueller), and numbers of 5 letters and digits or more however they are punctuated.
   std::string removed_from(const std::string& text) const;
   /// The same of the header's free texts; its own identifying values go.
@@ -26,6 +28,7 @@ class Identity {
   void add_date(const std::string& date);
   std::set<std::u32string> terms_;       ///< folded
   std::set<std::u32string> punctuated_;  ///< numbers and dates, found however a text punctuates them
+  std::set<std::array<int, 3>> dates_;   ///< year, month, day
 };
 
 }  // namespace emmetrope::segmentation

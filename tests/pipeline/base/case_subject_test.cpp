@@ -6,7 +6,7 @@ namespace emmetrope {
 namespace {
 
 TEST(AgeWarning, SaysWhereAnAgeIsNotTheStudys) {
-  EXPECT_EQ(age_warning(64, 30), "--age 30 is not used: the study says 64 years");
+  EXPECT_EQ(age_warning(64, 30), "the age that was given, 30 years, is not used: the study says 64 years");
   EXPECT_EQ(age_warning(64, 64.7), "") << "a header's are whole years";
   EXPECT_EQ(age_warning({}, 30), "");
   EXPECT_EQ(age_warning(64, {}), "");
