@@ -7,6 +7,7 @@
 #include <optional>
 
 #include "pipeline/base/error.hpp"
+#include "pipeline/base/frames.hpp"
 #include "segmentation/finding/lens_axis.hpp"
 #include "segmentation/intake/canonical_stack.hpp"
 
@@ -197,13 +198,36 @@ Laterality laterality_of_single(const Cluster& globe, const std::string& tag, st
   return x < 0 ? Laterality::od : Laterality::os;
 }
 
-void find_axis(FoundEye& eye, const std::vector<const Stack*>& stacks) {
+/// The chosen views of an eye, for the search of its lens.
+std::vector<GlobeInStack> globes_of(const FoundEye& eye, const std::vector<const Stack*>& stacks) {
   std::vector<GlobeInStack> views;
   for (const EyeView& v : eye.views) views.push_back({stacks[v.stack], v.globe.centre});
-  const LensAxis lens = find_lens_axis(views, eye.radius_mm, eye.weighting);
+  return views;
+}
+
+void find_axis(FoundEye& eye, const std::vector<const Stack*>& stacks) {
+  const LensAxis lens = find_lens_axis(globes_of(eye, stacks), eye.radius_mm, eye.weighting);
   eye.axis = lens.axis;
   eye.other_axis = lens.other_axis;
   eye.lens_contrast = lens.lens_contrast;
+}
+
+/// Eyes that by the header look where no face is: it was written for another order of the axes, and left may be right.
+/// \throw Error (input_invalid) naming the tag
+void compare_with_orientation(const std::vector<FoundEye>& eyes, const std::vector<const Stack*>& stacks) {
+  constexpr double alike_deg = 40;
+  std::vector<Vector3d> gazes;
+  for (const FoundEye& eye : eyes)
+    if (const auto gaze = find_lens_elsewhere(globes_of(eye, stacks), eye.radius_mm, eye.weighting))
+      gazes.push_back(*gaze);
+  if (gazes.size() != 2 || gazes[0].dot(gazes[1]) < std::cos(alike_deg * degree)) return;
+  const Vector3d gaze = (gazes[0] + gazes[1]).normalized();
+  const char* towards = gaze.y() > 0.7 ? "back of the head" : gaze.z() > 0 ? "top of the head" : "feet";
+  throw input_error(
+      fmt::format(
+          "{}: by (0020,0037) ImageOrientationPatient (a NIfTI's sform or qform) both eyes look towards the {}",
+          stacks[eyes[0].views.front().stack]->name, towards),
+      "take the scanner's own files: which eye is the right one is not known either");
 }
 
 /// Adds to a stack's choice what it shows of an eye, and why it is used or not.
@@ -247,6 +271,7 @@ FoundEyes find_eyes(const std::vector<const Stack*>& stacks, const std::vector<s
     for (const EyeView& view : eye.left_out) explain(found.choices[view.stack], eye, view, false);
     found.eyes.push_back(eye);
   }
+  compare_with_orientation(found.eyes, stacks);
   return found;
 }
 

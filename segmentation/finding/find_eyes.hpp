@@ -46,7 +46,7 @@ struct FoundEyes {
 ///   seen, within 10 mm of the midline
 /// \param asked  decides there without a tag
 /// \throw Error (input_invalid) naming the tags, where a stack shows one eye only and its tag says the other; where
-///   nothing tells which one it is
+///   nothing tells which one it is; naming the orientation, where by it both eyes look elsewhere than ahead
 FoundEyes find_eyes(const std::vector<const Stack*>& stacks, const std::vector<std::string>& laterality_tags,
                     std::optional<Laterality> asked = {});
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "pipeline/base/even_points.hpp"
 #include "pipeline/base/frames.hpp"
 #include "segmentation/finding/blanked_region.hpp"
 #include "segmentation/finding/sampling.hpp"
@@ -55,6 +56,12 @@ class LensContrast {
   double usual(const Vector3d& axis) const {
     const Sides at = sides(axis, 0);
     return (at.behind + at.before) / 2;
+  }
+
+  /// Of a lens in its usual place against the side that it differs from less.
+  double on_both_sides(const Vector3d& axis) const {
+    const Sides at = sides(axis, 0);
+    return std::min(at.behind, at.before);
   }
 
   /// The best of lenses up to 2 mm nearer or farther.
@@ -141,6 +148,27 @@ LensAxis find_lens_axis(const std::vector<GlobeInStack>& views, double globe_rad
     if (other.dot(found.axis) < std::cos(10 * degree)) found.other_axis = other;
   }
   return found;
+}
+
+std::optional<Vector3d> find_lens_elsewhere(const std::vector<GlobeInStack>& views, double globe_radius_mm,
+                                            Weighting weighting) {
+  constexpr int count = 2000;  // 4.5 degrees apart
+  constexpr double farthest_ahead_deg = 50, same_lens_deg = 45, least_contrast = 0.2, least_ratio = 2;
+  const LensContrast contrast(views, globe_radius_mm, weighting);
+  std::vector<ScoredAxis> axes;
+  for (int i = 0; i < count; ++i) {
+    const Vector3d axis = fibonacci_direction(i, count);
+    axes.push_back({axis, contrast.on_both_sides(axis)});
+  }
+  const auto is_less = [](const ScoredAxis& a, const ScoredAxis& b) { return a.score < b.score; };
+  const ScoredAxis best = *std::max_element(axes.begin(), axes.end(), is_less);
+  if (best.axis.dot(direction_at(0, 0)) > std::cos(farthest_ahead_deg * degree)) return std::nullopt;
+  double elsewhere = 0;
+  for (const ScoredAxis& other : axes)
+    if (other.axis.dot(best.axis) < std::cos(same_lens_deg * degree))
+      elsewhere = std::max(elsewhere, other.score);
+  if (best.score < std::max(least_contrast, least_ratio * elsewhere)) return std::nullopt;
+  return best.axis;
 }
 
 }  // namespace emmetrope::segmentation

@@ -25,4 +25,9 @@ struct GlobeInStack {
 /// Searches within 60 degrees of straight ahead, which is the answer where a lens there was blanked in the images.
 LensAxis find_lens_axis(const std::vector<GlobeInStack>& views, double globe_radius_mm, Weighting weighting);
 
+/// The direction of a lens that is told at least twice as clearly as any other, where it lies more than 50 degrees from
+/// straight ahead: no eye looks so far away in a scanner (36 degrees at most in 24 heads).
+std::optional<Eigen::Vector3d> find_lens_elsewhere(const std::vector<GlobeInStack>& views,
+                                                   double globe_radius_mm, Weighting weighting);
+
 }  // namespace emmetrope::segmentation

@@ -231,7 +231,9 @@ void Identity::add_date(const std::string& date) {
   };
   for (const std::string& y : {year, year.substr(2)})
     for (const auto& [m, d] : {std::pair{month, day}, std::pair{short_form(month), short_form(day)}})
-      for (const std::string& written : {y + m + d, d + m + y, m + d + y}) {
+      for (const auto& [first, second, third] :
+           {std::array{y, m, d}, std::array{d, m, y}, std::array{m, d, y}}) {
+        const std::string written = fmt::format("{}{}{}", first, second, third);
         if (written.size() < shortest_date) continue;
         terms_.insert(fold(written).letters);
         // Six digits alone are b-values or matrix sizes as well.

@@ -1,9 +1,12 @@
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <Eigen/Geometry>
 #include <cmath>
 #include <random>
 
 #include "pipeline/base/error.hpp"
+#include "pipeline/base/frames.hpp"
 #include "segmentation/finding/eye_candidates.hpp"
 #include "segmentation/finding/find_eyes.hpp"
 #include "segmentation/finding/lens_axis.hpp"
@@ -195,6 +198,31 @@ TEST(Finding, ATagOfTheOtherSideIsRefused) {
   EXPECT_EQ(find_eyes({&only_right, &only_left}, {"R", "L"}).eyes.size(), 2U);
   const Stack both = axial_stack({right, left}, Weighting::t2, 5);
   EXPECT_EQ(find_eyes({&both}, {"R"}).eyes.size(), 2U);
+}
+
+TEST_P(BothContrasts, AHeaderByWhichEyesLookAwayFromTheFaceIsRefused) {
+  const Stack stack = axial_stack({{{-30, -33, 0}, 11.4}, {{32, -33, 0}, 11.4}}, GetParam(), 1);
+  EXPECT_EQ(find_eyes({&stack}, {""}).eyes.size(), 2U);
+  const struct {
+    Eigen::Matrix3d turn;
+    const char* towards;
+  } headers[] = {{Eigen::AngleAxisd(pi / 2, Vector3d::UnitX()).matrix(), "feet"},
+                 {Eigen::AngleAxisd(-pi / 2, Vector3d::UnitX()).matrix(), "top of the head"},
+                 {Eigen::AngleAxisd(pi, Vector3d::UnitX()).matrix(), "back of the head"},
+                 {Eigen::AngleAxisd(pi, Vector3d::UnitZ()).matrix(), "back of the head"}};
+  for (const auto& header : headers) {
+    Stack turned = stack;
+    for (Vector3d* axis : {&turned.along_row, &turned.along_column, &turned.normal})
+      *axis = header.turn * *axis;
+    for (Vector3d& position : turned.slice_position) position = header.turn * position;
+    try {
+      find_eyes({&turned}, {""});
+      FAIL() << header.towards;
+    } catch (const Error& error) {
+      EXPECT_THAT(error.what(),
+                  testing::HasSubstr(std::string("both eyes look towards the ") + header.towards));
+    }
+  }
 }
 
 TEST(Finding, NoEyeIsInvented) {
