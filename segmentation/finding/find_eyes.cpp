@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <optional>
 
@@ -212,7 +213,7 @@ void find_axis(FoundEye& eye, const std::vector<const Stack*>& stacks) {
   eye.lens_contrast = lens.lens_contrast;
 }
 
-/// Eyes that by the header look where no face is: it was written for another order of the axes, and left may be right.
+/// A header by which both eyes look where no face is has the wrong axes; its left may be right, too.
 /// \throw Error (input_invalid) naming the tag
 void compare_with_orientation(const std::vector<FoundEye>& eyes, const std::vector<const Stack*>& stacks) {
   constexpr double alike_deg = 40;
@@ -222,12 +223,17 @@ void compare_with_orientation(const std::vector<FoundEye>& eyes, const std::vect
       gazes.push_back(*gaze);
   if (gazes.size() != 2 || gazes[0].dot(gazes[1]) < std::cos(alike_deg * degree)) return;
   const Vector3d gaze = (gazes[0] + gazes[1]).normalized();
-  const char* towards = gaze.y() > 0.7 ? "back of the head" : gaze.z() > 0 ? "top of the head" : "feet";
+  Eigen::Index most = 0;
+  gaze.cwiseAbs().maxCoeff(&most);
+  constexpr std::array<std::array<const char*, 2>, 3> sides{
+      {{"right", "left"}, {"front", "back"}, {"feet", "top"}}};
   throw input_error(
       fmt::format(
-          "{}: by (0020,0037) ImageOrientationPatient (a NIfTI's sform or qform) both eyes look towards the {}",
-          stacks[eyes[0].views.front().stack]->name, towards),
-      "take the scanner's own files: which eye is the right one is not known either");
+          "{}: by (0020,0037) ImageOrientationPatient (a NIfTI's sform or qform) both eyes look {:.0f} degrees "
+          "away from straight ahead, to the head's {}",
+          stacks[eyes[0].views.front().stack]->name, std::acos(-gaze.y()) / degree,
+          sides[most][gaze[most] > 0 ? 1 : 0]),
+      "take the scanner's own file, or one whose orientation is the head's; --series uses other series only");
 }
 
 /// Adds to a stack's choice what it shows of an eye, and why it is used or not.

@@ -14,6 +14,7 @@ namespace {
 using Eigen::Vector3d;
 
 constexpr double usual_globe_radius_mm = 11.4;
+constexpr double farthest_gaze_deg = 60;  ///< from straight ahead
 
 /// Mean over a disc across an axis.
 /// \param scale  of the globe, by which distance and radius are multiplied
@@ -58,8 +59,13 @@ class LensContrast {
     return (at.behind + at.before) / 2;
   }
 
-  /// Of a lens in its usual place against the side that it differs from less.
+  /// Of a lens in its usual place against the side that it differs from less; 0 where a stack ends or has a gap there.
   double on_both_sides(const Vector3d& axis) const {
+    for (const GlobeInStack& view : views_) {
+      const Sampler sampler(*view.stack);
+      for (double mm = 2; mm <= 12; mm += 0.5)
+        if (!sampler.interpolate(view.centre + scale_ * mm * axis)) return 0;
+    }
     const Sides at = sides(axis, 0);
     return std::min(at.behind, at.before);
   }
@@ -116,7 +122,7 @@ ScoredAxis best_axis(const Score& score) {
   const auto search_about = [&](double centre_h, double centre_v, double reach, double step) {
     for (double h = centre_h - reach; h <= centre_h + reach + 1e-9; h += step) {
       for (double v = centre_v - reach; v <= centre_v + reach + 1e-9; v += step) {
-        if (std::hypot(h, v) > 60) continue;
+        if (std::hypot(h, v) > farthest_gaze_deg) continue;
         const double s = score(direction_at(h, v));
         if (s > best) {
           best = s;
@@ -131,15 +137,18 @@ ScoredAxis best_axis(const Score& score) {
   return {direction_at(best_h, best_v), best};
 }
 
+bool is_front_blanked(const std::vector<GlobeInStack>& views) {
+  return std::all_of(views.begin(), views.end(), [](const GlobeInStack& view) {
+    constexpr double reach_mm = 20;
+    return BlankedRegion(*view.stack, view.centre, reach_mm)
+        .holds_front(*view.stack, view.centre, direction_at(0, 0));
+  });
+}
+
 }  // namespace
 
 LensAxis find_lens_axis(const std::vector<GlobeInStack>& views, double globe_radius_mm, Weighting weighting) {
-  const Vector3d ahead = direction_at(0, 0);
-  const bool is_blanked = std::all_of(views.begin(), views.end(), [&](const GlobeInStack& view) {
-    constexpr double reach_mm = 20;
-    return BlankedRegion(*view.stack, view.centre, reach_mm).holds_front(*view.stack, view.centre, ahead);
-  });
-  if (is_blanked) return {ahead, 0};
+  if (is_front_blanked(views)) return {direction_at(0, 0), 0};
   const LensContrast contrast(views, globe_radius_mm, weighting);
   const ScoredAxis usual = best_axis([&](const Vector3d& axis) { return contrast.usual(axis); });
   LensAxis found{usual.axis, usual.score};
@@ -152,8 +161,9 @@ LensAxis find_lens_axis(const std::vector<GlobeInStack>& views, double globe_rad
 
 std::optional<Vector3d> find_lens_elsewhere(const std::vector<GlobeInStack>& views, double globe_radius_mm,
                                             Weighting weighting) {
+  if (is_front_blanked(views)) return std::nullopt;
   constexpr int count = 2000;  // 4.5 degrees apart
-  constexpr double farthest_ahead_deg = 50, same_lens_deg = 45, least_contrast = 0.2, least_ratio = 2;
+  constexpr double same_lens_deg = 45, least_contrast = 0.2, least_ratio = 2;
   const LensContrast contrast(views, globe_radius_mm, weighting);
   std::vector<ScoredAxis> axes;
   for (int i = 0; i < count; ++i) {
@@ -162,7 +172,7 @@ std::optional<Vector3d> find_lens_elsewhere(const std::vector<GlobeInStack>& vie
   }
   const auto is_less = [](const ScoredAxis& a, const ScoredAxis& b) { return a.score < b.score; };
   const ScoredAxis best = *std::max_element(axes.begin(), axes.end(), is_less);
-  if (best.axis.dot(direction_at(0, 0)) > std::cos(farthest_ahead_deg * degree)) return std::nullopt;
+  if (best.axis.dot(direction_at(0, 0)) > std::cos(farthest_gaze_deg * degree)) return std::nullopt;
   double elsewhere = 0;
   for (const ScoredAxis& other : axes)
     if (other.axis.dot(best.axis) < std::cos(same_lens_deg * degree))

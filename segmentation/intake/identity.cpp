@@ -16,8 +16,8 @@ constexpr Tag numbers[] = {tag::patient_id, tag::other_patient_ids, tag::accessi
 constexpr Tag free_texts[] = {tag::body_part, tag::stack_id};
 
 constexpr std::size_t shortest_name = 3, shortest_number = 3, telling_digits = 5, shortest_date = 6;
-/// Of a date: "3 de setembro de 1985", "3rd, 1985".
-constexpr std::size_t shortest_month = 3, widest_month = 24, widest_separator = 3, widest_ordinal = 5;
+/// Signs of a date's month, and between its numbers: "3 de setembro de 1985", "3 tháng 7 năm 1985".
+constexpr std::size_t shortest_month = 3, widest_month = 20, widest_between_numbers = 8;
 
 /// A text as it is compared: small letters without accents, and from where to where in the text each was.
 struct Folded {
@@ -39,6 +39,8 @@ constexpr Stroked stroked[] = {{U'ø', U'o', ""},   {U'đ', U'd', "dj"}, {U'ð',
                                {U'æ', U'a', "ae"}, {U'œ', U'o', "oe"}};
 
 std::u32string without_marks(gunichar letter, const char* spelling) {
+  if (g_unichar_isdigit(letter))
+    return std::u32string(1, U'0' + static_cast<char32_t>(g_unichar_digit_value(letter)));
   letter = g_unichar_tolower(letter);
   std::array<gunichar, G_UNICHAR_MAX_DECOMPOSITION_LENGTH> parts{};
   g_unichar_fully_decompose(letter, FALSE, parts.data(), parts.size());
@@ -125,63 +127,63 @@ struct Number {
   std::size_t first, end;  ///< of its digits
 };
 
+/// The numbers of up to four digits.
 std::vector<Number> numbers_in(const std::u32string& letters) {
+  constexpr std::size_t most_digits = 4;
   std::vector<Number> numbers;
   for (std::size_t first = 0; first < letters.size(); ++first) {
     std::size_t end = first;
-    int value = 0;
-    constexpr std::size_t most_digits = 4;
-    while (end < letters.size() && is_digit(letters[end])) {
-      if (end - first < most_digits) value = 10 * value + static_cast<int>(letters[end] - U'0');
-      ++end;
+    while (end < letters.size() && is_digit(letters[end])) ++end;
+    if (end > first && end - first <= most_digits) {
+      int value = 0;
+      for (std::size_t i = first; i < end; ++i) value = 10 * value + static_cast<int>(letters[i] - U'0');
+      numbers.push_back({value, first, end});
     }
-    if (end > first && end - first <= most_digits) numbers.push_back({value, first, end});
     first = end;
   }
   return numbers;
 }
 
-bool holds_word(const std::u32string& letters) {
-  const auto words = runs_of(letters, is_letter);
-  return std::any_of(words.begin(), words.end(),
-                     [](const auto& word) { return word.size() >= shortest_month; });
+/// Whether what stands between day and year may be a month: a word of three letters, of a script other than Latin, or a
+/// Roman numeral.
+bool may_be_month(const std::u32string& between) {
+  const auto words = runs_of(between, is_letter);
+  return std::any_of(words.begin(), words.end(), [](const std::u32string& word) {
+    return word.size() >= shortest_month || word[0] >= 0x80 ||
+           word.find_first_not_of(U"ivx") == std::u32string::npos;
+  });
 }
 
-/// From where a word begins that ends up to three signs before a place; that place where none does.
-std::size_t with_word_before(const std::u32string& letters, std::size_t place) {
-  std::size_t end = place;
-  while (end > 0 && place - end < widest_separator && !is_letter_or_digit(letters[end - 1])) --end;
-  std::size_t first = end;
-  while (first > 0 && is_letter(letters[first - 1])) --first;
-  return end - first >= shortest_month ? first : place;
-}
-
-/// From where to where a text holds a date whose numbers stand apart: three numbers in one of the usual orders, or day
-/// and year with a word for the month.
+/// From where to where a text holds a date that is no fixed text: three numbers in a usual order, the year in full,
+/// whatever stands between, or day and year with the month as a word.
 std::vector<std::pair<std::size_t, std::size_t>> written_dates(const std::u32string& letters,
                                                                const std::array<int, 3>& date) {
   const auto& [year, month, day] = date;
   const std::vector<Number> found = numbers_in(letters);
+  const auto gap_after = [&](std::size_t i) { return found[i + 1].first - found[i].end; };
+  const auto is_year = [&, year = year](const Number& n, bool in_full) {
+    return n.end - n.first == 4 ? n.value == year : !in_full && n.end - n.first == 2 && n.value == year % 100;
+  };
+  const auto follows_letter = [&](const Number& n) { return n.first > 0 && is_letter(letters[n.first - 1]); };
   std::vector<std::pair<std::size_t, std::size_t>> places;
   for (std::size_t i = 0; i + 1 < found.size(); ++i) {
     const Number &a = found[i], &b = found[i + 1];
-    const std::size_t gap = b.first - a.end;
-    const bool is_near = gap <= widest_separator;
-    if (is_near && i + 2 < found.size() && found[i + 2].first - b.end <= widest_separator) {
+    if (i + 2 < found.size() && gap_after(i) <= widest_between_numbers &&
+        gap_after(i + 1) <= widest_between_numbers) {
       const Number& c = found[i + 2];
-      for (const int y : {year, year % 100})
-        for (const auto& order :
-             {std::array{y, month, day}, std::array{day, month, y}, std::array{month, day, y}})
-          if (order == std::array{a.value, b.value, c.value} && c.end - a.first >= shortest_date)
-            places.emplace_back(a.first, c.end);
+      const bool ends_in_year =
+          is_year(c, true) && ((a.value == day && b.value == month) || (a.value == month && b.value == day));
+      if (ends_in_year || (is_year(a, true) && b.value == month && c.value == day))
+        places.emplace_back(a.first, c.end);
     }
-    const bool day_first = a.value == day && b.value == year;
-    if (!day_first && !(a.value == year && b.value == day)) continue;
-    if (gap <= widest_month && holds_word(letters.substr(a.end, gap)))
+    const std::u32string between = letters.substr(a.end, gap_after(i));
+    // "DWI b2000" holds no year: a number hangs on letters only where they stand alone between the two, "3JUL1985".
+    const bool is_glued = runs_of(between, is_letter).size() == 1 && is_letter(between.front());
+    const bool day_first = a.value == day && is_year(b, false),
+               year_first = is_year(a, false) && b.value == day;
+    if ((day_first || year_first) && between.size() <= widest_month && may_be_month(between) &&
+        !follows_letter(a) && (is_glued || !follows_letter(b)))
       places.emplace_back(a.first, b.end);
-    else if (const std::size_t word = with_word_before(letters, a.first);
-             day_first && gap <= widest_ordinal && word != a.first)
-      places.emplace_back(word, b.end);
   }
   return places;
 }
@@ -224,21 +226,34 @@ void Identity::add_date(const std::string& date) {
   std::copy_if(date.begin(), date.end(), std::back_inserter(digits),
                [](char letter) { return letter >= '0' && letter <= '9'; });
   if (digits.size() != 8) return;
+  dates_.insert(
+      {std::stoi(digits.substr(0, 4)), std::stoi(digits.substr(4, 2)), std::stoi(digits.substr(6))});
+  static constexpr std::array<const char*, 12> months{"january",   "february", "march",    "april",
+                                                      "may",       "june",     "july",     "august",
+                                                      "september", "october",  "november", "december"};
   const std::string year = digits.substr(0, 4), month = digits.substr(4, 2), day = digits.substr(6);
-  dates_.insert({std::stoi(year), std::stoi(month), std::stoi(day)});
+  const auto month_number = static_cast<std::size_t>(std::stoi(month));
   const auto short_form = [](const std::string& number) {
     return number[0] == '0' ? number.substr(1) : number;
   };
+  std::vector<std::array<std::string, 3>> orders;
   for (const std::string& y : {year, year.substr(2)})
     for (const auto& [m, d] : {std::pair{month, day}, std::pair{short_form(month), short_form(day)}})
-      for (const auto& [first, second, third] :
-           {std::array{y, m, d}, std::array{d, m, y}, std::array{m, d, y}}) {
-        const std::string written = fmt::format("{}{}{}", first, second, third);
-        if (written.size() < shortest_date) continue;
-        terms_.insert(fold(written).letters);
-        // Six digits alone are b-values or matrix sizes as well.
-        if (y == year) punctuated_.insert(fold(written).letters);
-      }
+      orders.insert(orders.end(), {{y, m, d}, {d, m, y}, {m, d, y}});
+  if (month_number >= 1 && month_number <= 12)
+    for (const std::string& d : {day, short_form(day)})
+      for (const std::string& m :
+           {std::string(months[month_number - 1]), std::string(months[month_number - 1]).substr(0, 3)})
+        orders.insert(orders.end(), {{d, m, year}, {m, d, year}, {year, m, d}});
+  for (const auto& [first, second, third] : orders) {
+    for (const char* between : {"", "-", ".", "/", "_", " "}) {
+      const std::string spelling = fmt::format("{}{}{}{}{}", first, between, second, between, third);
+      if (spelling.size() < shortest_date) continue;
+      terms_.insert(fold(spelling).letters);
+      // Six digits alone are b-values or matrix sizes as well.
+      if (*between == '\0' && (first == year || third == year)) punctuated_.insert(fold(spelling).letters);
+    }
+  }
 }
 
 void Identity::add(const ImageHeader& header) {
@@ -264,8 +279,8 @@ std::string Identity::removed_from(const std::string& text) const {
       }
   };
   for (const char* spelling : spellings) cover(fold(text, spelling), terms_, false);
-  cover(unpunctuated(fold(text)), punctuated_, true);
   const Folded plain = fold(text);
+  cover(unpunctuated(plain), punctuated_, true);
   for (const auto& date : dates_)
     for (const auto& [first, end] : written_dates(plain.letters, date))
       std::fill(covered.begin() + static_cast<std::ptrdiff_t>(plain.starts[first]),

@@ -1,5 +1,6 @@
 #pragma once
 #include <Eigen/Core>
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <array>
 
@@ -60,6 +61,14 @@ inline Stack stored_otherwise(const Stack& stack, const Storage& storage) {
       }
   }
   return other;
+}
+
+/// The same voxels in the same order, by their header turned about the patient's origin.
+inline Stack turned_header(Stack stack, double by_rad, const Eigen::Vector3d& about) {
+  const Eigen::AngleAxisd turn(by_rad, about);
+  for (Eigen::Vector3d* axis : {&stack.along_row, &stack.along_column, &stack.normal}) *axis = turn * *axis;
+  for (Eigen::Vector3d& position : stack.slice_position) position = turn * position;
+  return stack;
 }
 
 }  // namespace emmetrope::segmentation

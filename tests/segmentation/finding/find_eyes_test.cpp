@@ -202,26 +202,27 @@ TEST(Finding, ATagOfTheOtherSideIsRefused) {
 
 TEST_P(BothContrasts, AHeaderByWhichEyesLookAwayFromTheFaceIsRefused) {
   const Stack stack = axial_stack({{{-30, -33, 0}, 11.4}, {{32, -33, 0}, 11.4}}, GetParam(), 1);
-  EXPECT_EQ(find_eyes({&stack}, {""}).eyes.size(), 2U);
   const struct {
-    Eigen::Matrix3d turn;
-    const char* towards;
-  } headers[] = {{Eigen::AngleAxisd(pi / 2, Vector3d::UnitX()).matrix(), "feet"},
-                 {Eigen::AngleAxisd(-pi / 2, Vector3d::UnitX()).matrix(), "top of the head"},
-                 {Eigen::AngleAxisd(pi, Vector3d::UnitX()).matrix(), "back of the head"},
-                 {Eigen::AngleAxisd(pi, Vector3d::UnitZ()).matrix(), "back of the head"}};
+    double by_deg;
+    Vector3d about;
+    const char* what;
+  } headers[] = {{90, Vector3d::UnitX(), "to the head's feet"},
+                 {-90, Vector3d::UnitX(), "to the head's top"},
+                 {180, Vector3d::UnitX(), "to the head's back"},
+                 {180, Vector3d::UnitZ(), "to the head's back"}};
   for (const auto& header : headers) {
-    Stack turned = stack;
-    for (Vector3d* axis : {&turned.along_row, &turned.along_column, &turned.normal})
-      *axis = header.turn * *axis;
-    for (Vector3d& position : turned.slice_position) position = header.turn * position;
     try {
+      const Stack turned = turned_header(stack, header.by_deg * degree, header.about);
       find_eyes({&turned}, {""});
-      FAIL() << header.towards;
+      ADD_FAILURE() << header.what;
     } catch (const Error& error) {
-      EXPECT_THAT(error.what(),
-                  testing::HasSubstr(std::string("both eyes look towards the ") + header.towards));
+      EXPECT_EQ(error.status(), ExitStatus::input_invalid);
+      EXPECT_THAT(error.what(), testing::HasSubstr(header.what));
     }
+  }
+  for (const double up_or_down_deg : {-50.0, -30.0, 0.0, 30.0, 50.0}) {
+    const Stack turned = turned_header(stack, up_or_down_deg * degree, Vector3d::UnitX());
+    EXPECT_EQ(find_eyes({&turned}, {""}).eyes.size(), 2U) << up_or_down_deg;
   }
 }
 
