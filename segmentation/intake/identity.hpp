@@ -15,9 +15,9 @@ class Identity {
   /// Notes names, patient and accession numbers and the date of birth.
   void add(const ImageHeader& header);
   /// The text with "[removed]" in place of each part of a name (3 letters or more; 2 where letters are
-  /// words), each number, and the date of birth in its usual
-  /// spellings, its month as a number or as a word of whatever language; whatever the case, with accents, without or
-  /// spelt out (Müller, Muller, Mueller), and numbers of 5 letters and digits or more however they are punctuated.
+  /// words), each number, and the date of birth in its usual spellings, its month as a number or as a word of whatever
+  /// language; whatever the case, with accents, without or spelt out (Müller, Muller, Mueller), and numbers of 5 letters
+  /// and digits or more however they are punctuated.
   std::string removed_from(const std::string& text) const;
   /// The same of the header's free texts; its own identifying values go.
   void remove_from(ImageHeader& header) const;
