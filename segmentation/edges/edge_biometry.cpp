@@ -8,6 +8,7 @@
 #include "pipeline/base/frames.hpp"
 #include "pipeline/eye/population/limits.hpp"
 #include "pipeline/eye/population/population.hpp"
+#include "segmentation/finding/lens_axis.hpp"
 
 namespace emmetrope::segmentation {
 namespace {
@@ -89,9 +90,8 @@ std::optional<ReadEye> read_eye(const Stack& stack, const EdgeSeed& seed, Weight
 
 std::string doubt_about_globe(const EdgeReading& reading) {
   // Right readings of ordinary scans have 0.75 to 0.98, 0.8 to 1.0 and 0.2 to 0.75 mm.
-  constexpr double least_kept = 0.75, least_edges = 0.75, least_inside = 0.85, least_of_blanked = 0.7,
-                   largest_rms_mm = 0.85;
-  if (reading.rays_inside < (reading.front_is_blanked ? least_of_blanked : least_inside))
+  constexpr double least_kept = 0.75, least_edges = 0.75, least_inside = 0.85, largest_rms_mm = 0.85;
+  if (reading.rays_inside < least_inside)
     return fmt::format("{:.0f} % of its wall lies inside the images", 100 * reading.rays_inside);
   if (reading.rays_with_edge < least_edges)
     return fmt::format("its wall has an edge in {:.0f} % of the directions", 100 * reading.rays_with_edge);
@@ -104,6 +104,9 @@ std::string doubt_about_globe(const EdgeReading& reading) {
     if (!limits_of(quantity).plausible.contains(extent_mm))
       return fmt::format("a globe of {:.1f} mm is no eye's", extent_mm);
   }
+  const double gaze_deg = from_ahead_deg(reading.globe.axes.col(2));
+  if (!limits_of("gaze_from_ahead_deg").accepted.contains(gaze_deg))
+    return fmt::format("it looks {:.0f} degrees away from straight ahead", gaze_deg);
   const double lens_mm = reading.lens_to_centre_mm();
   if (lens_mm < 6 || lens_mm > 11.5)
     return fmt::format("what was taken for its lens lies {:.1f} mm from its centre", lens_mm);

@@ -12,7 +12,13 @@ namespace {
 using Eigen::Array3i;
 using Eigen::Vector3d;
 
-constexpr double middle_mm = 5;  ///< of a globe: a face's plane leaves more than half of it
+constexpr double middle_mm = 5;                              ///< of a globe
+constexpr double nearest_fat_mm = 13, farthest_fat_mm = 16;  ///< from its centre, what lies around it
+
+struct ZeroShare {
+  int voxels = 0, zero = 0;
+  double share() const { return voxels == 0 ? 0 : static_cast<double>(zero) / voxels; }
+};
 
 bool is_zero_with_neighbours(const Stack& stack, int column, int row, int slice) {
   for (int s = std::max(0, slice - 1); s <= std::min(stack.slices() - 1, slice + 1); ++s)
@@ -26,22 +32,36 @@ bool is_zero_with_neighbours(const Stack& stack, int column, int row, int slice)
 
 BlankedRegion::BlankedRegion(const Stack& stack, const Vector3d& globe_centre, double radius_mm) {
   Array3i first(stack.columns, stack.rows, stack.slices()), last = Array3i::Constant(-1);
-  int in_middle = 0, dark_in_middle = 0;
+  ZeroShare middle, around;
   for_each_voxel_near(stack, globe_centre, radius_mm, [&](int c, int r, int s, const Vector3d& position) {
     first = first.min(Array3i(c, r, s));
     last = last.max(Array3i(c, r, s));
-    if ((position - globe_centre).norm() > middle_mm) return;
-    ++in_middle;
-    dark_in_middle += is_zero_with_neighbours(stack, c, r, s) ? 1 : 0;
+    const double distance = (position - globe_centre).norm();
+    const bool is_around = distance >= nearest_fat_mm && distance <= farthest_fat_mm;
+    if (distance > middle_mm && !is_around) return;
+    ZeroShare& part = is_around ? around : middle;
+    ++part.voxels;
+    part.zero += is_zero_with_neighbours(stack, c, r, s) ? 1 : 0;
   });
-  if (2 * dark_in_middle > in_middle || (last < first).any()) return;
+  // A face's plane through the eye takes as much of what lies around it.
+  const bool is_dark_vitreous = middle.share() > 0.5 && around.share() < 1.0 / 3;
+  if (is_dark_vitreous || (last < first).any()) return;
+  find_cores(stack, first, last - first + 1);
+}
+
+BlankedRegion::BlankedRegion(const Stack& stack) {
+  find_cores(stack, Array3i::Zero(), {stack.columns, stack.rows, stack.slices()});
+}
+
+void BlankedRegion::find_cores(const Stack& stack, const Array3i& first, const Array3i& count) {
   first_ = first;
-  count_ = last - first + 1;
-  core_.resize(static_cast<std::size_t>(count_.prod()));
+  count_ = count;
+  core_.resize(static_cast<std::size_t>(count.prod()));
+  const Array3i end = first + count;
   std::size_t i = 0;
-  for (int s = first[2]; s <= last[2]; ++s)
-    for (int r = first[1]; r <= last[1]; ++r)
-      for (int c = first[0]; c <= last[0]; ++c) core_[i++] = is_zero_with_neighbours(stack, c, r, s) ? 1 : 0;
+  for (int s = first[2]; s < end[2]; ++s)
+    for (int r = first[1]; r < end[1]; ++r)
+      for (int c = first[0]; c < end[0]; ++c) core_[i++] = is_zero_with_neighbours(stack, c, r, s) ? 1 : 0;
 }
 
 bool BlankedRegion::is_core(const Array3i& voxel) const {

@@ -13,7 +13,10 @@ class BlankedRegion {
  public:
   /// Nothing is blanked.
   BlankedRegion() = default;
-  /// Within so far of the globe's centre (LPS); nothing where most of its middle is zero, as dark vitreous is in a window.
+  /// In the whole stack.
+  explicit BlankedRegion(const Stack& stack);
+  /// Within so far of the globe's centre (LPS); nothing where most of its middle is zero and less than a third of what
+  /// lies around it, as dark vitreous is in a window.
   BlankedRegion(const Stack& stack, const Eigen::Vector3d& globe_centre, double radius_mm);
 
   /// Zero, or within two voxels of what is zero with its neighbours.
@@ -27,6 +30,8 @@ class BlankedRegion {
                    const Eigen::Vector3d& axis) const;
 
  private:
+  /// Of so many voxels from the first on.
+  void find_cores(const Stack& stack, const Eigen::Array3i& first, const Eigen::Array3i& count);
   bool is_core(const Eigen::Array3i& voxel) const;
   bool is_core_within(const Eigen::Array3i& voxel, int reach) const;
   bool is_zero(const Sampler& stack, const Eigen::Vector3d& lps) const;

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "pipeline/base/frames.hpp"
+#include "segmentation/finding/blanked_region.hpp"
 #include "segmentation/finding/radial_symmetry.hpp"
 #include "segmentation/finding/sampling.hpp"
 #include "segmentation/intake/canonical_stack.hpp"
@@ -28,9 +29,10 @@ std::vector<Vector3d> directions(int count) {
 struct RadialEdges {
   std::vector<Vector3d> points;
   std::vector<double> steps;
-  int inside = 0, outside = 0;
+  int inside = 0, outside = 0, blanked = 0;
 };
-RadialEdges radial_edges(const Stack& stack, const Vector3d& centre, Weighting weighting) {
+RadialEdges radial_edges(const Stack& stack, const Vector3d& centre, Weighting weighting,
+                         const BlankedRegion& blanked) {
   constexpr double step = 0.4, from = 7.0, to = 16.0;
   const int count = static_cast<int>((to - from) / step) + 1;
   const double sign = weighting == Weighting::t2 ? -1 : 1;
@@ -38,14 +40,17 @@ RadialEdges radial_edges(const Stack& stack, const Vector3d& centre, Weighting w
   RadialEdges edges;
   for (const Vector3d& direction : directions(240)) {
     std::vector<double> profile;
+    bool is_blanked = false;
     for (int i = 0; i < count; ++i) {
-      const auto value = sampler.interpolate(centre + (from + i * step) * direction);
-      if (!value) break;
+      const Vector3d at = centre + (from + i * step) * direction;
+      const auto value = sampler.interpolate(at);
+      is_blanked = blanked.holds(sampler, at);
+      if (!value || is_blanked) break;
       profile.push_back(*value);
     }
-    // A ray that leaves the stack before the wall says nothing.
+    // A ray that leaves the stack before the wall says nothing, nor one that ends in what was blanked.
     if (from + static_cast<double>(profile.size()) * step < 13) {
-      ++edges.outside;
+      ++(is_blanked ? edges.blanked : edges.outside);
       continue;
     }
     ++edges.inside;
@@ -103,12 +108,13 @@ bool fit_sphere(const std::vector<Vector3d>& points, Vector3d& centre, double& r
 }
 
 /// A peak of the votes checked on its radial profiles.
-bool refine(const Stack& stack, const SymmetryPeak& peak, EyeCandidate& candidate) {
+bool refine(const Stack& stack, const SymmetryPeak& peak, const BlankedRegion& blanked,
+            EyeCandidate& candidate) {
   candidate.weighting = peak.weighting;
   candidate.centre = peak.position;
   RadialEdges edges;
   for (int pass = 0; pass < 3; ++pass) {
-    edges = radial_edges(stack, candidate.centre, peak.weighting);
+    edges = radial_edges(stack, candidate.centre, peak.weighting, blanked);
     if (!fit_sphere(edges.points, candidate.centre, candidate.radius_mm)) return false;
     if ((candidate.centre - peak.position).norm() > 8) return false;
   }
@@ -128,10 +134,12 @@ bool refine(const Stack& stack, const SymmetryPeak& peak, EyeCandidate& candidat
   }
   candidate.agreement = edges.inside > 0 ? static_cast<double>(agreeing) / edges.inside : 0;
   candidate.inside = static_cast<double>(edges.inside) / (edges.inside + edges.outside);
+  candidate.blanked = static_cast<double>(edges.blanked) / (edges.inside + edges.outside + edges.blanked);
 
   std::vector<double> core;
-  for_each_voxel_near(stack, candidate.centre, 5,
-                      [&](int c, int r, int s, const Vector3d&) { core.push_back(stack.at(c, r, s)); });
+  for_each_voxel_near(stack, candidate.centre, 5, [&](int c, int r, int s, const Vector3d&) {
+    if (!blanked.holds_voxel(c, r, s)) core.push_back(stack.at(c, r, s));
+  });
   if (core.size() < 20) return false;
   const double spread = std::max(quantile(core, 0.84) - quantile(core, 0.16), 1e-9) / 2;
   // Air in a sinus is dark, and nothing but noise: the median of a Rayleigh magnitude is 1.8 of such spreads.
@@ -146,13 +154,14 @@ bool refine(const Stack& stack, const SymmetryPeak& peak, EyeCandidate& candidat
 
 }  // namespace
 
-std::vector<EyeCandidate> find_candidates(const Stack& stored) {
+std::vector<EyeCandidate> find_candidates(const Stack& stored, Zeros zeros) {
   std::vector<EyeCandidate> candidates;
   if (stored.slices() < 3) return candidates;
   const Stack stack = canonical_part(stored, stored.slice_position.front(), whole_extent_mm(stored));
-  for (const SymmetryPeak& peak : symmetry_peaks(stack)) {
+  const BlankedRegion blanked = zeros == Zeros::blanked ? BlankedRegion(stack) : BlankedRegion();
+  for (const SymmetryPeak& peak : symmetry_peaks(stack, blanked)) {
     EyeCandidate candidate;
-    if (!refine(stack, peak, candidate)) continue;
+    if (!refine(stack, peak, blanked, candidate)) continue;
     if (candidate.agreement < 0.45 || candidate.contrast_to_spread < 1.5) continue;
     const bool known = std::any_of(candidates.begin(), candidates.end(), [&](const EyeCandidate& other) {
       return (other.centre - candidate.centre).norm() < 6 && other.score() >= candidate.score();

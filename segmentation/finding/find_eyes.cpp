@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <functional>
 #include <optional>
 
 #include "pipeline/base/error.hpp"
@@ -40,11 +41,14 @@ bool is_pair(const EyeCandidate& a, const EyeCandidate& b) {
 double merit_of(const Stack& stack, const EyeCandidate& globe) {
   const double thickness = std::max(stack.slice_thickness_mm, 0.1);
   const double contrast = std::min(globe.contrast_to_spread, 100.0);
-  return contrast * contrast * globe.score() / (stack.column_spacing_mm * stack.row_spacing_mm * thickness);
+  // Any other image of an eye through which the face was taken off says more of it.
+  constexpr double of_blanked = 1e-3;
+  return (globe.blanked > 0 ? of_blanked : 1) * contrast * contrast * globe.score() /
+         (stack.column_spacing_mm * stack.row_spacing_mm * thickness);
 }
 
-/// What one stack shows: a pair, or its best single globe.
-std::vector<EyeCandidate> eyes_in_stack(const std::vector<EyeCandidate>& candidates) {
+/// The best pair, or nothing.
+std::vector<EyeCandidate> best_pair(const std::vector<EyeCandidate>& candidates) {
   std::vector<EyeCandidate> best;
   double best_score = 0;
   for (std::size_t i = 0; i < candidates.size(); ++i) {
@@ -55,11 +59,37 @@ std::vector<EyeCandidate> eyes_in_stack(const std::vector<EyeCandidate>& candida
       best = {candidates[i], candidates[j]};
     }
   }
-  if (best.empty() && !candidates.empty()) best = {candidates.front()};
-  std::vector<EyeCandidate> good;
-  for (const EyeCandidate& c : best)
-    if (c.score() >= least_score) good.push_back(c);
-  return good;
+  return best;
+}
+
+/// What one stack shows: a pair, or its best single globe.
+struct SeenGlobes {
+  std::vector<EyeCandidate> globes;
+  Zeros zeros = Zeros::dark;  ///< as they were taken for
+};
+
+/// Where no pair is sure the face may have been taken off through the eyes: then a pair that nearly all edges agree on
+/// which touch no zero.
+SeenGlobes globes_in_stack(const Stack& stack) {
+  // Of 30 blanked heads other places have 0.57 at most.
+  constexpr double sure_agreement = 0.65, least_seen = 0.25;
+  const auto is_sure = [](const EyeCandidate& c) {
+    return c.agreement >= sure_agreement && c.score() >= least_score &&
+           c.inside * (1 - c.blanked) >= least_seen;
+  };
+  const std::vector<EyeCandidate> candidates = find_candidates(stack);
+  std::vector<EyeCandidate> globes = best_pair(candidates);
+  if (globes.empty() || !std::all_of(globes.begin(), globes.end(), is_sure)) {
+    std::vector<EyeCandidate> sure = find_candidates(stack, Zeros::blanked);
+    sure.erase(std::remove_if(sure.begin(), sure.end(), std::not_fn(is_sure)), sure.end());
+    const std::vector<EyeCandidate> of_defaced = best_pair(sure);
+    if (!of_defaced.empty()) return {of_defaced, Zeros::blanked};
+  }
+  if (globes.empty() && !candidates.empty()) globes = {candidates.front()};
+  SeenGlobes seen;
+  for (const EyeCandidate& c : globes)
+    if (c.score() >= least_score) seen.globes.push_back(c);
+  return seen;
 }
 
 struct Cluster {
@@ -79,10 +109,11 @@ struct Cluster {
 /// The same globe as the voxels about it alone show it (all slices of a stack that is no lattice), so that how much
 /// else the file holds does not move what the fit starts from. Twice: the first time the part's middle is still that of
 /// the whole file.
-EyeCandidate seen_from_near(const Stack& stack, EyeCandidate globe) {
+EyeCandidate seen_from_near(const Stack& stack, EyeCandidate globe, Zeros zeros) {
   constexpr double reach_mm = 40, same_globe_mm = 4;
   for (int i = 0; i < 2; ++i) {
-    const std::vector<EyeCandidate> near = find_candidates(canonical_part(stack, globe.centre, reach_mm));
+    const std::vector<EyeCandidate> near =
+        find_candidates(canonical_part(stack, globe.centre, reach_mm), zeros);
     const auto same = std::find_if(near.begin(), near.end(), [&](const EyeCandidate& other) {
       return other.weighting == globe.weighting && (other.centre - globe.centre).norm() < same_globe_mm;
     });
@@ -96,8 +127,9 @@ EyeCandidate seen_from_near(const Stack& stack, EyeCandidate globe) {
 std::vector<Cluster> cluster_globes(const std::vector<const Stack*>& stacks) {
   std::vector<Cluster> clusters;
   for (std::size_t s = 0; s < stacks.size(); ++s) {
-    for (const EyeCandidate& seen : eyes_in_stack(find_candidates(*stacks[s]))) {
-      const EyeCandidate globe = seen_from_near(*stacks[s], seen);
+    const SeenGlobes seen = globes_in_stack(*stacks[s]);
+    for (const EyeCandidate& in_all : seen.globes) {
+      const EyeCandidate globe = seen_from_near(*stacks[s], in_all, seen.zeros);
       const EyeView view{s, globe, merit_of(*stacks[s], globe)};
       const auto known = std::find_if(clusters.begin(), clusters.end(), [&](const Cluster& c) {
         return (c.centre() - globe.centre).norm() < same_eye_mm;
@@ -231,7 +263,7 @@ void compare_with_orientation(const std::vector<FoundEye>& eyes, const std::vect
       fmt::format(
           "{}: by (0020,0037) ImageOrientationPatient (a NIfTI's sform or qform) both eyes look {:.0f} degrees "
           "away from straight ahead, to the head's {}",
-          stacks[eyes[0].views.front().stack]->name, std::acos(-gaze.y()) / degree,
+          stacks[eyes[0].views.front().stack]->name, from_ahead_deg(gaze),
           sides[most][gaze[most] > 0 ? 1 : 0]),
       "take the scanner's own file, or one whose orientation is the head's; --series uses other series only");
 }
@@ -239,9 +271,12 @@ void compare_with_orientation(const std::vector<FoundEye>& eyes, const std::vect
 /// Adds to a stack's choice what it shows of an eye, and why it is used or not.
 void explain(StackChoice& choice, const FoundEye& eye, const EyeView& view, bool used) {
   const std::string text = fmt::format(
-      "{}: globe seen with {:.0f} % of its wall on a sphere of {:.1f} mm, {:.0f} % of it inside the stack, "
+      "{}: globe seen with {:.0f} % of its wall on a sphere of {:.1f} mm, {:.0f} % of it inside the stack{}, "
       "merit {:.3g}",
       to_string(eye.laterality), 100 * view.globe.agreement, view.globe.radius_mm, 100 * view.globe.inside,
+      view.globe.blanked > 0
+          ? fmt::format(", of what was not blanked ({:.0f} % was)", 100 * view.globe.blanked)
+          : "",
       view.merit);
   const std::string why = used ? "used"
                           : view.globe.weighting != eye.weighting

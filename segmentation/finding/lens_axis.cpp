@@ -147,6 +147,10 @@ bool is_front_blanked(const std::vector<GlobeInStack>& views) {
 
 }  // namespace
 
+double from_ahead_deg(const Vector3d& axis_lps) {
+  return std::acos(std::clamp(-axis_lps.y(), -1.0, 1.0)) / degree;
+}
+
 LensAxis find_lens_axis(const std::vector<GlobeInStack>& views, double globe_radius_mm, Weighting weighting) {
   if (is_front_blanked(views)) return {direction_at(0, 0), 0};
   const LensContrast contrast(views, globe_radius_mm, weighting);
@@ -172,7 +176,7 @@ std::optional<Vector3d> find_lens_elsewhere(const std::vector<GlobeInStack>& vie
   }
   const auto is_less = [](const ScoredAxis& a, const ScoredAxis& b) { return a.score < b.score; };
   const ScoredAxis best = *std::max_element(axes.begin(), axes.end(), is_less);
-  if (best.axis.dot(direction_at(0, 0)) > std::cos(farthest_gaze_deg * degree)) return std::nullopt;
+  if (from_ahead_deg(best.axis) < farthest_gaze_deg) return std::nullopt;
   double elsewhere = 0;
   for (const ScoredAxis& other : axes)
     if (other.axis.dot(best.axis) < std::cos(same_lens_deg * degree))

@@ -22,6 +22,9 @@ struct GlobeInStack {
   Eigen::Vector3d centre;
 };
 
+/// Angle of a unit vector out of the eye with the direction in which the header has the face.
+double from_ahead_deg(const Eigen::Vector3d& axis_lps);
+
 /// Searches within 60 degrees of straight ahead, which is the answer where a lens there was blanked in the images.
 LensAxis find_lens_axis(const std::vector<GlobeInStack>& views, double globe_radius_mm, Weighting weighting);
 

@@ -20,6 +20,7 @@ struct Grid {
   Vector3i size;
   Vector3d origin, x, y, z;
   std::vector<float> value;
+  std::vector<char> is_blank;
 
   std::size_t index(int i, int j, int k) const {
     return (static_cast<std::size_t>(k) * size.y() + j) * size.x() + i;
@@ -33,6 +34,11 @@ struct Grid {
     return Vector3d(value[index(i + 1, j, k)] - value[index(i - 1, j, k)],
                     value[index(i, j + 1, k)] - value[index(i, j - 1, k)],
                     value[index(i, j, k + 1)] - value[index(i, j, k - 1)]);
+  }
+  /// Whether a central difference here uses a node that holds what was blanked.
+  bool touches_blank(int i, int j, int k) const {
+    return is_blank[index(i - 1, j, k)] || is_blank[index(i + 1, j, k)] || is_blank[index(i, j - 1, k)] ||
+           is_blank[index(i, j + 1, k)] || is_blank[index(i, j, k - 1)] || is_blank[index(i, j, k + 1)];
   }
   Vector3d position(const Vector3d& g) const {
     return origin + grid_mm * (g.x() * x + g.y() * y + g.z() * z);
@@ -57,7 +63,7 @@ float mean_in_plane(const Stack& stack, double slice, int column, int row, int h
   return count ? static_cast<float>(sum / count) : 0;
 }
 
-Grid resample(const Stack& stack) {
+Grid resample(const Stack& stack, const BlankedRegion& blanked) {
   Grid grid;
   grid.x = stack.along_row;
   grid.y = stack.along_column;
@@ -68,6 +74,7 @@ Grid resample(const Stack& stack) {
                static_cast<int>((stack.rows - 1) * stack.row_spacing_mm / grid_mm) + 1,
                static_cast<int>(depth / grid_mm) + 1};
   grid.value.assign(static_cast<std::size_t>(grid.size.prod()), 0);
+  grid.is_blank.assign(grid.value.size(), 0);
   // In-plane means over the grid's spacing, so that noise and ringing of fine voxels do not vote.
   const int half_c = static_cast<int>(0.5 * grid_mm / stack.column_spacing_mm);
   const int half_r = static_cast<int>(0.5 * grid_mm / stack.row_spacing_mm);
@@ -76,12 +83,14 @@ Grid resample(const Stack& stack) {
   for (int k = 0; k < grid.size.z(); ++k) {
     for (int j = 0; j < grid.size.y(); ++j) {
       for (int i = 0; i < grid.size.x(); ++i) {
-        const auto at = sampler.voxel_coordinates(grid.position({double(i), double(j), double(k)}));
+        const Vector3d position = grid.position({double(i), double(j), double(k)});
+        const auto at = sampler.voxel_coordinates(position);
         // A plane missing from the stack shows its nearest neighbour here: good enough to find an eye.
         const double slice = at ? at->z() : k * grid_mm / spacing;
         const int c = static_cast<int>(std::lround(i * grid_mm / stack.column_spacing_mm));
         const int r = static_cast<int>(std::lround(j * grid_mm / stack.row_spacing_mm));
         grid.value[grid.index(i, j, k)] = mean_in_plane(stack, slice, c, r, half_c, half_r);
+        grid.is_blank[grid.index(i, j, k)] = blanked.holds(sampler, position) ? 1 : 0;
       }
     }
   }
@@ -103,8 +112,9 @@ constexpr std::array<Weighting, 2> polarities{Weighting::t1, Weighting::t2};
 /// \return empty where the grid is too small or has no edges
 Votes cast_votes(const Grid& grid) {
   std::vector<double> magnitudes;
-  for_each_inner_node(grid.size,
-                      [&](int i, int j, int k) { magnitudes.push_back(grid.gradient(i, j, k).norm()); });
+  for_each_inner_node(grid.size, [&](int i, int j, int k) {
+    if (!grid.touches_blank(i, j, k)) magnitudes.push_back(grid.gradient(i, j, k).norm());
+  });
   if (magnitudes.empty()) return {};
   const double strong = quantile(magnitudes, 0.90), weak = quantile(magnitudes, 0.70);
   if (!(strong > 0)) return {};
@@ -112,9 +122,10 @@ Votes cast_votes(const Grid& grid) {
   Votes votes;
   for (auto& volume : votes) volume.assign(grid.value.size(), 0);
   for_each_inner_node(grid.size, [&](int i, int j, int k) {
+    if (grid.touches_blank(i, j, k)) return;
     const Vector3d g = grid.gradient(i, j, k);
     const double magnitude = g.norm();
-    if (magnitude < weak) return;
+    if (magnitude < weak || magnitude == 0) return;
     const Vector3d towards_bright = g / magnitude;
     const auto weight = static_cast<float>(std::min(magnitude / strong, 1.0));
     for (const int polarity : {0, 1}) {
@@ -175,8 +186,8 @@ std::vector<Vector3d> maxima(const std::vector<float>& values, const Grid& grid)
 
 }  // namespace
 
-std::vector<SymmetryPeak> symmetry_peaks(const Stack& stack) {
-  const Grid grid = resample(stack);
+std::vector<SymmetryPeak> symmetry_peaks(const Stack& stack, const BlankedRegion& blanked) {
+  const Grid grid = resample(stack, blanked);
   const Votes votes = cast_votes(grid);
   if (votes[0].empty()) return {};
   std::vector<SymmetryPeak> peaks;

@@ -2,6 +2,7 @@
 #include <Eigen/Core>
 #include <vector>
 
+#include "segmentation/finding/blanked_region.hpp"
 #include "segmentation/finding/weighting.hpp"
 #include "segmentation/intake/volume.hpp"
 
@@ -18,6 +19,6 @@ struct SymmetryPeak {
 
 /// Radial symmetry (Loy and Zelinsky 2003) in three dimensions: the edges of a stack, resampled to 1.5 mm,
 /// vote for centres of balls along their gradient; the ten highest maxima of each polarity, 10 mm apart.
-std::vector<SymmetryPeak> symmetry_peaks(const Stack& stack);
+std::vector<SymmetryPeak> symmetry_peaks(const Stack& stack, const BlankedRegion& blanked);
 
 }  // namespace emmetrope::segmentation

@@ -3,11 +3,16 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 
+#include "pipeline/base/even_points.hpp"
 #include "pipeline/eye/population/limits.hpp"
 #include "pipeline/eye/population/population.hpp"
+#include "segmentation/finding/blanked_region.hpp"
+#include "segmentation/finding/lens_axis.hpp"
+#include "segmentation/finding/sampling.hpp"
 #include "segmentation/judgement/edge_agreement.hpp"
 
 namespace emmetrope::segmentation {
@@ -82,6 +87,31 @@ double share_inside_stack(const FoundEye& found) {
   return inside;
 }
 
+/// Share of the globe's wall that was blanked, inside and outside of it (one of them may be dark), and is in no stack.
+double share_of_wall_blanked(const EyeFit& fit) {
+  constexpr int directions = 500;
+  constexpr double inside_mm = 1, outside_mm = 2;
+  const double radius_mm = (fit.value(globe_x) + fit.value(globe_y)) / 2;
+  std::array<bool, directions> is_blanked{}, is_seen{};
+  for (std::size_t k = 0; k < fit.stacks.size(); ++k) {
+    const Stack& stack = *fit.stacks[k].stack;
+    Eigen::Vector3d centre = fit.globe_centre_lps();
+    if (k > 0) centre -= fit.parameters.segment<3>(fit.layout.stack(static_cast<int>(k)) + shift_first);
+    const BlankedRegion blanked(stack, centre, radius_mm + 6);
+    const Sampler sampler(stack);
+    for (int i = 0; i < directions; ++i) {
+      const Eigen::Vector3d direction = fibonacci_direction(i, directions);
+      const bool was_blanked = blanked.holds(sampler, centre + (radius_mm - inside_mm) * direction) &&
+                               blanked.holds(sampler, centre + (radius_mm + outside_mm) * direction);
+      is_blanked[i] |= was_blanked;
+      is_seen[i] |= !was_blanked && sampler.interpolate(centre + radius_mm * direction).has_value();
+    }
+  }
+  int lost = 0;
+  for (int i = 0; i < directions; ++i) lost += is_blanked[i] && !is_seen[i];
+  return static_cast<double>(lost) / directions;
+}
+
 /// Of the fit's reference: vitreous in T2, what surrounds the globe in T1. Against both fluids: what is no
 /// lens may differ from one of them.
 double lens_contrast(const EyeFit& fit) {
@@ -124,6 +154,30 @@ void judge_globe(const FoundEye& found, Gates& gates) {
       fmt::format("the eye is cut off or slices through it are missing: {:.0f} % of its wall lies inside the "
                   "images",
                   100 * inside));
+}
+
+/// Faces are taken off from before, from below, along any mask. A fit that took blanked voxels for tissue has its globe
+/// beside them: then the finder tells.
+void judge_blanking(const FoundEye& found, const EyeFit& fit, Gates& gates) {
+  double found_blanked = 1;
+  for (const EyeView& view : found.views) found_blanked = std::min(found_blanked, view.globe.blanked);
+  const double blanked = std::max(found_blanked, share_of_wall_blanked(fit));
+  gates.refuse_above(
+      "wall_blanked", blanked,
+      fmt::format("{:.0f} % of the eye's wall was blanked in the images (a defaced head): what is left does "
+                  "not tell its shape",
+                  100 * blanked));
+}
+
+/// Against where the header has the face.
+void judge_gaze(const EyeFit& fit, Gates& gates) {
+  const double deg = from_ahead_deg(gaze_axis(fit.value(gaze_horizontal), fit.value(gaze_vertical)));
+  gates.refuse_above(
+      "gaze_from_ahead_deg", deg,
+      fmt::format(
+          "by (0020,0037) ImageOrientationPatient (a NIfTI's sform or qform) the eye looks {:.0f} "
+          "degrees away from straight ahead: its lens was misread, the header is wrong, or the head lay far off",
+          deg));
 }
 
 void judge_lens(const EyeFit& fit, Gates& gates) {
@@ -353,6 +407,8 @@ std::vector<QualityGate> judge_quality(const FoundEye& found, const EyeFit& fit,
     confirmed = agreement.confirms();
   }
   judge_globe(found, gates);
+  judge_blanking(found, fit, gates);
+  judge_gaze(fit, gates);
   if (fit.front_is_blanked()) {
     gates.withhold("front_is_blanked", Withholds::front,
                    "the front of the eye was blanked in the images (a defaced head): no cornea, no lens, no "

@@ -1,5 +1,6 @@
 #include "segmentation/stage.hpp"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -39,6 +40,18 @@ class SegmentStage : public testing::Test {
   ParametricEye eye(const std::string& name, Laterality laterality) const {
     return parametric_eye_from_json(
         read_json(folder_ / name / "segmentation" / to_string(laterality) / "fit.json").at("eye"));
+  }
+  /// Writes the scan to `study`, zero before a coronal plane (LPS).
+  void write_defaced(const fs::path& scan, double plane_y_mm) const {
+    const StudyInventory inventory = read_inventory(scan, {});
+    Stack stack = read_series(inventory, inventory.series.front().uid, {});
+    for (int s = 0; s < stack.slices(); ++s)
+      for (int r = 0; r < stack.rows; ++r)
+        for (int c = 0; c < stack.columns; ++c)
+          if (stack.position(c, r, s).y() < plane_y_mm)
+            stack.slice_intensity[s][static_cast<std::size_t>(r) * stack.columns + c] = 0;
+    fs::create_directories(folder_ / "study");
+    write_nifti(folder_ / "study" / "defaced.nii.gz", stack);
   }
   fs::path folder_;
   CommonOptions common_;
@@ -253,16 +266,8 @@ TEST_F(SegmentStage, RealScansOfOnePersonAgree) {
 TEST_F(SegmentStage, ARealHeadWithoutItsFaceKeepsTheBackOfItsEyes) {
   const char* scans = std::getenv("EMMETROPE_REAL_SCANS");
   if (scans == nullptr) GTEST_SKIP() << "EMMETROPE_REAL_SCANS names no folder of real scans";
-  const StudyInventory inventory = read_inventory(fs::path(scans) / "phil_elition_t1", {});
-  Stack stack = read_series(inventory, inventory.series.front().uid, {});
   constexpr double plane_y_mm = -72;  // LPS; the apices lie at -78.9 and -77.9
-  for (int s = 0; s < stack.slices(); ++s)
-    for (int r = 0; r < stack.rows; ++r)
-      for (int c = 0; c < stack.columns; ++c)
-        if (stack.position(c, r, s).y() < plane_y_mm)
-          stack.slice_intensity[s][static_cast<std::size_t>(r) * stack.columns + c] = 0;
-  fs::create_directories(folder_ / "study");
-  write_nifti(folder_ / "study" / "defaced.nii.gz", stack);
+  write_defaced(fs::path(scans) / "phil_elition_t1", plane_y_mm);
   EXPECT_EQ(run(folder_ / "study", "defaced").status, ExitStatus::partial);
   constexpr double read_sigma_mm = 0.5;
   for (const auto& [laterality, width_mm, height_mm] :
@@ -275,6 +280,20 @@ TEST_F(SegmentStage, ARealHeadWithoutItsFaceKeepsTheBackOfItsEyes) {
                 2 * std::hypot(2 * sigma(found, "globe_semi_axis_x_mm"), read_sigma_mm));
     EXPECT_NEAR(2 * found.globe_semi_axes_mm.y(), height_mm,
                 2 * std::hypot(2 * sigma(found, "globe_semi_axis_y_mm"), read_sigma_mm));
+  }
+}
+
+/// Of half a globe fits told heights 1.9 mm from the whole head's.
+TEST_F(SegmentStage, ARealHeadBlankedThroughItsEyesIsRefusedAsSuch) {
+  const char* scans = std::getenv("EMMETROPE_REAL_SCANS");
+  if (scans == nullptr) GTEST_SKIP() << "EMMETROPE_REAL_SCANS names no folder of real scans";
+  constexpr double plane_y_mm = -34.7;  // LPS; the globes' centres lie at -34.6 and -34.9
+  write_defaced(fs::path(scans) / "fnndsc_child_t1_nii", plane_y_mm);
+  EXPECT_EQ(run(folder_ / "study", "defaced").status, ExitStatus::no_result);
+  for (const Laterality laterality : both_eyes) {
+    const Json fit = read_json(folder_ / "defaced" / "segmentation" / to_string(laterality) / "fit.json");
+    EXPECT_THAT(fit.at("withheld").at("fit").get<std::string>(),
+                testing::HasSubstr("% of the eye's wall was blanked in the images"));
   }
 }
 

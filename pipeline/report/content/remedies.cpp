@@ -10,6 +10,7 @@ constexpr const char* look =
 constexpr const char* keep_still = "Rescan with the head still, in fewer minutes.";
 // Where the fit is withheld no other instrument helps.
 constexpr const char* rescan = "Rescan this eye, still, in T2 of 0.5 mm in plane.";
+constexpr const char* before_defacing = "Use the images from before the face was taken off.";
 constexpr const char* measure_cornea = "Measure the cornea, and give it (--keratometry).";
 
 }  // namespace
@@ -17,7 +18,10 @@ constexpr const char* measure_cornea = "Measure the cornea, and give it (--kerat
 std::string remedy_of_gate(const std::string& gate) {
   static const std::map<std::string, const char*> remedies{
       {"globe_inside_stack", "Rescan with the whole globe inside the slices."},
-      {"front_is_blanked", "Use the images from before the face was taken off."},
+      {"front_is_blanked", before_defacing},
+      {"wall_blanked", before_defacing},
+      {"gaze_from_ahead_deg",
+       "Look at the contours; use the scanner's own file, or one whose orientation is the head's."},
       {"globe_flattening_mm", "Use the images as the scanner made them, not resampled to a template."},
       {"vertical_gaze_difference_deg", look},
       {"chamber_difference", look},

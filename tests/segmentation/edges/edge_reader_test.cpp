@@ -124,6 +124,16 @@ TEST(EdgeReader, DoubtsABallWithoutWallOrLens) {
   EXPECT_FALSE(read_eye(stack, rough_seed(ball), Weighting::t1));
 }
 
+TEST(EdgeReader, DoubtsAnEyeThatLooksWhereNoFaceIs) {
+  const DrawnEye eye;
+  auto reading = read_edges(drawn(eye, axial), rough_seed(eye), Weighting::t1);
+  ASSERT_TRUE(reading);
+  for (const double up_deg : {40.0, 55.0}) {
+    reading->globe.axes.col(2) = gaze_axis(0, up_deg);
+    EXPECT_EQ(doubt_about_globe(*reading).empty(), up_deg < 50) << doubt_about_globe(*reading);
+  }
+}
+
 /// What somebody else read by hand-seeded half levels: SOURCE.txt of each scan. mm; 0 where not read.
 struct HandReading {
   const char* scan;

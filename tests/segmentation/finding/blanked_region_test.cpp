@@ -74,5 +74,11 @@ TEST(BlankedRegion, DarkVitreousIsNotBlanked) {
   EXPECT_FALSE(BlankedRegion(stack, Vector3d::Zero(), 20).holds(Sampler(stack), {0, -8, 0}));
 }
 
+/// Most of the globe's middle is zero then, too.
+TEST(BlankedRegion, APlaneBehindTheCentreTakesWhatLiesAroundTheEyeAsWell) {
+  const Stack stack = noisy_stack([](const Vector3d& p) { return p.y() < 3; });
+  EXPECT_TRUE(BlankedRegion(stack, Vector3d::Zero(), 20).holds_front(stack, Vector3d::Zero(), ahead));
+}
+
 }  // namespace
 }  // namespace emmetrope::segmentation

@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <cmath>
 #include <random>
 
@@ -110,6 +111,37 @@ TEST_P(BothContrasts, GlobesAreTheSameInEveryOrderOfTheVoxels) {
       EXPECT_LT((seen - was).norm(), 1e-6);
     }
   }
+}
+
+/// A face's plane through both eyes has stronger edges than their walls.
+TEST_P(BothContrasts, EyesAreFoundInAHeadWhoseFaceWasTakenOffThroughThem) {
+  const Ball right{{-30.3, -33.2, 1.4}, 11.4}, left{{32.1, -32.4, 0.3}, 11.9};
+  Stack stack = axial_stack({right, left}, GetParam(), 1);
+  constexpr int blanked_rows = 22;  // to y = -33
+  for (std::vector<float>& slice : stack.slice_intensity)
+    std::fill_n(slice.begin(), blanked_rows * stack.columns, 0.0F);
+  const FoundEyes found = find_eyes({&stack}, {""});
+  ASSERT_EQ(found.eyes.size(), 2U);
+  for (int i = 0; i < 2; ++i) {
+    const EyeCandidate& globe = found.eyes[i].views[0].globe;
+    EXPECT_LT((globe.centre - (i == 0 ? right : left).centre).norm(), 1.0);
+    EXPECT_NEAR(globe.blanked, 0.5, 0.1);
+  }
+}
+
+/// A file of one eye whose surroundings somebody set to zero holds one eye.
+TEST_P(BothContrasts, AMaskAboutOneEyeIsNoOther) {
+  const Ball left{{31, -33, 1}, 11.6};
+  Stack stack = axial_stack({left}, GetParam(), 3);
+  for (int s = 0; s < stack.slices(); ++s)
+    for (int r = 0; r < stack.rows; ++r)
+      for (int c = 0; c < stack.columns; ++c)
+        if ((stack.position(c, r, s) - left.centre).cwiseAbs().maxCoeff() > 22)
+          stack.slice_intensity[s][static_cast<std::size_t>(r) * stack.columns + c] = 0;
+  const FoundEyes found = find_eyes({&stack}, {""});
+  ASSERT_EQ(found.eyes.size(), 1U);
+  EXPECT_EQ(found.eyes[0].laterality, Laterality::os);
+  EXPECT_LT((found.eyes[0].views[0].globe.centre - left.centre).norm(), 1);
 }
 
 /// Displaced fat in T1 moves what is found of the globe along the eye's axis, and the lens with it.

@@ -163,6 +163,17 @@ TEST_F(QualityGates, ABlankedFaceLeavesTheBackOfTheEye) {
   EXPECT_GT(vitreous, 5000);
 }
 
+/// Of an eye that lost a third of its wall the shape is not told.
+TEST_F(QualityGates, AnEyeBlankedNearlyToItsMiddleIsSaidToBe) {
+  Stack stack = image(quiet_scan());
+  for (int s = 0; s < stack.slices(); ++s)
+    for (int r = 0; r < stack.rows; ++r)
+      for (int c = 0; c < stack.columns; ++c)
+        if (in_eye(stack.position(c, r, s)).z() > -9.5)
+          stack.slice_intensity[s][static_cast<std::size_t>(r) * stack.columns + c] = 0;
+  expect_refused(run(stack), "% of the eye's wall was blanked in the images");
+}
+
 /// The front is missing; width and height are in the images.
 TEST_F(QualityGates, AnEyeCutOffIsSaidToBe) { expect_read(run(image(quiet_scan(), 16)), "cut off"); }
 
@@ -277,14 +288,16 @@ EyeFit fit_at(const ParameterLayout& layout, const Eigen::VectorXd& parameters, 
   return fit;
 }
 
-std::vector<QualityGate> gates_of(const EyeFit& fit) {
+/// \param blanked  of the wall, by the finder
+std::vector<QualityGate> gates_of(const EyeFit& fit, double blanked = 0) {
   FoundEye found;
   found.views.resize(1);
+  found.views[0].globe.blanked = blanked;
   return judge_quality(found, fit, std::nullopt);
 }
 
-QualityGate gate_of(const EyeFit& fit, const std::string& name) {
-  for (const QualityGate& gate : gates_of(fit))
+QualityGate gate_of(const EyeFit& fit, const std::string& name, double blanked = 0) {
+  for (const QualityGate& gate : gates_of(fit, blanked))
     if (gate.name == name) return gate;
   ADD_FAILURE() << "no gate " << name;
   return {};
@@ -407,6 +420,29 @@ TEST(QualityOfShapes, AFlattenedGlobeIsNoEyes) {
   EXPECT_FALSE(gate.passed);
   EXPECT_EQ(gate.withholds, Withholds::fit);
   EXPECT_NEAR(gate.value, 4.6, 1e-9);
+}
+
+TEST(QualityOfShapes, WhatTheFinderSawBlankedIsSaid) {
+  const ParameterLayout layout;
+  Eigen::VectorXd parameters = population_mean(layout);
+  for (int i = vitreous; i <= surround; ++i) parameters[i] = 0.5;
+  const EyeFit fit = fit_at(layout, parameters, Weighting::t1);
+  EXPECT_TRUE(gate_of(fit, "wall_blanked", 0.2).passed);
+  EXPECT_FALSE(gate_of(fit, "wall_blanked", 0.4).passed);
+}
+
+TEST(QualityOfShapes, AnEyeThatLooksWhereNoFaceIsWasMisread) {
+  const ParameterLayout layout;
+  Eigen::VectorXd parameters = population_mean(layout);
+  for (int i = vitreous; i <= surround; ++i) parameters[i] = 0.5;
+  parameters[gaze_horizontal] = 0;
+  for (const double up_deg : {-40.0, 40.0, 55.0}) {
+    parameters[gaze_vertical] = up_deg;
+    const QualityGate gate = gate_of(fit_at(layout, parameters, Weighting::t1), "gaze_from_ahead_deg");
+    EXPECT_EQ(gate.passed, up_deg < 50) << up_deg;
+    EXPECT_EQ(gate.withholds, Withholds::fit);
+    EXPECT_NEAR(gate.value, std::abs(up_deg), 1e-9);
+  }
 }
 
 /// What noise explains says nothing against a fit, however much it is of the step at the wall.
