@@ -87,17 +87,18 @@ double share_inside_stack(const FoundEye& found) {
   return inside;
 }
 
-/// Share of the globe's wall that was blanked, inside and outside of it (one of them may be dark), and is in no stack.
+/// Share of the globe's wall that was blanked and that no stack shows. Blanked is what is so on both sides of the wall:
+/// fluid or fat alone may be dark.
 double share_of_wall_blanked(const EyeFit& fit) {
   constexpr int directions = 500;
-  constexpr double inside_mm = 1, outside_mm = 2;
+  constexpr double inside_mm = 1, outside_mm = 2, looked_at_mm = 6;  // from the wall
   const double radius_mm = (fit.value(globe_x) + fit.value(globe_y)) / 2;
   std::array<bool, directions> is_blanked{}, is_seen{};
   for (std::size_t k = 0; k < fit.stacks.size(); ++k) {
     const Stack& stack = *fit.stacks[k].stack;
     Eigen::Vector3d centre = fit.globe_centre_lps();
     if (k > 0) centre -= fit.parameters.segment<3>(fit.layout.stack(static_cast<int>(k)) + shift_first);
-    const BlankedRegion blanked(stack, centre, radius_mm + 6);
+    const BlankedRegion blanked(stack, centre, radius_mm + looked_at_mm);
     const Sampler sampler(stack);
     for (int i = 0; i < directions; ++i) {
       const Eigen::Vector3d direction = fibonacci_direction(i, directions);
