@@ -106,16 +106,34 @@ JudgedEye fitted_again(const JudgedEye& eye, const JudgedEye& fellow, const std:
   return again;
 }
 
-/// How far its depth is from what it was thought to be before the images were seen, squared, in standard deviations.
-double unlikeliness_of_chamber(const EyeFit& fit) {
-  const int chamber = anterior_chamber_depth;
-  return std::pow((fit.value(chamber) - fit.priors.mean[chamber]) / fit.priors.sigma[chamber], 2);
+/// How far their depths are from what they were thought to be before the images were seen, squared, in standard
+/// deviations; a person's chambers are about one number.
+double unlikeliness_of_chambers(const FellowPair& pair) {
+  double squares = 0;
+  for (const JudgedEye* eye : {pair.od, pair.os}) {
+    const EyeFit& fit = *eye->fit;
+    const int chamber = anterior_chamber_depth;
+    squares += std::pow((fit.value(chamber) - fit.priors.mean[chamber]) / fit.priors.sigma[chamber], 2);
+  }
+  return squares / 2;
+}
+
+/// Widens the fit's covariance to that, about what it tells, of a mixture with another reading of the same images.
+/// \param weight  of the other one: the probability that it is the right one
+void mix_in(EyeFit& fit, const EyeFit& other, double weight) {
+  Eigen::VectorXd apart(static_cast<Eigen::Index>(fit.active.size()));
+  for (std::size_t i = 0; i < fit.active.size(); ++i) {
+    const int parameter = fit.active[i];  // a free form's come last
+    apart[static_cast<Eigen::Index>(i)] =
+        parameter < other.parameters.size() ? other.value(parameter) - fit.value(parameter) : 0;
+  }
+  fit.covariance += weight * apart * apart.transpose();
 }
 
 }  // namespace
 
-std::optional<FellowPair> likeliest_agreeing(const JudgedEye& od, const JudgedEye& os,
-                                             const std::vector<FellowPair>& again) {
+std::optional<LikeliestPair> likeliest_agreeing(const JudgedEye& od, const JudgedEye& os,
+                                                const std::vector<FellowPair>& again) {
   std::vector<FellowPair> agreeing;
   for (const FellowPair& pair : again)
     if (is_as_good(*pair.od, od) && is_as_good(*pair.os, os) && !contradiction(*pair.od, *pair.os))
@@ -126,23 +144,37 @@ std::optional<FellowPair> likeliest_agreeing(const JudgedEye& od, const JudgedEy
     });
   };
   if (agreeing.empty()) return std::nullopt;
+  LikeliestPair taken;
   const std::optional<QualityGate> old = contradiction(od, os);
   if (old && old->name == chamber_difference) {
     // An iris or a lid that was taken for the cornea may leave as little: of the depths that there are the likeliest.
-    const FellowPair likeliest = least([](const FellowPair& pair) {
-      return unlikeliness_of_chamber(*pair.od->fit) + unlikeliness_of_chamber(*pair.os->fit);
+    const FellowPair likeliest = least(unlikeliness_of_chambers);
+    const auto rivals = std::stable_partition(agreeing.begin(), agreeing.end(), [&](const FellowPair& pair) {
+      return !chamber_contradiction(*pair.od->fit, *likeliest.od->fit) &&
+             !chamber_contradiction(*pair.os->fit, *likeliest.os->fit);
     });
-    agreeing.erase(std::remove_if(agreeing.begin(), agreeing.end(),
-                                  [&](const FellowPair& pair) {
-                                    return chamber_contradiction(*pair.od->fit, *likeliest.od->fit) ||
-                                           chamber_contradiction(*pair.os->fit, *likeliest.os->fit);
-                                  }),
-                   agreeing.end());
+    taken.rivals.assign(rivals, agreeing.end());
+    agreeing.erase(rivals, agreeing.end());
   }
-  return least([&](const FellowPair& pair) {
+  taken.pair = least([&](const FellowPair& pair) {
     return pair.od->fit->chi2_per_voxel / od.fit->chi2_per_voxel +
            pair.os->fit->chi2_per_voxel / os.fit->chi2_per_voxel;
   });
+  return taken;
+}
+
+JudgedEye reaching_to_rivals(const LikeliestPair& taken, const JudgedEye* FellowPair::*eye) {
+  JudgedEye reaching = *(taken.pair.*eye);
+  const FellowPair* nearest = nullptr;  // in likeliness; several rivals may be one minimum
+  for (const FellowPair& rival : taken.rivals)
+    if (chamber_contradiction(*(rival.*eye)->fit, *reaching.fit) &&
+        (!nearest || unlikeliness_of_chambers(rival) < unlikeliness_of_chambers(*nearest)))
+      nearest = &rival;
+  if (!nearest) return reaching;
+  const double odds =
+      std::exp((unlikeliness_of_chambers(taken.pair) - unlikeliness_of_chambers(*nearest)) / 2);
+  mix_in(*reaching.fit, *(nearest->*eye)->fit, odds / (1 + odds));
+  return reaching;
 }
 
 void compare_fellow_eyes(JudgedEye& od, JudgedEye& os, const std::vector<const Stack*>& stacks,
@@ -176,10 +208,13 @@ void compare_fellow_eyes(JudgedEye& od, JudgedEye& os, const std::vector<const S
     return again;
   };
   const std::array<JudgedEye, 2> second = both_beside(os, od), third = both_beside(second[1], second[0]);
-  const std::vector<FellowPair> pairs{
-      {&second[0], &os}, {&od, &second[1]}, {&second[0], &third[1]}, {&third[0], &second[1]}};
-  if (const auto best = likeliest_agreeing(od, os, pairs)) {
-    JudgedEye new_od = *best->od, new_os = *best->os;
+  std::vector<FellowPair> pairs;
+  for (const JudgedEye* right : {&std::as_const(od), &second[0], &third[0]})
+    for (const JudgedEye* left : {&std::as_const(os), &second[1], &third[1]})
+      if (right != &od || left != &os) pairs.push_back({right, left});
+  if (const auto taken = likeliest_agreeing(od, os, pairs)) {
+    JudgedEye new_od = reaching_to_rivals(*taken, &FellowPair::od),
+              new_os = reaching_to_rivals(*taken, &FellowPair::os);
     od = std::move(new_od);
     os = std::move(new_os);
     return;

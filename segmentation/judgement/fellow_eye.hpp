@@ -22,12 +22,22 @@ void compare_fellow_eyes(JudgedEye& od, JudgedEye& os, const std::vector<const S
 struct FellowPair {
   const JudgedEye *od, *os;
 };
+/// A pair that was taken, and those that agree as well and leave as little, but have an eye's chamber elsewhere.
+struct LikeliestPair {
+  FellowPair pair;
+  std::vector<FellowPair> rivals;
+};
+
 /// Of pairs of old and new fits that agree and are as good as the old ones (nothing more is withheld, and their residuals
 /// are 1.15 times as large at most, each among its own voxels) that with the smallest residuals against the old ones;
 /// where these had chambers of different depths, of those with the likeliest chambers.
 /// \param od, os  the old fits
-std::optional<FellowPair> likeliest_agreeing(const JudgedEye& od, const JudgedEye& os,
-                                             const std::vector<FellowPair>& again);
+std::optional<LikeliestPair> likeliest_agreeing(const JudgedEye& od, const JudgedEye& os,
+                                                const std::vector<FellowPair>& again);
+
+/// An eye of the pair, whose covariance is that of a mixture with the likeliest rival that has its chamber elsewhere, where
+/// there is one: the images do not tell which it is.
+JudgedEye reaching_to_rivals(const LikeliestPair& taken, const JudgedEye* FellowPair::*eye);
 
 /// What two eyes tell of each other in the end: fronts that stand are coupled, and where globes are not equally wide or
 /// high, the intervals of both reach to the other (fits to intensities).

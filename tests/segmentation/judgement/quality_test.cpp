@@ -566,11 +566,13 @@ TEST_F(FellowEyes, ChambersOfAPersonAreAboutEquallyDeep) {
   }
 }
 
-/// What was taken for the cornea may leave less than the cornea does: what eyes are like decides.
-TEST_F(FellowEyes, OfChambersThatContradictTheLikelierIsTaken) {
+/// What was taken for the cornea may leave less than the cornea does: what eyes are like decides, and the interval of an
+/// eye that may have it elsewhere is that of a mixture.
+TEST_F(FellowEyes, OfChambersThatContradictTheLikelierIsTakenAndReachesToTheOther) {
   const auto with_chamber = [&](double depth_mm, double chi2) {
     JudgedEye judged = eye(0);
     judged.fit->parameters[anterior_chamber_depth] = depth_mm;
+    judged.fit->parameters[axial_length] += depth_mm - 3;  // a cornea farther forward
     judged.fit->chi2_per_voxel = chi2;
     return judged;
   };
@@ -578,7 +580,27 @@ TEST_F(FellowEyes, OfChambersThatContradictTheLikelierIsTaken) {
                   like_os = with_chamber(3.8, 2.2), likelier_os = with_chamber(3.7, 2.25);
   const auto taken = likeliest_agreeing(od, os, {{&likelier_os, &os}, {&like_os, &os}, {&od, &like_od}});
   ASSERT_TRUE(taken);
-  EXPECT_EQ(taken->od, &like_os) << "of about the same chambers that which leaves less";
+  EXPECT_EQ(taken->pair.od, &like_os) << "of about the same chambers that which leaves less";
+  ASSERT_EQ(taken->rivals.size(), 1U);
+  EXPECT_EQ(taken->rivals[0].os, &like_od);
+
+  const auto deviations = [&](double depth_mm) {
+    return (depth_mm - od.fit->priors.mean[anterior_chamber_depth]) /
+           od.fit->priors.sigma[anterior_chamber_depth];
+  };
+  const double likelihood = std::exp(-std::pow(deviations(3.8), 2) / 2),
+               of_rival = std::exp(-std::pow(deviations(2.5), 2) / 2),
+               weight = of_rival / (of_rival + likelihood);
+  ASSERT_GT(weight, 0.05);
+  const JudgedEye reaching = reaching_to_rivals(*taken, &FellowPair::od);
+  for (const int parameter : {anterior_chamber_depth, axial_length}) {
+    EXPECT_EQ(reaching.fit->value(parameter), like_os.fit->value(parameter));
+    EXPECT_NEAR(reaching.fit->sigma(parameter),
+                std::hypot(like_os.fit->sigma(parameter), std::sqrt(weight) * 1.3), 1e-9);
+  }
+  EXPECT_EQ(reaching.fit->sigma(globe_x), like_os.fit->sigma(globe_x));
+  const LikeliestPair alone{taken->pair, {}};
+  EXPECT_EQ(reaching_to_rivals(alone, &FellowPair::os).fit->covariance, os.fit->covariance);
 }
 
 /// Of one person 0.5 mm is nothing; of 2.3 mm one was misread, and each interval reaches to the other's value.
@@ -617,8 +639,9 @@ TEST_F(FellowEyes, ThePairThatAgreesAndLeavesLeastIsTaken) {
   ASSERT_TRUE(taken({{&like_os, &os}}));
   const auto best = taken({{&like_os, &os}, {&od, &better}, {&od, &like_od}});
   ASSERT_TRUE(best);
-  EXPECT_EQ(best->od, &od);
-  EXPECT_EQ(best->os, &better);
+  EXPECT_EQ(best->pair.od, &od);
+  EXPECT_EQ(best->pair.os, &better);
+  EXPECT_TRUE(best->rivals.empty());
   const JudgedEye poor = leaving(-0.7, 2.4);
   EXPECT_FALSE(taken({{&poor, &os}})) << "1.2 times the residuals";
   JudgedEye unseen = like_os;
@@ -626,7 +649,7 @@ TEST_F(FellowEyes, ThePairThatAgreesAndLeavesLeastIsTaken) {
   EXPECT_FALSE(taken({{&unseen, &os}})) << "it withholds more";
   const auto swapped = likeliest_agreeing(os, od, {{&os, &like_os}, {&better, &od}, {&like_od, &od}});
   ASSERT_TRUE(swapped);
-  EXPECT_EQ(swapped->od, &better);
+  EXPECT_EQ(swapped->pair.od, &better);
 }
 
 TEST_F(FellowEyes, AFrontThatWasNotFoundTellsNothingOfTheOther) {
