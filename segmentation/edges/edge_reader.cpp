@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "pipeline/base/even_points.hpp"
 #include "pipeline/base/frames.hpp"
 #include "segmentation/edges/edge_profile.hpp"
 #include "segmentation/finding/blanked_region.hpp"
@@ -54,8 +53,7 @@ Rays cast_rays(const Stack& stack, const BlankedRegion& blanked, const Vector3d&
     return false;
   };
   Rays rays;
-  for (int i = 0; i < count; ++i) {
-    const Vector3d direction = fibonacci_direction(i, count);
+  for (const Vector3d& direction : directions_along(stack, count)) {
     if (direction.dot(axis) > std::cos(lens_cone_deg * degree)) continue;
     ++rays.cast;
     if (meets_blank(direction)) continue;

@@ -15,16 +15,6 @@ namespace {
 
 using Eigen::Vector3d;
 
-std::vector<Vector3d> directions(int count) {
-  std::vector<Vector3d> list;
-  for (int i = 0; i < count; ++i) {
-    const double z = 1 - (2.0 * i + 1) / count, r = std::sqrt(1 - z * z),
-                 angle = i * pi * (3 - std::sqrt(5.0));
-    list.push_back({r * std::cos(angle), r * std::sin(angle), z});
-  }
-  return list;
-}
-
 /// Edges of the polarity along rays from the centre: radius of the largest step, or nothing.
 struct RadialEdges {
   std::vector<Vector3d> points;
@@ -38,7 +28,7 @@ RadialEdges radial_edges(const Stack& stack, const Vector3d& centre, Weighting w
   const double sign = weighting == Weighting::t2 ? -1 : 1;
   const Sampler sampler(stack);
   RadialEdges edges;
-  for (const Vector3d& direction : directions(240)) {
+  for (const Vector3d& direction : directions_along(stack, 240)) {
     std::vector<double> profile;
     bool is_blanked = false;
     for (int i = 0; i < count; ++i) {

@@ -166,14 +166,12 @@ LensAxis find_lens_axis(const std::vector<GlobeInStack>& views, double globe_rad
 std::optional<Vector3d> find_lens_elsewhere(const std::vector<GlobeInStack>& views, double globe_radius_mm,
                                             Weighting weighting) {
   if (is_front_blanked(views)) return std::nullopt;
-  constexpr int count = 2000;  // 4.5 degrees apart
+  constexpr int count = 2000;  // about, 4.5 degrees apart
   constexpr double same_lens_deg = 45, least_contrast = 0.2, least_ratio = 2;
   const LensContrast contrast(views, globe_radius_mm, weighting);
   std::vector<ScoredAxis> axes;
-  for (int i = 0; i < count; ++i) {
-    const Vector3d axis = fibonacci_direction(i, count);
+  for (const Vector3d& axis : mirrored_directions(count))
     axes.push_back({axis, contrast.on_both_sides(axis)});
-  }
   const auto is_less = [](const ScoredAxis& a, const ScoredAxis& b) { return a.score < b.score; };
   const ScoredAxis best = *std::max_element(axes.begin(), axes.end(), is_less);
   if (from_ahead_deg(best.axis) < farthest_gaze_deg) return std::nullopt;

@@ -15,7 +15,7 @@ using Eigen::Vector3i;
 
 constexpr double grid_mm = 1.5;
 
-/// A stack resampled to a cubic grid along its own axes.
+/// A stack resampled to a cubic grid along its own axes, about its middle: a mirrored stack's is the mirrored one.
 struct Grid {
   Vector3i size;
   Vector3d origin, x, y, z;
@@ -45,17 +45,28 @@ struct Grid {
   }
 };
 
+/// Indices of the voxels of an axis that lie about a place within half of the grid's spacing, or half of their own where
+/// that is larger.
+struct Span {
+  int first, last;
+};
+Span span_about(double at, double spacing_mm, int count) {
+  constexpr double rounding = 1e-9;
+  const double reach = std::max(0.5, 0.5 * grid_mm / spacing_mm) + rounding;
+  return {std::max(0, static_cast<int>(std::ceil(at - reach))),
+          std::min(count - 1, static_cast<int>(std::floor(at + reach)))};
+}
+
 /// Mean of a rectangle of voxels, between two slices.
 /// \param slice  fractional
-float mean_in_plane(const Stack& stack, double slice, int column, int row, int half_columns, int half_rows) {
+float mean_in_plane(const Stack& stack, double slice, const Span& columns, const Span& rows) {
   const int s0 = std::clamp(static_cast<int>(slice), 0, stack.slices() - 1),
             s1 = std::min(s0 + 1, stack.slices() - 1);
   const double w = std::clamp(slice - s0, 0.0, 1.0);
   double sum = 0;
   int count = 0;
-  for (int r = std::max(0, row - half_rows); r <= std::min(stack.rows - 1, row + half_rows); ++r) {
-    for (int c = std::max(0, column - half_columns); c <= std::min(stack.columns - 1, column + half_columns);
-         ++c) {
+  for (int r = rows.first; r <= rows.last; ++r) {
+    for (int c = columns.first; c <= columns.last; ++c) {
       sum += (1 - w) * stack.at(c, r, s0) + w * stack.at(c, r, s1);
       ++count;
     }
@@ -68,28 +79,36 @@ Grid resample(const Stack& stack, const BlankedRegion& blanked) {
   grid.x = stack.along_row;
   grid.y = stack.along_column;
   grid.z = stack.normal;
-  grid.origin = stack.slice_position.front();
   const double depth = stack.normal.dot(stack.slice_position.back() - stack.slice_position.front());
   grid.size = {static_cast<int>((stack.columns - 1) * stack.column_spacing_mm / grid_mm) + 1,
                static_cast<int>((stack.rows - 1) * stack.row_spacing_mm / grid_mm) + 1,
                static_cast<int>(depth / grid_mm) + 1};
+  const Vector3d middle(0.5 * (stack.columns - 1), 0.5 * (stack.rows - 1), 0.5 * (stack.slices() - 1)),
+      spacing_mm(stack.column_spacing_mm, stack.row_spacing_mm, stack.slice_spacing_mm());
+  // Of a node: from the stack's middle in mm, and as an index of columns, rows and slices.
+  const auto from_middle_mm = [&](const Vector3i& node) -> Vector3d {
+    return grid_mm * (node.cast<double>() - (grid.size - Vector3i::Ones()).cast<double>() / 2);
+  };
+  const auto index_at = [&](const Vector3i& node) -> Vector3d {
+    return middle + from_middle_mm(node).cwiseQuotient(spacing_mm);
+  };
+  const Vector3d first_mm = from_middle_mm(Vector3i::Zero());
+  grid.origin = stack.slice_position.front() + (middle.x() * spacing_mm.x() + first_mm.x()) * grid.x +
+                (middle.y() * spacing_mm.y() + first_mm.y()) * grid.y + (depth / 2 + first_mm.z()) * grid.z;
   grid.value.assign(static_cast<std::size_t>(grid.size.prod()), 0);
   grid.is_blank.assign(grid.value.size(), 0);
   // In-plane means over the grid's spacing, so that noise and ringing of fine voxels do not vote.
-  const int half_c = static_cast<int>(0.5 * grid_mm / stack.column_spacing_mm);
-  const int half_r = static_cast<int>(0.5 * grid_mm / stack.row_spacing_mm);
   const Sampler sampler(stack);
-  const double spacing = stack.slice_spacing_mm();
   for (int k = 0; k < grid.size.z(); ++k) {
     for (int j = 0; j < grid.size.y(); ++j) {
       for (int i = 0; i < grid.size.x(); ++i) {
         const Vector3d position = grid.position({double(i), double(j), double(k)});
         const auto at = sampler.voxel_coordinates(position);
         // A plane missing from the stack shows its nearest neighbour here: good enough to find an eye.
-        const double slice = at ? at->z() : k * grid_mm / spacing;
-        const int c = static_cast<int>(std::lround(i * grid_mm / stack.column_spacing_mm));
-        const int r = static_cast<int>(std::lround(j * grid_mm / stack.row_spacing_mm));
-        grid.value[grid.index(i, j, k)] = mean_in_plane(stack, slice, c, r, half_c, half_r);
+        const Vector3d index = index_at({i, j, k});
+        grid.value[grid.index(i, j, k)] = mean_in_plane(stack, at ? at->z() : index.z(),
+                                                        span_about(index.x(), spacing_mm.x(), stack.columns),
+                                                        span_about(index.y(), spacing_mm.y(), stack.rows));
         grid.is_blank[grid.index(i, j, k)] = blanked.holds(sampler, position) ? 1 : 0;
       }
     }

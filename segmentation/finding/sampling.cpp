@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "pipeline/base/even_points.hpp"
+
 namespace emmetrope::segmentation {
 
 using Eigen::Vector3d;
@@ -77,6 +79,14 @@ void for_each_voxel_near(const Stack& stack, const Vector3d& centre, double radi
       }
     }
   }
+}
+
+std::vector<Vector3d> directions_along(const Stack& stack, int count) {
+  std::vector<Vector3d> directions = mirrored_directions(count);
+  Eigen::Matrix3d axes;
+  axes << stack.along_row, stack.along_column, stack.normal;
+  for (Vector3d& direction : directions) direction = axes * direction;
+  return directions;
 }
 
 double quantile(std::vector<double>& values, double fraction) {

@@ -50,9 +50,10 @@ constexpr double front_reach_mm = 4.6, least_limbus_mm = 5.5;
 /// Where in the eye frame (y) the fissure between closed lids begins at the highest.
 constexpr double fissure_top_mm = -2.6;
 
-// One voxel in so many is chosen by its place from the globe's middle, not by where the file began.
+// One voxel in so many is chosen by its place from the globe's middle, not by where the file began; on either side of it
+// alike, as in a mirrored file.
 bool is_every(int stride, const Vector3i& from_middle) {
-  return from_middle.dot(Vector3i(1, 2, 3)) % stride == 0;
+  return from_middle.cwiseAbs().dot(Vector3i(1, 2, 3)) % stride == 0;
 }
 bool all_even(const Vector3i& from_middle) {
   return std::all_of(from_middle.begin(), from_middle.end(), [](int i) { return i % 2 == 0; });

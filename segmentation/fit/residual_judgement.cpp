@@ -61,7 +61,7 @@ std::array<double, part_count> residual_correlation(const EyeFit& fit, const std
 }
 
 /// The patch of each sample: rings about the eye's axis as seen from the globe's centre, cut into pieces
-/// about as long as they are wide.
+/// about as long as they are wide, alike on both sides of the vertical.
 Blocks patches(const EyeFit& fit, const std::vector<Sample>& samples) {
   constexpr double width_rad = 30 * degree;
   const ForwardModel::AtParameters at(fit.model, fit.parameters);
@@ -72,7 +72,7 @@ Blocks patches(const EyeFit& fit, const std::vector<Sample>& samples) {
     const Vector3d p = at.to_eye(sample.position, sample.stack) - centre;
     const int ring = static_cast<int>(std::atan2(p.head<2>().norm(), -p.z()) / width_rad);
     const double pieces = std::max(1.0, std::round(2 * pi * std::sin((ring + 0.5) * width_rad) / width_rad));
-    const int piece = static_cast<int>(std::floor((std::atan2(p.y(), p.x()) / (2 * pi) + 0.5) * pieces));
+    const int piece = static_cast<int>(std::floor((std::atan2(p.x(), p.y()) / (2 * pi) + 0.5) * pieces));
     blocks.push_back(number.try_emplace({ring, piece}, static_cast<int>(number.size())).first->second);
   }
   return blocks;

@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
-#include <Eigen/Geometry>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -56,16 +55,6 @@ Stack stored(const Stack& stack, Storage storage) {
   return other;
 }
 
-Stack in_mirror(Stack stack) {
-  for (Eigen::Vector3d* vector : {&stack.along_row, &stack.along_column}) vector->x() *= -1;
-  for (Eigen::Vector3d& position : stack.slice_position) position.x() *= -1;
-  // The normal of the mirrored axes runs the other way; slices are ordered along it.
-  stack.normal = stack.along_row.cross(stack.along_column);
-  std::reverse(stack.slice_position.begin(), stack.slice_position.end());
-  std::reverse(stack.slice_intensity.begin(), stack.slice_intensity.end());
-  return stack;
-}
-
 Scan mirrored(const Scan& scan) {
   Scan other = with_each_stack(scan, in_mirror);
   for (std::string& tag : other.laterality_tags)
@@ -81,12 +70,8 @@ Stack brighter(Stack stack) {
 
 /// The head elsewhere in the scanner, and turned by 5 degrees.
 Stack turned(Stack stack) {
-  const Eigen::Matrix3d turn =
-      Eigen::AngleAxisd(5 * degree, Eigen::Vector3d(1, 2, 3).normalized()).toRotationMatrix();
-  for (Eigen::Vector3d* vector : {&stack.along_row, &stack.along_column, &stack.normal})
-    *vector = turn * *vector;
-  for (Eigen::Vector3d& position : stack.slice_position)
-    position = turn * position + Eigen::Vector3d(5, -20, 30);
+  stack = turned_header(std::move(stack), 5 * degree, Eigen::Vector3d(1, 2, 3).normalized());
+  for (Eigen::Vector3d& position : stack.slice_position) position += Eigen::Vector3d(5, -20, 30);
   return stack;
 }
 
@@ -300,9 +285,11 @@ int main(int argc, char** argv) {
   std::vector<std::filesystem::path> studies;
   std::filesystem::path cache;
   bool worse = false;
+  std::vector<std::string> only;
   app.add_option("scans", studies, "Studies")->required()->check(CLI::ExistingPath);
   app.add_flag("--worse", worse,
                "Twice the noise, slices averaged in pairs; else: the same voxels seven ways");
+  app.add_option("--way", only, "Only these ways: mirrored, turned-head, ...; all if none is given");
   app.add_option("--cache", cache, "Folder of records; those that are there are not made again")->required();
   CLI11_PARSE(app, argc, argv);
 
@@ -319,6 +306,7 @@ int main(int argc, char** argv) {
       const Scan scan = read_scan(study);
       const Json before = eyes_of(name, cache, [&]() -> const Scan& { return scan; });
       for (const Way& way : worse ? ways_to_worsen() : ways_to_store()) {
+        if (!only.empty() && std::find(only.begin(), only.end(), way.name) == only.end()) continue;
         const Json after = eyes_of(name + "-" + way.name, cache, [&] { return way.of(scan); });
         if (worse)
           changes.add(name, way, before, after);

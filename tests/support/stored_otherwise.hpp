@@ -63,6 +63,17 @@ inline Stack stored_otherwise(const Stack& stack, const Storage& storage) {
   return other;
 }
 
+/// The head in a mirror: its right eye is the left one.
+inline Stack in_mirror(Stack stack) {
+  for (Eigen::Vector3d* axis : {&stack.along_row, &stack.along_column}) axis->x() *= -1;
+  for (Eigen::Vector3d& position : stack.slice_position) position.x() *= -1;
+  // The normal of the mirrored axes runs the other way; slices are ordered along it.
+  stack.normal = stack.along_row.cross(stack.along_column);
+  std::reverse(stack.slice_position.begin(), stack.slice_position.end());
+  std::reverse(stack.slice_intensity.begin(), stack.slice_intensity.end());
+  return stack;
+}
+
 /// The same voxels in the same order, by their header turned about the patient's origin.
 inline Stack turned_header(Stack stack, double by_rad, const Eigen::Vector3d& about) {
   const Eigen::AngleAxisd turn(by_rad, about);

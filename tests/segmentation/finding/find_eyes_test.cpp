@@ -113,6 +113,23 @@ TEST_P(BothContrasts, GlobesAreTheSameInEveryOrderOfTheVoxels) {
   }
 }
 
+TEST_P(BothContrasts, GlobesOfAMirroredAndOfATurnedHeadAreWhereTheyWere) {
+  const Stack stack = axial_stack({{{-30.3, -33.2, 1.4}, 11.4}, {{32.1, -32.4, 0.3}, 11.9}}, GetParam(), 1);
+  const FoundEyes as_it_is = find_eyes({&stack}, {""});
+  ASSERT_EQ(as_it_is.eyes.size(), 2U);
+  const Eigen::AngleAxisd turn(0.09, Vector3d(1, 2, 3).normalized());
+  const Stack mirrored = in_mirror(stack), turned = turned_header(stack, turn.angle(), turn.axis());
+  const FoundEyes in_the_mirror = find_eyes({&mirrored}, {""}), in_the_turned = find_eyes({&turned}, {""});
+  for (const FoundEyes* found : {&in_the_mirror, &in_the_turned}) ASSERT_EQ(found->eyes.size(), 2U);
+  for (std::size_t i = 0; i < 2; ++i) {
+    const FoundEye &was = as_it_is.eyes[i], &other_side = in_the_mirror.eyes[1 - i];
+    const Vector3d &centre = was.views[0].globe.centre, &seen = other_side.views[0].globe.centre;
+    EXPECT_LT((seen - Vector3d(-centre.x(), centre.y(), centre.z())).norm(), 1e-6);
+    EXPECT_LT((other_side.axis - Vector3d(-was.axis.x(), was.axis.y(), was.axis.z())).norm(), 1e-6);
+    EXPECT_LT((in_the_turned.eyes[i].views[0].globe.centre - turn * centre).norm(), 1e-6);
+  }
+}
+
 /// A face's plane through both eyes has stronger edges than their walls.
 TEST_P(BothContrasts, EyesAreFoundInAHeadWhoseFaceWasTakenOffThroughThem) {
   const Ball right{{-30.3, -33.2, 1.4}, 11.4}, left{{32.1, -32.4, 0.3}, 11.9};
