@@ -94,11 +94,13 @@ bool BlankedRegion::holds(const Sampler& stack, const Vector3d& lps) const {
   if (core_.empty()) return false;
   const auto at = stack.voxel_coordinates(lps);
   if (!at) return false;
-  const Array3i low = at->array().floor().cast<int>();
-  for (int s = -1; s <= 2; ++s)
-    for (int r = -1; r <= 2; ++r)
-      for (int c = -1; c <= 2; ++c)
-        if (is_core(low + Array3i(c, r, s))) return true;
+  constexpr double within = 2 - 1e-9;  // voxels
+  const Array3i low = (at->array() - within).ceil().cast<int>(),
+                high = (at->array() + within).floor().cast<int>();
+  for (int s = low[2]; s <= high[2]; ++s)
+    for (int r = low[1]; r <= high[1]; ++r)
+      for (int c = low[0]; c <= high[0]; ++c)
+        if (is_core({c, r, s})) return true;
   return false;
 }
 

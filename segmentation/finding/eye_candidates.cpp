@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "pipeline/base/frames.hpp"
 #include "segmentation/finding/blanked_region.hpp"
 #include "segmentation/finding/radial_symmetry.hpp"
 #include "segmentation/finding/sampling.hpp"

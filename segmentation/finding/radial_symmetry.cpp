@@ -80,9 +80,10 @@ Grid resample(const Stack& stack, const BlankedRegion& blanked) {
   grid.y = stack.along_column;
   grid.z = stack.normal;
   const double depth = stack.normal.dot(stack.slice_position.back() - stack.slice_position.front());
-  grid.size = {static_cast<int>((stack.columns - 1) * stack.column_spacing_mm / grid_mm) + 1,
-               static_cast<int>((stack.rows - 1) * stack.row_spacing_mm / grid_mm) + 1,
-               static_cast<int>(depth / grid_mm) + 1};
+  // Not another number of nodes for a spacing that a header rounds.
+  const auto nodes_in = [](double extent_mm) { return static_cast<int>(extent_mm / grid_mm + 1e-4) + 1; };
+  grid.size = {nodes_in((stack.columns - 1) * stack.column_spacing_mm),
+               nodes_in((stack.rows - 1) * stack.row_spacing_mm), nodes_in(depth)};
   const Vector3d middle(0.5 * (stack.columns - 1), 0.5 * (stack.rows - 1), 0.5 * (stack.slices() - 1)),
       spacing_mm(stack.column_spacing_mm, stack.row_spacing_mm, stack.slice_spacing_mm());
   // Of a node: from the stack's middle in mm, and as an index of columns, rows and slices.

@@ -1,6 +1,7 @@
 #include "segmentation/finding/sampling.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "pipeline/base/even_points.hpp"
@@ -82,9 +83,17 @@ void for_each_voxel_near(const Stack& stack, const Vector3d& centre, double radi
 }
 
 std::vector<Vector3d> directions_along(const Stack& stack, int count) {
-  std::vector<Vector3d> directions = mirrored_directions(count);
+  std::array<Vector3d, 3> axes_of{stack.along_row, stack.along_column, stack.normal};
+  // Whichever order they are stored in: that nearest to up and down last, of the others that nearest to right and left
+  // first.
+  const auto is_less = [](int lps) {
+    return [lps](const Vector3d& a, const Vector3d& b) { return std::abs(a[lps]) < std::abs(b[lps]); };
+  };
+  std::iter_swap(std::max_element(axes_of.begin(), axes_of.end(), is_less(2)), axes_of.end() - 1);
+  std::iter_swap(std::max_element(axes_of.begin(), axes_of.end() - 1, is_less(0)), axes_of.begin());
   Eigen::Matrix3d axes;
-  axes << stack.along_row, stack.along_column, stack.normal;
+  axes << axes_of[0], axes_of[1], axes_of[2];
+  std::vector<Vector3d> directions = mirrored_directions(count);
   for (Vector3d& direction : directions) direction = axes * direction;
   return directions;
 }

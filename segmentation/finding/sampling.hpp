@@ -34,8 +34,9 @@ class Sampler {
 void for_each_voxel_near(const Stack& stack, const Eigen::Vector3d& centre, double radius_mm,
                          const std::function<void(int, int, int, const Eigen::Vector3d&)>& visit);
 
-/// About `count` directions, even over the sphere, along the stack's axes: in a mirrored or turned stack the same ones
-/// mirrored or turned.
+/// About `count` directions, even over the sphere, along the stack's axes in whatever order they are stored: in a mirrored
+/// stack the mirrored ones, in one turned a little, so that each axis stays the nearest to up or to the right, the turned
+/// ones.
 std::vector<Eigen::Vector3d> directions_along(const Stack& stack, int count);
 
 /// The value below which this fraction of the values lies; 0 for none. Reorders them.

@@ -35,7 +35,7 @@ struct Axis {
   Axis(Vector3d direction, double spacing_mm, double reach_mm)
       : along(std::move(direction)),
         pixel_mm(spacing_mm),
-        pixels(2 * static_cast<Index>(std::ceil(reach_mm / spacing_mm))) {}
+        pixels(2 * static_cast<Index>(std::ceil(reach_mm / spacing_mm)) + 1) {}
 
   double cell_mm() const { return pixel_mm / static_cast<double>(cells_per_pixel); }
 };

@@ -60,10 +60,14 @@ bool all_even(const Vector3i& from_middle) {
 }
 Vector3i nearest_voxel(const Stack& stack, const Vector3d& lps) {
   const Vector3d from_first = lps - stack.slice_position.front();
-  return Vector3d(std::round(from_first.dot(stack.along_row) / stack.column_spacing_mm),
-                  std::round(from_first.dot(stack.along_column) / stack.row_spacing_mm),
-                  std::round(from_first.dot(stack.normal) / stack.slice_spacing_mm()))
-      .cast<int>();
+  // By the slices' own places, as one may be missing.
+  const auto nearest = std::min_element(
+      stack.slice_position.begin(), stack.slice_position.end(), [&](const Vector3d& a, const Vector3d& b) {
+        return std::abs((a - lps).dot(stack.normal)) < std::abs((b - lps).dot(stack.normal));
+      });
+  return {static_cast<int>(std::lround(from_first.dot(stack.along_row) / stack.column_spacing_mm)),
+          static_cast<int>(std::lround(from_first.dot(stack.along_column) / stack.row_spacing_mm)),
+          static_cast<int>(nearest - stack.slice_position.begin())};
 }
 
 /// Which voxels of one stack a pass uses, and what matters to each.

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <iterator>
 #include <tuple>
 #include <utility>
 
@@ -118,64 +119,86 @@ double unlikeliness_of_chambers(const FellowPair& pair) {
   return squares / 2;
 }
 
-/// Widens the fit's covariance to that, about what it tells, of a mixture with another reading of the same images.
-/// \param weight  of the other one: the probability that it is the right one
-void mix_in(EyeFit& fit, const EyeFit& other, double weight) {
-  Eigen::VectorXd apart(static_cast<Eigen::Index>(fit.active.size()));
-  for (std::size_t i = 0; i < fit.active.size(); ++i) {
-    const int parameter = fit.active[i];  // a free form's come last
-    apart[static_cast<Eigen::Index>(i)] =
-        parameter < other.parameters.size() ? other.value(parameter) - fit.value(parameter) : 0;
-  }
-  fit.covariance += weight * apart * apart.transpose();
+bool has_chambers_elsewhere(const FellowPair& a, const FellowPair& b) {
+  return chamber_contradiction(*a.od->fit, *b.od->fit) || chamber_contradiction(*a.os->fit, *b.os->fit);
+}
+
+/// The least of a list that is not empty.
+template <typename Badness>
+FellowPair least(const std::vector<FellowPair>& pairs, const Badness& badness) {
+  return *std::min_element(pairs.begin(), pairs.end(),
+                           [&](const FellowPair& a, const FellowPair& b) { return badness(a) < badness(b); });
 }
 
 }  // namespace
 
+std::vector<FellowPair> all_pairs(const std::vector<const JudgedEye*>& od,
+                                  const std::vector<const JudgedEye*>& os) {
+  std::vector<FellowPair> pairs;
+  for (const JudgedEye* right : od)
+    for (const JudgedEye* left : os) pairs.push_back({right, left});
+  return pairs;
+}
+
 std::optional<LikeliestPair> likeliest_agreeing(const JudgedEye& od, const JudgedEye& os,
-                                                const std::vector<FellowPair>& again) {
+                                                const std::vector<FellowPair>& pairs) {
   std::vector<FellowPair> agreeing;
-  for (const FellowPair& pair : again)
+  for (const FellowPair& pair : pairs)
     if (is_as_good(*pair.od, od) && is_as_good(*pair.os, os) && !contradiction(*pair.od, *pair.os))
       agreeing.push_back(pair);
-  const auto least = [&](const auto& badness) {
-    return *std::min_element(agreeing.begin(), agreeing.end(), [&](const FellowPair& a, const FellowPair& b) {
-      return badness(a) < badness(b);
-    });
-  };
   if (agreeing.empty()) return std::nullopt;
-  LikeliestPair taken;
-  const std::optional<QualityGate> old = contradiction(od, os);
-  if (old && old->name == chamber_difference) {
-    // An iris or a lid that was taken for the cornea may leave as little: of the depths that there are the likeliest.
-    const FellowPair likeliest = least(unlikeliness_of_chambers);
-    const auto rivals = std::stable_partition(agreeing.begin(), agreeing.end(), [&](const FellowPair& pair) {
-      return !chamber_contradiction(*pair.od->fit, *likeliest.od->fit) &&
-             !chamber_contradiction(*pair.os->fit, *likeliest.os->fit);
-    });
-    taken.rivals.assign(rivals, agreeing.end());
-    agreeing.erase(rivals, agreeing.end());
-  }
-  taken.pair = least([&](const FellowPair& pair) {
+  const auto residuals = [&](const FellowPair& pair) {
     return pair.od->fit->chi2_per_voxel / od.fit->chi2_per_voxel +
            pair.os->fit->chi2_per_voxel / os.fit->chi2_per_voxel;
-  });
+  };
+  if (!od.has_front() || !os.has_front() || !chamber_contradiction(*od.fit, *os.fit))
+    return LikeliestPair{least(agreeing, residuals), {}, 0};
+  // An iris or a lid that was taken for the cornea may leave as little: of the depths that there are the likeliest.
+  const FellowPair likeliest = least(agreeing, unlikeliness_of_chambers);
+  std::vector<FellowPair> alike, rivals;
+  std::copy_if(agreeing.begin(), agreeing.end(), std::back_inserter(alike),
+               [&](const FellowPair& pair) { return !has_chambers_elsewhere(pair, likeliest); });
+  LikeliestPair taken{least(alike, residuals), {}, 0};
+  std::copy_if(agreeing.begin(), agreeing.end(), std::back_inserter(rivals),
+               [&](const FellowPair& pair) { return has_chambers_elsewhere(pair, taken.pair); });
+  if (rivals.empty()) return taken;
+  taken.rival = least(rivals, unlikeliness_of_chambers);
+  const double odds =
+      std::exp((unlikeliness_of_chambers(taken.pair) - unlikeliness_of_chambers(*taken.rival)) / 2);
+  taken.rivals_probability = odds / (1 + odds);
   return taken;
 }
 
-JudgedEye reaching_to_rivals(const LikeliestPair& taken, const JudgedEye* FellowPair::*eye) {
-  JudgedEye reaching = *(taken.pair.*eye);
-  const FellowPair* nearest = nullptr;  // in likeliness; several rivals may be one minimum
-  for (const FellowPair& rival : taken.rivals)
-    if (chamber_contradiction(*(rival.*eye)->fit, *reaching.fit) &&
-        (!nearest || unlikeliness_of_chambers(rival) < unlikeliness_of_chambers(*nearest)))
-      nearest = &rival;
-  if (!nearest) return reaching;
-  const double odds =
-      std::exp((unlikeliness_of_chambers(taken.pair) - unlikeliness_of_chambers(*nearest)) / 2);
-  mix_in(*reaching.fit, *(nearest->*eye)->fit, odds / (1 + odds));
-  return reaching;
+namespace {
+
+double chamber_mm(const JudgedEye* eye) { return eye->fit->value(anterior_chamber_depth); }
+
+/// Puts the pair that was taken in place of the old fits.
+void take(const LikeliestPair& taken, JudgedEye& od, JudgedEye& os) {
+  JudgedEye new_od = *taken.pair.od, new_os = *taken.pair.os;
+  if (taken.rival) {
+    const auto& [right, left] = taken.pair;
+    const auto& [other_right, other_left] = *taken.rival;
+    new_od.rival = Rival{*other_right->fit, taken.rivals_probability};
+    new_os.rival = Rival{*other_left->fit, taken.rivals_probability};
+    const auto sigmas_apart = [](const JudgedEye* a, const JudgedEye* b) {
+      const auto contradicting = chamber_contradiction(*a->fit, *b->fit);
+      return contradicting ? contradicting->value : 0;
+    };
+    const QualityGate doubt = failed(
+        "rival_chamber", std::max(sigmas_apart(right, other_right), sigmas_apart(left, other_left)),
+        limits_of(chamber_difference).accepted.high, Withholds::nothing,
+        fmt::format(
+            "anterior chambers of {:.1f} mm (right) and {:.1f} mm (left) explain the images about as well as "
+            "{:.1f} and {:.1f} mm: the intervals of both eyes reach to both",
+            chamber_mm(other_right), chamber_mm(other_left), chamber_mm(right), chamber_mm(left)));
+    for (JudgedEye* eye : {&new_od, &new_os}) eye->gates.push_back(doubt);
+  }
+  od = std::move(new_od);
+  os = std::move(new_os);
 }
+
+}  // namespace
 
 void compare_fellow_eyes(JudgedEye& od, JudgedEye& os, const std::vector<const Stack*>& stacks,
                          std::optional<double> age_years, int threads, Verbosity verbosity) {
@@ -208,17 +231,8 @@ void compare_fellow_eyes(JudgedEye& od, JudgedEye& os, const std::vector<const S
     return again;
   };
   const std::array<JudgedEye, 2> second = both_beside(os, od), third = both_beside(second[1], second[0]);
-  std::vector<FellowPair> pairs;
-  for (const JudgedEye* right : {&std::as_const(od), &second[0], &third[0]})
-    for (const JudgedEye* left : {&std::as_const(os), &second[1], &third[1]})
-      if (right != &od || left != &os) pairs.push_back({right, left});
-  if (const auto taken = likeliest_agreeing(od, os, pairs)) {
-    JudgedEye new_od = reaching_to_rivals(*taken, &FellowPair::od),
-              new_os = reaching_to_rivals(*taken, &FellowPair::os);
-    od = std::move(new_od);
-    os = std::move(new_os);
-    return;
-  }
+  const std::vector<FellowPair> pairs = all_pairs({&od, &second[0], &third[0]}, {&os, &second[1], &third[1]});
+  if (const auto taken = likeliest_agreeing(od, os, pairs)) return take(*taken, od, os);
   for (JudgedEye* eye : {&od, &os}) eye->gates.push_back(*found);
 }
 
@@ -260,10 +274,27 @@ void doubt_unlike_globes(JudgedEye& od, JudgedEye& os) {
   }
 }
 
+/// Widens the fit's covariance to the second moment, about what it tells, of a mixture with its rival.
+void mix_in(EyeFit& fit, const Rival& rival) {
+  Eigen::VectorXd apart(static_cast<Eigen::Index>(fit.active.size()));
+  for (std::size_t i = 0; i < fit.active.size(); ++i) {
+    const int parameter = fit.active[i];
+    // A regular cornea has no form, which comes last: it is at the form's prior.
+    const bool is_there = parameter < rival.fit.parameters.size();
+    apart[static_cast<Eigen::Index>(i)] =
+        (is_there ? rival.fit.value(parameter) : fit.priors.mean[parameter]) - fit.value(parameter);
+  }
+  fit.covariance += rival.probability * apart * apart.transpose();
+}
+
 }  // namespace
 
 bool couple_fellow_eyes(JudgedEye& od, JudgedEye& os) {
   const bool coupled = od.has_front() && os.has_front() && couple_eyes(*od.fit, *os.fit);
+  if (od.rival && os.rival) {
+    if (coupled) couple_eyes(od.rival->fit, os.rival->fit);
+    for (JudgedEye* eye : {&od, &os}) mix_in(*eye->fit, *eye->rival);
+  }
   if (od.is_fitted() && os.is_fitted() && od.evidence == Evidence::intensities &&
       os.evidence == Evidence::intensities)
     doubt_unlike_globes(od, os);

@@ -22,25 +22,29 @@ void compare_fellow_eyes(JudgedEye& od, JudgedEye& os, const std::vector<const S
 struct FellowPair {
   const JudgedEye *od, *os;
 };
-/// A pair that was taken, and those that agree as well and leave as little, but have an eye's chamber elsewhere.
+/// Every right one with every left one.
+std::vector<FellowPair> all_pairs(const std::vector<const JudgedEye*>& od,
+                                  const std::vector<const JudgedEye*>& os);
+
+/// A pair that is taken, and the likeliest of those that agree, too, but have an eye's chamber elsewhere.
 struct LikeliestPair {
   FellowPair pair;
-  std::vector<FellowPair> rivals;
+  std::optional<FellowPair> rival;
+  /// That of its chambers in the population over that of both pairs', of one chamber for each, as those of a person are
+  /// about one number; how well the pairs explain the images is not in it.
+  double rivals_probability;
 };
 
-/// Of pairs of old and new fits that agree and are as good as the old ones (nothing more is withheld, and their residuals
-/// are 1.15 times as large at most, each among its own voxels) that with the smallest residuals against the old ones;
-/// where these had chambers of different depths, of those with the likeliest chambers.
+/// Of pairs of fits that agree and are as good as the old ones (nothing more is withheld, and their residuals are 1.15
+/// times as large at most, each among its own voxels) that with the smallest residuals against the old ones; where these
+/// had chambers of different depths, of those with the likeliest chambers, and with a rival where there is one.
 /// \param od, os  the old fits
 std::optional<LikeliestPair> likeliest_agreeing(const JudgedEye& od, const JudgedEye& os,
-                                                const std::vector<FellowPair>& again);
+                                                const std::vector<FellowPair>& pairs);
 
-/// An eye of the pair, whose covariance is that of a mixture with the likeliest rival that has its chamber elsewhere, where
-/// there is one: the images do not tell which it is.
-JudgedEye reaching_to_rivals(const LikeliestPair& taken, const JudgedEye* FellowPair::*eye);
-
-/// What two eyes tell of each other in the end: fronts that stand are coupled, and where globes are not equally wide or
-/// high, the intervals of both reach to the other (fits to intensities).
+/// What two eyes tell of each other in the end: fronts that stand are coupled, intervals reach to a rival, which is coupled
+/// to the fellow's as well, and where globes are not equally wide or high, the intervals of both reach to the other (fits to
+/// intensities).
 /// \return whether they were coupled (`couple_eyes`)
 bool couple_fellow_eyes(JudgedEye& od, JudgedEye& os);
 

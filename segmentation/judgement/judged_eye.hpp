@@ -9,12 +9,19 @@
 
 namespace emmetrope::segmentation {
 
+/// Another reading of the same images, which explains them about as well, and how probable it is that it is the right one.
+struct Rival {
+  EyeFit fit;
+  double probability;
+};
+
 /// One eye, from found to judged.
 struct JudgedEye {
   FoundEye found;
   ViewEdges edges;  ///< of its views; empty where labels are the evidence
   std::optional<EyeFit> fit;
   std::vector<QualityGate> gates;
+  std::optional<Rival> rival;        ///< with its chamber, or its fellow's, elsewhere (fellow_eye.hpp)
   std::string fitted_again_because;  ///< how, and why its first fit was not taken; empty: it was
   Evidence evidence = Evidence::intensities;
 

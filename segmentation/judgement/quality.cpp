@@ -90,27 +90,28 @@ double share_inside_stack(const FoundEye& found) {
 /// Share of the globe's wall that was blanked and that no stack shows. Blanked is what is so on both sides of the wall:
 /// fluid or fat alone may be dark.
 double share_of_wall_blanked(const EyeFit& fit) {
-  constexpr int directions = 500;
+  const std::vector<Eigen::Vector3d> directions = mirrored_directions(500);
   constexpr double inside_mm = 1, outside_mm = 2, looked_at_mm = 6;  // from the wall
   const double radius_mm = (fit.value(globe_x) + fit.value(globe_y)) / 2;
-  std::array<bool, directions> is_blanked{}, is_seen{};
+  std::vector<bool> is_blanked(directions.size()), is_seen(directions.size());
   for (std::size_t k = 0; k < fit.stacks.size(); ++k) {
     const Stack& stack = *fit.stacks[k].stack;
     Eigen::Vector3d centre = fit.globe_centre_lps();
     if (k > 0) centre -= fit.parameters.segment<3>(fit.layout.stack(static_cast<int>(k)) + shift_first);
     const BlankedRegion blanked(stack, centre, radius_mm + looked_at_mm);
     const Sampler sampler(stack);
-    for (int i = 0; i < directions; ++i) {
-      const Eigen::Vector3d direction = fibonacci_direction(i, directions);
+    for (std::size_t i = 0; i < directions.size(); ++i) {
+      const Eigen::Vector3d& direction = directions[i];
       const bool was_blanked = blanked.holds(sampler, centre + (radius_mm - inside_mm) * direction) &&
                                blanked.holds(sampler, centre + (radius_mm + outside_mm) * direction);
-      is_blanked[i] |= was_blanked;
-      is_seen[i] |= !was_blanked && sampler.interpolate(centre + radius_mm * direction).has_value();
+      is_blanked[i] = is_blanked[i] || was_blanked;
+      is_seen[i] =
+          is_seen[i] || (!was_blanked && sampler.interpolate(centre + radius_mm * direction).has_value());
     }
   }
   int lost = 0;
-  for (int i = 0; i < directions; ++i) lost += is_blanked[i] && !is_seen[i];
-  return static_cast<double>(lost) / directions;
+  for (std::size_t i = 0; i < directions.size(); ++i) lost += is_blanked[i] && !is_seen[i] ? 1 : 0;
+  return lost / static_cast<double>(directions.size());
 }
 
 /// Of the fit's reference: vitreous in T2, what surrounds the globe in T1. Against both fluids: what is no

@@ -10,6 +10,7 @@
 #include "data_samples/phantom/head_motion.hpp"
 #include "pipeline/base/files.hpp"
 #include "pipeline/base/measured.hpp"
+#include "segmentation/fit/both_eyes.hpp"
 #include "segmentation/intake/nifti.hpp"
 #include "segmentation/judgement/fellow_eye.hpp"
 #include "segmentation/labels/eye_labels.hpp"
@@ -502,7 +503,7 @@ class FellowEyes : public testing::Test {
     const ParameterLayout layout;
     Eigen::VectorXd parameters = population_mean(layout);
     parameters[layout.stack(0) + fat_shift_first + 1] = fat_shift_mm;
-    JudgedEye judged{{}, {}, fit_at(layout, parameters, Weighting::t1), {}, {}};
+    JudgedEye judged{{}, {}, fit_at(layout, parameters, Weighting::t1), {}, {}, {}};
     judged.found.weighting = Weighting::t1;
     judged.found.axis = -Vector3d::UnitY();
     judged.found.radius_mm = 11.5;
@@ -566,8 +567,8 @@ TEST_F(FellowEyes, ChambersOfAPersonAreAboutEquallyDeep) {
   }
 }
 
-/// What was taken for the cornea may leave less than the cornea does: what eyes are like decides, and the interval of an
-/// eye that may have it elsewhere is that of a mixture.
+/// What was taken for the cornea may leave less than the cornea does: what eyes are like decides, and intervals reach to
+/// the other reading as a mixture's do.
 TEST_F(FellowEyes, OfChambersThatContradictTheLikelierIsTakenAndReachesToTheOther) {
   const auto with_chamber = [&](double depth_mm, double chi2) {
     JudgedEye judged = eye(0);
@@ -578,29 +579,56 @@ TEST_F(FellowEyes, OfChambersThatContradictTheLikelierIsTakenAndReachesToTheOthe
   };
   const JudgedEye od = with_chamber(2.5, 2), os = with_chamber(3.8, 2), like_od = with_chamber(2.5, 1.9),
                   like_os = with_chamber(3.8, 2.2), likelier_os = with_chamber(3.7, 2.25);
-  const auto taken = likeliest_agreeing(od, os, {{&likelier_os, &os}, {&like_os, &os}, {&od, &like_od}});
+  const auto taken = likeliest_agreeing(od, os, all_pairs({&od, &likelier_os, &like_os}, {&os, &like_od}));
   ASSERT_TRUE(taken);
   EXPECT_EQ(taken->pair.od, &like_os) << "of about the same chambers that which leaves less";
-  ASSERT_EQ(taken->rivals.size(), 1U);
-  EXPECT_EQ(taken->rivals[0].os, &like_od);
-
-  const auto deviations = [&](double depth_mm) {
-    return (depth_mm - od.fit->priors.mean[anterior_chamber_depth]) /
-           od.fit->priors.sigma[anterior_chamber_depth];
+  EXPECT_EQ(taken->pair.os, &os);
+  ASSERT_TRUE(taken->rival);
+  EXPECT_EQ(taken->rival->od, &od);
+  EXPECT_EQ(taken->rival->os, &like_od);
+  const auto likelihood = [&](double depth_mm) {
+    const Priors& priors = od.fit->priors;
+    return std::exp(
+        -std::pow((depth_mm - priors.mean[anterior_chamber_depth]) / priors.sigma[anterior_chamber_depth],
+                  2) /
+        2);
   };
-  const double likelihood = std::exp(-std::pow(deviations(3.8), 2) / 2),
-               of_rival = std::exp(-std::pow(deviations(2.5), 2) / 2),
-               weight = of_rival / (of_rival + likelihood);
-  ASSERT_GT(weight, 0.05);
-  const JudgedEye reaching = reaching_to_rivals(*taken, &FellowPair::od);
-  for (const int parameter : {anterior_chamber_depth, axial_length}) {
-    EXPECT_EQ(reaching.fit->value(parameter), like_os.fit->value(parameter));
-    EXPECT_NEAR(reaching.fit->sigma(parameter),
-                std::hypot(like_os.fit->sigma(parameter), std::sqrt(weight) * 1.3), 1e-9);
+  EXPECT_NEAR(taken->rivals_probability, likelihood(2.5) / (likelihood(2.5) + likelihood(3.8)), 1e-12);
+
+  const auto without = likeliest_agreeing(od, os, {{&like_os, &os}});
+  ASSERT_TRUE(without);
+  EXPECT_FALSE(without->rival);
+}
+
+/// Fat that is displaced otherwise, too, does not hide that chambers contradict.
+TEST_F(FellowEyes, OfChambersThatContradictTheLikelierIsTakenWhereFatContradictsToo) {
+  JudgedEye od = eye(1.1), os = eye(-0.8), like_os = eye(-0.8), like_od = eye(1.1);
+  for (JudgedEye* deep : {&od, &like_od}) deep->fit->parameters[anterior_chamber_depth] = 5;
+  like_os.fit->chi2_per_voxel = 1.1 * like_od.fit->chi2_per_voxel;
+  const auto taken = likeliest_agreeing(od, os, {{&od, &like_od}, {&like_os, &os}});
+  ASSERT_TRUE(taken);
+  EXPECT_EQ(taken->pair.od, &like_os);
+  EXPECT_TRUE(taken->rival);
+}
+
+TEST_F(FellowEyes, IntervalsReachToARivalAfterTheEyesAreCoupled) {
+  JudgedEye od = eye(0), os = eye(0);
+  JudgedEye coupled_od = od, coupled_os = os;
+  ASSERT_TRUE(couple_fellow_eyes(coupled_od, coupled_os));
+  EyeFit rival = *eye(0).fit;
+  rival.parameters[anterior_chamber_depth] += 1.3;
+  rival.parameters[axial_length] += 1.3;  // a cornea farther forward
+  EyeFit rivals_fellow = rival, coupled_rival = rival;
+  ASSERT_TRUE(couple_eyes(coupled_rival, rivals_fellow));
+  od.rival = os.rival = Rival{rival, 0.3};
+  ASSERT_TRUE(couple_fellow_eyes(od, os));
+  for (const int parameter : {anterior_chamber_depth, axial_length, globe_x}) {
+    const double apart = coupled_rival.value(parameter) - coupled_od.fit->value(parameter);
+    EXPECT_NEAR(od.fit->value(parameter), coupled_od.fit->value(parameter), 1e-12);
+    EXPECT_NEAR(od.fit->sigma(parameter),
+                std::hypot(coupled_od.fit->sigma(parameter), std::sqrt(0.3) * apart), 1e-9);
   }
-  EXPECT_EQ(reaching.fit->sigma(globe_x), like_os.fit->sigma(globe_x));
-  const LikeliestPair alone{taken->pair, {}};
-  EXPECT_EQ(reaching_to_rivals(alone, &FellowPair::os).fit->covariance, os.fit->covariance);
+  EXPECT_GT(od.fit->sigma(anterior_chamber_depth), 0.6);
 }
 
 /// Of one person 0.5 mm is nothing; of 2.3 mm one was misread, and each interval reaches to the other's value.
@@ -641,7 +669,7 @@ TEST_F(FellowEyes, ThePairThatAgreesAndLeavesLeastIsTaken) {
   ASSERT_TRUE(best);
   EXPECT_EQ(best->pair.od, &od);
   EXPECT_EQ(best->pair.os, &better);
-  EXPECT_TRUE(best->rivals.empty());
+  EXPECT_FALSE(best->rival);
   const JudgedEye poor = leaving(-0.7, 2.4);
   EXPECT_FALSE(taken({{&poor, &os}})) << "1.2 times the residuals";
   JudgedEye unseen = like_os;
