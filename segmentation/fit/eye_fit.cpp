@@ -29,8 +29,6 @@ constexpr double unknown_sigma = 1e5;         ///< a prior that wide is none
 constexpr double fellows_fat_shift_sigma_mm = 0.15;
 /// So that the iris or the lid is not taken for the cornea; in the last passes the population's prior holds. Chosen.
 constexpr double fellows_chamber_sigma_mm = 0.2;
-/// Of the surroundings' brightness. In fits of real T1 heads aqueous and vitreous differ by 0.04, rms; rounded up.
-constexpr double like_fluids_sigma = 0.05;
 
 /// The first passes need not use every voxel: a tenth of a voxel is all they are asked for.
 int coarse_stride(const std::vector<ObservedStack>& stacks) {
@@ -48,7 +46,6 @@ struct ImagedEye {
   std::optional<double> age_years;
   VectorXd fellow;  ///< parameters of the other eye in the same stacks; empty: not known
   std::optional<double> fellows_chamber_mm;
-  bool has_like_fluids;
   std::vector<ObservedStack> stacks;
   ForwardModel model;
 };
@@ -65,7 +62,6 @@ ImagedEye imaged_eye(const std::vector<const Stack*>& stacks, const EyeStart& st
           start.age_years,
           start.fellow,
           start.fellows_chamber_mm,
-          start.has_like_fluids,
           std::move(observed),
           ForwardModel(layout, std::move(sampling), start.globe_centre)};
 }
@@ -73,7 +69,6 @@ ImagedEye imaged_eye(const std::vector<const Stack*>& stacks, const EyeStart& st
 Priors priors_about(const ImagedEye& eye, const VectorXd& start) {
   const ParameterLayout& layout = eye.model.layout();
   Priors priors = population_priors(layout, start, eye.weighting, eye.age_years);
-  if (eye.has_like_fluids) priors.aqueous_like_vitreous_sigma = like_fluids_sigma;
   if (front_is_blanked(eye.stacks)) {
     for (const int gaze : {gaze_horizontal, gaze_vertical}) {
       priors.mean[gaze] = 0;  // straight ahead

@@ -235,7 +235,6 @@ NormalEquations evaluate(const FitProblem& problem, const VectorXd& parameters, 
   add_samples(problem, at, derivatives, out);
   add_limbus(problem, at, derivatives, out);
   add_alike(cornea, wall, problem.priors.cornea_like_wall_sigma, parameters, derivatives, out);
-  add_alike(aqueous, vitreous, problem.priors.aqueous_like_vitreous_sigma, parameters, derivatives, out);
   if (derivatives) {
     for (const Limit& limit : limits) {
       if (within[limit.parameter] == parameters[limit.parameter]) continue;

@@ -26,8 +26,6 @@ struct EyeStart {
   Eigen::VectorXd fellow = {};
   /// Where its front was found: on the way this one's is about as deep.
   std::optional<double> fellows_chamber_mm = {};
-  /// Hold the aqueous to be about as bright as the vitreous: a second fit's (judged_eye.hpp).
-  bool has_like_fluids = false;
   /// Where half-level edges told them: the interface's half axes, and the apex' distance from the centre.
   std::optional<Eigen::Vector3d> globe_half_axes_mm = {};
   std::optional<double> apex_distance_mm = {};

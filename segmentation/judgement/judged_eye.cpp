@@ -87,21 +87,7 @@ void fit_and_judge(JudgedEye& eye, const std::vector<const Stack*>& images, cons
     parts.push_back(canonical_part(*images[v], start.in_stack(v).globe_centre, reach_mm));
   std::vector<const Stack*> canonical;
   for (const Stack& part : parts) canonical.push_back(&part);
-  JudgedEye first = eye;
-  fit_once(first, images, canonical, start, advance);
-  const QualityGate* unlike = failed_gate(first.gates, "fluid_difference_t1");
-  if (!unlike || !first.is_fitted()) {
-    eye = std::move(first);
-    return;
-  }
-  EyeStart with_like_fluids = start;
-  with_like_fluids.has_like_fluids = true;
-  fit_once(eye, images, canonical, with_like_fluids, {});
-  if (is_as_good(eye, first) && eye.rank() > first.rank())
-    eye.fitted_again_because += (eye.fitted_again_because.empty() ? "" : "; then ") +
-                                ("with an aqueous like the vitreous: " + unlike->reason);
-  else
-    eye = std::move(first);
+  fit_once(eye, images, canonical, start, advance);
 }
 
 }  // namespace emmetrope::segmentation

@@ -55,9 +55,7 @@ struct JudgedEye {
 bool is_as_good(const JudgedEye& again, const JudgedEye& eye);
 
 /// Fits the eye that was found to its images, which hold its evidence, and judges it; data that cannot
-/// support a fit fail a gate. Where the globe stands and aqueous and vitreous are not alike, it is fitted again
-/// with two that are, which is taken where more is known by it.
-/// \param advance  not called for the second fit
+/// support a fit fail a gate.
 void fit_and_judge(JudgedEye& eye, const std::vector<const Stack*>& images, const EyeStart& start,
                    const std::function<void()>& advance = {});
 
