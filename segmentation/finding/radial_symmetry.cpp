@@ -45,8 +45,8 @@ struct Grid {
   }
 };
 
-/// Indices of the voxels of an axis that lie about a place within half of the grid's spacing, or half of their own where
-/// that is larger.
+/// Indices of the voxels of an axis that lie about a place within half of the grid's spacing, so that noise and ringing of
+/// fine voxels do not vote, or half of their own where that is larger.
 struct Span {
   int first, last;
 };
@@ -98,7 +98,6 @@ Grid resample(const Stack& stack, const BlankedRegion& blanked) {
                 (middle.y() * spacing_mm.y() + first_mm.y()) * grid.y + (depth / 2 + first_mm.z()) * grid.z;
   grid.value.assign(static_cast<std::size_t>(grid.size.prod()), 0);
   grid.is_blank.assign(grid.value.size(), 0);
-  // In-plane means over the grid's spacing, so that noise and ringing of fine voxels do not vote.
   const Sampler sampler(stack);
   for (int k = 0; k < grid.size.z(); ++k) {
     for (int j = 0; j < grid.size.y(); ++j) {
