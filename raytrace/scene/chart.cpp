@@ -15,7 +15,7 @@ namespace emmetrope::raytrace {
 namespace {
 
 /// Largest texture: 64 MB of floats would gain nothing that a retinal image of 500 pixels shows.
-constexpr int largest_texture = 2048;
+constexpr double largest_texture = 2048;
 constexpr int texels_per_detail = 8;
 constexpr double fewest_texels = 1.5;  ///< of a detail: below, strokes are lost
 /// In texels that an outline crosses: a lattice on which no two share a row or a column, so that upright
@@ -245,7 +245,8 @@ Scene draw_chart(const ChartSpec& spec) {
   const double half = std::tan(0.5 * spec.extent_deg * degree);
   const double extent = 2 * half / minute;
   const double detail = spec.logmar_given || spec.name != "letters" ? std::pow(10, spec.logmar) : 1;
-  const int size = std::clamp(int(std::ceil(extent * texels_per_detail / detail)), 64, largest_texture);
+  // A double until it is clamped: a plane of a scene file may be wider than an int has texels for.
+  const int size = int(std::clamp(std::ceil(extent * texels_per_detail / detail), 64.0, largest_texture));
   if (const double texels = size * detail / extent;
       spec.logmar_given && texels < fewest_texels && spec.name != "siemens")
     spdlog::warn(

@@ -54,6 +54,13 @@ TEST(Charts, AreDrawnAtTheirAngle) {
   EXPECT_TRUE(draw_chart(parse_chart("dial:distance_mm=inf")).planes.front().at_infinity);
 }
 
+TEST(Charts, APlaneOfNearly180DegreesHasTheFinestTexture) {
+  ChartSpec spec;
+  spec.name = "dial";
+  spec.extent_deg = 180 - 1e-7;  // of a plane of a scene file, in texels more than an int holds
+  EXPECT_EQ(draw_chart(spec).planes.front().texture->width, 2048);
+}
+
 TEST(Charts, AllNamesDrawInkAndPaper) {
   for (const auto& name : chart_names()) {
     const auto texture = draw_chart(parse_chart(name)).planes.front().texture;
