@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <deque>
 #include <iterator>
 #include <optional>
 
@@ -30,13 +31,13 @@ constexpr double fellows_fat_shift_sigma_mm = 0.15;
 /// So that the iris or the lid is not taken for the cornea; in the last passes the population's prior holds. Chosen.
 constexpr double fellows_chamber_sigma_mm = 0.2;
 
-/// The first passes need not use every voxel: a tenth of a voxel is all they are asked for.
-int coarse_stride(const std::vector<ObservedStack>& stacks) {
+/// Passes on the way need not use every voxel: one in so many is used as fill `mm3`, up to one in six.
+int stride_of(const std::vector<ObservedStack>& stacks, double mm3) {
   double voxel_mm3 = 1e9;
   for (const ObservedStack& o : stacks)
     voxel_mm3 = std::min(voxel_mm3,
                          o.stack->row_spacing_mm * o.stack->column_spacing_mm * o.stack->slice_spacing_mm());
-  return std::clamp(static_cast<int>(0.8 / voxel_mm3), 1, 6);
+  return std::clamp(static_cast<int>(mm3 / voxel_mm3), 1, 6);
 }
 
 /// An eye in its images, and what is known of it before they are seen.
@@ -102,7 +103,7 @@ Selection globe_selection(const ImagedEye& eye) {
   Selection globe;
   globe.cornea = false;
   globe.fields = eye.weighting == Weighting::t1;
-  globe.stride = coarse_stride(eye.stacks);
+  globe.stride = stride_of(eye.stacks, 0.8);  // a tenth of a voxel is all it is asked for
   return globe;
 }
 
@@ -131,10 +132,11 @@ std::vector<Candidate> globe_candidates(const ImagedEye& eye,
 }
 
 /// From a globe to a whole eye: the globe once more, the cornea, everything.
-/// \return the last problem, which the candidate solves
-FitProblem complete(Candidate& candidate, const ImagedEye& eye) {
+void complete(Candidate& candidate, const ImagedEye& eye) {
   const Selection globe = globe_selection(eye);
-  Selection front;
+  Selection whole;
+  whole.stride = stride_of(eye.stacks, 0.15);
+  Selection front = whole;
   front.rear = false;
   FitProblem problem;
   problem.model = &eye.model;
@@ -153,8 +155,7 @@ FitProblem complete(Candidate& candidate, const ImagedEye& eye) {
   adopt(fit_globe(problem, prepare(globe), eye.evidence, globe.fields));
   adopt(fit_cornea(problem, prepare(front), eye.evidence, candidate.apex_costs));
   set_final_loss(problem, eye.evidence);
-  adopt(fit_whole_eye(problem, prepare({}), eye.evidence));
-  return problem;
+  adopt(fit_whole_eye(problem, prepare(whole), eye.evidence));
 }
 
 /// That the coil's profile is smooth counts once the globe is in its place: on the way there it must bend.
@@ -196,32 +197,60 @@ void estimate_covariance(EyeFit& fit, const FitProblem& problem, const Basis& ba
   }
 }
 
-/// The last passes: everything that is active, then once more with weights that know the misfit. Samples,
-/// covariance and judgement go into the fit.
-/// \param step_done  called after each
-void fit_to_all_voxels(EyeFit& fit, const std::function<void()>& step_done) {
+/// From a whole eye to one whose every parameter is free.
+EyeFit free_fit(const Candidate& whole, const ImagedEye& eye) {
+  EyeFit fit{eye.model.layout(), eye.weighting, eye.stacks, eye.model};
+  fit.evidence = eye.evidence;
+  fit.parameters = whole.solution.parameters;
+  fit.active = free_parameters(eye.model, eye.evidence);
+  fit.priors = with_smooth_coil(whole.priors, eye.model);
+  const Priors of_population = priors_about(eye, fit.parameters);
+  fit.priors.mean[anterior_chamber_depth] = of_population.mean[anterior_chamber_depth];
+  fit.priors.sigma[anterior_chamber_depth] = of_population.sigma[anterior_chamber_depth];
+  fit.iterations = whole.solution.iterations;
+  fit.start_costs = whole.apex_costs;
+  return fit;
+}
+
+bool has_faint_wall(const EyeFit& fit) {
+  return fit.weighting == Weighting::t1 && fit.evidence == Evidence::intensities;
+}
+
+/// Everything that is active; a faint wall with the curved edges of the eye so far.
+void pass(EyeFit& fit, FitProblem& problem, const SolveLimits& stop) {
+  if (has_faint_wall(fit)) add_curved_edges(problem.samples, fit.model, fit.parameters, fit.stacks);
+  SolveResult result = solve(problem, fit.parameters, select_parameters(fit.layout.size(), fit.active), stop);
+  fit.parameters = std::move(result.parameters);
+  fit.iterations += result.iterations;
+  fit.converged = result.converged;
+}
+
+constexpr SolveLimits on_the_way{25};
+
+/// Every voxel that holds the eye, where the fit is.
+/// \return of the fit's model, to which it points
+FitProblem in_all_voxels(const EyeFit& fit) {
   FitProblem problem;
   problem.model = &fit.model;
   problem.priors = fit.priors;
   set_final_loss(problem, fit.evidence);
-  const Basis basis = select_parameters(fit.layout.size(), fit.active);
-  const bool faint_wall = fit.weighting == Weighting::t1 && fit.evidence == Evidence::intensities;
-  const auto pass = [&](const SolveLimits& stop) {
-    if (faint_wall) add_curved_edges(problem.samples, fit.model, fit.parameters, fit.stacks);
-    SolveResult result = solve(problem, fit.parameters, basis, stop);
-    fit.parameters = std::move(result.parameters);
-    fit.iterations += result.iterations;
-    fit.converged = result.converged;
-  };
   // On the way here the globe needs every voxel that holds it.
   Selection last;
   last.optic_nerve = false;
   problem.samples = select_samples(fit.model, fit.parameters, fit.stacks, last);
-  if (problem.samples.size() < fewest_voxels) throw no_result_error("too few voxels show the eye");
+  return problem;
+}
+
+void first_pass(EyeFit& fit, FitProblem& problem) {
   fit.misfit = freeze_deviations(problem, fit.parameters);
-  // Curved edges are those of the eye so far: after the third pass the globe moves by less than 0.01 mm.
-  for (int i = 0; i < (faint_wall ? 3 : 1); ++i) pass({25});
-  if (step_done) step_done();
+  pass(fit, problem, on_the_way);
+}
+
+/// The passes after the first in all voxels. Samples, covariance and judgement go into the fit.
+void conclude(EyeFit& fit, FitProblem& problem) {
+  // After the third pass with curved edges the globe moves by less than 0.01 mm.
+  if (has_faint_wall(fit))
+    for (int i = 0; i < 2; ++i) pass(fit, problem, on_the_way);
 
   // The balance of image and priors, and the covariance, with weights that know about the misfit.
   const std::array<double, part_count> widening = judge_residuals(fit, problem);
@@ -231,15 +260,41 @@ void fit_to_all_voxels(EyeFit& fit, const std::function<void()>& step_done) {
     sample.deviation *= static_cast<float>(std::sqrt(widening[static_cast<std::size_t>(sample.part)]));
   }
   // Closer than intervals need: where a fit stops on the way depends on where it began.
-  pass({100, 1e-9});
-  if (step_done) step_done();
-  estimate_covariance(fit, problem, basis);
+  pass(fit, problem, {100, 1e-9});
+  estimate_covariance(fit, problem, select_parameters(fit.layout.size(), fit.active));
   // Labels are no smooth surface: what they depart from a biconic is how they were drawn.
   if (!fit.layout.irregular_cornea && fit.evidence == Evidence::intensities && !fit.front_is_blanked())
     fit.irregularity = corneal_irregularity(problem, fit.parameters, fit.active);
   for (std::size_t i = 0; i < deviations.size(); ++i) problem.samples[i].deviation = deviations[i];
   judge_residuals(fit, problem);
   fit.samples = std::move(problem.samples);
+}
+
+/// A fit and the problem that its last pass solved.
+struct Contender {
+  EyeFit fit;
+  FitProblem problem;
+};
+
+/// The likeliest of the whole eyes, compared after a pass in all voxels, which may lead one to another minimum.
+/// \param contenders  receives all of them
+Contender& likeliest(const std::vector<Candidate>& wholes, const ImagedEye& eye,
+                     std::deque<Contender>& contenders) {
+  std::vector<Candidate> compared;
+  for (Candidate whole : wholes) {
+    auto& [fit, problem] = contenders.emplace_back(Contender{free_fit(whole, eye), {}});
+    problem = in_all_voxels(fit);
+    if (problem.samples.size() < fewest_voxels) {
+      contenders.pop_back();
+      continue;
+    }
+    first_pass(fit, problem);
+    whole.solution.parameters = fit.parameters;
+    if (wholes.size() > 1) note_residuals(whole, problem, eye.stacks);
+    compared.push_back(std::move(whole));
+  }
+  if (compared.empty()) throw no_result_error("too few voxels show the eye");
+  return contenders[most_likely(compared, eye.model)];
 }
 
 /// In some stack.
@@ -337,29 +392,20 @@ EyeFit fit_eye(const std::vector<const Stack*>& stacks, const EyeStart& start, W
       globe_candidates(eye, globe_starts(eye.model, stacks, start, weighting, evidence));
   if (candidates.empty()) throw no_result_error("too few voxels show the eye");
   step_done();
-  for (Candidate& candidate : candidates) {
-    FitProblem solved = complete(candidate, eye);
-    if (candidates.size() > 1) note_residuals(candidate, std::move(solved), eye.stacks);
-  }
-  const Candidate& best = most_likely(candidates, eye.model);
+  for (Candidate& candidate : candidates) complete(candidate, eye);
   step_done();
-
-  EyeFit fit{eye.model.layout(), weighting, eye.stacks, eye.model};
-  fit.evidence = evidence;
-  fit.parameters = best.solution.parameters;
-  fit.active = free_parameters(eye.model, evidence);
-  fit.priors = with_smooth_coil(best.priors, eye.model);
-  const Priors of_population = priors_about(eye, fit.parameters);
-  fit.priors.mean[anterior_chamber_depth] = of_population.mean[anterior_chamber_depth];
-  fit.priors.sigma[anterior_chamber_depth] = of_population.sigma[anterior_chamber_depth];
-  fit.iterations = best.solution.iterations;
-  fit.start_costs = best.apex_costs;
-  fit_to_all_voxels(fit, step_done);
+  std::deque<Contender> contenders;
+  auto& [fit, problem] = likeliest(candidates, eye, contenders);
+  step_done();
+  conclude(fit, problem);
+  step_done();
   if (fit.irregularity.found() && shows_corneal_form(fit.stacks)) {
     make_cornea_irregular(fit);
-    fit_to_all_voxels(fit, {});
+    problem = in_all_voxels(fit);
+    first_pass(fit, problem);
+    conclude(fit, problem);
   }
-  return fit;
+  return std::move(fit);
 }
 
 ParametricEye to_parametric_eye(const EyeFit& fit, Laterality laterality) {

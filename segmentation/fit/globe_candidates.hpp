@@ -35,6 +35,6 @@ void note_residuals(Candidate& candidate, FitProblem problem, const std::vector<
 /// The candidate with the largest posterior density: normal residuals, their tails bounded, where it explains a voxel,
 /// any brightness up to fat's alike where it does not, and its priors. On the voxels that all of them know of, with the
 /// misfit of the one that leaves least; between candidates nearly alike in that, on those that all of them explain.
-const Candidate& most_likely(const std::vector<Candidate>& candidates, const ForwardModel& model);
+std::size_t most_likely(const std::vector<Candidate>& candidates, const ForwardModel& model);
 
 }  // namespace emmetrope::segmentation

@@ -92,29 +92,72 @@ Condensed condense(const NormalEquations& equations, const Basis& basis) {
   return condensed;
 }
 
+/// Rows of the Jacobian, some at a time, over the parameters that any of them touches: voxels that follow each other
+/// touch nearly the same ones, and a product of dense blocks is several times as fast as a sum of sparse rows.
+class RowBlock {
+ public:
+  explicit RowBlock(int size)
+      : column_(static_cast<std::size_t>(size), -1), rows_(height, size), residuals_(height) {}
+
+  /// \param times  of the row, which becomes the residual's derivative
+  void add(const SparseRow& row, double times, double residual, NormalEquations& out) {
+    for (const int i : row.touched()) {
+      const double value = times * row[i];
+      if (value == 0) continue;
+      int& column = column_[static_cast<std::size_t>(i)];
+      if (column < 0) {
+        column = static_cast<int>(touched_.size());
+        touched_.push_back(i);
+        rows_.col(column).setZero();
+      }
+      rows_(count_, column) = value;
+    }
+    residuals_[count_] = residual;
+    if (++count_ == height) flush(out);
+  }
+
+  /// Adds what is left over.
+  void flush(NormalEquations& out) {
+    const auto width = static_cast<Eigen::Index>(touched_.size());
+    const auto rows = rows_.topLeftCorner(count_, width);
+    product_.setZero(width, width);
+    product_.selfadjointView<Eigen::Lower>().rankUpdate(rows.transpose());
+    const VectorXd gradient = rows.transpose() * residuals_.head(count_);
+    for (Eigen::Index j = 0; j < width; ++j) {
+      const int a = touched_[static_cast<std::size_t>(j)];
+      out.gradient[a] += gradient[j];
+      for (Eigen::Index i = j; i < width; ++i) {
+        const int b = touched_[static_cast<std::size_t>(i)];
+        out.hessian(std::max(a, b), std::min(a, b)) += product_(i, j);
+      }
+      column_[static_cast<std::size_t>(a)] = -1;
+    }
+    touched_.clear();
+    count_ = 0;
+  }
+
+ private:
+  static constexpr Eigen::Index height = 32;
+  std::vector<int> column_;   ///< of a parameter; -1: no row touches it
+  std::vector<int> touched_;  ///< the columns' parameters
+  MatrixXd rows_, product_;
+  VectorXd residuals_;
+  Eigen::Index count_ = 0;
+};
+
 /// The terms of the cost: each adds its share, and where asked for its derivatives.
 void add_samples(const FitProblem& problem, const ForwardModel::AtParameters& at, bool derivatives,
                  NormalEquations& out) {
-  SparseRow row(problem.model->layout().size());
-  std::vector<double> values;
-  std::vector<int> places;
+  const int size = problem.model->layout().size();
+  SparseRow row(size);
+  RowBlock block(size);
   for (const Sample& sample : problem.samples) {
     const double signal = at.intensity(sample, derivatives ? &row : nullptr);
     const RobustResidual r = robust_residual(problem, sample, signal);
     out.cost += r.value * r.value / 2;
-    if (!derivatives) continue;
-    places = row.touched();
-    std::sort(places.begin(), places.end());
-    values.clear();
-    for (const int i : places) values.push_back(r.d_signal * row[i]);
-    for (std::size_t j = 0; j < places.size(); ++j) {
-      double* column = out.hessian.col(places[j]).data();
-      const double v = values[j];
-      if (v == 0) continue;
-      out.gradient[places[j]] += v * r.value;
-      for (std::size_t i = j; i < places.size(); ++i) column[places[i]] += v * values[i];
-    }
+    if (derivatives) block.add(row, r.d_signal, r.value, out);
   }
+  if (derivatives) block.flush(out);
 }
 
 void add_limbus(const FitProblem& problem, const ForwardModel::AtParameters& at, bool derivatives,
