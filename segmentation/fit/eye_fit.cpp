@@ -31,13 +31,13 @@ constexpr double fellows_fat_shift_sigma_mm = 0.15;
 /// So that the iris or the lid is not taken for the cornea; in the last passes the population's prior holds. Chosen.
 constexpr double fellows_chamber_sigma_mm = 0.2;
 
-/// Passes on the way need not use every voxel: one in so many is used as fill `mm3`, up to one in six.
-int stride_of(const std::vector<ObservedStack>& stacks, double mm3) {
+/// The first passes need not use every voxel: a tenth of a voxel is all they are asked for.
+int coarse_stride(const std::vector<ObservedStack>& stacks) {
   double voxel_mm3 = 1e9;
   for (const ObservedStack& o : stacks)
     voxel_mm3 = std::min(voxel_mm3,
                          o.stack->row_spacing_mm * o.stack->column_spacing_mm * o.stack->slice_spacing_mm());
-  return std::clamp(static_cast<int>(mm3 / voxel_mm3), 1, 6);
+  return std::clamp(static_cast<int>(0.8 / voxel_mm3), 1, 6);
 }
 
 /// An eye in its images, and what is known of it before they are seen.
@@ -103,7 +103,7 @@ Selection globe_selection(const ImagedEye& eye) {
   Selection globe;
   globe.cornea = false;
   globe.fields = eye.weighting == Weighting::t1;
-  globe.stride = stride_of(eye.stacks, 0.8);  // a tenth of a voxel is all it is asked for
+  globe.stride = coarse_stride(eye.stacks);
   return globe;
 }
 
@@ -134,9 +134,7 @@ std::vector<Candidate> globe_candidates(const ImagedEye& eye,
 /// From a globe to a whole eye: the globe once more, the cornea, everything.
 void complete(Candidate& candidate, const ImagedEye& eye) {
   const Selection globe = globe_selection(eye);
-  Selection whole;
-  whole.stride = stride_of(eye.stacks, 0.15);
-  Selection front = whole;
+  Selection front;
   front.rear = false;
   FitProblem problem;
   problem.model = &eye.model;
@@ -155,7 +153,7 @@ void complete(Candidate& candidate, const ImagedEye& eye) {
   adopt(fit_globe(problem, prepare(globe), eye.evidence, globe.fields));
   adopt(fit_cornea(problem, prepare(front), eye.evidence, candidate.apex_costs));
   set_final_loss(problem, eye.evidence);
-  adopt(fit_whole_eye(problem, prepare(whole), eye.evidence));
+  adopt(fit_whole_eye(problem, prepare({}), eye.evidence));
 }
 
 /// That the coil's profile is smooth counts once the globe is in its place: on the way there it must bend.
@@ -227,23 +225,20 @@ void pass(EyeFit& fit, FitProblem& problem, const SolveLimits& stop) {
 
 constexpr SolveLimits on_the_way{25};
 
-/// Every voxel that holds the eye, where the fit is.
-/// \return of the fit's model, to which it points
-FitProblem in_all_voxels(const EyeFit& fit) {
-  FitProblem problem;
+/// The first pass in every voxel that holds the eye but for the optic nerve's: on the way here the globe needs those too.
+/// \param problem  becomes that of the pass and points to the fit's model
+/// \return false where there are too few voxels
+bool first_pass(EyeFit& fit, FitProblem& problem) {
   problem.model = &fit.model;
   problem.priors = fit.priors;
   set_final_loss(problem, fit.evidence);
-  // On the way here the globe needs every voxel that holds it.
   Selection last;
   last.optic_nerve = false;
   problem.samples = select_samples(fit.model, fit.parameters, fit.stacks, last);
-  return problem;
-}
-
-void first_pass(EyeFit& fit, FitProblem& problem) {
+  if (problem.samples.size() < fewest_voxels) return false;
   fit.misfit = freeze_deviations(problem, fit.parameters);
   pass(fit, problem, on_the_way);
+  return true;
 }
 
 /// The passes after the first in all voxels. Samples, covariance and judgement go into the fit.
@@ -270,8 +265,11 @@ void conclude(EyeFit& fit, FitProblem& problem) {
   fit.samples = std::move(problem.samples);
 }
 
-/// A fit and the problem that its last pass solved.
+/// A fit and the problem that its last pass solved, which points to the fit's model.
 struct Contender {
+  explicit Contender(EyeFit of) : fit(std::move(of)) {}
+  Contender(const Contender&) = delete;
+  Contender& operator=(const Contender&) = delete;
   EyeFit fit;
   FitProblem problem;
 };
@@ -282,13 +280,11 @@ Contender& likeliest(const std::vector<Candidate>& wholes, const ImagedEye& eye,
                      std::deque<Contender>& contenders) {
   std::vector<Candidate> compared;
   for (Candidate whole : wholes) {
-    auto& [fit, problem] = contenders.emplace_back(Contender{free_fit(whole, eye), {}});
-    problem = in_all_voxels(fit);
-    if (problem.samples.size() < fewest_voxels) {
+    auto& [fit, problem] = contenders.emplace_back(free_fit(whole, eye));
+    if (!first_pass(fit, problem)) {
       contenders.pop_back();
       continue;
     }
-    first_pass(fit, problem);
     whole.solution.parameters = fit.parameters;
     if (wholes.size() > 1) note_residuals(whole, problem, eye.stacks);
     compared.push_back(std::move(whole));
@@ -401,8 +397,7 @@ EyeFit fit_eye(const std::vector<const Stack*>& stacks, const EyeStart& start, W
   step_done();
   if (fit.irregularity.found() && shows_corneal_form(fit.stacks)) {
     make_cornea_irregular(fit);
-    problem = in_all_voxels(fit);
-    first_pass(fit, problem);
+    if (!first_pass(fit, problem)) throw no_result_error("too few voxels show the eye");
     conclude(fit, problem);
   }
   return std::move(fit);

@@ -53,7 +53,7 @@ struct SolveLimits {
 };
 
 /// Levenberg-Marquardt by Ceres on the condensed problem: the voxels' rows are summed into normal equations
-/// as they are made, and Ceres sees L' z (J'J = L L'), which has the same cost, gradient and Gauss-Newton
+/// by blocks as they are made, and Ceres sees L' z (J'J = L L'), which has the same cost, gradient and Gauss-Newton
 /// matrix.
 SolveResult solve(const FitProblem& problem, const Eigen::VectorXd& start, const Basis& basis,
                   const SolveLimits& stop);

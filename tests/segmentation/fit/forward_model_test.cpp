@@ -4,6 +4,7 @@
 
 #include <Eigen/Geometry>
 #include <cmath>
+#include <numeric>
 #include <random>
 
 #include "segmentation/fit/edge_response.hpp"
@@ -360,6 +361,37 @@ TEST(LeastSquares, GradientMatchesDifferencesOfTheCost) {
     less[i] -= 1e-5;
     const double slope = (evaluate(problem, more, false).cost - evaluate(problem, less, false).cost) / 2e-5;
     EXPECT_NEAR(equations.gradient[i], slope, 0.03 * std::abs(slope) + 3) << model.layout().name(i);
+  }
+}
+
+/// Whatever number of samples there is, which are summed by blocks.
+TEST(LeastSquares, NormalEquationsAreThoseOfTheRows) {
+  const ForwardModel model = test_model();
+  const VectorXd a = test_parameters(2);
+  std::vector<Sample> samples = test_samples(model, a);
+  for (Sample& sample : samples) {
+    sample.value = 0.3F;
+    sample.deviation = 0.05F;
+  }
+  FitProblem problem;
+  problem.model = &model;
+  problem.priors = population_priors(model.layout(), a, Weighting::t2);
+  problem.limbus_sigma_mm = 0;
+  const NormalEquations of_priors = evaluate(problem, a, true);
+  const int size = model.layout().size();
+  std::vector<int> all(static_cast<std::size_t>(size));
+  std::iota(all.begin(), all.end(), 0);
+  for (const std::size_t count : {std::size_t{1}, std::size_t{31}, std::size_t{32}, samples.size()}) {
+    ASSERT_LE(count, samples.size());
+    problem.samples.assign(samples.begin(), samples.begin() + static_cast<std::ptrdiff_t>(count));
+    const NormalEquations equations = evaluate(problem, a, true);
+    const LinearRows rows = linearise(problem, a, select_parameters(size, all));
+    const Eigen::MatrixXd expected = Eigen::MatrixXd(rows.jacobian.transpose() * rows.jacobian);
+    const Eigen::MatrixXd lower = (equations.hessian - of_priors.hessian).triangularView<Eigen::Lower>();
+    const Eigen::MatrixXd expected_lower = expected.triangularView<Eigen::Lower>();
+    EXPECT_NEAR((lower - expected_lower).norm(), 0, 1e-6 * expected.norm()) << count;
+    EXPECT_NEAR((equations.gradient - of_priors.gradient - rows.jacobian.transpose() * rows.residual).norm(),
+                0, 1e-6 * expected.norm());
   }
 }
 
