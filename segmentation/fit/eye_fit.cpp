@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <deque>
 #include <iterator>
 #include <optional>
 
@@ -132,7 +131,8 @@ std::vector<Candidate> globe_candidates(const ImagedEye& eye,
 }
 
 /// From a globe to a whole eye: the globe once more, the cornea, everything.
-void complete(Candidate& candidate, const ImagedEye& eye) {
+/// \return the last problem, which the candidate solves
+FitProblem complete(Candidate& candidate, const ImagedEye& eye) {
   const Selection globe = globe_selection(eye);
   Selection front;
   front.rear = false;
@@ -154,6 +154,7 @@ void complete(Candidate& candidate, const ImagedEye& eye) {
   adopt(fit_cornea(problem, prepare(front), eye.evidence, candidate.apex_costs));
   set_final_loss(problem, eye.evidence);
   adopt(fit_whole_eye(problem, prepare({}), eye.evidence));
+  return problem;
 }
 
 /// That the coil's profile is smooth counts once the globe is in its place: on the way there it must bend.
@@ -195,57 +196,32 @@ void estimate_covariance(EyeFit& fit, const FitProblem& problem, const Basis& ba
   }
 }
 
-/// From a whole eye to one whose every parameter is free.
-EyeFit free_fit(const Candidate& whole, const ImagedEye& eye) {
-  EyeFit fit{eye.model.layout(), eye.weighting, eye.stacks, eye.model};
-  fit.evidence = eye.evidence;
-  fit.parameters = whole.solution.parameters;
-  fit.active = free_parameters(eye.model, eye.evidence);
-  fit.priors = with_smooth_coil(whole.priors, eye.model);
-  const Priors of_population = priors_about(eye, fit.parameters);
-  fit.priors.mean[anterior_chamber_depth] = of_population.mean[anterior_chamber_depth];
-  fit.priors.sigma[anterior_chamber_depth] = of_population.sigma[anterior_chamber_depth];
-  fit.iterations = whole.solution.iterations;
-  fit.start_costs = whole.apex_costs;
-  return fit;
-}
-
-bool has_faint_wall(const EyeFit& fit) {
-  return fit.weighting == Weighting::t1 && fit.evidence == Evidence::intensities;
-}
-
-/// Everything that is active; a faint wall with the curved edges of the eye so far.
-void pass(EyeFit& fit, FitProblem& problem, const SolveLimits& stop) {
-  if (has_faint_wall(fit)) add_curved_edges(problem.samples, fit.model, fit.parameters, fit.stacks);
-  SolveResult result = solve(problem, fit.parameters, select_parameters(fit.layout.size(), fit.active), stop);
-  fit.parameters = std::move(result.parameters);
-  fit.iterations += result.iterations;
-  fit.converged = result.converged;
-}
-
-constexpr SolveLimits on_the_way{25};
-
-/// The first pass in every voxel that holds the eye but for the optic nerve's: on the way here the globe needs those too.
-/// \param problem  becomes that of the pass and points to the fit's model
-/// \return false where there are too few voxels
-bool first_pass(EyeFit& fit, FitProblem& problem) {
+/// The last passes: everything that is active, then once more with weights that know the misfit. Samples,
+/// covariance and judgement go into the fit.
+/// \param step_done  called after each
+void fit_to_all_voxels(EyeFit& fit, const std::function<void()>& step_done) {
+  FitProblem problem;
   problem.model = &fit.model;
   problem.priors = fit.priors;
   set_final_loss(problem, fit.evidence);
+  const Basis basis = select_parameters(fit.layout.size(), fit.active);
+  const bool faint_wall = fit.weighting == Weighting::t1 && fit.evidence == Evidence::intensities;
+  const auto pass = [&](const SolveLimits& stop) {
+    if (faint_wall) add_curved_edges(problem.samples, fit.model, fit.parameters, fit.stacks);
+    SolveResult result = solve(problem, fit.parameters, basis, stop);
+    fit.parameters = std::move(result.parameters);
+    fit.iterations += result.iterations;
+    fit.converged = result.converged;
+  };
+  // On the way here the globe needs every voxel that holds it.
   Selection last;
   last.optic_nerve = false;
   problem.samples = select_samples(fit.model, fit.parameters, fit.stacks, last);
-  if (problem.samples.size() < fewest_voxels) return false;
+  if (problem.samples.size() < fewest_voxels) throw no_result_error("too few voxels show the eye");
   fit.misfit = freeze_deviations(problem, fit.parameters);
-  pass(fit, problem, on_the_way);
-  return true;
-}
-
-/// The passes after the first in all voxels. Samples, covariance and judgement go into the fit.
-void conclude(EyeFit& fit, FitProblem& problem) {
-  // After the third pass with curved edges the globe moves by less than 0.01 mm.
-  if (has_faint_wall(fit))
-    for (int i = 0; i < 2; ++i) pass(fit, problem, on_the_way);
+  // Curved edges are those of the eye so far: after the third pass the globe moves by less than 0.01 mm.
+  for (int i = 0; i < (faint_wall ? 3 : 1); ++i) pass({25});
+  if (step_done) step_done();
 
   // The balance of image and priors, and the covariance, with weights that know about the misfit.
   const std::array<double, part_count> widening = judge_residuals(fit, problem);
@@ -255,42 +231,15 @@ void conclude(EyeFit& fit, FitProblem& problem) {
     sample.deviation *= static_cast<float>(std::sqrt(widening[static_cast<std::size_t>(sample.part)]));
   }
   // Closer than intervals need: where a fit stops on the way depends on where it began.
-  pass(fit, problem, {100, 1e-9});
-  estimate_covariance(fit, problem, select_parameters(fit.layout.size(), fit.active));
+  pass({100, 1e-9});
+  if (step_done) step_done();
+  estimate_covariance(fit, problem, basis);
   // Labels are no smooth surface: what they depart from a biconic is how they were drawn.
   if (!fit.layout.irregular_cornea && fit.evidence == Evidence::intensities && !fit.front_is_blanked())
     fit.irregularity = corneal_irregularity(problem, fit.parameters, fit.active);
   for (std::size_t i = 0; i < deviations.size(); ++i) problem.samples[i].deviation = deviations[i];
   judge_residuals(fit, problem);
   fit.samples = std::move(problem.samples);
-}
-
-/// A fit and the problem that its last pass solved, which points to the fit's model.
-struct Contender {
-  explicit Contender(EyeFit of) : fit(std::move(of)) {}
-  Contender(const Contender&) = delete;
-  Contender& operator=(const Contender&) = delete;
-  EyeFit fit;
-  FitProblem problem;
-};
-
-/// The likeliest of the whole eyes, compared after a pass in all voxels, which may lead one to another minimum.
-/// \param contenders  receives all of them
-Contender& likeliest(const std::vector<Candidate>& wholes, const ImagedEye& eye,
-                     std::deque<Contender>& contenders) {
-  std::vector<Candidate> compared;
-  for (Candidate whole : wholes) {
-    auto& [fit, problem] = contenders.emplace_back(free_fit(whole, eye));
-    if (!first_pass(fit, problem)) {
-      contenders.pop_back();
-      continue;
-    }
-    whole.solution.parameters = fit.parameters;
-    if (wholes.size() > 1) note_residuals(whole, problem, eye.stacks);
-    compared.push_back(std::move(whole));
-  }
-  if (compared.empty()) throw no_result_error("too few voxels show the eye");
-  return contenders[most_likely(compared, eye.model)];
 }
 
 /// In some stack.
@@ -388,19 +337,29 @@ EyeFit fit_eye(const std::vector<const Stack*>& stacks, const EyeStart& start, W
       globe_candidates(eye, globe_starts(eye.model, stacks, start, weighting, evidence));
   if (candidates.empty()) throw no_result_error("too few voxels show the eye");
   step_done();
-  for (Candidate& candidate : candidates) complete(candidate, eye);
+  for (Candidate& candidate : candidates) {
+    FitProblem solved = complete(candidate, eye);
+    if (candidates.size() > 1) note_residuals(candidate, std::move(solved), eye.stacks);
+  }
+  const Candidate& best = most_likely(candidates, eye.model);
   step_done();
-  std::deque<Contender> contenders;
-  auto& [fit, problem] = likeliest(candidates, eye, contenders);
-  step_done();
-  conclude(fit, problem);
-  step_done();
+
+  EyeFit fit{eye.model.layout(), weighting, eye.stacks, eye.model};
+  fit.evidence = evidence;
+  fit.parameters = best.solution.parameters;
+  fit.active = free_parameters(eye.model, evidence);
+  fit.priors = with_smooth_coil(best.priors, eye.model);
+  const Priors of_population = priors_about(eye, fit.parameters);
+  fit.priors.mean[anterior_chamber_depth] = of_population.mean[anterior_chamber_depth];
+  fit.priors.sigma[anterior_chamber_depth] = of_population.sigma[anterior_chamber_depth];
+  fit.iterations = best.solution.iterations;
+  fit.start_costs = best.apex_costs;
+  fit_to_all_voxels(fit, step_done);
   if (fit.irregularity.found() && shows_corneal_form(fit.stacks)) {
     make_cornea_irregular(fit);
-    if (!first_pass(fit, problem)) throw no_result_error("too few voxels show the eye");
-    conclude(fit, problem);
+    fit_to_all_voxels(fit, {});
   }
-  return std::move(fit);
+  return fit;
 }
 
 ParametricEye to_parametric_eye(const EyeFit& fit, Laterality laterality) {

@@ -76,11 +76,10 @@ EyeStart start_of(const FoundEye& eye, const ViewEdges& edges, std::optional<dou
 std::vector<const Stack*> views_of(const FoundEye& eye, const std::vector<const Stack*>& stacks);
 
 /// Fits one eye to its stacks, which are of one weighting. The order that converges: globe, lens and pose
-/// without the cornea, from several starts; of each globe the cornea from five depths and more, everything, and
-/// everything in all voxels; of these eyes the likeliest, once more with weights that know the misfit; and where
-/// a test says that the cornea is irregular, and pixels are fine enough, both again with its free form. Where
-/// labels are the evidence, intensities, coil and sharpness are known and only shapes, pose and the head's
-/// shifts are free.
+/// without the cornea, from several starts; the cornea from five depths and more; everything, the likeliest
+/// globe; everything once more with weights that know the misfit; and where a test says that the cornea is
+/// irregular, and pixels are fine enough, both again with its free form. Where labels are the evidence, intensities, coil and sharpness
+/// are known and only shapes, pose and the head's shifts are free.
 /// \param advance  called `fit_steps` times in all
 /// \throw Error (no_result) when the data cannot support a fit
 EyeFit fit_eye(const std::vector<const Stack*>& stacks, const EyeStart& start, Weighting weighting,

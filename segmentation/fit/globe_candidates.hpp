@@ -29,13 +29,12 @@ void keep_distinct(std::vector<Candidate>& candidates, const ParameterLayout& la
 
 /// Notes what a whole eye leaves of the voxels that it explains, and which it does not within 3 mm of its wall: a globe
 /// that is too small lets voxels there look like vitreous, and on its own voxels alone it cannot be told from a right one.
-/// \param problem  whose solution the candidate has, but for priors: the candidate's are asked
+/// \param problem  whose solution the candidate has
 void note_residuals(Candidate& candidate, FitProblem problem, const std::vector<ObservedStack>& stacks);
 
 /// The candidate with the largest posterior density: normal residuals, their tails bounded, where it explains a voxel,
 /// any brightness up to fat's alike where it does not, and its priors. On the voxels that all of them know of, with the
 /// misfit of the one that leaves least; between candidates nearly alike in that, on those that all of them explain.
-/// \return its place among them
-std::size_t most_likely(const std::vector<Candidate>& candidates, const ForwardModel& model);
+const Candidate& most_likely(const std::vector<Candidate>& candidates, const ForwardModel& model);
 
 }  // namespace emmetrope::segmentation

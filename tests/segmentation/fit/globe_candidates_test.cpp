@@ -30,7 +30,7 @@ class MostLikely : public testing::Test {
     return result;
   }
   std::size_t best_of(const std::vector<Candidate>& candidates) const {
-    return most_likely(candidates, model_);
+    return static_cast<std::size_t>(&most_likely(candidates, model_) - candidates.data());
   }
   ForwardModel model_{ParameterLayout{}, one_stack(), Eigen::Vector3d::Zero()};
 };
