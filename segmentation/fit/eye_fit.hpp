@@ -25,6 +25,14 @@ struct RegionFit {
   double correlation = 1;
 };
 
+/// What lies in the vitreous and is none; 0: nothing.
+struct IntraocularMass {
+  double volume_mm3 = 0;  ///< of its largest piece, in the stack that shows most of it
+  double over_step =
+      0;  ///< its mean difference from the vitreous, in steps from there to the surroundings (T1) or from no
+          ///< signal (T2)
+};
+
 /// A fitted eye.
 struct EyeFit {
   ParameterLayout layout;
@@ -49,6 +57,8 @@ struct EyeFit {
   Evidence evidence = Evidence::intensities;
   CornealIrregularity irregularity = {};  ///< what decided whether the cornea has a free form
   double slice_displacement_mm = 0;       ///< slice_displacement.hpp
+  IntraocularMass mass = {};              ///< that was left out (intraocular_mass.hpp)
+  IntraocularMass unexplained = {};       ///< that this fit has in its vitreous all the same
 
   double value(int parameter) const { return parameters[parameter]; }
   /// Brightness of the wall's inner layer, which the vitreous borders on.

@@ -193,7 +193,7 @@ void observe_intensities(ObservedStack& o, const EyeStart& start, Weighting weig
   if (weighting == Weighting::t1 && start.laterality) o.optic_nerve = optic_nerve(*start.laterality);
   o.sampling.coil_curvature_sigma = coil_curvature_sigma(stack);
   o.sampling.fat_shift_sigma_mm = stack.fat_shift_sigma_mm;
-  o.sampling.noise = vitreous_noise(stack, start) / o.reference;
+  o.sampling.noise = vitreous_noise(stack, start, o.left_out) / o.reference;
   o.blanked = blanked_about(stack, start);
   o.front_is_blanked = o.blanked.holds_front(stack, start.globe_centre, start.axis);
 }
@@ -241,10 +241,11 @@ TissueLevels tissue_levels(const Stack& stack, const EyeStart& start, Weighting 
   return levels;
 }
 
-double vitreous_noise(const Stack& stack, const EyeStart& start) {
+double vitreous_noise(const Stack& stack, const EyeStart& start, const VoxelMask& left_out) {
   std::vector<std::vector<std::pair<Vector3d, double>>> slices(stack.slices());
   for_each_voxel_near(stack, vitreous_core(start), vitreous_core_mm,
                       [&](int c, int r, int s, const Vector3d& x) {
+                        if (left_out.holds(c, r, s)) return;
                         const Vector3d d = x - start.globe_centre;
                         slices[s].emplace_back(
                             Vector3d(d.dot(stack.along_row), d.dot(stack.along_column), 1) / vitreous_core_mm,
@@ -284,6 +285,7 @@ std::vector<ObservedStack> observe(const std::vector<const Stack*>& stacks, cons
     const Stack& stack = *stacks[k];
     ObservedStack o;
     o.stack = &stack;
+    if (k < start.left_out.size()) o.left_out = start.left_out[k];
     o.sampling.along_row = stack.along_row;
     o.sampling.along_column = stack.along_column;
     o.sampling.normal = stack.normal;
@@ -313,7 +315,8 @@ std::vector<Sample> select_samples(const ForwardModel& model, const VectorXd& a,
     const Vector3i middle = nearest_voxel(*stacks[k].stack, model.coil_reference());
     for_each_voxel_near(*stacks[k].stack, apex - selector.equator_depth() * axis, 19,
                         [&](int c, int r, int s, const Vector3d& x) {
-                          if (stacks[k].blanked.holds_voxel(c, r, s)) return;
+                          if (stacks[k].blanked.holds_voxel(c, r, s) || stacks[k].left_out.holds(c, r, s))
+                            return;
                           std::optional<Sample> sample = selector.select(x, Vector3i(c, r, s) - middle);
                           if (!sample) return;
                           sample->value =

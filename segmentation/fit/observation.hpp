@@ -5,6 +5,7 @@
 
 #include "pipeline/base/laterality.hpp"
 #include "segmentation/finding/blanked_region.hpp"
+#include "segmentation/finding/voxel_mask.hpp"
 #include "segmentation/fit/forward_model.hpp"
 #include "segmentation/intake/volume.hpp"
 
@@ -29,7 +30,8 @@ struct EyeStart {
   /// Where half-level edges told them: the interface's half axes, and the apex' distance from the centre.
   std::optional<Eigen::Vector3d> globe_half_axes_mm = {};
   std::optional<double> apex_distance_mm = {};
-  std::vector<EyeStart> others = {};  ///< to start from too: what explains the images best is taken
+  std::vector<EyeStart> others = {};     ///< to start from too: what explains the images best is taken
+  std::vector<VoxelMask> left_out = {};  ///< of each stack; empty: none
 
   /// The same eye as it lies in stack k.
   EyeStart in_stack(std::size_t k) const {
@@ -66,6 +68,7 @@ struct ObservedStack {
   /// the wall (Selection::optic_nerve); none: nothing hides it.
   std::optional<Eigen::Vector3d> optic_nerve;
   BlankedRegion blanked = {};     ///< its voxels tell nothing
+  VoxelMask left_out = {};        ///< nor do these
   bool front_is_blanked = false;  ///< lens and cornea with it
 };
 
@@ -80,8 +83,9 @@ TissueLevels tissue_levels(const Stack& stack, const EyeStart& start, Weighting 
 
 /// Sigma of the noise (one channel) in the vitreous: residual of a quadratic in each slice, corrected for the
 /// Rician magnitude.
+/// \param left_out  is none
 /// \throw Error (no_result) when there are too few voxels in it
-double vitreous_noise(const Stack& stack, const EyeStart& start);
+double vitreous_noise(const Stack& stack, const EyeStart& start, const VoxelMask& left_out = {});
 
 /// Normalises stacks; their noise and resolution.
 std::vector<ObservedStack> observe(const std::vector<const Stack*>& stacks, const EyeStart& start,

@@ -5,6 +5,7 @@
 
 #include "pipeline/base/error.hpp"
 #include "pipeline/eye/population/limits.hpp"
+#include "segmentation/fit/intraocular_mass.hpp"
 #include "segmentation/intake/canonical_stack.hpp"
 
 namespace emmetrope::segmentation {
@@ -29,7 +30,7 @@ void fit_once(JudgedEye& eye, const std::vector<const Stack*>& images,
               const std::vector<const Stack*>& stacks, const EyeStart& start,
               const std::function<void()>& advance) {
   try {
-    eye.fit = fit_eye(stacks, start, eye.found.weighting, advance, eye.evidence);
+    eye.fit = fit_eye_beside_mass(stacks, start, eye.found.weighting, advance, eye.evidence);
     for (std::size_t v = 0; v < images.size(); ++v) eye.fit->stacks[v].stack = images[v];
     eye.gates = judge_quality(eye.found, *eye.fit, eye.main_edges());
   } catch (const Error& error) {

@@ -182,6 +182,36 @@ void judge_gaze(const EyeFit& fit, Gates& gates) {
           deg));
 }
 
+/// Something that is no vitreous, in words.
+std::string described(const IntraocularMass& mass, Weighting weighting) {
+  const bool is_bright = mass.over_step > 0;
+  // Flesh and blood are brighter than the vitreous in T1 and darker in T2.
+  const char* what = is_bright == (weighting == Weighting::t1) ? "a tumour, blood, a detached retina?"
+                                                               : "gas, metal, voxels that were blanked?";
+  return fmt::format("{:.0f} mm3 {} than the vitreous ({})", mass.volume_mm3,
+                     is_bright ? "brighter" : "darker", what);
+}
+
+void judge_vitreous(const EyeFit& fit, Gates& gates) {
+  gates.warn_above({"intraocular_mass_seen_mm3", "intraocular_mass_mm3"}, fit.mass.volume_mm3,
+                   fmt::format("in the globe lie {}: they and what is near them were left out of the fit",
+                               described(fit.mass, fit.weighting)));
+  gates.refuse_above("intraocular_mass_mm3", fit.mass.volume_mm3,
+                     fmt::format("in the globe lie {}: so much that its wall is not known",
+                                 described(fit.mass, fit.weighting)));
+  gates.refuse_above("unexplained_in_vitreous_mm3", fit.unexplained.volume_mm3,
+                     fmt::format("in the fitted globe lie {}, or it is not the eye's",
+                                 described(fit.unexplained, fit.weighting)));
+  if (fit.weighting != Weighting::t2) return;
+  const double around = fit.value(surround) / fit.value(vitreous);
+  gates.refuse_above(
+      "surroundings_over_vitreous_t2", around,
+      fmt::format(
+          "what surrounds the globe is {:.1f} times as bright as the vitreous: these images are not T2-weighted, or "
+          "the globe is not filled with water (silicone oil, blood?)",
+          around));
+}
+
 void judge_lens(const EyeFit& fit, Gates& gates) {
   gates.refuse_below("lens_contrast", lens_contrast(fit),
                      "the lens is not visible: nothing between aqueous and vitreous differs from both");
@@ -190,6 +220,13 @@ void judge_lens(const EyeFit& fit, Gates& gates) {
       "lens_off_axis_mm", off_axis_mm,
       fmt::format("the lens was not found: the fitted one lies {:.1f} mm beside the eye's axis",
                   off_axis_mm));
+  const double thickness_mm = fit.value(lens_thickness);
+  gates.refuse_below(
+      "natural_lens_mm", thickness_mm,
+      fmt::format("a lens {:.1f} mm thick is no natural one (was it replaced?): what it is and does to "
+                  "light is not known",
+                  thickness_mm),
+      Withholds::front);
 }
 
 void judge_cornea_and_length(const EyeFit& fit, Gates& gates) {
@@ -199,15 +236,16 @@ void judge_cornea_and_length(const EyeFit& fit, Gates& gates) {
                        (fit.value(aqueous) - fit.value(cornea)) / (fit.value(aqueous) - fit.value(wall)),
                        "the cornea was not found: what was taken for it is as bright as the fluid behind it",
                        Withholds::front);
-  const double fluids_apart = std::abs(fit.value(aqueous) - fit.value(vitreous));
-  if (fit.weighting == Weighting::t1)
-    gates.refuse_above(
-        "fluid_difference_t1", fluids_apart,
-        fmt::format(
-            "the cornea was not found: what was taken for the aqueous differs from the vitreous by {:.0f} % "
-            "of what surrounds the globe, and both are water (a lid? oil or blood in the vitreous?)",
-            100 * fluids_apart),
-        Withholds::front);
+  const bool t1 = fit.weighting == Weighting::t1;
+  const double fluids_apart =
+      std::abs(fit.value(aqueous) - fit.value(vitreous)) / (t1 ? 1 : std::abs(fit.value(vitreous)));
+  gates.refuse_above(
+      t1 ? "fluid_difference_t1" : "fluid_difference_t2", fluids_apart,
+      fmt::format(
+          "the cornea was not found: what was taken for the aqueous differs from the vitreous by {:.0f} % "
+          "of {}, and both are water (a lid? oil or blood in the vitreous?)",
+          100 * fluids_apart, t1 ? "what surrounds the globe" : "its brightness"),
+      Withholds::front);
   const double power_sigma_D = keratometric_D_mm * fit.sigma(cornea_c);
   const double prior_sigma_D = keratometric_D_mm * fit.priors.sigma[cornea_c];
   gates.refuse_above(
@@ -411,6 +449,7 @@ std::vector<QualityGate> judge_quality(const FoundEye& found, const EyeFit& fit,
   judge_globe(found, gates);
   judge_blanking(found, fit, gates);
   judge_gaze(fit, gates);
+  judge_vitreous(fit, gates);
   if (fit.front_is_blanked()) {
     gates.withhold("front_is_blanked", Withholds::front,
                    "the front of the eye was blanked in the images (a defaced head): no cornea, no lens, no "

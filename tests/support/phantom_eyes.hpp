@@ -38,15 +38,16 @@ struct PhantomEye {
   }
 };
 
-/// Both eyes of a random head in one axial T2 stack of 0.8 mm: seconds to fit, and all of an eye is seen.
-inline Stack small_scan(unsigned long long seed) {
-  const phantom::Anatomy anatomy(phantom::random_head(seed));
+/// Both eyes of a head in one axial T2 stack of 0.8 mm: seconds to fit, and all of an eye is seen.
+inline Stack small_scan(const phantom::HeadGeometry& head) {
+  const phantom::Anatomy anatomy(head);
   phantom::Protocol protocol;
   protocol.disturbances.snr = 20;
   protocol.stacks.push_back(
       phantom::make_stack("head-axial:pixel_mm=0.8,slice_mm=0.8,matrix=140x60,slices=44", anatomy));
   return to_stack(phantom::render(anatomy, protocol, 0, 1), "stack1");
 }
+inline Stack small_scan(unsigned long long seed) { return small_scan(phantom::random_head(seed)); }
 
 inline PhantomEye render_eye(const phantom::HeadGeometry& head, const phantom::Protocol& protocol,
                              Laterality laterality, int threads) {

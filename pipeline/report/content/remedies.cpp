@@ -11,6 +11,7 @@ constexpr const char* keep_still = "Rescan with the head still, in fewer minutes
 // Where the fit is withheld no other instrument helps.
 constexpr const char* rescan = "Rescan this eye, still, in T2 of 0.5 mm in plane.";
 constexpr const char* before_defacing = "Use the images from before the face was taken off.";
+constexpr const char* ask_radiologist = "Have a radiologist look at what is in the globe.";
 constexpr const char* measure_cornea = "Measure the cornea, and give it (--keratometry).";
 
 }  // namespace
@@ -26,8 +27,13 @@ std::string remedy_of_gate(const std::string& gate) {
       {"vertical_gaze_difference_deg", look},
       {"chamber_difference", look},
       {"lens_contrast", "Rescan in T2, which shows the lens."},
+      {"natural_lens_mm", "Take length and chamber by an instrument that knows lens implants."},
       {"cornea_contrast_t2", rescan},
       {"fluid_difference_t1", rescan},
+      {"intraocular_mass_seen_mm3", ask_radiologist},
+      {"intraocular_mass_mm3", ask_radiologist},
+      {"unexplained_in_vitreous_mm3", ask_radiologist},
+      {"surroundings_over_vitreous_t2", ask_radiologist},
       {"cornea_sigma_over_prior", measure_cornea},
       {"chamber_of_unseen_cornea_mm", rescan},
       {"keratometry_plausible_D", measure_cornea},

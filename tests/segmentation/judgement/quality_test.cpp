@@ -410,6 +410,59 @@ TEST(QualityOfShapes, AnAqueousUnlikeTheVitreousIsNone) {
                            [](const QualityGate& gate) { return gate.name == "fluid_difference_t1"; }));
 }
 
+/// In T2 oil has two fifths of the signal of water, and T1 of an eye full of oil looks like T2 but for the fat.
+TEST(QualityOfShapes, AnEyeThatIsNotFilledWithWaterIsTold) {
+  const ParameterLayout layout;
+  Eigen::VectorXd parameters = population_mean(layout);
+  for (int i = vitreous; i <= surround; ++i) parameters[i] = i == vitreous || i == aqueous ? 1 : 0.4;
+  const auto gate = [&](const char* name) {
+    return gate_of(fit_at(layout, parameters, Weighting::t2), name);
+  };
+  EXPECT_TRUE(gate("fluid_difference_t2").passed);
+  EXPECT_TRUE(gate("surroundings_over_vitreous_t2").passed);
+  parameters[aqueous] = 2.4;
+  EXPECT_FALSE(gate("fluid_difference_t2").passed);
+  EXPECT_EQ(gate("fluid_difference_t2").withholds, Withholds::front);
+  parameters[surround] = 1.4;
+  EXPECT_FALSE(gate("surroundings_over_vitreous_t2").passed);
+  EXPECT_EQ(gate("surroundings_over_vitreous_t2").withholds, Withholds::fit);
+}
+
+/// Implants are 0.7 to 1.1 mm thick, and fits in T2 tell 2 to 2.7 mm.
+TEST(QualityOfShapes, ALensImplantIsNoNaturalLens) {
+  const ParameterLayout layout;
+  Eigen::VectorXd parameters = population_mean(layout);
+  for (const auto& [thickness_mm, stands] : {std::pair{2.94, true}, {2.63, false}, {0.9, false}}) {
+    parameters[lens_thickness] = thickness_mm;
+    const QualityGate gate = gate_of(fit_at(layout, parameters, Weighting::t2), "natural_lens_mm");
+    EXPECT_EQ(gate.passed, stands) << thickness_mm;
+    EXPECT_EQ(gate.withholds, Withholds::front);
+  }
+}
+
+/// What was left out is said; what no fit explains, or fills the globe, withholds it.
+TEST(QualityOfShapes, AMassInTheGlobeIsSaid) {
+  const ParameterLayout layout;
+  EyeFit fit = fit_at(layout, population_mean(layout), Weighting::t1);
+  EXPECT_TRUE(gate_of(fit, "intraocular_mass_seen_mm3").passed);
+  EXPECT_TRUE(gate_of(fit, "unexplained_in_vitreous_mm3").passed);
+  fit.mass = {109, 0.7};
+  const QualityGate seen = gate_of(fit, "intraocular_mass_seen_mm3");
+  EXPECT_FALSE(seen.passed);
+  EXPECT_EQ(seen.withholds, Withholds::nothing);
+  EXPECT_NE(seen.reason.find("109 mm3 brighter than the vitreous (a tumour"), std::string::npos)
+      << seen.reason;
+  EXPECT_TRUE(gate_of(fit, "intraocular_mass_mm3").passed);
+  fit.mass = {1200, 0.7};
+  EXPECT_FALSE(gate_of(fit, "intraocular_mass_mm3").passed);
+  fit.unexplained = {119, -0.55};
+  const QualityGate unexplained = gate_of(fit, "unexplained_in_vitreous_mm3");
+  EXPECT_FALSE(unexplained.passed);
+  EXPECT_EQ(unexplained.withholds, Withholds::fit);
+  EXPECT_NE(unexplained.reason.find("darker than the vitreous (gas"), std::string::npos)
+      << unexplained.reason;
+}
+
 /// A head that was stretched to an atlas has eyes 5 mm wider than deep.
 TEST(QualityOfShapes, AFlattenedGlobeIsNoEyes) {
   const ParameterLayout layout;

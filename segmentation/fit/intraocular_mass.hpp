@@ -1,0 +1,19 @@
+#pragma once
+#include <functional>
+#include <vector>
+
+#include "segmentation/fit/eye_fit.hpp"
+
+namespace emmetrope::segmentation {
+
+/// Fits one eye (fit_eye). Where something lies in its vitreous that is none, a tumour, blood or a detached retina, which
+/// would draw the wall towards it, once more without those voxels and what lies within 2.5 mm of them.
+///
+/// No vitreous are voxels that touch each other, 2 mm inside the wall or more and 2.5 mm behind the lens, that each differ
+/// from it by more than 0.3 of the step to what surrounds the globe (T1) or to no signal (T2) and by more than three
+/// standard deviations of the noise, and together by as much as 12 mm3 of the whole step.
+EyeFit fit_eye_beside_mass(const std::vector<const Stack*>& stacks, const EyeStart& start,
+                           Weighting weighting, const std::function<void()>& advance = {},
+                           Evidence evidence = Evidence::intensities);
+
+}  // namespace emmetrope::segmentation

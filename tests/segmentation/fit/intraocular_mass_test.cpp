@@ -1,0 +1,57 @@
+#include "segmentation/fit/intraocular_mass.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "data_samples/phantom/true_optics.hpp"
+#include "data_samples/phantom/truth.hpp"
+#include "tests/support/phantom_eyes.hpp"
+
+namespace emmetrope::segmentation {
+namespace {
+
+/// What a fit of one eye of a head is off by, in its standard deviations.
+struct Errors {
+  double length, width, height;
+};
+Errors errors_of(const EyeFit& fit, const Json& truth) {
+  const auto off = [&](double mm, const char* what, double sigma_mm) {
+    return std::abs(mm - truth.at(what).get<double>()) / sigma_mm;
+  };
+  return {off(to_parametric_eye(fit, Laterality::od).pole_depth_mm(), "axial_length_mm",
+              fit.pole_depth_sigma_mm()),
+          off(2 * fit.value(globe_x), "globe_width_mm", 2 * fit.sigma(globe_x)),
+          off(2 * fit.value(globe_y), "globe_height_mm", 2 * fit.sigma(globe_y))};
+}
+
+/// A tumour half as wide as the globe draws the wall of a fit that takes it for vitreous.
+TEST(IntraocularMass, IsLeftOutOfTheFit) {
+  phantom::HeadGeometry head = phantom::random_head(7);
+  head.od.tumour_mm = 5;
+  head.od.tumour_x_deg = 50;
+  head.od.tumour_y_deg = 20;
+  const Stack stack = small_scan(head);
+  const std::vector<const Stack*> stacks{&stack};
+  const Json truth = phantom::eye_truth(phantom::place(head, Laterality::od), head.lens_index);
+  for (const FoundEye& found : find_eyes(stacks, {""}).eyes) {
+    const EyeFit fit =
+        fit_eye_beside_mass(stacks, start_of(found, read_edges_of(found, stacks)), found.weighting);
+    EXPECT_EQ(fit.unexplained.volume_mm3, 0);
+    if (found.laterality == Laterality::os) {
+      EXPECT_EQ(fit.mass.volume_mm3, 0);
+      continue;
+    }
+    // Half a ball of 5 mm has 262 mm3, of which 3 mm stand out of what is left out beside the wall.
+    EXPECT_GT(fit.mass.volume_mm3, 30);
+    EXPECT_LT(fit.mass.volume_mm3, 262);
+    EXPECT_LT(fit.mass.over_step, -0.3);
+    const Errors errors = errors_of(fit, truth);
+    EXPECT_LT(errors.length, 3);
+    EXPECT_LT(errors.width, 3);
+    EXPECT_LT(errors.height, 3);
+  }
+}
+
+}  // namespace
+}  // namespace emmetrope::segmentation
