@@ -16,7 +16,6 @@ class VoxelMask {
         rows_(stack.rows),
         held_(static_cast<std::size_t>(stack.columns) * stack.rows * stack.slices(), 0) {}
 
-  bool is_empty() const { return held_.empty(); }
   /// \pre the voxel is one of the stack's
   void add(int column, int row, int slice) { held_[place(column, row, slice)] = 1; }
   bool holds(int column, int row, int slice) const {

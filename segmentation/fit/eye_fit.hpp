@@ -25,12 +25,11 @@ struct RegionFit {
   double correlation = 1;
 };
 
-/// What lies in the vitreous and is none; 0: nothing.
+/// What lies in the vitreous, 2 mm from the wall or more, and is none; 0: nothing.
 struct IntraocularMass {
-  double volume_mm3 = 0;  ///< of its largest piece, in the stack that shows most of it
-  double over_step =
-      0;  ///< its mean difference from the vitreous, in steps from there to the surroundings (T1) or from no
-          ///< signal (T2)
+  double volume_mm3 = 0;  ///< in the stack that shows most of it
+  /// Its mean difference from the vitreous, in steps from there to the surroundings (T1) or from no signal (T2).
+  double over_step = 0;
 };
 
 /// A fitted eye.

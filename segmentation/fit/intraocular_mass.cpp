@@ -4,7 +4,9 @@
 #include <array>
 #include <cmath>
 #include <map>
+#include <utility>
 
+#include "pipeline/base/error.hpp"
 #include "segmentation/finding/sampling.hpp"
 
 namespace emmetrope::segmentation {
@@ -12,58 +14,76 @@ namespace {
 
 using Eigen::Vector3d;
 
-/// Volume times difference from the vitreous in steps. Ghosts in real heads whose fit stands have up to 9.4, the part of a
-/// tumour of 4.3 mm radius that is 2 mm from the wall and behind the lens 16.
+/// Volume times difference from the vitreous in steps. Ghosts in real heads whose fit stands have up to 7.5, the part of a
+/// tumour of 4.3 mm radius that is 2 mm from the wall and behind the lens about 12.
 constexpr double least_signal_mm3 = 12;
 constexpr double about_piece_mm = 2.5;  ///< what is mixed with it, and the wall that it stands on
+constexpr double least_step_t1 = 0.1;   ///< of the surroundings' brightness; below, nothing can be told by it
 
-/// By column, row and slice: how much brighter than vitreous, in steps.
-using Foreign = std::map<std::array<int, 3>, double>;
+/// What is unlike the vitreous, by column, row and slice: how much brighter, in steps.
+using Unlike = std::map<std::array<int, 3>, double>;
 
-/// What of a stack lies in the vitreous and is none.
-/// \param known  is left out
-Foreign foreign_voxels(const EyeFit& fit, std::size_t k, const Stack& stack, const VoxelMask& known) {
-  constexpr double least_share_of_step = 0.3, least_noise_sigmas = 3, behind_lens_mm = 2.5;
+/// From the vitreous to what surrounds it (T1), or from no signal to it (T2).
+double step_of(const EyeFit& fit) {
+  return fit.weighting == Weighting::t2 ? fit.value(vitreous) : fit.value(surround) - fit.value(vitreous);
+}
+
+/// Where the first stack has what lies there in stack k.
+Vector3d shift_of(const EyeFit& fit, std::size_t k) {
+  return fit.parameters.segment<3>(fit.layout.stack(static_cast<int>(k)) + shift_first);
+}
+
+/// Voxels of stack k in the vitreous, 2 mm from the wall and behind the lens.
+Unlike vitreous_voxels(const EyeFit& fit, std::size_t k, const Stack& stack) {
+  constexpr double behind_lens_mm = 2.5;
   const double half_diagonal_mm =
       Vector3d(stack.column_spacing_mm, stack.row_spacing_mm, stack.slice_spacing_mm()).norm() / 2;
   const double inside_wall_mm = std::max(2.0, 1 + half_diagonal_mm);
-  const double step =
-      fit.weighting == Weighting::t2 ? fit.value(vitreous) : fit.value(surround) - fit.value(vitreous);
   const double first_depth_mm =
       fit.value(anterior_chamber_depth) + fit.value(lens_thickness) + behind_lens_mm;
-  const int index = static_cast<int>(k);
-  const Vector3d centre =
-      fit.globe_centre_lps() - fit.parameters.segment<3>(fit.layout.stack(index) + shift_first);
   const Vector3d half_axes_mm(fit.value(globe_x), fit.value(globe_y), fit.value(globe_z));
   const Vector3d centre_in_eye(0, 0, fit.value(globe_z) - fit.value(axial_length));
   const ForwardModel::AtParameters at(fit.model, fit.parameters);
-  Foreign foreign;
-  for_each_voxel_near(
-      stack, centre, half_axes_mm.maxCoeff(), [&](int c, int r, int s, const Vector3d& position) {
-        const Vector3d p = at.to_eye(position, index);
-        // Of the ellipsoid: a wall that was drawn to a mass is dented by it.
-        const double radius_mm = (p - centre_in_eye).norm();
-        const double wall_mm = radius_mm / (p - centre_in_eye).cwiseQuotient(half_axes_mm).norm();
-        if (known.holds(c, r, s) || -p.z() < first_depth_mm || wall_mm - radius_mm < inside_wall_mm) return;
-        Sample sample;
-        sample.position = position;
-        sample.stack = static_cast<std::uint8_t>(k);
-        const double coil = at.coil(sample);
-        const double brighter = stack.at(c, r, s) / (fit.stacks[k].reference * coil) - fit.value(vitreous);
-        const double noise = fit.stacks[k].sampling.noise / coil;
-        if (std::abs(brighter) > std::max(least_share_of_step * std::abs(step), least_noise_sigmas * noise))
-          foreign[{c, r, s}] = brighter / step;
-      });
-  return foreign;
+  Unlike voxels;
+  for_each_voxel_near(stack, fit.globe_centre_lps() - shift_of(fit, k), half_axes_mm.maxCoeff(),
+                      [&](int c, int r, int s, const Vector3d& position) {
+                        const Vector3d p = at.to_eye(position, static_cast<int>(k));
+                        // Of the ellipsoid: a wall that was drawn to a mass is dented by it.
+                        const double radius_mm = (p - centre_in_eye).norm();
+                        const double wall_mm =
+                            radius_mm / (p - centre_in_eye).cwiseQuotient(half_axes_mm).norm();
+                        if (-p.z() < first_depth_mm || wall_mm - radius_mm < inside_wall_mm) return;
+                        if (fit.stacks[k].blanked.holds_voxel(c, r, s)) return;
+                        Sample sample;
+                        sample.position = position;
+                        sample.stack = static_cast<std::uint8_t>(k);
+                        const double signal = stack.at(c, r, s) / (fit.stacks[k].reference * at.coil(sample));
+                        voxels[{c, r, s}] = (signal - fit.value(vitreous)) / step_of(fit);
+                      });
+  return voxels;
+}
+
+/// Those that are unlike the vitreous, brighter or darker. Noise is the voxels' own, by their median deviation: a mass
+/// where the fit measured its noise does not count.
+Unlike unlike_voxels(const Unlike& voxels, double sign, const VoxelMask& known) {
+  constexpr double least_share_of_step = 0.3, least_noise_sigmas = 3, of_median = 1.4826;
+  std::vector<double> deviations;
+  for (const auto& [voxel, over] : voxels) deviations.push_back(std::abs(over));
+  const double least =
+      std::max(least_share_of_step, least_noise_sigmas * of_median * quantile(deviations, 0.5));
+  Unlike unlike;
+  for (const auto& [voxel, over] : voxels)
+    if (sign * over > least && !known.holds(voxel[0], voxel[1], voxel[2])) unlike.emplace(voxel, over);
+  return unlike;
 }
 
 /// Those that touch each other by their faces.
-std::vector<Foreign> pieces_of(Foreign foreign) {
-  std::vector<Foreign> pieces;
-  while (!foreign.empty()) {
-    Foreign& piece = pieces.emplace_back();
-    std::vector<Foreign::node_type> front;
-    front.push_back(foreign.extract(foreign.begin()));
+std::vector<Unlike> pieces_of(Unlike unlike) {
+  std::vector<Unlike> pieces;
+  while (!unlike.empty()) {
+    Unlike& piece = pieces.emplace_back();
+    std::vector<Unlike::node_type> front;
+    front.push_back(unlike.extract(unlike.begin()));
     while (!front.empty()) {
       const std::array<int, 3> voxel = front.back().key();
       piece.insert(std::move(front.back()));
@@ -72,50 +92,53 @@ std::vector<Foreign> pieces_of(Foreign foreign) {
         for (const int way : {-1, 1}) {
           std::array<int, 3> neighbour = voxel;
           neighbour[axis] += way;
-          if (auto node = foreign.extract(neighbour)) front.push_back(std::move(node));
+          if (auto node = unlike.extract(neighbour)) front.push_back(std::move(node));
         }
     }
   }
   return pieces;
 }
 
-/// The largest piece of a stack, and all that are large with what lies about them.
-struct Pieces {
-  IntraocularMass largest;
-  VoxelMask about;
-};
-Pieces find_pieces(const EyeFit& fit, std::size_t k, const Stack& stack, const VoxelMask& known) {
-  const double voxel_mm3 = stack.column_spacing_mm * stack.row_spacing_mm * stack.slice_spacing_mm();
-  Pieces pieces;
-  for (const Foreign& piece : pieces_of(foreign_voxels(fit, k, stack, known))) {
-    double sum = 0;
-    for (const auto& [voxel, over] : piece) sum += over;
-    if (voxel_mm3 * std::abs(sum) < least_signal_mm3) continue;
-    const auto voxels = static_cast<double>(piece.size());
-    if (voxel_mm3 * voxels > pieces.largest.volume_mm3) pieces.largest = {voxel_mm3 * voxels, sum / voxels};
-    if (pieces.about.is_empty()) pieces.about = VoxelMask(stack);
-    for (const auto& [voxel, over] : piece)
-      for_each_voxel_near(stack, stack.position(voxel[0], voxel[1], voxel[2]), about_piece_mm,
-                          [&](int c, int r, int s, const Vector3d&) { pieces.about.add(c, r, s); });
+/// Marks what lies about a piece of stack k in all stacks.
+void mark_about(const Unlike& piece, const EyeFit& fit, std::size_t k,
+                const std::vector<const Stack*>& stacks, std::vector<VoxelMask>& about) {
+  for (const auto& [voxel, over] : piece) {
+    const Vector3d in_first = stacks[k]->position(voxel[0], voxel[1], voxel[2]) + shift_of(fit, k);
+    for (std::size_t j = 0; j < stacks.size(); ++j)
+      for_each_voxel_near(*stacks[j], in_first - shift_of(fit, j), about_piece_mm,
+                          [&](int c, int r, int s, const Vector3d&) { about[j].add(c, r, s); });
   }
-  return pieces;
 }
 
-/// In all stacks.
-struct Masses {
-  IntraocularMass largest;
+/// What lies in the vitreous and is none, and the voxels of each stack that lie about it.
+struct Found {
+  IntraocularMass mass;
   std::vector<VoxelMask> about;
 };
-/// \param known  of each stack, is left out; empty: nothing
-Masses find_masses(const EyeFit& fit, const std::vector<const Stack*>& stacks,
-                   const std::vector<VoxelMask>& known = {}) {
-  Masses masses;
+/// \param known  of each stack, does not count; empty: nothing
+Found find_mass(const EyeFit& fit, const std::vector<const Stack*>& stacks,
+                const std::vector<VoxelMask>& known = {}) {
+  Found found;
+  for (const Stack* stack : stacks) found.about.emplace_back(*stack);
+  if (fit.weighting == Weighting::t1 && step_of(fit) < least_step_t1) return found;
   for (std::size_t k = 0; k < stacks.size(); ++k) {
-    Pieces pieces = find_pieces(fit, k, *stacks[k], known.empty() ? VoxelMask() : known[k]);
-    if (pieces.largest.volume_mm3 > masses.largest.volume_mm3) masses.largest = pieces.largest;
-    masses.about.push_back(std::move(pieces.about));
+    const double voxel_mm3 =
+        stacks[k]->column_spacing_mm * stacks[k]->row_spacing_mm * stacks[k]->slice_spacing_mm();
+    const Unlike voxels = vitreous_voxels(fit, k, *stacks[k]);
+    double count = 0, sum = 0;
+    for (const double sign : {-1.0, 1.0})
+      for (const Unlike& piece :
+           pieces_of(unlike_voxels(voxels, sign, known.empty() ? VoxelMask() : known[k]))) {
+        double of_piece = 0;
+        for (const auto& [voxel, over] : piece) of_piece += over;
+        if (voxel_mm3 * std::abs(of_piece) < least_signal_mm3) continue;
+        count += static_cast<double>(piece.size());
+        sum += of_piece;
+        mark_about(piece, fit, k, stacks, found.about);
+      }
+    if (voxel_mm3 * count > found.mass.volume_mm3) found.mass = {voxel_mm3 * count, sum / count};
   }
-  return masses;
+  return found;
 }
 
 }  // namespace
@@ -124,19 +147,23 @@ EyeFit fit_eye_beside_mass(const std::vector<const Stack*>& stacks, const EyeSta
                            Weighting weighting, const std::function<void()>& advance, Evidence evidence) {
   EyeFit fit = fit_eye(stacks, start, weighting, advance, evidence);
   if (evidence == Evidence::labels) return fit;
-  const Masses masses = find_masses(fit, stacks);
-  if (masses.largest.volume_mm3 == 0) return fit;
+  Found found = find_mass(fit, stacks);
+  if (found.mass.volume_mm3 == 0) return fit;
   EyeStart beside = start;
-  beside.left_out = masses.about;
-  EyeFit again = fit_eye(stacks, beside, weighting, {}, evidence);
-  // What is not in that eye was not in the eye: its first globe was wrong.
-  if (find_masses(again, stacks).largest.volume_mm3 == 0) {
-    fit.unexplained = masses.largest;
-    return fit;
+  beside.left_out = std::move(found.about);
+  try {
+    EyeFit again = fit_eye(stacks, beside, weighting, {}, evidence);
+    // What is not in that eye was not in the eye: its first globe was wrong.
+    if (find_mass(again, stacks).mass.volume_mm3 > 0) {
+      again.mass = found.mass;
+      again.unexplained = find_mass(again, stacks, beside.left_out).mass;
+      return again;
+    }
+  } catch (const Error& error) {  // too little is left
+    if (error.status() != ExitStatus::no_result) throw;
   }
-  again.mass = masses.largest;
-  again.unexplained = find_masses(again, stacks, masses.about).largest;
-  return again;
+  fit.unexplained = found.mass;
+  return fit;
 }
 
 }  // namespace emmetrope::segmentation

@@ -11,7 +11,9 @@ namespace emmetrope::segmentation {
 ///
 /// No vitreous are voxels that touch each other, 2 mm inside the wall or more and 2.5 mm behind the lens, that each differ
 /// from it by more than 0.3 of the step to what surrounds the globe (T1) or to no signal (T2) and by more than three
-/// standard deviations of the noise, and together by as much as 12 mm3 of the whole step.
+/// robust standard deviations of the voxels there, and together by as much as 12 mm3 of the whole step.
+/// \return with what was left out (EyeFit::mass), and what no fit explains (EyeFit::unexplained)
+/// \throw Error (no_result) as fit_eye
 EyeFit fit_eye_beside_mass(const std::vector<const Stack*>& stacks, const EyeStart& start,
                            Weighting weighting, const std::function<void()>& advance = {},
                            Evidence evidence = Evidence::intensities);

@@ -130,6 +130,15 @@ FellowPair least(const std::vector<FellowPair>& pairs, const Badness& badness) {
                            [&](const FellowPair& a, const FellowPair& b) { return badness(a) < badness(b); });
 }
 
+/// Whether no fellow changes what an eye was found to be: without a front, with an implant, full of oil.
+bool is_of_its_own(const JudgedEye& eye) {
+  return eye.fit && (eye.fit->front_is_blanked() ||
+                     std::any_of(eye.gates.begin(), eye.gates.end(), [](const QualityGate& gate) {
+                       return !gate.passed &&
+                              (gate.name == "natural_lens_mm" || gate.name == "fluid_difference_t2");
+                     }));
+}
+
 }  // namespace
 
 std::vector<FellowPair> all_pairs(const std::vector<const JudgedEye*>& od,
@@ -205,8 +214,7 @@ void compare_fellow_eyes(JudgedEye& od, JudgedEye& os, const std::vector<const S
   if (!in_the_same_stacks(od, os)) return;
   if (od.rank() != os.rank()) {
     JudgedEye &less = od.rank() < os.rank() ? od : os, &more = od.rank() < os.rank() ? os : od;
-    const bool can_improve = !less.fit || !less.fit->front_is_blanked();  // no fellow brings a front back
-    if (can_improve) {
+    if (!is_of_its_own(less)) {
       Progress progress(fmt::format("fitting {} again", clinical_name(less.found.laterality)), fit_steps,
                         verbosity);
       JudgedEye again =

@@ -31,7 +31,10 @@ void fit_once(JudgedEye& eye, const std::vector<const Stack*>& images,
               const std::function<void()>& advance) {
   try {
     eye.fit = fit_eye_beside_mass(stacks, start, eye.found.weighting, advance, eye.evidence);
-    for (std::size_t v = 0; v < images.size(); ++v) eye.fit->stacks[v].stack = images[v];
+    for (std::size_t v = 0; v < images.size(); ++v) {
+      eye.fit->stacks[v].stack = images[v];
+      eye.fit->stacks[v].left_out = {};  // of the voxels in their canonical order
+    }
     eye.gates = judge_quality(eye.found, *eye.fit, eye.main_edges());
   } catch (const Error& error) {
     if (error.status() != ExitStatus::no_result) throw;
@@ -73,8 +76,10 @@ std::string JudgedEye::edges_on_axis_withheld() const {
     if (gate.name == "axial_length_sigma_mm" && gate.value < edges_sigma_mm) continue;
     // A flat fit of a globe that is not flat by its edges was misread.
     if (gate.name == "globe_flattening_mm" && !is_flattened(read)) continue;
-    for (const char* on_axis : {"front_is_blanked", "globe_flattening_mm", "apex_sigma_mm",
-                                "axial_length_sigma_mm", "lens_contrast", "lens_off_axis_mm"})
+    for (const char* on_axis :
+         {"front_is_blanked", "globe_flattening_mm", "apex_sigma_mm", "axial_length_sigma_mm",
+          "lens_contrast", "lens_off_axis_mm", "natural_lens_mm", "intraocular_mass_mm3",
+          "unexplained_in_vitreous_mm3", "fluid_difference_t2", "surroundings_over_vitreous_t2"})
       if (gate.name == on_axis && !gate.passed) return gate.reason;
   }
   return {};

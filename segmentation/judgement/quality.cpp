@@ -182,27 +182,29 @@ void judge_gaze(const EyeFit& fit, Gates& gates) {
           deg));
 }
 
-/// Something that is no vitreous, in words.
+/// Something that is no vitreous, in words, and what it may be.
 std::string described(const IntraocularMass& mass, Weighting weighting) {
   const bool is_bright = mass.over_step > 0;
-  // Flesh and blood are brighter than the vitreous in T1 and darker in T2.
-  const char* what = is_bright == (weighting == Weighting::t1) ? "a tumour, blood, a detached retina?"
-                                                               : "gas, metal, voxels that were blanked?";
-  return fmt::format("{:.0f} mm3 {} than the vitreous ({})", mass.volume_mm3,
-                     is_bright ? "brighter" : "darker", what);
+  // Soft tissue and blood are brighter than the vitreous in T1 and darker in T2.
+  const char* may_be =
+      weighting == Weighting::t1
+          ? (is_bright ? "a tumour, blood, a detached retina?" : "gas, metal, blanked voxels?")
+          : (is_bright ? "an artefact, water beside oil?"
+                       : "a tumour, blood, a detached retina, gas, metal, blanked voxels?");
+  return fmt::format("{:.0f} mm3 of the globe, 2 mm from its wall or more, are {} than the vitreous ({})",
+                     mass.volume_mm3, is_bright ? "brighter" : "darker", may_be);
 }
 
 void judge_vitreous(const EyeFit& fit, Gates& gates) {
-  gates.warn_above({"intraocular_mass_seen_mm3", "intraocular_mass_mm3"}, fit.mass.volume_mm3,
-                   fmt::format("in the globe lie {}: they and what is near them were left out of the fit",
-                               described(fit.mass, fit.weighting)));
+  const std::string mass = described(fit.mass, fit.weighting);
+  gates.warn_above(
+      {"intraocular_mass_seen_mm3", "intraocular_mass_mm3"}, fit.mass.volume_mm3,
+      mass + ": they and what is near them were left out of the fit, and the retina there may lie elsewhere");
   gates.refuse_above("intraocular_mass_mm3", fit.mass.volume_mm3,
-                     fmt::format("in the globe lie {}: so much that its wall is not known",
-                                 described(fit.mass, fit.weighting)));
+                     mass + ": the wall is not known behind so much");
   gates.refuse_above("unexplained_in_vitreous_mm3", fit.unexplained.volume_mm3,
-                     fmt::format("in the fitted globe lie {}, or it is not the eye's",
-                                 described(fit.unexplained, fit.weighting)));
-  if (fit.weighting != Weighting::t2) return;
+                     described(fit.unexplained, fit.weighting) + ", or the fitted globe is not the eye's");
+  if (fit.weighting != Weighting::t2 || fit.evidence == Evidence::labels) return;
   const double around = fit.value(surround) / fit.value(vitreous);
   gates.refuse_above(
       "surroundings_over_vitreous_t2", around,

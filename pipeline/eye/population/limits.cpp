@@ -110,7 +110,7 @@ std::vector<Limits> fit_quality() {
       Row("unexplained_in_vitreous_mm3", "mm3").refuse_outside(at_most(0)),
       Row("lens_contrast", "").refuse_outside(at_least(0.10)),
       Row("lens_off_axis_mm", "mm").refuse_outside(at_most(2)),
-      // Natural lenses are 3 to 5.5 mm thick; fits to implants of 0.75 and 1.07 mm in T2 told 2.0 and 2.63.
+      // Natural lenses are thicker (lens_thickness_mm); fits to implants of 0.75 and 1.07 mm in T2 told 2.0 and 2.63.
       Row("natural_lens_mm", "mm").refuse_outside(at_least(2.8)),
       // Phantoms in T2 have 0.88 to 0.93, a cornea that was missed 0.03.
       Row("cornea_contrast_t2", "").refuse_outside(at_least(0.5)),

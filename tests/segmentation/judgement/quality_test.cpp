@@ -450,7 +450,9 @@ TEST(QualityOfShapes, AMassInTheGlobeIsSaid) {
   const QualityGate seen = gate_of(fit, "intraocular_mass_seen_mm3");
   EXPECT_FALSE(seen.passed);
   EXPECT_EQ(seen.withholds, Withholds::nothing);
-  EXPECT_NE(seen.reason.find("109 mm3 brighter than the vitreous (a tumour"), std::string::npos)
+  EXPECT_NE(seen.reason.find(
+                "109 mm3 of the globe, 2 mm from its wall or more, are brighter than the vitreous (a tumour"),
+            std::string::npos)
       << seen.reason;
   EXPECT_TRUE(gate_of(fit, "intraocular_mass_mm3").passed);
   fit.mass = {1200, 0.7};
@@ -461,6 +463,10 @@ TEST(QualityOfShapes, AMassInTheGlobeIsSaid) {
   EXPECT_EQ(unexplained.withholds, Withholds::fit);
   EXPECT_NE(unexplained.reason.find("darker than the vitreous (gas"), std::string::npos)
       << unexplained.reason;
+  fit.weighting = Weighting::t2;
+  EXPECT_NE(gate_of(fit, "unexplained_in_vitreous_mm3").reason.find("a tumour"), std::string::npos);
+  fit.unexplained.over_step = 0.5;
+  EXPECT_EQ(gate_of(fit, "unexplained_in_vitreous_mm3").reason.find("a tumour"), std::string::npos);
 }
 
 /// A head that was stretched to an atlas has eyes 5 mm wider than deep.
@@ -773,6 +779,17 @@ TEST_F(FellowEyes, AFitInThickSlicesIsNoWitness) {
   EXPECT_EQ(judged.edges_on_axis_withheld(), "") << "round by its edges";
   judged.edges.front()->biometry.globe_width.value = 30;
   EXPECT_EQ(judged.edges_on_axis_withheld(), "flat");
+}
+
+/// Of an eye that is full of oil, or of something else, edges along the axis are not what they are in others.
+TEST_F(FellowEyes, WhatFillsTheGlobeSpeaksAgainstEdgesOnTheAxis) {
+  JudgedEye judged = eye(0);
+  judged.edges = {edges_with_length(24)};
+  for (const char* gate :
+       {"surroundings_over_vitreous_t2", "unexplained_in_vitreous_mm3", "natural_lens_mm"}) {
+    judged.gates = {{gate, 2, 1, false, Withholds::fit, "filled"}};
+    EXPECT_EQ(judged.edges_on_axis_withheld(), "filled") << gate;
+  }
 }
 
 /// A misread fit may be flat where the edges' globe is an eye's: their length stands. Of a stretched head both are flat.
