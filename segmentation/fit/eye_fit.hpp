@@ -28,7 +28,7 @@ struct RegionFit {
 /// What lies in the vitreous, 2 mm from the wall or more, and is none; 0: nothing.
 struct IntraocularMass {
   double volume_mm3 = 0;  ///< in the stack that shows most of it
-  /// Its mean difference from the vitreous, in steps from there to the surroundings (T1) or from no signal (T2).
+  /// Its mean difference from the vitreous, in steps from there to the surroundings (T1) or to no signal (T2).
   double over_step = 0;
 };
 

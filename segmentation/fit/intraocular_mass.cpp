@@ -14,18 +14,22 @@ namespace {
 
 using Eigen::Vector3d;
 
-/// Volume times difference from the vitreous in steps. Ghosts in real heads whose fit stands have up to 7.5, the part of a
-/// tumour of 4.3 mm radius that is 2 mm from the wall and behind the lens about 12.
+/// Volume times difference from the vitreous in steps: of a tumour of 4.3 mm radius the part that is 2 mm from the wall and
+/// behind the lens.
 constexpr double least_signal_mm3 = 12;
 constexpr double about_piece_mm = 2.5;  ///< what is mixed with it, and the wall that it stands on
 constexpr double least_step_t1 = 0.1;   ///< of the surroundings' brightness; below, nothing can be told by it
 
-/// What is unlike the vitreous, by column, row and slice: how much brighter, in steps.
-using Unlike = std::map<std::array<int, 3>, double>;
+/// A voxel of the vitreous: how much it is like what surrounds that, and the noise that the fit knows of, in steps.
+struct VitreousVoxel {
+  double over = 0, noise = 0;
+};
+/// By column, row and slice.
+using Voxels = std::map<std::array<int, 3>, VitreousVoxel>;
 
-/// From the vitreous to what surrounds it (T1), or from no signal to it (T2).
+/// From the vitreous to what surrounds it (T1), or to no signal (T2).
 double step_of(const EyeFit& fit) {
-  return fit.weighting == Weighting::t2 ? fit.value(vitreous) : fit.value(surround) - fit.value(vitreous);
+  return (fit.weighting == Weighting::t2 ? 0 : fit.value(surround)) - fit.value(vitreous);
 }
 
 /// Where the first stack has what lies there in stack k.
@@ -34,7 +38,7 @@ Vector3d shift_of(const EyeFit& fit, std::size_t k) {
 }
 
 /// Voxels of stack k in the vitreous, 2 mm from the wall and behind the lens.
-Unlike vitreous_voxels(const EyeFit& fit, std::size_t k, const Stack& stack) {
+Voxels vitreous_voxels(const EyeFit& fit, std::size_t k, const Stack& stack) {
   constexpr double behind_lens_mm = 2.5;
   const double half_diagonal_mm =
       Vector3d(stack.column_spacing_mm, stack.row_spacing_mm, stack.slice_spacing_mm()).norm() / 2;
@@ -44,7 +48,7 @@ Unlike vitreous_voxels(const EyeFit& fit, std::size_t k, const Stack& stack) {
   const Vector3d half_axes_mm(fit.value(globe_x), fit.value(globe_y), fit.value(globe_z));
   const Vector3d centre_in_eye(0, 0, fit.value(globe_z) - fit.value(axial_length));
   const ForwardModel::AtParameters at(fit.model, fit.parameters);
-  Unlike voxels;
+  Voxels voxels;
   for_each_voxel_near(stack, fit.globe_centre_lps() - shift_of(fit, k), half_axes_mm.maxCoeff(),
                       [&](int c, int r, int s, const Vector3d& position) {
                         const Vector3d p = at.to_eye(position, static_cast<int>(k));
@@ -57,32 +61,35 @@ Unlike vitreous_voxels(const EyeFit& fit, std::size_t k, const Stack& stack) {
                         Sample sample;
                         sample.position = position;
                         sample.stack = static_cast<std::uint8_t>(k);
-                        const double signal = stack.at(c, r, s) / (fit.stacks[k].reference * at.coil(sample));
-                        voxels[{c, r, s}] = (signal - fit.value(vitreous)) / step_of(fit);
+                        const double unit = at.coil(sample) * step_of(fit);
+                        voxels[{c, r, s}] = {stack.at(c, r, s) / (fit.stacks[k].reference * unit) -
+                                                 fit.value(vitreous) / step_of(fit),
+                                             fit.stacks[k].sampling.noise / std::abs(unit)};
                       });
   return voxels;
 }
 
-/// Those that are unlike the vitreous, brighter or darker. Noise is the voxels' own, by their median deviation: a mass
-/// where the fit measured its noise does not count.
-Unlike unlike_voxels(const Unlike& voxels, double sign, const VoxelMask& known) {
-  constexpr double least_share_of_step = 0.3, least_noise_sigmas = 3, of_median = 1.4826;
+/// Those that are unlike the vitreous by more than the noise that the fit measured in its middle, ghosts included, and that
+/// of all these voxels by their median deviation. What is unlike it the other way draws no wall.
+Voxels unlike_voxels(const Voxels& voxels, const VoxelMask& known) {
+  constexpr double least_share_of_step = 0.3, least_noise_sigmas = 5, of_median = 1.4826;
   std::vector<double> deviations;
-  for (const auto& [voxel, over] : voxels) deviations.push_back(std::abs(over));
-  const double least =
-      std::max(least_share_of_step, least_noise_sigmas * of_median * quantile(deviations, 0.5));
-  Unlike unlike;
-  for (const auto& [voxel, over] : voxels)
-    if (sign * over > least && !known.holds(voxel[0], voxel[1], voxel[2])) unlike.emplace(voxel, over);
+  for (const auto& [place, voxel] : voxels) deviations.push_back(std::abs(voxel.over));
+  const double spread = of_median * quantile(deviations, 0.5);
+  Voxels unlike;
+  for (const auto& [place, voxel] : voxels)
+    if (voxel.over > std::max(least_share_of_step, least_noise_sigmas * std::max(spread, voxel.noise)) &&
+        !known.holds(place[0], place[1], place[2]))
+      unlike.emplace(place, voxel);
   return unlike;
 }
 
 /// Those that touch each other by their faces.
-std::vector<Unlike> pieces_of(Unlike unlike) {
-  std::vector<Unlike> pieces;
+std::vector<Voxels> pieces_of(Voxels unlike) {
+  std::vector<Voxels> pieces;
   while (!unlike.empty()) {
-    Unlike& piece = pieces.emplace_back();
-    std::vector<Unlike::node_type> front;
+    Voxels& piece = pieces.emplace_back();
+    std::vector<Voxels::node_type> front;
     front.push_back(unlike.extract(unlike.begin()));
     while (!front.empty()) {
       const std::array<int, 3> voxel = front.back().key();
@@ -100,10 +107,10 @@ std::vector<Unlike> pieces_of(Unlike unlike) {
 }
 
 /// Marks what lies about a piece of stack k in all stacks.
-void mark_about(const Unlike& piece, const EyeFit& fit, std::size_t k,
+void mark_about(const Voxels& piece, const EyeFit& fit, std::size_t k,
                 const std::vector<const Stack*>& stacks, std::vector<VoxelMask>& about) {
-  for (const auto& [voxel, over] : piece) {
-    const Vector3d in_first = stacks[k]->position(voxel[0], voxel[1], voxel[2]) + shift_of(fit, k);
+  for (const auto& [place, voxel] : piece) {
+    const Vector3d in_first = stacks[k]->position(place[0], place[1], place[2]) + shift_of(fit, k);
     for (std::size_t j = 0; j < stacks.size(); ++j)
       for_each_voxel_near(*stacks[j], in_first - shift_of(fit, j), about_piece_mm,
                           [&](int c, int r, int s, const Vector3d&) { about[j].add(c, r, s); });
@@ -124,18 +131,16 @@ Found find_mass(const EyeFit& fit, const std::vector<const Stack*>& stacks,
   for (std::size_t k = 0; k < stacks.size(); ++k) {
     const double voxel_mm3 =
         stacks[k]->column_spacing_mm * stacks[k]->row_spacing_mm * stacks[k]->slice_spacing_mm();
-    const Unlike voxels = vitreous_voxels(fit, k, *stacks[k]);
+    const Voxels voxels = vitreous_voxels(fit, k, *stacks[k]);
     double count = 0, sum = 0;
-    for (const double sign : {-1.0, 1.0})
-      for (const Unlike& piece :
-           pieces_of(unlike_voxels(voxels, sign, known.empty() ? VoxelMask() : known[k]))) {
-        double of_piece = 0;
-        for (const auto& [voxel, over] : piece) of_piece += over;
-        if (voxel_mm3 * std::abs(of_piece) < least_signal_mm3) continue;
-        count += static_cast<double>(piece.size());
-        sum += of_piece;
-        mark_about(piece, fit, k, stacks, found.about);
-      }
+    for (const Voxels& piece : pieces_of(unlike_voxels(voxels, known.empty() ? VoxelMask() : known[k]))) {
+      double of_piece = 0;
+      for (const auto& [place, voxel] : piece) of_piece += voxel.over;
+      if (voxel_mm3 * of_piece < least_signal_mm3) continue;
+      count += static_cast<double>(piece.size());
+      sum += of_piece;
+      mark_about(piece, fit, k, stacks, found.about);
+    }
     if (voxel_mm3 * count > found.mass.volume_mm3) found.mass = {voxel_mm3 * count, sum / count};
   }
   return found;

@@ -184,15 +184,10 @@ void judge_gaze(const EyeFit& fit, Gates& gates) {
 
 /// Something that is no vitreous, in words, and what it may be.
 std::string described(const IntraocularMass& mass, Weighting weighting) {
-  const bool is_bright = mass.over_step > 0;
-  // Soft tissue and blood are brighter than the vitreous in T1 and darker in T2.
-  const char* may_be =
-      weighting == Weighting::t1
-          ? (is_bright ? "a tumour, blood, a detached retina?" : "gas, metal, blanked voxels?")
-          : (is_bright ? "an artefact, water beside oil?"
-                       : "a tumour, blood, a detached retina, gas, metal, blanked voxels?");
   return fmt::format("{:.0f} mm3 of the globe, 2 mm from its wall or more, are {} than the vitreous ({})",
-                     mass.volume_mm3, is_bright ? "brighter" : "darker", may_be);
+                     mass.volume_mm3, weighting == Weighting::t1 ? "brighter" : "darker",
+                     weighting == Weighting::t1 ? "a tumour, blood, a detached retina?"
+                                                : "a tumour, blood, a detached retina, gas, metal?");
 }
 
 void judge_vitreous(const EyeFit& fit, Gates& gates) {

