@@ -104,6 +104,12 @@ std::string doubt_about_globe(const EdgeReading& reading) {
     if (!limits_of(quantity).plausible.contains(extent_mm))
       return fmt::format("a globe of {:.1f} mm is no eye's", extent_mm);
   }
+  // Of a ball of the same volume. Right readings of real heads have up to 27.0 mm; of an eye 33 mm long and 26 mm across it
+  // is 28. Edges of a scleral buckle in T1 had 30.2 mm, around a globe of 23.
+  constexpr double largest_mean_diameter_mm = 29;
+  const double mean_diameter_mm = 2 * std::cbrt(reading.globe.half_axes.prod());
+  if (mean_diameter_mm > largest_mean_diameter_mm)
+    return fmt::format("a globe of {:.1f} mm on the average is no eye's", mean_diameter_mm);
   const double gaze_deg = from_ahead_deg(reading.globe.axes.col(2));
   if (!limits_of("gaze_from_ahead_deg").accepted.contains(gaze_deg))
     return fmt::format("it looks {:.0f} degrees away from straight ahead", gaze_deg);

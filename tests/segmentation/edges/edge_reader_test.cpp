@@ -134,6 +134,17 @@ TEST(EdgeReader, DoubtsAnEyeThatLooksWhereNoFaceIs) {
   }
 }
 
+/// An eye 33 mm long and 26 mm across is one, however rare; what is wide, high and deep is none.
+TEST(EdgeReader, DoubtsAGlobeAsLargeAsNoEyes) {
+  const DrawnEye eye;
+  auto reading = read_edges(drawn(eye, axial), rough_seed(eye), Weighting::t1);
+  ASSERT_TRUE(reading);
+  reading->globe.half_axes = {13, 13, 16.3};
+  EXPECT_EQ(doubt_about_globe(*reading), "");
+  reading->globe.half_axes = {14.4, 14.1, 17};
+  EXPECT_EQ(doubt_about_globe(*reading), "a globe of 30.2 mm on the average is no eye's");
+}
+
 /// What somebody else read by hand-seeded half levels: SOURCE.txt of each scan. mm; 0 where not read.
 struct HandReading {
   const char* scan;
