@@ -14,6 +14,7 @@
 #include "segmentation/finding/find_eyes.hpp"
 #include "segmentation/fit/both_eyes.hpp"
 #include "segmentation/judgement/fellow_eye.hpp"
+#include "segmentation/judgement/two_contrasts.hpp"
 #include "segmentation/labels/hand_labels.hpp"
 #include "segmentation/output/boundary.hpp"
 #include "segmentation/output/case_json.hpp"
@@ -93,10 +94,34 @@ void fit_one(JudgedEye& eye, const StudyImages& images, const std::function<void
 }
 
 /// One eye a core; the result does not depend on how many cores there are.
-void fit_all(std::vector<JudgedEye>& eyes, const StudyImages& images, const CommonOptions& common) {
-  Progress progress("fitting the eyes", eyes.size() * fit_steps, common.verbosity);
-  const auto advance = [&] { progress.advance(); };
-  on_threads(common.thread_count(), eyes.size(), [&](std::size_t i) { fit_one(eyes[i], images, advance); });
+std::vector<JudgedEye> fit_all(const std::vector<FoundEye>& found, const StudyImages& images,
+                               const CommonOptions& common, const std::string& title) {
+  std::vector<JudgedEye> eyes(found.size());
+  for (std::size_t i = 0; i < eyes.size(); ++i) eyes[i].found = found[i];
+  {
+    Progress progress(title, eyes.size() * fit_steps, common.verbosity);
+    const auto advance = [&] { progress.advance(); };
+    on_threads(common.thread_count(), eyes.size(), [&](std::size_t i) { fit_one(eyes[i], images, advance); });
+  }
+  if (eyes.size() == 2 && images.labels.empty())
+    compare_fellow_eyes(eyes[0], eyes[1], images.stacks(), images.subject.age_years, common.thread_count(),
+                        common.verbosity);
+  return eyes;
+}
+
+/// Puts what images of the other contrast say to it.
+void add_other_contrast(std::vector<JudgedEye>& eyes, const std::vector<FoundEye>& found,
+                        const StudyImages& images, const CommonOptions& common) {
+  const auto eye_of = [&](const FoundEye& in_other) {
+    return std::find_if(eyes.begin(), eyes.end(),
+                        [&](const JudgedEye& eye) { return eye.found.laterality == in_other.laterality; });
+  };
+  const bool wanted = std::any_of(found.begin(), found.end(), [&](const FoundEye& in_other) {
+    return is_other_contrast_wanted(*eye_of(in_other), in_other);
+  });
+  if (!wanted) return;
+  for (JudgedEye& in_other : fit_all(found, images, common, "fitting the eyes in the other contrast"))
+    put_together(*eye_of(in_other.found), std::move(in_other));
 }
 
 /// \return whether both were measured and are alike enough to tell of each other
@@ -126,6 +151,15 @@ void warn_of(const JudgedEye& eye, StageWorkspace& workspace) {
   const char* name = clinical_name(eye.found.laterality);
   if (!eye.fitted_again_because.empty())
     workspace.warn(fmt::format("{}: fitted again, {}", name, eye.fitted_again_because));
+  for (const JudgedEye& other : eye.in_other_contrast) {
+    const char* contrast = to_string(other.found.weighting);
+    if (!other.is_measured() && eye.is_measured() && other.found.merit() > eye.found.merit())
+      workspace.warn(fmt::format("{}: {} stands, as less is known by {}: {}", name,
+                                 to_string(eye.found.weighting), contrast, other.reasons()));
+    for (const QualityGate& gate : other.gates)
+      if (!gate.passed && gate.withholds == Withholds::nothing)
+        workspace.warn(fmt::format("{}: in {}: {}", name, contrast, gate.reason));
+  }
   for (const QualityGate& gate : eye.gates)
     if (!gate.passed) workspace.warn(fmt::format("{}: {}", name, gate.reason));
 }
@@ -160,18 +194,17 @@ StageVerdict segment_study(const SegmentOptions& options, const CommonOptions& c
   const StudyImages images = read_images(options, common, workspace);
   const std::vector<const Stack*> stacks = images.stacks();
 
-  const FoundEyes found = find_eyes_in(images, common.laterality);
+  FoundEyes found = find_eyes_in(images, common.laterality);
   std::vector<JudgedEye> eyes;
   const bool is_seen = std::any_of(found.eyes.begin(), found.eyes.end(), [&](const FoundEye& eye) {
     return includes(common.laterality, eye.laterality);
   });
   // What each eye tells of the other is the same whichever is asked for.
-  if (is_seen)
-    for (const FoundEye& eye : found.eyes) eyes.emplace_back().found = eye;
-  fit_all(eyes, images, common);
-  if (eyes.size() == 2 && images.labels.empty())
-    compare_fellow_eyes(eyes[0], eyes[1], stacks, images.subject.age_years, common.thread_count(),
-                        common.verbosity);
+  if (is_seen) {
+    eyes = fit_all(found.eyes, images, common, "fitting the eyes");
+    if (images.labels.empty()) add_other_contrast(eyes, found.in_other_contrast, images, common);
+    for (const JudgedEye& eye : eyes) explain_contrasts(found.choices, eye);
+  }
   const bool coupled = couple(eyes);
   const std::optional<double> roll = head_roll_deg(eyes);
   eyes.erase(std::remove_if(

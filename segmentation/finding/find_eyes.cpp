@@ -165,10 +165,19 @@ std::vector<Cluster> best_pair_or_globe(const std::vector<Cluster>& clusters) {
   return eyes;
 }
 
-void choose_views(const Cluster& cluster, FoundEye& eye) {
+/// The contrast that says more about the eye.
+Weighting better_contrast(const Cluster& cluster) {
   double merit[2]{0, 0};
   for (const EyeView& v : cluster.views) merit[v.globe.weighting == Weighting::t2] += v.merit;
-  eye.weighting = merit[1] >= merit[0] ? Weighting::t2 : Weighting::t1;
+  return merit[1] >= merit[0] ? Weighting::t2 : Weighting::t1;
+}
+
+bool shows(const Cluster& cluster, Weighting weighting) {
+  return std::any_of(cluster.views.begin(), cluster.views.end(),
+                     [&](const EyeView& v) { return v.globe.weighting == weighting; });
+}
+
+void choose_views(const Cluster& cluster, FoundEye& eye) {
   std::vector<EyeView> sorted = cluster.views;
   std::stable_sort(sorted.begin(), sorted.end(),
                    [](const EyeView& a, const EyeView& b) { return a.merit > b.merit; });
@@ -280,7 +289,7 @@ void explain(StackChoice& choice, const FoundEye& eye, const EyeView& view, bool
       view.merit);
   const std::string why = used ? "used"
                           : view.globe.weighting != eye.weighting
-                              ? fmt::format("not used: {} says more about this eye", to_string(eye.weighting))
+                              ? fmt::format("{} says more about this eye", to_string(eye.weighting))
                               : "not used: it adds little to the better stacks";
   if (choice.weighting.empty())
     choice.reason.clear();
@@ -301,6 +310,7 @@ FoundEyes find_eyes(const std::vector<const Stack*>& stacks, const std::vector<s
   compare_with_tags(eyes, stacks, laterality_tags);
   for (std::size_t e = 0; e < eyes.size(); ++e) {
     FoundEye eye;
+    eye.weighting = better_contrast(eyes[e]);
     choose_views(eyes[e], eye);
     if (eyes.size() == 2)
       eye.laterality = e == 0 ? Laterality::od : Laterality::os;
@@ -311,6 +321,13 @@ FoundEyes find_eyes(const std::vector<const Stack*>& stacks, const std::vector<s
     for (const EyeView& view : eye.views) explain(found.choices[view.stack], eye, view, true);
     for (const EyeView& view : eye.left_out) explain(found.choices[view.stack], eye, view, false);
     found.eyes.push_back(eye);
+    FoundEye other;
+    other.laterality = eye.laterality;
+    other.weighting = eye.weighting == Weighting::t2 ? Weighting::t1 : Weighting::t2;
+    if (!shows(eyes[e], other.weighting)) continue;
+    choose_views(eyes[e], other);
+    find_axis(other, stacks);
+    found.in_other_contrast.push_back(other);
   }
   compare_with_orientation(found.eyes, stacks);
   return found;

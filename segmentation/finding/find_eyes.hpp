@@ -24,6 +24,12 @@ struct FoundEye {
   std::optional<Eigen::Vector3d> other_axis;  ///< what else it may be, see LensAxis
   double lens_contrast = 0;
   double radius_mm = 0;
+
+  double merit() const {
+    double sum = 0;
+    for (const EyeView& view : views) sum += view.merit;
+    return sum;
+  }
 };
 
 /// Why a stack is used or not, for case.json.
@@ -36,12 +42,14 @@ struct StackChoice {
 
 struct FoundEyes {
   std::vector<FoundEye> eyes;  ///< right first; at most two
+  /// Those of them that images of the other contrast show, too, as these do.
+  std::vector<FoundEye> in_other_contrast;
   std::vector<StackChoice> choices;
   std::vector<std::string> notes;
 };
 
 /// Finds the eyes in all stacks (one patient frame), pairs them left and right by LPS x, and chooses for each
-/// eye the stacks of the weighting that says most about it.
+/// eye the stacks of the weighting that says most about it, and those of the other one.
 /// \param laterality_tags  ImageLaterality of each stack ("R", "L" or else), decides where one eye only is
 ///   seen, within 10 mm of the midline
 /// \param asked  decides there without a tag

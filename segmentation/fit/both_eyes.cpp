@@ -1,10 +1,12 @@
 #include "segmentation/fit/both_eyes.hpp"
-#include "pipeline/eye/population/population.hpp"
 
 #include <Eigen/LU>
 #include <algorithm>
 #include <array>
 #include <cmath>
+
+#include "pipeline/eye/population/population.hpp"
+#include "segmentation/fit/conditioning.hpp"
 
 namespace emmetrope::segmentation {
 namespace {
@@ -177,15 +179,9 @@ bool couple_eyes(EyeFit& od, EyeFit& os) {
   const MatrixXd posterior = information.inverse();
   const VectorXd step = posterior * information_mean - before;
 
-  for (int e = 0; e < 2; ++e) {
-    EyeFit& eye = *eyes[e];
-    const MatrixXd slope = eye.covariance * jacobian[e].transpose() * own[e].inverse();
-    const VectorXd move = slope * step.segment(e * count, count);
-    for (std::size_t i = 0; i < eye.active.size(); ++i)
-      eye.parameters[eye.active[i]] += move[static_cast<Index>(i)];
-    const MatrixXd change = posterior.block(e * count, e * count, count, count) - own[e];
-    eye.covariance += slope * change * slope.transpose();
-  }
+  for (int e = 0; e < 2; ++e)
+    condition(*eyes[e], jacobian[e], step.segment(e * count, count),
+              posterior.block(e * count, e * count, count, count));
   return true;
 }
 

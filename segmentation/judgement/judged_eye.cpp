@@ -63,6 +63,12 @@ std::string JudgedEye::reasons() const {
   return text;
 }
 
+std::vector<const JudgedEye*> JudgedEye::readings() const {
+  std::vector<const JudgedEye*> readings{this};
+  if (is_joined) readings.push_back(&in_other_contrast.front());
+  return readings;
+}
+
 std::string JudgedEye::edges_on_axis_withheld() const {
   if (edges.empty() || !edges.front() || !edges.front()->biometry.axial_length)
     return "cornea or lens have no edges of their own along the eye's axis";

@@ -24,6 +24,9 @@ struct JudgedEye {
   std::optional<Rival> rival;        ///< with its chamber, or its fellow's, elsewhere (fellow_eye.hpp)
   std::string fitted_again_because;  ///< how, and why its first fit was not taken; empty: it was
   Evidence evidence = Evidence::intensities;
+  std::vector<JudgedEye> in_other_contrast =
+      {};                  ///< the same eye, fitted to images of it by itself; one or none
+  bool is_joined = false;  ///< with it: the shape is the joint estimate (two_contrasts.hpp)
 
   /// Whether the globe of the fit stands, and cornea, chamber and lens, and the cornea's shape too.
   bool is_fitted() const { return fit && !is_withheld(gates, Withholds::fit); }
@@ -48,6 +51,8 @@ struct JudgedEye {
   }
   /// Why something is withheld, in the user's words.
   std::string reasons() const;
+  /// This reading, and that of the other contrast where both are joined: whose images the eye's numbers are of.
+  std::vector<const JudgedEye*> readings() const;
 };
 
 /// Whether as much is known by a second fit, and it leaves hardly larger residuals: what is right may explain the images

@@ -18,7 +18,8 @@ Json stack_json(const StackChoice& choice, const SeriesInfo& series, const std::
 
 Json eye_json(const JudgedEye& eye, const std::vector<const SeriesInfo*>& series) {
   Json used = Json::array();
-  for (const EyeView& view : eye.found.views) used.push_back(series[view.stack]->name);
+  for (const JudgedEye* reading : eye.readings())
+    for (const EyeView& view : reading->found.views) used.push_back(series[view.stack]->name);
   return {{"name", clinical_name(eye.found.laterality)},
           {"globe_centre_lps_mm", to_json_vector(eye.found.views.front().globe.centre)},
           {"stacks", used},

@@ -83,6 +83,23 @@ std::string edges_summary(const Json& edges) {
                      number("globe_width_mm"), number("globe_height_mm"));
 }
 
+/// What images of the other contrast said by themselves, or with this one where they are joined; null: there are none.
+Json other_contrast_json(const JudgedEye& eye) {
+  if (eye.in_other_contrast.empty()) return nullptr;
+  const JudgedEye& other = eye.in_other_contrast.front();
+  Json json{{"contrast", to_string(other.found.weighting)},
+            {"status", other.status()},
+            {"reason", other.reasons()},
+            {"joined", eye.is_joined},
+            {"stacks", Json::array()}};
+  if (!other.fit) return json;
+  json["globe_centre_lps_mm"] = to_json_vector(other.fit->globe_centre_lps());
+  json["chi2_per_voxel"] = other.fit->chi2_per_voxel;
+  json["voxels"] = other.fit->samples.size();
+  for (int s = 0; s < other.fit->layout.stacks; ++s) json["stacks"].push_back(stack_json(*other.fit, s));
+  return json;
+}
+
 }  // namespace
 
 Json fit_json(const JudgedEye& eye, std::optional<double> head_roll_deg) {
@@ -94,6 +111,7 @@ Json fit_json(const JudgedEye& eye, std::optional<double> head_roll_deg) {
   for (const QualityGate& gate : eye.gates) json["quality"].push_back(to_json(gate));
   json["withheld"] = withheld_json(eye);
   json["edges"] = edges_json(eye);
+  json["other_contrast"] = other_contrast_json(eye);
   if (!eye.fit) return json;
   const EyeFit& fit = *eye.fit;
   json["globe_centre_lps_mm"] = to_json_vector(fit.globe_centre_lps());

@@ -17,6 +17,15 @@ fs::path overlay_file(const fs::path& folder, const Stack& stack) {
   return folder / fmt::format("overlay_{}.png", stack.name);
 }
 
+/// To the contrast that stands, and to the other one.
+std::vector<const EyeFit*> fits_of(const JudgedEye& eye) {
+  std::vector<const EyeFit*> fits;
+  if (eye.fit) fits.push_back(&*eye.fit);
+  for (const JudgedEye& other : eye.in_other_contrast)
+    if (other.fit) fits.push_back(&*other.fit);
+  return fits;
+}
+
 }  // namespace
 
 void write_eye_images(const fs::path& folder, const JudgedEye& eye, const std::vector<const Stack*>& stacks) {
@@ -30,12 +39,12 @@ void write_eye_images(const fs::path& folder, const JudgedEye& eye, const std::v
         write_overlay(overlay_file(folder, stack), *eye.fit, stack, first.globe.centre - view.globe.centre);
       }
     }
-  if (!eye.fit) return;
-  for (std::size_t v = 0; v < eye.fit->stacks.size(); ++v) {
-    const std::string& name = eye.fit->stacks[v].stack->name;
-    write_overlay(overlay_file(folder, *eye.fit->stacks[v].stack), *eye.fit, v);
-    write_residuals(folder / fmt::format("residual_{}.png", name), *eye.fit, v);
-  }
+  for (const EyeFit* fit : fits_of(eye))
+    for (std::size_t v = 0; v < fit->stacks.size(); ++v) {
+      const Stack& stack = *fit->stacks[v].stack;
+      write_overlay(overlay_file(folder, stack), *fit, v);
+      write_residuals(folder / fmt::format("residual_{}.png", stack.name), *fit, v);
+    }
 }
 
 void write_middle_slices(const fs::path& folder, const std::vector<const Stack*>& stacks) {
@@ -53,10 +62,13 @@ void write_volumes(const fs::path& folder, const std::vector<JudgedEye>& eyes,
         std::vector<std::uint8_t>(static_cast<std::size_t>(stack->columns) * stack->rows, 0));
     bool used = false;
     for (const JudgedEye& eye : eyes) {
-      for (const EyeView& view : eye.found.views) used = used || stacks[view.stack] == stack;
-      if (!eye.is_fitted()) continue;
-      for (std::size_t v = 0; v < eye.fit->stacks.size(); ++v)
-        if (eye.fit->stacks[v].stack == stack) rasterise(*eye.fit, v, eye.found.laterality, labels);
+      for (const JudgedEye* reading : eye.readings()) {
+        for (const EyeView& view : reading->found.views) used = used || stacks[view.stack] == stack;
+        if (!reading->is_fitted()) continue;
+        for (std::size_t v = 0; v < reading->fit->stacks.size(); ++v)
+          if (reading->fit->stacks[v].stack == stack)
+            rasterise(*reading->fit, v, eye.found.laterality, labels);
+      }
     }
     if (!used) continue;
     write_nifti(folder / (stack->name + ".nii.gz"), *stack);

@@ -38,13 +38,14 @@ struct PhantomEye {
   }
 };
 
-/// Both eyes of a head in one axial T2 stack of 0.8 mm: seconds to fit, and all of an eye is seen.
-inline Stack small_scan(const phantom::HeadGeometry& head) {
+/// Both eyes of a head in one axial stack of 0.8 mm: seconds to fit, and all of an eye is seen.
+/// \param contrast  t1, t2
+inline Stack small_scan(const phantom::HeadGeometry& head, const std::string& contrast = "t2") {
   const phantom::Anatomy anatomy(head);
   phantom::Protocol protocol;
   protocol.disturbances.snr = 20;
-  protocol.stacks.push_back(
-      phantom::make_stack("head-axial:pixel_mm=0.8,slice_mm=0.8,matrix=140x60,slices=44", anatomy));
+  protocol.stacks.push_back(phantom::make_stack(
+      "head-axial:pixel_mm=0.8,slice_mm=0.8,matrix=140x60,slices=44,contrast=" + contrast, anatomy));
   return to_stack(phantom::render(anatomy, protocol, 0, 1), "stack1");
 }
 inline Stack small_scan(unsigned long long seed) { return small_scan(phantom::random_head(seed)); }

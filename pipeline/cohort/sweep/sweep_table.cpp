@@ -125,9 +125,44 @@ std::string command_in(const fs::path& file, const toml::table& root) {
   return *command;
 }
 
+/// TOML has letters beyond ASCII in texts and comments alone; on some of them elsewhere toml++ 3.3 is undefined.
+/// \throw Error (input_invalid) with the line
+void require_ascii_outside_texts(const fs::path& file, const std::string& toml) {
+  const auto starts = [&](std::size_t at, const std::string& with) {
+    return toml.compare(at, with.size(), with) == 0;
+  };
+  std::string closing;  // of the text or comment that we are in
+  std::size_t line = 1;
+  for (std::size_t i = 0; i < toml.size(); ++i) {
+    const char c = toml[i];
+    line += c == '\n' ? 1 : 0;
+    if (!closing.empty()) {
+      if (c == '\\' && closing.front() == '"') {
+        ++i;
+        line += i < toml.size() && toml[i] == '\n' ? 1 : 0;
+      } else if (starts(i, closing)) {
+        i += closing.size() - 1;
+        while (closing.size() > 1 && i + 1 < toml.size() && toml[i + 1] == c)
+          ++i;  // quotes before the last three
+        closing.clear();
+      }
+      continue;
+    }
+    if (static_cast<unsigned char>(c) > 127)
+      throw input_error(fmt::format("{}: line {}: a letter beyond ASCII outside a text", file.string(), line),
+                        "write texts in quotes");
+    if (c == '#') closing = "\n";
+    for (const char* quotes : {"\"\"\"", "'''", "\"", "'"})
+      if (closing.empty() && starts(i, quotes)) closing = quotes;
+    if (closing.size() > 1) i += closing.size() - 1;
+  }
+}
+
 toml::table parsed(const fs::path& file) {
+  const std::string text = read_file(file);
+  require_ascii_outside_texts(file, text);
   try {
-    return toml::parse(read_file(file), file.string());
+    return toml::parse(text, file.string());
   } catch (const toml::parse_error& fault) {
     throw input_error(fmt::format("{}: line {}, column {}: {}", file.string(), fault.source().begin.line,
                                   fault.source().begin.column, fault.description()));

@@ -68,6 +68,9 @@ std::optional<Eigen::Vector3d> globe_centre(const EyeData& eye);
 /// eye's surfaces are. Zero for a stack that the eye was not fitted to.
 Eigen::Vector3d head_shift(const EyeData& eye, const std::string& stack);
 
+/// Whether the eye was fitted to a stack by itself, as one of the other contrast, where it may look elsewhere.
+bool is_in_other_contrast(const EyeData& eye, const std::string& stack);
+
 /// A number of a JSON document that may be plain or measured; nothing where it is missing or null.
 std::optional<double> value_of(const Json& json, const std::string& key);
 /// The same by a JSON pointer, "/keratometry/flat/power_D".

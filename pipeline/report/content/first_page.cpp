@@ -73,9 +73,15 @@ std::string images_of(const EyeData& eye) {
     passed += gate.value("passed", true) ? 1 : 0;
   }
   if (checks == 0) return {};
-  const std::size_t stacks = eye.fit.value("stacks", Json::array()).size();
+  std::size_t stacks = eye.fit.value("stacks", Json::array()).size();
+  std::string joined;
+  if (const Json other = eye.fit.value("other_contrast", Json());
+      other.is_object() && other.value("joined", false)) {
+    stacks += other.value("stacks", Json::array()).size();
+    joined = " (T1 and T2 joined)";
+  }
   const std::string of_stacks =
-      stacks == 0 ? "" : fmt::format("{} {} fitted, ", stacks, stacks == 1 ? "stack" : "stacks");
+      stacks == 0 ? "" : fmt::format("{} {} fitted{}, ", stacks, stacks == 1 ? "stack" : "stacks", joined);
   return passed == checks
              ? fmt::format("{}all {} checks of the fit passed", of_stacks, checks)
              : fmt::format("{}{} of {} checks of the fit failed", of_stacks, checks - passed, checks);

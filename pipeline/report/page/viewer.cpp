@@ -208,8 +208,9 @@ Json volume_entry(const CaseData& data, const fs::path& file, int step, Face fac
   const std::string name = file.filename().string().substr(0, file.filename().string().size() - 7);
   const auto eye = std::find_if(data.eyes.begin(), data.eyes.end(), [&](const EyeData& candidate) {
     const auto centre = globe_centre(candidate);
-    return centre && volume.coverage(*centre, 11) >= 0.5;  // crop_of found one
+    return centre && !is_in_other_contrast(candidate, name) && volume.coverage(*centre, 11) >= 0.5;
   });
+  if (eye == data.eyes.end()) return {};
   const Vector3d shift = head_shift(*eye, name), start = *globe_centre(*eye);
   std::string voxels = windowed(volume, *crop);
   if (face == Face::taken_off) {

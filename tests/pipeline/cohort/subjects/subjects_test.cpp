@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <chrono>
+#include <fstream>
 
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/files.hpp"
@@ -124,6 +125,14 @@ TEST_F(Subjects, ThatAreNoneAreRefusedByNameAndLine) {
   EXPECT_THAT(refusal(folder() / "people.tsv"), HasSubstr("the column \"study\" is missing"));
   write_file(folder() / "people.tsv", "participant_id\tstudy\nx\n");
   EXPECT_THAT(refusal(folder() / "people.tsv"), HasSubstr("line 2 has 1 cells, the header 2"));
+}
+
+/// A table that named the disk's top folder took minutes before it failed (found by fuzzing).
+TEST_F(Subjects, AFolderOfADisksFilesIsNoStudy) {
+  fs::create_directories(folder() / "disk");
+  for (int i = 0; i <= 100'000; ++i) std::ofstream(folder() / "disk" / std::to_string(i));
+  write_file(folder() / "table.tsv", "participant_id\tstudy\nsub-1\tdisk\n");
+  EXPECT_THAT(refusal(folder() / "table.tsv"), HasSubstr("disk holds more than 100000 files"));
 }
 
 TEST_F(Subjects, OfBidsMayHavePlusInTheirNamesAndAges) {

@@ -61,6 +61,21 @@ TEST_F(SweepTable, AListInAListIsSeveralWords) {
   EXPECT_THAT(sweep.runs[0][0].words, ElementsAre("--disc", "od:4,0", "os:-4,0"));
 }
 
+/// On U+0150 outside a text toml++ 3.3 is undefined (found by fuzzing).
+TEST_F(SweepTable, LettersBeyondAsciiStandInTextsAndComments) {
+  for (const char* quotes : {"'", "\"", "'''", "\"\"\""}) {
+    const std::string quote = quotes;
+    const Sweep sweep =
+        read("command = 'trace' # \u0150's \"\n[vary]\neye = [" + quote + "\u0150" + quote + "]\n");
+    EXPECT_EQ(sweep.runs[0][0].text, "\u0150") << quotes;
+  }
+  EXPECT_EQ(read("command = 'trace'\n[vary]\neye = [\"\\\"\u0150\"]\n").runs[0][0].text, "\"\u0150");
+  EXPECT_EQ(read("command = 'trace'\n[vary]\neye = ['''\u0150'''', '\u0150']\n").runs[0][0].text, "\u0150'");
+  EXPECT_THAT(refusal("\u0150"), HasSubstr("line 1: a letter beyond ASCII"));
+  EXPECT_THAT(refusal("command = 'trace'\n[vary]\n\u0150 = [1]\n"),
+              HasSubstr("line 3: a letter beyond ASCII"));
+}
+
 TEST_F(SweepTable, SaysWhereItIsWrong) {
   EXPECT_THAT(refusal("command = 'trace'\n[vary]\npupil = [2,\n"), HasSubstr("line"));
   EXPECT_THAT(refusal("command = 'report'\n"), HasSubstr("command is \"report\""));

@@ -1,0 +1,168 @@
+#include "segmentation/fit/both_contrasts.hpp"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/LU>
+#include <cmath>
+#include <random>
+
+namespace emmetrope::segmentation {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+const std::vector<int> shape{cornea_c, anterior_chamber_depth, lens_thickness, axial_length, globe_x,
+                             globe_y};
+
+/// A positive definite matrix of this size, times `scale`.
+MatrixXd random_information(Index size, std::mt19937& random, double scale) {
+  std::normal_distribution<double> normal;
+  const MatrixXd root = MatrixXd::NullaryExpr(size, size, [&] { return normal(random); });
+  return scale * (root * root.transpose() + MatrixXd::Identity(size, size));
+}
+
+/// What the images of one contrast say of the shape and of the place of the apex, which is another in each.
+struct Images {
+  VectorXd mean;
+  MatrixXd information;
+};
+
+EyeFit fit_of(const Images& images, const std::vector<int>& active, const VectorXd& prior_mean,
+              const MatrixXd& prior_information, Weighting weighting) {
+  const ParameterLayout layout;
+  EyeFit fit{layout, weighting, {}, ForwardModel(layout, {}, Eigen::Vector3d::Zero())};
+  fit.parameters = population_mean(layout);
+  fit.priors = population_priors(layout, fit.parameters, weighting);
+  fit.active = active;
+  fit.covariance = (images.information + prior_information).inverse();
+  const VectorXd solution =
+      fit.covariance * (images.information * images.mean + prior_information * prior_mean);
+  for (std::size_t i = 0; i < active.size(); ++i) fit.parameters[active[i]] = solution[static_cast<Index>(i)];
+  return fit;
+}
+
+/// The population's prior of these parameters, of which the curvature's mean follows the length; none of the apex.
+struct Prior {
+  VectorXd mean;
+  MatrixXd information;
+};
+Prior prior_of(const std::vector<int>& active) {
+  const ParameterLayout layout;
+  const Priors priors = population_priors(layout, population_mean(layout), Weighting::t2);
+  const auto size = static_cast<Index>(active.size());
+  MatrixXd whitening = MatrixXd::Zero(size, size);
+  Prior prior{VectorXd(size), {}};
+  for (Index i = 0; i < size; ++i) {
+    const int parameter = active[static_cast<std::size_t>(i)];
+    prior.mean[i] = priors.mean[parameter];
+    if (parameter == apex_x) continue;
+    whitening(i, i) = 1 / priors.sigma[parameter];
+    if (parameter == cornea_c)
+      for (Index j = 0; j < size; ++j)
+        if (active[static_cast<std::size_t>(j)] == axial_length)
+          whitening(i, j) = -priors.curvature_per_axial_length / priors.sigma[cornea_c];
+  }
+  prior.information = whitening.transpose() * whitening;
+  return prior;
+}
+
+/// Against the estimate from all images at once, with both places of the apex; of fits that are not too far apart.
+TEST(BothContrasts, JoiningIsTheJointEstimate) {
+  std::mt19937 random(5);
+  std::vector<int> of_a{apex_x}, of_b = shape;
+  of_a.insert(of_a.end(), shape.begin(), shape.end());
+  of_b.push_back(apex_x);  // the order is each fit's own
+  const Prior prior_a = prior_of(of_a), prior_b = prior_of(of_b);
+  const auto n = static_cast<Index>(shape.size());
+  const Images a{prior_a.mean + 0.02 * VectorXd::Random(n + 1), random_information(n + 1, random, 30)},
+      b{prior_b.mean + 0.02 * VectorXd::Random(n + 1), random_information(n + 1, random, 60)};
+  EyeFit t2 = fit_of(a, of_a, prior_a.mean, prior_a.information, Weighting::t2),
+         t1 = fit_of(b, of_b, prior_b.mean, prior_b.information, Weighting::t1);
+
+  // Apex in a, shape, apex in b.
+  MatrixXd information = MatrixXd::Zero(n + 2, n + 2);
+  VectorXd information_mean = VectorXd::Zero(n + 2);
+  information.topLeftCorner(n + 1, n + 1) += a.information + prior_a.information;
+  information_mean.head(n + 1) += a.information * a.mean + prior_a.information * prior_a.mean;
+  information.bottomRightCorner(n + 1, n + 1) += b.information;
+  information_mean.tail(n + 1) += b.information * b.mean;
+  const MatrixXd covariance = information.inverse();
+  const VectorXd expected = covariance * information_mean;
+
+  ASSERT_LT(agreement_of(t2, t1).sigmas, 1);
+  join_contrasts(t2, t1);
+  for (Index i = 0; i <= n; ++i) {
+    EXPECT_NEAR(t2.value(of_a[static_cast<std::size_t>(i)]), expected[i], 1e-9);
+    EXPECT_NEAR(t1.value(of_b[static_cast<std::size_t>(i)]), expected[i + 1], 1e-9);
+  }
+  EXPECT_TRUE(t2.covariance.isApprox(covariance.topLeftCorner(n + 1, n + 1), 1e-9));
+  EXPECT_TRUE(t1.covariance.isApprox(covariance.bottomRightCorner(n + 1, n + 1), 1e-9));
+}
+
+EyeFit eye_of_length(double length_mm, double sigma_mm, Weighting weighting) {
+  const Prior prior = prior_of({axial_length});
+  Images images{VectorXd::Constant(1, length_mm), MatrixXd::Constant(1, 1, 1 / (sigma_mm * sigma_mm))};
+  images.information -= prior.information;
+  images.mean = ((images.information + prior.information) * images.mean - prior.information * prior.mean) /
+                images.information(0, 0);
+  return fit_of(images, {axial_length}, prior.mean, prior.information, weighting);
+}
+
+TEST(BothContrasts, AgreementIsInStandardDeviationsOfBoth) {
+  const EyeFit t2 = eye_of_length(24, 0.3, Weighting::t2), t1 = eye_of_length(23, 0.4, Weighting::t1);
+  const Agreement agreement = agreement_of(t2, t1);
+  EXPECT_EQ(agreement.farthest, pole_depth) << "in neither anything else was free";
+  EXPECT_NEAR(agreement.apart_mm, 1, 1e-9);
+  EXPECT_NEAR(agreement.sigmas, 2, 1e-9);
+  EXPECT_NEAR(agreement.weight_of_first, 0.64, 1e-9);
+}
+
+/// The scale factor of the Particle Data Group, here on what images say without a prior.
+TEST(BothContrasts, WhatIsFartherApartThanItSaysIsKnownLess) {
+  for (const auto& [apart_mm, scale] : {std::pair{0.4, 1.0}, {1.0, 2.0}, {1.4, 2.8}}) {
+    EyeFit t2 = eye_of_length(24, 0.3, Weighting::t2), t1 = eye_of_length(24 - apart_mm, 0.4, Weighting::t1);
+    for (EyeFit* fit : {&t2, &t1}) fit->priors.sigma[axial_length] = 1e4;
+    join_contrasts(t2, t1);
+    EXPECT_NEAR(t2.value(axial_length), 24 - 0.36 * apart_mm, 1e-6);
+    EXPECT_NEAR(t2.sigma(axial_length), scale * 0.3 * 0.4 / 0.5, 1e-6) << apart_mm;
+  }
+}
+
+/// Widened for what the model does not explain, a covariance may be the prior's, or more.
+TEST(BothContrasts, AFitThatKnowsLessThanThePriorSaysNothing) {
+  EyeFit a = eye_of_length(24, 0.3, Weighting::t2), b = eye_of_length(26, 0.4, Weighting::t1);
+  b.covariance(0, 0) = 2 * std::pow(b.priors.sigma[axial_length], 2);
+  join_contrasts(a, b);
+  EXPECT_NEAR(a.value(axial_length), 24, 1e-9);
+  EXPECT_NEAR(a.sigma(axial_length), 0.3, 1e-9);
+}
+
+TEST(BothContrasts, IntervalsReachToEachOther) {
+  EyeFit t2 = eye_of_length(24, 0.3, Weighting::t2), t1 = eye_of_length(22, 0.4, Weighting::t1);
+  reach_to_each_other(t2, t1);
+  EXPECT_NEAR(t2.value(axial_length), 24, 1e-9);
+  EXPECT_NEAR(t1.value(axial_length), 22, 1e-9);
+  // Four standard deviations apart: as much wider.
+  EXPECT_NEAR(t2.sigma(axial_length), 4 * 0.3, 1e-9);
+  EXPECT_NEAR(t1.sigma(axial_length), 4 * 0.4, 1e-9);
+}
+
+/// A free form is no biconic's.
+TEST(BothContrasts, AnIrregularCorneaIsNotJoinedWithARegularOne) {
+  EyeFit a = eye_of_length(24, 0.3, Weighting::t2), b = eye_of_length(24.2, 0.3, Weighting::t1);
+  for (EyeFit* fit : {&a, &b}) {
+    fit->active = {cornea_c, axial_length};
+    fit->covariance = MatrixXd::Identity(2, 2) * 1e-4;
+  }
+  a.layout.irregular_cornea = true;
+  const double curvature = a.value(cornea_c);
+  b.parameters[cornea_c] += 0.01;
+  join_contrasts(a, b);
+  EXPECT_EQ(a.value(cornea_c), curvature);
+  EXPECT_NEAR(a.value(axial_length), 24.1, 0.001);
+}
+
+}  // namespace
+}  // namespace emmetrope::segmentation
