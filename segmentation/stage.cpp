@@ -120,8 +120,10 @@ void add_other_contrast(std::vector<JudgedEye>& eyes, const std::vector<FoundEye
     return is_other_contrast_wanted(*eye_of(in_other), in_other);
   });
   if (!wanted) return;
-  for (JudgedEye& in_other : fit_all(found, images, common, "fitting the eyes in the other contrast"))
-    put_together(*eye_of(in_other.found), std::move(in_other));
+  for (JudgedEye& in_other : fit_all(found, images, common, "fitting the eyes in the other contrast")) {
+    JudgedEye& eye = *eye_of(in_other.found);
+    put_together(eye, std::move(in_other));
+  }
 }
 
 /// \return whether both were measured and are alike enough to tell of each other

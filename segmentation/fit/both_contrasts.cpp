@@ -149,7 +149,7 @@ void join_contrasts(EyeFit& first, EyeFit& second) {
   condition(second, in_second, joint.mean - of_second.mean, joint.covariance);
 }
 
-void reach_to_each_other(EyeFit& first, EyeFit& second) {
+void doubt_each_other(EyeFit& first, EyeFit& second) {
   const SharedShape shared(first, second);
   const MatrixXd in_first = shared.jacobian_of_a(first), in_second = shared.jacobian_of_b(second);
   const Agreement agreement = agreement_of(first, second);

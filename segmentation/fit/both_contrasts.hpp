@@ -21,7 +21,7 @@ Agreement agreement_of(const EyeFit& first, const EyeFit& second);
 /// Particle Data Group): a share 1 - 1 / sigmas^2 of what a mixture of both spreads about the joint estimate is added.
 void join_contrasts(EyeFit& first, EyeFit& second);
 
-/// The same interval about what each fit says itself, where they contradict each other.
-void reach_to_each_other(EyeFit& first, EyeFit& second);
+/// Intervals as much wider about what each fit says itself, where they contradict each other.
+void doubt_each_other(EyeFit& first, EyeFit& second);
 
 }  // namespace emmetrope::segmentation

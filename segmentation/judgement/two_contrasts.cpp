@@ -37,7 +37,7 @@ std::optional<QualityGate> contradiction(const JudgedEye& a, const JudgedEye& b)
   gate.withholds = Withholds::nothing;
   gate.reason = fmt::format(
       "{} and {} contradict each other: the {} is {:.1f} mm {} in {}, so that one was misread; the intervals of "
-      "all lengths reach to both",
+      "this eye are wider for it",
       to_string(a.found.weighting), to_string(b.found.weighting),
       distance_names[static_cast<std::size_t>(agreement.farthest)], std::abs(agreement.apart_mm),
       agreement.apart_mm > 0 ? "larger" : "smaller", to_string(a.found.weighting));
@@ -69,7 +69,7 @@ void put_together(JudgedEye& eye, JudgedEye in_other_contrast) {
   if (!eye.has_front() || !other.has_front() || eye.rival || other.rival) return;
   if (const std::optional<QualityGate> contradicted = contradiction(eye, other)) {
     eye.gates.push_back(*contradicted);
-    reach_to_each_other(*eye.fit, *other.fit);
+    doubt_each_other(*eye.fit, *other.fit);
   } else {
     join_contrasts(*eye.fit, *other.fit);
     eye.is_joined = true;

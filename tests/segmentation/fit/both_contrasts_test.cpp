@@ -139,9 +139,9 @@ TEST(BothContrasts, AFitThatKnowsLessThanThePriorSaysNothing) {
   EXPECT_NEAR(a.sigma(axial_length), 0.3, 1e-9);
 }
 
-TEST(BothContrasts, IntervalsReachToEachOther) {
+TEST(BothContrasts, FitsThatContradictDoubtEachOther) {
   EyeFit t2 = eye_of_length(24, 0.3, Weighting::t2), t1 = eye_of_length(22, 0.4, Weighting::t1);
-  reach_to_each_other(t2, t1);
+  doubt_each_other(t2, t1);
   EXPECT_NEAR(t2.value(axial_length), 24, 1e-9);
   EXPECT_NEAR(t1.value(axial_length), 22, 1e-9);
   // Four standard deviations apart: as much wider.

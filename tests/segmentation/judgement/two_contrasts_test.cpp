@@ -64,7 +64,7 @@ TEST(TwoContrasts, EyesThatAgreeAreJoined) {
   EXPECT_THAT(choices[1].reason, HasSubstr("od: fitted by itself, and joined with T2"));
 }
 
-TEST(TwoContrasts, EyesThatContradictReachToEachOther) {
+TEST(TwoContrasts, EyesThatContradictAreDoubted) {
   JudgedEye eye = in_t2(24.0);
   put_together(eye, in_t1(22.0));
   EXPECT_FALSE(eye.is_joined);
