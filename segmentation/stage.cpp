@@ -112,27 +112,21 @@ std::vector<JudgedEye> fit_all(const std::vector<FoundEye>& found, const StudyIm
 /// Puts what images of the other contrast say to it.
 void add_other_contrast(std::vector<JudgedEye>& eyes, const std::vector<FoundEye>& found,
                         const StudyImages& images, const CommonOptions& common) {
-  const auto eye_of = [&](const FoundEye& in_other) {
-    return std::find_if(eyes.begin(), eyes.end(),
-                        [&](const JudgedEye& eye) { return eye.found.laterality == in_other.laterality; });
-  };
   const bool wanted = std::any_of(found.begin(), found.end(), [&](const FoundEye& in_other) {
-    return is_other_contrast_wanted(*eye_of(in_other), in_other);
+    return std::any_of(eyes.begin(), eyes.end(), [&](const JudgedEye& eye) {
+      return eye.found.laterality == in_other.laterality && is_other_contrast_wanted(eye, in_other);
+    });
   });
-  if (!wanted) return;
-  for (JudgedEye& in_other : fit_all(found, images, common, "fitting the eyes in the other contrast")) {
-    JudgedEye& eye = *eye_of(in_other.found);
-    put_together(eye, std::move(in_other));
-  }
+  if (wanted) put_together(eyes, fit_all(found, images, common, "fitting the eyes in the other contrast"));
 }
 
 /// \return whether both were measured and are alike enough to tell of each other
 bool couple(std::vector<JudgedEye>& eyes) { return eyes.size() == 2 && couple_fellow_eyes(eyes[0], eyes[1]); }
 
 /// Angle of the line of the globes' centres against the scanner's horizontal; positive: the left eye is
-/// higher.
+/// higher. None where they stand by different contrasts, between which the head moved.
 std::optional<double> head_roll_deg(const std::vector<JudgedEye>& eyes) {
-  if (eyes.size() != 2) return std::nullopt;
+  if (eyes.size() != 2 || eyes[0].found.weighting != eyes[1].found.weighting) return std::nullopt;
   const auto centre = [](const JudgedEye& eye) {
     return eye.fit ? eye.fit->globe_centre_lps() : eye.found.views.front().globe.centre;
   };
@@ -158,9 +152,8 @@ void warn_of(const JudgedEye& eye, StageWorkspace& workspace) {
     if (!other.is_measured() && eye.is_measured() && other.found.merit() > eye.found.merit())
       workspace.warn(fmt::format("{}: {} stands, as less is known by {}: {}", name,
                                  to_string(eye.found.weighting), contrast, other.reasons()));
-    for (const QualityGate& gate : other.gates)
-      if (!gate.passed && gate.withholds == Withholds::nothing)
-        workspace.warn(fmt::format("{}: in {}: {}", name, contrast, gate.reason));
+    if (!other.fitted_again_because.empty())
+      workspace.warn(fmt::format("{}: in {} fitted again, {}", name, contrast, other.fitted_again_because));
   }
   for (const QualityGate& gate : eye.gates)
     if (!gate.passed) workspace.warn(fmt::format("{}: {}", name, gate.reason));
@@ -205,7 +198,7 @@ StageVerdict segment_study(const SegmentOptions& options, const CommonOptions& c
   if (is_seen) {
     eyes = fit_all(found.eyes, images, common, "fitting the eyes");
     if (images.labels.empty()) add_other_contrast(eyes, found.in_other_contrast, images, common);
-    for (const JudgedEye& eye : eyes) explain_contrasts(found.choices, eye);
+    explain_contrasts(found.choices, eyes);
   }
   const bool coupled = couple(eyes);
   const std::optional<double> roll = head_roll_deg(eyes);

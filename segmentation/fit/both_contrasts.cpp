@@ -16,12 +16,14 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 /// The shape of an eye, as two fits have it: the parameters that are free in both, cornea to globe and the wall's
-/// displacement. Of a cornea with a free form nothing: it is no biconic.
+/// displacement.
 class SharedShape {
  public:
-  SharedShape(const EyeFit& a, const EyeFit& b) {
-    const bool irregular = a.layout.irregular_cornea || b.layout.irregular_cornea;
-    for (int i = irregular ? anterior_chamber_depth : cornea_c; i <= globe_z; ++i) share(a, i, b, i);
+  SharedShape(const EyeFit& a, const EyeFit& b, Joined joined) {
+    // A free form is no biconic's.
+    const bool with_cornea =
+        joined == Joined::all && !a.layout.irregular_cornea && !b.layout.irregular_cornea;
+    for (int i = with_cornea ? cornea_c : anterior_chamber_depth; i <= globe_z; ++i) share(a, i, b, i);
     for (int i = 0; i < std::min(a.layout.bumps, b.layout.bumps); ++i)
       share(a, a.layout.displacement() + i, b, b.layout.displacement() + i);
   }
@@ -112,7 +114,7 @@ Shape joint_estimate(const Shape& a, const Shape& b, const SharedShape::Prior& p
 
 /// How much of a mixture's spread fits that far apart leave.
 double unexplained_share(const Agreement& agreement) {
-  return agreement.sigmas > 1 ? 1 - 1 / (agreement.sigmas * agreement.sigmas) : 0;
+  return agreement.birge_ratio > 1 ? 1 - 1 / (agreement.birge_ratio * agreement.birge_ratio) : 0;
 }
 
 }  // namespace
@@ -120,6 +122,8 @@ double unexplained_share(const Agreement& agreement) {
 Agreement agreement_of(const EyeFit& first, const EyeFit& second) {
   Agreement agreement;
   const MatrixXd of_first = distance_derivatives(first), of_second = distance_derivatives(second);
+  double squares = 0;
+  int compared = 0;
   for (int d = 0; d < distance_count; ++d) {
     const double apart_mm =
         of_first.col(d).dot(free_values(first)) - of_second.col(d).dot(free_values(second));
@@ -128,14 +132,17 @@ Agreement agreement_of(const EyeFit& first, const EyeFit& second) {
                  variance = first_variance + second_variance;
     if (first_variance <= 0 || second_variance <= 0) continue;  // not free
     const double sigmas = std::abs(apart_mm) / std::sqrt(variance);
+    squares += sigmas * sigmas;
+    ++compared;
     if (sigmas > agreement.sigmas)
-      agreement = {static_cast<Distance>(d), apart_mm, sigmas, second_variance / variance};
+      agreement = {static_cast<Distance>(d), apart_mm, sigmas, second_variance / variance, 0};
   }
+  if (compared > 0) agreement.birge_ratio = std::sqrt(squares / compared);
   return agreement;
 }
 
-void join_contrasts(EyeFit& first, EyeFit& second) {
-  const SharedShape shared(first, second);
+void join_contrasts(EyeFit& first, EyeFit& second, Joined joined) {
+  const SharedShape shared(first, second, joined);
   const MatrixXd in_first = shared.jacobian_of_a(first), in_second = shared.jacobian_of_b(second);
   const Agreement agreement = agreement_of(first, second);
   const Shape of_first = shape_of(first, in_first), of_second = shape_of(second, in_second);
@@ -150,7 +157,7 @@ void join_contrasts(EyeFit& first, EyeFit& second) {
 }
 
 void doubt_each_other(EyeFit& first, EyeFit& second) {
-  const SharedShape shared(first, second);
+  const SharedShape shared(first, second, Joined::all);
   const MatrixXd in_first = shared.jacobian_of_a(first), in_second = shared.jacobian_of_b(second);
   const Agreement agreement = agreement_of(first, second);
   const Shape of_first = shape_of(first, in_first), of_second = shape_of(second, in_second);

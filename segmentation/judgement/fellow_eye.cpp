@@ -299,10 +299,9 @@ void mix_in(EyeFit& fit, const Rival& rival) {
 
 bool couple_fellow_eyes(JudgedEye& od, JudgedEye& os) {
   const bool coupled = od.has_front() && os.has_front() && couple_eyes(*od.fit, *os.fit);
-  if (od.rival && os.rival) {
-    if (coupled) couple_eyes(od.rival->fit, os.rival->fit);
-    for (JudgedEye* eye : {&od, &os}) mix_in(*eye->fit, *eye->rival);
-  }
+  if (coupled && od.rival && os.rival) couple_eyes(od.rival->fit, os.rival->fit);
+  for (JudgedEye* eye : {&od, &os})
+    if (eye->rival) mix_in(*eye->fit, *eye->rival);
   if (od.is_fitted() && os.is_fitted() && od.evidence == Evidence::intensities &&
       os.evidence == Evidence::intensities)
     doubt_unlike_globes(od, os);

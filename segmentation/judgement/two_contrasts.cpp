@@ -2,8 +2,10 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
+#include <optional>
 #include <utility>
 
 #include "pipeline/eye/population/limits.hpp"
@@ -16,8 +18,31 @@ bool knows_more(const JudgedEye& a, const JudgedEye& b) {
   return std::pair(a.rank(), a.is_read()) > std::pair(b.rank(), b.is_read());
 }
 
-bool is_surer(const JudgedEye& a, const JudgedEye& b) {
-  return a.has_front() && b.has_front() && a.fit->pole_depth_sigma_mm() < b.fit->pole_depth_sigma_mm();
+/// Whether a reading may be narrowed by another, or stand for being surer.
+bool is_plain(const JudgedEye& eye) {
+  return eye.has_front() && !eye.rival && !eye.fit->layout.irregular_cornea;
+}
+
+/// Whether the other readings, one of each eye, know lengths better.
+bool are_surer(const std::vector<JudgedEye>& others, const std::vector<JudgedEye>& eyes) {
+  if (others.size() != eyes.size()) return false;
+  double gained_mm2 = 0;
+  for (std::size_t i = 0; i < eyes.size(); ++i) {
+    if (!is_plain(others[i]) || !is_plain(eyes[i])) return false;
+    gained_mm2 +=
+        std::pow(eyes[i].fit->pole_depth_sigma_mm(), 2) - std::pow(others[i].fit->pole_depth_sigma_mm(), 2);
+  }
+  return gained_mm2 > 0;
+}
+
+/// What no healthy eye has.
+std::vector<QualityGate> illness_in(const JudgedEye& eye) {
+  std::vector<QualityGate> found;
+  for (const QualityGate& gate : eye.gates)
+    for (const char* illness : {"natural_lens_mm", "fluid_difference_t2", "intraocular_mass_mm3",
+                                "unexplained_in_vitreous_mm3", "intraocular_mass_seen_mm3"})
+      if (gate.name == illness && !gate.passed) found.push_back(gate);
+  return found;
 }
 
 constexpr std::array<const char*, distance_count> distance_names{"axial length", "anterior chamber", "lens",
@@ -44,6 +69,26 @@ std::optional<QualityGate> contradiction(const JudgedEye& a, const JudgedEye& b)
   return gate;
 }
 
+void judge_together(JudgedEye& eye, JudgedEye& other) {
+  const std::vector<QualityGate> ill = illness_in(other);
+  for (QualityGate gate : ill) {
+    gate.reason = fmt::format("in {}: {}", to_string(other.found.weighting), gate.reason);
+    eye.gates.push_back(gate);
+  }
+  // A reading that may be another is not made surer by a second one.
+  if (!eye.has_front() || !other.has_front() || eye.rival || other.rival || !ill.empty() ||
+      !illness_in(eye).empty())
+    return;
+  if (const std::optional<QualityGate> contradicted = contradiction(eye, other)) {
+    eye.gates.push_back(*contradicted);
+    doubt_each_other(*eye.fit, *other.fit);
+  } else {
+    join_contrasts(*eye.fit, *other.fit,
+                   eye.is_measured() && other.is_measured() ? Joined::all : Joined::behind_cornea);
+    eye.is_joined = true;
+  }
+}
+
 /// What became of the other contrast.
 std::string fate_of_other(const JudgedEye& eye) {
   const JudgedEye& other = eye.in_other_contrast.front();
@@ -60,36 +105,33 @@ bool is_other_contrast_wanted(const JudgedEye& eye, const FoundEye& in_other_con
   return !eye.is_measured() || in_other_contrast.merit() >= much * eye.found.merit();
 }
 
-void put_together(JudgedEye& eye, JudgedEye in_other_contrast) {
-  if (knows_more(in_other_contrast, eye) ||
-      (!knows_more(eye, in_other_contrast) && is_surer(in_other_contrast, eye)))
-    std::swap(eye, in_other_contrast);
-  JudgedEye& other = eye.in_other_contrast.emplace_back(std::move(in_other_contrast));
-  // A reading that may be another is not made surer by a second one.
-  if (!eye.has_front() || !other.has_front() || eye.rival || other.rival) return;
-  if (const std::optional<QualityGate> contradicted = contradiction(eye, other)) {
-    eye.gates.push_back(*contradicted);
-    doubt_each_other(*eye.fit, *other.fit);
-  } else {
-    join_contrasts(*eye.fit, *other.fit);
-    eye.is_joined = true;
+void put_together(std::vector<JudgedEye>& eyes, std::vector<JudgedEye> in_other_contrast) {
+  const bool surer = are_surer(in_other_contrast, eyes);
+  for (JudgedEye& other : in_other_contrast) {
+    const auto eye = std::find_if(eyes.begin(), eyes.end(), [&](const JudgedEye& one) {
+      return one.found.laterality == other.found.laterality;
+    });
+    if (knows_more(other, *eye) || (surer && !knows_more(*eye, other))) std::swap(*eye, other);
+    judge_together(*eye, eye->in_other_contrast.emplace_back(std::move(other)));
   }
 }
 
-void explain_contrasts(std::vector<StackChoice>& choices, const JudgedEye& eye) {
-  const auto say = [&](const EyeView& view, const std::string& what) {
-    choices[view.stack].reason += fmt::format(". {}: {}", to_string(eye.found.laterality), what);
-  };
-  for (const EyeView& view : eye.found.views) choices[view.stack].used = true;
-  if (eye.in_other_contrast.empty()) {
-    for (const EyeView& view : eye.found.left_out)
-      if (view.globe.weighting != eye.found.weighting) say(view, "not used");
-    return;
-  }
-  const JudgedEye& other = eye.in_other_contrast.front();
-  for (const EyeView& view : other.found.views) {
-    say(view, fate_of_other(eye));
-    choices[view.stack].used = choices[view.stack].used || eye.is_joined;
+void explain_contrasts(std::vector<StackChoice>& choices, const std::vector<JudgedEye>& eyes) {
+  for (StackChoice& choice : choices) choice.used = false;
+  for (const JudgedEye& eye : eyes) {
+    const auto say = [&](const EyeView& view, const std::string& what) {
+      choices[view.stack].reason += fmt::format(". {}: {}", to_string(eye.found.laterality), what);
+    };
+    for (const JudgedEye* reading : eye.readings())
+      for (const EyeView& view : reading->found.views) choices[view.stack].used = true;
+    if (eye.in_other_contrast.empty()) {
+      for (const EyeView& view : eye.found.left_out)
+        if (view.globe.weighting != eye.found.weighting) say(view, "not used");
+      continue;
+    }
+    const std::string fate = fate_of_other(eye);
+    for (const EyeView& view : eye.found.views) say(view, "stands");
+    for (const EyeView& view : eye.in_other_contrast.front().found.views) say(view, fate);
   }
 }
 

@@ -133,7 +133,8 @@ void require_ascii_outside_texts(const fs::path& file, const std::string& toml) 
   };
   std::string closing;  // of the text or comment that we are in
   std::size_t line = 1;
-  for (std::size_t i = 0; i < toml.size(); ++i) {
+  const std::size_t begin = starts(0, "\xEF\xBB\xBF") ? 3 : 0;  // a byte order mark
+  for (std::size_t i = begin; i < toml.size(); ++i) {
     const char c = toml[i];
     line += c == '\n' ? 1 : 0;
     if (!closing.empty()) {

@@ -231,13 +231,12 @@ Eigen::Vector3d head_shift(const EyeData& eye, const std::string& stack) {
   return Eigen::Vector3d::Zero();
 }
 
-bool is_in_other_contrast(const EyeData& eye, const std::string& stack) {
+bool is_fitted_to(const EyeData& eye, const std::string& stack) {
   const Json fit = eye.fit.is_object() ? eye.fit : Json::object(),
-             other = fit.value("other_contrast", Json());
-  if (!other.is_object()) return false;
-  const Json stacks = other.value("stacks", Json::array());
-  return std::any_of(stacks.begin(), stacks.end(),
-                     [&](const Json& fitted) { return fitted.value("name", std::string()) == stack; });
+             stacks = fit.value("stacks", Json::array());
+  return stacks.empty() || std::any_of(stacks.begin(), stacks.end(), [&](const Json& fitted) {
+           return fitted.value("name", std::string()) == stack;
+         });
 }
 
 std::optional<double> value_of(const Json& json, const std::string& key) { return value_at(json, "/" + key); }

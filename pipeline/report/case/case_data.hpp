@@ -68,8 +68,9 @@ std::optional<Eigen::Vector3d> globe_centre(const EyeData& eye);
 /// eye's surfaces are. Zero for a stack that the eye was not fitted to.
 Eigen::Vector3d head_shift(const EyeData& eye, const std::string& stack);
 
-/// Whether the eye was fitted to a stack by itself, as one of the other contrast, where it may look elsewhere.
-bool is_in_other_contrast(const EyeData& eye, const std::string& stack);
+/// Whether the eye's surfaces lie, but for the head's shift, where a stack shows them: it was fitted to it. In stacks of the
+/// other contrast it may look elsewhere. Of an eye that was fitted to none this is not known: true.
+bool is_fitted_to(const EyeData& eye, const std::string& stack);
 
 /// A number of a JSON document that may be plain or measured; nothing where it is missing or null.
 std::optional<double> value_of(const Json& json, const std::string& key);

@@ -64,7 +64,7 @@ FigureRow slices_of(const EyeData& eye, const std::vector<std::pair<std::string,
   for (const auto& [plane, name] : planes) {
     const std::pair<std::string, Volume>* best = nullptr;
     for (const auto& candidate : volumes) {
-      if (is_in_other_contrast(eye, candidate.first) || candidate.second.coverage(centre, 11) < 0.9) continue;
+      if (!is_fitted_to(eye, candidate.first) || candidate.second.coverage(centre, 11) < 0.9) continue;
       if (best == nullptr ||
           blur_in_plane_mm(candidate.second, plane) < blur_in_plane_mm(best->second, plane))
         best = &candidate;

@@ -40,7 +40,9 @@ std::string segmentation_object(const SourceStudy& source, const std::filesystem
 
 /// RT Structure Set: closed outlines of lens and eye on the images of one series, sub-voxel, from the meshes; empty where
 /// the series is not in the source or no mesh meets its images.
+/// \param stack  the series' name in the case: only eyes that were fitted to it are where the images show them
 std::string structure_set_object(const SourceStudy& source, const CaseData& data,
-                                 const std::string& series_uid, const std::string& result);
+                                 const std::string& series_uid, const std::string& stack,
+                                 const std::string& result);
 
 }  // namespace emmetrope::report

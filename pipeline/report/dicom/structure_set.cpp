@@ -129,16 +129,18 @@ void put_region(DcmItem& dataset, const Region& region, const std::string& frame
 }  // namespace
 
 std::string structure_set_object(const SourceStudy& source, const CaseData& data,
-                                 const std::string& series_uid, const std::string& result) {
+                                 const std::string& series_uid, const std::string& stack,
+                                 const std::string& result) {
   std::vector<const SourceImage*> images;
   for (const SourceImage& image : source.images())
     if (image.series_uid == series_uid) images.push_back(&image);
   if (images.empty() || images.front()->frame_of_reference_uid.empty()) return {};
   std::vector<Region> regions;
   for (const EyeData& eye : data.eyes)
-    for (const Body& body : bodies())
-      if (Region region = region_of(body, eye, images); !region.outlines.empty())
-        regions.push_back(std::move(region));
+    if (is_fitted_to(eye, stack))
+      for (const Body& body : bodies())
+        if (Region region = region_of(body, eye, images); !region.outlines.empty())
+          regions.push_back(std::move(region));
   if (regions.empty()) return {};
   DcmDataset dataset;
   put_common(dataset, source, {"structures", "RTSTRUCT", "Eye outlines, RESEARCH USE ONLY", 9007, result});

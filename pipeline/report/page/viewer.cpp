@@ -208,7 +208,7 @@ Json volume_entry(const CaseData& data, const fs::path& file, int step, Face fac
   const std::string name = file.filename().string().substr(0, file.filename().string().size() - 7);
   const auto eye = std::find_if(data.eyes.begin(), data.eyes.end(), [&](const EyeData& candidate) {
     const auto centre = globe_centre(candidate);
-    return centre && !is_in_other_contrast(candidate, name) && volume.coverage(*centre, 11) >= 0.5;
+    return centre && is_fitted_to(candidate, name) && volume.coverage(*centre, 11) >= 0.5;
   });
   if (eye == data.eyes.end()) return {};
   const Vector3d shift = head_shift(*eye, name), start = *globe_centre(*eye);

@@ -91,8 +91,8 @@ TEST(BothContrasts, JoiningIsTheJointEstimate) {
   const MatrixXd covariance = information.inverse();
   const VectorXd expected = covariance * information_mean;
 
-  ASSERT_LT(agreement_of(t2, t1).sigmas, 1);
-  join_contrasts(t2, t1);
+  ASSERT_LT(agreement_of(t2, t1).birge_ratio, 1);
+  join_contrasts(t2, t1, Joined::all);
   for (Index i = 0; i <= n; ++i) {
     EXPECT_NEAR(t2.value(of_a[static_cast<std::size_t>(i)]), expected[i], 1e-9);
     EXPECT_NEAR(t1.value(of_b[static_cast<std::size_t>(i)]), expected[i + 1], 1e-9);
@@ -124,7 +124,7 @@ TEST(BothContrasts, WhatIsFartherApartThanItSaysIsKnownLess) {
   for (const auto& [apart_mm, scale] : {std::pair{0.4, 1.0}, {1.0, 2.0}, {1.4, 2.8}}) {
     EyeFit t2 = eye_of_length(24, 0.3, Weighting::t2), t1 = eye_of_length(24 - apart_mm, 0.4, Weighting::t1);
     for (EyeFit* fit : {&t2, &t1}) fit->priors.sigma[axial_length] = 1e4;
-    join_contrasts(t2, t1);
+    join_contrasts(t2, t1, Joined::all);
     EXPECT_NEAR(t2.value(axial_length), 24 - 0.36 * apart_mm, 1e-6);
     EXPECT_NEAR(t2.sigma(axial_length), scale * 0.3 * 0.4 / 0.5, 1e-6) << apart_mm;
   }
@@ -134,7 +134,7 @@ TEST(BothContrasts, WhatIsFartherApartThanItSaysIsKnownLess) {
 TEST(BothContrasts, AFitThatKnowsLessThanThePriorSaysNothing) {
   EyeFit a = eye_of_length(24, 0.3, Weighting::t2), b = eye_of_length(26, 0.4, Weighting::t1);
   b.covariance(0, 0) = 2 * std::pow(b.priors.sigma[axial_length], 2);
-  join_contrasts(a, b);
+  join_contrasts(a, b, Joined::all);
   EXPECT_NEAR(a.value(axial_length), 24, 1e-9);
   EXPECT_NEAR(a.sigma(axial_length), 0.3, 1e-9);
 }
@@ -159,9 +159,32 @@ TEST(BothContrasts, AnIrregularCorneaIsNotJoinedWithARegularOne) {
   a.layout.irregular_cornea = true;
   const double curvature = a.value(cornea_c);
   b.parameters[cornea_c] += 0.01;
-  join_contrasts(a, b);
+  join_contrasts(a, b, Joined::all);
   EXPECT_EQ(a.value(cornea_c), curvature);
   EXPECT_NEAR(a.value(axial_length), 24.1, 0.001);
+}
+
+TEST(BothContrasts, ACorneaThatIsNotKnownIsNotJoined) {
+  EyeFit a = eye_of_length(24, 0.3, Weighting::t2), b = eye_of_length(24.2, 0.3, Weighting::t1);
+  for (EyeFit* fit : {&a, &b}) {
+    fit->active = {cornea_c, axial_length};
+    fit->covariance = MatrixXd::Identity(2, 2) * 1e-4;
+  }
+  const double curvature = a.value(cornea_c);
+  b.parameters[cornea_c] += 0.01;
+  join_contrasts(a, b, Joined::behind_cornea);
+  EXPECT_EQ(a.value(cornea_c), curvature);
+}
+
+/// The farthest of several that agree is no contradiction.
+TEST(BothContrasts, BirgesRatioIsOfAllDistances) {
+  EyeFit a = eye_of_length(24, 0.3, Weighting::t2), b = eye_of_length(24.9, 0.3, Weighting::t1);
+  for (EyeFit* fit : {&a, &b}) {
+    fit->active = {axial_length, lens_thickness};
+    fit->covariance = MatrixXd::Identity(2, 2) * 0.09;
+  }
+  EXPECT_NEAR(agreement_of(a, b).sigmas, 0.9 / std::hypot(0.3, 0.3), 1e-9);
+  EXPECT_NEAR(agreement_of(a, b).birge_ratio, 0.9 / std::hypot(0.3, 0.3) / std::sqrt(2.0), 1e-9);
 }
 
 }  // namespace

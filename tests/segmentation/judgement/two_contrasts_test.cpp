@@ -42,15 +42,23 @@ void withhold(JudgedEye& eye, Withholds what, const std::string& reason) {
   eye.gates.push_back(gate);
 }
 
+/// The eye, with what the other contrast says.
+JudgedEye put(const JudgedEye& eye, const JudgedEye& other) {
+  std::vector<JudgedEye> eyes{eye};
+  put_together(eyes, {other});
+  return eyes[0];
+}
+
+/// What the finder leaves, explained: it uses the first.
 std::vector<StackChoice> explained(const JudgedEye& eye) {
   std::vector<StackChoice> choices(2);
-  explain_contrasts(choices, eye);
+  choices[0].used = true;
+  explain_contrasts(choices, {eye});
   return choices;
 }
 
 TEST(TwoContrasts, EyesThatAgreeAreJoined) {
-  JudgedEye eye = in_t2(24.0);
-  put_together(eye, in_t1(24.4));
+  const JudgedEye eye = put(in_t2(24.0), in_t1(24.4));
   ASSERT_TRUE(eye.is_joined);
   EXPECT_EQ(eye.found.weighting, Weighting::t2);
   EXPECT_NEAR(eye.fit->value(axial_length), 24.2, 0.03)
@@ -65,8 +73,7 @@ TEST(TwoContrasts, EyesThatAgreeAreJoined) {
 }
 
 TEST(TwoContrasts, EyesThatContradictAreDoubted) {
-  JudgedEye eye = in_t2(24.0);
-  put_together(eye, in_t1(22.0));
+  const JudgedEye eye = put(in_t2(24.0), in_t1(22.0));
   EXPECT_FALSE(eye.is_joined);
   EXPECT_EQ(eye.fit->value(axial_length), 24.0);
   EXPECT_NEAR(eye.fit->sigma(axial_length), length_sigma_mm * 2.0 / (length_sigma_mm * std::sqrt(2.0)), 1e-9);
@@ -80,36 +87,54 @@ TEST(TwoContrasts, EyesThatContradictAreDoubted) {
 }
 
 TEST(TwoContrasts, ThatOfWhichMoreIsKnownStands) {
-  JudgedEye eye = in_t2(24.0);
-  withhold(eye, Withholds::fit, "the lens is not seen");
-  put_together(eye, in_t1(22.0));
+  JudgedEye refused = in_t2(24.0);
+  withhold(refused, Withholds::fit, "the lens is not seen");
+  const JudgedEye eye = put(refused, in_t1(22.0));
   EXPECT_EQ(eye.found.weighting, Weighting::t1);
   EXPECT_TRUE(eye.is_measured());
   EXPECT_FALSE(eye.is_joined);
   EXPECT_EQ(eye.fit->value(axial_length), 22.0);
   EXPECT_EQ(eye.in_other_contrast[0].reasons(), "the lens is not seen");
-  EXPECT_THAT(explained(eye)[0].reason, HasSubstr("od: fitted by itself; T1 stands, as more is known by it"));
+  const std::vector<StackChoice> choices = explained(eye);
+  EXPECT_FALSE(choices[0].used);
+  EXPECT_TRUE(choices[1].used);
+  EXPECT_THAT(choices[0].reason, HasSubstr("od: fitted by itself; T1 stands, as more is known by it"));
+  EXPECT_THAT(choices[1].reason, HasSubstr("od: stands"));
 
-  JudgedEye measured = in_t2(24.0), other = in_t1(22.0);
+  JudgedEye other = in_t1(22.0);
   withhold(other, Withholds::front, "the cornea is not seen");
-  put_together(measured, other);
+  const JudgedEye measured = put(in_t2(24.0), other);
   EXPECT_EQ(measured.found.weighting, Weighting::t2);
   EXPECT_EQ(measured.fit->value(axial_length), 24.0) << "of a length that is withheld nothing is taken";
 }
 
-TEST(TwoContrasts, OfTwoThatAreMeasuredTheSurerStands) {
-  JudgedEye eye = in_t2(24.0), other = in_t1(22.0);
-  other.fit->covariance /= 4;
-  put_together(eye, other);
+TEST(TwoContrasts, OneContrastStandsForBothEyes) {
+  JudgedEye right = in_t1(23.8), left = in_t1(23.8), right_in_t2 = in_t2(24.0), left_in_t2 = in_t2(24.0);
+  left.found.laterality = left_in_t2.found.laterality = Laterality::os;
+  right_in_t2.fit->covariance /= 9;
+  left_in_t2.fit->covariance *= 1.2;
+  std::vector<JudgedEye> eyes{right, left};
+  put_together(eyes, {right_in_t2, left_in_t2});
+  for (const JudgedEye& eye : eyes) EXPECT_EQ(eye.found.weighting, Weighting::t2) << "surer of both together";
+}
+
+/// Oil in T1 looks like vitreous.
+TEST(TwoContrasts, WhatNoHealthyEyeHasCountsForBoth) {
+  JudgedEye with_oil = in_t2(24.0);
+  withhold(with_oil, Withholds::front, "the fluids are unlike");
+  with_oil.gates[0].name = "fluid_difference_t2";
+  const JudgedEye eye = put(with_oil, in_t1(24.0));
   EXPECT_EQ(eye.found.weighting, Weighting::t1);
-  EXPECT_EQ(eye.fit->value(axial_length), 22.0);
+  EXPECT_FALSE(eye.has_front());
+  EXPECT_FALSE(eye.is_joined);
+  EXPECT_THAT(eye.reasons(), HasSubstr("in T2: the fluids are unlike"));
 }
 
 /// An eye that may be another is not made surer by images that were read once.
 TEST(TwoContrasts, AnEyeWithARivalIsLeftAlone) {
-  JudgedEye eye = in_t2(24.0);
-  eye.rival = Rival{*in_t2(25.0).fit, 0.4};
-  put_together(eye, in_t1(24.2));
+  JudgedEye ambiguous = in_t2(24.0);
+  ambiguous.rival = Rival{*in_t2(25.0).fit, 0.4};
+  const JudgedEye eye = put(ambiguous, in_t1(24.2));
   EXPECT_FALSE(eye.is_joined);
   EXPECT_EQ(eye.fit->value(axial_length), 24.0);
 }

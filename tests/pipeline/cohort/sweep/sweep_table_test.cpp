@@ -71,6 +71,11 @@ TEST_F(SweepTable, LettersBeyondAsciiStandInTextsAndComments) {
   }
   EXPECT_EQ(read("command = 'trace'\n[vary]\neye = [\"\\\"\u0150\"]\n").runs[0][0].text, "\"\u0150");
   EXPECT_EQ(read("command = 'trace'\n[vary]\neye = ['''\u0150'''', '\u0150']\n").runs[0][0].text, "\u0150'");
+  EXPECT_EQ(read("\xEF\xBB\xBF"
+                 "command = 'trace'\n[vary]\neye = ['a']\n")
+                .runs[0][0]
+                .text,
+            "a");
   EXPECT_THAT(refusal("\u0150"), HasSubstr("line 1: a letter beyond ASCII"));
   EXPECT_THAT(refusal("command = 'trace'\n[vary]\n\u0150 = [1]\n"),
               HasSubstr("line 3: a letter beyond ASCII"));
