@@ -24,8 +24,8 @@ struct JudgedEye {
   std::optional<Rival> rival;        ///< with its chamber, or its fellow's, elsewhere (fellow_eye.hpp)
   std::string fitted_again_because;  ///< how, and why its first fit was not taken; empty: it was
   Evidence evidence = Evidence::intensities;
-  std::vector<JudgedEye> in_other_contrast =
-      {};                  ///< the same eye, fitted to images of it by itself; one or none
+  /// The same eye, fitted to images of the other contrast by itself; one or none.
+  std::vector<JudgedEye> in_other_contrast = {};
   bool is_joined = false;  ///< with it: the shape is the joint estimate (two_contrasts.hpp)
 
   /// Whether the globe of the fit stands, and cornea, chamber and lens, and the cornea's shape too.

@@ -156,7 +156,7 @@ std::vector<Limits> fit_quality() {
       Row("fat_shift_difference_mm", "mm").refuse_outside(at_most(0.5)),
       // Standard deviations between widths or heights of a person's globes; chosen.
       Row("globe_difference", "").warn_outside(at_most(2.5)),
-      // The same between lengths of one eye in T1 and in T2.
+      // The same between lengths, chambers, lenses or extents of one eye in T1 and in T2; chosen.
       Row("contrast_difference", "").warn_outside(at_most(3)),
       // Eyes look up and down together. Chosen; right fits of real heads differ by up to 11 (noisy T1), wrong ones by 15.
       Row("vertical_gaze_difference_deg", "deg").refuse_outside(at_most(12)),
