@@ -26,6 +26,7 @@ EyeDrawing::EyeDrawing(const ForwardModel& model, const ForwardModel::AtParamete
     : at_(at), a_(parameters), cell_(cell), reach_(voxel_reach_mm) {
   const StackSampling& sampling = model.stacks()[static_cast<std::size_t>(stack)];
   fat_ = sampling.fat;
+  muscle_ = a_[wall] - sampling.muscle_under_wall * a_[wall_layering];
   const int shift = model.layout().stack(stack) + fat_shift_first;
   fat_shift_ = at.to_eye(a_[shift] * sampling.along_row + a_[shift + 1] * sampling.along_column, stack) -
                at.to_eye(Vector3d::Zero(), stack);
@@ -68,7 +69,7 @@ double EyeDrawing::operator()(const Vector3d& p) const {
   if (behind_face < 1)
     value += (1 - behind_face) * (a_[air] + (a_[lid] - a_[air]) * coverage(lid_front, p)) * (1 - eye);
   if (behind_face > 0) {
-    const double around = a_[surround] + fields_.background, fat = fat_signal(around, a_[wall], fat_);
+    const double around = a_[surround] + fields_.background, fat = fat_signal(around, muscle_, fat_);
     const double without_fat = fat_shift_.isZero() ? eye : coverage(fat_begins, p);
     value += behind_face * ((around - fat) * (1 - eye) + fat * (1 - without_fat));
   }

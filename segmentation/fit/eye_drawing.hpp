@@ -54,7 +54,7 @@ class EyeDrawing {
   const Eigen::VectorXd& a_;
   Eigen::Matrix3d cell_;
   double reach_;
-  double fat_;
+  double fat_, muscle_;
   Eigen::Vector3d fat_shift_;  ///< in the eye frame
   std::vector<Eigen::Vector3d> bumps_;
   std::vector<std::uint8_t> near_;  ///< bumps that matter in the voxel

@@ -66,8 +66,9 @@ const std::vector<Prior>& prior_table() {
 
 bool is_intensity(int index) { return index >= vitreous && index <= surround; }
 
-constexpr double cornea_like_wall = 0.08;   ///< relative
-constexpr double layering_sigma_t2 = 0.05;  ///< of the vitreous' brightness; chosen
+constexpr double cornea_like_wall = 0.08;  ///< relative
+/// Of the vitreous' brightness; a real eye has 0.5 to 0.7 (docs/evidence/real-scans.md), phantoms 0 and 0.4; chosen.
+constexpr double layering_mean_t2 = 0.2, layering_sigma_t2 = 0.15;
 constexpr double curvature_per_axial_length = -0.4 * per_mm_of_keratometric_D;
 constexpr double coil_sigma = 0.3, gain_sigma = 0.3;
 constexpr double shift_sigma_mm = 3;     ///< the head moves 1 to 3 mm between series
@@ -140,7 +141,7 @@ Priors population_priors(const ParameterLayout& layout, const Eigen::VectorXd& s
     priors.sigma[cornea] = 0.25;
     priors.cornea_like_wall_sigma = cornea_like_wall * start[wall];
   } else {
-    // An inner layer nearly as bright as the vitreous would be taken for it.
+    priors.mean[wall_layering] = layering_mean_t2;
     priors.sigma[wall_layering] = layering_sigma_t2;
   }
   for (int s = 0; s < layout.stacks; ++s) {

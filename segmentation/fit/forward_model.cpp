@@ -60,8 +60,8 @@ Matrix3d d_eye_axes_d_vertical(double h, double v) {
 
 }  // namespace
 
-double fat_signal(double around, double wall, double fat) {
-  return fat * (around - wall) / std::max(fat - wall, least_fat_over_wall);
+double fat_signal(double around, double muscle, double fat) {
+  return fat * (around - muscle) / std::max(fat - muscle, least_fat_over_muscle);
 }
 
 ForwardModel::ForwardModel(ParameterLayout layout, std::vector<StackSampling> stacks, Vector3d coil_reference)

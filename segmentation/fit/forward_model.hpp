@@ -21,15 +21,17 @@ struct StackSampling {
   /// Prior spread about 0 of the chemical shift of fat: mm along row and column; 0: there is none.
   Eigen::Vector2d fat_shift_sigma_mm = Eigen::Vector2d::Zero();
   double fat = 1;  ///< its intensity, positive
+  /// How much darker muscle is than the globe's wall: this share of the difference of the wall's layers.
+  double muscle_under_wall = 0;
   /// Prior spread about 0 of the coil's second-order coefficients.
   double coil_curvature_sigma = 0.2;
 };
 
-/// Fat is at least this much brighter than the wall, where its share of the surroundings is computed.
-inline constexpr double least_fat_over_wall = 0.2;
+/// Fat is at least this much brighter than muscle, where its share of the surroundings is computed.
+inline constexpr double least_fat_over_muscle = 0.2;
 
-/// Fat's signal in what surrounds the globe: what of it is not fat is muscle, as bright as the wall.
-double fat_signal(double around, double wall, double fat);
+/// Fat's signal in what surrounds the globe: what of it is not fat is muscle.
+double fat_signal(double around, double muscle, double fat);
 
 /// Which part of the eye explains a voxel. Chosen once a pass, so that the cost stays smooth.
 enum class Zone : std::uint8_t {
@@ -103,8 +105,8 @@ class SparseRow {
 /// `wall` is the mean of both. The lens has a nucleus.
 /// H_fat is H_outer displaced by the chemical shift: the fat of what surrounds the globe lies over the wall
 /// on one side and leaves a gap on the other, muscle stays in its place. surround(n) tells their shares:
-/// muscle is as bright as the wall, fat as its brightest surroundings. The coil multiplies by exp(log_gain +
-/// polynomial in ((x, y, z) - reference) / 12 mm without constant).
+/// muscle is as bright as the wall (in T2 as its darker part), fat as its brightest surroundings. The coil
+/// multiplies by exp(log_gain + polynomial in ((x, y, z) - reference) / 12 mm without constant).
 class ForwardModel {
  public:
   ForwardModel(ParameterLayout layout, std::vector<StackSampling> stacks, Eigen::Vector3d coil_reference);

@@ -40,7 +40,8 @@ RobustResidual robust_residual(const FitProblem& problem, const Sample& sample, 
   return {value, -d_r * e.d_signal / sample.deviation};
 }
 
-/// Retina and choroid are not darker than sclera; a limit there would have a kink in which solutions end apart.
+/// Retina and choroid are not darker than sclera: below nought the prior is as narrow as that. A limit there would have
+/// a kink in which solutions end apart.
 constexpr double inverted_layering_sigma = 0.02;
 
 /// Where a parameter still makes an eye. Beyond, the image is that at the limit and the prior alone pulls
@@ -195,8 +196,12 @@ void add_priors(const FitProblem& problem, const VectorXd& parameters, bool deri
                 NormalEquations& out) {
   const Priors& priors = problem.priors;
   VectorXd per_sigma = priors.sigma.cwiseInverse();
-  if (parameters[wall_layering] < 0) per_sigma[wall_layering] = 1 / inverted_layering_sigma;
   VectorXd deviation = (parameters - priors.mean).cwiseProduct(per_sigma);
+  if (const double layering = parameters[wall_layering]; layering < 0) {
+    deviation[wall_layering] -= layering * per_sigma[wall_layering];
+    per_sigma[wall_layering] = 1 / inverted_layering_sigma;
+    deviation[wall_layering] += layering * per_sigma[wall_layering];
+  }
   deviation[cornea_c] =
       (parameters[cornea_c] - expected_curvature(priors, parameters[axial_length])) * per_sigma[cornea_c];
   const MatrixXd& information = priors.corneal_form_information;

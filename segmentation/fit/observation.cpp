@@ -187,6 +187,9 @@ void observe_intensities(ObservedStack& o, const EyeStart& start, Weighting weig
   o.reference = weighting == Weighting::t2 ? levels.vitreous : levels.surround;
   // Positive where an image is masked to zero around the globe too: the model divides by it.
   o.sampling.fat = std::max(levels.fat / o.reference, 1e-3);
+  // In T2 choroid and retina are brighter than muscle, the sclera is darker; in T1 muscle is as bright as both together.
+  constexpr double under_wall_t2 = 0.25;
+  o.sampling.muscle_under_wall = weighting == Weighting::t2 ? under_wall_t2 : 0;
   if (!(o.reference > 0)) throw no_result_error(stack.name + ": no signal where the eye should be");
   o.sampling.thickness_mm =
       stack.slice_thickness_mm > 0 ? stack.slice_thickness_mm : stack.slice_spacing_mm();

@@ -104,7 +104,8 @@ class ForwardModel::AtParameters::SignalSum {
     Edge outer_edge, between_edge, inner_edge, fat_edge;
     const double layering = a_[wall_layering], share = a_[wall_inner_share];
     const double outside = a_[surround] + wall_.background;
-    const double fat = fat_signal(outside, a_[wall], sampling_.fat);
+    const double muscle = a_[wall] - sampling_.muscle_under_wall * layering;
+    const double fat = fat_signal(outside, muscle, sampling_.fat);
     if (sample_.near_wall) {
       const EyeSurface outer = globe_surface(a_, p, WallSide::outer, &wall_),
                        inner = globe_surface(a_, p, WallSide::inner, &wall_);
@@ -123,17 +124,19 @@ class ForwardModel::AtParameters::SignalSum {
         d_displacement_ += d_f + enter(outer, outer_edge, a_[wall] - share * layering - outside + fat);
         d_displacement_ += enter(between, between_edge, layering);
         d_displacement_ += enter(inner, inner_edge, fluid_ - a_[wall] - (1 - share) * layering);
-        row_->add(wall_layering,
-                  weight_ * (between_edge.value - (1 - share) * inner_edge.value - share * outer_edge.value));
         row_->add(wall_inner_share, weight_ * layering * (inner_edge.value - outer_edge.value));
-        const double over_wall = sampling_.fat - a_[wall];
-        const double d_share =
-            (outer_edge.value - fat_edge.value) * sampling_.fat / std::max(over_wall, least_fat_over_wall);
+        const double over_muscle = sampling_.fat - muscle;
+        const double d_share = (outer_edge.value - fat_edge.value) * sampling_.fat /
+                               std::max(over_muscle, least_fat_over_muscle);
         const double d_outside = 1 - outer_edge.value + d_share;
         row_->add(surround, weight_ * d_outside);
         d_background_ += weight_ * d_outside;
-        const double d_share_d_wall = over_wall > least_fat_over_wall ? 1 - fat / sampling_.fat : 1;
-        row_->add(wall, weight_ * (outer_edge.value - inner_edge.value - d_share * d_share_d_wall));
+        const double d_muscle =
+            -d_share * (over_muscle > least_fat_over_muscle ? 1 - fat / sampling_.fat : 1);
+        row_->add(wall, weight_ * (outer_edge.value - inner_edge.value + d_muscle));
+        row_->add(wall_layering,
+                  weight_ * (between_edge.value - (1 - share) * inner_edge.value - share * outer_edge.value -
+                             sampling_.muscle_under_wall * d_muscle));
       }
     }
     signal_ += weight_ *

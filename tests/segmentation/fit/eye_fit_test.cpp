@@ -31,5 +31,25 @@ TEST(EyeFit, AFellowsChamberLeadsAndDoesNotHold) {
               0.05 * alone.sigma(anterior_chamber_depth));
 }
 
+/// Choroid and retina are half as bright as the vitreous in T2, muscle is darker, and fat is displaced: what is taken
+/// for one wall makes the globe 0.25 mm too wide.
+TEST(EyeFit, InT2TheBrightInnerLayerIsNotTakenForVitreous) {
+  phantom::HeadGeometry head = phantom::random_head(7);
+  for (const Laterality laterality : both_eyes) head.eye(laterality).choroid_mm = 0.4;
+  const phantom::Anatomy anatomy(head);
+  phantom::Protocol protocol;
+  protocol.disturbances.snr = 20;
+  protocol.disturbances.chemical_shift_px = 0.5;
+  protocol.stacks.push_back(phantom::make_stack(
+      "head-axial:pixel_mm=0.8,slice_mm=0.8,matrix=140x60,slices=44,contrast=t2", anatomy));
+  const Stack stack = to_stack(phantom::render(anatomy, protocol, 0, 1), "stack1");
+  const std::vector<const Stack*> stacks{&stack};
+  const FoundEye found = find_eyes(stacks, {""}).eyes.at(0);
+  const EyeFit fit = fit_eye(stacks, start_of(found, read_edges_of(found, stacks)), Weighting::t2);
+  const phantom::EyeGeometry& truth = head.eye(found.laterality);
+  EXPECT_NEAR(2 * fit.value(globe_x), 2 * truth.globe_semi_x_mm, 0.15);
+  EXPECT_NEAR(fit.value(wall_layering), 0.4, 0.15);
+}
+
 }  // namespace
 }  // namespace emmetrope::segmentation

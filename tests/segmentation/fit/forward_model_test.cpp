@@ -29,6 +29,7 @@ ForwardModel test_model() {
   StackSampling oblique{
       Vector3d(0, 0.8, 0.6), Vector3d(0, 0.6, -0.8), -Vector3d::UnitX(), 1.6, 1.6, 2, 3, 0.05};
   coronal.fat_shift_sigma_mm = oblique.fat_shift_sigma_mm = {0.3, 0.3};
+  coronal.muscle_under_wall = 0.25;
   oblique.fat = 0.45;  // hardly above the wall
   return {test_layout(), {coronal, oblique}, Vector3d(30, 12, 0)};
 }
@@ -204,34 +205,39 @@ TEST(ForwardModel, AStackIsTurnedAndShiftedIntoTheFirst) {
 }
 
 /// Fat displaced along the rows lies over the wall on one side and leaves a gap on the other, and the muscle
-/// that is mixed with it stays: edges of a plane wall, as the globe's is within a thin slice and a voxel.
+/// that is mixed with it stays: edges of a plane wall of two layers, as the globe's is within a thin slice and a voxel.
 TEST(ForwardModel, DisplacedFatLiesOverTheWallOrLeavesAGapAndMuscleStays) {
   ParameterLayout layout;
-  const double cutoff = 0.8, shift_mm = 0.6;
-  const ForwardModel model(
-      layout,
-      {{Vector3d::UnitX(), -Vector3d::UnitZ(), Vector3d::UnitY(), cutoff, cutoff, 0.1, 1, 0.05, {1, 0}}},
-      Vector3d::Zero());
+  const double cutoff = 0.8, shift_mm = 0.6, share = 0.45;
+  StackSampling axial{
+      Vector3d::UnitX(), -Vector3d::UnitZ(), Vector3d::UnitY(), cutoff, cutoff, 0.1, 1, 0.05, {1, 0}};
+  axial.muscle_under_wall = 0.25;
+  const ForwardModel model(layout, {axial}, Vector3d::Zero());
   VectorXd a = population_mean(layout);
   a[vitreous] = 0.22;
   a[wall] = 0.4;
+  a[wall_inner_share] = share;
   a[fat_shift_first + layout.stack(0)] = shift_mm;
   Sample sample;
   sample.near_wall = true;
   struct Surroundings {
-    double fat, muscle;  // 1 and 0.4 where there is nothing else
+    double layering, fat, muscle;  // 1 and 0.4 or 0.3 where there is nothing else
   };
-  for (const auto& [of_fat, of_muscle] : {Surroundings{1, 0}, {0.5, 0.2}, {0, 0.4}})
+  for (const auto& [layering, of_fat, of_muscle] :
+       {Surroundings{0, 1, 0}, {0, 0.5, 0.2}, {0, 0, 0.4}, {0.4, 0.5, 0.15}, {0.4, 0, 0.3}})
     for (const double side : {-1.0, 1.0}) {
       a[surround] = of_fat + of_muscle;
+      a[wall_layering] = layering;
       const ForwardModel::AtParameters at(model, a);
       for (const double beyond : {-1.0, -0.4, 0.0, 0.3, 0.7, 1.0, 1.6}) {
         sample.position = Vector3d(side * (a[globe_x] + beyond), a[axial_length] - a[globe_z], 0);
         const auto inside = [&](double edge_at) { return edge_response(2 * cutoff * (edge_at - beyond)); };
-        const double inner = inside(0), outer = inside(a[wall_lateral]),
-                     displaced = inside(a[wall_lateral] + side * shift_mm);
+        const double inner = inside(0), between = inside(share * a[wall_lateral]),
+                     outer = inside(a[wall_lateral]), displaced = inside(a[wall_lateral] + side * shift_mm);
+        const double choroid = 0.4 + (1 - share) * layering, sclera = 0.4 - share * layering;
         EXPECT_NEAR(at.intensity(sample, nullptr),
-                    0.22 * inner + 0.4 * (outer - inner) + of_muscle * (1 - outer) + of_fat * (1 - displaced),
+                    0.22 * inner + choroid * (between - inner) + sclera * (outer - between) +
+                        of_muscle * (1 - outer) + of_fat * (1 - displaced),
                     4e-3)
             << side * beyond;
       }
@@ -310,11 +316,11 @@ TEST(Priors, CorneasAreSteeperVertically) {
 TEST(Priors, LongerEyesHaveFlatterCorneas) {
   const StackSampling axial{Vector3d::UnitX(), Vector3d::UnitY(), Vector3d::UnitZ()};
   const ForwardModel model({}, {axial}, Vector3d::Zero());
-  const VectorXd mean = population_mean(model.layout());
   FitProblem problem;
   problem.model = &model;
-  problem.priors = population_priors(model.layout(), mean, Weighting::t2);
+  problem.priors = population_priors(model.layout(), population_mean(model.layout()), Weighting::t2);
   problem.limbus_sigma_mm = 0;
+  const VectorXd mean = problem.priors.mean;
   const auto cost = [&](double longer_mm, double steeper_D) {
     VectorXd a = mean;
     a[axial_length] += longer_mm;
@@ -338,9 +344,13 @@ TEST(Priors, LongerEyesHaveFlatterCorneas) {
 }
 
 /// The condensed problem's cost and gradient are those of the voxels.
-TEST(LeastSquares, GradientMatchesDifferencesOfTheCost) {
+class GradientOfTheCost : public testing::TestWithParam<double> {};
+
+/// Also where the wall's layers are inverted.
+TEST_P(GradientOfTheCost, MatchesDifferences) {
   const ForwardModel model = test_model();
-  const VectorXd a = test_parameters(2);
+  VectorXd a = test_parameters(2);
+  a[wall_layering] = GetParam();
   FitProblem problem;
   problem.model = &model;
   problem.samples = test_samples(model, a);
@@ -354,8 +364,8 @@ TEST(LeastSquares, GradientMatchesDifferencesOfTheCost) {
   problem.priors = population_priors(model.layout(), a, Weighting::t2);
   problem.rician = true;
   const NormalEquations equations = evaluate(problem, a, true);
-  for (const int i : {int(vitreous), int(lens), int(cornea), model.layout().stack(0) + 2, int(lid_thickness),
-                      int(pupil_radius)}) {
+  for (const int i : {int(vitreous), int(wall_layering), int(lens), int(cornea), model.layout().stack(0) + 2,
+                      int(lid_thickness), int(pupil_radius)}) {
     VectorXd more = a, less = a;
     more[i] += 1e-5;
     less[i] -= 1e-5;
@@ -363,6 +373,8 @@ TEST(LeastSquares, GradientMatchesDifferencesOfTheCost) {
     EXPECT_NEAR(equations.gradient[i], slope, 0.03 * std::abs(slope) + 3) << model.layout().name(i);
   }
 }
+
+INSTANTIATE_TEST_SUITE_P(LeastSquares, GradientOfTheCost, testing::Values(0.15, -0.03));
 
 /// Whatever number of samples there is, which are summed by blocks.
 TEST(LeastSquares, NormalEquationsAreThoseOfTheRows) {
