@@ -36,6 +36,9 @@ unsigned pick(int i, int j, unsigned n) {
 /// One optotype of 5 x 5 units about its centre; cell (i, j) decides which.
 using Optotype = bool (*)(int i, int j, double x, double y);
 
+/// The number of a row or a column, from 0 at the centre; of a plane of a scene file there may be more than an int holds.
+int cell(double number) { return static_cast<int>(std::fmod(number, 0x1p30)); }
+
 /// Optotypes of one size, one letter's width apart, as many as the chart holds whole.
 Ink even_rows(Optotype optotype, double detail, double extent) {
   const double pitch = 10 * detail;
@@ -43,7 +46,7 @@ Ink even_rows(Optotype optotype, double detail, double extent) {
   return [=](double x, double y) {
     const double i = std::round(x / pitch), j = std::round(y / pitch);
     return std::abs(i) <= most && std::abs(j) <= most &&
-           optotype(int(i), int(j), (x - i * pitch) / detail, (y - j * pitch) / detail);
+           optotype(cell(i), cell(j), (x - i * pitch) / detail, (y - j * pitch) / detail);
   };
 }
 

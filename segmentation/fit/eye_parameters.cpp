@@ -67,7 +67,7 @@ const std::vector<Prior>& prior_table() {
 bool is_intensity(int index) { return index >= vitreous && index <= surround; }
 
 constexpr double cornea_like_wall = 0.08;  ///< relative
-/// Of the vitreous' brightness; a real eye has 0.5 to 0.7 (docs/evidence/real-scans.md), phantoms 0 and 0.4; chosen.
+/// Of the vitreous' brightness: two real eyes have 0.6 (docs/evidence/real-scans.md), phantoms 0 or 0.4; chosen.
 constexpr double layering_mean_t2 = 0.2, layering_sigma_t2 = 0.15;
 constexpr double curvature_per_axial_length = -0.4 * per_mm_of_keratometric_D;
 constexpr double coil_sigma = 0.3, gain_sigma = 0.3;

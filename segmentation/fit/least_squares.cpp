@@ -40,10 +40,6 @@ RobustResidual robust_residual(const FitProblem& problem, const Sample& sample, 
   return {value, -d_r * e.d_signal / sample.deviation};
 }
 
-/// Retina and choroid are not darker than sclera: below nought the prior is as narrow as that. A limit there would have
-/// a kink in which solutions end apart.
-constexpr double inverted_layering_sigma = 0.02;
-
 /// Where a parameter still makes an eye. Beyond, the image is that at the limit and the prior alone pulls
 /// back, so that a step over a limit costs the fit nothing else.
 struct Limit {
@@ -192,16 +188,25 @@ void add_alike(Parameter first, Parameter second, double sigma, const VectorXd& 
       per_sigma * per_sigma;  // the lower triangle
 }
 
+/// Retina and choroid are not darker than sclera: below nought the prior is this narrow, and has no kink in which
+/// solutions would end apart.
+void add_inverted_layering(const Priors& priors, const VectorXd& parameters, bool derivatives,
+                           NormalEquations& out) {
+  const double layering = std::min(parameters[wall_layering], 0.0);
+  if (layering == 0) return;
+  constexpr double sigma = 0.02;
+  const double information = 1 / (sigma * sigma) - 1 / std::pow(priors.sigma[wall_layering], 2);
+  out.cost += information * layering * layering / 2;
+  if (!derivatives) return;
+  out.gradient[wall_layering] += information * layering;
+  out.hessian(wall_layering, wall_layering) += information;
+}
+
 void add_priors(const FitProblem& problem, const VectorXd& parameters, bool derivatives,
                 NormalEquations& out) {
   const Priors& priors = problem.priors;
-  VectorXd per_sigma = priors.sigma.cwiseInverse();
+  const VectorXd per_sigma = priors.sigma.cwiseInverse();
   VectorXd deviation = (parameters - priors.mean).cwiseProduct(per_sigma);
-  if (const double layering = parameters[wall_layering]; layering < 0) {
-    deviation[wall_layering] -= layering * per_sigma[wall_layering];
-    per_sigma[wall_layering] = 1 / inverted_layering_sigma;
-    deviation[wall_layering] += layering * per_sigma[wall_layering];
-  }
   deviation[cornea_c] =
       (parameters[cornea_c] - expected_curvature(priors, parameters[axial_length])) * per_sigma[cornea_c];
   const MatrixXd& information = priors.corneal_form_information;
@@ -292,6 +297,7 @@ NormalEquations evaluate(const FitProblem& problem, const VectorXd& parameters, 
     }
   }
   add_priors(problem, parameters, derivatives, out);
+  add_inverted_layering(problem.priors, parameters, derivatives, out);
   return out;
 }
 

@@ -55,10 +55,14 @@ TEST(Charts, AreDrawnAtTheirAngle) {
 }
 
 TEST(Charts, APlaneOfNearly180DegreesHasTheFinestTexture) {
-  ChartSpec spec;
-  spec.name = "dial";
-  spec.extent_deg = 180 - 1e-7;  // of a plane of a scene file, in texels more than an int holds
-  EXPECT_EQ(draw_chart(spec).planes.front().texture->width, 2048);
+  for (const char* name : {"dial", "letters"}) {
+    ChartSpec spec;
+    spec.name = name;
+    spec.logmar_given = true;
+    spec.extent_deg =
+        180 - 1e-13;  // of a plane of a scene file, in texels and letters more than an int holds
+    EXPECT_EQ(draw_chart(spec).planes.front().texture->width, 2048);
+  }
 }
 
 TEST(Charts, AllNamesDrawInkAndPaper) {

@@ -29,7 +29,7 @@ ForwardModel test_model() {
   StackSampling oblique{
       Vector3d(0, 0.8, 0.6), Vector3d(0, 0.6, -0.8), -Vector3d::UnitX(), 1.6, 1.6, 2, 3, 0.05};
   coronal.fat_shift_sigma_mm = oblique.fat_shift_sigma_mm = {0.3, 0.3};
-  coronal.muscle_under_wall = 0.25;
+  coronal.muscle_under_wall = oblique.muscle_under_wall = 0.25;
   oblique.fat = 0.45;  // hardly above the wall
   return {test_layout(), {coronal, oblique}, Vector3d(30, 12, 0)};
 }
@@ -375,6 +375,27 @@ TEST_P(GradientOfTheCost, MatchesDifferences) {
 }
 
 INSTANTIATE_TEST_SUITE_P(LeastSquares, GradientOfTheCost, testing::Values(0.15, -0.03));
+
+/// Where the layers of the wall change places the prior has neither a step nor a kink, and it is narrow beyond.
+TEST(Priors, OfTheWallsLayersAreSmoothWhereTheyChangePlaces) {
+  const StackSampling axial{Vector3d::UnitX(), Vector3d::UnitY(), Vector3d::UnitZ()};
+  const ForwardModel model({}, {axial}, Vector3d::Zero());
+  FitProblem problem;
+  problem.model = &model;
+  problem.priors = population_priors(model.layout(), population_mean(model.layout()), Weighting::t2);
+  problem.limbus_sigma_mm = 0;
+  const auto at = [&](double layering) {
+    VectorXd a = problem.priors.mean;
+    a[wall_layering] = layering;
+    return evaluate(problem, a, true);
+  };
+  EXPECT_NEAR(at(-1e-9).cost, at(1e-9).cost, 1e-7);
+  EXPECT_NEAR(at(-1e-9).gradient[wall_layering], at(1e-9).gradient[wall_layering], 1e-4);
+  const double mean = problem.priors.mean[wall_layering], sigma = problem.priors.sigma[wall_layering];
+  EXPECT_NEAR(at(0.1).gradient[wall_layering], (0.1 - mean) / (sigma * sigma), 1e-9);
+  EXPECT_NEAR(at(-0.04).gradient[wall_layering], -mean / (sigma * sigma) - 0.04 / (0.02 * 0.02), 1e-9);
+  EXPECT_NEAR(at(-0.04).hessian(wall_layering, wall_layering), 1 / (0.02 * 0.02), 1e-9);
+}
 
 /// Whatever number of samples there is, which are summed by blocks.
 TEST(LeastSquares, NormalEquationsAreThoseOfTheRows) {
