@@ -312,14 +312,24 @@ TEST(Priors, CorneasAreSteeperVertically) {
   EXPECT_NEAR(ectatic.sigma[cornea_c], 2.5 * regular.sigma[cornea_c], 1e-12);
 }
 
-/// 0.4 D for every millimetre, and the cost of the priors is the quadratic that its derivatives say.
-TEST(Priors, LongerEyesHaveFlatterCorneas) {
+ForwardModel model_of_one_stack() {
   const StackSampling axial{Vector3d::UnitX(), Vector3d::UnitY(), Vector3d::UnitZ()};
-  const ForwardModel model({}, {axial}, Vector3d::Zero());
+  return {{}, {axial}, Vector3d::Zero()};
+}
+
+/// Without voxels, in T2.
+FitProblem of_priors_alone(const ForwardModel& model) {
   FitProblem problem;
   problem.model = &model;
   problem.priors = population_priors(model.layout(), population_mean(model.layout()), Weighting::t2);
   problem.limbus_sigma_mm = 0;
+  return problem;
+}
+
+/// 0.4 D for every millimetre, and the cost of the priors is the quadratic that its derivatives say.
+TEST(Priors, LongerEyesHaveFlatterCorneas) {
+  const ForwardModel model = model_of_one_stack();
+  const FitProblem problem = of_priors_alone(model);
   const VectorXd mean = problem.priors.mean;
   const auto cost = [&](double longer_mm, double steeper_D) {
     VectorXd a = mean;
@@ -378,12 +388,8 @@ INSTANTIATE_TEST_SUITE_P(LeastSquares, GradientOfTheCost, testing::Values(0.15, 
 
 /// Where the layers of the wall change places the prior has neither a step nor a kink, and it is narrow beyond.
 TEST(Priors, OfTheWallsLayersAreSmoothWhereTheyChangePlaces) {
-  const StackSampling axial{Vector3d::UnitX(), Vector3d::UnitY(), Vector3d::UnitZ()};
-  const ForwardModel model({}, {axial}, Vector3d::Zero());
-  FitProblem problem;
-  problem.model = &model;
-  problem.priors = population_priors(model.layout(), population_mean(model.layout()), Weighting::t2);
-  problem.limbus_sigma_mm = 0;
+  const ForwardModel model = model_of_one_stack();
+  const FitProblem problem = of_priors_alone(model);
   const auto at = [&](double layering) {
     VectorXd a = problem.priors.mean;
     a[wall_layering] = layering;
