@@ -353,10 +353,10 @@ TEST(Priors, LongerEyesHaveFlatterCorneas) {
               equations.cost + step.dot(equations.gradient) + step.dot(hessian * step) / 2, 1e-9);
 }
 
-/// The condensed problem's cost and gradient are those of the voxels.
+/// By how much the wall's inner layer is brighter than the outer one.
 class GradientOfTheCost : public testing::TestWithParam<double> {};
 
-/// Also where the wall's layers are inverted.
+/// The condensed problem's cost and gradient are those of the voxels, where the wall's layers are inverted too.
 TEST_P(GradientOfTheCost, MatchesDifferences) {
   const ForwardModel model = test_model();
   VectorXd a = test_parameters(2);
