@@ -44,12 +44,15 @@ struct Region {
   std::vector<std::pair<const SourceImage*, Polyline>> outlines;
 };
 
-Region region_of(const Body& body, const EyeData& eye, const std::vector<const SourceImage*>& images) {
+/// \param head_shift_mm  from the images to where the surfaces are
+Region region_of(const Body& body, const EyeData& eye, const std::vector<const SourceImage*>& images,
+                 const Eigen::Vector3d& head_shift_mm) {
   Region region{&body, eye.laterality, {}};
   std::vector<TriangleMesh> sheets;
   for (const char* surface : body.surfaces) {
     if (!std::filesystem::exists(eye.mesh(surface))) return region;
     sheets.push_back(read_mesh(eye.mesh(surface)).mesh);
+    for (Eigen::Vector3d& vertex : sheets.back().vertices) vertex -= head_shift_mm;
   }
   for (const SourceImage* image : images) {
     std::vector<Polyline> pieces;
@@ -139,7 +142,7 @@ std::string structure_set_object(const SourceStudy& source, const CaseData& data
   for (const EyeData& eye : data.eyes)
     if (is_fitted_to(eye, stack))
       for (const Body& body : bodies())
-        if (Region region = region_of(body, eye, images); !region.outlines.empty())
+        if (Region region = region_of(body, eye, images, head_shift(eye, stack)); !region.outlines.empty())
           regions.push_back(std::move(region));
   if (regions.empty()) return {};
   DcmDataset dataset;

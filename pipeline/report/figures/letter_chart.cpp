@@ -75,10 +75,10 @@ Picture blurred_letters(const raytrace::PointSpread& spread, const std::vector<L
       kernel.at<float>((row - half + side) % side, (column - half + side) % side) =
           spread.values[static_cast<std::size_t>(row) * spread.size + column];
   cv::Mat chart_spectrum, kernel_spectrum, product, image;
-  cv::dft(chart, chart_spectrum, cv::DFT_COMPLEX_OUTPUT);
-  cv::dft(kernel, kernel_spectrum, cv::DFT_COMPLEX_OUTPUT);
+  cv::dft(chart, chart_spectrum);  // of real values, in half the room
+  cv::dft(kernel, kernel_spectrum);
   cv::mulSpectrums(chart_spectrum, kernel_spectrum, product, 0);
-  cv::dft(product, image, cv::DFT_INVERSE | cv::DFT_REAL_OUTPUT | cv::DFT_SCALE);
+  cv::dft(product, image, cv::DFT_INVERSE | cv::DFT_SCALE);
   return {side, step, {image.begin<float>(), image.end<float>()}};
 }
 

@@ -104,6 +104,20 @@ TEST_F(DicomTest, ObjectsBelongToThePatientsStudy) {
   fs::remove_all(study);
 }
 
+/// Corners of a structure's outlines, LPS mm, an outline an image.
+std::vector<std::vector<Eigen::Vector3d>> outlines_of(DRTStructureSetIOD& structures, std::size_t region) {
+  std::vector<std::vector<Eigen::Vector3d>> outlines;
+  DRTContourSequence& slices = structures.getROIContourSequence().getItem(region).getContourSequence();
+  for (std::size_t slice = 0; slice < slices.getNumberOfItems(); ++slice) {
+    OFVector<Float64> numbers;
+    slices.getItem(slice).getContourData(numbers);
+    auto& outline = outlines.emplace_back();
+    for (std::size_t i = 0; i + 2 < numbers.size(); i += 3)
+      outline.emplace_back(numbers[i], numbers[i + 1], numbers[i + 2]);
+  }
+  return outlines;
+}
+
 TEST_F(DicomTest, StructureSetOutlinesTheEyesOnTheirImages) {
   test::make_fixture_case(folder_);
   const fs::path study = folder_.string() + "-study";
@@ -128,22 +142,49 @@ TEST_F(DicomTest, StructureSetOutlinesTheEyesOnTheirImages) {
   // Every point lies in a plane of the images, and but for the straight parts on one of the meshes: on Eye_R the retina.
   const TriangleMesh retina = read_mesh(folder_ / "meshing" / "od" / "retina.ply").mesh;
   const TriangleMesh cornea = read_mesh(folder_ / "meshing" / "od" / "cornea_anterior.ply").mesh;
-  DRTROIContourSequence& outlines = structures.getROIContourSequence();
-  ASSERT_EQ(outlines.getNumberOfItems(), names.size());
-  DRTContourSequence& slices = outlines.getItem(0).getContourSequence();
-  EXPECT_GT(slices.getNumberOfItems(), 5U);
-  for (std::size_t slice = 0; slice < slices.getNumberOfItems(); ++slice) {
-    OFVector<Float64> numbers;
-    slices.getItem(slice).getContourData(numbers);
-    ASSERT_GE(numbers.size(), 9U);
-    for (std::size_t i = 0; i + 2 < numbers.size(); i += 3) {
-      const Eigen::Vector3d point(numbers[i], numbers[i + 1], numbers[i + 2]);
-      EXPECT_NEAR(point.z(), numbers[2], 1e-3);
+  ASSERT_EQ(structures.getROIContourSequence().getNumberOfItems(), names.size());
+  const auto outlines = outlines_of(structures, 0);
+  EXPECT_GT(outlines.size(), 5U);
+  for (const auto& outline : outlines) {
+    ASSERT_GE(outline.size(), 3U);
+    for (const Eigen::Vector3d& point : outline) {
+      EXPECT_NEAR(point.z(), outline.front().z(), 1e-3);
       double least = 1e9;
       for (const TriangleMesh* mesh : {&retina, &cornea})
         for (const Eigen::Vector3d& vertex : mesh->vertices) least = std::min(least, (vertex - point).norm());
       EXPECT_LT(least, 1.5);  // within an edge of a triangle
     }
+  }
+  fs::remove_all(study);
+}
+
+// A point of a stack plus its shift lies where the surfaces are: on the images they lie that much lower.
+TEST_F(DicomTest, StructuresFollowTheHeadsMotionBetweenStacks) {
+  test::make_fixture_case(folder_);
+  const fs::path study = folder_.string() + "-study";
+  fs::remove_all(study);
+  test::make_fixture_study(study);
+  test::note_study(folder_, study);
+  const auto right_eye = [&] {
+    report(study);
+    DcmFileFormat format;
+    DRTStructureSetIOD structures;
+    EXPECT_TRUE(format.loadFile((folder_ / "report" / "structures.dcm").c_str()).good());
+    EXPECT_TRUE(structures.read(*format.getDataset()).good());
+    return outlines_of(structures, 0);
+  };
+  const auto still = right_eye();
+  const fs::path file = folder_ / "segmentation" / "od" / "fit.json";
+  Json fit = read_json(file);
+  const Eigen::Vector3d shift(1.25, -0.5, 0);
+  fit["stacks"] = {{{"name", "stack1"}, {"shift_lps_mm", {shift.x(), shift.y(), shift.z()}}}};
+  write_json(file, fit);
+  const auto moved = right_eye();
+  ASSERT_EQ(moved.size(), still.size());
+  for (std::size_t slice = 0; slice < still.size(); ++slice) {
+    ASSERT_EQ(moved[slice].size(), still[slice].size());
+    for (std::size_t i = 0; i < still[slice].size(); ++i)
+      EXPECT_LT((moved[slice][i] - (still[slice][i] - shift)).norm(), 2e-3);  // three decimals are written
   }
   fs::remove_all(study);
 }
