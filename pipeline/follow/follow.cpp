@@ -1,8 +1,10 @@
 #include "pipeline/follow/follow.hpp"
 
 #include <fmt/format.h>
+#include <spdlog/spdlog.h>
 
 #include <algorithm>
+#include <cmath>
 
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/files.hpp"
@@ -24,17 +26,51 @@ struct FollowedEye {
   std::string reason;                         ///< why it is not followed; empty: it is
   std::vector<std::vector<double>> by_visit;  ///< quantities at each visit
   std::vector<Measured> per_year;
+  std::vector<std::string> doubts;  ///< whether it is one eye
 };
 
+/// By the limits of readings that contradict what is known (docs/use/instruments.md).
+constexpr double doubted_sigmas = 3, refused_sigmas = 5;
+
+/// What one eye does not do between two visits.
+void judge_differences(const Growth& growth, FollowedEye& eye) {
+  const auto visits = differences_of_quantities(growth);
+  for (std::size_t k = 0; k < visits.size(); ++k)
+    for (std::size_t q = 0; q < visits[k].size(); ++q) {
+      const auto& [value, sigma] = visits[k][q];
+      const FollowedQuantity& quantity = followed_quantities()[q];
+      if (std::abs(value) <= doubted_sigmas * sigma) continue;
+      const std::string what = fmt::format(
+          "{} of visit {} differs from the first by {:+.{}f} {}, {:.1f} standard deviations of what the errors of "
+          "both and the growth of an eye allow (two persons, or one misread?)",
+          quantity.name, k + 2, value, quantity.decimals, quantity.unit, std::abs(value) / sigma);
+      if (std::abs(value) > refused_sigmas * sigma && eye.reason.empty()) eye.reason = what;
+      eye.doubts.push_back(fmt::format("{}: {}.", clinical_name(eye.laterality), what));
+    }
+}
+
+/// \throw Error (input_invalid) where two visits are one scan: errors that both share would pass for growth that is known
+void require_own_scans(const FollowedEye& eye) {
+  for (std::size_t i = 1; i < eye.by_visit.size(); ++i)
+    for (std::size_t k = 0; k < i; ++k)
+      if (eye.by_visit[i] == eye.by_visit[k])
+        throw input_error(fmt::format("visits {} and {} are one scan: {} is the same to the last digit",
+                                      k + 1, i + 1, clinical_name(eye.laterality)),
+                          "name one case a visit");
+}
+
 FollowedEye followed(const Visits& visits, Laterality laterality, double scale_sigma) {
-  FollowedEye eye{laterality, "", {}, {}};
+  FollowedEye eye{laterality, "", {}, {}, {}};
   const std::vector<EyeAtVisit> at_visits = eyes_of(visits, laterality, eye.reason);
   if (!eye.reason.empty()) return eye;
   for (const EyeAtVisit& visit : at_visits) {
     const Eigen::VectorXd values = quantities_of(visit.eye.eye());
     eye.by_visit.emplace_back(values.data(), values.data() + values.size());
   }
-  eye.per_year = growth_of_quantities(growth_of(at_visits, scale_sigma));
+  require_own_scans(eye);
+  const Growth growth = growth_of(at_visits, scale_sigma);
+  judge_differences(growth, eye);
+  eye.per_year = growth_of_quantities(growth);
   return eye;
 }
 
@@ -83,6 +119,13 @@ std::string headline(const FollowedEye& eye, const Visits& visits) {
                      with_sign(length.ci95[0], 2), with_sign(length.ci95[1], 2));
 }
 
+/// What the reader is warned of, the visits' first.
+std::vector<std::string> doubts_of(const std::vector<FollowedEye>& eyes, const Visits& visits) {
+  std::vector<std::string> doubts = visits.doubts;
+  for (const FollowedEye& eye : eyes) doubts.insert(doubts.end(), eye.doubts.begin(), eye.doubts.end());
+  return doubts;
+}
+
 report::Document document_of(const std::vector<FollowedEye>& eyes, const Visits& visits) {
   report::Document document;
   document.title = "Emmetrope growth";
@@ -95,6 +138,7 @@ report::Document document_of(const std::vector<FollowedEye>& eyes, const Visits&
   report::Section section{"growth", "Growth", {}};
   report::BulletList list;
   for (const FollowedEye& eye : eyes) list.items.push_back(headline(eye, visits));
+  for (const std::string& doubt : doubts_of(eyes, visits)) list.items.push_back("Warning: " + doubt);
   list.items.insert(list.items.end(), visits.remarks.begin(), visits.remarks.end());
   section.blocks.push_back({list});
   for (const FollowedEye& eye : eyes)
@@ -108,7 +152,9 @@ report::Document document_of(const std::vector<FollowedEye>& eyes, const Visits&
 }
 
 Json json_of(const std::vector<FollowedEye>& eyes, const Visits& visits) {
-  Json json{{"years", visits.are_dated ? Json(visits.years) : Json(nullptr)}, {"remarks", visits.remarks}};
+  Json json{{"years", visits.are_dated ? Json(visits.years) : Json(nullptr)},
+            {"remarks", visits.remarks},
+            {"warnings", doubts_of(eyes, visits)}};
   for (const FollowedEye& eye : eyes) {
     Json& entry = json["eyes"][to_string(eye.laterality)];
     if (!eye.reason.empty()) {
@@ -135,6 +181,7 @@ Answer run_follow(const FollowOptions& options, const CommonOptions& common) {
     if (includes(common.laterality, eye)) eyes.push_back(followed(visits, eye, options.scale_sigma));
   const auto count = static_cast<std::size_t>(
       std::count_if(eyes.begin(), eyes.end(), [](const FollowedEye& eye) { return eye.reason.empty(); }));
+  for (const std::string& doubt : doubts_of(eyes, visits)) spdlog::warn("{}", doubt);
   const Json json = json_of(eyes, visits);
   fs::create_directories(options.output);
   const report::Document document = document_of(eyes, visits);
@@ -147,6 +194,7 @@ Answer run_follow(const FollowOptions& options, const CommonOptions& common) {
                                        : ExitStatus::no_result;
   answer.json = json;
   for (const FollowedEye& eye : eyes) answer.text += headline(eye, visits) + "\n";
+  for (const std::string& remark : visits.remarks) answer.text += remark + "\n";
   answer.text += (options.output / "growth.html").string() + "\n";
   return answer;
 }

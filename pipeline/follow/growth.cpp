@@ -122,6 +122,11 @@ Growth growth_of(const std::vector<EyeAtVisit>& visits, double scale_sigma) {
   growth.per_year.mean = unit.asDiagonal() * (gain * change);
   growth.per_year.covariance =
       unit.asDiagonal() * positive(MatrixXd::Identity(count, count) - gain * model) * unit.asDiagonal();
+  for (Index k = 0; k < later; ++k)
+    growth.differences.push_back(
+        {unit.asDiagonal() * change.segment(k * count, count),
+         unit.asDiagonal() * positive(expected.block(k * count, k * count, count, count)) *
+             unit.asDiagonal()});
   growth.eye = visits.front().eye.eye();
   mean /= static_cast<double>(later + 1);
   for (Index i = 0; i < count; ++i)

@@ -17,6 +17,9 @@ struct EyeAtVisit {
 struct Growth {
   std::vector<std::string> parameters;
   NormalDistribution per_year;
+  /// By how much each later visit's fit differs from the first's, with the covariance that the errors of both and the
+  /// change of an eye give such a difference.
+  std::vector<NormalDistribution> differences;
   /// The eye about which it is a linear change: the mean of the visits.
   ParametricEye eye;
 };

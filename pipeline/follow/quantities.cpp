@@ -31,11 +31,14 @@ VectorXd quantities_of(const ParametricEye& eye) {
   return values;
 }
 
-std::vector<Measured> growth_of_quantities(const Growth& growth) {
+namespace {
+
+/// d quantity / d parameter at the mean of the visits, by steps of these parameters' spread.
+Eigen::MatrixXd slopes_of(const Growth& growth, const Eigen::MatrixXd& covariance) {
   VectorXd at(growth.per_year.mean.size());
   for (Index i = 0; i < at.size(); ++i)
     at[i] = growth.eye.get(growth.parameters[static_cast<std::size_t>(i)]);
-  const Eigen::MatrixXd slopes = jacobian({at, growth.per_year.covariance}, [&](const VectorXd& values) {
+  return jacobian({at, covariance}, [&](const VectorXd& values) {
     ParametricEye eye = growth.eye;
     for (Index i = 0; i < values.size(); ++i) {
       const std::string& name = growth.parameters[static_cast<std::size_t>(i)];
@@ -43,12 +46,30 @@ std::vector<Measured> growth_of_quantities(const Growth& growth) {
     }
     return quantities_of(eye);
   });
+}
+
+}  // namespace
+
+std::vector<Measured> growth_of_quantities(const Growth& growth) {
+  const Eigen::MatrixXd slopes = slopes_of(growth, growth.per_year.covariance);
   const VectorXd value = slopes * growth.per_year.mean;
   const Eigen::MatrixXd covariance = slopes * growth.per_year.covariance * slopes.transpose();
   std::vector<Measured> quantities;
   for (Index i = 0; i < value.size(); ++i)
     quantities.push_back(Measured::from_sigma(value[i], std::sqrt(covariance(i, i)), "mri", "fit"));
   return quantities;
+}
+
+std::vector<std::vector<Difference>> differences_of_quantities(const Growth& growth) {
+  std::vector<std::vector<Difference>> visits;
+  for (const NormalDistribution& difference : growth.differences) {
+    const Eigen::MatrixXd slopes = slopes_of(growth, growth.per_year.covariance);
+    const VectorXd value = slopes * difference.mean;
+    const Eigen::MatrixXd covariance = slopes * difference.covariance * slopes.transpose();
+    std::vector<Difference>& quantities = visits.emplace_back();
+    for (Index i = 0; i < value.size(); ++i) quantities.push_back({value[i], std::sqrt(covariance(i, i))});
+  }
+  return visits;
 }
 
 }  // namespace emmetrope::follow

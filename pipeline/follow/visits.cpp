@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include <spdlog/spdlog.h>
+
 #include <algorithm>
 #include <boost/date_time/gregorian/gregorian.hpp>
 
@@ -27,6 +29,31 @@ boost::gregorian::date calendar_date(const std::string& date) {
   }
 }
 
+double years_between(const std::string& earlier, const std::string& later) {
+  return static_cast<double>((calendar_date(later) - calendar_date(earlier)).days()) / days_in_a_year;
+}
+
+/// --years against the dates of the studies.
+void compare_with_dates(Visits& visits) {
+  constexpr double least_years = 0.1, share = 0.1;  // chosen: of what a reader rounds
+  for (std::size_t i = 1; i < visits.cases.size(); ++i)
+    for (std::size_t k = 0; k < i; ++k) {
+      if (visits.dates[k].empty() || visits.dates[i].empty()) continue;
+      const double given = visits.years[i] - visits.years[k],
+                   dated = years_between(visits.dates[k], visits.dates[i]);
+      if (given > 0 && dated < 0)
+        throw input_error(
+            fmt::format("--years: visit {} is after visit {}, but their studies are of {} and {}", i + 1,
+                        k + 1, visits.dates[i], visits.dates[k]),
+            "name the first visit first");
+      if (std::abs(given - dated) > std::max(least_years, share * dated))
+        visits.doubts.push_back(
+            fmt::format("By --years visit {} is {:.2f} years after visit {}, by the dates of their studies "
+                        "{:.2f}: the growth is that of --years.",
+                        i + 1, given, k + 1, dated));
+    }
+}
+
 void set_years(Visits& visits, const std::vector<double>& years) {
   const std::size_t count = visits.cases.size();
   if (!years.empty()) {
@@ -34,12 +61,11 @@ void set_years(Visits& visits, const std::vector<double>& years) {
       throw usage_error(fmt::format("--years: {} numbers for {} visits", years.size(), count), "one a visit");
     for (const double year : years) visits.years.push_back(year - years.front());
     visits.are_dated = true;
+    compare_with_dates(visits);
   } else if (std::none_of(visits.dates.begin(), visits.dates.end(),
                           [](const std::string& date) { return date.empty(); })) {
     for (const std::string& date : visits.dates)
-      visits.years.push_back(
-          static_cast<double>((calendar_date(date) - calendar_date(visits.dates.front())).days()) /
-          days_in_a_year);
+      visits.years.push_back(years_between(visits.dates.front(), date));
     visits.are_dated = true;
   } else if (count == 2) {
     visits.years = {0, 1};
@@ -51,6 +77,40 @@ void set_years(Visits& visits, const std::vector<double>& years) {
     if (!(visits.years[i] > visits.years[i - 1]))
       throw input_error(fmt::format("visit {} is not after visit {}", i + 1, i),
                         "name the first visit first");
+}
+
+/// By what segmentation noted of each study.
+void require_one_person(const Visits& visits) {
+  constexpr double age_tolerance_years = 3;  // whole years, some typed in before the visit
+  const auto subject = [&](std::size_t i) {
+    return visits.cases[i].case_json.value("subject", Json::object());
+  };
+  for (std::size_t i = 1; i < visits.cases.size(); ++i)
+    for (std::size_t k = 0; k < i; ++k) {
+      if (visits.cases[i].subject() == visits.cases[k].subject() && visits.cases[i].subject() != "unknown")
+        throw input_error(fmt::format("visits {} and {} were made from one study ({})", k + 1, i + 1,
+                                      visits.cases[i].subject()),
+                          "name one case a visit");
+      const std::string sex = subject(i).value("sex", ""), sex_before = subject(k).value("sex", "");
+      if ((sex == "F" && sex_before == "M") || (sex == "M" && sex_before == "F"))
+        throw input_error(
+            fmt::format(
+                "visits {} and {} are of two persons: by (0010,0040) PatientSex of their studies {} and {}",
+                k + 1, i + 1, sex_before, sex),
+            "name cases of one person");
+      const auto age = report::value_at(subject(i), "/age_years"),
+                 age_before = report::value_at(subject(k), "/age_years");
+      const bool are_dated = !visits.dates[k].empty() && !visits.dates[i].empty();
+      const double apart_years =
+          are_dated ? years_between(visits.dates[k], visits.dates[i]) : visits.years[i] - visits.years[k];
+      if ((are_dated || visits.are_dated) && age && age_before &&
+          std::abs(*age - *age_before - apart_years) > age_tolerance_years)
+        throw input_error(
+            fmt::format("visits {} and {} are of two persons: {:.0f} and {:.0f} years old, {:.1f} "
+                        "years apart",
+                        k + 1, i + 1, *age_before, *age, apart_years),
+            "name cases of one person");
+    }
 }
 
 }  // namespace
@@ -70,11 +130,12 @@ Visits read_visits(const std::vector<fs::path>& cases, const std::vector<double>
   // Each with each: the first may say least of its patient.
   for (std::size_t i = 1; i < cases.size(); ++i)
     for (std::size_t k = 0; k < i; ++k) {
-      const std::string remark = report::patients_of(sources[k], sources[i]);
-      if (std::find(visits.remarks.begin(), visits.remarks.end(), remark) == visits.remarks.end())
-        visits.remarks.push_back(remark);
+      const report::PatientsRemark remark = report::patients_of(sources[k], sources[i]);
+      std::vector<std::string>& list = remark.is_doubt ? visits.doubts : visits.remarks;
+      if (std::find(list.begin(), list.end(), remark.text) == list.end()) list.push_back(remark.text);
     }
   set_years(visits, years);
+  require_one_person(visits);
   return visits;
 }
 

@@ -17,6 +17,7 @@ struct Visits {
   std::vector<double> years;
   bool are_dated = false;
   std::vector<std::string> remarks;  ///< whether they are of one person
+  std::vector<std::string> doubts;   ///< what speaks against these visits, to be warned of
 };
 
 /// \param years  as in FollowOptions

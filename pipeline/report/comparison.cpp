@@ -128,7 +128,7 @@ std::vector<std::string> refusals_in(const Visit& visit) {
 
 /// What the reader must know besides the differences.
 std::vector<std::string> remarks_on(const Visit& earlier, const Visit& later) {
-  std::vector<std::string> remarks{patients_of(earlier.source, later.source)};
+  std::vector<std::string> remarks{patients_of(earlier.source, later.source).text};
   if (earlier.data.subject() == later.data.subject() && later.data.subject() != "unknown")
     remarks.emplace_back(
         "Both cases were made from one study: differences are of the processing, not of the eye.");
@@ -187,13 +187,14 @@ bool are_equal(const std::vector<StageInput>& a, const std::vector<StageInput>& 
 
 }  // namespace
 
-std::string patients_of(const std::optional<SourceStudy>& earlier, const std::optional<SourceStudy>& later) {
+PatientsRemark patients_of(const std::optional<SourceStudy>& earlier,
+                           const std::optional<SourceStudy>& later) {
   if (!earlier || !later)
-    return std::string("Whether both cases are of one patient was not checked: the source study of the ") +
-           (earlier ? "later case"
-            : later ? "earlier case"
-                    : "cases") +
-           " is not at hand.";
+    return {std::string("Whether both cases are of one patient was not checked: the source study of the ") +
+            (earlier ? "later case"
+             : later ? "earlier case"
+                     : "cases") +
+            " is not at hand."};
   const auto differ = [&](std::string (SourceStudy::*read)() const) {
     const std::string a = ((*earlier).*read)(), b = ((*later).*read)();
     return a.empty() || b.empty() ? std::nullopt : std::optional(a != b);
@@ -204,12 +205,15 @@ std::string patients_of(const std::optional<SourceStudy>& earlier, const std::op
         "the two cases are of two patients: (0010,0030) PatientBirthDate of their source studies differs",
         "name two cases of one patient");
   if (ids.value_or(false))
-    return "(0010,0020) PatientID of the two source studies differs: make sure that both are of one patient.";
+    return {
+        "(0010,0020) PatientID of the two source studies differs: make sure that both are of one patient.",
+        true};
   if (!ids && !births)
-    return "Whether both cases are of one patient was not checked: a source study has neither PatientID nor "
-           "birth date.";
-  return std::string("The source studies agree in the patient's ") + (ids ? "ID" : "") +
-         (ids && births ? " and " : "") + (births ? "birth date" : "") + ".";
+    return {
+        "Whether both cases are of one patient was not checked: a source study has neither PatientID nor "
+        "birth date."};
+  return {std::string("The source studies agree in the patient's ") + (ids ? "ID" : "") +
+          (ids && births ? " and " : "") + (births ? "birth date" : "") + "."};
 }
 
 Answer write_comparison(const fs::path& earlier_folder, const fs::path& later_folder,

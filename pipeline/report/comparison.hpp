@@ -8,9 +8,15 @@
 
 namespace emmetrope::report {
 
-/// Whether two studies are of one patient, as far as their headers tell, in a sentence; nothing: a study is not at hand.
-/// \throw Error (input_invalid) when they are not
-std::string patients_of(const std::optional<SourceStudy>& earlier, const std::optional<SourceStudy>& later);
+/// Whether two studies are of one patient, in a sentence.
+struct PatientsRemark {
+  std::string text;
+  bool is_doubt = false;  ///< their headers speak against it
+};
+/// As far as the headers tell; nothing: a study is not at hand.
+/// \throw Error (input_invalid) when they are of two
+PatientsRemark patients_of(const std::optional<SourceStudy>& earlier,
+                           const std::optional<SourceStudy>& later);
 
 /// Two dates of one patient side by side: HTML and PDF in LATER/comparison/. A difference counts as a change
 /// when it exceeds the 95 % interval of a difference of independent measurements, sqrt(h_a^2 + h_b^2) with

@@ -30,6 +30,7 @@ struct IntraocularMass {
   double volume_mm3 = 0;  ///< in the stack that shows most of it
   /// Its mean difference from the vitreous, in steps from there to the surroundings (T1) or to no signal (T2).
   double over_step = 0;
+  std::vector<Eigen::Vector3d> voxels = {};  ///< their centres, where the fit's first stack has them, LPS mm
 };
 
 /// A fitted eye.
@@ -64,6 +65,10 @@ struct EyeFit {
   double inner_wall() const { return value(wall) + (1 - value(wall_inner_share)) * value(wall_layering); }
   /// Whether cornea and lens are in none of its images, as someone took the face off.
   bool front_is_blanked() const { return segmentation::front_is_blanked(stacks); }
+  /// As the head moved: from a place in this stack to where the first one has it, but for turns.
+  Eigen::Vector3d head_shift_lps(std::size_t stack) const {
+    return parameters.segment<3>(layout.stack(static_cast<int>(stack)) + shift_first);
+  }
   /// Centre of the globe's ellipsoid.
   Eigen::Vector3d globe_centre_lps() const {
     return parameters.segment<3>(apex_x) -

@@ -32,11 +32,6 @@ double step_of(const EyeFit& fit) {
   return (fit.weighting == Weighting::t2 ? 0 : fit.value(surround)) - fit.value(vitreous);
 }
 
-/// Where the first stack has what lies there in stack k.
-Vector3d shift_of(const EyeFit& fit, std::size_t k) {
-  return fit.parameters.segment<3>(fit.layout.stack(static_cast<int>(k)) + shift_first);
-}
-
 /// Voxels of stack k in the vitreous, 2 mm from the wall and behind the lens.
 Voxels vitreous_voxels(const EyeFit& fit, std::size_t k, const Stack& stack) {
   constexpr double behind_lens_mm = 2.5;
@@ -49,7 +44,7 @@ Voxels vitreous_voxels(const EyeFit& fit, std::size_t k, const Stack& stack) {
   const Vector3d centre_in_eye(0, 0, fit.value(globe_z) - fit.value(axial_length));
   const ForwardModel::AtParameters at(fit.model, fit.parameters);
   Voxels voxels;
-  for_each_voxel_near(stack, fit.globe_centre_lps() - shift_of(fit, k), half_axes_mm.maxCoeff(),
+  for_each_voxel_near(stack, fit.globe_centre_lps() - fit.head_shift_lps(k), half_axes_mm.maxCoeff(),
                       [&](int c, int r, int s, const Vector3d& position) {
                         const Vector3d p = at.to_eye(position, static_cast<int>(k));
                         // Of the ellipsoid: a wall that was drawn to a mass is dented by it.
@@ -110,9 +105,9 @@ std::vector<Voxels> pieces_of(Voxels unlike) {
 void mark_about(const Voxels& piece, const EyeFit& fit, std::size_t k,
                 const std::vector<const Stack*>& stacks, std::vector<VoxelMask>& about) {
   for (const auto& [place, voxel] : piece) {
-    const Vector3d in_first = stacks[k]->position(place[0], place[1], place[2]) + shift_of(fit, k);
+    const Vector3d in_first = stacks[k]->position(place[0], place[1], place[2]) + fit.head_shift_lps(k);
     for (std::size_t j = 0; j < stacks.size(); ++j)
-      for_each_voxel_near(*stacks[j], in_first - shift_of(fit, j), about_piece_mm,
+      for_each_voxel_near(*stacks[j], in_first - fit.head_shift_lps(j), about_piece_mm,
                           [&](int c, int r, int s, const Vector3d&) { about[j].add(c, r, s); });
   }
 }
@@ -132,16 +127,22 @@ Found find_mass(const EyeFit& fit, const std::vector<const Stack*>& stacks,
     const double voxel_mm3 =
         stacks[k]->column_spacing_mm * stacks[k]->row_spacing_mm * stacks[k]->slice_spacing_mm();
     const Voxels voxels = vitreous_voxels(fit, k, *stacks[k]);
-    double count = 0, sum = 0;
+    IntraocularMass mass;
+    double sum = 0;
     for (const Voxels& piece : pieces_of(unlike_voxels(voxels, known.empty() ? VoxelMask() : known[k]))) {
       double of_piece = 0;
       for (const auto& [place, voxel] : piece) of_piece += voxel.over;
       if (voxel_mm3 * of_piece < least_signal_mm3) continue;
-      count += static_cast<double>(piece.size());
       sum += of_piece;
+      for (const auto& [place, voxel] : piece)
+        mass.voxels.push_back(stacks[k]->position(place[0], place[1], place[2]) + fit.head_shift_lps(k));
       mark_about(piece, fit, k, stacks, found.about);
     }
-    if (voxel_mm3 * count > found.mass.volume_mm3) found.mass = {voxel_mm3 * count, sum / count};
+    const auto count = static_cast<double>(mass.voxels.size());
+    mass.volume_mm3 = voxel_mm3 * count;
+    if (mass.volume_mm3 <= found.mass.volume_mm3) continue;
+    mass.over_step = sum / count;
+    found.mass = std::move(mass);
   }
   return found;
 }

@@ -97,7 +97,7 @@ double share_of_wall_blanked(const EyeFit& fit) {
   for (std::size_t k = 0; k < fit.stacks.size(); ++k) {
     const Stack& stack = *fit.stacks[k].stack;
     Eigen::Vector3d centre = fit.globe_centre_lps();
-    if (k > 0) centre -= fit.parameters.segment<3>(fit.layout.stack(static_cast<int>(k)) + shift_first);
+    if (k > 0) centre -= fit.head_shift_lps(k);
     const BlankedRegion blanked(stack, centre, radius_mm + looked_at_mm);
     const Sampler sampler(stack);
     for (std::size_t i = 0; i < directions.size(); ++i) {
@@ -130,8 +130,7 @@ double apex_sigma_mm(const EyeFit& fit) {
 
 double largest_head_shift_mm(const EyeFit& fit) {
   double shift = 0;
-  for (int s = 1; s < fit.layout.stacks; ++s)
-    shift = std::max(shift, fit.parameters.segment<3>(fit.layout.stack(s) + shift_first).norm());
+  for (std::size_t s = 1; s < fit.stacks.size(); ++s) shift = std::max(shift, fit.head_shift_lps(s).norm());
   return shift;
 }
 

@@ -37,8 +37,7 @@ EyeInStack::EyeInStack(const EyeFit& fit, std::size_t view, const Stack& stack, 
       view_(static_cast<int>(view)),
       sampler_(stack),
       shift_(shift) {
-  const Vector3d centre =
-      fit.globe_centre_lps() - fit.parameters.segment<3>(fit.layout.stack(view_) + shift_first) - shift;
+  const Vector3d centre = fit.globe_centre_lps() - fit.head_shift_lps(view) - shift;
   if (fit.front_is_blanked()) blanked_ = BlankedRegion(stack, centre, reach_mm(fit));
 }
 
@@ -53,8 +52,7 @@ void rasterise(const EyeFit& fit, std::size_t view, Laterality laterality,
                std::vector<std::vector<std::uint8_t>>& labels) {
   const Stack& stack = *fit.stacks[view].stack;
   const EyeInStack eye(fit, view, stack);
-  const Vector3d shift = fit.parameters.segment<3>(fit.layout.stack(static_cast<int>(view)) + shift_first);
-  const Vector3d centre = fit.globe_centre_lps() - shift;
+  const Vector3d centre = fit.globe_centre_lps() - fit.head_shift_lps(view);
   const int offset = laterality == Laterality::os ? left_eye_offset : 0;
   for_each_voxel_near(stack, centre, reach_mm(fit), [&](int c, int r, int s, const Vector3d& x) {
     const Label label = eye.at(x);

@@ -74,15 +74,22 @@ class Tile {
   Vector3d position(int x, int y) const {
     return corner_ + pixel_mm * ((x + 0.5) * axes_.right + (y + 0.5) * axes_.down);
   }
-  /// In pixels of the tile.
-  cv::Rect2d box_of_voxel(const Vector3d& position) const {
+  bool is_in_slice(const Vector3d& position) const {
+    return std::abs((position - stack_.slice_position[slice_]).dot(stack_.normal)) <
+           stack_.slice_spacing_mm() / 2;
+  }
+  /// A voxel of the stack about this position.
+  void fill_voxel(cv::Mat& image, const Vector3d& position, const cv::Scalar& colour) const {
     const Vector3d from_corner = position - corner_;
     const Vector3d size =
         stack_.column_spacing_mm * stack_.along_row + stack_.row_spacing_mm * stack_.along_column;
     const double w = std::abs(size.dot(axes_.right)) / pixel_mm,
                  h = std::abs(size.dot(axes_.down)) / pixel_mm;
-    return {from_corner.dot(axes_.right) / pixel_mm - w / 2, from_corner.dot(axes_.down) / pixel_mm - h / 2,
-            w, h};
+    const double left = from_corner.dot(axes_.right) / pixel_mm - w / 2,
+                 top = from_corner.dot(axes_.down) / pixel_mm - h / 2;
+    const cv::Point first(static_cast<int>(left), static_cast<int>(top));
+    const cv::Point last(static_cast<int>(left + w) - 1, static_cast<int>(top + h) - 1);
+    cv::rectangle(image, first, last, colour, cv::FILLED);
   }
   cv::Mat grey(double black, double white) const {
     const cv::Mat slice(stack_.rows, stack_.columns, CV_32F,
@@ -157,6 +164,18 @@ void draw_borders(cv::Mat& tile_image, const Tile& tile, const EyeFit& fit, std:
   }
 }
 
+/// Around what lies in the vitreous and is none.
+/// \param to_first  from the tile's stack to the first of the fit, LPS mm
+void draw_masses(cv::Mat& tile_image, const Tile& tile, const EyeFit& fit, const Vector3d& to_first) {
+  cv::Mat held = cv::Mat::zeros(tile_image.size(), CV_8U);
+  for (const IntraocularMass* mass : {&fit.mass, &fit.unexplained})
+    for (const Vector3d& voxel : mass->voxels)
+      if (tile.is_in_slice(voxel - to_first)) tile.fill_voxel(held, voxel - to_first, 255);
+  std::vector<std::vector<cv::Point>> outlines;
+  cv::findContours(held, outlines, cv::RETR_EXTERNAL, cv::CHAIN_APPROX_NONE);
+  cv::drawContours(tile_image, outlines, -1, {60, 60, 255});
+}
+
 void write_montage(const std::filesystem::path& file, const std::vector<cv::Mat>& images) {
   const int rows = (static_cast<int>(images.size()) + tiles_across - 1) / tiles_across;
   const int columns = std::min<int>(tiles_across, static_cast<int>(images.size()));
@@ -181,8 +200,7 @@ std::pair<double, double> window(const Stack& stack, const Vector3d& centre) {
 }
 
 Vector3d centre_in_view(const EyeFit& fit, std::size_t view) {
-  return fit.globe_centre_lps() -
-         fit.parameters.segment<3>(fit.layout.stack(static_cast<int>(view)) + shift_first);
+  return fit.globe_centre_lps() - fit.head_shift_lps(view);
 }
 
 void write_borders(const std::filesystem::path& file, const Stack& stack, const EyeFit& fit, std::size_t view,
@@ -196,6 +214,7 @@ void write_borders(const std::filesystem::path& file, const Stack& stack, const 
     const Tile tile(stack, slice, centre);
     cv::Mat image = tile.grey(black, white);
     draw_borders(image, tile, fit, view, shift);
+    draw_masses(image, tile, fit, shift + fit.head_shift_lps(view));
     tile.annotate(image);
     images.push_back(image);
   }
@@ -224,15 +243,11 @@ void write_residuals(const std::filesystem::path& file, const EyeFit& fit, std::
     cv::Mat image = 0.35 * tile.grey(black, white);
     for (std::size_t i = 0; i < fit.samples.size(); ++i) {
       const Sample& sample = fit.samples[i];
-      const Vector3d d = sample.position - stack.slice_position[slice];
-      if (sample.stack != view || std::abs(d.dot(stack.normal)) > 1e-3) continue;
-      const cv::Rect2d box = tile.box_of_voxel(sample.position);
+      if (sample.stack != view || !tile.is_in_slice(sample.position)) continue;
       const double t = std::clamp(fit.residuals[i] / 4, -1.0, 1.0);
       const double fade = 255 * (1 - std::abs(t));
       const cv::Scalar colour = t > 0 ? cv::Scalar(fade, fade, 255) : cv::Scalar(255, fade, fade);
-      const cv::Point first(static_cast<int>(box.x), static_cast<int>(box.y));
-      const cv::Point last(static_cast<int>(box.x + box.width) - 1, static_cast<int>(box.y + box.height) - 1);
-      cv::rectangle(image, first, last, colour, cv::FILLED);
+      tile.fill_voxel(image, sample.position, colour);
     }
     tile.annotate(image);
     images.push_back(image);

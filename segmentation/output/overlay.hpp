@@ -6,7 +6,7 @@
 namespace emmetrope::segmentation {
 
 /// Six slices of a stack through the eye, cropped to it, with the fitted borders in colour: cornea cyan, iris
-/// violet, lens orange, inner wall green, outer wall yellow.
+/// violet, lens orange, inner wall green, outer wall yellow; in red what lies in the vitreous and is none.
 /// \throw Error (not_writable)
 void write_overlay(const std::filesystem::path& file, const EyeFit& fit, std::size_t view);
 

@@ -85,7 +85,9 @@ class FollowCommand : public testing::Test {
  protected:
   fs::path visit(const std::string& name, double axial_length_mm) const {
     fs::path folder = temporary_.path() / name;
-    test::make_fixture_case(folder);
+    test::FixtureOptions options;
+    options.subject = "s-" + name;  // a study of its own
+    test::make_fixture_case(folder, options);
     for (const char* eye : {"od", "os"}) {
       const fs::path file = folder / "segmentation" / eye / "fit.json";
       Json fit = read_json(file);
@@ -102,6 +104,76 @@ class FollowCommand : public testing::Test {
   }
   test::TemporaryFolder temporary_;
 };
+
+void set(const fs::path& file, const std::string& pointer, const Json& value) {
+  Json json = read_json(file);
+  json[Json::json_pointer(pointer)] = value;
+  write_json(file, json);
+}
+
+// Of one eye in two fits: chambers that differ by 3.9 and by 5.9 times sqrt(0.05^2 + 0.05^2 + (0.1 a year)^2) mm.
+TEST(Growth, DifferencesAreComparedWithWhatBothFitsAndGrowthAllow) {
+  for (const double apart_mm : {0.48, 0.72}) {
+    const Growth growth = growth_of(
+        {{fitted_eye(eye_of(23.5, 0.05, 3.3)), 0}, {fitted_eye(eye_of(23.5, 0.05, 3.3 + apart_mm)), 1}}, 0);
+    ASSERT_EQ(growth.differences.size(), 1U);
+    const Difference chamber = differences_of_quantities(growth).front().at(2);
+    EXPECT_NEAR(chamber.value, apart_mm, 1e-6);
+    EXPECT_NEAR(chamber.sigma, std::sqrt(2 * 0.05 * 0.05 + 0.1 * 0.1), 1e-6);
+  }
+}
+
+TEST_F(FollowCommand, DoubtsEyesThatAreNotOne) {
+  const fs::path first = visit("first", 23.5), second = visit("second", 23.6);
+  set(second / "case.json", "/study_date", "2027-03-14");  // a year later
+  const auto chamber = [&](double mm) {
+    Json fit = read_json(second / "segmentation" / "od" / "fit.json");
+    fit["eye"] = to_json(eye_of(23.6, 0.03, mm));
+    write_json(second / "segmentation" / "od" / "fit.json", fit);
+    return run({first.string(), second.string(), "--years", "0,1"});
+  };
+  EXPECT_EQ(Json::parse(chamber(3.5).output).at("warnings").size(), 0U);
+  const ProcessResult doubted = chamber(3.4 + 0.48);
+  EXPECT_EQ(doubted.status, 0);
+  EXPECT_THAT(Json::parse(doubted.output).at("warnings").dump(),
+              testing::HasSubstr("Anterior chamber of visit 2"));
+  const ProcessResult refused = chamber(3.4 + 0.72);
+  EXPECT_EQ(refused.status, 8);
+  EXPECT_TRUE(Json::parse(refused.output).at("eyes").at("od").contains("withheld"));
+}
+
+TEST_F(FollowCommand, RefusesTwoPersonsAndOneScanTwice) {
+  const fs::path first = visit("first", 23.5), second = visit("second", 23.6), same = visit("same", 23.5);
+  const auto follow = [&](const fs::path& later) {
+    return run({first.string(), later.string(), "--years", "0,1"});
+  };
+  EXPECT_EQ(follow(second).status, 0);
+  EXPECT_THAT(follow(same).output, testing::HasSubstr("are one scan"));
+  const fs::path noted = second / "case.json";
+  set(noted, "/subject/sex", "M");
+  EXPECT_THAT(follow(second).output, testing::HasSubstr("two persons: by (0010,0040) PatientSex"));
+  set(noted, "/subject/sex", "F");
+  set(noted, "/subject/age_years", 12);
+  EXPECT_THAT(follow(second).output, testing::HasSubstr("41 and 12 years old, 1.0 years apart"));
+  set(noted, "/subject/age_years", 41);
+  set(noted, "/subject/id", "s-first");
+  EXPECT_THAT(follow(second).output, testing::HasSubstr("made from one study"));
+}
+
+TEST_F(FollowCommand, ComparesYearsWithTheStudiesDates) {
+  const fs::path first = visit("first", 23.5), second = visit("second", 23.6);
+  set(first / "case.json", "/study_date", "2026-03-14");
+  set(second / "case.json", "/study_date", "2027-03-14");
+  const auto warnings = [&](const std::string& years) {
+    return Json::parse(run({first.string(), second.string(), "--years", years}).output).at("warnings").dump();
+  };
+  EXPECT_EQ(warnings("0,1.05"), "[]");
+  EXPECT_THAT(warnings("0,10"),
+              testing::HasSubstr("10.00 years after visit 1, by the dates of their studies 1.00"));
+  const ProcessResult turned = run({second.string(), first.string(), "--years", "0,1"});
+  EXPECT_EQ(turned.status, 3);
+  EXPECT_THAT(turned.output, testing::HasSubstr("their studies are of 2026-03-14 and 2027-03-14"));
+}
 
 TEST_F(FollowCommand, TellsGrowthWithItsInterval) {
   const std::string first = visit("first", 23.5).string(), second = visit("second", 23.8).string();

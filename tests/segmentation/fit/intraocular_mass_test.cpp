@@ -2,11 +2,16 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
+#include <opencv2/imgcodecs.hpp>
 
+#include "data_samples/phantom/anatomy.hpp"
 #include "data_samples/phantom/true_optics.hpp"
 #include "data_samples/phantom/truth.hpp"
+#include "segmentation/output/overlay.hpp"
 #include "tests/support/phantom_eyes.hpp"
+#include "tests/support/temporary_folder.hpp"
 
 namespace emmetrope::segmentation {
 namespace {
@@ -23,6 +28,28 @@ Errors errors_of(const EyeFit& fit, const Json& truth) {
               fit.pole_depth_sigma_mm()),
           off(2 * fit.value(globe_x), "globe_width_mm", 2 * fit.sigma(globe_x)),
           off(2 * fit.value(globe_y), "globe_height_mm", 2 * fit.sigma(globe_y))};
+}
+
+/// Pixels of the overlay that are drawn about what is no vitreous.
+int red_pixels(const EyeFit& fit) {
+  const test::TemporaryFolder folder;
+  const std::filesystem::path file = folder.path() / "overlay.png";
+  write_overlay(file, fit, 0);
+  const cv::Mat picture = cv::imread(file.string());
+  int red = 0;
+  for (int row = 0; row < picture.rows; ++row)
+    for (int column = 0; column < picture.cols; ++column)
+      red += picture.at<cv::Vec3b>(row, column) == cv::Vec3b(60, 60, 255) ? 1 : 0;
+  return red;
+}
+
+/// Voxels of a mass that lie in the phantom's tumour.
+int in_tumour(const IntraocularMass& mass, const phantom::EyeAnatomy& eye) {
+  return static_cast<int>(
+      std::count_if(mass.voxels.begin(), mass.voxels.end(), [&](const Eigen::Vector3d& lps) {
+        phantom::Tissue tissue{};
+        return eye.contains(eye.to_eye(lps), tissue) && tissue == phantom::Tissue::melanoma;
+      }));
 }
 
 /// A tumour half as wide as the globe draws the wall of a fit that takes it for vitreous.
@@ -42,12 +69,17 @@ TEST(IntraocularMass, IsLeftOutOfTheFit) {
     EXPECT_EQ(fit.unexplained.volume_mm3, 0);
     if (found.laterality == Laterality::os) {
       EXPECT_EQ(fit.mass.volume_mm3, 0);
+      EXPECT_EQ(red_pixels(fit), 0);
       continue;
     }
     // Of half a ball of 5 mm, 262 mm3, what stands 2 mm or more from the wall.
     EXPECT_GT(fit.mass.volume_mm3, 30);
     EXPECT_LT(fit.mass.volume_mm3, 262);
     EXPECT_GT(fit.mass.over_step, 0.3);
+    const auto voxels = static_cast<double>(fit.mass.voxels.size());
+    EXPECT_NEAR(voxels * std::pow(0.8, 3), fit.mass.volume_mm3, 1e-6);
+    EXPECT_GT(in_tumour(fit.mass, phantom::EyeAnatomy(phantom::place(head, Laterality::od))), 0.9 * voxels);
+    EXPECT_GT(red_pixels(fit), 100);
     const Errors errors = errors_of(fit, truth);
     EXPECT_LT(errors.length, 3);
     EXPECT_LT(errors.width, 3);
