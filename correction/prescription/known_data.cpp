@@ -25,8 +25,12 @@ std::map<Laterality, KnownData> parse_known_data(const KnownDataFlags& flags) {
     if (colon == std::string::npos || (side != "od" && side != "os"))
       throw usage_error("--refraction \"" + text + "\" does not say which eye",
                         "write od: or os: first, as in od:-2.25/-1.00x180@12+-0.25");
-    by_eye[side == "od" ? Laterality::od : Laterality::os].refraction =
-        parse_refraction(text.substr(colon + 1));
+    std::optional<StatedRefraction>& refraction =
+        by_eye[side == "od" ? Laterality::od : Laterality::os].refraction;
+    if (refraction)
+      throw usage_error("--refraction \"" + text + "\": that eye has one already",
+                        "give the better one, or the mean of both with its accuracy");
+    refraction = parse_refraction(text.substr(colon + 1));
   }
   return by_eye;
 }

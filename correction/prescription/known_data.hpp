@@ -21,7 +21,7 @@ struct KnownDataFlags {
 /// Of one eye.
 struct KnownData {
   EyeInstruments instruments;
-  std::optional<StatedRefraction> refraction;  ///< the last one given
+  std::optional<StatedRefraction> refraction;
   bool has_instruments() const { return !instruments.measurements.empty() || instruments.topography; }
   bool empty() const { return !has_instruments() && !refraction; }
 };

@@ -49,7 +49,7 @@ class Reader {
     return true;
   }
   bool at_end() const { return rest_.empty(); }
-  [[noreturn]] void fail(const char* expected) const {
+  [[noreturn]] void fail(std::string_view expected) const {
     throw usage_error(fmt::format("refraction \"{}\": {} expected at \"{}\"", text_, expected, rest_),
                       "write sphere/cylinder x axis @ vertex distance +- accuracy: -2.25/-1.00x180@12+-0.25");
   }
@@ -117,8 +117,16 @@ StatedRefraction parse_refraction(const std::string& text) {
   if (reader.take("@")) stated.vertex_distance_mm = reader.number("a vertex distance in mm");
   if (reader.take("+-")) stated.sigma_D = reader.number("an accuracy in dioptres");
   if (!reader.at_end()) reader.fail("nothing more");
-  if (stated.vertex_distance_mm < 0 || stated.vertex_distance_mm > 30)
-    reader.fail("a vertex distance from 0 to 30 mm before this");
+  // Hundredths of dioptres and metres are mistakes that people make.
+  constexpr double most_D = 40, most_cylinder_D = 20, least_vertex_mm = 5, most_vertex_mm = 30;
+  if (std::abs(stated.refraction.sphere_D) > most_D)
+    reader.fail(fmt::format("a sphere of at most {} D before this", most_D));
+  if (std::abs(stated.refraction.cylinder_D) > most_cylinder_D)
+    reader.fail(fmt::format("a cylinder of at most {} D before this", most_cylinder_D));
+  if (stated.vertex_distance_mm != 0 &&
+      !(stated.vertex_distance_mm >= least_vertex_mm && stated.vertex_distance_mm <= most_vertex_mm))
+    reader.fail(fmt::format("a vertex distance of 0, on the cornea, or from {} to {} mm before this",
+                            least_vertex_mm, most_vertex_mm));
   if (stated.sigma_D && *stated.sigma_D <= 0) reader.fail("an accuracy above 0 before this");
   if (stated.refraction.cylinder_D > 0) stated.refraction = transpose(stated.refraction);
   return stated;

@@ -6,6 +6,7 @@
 
 #include "pipeline/base/case_folder.hpp"
 #include "pipeline/base/files.hpp"
+#include "pipeline/base/log.hpp"
 #include "pipeline/base/stages.hpp"
 #include "pipeline/cohort/results/cohort_results.hpp"
 #include "pipeline/cohort/results/cohort_rows.hpp"
@@ -102,6 +103,8 @@ Answer run_cohort(const CohortOptions& options, const CommonOptions& common) {
   if (!is_whole) end_what_was_killed(cohort, subjects);
   const std::vector<EyeRow> rows = read_rows(cohort, listed_subjects(cohort));
   if (!is_whole) write_results(cohort, rows, cohort.root());
+  const std::vector<std::string> twice = scans_named_twice(rows);
+  for (const std::string& sentence : twice) spdlog::warn("{}", sentence);
   const Outcomes outcomes = count_outcomes(rows);
   Answer answer;
   answer.status = outcomes.measured == rows.size()           ? ExitStatus::done
@@ -115,6 +118,7 @@ Answer run_cohort(const CohortOptions& options, const CommonOptions& common) {
                  {"partial", outcomes.partial},
                  {"no_result", outcomes.no_result},
                  {"failed", outcomes.failed},
+                 {"warnings", twice},
                  {"table", (cohort.root() / "cohort.tsv").string()},
                  {"page", page.string()}};
   answer.text = fmt::format(

@@ -57,7 +57,10 @@ Section outcomes_section(const std::vector<EyeRow>& rows) {
                 {"in part", share(outcomes.partial), "some of the numbers, the others withheld"},
                 {"no result", share(outcomes.no_result), "the images do not support any number"},
                 {"failed", share(outcomes.failed), "the study could not be read, or the machine failed"}};
-  return {"outcomes", "What came of the eyes", {{table}}};
+  Section section{"outcomes", "What came of the eyes", {{table}}};
+  if (report::BulletList twice{scans_named_twice(rows)}; !twice.items.empty())
+    section.blocks.push_back({twice});
+  return section;
 }
 
 /// What the finder or the fit saw of an eye; empty where there is no picture.

@@ -165,6 +165,23 @@ std::vector<EyeRow> read_rows(const CohortFolder& cohort, const std::vector<std:
   return rows;
 }
 
+std::vector<std::string> scans_named_twice(const std::vector<EyeRow>& rows) {
+  std::vector<std::string> sentences;
+  std::map<std::string, const EyeRow*> whose;
+  for (const EyeRow& row : rows) {
+    if (row.numbers.empty()) continue;
+    std::string numbers = to_string(row.eye);
+    for (const auto& [column, measured] : row.numbers)
+      numbers += fmt::format(" {} {} {} {}", column, measured.value, measured.ci95[0], measured.ci95[1]);
+    const auto [other, is_new] = whose.emplace(std::move(numbers), &row);
+    if (!is_new)
+      sentences.push_back(
+          fmt::format("{} of {} and of {} have the same numbers to the last digit: one scan under two names?",
+                      clinical_name(row.eye), other->second->subject, row.subject));
+  }
+  return sentences;
+}
+
 Outcomes count_outcomes(const std::vector<EyeRow>& rows) {
   const auto count = [&](Outcome outcome) {
     return static_cast<std::size_t>(

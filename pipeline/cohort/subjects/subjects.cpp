@@ -8,6 +8,7 @@
 #include <cstdlib>
 #include <fstream>
 #include <map>
+#include <regex>
 #include <set>
 #include <sstream>
 
@@ -16,8 +17,10 @@
 #include "pipeline/base/files.hpp"
 #include "pipeline/base/laterality.hpp"
 #include "pipeline/base/log.hpp"
+#include "pipeline/base/notation.hpp"
 #include "pipeline/base/version.hpp"
 #include "pipeline/cohort/subjects/table.hpp"
+#include "pipeline/eye/instruments/instruments.hpp"
 
 namespace emmetrope::cohort {
 namespace {
@@ -220,6 +223,40 @@ std::string age_in(const Table& table, std::size_t row) {
   return age;
 }
 
+/// A column that is called nearly as a reading is one that would be passed over.
+void require_known_readings(const Table& table) {
+  static const std::regex like_a_reading(
+      "(keratometry|axial[ _-]?length|acd|lens[ _-]?thickness|refraction)([ _.-]?(od|os|right|left|re|le|r|l))?",
+      std::regex::icase);
+  for (const auto& [column, place] : table.columns) {
+    bool is_known = false;
+    for (const Reading& reading : readings)
+      for (const Laterality eye : both_eyes)
+        is_known = is_known || column == fmt::format("{}_{}", reading.column, to_string(eye));
+    if (!is_known && std::regex_match(column, like_a_reading))
+      throw input_error(
+          fmt::format("{}: the column \"{}\" is like a reading's and is none", table.file.string(), column),
+          "readings are called keratometry_od, axial_length_od, acd_od, lens_thickness_od, refraction_od, "
+          "and the same with _os");
+  }
+}
+
+/// As the stages will read it.
+void require_reading(const Reading& reading, const std::string& text, const std::string& place) {
+  try {
+    InstrumentFlags flags;
+    const std::string option = reading.option;
+    if (option == "--keratometry") flags.keratometry = {text};
+    if (option == "--axial-length") flags.axial_length = {text};
+    if (option == "--acd") flags.anterior_chamber_depth = {text};
+    if (option == "--lens-thickness") flags.lens_thickness = {text};
+    parse_instruments(flags, 0);
+    if (option == "--refraction") parse_refraction(text.substr(text.find(':') + 1));
+  } catch (const Error& error) {
+    throw input_error(fmt::format("{}: {}", place, error.what()), error.remedy());
+  }
+}
+
 /// What a row says is put into the options of a subject.
 void add_readings_of_row(Subject& subject, const Table& table, std::size_t row) {
   const auto add = [&](const char* command, const char* option, const std::string& value) {
@@ -231,14 +268,19 @@ void add_readings_of_row(Subject& subject, const Table& table, std::size_t row) 
     for (const char* command : {"segment", "trace", "correct"}) add(command, "--age", subject.age);
   for (const Reading& reading : readings)
     for (const Laterality eye : both_eyes)
-      if (const std::string value = table.cell(row, fmt::format("{}_{}", reading.column, to_string(eye)));
-          !value.empty())
-        add(reading.command, reading.option, fmt::format("{}:{}", to_string(eye), value));
+      if (const std::string column = fmt::format("{}_{}", reading.column, to_string(eye)),
+          value = table.cell(row, column);
+          !value.empty()) {
+        const std::string text = fmt::format("{}:{}", to_string(eye), value);
+        require_reading(reading, text, table.place(row, column));
+        add(reading.command, reading.option, text);
+      }
 }
 
 /// \param all_are_here  every person with a study is among the subjects, so that a row without one is a mistake
 void add_readings(std::vector<Subject>& subjects, const Table& table, bool bids, bool all_are_here) {
   require_distinct_rows(table, bids);
+  require_known_readings(table);
   std::map<std::string, std::vector<Subject*>> of_person;
   for (Subject& subject : subjects) of_person[person_of(subject, bids)].push_back(&subject);
   for (std::size_t row = 0; row < table.rows.size(); ++row) {

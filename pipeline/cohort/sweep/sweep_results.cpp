@@ -78,6 +78,11 @@ std::string sweep_table(const Sweep& sweep, const SweepFolder& folder,
         any_result = true;
         add_numbers(result, "", cells);
         const Cells asked = asked_for(sweep, result);
+        for (const auto& [column, text] : asked)
+          for (const auto& [taken, value] : cells)
+            if (column == taken && text != value)
+              throw input_error(fmt::format("[columns] {}: the table has that column already", column),
+                                "give it another name");
         cells.insert(cells.end(), asked.begin(), asked.end());
       }
       std::map<std::string, std::string> row;

@@ -136,7 +136,11 @@ std::map<Laterality, EyeInstruments> parse_instruments(const InstrumentFlags& fl
   add("--lens-thickness", flags.lens_thickness, length_sigma_mm, lens_thickness_measurement);
   for (const std::string& text : flags.topography) {
     const EyeFlag parsed = parse_eye_flag("--topography", text, power_sigma_D);
-    by_eye[parsed.eye].topography = {parsed.value, parsed.sigma};
+    auto& topography = by_eye[parsed.eye].topography;
+    if (topography)
+      throw usage_error(fmt::format("--topography {}: that eye has one already", text),
+                        "give the better one");
+    topography = {parsed.value, parsed.sigma};
   }
   return by_eye;
 }

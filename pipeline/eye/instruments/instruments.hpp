@@ -32,7 +32,7 @@ struct TopographyFlag {
 /// What is known of one eye from other instruments.
 struct EyeInstruments {
   std::vector<ExternalMeasurement> measurements;
-  std::optional<TopographyFlag> topography;  ///< the last one given
+  std::optional<TopographyFlag> topography = {};
 };
 /// \param retinal_depth_mm  photoreceptors, which an optical axial length reaches, behind the interface that
 ///   the eye's own axial length reaches

@@ -6,6 +6,7 @@
 
 #include "correction/stage.hpp"
 #include "meshing/stage.hpp"
+#include "pipeline/base/error.hpp"
 #include "pipeline/base/files.hpp"
 #include "pipeline/base/measured.hpp"
 #include "pipeline/eye/meshes/mesh_formats.hpp"
@@ -89,6 +90,14 @@ TEST(KnownAtEitherStage, KeratometryGivesOneRefraction) {
   // It was learnt: the reading lies that far from what the images say.
   EXPECT_GT(std::abs(meshed["M_D"]["value"].get<double>() - without["M_D"]["value"].get<double>()), 0.5);
   EXPECT_EQ(meshed["J0_D"]["source"], "keratometry");
+}
+
+TEST(KnownData, OfOneRefractionAnEye) {
+  KnownDataFlags flags;
+  flags.refractions = {"od:+3.25/-1.00x180", "os:+1.25"};
+  EXPECT_EQ(parse_known_data(flags).at(Laterality::od).refraction->refraction.sphere_D, 3.25);
+  flags.refractions.emplace_back("od:+1.25/-1.00x180");
+  EXPECT_THROW(parse_known_data(flags), Error);
 }
 
 }  // namespace

@@ -66,6 +66,15 @@ TEST_F(CohortRows, TellWhatCameOfEachEye) {
   EXPECT_EQ(outcomes.failed, 2U);
 }
 
+TEST_F(CohortRows, OfOneScanUnderTwoNamesAreTold) {
+  std::vector<EyeRow> rows =
+      read_rows(cohort_, listed_subjects(cohort_));  // "right" and "whole" are one fixture
+  EXPECT_THAT(scans_named_twice(rows),
+              testing::ElementsAre(HasSubstr("OD (right) of right and of whole have the same numbers")));
+  rows[4].numbers.begin()->second.value += 1e-9;
+  EXPECT_THAT(scans_named_twice(rows), testing::IsEmpty());
+}
+
 TEST_F(CohortRows, OfTheTableAreTheNumbersOfTheCases) {
   const fs::path file = temporary_.path() / "cohort.tsv";
   write_file(file, table_text(read_rows(cohort_, listed_subjects(cohort_))));

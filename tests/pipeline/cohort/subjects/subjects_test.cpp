@@ -1,5 +1,6 @@
 #include "pipeline/cohort/subjects/subjects.hpp"
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -121,6 +122,19 @@ TEST_F(Subjects, ThatAreNoneAreRefusedByNameAndLine) {
   EXPECT_THAT(refusal(folder() / "people.tsv"), HasSubstr("names nobody"));
   write_file(folder() / "people.tsv", "participant_id\tstudy\nx\ttwo\nx\ttwo\n");
   EXPECT_THAT(refusal(folder() / "people.tsv"), HasSubstr("\"x\" has a row already"));
+  for (const char* column :
+       {"axial_length_OD", "axial_length_right", "keratometry", "Refraction.L", "axiallength_od"}) {
+    write_file(folder() / "people.tsv", fmt::format("participant_id\tstudy\t{}\nx\ttwo\tn/a\n", column));
+    EXPECT_THAT(refusal(folder() / "people.tsv"), HasSubstr(column)) << column;
+  }
+  for (const char* reading : {"keratometry_od\t7.70@180/7.5@90", "axial_length_os\t0.0235", "acd_od\t3,1",
+                              "refraction_od\t+225/-100x10"}) {
+    const std::string text = reading;
+    const std::size_t tab = text.find('\t');
+    write_file(folder() / "people.tsv", fmt::format("participant_id\tstudy\t{}\nx\ttwo\t{}\n",
+                                                    text.substr(0, tab), text.substr(tab + 1)));
+    EXPECT_THAT(refusal(folder() / "people.tsv"), HasSubstr("line 2, column " + text.substr(0, tab))) << text;
+  }
   write_file(folder() / "people.tsv", "participant_id\tage\nx\t3\n");
   EXPECT_THAT(refusal(folder() / "people.tsv"), HasSubstr("the column \"study\" is missing"));
   write_file(folder() / "people.tsv", "participant_id\tstudy\nx\n");

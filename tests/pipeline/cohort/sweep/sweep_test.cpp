@@ -63,6 +63,13 @@ TEST_F(SweepOfEyes, IsWhatTheCommandSaysOfEach) {
   EXPECT_EQ(fs::last_write_time(end), before);
 }
 
+TEST_F(SweepOfEyes, AColumnIsNotCalledAsANumberIs) {
+  const ProcessResult ended =
+      run("command = 'eye'\n[vary]\neye = ['navarro', 'le-grand']\n[columns]\npower_D = '/refraction_D'\n");
+  EXPECT_EQ(ended.status, 3);
+  EXPECT_THAT(ended.output, testing::HasSubstr("[columns] power_D: the table has that column already"));
+}
+
 TEST_F(SweepOfEyes, TracesAreNumbersOfTheirWavefronts) {
   const ProcessResult ended =
       run("command = 'trace'\n[all]\neye = 'navarro'\nsize = '32x32'\nsamples = 32\nachromatic = true\n"
