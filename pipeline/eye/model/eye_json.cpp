@@ -31,7 +31,8 @@ constexpr FormulaKey formula_keys[] = {{"cauchy", Formula::cauchy, 0},
                                        {"table", Formula::table, 0}};
 
 constexpr double agreement_mm = 0.05;  // of a mesh with what is said of it
-constexpr double farthest_mm = 1000;   // of a surface from the corneal apex: eyes, spectacles, instruments
+constexpr double densest_gas = 1.01;
+constexpr double farthest_mm = 1000;  // of a surface from the corneal apex: eyes, spectacles, instruments
 
 double read_index(CheckedObject& json, const std::string& key) {
   const double index = json.number(key);
@@ -193,7 +194,6 @@ void require_air_behind_spectacle(const EyeModel& eye, std::size_t k, const std:
   if (surface.bearer != Bearer::head || surface.is_stop()) return;
   const auto next = std::find_if(eye.surfaces.begin() + static_cast<std::ptrdiff_t>(k) + 1,
                                  eye.surfaces.end(), [](const Surface& other) { return !other.is_stop(); });
-  constexpr double densest_gas = 1.01;
   if (next == eye.surfaces.end() || next->bearer == Bearer::head || surface.medium_after == "air" ||
       eye.media.at(surface.medium_after).index < densest_gas)
     return;
@@ -202,10 +202,62 @@ void require_air_behind_spectacle(const EyeModel& eye, std::size_t k, const std:
       surface.medium_after));
 }
 
+std::string place_of(const EyeModel& eye, std::size_t k) {
+  return "surfaces[" + std::to_string(k) + "] (" + eye.surfaces[k].name + ")";
+}
+
+/// Depth in the eye, tilts left out: neighbours tilt alike.
+std::optional<double> depth_at(const Surface& surface, const Eigen::Vector2d& place_mm) {
+  const Eigen::Vector2d own = place_mm - surface.decentre_mm;
+  const auto depth_mm = surface.shape->depth_mm(own.x(), own.y());
+  return depth_mm ? std::optional(surface.position_mm + *depth_mm) : std::nullopt;
+}
+
+/// Surfaces of the eye that crossed within the iris would stop the light without a word.
+void require_apart_within_stop(const EyeModel& eye) {
+  const auto stop = std::find_if(eye.surfaces.begin(), eye.surfaces.end(),
+                                 [](const Surface& surface) { return surface.is_stop(); });
+  if (stop == eye.surfaces.end()) return;
+  constexpr int rings = 8, spokes = 16;
+  const Surface* before = nullptr;
+  for (std::size_t k = 0; k < eye.surfaces.size(); ++k) {
+    const Surface& surface = eye.surfaces[k];
+    if (surface.is_stop() || surface.bearer == Bearer::head) continue;
+    for (int ring = 1; before != nullptr && ring <= rings; ++ring)
+      for (int spoke = 0; spoke < spokes; ++spoke) {
+        const double angle = 2 * pi * spoke / spokes, radius_mm = stop->stop_diameter_mm / 2 * ring / rings;
+        const Eigen::Vector2d place_mm = radius_mm * Eigen::Vector2d(std::cos(angle), std::sin(angle));
+        const auto first = depth_at(*before, place_mm), second = depth_at(surface, place_mm);
+        if (first && second && *first > *second + agreement_mm)
+          throw input_error(
+              fmt::format("{}: it crosses {} at {:.1f} mm from the axis, within the stop of {:g} mm",
+                          place_of(eye, k), before->name, radius_mm, stop->stop_diameter_mm),
+              "correct their radii or positions");
+      }
+    before = &surface;
+  }
+}
+
+/// A cornea bulges out of the eye, a retina holds it: a radius of the other sign is a slip.
+void require_signs(const EyeModel& eye) {
+  const auto mean_curvature = [](const Surface& surface) {
+    return surface.shape->vertex_curvature().trace() / 2;
+  };
+  for (std::size_t k = 0; k < eye.surfaces.size(); ++k) {
+    const Surface& surface = eye.surfaces[k];
+    // The vertex of a mesh may have any curvature.
+    if (surface.is_stop() || std::holds_alternative<std::monostate>(surface.shape->formula())) continue;
+    if (surface.name == "cornea_anterior" && mean_curvature(surface) < 0)
+      throw input_error(place_of(eye, k) + ": a cornea bulges out of the eye: its radius is positive");
+    if (surface.name == "retina" && mean_curvature(surface) > 0)
+      throw input_error(place_of(eye, k) + ": a retina bulges away from the lens: its radius is negative");
+  }
+}
+
 void check_order(const EyeModel& eye) {
   for (std::size_t k = 0; k < eye.surfaces.size(); ++k) {
     const Surface& surface = eye.surfaces[k];
-    const std::string place = "surfaces[" + std::to_string(k) + "] (" + surface.name + ")";
+    const std::string place = place_of(eye, k);
     for (std::size_t before = 0; before < k; ++before) {
       if (eye.surfaces[before].name == surface.name)
         throw input_error(place + ": key \"name\": there is another surface of that name");
@@ -290,6 +342,9 @@ EyeModel eye_from_json(const Json& json, const std::filesystem::path& folder) {
   if (!media.is_object() || media.empty()) throw top.fault("media", "expected an object of media by name");
   for (const auto& [name, entry] : media.items())
     eye.media[name] = read_medium(name, entry, eye.reference_wavelength_nm);
+  if (const auto air = eye.media.find("air"); air != eye.media.end() && air->second.index > densest_gas)
+    throw input_error(fmt::format("media.air: air has the index 1, found {:g}", air->second.index),
+                      "call the medium otherwise");
   const Json& surfaces = top.get("surfaces");
   if (!surfaces.is_array() || surfaces.size() < 2)
     throw top.fault("surfaces", "expected a list of at least two surfaces, the retina last");
@@ -297,6 +352,8 @@ EyeModel eye_from_json(const Json& json, const std::filesystem::path& folder) {
     eye.surfaces.push_back(read_surface(surfaces[k], k, k + 1 == surfaces.size(), folder, eye));
   top.finish();
   check_order(eye);
+  require_signs(eye);
+  require_apart_within_stop(eye);
   return eye;
 }
 

@@ -91,6 +91,20 @@ TEST(EyeJson, FaultsNameTheKey) {
   EXPECT_THAT(with([](Json& j) { j["surfaces"][0]["tilt_deg"] = {95, 0}; }), HasSubstr("tilt_deg"));
   EXPECT_THAT(with([](Json& j) { j["surfaces"][0]["position_mm"] = -2; }), HasSubstr("the eye's origin"));
   EXPECT_THAT(with([](Json& j) {
+                j["surfaces"][0]["radius_mm"] = {-7.95, -7.7};
+              }),
+              HasSubstr("cornea bulges"));
+  EXPECT_THAT(with([](Json& j) { j["surfaces"][5]["radius_mm"] = 12; }), HasSubstr("its radius is negative"));
+  EXPECT_THAT(with([](Json& j) { j["media"]["air"] = {{"index", 1.5}}; }), HasSubstr("media.air"));
+  // A lens of 0.1 mm whose sides meet 0.8 mm from the axis.
+  EXPECT_THAT(with([](Json& j) {
+                j["surfaces"][3]["radius_mm"] = 3;
+                j["surfaces"][3]["q"] = 0;
+                j["surfaces"][4]["position_mm"] = 3.7;
+                j["surfaces"][4]["radius_mm"] = 30;
+              }),
+              HasSubstr("surfaces[4] (lens_posterior): it crosses lens_anterior"));
+  EXPECT_THAT(with([](Json& j) {
                 j["media"]["aqueous"]["table"] = {{0.4, 1.344}, {0.8, 1.33}};
               }),
               HasSubstr("in nm, found 0.4"));
