@@ -32,8 +32,8 @@ struct FollowedEye {
 /// By the limits of readings that contradict what is known (docs/use/instruments.md).
 constexpr double doubted_sigmas = 3, refused_sigmas = 5;
 
-/// What one eye does not do between two visits.
-void judge_differences(const Growth& growth, FollowedEye& eye) {
+/// What one eye does not do between two visits; where nobody knows how far they are apart that is a doubt at most.
+void judge_differences(const Growth& growth, bool are_dated, FollowedEye& eye) {
   const auto visits = differences_of_quantities(growth);
   for (std::size_t k = 0; k < visits.size(); ++k)
     for (std::size_t q = 0; q < visits[k].size(); ++q) {
@@ -42,14 +42,17 @@ void judge_differences(const Growth& growth, FollowedEye& eye) {
       if (std::abs(value) <= doubted_sigmas * sigma) continue;
       const std::string what = fmt::format(
           "{} of visit {} differs from the first by {:+.{}f} {}, {:.1f} standard deviations of what the errors of "
-          "both and the growth of an eye allow (two persons, or one misread?)",
-          quantity.name, k + 2, value, quantity.decimals, quantity.unit, std::abs(value) / sigma);
-      if (std::abs(value) > refused_sigmas * sigma && eye.reason.empty()) eye.reason = what;
-      eye.doubts.push_back(fmt::format("{}: {}.", clinical_name(eye.laterality), what));
+          "both and the growth of an eye in {} allow (two persons, surgery, accommodation, or one misread?)",
+          quantity.name, k + 2, value, quantity.decimals, quantity.unit, std::abs(value) / sigma,
+          are_dated ? "that time" : "a year");
+      if (are_dated && std::abs(value) > refused_sigmas * sigma && eye.reason.empty())
+        eye.reason = what;
+      else
+        eye.doubts.push_back(fmt::format("{}: {}.", clinical_name(eye.laterality), what));
     }
 }
 
-/// \throw Error (input_invalid) where two visits are one scan: errors that both share would pass for growth that is known
+/// \throw Error (input_invalid) where two visits are one scan, whose errors would pass for growth that is known
 void require_own_scans(const FollowedEye& eye) {
   for (std::size_t i = 1; i < eye.by_visit.size(); ++i)
     for (std::size_t k = 0; k < i; ++k)
@@ -69,7 +72,7 @@ FollowedEye followed(const Visits& visits, Laterality laterality, double scale_s
   }
   require_own_scans(eye);
   const Growth growth = growth_of(at_visits, scale_sigma);
-  judge_differences(growth, eye);
+  judge_differences(growth, visits.are_dated, eye);
   eye.per_year = growth_of_quantities(growth);
   return eye;
 }

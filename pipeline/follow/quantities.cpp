@@ -33,12 +33,12 @@ VectorXd quantities_of(const ParametricEye& eye) {
 
 namespace {
 
-/// d quantity / d parameter at the mean of the visits, by steps of these parameters' spread.
-Eigen::MatrixXd slopes_of(const Growth& growth, const Eigen::MatrixXd& covariance) {
+/// d quantity / d parameter at the mean of the visits.
+Eigen::MatrixXd slopes_of(const Growth& growth) {
   VectorXd at(growth.per_year.mean.size());
   for (Index i = 0; i < at.size(); ++i)
     at[i] = growth.eye.get(growth.parameters[static_cast<std::size_t>(i)]);
-  return jacobian({at, covariance}, [&](const VectorXd& values) {
+  return jacobian({at, growth.per_year.covariance}, [&](const VectorXd& values) {
     ParametricEye eye = growth.eye;
     for (Index i = 0; i < values.size(); ++i) {
       const std::string& name = growth.parameters[static_cast<std::size_t>(i)];
@@ -51,7 +51,7 @@ Eigen::MatrixXd slopes_of(const Growth& growth, const Eigen::MatrixXd& covarianc
 }  // namespace
 
 std::vector<Measured> growth_of_quantities(const Growth& growth) {
-  const Eigen::MatrixXd slopes = slopes_of(growth, growth.per_year.covariance);
+  const Eigen::MatrixXd slopes = slopes_of(growth);
   const VectorXd value = slopes * growth.per_year.mean;
   const Eigen::MatrixXd covariance = slopes * growth.per_year.covariance * slopes.transpose();
   std::vector<Measured> quantities;
@@ -61,9 +61,9 @@ std::vector<Measured> growth_of_quantities(const Growth& growth) {
 }
 
 std::vector<std::vector<Difference>> differences_of_quantities(const Growth& growth) {
+  const Eigen::MatrixXd slopes = slopes_of(growth);
   std::vector<std::vector<Difference>> visits;
   for (const NormalDistribution& difference : growth.differences) {
-    const Eigen::MatrixXd slopes = slopes_of(growth, growth.per_year.covariance);
     const VectorXd value = slopes * difference.mean;
     const Eigen::MatrixXd covariance = slopes * difference.covariance * slopes.transpose();
     std::vector<Difference>& quantities = visits.emplace_back();

@@ -22,12 +22,12 @@ Eigen::VectorXd quantities_of(const ParametricEye& eye);
 /// Growth of each quantity a year, with its 95 % interval.
 std::vector<Measured> growth_of_quantities(const Growth& growth);
 
-/// By how much each quantity of a later visit's fit differs from the first's, with the interval in which the errors of both
-/// and the change of an eye leave such a difference.
+/// By how much a quantity of a later visit's fit differs from the first's.
 struct Difference {
-  double value = 0, sigma = 0;  ///< of what is expected about 0
+  double value = 0;
+  double sigma = 0;  ///< standard deviation that the errors of both fits and the change of an eye give it
 };
-/// Of each later visit.
+/// Of each later visit, in the order of followed_quantities().
 std::vector<std::vector<Difference>> differences_of_quantities(const Growth& growth);
 
 }  // namespace emmetrope::follow

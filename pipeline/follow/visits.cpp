@@ -2,10 +2,9 @@
 
 #include <fmt/format.h>
 
-#include <spdlog/spdlog.h>
-
 #include <algorithm>
 #include <boost/date_time/gregorian/gregorian.hpp>
+#include <cmath>
 
 #include "pipeline/base/case_folder.hpp"
 #include "pipeline/base/error.hpp"
@@ -21,36 +20,33 @@ namespace fs = std::filesystem;
 
 constexpr double days_in_a_year = 365.25;
 
-boost::gregorian::date calendar_date(const std::string& date) {
+std::optional<boost::gregorian::date> calendar_date(const std::string& date) {
   try {
-    return boost::gregorian::from_simple_string(date);
+    return date.empty() ? std::nullopt : std::optional(boost::gregorian::from_simple_string(date));
   } catch (const std::exception&) {
-    throw input_error("the date \"" + date + "\" of a visit is none", "give --years");
+    return std::nullopt;
   }
 }
 
-double years_between(const std::string& earlier, const std::string& later) {
-  return static_cast<double>((calendar_date(later) - calendar_date(earlier)).days()) / days_in_a_year;
+/// Nothing where one of the dates is not known.
+std::optional<double> years_between(const std::string& earlier, const std::string& later) {
+  const auto first = calendar_date(earlier), second = calendar_date(later);
+  if (!first || !second) return std::nullopt;
+  return static_cast<double>((*second - *first).days()) / days_in_a_year;
 }
 
-/// --years against the dates of the studies.
+/// --years against the dates of the studies, which may be made up.
 void compare_with_dates(Visits& visits) {
   constexpr double least_years = 0.1, share = 0.1;  // chosen: of what a reader rounds
   for (std::size_t i = 1; i < visits.cases.size(); ++i)
     for (std::size_t k = 0; k < i; ++k) {
-      if (visits.dates[k].empty() || visits.dates[i].empty()) continue;
-      const double given = visits.years[i] - visits.years[k],
-                   dated = years_between(visits.dates[k], visits.dates[i]);
-      if (given > 0 && dated < 0)
-        throw input_error(
-            fmt::format("--years: visit {} is after visit {}, but their studies are of {} and {}", i + 1,
-                        k + 1, visits.dates[i], visits.dates[k]),
-            "name the first visit first");
-      if (std::abs(given - dated) > std::max(least_years, share * dated))
+      const double given = visits.years[i] - visits.years[k];
+      const auto dated = years_between(visits.dates[k], visits.dates[i]);
+      if (dated && std::abs(given - *dated) > std::max(least_years, share * *dated))
         visits.doubts.push_back(
             fmt::format("By --years visit {} is {:.2f} years after visit {}, by the dates of their studies "
                         "{:.2f}: the growth is that of --years.",
-                        i + 1, given, k + 1, dated));
+                        i + 1, given, k + 1, *dated));
     }
 }
 
@@ -64,8 +60,11 @@ void set_years(Visits& visits, const std::vector<double>& years) {
     compare_with_dates(visits);
   } else if (std::none_of(visits.dates.begin(), visits.dates.end(),
                           [](const std::string& date) { return date.empty(); })) {
-    for (const std::string& date : visits.dates)
-      visits.years.push_back(years_between(visits.dates.front(), date));
+    for (const std::string& date : visits.dates) {
+      const auto years = years_between(visits.dates.front(), date);
+      if (!years) throw input_error("the date \"" + date + "\" of a visit is none", "give --years");
+      visits.years.push_back(*years);
+    }
     visits.are_dated = true;
   } else if (count == 2) {
     visits.years = {0, 1};
@@ -79,38 +78,36 @@ void set_years(Visits& visits, const std::vector<double>& years) {
                         "name the first visit first");
 }
 
-/// By what segmentation noted of each study.
-void require_one_person(const Visits& visits) {
+/// By what segmentation noted of two studies.
+/// \throw Error (input_invalid) where they are one, or of two persons
+void require_one_person(const Visits& visits, std::size_t k, std::size_t i) {
   constexpr double age_tolerance_years = 3;  // whole years, some typed in before the visit
-  const auto subject = [&](std::size_t i) {
-    return visits.cases[i].case_json.value("subject", Json::object());
+  constexpr double capped_years = 89;        // what is older is made that old where names are taken out
+  const auto subject = [&](std::size_t visit) {
+    return visits.cases[visit].case_json.value("subject", Json::object());
   };
-  for (std::size_t i = 1; i < visits.cases.size(); ++i)
-    for (std::size_t k = 0; k < i; ++k) {
-      if (visits.cases[i].subject() == visits.cases[k].subject() && visits.cases[i].subject() != "unknown")
-        throw input_error(fmt::format("visits {} and {} were made from one study ({})", k + 1, i + 1,
-                                      visits.cases[i].subject()),
-                          "name one case a visit");
-      const std::string sex = subject(i).value("sex", ""), sex_before = subject(k).value("sex", "");
-      if ((sex == "F" && sex_before == "M") || (sex == "M" && sex_before == "F"))
-        throw input_error(
-            fmt::format(
-                "visits {} and {} are of two persons: by (0010,0040) PatientSex of their studies {} and {}",
-                k + 1, i + 1, sex_before, sex),
-            "name cases of one person");
-      const auto age = report::value_at(subject(i), "/age_years"),
-                 age_before = report::value_at(subject(k), "/age_years");
-      const bool are_dated = !visits.dates[k].empty() && !visits.dates[i].empty();
-      const double apart_years =
-          are_dated ? years_between(visits.dates[k], visits.dates[i]) : visits.years[i] - visits.years[k];
-      if ((are_dated || visits.are_dated) && age && age_before &&
-          std::abs(*age - *age_before - apart_years) > age_tolerance_years)
-        throw input_error(
-            fmt::format("visits {} and {} are of two persons: {:.0f} and {:.0f} years old, {:.1f} "
-                        "years apart",
-                        k + 1, i + 1, *age_before, *age, apart_years),
-            "name cases of one person");
-    }
+  const std::string visits_named = fmt::format("visits {} and {}", k + 1, i + 1);
+  if (visits.cases[i].subject() == visits.cases[k].subject() && visits.cases[i].subject() != "unknown")
+    throw input_error(visits_named + " were made from one study (" + visits.cases[i].subject() + ")",
+                      "name one case a visit");
+  const std::string sex = subject(i).value("sex", ""), sex_before = subject(k).value("sex", "");
+  if ((sex == "F" && sex_before == "M") || (sex == "M" && sex_before == "F"))
+    throw input_error(
+        fmt::format("{} are of two persons: by (0010,0040) PatientSex of their studies {} and {}",
+                    visits_named, sex_before, sex),
+        "name cases of one person");
+  const auto age = report::value_at(subject(i), "/age_years"),
+             age_before = report::value_at(subject(k), "/age_years");
+  const auto dated = years_between(visits.dates[k], visits.dates[i]);
+  if (!age || !age_before || std::max(*age, *age_before) >= capped_years || (!visits.are_dated && !dated))
+    return;
+  const double aged = *age - *age_before,
+               apart = visits.are_dated ? visits.years[i] - visits.years[k] : *dated;
+  if (std::abs(aged - apart) > age_tolerance_years &&
+      std::abs(aged - dated.value_or(apart)) > age_tolerance_years)
+    throw input_error(fmt::format("{} are of two persons: {:.0f} and {:.0f} years old, {:.1f} years apart",
+                                  visits_named, *age_before, *age, dated.value_or(apart)),
+                      "name cases of one person");
 }
 
 }  // namespace
@@ -135,7 +132,8 @@ Visits read_visits(const std::vector<fs::path>& cases, const std::vector<double>
       if (std::find(list.begin(), list.end(), remark.text) == list.end()) list.push_back(remark.text);
     }
   set_years(visits, years);
-  require_one_person(visits);
+  for (std::size_t i = 1; i < cases.size(); ++i)
+    for (std::size_t k = 0; k < i; ++k) require_one_person(visits, k, i);
   return visits;
 }
 

@@ -30,7 +30,9 @@ struct IntraocularMass {
   double volume_mm3 = 0;  ///< in the stack that shows most of it
   /// Its mean difference from the vitreous, in steps from there to the surroundings (T1) or to no signal (T2).
   double over_step = 0;
-  std::vector<Eigen::Vector3d> voxels = {};  ///< their centres, where the fit's first stack has them, LPS mm
+  std::size_t stack = 0;  ///< of the fit, which shows most of it
+  std::vector<Eigen::Vector3d> voxels =
+      {};  ///< centres of its voxels, where the fit's first stack has them, LPS mm
 };
 
 /// A fitted eye.

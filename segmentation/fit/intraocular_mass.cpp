@@ -142,6 +142,7 @@ Found find_mass(const EyeFit& fit, const std::vector<const Stack*>& stacks,
     mass.volume_mm3 = voxel_mm3 * count;
     if (mass.volume_mm3 <= found.mass.volume_mm3) continue;
     mass.over_step = sum / count;
+    mass.stack = k;
     found.mass = std::move(mass);
   }
   return found;

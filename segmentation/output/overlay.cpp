@@ -74,6 +74,11 @@ class Tile {
   Vector3d position(int x, int y) const {
     return corner_ + pixel_mm * ((x + 0.5) * axes_.right + (y + 0.5) * axes_.down);
   }
+  cv::Point pixel_of(const Vector3d& position) const {
+    const Vector3d from_corner = position - corner_;
+    return {static_cast<int>(from_corner.dot(axes_.right) / pixel_mm),
+            static_cast<int>(from_corner.dot(axes_.down) / pixel_mm)};
+  }
   bool is_in_slice(const Vector3d& position) const {
     return std::abs((position - stack_.slice_position[slice_]).dot(stack_.normal)) <
            stack_.slice_spacing_mm() / 2;
@@ -164,13 +169,26 @@ void draw_borders(cv::Mat& tile_image, const Tile& tile, const EyeFit& fit, std:
   }
 }
 
-/// Around what lies in the vitreous and is none.
+/// Around what lies in the vitreous and is none, by voxels of the stack that shows most of it.
 /// \param to_first  from the tile's stack to the first of the fit, LPS mm
 void draw_masses(cv::Mat& tile_image, const Tile& tile, const EyeFit& fit, const Vector3d& to_first) {
   cv::Mat held = cv::Mat::zeros(tile_image.size(), CV_8U);
-  for (const IntraocularMass* mass : {&fit.mass, &fit.unexplained})
-    for (const Vector3d& voxel : mass->voxels)
-      if (tile.is_in_slice(voxel - to_first)) tile.fill_voxel(held, voxel - to_first, 255);
+  for (const IntraocularMass* mass : {&fit.mass, &fit.unexplained}) {
+    if (mass->voxels.empty()) continue;
+    const Stack& stack = *fit.stacks[mass->stack].stack;
+    Eigen::Matrix3d axes;
+    axes << stack.along_row, stack.along_column, stack.normal;
+    const Eigen::Array3d half_mm =
+        Eigen::Array3d(stack.column_spacing_mm, stack.row_spacing_mm, stack.slice_spacing_mm()) / 2;
+    const int reach = static_cast<int>(std::ceil(half_mm.matrix().norm() / pixel_mm));
+    for (const Vector3d& voxel : mass->voxels) {
+      const cv::Point middle = tile.pixel_of(voxel - to_first);
+      for (int y = std::max(0, middle.y - reach); y <= std::min(tile_px - 1, middle.y + reach); ++y)
+        for (int x = std::max(0, middle.x - reach); x <= std::min(tile_px - 1, middle.x + reach); ++x)
+          if (((axes.transpose() * (tile.position(x, y) + to_first - voxel)).array().abs() <= half_mm).all())
+            held.at<unsigned char>(y, x) = 255;
+    }
+  }
   std::vector<std::vector<cv::Point>> outlines;
   cv::findContours(held, outlines, cv::RETR_EXTERNAL, cv::CHAIN_APPROX_NONE);
   cv::drawContours(tile_image, outlines, -1, {60, 60, 255});

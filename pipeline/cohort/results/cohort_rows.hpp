@@ -39,7 +39,7 @@ bool is_finished(const CohortFolder& cohort, const std::string& subject);
 /// \throw Error (input_invalid) naming a file that is broken
 std::vector<EyeRow> read_rows(const CohortFolder& cohort, const std::vector<std::string>& subjects);
 
-/// Eyes of different subjects whose numbers are the same to the last digit, a sentence a pair: one scan under two names.
+/// Eyes of different subjects with the same numbers to the last digit, one scan under two names: a sentence a pair.
 std::vector<std::string> scans_named_twice(const std::vector<EyeRow>& rows);
 
 struct Outcomes {

@@ -34,12 +34,13 @@ struct Reading {
   const char* column;
   const char* option;
   const char* command;
+  std::vector<std::string> InstrumentFlags::*flag;  ///< a refraction has none
 };
-constexpr Reading readings[] = {{"keratometry", "--keratometry", "mesh"},
-                                {"axial_length", "--axial-length", "mesh"},
-                                {"acd", "--acd", "mesh"},
-                                {"lens_thickness", "--lens-thickness", "mesh"},
-                                {"refraction", "--refraction", "correct"}};
+const Reading readings[] = {{"keratometry", "--keratometry", "mesh", &InstrumentFlags::keratometry},
+                            {"axial_length", "--axial-length", "mesh", &InstrumentFlags::axial_length},
+                            {"acd", "--acd", "mesh", &InstrumentFlags::anterior_chamber_depth},
+                            {"lens_thickness", "--lens-thickness", "mesh", &InstrumentFlags::lens_thickness},
+                            {"refraction", "--refraction", "correct", nullptr}};
 
 bool is_plain(char c) {
   return std::isalnum(static_cast<unsigned char>(c)) != 0 || c == '-' || c == '_' || c == '.' || c == '+';
@@ -223,21 +224,32 @@ std::string age_in(const Table& table, std::size_t row) {
   return age;
 }
 
-/// A column that is called nearly as a reading is one that would be passed over.
-void require_known_readings(const Table& table) {
-  static const std::regex like_a_reading(
-      "(keratometry|axial[ _-]?length|acd|lens[ _-]?thickness|refraction)([ _.-]?(od|os|right|left|re|le|r|l))?",
-      std::regex::icase);
+/// Whether a column is called nearly as a reading: it would be passed over. "Axial length OD (mm)"
+bool is_like_a_reading(const std::string& column) {
+  for (const Reading& reading : readings)
+    for (const Laterality eye : both_eyes)
+      if (column == fmt::format("{}_{}", reading.column, to_string(eye))) return false;
+  std::string plain;
+  for (const char c : column)
+    if (std::isalnum(static_cast<unsigned char>(c)) != 0)
+      plain += static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  static const std::regex reading(
+      "(od|os|right|left|re|le)?(keratometry|axiallength|acd|anteriorchamberdepth|lensthickness|refraction)"
+      "(mm|d)?(od|os|right|left|re|le|r|l)?(mm|d)?");
+  return std::regex_match(plain, reading);
+}
+
+/// In a table of our own such a column is a slip; that of a BIDS dataset is its owner's.
+void require_known_readings(const Table& table, bool bids) {
   for (const auto& [column, place] : table.columns) {
-    bool is_known = false;
-    for (const Reading& reading : readings)
-      for (const Laterality eye : both_eyes)
-        is_known = is_known || column == fmt::format("{}_{}", reading.column, to_string(eye));
-    if (!is_known && std::regex_match(column, like_a_reading))
-      throw input_error(
-          fmt::format("{}: the column \"{}\" is like a reading's and is none", table.file.string(), column),
-          "readings are called keratometry_od, axial_length_od, acd_od, lens_thickness_od, refraction_od, "
-          "and the same with _os");
+    if (!is_like_a_reading(column)) continue;
+    const std::string what = fmt::format("{}: the column \"{}\" is called nearly as a reading and is none",
+                                         table.file.string(), column);
+    if (!bids)
+      throw input_error(what,
+                        "readings are called keratometry_od, axial_length_od, acd_od, lens_thickness_od, "
+                        "refraction_od, and the same with _os");
+    spdlog::warn("{}", what);
   }
 }
 
@@ -245,13 +257,12 @@ void require_known_readings(const Table& table) {
 void require_reading(const Reading& reading, const std::string& text, const std::string& place) {
   try {
     InstrumentFlags flags;
-    const std::string option = reading.option;
-    if (option == "--keratometry") flags.keratometry = {text};
-    if (option == "--axial-length") flags.axial_length = {text};
-    if (option == "--acd") flags.anterior_chamber_depth = {text};
-    if (option == "--lens-thickness") flags.lens_thickness = {text};
-    parse_instruments(flags, 0);
-    if (option == "--refraction") parse_refraction(text.substr(text.find(':') + 1));
+    if (reading.flag == nullptr) {
+      parse_refraction(text.substr(text.find(':') + 1));
+    } else {
+      flags.*reading.flag = {text};
+      parse_instruments(flags, 0);
+    }
   } catch (const Error& error) {
     throw input_error(fmt::format("{}: {}", place, error.what()), error.remedy());
   }
@@ -280,7 +291,7 @@ void add_readings_of_row(Subject& subject, const Table& table, std::size_t row) 
 /// \param all_are_here  every person with a study is among the subjects, so that a row without one is a mistake
 void add_readings(std::vector<Subject>& subjects, const Table& table, bool bids, bool all_are_here) {
   require_distinct_rows(table, bids);
-  require_known_readings(table);
+  require_known_readings(table, bids);
   std::map<std::string, std::vector<Subject*>> of_person;
   for (Subject& subject : subjects) of_person[person_of(subject, bids)].push_back(&subject);
   for (std::size_t row = 0; row < table.rows.size(); ++row) {

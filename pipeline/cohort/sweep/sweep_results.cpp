@@ -80,7 +80,7 @@ std::string sweep_table(const Sweep& sweep, const SweepFolder& folder,
         const Cells asked = asked_for(sweep, result);
         for (const auto& [column, text] : asked)
           for (const auto& [taken, value] : cells)
-            if (column == taken && text != value)
+            if (column == taken)
               throw input_error(fmt::format("[columns] {}: the table has that column already", column),
                                 "give it another name");
         cells.insert(cells.end(), asked.begin(), asked.end());

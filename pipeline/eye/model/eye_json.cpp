@@ -209,47 +209,62 @@ std::string place_of(const EyeModel& eye, std::size_t k) {
 /// Depth in the eye, tilts left out: neighbours tilt alike.
 std::optional<double> depth_at(const Surface& surface, const Eigen::Vector2d& place_mm) {
   const Eigen::Vector2d own = place_mm - surface.decentre_mm;
+  if (surface.semi_diameter_mm > 0 && own.norm() > surface.semi_diameter_mm) return std::nullopt;
   const auto depth_mm = surface.shape->depth_mm(own.x(), own.y());
   return depth_mm ? std::optional(surface.position_mm + *depth_mm) : std::nullopt;
 }
 
-/// Surfaces of the eye that crossed within the iris would stop the light without a word.
+/// How far from the stop's middle the second surface lies in front of the first; nothing: nowhere.
+std::optional<double> crossing_mm(const Surface& first, const Surface& second, const Surface& stop) {
+  constexpr double central_mm = 2.5;  // there no lens of an eye ends
+  constexpr int rings = 8, spokes = 16;
+  for (int ring = 1; ring <= rings; ++ring)
+    for (int spoke = 0; spoke < spokes; ++spoke) {
+      const double angle = 2 * pi * spoke / spokes;
+      const double radius_mm = std::min(stop.stop_diameter_mm / 2, central_mm) * ring / rings;
+      const Eigen::Vector2d place_mm =
+          stop.decentre_mm + radius_mm * Eigen::Vector2d(std::cos(angle), std::sin(angle));
+      const auto depth_mm = depth_at(first, place_mm), next_mm = depth_at(second, place_mm);
+      if (depth_mm && next_mm && *depth_mm > *next_mm + agreement_mm) return radius_mm;
+    }
+  return std::nullopt;
+}
+
+/// Surfaces of the eye that crossed in the middle of the iris would be a pupil that nobody asked for. A body within one
+/// medium, a lens's nucleus, may end: light passes beside it.
 void require_apart_within_stop(const EyeModel& eye) {
   const auto stop = std::find_if(eye.surfaces.begin(), eye.surfaces.end(),
                                  [](const Surface& surface) { return surface.is_stop(); });
   if (stop == eye.surfaces.end()) return;
-  constexpr int rings = 8, spokes = 16;
   const Surface* before = nullptr;
+  std::string medium_in_front = "air", medium_between;
   for (std::size_t k = 0; k < eye.surfaces.size(); ++k) {
     const Surface& surface = eye.surfaces[k];
     if (surface.is_stop() || surface.bearer == Bearer::head) continue;
-    for (int ring = 1; before != nullptr && ring <= rings; ++ring)
-      for (int spoke = 0; spoke < spokes; ++spoke) {
-        const double angle = 2 * pi * spoke / spokes, radius_mm = stop->stop_diameter_mm / 2 * ring / rings;
-        const Eigen::Vector2d place_mm = radius_mm * Eigen::Vector2d(std::cos(angle), std::sin(angle));
-        const auto first = depth_at(*before, place_mm), second = depth_at(surface, place_mm);
-        if (first && second && *first > *second + agreement_mm)
-          throw input_error(
-              fmt::format("{}: it crosses {} at {:.1f} mm from the axis, within the stop of {:g} mm",
-                          place_of(eye, k), before->name, radius_mm, stop->stop_diameter_mm),
-              "correct their radii or positions");
-      }
+    if (before != nullptr && medium_in_front != surface.medium_after)
+      if (const auto radius_mm = crossing_mm(*before, surface, *stop))
+        throw input_error(fmt::format("{}: it crosses {} at {:.1f} mm from the middle of the stop",
+                                      place_of(eye, k), before->name, *radius_mm),
+                          "correct their radii or positions");
+    medium_in_front = before == nullptr ? "air" : medium_between;
+    medium_between = surface.medium_after;
     before = &surface;
   }
 }
 
 /// A cornea bulges out of the eye, a retina holds it: a radius of the other sign is a slip.
 void require_signs(const EyeModel& eye) {
-  const auto mean_curvature = [](const Surface& surface) {
-    return surface.shape->vertex_curvature().trace() / 2;
-  };
+  constexpr double away_mm = 4;  // wide of a macula's dome
   for (std::size_t k = 0; k < eye.surfaces.size(); ++k) {
     const Surface& surface = eye.surfaces[k];
-    // The vertex of a mesh may have any curvature.
-    if (surface.is_stop() || std::holds_alternative<std::monostate>(surface.shape->formula())) continue;
-    if (surface.name == "cornea_anterior" && mean_curvature(surface) < 0)
+    if (surface.is_stop()) continue;
+    double depth_mm = 0;
+    for (const Eigen::Vector2d& place : {Eigen::Vector2d(away_mm, 0), Eigen::Vector2d(-away_mm, 0),
+                                         Eigen::Vector2d(0, away_mm), Eigen::Vector2d(0, -away_mm)})
+      depth_mm += surface.shape->depth_mm(place.x(), place.y()).value_or(0);
+    if (surface.name == "cornea_anterior" && depth_mm < 0)
       throw input_error(place_of(eye, k) + ": a cornea bulges out of the eye: its radius is positive");
-    if (surface.name == "retina" && mean_curvature(surface) > 0)
+    if (surface.name == "retina" && depth_mm > 0)
       throw input_error(place_of(eye, k) + ": a retina bulges away from the lens: its radius is negative");
   }
 }

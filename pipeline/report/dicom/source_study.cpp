@@ -200,9 +200,13 @@ std::string SourceStudy::text(unsigned short group, unsigned short element) cons
 }
 
 std::string SourceStudy::study_uid() const { return text(0x0020, 0x000d); }
-std::string SourceStudy::date() const {
+std::string SourceStudy::known_date() const {
   const std::string date = text(0x0008, 0x0020);
-  return date.size() == 8 ? date : "20000101";
+  return date.size() == 8 ? date : "";
+}
+std::string SourceStudy::date() const {
+  const std::string date = known_date();
+  return date.empty() ? "20000101" : date;
 }
 std::string SourceStudy::time() const {
   const std::string time = text(0x0008, 0x0030);

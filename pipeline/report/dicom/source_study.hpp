@@ -61,7 +61,9 @@ class SourceStudy {
   const DcmItem& header() const { return *header_; }
   const std::vector<SourceImage>& images() const { return images_; }
   std::string study_uid() const;
-  /// YYYYMMDD; of the study.
+  /// YYYYMMDD; of the study, or empty where its header has none.
+  std::string known_date() const;
+  /// The same for objects that need one: 20000101 where it is not known.
   std::string date() const;
   std::string time() const;
   /// "Jane Doe, born 1961-02-03", UTF-8.

@@ -156,8 +156,8 @@ Json fhir_prescription(const CaseData& data, const std::string& study_date) {
 
 std::string study_date_of(const CaseData& data, const SourceStudy& source) {
   if (!data.study_date().empty() || source.images().empty()) return data.study_date();
-  const std::string date = source.date();
-  return date.substr(0, 4) + "-" + date.substr(4, 2) + "-" + date.substr(6, 2);
+  const std::string date = source.known_date();
+  return date.empty() ? "" : date.substr(0, 4) + "-" + date.substr(4, 2) + "-" + date.substr(6, 2);
 }
 
 void write_objects(const fs::path& folder, const CaseData& data, const SourceStudy& source,

@@ -92,12 +92,25 @@ TEST(KnownAtEitherStage, KeratometryGivesOneRefraction) {
   EXPECT_EQ(meshed["J0_D"]["source"], "keratometry");
 }
 
+TEST(KnownData, IsWrittenInDecimals) {
+  KnownDataFlags flags;
+  flags.instruments.axial_length = {"od:23.75"};
+  EXPECT_EQ(parse_known_data(flags).size(), 1U);
+  flags.instruments.axial_length = {"od:0x17.C"};
+  EXPECT_THROW(parse_known_data(flags), Error);
+}
+
 TEST(KnownData, OfOneRefractionAnEye) {
   KnownDataFlags flags;
   flags.refractions = {"od:+3.25/-1.00x180", "os:+1.25"};
   EXPECT_EQ(parse_known_data(flags).at(Laterality::od).refraction->refraction.sphere_D, 3.25);
   flags.refractions.emplace_back("od:+1.25/-1.00x180");
   EXPECT_THROW(parse_known_data(flags), Error);
+  KnownDataFlags maps;
+  maps.instruments.topography = {"od:a.csv", "os:a.csv"};
+  EXPECT_EQ(parse_known_data(maps).size(), 2U);
+  maps.instruments.topography.emplace_back("od:b.csv");
+  EXPECT_THROW(parse_known_data(maps), Error);
 }
 
 }  // namespace

@@ -3,7 +3,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <cstdlib>
+#include <tuple>
 
 #include "pipeline/base/files.hpp"
 #include "pipeline/base/process.hpp"
@@ -111,15 +113,15 @@ void set(const fs::path& file, const std::string& pointer, const Json& value) {
   write_json(file, json);
 }
 
-// Of one eye in two fits: chambers that differ by 3.9 and by 5.9 times sqrt(0.05^2 + 0.05^2 + (0.1 a year)^2) mm.
+// The errors of both fits, 0.05 mm each, and what a chamber may change, 0.1 mm a year.
 TEST(Growth, DifferencesAreComparedWithWhatBothFitsAndGrowthAllow) {
-  for (const double apart_mm : {0.48, 0.72}) {
+  for (const double years : {1.0, 3.0}) {
     const Growth growth = growth_of(
-        {{fitted_eye(eye_of(23.5, 0.05, 3.3)), 0}, {fitted_eye(eye_of(23.5, 0.05, 3.3 + apart_mm)), 1}}, 0);
+        {{fitted_eye(eye_of(23.5, 0.05, 3.3)), 0}, {fitted_eye(eye_of(23.5, 0.05, 3.78)), years}}, 0);
     ASSERT_EQ(growth.differences.size(), 1U);
     const Difference chamber = differences_of_quantities(growth).front().at(2);
-    EXPECT_NEAR(chamber.value, apart_mm, 1e-6);
-    EXPECT_NEAR(chamber.sigma, std::sqrt(2 * 0.05 * 0.05 + 0.1 * 0.1), 1e-6);
+    EXPECT_NEAR(chamber.value, 0.48, 1e-6);
+    EXPECT_NEAR(chamber.sigma, std::sqrt(2 * 0.05 * 0.05 + 0.1 * 0.1 * years * years), 1e-6);
   }
 }
 
@@ -139,6 +141,7 @@ TEST_F(FollowCommand, DoubtsEyesThatAreNotOne) {
               testing::HasSubstr("Anterior chamber of visit 2"));
   const ProcessResult refused = chamber(3.4 + 0.72);
   EXPECT_EQ(refused.status, 8);
+  EXPECT_EQ(Json::parse(refused.output).at("warnings").size(), 0U);  // it is the reason
   EXPECT_TRUE(Json::parse(refused.output).at("eyes").at("od").contains("withheld"));
 }
 
@@ -148,6 +151,7 @@ TEST_F(FollowCommand, RefusesTwoPersonsAndOneScanTwice) {
     return run({first.string(), later.string(), "--years", "0,1"});
   };
   EXPECT_EQ(follow(second).status, 0);
+  EXPECT_EQ(follow(same).status, 3);
   EXPECT_THAT(follow(same).output, testing::HasSubstr("are one scan"));
   const fs::path noted = second / "case.json";
   set(noted, "/subject/sex", "M");
@@ -171,8 +175,33 @@ TEST_F(FollowCommand, ComparesYearsWithTheStudiesDates) {
   EXPECT_THAT(warnings("0,10"),
               testing::HasSubstr("10.00 years after visit 1, by the dates of their studies 1.00"));
   const ProcessResult turned = run({second.string(), first.string(), "--years", "0,1"});
-  EXPECT_EQ(turned.status, 3);
-  EXPECT_THAT(turned.output, testing::HasSubstr("their studies are of 2026-03-14 and 2027-03-14"));
+  EXPECT_THAT(Json::parse(turned.output).at("warnings").dump(),
+              testing::HasSubstr("by the dates of their studies -1.00"));
+  set(second / "case.json", "/study_date", "2027-02-30");
+  EXPECT_EQ(warnings("0,2"), "[]");  // that is no date
+}
+
+// A header without StudyDate is of no date, although objects made from it need one.
+TEST_F(FollowCommand, StudiesWithoutDatesAreDatedByYears) {
+  std::vector<std::string> folders;
+  for (const auto& [name, length_mm, age_years] :
+       {std::tuple{"first", 23.5, 7}, std::tuple{"second", 23.6, 12}}) {
+    const fs::path folder = visit(name, length_mm),
+                   study = temporary_.path() / (std::string(name) + "-study");
+    test::make_fixture_study(study);
+    std::vector<std::string> words{"-nb", "-ma", "(0008,0020)="};
+    for (const auto& entry : fs::directory_iterator(study)) words.push_back(entry.path().string());
+    run_process("/usr/bin/dcmodify", words, ChildOutput::discard);
+    test::note_study(folder, study);
+    set(folder / "case.json", "/study_date", nullptr);
+    set(folder / "case.json", "/subject/age_years", age_years);
+    folders.push_back(folder.string());
+  }
+  const ProcessResult ended = run({folders[0], folders[1], "--years", "0,5"});
+  ASSERT_EQ(ended.status, 0) << ended.output;
+  EXPECT_EQ(Json::parse(ended.output).at("warnings").size(), 0U);
+  EXPECT_THAT(run({folders[0], folders[1], "--years", "0,1"}).output,
+              testing::HasSubstr("7 and 12 years old"));
 }
 
 TEST_F(FollowCommand, TellsGrowthWithItsInterval) {

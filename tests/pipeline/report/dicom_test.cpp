@@ -176,7 +176,7 @@ TEST_F(DicomTest, StructuresFollowTheHeadsMotionBetweenStacks) {
   const auto still = right_eye();
   const fs::path file = folder_ / "segmentation" / "od" / "fit.json";
   Json fit = read_json(file);
-  const Eigen::Vector3d shift(1.25, -0.5, 0);
+  const Eigen::Vector3d shift(1.25, -0.5, 1.6);  // two slices down
   fit["stacks"] = {{{"name", "stack1"}, {"shift_lps_mm", {shift.x(), shift.y(), shift.z()}}}};
   write_json(file, fit);
   const auto moved = right_eye();

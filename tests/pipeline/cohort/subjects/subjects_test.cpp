@@ -107,6 +107,14 @@ TEST_F(Subjects, AreNamedByATable) {
   EXPECT_THAT(ids(folder() / "people.tsv"), ElementsAre("first"));
 }
 
+TEST_F(Subjects, OfBidsMayHaveColumnsOfTheirOwners) {
+  add("bids/sub-01/anat/x.nii.gz");
+  write_file(folder() / "bids" / "dataset_description.json", "{}");
+  write_file(folder() / "bids" / "participants.tsv",
+             "participant_id\tACD\trefraction\nsub-01\t3.1 mm\tn/a\n");
+  EXPECT_EQ(find_subjects(folder() / "bids").at(0).options.size(), 0U);
+}
+
 TEST_F(Subjects, ThatAreNoneAreRefusedByNameAndLine) {
   EXPECT_THAT(refusal(folder() / "nothing"), HasSubstr("neither a folder nor a .tsv table"));
   fs::create_directory(folder() / "empty");
@@ -122,8 +130,8 @@ TEST_F(Subjects, ThatAreNoneAreRefusedByNameAndLine) {
   EXPECT_THAT(refusal(folder() / "people.tsv"), HasSubstr("names nobody"));
   write_file(folder() / "people.tsv", "participant_id\tstudy\nx\ttwo\nx\ttwo\n");
   EXPECT_THAT(refusal(folder() / "people.tsv"), HasSubstr("\"x\" has a row already"));
-  for (const char* column :
-       {"axial_length_OD", "axial_length_right", "keratometry", "Refraction.L", "axiallength_od"}) {
+  for (const char* column : {"axial_length_OD", "axial_length_right", "keratometry", "Refraction.L",
+                             "axiallength_od", "Axial length OD (mm)", "od_acd", "lens_thickness_od "}) {
     write_file(folder() / "people.tsv", fmt::format("participant_id\tstudy\t{}\nx\ttwo\tn/a\n", column));
     EXPECT_THAT(refusal(folder() / "people.tsv"), HasSubstr(column)) << column;
   }

@@ -55,6 +55,30 @@ TEST(EyeJson, EverySchematicEyeSurvivesTheFile) {
   }
 }
 
+// The sides of the nucleus of Gullstrand's accommodated eye meet 2.3 mm from the axis, and light passes beside it.
+TEST(EyeJson, ABodyWithinOneMediumMayEndWithinThePupil) {
+  EyeModel eye = make_eye("gullstrand", [] {
+    EyeOptions options;
+    options.accommodation_parameter = 10.87;
+    return options;
+  }());
+  for (const double pupil_mm : {4.0, 5.0, 8.0}) {
+    eye.set_stop_diameter(pupil_mm);
+    EXPECT_EQ(to_json(eye_from_json(to_json(eye), ".")), to_json(eye)) << pupil_mm;
+  }
+}
+
+// An implant of 6 mm beneath a wide pupil: its sides would meet beyond its edge.
+TEST(EyeJson, ALensMayEndWithinThePupil) {
+  Json json = Json::parse(complete);
+  json["surfaces"][2]["diameter_mm"] = 8;
+  json["surfaces"][3] = {{"name", "lens_anterior"}, {"type", "sphere"},      {"position_mm", 3.6},
+                         {"radius_mm", 14.3},       {"semi_diameter_mm", 3}, {"medium_after", "lens"}};
+  json["surfaces"][4] = {{"name", "lens_posterior"}, {"type", "sphere"},      {"position_mm", 4.45},
+                         {"radius_mm", -14.3},       {"semi_diameter_mm", 3}, {"medium_after", "vitreous"}};
+  EXPECT_EQ(eye_from_json(json, ".").surfaces.size(), 6U);
+}
+
 std::string fault_of(const Json& json) {
   try {
     eye_from_json(json, scratch("faults"));
