@@ -316,6 +316,10 @@ Answer correct_case(const fs::path& case_folder, CorrectionSettings settings, co
   follow_trace_stage(case_folder, settings);
   if (!settings.what_if.age_years) settings.what_if.age_years = subject_age_years(case_folder);
   const std::vector<Laterality> eyes = eyes_with(case_folder, "raytrace", "eye.json", common.laterality);
+  if (eyes.size() > 1 && settings.prescription.fovea_mm.x() != 0)
+    throw usage_error(fmt::format("--fovea {:g},{:g}: +x is nasal in a right eye and temporal in a left one",
+                                  settings.prescription.fovea_mm.x(), settings.prescription.fovea_mm.y()),
+                      "correct one eye, with --laterality od or os");
   if (eyes.empty() && traced.status == ExitStatus::done)
     throw input_error((case_folder / "raytrace").string() + " holds no eye that --laterality asks for",
                       "trace it with: emmetrope trace " + case_folder.string());

@@ -188,8 +188,8 @@ void declare_measured_eye(CLI::App& app, Flags& flags) {
   app.add_option("--lens-model", flags.lens_model,
                  "homogeneous, or core: Gullstrand's cortex and core (CASE)");
   app.add_option("--retinal-depth", flags.measured.retinal_depth_mm,
-                 "Photoreceptors behind the interface, mm (CASE)")
-      ->capture_default_str();
+                 "Photoreceptors behind the interface, mm, as the case was meshed (CASE)")
+      ->check(CLI::Range(0.0, 1.0));
 }
 
 void declare(CLI::App& app, Flags& flags) {
@@ -315,6 +315,9 @@ std::map<Laterality, Landmarks> parse_landmarks(const Flags& flags, const std::v
   }
   for (const Laterality eye : eyes) {
     if (!flags.fovea.empty()) landmarks[eye].fovea = parse_landmark("--fovea", flags.fovea);
+    if (landmarks[eye].fovea && landmarks[eye].fovea->from_pole_mm.x() != 0 && eyes.size() > 1)
+      throw usage_error("--fovea " + flags.fovea + ": +x is nasal in a right eye and temporal in a left one",
+                        "trace one eye, with --laterality od or os");
     for (const std::string& text : flags.discs) {
       const bool names_eye = text.rfind("od:", 0) == 0 || text.rfind("os:", 0) == 0;
       if (names_eye && text.substr(0, 2) != to_string(eye)) continue;
@@ -446,14 +449,16 @@ MeasuredEyeOptions parse_measured(const Flags& flags) {
     throw usage_error("--lens-model: \"" + flags.lens_model + "\" is unknown", "give homogeneous or core");
   MeasuredEyeOptions measured = flags.measured;
   measured.lens_core = flags.lens_model == "core";
+  if (measured.lens_core && measured.lens_index)
+    throw usage_error("--lens-index: the lens of --lens-model core has two, Gullstrand's",
+                      "give one of them");
   measured.pupil_mm = flags.pupil_mm.value_or(measured.pupil_mm);
   return measured;
 }
 
 NamedEye parse_named(const Flags& flags) {
-  const MeasuredEyeOptions untouched;
   if (flags.measured.age_years || flags.measured.lens_index || !flags.lens_model.empty() ||
-      flags.measured.retinal_depth_mm != untouched.retinal_depth_mm)
+      flags.measured.retinal_depth_mm)
     throw usage_error("--age, --lens-index, --lens-model and --retinal-depth make a measured eye of a case",
                       "leave them out with --eye");
   NamedEye named;

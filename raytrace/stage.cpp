@@ -81,7 +81,7 @@ Json parameters_of(const TraceOptions& options, const MeasuredEyeOptions& measur
       {"age_years", or_null(measured.age_years)},
       {"lens_index", or_null(measured.lens_index)},
       {"lens_core", measured.lens_core},
-      {"retinal_depth_mm", measured.retinal_depth_mm},
+      {"retinal_depth_mm", or_null(measured.retinal_depth_mm)},
       {"psf_grid_deg",
        options.psf_grid ? Json{options.psf_grid->reach_deg, options.psf_grid->step_deg} : Json(nullptr)},
       {"movement", options.movie ? Json(options.movie->movement) : Json(nullptr)},

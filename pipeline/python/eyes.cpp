@@ -26,7 +26,7 @@ Laterality laterality_of(const std::string& name) {
 
 EyeModel measured_eye(const std::string& case_folder, const std::string& laterality, double pupil_mm,
                       const std::optional<double>& age_years, const std::optional<double>& lens_index,
-                      bool lens_core, double retinal_depth_mm) {
+                      bool lens_core, const std::optional<double>& retinal_depth_mm) {
   raytrace::MeasuredEyeOptions options;
   options.age_years = age_years;
   options.lens_index = lens_index;
@@ -119,7 +119,7 @@ void bind_eyes(py::module_& module) {
       .def_static(
           "from_case", &measured_eye, py::arg("case_folder"), py::arg("laterality") = "od",
           py::arg("pupil_mm") = 4.0, py::arg("age_years") = py::none(), py::arg("lens_index") = py::none(),
-          py::arg("lens_core") = false, py::arg("retinal_depth_mm") = usual_retinal_depth_mm,
+          py::arg("lens_core") = false, py::arg("retinal_depth_mm") = py::none(),
           "A measured eye from the meshes of a case, as trace has it. An age that is not the study's is not "
           "used, and warned of.")
       .def_static(

@@ -2,9 +2,12 @@
 
 #include <fmt/format.h>
 
+#include <cmath>
+
 #include "pipeline/base/case_subject.hpp"
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/frames.hpp"
+#include "pipeline/base/measured.hpp"
 #include "pipeline/eye/media/ocular_media.hpp"
 #include "pipeline/eye/model/mesh_shape.hpp"
 
@@ -40,6 +43,18 @@ void add_core(EyeModel& eye) {
   eye.media["core"] = lens_medium(lens_core_index);
 }
 
+/// By which the optical length differs from the one to the interface.
+double meshed_retinal_depth_mm(const Json& biometry) {
+  const auto length_mm = [&](const char* key) -> std::optional<double> {
+    const Json length = biometry.value(key, Json());
+    return length.is_object() && !is_withheld(length) ? std::optional(length.get<Measured>().value)
+                                                      : std::nullopt;
+  };
+  const auto inner = length_mm("axial_length_mm"), optical = length_mm("optical_axial_length_mm");
+  if (!inner || !optical) return usual_retinal_depth_mm;
+  return std::round(1e6 * (*optical - *inner)) / 1e6;  // as it was typed
+}
+
 }  // namespace
 
 MeasuredEye read_measured_eye(const std::filesystem::path& case_folder, Laterality laterality,
@@ -64,9 +79,15 @@ MeasuredEye read_measured_eye(const std::filesystem::path& case_folder, Laterali
                        : options.lens_index ? "--lens-index"
                        : !age               ? fmt::format("age unknown, taken as {:g} years", usual_age_years)
                               : fmt::format("age {:.0f} years{}", *age, of_study ? "" : " (--age)");
-  if (result.lens_index < 1.34 || result.lens_index > 1.6)
+  // lens_index_at_age gives 1.441 at birth and 1.394 at 120 years.
+  constexpr double least_index = 1.36, most_index = 1.5, least_usual = 1.39, most_usual = 1.45;
+  if (result.lens_index < least_index || result.lens_index > most_index)
     throw usage_error(fmt::format("a lens of index {:.4f} is no human lens", result.lens_index),
-                      "check --lens-index or --age");
+                      fmt::format("{} to {}; check --lens-index or --age", least_index, most_index));
+  if (result.warning.empty() && (result.lens_index < least_usual || result.lens_index > most_usual))
+    result.warning =
+        fmt::format("a lens of index {:.4f} is none of any age ({} to {}): a hundredth is about 1.5 D",
+                    result.lens_index, least_usual, most_usual);
   eye.media = ocular_media(result.lens_index);
 
   const auto mesh = [&](const char* name, const char* medium_after) {
@@ -83,7 +104,15 @@ MeasuredEye read_measured_eye(const std::filesystem::path& case_folder, Laterali
   const auto interface = read_mesh(folder / "retina.ply");
   TriangleMesh in_eye =
       interface.says_lps ? transformed(eye.lps_from_eye->inverse(), interface.mesh) : interface.mesh;
-  for (auto& vertex : in_eye.vertices) vertex.z() -= options.retinal_depth_mm;
+  const double retinal_depth_mm = meshed_retinal_depth_mm(biometry);
+  if (options.retinal_depth_mm && std::abs(*options.retinal_depth_mm - retinal_depth_mm) > 1e-6)
+    throw usage_error(
+        fmt::format("--retinal-depth {:g}: the case was meshed with {:g} mm, by which its optical length "
+                    "is told",
+                    *options.retinal_depth_mm, retinal_depth_mm),
+        fmt::format("give it to emmetrope mesh: emmetrope mesh {} --retinal-depth {:g}", case_folder.string(),
+                    *options.retinal_depth_mm));
+  for (auto& vertex : in_eye.vertices) vertex.z() -= retinal_depth_mm;
   result.photoreceptors_in_lps = transformed(*eye.lps_from_eye, in_eye);
   eye.surfaces.push_back(make_mesh_surface("retina", in_eye, {}));
   if (options.lens_core) add_core(eye);

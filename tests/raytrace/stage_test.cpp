@@ -54,6 +54,13 @@ std::string refusal(const std::string& line) {
   return "";
 }
 
+TEST(TraceCommand, OfACaseSaysOneThingOnce) {
+  const test::TemporaryFolder folder;
+  const std::string traced = folder.path().string();
+  EXPECT_NE(refusal(traced + " --fovea=1.5,0").find("nasal in a right eye"), std::string::npos);
+  EXPECT_NE(refusal(traced + " --lens-model core --lens-index 1.42").find("Gullstrand's"), std::string::npos);
+}
+
 // Navarro's retina is a sphere of 12 mm.
 TEST(TraceCommand, GoesToTheRetinasEquatorAndSaysWhereItEnds) {
   const test::TemporaryFolder folder;

@@ -136,6 +136,17 @@ std::vector<fs::path> labelled_folders(const fs::path& folder, const std::string
   return folders;
 }
 
+/// 	hrow Error (input_invalid) naming an image whose name is another person's or session's
+void require_own_images(const fs::path& anat, const std::string& person, const std::string& visit) {
+  for (const auto& entry : fs::directory_iterator(anat)) {
+    const std::string file = entry.path().filename().string();
+    const bool names_session = file.find("_ses-") != std::string::npos;
+    if (file.rfind("sub-", 0) == 0 && file.rfind((names_session ? visit : person) + "_", 0) != 0)
+      throw input_error(entry.path().string() + ": the name is not that of " + visit,
+                        "BIDS names an image after its participant and session");
+  }
+}
+
 std::vector<Subject> of_bids(const fs::path& dataset, const BidsChoice& choice) {
   for (const std::string& label : choice.participants)
     if (label.empty() || !is_folder(dataset / ("sub-" + label)))
@@ -146,11 +157,14 @@ std::vector<Subject> of_bids(const fs::path& dataset, const BidsChoice& choice) 
   for (const fs::path& person : labelled_folders(dataset, "sub-", choice.participants)) {
     const std::string name = person.filename().string();
     const std::size_t before = subjects.size();
-    if (choice.sessions.empty() && is_folder(person / "anat"))
-      subjects.push_back(make_subject(name, person / "anat"));
+    const auto add = [&](const std::string& visit, const fs::path& anat) {
+      require_own_images(anat, name, visit);
+      subjects.push_back(make_subject(visit, anat));
+    };
+    if (choice.sessions.empty() && is_folder(person / "anat")) add(name, person / "anat");
     for (const fs::path& session : labelled_folders(person, "ses-", choice.sessions)) {
       if (!is_folder(session / "anat")) continue;
-      subjects.push_back(make_subject(name + "_" + session.filename().string(), session / "anat"));
+      add(name + "_" + session.filename().string(), session / "anat");
       sessions_seen.insert(session.filename().string().substr(4));
     }
     if (!choice.participants.empty() && subjects.size() == before)

@@ -141,6 +141,10 @@ std::map<Laterality, EyeInstruments> parse_instruments(const InstrumentFlags& fl
       throw usage_error(fmt::format("--topography {}: that eye has one already", text),
                         "give the better one");
     topography = {parsed.value, parsed.sigma};
+    const auto& other = by_eye[parsed.eye == Laterality::od ? Laterality::os : Laterality::od].topography;
+    if (other && other->file == topography->file)
+      throw usage_error(fmt::format("--topography {}: the map is the other eye's", text),
+                        "give each eye its own");
   }
   return by_eye;
 }

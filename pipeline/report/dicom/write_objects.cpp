@@ -7,7 +7,9 @@
 #include <set>
 
 #include "pipeline/base/files.hpp"
+#include "pipeline/base/measured.hpp"
 #include "pipeline/base/version.hpp"
+#include "pipeline/report/content/first_page.hpp"
 #include "pipeline/report/content/judgement.hpp"
 #include "pipeline/report/dicom/objects.hpp"
 
@@ -114,6 +116,19 @@ void write_structure_sets(const fs::path& folder, const CaseData& data, const So
   }
 }
 
+/// What the coded powers do not say: "Spherical equivalent +-2.5 D (95 %). "
+std::string uncertainty_of(const Json& prescription) {
+  std::string text;
+  if (const Json M = prescription.value("M_D", Json()); M.is_object() && M.contains("ci95")) {
+    const auto measured = M.get<Measured>();
+    text +=
+        fmt::format("Spherical equivalent +-{:.1f} D (95 %). ", (measured.ci95[1] - measured.ci95[0]) / 2);
+  }
+  if (!has_axis(prescription.value("cylinder_D", Json())))
+    text += "The cylinder may be none: its axis is not determined. ";
+  return text;
+}
+
 }  // namespace
 
 Json fhir_prescription(const CaseData& data, const std::string& study_date) {
@@ -131,9 +146,9 @@ Json fhir_prescription(const CaseData& data, const std::string& study_date) {
       lens["cylinder"] = cylinder;
       lens["axis"] = std::lround(value_of(rounded, "axis_deg").value_or(180));
     }
-    lens["note"] = {{{"text", fmt::format("Vertex distance {:.0f} mm. {}",
+    lens["note"] = {{{"text", fmt::format("Vertex distance {:.0f} mm. {}{}",
                                           value_of(eye.prescription, "vertex_distance_mm").value_or(12),
-                                          research_notice)}}};
+                                          uncertainty_of(eye.prescription), research_notice)}}};
     lenses.push_back(lens);
   }
   if (lenses.empty()) return nullptr;

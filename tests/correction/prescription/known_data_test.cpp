@@ -107,9 +107,11 @@ TEST(KnownData, OfOneRefractionAnEye) {
   flags.refractions.emplace_back("od:+1.25/-1.00x180");
   EXPECT_THROW(parse_known_data(flags), Error);
   KnownDataFlags maps;
-  maps.instruments.topography = {"od:a.csv", "os:a.csv"};
+  maps.instruments.topography = {"od:a.csv", "os:b.csv"};
   EXPECT_EQ(parse_known_data(maps).size(), 2U);
-  maps.instruments.topography.emplace_back("od:b.csv");
+  maps.instruments.topography.emplace_back("od:c.csv");
+  EXPECT_THROW(parse_known_data(maps), Error);
+  maps.instruments.topography = {"od:a.csv", "os:a.csv"};
   EXPECT_THROW(parse_known_data(maps), Error);
 }
 

@@ -313,6 +313,7 @@ TEST_F(NumbersTest, FollowTheJsonAndNotAStoredText) {
   EXPECT_THAT(visible_text(output("report.html")), HasSubstr("-7.50 / -1.00 x 175"));
   EXPECT_THAT(dump("prescription.dcm"), HasSubstr("[-7.5000]"));
   EXPECT_THAT(output("prescription.fhir.json"), HasSubstr("\"sphere\": -7.5"));
+  EXPECT_THAT(output("prescription.fhir.json"), HasSubstr("Spherical equivalent +-"));
 }
 
 /// What dsrdump prints of one NUM item.

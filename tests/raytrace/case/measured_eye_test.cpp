@@ -6,6 +6,7 @@
 
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/frames.hpp"
+#include "pipeline/base/measured.hpp"
 #include "pipeline/eye/model/mesh_shape.hpp"
 #include "pipeline/eye/optics/paraxial.hpp"
 #include "pipeline/eye/schematic/schematic_eyes.hpp"
@@ -80,6 +81,35 @@ TEST_F(MeasuredCase, LensIndexComesFromTheAgeOrTheCore) {
               schematic_.surface("lens_anterior").position_mm + 0.1517 * thickness, 1e-3);
   EXPECT_NEAR(1 / core.surface("core_posterior").shape->vertex_curvature()(0, 0), 0.96 * -6.0, 0.05);
   EXPECT_THROW(read_measured_eye(folder_, Laterality::os, {}), Error);
+}
+
+TEST_F(MeasuredCase, AnIndexThatNoAgeGivesIsWarnedOf) {
+  MeasuredEyeOptions options;
+  const auto warning = [&](double index) {
+    options.lens_index = index;
+    return read_measured_eye(folder_, Laterality::od, options).warning;
+  };
+  EXPECT_EQ(warning(1.42), "");
+  EXPECT_NE(warning(1.47).find("none of any age"), std::string::npos);
+  EXPECT_NE(warning(1.37), "");
+  EXPECT_THROW(warning(1.55), Error);
+  EXPECT_THROW(warning(1.35), Error);
+}
+
+// The optical length of the case and the length of the eye that is traced are one.
+TEST_F(MeasuredCase, ThePhotoreceptorsLieAsItWasMeshed) {
+  const std::filesystem::path file = folder_ / "meshing" / "od" / "biometry.json";
+  Json biometry = read_json(file);
+  biometry["axial_length_mm"] = Measured::from_sigma(23.0, 0.1, "mri");
+  biometry["optical_axial_length_mm"] = Measured::from_sigma(23.6, 0.1, "mri");
+  write_json(file, biometry);
+  MeasuredEyeOptions options;
+  EXPECT_NEAR(read_measured_eye(folder_, Laterality::od, options).eye.surface("retina").position_mm,
+              schematic_.surface("retina").position_mm - 0.20 + 0.6, 2e-4);
+  options.retinal_depth_mm = 0.6;
+  EXPECT_NO_THROW(read_measured_eye(folder_, Laterality::od, options));
+  options.retinal_depth_mm = 0.2;
+  EXPECT_THROW(read_measured_eye(folder_, Laterality::od, options), Error);
 }
 
 TEST_F(MeasuredCase, EyeJsonReadsBack) {

@@ -107,6 +107,18 @@ TEST_F(Subjects, AreNamedByATable) {
   EXPECT_THAT(ids(folder() / "people.tsv"), ElementsAre("first"));
 }
 
+TEST_F(Subjects, OfBidsHaveImagesOfTheirOwn) {
+  add("bids/sub-10/ses-1/anat/sub-10_ses-1_T1w.nii.gz");
+  write_file(folder() / "bids" / "dataset_description.json", "{}");
+  add("bids/sub-11/anat/sub-11_T2w.nii.gz");
+  EXPECT_EQ(find_subjects(folder() / "bids").size(), 2U);
+  add("bids/sub-10/ses-1/anat/sub-10_ses-9_T2w.nii.gz");
+  EXPECT_THAT(refusal(folder() / "bids"), HasSubstr("is not that of sub-10_ses-1"));
+  fs::remove(folder() / "bids/sub-10/ses-1/anat/sub-10_ses-9_T2w.nii.gz");
+  add("bids/sub-11/anat/sub-1_T2w.nii.gz");
+  EXPECT_THAT(refusal(folder() / "bids"), HasSubstr("is not that of sub-11"));
+}
+
 TEST_F(Subjects, OfBidsMayHaveColumnsOfTheirOwners) {
   add("bids/sub-01/anat/x.nii.gz");
   write_file(folder() / "bids" / "dataset_description.json", "{}");
