@@ -59,7 +59,7 @@ class Eye:
         age_years: Optional[float] = None,
         lens_index: Optional[float] = None,
         lens_core: bool = False,
-        retinal_depth_mm: float | None = None,
+        retinal_depth_mm: Optional[float] = None,
     ) -> Eye: ...
     @staticmethod
     def from_dict(dictionary: Dict[str, Any], folder: str = ".") -> Eye: ...
