@@ -136,7 +136,7 @@ std::vector<fs::path> labelled_folders(const fs::path& folder, const std::string
   return folders;
 }
 
-/// 	hrow Error (input_invalid) naming an image whose name is another person's or session's
+/// \throw Error (input_invalid) naming an image whose name is another person's or session's
 void require_own_images(const fs::path& anat, const std::string& person, const std::string& visit) {
   for (const auto& entry : fs::directory_iterator(anat)) {
     const std::string file = entry.path().filename().string();

@@ -141,8 +141,9 @@ std::map<Laterality, EyeInstruments> parse_instruments(const InstrumentFlags& fl
       throw usage_error(fmt::format("--topography {}: that eye has one already", text),
                         "give the better one");
     topography = {parsed.value, parsed.sigma};
-    const auto& other = by_eye[parsed.eye == Laterality::od ? Laterality::os : Laterality::od].topography;
-    if (other && other->file == topography->file)
+    const auto other = by_eye.find(parsed.eye == Laterality::od ? Laterality::os : Laterality::od);
+    if (other != by_eye.end() && other->second.topography &&
+        other->second.topography->file == topography->file)
       throw usage_error(fmt::format("--topography {}: the map is the other eye's", text),
                         "give each eye its own");
   }

@@ -107,6 +107,8 @@ TEST(KnownData, OfOneRefractionAnEye) {
   flags.refractions.emplace_back("od:+1.25/-1.00x180");
   EXPECT_THROW(parse_known_data(flags), Error);
   KnownDataFlags maps;
+  maps.instruments.topography = {"od:a.csv"};
+  EXPECT_EQ(parse_known_data(maps).size(), 1U);
   maps.instruments.topography = {"od:a.csv", "os:b.csv"};
   EXPECT_EQ(parse_known_data(maps).size(), 2U);
   maps.instruments.topography.emplace_back("od:c.csv");
