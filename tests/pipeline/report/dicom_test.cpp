@@ -23,6 +23,15 @@ using ::testing::Not;
 
 class DicomTest : public ReportTest {
  protected:
+  /// The fixture's case, and beside it the study that it was made from.
+  fs::path make_case_and_study() const {
+    test::make_fixture_case(folder_);
+    fs::path study = folder_.string() + "-study";
+    fs::remove_all(study);
+    test::make_fixture_study(study);
+    test::note_study(folder_, study);
+    return study;
+  }
   /// The bytes of an object's element of this kind (OB, explicit little endian).
   std::string bytes_of(const std::string& name, std::uint16_t group, std::uint16_t element) const {
     const std::string object = output(name);
@@ -73,11 +82,7 @@ TEST_F(DicomTest, EveryObjectConforms) {
 }
 
 TEST_F(DicomTest, ObjectsBelongToThePatientsStudy) {
-  test::make_fixture_case(folder_);
-  const fs::path study = folder_.string() + "-study";
-  fs::remove_all(study);
-  test::make_fixture_study(study);
-  test::note_study(folder_, study);
+  const fs::path study = make_case_and_study();
   report(study);
   for (const char* name : {"report.dcm", "prescription.dcm", "biometry.dcm", "segmentation.dcm",
                            "structures.dcm", "dicom/od_retina.dcm"}) {
@@ -119,11 +124,7 @@ std::vector<std::vector<Eigen::Vector3d>> outlines_of(DRTStructureSetIOD& struct
 }
 
 TEST_F(DicomTest, StructureSetOutlinesTheEyesOnTheirImages) {
-  test::make_fixture_case(folder_);
-  const fs::path study = folder_.string() + "-study";
-  fs::remove_all(study);
-  test::make_fixture_study(study);
-  test::note_study(folder_, study);
+  const fs::path study = make_case_and_study();
   report(study);
   const fs::path file = folder_ / "report" / "structures.dcm";
   DcmFileFormat format;
@@ -160,11 +161,7 @@ TEST_F(DicomTest, StructureSetOutlinesTheEyesOnTheirImages) {
 
 // A point of a stack plus its shift lies where the surfaces are: on the images they lie that much lower.
 TEST_F(DicomTest, StructuresFollowTheHeadsMotionBetweenStacks) {
-  test::make_fixture_case(folder_);
-  const fs::path study = folder_.string() + "-study";
-  fs::remove_all(study);
-  test::make_fixture_study(study);
-  test::note_study(folder_, study);
+  const fs::path study = make_case_and_study();
   const auto right_eye = [&] {
     report(study);
     DcmFileFormat format;
