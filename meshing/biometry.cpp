@@ -70,11 +70,14 @@ Measured usual_irregularity_um() { return {1.0, {0, 1.8}, "prior"}; }
 /// What a Zernike coefficient of the corneal height (um over 6 mm) may have beside the shape that was
 /// measured. Of a biconic: a healthy cornea's departure, 1.0 um rms in all, of which coma is 0.66 (0.248 um
 /// of wavefront; Wang et al. 2003 as above) and trefoil taken to be alike; the rest falls with the order. Of
-/// a topographer's map: where its centre lies 0.1 mm off the apex, coma; else its repeatability (chosen).
-double departure_sigma_um(int term, double zone_mm, bool mapped) {
+/// a topographer's map: coma by its centring; else its repeatability (chosen); and the noise of its points.
+double departure_sigma_um(int term, double zone_mm, const Topography* topography) {
   const auto [order, frequency] = zernike_index(term);
   if (order < 3 || (order == 4 && frequency == 0)) return 0;
-  const double over_6_mm = mapped       ? (order == 3 && std::abs(frequency) == 1 ? 0.3 : 0.1)
+  constexpr double repeatability_um = 0.1;
+  const bool is_coma = order == 3 && std::abs(frequency) == 1;
+  const double over_6_mm = topography ? std::hypot(is_coma ? topography->coma_sigma_um : repeatability_um,
+                                                   topography->term_noise_um)
                            : order == 3 ? 0.47
                            : order == 4 ? 0.2
                                         : 0.055;

@@ -55,7 +55,7 @@ void declare(CLI::App& app, Flags& flags) {
       ->capture_default_str();
   app.add_option("--retinal-depth", options.retinal_depth_mm,
                  "Photoreceptors behind the vitreo-retinal interface, mm")
-      ->check(CLI::Range(0.0, 1.0))
+      ->check(CLI::Range(0.0, most_retinal_depth_mm))
       ->capture_default_str();
 }
 

@@ -189,7 +189,7 @@ void declare_measured_eye(CLI::App& app, Flags& flags) {
                  "homogeneous, or core: Gullstrand's cortex and core (CASE)");
   app.add_option("--retinal-depth", flags.measured.retinal_depth_mm,
                  "Photoreceptors behind the interface, mm, as the case was meshed (CASE)")
-      ->check(CLI::Range(0.0, 1.0));
+      ->check(CLI::Range(0.0, most_retinal_depth_mm));
 }
 
 void declare(CLI::App& app, Flags& flags) {

@@ -31,15 +31,17 @@ Json withheld(const std::string& reason) { return {{"value", nullptr}, {"withhel
 bool is_withheld(const Json& quantity) { return quantity.is_object() && quantity.contains("withheld"); }
 
 void from_json(const Json& json, Measured& measured) {
-  for (const char* key : {"value", "ci95", "source"})
-    if (!json.is_object() || !json.contains(key))
-      throw input_error("a measured number lacks \"" + std::string(key) + "\": " + json.dump());
-  measured.value = json.at("value").get<double>();
-  measured.ci95 = json.at("ci95").get<std::array<double, 2>>();
-  measured.source = json.at("source").get<std::string>();
-  measured.method = json.value("method", std::string());
-  measured.image_share =
-      json.contains("image_share") ? std::optional(json.at("image_share").get<double>()) : std::nullopt;
+  try {
+    measured.value = json.at("value").get<double>();
+    measured.ci95 = json.at("ci95").get<std::array<double, 2>>();
+    measured.source = json.at("source").get<std::string>();
+    measured.method = json.value("method", std::string());
+    measured.image_share =
+        json.contains("image_share") ? std::optional(json.at("image_share").get<double>()) : std::nullopt;
+  } catch (const Json::exception&) {
+    throw input_error("a measured number has a value, a ci95 of two numbers and a source, found " +
+                      json.dump());
+  }
 }
 
 }  // namespace emmetrope

@@ -42,7 +42,7 @@ void to_json(Json& json, const Measured& measured);
 /// A quantity that the images do not support.
 Json withheld(const std::string& reason);
 bool is_withheld(const Json& quantity);
-/// \throw Error (input_invalid) when a key is missing
+/// \throw Error (input_invalid) when a key is missing or of another type
 void from_json(const Json& json, Measured& measured);
 
 }  // namespace emmetrope

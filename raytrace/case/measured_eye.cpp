@@ -44,7 +44,7 @@ void add_core(EyeModel& eye) {
 }
 
 /// By which the optical length differs from the one to the interface.
-double meshed_retinal_depth_mm(const Json& biometry) {
+double meshed_retinal_depth_mm(const std::filesystem::path& file, const Json& biometry) try {
   const auto length_mm = [&](const char* key) -> std::optional<double> {
     const Json length = biometry.value(key, Json());
     return length.is_object() && !is_withheld(length) ? std::optional(length.get<Measured>().value)
@@ -52,7 +52,16 @@ double meshed_retinal_depth_mm(const Json& biometry) {
   };
   const auto inner = length_mm("axial_length_mm"), optical = length_mm("optical_axial_length_mm");
   if (!inner || !optical) return usual_retinal_depth_mm;
-  return std::round(1e6 * (*optical - *inner)) / 1e6;  // as it was typed
+  const double depth_mm = std::round(1e6 * (*optical - *inner)) / 1e6;  // as it was typed
+  if (!(depth_mm >= 0 && depth_mm <= most_retinal_depth_mm))
+    throw input_error(
+        fmt::format("the optical length is {:g} mm more than the length to the interface, not 0 "
+                    "to {:g}",
+                    depth_mm, most_retinal_depth_mm));
+  return depth_mm;
+} catch (Error& error) {
+  error.add_context("reading " + file.string());
+  throw;
 }
 
 }  // namespace
@@ -60,10 +69,10 @@ double meshed_retinal_depth_mm(const Json& biometry) {
 MeasuredEye read_measured_eye(const std::filesystem::path& case_folder, Laterality laterality,
                               const MeasuredEyeOptions& options) {
   const auto folder = case_folder / "meshing" / to_string(laterality);
-  const Json biometry = read_json(folder / "biometry.json");
+  const std::filesystem::path biometry_file = folder / "biometry.json";
+  const Json biometry = read_json(biometry_file);
   if (!biometry.contains("lps_from_eye"))
-    throw input_error((folder / "biometry.json").string() + " has no lps_from_eye",
-                      "run emmetrope mesh again");
+    throw input_error(biometry_file.string() + " has no lps_from_eye", "run emmetrope mesh again");
 
   MeasuredEye result;
   EyeModel& eye = result.eye;
@@ -104,7 +113,7 @@ MeasuredEye read_measured_eye(const std::filesystem::path& case_folder, Laterali
   const auto interface = read_mesh(folder / "retina.ply");
   TriangleMesh in_eye =
       interface.says_lps ? transformed(eye.lps_from_eye->inverse(), interface.mesh) : interface.mesh;
-  const double retinal_depth_mm = meshed_retinal_depth_mm(biometry);
+  const double retinal_depth_mm = meshed_retinal_depth_mm(biometry_file, biometry);
   if (options.retinal_depth_mm && std::abs(*options.retinal_depth_mm - retinal_depth_mm) > 1e-6)
     throw usage_error(
         fmt::format("--retinal-depth {:g}: the case was meshed with {:g} mm, by which its optical length "

@@ -166,10 +166,12 @@ InstrumentReadings read_instruments(const EyeInstruments& instruments) {
 
 std::vector<std::string> learn(UncertainEye& eye, const InstrumentReadings& readings) {
   std::vector<std::string> warnings;
-  for (const ExternalMeasurement& measurement : readings.measurements) {
-    std::string warning = judge_innovation(measurement.source, eye.learn(measurement));
+  const auto add = [&](std::string warning) {
     if (!warning.empty()) warnings.push_back(std::move(warning));
-  }
+  };
+  if (readings.topography) add(alignment_warning(*readings.topography));
+  for (const ExternalMeasurement& measurement : readings.measurements)
+    add(judge_innovation(measurement.source, eye.learn(measurement)));
   return warnings;
 }
 

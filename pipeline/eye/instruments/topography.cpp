@@ -5,17 +5,13 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <array>
-#include <cctype>
 #include <cmath>
-#include <optional>
-#include <sstream>
+#include <set>
 
-#include "pipeline/base/csv_cells.hpp"
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/even_points.hpp"
-#include "pipeline/base/files.hpp"
 #include "pipeline/base/frames.hpp"
-#include "pipeline/base/typed_number.hpp"
+#include "pipeline/eye/population/population.hpp"
 #include "pipeline/eye/surfaces/zernike.hpp"
 
 namespace emmetrope {
@@ -29,126 +25,23 @@ using Eigen::VectorXd;
 constexpr double fit_radius_mm = 4, irregularity_radius_mm = 3;
 constexpr int departure_order = 6;
 constexpr double asphericity_sigma = 0.05;
-/// Coma that a conicoid (7.8 mm, Q -0.2) seems to have over 6 mm where the map's centre is 0.1 mm off the
-/// apex, which instruments do not do better than, as a height.
-constexpr double alignment_sigma_um = 0.3;
+/// Coma of a conicoid (7.8 mm, Q -0.2) over 6 mm, as a height, about a point off its apex; a map that lies off
+/// the apex may be shifted (and has it) or turned (and has not).
+constexpr double coma_um_per_mm_off_apex = 3;
+/// What instruments find the apex to, and farther than which no coma of an eye's (10 um over 8 mm are 0.11 mm)
+/// moves the apex of the best conicoid.
+constexpr double alignment_mm = 0.1, told_alignment_mm = 0.5, most_alignment_mm = 1.5;
 /// Beside toric conicoid and Zernike terms: no cornea has such a step
 constexpr double largest_residual_um = 50;
 const char* const map_remedy =
     "give heights above a plane, not above a best-fit sphere, in the unit that the header names; leave gaps "
     "empty";
 
-bool is_gap(const std::string& cell) {
-  std::string lower = cell;
-  std::transform(lower.begin(), lower.end(), lower.begin(), [](unsigned char c) { return std::tolower(c); });
-  return lower.empty() || lower == "nan";
-}
-
-double unit_mm(const std::string& name) { return name == "elevation_um" ? 1e-3 : 1; }
-bool is_elevation(const std::string& name) { return name == "elevation_um" || name == "elevation_mm"; }
-
-struct Point {
-  double x, y, depth;
-};
-
-/// A cornea ends 6 mm from its apex, 3 mm deeper.
-constexpr double farthest_mm = 10;
-std::string why_no_cornea(const Point& point) {
-  const double off_mm = std::hypot(point.x, point.y);
-  if (!(off_mm <= farthest_mm)) return fmt::format("a point lies {:.3g} mm from the apex", off_mm);
-  if (!(std::abs(point.depth) <= farthest_mm))
-    return fmt::format("a point lies {:.3g} mm below the apex", std::abs(point.depth));
-  return {};
-}
-
-ElevationMap map_of(const std::vector<Point>& points) {
-  ElevationMap map;
-  map.position_mm.resize(static_cast<Index>(points.size()), 2);
-  map.depth_mm.resize(static_cast<Index>(points.size()));
-  for (std::size_t i = 0; i < points.size(); ++i) {
-    map.position_mm.row(static_cast<Index>(i)) << points[i].x, points[i].y;
-    map.depth_mm[static_cast<Index>(i)] = points[i].depth;
-  }
-  return map;
-}
-
-ElevationMap read_csv(const std::filesystem::path& file) {
-  std::istringstream text(read_file(file));
-  std::string line;
-  std::getline(text, line);
-  const std::vector<std::string> head = csv_cells(without_byte_order_mark(line));
-  const auto fault = [&](int at, const std::string& what) {
-    return input_error(fmt::format("{}, line {}: {}", file.string(), at, what),
-                       "columns x_mm,y_mm,elevation_um, or a matrix with elevation_um in its first cell");
-  };
-  const bool columns = head.size() == 3 && head[0] == "x_mm" && head[1] == "y_mm" && is_elevation(head[2]);
-  if (!columns && !is_elevation(head[0])) throw fault(1, "no header of an elevation map");
-  const double unit = unit_mm(columns ? head[2] : head[0]);
-  std::vector<Point> points;
-  const auto add = [&](int at, double x, double y, const std::string& elevation) {
-    if (is_gap(elevation)) return;
-    const auto z = typed_number(elevation);
-    if (!z) throw fault(at, "'" + elevation + "' is no elevation; a gap is an empty cell or nan");
-    points.push_back({x, y, -unit * *z});
-    if (const std::string why = why_no_cornea(points.back()); !why.empty())
-      throw fault(at, fmt::format("{}; a cornea ends 6 mm from it, and {:g} mm are read", why, farthest_mm));
-  };
-  for (int at = 2; std::getline(text, line); ++at) {
-    const std::vector<std::string> cells = csv_cells(line);
-    if (cells.size() == 1 && cells[0].empty()) continue;
-    if (cells.size() != head.size())
-      throw fault(at, fmt::format("{} cells, the header has {}", cells.size(), head.size()));
-    const auto first = typed_number(cells[0]);
-    if (!first) throw fault(at, "'" + cells[0] + "' is no position in mm");
-    if (columns) {
-      const auto y = typed_number(cells[1]);
-      if (!y) throw fault(at, "'" + cells[1] + "' is no position in mm");
-      add(at, *first, *y, cells[2]);
-      continue;
-    }
-    for (std::size_t i = 1; i < cells.size(); ++i) {
-      const auto x = typed_number(head[i]);
-      if (!x) throw fault(1, "'" + head[i] + "' is no position in mm");
-      add(at, *x, *first, cells[i]);
-    }
-  }
-  return map_of(points);
-}
-
-ElevationMap read_zernike(const std::filesystem::path& file) {
-  const Json json = read_json(file);
-  try {
-    const double zone_mm = json.at("zone_mm").get<double>();
-    const auto coefficients = json.at("zernike_um").get<std::vector<double>>();
-    if (!(zone_mm > 0))
-      throw input_error(
-          fmt::format("{}: zone_mm is {:g}; it is a diameter, above 0", file.string(), zone_mm));
-    if (coefficients.empty()) throw input_error(file.string() + ": zernike_um is empty");
-    int order = 0;
-    while (zernike_count(order) < static_cast<int>(coefficients.size())) ++order;
-    VectorXd padded = VectorXd::Zero(zernike_count(order));
-    for (std::size_t i = 0; i < coefficients.size(); ++i) padded[static_cast<Index>(i)] = coefficients[i];
-    std::vector<Point> points;
-    constexpr int steps = 24;
-    for (int i = -steps; i <= steps; ++i) {
-      for (int k = -steps; k <= steps; ++k) {
-        const double x = static_cast<double>(i) / steps, y = static_cast<double>(k) / steps;
-        if (x * x + y * y > 1) continue;
-        points.push_back({x * zone_mm / 2, y * zone_mm / 2, -1e-3 * padded.dot(zernike_values(order, x, y))});
-        if (const std::string why = why_no_cornea(points.back()); !why.empty())
-          throw input_error(fmt::format("{}: {}; a cornea ends 6 mm from it, and {:g} mm are read",
-                                        file.string(), why, farthest_mm),
-                            "zone_mm is a diameter, zernike_um a height in um (OSA order, normalised)");
-      }
-    }
-    return map_of(points);
-  } catch (const nlohmann::json::exception& fault) {
-    throw input_error(file.string() + ": " + fault.what(), R"(expected {"zone_mm": 8, "zernike_um": [...]})");
-  }
-}
-
 /// The apex, of which all is told, is not extrapolated to: points on all sides of it, and near it.
 void check_that_the_apex_is_seen(const ElevationMap& centre) {
+  if (centre.depth_mm.size() < fewest_elevations)
+    throw input_error(
+        fmt::format("the elevation map has fewer than {} points in its central 6 mm", fewest_elevations));
   constexpr double farthest_mm = 1;  // a ring instrument sees nothing within the first ring
   std::array<int, 4> in_quadrant{};
   for (const auto& p : centre.position_mm.rowwise())
@@ -163,15 +56,9 @@ void check_that_the_apex_is_seen(const ElevationMap& centre) {
         "positions are in mm from the corneal apex; give the map on all sides of it");
 }
 
-/// Depths, whichever sign the file used: a cornea falls away from its apex on all sides.
-void turn_convex(ElevationMap& map) {
-  const VectorXd r2 = map.position_mm.rowwise().squaredNorm();
-  const VectorXd centred = r2.array() - r2.mean();
-  if (centred.dot(map.depth_mm) < 0) map.depth_mm = -map.depth_mm;
-}
-
-/// Curvature c, j0, j45, then Q, piston and two tilts.
-using Fit = Eigen::Matrix<double, 7, 1>;
+/// Curvature c, j0, j45, then Q, the apex's depth and where it lies in the map; coma along x and y (mm per
+/// mm^3), which a turned conicoid has and an eye, and which is none of the conicoid.
+using Fit = Eigen::Matrix<double, 9, 1>;
 
 ParametricEye toric_conicoid(const Fit& fit) {
   ParametricEye eye;
@@ -182,41 +69,59 @@ ParametricEye toric_conicoid(const Fit& fit) {
   return eye;
 }
 
-VectorXd depths(const Fit& fit, const Eigen::MatrixX2d& position_mm) {
+VectorXd conicoid_depths(const Fit& fit, const Eigen::MatrixX2d& position_mm) {
   const ParametricEye eye = toric_conicoid(fit);
   VectorXd depth(position_mm.rows());
   for (Index i = 0; i < depth.size(); ++i)
-    depth[i] = eye.cornea_anterior_depth_mm(position_mm(i, 0), position_mm(i, 1)) + fit[4] +
-               fit.tail<2>().dot(position_mm.row(i).transpose());
+    depth[i] = fit[4] + eye.cornea_anterior_depth_mm(position_mm(i, 0) - fit[5], position_mm(i, 1) - fit[6]);
   return depth;
 }
 
+VectorXd depths(const Fit& fit, const Eigen::MatrixX2d& position_mm) {
+  // As Zernike's, which has no tilt: over a disc the mean of r^2 is half of the radius's square.
+  const VectorXd r2 = position_mm.rowwise().squaredNorm();
+  const VectorXd balanced = r2.array() - 4.0 / 3 * r2.mean();
+  return conicoid_depths(fit, position_mm) + balanced.cwiseProduct(position_mm * fit.tail<2>());
+}
+
 ElevationMap within(const ElevationMap& map, double radius_mm) {
-  std::vector<Point> points;
+  std::vector<ElevationPoint> points;
   for (Index i = 0; i < map.depth_mm.size(); ++i) {
     if (map.position_mm.row(i).norm() <= radius_mm)
       points.push_back({map.position_mm(i, 0), map.position_mm(i, 1), map.depth_mm[i]});
   }
-  return map_of(points);
+  return elevation_map(points);
+}
+
+MatrixXd jacobian_of(const Fit& fit, const Eigen::MatrixX2d& position_mm) {
+  MatrixXd jacobian(position_mm.rows(), fit.size());
+  for (Index p = 0; p < fit.size(); ++p) {
+    const double step = p == 3 ? 1e-4 : 1e-6;
+    Fit above = fit, below = fit;
+    above[p] += step;
+    below[p] -= step;
+    jacobian.col(p) = (depths(above, position_mm) - depths(below, position_mm)) / (2 * step);
+  }
+  return jacobian;
 }
 
 Fit fit_toric(const ElevationMap& map) {
   Fit fit;
-  fit << 1 / 7.8, 0, 0, -0.2, 0, 0, 0;
+  fit << 1 / 7.8, 0, 0, -0.2, 0, 0, 0, 0, 0;
   for (int iteration = 0; iteration < 20; ++iteration) {
-    Eigen::MatrixXd jacobian(map.depth_mm.size(), 7);
-    for (int p = 0; p < 7; ++p) {
-      const double step = p == 3 ? 1e-4 : 1e-6;
-      Fit above = fit, below = fit;
-      above[p] += step;
-      below[p] -= step;
-      jacobian.col(p) = (depths(above, map.position_mm) - depths(below, map.position_mm)) / (2 * step);
-    }
-    const Fit change = jacobian.colPivHouseholderQr().solve(map.depth_mm - depths(fit, map.position_mm));
+    const Fit change = jacobian_of(fit, map.position_mm)
+                           .colPivHouseholderQr()
+                           .solve(map.depth_mm - depths(fit, map.position_mm));
     fit += change;
-    if (!fit.allFinite() || fit[0] < 0.05 || fit[0] > 0.3)
+    if (!fit.allFinite())
       throw input_error(
-          fmt::format("the elevation map is no cornea: its mean radius would be {:.2f} mm", 1 / fit[0]),
+          "the elevation map is no cornea: no toric conicoid fits its centre (a gap written as 0?)",
+          map_remedy);
+    if (fit[0] < 0.05 || fit[0] > 0.3)
+      throw input_error(
+          fmt::format(
+              "the elevation map is no cornea: its mean radius would be {:.2f} mm (a gap written as 0?)",
+              1 / fit[0]),
           map_remedy);
     if (change.cwiseAbs().maxCoeff() < 1e-10) break;
   }
@@ -226,12 +131,14 @@ Fit fit_toric(const ElevationMap& map) {
 /// What a toric conicoid leaves of a map, as Zernike terms.
 struct Departure {
   VectorXd coefficients_um;
+  double noise_um = 0;  ///< of a point
   double rms_um = 0, rms_sigma_um = 0;
   double largest_left_um = 0;  ///< of a point, beside the terms
 };
 
+/// \pre more points than terms
 Departure depart(const ElevationMap& map, const Fit& fit, double radius_mm) {
-  const VectorXd left_um = 1e3 * (map.depth_mm - depths(fit, map.position_mm));
+  const VectorXd left_um = 1e3 * (map.depth_mm - conicoid_depths(fit, map.position_mm));
   if (!left_um.allFinite())
     throw input_error(
         "the elevation map is no cornea: a point lies outside the conicoid that fits its centre", map_remedy);
@@ -240,13 +147,23 @@ Departure depart(const ElevationMap& map, const Fit& fit, double radius_mm) {
   for (Index i = 0; i < left_um.size(); ++i)
     terms.row(i) =
         zernike_values(departure_order, map.position_mm(i, 0) / radius_mm, map.position_mm(i, 1) / radius_mm);
+  const auto count = static_cast<double>(terms.cols());
+  const VectorXd closest_um = terms * terms.completeOrthogonalDecomposition().solve(left_um);
   Departure departure;
-  departure.coefficients_um = terms.completeOrthogonalDecomposition().solve(left_um);
+  departure.noise_um = std::sqrt((left_um - closest_um).squaredNorm() / (points - count));
+  // Where a lid hides a part of the disc no term may be larger than what is seen of all.
+  constexpr double least_noise_um = 0.01;  // digits of a file
+  const double least = least_noise_um * least_noise_um;
+  const double ridge =
+      (departure.noise_um * departure.noise_um + least) / (left_um.squaredNorm() / points + least);
+  MatrixXd normal = terms.transpose() * terms;
+  normal.diagonal().array() += ridge;
+  departure.coefficients_um = normal.ldlt().solve(terms.transpose() * left_um);
   const VectorXd smooth_um = terms * departure.coefficients_um;
-  departure.rms_um = smooth_um.norm() / std::sqrt(points);
-  // The noise of the points, shared by the terms.
-  departure.rms_sigma_um =
-      (left_um - smooth_um).norm() / std::sqrt(points) * std::sqrt(terms.cols() / points);
+  // The terms share the noise of the points, which makes their sum of squares larger.
+  departure.rms_sigma_um = departure.noise_um * std::sqrt(count / points);
+  departure.rms_um = std::sqrt(
+      std::max(0.0, smooth_um.squaredNorm() / points - departure.rms_sigma_um * departure.rms_sigma_um));
   departure.largest_left_um = (left_um - smooth_um).cwiseAbs().maxCoeff();
   return departure;
 }
@@ -254,12 +171,12 @@ Departure depart(const ElevationMap& map, const Fit& fit, double radius_mm) {
 /// A cornea as a map of points spread evenly over a disc.
 ElevationMap sampled(const CornealDepth& cornea, double radius_mm) {
   constexpr int count = 600;
-  std::vector<Point> points;
+  std::vector<ElevationPoint> points;
   for (int i = 0; i < count; ++i) {
     const Vector2d at = radius_mm * sunflower_point(i, count);
     points.push_back({at.x(), at.y(), cornea(at.x(), at.y())});
   }
-  return map_of(points);
+  return elevation_map(points);
 }
 
 /// The eye with what a topographer's toric part describes: an irregular cornea gives way to its best toric
@@ -281,6 +198,80 @@ VectorXd toric_functional(const ParametricEye& eye) {
   return Eigen::Vector4d(power.M_D, power.J0_D, power.J45_D, toric.cornea_q);
 }
 
+/// The map about the apex of its own best conicoid.
+ElevationMap laid_on_apex(const ElevationMap& map, Vector2d& apex_mm) {
+  const ElevationMap centre = within(map, fit_radius_mm);
+  if (centre.depth_mm.size() < fewest_elevations)
+    throw input_error(
+        fmt::format("the elevation map has fewer than {} points in its central 8 mm", fewest_elevations));
+  apex_mm = fit_toric(centre).segment<2>(5);
+  if (apex_mm.norm() > most_alignment_mm)
+    throw input_error(
+        fmt::format("the elevation map is not about the apex of the cornea that it shows, which lies {:.1f} "
+                    "mm from its origin, at ({:.1f}, {:.1f})",
+                    apex_mm.norm(), apex_mm.x(), apex_mm.y()),
+        "positions are in mm from the corneal apex");
+  ElevationMap moved = map;
+  moved.position_mm.rowwise() -= apex_mm.transpose();
+  return moved;
+}
+
+/// Radius of the farthest ring of which the map has half: a lid may hide the rest, and a point may stray.
+double surrounding_radius_mm(const ElevationMap& map) {
+  constexpr std::size_t sectors = 12;
+  constexpr double ring = 0.9;  // inner over outer radius
+  std::vector<std::pair<double, std::size_t>> by_radius;
+  for (const auto& p : map.position_mm.rowwise()) {
+    const double turn = (std::atan2(p.y(), p.x()) + pi) / (2 * pi);
+    by_radius.emplace_back(p.norm(), std::min(sectors - 1, static_cast<std::size_t>(turn * sectors)));
+  }
+  std::sort(by_radius.rbegin(), by_radius.rend());
+  for (auto outer = by_radius.begin(); outer != by_radius.end(); ++outer) {
+    std::set<std::size_t> seen;
+    for (auto p = outer; p != by_radius.end() && p->first >= ring * outer->first; ++p) seen.insert(p->second);
+    if (2 * seen.size() >= sectors) return outer->first;
+  }
+  return 0;
+}
+
+double zone_radius_mm(const ElevationMap& map) {
+  const double radius_mm = surrounding_radius_mm(map);
+  if (radius_mm < irregularity_radius_mm)
+    throw input_error(fmt::format("the elevation map is {:.1f} mm wide, 6 mm are needed", 2 * radius_mm));
+  return radius_mm;
+}
+
+/// Points beyond the zone are not used, but are the cornea's.
+void check_what_lies_beyond(const ElevationMap& map, const Fit& fit, double radius_mm) {
+  constexpr double most_mm = 0.5;
+  const VectorXd left_mm = map.depth_mm - conicoid_depths(fit, map.position_mm);
+  for (Index i = 0; i < left_mm.size(); ++i)
+    if (map.position_mm.row(i).norm() > radius_mm && !(std::abs(left_mm[i]) <= most_mm))
+      throw input_error(
+          fmt::format("the elevation map is no cornea: a point {:.1f} mm from the apex, beyond the "
+                      "{:.1f} mm that it surrounds, is none of the surface",
+                      map.position_mm.row(i).norm(), radius_mm),
+          map_remedy);
+}
+
+/// Of what toric_functional() gives, by the noise of the map's points.
+MatrixXd covariance_of_noise(const Fit& fit, const Eigen::MatrixX2d& position_mm, double noise_mm) {
+  const MatrixXd jacobian = jacobian_of(fit, position_mm);
+  const MatrixXd of_fit =
+      noise_mm * noise_mm *
+      MatrixXd(jacobian.transpose() * jacobian).ldlt().solve(MatrixXd::Identity(fit.size(), fit.size()));
+  MatrixXd slopes(4, 4);
+  for (Index p = 0; p < 4; ++p) {
+    const double step = 1e-5;
+    Fit above = fit, below = fit;
+    above[p] += step;
+    below[p] -= step;
+    slopes.col(p) =
+        (toric_functional(toric_conicoid(above)) - toric_functional(toric_conicoid(below))) / (2 * step);
+  }
+  return slopes * of_fit.topLeftCorner(4, 4) * slopes.transpose();
+}
+
 double departure_mm(const Topography& topography, double x_mm, double y_mm) {
   const double radius = topography.zone_mm / 2;
   return 1e-3 * topography.departure_um.dot(zernike_values(departure_order, x_mm / radius, y_mm / radius));
@@ -288,31 +279,18 @@ double departure_mm(const Topography& topography, double x_mm, double y_mm) {
 
 }  // namespace
 
-ElevationMap read_elevation_map(const std::filesystem::path& file) {
-  ElevationMap map = file.extension() == ".json" ? read_zernike(file) : read_csv(file);
-  if (map.depth_mm.size() < 50)
-    throw input_error(fmt::format("{}: {} elevations are too few", file.string(), map.depth_mm.size()));
-  turn_convex(map);
-  return map;
-}
-
 Topography analyse_topography(const ElevationMap& map, double sigma_D) {
   Topography result;
-  result.zone_mm = 2 * map.position_mm.rowwise().norm().maxCoeff();
-  if (result.zone_mm < 2 * irregularity_radius_mm)
-    throw input_error(fmt::format("the elevation map is {:.1f} mm wide, 6 mm are needed", result.zone_mm));
-  const ElevationMap centre = within(map, irregularity_radius_mm);
-  if (centre.depth_mm.size() < 50)
-    throw input_error("the elevation map has fewer than 50 points in its central 6 mm");
+  zone_radius_mm(map);
+  const ElevationMap about_apex = laid_on_apex(map, result.apex_mm);
+  const double radius_mm = zone_radius_mm(about_apex);
+  result.zone_mm = 2 * radius_mm;
+  const ElevationMap centre = within(about_apex, irregularity_radius_mm);
   check_that_the_apex_is_seen(centre);
-  const Fit fit = fit_toric(within(map, fit_radius_mm));
-
-  result.toric.source = "topography";
-  result.toric.of_eye = toric_functional;
-  result.toric.value = toric_functional(toric_conicoid(fit));
-  result.toric.covariance = MatrixXd::Identity(4, 4) * sigma_D * sigma_D / 2;
-  result.toric.covariance(3, 3) = asphericity_sigma * asphericity_sigma;
-  const Departure whole = depart(map, fit, result.zone_mm / 2);
+  const ElevationMap fitted = within(about_apex, fit_radius_mm);
+  const Fit fit = fit_toric(fitted);
+  check_what_lies_beyond(about_apex, fit, radius_mm);
+  const Departure whole = depart(within(about_apex, radius_mm), fit, radius_mm);
   if (whole.largest_left_um > largest_residual_um)
     throw input_error(
         fmt::format("the elevation map is no smooth cornea: a point lies {:.0f} um off it (a gap "
@@ -321,11 +299,35 @@ Topography analyse_topography(const ElevationMap& map, double sigma_D) {
         map_remedy);
   result.departure_um = whole.coefficients_um;
 
+  result.toric.source = "topography";
+  result.toric.of_eye = toric_functional;
+  result.toric.value = toric_functional(toric_conicoid(fit));
+  result.toric.covariance = covariance_of_noise(fit, fitted.position_mm, 1e-3 * whole.noise_um);
+  result.toric.covariance.diagonal().head<3>().array() += sigma_D * sigma_D / 2;
+  // A map may be turned, not shifted: then what is seen is by Q c^2 r^2 flatter than the apex, its J by half
+  // of that.
+  const double flatter_D =
+      keratometric_D_mm * fit[0] * fit[3] * fit[0] * fit[0] * result.apex_mm.squaredNorm();
+  result.toric.covariance(0, 0) += flatter_D * flatter_D;
+  result.toric.covariance.diagonal().segment<2>(1).array() += flatter_D * flatter_D / 4;
+  result.toric.covariance(3, 3) += asphericity_sigma * asphericity_sigma;
+
   const Departure irregular = depart(centre, fit_toric(centre), irregularity_radius_mm);
+  result.coma_sigma_um = coma_um_per_mm_off_apex * std::max(alignment_mm, result.apex_mm.norm());
+  result.term_noise_um = irregular.noise_um / std::sqrt(static_cast<double>(centre.depth_mm.size()));
   result.irregularity_um = Measured::from_sigma(
-      irregular.rms_um, std::hypot(irregular.rms_sigma_um, alignment_sigma_um), "topography");
+      irregular.rms_um, std::hypot(irregular.rms_sigma_um, result.coma_sigma_um), "topography");
   result.irregularity_um.ci95[0] = std::max(0.0, result.irregularity_um.ci95[0]);
   return result;
+}
+
+std::string alignment_warning(const Topography& topography) {
+  const double off_mm = topography.apex_mm.norm();
+  if (off_mm <= told_alignment_mm) return {};
+  return fmt::format(
+      "topography: the apex of the cornea that it shows lies {:.1f} mm from the map's origin, at ({:.1f}, "
+      "{:.1f}); the map is laid on the eye's apex by it",
+      off_mm, topography.apex_mm.x(), topography.apex_mm.y());
 }
 
 VectorXd corneal_departure_um(const CornealDepth& cornea) {

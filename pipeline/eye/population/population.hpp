@@ -32,7 +32,7 @@ double lens_index_at_age(double age_years);
 inline constexpr double usual_lens_index_sigma = 0.005;
 
 /// Photoreceptors behind the vitreo-retinal interface.
-inline constexpr double usual_retinal_depth_mm = 0.20;
+inline constexpr double usual_retinal_depth_mm = 0.20, most_retinal_depth_mm = 1.0;
 
 /// What 1 D of keratometric power is in curvature: the keratometric index is 1.3375.
 inline constexpr double keratometric_D_mm = 337.5;

@@ -112,6 +112,36 @@ TEST_F(MeasuredCase, ThePhotoreceptorsLieAsItWasMeshed) {
   EXPECT_THROW(read_measured_eye(folder_, Laterality::od, options), Error);
 }
 
+// What is no measured number, or a depth that no retina has, is told with its file.
+TEST_F(MeasuredCase, ABrokenLengthIsRefusedByItsFile) {
+  const std::filesystem::path file = folder_ / "meshing" / "od" / "biometry.json";
+  const Json whole = read_json(file);
+  const auto refusal = [&](const Json& axial, const Json& optical) -> std::string {
+    Json biometry = whole;
+    biometry["axial_length_mm"] = axial;
+    biometry["optical_axial_length_mm"] = optical;
+    write_json(file, biometry);
+    try {
+      read_measured_eye(folder_, Laterality::od, {});
+    } catch (const Error& error) {
+      EXPECT_EQ(error.status(), ExitStatus::input_invalid);
+      return error.context().front();
+    }
+    return "";
+  };
+  const Json length = Measured::from_sigma(23.0, 0.1, "mri");
+  EXPECT_EQ(refusal(length, Measured::from_sigma(23.2, 0.1, "mri")), "");
+  EXPECT_NE(refusal(length, Measured::from_sigma(25.0, 0.1, "mri")).find("biometry.json"), std::string::npos);
+  EXPECT_NE(refusal(Measured::from_sigma(25.0, 0.1, "mri"), length).find("biometry.json"), std::string::npos);
+  for (const auto& [key, value] : std::vector<std::pair<const char*, Json>>{
+           {"value", nullptr}, {"value", "23"}, {"ci95", {23.0}}, {"ci95", {nullptr, 23.0}}, {"source", 7}}) {
+    Json broken = length;
+    broken[key] = value;
+    EXPECT_NE(refusal(broken, length).find("biometry.json"), std::string::npos) << key;
+    EXPECT_NE(refusal(length, broken).find("biometry.json"), std::string::npos) << key;
+  }
+}
+
 TEST_F(MeasuredCase, EyeJsonReadsBack) {
   const MeasuredEye measured = read_measured_eye(folder_, Laterality::od, {});
   const auto own = folder_ / "raytrace" / "od";
