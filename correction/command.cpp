@@ -15,7 +15,7 @@ struct Flags {
   KnownDataFlags known;
   std::string case_folder, eye, output, criterion = to_string(PrescriptionSettings{}.criterion),
                                         material = PrescriptionSettings{}.spectacle.material.name;
-  std::vector<double> fovea_mm{0, 0};
+  std::vector<double> fovea_mm;
   double accommodation_D = 0;
 };
 
@@ -47,7 +47,7 @@ void declare_search(CLI::App& app, Flags& flags) {
   app.add_option("--wavelength", prescription.wavelength_nm, "nm")
       ->check(CLI::Range(380.0, 780.0))
       ->capture_default_str();
-  app.add_option("--fovea", flags.fovea_mm, "X,Y on the retina from the pole, mm")
+  app.add_option("--fovea", flags.fovea_mm, "X,Y on the retina from the pole, mm; of a case as it was traced")
       ->delimiter(',')
       ->expected(2);
 }
@@ -128,7 +128,7 @@ Answer run(Flags& flags, const CommonOptions& common) {
   PrescriptionSettings& prescription = settings.prescription;
   prescription.criterion = criterion_from_string(flags.criterion);
   prescription.spectacle.material = lens_material(flags.material);
-  prescription.fovea_mm = {flags.fovea_mm[0], flags.fovea_mm[1]};
+  if (!flags.fovea_mm.empty()) settings.fovea_mm = Eigen::Vector2d(flags.fovea_mm[0], flags.fovea_mm[1]);
   prescription.seed = common.seed;
   prescription.verbosity = common.verbosity;
   settings.known = parse_known_data(flags.known);

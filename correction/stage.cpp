@@ -53,7 +53,7 @@ Json parameters_of(const CorrectionSettings& settings, const CommonOptions& comm
            {{"scene", picture.scene},
             {"size", {picture.width, picture.height}},
             {"field_mm", {picture.field_x_mm, picture.field_y_mm}},
-            {"centre_mm", {picture.centre_mm.x(), picture.centre_mm.y()}},
+            {"centre_mm", {p.fovea_mm.x(), p.fovea_mm.y()}},
             {"samples", picture.samples},
             {"pupil_mm", picture.pupil_mm}}}};
 }
@@ -73,8 +73,16 @@ void follow_trace_stage(const fs::path& case_folder, CorrectionSettings& setting
     picture.height = static_cast<int>(height);
     picture.field_x_mm = pair("field_mm")[0];
     picture.field_y_mm = pair("field_mm")[1];
-    picture.centre_mm = {pair("fovea_mm")[0], pair("fovea_mm")[1]};
-    if (settings.prescription.fovea_mm.isZero()) settings.prescription.fovea_mm = picture.centre_mm;
+    const Eigen::Vector2d traced_mm(pair("fovea_mm")[0], pair("fovea_mm")[1]);
+    if (settings.fovea_mm && *settings.fovea_mm != traced_mm)
+      throw usage_error(
+          fmt::format(
+              "--fovea {:g},{:g}: the case was traced of {:g},{:g}, of which its pictures and wavefront "
+              "are",
+              settings.fovea_mm->x(), settings.fovea_mm->y(), traced_mm.x(), traced_mm.y()),
+          fmt::format("give it to emmetrope trace: emmetrope trace {} --fovea {:g},{:g}",
+                      case_folder.string(), settings.fovea_mm->x(), settings.fovea_mm->y()));
+    settings.prescription.fovea_mm = traced_mm;
     if (!parameters.at("lens_index").is_null() && !settings.lens_index_sigma) settings.lens_index_sigma = 0;
     if (!settings.what_if.age_years && parameters.at("age_years").is_number())
       settings.what_if.age_years = parameters.at("age_years").get<double>();
@@ -123,13 +131,14 @@ void check_learnable(const fs::path& case_folder, const std::string& eye_name, c
     throw give_to_mesh("its cornea has been meshed from a topography");
 }
 
-raytrace::TraceSettings trace_settings(const PictureSettings& picture, std::uint64_t seed) {
+raytrace::TraceSettings trace_settings(const PictureSettings& picture, const Eigen::Vector2d& fovea_mm,
+                                       std::uint64_t seed) {
   raytrace::TraceSettings trace;
   trace.grid.width = picture.width;
   trace.grid.height = picture.height;
   trace.grid.field_x_mm = picture.field_x_mm;
   trace.grid.field_y_mm = picture.field_y_mm;
-  trace.grid.centre_mm = picture.centre_mm;
+  trace.grid.centre_mm = fovea_mm;
   trace.samples = picture.samples;
   trace.representation =
       raytrace::Representation::analytic;  // the lens; an eye's meshes are patches in it too
@@ -143,7 +152,7 @@ void write_pictures(const fs::path& folder, const raytrace::Tracer& tracer, cons
                     const Prescription& prescription, const CorrectionSettings& settings,
                     std::uint64_t seed) {
   const PrescriptionSettings& p = prescription.settings;
-  const raytrace::TraceSettings trace = trace_settings(settings.picture, seed);
+  const raytrace::TraceSettings trace = trace_settings(settings.picture, p.fovea_mm, seed);
   const EyeModel seeing = with_pupil(eye, settings.picture.pupil_mm);
   const auto scene = raytrace::make_scene(settings.picture.scene);
   const auto write_picture = [&](const char* name, const EyeModel& model) {
@@ -364,8 +373,9 @@ Answer correct_case(const fs::path& case_folder, CorrectionSettings settings, co
   return answer;
 }
 
-Answer correct_eye(const EyeModel& eye, const fs::path& output, const CorrectionSettings& settings,
+Answer correct_eye(const EyeModel& eye, const fs::path& output, CorrectionSettings settings,
                    const CommonOptions& common) {
+  settings.prescription.fovea_mm = settings.fovea_mm.value_or(Eigen::Vector2d(0, 0));
   if (!settings.known.empty())
     throw usage_error("measurements from elsewhere are learnt about a measured eye; --eye is known exactly",
                       "leave them out, or name a CASE");

@@ -21,7 +21,6 @@ struct PictureSettings {
   double field_x_mm = 6, field_y_mm = 6;
   int samples = 128;
   double pupil_mm = 4;
-  Eigen::Vector2d centre_mm{0, 0};
 
   /// \throw Error (usage) naming the field
   void check() const;
@@ -29,6 +28,9 @@ struct PictureSettings {
 
 struct CorrectionSettings {
   PrescriptionSettings prescription;
+  /// Where prescription and picture are of, on the retina from the pole; where none is given of a case as it was
+  /// traced, of another eye the pole
+  std::optional<Eigen::Vector2d> fovea_mm;
   PictureSettings picture;
   /// Prior of a measured eye's lens index; where none is given 0.005, or 0 where the trace stage was told the
   /// index
@@ -43,12 +45,13 @@ struct CorrectionSettings {
 
 /// CASE/correction/<eye>/: prescription.json, corrected.png, sweep.csv, sweep.svg, for every eye that was
 /// traced. An eye whose sharpest lens is not found gets no number; the reasons stand in stage.json.
-/// \throw Error (input_invalid) when the case, or the eye that is asked for, has not been traced
+/// \throw Error (input_invalid) when the case, or the eye that is asked for, has not been traced; (usage) when it
+///   was traced of another fovea
 Answer correct_case(const std::filesystem::path& case_folder, CorrectionSettings settings,
                     const CommonOptions& common);
 
 /// The same files for a schematic eye or an eye.json, in `output`; all of them or, on an error, none.
-Answer correct_eye(const EyeModel& eye, const std::filesystem::path& output,
-                   const CorrectionSettings& settings, const CommonOptions& common);
+Answer correct_eye(const EyeModel& eye, const std::filesystem::path& output, CorrectionSettings settings,
+                   const CommonOptions& common);
 
 }  // namespace emmetrope::correction

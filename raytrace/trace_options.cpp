@@ -1,5 +1,7 @@
 #include "raytrace/trace_options.hpp"
 
+#include <fmt/format.h>
+
 #include <cmath>
 
 #include "pipeline/base/error.hpp"
@@ -35,10 +37,12 @@ void TraceOptions::check() const {
     throw usage_error("--irradiance-format isetbio: its picture is flat, behind a thin lens",
                       "give --field-mm, or a --field-deg of 40 at most");
   if (const auto* cylinder = spectacle ? std::get_if<PlanoCylinder>(&*spectacle) : nullptr) cylinder->check();
-  if (pupillary_distance_mm && !(*pupillary_distance_mm > 0 && *pupillary_distance_mm < 120))
+  constexpr double least_distance_mm = 30, most_distance_mm = 90;  // from newborns to giants
+  if (pupillary_distance_mm &&
+      !(*pupillary_distance_mm >= least_distance_mm && *pupillary_distance_mm <= most_distance_mm))
     throw usage_error(
-        "--pupillary-distance: " + std::to_string(*pupillary_distance_mm) + " mm is out of range",
-        "give up to 120, such as 62");
+        fmt::format("--pupillary-distance: {:g} mm are of no pair of eyes", *pupillary_distance_mm),
+        fmt::format("give {:g} to {:g}, such as 62", least_distance_mm, most_distance_mm));
 }
 
 TraceSettings TraceOptions::settings_of(Laterality eye) const {

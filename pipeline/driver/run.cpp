@@ -2,12 +2,15 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <iterator>
 #include <optional>
 
 #include "pipeline/base/case_folder.hpp"
 #include "pipeline/base/files.hpp"
 #include "pipeline/base/log.hpp"
 #include "pipeline/base/process.hpp"
+#include "pipeline/base/typed_number.hpp"
 #include "pipeline/driver/stale_results.hpp"
 
 namespace emmetrope::driver {
@@ -154,10 +157,21 @@ Answer answer_of(const std::vector<StageReport>& reports, ExitStatus status, con
   return answer;
 }
 
+/// What tracing would refuse after minutes.
+void check_fovea(const RunOptions& options, const CommonOptions& common) {
+  const auto flag = std::find(options.trace_options.begin(), options.trace_options.end(), "--fovea");
+  if (flag == options.trace_options.end() || common.laterality != LateralityChoice::both) return;
+  const std::string& text = *std::next(flag);
+  if (typed_number(text.substr(0, text.find(','))) != 0.0)
+    throw usage_error("--fovea " + text + ": +x is nasal in a right eye and temporal in a left one",
+                      "ask for one eye, with --laterality od or os");
+}
+
 }  // namespace
 
 Answer run_pipeline(const RunOptions& options, const CommonOptions& common) {
   check_device(common);
+  check_fovea(options, common);
   const CaseLock lock(options.case_folder, true);
   std::vector<StageReport> reports;
   ExitStatus status = ExitStatus::done;

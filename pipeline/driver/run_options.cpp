@@ -26,7 +26,7 @@ const std::vector<Passed>& passed() {
        "Photoreceptors behind the interface, mm",
        {&Run::mesh_options, &Run::trace_options}},
       {"--scene", "Chart of the pictures, letters:logmar=0.3", {&Run::trace_options}},
-      {"--fovea", "X,Y on the retina from the pole, mm", {&Run::trace_options, &Run::correct_options}},
+      {"--fovea", "X,Y on the retina from the pole, mm; one eye", {&Run::trace_options}},
       {"--age",
        "Years, where the study does not say",
        {&Run::segment_options, &Run::trace_options, &Run::correct_options}},

@@ -109,6 +109,12 @@ ModelParameters parameters_of(const MovementModel& model, const std::string& tex
   if (!(parameters.at("duration_s") >= 0.001 && parameters.at("duration_s") <= longest_model_s))
     throw usage_error(
         fmt::format("--movement {}: duration_s from 0.001 to {:g} is wanted", model.name, longest_model_s));
+  for (const char* begin : {"start_s", "latency_s"}) {
+    const auto at = parameters.find(begin);
+    if (at != parameters.end() && at->second >= parameters.at("duration_s"))
+      throw usage_error(fmt::format("--movement {}: {}={:g} is not before its end, duration_s={:g}",
+                                    model.name, begin, at->second, parameters.at("duration_s")));
+  }
   const auto rate = parameters.find("rate_hz");
   if (rate != parameters.end() && rate->second * least_microsaccade_interval_s >= 1)
     throw usage_error(fmt::format("--movement {}: rate_hz={:g}: they follow one another by {:g} s at least",

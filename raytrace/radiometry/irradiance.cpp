@@ -38,7 +38,9 @@ std::vector<double> IrradianceSettings::wavelengths_nm() const {
 
 void IrradianceSettings::check() const {
   if (!(luminance_cd_m2 > 0 && luminance_cd_m2 <= 1e9))
-    throw usage_error("--irradiance: the luminance of white must be above 0 cd/m^2", "100 is a display's");
+    throw usage_error(
+        fmt::format("--irradiance: a white of {:g} cd/m^2 is not above 0 and up to 1e9", luminance_cd_m2),
+        "100 is a display's, 1e9 the sun's");
   if (!(first_nm >= 380 && last_nm <= 900 && first_nm <= last_nm && step_nm >= 1 && step_nm <= 500))
     throw usage_error("--bands: wavelengths from 380 to 900 nm in steps of 1 to 500 are wanted",
                       "write 400:700:10");

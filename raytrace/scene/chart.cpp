@@ -1,5 +1,7 @@
 #include "raytrace/scene/chart.hpp"
 
+#include <fmt/format.h>
+
 #include <charconv>
 #include <cmath>
 #include <functional>
@@ -231,7 +233,8 @@ ChartSpec parse_chart(const std::string& text) {
                         "known keys: distance_mm, logmar, extent_deg, contrast, spokes");
     at = next;
   }
-  check(spec.distance_mm >= 20, "distance_mm", spec.distance_mm, "a distance of at least 20 mm, or inf");
+  check(spec.distance_mm >= least_distance_mm, "distance_mm", spec.distance_mm,
+        fmt::format("a distance of at least {:g} mm, or inf", least_distance_mm));
   check(spec.logmar >= -1 && spec.logmar <= 3, "logmar", spec.logmar, "-1 to 3");
   check(spec.extent_deg > 0.01 && spec.extent_deg <= 120, "extent_deg", spec.extent_deg,
         "0.01 to 120 degrees");

@@ -6,6 +6,9 @@
 
 namespace emmetrope::raytrace {
 
+/// What is looked at is not nearer to the eye than this.
+inline constexpr double least_distance_mm = 20;
+
 /// A chart as it is asked for: "letters:logmar=0.3,distance_mm=6000".
 struct ChartSpec {
   std::string name = "letters";

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
+#include <limits>
 #include <set>
 
 #include "pipeline/base/error.hpp"
@@ -128,6 +129,38 @@ void read_material(const Object& object, Material& material) {
   if (material.specular < 0) throw object.fault("specular", "must not be negative");
 }
 
+/// What moves to both sides of its place by half of `motion_mm`, where it is nearest to the apex.
+Eigen::Vector3d nearest_on_way(const Eigen::Vector3d& place_mm, const Eigen::Vector3d& motion_mm) {
+  const double length2 = motion_mm.squaredNorm();
+  if (length2 == 0) return place_mm;
+  return place_mm + std::clamp(-place_mm.dot(motion_mm) / length2, -0.5, 0.5) * motion_mm;
+}
+
+double distance_mm(const TexturedPlane& plane) {
+  const Eigen::Vector3d centre = nearest_on_way(plane.centre_mm, plane.motion_mm);
+  const auto towards_apex = [&](const Eigen::Vector3d& side) -> Eigen::Vector3d {
+    return std::clamp(-centre.dot(side) / side.squaredNorm(), -1.0, 1.0) * side;
+  };
+  return (centre + towards_apex(plane.right_mm) + towards_apex(plane.up_mm)).norm();
+}
+
+double distance_mm(const std::vector<MeshObject>& meshes) {
+  double distance = std::numeric_limits<double>::infinity();
+  for (const MeshObject& mesh : meshes)
+    for (const Eigen::Vector3d& place : mesh.positions_mm)
+      distance = std::min(distance, nearest_on_way(place, mesh.motion_mm).norm());
+  return distance;
+}
+
+/// Metres, or a motion through the eye.
+void check_distance(const Object& object, const char* key, double distance_mm) {
+  if (distance_mm < least_distance_mm)
+    throw object.fault(key,
+                       fmt::format("it comes to {:.3g} mm from the eye, nearer than {:g}: places, sizes and "
+                                   "motions are in mm",
+                                   distance_mm, least_distance_mm));
+}
+
 TexturedPlane read_plane(const Object& object, const std::filesystem::path& folder,
                          std::vector<std::filesystem::path>& files) {
   if (object.has("picture") + object.has("chart") + object.has("radiance") != 1)
@@ -142,6 +175,7 @@ TexturedPlane read_plane(const Object& object, const std::filesystem::path& fold
   plane.motion_mm = object.vector("motion_mm", plane.motion_mm);
   if (!(plane.right_mm.cross(plane.up_mm).norm() > 0))
     throw object.fault("up_mm", "right_mm and up_mm span no plane");
+  if (!plane.at_infinity) check_distance(object, "centre_mm", distance_mm(plane));
   if (object.has("picture")) {
     files.push_back(folder / object.text("picture"));
     plane.texture = read_picture(files.back());
@@ -155,9 +189,14 @@ TexturedPlane read_plane(const Object& object, const std::filesystem::path& fold
       throw object.fault("centre_mm",
                          "a chart at infinity is drawn for an eye that it faces: z must be above 0");
     // Drawn for the angle under which the plane is seen from the apex; its place is the plane's.
-    ChartSpec chart = parse_chart(object.text("chart"));
+    const std::string text = object.text("chart");
+    for (const char* own : {"distance_mm", "extent_deg"})
+      if (text.find(own) != std::string::npos)
+        throw object.fault("chart",
+                           std::string(own) + " is the plane's, by its centre_mm, right_mm and up_mm");
+    ChartSpec chart = parse_chart(text);
     const double distance = plane.at_infinity ? plane.centre_mm.z() : plane.centre_mm.norm();
-    chart.distance_mm = std::max(20.0, distance);
+    chart.distance_mm = std::max(least_distance_mm, distance);
     chart.extent_deg = 2 * std::atan2(std::max(plane.right_mm.norm(), plane.up_mm.norm()), distance) / degree;
     plane.texture = draw_chart(chart).planes.front().texture;
   }
@@ -220,6 +259,7 @@ std::vector<MeshObject> read_meshes(const Object& object, const std::filesystem:
     }
   }
   place(objects, object);
+  check_distance(object, "position_mm", distance_mm(objects));
   return objects;
 }
 

@@ -100,6 +100,21 @@ TEST_F(CorrectStage, WhatTheClinicKnowsIsLearntAndNotClaimed) {
   EXPECT_LT(moved, 0.5 / 155);
 }
 
+// Prescription, wavefront and pictures of a case are of one point of the retina.
+TEST_F(CorrectStage, OfThePointThatWasTraced) {
+  settings_.fovea_mm = Eigen::Vector2d(0.5, 0);
+  expect_usage_error();
+  const fs::path file = folder() / "raytrace/stage.json";
+  Json stage = read_json(file);
+  stage["parameters"]["fovea_mm"] = {0.5, 0};
+  write_json(file, stage);
+  const double there_D = prescription()["M_D"]["value"];
+  settings_.fovea_mm.reset();
+  EXPECT_EQ(prescription()["M_D"]["value"].get<double>(), there_D);
+  settings_.fovea_mm = Eigen::Vector2d(0, 0);
+  expect_usage_error();
+}
+
 TEST_F(CorrectStage, RightAndLeftAreNeverSwapped) {
   // The left eye is the right one's mirror image, but 0.4 mm longer, and only the right one has been measured
   // elsewhere.

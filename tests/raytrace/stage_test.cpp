@@ -90,6 +90,7 @@ TEST(TraceCommand, RefusesOptionsThatWouldBeIdle) {
                Error);
   EXPECT_THROW(run("--eye navarro --fixate 0,0,300 --strabismus os:" + output, LateralityChoice::os), Error);
   EXPECT_THROW(run("--eye navarro --achromatic --surfaces fast" + output), Error);
+  EXPECT_THROW(run("--eye navarro --pupillary-distance 6.2" + output), Error);
   EXPECT_THROW(run("--eye navarro --psf-grid 30:5" + output), Error);
   EXPECT_THROW(run("--eye navarro --psf-grid 95:5 -o " + folder.path().string()), Error);
   EXPECT_FALSE(std::filesystem::exists(folder.path() / "x.png"));

@@ -68,6 +68,16 @@ TEST_F(Driver, RunsTheStagesInOrderAndAnswersOnceForAll) {
   EXPECT_TRUE(Json::parse(run().output)["stages"][1]["skipped"].get<bool>());
 }
 
+TEST_F(Driver, APointBesideThePoleIsOfOneEye) {
+  EXPECT_EQ(run({"--fovea", "1.5,0"}).status, 2);
+  EXPECT_FALSE(fs::exists(log));
+  EXPECT_EQ(run({"--fovea", "0,-0.4+-0.2"}).status, 0);
+  EXPECT_EQ(run({"--fovea", "1.5,0", "--laterality", "od"}).status, 0);
+  EXPECT_THAT(read_file(log), HasSubstr("trace " + case_folder.string() + " --fovea 1.5,0"));
+  // What is corrected is what was traced.
+  EXPECT_THAT(read_file(log), Not(HasSubstr("correct " + case_folder.string() + " --fovea")));
+}
+
 TEST_F(Driver, HandsOptionsToTheStageThatTheyBelongTo) {
   run({"--keratometry", "od:43/44@90", "--keratometry", "os:42/42@0", "--laterality", "od", "--threads",
        "1"});

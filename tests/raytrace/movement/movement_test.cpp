@@ -59,7 +59,8 @@ TEST(Movement, ModelsSayWhatTheyKnow) {
   for (const char* wrong :
        {"saccades", "saccade:amplitude=3", "saccade:amplitude_deg=x", "saccade:amplitude_deg",
         "drift:diffusion_arcmin2_s=-1", "microsaccades:rate_hz=0", "fixation:rate_hz=7",
-        "drift:duration_s=1e-5", "pursuit:duration_s=1e9", "saccade:", "saccade:amplitude_deg=3,"}) {
+        "drift:duration_s=1e-5", "pursuit:duration_s=1e9", "saccade:", "saccade:amplitude_deg=3,",
+        "saccade:start_s=0.2", "pursuit:latency_s=3"}) {
     try {
       make_movement(wrong, 1);
       ADD_FAILURE() << wrong;

@@ -25,6 +25,7 @@ TEST(Gaze, LooksAtItsPoint) {
   EXPECT_NEAR(seen.y(), 0, 1e-9);
   EXPECT_NEAR(seen.z() + 13.5, (point - Eigen::Vector3d(-31, 0, -13.5)).norm(), 1e-9);
   EXPECT_THROW(gaze_at(pose, {0, 0, -50}), Error);
+  EXPECT_THROW(gaze_at(pose, {0, 0, 0.3}), Error);  // metres
 }
 
 TEST(Gaze, ObeysListing) {

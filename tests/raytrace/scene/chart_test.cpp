@@ -124,6 +124,14 @@ TEST(SceneFile, IsReadAndChecked) {
   EXPECT_EQ(changed("[0, 40, 0]", "[-1, 0, 0]"), ExitStatus::input_invalid);
   EXPECT_EQ(changed("\"chart\": \"landolt:logmar=1\"", "\"picture\": \"missing.png\""),
             ExitStatus::input_invalid);
+  // In metres, within the eye, through it; and what the plane says itself.
+  EXPECT_EQ(changed("[0, 0, 400]", "[0, 0, 0.4]"), ExitStatus::input_invalid);
+  EXPECT_EQ(changed("[0, 0, 400]", "[0, 0, 19]"), ExitStatus::input_invalid);
+  EXPECT_EQ(changed("[0, 0, 400]", "[0, 0, 21]"), ExitStatus::done);
+  EXPECT_EQ(changed("\"chart\"", "\"motion_mm\": [0, 0, 770], \"chart\""), ExitStatus::input_invalid);
+  EXPECT_EQ(changed("\"chart\"", "\"motion_mm\": [0, 0, 750], \"chart\""), ExitStatus::done);
+  EXPECT_EQ(changed("logmar=1", "logmar=1,distance_mm=6000"), ExitStatus::input_invalid);
+  EXPECT_EQ(changed("logmar=1", "logmar=1,extent_deg=5"), ExitStatus::input_invalid);
   std::filesystem::remove_all(folder);
 }
 

@@ -321,6 +321,8 @@ TEST_F(ModelFile, BadScenesNameFileAndKey) {
   fails(mesh + R"(, "scale": 1, "size_mm": 3}]})", "scale");
   fails(mesh + R"(, "scale": -1}]})", "scale");
   fails(mesh + R"(, "gloss": 1}]})", "gloss");
+  fails(mesh + R"(, "motion_mm": [0, 0, 600]}]})", "from the eye");
+  fails(R"({"objects": [{"type": "mesh", "file": "quad.obj", "position_mm": [0, 0, 0.5]}]})", "position_mm");
   fails(mesh + R"(, "colour": [2, 0, 0]}]})", "colour");
   fails(mesh + R"(}], "lights": [{"type": "point", "position_mm": [0, 0, 0]}]})", "reference_mm");
   fails(mesh + R"(}], "lights": [{"type": "spot", "position_mm": [0, 0, 0]}]})", "lights[0]: type");
