@@ -6,12 +6,14 @@
 #include <algorithm>
 #include <cctype>
 
+#include "pipeline/base/case_folder.hpp"
 #include "pipeline/base/files.hpp"
 #include "pipeline/base/log.hpp"
 #include "pipeline/base/progress.hpp"
 #include "pipeline/base/stages.hpp"
 #include "pipeline/cohort/bids/derivatives.hpp"
 #include "pipeline/cohort/results/cohort_results.hpp"
+#include "pipeline/cohort/subjects/readings.hpp"
 #include "pipeline/cohort/subjects/stage_end.hpp"
 #include "pipeline/cohort/subjects/subject_plan.hpp"
 #include "pipeline/cohort/subjects/subjects.hpp"
@@ -66,6 +68,15 @@ std::string said(const Outcomes& outcomes) {
                      outcomes.partial, outcomes.no_result, outcomes.failed);
 }
 
+/// Where the dataset's own table does not speak of those who were measured, or are to be, as it did.
+std::vector<std::string> warnings_of(const fs::path& dataset, const std::vector<Subject>& subjects) {
+  const fs::path file = dataset / "participants.tsv";
+  if (!fs::exists(file)) return {};
+  std::vector<std::string> sentences = contradictions(subjects, read_table(file, {id_column}));
+  for (const std::string& sentence : sentences) spdlog::warn("{}", sentence);
+  return sentences;
+}
+
 Answer run_participants(const BidsOptions& options, const CommonOptions& common) {
   const fs::path dataset = whole_path(options.dataset);
   const Derivatives derivatives(whole_path(options.output));
@@ -73,12 +84,14 @@ Answer run_participants(const BidsOptions& options, const CommonOptions& common)
   require_apart(derivatives.root(), dataset);
   const std::vector<Subject> subjects =
       find_subjects(dataset, {labels(options.participants, "sub-"), labels(options.sessions, "ses-")});
+  const std::vector<std::string> warnings = warnings_of(dataset, subjects);
   derivatives.describe(dataset);
   const CohortFolder cohort = derivatives.cohort();
   Progress progress(fmt::format("{} visits", subjects.size()), subjects.size() * pipeline_stages.size(),
                     common.verbosity);
   std::vector<std::string> names, of_the_machine;
   for (const Subject& subject : subjects) {
+    const CaseLock alone(cohort.case_folder(subject.id), true);
     write_subject(cohort, subject, common);
     bool is_whole = true;
     for (const PipelineStage& stage : pipeline_stages) {
@@ -106,6 +119,7 @@ Answer run_participants(const BidsOptions& options, const CommonOptions& common)
   Answer answer;
   answer.json = counted(outcomes);
   answer.json["participants"] = names;
+  answer.json["warnings"] = warnings;
   answer.text = said(outcomes) + "\n" + derivatives.root().string() + "\n";
   return answer;
 }
@@ -130,12 +144,17 @@ Answer run_group(const BidsOptions& options) {
   if (unfinished > 0)
     spdlog::warn("{} visits are left out: their participant level is not finished", unfinished);
   std::sort(subjects.begin(), subjects.end());
+  std::vector<Subject> measured;
+  for (const std::string& subject : subjects)
+    measured.push_back(read_subject(cohort.subject_file(subject), subject));
+  const std::vector<std::string> warnings = warnings_of(whole_path(options.dataset), measured);
   const std::vector<EyeRow> rows = read_rows(cohort, subjects);
   write_results(cohort, rows, derivatives.root());
   const Outcomes outcomes = count_outcomes(rows);
   Answer answer;
   answer.json = counted(outcomes);
   answer.json["unfinished"] = unfinished;
+  answer.json["warnings"] = warnings;
   answer.json["table"] = (derivatives.root() / "cohort.tsv").string();
   answer.json["page"] = (derivatives.root() / "cohort.html").string();
   answer.text = said(outcomes) + "\n" + (derivatives.root() / "cohort.html").string() + "\n";

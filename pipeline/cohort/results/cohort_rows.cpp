@@ -12,13 +12,12 @@
 #include "pipeline/base/stages.hpp"
 #include "pipeline/cohort/results/quantities.hpp"
 #include "pipeline/cohort/subjects/stage_end.hpp"
+#include "pipeline/cohort/subjects/table.hpp"
 
 namespace emmetrope::cohort {
 namespace {
 
 namespace fs = std::filesystem;
-
-constexpr const char* nothing = "n/a";
 
 /// A cell has no tabs and no line ends.
 std::string one_line(std::string text) {
@@ -196,18 +195,18 @@ std::string table_text(const std::vector<EyeRow>& rows) {
   for (const Quantity& quantity : quantities())
     text += fmt::format("\t{0}\t{0}_low\t{0}_high\t{0}_source", quantity.column);
   text += "\n";
-  const auto cell = [](const std::string& value) { return value.empty() ? nothing : value; };
+  const auto cell = [](const std::string& value) { return value.empty() ? not_available : value; };
   for (const EyeRow& row : rows) {
     text += fmt::format("{}\t{}\t{}\t{}\t{}\t{}\t{}", row.subject, to_string(row.eye), to_string(row.outcome),
-                        cell(row.stage), cell(row.reason), row.age_years ? number(*row.age_years) : nothing,
-                        cell(row.sex));
+                        cell(row.stage), cell(row.reason),
+                        row.age_years ? number(*row.age_years) : not_available, cell(row.sex));
     for (const Quantity& quantity : quantities()) {
       if (const auto found = row.numbers.find(quantity.column); found != row.numbers.end()) {
         const Measured& measured = found->second;
         text += fmt::format("\t{}\t{}\t{}\t{}", number(measured.value), number(measured.ci95[0]),
                             number(measured.ci95[1]), measured.source);
       } else {
-        for (int i = 0; i < 4; ++i) text += std::string("\t") + nothing;
+        for (int i = 0; i < 4; ++i) text += std::string("\t") + not_available;
       }
     }
     text += "\n";

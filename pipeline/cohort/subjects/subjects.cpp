@@ -4,54 +4,23 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
-#include <cctype>
-#include <cstdlib>
 #include <fstream>
 #include <map>
-#include <regex>
 #include <set>
 #include <sstream>
 
 #include "pipeline/base/clean_text.hpp"
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/files.hpp"
-#include "pipeline/base/laterality.hpp"
 #include "pipeline/base/log.hpp"
-#include "pipeline/base/notation.hpp"
 #include "pipeline/base/version.hpp"
+#include "pipeline/cohort/subjects/readings.hpp"
 #include "pipeline/cohort/subjects/table.hpp"
-#include "pipeline/eye/instruments/instruments.hpp"
 
 namespace emmetrope::cohort {
 namespace {
 
 namespace fs = std::filesystem;
-
-constexpr const char* id_column = "participant_id";
-
-/// A reading that a table may hold for each eye, and the command that takes it.
-struct Reading {
-  const char* column;
-  const char* option;
-  const char* command;
-  std::vector<std::string> InstrumentFlags::*flag;  ///< a refraction has none
-};
-const Reading readings[] = {{"keratometry", "--keratometry", "mesh", &InstrumentFlags::keratometry},
-                            {"axial_length", "--axial-length", "mesh", &InstrumentFlags::axial_length},
-                            {"acd", "--acd", "mesh", &InstrumentFlags::anterior_chamber_depth},
-                            {"lens_thickness", "--lens-thickness", "mesh", &InstrumentFlags::lens_thickness},
-                            {"refraction", "--refraction", "correct", nullptr}};
-
-bool is_plain(char c) {
-  return std::isalnum(static_cast<unsigned char>(c)) != 0 || c == '-' || c == '_' || c == '.' || c == '+';
-}
-
-/// A name that is one of a folder everywhere.
-std::string plain_name(std::string name) {
-  std::replace_if(
-      name.begin(), name.end(), [](char c) { return !is_plain(c); }, '_');
-  return name.empty() || name.front() == '.' || name.front() == '-' ? "_" + name : name;
-}
 
 /// Of every file its place, size and last change. What cannot be read is left out: the study's own reader tells of it.
 constexpr std::size_t sample_bytes = 4096;
@@ -203,123 +172,6 @@ std::vector<Subject> of_table(const fs::path& file, const Table& table) {
   return subjects;
 }
 
-/// Who a row of the table speaks of, as subjects are called by person_of; of a BIDS dataset with or without "sub-".
-std::string person_named(const std::string& participant, bool bids) {
-  if (!bids) return plain_name(participant);
-  return plain_name(participant.rfind("sub-", 0) == 0 ? participant : "sub-" + participant);
-}
-
-/// A row of a person of a BIDS dataset holds for each of the person's sessions.
-std::string person_of(const Subject& subject, bool bids) {
-  return bids ? subject.id.substr(0, subject.id.find("_ses-")) : subject.id;
-}
-
-void require_distinct_rows(const Table& table, bool bids) {
-  std::set<std::string> seen;
-  for (std::size_t row = 0; row < table.rows.size(); ++row) {
-    const std::string participant = table.cell(row, id_column);
-    if (participant.empty()) throw input_error(table.place(row, id_column) + ": names nobody");
-    if (!seen.insert(person_named(participant, bids)).second)
-      throw input_error(table.place(row, id_column) + ": \"" + participant + "\" has a row already",
-                        "give each participant one row");
-  }
-}
-
-/// Years; BIDS has "89+" for all who are older.
-std::string age_in(const Table& table, std::size_t row) {
-  std::string age = table.cell(row, "age");
-  if (!age.empty() && age.back() == '+') age.pop_back();
-  if (age.empty()) return age;
-  char* end = nullptr;
-  const double years = std::strtod(age.c_str(), &end);
-  if (*end != '\0' || !(years >= 0 && years <= 120))
-    throw input_error(fmt::format("{}: \"{}\" is no age", table.place(row, "age"), table.cell(row, "age")),
-                      "years from 0 to 120, or n/a");
-  return age;
-}
-
-/// Whether a column is called nearly as a reading: it would be passed over. "Axial length OD (mm)"
-bool is_like_a_reading(const std::string& column) {
-  for (const Reading& reading : readings)
-    for (const Laterality eye : both_eyes)
-      if (column == fmt::format("{}_{}", reading.column, to_string(eye))) return false;
-  std::string plain;
-  for (const char c : column)
-    if (std::isalnum(static_cast<unsigned char>(c)) != 0)
-      plain += static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
-  static const std::regex reading(
-      "(od|os|right|left|re|le)?(keratometry|axiallength|acd|anteriorchamberdepth|lensthickness|refraction)"
-      "(mm|d)?(od|os|right|left|re|le|r|l)?(mm|d)?");
-  return std::regex_match(plain, reading);
-}
-
-/// In a table of our own such a column is a slip; that of a BIDS dataset is its owner's.
-void require_known_readings(const Table& table, bool bids) {
-  for (const auto& [column, place] : table.columns) {
-    if (!is_like_a_reading(column)) continue;
-    const std::string what = fmt::format("{}: the column \"{}\" is called nearly as a reading and is none",
-                                         table.file.string(), column);
-    if (!bids)
-      throw input_error(what,
-                        "readings are called keratometry_od, axial_length_od, acd_od, lens_thickness_od, "
-                        "refraction_od, and the same with _os");
-    spdlog::warn("{}", what);
-  }
-}
-
-/// As the stages will read it.
-void require_reading(const Reading& reading, const std::string& text, const std::string& place) {
-  try {
-    InstrumentFlags flags;
-    if (reading.flag == nullptr) {
-      parse_refraction(text.substr(text.find(':') + 1));
-    } else {
-      flags.*reading.flag = {text};
-      parse_instruments(flags, 0);
-    }
-  } catch (const Error& error) {
-    throw input_error(fmt::format("{}: {}", place, error.what()), error.remedy());
-  }
-}
-
-/// What a row says is put into the options of a subject.
-void add_readings_of_row(Subject& subject, const Table& table, std::size_t row) {
-  const auto add = [&](const char* command, const char* option, const std::string& value) {
-    std::vector<std::string>& words = subject.options[command];
-    words.insert(words.end(), {option, value});
-  };
-  subject.age = age_in(table, row);
-  if (!subject.age.empty())
-    for (const char* command : {"segment", "trace", "correct"}) add(command, "--age", subject.age);
-  for (const Reading& reading : readings)
-    for (const Laterality eye : both_eyes)
-      if (const std::string column = fmt::format("{}_{}", reading.column, to_string(eye)),
-          value = table.cell(row, column);
-          !value.empty()) {
-        const std::string text = fmt::format("{}:{}", to_string(eye), value);
-        require_reading(reading, text, table.place(row, column));
-        add(reading.command, reading.option, text);
-      }
-}
-
-/// \param all_are_here  every person with a study is among the subjects, so that a row without one is a mistake
-void add_readings(std::vector<Subject>& subjects, const Table& table, bool bids, bool all_are_here) {
-  require_distinct_rows(table, bids);
-  require_known_readings(table, bids);
-  std::map<std::string, std::vector<Subject*>> of_person;
-  for (Subject& subject : subjects) of_person[person_of(subject, bids)].push_back(&subject);
-  for (std::size_t row = 0; row < table.rows.size(); ++row) {
-    const std::string participant = table.cell(row, id_column);
-    const auto found = of_person.find(person_named(participant, bids));
-    if (found == of_person.end()) {
-      if (all_are_here)
-        spdlog::warn("{}: there is no study of \"{}\"", table.place(row, id_column), participant);
-      continue;
-    }
-    for (Subject* subject : found->second) add_readings_of_row(*subject, table, row);
-  }
-}
-
 void require_distinct(const std::vector<Subject>& subjects) {
   for (std::size_t i = 1; i < subjects.size(); ++i)
     if (subjects[i].id == subjects[i - 1].id)
@@ -342,8 +194,8 @@ Subject read_subject(const fs::path& file, const std::string& id) {
   const Json json = read_json(file);
   try {
     return {id, json.at("study").get<std::string>(),
-            json.at("options").get<std::map<std::string, std::vector<std::string>>>(),
-            json.at("fingerprint")};
+            json.at("options").get<std::map<std::string, std::vector<std::string>>>(), json.at("fingerprint"),
+            json.value("age", std::string())};
   } catch (const Json::exception& fault) {
     throw input_error(file.string() + ": " + fault.what(), "run emmetrope cohort again: it writes this file");
   }

@@ -27,7 +27,7 @@ std::string Table::cell(std::size_t row, const std::string& column) const {
   const auto found = columns.find(column);
   if (found == columns.end()) return {};
   const std::string& text = rows.at(row).at(found->second);
-  return text == "n/a" ? "" : text;
+  return text == not_available ? "" : text;
 }
 
 std::string Table::place(std::size_t row, const std::string& column) const {

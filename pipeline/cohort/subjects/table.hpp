@@ -6,6 +6,9 @@
 
 namespace emmetrope::cohort {
 
+/// A cell that says nothing, as BIDS has it.
+inline constexpr const char* not_available = "n/a";
+
 /// A table of tab-separated values with a header, as BIDS has them.
 struct Table {
   std::map<std::string, std::size_t> columns;

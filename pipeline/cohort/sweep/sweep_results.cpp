@@ -1,4 +1,5 @@
 #include "pipeline/cohort/sweep/sweep_results.hpp"
+#include "pipeline/cohort/subjects/table.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -10,8 +11,6 @@
 
 namespace emmetrope::cohort {
 namespace {
-
-constexpr const char* nothing = "n/a";
 
 using Cells =
     std::vector<std::pair<std::string, std::string>>;  // column and text, in the order of the result
@@ -42,7 +41,7 @@ void add_numbers(const Json& json, const std::string& prefix, Cells& cells) {
 std::string one_cell(std::string text) {
   std::replace_if(
       text.begin(), text.end(), [](char c) { return c == '\t' || c == '\n' || c == '\r'; }, ' ');
-  return text.empty() ? nothing : text;
+  return text.empty() ? not_available : text;
 }
 
 /// What is asked for by pointer.
@@ -108,7 +107,7 @@ std::string sweep_table(const Sweep& sweep, const SweepFolder& folder,
     std::vector<std::string> cells;
     for (const std::string& column : columns) {
       const auto found = row.find(column);
-      cells.push_back(found == row.end() ? nothing : one_cell(found->second));
+      cells.push_back(found == row.end() ? not_available : one_cell(found->second));
     }
     text += fmt::format("{}\n", fmt::join(cells, "\t"));
   }

@@ -3,6 +3,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cstdlib>
+
+#include "pipeline/base/case_folder.hpp"
 #include "pipeline/base/files.hpp"
 #include "pipeline/cohort/subjects/table.hpp"
 #include "tests/support/stand_in_stages.hpp"
@@ -63,6 +66,30 @@ TEST_F(BidsApp, MeasuresTheParticipantsThatAreAskedForAndThenTheGroup) {
 TEST_F(BidsApp, AllAreMeasuredWhereNobodyIsNamed) {
   EXPECT_EQ(run({"participant"}).status, 0);
   EXPECT_EQ(stages_.runs().size(), 15U);
+}
+
+// The table of participants is the owner's, and may have changed since.
+TEST_F(BidsApp, SaysWhereTheTableOfParticipantsSaysOtherwise) {
+  const auto warnings = [&](const std::vector<std::string>& words) {
+    const Json answer = Json::parse(run(words).output);
+    std::string all;
+    for (const Json& warning : answer.at("warnings")) all += warning.get<std::string>() + "\n";
+    return all;
+  };
+  EXPECT_EQ(warnings({"participant"}), "");
+  EXPECT_EQ(warnings({"group"}), "");
+  write_file(dataset() / "participants.tsv", "participant_id\tage\nsub-01\t31\n");
+  const std::string group = warnings({"group"});
+  EXPECT_THAT(group, HasSubstr("line 2, column age: \"31\"; sub-01 was measured as of \"30\""));
+  EXPECT_THAT(group, HasSubstr("sub-02_ses-a has no row"));
+  EXPECT_THAT(warnings({"participant", "--participant-label", "02"}), HasSubstr("sub-02_ses-b has no row"));
+}
+
+TEST_F(BidsApp, OneRunAtATimeMeasuresAParticipant) {
+  const CaseLock other(out() / "emmetrope" / "cases" / "sub-01", true);
+  ::unsetenv("EMMETROPE_CASE_LOCK");
+  EXPECT_EQ(run({"participant", "--participant-label", "01"}).status, 5);
+  EXPECT_EQ(run({"participant", "--participant-label", "02"}).status, 0);
 }
 
 TEST_F(BidsApp, AFaultOfTheMachineIsOneOfTheJob) {
