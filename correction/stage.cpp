@@ -18,6 +18,7 @@
 #include "pipeline/base/scratch_folder.hpp"
 #include "pipeline/base/version.hpp"
 #include "pipeline/eye/population/population.hpp"
+#include "raytrace/case/trace_picture.hpp"
 #include "raytrace/spectacle/spectacle.hpp"
 
 namespace emmetrope::correction {
@@ -55,7 +56,11 @@ Json parameters_of(const CorrectionSettings& settings, const CommonOptions& comm
             {"field_mm", {picture.field_x_mm, picture.field_y_mm}},
             {"centre_mm", {p.fovea_mm.x(), p.fovea_mm.y()}},
             {"samples", picture.samples},
-            {"pupil_mm", picture.pupil_mm}}}};
+            {"pupil_mm", picture.pupil_mm},
+            {"wavelength_nm", picture.wavelength_nm ? Json(*picture.wavelength_nm) : Json(nullptr)},
+            {"achromatic", picture.achromatic},
+            {"diffraction", picture.diffraction},
+            {"stiles_crawford_per_mm2", picture.stiles_crawford_per_mm2}}}};
 }
 
 /// What the trace stage decided: how its picture was made, and whether the lens index is known.
@@ -63,7 +68,18 @@ void follow_trace_stage(const fs::path& case_folder, CorrectionSettings& setting
   const Json stage = read_json(case_folder / "raytrace" / "stage.json");
   try {
     const Json& parameters = stage.at("parameters");
+    if (const std::string otherwise = raytrace::seen_otherwise(parameters); !otherwise.empty())
+      throw usage_error("the case was traced " + otherwise +
+                            ": its picture and the one through the best lens would not compare",
+                        "trace it again without that; for a picture " + otherwise +
+                            ": emmetrope trace --eye " + (case_folder / "raytrace/od/eye.json").string());
     PictureSettings& picture = settings.picture;
+    picture.wavelength_nm = parameters.contains("wavelength_nm") && parameters.at("wavelength_nm").is_number()
+                                ? std::optional(parameters.at("wavelength_nm").get<double>())
+                                : std::nullopt;
+    picture.achromatic = parameters.value("achromatic", false);
+    picture.diffraction = parameters.value("diffraction", false);
+    picture.stiles_crawford_per_mm2 = parameters.value("stiles_crawford_per_mm2", 0.0);
     picture.scene = parameters.at("scene").get<std::string>();
     picture.samples = parameters.at("samples").get<int>();
     picture.pupil_mm = parameters.at("pupil_mm").get<double>();
@@ -140,6 +156,10 @@ raytrace::TraceSettings trace_settings(const PictureSettings& picture, const Eig
   trace.grid.field_y_mm = picture.field_y_mm;
   trace.grid.centre_mm = fovea_mm;
   trace.samples = picture.samples;
+  trace.wavelength_nm = picture.wavelength_nm;
+  trace.achromatic = picture.achromatic;
+  trace.diffraction = picture.diffraction;
+  trace.stiles_crawford_per_mm2 = picture.stiles_crawford_per_mm2;
   trace.representation =
       raytrace::Representation::analytic;  // the lens; an eye's meshes are patches in it too
   trace.seed = seed;
@@ -210,6 +230,10 @@ std::vector<std::string> doubts(const Prescription& prescription) {
     sentences.emplace_back(
         "more than one lens makes a locally sharpest image; see search.distinct_optima_D in "
         "prescription.json");
+  constexpr double usual_nm = 589.3, most_off_nm = 50;  // 0.2 D
+  if (std::abs(prescription.settings.wavelength_nm - usual_nm) > most_off_nm)
+    sentences.push_back(fmt::format("the prescription is of light of {:g} nm, not of {:g} as refractions are",
+                                    prescription.settings.wavelength_nm, usual_nm));
   return sentences;
 }
 
@@ -322,8 +346,10 @@ Answer correct_case(const fs::path& case_folder, CorrectionSettings settings, co
   settings.check();
   const CaseLock lock(case_folder, false);
   const StageVerdict traced = read_verdict(case_folder, "raytrace");
+  const std::optional<double> of_study = subject_age_years(case_folder);
+  const std::string warning_of_age = age_warning(of_study, settings.what_if.age_years);
+  if (of_study) settings.what_if.age_years = of_study;
   follow_trace_stage(case_folder, settings);
-  if (!settings.what_if.age_years) settings.what_if.age_years = subject_age_years(case_folder);
   const std::vector<Laterality> eyes = eyes_with(case_folder, "raytrace", "eye.json", common.laterality);
   if (eyes.size() > 1 && settings.prescription.fovea_mm.x() != 0)
     throw usage_error(fmt::format("--fovea {:g},{:g}: +x is nasal in a right eye and temporal in a left one",
@@ -349,6 +375,7 @@ Answer correct_case(const fs::path& case_folder, CorrectionSettings settings, co
 
   std::map<Laterality, std::string> summaries;
   const StageOutcome outcome = run_stage(case_folder, spec, common, [&](StageWorkspace& workspace) {
+    if (!warning_of_age.empty()) workspace.warn(warning_of_age);
     for (const auto& [side, data] : settings.known)
       if (std::find(eyes.begin(), eyes.end(), side) == eyes.end())
         workspace.warn(std::string(clinical_name(side)) +

@@ -21,6 +21,9 @@ struct PictureSettings {
   double field_x_mm = 6, field_y_mm = 6;
   int samples = 128;
   double pupil_mm = 4;
+  std::optional<double> wavelength_nm;
+  bool achromatic = false, diffraction = false;
+  double stiles_crawford_per_mm2 = 0;
 
   /// \throw Error (usage) naming the field
   void check() const;
@@ -46,7 +49,6 @@ struct CorrectionSettings {
 /// CASE/correction/<eye>/: prescription.json, corrected.png, sweep.csv, sweep.svg, for every eye that was
 /// traced. An eye whose sharpest lens is not found gets no number; the reasons stand in stage.json.
 /// \throw Error (input_invalid) when the case, or the eye that is asked for, has not been traced; (usage) when it
-///   was traced of another fovea
 Answer correct_case(const std::filesystem::path& case_folder, CorrectionSettings settings,
                     const CommonOptions& common);
 

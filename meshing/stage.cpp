@@ -282,6 +282,23 @@ StageVerdict mesh_eyes(const MeshingOptions& options, const StageVerdict& segmen
   return verdict;
 }
 
+/// What was given of the eyes when they were meshed before, and is not now: "OD (right): keratometry".
+std::vector<std::string> forgotten_readings(const MeshingOptions& options) {
+  const fs::path file = options.case_folder / "meshing" / "stage.json";
+  const Json before = fs::exists(file) ? read_json(file) : Json();
+  const Json now = to_json(options.instruments);
+  std::vector<std::string> sentences;
+  for (const Laterality eye : both_eyes) {
+    const Json::json_pointer of_eye(std::string("/parameters/instruments/") + to_string(eye));
+    if (now.contains(to_string(eye)) || !before.is_object() || !before.contains(of_eye)) continue;
+    sentences.push_back(
+        std::string(clinical_name(eye)) +
+        ": what was measured of it elsewhere was given to the meshing before and is not now, so that the "
+        "images speak alone");
+  }
+  return sentences;
+}
+
 }  // namespace
 
 void MeshingOptions::check() const {
@@ -297,12 +314,14 @@ void MeshingOptions::check() const {
 
 Answer make_meshes(const MeshingOptions& options, const CommonOptions& common) {
   options.check();
+  const std::vector<std::string> forgotten = forgotten_readings(options);
   const StageVerdict segmented = read_verdict(options.case_folder, "segmentation");
   StageSpec spec;
   spec.stage = "meshing";
   spec.parameters = parameters_of(options, common);
   spec.inputs = inputs_of(options);
   const StageOutcome outcome = run_stage(options.case_folder, spec, common, [&](StageWorkspace& workspace) {
+    for (const std::string& sentence : forgotten) workspace.warn(sentence);
     return mesh_eyes(options, segmented, common, workspace);
   });
   Answer answer = stage_answer(

@@ -4,11 +4,14 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "correction/sharpness/refraction_chart.hpp"
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/frames.hpp"
 #include "pipeline/base/notation.hpp"
+#include "raytrace/scene/chart.hpp"
+#include "raytrace/scene/scene.hpp"
 
 namespace emmetrope::correction {
 namespace {
@@ -20,10 +23,33 @@ raytrace::WavefrontSettings wavefront_settings(const PrescriptionSettings& setti
   return result;
 }
 
+bool lies_at_infinity(const raytrace::Scene& scene) {
+  return scene.meshes.empty() && std::all_of(scene.planes.begin(), scene.planes.end(),
+                                             [](const auto& plane) { return plane.at_infinity; });
+}
+
+/// A chart by its name is drawn at infinity: from 6 m its own vergence, 0.17 D, would be in the lens.
+std::shared_ptr<const raytrace::Scene> distant(const std::string& chart) {
+  const auto near_by = [&] {
+    return usage_error("--chart " + chart + " is near by: a prescription is for distance",
+                       "leave out distance_mm, or set \"at_infinity\" in a scene.json");
+  };
+  const std::vector<std::string> names = raytrace::chart_names();
+  if (std::find(names.begin(), names.end(), chart.substr(0, chart.find(':'))) == names.end()) {
+    auto scene = raytrace::make_scene(chart);
+    if (!lies_at_infinity(*scene)) throw near_by();
+    return scene;
+  }
+  raytrace::ChartSpec spec = raytrace::parse_chart(chart);
+  if (chart.find("distance_mm") != std::string::npos && std::isfinite(spec.distance_mm)) throw near_by();
+  spec.distance_mm = std::numeric_limits<double>::infinity();
+  return std::make_shared<const raytrace::Scene>(raytrace::draw_chart(spec));
+}
+
 std::shared_ptr<const raytrace::Scene> scene_of(const PrescriptionSettings& settings) {
   if (settings.chart.empty()) return refraction_chart();
   try {
-    return raytrace::make_scene(settings.chart);
+    return distant(settings.chart);
   } catch (Error& error) {
     error.add_context("reading the scene of --chart");
     throw;
@@ -137,7 +163,8 @@ void check_setting(const char* field, double value, const Range& allowed) {
 }
 
 void PrescriptionSettings::check() const {
-  check_setting("vertex_distance_mm", vertex_distance_mm, {0, 30});
+  if (vertex_distance_mm != 0)
+    check_setting("vertex_distance_mm", vertex_distance_mm, {5, 30});  // else metres
   check_setting("pupil_mm", pupil_mm, {0.5, 9});
   check_setting("wavelength_nm", wavelength_nm, {380, 780});
   check_setting("plano_cylinder_distance_mm", plano_cylinder_distance_mm, {0, 30});

@@ -167,6 +167,7 @@ void add_conditions(Json& json, const PrescriptionSettings& settings) {
   json["vertex_distance_mm"] = settings.vertex_distance_mm;
   json["pupil_mm"] = settings.pupil_mm;
   json["wavelength_nm"] = settings.wavelength_nm;
+  json["fovea_mm"] = {settings.fovea_mm.x(), settings.fovea_mm.y()};
   json["criterion"] = to_string(settings.criterion);
   json["chart"] = settings.chart.empty() ? "refraction chart" : settings.chart;
 }

@@ -2,7 +2,9 @@
 
 #include <fmt/format.h>
 #include <signal.h>
+#include <spdlog/sinks/ringbuffer_sink.h>
 #include <unistd.h>
+
 #include <CLI/CLI.hpp>
 
 #include <algorithm>
@@ -95,6 +97,15 @@ void declare_common(CLI::App& app, CommonOptions& common) {
          "od, os or both")
       ->type_name("EYE")
       ->group(group);
+}
+
+constexpr std::size_t most_warnings = 100;
+
+/// What was told on standard error, for programs that read the answer alone.
+void add_warnings(Json& answer, spdlog::sinks::ringbuffer_sink_mt& sink) {
+  if (answer.contains("warnings")) return;  // its own
+  for (const auto& told : sink.last_raw())
+    answer["warnings"].push_back(std::string(told.payload.data(), told.payload.size()));
 }
 
 int report_failure(const std::string& command, const CommonOptions& common, const Error& error) {
@@ -207,10 +218,16 @@ int run_command(int argc, char** argv, const Command& command) {
         Error(ExitStatus::usage, fault.what(), "see emmetrope " + command.name + " --help"));
   }
   log_to_stderr(command.name, common.verbosity);
+  const auto warnings = std::make_shared<spdlog::sinks::ringbuffer_sink_mt>(most_warnings);
+  warnings->set_level(spdlog::level::warn);
+  spdlog::default_logger()->sinks().push_back(warnings);
 
   try {
     Answer answer = command.run(common);
-    if (answer.json.is_object()) answer.json["status"] = static_cast<int>(answer.status);
+    if (answer.json.is_object()) {
+      answer.json["status"] = static_cast<int>(answer.status);
+      add_warnings(answer.json, *warnings);
+    }
     if (common.json)
       std::cout << answer.json.dump(2, ' ', false, Json::error_handler_t::replace) << "\n";
     else

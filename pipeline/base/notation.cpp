@@ -20,8 +20,10 @@ std::string signed_power(double power_D) {
   return rounded_D == 0 ? "0.00" : fmt::format("{:+.2f}", rounded_D);
 }
 
+/// Where the cylinder is too small to be written the sphere is the spherical equivalent.
 std::string written(const SpheroCylinder& refraction) {
-  if (std::abs(refraction.cylinder_D) < least_cylinder_D) return signed_power(refraction.sphere_D) + " DS";
+  if (std::abs(refraction.cylinder_D) < least_cylinder_D)
+    return signed_power(refraction.sphere_D + refraction.cylinder_D / 2) + " DS";
   return fmt::format("{} / {} x {}", signed_power(refraction.sphere_D), signed_power(refraction.cylinder_D),
                      format_axis(refraction.axis_deg));
 }
@@ -127,7 +129,9 @@ StatedRefraction parse_refraction(const std::string& text) {
       !(stated.vertex_distance_mm >= least_vertex_mm && stated.vertex_distance_mm <= most_vertex_mm))
     reader.fail(fmt::format("a vertex distance of 0, on the cornea, or from {} to {} mm before this",
                             least_vertex_mm, most_vertex_mm));
-  if (stated.sigma_D && *stated.sigma_D <= 0) reader.fail("an accuracy above 0 before this");
+  constexpr double most_sigma_D = 5;
+  if (stated.sigma_D && !(*stated.sigma_D > 0 && *stated.sigma_D <= most_sigma_D))
+    reader.fail(fmt::format("an accuracy above 0 and of at most {} D before this", most_sigma_D));
   if (stated.refraction.cylinder_D > 0) stated.refraction = transpose(stated.refraction);
   return stated;
 }

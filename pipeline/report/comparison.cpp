@@ -68,21 +68,40 @@ std::vector<BiometryRow> refraction_rows() {
   return rows;
 }
 
+/// In what two refractions were not made alike: "vertex_distance_mm 12 and 30"; empty where they were.
+std::string unlike(const Json& earlier, const Json& later) {
+  std::string differences;
+  for (const char* key :
+       {"vertex_distance_mm", "pupil_mm", "wavelength_nm", "fovea_mm", "criterion", "chart"})
+    if (earlier.contains(key) && later.contains(key) && earlier.at(key) != later.at(key))
+      differences += fmt::format("{}{} {} and {}", differences.empty() ? "" : ", ", key,
+                                 earlier.at(key).dump(), later.at(key).dump());
+  return differences;
+}
+
 Table table_of(const CaseData& earlier, const EyeData& a, const CaseData& later, const EyeData& b) {
   Table table{clinical_name(a.laterality),
               {"Quantity", "Earlier", "Later", "Difference", "95 % limit", "Judgement"},
               {}};
-  if (judge(earlier, a).has_refraction && judge(later, b).has_refraction)
+  if (judge(earlier, a).has_refraction && judge(later, b).has_refraction &&
+      unlike(a.prescription, b.prescription).empty())
     for (const auto& row : refraction_rows()) add_row(table, a.prescription, b.prescription, row);
   for (const auto* rows : measured_rows())
     for (const auto& row : *rows) add_row(table, a.biometry, b.biometry, row);
   return table;
 }
 
-/// Says of an eye whose refraction is no prescription that it is none; empty where both are.
+/// Says of an eye whose refraction is no prescription that it is none, or that two were made in different ways; empty
+/// where neither is so.
 std::string estimates_in(const CaseData& earlier, const EyeData& a, const CaseData& later, const EyeData& b) {
   const Judgement first = judge(earlier, a), second = judge(later, b);
   if (!first.has_refraction || !second.has_refraction) return {};
+  if (const std::string settings = unlike(a.prescription, b.prescription); !settings.empty())
+    return clinical_name(a.laterality) +
+           std::string(
+               ": the refractions are not compared, as they were not made "
+               "alike: ") +
+           settings + ". Run emmetrope correct on one case as on the other.";
   if (first.has_prescription && second.has_prescription) return {};
   const char* which = first.has_prescription    ? "later"
                       : second.has_prescription ? "earlier"

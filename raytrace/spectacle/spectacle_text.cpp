@@ -93,8 +93,8 @@ Spectacle parse_spectacle(const std::string& text) {
   if (!(power.axis_deg >= 0 && power.axis_deg <= 180))
     throw reader.fault("the axis must be 0 to 180 degrees");
   if (reader.take('@')) lens.vertex_distance_mm = reader.number();
-  if (!(lens.vertex_distance_mm > 0 && lens.vertex_distance_mm <= 50))
-    throw reader.fault("the vertex distance must be above 0 and at most 50 mm");
+  if (!(lens.vertex_distance_mm >= 5 && lens.vertex_distance_mm <= 50))
+    throw reader.fault("the vertex distance must be 5 to 50 mm");
   read_keys(reader, lens, real);
   lens.power = to_power_vector(power);
   if (real) return lens;

@@ -100,6 +100,53 @@ TEST_F(CorrectStage, WhatTheClinicKnowsIsLearntAndNotClaimed) {
   EXPECT_LT(moved, 0.5 / 155);
 }
 
+// The picture through the best lens is the case's, but for that lens.
+TEST_F(CorrectStage, OfAPictureThatShowsMoreThanTheEyeIsRefused) {
+  const fs::path file = folder() / "raytrace/stage.json";
+  const Json plain = read_json(file);
+  for (const auto& [key, value] :
+       std::vector<std::pair<const char*, Json>>{{"spectacle", {{"sphere_D", -6}}},
+                                                 {"plano_cylinder", {{"power_D", 2}}},
+                                                 {"gaze_deg", {{"od", {0, 10}}, {"os", {0, 10}}}},
+                                                 {"motion_deg", {0.5, 0}},
+                                                 {"field_deg", {30, 30}}}) {
+    Json stage = plain;
+    stage["parameters"][key] = value;
+    write_json(file, stage);
+    SCOPED_TRACE(key);
+    expect_usage_error();
+  }
+  Json stage = plain;
+  stage["parameters"].update({{"spectacle", nullptr},
+                              {"gaze_deg", {{"od", {0, 0}}}},
+                              {"motion_deg", {0, 0}},
+                              {"field_deg", nullptr}});
+  write_json(file, stage);
+  EXPECT_NO_THROW(correct());
+}
+
+TEST_F(CorrectStage, TheStudysAgeIsTheEyes) {
+  write_json(folder() / "case.json", {{"subject", {{"age_years", 38}}}});
+  settings_.what_if.age_years = 60;
+  const Json accommodation = prescription()["what_if"]["accommodation"];
+  EXPECT_EQ(accommodation["age_years"], 38);
+  EXPECT_NE(read_json(folder() / "correction/stage.json")["warnings"].dump().find("60 years, is not used"),
+            std::string::npos);
+}
+
+// Of a chart at 0.4 m the prescription would be 2.5 D off.
+TEST_F(CorrectStage, APrescriptionIsForDistance) {
+  for (const char* chart : {"siemens:distance_mm=400", "siemens:distance_mm=6000", "cards", "pyramids"}) {
+    SCOPED_TRACE(chart);
+    settings_.prescription.chart = chart;
+    expect_usage_error();
+  }
+  settings_.prescription.chart = "siemens";
+  const double by_chart_D = prescription()["M_D"]["value"];
+  settings_.prescription.chart = "siemens:distance_mm=inf";
+  EXPECT_EQ(prescription()["M_D"]["value"].get<double>(), by_chart_D);
+}
+
 // Prescription, wavefront and pictures of a case are of one point of the retina.
 TEST_F(CorrectStage, OfThePointThatWasTraced) {
   settings_.fovea_mm = Eigen::Vector2d(0.5, 0);

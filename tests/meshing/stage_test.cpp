@@ -194,6 +194,12 @@ TEST_F(MeshStage, InstrumentsOfOneEyeLeaveTheOtherAlone) {
   EXPECT_EQ(read_json(mesh("od", "biometry.json"))["astigmatism"]["M_D"]["source"], "keratometry");
   EXPECT_NEAR(read_json(mesh("od", "biometry.json"))["astigmatism"]["M_D"]["value"], 44, 0.1);
   EXPECT_EQ(read_json(mesh("os", "biometry.json"))["astigmatism"], before["astigmatism"]);
+  // Meshed again without them, it says so.
+  options_.instruments.clear();
+  make_meshes(options_, {});
+  const Json warnings = read_json(options_.case_folder / "meshing" / "stage.json")["warnings"];
+  EXPECT_NE(warnings.dump().find("OD (right): what was measured of it elsewhere"), std::string::npos);
+  EXPECT_EQ(warnings.dump().find("OS (left): what was measured"), std::string::npos);
 }
 
 /// A length that the images exclude: no mean of the two would be near either.

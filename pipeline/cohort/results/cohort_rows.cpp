@@ -68,6 +68,15 @@ std::string said_of_eye(const std::string& message, Laterality eye) {
   return said;
 }
 
+/// Why a refraction is an estimate and no prescription; empty where it is one, or there is none.
+std::string why_no_prescription(const EyeRow& row, const CohortFolder& cohort) {
+  const fs::path file =
+      cohort.case_folder(row.subject) / "correction" / to_string(row.eye) / "prescription.json";
+  if (row.numbers.count("refraction_m") == 0 || !fs::exists(file)) return {};
+  const Json withheld = read_json(file).value("withheld", Json());
+  return withheld.is_string() ? "no prescription: " + withheld.get<std::string>() : std::string();
+}
+
 /// The first stage that gave less than all, of what concerns the eye.
 void judge(EyeRow& row, const CohortFolder& cohort) {
   const bool has_refraction = row.numbers.count("refraction_m") > 0;
@@ -87,6 +96,10 @@ void judge(EyeRow& row, const CohortFolder& cohort) {
     row.stage = stage.command;
     row.reason = one_line(reason);
     return;
+  }
+  if (const std::string why = why_no_prescription(row, cohort); !why.empty()) {
+    row.stage = "correct";
+    row.reason = one_line(why);
   }
 }
 
@@ -220,7 +233,7 @@ Json table_dictionary() {
       {"eye", {{"Levels", {{"od", "right"}, {"os", "left"}}}}},
       {"outcome",
        {{"Levels",
-         {{"measured", "with a refraction"},
+         {{"measured", "with a refraction; an estimate and no prescription where a reason says so"},
           {"partial", "some of the numbers; the others are n/a"},
           {"no_result", "the images do not support any number"},
           {"failed", "the study could not be read, or the machine failed"}}}}},

@@ -27,6 +27,16 @@ Json result_of(const std::string& command, const fs::path& folder, const std::st
   return read_json(folder / (command == "trace" ? "wavefront.json" : "prescription.json"));
 }
 
+/// Of an answer, in one line.
+std::string warnings_in(const std::string& answer) {
+  const Json json = Json::parse(answer, nullptr, false);
+  std::string all;
+  if (json.is_object())
+    for (const Json& warning : json.value("warnings", Json::array()))
+      all += (all.empty() ? "warning: " : "; ") + warning.get<std::string>();
+  return all;
+}
+
 void add_file(const fs::path& file, Json& files);
 
 /// Every text in it that names a file beside it: pictures and models of a scene, meshes of an eye.
@@ -40,11 +50,24 @@ void add_named_files(const Json& json, const fs::path& folder, Json& files) {
   }
 }
 
+/// Glasses beside a lens, materials and pictures beside a model: whatever lies with it under its name or in its format.
+bool is_read_with(const fs::path& main, const fs::path& other) {
+  const std::string kind = main.extension().string(), of_other = other.extension().string();
+  if (kind == ".zmx" || kind == ".ZMX") return of_other == ".agf" || of_other == ".AGF";
+  if (kind == ".obj")
+    return of_other == ".mtl" || of_other == ".png" || of_other == ".jpg" || of_other == ".jpeg";
+  if (kind == ".gltf") return of_other == ".bin" || of_other == ".png" || of_other == ".jpg";
+  return false;
+}
+
 /// The file, and what it names where it is JSON, each with its hash.
 void add_file(const fs::path& file, Json& files) {
   const std::string path = file.lexically_normal().string();
   if (files.contains(path)) return;
   files[path] = sha256_of_file(file);
+  std::error_code unreadable;
+  for (const auto& entry : fs::directory_iterator(fs::absolute(file).parent_path(), unreadable))
+    if (is_read_with(file, entry.path())) add_file(entry.path(), files);
   if (file.extension() != ".json") return;
   const Json json = Json::parse(read_file(file), nullptr, false);
   if (!json.is_discarded()) add_named_files(json, file.parent_path(), files);
@@ -110,6 +133,7 @@ int run_of_sweep(const SweepFolder& folder, const std::string& run, const Attemp
   if (gave_result(ended.status)) {
     try {
       end["result"] = result_of(command, folder.results(run), ended.output);
+      end["message"] = warnings_in(ended.output);
     } catch (const Error& unreadable) {
       end["message"] = unreadable.what();
     }

@@ -77,6 +77,10 @@ EyeFlag parse_eye_flag(const std::string& flag, const std::string& text, double 
   if (sign != std::string::npos) {
     const auto sigma = typed_number(text.substr(sign + 2));
     if (!sigma || !(*sigma > 0)) throw misread(flag, text, "a positive number after +-");
+    // Worse than any instrument, and than the images: hundredths of a unit.
+    constexpr double worst = 20;
+    if (*sigma > worst * default_sigma)
+      throw misread(flag, text, fmt::format("one standard deviation of at most {:g}", worst * default_sigma));
     parsed.sigma = *sigma;
   }
   if (parsed.value.empty()) throw misread(flag, text, expected);

@@ -33,6 +33,9 @@ Section methods_section(const CaseData& data);
 Section review_section();
 Section provenance_section(const CaseData& data);
 
+/// Where on the retina the refractions are of, for a sentence: "on the eye's own axis".
+std::string refracted_point(const CaseData& data);
+
 /// Letters as each eye would see them at the estimate and at the end of its interval; none where that is narrow.
 FigureRow letters_at_the_ends(const CaseData& data);
 

@@ -34,7 +34,8 @@ std::string name_of(std::string kind, const Eyes& eyes) {
   std::vector<std::string> distances;
   for (const auto* eye : eyes)
     if (const auto vertex_mm = value_of(lens_of(*eye, kind), "vertex_distance_mm"))
-      if (const std::string text = fixed(*vertex_mm, 0); distances.empty() || distances.back() != text)
+      if (const std::string text = fmt::format("{:g}", *vertex_mm);
+          distances.empty() || distances.back() != text)
         distances.push_back(text);
   kind[0] = static_cast<char>(std::toupper(static_cast<unsigned char>(kind[0])));
   return fmt::format("{} at {} mm", kind, fmt::join(distances, " / "));

@@ -98,7 +98,7 @@ EyeCard card_of(const CaseData& data, const EyeData& eye) {
   const Json& prescription = eye.prescription;
   if (judgement.has_prescription) card.prescription = rounded_prescription(prescription);
   card.note = fmt::format("vertex distance {} mm, {}for distance",
-                          fixed(value_of(prescription, "vertex_distance_mm").value_or(12), 0),
+                          fmt::format("{:g}", value_of(prescription, "vertex_distance_mm").value_or(12)),
                           card.headline.find(" x ") != std::string::npos ? "minus cylinder, " : "");
   card.details = details_of(prescription, judgement, card.eye);
   add_calibration(card, prescription);
@@ -279,8 +279,8 @@ Section result_section(const CaseData& data) {
   if (any)
     section.blocks.push_back({Paragraph{
         "SE is the spherical equivalent, \u00b1 and \"to\" its 95 % interval. The refraction holds for the "
-        "state of accommodation that the eyes had in the scanner, on the eye's own axis. The fovea is not "
-        "visible in MRI."}});
+        "state of accommodation that the eyes had in the scanner, " +
+        refracted_point(data) + ". The fovea is not visible in MRI."}});
   return section;
 }
 

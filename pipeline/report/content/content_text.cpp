@@ -1,6 +1,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 
 #include "pipeline/base/version.hpp"
 #include "pipeline/report/case/series.hpp"
@@ -45,13 +46,24 @@ std::string refraction_sentence(const CaseData& data) {
                vertex = value_of(eye.prescription, "vertex_distance_mm");
     if (!pupil || !vertex) continue;
     return fmt::format("Refraction is for distance at {} mm vertex distance, an iris aperture of {} mm{}. ",
-                       fixed(*vertex, 0), fixed(*pupil, 1),
+                       fmt::format("{:g}", *vertex), fixed(*pupil, 1),
                        wavelength ? " and " + fixed(*wavelength, 1) + " nm" : std::string());
   }
   return {};
 }
 
 }  // namespace
+
+std::string refracted_point(const CaseData& data) {
+  for (const auto& eye : data.eyes) {
+    const Json point = eye.prescription.is_object() ? eye.prescription.value("fovea_mm", Json()) : Json();
+    if (!point.is_array() || point.size() != 2) continue;
+    const auto [x_mm, y_mm] = point.get<std::array<double, 2>>();
+    if (x_mm != 0 || y_mm != 0)
+      return fmt::format("at ({:g}, {:g}) mm from the pole of the retina, as was asked for", x_mm, y_mm);
+  }
+  return "on the eye's own axis";
+}
 
 Section review_section() {
   return {"review", "Review", {{SignatureLines{{"Comment", "Reviewed by, date, signature"}}}}};
@@ -70,10 +82,10 @@ Section limits_section(const CaseData& data, const Notes& notes) {
         "the interval. Astigmatism does not depend on it.",
         "The back of the cornea is taken as a fixed proportion of its front where the images do "
         "not resolve it.",
-        "The retina's fovea is not visible: the refraction is given on the eye's axis, which may "
-        "lie a few degrees from the line of sight.",
         "Images of the orbit may let a face be recognised even where no name is given."})
     general.items.emplace_back(limit);
+  general.items.push_back("The retina's fovea is not visible: the refraction is given " +
+                          refracted_point(data) + ", which may lie a few degrees from the line of sight.");
   section.blocks.push_back({general});
   BulletList found;
   const auto add_once = [&](const std::string& item) {

@@ -150,7 +150,7 @@ void add_eye(Tree& tree, const EyeData& eye) {
 std::string prescription_comment(const EyeData& eye) {
   const NumberStyle dioptres{2, true, "D"};
   std::string text = std::string(clinical_name(eye.laterality)) + ": vertex distance " +
-                     fixed(value_of(eye.prescription, "vertex_distance_mm").value_or(12), 0) + " mm.";
+                     fmt::format("{:g} mm.", value_of(eye.prescription, "vertex_distance_mm").value_or(12));
   for (const auto& [key, name, style] :
        {std::tuple{"sphere_D", "Sphere", dioptres}, std::tuple{"cylinder_D", "Cylinder", dioptres},
         std::tuple{"axis_deg", "Axis", NumberStyle{0, false, "deg"}}}) {

@@ -9,6 +9,7 @@
 #include "pipeline/base/files.hpp"
 #include "pipeline/base/measured.hpp"
 #include "pipeline/base/version.hpp"
+#include "pipeline/report/content/content.hpp"
 #include "pipeline/report/content/first_page.hpp"
 #include "pipeline/report/content/judgement.hpp"
 #include "pipeline/report/dicom/objects.hpp"
@@ -136,19 +137,20 @@ Json fhir_prescription(const CaseData& data, const std::string& study_date) {
   for (const auto& eye : data.eyes) {
     if (!judge(data, eye).has_prescription) continue;
     const Json rounded = eye.prescription.value("rounded", Json::object());
+    const double vertex_mm = value_of(eye.prescription, "vertex_distance_mm").value_or(12);
     Json lens{{"product",
                {{"coding",
                  {{{"system", "http://terminology.hl7.org/CodeSystem/ex-visionprescriptionproduct"},
-                   {"code", "lens"}}}}}},
+                   {"code", vertex_mm == 0 ? "contact" : "lens"}}}}}},
               {"eye", eye.laterality == Laterality::od ? "right" : "left"},
               {"sphere", value_of(rounded, "sphere_D").value_or(0)}};
     if (const double cylinder = value_of(rounded, "cylinder_D").value_or(0); cylinder != 0) {
       lens["cylinder"] = cylinder;
       lens["axis"] = std::lround(value_of(rounded, "axis_deg").value_or(180));
     }
-    lens["note"] = {{{"text", fmt::format("Vertex distance {:.0f} mm. {}{}",
-                                          value_of(eye.prescription, "vertex_distance_mm").value_or(12),
-                                          uncertainty_of(eye.prescription), research_notice)}}};
+    lens["note"] = {
+        {{"text", fmt::format("Vertex distance {:g} mm, {}. {}{}", vertex_mm, refracted_point(data),
+                              uncertainty_of(eye.prescription), research_notice)}}};
     lenses.push_back(lens);
   }
   if (lenses.empty()) return nullptr;

@@ -20,7 +20,9 @@ TEST(Notation, WritesAsPrescribed) {
   EXPECT_EQ(format_refraction({-2.25, -1, 0}), "-2.25 / -1.00 x 180");
   EXPECT_EQ(format_refraction({0, -0.75, 5}), "0.00 / -0.75 x 005");
   EXPECT_EQ(format_refraction({-0.001, -0.75, 179.6}), "0.00 / -0.75 x 180");
-  EXPECT_EQ(format_refraction({1.5, -0.1, 33}), "+1.50 DS");
+  // A cylinder that is not written leaves its mean in the sphere, in either notation.
+  EXPECT_EQ(format_refraction({1.5, -0.1, 33}), "+1.45 DS");
+  EXPECT_EQ(format_plus_cylinder({1.5, -0.1, 33}), "+1.45 DS");
   EXPECT_EQ(format_refraction({-3.25, 1, 90}), "-2.25 / -1.00 x 180");
   EXPECT_EQ(format_plus_cylinder({-2.25, -1, 180}), "-3.25 / +1.00 x 090");
 }

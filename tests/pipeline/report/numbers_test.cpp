@@ -316,6 +316,30 @@ TEST_F(NumbersTest, FollowTheJsonAndNotAStoredText) {
   EXPECT_THAT(output("prescription.fhir.json"), HasSubstr("Spherical equivalent +-"));
 }
 
+/// How the refraction was made is where it is told.
+TEST_F(NumbersTest, TheConditionsOfTheRefractionAreTold) {
+  test::make_fixture_case(folder_);
+  const auto set = [&](double vertex_mm, const Json& fovea_mm) {
+    for (const char* eye : {"od", "os"}) {
+      const fs::path file = folder_ / "correction" / eye / "prescription.json";
+      Json prescription = read_json(file);
+      prescription["vertex_distance_mm"] = vertex_mm;
+      prescription["fovea_mm"] = fovea_mm;
+      write_json(file, prescription);
+    }
+    report();
+  };
+  set(12.5, {0, 0});
+  EXPECT_THAT(visible_text(output("report.html")), HasSubstr("vertex distance 12.5 mm"));
+  EXPECT_THAT(visible_text(output("report.html")), HasSubstr("own axis. The fovea"));
+  EXPECT_THAT(output("prescription.fhir.json"), HasSubstr("Vertex distance 12.5 mm, on the eye's own axis."));
+  EXPECT_THAT(output("prescription.fhir.json"), HasSubstr("\"code\": \"lens\""));
+  set(0, {-1.5, 0});
+  EXPECT_THAT(visible_text(output("report.html")), HasSubstr("at (-1.5, 0) mm from the pole"));
+  EXPECT_THAT(visible_text(output("report.html")), testing::Not(HasSubstr("own axis")));
+  EXPECT_THAT(output("prescription.fhir.json"), HasSubstr("\"code\": \"contact\""));
+}
+
 /// What dsrdump prints of one NUM item.
 struct Number {
   double value = 0, upper = -1, lower = -1;

@@ -459,6 +459,27 @@ TEST_F(ReportTest, FollowUpTellsChangesFromMeasurementError) {
   fs::remove_all(later);
 }
 
+// -10 D at 12 mm are -8.93 D at the cornea: no change.
+TEST_F(ReportTest, FollowUpComparesRefractionsThatWereMadeAlike) {
+  const fs::path later = folder_.string() + "-later";
+  fs::remove_all(later);
+  test::make_fixture_case(folder_);
+  test::make_fixture_case(later);
+  const fs::path file = later / "correction" / "od" / "prescription.json";
+  Json prescription = read_json(file);
+  prescription["vertex_distance_mm"] = 0;
+  prescription["M_D"] = Measured::from_sigma(-8.93, 0.05, "mri");
+  write_json(file, prescription);
+  CommonOptions common;
+  common.verbosity.quiet = true;
+  write_comparison(folder_, later, common);
+  const std::string page = read_file(later / "comparison" / "comparison.html");
+  EXPECT_THAT(page, HasSubstr("OD (right): the refractions are not compared"));
+  EXPECT_THAT(page, HasSubstr("vertex_distance_mm 12"));
+  EXPECT_THAT(page, Not(HasSubstr("OS (left): the refractions are not compared")));
+  fs::remove_all(later);
+}
+
 TEST_F(ReportTest, FollowUpMindsTheOrderOfDatesAndTheSubjects) {
   const fs::path later = folder_.string() + "-later";
   fs::remove_all(later);

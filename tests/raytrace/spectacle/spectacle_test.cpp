@@ -169,8 +169,8 @@ TEST(Spectacle, OfAFileMayBeAContactLensOrReplaceTheLens) {
 }
 
 TEST(Spectacle, OfBadTextIsRefused) {
-  for (const char* bad :
-       {"", "abc", "-2/1", "-2/-1x", "-2@0", "-2@12,colour=3", "-2@12,index=9", "-2@12,prism=3", "-2@12 "})
+  for (const char* bad : {"", "abc", "-2/1", "-2/-1x", "-2@0", "-2@0.012", "-2@1", "-2@12,colour=3",
+                          "-2@12,index=9", "-2@12,prism=3", "-2@12 "})
     try {
       parse_spectacle(bad);
       ADD_FAILURE() << bad;

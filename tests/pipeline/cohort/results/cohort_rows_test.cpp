@@ -66,6 +66,18 @@ TEST_F(CohortRows, TellWhatCameOfEachEye) {
   EXPECT_EQ(outcomes.failed, 2U);
 }
 
+TEST_F(CohortRows, SayWhereARefractionIsNoPrescription) {
+  const fs::path file = cohort_.case_folder("right") / "correction/od/prescription.json";
+  Json prescription = read_json(file);
+  prescription["withheld"] = "the interval is too wide";
+  write_json(file, prescription);
+  const std::vector<EyeRow> rows = read_rows(cohort_, listed_subjects(cohort_));
+  EXPECT_EQ(rows[2].outcome, Outcome::measured);
+  EXPECT_EQ(rows[2].stage, "correct");
+  EXPECT_EQ(rows[2].reason, "no prescription: the interval is too wide");
+  EXPECT_EQ(rows[4].reason, "");
+}
+
 TEST_F(CohortRows, OfOneScanUnderTwoNamesAreTold) {
   std::vector<EyeRow> rows =
       read_rows(cohort_, listed_subjects(cohort_));  // "right" and "whole" are one fixture

@@ -63,6 +63,16 @@ TEST_F(SweepOfEyes, IsWhatTheCommandSaysOfEach) {
   EXPECT_EQ(fs::last_write_time(end), before);
 }
 
+TEST_F(SweepOfEyes, WhatACommandWarnsOfIsInItsRow) {
+  run("command = 'eye'\n[vary]\neye = ['liou-brennan']\nwavelength = [555, 2400]\n");
+  const Table found = table();
+  ASSERT_EQ(found.rows.size(), 2U);
+  EXPECT_EQ(found.cell(0, "message"), "");
+  EXPECT_EQ(found.cell(1, "status"), "0");
+  EXPECT_THAT(found.cell(1, "message"), testing::HasSubstr("warning: "));
+  EXPECT_THAT(found.cell(1, "message"), testing::HasSubstr("extrapolated"));
+}
+
 TEST_F(SweepOfEyes, AColumnIsNotCalledAsANumberIs) {
   const ProcessResult ended =
       run("command = 'eye'\n[vary]\neye = ['navarro', 'le-grand']\n[columns]\npower_D = '/refraction_D'\n");

@@ -280,8 +280,8 @@ TEST(Instruments, FlagsAreReadOrRefused) {
   EXPECT_EQ(os.topography->file, "maps/left+-eye.csv");
   EXPECT_DOUBLE_EQ(os.topography->sigma_D, 0.1);
   EXPECT_DOUBLE_EQ(by_eye.at(Laterality::od).measurements.at(0).covariance(0, 0), 0.05 * 0.05);
-  for (const char* text :
-       {"23.6", "ou:23.6", "od:", "od:23.6+-", "od:23.6+-x", "od:23.6+--1", "od:x", "od:236", "od:23.6mm"}) {
+  for (const char* text : {"23.6", "ou:23.6", "od:", "od:23.6+-", "od:23.6+-x", "od:23.6+--1", "od:23.6+-50",
+                           "od:x", "od:236", "od:23.6mm"}) {
     InstrumentFlags wrong;
     wrong.axial_length = {text};
     EXPECT_THROW(parse_instruments(wrong, 0.2), Error) << text;
