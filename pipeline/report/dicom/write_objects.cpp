@@ -127,6 +127,9 @@ std::string uncertainty_of(const Json& prescription) {
   }
   if (!has_axis(prescription.value("cylinder_D", Json())))
     text += "The cylinder may be none: its axis is not determined. ";
+  constexpr double usual_nm = 589.3;
+  if (const double nm = value_of(prescription, "wavelength_nm").value_or(usual_nm); nm != usual_nm)
+    text += fmt::format("In light of {:g} nm. ", nm);
   return text;
 }
 
