@@ -20,6 +20,7 @@
 #include "pipeline/eye/population/population.hpp"
 #include "raytrace/case/trace_picture.hpp"
 #include "raytrace/spectacle/spectacle.hpp"
+#include "raytrace/tracer/exposure.hpp"
 
 namespace emmetrope::correction {
 namespace {
@@ -60,6 +61,8 @@ Json parameters_of(const CorrectionSettings& settings, const CommonOptions& comm
             {"wavelength_nm", picture.wavelength_nm ? Json(*picture.wavelength_nm) : Json(nullptr)},
             {"achromatic", picture.achromatic},
             {"diffraction", picture.diffraction},
+            {"illuminance", picture.illuminance},
+            {"exposure_steps", picture.exposure_steps},
             {"stiles_crawford_per_mm2", picture.stiles_crawford_per_mm2}}}};
 }
 
@@ -72,13 +75,15 @@ void follow_trace_stage(const fs::path& case_folder, CorrectionSettings& setting
       throw usage_error("the case was traced " + otherwise +
                             ": its picture and the one through the best lens would not compare",
                         "trace it again without that; for a picture " + otherwise +
-                            ": emmetrope trace --eye " + (case_folder / "raytrace/od/eye.json").string());
+                            ": emmetrope trace --eye " + (case_folder / "raytrace/EYE/eye.json").string());
     PictureSettings& picture = settings.picture;
     picture.wavelength_nm = parameters.contains("wavelength_nm") && parameters.at("wavelength_nm").is_number()
                                 ? std::optional(parameters.at("wavelength_nm").get<double>())
                                 : std::nullopt;
     picture.achromatic = parameters.value("achromatic", false);
     picture.diffraction = parameters.value("diffraction", false);
+    picture.illuminance = parameters.value("illuminance", false);
+    picture.exposure_steps = parameters.value("exposure_steps", picture.exposure_steps);
     picture.stiles_crawford_per_mm2 = parameters.value("stiles_crawford_per_mm2", 0.0);
     picture.scene = parameters.at("scene").get<std::string>();
     picture.samples = parameters.at("samples").get<int>();
@@ -159,6 +164,7 @@ raytrace::TraceSettings trace_settings(const PictureSettings& picture, const Eig
   trace.wavelength_nm = picture.wavelength_nm;
   trace.achromatic = picture.achromatic;
   trace.diffraction = picture.diffraction;
+  trace.illuminance = picture.illuminance;
   trace.stiles_crawford_per_mm2 = picture.stiles_crawford_per_mm2;
   trace.representation =
       raytrace::Representation::analytic;  // the lens; an eye's meshes are patches in it too
@@ -175,8 +181,11 @@ void write_pictures(const fs::path& folder, const raytrace::Tracer& tracer, cons
   const raytrace::TraceSettings trace = trace_settings(settings.picture, p.fovea_mm, seed);
   const EyeModel seeing = with_pupil(eye, settings.picture.pupil_mm);
   const auto scene = raytrace::make_scene(settings.picture.scene);
+  raytrace::Exposure exposure;  // of what moves in the scene
+  exposure.steps = settings.picture.exposure_steps;
   const auto write_picture = [&](const char* name, const EyeModel& model) {
-    raytrace::write_png(folder / name, tracer.trace(model, *scene, trace).image);
+    raytrace::write_png(folder / name,
+                        raytrace::trace_exposure(tracer, model, *scene, trace, exposure).image);
   };
   write_picture("corrected.png",
                 raytrace::with_thin_lens(seeing, prescription.refraction, p.vertex_distance_mm));
@@ -347,7 +356,8 @@ Answer correct_case(const fs::path& case_folder, CorrectionSettings settings, co
   const CaseLock lock(case_folder, false);
   const StageVerdict traced = read_verdict(case_folder, "raytrace");
   const std::optional<double> of_study = subject_age_years(case_folder);
-  const std::string warning_of_age = age_warning(of_study, settings.what_if.age_years);
+  const std::optional<double> given_years = settings.what_if.age_years;
+  const std::string warning_of_age = age_warning(of_study, given_years);
   if (of_study) settings.what_if.age_years = of_study;
   follow_trace_stage(case_folder, settings);
   const std::vector<Laterality> eyes = eyes_with(case_folder, "raytrace", "eye.json", common.laterality);
@@ -365,6 +375,7 @@ Answer correct_case(const fs::path& case_folder, CorrectionSettings settings, co
   StageSpec spec;
   spec.stage = "correction";
   spec.parameters = parameters_of(settings, common);
+  spec.parameters["age_given_years"] = given_years ? Json(*given_years) : Json(nullptr);
   spec.inputs = inputs_of(case_folder, eyes, settings.known);
   spec.uses_opencl = true;
   std::optional<raytrace::Tracer> tracer;

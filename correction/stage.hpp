@@ -22,7 +22,8 @@ struct PictureSettings {
   int samples = 128;
   double pupil_mm = 4;
   std::optional<double> wavelength_nm;
-  bool achromatic = false, diffraction = false;
+  bool achromatic = false, diffraction = false, illuminance = false;
+  int exposure_steps = 32;  ///< where the scene moves
   double stiles_crawford_per_mm2 = 0;
 
   /// \throw Error (usage) naming the field
@@ -49,6 +50,7 @@ struct CorrectionSettings {
 /// CASE/correction/<eye>/: prescription.json, corrected.png, sweep.csv, sweep.svg, for every eye that was
 /// traced. An eye whose sharpest lens is not found gets no number; the reasons stand in stage.json.
 /// \throw Error (input_invalid) when the case, or the eye that is asked for, has not been traced; (usage) when it
+///   was traced of another fovea, or its picture shows more than the eye (a spectacle, a gaze)
 Answer correct_case(const std::filesystem::path& case_folder, CorrectionSettings settings,
                     const CommonOptions& common);
 

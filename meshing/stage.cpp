@@ -1,10 +1,13 @@
 #include "meshing/stage.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <optional>
+#include <set>
 
 #include "meshing/biometry.hpp"
 #include "meshing/gifti.hpp"
@@ -282,19 +285,33 @@ StageVerdict mesh_eyes(const MeshingOptions& options, const StageVerdict& segmen
   return verdict;
 }
 
-/// What was given of the eyes when they were meshed before, and is not now: "OD (right): keratometry".
+/// Names of what was given of an eye, {"keratometry", "topography"}, by what to_json() of instruments makes.
+std::set<std::string> given_of(const Json& instruments, Laterality eye) {
+  std::set<std::string> names;
+  if (!instruments.is_object() || !instruments.contains(to_string(eye))) return names;
+  const Json& of_eye = instruments.at(to_string(eye));
+  for (const Json& measurement : of_eye.at("measurements")) names.insert(measurement.at("quantity"));
+  if (!of_eye.at("topography").is_null()) names.emplace("topography");
+  return names;
+}
+
+/// Of readings that an earlier meshing had and this one has not: "OD (right): keratometry ... ".
 std::vector<std::string> forgotten_readings(const MeshingOptions& options) {
   const fs::path file = options.case_folder / "meshing" / "stage.json";
-  const Json before = fs::exists(file) ? read_json(file) : Json();
-  const Json now = to_json(options.instruments);
   std::vector<std::string> sentences;
-  for (const Laterality eye : both_eyes) {
-    const Json::json_pointer of_eye(std::string("/parameters/instruments/") + to_string(eye));
-    if (now.contains(to_string(eye)) || !before.is_object() || !before.contains(of_eye)) continue;
-    sentences.push_back(
-        std::string(clinical_name(eye)) +
-        ": what was measured of it elsewhere was given to the meshing before and is not now, so that the "
-        "images speak alone");
+  try {
+    if (!fs::exists(file)) return {};
+    const Json before = read_json(file).at("parameters").at("instruments"),
+               now = to_json(options.instruments);
+    for (const Laterality eye : both_eyes) {
+      const std::set<std::string> had = given_of(before, eye), has = given_of(now, eye);
+      std::vector<std::string> lost;
+      std::set_difference(had.begin(), had.end(), has.begin(), has.end(), std::back_inserter(lost));
+      if (!lost.empty())
+        sentences.push_back(fmt::format("{}: {}: given to the earlier meshing, and not to this one",
+                                        clinical_name(eye), fmt::join(lost, ", ")));
+    }
+  } catch (const std::exception&) {  // what cannot be read is made again
   }
   return sentences;
 }
@@ -314,14 +331,13 @@ void MeshingOptions::check() const {
 
 Answer make_meshes(const MeshingOptions& options, const CommonOptions& common) {
   options.check();
-  const std::vector<std::string> forgotten = forgotten_readings(options);
   const StageVerdict segmented = read_verdict(options.case_folder, "segmentation");
   StageSpec spec;
   spec.stage = "meshing";
   spec.parameters = parameters_of(options, common);
   spec.inputs = inputs_of(options);
   const StageOutcome outcome = run_stage(options.case_folder, spec, common, [&](StageWorkspace& workspace) {
-    for (const std::string& sentence : forgotten) workspace.warn(sentence);
+    for (const std::string& sentence : forgotten_readings(options)) workspace.warn(sentence);
     return mesh_eyes(options, segmented, common, workspace);
   });
   Answer answer = stage_answer(

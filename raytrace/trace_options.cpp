@@ -37,12 +37,12 @@ void TraceOptions::check() const {
     throw usage_error("--irradiance-format isetbio: its picture is flat, behind a thin lens",
                       "give --field-mm, or a --field-deg of 40 at most");
   if (const auto* cylinder = spectacle ? std::get_if<PlanoCylinder>(&*spectacle) : nullptr) cylinder->check();
-  constexpr double least_distance_mm = 30, most_distance_mm = 90;  // from newborns to giants
+  constexpr double narrowest_mm = 30, widest_mm = 90;  // from newborns to giants
   if (pupillary_distance_mm &&
-      !(*pupillary_distance_mm >= least_distance_mm && *pupillary_distance_mm <= most_distance_mm))
+      !(*pupillary_distance_mm >= narrowest_mm && *pupillary_distance_mm <= widest_mm))
     throw usage_error(
         fmt::format("--pupillary-distance: {:g} mm are of no pair of eyes", *pupillary_distance_mm),
-        fmt::format("give {:g} to {:g}, such as 62", least_distance_mm, most_distance_mm));
+        fmt::format("give {:g} to {:g}, such as 62", narrowest_mm, widest_mm));
 }
 
 TraceSettings TraceOptions::settings_of(Laterality eye) const {

@@ -101,11 +101,14 @@ void declare_common(CLI::App& app, CommonOptions& common) {
 
 constexpr std::size_t most_warnings = 100;
 
-/// What was told on standard error, for programs that read the answer alone.
+/// What was told on standard error, for programs that read the answer alone, beside what the answer says itself.
 void add_warnings(Json& answer, spdlog::sinks::ringbuffer_sink_mt& sink) {
-  if (answer.contains("warnings")) return;  // its own
-  for (const auto& told : sink.last_raw())
-    answer["warnings"].push_back(std::string(told.payload.data(), told.payload.size()));
+  std::vector<std::string> all = answer.value("warnings", std::vector<std::string>());
+  for (const auto& told : sink.last_raw()) {
+    std::string sentence(told.payload.data(), told.payload.size());
+    if (std::find(all.begin(), all.end(), sentence) == all.end()) all.push_back(std::move(sentence));
+  }
+  if (!all.empty()) answer["warnings"] = std::move(all);
 }
 
 int report_failure(const std::string& command, const CommonOptions& common, const Error& error) {

@@ -162,7 +162,8 @@ void check_fovea(const RunOptions& options, const CommonOptions& common) {
   const auto flag = std::find(options.trace_options.begin(), options.trace_options.end(), "--fovea");
   if (flag == options.trace_options.end() || common.laterality != LateralityChoice::both) return;
   const std::string& text = *std::next(flag);
-  if (typed_number(text.substr(0, text.find(','))) != 0.0)
+  if (typed_number(text.substr(0, text.find(','))).value_or(0) !=
+      0)  // what is no number is trace's to refuse
     throw usage_error("--fovea " + text + ": +x is nasal in a right eye and temporal in a left one",
                       "ask for one eye, with --laterality od or os");
 }

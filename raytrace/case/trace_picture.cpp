@@ -20,8 +20,8 @@ bool has_nonzero(const Json& numbers) {
 std::string seen_otherwise(const Json& trace_parameters) {
   if (is_given(trace_parameters, "spectacle") || is_given(trace_parameters, "plano_cylinder"))
     return "through a spectacle";
-  if (is_given(trace_parameters, "movement") || has_nonzero(trace_parameters.value("motion_deg", Json())))
-    return "with a moving eye";
+  if (is_given(trace_parameters, "pupillary_distance_mm")) return "from beside the middle of the scene";
+  if (has_nonzero(trace_parameters.value("motion_deg", Json()))) return "with a moving eye";
   if (has_nonzero(trace_parameters.value("gaze_deg", Json()))) return "with a turned eye";
   if (is_given(trace_parameters, "field_deg")) return "over a field in degrees";
   return {};

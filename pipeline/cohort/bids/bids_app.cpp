@@ -72,7 +72,12 @@ std::string said(const Outcomes& outcomes) {
 std::vector<std::string> warnings_of(const fs::path& dataset, const std::vector<Subject>& subjects) {
   const fs::path file = dataset / "participants.tsv";
   if (!fs::exists(file)) return {};
-  std::vector<std::string> sentences = contradictions(subjects, read_table(file, {id_column}));
+  std::vector<std::string> sentences;
+  try {
+    sentences = contradictions(subjects, read_table(file, {id_column}));
+  } catch (const Error& unreadable) {  // what was measured stands
+    sentences.emplace_back(unreadable.what());
+  }
   for (const std::string& sentence : sentences) spdlog::warn("{}", sentence);
   return sentences;
 }

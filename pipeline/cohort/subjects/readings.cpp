@@ -176,7 +176,7 @@ std::vector<std::string> contradictions(const std::vector<Subject>& subjects, co
       continue;
     }
     const std::string age = age_in(table, found->second);
-    if (age != subject.age)
+    if (typed_number(age) != typed_number(subject.age))
       sentences.push_back(
           fmt::format("{}: \"{}\"; {} was measured as of \"{}\" years: run its participant level again",
                       table.place(found->second, "age"), age, subject.id, subject.age));

@@ -3,6 +3,8 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cctype>
+#include <set>
 
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/files.hpp"
@@ -50,14 +52,18 @@ void add_named_files(const Json& json, const fs::path& folder, Json& files) {
   }
 }
 
-/// Glasses beside a lens, materials and pictures beside a model: whatever lies with it under its name or in its format.
-bool is_read_with(const fs::path& main, const fs::path& other) {
-  const std::string kind = main.extension().string(), of_other = other.extension().string();
-  if (kind == ".zmx" || kind == ".ZMX") return of_other == ".agf" || of_other == ".AGF";
-  if (kind == ".obj")
-    return of_other == ".mtl" || of_other == ".png" || of_other == ".jpg" || of_other == ".jpeg";
-  if (kind == ".gltf") return of_other == ".bin" || of_other == ".png" || of_other == ".jpg";
-  return false;
+std::string lower_case(std::string text) {
+  std::transform(text.begin(), text.end(), text.begin(), [](unsigned char c) { return std::tolower(c); });
+  return text;
+}
+
+/// Kinds of files in the same folder that a file of this kind may be read with: glasses, materials, pictures.
+std::set<std::string> companions_of(const fs::path& file) {
+  const std::string kind = lower_case(file.extension());
+  if (kind == ".zmx") return {".agf"};
+  if (kind == ".obj") return {".mtl", ".png", ".jpg", ".jpeg"};
+  if (kind == ".gltf") return {".bin", ".png", ".jpg", ".jpeg"};
+  return {};
 }
 
 /// The file, and what it names where it is JSON, each with its hash.
@@ -65,9 +71,10 @@ void add_file(const fs::path& file, Json& files) {
   const std::string path = file.lexically_normal().string();
   if (files.contains(path)) return;
   files[path] = sha256_of_file(file);
-  std::error_code unreadable;
-  for (const auto& entry : fs::directory_iterator(fs::absolute(file).parent_path(), unreadable))
-    if (is_read_with(file, entry.path())) add_file(entry.path(), files);
+  if (const std::set<std::string> companions = companions_of(file); !companions.empty())
+    for (const auto& entry : fs::directory_iterator(fs::absolute(file).parent_path()))
+      if (entry.is_regular_file() && companions.count(lower_case(entry.path().extension())) > 0)
+        add_file(entry.path(), files);
   if (file.extension() != ".json") return;
   const Json json = Json::parse(read_file(file), nullptr, false);
   if (!json.is_discarded()) add_named_files(json, file.parent_path(), files);

@@ -54,15 +54,18 @@ ElevationMap read_csv(const std::filesystem::path& file) {
   if (!columns && !is_elevation(head[0])) throw fault(1, "no header of an elevation map");
   const double unit = unit_mm(columns ? head[2] : head[0]);
   std::vector<ElevationPoint> points;
-  std::map<std::pair<double, double>, int> line_of;
+  std::map<std::pair<double, double>, std::pair<int, double>> told_at;  // line and elevation
   const auto add = [&](int at, double x, double y, const std::string& elevation) {
     if (is_gap(elevation)) return;
-    if (const auto [earlier, is_new] = line_of.try_emplace({x, y}, at); !is_new)
-      throw input_error(fmt::format("{}, line {}: ({:g}, {:g}) has an elevation already, in line {}",
-                                    file.string(), at, x, y, earlier->second),
-                        "one map a file, one elevation a position");
     const auto z = typed_number(elevation);
     if (!z) throw fault(at, "'" + elevation + "' is no elevation; a gap is an empty cell or nan");
+    // The middle of a polar map is there once a meridian.
+    const auto [earlier, is_new] = told_at.try_emplace({x, y}, std::pair(at, *z));
+    if (!is_new && earlier->second.second == *z) return;
+    if (!is_new)
+      throw input_error(fmt::format("{}, line {}: ({:g}, {:g}) has another elevation in line {}",
+                                    file.string(), at, x, y, earlier->second.first),
+                        "one map a file, one elevation a position");
     points.push_back({x, y, -unit * *z});
     if (const std::string why = why_no_cornea(points.back()); !why.empty())
       throw fault(at, fmt::format("{}; a cornea ends 6 mm from it, and {:g} mm are read", why, farthest_mm));

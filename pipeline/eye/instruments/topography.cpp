@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <set>
 
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/even_points.hpp"
@@ -134,6 +133,7 @@ struct Departure {
   double noise_um = 0;  ///< of a point
   double rms_um = 0, rms_sigma_um = 0;
   double largest_left_um = 0;  ///< of a point, beside the terms
+  double term_sigma_um = 0;    ///< of a coefficient, rms of all
 };
 
 /// \pre more points than terms
@@ -158,7 +158,11 @@ Departure depart(const ElevationMap& map, const Fit& fit, double radius_mm) {
       (departure.noise_um * departure.noise_um + least) / (left_um.squaredNorm() / points + least);
   MatrixXd normal = terms.transpose() * terms;
   normal.diagonal().array() += ridge;
-  departure.coefficients_um = normal.ldlt().solve(terms.transpose() * left_um);
+  const Eigen::LDLT<MatrixXd> solver(normal);
+  departure.coefficients_um = solver.solve(terms.transpose() * left_um);
+  departure.term_sigma_um =
+      departure.noise_um *
+      std::sqrt(solver.solve(MatrixXd::Identity(terms.cols(), terms.cols())).trace() / count);
   const VectorXd smooth_um = terms * departure.coefficients_um;
   // The terms share the noise of the points, which makes their sum of squares larger.
   departure.rms_sigma_um = departure.noise_um * std::sqrt(count / points);
@@ -198,22 +202,34 @@ VectorXd toric_functional(const ParametricEye& eye) {
   return Eigen::Vector4d(power.M_D, power.J0_D, power.J45_D, toric.cornea_q);
 }
 
-/// The map about the apex of its own best conicoid.
-ElevationMap laid_on_apex(const ElevationMap& map, Vector2d& apex_mm) {
-  const ElevationMap centre = within(map, fit_radius_mm);
-  if (centre.depth_mm.size() < fewest_elevations)
-    throw input_error(
-        fmt::format("the elevation map has fewer than {} points in its central 8 mm", fewest_elevations));
-  apex_mm = fit_toric(centre).segment<2>(5);
-  if (apex_mm.norm() > most_alignment_mm)
-    throw input_error(
-        fmt::format("the elevation map is not about the apex of the cornea that it shows, which lies {:.1f} "
-                    "mm from its origin, at ({:.1f}, {:.1f})",
-                    apex_mm.norm(), apex_mm.x(), apex_mm.y()),
-        "positions are in mm from the corneal apex");
-  ElevationMap moved = map;
-  moved.position_mm.rowwise() -= apex_mm.transpose();
-  return moved;
+/// A map about the apex of its own best conicoid.
+struct LaidOnApex {
+  ElevationMap map;
+  Vector2d apex_mm{0, 0};  ///< in the map as it was given
+};
+
+LaidOnApex laid_on_apex(const ElevationMap& map) {
+  LaidOnApex laid{map};
+  constexpr double settled_mm = 1e-4;
+  constexpr int most_rounds = 10;  // what is within the central 8 mm changes with the apex
+  for (int round = 0; round < most_rounds; ++round) {
+    const ElevationMap centre = within(laid.map, fit_radius_mm);
+    if (centre.depth_mm.size() < fewest_elevations)
+      throw input_error(
+          fmt::format("the elevation map has fewer than {} points in its central 8 mm", fewest_elevations));
+    const Vector2d shift_mm = fit_toric(centre).segment<2>(5);
+    laid.apex_mm += shift_mm;
+    if (!(laid.apex_mm.norm() <= most_alignment_mm))
+      throw input_error(
+          fmt::format(
+              "the elevation map is not about the apex of the cornea that it shows, which lies {:.1f} "
+              "mm from its origin, at ({:.1f}, {:.1f})",
+              laid.apex_mm.norm(), laid.apex_mm.x(), laid.apex_mm.y()),
+          "positions are in mm from the corneal apex");
+    laid.map.position_mm.rowwise() -= shift_mm.transpose();
+    if (shift_mm.norm() < settled_mm) break;
+  }
+  return laid;
 }
 
 /// Radius of the farthest ring of which the map has half: a lid may hide the rest, and a point may stray.
@@ -226,10 +242,12 @@ double surrounding_radius_mm(const ElevationMap& map) {
     by_radius.emplace_back(p.norm(), std::min(sectors - 1, static_cast<std::size_t>(turn * sectors)));
   }
   std::sort(by_radius.rbegin(), by_radius.rend());
-  for (auto outer = by_radius.begin(); outer != by_radius.end(); ++outer) {
-    std::set<std::size_t> seen;
-    for (auto p = outer; p != by_radius.end() && p->first >= ring * outer->first; ++p) seen.insert(p->second);
-    if (2 * seen.size() >= sectors) return outer->first;
+  std::array<int, sectors> in_sector{};
+  auto inner = by_radius.begin();
+  for (const auto& [outer_mm, sector] : by_radius) {
+    for (; inner != by_radius.end() && inner->first >= ring * outer_mm; ++inner) ++in_sector[inner->second];
+    if (std::count(in_sector.begin(), in_sector.end(), 0) <= static_cast<int>(sectors / 2)) return outer_mm;
+    --in_sector[sector];
   }
   return 0;
 }
@@ -281,8 +299,10 @@ double departure_mm(const Topography& topography, double x_mm, double y_mm) {
 
 Topography analyse_topography(const ElevationMap& map, double sigma_D) {
   Topography result;
+  check_that_the_apex_is_seen(within(map, irregularity_radius_mm));
   zone_radius_mm(map);
-  const ElevationMap about_apex = laid_on_apex(map, result.apex_mm);
+  const auto [about_apex, apex_mm] = laid_on_apex(map);
+  result.apex_mm = apex_mm;
   const double radius_mm = zone_radius_mm(about_apex);
   result.zone_mm = 2 * radius_mm;
   const ElevationMap centre = within(about_apex, irregularity_radius_mm);
@@ -314,7 +334,7 @@ Topography analyse_topography(const ElevationMap& map, double sigma_D) {
 
   const Departure irregular = depart(centre, fit_toric(centre), irregularity_radius_mm);
   result.coma_sigma_um = coma_um_per_mm_off_apex * std::max(alignment_mm, result.apex_mm.norm());
-  result.term_noise_um = irregular.noise_um / std::sqrt(static_cast<double>(centre.depth_mm.size()));
+  result.term_noise_um = irregular.term_sigma_um;
   result.irregularity_um = Measured::from_sigma(
       irregular.rms_um, std::hypot(irregular.rms_sigma_um, result.coma_sigma_um), "topography");
   result.irregularity_um.ci95[0] = std::max(0.0, result.irregularity_um.ci95[0]);

@@ -105,7 +105,7 @@ const std::vector<EyeRow>& cylinder_rows() {
       {"/plano_cylinder/power_D", "Power", dioptres},
       {"/plano_cylinder/axis_deg", "Axis (meridian without power)", {0, false, "deg"}},
       {"/plano_cylinder/index", "Refractive index", {3, false, ""}},
-      {"/plano_cylinder/vertex_distance_mm", "In front of the cornea", {0, false, "mm"}},
+      {"/plano_cylinder/vertex_distance_mm", "In front of the cornea", {1, false, "mm"}},
       {"/plano_cylinder/sharpness", "Sharpness reached", {4, false, ""}}};
   return rows;
 }
@@ -118,7 +118,7 @@ const std::vector<EyeRow>& implant_rows() {
       {"/what_if/intra_ocular_lens/hoffer_q_D", "Hoffer Q", dioptres},
       {"/what_if/intra_ocular_lens/haigis_D", "Haigis", dioptres},
       {"/what_if/intra_ocular_lens/target_M_D", "Target spherical equivalent", dioptres},
-      {"/what_if/intra_ocular_lens/target_vertex_distance_mm", "Target's vertex distance", {0, false, "mm"}},
+      {"/what_if/intra_ocular_lens/target_vertex_distance_mm", "Target's vertex distance", {1, false, "mm"}},
       {"/what_if/intra_ocular_lens/a_constant", "A constant", {1, false, ""}},
       {"/what_if/intra_ocular_lens/position_mm", "Lens plane behind the cornea", {2, false, "mm"}}};
   return rows;

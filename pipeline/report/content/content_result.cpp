@@ -97,8 +97,8 @@ EyeCard card_of(const CaseData& data, const EyeData& eye) {
 
   const Json& prescription = eye.prescription;
   if (judgement.has_prescription) card.prescription = rounded_prescription(prescription);
-  card.note = fmt::format("vertex distance {} mm, {}for distance",
-                          fmt::format("{:g}", value_of(prescription, "vertex_distance_mm").value_or(12)),
+  card.note = fmt::format("vertex distance {:g} mm, {}for distance",
+                          value_of(prescription, "vertex_distance_mm").value_or(12),
                           card.headline.find(" x ") != std::string::npos ? "minus cylinder, " : "");
   card.details = details_of(prescription, judgement, card.eye);
   add_calibration(card, prescription);

@@ -1,7 +1,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <array>
 
 #include "pipeline/base/version.hpp"
 #include "pipeline/report/case/series.hpp"
@@ -45,8 +44,8 @@ std::string refraction_sentence(const CaseData& data) {
                wavelength = value_of(eye.prescription, "wavelength_nm"),
                vertex = value_of(eye.prescription, "vertex_distance_mm");
     if (!pupil || !vertex) continue;
-    return fmt::format("Refraction is for distance at {} mm vertex distance, an iris aperture of {} mm{}. ",
-                       fmt::format("{:g}", *vertex), fixed(*pupil, 1),
+    return fmt::format("Refraction is for distance at {:g} mm vertex distance, an iris aperture of {} mm{}. ",
+                       *vertex, fixed(*pupil, 1),
                        wavelength ? " and " + fixed(*wavelength, 1) + " nm" : std::string());
   }
   return {};
@@ -55,13 +54,18 @@ std::string refraction_sentence(const CaseData& data) {
 }  // namespace
 
 std::string refracted_point(const CaseData& data) {
-  for (const auto& eye : data.eyes) {
-    const Json point = eye.prescription.is_object() ? eye.prescription.value("fovea_mm", Json()) : Json();
-    if (!point.is_array() || point.size() != 2) continue;
-    const auto [x_mm, y_mm] = point.get<std::array<double, 2>>();
-    if (x_mm != 0 || y_mm != 0)
-      return fmt::format("at ({:g}, {:g}) mm from the pole of the retina, as was asked for", x_mm, y_mm);
-  }
+  const auto said_of = [](const Json& holder) -> std::string {
+    const auto x_mm = value_at(holder, "/fovea_mm/0"), y_mm = value_at(holder, "/fovea_mm/1");
+    return x_mm && y_mm && (*x_mm != 0 || *y_mm != 0)
+               ? fmt::format("at ({:g}, {:g}) mm from the pole of the retina, as was asked for", *x_mm, *y_mm)
+               : std::string();
+  };
+  for (const auto& eye : data.eyes)
+    if (std::string point = said_of(eye.prescription); !point.empty()) return point;
+  // Older prescriptions do not say it themselves.
+  if (const StageData* traced = data.stage("raytrace"))
+    if (std::string point = said_of(traced->provenance.value("parameters", Json::object())); !point.empty())
+      return point;
   return "on the eye's own axis";
 }
 

@@ -15,8 +15,10 @@ namespace emmetrope::report {
 std::string pdf_object(const SourceStudy& source, const std::string& pdf, bool identified,
                        const std::string& result);
 
+/// Whether an eye's refraction is at the cornea, no spectacle's.
+bool is_of_contact_lens(const EyeData& eye);
 /// Spectacle Prescription Report (SR, TID 2020), PARTIAL and UNVERIFIED, of the eyes that have a
-/// prescription; empty when none has.
+/// prescription of a spectacle; empty when none has.
 std::string prescription_object(const SourceStudy& source, const CaseData& data, const std::string& result);
 
 /// Measurement report (SR, TID 1500): every number of biometry.json with its interval; empty when there is

@@ -218,6 +218,8 @@ void add_measurements(MeasurementGroup& group, const EyeData& eye, std::vector<R
 
 }  // namespace
 
+bool is_of_contact_lens(const EyeData& eye) { return value_of(eye.prescription, "vertex_distance_mm") == 0.0; }
+
 std::string prescription_object(const SourceStudy& source, const CaseData& data, const std::string& result) {
   DSRDocument document(DSRTypes::DT_SpectaclePrescriptionReport);
   describe_document(document, source);
@@ -226,7 +228,7 @@ std::string prescription_object(const SourceStudy& source, const CaseData& data,
   std::string comment = research_notice;
   bool any = false;
   for (const auto& eye : data.eyes) {
-    if (!judge(data, eye).has_prescription) continue;
+    if (!judge(data, eye).has_prescription || is_of_contact_lens(eye)) continue;
     any = true;
     add_eye(tree, eye);
     comment += " " + prescription_comment(eye);

@@ -144,7 +144,7 @@ Json fhir_prescription(const CaseData& data, const std::string& study_date) {
     Json lens{{"product",
                {{"coding",
                  {{{"system", "http://terminology.hl7.org/CodeSystem/ex-visionprescriptionproduct"},
-                   {"code", vertex_mm == 0 ? "contact" : "lens"}}}}}},
+                   {"code", is_of_contact_lens(eye) ? "contact" : "lens"}}}}}},
               {"eye", eye.laterality == Laterality::od ? "right" : "left"},
               {"sphere", value_of(rounded, "sphere_D").value_or(0)}};
     if (const double cylinder = value_of(rounded, "cylinder_D").value_or(0); cylinder != 0) {
@@ -185,6 +185,8 @@ void write_objects(const fs::path& folder, const CaseData& data, const SourceStu
   const std::string result = result_hash(data);
   const fs::path more = folder / "dicom";
   fs::create_directories(more);
+  if (std::any_of(data.eyes.begin(), data.eyes.end(), is_of_contact_lens))
+    notes.emplace_back("prescription.dcm has spectacles alone: a contact lens, vertex distance 0, is not in it");
   attempt(notes, "prescription.dcm",
           [&] { write_if_any(folder / "prescription.dcm", prescription_object(source, data, result)); });
   attempt(notes, "biometry.dcm",

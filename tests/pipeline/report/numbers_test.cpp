@@ -338,6 +338,7 @@ TEST_F(NumbersTest, TheConditionsOfTheRefractionAreTold) {
   EXPECT_THAT(visible_text(output("report.html")), HasSubstr("at (-1.5, 0) mm from the pole"));
   EXPECT_THAT(visible_text(output("report.html")), testing::Not(HasSubstr("own axis")));
   EXPECT_THAT(output("prescription.fhir.json"), HasSubstr("\"code\": \"contact\""));
+  EXPECT_FALSE(fs::exists(folder_ / "report" / "prescription.dcm"));
 }
 
 /// What dsrdump prints of one NUM item.

@@ -25,7 +25,8 @@ TEST(Gaze, LooksAtItsPoint) {
   EXPECT_NEAR(seen.y(), 0, 1e-9);
   EXPECT_NEAR(seen.z() + 13.5, (point - Eigen::Vector3d(-31, 0, -13.5)).norm(), 1e-9);
   EXPECT_THROW(gaze_at(pose, {0, 0, -50}), Error);
-  EXPECT_THROW(gaze_at(pose, {0, 0, 0.3}), Error);  // metres
+  for (const double z : {0.3, 0.0, -5.0})
+    EXPECT_THROW(gaze_at(pose, {0, 0, z}), Error) << z;  // metres, within
 }
 
 TEST(Gaze, ObeysListing) {

@@ -11,6 +11,7 @@
 #include "meshing/biometry.hpp"
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/files.hpp"
+#include "pipeline/base/frames.hpp"
 #include "pipeline/eye/instruments/instruments.hpp"
 #include "pipeline/eye/surfaces/zernike.hpp"
 #include "tests/support/random_eye.hpp"
@@ -94,7 +95,8 @@ TEST_F(TopographyFile, FindsTheToricAndWhatIsBeyondIt) {
   // grid 3 um of coma tilt by 0.2 thousandths.
   EXPECT_NEAR(found.apex_mm.x(), -0.002 * 7.7, 2e-3);
   EXPECT_NEAR(found.apex_mm.y(), 0.001 * 7.7, 2e-3);
-  EXPECT_NEAR(found.zone_mm, 8 + 2 * 0.0173, 2e-3 + 2 * 0.0173);
+  // The point that is farthest from it is (4, 0).
+  EXPECT_NEAR(found.zone_mm, 2 * std::hypot(4 - found.apex_mm.x(), found.apex_mm.y()), 1e-6);
   EXPECT_NEAR(found.departure_um[8], 3, 0.3);
   // A coma term shrinks with the cube of the zone; tilt goes with the toric.
   EXPECT_NEAR(found.irregularity_um.value, 3 * std::pow(6.0 / 8, 3), 0.15);
@@ -167,10 +169,9 @@ TEST_F(TopographyFile, AMapThatIsOffTheApexIsLaidOnIt) {
     const Topography found = analyse_topography(read_elevation_map(write("off.csv", text)), 0.25);
     EXPECT_NEAR(found.apex_mm.norm(), off_mm, 0.1 * off_mm);
     EXPECT_NEAR(found.toric.value[0], truth.M_D, most_D);
-    EXPECT_NEAR(found.toric.value[1], truth.J0_D, most_D);
-    EXPECT_NEAR(found.toric.value[2], truth.J45_D, most_D);
+    EXPECT_NEAR(found.toric.value[1], truth.J0_D, most_D / 1.5);
+    EXPECT_NEAR(found.toric.value[2], truth.J45_D, most_D / 1.5);
     EXPECT_LT(found.irregularity_um.value, most_um);
-    EXPECT_EQ(found.irregularity_um.ci95[0], 0);
     EXPECT_EQ(alignment_warning(found).empty(), off_mm < 0.5);
   };
   for (const double off_mm : {0.1, 0.4, 1.0, 1.4}) {
@@ -179,7 +180,7 @@ TEST_F(TopographyFile, AMapThatIsOffTheApexIsLaidOnIt) {
     // A turned conicoid is laid on the point that is highest in the map: there it is by 1 + Q c^2 r^2 flatter,
     // which is in the covariance, and by 3 um a millimetre of coma irregular.
     const double flatter_D = truth.M_D * std::abs(eye.cornea_q) * std::pow(off_mm * eye.cornea_c_per_mm, 2);
-    check(map_off_apex(eye, 0, off_mm * eye.cornea_c_per_mm), off_mm, 1.3 * flatter_D + 0.01, 6 * off_mm);
+    check(map_off_apex(eye, 0, off_mm * eye.cornea_c_per_mm), off_mm, 1.3 * flatter_D + 0.01, 4 * off_mm);
   }
   EXPECT_THROW(analyse_topography(read_elevation_map(write("off.csv", map_off_apex(eye, 2, 0))), 0.25),
                Error);
@@ -298,6 +299,13 @@ TEST_F(TopographyFile, BrokenMapsAreRefusedWithLineAndFile) {
               AllOf(HasSubstr("zernike_um"), HasSubstr("found []")));
   EXPECT_THAT(complaint("z.json", "{\"zone_mm\": 8, \"zernike_um\": [0,0,0,0,-300], \"order\": \"noll\"}"),
               HasSubstr("unknown key \"order\""));
+  std::string polar = "x_mm,y_mm,elevation_um\n";  // its middle once a meridian
+  for (int meridian = 0; meridian < 36; ++meridian)
+    for (double r = 0; r <= 4; r += 0.25) {
+      const double x = r * std::cos(meridian * pi / 18), y = r * std::sin(meridian * pi / 18);
+      polar += fmt::format("{},{},{}\n", x, y, -1e3 * patient.eye.cornea_anterior_depth_mm(x, y));
+    }
+  EXPECT_EQ(complaint("polar.csv", polar), "accepted");
   std::string both = "x_mm,y_mm,elevation_um\n";
   for (const double radius_mm : {7.7, 7.4})
     for (double y = -4; y <= 4; y += 0.5)
