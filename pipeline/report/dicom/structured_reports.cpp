@@ -1,3 +1,5 @@
+#include <fmt/format.h>
+
 #include <dcmtk/config/osconfig.h>
 #include <dcmtk/dcmdata/dctk.h>
 #include <dcmtk/dcmsr/cmr/tid1500.h>
@@ -218,7 +220,9 @@ void add_measurements(MeasurementGroup& group, const EyeData& eye, std::vector<R
 
 }  // namespace
 
-bool is_of_contact_lens(const EyeData& eye) { return value_of(eye.prescription, "vertex_distance_mm") == 0.0; }
+bool is_of_contact_lens(const EyeData& eye) {
+  return value_of(eye.prescription, "vertex_distance_mm") == 0.0;
+}
 
 std::string prescription_object(const SourceStudy& source, const CaseData& data, const std::string& result) {
   DSRDocument document(DSRTypes::DT_SpectaclePrescriptionReport);

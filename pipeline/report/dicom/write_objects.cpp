@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 #include <set>
@@ -186,7 +188,8 @@ void write_objects(const fs::path& folder, const CaseData& data, const SourceStu
   const fs::path more = folder / "dicom";
   fs::create_directories(more);
   if (std::any_of(data.eyes.begin(), data.eyes.end(), is_of_contact_lens))
-    notes.emplace_back("prescription.dcm has spectacles alone: a contact lens, vertex distance 0, is not in it");
+    notes.emplace_back(
+        "prescription.dcm has spectacles alone: a contact lens, vertex distance 0, is not in it");
   attempt(notes, "prescription.dcm",
           [&] { write_if_any(folder / "prescription.dcm", prescription_object(source, data, result)); });
   attempt(notes, "biometry.dcm",
