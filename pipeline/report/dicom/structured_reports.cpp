@@ -1,9 +1,8 @@
-#include <fmt/format.h>
-
 #include <dcmtk/config/osconfig.h>
 #include <dcmtk/dcmdata/dctk.h>
 #include <dcmtk/dcmsr/cmr/tid1500.h>
 #include <dcmtk/dcmsr/dsrdoc.h>
+#include <fmt/format.h>
 
 #include "pipeline/base/files.hpp"
 #include "pipeline/base/version.hpp"
