@@ -423,11 +423,17 @@ TEST_F(ReportTest, LargePicturesAreScaledAndThePageStaysSmall) {
   EXPECT_LT(output("report.html").size(), most_page_bytes);
 }
 
-TEST_F(ReportTest, FollowUpTellsChangesFromMeasurementError) {
-  const fs::path later = folder_.string() + "-later";
+/// The fixture's case in `earlier`, and the same beside it.
+fs::path two_visits(const fs::path& earlier) {
+  const fs::path later = earlier.string() + "-later";
   fs::remove_all(later);
-  test::make_fixture_case(folder_);
+  test::make_fixture_case(earlier);
   test::make_fixture_case(later);
+  return later;
+}
+
+TEST_F(ReportTest, FollowUpTellsChangesFromMeasurementError) {
+  const fs::path later = two_visits(folder_);
   const fs::path file = later / "meshing" / "od" / "biometry.json";
   Json biometry = read_json(file);
   // Half widths of 0.0588 mm each: the limit is 0.083 mm.
@@ -461,10 +467,7 @@ TEST_F(ReportTest, FollowUpTellsChangesFromMeasurementError) {
 
 // -10 D at 12 mm are -8.93 D at the cornea: no change.
 TEST_F(ReportTest, FollowUpComparesRefractionsThatWereMadeAlike) {
-  const fs::path later = folder_.string() + "-later";
-  fs::remove_all(later);
-  test::make_fixture_case(folder_);
-  test::make_fixture_case(later);
+  const fs::path later = two_visits(folder_);
   const fs::path file = later / "correction" / "od" / "prescription.json";
   Json prescription = read_json(file);
   prescription["vertex_distance_mm"] = 0;
@@ -540,10 +543,7 @@ TEST_F(ReportTest, FollowUpComparesThePatientsOfTheSourceStudies) {
 }
 
 TEST_F(ReportTest, FollowUpRefusesOneCaseTwiceAndExplainsARefusedOne) {
-  const fs::path later = folder_.string() + "-later";
-  fs::remove_all(later);
-  test::make_fixture_case(folder_);
-  test::make_fixture_case(later);
+  const fs::path later = two_visits(folder_);
   CommonOptions common;
   common.verbosity.quiet = true;
   for (const auto& same : {folder_, later}) try {
