@@ -6,7 +6,6 @@
 
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/frames.hpp"
-#include "raytrace/scene/chart.hpp"
 
 namespace emmetrope::raytrace {
 namespace {
@@ -44,9 +43,10 @@ Gaze gaze_at(const EyePose& eye, const Eigen::Vector3d& point_mm, const Eigen::V
   };
   const Eigen::Vector3d centre = eye.apex_mm - Eigen::Vector3d(0, 0, eye.rotation_centre_mm);
   const Gaze aligned = gaze_along(point_mm - centre);
-  if (const double ahead_mm = point_mm.z() - eye.apex_mm.z(); ahead_mm < least_distance_mm)
+  constexpr double nearest_mm = 20;  // metres, or within the eye
+  if (const double ahead_mm = point_mm.z() - eye.apex_mm.z(); ahead_mm < nearest_mm)
     throw usage_error(fmt::format("an eye cannot look at a point {:.3g} mm ahead of it, nearer than {:g}",
-                                  ahead_mm, least_distance_mm),
+                                  ahead_mm, nearest_mm),
                       "points are in mm");
   if (deviation_prism.isZero(0)) return aligned;
   // a prism dioptre is a hundredth of the tangent
