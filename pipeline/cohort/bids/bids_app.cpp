@@ -68,18 +68,16 @@ std::string said(const Outcomes& outcomes) {
                      outcomes.partial, outcomes.no_result, outcomes.failed);
 }
 
-/// Where the dataset's own table does not speak of those who were measured, or are to be, as it did.
-std::vector<std::string> warnings_of(const fs::path& dataset, const std::vector<Subject>& subjects) {
+/// Warns where the dataset's own table does not speak of those who were measured, or are to be, as it did.
+void compare_with_table(const fs::path& dataset, const std::vector<Subject>& subjects) {
   const fs::path file = dataset / "participants.tsv";
-  if (!fs::exists(file)) return {};
-  std::vector<std::string> sentences;
+  if (!fs::exists(file)) return;
   try {
-    sentences = contradictions(subjects, read_table(file, {id_column}));
+    for (const std::string& sentence : contradictions(subjects, read_table(file, {id_column})))
+      spdlog::warn("{}", sentence);
   } catch (const Error& unreadable) {  // what was measured stands
-    sentences.emplace_back(unreadable.what());
+    spdlog::warn("{}", unreadable.what());
   }
-  for (const std::string& sentence : sentences) spdlog::warn("{}", sentence);
-  return sentences;
 }
 
 Answer run_participants(const BidsOptions& options, const CommonOptions& common) {
@@ -89,7 +87,7 @@ Answer run_participants(const BidsOptions& options, const CommonOptions& common)
   require_apart(derivatives.root(), dataset);
   const std::vector<Subject> subjects =
       find_subjects(dataset, {labels(options.participants, "sub-"), labels(options.sessions, "ses-")});
-  const std::vector<std::string> warnings = warnings_of(dataset, subjects);
+  compare_with_table(dataset, subjects);
   derivatives.describe(dataset);
   const CohortFolder cohort = derivatives.cohort();
   Progress progress(fmt::format("{} visits", subjects.size()), subjects.size() * pipeline_stages.size(),
@@ -124,7 +122,6 @@ Answer run_participants(const BidsOptions& options, const CommonOptions& common)
   Answer answer;
   answer.json = counted(outcomes);
   answer.json["participants"] = names;
-  answer.json["warnings"] = warnings;
   answer.text = said(outcomes) + "\n" + derivatives.root().string() + "\n";
   return answer;
 }
@@ -152,14 +149,13 @@ Answer run_group(const BidsOptions& options) {
   std::vector<Subject> measured;
   for (const std::string& subject : subjects)
     measured.push_back(read_subject(cohort.subject_file(subject), subject));
-  const std::vector<std::string> warnings = warnings_of(whole_path(options.dataset), measured);
+  compare_with_table(whole_path(options.dataset), measured);
   const std::vector<EyeRow> rows = read_rows(cohort, subjects);
   write_results(cohort, rows, derivatives.root());
   const Outcomes outcomes = count_outcomes(rows);
   Answer answer;
   answer.json = counted(outcomes);
   answer.json["unfinished"] = unfinished;
-  answer.json["warnings"] = warnings;
   answer.json["table"] = (derivatives.root() / "cohort.tsv").string();
   answer.json["page"] = (derivatives.root() / "cohort.html").string();
   answer.text = said(outcomes) + "\n" + (derivatives.root() / "cohort.html").string() + "\n";
