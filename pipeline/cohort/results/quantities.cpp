@@ -28,7 +28,10 @@ const std::vector<Quantity>& quantities() {
                "Largest extent of the interface along the vertical"),
       biometry("globe_depth", "/globe_depth_mm", "mm", "Extent of the globe's ellipsoid along the axis"),
       biometry("flat_power", "/keratometry/flat/power_D", "D", "Flat meridian, 337.5 / R"),
-      biometry("flat_axis", "/keratometry/flat/axis_deg", "deg", "Flat meridian, TABO"),
+      biometry(
+          "flat_axis", "/keratometry/flat/axis_deg", "deg",
+          "Flat meridian, TABO, where there is one: n/a of a cornea that may be a sphere; the interval may "
+          "reach beyond 0 and 180"),
       biometry("steep_power", "/keratometry/steep/power_D", "D", "Steep meridian, 337.5 / R"),
       biometry("corneal_m", "/astigmatism/M_D", "D", "Mean corneal power"),
       biometry("corneal_j0", "/astigmatism/J0_D", "D", "Corneal astigmatism with the rule"),

@@ -17,6 +17,9 @@ std::string pdf_object(const SourceStudy& source, const std::string& pdf, bool i
 
 /// Whether an eye's refraction is at the cornea, no spectacle's.
 bool is_of_contact_lens(const EyeData& eye);
+/// What the coded powers do not say of a refraction: "The cylinder may be none: its axis is not determined. In light of
+/// 555 nm. "
+std::string conditions_of(const Json& prescription);
 /// Spectacle Prescription Report (SR, TID 2020), PARTIAL and UNVERIFIED, of the eyes that have a
 /// prescription of a spectacle; empty when none has.
 std::string prescription_object(const SourceStudy& source, const CaseData& data, const std::string& result);

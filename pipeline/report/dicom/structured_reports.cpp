@@ -6,7 +6,10 @@
 
 #include "pipeline/base/files.hpp"
 #include "pipeline/base/version.hpp"
+#include "pipeline/eye/media/ocular_media.hpp"
 #include "pipeline/report/content/biometry_rows.hpp"
+#include "pipeline/report/content/content.hpp"
+#include "pipeline/report/content/first_page.hpp"
 #include "pipeline/report/content/judgement.hpp"
 #include "pipeline/report/dicom/object.hpp"
 #include "pipeline/report/dicom/objects.hpp"
@@ -148,17 +151,20 @@ void add_eye(Tree& tree, const EyeData& eye) {
   tree.up();
 }
 
-std::string prescription_comment(const EyeData& eye) {
+std::string prescription_comment(const CaseData& data, const EyeData& eye) {
   const NumberStyle dioptres{2, true, "D"};
-  std::string text = std::string(clinical_name(eye.laterality)) + ": vertex distance " +
-                     fmt::format("{:g} mm.", value_of(eye.prescription, "vertex_distance_mm").value_or(12));
+  std::string text = fmt::format("{}: vertex distance {:g} mm, {}. {}", clinical_name(eye.laterality),
+                                 value_of(eye.prescription, "vertex_distance_mm").value_or(12),
+                                 refracted_point(data), conditions_of(eye.prescription));
   for (const auto& [key, name, style] :
        {std::tuple{"sphere_D", "Sphere", dioptres}, std::tuple{"cylinder_D", "Cylinder", dioptres},
         std::tuple{"axis_deg", "Axis", NumberStyle{0, false, "deg"}}}) {
-    if (!eye.prescription.contains(key)) continue;
+    const bool is_undetermined =
+        key == std::string("axis_deg") && !has_axis(eye.prescription.value("cylinder_D", Json()));
+    if (is_undetermined || !eye.prescription.contains(key)) continue;
     const auto value = value_of(eye.prescription, key);
     const std::string interval = interval_sentence(name, eye.prescription[key], style);
-    if (value && !interval.empty()) text += " " + interval + ", value " + format(*value, style) + ".";
+    if (value && !interval.empty()) text += interval + ", value " + format(*value, style) + ". ";
   }
   return dicom_text(text, 1000);
 }
@@ -223,18 +229,27 @@ bool is_of_contact_lens(const EyeData& eye) {
   return value_of(eye.prescription, "vertex_distance_mm") == 0.0;
 }
 
+std::string conditions_of(const Json& prescription) {
+  std::string text;
+  if (!has_axis(prescription.value("cylinder_D", Json())))
+    text += "The cylinder may be none: its axis is not determined. ";
+  if (const double nm = value_of(prescription, "wavelength_nm").value_or(sodium_nm); nm != sodium_nm)
+    text += fmt::format("In light of {:g} nm. ", nm);
+  return text;
+}
+
 std::string prescription_object(const SourceStudy& source, const CaseData& data, const std::string& result) {
   DSRDocument document(DSRTypes::DT_SpectaclePrescriptionReport);
   describe_document(document, source);
   Tree tree(document.getTree());
   tree.root({"111671", "DCM", "Spectacle Prescription Report"});
-  std::string comment = research_notice;
+  std::string comment = std::string(research_notice) + " ";
   bool any = false;
   for (const auto& eye : data.eyes) {
     if (!judge(data, eye).has_prescription || is_of_contact_lens(eye)) continue;
     any = true;
     add_eye(tree, eye);
-    comment += " " + prescription_comment(eye);
+    comment += prescription_comment(data, eye);
   }
   if (!any) return {};
   tree.text({"121106", "DCM", "Comment"}, comment);

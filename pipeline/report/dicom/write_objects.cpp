@@ -11,7 +11,6 @@
 #include "pipeline/base/measured.hpp"
 #include "pipeline/base/version.hpp"
 #include "pipeline/report/content/content.hpp"
-#include "pipeline/report/content/first_page.hpp"
 #include "pipeline/report/content/judgement.hpp"
 #include "pipeline/report/dicom/objects.hpp"
 
@@ -118,20 +117,12 @@ void write_structure_sets(const fs::path& folder, const CaseData& data, const So
   }
 }
 
-/// What the coded powers do not say: "Spherical equivalent +-2.5 D (95 %). "
+/// "Spherical equivalent +-2.5 D (95 %). "
 std::string uncertainty_of(const Json& prescription) {
-  std::string text;
-  if (const Json M = prescription.value("M_D", Json()); M.is_object() && M.contains("ci95")) {
-    const auto measured = M.get<Measured>();
-    text +=
-        fmt::format("Spherical equivalent +-{:.1f} D (95 %). ", (measured.ci95[1] - measured.ci95[0]) / 2);
-  }
-  if (!has_axis(prescription.value("cylinder_D", Json())))
-    text += "The cylinder may be none: its axis is not determined. ";
-  constexpr double usual_nm = 589.3;
-  if (const double nm = value_of(prescription, "wavelength_nm").value_or(usual_nm); nm != usual_nm)
-    text += fmt::format("In light of {:g} nm. ", nm);
-  return text;
+  const Json M = prescription.value("M_D", Json());
+  if (!M.is_object() || !M.contains("ci95")) return {};
+  const auto measured = M.get<Measured>();
+  return fmt::format("Spherical equivalent +-{:.1f} D (95 %). ", (measured.ci95[1] - measured.ci95[0]) / 2);
 }
 
 }  // namespace
@@ -152,9 +143,9 @@ Json fhir_prescription(const CaseData& data, const std::string& study_date) {
       lens["cylinder"] = cylinder;
       lens["axis"] = std::lround(value_of(rounded, "axis_deg").value_or(180));
     }
-    lens["note"] = {
-        {{"text", fmt::format("Vertex distance {:g} mm, {}. {}{}", vertex_mm, refracted_point(data),
-                              uncertainty_of(eye.prescription), research_notice)}}};
+    lens["note"] = {{{"text", fmt::format("Vertex distance {:g} mm, {}. {}{}{}", vertex_mm,
+                                          refracted_point(data), uncertainty_of(eye.prescription),
+                                          conditions_of(eye.prescription), research_notice)}}};
     lenses.push_back(lens);
   }
   if (lenses.empty()) return nullptr;

@@ -325,6 +325,7 @@ TEST_F(NumbersTest, TheConditionsOfTheRefractionAreTold) {
       Json prescription = read_json(file);
       prescription["vertex_distance_mm"] = vertex_mm;
       prescription["fovea_mm"] = fovea_mm;
+      prescription["wavelength_nm"] = 555;
       write_json(file, prescription);
     }
     report();
@@ -334,6 +335,9 @@ TEST_F(NumbersTest, TheConditionsOfTheRefractionAreTold) {
   EXPECT_THAT(visible_text(output("report.html")), HasSubstr("own axis. The fovea"));
   EXPECT_THAT(output("prescription.fhir.json"), HasSubstr("Vertex distance 12.5 mm, on the eye's own axis."));
   EXPECT_THAT(output("prescription.fhir.json"), HasSubstr("\"code\": \"lens\""));
+  EXPECT_THAT(output("prescription.fhir.json"), HasSubstr("In light of 555 nm."));
+  EXPECT_THAT(output("prescription.dcm"),
+              HasSubstr("vertex distance 12.5 mm, on the eye's own axis. In light of 555 nm. Sphere:"));
   set(0, {-1.5, 0});
   EXPECT_THAT(visible_text(output("report.html")), HasSubstr("at (-1.5, 0) mm from the pole"));
   EXPECT_THAT(visible_text(output("report.html")), testing::Not(HasSubstr("own axis")));

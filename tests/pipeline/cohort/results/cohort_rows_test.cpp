@@ -78,6 +78,17 @@ TEST_F(CohortRows, SayWhereARefractionIsNoPrescription) {
   EXPECT_EQ(rows[4].reason, "");
 }
 
+TEST_F(CohortRows, OfACorneaThatMayBeASphereHaveNoAxis) {
+  const fs::path file = cohort_.case_folder("right") / "meshing/od/biometry.json";
+  Json biometry = read_json(file);
+  biometry["keratometry"]["cylinder_D"]["ci95"] = {0, 1.5};
+  write_json(file, biometry);
+  const std::vector<EyeRow> rows = read_rows(cohort_, listed_subjects(cohort_));
+  EXPECT_EQ(rows[2].numbers.count("flat_axis"), 0U);
+  EXPECT_EQ(rows[2].numbers.count("flat_power"), 1U);
+  EXPECT_EQ(rows[4].numbers.count("flat_axis"), 1U);
+}
+
 TEST_F(CohortRows, OfOneScanUnderTwoNamesAreTold) {
   std::vector<EyeRow> rows =
       read_rows(cohort_, listed_subjects(cohort_));  // "right" and "whole" are one fixture
