@@ -3,10 +3,12 @@
 #include <fmt/format.h>
 #include <CLI/CLI.hpp>
 
+#include <algorithm>
 #include <cmath>
 #include <optional>
 
 #include "pipeline/base/error.hpp"
+#include "pipeline/base/files.hpp"
 #include "pipeline/base/frames.hpp"
 #include "pipeline/base/typed_number.hpp"
 #include "pipeline/eye/parametric/analytic_eye.hpp"
@@ -87,6 +89,14 @@ EyeFlag parse_eye_flag(const std::string& flag, const std::string& text, double 
   return parsed;
 }
 
+/// One file, or one of the same bytes; a file that is not there is another's fault to tell.
+bool is_same_map(const std::filesystem::path& a, const std::filesystem::path& b) {
+  if (a.lexically_normal() == b.lexically_normal()) return true;
+  std::error_code missing;
+  return std::filesystem::is_regular_file(a, missing) && std::filesystem::is_regular_file(b, missing) &&
+         sha256_of_file(a) == sha256_of_file(b);
+}
+
 }  // namespace
 
 void declare(CLI::App& app, InstrumentFlags& flags) {
@@ -127,8 +137,12 @@ std::map<Laterality, EyeInstruments> parse_instruments(const InstrumentFlags& fl
   std::map<Laterality, EyeInstruments> by_eye;
   const auto add = [&](const char* flag, const std::vector<std::string>& texts, double default_sigma,
                        auto measurement) {
-    for (const std::string& text : texts) {
-      const EyeFlag parsed = parse_eye_flag(flag, text, default_sigma);
+    for (auto text = texts.begin(); text != texts.end(); ++text) {
+      if (std::find(texts.begin(), text, *text) != text)
+        throw usage_error(
+            fmt::format("{} {} is given twice", flag, *text),
+            "each counts as one more reading: give it once; where two readings are alike, with its +- over 1.4");
+      const EyeFlag parsed = parse_eye_flag(flag, *text, default_sigma);
       by_eye[parsed.eye].measurements.push_back(measurement(parsed.value, parsed.sigma));
     }
   };
@@ -147,7 +161,7 @@ std::map<Laterality, EyeInstruments> parse_instruments(const InstrumentFlags& fl
     topography = {parsed.value, parsed.sigma};
     const auto other = by_eye.find(parsed.eye == Laterality::od ? Laterality::os : Laterality::od);
     if (other != by_eye.end() && other->second.topography &&
-        other->second.topography->file == topography->file)
+        is_same_map(other->second.topography->file, topography->file))
       throw usage_error(fmt::format("--topography {}: the map is the other eye's", text),
                         "give each eye its own");
   }

@@ -113,8 +113,24 @@ TEST(KnownData, OfOneRefractionAnEye) {
   EXPECT_EQ(parse_known_data(maps).size(), 2U);
   maps.instruments.topography.emplace_back("od:c.csv");
   EXPECT_THROW(parse_known_data(maps), Error);
-  maps.instruments.topography = {"od:a.csv", "os:a.csv"};
+  maps.instruments.topography = {"od:a.csv", "os:./a.csv"};
   EXPECT_THROW(parse_known_data(maps), Error);
+  const test::TemporaryFolder folder;
+  const std::string right = (folder.path() / "r.csv").string(), left = (folder.path() / "l.csv").string();
+  write_file(right, "0,0,0");
+  write_file(left, "0,0,0");
+  maps.instruments.topography = {"od:" + right, "os:" + left};
+  EXPECT_THROW(parse_known_data(maps), Error);
+  write_file(left, "0,0,0.1");
+  EXPECT_EQ(parse_known_data(maps).size(), 2U);
+}
+
+TEST(KnownData, OfOneReadingGivenOnce) {
+  KnownDataFlags flags;
+  flags.instruments.anterior_chamber_depth = {"od:3.1", "od:3.2", "os:3.1"};
+  EXPECT_EQ(parse_known_data(flags).at(Laterality::od).instruments.measurements.size(), 2U);
+  flags.instruments.anterior_chamber_depth.emplace_back("od:3.1");
+  EXPECT_THROW(parse_known_data(flags), Error);
 }
 
 }  // namespace
