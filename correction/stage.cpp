@@ -136,8 +136,10 @@ std::optional<Calibration> learn_known_data(const raytrace::Tracer& tracer, EyeM
   return calibration;
 }
 
-/// Formulas cannot stand for every eye.
-void check_learnable(const fs::path& case_folder, const std::string& eye_name, const EyeModel& traced) {
+/// Formulas cannot stand for every eye, and what was meshed is known already.
+void check_learnable(const fs::path& case_folder, Laterality eye, const KnownData& known,
+                     const EyeModel& traced) {
+  const std::string eye_name = to_string(eye);
   const auto give_to_mesh = [&](const std::string& why) {
     return usage_error(eye_name + ": " + why + ", so no further measurement can be added here",
                        "give the measurements to \"emmetrope mesh\" and trace the case again");
@@ -150,6 +152,16 @@ void check_learnable(const fs::path& case_folder, const std::string& eye_name, c
   const Json::json_pointer topography("/parameters/instruments/" + eye_name + "/topography");
   if (meshing.contains(topography) && !meshing.at(topography).is_null())
     throw give_to_mesh("its cornea has been meshed from a topography");
+  const Json meshed = meshing.value(
+      Json::json_pointer("/parameters/instruments/" + eye_name + "/measurements"), Json::array());
+  const Json given = emmetrope::to_json(std::map<Laterality, EyeInstruments>{{eye, known.instruments}})
+                         .at(eye_name)
+                         .at("measurements");
+  for (const Json& reading : given)
+    if (std::find(meshed.begin(), meshed.end(), reading) != meshed.end())
+      throw usage_error(fmt::format("{}: that {} was given to \"emmetrope mesh\" already", eye_name,
+                                    reading.at("quantity").get<std::string>()),
+                        "leave it out: it would count as another reading");
 }
 
 raytrace::TraceSettings trace_settings(const PictureSettings& picture, const Eigen::Vector2d& fovea_mm,
@@ -370,7 +382,7 @@ Answer correct_case(const fs::path& case_folder, CorrectionSettings settings, co
                       "trace it with: emmetrope trace " + case_folder.string());
   for (const Laterality eye : eyes)
     if (settings.known.count(eye) > 0)
-      check_learnable(case_folder, to_string(eye),
+      check_learnable(case_folder, eye, settings.known.at(eye),
                       read_eye(case_folder / "raytrace" / to_string(eye) / "eye.json"));
   StageSpec spec;
   spec.stage = "correction";

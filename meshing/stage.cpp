@@ -125,11 +125,14 @@ std::string summary(const Json& biometry) {
                        m.ci95[1], m.method == "edges" ? m.source + ", edges" : m.source);
   };
   const Json& k = biometry.at("keratometry");
+  const Json& cylinder = k.at("cylinder_D");
+  const bool may_be_sphere = !is_withheld(cylinder) && cylinder.get<Measured>().ci95[0] <= 0;
   return line("axial length", biometry.at("axial_length_mm"), "mm") +
          line("anterior chamber depth", biometry.at("anterior_chamber_depth_mm"), "mm") +
          line("lens thickness", biometry.at("lens_thickness_mm"), "mm") +
          line("flat K", k.at("flat").at("power_D"), "D") +
-         line("  at axis", k.at("flat").at("axis_deg"), "deg") +
+         (may_be_sphere ? std::string("    at axis                 not determined\n")
+                        : line("  at axis", k.at("flat").at("axis_deg"), "deg")) +
          line("steep K", k.at("steep").at("power_D"), "D") +
          line("corneal cylinder", k.at("cylinder_D"), "D");
 }

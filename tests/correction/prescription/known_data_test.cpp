@@ -90,6 +90,8 @@ TEST(KnownAtEitherStage, KeratometryGivesOneRefraction) {
   // It was learnt: the reading lies that far from what the images say.
   EXPECT_GT(std::abs(meshed["M_D"]["value"].get<double>() - without["M_D"]["value"].get<double>()), 0.5);
   EXPECT_EQ(meshed["J0_D"]["source"], "keratometry");
+  // Given to both it would count twice.
+  EXPECT_THROW(refraction(temporary.path() / "both", keratometry, keratometry), Error);
 }
 
 TEST(KnownData, IsWrittenInDecimals) {
