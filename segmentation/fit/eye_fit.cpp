@@ -1,5 +1,7 @@
 #include "segmentation/fit/eye_fit.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -9,6 +11,7 @@
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/frames.hpp"
 #include "pipeline/base/measured.hpp"
+#include "segmentation/fit/acquired_resolution.hpp"
 #include "segmentation/fit/curved_edges.hpp"
 #include "segmentation/fit/eye_distances.hpp"
 #include "segmentation/fit/fit_passes.hpp"
@@ -22,7 +25,7 @@ namespace {
 
 using Eigen::VectorXd;
 
-constexpr std::size_t fewest_voxels = 1000;   ///< that an eye can be fitted to
+constexpr std::size_t fewest_voxels = 1000;   ///< independent ones, that an eye can be fitted to
 constexpr double unseen_gaze_sigma_deg = 10;  ///< where an eye looks whose front is blanked; chosen
 constexpr double unknown_sigma = 1e5;         ///< a prior that wide is none
 /// Fat is displaced alike about both eyes; how far the fellow's is to be trusted was chosen.
@@ -37,6 +40,26 @@ int coarse_stride(const std::vector<ObservedStack>& stacks) {
     voxel_mm3 = std::min(voxel_mm3,
                          o.stack->row_spacing_mm * o.stack->column_spacing_mm * o.stack->slice_spacing_mm());
   return std::clamp(static_cast<int>(0.8 / voxel_mm3), 1, 6);
+}
+
+/// \throw Error (no_result)
+void check_voxels(const std::vector<Sample>& samples, const std::vector<ObservedStack>& stacks,
+                  Evidence evidence) {
+  std::vector<double> of_stack(stacks.size(), 0.0);
+  for (const Sample& sample : samples) ++of_stack[sample.stack];
+  double independent = 0;
+  for (std::size_t k = 0; k < stacks.size(); ++k)
+    independent += evidence == Evidence::labels
+                       ? of_stack[k]
+                       : acquired_resolution(*stacks[k].stack).independent(of_stack[k]);
+  if (independent >= fewest_voxels) return;
+  const bool interpolated = independent < 0.95 * static_cast<double>(samples.size());
+  throw no_result_error(fmt::format(
+      "too few voxels show the eye: {:.0f}{}, and a fit needs {}", independent,
+      interpolated ? fmt::format(" independent ones (the image was interpolated to the {} that are stored)",
+                                 samples.size())
+                   : std::string(),
+      fewest_voxels));
 }
 
 /// An eye in its images, and what is known of it before they are seen.
@@ -217,7 +240,7 @@ void fit_to_all_voxels(EyeFit& fit, const std::function<void()>& step_done) {
   Selection last;
   last.optic_nerve = false;
   problem.samples = select_samples(fit.model, fit.parameters, fit.stacks, last);
-  if (problem.samples.size() < fewest_voxels) throw no_result_error("too few voxels show the eye");
+  check_voxels(problem.samples, fit.stacks, fit.evidence);
   fit.misfit = freeze_deviations(problem, fit.parameters);
   // Curved edges are those of the eye so far: after the third pass the globe moves by less than 0.01 mm.
   for (int i = 0; i < (faint_wall ? 3 : 1); ++i) pass({25});
@@ -335,7 +358,8 @@ EyeFit fit_eye(const std::vector<const Stack*>& stacks, const EyeStart& start, W
   const ImagedEye eye = imaged_eye(stacks, start, weighting, evidence);
   std::vector<Candidate> candidates =
       globe_candidates(eye, globe_starts(eye.model, stacks, start, weighting, evidence));
-  if (candidates.empty()) throw no_result_error("too few voxels show the eye");
+  if (candidates.empty())
+    throw no_result_error(fmt::format("too few voxels show the eye: a fit needs {}", fewest_voxels));
   step_done();
   for (Candidate& candidate : candidates) {
     FitProblem solved = complete(candidate, eye);
