@@ -102,6 +102,12 @@ bool is_mosaic(const ImageHeader& header) {
   return contains(header.value(tag::image_type), "MOSAIC") || (siemens && header.has(tag::mosaic_images));
 }
 
+bool is_echo_planar(const ImageHeader& header) {
+  const auto sequence = split_values(header.value(tag::scanning_sequence));
+  return std::find(sequence.begin(), sequence.end(), "EP") != sequence.end() ||
+         contains(header.value(tag::image_type), "DIFFUSION");
+}
+
 /// A storage class of the standard other than MR's. Vendors' own classes are judged by the modality.
 bool is_other_image(const std::string& sop_class) {
   return sop_class.rfind(uid::image_storage, 0) == 0 && sop_class != uid::mr_image &&
@@ -130,6 +136,10 @@ void check_kind(const Files& files, bool any_modality) {
     if (header.has(tag::modality_lut))
       throw unsupported_error(file.name() + ": " + to_string(tag::modality_lut) +
                               " gives stored values another meaning; a linear rescale is required");
+    if (is_echo_planar(header))
+      throw unsupported_error(found(file, tag::scanning_sequence) + " and " + found(file, tag::image_type) +
+                              ": echo-planar images (diffusion, perfusion, function) are distorted by "
+                              "millimetres near air, where eyes are");
     if (is_mosaic(header))
       throw unsupported_error(found(file, tag::image_type) +
                               ": a Siemens mosaic shows many slices in one image; export single slices");

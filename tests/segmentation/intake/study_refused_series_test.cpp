@@ -184,6 +184,9 @@ const Defect defects[] = {
     {"BurnedInText", SET_ALL(DCM_BurnedInAnnotation, "YES"), "(0028,0301)"},
     {"Mosaic", SET_ALL(DCM_ImageType, "ORIGINAL\\PRIMARY\\M\\ND\\MOSAIC"), "(0008,0008)",
      ExitStatus::unsupported},
+    {"EchoPlanar", SET_ALL(DCM_ScanningSequence, "EP\\SE"), "(0018,0020)", ExitStatus::unsupported},
+    {"Diffusion", SET_ALL(DCM_ImageType, "ORIGINAL\\PRIMARY\\DIFFUSION\\NONE"), "(0008,0008)",
+     ExitStatus::unsupported},
 };
 
 INSTANTIATE_TEST_SUITE_P(TableA, RefusedSeries, ::testing::ValuesIn(defects),
