@@ -85,10 +85,13 @@ void fit_one(JudgedEye& eye, const StudyImages& images, const std::function<void
   std::vector<const Stack*> drawn_views;
   for (const Stack& image : drawn) drawn_views.push_back(&image);
   eye.evidence = drawn.empty() ? Evidence::intensities : Evidence::labels;
-  if (drawn.empty()) eye.edges = read_edges_of(eye.found, stacks);
+  const ViewEdges edges = read_edges_of(eye.found, stacks);
+  if (drawn.empty()) eye.edges = edges;
   fit_and_judge(eye, drawn.empty() ? views : drawn_views,
                 start_of(eye.found, eye.edges, images.subject.age_years), advance);
   if (!eye.fit) return;
+  if (!drawn.empty() && !edges.empty() && edges.front())
+    eye.gates.push_back(judge_labels(*eye.fit, *edges.front()));
   // What is shown and written is the scanner's image.
   for (std::size_t v = 0; v < views.size(); ++v) eye.fit->stacks[v].stack = views[v];
 }

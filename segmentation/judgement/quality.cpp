@@ -225,6 +225,14 @@ void judge_lens(const EyeFit& fit, Gates& gates) {
       Withholds::front);
 }
 
+double finest_pixel_mm(const EyeFit& fit) {
+  double finest_mm = std::numeric_limits<double>::infinity();
+  for (const ObservedStack& observed : fit.stacks)
+    finest_mm =
+        std::min(finest_mm, std::max(observed.stack->row_spacing_mm, observed.stack->column_spacing_mm));
+  return finest_mm;
+}
+
 void judge_cornea_and_length(const EyeFit& fit, Gates& gates) {
   // As dark as the wall: 1; as bright as the fluid: 0.
   if (fit.weighting == Weighting::t2)
@@ -242,6 +250,14 @@ void judge_cornea_and_length(const EyeFit& fit, Gates& gates) {
           "of {}, and both are water (a lid? oil or blood in the vitreous?)",
           100 * fluids_apart, t1 ? "what surrounds the globe" : "its brightness"),
       Withholds::front);
+  if (fit.evidence == Evidence::labels) {
+    const double pixel_mm = finest_pixel_mm(fit);
+    gates.refuse_above(
+        "label_pixel_mm", pixel_mm,
+        fmt::format("labels in pixels of {:.2f} mm do not tell a cornea's curvature: it is thinner",
+                    pixel_mm),
+        Withholds::cornea);
+  }
   const double power_sigma_D = keratometric_D_mm * fit.sigma(cornea_c);
   const double prior_sigma_D = keratometric_D_mm * fit.priors.sigma[cornea_c];
   gates.refuse_above(
@@ -467,6 +483,17 @@ std::vector<QualityGate> judge_quality(const FoundEye& found, const EyeFit& fit,
   }
   judge_head_motion(fit, gates);
   return gates.take();
+}
+
+QualityGate judge_labels(const EyeFit& drawn, const ReadEye& image) {
+  const EdgeAgreement agreement = compare_with_edges(drawn, image);
+  Gates gates;
+  gates.warn_above(
+      "edge_disagreement", agreement.sigmas_beyond_wall,
+      fmt::format("the labels and the edges in the image disagree, {} (labels of another study, or "
+                  "moved?)",
+                  agreement.largest));
+  return gates.take().front();
 }
 
 bool is_withheld(const std::vector<QualityGate>& gates, Withholds what) {

@@ -524,6 +524,21 @@ TEST(QualityOfShapes, NoiseIsNoReasonToDoubtAFit) {
   EXPECT_FALSE(gate_of(fit, "residual_over_contrast").passed);
 }
 
+/// A voxel's label is of its middle: coarser than a cornea is thick, labels do not tell its curvature.
+TEST(QualityOfShapes, CoarseLabelsTellNoCornea) {
+  const ParameterLayout layout;
+  EyeFit fit = fit_at(layout, population_mean(layout), Weighting::t1);
+  fit.evidence = Evidence::labels;
+  Stack stack;
+  stack.column_spacing_mm = stack.row_spacing_mm = stack.slice_thickness_mm = 0.8;
+  fit.stacks.resize(1);
+  fit.stacks[0].stack = &stack;
+  EXPECT_EQ(gate_of(fit, "label_pixel_mm").withholds, Withholds::cornea);
+  EXPECT_FALSE(gate_of(fit, "label_pixel_mm").passed);
+  stack.column_spacing_mm = stack.row_spacing_mm = 0.6;
+  EXPECT_TRUE(gate_of(fit, "label_pixel_mm").passed);
+}
+
 /// Fat before the eye was taken for aqueous, a lid for the lens: it is brighter than the vitreous only.
 TEST(QualityOfShapes, ALensDiffersFromBothFluids) {
   const ParameterLayout layout;

@@ -63,8 +63,8 @@ class HandLabelsStage : public testing::Test {
   }
 
   /// The true tissue of the right eye at each voxel's centre; all that lies behind the globe's middle is
-  /// moved back by this much, the gap filled with what is at the middle.
-  fs::path draw(const std::string& name, double lengthened_mm) const {
+  /// moved back by this much, the gap filled with what is at the middle; and all of it upwards.
+  fs::path draw(const std::string& name, double lengthened_mm, double raised_mm = 0) const {
     const phantom::HeadGeometry head = phantom::sample_head();
     const phantom::Anatomy anatomy(head);
     const phantom::PlacedEye eye = phantom::place(head, Laterality::od);
@@ -75,7 +75,7 @@ class HandLabelsStage : public testing::Test {
       values.emplace_back();
       for (int r = 0; r < on.rows; ++r) {
         for (int c = 0; c < on.columns; ++c) {
-          Vector3d x = on.position(c, r, s);
+          Vector3d x = on.position(c, r, s) - Vector3d(0, 0, raised_mm);
           if ((x - middle).norm() > 18) {
             values.back().push_back(0);
             continue;
@@ -160,6 +160,19 @@ TEST_F(HandLabelsStage, AnEyeDrawnLongerIsLonger) {
   const double truth =
       read_json(sample_ / "truth.json").at("eyes").at("od").at("axial_length_mm").get<double>();
   EXPECT_NEAR(parametric_eye_from_json(fit.at("eye")).pole_depth_mm(), truth + 1, 0.2);
+}
+
+/// They stand, but not without a word.
+TEST_F(HandLabelsStage, LabelsThatLieBesideTheImagesEyeAreDoubted) {
+  if (!fs::exists(sample_ / "truth.json")) GTEST_SKIP() << "the sample study is not at " << sample_;
+  const auto doubted = [&](double raised_mm) {
+    const Json fit = fit_of({draw("stack2", 0, raised_mm)});
+    for (const Json& gate : fit.at("quality"))
+      if (gate.at("name") == "edge_disagreement") return !gate.at("passed").get<bool>();
+    return false;
+  };
+  EXPECT_FALSE(doubted(0));
+  EXPECT_TRUE(doubted(3));
 }
 
 TEST_F(HandLabelsStage, FilesThatCannotBeUsedAreRefused) {
