@@ -163,9 +163,8 @@ Json trace_eye(const MeasuredEye& measured, const UncertainOptics& optics, Later
   for (const auto& note : result.notes) spdlog::info("{}: {}", to_string(eye), note);
   warn_of_doubts(result, settings);
   fs::create_directories(folder);
-  write_mesh(folder / "photoreceptors.ply", measured.photoreceptors_in_lps, true);
   // The eye's own, whatever it wears in the picture: a correction starts from them.
-  write_json(folder / "eye.json", measured_eye_json(measured, eye));
+  write_measured_eye(folder, measured, eye);
   write_png(folder / "uncorrected.png", with_cover(result.image, result.unseen));
   write_wavefront(measured.eye, settings, folder);
   const EyeModel turned = fixed_to_head(worn, settings.pose.turned_from_straight());

@@ -6,7 +6,9 @@
 
 #include "pipeline/base/case_subject.hpp"
 #include "pipeline/base/error.hpp"
+#include "pipeline/base/files.hpp"
 #include "pipeline/base/frames.hpp"
+#include "pipeline/base/json.hpp"
 #include "pipeline/base/measured.hpp"
 #include "pipeline/eye/media/ocular_media.hpp"
 #include "pipeline/eye/model/mesh_shape.hpp"
@@ -128,16 +130,22 @@ MeasuredEye read_measured_eye(const std::filesystem::path& case_folder, Laterali
   return result;
 }
 
-Json measured_eye_json(const MeasuredEye& measured, Laterality laterality) {
+void write_measured_eye(const std::filesystem::path& folder, const MeasuredEye& measured,
+                        Laterality laterality) {
+  const std::string photoreceptors = "photoreceptors.ply";
+  write_mesh(folder / photoreceptors, measured.photoreceptors_in_lps, true);
   Json json = to_json(measured.eye);
-  for (auto& surface : json["surfaces"])
-    if (surface["type"] == "mesh") {
-      const std::string name = surface["name"];
-      surface["file"] = name == "retina"
-                            ? "photoreceptors.ply"
-                            : "../../meshing/" + std::string(to_string(laterality)) + "/" + name + ".ply";
+  for (auto& surface : json["surfaces"]) {
+    if (surface["type"] != "mesh") continue;
+    const std::string name = surface["name"];
+    if (name == "retina") {
+      surface["file"] = photoreceptors;
+      surface["sha256"] = sha256_of_file(folder / photoreceptors);
+    } else {
+      surface["file"] = "../../meshing/" + std::string(to_string(laterality)) + "/" + name + ".ply";
     }
-  return json;
+  }
+  write_json(folder / "eye.json", json);
 }
 
 }  // namespace emmetrope::raytrace

@@ -3,7 +3,6 @@
 #include <optional>
 #include <string>
 
-#include "pipeline/base/json.hpp"
 #include "pipeline/base/laterality.hpp"
 #include "pipeline/eye/meshes/triangle_mesh.hpp"
 #include "pipeline/eye/model/eye_model.hpp"
@@ -36,7 +35,7 @@ struct MeasuredEye {
 MeasuredEye read_measured_eye(const std::filesystem::path& case_folder, Laterality eye,
                               const MeasuredEyeOptions& options);
 
-/// eye.json of CASE/raytrace/<eye>: paths relative to that folder, photoreceptors.ply beside it.
-Json measured_eye_json(const MeasuredEye& measured, Laterality eye);
+/// eye.json and photoreceptors.ply of CASE/raytrace/<eye>; paths relative to that folder.
+void write_measured_eye(const std::filesystem::path& folder, const MeasuredEye& measured, Laterality eye);
 
 }  // namespace emmetrope::raytrace

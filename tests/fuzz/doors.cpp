@@ -10,7 +10,7 @@
 #include "pipeline/base/files.hpp"
 #include "pipeline/eye/exchange/eye_file.hpp"
 #include "pipeline/eye/instruments/instruments.hpp"
-#include "pipeline/eye/meshes/triangle_mesh.hpp"
+#include "pipeline/eye/model/mesh_shape.hpp"
 #include "pipeline/eye/schematic/schematic_eyes.hpp"
 #include "raytrace/movement/movement.hpp"
 #include "segmentation/intake/dicom_header.hpp"
@@ -19,6 +19,7 @@
 #include "segmentation/intake/study.hpp"
 #include "tests/fuzz/door_groups.hpp"
 #include "tests/support/generated_series.hpp"
+#include "tests/support/sheet.hpp"
 #include "tests/support/vtp_files.hpp"
 
 namespace emmetrope::fuzz {
@@ -163,6 +164,18 @@ Seeds eye_files(Folder folder, const char* ending) {
   return seeds;
 }
 
+/// One of them with a mesh, which stays beside the eye.
+Seeds eye_jsons(Folder folder) {
+  Seeds seeds = eye_files(folder, ".json");
+  const fs::path file = folder.parent_path() / "eye.json", mesh = folder.parent_path() / "cornea.ply";
+  write_mesh(mesh, testing_eye::jittered_sheet(*make_sphere(7.8), 5, 200, 1), false);
+  EyeModel eye = make_eye("navarro");
+  eye.surfaces.front() = read_mesh_surface("cornea_anterior", mesh, {}, "cornea");
+  write_eye_file(file, eye);
+  seeds.push_back(read_file(file));
+  return seeds;
+}
+
 /// Its glass catalogue stays beside the lens.
 Seeds zemax_lens(Folder folder) {
   const fs::path file = folder.parent_path() / "lens.zmx";
@@ -199,8 +212,7 @@ std::vector<Door> reader_doors() {
       mesh_door(".stl"),
       mesh_door(".obj"),
       vtp_door(),
-      {"eye.json", "eye.json", [](Folder folder) { return eye_files(folder, ".json"); }, mutate_json,
-       [](const fs::path& file) { read_eye_file(file); }},
+      {"eye.json", "eye.json", eye_jsons, mutate_json, [](const fs::path& file) { read_eye_file(file); }},
       {"zmx", "lens.zmx", zemax_lens, mutate_text, [](const fs::path& file) { read_eye_file(file); }},
       {"topography.csv", "map.csv", topographies, mutate_text, read_topography},
       {"topography.json", "map.json",

@@ -5,6 +5,7 @@
 
 #include "pipeline/base/checked_object.hpp"
 #include "pipeline/base/error.hpp"
+#include "pipeline/base/files.hpp"
 #include "pipeline/base/frames.hpp"
 #include "pipeline/eye/model/eye_model.hpp"
 #include "pipeline/eye/model/mesh_shape.hpp"
@@ -131,6 +132,15 @@ Surface read_stop(CheckedObject& json, const std::string& name) {
   return stop;
 }
 
+/// What an eye keeps beside its meshes (iris, frame, photoreceptors) is of the meshes that it was made with.
+void require_recorded(const std::filesystem::path& mesh, const std::string& sha256) {
+  if (!sha256.empty() && sha256_of_file(mesh) != sha256)
+    throw input_error(
+        mesh.string() + " is not the mesh that this eye was made with: its SHA-256 is another",
+        "trace the case again with: emmetrope trace CASE; for a mesh that you have changed yourself "
+        "leave the key \"sha256\" out");
+}
+
 Surface read_mesh_entry(CheckedObject& json, const std::string& name, const std::filesystem::path& folder,
                         const std::optional<Eigen::Isometry3d>& lps_from_eye) {
   MeshInterpolation interpolation = MeshInterpolation::smooth;
@@ -139,9 +149,12 @@ Surface read_mesh_entry(CheckedObject& json, const std::string& name, const std:
     interpolation = MeshInterpolation::triangles;
   else if (word != "smooth")
     throw json.fault("interpolation", "must be \"smooth\" or \"triangles\", found \"" + word + "\"");
+  const std::string recorded_sha256 = json.text("sha256", "");
   Surface surface;
   try {
-    surface = read_mesh_surface(name, folder / json.text("file"), lps_from_eye, {}, interpolation);
+    const std::filesystem::path file = folder / json.text("file");
+    require_recorded(file, recorded_sha256);
+    surface = read_mesh_surface(name, file, lps_from_eye, {}, interpolation);
   } catch (const Error& error) {
     throw Error(error.status(), json.place() + ": key \"file\": " + error.what(), error.remedy());
   }

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "pipeline/base/error.hpp"
+#include "pipeline/base/files.hpp"
 
 namespace emmetrope {
 namespace {
@@ -72,10 +73,10 @@ TriangleMesh transformed(const Eigen::Isometry3d& target_from_source, const Tria
   return result;
 }
 
-MeshShape::MeshShape(TriangleMesh mesh_in_shape, MeshInterpolation interpolation, std::filesystem::path file)
+MeshShape::MeshShape(TriangleMesh mesh_in_shape, MeshInterpolation interpolation, MeshSource source)
     : mesh_(std::move(mesh_in_shape)),
       interpolation_(interpolation),
-      file_(std::move(file)),
+      source_(std::move(source)),
       hierarchy_(mesh_) {
   if (std::abs(axis_depth_mm(mesh_)) > 1e-6)
     throw input_error("the mesh does not cross the axis at its surface's vertex");
@@ -146,14 +147,15 @@ Eigen::Matrix2d MeshShape::vertex_curvature() const {
 }
 
 Json MeshShape::to_json() const {
-  Json json{{"type", type()}, {"file", file_.string()}};
+  Json json{{"type", type()}, {"file", source_.file.string()}};
+  if (!source_.sha256.empty()) json["sha256"] = source_.sha256;
   if (interpolation_ != MeshInterpolation::smooth) json["interpolation"] = to_string(interpolation_);
   return json;
 }
 
 Surface make_mesh_surface(const std::string& name, const TriangleMesh& mesh_in_eye,
                           const std::string& medium_after, MeshInterpolation interpolation,
-                          const std::filesystem::path& file) {
+                          const MeshSource& source) {
   check_unit(mesh_in_eye);
   Surface surface;
   surface.name = name;
@@ -162,7 +164,7 @@ Surface make_mesh_surface(const std::string& name, const TriangleMesh& mesh_in_e
   Eigen::Isometry3d surface_from_eye = Eigen::Isometry3d::Identity();
   surface_from_eye.translation().z() = surface.position_mm;
   surface.shape =
-      std::make_shared<MeshShape>(transformed(surface_from_eye, mesh_in_eye), interpolation, file);
+      std::make_shared<MeshShape>(transformed(surface_from_eye, mesh_in_eye), interpolation, source);
   return surface;
 }
 
@@ -177,7 +179,7 @@ Surface read_mesh_surface(const std::string& name, const std::filesystem::path& 
     read.mesh = transformed(lps_from_eye->inverse(), read.mesh);
   }
   try {
-    return make_mesh_surface(name, read.mesh, medium_after, interpolation, file);
+    return make_mesh_surface(name, read.mesh, medium_after, interpolation, {file, sha256_of_file(file)});
   } catch (const Error& error) {
     throw Error(error.status(), file.string() + ": " + error.what(), error.remedy());
   }

@@ -14,14 +14,20 @@ namespace emmetrope {
 enum class MeshInterpolation { smooth, triangles };
 const char* to_string(MeshInterpolation interpolation);
 
+/// The file that a mesh was read from, and its SHA-256 then; nothing for a mesh that is not on disk.
+struct MeshSource {
+  std::filesystem::path file;
+  std::string sha256;
+};
+
 /// An open triangle sheet as an optical surface, in its own frame: the mesh crosses the axis at the origin.
 class MeshShape : public Shape {
  public:
   /// \param mesh_in_shape  normals are estimated (Max 1999) where there are none, and turned to positive z at
   ///   the vertex
-  /// \param file  what eye.json names; may be empty for a mesh that is not on disk
+  /// \param source  what eye.json names
   /// \throw Error (input_invalid) when the sheet does not cross the axis
-  MeshShape(TriangleMesh mesh_in_shape, MeshInterpolation interpolation, std::filesystem::path file = {});
+  MeshShape(TriangleMesh mesh_in_shape, MeshInterpolation interpolation, MeshSource source = {});
 
   std::string type() const override { return "mesh"; }
   std::optional<double> depth_mm(double x_mm, double y_mm) const override;
@@ -38,14 +44,13 @@ class MeshShape : public Shape {
   /// Null where the mesh is no height field: rays then meet the triangles.
   const HeightField* patch() const { return patch_ ? &*patch_ : nullptr; }
   MeshInterpolation interpolation() const { return interpolation_; }
-  const std::filesystem::path& file() const { return file_; }
 
  private:
   std::optional<ShapeHit> facing(double x_mm, double y_mm) const;
 
   TriangleMesh mesh_;
   MeshInterpolation interpolation_;
-  std::filesystem::path file_;
+  MeshSource source_;
   TriangleHierarchy hierarchy_;
   std::optional<HeightField> patch_;
 };
@@ -59,7 +64,7 @@ inline const MeshShape* mesh_of(const Surface& surface) {
 Surface make_mesh_surface(const std::string& name, const TriangleMesh& mesh_in_eye,
                           const std::string& medium_after,
                           MeshInterpolation interpolation = MeshInterpolation::smooth,
-                          const std::filesystem::path& file = {});
+                          const MeshSource& source = {});
 
 /// The same from a file: SPACE=LPS meshes are brought into the eye's frame by `lps_from_eye`.
 /// \throw Error (input_invalid) when the file says LPS and there is no lps_from_eye, or the sheet misses the

@@ -10,7 +10,6 @@
 #include "pipeline/base/files.hpp"
 #include "pipeline/base/measured.hpp"
 #include "pipeline/eye/meshes/mesh_formats.hpp"
-#include "pipeline/eye/meshes/triangle_mesh.hpp"
 #include "raytrace/case/measured_eye.hpp"
 #include "tests/support/random_eye.hpp"
 #include "tests/support/temporary_folder.hpp"
@@ -38,8 +37,7 @@ void trace(const fs::path& case_folder) {
   const fs::path folder = case_folder / "raytrace";
   fs::create_directories(folder / "od");
   const raytrace::MeasuredEye measured = raytrace::read_measured_eye(case_folder, Laterality::od, {});
-  write_mesh(folder / "od/photoreceptors.ply", measured.photoreceptors_in_lps, true);
-  write_json(folder / "od/eye.json", raytrace::measured_eye_json(measured, Laterality::od));
+  raytrace::write_measured_eye(folder / "od", measured, Laterality::od);
   write_json(folder / "stage.json", {{"verdict", {{"status", 0}, {"reasons", Json::array()}}},
                                      {"parameters",
                                       {{"scene", "letters"},

@@ -146,11 +146,29 @@ TEST_F(MeasuredCase, EyeJsonReadsBack) {
   const MeasuredEye measured = read_measured_eye(folder_, Laterality::od, {});
   const auto own = folder_ / "raytrace" / "od";
   std::filesystem::create_directories(own);
-  write_mesh(own / "photoreceptors.ply", measured.photoreceptors_in_lps, true);
-  write_json(own / "eye.json", measured_eye_json(measured, Laterality::od));
+  write_measured_eye(own, measured, Laterality::od);
   const EyeModel again = read_eye(own / "eye.json");
   EXPECT_NEAR(again.axial_length_mm(), measured.eye.axial_length_mm(), 1e-6);
   EXPECT_NEAR(paraxial_refraction(again, 589.3).M_D, paraxial_refraction(measured.eye, 589.3).M_D, 1e-6);
+}
+
+TEST_F(MeasuredCase, EyeJsonIsOfTheMeshesThatWereTraced) {
+  const auto own = folder_ / "raytrace" / "od";
+  std::filesystem::create_directories(own);
+  for (const auto& changed : {folder_ / "meshing/od/lens_posterior.ply", own / "photoreceptors.ply"}) {
+    write_measured_eye(own, read_measured_eye(folder_, Laterality::od, {}), Laterality::od);
+    EXPECT_NO_THROW(read_eye(own / "eye.json"));
+    MeshFile mesh = read_mesh(changed);
+    mesh.mesh.vertices.front().z() += 1e-3;
+    write_mesh(changed, mesh.mesh, mesh.says_lps);
+    try {
+      read_eye(own / "eye.json");
+      ADD_FAILURE() << changed << " was read";
+    } catch (const Error& error) {
+      EXPECT_EQ(error.status(), ExitStatus::input_invalid);
+      EXPECT_NE(std::string(error.what()).find(changed.filename().string()), std::string::npos);
+    }
+  }
 }
 
 }  // namespace

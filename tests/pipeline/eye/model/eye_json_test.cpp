@@ -230,6 +230,41 @@ TEST(EyeJson, APatientsMeshCorneaInASchematicEye) {
   EXPECT_NEAR(paraxial_refraction(read_eye(other / "eye.json"), 589.3).M_D, refraction[1], 1e-9);
 }
 
+// Beside a mesh that was made anew the eye's own iris and retina would be of another eye.
+TEST(EyeJson, AMeshThatWasMadeAnewIsRefused) {
+  const std::filesystem::path folder = scratch("mesh-anew"), mesh = folder / "cornea.ply";
+  const auto write_sheet = [&](double radius_mm) {
+    write_mesh(mesh, testing_eye::jittered_sheet(*make_sphere(radius_mm), 5, 200, 1), false);
+  };
+  write_sheet(7.8);
+  Json json = Json::parse(complete);
+  json["surfaces"][0] = {
+      {"name", "cornea_anterior"}, {"type", "mesh"}, {"file", "cornea.ply"}, {"medium_after", "cornea"}};
+  write_eye(folder / "eye.json", eye_from_json(json, folder));
+  EXPECT_EQ(read_json(folder / "eye.json")["surfaces"][0]["sha256"], sha256_of_file(mesh));
+  EXPECT_NO_THROW(read_eye(folder / "eye.json"));
+  write_sheet(7.7);
+  EXPECT_NO_THROW(eye_from_json(json, folder));  // nothing is recorded
+  try {
+    read_eye(folder / "eye.json");
+    FAIL() << "was read";
+  } catch (const Error& error) {
+    EXPECT_EQ(error.status(), ExitStatus::input_invalid);
+    EXPECT_THAT(error.what(), testing::HasSubstr("cornea.ply is not the mesh"));
+    EXPECT_THAT(error.remedy(), testing::HasSubstr("emmetrope trace"));
+  }
+  for (const Json& wrong : {Json(7), Json(nullptr), Json(""), Json::array({"0"}), Json::object()}) {
+    json["surfaces"][0]["sha256"] = wrong;
+    try {
+      eye_from_json(json, folder);
+      ADD_FAILURE() << wrong;
+    } catch (const Error& error) {
+      EXPECT_EQ(error.status(), ExitStatus::input_invalid);
+      EXPECT_THAT(error.what(), testing::HasSubstr("key \"sha256\""));
+    }
+  }
+}
+
 TEST(EyeJson, MeshFaultsNameTheFile) {
   const std::filesystem::path folder = scratch("mesh-faults");
   TriangleMesh cornea = testing_eye::jittered_sheet(*make_sphere(7.8), 5, 200, 1);
