@@ -361,7 +361,8 @@ std::vector<std::string> schematic_eye_names() {
 }
 
 bool is_schematic_eye(const std::string& name_or_file) {
-  return find_schematic(name_or_file) != nullptr || is_atchison(name_or_file);
+  return !names_a_file(name_or_file) &&
+         (find_schematic(name_or_file) != nullptr || is_atchison(name_or_file));
 }
 
 EyeModel make_eye(const std::string& name_or_file, const EyeOptions& options) {
@@ -373,16 +374,16 @@ EyeModel make_eye(const std::string& name_or_file, const EyeOptions& options) {
     throw usage_error("--pupil must be greater than 0 and at most 20 mm");
   const bool accommodated = options.accommodation_D != 0 || options.accommodation_parameter.value_or(0) != 0;
   EyeModel eye;
-  if (const Schematic* schematic = find_schematic(name_or_file)) {
-    eye = make_schematic(*schematic, options);
-  } else if (is_atchison(name_or_file)) {
-    if (accommodated) throw unsupported_error("the atchison eye has no accommodation");
-    eye = make_atchison(name_or_file);
-  } else if (names_a_file(name_or_file)) {
+  if (names_a_file(name_or_file)) {
     eye = read_eye_file(name_or_file);
     if (accommodated) throw unsupported_error(name_or_file + ": an eye from a file has no accommodation");
     if (options.pupil_mm && eye.stop() == nullptr)
       throw input_error(name_or_file + ": --pupil was given, but the eye has no surface of type \"stop\"");
+  } else if (const Schematic* schematic = find_schematic(name_or_file)) {
+    eye = make_schematic(*schematic, options);
+  } else if (is_atchison(name_or_file)) {
+    if (accommodated) throw unsupported_error("the atchison eye has no accommodation");
+    eye = make_atchison(name_or_file);
   } else {
     std::string known;
     for (const std::string& name : schematic_eye_names()) known += " " + name;

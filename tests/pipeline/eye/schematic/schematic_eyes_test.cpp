@@ -4,9 +4,11 @@
 
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/power_vector.hpp"
+#include "pipeline/eye/exchange/eye_file.hpp"
 #include "pipeline/eye/optics/exact_trace.hpp"
 #include "pipeline/eye/optics/paraxial.hpp"
 #include "pipeline/eye/schematic/schematic_eyes.hpp"
+#include "tests/support/temporary_folder.hpp"
 
 // Published and independently recomputed figures of the schematic eyes (docs/method/schematic-eyes.md).
 namespace emmetrope {
@@ -317,6 +319,20 @@ TEST(SchematicEyes, RefusalsNameTheFault) {
   EXPECT_EQ(status("gullstrand", -1), ExitStatus::usage);
   for (const char* fixed : {"escudero-sanz-navarro", "liou-brennan", "atchison:-4"})
     EXPECT_EQ(status(fixed, 1), ExitStatus::unsupported) << fixed;
+}
+
+// As "emmetrope eye atchison:-4 -o atchison:-4.zmx" leaves it.
+TEST(MakeEye, AFileThatIsNamedLikeASchematicEyeIsTheFile) {
+  const test::TemporaryFolder folder;
+  const std::filesystem::path before = std::filesystem::current_path();
+  std::filesystem::current_path(folder.path());
+  for (const char* name : {"atchison:-4.zmx", "atchison:-4.json", "atchison:-4"}) {
+    EXPECT_EQ(is_schematic_eye(name), std::string(name) == "atchison:-4") << name;
+    write_eye_file(name, make_eye("arizona"));
+    EXPECT_FALSE(is_schematic_eye(name)) << name;
+    EXPECT_NEAR(refraction_D(make_eye(name)), refraction_D(make_eye("arizona")), 1e-9) << name;
+  }
+  std::filesystem::current_path(before);
 }
 
 }  // namespace
