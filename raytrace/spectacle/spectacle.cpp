@@ -18,6 +18,7 @@ constexpr double flat_radius_mm = 1e9;
 /// mm off the axis.
 constexpr double slab_mm = 4, slab_radius_mm = 12;
 constexpr double usual_thickness_mm = 2;
+constexpr const char *front_name = "spectacle_front", *back_name = "spectacle_back";
 /// Prescriptions hold at this wavelength.
 constexpr double prescription_nm = 589.3;
 
@@ -50,11 +51,15 @@ struct Lens {
 };
 
 EyeModel with_lens(const EyeModel& eye, const Lens& lens) {
+  for (const Surface& surface : eye.surfaces)
+    if (surface.name == front_name || surface.name == back_name)
+      throw usage_error("the eye wears a spectacle already: \"" + surface.name + "\"",
+                        "put the lens before the bare eye; several lenses together are a file of surfaces");
   EyeModel result = eye;
   result.media["spectacle"] = lens.material;
   result.media["air"] = Medium{1.0, {}, {}};
   Surface front;
-  front.name = "spectacle_front";
+  front.name = front_name;
   front.shape = lens.front;
   front.position_mm = -lens.back_vertex_mm - lens.thickness_mm;
   front.medium_after = "spectacle";
@@ -62,7 +67,7 @@ EyeModel with_lens(const EyeModel& eye, const Lens& lens) {
   front.bearer = Bearer::head;
   tilt(front, lens.prism, lens.material.index);
   Surface back;
-  back.name = "spectacle_back";
+  back.name = back_name;
   back.shape = lens.back;
   back.position_mm = -lens.back_vertex_mm;
   back.medium_after = "air";

@@ -78,6 +78,7 @@ using Spectacle = std::variant<ThinLens, Meniscus, PlanoCylinder, SurfacesFile>;
 /// one of the keys base_D, thickness_mm, semi_diameter_mm, index, abbe a meniscus; prism=P@BASE with either.
 /// \throw Error (usage) naming what is wrong
 Spectacle parse_spectacle(const std::string& text);
+/// \throw Error (usage) where the eye wears a lens of that form already
 EyeModel with_spectacle(const EyeModel& eye, const Spectacle& spectacle);
 Json to_json(const Spectacle& spectacle);
 

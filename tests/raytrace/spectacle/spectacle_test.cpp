@@ -53,6 +53,13 @@ TEST(Meniscus, HasItsBackVertexPowerWhateverItsBaseThicknessAndIndex) {
       }
 }
 
+// Both would stand in one place, and the first be made of the second's glass.
+TEST(Spectacle, OfAnEyeThatWearsOneIsRefused) {
+  const EyeModel worn = with_spectacle(bare(), parse_spectacle("-2/0x0@12"));
+  for (const char* lens : {"-3/0x0@12", "-3/0x0@20,index=1.6"})
+    EXPECT_THROW(with_spectacle(worn, parse_spectacle(lens)), Error) << lens;
+}
+
 TEST(Meniscus, DispersesByItsAbbeNumber) {
   Meniscus lens;
   lens.power = {-6, 0, 0};
