@@ -30,8 +30,11 @@ Json from_python(const py::object& object);
 /// All cores where it is not positive.
 int thread_count(int wanted);
 
-/// The eye's own where none is given.
-/// \throw Error (usage) for one that is no light's
+/// Raises a UserWarning, where there is anything to say; wants the interpreter's lock.
+void warn(const std::string& text);
+
+/// The eye's own where none is given. Warns where the media's indices are extrapolated, by the interpreter's lock.
+/// \throw Error (usage) for one that is no light's, (input_invalid) where the media have no index
 double wavelength_of(const EyeModel& eye, const std::optional<double>& wavelength_nm);
 
 /// Rows of three, an array of shape (N, 3).

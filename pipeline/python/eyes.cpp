@@ -2,6 +2,7 @@
 
 #include <utility>
 
+#include "pipeline/base/case_folder.hpp"
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/frames.hpp"
 #include "pipeline/base/power_vector.hpp"
@@ -33,10 +34,10 @@ EyeModel measured_eye(const std::string& case_folder, const std::string& lateral
   options.lens_core = lens_core;
   options.retinal_depth_mm = retinal_depth_mm;
   options.pupil_mm = pupil_mm;
-  raytrace::MeasuredEye measured =
-      raytrace::read_measured_eye(case_folder, laterality_of(laterality), options);
-  if (!measured.warning.empty() && PyErr_WarnEx(PyExc_UserWarning, measured.warning.c_str(), 1) != 0)
-    throw py::error_already_set();  // who wants warnings as errors gets one
+  const Laterality eye = laterality_of(laterality);
+  read_verdict(case_folder, "meshing");  // finished, and of one piece
+  raytrace::MeasuredEye measured = raytrace::read_measured_eye(case_folder, eye, options);
+  warn(measured.warning);
   return std::move(measured.eye);
 }
 
@@ -120,8 +121,8 @@ void bind_eyes(py::module_& module) {
           "from_case", &measured_eye, py::arg("case_folder"), py::arg("laterality") = "od",
           py::arg("pupil_mm") = 4.0, py::arg("age_years") = py::none(), py::arg("lens_index") = py::none(),
           py::arg("lens_core") = false, py::arg("retinal_depth_mm") = py::none(),
-          "A measured eye from the meshes of a case, as trace has it. An age that is not the study's is not "
-          "used, and warned of.")
+          "A measured eye from the meshes of a case, as trace has it. Meshes that are not what mesh wrote are refused; "
+          "an age that is not the study's is not used, and warned of.")
       .def_static(
           "from_dict",
           [](const py::object& dictionary, const std::string& folder) {
@@ -171,8 +172,9 @@ void bind_eyes(py::module_& module) {
           "retina_seeing",
           [](const EyeModel& eye, double horizontal_deg, double vertical_deg,
              const std::optional<double>& nm) -> std::optional<Eigen::Vector3d> {
+            const double at_nm = wavelength_of(eye, nm);
             const py::gil_scoped_release unlocked;
-            const ChiefRays chief_rays(eye, wavelength_of(eye, nm));
+            const ChiefRays chief_rays(eye, at_nm);
             return raytrace::retina_seeing(eye, chief_rays, {horizontal_deg, vertical_deg});
           },
           py::arg("horizontal_deg"), py::arg("vertical_deg"), wavelength,
@@ -184,8 +186,9 @@ void bind_eyes(py::module_& module) {
              const std::optional<double>& nm) -> std::optional<Eigen::Vector3d> {
             const std::optional<RetinaPoint> from = meet_retina(eye, {x_mm, y_mm});
             if (!from) return std::nullopt;
+            const double at_nm = wavelength_of(eye, nm);
             const py::gil_scoped_release unlocked;
-            const auto ray = ChiefRays(eye, wavelength_of(eye, nm)).line_of_sight(from->position_mm);
+            const auto ray = ChiefRays(eye, at_nm).line_of_sight(from->position_mm);
             return ray ? std::optional<Eigen::Vector3d>(ray->direction) : std::nullopt;
           },
           py::arg("x_mm"), py::arg("y_mm"), wavelength,
@@ -194,6 +197,10 @@ void bind_eyes(py::module_& module) {
         return fmt::format("Eye('{}', {} surfaces, axial length {:.3f} mm)", eye.name, eye.surfaces.size(),
                            eye.axial_length_mm());
       });
+  module.def(
+      "_require_finished",
+      [](const std::string& case_folder, const std::string& stage) { read_verdict(case_folder, stage); },
+      py::call_guard<py::gil_scoped_release>());
   module.def("schematic_eyes", &schematic_eye_names, "Names that Eye() knows.");
 }
 

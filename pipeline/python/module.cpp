@@ -19,9 +19,15 @@ Json from_python(const py::object& object) {
   }
 }
 
+void warn(const std::string& text) {
+  if (!text.empty() && PyErr_WarnEx(PyExc_UserWarning, text.c_str(), 1) != 0)
+    throw py::error_already_set();  // who wants warnings as errors gets one
+}
+
 double wavelength_of(const EyeModel& eye, const std::optional<double>& wavelength_nm) {
   const double nm = wavelength_nm.value_or(eye.reference_wavelength_nm);
   if (!(nm >= 200 && nm <= 2500)) throw usage_error("wavelength_nm: 200 to 2500 are wanted");
+  warn(extrapolation_warning(eye, nm));
   return nm;
 }
 

@@ -1,4 +1,7 @@
+#include <fmt/format.h>
+
 #include <algorithm>
+#include <cmath>
 
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/parallel.hpp"
@@ -10,6 +13,15 @@ namespace {
 
 /// Rays are shared among threads by so many.
 constexpr std::size_t rays_at_once = 4096;
+
+/// \throw Error (usage) where it begins nowhere or has no direction
+void require_ray(const double* origin_mm, const double* direction, py::ssize_t row) {
+  using Vector = Eigen::Map<const Eigen::Vector3d>;
+  if (!Vector(origin_mm).allFinite())
+    throw usage_error(fmt::format("origin_mm: ray {} begins nowhere: finite numbers are wanted", row));
+  if (!std::isnormal(Vector(direction).squaredNorm()))
+    throw usage_error(fmt::format("direction: ray {} has none: finite numbers, not all 0, are wanted", row));
+}
 
 struct TracedRays {
   py::array_t<double> position_mm, direction, opl_mm;
@@ -32,8 +44,10 @@ TracedRays trace(const EyeModel& eye, const Doubles& origin_mm, const Doubles& d
          *opl = rays.opl_mm.mutable_data();
   std::uint8_t* state = rays.state.mutable_data();
   int* surface = rays.surface.mutable_data();
+  for (py::ssize_t k = 0; k < origin_mm.shape(0); ++k) require_ray(from + 3 * k, along + 3 * k, k);
+  const double nm = wavelength_of(eye, wavelength_nm);
   const py::gil_scoped_release unlocked;
-  const ExactTracer tracer(eye, wavelength_of(eye, wavelength_nm));
+  const ExactTracer tracer(eye, nm);
   on_threads(thread_count(threads), (count + rays_at_once - 1) / rays_at_once, [&](std::size_t part) {
     for (std::size_t k = part * rays_at_once; k < std::min(count, (part + 1) * rays_at_once); ++k) {
       using Row = Eigen::Map<const Eigen::Vector3d>;
@@ -50,6 +64,7 @@ TracedRays trace(const EyeModel& eye, const Doubles& origin_mm, const Doubles& d
 
 py::list path_of(const EyeModel& eye, const Eigen::Vector3d& origin_mm, const Eigen::Vector3d& direction,
                  const std::optional<double>& wavelength_nm) {
+  require_ray(origin_mm.data(), direction.data(), 0);
   const RayPath path =
       trace_exact(eye, {origin_mm, direction.normalized()}, wavelength_of(eye, wavelength_nm));
   py::list hits;

@@ -15,7 +15,7 @@ Wavefront wavefront_of(const EyeModel& eye, const Eigen::Vector2d& retina_mm,
                        const std::optional<double>& entrance_pupil_mm) {
   WavefrontSettings settings;
   settings.fovea_mm = retina_mm;
-  settings.wavelength_nm = wavelength_nm;
+  settings.wavelength_nm = wavelength_of(eye, wavelength_nm);
   settings.order = order;
   settings.stiles_crawford_per_mm2 = stiles_crawford_per_mm2;
   settings.entrance_pupil_mm = entrance_pupil_mm;
@@ -38,7 +38,7 @@ void field_into(const EyeModel& eye, const std::string& folder, double reach_deg
   const FieldGrid grid{reach_deg, step_deg};
   grid.check();
   WavefrontSettings settings;
-  settings.wavelength_nm = wavelength_nm;
+  settings.wavelength_nm = wavelength_of(eye, wavelength_nm);
   settings.stiles_crawford_per_mm2 = stiles_crawford_per_mm2;
   const py::gil_scoped_release unlocked;
   std::filesystem::create_directories(folder);

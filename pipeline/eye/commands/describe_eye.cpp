@@ -33,25 +33,9 @@ Eigen::Vector3d point(const std::vector<double>& values, const char* option) {
 /// Without the sign of a zero.
 double plain(double value) { return std::abs(value) < 5e-5 ? 0 : value; }
 
-/// Where every eye's media have been measured, or near it.
-constexpr double first_known_nm = 380, last_known_nm = 1000;
-
-/// \throw Error (input_invalid) where a formula gives no index; beyond the known wavelengths a warning.
-void check_media(const EyeModel& eye, double nm) {
-  bool has_dispersion = false;
-  for (const auto& [name, medium] : eye.media) {
-    has_dispersion = has_dispersion || medium.dispersion.formula != Dispersion::Formula::constant;
-    const double index = medium.index_at(nm, eye.reference_wavelength_nm);
-    if (!(index >= 1 && index <= 4))
-      throw input_error(
-          fmt::format("--wavelength: at {:g} nm the dispersion of \"{}\" gives an index of {:g}", nm, name,
-                      index),
-          fmt::format("give {:g} to {:g} nm", first_known_nm, last_known_nm));
-  }
-  if (has_dispersion && (nm < first_known_nm || nm > last_known_nm))
-    spdlog::warn(
-        "at {:g} nm the indices are extrapolated: the media's dispersion is known from {:g} to {:g} nm", nm,
-        first_known_nm, last_known_nm);
+void warn_of_extrapolation(const EyeModel& eye, double nm) {
+  if (const std::string warning = extrapolation_warning(eye, nm); !warning.empty())
+    spdlog::warn("{}", warning);
 }
 
 /// Of an eye without power they are nowhere.
@@ -101,7 +85,7 @@ std::string schematic_eyes_line() { return fmt::format("{}", fmt::join(schematic
 Answer describe_eye(const EyeQuery& query) {
   const EyeModel eye = make_eye(query.eye, query.options);
   const double nm = query.wavelength_nm.value_or(eye.reference_wavelength_nm);
-  check_media(eye, nm);
+  warn_of_extrapolation(eye, nm);
   const CardinalPoints points = cardinal_points(eye, nm);
   const PowerVector refraction = paraxial_refraction(eye, nm);
   Answer answer;
@@ -145,7 +129,7 @@ Answer describe_ray(const RayQuery& query) {
   const Eigen::Vector3d start =
       skipped_mm > 0 ? Eigen::Vector3d(nearer - (nearer.dot(direction) + near_mm) * direction) : from;
   const double nm = query.wavelength_nm.value_or(eye.reference_wavelength_nm);
-  check_media(eye, nm);
+  warn_of_extrapolation(eye, nm);
   const RayPath path = trace_exact(eye, {start, direction}, nm);
   Answer answer;
   Json hits = Json::array();

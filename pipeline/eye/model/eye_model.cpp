@@ -1,5 +1,7 @@
 #include "pipeline/eye/model/eye_model.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 
 #include "pipeline/base/error.hpp"
@@ -56,6 +58,23 @@ EyeModel without(EyeModel eye, const Predicate& goes) {
 }
 
 }  // namespace
+
+std::string extrapolation_warning(const EyeModel& eye, double wavelength_nm) {
+  constexpr double first_known_nm = 380, last_known_nm = 1000;  // of every eye's media, or near it
+  bool has_dispersion = false;
+  for (const auto& [name, medium] : eye.media) {
+    has_dispersion = has_dispersion || medium.dispersion.formula != Dispersion::Formula::constant;
+    const double index = medium.index_at(wavelength_nm, eye.reference_wavelength_nm);
+    if (!(index >= 1 && index <= 4))
+      throw input_error(fmt::format("at {:g} nm the dispersion of \"{}\" gives an index of {:g}",
+                                    wavelength_nm, name, index),
+                        fmt::format("give {:g} to {:g} nm", first_known_nm, last_known_nm));
+  }
+  if (!has_dispersion || (wavelength_nm >= first_known_nm && wavelength_nm <= last_known_nm)) return {};
+  return fmt::format(
+      "at {:g} nm the indices are extrapolated: the media's dispersion is known from {:g} to {:g} nm",
+      wavelength_nm, first_known_nm, last_known_nm);
+}
 
 EyeModel without_stop(EyeModel eye) {
   return without(std::move(eye), [](const Surface& surface) { return surface.is_stop(); });

@@ -55,6 +55,10 @@ struct EyeModel {
   double axial_length_mm() const { return retina().position_mm; }
 };
 
+/// What to say where the eye's media have not been measured at the wavelength; nothing where they have.
+/// \throw Error (input_invalid) where a formula gives no index there
+std::string extrapolation_warning(const EyeModel& eye, double wavelength_nm);
+
 /// The eye without its stop: all rays that its surfaces pass.
 EyeModel without_stop(EyeModel eye);
 /// The eye without what it wears before it.

@@ -16,8 +16,9 @@ def _fault(kind, status, message, remedy):
 
 
 class Case:
-    """A case folder, read as it is asked for. A measured number is a dictionary of value, ci95, source and image_share;
-    one that the images do not support has the value None and the reason in withheld."""
+    """A case folder, read as it is asked for. What the commands refuse, a file that was changed or a result of an earlier
+    meshing, raises InputError. A measured number is a dictionary of value, ci95, source and image_share; one that the
+    images do not support has the value None and the reason in withheld."""
 
     def __init__(self, folder):
         self.folder = pathlib.Path(folder)
@@ -53,6 +54,7 @@ class Case:
         if eye not in ("od", "os"):
             raise _fault(_emmetrope.UsageError, 2, f'eye: "{eye}" is unknown', "give od or os")
         stage, command = _stages[name]
+        _emmetrope._require_finished(str(self.folder), stage)
         file = self.folder / stage / eye / f"{name}.json"
         if not file.exists():
             raise _fault(_emmetrope.InputError, 3, f"{file} does not exist",

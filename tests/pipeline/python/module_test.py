@@ -1,5 +1,6 @@
 """The Python module against the commands' own numbers, closed forms and its stubs."""
 import ast
+import hashlib
 import json
 import os
 import pathlib
@@ -28,6 +29,17 @@ def make_fixture_case(folder):
     """A finished case made from formulas."""
     subprocess.run([commands.parent / "tests/make-fixture-case", folder], check=True)
     return folder
+
+
+def note_hashes(case, made_from):
+    """Writes into each stage.json what run_stage would: SHA-256 of the stage's files, and of those it was made from."""
+    def hashes(stage):
+        return {str(file.relative_to(case)): hashlib.sha256(file.read_bytes()).hexdigest()
+                for file in sorted((case / stage).rglob("*")) if file.is_file() and file.name != "stage.json"}
+    for stage, before in made_from.items():
+        note = case / stage / "stage.json"
+        note.write_text(json.dumps({**json.loads(note.read_text()), "inputs": hashes(before) if before else {},
+                                    "outputs": hashes(stage)}))
 
 
 class Eyes(unittest.TestCase):
@@ -61,6 +73,20 @@ class Eyes(unittest.TestCase):
         corrected = eye.with_spectacle("-4/0x0@12")
         self.assertLess(abs(corrected.refraction().M_D), 0.05)
         self.assertEqual(emmetrope.PowerVector(-2.5, 0.5, 0).sphero_cylinder()[:2], (-2.0, -1.0))
+        with self.assertRaisesRegex(emmetrope.UsageError, "wears a spectacle already"):
+            corrected.with_spectacle("-1/0x0@12")
+
+    def test_beyond_the_known_wavelengths_are_warned_of(self):
+        eye = emmetrope.Eye("navarro")
+        ray = ([0, 0, 10], [0, 0, -1])
+        for ask in (eye.refraction, eye.cardinal_points, lambda nm: emmetrope.wavefront(eye, wavelength_nm=nm),
+                    lambda nm: eye.retina_seeing(5, 0, nm), lambda nm: emmetrope.ray_path(eye, *ray, nm),
+                    lambda nm: emmetrope.trace_rays(eye, *([row] for row in ray), nm)):
+            with self.assertWarnsRegex(UserWarning, "at 250 nm the indices are extrapolated.*380 to 1000"):
+                ask(250)
+            with warnings.catch_warnings():
+                warnings.simplefilter("error")
+                ask(555)
 
     def test_what_the_retina_sees_is_where_it_looks(self):
         eye = emmetrope.Eye("navarro")
@@ -96,6 +122,16 @@ class Errors(unittest.TestCase):
             emmetrope.Tracer("no such device")
         with self.assertRaises(emmetrope.UsageError):
             emmetrope.trace_rays(emmetrope.Eye("navarro"), numpy.zeros((4, 2)), numpy.zeros((4, 3)))
+        along = numpy.tile([0.0, 0.0, -1.0], (3, 1))
+        for row in ([0, 0, 0], [0, 0, numpy.nan], [0, numpy.inf, -1], [1e-200, 0, -1e-200]):
+            bad = along.copy()
+            bad[2] = row
+            with self.assertRaisesRegex(emmetrope.UsageError, "direction: ray 2"):
+                emmetrope.trace_rays(emmetrope.Eye("navarro"), numpy.zeros((3, 3)), bad)
+            with self.assertRaisesRegex(emmetrope.UsageError, "direction"):
+                emmetrope.ray_path(emmetrope.Eye("navarro"), [0, 0, 10], row)
+        with self.assertRaisesRegex(emmetrope.UsageError, "origin_mm: ray 0"):
+            emmetrope.trace_rays(emmetrope.Eye("navarro"), numpy.full((3, 3), numpy.nan), along)
 
 
 class Rays(unittest.TestCase):
@@ -309,6 +345,29 @@ class Commands(unittest.TestCase):
 
 
 class Cases(unittest.TestCase):
+    def test_what_the_commands_refuse_is_refused(self):
+        with tempfile.TemporaryDirectory() as folder:
+            case = emmetrope.Case(make_fixture_case(os.path.join(folder, "case")))
+            stages = {"segmentation": None, "meshing": "segmentation", "raytrace": "meshing", "correction": "raytrace"}
+            note_hashes(case.folder, stages)
+            case.eye("od"), case.fit("od"), case.biometry("od"), case.wavefront("od"), case.prescription("od")
+
+            retina = case.folder / "meshing/od/retina.ply"
+            with open(retina, "ab") as file:
+                file.write(b" ")
+            for read in (case.biometry, case.eye, lambda eye: emmetrope.Eye.from_case(str(case.folder), eye)):
+                with self.assertRaisesRegex(emmetrope.InputError, "retina.ply has been changed since meshing") as caught:
+                    read("od")
+                self.assertEqual(caught.exception.status, 3)
+                self.assertIn("emmetrope mesh", caught.exception.remedy)
+
+            note_hashes(case.folder, {"meshing": "segmentation"})  # meshed again
+            case.biometry("od"), case.eye("od")
+            for read in (case.wavefront, case.prescription):
+                with self.assertRaisesRegex(emmetrope.InputError, "raytrace was made from another meshing") as caught:
+                    read("od")
+                self.assertIn("emmetrope trace", caught.exception.remedy)
+
     def test_an_age_that_is_not_the_studys_is_warned_of(self):
         with tempfile.TemporaryDirectory() as folder:
             case = emmetrope.Case(make_fixture_case(os.path.join(folder, "case")))
