@@ -38,14 +38,29 @@ constexpr std::array<const char*, 12> image_syntaxes{UID_LittleEndianExplicitTra
                                                      UID_JPEG2000TransferSyntax,
                                                      UID_RLELosslessTransferSyntax};
 
+std::string text_of(DcmDataset& set, const DcmTagKey& tag) {
+  OFString text;
+  if (set.findAndGetOFStringArray(tag, text).bad()) return {};
+  return clean_utf8(std::string(text.c_str(), text.size()));
+}
+
+/// C-GET asks by StudyInstanceUID alone, under which an archive may hold two patients.
+bool is_of(const FoundStudy& study, const fs::path& file) {
+  DcmFileFormat image;
+  if (image.loadFile(file.c_str()).bad()) return false;
+  DcmDataset& set = *image.getDataset();
+  return text_of(set, DCM_StudyInstanceUID) == study.uid && text_of(set, DCM_PatientID) == study.patient_id;
+}
+
 /// Keeps what arrives under numbers: the names that an archive gives are its own words.
 template <class Scu>
 class Receiver : public Scu {
  public:
+  FoundStudy study;
   fs::path folder;
   std::function<void()> received;
   std::size_t count = 0;
-  bool disk_is_full = false;
+  bool disk_is_full = false, is_mixed = false;
 
   OFCondition handleSTORERequestFile(T_ASC_PresentationContextID* context, const OFString&,
                                      T_DIMSE_C_StoreRQ* request) override {
@@ -53,6 +68,7 @@ class Receiver : public Scu {
     const OFCondition result = Scu::handleSTORERequestFile(context, file.c_str(), request);
     if (result.good()) {
       ++count;
+      is_mixed = is_mixed || !is_of(study, file);
       received();
     } else if (!std::ofstream(file).write(std::string(4096, ' ').data(), 4096).flush()) {
       disk_is_full = true;
@@ -60,12 +76,6 @@ class Receiver : public Scu {
     return result;
   }
 };
-
-std::string text_of(DcmDataset& set, const DcmTagKey& tag) {
-  OFString text;
-  if (set.findAndGetOFStringArray(tag, text).bad()) return {};
-  return clean_utf8(std::string(text.c_str(), text.size()));
-}
 
 /// One association, with TLS or without, and everything that may go wrong said once.
 template <class Scu>
@@ -205,8 +215,9 @@ std::vector<FoundStudy> Archive::find_studies(const StudyQuery& query) const {
                            {{"uid", DCM_StudyInstanceUID},
                             {"date", DCM_StudyDate},
                             {"description", DCM_StudyDescription},
-                            {"modalities", DCM_ModalitiesInStudy}}))
-      studies.push_back({row["uid"], row["date"], row["description"], row["modalities"]});
+                            {"modalities", DCM_ModalitiesInStudy},
+                            {"patient", DCM_PatientID}}))
+      studies.push_back({row["uid"], row["date"], row["description"], row["modalities"], row["patient"]});
     std::sort(studies.begin(), studies.end(), [](const FoundStudy& a, const FoundStudy& b) {
       return std::tie(a.date, a.uid) < std::tie(b.date, b.uid);
     });
@@ -239,7 +250,7 @@ std::vector<FoundSeries> Archive::find_mr_series(const std::string& study_uid) c
   });
 }
 
-std::size_t Archive::get(const std::string& study_uid, const std::vector<FoundSeries>& series,
+std::size_t Archive::get(const FoundStudy& study, const std::vector<FoundSeries>& series,
                          const fs::path& folder, const std::function<void()>& received) const {
   return with_association(settings_, ExitStatus::input_invalid, [&](auto& association) {
     association.offer(UID_GETStudyRootQueryRetrieveInformationModel, plain_syntaxes());
@@ -254,6 +265,7 @@ std::size_t Archive::get(const std::string& study_uid, const std::vector<FoundSe
     auto& scu = association.scu();
     scu.setStorageMode(DCMSCU_STORAGE_BIT_PRESERVING);
     scu.setStorageDir(folder.c_str());
+    scu.study = study;
     scu.folder = folder;
     scu.received = received;
     const auto id = association.context(UID_GETStudyRootQueryRetrieveInformationModel, "C-GET");
@@ -264,7 +276,7 @@ std::size_t Archive::get(const std::string& study_uid, const std::vector<FoundSe
            from += images_a_request) {
         DcmDataset keys;
         put(keys, DCM_QueryRetrieveLevel, "IMAGE");
-        put(keys, DCM_StudyInstanceUID, study_uid);
+        put(keys, DCM_StudyInstanceUID, study.uid);
         put(keys, DCM_SeriesInstanceUID, one.uid);
         const auto begin = one.images.begin() + static_cast<std::ptrdiff_t>(from);
         const auto end = one.images.begin() +
@@ -278,6 +290,10 @@ std::size_t Archive::get(const std::string& study_uid, const std::vector<FoundSe
         }
         if (scu.disk_is_full)
           throw output_error("cannot write into " + folder.string(), "make room on the disk");
+        if (scu.is_mixed)
+          throw input_error(
+              "with study " + study.uid + " the archive sent an image of another patient or study",
+              shared_uid_remedy);
         association.require(result, "did not send a series");
       }
       if (last != STATUS_Success || scu.count - before < one.images.size())

@@ -8,15 +8,20 @@
 
 namespace emmetrope::pacs {
 
-/// What studies are asked for; empty fields are not. "*" and "?" are wild, a date is YYYYMMDD or a range of two with "-".
+/// What studies are asked for; empty fields are not. A date is YYYYMMDD or a range of two with "-".
 struct StudyQuery {
   std::string study_uid, patient_id, accession_number, study_date;
 };
 
-/// A study that an archive has, without its patient.
+/// A study that an archive has.
 struct FoundStudy {
   std::string uid, date, description, modalities;
+  std::string patient_id;  ///< to compare images with, said nowhere
 };
+
+/// Where two patients have one StudyInstanceUID, no query parts them.
+inline constexpr const char* shared_uid_remedy =
+    "let the archive's keeper give each patient's study a UID of its own, or export the images of one as files";
 
 /// A series of MR images.
 struct FoundSeries {
@@ -37,8 +42,8 @@ class Archive {
   /// C-GET, byte by byte into `folder` as 00001.dcm and so on.
   /// \param received  called after each file
   /// \return how many files
-  /// \throw Error (input_invalid) where it fails or not all arrive
-  std::size_t get(const std::string& study_uid, const std::vector<FoundSeries>& series,
+  /// \throw Error (input_invalid) where it fails, not all arrive, or one is of another patient or study
+  std::size_t get(const FoundStudy& study, const std::vector<FoundSeries>& series,
                   const std::filesystem::path& folder, const std::function<void()>& received) const;
   /// C-STORE.
   /// \param sent  called after each file

@@ -28,6 +28,11 @@ FoundStudy only_one(const std::vector<FoundStudy>& studies) {
   if (studies.empty())
     throw input_error("the archive has no such study", "check what is asked for; names are not searched");
   if (studies.size() == 1) return studies.front();
+  if (std::all_of(studies.begin(), studies.end(),
+                  [&](const FoundStudy& study) { return study.uid == studies.front().uid; }))
+    throw input_error(
+        fmt::format("study {} is of {} patients in the archive", studies.front().uid, studies.size()),
+        shared_uid_remedy);
   constexpr std::size_t most_listed = 20;
   std::string list;
   for (std::size_t i = 0; i < std::min(studies.size(), most_listed); ++i)
@@ -46,7 +51,10 @@ Answer pull(const PacsOptions& options, const CommonOptions& common) {
   if (fs::exists(output) && !fs::is_empty(output))
     throw output_error(output.string() + " is there already", "name a new folder");
   const Archive archive(read_settings(options.settings));
-  const FoundStudy study = only_one(archive.find_studies(options.query));
+  FoundStudy study = only_one(archive.find_studies(options.query));
+  // An archive may pass over a key: what comes is compared with what was asked for.
+  if (!options.query.study_uid.empty()) study.uid = options.query.study_uid;
+  if (!options.query.patient_id.empty()) study.patient_id = options.query.patient_id;
   const std::vector<FoundSeries> series = archive.find_mr_series(study.uid);
   if (series.empty())
     throw input_error("study " + study.uid + " has no MR images in the archive: " + study.modalities);
@@ -58,7 +66,7 @@ Answer pull(const PacsOptions& options, const CommonOptions& common) {
   std::size_t count = 0;
   {
     Progress progress("receiving images", expected, common.verbosity);
-    count = archive.get(study.uid, series, scratch.path(), [&] { progress.advance(); });
+    count = archive.get(study, series, scratch.path(), [&] { progress.advance(); });
   }
   fs::remove(output);
   fs::rename(scratch.path(), output);

@@ -15,7 +15,8 @@ struct PacsOptions {
   StudyQuery query;                   ///< pull
 };
 
-/// pull: the MR images of the one study that the query finds, into a new folder, all of them or none.
+/// pull: the MR images of the one study that the query finds, into a new folder, all of them or none; none where one of
+/// them is another patient's.
 /// push: the DICOM objects of a case's report.
 /// \throw Error (usage), (input_invalid) where no study or more than one is found, naming them without their patients;
 ///   as Archive

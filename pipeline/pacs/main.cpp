@@ -3,6 +3,17 @@
 #include "pipeline/base/command_line.hpp"
 #include "pipeline/pacs/command.hpp"
 
+namespace {
+
+/// To an archive these match what nobody named: wild cards, lists, and nothing at all, as spaces do not count.
+std::string one_value(const std::string& text) {
+  const bool is_one = !text.empty() && text.find_first_of("*?\\") == std::string::npos &&
+                      text.front() != ' ' && text.back() != ' ';
+  return is_one ? "" : "give one value, without * ? \\ and without spaces at its ends";
+}
+
+}  // namespace
+
 int main(int argc, char** argv) {
   emmetrope::pacs::PacsOptions options;
   return emmetrope::run_command(
@@ -20,12 +31,17 @@ int main(int argc, char** argv) {
              ->type_name("ARCHIVE");
          app.add_option("case", options.case_folder, "With push: a case with its report")->type_name("CASE");
          app.add_option("--study-uid", options.query.study_uid, "With pull: StudyInstanceUID")
+             ->check(one_value)
              ->type_name("UID");
          app.add_option("--accession", options.query.accession_number, "With pull: AccessionNumber")
+             ->check(one_value)
              ->type_name("TEXT");
-         app.add_option("--patient-id", options.query.patient_id, "With pull: PatientID")->type_name("TEXT");
+         app.add_option("--patient-id", options.query.patient_id, "With pull: PatientID")
+             ->check(one_value)
+             ->type_name("TEXT");
          app.add_option("--study-date", options.query.study_date,
                         "With pull: YYYYMMDD, or two with - between")
+             ->check(one_value)
              ->type_name("DATE");
          app.add_option("-o,--output", options.output, "With pull: folder to make")->type_name("STUDY");
        },

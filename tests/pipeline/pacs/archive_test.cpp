@@ -177,6 +177,37 @@ TEST_F(ArchiveOrthanc, LeavesOutWhatIsNoImage) {
   EXPECT_EQ(contents_of(folder() / "pulled"), expected);
 }
 
+TEST_F(ArchiveOrthanc, GivesNoImagesOfAnotherPatientUnderTheSameUid) {
+  send_study();
+  std::vector<std::string> words{"-nb", "-gse", "-gin", "-m", "0010,0020=MRN-4712"};
+  for (const auto& entry : fs::directory_iterator(folder() / "study")) words.push_back(entry.path().string());
+  ASSERT_EQ(run_process(*find_program("dcmodify"), words, ChildOutput::capture).status, 0);
+  send_study();
+  const auto refused = [&](const std::string& option, const std::string& value) {
+    const ProcessResult pulled = pacs({"pull", option, value, "-o", (folder() / "pulled").string()});
+    EXPECT_EQ(pulled.status, 3) << pulled.output;
+    EXPECT_THAT(pulled.output, testing::Not(HasSubstr("MRN-471")));
+    EXPECT_THAT(pulled.output, HasSubstr("a UID of its own"));
+    for (const auto& entry : fs::directory_iterator(folder()))
+      EXPECT_NE(entry.path().filename().string().rfind("pulled", 0), 0U) << entry.path();
+    return pulled.output;
+  };
+  EXPECT_THAT(refused("--patient-id", "MRN-4711"), HasSubstr("another patient"));
+  EXPECT_THAT(refused("--study-uid", "1.2.826.0.1.3680043.10.1.1"), HasSubstr("of 2 patients"));
+}
+
+TEST_F(ArchiveOrthanc, IsAskedForOneValue) {
+  send_study();
+  // Each beside a date that alone finds the study.
+  for (const char* option : {"--patient-id", "--accession", "--study-uid"})
+    for (const char* value : {"*", "MRN-47?1", "1\\2", "", " "}) {
+      const ProcessResult asked =
+          pacs({"pull", option, value, "--study-date", "20260314", "-o", (folder() / "pulled").string()});
+      EXPECT_EQ(asked.status, 2) << option << " \"" << value << "\": " << asked.output;
+    }
+  EXPECT_FALSE(fs::exists(folder() / "pulled"));
+}
+
 TEST_F(ArchiveOrthanc, SaysWhatItDoesNotFind) {
   const ProcessResult none = pacs({"pull", "--accession", "no-such", "-o", (folder() / "none").string()});
   EXPECT_EQ(none.status, 3);
