@@ -201,7 +201,13 @@ void expect_readable(const Json& findings) {
   Json state = findings.at("state"), by_link = findings.at("state_by_link");
   for (Json* one : {&state, &by_link}) one->erase("samples");  // how fine it is drawn is the reader's
   EXPECT_EQ(state, by_link);
-  for (const Json& said : findings.at("refused")) EXPECT_NE(said, "");
+  for (const Json& said : findings.at("refused")) EXPECT_NE(said, "") << findings.at("refused");
+  EXPECT_FALSE(findings.at("moved_by_refusals"));
+  // A link that asks for more than the eye has opens with what it has.
+  const Json& beyond = findings.at("state_by_link_beyond");
+  EXPECT_EQ(beyond.at("pupil_mm"), 6);
+  EXPECT_EQ(beyond.at("worn"), Json());
+  EXPECT_EQ(beyond.at("sphere_D"), -1);
   ASSERT_EQ(findings.at("accessibility").size(), 4U);
   for (const auto& [scheme, violations] : findings.at("accessibility").items())
     EXPECT_THAT(violations, IsEmpty()) << scheme;
@@ -227,6 +233,7 @@ TEST(LivingPage, ShowsWhatTheTracerShowsOfASchematicEye) {
   const Json findings = read_page(page, folder.path() / "page", "whole");
   expect_quiet(findings);
   expect_readable(findings);
+  EXPECT_EQ(findings.at("worn"), Json({"refused", "refused"}));
   // `emmetrope correct --eye navarro`: docs/evidence/accuracy-refraction.md
   EXPECT_NEAR(findings.at("sharpest").at("eye").at(0).get<double>(), -0.256, 0.06);
   EXPECT_NEAR(findings.at("sharpest").at("eye").at(1).get<double>(), 0, 0.06);
@@ -256,6 +263,7 @@ TEST(LivingPage, ShowsWhatTheTracerShowsOfAMeasuredEye) {
   const test::TemporaryFolder folder;
   const Json findings = read_page(page, folder.path() / "page", "brief");
   expect_quiet(findings);
+  EXPECT_EQ(findings.at("worn"), Json({"best", "refused"}));
   const Json& sharpest = findings.at("sharpest").at("od");
   EXPECT_NEAR(sharpest.at(0).get<double>(), refraction.M_D, 0.06);
   EXPECT_NEAR(sharpest.at(1).get<double>(), refraction.J0_D, 0.06);

@@ -123,7 +123,7 @@ class Controls {
     let lens = eye.lenses.find((one) => one.name === name);
     // A schematic eye has no prescription; what is sharpest at this distance is found here.
     if (!lens && name === "best") lens = { ...fromPower(this.numbers.bestFor(eye, this.living.current).power), vertex_distance_mm: this.living.current.vertex_distance_mm };
-    if (eye.lenses.includes(lens)) return this.set({ prism_D: 0, is_thick: false, worn: name });
+    if (this.living.shownEyes().every((one) => hasLens(one, name))) return this.set({ prism_D: 0, is_thick: false, worn: name });
     if (lens) this.set({ prism_D: 0, is_thick: false, sphere_D: lens.sphere_D, cylinder_D: lens.cylinder_D, axis_deg: lens.axis_deg, vertex_distance_mm: lens.vertex_distance_mm });
   }
 
@@ -166,7 +166,7 @@ class Controls {
 
   set(change) {
     try {
-      this.living.set(change);
+      this.living.approach(change);
     } catch (fault) {
       this.living.says(fault.message);
     }
@@ -181,11 +181,12 @@ class Controls {
     this.inputs.get("wavelength_nm").row.hidden = !state.wavelength_nm;
     this.inputs.get("log_distance").row.hidden = !this.living.scenes.all.get(state.scene).far;
     this.panel.querySelector(".living-ground").hidden = !state.is_thick;
+    const shown = this.living.shownEyes();
     for (const button of this.panel.querySelectorAll("[data-lens]"))
-      button.disabled = !eye.lenses.some((lens) => lens.name === button.dataset.lens) && (button.dataset.lens !== "best" || !eye.has_prescription);
-    const withheld = this.panel.querySelector(".living-withheld");
-    withheld.textContent = eye.withheld ? `No prescription, so no best lens to put on: ${eye.withheld}` : "";
-    withheld.hidden = !eye.withheld;
+      button.disabled = !shown.every((one) => hasLens(one, button.dataset.lens) || (button.dataset.lens === "best" && one.has_prescription));
+    const withheld = this.panel.querySelector(".living-withheld"), without = shown.find((one) => one.withheld);
+    withheld.textContent = without ? `No prescription, so no best lens to put on: ${without.withheld}` : "";
+    withheld.hidden = !without;
     if (this.inputs.has("band")) {
       const select = this.inputs.get("band").input;
       eye.bands.forEach((band, k) => {
@@ -197,8 +198,8 @@ class Controls {
         ? `An eye that the images allow as well: ${this.bandText(eye, state)}; the ends of this direction hold 95 %.` : "";
     }
     for (const { follow } of this.inputs.values()) follow(state);
-    for (const shown of this.living.eyes) shown.figure.hidden = !this.living.shownEyes().includes(shown);
-    this.panel.querySelector(".living-pictures").classList.toggle("two", this.living.shownEyes().length > 1);
+    for (const one of this.living.eyes) one.figure.hidden = !shown.includes(one);
+    this.panel.querySelector(".living-pictures").classList.toggle("two", shown.length > 1);
     for (const overlay of this.axes) overlay.follow(state);
     this.numbers?.follow();
   }
@@ -326,7 +327,7 @@ class Controls {
     if (!match) return;
     try {
       const changes = JSON.parse(decodeURIComponent(match[1]));
-      this.living.set({ ...this.living.opening, ...changes });
+      this.living.approach({ ...this.living.opening, ...changes });
       this.panel.scrollIntoView({ block: "start" });
     } catch (fault) {
       this.living.says(`The link's state cannot be read: ${fault.message}`);

@@ -7,6 +7,8 @@ function stateOf(eye, state) {
   return lens ? { ...state, sphere_D: lens.sphere_D, cylinder_D: lens.cylinder_D, axis_deg: lens.axis_deg, vertex_distance_mm: lens.vertex_distance_mm } : state;
 }
 
+const hasLens = (eye, name) => eye.lenses.some((lens) => lens.name === name);
+
 const lensOf = (state) => (state.sphere_D || state.cylinder_D || state.prism_D || state.is_thick ? new Lens(state) : null);
 
 /// One eye with its canvas.
@@ -74,7 +76,7 @@ const nextTask = (() => {
 const isSwitch = (value) => typeof value === "boolean";
 const allowed = { eye: null, scene: null, distance_mm: [100, Infinity], field_mm: [0.1, 20], field_x_mm: [-10, 10], field_y_mm: [-10, 10], sphere_D: [-30, 30],
   cylinder_D: [-15, 15], axis_deg: [0, 360], vertex_distance_mm: [5, 50], prism_D: [0, 20], prism_base_deg: [0, 360], is_thick: isSwitch, base_D: [-5, 20],
-  index: [1.3, 2.5], accommodation_D: [0, 20], band: [0, 2], band_share: [-1, 1], wavelength_nm: [390, 700], stiles_crawford_per_mm2: [0, 1], diffraction: isSwitch,
+  index: [1.3, 2.5], accommodation_D: [0, 20], band: (value) => [0, 1, 2].includes(value), band_share: [-1, 1], wavelength_nm: [390, 700], stiles_crawford_per_mm2: [0, 1], diffraction: isSwitch,
   pupil_mm: [0.5, 99], samples: [1, 65536], scene_follows_gaze: isSwitch, worn: [null, "best", "rounded", "known"],
   gaze_deg: (value) => Array.isArray(value) && value.length === 2 && value.every((angle) => Number.isFinite(angle) && Math.abs(angle) <= 45) };
 
@@ -120,8 +122,26 @@ class Living {
   eyeOf(id) { return this.eyes.find((eye) => eye.id === id) ?? this.eyes[0]; }
   shownEyes() { return this.current.eye === "both" ? this.eyes : [this.eyeOf(this.current.eye)]; }
 
-  /// Every value within what the eyes and the scene allow.
+  /// As scripts ask: what the eyes that are shown do not have throws.
   set(change) {
+    const next = this.nearest(change);
+    for (const key of ["worn", "pupil_mm", "accommodation_D", "band", "band_share", "field_mm", "field_x_mm", "field_y_mm"])
+      if (key in change && next[key] !== change[key])
+        throw new Error(`${key} cannot be ${JSON.stringify(change[key])} with what is shown: the nearest is ${JSON.stringify(next[key])}`);
+    this.take(next);
+  }
+
+  /// As controls and links ask: the nearest that the eyes shown have.
+  approach(change) { this.take(this.nearest(change)); }
+
+  take({ samples = this.resting, ...next }) {
+    this.resting = samples;
+    this.current = next;
+    this.draw();
+  }
+
+  /// The state after a change, every value within what the eyes and the scene allow.
+  nearest(change) {
     refuseWrong(change);
     const next = { ...this.current, ...change };
     // A lens that is dragged is nobody's prescription.
@@ -135,17 +155,18 @@ class Living {
     }
     const within = (value, low, high) => Math.min(high, Math.max(low, value));
     const eyes = next.eye === "both" ? this.eyes : [this.eyeOf(next.eye)];
+    if (!eyes.every((eye) => hasLens(eye, next.worn))) next.worn = null;
     Object.assign(next, stateOf(eyes[0], next));
     const least = (of) => Math.min(...eyes.map(of));
     next.pupil_mm = within(next.pupil_mm, 1, least((eye) => eye.map.pupil_mm));
     next.accommodation_D = within(next.accommodation_D, 0, least((eye) => eye.map.largest_accommodation_D));
+    const bands = Math.max(...eyes.map((eye) => eye.bands.length));
+    next.band = within(next.band, 0, Math.max(0, bands - 1));
+    if (!bands) next.band_share = 0;
     const room = least((eye) => eye.map.field_mm);
     next.field_mm = within(next.field_mm, 0.1, room);
     for (const key of ["field_x_mm", "field_y_mm"]) next[key] = within(next[key], (next.field_mm - room) / 2, (room - next.field_mm) / 2);
-    if (next.samples) this.resting = next.samples;
-    delete next.samples;
-    this.current = next;
-    this.draw();
+    return next;
   }
 
   state() { return { ...this.current, samples: this.resting }; }

@@ -92,6 +92,11 @@ if (timed) {
       }
     return most;
   });
+  // A lens that the eye does not have cannot be worn, and the state says what is.
+  findings.worn = await page.evaluate(() => ["best", "known"].map((name) => {
+    try { window.emmetrope.set({ worn: name }); } catch { return "refused"; }
+    return window.emmetrope.state().worn;
+  }));
   await page.context().close();
 }
 
@@ -150,10 +155,13 @@ if (!brief) {
   await page.getByRole("button", { name: "Copy a link to this state" }).click();
   findings.state = await page.evaluate(() => window.emmetrope.state());
   findings.hash = await page.evaluate(() => location.hash);
+  const before_refusals = await page.evaluate(() => window.emmetrope.state());
   findings.refused = await page.evaluate(() => [["scene", "none"], ["eye", "none"], ["sphere", 1], ["sphere_D", "2"], ["sphere_D", NaN], ["gaze_deg", 5],
-    ["wavelength_nm", 300], ["samples", -1], ["distance_mm", 0], ["band", 7]].map(([key, value]) => {
+    ["wavelength_nm", 300], ["samples", -1], ["distance_mm", 0], ["band", 7],
+    ["band_share", 0.5], ["pupil_mm", 40], ["pupil_mm", 0.5], ["accommodation_D", 20], ["field_mm", 20], ["field_x_mm", 9]].map(([key, value]) => {
     try { window.emmetrope.set({ [key]: value }); return ""; } catch (fault) { return fault.message; }
   }));
+  findings.moved_by_refusals = JSON.stringify(await page.evaluate(() => window.emmetrope.state())) !== JSON.stringify(before_refusals);
   // Pictures asked for at once come one after the other; one that a change overtakes says so.
   findings.images = await page.evaluate(async () => {
     window.emmetrope.set({ samples: 16 });
@@ -170,6 +178,9 @@ if (!brief) {
   const again = await open({ hash: findings.hash });
   findings.state_by_link = await again.evaluate(() => window.emmetrope.state());
   await again.context().close();
+  const beyond = await open({ hash: `#living=${encodeURIComponent(JSON.stringify({ pupil_mm: 40, worn: "known", sphere_D: -1 }))}` });
+  findings.state_by_link_beyond = await beyond.evaluate(() => window.emmetrope.state());
+  await beyond.context().close();
 }
 
 // 4. Both colour schemes and widths, to a reader who needs contrast, names and order; on paper it is gone.
