@@ -288,16 +288,6 @@ StageVerdict mesh_eyes(const MeshingOptions& options, const StageVerdict& segmen
   return verdict;
 }
 
-/// Names of what was given of an eye, {"keratometry", "topography"}, by what to_json() of instruments makes.
-std::set<std::string> given_of(const Json& instruments, Laterality eye) {
-  std::set<std::string> names;
-  if (!instruments.is_object() || !instruments.contains(to_string(eye))) return names;
-  const Json& of_eye = instruments.at(to_string(eye));
-  for (const Json& measurement : of_eye.at("measurements")) names.insert(measurement.at("quantity"));
-  if (!of_eye.at("topography").is_null()) names.emplace("topography");
-  return names;
-}
-
 /// Of readings that an earlier meshing had and this one has not: "OD (right): keratometry ... ".
 std::vector<std::string> forgotten_readings(const MeshingOptions& options) {
   const fs::path file = options.case_folder / "meshing" / "stage.json";

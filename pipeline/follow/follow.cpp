@@ -26,7 +26,7 @@ struct FollowedEye {
   std::string reason;                         ///< why it is not followed; empty: it is
   std::vector<std::vector<double>> by_visit;  ///< quantities at each visit
   std::vector<Measured> per_year;
-  std::vector<std::string> doubts;  ///< whether it is one eye
+  std::vector<std::string> doubts;  ///< what was left out, and whether it is one eye
 };
 
 /// By the limits of readings that contradict what is known (docs/use/instruments.md).
@@ -66,6 +66,7 @@ FollowedEye followed(const Visits& visits, Laterality laterality, double scale_s
   FollowedEye eye{laterality, "", {}, {}, {}};
   const std::vector<EyeAtVisit> at_visits = eyes_of(visits, laterality, eye.reason);
   if (!eye.reason.empty()) return eye;
+  eye.doubts = unused_readings(visits, laterality);
   for (const EyeAtVisit& visit : at_visits) {
     const Eigen::VectorXd values = quantities_of(visit.eye.eye());
     eye.by_visit.emplace_back(values.data(), values.data() + values.size());

@@ -1,6 +1,7 @@
 #include "pipeline/follow/visits.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <boost/date_time/gregorian/gregorian.hpp>
@@ -8,6 +9,8 @@
 
 #include "pipeline/base/case_folder.hpp"
 #include "pipeline/base/error.hpp"
+#include "pipeline/base/files.hpp"
+#include "pipeline/eye/instruments/instruments.hpp"
 #include "pipeline/report/comparison.hpp"
 #include "pipeline/report/dicom/source_study.hpp"
 #include "pipeline/report/dicom/write_objects.hpp"
@@ -155,6 +158,26 @@ std::vector<EyeAtVisit> eyes_of(const Visits& visits, Laterality eye, std::strin
     eyes.push_back({fitted_eye(parametric_eye_from_json(found->fit.at("eye"))), visits.years[i]});
   }
   return eyes;
+}
+
+std::vector<std::string> unused_readings(const Visits& visits, Laterality eye) {
+  std::vector<std::string> sentences;
+  for (std::size_t i = 0; i < visits.cases.size(); ++i) {
+    const fs::path file = visits.cases[i].folder / "meshing" / "stage.json";
+    try {
+      const std::set<std::string> given =
+          given_of(read_json(file).at("parameters").value("instruments", Json()), eye);
+      std::string names = fmt::format("{}", fmt::join(given, ", "));
+      std::replace(names.begin(), names.end(), '_', ' ');
+      if (!names.empty())
+        sentences.push_back(
+            fmt::format("{}: {} by other instruments at visit {}: not used, growth is of the images alone.",
+                        clinical_name(eye), names, i + 1));
+    } catch (const Json::exception& fault) {
+      throw input_error(file.string() + ": " + fault.what(), "run emmetrope mesh again with --force");
+    }
+  }
+  return sentences;
 }
 
 }  // namespace emmetrope::follow

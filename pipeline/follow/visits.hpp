@@ -28,4 +28,8 @@ Visits read_visits(const std::vector<std::filesystem::path>& cases, const std::v
 /// The eye at every visit, or in `reason` why it cannot be followed.
 std::vector<EyeAtVisit> eyes_of(const Visits& visits, Laterality eye, std::string& reason);
 
+/// A sentence on each visit to whose meshing other instruments told something of the eye: growth is of the fits alone.
+/// \throw Error (input_invalid) naming a file that is broken
+std::vector<std::string> unused_readings(const Visits& visits, Laterality eye);
+
 }  // namespace emmetrope::follow

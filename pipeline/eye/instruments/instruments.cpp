@@ -132,6 +132,15 @@ Json to_json(const std::map<Laterality, EyeInstruments>& instruments) {
   return json;
 }
 
+std::set<std::string> given_of(const Json& instruments, Laterality eye) {
+  std::set<std::string> names;
+  if (!instruments.is_object() || !instruments.contains(to_string(eye))) return names;
+  const Json& of_eye = instruments.at(to_string(eye));
+  for (const Json& measurement : of_eye.at("measurements")) names.insert(measurement.at("quantity"));
+  if (!of_eye.at("topography").is_null()) names.emplace("topography");
+  return names;
+}
+
 std::map<Laterality, EyeInstruments> parse_instruments(const InstrumentFlags& flags,
                                                        double retinal_depth_mm) {
   std::map<Laterality, EyeInstruments> by_eye;

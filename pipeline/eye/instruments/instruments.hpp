@@ -2,6 +2,7 @@
 #include <filesystem>
 #include <map>
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -41,6 +42,8 @@ std::map<Laterality, EyeInstruments> parse_instruments(const InstrumentFlags& fl
 
 /// For a stage's parameters in stage.json, by eye.
 Json to_json(const std::map<Laterality, EyeInstruments>& instruments);
+/// Names of what was given of an eye, {"keratometry", "topography"}, in what to_json() made.
+std::set<std::string> given_of(const Json& instruments, Laterality eye);
 
 /// With the elevation map read.
 struct InstrumentReadings {

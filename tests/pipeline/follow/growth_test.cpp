@@ -9,6 +9,7 @@
 
 #include "pipeline/base/files.hpp"
 #include "pipeline/base/process.hpp"
+#include "pipeline/eye/instruments/instruments.hpp"
 #include "pipeline/follow/quantities.hpp"
 #include "tests/support/fixture_case.hpp"
 #include "tests/support/temporary_folder.hpp"
@@ -143,6 +144,27 @@ TEST_F(FollowCommand, DoubtsEyesThatAreNotOne) {
   EXPECT_EQ(refused.status, 8);
   EXPECT_EQ(Json::parse(refused.output).at("warnings").size(), 0U);  // it is the reason
   EXPECT_TRUE(Json::parse(refused.output).at("eyes").at("od").contains("withheld"));
+}
+
+TEST_F(FollowCommand, SaysWhichReadingsItDoesNotUse) {
+  const fs::path first = visit("first", 23.5), second = visit("second", 23.6);
+  set(second / "case.json", "/study_date", "2027-03-14");
+  const auto warnings = [&] {
+    return Json::parse(run({first.string(), second.string(), "--years", "0,1"}).output).at("warnings").dump();
+  };
+  EXPECT_EQ(warnings(), "[]");
+  InstrumentFlags flags;
+  flags.axial_length = {"od:23.6"};
+  flags.keratometry = {"od:43@180/44@90"};
+  set(second / "meshing" / "stage.json", "/parameters/instruments", to_json(parse_instruments(flags, 0.2)));
+  const std::string said = warnings();
+  EXPECT_THAT(said, testing::HasSubstr(
+                        "OD (right): axial length, keratometry by other instruments at visit 2: not used"));
+  EXPECT_THAT(said, testing::Not(testing::HasSubstr("OS (left)")));
+  EXPECT_THAT(said, testing::Not(testing::HasSubstr("visit 1")));
+  set(second / "meshing" / "stage.json", "/parameters/instruments/od/measurements", nullptr);
+  set(second / "meshing" / "stage.json", "/parameters/instruments/od/topography/file", "map.csv");
+  EXPECT_THAT(warnings(), testing::HasSubstr("OD (right): topography by other instruments"));
 }
 
 TEST_F(FollowCommand, RefusesTwoPersonsAndOneScanTwice) {
