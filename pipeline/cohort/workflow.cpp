@@ -103,8 +103,9 @@ Answer run_cohort(const CohortOptions& options, const CommonOptions& common) {
   if (!is_whole) end_what_was_killed(cohort, subjects);
   const std::vector<EyeRow> rows = read_rows(cohort, listed_subjects(cohort));
   if (!is_whole) write_results(cohort, rows, cohort.root());
-  const std::vector<std::string> twice = scans_named_twice(rows);
-  for (const std::string& sentence : twice) spdlog::warn("{}", sentence);
+  std::vector<std::string> doubts = scans_named_twice(rows);
+  for (std::string& sentence : sexes_that_differ(rows)) doubts.push_back(std::move(sentence));
+  for (const std::string& sentence : doubts) spdlog::warn("{}", sentence);
   const Outcomes outcomes = count_outcomes(rows);
   Answer answer;
   answer.status = outcomes.measured == rows.size()           ? ExitStatus::done
@@ -118,7 +119,7 @@ Answer run_cohort(const CohortOptions& options, const CommonOptions& common) {
                  {"partial", outcomes.partial},
                  {"no_result", outcomes.no_result},
                  {"failed", outcomes.failed},
-                 {"warnings", twice},
+                 {"warnings", doubts},
                  {"table", (cohort.root() / "cohort.tsv").string()},
                  {"page", page.string()}};
   answer.text = fmt::format(

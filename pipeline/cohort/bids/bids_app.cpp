@@ -118,7 +118,9 @@ Answer run_participants(const BidsOptions& options, const CommonOptions& common)
                 fmt::format("stages of {} failed for want of memory, disk or device",
                             fmt::join(of_the_machine, ", ")),
                 "see " + (cohort.root() / "ends").string() + "; then run the same again");
-  const Outcomes outcomes = count_outcomes(read_rows(cohort, names));
+  const std::vector<EyeRow> rows = read_rows(cohort, names);
+  for (const std::string& sentence : sexes_that_differ(rows)) spdlog::warn("{}", sentence);
+  const Outcomes outcomes = count_outcomes(rows);
   Answer answer;
   answer.json = counted(outcomes);
   answer.json["participants"] = names;
@@ -151,6 +153,7 @@ Answer run_group(const BidsOptions& options) {
     measured.push_back(read_subject(cohort.subject_file(subject), subject));
   compare_with_table(whole_path(options.dataset), measured);
   const std::vector<EyeRow> rows = read_rows(cohort, subjects);
+  for (const std::string& sentence : sexes_that_differ(rows)) spdlog::warn("{}", sentence);
   write_results(cohort, rows, derivatives.root());
   const Outcomes outcomes = count_outcomes(rows);
   Answer answer;

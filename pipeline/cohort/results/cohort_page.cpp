@@ -58,8 +58,8 @@ Section outcomes_section(const std::vector<EyeRow>& rows) {
                 {"no result", share(outcomes.no_result), "the images do not support any number"},
                 {"failed", share(outcomes.failed), "the study could not be read, or the machine failed"}};
   Section section{"outcomes", "What came of the eyes", {{table}}};
-  if (report::BulletList twice{scans_named_twice(rows)}; !twice.items.empty())
-    section.blocks.push_back({twice});
+  for (auto* doubts_of : {scans_named_twice, sexes_that_differ})
+    if (report::BulletList doubts{doubts_of(rows)}; !doubts.items.empty()) section.blocks.push_back({doubts});
   return section;
 }
 

@@ -166,13 +166,14 @@ std::vector<EyeRow> read_rows(const CohortFolder& cohort, const std::vector<std:
     const fs::path case_folder = cohort.case_folder(subject);
     const Json plan = plan_of(cohort, subject);
     const std::optional<double> age_years = age_of(case_folder, plan);
-    const std::string sex = sex_of(case_folder);
+    const std::string sex = sex_of(case_folder), told_sex = plan.value("sex", "");
     for (const Laterality eye : eyes_asked_for(plan)) {
       EyeRow& row = rows.emplace_back();
       row.subject = subject;
       row.eye = eye;
       row.age_years = age_years;
-      row.sex = sex;
+      row.sex = sex.empty() ? told_sex : sex;
+      row.told_sex = told_sex;
       try {
         read_numbers(row, cohort);
         judge(row, cohort);
@@ -197,6 +198,19 @@ std::vector<std::string> scans_named_twice(const std::vector<EyeRow>& rows) {
       sentences.push_back(
           fmt::format("{} of {} and of {} have the same numbers to the last digit: one scan under two names?",
                       clinical_name(row.eye), other->second->subject, row.subject));
+  }
+  return sentences;
+}
+
+std::vector<std::string> sexes_that_differ(const std::vector<EyeRow>& rows) {
+  std::vector<std::string> sentences;
+  std::string before;
+  for (const EyeRow& row : rows) {
+    if (row.subject != before && !row.told_sex.empty() && row.told_sex != row.sex)
+      sentences.push_back(fmt::format(
+          "{}: the images are of sex {}, by the table of participants it is {}: another person's images?",
+          row.subject, row.sex, row.told_sex));
+    before = row.subject;
   }
   return sentences;
 }

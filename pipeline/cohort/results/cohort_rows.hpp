@@ -27,7 +27,8 @@ struct EyeRow {
   std::string stage;   ///< the command that gave less than all; empty for none
   std::string reason;  ///< in one line
   std::optional<double> age_years;
-  std::string sex;
+  std::string sex;                          ///< as the images say, else as the table of participants does
+  std::string told_sex;                     ///< as the table does
   std::map<std::string, Measured> numbers;  ///< by column of quantities(); what is withheld is not there
 };
 
@@ -41,6 +42,9 @@ std::vector<EyeRow> read_rows(const CohortFolder& cohort, const std::vector<std:
 
 /// Eyes of different subjects with the same numbers to the last digit, one scan under two names: a sentence a pair.
 std::vector<std::string> scans_named_twice(const std::vector<EyeRow>& rows);
+
+/// Subjects whose images tell another sex than the table of participants: a sentence each.
+std::vector<std::string> sexes_that_differ(const std::vector<EyeRow>& rows);
 
 struct Outcomes {
   std::size_t measured = 0, partial = 0, no_result = 0, failed = 0;

@@ -18,6 +18,8 @@
 namespace emmetrope::cohort {
 namespace {
 
+constexpr const char* session_column = "session_id";
+
 /// A reading that a table may hold for each eye, and the command that takes it.
 struct Reading {
   const char* column;
@@ -56,6 +58,38 @@ std::string age_in(const Table& table, std::size_t row) {
     throw input_error(fmt::format("{}: \"{}\" is no age", table.place(row, "age"), table.cell(row, "age")),
                       "years from 0 to 120, or n/a");
   return age;
+}
+
+/// "M", "F" or "O", as DICOM has it, of a letter or the word, as BIDS has them; empty of all else.
+std::string sex_in(const Table& table, std::size_t row) {
+  std::string sex = table.cell(row, "sex");
+  for (char& c : sex) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  for (const auto& [letter, word] : {std::pair("m", "male"), {"f", "female"}, {"o", "other"}})
+    if (sex == letter || sex == word) return std::string(1, static_cast<char>(std::toupper(*letter)));
+  return {};
+}
+
+/// Years, and where they stand.
+struct SaidAge {
+  std::string years;  ///< empty: not said
+  std::string place = {};
+};
+
+/// Of a visit "sub-X_ses-Y" in sub-X/sub-X_sessions.tsv.
+SaidAge age_at_session(const std::filesystem::path& dataset, const std::string& visit) {
+  const std::string person = visit.substr(0, visit.find("_ses-"));
+  const std::filesystem::path file = dataset / person / (person + "_sessions.tsv");
+  if (person == visit || !std::filesystem::exists(file)) return {};
+  const Table table = read_table(file, {session_column});
+  SaidAge said;
+  for (std::size_t row = 0; row < table.rows.size(); ++row) {
+    if (person + "_" + table.cell(row, session_column) != visit) continue;
+    if (!said.place.empty())
+      throw input_error(table.place(row, session_column) + ": the session has a row already",
+                        "give each one row");
+    said = {age_in(table, row), table.place(row, "age")};
+  }
+  return said;
 }
 
 /// Whether a column is called nearly as a reading: it would be passed over. "Axial length OD (mm)"
@@ -102,15 +136,14 @@ void require_reading(const Reading& reading, const std::string& text, const std:
   }
 }
 
-/// What a row says is put into the options of a subject.
+/// What a row says is put into a subject and its options.
 void add_readings_of_row(Subject& subject, const Table& table, std::size_t row) {
   const auto add = [&](const char* command, const char* option, const std::string& value) {
     std::vector<std::string>& words = subject.options[command];
     words.insert(words.end(), {option, value});
   };
   subject.age = age_in(table, row);
-  if (!subject.age.empty())
-    for (const char* command : {"segment", "trace", "correct"}) add(command, "--age", subject.age);
+  subject.sex = sex_in(table, row);
   for (const Reading& reading : readings)
     for (const Laterality eye : both_eyes)
       if (const std::string column = fmt::format("{}_{}", reading.column, to_string(eye)),
@@ -166,8 +199,25 @@ void add_readings(std::vector<Subject>& subjects, const Table& table, bool bids,
   }
 }
 
+void add_ages_of_sessions(std::vector<Subject>& subjects, const std::filesystem::path& dataset) {
+  for (Subject& subject : subjects)
+    if (const SaidAge said = age_at_session(dataset, subject.id); !said.years.empty())
+      subject.age = said.years;
+}
+
+void add_ages_to_options(std::vector<Subject>& subjects) {
+  for (Subject& subject : subjects) {
+    if (subject.age.empty()) continue;
+    for (const char* command : {"segment", "trace", "correct"}) {
+      std::vector<std::string>& words = subject.options[command];
+      words.insert(words.begin(), {"--age", subject.age});
+    }
+  }
+}
+
 std::vector<std::string> contradictions(const std::vector<Subject>& subjects, const Table& table) {
   const std::map<std::string, std::size_t> row_of = rows_of_persons(table, true);
+  const std::filesystem::path dataset = table.file.parent_path();
   std::vector<std::string> sentences;
   for (const Subject& subject : subjects) {
     const auto found = row_of.find(person_of(subject, true));
@@ -175,11 +225,19 @@ std::vector<std::string> contradictions(const std::vector<Subject>& subjects, co
       sentences.push_back(fmt::format("{}: {} has no row in it", table.file.string(), subject.id));
       continue;
     }
-    const std::string age = age_in(table, found->second);
-    if (typed_number(age) != typed_number(subject.age))
+    SaidAge said = age_at_session(dataset, subject.id);
+    if (said.years.empty()) said = {age_in(table, found->second), table.place(found->second, "age")};
+    // The tables of sessions lie among the images, which may have been taken away.
+    const std::string person = person_of(subject, true);
+    const bool may_be_the_sessions = person != subject.id && !std::filesystem::exists(dataset / person);
+    if (typed_number(said.years) != typed_number(subject.age) && !may_be_the_sessions)
       sentences.push_back(
           fmt::format("{}: \"{}\"; {} was measured as of \"{}\" years: run its participant level again",
-                      table.place(found->second, "age"), age, subject.id, subject.age));
+                      said.place, said.years, subject.id, subject.age));
+    if (const std::string sex = sex_in(table, found->second); sex != subject.sex)
+      sentences.push_back(
+          fmt::format("{}: \"{}\"; {} was measured as of sex \"{}\": run its participant level again",
+                      table.place(found->second, "sex"), sex, subject.id, subject.sex));
   }
   return sentences;
 }

@@ -185,6 +185,7 @@ void require_distinct(const std::vector<Subject>& subjects) {
 Json to_json(const Subject& subject) {
   return {{"study", subject.study.string()},
           {"age", subject.age},
+          {"sex", subject.sex},
           {"options", subject.options},
           {"fingerprint", subject.fingerprint},
           {"version", version()}};  // another version measures anew
@@ -193,9 +194,12 @@ Json to_json(const Subject& subject) {
 Subject read_subject(const fs::path& file, const std::string& id) {
   const Json json = read_json(file);
   try {
-    return {id, json.at("study").get<std::string>(),
-            json.at("options").get<std::map<std::string, std::vector<std::string>>>(), json.at("fingerprint"),
-            json.value("age", std::string())};
+    return {id,
+            json.at("study").get<std::string>(),
+            json.at("options").get<std::map<std::string, std::vector<std::string>>>(),
+            json.at("fingerprint"),
+            json.value("age", std::string()),
+            json.value("sex", std::string())};
   } catch (const Json::exception& fault) {
     throw input_error(file.string() + ": " + fault.what(), "run emmetrope cohort again: it writes this file");
   }
@@ -220,10 +224,12 @@ std::vector<Subject> find_subjects(const fs::path& studies, const BidsChoice& ch
     const bool all_are_here = choice.participants.empty() && choice.sessions.empty();
     if (const fs::path file = studies / "participants.tsv"; fs::exists(file))
       add_readings(subjects, read_table(file, {id_column}), bids, all_are_here);
+    if (bids) add_ages_of_sessions(subjects, studies);
   } else {
     throw input_error(studies.string() + " is neither a folder nor a .tsv table",
                       "name a folder of studies, a BIDS dataset or a participants.tsv");
   }
+  add_ages_to_options(subjects);
   if (subjects.empty())
     throw input_error("no study in " + studies.string(),
                       "expected folders of images, or sub-*/[ses-*/]anat beside dataset_description.json");

@@ -17,7 +17,8 @@ struct Subject {
   std::map<std::string, std::vector<std::string>> options;
   /// Of the study's files, their sizes and last changes: another study under the same name is another subject.
   Json fingerprint;
-  std::string age = {};  ///< years, as the table of participants has it; empty: not said
+  std::string age = {};  ///< years, as the table of sessions or of participants has it; empty: not said
+  std::string sex = {};  ///< "M", "F" or "O", as the table of participants has it; empty: not said
 };
 Json to_json(const Subject& subject);
 /// \throw Error (input_invalid) naming the file
@@ -35,9 +36,10 @@ void require_bids(const std::filesystem::path& dataset);
 /// - a BIDS dataset (dataset_description.json): sub-X[/ses-Y]/anat as "sub-X" or "sub-X_ses-Y",
 /// - a folder: each folder in it is a study, named by it,
 /// - a table (.tsv) with columns `participant_id` and `study`, a path from the table's folder.
-/// A `participants.tsv` in the folder, or the table itself, may have `age`, and for each eye (`_od`, `_os`)
+/// A `participants.tsv` in the folder, or the table itself, may have `age`, `sex`, and for each eye (`_od`, `_os`)
 /// `keratometry`, `axial_length`, `acd`, `lens_thickness` and `refraction`, written as the options of `emmetrope run`
-/// without the eye ("43.25@175/44.75@85+-0.25"); "n/a" and an empty cell say nothing.
+/// without the eye ("43.25@175/44.75@85+-0.25"); "n/a" and an empty cell say nothing. In a BIDS dataset the `age` of a
+/// session in sub-X/sub-X_sessions.tsv stands before that of the person.
 /// \throw Error (input_invalid) naming file, line and column, or a label of `choice` that nobody has
 std::vector<Subject> find_subjects(const std::filesystem::path& studies, const BidsChoice& choice = {});
 

@@ -86,6 +86,19 @@ TEST_F(BidsApp, SaysWhereTheTableOfParticipantsSaysOtherwise) {
   EXPECT_THAT(warnings({"participant", "--participant-label", "02"}), HasSubstr("sub-02_ses-b has no row"));
 }
 
+TEST_F(BidsApp, AgeOfTheSessionAndSexOfTheTableAreInTheRows) {
+  write_file(dataset() / "participants.tsv", "participant_id\tage\tsex\nsub-01\t30\tM\nsub-02\t40\tfemale\n");
+  write_file(dataset() / "sub-02" / "sub-02_sessions.tsv", "session_id\tage\nses-a\t40\nses-b\t42\n");
+  EXPECT_EQ(run({"participant"}).status, 0);
+  EXPECT_EQ(run({"group"}).status, 0);
+  const Table table = read_table(out() / "cohort.tsv", {"participant_id", "age", "sex"});
+  std::vector<std::string> said;
+  for (std::size_t row = 0; row < table.rows.size(); row += 2)
+    said.push_back(table.cell(row, "participant_id") + " " + table.cell(row, "age") + " " +
+                   table.cell(row, "sex"));
+  EXPECT_THAT(said, testing::ElementsAre("sub-01 30 M", "sub-02_ses-a 40 F", "sub-02_ses-b 42 F"));
+}
+
 TEST_F(BidsApp, OneRunAtATimeMeasuresAParticipant) {
   const CaseLock other(out() / "emmetrope" / "cases" / "sub-01", true);
   ::unsetenv("EMMETROPE_CASE_LOCK");

@@ -89,6 +89,19 @@ TEST_F(CohortRows, OfACorneaThatMayBeASphereHaveNoAxis) {
   EXPECT_EQ(rows[4].numbers.count("flat_axis"), 1U);
 }
 
+TEST_F(CohortRows, SexIsThatOfTheImagesBeforeThatOfTheTable) {
+  fs::create_directories(cohort_.root() / "subjects");
+  for (const char* subject :
+       {"broken", "right", "whole"})  // the images of the fixture are a woman's; "broken" has none
+    write_json(cohort_.subject_file(subject), {{"sex", subject == std::string("whole") ? "F" : "M"}});
+  const std::vector<EyeRow> rows = read_rows(cohort_, listed_subjects(cohort_));
+  EXPECT_EQ(rows[0].sex, "M");
+  EXPECT_EQ(rows[2].sex, "F");
+  const std::string said = "right: the images are of sex F, by the table of participants it is M";
+  EXPECT_THAT(sexes_that_differ(rows), testing::ElementsAre(HasSubstr(said)));
+  EXPECT_THAT(cohort_page(cohort_, rows, cohort_.root()), HasSubstr(said));
+}
+
 TEST_F(CohortRows, OfOneScanUnderTwoNamesAreTold) {
   std::vector<EyeRow> rows =
       read_rows(cohort_, listed_subjects(cohort_));  // "right" and "whole" are one fixture

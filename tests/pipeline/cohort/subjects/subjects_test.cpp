@@ -9,6 +9,7 @@
 
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/files.hpp"
+#include "pipeline/cohort/subjects/readings.hpp"
 #include "tests/support/temporary_folder.hpp"
 
 namespace emmetrope::cohort {
@@ -79,6 +80,45 @@ TEST_F(Subjects, TakeReadingsFromTheTableBesideThem) {
   const Subject read = read_subject(folder() / "subject.json", "sub-02_ses-a");
   EXPECT_EQ(read.options, found[1].options);
   EXPECT_EQ(read.study, found[1].study);
+}
+
+TEST_F(Subjects, OfBidsAreAsOldAsTheirSessionsSay) {
+  for (const char* image : {"sub-01/ses-a/anat/x.nii.gz", "sub-01/ses-b/anat/x.nii.gz",
+                            "sub-01/ses-c/anat/x.nii.gz", "sub-02/ses-a/anat/x.nii.gz"})
+    add(fs::path("bids") / image);
+  write_file(folder() / "bids" / "dataset_description.json", "{}");
+  const fs::path people = folder() / "bids/participants.tsv",
+                 sessions = folder() / "bids/sub-01/sub-01_sessions.tsv";
+  write_file(people, "participant_id\tage\tsex\nsub-01\t8\tFemale\nsub-02\t31\tunknown\n");
+  write_file(sessions, "session_id\tage\nses-a\t8.2\nses-b\t10.4\nses-c\tn/a\n");
+  const std::vector<Subject> found = find_subjects(folder() / "bids");
+  const std::vector<std::string> ages{"8.2", "10.4", "8", "31"}, sexes{"F", "F", "F", ""};
+  for (std::size_t i = 0; i < 4; ++i) {
+    EXPECT_EQ(found.at(i).age, ages[i]);
+    EXPECT_EQ(found[i].sex, sexes[i]);
+    for (const char* command : {"segment", "trace", "correct"})
+      EXPECT_THAT(found[i].options.at(command), ElementsAre("--age", ages[i]));
+  }
+  write_json(folder() / "subject.json", to_json(found[1]));
+  EXPECT_EQ(read_subject(folder() / "subject.json", "sub-01_ses-b").sex, "F");
+
+  // As it was measured, until a table says otherwise.
+  const auto said = [&] { return contradictions(found, read_table(people, {id_column})); };
+  EXPECT_THAT(said(), testing::IsEmpty());
+  write_file(sessions, "session_id\tage\nses-a\t8.2\nses-b\t10.5\n");
+  EXPECT_THAT(said(),
+              ElementsAre(HasSubstr("sub-01_sessions.tsv: line 3, column age: \"10.5\"; sub-01_ses-b was")));
+  fs::remove_all(folder() / "bids" / "sub-01");  // the group needs no images
+  EXPECT_THAT(said(), testing::IsEmpty());
+  write_file(people, "participant_id\tage\tsex\nsub-01\t8\tf\nsub-02\t31\tM\n");
+  EXPECT_THAT(said(), ElementsAre(HasSubstr("column sex: \"M\"; sub-02_ses-a was")));
+
+  add("bids/sub-01/ses-b/anat/x.nii.gz");
+  write_file(sessions, "session_id\tage\nses-b\t9\nses-b\t10\n");
+  EXPECT_THAT(refusal(folder() / "bids"),
+              HasSubstr("line 3, column session_id: the session has a row already"));
+  write_file(sessions, "session_id\tage\nses-b\tten\n");
+  EXPECT_THAT(refusal(folder() / "bids"), HasSubstr("\"ten\" is no age"));
 }
 
 TEST_F(Subjects, ThatLookAlikeKeepTheirOwnReadings) {
