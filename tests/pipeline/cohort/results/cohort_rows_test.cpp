@@ -122,6 +122,10 @@ TEST_F(CohortRows, OfTheTableAreTheNumbersOfTheCases) {
   int numbers = 0;
   for (const Quantity& quantity : quantities()) {
     if (quantity.stage != "meshing" || !biometry.contains(Json::json_pointer(quantity.key))) continue;
+    if (quantity.column == "flat_axis") {  // the fixture's left cornea may be a sphere
+      EXPECT_EQ(table.cell(5, quantity.column), "");
+      continue;
+    }
     const auto measured = biometry.at(Json::json_pointer(quantity.key)).get<Measured>();
     EXPECT_NEAR(std::stod(table.cell(5, quantity.column)), measured.value, 1e-5 * std::abs(measured.value));
     EXPECT_NEAR(std::stod(table.cell(5, quantity.column + "_low")), measured.ci95[0],
