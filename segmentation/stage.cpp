@@ -13,7 +13,6 @@
 #include "pipeline/eye/population/limits.hpp"
 #include "segmentation/finding/find_eyes.hpp"
 #include "segmentation/fit/both_eyes.hpp"
-#include "segmentation/intake/same_acquisition.hpp"
 #include "segmentation/judgement/fellow_eye.hpp"
 #include "segmentation/judgement/two_contrasts.hpp"
 #include "segmentation/labels/hand_labels.hpp"
@@ -43,28 +42,6 @@ struct StudyImages {
   }
 };
 
-/// Reads the chosen series. Of two that are one acquisition the first is used: noise that is the same would count as
-/// independent.
-void read_volumes(StudyImages& images, const IntakeOptions& intake, StageWorkspace& workspace) {
-  std::vector<const SeriesInfo*> used;
-  for (const SeriesInfo* info : images.series) {
-    Stack volume = read_series(images.inventory, info->uid, intake);
-    for (const std::string& warning : info->kept.warnings) workspace.warn(info->name + ": " + warning);
-    const auto same = std::find_if(images.volumes.begin(), images.volumes.end(), [&](const Stack& earlier) {
-      return is_same_acquisition(earlier, volume);
-    });
-    if (same != images.volumes.end()) {
-      workspace.warn(
-          fmt::format("{} is not used: it is the acquisition of {} once more, its noise is the same",
-                      info->name, same->name));
-      continue;
-    }
-    used.push_back(info);
-    images.volumes.push_back(std::move(volume));
-  }
-  images.series = std::move(used);
-}
-
 StudyImages read_images(const SegmentOptions& options, const CommonOptions& common,
                         StageWorkspace& workspace) {
   IntakeOptions intake;
@@ -78,7 +55,10 @@ StudyImages read_images(const SegmentOptions& options, const CommonOptions& comm
   if (options.series.empty())
     for (const SeriesInfo& info : images.inventory.series)
       if (info.damaged) workspace.warn(fmt::format("{} is not used: {}", info.name, info.kept.reason));
-  read_volumes(images, intake, workspace);
+  for (const SeriesInfo* info : images.series) {
+    images.volumes.push_back(read_series(images.inventory, info->uid, intake));
+    for (const std::string& warning : info->kept.warnings) workspace.warn(info->name + ": " + warning);
+  }
   images.labels = read_hand_labels(options.labels, images.stacks());
   images.subject = images.inventory.subject_of(*images.series.front());
   if (const std::string warning = age_warning(images.subject.age_years, options.age_years); !warning.empty())
