@@ -85,13 +85,10 @@ void fit_one(JudgedEye& eye, const StudyImages& images, const std::function<void
   std::vector<const Stack*> drawn_views;
   for (const Stack& image : drawn) drawn_views.push_back(&image);
   eye.evidence = drawn.empty() ? Evidence::intensities : Evidence::labels;
-  const ViewEdges edges = read_edges_of(eye.found, stacks);
-  if (drawn.empty()) eye.edges = edges;
+  if (drawn.empty()) eye.edges = read_edges_of(eye.found, stacks);
   fit_and_judge(eye, drawn.empty() ? views : drawn_views,
                 start_of(eye.found, eye.edges, images.subject.age_years), advance);
   if (!eye.fit) return;
-  if (!drawn.empty() && !edges.empty() && edges.front())
-    eye.gates.push_back(judge_labels(*eye.fit, *edges.front()));
   // What is shown and written is the scanner's image.
   for (std::size_t v = 0; v < views.size(); ++v) eye.fit->stacks[v].stack = views[v];
 }
@@ -110,6 +107,18 @@ std::vector<JudgedEye> fit_all(const std::vector<FoundEye>& found, const StudyIm
     compare_fellow_eyes(eyes[0], eyes[1], images.stacks(), images.subject.age_years, common.thread_count(),
                         common.verbosity);
   return eyes;
+}
+
+/// Labels beside what the images show without them.
+void compare_labels(std::vector<JudgedEye>& eyes, const FoundEyes& found, const StudyImages& images) {
+  for (JudgedEye& eye : eyes) {
+    if (eye.evidence != Evidence::labels || !eye.fit) continue;
+    const auto seen =
+        std::find_if(found.by_images.begin(), found.by_images.end(),
+                     [&](const FoundEye& other) { return other.laterality == eye.found.laterality; });
+    if (seen == found.by_images.end()) continue;  // who draws may see more than the finder
+    eye.gates.push_back(judge_labels(*eye.fit, *seen, read_edges_of(*seen, images.stacks()).front()));
+  }
 }
 
 /// Puts what images of the other contrast say to it.
@@ -200,6 +209,7 @@ StageVerdict segment_study(const SegmentOptions& options, const CommonOptions& c
   // What each eye tells of the other is the same whichever is asked for.
   if (is_seen) {
     eyes = fit_all(found.eyes, images, common, "fitting the eyes");
+    compare_labels(eyes, found, images);
     if (images.labels.empty()) add_other_contrast(eyes, found.in_other_contrast, images, common);
     explain_contrasts(found.choices, eyes);
   }

@@ -11,6 +11,7 @@
 #include <array>
 #include <fstream>
 #include <map>
+#include <optional>
 #include <set>
 
 #include "pipeline/base/clean_text.hpp"
@@ -44,19 +45,24 @@ std::string text_of(DcmDataset& set, const DcmTagKey& tag) {
   return clean_utf8(std::string(text.c_str(), text.size()));
 }
 
-/// C-GET asks by StudyInstanceUID alone, under which an archive may hold two patients.
-bool is_of(const FoundStudy& study, const fs::path& file) {
+/// C-GET asks by StudyInstanceUID alone, under which an archive may hold two patients. A file that cannot be read is
+/// judged by who reads it.
+/// \param patient_id  of whom the images are; empty: not known yet, the image tells
+bool is_of(const std::string& study_uid, std::optional<std::string>& patient_id, const fs::path& file) {
   DcmFileFormat image;
-  if (image.loadFile(file.c_str()).bad()) return false;
+  if (image.loadFile(file.c_str()).bad()) return true;
   DcmDataset& set = *image.getDataset();
-  return text_of(set, DCM_StudyInstanceUID) == study.uid && text_of(set, DCM_PatientID) == study.patient_id;
+  const std::string its_patient_id = text_of(set, DCM_PatientID);
+  if (!patient_id) patient_id = its_patient_id;
+  return text_of(set, DCM_StudyInstanceUID) == study_uid && its_patient_id == *patient_id;
 }
 
 /// Keeps what arrives under numbers: the names that an archive gives are its own words.
 template <class Scu>
 class Receiver : public Scu {
  public:
-  FoundStudy study;
+  std::string study_uid;
+  std::optional<std::string> patient_id;
   fs::path folder;
   std::function<void()> received;
   std::size_t count = 0;
@@ -68,7 +74,7 @@ class Receiver : public Scu {
     const OFCondition result = Scu::handleSTORERequestFile(context, file.c_str(), request);
     if (result.good()) {
       ++count;
-      is_mixed = is_mixed || !is_of(study, file);
+      is_mixed = is_mixed || !is_of(study_uid, patient_id, file);
       received();
     } else if (!std::ofstream(file).write(std::string(4096, ' ').data(), 4096).flush()) {
       disk_is_full = true;
@@ -265,7 +271,8 @@ std::size_t Archive::get(const FoundStudy& study, const std::vector<FoundSeries>
     auto& scu = association.scu();
     scu.setStorageMode(DCMSCU_STORAGE_BIT_PRESERVING);
     scu.setStorageDir(folder.c_str());
-    scu.study = study;
+    scu.study_uid = study.uid;
+    if (!study.patient_id.empty()) scu.patient_id = study.patient_id;
     scu.folder = folder;
     scu.received = received;
     const auto id = association.context(UID_GETStudyRootQueryRetrieveInformationModel, "C-GET");

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <numeric>
+#include <tuple>
 
 #include "pipeline/base/case_folder.hpp"
 #include "pipeline/base/error.hpp"
@@ -24,7 +25,16 @@ void require_query(const StudyQuery& query) {
                       "give --study-uid, --accession, --patient-id or --study-date");
 }
 
-FoundStudy only_one(const std::vector<FoundStudy>& studies) {
+FoundStudy only_one(std::vector<FoundStudy> studies) {
+  // A federation of archives may list one twice.
+  std::sort(studies.begin(), studies.end(), [](const FoundStudy& a, const FoundStudy& b) {
+    return std::tie(a.uid, a.patient_id) < std::tie(b.uid, b.patient_id);
+  });
+  studies.erase(std::unique(studies.begin(), studies.end(),
+                            [](const FoundStudy& a, const FoundStudy& b) {
+                              return a.uid == b.uid && a.patient_id == b.patient_id;
+                            }),
+                studies.end());
   if (studies.empty())
     throw input_error("the archive has no such study", "check what is asked for; names are not searched");
   if (studies.size() == 1) return studies.front();
@@ -52,9 +62,10 @@ Answer pull(const PacsOptions& options, const CommonOptions& common) {
     throw output_error(output.string() + " is there already", "name a new folder");
   const Archive archive(read_settings(options.settings));
   FoundStudy study = only_one(archive.find_studies(options.query));
-  // An archive may pass over a key: what comes is compared with what was asked for.
+  // An archive may pass over a key: what comes is compared with what was asked for, else with itself: archives that
+  // have corrected an identifier may send the original one.
   if (!options.query.study_uid.empty()) study.uid = options.query.study_uid;
-  if (!options.query.patient_id.empty()) study.patient_id = options.query.patient_id;
+  study.patient_id = options.query.patient_id;
   const std::vector<FoundSeries> series = archive.find_mr_series(study.uid);
   if (series.empty())
     throw input_error("study " + study.uid + " has no MR images in the archive: " + study.modalities);

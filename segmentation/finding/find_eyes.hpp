@@ -44,6 +44,7 @@ struct FoundEyes {
   std::vector<FoundEye> eyes;  ///< right first; at most two
   /// Those of them that images of the other contrast show, too, as these do.
   std::vector<FoundEye> in_other_contrast;
+  std::vector<FoundEye> by_images;  ///< what was seen where hand-drawn labels took its place
   std::vector<StackChoice> choices;
   std::vector<std::string> notes;
 };

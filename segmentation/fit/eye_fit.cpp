@@ -56,9 +56,11 @@ void check_voxels(const std::vector<Sample>& samples, const std::vector<Observed
   const bool interpolated = independent < 0.95 * static_cast<double>(samples.size());
   throw no_result_error(fmt::format(
       "too few voxels show the eye: {:.0f}{}, and a fit needs {}", independent,
-      interpolated ? fmt::format(" independent ones (the image was interpolated to the {} that are stored)",
-                                 samples.size())
-                   : std::string(),
+      interpolated
+          ? fmt::format(
+                " independent ones (the image was smoothed, or interpolated to the {} that are stored)",
+                samples.size())
+          : std::string(),
       fewest_voxels));
 }
 

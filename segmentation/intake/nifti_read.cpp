@@ -209,7 +209,7 @@ double mm_of_unit(const Header& header, const std::string& name) {
   }
 }
 
-/// Whether a form's coordinates are another's: aligned to another image's, Talairach's, MNI's or a template's.
+/// Whether a form's coordinates are Talairach's, MNI's or another template's.
 bool is_of_template(int form_code) { return form_code >= 3; }
 
 bool uses_sform(const Header& header) {
@@ -218,11 +218,13 @@ bool uses_sform(const Header& header) {
                          !(is_of_template(header.sform_code) && !is_of_template(header.qform_code)));
 }
 
-/// Two forms differ by what rounding does not make.
-void compare_forms(const Header& header, double to_mm, const std::string& name,
+/// Whether the header's two forms are one, but for rounding; what differs is warned of.
+bool compare_forms(const Header& header, double to_mm, const std::string& name,
                    std::vector<std::string>& warnings) {
   const Eigen::Matrix4d sform = header.sform, qform = affine_of_qform(header);
-  if (sform.topLeftCorner<3, 3>().determinant() * qform.topLeftCorner<3, 3>().determinant() < 0)
+  const bool both_are_the_scanners = !is_of_template(header.sform_code) && !is_of_template(header.qform_code);
+  if (both_are_the_scanners &&
+      sform.topLeftCorner<3, 3>().determinant() * qform.topLeftCorner<3, 3>().determinant() < 0)
     throw input_error(name + ": sform and qform contradict each other about left and right",
                       "convert the scan again with a program that keeps its orientation");
   const Eigen::Vector4d far(static_cast<double>(header.dim[1]), static_cast<double>(header.dim[2]),
@@ -230,9 +232,10 @@ void compare_forms(const Header& header, double to_mm, const std::string& name,
   const Eigen::Matrix4d difference = sform - qform;
   const double distance =
       to_mm * std::max((difference * far).head<3>().norm(), difference.col(3).head<3>().norm());
-  if (!(distance < 0.1))
-    warnings.push_back(fmt::format("{}: sform and qform differ by {:.2f} mm; the {} is used", name, distance,
-                                   uses_sform(header) ? "sform" : "qform, as the sform is a template's"));
+  if (distance < 0.1) return true;
+  warnings.push_back(fmt::format("{}: sform and qform differ by {:.2f} mm; the {} is used", name, distance,
+                                 uses_sform(header) ? "sform" : "qform, as the sform is a template's"));
+  return false;
 }
 
 /// lps_from_voxel, mm.
@@ -243,12 +246,14 @@ Eigen::Matrix4d affine_of(const Header& header, const std::string& name, std::ve
   Eigen::Matrix4d affine = uses_sform(header) ? header.sform : affine_of_qform(header);
   if (!affine.allFinite()) throw input_error(name + ": its orientation is not finite");
   const double to_mm = mm_of_unit(header, name);
-  if (header.sform_code > 0 && header.qform_code > 0) compare_forms(header, to_mm, name, warnings);
-  if (const int code = uses_sform(header) ? header.sform_code : header.qform_code; is_of_template(code))
+  const bool are_one =
+      header.sform_code > 0 && header.qform_code > 0 && compare_forms(header, to_mm, name, warnings);
+  const bool by_sform = uses_sform(header) || (are_one && is_of_template(header.sform_code));
+  if (const int code = by_sform ? header.sform_code : header.qform_code; is_of_template(code))
     warnings.push_back(
         fmt::format("{}: {} is {}, a template's coordinates (Talairach, MNI): where the head was "
                     "scaled to fit it, every length is the template's and not the person's",
-                    name, uses_sform(header) ? "sform_code" : "qform_code", code));
+                    name, by_sform ? "sform_code" : "qform_code", code));
   affine.topRows<3>() *= to_mm;
   affine.topRows<2>() *= -1;  // RAS to LPS
   return affine;

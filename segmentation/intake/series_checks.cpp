@@ -104,8 +104,8 @@ bool is_mosaic(const ImageHeader& header) {
 
 bool is_echo_planar(const ImageHeader& header) {
   const auto sequence = split_values(header.value(tag::scanning_sequence));
-  return std::find(sequence.begin(), sequence.end(), "EP") != sequence.end() ||
-         contains(header.value(tag::image_type), "DIFFUSION");
+  return header.value(tag::echo_planar) == "YES" ||  // of enhanced MR, which has no ScanningSequence
+         std::find(sequence.begin(), sequence.end(), "EP") != sequence.end();
 }
 
 /// A storage class of the standard other than MR's. Vendors' own classes are judged by the modality.
@@ -137,9 +137,9 @@ void check_kind(const Files& files, bool any_modality) {
       throw unsupported_error(file.name() + ": " + to_string(tag::modality_lut) +
                               " gives stored values another meaning; a linear rescale is required");
     if (is_echo_planar(header))
-      throw unsupported_error(found(file, tag::scanning_sequence) + " and " + found(file, tag::image_type) +
-                              ": echo-planar images (diffusion, perfusion, function) are distorted by "
-                              "millimetres near air, where eyes are");
+      throw unsupported_error(
+          found(file, header.has(tag::echo_planar) ? tag::echo_planar : tag::scanning_sequence) +
+          ": echo-planar images (diffusion, perfusion, function) are distorted by millimetres near air, where eyes are");
     if (is_mosaic(header))
       throw unsupported_error(found(file, tag::image_type) +
                               ": a Siemens mosaic shows many slices in one image; export single slices");

@@ -60,6 +60,7 @@ inline constexpr Tag trigger_time{0x0018, 0x1060, "TriggerTime"};
 inline constexpr Tag phase_encoding{0x0018, 0x1312, "InPlanePhaseEncodingDirection"};
 inline constexpr Tag flip_angle{0x0018, 0x1314, "FlipAngle"};
 inline constexpr Tag effective_echo_time{0x0018, 0x9082, "EffectiveEchoTime"};
+inline constexpr Tag echo_planar{0x0018, 0x9018, "EchoPlanarPulseSequence"};
 inline constexpr Tag diffusion_b_value{0x0018, 0x9087, "DiffusionBValue"};
 inline constexpr Tag private_creator_0019{0x0019, 0x0010, "PrivateCreator 0019"};
 inline constexpr Tag mosaic_images{0x0019, 0x100a, "NumberOfImagesInMosaic"};
@@ -126,6 +127,7 @@ inline constexpr Tag of_data_set[] = {image_type,
                                       patient_age,
                                       body_part,
                                       scanning_sequence,
+                                      echo_planar,
                                       acquisition_type,
                                       slice_thickness,
                                       repetition_time,

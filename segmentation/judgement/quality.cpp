@@ -485,14 +485,21 @@ std::vector<QualityGate> judge_quality(const FoundEye& found, const EyeFit& fit,
   return gates.take();
 }
 
-QualityGate judge_labels(const EyeFit& drawn, const ReadEye& image) {
-  const EdgeAgreement agreement = compare_with_edges(drawn, image);
+QualityGate judge_labels(const EyeFit& drawn, const FoundEye& seen, const std::optional<ReadEye>& edges) {
   Gates gates;
-  gates.warn_above(
-      "edge_disagreement", agreement.sigmas_beyond_wall,
-      fmt::format("the labels and the edges in the image disagree, {} (labels of another study, or "
-                  "moved?)",
-                  agreement.largest));
+  constexpr const char* cause = "(labels of another study, or moved?)";
+  if (edges) {
+    const EdgeAgreement agreement = compare_with_edges(drawn, *edges);
+    gates.warn_above(
+        "labels_by_edges", agreement.sigmas_beyond_wall, limits_of("edge_disagreement").accepted.high,
+        fmt::format("the labels and the edges in the image disagree: {} {}", agreement.largest, cause));
+  } else {
+    constexpr double as_well_as_seen_mm = 3;  // chosen: the finder errs by one
+    const double apart_mm = (drawn.globe_centre_lps() - seen.views.front().globe.centre).norm();
+    gates.warn_above(
+        "labels_off_mm", apart_mm, as_well_as_seen_mm,
+        fmt::format("the labels lie {:.1f} mm from the eye that the image shows {}", apart_mm, cause));
+  }
   return gates.take().front();
 }
 

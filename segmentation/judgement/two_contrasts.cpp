@@ -49,7 +49,7 @@ constexpr std::array<const char*, distance_count> distance_names{"axial length",
                                                                  "globe's width", "globe's height"};
 
 /// What both cannot be right in.
-std::optional<QualityGate> contradiction(const JudgedEye& a, const JudgedEye& b) {
+std::optional<QualityGate> contradiction_of_contrasts(const JudgedEye& a, const JudgedEye& b) {
   const Agreement agreement = agreement_of(*a.fit, *b.fit);
   const char* name = "contrast_difference";
   const Range allowed = limits_of(name).plausible;
@@ -79,7 +79,7 @@ void judge_together(JudgedEye& eye, JudgedEye& other) {
   if (!eye.has_front() || !other.has_front() || eye.rival || other.rival || !ill.empty() ||
       !illness_in(eye).empty())
     return;
-  if (const std::optional<QualityGate> contradicted = contradiction(eye, other)) {
+  if (const std::optional<QualityGate> contradicted = contradiction_of_contrasts(eye, other)) {
     eye.gates.push_back(*contradicted);
     doubt_each_other(*eye.fit, *other.fit);
   } else {

@@ -224,7 +224,7 @@ std::vector<HandLabels> read_hand_labels(const std::vector<std::filesystem::path
 
 void place_labelled_eyes(const std::vector<HandLabels>& labels, const std::vector<const Stack*>& stacks,
                          FoundEyes& found) {
-  const std::vector<FoundEye> seen = found.eyes;
+  const std::vector<FoundEye> seen = found.by_images = found.eyes;
   for (const Laterality laterality : both_eyes) {
     FoundEye eye;
     eye.laterality = laterality;

@@ -206,7 +206,8 @@ std::vector<std::string> sexes_that_differ(const std::vector<EyeRow>& rows) {
   std::vector<std::string> sentences;
   std::string before;
   for (const EyeRow& row : rows) {
-    if (row.subject != before && !row.told_sex.empty() && row.told_sex != row.sex)
+    const bool is_told_by_both = !row.told_sex.empty() && row.sex != "O";  // which anonymisers write
+    if (row.subject != before && is_told_by_both && row.told_sex != row.sex)
       sentences.push_back(fmt::format(
           "{}: the images are of sex {}, by the table of participants it is {}: another person's images?",
           row.subject, row.sex, row.told_sex));

@@ -57,7 +57,7 @@ std::string lower_case(std::string text) {
   return text;
 }
 
-/// Kinds of files in the same folder, and in those directly in it (textures/), that a file of this kind may be read with: glasses, materials, pictures.
+/// Kinds of files in the same folder that a file of this kind may be read with: glasses, materials, pictures.
 std::set<std::string> companions_of(const fs::path& file) {
   const std::string kind = lower_case(file.extension());
   if (kind == ".zmx") return {".agf"};
@@ -71,15 +71,10 @@ void add_file(const fs::path& file, Json& files) {
   const std::string path = file.lexically_normal().string();
   if (files.contains(path)) return;
   files[path] = sha256_of_file(file);
-  if (const std::set<std::string> companions = companions_of(file); !companions.empty()) {
-    constexpr auto options = fs::directory_options::skip_permission_denied;
-    for (auto entry = fs::recursive_directory_iterator(fs::absolute(file).parent_path(), options);
-         entry != fs::recursive_directory_iterator(); ++entry) {
-      if (entry.depth() > 0) entry.disable_recursion_pending();
-      if (entry->is_regular_file() && companions.count(lower_case(entry->path().extension())) > 0)
-        add_file(entry->path(), files);
-    }
-  }
+  if (const std::set<std::string> companions = companions_of(file); !companions.empty())
+    for (const auto& entry : fs::directory_iterator(fs::absolute(file).parent_path()))
+      if (entry.is_regular_file() && companions.count(lower_case(entry.path().extension())) > 0)
+        add_file(entry.path(), files);
   if (file.extension() != ".json") return;
   const Json json = Json::parse(read_file(file), nullptr, false);
   if (!json.is_discarded()) add_named_files(json, file.parent_path(), files);

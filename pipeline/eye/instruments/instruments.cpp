@@ -146,13 +146,19 @@ std::map<Laterality, EyeInstruments> parse_instruments(const InstrumentFlags& fl
   std::map<Laterality, EyeInstruments> by_eye;
   const auto add = [&](const char* flag, const std::vector<std::string>& texts, double default_sigma,
                        auto measurement) {
-    for (auto text = texts.begin(); text != texts.end(); ++text) {
-      if (std::find(texts.begin(), text, *text) != text)
+    for (const std::string& text : texts) {
+      const EyeFlag parsed = parse_eye_flag(flag, text, default_sigma);
+      ExternalMeasurement reading = measurement(parsed.value, parsed.sigma);
+      std::vector<ExternalMeasurement>& readings = by_eye[parsed.eye].measurements;
+      const auto is_this = [&](const ExternalMeasurement& other) {
+        return other.quantity == reading.quantity && other.value == reading.value &&
+               other.covariance == reading.covariance;
+      };
+      if (std::any_of(readings.begin(), readings.end(), is_this))
         throw usage_error(
-            fmt::format("{} {} is given twice", flag, *text),
+            fmt::format("{} {} is given twice", flag, text),
             "each counts as one more reading: give it once; where two readings are alike, with its +- over 1.4");
-      const EyeFlag parsed = parse_eye_flag(flag, *text, default_sigma);
-      by_eye[parsed.eye].measurements.push_back(measurement(parsed.value, parsed.sigma));
+      readings.push_back(std::move(reading));
     }
   };
   add("--keratometry", flags.keratometry, power_sigma_D, keratometry_measurement);

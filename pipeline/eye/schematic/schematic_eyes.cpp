@@ -346,9 +346,12 @@ EyeModel make_schematic(const Schematic& schematic, const EyeOptions& options) {
   return schematic.make(parameter);
 }
 
+/// A file "navarro" without an ending would stand in the way of the eye: it is read as "./navarro".
 bool names_a_file(const std::string& text) {
-  const std::string ending = std::filesystem::path(text).extension().string();
-  return is_file(text) || ending == ".json" || ending == ".zmx" || ending == ".ZMX";
+  const std::filesystem::path path(text);
+  const std::string ending = path.extension().string();
+  const bool is_a_name = find_schematic(text) != nullptr || is_atchison(text);
+  return ending == ".json" || ending == ".zmx" || ending == ".ZMX" || (!is_a_name && is_file(text));
 }
 
 }  // namespace

@@ -129,7 +129,7 @@ TEST(KnownData, OfOneReadingGivenOnce) {
   KnownDataFlags flags;
   flags.instruments.anterior_chamber_depth = {"od:3.1", "od:3.2", "os:3.1"};
   EXPECT_EQ(parse_known_data(flags).at(Laterality::od).instruments.measurements.size(), 2U);
-  flags.instruments.anterior_chamber_depth.emplace_back("od:3.1");
+  flags.instruments.anterior_chamber_depth.emplace_back("od:3.10");
   EXPECT_THROW(parse_known_data(flags), Error);
 }
 

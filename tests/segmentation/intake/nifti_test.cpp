@@ -166,6 +166,12 @@ TEST_F(NiftiTest, ALeftHandedVolumeIsTurnedWithItsSlices) {
 /// Lengths on a template's grid are the person's only where the head was not scaled to it.
 TEST_F(NiftiTest, ATemplatesCoordinatesGiveWayToTheScannersOrAreWarnedOf) {
   const auto path = sound();
+  std::vector<std::string> warnings;
+  patch<std::int16_t>(path, 252, 1);  // the qform: the scanner's
+  patch<std::int16_t>(path, 254, 4);  // the sform: MNI's, and the same: the voxels are a template's
+  EXPECT_NEAR(segmentation::read_nifti(path, warnings).column_spacing_mm, 0.4, 1e-6);
+  EXPECT_THAT(warnings, testing::ElementsAre(HasSubstr("sform_code is 4, a template's coordinates")));
+  warnings.clear();
   for (std::size_t i = 0; i < 3; ++i)
     for (std::size_t k = 0; k < 3; ++k) {
       const std::size_t at = 280 + 16 * i + 4 * k;
@@ -173,9 +179,6 @@ TEST_F(NiftiTest, ATemplatesCoordinatesGiveWayToTheScannersOrAreWarnedOf) {
       std::memcpy(&value, read_file(path).data() + at, sizeof value);
       patch(path, at, 1.05F * value);
     }
-  patch<std::int16_t>(path, 252, 1);  // the qform: the scanner's
-  patch<std::int16_t>(path, 254, 4);  // the sform: MNI's
-  std::vector<std::string> warnings;
   EXPECT_NEAR(segmentation::read_nifti(path, warnings).column_spacing_mm, 0.4, 1e-6);
   EXPECT_THAT(warnings, testing::ElementsAre(HasSubstr("the qform is used, as the sform is a template's")));
   patch<std::int16_t>(path, 252, 0);

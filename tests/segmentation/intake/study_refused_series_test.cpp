@@ -185,7 +185,7 @@ const Defect defects[] = {
     {"Mosaic", SET_ALL(DCM_ImageType, "ORIGINAL\\PRIMARY\\M\\ND\\MOSAIC"), "(0008,0008)",
      ExitStatus::unsupported},
     {"EchoPlanar", SET_ALL(DCM_ScanningSequence, "EP\\SE"), "(0018,0020)", ExitStatus::unsupported},
-    {"Diffusion", SET_ALL(DCM_ImageType, "ORIGINAL\\PRIMARY\\DIFFUSION\\NONE"), "(0008,0008)",
+    {"EchoPlanarOfEnhancedMr", SET_ALL(DCM_EchoPlanarPulseSequence, "YES"), "(0018,9018)",
      ExitStatus::unsupported},
 };
 

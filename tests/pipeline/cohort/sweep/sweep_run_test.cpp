@@ -38,17 +38,6 @@ TEST(SweepPlan, OfWhatIsReadBesideAFileIsAPartOfIt) {
   EXPECT_NE(run_name(sweep_plan(sweep, sweep.runs[0], {})), run_name(before));
 }
 
-TEST(SweepPlan, OfAModelsPicturesAreAPartOfIt) {
-  const test::TemporaryFolder folder;
-  write_file(folder.path() / "room.obj", "a room");
-  std::filesystem::create_directories(folder.path() / "textures" / "older");
-  write_file(folder.path() / "textures" / "wall.png", "a wall");
-  write_file(folder.path() / "textures" / "older" / "wall.png", "none of this room");
-  const std::string room = (folder.path() / "room.obj").string();
-  const Sweep sweep{"trace", {}, {{{"scene", room, {"--scene", room}}}}, {}};
-  EXPECT_EQ(sweep_plan(sweep, sweep.runs[0], {}).at("files").size(), 2U);
-}
-
 TEST(SweepPlan, WhatTheSweepSetsIsNotSetAgain) {
   const Sweep sweep{"trace", {}, {{{"seed", "7", {"--seed=7"}}}}, {}};
   const Json plan = sweep_plan(sweep, sweep.runs[0], {"--seed", "1", "--device", "0"});
