@@ -233,30 +233,34 @@ bool compare_forms(const Header& header, double to_mm, const std::string& name,
   const double distance =
       to_mm * std::max((difference * far).head<3>().norm(), difference.col(3).head<3>().norm());
   if (distance < 0.1) return true;
-  warnings.push_back(fmt::format("{}: sform and qform differ by {:.2f} mm; the {} is used", name, distance,
-                                 uses_sform(header) ? "sform" : "qform, as the sform is a template's"));
+  warnings.push_back(
+      fmt::format("{}: sform and qform differ by {:.2f} mm; the {}", name, distance,
+                  uses_sform(header) ? "sform is used" : "qform is used, as the sform is a template's"));
   return false;
 }
 
 /// lps_from_voxel, mm.
-Eigen::Matrix4d affine_of(const Header& header, const std::string& name, std::vector<std::string>& warnings) {
+Eigen::Matrix4d affine_of(const Header& header, const std::string& name) {
   if (header.sform_code <= 0 && header.qform_code <= 0)
     throw input_error(name + ": sform_code and qform_code are 0: left and right cannot be told",
                       "convert the scan again with a program that keeps its orientation");
   Eigen::Matrix4d affine = uses_sform(header) ? header.sform : affine_of_qform(header);
   if (!affine.allFinite()) throw input_error(name + ": its orientation is not finite");
-  const double to_mm = mm_of_unit(header, name);
-  const bool are_one =
-      header.sform_code > 0 && header.qform_code > 0 && compare_forms(header, to_mm, name, warnings);
+  affine.topRows<3>() *= mm_of_unit(header, name);
+  affine.topRows<2>() *= -1;  // RAS to LPS
+  return affine;
+}
+
+/// What the codes of the forms say of lengths and sides.
+void judge_forms(const Header& header, const std::string& name, std::vector<std::string>& warnings) {
+  const bool are_one = header.sform_code > 0 && header.qform_code > 0 &&
+                       compare_forms(header, mm_of_unit(header, name), name, warnings);
   const bool by_sform = uses_sform(header) || (are_one && is_of_template(header.sform_code));
   if (const int code = by_sform ? header.sform_code : header.qform_code; is_of_template(code))
     warnings.push_back(
         fmt::format("{}: {} is {}, a template's coordinates (Talairach, MNI): where the head was "
                     "scaled to fit it, every length is the template's and not the person's",
                     name, by_sform ? "sform_code" : "qform_code", code));
-  affine.topRows<3>() *= to_mm;
-  affine.topRows<2>() *= -1;  // RAS to LPS
-  return affine;
 }
 
 template <typename T>
@@ -352,8 +356,9 @@ Stack read_nifti(const std::filesystem::path& file, std::vector<std::string>& wa
   if (!is_plausible_intercept(intercept, slope))
     throw input_error(fmt::format("{}: scl_inter is {:g}; at most {:g} times scl_slope is read", name,
                                   intercept, largest_intercept));
-  const Eigen::Matrix4d affine = affine_of(header, name, warnings);
+  const Eigen::Matrix4d affine = affine_of(header, name);
   Stack stack = geometry_of(header, affine, name);
+  judge_forms(header, name, warnings);
   stack.name = "volume";
 
   const std::size_t voxels = static_cast<std::size_t>(stack.rows) * static_cast<std::size_t>(stack.columns);
