@@ -63,8 +63,8 @@ double share_along(const Stack& stack, int axis) {
   constexpr double nothing = 0.063;  // 12 dB
   std::size_t last = at(0.95);       // what wraps around, or an offset that alternates, is above
   while (last > 1 && level[last] < nothing * reference) --last;
-  // Scanners leave out corners of k-space and smooth its rim.
-  constexpr double rim = 0.9;
+  // Scanners leave out corners and up to a quarter of a side of k-space, and smooth its rim.
+  constexpr double rim = 0.75;
   const double share = static_cast<double>(last) / highest;
   return share < rim ? share : 1;
 }
