@@ -13,6 +13,7 @@
 #include "pipeline/cohort/results/quantities.hpp"
 #include "pipeline/cohort/subjects/stage_end.hpp"
 #include "pipeline/cohort/subjects/table.hpp"
+#include "pipeline/report/content/first_page.hpp"
 
 namespace emmetrope::cohort {
 namespace {
@@ -39,12 +40,6 @@ bool has_result(const CohortFolder& cohort, const std::string& subject, const st
   return end.status && gave_result(*end.status);
 }
 
-/// Whether a cornea is astigmatic by its interval; one that may be a sphere has no axis.
-bool has_cylinder(const Json& biometry) {
-  const Json cylinder_D = biometry.at("keratometry").value("cylinder_D", Json());
-  return !cylinder_D.is_object() || is_withheld(cylinder_D) || cylinder_D.get<Measured>().ci95[0] > 0;
-}
-
 void read_numbers(EyeRow& row, const CohortFolder& cohort) {
   const fs::path case_folder = cohort.case_folder(row.subject);
   std::map<std::string, bool> is_made;
@@ -59,7 +54,9 @@ void read_numbers(EyeRow& row, const CohortFolder& cohort) {
     const Json::json_pointer at(quantity.key);
     if (!json.is_object() || !json.contains(at) || is_withheld(json.at(at))) continue;
     row.numbers[quantity.column] = json.at(at).get<Measured>();
-    if (quantity.column == "flat_axis" && !has_cylinder(json)) row.numbers.erase(quantity.column);
+    if (quantity.column == "flat_axis" &&
+        !report::has_axis(json.value(Json::json_pointer("/keratometry/cylinder_D"), Json())))
+      row.numbers.erase(quantity.column);
   }
 }
 
