@@ -156,23 +156,25 @@ PlanoCylinderResult best_plano_cylinder(const raytrace::Tracer& tracer,
 
 }  // namespace
 
-void check_setting(const char* field, double value, const Range& allowed) {
+void check_setting(const char* name, double value, const Range& allowed, const char* unit) {
   if (!allowed.contains(value))
     throw usage_error(
-        fmt::format("{} is {:g}, outside {:g} to {:g}", field, value, allowed.low, allowed.high));
+        fmt::format("{} is {:g}{}, outside {:g} to {:g}", name, value, unit, allowed.low, allowed.high),
+        fmt::format("give {:g} to {:g}{}", allowed.low, allowed.high, unit));
 }
 
 void PrescriptionSettings::check() const {
   if (vertex_distance_mm != 0)
-    check_setting("vertex_distance_mm", vertex_distance_mm, {5, 30});  // else metres
-  check_setting("pupil_mm", pupil_mm, {0.5, 9});
-  check_setting("wavelength_nm", wavelength_nm, {380, 780});
-  check_setting("plano_cylinder_distance_mm", plano_cylinder_distance_mm, {0, 30});
-  check_setting("plano_cylinder_index", plano_cylinder_index, {1.3, 2});
-  check_setting("spectacle.semi_diameter_mm", spectacle.semi_diameter_mm, {10, 45});
-  if (spectacle.base_D) check_setting("spectacle.base_D", *spectacle.base_D, {0, 20});
+    check_setting("--vertex-distance (vertex_distance_mm)", vertex_distance_mm, {5, 30},
+                  " mm");  // else metres
+  check_setting("--pupil (pupil_mm)", pupil_mm, {0.5, 9}, " mm");
+  check_setting("--wavelength (wavelength_nm)", wavelength_nm, {380, 780}, " nm");
+  check_setting("--plano-cylinder-distance", plano_cylinder_distance_mm, {0, 30}, " mm");
+  check_setting("--plano-cylinder-index", plano_cylinder_index, {1.3, 2});
+  check_setting("--lens-diameter", 2 * spectacle.semi_diameter_mm, {20, 90}, " mm");
+  if (spectacle.base_D) check_setting("--base-curve", *spectacle.base_D, {0, 20}, " D");
   if (spectacle.centre_thickness_mm)
-    check_setting("spectacle.centre_thickness_mm", *spectacle.centre_thickness_mm, {0.5, 20});
+    check_setting("--centre-thickness", *spectacle.centre_thickness_mm, {0.5, 20}, " mm");
 }
 
 int Prescription::images() const {

@@ -266,6 +266,22 @@ TEST_F(CorrectStage, OfANamedEyeAllFilesAreWrittenOrNone) {
   EXPECT_FALSE(fs::exists(folder() / "named/.writing-correction"));
 }
 
+// In metres the lens would stand in the cornea's plane.
+TEST_F(CorrectStage, OfANamedEyeTheSettingsAreCheckedAsOfACase) {
+  settings_.prescription.vertex_distance_mm = 0.012;
+  expect_usage_error();
+  try {
+    correct_eye(make_eye("navarro"), folder() / "named", settings_, common_);
+    ADD_FAILURE() << "was accepted";
+  } catch (const Error& error) {
+    EXPECT_EQ(error.status(), ExitStatus::usage) << error.what();
+    EXPECT_EQ(std::string(error.what()),
+              "--vertex-distance (vertex_distance_mm) is 0.012 mm, outside 5 to 30");
+    EXPECT_EQ(error.remedy(), "give 5 to 30 mm");
+  }
+  EXPECT_FALSE(fs::exists(folder() / "named"));
+}
+
 TEST_F(CorrectStage, WhatCannotBeLearntIsAUsageError) {
   for (const char* text : {"-2.25/-1.00x180", "ou:-2.25", "od:-2.25/-1x190", "od:minus two"}) {
     known_.refractions = {text};
