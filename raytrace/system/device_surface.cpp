@@ -140,7 +140,7 @@ DeviceSurface mesh_on_device(const MeshShape& mesh, Representation representatio
   const HeightField* patch = mesh.patch();
   if (representation == Representation::every_triangle) return every_triangle(mesh.mesh());
   if (patch == nullptr) return sheet_hierarchy(mesh.mesh());
-  if (representation == Representation::triangles)
+  if (representation == Representation::triangles || mesh.interpolation() == MeshInterpolation::triangles)
     return triangle_walk(
         mesh.mesh(), {patch->base_curvature_per_mm().trace() / 2, patch->base_q(), patch->base_offset_mm()});
   DeviceSurface form = patches(*patch);

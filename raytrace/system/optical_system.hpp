@@ -49,7 +49,8 @@ struct OpticalSystem {
 
 /// How an eye is brought to the device.
 struct SystemForm {
-  Representation representation = Representation::analytic;  ///< a mesh is never analytic: smooth then
+  Representation representation =
+      Representation::analytic;    ///< a mesh is never analytic: as it says itself then
   std::vector<int> vertices{800};  ///< where a formula is meshed: TraceSettings::vertices
   int threads = 1;                 ///< that prepare surfaces
   bool every_surface = false;      ///< a ray that misses a body is lost, not led past it
