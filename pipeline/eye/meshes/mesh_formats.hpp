@@ -2,6 +2,7 @@
 #include <array>
 #include <map>
 #include <string>
+#include <string_view>
 
 #include "pipeline/eye/meshes/triangle_mesh.hpp"
 
@@ -12,6 +13,8 @@ namespace emmetrope {
 
 /// What a file says when its coordinates are DICOM patient coordinates.
 inline constexpr const char* space_lps = "SPACE=LPS";
+/// Takes from a comment or header what it says of the frame.
+void note_space(std::string_view comment, MeshFile& file);
 
 MeshFile parse_ply(const std::string& bytes);
 MeshFile parse_stl(const std::string& bytes);

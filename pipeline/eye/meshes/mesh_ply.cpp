@@ -57,11 +57,11 @@ struct Element {
 struct Header {
   Encoding encoding = Encoding::text;
   std::vector<Element> elements;
-  bool says_lps = false;
   std::size_t end = 0;  ///< where the data begin
 };
 
-Header read_header(const std::string& bytes) {
+/// \param file  is told of its frame
+Header read_header(const std::string& bytes, MeshFile& file) {
   Header header;
   TextScanner lines(bytes);
   if (lines.line() != "ply") throw input_error("no PLY file: its first line is not 'ply'");
@@ -73,7 +73,7 @@ Header read_header(const std::string& bytes) {
     const std::string_view key = words.word();
     if (key == "end_header") break;
     if (key == "comment") {
-      if (line.find(space_lps) != std::string_view::npos) header.says_lps = true;
+      note_space(line, file);
     } else if (key == "format") {
       const std::string_view name = words.word();
       if (name == "ascii")
@@ -233,9 +233,8 @@ void add_polygon(TriangleMesh& mesh, const std::vector<int>& corners) {
 }
 
 MeshFile parse_ply(const std::string& bytes) {
-  const Header header = read_header(bytes);
   MeshFile result;
-  result.says_lps = header.says_lps;
+  const Header header = read_header(bytes, result);
   PlyReader reader(bytes, header.end, header.encoding);
   for (const Element& element : header.elements) {
     // Even text takes two bytes a number.

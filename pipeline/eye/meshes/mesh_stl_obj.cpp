@@ -10,29 +10,15 @@
 namespace emmetrope {
 namespace {
 
-/// STL repeats each vertex in every triangle; equal coordinates become one vertex again, in order of
-/// appearance.
-class Welder {
- public:
-  explicit Welder(TriangleMesh& mesh) : mesh_(mesh) {}
-  int add(const Eigen::Vector3d& point) {
-    const auto [found, is_new] =
-        known_.try_emplace({point.x(), point.y(), point.z()}, static_cast<int>(mesh_.vertices.size()));
-    if (is_new) mesh_.vertices.push_back(point);
-    return found->second;
+/// STL repeats each vertex in every triangle: parse_stl welds them.
+void add_facet(TriangleMesh& mesh, const std::array<Eigen::Vector3d, 3>& corners) {
+  const int first = static_cast<int>(mesh.vertices.size());
+  for (const Eigen::Vector3d& corner : corners) {
+    if (!corner.allFinite()) throw input_error("an STL vertex has a coordinate that is no finite number");
+    mesh.vertices.push_back(corner);
   }
-  void triangle(const std::array<Eigen::Vector3d, 3>& corners) {
-    for (const Eigen::Vector3d& corner : corners)
-      if (!corner.allFinite()) throw input_error("an STL vertex has a coordinate that is no finite number");
-    const std::array<int, 3> indices{add(corners[0]), add(corners[1]), add(corners[2])};
-    if (indices[0] != indices[1] && indices[1] != indices[2] && indices[2] != indices[0])
-      mesh_.triangles.push_back(indices);
-  }
-
- private:
-  TriangleMesh& mesh_;
-  std::map<std::array<double, 3>, int> known_;
-};
+  mesh.triangles.push_back({first, first + 1, first + 2});
+}
 
 constexpr std::size_t stl_header = 84, stl_record = 50;
 
@@ -43,21 +29,19 @@ void parse_binary_stl(const std::string& bytes, MeshFile& result) {
   if (bytes.size() != expected)
     throw input_error(fmt::format("the STL header promises {} triangles, {} bytes; the file has {} bytes",
                                   count, expected, bytes.size()));
-  result.says_lps = bytes.substr(0, 80).find(space_lps) != std::string::npos;
-  Welder welder(result.mesh);
+  note_space(std::string_view(bytes).substr(0, 80), result);
   for (std::size_t t = 0; t < count; ++t) {
     float raw[12];
     std::memcpy(raw, bytes.data() + stl_header + t * stl_record, sizeof raw);
     std::array<Eigen::Vector3d, 3> corners;
     for (int k = 0; k < 3; ++k) corners[k] = {raw[3 + 3 * k], raw[4 + 3 * k], raw[5 + 3 * k]};
-    welder.triangle(corners);
+    add_facet(result.mesh, corners);
   }
 }
 
 void parse_text_stl(const std::string& bytes, MeshFile& result) {
   TextScanner scanner(bytes);
-  result.says_lps = scanner.line().find(space_lps) != std::string_view::npos;
-  Welder welder(result.mesh);
+  note_space(scanner.line(), result);
   std::array<Eigen::Vector3d, 3> corners;
   int filled = 0;
   bool complete = false;
@@ -74,7 +58,7 @@ void parse_text_stl(const std::string& bytes, MeshFile& result) {
       ++filled;
     } else if (word == "endfacet") {
       if (filled != 3) throw input_error("an STL facet has fewer than three vertices");
-      welder.triangle(corners);
+      add_facet(result.mesh, corners);
       filled = 0;
     } else if (word == "endsolid") {
       complete = true;
@@ -122,6 +106,7 @@ MeshFile parse_stl(const std::string& bytes) {
     parse_text_stl(bytes, result);
   else
     throw input_error("no STL file: shorter than its header");
+  weld(result.mesh);
   return result;
 }
 
@@ -146,17 +131,20 @@ MeshFile parse_obj(const std::string& bytes) {
         const int vertex = obj_index(word.substr(0, word.find('/')), mesh.vertices.size());
         corners.push_back(vertex);
         const std::size_t last = word.rfind('/');
-        if (last != word.find('/') && last + 1 < word.size())
-          normal_of_vertex[vertex] = obj_index(word.substr(last + 1), normals.size());
+        if (last == word.find('/') || last + 1 >= word.size()) continue;
+        const int normal = obj_index(word.substr(last + 1), normals.size());
+        int& known = normal_of_vertex[vertex];
+        if (known < 0) known = normal;
+        result.has_face_normals |= !normals[known].isApprox(normals[normal], 1e-3);
       }
       add_polygon(mesh, corners);
-    } else if (!key.empty() && key.front() == '#' && line.find(space_lps) != std::string_view::npos) {
-      result.says_lps = true;
+    } else if (!key.empty() && key.front() == '#') {
+      note_space(line, result);
     }
   }
   normal_of_vertex.resize(mesh.vertices.size(), -1);
   for (const int index : normal_of_vertex) {
-    if (index < 0) {
+    if (index < 0 || result.has_face_normals) {
       mesh.normals.clear();
       break;
     }

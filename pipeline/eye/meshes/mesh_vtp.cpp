@@ -76,8 +76,9 @@ MeshFile parse_vtp(const std::string& bytes) {
     add_polygons(file, piece, result.mesh, first_vertex);
   }
   if (result.mesh.vertices.empty()) throw input_error("the VTP mesh has no points");
-  result.says_lps = file.numbers(named(file.data_set().child("FieldData"), "SPACE")) ==
-                    std::vector<double>{'L', 'P', 'S', '\0'};
+  const std::vector<double> space = file.numbers(named(file.data_set().child("FieldData"), "SPACE"));
+  result.says_lps = space == std::vector<double>{'L', 'P', 'S', '\0'};
+  result.says_ras = space == std::vector<double>{'R', 'A', 'S', '\0'};
   return result;
 }
 

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
+#include <set>
 
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/files.hpp"
@@ -60,6 +62,46 @@ void normalise_normals(TriangleMesh& mesh) {
 }
 
 }  // namespace
+
+void note_space(std::string_view comment, MeshFile& file) {
+  file.says_lps |= comment.find(space_lps) != std::string_view::npos;
+  file.says_ras |= comment.find("SPACE=RAS") != std::string_view::npos;
+}
+
+bool weld(TriangleMesh& mesh) {
+  constexpr double same_normal = 1e-3;  // what digits leave
+  TriangleMesh welded;
+  std::map<std::array<double, 3>, int> places;
+  std::vector<bool> used(mesh.vertices.size(), false);
+  for (const auto& triangle : mesh.triangles)
+    for (const int corner : triangle) used[corner] = true;
+  std::vector<int> place_of(mesh.vertices.size(), -1);
+  bool has_several_normals = false;
+  for (std::size_t i = 0; i < mesh.vertices.size(); ++i) {
+    if (!used[i]) continue;
+    const Eigen::Vector3d& v = mesh.vertices[i];
+    const auto [place, is_new] =
+        places.try_emplace({v.x(), v.y(), v.z()}, static_cast<int>(welded.vertices.size()));
+    place_of[i] = place->second;
+    if (is_new) {
+      welded.vertices.push_back(v);
+      if (!mesh.normals.empty()) welded.normals.push_back(mesh.normals[i]);
+    } else if (!mesh.normals.empty()) {
+      has_several_normals |= (welded.normals[place->second] - mesh.normals[i]).norm() > same_normal;
+    }
+  }
+  if (has_several_normals) welded.normals.clear();
+  std::set<std::array<int, 3>> known;
+  for (const auto& [a, b, c] : mesh.triangles) {
+    const std::array<int, 3> corners{place_of[a], place_of[b], place_of[c]};
+    std::array<int, 3> sorted = corners;
+    std::sort(sorted.begin(), sorted.end());
+    if (sorted[0] != sorted[1] && sorted[1] != sorted[2] && known.insert(sorted).second)
+      welded.triangles.push_back(corners);
+  }
+  mesh = std::move(welded);
+  return has_several_normals;
+}
 
 MeshFile read_mesh(const std::filesystem::path& file) {
   const Format& format = format_of(file);

@@ -15,10 +15,17 @@ struct TriangleMesh {
   std::vector<std::array<int, 3>> triangles;
 };
 
+/// Vertices at one place become one, in order of appearance; those of no triangle go, and triangles without three
+/// corners or that are there twice. Normals go where one place has several: they are of faces, not of the surface.
+/// \return whether normals went
+bool weld(TriangleMesh& mesh);
+
 /// A mesh as it was read, with what its file says of its frame.
 struct MeshFile {
   TriangleMesh mesh;
-  bool says_lps = false;  ///< the file carries a SPACE=LPS comment (or VTP field)
+  bool says_lps = false;          ///< the file carries a SPACE=LPS comment (or VTP field)
+  bool says_ras = false;          ///< the same with RAS, as 3D Slicer may write it
+  bool has_face_normals = false;  ///< and none of vertices: they are left out
 };
 
 /// Reads PLY (text, binary), STL (text, binary), OBJ or VTP, chosen by the file's ending. Sizes that the

@@ -5,6 +5,8 @@
 
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/files.hpp"
+#include "pipeline/base/log.hpp"
+#include "pipeline/eye/model/clean_sheet.hpp"
 
 namespace emmetrope {
 namespace {
@@ -172,6 +174,10 @@ Surface read_mesh_surface(const std::string& name, const std::filesystem::path& 
                           const std::optional<Eigen::Isometry3d>& lps_from_eye,
                           const std::string& medium_after, MeshInterpolation interpolation) {
   MeshFile read = read_mesh(file);
+  if (read.says_ras)
+    throw input_error(
+        file.string() + ": the mesh says SPACE=RAS, which is not read",
+        "save it in LPS (3D Slicer: coordinate system of the file), with lps_from_eye in the eye");
   if (read.says_lps) {
     if (!lps_from_eye)
       throw input_error(file.string() + ": the mesh says SPACE=LPS, but the eye has no lps_from_eye",
@@ -179,6 +185,7 @@ Surface read_mesh_surface(const std::string& name, const std::filesystem::path& 
     read.mesh = transformed(lps_from_eye->inverse(), read.mesh);
   }
   try {
+    for (const std::string& not_used : clean_sheet(read)) spdlog::warn("{}: {}", file.string(), not_used);
     return make_mesh_surface(name, read.mesh, medium_after, interpolation, {file, sha256_of_file(file)});
   } catch (const Error& error) {
     throw Error(error.status(), file.string() + ": " + error.what(), error.remedy());

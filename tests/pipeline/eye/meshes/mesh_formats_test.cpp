@@ -52,6 +52,25 @@ TEST(MeshFiles, StlWeldsItsCorners) {
             1e-6);
 }
 
+TEST(MeshFiles, OfAnotherSpaceSaySo) {
+  for (const char* ending : {"ply", "stl", "obj"}) {
+    const std::filesystem::path file = scratch(std::string("space.") + ending);
+    write_mesh(file, sheet(), true);
+    EXPECT_FALSE(read_mesh(file).says_ras) << ending;
+    std::string bytes = read_file(file);
+    write_file(file, bytes.replace(bytes.find("SPACE=LPS"), 9, "SPACE=RAS"));
+    EXPECT_TRUE(read_mesh(file).says_ras) << ending;
+    EXPECT_FALSE(read_mesh(file).says_lps) << ending;
+  }
+  write_file(
+      scratch("space.vtp"),
+      "<VTKFile type=\"PolyData\" version=\"1.0\"><PolyData><FieldData><Array type=\"String\" "
+      "Name=\"SPACE\" NumberOfTuples=\"1\" format=\"ascii\">82 65 83 0</Array></FieldData><Piece "
+      "NumberOfPoints=\"1\" NumberOfPolys=\"0\"><Points><DataArray type=\"Float32\" "
+      "NumberOfComponents=\"3\" format=\"ascii\">0 0 0</DataArray></Points></Piece></PolyData></VTKFile>");
+  EXPECT_TRUE(read_mesh(scratch("space.vtp")).says_ras);
+}
+
 TEST(MeshFiles, TextFormsAreRead) {
   write_file(scratch("text.ply"),
              "ply\nformat ascii 1.0\ncomment SPACE=LPS\nelement vertex 4\nproperty float x\nproperty float "

@@ -5,9 +5,11 @@
 #include <random>
 
 #include "pipeline/base/error.hpp"
+#include "pipeline/base/files.hpp"
 #include "pipeline/base/frames.hpp"
 #include "pipeline/eye/schematic/schematic_eyes.hpp"
 #include "tests/support/meshed_eye.hpp"
+#include "tests/support/temporary_folder.hpp"
 
 namespace emmetrope {
 namespace {
@@ -150,6 +152,31 @@ TEST(MeshShape, SheetsInAnotherUnitAreRefused) {
     for (auto& v : mesh.vertices) v *= factor;
     EXPECT_THROW(make_mesh_surface("cornea", mesh, ""), Error) << factor;
   }
+}
+
+TEST(MeshShape, OfAFileInAnotherSpaceIsRefused) {
+  const test::TemporaryFolder folder;
+  const std::filesystem::path file = folder.path() / "cornea.obj";
+  write_mesh(file, jittered_sheet(*make_sphere(7.8), 5, 300, 6), true);
+  std::string text = read_file(file);
+  write_file(file, text.replace(text.find("SPACE=LPS"), 9, "SPACE=RAS"));
+  EXPECT_THAT([&] { read_mesh_surface("cornea", file, Eigen::Isometry3d::Identity(), ""); },
+              testing::ThrowsMessage<Error>(testing::HasSubstr("cornea.obj: the mesh says SPACE=RAS")));
+}
+
+// A point beside the sheet bent the smooth surface.
+TEST(MeshShape, OfAFileAVertexOfNoTriangleIsNoPartOf) {
+  const test::TemporaryFolder folder;
+  TriangleMesh mesh = jittered_sheet(*make_sphere(7.8), 5, 300, 6);
+  const auto curvature = [&] {
+    write_mesh(folder.path() / "cornea.ply", mesh, false);
+    return read_mesh_surface("cornea", folder.path() / "cornea.ply", std::nullopt, "")
+        .shape->vertex_curvature();
+  };
+  const Eigen::Matrix2d expected = curvature();
+  mesh.vertices.emplace_back(0.5, 0.3, -0.3);
+  mesh.normals.emplace_back(0, 0, 1);
+  EXPECT_EQ(curvature(), expected);
 }
 
 TEST(MeshShape, SheetsThatMissTheAxisAreRefused) {
