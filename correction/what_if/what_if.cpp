@@ -127,7 +127,7 @@ Json what_if_json(const EyeModel& eye, const PrescriptionSettings& settings, con
         {"far_point_mm", finite_or_null(near_point_mm(at_cornea.M_D, 0))},
         {"near_point_mm", finite_or_null(near_point_mm(at_cornea.M_D, amplitude.average_D))},
         {"near_point_with_lens_mm",
-         finite_or_null(near_point_with_lens_mm(at_cornea.M_D, amplitude.average_D, refraction.M_D,
+         finite_or_null(near_point_with_lens_mm(at_cornea, amplitude.average_D, refraction,
                                                 settings.vertex_distance_mm))}};
   }
   const auto or_reason = [](const std::function<Json()>& what) -> Json {
@@ -155,9 +155,12 @@ double near_point_mm(double at_cornea_D, double amplitude_D) {
   return std::abs(vergence_D) < none_D ? std::numeric_limits<double>::infinity() : -1e3 / vergence_D;
 }
 
-double near_point_with_lens_mm(double at_cornea_D, double amplitude_D, double lens_D, double vertex_mm) {
-  const double behind_lens_D = move_towards_eye({at_cornea_D - amplitude_D, 0, 0}, -vertex_mm).M_D;
-  const double before_lens_D = behind_lens_D - lens_D;
+double near_point_with_lens_mm(const PowerVector& at_cornea, double amplitude_D, const PowerVector& lens,
+                               double vertex_mm) {
+  // Each meridian moves by its own power: the mean of what has moved is not the mean, moved.
+  PowerVector accommodated = at_cornea;
+  accommodated.M_D -= amplitude_D;
+  const double before_lens_D = move_towards_eye(accommodated, -vertex_mm).M_D - lens.M_D;
   return std::abs(before_lens_D) < none_D ? std::numeric_limits<double>::infinity()
                                           : vertex_mm - 1e3 / before_lens_D;
 }

@@ -15,7 +15,8 @@ namespace emmetrope::correction {
 /// \param at_cornea_D  mean refraction at the corneal vertex
 double near_point_mm(double at_cornea_D, double amplitude_D);
 /// The same, also from the cornea, through a lens of back vertex power lens_D at vertex_mm in front of it.
-double near_point_with_lens_mm(double at_cornea_D, double amplitude_D, double lens_D, double vertex_mm);
+double near_point_with_lens_mm(const PowerVector& at_cornea, double amplitude_D, const PowerVector& lens,
+                               double vertex_mm);
 
 /// A symmetric biconvex IOL of index 1.46, 0.8 mm thick.
 /// \param position_mm  its middle behind the corneal vertex

@@ -23,12 +23,15 @@ TEST(WhatIf, AmplitudeAndNearPoint) {
   EXPECT_NEAR(near_point_mm(-4, 0), 250, 1e-9);
   EXPECT_TRUE(std::isinf(near_point_mm(0, 0)));
   // A corrected myope needs less accommodation than an emmetrope: the lens at 12 mm sees to it.
-  const double lens_D = move_towards_eye({-8, 0, 0}, -12).M_D;
-  EXPECT_TRUE(std::isinf(near_point_with_lens_mm(-8, 0, lens_D, 12)) ||
-              std::abs(near_point_with_lens_mm(-8, 0, lens_D, 12)) > 1e9);
-  EXPECT_LT(near_point_with_lens_mm(-8, 4, lens_D, 12), near_point_with_lens_mm(0, 4, 0, 12));
+  const PowerVector lens = move_towards_eye({-8, 0, 0}, -12);
+  EXPECT_TRUE(std::isinf(near_point_with_lens_mm({-8, 0, 0}, 0, lens, 12)) ||
+              std::abs(near_point_with_lens_mm({-8, 0, 0}, 0, lens, 12)) > 1e9);
+  EXPECT_LT(near_point_with_lens_mm({-8, 0, 0}, 4, lens, 12), near_point_with_lens_mm({}, 4, {}, 12));
   // Both from the cornea: a lens of no power changes nothing.
-  EXPECT_NEAR(near_point_with_lens_mm(-2, 4, 0, 12), near_point_mm(-2, 4), 1e-9);
+  EXPECT_NEAR(near_point_with_lens_mm({-2, 0, 0}, 4, {}, 12), near_point_mm(-2, 4), 1e-9);
+  // A lens with a cylinder leaves an eye without accommodation nothing nearer than infinity.
+  const PowerVector astigmatic{-3, 1.5, -0.7};
+  EXPECT_TRUE(std::isinf(near_point_with_lens_mm(astigmatic, 0, move_towards_eye(astigmatic, -12), 12)));
 }
 
 TEST(WhatIf, IolFormulasAreThePublishedExpressions) {
