@@ -59,6 +59,9 @@ std::vector<double> read_table(CheckedObject& json) {
   return result;
 }
 
+/// Below that of any glass or fluid; the densest flints have 17.
+constexpr int least_abbe_number = 10;
+
 Dispersion read_dispersion(CheckedObject& json) {
   Dispersion dispersion;
   for (const FormulaKey& entry : formula_keys) {
@@ -71,8 +74,10 @@ Dispersion read_dispersion(CheckedObject& json) {
     if (entry.formula == Formula::sellmeier && dispersion.coefficients.size() % 2 != 0)
       throw json.fault(entry.key, "expected pairs B1, C1, B2, C2, ...");
     if (entry.formula == Formula::abbe &&
-        (dispersion.coefficients[0] <= 1 || dispersion.coefficients[1] <= 0))
-      throw json.fault(entry.key, "expected [n_d > 1, Abbe number > 0]");
+        (dispersion.coefficients[0] <= 1 || dispersion.coefficients[1] < least_abbe_number))
+      throw json.fault(
+          entry.key, fmt::format("expected [n_d > 1, Abbe number of {} or more], found [{:g}, {:g}]",
+                                 least_abbe_number, dispersion.coefficients[0], dispersion.coefficients[1]));
   }
   return dispersion;
 }

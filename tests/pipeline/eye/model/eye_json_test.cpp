@@ -103,6 +103,10 @@ TEST(EyeJson, FaultsNameTheKey) {
   EXPECT_THAT(with([](Json& j) { j["media"]["lens"]["abe"] = 50; }), HasSubstr("abe"));
   EXPECT_THAT(with([](Json& j) { j["media"]["lens"]["index"] = 0.9; }), HasSubstr("index"));
   EXPECT_THAT(with([](Json& j) { j["media"]["lens"]["abbe"] = {1.42, 50}; }), HasSubstr("second"));
+  EXPECT_THAT(with([](Json& j) {
+                j["media"]["vitreous"] = {{"index", 1.336}, {"abbe", {1.336, 0.9}}};
+              }),
+              HasSubstr("Abbe number of 10 or more"));
   EXPECT_THAT(with([](Json& j) { j["surfaces"][1]["medium_after"] = "water"; }), HasSubstr("water"));
   EXPECT_THAT(with([](Json& j) { j["surfaces"][1].erase("medium_after"); }), HasSubstr("medium_after"));
   EXPECT_THAT(with([](Json& j) { j["surfaces"][5]["medium_after"] = "lens"; }), HasSubstr("medium_after"));
