@@ -1,5 +1,7 @@
 #include "raytrace/wavefront/wavefront.hpp"
 
+#include <fmt/format.h>
+
 #include <Eigen/Dense>
 #include <cmath>
 
@@ -140,6 +142,12 @@ PowerVector second_order_refraction(const std::vector<PupilRay>& rays, double ra
 PupilRim pupil_rim(const EyeModel& eye, const RetinalPencil& pencil, const WavefrontSettings& settings,
                    double stop_image_mm) {
   const double circle_mm = settings.entrance_pupil_mm.value_or(stop_image_mm);
+  if (!(circle_mm > 0) && eye.stop() != nullptr)
+    throw input_error(
+        fmt::format("eye '{}' has no entrance pupil: what is in front of its stop of {:g} mm images it "
+                    "upside down, {:g} mm wide",
+                    eye.name, eye.stop()->stop_diameter_mm, std::abs(circle_mm)),
+        "check the radii and positions of the surfaces in front of the stop: all lengths are mm");
   if (!(circle_mm > 0))
     throw input_error("eye '" + eye.name + "' has no stop: its pupil is not known",
                       "add a surface of type \"stop\" or give the entrance pupil's diameter");

@@ -234,5 +234,13 @@ TEST(Wavefront, NoStopIsAnError) {
   EXPECT_NO_THROW(measure_wavefront(eye, entrance(3)));
 }
 
+TEST(Wavefront, AStopWithoutAnEntrancePupilIsSaid) {
+  EyeModel eye = make_eye("navarro");
+  eye.surface("cornea_anterior").shape = make_conic(0.772, -0.26);  // one digit lost
+  EXPECT_THAT([&] { measure_wavefront(eye, {}); },
+              testing::ThrowsMessage<Error>(testing::AllOf(testing::HasSubstr("upside down"),
+                                                           testing::Not(testing::HasSubstr("no stop")))));
+}
+
 }  // namespace
 }  // namespace emmetrope::raytrace
