@@ -4,6 +4,7 @@
 #include <memory>
 
 #include "correction/stage.hpp"
+#include "pipeline/eye/population/limits.hpp"
 #include "pipeline/eye/schematic/schematic_eyes.hpp"
 
 namespace emmetrope::correction {
@@ -38,7 +39,7 @@ void declare_search(CLI::App& app, Flags& flags) {
       ->check(CLI::Range(0.0, 30.0))
       ->capture_default_str();
   app.add_option("--pupil", prescription.pupil_mm, "iris aperture for the prescription, mm")
-      ->check(CLI::Range(0.5, 9.0))
+      ->check(CLI::Range(iris_aperture_mm.low, iris_aperture_mm.high))
       ->capture_default_str();
   app.add_option("--criterion", flags.criterion, "gradient-energy, laplacian-variance or mtf-weighted")
       ->capture_default_str();

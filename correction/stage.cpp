@@ -17,6 +17,7 @@
 #include "pipeline/base/notation.hpp"
 #include "pipeline/base/scratch_folder.hpp"
 #include "pipeline/base/version.hpp"
+#include "pipeline/eye/optics/plausible_eye.hpp"
 #include "pipeline/eye/population/population.hpp"
 #include "raytrace/case/trace_picture.hpp"
 #include "raytrace/spectacle/spectacle.hpp"
@@ -351,7 +352,7 @@ void PictureSettings::check() const {
   check_setting("picture.field_x_mm", field_x_mm, {1e-3, 30}, " mm");
   check_setting("picture.field_y_mm", field_y_mm, {1e-3, 30}, " mm");
   check_setting("--samples", samples, {1, 100000});
-  check_setting("picture.pupil_mm", pupil_mm, {0.5, 9}, " mm");
+  check_setting("picture.pupil_mm", pupil_mm, iris_aperture_mm, " mm");
 }
 
 void CorrectionSettings::check() const {
@@ -431,6 +432,7 @@ Answer correct_eye(const EyeModel& eye, const fs::path& output, CorrectionSettin
     throw usage_error("measurements from elsewhere are learnt about a measured eye; --eye is known exactly",
                       "leave them out, or name a CASE");
   raytrace::make_scene(settings.picture.scene);  // where that fails, or the folder, at once
+  if (const std::string doubt = implausible_eye(eye); !doubt.empty()) spdlog::warn("{}", doubt);
   const WholeOutput whole(output);
   const raytrace::Tracer tracer(common.device, common.threads);
   EyeResult result;

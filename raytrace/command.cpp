@@ -9,6 +9,7 @@
 #include <memory>
 
 #include "pipeline/base/eye_stage.hpp"
+#include "pipeline/eye/population/limits.hpp"
 #include "raytrace/named_eye.hpp"
 #include "raytrace/spectacle/text_reader.hpp"
 #include "raytrace/stage.hpp"
@@ -87,7 +88,9 @@ void declare_field(CLI::App& app, Flags& flags) {
 }
 
 void declare_pupil_and_lens(CLI::App& app, Flags& flags) {
-  app.add_option("--pupil", flags.pupil_mm, "Iris aperture, mm (4)")->type_name("MM");
+  app.add_option("--pupil", flags.pupil_mm, "Iris aperture, mm (4)")
+      ->check(CLI::Range(iris_aperture_mm.low, iris_aperture_mm.high))
+      ->type_name("MM");
   app.add_option("--accommodation", flags.accommodation_D, "Dioptres from the relaxed eye (--eye)")
       ->type_name("D");
   app.add_option("--accommodation-parameter", flags.accommodation_parameter, "The model's own (--eye)");

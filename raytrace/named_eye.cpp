@@ -3,6 +3,7 @@
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/eye_stage.hpp"
 #include "pipeline/base/log.hpp"
+#include "pipeline/eye/optics/plausible_eye.hpp"
 #include "pipeline/eye/schematic/schematic_eyes.hpp"
 #include "raytrace/eye_picture.hpp"
 #include "raytrace/irradiance_files.hpp"
@@ -107,6 +108,7 @@ Answer trace_named(const NamedEye& named, const TraceOptions& options, const Com
     EyeOptions eye_options = named.options;
     eye_options.laterality = laterality;
     const EyeModel eye = options.with_worn(make_eye(named.eye, eye_options));
+    if (const std::string doubt = implausible_eye(eye); !doubt.empty()) spdlog::warn("{}", doubt);
     const TraceSettings settings = options.settings_of(laterality);
     // What cannot be is said before anything takes long.
     require_on_retina(eye, options.landmarks_of(laterality));

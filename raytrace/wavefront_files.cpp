@@ -5,6 +5,7 @@
 #include "pipeline/base/files.hpp"
 #include "pipeline/base/frames.hpp"
 #include "pipeline/base/log.hpp"
+#include "pipeline/eye/optics/paraxial.hpp"
 #include "raytrace/picture/float_files.hpp"
 
 namespace emmetrope::raytrace {
@@ -26,6 +27,15 @@ std::string spot_diagram(const Wavefront& wavefront) {
 
 }  // namespace
 
+std::string narrowed_pupil(const EyeModel& eye, const Wavefront& wavefront) {
+  constexpr double least_share = 0.9;  // aberrations of the pupil take less
+  const double of_stop_mm = entrance_pupil(eye, wavefront.wavelength_nm).diameter_mm;
+  if (eye.stop() == nullptr || wavefront.pupil_mm >= least_share * of_stop_mm) return {};
+  return fmt::format(
+      "the entrance pupil is {:.2f} mm wide, not the {:.2f} mm of an iris of {:g} mm: beside it rays miss a surface",
+      wavefront.pupil_mm, of_stop_mm, eye.stop()->stop_diameter_mm);
+}
+
 WavefrontSettings wavefront_settings(const TraceSettings& settings) {
   WavefrontSettings wavefront;
   wavefront.wavelength_nm = settings.wavelength_nm;
@@ -37,6 +47,8 @@ WavefrontSettings wavefront_settings(const TraceSettings& settings) {
 void write_wavefront(const EyeModel& eye, const TraceSettings& settings,
                      const std::filesystem::path& folder) {
   const Wavefront wavefront = measure_wavefront(eye, wavefront_settings(settings));
+  if (const std::string narrowed = narrowed_pupil(eye, wavefront); !narrowed.empty())
+    spdlog::warn("{}", narrowed);
   const PointSpread spread = point_spread(wavefront);
   Json json = wavefront_json(wavefront);
   if (spread.wraps) {

@@ -167,7 +167,7 @@ void PrescriptionSettings::check() const {
   if (vertex_distance_mm != 0)
     check_setting("--vertex-distance (vertex_distance_mm)", vertex_distance_mm, {5, 30},
                   " mm");  // else metres
-  check_setting("--pupil (pupil_mm)", pupil_mm, {0.5, 9}, " mm");
+  check_setting("--pupil (pupil_mm)", pupil_mm, iris_aperture_mm, " mm");
   check_setting("--wavelength (wavelength_nm)", wavelength_nm, {380, 780}, " nm");
   check_setting("--plano-cylinder-distance", plano_cylinder_distance_mm, {0, 30}, " mm");
   check_setting("--plano-cylinder-index", plano_cylinder_index, {1.3, 2});

@@ -11,6 +11,7 @@
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/files.hpp"
 #include "pipeline/base/typed_number.hpp"
+#include "pipeline/eye/population/limits.hpp"
 #include "raytrace/movement/models.hpp"
 
 namespace emmetrope::raytrace {
@@ -79,8 +80,7 @@ void check(const EyeMoment& moment, const std::string& name) {
     if (!(std::abs(gaze.horizontal_deg) <= 60)) refuse("horizontal_deg", gaze.horizontal_deg);
     if (!(std::abs(gaze.vertical_deg) <= 60)) refuse("vertical_deg", gaze.vertical_deg);
   }
-  if (moment.pupil_mm && !(*moment.pupil_mm >= 0.5 && *moment.pupil_mm <= 9))
-    refuse("pupil_mm", *moment.pupil_mm);
+  if (moment.pupil_mm && !iris_aperture_mm.contains(*moment.pupil_mm)) refuse("pupil_mm", *moment.pupil_mm);
 }
 
 /// \param text  ":key=value,..." or nothing

@@ -81,6 +81,15 @@ TEST(TraceCommand, GoesToTheRetinasEquatorAndSaysWhereItEnds) {
             std::string::npos);
 }
 
+TEST(TraceCommand, RefusesAnIrisInAnotherUnit) {
+  const test::TemporaryFolder folder;
+  for (const char* pupil : {"0.003", "0.3", "15", "30"})
+    EXPECT_THROW(run("--eye navarro --size 8x8 --samples 32 --pupil " + std::string(pupil) + " -o " +
+                     (folder.path() / "x.png").string()),
+                 CLI::ValidationError)
+        << pupil;
+}
+
 TEST(TraceCommand, RefusesOptionsThatWouldBeIdle) {
   const test::TemporaryFolder folder;
   const std::string output = " -o " + (folder.path() / "x.png").string();

@@ -12,6 +12,8 @@
 #include "pipeline/eye/exchange/eye_file.hpp"
 #include "pipeline/eye/optics/exact_trace.hpp"
 #include "pipeline/eye/optics/paraxial.hpp"
+#include "pipeline/eye/optics/plausible_eye.hpp"
+#include "pipeline/eye/population/limits.hpp"
 #include "pipeline/eye/schematic/schematic_eyes.hpp"
 
 namespace emmetrope {
@@ -77,7 +79,9 @@ void declare_eye_options(CLI::App& app, EyeOptions& options) {
   app.add_option("--accommodation-parameter", options.accommodation_parameter,
                  "The schematic eye's own accommodation parameter, instead")
       ->type_name("A");
-  app.add_option("--pupil", options.pupil_mm, "Diameter of the iris aperture (mm)")->type_name("MM");
+  app.add_option("--pupil", options.pupil_mm, "Diameter of the iris aperture (mm)")
+      ->check(CLI::Range(iris_aperture_mm.low, iris_aperture_mm.high))
+      ->type_name("MM");
 }
 
 std::string schematic_eyes_line() { return fmt::format("{}", fmt::join(schematic_eye_names(), ", ")); }
@@ -86,6 +90,7 @@ Answer describe_eye(const EyeQuery& query) {
   const EyeModel eye = make_eye(query.eye, query.options);
   const double nm = query.wavelength_nm.value_or(eye.reference_wavelength_nm);
   warn_of_extrapolation(eye, nm);
+  if (const std::string doubt = implausible_eye(eye); !doubt.empty()) spdlog::warn("{}", doubt);
   const CardinalPoints points = cardinal_points(eye, nm);
   const PowerVector refraction = paraxial_refraction(eye, nm);
   Answer answer;

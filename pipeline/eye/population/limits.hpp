@@ -15,6 +15,9 @@ struct Range {
   bool is_limited() const;
 };
 
+/// Diameters of the iris that may be asked for; others are in another unit.
+inline constexpr Range iris_aperture_mm{0.5, 9};
+
 /// The limits of one quantity at three severities, each within the one before where there are both.
 struct Limits {
   std::string

@@ -1,6 +1,7 @@
 #include <gmock/gmock.h>
 #include <unistd.h>
 
+#include <CLI/CLI.hpp>
 #include <filesystem>
 
 #include "pipeline/base/error.hpp"
@@ -74,6 +75,15 @@ TEST(EyeCommand, WritesAnEyeThatGivesTheSameAnswer) {
   again.eye = file.string();
   again.wavelength_nm = 500;
   EXPECT_EQ(describe_eye(again).json, first);
+}
+
+TEST(EyeCommand, RefusesAnIrisInAnotherUnit) {
+  for (const char* pupil : {"0.003", "0.3", "15"}) {
+    CLI::App app;
+    EyeOptions options;
+    declare_eye_options(app, options);
+    EXPECT_THROW(app.parse("--pupil " + std::string(pupil)), CLI::ValidationError) << pupil;
+  }
 }
 
 TEST(RayCommand, GivesEveryHitAndAnOpenSchematicIris) {
