@@ -232,15 +232,16 @@ void write_eye_files(const fs::path& folder, const raytrace::Tracer& tracer, con
 std::string summary(const std::string& who, const EyeResult& result) {
   const Prescription& p = result.prescription;
   const Eigen::Vector3d sigma = result.uncertainty.covariance.diagonal().cwiseSqrt();
-  const std::string withheld =
-      reason_to_withhold(Measured::from_sigma(p.refraction.M_D, sigma[0], result.uncertainty.origins[0]));
+  const Measured M = Measured::from_sigma(p.refraction.M_D, sigma[0], result.uncertainty.origins[0]);
+  const std::string withheld = reason_to_withhold(M);
+  const std::string doubt = withheld.empty() ? reason_not_to_dispense(M) : withheld;
   const std::string line = fmt::format(
       "{}: {}{} at {:g} mm (M {:+.2f} +-{:.2f}, J0 {:+.2f} +-{:.2f}, J45 {:+.2f} +-{:.2f} D, 95 %)\n", who,
       withheld.empty() ? "" : "no prescription, an estimate for information: ",
       format_refraction(round_refraction(p.refraction).refraction), p.settings.vertex_distance_mm,
       p.refraction.M_D, 1.96 * sigma[0], p.refraction.J0_D, 1.96 * sigma[1], p.refraction.J45_D,
       1.96 * sigma[2]);
-  return withheld.empty() ? line : line + "  " + withheld + "\n";
+  return doubt.empty() ? line : line + "  " + doubt + "\n";
 }
 
 /// What the searches leave to be said.
@@ -431,8 +432,8 @@ Answer correct_eye(const EyeModel& eye, const fs::path& output, CorrectionSettin
   if (!settings.known.empty())
     throw usage_error("measurements from elsewhere are learnt about a measured eye; --eye is known exactly",
                       "leave them out, or name a CASE");
-  raytrace::make_scene(settings.picture.scene);  // where that fails, or the folder, at once
   if (const std::string doubt = implausible_eye(eye); !doubt.empty()) spdlog::warn("{}", doubt);
+  raytrace::make_scene(settings.picture.scene);  // where that fails, or the folder, at once
   const WholeOutput whole(output);
   const raytrace::Tracer tracer(common.device, common.threads);
   EyeResult result;

@@ -174,9 +174,10 @@ void add_conditions(Json& json, const PrescriptionSettings& settings) {
 
 /// The refraction in every notation, with intervals, and whether it may stand as a prescription.
 void add_refraction(Json& json, const PowerVector& refraction, const RefractionIntervals& intervals) {
-  const std::string withheld = reason_to_withhold(intervals.M_D);
+  const auto reason = [&](const std::string& text) { return text.empty() ? Json(nullptr) : Json(text); };
   const SpheroCylinder notation = to_sphero_cylinder(refraction);
-  json["withheld"] = withheld.empty() ? Json(nullptr) : Json(withheld);
+  json["withheld"] = reason(reason_to_withhold(intervals.M_D));
+  json["estimate"] = reason(reason_not_to_dispense(intervals.M_D));
   json["sphere_D"] = intervals.sphere_D;
   json["cylinder_D"] = intervals.cylinder_D;
   json["axis_deg"] = intervals.axis_deg;

@@ -16,4 +16,13 @@ std::string reason_to_withhold(const Measured& mean_sphere_D) {
       half_width_D, 2 * supported_D.high);
 }
 
+std::string reason_not_to_dispense(const Measured& mean_sphere_D) {
+  const double half_width_D = (mean_sphere_D.ci95[1] - mean_sphere_D.ci95[0]) / 2;
+  const Range expected_D = limits_of("M_half_width_D").plausible;
+  if (expected_D.contains(half_width_D)) return {};
+  return fmt::format(
+      "The spherical equivalent's 95 % interval, +-{:.2f} D, is wider than +-{:g} D: an estimate, do not dispense.",
+      half_width_D, expected_D.high);
+}
+
 }  // namespace emmetrope::correction

@@ -11,4 +11,8 @@ namespace emmetrope::correction {
 /// \return one sentence; empty where it may
 std::string reason_to_withhold(const Measured& mean_sphere_D);
 
+/// Why its lens is not to be dispensed without a refraction, withheld or not.
+/// \return one sentence; empty where nothing is to be said
+std::string reason_not_to_dispense(const Measured& mean_sphere_D);
+
 }  // namespace emmetrope::correction

@@ -72,13 +72,17 @@ std::string said_of_eye(const std::string& message, Laterality eye) {
   return said;
 }
 
-/// Why a refraction is an estimate and no prescription; empty where it is one, or there is none.
+/// Why a refraction is no prescription, or an estimate that is not to be dispensed; empty where it is one, or there is
+/// none.
 std::string why_no_prescription(const EyeRow& row, const CohortFolder& cohort) {
   const fs::path file =
       cohort.case_folder(row.subject) / "correction" / to_string(row.eye) / "prescription.json";
   if (row.numbers.count("refraction_m") == 0 || !fs::exists(file)) return {};
-  const Json withheld = read_json(file).value("withheld", Json());
-  return withheld.is_string() ? "no prescription: " + withheld.get<std::string>() : std::string();
+  const Json prescription = read_json(file);
+  for (const auto& [key, what] : {std::pair{"withheld", "no prescription: "}, std::pair{"estimate", ""}})
+    if (const Json why = prescription.value(key, Json()); why.is_string())
+      return what + why.get<std::string>();
+  return {};
 }
 
 /// The first stage that gave less than all, of what concerns the eye.

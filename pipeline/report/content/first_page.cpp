@@ -208,7 +208,7 @@ std::string headline_of(const EyeData& eye, const Judgement& judgement) {
   const std::string lowest = signed_fixed(M->ci95[0], 1), highest = signed_fixed(M->ci95[1], 1);
   // Where there is no prescription no number stands that could be taken for one.
   if (!judgement.has_prescription) return fmt::format("SE {} to {} D", lowest, highest);
-  if (!limits_of("M_half_width_D").plausible.contains(reach_D))
+  if (!estimate_because(prescription).empty())
     return fmt::format("SE {}, {} to {}: do not dispense", format(M_D, coarse_dioptres), lowest, highest);
 
   if (!has_axis(prescription.value("cylinder_D", Json())))

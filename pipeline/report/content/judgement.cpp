@@ -10,8 +10,8 @@ namespace emmetrope::report {
 namespace {
 
 /// Half of the 95 % interval of a number of the prescription; 0 where it has none.
-double half_width(const EyeData& eye, const char* key) {
-  const Json found = eye.prescription.value(key, Json());
+double half_width(const Json& prescription, const char* key) {
+  const Json found = prescription.value(key, Json());
   if (!found.is_object() || !found.contains("ci95")) return 0;
   const auto measured = found.get<Measured>();
   return (measured.ci95[1] - measured.ci95[0]) / 2;
@@ -76,7 +76,7 @@ Findings contradictions(const EyeData& eye) {
 
 /// What is to be said of a spherical equivalent with that interval.
 Findings sphere_reasons(const EyeData& eye, const std::string& withheld) {
-  const double half_width_D = half_width(eye, "M_D");
+  const double half_width_D = half_width(eye.prescription, "M_D");
   if (!withheld.empty()) return {{withheld + " The estimate is for information.", "Refract."}};
   if (limits_of("M_half_width_D").normal.contains(half_width_D)) return {};
   return {{"The spherical equivalent's 95 % interval is \u00b1" + fixed(half_width_D, 1) +
@@ -85,7 +85,7 @@ Findings sphere_reasons(const EyeData& eye, const std::string& withheld) {
 }
 
 Findings cylinder_reasons(const EyeData& eye) {
-  const double J0_D = half_width(eye, "J0_D"), J45_D = half_width(eye, "J45_D");
+  const double J0_D = half_width(eye.prescription, "J0_D"), J45_D = half_width(eye.prescription, "J45_D");
   if (limits_of("J_half_width_D").plausible.contains(std::max(J0_D, J45_D))) return {};
   return {{(has_axis(eye.prescription.value("cylinder_D", Json()))
                 ? std::string("The cylinder is known badly: the 95 % intervals of J0 and J45 are \u00b1")
@@ -144,7 +144,7 @@ Judgement refused(const CaseData& data, const EyeData& eye, Findings reasons) {
 /// Of a refraction that was found.
 Judgement judge_refraction(const CaseData& data, const EyeData& eye, const Findings& gates) {
   const std::string withheld = withheld_because(eye);
-  const double M_half_width_D = half_width(eye, "M_D");
+  const double M_half_width_D = half_width(eye.prescription, "M_D");
   Judgement judgement;
   judgement.reasons = reasons_of_refraction(data, eye, gates, withheld);
   judgement.has_refraction = true;
@@ -155,9 +155,8 @@ Judgement judge_refraction(const CaseData& data, const EyeData& eye, const Findi
       judgement.verdict = "No prescription: known only to \u00b1" + fixed(M_half_width_D, 1) + " D";
       break;
     case Light::amber:
-      judgement.verdict = limits_of("M_half_width_D").plausible.contains(M_half_width_D)
-                              ? "Use with caution"
-                              : "Estimate: refract before dispensing";
+      judgement.verdict = estimate_because(eye.prescription).empty() ? "Use with caution"
+                                                                     : "Estimate: refract before dispensing";
       break;
     case Light::green:
       judgement.verdict = eye.prescription.value("calibration", Json()).is_object()
@@ -173,11 +172,21 @@ Judgement judge_refraction(const CaseData& data, const EyeData& eye, const Findi
 std::string withheld_because(const EyeData& eye) {
   const Json said = eye.prescription.value("withheld", Json());
   if (said.is_string()) return with_symbols(said.get<std::string>());
-  const double M_half_width_D = half_width(eye, "M_D");
+  const double M_half_width_D = half_width(eye.prescription, "M_D");
   if (eye.prescription.contains("withheld") || limits_of("M_half_width_D").accepted.contains(M_half_width_D))
     return {};
   return "The spherical equivalent's 95 % interval, \u00b1" + fixed(M_half_width_D, 2) +
          " D, is too wide for a prescription.";
+}
+
+std::string estimate_because(const Json& prescription) {
+  if (prescription.contains("estimate")) {
+    const Json& said = prescription.at("estimate");
+    return said.is_string() ? said.get<std::string>() : std::string();
+  }
+  // Of a case that was corrected before the stage said so.
+  if (limits_of("M_half_width_D").plausible.contains(half_width(prescription, "M_D"))) return {};
+  return "The spherical equivalent is not known well enough: an estimate, do not dispense.";
 }
 
 std::vector<std::string> unusual_values(const EyeData& eye) {

@@ -24,5 +24,7 @@ std::vector<std::string> unusual_values(const EyeData& eye);
 /// Why no prescription is given; empty where one is.
 /// \pre the eye has a refraction
 std::string withheld_because(const EyeData& eye);
+/// Why a refraction is an estimate that is not to be dispensed, as the correction stage says it; empty where it is none.
+std::string estimate_because(const Json& prescription);
 
 }  // namespace emmetrope::report

@@ -166,6 +166,7 @@ std::string prescription_comment(const CaseData& data, const EyeData& eye) {
     const std::string interval = interval_sentence(name, eye.prescription[key], style);
     if (value && !interval.empty()) text += interval + ", value " + format(*value, style) + ". ";
   }
+  if (const std::string why = estimate_because(eye.prescription); !why.empty()) text += why + " ";
   return dicom_text(text, 1000);
 }
 

@@ -117,12 +117,14 @@ void write_structure_sets(const fs::path& folder, const CaseData& data, const So
   }
 }
 
-/// "Spherical equivalent +-2.5 D (95 %). "
+/// "Spherical equivalent +-2.5 D (95 %). ", and why it is not to be dispensed.
 std::string uncertainty_of(const Json& prescription) {
   const Json M = prescription.value("M_D", Json());
   if (!M.is_object() || !M.contains("ci95")) return {};
   const auto measured = M.get<Measured>();
-  return fmt::format("Spherical equivalent +-{:.1f} D (95 %). ", (measured.ci95[1] - measured.ci95[0]) / 2);
+  const std::string why = estimate_because(prescription);
+  return fmt::format("Spherical equivalent +-{:.1f} D (95 %). {}", (measured.ci95[1] - measured.ci95[0]) / 2,
+                     why.empty() ? why : why + " ");
 }
 
 }  // namespace

@@ -1,6 +1,6 @@
 #include "correction/prescription/withholding.hpp"
 
-#include <gtest/gtest.h>
+#include <gmock/gmock.h>
 
 #include <limits>
 
@@ -17,6 +17,14 @@ TEST(Withholding, AnIntervalFromNoLensToHighMyopiaIsNoPrescription) {
       "The spherical equivalent's 95 % interval, +-3.25 D, is wider than from no lens at all to high myopia (6 "
       "D): these data do not support a prescription.");
   EXPECT_NE(reason_to_withhold(with_half_width(std::numeric_limits<double>::quiet_NaN())), "");
+}
+
+TEST(Withholding, AnIntervalThatMayMakeALensWorseThanTheWornIsAnEstimate) {
+  EXPECT_EQ(reason_not_to_dispense(with_half_width(1)), "");
+  for (const double half_width_D : {1.25, 3.25})
+    EXPECT_THAT(reason_not_to_dispense(with_half_width(half_width_D)),
+                testing::HasSubstr("is wider than +-1 D: an estimate, do not dispense."));
+  EXPECT_NE(reason_not_to_dispense(with_half_width(std::numeric_limits<double>::quiet_NaN())), "");
 }
 
 }  // namespace

@@ -345,6 +345,24 @@ TEST_F(NumbersTest, TheConditionsOfTheRefractionAreTold) {
   EXPECT_FALSE(fs::exists(folder_ / "report" / "prescription.dcm"));
 }
 
+TEST_F(NumbersTest, AnEstimateIsOneInEveryForm) {
+  test::make_fixture_case(folder_);
+  const fs::path file = folder_ / "correction/od/prescription.json";
+  Json prescription = read_json(file);
+  prescription["M_D"]["ci95"] = {-2.87 - 2.1, -2.87 + 2.1};
+  for (const bool is_said : {true, false}) {  // by the correction stage, or of an earlier one
+    if (is_said)
+      prescription["estimate"] = "An estimate, do not dispense.";
+    else
+      prescription.erase("estimate");
+    write_json(file, prescription);
+    report();
+    for (const std::string& text :
+         {visible_text(output("report.html")), output("prescription.fhir.json"), output("prescription.dcm")})
+      EXPECT_THAT(text, HasSubstr("do not dispense")) << is_said;
+  }
+}
+
 /// What dsrdump prints of one NUM item.
 struct Number {
   double value = 0, upper = -1, lower = -1;

@@ -76,6 +76,10 @@ TEST_F(CohortRows, SayWhereARefractionIsNoPrescription) {
   EXPECT_EQ(rows[2].stage, "correct");
   EXPECT_EQ(rows[2].reason, "no prescription: the interval is too wide");
   EXPECT_EQ(rows[4].reason, "");
+  prescription["withheld"] = nullptr;
+  prescription["estimate"] = "an estimate, do not dispense";
+  write_json(file, prescription);
+  EXPECT_EQ(read_rows(cohort_, listed_subjects(cohort_))[2].reason, "an estimate, do not dispense");
 }
 
 TEST_F(CohortRows, OfACorneaThatMayBeASphereHaveNoAxis) {
