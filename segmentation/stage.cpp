@@ -13,6 +13,7 @@
 #include "pipeline/eye/population/limits.hpp"
 #include "segmentation/finding/find_eyes.hpp"
 #include "segmentation/fit/both_eyes.hpp"
+#include "segmentation/intake/tags.hpp"
 #include "segmentation/judgement/fellow_eye.hpp"
 #include "segmentation/judgement/two_contrasts.hpp"
 #include "segmentation/labels/hand_labels.hpp"
@@ -53,8 +54,15 @@ StudyImages read_images(const SegmentOptions& options, const CommonOptions& comm
   images.inventory = read_inventory(options.study, intake);
   images.series = choose_series(images.inventory, options.series);
   if (options.series.empty())
-    for (const SeriesInfo& info : images.inventory.series)
+    for (const SeriesInfo& info : images.inventory.series) {
       if (info.damaged) workspace.warn(fmt::format("{} is not used: {}", info.name, info.kept.reason));
+      if (const SeriesInfo* source = acquired_source_of(info, images.inventory);
+          info.usable && source != nullptr)
+        workspace.warn(
+            fmt::format("{} is not used: {} says that it was computed, from {} by frame of reference and "
+                        "contrast, which would count twice; --series chooses",
+                        info.name, to_string(tag::image_type), source->name));
+    }
   for (const SeriesInfo* info : images.series) {
     images.volumes.push_back(read_series(images.inventory, info->uid, intake));
     for (const std::string& warning : info->kept.warnings) workspace.warn(info->name + ": " + warning);

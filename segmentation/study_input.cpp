@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <map>
 
 #include "pipeline/base/case_folder.hpp"
@@ -81,6 +82,19 @@ void require_one_study(const std::vector<const SeriesInfo*>& chosen) {
                     "give the folder of one study, or choose series of one with --series");
 }
 
+/// Whether a time or an angle is the same but for rounding; what one header does not tell is no difference.
+bool is_same_number(const std::optional<double>& a, const std::optional<double>& b) {
+  constexpr double rounding = 0.01;
+  return !a || !b || std::abs(*a - *b) <= rounding * std::abs(*b);
+}
+
+bool is_same_contrast(const SeriesInfo& a, const SeriesInfo& b) {
+  return is_same_number(a.repetition_time_ms, b.repetition_time_ms) &&
+         is_same_number(a.echo_time_ms, b.echo_time_ms) &&
+         is_same_number(a.inversion_time_ms, b.inversion_time_ms) &&
+         is_same_number(a.flip_angle_deg, b.flip_angle_deg);
+}
+
 }  // namespace
 
 std::vector<StageInput> input_files(const SegmentOptions& options) {
@@ -110,6 +124,18 @@ void require_same_files(const SegmentOptions& options, const std::vector<StageIn
         "run it again when nothing writes there any more");
 }
 
+const SeriesInfo* acquired_source_of(const SeriesInfo& computed, const StudyInventory& inventory) {
+  if (!computed.computed) return nullptr;
+  const auto source =
+      std::find_if(inventory.series.begin(), inventory.series.end(), [&](const SeriesInfo& other) {
+        return other.usable && !other.computed && !other.is_nifti() &&
+               other.study_uid == computed.study_uid &&
+               other.frame_of_reference_uid == computed.frame_of_reference_uid &&
+               is_same_contrast(other, computed);
+      });
+  return source == inventory.series.end() ? nullptr : &*source;
+}
+
 std::vector<const SeriesInfo*> choose_series(const StudyInventory& inventory,
                                              const std::vector<SeriesChoice>& wanted) {
   std::vector<const SeriesInfo*> chosen;
@@ -125,7 +151,7 @@ std::vector<const SeriesInfo*> choose_series(const StudyInventory& inventory,
   }
   if (wanted.empty())
     for (const SeriesInfo& info : inventory.series)
-      if (info.usable) chosen.push_back(&info);
+      if (info.usable && acquired_source_of(info, inventory) == nullptr) chosen.push_back(&info);
   if (chosen.empty()) {
     std::string reasons;
     for (const SeriesInfo& info : inventory.series)

@@ -17,7 +17,12 @@ std::vector<StageInput> input_files(const SegmentOptions& options);
 /// \throw Error (input_invalid) where it has not as many files as when its inputs were noted
 void require_same_files(const SegmentOptions& options, const std::vector<StageInput>& noted);
 
-/// The series asked for, or all usable ones; at least one, of one study.
+/// The usable series of the acquisition that a computed one was made from, by frame of reference and contrast; null where
+/// there is none, or the series itself is acquired.
+const SeriesInfo* acquired_source_of(const SeriesInfo& computed, const StudyInventory& inventory);
+
+/// The series asked for, or all usable ones but those computed from another of them, which would count twice; at least
+/// one, of one study.
 /// \throw Error with a series' reason where it is not usable; (input_invalid) for series of two studies
 std::vector<const SeriesInfo*> choose_series(const StudyInventory& inventory,
                                              const std::vector<SeriesChoice>& wanted);

@@ -1,7 +1,9 @@
 #include "pipeline/pacs/archive.hpp"
 
 #include <dcmtk/config/osconfig.h>
+#include <dcmtk/dcmdata/dcspchrs.h>
 #include <dcmtk/dcmdata/dctk.h>
+#include <dcmtk/dcmnet/dcmtrans.h>
 #include <dcmtk/dcmnet/scu.h>
 #include <dcmtk/dcmtls/tlsscu.h>
 #include <fmt/format.h>
@@ -16,6 +18,7 @@
 
 #include "pipeline/base/clean_text.hpp"
 #include "pipeline/base/error.hpp"
+#include "pipeline/base/log.hpp"
 
 namespace emmetrope::pacs {
 namespace {
@@ -39,34 +42,61 @@ constexpr std::array<const char*, 12> image_syntaxes{UID_LittleEndianExplicitTra
                                                      UID_JPEG2000TransferSyntax,
                                                      UID_RLELosslessTransferSyntax};
 
+/// In UTF-8, from the data set's character set.
 std::string text_of(DcmDataset& set, const DcmTagKey& tag) {
-  OFString text;
+  OFString text, utf8;
   if (set.findAndGetOFStringArray(tag, text).bad()) return {};
+  DcmSpecificCharacterSet converter;
+  if (converter.selectCharacterSet(set).good() && converter.convertString(text, utf8, "\\^=").good())
+    text = utf8;
   return clean_utf8(std::string(text.c_str(), text.size()));
 }
 
-/// C-GET asks by StudyInstanceUID alone, under which an archive may hold two patients. A file that cannot be read is
-/// judged by who reads it.
-/// \param patient_id  of whom the images are; empty: not known yet, the image tells
-bool is_of(const std::string& study_uid, std::optional<std::string>& patient_id, const fs::path& file) {
-  DcmFileFormat image;
-  if (image.loadFile(file.c_str()).bad()) return true;
-  DcmDataset& set = *image.getDataset();
-  const std::string its_patient_id = text_of(set, DCM_PatientID);
-  if (!patient_id) patient_id = its_patient_id;
-  return text_of(set, DCM_StudyInstanceUID) == study_uid && its_patient_id == *patient_id;
+/// \param asked  YYYYMMDD or a range of two, of which one may be open; empty: any
+bool is_date_of(const std::string& date, const std::string& asked) {
+  if (date.empty() || asked.empty()) return true;
+  const auto dash = asked.find('-');
+  if (dash == std::string::npos) return date == asked;
+  const std::string first = asked.substr(0, dash), last = asked.substr(dash + 1);
+  return date >= first && (last.empty() || date <= last);
+}
+
+/// What is not told is no contradiction.
+bool is_accession_of(const std::string& number, const std::string& asked) {
+  return number.empty() || asked.empty() || number == asked;
+}
+
+/// C-GET asks by UIDs alone, under which an archive may hold two patients.
+std::optional<Error> other_than(const StudyQuery& asked, DcmDataset& image) {
+  const std::string sent = "with study " + asked.study_uid + " the archive sent an image ";
+  const std::string study_uid = text_of(image, DCM_StudyInstanceUID);
+  if (study_uid.empty())
+    return input_error(sent + "without (0020,000d) StudyInstanceUID, or an empty data set",
+                       "let the archive's keeper repair it, or export the images as files");
+  if (study_uid != asked.study_uid || text_of(image, DCM_PatientID) != asked.patient_id)
+    return input_error(sent + "of another patient or study", shared_uid_remedy);
+  for (const auto& [is_it, tag] :
+       {std::pair{is_accession_of(text_of(image, DCM_AccessionNumber), asked.accession_number),
+                  "(0008,0050) AccessionNumber"},
+        std::pair{is_date_of(text_of(image, DCM_StudyDate), asked.study_date), "(0008,0020) StudyDate"}})
+    if (!is_it)
+      return input_error(fmt::format("{}whose {} is not what was asked for", sent, tag),
+                         "where it is the study that is meant, ask for it by --study-uid alone");
+  return std::nullopt;
 }
 
 /// Keeps what arrives under numbers: the names that an archive gives are its own words.
 template <class Scu>
 class Receiver : public Scu {
  public:
-  std::string study_uid;
-  std::optional<std::string> patient_id;
+  StudyQuery asked;
+  bool patient_is_known = false;  ///< else the first image tells
   fs::path folder;
   std::function<void()> received;
   std::size_t count = 0;
-  bool disk_is_full = false, is_mixed = false;
+  std::set<std::string> images;  ///< SOPInstanceUIDs
+  bool disk_is_full = false;
+  std::optional<Error> other;  ///< of the first image that was not asked for
 
   OFCondition handleSTORERequestFile(T_ASC_PresentationContextID* context, const OFString&,
                                      T_DIMSE_C_StoreRQ* request) override {
@@ -74,12 +104,27 @@ class Receiver : public Scu {
     const OFCondition result = Scu::handleSTORERequestFile(context, file.c_str(), request);
     if (result.good()) {
       ++count;
-      is_mixed = is_mixed || !is_of(study_uid, patient_id, file);
+      look_at(file, request->AffectedSOPInstanceUID);
       received();
     } else if (!std::ofstream(file).write(std::string(4096, ' ').data(), 4096).flush()) {
       disk_is_full = true;
     }
     return result;
+  }
+
+ private:
+  /// A file that cannot be read is judged by who reads it.
+  void look_at(const fs::path& file, const std::string& told_uid) {
+    DcmFileFormat image;
+    if (image.loadFile(file.c_str()).bad()) {
+      images.insert(told_uid);
+      return;
+    }
+    DcmDataset& set = *image.getDataset();
+    if (!patient_is_known) asked.patient_id = text_of(set, DCM_PatientID);
+    patient_is_known = true;
+    if (!other) other = other_than(asked, set);
+    images.insert(text_of(set, DCM_SOPInstanceUID));
   }
 };
 
@@ -96,6 +141,9 @@ class Association {
     scu_.setConnectionTimeout(settings.timeout_s);
     scu_.setDIMSEBlockingMode(DIMSE_NONBLOCKING);
     scu_.setDIMSETimeout(static_cast<Uint32>(settings.timeout_s));
+    // Of what is begun and not ended; of the library, for every connection from now on.
+    dcmSocketReceiveTimeout.set(settings.timeout_s);
+    dcmSocketSendTimeout.set(settings.timeout_s);
   }
   ~Association() {
     if (!scu_.isConnected()) return;
@@ -193,8 +241,26 @@ bool is_image(const std::string& sop_class) {
   return sop_class.empty() || std::find(mr_classes.begin(), mr_classes.end(), sop_class) != mr_classes.end();
 }
 
+/// Of the warnings of C-STORE (PS3.4 B.2.3).
+const char* meaning_of(Uint16 status) {
+  switch (status) {
+    case STATUS_STORE_Warning_CoercionOfDataElements:
+      return "it changed some of its values";
+    case STATUS_STORE_Warning_ElementsDiscarded:
+      return "it left some of its values out";
+    case STATUS_STORE_Warning_DataSetDoesNotMatchSOPClass:
+      return "it holds it for no object of its class";
+    default:
+      return "a warning of its own";
+  }
+}
+
 /// UIDs have at most 64 characters; an identifier of some kB every archive takes.
 constexpr std::size_t images_a_request = 100;
+
+bool is_ascii(const std::string& text) {
+  return std::all_of(text.begin(), text.end(), [](unsigned char letter) { return letter < 0x80; });
+}
 
 void put(DcmDataset& set, const DcmTagKey& tag, const std::string& value) {
   if (!value.empty()) set.putAndInsertString(tag, value.c_str());
@@ -216,14 +282,19 @@ std::vector<FoundStudy> Archive::find_studies(const StudyQuery& query) const {
     put(keys, DCM_PatientID, query.patient_id);
     put(keys, DCM_AccessionNumber, query.accession_number);
     put(keys, DCM_StudyDate, query.study_date);
+    for (const std::string& text : {query.patient_id, query.accession_number})
+      if (!is_ascii(text)) put(keys, DCM_SpecificCharacterSet, "ISO_IR 192");
     std::vector<FoundStudy> studies;
     for (auto& row : found(association, keys,
                            {{"uid", DCM_StudyInstanceUID},
                             {"date", DCM_StudyDate},
                             {"description", DCM_StudyDescription},
                             {"modalities", DCM_ModalitiesInStudy},
+                            {"accession", DCM_AccessionNumber},
                             {"patient", DCM_PatientID}}))
-      studies.push_back({row["uid"], row["date"], row["description"], row["modalities"], row["patient"]});
+      if (is_accession_of(row["accession"], query.accession_number) &&
+          is_date_of(row["date"], query.study_date))
+        studies.push_back({row["uid"], row["date"], row["description"], row["modalities"], row["patient"]});
     std::sort(studies.begin(), studies.end(), [](const FoundStudy& a, const FoundStudy& b) {
       return std::tie(a.date, a.uid) < std::tie(b.date, b.uid);
     });
@@ -256,7 +327,7 @@ std::vector<FoundSeries> Archive::find_mr_series(const std::string& study_uid) c
   });
 }
 
-std::size_t Archive::get(const FoundStudy& study, const std::vector<FoundSeries>& series,
+std::size_t Archive::get(const StudyQuery& asked, const std::vector<FoundSeries>& series,
                          const fs::path& folder, const std::function<void()>& received) const {
   return with_association(settings_, ExitStatus::input_invalid, [&](auto& association) {
     association.offer(UID_GETStudyRootQueryRetrieveInformationModel, plain_syntaxes());
@@ -271,19 +342,20 @@ std::size_t Archive::get(const FoundStudy& study, const std::vector<FoundSeries>
     auto& scu = association.scu();
     scu.setStorageMode(DCMSCU_STORAGE_BIT_PRESERVING);
     scu.setStorageDir(folder.c_str());
-    scu.study_uid = study.uid;
-    if (!study.patient_id.empty()) scu.patient_id = study.patient_id;
+    scu.asked = asked;
+    scu.patient_is_known = !asked.patient_id.empty();
     scu.folder = folder;
     scu.received = received;
     const auto id = association.context(UID_GETStudyRootQueryRetrieveInformationModel, "C-GET");
     for (const FoundSeries& one : series) {
       const std::size_t before = scu.count;
+      scu.images.clear();
       Uint16 last = STATUS_Success;
       for (std::size_t from = 0; from < one.images.size() && last == STATUS_Success;
            from += images_a_request) {
         DcmDataset keys;
         put(keys, DCM_QueryRetrieveLevel, "IMAGE");
-        put(keys, DCM_StudyInstanceUID, study.uid);
+        put(keys, DCM_StudyInstanceUID, asked.study_uid);
         put(keys, DCM_SeriesInstanceUID, one.uid);
         const auto begin = one.images.begin() + static_cast<std::ptrdiff_t>(from);
         const auto end = one.images.begin() +
@@ -297,15 +369,18 @@ std::size_t Archive::get(const FoundStudy& study, const std::vector<FoundSeries>
         }
         if (scu.disk_is_full)
           throw output_error("cannot write into " + folder.string(), "make room on the disk");
-        if (scu.is_mixed)
-          throw input_error(
-              "with study " + study.uid + " the archive sent an image of another patient or study",
-              shared_uid_remedy);
+        if (scu.other) throw *scu.other;
         association.require(result, "did not send a series");
       }
       if (last != STATUS_Success || scu.count - before < one.images.size())
         association.fail(fmt::format("sent {} of {} images of a series, and status {:04x}",
                                      scu.count - before, one.images.size(), last));
+      if (scu.images != std::set<std::string>(one.images.begin(), one.images.end()))
+        throw input_error(
+            fmt::format("of series {} the archive sent other images than it has by its own list, by "
+                        "(0008,0018) SOPInstanceUID",
+                        one.uid),
+            "pull again; where that does not help, let the archive's keeper export the study as files");
     }
     return scu.count;
   });
@@ -326,13 +401,16 @@ void Archive::store(const std::vector<fs::path>& files, const std::function<void
       association.offer(sop_class.c_str(), syntaxes);
     }
     association.open();
-    for (const fs::path& file : files) {
+    for (std::size_t i = 0; i < files.size(); ++i) {
+      const std::string name = files[i].filename().string();
+      const std::string so_far = fmt::format("; it has taken {} of {} objects", i, files.size());
       Uint16 status = 0;
-      const OFCondition result = association.scu().sendSTORERequest(0, file.c_str(), nullptr, status);
-      association.require(result, "did not take " + file.filename().string());
+      const OFCondition result = association.scu().sendSTORERequest(0, files[i].c_str(), nullptr, status);
+      association.require(result, "did not take " + name + so_far);
       const bool is_kept = status == STATUS_Success || (status & 0xf000) == 0xb000;  // with a warning
-      if (!is_kept)
-        association.fail(fmt::format("refused {} with status {:04x}", file.filename().string(), status));
+      if (!is_kept) association.fail(fmt::format("refused {} with status {:04x}{}", name, status, so_far));
+      if (status != STATUS_Success)
+        spdlog::warn("the archive took {} with status {:04x}: {}", name, status, meaning_of(status));
       sent();
     }
   });

@@ -16,7 +16,7 @@ struct StudyQuery {
 /// A study that an archive has.
 struct FoundStudy {
   std::string uid, date, description, modalities;
-  std::string patient_id;  ///< to compare images with, said nowhere
+  std::string patient_id;  ///< to tell two patients' studies apart, said nowhere
 };
 
 /// Where two patients have one StudyInstanceUID, no query parts them.
@@ -35,17 +35,20 @@ class Archive {
  public:
   explicit Archive(ArchiveSettings settings);
 
-  /// C-FIND, study root.
+  /// C-FIND, study root. Studies of another accession number or date than was asked for are left out: an archive may pass
+  /// over a key.
   /// \throw Error (input_invalid) naming the archive and what it said
   std::vector<FoundStudy> find_studies(const StudyQuery& query) const;
   std::vector<FoundSeries> find_mr_series(const std::string& study_uid) const;
   /// C-GET, byte by byte into `folder` as 00001.dcm and so on.
+  /// \param asked  the study, and what else each of its images must say
   /// \param received  called after each file
   /// \return how many files
-  /// \throw Error (input_invalid) where it fails, not all arrive, or one is of another patient or study
-  std::size_t get(const FoundStudy& study, const std::vector<FoundSeries>& series,
+  /// \throw Error (input_invalid) where it fails, other images arrive than those of `series`, or one is of another patient
+  ///   or study, or of another accession number or date than was asked for
+  std::size_t get(const StudyQuery& asked, const std::vector<FoundSeries>& series,
                   const std::filesystem::path& folder, const std::function<void()>& received) const;
-  /// C-STORE.
+  /// C-STORE. Warns of each file that the archive took and changed.
   /// \param sent  called after each file
   /// \throw Error (not_writable) naming the file that the archive did not take, and why
   void store(const std::vector<std::filesystem::path>& files, const std::function<void()>& sent) const;

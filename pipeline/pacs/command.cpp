@@ -1,14 +1,18 @@
 #include "pipeline/pacs/command.hpp"
 
 #include <fmt/format.h>
+#include <signal.h>
 #include <unistd.h>
 
 #include <algorithm>
+#include <cerrno>
+#include <cstdlib>
 #include <numeric>
 #include <tuple>
 
 #include "pipeline/base/case_folder.hpp"
 #include "pipeline/base/error.hpp"
+#include "pipeline/base/log.hpp"
 #include "pipeline/base/progress.hpp"
 #include "pipeline/base/scratch_folder.hpp"
 
@@ -52,6 +56,18 @@ FoundStudy only_one(std::vector<FoundStudy> studies) {
                     "choose one by --study-uid");
 }
 
+/// A pull that was killed leaves images where nobody looks for them.
+void warn_of_remains(const fs::path& output) {
+  const std::string before_id = output.filename().string() + ".pulling-";
+  for (const auto& entry : fs::directory_iterator(output.parent_path())) {
+    const std::string name = entry.path().filename().string();
+    if (name.rfind(before_id, 0) != 0) continue;
+    const pid_t process = static_cast<pid_t>(std::strtol(name.c_str() + before_id.size(), nullptr, 10));
+    if (process > 0 && ::kill(process, 0) != 0 && errno == ESRCH)
+      spdlog::warn("{} holds images of a pull that was killed: remove it", entry.path().string());
+  }
+}
+
 Answer pull(const PacsOptions& options, const CommonOptions& common) {
   require_query(options.query);
   if (options.output.empty()) throw usage_error("pull: -o is missing", "name the folder for the study");
@@ -61,15 +77,16 @@ Answer pull(const PacsOptions& options, const CommonOptions& common) {
   if (fs::exists(output) && !fs::is_empty(output))
     throw output_error(output.string() + " is there already", "name a new folder");
   const Archive archive(read_settings(options.settings));
-  FoundStudy study = only_one(archive.find_studies(options.query));
-  // An archive may pass over a key: what comes is compared with what was asked for, else with itself: archives that
-  // have corrected an identifier may send the original one.
-  if (!options.query.study_uid.empty()) study.uid = options.query.study_uid;
-  study.patient_id = options.query.patient_id;
-  const std::vector<FoundSeries> series = archive.find_mr_series(study.uid);
+  const FoundStudy study = only_one(archive.find_studies(options.query));
+  // What comes is compared with what was asked for, else with itself: archives that have corrected an identifier may
+  // send the original one.
+  StudyQuery asked = options.query;
+  if (asked.study_uid.empty()) asked.study_uid = study.uid;
+  const std::vector<FoundSeries> series = archive.find_mr_series(asked.study_uid);
   if (series.empty())
-    throw input_error("study " + study.uid + " has no MR images in the archive: " + study.modalities);
+    throw input_error("study " + asked.study_uid + " has no MR images in the archive: " + study.modalities);
   fs::create_directories(output.parent_path());
+  warn_of_remains(output);
   const ScratchFolder scratch(fmt::format("{}.pulling-{}", output.string(), ::getpid()));
   const std::size_t expected =
       std::accumulate(series.begin(), series.end(), std::size_t{0},
@@ -77,13 +94,13 @@ Answer pull(const PacsOptions& options, const CommonOptions& common) {
   std::size_t count = 0;
   {
     Progress progress("receiving images", expected, common.verbosity);
-    count = archive.get(study, series, scratch.path(), [&] { progress.advance(); });
+    count = archive.get(asked, series, scratch.path(), [&] { progress.advance(); });
   }
   fs::remove(output);
   fs::rename(scratch.path(), output);
   Answer answer;
-  answer.json = {{"study_uid", study.uid}, {"files", count}, {"study", output.string()}};
-  answer.text = fmt::format("{} images of study {}\n{}\n", count, study.uid, output.string());
+  answer.json = {{"study_uid", asked.study_uid}, {"files", count}, {"study", output.string()}};
+  answer.text = fmt::format("{} images of study {}\n{}\n", count, asked.study_uid, output.string());
   return answer;
 }
 

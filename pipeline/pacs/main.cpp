@@ -1,4 +1,5 @@
 #include <CLI/CLI.hpp>
+#include <regex>
 
 #include "pipeline/base/command_line.hpp"
 #include "pipeline/pacs/command.hpp"
@@ -10,6 +11,12 @@ std::string one_value(const std::string& text) {
   const bool is_one = !text.empty() && text.find_first_of("*?\\") == std::string::npos &&
                       text.front() != ' ' && text.back() != ' ';
   return is_one ? "" : "give one value, without * ? \\ and without spaces at its ends";
+}
+
+/// One in another form archives read as they like.
+std::string date_or_range(const std::string& text) {
+  static const std::regex form("[0-9]{8}|[0-9]{8}-([0-9]{8})?|-[0-9]{8}");
+  return std::regex_match(text, form) ? "" : "expected YYYYMMDD, or two with - between";
 }
 
 }  // namespace
@@ -42,6 +49,7 @@ int main(int argc, char** argv) {
          app.add_option("--study-date", options.query.study_date,
                         "With pull: YYYYMMDD, or two with - between")
              ->check(one_value)
+             ->check(date_or_range)
              ->type_name("DATE");
          app.add_option("-o,--output", options.output, "With pull: folder to make")->type_name("STUDY");
        },

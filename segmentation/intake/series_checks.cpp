@@ -21,6 +21,10 @@ constexpr double same_orientation = 1e-4;
 constexpr double orthonormal = 1e-3;
 /// Relative difference of pixel spacings within a series, the rounding of headers.
 constexpr double same_spacing = 1e-4;
+/// Relative difference of row and column spacing from which pixels are not square.
+constexpr double square_pixels = 0.01;
+/// Relative difference of the field of view that two attributes tell.
+constexpr double same_field = 0.05;
 
 using Files = std::vector<ScannedFile>;
 
@@ -106,6 +110,23 @@ bool is_echo_planar(const ImageHeader& header) {
   const auto sequence = split_values(header.value(tag::scanning_sequence));
   return header.value(tag::echo_planar) == "YES" ||  // of enhanced MR, which has no ScanningSequence
          std::find(sequence.begin(), sequence.end(), "EP") != sequence.end();
+}
+
+/// What has no slices or no intensities of an acquisition, in the standard's words and the vendors'.
+bool is_no_acquisition(const std::string& type) {
+  static const std::regex words(
+      "(^|[^A-Z0-9])(PROJECTION|T?MIP|T?MINIP|MNIP|M(AX|IN|EAN)[ _]IP|VRT|SSD|(VOLUME|SURFACE)[ _]RENDER(ED|ING)?|"
+      "CURVED|MAP|E?ADC|(COL)?FA|TRACEW?|TENSOR|DIFFUSION|(R|REL)?(CB[FV]|MTT)|TTP|SUB(TRACT(ION)?)?)($|[^A-Z0-9])",
+      std::regex::icase);
+  return std::regex_search(type, words);
+}
+
+/// Derived, save by what scanners do to every image at once: distortions and the coils' sensitivities evened out.
+bool is_computed(const SeriesImage& image) {
+  static const std::regex at_once(R"(DERIVED\\PRIMARY\\M(\\(ND|NORM|DIS2D|DIS3D))*)");
+  const auto& of_frame = image.value(tag::frame_type);
+  const auto& type = of_frame.empty() ? image.value(tag::image_type) : of_frame;
+  return type.rfind("DERIVED", 0) == 0 && !std::regex_match(type, at_once);
 }
 
 /// A storage class of the standard other than MR's. Vendors' own classes are judged by the modality.
@@ -285,6 +306,16 @@ void check_total_size(const SeriesInfo& info, std::size_t images, std::uint64_t 
                                   info.columns, images, limit / 1'000'000));
 }
 
+void check_acquired(const std::vector<SeriesImage>& images) {
+  for (const SeriesImage& image : images)
+    for (const Tag& tag : {tag::image_type, tag::frame_type, tag::volume_calculation})
+      if (is_no_acquisition(image.value(tag)))
+        throw unsupported_error(
+            found(*image.source, tag, image.frame) +
+                ": a projection, a map, a difference or diffusion, not slices as acquired",
+            "use the series that it was made from");
+}
+
 /// Keeps the images that the user chose for this series.
 void apply_choice(const std::vector<SeriesChoice>& choices, const SeriesInfo& info,
                   std::vector<SeriesImage>& images) {
@@ -326,6 +357,35 @@ void add_statistics(const std::vector<SeriesImage>& images, SeriesInfo& info) {
 bool shows_head(const std::string& body_part) {
   static const std::regex head("HEAD|BRAIN|(^|[^A-Z])(ORBIT|EYE|FACE(?!T)|SKULL)", std::regex::icase);
   return body_part.empty() || std::regex_search(body_part, head);
+}
+
+void warn_of_computed(const std::vector<SeriesImage>& images, SeriesInfo& info) {
+  const auto computed = std::count_if(images.begin(), images.end(), is_computed);
+  if (computed == 0) return;
+  info.computed = true;
+  const SeriesImage& first = *std::find_if(images.begin(), images.end(), is_computed);
+  const Tag& tag = first.value(tag::frame_type).empty() ? tag::image_type : tag::frame_type;
+  info.warnings.push_back(fmt::format(
+      "{}{}: computed from other images, smoother than the header tells; the acquired ones say more",
+      found(*first.source, tag, first.frame),
+      computed > 1 ? fmt::format(" and of {} more", computed - 1) : ""));
+}
+
+/// A scanner's pixels are square and fill its field of view: what contradicts this may be a header that was changed.
+void warn_of_lengths(const Files& files, SeriesInfo& info) {
+  const double row_mm = *info.row_spacing_mm, column_mm = *info.column_spacing_mm;
+  if (std::abs(row_mm / column_mm - 1) > square_pixels)
+    info.warnings.push_back(fmt::format(
+        "{} is {:g} and {:g} mm, pixels that are not square: where one is wrong, lengths along that axis are by {:.0f} %",
+        to_string(tag::pixel_spacing), row_mm, column_mm,
+        100 * (std::max(row_mm, column_mm) / std::min(row_mm, column_mm) - 1)));
+  const double field_mm = std::max(info.rows * row_mm, info.columns * column_mm);
+  const double diameter_mm = number_of(files.front(), tag::reconstruction_diameter).value_or(0);
+  if (diameter_mm > 0 && std::abs(field_mm / diameter_mm - 1) > same_field)
+    info.warnings.push_back(fmt::format(
+        "{} is {:g} mm, but {} makes the field {:g} mm: the images were cropped, or all lengths are wrong by {:.0f} %",
+        to_string(tag::reconstruction_diameter), diameter_mm, to_string(tag::pixel_spacing), field_mm,
+        100 * std::abs(field_mm / diameter_mm - 1)));
 }
 
 void add_warnings(const Files& files, SeriesInfo& info) {
@@ -397,10 +457,13 @@ SeriesInfo judge_series(std::vector<ScannedFile> files, const IntakeOptions& opt
     check_pixel_format(files);
     auto images = check_frames(files, info);
     apply_choice(options.choices, info, images);
+    check_acquired(images);
     check_pixels(files);
     check_total_size(info, images.size(), options.limits.series_bytes);
     add_statistics(images, info);
     add_warnings(files, info);
+    warn_of_computed(images, info);
+    warn_of_lengths(files, info);
     judge_positions(images, info);
     check_contrast(images, info.uid);
     info.usable = true;

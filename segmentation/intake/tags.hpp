@@ -29,6 +29,7 @@ inline constexpr Tag modality{0x0008, 0x0060, "Modality"};
 inline constexpr Tag series_description{0x0008, 0x103e, "SeriesDescription"};
 inline constexpr Tag complex_image_component{0x0008, 0x9208, "ComplexImageComponent"};
 inline constexpr Tag frame_type{0x0008, 0x9007, "FrameType"};
+inline constexpr Tag volume_calculation{0x0008, 0x9207, "VolumeBasedCalculationTechnique"};
 inline constexpr Tag patient_name{0x0010, 0x0010, "PatientName"};
 inline constexpr Tag patient_id{0x0010, 0x0020, "PatientID"};
 inline constexpr Tag issuer_of_patient_id{0x0010, 0x0021, "IssuerOfPatientID"};
@@ -57,6 +58,7 @@ inline constexpr Tag field_strength{0x0018, 0x0087, "MagneticFieldStrength"};
 inline constexpr Tag spacing_between_slices{0x0018, 0x0088, "SpacingBetweenSlices"};
 inline constexpr Tag pixel_bandwidth{0x0018, 0x0095, "PixelBandwidth"};
 inline constexpr Tag trigger_time{0x0018, 0x1060, "TriggerTime"};
+inline constexpr Tag reconstruction_diameter{0x0018, 0x1100, "ReconstructionDiameter"};
 inline constexpr Tag phase_encoding{0x0018, 0x1312, "InPlanePhaseEncodingDirection"};
 inline constexpr Tag flip_angle{0x0018, 0x1314, "FlipAngle"};
 inline constexpr Tag effective_echo_time{0x0018, 0x9082, "EffectiveEchoTime"};
@@ -138,6 +140,7 @@ inline constexpr Tag of_data_set[] = {image_type,
                                       spacing_between_slices,
                                       pixel_bandwidth,
                                       trigger_time,
+                                      reconstruction_diameter,
                                       phase_encoding,
                                       flip_angle,
                                       diffusion_b_value,
@@ -169,6 +172,7 @@ inline constexpr Tag of_data_set[] = {image_type,
                                       philips_scale_intercept,
                                       philips_scale_slope,
                                       complex_image_component,
+                                      volume_calculation,
                                       private_creator_0019,
                                       private_creator_2005,
                                       lossy_compression};
@@ -192,6 +196,7 @@ inline constexpr FrameTag of_frames[] = {{plane_position_sequence, image_positio
                                          {pixel_value_sequence, rescale_slope},
                                          {mr_image_frame_type_sequence, frame_type},
                                          {mr_image_frame_type_sequence, complex_image_component},
+                                         {mr_image_frame_type_sequence, volume_calculation},
                                          {mr_echo_sequence, effective_echo_time},
                                          {mr_timing_sequence, repetition_time},
                                          {mr_timing_sequence, flip_angle},

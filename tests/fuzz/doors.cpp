@@ -76,7 +76,7 @@ void replace_one_of_a_series(const fs::path& file) {
   const segmentation::StudyInventory inventory = segmentation::read_inventory(folder, quiet());
   if (!inventory.skipped.empty() || inventory.series.size() != 1) return;
   const segmentation::SeriesInfo& now = inventory.series[0];
-  if (!now.usable || !now.warnings.empty()) return;
+  if (!now.usable || now.warnings != whole.warnings) return;
   const auto differs = [](const std::optional<double>& a, const std::optional<double>& b) {
     return a.has_value() != b.has_value() || (a && std::abs(*a / *b - 1) > 1e-4);
   };

@@ -144,6 +144,27 @@ TEST_F(SegmentStage, ASeriesThatIsLeftOutForABrokenFileIsSaid) {
   EXPECT_EQ(warnings.find("stack1 is not used"), std::string::npos) << warnings;
 }
 
+/// Planes that were computed from an acquired series are that acquisition once more.
+TEST_F(SegmentStage, AComputedSeriesIsNotUsedBesideTheAcquiredOne) {
+  test::GeneratedSeries acquired, planes("1.2.826.0.1.3680043.9.7.2", 2),
+      of_another("1.2.826.0.1.3680043.9.7.3", 3);
+  for (test::GeneratedSeries* series : {&planes, &of_another})
+    series->set_all(DCM_ImageType, "DERIVED\\SECONDARY\\MPR");
+  of_another.set_all(DCM_EchoTime, "12");
+  acquired.write(folder_ / "study" / "a");
+  planes.write(folder_ / "study" / "b");
+  of_another.write(folder_ / "study" / "c");
+  EXPECT_EQ(run(folder_ / "study", "case").status, ExitStatus::no_result);
+  EXPECT_THAT(
+      read_json(folder_ / "case" / "segmentation" / "stage.json").at("warnings").dump(),
+      testing::AllOf(testing::HasSubstr("stack2 is not used: (0008,0008) ImageType"),
+                     testing::HasSubstr("from stack1"), testing::Not(testing::HasSubstr("stack3 is not"))));
+  const Json stacks = read_json(folder_ / "case" / "case.json").at("stacks");
+  ASSERT_EQ(stacks.size(), 2U) << stacks;
+  EXPECT_EQ(stacks.at(0).at("name"), "stack1");
+  EXPECT_EQ(stacks.at(1).at("name"), "stack3");
+}
+
 /// What is read is what is hashed: images behind a link too, and nothing of a case among the images.
 TEST_F(SegmentStage, InputsAreTheFilesThatAreRead) {
   test::GeneratedSeries series;

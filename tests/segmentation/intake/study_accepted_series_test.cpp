@@ -9,8 +9,12 @@ namespace {
 
 using ::testing::AllOf;
 using ::testing::Contains;
+using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
+
+/// The one warning of every generated series: its pixels are 0.5 by 0.4 mm, so that rows are told from columns.
+const auto only_of_its_pixels = ElementsAre(HasSubstr("pixels that are not square"));
 
 struct Syntax {
   const char* name;
@@ -29,7 +33,7 @@ TEST_P(TransferSyntaxes, AreReadBitForBit) {
   series.write(folder(), GetParam().syntax);
   const auto info = only_series();
   EXPECT_TRUE(info.usable) << info.reason;
-  EXPECT_THAT(info.warnings, IsEmpty());
+  EXPECT_THAT(info.warnings, only_of_its_pixels);
   EXPECT_EQ(info.transfer_syntax, DcmXfer(GetParam().syntax).getXferID());
   expect_generated_volume(read_only_series());
 }
@@ -122,7 +126,7 @@ TEST_F(IntakeTest, RoundingOfPositionsIsNoUnevenness) {
     series.set_position(slice, GeneratedSeries::position(slice + (slice % 2 == 0 ? 0.004 : -0.004)));
   series.write(folder());
   EXPECT_TRUE(only_series().uniform);
-  EXPECT_THAT(only_series().warnings, IsEmpty());
+  EXPECT_THAT(only_series().warnings, only_of_its_pixels);
 }
 
 TEST_F(IntakeTest, ADisplacedSliceKeepsItsPlace) {
@@ -216,7 +220,7 @@ TEST_F(IntakeTest, SignedSamplesAreExtended) {
   const auto expected = [](int value) { return value - 3000 < -2048 ? value - 3000 + 4096 : value - 3000; };
   for (int column = 0; column < 24; ++column)
     EXPECT_EQ(stack.at(column, 2, 9), expected(GeneratedSeries::value(column, 2, 9)));
-  EXPECT_THAT(only_series().warnings, IsEmpty());
+  EXPECT_THAT(only_series().warnings, only_of_its_pixels);
 }
 
 TEST_F(IntakeTest, BitsAboveTheStoredOnesAreMaskedAndWarnedOf) {
@@ -342,7 +346,68 @@ TEST_F(IntakeTest, AnotherBodyPartIsWarnedOf) {
   for (const char* part : {"KNEE", "SURFACE", "FACET JOINT"})
     EXPECT_THAT(warnings(part), Contains(HasSubstr("(0018,0015)"))) << part;
   for (const char* part : {"HEAD", "HEADNECK", "WHOLEHEAD", "NECK FACE", "ORBITS"})
-    EXPECT_THAT(warnings(part), IsEmpty());
+    EXPECT_THAT(warnings(part), only_of_its_pixels);
+}
+
+TEST_F(IntakeTest, ImagesThatWereComputedFromOthersAreWarnedOf) {
+  const auto series_of = [&](const char* type) {
+    GeneratedSeries series;
+    series.set_all(DCM_ImageType, type);
+    series.write(folder());
+    return only_series();
+  };
+  for (const char* type :
+       {"DERIVED\\SECONDARY\\MPR\\CSA MPR\\M\\ND", "DERIVED\\SECONDARY\\REFORMATTED\\AVERAGE",
+        "DERIVED\\PRIMARY\\M\\ND\\UNI", "DERIVED\\PRIMARY"}) {
+    const auto info = series_of(type);
+    EXPECT_TRUE(info.usable) << info.reason;
+    EXPECT_TRUE(info.computed) << type;
+    EXPECT_THAT(info.warnings, Contains(AllOf(HasSubstr("(0008,0008)"), HasSubstr("of 11 more: computed"))));
+  }
+  for (const char* type : {"ORIGINAL\\PRIMARY\\OTHER\\ND\\NORM\\MEAN", "ORIGINAL\\PRIMARY\\M_SE\\M\\SE",
+                           "ORIGINAL\\PRIMARY\\M\\NORM\\DIS2D", "DERIVED\\PRIMARY\\M\\ND\\NORM",
+                           "DERIVED\\PRIMARY\\M\\NORM\\DIS3D", "ORIGINAL\\PRIMARY\\W\\W\\DERIVED"}) {
+    const auto info = series_of(type);
+    EXPECT_TRUE(info.usable) << info.reason;
+    EXPECT_FALSE(info.computed) << type;
+    EXPECT_THAT(info.warnings, only_of_its_pixels) << type;
+  }
+}
+
+/// In a file of many frames the maps stand beside what they were made from.
+TEST_F(IntakeTest, FramesThatAreMapsAreRefusedUnlessOthersAreChosen) {
+  const auto file = enhanced_series(true);
+  for (int frame = 0; frame < 12; ++frame) {
+    DcmItem *groups = nullptr, *type = nullptr;
+    file->getDataset()->findAndGetSequenceItem(DCM_PerFrameFunctionalGroupsSequence, groups, frame);
+    groups->findOrCreateSequenceItem(DCM_MRImageFrameTypeSequence, type, 0);
+    type->putAndInsertString(DCM_FrameType,
+                             frame < 6 ? "ORIGINAL\\PRIMARY\\T2\\NONE" : "DERIVED\\PRIMARY\\T2 MAP\\T2");
+  }
+  ASSERT_TRUE(file->saveFile((folder() / "IM_0001").c_str(), EXS_LittleEndianExplicit).good());
+  const auto info = only_series();
+  EXPECT_EQ(info.refusal, ExitStatus::unsupported);
+  EXPECT_THAT(info.reason, AllOf(HasSubstr("(0008,9007)"), HasSubstr("T2 MAP")));
+  auto options = quiet();
+  options.choices = {segmentation::parse_series_choice(info.uid + ",FrameType=ORIGINAL\\PRIMARY\\T2\\NONE")};
+  const auto chosen = segmentation::read_inventory(folder(), options);
+  EXPECT_TRUE(chosen.series.at(0).usable) << chosen.series.at(0).reason;
+}
+
+/// Of a header that was changed by hand or by a tool, lengths may be wrong.
+TEST_F(IntakeTest, LengthsThatContradictTheFieldOfViewAreWarnedOf) {
+  const auto warnings = [&](const char* diameter) {
+    GeneratedSeries series;
+    series.set_all(DCM_PixelSpacing, "0.5\\0.5");  // 20 rows, 24 columns: 12 mm
+    series.set_all(DCM_ReconstructionDiameter, diameter);
+    series.write(folder());
+    EXPECT_TRUE(only_series().usable);
+    return only_series().warnings;
+  };
+  EXPECT_THAT(warnings("12"), IsEmpty());
+  EXPECT_THAT(warnings("12.3"), IsEmpty());  // a rounded one
+  EXPECT_THAT(warnings("15"), ElementsAre(AllOf(HasSubstr("(0018,1100)"), HasSubstr("15 mm"),
+                                                HasSubstr("12 mm"), HasSubstr("20 %"))));
 }
 
 class EnhancedSeries : public IntakeTest, public ::testing::WithParamInterface<bool> {};
