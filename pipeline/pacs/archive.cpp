@@ -294,7 +294,8 @@ std::vector<FoundStudy> Archive::find_studies(const StudyQuery& query) const {
                             {"patient", DCM_PatientID}}))
       if (is_accession_of(row["accession"], query.accession_number) &&
           is_date_of(row["date"], query.study_date))
-        studies.push_back({row["uid"], row["date"], row["description"], row["modalities"], row["patient"]});
+        studies.push_back({row["uid"], row["date"], row["description"], row["modalities"], row["accession"],
+                           row["patient"]});
     std::sort(studies.begin(), studies.end(), [](const FoundStudy& a, const FoundStudy& b) {
       return std::tie(a.date, a.uid) < std::tie(b.date, b.uid);
     });
@@ -403,12 +404,13 @@ void Archive::store(const std::vector<fs::path>& files, const std::function<void
     association.open();
     for (std::size_t i = 0; i < files.size(); ++i) {
       const std::string name = files[i].filename().string();
-      const std::string so_far = fmt::format("; it has taken {} of {} objects", i, files.size());
+      const std::string which =
+          fmt::format("{} (before it {} of {} objects were sent)", name, i, files.size());
       Uint16 status = 0;
       const OFCondition result = association.scu().sendSTORERequest(0, files[i].c_str(), nullptr, status);
-      association.require(result, "did not take " + name + so_far);
+      association.require(result, "did not take " + which);
       const bool is_kept = status == STATUS_Success || (status & 0xf000) == 0xb000;  // with a warning
-      if (!is_kept) association.fail(fmt::format("refused {} with status {:04x}{}", name, status, so_far));
+      if (!is_kept) association.fail(fmt::format("refused {} with status {:04x}", which, status));
       if (status != STATUS_Success)
         spdlog::warn("the archive took {} with status {:04x}: {}", name, status, meaning_of(status));
       sent();

@@ -15,7 +15,7 @@ struct StudyQuery {
 
 /// A study that an archive has.
 struct FoundStudy {
-  std::string uid, date, description, modalities;
+  std::string uid, date, description, modalities, accession_number;
   std::string patient_id;  ///< to tell two patients' studies apart, said nowhere
 };
 

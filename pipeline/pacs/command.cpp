@@ -78,6 +78,10 @@ Answer pull(const PacsOptions& options, const CommonOptions& common) {
     throw output_error(output.string() + " is there already", "name a new folder");
   const Archive archive(read_settings(options.settings));
   const FoundStudy study = only_one(archive.find_studies(options.query));
+  if (!options.query.accession_number.empty() && study.accession_number.empty())
+    spdlog::warn(
+        "the archive does not say the accession number of study {}: only images that have one are compared",
+        study.uid);
   // What comes is compared with what was asked for, else with itself: archives that have corrected an identifier may
   // send the original one.
   StudyQuery asked = options.query;

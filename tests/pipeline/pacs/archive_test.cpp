@@ -196,6 +196,35 @@ TEST_F(ArchiveOrthanc, GivesNoImagesOfAnotherPatientUnderTheSameUid) {
   EXPECT_THAT(refused("--study-uid", "1.2.826.0.1.3680043.10.1.1"), HasSubstr("of 2 patients"));
 }
 
+TEST_F(ArchiveOrthanc, ImagesThatAKilledPullLeftAreSaid) {
+  send_study();
+  const pid_t gone = ::fork();
+  if (gone == 0) ::_exit(0);
+  ::waitpid(gone, nullptr, 0);
+  for (const pid_t process : {gone, ::getpid()})  // the other pull goes on
+    fs::create_directories(folder() / ("pulled.pulling-" + std::to_string(process)));
+  const ProcessResult pulled =
+      pacs({"pull", "--patient-id", "MRN-4711", "-o", (folder() / "pulled").string()});
+  ASSERT_EQ(pulled.status, 0) << pulled.output;
+  const Json warnings = Json::parse(pulled.output).at("warnings");
+  ASSERT_EQ(warnings.size(), 1U) << warnings;
+  EXPECT_THAT(warnings.at(0).get<std::string>(),
+              HasSubstr("pulled.pulling-" + std::to_string(gone) + " holds"));
+}
+
+/// In the images in Latin 1, on the command line in UTF-8.
+TEST_F(ArchiveOrthanc, FindsAPatientWhoseIdentifierIsBeyondAscii) {
+  test::make_fixture_study(folder() / "study");
+  std::vector<std::string> words{"-nb", "-i", "0008,0005=ISO_IR 100", "-m", "0010,0020=M\xFC-1"};
+  for (const auto& entry : fs::directory_iterator(folder() / "study")) words.push_back(entry.path().string());
+  ASSERT_EQ(run_process(*find_program("dcmodify"), words, ChildOutput::capture).status, 0);
+  send_study();
+  const ProcessResult pulled =
+      pacs({"pull", "--patient-id", "M\xC3\xBC-1", "-o", (folder() / "pulled").string()});
+  ASSERT_EQ(pulled.status, 0) << pulled.output;
+  EXPECT_EQ(contents_of(folder() / "pulled"), contents_of(folder() / "study"));
+}
+
 TEST_F(ArchiveOrthanc, IsAskedForOneValue) {
   send_study();
   // Each beside a date that alone finds the study.
@@ -205,6 +234,8 @@ TEST_F(ArchiveOrthanc, IsAskedForOneValue) {
           pacs({"pull", option, value, "--study-date", "20260314", "-o", (folder() / "pulled").string()});
       EXPECT_EQ(asked.status, 2) << option << " \"" << value << "\": " << asked.output;
     }
+  for (const char* date : {"2026-03-14", "2026", "20260314-2026", "-"})
+    EXPECT_EQ(pacs({"pull", "--study-date", date, "-o", (folder() / "pulled").string()}).status, 2) << date;
   EXPECT_FALSE(fs::exists(folder() / "pulled"));
 }
 
