@@ -124,6 +124,19 @@ EyeData read_eye_data(const fs::path& folder, Laterality laterality) {
   return eye;
 }
 
+/// Parameters without the names of files that were typed (a scene, movements, a lens, a topography), which may name the
+/// patient; names of charts and models stay.
+Json without_file_names(Json parameters) {
+  for (auto& [key, value] : parameters.items()) {
+    if (value.is_structured()) value = without_file_names(std::move(value));
+    if (!value.is_string()) continue;
+    const std::string ending = fs::path(value.get<std::string>()).extension();
+    if (key == "file" || key == "spectacle" || ending == ".json" || ending == ".csv" || ending == ".CSV")
+      value = "[removed]";
+  }
+  return parameters;
+}
+
 std::optional<StageData> read_stage(const fs::path& folder, const std::string& name) {
   const fs::path file = folder / name / "stage.json";
   if (!fs::exists(file)) return std::nullopt;
@@ -137,6 +150,8 @@ std::optional<StageData> read_stage(const fs::path& folder, const std::string& n
     stage.warnings = json.value("warnings", std::vector<std::string>{});
     for (const char* key : {"version", "parameters", "seed", "opencl_device", "outputs"})
       if (json.contains(key)) stage.provenance[key] = json[key];
+    if (stage.provenance.contains("parameters"))
+      stage.provenance["parameters"] = without_file_names(stage.provenance["parameters"]);
     // Names of a study's files may name the patient: their hashes alone identify the input.
     std::string hashes;
     for (const auto& hash : json.value("inputs", Json::object())) hashes += hash.get<std::string>() + "\n";

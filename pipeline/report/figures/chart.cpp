@@ -5,8 +5,10 @@
 
 #include <boost/algorithm/string/predicate.hpp>
 #include <boost/algorithm/string/replace.hpp>
+#include <cerrno>
 #include <cmath>
 #include <cstdlib>
+#include <cstring>
 #include <filesystem>
 #include <sstream>
 
@@ -35,8 +37,13 @@ class TemporaryFolder {
 
  private:
   static fs::path make() {
-    std::string name = (fs::temp_directory_path() / "emmetrope-chart-XXXXXX").string();
-    if (::mkdtemp(name.data()) == nullptr) throw output_error("cannot make a folder like " + name);
+    const char* named = std::getenv("TMPDIR");
+    const fs::path parent = named == nullptr || *named == '\0' ? fs::path("/tmp") : fs::path(named);
+    std::string name = (parent / "emmetrope-chart-XXXXXX").string();
+    if (::mkdtemp(name.data()) == nullptr)
+      throw output_error(fmt::format("cannot make a folder for temporary files in {} (TMPDIR): {}",
+                                     parent.string(), std::strerror(errno)),
+                         "set TMPDIR to a folder that can be written");
     return name;
   }
   fs::path path_;

@@ -11,6 +11,7 @@ namespace emmetrope::report {
 /// Runs `script` (plot commands without terminal and output) and fills in the figure's svg.
 /// \param figure  id, width_px and height_px set
 /// \return false where gnuplot is missing or fails: the report then says so instead
+/// \throw Error (not_writable) where the folder for temporary files (TMPDIR) is none
 bool draw_chart(Figure& figure, const std::string& script);
 
 /// Square axes about the middle with the anatomical sides, as the examiner sees the eye: a right eye's temporal side on the

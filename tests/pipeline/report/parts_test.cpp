@@ -4,12 +4,16 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdlib>
 #include <numeric>
 
+#include "pipeline/base/error.hpp"
 #include "pipeline/base/frames.hpp"
+#include "pipeline/base/process.hpp"
 #include "pipeline/report/content/biometry_rows.hpp"
 #include "pipeline/report/dicom/object.hpp"
 #include "pipeline/report/document/numbers.hpp"
+#include "pipeline/report/figures/chart.hpp"
 #include "pipeline/report/figures/cornea_map.hpp"
 #include "pipeline/report/figures/encoding.hpp"
 #include "pipeline/report/figures/letter_chart.hpp"
@@ -42,6 +46,25 @@ TEST(Numbers, AreWrittenWithoutLocaleAndWithoutMinusZero) {
   EXPECT_EQ(format(23.456, {2, false, "mm"}), "23.46 mm");
   EXPECT_EQ(format(std::nan(""), {2, false, "mm"}), "not determined");
   EXPECT_EQ(format_interval({1, {0.5, 1.5}, "mri"}, {2, true, "D"}), "+0.50 to +1.50");
+}
+
+TEST(Chart, AFolderForTemporaryFilesThatIsNotThereIsNamed) {
+  if (!find_program("gnuplot")) GTEST_SKIP() << "gnuplot is not installed";
+  const char* before = std::getenv("TMPDIR");
+  const std::string kept = before == nullptr ? "/tmp" : before;
+  ::setenv("TMPDIR", "/nope", 1);
+  Figure figure;
+  figure.id = "line";
+  figure.width_px = figure.height_px = 100;
+  try {
+    draw_chart(figure, "plot x\n");
+    ADD_FAILURE() << "drawn in no folder";
+  } catch (const Error& error) {
+    EXPECT_EQ(error.status(), ExitStatus::not_writable);
+    EXPECT_THAT(error.what(), testing::AllOf(testing::HasSubstr("/nope"), testing::HasSubstr("TMPDIR")));
+    EXPECT_THAT(error.remedy(), testing::HasSubstr("TMPDIR"));
+  }
+  ::setenv("TMPDIR", kept.c_str(), 1);
 }
 
 TEST(Encoding, EscapesMarkupAndRepairsText) {

@@ -662,6 +662,32 @@ TEST_F(ReportTest, AGivenRefractionStandsBesideWhatTheImagesSay) {
   EXPECT_NE(pdf_text().find("-9.00 DS"), std::string::npos);
 }
 
+/// A topography, a scene, a lens, movements: their hashes are among those of the inputs.
+TEST_F(ReportTest, NamesOfFilesThatWereTypedAreNowhere) {
+  test::make_fixture_case(folder_);
+  const auto set = [&](const std::string& stage, const Json& parameters) {
+    Json json = read_json(folder_ / stage / "stage.json");
+    json["parameters"].update(parameters);
+    write_json(folder_ / stage / "stage.json", json);
+  };
+  const Json topography{{"od", {{"topography", {{"file", "maps/Meier_Hans_19600102"}, {"sigma_D", 0.25}}}}}};
+  set("meshing", {{"instruments", topography}});
+  set("raytrace", {{"scene", "Hans Meier.json"},
+                   {"spectacle", "/home/meier/lens of Meier"},
+                   {"movement", "Meier_saccades.CSV"}});
+  set("correction", {{"picture", {{"scene", "letters:logmar=0.3,distance_mm=6000"}}},
+                     {"chart", "../Meier.json"},
+                     {"known", {{"instruments", topography}}}});
+  report();
+  const std::string html = output("report.html");
+  for (const char* name : {"Meier", "meier", "19600102"}) {
+    EXPECT_THAT(html, Not(HasSubstr(name)));
+    EXPECT_THAT(output("stage.json"), Not(HasSubstr(name)));
+    EXPECT_THAT(pdf_text(), Not(HasSubstr(name)));
+  }
+  EXPECT_THAT(html, HasSubstr("letters:logmar=0.3,distance_mm=6000"));
+}
+
 TEST_F(ReportTest, QuietSaysOnlyWhereTheReportIs) {
   test::make_fixture_case(folder_);
   EXPECT_EQ(report().text, (folder_ / "report" / "report.html").string() + "\n");
