@@ -123,7 +123,7 @@ bool is_no_acquisition(const std::string& type) {
 
 /// Derived, save by what scanners do to every image at once: distortions and the coils' sensitivities evened out.
 bool is_computed(const SeriesImage& image) {
-  static const std::regex at_once(R"(DERIVED\\PRIMARY\\M(\\(ND|NORM|DIS2D|DIS3D))*)");
+  static const std::regex at_once(R"(DERIVED\\PRIMARY\\M(\\(NONE|ND|NORM|DIS2D|DIS3D|MFSPLIT))*)");
   const auto& of_frame = image.value(tag::frame_type);
   const auto& type = of_frame.empty() ? image.value(tag::image_type) : of_frame;
   return type.rfind("DERIVED", 0) == 0 && !std::regex_match(type, at_once);

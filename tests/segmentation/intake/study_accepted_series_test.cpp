@@ -366,7 +366,8 @@ TEST_F(IntakeTest, ImagesThatWereComputedFromOthersAreWarnedOf) {
   }
   for (const char* type : {"ORIGINAL\\PRIMARY\\OTHER\\ND\\NORM\\MEAN", "ORIGINAL\\PRIMARY\\M_SE\\M\\SE",
                            "ORIGINAL\\PRIMARY\\M\\NORM\\DIS2D", "DERIVED\\PRIMARY\\M\\ND\\NORM",
-                           "DERIVED\\PRIMARY\\M\\NORM\\DIS3D", "ORIGINAL\\PRIMARY\\W\\W\\DERIVED"}) {
+                           "DERIVED\\PRIMARY\\M\\NORM\\DIS3D", "DERIVED\\PRIMARY\\M\\NORM\\DIS2D\\MFSPLIT",
+                           "ORIGINAL\\PRIMARY\\W\\W\\DERIVED"}) {
     const auto info = series_of(type);
     EXPECT_TRUE(info.usable) << info.reason;
     EXPECT_FALSE(info.computed) << type;
