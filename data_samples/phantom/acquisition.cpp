@@ -147,7 +147,8 @@ void set_key(StackPlan& plan, const std::string& key, const std::string& value) 
     plan.profile = choice<SliceProfile>(value,
                                         {{"box", SliceProfile::box},
                                          {"trapezoid", SliceProfile::trapezoid},
-                                         {"gaussian", SliceProfile::gaussian}},
+                                         {"gaussian", SliceProfile::gaussian},
+                                         {"encoded", SliceProfile::encoded}},
                                         key);
   } else if (key == "coil") {
     plan.coil = choice<Coil>(
@@ -205,7 +206,7 @@ Protocol make_protocol(const std::string& name, const Anatomy& anatomy) {
     StackPlan plan =
         make_stack("head-axial:pixel_mm=0.6,slice_mm=0.6,matrix=224x160,slices=64,tilt_deg=-6/0", anatomy);
     plan.centre += Vector3d(0, 12, 0);
-    plan.three_dimensional = true;
+    plan.profile = SliceProfile::encoded;
     plan.repetition_time_ms = 3200;
     plan.echo_time_ms = 120;
     protocol.stacks.push_back(plan);
@@ -214,7 +215,7 @@ Protocol make_protocol(const std::string& name, const Anatomy& anatomy) {
     StackPlan plan = make_stack(
         "head-sagittal:pixel_mm=1,slice_mm=1,matrix=256x256,slices=176,contrast=t1,tilt_deg=2/1", anatomy);
     plan.centre += Vector3d(0, 72, 18);
-    plan.three_dimensional = true;
+    plan.profile = SliceProfile::encoded;
     plan.repetition_time_ms = 2300;
     plan.echo_time_ms = 3;
     plan.flip_angle_deg = 9;

@@ -13,6 +13,7 @@ enum class SliceProfile {
   box,        ///< 1 within the thickness
   trapezoid,  ///< full width at half maximum = thickness, ramps of a fifth of it: a good selective pulse
   gaussian,   ///< full width at half maximum = thickness
+  encoded,    ///< 3-D: slices are cut off in k-space as rows are, all of it acquired
 };
 
 /// Sensitivity of the receive coil.
@@ -39,7 +40,6 @@ struct StackPlan {
   /// Fraction of k-space that is acquired along rows (readout) and columns (phase); the rest is zero-filled.
   double acquired_readout = 1, acquired_phase = 1;
   double repetition_time_ms = 2500, echo_time_ms = 90, flip_angle_deg = 90;
-  bool three_dimensional = false;
 
   Eigen::Vector3d normal() const { return along_row.cross(along_column); }
   /// Centre of the first voxel of a slice.

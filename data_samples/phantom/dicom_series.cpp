@@ -78,11 +78,11 @@ void put_series(DcmDataset& data, const StackPlan& plan, int number, const Study
 }
 
 void put_acquisition(DcmDataset& data, const StackPlan& plan) {
-  const bool gradient_echo = plan.three_dimensional && plan.contrast == Contrast::T1;
+  const bool gradient_echo = plan.profile == SliceProfile::encoded && plan.contrast == Contrast::T1;
   put(data, DCM_ScanningSequence, gradient_echo ? "GR\\IR" : "SE");
   put(data, DCM_SequenceVariant, gradient_echo ? "SP\\MP" : "SK");
   put(data, DCM_ScanOptions, "");
-  put(data, DCM_MRAcquisitionType, plan.three_dimensional ? "3D" : "2D");
+  put(data, DCM_MRAcquisitionType, plan.profile == SliceProfile::encoded ? "3D" : "2D");
   put(data, DCM_SliceThickness, ds(plan.slice_thickness_mm));
   put(data, DCM_SpacingBetweenSlices, ds(plan.slice_spacing_mm));
   put(data, DCM_RepetitionTime, ds(plan.repetition_time_ms));

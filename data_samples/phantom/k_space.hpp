@@ -1,4 +1,5 @@
 #pragma once
+#include <complex>
 #include <cstdint>
 #include <vector>
 
@@ -22,8 +23,28 @@ struct KSpace {
   std::uint64_t seed = 1;
 };
 
-/// What a Fourier scanner makes of it: k-space cut to the acquired rectangle, noise in real and imaginary
-/// channel, zero filled to rows x columns, magnitude. The fine cells' own box blur is divided out.
+using ComplexImage = std::vector<std::complex<float>>;  ///< row after row
+
+/// What a Fourier scanner makes of it: k-space cut to the acquired rectangle, zero filled to rows x columns. The fine
+/// cells' own box blur is divided out.
+ComplexImage signal_image(const FineSlice& object, const KSpace& k_space);
+/// The noise of real and imaginary channel.
+ComplexImage noise_image(int rows, int columns, const KSpace& k_space);
+/// Of the sum.
+std::vector<float> magnitude_image(const ComplexImage& signal, const ComplexImage& noise);
 std::vector<float> magnitude_image(const FineSlice& object, const KSpace& k_space);
+
+/// By how much layers of the object, `fine` a slice, add to slices that are phase-encoded, or slices of noise to each
+/// other. As many slices as those of the volume, over which the picture repeats itself.
+class SliceEncoding {
+ public:
+  SliceEncoding(int slices, Window window);
+  double of_layer(int slice, int layer) const;  ///< the layers' own box blur is divided out
+  double of_noise(int slice, int of_slice) const;
+
+ private:
+  int slices_;
+  std::vector<double> layer_, noise_;  ///< by the distance: in half layers, in slices
+};
 
 }  // namespace emmetrope::phantom

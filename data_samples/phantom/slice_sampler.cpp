@@ -8,9 +8,6 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr int layers_near_globe = 10;
-constexpr int layers_elsewhere = 4;
-
 /// Depth of a fine cell's points within their layers, in sixteenths of it: an ordered dither, so that a
 /// border parallel to the slice is met by all cells of a voxel at different depths.
 constexpr std::array<double, std::size_t{fine} * fine> dither{0, 8,  2, 10, 12, 4, 14, 6,
@@ -33,6 +30,7 @@ double profile_at(SliceProfile profile, double t) {
   t = std::abs(t);
   switch (profile) {
     case SliceProfile::box:
+    case SliceProfile::encoded:  // its layers
       return 1;
     case SliceProfile::trapezoid:
       return std::clamp((0.6 - t) / 0.2, 0.0, 1.0);
@@ -45,7 +43,9 @@ double profile_at(SliceProfile profile, double t) {
 }  // namespace
 
 Layers layers_of(SliceProfile profile, double thickness_mm, int per_thickness) {
-  const double reach = profile == SliceProfile::box ? 0.5 : profile == SliceProfile::trapezoid ? 0.6 : 1.25;
+  const double reach = profile == SliceProfile::trapezoid  ? 0.6
+                       : profile == SliceProfile::gaussian ? 1.25
+                                                           : 0.5;
   const int count = static_cast<int>(std::lround(2 * per_thickness * reach));
   Layers layers;
   layers.step_mm = 2 * reach * thickness_mm / count;
@@ -65,7 +65,8 @@ Layers layers_of(SliceProfile profile, double thickness_mm, int per_thickness) {
 }
 
 SliceSampler::SliceSampler(const Anatomy& anatomy, const StackPlan& plan, const Sensitivity& sensitivity,
-                           const SlicePose& pose, int columns, int rows)
+                           const SlicePose& pose, int columns, int rows, int layers_near_globe,
+                           int layers_elsewhere)
     : anatomy_(anatomy),
       plan_(plan),
       sensitivity_(sensitivity),

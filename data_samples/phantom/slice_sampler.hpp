@@ -35,8 +35,9 @@ class SliceSampler {
  public:
   /// The anatomy, the plan and the sensitivity must outlive the sampler.
   /// \param columns, rows  of the grid to be sampled, margins included
+  /// \param layers_near_globe, layers_elsewhere  through the slice
   SliceSampler(const Anatomy& anatomy, const StackPlan& plan, const Sensitivity& sensitivity,
-               const SlicePose& pose, int columns, int rows);
+               const SlicePose& pose, int columns, int rows, int layers_near_globe, int layers_elsewhere);
   FineSlice sample() const;
 
  private:

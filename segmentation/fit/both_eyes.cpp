@@ -121,6 +121,7 @@ std::vector<Shared> same_images(const std::array<EyeFit*, 2>& eyes) {
   for (int s = 0; s < od.layout.stacks; ++s)
     for (const auto& [of_stack, sigma] : {std::pair{log_sharpness, sharpness_difference},
                                           {log_sharpness_ratio, sharpness_difference},
+                                          {log_sharpness_through, sharpness_difference},
                                           {k_space_filter, sharpness_difference},
                                           {fat_shift_first, fat_shift_difference_mm},
                                           {StackParameter(fat_shift_first + 1), fat_shift_difference_mm}}) {

@@ -85,6 +85,7 @@ class StackImage {
         fading_mm_(fading_pixels * std::max(stack.column_spacing_mm, stack.row_spacing_mm)),
         row_(stack.along_row, stack.column_spacing_mm, drawn_mm + fading_mm_),
         column_(stack.along_column, stack.row_spacing_mm, drawn_mm + fading_mm_),
+        slice_(stack.normal, stack.slice_spacing_mm(), drawn_mm + fading_mm_),
         globe_(a.segment<3>(apex_x) -
                (a[axial_length] - a[globe_z]) * gaze_axis(a[gaze_horizontal], a[gaze_vertical]) -
                a.segment<3>(model.layout().stack(index) + shift_first)),
@@ -93,12 +94,15 @@ class StackImage {
         drawing_(model, at, a, index, cell_, voxel_reach_mm(model, index)) {
     const StackSampling& sampling = model.stacks()[static_cast<std::size_t>(index)];
     const int at_stack = model.layout().stack(index);
-    const double filter = a[at_stack + k_space_filter], ratio = a[at_stack + log_sharpness_ratio],
-                 reach = a[at_stack + log_sharpness] + log_cutoff_per_filter * filter;
+    const double filter = a[at_stack + k_space_filter], of_filter = log_cutoff_per_filter * filter,
+                 ratio = a[at_stack + log_sharpness_ratio], reach = a[at_stack + log_sharpness] + of_filter,
+                 through = a[at_stack + log_sharpness_through] + of_filter;
     along_row_ =
         window_response(row_, sampling.row_cutoff_per_mm * std::exp(reach + ratio / 2), filter).transpose();
     along_column_ =
         window_response(column_, sampling.column_cutoff_per_mm * std::exp(reach - ratio / 2), filter);
+    if (sampling.slice_cutoff_per_mm > 0)
+      along_slice_ = window_response(slice_, sampling.slice_cutoff_per_mm * std::exp(through), filter);
   }
 
   /// Intensities at samples of one slice.
@@ -109,8 +113,17 @@ class StackImage {
       const Index pixels = std::lround((globe_ - some).dot(axis.along) / axis.pixel_mm) - axis.pixels / 2;
       return static_cast<double>(pixels) * axis.pixel_mm * axis.along;
     };
-    const Vector3d first = some + to_globe(row_) + to_globe(column_);
-    const MatrixXf image = along_column_ * (drawn_from(first) * along_row_);
+    Vector3d first = some + to_globe(row_) + to_globe(column_);
+    MatrixXf image;
+    if (along_slice_.size() > 0) {
+      const Vector3d to_middle = to_globe(slice_);
+      if (encoded_.empty()) encode_slices(first + to_middle);
+      const Index at_slice = std::clamp(-std::lround(to_middle.dot(slice_.along) / slice_.pixel_mm), 0L,
+                                        static_cast<long>(slice_.pixels - 1));
+      image = encoded_[static_cast<std::size_t>(at_slice)];
+    } else {
+      image = along_column_ * (drawn_from(first, 0, layers_) * along_row_);
+    }
     std::vector<double> intensity;
     for (const Sample* sample : slice) {
       const auto place = [&](const Axis& axis) {
@@ -128,6 +141,8 @@ class StackImage {
   /// No thicker than a cell is wide.
   int layers_of(const ForwardModel& model, int index) const {
     const double thickness_mm = model.stacks()[static_cast<std::size_t>(index)].thickness_mm;
+    if (model.stacks()[static_cast<std::size_t>(index)].slice_cutoff_per_mm > 0)
+      return static_cast<int>(cells_per_pixel);
     return static_cast<int>(std::ceil(thickness_mm / std::min(row_.cell_mm(), column_.cell_mm())));
   }
   Eigen::Matrix3d cell_of(const ForwardModel& model, const ForwardModel::AtParameters& at, int index) const {
@@ -144,7 +159,20 @@ class StackImage {
     return 0.5 * Vector3d(row_.pixel_mm, column_.pixel_mm, thickness_mm).norm() + 0.1;
   }
 
-  MatrixXf drawn_from(const Vector3d& first) {
+  void encode_slices(const Vector3d& first) {
+    encoded_.assign(static_cast<std::size_t>(slice_.pixels), MatrixXf::Zero(column_.pixels, row_.pixels));
+    for (Index s = 0; s < slice_.pixels; ++s)
+      for (int l = 0; l < layers_; ++l) {
+        const MatrixXf layer =
+            along_column_ *
+            (drawn_from(first + static_cast<double>(s) * slice_.pixel_mm * slice_.along, l, l + 1) *
+             along_row_);
+        for (Index to = 0; to < slice_.pixels; ++to)
+          encoded_[static_cast<std::size_t>(to)] += along_slice_(to, s * cells_per_pixel + l) * layer;
+      }
+  }
+
+  MatrixXf drawn_from(const Vector3d& first, int layer_begin, int layer_end) {
     MatrixXf fine = MatrixXf::Zero(column_.pixels * cells_per_pixel, row_.pixels * cells_per_pixel);
     for (Index r = 0; r < column_.pixels; ++r)
       for (Index c = 0; c < row_.pixels; ++c) {
@@ -161,10 +189,10 @@ class StackImage {
         for (Index j = 0; j < cells_per_pixel; ++j)
           for (Index i = 0; i < cells_per_pixel; ++i) {
             double sum = 0;
-            for (int l = 0; l < layers_; ++l)
+            for (int l = layer_begin; l < layer_end; ++l)
               sum += drawing_(p + cell_ * Vector3d(offset(i, cells_per_pixel), offset(j, cells_per_pixel),
                                                    offset(l, layers_)));
-            block(j, i) = static_cast<float>(drawn * (sum / layers_ - background_));
+            block(j, i) = static_cast<float>(drawn * (sum / (layer_end - layer_begin) - background_));
           }
       }
     return fine;
@@ -174,12 +202,14 @@ class StackImage {
   int index_;
   double background_;
   double fading_mm_;  ///< from `drawn_mm` on
-  Axis row_, column_;
+  Axis row_, column_, slice_;
   Vector3d globe_;  ///< its centre, in the stack's LPS
   int layers_;      ///< of cells through a slice
   Eigen::Matrix3d cell_;
   EyeDrawing drawing_;
   MatrixXf along_row_, along_column_;  ///< cells to pixels, from the right and from the left
+  MatrixXf along_slice_;               ///< empty: slices have a box profile
+  std::vector<MatrixXf> encoded_;
 };
 
 }  // namespace

@@ -106,6 +106,7 @@ std::string ParameterLayout::name(int index) const {
   if (which == log_sharpness) return of_stack + "log_sharpness";
   if (which == log_sharpness_ratio) return of_stack + "log_sharpness_ratio";
   if (which == k_space_filter) return of_stack + "k_space_filter";
+  if (which == log_sharpness_through) return of_stack + "log_sharpness_through";
   if (which >= fat_shift_first)
     return of_stack + "fat_shift_along_" + (which == fat_shift_first ? "row" : "column") + "_mm";
   if (which >= turn_first) return of_stack + "turn_" + "xyz"[which - turn_first] + "_deg";
@@ -150,7 +151,7 @@ Priors population_priors(const ParameterLayout& layout, const Eigen::VectorXd& s
     priors.sigma[at + log_gain] = gain_sigma;
     priors.mean[at + log_gain] = start[at + log_gain];
     priors.sigma.segment<3>(at + shift_first).setConstant(shift_sigma_mm);
-    priors.sigma[at + log_sharpness] = sharpness_sigma;
+    priors.sigma[at + log_sharpness] = priors.sigma[at + log_sharpness_through] = sharpness_sigma;
     priors.sigma[at + log_sharpness_ratio] = sharpness_ratio_sigma;
     priors.sigma[at + k_space_filter] = filter_sigma;
     priors.sigma.segment<3>(at + turn_first).setConstant(turn_sigma_deg);

@@ -84,8 +84,9 @@ enum StackParameter : int {
   fat_shift_first = 17,
   /// Log of the cut-off along the row over that along the column, beyond what they nominally are.
   log_sharpness_ratio = 19,
-  k_space_filter = 20,  ///< 0: none, 1: a Hann window (edge_response.hpp); edges are enhanced below 0
-  stack_parameter_count = 21
+  k_space_filter = 20,         ///< 0: none, 1: a Hann window (edge_response.hpp); edges are enhanced below 0
+  log_sharpness_through = 21,  ///< as log_sharpness, through encoded slices
+  stack_parameter_count = 22
 };
 
 /// What a filter takes from an edge's slope, 1 - f/2, a cut-off farther out by exp(0.6 f) gives back within 10 %

@@ -33,6 +33,8 @@ std::vector<int> stack_parameters(const ForwardModel& model) {
     // The first stack defines gain and place.
     if (s > 0) append(indices, range(at + log_gain, at + shift_first + 2));
     indices.push_back(at + log_sharpness);
+    if (stacks[static_cast<std::size_t>(s)].slice_cutoff_per_mm > 0)
+      indices.push_back(at + log_sharpness_through);
     for (const int along : {0, 1})
       if (stacks[static_cast<std::size_t>(s)].fat_shift_sigma_mm[along] > 0)
         indices.push_back(at + fat_shift_first + along);

@@ -21,15 +21,16 @@ constexpr double coil_length_mm = 12;
 
 struct RoundedMaximum {
   double value;
-  double share_of_a;  ///< d log value / d log a; the rest is b's
+  Vector3d share;  ///< d log value / d log of each
 };
 
-/// The larger of two positive numbers, up to 12 % more where both are alike. Towards a corner of the
-/// scanner's rectangle in k-space a plane edge would be sharpest; a curved one has directions on both sides
+/// The largest of three numbers that are not negative, up to 12 % more where two are alike. Towards a corner of the
+/// scanner's box in k-space a plane edge would be sharpest; a curved one has directions on both sides
 /// of the corner and is blurred by their mean.
-RoundedMaximum rounded_maximum(double a, double b) {
-  const double a2 = a * a, b2 = b * b, a6 = a2 * a2 * a2, sum = a6 + b2 * b2 * b2;
-  return {std::sqrt(std::cbrt(sum)), a6 / sum};
+RoundedMaximum rounded_maximum(const Vector3d& numbers) {
+  const Vector3d sixth = numbers.array().square().cube();
+  const double sum = sixth.sum();
+  return {std::sqrt(std::cbrt(sum)), sixth / sum};
 }
 
 /// Columns x, y, z of the eye in LPS for a gaze (rad), and the derivatives by each of its angles.
@@ -84,9 +85,11 @@ ForwardModel::AtParameters::AtParameters(const ForwardModel& model, const Vector
   for (std::size_t s = 0; s < model.stacks_.size(); ++s) {
     const StackSampling& stack = model.stacks_[s];
     const int at = model.layout_.stack(static_cast<int>(s));
-    const double log_reach = a_[at + log_sharpness] + log_cutoff_per_filter * a_[at + k_space_filter],
+    const double of_filter = log_cutoff_per_filter * a_[at + k_space_filter],
+                 log_reach = a_[at + log_sharpness] + of_filter,
                  log_along_row = log_reach + a_[at + log_sharpness_ratio] / 2,
-                 log_along_column = log_reach - a_[at + log_sharpness_ratio] / 2;
+                 log_along_column = log_reach - a_[at + log_sharpness_ratio] / 2,
+                 log_through = a_[at + log_sharpness_through] + of_filter;
     const Vector3d turn_deg = a_.segment<3>(at + turn_first);
     const double angle_deg = turn_deg.norm();
     const Matrix3d turn = angle_deg > 0
@@ -99,6 +102,7 @@ ForwardModel::AtParameters::AtParameters(const ForwardModel& model, const Vector
     axes.normal = eye_from_stack * stack.normal;
     axes.inverse_kx = std::exp(-log_along_row) / stack.row_cutoff_per_mm;
     axes.inverse_ky = std::exp(-log_along_column) / stack.column_cutoff_per_mm;
+    axes.inverse_kz = stack.slice_cutoff_per_mm > 0 ? std::exp(-log_through) / stack.slice_cutoff_per_mm : 0;
     axes.filter = a_[at + k_space_filter];
     axes.turn = turn;
     axes.place = model.coil_reference_ - turn * model.coil_reference_ + a_.segment<3>(at + shift_first);
@@ -161,23 +165,28 @@ WallFields ForwardModel::AtParameters::wall_fields(const std::vector<std::uint8_
 ForwardModel::AtParameters::Edge ForwardModel::AtParameters::edge(const EyeSurface& surface,
                                                                   int stack) const {
   const StackInEye& axes = stack_in_eye_[stack];
-  const double a = std::abs(surface.gradient.dot(axes.row)), b = std::abs(surface.gradient.dot(axes.column));
-  const double through = std::abs(surface.gradient.dot(axes.normal));
-  const double exact_in_plane = std::sqrt(a * a + b * b);
-  // Where a surface is parallel to the slice the slice alone blurs it; the floor keeps the ratio finite.
-  const double in_plane = std::max(exact_in_plane, 0.01 * through) + 1e-12;
-  RoundedMaximum blur{std::max(axes.inverse_kx, axes.inverse_ky), 0.5};
-  if (exact_in_plane > 1e-9) {
-    blur = rounded_maximum(a * axes.inverse_kx, b * axes.inverse_ky);
-    blur.value /= exact_in_plane;
-  }
-  const double per_f = 2 / (blur.value * in_plane);
   const StackSampling& sampling = model_.stacks_[stack];
-  const double half = sampling.thickness_mm / sampling.subslices / 2;
+  const bool is_encoded = axes.inverse_kz > 0;
+  const double a = std::abs(surface.gradient.dot(axes.row)), b = std::abs(surface.gradient.dot(axes.column)),
+               c = std::abs(surface.gradient.dot(axes.normal));
+  const double exact = std::sqrt(a * a + b * b + (is_encoded ? c * c : 0));
+  // Where a surface is parallel to the slice the slice alone blurs it; the floor keeps the ratio finite.
+  const double slope = std::max(exact, is_encoded ? 0 : 0.01 * c) + 1e-12;
+  RoundedMaximum blur{std::max(axes.inverse_kx, axes.inverse_ky), {0.5, 0.5, 0}};
+  if (exact > 1e-9) {
+    blur = rounded_maximum({a * axes.inverse_kx, b * axes.inverse_ky, c * axes.inverse_kz});
+    blur.value /= exact;
+  }
+  const double per_f = 2 / (blur.value * slope);
+  const double half = is_encoded ? 0 : sampling.thickness_mm / sampling.subslices / 2;
   // Within a sub-slice a curved surface lies on the average this far (in F) inside its tangent plane.
   const double bend = half * half / 6 * axes.normal.dot(surface.hessian * axes.normal);
-  const EdgeValue e = averaged_edge(per_f * (surface.f + bend), per_f * half * through, axes.filter);
-  return {e.value, e.derivative * per_f, e.scale_derivative, (blur.share_of_a - 0.5) * e.scale_derivative,
+  const EdgeValue e = averaged_edge(per_f * (surface.f + bend), per_f * half * c, axes.filter);
+  return {e.value,
+          e.derivative * per_f,
+          (1 - blur.share[2]) * e.scale_derivative,
+          (blur.share[0] - blur.share[1]) / 2 * e.scale_derivative,
+          blur.share[2] * e.scale_derivative,
           e.filter_derivative + log_cutoff_per_filter * e.scale_derivative};
 }
 

@@ -25,6 +25,7 @@ struct StackSampling {
   double muscle_under_wall = 0;
   /// Prior spread about 0 of the coil's second-order coefficients.
   double coil_curvature_sigma = 0.2;
+  double slice_cutoff_per_mm = 0;  ///< of encoded slices (3-D); 0: they have a box profile
 };
 
 /// Fat is at least this much brighter than muscle, where its share of the surroundings is computed.
@@ -164,7 +165,7 @@ class ForwardModel {
     struct Edge {
       double value = 1;  ///< 0 far outside, 1 far inside
       double d_f = 0;    ///< by the surface's F
-      double d_log_sharpness = 0, d_log_sharpness_ratio = 0, d_filter = 0;
+      double d_log_sharpness = 0, d_log_sharpness_ratio = 0, d_log_sharpness_through = 0, d_filter = 0;
     };
     Edge edge(const EyeSurface& surface, int stack) const;
     class SignalSum;
@@ -174,8 +175,8 @@ class ForwardModel {
     Eigen::Matrix3d eye_from_lps_, d_eye_from_lps_d_horizontal_, d_eye_from_lps_d_vertical_;
     struct StackInEye {
       Eigen::Vector3d row, column, normal;
-      double inverse_kx, inverse_ky, filter;
-      Eigen::Matrix3d turn;       ///< of the head, in LPS
+      double inverse_kx, inverse_ky, inverse_kz, filter;  ///< kz: 0 where slices have a box profile
+      Eigen::Matrix3d turn;                               ///< of the head, in LPS
       Eigen::Vector3d place;      ///< a point x of the stack lies at turn x + place in the first
       Eigen::Vector3d fat_shift;  ///< in the eye frame
       bool has_fat_shift = false;

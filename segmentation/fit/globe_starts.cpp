@@ -109,7 +109,7 @@ VectorXd like_fellow(const ParameterLayout& layout, const EyeStart& start) {
   a.segment<2>(gaze_horizontal) = gaze_deg(start.axis);
   for (int s = 0; s < layout.stacks; ++s) {
     const int at = layout.stack(s);
-    for (const int resolution : {log_sharpness, log_sharpness_ratio, k_space_filter})
+    for (const int resolution : {log_sharpness, log_sharpness_ratio, log_sharpness_through, k_space_filter})
       a[at + resolution] = start.fellow[at + resolution];
     a.segment<2>(at + fat_shift_first) = start.fellow.segment<2>(at + fat_shift_first);
   }

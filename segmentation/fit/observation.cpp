@@ -194,6 +194,8 @@ void observe_intensities(ObservedStack& o, const EyeStart& start, Weighting weig
   o.sampling.thickness_mm =
       stack.slice_thickness_mm > 0 ? stack.slice_thickness_mm : stack.slice_spacing_mm();
   if (weighting == Weighting::t1 && start.laterality) o.optic_nerve = optic_nerve(*start.laterality);
+  if (stack.slices_are_encoded)
+    o.sampling.slice_cutoff_per_mm = 0.5 / std::max(o.sampling.thickness_mm, stack.slice_spacing_mm());
   o.sampling.coil_curvature_sigma = coil_curvature_sigma(stack);
   o.sampling.fat_shift_sigma_mm = stack.fat_shift_sigma_mm;
   o.sampling.noise = vitreous_noise(stack, start, o.left_out) / o.reference;
@@ -300,7 +302,7 @@ std::vector<ObservedStack> observe(const std::vector<const Stack*>& stacks, cons
     } else {
       observe_intensities(o, start.in_stack(k), weighting);
     }
-    o.sampling.subslices = subslices_for(o.sampling.thickness_mm);
+    o.sampling.subslices = o.sampling.slice_cutoff_per_mm > 0 ? 1 : subslices_for(o.sampling.thickness_mm);
     observed.push_back(o);
   }
   return observed;

@@ -66,6 +66,7 @@ class ForwardModel::AtParameters::SignalSum {
   double enter(const EyeSurface& surface, const Edge& edge, double coefficient) {
     d_log_sharpness_ += weight_ * coefficient * edge.d_log_sharpness;
     d_log_sharpness_ratio_ += weight_ * coefficient * edge.d_log_sharpness_ratio;
+    d_log_sharpness_through_ += weight_ * coefficient * edge.d_log_sharpness_through;
     d_filter_ += weight_ * coefficient * edge.d_filter;
     const double d_f = weight_ * coefficient * edge.d_f;
     d_point_ += d_f * surface.gradient;
@@ -217,6 +218,7 @@ class ForwardModel::AtParameters::SignalSum {
     }
     row_->add(at_stack() + log_sharpness, d_log_sharpness_);
     row_->add(at_stack() + log_sharpness_ratio, d_log_sharpness_ratio_);
+    row_->add(at_stack() + log_sharpness_through, d_log_sharpness_through_);
     row_->add(at_stack() + k_space_filter, d_filter_);
     const std::array<double, coil_count> terms = eye_.coil_terms(sample_.position);
     for (int i = 0; i < coil_count; ++i) row_->add(at_stack() + coil_first + i, signal_ * terms[i]);
@@ -241,7 +243,7 @@ class ForwardModel::AtParameters::SignalSum {
   Vector3d d_position_ = Vector3d::Zero();   ///< by the voxel's point, in the eye frame
   Vector3d d_turn_ = Vector3d::Zero();       ///< in LPS, per rad
   Vector3d d_fat_shift_ = Vector3d::Zero();  ///< in the eye frame
-  double d_log_sharpness_ = 0, d_log_sharpness_ratio_ = 0, d_filter_ = 0;
+  double d_log_sharpness_ = 0, d_log_sharpness_ratio_ = 0, d_log_sharpness_through_ = 0, d_filter_ = 0;
   double d_displacement_ = 0, d_background_ = 0;  ///< by the wall's fields
 
   // Of the sub-slice.

@@ -145,6 +145,12 @@ SeriesInfo judge_nifti(Decoder& decoder, const fs::path& root, const fs::path& f
   return info;
 }
 
+/// Thinner than 2-D acquisitions of heads have them.
+bool slices_are_thin(const Stack& stack) {
+  constexpr double thinnest_of_2d_mm = 1.65;
+  return stack.slice_spacing_mm() <= thinnest_of_2d_mm;
+}
+
 /// One standard deviation of the displacement of fat along row and column: what 3.5 ppm of the resonance
 /// frequency are in pixels, one pixel where the bandwidth is not told; along the readout, where that is told.
 Eigen::Vector2d fat_shift_sigma_mm(const SeriesInfo& info, const Stack& stack) {
@@ -276,6 +282,7 @@ Stack read_series(const StudyInventory& inventory, const std::string& uid, const
     Stack stack = Decoder(options.limits).decode_volume(inventory.root / info.slices.front().file, known);
     stack.name = info.name;
     stack.fat_shift_sigma_mm = fat_shift_sigma_mm(info, stack);
+    stack.slices_are_encoded = slices_are_thin(stack);
     return stack;
   }
   Stack stack;
@@ -290,6 +297,7 @@ Stack read_series(const StudyInventory& inventory, const std::string& uid, const
   stack.slice_thickness_mm = info.slice_thickness_mm.value_or(info.slice_spacing_mm.value_or(0));
   stack.fat_shift_sigma_mm = fat_shift_sigma_mm(info, stack);
   stack.slices_are_told = info.acquisition_type != "3D";
+  stack.slices_are_encoded = info.acquisition_type == "3D";
   stack.slice_intensity.resize(info.slices.size());
 
   // Slices by file, as a multi-frame file is decoded once.

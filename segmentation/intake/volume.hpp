@@ -22,6 +22,9 @@ struct Stack {
   Eigen::Vector2d fat_shift_sigma_mm = Eigen::Vector2d::Zero();
   /// Whether slices were acquired as they are stored (2-D): the header tells.
   bool slices_are_told = false;
+  /// Whether slices were phase-encoded as rows are (3-D), by the header or, where that does not tell, as slices so thin
+  /// mostly are; others have been excited one by one.
+  bool slices_are_encoded = false;
   double extent_mm = 0;  ///< longest side of the stack that this is a part of; 0: it is whole
   std::vector<Eigen::Vector3d> slice_position;      ///< centre of the first voxel of each slice, LPS
   std::vector<std::vector<float>> slice_intensity;  ///< rows x columns, row after row, after rescale

@@ -25,6 +25,7 @@ Json stack_json(const EyeFit& fit, int s) {
           {"gain", std::exp(fit.parameters[at + log_gain])},
           {"sharpness", std::exp(fit.parameters[at + log_sharpness])},
           {"sharpness_ratio", std::exp(fit.parameters[at + log_sharpness_ratio])},
+          {"sharpness_through", std::exp(fit.parameters[at + log_sharpness_through])},
           {"k_space_filter", fit.parameters[at + k_space_filter]}};
 }
 

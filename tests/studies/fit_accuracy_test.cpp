@@ -87,8 +87,12 @@ TEST(Worlds, ALayeredWallIsReadAtItsInnerSide) {
   protocol.world = "tissue";
   for (const Json& record : study_head(protocol, 503)) {
     ASSERT_EQ(record.at("verdict"), "measured") << record.at("reasons");
-    for (const char* extent : {"globe_width_mm", "globe_height_mm", "axial_length_mm"})
-      EXPECT_NEAR(record.at("stated").at(extent).at("value"), record.at("truth").at(extent), 0.4) << extent;
+    for (const char* extent : {"globe_width_mm", "globe_height_mm", "axial_length_mm"}) {
+      const auto stated = record.at("stated").at(extent).get<Measured>();
+      EXPECT_LT(stated.ci95[0], record.at("truth").at(extent)) << extent;
+      EXPECT_GT(stated.ci95[1], record.at("truth").at(extent)) << extent;
+      EXPECT_LT(stated.ci95[1] - stated.ci95[0], 1.2) << extent;
+    }
     EXPECT_GT(record.at("nuisance").at("intensity_wall_layering").get<double>(), 0.1);
   }
 }

@@ -97,7 +97,8 @@ std::pair<double, std::string> worst_gate(const std::vector<QualityGate>& gates)
     const double over = is_upper_limit   ? gate.value / gate.limit
                         : gate.value > 0 ? gate.limit / gate.value
                                          : std::numeric_limits<double>::max();
-    if (over > worst.first) worst = {over, gate.name};
+    // JSON knows no infinity.
+    if (over > worst.first) worst = {std::min(over, std::numeric_limits<double>::max()), gate.name};
   }
   return worst;
 }

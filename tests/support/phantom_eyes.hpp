@@ -20,6 +20,7 @@ inline Stack to_stack(const phantom::RenderedStack& rendered, const std::string&
   stack.column_spacing_mm = stack.row_spacing_mm = rendered.plan.pixel_mm;
   stack.slice_thickness_mm = rendered.plan.slice_thickness_mm;
   stack.fat_shift_sigma_mm.x() = rendered.plan.pixel_mm;  // the readout is along the rows
+  stack.slices_are_encoded = rendered.plan.profile == phantom::SliceProfile::encoded;
   stack.slice_intensity = rendered.slices;
   for (int s = 0; s < rendered.plan.slices; ++s)
     stack.slice_position.push_back(rendered.plan.slice_position(s));

@@ -37,6 +37,7 @@ inline Stack stored_otherwise(const Stack& stack, const Storage& storage) {
   Stack other;
   other.name = stack.name;
   other.slices_are_told = stack.slices_are_told && axis_of(2) == 2;
+  other.slices_are_encoded = stack.slices_are_encoded;
   other.columns = count(0);
   other.rows = count(1);
   other.column_spacing_mm = step(1, 0, 0).norm();

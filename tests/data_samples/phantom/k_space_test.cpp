@@ -167,5 +167,46 @@ TEST(KSpace, NoiseThatVariesIsStrongestInTheMiddle) {
   EXPECT_NEAR(moments(corner).sd, 5, 0.8);
 }
 
+/// Means over layers of 10 + cos(2 pi cycles z / slices + phase), z in slices from the first one's middle.
+double through_slices(const SliceEncoding& encoding, int slices, double cycles, double phase, int slice) {
+  const double k = 2 * pi * cycles / slices;
+  double sum = 0;
+  for (int layer = 0; layer < fine * slices; ++layer) {
+    const double below = static_cast<double>(layer) / fine - 0.5,
+                 above = static_cast<double>(layer + 1) / fine - 0.5;
+    sum += encoding.of_layer(slice, layer) *
+           (10 + fine * (std::sin(k * above + phase) - std::sin(k * below + phase)) / k);
+  }
+  return sum;
+}
+
+TEST(SliceEncoding, SamplesWhatIsBelowNyquistExactlyAndNothingBeyond) {
+  constexpr int slices = 20;
+  const SliceEncoding encoding(slices, Window::none);
+  for (int slice = 0; slice < slices; ++slice) {
+    for (const double cycles : {1.0, 4.0, 9.0})
+      EXPECT_NEAR(through_slices(encoding, slices, cycles, 0.3, slice),
+                  10 + std::cos(2 * pi * cycles * slice / slices + 0.3), 1e-9)
+          << cycles << " " << slice;
+    EXPECT_NEAR(through_slices(encoding, slices, 13, 0.3, slice), 10, 1e-9);
+  }
+}
+
+TEST(SliceEncoding, WindowsTheSignalAndTheNoise) {
+  constexpr int slices = 20;
+  const SliceEncoding sharp(slices, Window::none), hann(slices, Window::hann);
+  const double half = 0.5 + 0.5 * std::cos(pi * 5 / 10.0);
+  EXPECT_NEAR(through_slices(hann, slices, 5, 0.3, 3), 10 + half * std::cos(2 * pi * 5 * 3 / 20.0 + 0.3),
+              1e-9);
+  const auto variance = [](const SliceEncoding& encoding) {
+    double sum = 0;
+    for (int of_slice = 0; of_slice < slices; ++of_slice) sum += std::pow(encoding.of_noise(7, of_slice), 2);
+    return sum;
+  };
+  EXPECT_NEAR(variance(sharp), 1, 1e-9);
+  // The mean square of the window: 3/8 in the limit of many slices.
+  EXPECT_NEAR(variance(hann), 3.0 / 8, 0.02);
+}
+
 }  // namespace
 }  // namespace emmetrope::phantom

@@ -34,7 +34,8 @@ TEST(SliceSampler, CoversBordersToAHundredth) {
     const StackPlan plan = make_stack(words, anatomy);
     const Sensitivity sensitivity(plan, anatomy);
     const SlicePose pose{plan.slice_position(0), Eigen::Isometry3d::Identity(), 1};
-    const FineSlice slice = SliceSampler(anatomy, plan, sensitivity, pose, plan.columns, plan.rows).sample();
+    const FineSlice slice =
+        SliceSampler(anatomy, plan, sensitivity, pose, plan.columns, plan.rows, 10, 4).sample();
     std::mt19937_64 random(7);
     std::uniform_real_distribution<double> in_pixel(-0.5, 0.5);
     std::normal_distribution<double> gaussian(0, 1 / 2.354820045);

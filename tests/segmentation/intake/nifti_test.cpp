@@ -376,6 +376,19 @@ TEST_F(NiftiTest, AStudyMayBeNifti) {
               2e-5);
 }
 
+/// NIfTI does not say whether an acquisition was 3-D.
+TEST_F(NiftiTest, ThinSlicesAreTakenForEncodedOnes) {
+  for (const double times : {0.8, 1.0}) {
+    Stack stack = oblique_stack({0, times, 2 * times, 3 * times});
+    stack.slice_thickness_mm *= times;
+    segmentation::write_nifti(file("scan.nii.gz"), stack);
+    const auto found = segmentation::read_inventory(file("scan.nii.gz"), quiet());
+    EXPECT_EQ(segmentation::read_series(found, found.series.at(0).uid, quiet()).slices_are_encoded,
+              stack.slice_spacing_mm() < 1.65)
+        << stack.slice_spacing_mm();
+  }
+}
+
 TEST(SliceGrid, FindsGapsAndSpacing) {
   const auto grid = segmentation::fit_slice_grid({0, 2, 4.001, 10, 12});
   EXPECT_EQ(grid.plane, (std::vector<int>{0, 1, 2, 5, 6}));

@@ -165,6 +165,18 @@ TEST_F(IntakeTest, SeriesAreNeverMerged) {
   EXPECT_THROW(found.find("1.2.3"), Error);
 }
 
+TEST_F(IntakeTest, SlicesOf3DAcquisitionsAreEncoded) {
+  for (const char* type : {"2D", "3D"}) {
+    GeneratedSeries series;
+    for (int slice = 0; slice < series.size(); ++slice) series.set(slice, DCM_MRAcquisitionType, type);
+    series.write(folder() / type);
+    const auto found = segmentation::read_inventory(folder() / type, quiet());
+    const auto stack = segmentation::read_series(found, found.series.at(0).uid, quiet());
+    EXPECT_EQ(stack.slices_are_encoded, std::string(type) == "3D");
+    EXPECT_EQ(stack.slices_are_told, std::string(type) == "2D");
+  }
+}
+
 TEST_F(IntakeTest, AnImageOfSeveralCanBeChosen) {
   GeneratedSeries series;
   for (int slice = 0; slice < GeneratedSeries::slices; ++slice) {

@@ -1,5 +1,6 @@
 // Studies that support no result: one phantom for each reason, through the stage, which must say that reason
 // and nothing clinical.
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <array>
@@ -41,8 +42,11 @@ class QualityGates : public testing::Test {
   Stack image(const phantom::Disturbances& disturbances, double centre_offset_mm = 0) const {
     phantom::Protocol protocol;
     protocol.disturbances = disturbances;
-    protocol.stacks.push_back(
-        phantom::make_stack("head-axial:pixel_mm=0.8,slice_mm=0.82,matrix=56x56,slices=44", *anatomy_));
+    // Thin slices are encoded; those that move singly are excited singly.
+    const char* profile = disturbances.slice_motion_mm > 0 ? "box" : "encoded";
+    protocol.stacks.push_back(phantom::make_stack(
+        fmt::format("head-axial:pixel_mm=0.8,slice_mm=0.82,matrix=56x56,slices=44,profile={}", profile),
+        *anatomy_));
     protocol.stacks[0].centre = right_eye().globe_centre_lps() + Vector3d(0, -3 + centre_offset_mm, 0);
     return to_stack(phantom::render(*anatomy_, protocol, 0, 1), "stack1");
   }
