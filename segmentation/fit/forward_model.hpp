@@ -94,7 +94,7 @@ class SparseRow {
 };
 
 /// Voxel intensities of an eye: nested tissues, each entering through its surface's edge response, averaged
-/// through the slice, times the coil's profile; without noise. Intensity is linear in nested layers, so that
+/// through a slice that is not encoded, times the coil's profile; without noise. Intensity is linear in nested layers, so that
 /// a cornea thinner than the blur is right.
 ///
 /// Front: air + (lid - air) H_lid + (cornea - lid) H_front + (aqueous - cornea) H_back + (lens - aqueous)
