@@ -195,20 +195,19 @@ Priors with_smooth_coil(Priors priors, const ForwardModel& model) {
 
 /// What a globe's length and diameters may be off by where the image is not what the model has: the share of the
 /// residuals that noise does not explain, times what fits of real heads differ by from independent readings, and
-/// of one person in T1 and T2 (docs/evidence/real-scans.md). And the radius at which a lens ends, which is drawn as a
-/// sharp rim and is a round one: rms of what it errs by in phantoms (docs/evidence/accuracy.md). In T1 heights are too
-/// low, by 0.25 and 0.39 mm in phantoms of two worlds that the model does not know, by 0.20 than real heads' readings, and
-/// why is not known; phantoms of the model's own have them right.
+/// of one person in T1 and T2 (docs/evidence/real-scans.md). In T1, where voxels of 1 mm hardly tell a wall's bright inner
+/// layer, globes are too small by 0.14 to 0.35 mm in phantoms of two worlds that the model does not know
+/// (docs/evidence/worlds.md); phantoms of the model's own have them right. And the radius at which a lens ends, which is
+/// drawn as a sharp rim and is a round one: rms of what it errs by in phantoms (docs/evidence/accuracy.md).
 Eigen::MatrixXd model_error(const EyeFit& fit) {
-  constexpr double of_unexplained_mm = 0.3, round_rim_mm = 0.24, height_in_t1_mm = 0.2;
-  const double sigma_mm = of_unexplained_mm * (1 - 1 / std::max(1.0, fit.chi2_per_voxel));
+  constexpr double of_unexplained_mm = 0.3, round_rim_mm = 0.24, of_layers_in_t1_mm = 0.2;
+  const double sigma_mm = std::hypot(of_unexplained_mm * (1 - 1 / std::max(1.0, fit.chi2_per_voxel)),
+                                     fit.weighting == Weighting::t1 ? of_layers_in_t1_mm : 0);
   VectorXd sigma = VectorXd::Zero(static_cast<Eigen::Index>(fit.active.size()));
   for (Eigen::Index i = 0; i < sigma.size(); ++i) {
     const int parameter = fit.active[static_cast<std::size_t>(i)];
     if (parameter == axial_length) sigma[i] = sigma_mm;
     if (parameter >= globe_x && parameter <= globe_z) sigma[i] = sigma_mm / 2;
-    if (parameter == globe_y && fit.weighting == Weighting::t1)
-      sigma[i] = std::hypot(sigma_mm, height_in_t1_mm) / 2;
     if (parameter == lens_equator_radius) sigma[i] = round_rim_mm;
   }
   return sigma.cwiseAbs2().asDiagonal();
