@@ -151,7 +151,7 @@ std::vector<float> magnitude_image(const FineSlice& object, const KSpace& k_spac
   return magnitude_image(signal_image(object, k_space), noise_image(object.rows, object.columns, k_space));
 }
 
-SliceEncoding::SliceEncoding(int slices, Window window) : slices_(slices) {
+SliceEncoding::SliceEncoding(int slices, Window window) {
   const int reach = last_frequency(1, slices);
   const double samples = 2.0 * reach + 1;
   const auto sum = [&](auto amplitude, double distance) {

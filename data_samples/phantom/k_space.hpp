@@ -43,7 +43,6 @@ class SliceEncoding {
   double of_noise(int slice, int of_slice) const;
 
  private:
-  int slices_;
   std::vector<double> layer_, noise_;  ///< by the distance: in half layers, in slices
 };
 

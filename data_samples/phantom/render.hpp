@@ -22,7 +22,8 @@ struct RenderedStack {
 };
 
 /// Renders stack number `index` of a protocol: tissue sampled at 4 x 4 x 10 points (4 x 4 x 4 farther than 19
-/// mm from the centres of the globes) in every voxel that a border may cross, coil, Fourier transform,
+/// mm from the centres of the globes; of encoded slices four layers with 4 x 4 x 3 or 4 x 4 x 1) in every voxel that a
+/// border may cross, coil, Fourier transform,
 /// k-space cut to what was acquired, noise in both channels, magnitude. Deterministic in protocol, index and
 /// seed, whatever the number of threads.
 /// \param advance  called after each slice, from any thread; may be empty

@@ -87,12 +87,13 @@ TEST(Worlds, ALayeredWallIsReadAtItsInnerSide) {
   protocol.world = "tissue";
   for (const Json& record : study_head(protocol, 503)) {
     ASSERT_EQ(record.at("verdict"), "measured") << record.at("reasons");
-    for (const char* extent : {"globe_width_mm", "globe_height_mm", "axial_length_mm"}) {
-      const auto stated = record.at("stated").at(extent).get<Measured>();
-      EXPECT_LT(stated.ci95[0], record.at("truth").at(extent)) << extent;
-      EXPECT_GT(stated.ci95[1], record.at("truth").at(extent)) << extent;
-      EXPECT_LT(stated.ci95[1] - stated.ci95[0], 1.2) << extent;
-    }
+    for (const char* extent : {"globe_width_mm", "axial_length_mm"})
+      EXPECT_NEAR(record.at("stated").at(extent).at("value"), record.at("truth").at(extent), 0.4) << extent;
+    // In encoded slices 0.41 mm too low, which is inside the interval: docs/evidence/worlds.md, "Encoded slices".
+    const auto height = record.at("stated").at("globe_height_mm").get<Measured>();
+    EXPECT_LT(height.ci95[0], record.at("truth").at("globe_height_mm"));
+    EXPECT_GT(height.ci95[1], record.at("truth").at("globe_height_mm"));
+    EXPECT_LT(height.sigma(), 0.3);
     EXPECT_GT(record.at("nuisance").at("intensity_wall_layering").get<double>(), 0.1);
   }
 }
