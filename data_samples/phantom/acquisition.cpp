@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <charconv>
 #include <cmath>
 
@@ -153,6 +154,8 @@ void set_key(StackPlan& plan, const std::string& key, const std::string& value) 
   } else if (key == "coil") {
     plan.coil = choice<Coil>(
         value, {{"uniform", Coil::uniform}, {"surface", Coil::surface}, {"head", Coil::head}}, key);
+  } else if (key == "fat_left") {
+    plan.fat_left = positive(0, 1);
   } else if (key == "acquired") {
     const auto fraction = numbers(value, 'x', 2, key);
     for (const double f : fraction)
@@ -164,7 +167,8 @@ void set_key(StackPlan& plan, const std::string& key, const std::string& value) 
   } else {
     throw usage_error(
         fmt::format("unknown stack key \"{}\"", key),
-        "use pixel_mm, slice_mm, gap_mm, slices, matrix, tilt_deg, contrast, profile, coil, acquired");
+        "use pixel_mm, slice_mm, gap_mm, slices, matrix, tilt_deg, contrast, profile, coil, fat_left, "
+        "acquired");
   }
 }
 
@@ -185,8 +189,15 @@ StackPlan make_stack(const std::string& words, const Anatomy& anatomy) {
     const std::size_t equals = std::min(item.find('='), item.size());
     set_key(plan, item.substr(0, equals), item.substr(std::min(equals + 1, item.size())));
   }
+  if (plan.profile == SliceProfile::encoded && plan.slice_spacing_mm != plan.slice_thickness_mm)
+    throw usage_error(fmt::format("stack \"{}\": encoded slices have no gaps", words), "leave gap_mm out");
   plan.name += std::string(" ") + to_string(plan.contrast);
   return plan;
+}
+
+bool all_encoded(const Protocol& protocol) {
+  return std::all_of(protocol.stacks.begin(), protocol.stacks.end(),
+                     [](const StackPlan& plan) { return plan.profile == SliceProfile::encoded; });
 }
 
 Protocol make_protocol(const std::string& name, const Anatomy& anatomy) {

@@ -39,6 +39,7 @@ struct StackPlan {
   Laterality coil_eye = Laterality::od;  ///< in front of which a surface coil lies
   /// Fraction of k-space that is acquired along rows (readout) and columns (phase); the rest is zero-filled.
   double acquired_readout = 1, acquired_phase = 1;
+  double fat_left = 1;  ///< of fat's signal; below 1: fat suppression
   double repetition_time_ms = 2500, echo_time_ms = 90, flip_angle_deg = 90;
 
   Eigen::Vector3d normal() const { return along_row.cross(along_column); }
@@ -78,6 +79,9 @@ struct Protocol {
   std::vector<StackPlan> stacks;
   Disturbances disturbances;
 };
+
+/// Whether no slice is excited on its own: none moves or brightens singly.
+bool all_encoded(const Protocol& protocol);
 
 /// "surface-coil", "head-t2" or "head-t1", planned on this head as a technologist would: near the eyes' axes,
 /// not on them.

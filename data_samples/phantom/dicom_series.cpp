@@ -81,7 +81,7 @@ void put_acquisition(DcmDataset& data, const StackPlan& plan) {
   const bool gradient_echo = plan.profile == SliceProfile::encoded && plan.contrast == Contrast::T1;
   put(data, DCM_ScanningSequence, gradient_echo ? "GR\\IR" : "SE");
   put(data, DCM_SequenceVariant, gradient_echo ? "SP\\MP" : "SK");
-  put(data, DCM_ScanOptions, "");
+  put(data, DCM_ScanOptions, plan.fat_left < 1 ? "FS" : "");
   put(data, DCM_MRAcquisitionType, plan.profile == SliceProfile::encoded ? "3D" : "2D");
   put(data, DCM_SliceThickness, ds(plan.slice_thickness_mm));
   put(data, DCM_SpacingBetweenSlices, ds(plan.slice_spacing_mm));

@@ -68,6 +68,9 @@ Protocol protocol_of(const Options& options, const CommonOptions& common, const 
   protocol.disturbances = options.disturbances;
   protocol.disturbances.snr = options.snr.value_or(preset_snr);
   protocol.disturbances.seed = common.seed;
+  if (protocol.disturbances.slice_motion_mm > 0 && all_encoded(protocol))
+    throw usage_error("--slice-motion: encoded slices (3-D) are not excited one by one",
+                      "give a --stack with another profile");
   if (!options.world.empty()) disturb(protocol, options.world, options.random.value_or(0));
   return protocol;
 }

@@ -76,7 +76,8 @@ SliceSampler::SliceSampler(const Anatomy& anatomy, const StackPlan& plan, const 
       layers_(layers_of(plan.profile, plan.slice_thickness_mm, layers_near_globe)),
       far_layers_(layers_of(plan.profile, plan.slice_thickness_mm, layers_elsewhere)) {
   for (std::size_t i = 0; i < tissue_count; ++i)
-    signal_[i] = reference_intensity * signal_of(static_cast<Tissue>(i), plan.contrast);
+    signal_[i] = reference_intensity * signal_of(static_cast<Tissue>(i), plan.contrast) *
+                 (tissue_table()[i].is_fat ? plan.fat_left : 1);
 }
 
 Vector3d SliceSampler::in_scanner(double column, double row, double across_mm) const {

@@ -17,7 +17,17 @@ namespace {
 namespace fs = std::filesystem;
 
 const char* name_of(SliceProfile profile) {
-  return profile == SliceProfile::box ? "box" : profile == SliceProfile::trapezoid ? "trapezoid" : "gaussian";
+  switch (profile) {
+    case SliceProfile::box:
+      return "box";
+    case SliceProfile::trapezoid:
+      return "trapezoid";
+    case SliceProfile::gaussian:
+      return "gaussian";
+    case SliceProfile::encoded:
+      return "encoded";
+  }
+  return "";
 }
 const char* name_of(Window window) {
   return window == Window::none ? "none" : window == Window::hann ? "hann" : "fermi";
@@ -27,21 +37,24 @@ const char* name_of(Coil coil) {
 }
 
 Json to_json(const StackPlan& plan) {
-  return {{"name", plan.name},
-          {"contrast", to_string(plan.contrast)},
-          {"columns", plan.columns},
-          {"rows", plan.rows},
-          {"slices", plan.slices},
-          {"pixel_mm", plan.pixel_mm},
-          {"slice_thickness_mm", plan.slice_thickness_mm},
-          {"slice_spacing_mm", plan.slice_spacing_mm},
-          {"profile", name_of(plan.profile)},
-          {"coil", name_of(plan.coil)},
-          {"acquired_readout", plan.acquired_readout},
-          {"acquired_phase", plan.acquired_phase},
-          {"centre_lps_mm", to_json_vector(plan.centre)},
-          {"along_row", to_json_vector(plan.along_row)},
-          {"along_column", to_json_vector(plan.along_column)}};
+  Json json{{"name", plan.name},
+            {"contrast", to_string(plan.contrast)},
+            {"columns", plan.columns},
+            {"rows", plan.rows},
+            {"slices", plan.slices},
+            {"pixel_mm", plan.pixel_mm},
+            {"slice_thickness_mm", plan.slice_thickness_mm},
+            {"slice_spacing_mm", plan.slice_spacing_mm},
+            {"profile", name_of(plan.profile)},
+            {"coil", name_of(plan.coil)},
+            {"acquired_readout", plan.acquired_readout},
+            {"acquired_phase", plan.acquired_phase},
+            {"centre_lps_mm", to_json_vector(plan.centre)},
+            {"along_row", to_json_vector(plan.along_row)},
+            {"along_column", to_json_vector(plan.along_column)}};
+  // Without fat suppression the text, and the identifiers made from it, are as they always were.
+  if (plan.fat_left < 1) json["fat_left"] = plan.fat_left;
+  return json;
 }
 
 Json to_json(const Disturbances& d) {

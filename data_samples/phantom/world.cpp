@@ -131,6 +131,7 @@ void disturb(Protocol& protocol, const std::string& world, unsigned long long se
     d.ghost = draw.between(0, 0.04);
     d.slice_gain = draw.between(0, 0.04);
     d.slice_motion_mm = draw.between(0, 0.15);
+    if (all_encoded(protocol)) d.slice_gain = d.slice_motion_mm = 0;
     d.scale_error = draw.between(-0.005, 0.005);
   }
 }

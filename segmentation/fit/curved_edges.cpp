@@ -89,9 +89,10 @@ class StackImage {
         globe_(a.segment<3>(apex_x) -
                (a[axial_length] - a[globe_z]) * gaze_axis(a[gaze_horizontal], a[gaze_vertical]) -
                a.segment<3>(model.layout().stack(index) + shift_first)),
+        slice_mm_(slice_mm_of(model, index)),
         layers_(layers_of(model, index)),
         cell_(cell_of(model, at, index)),
-        drawing_(model, at, a, index, cell_, voxel_reach_mm(model, index)) {
+        drawing_(model, at, a, index, cell_, voxel_reach_mm()) {
     const StackSampling& sampling = model.stacks()[static_cast<std::size_t>(index)];
     const int at_stack = model.layout().stack(index);
     const double filter = a[at_stack + k_space_filter], of_filter = log_cutoff_per_filter * filter,
@@ -116,11 +117,10 @@ class StackImage {
     Vector3d first = some + to_globe(row_) + to_globe(column_);
     MatrixXf image;
     if (along_slice_.size() > 0) {
-      const Vector3d to_middle = to_globe(slice_);
-      if (encoded_.empty()) encode_slices(first + to_middle);
-      const Index at_slice = std::clamp(-std::lround(to_middle.dot(slice_.along) / slice_.pixel_mm), 0L,
-                                        static_cast<long>(slice_.pixels - 1));
-      image = encoded_[static_cast<std::size_t>(at_slice)];
+      if (encoded_.empty()) encode_slices(first + to_globe(slice_));
+      first = encoded_from_;
+      const Index at_slice = std::lround((some - first).dot(slice_.along) / slice_.pixel_mm);
+      image = encoded_[static_cast<std::size_t>(std::clamp(at_slice, Index{0}, slice_.pixels - 1))];
     } else {
       image = along_column_ * (drawn_from(first, 0, layers_) * along_row_);
     }
@@ -138,28 +138,31 @@ class StackImage {
   }
 
  private:
+  /// Encoded slices follow on each other, however thick the header calls them.
+  double slice_mm_of(const ForwardModel& model, int index) const {
+    const StackSampling& sampling = model.stacks()[static_cast<std::size_t>(index)];
+    return sampling.slice_cutoff_per_mm > 0 ? slice_.pixel_mm : sampling.thickness_mm;
+  }
   /// No thicker than a cell is wide.
   int layers_of(const ForwardModel& model, int index) const {
-    const double thickness_mm = model.stacks()[static_cast<std::size_t>(index)].thickness_mm;
     if (model.stacks()[static_cast<std::size_t>(index)].slice_cutoff_per_mm > 0)
       return static_cast<int>(cells_per_pixel);
-    return static_cast<int>(std::ceil(thickness_mm / std::min(row_.cell_mm(), column_.cell_mm())));
+    return static_cast<int>(std::ceil(slice_mm_ / std::min(row_.cell_mm(), column_.cell_mm())));
   }
   Eigen::Matrix3d cell_of(const ForwardModel& model, const ForwardModel::AtParameters& at, int index) const {
-    const StackSampling& sampling = model.stacks()[static_cast<std::size_t>(index)];
     Eigen::Matrix3d edges;
     edges << row_.cell_mm() * row_.along, column_.cell_mm() * column_.along,
-        sampling.thickness_mm / layers_ * sampling.normal;
+        slice_mm_ / layers_ * model.stacks()[static_cast<std::size_t>(index)].normal;
     for (int i = 0; i < 3; ++i)
       edges.col(i) = at.to_eye(edges.col(i), index) - at.to_eye(Vector3d::Zero(), index);
     return edges;
   }
-  double voxel_reach_mm(const ForwardModel& model, int index) const {
-    const double thickness_mm = model.stacks()[static_cast<std::size_t>(index)].thickness_mm;
-    return 0.5 * Vector3d(row_.pixel_mm, column_.pixel_mm, thickness_mm).norm() + 0.1;
+  double voxel_reach_mm() const {
+    return 0.5 * Vector3d(row_.pixel_mm, column_.pixel_mm, slice_mm_).norm() + 0.1;
   }
 
   void encode_slices(const Vector3d& first) {
+    encoded_from_ = first;
     encoded_.assign(static_cast<std::size_t>(slice_.pixels), MatrixXf::Zero(column_.pixels, row_.pixels));
     for (Index s = 0; s < slice_.pixels; ++s)
       for (int l = 0; l < layers_; ++l) {
@@ -203,13 +206,15 @@ class StackImage {
   double background_;
   double fading_mm_;  ///< from `drawn_mm` on
   Axis row_, column_, slice_;
-  Vector3d globe_;  ///< its centre, in the stack's LPS
-  int layers_;      ///< of cells through a slice
+  Vector3d globe_;   ///< its centre, in the stack's LPS
+  double slice_mm_;  ///< what is drawn of one
+  int layers_;       ///< of cells through it
   Eigen::Matrix3d cell_;
   EyeDrawing drawing_;
   MatrixXf along_row_, along_column_;  ///< cells to pixels, from the right and from the left
   MatrixXf along_slice_;               ///< empty: slices have a box profile
   std::vector<MatrixXf> encoded_;
+  Vector3d encoded_from_;  ///< its first voxel
 };
 
 }  // namespace

@@ -24,7 +24,7 @@ struct RoundedMaximum {
   Vector3d share;  ///< d log value / d log of each
 };
 
-/// The largest of three numbers that are not negative, up to 12 % more where two are alike. Towards a corner of the
+/// The largest of three numbers that are not negative, 12 % more where two are alike, 20 % where all are. Towards a corner of the
 /// scanner's box in k-space a plane edge would be sharpest; a curved one has directions on both sides
 /// of the corner and is blurred by their mean.
 RoundedMaximum rounded_maximum(const Vector3d& numbers) {

@@ -81,8 +81,7 @@ VectorXd start_parameters(const ParameterLayout& layout, const std::vector<const
     levels.push_back(tissue_levels(*stacks[k], start.in_stack(k), weighting));
   const auto relative = [&](double TissueLevels::*tissue) {
     double sum = 0;
-    for (const TissueLevels& l : levels)
-      sum += l.*tissue / (weighting == Weighting::t2 ? l.vitreous : l.surround);
+    for (const TissueLevels& l : levels) sum += l.*tissue / l.reference(weighting);
     return sum / static_cast<double>(levels.size());
   };
   const bool t2 = weighting == Weighting::t2;

@@ -184,7 +184,8 @@ BlankedRegion blanked_about(const Stack& stack, const EyeStart& start) {
 void observe_intensities(ObservedStack& o, const EyeStart& start, Weighting weighting) {
   const Stack& stack = *o.stack;
   const TissueLevels levels = tissue_levels(stack, start, weighting);
-  o.reference = weighting == Weighting::t2 ? levels.vitreous : levels.surround;
+  o.reference = levels.reference(weighting);
+  o.fat_is_dark = weighting == Weighting::t1 && levels.fat_is_dark();
   // Positive where an image is masked to zero around the globe too: the model divides by it.
   o.sampling.fat = std::max(levels.fat / o.reference, 1e-3);
   // In T2 choroid and retina are brighter than muscle, the sclera is darker; in T1 muscle is as bright as both together.
@@ -197,7 +198,8 @@ void observe_intensities(ObservedStack& o, const EyeStart& start, Weighting weig
   if (stack.slices_are_encoded)
     o.sampling.slice_cutoff_per_mm = 0.5 / std::max(o.sampling.thickness_mm, stack.slice_spacing_mm());
   o.sampling.coil_curvature_sigma = coil_curvature_sigma(stack);
-  o.sampling.fat_shift_sigma_mm = stack.fat_shift_sigma_mm;
+  // What is dark covers nothing.
+  if (!o.fat_is_dark) o.sampling.fat_shift_sigma_mm = stack.fat_shift_sigma_mm;
   o.sampling.noise = vitreous_noise(stack, start, o.left_out) / o.reference;
   o.blanked = blanked_about(stack, start);
   o.front_is_blanked = o.blanked.holds_front(stack, start.globe_centre, start.axis);
@@ -244,6 +246,12 @@ TissueLevels tissue_levels(const Stack& stack, const EyeStart& start, Weighting 
   levels.lid = quantile(lid_values, 0.5);
   levels.air = quantile(air_values, 0.1);
   return levels;
+}
+
+double TissueLevels::reference(Weighting weighting) const {
+  if (weighting == Weighting::t2) return vitreous;
+  constexpr double wall_of_fat = 0.4;
+  return fat_is_dark() ? wall / wall_of_fat : surround;
 }
 
 double vitreous_noise(const Stack& stack, const EyeStart& start, const VoxelMask& left_out) {

@@ -62,7 +62,7 @@ double label_deviation(const Stack& stack);
 /// A stack as the fit sees it.
 struct ObservedStack {
   const Stack* stack = nullptr;
-  double reference = 1;  ///< the intensity that becomes 1: vitreous in T2, what surrounds the globe in T1
+  double reference = 1;  ///< the intensity that becomes 1: TissueLevels::reference
   StackSampling sampling;
   /// Unit vector of the eye frame from the globe's centre to the optic nerve, where its surroundings hide
   /// the wall (Selection::optic_nerve); none: nothing hides it.
@@ -70,6 +70,7 @@ struct ObservedStack {
   BlankedRegion blanked = {};     ///< its voxels tell nothing
   VoxelMask left_out = {};        ///< nor do these
   bool front_is_blanked = false;  ///< lens and cornea with it
+  bool fat_is_dark = false;       ///< TissueLevels::fat_is_dark
 };
 
 /// Whether lens and cornea are blanked in all of them.
@@ -78,6 +79,11 @@ bool front_is_blanked(const std::vector<ObservedStack>& stacks);
 /// Typical intensities of the tissues of an eye in one stack, in its own unit.
 struct TissueLevels {
   double vitreous = 0, wall = 0, lens = 0, lid = 0, air = 0, surround = 0, fat = 0;
+
+  /// In T1: fat was suppressed or not excited, or there is none: what surrounds the globe is no brighter than its wall.
+  bool fat_is_dark() const { return surround < wall; }
+  /// What becomes 1: the vitreous in T2; in T1 fat, or what it would be beside such a wall.
+  double reference(Weighting weighting) const;
 };
 TissueLevels tissue_levels(const Stack& stack, const EyeStart& start, Weighting weighting);
 

@@ -296,8 +296,6 @@ Stack read_series(const StudyInventory& inventory, const std::string& uid, const
   stack.column_spacing_mm = *info.column_spacing_mm;
   stack.slice_thickness_mm = info.slice_thickness_mm.value_or(info.slice_spacing_mm.value_or(0));
   stack.fat_shift_sigma_mm = fat_shift_sigma_mm(info, stack);
-  stack.slices_are_told = info.acquisition_type != "3D";
-  stack.slices_are_encoded = info.acquisition_type == "3D";
   stack.slice_intensity.resize(info.slices.size());
 
   // Slices by file, as a multi-frame file is decoded once.
@@ -306,6 +304,9 @@ Stack read_series(const StudyInventory& inventory, const std::string& uid, const
     stack.slice_position.push_back(info.slices[i].position_mm);
     slices_of[info.slices[i].file][info.slices[i].frame] = i;
   }
+  stack.slices_are_encoded =
+      info.acquisition_type.empty() ? slices_are_thin(stack) : info.acquisition_type == "3D";
+  stack.slices_are_told = !stack.slices_are_encoded;
   const std::size_t voxels = static_cast<std::size_t>(info.rows) * static_cast<std::size_t>(info.columns);
   Decoder decoder(options.limits);
   Progress progress("decoding " + info.name, slices_of.size(), options.verbosity);

@@ -21,6 +21,7 @@ Json stack_json(const EyeFit& fit, int s) {
           {"shift_lps_mm", to_json_vector(fit.parameters.segment<3>(at + shift_first))},
           {"turn_lps_deg", to_json_vector(fit.parameters.segment<3>(at + turn_first))},
           {"fat_shift_mm", {fit.parameters[at + fat_shift_first], fit.parameters[at + fat_shift_first + 1]}},
+          {"fat_is_dark", fit.stacks[s].fat_is_dark},
           {"misfit", fit.misfit[s]},
           {"gain", std::exp(fit.parameters[at + log_gain])},
           {"sharpness", std::exp(fit.parameters[at + log_sharpness])},

@@ -50,6 +50,45 @@ class Study : public testing::Test {
   fs::path folder_;
 };
 
+TEST_F(Study, TellsHowSlicesWereAcquired) {
+  StudyRequest request = small_request();
+  const Anatomy anatomy(request.head);
+  for (const std::string profile : {"box", "trapezoid", "gaussian", "encoded"}) {
+    request.protocol.stacks = {
+        make_stack("od-coronal:matrix=16x16,pixel_mm=2,slices=2,profile=" + profile, anatomy)};
+    const Json truth = write(folder_ / profile, request);
+    EXPECT_EQ(truth["acquisition"]["stacks"][0]["profile"], profile);
+  }
+}
+
+TEST_F(Study, FatCanBeSuppressed) {
+  StudyRequest request = small_request();
+  const Anatomy anatomy(request.head);
+  const auto brightest = [&](const std::string& fat_left) {
+    request.protocol.disturbances.snr = 0;
+    request.protocol.stacks = {
+        make_stack("head-axial:matrix=64x64,pixel_mm=1,slices=1,contrast=t1,fat_left=" + fat_left, anatomy)};
+    const std::vector<float> slice = render(anatomy, request.protocol, 0, 2).slices.front();
+    return *std::max_element(slice.begin(), slice.end());
+  };
+  EXPECT_GT(brightest("1"), reference_intensity);
+  EXPECT_LT(brightest("0.1"), 0.8 * reference_intensity);  // white matter and skin have up to 0.58 of fat's
+  const Json stack = write(folder_ / "fs", request)["acquisition"]["stacks"][0];
+  EXPECT_EQ(stack["fat_left"], 0.1);
+  DcmFileFormat file;
+  ASSERT_TRUE(
+      file.loadFile((folder_ / "fs" / stack["folder"].get<std::string>() / "0001.dcm").c_str()).good());
+  OFString options;
+  file.getDataset()->findAndGetOFString(DCM_ScanOptions, options);
+  EXPECT_EQ(options, "FS");
+}
+
+TEST(MakeStack, EncodedSlicesHaveNoGaps) {
+  const Anatomy anatomy(sample_head());
+  EXPECT_NO_THROW(make_stack("head-axial:slice_mm=1,profile=encoded", anatomy));
+  EXPECT_THROW(make_stack("head-axial:slice_mm=2,gap_mm=-1,profile=encoded", anatomy), Error);
+}
+
 std::vector<fs::path> images_below(const fs::path& folder) {
   std::vector<fs::path> files;
   for (const auto& entry : fs::recursive_directory_iterator(folder))

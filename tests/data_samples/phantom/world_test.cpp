@@ -104,5 +104,21 @@ TEST(Worlds, DisturbTheScannerAndNothingElse) {
   EXPECT_EQ(to_json(head_of("console", 4)), to_json(random_head(4)));
 }
 
+TEST(Worlds, LeaveEncodedSlicesTogether) {
+  const Anatomy anatomy(head_of("scanner", 4));
+  const auto disturbed = [&](const std::string& stack) {
+    Protocol protocol;
+    protocol.stacks = {make_stack(stack, anatomy)};
+    disturb(protocol, "scanner", 4);
+    return protocol.disturbances;
+  };
+  const Disturbances singly = disturbed("head-axial:"), together = disturbed("head-axial:profile=encoded");
+  EXPECT_GT(singly.slice_gain, 0);
+  EXPECT_GT(singly.slice_motion_mm, 0);
+  EXPECT_EQ(together.slice_gain, 0);
+  EXPECT_EQ(together.slice_motion_mm, 0);
+  EXPECT_EQ(together.scale_error, singly.scale_error);
+}
+
 }  // namespace
 }  // namespace emmetrope::phantom

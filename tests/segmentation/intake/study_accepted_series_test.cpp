@@ -166,14 +166,25 @@ TEST_F(IntakeTest, SeriesAreNeverMerged) {
 }
 
 TEST_F(IntakeTest, SlicesOf3DAcquisitionsAreEncoded) {
-  for (const char* type : {"2D", "3D"}) {
+  struct Case {
+    const char* type;
+    double spacing_mm;
+    bool encoded;
+  };
+  // Where the header does not tell, thin ones are.
+  for (const Case& c :
+       {Case{"2D", 1, false}, {"3D", 1, true}, {"3D", 2, true}, {"", 1, true}, {"", 2, false}}) {
     GeneratedSeries series;
-    for (int slice = 0; slice < series.size(); ++slice) series.set(slice, DCM_MRAcquisitionType, type);
-    series.write(folder() / type);
-    const auto found = segmentation::read_inventory(folder() / type, quiet());
+    series.set_all(DCM_MRAcquisitionType, c.type);
+    for (int slice = 0; slice < series.size(); ++slice)
+      series.set_position(
+          slice, GeneratedSeries::position(slice * c.spacing_mm / GeneratedSeries::slice_spacing_mm));
+    const fs::path study = folder() / fmt::format("{}_{}", c.type, c.spacing_mm);
+    series.write(study);
+    const auto found = segmentation::read_inventory(study, quiet());
     const auto stack = segmentation::read_series(found, found.series.at(0).uid, quiet());
-    EXPECT_EQ(stack.slices_are_encoded, std::string(type) == "3D");
-    EXPECT_EQ(stack.slices_are_told, std::string(type) == "2D");
+    EXPECT_EQ(stack.slices_are_encoded, c.encoded) << study;
+    EXPECT_EQ(stack.slices_are_told, !c.encoded) << study;
   }
 }
 
