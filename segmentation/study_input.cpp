@@ -89,7 +89,8 @@ bool is_same_number(const std::optional<double>& a, const std::optional<double>&
 }
 
 bool is_same_contrast(const SeriesInfo& a, const SeriesInfo& b) {
-  return is_same_number(a.repetition_time_ms, b.repetition_time_ms) &&
+  const bool is_told = (a.repetition_time_ms && b.repetition_time_ms) || (a.echo_time_ms && b.echo_time_ms);
+  return is_told && is_same_number(a.repetition_time_ms, b.repetition_time_ms) &&
          is_same_number(a.echo_time_ms, b.echo_time_ms) &&
          is_same_number(a.inversion_time_ms, b.inversion_time_ms) &&
          is_same_number(a.flip_angle_deg, b.flip_angle_deg);
@@ -125,7 +126,8 @@ void require_same_files(const SegmentOptions& options, const std::vector<StageIn
 }
 
 const SeriesInfo* acquired_source_of(const SeriesInfo& computed, const StudyInventory& inventory) {
-  if (!computed.computed) return nullptr;
+  // Of a series that tells too little nothing shows that it is an acquisition once more: left out, a contrast may be lost.
+  if (!computed.computed || computed.frame_of_reference_uid.empty()) return nullptr;
   const auto source =
       std::find_if(inventory.series.begin(), inventory.series.end(), [&](const SeriesInfo& other) {
         return other.usable && !other.computed && !other.is_nifti() &&

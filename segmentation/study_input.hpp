@@ -18,7 +18,7 @@ std::vector<StageInput> input_files(const SegmentOptions& options);
 void require_same_files(const SegmentOptions& options, const std::vector<StageInput>& noted);
 
 /// The usable series of the acquisition that a computed one was made from, by frame of reference and contrast; null where
-/// there is none, or the series itself is acquired.
+/// there is none, headers tell neither TR nor TE to compare, or the series itself is acquired.
 const SeriesInfo* acquired_source_of(const SeriesInfo& computed, const StudyInventory& inventory);
 
 /// The series asked for, or all usable ones but those computed from another of them, which would count twice; at least

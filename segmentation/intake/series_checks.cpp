@@ -362,7 +362,7 @@ bool shows_head(const std::string& body_part) {
 void warn_of_computed(const std::vector<SeriesImage>& images, SeriesInfo& info) {
   const auto computed = std::count_if(images.begin(), images.end(), is_computed);
   if (computed == 0) return;
-  info.computed = true;
+  info.computed = computed == static_cast<std::ptrdiff_t>(images.size());
   const SeriesImage& first = *std::find_if(images.begin(), images.end(), is_computed);
   const Tag& tag = first.value(tag::frame_type).empty() ? tag::image_type : tag::frame_type;
   info.warnings.push_back(fmt::format(

@@ -69,7 +69,7 @@ struct SeriesInfo {
 
   // What helps to choose a stack and to model its acquisition.
   std::string image_type;        ///< "ORIGINAL\\PRIMARY\\M\\ND"
-  bool computed = false;         ///< from images of an acquisition that may be another series of the study
+  bool computed = false;         ///< all of it, from an acquisition that may be another series of the study
   std::string acquisition_type;  ///< "2D" or "3D"
   std::string sequence;          ///< ScanningSequence
   std::string body_part;

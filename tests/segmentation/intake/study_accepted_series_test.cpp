@@ -398,6 +398,17 @@ TEST_F(IntakeTest, ImagesThatWereComputedFromOthersAreWarnedOf) {
   }
 }
 
+/// One slice that was mended does not make an acquisition a computed series, which another one may stand for.
+TEST_F(IntakeTest, ASeriesIsComputedWhereAllItsImagesAre) {
+  GeneratedSeries series;
+  series.set(4, DCM_ImageType, "DERIVED\\SECONDARY\\MPR");
+  series.write(folder());
+  const auto info = only_series();
+  EXPECT_TRUE(info.usable) << info.reason;
+  EXPECT_FALSE(info.computed);
+  EXPECT_THAT(info.warnings, Contains(HasSubstr("MPR\": computed from other images")));
+}
+
 /// In a file of many frames the maps stand beside what they were made from.
 TEST_F(IntakeTest, FramesThatAreMapsAreRefusedUnlessOthersAreChosen) {
   const auto file = enhanced_series(true);
