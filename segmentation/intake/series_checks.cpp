@@ -366,7 +366,7 @@ void warn_of_computed(const std::vector<SeriesImage>& images, SeriesInfo& info) 
   const SeriesImage& first = *std::find_if(images.begin(), images.end(), is_computed);
   const Tag& tag = first.value(tag::frame_type).empty() ? tag::image_type : tag::frame_type;
   info.warnings.push_back(fmt::format(
-      "{}{}: computed from other images, smoother than the header tells; the acquired ones say more",
+      "{}{}: computed from other images; smoother than the header tells where those were resampled or averaged",
       found(*first.source, tag, first.frame),
       computed > 1 ? fmt::format(" and of {} more", computed - 1) : ""));
 }
@@ -376,7 +376,7 @@ void warn_of_lengths(const Files& files, SeriesInfo& info) {
   const double row_mm = *info.row_spacing_mm, column_mm = *info.column_spacing_mm;
   if (std::abs(row_mm / column_mm - 1) > square_pixels)
     info.warnings.push_back(fmt::format(
-        "{} is {:g} and {:g} mm, pixels that are not square: where one is wrong, lengths along that axis are by {:.0f} %",
+        "{} is {:g} and {:g} mm, pixels that are not square: where one is wrong, lengths along that axis are wrong by up to {:.0f} %",
         to_string(tag::pixel_spacing), row_mm, column_mm,
         100 * (std::max(row_mm, column_mm) / std::min(row_mm, column_mm) - 1)));
   const double field_mm = std::max(info.rows * row_mm, info.columns * column_mm);
