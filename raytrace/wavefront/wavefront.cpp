@@ -141,17 +141,17 @@ PowerVector second_order_refraction(const std::vector<PupilRay>& rays, double ra
 /// The circle asked for, or what the eye's stop and surfaces let through.
 PupilRim pupil_rim(const EyeModel& eye, const RetinalPencil& pencil, const WavefrontSettings& settings,
                    double stop_image_mm) {
-  const double circle_mm = settings.entrance_pupil_mm.value_or(stop_image_mm);
-  if (!(circle_mm > 0) && eye.stop() != nullptr)
+  if (settings.entrance_pupil_mm) return {{*settings.entrance_pupil_mm / 2}};
+  if (!(stop_image_mm > 0) && pencil.has_stop())
     throw input_error(
         fmt::format("eye '{}' has no entrance pupil: what is in front of its stop of {:g} mm images it "
                     "upside down, {:g} mm wide",
-                    eye.name, eye.stop()->stop_diameter_mm, std::abs(circle_mm)),
+                    eye.name, eye.stop()->stop_diameter_mm, std::abs(stop_image_mm)),
         "check the radii and positions of the surfaces in front of the stop: all lengths are mm");
-  if (!(circle_mm > 0))
+  if (!(stop_image_mm > 0))
     throw input_error("eye '" + eye.name + "' has no stop: its pupil is not known",
                       "add a surface of type \"stop\" or give the entrance pupil's diameter");
-  if (settings.entrance_pupil_mm || !pencil.has_stop()) return {{circle_mm / 2}};
+  if (!pencil.has_stop()) return {{stop_image_mm / 2}};
   return pencil.rim();
 }
 
@@ -197,6 +197,9 @@ Wavefront measure_wavefront(const EyeModel& eye, const WavefrontSettings& settin
                       std::to_string(largest_order));
   if (!(settings.stiles_crawford_per_mm2 >= 0 && settings.stiles_crawford_per_mm2 <= 1))
     throw usage_error("the Stiles-Crawford weight must lie between 0 and 1 per mm^2");
+  if (settings.entrance_pupil_mm && !(*settings.entrance_pupil_mm > 0))
+    throw usage_error(
+        fmt::format("the entrance pupil is {:g} mm wide: it must be above 0", *settings.entrance_pupil_mm));
   Wavefront result;
   result.wavelength_nm = settings.wavelength_nm.value_or(eye.reference_wavelength_nm);
   if (!(result.wavelength_nm >= 200 && result.wavelength_nm <= 2500))

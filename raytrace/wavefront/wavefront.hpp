@@ -79,7 +79,7 @@ inline PupilRim rim_of(const Wavefront& wavefront) {
   return wavefront.rim.radius_mm.empty() ? PupilRim{{wavefront.pupil_mm / 2}} : wavefront.rim;
 }
 
-/// \throw Error (no_result) when too few rays reach the air to say anything
+/// \throw Error (usage) for settings beyond their range; (no_result) when too few rays reach the air to say anything
 Wavefront measure_wavefront(const EyeModel& eye, const WavefrontSettings& settings = {});
 
 /// Image quality in monochromatic light with the wavefront as it is (tilt removed) or with a lens in the

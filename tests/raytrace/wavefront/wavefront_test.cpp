@@ -242,5 +242,21 @@ TEST(Wavefront, AStopWithoutAnEntrancePupilIsSaid) {
                                                            testing::Not(testing::HasSubstr("no stop")))));
 }
 
+/// Not as a fault of the eye.
+TEST(Wavefront, AnEntrancePupilThatIsNoneIsAUsageError) {
+  EyeModel without_stop = make_eye("navarro");
+  without_stop.surfaces.erase(without_stop.surfaces.begin() + 2);
+  for (const EyeModel& eye : {make_eye("navarro"), without_stop})
+    for (const double pupil_mm : {-3.0, 0.0, std::nan("")}) {
+      try {
+        measure_wavefront(eye, entrance(pupil_mm));
+        ADD_FAILURE() << pupil_mm << " mm was accepted";
+      } catch (const Error& error) {
+        EXPECT_EQ(error.status(), ExitStatus::usage) << error.what();
+        EXPECT_THAT(error.what(), testing::HasSubstr("the entrance pupil is"));
+      }
+    }
+}
+
 }  // namespace
 }  // namespace emmetrope::raytrace
