@@ -56,15 +56,19 @@ FoundStudy only_one(std::vector<FoundStudy> studies) {
                     "choose one by --study-uid");
 }
 
-/// A pull that was killed leaves images where nobody looks for them.
+/// A pull that was killed leaves images where nobody looks for them. Processes of other machines, which may write to the
+/// same folder, are not seen; of a folder that may not be listed nothing is said.
 void warn_of_remains(const fs::path& output) {
   const std::string before_id = output.filename().string() + ".pulling-";
-  for (const auto& entry : fs::directory_iterator(output.parent_path())) {
+  std::error_code unreadable;
+  for (const auto& entry : fs::directory_iterator(output.parent_path(), unreadable)) {
     const std::string name = entry.path().filename().string();
     if (name.rfind(before_id, 0) != 0) continue;
     const pid_t process = static_cast<pid_t>(std::strtol(name.c_str() + before_id.size(), nullptr, 10));
     if (process > 0 && ::kill(process, 0) != 0 && errno == ESRCH)
-      spdlog::warn("{} holds images of a pull that was killed: remove it", entry.path().string());
+      spdlog::warn(
+          "{} holds images of a pull that no process of this machine goes on with: remove it if none elsewhere does",
+          entry.path().string());
   }
 }
 

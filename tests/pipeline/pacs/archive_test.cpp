@@ -209,7 +209,26 @@ TEST_F(ArchiveOrthanc, ImagesThatAKilledPullLeftAreSaid) {
   const Json warnings = Json::parse(pulled.output).at("warnings");
   ASSERT_EQ(warnings.size(), 1U) << warnings;
   EXPECT_THAT(warnings.at(0).get<std::string>(),
-              HasSubstr("pulled.pulling-" + std::to_string(gone) + " holds"));
+              testing::AllOf(HasSubstr("pulled.pulling-" + std::to_string(gone) + " holds"),
+                             HasSubstr("no process of this machine"), HasSubstr("if none elsewhere does")));
+}
+
+TEST_F(ArchiveOrthanc, AStudyIsPulledIntoAFolderThatMayNotBeListed) {
+  send_study();
+  const fs::path unlisted = folder() / "unlisted";
+  fs::create_directories(unlisted);
+  fs::permissions(unlisted, fs::perms::owner_write | fs::perms::owner_exec);
+  fs::path program = bin() / "emmetrope-pacs";
+  std::vector<std::string> words{"pull", (folder() / "archive.json").string(), "--patient-id", "MRN-4711",
+                                 "-o",   (unlisted / "pulled").string(),       "--quiet"};
+  if (::geteuid() == 0) {  // who may list every folder
+    words.insert(words.begin(), {"--bounding-set", "-dac_override,-dac_read_search", program.string()});
+    program = *find_program("setpriv");
+  }
+  const ProcessResult pulled = run_process(program, words, ChildOutput::capture);
+  fs::permissions(unlisted, fs::perms::owner_all);
+  ASSERT_EQ(pulled.status, 0) << pulled.output;
+  EXPECT_EQ(contents_of(unlisted / "pulled"), contents_of(folder() / "study"));
 }
 
 /// In the images in Latin 1, on the command line in UTF-8.
