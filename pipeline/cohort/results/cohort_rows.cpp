@@ -72,17 +72,21 @@ std::string said_of_eye(const std::string& message, Laterality eye) {
   return said;
 }
 
-/// Why a refraction is no prescription, or an estimate that is not to be dispensed; empty where it is one, or there is
-/// none.
-std::string why_no_prescription(const EyeRow& row, const CohortFolder& cohort) {
+/// That a refraction is no prescription, which is less than all, or an estimate that is not to be dispensed, which most
+/// are: where the reason for the latter were a stage's, what failed would drown in it.
+void note_reservation_about_refraction(EyeRow& row, const CohortFolder& cohort) {
   const fs::path file =
       cohort.case_folder(row.subject) / "correction" / to_string(row.eye) / "prescription.json";
-  if (row.numbers.count("refraction_m") == 0 || !fs::exists(file)) return {};
+  if (row.numbers.count("refraction_m") == 0 || !fs::exists(file)) return;
   const Json prescription = read_json(file);
-  for (const auto& [key, what] : {std::pair{"withheld", "no prescription: "}, std::pair{"estimate", ""}})
-    if (const Json why = prescription.value(key, Json()); why.is_string())
-      return what + why.get<std::string>();
-  return {};
+  const Json withheld = prescription.value("withheld", Json()),
+             estimate = prescription.value("estimate", Json());
+  if (withheld.is_string()) {
+    row.stage = "correct";
+    row.reason = one_line("no prescription: " + withheld.get<std::string>());
+  } else if (estimate.is_string()) {
+    row.reason = one_line(estimate.get<std::string>());
+  }
 }
 
 /// The first stage that gave less than all, of what concerns the eye.
@@ -105,10 +109,7 @@ void judge(EyeRow& row, const CohortFolder& cohort) {
     row.reason = one_line(reason);
     return;
   }
-  if (const std::string why = why_no_prescription(row, cohort); !why.empty()) {
-    row.stage = "correct";
-    row.reason = one_line(why);
-  }
+  note_reservation_about_refraction(row, cohort);
 }
 
 /// What is to be done for a subject; an empty object where nobody says.
@@ -256,7 +257,8 @@ Json table_dictionary() {
       {"eye", {{"Levels", {{"od", "right"}, {"os", "left"}}}}},
       {"outcome",
        {{"Levels",
-         {{"measured", "with a refraction; an estimate and no prescription where a reason says so"},
+         {{"measured",
+           "with a refraction; no prescription, or an estimate that is not to be dispensed, where a reason says so"},
           {"partial", "some of the numbers; the others are n/a"},
           {"no_result", "the images do not support any number"},
           {"failed", "the study could not be read, or the machine failed"}}}}},

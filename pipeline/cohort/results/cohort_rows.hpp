@@ -25,7 +25,7 @@ struct EyeRow {
   Laterality eye = Laterality::od;
   Outcome outcome = Outcome::failed;
   std::string stage;   ///< the command that gave less than all; empty for none
-  std::string reason;  ///< in one line
+  std::string reason;  ///< in one line; without a stage a caution
   std::optional<double> age_years;
   std::string sex;                          ///< as the images say, else as the table of participants does
   std::string told_sex;                     ///< as the table does

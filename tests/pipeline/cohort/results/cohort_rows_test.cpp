@@ -79,7 +79,22 @@ TEST_F(CohortRows, SayWhereARefractionIsNoPrescription) {
   prescription["withheld"] = nullptr;
   prescription["estimate"] = "an estimate, do not dispense";
   write_json(file, prescription);
-  EXPECT_EQ(read_rows(cohort_, listed_subjects(cohort_))[2].reason, "an estimate, do not dispense");
+  const std::vector<EyeRow> estimated = read_rows(cohort_, listed_subjects(cohort_));
+  EXPECT_EQ(estimated[2].reason, "an estimate, do not dispense");
+  EXPECT_EQ(estimated[2].stage, "");
+}
+
+/// Most refractions are estimates: among as many the eyes that failed would not be seen.
+TEST_F(CohortRows, OfEstimatesAreNotAmongTheEyesThatGaveLess) {
+  const fs::path file = cohort_.case_folder("right") / "correction/od/prescription.json";
+  Json prescription = read_json(file);
+  prescription["estimate"] = "an estimate, do not dispense";
+  write_json(file, prescription);
+  const std::vector<EyeRow> rows = read_rows(cohort_, listed_subjects(cohort_));
+  EXPECT_THAT(table_text(rows), HasSubstr("measured\tn/a\tan estimate, do not dispense"));
+  const std::string page = cohort_page(cohort_, rows, cohort_.root());
+  EXPECT_THAT(page, HasSubstr("slice 3 is missing"));
+  EXPECT_THAT(page, testing::Not(HasSubstr("an estimate, do not dispense")));
 }
 
 TEST_F(CohortRows, OfACorneaThatMayBeASphereHaveNoAxis) {
