@@ -352,17 +352,17 @@ void PictureSettings::check() const {
   check_setting("picture.height", height, {1, 100000});
   check_setting("picture.field_x_mm", field_x_mm, {1e-3, 30}, " mm");
   check_setting("picture.field_y_mm", field_y_mm, {1e-3, 30}, " mm");
-  check_setting("--samples", samples, {1, 100000});
+  check_setting("--samples (picture.samples)", samples, {1, 100000});
   check_setting("picture.pupil_mm", pupil_mm, iris_aperture_mm, " mm");
 }
 
 void CorrectionSettings::check() const {
   prescription.check();
   picture.check();
-  if (lens_index_sigma) check_setting("--lens-index-sigma", *lens_index_sigma, {0, 0.05});
-  if (what_if.age_years) check_setting("--age", *what_if.age_years, {0, 120}, " years");
-  check_setting("--iol-target", what_if.iol_target_D, {-10, 5}, " D");
-  check_setting("--iol-a-constant", what_if.iol_a_constant, {110, 125});
+  if (lens_index_sigma) check_setting("--lens-index-sigma (lens_index_sigma)", *lens_index_sigma, {0, 0.05});
+  if (what_if.age_years) check_setting("--age (what_if.age_years)", *what_if.age_years, {0, 120}, " years");
+  check_setting("--iol-target (what_if.iol_target_D)", what_if.iol_target_D, {-10, 5}, " D");
+  check_setting("--iol-a-constant (what_if.iol_a_constant)", what_if.iol_a_constant, {110, 125});
 }
 
 Answer correct_case(const fs::path& case_folder, CorrectionSettings settings, const CommonOptions& common) {

@@ -169,12 +169,15 @@ void PrescriptionSettings::check() const {
                   " mm");  // else metres
   check_setting("--pupil (pupil_mm)", pupil_mm, iris_aperture_mm, " mm");
   check_setting("--wavelength (wavelength_nm)", wavelength_nm, {380, 780}, " nm");
-  check_setting("--plano-cylinder-distance", plano_cylinder_distance_mm, {0, 30}, " mm");
-  check_setting("--plano-cylinder-index", plano_cylinder_index, {1.3, 2});
-  check_setting("--lens-diameter", 2 * spectacle.semi_diameter_mm, {20, 90}, " mm");
-  if (spectacle.base_D) check_setting("--base-curve", *spectacle.base_D, {0, 20}, " D");
+  check_setting("--plano-cylinder-distance (plano_cylinder_distance_mm)", plano_cylinder_distance_mm, {0, 30},
+                " mm");
+  check_setting("--plano-cylinder-index (plano_cylinder_index)", plano_cylinder_index, {1.3, 2});
+  check_setting("--lens-diameter (twice spectacle.semi_diameter_mm)", 2 * spectacle.semi_diameter_mm,
+                {20, 90}, " mm");
+  if (spectacle.base_D) check_setting("--base-curve (spectacle.base_D)", *spectacle.base_D, {0, 20}, " D");
   if (spectacle.centre_thickness_mm)
-    check_setting("--centre-thickness", *spectacle.centre_thickness_mm, {0.5, 20}, " mm");
+    check_setting("--centre-thickness (spectacle.centre_thickness_mm)", *spectacle.centre_thickness_mm,
+                  {0.5, 20}, " mm");
 }
 
 int Prescription::images() const {

@@ -14,7 +14,9 @@ namespace emmetrope::correction {
 /// (behind the eye) where none is.
 /// \param at_cornea_D  mean refraction at the corneal vertex
 double near_point_mm(double at_cornea_D, double amplitude_D);
-/// The same, also from the cornea, through a lens of back vertex power lens_D at vertex_mm in front of it.
+/// The same, also from the cornea, through a lens in front of it; each meridian is moved by its own power.
+/// \param at_cornea  refraction at the corneal vertex
+/// \param lens  its back vertex power, vertex_mm in front of the cornea
 double near_point_with_lens_mm(const PowerVector& at_cornea, double amplitude_D, const PowerVector& lens,
                                double vertex_mm);
 

@@ -282,6 +282,30 @@ TEST_F(CorrectStage, OfANamedEyeTheSettingsAreCheckedAsOfACase) {
   EXPECT_FALSE(fs::exists(folder() / "named"));
 }
 
+TEST_F(CorrectStage, SettingsAreRefusedByFlagAndField) {
+  const auto said = [](const auto& change) {
+    CorrectionSettings settings;
+    change(settings);
+    try {
+      settings.check();
+      return std::string("was accepted");
+    } catch (const Error& error) {
+      EXPECT_EQ(error.status(), ExitStatus::usage);
+      return std::string(error.what());
+    }
+  };
+  EXPECT_EQ(said([](auto& s) { s.picture.samples = 0; }),
+            "--samples (picture.samples) is 0, outside 1 to 100000");
+  EXPECT_EQ(said([](auto& s) { s.lens_index_sigma = 1; }),
+            "--lens-index-sigma (lens_index_sigma) is 1, outside 0 to 0.05");
+  EXPECT_EQ(said([](auto& s) { s.what_if.age_years = 140; }),
+            "--age (what_if.age_years) is 140 years, outside 0 to 120");
+  EXPECT_EQ(said([](auto& s) { s.what_if.iol_target_D = 6; }),
+            "--iol-target (what_if.iol_target_D) is 6 D, outside -10 to 5");
+  EXPECT_EQ(said([](auto& s) { s.what_if.iol_a_constant = 1; }),
+            "--iol-a-constant (what_if.iol_a_constant) is 1, outside 110 to 125");
+}
+
 TEST_F(CorrectStage, WhatCannotBeLearntIsAUsageError) {
   for (const char* text : {"-2.25/-1.00x180", "ou:-2.25", "od:-2.25/-1x190", "od:minus two"}) {
     known_.refractions = {text};

@@ -60,5 +60,30 @@ TEST(SharpestLens, IsNotSoughtWhereNoneIsMade) {
   }
 }
 
+/// Of the library the fields are set, of the command the flags.
+TEST(PrescriptionSettings, AreRefusedByFlagAndField) {
+  const auto said = [](const auto& change) {
+    PrescriptionSettings settings;
+    change(settings);
+    try {
+      settings.check();
+      return std::string("was accepted");
+    } catch (const Error& error) {
+      EXPECT_EQ(error.status(), ExitStatus::usage);
+      return std::string(error.what());
+    }
+  };
+  EXPECT_EQ(said([](auto& s) { s.spectacle.semi_diameter_mm = 50; }),
+            "--lens-diameter (twice spectacle.semi_diameter_mm) is 100 mm, outside 20 to 90");
+  EXPECT_EQ(said([](auto& s) { s.spectacle.base_D = -1; }),
+            "--base-curve (spectacle.base_D) is -1 D, outside 0 to 20");
+  EXPECT_EQ(said([](auto& s) { s.spectacle.centre_thickness_mm = 0; }),
+            "--centre-thickness (spectacle.centre_thickness_mm) is 0 mm, outside 0.5 to 20");
+  EXPECT_EQ(said([](auto& s) { s.plano_cylinder_distance_mm = 40; }),
+            "--plano-cylinder-distance (plano_cylinder_distance_mm) is 40 mm, outside 0 to 30");
+  EXPECT_EQ(said([](auto& s) { s.plano_cylinder_index = 1; }),
+            "--plano-cylinder-index (plano_cylinder_index) is 1, outside 1.3 to 2");
+}
+
 }  // namespace
 }  // namespace emmetrope::correction
