@@ -266,4 +266,10 @@ std::optional<double> value_at(const Json& json, const std::string& pointer) {
   return std::nullopt;
 }
 
+std::optional<Measured> measured_in(const Json& json, const std::string& key) {
+  const Json found = json.is_object() ? json.value(key, Json()) : Json();
+  if (!found.is_object() || !found.contains("ci95")) return std::nullopt;
+  return found.get<Measured>();
+}
+
 }  // namespace emmetrope::report

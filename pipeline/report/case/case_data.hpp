@@ -9,6 +9,7 @@
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/json.hpp"
 #include "pipeline/base/laterality.hpp"
+#include "pipeline/base/measured.hpp"
 
 /// What the stages left in a case, read and checked once.
 namespace emmetrope::report {
@@ -76,5 +77,7 @@ bool is_fitted_to(const EyeData& eye, const std::string& stack);
 std::optional<double> value_of(const Json& json, const std::string& key);
 /// The same by a JSON pointer, "/keratometry/flat/power_D".
 std::optional<double> value_at(const Json& json, const std::string& pointer);
+/// A number with its interval; nothing where it is missing or has none.
+std::optional<Measured> measured_in(const Json& json, const std::string& key);
 
 }  // namespace emmetrope::report

@@ -16,12 +16,6 @@ namespace {
 
 const NumberStyle coarse_dioptres{1, true, "D"}, millimetres{2, false, "mm"};
 
-std::optional<Measured> measured_in(const Json& json, const char* key) {
-  const Json found = json.is_object() ? json.value(key, Json()) : Json();
-  if (!found.is_object() || !found.contains("ci95")) return std::nullopt;
-  return found.get<Measured>();
-}
-
 double half_width(const Measured& measured) { return (measured.ci95[1] - measured.ci95[0]) / 2; }
 
 /// Readings of other instruments that the correction stage weighed, by how much each would narrow M.

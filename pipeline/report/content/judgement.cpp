@@ -11,10 +11,8 @@ namespace {
 
 /// Half of the 95 % interval of a number of the prescription; 0 where it has none.
 double half_width(const Json& prescription, const char* key) {
-  const Json found = prescription.value(key, Json());
-  if (!found.is_object() || !found.contains("ci95")) return 0;
-  const auto measured = found.get<Measured>();
-  return (measured.ci95[1] - measured.ci95[0]) / 2;
+  const auto measured = measured_in(prescription, key);
+  return measured ? (measured->ci95[1] - measured->ci95[0]) / 2 : 0;
 }
 
 using Findings = std::vector<Finding>;
@@ -78,6 +76,8 @@ Findings contradictions(const EyeData& eye) {
 Findings sphere_reasons(const EyeData& eye, const std::string& withheld) {
   const double half_width_D = half_width(eye.prescription, "M_D");
   if (!withheld.empty()) return {{withheld + " The estimate is for information.", "Refract."}};
+  if (!measured_in(eye.prescription, "M_D"))
+    return {{estimate_because(eye.prescription), "Refract before dispensing."}};
   if (limits_of("M_half_width_D").normal.contains(half_width_D)) return {};
   return {{"The spherical equivalent's 95 % interval is \u00b1" + fixed(half_width_D, 1) +
                " D; clinical refraction is expected to repeat within \u00b10.5 D.",
@@ -180,6 +180,8 @@ std::string withheld_because(const EyeData& eye) {
 }
 
 std::string estimate_because(const Json& prescription) {
+  if (!measured_in(prescription, "M_D"))
+    return "The spherical equivalent's interval is unknown: an estimate, do not dispense.";
   if (prescription.contains("estimate")) {
     const Json& said = prescription.at("estimate");
     return said.is_string() ? said.get<std::string>() : std::string();

@@ -14,8 +14,8 @@ struct Judgement {
 };
 
 /// Red: a stage refused, there is no refraction, or the correction stage withholds the prescription. Amber: a
-/// gate or a plausibility check complains, or the spherical equivalent's 95 % interval is wider than that within which
-/// clinical refractions are expected to repeat. Green: neither.
+/// gate or a plausibility check complains, or the spherical equivalent's 95 % interval is unknown, or wider than that within
+/// which clinical refractions are expected to repeat. Green: neither.
 Judgement judge(const CaseData& data, const EyeData& eye);
 
 /// Values outside the range that is normal in adults: one sentence each.
@@ -24,7 +24,8 @@ std::vector<std::string> unusual_values(const EyeData& eye);
 /// Why no prescription is given; empty where one is.
 /// \pre the eye has a refraction
 std::string withheld_because(const EyeData& eye);
-/// Why a refraction is an estimate that is not to be dispensed, as the correction stage says it; empty where it is none.
+/// Why a refraction is an estimate that is not to be dispensed, as the correction stage says it, or for want of an
+/// interval; empty where it is none.
 std::string estimate_because(const Json& prescription);
 
 }  // namespace emmetrope::report

@@ -119,12 +119,11 @@ void write_structure_sets(const fs::path& folder, const CaseData& data, const So
 
 /// "Spherical equivalent +-2.5 D (95 %). ", and why it is not to be dispensed.
 std::string uncertainty_of(const Json& prescription) {
-  const Json M = prescription.value("M_D", Json());
-  if (!M.is_object() || !M.contains("ci95")) return {};
-  const auto measured = M.get<Measured>();
-  const std::string why = estimate_because(prescription);
-  return fmt::format("Spherical equivalent +-{:.1f} D (95 %). {}", (measured.ci95[1] - measured.ci95[0]) / 2,
-                     why.empty() ? why : why + " ");
+  std::string text;
+  if (const auto M = measured_in(prescription, "M_D"))
+    text = fmt::format("Spherical equivalent +-{:.1f} D (95 %). ", (M->ci95[1] - M->ci95[0]) / 2);
+  if (const std::string why = estimate_because(prescription); !why.empty()) text += why + " ";
+  return text;
 }
 
 }  // namespace

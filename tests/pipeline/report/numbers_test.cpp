@@ -363,6 +363,23 @@ TEST_F(NumbersTest, AnEstimateIsOneInEveryForm) {
   }
 }
 
+TEST_F(NumbersTest, ARefractionWithoutAnIntervalIsAnEstimateInEveryForm) {
+  test::make_fixture_case(folder_);
+  const fs::path file = folder_ / "correction/od/prescription.json";
+  Json prescription = read_json(file);
+  prescription["M_D"] = -2.87;
+  for (const bool is_said :
+       {false, true}) {  // of an earlier correction stage, or that there is nothing to say
+    if (is_said) prescription["estimate"] = nullptr;
+    write_json(file, prescription);
+    report();
+    const std::string page = visible_text(output("report.html"));
+    EXPECT_THAT(page, HasSubstr("Estimate: refract before dispensing"));
+    for (const std::string& text : {page, output("prescription.fhir.json"), output("prescription.dcm")})
+      EXPECT_THAT(text, HasSubstr("interval is unknown: an estimate, do not dispense")) << is_said;
+  }
+}
+
 /// What dsrdump prints of one NUM item.
 struct Number {
   double value = 0, upper = -1, lower = -1;
