@@ -217,6 +217,10 @@ bool front_is_blanked(const std::vector<ObservedStack>& stacks) {
          std::all_of(stacks.begin(), stacks.end(), [](const ObservedStack& o) { return o.front_is_blanked; });
 }
 
+bool fat_is_dark(const std::vector<ObservedStack>& stacks) {
+  return std::any_of(stacks.begin(), stacks.end(), [](const ObservedStack& o) { return o.fat_is_dark; });
+}
+
 TissueLevels tissue_levels(const Stack& stack, const EyeStart& start, Weighting weighting) {
   const BlankedRegion blanked = blanked_about(stack, start);
   std::vector<double> vitreous_values, wall_values, lens_values, lid_values, air_values, surround_values;
@@ -249,9 +253,7 @@ TissueLevels tissue_levels(const Stack& stack, const EyeStart& start, Weighting 
 }
 
 double TissueLevels::reference(Weighting weighting) const {
-  if (weighting == Weighting::t2) return vitreous;
-  constexpr double wall_of_fat = 0.4;
-  return fat_is_dark() ? wall / wall_of_fat : surround;
+  return weighting == Weighting::t2 ? vitreous : std::max(surround, wall);
 }
 
 double vitreous_noise(const Stack& stack, const EyeStart& start, const VoxelMask& left_out) {

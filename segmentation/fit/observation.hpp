@@ -76,13 +76,16 @@ struct ObservedStack {
 /// Whether lens and cornea are blanked in all of them.
 bool front_is_blanked(const std::vector<ObservedStack>& stacks);
 
+/// Whether fat is dark in one of them.
+bool fat_is_dark(const std::vector<ObservedStack>& stacks);
+
 /// Typical intensities of the tissues of an eye in one stack, in its own unit.
 struct TissueLevels {
   double vitreous = 0, wall = 0, lens = 0, lid = 0, air = 0, surround = 0, fat = 0;
 
-  /// In T1: fat was suppressed or not excited, or there is none: what surrounds the globe is no brighter than its wall.
+  /// In T1: fat was suppressed, not excited or nulled, so that what surrounds the globe is darker than its wall.
   bool fat_is_dark() const { return surround < wall; }
-  /// What becomes 1: the vitreous in T2; in T1 fat, or what it would be beside such a wall.
+  /// What becomes 1: the vitreous in T2; in T1 what surrounds the globe, or its wall where fat is dark.
   double reference(Weighting weighting) const;
 };
 TissueLevels tissue_levels(const Stack& stack, const EyeStart& start, Weighting weighting);

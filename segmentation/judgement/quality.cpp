@@ -306,9 +306,7 @@ void judge_wall_in_t1(const EyeFit& fit, Gates& gates, bool confirmed) {
       fmt::format("a wall of {:.1f} mm is no eye's: something as dark behind the globe was taken for it; its "
                   "inner border may still be right",
                   thickest_mm));
-  if (std::any_of(fit.stacks.begin(), fit.stacks.end(),
-                  [](const ObservedStack& stack) { return stack.fat_is_dark; }))
-    return;  // what is dark covers nothing
+  if (fat_is_dark(fit.stacks)) return;  // what is dark covers nothing
   const double brightness = fit.value(wall) / fit.value(surround);
   gates.refuse_above("wall_over_surroundings_t1", brightness,
                      fmt::format("the globe's wall is {:.1f} times as bright as the fat around it: fat "
