@@ -14,6 +14,7 @@
 #include <set>
 
 #include "data_samples/phantom/phantom.hpp"
+#include "data_samples/phantom/slice_sampler.hpp"
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/files.hpp"
 

@@ -1,5 +1,6 @@
 // Odd but valid studies: voxels and positions must come out exactly.
 #include <dcmtk/dcmdata/dcuid.h>
+#include <fmt/format.h>
 
 #include "segmentation/intake/slice_grid.hpp"
 #include "tests/segmentation/intake/intake_test.hpp"
@@ -180,7 +181,7 @@ TEST_F(IntakeTest, SlicesOf3DAcquisitionsAreEncoded) {
     for (int slice = 0; slice < series.size(); ++slice)
       series.set_position(
           slice, GeneratedSeries::position(slice * c.spacing_mm / GeneratedSeries::slice_spacing_mm));
-    const fs::path study = folder() / fmt::format("{}_{}", c.type, c.spacing_mm);
+    const std::filesystem::path study = folder() / fmt::format("{}_{}", c.type, c.spacing_mm);
     series.write(study);
     const auto found = segmentation::read_inventory(study, quiet());
     const auto stack = segmentation::read_series(found, found.series.at(0).uid, quiet());
