@@ -15,6 +15,7 @@
 #include "segmentation/fit/both_eyes.hpp"
 #include "segmentation/intake/tags.hpp"
 #include "segmentation/judgement/fellow_eye.hpp"
+#include "segmentation/judgement/one_head.hpp"
 #include "segmentation/judgement/two_contrasts.hpp"
 #include "segmentation/labels/hand_labels.hpp"
 #include "segmentation/output/boundary.hpp"
@@ -219,6 +220,7 @@ StageVerdict segment_study(const SegmentOptions& options, const CommonOptions& c
     eyes = fit_all(found.eyes, images, common, "fitting the eyes");
     compare_labels(eyes, found, images);
     if (images.labels.empty()) add_other_contrast(eyes, found.in_other_contrast, images, common);
+    check_one_head(eyes);
     explain_contrasts(found.choices, eyes);
   }
   const bool coupled = couple(eyes);

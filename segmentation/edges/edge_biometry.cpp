@@ -88,6 +88,14 @@ std::optional<ReadEye> read_eye(const Stack& stack, const EdgeSeed& seed, Weight
   return ReadEye{*reading, edge_biometry(*reading, stack, weighting)};
 }
 
+std::string doubt_about_fat(const EdgeReading& reading) {
+  if (limits_of("rays_over_void_t1").accepted.contains(reading.rays_over_void)) return {};
+  return fmt::format(
+      "in {:.0f} % of the directions there is no signal before what was taken for its wall: fat is displaced "
+      "by the chemical shift, and its edge was taken for the eye's",
+      100 * reading.rays_over_void);
+}
+
 std::string doubt_about_globe(const EdgeReading& reading) {
   // Right readings of ordinary scans have 0.75 to 0.98, 0.8 to 1.0 and 0.2 to 0.75 mm.
   constexpr double least_kept = 0.75, least_edges = 0.75, least_inside = 0.85, largest_rms_mm = 0.85;
@@ -110,6 +118,7 @@ std::string doubt_about_globe(const EdgeReading& reading) {
   const double mean_diameter_mm = 2 * std::cbrt(reading.globe.half_axes.prod());
   if (mean_diameter_mm > largest_mean_diameter_mm)
     return fmt::format("a globe of {:.1f} mm on the average is no eye's", mean_diameter_mm);
+  if (const std::string doubt = doubt_about_fat(reading); !doubt.empty()) return doubt;
   const double gaze_deg = from_ahead_deg(reading.globe.axes.col(2));
   if (!limits_of("gaze_from_ahead_deg").accepted.contains(gaze_deg))
     return fmt::format("it looks {:.0f} degrees away from straight ahead", gaze_deg);

@@ -37,6 +37,9 @@ std::optional<ReadEye> read_eye(const Stack& stack, const EdgeSeed& seed, Weight
 /// The corneal apex from the globe's centre: a cornea's usual thickness before its inner edge.
 double apex_distance_mm(const AxialEdges& axial);
 
+/// Why what was read may be the edge of displaced fat; empty where nothing speaks for it.
+std::string doubt_about_fat(const EdgeReading& reading);
+
 /// Why what was read may be no eye, or not its wall; empty where nothing speaks against it.
 std::string doubt_about_globe(const EdgeReading& reading);
 

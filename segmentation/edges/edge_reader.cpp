@@ -76,6 +76,13 @@ double wall_step(const std::vector<Ray>& rays, const Vector3d& axis) {
   return quantile(steps, 0.5);
 }
 
+/// Whether a profile falls below a level between two places.
+bool falls_below(const Profile& profile, double level, double from_mm, double to_mm) {
+  for (std::size_t i = 0; i < profile.value.size(); ++i)
+    if (profile.at_mm(i) >= from_mm && profile.at_mm(i) <= to_mm && profile.value[i] < level) return true;
+  return false;
+}
+
 enum class PlaceRule { half_level, steepest, fixed_half_level };
 
 double place_of(const Edge& edge, PlaceRule rule) {
@@ -88,6 +95,7 @@ double place_of(const Edge& edge, PlaceRule rule) {
 struct WallEdges {
   std::vector<Vector3d> direction;
   std::vector<Edge> edge;
+  double over_void = 0;  ///< share of them (EdgeReading::rays_over_void)
 
   std::vector<Vector3d> points(const Vector3d& centre, PlaceRule rule) const {
     std::vector<Vector3d> list;
@@ -112,14 +120,21 @@ Profile clipped(Profile profile, double ceiling) {
 }
 
 WallEdges wall_edges(const std::vector<Ray>& rays, double step) {
+  // Of the vitreous' signal: half way to none is as low as ringing gets.
+  constexpr double of_void = 0.4, reach_mm = 3, ramp_mm = 0.4;
   WallEdges edges;
+  int before_edge = 0, within = 0;
   for (const Ray& ray : rays) {
     const auto edge =
         first_edge(clipped(ray.profile, ray.vitreous + 1.4 * step), ray.vitreous, wall_rule(step));
     if (!edge) continue;
     edges.direction.push_back(ray.direction);
     edges.edge.push_back(*edge);
+    const double level = of_void * ray.vitreous, mm = edge->half_level_mm;
+    before_edge += falls_below(ray.profile, level, mm - reach_mm, mm - ramp_mm);
+    within += falls_below(ray.profile, level, mm - 2 * reach_mm, mm - reach_mm - ramp_mm);
   }
+  if (!edges.edge.empty()) edges.over_void = (before_edge - within) / static_cast<double>(edges.edge.size());
   return edges;
 }
 
@@ -251,6 +266,7 @@ std::optional<EdgeReading> read_edges(const Stack& stack, const EdgeSeed& seed, 
     if (edges.edge.size() < 100) return std::nullopt;
     reading.rays_inside = static_cast<double>(rays.inside.size()) / rays.cast;
     reading.rays_with_edge = static_cast<double>(edges.edge.size()) / static_cast<double>(rays.inside.size());
+    if (weighting == Weighting::t1) reading.rays_over_void = edges.over_void;
     EdgeEllipsoid start;
     start.centre = reading.globe.centre;
     start.axes = axes_about(axis);

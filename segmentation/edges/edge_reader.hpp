@@ -28,6 +28,9 @@ struct EdgeReading {
   double wall_contrast = 0;  ///< the wall's typical step over the vitreous' level, signed as the wall differs
   double rays_with_edge = 0;  ///< share of the rays inside the stack
   double rays_inside = 0;  ///< share of the rays (off the lens) whose wall lies inside the stack, not blanked
+  /// In T1: share of the rays whose edge lies behind a place darker than the vitreous, beyond what noise makes as dark
+  /// within it. Where fat is displaced away from the eye it leaves no signal, and the edge is the fat's.
+  double rays_over_void = 0;
   double rule_spread_mm = 0;  ///< largest difference of a diameter across the axis between three rules
   double lens_to_centre_mm() const { return (lens_centre - globe.centre).norm(); }
 };

@@ -31,9 +31,6 @@ constexpr std::size_t fewest_voxels = 1000;  ///< that an eye can be fitted to
 constexpr double fewest_independent_voxels = 1200;
 constexpr double unseen_gaze_sigma_deg = 10;  ///< where an eye looks whose front is blanked; chosen
 constexpr double unknown_sigma = 1e5;         ///< a prior that wide is none
-/// In T1 choroid and retina are brighter than the sclera, which beside bright fat is hardly seen. In units of the wall;
-/// chosen: four real eyes have -0.1 to 0.3, phantoms' walls 0 or 1.
-constexpr double layering_beside_dark_fat = 0.2, layering_sigma_beside_dark_fat = 0.4;
 /// Fat is displaced alike about both eyes; how far the fellow's is to be trusted was chosen.
 constexpr double fellows_fat_shift_sigma_mm = 0.15;
 /// So that the iris or the lid is not taken for the cornea; in the last passes the population's prior holds. Chosen.
@@ -99,10 +96,6 @@ ImagedEye imaged_eye(const std::vector<const Stack*>& stacks, const EyeStart& st
 Priors priors_about(const ImagedEye& eye, const VectorXd& start) {
   const ParameterLayout& layout = eye.model.layout();
   Priors priors = population_priors(layout, start, eye.weighting, eye.age_years);
-  if (fat_is_dark(eye.stacks)) {
-    priors.mean[wall_layering] = layering_beside_dark_fat;
-    priors.sigma[wall_layering] = layering_sigma_beside_dark_fat;
-  }
   if (front_is_blanked(eye.stacks)) {
     for (const int gaze : {gaze_horizontal, gaze_vertical}) {
       priors.mean[gaze] = 0;  // straight ahead
@@ -204,12 +197,17 @@ Priors with_smooth_coil(Priors priors, const ForwardModel& model) {
 /// residuals that noise does not explain, times what fits of real heads differ by from independent readings, and
 /// of one person in T1 and T2 (docs/evidence/real-scans.md). In T1, where voxels of 1 mm hardly tell a wall's bright inner
 /// layer, globes are too small by 0.14 to 0.35 mm in phantoms of two worlds that the model does not know
-/// (docs/evidence/worlds.md); phantoms of the model's own have them right. And the radius at which a lens ends, which is
+/// (docs/evidence/worlds.md); phantoms of the model's own have them right. Where fat is dark the inner layer is a bright
+/// shell by itself, and they are by 0.4 mm (rms). And the radius at which a lens ends, which is
 /// drawn as a sharp rim and is a round one: rms of what it errs by in phantoms (docs/evidence/accuracy.md).
 Eigen::MatrixXd model_error(const EyeFit& fit) {
-  constexpr double of_unexplained_mm = 0.3, round_rim_mm = 0.24, of_layers_in_t1_mm = 0.2;
-  const double sigma_mm = std::hypot(of_unexplained_mm * (1 - 1 / std::max(1.0, fit.chi2_per_voxel)),
-                                     fit.weighting == Weighting::t1 ? of_layers_in_t1_mm : 0);
+  constexpr double of_unexplained_mm = 0.3, round_rim_mm = 0.24, of_layers_in_t1_mm = 0.2,
+                   of_layers_beside_dark_fat_mm = 0.4;
+  const double of_layers_mm = fat_is_dark(fit.stacks)          ? of_layers_beside_dark_fat_mm
+                              : fit.weighting == Weighting::t1 ? of_layers_in_t1_mm
+                                                               : 0;
+  const double sigma_mm =
+      std::hypot(of_unexplained_mm * (1 - 1 / std::max(1.0, fit.chi2_per_voxel)), of_layers_mm);
   VectorXd sigma = VectorXd::Zero(static_cast<Eigen::Index>(fit.active.size()));
   for (Eigen::Index i = 0; i < sigma.size(); ++i) {
     const int parameter = fit.active[static_cast<std::size_t>(i)];

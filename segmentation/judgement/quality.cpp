@@ -8,6 +8,7 @@
 #include <limits>
 
 #include "pipeline/base/even_points.hpp"
+#include "pipeline/base/frames.hpp"
 #include "pipeline/eye/population/limits.hpp"
 #include "pipeline/eye/population/population.hpp"
 #include "segmentation/finding/blanked_region.hpp"
@@ -315,6 +316,16 @@ void judge_wall_in_t1(const EyeFit& fit, Gates& gates, bool confirmed) {
                      if_failed);
 }
 
+/// Edges that are the fat's lead a fit there, too, where the header does not tell how far it is displaced.
+void judge_displaced_fat(const EyeFit& fit, Gates& gates) {
+  const ObservedStack& observed = fit.stacks.front();
+  const auto reading = read_edges(*observed.stack,
+                                  {fit.globe_centre_lps() - fit.head_shift_lps(0),
+                                   gaze_axis(fit.value(gaze_horizontal), fit.value(gaze_vertical))},
+                                  fit.weighting);
+  if (reading) gates.refuse_above("rays_over_void_t1", reading->rays_over_void, doubt_about_fat(*reading));
+}
+
 void judge_edges(const EdgeAgreement& agreement, Gates& gates) {
   gates.refuse_above("edge_disagreement", agreement.sigmas_beyond_wall,
                      fmt::format("the fit and the edges in the image disagree: {}", agreement.largest));
@@ -474,6 +485,7 @@ std::vector<QualityGate> judge_quality(const FoundEye& found, const EyeFit& fit,
   if (fit.weighting == Weighting::t1) {
     judge_slices_in_t1(fit, gates);
     judge_wall_in_t1(fit, gates, confirmed);
+    if (!edges) judge_displaced_fat(fit, gates);
   }
   if (!fit.front_is_blanked()) judge_apex(fit, gates);
   judge_residuals(fit, gates, confirmed);

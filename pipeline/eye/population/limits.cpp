@@ -138,6 +138,11 @@ std::vector<Limits> fit_quality() {
       Row("wall_thickness_t1_mm", "mm").refuse_outside(at_least(0.3)).warn_outside(at_least(0.3)),
       // Retina, choroid and sclera are 0.8 to 1.5 mm.
       Row("thickest_wall_t1_mm", "mm").warn_outside(at_most(2.5)),
+      // Between stacks. A head is rigid, each centre known to some 0.2 mm; those of two people differ by 4 mm (rms). Chosen.
+      Row("globes_apart_difference_mm", "mm").refuse_outside(at_most(2)),
+      // Right readings of real heads have up to 0.07; phantoms whose fat is displaced by 2.2 mm, whose lengths are read 2.5
+      // mm too long, 0.24, by 3.4 mm 0.42.
+      Row("rays_over_void_t1", "").refuse_outside(at_most(0.15)),
       Row("wall_over_surroundings_t1", "").refuse_outside(at_most(1.2)),
       // Chosen: of right fits of real heads up to 2.9, of one that was stretched to an atlas 4.6. A clean phantom of a short
       // eye, 3.4 mm flatter, is fitted as 3.9 to 4.2.

@@ -27,6 +27,8 @@ std::string remedy_of_gate(const std::string& gate) {
       {"vertical_gaze_difference_deg", look},
       {"chamber_difference", look},
       {"lens_contrast", "Rescan in T2, which shows the lens."},
+      {"rays_over_void_t1",
+       "Rescan in T2, or with more bandwidth; or use the scanner's DICOM, which tells how far fat is displaced."},
       {"natural_lens_mm", "Take length and chamber by an instrument that knows lens implants."},
       {"cornea_contrast_t2", rescan},
       {"fluid_difference_t1", rescan},

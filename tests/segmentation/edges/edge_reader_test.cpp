@@ -26,6 +26,7 @@ struct DrawnEye {
   Vector3d half_axes{12.4, 11.7, 11.2};
   Vector3d axis = gaze_axis(6, -14);
   double fluid = 200, wall = 900, lens = 950, fat = 1000;  // T1
+  Vector3d fat_shift{0, 0, 0};                             ///< in the frame of the axes, mm
 
   double at(const Vector3d& lps) const {
     Eigen::Matrix3d axes;
@@ -38,7 +39,10 @@ struct DrawnEye {
     const Vector3d chamber_at(0, 0, 8);  // the cornea bulges
     const bool inside = p.cwiseQuotient(half_axes).norm() < 1 || (p - chamber_at).norm() < 5.4;
     if (inside) return fluid;
-    return p.cwiseQuotient(half_axes + Vector3d::Constant(1.2)).norm() < 1 ? wall : fat;
+    const auto in_wall = [&](const Vector3d& q) {
+      return q.cwiseQuotient(half_axes + Vector3d::Constant(1.2)).norm() < 1;
+    };
+    return (in_wall(p) ? wall : 0) + (in_wall(p - fat_shift) ? 0 : fat);
   }
 };
 
@@ -135,6 +139,21 @@ TEST(EdgeReader, DoubtsAnEyeThatLooksWhereNoFaceIs) {
 }
 
 /// An eye 33 mm long and 26 mm across is one, however rare; what is wide, high and deep is none.
+TEST(EdgeReader, DoubtsTheEdgeOfDisplacedFat) {
+  DrawnEye eye;
+  eye.wall = 400;
+  const auto still = read_edges(drawn(eye, axial), rough_seed(eye), Weighting::t1);
+  ASSERT_TRUE(still);
+  EXPECT_LT(still->rays_over_void, 0.05);
+  EXPECT_EQ(doubt_about_fat(*still), "");
+  eye.fat_shift = {0, 0, -2.5};
+  const auto displaced = read_edges(drawn(eye, axial), rough_seed(eye), Weighting::t1);
+  ASSERT_TRUE(displaced);
+  EXPECT_GT(displaced->rays_over_void, 0.2);
+  EXPECT_NE(doubt_about_fat(*displaced).find("no signal"), std::string::npos);
+  EXPECT_FALSE(read_eye(drawn(eye, axial), rough_seed(eye), Weighting::t1));
+}
+
 TEST(EdgeReader, DoubtsAGlobeAsLargeAsNoEyes) {
   const DrawnEye eye;
   auto reading = read_edges(drawn(eye, axial), rough_seed(eye), Weighting::t1);
