@@ -380,6 +380,24 @@ TEST_F(NumbersTest, ARefractionWithoutAnIntervalIsAnEstimateInEveryForm) {
   }
 }
 
+/// "[12]" of the text is the twelfth in the list.
+TEST_F(NumbersTest, ACitationNamesTheWorkThatIsMeant) {
+  test::make_fixture_case(folder_);
+  report();
+  const std::string page = visible_text(output("report.html"));
+  const auto expect_cited = [&](const std::string& before, const std::string& authors) {
+    std::smatch found;
+    ASSERT_TRUE(std::regex_search(page, found, std::regex(before + R"re( \[(\d+)\])re"))) << before;
+    EXPECT_THAT(page, HasSubstr(found[1].str() + ". " + authors));
+  };
+  expect_cited("retina through them", "Wei Q,");
+  expect_cited("as power vectors", "Thibos LN,");
+  expect_cited("wavefronts follow", "ANSI Z80.28");
+  expect_cited("the lens index", "Dubbelman M, van der Heijde GL. The shape of the aging human lens");
+  if (!find_program("gnuplot")) GTEST_SKIP() << "gnuplot is not installed: no chart of the MTF";
+  expect_cited("healthy corrected eyes", "Watson AB.");
+}
+
 /// What dsrdump prints of one NUM item.
 struct Number {
   double value = 0, upper = -1, lower = -1;
