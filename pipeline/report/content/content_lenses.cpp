@@ -5,6 +5,7 @@
 #include "pipeline/base/notation.hpp"
 #include "pipeline/report/content/content.hpp"
 #include "pipeline/report/content/content_tables.hpp"
+#include "pipeline/report/content/first_page.hpp"
 #include "pipeline/report/content/judgement.hpp"
 
 namespace emmetrope::report {
@@ -99,11 +100,15 @@ Table meniscus_table(const Eyes& eyes) {
   return table;
 }
 
+bool has_refraction_axis(const EyeData& eye) {
+  return has_axis(eye.prescription.value("cylinder_D", Json()));
+}
+
 const std::vector<EyeRow>& cylinder_rows() {
   static const std::vector<EyeRow> rows{
       {"/plano_cylinder/radius_mm", "Radius of the back surface", {1, true, "mm"}},
       {"/plano_cylinder/power_D", "Power", dioptres},
-      {"/plano_cylinder/axis_deg", "Axis (meridian without power)", {0, false, "deg"}},
+      {"/plano_cylinder/axis_deg", "Axis (meridian without power)", {0, false, "deg"}, has_refraction_axis},
       {"/plano_cylinder/index", "Refractive index", {3, false, ""}},
       {"/plano_cylinder/vertex_distance_mm", "In front of the cornea", {1, false, "mm"}},
       {"/plano_cylinder/sharpness", "Sharpness reached", {4, false, ""}}};
@@ -185,7 +190,7 @@ Section lenses_section(const CaseData& data) {
   // What has the form of a prescription is for eyes that have one.
   add(lens_table(prescribed), Paper::if_room);
   add(meniscus_table(prescribed), Paper::never);
-  add(rows("Best plano-cylinder", refracted, cylinder_rows()), Paper::never);
+  add(rows("Best plano-cylinder", prescribed, cylinder_rows()), Paper::never);
   add(rows("Intraocular lens for a target refraction, for information", prescribed, implant_rows()),
       Paper::if_room);
   add(rows("Laser ablation for this refraction", prescribed, ablation_rows()), Paper::never);
