@@ -134,9 +134,9 @@ const std::vector<EyeRow>& ablation_rows() {
       {"/what_if/ablation/optical_zone_mm", "Optical zone", millimetres},
       {"/what_if/ablation/central_depth_um", "Depth at the centre", {1, false, "\u00b5m"}},
       {"/what_if/ablation/deepest_um", "Deepest", {1, false, "\u00b5m"}},
-      {"/what_if/ablation/residual/M_D", "Left over, M", dioptres},
-      {"/what_if/ablation/residual/J0_D", "Left over, J0", dioptres},
-      {"/what_if/ablation/residual/J45_D", "Left over, J45", dioptres}};
+      {"/what_if/ablation/residual/M_D", "Left over (least spot), M", dioptres},
+      {"/what_if/ablation/residual/J0_D", "Left over (least spot), J0", dioptres},
+      {"/what_if/ablation/residual/J45_D", "Left over (least spot), J45", dioptres}};
   return rows;
 }
 
@@ -156,7 +156,7 @@ const std::vector<EyeRow>& accommodation_rows() {
 }
 
 Table pupil_table(const Eyes& eyes) {
-  PowerTable table("The sharpest lens at other pupils (iris apertures)", "Pupil", eyes, dioptres);
+  PowerTable table("The refraction of least spot at other pupils (iris apertures)", "Pupil", eyes, dioptres);
   std::map<double, std::vector<Json>> by_pupil;
   for (std::size_t i = 0; i < eyes.size(); ++i) {
     const Json::json_pointer pointer("/what_if/pupil");

@@ -398,6 +398,17 @@ TEST_F(NumbersTest, ACitationNamesTheWorkThatIsMeant) {
   expect_cited("healthy corrected eyes", "Watson AB.");
 }
 
+/// A table says by which criterion its refractions are, where it is not this report's.
+TEST_F(NumbersTest, RefractionsOfTheLeastSpotAreCalledThat) {
+  test::make_fixture_case(folder_);
+  report();
+  const std::string html = output("report.html");
+  EXPECT_THAT(html, HasSubstr("<caption>The refraction of least spot at other pupils (iris apertures)"));
+  EXPECT_THAT(html, HasSubstr("<caption>Refraction of least spot away from the axis, OD (right)"));
+  EXPECT_THAT(html, HasSubstr("M of each direction less M of the centre, both of the least spot"));
+  EXPECT_THAT(html, HasSubstr("Left over (least spot), M"));
+}
+
 /// What dsrdump prints of one NUM item.
 struct Number {
   double value = 0, upper = -1, lower = -1;
