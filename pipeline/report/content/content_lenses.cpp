@@ -1,5 +1,6 @@
 #include <fmt/format.h>
 
+#include <array>
 #include <cctype>
 
 #include "pipeline/base/notation.hpp"
@@ -129,6 +130,29 @@ const std::vector<EyeRow>& implant_rows() {
   return rows;
 }
 
+/// The powers with the intervals that stand beside them: "srkt_D" and "srkt_ci95_D".
+Table implant_table(const Eyes& eyes) {
+  Table table{"Intraocular lens for a target refraction, for information", {"Quantity"}, {}};
+  for (const auto* eye : eyes)
+    for (const char* column : {"", " 95 % interval"}) table.header.push_back(short_name(*eye) + column);
+  for (const EyeRow& row : implant_rows()) {
+    const Json::json_pointer interval_at(row.pointer.substr(0, row.pointer.rfind('_')) + "_ci95_D");
+    std::vector<std::string> cells{row.name};
+    bool is_known = false;
+    for (const auto* eye : eyes) {
+      const auto value = value_at(eye->prescription, row.pointer);
+      is_known = is_known || value.has_value();
+      const Json interval = eye->prescription.value(interval_at, Json());
+      cells.push_back(value ? format(*value, row.style) : "\u2013");
+      cells.push_back(value && interval.is_array()
+                          ? format_interval({*value, interval.get<std::array<double, 2>>(), ""}, row.style)
+                          : "");
+    }
+    if (is_known) table.rows.push_back(cells);
+  }
+  return table;
+}
+
 const std::vector<EyeRow>& ablation_rows() {
   static const std::vector<EyeRow> rows{
       {"/what_if/ablation/optical_zone_mm", "Optical zone", millimetres},
@@ -191,17 +215,17 @@ Section lenses_section(const CaseData& data) {
   add(lens_table(prescribed), Paper::if_room);
   add(meniscus_table(prescribed), Paper::never);
   add(rows("Best plano-cylinder", prescribed, cylinder_rows()), Paper::never);
-  add(rows("Intraocular lens for a target refraction, for information", prescribed, implant_rows()),
-      Paper::if_room);
+  add(implant_table(prescribed), Paper::if_room);
   add(rows("Laser ablation for this refraction", prescribed, ablation_rows()), Paper::never);
   add(pupil_table(refracted), Paper::never);
   add(rows("Accommodation", refracted, accommodation_rows()), Paper::never);
   if (!section.blocks.empty())
     section.blocks.push_back(
         {Paragraph{
-             "Each form shares the interval of the spherical equivalent above. Nothing here is a plan for surgery: "
-             "formulas want optical biometry and the surgeon's own constants. Amplitudes are "
-             "Hofstetter's (1950)."},
+             "Each form shares the interval of the spherical equivalent above, but for the intraocular lens: it takes "
+             "the place of the eye's own, and its power is as uncertain as length and cornea make it; how well a "
+             "formula tells where it comes to stand is not in that. Nothing here is a plan for surgery: formulas want "
+             "optical biometry and the surgeon's own constants. Amplitudes are Hofstetter's (1950)."},
          Paper::never});
   return section;
 }

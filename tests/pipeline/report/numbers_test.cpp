@@ -409,6 +409,17 @@ TEST_F(NumbersTest, RefractionsOfTheLeastSpotAreCalledThat) {
   EXPECT_THAT(html, HasSubstr("Left over (least spot), M"));
 }
 
+/// A lens implant takes the lens's place: its power does not share the refraction's interval.
+TEST_F(NumbersTest, AnImplantsPowerHasItsOwnInterval) {
+  test::make_fixture_case(folder_);
+  report();
+  const auto rows = table_rows(output("report.html"));
+  const std::string interval = "+15.41 to +20.65";
+  EXPECT_THAT(rows, have_row({"SRK/T", "+18.03 D", interval, "+18.03 D", interval}));
+  EXPECT_THAT(rows, have_row({"A constant", "118.4", "", "118.4", ""}));
+  EXPECT_THAT(visible_text(output("report.html")), HasSubstr("but for the intraocular lens"));
+}
+
 /// What dsrdump prints of one NUM item.
 struct Number {
   double value = 0, upper = -1, lower = -1;
