@@ -117,7 +117,7 @@ void follow_trace_stage(const fs::path& case_folder, CorrectionSettings& setting
 struct EyeResult {
   Prescription prescription;
   PrescriptionUncertainty uncertainty;
-  std::optional<double> axial_length_mm;  ///< optical, of a measured eye
+  const UncertainOptics* measured = nullptr;  ///< what is known of a measured eye
 };
 
 /// What the clinic knows is learnt about the eye as formulas, which then stands for the one that was traced.
@@ -220,9 +220,8 @@ void write_eye_files(const fs::path& folder, const raytrace::Tracer& tracer, con
   const PrescriptionSettings& p = result.prescription.settings;
   fs::create_directories(folder);
   Json prescription = to_json(result.prescription, result.uncertainty, laterality);
-  WhatIfSettings what_if = settings.what_if;
-  what_if.axial_length_mm = result.axial_length_mm;
-  prescription["what_if"] = what_if_json(eye, p, result.prescription.refraction, what_if);
+  prescription["what_if"] =
+      what_if_json(eye, p, result.prescription.refraction, settings.what_if, result.measured);
   write_json(folder / "prescription.json", prescription);
   write_file(folder / "sweep.csv", sweep_csv(result.prescription.plano_cylinder));
   write_file(folder / "sweep.svg", sweep_svg(result.prescription.plano_cylinder, p.criterion));
@@ -339,9 +338,8 @@ EyeResult correct_one(const KnownEye& known, const raytrace::Tracer& tracer,
                       const PrescriptionSettings& settings) {
   EyeResult result;
   result.prescription = prescribe(tracer, known.eye, settings);
-  if (known.uncertain) result.axial_length_mm = known.uncertain->known.eye().axial_length_mm;
-  result.uncertainty =
-      uncertainty_of(result.prescription, known.uncertain ? &*known.uncertain : nullptr, known.calibration);
+  if (known.uncertain) result.measured = &*known.uncertain;
+  result.uncertainty = uncertainty_of(result.prescription, result.measured, known.calibration);
   return result;
 }
 

@@ -156,17 +156,8 @@ PlanoCylinderResult best_plano_cylinder(const raytrace::Tracer& tracer,
 
 }  // namespace
 
-void check_setting(const char* name, double value, const Range& allowed, const char* unit) {
-  if (!allowed.contains(value))
-    throw usage_error(
-        fmt::format("{} is {:g}{}, outside {:g} to {:g}", name, value, unit, allowed.low, allowed.high),
-        fmt::format("give {:g} to {:g}{}", allowed.low, allowed.high, unit));
-}
-
 void PrescriptionSettings::check() const {
-  if (vertex_distance_mm != 0)
-    check_setting("--vertex-distance (vertex_distance_mm)", vertex_distance_mm, {5, 30},
-                  " mm");  // else metres
+  check_vertex_distance("--vertex-distance (vertex_distance_mm)", vertex_distance_mm);
   check_setting("--pupil (pupil_mm)", pupil_mm, iris_aperture_mm, " mm");
   check_setting("--wavelength (wavelength_nm)", wavelength_nm, {380, 780}, " nm");
   check_setting("--plano-cylinder-distance (plano_cylinder_distance_mm)", plano_cylinder_distance_mm, {0, 30},

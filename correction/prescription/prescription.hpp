@@ -33,9 +33,6 @@ struct PrescriptionSettings {
   /// \throw Error (usage) naming the field
   void check() const;
 };
-/// \param name  the flag, and the field of the settings where that is called otherwise
-/// \throw Error (usage) naming it, its value and what is allowed
-void check_setting(const char* name, double value, const Range& allowed, const char* unit = "");
 
 /// One row of the sweep of the paper's Fig. 7: the plano-cylinder at its best axis, all radii, the best among
 /// them.

@@ -1,6 +1,7 @@
 #include "correction/what_if/what_if.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <functional>
 #include <limits>
@@ -66,24 +67,70 @@ double mean_keratometry_D(const EyeModel& eye) {
   return sum_D / 4;
 }
 
-Json iol_json(const EyeModel& eye, const PrescriptionSettings& settings, const WhatIfSettings& what_if) {
-  constexpr double vertex_mm = 12;
+IolBiometry iol_biometry(const EyeModel& eye, double axial_length_mm) {
+  return {axial_length_mm, mean_keratometry_D(eye), eye.surface("lens_anterior").position_mm};
+}
+
+/// How the IOL's power is found: rays first, then the formulas.
+constexpr std::array iol_methods{"ray_traced", "srkt", "holladay_1", "hoffer_q", "haigis"};
+
+Eigen::Vector4d iol_formula_powers_D(const IolBiometry& biometry, const WhatIfSettings& what_if) {
   const double a_constant = what_if.iol_a_constant, target_D = what_if.iol_target_D;
-  const double target_at_cornea_D = move_towards_eye({target_D, 0, 0}, vertex_mm).M_D;
-  const IolBiometry biometry{what_if.axial_length_mm.value_or(eye.axial_length_mm()), mean_keratometry_D(eye),
-                             eye.surface("lens_anterior").position_mm};
-  const ThinLensEye srkt = srkt_eye(biometry, a_constant);
-  return {{"target_M_D", target_D},
-          {"target_vertex_distance_mm", vertex_mm},
-          {"a_constant", a_constant},
-          {"axial_length_mm", biometry.axial_length_mm},
-          {"position_mm", srkt.lens_mm},
-          {"ray_traced_D", ray_traced_iol_D(with_pupil(eye, settings.pupil_mm), srkt.lens_mm,
-                                            target_at_cornea_D, settings.wavelength_nm)},
-          {"srkt_D", iol_power_D(srkt, target_D)},
-          {"holladay_1_D", iol_power_D(holladay_eye(biometry, a_constant), target_D)},
-          {"hoffer_q_D", iol_power_D(hoffer_q_eye(biometry, a_constant), target_D)},
-          {"haigis_D", iol_power_D(haigis_eye(biometry, a_constant), target_D)}};
+  return {iol_power_D(srkt_eye(biometry, a_constant), target_D),
+          iol_power_D(holladay_eye(biometry, a_constant), target_D),
+          iol_power_D(hoffer_q_eye(biometry, a_constant), target_D),
+          iol_power_D(haigis_eye(biometry, a_constant), target_D)};
+}
+
+/// Standard deviations of the powers by what is known of the eye. They are wider than the refraction's may be: a
+/// refraction that was given tells of cornea, lens and length together, and an IOL takes the lens's place. The ray-traced
+/// power moves as what a fixed IOL leaves, over what a dioptre of it changes.
+Eigen::VectorXd iol_sigmas_D(const UncertainOptics& measured, double ray_traced_D,
+                             const PrescriptionSettings& settings, const WhatIfSettings& what_if) {
+  const auto left_D = [&](const EyeModel& eye, const IolBiometry& biometry, double power_D) {
+    const double position_mm = srkt_eye(biometry, what_if.iol_a_constant).lens_mm;
+    return mean_refraction_at_cornea_D(with_iol(with_pupil(eye, settings.pupil_mm), power_D, position_mm),
+                                       settings.wavelength_nm);
+  };
+  constexpr double step_D = 0.5;
+  const IolBiometry at_mean = iol_biometry(measured.model, measured.known.eye().axial_length_mm);
+  const double left_per_D = (left_D(measured.model, at_mean, ray_traced_D + step_D) -
+                             left_D(measured.model, at_mean, ray_traced_D - step_D)) /
+                            (2 * step_D);
+  const NormalDistribution numbers = measured.known.parameters();
+  const Eigen::MatrixXd slopes = jacobian(numbers, [&](const Eigen::VectorXd& values) -> Eigen::VectorXd {
+    const EyeModel eye = eye_at(measured, values);
+    const IolBiometry biometry = iol_biometry(eye, measured.known.at(values).axial_length_mm);
+    Eigen::VectorXd powers_D(iol_methods.size());
+    powers_D << -left_D(eye, biometry, ray_traced_D) / left_per_D, iol_formula_powers_D(biometry, what_if);
+    return powers_D;
+  });
+  return (slopes * numbers.covariance * slopes.transpose()).diagonal().cwiseMax(0).cwiseSqrt();
+}
+
+Json iol_json(const EyeModel& eye, const PrescriptionSettings& settings, const WhatIfSettings& what_if,
+              const UncertainOptics* measured) {
+  constexpr double vertex_mm = 12;
+  const IolBiometry biometry =
+      iol_biometry(eye, measured ? measured->known.eye().axial_length_mm : eye.axial_length_mm());
+  const double position_mm = srkt_eye(biometry, what_if.iol_a_constant).lens_mm,
+               target_at_cornea_D = move_towards_eye({what_if.iol_target_D, 0, 0}, vertex_mm).M_D;
+  Eigen::VectorXd powers_D(iol_methods.size()), sigmas_D;
+  powers_D << ray_traced_iol_D(with_pupil(eye, settings.pupil_mm), position_mm, target_at_cornea_D,
+                               settings.wavelength_nm),
+      iol_formula_powers_D(biometry, what_if);
+  if (measured) sigmas_D = iol_sigmas_D(*measured, powers_D[0], settings, what_if);
+  Json json{{"target_M_D", what_if.iol_target_D},
+            {"target_vertex_distance_mm", vertex_mm},
+            {"a_constant", what_if.iol_a_constant},
+            {"axial_length_mm", biometry.axial_length_mm},
+            {"position_mm", position_mm}};
+  for (Eigen::Index i = 0; i < powers_D.size(); ++i) {
+    const std::string method = iol_methods[static_cast<std::size_t>(i)];
+    json[method + "_D"] = powers_D[i];
+    if (measured) json[method + "_ci95_D"] = Measured::from_sigma(powers_D[i], sigmas_D[i], "").ci95;
+  }
+  return json;
 }
 
 /// Root mean square of the aberrations over the ablation's zone.
@@ -114,7 +161,7 @@ Json ablation_json(const EyeModel& eye, const PrescriptionSettings& settings,
 }  // namespace
 
 Json what_if_json(const EyeModel& eye, const PrescriptionSettings& settings, const PowerVector& refraction,
-                  const WhatIfSettings& what_if) {
+                  const WhatIfSettings& what_if, const UncertainOptics* measured) {
   const PowerVector at_cornea = move_towards_eye(refraction, settings.vertex_distance_mm);
   Json json;
   json["pupil"] = pupil_json(eye, settings);
@@ -137,7 +184,7 @@ Json what_if_json(const EyeModel& eye, const PrescriptionSettings& settings, con
       return {{"reason", error.what()}};
     }
   };
-  json["intra_ocular_lens"] = or_reason([&] { return iol_json(eye, settings, what_if); });
+  json["intra_ocular_lens"] = or_reason([&] { return iol_json(eye, settings, what_if, measured); });
   json["ablation"] =
       or_reason([&] { return ablation_json(eye, settings, munnerlyn_profile(eye, at_cornea)); });
   json["wavefront_guided_ablation"] = or_reason([&] {

@@ -4,6 +4,7 @@
 #include "correction/prescription/prescription.hpp"
 #include "pipeline/base/json.hpp"
 #include "pipeline/base/power_vector.hpp"
+#include "pipeline/eye/measured/uncertain_optics.hpp"
 #include "pipeline/eye/model/eye_model.hpp"
 
 /// What would change the refraction: pupil, accommodation, an intra-ocular lens, an ablation. All on the eye
@@ -29,17 +30,18 @@ double ray_traced_iol_D(const EyeModel& eye, double position_mm, double target_a
                         double wavelength_nm);
 
 struct WhatIfSettings {
-  std::optional<double> age_years;        ///< for the near point
-  double iol_target_D = 0;                ///< refraction that an IOL is to leave, 12 mm before the cornea
-  double iol_a_constant = 118.4;          ///< of the IOL, for the formulas and for its place
-  std::optional<double> axial_length_mm;  ///< optical, for the formulas; the model's own where none is given
+  std::optional<double> age_years;  ///< for the near point
+  double iol_target_D = 0;          ///< refraction that an IOL is to leave, 12 mm before the cornea
+  double iol_a_constant = 118.4;    ///< of the IOL, for the formulas and for its place
 };
 
 /// All of it for one eye, as prescription.json's "what_if": refraction against pupil, near point by age
 /// (where an age is given), the IOL by rays and by four formulas, and what two ablations of this refraction
 /// would leave.
 /// \param refraction  at the settings' vertex distance
+/// \param measured  what is known of the eye, where it was measured: its optical axial length is the formulas', and
+///   the IOL's powers have intervals
 Json what_if_json(const EyeModel& eye, const PrescriptionSettings& settings, const PowerVector& refraction,
-                  const WhatIfSettings& what_if);
+                  const WhatIfSettings& what_if, const UncertainOptics* measured = nullptr);
 
 }  // namespace emmetrope::correction

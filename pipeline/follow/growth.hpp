@@ -26,7 +26,7 @@ struct Growth {
 
 /// What the visits say together of an eye that changes evenly: the change from the first visit is measured with the errors
 /// of both fits, and is known beforehand to lie within the spread of change_sigma: what an eye does not change (cornea,
-/// the lens's place) is one for all visits. Errors that all fits share make it wider than need be.
+/// the lens's place) is one for all visits. Errors that all fits still share make it wider than need be.
 /// \param visits  at least two, the first at 0 years
 /// \param scale_sigma  relative standard deviation of the scanner's scale from visit to visit
 /// \throw Error (input_invalid) where the fits have too few parameters in common

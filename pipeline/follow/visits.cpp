@@ -6,11 +6,13 @@
 #include <algorithm>
 #include <boost/date_time/gregorian/gregorian.hpp>
 #include <cmath>
+#include <set>
 
 #include "pipeline/base/case_folder.hpp"
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/files.hpp"
 #include "pipeline/eye/instruments/instruments.hpp"
+#include "pipeline/report/case/series.hpp"
 #include "pipeline/report/comparison.hpp"
 #include "pipeline/report/dicom/source_study.hpp"
 #include "pipeline/report/dicom/write_objects.hpp"
@@ -113,7 +115,29 @@ void require_one_person(const Visits& visits, std::size_t k, std::size_t i) {
                       "name cases of one person");
 }
 
+/// Contrast and field of the images that an eye was fitted to: "T1, 3 T"; empty where that is not told.
+std::string images_of(const report::CaseData& data, const Json& fit) {
+  const std::string contrast = fit.value("contrast", std::string());
+  std::set<double> fields_T;
+  for (const report::Series& series : report::used_series(data))
+    if (series.contrast == contrast) fields_T.insert(series.field_strength_T);
+  if (fields_T.size() != 1 || !(*fields_T.begin() > 0)) return {};
+  return fmt::format("{}, {:g} T", contrast, *fields_T.begin());
+}
+
 }  // namespace
+
+ParametricEye without_shared_error(ParametricEye eye, const Json& shared_sigmas) {
+  for (std::size_t i = 0; i < eye.parameter_names.size(); ++i) {
+    const auto at = static_cast<Eigen::Index>(i);
+    const double shared = shared_sigmas.value(eye.parameter_names[i], 0.0), all = eye.covariance(at, at);
+    if (!(shared > 0 && all > 0)) continue;
+    const double left = std::sqrt(std::max(0.0, 1 - shared * shared / all));
+    eye.covariance.row(at) *= left;
+    eye.covariance.col(at) *= left;
+  }
+  return eye;
+}
 
 Visits read_visits(const std::vector<fs::path>& cases, const std::vector<double>& years,
                    LateralityChoice eyes) {
@@ -141,7 +165,9 @@ Visits read_visits(const std::vector<fs::path>& cases, const std::vector<double>
 }
 
 std::vector<EyeAtVisit> eyes_of(const Visits& visits, Laterality eye, std::string& reason) {
-  std::vector<EyeAtVisit> eyes;
+  std::vector<ParametricEye> fitted;
+  std::vector<Json> shared_sigmas;
+  std::set<std::string> images;
   for (std::size_t i = 0; i < visits.cases.size(); ++i) {
     const report::CaseData& data = visits.cases[i];
     const auto found = std::find_if(data.eyes.begin(), data.eyes.end(),
@@ -155,8 +181,16 @@ std::vector<EyeAtVisit> eyes_of(const Visits& visits, Laterality eye, std::strin
                                                       : "the front of this eye is withheld");
       return {};
     }
-    eyes.push_back({fitted_eye(parametric_eye_from_json(found->fit.at("eye"))), visits.years[i]});
+    fitted.push_back(parametric_eye_from_json(found->fit.at("eye")));
+    shared_sigmas.push_back(found->fit.value("shared_sigmas", Json::object()));
+    // A joint estimate does not say what it shares with an estimate in one contrast.
+    images.insert(shared_sigmas.back().empty() ? std::string() : images_of(data, found->fit));
   }
+  const bool are_alike = images.size() == 1 && !images.begin()->empty();
+  std::vector<EyeAtVisit> eyes;
+  for (std::size_t i = 0; i < fitted.size(); ++i)
+    eyes.push_back({fitted_eye(are_alike ? without_shared_error(fitted[i], shared_sigmas[i]) : fitted[i]),
+                    visits.years[i]});
   return eyes;
 }
 

@@ -25,7 +25,13 @@ struct Visits {
 Visits read_visits(const std::vector<std::filesystem::path>& cases, const std::vector<double>& years,
                    LateralityChoice eyes);
 
-/// The eye at every visit, or in `reason` why it cannot be followed.
+/// The eye whose parameters are known but for the part of their errors that every fit to such images has: it is in every
+/// visit, and in no growth.
+/// \param shared_sigmas  standard deviations of that part by parameter, as in fit.json
+ParametricEye without_shared_error(ParametricEye eye, const Json& shared_sigmas);
+
+/// The eye at every visit, or in `reason` why it cannot be followed. Where all were fitted to one contrast at one field,
+/// without the error that these share.
 std::vector<EyeAtVisit> eyes_of(const Visits& visits, Laterality eye, std::string& reason);
 
 /// A sentence on each visit to whose meshing other instruments told something of the eye: growth is of the fits alone.

@@ -10,6 +10,7 @@
 #include "pipeline/eye/optics/chief_ray.hpp"
 #include "pipeline/eye/optics/paraxial.hpp"
 #include "pipeline/eye/optics/retina_point.hpp"
+#include "pipeline/eye/population/limits.hpp"
 #include "pipeline/eye/schematic/schematic_eyes.hpp"
 #include "pipeline/python/bindings.hpp"
 #include "raytrace/case/measured_eye.hpp"
@@ -25,9 +26,12 @@ Laterality laterality_of(const std::string& name) {
   throw usage_error("laterality: \"" + name + "\" is unknown", "give od or os");
 }
 
+void check_pupil(double pupil_mm) { check_setting("pupil_mm", pupil_mm, iris_aperture_mm, " mm"); }
+
 EyeModel measured_eye(const std::string& case_folder, const std::string& laterality, double pupil_mm,
                       const std::optional<double>& age_years, const std::optional<double>& lens_index,
                       bool lens_core, const std::optional<double>& retinal_depth_mm) {
+  check_pupil(pupil_mm);
   raytrace::MeasuredEyeOptions options;
   options.age_years = age_years;
   options.lens_index = lens_index;
@@ -44,6 +48,7 @@ EyeModel measured_eye(const std::string& case_folder, const std::string& lateral
 EyeModel new_eye(const std::string& name_or_file, double accommodation_D,
                  const std::optional<double>& accommodation_parameter, const std::optional<double>& pupil_mm,
                  const std::string& laterality) {
+  if (pupil_mm) check_pupil(*pupil_mm);
   EyeOptions options;
   options.accommodation_D = accommodation_D;
   options.accommodation_parameter = accommodation_parameter;
@@ -53,7 +58,7 @@ EyeModel new_eye(const std::string& name_or_file, double accommodation_D,
 }
 
 EyeModel with_pupil_of(EyeModel eye, double pupil_mm) {
-  if (!(pupil_mm > 0 && pupil_mm <= 20)) throw usage_error("pupil_mm: more than 0 and up to 20 are wanted");
+  check_pupil(pupil_mm);
   eye.set_stop_diameter(pupil_mm);
   return eye;
 }
@@ -141,7 +146,7 @@ void bind_eyes(py::module_& module) {
       .def_readonly("reference_wavelength_nm", &EyeModel::reference_wavelength_nm)
       .def_property_readonly("axial_length_mm", &EyeModel::axial_length_mm)
       .def_property_readonly("surface_names", &surface_names, "In the order that light meets them.")
-      .def("with_pupil", &with_pupil_of, py::arg("pupil_mm"), "With another iris aperture.")
+      .def("with_pupil", &with_pupil_of, py::arg("pupil_mm"), "With another iris aperture, 0.5 to 9 mm.")
       .def(
           "with_spectacle",
           [](const EyeModel& eye, const std::string& lens) {

@@ -1,3 +1,4 @@
+#include "pipeline/eye/population/limits.hpp"
 #include "pipeline/python/bindings.hpp"
 #include "raytrace/wavefront/field.hpp"
 
@@ -91,10 +92,11 @@ void bind_wavefronts(py::module_& module) {
       .def(
           "at_vertex",
           [](const Wavefront& wavefront, const PowerVector& in_pupil, double vertex_distance_mm) {
+            check_vertex_distance("vertex_distance_mm", vertex_distance_mm);
             return at_vertex(wavefront, in_pupil, vertex_distance_mm);
           },
           py::arg("in_pupil"), py::arg("vertex_distance_mm") = 12,
-          "The prescription at a distance from the cornea.");
+          "The prescription at a distance from the cornea: 5 to 30 mm, or 0 of a contact lens.");
   module.def(
       "wavefront", &wavefront_of, py::arg("eye"), py::arg("retina_mm") = Eigen::Vector2d(0, 0),
       py::arg("wavelength_nm") = py::none(), py::arg("order") = 8, py::arg("stiles_crawford_per_mm2") = 0,

@@ -85,6 +85,17 @@ std::string edges_summary(const Json& edges) {
                      number("globe_width_mm"), number("globe_height_mm"));
 }
 
+/// Of the parameters' standard deviations what other images of this contrast at this field share. A joint estimate shares
+/// less with either contrast: that is not told.
+Json shared_sigmas_json(const JudgedEye& eye) {
+  Json json = Json::object();
+  const EyeFit& fit = *eye.fit;
+  for (Eigen::Index i = 0; i < fit.shared_variance.size(); ++i)
+    if (fit.shared_variance[i] > 0 && !eye.is_joined)
+      json[fit.layout.name(fit.active[static_cast<std::size_t>(i)])] = std::sqrt(fit.shared_variance[i]);
+  return json;
+}
+
 /// What images of the other contrast said by themselves, or with this one where they are joined; null: there are none.
 Json other_contrast_json(const JudgedEye& eye) {
   if (eye.in_other_contrast.empty()) return nullptr;
@@ -138,6 +149,7 @@ Json fit_json(const JudgedEye& eye, std::optional<double> head_roll_deg) {
   for (int i = vitreous; i <= surround; ++i) intensities[fit.layout.name(i)] = fit.parameters[i];
   json["intensities"] = intensities;
   json["eye"] = to_json(to_parametric_eye(fit, eye.found.laterality));
+  json["shared_sigmas"] = shared_sigmas_json(eye);
   return json;
 }
 

@@ -1,5 +1,7 @@
 #include "pipeline/eye/population/limits.hpp"
 
+#include <fmt/core.h>
+
 #include <algorithm>
 
 #include "pipeline/base/error.hpp"
@@ -178,6 +180,17 @@ std::vector<Limits> fit_quality() {
 }  // namespace
 
 bool Range::is_limited() const { return !contains(Range{}); }
+
+void check_setting(const char* name, double value, const Range& allowed, const char* unit) {
+  if (!allowed.contains(value))
+    throw usage_error(
+        fmt::format("{} is {:g}{}, outside {:g} to {:g}", name, value, unit, allowed.low, allowed.high),
+        fmt::format("give {:g} to {:g}{}", allowed.low, allowed.high, unit));
+}
+
+void check_vertex_distance(const char* name, double vertex_distance_mm) {
+  if (vertex_distance_mm != 0) check_setting(name, vertex_distance_mm, spectacle_distance_mm, " mm");
+}
 
 const std::vector<Limits>& limits_table() {
   static const std::vector<Limits> table = [] {

@@ -17,6 +17,14 @@ struct Range {
 
 /// Diameters of the iris that may be asked for; others are in another unit.
 inline constexpr Range iris_aperture_mm{0.5, 9};
+/// Distances of a spectacle from the cornea; others are in another unit.
+inline constexpr Range spectacle_distance_mm{5, 30};
+
+/// \param name  the flag, and the field of the settings where that is called otherwise
+/// \throw Error (usage) naming it, its value and what is allowed
+void check_setting(const char* name, double value, const Range& allowed, const char* unit = "");
+/// Of a spectacle, or 0 of a contact lens; as check_setting().
+void check_vertex_distance(const char* name, double vertex_distance_mm);
 
 /// The limits of one quantity at three severities, each within the one before where there are both.
 struct Limits {

@@ -1,10 +1,12 @@
 #include <fmt/format.h>
 
+#include <array>
 #include <cctype>
 
 #include "pipeline/base/notation.hpp"
 #include "pipeline/report/content/content.hpp"
 #include "pipeline/report/content/content_tables.hpp"
+#include "pipeline/report/content/first_page.hpp"
 #include "pipeline/report/content/judgement.hpp"
 
 namespace emmetrope::report {
@@ -99,11 +101,15 @@ Table meniscus_table(const Eyes& eyes) {
   return table;
 }
 
+bool has_refraction_axis(const EyeData& eye) {
+  return has_axis(eye.prescription.value("cylinder_D", Json()));
+}
+
 const std::vector<EyeRow>& cylinder_rows() {
   static const std::vector<EyeRow> rows{
       {"/plano_cylinder/radius_mm", "Radius of the back surface", {1, true, "mm"}},
       {"/plano_cylinder/power_D", "Power", dioptres},
-      {"/plano_cylinder/axis_deg", "Axis (meridian without power)", {0, false, "deg"}},
+      {"/plano_cylinder/axis_deg", "Axis (meridian without power)", {0, false, "deg"}, has_refraction_axis},
       {"/plano_cylinder/index", "Refractive index", {3, false, ""}},
       {"/plano_cylinder/vertex_distance_mm", "In front of the cornea", {1, false, "mm"}},
       {"/plano_cylinder/sharpness", "Sharpness reached", {4, false, ""}}};
@@ -124,14 +130,37 @@ const std::vector<EyeRow>& implant_rows() {
   return rows;
 }
 
+/// The powers with the intervals that stand beside them: "srkt_D" and "srkt_ci95_D".
+Table implant_table(const Eyes& eyes) {
+  Table table{"Intraocular lens for a target refraction, for information", {"Quantity"}, {}};
+  for (const auto* eye : eyes)
+    for (const char* column : {"", " 95 % interval"}) table.header.push_back(short_name(*eye) + column);
+  for (const EyeRow& row : implant_rows()) {
+    const Json::json_pointer interval_at(row.pointer.substr(0, row.pointer.rfind('_')) + "_ci95_D");
+    std::vector<std::string> cells{row.name};
+    bool is_known = false;
+    for (const auto* eye : eyes) {
+      const auto value = value_at(eye->prescription, row.pointer);
+      is_known = is_known || value.has_value();
+      const Json interval = eye->prescription.value(interval_at, Json());
+      cells.push_back(value ? format(*value, row.style) : "\u2013");
+      cells.push_back(value && interval.is_array()
+                          ? format_interval({*value, interval.get<std::array<double, 2>>(), ""}, row.style)
+                          : "");
+    }
+    if (is_known) table.rows.push_back(cells);
+  }
+  return table;
+}
+
 const std::vector<EyeRow>& ablation_rows() {
   static const std::vector<EyeRow> rows{
       {"/what_if/ablation/optical_zone_mm", "Optical zone", millimetres},
       {"/what_if/ablation/central_depth_um", "Depth at the centre", {1, false, "\u00b5m"}},
       {"/what_if/ablation/deepest_um", "Deepest", {1, false, "\u00b5m"}},
-      {"/what_if/ablation/residual/M_D", "Left over, M", dioptres},
-      {"/what_if/ablation/residual/J0_D", "Left over, J0", dioptres},
-      {"/what_if/ablation/residual/J45_D", "Left over, J45", dioptres}};
+      {"/what_if/ablation/residual/M_D", "Left over (least spot), M", dioptres},
+      {"/what_if/ablation/residual/J0_D", "Left over (least spot), J0", dioptres},
+      {"/what_if/ablation/residual/J45_D", "Left over (least spot), J45", dioptres}};
   return rows;
 }
 
@@ -151,7 +180,7 @@ const std::vector<EyeRow>& accommodation_rows() {
 }
 
 Table pupil_table(const Eyes& eyes) {
-  PowerTable table("The sharpest lens at other pupils (iris apertures)", "Pupil", eyes, dioptres);
+  PowerTable table("The refraction of least spot at other pupils (iris apertures)", "Pupil", eyes, dioptres);
   std::map<double, std::vector<Json>> by_pupil;
   for (std::size_t i = 0; i < eyes.size(); ++i) {
     const Json::json_pointer pointer("/what_if/pupil");
@@ -185,18 +214,18 @@ Section lenses_section(const CaseData& data) {
   // What has the form of a prescription is for eyes that have one.
   add(lens_table(prescribed), Paper::if_room);
   add(meniscus_table(prescribed), Paper::never);
-  add(rows("Best plano-cylinder", refracted, cylinder_rows()), Paper::never);
-  add(rows("Intraocular lens for a target refraction, for information", prescribed, implant_rows()),
-      Paper::if_room);
+  add(rows("Best plano-cylinder", prescribed, cylinder_rows()), Paper::never);
+  add(implant_table(prescribed), Paper::if_room);
   add(rows("Laser ablation for this refraction", prescribed, ablation_rows()), Paper::never);
   add(pupil_table(refracted), Paper::never);
   add(rows("Accommodation", refracted, accommodation_rows()), Paper::never);
   if (!section.blocks.empty())
     section.blocks.push_back(
         {Paragraph{
-             "Each form shares the interval of the spherical equivalent above. Nothing here is a plan for surgery: "
-             "formulas want optical biometry and the surgeon's own constants. Amplitudes are "
-             "Hofstetter's (1950)."},
+             "Each form shares the interval of the spherical equivalent above, but for the intraocular lens: it takes "
+             "the place of the eye's own, and its power is as uncertain as length and cornea make it; how well a "
+             "formula tells where it comes to stand is not in that. Nothing here is a plan for surgery: formulas want "
+             "optical biometry and the surgeon's own constants. Amplitudes are Hofstetter's (1950)."},
          Paper::never});
   return section;
 }

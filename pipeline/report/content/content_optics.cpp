@@ -7,6 +7,7 @@
 #include "pipeline/report/content/content.hpp"
 #include "pipeline/report/content/content_tables.hpp"
 #include "pipeline/report/content/judgement.hpp"
+#include "pipeline/report/content/references.hpp"
 #include "pipeline/report/figures/chart.hpp"
 #include "pipeline/report/figures/encoding.hpp"
 #include "pipeline/report/figures/letter_chart.hpp"
@@ -242,9 +243,10 @@ Section optics_section(const CaseData& data, Notes& notes) {
   zernike.caption =
       "2,0 is defocus, 2,\u00b12 astigmatism, 3,\u00b11 coma, 4,0 spherical aberration. Second order is what "
       "a lens corrects; the rest stays.";
-  mtf.caption =
+  mtf.caption = fmt::format(
       "Contrast that reaches the retina, by fineness of detail; letters of 20/20 need about 30 cycles per "
-      "degree. Grey: the mean of healthy corrected eyes [11] and the diffraction limit of this pupil.";
+      "degree. Grey: the mean of healthy corrected eyes [{}] and the diffraction limit of this pupil.",
+      reference_number("Watson 2013"));
   letters.caption =
       "Sloan letters of logMAR 0.7, 0.5, 0.3, 0.2, 0.1 and 0.0, computed from the wavefront in one colour. "
       "The smallest line whose letters can be told apart is about the acuity that the optics allow.";

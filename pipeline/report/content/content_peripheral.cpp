@@ -73,8 +73,8 @@ FigureRow maps_of(const Eyes& eyes) {
   for (std::size_t i = 0; i < maps.size(); ++i) row.figures.push_back(map_figure(*mapped[i], maps[i], scale));
   if (maps.empty()) return row;
   row.caption =
-      "M of each direction less M of the centre. It is of the shape of the retina that MRI shows, through the "
-      "modelled optics, for the eye as it was imaged (no lens" +
+      "M of each direction less M of the centre, both of the least spot. It is of the shape of the retina "
+      "that MRI shows, through the modelled optics, for the eye as it was imaged (no lens" +
       conditions_of(*mapped.front()) +
       "). + (red) is relatively hyperopic: with the centre corrected, the image there lies behind the retina; "
       "- (blue) is relatively myopic. Lines that circle the centre and grow outwards are oblique astigmatism, "
@@ -86,7 +86,7 @@ FigureRow maps_of(const Eyes& eyes) {
 
 /// The numbers behind the colours.
 Table peripheral_table(const EyeData& eye) {
-  Table table{std::string("Refraction away from the axis, ") + clinical_name(eye.laterality),
+  Table table{std::string("Refraction of least spot away from the axis, ") + clinical_name(eye.laterality),
               {"Horizontal, vertical", "M", "J0", "J45"},
               {},
               true};

@@ -154,20 +154,22 @@ const Json::json_pointer cylinder_at("/keratometry/cylinder_D");
 BulletList keratometer_lines(const CaseData& data) {
   BulletList lines;
   for (const auto& eye : data.eyes) {
-    const auto number = [&](const char* pointer, const NumberStyle& style) {
+    const auto number = [&](const std::string& pointer, const NumberStyle& style) {
       const auto value = value_at(eye.biometry, pointer);
       return value ? format(*value, style) : std::string("\u2013");
     };
     const NumberStyle power{2, false, "D"}, axis{0, false, "deg"};
     if (!value_at(eye.biometry, "/keratometry/flat/power_D")) continue;
-    std::string line =
-        fmt::format("{}: K1 {} @ {}, K2 {} @ {}, \u0394K {}", clinical_name(eye.laterality),
-                    number("/keratometry/flat/power_D", power), number("/keratometry/flat/axis_deg", axis),
-                    number("/keratometry/steep/power_D", power), number("/keratometry/steep/axis_deg", axis),
-                    number("/keratometry/cylinder_D", power));
-    const Json cylinder = eye.biometry.value(cylinder_at, Json());
+    const bool is_toric = has_axis(eye.biometry.value(cylinder_at, Json()));
+    const auto meridian = [&](const std::string& pointer) {
+      return number(pointer + "/power_D", power) +
+             (is_toric ? " @ " + number(pointer + "/axis_deg", axis) : std::string());
+    };
+    std::string line = fmt::format("{}: K1 {}, K2 {}, \u0394K {}", clinical_name(eye.laterality),
+                                   meridian("/keratometry/flat"), meridian("/keratometry/steep"),
+                                   number("/keratometry/cylinder_D", power));
     const Json astigmatism = eye.biometry.value("astigmatism", Json::object());
-    if (!has_axis(cylinder))
+    if (!is_toric)
       line += ", axis not determined";
     else if (astigmatism.is_object() && astigmatism.contains("type") && astigmatism["type"].is_string())
       line += ", " + astigmatism["type"].get<std::string>();

@@ -30,7 +30,8 @@ Table eye_table(std::string caption, const Eyes& eyes, Json EyeData::*document,
     std::vector<std::string> cells{row.name};
     bool any = false;
     for (const auto* eye : eyes) {
-      const auto value = value_at(eye->*document, row.pointer);
+      const bool is_told = row.is_told_of == nullptr || row.is_told_of(*eye);
+      const auto value = is_told ? value_at(eye->*document, row.pointer) : std::nullopt;
       any = any || value.has_value();
       cells.push_back(value ? number_or_ratio(*value, row.style) : none);
     }

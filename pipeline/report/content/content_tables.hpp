@@ -19,6 +19,7 @@ struct EyeRow {
   std::string pointer;  ///< JSON pointer, "/plano_cylinder/radius_mm"
   std::string name;
   NumberStyle style;
+  bool (*is_told_of)(const EyeData&) = nullptr;  ///< of which eyes; null: of all
 };
 
 /// One eye a column. A row that no eye has is left out; where one eye alone lacks it stands a dash.

@@ -113,15 +113,18 @@ Section limits_section(const CaseData& data, const Notes& notes) {
 
 Section methods_section(const CaseData& data) {
   Section section{"methods", "Methods", {}};
-  section.blocks.push_back(
-      {Paragraph{images_sentence(data) + refraction_sentence(data) +
-                 "The eyes are found in the MR volumes by radial symmetry and paired by the patient's "
-                 "coordinates. A parametric eye (biconic cornea, two-conic lens, ellipsoid globe with a "
-                 "smooth displacement) is fitted to the voxels through a model of the acquisition; the "
-                 "covariance of the fit gives the intervals. The surfaces are meshed and light is traced "
-                 "backward from the retina through them [1]. The lens is the one that makes the retinal "
-                 "image sharpest; refractions are averaged and compared as power vectors [2], wavefronts "
-                 "follow [3], the lens index [4]. This text may be copied into a paper."}});
+  section.blocks.push_back({Paragraph{
+      images_sentence(data) + refraction_sentence(data) +
+      fmt::format("The eyes are found in the MR volumes by radial symmetry and paired by the patient's "
+                  "coordinates. A parametric eye (biconic cornea, two-conic lens, ellipsoid globe with a "
+                  "smooth displacement) is fitted to the voxels through a model of the acquisition; the "
+                  "covariance of the fit gives the intervals. The surfaces are meshed and light is traced "
+                  "backward from the retina through them [{}]. The lens is the one that makes the retinal "
+                  "image sharpest; refractions are averaged and compared as power vectors [{}], wavefronts "
+                  "follow [{}], the lens index [{}]. This text may be copied into a paper.",
+                  reference_number("Wei et al. 2014"), reference_number("Thibos et al. 1997"),
+                  reference_number("ANSI Z80.28"),
+                  reference_number("Dubbelman and van der Heijde 2001, index"))}});
   section.blocks.push_back(
       {Paragraph{
            "Frames: light is described in the eye's frame, x to the examiner's right, y up, z out of "

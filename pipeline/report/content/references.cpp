@@ -34,8 +34,8 @@ constexpr Reference references[] = {
      "Dubbelman M, van der Heijde GL, Weeber HA. The thickness of the aging human lens obtained from "
      "corrected Scheimpflug images. Optometry and Vision Science 2001;78:411-416."},
     {"Dubbelman and van der Heijde 2001",
-     "As 4: radii at 20 to 70 years; within 0.4 mm of Navarro R. Adaptive model of the aging emmetropic "
-     "eye. Journal of Vision 2014;14(13):21."},
+     "Dubbelman M, van der Heijde GL. Vision Research 2001;41:1867-1877, radii at 20 to 70 years; within 0.4 mm of "
+     "Navarro R. Adaptive model of the aging emmetropic eye. Journal of Vision 2014;14(13):21."},
     {"Dodgson 2004",
      "Dodgson NA. Variation and extrema of human interpupillary distance. Proc. SPIE 2004;5291:36-46."},
     {"Handan Eye Study",

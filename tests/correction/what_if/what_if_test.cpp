@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "correction/search/retinal_sharpness.hpp"
@@ -11,6 +13,7 @@
 #include "pipeline/eye/optics/paraxial.hpp"
 #include "pipeline/eye/schematic/schematic_eyes.hpp"
 #include "pipeline/eye/surfaces/zernike.hpp"
+#include "tests/support/measured_optics.hpp"
 
 namespace emmetrope::correction {
 namespace {
@@ -113,6 +116,76 @@ TEST(WhatIf, IolLeavesTheTargetRefraction) {
   // 2 D at the spectacles are about 2.7 D in the lens.
   for (const char* formula : {"ray_traced_D", "srkt_D", "holladay_1_D", "hoffer_q_D", "haigis_D"})
     EXPECT_NEAR(iol[formula].get<double>() - emmetropic[formula].get<double>(), 2.7, 0.3) << formula;
+}
+
+/// A measured eye with a spherical cornea, of which one parameter, and the index of its own lens, are uncertain.
+UncertainOptics uncertain_in(const std::string& parameter, double sigma) {
+  Json json = measured_optics();
+  const auto names = json["parameters"].get<std::vector<std::string>>();
+  const auto at = [&](const char* name) {
+    return static_cast<std::size_t>(std::find(names.begin(), names.end(), name) - names.begin());
+  };
+  for (const char* name : {"cornea_j0_per_mm", "cornea_j45_per_mm", "cornea_q"})
+    json["values"][at(name)] = 0.0;
+  Json& surfaces = json["eye"]["surfaces"];
+  surfaces[0]["radius_mm"] = {7.8, 7.8};
+  surfaces[0]["q"] = {0.0, 0.0};
+  surfaces[1]["radius_mm"] = {7.8 * 0.83, 7.8 * 0.83};
+  for (Json& row : json["covariance"])
+    for (Json& element : row) element = 0.0;
+  json["covariance"][at(parameter.c_str())][at(parameter.c_str())] = sigma * sigma;
+  return uncertain_optics_from_json(json, ".", 0.005);
+}
+
+Json iol_of(const UncertainOptics& eye) {
+  return what_if_json(eye.model, {}, {}, {}, &eye)["intra_ocular_lens"];
+}
+
+double half_width_D(const Json& iol, const std::string& method) {
+  const auto ci95_D = iol.at(method + "_ci95_D").get<std::array<double, 2>>();
+  EXPECT_NEAR((ci95_D[0] + ci95_D[1]) / 2, iol.at(method + "_D").get<double>(), 1e-9) << method;
+  return (ci95_D[1] - ci95_D[0]) / 2;
+}
+
+TEST(WhatIf, IolPowersAreAsUncertainAsLengthAndCornea) {
+  // By the published expressions a millimetre of length, and a dioptre of the cornea, further and nearer.
+  constexpr double a_constant = 118.4, L_mm = 24, K_D = 337.5 / 7.8, length_ci95_mm = 0.48,
+                   cornea_ci95_D = 2.2;
+  const Json of_length = iol_of(uncertain_in("optical_axial_length_mm", length_ci95_mm / 1.96)),
+             of_cornea = iol_of(uncertain_in("cornea_c_per_mm", cornea_ci95_D / 337.5 / 1.96));
+  using Formula = ThinLensEye (*)(const IolBiometry&, double);
+  for (const auto& [method, formula] : {std::pair<const char*, Formula>{"srkt", srkt_eye},
+                                        {"holladay_1", holladay_eye},
+                                        {"hoffer_q", hoffer_q_eye},
+                                        {"haigis", haigis_eye}}) {
+    const auto power_D = [&, formula = formula](double length_mm, double cornea_D) {
+      return iol_power_D(formula({length_mm, cornea_D, 3.4}, a_constant), 0);
+    };
+    constexpr double step = 0.05;
+    const double per_mm = (power_D(L_mm - step, K_D) - power_D(L_mm + step, K_D)) / (2 * step),
+                 per_D = (power_D(L_mm, K_D - step) - power_D(L_mm, K_D + step)) / (2 * step);
+    EXPECT_NEAR(of_length.at(std::string(method) + "_D"), power_D(L_mm, K_D), 1e-6) << method;
+    EXPECT_NEAR(half_width_D(of_length, method), length_ci95_mm * per_mm, 0.01) << method;
+    EXPECT_NEAR(half_width_D(of_cornea, method), cornea_ci95_D * per_D, 0.01) << method;
+  }
+}
+
+TEST(WhatIf, TheRayTracedLensIsAsUncertainAsTheLength) {
+  // What eyes shorter and longer by a standard deviation want, where SRK/T has the lens in each.
+  constexpr double sigma_mm = 0.25;
+  const UncertainOptics eye = uncertain_in("optical_axial_length_mm", sigma_mm);
+  const auto power_D = [&](double length_mm) {
+    Eigen::VectorXd values = eye.known.parameters().mean;
+    values[eye.known.index_of("axial_length_mm")] = length_mm;
+    return ray_traced_iol_D(eye_at(eye, values), srkt_eye({length_mm, 337.5 / 7.8, 3.4}, 118.4).lens_mm, 0,
+                            589.3);
+  };
+  EXPECT_NEAR(half_width_D(iol_of(eye), "ray_traced"),
+              1.96 * (power_D(24 - sigma_mm) - power_D(24 + sigma_mm)) / 2, 0.02);
+}
+
+TEST(WhatIf, AnEyeThatIsKnownExactlyHasNoIntervals) {
+  EXPECT_FALSE(what_if_json(make_eye("navarro"), {}, {}, {})["intra_ocular_lens"].contains("srkt_ci95_D"));
 }
 
 /// Gullstrand-Emsley's eye, whose cornea is a sphere, made myopic.

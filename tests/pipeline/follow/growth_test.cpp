@@ -11,6 +11,7 @@
 #include "pipeline/base/process.hpp"
 #include "pipeline/eye/instruments/instruments.hpp"
 #include "pipeline/follow/quantities.hpp"
+#include "pipeline/follow/visits.hpp"
 #include "tests/support/fixture_case.hpp"
 #include "tests/support/temporary_folder.hpp"
 
@@ -82,6 +83,18 @@ TEST(Growth, TheScannersScaleMakesLengthsLessCertain) {
   const double more = with_scale * with_scale - alone * alone, whole = 2 * 0.002 * 24 * 0.002 * 24;
   EXPECT_LT(more, whole);  // what is held tells of the scale, too
   EXPECT_GT(more, 0.8 * whole);
+}
+
+// An error that is in every fit is in no difference: what is left of a length known to 0.25 mm is known to 0.15.
+TEST(Visits, WhatImagesShareIsTakenOutOfTheCovariance) {
+  ParametricEye eye = eye_of(24, 0.25);
+  const Eigen::Index length = 3, chamber = 4;
+  eye.covariance(length, chamber) = eye.covariance(chamber, length) = 0.4 * 0.25 * 0.05;
+  const Eigen::MatrixXd left = without_shared_error(eye, {{"axial_length_mm", 0.2}}).covariance;
+  EXPECT_NEAR(left(length, length), 0.25 * 0.25 - 0.2 * 0.2, 1e-12);
+  EXPECT_NEAR(left(length, chamber), 0.4 * 0.15 * 0.05, 1e-12);
+  EXPECT_EQ(left(chamber, chamber), eye.covariance(chamber, chamber));
+  EXPECT_EQ(without_shared_error(eye, Json::object()).covariance, eye.covariance);
 }
 
 class FollowCommand : public testing::Test {
@@ -236,6 +249,40 @@ TEST_F(FollowCommand, TellsGrowthWithItsInterval) {
   EXPECT_EQ(growth.at("visits").size(), 2U);
   EXPECT_TRUE(fs::exists(temporary_.path() / "out" / "growth.html"));
   EXPECT_TRUE(fs::exists(temporary_.path() / "out" / "growth.pdf"));
+}
+
+// Of two fits and the spread of growth beforehand: 1 / (1 / (2 sigma^2) + 1 / prior^2).
+TEST_F(FollowCommand, GrowthHasNoErrorThatBothVisitsShare) {
+  constexpr double own_mm = 0.08, shared_mm = 0.2;
+  std::vector<fs::path> visits{visit("first", 23.5), visit("second", 23.6)};
+  for (std::size_t i = 0; i < visits.size(); ++i) {
+    const fs::path file = visits[i] / "segmentation" / "od" / "fit.json";
+    Json fit = read_json(file);
+    fit["eye"] = to_json(eye_of(i == 0 ? 23.5 : 23.6, std::hypot(own_mm, shared_mm)));
+    fit["contrast"] = "T1";
+    fit["shared_sigmas"] = {{"axial_length_mm", shared_mm}};
+    write_json(file, fit);
+    set(visits[i] / "case.json", "/stacks/0/contrast", "T1");
+  }
+  const auto expect_sigma = [&](double of_fit_mm) {
+    const ProcessResult ended =
+        run({visits[0].string(), visits[1].string(), "--years", "0,1", "--scale-sd", "0"});
+    ASSERT_EQ(ended.status, 0) << ended.output;
+    const auto growth =
+        Json::parse(ended.output).at("eyes").at("od").at("axial_length_mm").at("per_year").get<Measured>();
+    const double prior = change_sigma("axial_length_mm");
+    EXPECT_NEAR(growth.sigma(), 1 / std::sqrt(1 / (2 * of_fit_mm * of_fit_mm) + 1 / (prior * prior)), 1e-4);
+  };
+  expect_sigma(own_mm);
+  const fs::path later = visits[1] / "case.json";
+  for (const double field_T : {1.5, 0.0}) {  // another scanner, or nobody knows
+    set(later, "/series/0/field_strength_T", field_T);
+    expect_sigma(std::hypot(own_mm, shared_mm));
+  }
+  set(later, "/series/0/field_strength_T", 3.0);
+  expect_sigma(own_mm);
+  set(visits[1] / "segmentation" / "od" / "fit.json", "/shared_sigmas", Json::object());  // T1 and T2 joined
+  expect_sigma(std::hypot(own_mm, shared_mm));
 }
 
 TEST_F(FollowCommand, KnowsWhenTheVisitsWereFromTheirDates) {

@@ -116,8 +116,18 @@ class Errors(unittest.TestCase):
                 emmetrope.wavefront(emmetrope.Eye("navarro"), wavelength_nm=bad)
             with self.assertRaises(emmetrope.UsageError):
                 emmetrope.Eye("navarro").refraction(bad)
-        with self.assertRaises(emmetrope.UsageError):
-            emmetrope.Eye("navarro").with_pupil(-3)
+        eye = emmetrope.Eye("navarro")
+        for bad in (-3, 0.003, 15, float("nan")):  # metres, or no iris
+            for make in (eye.with_pupil, lambda mm: emmetrope.Eye("navarro", pupil_mm=mm),
+                         lambda mm: emmetrope.Eye.from_case("anywhere", pupil_mm=mm)):
+                with self.assertRaisesRegex(emmetrope.UsageError, "pupil_mm is .* mm, outside 0.5 to 9") as caught:
+                    make(bad)
+                self.assertEqual(caught.exception.remedy, "give 0.5 to 9 mm")
+        wavefront = emmetrope.wavefront(eye)
+        wavefront.at_vertex(wavefront.paraxial, 0)  # a contact lens
+        for bad in (0.012, -12, 500, float("nan")):
+            with self.assertRaisesRegex(emmetrope.UsageError, "vertex_distance_mm is .* mm, outside 5 to 30"):
+                wavefront.at_vertex(wavefront.paraxial, bad)
         with self.assertRaises(emmetrope.DeviceError):
             emmetrope.Tracer("no such device")
         with self.assertRaises(emmetrope.UsageError):
@@ -136,12 +146,12 @@ class Errors(unittest.TestCase):
 
 class Rays(unittest.TestCase):
     def test_are_the_commands(self):
-        eye = emmetrope.Eye("navarro", pupil_mm=20)
+        eye = emmetrope.Eye("navarro", pupil_mm=9)
         origin = numpy.array([[0, 2, 20], [1, -1, 20], [0, 0, 20], [9, 0, 20]], float)
         direction = numpy.array([[0, 0, -1], [0.01, 0, -1], [0, 0.02, -1], [0, 0, -1]], float)
         rays = emmetrope.trace_rays(eye, origin, direction)
         for k in range(4):
-            said = command("ray", "--eye", "navarro", "--from=" + ",".join(map(str, origin[k])),
+            said = command("ray", "--eye", "navarro", "--pupil", "9", "--from=" + ",".join(map(str, origin[k])),
                            "--to=" + ",".join(map(str, origin[k] + direction[k])))
             self.assertEqual(emmetrope.ray_states[rays.state[k]], said["state"])
             if not said["hits"]:

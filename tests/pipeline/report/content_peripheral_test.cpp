@@ -174,7 +174,8 @@ TEST_F(PeripheralMap, AnEyeWithoutDirectionsOrTheirCentreHasNone) {
   write_json(prescription_file("os"), left);
   report();
   EXPECT_EQ(figure("os"), "");
-  EXPECT_THAT(visible_text(output("report.html")), HasSubstr("Refraction away from the axis, OS (left)"));
+  EXPECT_THAT(visible_text(output("report.html")),
+              HasSubstr("Refraction of least spot away from the axis, OS (left)"));
 }
 
 // Its four pages are full of what stands in every report: here the wavefront's charts are missing.

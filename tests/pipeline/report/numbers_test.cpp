@@ -380,6 +380,46 @@ TEST_F(NumbersTest, ARefractionWithoutAnIntervalIsAnEstimateInEveryForm) {
   }
 }
 
+/// "[12]" of the text is the twelfth in the list.
+TEST_F(NumbersTest, ACitationNamesTheWorkThatIsMeant) {
+  test::make_fixture_case(folder_);
+  report();
+  const std::string page = visible_text(output("report.html"));
+  const auto expect_cited = [&](const std::string& before, const std::string& authors) {
+    std::smatch found;
+    ASSERT_TRUE(std::regex_search(page, found, std::regex(before + R"re( \[(\d+)\])re"))) << before;
+    EXPECT_THAT(page, HasSubstr(found[1].str() + ". " + authors));
+  };
+  expect_cited("retina through them", "Wei Q,");
+  expect_cited("as power vectors", "Thibos LN,");
+  expect_cited("wavefronts follow", "ANSI Z80.28");
+  expect_cited("the lens index", "Dubbelman M, van der Heijde GL. The shape of the aging human lens");
+  if (!find_program("gnuplot")) GTEST_SKIP() << "gnuplot is not installed: no chart of the MTF";
+  expect_cited("healthy corrected eyes", "Watson AB.");
+}
+
+/// A table says by which criterion its refractions are, where it is not this report's.
+TEST_F(NumbersTest, RefractionsOfTheLeastSpotAreCalledThat) {
+  test::make_fixture_case(folder_);
+  report();
+  const std::string html = output("report.html");
+  EXPECT_THAT(html, HasSubstr("<caption>The refraction of least spot at other pupils (iris apertures)"));
+  EXPECT_THAT(html, HasSubstr("<caption>Refraction of least spot away from the axis, OD (right)"));
+  EXPECT_THAT(html, HasSubstr("M of each direction less M of the centre, both of the least spot"));
+  EXPECT_THAT(html, HasSubstr("Left over (least spot), M"));
+}
+
+/// A lens implant takes the lens's place: its power does not share the refraction's interval.
+TEST_F(NumbersTest, AnImplantsPowerHasItsOwnInterval) {
+  test::make_fixture_case(folder_);
+  report();
+  const auto rows = table_rows(output("report.html"));
+  const std::string interval = "+15.41 to +20.65";
+  EXPECT_THAT(rows, have_row({"SRK/T", "+18.03 D", interval, "+18.03 D", interval}));
+  EXPECT_THAT(rows, have_row({"A constant", "118.4", "", "118.4", ""}));
+  EXPECT_THAT(visible_text(output("report.html")), HasSubstr("but for the intraocular lens"));
+}
+
 /// What dsrdump prints of one NUM item.
 struct Number {
   double value = 0, upper = -1, lower = -1;

@@ -92,6 +92,12 @@ TEST_F(ReportTest, FiveWarningsAtMostTheMostDangerousFirst) {
   EXPECT_THAT(pdf, Not(HasSubstr("small thing 5")));
 }
 
+/// The table of that caption; empty where the page has none.
+std::string table_of(const std::string& html, const std::string& caption) {
+  const std::size_t start = html.find("<caption>" + caption);
+  return start == std::string::npos ? "" : html.substr(start, html.find("</table>", start) - start);
+}
+
 TEST_F(ReportTest, AWithheldPrescriptionIsNone) {
   test::make_fixture_case(folder_);
   const fs::path file = folder_ / "correction" / "od" / "prescription.json";
@@ -103,6 +109,7 @@ TEST_F(ReportTest, AWithheldPrescriptionIsNone) {
   const Answer answer = report();
   EXPECT_FALSE(answer.json.at("eyes").at("od").contains("prescription"));
   EXPECT_TRUE(answer.json.at("eyes").at("os").contains("prescription"));
+  EXPECT_EQ(table_of(output("report.html"), "Best plano-cylinder").find("OD"), std::string::npos);
   for (const std::string& text : {visible_text(output("report.html")), pdf_text()}) {
     EXPECT_THAT(text, HasSubstr("No prescription: known only to ±3.2 D"));
     EXPECT_THAT(text, HasSubstr("SE -6.1 to +0.3 D"));
@@ -218,8 +225,27 @@ TEST_F(ReportTest, AnAstigmatismThatMayBeNoneHasNoRule) {
     return text.substr(at, text.find('<', at + 1) - at).substr(0, 120);
   };
   EXPECT_THAT(line_of("OD (right)"), ::testing::HasSubstr("with-the-rule"));
+  EXPECT_THAT(line_of("OD (right)"), ::testing::HasSubstr(" D @ 178"));
   EXPECT_THAT(line_of("OS (left)"), ::testing::HasSubstr("axis not determined"));
+  EXPECT_THAT(line_of("OS (left)"), ::testing::Not(::testing::HasSubstr("@")));
   EXPECT_THAT(line_of("OS (left)"), ::testing::Not(::testing::HasSubstr("with-the-rule")));
+}
+
+TEST_F(ReportTest, APlanoCylinderOfAnEyeWithoutAnAxisHasNone) {
+  test::make_fixture_case(folder_);  // the left eye's cylinder may be none
+  report();
+  const std::string row = ">Axis (meridian without power)<", both = output("report.html");
+  const std::size_t at = both.find(row);
+  ASSERT_NE(at, std::string::npos);
+  EXPECT_THAT(visible_text("<body>" + both.substr(at, both.find("</tr>", at) - at)),
+              AllOf(HasSubstr("90"), HasSubstr("\u2013")));
+  const fs::path file = folder_ / "correction" / "od" / "prescription.json";
+  Json prescription = read_json(file);
+  prescription["cylinder_D"]["ci95"][1] = 0.0;
+  write_json(file, prescription);
+  report();
+  EXPECT_THAT(table_of(output("report.html"), "Best plano-cylinder"),
+              AllOf(HasSubstr("Radius"), Not(HasSubstr("Axis"))));
 }
 
 TEST_F(ReportTest, SecondRunIsSkippedUntilAResultChanges) {

@@ -82,6 +82,16 @@ TEST(BothEyes, CouplingIsTheJointEstimate) {
   EXPECT_NEAR((os.covariance - covariance.bottomRightCorner<2, 2>()).norm(), 0, 1e-9);
 }
 
+TEST(BothEyes, WhatImagesShareShrinksWithTheVariance) {
+  EyeFit od = fit_of(images(42.1, 0.8, 3.3)), os = fit_of(images(43.4, 1.3, 3.5));
+  od.shared_variance = 0.75 * od.covariance.diagonal();
+  const VectorXd before = od.covariance.diagonal();
+  ASSERT_TRUE(couple_eyes(od, os));
+  EXPECT_LT(od.covariance(1, 1), 0.99 * before[1]);
+  EXPECT_NEAR((od.shared_variance - 0.75 * od.covariance.diagonal()).norm(), 0, 1e-12);
+  EXPECT_EQ(os.shared_variance.size(), 0);
+}
+
 /// Lengths of both eyes at once, with the correlated prior in one 2 x 2 matrix.
 TEST(BothEyes, LengthsOfOnePersonAreTheJointEstimate) {
   for (const auto& [parameter, difference_mm, sigma_mm] :

@@ -60,6 +60,21 @@ TEST(LimitsTable, HoldsWhatBiometryMeasures) {
     EXPECT_EQ(find_limits(path) == nullptr, std::regex_match(path, without)) << path;
 }
 
+TEST(Settings, MetresAreRefusedByNameAndAContactLensIsNot) {
+  EXPECT_NO_THROW(check_vertex_distance("vertex", 0));
+  EXPECT_NO_THROW(check_vertex_distance("vertex", 12));
+  for (const double bad_mm : {0.012, -12.0, 500.0, std::numeric_limits<double>::quiet_NaN()}) {
+    try {
+      check_vertex_distance("vertex", bad_mm);
+      ADD_FAILURE() << bad_mm;
+    } catch (const Error& error) {
+      EXPECT_EQ(error.status(), ExitStatus::usage);
+      EXPECT_EQ(std::string(error.what()).rfind("vertex is ", 0), 0U) << error.what();
+      EXPECT_EQ(error.remedy(), "give 5 to 30 mm");
+    }
+  }
+}
+
 TEST(Range, HoldsItsEndsAndNoNumberThatIsNone) {
   const Range range{1.8, 5};
   EXPECT_TRUE(range.contains(1.8) && range.contains(5.0));
