@@ -1,6 +1,7 @@
 #include "segmentation/study_input.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <cmath>
@@ -82,6 +83,24 @@ void require_one_study(const std::vector<const SeriesInfo*>& chosen) {
                     "give the folder of one study, or choose series of one with --series");
 }
 
+/// Names of the series that are NIfTI volumes, or of the others.
+std::vector<std::string> names_of(const std::vector<const SeriesInfo*>& series, bool nifti) {
+  std::vector<std::string> names;
+  for (const SeriesInfo* info : series)
+    if (info->is_nifti() == nifti) names.push_back(info->name);
+  return names;
+}
+
+/// A NIfTI volume names no patient: beside DICOM it may be anybody's.
+void require_one_format(const std::vector<const SeriesInfo*>& chosen) {
+  const auto volumes = names_of(chosen, true), series = names_of(chosen, false);
+  if (volumes.empty() || series.empty()) return;
+  throw input_error(
+      fmt::format("NIfTI volumes ({}) lie among DICOM series ({}): nothing tells that they are of one person",
+                  fmt::join(volumes, ", "), fmt::join(series, ", ")),
+      "give the folder of one of the two, or choose with --series");
+}
+
 /// Whether a time or an angle is the same but for rounding; what one header does not tell is no difference.
 bool is_same_number(const std::optional<double>& a, const std::optional<double>& b) {
   constexpr double rounding = 0.01;
@@ -154,6 +173,7 @@ std::vector<const SeriesInfo*> choose_series(const StudyInventory& inventory,
   if (wanted.empty())
     for (const SeriesInfo& info : inventory.series)
       if (info.usable && acquired_source_of(info, inventory) == nullptr) chosen.push_back(&info);
+  if (wanted.empty()) require_one_format(chosen);
   if (chosen.empty()) {
     std::string reasons;
     for (const SeriesInfo& info : inventory.series)
@@ -166,6 +186,20 @@ std::vector<const SeriesInfo*> choose_series(const StudyInventory& inventory,
   }
   require_one_study(chosen);
   return chosen;
+}
+
+Subject subject_of(const StudyInventory& inventory, const std::vector<const SeriesInfo*>& chosen) {
+  const auto volume =
+      std::find_if(chosen.begin(), chosen.end(), [](const SeriesInfo* info) { return info->is_nifti(); });
+  return inventory.subject_of(volume == chosen.end() ? *chosen.front() : **volume);
+}
+
+std::string volumes_warning(const std::vector<const SeriesInfo*>& chosen) {
+  const auto volumes = names_of(chosen, true);
+  if (volumes.size() < 2) return {};
+  return fmt::format(
+      "{} are NIfTI volumes, which name no patient: nothing tells that they are of one person; --series chooses",
+      fmt::join(volumes, ", "));
 }
 
 }  // namespace emmetrope::segmentation

@@ -23,8 +23,16 @@ const SeriesInfo* acquired_source_of(const SeriesInfo& computed, const StudyInve
 
 /// The series asked for, or all usable ones but those computed from another of them, which would count twice; at least
 /// one, of one study.
-/// \throw Error with a series' reason where it is not usable; (input_invalid) for series of two studies
+/// \throw Error with a series' reason where it is not usable; (input_invalid) for series of two studies, or for NIfTI
+///   volumes among DICOM series where none is asked for
 std::vector<const SeriesInfo*> choose_series(const StudyInventory& inventory,
                                              const std::vector<SeriesChoice>& wanted);
+
+/// The patient of the DICOM series; where a NIfTI volume is among them, nobody by name.
+/// \pre at least one series
+Subject subject_of(const StudyInventory& inventory, const std::vector<const SeriesInfo*>& chosen);
+
+/// That nothing tells of several NIfTI volumes whether they are of one person; empty: there are not several.
+std::string volumes_warning(const std::vector<const SeriesInfo*>& chosen);
 
 }  // namespace emmetrope::segmentation

@@ -118,8 +118,8 @@ struct StudyInventory {
 
   /// \throw Error (input_invalid) listing the series that there are, when there is none with this UID
   const SeriesInfo& find(const std::string& uid) const;
-  /// The patient at the time of the series' study; of a volume without study, at that of the only one
-  /// where there is one.
+  /// The patient at the time of the series' study. A NIfTI volume names no patient: it is not theirs whose DICOM files
+  /// lie beside it.
   Subject subject_of(const SeriesInfo& info) const;
   bool any_usable() const;
   /// Status of `inventory`: done when a series is usable, unsupported when all refusals are, else
