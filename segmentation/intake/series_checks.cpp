@@ -43,11 +43,13 @@ std::optional<double> number_of(const ScannedFile& file, const Tag& tag) {
 /// The eye that the tags name; "B" where some images are of the one and some of the other.
 std::string laterality_of(const Files& files) {
   std::set<std::string> sides;
-  for (const auto& file : files) {
-    const auto& of_image = file.header.value(tag::image_laterality);
-    sides.insert(of_image.empty() ? file.header.value(tag::series_laterality) : of_image);
-  }
-  sides.erase("");
+  for (const auto& file : files)
+    for (int frame = 0; frame < std::max(1, static_cast<int>(file.header.frames.size())); ++frame)
+      for (const Tag& tag : {tag::frame_laterality, tag::image_laterality, tag::series_laterality})
+        if (file.header.has(tag, frame)) {
+          sides.insert(file.header.value(tag, frame));
+          break;
+        }
   return sides.empty() ? "" : sides.size() == 1 ? *sides.begin() : "B";
 }
 

@@ -78,6 +78,7 @@ inline constexpr Tag frame_of_reference{0x0020, 0x0052, "FrameOfReferenceUID"};
 inline constexpr Tag series_laterality{0x0020, 0x0060, "Laterality"};
 inline constexpr Tag image_laterality{0x0020, 0x0062, "ImageLaterality"};
 inline constexpr Tag temporal_position_identifier{0x0020, 0x0100, "TemporalPositionIdentifier"};
+inline constexpr Tag frame_laterality{0x0020, 0x9072, "FrameLaterality"};
 inline constexpr Tag temporal_position_index{0x0020, 0x9128, "TemporalPositionIndex"};
 inline constexpr Tag stack_id{0x0020, 0x9056, "StackID"};
 inline constexpr Tag samples_per_pixel{0x0028, 0x0002, "SamplesPerPixel"};
@@ -194,6 +195,7 @@ inline constexpr FrameTag of_frames[] = {{plane_position_sequence, image_positio
                                          {pixel_measures_sequence, spacing_between_slices},
                                          {pixel_value_sequence, rescale_intercept},
                                          {pixel_value_sequence, rescale_slope},
+                                         {frame_anatomy_sequence, frame_laterality},
                                          {mr_image_frame_type_sequence, frame_type},
                                          {mr_image_frame_type_sequence, complex_image_component},
                                          {mr_image_frame_type_sequence, volume_calculation},
