@@ -53,6 +53,11 @@ std::string laterality_of(const Files& files) {
   return sides.empty() ? "" : sides.size() == 1 ? *sides.begin() : "B";
 }
 
+/// Enhanced MR says COLUMN where classic images say COL, and OTHER where it is neither.
+std::string phase_encoding_of(const std::string& told) {
+  return told == "ROW" ? "ROW" : told == "COL" || told == "COLUMN" ? "COL" : "";
+}
+
 void describe_series(const Files& files, SeriesInfo& info) {
   const ScannedFile& first = files.front();
   const auto text = [&](const Tag& tag) { return first.header.value(tag); };
@@ -77,7 +82,7 @@ void describe_series(const Files& files, SeriesInfo& info) {
   info.flip_angle_deg = number_of(first, tag::flip_angle);
   info.field_strength_T = number_of(first, tag::field_strength);
   info.pixel_bandwidth_Hz = number_of(first, tag::pixel_bandwidth);
-  info.phase_encoding = text(tag::phase_encoding);
+  info.phase_encoding = phase_encoding_of(text(tag::phase_encoding));
   if (const auto thickness = number_of(first, tag::slice_thickness);
       thickness && is_plausible_spacing(*thickness))
     info.slice_thickness_mm = thickness;

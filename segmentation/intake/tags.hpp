@@ -111,6 +111,8 @@ inline constexpr Tag pixel_value_sequence{0x0028, 0x9145, "PixelValueTransformat
 inline constexpr Tag mr_image_frame_type_sequence{0x0018, 0x9226, "MRImageFrameTypeSequence"};
 inline constexpr Tag mr_echo_sequence{0x0018, 0x9114, "MREchoSequence"};
 inline constexpr Tag mr_timing_sequence{0x0018, 0x9112, "MRTimingAndRelatedParametersSequence"};
+inline constexpr Tag mr_imaging_modifier_sequence{0x0018, 0x9006, "MRImagingModifierSequence"};
+inline constexpr Tag mr_fov_geometry_sequence{0x0018, 0x9125, "MRFOVGeometrySequence"};
 inline constexpr Tag mr_diffusion_sequence{0x0018, 0x9117, "MRDiffusionSequence"};
 
 /// Attributes read from the top of a data set.
@@ -202,6 +204,8 @@ inline constexpr FrameTag of_frames[] = {{plane_position_sequence, image_positio
                                          {mr_echo_sequence, effective_echo_time},
                                          {mr_timing_sequence, repetition_time},
                                          {mr_timing_sequence, flip_angle},
+                                         {mr_imaging_modifier_sequence, pixel_bandwidth},
+                                         {mr_fov_geometry_sequence, phase_encoding},
                                          {mr_diffusion_sequence, diffusion_b_value},
                                          {frame_content_sequence, temporal_position_index},
                                          {frame_content_sequence, stack_id}};
