@@ -87,12 +87,16 @@ std::string text_of(DcmItem& item, const Tag& tag) {
   return clean_utf8(std::move(text));
 }
 
+void read_attribute(DcmItem& groups, const Tag& macro, const Tag& attribute, TagValues& values) {
+  DcmItem* item = nullptr;
+  if (groups.findAndGetSequenceItem(key(macro), item, 0).bad() || item == nullptr) return;
+  if (auto value = text_of(*item, attribute); !value.empty()) values[attribute.keyword] = std::move(value);
+}
+
 void read_frame(DcmItem& groups, TagValues& values) {
-  for (const auto& [macro, attribute] : tag::of_frames) {
-    DcmItem* item = nullptr;
-    if (groups.findAndGetSequenceItem(key(macro), item, 0).bad() || item == nullptr) continue;
-    if (auto value = text_of(*item, attribute); !value.empty()) values[attribute.keyword] = std::move(value);
-  }
+  for (const Tag& macro : {tag::unassigned_shared_sequence, tag::unassigned_per_frame_sequence})
+    for (const Tag& attribute : tag::of_classic_images) read_attribute(groups, macro, attribute, values);
+  for (const auto& [macro, attribute] : tag::of_frames) read_attribute(groups, macro, attribute, values);
 }
 
 /// Functional groups of each frame, the shared ones below its own; one empty entry for a classic image.

@@ -34,6 +34,9 @@ std::string found(const ScannedFile& file, const Tag& tag, int frame = 0) {
                      value.empty() ? "is absent" : "is " + in_quotes(value));
 }
 
+/// Frames of a file, one of a classic image.
+int frames_of(const ScannedFile& file) { return std::max(1, static_cast<int>(file.header.frames.size())); }
+
 bool contains(const std::string& text, std::string_view word) { return text.find(word) != std::string::npos; }
 
 std::optional<double> number_of(const ScannedFile& file, const Tag& tag) {
@@ -44,7 +47,7 @@ std::optional<double> number_of(const ScannedFile& file, const Tag& tag) {
 std::string laterality_of(const Files& files) {
   std::set<std::string> sides;
   for (const auto& file : files)
-    for (int frame = 0; frame < std::max(1, static_cast<int>(file.header.frames.size())); ++frame)
+    for (int frame = 0; frame < frames_of(file); ++frame)
       for (const Tag& tag : {tag::frame_laterality, tag::image_laterality, tag::series_laterality})
         if (file.header.has(tag, frame)) {
           sides.insert(file.header.value(tag, frame));
@@ -113,10 +116,17 @@ bool is_mosaic(const ImageHeader& header) {
   return contains(header.value(tag::image_type), "MOSAIC") || (siemens && header.has(tag::mosaic_images));
 }
 
-bool is_echo_planar(const ImageHeader& header) {
-  const auto sequence = split_values(header.value(tag::scanning_sequence));
-  return header.value(tag::echo_planar) == "YES" ||  // of enhanced MR, which has no ScanningSequence
-         std::find(sequence.begin(), sequence.end(), "EP") != sequence.end();
+/// A file may be classic (one frame), enhanced (no ScanningSequence) or legacy converted (one of each frame).
+void check_echo_planar(const ScannedFile& file) {
+  for (int frame = 0; frame < frames_of(file); ++frame) {
+    const auto sequence = split_values(file.header.value(tag::scanning_sequence, frame));
+    const bool by_sequence = std::find(sequence.begin(), sequence.end(), "EP") != sequence.end();
+    if (by_sequence || file.header.value(tag::echo_planar, frame) == "YES")
+      throw unsupported_error(
+          found(file, by_sequence ? tag::scanning_sequence : tag::echo_planar, frame) +
+          ": echo-planar images (diffusion, perfusion, function) are distorted by millimetres near air, where "
+          "eyes are");
+  }
 }
 
 /// What has no slices or no intensities of an acquisition, in the standard's words and the vendors'.
@@ -164,10 +174,7 @@ void check_kind(const Files& files, bool any_modality) {
     if (header.has(tag::modality_lut))
       throw unsupported_error(file.name() + ": " + to_string(tag::modality_lut) +
                               " gives stored values another meaning; a linear rescale is required");
-    if (is_echo_planar(header))
-      throw unsupported_error(
-          found(file, header.has(tag::echo_planar) ? tag::echo_planar : tag::scanning_sequence) +
-          ": echo-planar images (diffusion, perfusion, function) are distorted by millimetres near air, where eyes are");
+    check_echo_planar(file);
     if (is_mosaic(header))
       throw unsupported_error(found(file, tag::image_type) +
                               ": a Siemens mosaic shows many slices in one image; export single slices");

@@ -113,6 +113,10 @@ inline constexpr Tag mr_echo_sequence{0x0018, 0x9114, "MREchoSequence"};
 inline constexpr Tag mr_timing_sequence{0x0018, 0x9112, "MRTimingAndRelatedParametersSequence"};
 inline constexpr Tag mr_imaging_modifier_sequence{0x0018, 0x9006, "MRImagingModifierSequence"};
 inline constexpr Tag mr_fov_geometry_sequence{0x0018, 0x9125, "MRFOVGeometrySequence"};
+inline constexpr Tag unassigned_shared_sequence{0x0020, 0x9170,
+                                                "UnassignedSharedConvertedAttributesSequence"};
+inline constexpr Tag unassigned_per_frame_sequence{0x0020, 0x9171,
+                                                   "UnassignedPerFrameConvertedAttributesSequence"};
 inline constexpr Tag mr_diffusion_sequence{0x0018, 0x9117, "MRDiffusionSequence"};
 
 /// Attributes read from the top of a data set.
@@ -185,6 +189,27 @@ inline constexpr Tag of_study[] = {
     study_time,         referring_physician, study_description,       issuer_of_patient_id,
     patient_birth_time, patient_size,        patient_weight,          ethnic_group,
     patient_comments,   identity_removed,    deidentification_method, study_id};
+
+/// Attributes of classic images that a legacy converted one may keep in its unassigned groups (PS3.3 C.7.6.16.2).
+inline constexpr Tag of_classic_images[] = {image_type,
+                                            complex_image_component,
+                                            volume_calculation,
+                                            scanning_sequence,
+                                            acquisition_type,
+                                            repetition_time,
+                                            echo_time,
+                                            inversion_time,
+                                            echo_numbers,
+                                            field_strength,
+                                            pixel_bandwidth,
+                                            trigger_time,
+                                            reconstruction_diameter,
+                                            phase_encoding,
+                                            flip_angle,
+                                            acquisition_number,
+                                            series_laterality,
+                                            image_laterality,
+                                            temporal_position_identifier};
 
 struct FrameTag {
   Tag macro, attribute;

@@ -1,6 +1,8 @@
 // What enhanced multi-frame MR says in its functional groups counts as what classic images say.
 #include "segmentation/intake/dicom_header.hpp"
 
+#include <dcmtk/dcmdata/dcuid.h>
+
 #include "tests/segmentation/intake/intake_test.hpp"
 
 namespace emmetrope::test {
@@ -51,6 +53,40 @@ TEST_F(FunctionalGroups, TellBandwidthAndPhaseEncoding) {
   EXPECT_EQ(series_with(DCM_MRFOVGeometrySequence, DCM_InPlanePhaseEncodingDirection, "OTHER", "OTHER")
                 .phase_encoding,
             "");
+}
+
+/// What classic images of other contrasts, sequences and sides were converted to is no better than they.
+TEST_F(FunctionalGroups, OfALegacyConvertedImageAreThoseOfItsClassicImagesToo) {
+  file_->getDataset()->putAndInsertString(DCM_SOPClassUID, UID_LegacyConvertedEnhancedMRImageStorage);
+  const DcmTagKey unassigned = DCM_UnassignedPerFrameConvertedAttributesSequence;
+  EXPECT_EQ(series_with(unassigned, DCM_Laterality, "L", "L").image_laterality, "L");
+  EXPECT_EQ(series_with(unassigned, DCM_RepetitionTime, "3000", "3000").repetition_time_ms, 3000);
+  EXPECT_EQ(series_with(unassigned, DCM_PixelBandwidth, "250", "250").pixel_bandwidth_Hz, 250);
+  EXPECT_EQ(series_with(unassigned, DCM_InPlanePhaseEncodingDirection, "ROW", "ROW").phase_encoding, "ROW");
+  EXPECT_EQ(series_with(unassigned, DCM_MRAcquisitionType, "3D", "3D").acquisition_type, "3D");
+  auto info = series_with(unassigned, DCM_InversionTime, "150", "900");
+  EXPECT_THAT(info.reason, HasSubstr("(0018,0082) InversionTime is 150 and 900"));
+  series_with(unassigned, DCM_InversionTime, "150", "150");
+  info = series_with(unassigned, DCM_EchoTime, "30", "90");
+  EXPECT_THAT(info.reason, AllOf(HasSubstr("IM_0001 frame"), HasSubstr("(0018,0081) EchoTime is 30 and 90")));
+  info = series_with(unassigned, DCM_ScanningSequence, "SE", "EP");
+  EXPECT_EQ(info.refusal, ExitStatus::unsupported);
+  EXPECT_THAT(info.reason, HasSubstr("(0018,0020)"));
+  series_with(unassigned, DCM_ScanningSequence, "SE", "SE");
+  info = series_with(unassigned, DCM_ImageType, "DERIVED\\PRIMARY\\T2 MAP", "DERIVED\\PRIMARY\\T2 MAP");
+  EXPECT_THAT(info.reason, HasSubstr("(0008,0008)"));
+}
+
+TEST_F(FunctionalGroups, OfALegacyConvertedImageMayBeShared) {
+  DcmItem *shared = nullptr, *group = nullptr;
+  ASSERT_TRUE(
+      file_->getDataset()->findOrCreateSequenceItem(DCM_SharedFunctionalGroupsSequence, shared, 0).good());
+  ASSERT_TRUE(
+      shared->findOrCreateSequenceItem(DCM_UnassignedSharedConvertedAttributesSequence, group, 0).good());
+  group->putAndInsertString(DCM_EchoTime, "91");
+  EXPECT_EQ(series().echo_time_ms, 91);
+  group->putAndInsertString(DCM_ScanningSequence, "EP");
+  EXPECT_THAT(series().reason, HasSubstr("(0018,0020)"));
 }
 
 }  // namespace
