@@ -82,6 +82,7 @@ void describe_series(const Files& files, SeriesInfo& info) {
   info.echo_time_ms = number_of(first, tag::echo_time);
   if (!info.echo_time_ms) info.echo_time_ms = number_of(first, tag::effective_echo_time);
   info.inversion_time_ms = number_of(first, tag::inversion_time);
+  if (!info.inversion_time_ms) info.inversion_time_ms = number_of(first, tag::inversion_times);
   info.flip_angle_deg = number_of(first, tag::flip_angle);
   info.field_strength_T = number_of(first, tag::field_strength);
   info.pixel_bandwidth_Hz = number_of(first, tag::pixel_bandwidth);
@@ -288,8 +289,8 @@ std::vector<SeriesImage> check_frames(const Files& files, SeriesInfo& info) {
 /// Slices of one stack are of one contrast: times agree but for the rounding and jitter of scanners.
 void check_contrast(const std::vector<SeriesImage>& images, const std::string& uid) {
   constexpr double same_time = 0.05;
-  for (const Tag& tag :
-       {tag::echo_time, tag::effective_echo_time, tag::repetition_time, tag::inversion_time}) {
+  for (const Tag& tag : {tag::echo_time, tag::effective_echo_time, tag::repetition_time, tag::inversion_time,
+                         tag::inversion_times}) {
     const SeriesImage& first = images.front();
     const auto time = parse_number(first.value(tag));
     if (!time) continue;

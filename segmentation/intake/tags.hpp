@@ -61,6 +61,7 @@ inline constexpr Tag trigger_time{0x0018, 0x1060, "TriggerTime"};
 inline constexpr Tag reconstruction_diameter{0x0018, 0x1100, "ReconstructionDiameter"};
 inline constexpr Tag phase_encoding{0x0018, 0x1312, "InPlanePhaseEncodingDirection"};
 inline constexpr Tag flip_angle{0x0018, 0x1314, "FlipAngle"};
+inline constexpr Tag inversion_times{0x0018, 0x9079, "InversionTimes"};
 inline constexpr Tag effective_echo_time{0x0018, 0x9082, "EffectiveEchoTime"};
 inline constexpr Tag echo_planar{0x0018, 0x9018, "EchoPlanarPulseSequence"};
 inline constexpr Tag diffusion_b_value{0x0018, 0x9087, "DiffusionBValue"};
@@ -111,6 +112,7 @@ inline constexpr Tag pixel_value_sequence{0x0028, 0x9145, "PixelValueTransformat
 inline constexpr Tag mr_image_frame_type_sequence{0x0018, 0x9226, "MRImageFrameTypeSequence"};
 inline constexpr Tag mr_echo_sequence{0x0018, 0x9114, "MREchoSequence"};
 inline constexpr Tag mr_timing_sequence{0x0018, 0x9112, "MRTimingAndRelatedParametersSequence"};
+inline constexpr Tag mr_modifier_sequence{0x0018, 0x9115, "MRModifierSequence"};
 inline constexpr Tag mr_imaging_modifier_sequence{0x0018, 0x9006, "MRImagingModifierSequence"};
 inline constexpr Tag mr_fov_geometry_sequence{0x0018, 0x9125, "MRFOVGeometrySequence"};
 inline constexpr Tag unassigned_shared_sequence{0x0020, 0x9170,
@@ -229,6 +231,7 @@ inline constexpr FrameTag of_frames[] = {{plane_position_sequence, image_positio
                                          {mr_echo_sequence, effective_echo_time},
                                          {mr_timing_sequence, repetition_time},
                                          {mr_timing_sequence, flip_angle},
+                                         {mr_modifier_sequence, inversion_times},
                                          {mr_imaging_modifier_sequence, pixel_bandwidth},
                                          {mr_fov_geometry_sequence, phase_encoding},
                                          {mr_diffusion_sequence, diffusion_b_value},

@@ -55,6 +55,27 @@ TEST_F(FunctionalGroups, TellBandwidthAndPhaseEncoding) {
             "");
 }
 
+TEST_F(FunctionalGroups, TellInversionTimes) {
+  const auto put = [&](int frame, double time_ms) {
+    group(frame, DCM_MRModifierSequence).putAndInsertFloat64(DCM_InversionTimes, time_ms);
+  };
+  for (int frame = 0; frame < frames; ++frame) put(frame, 150);
+  EXPECT_EQ(series().inversion_time_ms, 150);
+  for (int frame = 1; frame < frames; frame += 2) put(frame, 900);
+  const auto mixed = series();
+  EXPECT_FALSE(mixed.usable);
+  EXPECT_THAT(mixed.reason, AllOf(HasSubstr("(0018,9079) InversionTimes is 150 and 900"),
+                                  HasSubstr(mixed.uid + ",InversionTimes=150")));
+  // Two images at each place.
+  for (int frame = 1; frame < frames; frame += 2) {
+    OFString place;
+    group(frame - 1, DCM_PlanePositionSequence).findAndGetOFStringArray(DCM_ImagePositionPatient, place);
+    group(frame, DCM_PlanePositionSequence).putAndInsertString(DCM_ImagePositionPatient, place.c_str());
+  }
+  EXPECT_THAT(series().reason,
+              HasSubstr("the images differ in (0018,9079) InversionTimes (\"150\", \"900\")"));
+}
+
 /// What classic images of other contrasts, sequences and sides were converted to is no better than they.
 TEST_F(FunctionalGroups, OfALegacyConvertedImageAreThoseOfItsClassicImagesToo) {
   file_->getDataset()->putAndInsertString(DCM_SOPClassUID, UID_LegacyConvertedEnhancedMRImageStorage);
