@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <map>
 #include <regex>
 #include <set>
 
@@ -386,6 +387,34 @@ void warn_of_computed(const std::vector<SeriesImage>& images, SeriesInfo& info) 
       computed > 1 ? fmt::format(" and of {} more", computed - 1) : ""));
 }
 
+/// By a word of ImageType or FrameType.
+DixonPart dixon_part_of(const SeriesImage& image) {
+  static const std::map<std::string, DixonPart> parts{{"W", DixonPart::water},
+                                                      {"WATER", DixonPart::water},
+                                                      {"F", DixonPart::fat},
+                                                      {"FAT", DixonPart::fat},
+                                                      {"IP", DixonPart::in_phase},
+                                                      {"IN_PHASE", DixonPart::in_phase},
+                                                      {"OP", DixonPart::opposed_phase},
+                                                      {"OPP_PHASE", DixonPart::opposed_phase},
+                                                      {"OUT_PHASE", DixonPart::opposed_phase}};
+  for (const Tag& tag : {tag::frame_type, tag::image_type})
+    for (const std::string& word : split_values(image.value(tag)))
+      if (const auto part = parts.find(word); part != parts.end()) return part->second;
+  return DixonPart::all;
+}
+
+void warn_of_dixon_part(const std::vector<SeriesImage>& images, SeriesInfo& info) {
+  const DixonPart part = dixon_part_of(images.front());
+  const bool is_one = std::all_of(images.begin(), images.end(),
+                                  [&](const SeriesImage& image) { return dixon_part_of(image) == part; });
+  if (!is_one) return;
+  info.dixon_part = part;
+  if (const std::string why = why_unfit(part); !why.empty())
+    info.warnings.push_back(
+        fmt::format("{} says {}; used only where --series names it", to_string(tag::image_type), why));
+}
+
 /// A scanner's pixels are square and fill its field of view: what contradicts this may be a header that was changed.
 void warn_of_lengths(const Files& files, SeriesInfo& info) {
   const double row_mm = *info.row_spacing_mm, column_mm = *info.column_spacing_mm;
@@ -446,6 +475,17 @@ void add_warnings(const Files& files, SeriesInfo& info) {
 
 }  // namespace
 
+std::string why_unfit(DixonPart part) {
+  switch (part) {
+    case DixonPart::fat:
+      return "that it shows fat alone, in which no eye is seen";
+    case DixonPart::opposed_phase:
+      return "that water and fat are opposed in phase, so that their borders are black";
+    default:
+      return {};
+  }
+}
+
 std::string ScannedFile::name() const {
   const auto instance = parse_number(header.value(tag::instance_number));
   return mention(file, instance ? fmt::format("slice {:g}", *instance) : fmt::format("file {}", number));
@@ -478,6 +518,7 @@ SeriesInfo judge_series(std::vector<ScannedFile> files, const IntakeOptions& opt
     add_statistics(images, info);
     add_warnings(files, info);
     warn_of_computed(images, info);
+    warn_of_dixon_part(images, info);
     warn_of_lengths(files, info);
     judge_positions(images, info);
     check_contrast(images, info.uid);

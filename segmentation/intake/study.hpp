@@ -47,6 +47,9 @@ struct SliceSource {
   double rescale_slope = 1, rescale_intercept = 0;
 };
 
+/// What of the signal all images of a series show, where water and fat were told apart by their phases (Dixon).
+enum class DixonPart { all, in_phase, opposed_phase, water, fat };
+
 /// What a series says about itself and what the reader thinks of it. Numbers are absent where the files do
 /// not give them or are too broken to tell.
 struct SeriesInfo {
@@ -91,6 +94,7 @@ struct SeriesInfo {
     std::string reason;
   } kept;
   ExitStatus refusal = ExitStatus::input_invalid;  ///< input_invalid or unsupported
+  DixonPart dixon_part = DixonPart::all;
 
   bool is_nifti() const { return modality == "NIfTI"; }
 };
