@@ -26,6 +26,10 @@ inline constexpr Tag referring_physician{0x0008, 0x0090, "ReferringPhysicianName
 inline constexpr Tag study_description{0x0008, 0x1030, "StudyDescription"};
 inline constexpr Tag accession_number{0x0008, 0x0050, "AccessionNumber"};
 inline constexpr Tag modality{0x0008, 0x0060, "Modality"};
+inline constexpr Tag institution_name{0x0008, 0x0080, "InstitutionName"};
+inline constexpr Tag station_name{0x0008, 0x1010, "StationName"};
+inline constexpr Tag performing_physician{0x0008, 0x1050, "PerformingPhysicianName"};
+inline constexpr Tag operators_name{0x0008, 0x1070, "OperatorsName"};
 inline constexpr Tag series_description{0x0008, 0x103e, "SeriesDescription"};
 inline constexpr Tag complex_image_component{0x0008, 0x9208, "ComplexImageComponent"};
 inline constexpr Tag frame_type{0x0008, 0x9007, "FrameType"};
@@ -186,11 +190,15 @@ inline constexpr Tag of_data_set[] = {image_type,
                                       private_creator_2005,
                                       lossy_compression};
 
+/// Who and what else a free text may name (identity.hpp).
+inline constexpr Tag of_staff[] = {institution_name, station_name, referring_physician, performing_physician,
+                                   operators_name};
+
 /// Read besides where a header alone is asked for: what objects of the same study must repeat.
 inline constexpr Tag of_study[] = {
-    study_time,         referring_physician, study_description,       issuer_of_patient_id,
-    patient_birth_time, patient_size,        patient_weight,          ethnic_group,
-    patient_comments,   identity_removed,    deidentification_method, study_id};
+    study_time,     study_description, issuer_of_patient_id, patient_birth_time, patient_size,
+    patient_weight, ethnic_group,      patient_comments,     identity_removed,   deidentification_method,
+    study_id};
 
 /// Attributes of classic images that a legacy converted one may keep in its unassigned groups (PS3.3 C.7.6.16.2).
 inline constexpr Tag of_classic_images[] = {image_type,
