@@ -132,8 +132,8 @@ const SeriesInfo* acquired_source_of(const SeriesInfo& info, const StudyInventor
         const bool is_whole = other.dixon_part == DixonPart::in_phase ||
                               (other.dixon_part == DixonPart::all && !other.computed);
         const bool is_acquired = !other.computed && why_unfit(other.dixon_part).empty();
-        return other.usable && (is_water ? is_whole : is_acquired) && !other.is_nifti() &&
-               other.study_uid == info.study_uid &&
+        const bool is_source = (is_water && is_whole) || (info.computed && is_acquired);
+        return other.usable && is_source && !other.is_nifti() && other.study_uid == info.study_uid &&
                other.frame_of_reference_uid == info.frame_of_reference_uid && is_same_contrast(other, info);
       });
   return source == inventory.series.end() ? nullptr : &*source;

@@ -100,6 +100,13 @@ TEST_F(DixonSeries, OfWaterIsUsedBesideNoOtherOfItsContrast) {
   EXPECT_EQ(used(), "stack4 stack5 ");
 }
 
+TEST_F(DixonSeries, OfWaterThatWasReformattedIsNotUsedBesideTheAcquiredOne) {
+  add(DixonPart::water);
+  add(DixonPart::water);
+  study_.series.back().computed = true;
+  EXPECT_EQ(used(), "stack1 ");
+}
+
 TEST_F(DixonSeries, OfFatAloneIsUsedOnDemandOnly) {
   add(DixonPart::fat);
   try {
