@@ -13,7 +13,6 @@
 #include "pipeline/eye/population/limits.hpp"
 #include "segmentation/finding/find_eyes.hpp"
 #include "segmentation/fit/both_eyes.hpp"
-#include "segmentation/intake/tags.hpp"
 #include "segmentation/judgement/fellow_eye.hpp"
 #include "segmentation/judgement/one_head.hpp"
 #include "segmentation/judgement/two_contrasts.hpp"
@@ -54,22 +53,20 @@ StudyImages read_images(const SegmentOptions& options, const CommonOptions& comm
   StudyImages images;
   images.inventory = read_inventory(options.study, intake);
   images.series = choose_series(images.inventory, options.series);
-  if (options.series.empty())
+  if (options.series.empty()) {
+    if (const std::string warning = volumes_warning(images.series); !warning.empty()) workspace.warn(warning);
     for (const SeriesInfo& info : images.inventory.series) {
       if (info.damaged) workspace.warn(fmt::format("{} is not used: {}", info.name, info.kept.reason));
-      if (const SeriesInfo* source = acquired_source_of(info, images.inventory);
-          info.usable && source != nullptr)
-        workspace.warn(
-            fmt::format("{} is not used: {} says that it was computed, from {} by frame of reference and "
-                        "contrast, which would count twice; --series chooses",
-                        info.name, to_string(tag::image_type), source->name));
+      if (const std::string why = why_left_out(info, images.inventory); !why.empty())
+        workspace.warn(fmt::format("{} is not used: {}; --series chooses", info.name, why));
     }
+  }
   for (const SeriesInfo* info : images.series) {
     images.volumes.push_back(read_series(images.inventory, info->uid, intake));
     for (const std::string& warning : info->kept.warnings) workspace.warn(info->name + ": " + warning);
   }
   images.labels = read_hand_labels(options.labels, images.stacks());
-  images.subject = images.inventory.subject_of(*images.series.front());
+  images.subject = subject_of(images.inventory, images.series);
   if (const std::string warning = age_warning(images.subject.age_years, options.age_years); !warning.empty())
     workspace.warn(warning);
   if (!images.subject.age_years) images.subject.age_years = options.age_years;

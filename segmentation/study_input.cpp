@@ -1,6 +1,7 @@
 #include "segmentation/study_input.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <cmath>
@@ -8,6 +9,7 @@
 
 #include "pipeline/base/case_folder.hpp"
 #include "segmentation/intake/file_list.hpp"
+#include "segmentation/intake/series_checks.hpp"
 #include "segmentation/intake/tags.hpp"
 #include "segmentation/intake/wire.hpp"
 
@@ -82,6 +84,24 @@ void require_one_study(const std::vector<const SeriesInfo*>& chosen) {
                     "give the folder of one study, or choose series of one with --series");
 }
 
+/// Names of the series that are NIfTI volumes, or of the others.
+std::vector<std::string> names_of(const std::vector<const SeriesInfo*>& series, bool nifti) {
+  std::vector<std::string> names;
+  for (const SeriesInfo* info : series)
+    if (info->is_nifti() == nifti) names.push_back(info->name);
+  return names;
+}
+
+/// A NIfTI volume names no patient: beside DICOM it may be anybody's.
+void require_one_format(const std::vector<const SeriesInfo*>& chosen) {
+  const auto volumes = names_of(chosen, true), series = names_of(chosen, false);
+  if (volumes.empty() || series.empty()) return;
+  throw input_error(
+      fmt::format("NIfTI volumes ({}) lie among DICOM series ({}): nothing tells that they are of one person",
+                  fmt::join(volumes, ", "), fmt::join(series, ", ")),
+      "give the folder of one of the two, or choose with --series");
+}
+
 /// Whether a time or an angle is the same but for rounding; what one header does not tell is no difference.
 bool is_same_number(const std::optional<double>& a, const std::optional<double>& b) {
   constexpr double rounding = 0.01;
@@ -89,11 +109,34 @@ bool is_same_number(const std::optional<double>& a, const std::optional<double>&
 }
 
 bool is_same_contrast(const SeriesInfo& a, const SeriesInfo& b) {
-  const bool is_told = (a.repetition_time_ms && b.repetition_time_ms) || (a.echo_time_ms && b.echo_time_ms);
+  // A separated image may say either of the echoes that it was made of.
+  const bool is_separated = a.dixon_part != DixonPart::all && b.dixon_part != DixonPart::all;
+  const bool is_told =
+      (a.repetition_time_ms && b.repetition_time_ms) || (!is_separated && a.echo_time_ms && b.echo_time_ms);
   return is_told && is_same_number(a.repetition_time_ms, b.repetition_time_ms) &&
-         is_same_number(a.echo_time_ms, b.echo_time_ms) &&
+         (is_separated || is_same_number(a.echo_time_ms, b.echo_time_ms)) &&
          is_same_number(a.inversion_time_ms, b.inversion_time_ms) &&
          is_same_number(a.flip_angle_deg, b.flip_angle_deg);
+}
+
+/// The usable series of the acquisition that a computed one, or one of water alone, was made from, by frame of
+/// reference and contrast; null where there is none, headers tell neither TR nor TE to compare, or the series itself is
+/// acquired.
+const SeriesInfo* acquired_source_of(const SeriesInfo& info, const StudyInventory& inventory) {
+  // Of a series that tells too little nothing shows that it is an acquisition once more: left out, a contrast may be
+  // lost.
+  const bool is_water = info.dixon_part == DixonPart::water;
+  if ((!is_water && !info.computed) || info.frame_of_reference_uid.empty()) return nullptr;
+  const auto source =
+      std::find_if(inventory.series.begin(), inventory.series.end(), [&](const SeriesInfo& other) {
+        const bool is_whole = other.dixon_part == DixonPart::in_phase ||
+                              (other.dixon_part == DixonPart::all && !other.computed);
+        const bool is_acquired = !other.computed && why_unfit(other.dixon_part).empty();
+        const bool is_source = (is_water && is_whole) || (info.computed && is_acquired);
+        return other.usable && is_source && !other.is_nifti() && other.study_uid == info.study_uid &&
+               other.frame_of_reference_uid == info.frame_of_reference_uid && is_same_contrast(other, info);
+      });
+  return source == inventory.series.end() ? nullptr : &*source;
 }
 
 }  // namespace
@@ -125,17 +168,16 @@ void require_same_files(const SegmentOptions& options, const std::vector<StageIn
         "run it again when nothing writes there any more");
 }
 
-const SeriesInfo* acquired_source_of(const SeriesInfo& computed, const StudyInventory& inventory) {
-  // Of a series that tells too little nothing shows that it is an acquisition once more: left out, a contrast may be lost.
-  if (!computed.computed || computed.frame_of_reference_uid.empty()) return nullptr;
-  const auto source =
-      std::find_if(inventory.series.begin(), inventory.series.end(), [&](const SeriesInfo& other) {
-        return other.usable && !other.computed && !other.is_nifti() &&
-               other.study_uid == computed.study_uid &&
-               other.frame_of_reference_uid == computed.frame_of_reference_uid &&
-               is_same_contrast(other, computed);
-      });
-  return source == inventory.series.end() ? nullptr : &*source;
+std::string why_left_out(const SeriesInfo& info, const StudyInventory& inventory) {
+  if (!info.usable) return {};
+  if (const std::string unfit = why_unfit(info.dixon_part); !unfit.empty())
+    return fmt::format("{} says {}", to_string(tag::image_type), unfit);
+  if (const SeriesInfo* source = acquired_source_of(info, inventory); source != nullptr)
+    return fmt::format(
+        "{} says that it {}, from {} by frame of reference and contrast, which would count twice",
+        to_string(tag::image_type),
+        info.dixon_part == DixonPart::water ? "shows water alone" : "was computed", source->name);
+  return {};
 }
 
 std::vector<const SeriesInfo*> choose_series(const StudyInventory& inventory,
@@ -153,19 +195,35 @@ std::vector<const SeriesInfo*> choose_series(const StudyInventory& inventory,
   }
   if (wanted.empty())
     for (const SeriesInfo& info : inventory.series)
-      if (info.usable && acquired_source_of(info, inventory) == nullptr) chosen.push_back(&info);
+      if (info.usable && why_left_out(info, inventory).empty()) chosen.push_back(&info);
+  if (wanted.empty()) require_one_format(chosen);
   if (chosen.empty()) {
     std::string reasons;
     for (const SeriesInfo& info : inventory.series)
-      reasons += fmt::format("\n  {}: {}", info.name, info.reason);
+      reasons +=
+          fmt::format("\n  {}: {}", info.name, info.usable ? why_left_out(info, inventory) : info.reason);
     if (inventory.series.empty())
       reasons = fmt::format(": none of its {} files is an image", inventory.skipped.size());
-    throw Error(inventory.status(),
+    throw Error(inventory.any_usable() ? ExitStatus::unsupported : inventory.status(),
                 fmt::format("{}: no series of the study can be used{}", inventory.study.string(), reasons),
                 "emmetrope inventory STUDY lists what is wrong with each");
   }
   require_one_study(chosen);
   return chosen;
+}
+
+Subject subject_of(const StudyInventory& inventory, const std::vector<const SeriesInfo*>& chosen) {
+  const auto volume =
+      std::find_if(chosen.begin(), chosen.end(), [](const SeriesInfo* info) { return info->is_nifti(); });
+  return inventory.subject_of(volume == chosen.end() ? *chosen.front() : **volume);
+}
+
+std::string volumes_warning(const std::vector<const SeriesInfo*>& chosen) {
+  const auto volumes = names_of(chosen, true);
+  if (volumes.size() < 2) return {};
+  return fmt::format(
+      "{} are NIfTI volumes, which name no patient: nothing tells that they are of one person; --series chooses",
+      fmt::join(volumes, ", "));
 }
 
 }  // namespace emmetrope::segmentation

@@ -17,14 +17,21 @@ std::vector<StageInput> input_files(const SegmentOptions& options);
 /// \throw Error (input_invalid) where it has not as many files as when its inputs were noted
 void require_same_files(const SegmentOptions& options, const std::vector<StageInput>& noted);
 
-/// The usable series of the acquisition that a computed one was made from, by frame of reference and contrast; null where
-/// there is none, headers tell neither TR nor TE to compare, or the series itself is acquired.
-const SeriesInfo* acquired_source_of(const SeriesInfo& computed, const StudyInventory& inventory);
+/// Why a usable series is not used unless it is asked for: it shows fat alone or opposed phases, or it was computed
+/// from another series of the study, or is its water alone, and would count twice; empty: it is used.
+std::string why_left_out(const SeriesInfo& info, const StudyInventory& inventory);
 
-/// The series asked for, or all usable ones but those computed from another of them, which would count twice; at least
-/// one, of one study.
-/// \throw Error with a series' reason where it is not usable; (input_invalid) for series of two studies
+/// The series asked for, or all usable ones but those left out; at least one, of one study.
+/// \throw Error with a series' reason where it is not usable; (input_invalid) for series of two studies, or for NIfTI
+///   volumes among DICOM series where none is asked for
 std::vector<const SeriesInfo*> choose_series(const StudyInventory& inventory,
                                              const std::vector<SeriesChoice>& wanted);
+
+/// The patient of the DICOM series; where a NIfTI volume is among them, nobody by name.
+/// \pre at least one series
+Subject subject_of(const StudyInventory& inventory, const std::vector<const SeriesInfo*>& chosen);
+
+/// That nothing tells of several NIfTI volumes whether they are of one person; empty: there are not several.
+std::string volumes_warning(const std::vector<const SeriesInfo*>& chosen);
 
 }  // namespace emmetrope::segmentation

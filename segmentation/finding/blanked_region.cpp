@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <vector>
 
 #include "pipeline/base/even_points.hpp"
 #include "segmentation/finding/sampling.hpp"
@@ -15,33 +16,56 @@ using Eigen::Vector3d;
 constexpr double middle_mm = 5;                              ///< of a globe
 constexpr double nearest_fat_mm = 13, farthest_fat_mm = 16;  ///< from its centre, what lies around it
 
-struct ZeroShare {
-  int voxels = 0, zero = 0;
-  double share() const { return voxels == 0 ? 0 : static_cast<double>(zero) / voxels; }
+struct BlankShare {
+  int voxels = 0, blank = 0;
+  double share() const { return voxels == 0 ? 0 : static_cast<double>(blank) / voxels; }
 };
 
-bool is_zero_with_neighbours(const Stack& stack, int column, int row, int slice) {
-  for (int s = std::max(0, slice - 1); s <= std::min(stack.slices() - 1, slice + 1); ++s)
-    for (int r = std::max(0, row - 1); r <= std::min(stack.rows - 1, row + 1); ++r)
-      for (int c = std::max(0, column - 1); c <= std::min(stack.columns - 1, column + 1); ++c)
-        if (stack.at(c, r, s) != 0) return false;
-  return true;
+/// What zero became where values were rescaled after the face was taken off: the lowest value, if it is also the
+/// commonest (of evenly spaced voxels); else zero.
+double blank_value_of(const Stack& stack) {
+  constexpr std::size_t sampled = 10'000;
+  const auto in_slice = static_cast<std::size_t>(stack.columns) * static_cast<std::size_t>(stack.rows);
+  const std::size_t voxels = in_slice * static_cast<std::size_t>(stack.slices()),
+                    stride = std::max<std::size_t>(1, voxels / sampled);
+  std::vector<float> values;
+  for (std::size_t i = 0; i < voxels; i += stride)
+    values.push_back(stack.slice_intensity[i / in_slice][i % in_slice]);
+  std::sort(values.begin(), values.end());
+  const auto count_from = [&](auto first) { return std::upper_bound(first, values.end(), *first) - first; };
+  for (auto first = values.begin(); first != values.end(); first += count_from(first))
+    if (count_from(first) > count_from(values.begin())) return 0;
+  return values.empty() ? 0 : values.front();
 }
 
 }  // namespace
 
-BlankedRegion::BlankedRegion(const Stack& stack, const Vector3d& globe_centre, double radius_mm) {
+bool BlankedRegion::is_blank_with_neighbours(const Stack& stack, int column, int row, int slice) const {
+  for (int s = std::max(0, slice - 1); s <= std::min(stack.slices() - 1, slice + 1); ++s)
+    for (int r = std::max(0, row - 1); r <= std::min(stack.rows - 1, row + 1); ++r)
+      for (int c = std::max(0, column - 1); c <= std::min(stack.columns - 1, column + 1); ++c)
+        if (!is_blank(stack.at(c, r, s))) return false;
+  return true;
+}
+
+bool BlankedRegion::is_blank(double value) const {
+  constexpr double rounding = 1e-6;  // of an interpolation among equal values
+  return value == 0 || std::abs(value - value_) <= rounding * std::abs(value_);
+}
+
+BlankedRegion::BlankedRegion(const Stack& stack, const Vector3d& globe_centre, double radius_mm)
+    : value_(blank_value_of(stack)) {
   Array3i first(stack.columns, stack.rows, stack.slices()), last = Array3i::Constant(-1);
-  ZeroShare middle, around;
+  BlankShare middle, around;
   for_each_voxel_near(stack, globe_centre, radius_mm, [&](int c, int r, int s, const Vector3d& position) {
     first = first.min(Array3i(c, r, s));
     last = last.max(Array3i(c, r, s));
     const double distance = (position - globe_centre).norm();
     const bool is_around = distance >= nearest_fat_mm && distance <= farthest_fat_mm;
     if (distance > middle_mm && !is_around) return;
-    ZeroShare& part = is_around ? around : middle;
+    BlankShare& part = is_around ? around : middle;
     ++part.voxels;
-    part.zero += is_zero_with_neighbours(stack, c, r, s) ? 1 : 0;
+    part.blank += is_blank_with_neighbours(stack, c, r, s) ? 1 : 0;
   });
   // A face's plane through the eye takes as much of what lies around it.
   const bool is_dark_vitreous = middle.share() > 0.5 && around.share() < 1.0 / 3;
@@ -49,7 +73,7 @@ BlankedRegion::BlankedRegion(const Stack& stack, const Vector3d& globe_centre, d
   find_cores(stack, first, last - first + 1);
 }
 
-BlankedRegion::BlankedRegion(const Stack& stack) {
+BlankedRegion::BlankedRegion(const Stack& stack) : value_(blank_value_of(stack)) {
   find_cores(stack, Array3i::Zero(), {stack.columns, stack.rows, stack.slices()});
 }
 
@@ -61,7 +85,7 @@ void BlankedRegion::find_cores(const Stack& stack, const Array3i& first, const A
   std::size_t i = 0;
   for (int s = first[2]; s < end[2]; ++s)
     for (int r = first[1]; r < end[1]; ++r)
-      for (int c = first[0]; c < end[0]; ++c) core_[i++] = is_zero_with_neighbours(stack, c, r, s) ? 1 : 0;
+      for (int c = first[0]; c < end[0]; ++c) core_[i++] = is_blank_with_neighbours(stack, c, r, s) ? 1 : 0;
 }
 
 bool BlankedRegion::is_core(const Array3i& voxel) const {
@@ -81,11 +105,11 @@ bool BlankedRegion::is_core_within(const Array3i& voxel, int reach) const {
 }
 
 bool BlankedRegion::holds_voxel(int column, int row, int slice) const {
-  // One voxel around the core is zero too, and the next may have been mixed with it when the image was resampled.
+  // One voxel around the core is blank too, and the next may have been mixed with it when the image was resampled.
   return is_core_within({column, row, slice}, 2);
 }
 
-bool BlankedRegion::is_zero(const Sampler& stack, const Vector3d& lps) const {
+bool BlankedRegion::is_lost(const Sampler& stack, const Vector3d& lps) const {
   const auto at = stack.voxel_coordinates(lps);
   return at && is_core_within(at->array().round().cast<int>(), 1);
 }
@@ -112,7 +136,7 @@ bool BlankedRegion::holds_front(const Stack& stack, const Vector3d& globe_centre
     int lost = 0;
     for (int i = 0; i < points; ++i)
       lost +=
-          is_zero(sampler, globe_centre + along_mm * axis +
+          is_lost(sampler, globe_centre + along_mm * axis +
                                radius_mm * std::cbrt((i + 0.5) / points) * fibonacci_direction(i, points));
     return static_cast<double>(lost) / points;
   };

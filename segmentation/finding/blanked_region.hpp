@@ -7,21 +7,24 @@
 
 namespace emmetrope::segmentation {
 
-/// Where someone blanked the image around an eye, as those do who take a face off: noise leaves no voxel that is zero
-/// with all its neighbours. Nothing can be read there, nor where an interpolation would reach into it.
+/// Where someone blanked the image around an eye, as those do who take a face off: with zero or, where values were
+/// rescaled since, with the lowest and commonest value of all. Noise leaves no voxel that is so with all its
+/// neighbours. Nothing can be read there, nor where an interpolation would reach into it.
 class BlankedRegion {
  public:
   /// Nothing is blanked.
   BlankedRegion() = default;
   /// In the whole stack.
   explicit BlankedRegion(const Stack& stack);
-  /// Within so far of the globe's centre (LPS); nothing where most of its middle is zero and less than a third of what
+  /// Within so far of the globe's centre (LPS); nothing where most of its middle is blank and less than a third of what
   /// lies around it, as dark vitreous is in a window.
   BlankedRegion(const Stack& stack, const Eigen::Vector3d& globe_centre, double radius_mm);
 
-  /// Zero, or within two voxels of what is zero with its neighbours.
+  /// Whether a value is what the image was blanked with.
+  bool is_blank(double value) const;
+  /// Blank, or within two voxels of what is blank with its neighbours.
   bool holds_voxel(int column, int row, int slice) const;
-  /// Whether an interpolation over four voxels a direction reaches to a voxel that is zero with its neighbours.
+  /// Whether an interpolation over four voxels a direction reaches to a voxel that is blank with its neighbours.
   /// \param stack  the one that it is of
   bool holds(const Sampler& stack, const Eigen::Vector3d& lps) const;
   /// Whether a quarter of a usual lens, 8 mm before the globe's centre, was blanked and nearly all that lies before it:
@@ -34,10 +37,12 @@ class BlankedRegion {
   void find_cores(const Stack& stack, const Eigen::Array3i& first, const Eigen::Array3i& count);
   bool is_core(const Eigen::Array3i& voxel) const;
   bool is_core_within(const Eigen::Array3i& voxel, int reach) const;
-  bool is_zero(const Sampler& stack, const Eigen::Vector3d& lps) const;
+  bool is_lost(const Sampler& stack, const Eigen::Vector3d& lps) const;
+  bool is_blank_with_neighbours(const Stack& stack, int column, int row, int slice) const;
 
   Eigen::Array3i first_ = Eigen::Array3i::Zero(), count_ = Eigen::Array3i::Zero();  ///< column, row, slice
-  std::vector<char> core_;  ///< of the voxels from `first_` on: zero with all neighbours
+  std::vector<char> core_;  ///< of the voxels from `first_` on: blank with all neighbours
+  double value_ = 0;        ///< that the stack was blanked with, if not with zero
 };
 
 /// That region where it holds the front of the eye, or nothing: the air before a whole face, which is zero in many

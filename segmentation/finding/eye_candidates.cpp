@@ -33,7 +33,7 @@ RadialEdges radial_edges(const Stack& stack, const Vector3d& centre, Weighting w
     for (int i = 0; i < count; ++i) {
       const Vector3d at = centre + (from + i * step) * direction;
       const auto value = sampler.interpolate(at);
-      is_blanked = value && *value == 0 && blanked.holds(sampler, at);
+      is_blanked = value && blanked.is_blank(*value) && blanked.holds(sampler, at);
       if (!value || is_blanked) break;
       profile.push_back(*value);
     }
@@ -128,7 +128,7 @@ bool refine(const Stack& stack, const SymmetryPeak& peak, const BlankedRegion& b
   std::vector<double> core;
   for_each_voxel_near(stack, candidate.centre, 5, [&](int c, int r, int s, const Vector3d&) {
     const double value = stack.at(c, r, s);
-    if (value != 0 || !blanked.holds_voxel(c, r, s)) core.push_back(value);
+    if (!blanked.is_blank(value) || !blanked.holds_voxel(c, r, s)) core.push_back(value);
   });
   if (core.size() < 20) return false;
   const double spread = std::max(quantile(core, 0.84) - quantile(core, 0.16), 1e-9) / 2;

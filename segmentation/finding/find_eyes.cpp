@@ -208,8 +208,8 @@ void compare_with_tags(const std::vector<Cluster>& eyes, const std::vector<const
       if ((tag == "R" && to_left_mm > off_midline_mm) || (tag == "L" && to_left_mm < -off_midline_mm))
         throw input_error(
             fmt::format(
-                "{}: (0020,0062) ImageLaterality or (0020,0060) Laterality says {}, but by (0020,0032) "
-                "ImagePositionPatient the only eye in its images lies {:.0f} mm to the patient's {}",
+                "{}: (0020,9072) FrameLaterality, (0020,0062) ImageLaterality or (0020,0060) Laterality says {}, "
+                "but by (0020,0032) ImagePositionPatient the only eye in its images lies {:.0f} mm to the patient's {}",
                 stacks[view.stack]->name, tag, std::abs(to_left_mm), to_left_mm > 0 ? "left" : "right"),
             "find out which of them is wrong; --series uses other series only");
     }

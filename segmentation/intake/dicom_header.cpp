@@ -87,12 +87,16 @@ std::string text_of(DcmItem& item, const Tag& tag) {
   return clean_utf8(std::move(text));
 }
 
+void read_attribute(DcmItem& groups, const Tag& macro, const Tag& attribute, TagValues& values) {
+  DcmItem* item = nullptr;
+  if (groups.findAndGetSequenceItem(key(macro), item, 0).bad() || item == nullptr) return;
+  if (auto value = text_of(*item, attribute); !value.empty()) values[attribute.keyword] = std::move(value);
+}
+
 void read_frame(DcmItem& groups, TagValues& values) {
-  for (const auto& [macro, attribute] : tag::of_frames) {
-    DcmItem* item = nullptr;
-    if (groups.findAndGetSequenceItem(key(macro), item, 0).bad() || item == nullptr) continue;
-    if (auto value = text_of(*item, attribute); !value.empty()) values[attribute.keyword] = std::move(value);
-  }
+  for (const Tag& macro : {tag::unassigned_shared_sequence, tag::unassigned_per_frame_sequence})
+    for (const Tag& attribute : tag::of_classic_images) read_attribute(groups, macro, attribute, values);
+  for (const auto& [macro, attribute] : tag::of_frames) read_attribute(groups, macro, attribute, values);
 }
 
 /// Functional groups of each frame, the shared ones below its own; one empty entry for a classic image.
@@ -123,8 +127,9 @@ bool nests_deeper(DcmObject& object, int levels) {
 }
 
 /// Nothing of it is measured: what cannot be read is left out.
-void read_study(DcmDataset& data_set, ImageHeader& header) {
-  for (const auto& wanted : tag::of_study) {
+template <std::size_t Count>
+void read_what_is_there(const Tag (&tags)[Count], DcmDataset& data_set, ImageHeader& header) {
+  for (const auto& wanted : tags) {
     try {
       if (auto text = text_of(data_set, wanted); !text.empty())
         header.data_set[wanted.keyword] = std::move(text);
@@ -184,7 +189,8 @@ ImageHeader read_header(const std::filesystem::path& file, DcmFileFormat& parsed
       if (auto text = text_of(data_set, wanted); !text.empty())
         header.data_set[wanted.keyword] = std::move(text);
     read_other_ids(data_set, header);
-    if (request == Request::header) read_study(data_set, header);
+    read_what_is_there(tag::of_staff, data_set, header);
+    if (request == Request::header) read_what_is_there(tag::of_study, data_set, header);
     if (data_set.tagExists(key(tag::modality_lut))) header.data_set[tag::modality_lut.keyword] = "present";
     read_description(data_set, header);
     header.frames = read_frames(data_set);

@@ -10,8 +10,12 @@
 namespace emmetrope::segmentation {
 namespace {
 
-constexpr Tag names[] = {tag::patient_name, tag::other_patient_names, tag::patient_birth_name};
-constexpr Tag numbers[] = {tag::patient_id, tag::other_patient_ids, tag::accession_number};
+constexpr Tag names[] = {tag::patient_name,        tag::other_patient_names,  tag::patient_birth_name,
+                         tag::referring_physician, tag::performing_physician, tag::operators_name};
+/// Of these a word alone tells nothing: an eye hospital's is "eye".
+constexpr Tag whole_texts[] = {tag::patient_id, tag::other_patient_ids, tag::accession_number,
+                               tag::institution_name, tag::station_name};
+constexpr Tag dates[] = {tag::patient_birth_date, tag::study_date};
 /// What operators type; the other texts that are kept are terms of the standard.
 constexpr Tag free_texts[] = {tag::body_part, tag::stack_id};
 
@@ -203,8 +207,8 @@ void Identity::add_name(const std::string& name) {
   }
 }
 
-void Identity::add_number(const std::string& number) {
-  const std::u32string folded = fold(number).letters;
+void Identity::add_whole(const std::string& text) {
+  const std::u32string folded = fold(text).letters;
   for (std::u32string one : runs_of(folded, [](char32_t letter) { return letter != U'\\'; })) {
     one.erase(0, std::min(one.find_first_not_of(U' '), one.size()));
     one.erase(one.find_last_not_of(U' ') + 1);
@@ -258,8 +262,8 @@ void Identity::add_date(const std::string& date) {
 
 void Identity::add(const ImageHeader& header) {
   for (const Tag& tag : names) add_name(header.value(tag));
-  for (const Tag& tag : numbers) add_number(header.value(tag));
-  add_date(header.value(tag::patient_birth_date));
+  for (const Tag& tag : whole_texts) add_whole(header.value(tag));
+  for (const Tag& tag : dates) add_date(header.value(tag));
 }
 
 std::string Identity::removed_from(const std::string& text) const {
@@ -305,8 +309,8 @@ void Identity::remove_from(ImageHeader& header) const {
   remove(header.data_set);
   for (auto& frame : header.frames) remove(frame);
   for (const Tag& tag : names) header.data_set.erase(tag.keyword);
-  for (const Tag& tag : numbers) header.data_set.erase(tag.keyword);
-  header.data_set.erase(tag::patient_birth_date.keyword);
+  for (const Tag& tag : whole_texts) header.data_set.erase(tag.keyword);
+  for (const Tag& tag : dates) header.data_set.erase(tag.keyword);
 }
 
 }  // namespace emmetrope::segmentation

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <map>
 #include <regex>
 #include <set>
 
@@ -34,21 +35,40 @@ std::string found(const ScannedFile& file, const Tag& tag, int frame = 0) {
                      value.empty() ? "is absent" : "is " + in_quotes(value));
 }
 
+/// Frames of a file, one of a classic image.
+int frames_of(const ScannedFile& file) { return std::max(1, static_cast<int>(file.header.frames.size())); }
+
 bool contains(const std::string& text, std::string_view word) { return text.find(word) != std::string::npos; }
 
 std::optional<double> number_of(const ScannedFile& file, const Tag& tag) {
   return parse_number(file.header.value(tag));
 }
 
+std::string found(const SeriesImage& image, const Tag& tag) { return found(*image.source, tag, image.frame); }
+
+std::vector<SeriesImage> images_of(const Files& files) {
+  std::vector<SeriesImage> images;
+  for (const auto& file : files)
+    for (int frame = 0; frame < frames_of(file); ++frame)
+      images.push_back({&file, frame, Eigen::Vector3d::Zero(), 1, 0});
+  return images;
+}
+
 /// The eye that the tags name; "B" where some images are of the one and some of the other.
-std::string laterality_of(const Files& files) {
+std::string laterality_of(const std::vector<SeriesImage>& images) {
   std::set<std::string> sides;
-  for (const auto& file : files) {
-    const auto& of_image = file.header.value(tag::image_laterality);
-    sides.insert(of_image.empty() ? file.header.value(tag::series_laterality) : of_image);
-  }
-  sides.erase("");
+  for (const auto& image : images)
+    for (const Tag& tag : {tag::frame_laterality, tag::image_laterality, tag::series_laterality})
+      if (const auto& side = image.value(tag); !side.empty()) {
+        sides.insert(side);
+        break;
+      }
   return sides.empty() ? "" : sides.size() == 1 ? *sides.begin() : "B";
+}
+
+/// Enhanced MR says COLUMN where classic images say COL, and OTHER where it is neither.
+std::string phase_encoding_of(const std::string& told) {
+  return told == "ROW" ? "ROW" : told == "COL" || told == "COLUMN" ? "COL" : "";
 }
 
 void describe_series(const Files& files, SeriesInfo& info) {
@@ -63,22 +83,7 @@ void describe_series(const Files& files, SeriesInfo& info) {
   info.files = files.size();
   info.rows = static_cast<int>(number_of(first, tag::rows).value_or(0));
   info.columns = static_cast<int>(number_of(first, tag::columns).value_or(0));
-  info.image_type = text(tag::image_type);
-  info.acquisition_type = text(tag::acquisition_type);
-  info.sequence = text(tag::scanning_sequence);
   info.body_part = text(tag::body_part);
-  info.image_laterality = laterality_of(files);
-  info.repetition_time_ms = number_of(first, tag::repetition_time);
-  info.echo_time_ms = number_of(first, tag::echo_time);
-  if (!info.echo_time_ms) info.echo_time_ms = number_of(first, tag::effective_echo_time);
-  info.inversion_time_ms = number_of(first, tag::inversion_time);
-  info.flip_angle_deg = number_of(first, tag::flip_angle);
-  info.field_strength_T = number_of(first, tag::field_strength);
-  info.pixel_bandwidth_Hz = number_of(first, tag::pixel_bandwidth);
-  info.phase_encoding = text(tag::phase_encoding);
-  if (const auto thickness = number_of(first, tag::slice_thickness);
-      thickness && is_plausible_spacing(*thickness))
-    info.slice_thickness_mm = thickness;
   const auto slope = number_of(first, tag::philips_scale_slope),
              intercept = number_of(first, tag::philips_scale_intercept);
   if (slope && intercept && contains(first.header.value(tag::private_creator_2005), "Philips"))
@@ -87,6 +92,28 @@ void describe_series(const Files& files, SeriesInfo& info) {
   for (const auto& file : files) syntaxes.insert(file.header.transfer_syntax);
   for (const auto& syntax : syntaxes)
     info.transfer_syntax += (info.transfer_syntax.empty() ? "" : ", ") + syntax;
+}
+
+/// What the first image says of its acquisition; the others have to agree.
+void describe_images(const std::vector<SeriesImage>& images, SeriesInfo& info) {
+  const SeriesImage& first = images.front();
+  const auto number = [&](const Tag& tag) { return parse_number(first.value(tag)); };
+  info.image_type = first.value(tag::image_type);
+  info.acquisition_type = first.value(tag::acquisition_type);
+  info.sequence = first.value(tag::scanning_sequence);
+  info.image_laterality = laterality_of(images);
+  info.repetition_time_ms = number(tag::repetition_time);
+  info.echo_time_ms = number(tag::echo_time);
+  if (!info.echo_time_ms) info.echo_time_ms = number(tag::effective_echo_time);
+  info.inversion_time_ms = number(tag::inversion_time);
+  if (!info.inversion_time_ms) info.inversion_time_ms = number(tag::inversion_times);
+  info.flip_angle_deg = number(tag::flip_angle);
+  info.field_strength_T = number(tag::field_strength);
+  info.pixel_bandwidth_Hz = number(tag::pixel_bandwidth);
+  info.phase_encoding = phase_encoding_of(first.value(tag::phase_encoding));
+  info.slice_thickness_mm = number(tag::slice_thickness);
+  if (info.slice_thickness_mm && !is_plausible_spacing(*info.slice_thickness_mm))
+    info.slice_thickness_mm.reset();
 }
 
 /// One warning for all files that share a fault.
@@ -106,10 +133,17 @@ bool is_mosaic(const ImageHeader& header) {
   return contains(header.value(tag::image_type), "MOSAIC") || (siemens && header.has(tag::mosaic_images));
 }
 
-bool is_echo_planar(const ImageHeader& header) {
-  const auto sequence = split_values(header.value(tag::scanning_sequence));
-  return header.value(tag::echo_planar) == "YES" ||  // of enhanced MR, which has no ScanningSequence
-         std::find(sequence.begin(), sequence.end(), "EP") != sequence.end();
+/// A file may be classic (one frame), enhanced (no ScanningSequence) or legacy converted (one of each frame).
+void check_echo_planar(const ScannedFile& file) {
+  for (int frame = 0; frame < frames_of(file); ++frame) {
+    const auto sequence = split_values(file.header.value(tag::scanning_sequence, frame));
+    const bool by_sequence = std::find(sequence.begin(), sequence.end(), "EP") != sequence.end();
+    if (by_sequence || file.header.value(tag::echo_planar, frame) == "YES")
+      throw unsupported_error(
+          found(file, by_sequence ? tag::scanning_sequence : tag::echo_planar, frame) +
+          ": echo-planar images (diffusion, perfusion, function) are distorted by millimetres near air, where "
+          "eyes are");
+  }
 }
 
 /// What has no slices or no intensities of an acquisition, in the standard's words and the vendors'.
@@ -157,10 +191,7 @@ void check_kind(const Files& files, bool any_modality) {
     if (header.has(tag::modality_lut))
       throw unsupported_error(file.name() + ": " + to_string(tag::modality_lut) +
                               " gives stored values another meaning; a linear rescale is required");
-    if (is_echo_planar(header))
-      throw unsupported_error(
-          found(file, header.has(tag::echo_planar) ? tag::echo_planar : tag::scanning_sequence) +
-          ": echo-planar images (diffusion, perfusion, function) are distorted by millimetres near air, where eyes are");
+    check_echo_planar(file);
     if (is_mosaic(header))
       throw unsupported_error(found(file, tag::image_type) +
                               ": a Siemens mosaic shows many slices in one image; export single slices");
@@ -236,46 +267,76 @@ std::array<double, 6> made_orthonormal(const std::array<double, 6>& cosines) {
   return {row.x(), row.y(), row.z(), column.x(), column.y(), column.z()};
 }
 
-/// Every frame of the series, judged against the first.
-std::vector<SeriesImage> check_frames(const Files& files, SeriesInfo& info) {
-  std::vector<SeriesImage> images;
-  const auto spacing = pixel_spacing_of(files.front(), 0);
-  const auto orientation = orientation_of(files.front(), 0);
-  info.row_spacing_mm = spacing[0];
-  info.column_spacing_mm = spacing[1];
-  info.orientation = made_orthonormal(orientation);
-  for (const auto& file : files) {
+void check_one_study(const Files& files) {
+  for (const auto& file : files)
     for (const Tag& tag : {tag::study_instance, tag::frame_of_reference})
       if (file.header.value(tag) != files.front().header.value(tag))
         throw input_error(fmt::format("{} and {}: different {} in one series", files.front().name(),
                                       file.name(), to_string(tag)));
-    for (int frame = 0; frame < static_cast<int>(file.header.frames.size()); ++frame) {
-      const auto its_spacing = pixel_spacing_of(file, frame);
-      for (std::size_t i = 0; i < 2; ++i)
-        if (std::abs(its_spacing[i] - spacing[i]) > same_spacing * spacing[i])
-          throw input_error(fmt::format("{}, but {}", found(file, tag::pixel_spacing, frame),
-                                        found(files.front(), tag::pixel_spacing)));
-      const auto its_orientation = orientation_of(file, frame);
-      for (std::size_t i = 0; i < 6; ++i)
-        if (std::abs(its_orientation[i] - orientation[i]) > same_orientation)
-          throw input_error(fmt::format("{}, but {}: the slices are not parallel",
-                                        found(file, tag::image_orientation, frame),
-                                        found(files.front(), tag::image_orientation)));
-      const auto position = parse_numbers(file.header.value(tag::image_position, frame), 3);
-      if (!position)
-        throw input_error(found(file, tag::image_position, frame) + "; three numbers are required");
-      const auto [slope, intercept] = rescale_of(file, frame);
-      images.push_back({&file, frame, Eigen::Vector3d(position->data()), slope, intercept});
-    }
+}
+
+/// Reads where each image lies and how it is scaled, and judges it against the first.
+void place_images(std::vector<SeriesImage>& images, SeriesInfo& info) {
+  const SeriesImage& first = images.front();
+  const auto spacing = pixel_spacing_of(*first.source, first.frame);
+  const auto orientation = orientation_of(*first.source, first.frame);
+  info.row_spacing_mm = spacing[0];
+  info.column_spacing_mm = spacing[1];
+  info.orientation = made_orthonormal(orientation);
+  for (SeriesImage& image : images) {
+    const auto its_spacing = pixel_spacing_of(*image.source, image.frame);
+    for (std::size_t i = 0; i < 2; ++i)
+      if (std::abs(its_spacing[i] - spacing[i]) > same_spacing * spacing[i])
+        throw input_error(
+            fmt::format("{}, but {}", found(image, tag::pixel_spacing), found(first, tag::pixel_spacing)));
+    const auto its_orientation = orientation_of(*image.source, image.frame);
+    for (std::size_t i = 0; i < 6; ++i)
+      if (std::abs(its_orientation[i] - orientation[i]) > same_orientation)
+        throw input_error(
+            fmt::format("{}, but {}: the slices are not parallel", found(image, tag::image_orientation),
+                        found(first, tag::image_orientation)),
+            image.value(tag::stack_id) == first.value(tag::stack_id)
+                ? ""
+                : fmt::format("choose one stack with --series '{},{}={}'", info.uid, tag::stack_id.keyword,
+                              first.value(tag::stack_id)));
+    const auto position = parse_numbers(image.value(tag::image_position), 3);
+    if (!position) throw input_error(found(image, tag::image_position) + "; three numbers are required");
+    const auto [slope, intercept] = rescale_of(*image.source, image.frame);
+    image.position_mm = Eigen::Vector3d(position->data());
+    image.slope = slope;
+    image.intercept = intercept;
   }
-  return images;
+}
+
+/// Which part of the complex image an image shows; a classic one says it by a word of its type.
+std::string component_of(const SeriesImage& image) {
+  const auto& told = image.value(tag::complex_image_component);
+  if (!told.empty() && told != "MIXED") return told;
+  for (const Tag& tag : {tag::frame_type, tag::image_type})
+    for (const std::string& word : split_values(image.value(tag)))
+      if (word == "P" || word == "PHASE") return "PHASE";
+  return "MAGNITUDE";
+}
+
+void check_component(const std::vector<SeriesImage>& images, const std::string& uid) {
+  const SeriesImage& first = images.front();
+  for (const SeriesImage& image : images) {
+    if (component_of(image) == component_of(first)) continue;
+    for (const Tag& tag : {tag::complex_image_component, tag::frame_type, tag::image_type})
+      if (const auto& one = first.value(tag), &other = image.value(tag); one != other)
+        throw input_error(fmt::format("{} and {}: {} is {} and {}: {} and {} make no stack", first.name(),
+                                      image.name(), to_string(tag), in_quotes(one), in_quotes(other),
+                                      component_of(first), component_of(image)),
+                          fmt::format("choose the images of one with --series '{},{}={}'", uid, tag.keyword,
+                                      one.empty() ? other : one));
+  }
 }
 
 /// Slices of one stack are of one contrast: times agree but for the rounding and jitter of scanners.
 void check_contrast(const std::vector<SeriesImage>& images, const std::string& uid) {
   constexpr double same_time = 0.05;
-  for (const Tag& tag :
-       {tag::echo_time, tag::effective_echo_time, tag::repetition_time, tag::inversion_time}) {
+  for (const Tag& tag : {tag::echo_time, tag::effective_echo_time, tag::repetition_time, tag::inversion_time,
+                         tag::inversion_times}) {
     const SeriesImage& first = images.front();
     const auto time = parse_number(first.value(tag));
     if (!time) continue;
@@ -311,8 +372,7 @@ void check_acquired(const std::vector<SeriesImage>& images) {
     for (const Tag& tag : {tag::image_type, tag::frame_type, tag::volume_calculation})
       if (is_no_acquisition(image.value(tag)))
         throw unsupported_error(
-            found(*image.source, tag, image.frame) +
-                ": a projection, a map, a difference or diffusion, not slices as acquired",
+            found(image, tag) + ": a projection, a map, a difference or diffusion, not slices as acquired",
             "use the series that it was made from");
 }
 
@@ -367,12 +427,39 @@ void warn_of_computed(const std::vector<SeriesImage>& images, SeriesInfo& info) 
   const Tag& tag = first.value(tag::frame_type).empty() ? tag::image_type : tag::frame_type;
   info.warnings.push_back(fmt::format(
       "{}{}: computed from other images; smoother than the header tells where those were resampled or averaged",
-      found(*first.source, tag, first.frame),
-      computed > 1 ? fmt::format(" and of {} more", computed - 1) : ""));
+      found(first, tag), computed > 1 ? fmt::format(" and of {} more", computed - 1) : ""));
+}
+
+/// By a word of ImageType or FrameType.
+DixonPart dixon_part_of(const SeriesImage& image) {
+  static const std::map<std::string, DixonPart> parts{{"W", DixonPart::water},
+                                                      {"WATER", DixonPart::water},
+                                                      {"F", DixonPart::fat},
+                                                      {"FAT", DixonPart::fat},
+                                                      {"IP", DixonPart::in_phase},
+                                                      {"IN_PHASE", DixonPart::in_phase},
+                                                      {"OP", DixonPart::opposed_phase},
+                                                      {"OPP_PHASE", DixonPart::opposed_phase},
+                                                      {"OUT_PHASE", DixonPart::opposed_phase}};
+  for (const Tag& tag : {tag::frame_type, tag::image_type})
+    for (const std::string& word : split_values(image.value(tag)))
+      if (const auto part = parts.find(word); part != parts.end()) return part->second;
+  return DixonPart::all;
+}
+
+void warn_of_dixon_part(const std::vector<SeriesImage>& images, SeriesInfo& info) {
+  const DixonPart part = dixon_part_of(images.front());
+  const bool is_one = std::all_of(images.begin(), images.end(),
+                                  [&](const SeriesImage& image) { return dixon_part_of(image) == part; });
+  if (!is_one) return;
+  info.dixon_part = part;
+  if (const std::string why = why_unfit(part); !why.empty())
+    info.warnings.push_back(
+        fmt::format("{} says {}; used only where --series names it", to_string(tag::image_type), why));
 }
 
 /// A scanner's pixels are square and fill its field of view: what contradicts this may be a header that was changed.
-void warn_of_lengths(const Files& files, SeriesInfo& info) {
+void warn_of_lengths(const SeriesImage& first, SeriesInfo& info) {
   const double row_mm = *info.row_spacing_mm, column_mm = *info.column_spacing_mm;
   if (std::abs(row_mm / column_mm - 1) > square_pixels)
     info.warnings.push_back(fmt::format(
@@ -380,7 +467,7 @@ void warn_of_lengths(const Files& files, SeriesInfo& info) {
         to_string(tag::pixel_spacing), row_mm, column_mm,
         100 * (std::max(row_mm, column_mm) / std::min(row_mm, column_mm) - 1)));
   const double field_mm = std::max(info.rows * row_mm, info.columns * column_mm);
-  const double diameter_mm = number_of(files.front(), tag::reconstruction_diameter).value_or(0);
+  const double diameter_mm = parse_number(first.value(tag::reconstruction_diameter)).value_or(0);
   if (diameter_mm > 0 && std::abs(field_mm / diameter_mm - 1) > same_field)
     info.warnings.push_back(fmt::format(
         "{} is {:g} mm, but {} makes the field {:g} mm: the images were cropped, or all lengths are wrong by {:.0f} %",
@@ -388,7 +475,7 @@ void warn_of_lengths(const Files& files, SeriesInfo& info) {
         100 * std::abs(field_mm / diameter_mm - 1)));
 }
 
-void add_warnings(const Files& files, SeriesInfo& info) {
+void add_warnings(const Files& files, const SeriesImage& first, SeriesInfo& info) {
   warn_of_files(
       files, [](const auto& file) { return file.end.stray_bits; },
       "samples have bits set outside " + to_string(tag::bits_stored) + "; they are masked", info);
@@ -405,20 +492,16 @@ void add_warnings(const Files& files, SeriesInfo& info) {
   if (!shows_head(info.body_part))
     info.warnings.push_back(to_string(tag::body_part) + " is " + in_quotes(info.body_part) +
                             ", not the head");
-  const auto parts = split_values(info.image_type);
-  const auto& component = files.front().header.value(tag::complex_image_component);
-  if (component == "PHASE" || std::find(parts.begin(), parts.end(), "P") != parts.end() ||
-      std::find(parts.begin(), parts.end(), "PHASE") != parts.end())
+  if (component_of(first) == "PHASE")
     info.warnings.push_back(to_string(tag::image_type) + " says that these are phase images, not magnitudes");
   if (info.private_scaling)
     info.warnings.push_back(
         fmt::format("Philips private scaling (2005,100e) {:g}, (2005,100d) {:g} is recorded, not applied",
                     (*info.private_scaling)[0], (*info.private_scaling)[1]));
   if (!info.slice_thickness_mm)
-    info.warnings.push_back(
-        to_string(tag::slice_thickness) +
-        (files.front().header.has(tag::slice_thickness) ? " is no slice's" : " is absent") +
-        "; the slice spacing is taken");
+    info.warnings.push_back(to_string(tag::slice_thickness) +
+                            (first.value(tag::slice_thickness).empty() ? " is absent" : " is no slice's") +
+                            "; the slice spacing is taken");
   warn_of_files(
       files,
       [](const auto& file) {
@@ -430,6 +513,17 @@ void add_warnings(const Files& files, SeriesInfo& info) {
 }
 
 }  // namespace
+
+std::string why_unfit(DixonPart part) {
+  switch (part) {
+    case DixonPart::fat:
+      return "that it shows fat alone, in which no eye is seen";
+    case DixonPart::opposed_phase:
+      return "that water and fat are opposed in phase, so that their borders are black";
+    default:
+      return {};
+  }
+}
 
 std::string ScannedFile::name() const {
   const auto instance = parse_number(header.value(tag::instance_number));
@@ -449,23 +543,29 @@ SeriesInfo judge_series(std::vector<ScannedFile> files, const IntakeOptions& opt
   });
   SeriesInfo info;
   describe_series(files, info);
+  auto images = images_of(files);
+  describe_images(images, info);
   info.damaged = std::any_of(files.begin(), files.end(), [](const auto& file) {
     return file.header.kind == FileKind::damaged || (!file.end.error.empty() && !file.end.unsupported);
   });
   try {
     check_kind(files, options.any_modality);
     check_pixel_format(files);
-    auto images = check_frames(files, info);
+    check_one_study(files);
     apply_choice(options.choices, info, images);
+    describe_images(images, info);
+    place_images(images, info);
     check_acquired(images);
     check_pixels(files);
     check_total_size(info, images.size(), options.limits.series_bytes);
     add_statistics(images, info);
-    add_warnings(files, info);
+    add_warnings(files, images.front(), info);
     warn_of_computed(images, info);
-    warn_of_lengths(files, info);
+    warn_of_dixon_part(images, info);
+    warn_of_lengths(images.front(), info);
     judge_positions(images, info);
     check_contrast(images, info.uid);
+    check_component(images, info.uid);
     info.usable = true;
   } catch (const Error& refusal) {
     if (refusal.status() == ExitStatus::usage) throw;

@@ -43,6 +43,9 @@ struct SeriesImage {
 /// The warning of a series or volume of one slice or two; empty of more.
 std::string too_few_slices(int slices);
 
+/// What an image that is a part of the signal says for which no eye is measured in it; empty of others.
+std::string why_unfit(DixonPart part);
+
 /// Describes and judges the files of one SeriesInstanceUID.
 /// \param files  one of each SOP instance, at least one; their order does not matter
 SeriesInfo judge_series(std::vector<ScannedFile> files, const IntakeOptions& options);

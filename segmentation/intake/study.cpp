@@ -176,6 +176,17 @@ void warn_of_studies(std::vector<SeriesInfo>& series) {
           to_string(tag::study_instance), in_quotes(info.study_uid), studies.size()));
 }
 
+/// DICOM names its patient, NIfTI does not.
+void warn_of_volumes(std::vector<SeriesInfo>& series) {
+  const bool has_dicom = std::any_of(series.begin(), series.end(),
+                                     [](const SeriesInfo& info) { return info.usable && !info.is_nifti(); });
+  for (auto& info : series)
+    if (has_dicom && info.usable && info.is_nifti())
+      info.warnings.emplace_back(
+          "a NIfTI volume beside DICOM series: nothing tells that it is of their patient; both are used only where "
+          "--series names both, under a pseudonym");
+}
+
 /// Texts for the terminal and for the case from those with mentions of files.
 void separate_file_names(SeriesInfo& info) {
   info.kept.description = info.is_nifti() ? "NIfTI volume" : info.description;
@@ -199,12 +210,9 @@ const SeriesInfo& StudyInventory::find(const std::string& uid) const {
 }
 
 Subject StudyInventory::subject_of(const SeriesInfo& info) const {
-  const auto found =
-      info.is_nifti() && subjects.size() == 1 ? subjects.begin() : subjects.find(info.study_uid);
-  if (found != subjects.end()) return found->second;
-  Subject subject;
-  if (info.is_nifti()) subject.id = info.uid.substr(std::string(nifti_uid_prefix).size());
-  return subject;
+  if (info.is_nifti()) return {info.uid.substr(std::string(nifti_uid_prefix).size()), {}, {}};
+  const auto found = subjects.find(info.study_uid);
+  return found != subjects.end() ? found->second : Subject{};
 }
 
 bool StudyInventory::any_usable() const {
@@ -254,11 +262,12 @@ StudyInventory read_inventory(const fs::path& study, const IntakeOptions& option
   for (auto& [uid, files] : series)
     for (auto& file : files) identity.remove_from(file.header);
   for (auto& [uid, files] : series) inventory.series.push_back(judge(std::move(files), options, inventory));
+  // A NIfTI volume beside them may be either's.
   if (const auto conflict = patients.conflict(); !conflict.empty())
-    for (auto& info : inventory.series)
-      if (!info.is_nifti()) refuse(info, conflict);
+    for (auto& info : inventory.series) refuse(info, conflict);
   inventory.subjects = patients.subjects();
   warn_of_studies(inventory.series);
+  warn_of_volumes(inventory.series);
 
   std::sort(inventory.series.begin(), inventory.series.end(), [](const SeriesInfo& a, const SeriesInfo& b) {
     return std::tie(a.number, a.uid) < std::tie(b.number, b.uid);

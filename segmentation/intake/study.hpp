@@ -47,6 +47,9 @@ struct SliceSource {
   double rescale_slope = 1, rescale_intercept = 0;
 };
 
+/// What of the signal all images of a series show, where water and fat were told apart by their phases (Dixon).
+enum class DixonPart { all, in_phase, opposed_phase, water, fat };
+
 /// What a series says about itself and what the reader thinks of it. Numbers are absent where the files do
 /// not give them or are too broken to tell.
 struct SeriesInfo {
@@ -91,6 +94,7 @@ struct SeriesInfo {
     std::string reason;
   } kept;
   ExitStatus refusal = ExitStatus::input_invalid;  ///< input_invalid or unsupported
+  DixonPart dixon_part = DixonPart::all;
 
   bool is_nifti() const { return modality == "NIfTI"; }
 };
@@ -118,8 +122,8 @@ struct StudyInventory {
 
   /// \throw Error (input_invalid) listing the series that there are, when there is none with this UID
   const SeriesInfo& find(const std::string& uid) const;
-  /// The patient at the time of the series' study; of a volume without study, at that of the only one
-  /// where there is one.
+  /// The patient at the time of the series' study. A NIfTI volume names no patient: it is not theirs whose DICOM files
+  /// lie beside it.
   Subject subject_of(const SeriesInfo& info) const;
   bool any_usable() const;
   /// Status of `inventory`: done when a series is usable, unsupported when all refusals are, else

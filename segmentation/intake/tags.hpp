@@ -26,6 +26,10 @@ inline constexpr Tag referring_physician{0x0008, 0x0090, "ReferringPhysicianName
 inline constexpr Tag study_description{0x0008, 0x1030, "StudyDescription"};
 inline constexpr Tag accession_number{0x0008, 0x0050, "AccessionNumber"};
 inline constexpr Tag modality{0x0008, 0x0060, "Modality"};
+inline constexpr Tag institution_name{0x0008, 0x0080, "InstitutionName"};
+inline constexpr Tag station_name{0x0008, 0x1010, "StationName"};
+inline constexpr Tag performing_physician{0x0008, 0x1050, "PerformingPhysicianName"};
+inline constexpr Tag operators_name{0x0008, 0x1070, "OperatorsName"};
 inline constexpr Tag series_description{0x0008, 0x103e, "SeriesDescription"};
 inline constexpr Tag complex_image_component{0x0008, 0x9208, "ComplexImageComponent"};
 inline constexpr Tag frame_type{0x0008, 0x9007, "FrameType"};
@@ -61,6 +65,7 @@ inline constexpr Tag trigger_time{0x0018, 0x1060, "TriggerTime"};
 inline constexpr Tag reconstruction_diameter{0x0018, 0x1100, "ReconstructionDiameter"};
 inline constexpr Tag phase_encoding{0x0018, 0x1312, "InPlanePhaseEncodingDirection"};
 inline constexpr Tag flip_angle{0x0018, 0x1314, "FlipAngle"};
+inline constexpr Tag inversion_times{0x0018, 0x9079, "InversionTimes"};
 inline constexpr Tag effective_echo_time{0x0018, 0x9082, "EffectiveEchoTime"};
 inline constexpr Tag echo_planar{0x0018, 0x9018, "EchoPlanarPulseSequence"};
 inline constexpr Tag diffusion_b_value{0x0018, 0x9087, "DiffusionBValue"};
@@ -78,6 +83,7 @@ inline constexpr Tag frame_of_reference{0x0020, 0x0052, "FrameOfReferenceUID"};
 inline constexpr Tag series_laterality{0x0020, 0x0060, "Laterality"};
 inline constexpr Tag image_laterality{0x0020, 0x0062, "ImageLaterality"};
 inline constexpr Tag temporal_position_identifier{0x0020, 0x0100, "TemporalPositionIdentifier"};
+inline constexpr Tag frame_laterality{0x0020, 0x9072, "FrameLaterality"};
 inline constexpr Tag temporal_position_index{0x0020, 0x9128, "TemporalPositionIndex"};
 inline constexpr Tag stack_id{0x0020, 0x9056, "StackID"};
 inline constexpr Tag samples_per_pixel{0x0028, 0x0002, "SamplesPerPixel"};
@@ -110,6 +116,13 @@ inline constexpr Tag pixel_value_sequence{0x0028, 0x9145, "PixelValueTransformat
 inline constexpr Tag mr_image_frame_type_sequence{0x0018, 0x9226, "MRImageFrameTypeSequence"};
 inline constexpr Tag mr_echo_sequence{0x0018, 0x9114, "MREchoSequence"};
 inline constexpr Tag mr_timing_sequence{0x0018, 0x9112, "MRTimingAndRelatedParametersSequence"};
+inline constexpr Tag mr_modifier_sequence{0x0018, 0x9115, "MRModifierSequence"};
+inline constexpr Tag mr_imaging_modifier_sequence{0x0018, 0x9006, "MRImagingModifierSequence"};
+inline constexpr Tag mr_fov_geometry_sequence{0x0018, 0x9125, "MRFOVGeometrySequence"};
+inline constexpr Tag unassigned_shared_sequence{0x0020, 0x9170,
+                                                "UnassignedSharedConvertedAttributesSequence"};
+inline constexpr Tag unassigned_per_frame_sequence{0x0020, 0x9171,
+                                                   "UnassignedPerFrameConvertedAttributesSequence"};
 inline constexpr Tag mr_diffusion_sequence{0x0018, 0x9117, "MRDiffusionSequence"};
 
 /// Attributes read from the top of a data set.
@@ -177,11 +190,36 @@ inline constexpr Tag of_data_set[] = {image_type,
                                       private_creator_2005,
                                       lossy_compression};
 
+/// Who and what else a free text may name (identity.hpp).
+inline constexpr Tag of_staff[] = {institution_name, station_name, referring_physician, performing_physician,
+                                   operators_name};
+
 /// Read besides where a header alone is asked for: what objects of the same study must repeat.
 inline constexpr Tag of_study[] = {
-    study_time,         referring_physician, study_description,       issuer_of_patient_id,
-    patient_birth_time, patient_size,        patient_weight,          ethnic_group,
-    patient_comments,   identity_removed,    deidentification_method, study_id};
+    study_time,     study_description, issuer_of_patient_id, patient_birth_time, patient_size,
+    patient_weight, ethnic_group,      patient_comments,     identity_removed,   deidentification_method,
+    study_id};
+
+/// Attributes of classic images that a legacy converted one may keep in its unassigned groups (PS3.3 C.7.6.16.2).
+inline constexpr Tag of_classic_images[] = {image_type,
+                                            complex_image_component,
+                                            volume_calculation,
+                                            scanning_sequence,
+                                            acquisition_type,
+                                            repetition_time,
+                                            echo_time,
+                                            inversion_time,
+                                            echo_numbers,
+                                            field_strength,
+                                            pixel_bandwidth,
+                                            trigger_time,
+                                            reconstruction_diameter,
+                                            phase_encoding,
+                                            flip_angle,
+                                            acquisition_number,
+                                            series_laterality,
+                                            image_laterality,
+                                            temporal_position_identifier};
 
 struct FrameTag {
   Tag macro, attribute;
@@ -194,12 +232,16 @@ inline constexpr FrameTag of_frames[] = {{plane_position_sequence, image_positio
                                          {pixel_measures_sequence, spacing_between_slices},
                                          {pixel_value_sequence, rescale_intercept},
                                          {pixel_value_sequence, rescale_slope},
+                                         {frame_anatomy_sequence, frame_laterality},
                                          {mr_image_frame_type_sequence, frame_type},
                                          {mr_image_frame_type_sequence, complex_image_component},
                                          {mr_image_frame_type_sequence, volume_calculation},
                                          {mr_echo_sequence, effective_echo_time},
                                          {mr_timing_sequence, repetition_time},
                                          {mr_timing_sequence, flip_angle},
+                                         {mr_modifier_sequence, inversion_times},
+                                         {mr_imaging_modifier_sequence, pixel_bandwidth},
+                                         {mr_fov_geometry_sequence, phase_encoding},
                                          {mr_diffusion_sequence, diffusion_b_value},
                                          {frame_content_sequence, temporal_position_index},
                                          {frame_content_sequence, stack_id}};

@@ -259,6 +259,56 @@ TEST_F(SegmentStage, SeriesOfTwoStudiesAreNotOneEye) {
   EXPECT_EQ(read_json(folder_ / "case" / "case.json").at("subject").at("age_years"), 41);
 }
 
+/// DICOM names its patient, NIfTI nobody: what is measured of both is nobody's by name, and only on demand.
+TEST_F(SegmentStage, ANiftiVolumeIsNotTheDicomPatients) {
+  test::GeneratedSeries series;
+  series.write(folder_ / "study");
+  const StudyInventory dicom = read_inventory(folder_ / "study", {});
+  write_nifti(folder_ / "study" / "other.nii", read_series(dicom, dicom.series.front().uid, {}));
+  try {
+    run(folder_ / "study", "case");
+    ADD_FAILURE();
+  } catch (const Error& error) {
+    EXPECT_EQ(error.status(), ExitStatus::input_invalid);
+    EXPECT_THAT(error.what(), testing::HasSubstr("NIfTI volumes (stack1) lie among DICOM series (stack2)"));
+    EXPECT_THAT(error.remedy(), testing::HasSubstr("--series"));
+  }
+  EXPECT_FALSE(fs::exists(folder_ / "case"));
+  const Subject patient = dicom.subject_of(dicom.series.front());
+  const auto subject = [&](const std::vector<std::string>& chosen) {
+    SegmentOptions options;
+    options.study = folder_ / "study";
+    options.case_folder = folder_ / "case";
+    options.series = parse_series_choices(chosen);
+    EXPECT_EQ(segment(options, common_).status, ExitStatus::no_result);
+    return read_json(folder_ / "case" / "case.json").at("subject");
+  };
+  EXPECT_EQ(subject({"2"}), to_json(patient));
+  for (const std::vector<std::string>& chosen :
+       {std::vector<std::string>{"1"}, std::vector<std::string>{"2", "1"}}) {
+    const Json told = subject(chosen);
+    EXPECT_NE(told.at("id"), patient.id);
+    EXPECT_TRUE(told.at("age_years").is_null());
+    EXPECT_EQ(told.at("sex"), "");
+    EXPECT_THAT(read_json(folder_ / "case" / "segmentation" / "stage.json").at("warnings").dump(),
+                testing::HasSubstr("nothing tells that it is of their patient"));
+  }
+}
+
+TEST_F(SegmentStage, SeveralNiftiVolumesAreWarnedOf) {
+  test::GeneratedSeries series;
+  series.write(folder_ / "dicom");
+  const StudyInventory dicom = read_inventory(folder_ / "dicom", {});
+  Stack stack = read_series(dicom, dicom.series.front().uid, {});
+  fs::create_directories(folder_ / "study");
+  write_nifti(folder_ / "study" / "one.nii", stack);
+  stack.slice_intensity[0][0] += 1;
+  write_nifti(folder_ / "study" / "two.nii", stack);
+  EXPECT_EQ(run(folder_ / "study", "case").status, ExitStatus::no_result);
+  EXPECT_THAT(read_json(folder_ / "case" / "segmentation" / "stage.json").at("warnings").dump(),
+              testing::HasSubstr("stack1, stack2 are NIfTI volumes, which name no patient"));
+}
+
 TEST(SegmentOptions, CheckNamesTheOption) {
   SegmentOptions options;
   options.study = "study";

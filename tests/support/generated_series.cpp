@@ -172,6 +172,13 @@ std::unique_ptr<DcmFileFormat> enhanced_series(bool shared) {
   return file;
 }
 
+DcmItem& functional_group(DcmFileFormat& file, int frame, const DcmTagKey& macro) {
+  DcmItem *groups = nullptr, *group = nullptr;
+  require(file.getDataset()->findOrCreateSequenceItem(DCM_PerFrameFunctionalGroupsSequence, groups, frame));
+  require(groups->findOrCreateSequenceItem(macro, group, 0));
+  return *group;
+}
+
 void register_encoders() {
   OFLog::configure(OFLogger::ERROR_LOG_LEVEL);
   DJEncoderRegistration::registerCodecs();

@@ -57,6 +57,9 @@ std::string file_name(int slice);
 /// \param shared  put spacing and orientation into the shared groups, else into each frame's
 std::unique_ptr<DcmFileFormat> enhanced_series(bool shared);
 
+/// A functional group of a frame, made where it is not there.
+DcmItem& functional_group(DcmFileFormat& file, int frame, const DcmTagKey& macro);
+
 /// Registers DCMTK's encoders for the tests' files.
 void register_encoders();
 

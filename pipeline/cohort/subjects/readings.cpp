@@ -168,7 +168,9 @@ std::map<std::string, std::size_t> rows_of_persons(const Table& table, bool bids
 std::string plain_name(std::string name) {
   std::replace_if(
       name.begin(), name.end(), [](char c) { return !is_plain(c); }, '_');
-  return name.empty() || name.front() == '.' || name.front() == '-' ? "_" + name : name;
+  // A file that is hidden, an option, a spreadsheet's formula.
+  const bool begins_ill = name.empty() || std::string(".-+").find(name.front()) != std::string::npos;
+  return begins_ill ? "_" + name : name;
 }
 
 void require_distinct_rows(const Table& table, bool bids) {

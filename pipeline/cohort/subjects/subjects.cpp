@@ -66,8 +66,12 @@ Json fingerprint_of(const fs::path& study) {
 }
 
 Subject make_subject(const std::string& name, const fs::path& study) {
-  if (clean_utf8(study.string()) != study.string())
-    throw input_error("the name of the folder " + clean_utf8(study.string()) + " is not UTF-8", "rename it");
+  std::string shown = study.string();
+  const bool is_utf8 = make_clean_utf8(shown);
+  if (shown != study.string())
+    throw input_error("the name of the folder " + shown +
+                          (is_utf8 ? " holds a line break or another control character" : " is not UTF-8"),
+                      "rename it");
   return {plain_name(name), fs::absolute(study).lexically_normal(), {}, fingerprint_of(study)};
 }
 

@@ -108,13 +108,18 @@ NotedStudy noted_study(const Json& case_json, const Json& stage_json) {
   const Json inputs = stage_json.value("inputs", Json::object());
   for (const auto& [input, sha256] : inputs.items())
     if (input.rfind("study/", 0) == 0) noted.sha256.insert(sha256.get<std::string>());
+  const Json stacks = case_json.value("stacks", Json::array());
+  const auto is_nifti = [](const Json& json) {
+    return json.value("uid", std::string()).rfind("nifti-", 0) == 0;
+  };
+  // Nothing tells whose a NIfTI volume is: what was made of one belongs to no patient's study.
+  if (std::any_of(stacks.begin(), stacks.end(), is_nifti)) return noted;
   std::map<std::string, std::size_t> files;  // of DICOM series
   for (const Json& series : case_json.value("series", Json::array()))
-    if (const std::string uid = series.value("uid", std::string()); uid.rfind("nifti-", 0) != 0)
-      files[uid] = series.value("files", std::size_t{0});
+    if (!is_nifti(series)) files[series.value("uid", std::string())] = series.value("files", std::size_t{0});
   // Where no eye was seen no stack was used: all that were searched are the study.
   for (const bool only_used : {true, false}) {
-    for (const Json& stack : case_json.value("stacks", Json::array()))
+    for (const Json& stack : stacks)
       if (const auto series = files.find(stack.value("uid", std::string()));
           series != files.end() && (stack.value("used", true) || !only_used))
         noted.files_of_used.insert(*series);
@@ -151,7 +156,7 @@ SourceStudy SourceStudy::read(const fs::path& study, const NotedStudy& noted) {
   if (source.images_.empty())
     throw input_error(study.string() +
                           " is not the study that the case was made from: the case names no DICOM "
-                          "series",
+                          "series, or NIfTI volumes beside them, which name no patient",
                       "without --study the objects carry the pseudonym");
   std::sort(source.images_.begin(), source.images_.end(), [](const SourceImage& a, const SourceImage& b) {
     return std::tie(a.series_uid, a.sop_instance_uid) < std::tie(b.series_uid, b.sop_instance_uid);

@@ -22,8 +22,9 @@ struct SourceImage {
 
 /// What segmentation noted of the study that it read.
 struct NotedStudy {
-  std::set<std::string> sha256;                      ///< of all its files
-  std::map<std::string, std::size_t> files_of_used;  ///< how many files each used series has, by UID
+  std::set<std::string> sha256;  ///< of all its files
+  /// How many files each used series has, by UID; none where NIfTI volumes, which name no patient, are among them
+  std::map<std::string, std::size_t> files_of_used;
 };
 /// \param stage_json  segmentation's
 NotedStudy noted_study(const Json& case_json, const Json& stage_json);

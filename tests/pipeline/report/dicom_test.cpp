@@ -293,14 +293,27 @@ TEST_F(OtherStudies, OneSliceRemoved) {
   expect_refused_and_pseudonymous();
 }
 
-TEST_F(OtherStudies, NoneWhereNoEyeWasSeenOrAVolumeLiesBeside) {
+TEST_F(OtherStudies, NoneWhereNoEyeWasSeen) {
   Json case_json = read_json(folder_ / "case.json");
   case_json["stacks"][0]["used"] = false;
   case_json["series"].push_back({{"uid", "nifti-0123"}, {"files", 1}});
-  case_json["stacks"].push_back({{"uid", "nifti-0123"}, {"used", true}});
   write_json(folder_ / "case.json", case_json);
   report(study_);
   EXPECT_THAT(dump("biometry.dcm"), HasSubstr("[DOE^JANE]"));
+}
+
+/// Nothing tells whose a NIfTI volume is.
+TEST_F(OtherStudies, AVolumeThatWasReadIsNoPatients) {
+  Json case_json = read_json(folder_ / "case.json");
+  case_json["series"].push_back({{"uid", "nifti-0123"}, {"files", 1}});
+  case_json["stacks"].push_back({{"uid", "nifti-0123"}, {"used", true}});
+  write_json(folder_ / "case.json", case_json);
+  EXPECT_THROW(report(study_), Error);
+  report({});
+  for (const char* name : {"report.dcm", "prescription.dcm", "biometry.dcm"}) {
+    EXPECT_THAT(dump(name), Not(HasSubstr("DOE"))) << name;
+    EXPECT_THAT(dump(name), HasSubstr("s-0a1b2c3d")) << name;
+  }
 }
 
 TEST_F(OtherStudies, AFileThatCameLaterIsNotOpened) {

@@ -42,6 +42,20 @@ TEST(BlankedRegion, HoldsWhatLiesBeforeAPlaneAndWhatReachesIntoIt) {
   EXPECT_TRUE(blanked.holds_front(stack, Vector3d::Zero(), ahead));
 }
 
+/// A rescale, or a normalisation, makes another value of zero.
+TEST(BlankedRegion, IsKnownByTheLowestValueToo) {
+  Stack stack = noisy_stack([](const Vector3d& p) { return p.y() < -6; });
+  for (auto& slice : stack.slice_intensity)
+    for (float& value : slice) value = 0.3F * value - 10;
+  const BlankedRegion blanked(stack, Vector3d::Zero(), 20);
+  const Sampler sampler(stack);
+  EXPECT_TRUE(blanked.holds(sampler, {0, -8, 0}));
+  EXPECT_FALSE(blanked.holds(sampler, {0, -4, 0}));
+  EXPECT_TRUE(blanked.holds_front(stack, Vector3d::Zero(), ahead));
+  EXPECT_TRUE(blanked.is_blank(*sampler.interpolate({0.3, -12.4, 0.2})));
+  EXPECT_FALSE(blanked.is_blank(*sampler.interpolate({0.3, 4.4, 0.2})));
+}
+
 TEST(BlankedRegion, TheAirBeforeAWholeEyeIsNotItsLens) {
   const Stack stack = noisy_stack([](const Vector3d& p) { return p.y() < -14; });
   EXPECT_FALSE(BlankedRegion(stack, Vector3d::Zero(), 20).holds_front(stack, Vector3d::Zero(), ahead));

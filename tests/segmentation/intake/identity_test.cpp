@@ -90,6 +90,20 @@ TEST(Identity, EveryOfSeveralNumbersIsTakenOut) {
   EXPECT_EQ(identity.removed_from("T2 ab12, T1 CD34, CD 3"), "T2 [removed], T1 [removed], CD 3");
 }
 
+TEST_F(IntakeTest, DescriptionsNameNeitherStaffNorPlaceNorDate) {
+  GeneratedSeries series;
+  series.set_all(DCM_InstitutionName, "St. Anna Eye Hospital");
+  series.set_all(DCM_StationName, "MRC25326");
+  series.set_all(DCM_ReferringPhysicianName, "WATSON^J");
+  series.set_all(DCM_PerformingPhysicianName, "Doyle^Arthur");
+  series.set_all(DCM_OperatorsName, "Hudson");
+  series.set_all(DCM_StudyDate, "20240503");
+  series.set_all(DCM_SeriesDescription,
+                 "eye T2 St Anna Eye Hospital mrc-25326 Watson doyle HUDSON 3 May 2024");
+  series.write(folder());
+  EXPECT_EQ(only_series().description, "eye T2 [removed] [removed] [removed] [removed] [removed] [removed]");
+}
+
 TEST_F(IntakeTest, WhatACaseKeepsNamesNobody) {
   GeneratedSeries series;
   series.set_all(DCM_SpecificCharacterSet, "ISO_IR 192");

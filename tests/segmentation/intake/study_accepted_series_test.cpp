@@ -8,6 +8,8 @@
 namespace emmetrope::test {
 namespace {
 
+namespace fs = std::filesystem;
+
 using ::testing::AllOf;
 using ::testing::Contains;
 using ::testing::ElementsAre;
@@ -398,6 +400,33 @@ TEST_F(IntakeTest, ImagesThatWereComputedFromOthersAreWarnedOf) {
     EXPECT_TRUE(info.usable) << info.reason;
     EXPECT_FALSE(info.computed) << type;
     EXPECT_THAT(info.warnings, only_of_its_pixels) << type;
+  }
+}
+
+TEST_F(IntakeTest, PartsOfASignalAreKnownByTheirType) {
+  using segmentation::DixonPart;
+  const auto series_of = [&](const char* type) {
+    GeneratedSeries series;
+    series.set_all(DCM_ImageType, type);
+    series.write(folder());
+    return only_series();
+  };
+  for (const auto& [type, part] : {std::pair{"ORIGINAL\\PRIMARY\\DIXON\\WATER", DixonPart::water},
+                                   {"ORIGINAL\\PRIMARY\\W\\W\\DERIVED", DixonPart::water},
+                                   {"DERIVED\\PRIMARY\\DIXON\\IN_PHASE", DixonPart::in_phase},
+                                   {"ORIGINAL\\PRIMARY\\M_SE\\M\\SE", DixonPart::all}}) {
+    EXPECT_EQ(series_of(type).dixon_part, part) << type;
+    EXPECT_THAT(series_of(type).warnings, Not(Contains(HasSubstr("--series"))));
+  }
+  for (const auto& [type, part] : {std::pair{"ORIGINAL\\PRIMARY\\F\\F\\DERIVED", DixonPart::fat},
+                                   {"ORIGINAL\\PRIMARY\\DIXON\\FAT", DixonPart::fat},
+                                   {"ORIGINAL\\PRIMARY\\OP\\OP", DixonPart::opposed_phase},
+                                   {"ORIGINAL\\PRIMARY\\DIXON\\OUT_PHASE", DixonPart::opposed_phase}}) {
+    const auto info = series_of(type);
+    EXPECT_TRUE(info.usable) << info.reason;
+    EXPECT_EQ(info.dixon_part, part) << type;
+    EXPECT_THAT(info.warnings,
+                Contains(AllOf(HasSubstr("(0008,0008)"), HasSubstr("only where --series names it"))));
   }
 }
 

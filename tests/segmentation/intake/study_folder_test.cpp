@@ -3,6 +3,7 @@
 
 #include <fstream>
 
+#include "segmentation/intake/nifti.hpp"
 #include "tests/segmentation/intake/intake_test.hpp"
 
 namespace emmetrope::test {
@@ -139,6 +140,19 @@ TEST_F(IntakeTest, SeriesOfTwoPatientsAreRefused) {
   EXPECT_EQ(found.status(), ExitStatus::input_invalid);
   EXPECT_THAT(to_json(found).dump(), AllOf(HasSubstr("(0010,0020)"), HasSubstr("a/scan"), HasSubstr("b/scan"),
                                            Not(HasSubstr("SECRET"))));
+}
+
+/// The volume may be either's, or a third person's.
+TEST_F(IntakeTest, AVolumeBesideTwoPatientsIsRefusedToo) {
+  GeneratedSeries first, second("1.2.826.0.1.3680043.9.7.5", 2);
+  second.set_all(DCM_PatientID, "SECRET-ID-78");
+  first.write(folder() / "a");
+  segmentation::write_nifti(folder() / "scan.nii", read_only_series());
+  second.write(folder() / "b");
+  const auto found = inventory();
+  ASSERT_EQ(found.series.size(), 3U);
+  for (const auto& info : found.series) EXPECT_THAT(info.reason, HasSubstr("(0010,0020)"));
+  EXPECT_FALSE(found.any_usable());
 }
 
 /// One series says neither which patient it is of nor the other's name.

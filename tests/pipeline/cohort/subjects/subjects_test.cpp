@@ -139,6 +139,15 @@ TEST_F(Subjects, OddFoldersDoNotStopTheOthers) {
   EXPECT_THAT(ids(folder() / "scans"), ElementsAre("loop"));
   add("scans/M\xfcller/1.dcm");
   EXPECT_THAT(refusal(folder() / "scans"), HasSubstr("is not UTF-8"));
+  add("lines/one\ntwo/1.dcm");
+  EXPECT_THAT(refusal(folder() / "lines"),
+              HasSubstr("one two holds a line break or another control character"));
+}
+
+/// A spreadsheet would take it for one.
+TEST_F(Subjects, NoNameIsAFormula) {
+  for (const char* name : {"+2+5+cmd", "-2", "=1", "@x"}) add(fs::path("scans") / name / "1.dcm");
+  EXPECT_THAT(ids(folder() / "scans"), testing::UnorderedElementsAre("_+2+5+cmd", "_-2", "_1", "_x"));
 }
 
 TEST_F(Subjects, AreNamedByATable) {
