@@ -31,6 +31,9 @@ constexpr std::size_t fewest_voxels = 1000;  ///< that an eye can be fitted to
 constexpr double fewest_independent_voxels = 1200;
 constexpr double unseen_gaze_sigma_deg = 10;  ///< where an eye looks whose front is blanked; chosen
 constexpr double unknown_sigma = 1e5;         ///< a prior that wide is none
+/// In T1 choroid and retina are brighter than the sclera, which beside bright fat is hardly seen. In units of the wall.
+/// Chosen: with a mean of none a real eye was fitted with a wall darker than its vitreous.
+constexpr double layering_beside_dark_fat = 0.2, layering_sigma_beside_dark_fat = 0.4;
 /// Fat is displaced alike about both eyes; how far the fellow's is to be trusted was chosen.
 constexpr double fellows_fat_shift_sigma_mm = 0.15;
 /// So that the iris or the lid is not taken for the cornea; in the last passes the population's prior holds. Chosen.
@@ -96,6 +99,10 @@ ImagedEye imaged_eye(const std::vector<const Stack*>& stacks, const EyeStart& st
 Priors priors_about(const ImagedEye& eye, const VectorXd& start) {
   const ParameterLayout& layout = eye.model.layout();
   Priors priors = population_priors(layout, start, eye.weighting, eye.age_years);
+  if (fat_is_dark(eye.stacks)) {
+    priors.mean[wall_layering] = layering_beside_dark_fat;
+    priors.sigma[wall_layering] = layering_sigma_beside_dark_fat;
+  }
   if (front_is_blanked(eye.stacks)) {
     for (const int gaze : {gaze_horizontal, gaze_vertical}) {
       priors.mean[gaze] = 0;  // straight ahead
