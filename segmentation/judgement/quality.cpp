@@ -318,12 +318,14 @@ void judge_wall_in_t1(const EyeFit& fit, Gates& gates, bool confirmed) {
 
 /// Edges that are the fat's lead a fit there, too, where the header does not tell how far it is displaced.
 void judge_displaced_fat(const EyeFit& fit, Gates& gates) {
-  const ObservedStack& observed = fit.stacks.front();
-  const auto reading = read_edges(*observed.stack,
-                                  {fit.globe_centre_lps() - fit.head_shift_lps(0),
-                                   gaze_axis(fit.value(gaze_horizontal), fit.value(gaze_vertical))},
-                                  fit.weighting);
-  if (reading) gates.refuse_above("rays_over_void_t1", reading->rays_over_void, doubt_about_fat(*reading));
+  std::optional<EdgeReading> worst;
+  for (std::size_t k = 0; k < fit.stacks.size(); ++k) {
+    const EdgeSeed seed{fit.globe_centre_lps() - fit.head_shift_lps(k),
+                        gaze_axis(fit.value(gaze_horizontal), fit.value(gaze_vertical))};
+    const auto reading = read_edges(*fit.stacks[k].stack, seed, fit.weighting);
+    if (reading && (!worst || reading->rays_over_void > worst->rays_over_void)) worst = reading;
+  }
+  if (worst) gates.refuse_above("rays_over_void_t1", worst->rays_over_void, doubt_about_fat(*worst));
 }
 
 void judge_edges(const EdgeAgreement& agreement, Gates& gates) {
