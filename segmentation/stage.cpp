@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <exception>
+#include <map>
 #include <optional>
 
 #include "pipeline/base/case_subject.hpp"
@@ -177,6 +178,18 @@ void warn_of(const JudgedEye& eye, StageWorkspace& workspace) {
     if (!gate.passed) workspace.warn(fmt::format("{}: {}", name, gate.reason));
 }
 
+void warn_of_stored_again(const FoundEyes& found, const std::vector<const Stack*>& stacks,
+                          StageWorkspace& workspace) {
+  std::map<std::size_t, std::size_t> again;
+  for (const std::vector<FoundEye>* eyes : {&found.eyes, &found.in_other_contrast})
+    for (const FoundEye& eye : *eyes) again.insert(eye.stored_again.begin(), eye.stored_again.end());
+  for (const auto& [stack, stands] : again)
+    workspace.warn(fmt::format(
+        "{0} is not used: it has the noise of {1}: one acquisition, stored twice, would count twice; "
+        "--series chooses",
+        stacks[stack]->name, stacks[stands]->name));
+}
+
 StageVerdict verdict_of(const std::vector<JudgedEye>& eyes, const FoundEyes& found, LateralityChoice wanted) {
   StageVerdict verdict;
   int expected = 0, measured = 0, in_part = 0;
@@ -208,6 +221,7 @@ StageVerdict segment_study(const SegmentOptions& options, const CommonOptions& c
   const std::vector<const Stack*> stacks = images.stacks();
 
   FoundEyes found = find_eyes_in(images, common.laterality);
+  warn_of_stored_again(found, stacks, workspace);
   std::vector<JudgedEye> eyes;
   const bool is_seen = std::any_of(found.eyes.begin(), found.eyes.end(), [&](const FoundEye& eye) {
     return includes(common.laterality, eye.laterality);

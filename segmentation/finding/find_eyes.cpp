@@ -6,11 +6,13 @@
 #include <array>
 #include <cmath>
 #include <functional>
+#include <map>
 #include <optional>
 
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/frames.hpp"
 #include "segmentation/finding/lens_axis.hpp"
+#include "segmentation/finding/shared_noise.hpp"
 #include "segmentation/intake/canonical_stack.hpp"
 
 namespace emmetrope::segmentation {
@@ -177,12 +179,42 @@ bool shows(const Cluster& cluster, Weighting weighting) {
                      [&](const EyeView& v) { return v.globe.weighting == weighting; });
 }
 
-void choose_views(const Cluster& cluster, FoundEye& eye) {
+/// Views of one acquisition that was stored again, each with the stack that stands for it. Of such the noisiest one is
+/// used: others were filtered or averaged, and look better than they are.
+std::map<std::size_t, std::size_t> find_stored_again(const Cluster& eye, Weighting weighting,
+                                                     const std::vector<const Stack*>& stacks) {
+  struct Seen {
+    std::size_t stack;
+    double relative_noise;
+  };
+  const Vector3d globe = eye.centre();
+  std::vector<Seen> seen;
+  for (const EyeView& view : eye.views)
+    if (view.globe.weighting == weighting)
+      seen.push_back({view.stack, compare_noise(*stacks[view.stack], *stacks[view.stack], globe).relative});
+  std::stable_sort(seen.begin(), seen.end(),
+                   [](const Seen& a, const Seen& b) { return a.relative_noise > b.relative_noise; });
+  std::map<std::size_t, std::size_t> again;
+  std::vector<std::size_t> kept;
+  for (const Seen& s : seen) {
+    const auto same = std::find_if(kept.begin(), kept.end(), [&](std::size_t other) {
+      return is_one_acquisition(*stacks[other], *stacks[s.stack], globe);
+    });
+    if (same == kept.end())
+      kept.push_back(s.stack);
+    else
+      again[s.stack] = *same;
+  }
+  return again;
+}
+
+void choose_views(const Cluster& cluster, const std::vector<const Stack*>& stacks, FoundEye& eye) {
+  eye.stored_again = find_stored_again(cluster, eye.weighting, stacks);
   std::vector<EyeView> sorted = cluster.views;
   std::stable_sort(sorted.begin(), sorted.end(),
                    [](const EyeView& a, const EyeView& b) { return a.merit > b.merit; });
   for (const EyeView& v : sorted) {
-    const bool useful = v.globe.weighting == eye.weighting &&
+    const bool useful = v.globe.weighting == eye.weighting && eye.stored_again.count(v.stack) == 0 &&
                         (eye.views.empty() || v.merit > 0.1 * eye.views.front().merit) &&
                         eye.views.size() < most_stacks;
     (useful ? eye.views : eye.left_out).push_back(v);
@@ -277,8 +309,9 @@ void compare_with_orientation(const std::vector<FoundEye>& eyes, const std::vect
       "take the scanner's own file, or one whose orientation is the head's; --series uses other series only");
 }
 
-/// Adds to a stack's choice what it shows of an eye, and why it is used or not.
-void explain(StackChoice& choice, const FoundEye& eye, const EyeView& view, bool used) {
+/// Adds to a stack's choice what it shows of an eye.
+/// \param why  it is used or not
+void explain(StackChoice& choice, const FoundEye& eye, const EyeView& view, const std::string& why) {
   const std::string text = fmt::format(
       "{}: globe seen with {:.0f} % of its wall on a sphere of {:.1f} mm, {:.0f} % of it inside the stack{}, "
       "merit {:.3g}",
@@ -287,17 +320,21 @@ void explain(StackChoice& choice, const FoundEye& eye, const EyeView& view, bool
           ? fmt::format(", of what was not blanked ({:.0f} % was)", 100 * view.globe.blanked)
           : "",
       view.merit);
-  const std::string why = used ? "used"
-                          : view.globe.weighting != eye.weighting
-                              ? fmt::format("{} says more about this eye", to_string(eye.weighting))
-                              : "not used: it adds little to the better stacks";
   if (choice.weighting.empty())
     choice.reason.clear();
   else
     choice.reason += ". ";
   choice.reason += fmt::format("{}; {}", text, why);
   choice.weighting = to_string(view.globe.weighting);
-  choice.used = choice.used || used;
+}
+
+std::string why_left_out(const FoundEye& eye, const EyeView& view, const std::vector<const Stack*>& stacks) {
+  if (view.globe.weighting != eye.weighting)
+    return fmt::format("{} says more about this eye", to_string(eye.weighting));
+  if (const auto again = eye.stored_again.find(view.stack); again != eye.stored_again.end())
+    return fmt::format("not used: it has the noise of {}: one acquisition that was stored twice",
+                       stacks[again->second]->name);
+  return "not used: it adds little to the better stacks";
 }
 
 }  // namespace
@@ -311,21 +348,25 @@ FoundEyes find_eyes(const std::vector<const Stack*>& stacks, const std::vector<s
   for (std::size_t e = 0; e < eyes.size(); ++e) {
     FoundEye eye;
     eye.weighting = better_contrast(eyes[e]);
-    choose_views(eyes[e], eye);
+    choose_views(eyes[e], stacks, eye);
     if (eyes.size() == 2)
       eye.laterality = e == 0 ? Laterality::od : Laterality::os;
     else
       eye.laterality = laterality_of_single(eyes[e], laterality_tags[eye.views.front().stack], asked,
                                             found.notes.emplace_back());
     find_axis(eye, stacks);
-    for (const EyeView& view : eye.views) explain(found.choices[view.stack], eye, view, true);
-    for (const EyeView& view : eye.left_out) explain(found.choices[view.stack], eye, view, false);
+    for (const EyeView& view : eye.views) {
+      explain(found.choices[view.stack], eye, view, "used");
+      found.choices[view.stack].used = true;
+    }
+    for (const EyeView& view : eye.left_out)
+      explain(found.choices[view.stack], eye, view, why_left_out(eye, view, stacks));
     found.eyes.push_back(eye);
     FoundEye other;
     other.laterality = eye.laterality;
     other.weighting = eye.weighting == Weighting::t2 ? Weighting::t1 : Weighting::t2;
     if (!shows(eyes[e], other.weighting)) continue;
-    choose_views(eyes[e], other);
+    choose_views(eyes[e], stacks, other);
     find_axis(other, stacks);
     found.in_other_contrast.push_back(other);
   }

@@ -1,4 +1,5 @@
 #pragma once
+#include <map>
 #include <optional>
 #include <string>
 #include <vector>
@@ -20,6 +21,8 @@ struct FoundEye {
   Weighting weighting = Weighting::t2;
   std::vector<EyeView> views;  ///< chosen for the fit, best first; of one weighting
   std::vector<EyeView> left_out;
+  /// Stacks left out as they are the same acquisition as another one (shared_noise.hpp), which stands here.
+  std::map<std::size_t, std::size_t> stored_again;
   Eigen::Vector3d axis;                       ///< outward, LPS
   std::optional<Eigen::Vector3d> other_axis;  ///< what else it may be, see LensAxis
   double lens_contrast = 0;

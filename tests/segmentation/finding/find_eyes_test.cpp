@@ -192,6 +192,35 @@ TEST_P(BothContrasts, OfBothTheOneThatSaysMoreIsUsed) {
   }
 }
 
+/// What a coil's correction or another scale made of a series is that acquisition, and would count twice; one more
+/// acquisition of the same head counts.
+TEST_P(BothContrasts, OneAcquisitionThatWasStoredTwiceCountsOnce) {
+  const std::vector<Ball> eyes{{{-30.3, -33.2, 1.4}, 11.4}, {{32.1, -32.4, 0.3}, 11.9}};
+  const Stack first = axial_stack(eyes, GetParam(), 1), second = axial_stack(eyes, GetParam(), 2);
+  Stack corrected = first;
+  corrected.name = "stack2";
+  for (int s = 0; s < corrected.slices(); ++s)
+    for (int r = 0; r < corrected.rows; ++r)
+      for (int c = 0; c < corrected.columns; ++c) {
+        float& value = corrected.slice_intensity[s][static_cast<std::size_t>(r) * corrected.columns + c];
+        value *= 0.7F + 0.004F * static_cast<float>(r) + 0.002F * static_cast<float>(c);
+      }
+  const FoundEyes twice = find_eyes({&first, &corrected}, {"", ""}),
+                  both = find_eyes({&first, &second}, {"", ""});
+  ASSERT_EQ(twice.eyes.size(), 2U);
+  ASSERT_EQ(both.eyes.size(), 2U);
+  for (int i = 0; i < 2; ++i) {
+    ASSERT_EQ(twice.eyes[i].views.size(), 1U);
+    ASSERT_EQ(twice.eyes[i].stored_again.size(), 1U);
+    const auto [left_out, stands] = *twice.eyes[i].stored_again.begin();
+    EXPECT_EQ(twice.eyes[i].views[0].stack, stands);
+    EXPECT_NE(twice.choices[left_out].reason.find("one acquisition that was stored twice"), std::string::npos)
+        << twice.choices[left_out].reason;
+    EXPECT_EQ(both.eyes[i].views.size(), 2U);
+    EXPECT_TRUE(both.eyes[i].stored_again.empty());
+  }
+}
+
 TEST(Finding, OneEyeIsSaidToBeOne) {
   const Stack stack = axial_stack({{{31, -33, 1}, 11.6}}, Weighting::t2, 3);
   const FoundEyes by_place = find_eyes({&stack}, {""});
