@@ -1,3 +1,6 @@
+#include <fmt/format.h>
+
+#include <cmath>
 #include <cstdint>
 #include <cstring>
 #include <limits>
@@ -194,6 +197,13 @@ void read_vertices(PlyReader& reader, const Element& element, TriangleMesh& mesh
   }
 }
 
+/// What a list of floating-point numbers holds may be none.
+int vertex_number(double value) {
+  if (!(std::abs(value) <= std::numeric_limits<int>::max()) || value != std::floor(value))
+    throw input_error(fmt::format("{} is no number of a PLY vertex", value));
+  return static_cast<int>(value);
+}
+
 void read_others(PlyReader& reader, const Element& element, TriangleMesh& mesh) {
   std::vector<int> corners;
   for (std::size_t i = 0; i < element.count; ++i)
@@ -203,17 +213,16 @@ void read_others(PlyReader& reader, const Element& element, TriangleMesh& mesh) 
         continue;
       }
       const double length = reader.next(*property.list_count);
-      if (length < 0 || length > static_cast<double>(reader.left()))
+      if (!(length >= 0 && length <= static_cast<double>(reader.left())))  // NaN is no length
         throw input_error("a PLY list is longer than the file");
+      const bool is_polygon =
+          element.name == "face" && (property.name == "vertex_indices" || property.name == "vertex_index");
       corners.clear();
       for (int k = 0; k < static_cast<int>(length); ++k) {
-        const double corner = reader.next(property.scalar);
-        if (std::abs(corner) > std::numeric_limits<int>::max())
-          throw input_error("a PLY vertex number is too large");
-        corners.push_back(static_cast<int>(corner));
+        const double value = reader.next(property.scalar);
+        if (is_polygon) corners.push_back(vertex_number(value));
       }
-      if (element.name == "face" && (property.name == "vertex_indices" || property.name == "vertex_index"))
-        add_polygon(mesh, corners);
+      if (is_polygon) add_polygon(mesh, corners);
     }
 }
 

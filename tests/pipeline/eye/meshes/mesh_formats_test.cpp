@@ -1,8 +1,10 @@
 #include <gmock/gmock.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <fstream>
+#include <limits>
 #include <random>
 
 #include "pipeline/base/error.hpp"
@@ -183,6 +185,30 @@ TEST(MeshFiles, PiecesOfVtpAreOneMeshAndFoursAreTwoTriangles) {
   refused("Float32\" NumberOfComponents=\"3", "Float32\" NumberOfComponents=\"2", "three coordinates");
   refused("</Polys>", "", "no readable VTK file");
   refused("PolyData>", "UnstructuredGrid>", "no readable VTK file");
+}
+
+/// Numbers of vertices and lengths of lists may be stored as floating point, in which NaN and fractions are no numbers;
+/// other lists hold what they like.
+TEST(MeshFiles, PlyNumbersOfVerticesAreWhole) {
+  const auto written = [](const std::string& list, double length, const std::vector<double>& corners) {
+    std::string bytes =
+        "ply\nformat binary_little_endian 1.0\ncomment SPACE=LPS\nelement vertex 3\nproperty uchar x\n"
+        "property uchar y\nproperty uchar z\nelement face 1\nproperty list double double " +
+        list + "\nend_header\n" + std::string("\0\0\0\1\0\0\0\1\0", 9);
+    const auto append = [&](double value) {
+      bytes.append(reinterpret_cast<const char*>(&value), sizeof value);
+    };
+    append(length);
+    std::for_each(corners.begin(), corners.end(), append);
+    write_file(scratch("float.ply"), bytes);
+    return scratch("float.ply");
+  };
+  constexpr double nan = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_EQ(read_mesh(written("vertex_indices", 3, {0, 1, 2})).mesh.triangles.size(), 1U);
+  for (const double wrong : {nan, 0.5, 1e300, -nan})
+    EXPECT_THROW(read_mesh(written("vertex_indices", 3, {0, 1, wrong})), Error) << wrong;
+  EXPECT_THROW(read_mesh(written("vertex_indices", nan, {0, 1, 2})), Error);
+  EXPECT_TRUE(read_mesh(written("texcoord", 3, {0.25, 0.5, nan})).mesh.triangles.empty());
 }
 
 TEST(MeshFiles, LyingHeadersAreRefusedWithoutMemory) {
