@@ -20,17 +20,12 @@ std::map<Laterality, KnownData> parse_known_data(const KnownDataFlags& flags) {
   for (auto& [eye, instruments] : parse_instruments(flags.instruments, retinal_depth_mm))
     by_eye[eye].instruments = instruments;
   for (const std::string& text : flags.refractions) {
-    const auto colon = text.find(':');
-    const std::string side = text.substr(0, colon);
-    if (colon == std::string::npos || (side != "od" && side != "os"))
-      throw usage_error("--refraction \"" + text + "\" does not say which eye",
-                        "write od: or os: first, as in od:-2.25/-1.00x180@12+-0.25");
-    std::optional<StatedRefraction>& refraction =
-        by_eye[side == "od" ? Laterality::od : Laterality::os].refraction;
+    const EyeRefraction given = parse_eye_refraction(text);
+    std::optional<StatedRefraction>& refraction = by_eye[given.eye].refraction;
     if (refraction)
       throw usage_error("--refraction \"" + text + "\": that eye has one already",
                         "give the better one, or the mean of both with its accuracy");
-    refraction = parse_refraction(text.substr(colon + 1));
+    refraction = given.stated;
   }
   return by_eye;
 }

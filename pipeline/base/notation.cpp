@@ -136,4 +136,13 @@ StatedRefraction parse_refraction(const std::string& text) {
   return stated;
 }
 
+EyeRefraction parse_eye_refraction(const std::string& text) {
+  const auto colon = text.find(':');
+  const std::string side = text.substr(0, colon);
+  if (colon == std::string::npos || (side != "od" && side != "os"))
+    throw usage_error("--refraction \"" + text + "\" does not say which eye",
+                      "write od: or os: first, as in od:-2.25/-1.00x180@12+-0.25");
+  return {side == "od" ? Laterality::od : Laterality::os, parse_refraction(text.substr(colon + 1))};
+}
+
 }  // namespace emmetrope

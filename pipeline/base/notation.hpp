@@ -2,6 +2,7 @@
 #include <optional>
 #include <string>
 
+#include "pipeline/base/laterality.hpp"
 #include "pipeline/base/power_vector.hpp"
 
 /// How refractions are written, read and rounded. Axes follow TABO, both eyes as the examiner sees them.
@@ -40,5 +41,13 @@ struct StatedRefraction {
 /// DS", "+1.5@14", "PL").
 /// \throw Error (usage) naming the text and what was expected
 StatedRefraction parse_refraction(const std::string& text);
+
+/// One eye's, as an option takes it: "od:-2.25/-1.00x180@12+-0.25".
+struct EyeRefraction {
+  Laterality eye = Laterality::od;
+  StatedRefraction stated;
+};
+/// \throw Error (usage) naming the text and what was expected
+EyeRefraction parse_eye_refraction(const std::string& text);
 
 }  // namespace emmetrope

@@ -4,14 +4,17 @@
 
 #include <algorithm>
 #include <iterator>
+#include <map>
 #include <optional>
 
 #include "pipeline/base/case_folder.hpp"
 #include "pipeline/base/files.hpp"
 #include "pipeline/base/log.hpp"
+#include "pipeline/base/notation.hpp"
 #include "pipeline/base/process.hpp"
 #include "pipeline/base/typed_number.hpp"
 #include "pipeline/driver/stale_results.hpp"
+#include "pipeline/eye/instruments/instruments.hpp"
 
 namespace emmetrope::driver {
 namespace {
@@ -168,11 +171,29 @@ void check_fovea(const RunOptions& options, const CommonOptions& common) {
                       "ask for one eye, with --laterality od or os");
 }
 
+/// What meshing and correction would refuse after minutes.
+void check_readings(const RunOptions& options) {
+  InstrumentFlags flags;
+  const std::map<std::string, std::vector<std::string>*> instruments{
+      {"--keratometry", &flags.keratometry},
+      {"--axial-length", &flags.axial_length},
+      {"--acd", &flags.anterior_chamber_depth},
+      {"--lens-thickness", &flags.lens_thickness},
+      {"--topography", &flags.topography}};
+  for (std::size_t i = 0; i + 1 < options.mesh_options.size(); i += 2)
+    if (const auto found = instruments.find(options.mesh_options[i]); found != instruments.end())
+      found->second->push_back(options.mesh_options[i + 1]);
+  for (const auto& [eye, given] : parse_instruments(flags, 0)) read_instruments(given);
+  for (std::size_t i = 0; i + 1 < options.correct_options.size(); i += 2)
+    if (options.correct_options[i] == "--refraction") parse_eye_refraction(options.correct_options[i + 1]);
+}
+
 }  // namespace
 
 Answer run_pipeline(const RunOptions& options, const CommonOptions& common) {
   check_device(common);
   check_fovea(options, common);
+  check_readings(options);
   const CaseLock lock(options.case_folder, true);
   std::vector<StageReport> reports;
   ExitStatus status = ExitStatus::done;

@@ -126,7 +126,7 @@ void require_reading(const Reading& reading, const std::string& text, const std:
   try {
     InstrumentFlags flags;
     if (reading.flag == nullptr) {
-      parse_refraction(text.substr(text.find(':') + 1));
+      parse_eye_refraction(text);
     } else {
       flags.*reading.flag = {text};
       parse_instruments(flags, 0);

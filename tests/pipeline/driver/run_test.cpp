@@ -78,12 +78,25 @@ TEST_F(Driver, APointBesideThePoleIsOfOneEye) {
   EXPECT_THAT(read_file(log), Not(HasSubstr("correct " + case_folder.string() + " --fovea")));
 }
 
+/// Before the minutes that the stages before them take.
+TEST_F(Driver, ReadingsThatCannotBeReadAreRefusedAtOnce) {
+  for (const auto& [option, value] : {std::pair("--keratometry", "os:43@90,44.5@180"),
+                                      {"--axial-length", "od:235"},
+                                      {"--acd", "3.4"},
+                                      {"--refraction", "-2.25"},
+                                      {"--refraction", "od:-2.25/-1.00x230"}})
+    EXPECT_EQ(run({option, value}).status, 2) << option << " " << value;
+  EXPECT_EQ(run({"--topography", "od:/no/such/file.csv"}).status, 3);
+  EXPECT_FALSE(fs::exists(log));
+  EXPECT_EQ(run({"--refraction", "od:-2.25/-1.00x23", "--acd", "od:3.4"}).status, 0);
+}
+
 TEST_F(Driver, HandsOptionsToTheStageThatTheyBelongTo) {
-  run({"--keratometry", "od:43/44@90", "--keratometry", "os:42/42@0", "--laterality", "od", "--threads",
-       "1"});
+  run({"--keratometry", "od:43@180/44@90", "--keratometry", "os:42@0/42@90", "--laterality", "od",
+       "--threads", "1"});
   const std::string said = read_file(log);
   EXPECT_THAT(said, HasSubstr("mesh " + case_folder.string() +
-                              " --keratometry od:43/44@90 --keratometry os:42/42@0"));
+                              " --keratometry od:43@180/44@90 --keratometry os:42@0/42@90"));
   EXPECT_THAT(said, HasSubstr("report " + case_folder.string() + " --json"));
   EXPECT_THAT(said, HasSubstr("--threads 1 --laterality od"));
 }
