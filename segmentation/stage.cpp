@@ -185,9 +185,10 @@ void warn_of_stored_again(const FoundEyes& found, const std::vector<const Stack*
     for (const FoundEye& eye : *eyes) again.insert(eye.stored_again.begin(), eye.stored_again.end());
   for (const auto& [stack, stands] : again)
     workspace.warn(fmt::format(
-        "{0} is not used: it has the noise of {1}: one acquisition, stored twice, would count twice; "
+        "{0} is not used{2}: it has the noise of {1}: one acquisition, stored twice, would count twice; "
         "--series chooses",
-        stacks[stack]->name, stacks[stands]->name));
+        stacks[stack]->name, stacks[stands]->name,
+        found.choices[stack].used ? " where that one shows the eye" : ""));
 }
 
 StageVerdict verdict_of(const std::vector<JudgedEye>& eyes, const FoundEyes& found, LateralityChoice wanted) {

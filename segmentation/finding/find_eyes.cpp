@@ -179,37 +179,33 @@ bool shows(const Cluster& cluster, Weighting weighting) {
                      [&](const EyeView& v) { return v.globe.weighting == weighting; });
 }
 
-/// Views of one acquisition that was stored again, each with the stack that stands for it. Of such the noisiest one is
-/// used: others were filtered or averaged, and look better than they are.
-std::map<std::size_t, std::size_t> find_stored_again(const Cluster& eye, Weighting weighting,
+/// Stacks that are no acquisition of their own beside others of their contrast, each with what stands for it.
+std::map<std::size_t, std::size_t> find_stored_again(const std::vector<Cluster>& eyes,
                                                      const std::vector<const Stack*>& stacks) {
-  struct Seen {
-    std::size_t stack;
-    double relative_noise;
-  };
-  const Vector3d globe = eye.centre();
-  std::vector<Seen> seen;
-  for (const EyeView& view : eye.views)
-    if (view.globe.weighting == weighting)
-      seen.push_back({view.stack, compare_noise(*stacks[view.stack], *stacks[view.stack], globe).relative});
-  std::stable_sort(seen.begin(), seen.end(),
-                   [](const Seen& a, const Seen& b) { return a.relative_noise > b.relative_noise; });
   std::map<std::size_t, std::size_t> again;
-  std::vector<std::size_t> kept;
-  for (const Seen& s : seen) {
-    const auto same = std::find_if(kept.begin(), kept.end(), [&](std::size_t other) {
-      return is_one_acquisition(*stacks[other], *stacks[s.stack], globe);
-    });
-    if (same == kept.end())
-      kept.push_back(s.stack);
-    else
-      again[s.stack] = *same;
+  for (const Weighting weighting : {Weighting::t1, Weighting::t2}) {
+    std::map<std::size_t, std::vector<Vector3d>> globes_of;
+    for (const Cluster& eye : eyes)
+      for (const EyeView& view : eye.views)
+        if (view.globe.weighting == weighting) globes_of[view.stack].push_back(eye.centre());
+    std::vector<StackOfGlobes> compared;
+    std::vector<std::size_t> numbers;
+    for (const auto& [stack, globes] : globes_of) {
+      compared.push_back({stacks[stack], globes});
+      numbers.push_back(stack);
+    }
+    for (const auto& [copy, source] : find_stored_again(compared)) again[numbers[copy]] = numbers[source];
   }
   return again;
 }
 
-void choose_views(const Cluster& cluster, const std::vector<const Stack*>& stacks, FoundEye& eye) {
-  eye.stored_again = find_stored_again(cluster, eye.weighting, stacks);
+/// \param again  stacks that count for nothing where the one that stands for them shows the eye, too
+void choose_views(const Cluster& cluster, const std::map<std::size_t, std::size_t>& again, FoundEye& eye) {
+  for (const auto& [copy, source] : again)
+    if (std::any_of(cluster.views.begin(), cluster.views.end(), [&, stands = source](const EyeView& v) {
+          return v.stack == stands && v.globe.weighting == eye.weighting;
+        }))
+      eye.stored_again[copy] = source;
   std::vector<EyeView> sorted = cluster.views;
   std::stable_sort(sorted.begin(), sorted.end(),
                    [](const EyeView& a, const EyeView& b) { return a.merit > b.merit; });
@@ -345,10 +341,11 @@ FoundEyes find_eyes(const std::vector<const Stack*>& stacks, const std::vector<s
   for (std::size_t s = 0; s < stacks.size(); ++s) found.choices.emplace_back().stack = s;
   const std::vector<Cluster> eyes = best_pair_or_globe(cluster_globes(stacks));
   compare_with_tags(eyes, stacks, laterality_tags);
+  const std::map<std::size_t, std::size_t> again = find_stored_again(eyes, stacks);
   for (std::size_t e = 0; e < eyes.size(); ++e) {
     FoundEye eye;
     eye.weighting = better_contrast(eyes[e]);
-    choose_views(eyes[e], stacks, eye);
+    choose_views(eyes[e], again, eye);
     if (eyes.size() == 2)
       eye.laterality = e == 0 ? Laterality::od : Laterality::os;
     else
@@ -366,7 +363,7 @@ FoundEyes find_eyes(const std::vector<const Stack*>& stacks, const std::vector<s
     other.laterality = eye.laterality;
     other.weighting = eye.weighting == Weighting::t2 ? Weighting::t1 : Weighting::t2;
     if (!shows(eyes[e], other.weighting)) continue;
-    choose_views(eyes[e], stacks, other);
+    choose_views(eyes[e], again, other);
     find_axis(other, stacks);
     found.in_other_contrast.push_back(other);
   }

@@ -3,7 +3,9 @@
 #include <Eigen/QR>
 #include <algorithm>
 #include <cmath>
-#include <vector>
+#include <numeric>
+#include <optional>
+#include <utility>
 
 #include "segmentation/finding/sampling.hpp"
 
@@ -19,60 +21,134 @@ constexpr double vitreous_reach_mm = 4.5;
 
 struct Values {
   std::vector<Vector3d> places;  ///< from the globe's centre, over the reach
-  std::vector<double> of_stack, of_other;
+  std::vector<double> of_stack;
+  std::vector<std::vector<double>> of_others;
 };
 
-Values values_near(const Stack& stack, const Sampler& other, const Vector3d& globe) {
+Values values_near(const Stack& stack, const std::vector<Sampler>& others, const Vector3d& globe) {
   Values values;
+  values.of_others.resize(others.size());
+  std::vector<double> at(others.size());
   for_each_voxel_near(stack, globe, vitreous_reach_mm, [&](int c, int r, int s, const Vector3d& x) {
-    const auto value = other.interpolate(x);
-    if (!value) return;
+    for (std::size_t k = 0; k < others.size(); ++k) {
+      const auto value = others[k].interpolate(x);
+      if (!value) return;
+      at[k] = *value;
+    }
     values.places.push_back((x - globe) / vitreous_reach_mm);
     values.of_stack.push_back(stack.at(c, r, s));
-    values.of_other.push_back(*value);
+    for (std::size_t k = 0; k < others.size(); ++k) values.of_others[k].push_back(at[k]);
   });
   return values;
 }
 
-MatrixXd quadratic_of(const std::vector<Vector3d>& places) {
-  MatrixXd basis(places.size(), 10);
-  for (std::size_t i = 0; i < places.size(); ++i) {
-    const Vector3d& p = places[i];
-    basis.row(static_cast<Eigen::Index>(i)) << 1, p.x(), p.y(), p.z(), p.x() * p.x(), p.y() * p.y(),
-        p.z() * p.z(), p.x() * p.y(), p.x() * p.z(), p.y() * p.z();
+/// What a quadratic of place does not explain of what each stack shows, the stack's own last.
+MatrixXd residuals_of(const Values& values) {
+  const auto count = static_cast<Eigen::Index>(values.places.size());
+  MatrixXd basis(count, 10), shown(count, static_cast<Eigen::Index>(values.of_others.size()) + 1);
+  for (Eigen::Index i = 0; i < count; ++i) {
+    const Vector3d& p = values.places[static_cast<std::size_t>(i)];
+    basis.row(i) << 1, p.x(), p.y(), p.z(), p.x() * p.x(), p.y() * p.y(), p.z() * p.z(), p.x() * p.y(),
+        p.x() * p.z(), p.y() * p.z();
   }
-  return basis;
+  for (std::size_t k = 0; k < values.of_others.size(); ++k)
+    shown.col(static_cast<Eigen::Index>(k)) = VectorXd::Map(values.of_others[k].data(), count);
+  shown.rightCols<1>() = VectorXd::Map(values.of_stack.data(), count);
+  return shown - basis * basis.colPivHouseholderQr().solve(shown);
+}
+
+/// Of the others those that show most of a globe; half of its voxels would tell of no copy.
+std::vector<const Stack*> that_show(const Vector3d& globe, const std::vector<const Stack*>& stacks) {
+  std::vector<const Stack*> showing;
+  for (const Stack* stack : stacks) {
+    const Sampler sampler(*stack);
+    const auto is_inside = [&](const Vector3d& x) { return sampler.interpolate(x).has_value(); };
+    bool all = is_inside(globe);
+    for (int axis = 0; axis < 3 && all; ++axis)
+      for (const double side : {-0.8, 0.8})
+        all = all && is_inside(globe + side * vitreous_reach_mm * Vector3d::Unit(axis));
+    if (all) showing.push_back(stack);
+  }
+  return showing;
 }
 
 }  // namespace
 
-VitreousNoise compare_noise(const Stack& stack, const Stack& other, const Vector3d& globe) {
+VitreousNoise compare_noise(const Stack& stack, const std::vector<const Stack*>& others,
+                            const std::vector<Vector3d>& globes) {
   constexpr std::size_t fewest_voxels = 50;
-  const Values values = values_near(stack, Sampler(other), globe);
-  const std::size_t count = values.places.size();
-  if (count < fewest_voxels) return {};
-  const MatrixXd basis = quadratic_of(values.places);
-  const auto fit = basis.colPivHouseholderQr();
-  const auto of = [&](const std::vector<double>& list) -> VectorXd {
-    return VectorXd::Map(list.data(), basis.rows());
-  };
-  const auto residual = [&](const VectorXd& value) -> VectorXd { return value - basis * fit.solve(value); };
-  const VectorXd own = residual(of(values.of_stack)), others = residual(of(values.of_other));
-  const double mean = of(values.of_stack).mean();
-  if (!(own.norm() > 0 && others.norm() > 0 && mean > 0)) return {};
-  return {own.norm() / std::sqrt(static_cast<double>(count)) / mean,
-          own.dot(others) / (own.norm() * others.norm())};
+  double own = 0, left = 0, sum = 0, count = 0;
+  std::map<const Stack*, double> products;
+  for (const Vector3d& globe : globes) {
+    const std::vector<const Stack*> showing = that_show(globe, others);
+    std::vector<Sampler> samplers;
+    for (const Stack* other : showing) samplers.emplace_back(*other);
+    const Values values = values_near(stack, samplers, globe);
+    if (values.places.size() < fewest_voxels) continue;
+    const MatrixXd residuals = residuals_of(values);
+    const VectorXd mine = residuals.rightCols<1>();
+    const MatrixXd theirs = residuals.leftCols(static_cast<Eigen::Index>(showing.size()));
+    own += mine.squaredNorm();
+    left += showing.empty() ? mine.squaredNorm()
+                            : (mine - theirs * theirs.colPivHouseholderQr().solve(mine)).squaredNorm();
+    for (std::size_t k = 0; k < showing.size(); ++k) {
+      const VectorXd its = theirs.col(static_cast<Eigen::Index>(k));
+      if (its.norm() > 0) products[showing[k]] += mine.dot(its) * mine.norm() / its.norm();
+    }
+    sum += VectorXd::Map(values.of_stack.data(), residuals.rows()).sum();
+    count += static_cast<double>(residuals.rows());
+  }
+  VitreousNoise noise;
+  if (!(own > 0 && sum > 0)) return noise;
+  noise.relative = std::sqrt(own * count) / sum;
+  noise.correlation = std::sqrt(std::max(0.0, 1 - left / own));
+  for (std::size_t k = 0; k < others.size(); ++k)
+    if (products[others[k]] > products[others[noise.nearest]]) noise.nearest = k;
+  return noise;
 }
 
-bool is_one_acquisition(const Stack& a, const Stack& b, const Vector3d& globe) {
+std::map<std::size_t, std::size_t> find_stored_again(const std::vector<StackOfGlobes>& stacks) {
   // Acquisitions of one textured vitreous at 60 times its noise have 0.77, at 20 times 0.3; copies of real heads smoothed
   // by 0.6 voxels 0.84 to 0.99, cut along other planes 0.88 to 1 (docs/use/reading-dicom.md).
   constexpr double of_copies = 0.85;
-  // Below this what the edges about the vitreous leave in it is as large as the noise.
+  // Where both have less, what the edges about the vitreous leave in it is as large as the noise.
   constexpr double least_noise = 0.01;
-  const VitreousNoise at_a = compare_noise(a, b, globe), at_b = compare_noise(b, a, globe);
-  return std::min(at_a.relative, at_b.relative) > least_noise &&
-         std::max(at_a.correlation, at_b.correlation) > of_copies;
+  std::vector<double> relative_noise;
+  for (const StackOfGlobes& s : stacks)
+    relative_noise.push_back(compare_noise(*s.stack, {}, s.globes).relative);
+  std::vector<std::size_t> kept(stacks.size());
+  std::iota(kept.begin(), kept.end(), std::size_t{0});
+  std::map<std::size_t, std::size_t> again;
+  while (kept.size() > 1) {
+    struct Copy {
+      std::size_t stack, source;
+      std::pair<std::size_t, double> worth;  ///< eyes, noise
+    };
+    std::optional<Copy> least;
+    for (const std::size_t k : kept) {
+      std::vector<const Stack*> others;
+      std::vector<std::size_t> numbers;
+      for (const std::size_t other : kept)
+        if (other != k) {
+          others.push_back(stacks[other].stack);
+          numbers.push_back(other);
+        }
+      const VitreousNoise noise = compare_noise(*stacks[k].stack, others, stacks[k].globes);
+      const std::size_t source = numbers[noise.nearest];
+      if (!(noise.correlation > of_copies) ||
+          std::max(relative_noise[k], relative_noise[source]) < least_noise)
+        continue;
+      const Copy copy{k, source, {stacks[k].globes.size(), relative_noise[k]}};
+      if (!least || copy.worth <= least->worth) least = copy;
+    }
+    if (!least) break;
+    again[least->stack] = least->source;
+    kept.erase(std::find(kept.begin(), kept.end(), least->stack));
+  }
+  // What stands for a copy may have been found to be one itself.
+  for (auto& [copy, source] : again)
+    while (again.count(source) != 0) source = again.at(source);
+  return again;
 }
 
 }  // namespace emmetrope::segmentation
