@@ -55,6 +55,10 @@ class Reader {
     throw usage_error(fmt::format("refraction \"{}\": {} expected at \"{}\"", text_, expected, rest_),
                       "write sphere/cylinder x axis @ vertex distance +- accuracy: -2.25/-1.00x180@12+-0.25");
   }
+  /// Of a number that was read and that nobody has.
+  [[noreturn]] void refuse(std::string_view what, const std::string& expected) const {
+    throw usage_error(fmt::format("refraction \"{}\": nobody has {}", text_, what), "expected " + expected);
+  }
 
  private:
   std::string_view text_, rest_;
@@ -111,7 +115,7 @@ StatedRefraction parse_refraction(const std::string& text) {
     stated.refraction.cylinder_D = reader.number("a cylinder in dioptres");
     if (!reader.take("x")) reader.fail("x and the axis in degrees");
     const double axis_deg = reader.number("an axis in degrees");
-    if (axis_deg < 0 || axis_deg > 180) reader.fail("an axis from 0 to 180 degrees before this");
+    if (axis_deg < 0 || axis_deg > 180) reader.refuse("that axis", "0 to 180 degrees");
     stated.refraction.axis_deg = normalise_axis_deg(axis_deg);
   } else {
     reader.take("DS");
@@ -122,16 +126,16 @@ StatedRefraction parse_refraction(const std::string& text) {
   // Hundredths of dioptres and metres are mistakes that people make.
   constexpr double most_D = 40, most_cylinder_D = 20, least_vertex_mm = 5, most_vertex_mm = 30;
   if (std::abs(stated.refraction.sphere_D) > most_D)
-    reader.fail(fmt::format("a sphere of at most {} D before this", most_D));
+    reader.refuse("that sphere", fmt::format("at most {} D", most_D));
   if (std::abs(stated.refraction.cylinder_D) > most_cylinder_D)
-    reader.fail(fmt::format("a cylinder of at most {} D before this", most_cylinder_D));
+    reader.refuse("that cylinder", fmt::format("at most {} D", most_cylinder_D));
   if (stated.vertex_distance_mm != 0 &&
       !(stated.vertex_distance_mm >= least_vertex_mm && stated.vertex_distance_mm <= most_vertex_mm))
-    reader.fail(fmt::format("a vertex distance of 0, on the cornea, or from {} to {} mm before this",
-                            least_vertex_mm, most_vertex_mm));
+    reader.refuse("that vertex distance",
+                  fmt::format("0, on the cornea, or {} to {} mm", least_vertex_mm, most_vertex_mm));
   constexpr double most_sigma_D = 5;
   if (stated.sigma_D && !(*stated.sigma_D > 0 && *stated.sigma_D <= most_sigma_D))
-    reader.fail(fmt::format("an accuracy above 0 and of at most {} D before this", most_sigma_D));
+    reader.refuse("that accuracy", fmt::format("above 0 and at most {} D", most_sigma_D));
   if (stated.refraction.cylinder_D > 0) stated.refraction = transpose(stated.refraction);
   return stated;
 }
@@ -143,6 +147,11 @@ EyeRefraction parse_eye_refraction(const std::string& text) {
     throw usage_error("--refraction \"" + text + "\" does not say which eye",
                       "write od: or os: first, as in od:-2.25/-1.00x180@12+-0.25");
   return {side == "od" ? Laterality::od : Laterality::os, parse_refraction(text.substr(colon + 1))};
+}
+
+Error second_refraction(const std::string& text) {
+  return usage_error("--refraction \"" + text + "\": that eye has one already",
+                     "give the better one, or the mean of both with its accuracy");
 }
 
 }  // namespace emmetrope

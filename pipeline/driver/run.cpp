@@ -6,6 +6,7 @@
 #include <iterator>
 #include <map>
 #include <optional>
+#include <set>
 
 #include "pipeline/base/case_folder.hpp"
 #include "pipeline/base/files.hpp"
@@ -184,8 +185,12 @@ void check_readings(const RunOptions& options) {
     if (const auto found = instruments.find(options.mesh_options[i]); found != instruments.end())
       found->second->push_back(options.mesh_options[i + 1]);
   for (const auto& [eye, given] : parse_instruments(flags, 0)) read_instruments(given);
-  for (std::size_t i = 0; i + 1 < options.correct_options.size(); i += 2)
-    if (options.correct_options[i] == "--refraction") parse_eye_refraction(options.correct_options[i + 1]);
+  std::set<Laterality> refracted;
+  for (std::size_t i = 0; i + 1 < options.correct_options.size(); i += 2) {
+    if (options.correct_options[i] != "--refraction") continue;
+    const std::string& text = options.correct_options[i + 1];
+    if (!refracted.insert(parse_eye_refraction(text).eye).second) throw second_refraction(text);
+  }
 }
 
 }  // namespace

@@ -77,10 +77,16 @@ void set_years(Visits& visits, const std::vector<double>& years) {
     throw input_error("when the visits were is not known: their studies are not at hand, or have no date",
                       "give --years, such as --years 0,1.1,2.0");
   }
-  for (std::size_t i = 1; i < count; ++i)
-    if (!(visits.years[i] > visits.years[i - 1]))
+  constexpr double half_a_day = 0.5 / 365;
+  for (std::size_t i = 1; i < count; ++i) {
+    const double apart = visits.years[i] - visits.years[i - 1];
+    if (std::abs(apart) < half_a_day)
+      throw input_error(fmt::format("visits {} and {} are of one day, in which no eye grows", i, i + 1),
+                        "name visits of other days; --years tells when they were");
+    if (!(apart > 0))
       throw input_error(fmt::format("visit {} is not after visit {}", i + 1, i),
                         "name the first visit first");
+  }
 }
 
 /// By what segmentation noted of two studies.

@@ -230,6 +230,16 @@ TEST_F(MeshStage, InstrumentsOfAnEyeThatIsNotThereAreNamed) {
               testing::HasSubstr("OS (left): not fitted to the images"));
 }
 
+TEST_F(MeshStage, InstrumentsOfAnEyeThatIsNotAskedForAreNamed) {
+  instruments_.keratometry = {"os:43.25@175/44.75@85"};
+  options_.instruments = parse_instruments(instruments_, options_.retinal_depth_mm);
+  CommonOptions right_eye;
+  right_eye.laterality = LateralityChoice::od;
+  EXPECT_EQ(make_meshes(options_, right_eye).status, ExitStatus::done);
+  EXPECT_THAT(read_file(folder() / "meshing" / "stage.json"),
+              testing::HasSubstr("OS (left): what was measured of it elsewhere is not used"));
+}
+
 TEST_F(MeshStage, RefusedEyeIsNotMeshed) {
   write_fit(Laterality::os, {{"fit", "lens not visible"}});
   const Answer answer = make_meshes(options_, {});

@@ -113,5 +113,25 @@ TEST(Notation, RefusesWhatIsNoRefraction) {
   }
 }
 
+TEST(Notation, SaysWhichNumberNobodyHas) {
+  for (const auto& [text, what] : {std::pair("-60", "that sphere"),
+                                   {"+1/-22x90", "that cylinder"},
+                                   {"-2/-1x230", "that axis"},
+                                   {"-2@0.012", "that vertex distance"},
+                                   {"-2+-9", "that accuracy"}})
+    try {
+      parse_refraction(text);
+      ADD_FAILURE() << text;
+    } catch (const Error& error) {
+      EXPECT_EQ(std::string(error.what()), "refraction \"" + std::string(text) + "\": nobody has " + what);
+    }
+}
+
+TEST(Notation, ARefractionOfAnEyeSaysWhich) {
+  EXPECT_EQ(parse_eye_refraction("os:-2/-1x30").eye, Laterality::os);
+  EXPECT_EQ(parse_eye_refraction("od:-2/-1x30").stated.refraction.axis_deg, 30);
+  for (const char* text : {"-2", "right:-2", "od-2", ":-2"}) EXPECT_THROW(parse_eye_refraction(text), Error);
+}
+
 }  // namespace
 }  // namespace emmetrope

@@ -86,6 +86,7 @@ TEST_F(Driver, ReadingsThatCannotBeReadAreRefusedAtOnce) {
                                       {"--refraction", "-2.25"},
                                       {"--refraction", "od:-2.25/-1.00x230"}})
     EXPECT_EQ(run({option, value}).status, 2) << option << " " << value;
+  EXPECT_EQ(run({"--refraction", "od:-2", "--refraction", "od:-3"}).status, 2);
   EXPECT_EQ(run({"--topography", "od:/no/such/file.csv"}).status, 3);
   EXPECT_FALSE(fs::exists(log));
   EXPECT_EQ(run({"--refraction", "od:-2.25/-1.00x23", "--acd", "od:3.4"}).status, 0);

@@ -300,6 +300,9 @@ TEST_F(FollowCommand, KnowsWhenTheVisitsWereFromTheirDates) {
   EXPECT_EQ(run({first.string(), second.string()}).status, 3);
   date("2025-03-14");
   EXPECT_THAT(run({first.string(), second.string()}).output, testing::HasSubstr("is not after"));
+  date("2026-03-14");
+  EXPECT_THAT(run({first.string(), second.string()}).output,
+              testing::HasSubstr("visits 1 and 2 are of one day"));
 }
 
 TEST_F(FollowCommand, ComparesPatientsOfLaterVisitsToo) {
