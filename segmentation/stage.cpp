@@ -186,7 +186,7 @@ void warn_of_stored_again(const FoundEyes& found, const std::vector<const Stack*
   for (const auto& [stack, stands] : again)
     workspace.warn(fmt::format(
         "{0} is not used{2}: it has the noise of {1}: one acquisition, stored twice, would count twice; "
-        "--series chooses",
+        "--series with it alone uses it instead",
         stacks[stack]->name, stacks[stands]->name,
         found.choices[stack].used ? " where that one shows the eye" : ""));
 }
