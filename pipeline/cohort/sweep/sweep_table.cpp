@@ -125,15 +125,17 @@ std::string command_in(const fs::path& file, const toml::table& root) {
   return *command;
 }
 
+constexpr std::string_view byte_order_mark = "\xEF\xBB\xBF";
+
 /// TOML has letters beyond ASCII in texts and comments alone; on some of them elsewhere toml++ 3.3 is undefined.
 /// \throw Error (input_invalid) with the line
 void require_ascii_outside_texts(const fs::path& file, const std::string& toml) {
-  const auto starts = [&](std::size_t at, const std::string& with) {
+  const auto starts = [&](std::size_t at, std::string_view with) {
     return toml.compare(at, with.size(), with) == 0;
   };
   std::string closing;  // of the text or comment that we are in
   std::size_t line = 1;
-  const std::size_t begin = starts(0, "\xEF\xBB\xBF") ? 3 : 0;  // a byte order mark
+  const std::size_t begin = starts(0, byte_order_mark) ? byte_order_mark.size() : 0;
   for (std::size_t i = begin; i < toml.size(); ++i) {
     const char c = toml[i];
     line += c == '\n' ? 1 : 0;
@@ -159,15 +161,28 @@ void require_ascii_outside_texts(const fs::path& file, const std::string& toml) 
   }
 }
 
-toml::table parsed(const fs::path& file) {
-  const std::string text = read_file(file);
-  require_ascii_outside_texts(file, text);
+toml::table parsed(const fs::path& file, const std::string& text) {
   try {
     return toml::parse(text, file.string());
   } catch (const toml::parse_error& fault) {
     throw input_error(fmt::format("{}: line {}, column {}: {}", file.string(), fault.source().begin.line,
                                   fault.source().begin.column, fault.description()));
   }
+}
+
+toml::table parsed(const fs::path& file) {
+  const std::string text = read_file(file);
+  require_ascii_outside_texts(file, text);
+  // What is a text to us, and none to toml++ as something is wrong before it, is refused here without those letters.
+  std::string ascii;
+  for (const char c : text)
+    if (const auto byte = static_cast<unsigned char>(c); byte > 127)
+      ascii += fmt::format("z{:02x}", byte);
+    else
+      ascii += c;
+  if (text.rfind(byte_order_mark, 0) == 0) ascii.erase(0, 3 * byte_order_mark.size());
+  parsed(file, ascii);
+  return parsed(file, text);
 }
 
 }  // namespace

@@ -77,6 +77,9 @@ TEST_F(SweepTable, LettersBeyondAsciiStandInTextsAndComments) {
                 .text,
             "a");
   EXPECT_THAT(refusal("\u0150"), HasSubstr("line 1: a letter beyond ASCII"));
+  EXPECT_THAT(refusal(std::string("command = 6t\0 2B)\"b\u01FD)\"", 19)), HasSubstr("line 1, column"));
+  EXPECT_EQ(read("\xEF\xBB\xBF\"command\" = 'trace'\n[vary]\neye = ['a', '\u0150', '\u0151']\n").runs.size(),
+            3U);
   EXPECT_THAT(refusal("command = 'trace'\n[vary]\n\u0150 = [1]\n"),
               HasSubstr("line 3: a letter beyond ASCII"));
 }
