@@ -1,5 +1,6 @@
 #include "pipeline/cohort/sweep/sweep_table.hpp"
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -63,11 +64,10 @@ TEST_F(SweepTable, AListInAListIsSeveralWords) {
 
 /// On U+0150 outside a text toml++ 3.3 is undefined (found by fuzzing).
 TEST_F(SweepTable, LettersBeyondAsciiStandInTextsAndComments) {
-  for (const char* quotes : {"'", "\"", "'''", "\"\"\""}) {
-    const std::string quote = quotes;
+  for (const char* quote : {"'", "\"", "'''", "\"\"\""}) {
     const Sweep sweep =
-        read("command = 'trace' # \u0150's \"\n[vary]\neye = [" + quote + "\u0150" + quote + "]\n");
-    EXPECT_EQ(sweep.runs[0][0].text, "\u0150") << quotes;
+        read(fmt::format("command = 'trace' # \u0150's \"\n[vary]\neye = [{0}\u0150{0}]\n", quote));
+    EXPECT_EQ(sweep.runs[0][0].text, "\u0150") << quote;
   }
   EXPECT_EQ(read("command = 'trace'\n[vary]\neye = [\"\\\"\u0150\"]\n").runs[0][0].text, "\"\u0150");
   EXPECT_EQ(read("command = 'trace'\n[vary]\neye = ['''\u0150'''', '\u0150']\n").runs[0][0].text, "\u0150'");
