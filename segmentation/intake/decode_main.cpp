@@ -18,6 +18,7 @@
 #include "segmentation/intake/dicom_pixels.hpp"
 #include "segmentation/intake/nifti.hpp"
 #include "segmentation/intake/process_limits.hpp"
+#include "segmentation/intake/sidecar.hpp"
 
 namespace emmetrope::segmentation {
 namespace {
@@ -67,15 +68,14 @@ void decode_volume(const std::filesystem::path& file) {
   std::vector<std::vector<float>> slices;
   try {
     header.geometry = read_nifti(file, header.warnings);
+    header.sidecar = read_sidecar(file, header.geometry, header.warnings);
     slices = std::move(header.geometry.slice_intensity);
   } catch (const Error& fault) {
-    header = {{}, {}, fault.what(), fault.remedy(), fault.status()};
+    header = {{}, {}, {}, fault.what(), fault.remedy(), fault.status()};
   } catch (const std::bad_alloc&) {
-    header = {{},
-              {},
-              file.string() + ": needs more memory than the decoder is allowed",
-              {},
-              ExitStatus::input_invalid};
+    header = {{}, {},
+              {}, file.string() + ": needs more memory than the decoder is allowed",
+              {}, ExitStatus::input_invalid};
   }
   send(MessageType::volume, Json(header));
   for (const std::vector<float>& slice : slices)

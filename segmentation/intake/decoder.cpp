@@ -289,7 +289,7 @@ Clock::time_point Decoder::ask(const std::filesystem::path& file, Request reques
          std::chrono::milliseconds(static_cast<long long>(1000 * (limits_.wall_s + megabytes)));
 }
 
-Stack Decoder::decode_volume(const std::filesystem::path& file, std::vector<std::string>& warnings) {
+Decoder::Volume Decoder::decode_volume(const std::filesystem::path& file) {
   const std::string name = file.string();
   try {
     const auto deadline = ask(file, Request::everything);
@@ -306,8 +306,7 @@ Stack Decoder::decode_volume(const std::filesystem::path& file, std::vector<std:
       stack.slice_intensity.emplace_back(voxels);
       child_->read(stack.slice_intensity.back().data(), bytes, deadline);
     }
-    warnings.insert(warnings.end(), header.warnings.begin(), header.warnings.end());
-    return stack;
+    return {std::move(stack), std::move(header.sidecar), std::move(header.warnings)};
   } catch (const ChildFailure& failure) {
     child_.reset();
     throw input_error(fmt::format("{}: {}", name, failure.text));

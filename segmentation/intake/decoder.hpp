@@ -35,9 +35,14 @@ class Decoder {
   /// The header alone, as `decode` has it.
   ImageHeader header(const std::filesystem::path& file);
 
+  struct Volume {
+    Stack stack;
+    TagValues sidecar;  ///< see read_sidecar
+    std::vector<std::string> warnings;
+  };
   /// A NIfTI volume, see read_nifti.
   /// \throw Error as that does, or (input_invalid) naming the file where the child did not survive it
-  Stack decode_volume(const std::filesystem::path& file, std::vector<std::string>& warnings);
+  Volume decode_volume(const std::filesystem::path& file);
 
  private:
   class Child;

@@ -8,6 +8,7 @@
 #include <set>
 
 #include "pipeline/base/error.hpp"
+#include "segmentation/intake/sidecar.hpp"
 
 namespace emmetrope::segmentation {
 namespace {
@@ -74,6 +75,8 @@ FileList list_files(const fs::path& study, const IntakeLimits& limits) {
   if (!fs::is_directory(study)) {
     Walker walker(study.parent_path(), limits);
     walker.visit(study.filename(), 0);
+    if (const fs::path sidecar = sidecar_of(study); is_nifti_name(study) && fs::exists(sidecar))
+      walker.visit(sidecar.filename(), 0);
     return walker.take();
   }
   Walker walker(study, limits);

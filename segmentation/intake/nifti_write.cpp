@@ -11,6 +11,7 @@
 #include "pipeline/base/files.hpp"
 #include "pipeline/base/json.hpp"
 #include "segmentation/intake/nifti.hpp"
+#include "segmentation/intake/sidecar.hpp"
 #include "segmentation/intake/slice_grid.hpp"
 
 namespace emmetrope::segmentation {
@@ -127,11 +128,6 @@ void append_planes(const std::vector<std::vector<T>>& slices, const SliceGrid& g
     const auto& values = grid.plane[i] == static_cast<int>(plane) ? slices[i++] : gap;
     bytes.append(reinterpret_cast<const char*>(values.data()), voxels * sizeof(T));
   }
-}
-
-std::filesystem::path sidecar_of(std::filesystem::path file) {
-  if (file.extension() == ".gz") file.replace_extension();
-  return file.replace_extension(".json");
 }
 
 }  // namespace

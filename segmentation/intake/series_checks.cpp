@@ -163,6 +163,11 @@ bool is_computed(const SeriesImage& image) {
   return type.rfind("DERIVED", 0) == 0 && !std::regex_match(type, at_once);
 }
 
+void check_modality(const ScannedFile& file) {
+  if (file.header.value(tag::modality) != "MR")
+    throw unsupported_error(found(file, tag::modality) + "; MR is required (--any-modality overrides)");
+}
+
 /// A storage class of the standard other than MR's. Vendors' own classes are judged by the modality.
 bool is_other_image(const std::string& sop_class) {
   return sop_class.rfind(uid::image_storage, 0) == 0 && sop_class != uid::mr_image &&
@@ -179,8 +184,7 @@ void check_kind(const Files& files, bool any_modality) {
       throw input_error(file.name() + ": " + header.reason, "restore this file or move it away");
     if (!header.has(tag::series_instance))
       throw input_error(found(file, tag::series_instance) + "; its series is unknown");
-    if (!any_modality && header.value(tag::modality) != "MR")
-      throw unsupported_error(found(file, tag::modality) + "; MR is required (--any-modality overrides)");
+    if (!any_modality) check_modality(file);
     if (!any_modality && is_other_image(sop_class))
       throw unsupported_error(found(file, tag::sop_class) +
                               ", a secondary capture or another modality's image; an MR image is required "
@@ -475,6 +479,14 @@ void warn_of_lengths(const SeriesImage& first, SeriesInfo& info) {
         100 * std::abs(field_mm / diameter_mm - 1)));
 }
 
+void warn_of_subject(const SeriesImage& first, SeriesInfo& info) {
+  if (!shows_head(info.body_part))
+    info.warnings.push_back(to_string(tag::body_part) + " is " + in_quotes(info.body_part) +
+                            ", not the head");
+  if (component_of(first) == "PHASE")
+    info.warnings.push_back(to_string(tag::image_type) + " says that these are phase images, not magnitudes");
+}
+
 void add_warnings(const Files& files, const SeriesImage& first, SeriesInfo& info) {
   warn_of_files(
       files, [](const auto& file) { return file.end.stray_bits; },
@@ -489,11 +501,7 @@ void add_warnings(const Files& files, const SeriesImage& first, SeriesInfo& info
   warn_of_files(
       files, [](const auto& file) { return file.header.value(tag::lossy_compression) == "01"; },
       to_string(tag::lossy_compression) + " says that the image was compressed with loss", info);
-  if (!shows_head(info.body_part))
-    info.warnings.push_back(to_string(tag::body_part) + " is " + in_quotes(info.body_part) +
-                            ", not the head");
-  if (component_of(first) == "PHASE")
-    info.warnings.push_back(to_string(tag::image_type) + " says that these are phase images, not magnitudes");
+  warn_of_subject(first, info);
   if (info.private_scaling)
     info.warnings.push_back(
         fmt::format("Philips private scaling (2005,100e) {:g}, (2005,100d) {:g} is recorded, not applied",
@@ -526,6 +534,7 @@ std::string why_unfit(DixonPart part) {
 }
 
 std::string ScannedFile::name() const {
+  if (is_sidecar) return mention(file, "the volume's sidecar");
   const auto instance = parse_number(header.value(tag::instance_number));
   return mention(file, instance ? fmt::format("slice {:g}", *instance) : fmt::format("file {}", number));
 }
@@ -533,6 +542,20 @@ std::string ScannedFile::name() const {
 std::string SeriesImage::name() const {
   const bool multi_frame = source->header.frames.size() > 1;
   return source->name() + (multi_frame ? fmt::format(" frame {}", frame + 1) : "");
+}
+
+void judge_sidecar(const ScannedFile& sidecar, const IntakeOptions& options, SeriesInfo& info) {
+  const std::optional<double> spacing_mm = info.slice_thickness_mm;
+  const std::vector<SeriesImage> images{{&sidecar, 0, Eigen::Vector3d::Zero(), 1, 0}};
+  describe_images(images, info);
+  if (!info.slice_thickness_mm) info.slice_thickness_mm = spacing_mm;
+  info.body_part = sidecar.header.value(tag::body_part);
+  if (!options.any_modality && sidecar.header.has(tag::modality)) check_modality(sidecar);
+  check_echo_planar(sidecar);
+  check_acquired(images);
+  warn_of_subject(images.front(), info);
+  warn_of_computed(images, info);
+  warn_of_dixon_part(images, info);
 }
 
 SeriesInfo judge_series(std::vector<ScannedFile> files, const IntakeOptions& options) {

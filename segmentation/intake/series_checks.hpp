@@ -23,6 +23,7 @@ struct ScannedFile {
   ImageHeader header{};
   DecodeEnd end{};
   std::vector<FrameStatistics> frames{};
+  bool is_sidecar = false;  ///< of a NIfTI volume, its fields those of a header
 
   /// A mention (file_mention.hpp): the file, or "slice 12" by its InstanceNumber
   std::string name() const;
@@ -45,6 +46,10 @@ std::string too_few_slices(int slices);
 
 /// What an image that is a part of the signal says for which no eye is measured in it; empty of others.
 std::string why_unfit(DixonPart part);
+
+/// What the sidecar of a NIfTI volume tells of its acquisition, judged as a header is.
+/// \throw Error (unsupported) of what is no slices as acquired
+void judge_sidecar(const ScannedFile& sidecar, const IntakeOptions& options, SeriesInfo& info);
 
 /// Describes and judges the files of one SeriesInstanceUID.
 /// \param files  one of each SOP instance, at least one; their order does not matter

@@ -13,6 +13,7 @@
 #include "segmentation/intake/file_mention.hpp"
 #include "segmentation/intake/identity.hpp"
 #include "segmentation/intake/series_checks.hpp"
+#include "segmentation/intake/sidecar.hpp"
 #include "segmentation/intake/slice_grid.hpp"
 #include "segmentation/intake/subject.hpp"
 #include "segmentation/intake/tag_values.hpp"
@@ -98,14 +99,16 @@ SeriesInfo judge(std::vector<ScannedFile> files, const IntakeOptions& options, S
   return info;
 }
 
-SeriesInfo judge_nifti(Decoder& decoder, const fs::path& root, const fs::path& file) {
+SeriesInfo judge_nifti(Decoder& decoder, const IntakeOptions& options, const fs::path& root,
+                       const fs::path& file) {
   SeriesInfo info;
   info.uid = nifti_uid_prefix + sha256_of_file(root / file).substr(0, 16);
   info.modality = "NIfTI";
   info.description = clean_utf8(file.string());
   info.files = 1;
   try {
-    const Stack stack = decoder.decode_volume(root / file, info.warnings);
+    const auto [stack, sidecar, warnings] = decoder.decode_volume(root / file);
+    info.warnings = warnings;
     info.rows = stack.rows;
     info.columns = stack.columns;
     info.row_spacing_mm = stack.row_spacing_mm;
@@ -130,15 +133,26 @@ SeriesInfo judge_nifti(Decoder& decoder, const fs::path& root, const fs::path& f
       count += static_cast<double>(stack.slice_intensity[slice].size());
     }
     info.mean = sum / count;
+    if (!sidecar.empty()) {
+      ScannedFile told;
+      told.file = sidecar_of(file);
+      told.header.data_set = sidecar;
+      told.is_sidecar = true;
+      judge_sidecar(told, options, info);
+    }
     info.usable = true;
   } catch (const Error& fault) {
     info.reason = fault.what();
     info.refusal = fault.status();
     info.damaged = info.refusal == ExitStatus::input_invalid;
   }
-  const auto mention_file = [&, path = (root / file).string()](std::string& text) {
-    if (const auto at = text.find(path); at != std::string::npos)
-      text.replace(at, path.size(), mention(file, "the volume"));
+  const auto mention_file = [&](std::string& text) {
+    for (const auto& [of_study, neutral] :
+         {std::pair{file, "the volume"}, std::pair{sidecar_of(file), "the volume's sidecar"}}) {
+      const std::string path = (root / of_study).string();
+      if (const auto at = text.find(path); at != std::string::npos)
+        text.replace(at, path.size(), mention(of_study, neutral));
+    }
   };
   for (auto& warning : info.warnings) mention_file(warning);
   mention_file(info.reason);
@@ -160,6 +174,15 @@ Eigen::Vector2d fat_shift_sigma_mm(const SeriesInfo& info, const Stack& stack) {
   const double pixels = bandwidth_Hz > 0 && field_T > 0 ? fat_water_Hz_per_T * field_T / bandwidth_Hz : 1;
   return pixels * Eigen::Vector2d(info.phase_encoding == "ROW" ? 0 : stack.column_spacing_mm,
                                   info.phase_encoding == "COL" ? 0 : stack.row_spacing_mm);
+}
+
+/// How the voxels came about, as far as header or sidecar tell.
+void describe_acquisition(const SeriesInfo& info, Stack& stack) {
+  stack.fat_shift_sigma_mm = fat_shift_sigma_mm(info, stack);
+  const bool is_told = !info.acquisition_type.empty();
+  stack.slices_are_encoded = is_told ? info.acquisition_type == "3D" : slices_are_thin(stack);
+  // A volume may have been turned since it was acquired.
+  stack.slices_are_told = !stack.slices_are_encoded && (is_told || !info.is_nifti());
 }
 
 /// Each study's series can be used, but not together with another's.
@@ -241,10 +264,14 @@ StudyInventory read_inventory(const fs::path& study, const IntakeOptions& option
   Decoder decoder(options.limits);
   Progress progress("reading the study", list.files.size(), options.verbosity);
   std::size_t number = 0;
+  std::set<fs::path> sidecars;
+  for (const auto& file : list.files)
+    if (is_nifti_name(file)) sidecars.insert(sidecar_of(file));
   for (const auto& file : list.files) {
     progress.advance();
+    if (sidecars.count(file) > 0) continue;  // read with its volume
     if (is_nifti_name(file)) {
-      inventory.series.push_back(judge_nifti(decoder, inventory.root, file));
+      inventory.series.push_back(judge_nifti(decoder, options, inventory.root, file));
       continue;
     }
     ScannedFile scanned = scan(decoder, inventory.root, file, ++number);
@@ -287,11 +314,10 @@ Stack read_series(const StudyInventory& inventory, const std::string& uid, const
   if (!info.usable)
     throw Error(info.refusal, fmt::format("series {} cannot be used: {}", info.uid, info.reason));
   if (info.is_nifti()) {
-    std::vector<std::string> known;
-    Stack stack = Decoder(options.limits).decode_volume(inventory.root / info.slices.front().file, known);
+    Stack stack = Decoder(options.limits).decode_volume(inventory.root / info.slices.front().file).stack;
     stack.name = info.name;
-    stack.fat_shift_sigma_mm = fat_shift_sigma_mm(info, stack);
-    stack.slices_are_encoded = slices_are_thin(stack);
+    stack.slice_thickness_mm = info.slice_thickness_mm.value_or(stack.slice_thickness_mm);
+    describe_acquisition(info, stack);
     return stack;
   }
   Stack stack;
@@ -304,7 +330,6 @@ Stack read_series(const StudyInventory& inventory, const std::string& uid, const
   stack.row_spacing_mm = *info.row_spacing_mm;
   stack.column_spacing_mm = *info.column_spacing_mm;
   stack.slice_thickness_mm = info.slice_thickness_mm.value_or(info.slice_spacing_mm.value_or(0));
-  stack.fat_shift_sigma_mm = fat_shift_sigma_mm(info, stack);
   stack.slice_intensity.resize(info.slices.size());
 
   // Slices by file, as a multi-frame file is decoded once.
@@ -313,9 +338,7 @@ Stack read_series(const StudyInventory& inventory, const std::string& uid, const
     stack.slice_position.push_back(info.slices[i].position_mm);
     slices_of[info.slices[i].file][info.slices[i].frame] = i;
   }
-  stack.slices_are_encoded =
-      info.acquisition_type.empty() ? slices_are_thin(stack) : info.acquisition_type == "3D";
-  stack.slices_are_told = !stack.slices_are_encoded;
+  describe_acquisition(info, stack);
   const std::size_t voxels = static_cast<std::size_t>(info.rows) * static_cast<std::size_t>(info.columns);
   Decoder decoder(options.limits);
   Progress progress("decoding " + info.name, slices_of.size(), options.verbosity);

@@ -35,6 +35,7 @@ void to_json(Json& json, const VolumeHeader& header) {
           {"row_spacing_mm", g.row_spacing_mm},
           {"slice_thickness_mm", g.slice_thickness_mm},
           {"slice_position", Json::array()},
+          {"sidecar", header.sidecar},
           {"warnings", header.warnings},
           {"error", header.error},
           {"remedy", header.remedy},
@@ -51,6 +52,7 @@ void from_json(const Json& json, VolumeHeader& header) {
   json.at("remedy").get_to(header.remedy);
   header.status = static_cast<ExitStatus>(json.at("status").get<int>());
   json.at("warnings").get_to(header.warnings);
+  json.at("sidecar").get_to(header.sidecar);
   if (!header.error.empty()) return;
   json.at("columns").get_to(g.columns);
   json.at("rows").get_to(g.rows);

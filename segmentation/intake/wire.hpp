@@ -61,7 +61,8 @@ struct DecodeEnd {
 
 /// A NIfTI volume but for its intensities, or why it cannot be read.
 struct VolumeHeader {
-  Stack geometry;  ///< slice_intensity is empty
+  Stack geometry;     ///< slice_intensity is empty
+  TagValues sidecar;  ///< of its acquisition (sidecar.hpp)
   std::vector<std::string> warnings;
   std::string error, remedy;  ///< of an Error; empty when the volume was read
   ExitStatus status = ExitStatus::done;

@@ -199,8 +199,7 @@ std::vector<HandLabels> read_hand_labels(const std::vector<std::filesystem::path
   std::vector<HandLabels> all;
   Decoder decoder{IntakeLimits{}};
   for (const std::filesystem::path& file : files) {
-    std::vector<std::string> warnings;
-    const Stack volume = decoder.decode_volume(file, warnings);
+    const Stack volume = decoder.decode_volume(file).stack;
     HandLabels labels;
     std::vector<std::vector<float>> values;
     labels.stack = stack_of(file, volume, stacks, values);

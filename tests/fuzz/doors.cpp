@@ -16,6 +16,8 @@
 #include "segmentation/intake/dicom_header.hpp"
 #include "segmentation/intake/dicom_pixels.hpp"
 #include "segmentation/intake/nifti.hpp"
+#include "segmentation/intake/series_checks.hpp"
+#include "segmentation/intake/sidecar.hpp"
 #include "segmentation/intake/study.hpp"
 #include "tests/fuzz/door_groups.hpp"
 #include "tests/support/generated_series.hpp"
@@ -93,7 +95,7 @@ Seeds one_of_a_series(Folder folder) {
   return {read_file(series.write(folder).at(5))};
 }
 
-Seeds volumes(Folder folder) {
+segmentation::Stack small_volume() {
   segmentation::Stack stack;
   stack.name = "volume";
   stack.rows = 6;
@@ -108,7 +110,11 @@ Seeds volumes(Folder folder) {
     stack.slice_intensity.emplace_back(30, static_cast<float>(slice));
     stack.slice_position.emplace_back(0, 0, 1.5 * slice);
   }
-  segmentation::write_nifti(folder / "volume.nii", stack);
+  return stack;
+}
+
+Seeds volumes(Folder folder) {
+  segmentation::write_nifti(folder / "volume.nii", small_volume());
   fs::remove(folder / "volume.json");
   return files_in(folder);
 }
@@ -116,6 +122,26 @@ Seeds volumes(Folder folder) {
 void read_volume(const fs::path& file) {
   std::vector<std::string> warnings;
   segmentation::read_nifti(file, warnings);
+}
+
+Seeds sidecars(Folder) {
+  return {
+      R"({"Modality": "MR", "ImageType": ["ORIGINAL", "PRIMARY", "M"], "ScanningSequence": "GR\\IR", "EchoTime": 0.003,
+          "MRAcquisitionType": "3D", "PixelBandwidth": 190, "MagneticFieldStrength": 3, "PhaseEncodingDirection": "j-"})",
+      R"({"ImageOrientationPatientDICOM": [0, 1, 0, 0, 0, -1], "InPlanePhaseEncodingDirectionDICOM": "ROW",
+          "SliceThickness": 1, "BodyPartExamined": "HEAD", "FlipAngle": 9, "RepetitionTime": 2.3})"};
+}
+
+/// In the decoder's process and in that which judges.
+void read_sidecar_of_volume(const fs::path& file) {
+  std::vector<std::string> warnings;
+  segmentation::ScannedFile sidecar;
+  sidecar.file = file.filename();
+  sidecar.is_sidecar = true;
+  sidecar.header.data_set =
+      segmentation::read_sidecar(fs::path(file).replace_extension(".nii"), small_volume(), warnings);
+  segmentation::SeriesInfo info;
+  segmentation::judge_sidecar(sidecar, quiet(), info);
 }
 
 // ---- meshes
@@ -208,6 +234,7 @@ std::vector<Door> reader_doors() {
       {"dicom", "image.dcm", dicom_files, mutate_dicom, decode},
       {"study", "image.dcm", one_of_a_series, mutate_dicom, replace_one_of_a_series},
       {"nifti", "volume.nii", volumes, mutate_bytes, read_volume},
+      {"sidecar", "volume.json", sidecars, mutate_json, read_sidecar_of_volume},
       mesh_door(".ply"),
       mesh_door(".stl"),
       mesh_door(".obj"),

@@ -303,12 +303,13 @@ TEST_F(NiftiTest, TheDecoderReadsTheSameVolume) {
   const auto path = sound();
   patch(path, 280 + 12, 100.5F);  // sform and qform disagree
   segmentation::Decoder decoder{segmentation::IntakeLimits{}};
-  std::vector<std::string> here, there;
-  const Stack expected = segmentation::read_nifti(path, here), read = decoder.decode_volume(path, there);
-  expect_same(read, expected, 1e-12);
-  EXPECT_EQ(read.normal, expected.normal);
-  EXPECT_EQ(there, here);
-  EXPECT_FALSE(there.empty());
+  std::vector<std::string> here;
+  const Stack expected = segmentation::read_nifti(path, here);
+  const segmentation::Decoder::Volume read = decoder.decode_volume(path);
+  expect_same(read.stack, expected, 1e-12);
+  EXPECT_EQ(read.stack.normal, expected.normal);
+  EXPECT_EQ(read.warnings, here);
+  EXPECT_FALSE(here.empty());
 }
 
 TEST_F(NiftiTest, TheDecoderRefusesByNameAndGoesOn) {
@@ -316,10 +317,9 @@ TEST_F(NiftiTest, TheDecoderRefusesByNameAndGoesOn) {
   GTEST_SKIP() << "under a sanitizer the decoder's memory is not limited";
 #endif
   segmentation::Decoder decoder{segmentation::IntakeLimits{}};
-  std::vector<std::string> warnings;
   const auto refusal = [&](const std::filesystem::path& path) -> std::string {
     try {
-      decoder.decode_volume(path, warnings);
+      decoder.decode_volume(path);
     } catch (const Error& error) {
       EXPECT_EQ(error.status(), ExitStatus::input_invalid);
       return error.what();
@@ -340,7 +340,7 @@ TEST_F(NiftiTest, TheDecoderRefusesByNameAndGoesOn) {
   hasty.wall_s = -1;
   segmentation::Decoder late(hasty);
   try {
-    late.decode_volume(sound(), warnings);
+    late.decode_volume(sound());
     ADD_FAILURE();
   } catch (const Error& error) {
     EXPECT_THAT(error.what(), HasSubstr("sound.nii: took longer"));
@@ -356,9 +356,8 @@ TEST_F(NiftiTest, RandomDamageNeverEndsTheProgram) {
     std::string bytes = whole;
     for (int change = 0; change < 4; ++change) bytes[random() % 352] = static_cast<char>(random());
     std::ofstream(file("damaged.nii"), std::ios::binary | std::ios::trunc) << bytes;
-    std::vector<std::string> warnings;
     try {
-      const Stack read = decoder.decode_volume(file("damaged.nii"), warnings);
+      const Stack read = decoder.decode_volume(file("damaged.nii")).stack;
       EXPECT_GT(read.slices(), 0);
     } catch (const Error& error) {
       EXPECT_THAT(error.what(), HasSubstr("damaged.nii"));
