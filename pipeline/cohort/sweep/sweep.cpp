@@ -41,15 +41,14 @@ void forget_faults_of_machine(const SweepFolder& folder, const std::vector<std::
       fs::remove(folder.end(name));
 }
 
-/// Runs that were ended from outside at every attempt have left no end.
-void end_what_was_killed(const SweepFolder& folder, const std::vector<std::string>& names) {
+/// Runs that did not begin, or were ended from outside at every attempt, have left no end.
+void end_runs_without_one(const SweepFolder& folder, const std::vector<std::string>& names) {
   fs::create_directories(folder.root / "ends");
   for (const std::string& name : names)
     if (!fs::exists(folder.end(name)))
-      write_json(folder.end(name),
-                 {{"status", static_cast<int>(ExitStatus::fault)},
-                  {"message", "was ended from outside at every attempt: out of memory or time?"},
-                  {"result", nullptr}});
+      write_json(folder.end(name), {{"status", static_cast<int>(ExitStatus::fault)},
+                                    {"message", why_no_end(folder.log(name))},
+                                    {"result", nullptr}});
 }
 
 }  // namespace
@@ -65,8 +64,8 @@ Answer run_sweep(const SweepOptions& options, const CommonOptions& common) {
                     folder.root,
                     fmt::format("{} runs", names.size()),
                     {}};
-  for (const std::string& name : names) workflow.waited_for.insert(folder.end(name));
-  if (!run_workflow(workflow, options.engine, common)) end_what_was_killed(folder, names);
+  for (const std::string& name : names) workflow.jobs.emplace(folder.end(name), folder.log(name));
+  if (!run_workflow(workflow, options.engine, common)) end_runs_without_one(folder, names);
   write_file(folder.root / "sweep.tsv", sweep_table(sweep, folder, names));
   std::size_t failed = 0;
   for (const std::string& name : names)
