@@ -2,8 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <set>
-
 #include "pipeline/base/case_folder.hpp"
 #include "pipeline/base/files.hpp"
 #include "pipeline/cohort/subjects/stage_end.hpp"
@@ -22,11 +20,9 @@ std::vector<std::string> write_plans(const Sweep& sweep, const SweepFolder& fold
   fs::create_directories(folder.root / "plans");
   std::vector<std::string> names;
   std::string list;
-  std::set<std::string> seen;
   for (const std::vector<Setting>& settings : sweep.runs) {
     const Json plan = sweep_plan(sweep, settings, shared_options(common));
     names.push_back(run_name(plan));
-    if (!seen.insert(names.back()).second) continue;  // a value that is there twice
     write_if_new(folder.plan(names.back()), plan.dump(2) + "\n");
     list += names.back() + "\n";
   }
