@@ -179,12 +179,17 @@ int run_snakemake(const Workflow& workflow, const EngineOptions& options, const 
 }  // namespace
 
 void declare(CLI::App& app, EngineOptions& options) {
-  app.add_option("--engine", options.engine, "What runs the jobs: local (this machine) or slurm")
-      ->transform(CLI::CheckedTransformer(
-          std::map<std::string, Engine>{{"local", Engine::local}, {"slurm", Engine::slurm}}))
+  constexpr int most_jobs = 100'000;
+  app.add_option_function<std::string>(
+         "--engine",
+         [&options](const std::string& name) {
+           options.engine = name == "slurm" ? Engine::slurm : Engine::local;
+         },
+         "What runs the jobs: local (this machine) or slurm")
+      ->check(CLI::IsMember({"local", "slurm"}))
       ->type_name("ENGINE");
   app.add_option("--jobs", options.jobs, "At the same time (one a core; 500 in Slurm's queue)")
-      ->check(CLI::PositiveNumber)
+      ->check(CLI::Range(1, most_jobs))
       ->type_name("N");
 }
 

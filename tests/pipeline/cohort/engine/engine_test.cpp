@@ -9,6 +9,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <CLI/CLI.hpp>
 #include <chrono>
 #include <cstdlib>
 #include <numeric>
@@ -24,6 +25,24 @@ namespace emmetrope::cohort {
 namespace {
 
 namespace fs = std::filesystem;
+
+TEST(EngineOptions, AreReadOrRefusedInWords) {
+  EngineOptions options;
+  CLI::App app;
+  declare(app, options);
+  app.parse("--engine slurm --jobs 3");
+  EXPECT_EQ(options.engine, Engine::slurm);
+  EXPECT_EQ(options.jobs, 3);
+  for (const auto& [words, says] :
+       {std::pair("--engine foo", "foo not in {local,slurm}"), {"--jobs 0", "0 not in range 1 to 100000"}}) {
+    try {
+      app.parse(words);
+      ADD_FAILURE() << words;
+    } catch (const CLI::ParseError& error) {
+      EXPECT_THAT(error.what(), testing::HasSubstr(says));
+    }
+  }
+}
 
 class CohortOnSlurm : public testing::Test {
  protected:
