@@ -124,7 +124,7 @@ void declare(CLI::App& app, Flags& flags) {
   declare_pictures(app, schematic, flags.settings);
 }
 
-CorrectionSettings read(const Flags& flags, const CommonOptions& common) {
+CorrectionSettings read_flags(const Flags& flags, const CommonOptions& common) {
   CorrectionSettings settings = flags.settings;
   PrescriptionSettings& prescription = settings.prescription;
   prescription.criterion = criterion_from_string(flags.criterion);
@@ -137,7 +137,7 @@ CorrectionSettings read(const Flags& flags, const CommonOptions& common) {
 }
 
 Answer run(const Flags& flags, const CommonOptions& common) {
-  const CorrectionSettings settings = read(flags, common);
+  const CorrectionSettings settings = read_flags(flags, common);
   if (!flags.case_folder.empty()) return correct_case(flags.case_folder, settings, common);
   if (flags.eye.empty()) throw usage_error("neither CASE nor --eye is given");
   if (flags.output.empty()) throw usage_error("--eye needs -o FOLDER for its results");
@@ -156,7 +156,7 @@ Command command() {
   command.example = "emmetrope correct CASE --vertex-distance 14";
   command.declare = [flags](CLI::App& app) { declare(app, *flags); };
   command.run = [flags](const CommonOptions& common) { return run(*flags, common); };
-  command.check = [flags](const CommonOptions& common) { read(*flags, common).check(); };
+  command.check = [flags](const CommonOptions& common) { read_flags(*flags, common).check(); };
   return command;
 }
 

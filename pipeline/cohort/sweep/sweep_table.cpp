@@ -21,8 +21,8 @@ namespace fs = std::filesystem;
 
 constexpr std::array<std::string_view, 3> commands{"trace", "correct", "eye"};
 /// What the runs themselves need.
-constexpr std::array<std::string_view, 9> reserved{"output",  "case",    "json", "quiet",     "force",
-                                                   "threads", "version", "help", "definition"};
+constexpr std::array<std::string_view, 10> reserved{
+    "output", "case", "json", "quiet", "force", "threads", "version", "help", "definition", "check-options"};
 constexpr std::size_t most_runs = 100000;
 
 std::string place(const fs::path& file, const toml::node& node, std::string_view key) {
