@@ -124,8 +124,8 @@ void declare(CLI::App& app, Flags& flags) {
   declare_pictures(app, schematic, flags.settings);
 }
 
-Answer run(Flags& flags, const CommonOptions& common) {
-  CorrectionSettings& settings = flags.settings;
+CorrectionSettings read_flags(const Flags& flags, const CommonOptions& common) {
+  CorrectionSettings settings = flags.settings;
   PrescriptionSettings& prescription = settings.prescription;
   prescription.criterion = criterion_from_string(flags.criterion);
   prescription.spectacle.material = lens_material(flags.material);
@@ -133,6 +133,11 @@ Answer run(Flags& flags, const CommonOptions& common) {
   prescription.seed = common.seed;
   prescription.verbosity = common.verbosity;
   settings.known = parse_known_data(flags.known);
+  return settings;
+}
+
+Answer run(const Flags& flags, const CommonOptions& common) {
+  const CorrectionSettings settings = read_flags(flags, common);
   if (!flags.case_folder.empty()) return correct_case(flags.case_folder, settings, common);
   if (flags.eye.empty()) throw usage_error("neither CASE nor --eye is given");
   if (flags.output.empty()) throw usage_error("--eye needs -o FOLDER for its results");
@@ -151,6 +156,7 @@ Command command() {
   command.example = "emmetrope correct CASE --vertex-distance 14";
   command.declare = [flags](CLI::App& app) { declare(app, *flags); };
   command.run = [flags](const CommonOptions& common) { return run(*flags, common); };
+  command.check = [flags](const CommonOptions& common) { read_flags(*flags, common).check(); };
   return command;
 }
 

@@ -400,9 +400,7 @@ Answer correct_case(const fs::path& case_folder, CorrectionSettings settings, co
   const StageOutcome outcome = run_stage(case_folder, spec, common, [&](StageWorkspace& workspace) {
     if (!warning_of_age.empty()) workspace.warn(warning_of_age);
     for (const auto& [side, data] : settings.known)
-      if (std::find(eyes.begin(), eyes.end(), side) == eyes.end())
-        workspace.warn(std::string(clinical_name(side)) +
-                       ": what was measured of it elsewhere is not used: this run does not work on that eye");
+      if (std::find(eyes.begin(), eyes.end(), side) == eyes.end()) workspace.warn(readings_not_used(side));
     return work_eye_by_eye(eyes, traced, [&](Laterality side) {
       const KnownEye known = read_known_eye(case_folder, side, settings, *tracer, workspace);
       const EyeResult result = correct_one(known, *tracer, settings.prescription);

@@ -59,6 +59,18 @@ void declare(CLI::App& app, Flags& flags) {
       ->capture_default_str();
 }
 
+MeshingOptions read_flags(const Flags& flags) {
+  MeshingOptions options = flags.options;
+  options.vertices = parse_vertices(flags.vertices);
+  options.instruments = parse_instruments(flags.instruments, options.retinal_depth_mm);
+  return options;
+}
+
+void check_readable(const MeshingOptions& options) {
+  options.check();
+  for (const auto& [eye, given] : options.instruments) read_instruments(given);
+}
+
 }  // namespace
 
 Command command() {
@@ -69,12 +81,8 @@ Command command() {
   command.example =
       "emmetrope mesh CASE --keratometry od:43.25@175/44.75@85+-0.25 --axial-length od:23.60+-0.05";
   command.declare = [flags](CLI::App& app) { declare(app, *flags); };
-  command.run = [flags](const CommonOptions& common) {
-    MeshingOptions& options = flags->options;
-    options.vertices = parse_vertices(flags->vertices);
-    options.instruments = parse_instruments(flags->instruments, options.retinal_depth_mm);
-    return make_meshes(options, common);
-  };
+  command.run = [flags](const CommonOptions& common) { return make_meshes(read_flags(*flags), common); };
+  command.check = [flags](const CommonOptions& /*common*/) { check_readable(read_flags(*flags)); };
   return command;
 }
 

@@ -332,9 +332,7 @@ Answer make_meshes(const MeshingOptions& options, const CommonOptions& common) {
   const StageOutcome outcome = run_stage(options.case_folder, spec, common, [&](StageWorkspace& workspace) {
     for (const std::string& sentence : forgotten_readings(options)) workspace.warn(sentence);
     for (const auto& [side, readings] : options.instruments)
-      if (!includes(common.laterality, side))
-        workspace.warn(std::string(clinical_name(side)) +
-                       ": what was measured of it elsewhere is not used: this run does not work on that eye");
+      if (!includes(common.laterality, side)) workspace.warn(readings_not_used(side));
     return mesh_eyes(options, segmented, common, workspace);
   });
   Answer answer = stage_answer(

@@ -11,6 +11,7 @@
 #include "pipeline/base/eye_stage.hpp"
 #include "pipeline/eye/population/limits.hpp"
 #include "raytrace/named_eye.hpp"
+#include "raytrace/scene/scene_model.hpp"
 #include "raytrace/spectacle/text_reader.hpp"
 #include "raytrace/stage.hpp"
 
@@ -186,8 +187,10 @@ void declare_radiometry(CLI::App& app, Flags& flags) {
 }
 
 void declare_measured_eye(CLI::App& app, Flags& flags) {
-  app.add_option("--age", flags.measured.age_years, "Years, where the study does not say (CASE)");
-  app.add_option("--lens-index", flags.measured.lens_index, "Equivalent index of the lens (CASE)");
+  app.add_option("--age", flags.measured.age_years, "Years, where the study does not say (CASE)")
+      ->check(CLI::Range(0.0, 120.0));
+  app.add_option("--lens-index", flags.measured.lens_index, "Equivalent index of the lens (CASE)")
+      ->check(CLI::Range(human_lens_index.low, human_lens_index.high));
   app.add_option("--lens-model", flags.lens_model,
                  "homogeneous, or core: Gullstrand's cortex and core (CASE)");
   app.add_option("--retinal-depth", flags.measured.retinal_depth_mm,
@@ -485,6 +488,13 @@ Answer run(const Flags& flags, const CommonOptions& common) {
   return trace_case(flags.case_folder, parse_measured(flags), parse_options(flags, common), common);
 }
 
+void check_case_options(const Flags& flags, const CommonOptions& common) {
+  parse_measured(flags);
+  const TraceOptions options = parse_options(flags, common);
+  options.check();
+  make_scene(options.scene);
+}
+
 }  // namespace
 
 Command command() {
@@ -496,6 +506,7 @@ Command command() {
       "emmetrope trace CASE    or: emmetrope trace --eye navarro --scene letters:logmar=1 -o navarro.png";
   command.declare = [flags](CLI::App& app) { declare(app, *flags); };
   command.run = [flags](const CommonOptions& common) { return run(*flags, common); };
+  command.check = [flags](const CommonOptions& common) { check_case_options(*flags, common); };
   return command;
 }
 

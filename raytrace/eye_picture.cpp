@@ -41,8 +41,12 @@ void warn_of_doubts(const TraceResult& result, const TraceSettings& settings) {
       std::minmax_element(result.image.values.begin(), result.image.values.end());
   if (*brightest - *darkest < 1e-4F)
     spdlog::warn(
-        "the picture is blank: what the scene holds lies outside the field or between its pixels' centres, "
-        "from which rays start; use a smaller --field-mm, or a coarser logmar for a chart");
+        result.states.at(RayState::reached) == 0
+            ? "the picture is blank: no ray meets what the scene holds; it lies outside the field or between its "
+              "pixels' centres, from which rays start: use another --field-mm"
+            : "the picture is blank: what rays meet is everywhere as bright, and as the background; use another "
+              "background for a scene, and where a chart's detail lies beyond the field or between the pixels' "
+              "centres, another --field-mm or a coarser logmar");
   const std::uint64_t stopped = result.states.at(RayState::missed_surface) + result.states.at(RayState::tir);
   // A wide field's rim loses many.
   if (settings.grid.projection == Projection::retina_plane && 20 * stopped > result.rays)

@@ -145,8 +145,10 @@ void declare_acquisition(CLI::App& app, Options& options) {
       ->group(acquisition);
   const std::map<std::string, Compression> kinds{
       {"none", Compression::none}, {"jpeg", Compression::jpeg_lossless}, {"jpeg-ls", Compression::jpeg_ls}};
-  app.add_option("--compress", options.compression, "none, jpeg (lossless) or jpeg-ls")
-      ->transform(CLI::CheckedTransformer(kinds).description(""))
+  app.add_option_function<std::string>(
+         "--compress", [&options, kinds](const std::string& kind) { options.compression = kinds.at(kind); },
+         "none, jpeg (lossless) or jpeg-ls")
+      ->check(CLI::IsMember(kinds).description(""))
       ->type_name("KIND")
       ->group(acquisition);
 }

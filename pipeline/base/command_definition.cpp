@@ -5,7 +5,7 @@
 namespace emmetrope {
 namespace {
 
-/// CLI11 appends what a check allows to a value's name: "LEVEL:{participant,group}", "ENGINE:value in {slurm->1} OR {1}".
+/// CLI11 appends what a check allows to a value's name: "LEVEL:{participant,group}".
 Json choices_in(const std::string& type) {
   Json choices = Json::array();
   const std::size_t colon = type.find(':');
@@ -13,7 +13,7 @@ Json choices_in(const std::string& type) {
   const std::size_t end = begin == std::string::npos ? begin : type.find('}', begin);
   if (end == std::string::npos) return choices;
   for (const std::string& choice : CLI::detail::split(type.substr(begin + 1, end - begin - 1), ','))
-    choices.push_back(choice.substr(0, choice.find("->")));
+    choices.push_back(choice);
   return choices;
 }
 

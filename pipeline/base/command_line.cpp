@@ -203,6 +203,8 @@ int run_command(int argc, char** argv, const Command& command) {
   app.footer("Example: " + command.example + "\n" + research_notice);
   command.declare(app);
   declare_common(app, common);
+  bool only_checks = false;
+  app.add_flag("--check-options", only_checks)->group("");
   app.add_flag_callback("--definition",
                         [&] {
                           throw CLI::CallForVersion(command_definition(app, command).dump(2),
@@ -226,6 +228,10 @@ int run_command(int argc, char** argv, const Command& command) {
   spdlog::default_logger()->sinks().push_back(warnings);
 
   try {
+    if (only_checks) {
+      if (command.check) command.check(common);
+      return static_cast<int>(ExitStatus::done);
+    }
     Answer answer = command.run(common);
     if (answer.json.is_object()) {
       answer.json["status"] = static_cast<int>(answer.status);

@@ -43,9 +43,11 @@ struct Command {
   std::string example;  ///< one line for --help
   std::function<void(CLI::App&)> declare;
   std::function<Answer(const CommonOptions&)> run;
+  /// Throws what `run` would refuse of the options before it looks into a case, beyond what their declarations check.
+  std::function<void(const CommonOptions&)> check = {};
 };
 
-/// Parses, runs, prints the answer on standard output and everything else on standard error; turns exceptions
+/// Parses, runs (with the hidden flag --check-options: checks them, for who is to run it later), prints the answer on standard output and everything else on standard error; turns exceptions
 /// into a message and an exit status. To be returned from main.
 int run_command(int argc, char** argv, const Command& command);
 

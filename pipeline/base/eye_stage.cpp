@@ -40,6 +40,11 @@ Error said_of(Laterality eye, const Error& error) {
   return {error.status(), std::string(clinical_name(eye)) + ": " + error.what(), error.remedy()};
 }
 
+std::string readings_not_used(Laterality eye) {
+  return std::string(clinical_name(eye)) +
+         ": what was measured of it elsewhere is not used: this run does not work on that eye";
+}
+
 Answer stage_answer(const PipelineStage& stage, const StageOutcome& outcome, const CommonOptions& common,
                     const std::function<std::optional<EyeAnswer>(Laterality)>& of_eye) {
   Answer answer;

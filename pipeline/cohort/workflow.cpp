@@ -63,8 +63,8 @@ void write_plan(const CohortFolder& cohort, const std::vector<Subject>& subjects
   write_if_new(cohort.root() / "subjects.txt", list);
 }
 
-/// Jobs that were ended from outside at every attempt (by a limit of memory or time) have left no end.
-void end_what_was_killed(const CohortFolder& cohort, const std::vector<Subject>& subjects) {
+/// Jobs that did not begin, or were ended from outside at every attempt (by a limit of memory or time), have left no end.
+void end_what_left_none(const CohortFolder& cohort, const std::vector<Subject>& subjects) {
   for (const Subject& subject : subjects) {
     bool is_first = true;
     for (const PipelineStage& stage : pipeline_stages) {
@@ -73,7 +73,7 @@ void end_what_was_killed(const CohortFolder& cohort, const std::vector<Subject>&
       StageEnd end{std::nullopt, "", plan_hash(cohort, subject.id)};
       if (is_first) {
         end.status = static_cast<int>(ExitStatus::fault);
-        end.message = "was ended from outside at every attempt: out of memory or time?";
+        end.message = why_no_end(cohort.log_file(subject.id, stage.command));
       }
       is_first = false;
       fs::create_directories(file.parent_path());
@@ -98,9 +98,10 @@ Answer run_cohort(const CohortOptions& options, const CommonOptions& common) {
                     {}};
   for (const Subject& subject : subjects)
     for (const PipelineStage& stage : pipeline_stages)
-      workflow.waited_for.insert(cohort.end_file(subject.id, stage.command));
+      workflow.jobs.emplace(cohort.end_file(subject.id, stage.command),
+                            cohort.log_file(subject.id, stage.command));
   const bool is_whole = run_workflow(workflow, options.engine, common);
-  if (!is_whole) end_what_was_killed(cohort, subjects);
+  if (!is_whole) end_what_left_none(cohort, subjects);
   const std::vector<EyeRow> rows = read_rows(cohort, listed_subjects(cohort));
   if (!is_whole) write_results(cohort, rows, cohort.root());
   std::vector<std::string> doubts = scans_named_twice(rows);

@@ -2,20 +2,13 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
-#include <iterator>
-#include <map>
 #include <optional>
-#include <set>
 
 #include "pipeline/base/case_folder.hpp"
 #include "pipeline/base/files.hpp"
 #include "pipeline/base/log.hpp"
-#include "pipeline/base/notation.hpp"
 #include "pipeline/base/process.hpp"
-#include "pipeline/base/typed_number.hpp"
 #include "pipeline/driver/stale_results.hpp"
-#include "pipeline/eye/instruments/instruments.hpp"
 
 namespace emmetrope::driver {
 namespace {
@@ -91,7 +84,7 @@ StageReport run_one(const Stage& stage, const fs::path& case_folder) {
 }
 
 /// What a stage said of its failure, on standard error and, as JSON, on standard output.
-Error failure_of(const Stage& stage, const ProcessResult& ended) {
+Error failure_of(const Stage& stage, const ProcessResult& ended, const char* what = "failed") {
   const std::string kept = "what is done is kept: the same command goes on from there";
   if (ended.status == static_cast<int>(ExitStatus::interrupted) ||
       ended.status == static_cast<int>(ExitStatus::terminated))
@@ -101,9 +94,10 @@ Error failure_of(const Stage& stage, const ProcessResult& ended) {
             fmt::format("the stage {} was ended by signal {}", stage.command, ended.status - 128), kept};
   const Json answer = Json::parse(ended.output, nullptr, false);
   const Json said = answer.is_object() ? answer.value("error", Json::object()) : Json::object();
-  return {static_cast<ExitStatus>(ended.status),
-          "the stage " + stage.command + " failed: " + said.value("message", "its message is above"),
-          said.value("remedy", kept)};
+  return {
+      static_cast<ExitStatus>(ended.status),
+      fmt::format("the stage {} {}: {}", stage.command, what, said.value("message", "its message is above")),
+      said.value("remedy", kept)};
 }
 
 /// A device that is not there is told before the first stage works for a minute.
@@ -161,35 +155,14 @@ Answer answer_of(const std::vector<StageReport>& reports, ExitStatus status, con
   return answer;
 }
 
-/// What tracing would refuse after minutes.
-void check_fovea(const RunOptions& options, const CommonOptions& common) {
-  const auto flag = std::find(options.trace_options.begin(), options.trace_options.end(), "--fovea");
-  if (flag == options.trace_options.end() || common.laterality != LateralityChoice::both) return;
-  const std::string& text = *std::next(flag);
-  if (typed_number(text.substr(0, text.find(','))).value_or(0) !=
-      0)  // what is no number is trace's to refuse
-    throw usage_error("--fovea " + text + ": +x is nasal in a right eye and temporal in a left one",
-                      "ask for one eye, with --laterality od or os");
-}
-
-/// What meshing and correction would refuse after minutes.
-void check_readings(const RunOptions& options) {
-  InstrumentFlags flags;
-  const std::map<std::string, std::vector<std::string>*> instruments{
-      {"--keratometry", &flags.keratometry},
-      {"--axial-length", &flags.axial_length},
-      {"--acd", &flags.anterior_chamber_depth},
-      {"--lens-thickness", &flags.lens_thickness},
-      {"--topography", &flags.topography}};
-  for (std::size_t i = 0; i + 1 < options.mesh_options.size(); i += 2)
-    if (const auto found = instruments.find(options.mesh_options[i]); found != instruments.end())
-      found->second->push_back(options.mesh_options[i + 1]);
-  for (const auto& [eye, given] : parse_instruments(flags, 0)) read_instruments(given);
-  std::set<Laterality> refracted;
-  for (std::size_t i = 0; i + 1 < options.correct_options.size(); i += 2) {
-    if (options.correct_options[i] != "--refraction") continue;
-    const std::string& text = options.correct_options[i + 1];
-    if (!refracted.insert(parse_eye_refraction(text).eye).second) throw second_refraction(text);
+/// What a stage would refuse of its options after the minutes that those before it take.
+void check_options(const std::vector<Stage>& stages) {
+  for (const Stage& stage : stages) {
+    std::vector<std::string> words = stage.arguments;
+    words.emplace_back("--check-options");
+    const ProcessResult asked =
+        run_process(executable_folder() / ("emmetrope-" + stage.command), words, ChildOutput::capture);
+    if (asked.status != 0) throw failure_of(stage, asked, "refuses its options");
   }
 }
 
@@ -197,13 +170,13 @@ void check_readings(const RunOptions& options) {
 
 Answer run_pipeline(const RunOptions& options, const CommonOptions& common) {
   check_device(common);
-  check_fovea(options, common);
-  check_readings(options);
+  const std::vector<Stage> stages = stages_of(options, common);
+  check_options(stages);
   const CaseLock lock(options.case_folder, true);
   std::vector<StageReport> reports;
   ExitStatus status = ExitStatus::done;
   bool has_ended = false;  // a stage gave nothing for those after it
-  for (const Stage& stage : stages_of(options, common)) {
+  for (const Stage& stage : stages) {
     if (has_ended && stage.command != "report") {
       remove_stale_results(options.case_folder, stage.folder);
       continue;

@@ -12,6 +12,7 @@
 #include "pipeline/base/measured.hpp"
 #include "pipeline/eye/media/ocular_media.hpp"
 #include "pipeline/eye/model/mesh_shape.hpp"
+#include "pipeline/eye/population/limits.hpp"
 
 namespace emmetrope::raytrace {
 namespace {
@@ -91,10 +92,11 @@ MeasuredEye read_measured_eye(const std::filesystem::path& case_folder, Laterali
                        : !age               ? fmt::format("age unknown, taken as {:g} years", usual_age_years)
                               : fmt::format("age {:.0f} years{}", *age, of_study ? "" : " (--age)");
   // lens_index_at_age gives 1.441 at birth and 1.394 at 120 years.
-  constexpr double least_index = 1.36, most_index = 1.5, least_usual = 1.39, most_usual = 1.45;
-  if (result.lens_index < least_index || result.lens_index > most_index)
-    throw usage_error(fmt::format("a lens of index {:.4f} is no human lens", result.lens_index),
-                      fmt::format("{} to {}; check --lens-index or --age", least_index, most_index));
+  constexpr double least_usual = 1.39, most_usual = 1.45;
+  if (result.lens_index < human_lens_index.low || result.lens_index > human_lens_index.high)
+    throw usage_error(
+        fmt::format("a lens of index {:.4f} is no human lens", result.lens_index),
+        fmt::format("{} to {}; check --lens-index or --age", human_lens_index.low, human_lens_index.high));
   if (result.warning.empty() && (result.lens_index < least_usual || result.lens_index > most_usual))
     result.warning =
         fmt::format("a lens of index {:.4f} is none of any age ({} to {}): a hundredth is about 1.5 D",

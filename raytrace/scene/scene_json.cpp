@@ -230,7 +230,9 @@ void place(std::vector<MeshObject>& objects, const Object& object) {
   double scale = object.positive("scale", 1);
   Eigen::Vector3d origin(0, 0, 0);
   if (object.has("size_mm")) {
-    scale = object.positive("size_mm", 1) / box.sizes().maxCoeff();
+    const double size = box.sizes().maxCoeff();
+    if (!(size > 0)) throw object.fault("size_mm", "all points of the model are one, which has no size");
+    scale = object.positive("size_mm", 1) / size;
     origin = box.center();
   }
   const Eigen::Vector3d turn = object.vector("rotate_deg", {0, 0, 0}) * degree;

@@ -1,6 +1,11 @@
 #include "raytrace/eye_picture.hpp"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <spdlog/sinks/ostream_sink.h>
+#include <spdlog/spdlog.h>
+
+#include <sstream>
 
 #include "pipeline/base/frames.hpp"
 #include "tests/support/plain_eye.hpp"
@@ -31,6 +36,32 @@ TEST(PictureJson, ScaleIsTheAngleBetweenChiefRaysOfNeighbouringPixels) {
       EXPECT_DOUBLE_EQ(scale["um_per_pixel"][k].get<double>(), 1000 * pixel_mm[k]);
     }
   }
+}
+
+/// What is warned of a white picture, of whose rays so many met something.
+std::string warned_of_white(std::uint64_t reached) {
+  std::ostringstream said;
+  const auto before = spdlog::default_logger();
+  spdlog::set_default_logger(
+      std::make_shared<spdlog::logger>("test", std::make_shared<spdlog::sinks::ostream_sink_st>(said)));
+  TraceResult result;
+  result.image = {2, 1, 1, {1, 1}};
+  result.rays = 64;
+  result.states = {{RayState::reached, reached},
+                   {RayState::missed_scene, 64 - reached},
+                   {RayState::missed_surface, 0},
+                   {RayState::tir, 0},
+                   {RayState::vignetted, 0}};
+  warn_of_doubts(result, {});
+  spdlog::set_default_logger(before);
+  return said.str();
+}
+
+TEST(Doubts, OfABlankPictureTellWhetherRaysMetTheScene) {
+  EXPECT_THAT(warned_of_white(0), testing::HasSubstr("no ray meets what the scene holds"));
+  const std::string of_a_white_model = warned_of_white(20);
+  EXPECT_THAT(of_a_white_model, testing::HasSubstr("what rays meet is everywhere as bright"));
+  EXPECT_THAT(of_a_white_model, testing::Not(testing::HasSubstr("outside the field")));
 }
 
 }  // namespace

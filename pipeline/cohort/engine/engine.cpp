@@ -8,7 +8,9 @@
 #include <atomic>
 #include <chrono>
 #include <fstream>
+#include <set>
 #include <thread>
+#include <vector>
 
 #include "pipeline/base/files.hpp"
 #include "pipeline/base/json.hpp"
@@ -21,11 +23,17 @@ namespace {
 
 namespace fs = std::filesystem;
 
+std::set<fs::path> ends_of(const Workflow& workflow) {
+  std::set<fs::path> ends;
+  for (const auto& [end, log] : workflow.jobs) ends.insert(end);
+  return ends;
+}
+
 /// Counts the files that are there while the engine works.
 class Watch {
  public:
-  Watch(std::string doing, std::set<fs::path> waited_for, Verbosity verbosity)
-      : thread_([this, doing = std::move(doing), waited_for = std::move(waited_for), verbosity]() mutable {
+  Watch(const Workflow& workflow, Verbosity verbosity)
+      : thread_([this, doing = workflow.doing, waited_for = ends_of(workflow), verbosity]() mutable {
           Progress progress(doing, waited_for.size(), verbosity);
           while (true) {
             const bool is_last = over_;
@@ -113,6 +121,43 @@ std::string last_lines(const fs::path& log, std::size_t count) {
   return text.substr(from);
 }
 
+/// What sbatch said last; where it took the jobs, the end of Snakemake's log.
+std::string last_words(const fs::path& log) {
+  const std::string text = read_file(log);
+  const std::size_t before = text.rfind("\nsbatch: ");
+  if (before == std::string::npos) return last_lines(log, 5);
+  return text.substr(before + 1, text.find('\n', before + 1) - before - 1);
+}
+
+/// What an earlier attempt said does not tell whether the next one begins.
+/// \return logs of the jobs that are to be done
+std::vector<fs::path> without_earlier_logs(const Workflow& workflow, bool force) {
+  std::vector<fs::path> logs;
+  for (const auto& [end, log] : workflow.jobs)
+    if (force || !fs::exists(end)) {
+      fs::remove(log);
+      logs.push_back(log);
+    }
+  return logs;
+}
+
+/// Snakemake makes the log of a job that failed without it, but leaves it empty.
+bool has_begun(const fs::path& log) {
+  std::error_code missing;
+  const std::uintmax_t size = fs::file_size(log, missing);
+  return !missing && size > 0;
+}
+
+Error no_job_began(const Workflow& workflow, Engine engine) {
+  const std::string logs = "its log is " + engine_log(workflow.folder).string();
+  return {
+      ExitStatus::fault, "no job began: " + last_words(engine_log(workflow.folder)),
+      engine == Engine::local
+          ? logs
+          : logs + ", what jobs said is in " + (workflow.folder / "slurm").string() +
+                "; SBATCH_PARTITION and SBATCH_ACCOUNT say where jobs go: try sbatch --test-only --wrap true"};
+}
+
 /// \return Snakemake's status
 int run_snakemake(const Workflow& workflow, const EngineOptions& options, const CommonOptions& common) {
   std::vector<std::string> words = engine_words(options, common);
@@ -134,12 +179,17 @@ int run_snakemake(const Workflow& workflow, const EngineOptions& options, const 
 }  // namespace
 
 void declare(CLI::App& app, EngineOptions& options) {
-  app.add_option("--engine", options.engine, "What runs the jobs: local (this machine) or slurm")
-      ->transform(CLI::CheckedTransformer(
-          std::map<std::string, Engine>{{"local", Engine::local}, {"slurm", Engine::slurm}}))
+  constexpr int most_jobs = 100'000;
+  app.add_option_function<std::string>(
+         "--engine",
+         [&options](const std::string& name) {
+           options.engine = name == "slurm" ? Engine::slurm : Engine::local;
+         },
+         "What runs the jobs: local (this machine) or slurm")
+      ->check(CLI::IsMember({"local", "slurm"}))
       ->type_name("ENGINE");
   app.add_option("--jobs", options.jobs, "At the same time (one a core; 500 in Slurm's queue)")
-      ->check(CLI::PositiveNumber)
+      ->check(CLI::Range(1, most_jobs))
       ->type_name("N");
 }
 
@@ -154,6 +204,13 @@ void require_engine(const EngineOptions& options) {
     if (!find_program(program))
       throw usage_error(std::string(program) + ", a command of Slurm, is not on the PATH",
                         "run it where jobs are given to the cluster (Debian: slurm-client)");
+  const ProcessResult ping = run_process(*find_program("scontrol"), {"ping"}, ChildOutput::capture);
+  if (ping.status != 0)
+    throw Error(ExitStatus::fault,
+                "Slurm's controller does not answer: " +
+                    (ping.output.empty() ? fmt::format("scontrol ping ended with {}", ping.status)
+                                         : ping.output.substr(0, ping.output.find('\n'))),
+                "run it where scontrol ping says UP; SLURM_CONF names the cluster's configuration");
 }
 
 bool run_workflow(const Workflow& workflow, const EngineOptions& options, const CommonOptions& common) {
@@ -161,9 +218,10 @@ bool run_workflow(const Workflow& workflow, const EngineOptions& options, const 
     fs::create_directories(workflow.folder / "slurm");  // what jobs say
     wait_for_running_jobs(workflow.folder);
   }
+  const std::vector<fs::path> logs = without_earlier_logs(workflow, common.force);
   int status = 0;
   {
-    const Watch watch(workflow.doing, workflow.waited_for, common.verbosity);
+    const Watch watch(workflow, common.verbosity);
     status = run_snakemake(workflow, options, common);
   }
   if (status == 0) return true;
@@ -177,7 +235,14 @@ bool run_workflow(const Workflow& workflow, const EngineOptions& options, const 
         fmt::format("snakemake ended with {}: {}", status, last_lines(engine_log(workflow.folder), 5)),
         "its log is " + engine_log(workflow.folder).string() +
             "; what is done is kept: the same command goes on");
+  if (!logs.empty() && std::none_of(logs.begin(), logs.end(), has_begun))
+    throw no_job_began(workflow, options.engine);
   return false;
+}
+
+std::string why_no_end(const fs::path& log) {
+  return has_begun(log) ? "was ended from outside at every attempt: out of memory or time?"
+                        : "no attempt of it began: snakemake.log says why";
 }
 
 }  // namespace emmetrope::cohort

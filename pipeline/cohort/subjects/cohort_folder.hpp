@@ -19,6 +19,10 @@ class CohortFolder {
   std::filesystem::path end_file(const std::string& subject, std::string_view stage) const {
     return root_ / "ends" / subject / (std::string(stage) + ".json");
   }
+  /// What the stage's command told.
+  std::filesystem::path log_file(const std::string& subject, std::string_view stage) const {
+    return root_ / "logs" / subject / (std::string(stage) + ".log");
+  }
 
  private:
   std::filesystem::path root_;

@@ -92,8 +92,10 @@ SaidAge age_at_session(const std::filesystem::path& dataset, const std::string& 
   return said;
 }
 
-/// Whether a column is called nearly as a reading: it would be passed over. "Axial length OD (mm)"
-bool is_like_a_reading(const std::string& column) {
+/// Whether a column is called nearly as one that is read: it would be passed over. "Age", "Axial length OD (mm)"
+bool is_nearly_known(const std::string& column) {
+  for (const char* known : {id_column, "study", "age", "sex"})
+    if (column == known) return false;
   for (const Reading& reading : readings)
     for (const Laterality eye : both_eyes)
       if (column == fmt::format("{}_{}", reading.column, to_string(eye))) return false;
@@ -101,22 +103,24 @@ bool is_like_a_reading(const std::string& column) {
   for (const char c : column)
     if (std::isalnum(static_cast<unsigned char>(c)) != 0)
       plain += static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
-  static const std::regex reading(
+  static const std::regex known(
+      "participantid|study|age(years)?|sex|"
       "(od|os|right|left|re|le)?(keratometry|axiallength|acd|anteriorchamberdepth|lensthickness|refraction)"
       "(mm|d)?(od|os|right|left|re|le|r|l)?(mm|d)?");
-  return std::regex_match(plain, reading);
+  return std::regex_match(plain, known);
 }
 
 /// In a table of our own such a column is a slip; that of a BIDS dataset is its owner's.
-void require_known_readings(const Table& table, bool bids) {
+void require_known_columns(const Table& table, bool bids) {
   for (const auto& [column, place] : table.columns) {
-    if (!is_like_a_reading(column)) continue;
-    const std::string what = fmt::format("{}: the column \"{}\" is called nearly as a reading and is none",
+    if (!is_nearly_known(column)) continue;
+    const std::string what = fmt::format("{}: the column \"{}\" is called nearly as one that is read",
                                          table.file.string(), column);
     if (!bids)
-      throw input_error(what,
-                        "readings are called keratometry_od, axial_length_od, acd_od, lens_thickness_od, "
-                        "refraction_od, and the same with _os");
+      throw input_error(
+          what,
+          "what is read is called participant_id, study, age, sex, keratometry_od, axial_length_od, acd_od, "
+          "lens_thickness_od, refraction_od, and the same with _os");
     spdlog::warn("{}", what);
   }
 }
@@ -186,7 +190,7 @@ void require_distinct_rows(const Table& table, bool bids) {
 
 void add_readings(std::vector<Subject>& subjects, const Table& table, bool bids, bool all_are_here) {
   require_distinct_rows(table, bids);
-  require_known_readings(table, bids);
+  require_known_columns(table, bids);
   std::map<std::string, std::vector<Subject*>> of_person;
   for (Subject& subject : subjects) of_person[person_of(subject, bids)].push_back(&subject);
   for (std::size_t row = 0; row < table.rows.size(); ++row) {

@@ -182,6 +182,14 @@ void require_distinct(const std::vector<Subject>& subjects) {
       throw input_error(fmt::format("two studies have the name \"{}\": {} and {}", subjects[i].id,
                                     subjects[i - 1].study.string(), subjects[i].study.string()),
                         "rename one; characters other than letters, digits, '-', '_' and '.' become '_'");
+  std::map<fs::path, std::string> whose;
+  for (const Subject& subject : subjects) {
+    const auto [other, is_new] = whose.emplace(fs::canonical(subject.study), subject.id);
+    if (!is_new)
+      throw input_error(
+          fmt::format("{} is the study of \"{}\" already", subject.study.string(), other->second),
+          "give each participant a study of its own: remove the link");
+  }
 }
 
 }  // namespace

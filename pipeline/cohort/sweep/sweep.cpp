@@ -2,8 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <set>
-
 #include "pipeline/base/case_folder.hpp"
 #include "pipeline/base/files.hpp"
 #include "pipeline/cohort/subjects/stage_end.hpp"
@@ -22,11 +20,9 @@ std::vector<std::string> write_plans(const Sweep& sweep, const SweepFolder& fold
   fs::create_directories(folder.root / "plans");
   std::vector<std::string> names;
   std::string list;
-  std::set<std::string> seen;
   for (const std::vector<Setting>& settings : sweep.runs) {
     const Json plan = sweep_plan(sweep, settings, shared_options(common));
     names.push_back(run_name(plan));
-    if (!seen.insert(names.back()).second) continue;  // a value that is there twice
     write_if_new(folder.plan(names.back()), plan.dump(2) + "\n");
     list += names.back() + "\n";
   }
@@ -41,15 +37,14 @@ void forget_faults_of_machine(const SweepFolder& folder, const std::vector<std::
       fs::remove(folder.end(name));
 }
 
-/// Runs that were ended from outside at every attempt have left no end.
-void end_what_was_killed(const SweepFolder& folder, const std::vector<std::string>& names) {
+/// Runs that did not begin, or were ended from outside at every attempt, have left no end.
+void end_runs_without_one(const SweepFolder& folder, const std::vector<std::string>& names) {
   fs::create_directories(folder.root / "ends");
   for (const std::string& name : names)
     if (!fs::exists(folder.end(name)))
-      write_json(folder.end(name),
-                 {{"status", static_cast<int>(ExitStatus::fault)},
-                  {"message", "was ended from outside at every attempt: out of memory or time?"},
-                  {"result", nullptr}});
+      write_json(folder.end(name), {{"status", static_cast<int>(ExitStatus::fault)},
+                                    {"message", why_no_end(folder.log(name))},
+                                    {"result", nullptr}});
 }
 
 }  // namespace
@@ -65,8 +60,8 @@ Answer run_sweep(const SweepOptions& options, const CommonOptions& common) {
                     folder.root,
                     fmt::format("{} runs", names.size()),
                     {}};
-  for (const std::string& name : names) workflow.waited_for.insert(folder.end(name));
-  if (!run_workflow(workflow, options.engine, common)) end_what_was_killed(folder, names);
+  for (const std::string& name : names) workflow.jobs.emplace(folder.end(name), folder.log(name));
+  if (!run_workflow(workflow, options.engine, common)) end_runs_without_one(folder, names);
   write_file(folder.root / "sweep.tsv", sweep_table(sweep, folder, names));
   std::size_t failed = 0;
   for (const std::string& name : names)

@@ -15,6 +15,7 @@ struct SweepFolder {
   std::filesystem::path list() const { return root / "runs.txt"; }
   std::filesystem::path plan(const std::string& run) const { return root / "plans" / (run + ".json"); }
   std::filesystem::path results(const std::string& run) const { return root / "results" / run; }
+  std::filesystem::path log(const std::string& run) const { return root / "logs" / (run + ".log"); }
   std::filesystem::path end(const std::string& run) const { return root / "ends" / (run + ".json"); }
 };
 

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <array>
 #include <optional>
+#include <set>
 #include <string_view>
 
 #include "pipeline/base/error.hpp"
@@ -20,8 +21,8 @@ namespace fs = std::filesystem;
 
 constexpr std::array<std::string_view, 3> commands{"trace", "correct", "eye"};
 /// What the runs themselves need.
-constexpr std::array<std::string_view, 9> reserved{"output",  "case",    "json", "quiet",     "force",
-                                                   "threads", "version", "help", "definition"};
+constexpr std::array<std::string_view, 10> reserved{
+    "output", "case", "json", "quiet", "force", "threads", "version", "help", "definition", "check-options"};
 constexpr std::size_t most_runs = 100000;
 
 std::string place(const fs::path& file, const toml::node& node, std::string_view key) {
@@ -108,11 +109,19 @@ void add_variation(const fs::path& file, Sweep& sweep, const std::string& key, c
     throw input_error(place(file, node, key) + ": expected a list of values", key + " = [1, 2, 3]");
   if (sweep.runs.size() * values->size() > most_runs)
     throw input_error(fmt::format("{}: more than {} combinations", place(file, node, key), most_runs));
+  std::vector<Setting> settings;
+  std::set<std::vector<std::string>> seen;
+  for (const toml::node& value : *values) {
+    settings.push_back(setting_of(file, value, key));
+    if (!seen.insert(settings.back().words).second)
+      throw input_error(fmt::format("{}: {} is there twice", place(file, value, key), settings.back().text),
+                        "give each value once");
+  }
   std::vector<std::vector<Setting>> runs;
   for (const std::vector<Setting>& run : sweep.runs)
-    for (const toml::node& value : *values) {
+    for (const Setting& setting : settings) {
       runs.push_back(run);
-      runs.back().push_back(setting_of(file, value, key));
+      runs.back().push_back(setting);
     }
   sweep.runs = std::move(runs);
 }

@@ -189,7 +189,12 @@ void check_setting(const char* name, double value, const Range& allowed, const c
 }
 
 void check_vertex_distance(const char* name, double vertex_distance_mm) {
-  if (vertex_distance_mm != 0) check_setting(name, vertex_distance_mm, spectacle_distance_mm, " mm");
+  if (vertex_distance_mm == 0) return;
+  try {
+    check_setting(name, vertex_distance_mm, spectacle_distance_mm, " mm");
+  } catch (const Error& error) {
+    throw usage_error(error.what(), error.remedy() + ", or 0 for a contact lens");
+  }
 }
 
 const std::vector<Limits>& limits_table() {

@@ -21,7 +21,9 @@ namespace {
 using testing::HasSubstr;
 
 Command command() {
-  return {"try", "Tries.", "emmetrope try --radius 7.8",
+  return {"try",
+          "Tries.",
+          "emmetrope try --radius 7.8",
           [](CLI::App& app) { app.add_option("--radius", "Radius in mm")->check(CLI::PositiveNumber); },
           [](const CommonOptions& common) -> Answer {
             if (common.seed == 3) throw input_error("a.dcm lacks (0020,0032)", "export the series again");
@@ -32,6 +34,9 @@ Command command() {
             std::cerr << "laterality " << static_cast<int>(common.laterality) << " threads " << common.threads
                       << "\n";
             return {common.seed == 8 ? ExitStatus::partial : ExitStatus::done, Json{{"value", 1}}, "text\n"};
+          },
+          [](const CommonOptions& common) {
+            if (common.seed == 9) throw usage_error("--seed 9 is none");
           }};
 }
 
@@ -112,6 +117,15 @@ TEST(CommandLine, PrintsErrorAndRemedyAndKeepsJsonValid) {
   const Ended fault = run({"--seed", "4"});
   EXPECT_EQ(fault.status, 1);
   EXPECT_THAT(fault.err, HasSubstr("surprise"));
+}
+
+TEST(CommandLine, ChecksOptionsWithoutRunning) {
+  const Ended accepted = run({"--check-options", "--seed", "3"});
+  EXPECT_EQ(accepted.status, 0);
+  EXPECT_EQ(accepted.out, "");
+  EXPECT_EQ(run({"--check-options", "--seed", "9"}).status, 2);
+  EXPECT_EQ(run({"--check-options", "--radius", "-1"}).status, 2);
+  EXPECT_EQ(run({"--seed", "9"}).status, 0);
 }
 
 TEST(CommandLine, AnswersHelpAndVersionOnStandardOutput) {

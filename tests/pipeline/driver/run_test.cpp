@@ -37,9 +37,12 @@ class Driver : public testing::Test {
     for (const auto& [command, stage] : stages) make_stage(command, stage, 0);
   }
 
+  /// Options are checked by the stage itself.
   void make_stage(const std::string& command, const std::string& stage, int status) {
     const fs::path script = bin / ("emmetrope-" + command);
-    std::ofstream(script) << "#!/bin/sh\necho \"" << command << " $*\" >>" << log << "\nmkdir -p "
+    std::ofstream(script) << "#!/bin/sh\ncase \" $* \" in *' --check-options '*) exec "
+                          << fs::path(std::getenv("EMMETROPE_BIN")) / script.filename()
+                          << " \"$@\";; esac\necho \"" << command << " $*\" >>" << log << "\nmkdir -p "
                           << case_folder / stage << "\ntest -e " << case_folder / stage / "stage.json"
                           << " || echo '{\"verdict\": {\"status\": " << status << ", \"reasons\": [\"why "
                           << command << "\"]}, \"inputs\": {}}' >" << case_folder / stage / "stage.json"
@@ -90,6 +93,24 @@ TEST_F(Driver, ReadingsThatCannotBeReadAreRefusedAtOnce) {
   EXPECT_EQ(run({"--topography", "od:/no/such/file.csv"}).status, 3);
   EXPECT_FALSE(fs::exists(log));
   EXPECT_EQ(run({"--refraction", "od:-2.25/-1.00x23", "--acd", "od:3.4"}).status, 0);
+}
+
+TEST_F(Driver, OptionsOfLaterStagesAreRefusedAtOnce) {
+  for (const auto& [option, value] : {std::pair("--vertex-distance", "50"),
+                                      {"--vertex-distance", "1"},
+                                      {"--scale-sd", "-1"},
+                                      {"--retinal-depth", "9"},
+                                      {"--scene", "nope"},
+                                      {"--lens-index", "1.1"},
+                                      {"--lens-model", "foo"},
+                                      {"--age", "300"}}) {
+    const ProcessResult result = run({option, value});
+    EXPECT_EQ(result.status, 2) << option << " " << value;
+    EXPECT_THAT(Json::parse(result.output)["error"]["message"].get<std::string>(),
+                HasSubstr("refuses its options"));
+  }
+  EXPECT_FALSE(fs::exists(log));
+  EXPECT_FALSE(fs::exists(case_folder));
 }
 
 TEST_F(Driver, HandsOptionsToTheStageThatTheyBelongTo) {

@@ -303,6 +303,7 @@ TEST_F(ModelFile, BadScenesNameFileAndKey) {
   write("index.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n");
   write("short.gltf", R"({"asset": {"version": "2.0"}, "meshes": [)");
   write("empty.obj", "v 0 0 0\n");
+  write("point.obj", "v 1 1 1\nv 1 1 1\nv 1 1 1\nf 1 2 3\n");
   const std::string glb = std::string("glTF\2\0\0\0\x1c\0\0\0\x08\0\0\0JSON{}      ", 28);
   write("whole.glb", glb);
   write("one-short.glb", glb.substr(0, 27));
@@ -320,6 +321,8 @@ TEST_F(ModelFile, BadScenesNameFileAndKey) {
   };
   fails(mesh + R"(, "scale": 1, "size_mm": 3}]})", "scale");
   fails(mesh + R"(, "scale": -1}]})", "scale");
+  fails(R"({"objects": [{"type": "mesh", "file": "point.obj", "size_mm": 9, "position_mm": [0, 0, 300]}]})",
+        "size_mm");
   fails(mesh + R"(, "gloss": 1}]})", "gloss");
   fails(mesh + R"(, "motion_mm": [0, 0, 600]}]})", "from the eye");
   fails(R"({"objects": [{"type": "mesh", "file": "quad.obj", "position_mm": [0, 0, 0.5]}]})", "position_mm");

@@ -1,12 +1,15 @@
-// A cohort through a Slurm of this machine alone, with stages that are small shell scripts.
+// A cohort through a Slurm of this machine alone, or through scripts that are called as its commands are, with stages that
+// are small shell scripts.
 #include "pipeline/cohort/engine/engine.hpp"
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <signal.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <CLI/CLI.hpp>
 #include <chrono>
 #include <cstdlib>
 #include <numeric>
@@ -22,6 +25,24 @@ namespace emmetrope::cohort {
 namespace {
 
 namespace fs = std::filesystem;
+
+TEST(EngineOptions, AreReadOrRefusedInWords) {
+  EngineOptions options;
+  CLI::App app;
+  declare(app, options);
+  app.parse("--engine slurm --jobs 3");
+  EXPECT_EQ(options.engine, Engine::slurm);
+  EXPECT_EQ(options.jobs, 3);
+  for (const auto& [words, says] :
+       {std::pair("--engine foo", "foo not in {local,slurm}"), {"--jobs 0", "0 not in range 1 to 100000"}}) {
+    try {
+      app.parse(words);
+      ADD_FAILURE() << words;
+    } catch (const CLI::ParseError& error) {
+      EXPECT_THAT(error.what(), testing::HasSubstr(says));
+    }
+  }
+}
 
 class CohortOnSlurm : public testing::Test {
  protected:
@@ -117,6 +138,83 @@ TEST_F(CohortOnSlurm, GivesTheSameTableWhateverIsKilled) {
   EXPECT_EQ(read_file(folder() / "out" / "cohort.tsv"), expected);
   // At most what was running at one of the three kills, on two cores, was begun again.
   EXPECT_LE(runs() - runs_locally, runs_locally + 5);
+}
+
+/// Slurm's commands as scripts: sbatch runs what it takes at once.
+class CohortOnScripts : public testing::Test {
+ protected:
+  void SetUp() override {
+    if (!find_program("snakemake")) GTEST_SKIP() << "snakemake is not installed";
+    for (const char* subject : {"refused", "taken"}) {
+      fs::create_directories(folder() / "studies" / subject);
+      write_file(folder() / "studies" / subject / "image", subject);
+    }
+    fs::create_directories(folder() / "slurm");
+    make("scontrol", "echo ' JobState=COMPLETED'");
+    make("squeue", "");
+    make("scancel", "");
+    ::setenv("PATH", fmt::format("{}:{}", (folder() / "slurm").string(), path_).c_str(), 1);
+  }
+  void TearDown() override { ::setenv("PATH", path_.c_str(), 1); }
+  void make(const std::string& command, const std::string& lines) const {
+    const fs::path script = folder() / "slurm" / command;
+    write_file(script, "#!/bin/sh\n" + lines + "\n");
+    fs::permissions(script, fs::perms::owner_all);
+  }
+  /// \param refused  what the scripts of jobs that sbatch refuses hold
+  void make_sbatch(const std::string& refused) const {
+    make("sbatch",
+         fmt::format("for job; do :; done\n"
+                     "if grep -q '{}' \"$job\"; then\n"
+                     "  echo 'sbatch: error: Batch job submission failed: Invalid partition' >&2; exit 1\n"
+                     "fi\n"
+                     "sh \"$job\" >&2; echo 1",
+                     refused));
+  }
+  ProcessResult run() const {
+    return stages_.run("cohort", {(folder() / "studies").string(), "-o", (folder() / "out").string(),
+                                  "--json", "--quiet", "--engine", "slurm"});
+  }
+  const fs::path& folder() const { return temporary_.path(); }
+
+  std::string path_ = std::getenv("PATH");
+  test::TemporaryFolder temporary_;
+  test::StandInStages stages_{temporary_.path()};
+};
+
+TEST_F(CohortOnScripts, ThatTakesNoJobSaysNothingOfTheSubjects) {
+  make_sbatch("snakemake");
+  const ProcessResult ended = run();
+  EXPECT_EQ(ended.status, 1);
+  EXPECT_THAT(
+      Json::parse(ended.output)["error"]["message"].get<std::string>(),
+      testing::HasSubstr("no job began: sbatch: error: Batch job submission failed: Invalid partition"));
+  EXPECT_FALSE(fs::exists(folder() / "out" / "cohort.tsv"));
+  EXPECT_FALSE(fs::exists(folder() / "out" / "ends" / "taken" / "segment.json"));
+}
+
+TEST_F(CohortOnScripts, ThatTakesSomeJobsSaysWhichDidNotBegin) {
+  make_sbatch("ends/refused/segment\\|ends/taken/mesh");
+  EXPECT_EQ(run().status, 6);  // stand-ins measure nothing
+  const Table table = read_table(folder() / "out" / "cohort.tsv", {"participant_id"});
+  ASSERT_EQ(table.rows.size(), 4U);
+  EXPECT_EQ(table.cell(0, "participant_id"), "refused");
+  EXPECT_EQ(table.cell(0, "stage"), "segment");
+  EXPECT_EQ(table.cell(2, "stage"), "mesh");
+  for (const std::size_t row : {0, 2}) {
+    EXPECT_EQ(table.cell(row, "outcome"), "failed");
+    EXPECT_THAT(table.cell(row, "reason"), testing::HasSubstr("no attempt of it began"));
+  }
+}
+
+TEST_F(CohortOnScripts, WithoutAControllerIsRefusedBeforeAnythingIsWritten) {
+  make("scontrol", "echo 'Slurmctld(primary) at head is DOWN'; exit 1");
+  make_sbatch("nothing");
+  const ProcessResult ended = run();
+  EXPECT_EQ(ended.status, 1);
+  EXPECT_THAT(Json::parse(ended.output)["error"]["message"].get<std::string>(),
+              testing::HasSubstr("Slurmctld(primary) at head is DOWN"));
+  EXPECT_FALSE(fs::exists(folder() / "out"));
 }
 
 }  // namespace

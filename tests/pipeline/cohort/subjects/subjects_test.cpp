@@ -192,7 +192,8 @@ TEST_F(Subjects, ThatAreNoneAreRefusedByNameAndLine) {
   write_file(folder() / "people.tsv", "participant_id\tstudy\nx\ttwo\nx\ttwo\n");
   EXPECT_THAT(refusal(folder() / "people.tsv"), HasSubstr("\"x\" has a row already"));
   for (const char* column : {"axial_length_OD", "axial_length_right", "keratometry", "Refraction.L",
-                             "axiallength_od", "Axial length OD (mm)", "od_acd", "lens_thickness_od "}) {
+                             "axiallength_od", "Axial length OD (mm)", "od_acd", "lens_thickness_od ", "Age",
+                             "SEX", "Age (years)", "Study", "Participant_ID"}) {
     write_file(folder() / "people.tsv", fmt::format("participant_id\tstudy\t{}\nx\ttwo\tn/a\n", column));
     EXPECT_THAT(refusal(folder() / "people.tsv"), HasSubstr(column)) << column;
   }
@@ -237,6 +238,12 @@ TEST_F(Subjects, OfATableHaveEachAStudyOfTheirOwn) {
   write_file(folder() / "people.tsv", "participant_id\tstudy\nfirst\tscans/x\nsecond\tscans/../scans/x\n");
   EXPECT_THAT(refusal(folder() / "people.tsv"),
               HasSubstr("line 3, column study: \"scans/../scans/x\" is the study of \"first\""));
+}
+
+TEST_F(Subjects, OfAFolderHaveEachAStudyOfTheirOwn) {
+  add("scans/a/1.dcm");
+  fs::create_directory_symlink("a", folder() / "scans" / "l");
+  EXPECT_THAT(refusal(folder() / "scans"), HasSubstr("scans/l is the study of \"a\" already"));
 }
 
 TEST_F(Subjects, StudiesThatChangeNamesAreOtherStudies) {

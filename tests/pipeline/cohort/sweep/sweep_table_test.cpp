@@ -94,6 +94,9 @@ TEST_F(SweepTable, SaysWhereItIsWrong) {
   EXPECT_THAT(refusal("command = 'eye'\n[all]\nversion = true\n"), HasSubstr("sets this itself"));
   EXPECT_THAT(refusal("command = 'trace'\n[all]\npupil = 2\n[vary]\npupil = [1]\n"),
               HasSubstr("in [all] too"));
+  EXPECT_THAT(refusal("command = 'trace'\n[vary]\npupil = [2, 3,\n3.0]\n"),
+              HasSubstr("line 4, pupil: 3 is there twice"));
+  EXPECT_THAT(refusal("command = 'trace'\n[vary]\npupil = ['3', 3]\n"), HasSubstr("3 is there twice"));
   EXPECT_THAT(refusal("command = 'trace'\n[columns]\ncoma = '/a~x'\n"), HasSubstr("JSON pointer"));
   EXPECT_THAT(refusal("command = 'trace'\n[very]\npupil = [1]\n"), HasSubstr("line 2, very"));
   EXPECT_THAT(refusal("command = 'trace'\n[all]\npupil = 2001-01-01\n"), HasSubstr("expected a number"));

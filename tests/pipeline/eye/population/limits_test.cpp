@@ -70,7 +70,7 @@ TEST(Settings, MetresAreRefusedByNameAndAContactLensIsNot) {
     } catch (const Error& error) {
       EXPECT_EQ(error.status(), ExitStatus::usage);
       EXPECT_EQ(std::string(error.what()).rfind("vertex is ", 0), 0U) << error.what();
-      EXPECT_EQ(error.remedy(), "give 5 to 30 mm");
+      EXPECT_EQ(error.remedy(), "give 5 to 30 mm, or 0 for a contact lens");
     }
   }
 }
