@@ -47,8 +47,9 @@ struct Command {
   std::function<void(const CommonOptions&)> check = {};
 };
 
-/// Parses, runs (with the hidden flag --check-options: checks them, for who is to run it later), prints the answer on standard output and everything else on standard error; turns exceptions
-/// into a message and an exit status. To be returned from main.
+/// Parses, runs (with the hidden flag --check-options: only checks the options, for who is to run it later), prints the
+/// answer on standard output and everything else on standard error; turns exceptions into a message and an exit status.
+/// To be returned from main.
 int run_command(int argc, char** argv, const Command& command);
 
 }  // namespace emmetrope

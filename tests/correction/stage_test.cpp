@@ -277,7 +277,7 @@ TEST_F(CorrectStage, OfANamedEyeTheSettingsAreCheckedAsOfACase) {
     EXPECT_EQ(error.status(), ExitStatus::usage) << error.what();
     EXPECT_EQ(std::string(error.what()),
               "--vertex-distance (vertex_distance_mm) is 0.012 mm, outside 5 to 30");
-    EXPECT_EQ(error.remedy(), "give 5 to 30 mm");
+    EXPECT_EQ(error.remedy(), "give 5 to 30 mm, or 0 for a contact lens");
   }
   EXPECT_FALSE(fs::exists(folder() / "named"));
 }
