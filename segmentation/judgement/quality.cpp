@@ -251,6 +251,11 @@ void judge_cornea_and_length(const EyeFit& fit, Gates& gates) {
           "of {}, and both are water (a lid? oil or blood in the vitreous?)",
           100 * fluids_apart, t1 ? "what surrounds the globe" : "its brightness"),
       Withholds::front);
+  if (t1)
+    gates.refuse_below(
+        "iris_over_aqueous_t1", fit.value(iris) - fit.value(aqueous),
+        "the cornea was not found: what was taken for the iris is darker than the water around it",
+        Withholds::front);
   if (fit.evidence == Evidence::labels) {
     const double pixel_mm = finest_pixel_mm(fit);
     gates.refuse_above(

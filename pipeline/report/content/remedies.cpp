@@ -32,6 +32,7 @@ std::string remedy_of_gate(const std::string& gate) {
       {"natural_lens_mm", "Take length and chamber by an instrument that knows lens implants."},
       {"cornea_contrast_t2", rescan},
       {"fluid_difference_t1", rescan},
+      {"iris_over_aqueous_t1", rescan},
       {"fluid_difference_t2", ask_radiologist},
       {"intraocular_mass_seen_mm3", ask_radiologist},
       {"intraocular_mass_mm3", ask_radiologist},

@@ -414,6 +414,22 @@ TEST(QualityOfShapes, AnAqueousUnlikeTheVitreousIsNone) {
                            [](const QualityGate& gate) { return gate.name == "fluid_difference_t1"; }));
 }
 
+/// The iris is a tissue with vessels: in T1 it is brighter than water.
+TEST(QualityOfShapes, AnIrisDarkerThanWaterIsNone) {
+  const ParameterLayout layout;
+  Eigen::VectorXd parameters = population_mean(layout);
+  for (int i = vitreous; i <= surround; ++i) parameters[i] = i == vitreous || i == aqueous ? 0.25 : 1;
+  for (const auto& [brightness, stands] : {std::pair{0.6, true}, {0.3, true}, {0.2, false}, {-0.01, false}}) {
+    parameters[iris] = brightness;
+    const QualityGate gate = gate_of(fit_at(layout, parameters, Weighting::t1), "iris_over_aqueous_t1");
+    EXPECT_EQ(gate.passed, stands) << brightness;
+    EXPECT_EQ(gate.withholds, Withholds::front);
+  }
+  const auto in_t2 = gates_of(fit_at(layout, parameters, Weighting::t2));
+  EXPECT_TRUE(std::none_of(in_t2.begin(), in_t2.end(),
+                           [](const QualityGate& gate) { return gate.name == "iris_over_aqueous_t1"; }));
+}
+
 /// In T2 oil has two fifths of the signal of water, and T1 of an eye full of oil looks like T2 but for the fat.
 TEST(QualityOfShapes, AnEyeThatIsNotFilledWithWaterIsTold) {
   const ParameterLayout layout;
