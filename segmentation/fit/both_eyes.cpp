@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <utility>
 
 #include "pipeline/eye/population/population.hpp"
 #include "segmentation/fit/conditioning.hpp"
@@ -146,12 +147,40 @@ bool agree(const Shared& shared, const std::array<EyeFit*, 2>& eyes) {
   return std::pow(shared.value[0] - shared.value[1], 2) <= 9 * variance;
 }
 
+/// While it lives the eyes' covariances are without what their images err by alike: their difference has none of that.
+class WithoutSharedError {
+ public:
+  explicit WithoutSharedError(const std::array<EyeFit*, 2>& eyes) : eyes_(eyes) {
+    if (eyes[0]->weighting != eyes[1]->weighting) return;
+    for (EyeFit* eye : eyes_)
+      if (eye->shared_covariance.size() == 0) return;
+    for (std::size_t e = 0; e < 2; ++e) {
+      shared_[e] = std::exchange(eyes_[e]->shared_covariance, {});
+      eyes_[e]->covariance -= shared_[e];
+    }
+  }
+  ~WithoutSharedError() {
+    for (std::size_t e = 0; e < 2; ++e) {
+      if (shared_[e].size() == 0) continue;
+      eyes_[e]->covariance += shared_[e];
+      eyes_[e]->shared_covariance = shared_[e];
+    }
+  }
+  WithoutSharedError(const WithoutSharedError&) = delete;
+  WithoutSharedError& operator=(const WithoutSharedError&) = delete;
+
+ private:
+  std::array<EyeFit*, 2> eyes_;
+  std::array<MatrixXd, 2> shared_;
+};
+
 }  // namespace
 
 bool couple_eyes(EyeFit& od, EyeFit& os) {
   // Ectasia is rarely alike in both eyes, and the prior that is replaced here is a regular cornea's.
   if (od.layout.irregular_cornea || os.layout.irregular_cornea) return false;
   const std::array<EyeFit*, 2> eyes{&od, &os};
+  const WithoutSharedError compared(eyes);
   std::vector<Shared> shared{corneal_curvature(eyes)};
   if (!agree(shared[0], eyes)) return false;
   for (const auto& others : {alike_lengths(eyes), same_images(eyes)})

@@ -15,8 +15,9 @@ void condition(EyeFit& fit, const MatrixXd& jacobian, const VectorXd& step, cons
     fit.parameters[fit.active[i]] += move[static_cast<Eigen::Index>(i)];
   const VectorXd before = fit.covariance.diagonal();
   fit.covariance += slope * (covariance - own) * slope.transpose();
-  if (fit.shared_variance.size() == before.size())
-    fit.shared_variance.array() *= (fit.covariance.diagonal().array() / before.array()).min(1);
+  if (fit.shared_covariance.size() == 0) return;
+  const VectorXd left = (fit.covariance.diagonal().array() / before.array()).min(1).sqrt();
+  fit.shared_covariance = left.asDiagonal() * fit.shared_covariance * left.asDiagonal();
 }
 
 }  // namespace emmetrope::segmentation

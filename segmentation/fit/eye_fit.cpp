@@ -224,20 +224,22 @@ double error_of_layers_mm(const EyeFit& fit) {
   return fit.weighting == Weighting::t1 ? 0.3 : 0;
 }
 
-/// What a globe's length and diameters may be off by where the image is not what the model has: the share of the
+/// That of the wall's layers, which moves length and diameters together.
+Eigen::MatrixXd covariance_of_layers(const EyeFit& fit) {
+  const VectorXd together = globe_sigmas(fit, error_of_layers_mm(fit)), apart = unlike_along_axes * together;
+  return together * together.transpose() + Eigen::MatrixXd(apart.cwiseAbs2().asDiagonal());
+}
+
+/// What a globe's length and diameters may be off by besides where the image is not what the model has: the share of the
 /// residuals that noise does not explain, times what fits of real heads differ by from independent readings, and
-/// of one person in T1 and T2 (docs/evidence/real-scans.md), and the wall's layers, which move all of them together. And
-/// the radius at which a lens ends, which is drawn as a sharp rim and is a round one: rms of what it errs by in phantoms
-/// (docs/evidence/accuracy.md).
+/// of one person in T1 and T2 (docs/evidence/real-scans.md). And the radius at which a lens ends, which is drawn as a sharp
+/// rim and is a round one: rms of what it errs by in phantoms (docs/evidence/accuracy.md).
 Eigen::MatrixXd model_error(const EyeFit& fit) {
   constexpr double of_unexplained_mm = 0.3, round_rim_mm = 0.24;
   VectorXd sigmas = globe_sigmas(fit, of_unexplained_mm * (1 - 1 / std::max(1.0, fit.chi2_per_voxel)));
   for (Eigen::Index i = 0; i < sigmas.size(); ++i)
     if (fit.active[static_cast<std::size_t>(i)] == lens_equator_radius) sigmas[i] = round_rim_mm;
-  const VectorXd of_layers = globe_sigmas(fit, error_of_layers_mm(fit)),
-                 unlike = unlike_along_axes * of_layers;
-  return Eigen::MatrixXd((sigmas.cwiseAbs2() + unlike.cwiseAbs2()).asDiagonal()) +
-         of_layers * of_layers.transpose();
+  return sigmas.cwiseAbs2().asDiagonal();
 }
 
 /// The covariance at the fit's solution, widened by what noise does not explain.
@@ -249,9 +251,8 @@ void estimate_covariance(EyeFit& fit, const FitProblem& problem, const Basis& ba
     const DisplacedSlices displaced = displaced_slices(fit, problem, of_solution);
     fit.slice_displacement_mm = displaced.rms_mm;
     fit.covariance += displaced.covariance;
-    fit.covariance += model_error(fit);
-    fit.shared_variance =
-        (1 + unlike_along_axes * unlike_along_axes) * globe_sigmas(fit, error_of_layers_mm(fit)).cwiseAbs2();
+    fit.shared_covariance = covariance_of_layers(fit);
+    fit.covariance += model_error(fit) + fit.shared_covariance;
   }
 }
 

@@ -61,9 +61,9 @@ struct EyeFit {
   double slice_displacement_mm = 0;       ///< slice_displacement.hpp
   IntraocularMass mass = {};              ///< that was left out (intraocular_mass.hpp)
   IntraocularMass unexplained = {};       ///< that this fit has in its vitreous all the same
-  /// Of the covariance's diagonal what other images of this eye, of this contrast at this field, would share: growth has
-  /// none of it.
-  Eigen::VectorXd shared_variance = {};
+  /// Of the covariance what images of this contrast at this field err by alike, those of the fellow eye too: neither growth
+  /// nor the difference of two eyes has it.
+  Eigen::MatrixXd shared_covariance = {};
 
   double value(int parameter) const { return parameters[parameter]; }
   /// Brightness of the wall's inner layer, which the vitreous borders on.

@@ -24,7 +24,8 @@ struct Axis {
 std::array<Axis, 3> axes_of(const Stack& stack) {
   return {Axis{0, stack.along_row, stack.column_spacing_mm, stack.fat_shift_sigma_mm.x(), stack.columns},
           Axis{1, stack.along_column, stack.row_spacing_mm, stack.fat_shift_sigma_mm.y(), stack.rows},
-          Axis{along_slices, stack.normal, stack.slice_spacing_mm(), 0, stack.slices()}};
+          Axis{along_slices, stack.normal, stack.slice_spacing_mm(), stack.fat_shift_sigma_through_mm,
+               stack.slices()}};
 }
 
 /// Slices as thick as they are apart, evenly, and not shifted within their plane.

@@ -8,6 +8,7 @@
 #include <set>
 
 #include "pipeline/base/error.hpp"
+#include "pipeline/base/files.hpp"
 #include "segmentation/intake/sidecar.hpp"
 
 namespace emmetrope::segmentation {
@@ -75,7 +76,7 @@ FileList list_files(const fs::path& study, const IntakeLimits& limits) {
   if (!fs::is_directory(study)) {
     Walker walker(study.parent_path(), limits);
     walker.visit(study.filename(), 0);
-    if (const fs::path sidecar = sidecar_of(study); is_nifti_name(study) && fs::exists(sidecar))
+    if (const fs::path sidecar = sidecar_of(study); is_nifti_name(study) && is_file(sidecar))
       walker.visit(sidecar.filename(), 0);
     return walker.take();
   }

@@ -68,7 +68,9 @@ std::string laterality_of(const std::vector<SeriesImage>& images) {
 
 /// Enhanced MR says COLUMN where classic images say COL, and OTHER where it is neither.
 std::string phase_encoding_of(const std::string& told) {
-  return told == "ROW" ? "ROW" : told == "COL" || told == "COLUMN" ? "COL" : "";
+  return told == "COLUMN"                                                 ? "COL"
+         : told == "ROW" || told == "COL" || told == both_phase_encodings ? told
+                                                                          : "";
 }
 
 void describe_series(const Files& files, SeriesInfo& info) {
@@ -109,7 +111,10 @@ void describe_images(const std::vector<SeriesImage>& images, SeriesInfo& info) {
   if (!info.inversion_time_ms) info.inversion_time_ms = number(tag::inversion_times);
   info.flip_angle_deg = number(tag::flip_angle);
   info.field_strength_T = number(tag::field_strength);
+  if (info.field_strength_T && !is_plausible_field(*info.field_strength_T)) info.field_strength_T.reset();
   info.pixel_bandwidth_Hz = number(tag::pixel_bandwidth);
+  if (info.pixel_bandwidth_Hz && !is_plausible_bandwidth(*info.pixel_bandwidth_Hz))
+    info.pixel_bandwidth_Hz.reset();
   info.phase_encoding = phase_encoding_of(first.value(tag::phase_encoding));
   info.slice_thickness_mm = number(tag::slice_thickness);
   if (info.slice_thickness_mm && !is_plausible_spacing(*info.slice_thickness_mm))
@@ -157,10 +162,15 @@ bool is_no_acquisition(const std::string& type) {
 
 /// Derived, save by what scanners do to every image at once: distortions and the coils' sensitivities evened out.
 bool is_computed(const SeriesImage& image) {
-  static const std::regex at_once(R"(DERIVED\\PRIMARY\\M(\\(NONE|ND|NORM|DIS2D|DIS3D|MFSPLIT))*)");
+  static const std::vector<std::string> derived{"DERIVED", "PRIMARY", "M"};
+  static const std::set<std::string> at_once{"NONE", "ND", "NORM", "DIS2D", "DIS3D", "MFSPLIT"};
   const auto& of_frame = image.value(tag::frame_type);
-  const auto& type = of_frame.empty() ? image.value(tag::image_type) : of_frame;
-  return type.rfind("DERIVED", 0) == 0 && !std::regex_match(type, at_once);
+  const auto type = split_values(of_frame.empty() ? image.value(tag::image_type) : of_frame);
+  if (type.empty() || type[0].rfind("DERIVED", 0) != 0) return false;
+  const std::size_t first = derived.size();
+  return type.size() < first || !std::equal(derived.begin(), derived.end(), type.begin()) ||
+         !std::all_of(type.begin() + static_cast<std::ptrdiff_t>(first), type.end(),
+                      [&](const std::string& word) { return at_once.count(word) > 0; });
 }
 
 void check_modality(const ScannedFile& file) {
@@ -479,10 +489,7 @@ void warn_of_lengths(const SeriesImage& first, SeriesInfo& info) {
         100 * std::abs(field_mm / diameter_mm - 1)));
 }
 
-void warn_of_subject(const SeriesImage& first, SeriesInfo& info) {
-  if (!shows_head(info.body_part))
-    info.warnings.push_back(to_string(tag::body_part) + " is " + in_quotes(info.body_part) +
-                            ", not the head");
+void warn_of_phase(const SeriesImage& first, SeriesInfo& info) {
   if (component_of(first) == "PHASE")
     info.warnings.push_back(to_string(tag::image_type) + " says that these are phase images, not magnitudes");
 }
@@ -501,7 +508,14 @@ void add_warnings(const Files& files, const SeriesImage& first, SeriesInfo& info
   warn_of_files(
       files, [](const auto& file) { return file.header.value(tag::lossy_compression) == "01"; },
       to_string(tag::lossy_compression) + " says that the image was compressed with loss", info);
-  warn_of_subject(first, info);
+  if (!shows_head(info.body_part))
+    info.warnings.push_back(to_string(tag::body_part) + " is " + in_quotes(info.body_part) +
+                            ", not the head");
+  warn_of_phase(first, info);
+  for (const auto& [tag, value] : {std::pair{tag::field_strength, info.field_strength_T},
+                                   std::pair{tag::pixel_bandwidth, info.pixel_bandwidth_Hz}})
+    if (const std::string& told = first.value(tag); !told.empty() && !value)
+      info.warnings.push_back(to_string(tag) + " is " + in_quotes(told) + ", no scanner's; it is not used");
   if (info.private_scaling)
     info.warnings.push_back(
         fmt::format("Philips private scaling (2005,100e) {:g}, (2005,100d) {:g} is recorded, not applied",
@@ -549,11 +563,13 @@ void judge_sidecar(const ScannedFile& sidecar, const IntakeOptions& options, Ser
   const std::vector<SeriesImage> images{{&sidecar, 0, Eigen::Vector3d::Zero(), 1, 0}};
   describe_images(images, info);
   if (!info.slice_thickness_mm) info.slice_thickness_mm = spacing_mm;
-  info.body_part = sidecar.header.value(tag::body_part);
   if (!options.any_modality && sidecar.header.has(tag::modality)) check_modality(sidecar);
   check_echo_planar(sidecar);
   check_acquired(images);
-  warn_of_subject(images.front(), info);
+  // Its text may name a person, whom a sidecar does not tell.
+  if (!shows_head(sidecar.header.value(tag::body_part)))
+    info.warnings.push_back(sidecar.name() + ": " + to_string(tag::body_part) + " is not the head");
+  warn_of_phase(images.front(), info);
   warn_of_computed(images, info);
   warn_of_dixon_part(images, info);
 }

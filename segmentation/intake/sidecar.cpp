@@ -10,6 +10,7 @@
 #include <regex>
 
 #include "pipeline/base/files.hpp"
+#include "segmentation/intake/plausible.hpp"
 
 namespace emmetrope::segmentation {
 namespace {
@@ -19,34 +20,46 @@ using Eigen::Vector3d;
 
 constexpr std::uintmax_t largest_bytes = 1'000'000;
 
+/// What an attribute may be, in DICOM's unit.
+struct Range {
+  double least, largest;
+};
+
 /// The values of a sidecar, and what is wrong with them.
 class Sidecar {
  public:
   Sidecar(fs::path file, Json json, std::vector<std::string>& warnings)
       : file_(std::move(file)), json_(std::move(json)), warnings_(warnings) {}
 
-  /// In the unit of the attribute, where the sidecar has a positive number.
-  void add_number(const Tag& tag, double unit, TagValues& values) const {
+  /// \param unit  of the sidecar's number, in DICOM's
+  void add_number(const Tag& tag, const Range& range, double unit, TagValues& values) const {
     const Json* value = find(tag.keyword);
     if (value == nullptr) return;
-    if (!value->is_number() || !(value->get<double>() > 0)) return refuse(tag.keyword, "a positive number");
-    values[tag.keyword] = fmt::format("{:.9g}", value->get<double>() * unit);
+    const double number = value->is_number() ? value->get<double>() * unit : 0;
+    if (!(number >= range.least && number <= range.largest))
+      return refuse(tag.keyword,
+                    fmt::format("a number from {:g} to {:g}", range.least / unit, range.largest / unit));
+    values[tag.keyword] = fmt::format("{:.9g}", number);
   }
 
-  /// Code strings: a text, or a list of them. Older converters join them by "_".
+  /// Code strings: a list of them, or one text, in which some converters join them by "_".
   void add_codes(const Tag& tag, TagValues& values) const {
+    constexpr std::size_t most = 64;
     const Json* value = find(tag.keyword);
     if (value == nullptr) return;
-    std::vector<std::string> codes;
+    std::string codes;
     for (const Json& part : value->is_array() ? *value : Json::array({*value})) {
-      static const std::regex code(R"([A-Za-z0-9_ .+\\-]{1,64})");
-      if (!part.is_string() || !std::regex_match(part.get<std::string>(), code))
+      static const std::regex code(R"([A-Za-z0-9_ .+\\-]{0,64})");
+      if (!part.is_string() || !std::regex_match(part.get<std::string>(), code) || value->size() > most)
         return refuse(tag.keyword, "code strings");
-      std::string& upper = codes.emplace_back(part.get<std::string>());
-      std::transform(upper.begin(), upper.end(), upper.begin(),
-                     [](char c) { return c >= 'a' && c <= 'z' ? c - 32 : c; });
+      for (char c : part.get<std::string>())
+        codes += c >= 'a' && c <= 'z'             ? static_cast<char>(c - 'a' + 'A')
+                 : c == '_' && !value->is_array() ? '\\'
+                                                  : c;
+      codes += '\\';
     }
-    if (!codes.empty()) values[tag.keyword] = fmt::format("{}", fmt::join(codes, "\\"));
+    while (!codes.empty() && codes.back() == '\\') codes.pop_back();
+    if (!codes.empty()) values[tag.keyword] = codes;
   }
 
   /// The value where it is one of these texts.
@@ -72,13 +85,14 @@ class Sidecar {
       return std::nullopt;
     }
     const auto at = [&](std::size_t i) { return value->at(i).get<double>(); };
-    return std::array{Vector3d(at(0), at(1), at(2)), Vector3d(at(3), at(4), at(5))};
+    return std::array{Vector3d(at(0), at(1), at(2)).normalized(), Vector3d(at(3), at(4), at(5)).normalized()};
   }
 
  private:
+  /// Null where there is none, or an empty one.
   const Json* find(const char* key) const {
     const auto found = json_.find(key);
-    return found == json_.end() || found->is_null() ? nullptr : &*found;
+    return found == json_.end() || found->is_null() || *found == "" ? nullptr : &*found;
   }
   void refuse(const char* key, const std::string& expected) const {
     warnings_.push_back(fmt::format("{}: {} is not used: {} expected", file_.string(), key, expected));
@@ -89,27 +103,44 @@ class Sidecar {
   std::vector<std::string>& warnings_;
 };
 
-/// ROW or COL, as DICOM says it, of the volume as stored; empty along slices, or where it is not told.
-std::string phase_encoding_of(const Sidecar& sidecar, const Stack& geometry) {
+bool is_along(const Vector3d& a, const Vector3d& b) {
+  constexpr double same_axis = 0.99;
+  return std::abs(a.dot(b)) > same_axis;
+}
+
+/// InPlanePhaseEncodingDirection of the volume as stored; empty where it is not told.
+/// \param orientation  of the images that were converted: dcm2niix turns 3-D volumes, and what it then says of the
+///   volume's axes may still be of those images'
+std::string phase_encoding_of(const Sidecar& sidecar,
+                              const std::optional<std::array<Vector3d, 2>>& orientation, bool may_be_turned,
+                              const Stack& geometry) {
+  const auto of_images = sidecar.one_of("InPlanePhaseEncodingDirectionDICOM", {"ROW", "COL"});
+  if (of_images && orientation) {
+    const Vector3d readout = (*orientation)[*of_images == "ROW" ? 1 : 0];
+    return is_along(readout, geometry.along_row)      ? "COL"
+           : is_along(readout, geometry.along_column) ? "ROW"
+           : is_along(readout, geometry.normal)       ? both_phase_encodings
+                                                      : "";
+  }
+  if (may_be_turned) return {};
   for (const char* key : {"PhaseEncodingDirection", "PhaseEncodingAxis"})
     if (const auto axis = sidecar.one_of(key, {"i", "i-", "j", "j-", "k", "k-"}))
       return (*axis)[0] == 'i' ? "ROW" : (*axis)[0] == 'j' ? "COL" : "";
-  // dcm2niix turns 3-D volumes and then names the axis of the DICOM images alone.
-  const auto told = sidecar.one_of("InPlanePhaseEncodingDirectionDICOM", {"ROW", "COL"});
-  const auto orientation = sidecar.orientation();
-  if (!told || !orientation) return {};
-  constexpr double same_axis = 0.99;
-  const Vector3d axis = (*orientation)[*told == "ROW" ? 0 : 1].normalized();
-  return std::abs(axis.dot(geometry.along_row)) > same_axis      ? "ROW"
-         : std::abs(axis.dot(geometry.along_column)) > same_axis ? "COL"
-                                                                 : "";
+  return {};
 }
 
+/// What is wrong with the text is not told: it may be a person's name.
 Json json_of(const fs::path& file) {
   if (fs::file_size(file) > largest_bytes)
     throw input_error(fmt::format("{} is larger than {} MB", file.string(), largest_bytes / 1'000'000));
-  Json json = read_json(file);
-  if (!json.is_object()) throw input_error(file.string() + " holds no JSON object");
+  const std::string text = read_file(file);
+  Json json;
+  try {
+    json = parse_json(text, "");
+  } catch (const Error&) {
+    json = nullptr;
+  }
+  if (!json.is_object()) throw input_error(file.string() + " is no valid JSON object");
   return json;
 }
 
@@ -129,13 +160,22 @@ TagValues read_sidecar(const fs::path& volume, const Stack& geometry, std::vecto
     for (const Tag& tag : {tag::modality, tag::image_type, tag::scanning_sequence, tag::body_part})
       sidecar.add_codes(tag, values);
     constexpr double ms_per_s = 1000;
+    constexpr Range times_ms{1e-3, 1e5};
     for (const Tag& tag : {tag::repetition_time, tag::echo_time, tag::inversion_time})
-      sidecar.add_number(tag, ms_per_s, values);
-    for (const Tag& tag : {tag::field_strength, tag::pixel_bandwidth, tag::flip_angle, tag::slice_thickness})
-      sidecar.add_number(tag, 1, values);
-    if (const auto type = sidecar.one_of(tag::acquisition_type.keyword, {"2D", "3D"}))
-      values[tag::acquisition_type.keyword] = *type;
-    if (const std::string phase = phase_encoding_of(sidecar, geometry); !phase.empty())
+      sidecar.add_number(tag, times_ms, ms_per_s, values);
+    sidecar.add_number(tag::field_strength, {least_field_T, largest_field_T}, 1, values);
+    sidecar.add_number(tag::pixel_bandwidth, {least_bandwidth_Hz, largest_bandwidth_Hz}, 1, values);
+    sidecar.add_number(tag::flip_angle, {0.1, 360}, 1, values);
+    const auto type = sidecar.one_of(tag::acquisition_type.keyword, {"2D", "3D"});
+    if (type) values[tag::acquisition_type.keyword] = *type;
+    const auto orientation = sidecar.orientation();
+    const bool is_as_acquired =
+        orientation ? is_along((*orientation)[0].cross((*orientation)[1]), geometry.normal) : type == "2D";
+    // Slices of a volume that was turned are others than those that were acquired.
+    if (is_as_acquired)
+      sidecar.add_number(tag::slice_thickness, {least_spacing_mm, largest_spacing_mm}, 1, values);
+    if (const std::string phase = phase_encoding_of(sidecar, orientation, !is_as_acquired, geometry);
+        !phase.empty())
       values[tag::phase_encoding.keyword] = phase;
   } catch (const Error& fault) {
     warnings.push_back(fault.what() + std::string(": nothing of it is used"));

@@ -13,11 +13,11 @@ namespace emmetrope::segmentation {
 /// T1.json of T1.nii and T1.nii.gz.
 std::filesystem::path sidecar_of(std::filesystem::path volume);
 
-/// What a sidecar tells of the acquisition, by DICOM's keywords and in DICOM's units (times in ms), as a header would:
-/// type, sequence, times, field, bandwidth, slice thickness and InPlanePhaseEncodingDirection, which is about rows and
-/// columns of the volume as stored. Nothing that names a person is read. Empty where there is no sidecar.
+/// What a sidecar tells of the acquisition, by DICOM's keywords and in DICOM's units (times in ms), as a header would: type,
+/// sequence, times, field, bandwidth; InPlanePhaseEncodingDirection of the volume as stored; SliceThickness where its slices
+/// are those that were acquired. Nothing that names a person is read. Empty where there is no sidecar.
 /// \param volume    its sidecar is read in this process
-/// \param geometry  the volume's, which phase encoding told in the patient's frame (dcm2niix) is turned into
+/// \param geometry  the volume's: converters turn 3-D volumes, and say of the images before that how they lay
 /// \param warnings  of what cannot be read, which is left out
 TagValues read_sidecar(const std::filesystem::path& volume, const Stack& geometry,
                        std::vector<std::string>& warnings);

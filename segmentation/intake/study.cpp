@@ -99,13 +99,18 @@ SeriesInfo judge(std::vector<ScannedFile> files, const IntakeOptions& options, S
   return info;
 }
 
+/// As the decoding process, which tells its words in UTF-8, spells a path.
+std::string as_told(const std::string& path) {
+  return Json::parse(Json(path).dump(-1, ' ', false, Json::error_handler_t::replace)).get<std::string>();
+}
+
 SeriesInfo judge_nifti(Decoder& decoder, const IntakeOptions& options, const fs::path& root,
                        const fs::path& file) {
   SeriesInfo info;
   info.uid = nifti_uid_prefix + sha256_of_file(root / file).substr(0, 16);
   info.modality = "NIfTI";
   info.description = clean_utf8(file.string());
-  info.files = 1;
+  info.files = is_file(sidecar_of(root / file)) ? 2 : 1;
   try {
     const auto [stack, sidecar, warnings] = decoder.decode_volume(root / file);
     info.warnings = warnings;
@@ -150,8 +155,9 @@ SeriesInfo judge_nifti(Decoder& decoder, const IntakeOptions& options, const fs:
     for (const auto& [of_study, neutral] :
          {std::pair{file, "the volume"}, std::pair{sidecar_of(file), "the volume's sidecar"}}) {
       const std::string path = (root / of_study).string();
-      if (const auto at = text.find(path); at != std::string::npos)
-        text.replace(at, path.size(), mention(of_study, neutral));
+      for (const std::string& spelling : {path, as_told(path)})
+        if (const auto at = text.find(spelling); at != std::string::npos)
+          text.replace(at, spelling.size(), mention(of_study, neutral));
     }
   };
   for (auto& warning : info.warnings) mention_file(warning);
@@ -165,20 +171,26 @@ bool slices_are_thin(const Stack& stack) {
   return stack.slice_spacing_mm() <= thinnest_of_2d_mm;
 }
 
-/// One standard deviation of the displacement of fat along row and column: what 3.5 ppm of the resonance
+/// One standard deviation of the displacement of fat along row, column and slices: what 3.5 ppm of the resonance
 /// frequency are in pixels, one pixel where the bandwidth is not told; along the readout, where that is told.
-Eigen::Vector2d fat_shift_sigma_mm(const SeriesInfo& info, const Stack& stack) {
+Eigen::Vector3d fat_shift_sigma_mm(const SeriesInfo& info, const Stack& stack) {
   constexpr double fat_water_Hz_per_T = 3.5 * 42.577;
   const double bandwidth_Hz = info.pixel_bandwidth_Hz.value_or(0),
                field_T = info.field_strength_T.value_or(0);
   const double pixels = bandwidth_Hz > 0 && field_T > 0 ? fat_water_Hz_per_T * field_T / bandwidth_Hz : 1;
-  return pixels * Eigen::Vector2d(info.phase_encoding == "ROW" ? 0 : stack.column_spacing_mm,
-                                  info.phase_encoding == "COL" ? 0 : stack.row_spacing_mm);
+  const bool is_read_through = info.phase_encoding == both_phase_encodings;
+  const auto along = [&](const char* encoded, double spacing_mm) {
+    return is_read_through || info.phase_encoding == encoded ? 0 : spacing_mm;
+  };
+  return pixels * Eigen::Vector3d(along("ROW", stack.column_spacing_mm), along("COL", stack.row_spacing_mm),
+                                  is_read_through ? stack.slice_spacing_mm() : 0);
 }
 
 /// How the voxels came about, as far as header or sidecar tell.
 void describe_acquisition(const SeriesInfo& info, Stack& stack) {
-  stack.fat_shift_sigma_mm = fat_shift_sigma_mm(info, stack);
+  const Eigen::Vector3d fat_shift = fat_shift_sigma_mm(info, stack);
+  stack.fat_shift_sigma_mm = fat_shift.head<2>();
+  stack.fat_shift_sigma_through_mm = fat_shift.z();
   const bool is_told = !info.acquisition_type.empty();
   stack.slices_are_encoded = is_told ? info.acquisition_type == "3D" : slices_are_thin(stack);
   // A volume may have been turned since it was acquired.

@@ -79,7 +79,8 @@ struct SeriesInfo {
   std::string image_laterality;  ///< "R", "L", "B", "U" or empty
   std::optional<double> repetition_time_ms, echo_time_ms, inversion_time_ms, flip_angle_deg;
   std::optional<double> field_strength_T, pixel_bandwidth_Hz;
-  std::string phase_encoding;  ///< InPlanePhaseEncodingDirection: "ROW", "COL" or empty
+  /// InPlanePhaseEncodingDirection: "ROW", "COL" or empty; of a turned volume that was read out along its slices both
+  std::string phase_encoding;
   /// Philips (2005,100E) slope, (2005,100D) intercept; not applied
   std::optional<std::array<double, 2>> private_scaling;
 

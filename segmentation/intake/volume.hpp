@@ -20,6 +20,8 @@ struct Stack {
   /// How far the image may show fat displaced against water by the chemical shift, along row and column:
   /// one standard deviation, mm. Zero where there is none.
   Eigen::Vector2d fat_shift_sigma_mm = Eigen::Vector2d::Zero();
+  /// The same along slices: of a volume that was turned since its acquisition, and tells its readout.
+  double fat_shift_sigma_through_mm = 0;
   /// Whether slices were acquired as they are stored (2-D): the header tells.
   bool slices_are_told = false;
   /// Whether slices were phase-encoded as rows are (3-D), by the header or, where that does not tell, as slices so thin

@@ -35,6 +35,10 @@ enum class FileKind {
   damaged,  ///< DICOM that cannot be parsed to its end; its tags are what could be read
 };
 
+/// InPlanePhaseEncodingDirection of a volume whose rows and columns are both phase-encoded, as it was turned since its
+/// acquisition.
+inline constexpr const char* both_phase_encodings = "ROW\\COL";
+
 /// Values by keyword, as text; several values are separated by backslashes. Absent attributes have no entry.
 using TagValues = std::map<std::string, std::string>;
 

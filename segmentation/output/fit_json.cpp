@@ -90,9 +90,9 @@ std::string edges_summary(const Json& edges) {
 Json shared_sigmas_json(const JudgedEye& eye) {
   Json json = Json::object();
   const EyeFit& fit = *eye.fit;
-  for (Eigen::Index i = 0; i < fit.shared_variance.size(); ++i)
-    if (fit.shared_variance[i] > 0 && !eye.is_joined)
-      json[fit.layout.name(fit.active[static_cast<std::size_t>(i)])] = std::sqrt(fit.shared_variance[i]);
+  for (Eigen::Index i = 0; i < fit.shared_covariance.rows(); ++i)
+    if (fit.shared_covariance(i, i) > 0 && !eye.is_joined)
+      json[fit.layout.name(fit.active[static_cast<std::size_t>(i)])] = std::sqrt(fit.shared_covariance(i, i));
   return json;
 }
 

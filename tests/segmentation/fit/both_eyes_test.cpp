@@ -84,12 +84,29 @@ TEST(BothEyes, CouplingIsTheJointEstimate) {
 
 TEST(BothEyes, WhatImagesShareShrinksWithTheVariance) {
   EyeFit od = fit_of(images(42.1, 0.8, 3.3)), os = fit_of(images(43.4, 1.3, 3.5));
-  od.shared_variance = 0.75 * od.covariance.diagonal();
+  od.shared_covariance = 0.75 * od.covariance;
   const VectorXd before = od.covariance.diagonal();
   ASSERT_TRUE(couple_eyes(od, os));
   EXPECT_LT(od.covariance(1, 1), 0.99 * before[1]);
-  EXPECT_NEAR((od.shared_variance - 0.75 * od.covariance.diagonal()).norm(), 0, 1e-12);
-  EXPECT_EQ(os.shared_variance.size(), 0);
+  EXPECT_NEAR((od.shared_covariance - 0.75 * od.covariance).diagonal().norm(), 0, 1e-12);
+  EXPECT_EQ(os.shared_covariance.size(), 0);
+}
+
+/// What both eyes' images err by alike is in neither's difference from the other: eyes that have it move as those without.
+TEST(BothEyes, WhatBothEyesImagesShareTellsNothingOfTheOther) {
+  EyeFit od = fit_of(images(42.1, 0.8, 3.3)), os = fit_of(images(43.4, 1.3, 3.5));
+  EyeFit od_with = od, os_with = os;
+  const Eigen::MatrixXd shared = 0.5 * od.covariance;
+  for (EyeFit* eye : {&od_with, &os_with}) {
+    eye->shared_covariance = shared;
+    eye->covariance += shared;
+  }
+  ASSERT_TRUE(couple_eyes(od, os));
+  ASSERT_TRUE(couple_eyes(od_with, os_with));
+  EXPECT_NEAR((od_with.parameters - od.parameters).norm(), 0, 1e-12);
+  EXPECT_NEAR((os_with.parameters - os.parameters).norm(), 0, 1e-12);
+  EXPECT_NEAR((od_with.covariance - od.covariance - shared).norm(), 0, 1e-12);
+  EXPECT_EQ(os_with.shared_covariance, shared);
 }
 
 /// Lengths of both eyes at once, with the correlated prior in one 2 x 2 matrix.

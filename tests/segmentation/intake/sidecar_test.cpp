@@ -1,6 +1,7 @@
 #include "segmentation/intake/sidecar.hpp"
 
 #include "pipeline/base/files.hpp"
+#include "segmentation/intake/canonical_stack.hpp"
 #include "segmentation/intake/file_list.hpp"
 #include "segmentation/intake/nifti.hpp"
 #include "tests/segmentation/intake/intake_test.hpp"
@@ -53,15 +54,19 @@ TEST_F(Sidecar, TellsTheAcquisitionInUnitsOfDicom) {
   EXPECT_THAT(
       read(R"({"Modality": "MR", "MagneticFieldStrength": 3, "PixelBandwidth": 195.3, "FlipAngle": 9,
                        "RepetitionTime": 2.3, "EchoTime": 0.00298, "InversionTime": 0.9, "SliceThickness": 1,
-                       "MRAcquisitionType": "3D", "ScanningSequence": "GR\\IR", "BodyPartExamined": "brain",
-                       "ImageType": ["ORIGINAL", "PRIMARY", "M", "ND", "NORM"], "PhaseEncodingDirection": "j-",
+                       "MRAcquisitionType": "2D", "ScanningSequence": "GR\\IR", "BodyPartExamined": "brain",
+                       "ImageType": ["ORIGINAL", "PRIMARY", "", "IN_PHASE"], "PhaseEncodingDirection": "j-",
                        "PatientName": "Doe", "SeriesDescription": "Doe's", "EchoTrainLength": null})"),
       UnorderedElementsAre(
           Pair("Modality", "MR"), Pair("MagneticFieldStrength", "3"), Pair("PixelBandwidth", "195.3"),
           Pair("FlipAngle", "9"), Pair("RepetitionTime", "2300"), Pair("EchoTime", "2.98"),
-          Pair("InversionTime", "900"), Pair("SliceThickness", "1"), Pair("MRAcquisitionType", "3D"),
+          Pair("InversionTime", "900"), Pair("SliceThickness", "1"), Pair("MRAcquisitionType", "2D"),
           Pair("ScanningSequence", "GR\\IR"), Pair("BodyPartExamined", "BRAIN"),
-          Pair("ImageType", "ORIGINAL\\PRIMARY\\M\\ND\\NORM"), Pair("InPlanePhaseEncodingDirection", "COL")));
+          Pair("ImageType", "ORIGINAL\\PRIMARY\\\\IN_PHASE"), Pair("InPlanePhaseEncodingDirection", "COL")));
+  EXPECT_THAT(warnings(), IsEmpty());
+  EXPECT_THAT(
+      read(R"({"ScanningSequence": "EP_SE", "ImageType": "DERIVED_PRIMARY_MIP", "BodyPartExamined": ""})"),
+      UnorderedElementsAre(Pair("ScanningSequence", "EP\\SE"), Pair("ImageType", "DERIVED\\PRIMARY\\MIP")));
   EXPECT_THAT(warnings(), IsEmpty());
   std::filesystem::remove(folder() / "Doe.json");
   std::vector<std::string> none;
@@ -69,35 +74,45 @@ TEST_F(Sidecar, TellsTheAcquisitionInUnitsOfDicom) {
   EXPECT_THAT(none, IsEmpty());
 }
 
-/// Of the volume as stored, or in the patient's frame, which dcm2niix alone tells of 3-D volumes that it turned.
-TEST_F(Sidecar, PhaseEncodingIsAboutTheVolumeAsStored) {
+/// dcm2niix turns 3-D volumes to lie as the patient does, and says of the images before that how they lay.
+TEST_F(Sidecar, PhaseEncodingAndThicknessAreAboutTheVolumeAsStored) {
   struct Case {
-    const char* json;
-    const char* expected;
+    std::string json, phase;
+    bool thickness;
   };
-  const char* sagittal = R"("ImageOrientationPatientDICOM": [0, 1, 0, 0, 0, -1])";
-  for (const Case& c : {Case{R"({"PhaseEncodingDirection": "i"})", "ROW"},
-                        {R"({"PhaseEncodingAxis": "j"})", "COL"},
-                        {R"({"PhaseEncodingDirection": "k-"})", ""},
-                        {R"({"InPlanePhaseEncodingDirectionDICOM": "ROW"})", ""},
-                        {R"({"InPlanePhaseEncodingDirectionDICOM": "ROW", %})", "COL"},
-                        {R"({"InPlanePhaseEncodingDirectionDICOM": "COL", %})", ""}}) {
-    std::string json = c.json;
-    if (const auto at = json.find('%'); at != std::string::npos) json.replace(at, 1, sagittal);
-    const TagValues values = read(json);
-    const auto found = values.find("InPlanePhaseEncodingDirection");
-    EXPECT_EQ(found == values.end() ? "" : found->second, c.expected) << json;
+  const std::string two = R"("MRAcquisitionType": "2D")", three = R"("MRAcquisitionType": "3D")",
+                    axial = R"("ImageOrientationPatientDICOM": [1, 0, 0, 0, 1, 0])",
+                    sagittal = R"("ImageOrientationPatientDICOM": [0, 1, 0, 0, 0, -1])",
+                    oblique = R"("ImageOrientationPatientDICOM": [0.8, 0.6, 0, -0.6, 0.8, 0])",
+                    row = R"("InPlanePhaseEncodingDirectionDICOM": "ROW")",
+                    column = R"("InPlanePhaseEncodingDirectionDICOM": "COL")";
+  for (const Case& c : {Case{two + R"(, "PhaseEncodingDirection": "i")", "ROW", true},
+                        {two + R"(, "PhaseEncodingAxis": "j")", "COL", true},
+                        {two + R"(, "PhaseEncodingDirection": "k-")", "", true},
+                        {three + R"(, "PhaseEncodingDirection": "i")", "", false},
+                        {row, "", false},
+                        {axial + R"(, "PhaseEncodingDirection": "i")", "ROW", true},
+                        {axial + ", " + row, "ROW", true},
+                        {axial + ", " + column, "COL", true},
+                        {sagittal + ", " + row, "ROW\\COL", false},
+                        {sagittal + ", " + column, "ROW", false},
+                        {sagittal + R"(, "PhaseEncodingDirection": "i")", "", false},
+                        {oblique + ", " + row, "", true}}) {
+    TagValues values = read(R"({"SliceThickness": 1, )" + c.json + "}");
+    EXPECT_EQ(values["InPlanePhaseEncodingDirection"], c.phase) << c.json;
+    EXPECT_EQ(values.count("SliceThickness") > 0, c.thickness) << c.json;
     EXPECT_THAT(warnings(), IsEmpty());
   }
 }
 
 TEST_F(Sidecar, WhatCannotBeReadIsLeftOutWithAWarning) {
   EXPECT_THAT(read(R"({"EchoTime": "short", "PixelBandwidth": -5, "MRAcquisitionType": "4D", "ImageType": [1],
-                       "PhaseEncodingDirection": "col_dir", "ImageOrientationPatientDICOM": [1],
-                       "InPlanePhaseEncodingDirectionDICOM": "ROW", "FlipAngle": 9})"),
+                       "MagneticFieldStrength": 30000, "ImageOrientationPatientDICOM": [1], "FlipAngle": 9,
+                       "InPlanePhaseEncodingDirectionDICOM": "col_dir"})"),
               ElementsAre(Pair("FlipAngle", "9")));
-  for (const char* key : {"EchoTime", "PixelBandwidth", "MRAcquisitionType", "ImageType",
-                          "PhaseEncodingDirection", "ImageOrientationPatientDICOM"})
+  for (const char* key :
+       {"EchoTime", "PixelBandwidth", "MRAcquisitionType", "ImageType", "MagneticFieldStrength",
+        "ImageOrientationPatientDICOM", "InPlanePhaseEncodingDirectionDICOM"})
     EXPECT_THAT(warnings(),
                 Contains(AllOf(HasSubstr("Doe.json: " + std::string(key)), HasSubstr("expected"))));
   for (const std::string& text :
@@ -106,6 +121,8 @@ TEST_F(Sidecar, WhatCannotBeReadIsLeftOutWithAWarning) {
     EXPECT_THAT(read(text), IsEmpty());
     EXPECT_THAT(warnings(), ElementsAre(AllOf(HasSubstr("Doe.json"), HasSubstr("nothing of it is used"))));
   }
+  read(R"({"EchoTime": 0.003, "PatientName": "Mueller^Hans)");
+  EXPECT_THAT(warnings(), ElementsAre(Not(HasSubstr("Mueller"))));
 }
 
 /// DICOM, and what a converter makes of it.
@@ -149,10 +166,63 @@ TEST_F(Sidecar, AVolumeIsWhatItsHeadersWere) {
   EXPECT_THAT(inventory().skipped, IsEmpty());
 }
 
+/// Sagittal images whose volume was turned to axial ones are the same eye's voxels, read out along the same axis.
+TEST_F(Sidecar, AVolumeThatWasTurnedIsWhatItWas) {
+  Stack acquired;
+  acquired.name = "stack1";
+  acquired.columns = 6;
+  acquired.rows = 7;
+  acquired.along_row = Eigen::Vector3d::UnitY();
+  acquired.along_column = -Eigen::Vector3d::UnitZ();
+  acquired.normal = -Eigen::Vector3d::UnitX();
+  acquired.column_spacing_mm = acquired.row_spacing_mm = 1;
+  acquired.slice_thickness_mm = 1.2;
+  acquired.slices_are_encoded = true;
+  const double sigma_mm = 3.5 * 42.577 * 3 / 200;
+  acquired.fat_shift_sigma_mm = {0, sigma_mm};  // ROW: read out from the head downwards
+  for (int slice = 0; slice < 8; ++slice) {
+    acquired.slice_position.push_back(1.2 * slice * acquired.normal);
+    acquired.slice_intensity.emplace_back();
+    for (int i = 0; i < 42; ++i)
+      acquired.slice_intensity.back().push_back(static_cast<float>(100 * slice + i));
+  }
+  Stack turned = acquired;
+  turned.columns = 8;
+  turned.rows = 6;
+  turned.along_row = acquired.normal;
+  turned.along_column = acquired.along_row;
+  turned.normal = acquired.along_column;
+  turned.column_spacing_mm = 1.2;
+  turned.slice_thickness_mm = 1;
+  turned.slice_position.clear();
+  turned.slice_intensity.clear();
+  for (int slice = 0; slice < 7; ++slice) {
+    turned.slice_position.push_back(acquired.position(0, slice, 0));
+    turned.slice_intensity.emplace_back();
+    for (int row = 0; row < 6; ++row)
+      for (int column = 0; column < 8; ++column)
+        turned.slice_intensity.back().push_back(acquired.at(row, slice, column));
+  }
+  write_volume(turned);
+  write_sidecar(
+      R"({"MRAcquisitionType": "3D", "SliceThickness": 1.2, "PixelBandwidth": 200, "MagneticFieldStrength": 3,
+                    "ImageOrientationPatientDICOM": [0, 1, 0, 0, 0, -1], "PhaseEncodingDirection": "i",
+                    "InPlanePhaseEncodingDirectionDICOM": "ROW"})");
+  const Eigen::Vector3d middle = acquired.position(2.5, 3, 4);
+  const Stack a = segmentation::canonical_part(acquired, middle, 20),
+              b = segmentation::canonical_part(read_only_series(), middle, 20);
+  EXPECT_LT((a.along_row - b.along_row).norm() + (a.along_column - b.along_column).norm(), 1e-6);
+  EXPECT_EQ(a.slice_intensity, b.slice_intensity);
+  EXPECT_LT((a.fat_shift_sigma_mm - b.fat_shift_sigma_mm).norm(), 1e-5);
+  EXPECT_NEAR(a.slice_thickness_mm, b.slice_thickness_mm, 1e-6);
+  EXPECT_TRUE(b.slices_are_encoded);
+  EXPECT_LT((a.slice_position.front() - b.slice_position.front()).norm(), 1e-5);
+}
+
 TEST_F(Sidecar, WhatIsNoSlicesAsAcquiredIsRefusedWithoutTheFilesName) {
   write_volume(axial());
   for (const char* json :
-       {R"({"ScanningSequence": "EP"})", R"({"ScanningSequence": "SE\\EP"})", R"({"Modality": "CT"})",
+       {R"({"ScanningSequence": "EP"})", R"({"ScanningSequence": "EP_GR"})", R"({"Modality": "CT"})",
         R"({"ImageType": ["DERIVED", "PRIMARY", "DIFFUSION", "ADC"]})"}) {
     write_sidecar(json);
     const auto info = only_series();
@@ -161,13 +231,35 @@ TEST_F(Sidecar, WhatIsNoSlicesAsAcquiredIsRefusedWithoutTheFilesName) {
     EXPECT_THAT(info.reason, HasSubstr("Doe.json: (0")) << json;
     EXPECT_THAT(info.kept.reason, AllOf(HasSubstr("the volume's sidecar: (0"), Not(HasSubstr("Doe"))));
   }
-  write_sidecar(R"({"ScanningSequence": "GR_IR", "BodyPartExamined": "KNEE", "EchoTime": "x"})");
+  write_sidecar(R"({"ScanningSequence": "GR_IR", "BodyPartExamined": "Doe Jane", "EchoTime": "x"})");
   const auto info = only_series();
   EXPECT_TRUE(info.usable);
-  EXPECT_THAT(info.warnings, Contains(HasSubstr("KNEE")));
+  EXPECT_EQ(info.files, 2);
+  EXPECT_THAT(info.warnings, Contains(HasSubstr("BodyPartExamined is not the head")));
   EXPECT_THAT(info.warnings, Contains(HasSubstr("Doe.json: EchoTime")));
   EXPECT_THAT(info.kept.warnings, Contains(HasSubstr("the volume's sidecar: EchoTime")));
   EXPECT_THAT(info.kept.warnings, Not(Contains(HasSubstr("Doe"))));
+}
+
+/// Names of files that are no UTF-8 are no less a person's.
+TEST_F(Sidecar, NamesOfFilesThatAreNoUtf8AreNotKept) {
+  segmentation::write_nifti(folder() / "M\xfcller.nii", axial());
+  write_file(folder() / "M\xfcller.json", "{");
+  const auto info = only_series();
+  ASSERT_THAT(info.kept.warnings, ElementsAre(HasSubstr("the volume's sidecar is no valid JSON")));
+  EXPECT_THAT(info.kept.warnings, Not(Contains(HasSubstr("ller"))));
+}
+
+/// Its name is too long for a file, or it is a link to itself.
+TEST_F(Sidecar, ThatCannotBeThereIsNone) {
+  for (const std::string& stem : {std::string(251, 'a'), std::string("loop")}) {
+    const std::filesystem::path file = folder() / (stem + ".nii");
+    segmentation::write_nifti(folder() / "short.nii", axial());
+    std::filesystem::remove(folder() / "short.json");
+    std::filesystem::rename(folder() / "short.nii", file);
+    if (stem == "loop") std::filesystem::create_symlink("loop.json", folder() / "loop.json");
+    EXPECT_TRUE(segmentation::read_inventory(file, quiet()).series.at(0).usable) << stem;
+  }
 }
 
 /// A case is stale once its volume's sidecar changes, also where the study is one file.

@@ -169,6 +169,29 @@ TEST_F(IntakeTest, SeriesAreNeverMerged) {
   EXPECT_THROW(found.find("1.2.3"), Error);
 }
 
+/// As many as an explicit length allows.
+TEST_F(IntakeTest, AnImageTypeMayHaveThousandsOfWords) {
+  std::string type = "DERIVED\\PRIMARY\\M";
+  for (int i = 0; i < 10'000; ++i) type += "\\NONE";
+  GeneratedSeries series;
+  series.set_all(DCM_ImageType, type);
+  series.write(folder());
+  EXPECT_FALSE(only_series().computed);
+  EXPECT_TRUE(only_series().usable);
+}
+
+TEST_F(IntakeTest, AFieldThatNoScannerHasIsNotUsed) {
+  GeneratedSeries series;
+  series.set_all(DCM_MagneticFieldStrength, "30000");
+  series.set_all(DCM_PixelBandwidth, "0.0001");
+  series.write(folder());
+  const auto info = only_series();
+  EXPECT_EQ(info.field_strength_T, std::nullopt);
+  EXPECT_EQ(info.pixel_bandwidth_Hz, std::nullopt);
+  EXPECT_THAT(info.warnings, Contains(HasSubstr("(0018,0087) MagneticFieldStrength is \"30000\"")));
+  EXPECT_THAT(info.warnings, Contains(HasSubstr("(0018,0095) PixelBandwidth is \"0.0001\"")));
+}
+
 TEST_F(IntakeTest, SlicesOf3DAcquisitionsAreEncoded) {
   struct Case {
     const char* type;
