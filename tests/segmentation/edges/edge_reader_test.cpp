@@ -186,6 +186,23 @@ const ScannedEyes& eyes_of(const std::filesystem::path& scan) {
   return searched[scan] = std::move(eyes);
 }
 
+/// The front of a globe that shows neither cornea nor lens is not seen: how deep it is its back and sides tell, to 2 mm.
+TEST(EdgeBiometry, DoesNotKnowTheDepthWithoutAFront) {
+  Stack stack;
+  stack.slice_thickness_mm = 1;
+  EdgeReading reading;
+  reading.globe.half_axes = {11.5, 11.4, 11};
+  reading.globe.rms_mm = 0.3;
+  reading.axial = AxialEdges{};
+  const EdgeBiometry with = edge_biometry(reading, stack, Weighting::t1);
+  reading.axial.reset();
+  const EdgeBiometry without = edge_biometry(reading, stack, Weighting::t1);
+  EXPECT_LT(with.globe_depth.sigma, 1);
+  EXPECT_NEAR(without.globe_depth.sigma, std::hypot(with.globe_depth.sigma, 2), 1e-12);
+  EXPECT_EQ(without.globe_width.sigma, with.globe_width.sigma);
+  EXPECT_EQ(without.globe_depth.value, with.globe_depth.value);
+}
+
 class RealEdges : public testing::TestWithParam<HandReading> {};
 
 TEST_P(RealEdges, AgreeWithAnIndependentReading) {
