@@ -120,7 +120,7 @@ std::string doubt_about_globe(const EdgeReading& reading) {
   const double mean_diameter_mm = 2 * std::cbrt(reading.globe.half_axes.prod());
   if (mean_diameter_mm > largest_mean_diameter_mm)
     return fmt::format("a globe of {:.1f} mm on the average is no eye's", mean_diameter_mm);
-  if (const std::string doubt = doubt_about_fat(reading); !doubt.empty()) return doubt;
+  if (std::string doubt = doubt_about_fat(reading); !doubt.empty()) return doubt;
   const double gaze_deg = from_ahead_deg(reading.globe.axes.col(2));
   if (!limits_of("gaze_from_ahead_deg").accepted.contains(gaze_deg))
     return fmt::format("it looks {:.0f} degrees away from straight ahead", gaze_deg);

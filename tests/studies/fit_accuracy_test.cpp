@@ -93,7 +93,7 @@ TEST(Worlds, ALayeredWallIsReadAtItsInnerSide) {
     const auto height = record.at("stated").at("globe_height_mm").get<Measured>();
     EXPECT_LT(height.ci95[0], record.at("truth").at("globe_height_mm"));
     EXPECT_GT(height.ci95[1], record.at("truth").at("globe_height_mm"));
-    EXPECT_LT(height.sigma(), 0.3);
+    EXPECT_LT(height.sigma(), 0.45);  // 0.36 of it for this layer
     EXPECT_GT(record.at("nuisance").at("intensity_wall_layering").get<double>(), 0.1);
   }
 }

@@ -1,5 +1,7 @@
 #include "segmentation/intake/sidecar.hpp"
 
+#include <fmt/format.h>
+
 #include "pipeline/base/files.hpp"
 #include "segmentation/intake/canonical_stack.hpp"
 #include "segmentation/intake/file_list.hpp"
@@ -80,25 +82,29 @@ TEST_F(Sidecar, PhaseEncodingAndThicknessAreAboutTheVolumeAsStored) {
     std::string json, phase;
     bool thickness;
   };
-  const std::string two = R"("MRAcquisitionType": "2D")", three = R"("MRAcquisitionType": "3D")",
-                    axial = R"("ImageOrientationPatientDICOM": [1, 0, 0, 0, 1, 0])",
+  const std::string axial = R"("ImageOrientationPatientDICOM": [1, 0, 0, 0, 1, 0])",
                     sagittal = R"("ImageOrientationPatientDICOM": [0, 1, 0, 0, 0, -1])",
                     oblique = R"("ImageOrientationPatientDICOM": [0.8, 0.6, 0, -0.6, 0.8, 0])",
                     row = R"("InPlanePhaseEncodingDirectionDICOM": "ROW")",
                     column = R"("InPlanePhaseEncodingDirectionDICOM": "COL")";
-  for (const Case& c : {Case{two + R"(, "PhaseEncodingDirection": "i")", "ROW", true},
-                        {two + R"(, "PhaseEncodingAxis": "j")", "COL", true},
-                        {two + R"(, "PhaseEncodingDirection": "k-")", "", true},
-                        {three + R"(, "PhaseEncodingDirection": "i")", "", false},
+  const auto both = [](const std::string& a, const std::string& b) { return fmt::format("{}, {}", a, b); };
+  const auto direction = [](const char* axis) {
+    return fmt::format("\"PhaseEncodingDirection\": \"{}\"", axis);
+  };
+  const std::string two = R"("MRAcquisitionType": "2D")", three = R"("MRAcquisitionType": "3D")";
+  for (const Case& c : {Case{both(two, direction("i")), "ROW", true},
+                        {both(two, R"("PhaseEncodingAxis": "j")"), "COL", true},
+                        {both(two, direction("k-")), "", true},
+                        {both(three, direction("i")), "", false},
                         {row, "", false},
-                        {axial + R"(, "PhaseEncodingDirection": "i")", "ROW", true},
-                        {axial + ", " + row, "ROW", true},
-                        {axial + ", " + column, "COL", true},
-                        {sagittal + ", " + row, "ROW\\COL", false},
-                        {sagittal + ", " + column, "ROW", false},
-                        {sagittal + R"(, "PhaseEncodingDirection": "i")", "", false},
-                        {oblique + ", " + row, "", true}}) {
-    TagValues values = read(R"({"SliceThickness": 1, )" + c.json + "}");
+                        {both(axial, direction("i")), "ROW", true},
+                        {both(axial, row), "ROW", true},
+                        {both(axial, column), "COL", true},
+                        {both(sagittal, row), "ROW\\COL", false},
+                        {both(sagittal, column), "ROW", false},
+                        {both(sagittal, direction("i")), "", false},
+                        {both(oblique, row), "", true}}) {
+    TagValues values = read(fmt::format(R"({{"SliceThickness": 1, {}}})", c.json));
     EXPECT_EQ(values["InPlanePhaseEncodingDirection"], c.phase) << c.json;
     EXPECT_EQ(values.count("SliceThickness") > 0, c.thickness) << c.json;
     EXPECT_THAT(warnings(), IsEmpty());

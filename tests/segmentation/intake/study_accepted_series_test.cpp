@@ -8,8 +8,6 @@
 namespace emmetrope::test {
 namespace {
 
-namespace fs = std::filesystem;
-
 using ::testing::AllOf;
 using ::testing::Contains;
 using ::testing::ElementsAre;

@@ -1,5 +1,6 @@
 #include "pipeline/eye/population/limits.hpp"
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <limits>
@@ -45,7 +46,7 @@ void collect_measured(const Json& json, const std::string& path, std::vector<std
   if (!json.is_object()) return;
   if (json.contains("ci95")) return paths.push_back(path);
   for (const auto& [key, value] : json.items())
-    collect_measured(value, path + (path.empty() ? "" : "/") + key, paths);
+    collect_measured(value, path.empty() ? key : fmt::format("{}/{}", path, key), paths);
 }
 
 TEST(LimitsTable, HoldsWhatBiometryMeasures) {
