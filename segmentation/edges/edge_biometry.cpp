@@ -30,11 +30,6 @@ Estimate without_bias(double value, const Estimate& bias, double other_sigma) {
   return {value - bias.value, std::hypot(bias.sigma, other_sigma)};
 }
 
-/// Of a globe that is read from its back and sides alone: heads blanked on purpose against their whole images. Where neither
-/// cornea nor lens has an edge, their place is not seen either: two of 39 phantom eyes of `orbit` were 3.0 and 4.2 mm too
-/// deep then.
-constexpr double depth_sigma_without_front_mm = 2;
-
 /// Slices blur what lies across them.
 double slice_sigma_mm(const Stack& stack) {
   return 0.12 * std::max(stack.slice_thickness_mm, stack.slice_spacing_mm());

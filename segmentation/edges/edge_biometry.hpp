@@ -20,6 +20,10 @@ struct EdgeBiometry {
   /// Apex to the vitreo-retinal interface at the pole; none where cornea or lens have no edges of their own.
   std::optional<Estimate> axial_length, anterior_chamber_depth, lens_thickness;
 };
+/// Of a globe that is read from its back and sides alone: heads blanked on purpose against their whole images. Where cornea
+/// and lens have no edges, or a fit speaks against them, their place is not seen either: two of 59 phantom eyes of `orbit`
+/// were 3.0 and 4.2 mm too deep then.
+inline constexpr double depth_sigma_without_front_mm = 2;
 EdgeBiometry edge_biometry(const EdgeReading& reading, const Stack& stack, Weighting weighting);
 
 /// Eye frame of a reading: its origin at the apex, a usual distance before the globe's centre where the cornea

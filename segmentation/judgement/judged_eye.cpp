@@ -69,6 +69,15 @@ std::vector<const JudgedEye*> JudgedEye::readings() const {
   return readings;
 }
 
+EdgeBiometry JudgedEye::stated_edges() const {
+  const ReadEye read = *main_edges();
+  if (!fit || is_fitted()) return read.biometry;
+  EdgeBiometry stated = with_doubt(read, *fit);
+  if (read.reading.axial && !edges_on_axis_withheld().empty())
+    stated.globe_depth.sigma = std::hypot(stated.globe_depth.sigma, depth_sigma_without_front_mm);
+  return stated;
+}
+
 std::string JudgedEye::edges_on_axis_withheld() const {
   if (edges.empty() || !edges.front() || !edges.front()->biometry.axial_length)
     return "cornea or lens have no edges of their own along the eye's axis";

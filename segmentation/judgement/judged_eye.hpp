@@ -38,11 +38,9 @@ struct JudgedEye {
   bool is_read() const { return !is_fitted() && main_edges(); }
   /// Of the best view.
   std::optional<ReadEye> main_edges() const { return edges.empty() ? std::nullopt : edges.front(); }
-  /// What they tell, doubted where the fit contradicts.
-  EdgeBiometry stated_edges() const {
-    const ReadEye edges = *main_edges();
-    return fit && !is_fitted() ? with_doubt(edges, *fit) : edges.biometry;
-  }
+  /// What they tell, doubted where the fit contradicts; nobody saw how deep a globe is whose numbers along the axis are
+  /// withheld.
+  EdgeBiometry stated_edges() const;
   /// Why the edges' length, chamber and lens are not told: the fit saw no cornea or no lens; empty: they are.
   std::string edges_on_axis_withheld() const;
   /// "measured", "partial" (some quantities are withheld), or "refused" (all are).

@@ -795,6 +795,20 @@ TEST_F(FellowEyes, AFitThatKnowsTheLengthBetterDoesNotSpeakAgainstEdges) {
   EXPECT_EQ(judged.edges_on_axis_withheld(), "not determined");
 }
 
+/// How deep a globe is hangs on its axis and its front.
+TEST_F(FellowEyes, ADepthWhoseFrontIsWithheldIsThatOfBackAndSides) {
+  JudgedEye judged = eye(0);
+  ReadEye read = edges_with_length(27);
+  read.reading.axial = AxialEdges{};
+  judged.edges = {read};
+  const auto depth_sigma_mm = [&](const char* failed) {
+    judged.gates = {{failed, 0, 1, false, Withholds::fit, "withheld"}};
+    return judged.stated_edges().globe_depth.sigma;
+  };
+  const double seen = depth_sigma_mm("wall_thickness_t1_mm");
+  EXPECT_NEAR(depth_sigma_mm("lens_contrast"), std::hypot(seen, 2), 1e-12);
+}
+
 /// In slices of more than 3.5 mm a fit is not believed, and tells nothing against edges either.
 TEST_F(FellowEyes, AFitInThickSlicesIsNoWitness) {
   JudgedEye judged = eye(0);
