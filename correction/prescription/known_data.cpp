@@ -22,7 +22,9 @@ std::map<Laterality, KnownData> parse_known_data(const KnownDataFlags& flags) {
   for (const std::string& text : flags.refractions) {
     const EyeRefraction given = parse_eye_refraction(text);
     std::optional<StatedRefraction>& refraction = by_eye[given.eye].refraction;
-    if (refraction) throw second_refraction(text);
+    if (refraction)
+      throw usage_error("--refraction \"" + text + "\": that eye has one already",
+                        "give the better one, or the mean of both with its accuracy");
     refraction = given.stated;
   }
   return by_eye;

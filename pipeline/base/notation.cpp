@@ -149,9 +149,4 @@ EyeRefraction parse_eye_refraction(const std::string& text) {
   return {side == "od" ? Laterality::od : Laterality::os, parse_refraction(text.substr(colon + 1))};
 }
 
-Error second_refraction(const std::string& text) {
-  return usage_error("--refraction \"" + text + "\": that eye has one already",
-                     "give the better one, or the mean of both with its accuracy");
-}
-
 }  // namespace emmetrope

@@ -2,7 +2,6 @@
 #include <optional>
 #include <string>
 
-#include "pipeline/base/error.hpp"
 #include "pipeline/base/laterality.hpp"
 #include "pipeline/base/power_vector.hpp"
 
@@ -50,7 +49,5 @@ struct EyeRefraction {
 };
 /// \throw Error (usage) naming the text and what was expected
 EyeRefraction parse_eye_refraction(const std::string& text);
-/// What is wrong with one more for the same eye.
-Error second_refraction(const std::string& text);
 
 }  // namespace emmetrope
