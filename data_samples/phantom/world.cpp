@@ -34,21 +34,28 @@ void furnish_tissue(EyeGeometry& eye, Draw& draw) {
   eye.ciliary_thickness_mm = draw.between(1.2, 2.2);
 }
 
-void furnish_orbit(EyeGeometry& eye, Draw& draw, double proptosis_mm, double slope, bool open) {
+/// What both eyes of a person of `orbit` share: the orbits, the lids, where the person looks, and the size of the
+/// eyes, which are other people's than the fit's priors are of: flatter and steeper corneas, rounder and flatter globes.
+struct OrbitPerson {
+  double proptosis_mm, slope;
+  bool open;
+  double gaze_h_deg, gaze_v_deg;
+  double flatter, rounder;
+};
+
+void furnish_orbit(EyeGeometry& eye, Draw& draw, const OrbitPerson& person) {
   eye.choroid_mm = draw.between(0.25, 0.65) * std::min(eye.wall_lateral_mm, eye.wall_axial_mm);
   eye.wall_variation = draw.between(0.1, 0.35);
   eye.tendon_mm = draw.between(0.3, 1.8);
   eye.nucleus_share = draw.chance(0.5) ? draw.between(0.4, 0.8) : 0;
   eye.liquefied_share = draw.chance(0.5) ? draw.between(0.1, 0.5) : 0;
-  eye.lid_slope = slope;
-  eye.proptosis_mm = proptosis_mm;
-  if (open) eye.lid_thickness_mm = 0;
-  // Other people than the fit's priors are of: flatter and steeper corneas, rounder and flatter globes.
-  const double flatter = draw.between(0.95, 1.05), rounder = draw.between(0.96, 1.04);
-  eye.cornea_radius_x_mm *= flatter;
-  eye.cornea_radius_y_mm *= flatter;
-  eye.globe_semi_x_mm *= rounder;
-  eye.globe_semi_y_mm *= rounder;
+  eye.lid_slope = person.slope;
+  eye.proptosis_mm = person.proptosis_mm;
+  if (person.open) eye.lid_thickness_mm = 0;
+  eye.cornea_radius_x_mm *= person.flatter;
+  eye.cornea_radius_y_mm *= person.flatter;
+  eye.globe_semi_x_mm *= person.rounder;
+  eye.globe_semi_y_mm *= person.rounder;
   eye.globe_semi_z_mm = matching_globe_semi_z_mm(eye);
 }
 
@@ -94,17 +101,25 @@ const std::vector<std::string>& world_names() {
 
 void furnish(HeadGeometry& head, const std::string& world, unsigned long long seed) {
   Draw draw(seed, 2 * number_of(world));
-  const double proptosis_mm = draw.between(-4, 3), slope = draw.between(-0.5, 0.5);
-  const bool open = draw.chance(0.2);
-  const double gaze_h_deg = draw.between(-25, 25), gaze_v_deg = draw.between(-20, 20);
+  const bool orbit = world == "orbit";
+  OrbitPerson person{};
+  person.proptosis_mm = draw.between(-4, 3);
+  person.slope = draw.between(-0.5, 0.5);
+  person.open = draw.chance(0.2);
+  person.gaze_h_deg = draw.between(-25, 25);
+  person.gaze_v_deg = draw.between(-20, 20);
+  if (orbit) {
+    person.flatter = draw.between(0.95, 1.05);
+    person.rounder = draw.between(0.96, 1.04);
+  }
   for (const Laterality laterality : both_eyes) {
     EyeGeometry& eye = head.eye(laterality);
     if (world == "tissue" || world == "scanner") furnish_tissue(eye, draw);
     if (world == "treated") treat(eye, draw);
-    if (world != "orbit") continue;
-    furnish_orbit(eye, draw, proptosis_mm, slope, open);
-    eye.gaze_horizontal_deg += gaze_h_deg;
-    eye.gaze_vertical_deg += gaze_v_deg;
+    if (!orbit) continue;
+    furnish_orbit(eye, draw, person);
+    eye.gaze_horizontal_deg += person.gaze_h_deg;
+    eye.gaze_vertical_deg += person.gaze_v_deg;
     const double off_deg = std::hypot(eye.gaze_horizontal_deg, eye.gaze_vertical_deg);
     const double within = std::min(1.0, 40 / off_deg);
     eye.gaze_horizontal_deg *= within;

@@ -8,6 +8,7 @@
 
 #include "data_samples/phantom/phantom.hpp"
 #include "pipeline/base/error.hpp"
+#include "pipeline/eye/population/population.hpp"
 
 namespace emmetrope::phantom {
 namespace {
@@ -75,6 +76,28 @@ TEST(Worlds, OfOrbitLookWithin40DegreesAndVaryTheWall) {
     thickest = std::max(thickest, wall_mm);
   }
   EXPECT_GT(thickest, 1.15 * thinnest);
+}
+
+TEST(Worlds, OfOrbitGiveAPersonTwoLikeEyes) {
+  const int people = 60;
+  double power_D2 = 0, width_mm2 = 0;
+  double flattest_D = 50, steepest_D = 30;
+  for (unsigned long long seed = 1; seed <= people; ++seed) {
+    const HeadGeometry head = head_of("orbit", seed);
+    const auto mean_power_D = [&](const EyeGeometry& eye) {
+      return keratometric_D_mm * (0.5 / eye.cornea_radius_x_mm + 0.5 / eye.cornea_radius_y_mm);
+    };
+    const EyeGeometry &od = head.eye(Laterality::od), &os = head.eye(Laterality::os);
+    power_D2 += std::pow(mean_power_D(od) - mean_power_D(os), 2) / people;
+    width_mm2 += std::pow(2 * (od.globe_semi_x_mm - os.globe_semi_x_mm), 2) / people;
+    flattest_D = std::min(flattest_D, mean_power_D(od));
+    steepest_D = std::max(steepest_D, mean_power_D(od));
+  }
+  // The population's eyes of a person share 0.95 (corneal power, sd 1.45 D) and 0.9 (globe) of a standard deviation.
+  EXPECT_LT(std::sqrt(power_D2), 0.9);
+  EXPECT_LT(std::sqrt(width_mm2), 0.8);
+  EXPECT_LT(flattest_D, 41);
+  EXPECT_GT(steepest_D, 46);
 }
 
 TEST(Worlds, OfTreatedEyesHaveOilABandAnImplantOrATumour) {
