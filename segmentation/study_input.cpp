@@ -9,7 +9,7 @@
 
 #include "pipeline/base/case_folder.hpp"
 #include "segmentation/intake/file_list.hpp"
-#include "segmentation/intake/series_checks.hpp"
+#include "segmentation/intake/series_warnings.hpp"
 #include "segmentation/intake/tags.hpp"
 #include "segmentation/intake/wire.hpp"
 

@@ -3,13 +3,11 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <map>
 #include <regex>
-#include <set>
 
-#include "segmentation/intake/file_mention.hpp"
 #include "segmentation/intake/plausible.hpp"
-#include "segmentation/intake/subject.hpp"
+#include "segmentation/intake/series_description.hpp"
+#include "segmentation/intake/series_warnings.hpp"
 #include "segmentation/intake/tag_values.hpp"
 
 namespace emmetrope::segmentation {
@@ -22,125 +20,27 @@ constexpr double same_orientation = 1e-4;
 constexpr double orthonormal = 1e-3;
 /// Relative difference of pixel spacings within a series, the rounding of headers.
 constexpr double same_spacing = 1e-4;
-/// Relative difference of row and column spacing from which pixels are not square.
-constexpr double square_pixels = 0.01;
-/// Relative difference of the field of view that two attributes tell.
-constexpr double same_field = 0.05;
-
 using Files = std::vector<ScannedFile>;
-
-std::string found(const ScannedFile& file, const Tag& tag, int frame = 0) {
-  const auto& value = file.header.value(tag, frame);
-  return fmt::format("{}: {} {}", file.name(), to_string(tag),
-                     value.empty() ? "is absent" : "is " + in_quotes(value));
-}
-
-/// Frames of a file, one of a classic image.
-int frames_of(const ScannedFile& file) { return std::max(1, static_cast<int>(file.header.frames.size())); }
-
-bool contains(const std::string& text, std::string_view word) { return text.find(word) != std::string::npos; }
-
-std::optional<double> number_of(const ScannedFile& file, const Tag& tag) {
-  return parse_number(file.header.value(tag));
-}
-
-std::string found(const SeriesImage& image, const Tag& tag) { return found(*image.source, tag, image.frame); }
 
 std::vector<SeriesImage> images_of(const Files& files) {
   std::vector<SeriesImage> images;
   for (const auto& file : files)
-    for (int frame = 0; frame < frames_of(file); ++frame)
+    for (int frame = 0; frame < file.frame_count(); ++frame)
       images.push_back({&file, frame, Eigen::Vector3d::Zero(), 1, 0});
   return images;
 }
 
-/// The eye that the tags name; "B" where some images are of the one and some of the other.
-std::string laterality_of(const std::vector<SeriesImage>& images) {
-  std::set<std::string> sides;
-  for (const auto& image : images)
-    for (const Tag& tag : {tag::frame_laterality, tag::image_laterality, tag::series_laterality})
-      if (const auto& side = image.value(tag); !side.empty()) {
-        sides.insert(side);
-        break;
-      }
-  return sides.empty() ? "" : sides.size() == 1 ? *sides.begin() : "B";
-}
-
-/// Enhanced MR says COLUMN where classic images say COL, and OTHER where it is neither.
-std::string phase_encoding_of(const std::string& told) {
-  return told == "COLUMN"                                                 ? "COL"
-         : told == "ROW" || told == "COL" || told == both_phase_encodings ? told
-                                                                          : "";
-}
-
-void describe_series(const Files& files, SeriesInfo& info) {
-  const ScannedFile& first = files.front();
-  const auto text = [&](const Tag& tag) { return first.header.value(tag); };
-  info.uid = text(tag::series_instance);
-  info.study_uid = text(tag::study_instance);
-  info.frame_of_reference_uid = text(tag::frame_of_reference);
-  info.description = first.header.description;
-  info.modality = text(tag::modality);
-  info.number = static_cast<int>(std::clamp(number_of(first, tag::series_number).value_or(0), -1e9, 1e9));
-  info.files = files.size();
-  info.rows = static_cast<int>(number_of(first, tag::rows).value_or(0));
-  info.columns = static_cast<int>(number_of(first, tag::columns).value_or(0));
-  info.body_part = text(tag::body_part);
-  const auto slope = number_of(first, tag::philips_scale_slope),
-             intercept = number_of(first, tag::philips_scale_intercept);
-  if (slope && intercept && contains(first.header.value(tag::private_creator_2005), "Philips"))
-    info.private_scaling = {*slope, *intercept};
-  std::set<std::string> syntaxes;
-  for (const auto& file : files) syntaxes.insert(file.header.transfer_syntax);
-  for (const auto& syntax : syntaxes)
-    info.transfer_syntax += (info.transfer_syntax.empty() ? "" : ", ") + syntax;
-}
-
-/// What the first image says of its acquisition; the others have to agree.
-void describe_images(const std::vector<SeriesImage>& images, SeriesInfo& info) {
-  const SeriesImage& first = images.front();
-  const auto number = [&](const Tag& tag) { return parse_number(first.value(tag)); };
-  info.image_type = first.value(tag::image_type);
-  info.acquisition_type = first.value(tag::acquisition_type);
-  info.sequence = first.value(tag::scanning_sequence);
-  info.image_laterality = laterality_of(images);
-  info.repetition_time_ms = number(tag::repetition_time);
-  info.echo_time_ms = number(tag::echo_time);
-  if (!info.echo_time_ms) info.echo_time_ms = number(tag::effective_echo_time);
-  info.inversion_time_ms = number(tag::inversion_time);
-  if (!info.inversion_time_ms) info.inversion_time_ms = number(tag::inversion_times);
-  info.flip_angle_deg = number(tag::flip_angle);
-  info.field_strength_T = number(tag::field_strength);
-  if (info.field_strength_T && !is_plausible_field(*info.field_strength_T)) info.field_strength_T.reset();
-  info.pixel_bandwidth_Hz = number(tag::pixel_bandwidth);
-  if (info.pixel_bandwidth_Hz && !is_plausible_bandwidth(*info.pixel_bandwidth_Hz))
-    info.pixel_bandwidth_Hz.reset();
-  info.phase_encoding = phase_encoding_of(first.value(tag::phase_encoding));
-  info.slice_thickness_mm = number(tag::slice_thickness);
-  if (info.slice_thickness_mm && !is_plausible_spacing(*info.slice_thickness_mm))
-    info.slice_thickness_mm.reset();
-}
-
-/// One warning for all files that share a fault.
-template <typename Fault>
-void warn_of_files(const Files& files, const Fault& has_fault, const std::string& text, SeriesInfo& info) {
-  std::string first;
-  std::size_t count = 0;
-  for (const auto& file : files)
-    if (has_fault(file) && ++count == 1) first = file.name();
-  if (count > 0)
-    info.warnings.push_back(
-        fmt::format("{}{}: {}", first, count > 1 ? fmt::format(" and {} more", count - 1) : "", text));
-}
-
 bool is_mosaic(const ImageHeader& header) {
-  const bool siemens = contains(header.value(tag::private_creator_0019), "SIEMENS");
-  return contains(header.value(tag::image_type), "MOSAIC") || (siemens && header.has(tag::mosaic_images));
+  const auto says = [&](const Tag& tag, const char* word) {
+    return header.value(tag).find(word) != std::string::npos;
+  };
+  return says(tag::image_type, "MOSAIC") ||
+         (says(tag::private_creator_0019, "SIEMENS") && header.has(tag::mosaic_images));
 }
 
 /// A file may be classic (one frame), enhanced (no ScanningSequence) or legacy converted (one of each frame).
 void check_echo_planar(const ScannedFile& file) {
-  for (int frame = 0; frame < frames_of(file); ++frame) {
+  for (int frame = 0; frame < file.frame_count(); ++frame) {
     const auto sequence = split_values(file.header.value(tag::scanning_sequence, frame));
     const bool by_sequence = std::find(sequence.begin(), sequence.end(), "EP") != sequence.end();
     if (by_sequence || file.header.value(tag::echo_planar, frame) == "YES")
@@ -158,19 +58,6 @@ bool is_no_acquisition(const std::string& type) {
       "CURVED|MAP|E?ADC|(COL)?FA|TRACEW?|TENSOR|DIFFUSION|(R|REL)?(CB[FV]|MTT)|TTP|SUB(TRACT(ION)?)?)($|[^A-Z0-9])",
       std::regex::icase);
   return std::regex_search(type, words);
-}
-
-/// Derived, save by what scanners do to every image at once: distortions and the coils' sensitivities evened out.
-bool is_computed(const SeriesImage& image) {
-  static const std::vector<std::string> derived{"DERIVED", "PRIMARY", "M"};
-  static const std::set<std::string> at_once{"NONE", "ND", "NORM", "DIS2D", "DIS3D", "MFSPLIT"};
-  const auto& of_frame = image.value(tag::frame_type);
-  const auto type = split_values(of_frame.empty() ? image.value(tag::image_type) : of_frame);
-  if (type.empty() || type[0].rfind("DERIVED", 0) != 0) return false;
-  const std::size_t first = derived.size();
-  return type.size() < first || !std::equal(derived.begin(), derived.end(), type.begin()) ||
-         !std::all_of(type.begin() + static_cast<std::ptrdiff_t>(first), type.end(),
-                      [&](const std::string& word) { return at_once.count(word) > 0; });
 }
 
 void check_modality(const ScannedFile& file) {
@@ -322,16 +209,6 @@ void place_images(std::vector<SeriesImage>& images, SeriesInfo& info) {
   }
 }
 
-/// Which part of the complex image an image shows; a classic one says it by a word of its type.
-std::string component_of(const SeriesImage& image) {
-  const auto& told = image.value(tag::complex_image_component);
-  if (!told.empty() && told != "MIXED") return told;
-  for (const Tag& tag : {tag::frame_type, tag::image_type})
-    for (const std::string& word : split_values(image.value(tag)))
-      if (word == "P" || word == "PHASE") return "PHASE";
-  return "MAGNITUDE";
-}
-
 void check_component(const std::vector<SeriesImage>& images, const std::string& uid) {
   const SeriesImage& first = images.front();
   for (const SeriesImage& image : images) {
@@ -410,153 +287,7 @@ void apply_choice(const std::vector<SeriesChoice>& choices, const SeriesInfo& in
   }
 }
 
-void add_statistics(const std::vector<SeriesImage>& images, SeriesInfo& info) {
-  double lowest = std::numeric_limits<double>::infinity(), highest = -lowest, sum = 0, count = 0;
-  for (const auto& image : images) {
-    const auto& stored = image.source->frames.at(static_cast<std::size_t>(image.frame));
-    const double a = image.slope * stored.minimum + image.intercept,
-                 b = image.slope * stored.maximum + image.intercept;
-    lowest = std::min({lowest, a, b});
-    highest = std::max({highest, a, b});
-    sum +=
-        image.slope * static_cast<double>(stored.sum) + image.intercept * static_cast<double>(stored.count);
-    count += static_cast<double>(stored.count);
-  }
-  info.minimum = lowest;
-  info.maximum = highest;
-  info.mean = sum / count;
-}
-
-/// Whether one of the text's words names a part of the head.
-bool shows_head(const std::string& body_part) {
-  static const std::regex head("HEAD|BRAIN|(^|[^A-Z])(ORBIT|EYE|FACE(?!T)|SKULL)", std::regex::icase);
-  return body_part.empty() || std::regex_search(body_part, head);
-}
-
-void warn_of_computed(const std::vector<SeriesImage>& images, SeriesInfo& info) {
-  const auto computed = std::count_if(images.begin(), images.end(), is_computed);
-  if (computed == 0) return;
-  info.computed = computed == static_cast<std::ptrdiff_t>(images.size());
-  const SeriesImage& first = *std::find_if(images.begin(), images.end(), is_computed);
-  const Tag& tag = first.value(tag::frame_type).empty() ? tag::image_type : tag::frame_type;
-  info.warnings.push_back(fmt::format(
-      "{}{}: computed from other images; smoother than the header tells where those were resampled or averaged",
-      found(first, tag), computed > 1 ? fmt::format(" and of {} more", computed - 1) : ""));
-}
-
-/// By a word of ImageType or FrameType.
-DixonPart dixon_part_of(const SeriesImage& image) {
-  static const std::map<std::string, DixonPart> parts{{"W", DixonPart::water},
-                                                      {"WATER", DixonPart::water},
-                                                      {"F", DixonPart::fat},
-                                                      {"FAT", DixonPart::fat},
-                                                      {"IP", DixonPart::in_phase},
-                                                      {"IN_PHASE", DixonPart::in_phase},
-                                                      {"OP", DixonPart::opposed_phase},
-                                                      {"OPP_PHASE", DixonPart::opposed_phase},
-                                                      {"OUT_PHASE", DixonPart::opposed_phase}};
-  for (const Tag& tag : {tag::frame_type, tag::image_type})
-    for (const std::string& word : split_values(image.value(tag)))
-      if (const auto part = parts.find(word); part != parts.end()) return part->second;
-  return DixonPart::all;
-}
-
-void warn_of_dixon_part(const std::vector<SeriesImage>& images, SeriesInfo& info) {
-  const DixonPart part = dixon_part_of(images.front());
-  const bool is_one = std::all_of(images.begin(), images.end(),
-                                  [&](const SeriesImage& image) { return dixon_part_of(image) == part; });
-  if (!is_one) return;
-  info.dixon_part = part;
-  if (const std::string why = why_unfit(part); !why.empty())
-    info.warnings.push_back(
-        fmt::format("{} says {}; used only where --series names it", to_string(tag::image_type), why));
-}
-
-/// A scanner's pixels are square and fill its field of view: what contradicts this may be a header that was changed.
-void warn_of_lengths(const SeriesImage& first, SeriesInfo& info) {
-  const double row_mm = *info.row_spacing_mm, column_mm = *info.column_spacing_mm;
-  if (std::abs(row_mm / column_mm - 1) > square_pixels)
-    info.warnings.push_back(fmt::format(
-        "{} is {:g} and {:g} mm, pixels that are not square: where one is wrong, lengths along that axis are wrong by up to {:.0f} %",
-        to_string(tag::pixel_spacing), row_mm, column_mm,
-        100 * (std::max(row_mm, column_mm) / std::min(row_mm, column_mm) - 1)));
-  const double field_mm = std::max(info.rows * row_mm, info.columns * column_mm);
-  const double diameter_mm = parse_number(first.value(tag::reconstruction_diameter)).value_or(0);
-  if (diameter_mm > 0 && std::abs(field_mm / diameter_mm - 1) > same_field)
-    info.warnings.push_back(fmt::format(
-        "{} is {:g} mm, but {} makes the field {:g} mm: the images were cropped, or all lengths are wrong by {:.0f} %",
-        to_string(tag::reconstruction_diameter), diameter_mm, to_string(tag::pixel_spacing), field_mm,
-        100 * std::abs(field_mm / diameter_mm - 1)));
-}
-
-void warn_of_phase(const SeriesImage& first, SeriesInfo& info) {
-  if (component_of(first) == "PHASE")
-    info.warnings.push_back(to_string(tag::image_type) + " says that these are phase images, not magnitudes");
-}
-
-void add_warnings(const Files& files, const SeriesImage& first, SeriesInfo& info) {
-  warn_of_files(
-      files, [](const auto& file) { return file.end.stray_bits; },
-      "samples have bits set outside " + to_string(tag::bits_stored) + "; they are masked", info);
-  warn_of_files(
-      files, [](const auto& file) { return file.end.extra_bytes > 0; },
-      to_string(tag::pixel_data) + " is longer than its image; the rest is ignored", info);
-  warn_of_files(
-      files, [](const auto& file) { return file.header.description_repaired; },
-      to_string(tag::series_description) + " is not in the character set " + to_string(tag::character_set),
-      info);
-  warn_of_files(
-      files, [](const auto& file) { return file.header.value(tag::lossy_compression) == "01"; },
-      to_string(tag::lossy_compression) + " says that the image was compressed with loss", info);
-  if (!shows_head(info.body_part))
-    info.warnings.push_back(to_string(tag::body_part) + " is " + in_quotes(info.body_part) +
-                            ", not the head");
-  warn_of_phase(first, info);
-  for (const auto& [tag, value] : {std::pair{tag::field_strength, info.field_strength_T},
-                                   std::pair{tag::pixel_bandwidth, info.pixel_bandwidth_Hz}})
-    if (const std::string& told = first.value(tag); !told.empty() && !value)
-      info.warnings.push_back(to_string(tag) + " is " + in_quotes(told) + ", no scanner's; it is not used");
-  if (info.private_scaling)
-    info.warnings.push_back(
-        fmt::format("Philips private scaling (2005,100e) {:g}, (2005,100d) {:g} is recorded, not applied",
-                    (*info.private_scaling)[0], (*info.private_scaling)[1]));
-  if (!info.slice_thickness_mm)
-    info.warnings.push_back(to_string(tag::slice_thickness) +
-                            (first.value(tag::slice_thickness).empty() ? " is absent" : " is no slice's") +
-                            "; the slice spacing is taken");
-  warn_of_files(
-      files,
-      [](const auto& file) {
-        return file.header.has(tag::patient_age) && !parse_age_years(file.header.value(tag::patient_age));
-      },
-      fmt::format("{} is no age below {:g} years and is not used; --age gives it",
-                  to_string(tag::patient_age), largest_age_years),
-      info);
-}
-
 }  // namespace
-
-std::string why_unfit(DixonPart part) {
-  switch (part) {
-    case DixonPart::fat:
-      return "that it shows fat alone, in which no eye is seen";
-    case DixonPart::opposed_phase:
-      return "that water and fat are opposed in phase, so that their borders are black";
-    default:
-      return {};
-  }
-}
-
-std::string ScannedFile::name() const {
-  if (is_sidecar) return mention(file, "the volume's sidecar");
-  const auto instance = parse_number(header.value(tag::instance_number));
-  return mention(file, instance ? fmt::format("slice {:g}", *instance) : fmt::format("file {}", number));
-}
-
-std::string SeriesImage::name() const {
-  const bool multi_frame = source->header.frames.size() > 1;
-  return source->name() + (multi_frame ? fmt::format(" frame {}", frame + 1) : "");
-}
 
 void judge_sidecar(const ScannedFile& sidecar, const IntakeOptions& options, SeriesInfo& info) {
   const std::optional<double> spacing_mm = info.slice_thickness_mm;
@@ -569,9 +300,7 @@ void judge_sidecar(const ScannedFile& sidecar, const IntakeOptions& options, Ser
   // Its text may name a person, whom a sidecar does not tell.
   if (!shows_head(sidecar.header.value(tag::body_part)))
     info.warnings.push_back(sidecar.name() + ": " + to_string(tag::body_part) + " is not the head");
-  warn_of_phase(images.front(), info);
-  warn_of_computed(images, info);
-  warn_of_dixon_part(images, info);
+  warn_of_image_type(images, info);
 }
 
 SeriesInfo judge_series(std::vector<ScannedFile> files, const IntakeOptions& options) {
@@ -598,10 +327,7 @@ SeriesInfo judge_series(std::vector<ScannedFile> files, const IntakeOptions& opt
     check_pixels(files);
     check_total_size(info, images.size(), options.limits.series_bytes);
     add_statistics(images, info);
-    add_warnings(files, images.front(), info);
-    warn_of_computed(images, info);
-    warn_of_dixon_part(images, info);
-    warn_of_lengths(images.front(), info);
+    add_warnings(files, images, info);
     judge_positions(images, info);
     check_contrast(images, info.uid);
     check_component(images, info.uid);

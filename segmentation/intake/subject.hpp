@@ -3,7 +3,8 @@
 #include <optional>
 #include <string>
 
-#include "segmentation/intake/series_checks.hpp"
+#include "segmentation/intake/scanned_series.hpp"
+#include "segmentation/intake/study.hpp"
 
 namespace emmetrope::segmentation {
 

@@ -1,0 +1,176 @@
+#include "segmentation/intake/series_warnings.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <regex>
+#include <set>
+
+#include "segmentation/intake/subject.hpp"
+#include "segmentation/intake/tag_values.hpp"
+
+namespace emmetrope::segmentation {
+namespace {
+
+/// Relative difference of row and column spacing from which pixels are not square.
+constexpr double square_pixels = 0.01;
+/// Relative difference of the field of view that two attributes tell.
+constexpr double same_field = 0.05;
+
+/// One warning for all files that share a fault.
+template <typename Fault>
+void warn_of_files(const std::vector<ScannedFile>& files, const Fault& has_fault, const std::string& text,
+                   SeriesInfo& info) {
+  std::string first;
+  std::size_t count = 0;
+  for (const auto& file : files)
+    if (has_fault(file) && ++count == 1) first = file.name();
+  if (count > 0)
+    info.warnings.push_back(
+        fmt::format("{}{}: {}", first, count > 1 ? fmt::format(" and {} more", count - 1) : "", text));
+}
+
+/// Derived, save by what scanners do to every image at once: distortions and the coils' sensitivities evened out.
+bool is_computed(const SeriesImage& image) {
+  static const std::vector<std::string> derived{"DERIVED", "PRIMARY", "M"};
+  static const std::set<std::string> at_once{"NONE", "ND", "NORM", "DIS2D", "DIS3D", "MFSPLIT"};
+  const auto& of_frame = image.value(tag::frame_type);
+  const auto type = split_values(of_frame.empty() ? image.value(tag::image_type) : of_frame);
+  if (type.empty() || type[0].rfind("DERIVED", 0) != 0) return false;
+  const std::size_t first = derived.size();
+  return type.size() < first || !std::equal(derived.begin(), derived.end(), type.begin()) ||
+         !std::all_of(type.begin() + static_cast<std::ptrdiff_t>(first), type.end(),
+                      [&](const std::string& word) { return at_once.count(word) > 0; });
+}
+
+void warn_of_computed(const std::vector<SeriesImage>& images, SeriesInfo& info) {
+  const auto computed = std::count_if(images.begin(), images.end(), is_computed);
+  if (computed == 0) return;
+  info.computed = computed == static_cast<std::ptrdiff_t>(images.size());
+  const SeriesImage& first = *std::find_if(images.begin(), images.end(), is_computed);
+  const Tag& tag = first.value(tag::frame_type).empty() ? tag::image_type : tag::frame_type;
+  info.warnings.push_back(fmt::format(
+      "{}{}: computed from other images; smoother than the header tells where those were resampled or averaged",
+      found(first, tag), computed > 1 ? fmt::format(" and of {} more", computed - 1) : ""));
+}
+
+/// By a word of ImageType or FrameType.
+DixonPart dixon_part_of(const SeriesImage& image) {
+  static const std::map<std::string, DixonPart> parts{{"W", DixonPart::water},
+                                                      {"WATER", DixonPart::water},
+                                                      {"F", DixonPart::fat},
+                                                      {"FAT", DixonPart::fat},
+                                                      {"IP", DixonPart::in_phase},
+                                                      {"IN_PHASE", DixonPart::in_phase},
+                                                      {"OP", DixonPart::opposed_phase},
+                                                      {"OPP_PHASE", DixonPart::opposed_phase},
+                                                      {"OUT_PHASE", DixonPart::opposed_phase}};
+  for (const Tag& tag : {tag::frame_type, tag::image_type})
+    for (const std::string& word : split_values(image.value(tag)))
+      if (const auto part = parts.find(word); part != parts.end()) return part->second;
+  return DixonPart::all;
+}
+
+void warn_of_dixon_part(const std::vector<SeriesImage>& images, SeriesInfo& info) {
+  const DixonPart part = dixon_part_of(images.front());
+  const bool is_one = std::all_of(images.begin(), images.end(),
+                                  [&](const SeriesImage& image) { return dixon_part_of(image) == part; });
+  if (!is_one) return;
+  info.dixon_part = part;
+  if (const std::string why = why_unfit(part); !why.empty())
+    info.warnings.push_back(
+        fmt::format("{} says {}; used only where --series names it", to_string(tag::image_type), why));
+}
+
+/// A scanner's pixels are square and fill its field of view: what contradicts this may be a header that was changed.
+void warn_of_lengths(const SeriesImage& first, SeriesInfo& info) {
+  const double row_mm = *info.row_spacing_mm, column_mm = *info.column_spacing_mm;
+  if (std::abs(row_mm / column_mm - 1) > square_pixels)
+    info.warnings.push_back(fmt::format(
+        "{} is {:g} and {:g} mm, pixels that are not square: where one is wrong, lengths along that axis are wrong by up to {:.0f} %",
+        to_string(tag::pixel_spacing), row_mm, column_mm,
+        100 * (std::max(row_mm, column_mm) / std::min(row_mm, column_mm) - 1)));
+  const double field_mm = std::max(info.rows * row_mm, info.columns * column_mm);
+  const double diameter_mm = parse_number(first.value(tag::reconstruction_diameter)).value_or(0);
+  if (diameter_mm > 0 && std::abs(field_mm / diameter_mm - 1) > same_field)
+    info.warnings.push_back(fmt::format(
+        "{} is {:g} mm, but {} makes the field {:g} mm: the images were cropped, or all lengths are wrong by {:.0f} %",
+        to_string(tag::reconstruction_diameter), diameter_mm, to_string(tag::pixel_spacing), field_mm,
+        100 * std::abs(field_mm / diameter_mm - 1)));
+}
+
+void warn_of_phase(const SeriesImage& first, SeriesInfo& info) {
+  if (component_of(first) == "PHASE")
+    info.warnings.push_back(to_string(tag::image_type) + " says that these are phase images, not magnitudes");
+}
+
+}  // namespace
+
+std::string why_unfit(DixonPart part) {
+  switch (part) {
+    case DixonPart::fat:
+      return "that it shows fat alone, in which no eye is seen";
+    case DixonPart::opposed_phase:
+      return "that water and fat are opposed in phase, so that their borders are black";
+    default:
+      return {};
+  }
+}
+
+bool shows_head(const std::string& body_part) {
+  static const std::regex head("HEAD|BRAIN|(^|[^A-Z])(ORBIT|EYE|FACE(?!T)|SKULL)", std::regex::icase);
+  return body_part.empty() || std::regex_search(body_part, head);
+}
+
+void warn_of_image_type(const std::vector<SeriesImage>& images, SeriesInfo& info) {
+  warn_of_phase(images.front(), info);
+  warn_of_computed(images, info);
+  warn_of_dixon_part(images, info);
+}
+
+void add_warnings(const std::vector<ScannedFile>& files, const std::vector<SeriesImage>& images,
+                  SeriesInfo& info) {
+  const SeriesImage& first = images.front();
+  warn_of_files(
+      files, [](const auto& file) { return file.end.stray_bits; },
+      "samples have bits set outside " + to_string(tag::bits_stored) + "; they are masked", info);
+  warn_of_files(
+      files, [](const auto& file) { return file.end.extra_bytes > 0; },
+      to_string(tag::pixel_data) + " is longer than its image; the rest is ignored", info);
+  warn_of_files(
+      files, [](const auto& file) { return file.header.description_repaired; },
+      to_string(tag::series_description) + " is not in the character set " + to_string(tag::character_set),
+      info);
+  warn_of_files(
+      files, [](const auto& file) { return file.header.value(tag::lossy_compression) == "01"; },
+      to_string(tag::lossy_compression) + " says that the image was compressed with loss", info);
+  if (!shows_head(info.body_part))
+    info.warnings.push_back(to_string(tag::body_part) + " is " + in_quotes(info.body_part) +
+                            ", not the head");
+  for (const auto& [tag, value] : {std::pair{tag::field_strength, info.field_strength_T},
+                                   std::pair{tag::pixel_bandwidth, info.pixel_bandwidth_Hz}})
+    if (const std::string& told = first.value(tag); !told.empty() && !value)
+      info.warnings.push_back(to_string(tag) + " is " + in_quotes(told) + ", no scanner's; it is not used");
+  if (info.private_scaling)
+    info.warnings.push_back(
+        fmt::format("Philips private scaling (2005,100e) {:g}, (2005,100d) {:g} is recorded, not applied",
+                    (*info.private_scaling)[0], (*info.private_scaling)[1]));
+  if (!info.slice_thickness_mm)
+    info.warnings.push_back(to_string(tag::slice_thickness) +
+                            (first.value(tag::slice_thickness).empty() ? " is absent" : " is no slice's") +
+                            "; the slice spacing is taken");
+  warn_of_files(
+      files,
+      [](const auto& file) {
+        return file.header.has(tag::patient_age) && !parse_age_years(file.header.value(tag::patient_age));
+      },
+      fmt::format("{} is no age below {:g} years and is not used; --age gives it",
+                  to_string(tag::patient_age), largest_age_years),
+      info);
+  warn_of_image_type(images, info);
+  warn_of_lengths(first, info);
+}
+
+}  // namespace emmetrope::segmentation

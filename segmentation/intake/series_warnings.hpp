@@ -1,0 +1,25 @@
+#pragma once
+#include <string>
+#include <vector>
+
+#include "segmentation/intake/scanned_series.hpp"
+#include "segmentation/intake/study.hpp"
+
+/// What is said of a series that is used all the same. Listed in docs/use/reading-dicom.md.
+namespace emmetrope::segmentation {
+
+/// What an image that is a part of the signal says for which no eye is measured in it; empty of others.
+std::string why_unfit(DixonPart part);
+
+/// Whether one of the text's words names a part of the head; of an absent text it is not denied.
+bool shows_head(const std::string& body_part);
+
+/// Phase images, computed ones and parts of the signal; sets `computed` and `dixon_part` of `info`.
+void warn_of_image_type(const std::vector<SeriesImage>& images, SeriesInfo& info);
+
+/// All that a series of files is warned of.
+/// \param images  of the files, at least one
+void add_warnings(const std::vector<ScannedFile>& files, const std::vector<SeriesImage>& images,
+                  SeriesInfo& info);
+
+}  // namespace emmetrope::segmentation
