@@ -8,6 +8,7 @@
 #include <regex>
 #include <set>
 
+#include "segmentation/intake/plausible.hpp"
 #include "segmentation/intake/subject.hpp"
 #include "segmentation/intake/tag_values.hpp"
 
