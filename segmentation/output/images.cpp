@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+
 #include "pipeline/base/json.hpp"
 #include "segmentation/intake/nifti.hpp"
 #include "segmentation/labels/eye_labels.hpp"
@@ -17,34 +19,52 @@ fs::path overlay_file(const fs::path& folder, const Stack& stack) {
   return folder / fmt::format("overlay_{}.png", stack.name);
 }
 
-/// To the contrast that stands, and to the other one.
-std::vector<const EyeFit*> fits_of(const JudgedEye& eye) {
-  std::vector<const EyeFit*> fits;
-  if (eye.fit) fits.push_back(&*eye.fit);
-  for (const JudgedEye& other : eye.in_other_contrast)
-    if (other.fit) fits.push_back(&*other.fit);
-  return fits;
+/// What is told of an eye in a picture of one of its views besides, or instead of, its fit.
+OverlayNotes notes_of(const JudgedEye& eye, const EyeView& view) {
+  OverlayNotes notes;
+  if (eye.fit)
+    notes.withheld = !eye.is_fitted()   ? Withholds::fit
+                     : !eye.has_front() ? Withholds::front
+                                        : Withholds::nothing;
+  if (eye.is_read())
+    notes.edges =
+        ToldEdges{eye.main_edges()->reading, view.globe.centre - eye.found.views.front().globe.centre,
+                  eye.edges_on_axis_withheld().empty()};
+  return notes;
+}
+
+/// Views that the eye was not fitted to.
+void write_unfitted(const fs::path& folder, const JudgedEye& eye, const std::vector<const Stack*>& stacks) {
+  const EyeView& first = eye.found.views.front();
+  const auto write = [&](const EyeView& view) {
+    const Stack& stack = *stacks[view.stack];
+    const OverlayNotes notes = notes_of(eye, view);
+    const fs::path file = overlay_file(folder, stack);
+    if (eye.fit)
+      write_overlay(file, *eye.fit, stack, first.globe.centre - view.globe.centre, notes);
+    else if (notes.edges)
+      write_edge_overlay(file, stack, *notes.edges);
+    else
+      write_plain(file, stack, view.globe.centre);
+  };
+  if (!eye.fit) std::for_each(eye.found.views.begin(), eye.found.views.end(), write);
+  std::for_each(eye.found.left_out.begin(), eye.found.left_out.end(), write);
+}
+
+void write_fitted(const fs::path& folder, const JudgedEye& eye) {
+  for (std::size_t v = 0; eye.fit && v < eye.fit->stacks.size(); ++v) {
+    const Stack& stack = *eye.fit->stacks[v].stack;
+    write_overlay(overlay_file(folder, stack), *eye.fit, v, notes_of(eye, eye.found.views[v]));
+    write_residuals(folder / fmt::format("residual_{}.png", stack.name), *eye.fit, v);
+  }
 }
 
 }  // namespace
 
 void write_eye_images(const fs::path& folder, const JudgedEye& eye, const std::vector<const Stack*>& stacks) {
-  const EyeView& first = eye.found.views.front();
-  for (const std::vector<EyeView>* views : {&eye.found.views, &eye.found.left_out})
-    for (const EyeView& view : *views) {
-      const Stack& stack = *stacks[view.stack];
-      if (!eye.fit) {
-        write_plain(overlay_file(folder, stack), stack, view.globe.centre);
-      } else if (views == &eye.found.left_out) {
-        write_overlay(overlay_file(folder, stack), *eye.fit, stack, first.globe.centre - view.globe.centre);
-      }
-    }
-  for (const EyeFit* fit : fits_of(eye))
-    for (std::size_t v = 0; v < fit->stacks.size(); ++v) {
-      const Stack& stack = *fit->stacks[v].stack;
-      write_overlay(overlay_file(folder, stack), *fit, v);
-      write_residuals(folder / fmt::format("residual_{}.png", stack.name), *fit, v);
-    }
+  write_unfitted(folder, eye, stacks);
+  write_fitted(folder, eye);
+  for (const JudgedEye& other : eye.in_other_contrast) write_fitted(folder, other);
 }
 
 void write_middle_slices(const fs::path& folder, const std::vector<const Stack*>& stacks) {

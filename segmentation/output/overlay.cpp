@@ -18,13 +18,14 @@ using Eigen::Vector3d;
 
 constexpr int tile_px = 288, tiles_across = 3, tiles = 6;
 constexpr double tile_mm = 36, pixel_mm = tile_mm / tile_px;
+constexpr double reach_mm = 8, between_tiles_mm = 2 * reach_mm / (tiles - 1);
 
 /// The slices that are shown: evenly through the globe, each nearest to its place.
-std::vector<int> slices_through(const Stack& stack, const Vector3d& centre, double reach_mm) {
+std::vector<int> slices_through(const Stack& stack, const Vector3d& centre) {
   std::vector<int> chosen;
   const double middle = stack.normal.dot(centre);
   for (int i = 0; i < tiles; ++i) {
-    const double wanted = middle + reach_mm * (2.0 * i / (tiles - 1) - 1);
+    const double wanted = middle - reach_mm + i * between_tiles_mm;
     int best = 0;
     for (int s = 1; s < stack.slices(); ++s)
       if (std::abs(stack.normal.dot(stack.slice_position[s]) - wanted) <
@@ -79,9 +80,12 @@ class Tile {
     return {static_cast<int>(from_corner.dot(axes_.right) / pixel_mm),
             static_cast<int>(from_corner.dot(axes_.down) / pixel_mm)};
   }
+  /// From the slice's middle plane.
+  double distance_mm(const Vector3d& position) const {
+    return std::abs((position - stack_.slice_position[slice_]).dot(stack_.normal));
+  }
   bool is_in_slice(const Vector3d& position) const {
-    return std::abs((position - stack_.slice_position[slice_]).dot(stack_.normal)) <
-           stack_.slice_spacing_mm() / 2;
+    return distance_mm(position) < stack_.slice_spacing_mm() / 2;
   }
   /// A voxel of the stack about this position.
   void fill_voxel(cv::Mat& image, const Vector3d& position, const cv::Scalar& colour) const {
@@ -115,13 +119,15 @@ class Tile {
     cv::cvtColor(scaled, colour, cv::COLOR_GRAY2BGR);
     return colour;
   }
-  /// Stack and slice, and at each edge the way to the patient's left, right, front, back, head or feet.
-  void annotate(cv::Mat& image) const {
+  /// Stack and slice, notes below them, and at each edge the way to the patient's left, right, front, back, head or
+  /// feet.
+  void annotate(cv::Mat& image, const std::vector<std::string>& notes) const {
     const auto write = [&](const std::string& text, cv::Point at, double scale) {
       cv::putText(image, text, at, cv::FONT_HERSHEY_SIMPLEX, scale, {0, 0, 0}, 3, cv::LINE_AA);
       cv::putText(image, text, at, cv::FONT_HERSHEY_SIMPLEX, scale, {255, 255, 255}, 1, cv::LINE_AA);
     };
     write(fmt::format("{} slice {}", stack_.name, slice_ + 1), {6, 16}, 0.42);
+    for (std::size_t i = 0; i < notes.size(); ++i) write(notes[i], {6, 31 + 14 * static_cast<int>(i)}, 0.36);
     constexpr int middle = tile_px / 2;
     write(direction_letter(-axes_.right), {5, middle + 5}, 0.5);
     write(direction_letter(axes_.right), {tile_px - 16, middle + 5}, 0.5);
@@ -138,34 +144,70 @@ class Tile {
   Vector3d corner_;
 };
 
+// Blue, green, red.
+const cv::Vec3b lens_colour(0, 140, 255), cornea_colour(230, 210, 0), inner_wall_colour(80, 220, 60),
+    grey_border(150, 150, 150);
+
 cv::Vec3b colour_between(Label a, Label b) {
   const auto either = [&](Label l) { return a == l || b == l; };
-  if (either(Label::lens)) return {0, 140, 255};
+  if (either(Label::lens)) return lens_colour;
   if (either(Label::iris)) return {230, 80, 200};
-  if (either(Label::cornea)) return {230, 210, 0};
+  if (either(Label::cornea)) return cornea_colour;
   if (either(Label::none)) return {0, 220, 240};
-  return {80, 220, 60};
+  return inner_wall_colour;
+}
+
+/// What of a tile lies where: between two neighbours unlike each other runs a border.
+/// \param at  of a position, LPS mm
+/// \param colour_between  of two that differ
+template <typename At, typename ColourBetween>
+void draw_borders(cv::Mat& tile_image, const Tile& tile, const At& at, const ColourBetween& colour_between) {
+  std::vector<decltype(at(Vector3d()))> held(static_cast<std::size_t>(tile_px) * tile_px);
+  const auto of = [&](int x, int y) -> auto& { return held[static_cast<std::size_t>(y) * tile_px + x]; };
+  for (int y = 0; y < tile_px; ++y)
+    for (int x = 0; x < tile_px; ++x) of(x, y) = at(tile.position(x, y));
+  for (int y = 0; y + 1 < tile_px; ++y)
+    for (int x = 0; x + 1 < tile_px; ++x)
+      for (const auto next : {of(x + 1, y), of(x, y + 1)})
+        if (next != of(x, y)) tile_image.at<cv::Vec3b>(y, x) = colour_between(of(x, y), next);
 }
 
 /// \param shift  of the head against the stack `view` of the fit, LPS mm
-void draw_borders(cv::Mat& tile_image, const Tile& tile, const EyeFit& fit, std::size_t view,
-                  const Vector3d& shift) {
+void draw_fit(cv::Mat& tile_image, const Tile& tile, const EyeFit& fit, std::size_t view,
+              const Vector3d& shift, Withholds withheld) {
   const EyeInStack eye(fit, view, tile.stack(), shift);
-  std::vector<Label> labels(static_cast<std::size_t>(tile_px) * tile_px);
-  for (int y = 0; y < tile_px; ++y)
-    for (int x = 0; x < tile_px; ++x)
-      labels[static_cast<std::size_t>(y) * tile_px + x] = eye.at(tile.position(x, y));
   // The front chamber and the vitreous are one fluid: no border between them.
-  const auto shown = [&](int x, int y) {
-    const Label label = labels[static_cast<std::size_t>(y) * tile_px + x];
+  const auto shown = [&](const Vector3d& position) {
+    const Label label = eye.at(position);
     return label == Label::anterior_chamber ? Label::vitreous : label;
   };
-  for (int y = 0; y + 1 < tile_px; ++y) {
-    for (int x = 0; x + 1 < tile_px; ++x) {
-      const Label here = shown(x, y);
-      for (const Label next : {shown(x + 1, y), shown(x, y + 1)})
-        if (next != here) tile_image.at<cv::Vec3b>(y, x) = colour_between(here, next);
-    }
+  const auto is_withheld = [&](Label a, Label b) {
+    const auto either = [&](Label l) { return a == l || b == l; };
+    const bool is_of_front = either(Label::cornea) || either(Label::iris) || either(Label::lens);
+    return withheld == Withholds::fit || (withheld == Withholds::front && is_of_front);
+  };
+  draw_borders(tile_image, tile, shown,
+               [&](Label a, Label b) { return is_withheld(a, b) ? grey_border : colour_between(a, b); });
+}
+
+/// The globe, and crosses where edges lie on its axis.
+void draw_edges(cv::Mat& tile_image, const Tile& tile, const ToldEdges& told) {
+  const EdgeEllipsoid& globe = told.reading.globe;
+  const Vector3d centre = globe.centre + told.shift;
+  const auto is_inside = [&](const Vector3d& position) -> unsigned char {
+    const Vector3d in_axes = globe.axes.transpose() * (position - centre);
+    return in_axes.cwiseQuotient(globe.half_axes).squaredNorm() < 1 ? 1 : 0;
+  };
+  draw_borders(tile_image, tile, is_inside, [](int, int) { return inner_wall_colour; });
+  if (!told.with_axis || !told.reading.axial) return;
+  const AxialEdges& axial = *told.reading.axial;
+  for (const auto& [along_mm, colour] : {std::pair{axial.inner_cornea_mm, cornea_colour},
+                                         {axial.lens_front_mm, lens_colour},
+                                         {axial.lens_back_mm, lens_colour},
+                                         {axial.inner_wall_mm, inner_wall_colour}}) {
+    const Vector3d place = centre + along_mm * globe.axes.col(2);
+    if (tile.distance_mm(place) < between_tiles_mm / 2 + tile.stack().slice_spacing_mm() / 2)
+      cv::drawMarker(tile_image, tile.pixel_of(place), colour, cv::MARKER_TILTED_CROSS, 9, 1, cv::LINE_AA);
   }
 }
 
@@ -221,68 +263,91 @@ Vector3d centre_in_view(const EyeFit& fit, std::size_t view) {
   return fit.globe_centre_lps() - fit.head_shift_lps(view);
 }
 
-void write_borders(const std::filesystem::path& file, const Stack& stack, const EyeFit& fit, std::size_t view,
-                   const Vector3d& shift) {
-  const Vector3d globe = centre_in_view(fit, view) - shift;
-  // The crop is centred between cornea and fundus.
-  const Vector3d centre = globe + 1.5 * gaze_axis(fit.value(gaze_horizontal), fit.value(gaze_vertical));
+/// \param globe  its centre in the stack, LPS mm
+/// \param centre  of the pictures
+/// \param draw  on the slice, in grey, what is to be seen
+template <typename Draw>
+void write_slices(const std::filesystem::path& file, const Stack& stack, const Vector3d& globe,
+                  const Vector3d& centre, const std::vector<std::string>& notes, const Draw& draw) {
   const auto [black, white] = window(stack, centre);
   std::vector<cv::Mat> images;
-  for (const int slice : slices_through(stack, globe, 8)) {
+  for (const int slice : slices_through(stack, globe)) {
     const Tile tile(stack, slice, centre);
     cv::Mat image = tile.grey(black, white);
-    draw_borders(image, tile, fit, view, shift);
-    draw_masses(image, tile, fit, shift + fit.head_shift_lps(view));
-    tile.annotate(image);
+    draw(image, tile);
+    tile.annotate(image, notes);
     images.push_back(image);
   }
   write_montage(file, images);
+}
+
+/// Between cornea and fundus.
+Vector3d middle_of_eye(const Vector3d& globe, const Vector3d& outward) { return globe + 1.5 * outward; }
+
+Vector3d outward_of(const EyeFit& fit) {
+  return gaze_axis(fit.value(gaze_horizontal), fit.value(gaze_vertical));
+}
+
+constexpr const char* edges_note = "green: edges";
+
+std::vector<std::string> lines_of(const OverlayNotes& notes) {
+  std::vector<std::string> lines;
+  if (notes.edges) lines.emplace_back(edges_note);
+  if (notes.withheld == Withholds::fit) lines.emplace_back("grey: fit, withheld");
+  if (notes.withheld == Withholds::front) lines.emplace_back("grey: withheld");
+  return lines;
+}
+
+void write_borders(const std::filesystem::path& file, const Stack& stack, const EyeFit& fit, std::size_t view,
+                   const Vector3d& shift, const OverlayNotes& notes) {
+  const Vector3d globe = centre_in_view(fit, view) - shift;
+  write_slices(file, stack, globe, middle_of_eye(globe, outward_of(fit)), lines_of(notes),
+               [&](cv::Mat& image, const Tile& tile) {
+                 draw_fit(image, tile, fit, view, shift, notes.withheld);
+                 if (notes.withheld != Withholds::fit)
+                   draw_masses(image, tile, fit, shift + fit.head_shift_lps(view));
+                 if (notes.edges) draw_edges(image, tile, *notes.edges);
+               });
 }
 
 }  // namespace
 
-void write_overlay(const std::filesystem::path& file, const EyeFit& fit, std::size_t view) {
-  write_borders(file, *fit.stacks[view].stack, fit, view, Vector3d::Zero());
+void write_overlay(const std::filesystem::path& file, const EyeFit& fit, std::size_t view,
+                   const OverlayNotes& notes) {
+  write_borders(file, *fit.stacks[view].stack, fit, view, Vector3d::Zero(), notes);
 }
 
 void write_overlay(const std::filesystem::path& file, const EyeFit& fit, const Stack& other,
-                   const Vector3d& shift) {
-  write_borders(file, other, fit, 0, shift);
+                   const Vector3d& shift, const OverlayNotes& notes) {
+  write_borders(file, other, fit, 0, shift, notes);
+}
+
+void write_edge_overlay(const std::filesystem::path& file, const Stack& stack, const ToldEdges& edges) {
+  const EdgeEllipsoid& read = edges.reading.globe;
+  const Vector3d globe = read.centre + edges.shift;
+  write_slices(file, stack, globe, middle_of_eye(globe, read.axes.col(2)), {edges_note},
+               [&](cv::Mat& image, const Tile& tile) { draw_edges(image, tile, edges); });
 }
 
 void write_residuals(const std::filesystem::path& file, const EyeFit& fit, std::size_t view) {
-  const Stack& stack = *fit.stacks[view].stack;
   const Vector3d globe = centre_in_view(fit, view);
-  const Vector3d centre = globe + 1.5 * gaze_axis(fit.value(gaze_horizontal), fit.value(gaze_vertical));
-  const auto [black, white] = window(stack, centre);
-  std::vector<cv::Mat> images;
-  for (const int slice : slices_through(stack, globe, 8)) {
-    const Tile tile(stack, slice, centre);
-    cv::Mat image = 0.35 * tile.grey(black, white);
-    for (std::size_t i = 0; i < fit.samples.size(); ++i) {
-      const Sample& sample = fit.samples[i];
-      if (sample.stack != view || !tile.is_in_slice(sample.position)) continue;
-      const double t = std::clamp(fit.residuals[i] / 4, -1.0, 1.0);
-      const double fade = 255 * (1 - std::abs(t));
-      const cv::Scalar colour = t > 0 ? cv::Scalar(fade, fade, 255) : cv::Scalar(255, fade, fade);
-      tile.fill_voxel(image, sample.position, colour);
-    }
-    tile.annotate(image);
-    images.push_back(image);
-  }
-  write_montage(file, images);
+  write_slices(file, *fit.stacks[view].stack, globe, middle_of_eye(globe, outward_of(fit)), {},
+               [&](cv::Mat& image, const Tile& tile) {
+                 image *= 0.35;
+                 for (std::size_t i = 0; i < fit.samples.size(); ++i) {
+                   const Sample& sample = fit.samples[i];
+                   if (sample.stack != view || !tile.is_in_slice(sample.position)) continue;
+                   const double t = std::clamp(fit.residuals[i] / 4, -1.0, 1.0);
+                   const double fade = 255 * (1 - std::abs(t));
+                   const cv::Scalar colour =
+                       t > 0 ? cv::Scalar(fade, fade, 255) : cv::Scalar(255, fade, fade);
+                   tile.fill_voxel(image, sample.position, colour);
+                 }
+               });
 }
 
 void write_plain(const std::filesystem::path& file, const Stack& stack, const Vector3d& centre) {
-  const auto [black, white] = window(stack, centre);
-  std::vector<cv::Mat> images;
-  for (const int slice : slices_through(stack, centre, 8)) {
-    const Tile tile(stack, slice, centre);
-    cv::Mat image = tile.grey(black, white);
-    tile.annotate(image);
-    images.push_back(image);
-  }
-  write_montage(file, images);
+  write_slices(file, stack, centre, centre, {}, [](cv::Mat&, const Tile&) {});
 }
 
 }  // namespace emmetrope::segmentation

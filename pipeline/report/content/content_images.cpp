@@ -129,16 +129,18 @@ FigureRow overlays_of(const EyeData& eye) {
     const bool is_fitted = fs::exists(file.parent_path() / ("residual" + of_stack + ".png"));
     figure.title = std::string(eye.laterality == Laterality::od ? "OD, " : "OS, ") +
                    (is_residual ? "residuals of the fit"
-                    : is_fitted ? "contours of the fit"
+                    : is_fitted ? "contours"
                                 : "a stack that was not fitted") +
                    stack_of(file);
     figure.caption =
         is_residual
             ? "Measured minus modelled signal in units of the noise. It should look like noise; a rim "
               "of one colour is an edge that was missed."
-        : is_fitted ? "The fit's contours on the slices as they were acquired."
-                    : "The eye as other stacks show it, if they do, placed where the globe was found in this "
-                      "one, to about a millimetre.";
+        : is_fitted
+            ? "The fit's contours on the slices as they were acquired. Of a fit that is withheld they are "
+              "grey; where edges stand instead, green is the globe by them."
+            : "The eye as other stacks show it, if they do, placed where the globe was found in this "
+              "one, to about a millimetre.";
     if (is_residual) add_scale(figure);
     figure.alt =
         is_residual ? "Residuals of the fit on the MR slices" : "Contours of the eye on the MR slices";

@@ -4,13 +4,13 @@
 
 #include <algorithm>
 #include <cmath>
-#include <opencv2/imgcodecs.hpp>
 
 #include "data_samples/phantom/anatomy.hpp"
 #include "data_samples/phantom/true_optics.hpp"
 #include "data_samples/phantom/truth.hpp"
 #include "segmentation/output/overlay.hpp"
 #include "tests/support/phantom_eyes.hpp"
+#include "tests/support/pixels.hpp"
 #include "tests/support/temporary_folder.hpp"
 
 namespace emmetrope::segmentation {
@@ -35,12 +35,7 @@ int red_pixels(const EyeFit& fit) {
   const test::TemporaryFolder folder;
   const std::filesystem::path file = folder.path() / "overlay.png";
   write_overlay(file, fit, 0);
-  const cv::Mat picture = cv::imread(file.string());
-  int red = 0;
-  for (int row = 0; row < picture.rows; ++row)
-    for (int column = 0; column < picture.cols; ++column)
-      red += picture.at<cv::Vec3b>(row, column) == cv::Vec3b(60, 60, 255) ? 1 : 0;
-  return red;
+  return test::pixels_of(file, {60, 60, 255});
 }
 
 /// Voxels of a mass that lie in the phantom's tumour.

@@ -17,6 +17,7 @@
 #include "segmentation/labels/eye_labels.hpp"
 #include "segmentation/stage.hpp"
 #include "tests/support/phantom_eyes.hpp"
+#include "tests/support/pixels.hpp"
 
 namespace emmetrope::segmentation {
 namespace {
@@ -94,7 +95,12 @@ class QualityGates : public testing::Test {
   /// The fit is withheld, and a ruler on the edges tells the globe's extents all the same.
   void expect_read(const Answer& answer, const std::string& reason) const {
     expect_withheld(answer, reason, ExitStatus::partial);
-    const Json edges = read_json(folder_ / "case" / "segmentation" / "od" / "fit.json").at("edges");
+    const fs::path eye = folder_ / "case" / "segmentation" / "od";
+    const Json edges = read_json(eye / "fit.json").at("edges");
+    const fs::path picture = eye / "overlay_stack1.png";
+    EXPECT_GT(test::pixels_of(picture, {80, 220, 60}), 500) << "the globe";
+    EXPECT_GT(test::pixels_of(picture, {150, 150, 150}), 100) << "what is withheld";
+    EXPECT_EQ(test::pixels_of(picture, {230, 80, 200}), 0) << "an iris as of a fit that stands";
     for (const auto& [name, truth_mm] : {std::pair{"globe_width_mm", 2 * head_.od.globe_semi_x_mm},
                                          {"globe_height_mm", 2 * head_.od.globe_semi_y_mm}}) {
       const auto measured = edges.at(name).get<Measured>();
