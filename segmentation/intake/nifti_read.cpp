@@ -170,7 +170,11 @@ void check_sizes(const Header& header, const std::string& name) {
     if (size < 1 || (i <= 3 && size > 65'535))
       throw input_error(fmt::format("{}: dim[{}] is {}", name, i, size));
     if (i > 3 && size > 1)
-      throw unsupported_error(fmt::format("{}: dim[{}] is {}: several volumes; give one", name, i, size));
+      throw unsupported_error(
+          i == 4 ? fmt::format("{}: dim[4] is {}: several volumes; give one", name, size)
+                 : fmt::format("{}: dim[{}] is {}: several values of each voxel (colours, a vector?); give a "
+                               "volume of one",
+                               name, i, size));
   }
   if (static_cast<double>(dim[1]) * static_cast<double>(dim[2]) * static_cast<double>(dim[3]) *
           sizeof(float) >

@@ -127,6 +127,15 @@ void compare_stated_spacing(const SeriesImage& image, SeriesInfo& info) {
                     *info.slice_spacing_mm));
 }
 
+/// Gaps of planned slices: a tenth to a half of their thickness.
+void warn_of_sparse_slices(SeriesInfo& info) {
+  constexpr double largest_usual_ratio = 2;
+  if (info.slice_thickness_mm && *info.slice_spacing_mm > largest_usual_ratio * *info.slice_thickness_mm)
+    info.warnings.push_back(
+        fmt::format("slices {:.3g} mm thick lie {:.3g} mm apart: what is between them is in no image",
+                    *info.slice_thickness_mm, *info.slice_spacing_mm));
+}
+
 }  // namespace
 
 std::string too_few_slices(int slices) {
@@ -182,6 +191,7 @@ void judge_positions(std::vector<SeriesImage> images, SeriesInfo& info) {
         fmt::format("{} is up to {:.3f} mm off one line along the normal; every slice keeps its own position",
                     to_string(tag::image_position), line.largest_residual_mm));
   compare_stated_spacing(images.front(), info);
+  warn_of_sparse_slices(info);
 }
 
 }  // namespace emmetrope::segmentation

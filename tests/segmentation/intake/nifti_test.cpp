@@ -220,6 +220,23 @@ TEST_F(NiftiTest, BrokenFilesAreRefusedByName) {
   }
 }
 
+/// A time series has volumes to choose from; a picture in colours has three values of each voxel.
+TEST_F(NiftiTest, MoreThanOneValueOfAVoxelIsRefusedByWhatItIs) {
+  for (const auto& [dimension, says] :
+       {std::pair{4, "several volumes; give one"}, {5, "several values of each voxel"}}) {
+    const auto path = sound();
+    patch<std::int16_t>(path, 40, 5);
+    for (const int other : {4, 5})
+      patch<std::int16_t>(path, 40 + 2 * static_cast<std::size_t>(other), other == dimension ? 3 : 1);
+    try {
+      segmentation::read_nifti(path);
+      ADD_FAILURE() << says;
+    } catch (const Error& error) {
+      EXPECT_THAT(error.what(), HasSubstr(says));
+    }
+  }
+}
+
 TEST_F(NiftiTest, ScalesThatNoScanHasAreRefusedByField) {
   for (const auto& [offset, value, says] : {std::tuple{112, -1.0F, "scl_slope"},
                                             {112, 1e30F, "scl_slope"},

@@ -2,6 +2,9 @@
 #include <dcmtk/dcmdata/dcuid.h>
 #include <fmt/format.h>
 
+#include <fstream>
+
+#include "pipeline/base/files.hpp"
 #include "segmentation/intake/slice_grid.hpp"
 #include "tests/segmentation/intake/intake_test.hpp"
 
@@ -63,6 +66,24 @@ TEST_F(IntakeTest, LossyJpegIsReadAndWarnedOf) {
   EXPECT_THAT(only_series().warnings, Contains(HasSubstr("(0028,2110)")));
   const auto stack = read_only_series();
   for (int column = 0; column < 24; ++column) EXPECT_NEAR(stack.at(column, 7, 3), 100 * column, 25) << column;
+}
+
+/// NEMA's own sample files say 0 where 63 is meant, the end of the scan's spectral selection; decoders do not need it.
+TEST_F(IntakeTest, AScanHeaderOfNoSequentialJpegIsRead) {
+  GeneratedSeries series;
+  const auto files = series.write(folder(), EXS_JPEGProcess2_4);
+  const auto before = read_only_series();
+  for (const auto& file : files) {
+    std::string bytes = read_file(file);
+    // Start of scan, 8 bytes long, of one component: its number and table, Ss, Se, Ah and Al (ITU-T T.81 B.2.3).
+    const std::size_t scan = bytes.find(std::string("\xFF\xDA\x00\x08\x01", 5));
+    ASSERT_NE(scan, std::string::npos);
+    ASSERT_EQ(bytes[scan + 8], 63);
+    bytes[scan + 8] = 0;
+    std::ofstream(file, std::ios::binary) << bytes;
+  }
+  EXPECT_TRUE(only_series().usable) << only_series().reason;
+  EXPECT_EQ(read_only_series().slice_intensity, before.slice_intensity);
 }
 
 TEST_F(IntakeTest, InventorySaysWhatTheSeriesHolds) {
@@ -335,6 +356,17 @@ TEST_F(IntakeTest, ADisagreeingSliceSpacingIsWarnedOfAndNotUsed) {
   EXPECT_THAT(only_series().warnings, Contains(HasSubstr("(0018,0088)")));
   expect_generated_volume(read_only_series());
   EXPECT_EQ(read_only_series().slice_thickness_mm, 4);
+}
+
+/// Sagittal localisers: 2 mm apart in these series.
+TEST_F(IntakeTest, SlicesFarApartAreWarnedOf) {
+  GeneratedSeries series;
+  series.set_all(DCM_SliceThickness, "0.9");
+  series.write(folder());
+  EXPECT_THAT(only_series().warnings, Contains(HasSubstr("slices 0.9 mm thick lie 2 mm apart")));
+  series.set_all(DCM_SliceThickness, "1.5");
+  series.write(folder());
+  EXPECT_THAT(only_series().warnings, Not(Contains(HasSubstr("apart"))));
 }
 
 TEST_F(IntakeTest, LossyCompressionIsWarnedOf) {
