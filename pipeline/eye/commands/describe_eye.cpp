@@ -13,6 +13,7 @@
 #include "pipeline/eye/optics/exact_trace.hpp"
 #include "pipeline/eye/optics/paraxial.hpp"
 #include "pipeline/eye/optics/plausible_eye.hpp"
+#include "pipeline/eye/optics/retina_point.hpp"
 #include "pipeline/eye/population/limits.hpp"
 #include "pipeline/eye/schematic/schematic_eyes.hpp"
 
@@ -71,6 +72,21 @@ std::string text_of(const EyeModel& eye, const Json& json) {
   return text;
 }
 
+/// A ray out of the eye begins in the vitreous at the retina, whatever its numbers say.
+/// \throw Error (usage)
+void check_is_on_retina(const EyeModel& eye, const Eigen::Vector3d& from) {
+  constexpr double rounding_mm = 0.1;  // of the lengths that people write
+  const Eigen::Vector3d centre = retina_centre(eye), outwards = (from - centre).normalized();
+  const std::optional<RetinaPoint> retina = meet_retina(eye, Ray{centre, outwards});
+  if (!retina) return;
+  const double behind_mm = (from - retina->position_mm).dot(outwards);
+  if (std::abs(behind_mm) <= rounding_mm) return;
+  throw usage_error(fmt::format("--from lies {:.2f} mm {} the retina: a ray out of the eye starts on it",
+                                std::abs(behind_mm), behind_mm > 0 ? "behind" : "in front of"),
+                    fmt::format("seen from the globe's middle the retina is at {:.4f},{:.4f},{:.4f}",
+                                retina->position_mm.x(), retina->position_mm.y(), retina->position_mm.z()));
+}
+
 }  // namespace
 
 void declare_eye_options(CLI::App& app, EyeOptions& options) {
@@ -127,6 +143,7 @@ Answer describe_ray(const RayQuery& query) {
   const Eigen::Vector3d direction = (to - from).normalized();
   if (direction.z() == 0)
     throw usage_error("the ray runs across the eye's axis and neither into the eye nor out of it");
+  if (direction.z() > 0 && from.z() < 0) check_is_on_retina(eye, from);
   // From far off, which is how infinity is written, intersections would lose their digits: the same line from near.
   constexpr double near_mm = 1000;
   const double skipped_mm = std::max(0.0, -from.dot(direction) - near_mm);

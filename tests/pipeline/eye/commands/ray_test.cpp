@@ -134,6 +134,19 @@ TEST(RayCommand, ARayAwayFromTheEyeMeetsNothing) {
   EXPECT_EQ(json["state"], "missed_surface");
 }
 
+/// Navarro's retina is 24 mm behind the cornea.
+TEST(RayCommand, ARayOutOfTheEyeStartsOnTheRetina) {
+  RayQuery query;
+  query.eye = "navarro";
+  query.to_mm = {0, 0, 20};
+  query.from_mm = {0, 0, -24};
+  EXPECT_EQ(describe_ray(query).json["state"], "reached");
+  for (const double z_mm : {-30.0, -10.0, -2.0}) {
+    query.from_mm = {0, 0, z_mm};
+    EXPECT_THROW(describe_ray(query), Error) << z_mm;
+  }
+}
+
 TEST(RayCommand, RefusesARayWithoutDirection) {
   RayQuery query;
   query.eye = "navarro";
