@@ -297,7 +297,10 @@ void check_order(const EyeModel& eye) {
       if (surface.is_stop() && eye.surfaces[before].is_stop())
         throw input_error(place + ": key \"type\": an eye has one stop, and this is the second");
     }
-    if (k > 0 && surface.position_mm < eye.surfaces[k - 1].position_mm - 1e-9)
+    // A stop at a lens that is a mesh may have been put where its facets are.
+    const double tolerance_mm =
+        k > 0 && eye.surfaces[k - 1].is_stop() && mesh_of(surface) ? agreement_mm : 1e-9;
+    if (k > 0 && surface.position_mm < eye.surfaces[k - 1].position_mm - tolerance_mm)
       throw input_error(
           place + ": key \"position_mm\": " + std::to_string(surface.position_mm) +
           " lies in front of the surface before it; surfaces stand in the order that light meets them");

@@ -80,7 +80,9 @@ MeshShape::MeshShape(TriangleMesh mesh_in_shape, MeshInterpolation interpolation
       interpolation_(interpolation),
       source_(std::move(source)),
       hierarchy_(mesh_) {
-  if (std::abs(axis_depth_mm(mesh_)) > 1e-6)
+  // A facet lies behind the smooth surface through its corners, at the vertex too.
+  constexpr double largest_sagitta_mm = 0.2;
+  if (std::abs(axis_depth_mm(mesh_)) > largest_sagitta_mm)
     throw input_error("the mesh does not cross the axis at its surface's vertex");
   if (mesh_.normals.empty()) estimate_normals(mesh_);
   if (interpolated_normal(mesh_, axis_crossings(hierarchy_).front()).z() < 0) {
@@ -159,14 +161,22 @@ Surface make_mesh_surface(const std::string& name, const TriangleMesh& mesh_in_e
                           const std::string& medium_after, MeshInterpolation interpolation,
                           const MeshSource& source) {
   check_unit(mesh_in_eye);
+  const auto shape_at = [&](double depth_mm) {
+    Eigen::Isometry3d surface_from_eye = Eigen::Isometry3d::Identity();
+    surface_from_eye.translation().z() = depth_mm;
+    return std::make_shared<MeshShape>(transformed(surface_from_eye, mesh_in_eye), interpolation, source);
+  };
   Surface surface;
   surface.name = name;
   surface.position_mm = axis_depth_mm(mesh_in_eye);
   surface.medium_after = medium_after;
-  Eigen::Isometry3d surface_from_eye = Eigen::Isometry3d::Identity();
-  surface_from_eye.translation().z() = surface.position_mm;
-  surface.shape =
-      std::make_shared<MeshShape>(transformed(surface_from_eye, mesh_in_eye), interpolation, source);
+  auto shape = shape_at(surface.position_mm);
+  // The vertex is where rays meet the surface, not where the axis meets a facet.
+  if (const double sagitta_mm = shape->depth_mm(0, 0).value_or(0); sagitta_mm != 0) {
+    surface.position_mm += sagitta_mm;
+    shape = shape_at(surface.position_mm);
+  }
+  surface.shape = shape;
   return surface;
 }
 

@@ -20,7 +20,8 @@ struct MeshSource {
   std::string sha256;
 };
 
-/// An open triangle sheet as an optical surface, in its own frame: the mesh crosses the axis at the origin.
+/// An open triangle sheet as an optical surface, in its own frame: rays along the axis meet it at the origin, by its
+/// patch where it is smooth, else by its triangles.
 class MeshShape : public Shape {
  public:
   /// \param mesh_in_shape  normals are estimated (Max 1999) where there are none, and turned to positive z at
@@ -60,7 +61,8 @@ inline const MeshShape* mesh_of(const Surface& surface) {
   return dynamic_cast<const MeshShape*>(surface.shape.get());
 }
 
-/// An optical surface from a mesh in the eye's frame: position_mm is where the mesh crosses the eye's axis.
+/// An optical surface from a mesh in the eye's frame: position_mm is where rays along the
+/// eye's axis meet it.
 Surface make_mesh_surface(const std::string& name, const TriangleMesh& mesh_in_eye,
                           const std::string& medium_after,
                           MeshInterpolation interpolation = MeshInterpolation::smooth,

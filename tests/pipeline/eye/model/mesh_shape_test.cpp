@@ -102,6 +102,20 @@ TEST(MeshShape, MaxNormalsAreExactOnASphere) {
   EXPECT_LT(worst, 1e-12);
 }
 
+/// The sheet's vertices lie on the sphere, its facets within it by some micrometres, whose vertex is 3 mm deep.
+TEST(MeshShape, ItsVertexIsTheSurfacesNotAFacets) {
+  for (const int seed : {3, 4, 5, 6}) {
+    TriangleMesh mesh = jittered_sheet(*make_sphere(7.8), 5, 300, seed);
+    for (Eigen::Vector3d& vertex : mesh.vertices) vertex.z() -= 3;
+    const Surface smooth = make_mesh_surface("cornea_anterior", mesh, "");
+    EXPECT_NEAR(smooth.position_mm, 3, 2e-5) << seed;
+    EXPECT_NEAR(*smooth.shape->depth_mm(0, 0), 0, 1e-9);
+    const Surface faceted = make_mesh_surface("cornea_anterior", mesh, "", MeshInterpolation::triangles);
+    EXPECT_GT(faceted.position_mm, 3 + 1e-3);
+    EXPECT_NEAR(*faceted.shape->depth_mm(0, 0), 0, 1e-9);
+  }
+}
+
 TEST(MeshShape, NormalsTurnOutward) {
   TriangleMesh mesh = jittered_sheet(*make_sphere(-12), 6, 300, 6);
   for (auto& t : mesh.triangles) std::swap(t[0], t[1]);
