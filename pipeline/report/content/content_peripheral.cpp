@@ -37,7 +37,8 @@ std::string at_the_rim(const FieldMap& map, Laterality eye) {
 Figure map_figure(const EyeData& eye, const FieldMap& map, const FieldScale& scale) {
   Figure figure = draw_peripheral_map("peripheral-" + eye.id(), map, scale, eye.laterality);
   figure.title = short_name(eye) + ", relative peripheral refraction";
-  figure.caption = "M at the centre " + format(map.centre.M_D, {2, true, "D"}) + ".";
+  figure.caption =
+      "M at the centre " + format(map.centre.M_D, {2, true, "D"}) + ", in the plane of the entrance pupil.";
   if (const int unseen = map.unseen(); unseen > 0)
     figure.caption += fmt::format(
         " Blank: {} of {} directions, which the retina behind its equator does not see or of whose light too "
@@ -86,10 +87,12 @@ FigureRow maps_of(const Eyes& eyes) {
 
 /// The numbers behind the colours.
 Table peripheral_table(const EyeData& eye) {
-  Table table{std::string("Refraction of least spot away from the axis, ") + clinical_name(eye.laterality),
-              {"Horizontal, vertical", "M", "J0", "J45"},
-              {},
-              true};
+  Table table{
+      std::string("Refraction of least spot away from the axis, in the plane of the entrance pupil, ") +
+          clinical_name(eye.laterality),
+      {"Horizontal, vertical", "M", "J0", "J45"},
+      {},
+      true};
   for (const auto& point : eye.prescription.value("peripheral", Json::array())) {
     const auto angle = [&](const char* key) {
       return format(value_of(point, key).value_or(0), {1, true, "deg"});
