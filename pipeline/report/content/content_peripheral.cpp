@@ -87,12 +87,11 @@ FigureRow maps_of(const Eyes& eyes) {
 
 /// The numbers behind the colours.
 Table peripheral_table(const EyeData& eye) {
-  Table table{
-      std::string("Refraction of least spot away from the axis, in the plane of the entrance pupil, ") +
-          clinical_name(eye.laterality),
-      {"Horizontal, vertical", "M", "J0", "J45"},
-      {},
-      true};
+  Table table{std::string("Refraction of least spot away from the axis, ") + clinical_name(eye.laterality) +
+                  ", in the plane of the entrance pupil",
+              {"Horizontal, vertical", "M", "J0", "J45"},
+              {},
+              true};
   for (const auto& point : eye.prescription.value("peripheral", Json::array())) {
     const auto angle = [&](const char* key) {
       return format(value_of(point, key).value_or(0), {1, true, "deg"});
