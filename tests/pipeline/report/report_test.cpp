@@ -9,6 +9,7 @@
 #include "pipeline/base/measured.hpp"
 #include "pipeline/report/comparison.hpp"
 #include "pipeline/report/page/viewer.hpp"
+#include "pipeline/report/pdf/pdf.hpp"
 #include "tests/pipeline/report/report_fixture.hpp"
 
 namespace emmetrope::report {
@@ -48,6 +49,22 @@ TEST_F(ReportTest, CaseFullOfComplaintsStaysWithinFourPages) {
   EXPECT_LE(std::count(pdf.begin(), pdf.end(), '\f'), 4);
   EXPECT_THAT(pdf, HasSubstr("more are in the HTML report"));
   EXPECT_THAT(visible_text(output("report.html")), HasSubstr("complaint 59:"));
+}
+
+TEST_F(ReportTest, APageThatIsNeededBeyondFourIsFilled) {
+  Document document;
+  document.sections.push_back({"full", "Full", {}});
+  auto& blocks = document.sections.front().blocks;
+  std::string words;
+  for (int i = 0; i < 100; ++i) words += "what must stand ";
+  while (render_pdf(document).pages < 5) blocks.push_back({Paragraph{words}});
+  blocks.push_back({Paragraph{"there is room for this"}, Paper::if_room});
+  const Pdf pdf = render_pdf(document);
+  EXPECT_EQ(pdf.pages, 5);
+  fs::create_directories(folder_);
+  write_file(folder_ / "full.pdf", pdf.bytes);
+  const std::string text = output_of("/usr/bin/pdftotext", {(folder_ / "full.pdf").string(), "-"});
+  EXPECT_THAT(text, AllOf(HasSubstr("there is room for this"), Not(HasSubstr("For want of room"))));
 }
 
 /// A card's list in the page, unfolded part first.
