@@ -234,12 +234,13 @@ std::string summary(const std::string& who, const EyeResult& result) {
   const Measured M = Measured::from_sigma(p.refraction.M_D, sigma[0], result.uncertainty.origins[0]);
   const std::string withheld = reason_to_withhold(M);
   const std::string doubt = withheld.empty() ? reason_not_to_dispense(M) : withheld;
+  const auto shown = [](double power_D) { return without_negative_zero(power_D, 2); };
   const std::string line = fmt::format(
       "{}: {}{} at {:g} mm (M {:+.2f} +-{:.2f}, J0 {:+.2f} +-{:.2f}, J45 {:+.2f} +-{:.2f} D, 95 %)\n", who,
       withheld.empty() ? "" : "no prescription, an estimate for information: ",
       format_refraction(round_refraction(p.refraction).refraction), p.settings.vertex_distance_mm,
-      p.refraction.M_D, 1.96 * sigma[0], p.refraction.J0_D, 1.96 * sigma[1], p.refraction.J45_D,
-      1.96 * sigma[2]);
+      shown(p.refraction.M_D), 1.96 * sigma[0], shown(p.refraction.J0_D), 1.96 * sigma[1],
+      shown(p.refraction.J45_D), 1.96 * sigma[2]);
   return doubt.empty() ? line : line + "  " + doubt + "\n";
 }
 

@@ -84,6 +84,10 @@ std::string format_plus_cylinder(const SpheroCylinder& refraction) {
   return written(refraction.cylinder_D < 0 ? transpose(refraction) : refraction);
 }
 
+double without_negative_zero(double value, int decimals) {
+  return std::abs(value) < 0.5 * std::pow(10.0, -decimals) ? 0.0 : value;
+}
+
 RoundedRefraction round_refraction(const PowerVector& refraction) {
   const SpheroCylinder exact = to_sphero_cylinder(refraction);
   // For any cylinder and axis the best sphere is the step nearest to M - C/2, and the best (cylinder, axis)

@@ -22,6 +22,9 @@ std::string format_axis(double axis_deg);
 std::string format_refraction(const SpheroCylinder& refraction);
 std::string format_plus_cylinder(const SpheroCylinder& refraction);
 
+/// 0 where so many decimals show no more of it, so that "{:.2f}" never writes "-0.00".
+double without_negative_zero(double value, int decimals);
+
 /// A refraction as it is dispensed: sphere and cylinder in 0.25 D, axis in 5 degrees from 5 to 180.
 struct RoundedRefraction {
   SpheroCylinder refraction;  ///< axis_deg is 180 where the cylinder is 0

@@ -5,6 +5,7 @@
 #include "pipeline/base/case_folder.hpp"
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/frames.hpp"
+#include "pipeline/base/notation.hpp"
 #include "pipeline/base/power_vector.hpp"
 #include "pipeline/eye/exchange/eye_file.hpp"
 #include "pipeline/eye/optics/chief_ray.hpp"
@@ -89,8 +90,9 @@ void bind_power_vector(py::module_& module) {
           },
           "(sphere_D, cylinder_D, axis_deg), the cylinder negative.")
       .def("__repr__", [](const PowerVector& power) {
-        return fmt::format("PowerVector(M_D={:.4f}, J0_D={:.4f}, J45_D={:.4f})", power.M_D, power.J0_D,
-                           power.J45_D);
+        const auto shown = [](double power_D) { return without_negative_zero(power_D, 4); };
+        return fmt::format("PowerVector(M_D={:.4f}, J0_D={:.4f}, J45_D={:.4f})", shown(power.M_D),
+                           shown(power.J0_D), shown(power.J45_D));
       });
 }
 

@@ -31,7 +31,7 @@ std::optional<Measured> measured_at(const Json& json, const std::string& path) {
   return json.at(pointer).get<Measured>();
 }
 
-constexpr const char* changed = "changed";
+constexpr const char *changed = "changed", *undetermined = "not determined";
 
 /// b - a; for angles of an axis the shorter way round.
 double difference_of(const Measured& a, const Measured& b, const NumberStyle& style) {
@@ -42,6 +42,13 @@ double difference_of(const Measured& a, const Measured& b, const NumberStyle& st
 void add_row(Table& table, const Json& earlier, const Json& later, const BiometryRow& row) {
   const auto a = measured_at(earlier, row.key), b = measured_at(later, row.key);
   if (!a || !b) return;
+  const bool is_in_a = row.is_determined(earlier), is_in_b = row.is_determined(later);
+  if (!is_in_a || !is_in_b) {
+    table.rows.push_back({row.name, is_in_a ? format(a->value, row.style) : undetermined,
+                          is_in_b ? format(b->value, row.style) : undetermined, "\u2013", "\u2013",
+                          undetermined});
+    return;
+  }
   const double difference = difference_of(*a, *b, row.style);
   // Of unequal halves those that face each other.
   const double limit = difference > 0 ? std::hypot(a->ci95[1] - a->value, b->value - b->ci95[0])
@@ -63,6 +70,7 @@ std::vector<BiometryRow> refraction_rows() {
     row.name = name;
     const bool is_axis = row.key == "axis_deg";
     row.style = NumberStyle{is_axis ? 0 : 2, !is_axis, is_axis ? "deg" : "D"};
+    if (is_axis) row.cylinder = "cylinder_D";
     rows.push_back(row);
   }
   return rows;
@@ -132,13 +140,17 @@ struct Visit {
   }
 };
 
-/// Why a case gives nothing to compare of an eye: "Later, OD (right): No prescription: ..., ...".
+/// Why a case gives nothing to compare of an eye: "Later, OD (right): No prescription: .... One reason; another."
 std::vector<std::string> refusals_in(const Visit& visit) {
   std::vector<std::string> refusals;
   for (const auto& eye : visit.data.eyes)
     if (const Judgement judgement = judge(visit.data, eye); !judgement.has_refraction) {
       std::string why;
-      for (const Finding& finding : judgement.reasons) why += " " + finding.what;
+      for (const Finding& finding : judgement.reasons) {
+        why += (why.empty() ? " " : "; ") + finding.what;
+        if (why.back() == '.') why.pop_back();  // gates end without a full stop, sentences with one
+      }
+      if (!why.empty()) why += ".";
       refusals.push_back(
           fmt::format("{}, {}: {}.{}", visit.name, clinical_name(eye.laterality), judgement.verdict, why));
     }

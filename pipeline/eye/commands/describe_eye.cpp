@@ -9,6 +9,7 @@
 
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/frames.hpp"
+#include "pipeline/base/notation.hpp"
 #include "pipeline/eye/exchange/eye_file.hpp"
 #include "pipeline/eye/optics/exact_trace.hpp"
 #include "pipeline/eye/optics/paraxial.hpp"
@@ -33,8 +34,7 @@ Eigen::Vector3d point(const std::vector<double>& values, const char* option) {
   return p;
 }
 
-/// Without the sign of a zero.
-double plain(double value) { return std::abs(value) < 5e-5 ? 0 : value; }
+double plain(double value) { return without_negative_zero(value, 4); }
 
 void warn_of_extrapolation(const EyeModel& eye, double nm) {
   if (const std::string warning = extrapolation_warning(eye, nm); !warning.empty())

@@ -1,6 +1,12 @@
 #include "pipeline/report/content/biometry_rows.hpp"
 
+#include "pipeline/report/content/first_page.hpp"
+
 namespace emmetrope::report {
+
+bool BiometryRow::is_determined(const Json& document) const {
+  return cylinder.empty() || has_axis(document.value(Json::json_pointer("/" + cylinder), Json()));
+}
 
 Range BiometryRow::normal() const {
   const Limits* limits = find_limits(key);
@@ -28,10 +34,10 @@ const std::vector<BiometryRow>& keratometry_rows() {
   static const std::vector<BiometryRow> rows{
       {"keratometry/flat/power_D", "Flat meridian K1", {2, false, "D"}},
       {"keratometry/flat/radius_mm", "Flat radius", {2, false, "mm"}},
-      {"keratometry/flat/axis_deg", "Flat axis", {0, false, "deg"}},
+      {"keratometry/flat/axis_deg", "Flat axis", {0, false, "deg"}, "keratometry/cylinder_D"},
       {"keratometry/steep/power_D", "Steep meridian K2", {2, false, "D"}},
       {"keratometry/steep/radius_mm", "Steep radius", {2, false, "mm"}},
-      {"keratometry/steep/axis_deg", "Steep axis", {0, false, "deg"}},
+      {"keratometry/steep/axis_deg", "Steep axis", {0, false, "deg"}, "keratometry/cylinder_D"},
       {"keratometry/cylinder_D", "Corneal cylinder (steep - flat)", {2, false, "D"}},
       {"keratometry/asphericity_q", "Asphericity Q", {2, true, ""}},
       {"astigmatism/M_D", "Corneal mean power M", {2, false, "D"}},

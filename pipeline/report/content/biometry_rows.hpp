@@ -13,7 +13,10 @@ struct BiometryRow {
   std::string key;  ///< path in biometry.json, '/' between levels
   std::string name;
   NumberStyle style;
+  std::string cylinder = {};  ///< of an axis: path of the cylinder whose axis it is
 
+  /// Whether a document's number means something: an axis of a cylinder that may be none does not.
+  bool is_determined(const Json& document) const;
   /// What is normal in adults; not limited where nothing is known.
   Range normal() const;
   /// "22.1 to 26.0", "up to 40", in the style's decimals without its unit.

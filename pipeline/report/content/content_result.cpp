@@ -200,11 +200,6 @@ BulletList withheld_lines(const CaseData& data) {
   return lines;
 }
 
-/// Of a meridian, which a cornea without cylinder has not.
-bool is_axis(const BiometryRow& row) {
-  return row.key.rfind("keratometry/", 0) == 0 && row.style.unit == "deg";
-}
-
 /// Of which eyes' numbers a table tells: what the images or instruments gave, or what nothing but the population tells.
 enum class Told { measured, assumed };
 
@@ -242,7 +237,7 @@ Table measured_table(const CaseData& data, const std::vector<BiometryRow>& rows,
     std::vector<Cells> found_of_eyes;
     for (const auto& eye : data.eyes) {
       Cells found = cells_of(eye, row);
-      if (is_axis(row) && !found.source.empty() && !has_axis(eye.biometry.value(cylinder_at, Json()))) {
+      if (!found.source.empty() && !row.is_determined(eye.biometry)) {
         found.value = "not determined";
         found.interval = "any";
       }

@@ -83,7 +83,7 @@ Section limits_section(const CaseData& data, const Notes& notes) {
         "every number with its interval.",
         "The lens's refractive index is not visible in MRI. It is taken from the age; its spread "
         "of 0.005 alone moves the spherical equivalent by 0.8 D (one standard deviation) and is part of "
-        "the interval. Astigmatism does not depend on it.",
+        "the interval. Astigmatism hardly depends on it.",
         "The back of the cornea is taken as a fixed proportion of its front where the images do "
         "not resolve it.",
         "Images of the orbit may let a face be recognised even where no name is given."})

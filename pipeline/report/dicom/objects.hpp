@@ -46,8 +46,9 @@ std::string segmentation_object(const SourceStudy& source, const std::filesystem
 /// RT Structure Set: closed outlines of lens and eye on the images of one series, sub-voxel, from the meshes; empty where
 /// the series is not in the source or no mesh meets its images.
 /// \param stack  the series' name in the case: only eyes that were fitted to it are where the images show them
+/// \param number  among the case's structure sets, from 1
 std::string structure_set_object(const SourceStudy& source, const CaseData& data,
-                                 const std::string& series_uid, const std::string& stack,
+                                 const std::string& series_uid, const std::string& stack, int number,
                                  const std::string& result);
 
 }  // namespace emmetrope::report

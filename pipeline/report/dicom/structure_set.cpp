@@ -132,7 +132,7 @@ void put_region(DcmItem& dataset, const Region& region, const std::string& frame
 }  // namespace
 
 std::string structure_set_object(const SourceStudy& source, const CaseData& data,
-                                 const std::string& series_uid, const std::string& stack,
+                                 const std::string& series_uid, const std::string& stack, int number,
                                  const std::string& result) {
   std::vector<const SourceImage*> images;
   for (const SourceImage& image : source.images())
@@ -147,6 +147,7 @@ std::string structure_set_object(const SourceStudy& source, const CaseData& data
   if (regions.empty()) return {};
   DcmDataset dataset;
   put_common(dataset, source, {"structures", "RTSTRUCT", "Eye outlines, RESEARCH USE ONLY", 9007, result});
+  put_text(dataset, DCM_InstanceNumber, std::to_string(number));
   put(dataset, 0x0008, 0x0016, UID_RTStructureSetStorage);
   put_text(dataset, DCM_FrameOfReferenceUID, images.front()->frame_of_reference_uid);
   dataset.insertEmptyElement(DCM_PositionReferenceIndicator);
@@ -156,9 +157,9 @@ std::string structure_set_object(const SourceStudy& source, const CaseData& data
   put_text(dataset, DCM_StructureSetDate, source.date());
   put_text(dataset, DCM_StructureSetTime, source.time());
   put_frame(dataset, source, images);
-  int number = 0;
+  int region_number = 0;
   for (const Region& region : regions)
-    put_region(dataset, region, images.front()->frame_of_reference_uid, ++number);
+    put_region(dataset, region, images.front()->frame_of_reference_uid, ++region_number);
   put_text(dataset, DCM_ApprovalStatus, "UNAPPROVED");
   return file_bytes(dataset);
 }

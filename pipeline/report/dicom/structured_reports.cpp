@@ -4,6 +4,8 @@
 #include <dcmtk/dcmsr/dsrdoc.h>
 #include <fmt/format.h>
 
+#include <algorithm>
+
 #include "pipeline/base/files.hpp"
 #include "pipeline/base/version.hpp"
 #include "pipeline/eye/media/ocular_media.hpp"
@@ -18,7 +20,7 @@ namespace emmetrope::report {
 namespace {
 
 constexpr const char* own_scheme = "99EMMETROPE";
-constexpr const char* biometry_comment =
+constexpr const char* biometry_notice =
     "Research use only. Not a medical device. Uncertainties are the distances of the 95 % limits from the "
     "value. A measurement whose method is a prior is the population's value, not this patient's.";
 
@@ -56,8 +58,10 @@ class Tree {
  public:
   explicit Tree(DSRDocumentTree& tree) : tree_(tree) {}
 
-  void root(const DSRCodedEntryValue& concept_name) {
+  /// \param template_id  of DCMR
+  void root(const DSRCodedEntryValue& concept_name, const char* template_id) {
     add(DSRTypes::RT_isRoot, DSRTypes::VT_Container, DSRTypes::AM_afterCurrent, concept_name);
+    check(tree_.getCurrentContentItem().setTemplateIdentification(template_id, "DCMR"), "template");
   }
   /// Goes into the new container; `up` leaves it.
   void container(const DSRCodedEntryValue& concept_name) {
@@ -133,7 +137,8 @@ void add_uncertainties(DSRDocumentTree& tree, const std::vector<ReportedNumber>&
 std::string interval_sentence(const std::string& name, const Json& value, const NumberStyle& style) {
   if (!value.is_object()) return {};
   const auto measured = value.get<Measured>();
-  return name + ": 95 % interval " + format_interval(measured, style) + " " + style.unit + ", " +
+  const std::string unit = style.unit == "deg" ? "" : " " + style.unit;  // an angle's interval has its sign
+  return name + ": 95 % interval " + format_interval(measured, style) + unit + ", " +
          source_name(measured.source);
 }
 
@@ -204,6 +209,15 @@ void describe_finding(MeasurementGroup& group, const SourceStudy& source, const 
         "site");
 }
 
+/// What coded numbers do not say of an eye.
+std::string biometry_comment(const EyeData& eye) {
+  const auto& rows = keratometry_rows();
+  const bool is_toric =
+      std::all_of(rows.begin(), rows.end(), [&](const auto& row) { return row.is_determined(eye.biometry); });
+  return (is_toric ? "" : "The corneal cylinder may be none: its axes are not determined. ") +
+         std::string(biometry_notice);
+}
+
 /// Writes an eye's biometry into its group, and lists what has been written.
 void add_measurements(MeasurementGroup& group, const EyeData& eye, std::vector<ReportedNumber>& numbers) {
   for (const auto* rows : measured_rows())
@@ -243,7 +257,7 @@ std::string prescription_object(const SourceStudy& source, const CaseData& data,
   DSRDocument document(DSRTypes::DT_SpectaclePrescriptionReport);
   describe_document(document, source);
   Tree tree(document.getTree());
-  tree.root({"111671", "DCM", "Spectacle Prescription Report"});
+  tree.root({"111671", "DCM", "Spectacle Prescription Report"}, "2020");
   std::string comment = std::string(research_notice) + " ";
   bool any = false;
   for (const auto& eye : data.eyes) {
@@ -275,7 +289,7 @@ std::string biometry_object(const SourceStudy& source, const CaseData& data, con
     describe_finding(group, source, eye);
     add_measurements(group, eye, numbers);
     check(group.addQualitativeEvaluation(DSRCodedEntryValue("121106", "DCM", "Comment"),
-                                         OFString(biometry_comment)),
+                                         OFString(biometry_comment(eye).c_str())),
           "comment");
     any = true;
   }

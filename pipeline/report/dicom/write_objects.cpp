@@ -109,8 +109,8 @@ void write_structure_sets(const fs::path& folder, const CaseData& data, const So
   for (const auto& stack : data.case_json.value("stacks", Json::array())) {
     const std::string series = stack.value("uid", std::string());
     if (!stack.value("used", false) || !written.insert(series).second) continue;
-    const std::string bytes =
-        structure_set_object(source, data, series, stack.value("name", std::string()), result + series);
+    const std::string bytes = structure_set_object(source, data, series, stack.value("name", std::string()),
+                                                   number + 1, result + series);
     if (bytes.empty()) continue;
     ++number;
     write_file(folder / (number == 1 ? "structures.dcm" : fmt::format("structures_{}.dcm", number)), bytes);

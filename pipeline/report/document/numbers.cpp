@@ -5,11 +5,12 @@
 #include <cmath>
 #include <map>
 
+#include "pipeline/base/notation.hpp"
+
 namespace emmetrope::report {
 
 std::string fixed(double value, int decimals) {
-  const double unit = std::pow(10.0, -decimals);
-  return fmt::format("{:.{}f}", std::abs(value) < unit / 2 ? 0.0 : value, decimals);
+  return fmt::format("{:.{}f}", without_negative_zero(value, decimals), decimals);
 }
 
 std::string signed_fixed(double value, int decimals) {

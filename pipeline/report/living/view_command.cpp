@@ -51,7 +51,7 @@ Answer view_case(const Flags& flags, const CommonOptions& common) {
   const CaseEyes eyes = living_eyes_of(data, common.thread_count(), common.seed);
   if (eyes.eyes.empty()) {
     std::string why;
-    for (const auto& note : eyes.notes) why += (why.empty() ? "" : "; ") + note;
+    for (const auto& note : eyes.notes) why += (why.empty() ? "" : " ") + note;  // sentences
     throw no_result_error("no eye of the case can be shown: " + why,
                           "run the stages before: emmetrope trace CASE");
   }

@@ -14,7 +14,7 @@
 namespace emmetrope::report {
 namespace {
 
-constexpr int most_pages = 4;
+constexpr int usual_pages = 4;
 
 struct DestroySurface {
   void operator()(cairo_surface_t* surface) const { cairo_surface_destroy(surface); }
@@ -87,8 +87,8 @@ int pages_of(const Document& document, const Fit& fit, pdf::TextHeights& heights
 }
 
 /// Figures shrink a little; then what may be left out is, the last first, until the rest fits, and what fits
-/// after all comes back; only then figures shrink more.
-Fit fit_of(const Document& document, pdf::TextHeights& heights) {
+/// after all comes back; only then figures shrink more. What must stand may need more pages all the same.
+Fit fit_within(const Document& document, int most_pages, pdf::TextHeights& heights) {
   Fit fit;
   const auto fits_at = [&](double scale) {
     fit.figure_scale = scale;
@@ -112,6 +112,13 @@ Fit fit_of(const Document& document, pdf::TextHeights& heights) {
       fit.left_out.insert(block);
   }
   return fit;
+}
+
+/// Where what must stand needs a page more, what may stand fills it.
+Fit fit_of(const Document& document, pdf::TextHeights& heights) {
+  Fit fit = fit_within(document, usual_pages, heights);
+  const int needed = pages_of(document, fit, heights);
+  return needed > usual_pages ? fit_within(document, needed, heights) : fit;
 }
 
 }  // namespace

@@ -1,5 +1,6 @@
 #include "pipeline/base/notation.hpp"
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -25,6 +26,12 @@ TEST(Notation, WritesAsPrescribed) {
   EXPECT_EQ(format_plus_cylinder({1.5, -0.1, 33}), "+1.45 DS");
   EXPECT_EQ(format_refraction({-3.25, 1, 90}), "-2.25 / -1.00 x 180");
   EXPECT_EQ(format_plus_cylinder({-2.25, -1, 180}), "-3.25 / +1.00 x 090");
+}
+
+TEST(Notation, ZeroHasNoSign) {
+  EXPECT_EQ(fmt::format("{:.2f}", without_negative_zero(-0.0049, 2)), "0.00");
+  EXPECT_EQ(fmt::format("{:+.4f}", without_negative_zero(-0.0, 4)), "+0.0000");
+  EXPECT_EQ(fmt::format("{:.2f}", without_negative_zero(-0.0051, 2)), "-0.01");
 }
 
 TEST(Notation, TranspositionIsTheSameLens) {

@@ -73,6 +73,7 @@ class Eyes(unittest.TestCase):
         corrected = eye.with_spectacle("-4/0x0@12")
         self.assertLess(abs(corrected.refraction().M_D), 0.05)
         self.assertEqual(emmetrope.PowerVector(-2.5, 0.5, 0).sphero_cylinder()[:2], (-2.0, -1.0))
+        self.assertEqual(repr(emmetrope.PowerVector(-1e-9, 0.5, -0.0)), "PowerVector(M_D=0.0000, J0_D=0.5000, J45_D=0.0000)")
         with self.assertRaisesRegex(emmetrope.UsageError, "wears a spectacle already"):
             corrected.with_spectacle("-1/0x0@12")
 

@@ -48,6 +48,7 @@ class DicomTest : public ReportTest {
 
   void expect_the_pdf() const;
   void expect_the_lenses() const;
+  void expect_a_note_of_axes_that_are_none() const;
   void expect_coded_segments() const;
   void expect_every_labelled_voxel() const;
   void expect_the_mesh() const;
@@ -183,6 +184,31 @@ TEST_F(DicomTest, StructuresFollowTheHeadsMotionBetweenStacks) {
     for (std::size_t i = 0; i < still[slice].size(); ++i)
       EXPECT_LT((moved[slice][i] - (still[slice][i] - shift)).norm(), 2e-3);  // three decimals are written
   }
+  fs::remove_all(study);
+}
+
+// Those of a case are instances of one series, which viewers order by number.
+TEST_F(DicomTest, StructureSetsOfTwoSeriesAreNumbered) {
+  const fs::path study = make_case_and_study(), second = folder_ / "second";
+  const char* second_series = "1.2.826.0.1.3680043.10.1.5";
+  test::make_fixture_study(second);
+  std::vector<std::string> words{"-nb", "-gin", "-m", std::string("(0020,000e)=") + second_series};
+  for (const auto& entry : fs::directory_iterator(second)) words.push_back(entry.path().string());
+  output_of("/usr/bin/dcmodify", words);
+  std::size_t files = 0;
+  for (const auto& entry : fs::directory_iterator(second)) {
+    fs::copy_file(entry.path(), study / ("second-" + entry.path().filename().string()));
+    ++files;
+  }
+  test::note_study(folder_, study);
+  Json case_json = read_json(folder_ / "case.json");
+  case_json["series"][0]["files"] = files;
+  case_json["series"].push_back({{"uid", second_series}, {"files", files}});
+  case_json["stacks"].push_back({{"uid", second_series}, {"name", "stack2"}, {"used", true}});
+  write_json(folder_ / "case.json", case_json);
+  report(study);
+  EXPECT_THAT(dump("structures.dcm"), HasSubstr("(0020,0013) IS [1]"));
+  EXPECT_THAT(dump("structures_2.dcm"), HasSubstr("(0020,0013) IS [2]"));
   fs::remove_all(study);
 }
 
@@ -372,6 +398,11 @@ void DicomTest::expect_the_lenses() const {
       output_of("/usr/bin/dsrdump", {(folder_ / "report" / "prescription.dcm").string()});
   EXPECT_THAT(text, HasSubstr("Completion Flag     : PARTIAL"));
   EXPECT_THAT(text, HasSubstr("Verification Flag   : UNVERIFIED"));
+  const std::string elements = dump("prescription.dcm");
+  EXPECT_THAT(elements, HasSubstr("(0008,0105) CS [DCMR]"));
+  EXPECT_THAT(elements, HasSubstr("(0040,db00) CS [2020]"));
+  // of a standard deviation of 8 degrees
+  EXPECT_THAT(elements, HasSubstr("Axis: 95 % interval \u00b1 16\u00b0, MRI"));
   for (const auto& [eye, name] : {std::pair{"od", "Right Eye Rx"}, std::pair{"os", "Left Eye Rx"}}) {
     const Json rounded = read_json(folder_ / "correction" / eye / "prescription.json").at("rounded");
     const std::size_t from = text.find(name);
@@ -385,6 +416,15 @@ void DicomTest::expect_the_lenses() const {
     EXPECT_EQ(number("Cylinder"), rounded.at("cylinder_D").get<double>());
     EXPECT_EQ(number("Axis"), rounded.at("axis_deg").get<double>());
   }
+}
+
+// The fixture's left cornea has 0.34 +-0.59 D of cylinder, its right one 2.25 D.
+void DicomTest::expect_a_note_of_axes_that_are_none() const {
+  const std::string text = dump("biometry.dcm"), note = "cylinder may be none: its axes are not determined";
+  const std::size_t at = text.find(note);
+  ASSERT_NE(at, std::string::npos);
+  EXPECT_GT(at, text.find("OS (left eye)"));
+  EXPECT_EQ(text.find(note, at + 1), std::string::npos);
 }
 
 // SNOMED CT: what each label is, and whose.
@@ -456,6 +496,7 @@ TEST_F(DicomTest, ObjectsHoldWhatTheCaseHolds) {
   report();
   expect_the_pdf();
   expect_the_lenses();
+  expect_a_note_of_axes_that_are_none();
   expect_coded_segments();
   expect_every_labelled_voxel();
   expect_the_mesh();

@@ -201,7 +201,13 @@ void expect_readable(const Json& findings) {
   Json state = findings.at("state"), by_link = findings.at("state_by_link");
   for (Json* one : {&state, &by_link}) one->erase("samples");  // how fine it is drawn is the reader's
   EXPECT_EQ(state, by_link);
-  for (const Json& said : findings.at("refused")) EXPECT_NE(said, "") << findings.at("refused");
+  for (const Json& said : findings.at("refused")) {
+    EXPECT_NE(said.at(0), "") << findings.at("refused");
+    EXPECT_EQ(said.at(0), said.at(1)) << "set() and quality() refuse alike";
+  }
+  // The range that is named is this eye's, whose iris is 6 mm at most.
+  EXPECT_THAT(findings.at("refused").dump(), HasSubstr("it is 1 to 6"));
+  EXPECT_EQ(findings.at("kept_axis_deg"), Json({5, 0, 5}));  // the contract: 0 <= axis < 180
   EXPECT_FALSE(findings.at("moved_by_refusals"));
   // A link that asks for more than the eye has opens with what it has.
   const Json& beyond = findings.at("state_by_link_beyond");
@@ -264,6 +270,9 @@ TEST(LivingPage, ShowsWhatTheTracerShowsOfAMeasuredEye) {
   const Json findings = read_page(page, folder.path() / "page", "brief");
   expect_quiet(findings);
   EXPECT_EQ(findings.at("worn"), Json({"best", "refused"}));
+  const Json& sharpness = findings.at("worn_sharpness");
+  EXPECT_EQ(sharpness.at("worn"), sharpness.at("powers"));
+  EXPECT_GT(sharpness.at("worn"), sharpness.at("none"));
   const Json& sharpest = findings.at("sharpest").at("od");
   EXPECT_NEAR(sharpest.at(0).get<double>(), refraction.M_D, 0.06);
   EXPECT_NEAR(sharpest.at(1).get<double>(), refraction.J0_D, 0.06);

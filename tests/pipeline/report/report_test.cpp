@@ -9,6 +9,7 @@
 #include "pipeline/base/measured.hpp"
 #include "pipeline/report/comparison.hpp"
 #include "pipeline/report/page/viewer.hpp"
+#include "pipeline/report/pdf/pdf.hpp"
 #include "tests/pipeline/report/report_fixture.hpp"
 
 namespace emmetrope::report {
@@ -48,6 +49,22 @@ TEST_F(ReportTest, CaseFullOfComplaintsStaysWithinFourPages) {
   EXPECT_LE(std::count(pdf.begin(), pdf.end(), '\f'), 4);
   EXPECT_THAT(pdf, HasSubstr("more are in the HTML report"));
   EXPECT_THAT(visible_text(output("report.html")), HasSubstr("complaint 59:"));
+}
+
+TEST_F(ReportTest, APageThatIsNeededBeyondFourIsFilled) {
+  Document document;
+  document.sections.push_back({"full", "Full", {}});
+  auto& blocks = document.sections.front().blocks;
+  std::string words;
+  for (int i = 0; i < 100; ++i) words += "what must stand ";
+  while (render_pdf(document).pages < 5) blocks.push_back({Paragraph{words}});
+  blocks.push_back({Paragraph{"there is room for this"}, Paper::if_room});
+  const Pdf pdf = render_pdf(document);
+  EXPECT_EQ(pdf.pages, 5);
+  fs::create_directories(folder_);
+  write_file(folder_ / "full.pdf", pdf.bytes);
+  const std::string text = output_of("/usr/bin/pdftotext", {(folder_ / "full.pdf").string(), "-"});
+  EXPECT_THAT(text, AllOf(HasSubstr("there is room for this"), Not(HasSubstr("For want of room"))));
 }
 
 /// A card's list in the page, unfolded part first.
@@ -491,6 +508,32 @@ TEST_F(ReportTest, FollowUpTellsChangesFromMeasurementError) {
   fs::remove_all(later);
 }
 
+// A cylinder whose interval holds zero has no axis: the fixture's left cornea (0.34 +-0.59 D) and left prescription
+// (-0.38 +-0.61 D) in both visits, the right cornea here in the later one.
+TEST_F(ReportTest, FollowUpComparesNoAxisOfACylinderThatMayBeNone) {
+  const fs::path later = two_visits(folder_);
+  const fs::path file = later / "meshing" / "od" / "biometry.json";
+  Json biometry = read_json(file);
+  biometry["keratometry"]["cylinder_D"] = Measured::from_sigma(0.5, 0.3, "mri");
+  write_json(file, biometry);
+  CommonOptions common;
+  common.verbosity.quiet = true;
+  write_comparison(folder_, later, common);
+  const std::string page = visible_text(read_file(later / "comparison" / "comparison.html"));
+  const std::size_t left_from = page.rfind("OS (left)");
+  const std::string right = page.substr(0, left_from), left = page.substr(left_from);
+  const auto has_row = [](const std::string& text, const std::string& cells) {
+    return std::regex_search(text, std::regex(std::regex_replace(cells, std::regex(" \\| "), "\\s+")));
+  };
+  const std::string not_compared = " | not determined | \u2013 | \u2013 | not determined";
+  EXPECT_TRUE(has_row(right, "Axis | 176\u00b0 | 176\u00b0 | 0\u00b0")) << right;
+  EXPECT_TRUE(has_row(right, "Flat axis | 178\u00b0" + not_compared)) << right;
+  EXPECT_TRUE(has_row(right, "Steep axis | 88\u00b0" + not_compared)) << right;
+  for (const char* row : {"Axis", "Flat axis", "Steep axis"})
+    EXPECT_TRUE(has_row(left, row + std::string(" | not determined") + not_compared)) << row << left;
+  fs::remove_all(later);
+}
+
 // -10 D at 12 mm are -8.93 D at the cornea: no change.
 TEST_F(ReportTest, FollowUpComparesRefractionsThatWereMadeAlike) {
   const fs::path later = two_visits(folder_);
@@ -583,10 +626,16 @@ TEST_F(ReportTest, FollowUpRefusesOneCaseTwiceAndExplainsARefusedOne) {
   test::FixtureOptions refused;
   refused.refused = true;
   test::make_fixture_case(later, refused);
+  const fs::path fit_file = later / "segmentation" / "od" / "fit.json";
+  Json fit = read_json(fit_file);
+  for (const char* reason : {"the lens is not visible", "the cornea was not found"})
+    fit["quality"].push_back({{"name", "visible"}, {"passed", false}, {"reason", reason}});
+  write_json(fit_file, fit);
   write_comparison(folder_, later, common);
   EXPECT_THAT(visible_text(read_file(later / "comparison" / "comparison.html")),
               AllOf(HasSubstr("Later, OD (right): No prescription: the images do not support one."),
-                    HasSubstr("chi2 per voxel 4.2, at most 1.5")));
+                    HasSubstr("chi2 per voxel 4.2, at most 1.5; the lens is not visible; "
+                              "the cornea was not found")));
   fs::remove_all(later);
 }
 

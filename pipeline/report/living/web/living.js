@@ -72,22 +72,31 @@ const nextTask = (() => {
   return () => new Promise((resolve) => { waiting.push(resolve); channel.port2.postMessage(null); });
 })();
 
-/// What may be set: [least, most] of a number, a list of what is known, or a test.
+/// What may be set: [least, most] of a number, a list of what is known, or a test. What depends on the eyes: rangesOf.
 const isSwitch = (value) => typeof value === "boolean";
-const allowed = { eye: null, scene: null, distance_mm: [100, Infinity], field_mm: [0.1, 20], field_x_mm: [-10, 10], field_y_mm: [-10, 10], sphere_D: [-30, 30],
+const allowed = { eye: null, scene: null, distance_mm: [100, Infinity], field_mm: [0, Infinity], field_x_mm: [-10, 10], field_y_mm: [-10, 10], sphere_D: [-30, 30],
   cylinder_D: [-15, 15], axis_deg: [0, 360], vertex_distance_mm: [2, 50], prism_D: [0, 20], prism_base_deg: [0, 360], is_thick: isSwitch, base_D: [-5, 20],
-  index: [1.3, 2.5], accommodation_D: [0, 20], band: (value) => [0, 1, 2].includes(value), band_share: [-1, 1], wavelength_nm: [390, 700], stiles_crawford_per_mm2: [0, 1], diffraction: isSwitch,
-  pupil_mm: [0.5, 99], samples: [1, 65536], scene_follows_gaze: isSwitch, worn: [null, "best", "rounded", "known"],
+  index: [1.3, 2.5], accommodation_D: [0, Infinity], band: (value) => [0, 1, 2].includes(value), band_share: [-1, 1], wavelength_nm: [390, 700], stiles_crawford_per_mm2: [0, 1], diffraction: isSwitch,
+  pupil_mm: [0, Infinity], samples: [1, 65536], scene_follows_gaze: isSwitch, worn: [null, "best", "rounded", "known"],
   gaze_deg: (value) => Array.isArray(value) && value.length === 2 && value.every((angle) => Number.isFinite(angle) && Math.abs(angle) <= 45) };
 
-function refuseWrong(change) {
+/// [least, most] that all of these eyes have.
+function rangesOf(eyes) {
+  const least = (of) => Math.min(...eyes.map(of));
+  return { pupil_mm: [1, least((eye) => eye.map.pupil_mm)], accommodation_D: [0, least((eye) => eye.map.largest_accommodation_D)],
+    field_mm: [0.1, least((eye) => eye.map.field_mm)] };
+}
+
+/// \param ranges  named instead of those of any eye
+function refuseWrong(change, ranges) {
   for (const [key, value] of Object.entries(change)) {
     if (!(key in allowed)) throw new Error(`there is no ${key}`);
     const range = allowed[key];
     if (range === null || (key === "wavelength_nm" && value === null)) continue;
     const isRange = Array.isArray(range) && typeof range[0] === "number";
     const fits = typeof range === "function" ? range(value) : isRange ? typeof value === "number" && value >= range[0] && value <= range[1] : range.includes(value);
-    if (!fits) throw new Error(`${key} cannot be ${JSON.stringify(value)}${isRange ? `: it is ${range[0]} to ${range[1]}` : ""}`);
+    const [from, to] = ranges[key] ?? (isRange ? range : []);
+    if (!fits) throw new Error(`${key} cannot be ${JSON.stringify(value)}${isRange ? `: it is ${from} to ${to}` : ""}`);
   }
 }
 
@@ -119,17 +128,24 @@ class Living {
     vertex_distance_mm: 12, prism_D: 0, prism_base_deg: 0, is_thick: false, base_D: 4, index: 1.5, accommodation_D: 0, band: 0, band_share: 0,
     gaze_deg: [0, 0], scene_follows_gaze: true, worn: null, wavelength_nm: null, stiles_crawford_per_mm2: 0, diffraction: false };
 
-  eyeOf(id) { return this.eyes.find((eye) => eye.id === id) ?? this.eyes[0]; }
+  eyeOf(id) {
+    const found = this.eyes.find((eye) => eye.id === id);
+    if (!found) throw new Error(`no eye is called ${id}`);
+    return found;
+  }
+
   shownEyes() { return this.current.eye === "both" ? this.eyes : [this.eyeOf(this.current.eye)]; }
 
-  /// As scripts ask: what the eyes that are shown do not have throws.
-  set(change) {
+  /// As scripts ask: the state after a change; what the eyes that are shown do not have throws.
+  asked(change) {
     const next = this.nearest(change);
     for (const key of ["worn", "pupil_mm", "accommodation_D", "band", "band_share", "field_mm", "field_x_mm", "field_y_mm"])
       if (key in change && next[key] !== change[key])
         throw new Error(`${key} cannot be ${JSON.stringify(change[key])} with what is shown: the nearest is ${JSON.stringify(next[key])}`);
-    this.take(next);
+    return next;
   }
+
+  set(change) { this.take(this.asked(change)); }
 
   /// As controls and links ask: the nearest that the eyes shown have.
   approach(change) { this.take(this.nearest(change)); }
@@ -142,11 +158,11 @@ class Living {
 
   /// The state after a change, every value within what the eyes and the scene allow.
   nearest(change) {
-    refuseWrong(change);
     const next = { ...this.current, ...change };
+    const eyes = next.eye === "both" ? this.eyes : [this.eyeOf(next.eye)], ranges = rangesOf(eyes);
+    refuseWrong(change, ranges);
     // A lens that is dragged is nobody's prescription.
     if (change.worn === undefined && ["sphere_D", "cylinder_D", "axis_deg", "vertex_distance_mm"].some((key) => change[key] !== undefined)) next.worn = null;
-    if (next.eye !== "both" && !this.eyes.some((eye) => eye.id === next.eye)) throw new Error(`no eye is called ${next.eye}`);
     const scene = this.scenes.all.get(next.scene);
     if (!scene) throw new Error(`no scene is called ${next.scene}`);
     if (change.scene && change.scene !== this.current.scene) {
@@ -154,18 +170,15 @@ class Living {
       if (change.field_mm === undefined) next.field_mm = scene.field_mm;
     }
     const within = (value, low, high) => Math.min(high, Math.max(low, value));
-    const eyes = next.eye === "both" ? this.eyes : [this.eyeOf(next.eye)];
     if (!eyes.every((eye) => hasLens(eye, next.worn))) next.worn = null;
     Object.assign(next, stateOf(eyes[0], next));
-    const least = (of) => Math.min(...eyes.map(of));
-    next.pupil_mm = within(next.pupil_mm, 1, least((eye) => eye.map.pupil_mm));
-    next.accommodation_D = within(next.accommodation_D, 0, least((eye) => eye.map.largest_accommodation_D));
+    next.axis_deg %= 180;
+    for (const [key, [low, high]] of Object.entries(ranges)) next[key] = within(next[key], low, high);
     const bands = Math.max(...eyes.map((eye) => eye.bands.length));
     next.band = within(next.band, 0, Math.max(0, bands - 1));
     if (!bands) next.band_share = 0;
-    const room = least((eye) => eye.map.field_mm);
-    next.field_mm = within(next.field_mm, 0.1, room);
-    for (const key of ["field_x_mm", "field_y_mm"]) next[key] = within(next[key], (next.field_mm - room) / 2, (room - next.field_mm) / 2);
+    const reach = (ranges.field_mm[1] - next.field_mm) / 2;
+    for (const key of ["field_x_mm", "field_y_mm"]) next[key] = within(next[key], -reach, reach);
     return next;
   }
 
@@ -259,8 +272,7 @@ class Living {
   }
 
   async finishedImage({ eye = this.shownEyes()[0].id, linear = false, width = 512 }) {
-    const one = this.eyes.find((other) => other.id === eye);
-    if (!one) throw new Error(`no eye is called ${eye}`);
+    const one = this.eyeOf(eye);
     clearTimeout(this.settle);
     cancelAnimationFrame(this.frame);
     if (!await this.fine(++this.work, width, [one])) throw new Error("the state was changed before the picture was finished");
@@ -279,11 +291,8 @@ class Living {
     return encoded;
   }
 
-  /// The blur of the middle of the field.
+  /// The blur of the middle of the field: of the state, or of what set() would make of it for this eye.
   quality(id = this.shownEyes()[0].id, change = {}) {
-    const eye = this.eyeOf(id), state = { ...stateOf(eye, this.current), ...change };
-    const rays = spotOf(eye, state, state.wavelength_nm ?? eye.map.reference_nm);
-    const blur_arcmin = blurOf(rays);
-    return { blur_arcmin, logmar: acuityOf(blur_arcmin), sharpness: sharpnessOf(rays), lost: rays.lost, rays };
+    return qualityOf(this.eyeOf(id), this.asked({ ...change, eye: id }));
   }
 }

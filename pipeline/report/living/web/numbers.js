@@ -95,7 +95,7 @@ class Numbers {
     if (!this.bestOf.has(key)) {
       const known = eye.lenses.find((lens) => lens.name === "best");
       const plain = { prism_D: 0, is_thick: false };
-      const value = (power) => this.living.quality(eye.id, { ...state, ...plain, ...fromPower(power) }).sharpness;
+      const value = (power) => qualityOf(eye, { ...state, ...plain, ...fromPower(power) }).sharpness;
       this.bestOf.set(key, sharpestLens(value, known ? toPower(known) : [0, 0, 0], 1));
     }
     return this.bestOf.get(key);

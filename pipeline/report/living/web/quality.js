@@ -84,3 +84,10 @@ const blurOf = (rays) => Math.sqrt(rays.reduce((sum, ray) => sum + ray.weight * 
 /// Letters that are just read, logMAR, where the blur alone limits: a detail of a fifth of the disc of blur's width, not
 /// below a minute of arc (Smith, Optom. Vis. Sci. 68, 591, 1991: 0.65 arcmin for each dioptre and mm of pupil).
 const acuityOf = (blur_arcmin) => Math.log10(Math.hypot(1, 0.65 / 3.438 * 2 * Math.SQRT2 * blur_arcmin));
+
+/// The blur of the middle of the field, in an eye's own state.
+function qualityOf(eye, state) {
+  const rays = spotOf(eye, state, state.wavelength_nm ?? eye.map.reference_nm);
+  const blur_arcmin = blurOf(rays);
+  return { blur_arcmin, logmar: acuityOf(blur_arcmin), sharpness: sharpnessOf(rays), lost: rays.lost, rays };
+}

@@ -92,6 +92,14 @@ if (timed) {
       }
     return most;
   });
+  // A worn lens is each eye's own, also where it is only asked about: as its powers, not as no lens.
+  findings.worn_sharpness = await page.evaluate(() => {
+    const [eye] = window.emmetrope.eyes, sharpness = (change) => window.emmetrope.quality(eye.id, { ...window.emmetrope.opening, ...change }).sharpness;
+    const lens = eye.lenses.find((one) => one.name === "best");
+    if (!lens) return null;
+    const { sphere_D, cylinder_D, axis_deg, vertex_distance_mm } = lens;
+    return { worn: sharpness({ worn: "best" }), powers: sharpness({ sphere_D, cylinder_D, axis_deg, vertex_distance_mm }), none: sharpness({}) };
+  });
   // A lens that the eye does not have cannot be worn, and the state says what is.
   findings.worn = await page.evaluate(() => ["best", "known"].map((name) => {
     try { window.emmetrope.set({ worn: name }); } catch { return "refused"; }
@@ -156,12 +164,18 @@ if (!brief) {
   findings.state = await page.evaluate(() => window.emmetrope.state());
   findings.hash = await page.evaluate(() => location.hash);
   const before_refusals = await page.evaluate(() => window.emmetrope.state());
+  // By set() and by quality() alike.
   findings.refused = await page.evaluate(() => [["scene", "none"], ["eye", "none"], ["sphere", 1], ["sphere_D", "2"], ["sphere_D", NaN], ["gaze_deg", 5],
-    ["wavelength_nm", 300], ["samples", -1], ["distance_mm", 0], ["band", 7],
-    ["band_share", 0.5], ["pupil_mm", 40], ["pupil_mm", 0.5], ["accommodation_D", 20], ["field_mm", 20], ["field_x_mm", 9]].map(([key, value]) => {
-    try { window.emmetrope.set({ [key]: value }); return ""; } catch (fault) { return fault.message; }
-  }));
+    ["wavelength_nm", 300], ["samples", -1], ["worn", "none"], ["pupil_mm", "3"], ["distance_mm", 0], ["band", 7],
+    ["band_share", 0.5], ["pupil_mm", 40], ["pupil_mm", 0.5], ["accommodation_D", 20], ["field_mm", 20], ["field_x_mm", 9]].map(([key, value]) => [
+    () => window.emmetrope.set({ [key]: value }),
+    () => key === "eye" ? window.emmetrope.quality(value) : window.emmetrope.quality(undefined, { [key]: value }),
+  ].map((act) => { try { act(); return ""; } catch (fault) { return fault.message; } })));
   findings.moved_by_refusals = JSON.stringify(await page.evaluate(() => window.emmetrope.state())) !== JSON.stringify(before_refusals);
+  findings.kept_axis_deg = await page.evaluate(() => [185, 180, 5].map((axis_deg) => {
+    window.emmetrope.set({ axis_deg });
+    return window.emmetrope.state().axis_deg;
+  }));
   // Pictures asked for at once come one after the other; one that a change overtakes says so.
   findings.images = await page.evaluate(async () => {
     window.emmetrope.set({ samples: 16 });
