@@ -233,12 +233,16 @@ Eigen::MatrixXd covariance_of_layers(const EyeFit& fit) {
 /// What a globe's length and diameters may be off by besides where the image is not what the model has: the share of the
 /// residuals that noise does not explain, times what fits of real heads differ by from independent readings, and
 /// of one person in T1 and T2 (docs/evidence/real-scans.md). And the radius at which a lens ends, which is drawn as a sharp
-/// rim and is a round one: rms of what it errs by in phantoms (docs/evidence/accuracy.md).
+/// rim and is a round one: rms of what it errs by in phantoms (docs/evidence/accuracy.md). And the lens's thickness, whose
+/// nucleus is drawn as 0.62 of it: one of 0.4 to 0.8 moves it by 0.03 mm (rms; docs/evidence/worlds.md).
 Eigen::MatrixXd model_error(const EyeFit& fit) {
-  constexpr double of_unexplained_mm = 0.3, round_rim_mm = 0.24;
+  constexpr double of_unexplained_mm = 0.3, round_rim_mm = 0.24, of_nucleus_mm = 0.03;
   VectorXd sigmas = globe_sigmas(fit, of_unexplained_mm * (1 - 1 / std::max(1.0, fit.chi2_per_voxel)));
-  for (Eigen::Index i = 0; i < sigmas.size(); ++i)
-    if (fit.active[static_cast<std::size_t>(i)] == lens_equator_radius) sigmas[i] = round_rim_mm;
+  for (Eigen::Index i = 0; i < sigmas.size(); ++i) {
+    const int parameter = fit.active[static_cast<std::size_t>(i)];
+    if (parameter == lens_equator_radius) sigmas[i] = round_rim_mm;
+    if (parameter == lens_thickness) sigmas[i] = of_nucleus_mm;
+  }
   return sigmas.cwiseAbs2().asDiagonal();
 }
 
