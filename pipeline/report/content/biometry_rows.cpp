@@ -5,7 +5,8 @@
 namespace emmetrope::report {
 
 bool BiometryRow::is_determined(const Json& document) const {
-  return cylinder.empty() || has_axis(document.value(Json::json_pointer("/" + cylinder), Json()));
+  return cylinder == nullptr ||
+         has_axis(document.value(Json::json_pointer(std::string("/") + cylinder), Json()));
 }
 
 Range BiometryRow::normal() const {

@@ -13,7 +13,7 @@ struct BiometryRow {
   std::string key;  ///< path in biometry.json, '/' between levels
   std::string name;
   NumberStyle style;
-  std::string cylinder = {};  ///< of an axis: path of the cylinder whose axis it is
+  const char* cylinder = nullptr;  ///< of an axis: path of the cylinder whose axis it is
 
   /// Whether a document's number means something: an axis of a cylinder that may be none does not.
   bool is_determined(const Json& document) const;
