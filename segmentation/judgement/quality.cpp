@@ -336,6 +336,7 @@ void judge_displaced_fat(const EyeFit& fit, Gates& gates) {
 void judge_edges(const EdgeAgreement& agreement, Gates& gates) {
   gates.refuse_above("edge_disagreement", agreement.sigmas_beyond_wall,
                      fmt::format("the fit and the edges in the image disagree: {}", agreement.largest));
+  if (!limits_of("edge_disagreement").plausible.contains(agreement.sigmas_beyond_wall)) return;  // said once
   gates.refuse_above(
       "edge_difference", agreement.sigmas,
       fmt::format("the fit and the edges in the image differ by {:.1f} standard deviations, more than "

@@ -19,18 +19,24 @@ fs::path overlay_file(const fs::path& folder, const Stack& stack) {
   return folder / fmt::format("overlay_{}.png", stack.name);
 }
 
-/// What is told of an eye in a picture of one of its views besides, or instead of, its fit.
-OverlayNotes notes_of(const JudgedEye& eye, const EyeView& view) {
-  OverlayNotes notes;
-  if (eye.fit)
-    notes.withheld = !eye.is_fitted()   ? Withholds::fit
-                     : !eye.has_front() ? Withholds::front
-                                        : Withholds::nothing;
-  if (eye.is_read())
-    notes.edges =
-        ToldEdges{eye.main_edges()->reading, view.globe.centre - eye.found.views.front().globe.centre,
-                  eye.edges_on_axis_withheld().empty()};
-  return notes;
+/// What of a fit is withheld.
+Withholds withheld_of(const JudgedEye& eye) {
+  if (!eye.fit) return Withholds::nothing;
+  return !eye.is_fitted()     ? Withholds::fit
+         : !eye.has_front()   ? Withholds::front
+         : !eye.is_measured() ? Withholds::cornea
+                              : Withholds::nothing;
+}
+
+/// The edges that are told, where a view has them: by its own edges, or by where the globe was found in it.
+std::optional<ToldEdges> told_edges(const JudgedEye& eye, const EyeView& view) {
+  if (!eye.is_read()) return std::nullopt;
+  const EdgeReading& told = eye.main_edges()->reading;
+  Eigen::Vector3d shift = view.globe.centre - eye.found.views.front().globe.centre;
+  for (std::size_t v = 0; v < eye.edges.size(); ++v)
+    if (eye.edges[v] && eye.found.views[v].stack == view.stack)
+      shift = eye.edges[v]->reading.globe.centre - told.globe.centre;
+  return ToldEdges{told, shift, eye.edges_on_axis_withheld().empty()};
 }
 
 /// Views that the eye was not fitted to.
@@ -38,7 +44,7 @@ void write_unfitted(const fs::path& folder, const JudgedEye& eye, const std::vec
   const EyeView& first = eye.found.views.front();
   const auto write = [&](const EyeView& view) {
     const Stack& stack = *stacks[view.stack];
-    const OverlayNotes notes = notes_of(eye, view);
+    const OverlayNotes notes{withheld_of(eye), told_edges(eye, view)};
     const fs::path file = overlay_file(folder, stack);
     if (eye.fit)
       write_overlay(file, *eye.fit, stack, first.globe.centre - view.globe.centre, notes);
@@ -51,10 +57,14 @@ void write_unfitted(const fs::path& folder, const JudgedEye& eye, const std::vec
   std::for_each(eye.found.left_out.begin(), eye.found.left_out.end(), write);
 }
 
-void write_fitted(const fs::path& folder, const JudgedEye& eye) {
+/// \param main  the reading whose verdict the eye's numbers have: it holds for the other contrast too
+void write_fitted(const fs::path& folder, const JudgedEye& eye, const JudgedEye& main) {
+  const bool is_main = &eye == &main;
   for (std::size_t v = 0; eye.fit && v < eye.fit->stacks.size(); ++v) {
     const Stack& stack = *eye.fit->stacks[v].stack;
-    write_overlay(overlay_file(folder, stack), *eye.fit, v, notes_of(eye, eye.found.views[v]));
+    const OverlayNotes notes{std::max(withheld_of(eye), withheld_of(main)),
+                             is_main ? told_edges(eye, eye.found.views[v]) : std::nullopt};
+    write_overlay(overlay_file(folder, stack), *eye.fit, v, notes);
     write_residuals(folder / fmt::format("residual_{}.png", stack.name), *eye.fit, v);
   }
 }
@@ -63,8 +73,8 @@ void write_fitted(const fs::path& folder, const JudgedEye& eye) {
 
 void write_eye_images(const fs::path& folder, const JudgedEye& eye, const std::vector<const Stack*>& stacks) {
   write_unfitted(folder, eye, stacks);
-  write_fitted(folder, eye);
-  for (const JudgedEye& other : eye.in_other_contrast) write_fitted(folder, other);
+  write_fitted(folder, eye, eye);
+  for (const JudgedEye& other : eye.in_other_contrast) write_fitted(folder, other, eye);
 }
 
 void write_middle_slices(const fs::path& folder, const std::vector<const Stack*>& stacks) {

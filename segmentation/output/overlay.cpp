@@ -183,8 +183,9 @@ void draw_fit(cv::Mat& tile_image, const Tile& tile, const EyeFit& fit, std::siz
   };
   const auto is_withheld = [&](Label a, Label b) {
     const auto either = [&](Label l) { return a == l || b == l; };
-    const bool is_of_front = either(Label::cornea) || either(Label::iris) || either(Label::lens);
-    return withheld == Withholds::fit || (withheld == Withholds::front && is_of_front);
+    const bool is_of_lens = either(Label::iris) || either(Label::lens);
+    return withheld == Withholds::fit || (withheld == Withholds::front && is_of_lens) ||
+           (withheld != Withholds::nothing && either(Label::cornea));
   };
   draw_borders(tile_image, tile, shown,
                [&](Label a, Label b) { return is_withheld(a, b) ? grey_border : colour_between(a, b); });
@@ -294,7 +295,8 @@ std::vector<std::string> lines_of(const OverlayNotes& notes) {
   std::vector<std::string> lines;
   if (notes.edges) lines.emplace_back(edges_note);
   if (notes.withheld == Withholds::fit) lines.emplace_back("grey: fit, withheld");
-  if (notes.withheld == Withholds::front) lines.emplace_back("grey: withheld");
+  if (notes.withheld == Withholds::front || notes.withheld == Withholds::cornea)
+    lines.emplace_back("grey: withheld");
   return lines;
 }
 

@@ -72,19 +72,27 @@ std::string text_of(const EyeModel& eye, const Json& json) {
   return text;
 }
 
+/// Whether a point lies on the retina, as seen from the globe's middle. One that closes the globe in front is a retina
+/// behind the lens alone.
+bool is_on_retina(const EyeModel& eye, const Eigen::Vector3d& point) {
+  constexpr double rounding_mm = 0.1;  // of the lengths that people write
+  const std::size_t count = eye.surfaces.size();
+  if (count > 1 && -point.z() < eye.surfaces[count - 2].position_mm) return false;
+  const Eigen::Vector3d centre = retina_centre(eye), outwards = point - centre;
+  if (outwards.norm() < rounding_mm) return false;
+  const std::optional<RetinaPoint> retina = meet_retina(eye, Ray{centre, outwards.normalized()});
+  return retina && (point - retina->position_mm).norm() <= rounding_mm;
+}
+
 /// A ray out of the eye begins in the vitreous at the retina, whatever its numbers say.
 /// \throw Error (usage)
 void check_is_on_retina(const EyeModel& eye, const Eigen::Vector3d& from) {
-  constexpr double rounding_mm = 0.1;  // of the lengths that people write
-  const Eigen::Vector3d centre = retina_centre(eye), outwards = (from - centre).normalized();
-  const std::optional<RetinaPoint> retina = meet_retina(eye, Ray{centre, outwards});
-  if (!retina) return;
-  const double behind_mm = (from - retina->position_mm).dot(outwards);
-  if (std::abs(behind_mm) <= rounding_mm) return;
-  throw usage_error(fmt::format("--from lies {:.2f} mm {} the retina: a ray out of the eye starts on it",
-                                std::abs(behind_mm), behind_mm > 0 ? "behind" : "in front of"),
-                    fmt::format("seen from the globe's middle the retina is at {:.4f},{:.4f},{:.4f}",
-                                retina->position_mm.x(), retina->position_mm.y(), retina->position_mm.z()));
+  if (is_on_retina(eye, from)) return;
+  const std::optional<RetinaPoint> behind = meet_retina(eye, Eigen::Vector2d(from.x(), from.y()));
+  throw usage_error("--from is not on the retina, where a ray out of the eye starts",
+                    behind
+                        ? fmt::format("at these X and Y the retina is at Z {:.4f}", behind->position_mm.z())
+                        : fmt::format("its pole is at Z {:.4f}", -eye.axial_length_mm()));
 }
 
 }  // namespace

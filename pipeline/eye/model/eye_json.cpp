@@ -164,8 +164,9 @@ Surface read_mesh_entry(CheckedObject& json, const std::string& name, const std:
     throw Error(error.status(), json.place() + ": key \"file\": " + error.what(), error.remedy());
   }
   if (json.has("position_mm") && std::abs(json.number("position_mm") - surface.position_mm) > agreement_mm)
-    throw json.fault("position_mm", "the mesh, which is in the eye's frame, crosses the axis at depth " +
-                                        std::to_string(surface.position_mm) + " mm; leave the key out");
+    throw json.fault("position_mm",
+                     "rays along the axis meet the mesh, which is in the eye's frame, at depth " +
+                         std::to_string(surface.position_mm) + " mm; leave the key out");
   return surface;
 }
 

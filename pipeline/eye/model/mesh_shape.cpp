@@ -81,7 +81,7 @@ MeshShape::MeshShape(TriangleMesh mesh_in_shape, MeshInterpolation interpolation
       source_(std::move(source)),
       hierarchy_(mesh_) {
   // A facet lies behind the smooth surface through its corners, at the vertex too.
-  constexpr double largest_sagitta_mm = 0.2;
+  constexpr double largest_sagitta_mm = 1;
   if (std::abs(axis_depth_mm(mesh_)) > largest_sagitta_mm)
     throw input_error("the mesh does not cross the axis at its surface's vertex");
   if (mesh_.normals.empty()) estimate_normals(mesh_);

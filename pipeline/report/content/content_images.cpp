@@ -139,8 +139,8 @@ FigureRow overlays_of(const EyeData& eye) {
         : is_fitted
             ? "The fit's contours on the slices as they were acquired. Of a fit that is withheld they are "
               "grey; where edges stand instead, green is the globe by them."
-            : "The eye as other stacks show it, if they do, placed where the globe was found in this "
-              "one, to about a millimetre.";
+            : "Not fitted to. Green is the globe by edges, where these are told; what other stacks show is "
+              "placed where the globe was found in this one, to about a millimetre.";
     if (is_residual) add_scale(figure);
     figure.alt =
         is_residual ? "Residuals of the fit on the MR slices" : "Contours of the eye on the MR slices";
@@ -237,13 +237,13 @@ Section images_section(const CaseData& data, Notes& notes) {
   if (!stills.figures.empty()) section.blocks.push_back({stills, Paper::if_room});
   for (const auto& eye : data.eyes) {
     FigureRow overlays = overlays_of(eye);
-    // On paper only where there are no surfaces to show: then they are the evidence for the refusal.
-    overlays.folded = eye.biometry.is_object()
-                          ? (eye.laterality == Laterality::od ? "OD" : "OS") +
-                                std::string(": contours and residuals of the fit, slice by slice")
-                          : std::string();
+    // On paper only where there are no surfaces to show: then they are the evidence for the refusal, or for edges.
+    const bool has_surfaces = fs::exists(eye.mesh("retina"));
+    overlays.folded = has_surfaces ? (eye.laterality == Laterality::od ? "OD" : "OS") +
+                                         std::string(": contours and residuals of the fit, slice by slice")
+                                   : std::string();
     if (!overlays.figures.empty())
-      section.blocks.push_back({overlays, eye.biometry.is_object() ? Paper::never : Paper::always});
+      section.blocks.push_back({overlays, has_surfaces ? Paper::never : Paper::always});
   }
   if (FigureRow eyeless = eyeless_stacks(data); !eyeless.figures.empty())
     section.blocks.push_back({std::move(eyeless)});

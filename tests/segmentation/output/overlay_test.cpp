@@ -14,8 +14,8 @@ namespace {
 
 using Eigen::Vector3d;
 
-/// Axial slices of 1 mm of nothing in particular, about the origin.
-Stack empty_stack() {
+/// Axial slices of 1 mm about the origin, with a bright mark through all slices at x 3, y -2.
+Stack marked_stack() {
   Stack stack;
   stack.name = "stack1";
   stack.rows = stack.columns = 48;
@@ -25,7 +25,9 @@ Stack empty_stack() {
   stack.normal = Vector3d::UnitZ();
   for (int s = -20; s <= 20; ++s) {
     stack.slice_position.push_back(Vector3d(-24, -24, s));
-    stack.slice_intensity.emplace_back(static_cast<std::size_t>(stack.rows) * stack.columns, 100.0F);
+    auto& slice =
+        stack.slice_intensity.emplace_back(static_cast<std::size_t>(stack.rows) * stack.columns, 100.0F);
+    slice[(-2 + 24) * 48 + 3 + 24] = 1000;
   }
   return stack;
 }
@@ -70,7 +72,7 @@ class EdgeOverlay : public testing::Test {
  protected:
   std::filesystem::path of(const ToldEdges& told) const {
     const std::filesystem::path file = folder_.path() / "overlay.png";
-    write_edge_overlay(file, empty_stack(), told);
+    write_edge_overlay(file, marked_stack(), told);
     return file;
   }
 
@@ -86,11 +88,18 @@ TEST_F(EdgeOverlay, DrawsTheGlobeWhereItWasRead) {
   EXPECT_GT(outline.pixels, 400);
 }
 
+/// The picture is about the globe where the head has it, and of slices there.
 TEST_F(EdgeOverlay, MovesWithTheHead) {
-  // The picture moves with the globe, and another slice is the third.
-  const Outline outline = outline_of(of({sphere_of(11), {3, -2, 4.0}, false}), green);
+  const Vector3d shift(3, -2, 4);
+  const std::filesystem::path file = of({sphere_of(11), shift, false});
+  const Outline outline = outline_of(file, green);
   EXPECT_NEAR(outline.radius_mm, std::sqrt(11.0 * 11 - 2 * 2), pixel_mm);
   EXPECT_LT(outline.largest_error_mm, 1.5 * pixel_mm);
+  // The mark lies at the shifted globe's centre, 1.5 mm behind the middle of a picture whose slice shows it.
+  const cv::Mat tile = cv::imread(file.string())(cv::Rect(576, 0, 288, 288));
+  const int behind_px = static_cast<int>(std::lround(1.5 / pixel_mm));
+  EXPECT_GT(tile.at<cv::Vec3b>(144 + behind_px, 144)[0], 200);
+  EXPECT_LT(tile.at<cv::Vec3b>(144 - behind_px, 144)[0], 50);
 }
 
 TEST_F(EdgeOverlay, CrossesTheAxisWhereItsNumbersAreTold) {

@@ -134,16 +134,19 @@ TEST(RayCommand, ARayAwayFromTheEyeMeetsNothing) {
   EXPECT_EQ(json["state"], "missed_surface");
 }
 
-/// Navarro's retina is 24 mm behind the cornea.
+/// The retina of Navarro's eye, a closed sphere, and of Atchison's, an open form, lie about 24 mm behind the cornea.
 TEST(RayCommand, ARayOutOfTheEyeStartsOnTheRetina) {
-  RayQuery query;
-  query.eye = "navarro";
-  query.to_mm = {0, 0, 20};
-  query.from_mm = {0, 0, -24};
-  EXPECT_EQ(describe_ray(query).json["state"], "reached");
-  for (const double z_mm : {-30.0, -10.0, -2.0}) {
-    query.from_mm = {0, 0, z_mm};
-    EXPECT_THROW(describe_ray(query), Error) << z_mm;
+  for (const auto& [eye, length_mm] : {std::pair{"navarro", 24.00}, {"atchison:-1", 23.88}}) {
+    RayQuery query;
+    query.eye = eye;
+    query.to_mm = {0, 0, 20};
+    query.from_mm = {0, 0, -length_mm};
+    EXPECT_EQ(describe_ray(query).json["state"], "reached") << eye;
+    // Behind it, the globe's middle, the vitreous before the middle, the lens, the cornea.
+    for (const double z_mm : {-30.0, -12.0, -11.996, -10.0, -5.0, -0.05}) {
+      query.from_mm = {0, 0, z_mm};
+      EXPECT_THROW(describe_ray(query), Error) << eye << " " << z_mm;
+    }
   }
 }
 
