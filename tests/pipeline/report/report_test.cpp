@@ -468,7 +468,7 @@ TEST_F(ReportTest, LargePicturesAreScaledAndThePageStaysSmall) {
 
 /// The fixture's case in `earlier`, and the same beside it.
 fs::path two_visits(const fs::path& earlier) {
-  const fs::path later = earlier.string() + "-later";
+  fs::path later = earlier.string() + "-later";
   fs::remove_all(later);
   test::make_fixture_case(earlier);
   test::make_fixture_case(later);

@@ -71,7 +71,7 @@ const cv::Vec3b green(80, 220, 60), orange(0, 140, 255);
 class EdgeOverlay : public testing::Test {
  protected:
   std::filesystem::path of(const ToldEdges& told) const {
-    const std::filesystem::path file = folder_.path() / "overlay.png";
+    std::filesystem::path file = folder_.path() / "overlay.png";
     write_edge_overlay(file, marked_stack(), told);
     return file;
   }
