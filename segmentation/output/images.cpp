@@ -31,7 +31,7 @@ Withholds withheld_of(const JudgedEye& eye) {
 /// The edges that are told, where a view has them: by its own edges, or by where the globe was found in it.
 std::optional<ToldEdges> told_edges(const JudgedEye& eye, const EyeView& view) {
   if (!eye.is_read()) return std::nullopt;
-  const EdgeReading& told = eye.main_edges()->reading;
+  const EdgeReading told = eye.main_edges()->reading;
   Eigen::Vector3d shift = view.globe.centre - eye.found.views.front().globe.centre;
   for (std::size_t v = 0; v < eye.edges.size(); ++v)
     if (eye.edges[v] && eye.found.views[v].stack == view.stack)
