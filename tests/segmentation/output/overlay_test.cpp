@@ -14,7 +14,7 @@ namespace {
 
 using Eigen::Vector3d;
 
-/// Axial slices of 1 mm about the origin, with a bright mark through all slices at x 3, y -2.
+/// Axial slices of 1 mm about the origin, with a bright bar of 3 x 3 mm through all of them at x 3, y -2.
 Stack marked_stack() {
   Stack stack;
   stack.name = "stack1";
@@ -27,7 +27,9 @@ Stack marked_stack() {
     stack.slice_position.push_back(Vector3d(-24, -24, s));
     auto& slice =
         stack.slice_intensity.emplace_back(static_cast<std::size_t>(stack.rows) * stack.columns, 100.0F);
-    slice[(-2 + 24) * 48 + 3 + 24] = 1000;
+    for (const int y : {-3, -2, -1})
+      for (const int x : {2, 3, 4})
+        slice[static_cast<std::size_t>(y + 24) * 48 + static_cast<std::size_t>(x + 24)] = 1000;
   }
   return stack;
 }
@@ -95,7 +97,7 @@ TEST_F(EdgeOverlay, MovesWithTheHead) {
   const Outline outline = outline_of(file, green);
   EXPECT_NEAR(outline.radius_mm, std::sqrt(11.0 * 11 - 2 * 2), pixel_mm);
   EXPECT_LT(outline.largest_error_mm, 1.5 * pixel_mm);
-  // The mark lies at the shifted globe's centre, 1.5 mm behind the middle of a picture whose slice shows it.
+  // The bar lies at the shifted globe's centre, 1.5 mm behind the middle of a picture whose slice shows it.
   const cv::Mat tile = cv::imread(file.string())(cv::Rect(576, 0, 288, 288));
   const int behind_px = static_cast<int>(std::lround(1.5 / pixel_mm));
   EXPECT_GT(tile.at<cv::Vec3b>(144 + behind_px, 144)[0], 200);
