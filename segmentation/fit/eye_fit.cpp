@@ -224,25 +224,27 @@ double error_of_layers_mm(const EyeFit& fit) {
   return fit.weighting == Weighting::t1 ? 0.3 : 0;
 }
 
-/// That of the wall's layers, which moves length and diameters together.
-Eigen::MatrixXd covariance_of_layers(const EyeFit& fit) {
-  const VectorXd together = globe_sigmas(fit, error_of_layers_mm(fit)), apart = unlike_along_axes * together;
+/// What a person's eyes err by alike in images of one contrast: the wall's layers, which move length and diameters together,
+/// and the lens's nucleus, which is drawn as 0.62 of its thickness: one of 0.4 to 0.8 moves that thickness by 0.03 mm (rms;
+/// docs/evidence/worlds.md).
+Eigen::MatrixXd shared_error(const EyeFit& fit) {
+  constexpr double of_nucleus_mm = 0.03;
+  const VectorXd together = globe_sigmas(fit, error_of_layers_mm(fit));
+  VectorXd apart = unlike_along_axes * together;
+  for (Eigen::Index i = 0; i < apart.size(); ++i)
+    if (fit.active[static_cast<std::size_t>(i)] == lens_thickness) apart[i] = of_nucleus_mm;
   return together * together.transpose() + Eigen::MatrixXd(apart.cwiseAbs2().asDiagonal());
 }
 
 /// What a globe's length and diameters may be off by besides where the image is not what the model has: the share of the
 /// residuals that noise does not explain, times what fits of real heads differ by from independent readings, and
 /// of one person in T1 and T2 (docs/evidence/real-scans.md). And the radius at which a lens ends, which is drawn as a sharp
-/// rim and is a round one: rms of what it errs by in phantoms (docs/evidence/accuracy.md). And the lens's thickness, whose
-/// nucleus is drawn as 0.62 of it: one of 0.4 to 0.8 moves it by 0.03 mm (rms; docs/evidence/worlds.md).
+/// rim and is a round one: rms of what it errs by in phantoms (docs/evidence/accuracy.md).
 Eigen::MatrixXd model_error(const EyeFit& fit) {
-  constexpr double of_unexplained_mm = 0.3, round_rim_mm = 0.24, of_nucleus_mm = 0.03;
+  constexpr double of_unexplained_mm = 0.3, round_rim_mm = 0.24;
   VectorXd sigmas = globe_sigmas(fit, of_unexplained_mm * (1 - 1 / std::max(1.0, fit.chi2_per_voxel)));
-  for (Eigen::Index i = 0; i < sigmas.size(); ++i) {
-    const int parameter = fit.active[static_cast<std::size_t>(i)];
-    if (parameter == lens_equator_radius) sigmas[i] = round_rim_mm;
-    if (parameter == lens_thickness) sigmas[i] = of_nucleus_mm;
-  }
+  for (Eigen::Index i = 0; i < sigmas.size(); ++i)
+    if (fit.active[static_cast<std::size_t>(i)] == lens_equator_radius) sigmas[i] = round_rim_mm;
   return sigmas.cwiseAbs2().asDiagonal();
 }
 
@@ -255,7 +257,7 @@ void estimate_covariance(EyeFit& fit, const FitProblem& problem, const Basis& ba
     const DisplacedSlices displaced = displaced_slices(fit, problem, of_solution);
     fit.slice_displacement_mm = displaced.rms_mm;
     fit.covariance += displaced.covariance;
-    fit.shared_covariance = covariance_of_layers(fit);
+    fit.shared_covariance = shared_error(fit);
     fit.covariance += model_error(fit) + fit.shared_covariance;
   }
 }
