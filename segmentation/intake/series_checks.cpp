@@ -294,6 +294,7 @@ void judge_sidecar(const ScannedFile& sidecar, const IntakeOptions& options, Ser
   const std::vector<SeriesImage> images{{&sidecar, 0, Eigen::Vector3d::Zero(), 1, 0}};
   describe_images(images, info);
   if (!info.slice_thickness_mm) info.slice_thickness_mm = spacing_mm;
+  warn_of_sparse_slices(info);
   if (!options.any_modality && sidecar.header.has(tag::modality)) check_modality(sidecar);
   check_echo_planar(sidecar);
   check_acquired(images);

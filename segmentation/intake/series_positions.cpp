@@ -7,6 +7,7 @@
 #include "pipeline/base/frames.hpp"
 #include "segmentation/intake/plausible.hpp"
 #include "segmentation/intake/series_checks.hpp"
+#include "segmentation/intake/series_warnings.hpp"
 #include "segmentation/intake/slice_grid.hpp"
 #include "segmentation/intake/tag_values.hpp"
 
@@ -125,15 +126,6 @@ void compare_stated_spacing(const SeriesImage& image, SeriesInfo& info) {
         fmt::format("{} says {:g} mm, but the positions {} are {:.4g} mm apart; the positions are used",
                     to_string(tag::spacing_between_slices), *stated, to_string(tag::image_position),
                     *info.slice_spacing_mm));
-}
-
-/// Gaps of planned slices: a tenth to a half of their thickness.
-void warn_of_sparse_slices(SeriesInfo& info) {
-  constexpr double largest_usual_ratio = 2;
-  if (info.slice_thickness_mm && *info.slice_spacing_mm > largest_usual_ratio * *info.slice_thickness_mm)
-    info.warnings.push_back(
-        fmt::format("slices {:.3g} mm thick lie {:.3g} mm apart: what is between them is in no image",
-                    *info.slice_thickness_mm, *info.slice_spacing_mm));
 }
 
 }  // namespace

@@ -131,6 +131,15 @@ void warn_of_image_type(const std::vector<SeriesImage>& images, SeriesInfo& info
   warn_of_dixon_part(images, info);
 }
 
+void warn_of_sparse_slices(SeriesInfo& info) {
+  constexpr double largest_usual_ratio = 2;
+  if (info.slice_thickness_mm && info.slice_spacing_mm &&
+      *info.slice_spacing_mm > largest_usual_ratio * *info.slice_thickness_mm)
+    info.warnings.push_back(
+        fmt::format("slices {:.3g} mm thick lie {:.3g} mm apart: what is between them is in no image",
+                    *info.slice_thickness_mm, *info.slice_spacing_mm));
+}
+
 void add_warnings(const std::vector<ScannedFile>& files, const std::vector<SeriesImage>& images,
                   SeriesInfo& info) {
   const SeriesImage& first = images.front();

@@ -17,6 +17,9 @@ bool shows_head(const std::string& body_part);
 /// Phase images, computed ones and parts of the signal; sets `computed` and `dixon_part` of `info`.
 void warn_of_image_type(const std::vector<SeriesImage>& images, SeriesInfo& info);
 
+/// Slices with more between them than planned gaps, a tenth to a half of their thickness.
+void warn_of_sparse_slices(SeriesInfo& info);
+
 /// All that a series of files is warned of.
 /// \param images  of the files, at least one
 void add_warnings(const std::vector<ScannedFile>& files, const std::vector<SeriesImage>& images,

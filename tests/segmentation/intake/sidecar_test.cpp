@@ -172,6 +172,19 @@ TEST_F(Sidecar, AVolumeIsWhatItsHeadersWere) {
   EXPECT_THAT(inventory().skipped, IsEmpty());
 }
 
+TEST_F(Sidecar, SlicesFarApartAreWarnedOf) {
+  GeneratedSeries series;  // 2 mm apart
+  series.write(folder() / "dicom");
+  const auto dicom = segmentation::read_inventory(folder() / "dicom", quiet());
+  const Stack acquired = segmentation::read_series(dicom, dicom.series.at(0).uid, quiet());
+  std::filesystem::remove_all(folder() / "dicom");
+  write_volume(acquired);
+  write_sidecar(R"({"MRAcquisitionType": "2D", "SliceThickness": 0.9})");
+  EXPECT_THAT(only_series().warnings, Contains(HasSubstr("slices 0.9 mm thick lie 2 mm apart")));
+  write_sidecar(R"({"MRAcquisitionType": "2D", "SliceThickness": 1.5})");
+  EXPECT_THAT(only_series().warnings, Not(Contains(HasSubstr("apart"))));
+}
+
 /// Sagittal images whose volume was turned to axial ones are the same eye's voxels, read out along the same axis.
 TEST_F(Sidecar, AVolumeThatWasTurnedIsWhatItWas) {
   Stack acquired;
