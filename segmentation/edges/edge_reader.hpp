@@ -3,7 +3,7 @@
 #include <optional>
 
 #include "segmentation/edges/edge_ellipsoid.hpp"
-#include "segmentation/finding/weighting.hpp"
+#include "segmentation/intake/weighting.hpp"
 #include "segmentation/intake/volume.hpp"
 
 /// A plain reader of an eye: half-level edges along rays, an ellipsoid through them, the lens by its contrast.

@@ -151,6 +151,7 @@ std::vector<EyeCandidate> find_candidates(const Stack& stored, Zeros zeros) {
   const BlankedRegion blanked = zeros == Zeros::blanked ? BlankedRegion(stack) : BlankedRegion();
   for (const SymmetryPeak& peak : symmetry_peaks(stack, blanked)) {
     EyeCandidate candidate;
+    if (stack.told_weighting.value_or(peak.weighting) != peak.weighting) continue;
     if (!refine(stack, peak, blanked, candidate)) continue;
     if (candidate.agreement < 0.45 || candidate.contrast_to_spread < 1.5) continue;
     const bool known = std::any_of(candidates.begin(), candidates.end(), [&](const EyeCandidate& other) {

@@ -2,7 +2,7 @@
 #include <Eigen/Core>
 #include <vector>
 
-#include "segmentation/finding/weighting.hpp"
+#include "segmentation/intake/weighting.hpp"
 #include "segmentation/intake/volume.hpp"
 
 namespace emmetrope::segmentation {

@@ -338,7 +338,12 @@ std::string why_left_out(const FoundEye& eye, const EyeView& view, const std::ve
 FoundEyes find_eyes(const std::vector<const Stack*>& stacks, const std::vector<std::string>& laterality_tags,
                     std::optional<Laterality> asked) {
   FoundEyes found;
-  for (std::size_t s = 0; s < stacks.size(); ++s) found.choices.emplace_back().stack = s;
+  for (std::size_t s = 0; s < stacks.size(); ++s) {
+    StackChoice& choice = found.choices.emplace_back();
+    choice.stack = s;
+    if (const auto told = stacks[s]->told_weighting)
+      choice.reason += fmt::format(" as {} shows it, which its echo and repetition times tell", to_string(*told));
+  }
   const std::vector<Cluster> eyes = best_pair_or_globe(cluster_globes(stacks));
   compare_with_tags(eyes, stacks, laterality_tags);
   const std::map<std::size_t, std::size_t> again = find_stored_again(eyes, stacks);

@@ -3,7 +3,7 @@
 #include <optional>
 #include <vector>
 
-#include "segmentation/finding/weighting.hpp"
+#include "segmentation/intake/weighting.hpp"
 #include "segmentation/intake/volume.hpp"
 
 namespace emmetrope::segmentation {

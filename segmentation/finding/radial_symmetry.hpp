@@ -3,7 +3,7 @@
 #include <vector>
 
 #include "segmentation/finding/blanked_region.hpp"
-#include "segmentation/finding/weighting.hpp"
+#include "segmentation/intake/weighting.hpp"
 #include "segmentation/intake/volume.hpp"
 
 namespace emmetrope::segmentation {

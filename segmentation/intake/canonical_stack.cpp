@@ -114,6 +114,7 @@ Stack canonical_part(const Stack& stack, const Vector3d& centre_lps, double reac
   part.fat_shift_sigma_mm = {axes[0].fat_shift_sigma_mm, axes[1].fat_shift_sigma_mm};
   part.slices_are_told = stack.slices_are_told;
   part.slices_are_encoded = stack.slices_are_encoded;
+  part.told_weighting = stack.told_weighting;
   part.extent_mm = stack.extent_mm > 0 ? stack.extent_mm : whole_extent_mm(stack);
 
   std::array<Run, 3> run;  // by the canonical axes

@@ -1,7 +1,10 @@
 #pragma once
 #include <Eigen/Core>
+#include <optional>
 #include <string>
 #include <vector>
+
+#include "segmentation/intake/weighting.hpp"
 
 namespace emmetrope::segmentation {
 
@@ -27,6 +30,8 @@ struct Stack {
   /// Whether slices were phase-encoded as rows are (3-D), by the header or, where that does not tell, as slices so thin
   /// mostly are; others have been excited one by one.
   bool slices_are_encoded = false;
+  /// Where the sequence's times leave no doubt (weighting.hpp).
+  std::optional<Weighting> told_weighting;
   double extent_mm = 0;  ///< longest side of the stack that this is a part of; 0: it is whole
   std::vector<Eigen::Vector3d> slice_position;      ///< centre of the first voxel of each slice, LPS
   std::vector<std::vector<float>> slice_intensity;  ///< rows x columns, row after row, after rescale

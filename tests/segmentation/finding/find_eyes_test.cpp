@@ -92,6 +92,35 @@ TEST_P(BothContrasts, PairIsFoundSidedAndLooksStraightAhead) {
 }
 
 /// However the file stores its voxels, and whatever else it holds beyond 40 mm.
+/// Silicone oil in the vitreous outshines fat in T1, and is dark in T2: the look is the other contrast's.
+TEST_P(BothContrasts, OilDoesNotDecideOfAContrastThatTheHeaderTells) {
+  const Ball right{{-30.3, -33.2, 1.4}, 11.4}, left{{32.1, -32.4, 0.3}, 11.9};
+  Stack stack = axial_stack({right, left}, GetParam(), 1);
+  const Stack of_oil = axial_stack({left}, GetParam() == Weighting::t1 ? Weighting::t2 : Weighting::t1, 1);
+  for (int s = 0; s < stack.slices(); ++s)
+    for (int r = 0; r < stack.rows; ++r)
+      for (int c = 0; c < stack.columns; ++c)
+        if ((stack.position(c, r, s) - left.centre).norm() < left.radius_mm + 1)
+          stack.slice_intensity[s][static_cast<std::size_t>(r) * stack.columns + c] =
+              (GetParam() == Weighting::t1 ? 1.5F : 0.5F) * of_oil.at(c, r, s);
+  stack.told_weighting = GetParam();
+  const FoundEyes found = find_eyes({&stack}, {""});
+  ASSERT_EQ(found.eyes.size(), 1U);
+  EXPECT_EQ(found.eyes[0].laterality, Laterality::od);
+  EXPECT_EQ(found.eyes[0].weighting, GetParam());
+  EXPECT_LT((found.eyes[0].views[0].globe.centre - right.centre).norm(), 0.6);
+}
+
+TEST_P(BothContrasts, AnImageThatLooksUnlikeItsHeaderIsRefusedByName) {
+  Stack stack = axial_stack({{{-30.3, -33.2, 1.4}, 11.4}, {{32.1, -32.4, 0.3}, 11.9}}, GetParam(), 1);
+  stack.told_weighting = GetParam() == Weighting::t1 ? Weighting::t2 : Weighting::t1;
+  const FoundEyes found = find_eyes({&stack}, {""});
+  EXPECT_TRUE(found.eyes.empty());
+  EXPECT_THAT(found.choices[0].reason,
+              testing::EndsWith(std::string("as ") + to_string(*stack.told_weighting) +
+                                " shows it, which its echo and repetition times tell"));
+}
+
 TEST_P(BothContrasts, GlobesAreTheSameInEveryOrderOfTheVoxels) {
   const Stack stack = axial_stack({{{-30.3, -33.2, 1.4}, 11.4}, {{32.1, -32.4, 0.3}, 11.9}}, GetParam(), 1);
   const FoundEyes as_it_is = find_eyes({&stack}, {""});
