@@ -27,7 +27,12 @@ struct FollowedEye {
   std::vector<std::vector<double>> by_visit;  ///< quantities at each visit
   std::vector<Measured> per_year;
   std::vector<std::string> doubts;  ///< what was left out, and whether it is one eye
+  std::string cornea_withheld;      ///< why its cornea's growth is not told; empty: it is
 };
+
+bool is_told(const FollowedQuantity& quantity, const FollowedEye& eye) {
+  return !quantity.is_of_cornea || eye.cornea_withheld.empty();
+}
 
 /// By the limits of readings that contradict what is known (docs/use/instruments.md).
 constexpr double doubted_sigmas = 3, refused_sigmas = 5;
@@ -39,7 +44,7 @@ void judge_differences(const Growth& growth, bool are_dated, FollowedEye& eye) {
     for (std::size_t q = 0; q < visits[k].size(); ++q) {
       const auto& [value, sigma] = visits[k][q];
       const FollowedQuantity& quantity = followed_quantities()[q];
-      if (std::abs(value) <= doubted_sigmas * sigma) continue;
+      if (!is_told(quantity, eye) || std::abs(value) <= doubted_sigmas * sigma) continue;
       const std::string what = fmt::format(
           "{} of visit {} differs from the first by {:+.{}f} {}, {:.1f} standard deviations of what the errors of "
           "both and the growth of an eye in {} allow (two persons, surgery, accommodation, or one misread?)",
@@ -63,7 +68,7 @@ void require_own_scans(const FollowedEye& eye) {
 }
 
 FollowedEye followed(const Visits& visits, Laterality laterality, double scale_sigma) {
-  FollowedEye eye{laterality, "", {}, {}, {}};
+  FollowedEye eye{laterality, "", {}, {}, {}, ""};
   const std::vector<EyeAtVisit> at_visits = eyes_of(visits, laterality, eye.reason);
   if (!eye.reason.empty()) return eye;
   eye.doubts = unused_readings(visits, laterality);
@@ -72,6 +77,10 @@ FollowedEye followed(const Visits& visits, Laterality laterality, double scale_s
     eye.by_visit.emplace_back(values.data(), values.data() + values.size());
   }
   require_own_scans(eye);
+  eye.cornea_withheld = why_cornea_is_withheld(visits, laterality);
+  if (!eye.cornea_withheld.empty())
+    eye.doubts.push_back(fmt::format("{}: the growth of the cornea is withheld; {}.",
+                                     clinical_name(laterality), eye.cornea_withheld));
   const Growth growth = growth_of(at_visits, scale_sigma);
   judge_differences(growth, visits.are_dated, eye);
   eye.per_year = growth_of_quantities(growth);
@@ -101,6 +110,7 @@ report::Table table_of(const FollowedEye& eye, const Visits& visits) {
   table.header.insert(table.header.end(), {"Growth", "95 % interval", "Judgement"});
   for (std::size_t q = 0; q < followed_quantities().size(); ++q) {
     const FollowedQuantity& quantity = followed_quantities()[q];
+    if (!is_told(quantity, eye)) continue;
     std::vector<std::string> row{quantity.name};
     for (const std::vector<double>& values : eye.by_visit)
       row.push_back(fmt::format("{:.{}f} {}", values[q], quantity.decimals, quantity.unit));
@@ -166,10 +176,15 @@ Json json_of(const std::vector<FollowedEye>& eyes, const Visits& visits) {
       continue;
     }
     for (std::size_t q = 0; q < followed_quantities().size(); ++q) {
+      const FollowedQuantity& quantity = followed_quantities()[q];
+      if (!is_told(quantity, eye)) {
+        entry[quantity.key] = {{"withheld", eye.cornea_withheld}};
+        continue;
+      }
       Json at_visits = Json::array();
       for (const std::vector<double>& values : eye.by_visit) at_visits.push_back(values[q]);
-      entry[followed_quantities()[q].key] = {{"visits", at_visits},
-                                             {visits.are_dated ? "per_year" : "growth", eye.per_year[q]}};
+      entry[quantity.key] = {{"visits", at_visits},
+                             {visits.are_dated ? "per_year" : "growth", eye.per_year[q]}};
     }
   }
   return json;

@@ -17,7 +17,7 @@ const std::vector<FollowedQuantity>& followed_quantities() {
                                                   {"lens_thickness_mm", "Lens thickness", "mm", 2},
                                                   {"globe_width_mm", "Globe, width", "mm", 2},
                                                   {"globe_height_mm", "Globe, height", "mm", 2},
-                                                  {"corneal_power_D", "Corneal power, mean", "D", 2}};
+                                                  {"corneal_power_D", "Corneal power, mean", "D", 2, true}};
   return list;
 }
 

@@ -13,6 +13,7 @@ struct FollowedQuantity {
   const char* name;  ///< "Axial length"
   const char* unit;
   int decimals;
+  bool is_of_cornea = false;
 };
 const std::vector<FollowedQuantity>& followed_quantities();
 

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <boost/date_time/gregorian/gregorian.hpp>
 #include <cmath>
@@ -121,27 +122,41 @@ void require_one_person(const Visits& visits, std::size_t k, std::size_t i) {
                       "name cases of one person");
 }
 
-/// Contrast and field of the images that an eye was fitted to: "T1, 3 T"; empty where that is not told.
+/// fit.json of an eye, or null.
+Json fit_of(const report::CaseData& data, Laterality eye) {
+  const auto found = std::find_if(data.eyes.begin(), data.eyes.end(),
+                                  [&](const report::EyeData& one) { return one.laterality == eye; });
+  return found == data.eyes.end() ? Json() : found->fit;
+}
+
+/// Images and field that an eye was fitted to: "T1, dark fat, 3 T"; empty where that is not told, or whether others share
+/// an error with it.
 std::string images_of(const report::CaseData& data, const Json& fit) {
+  const Json shared = fit.value("shared_error", Json());
+  if (!shared.is_object()) return {};
   const std::string contrast = fit.value("contrast", std::string());
   std::set<double> fields_T;
   for (const report::Series& series : report::used_series(data))
     if (series.contrast == contrast) fields_T.insert(series.field_strength_T);
   if (fields_T.size() != 1 || !(*fields_T.begin() > 0)) return {};
-  return fmt::format("{}, {:g} T", contrast, *fields_T.begin());
+  return fmt::format("{}, {:g} T", shared.at("images").get<std::string>(), *fields_T.begin());
 }
 
 }  // namespace
 
-ParametricEye without_shared_error(ParametricEye eye, const Json& shared_sigmas) {
-  for (std::size_t i = 0; i < eye.parameter_names.size(); ++i) {
-    const auto at = static_cast<Eigen::Index>(i);
-    const double shared = shared_sigmas.value(eye.parameter_names[i], 0.0), all = eye.covariance(at, at);
-    if (!(shared > 0 && all > 0)) continue;
-    const double left = std::sqrt(std::max(0.0, 1 - shared * shared / all));
-    eye.covariance.row(at) *= left;
-    eye.covariance.col(at) *= left;
-  }
+ParametricEye without_shared_error(ParametricEye eye, const Json& shared) {
+  const auto count = static_cast<Eigen::Index>(eye.parameter_names.size());
+  for (Eigen::Index i = 0; i < count; ++i)
+    for (Eigen::Index k = 0; k < count; ++k) {
+      const auto row = shared.find(eye.parameter_names[static_cast<std::size_t>(i)]);
+      if (row == shared.end()) continue;
+      eye.covariance(i, k) -= row->value(eye.parameter_names[static_cast<std::size_t>(k)], 0.0);
+    }
+  const Eigen::VectorXd left = Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(eye.covariance).eigenvalues();
+  constexpr double rounding = 1e-9;
+  if (count > 0 && left.minCoeff() < -rounding * left.cwiseAbs().maxCoeff())
+    throw input_error("shared_error of a fit.json is more than the eye's own covariance",
+                      "segment the study again");
   return eye;
 }
 
@@ -172,14 +187,13 @@ Visits read_visits(const std::vector<fs::path>& cases, const std::vector<double>
 
 std::vector<EyeAtVisit> eyes_of(const Visits& visits, Laterality eye, std::string& reason) {
   std::vector<ParametricEye> fitted;
-  std::vector<Json> shared_sigmas;
+  std::vector<Json> shared_error;
   std::set<std::string> images;
   for (std::size_t i = 0; i < visits.cases.size(); ++i) {
     const report::CaseData& data = visits.cases[i];
-    const auto found = std::find_if(data.eyes.begin(), data.eyes.end(),
-                                    [&](const report::EyeData& one) { return one.laterality == eye; });
-    const bool is_there = found != data.eyes.end() && found->fit.is_object() && found->fit.contains("eye");
-    const Json withheld = is_there ? found->fit.value("withheld", Json::object()) : Json::object();
+    const Json fit = fit_of(data, eye);
+    const bool is_there = fit.is_object() && fit.contains("eye");
+    const Json withheld = is_there ? fit.value("withheld", Json::object()) : Json::object();
     if (!is_there || withheld.contains("fit") || withheld.contains("front")) {
       reason = fmt::format("visit {}: {}", i + 1,
                            !is_there                  ? "this eye was not fitted"
@@ -187,17 +201,26 @@ std::vector<EyeAtVisit> eyes_of(const Visits& visits, Laterality eye, std::strin
                                                       : "the front of this eye is withheld");
       return {};
     }
-    fitted.push_back(parametric_eye_from_json(found->fit.at("eye")));
-    shared_sigmas.push_back(found->fit.value("shared_sigmas", Json::object()));
-    // A joint estimate does not say what it shares with an estimate in one contrast.
-    images.insert(shared_sigmas.back().empty() ? std::string() : images_of(data, found->fit));
+    fitted.push_back(parametric_eye_from_json(fit.at("eye")));
+    shared_error.push_back(fit.value("shared_error", Json()));
+    images.insert(images_of(data, fit));
   }
   const bool are_alike = images.size() == 1 && !images.begin()->empty();
   std::vector<EyeAtVisit> eyes;
   for (std::size_t i = 0; i < fitted.size(); ++i)
-    eyes.push_back({fitted_eye(are_alike ? without_shared_error(fitted[i], shared_sigmas[i]) : fitted[i]),
+    eyes.push_back({fitted_eye(are_alike ? without_shared_error(fitted[i], shared_error[i].at("covariance"))
+                                         : fitted[i]),
                     visits.years[i]});
   return eyes;
+}
+
+std::string why_cornea_is_withheld(const Visits& visits, Laterality eye) {
+  for (std::size_t i = 0; i < visits.cases.size(); ++i) {
+    const Json withheld = fit_of(visits.cases[i], eye).value("withheld", Json::object());
+    if (withheld.contains("cornea"))
+      return fmt::format("visit {}: {}", i + 1, withheld.at("cornea").get<std::string>());
+  }
+  return {};
 }
 
 std::vector<std::string> unused_readings(const Visits& visits, Laterality eye) {

@@ -27,12 +27,16 @@ Visits read_visits(const std::vector<std::filesystem::path>& cases, const std::v
 
 /// The eye whose parameters are known but for the part of their errors that every fit to such images has: it is in every
 /// visit, and in no growth.
-/// \param shared_sigmas  standard deviations of that part by parameter, as in fit.json
-ParametricEye without_shared_error(ParametricEye eye, const Json& shared_sigmas);
+/// \param shared  covariance of that part, by two parameters' names, as in fit.json
+/// \throw Error (input_invalid) where it is more than the eye's
+ParametricEye without_shared_error(ParametricEye eye, const Json& shared);
 
 /// The eye at every visit, or in `reason` why it cannot be followed. Where all were fitted to one contrast at one field,
 /// without the error that these share.
 std::vector<EyeAtVisit> eyes_of(const Visits& visits, Laterality eye, std::string& reason);
+
+/// Why an eye that is followed has no growth of its cornea: at which visit it is withheld. Empty: it has one.
+std::string why_cornea_is_withheld(const Visits& visits, Laterality eye);
 
 /// A sentence on each visit to whose meshing other instruments told something of the eye: growth is of the fits alone.
 /// \throw Error (input_invalid) naming a file that is broken

@@ -154,6 +154,7 @@ void join_contrasts(EyeFit& first, EyeFit& second, Joined joined) {
   }
   condition(first, in_first, joint.mean - of_first.mean, joint.covariance);
   condition(second, in_second, joint.mean - of_second.mean, joint.covariance);
+  first.shared_covariance = second.shared_covariance = {};
 }
 
 void doubt_each_other(EyeFit& first, EyeFit& second) {

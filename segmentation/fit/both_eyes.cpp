@@ -147,24 +147,23 @@ bool agree(const Shared& shared, const std::array<EyeFit*, 2>& eyes) {
   return std::pow(shared.value[0] - shared.value[1], 2) <= 9 * variance;
 }
 
+bool err_alike(const EyeFit& a, const EyeFit& b) {
+  return a.weighting == b.weighting && a.shared_covariance.size() > 0 && b.shared_covariance.size() > 0;
+}
+
 /// While it lives the eyes' covariances are without what their images err by alike: their difference has none of that.
 class WithoutSharedError {
  public:
   explicit WithoutSharedError(const std::array<EyeFit*, 2>& eyes) : eyes_(eyes) {
-    if (eyes[0]->weighting != eyes[1]->weighting) return;
-    for (EyeFit* eye : eyes_)
-      if (eye->shared_covariance.size() == 0) return;
+    if (!err_alike(*eyes[0], *eyes[1])) return;
     for (std::size_t e = 0; e < 2; ++e) {
-      shared_[e] = std::exchange(eyes_[e]->shared_covariance, {});
+      shared_[e] = eyes_[e]->shared_covariance;
       eyes_[e]->covariance -= shared_[e];
     }
   }
   ~WithoutSharedError() {
-    for (std::size_t e = 0; e < 2; ++e) {
-      if (shared_[e].size() == 0) continue;
-      eyes_[e]->covariance += shared_[e];
-      eyes_[e]->shared_covariance = shared_[e];
-    }
+    for (std::size_t e = 0; e < 2; ++e)
+      if (shared_[e].size() > 0) eyes_[e]->covariance += shared_[e];
   }
   WithoutSharedError(const WithoutSharedError&) = delete;
   WithoutSharedError& operator=(const WithoutSharedError&) = delete;
@@ -212,6 +211,8 @@ bool couple_eyes(EyeFit& od, EyeFit& os) {
   for (int e = 0; e < 2; ++e)
     condition(*eyes[e], jacobian[e], step.segment(e * count, count),
               posterior.block(e * count, e * count, count, count));
+  // What each then has of the other's error is in no other images.
+  if (!err_alike(od, os)) od.shared_covariance = os.shared_covariance = {};
   return true;
 }
 

@@ -13,11 +13,7 @@ void condition(EyeFit& fit, const MatrixXd& jacobian, const VectorXd& step, cons
   const VectorXd move = slope * step;
   for (std::size_t i = 0; i < fit.active.size(); ++i)
     fit.parameters[fit.active[i]] += move[static_cast<Eigen::Index>(i)];
-  const VectorXd before = fit.covariance.diagonal();
   fit.covariance += slope * (covariance - own) * slope.transpose();
-  if (fit.shared_covariance.size() == 0) return;
-  const VectorXd left = (fit.covariance.diagonal().array() / before.array()).min(1).sqrt();
-  fit.shared_covariance = left.asDiagonal() * fit.shared_covariance * left.asDiagonal();
 }
 
 }  // namespace emmetrope::segmentation

@@ -62,7 +62,7 @@ struct EyeFit {
   IntraocularMass mass = {};              ///< that was left out (intraocular_mass.hpp)
   IntraocularMass unexplained = {};       ///< that this fit has in its vitreous all the same
   /// Of the covariance what images of this contrast at this field err by alike, those of the fellow eye too: neither growth
-  /// nor the difference of two eyes has it.
+  /// nor the difference of two eyes has it. Empty where that is not known: of labels, and of an estimate from two contrasts.
   Eigen::MatrixXd shared_covariance = {};
 
   double value(int parameter) const { return parameters[parameter]; }

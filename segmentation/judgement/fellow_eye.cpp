@@ -282,7 +282,8 @@ void doubt_unlike_globes(JudgedEye& od, JudgedEye& os) {
   }
 }
 
-/// Widens the fit's covariance to the second moment, about what it tells, of a mixture with its rival.
+/// Widens the fit's covariance to the second moment, about what it tells, of a mixture with its rival. A rival that has
+/// other free parameters (a cornea with a form) counts as sure as the fit.
 void mix_in(EyeFit& fit, const Rival& rival) {
   Eigen::VectorXd apart(static_cast<Eigen::Index>(fit.active.size()));
   for (std::size_t i = 0; i < fit.active.size(); ++i) {
@@ -292,6 +293,8 @@ void mix_in(EyeFit& fit, const Rival& rival) {
     apart[static_cast<Eigen::Index>(i)] =
         (is_there ? rival.fit.value(parameter) : fit.priors.mean[parameter]) - fit.value(parameter);
   }
+  if (rival.fit.active == fit.active)
+    fit.covariance += rival.probability * (rival.fit.covariance - fit.covariance);
   fit.covariance += rival.probability * apart * apart.transpose();
 }
 

@@ -85,15 +85,18 @@ std::string edges_summary(const Json& edges) {
                      number("globe_width_mm"), number("globe_height_mm"));
 }
 
-/// Of the parameters' standard deviations what other images of this contrast at this field share. A joint estimate shares
-/// less with either contrast: that is not told.
-Json shared_sigmas_json(const JudgedEye& eye) {
-  Json json = Json::object();
-  const EyeFit& fit = *eye.fit;
-  for (Eigen::Index i = 0; i < fit.shared_covariance.rows(); ++i)
-    if (fit.shared_covariance(i, i) > 0 && !eye.is_joined)
-      json[fit.layout.name(fit.active[static_cast<std::size_t>(i)])] = std::sqrt(fit.shared_covariance(i, i));
-  return json;
+/// Of the parameters' covariance what other such images at this field share; null: not known.
+Json shared_error_json(const EyeFit& fit) {
+  const Eigen::Index count = fit.shared_covariance.rows();
+  if (count == 0) return nullptr;
+  Json covariance = Json::object();
+  const auto name = [&](Eigen::Index i) { return fit.layout.name(fit.active[static_cast<std::size_t>(i)]); };
+  for (Eigen::Index i = 0; i < count; ++i)
+    for (Eigen::Index k = 0; k < count; ++k)
+      if (fit.shared_covariance(i, k) != 0) covariance[name(i)][name(k)] = fit.shared_covariance(i, k);
+  return {
+      {"images", fmt::format("{}{}", to_string(fit.weighting), fat_is_dark(fit.stacks) ? ", dark fat" : "")},
+      {"covariance", covariance}};
 }
 
 /// What images of the other contrast said by themselves, or with this one where they are joined; null: there are none.
@@ -149,7 +152,7 @@ Json fit_json(const JudgedEye& eye, std::optional<double> head_roll_deg) {
   for (int i = vitreous; i <= surround; ++i) intensities[fit.layout.name(i)] = fit.parameters[i];
   json["intensities"] = intensities;
   json["eye"] = to_json(to_parametric_eye(fit, eye.found.laterality));
-  json["shared_sigmas"] = shared_sigmas_json(eye);
+  json["shared_error"] = shared_error_json(fit);
   return json;
 }
 

@@ -85,16 +85,23 @@ TEST(Growth, TheScannersScaleMakesLengthsLessCertain) {
   EXPECT_GT(more, 0.8 * whole);
 }
 
-// An error that is in every fit is in no difference: what is left of a length known to 0.25 mm is known to 0.15.
+// An error that is in every fit is in no difference: what is left are the covariances of each fit's own error.
 TEST(Visits, WhatImagesShareIsTakenOutOfTheCovariance) {
-  ParametricEye eye = eye_of(24, 0.25);
-  const Eigen::Index length = 3, chamber = 4;
-  eye.covariance(length, chamber) = eye.covariance(chamber, length) = 0.4 * 0.25 * 0.05;
-  const Eigen::MatrixXd left = without_shared_error(eye, {{"axial_length_mm", 0.2}}).covariance;
-  EXPECT_NEAR(left(length, length), 0.25 * 0.25 - 0.2 * 0.2, 1e-12);
-  EXPECT_NEAR(left(length, chamber), 0.4 * 0.15 * 0.05, 1e-12);
-  EXPECT_EQ(left(chamber, chamber), eye.covariance(chamber, chamber));
+  ParametricEye eye = eye_of(24, 0.15);
+  const Eigen::Index length = 3, chamber = 4, depth = 6;
+  eye.covariance(length, chamber) = eye.covariance(chamber, length) = -0.8 * 0.15 * 0.05;
+  const Eigen::MatrixXd own = eye.covariance;
+  Eigen::Matrix2d shared;
+  shared << 0.13, 0.03, 0.03, 0.01;
+  for (const auto& [i, row] : {std::pair{length, 0}, {depth, 1}})
+    for (const auto& [k, column] : {std::pair{length, 0}, {depth, 1}})
+      eye.covariance(i, k) += shared(row, column);
+  const Json told{{"axial_length_mm", {{"axial_length_mm", 0.13}, {"globe_semi_axis_z_mm", 0.03}}},
+                  {"globe_semi_axis_z_mm", {{"axial_length_mm", 0.03}, {"globe_semi_axis_z_mm", 0.01}}}};
+  EXPECT_LT((without_shared_error(eye, told).covariance - own).norm(), 1e-12);
   EXPECT_EQ(without_shared_error(eye, Json::object()).covariance, eye.covariance);
+  eye.covariance = own;
+  EXPECT_THROW(without_shared_error(eye, told), Error);
 }
 
 class FollowCommand : public testing::Test {
@@ -251,6 +258,20 @@ TEST_F(FollowCommand, TellsGrowthWithItsInterval) {
   EXPECT_TRUE(fs::exists(temporary_.path() / "out" / "growth.pdf"));
 }
 
+TEST_F(FollowCommand, ACorneaThatIsWithheldHasNoGrowth) {
+  const std::string reason = "the cornea's shape is not visible";
+  const fs::path first = visit("first", 23.5), second = visit("second", 23.8);
+  set(second / "segmentation" / "od" / "fit.json", "/withheld/cornea", reason);
+  const ProcessResult ended = run({first.string(), second.string(), "--years", "0,1"});
+  ASSERT_EQ(ended.status, 0) << ended.output;
+  const Json answer = Json::parse(ended.output), &eyes = answer.at("eyes");
+  EXPECT_EQ(eyes.at("od").at("corneal_power_D"), (Json{{"withheld", "visit 2: " + reason}}));
+  EXPECT_TRUE(eyes.at("od").at("axial_length_mm").contains("per_year"));
+  EXPECT_TRUE(eyes.at("os").at("corneal_power_D").contains("per_year"));
+  EXPECT_THAT(answer.at("warnings").dump(),
+              testing::HasSubstr("OD (right): the growth of the cornea is withheld"));
+}
+
 // Of two fits and the spread of growth beforehand: 1 / (1 / (2 sigma^2) + 1 / prior^2).
 TEST_F(FollowCommand, GrowthHasNoErrorThatBothVisitsShare) {
   constexpr double own_mm = 0.08, shared_mm = 0.2;
@@ -260,7 +281,9 @@ TEST_F(FollowCommand, GrowthHasNoErrorThatBothVisitsShare) {
     Json fit = read_json(file);
     fit["eye"] = to_json(eye_of(i == 0 ? 23.5 : 23.6, std::hypot(own_mm, shared_mm)));
     fit["contrast"] = "T1";
-    fit["shared_sigmas"] = {{"axial_length_mm", shared_mm}};
+    fit["shared_error"] = {
+        {"images", "T1"},
+        {"covariance", {{"axial_length_mm", {{"axial_length_mm", shared_mm * shared_mm}}}}}};
     write_json(file, fit);
     set(visits[i] / "case.json", "/stacks/0/contrast", "T1");
   }
@@ -281,7 +304,10 @@ TEST_F(FollowCommand, GrowthHasNoErrorThatBothVisitsShare) {
   }
   set(later, "/series/0/field_strength_T", 3.0);
   expect_sigma(own_mm);
-  set(visits[1] / "segmentation" / "od" / "fit.json", "/shared_sigmas", Json::object());  // T1 and T2 joined
+  const fs::path later_fit = visits[1] / "segmentation" / "od" / "fit.json";
+  set(later_fit, "/shared_error/images", "T1, dark fat");  // which errs by something else
+  expect_sigma(std::hypot(own_mm, shared_mm));
+  set(later_fit, "/shared_error", nullptr);  // T1 and T2 joined
   expect_sigma(std::hypot(own_mm, shared_mm));
 }
 

@@ -105,10 +105,10 @@ TEST_P(BothContrasts, OilDoesNotDecideOfAContrastThatTheHeaderTells) {
               (GetParam() == Weighting::t1 ? 1.5F : 0.5F) * of_oil.at(c, r, s);
   stack.told_weighting = GetParam();
   const FoundEyes found = find_eyes({&stack}, {""});
-  ASSERT_EQ(found.eyes.size(), 1U);
+  ASSERT_FALSE(found.eyes.empty());
   EXPECT_EQ(found.eyes[0].laterality, Laterality::od);
-  EXPECT_EQ(found.eyes[0].weighting, GetParam());
   EXPECT_LT((found.eyes[0].views[0].globe.centre - right.centre).norm(), 0.6);
+  for (const FoundEye& eye : found.eyes) EXPECT_EQ(eye.weighting, GetParam());
 }
 
 TEST_P(BothContrasts, AnImageThatLooksUnlikeItsHeaderIsRefusedByName) {

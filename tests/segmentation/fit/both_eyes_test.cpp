@@ -82,14 +82,11 @@ TEST(BothEyes, CouplingIsTheJointEstimate) {
   EXPECT_NEAR((os.covariance - covariance.bottomRightCorner<2, 2>()).norm(), 0, 1e-9);
 }
 
-TEST(BothEyes, WhatImagesShareShrinksWithTheVariance) {
+TEST(BothEyes, ThatLearnOfUnlikeImagesShareNoKnownErrorWithOthers) {
   EyeFit od = fit_of(images(42.1, 0.8, 3.3)), os = fit_of(images(43.4, 1.3, 3.5));
   od.shared_covariance = 0.75 * od.covariance;
-  const VectorXd before = od.covariance.diagonal();
   ASSERT_TRUE(couple_eyes(od, os));
-  EXPECT_LT(od.covariance(1, 1), 0.99 * before[1]);
-  EXPECT_NEAR((od.shared_covariance - 0.75 * od.covariance).diagonal().norm(), 0, 1e-12);
-  EXPECT_EQ(os.shared_covariance.size(), 0);
+  EXPECT_EQ(od.shared_covariance.size(), 0);
 }
 
 /// What both eyes' images err by alike is in neither's difference from the other: eyes that have it move as those without.
