@@ -180,6 +180,16 @@ std::vector<EyeRow> read_rows(const CohortFolder& cohort, const std::vector<std:
   return rows;
 }
 
+std::vector<std::pair<const EyeRow*, const EyeRow*>> fellow_eyes(const std::vector<EyeRow>& rows) {
+  std::vector<std::pair<const EyeRow*, const EyeRow*>> fellows;
+  for (std::size_t i = 1; i < rows.size(); ++i) {
+    const EyeRow &right = rows[i - 1], &left = rows[i];
+    if (right.subject == left.subject && right.eye == Laterality::od && left.eye == Laterality::os)
+      fellows.emplace_back(&right, &left);
+  }
+  return fellows;
+}
+
 std::vector<std::string> scans_named_twice(const std::vector<EyeRow>& rows) {
   std::vector<std::string> sentences;
   std::map<std::string, const EyeRow*> whose;
@@ -208,6 +218,12 @@ std::vector<std::string> sexes_that_differ(const std::vector<EyeRow>& rows) {
           row.subject, row.sex, row.told_sex));
     before = row.subject;
   }
+  return sentences;
+}
+
+std::vector<std::string> doubts_about(const std::vector<EyeRow>& rows) {
+  std::vector<std::string> sentences = scans_named_twice(rows);
+  for (std::string& sentence : sexes_that_differ(rows)) sentences.push_back(std::move(sentence));
   return sentences;
 }
 
