@@ -2,10 +2,31 @@
 
 #include <algorithm>
 #include <array>
+#include <cstdint>
+#include <fstream>
 
 #include "pipeline/base/write_beside.hpp"
 
 namespace emmetrope::raytrace {
+namespace {
+
+/// Whether a file has so many elements, each as long as its tag says. matio does not look whether its writes succeed, and
+/// where a full disk took one in the middle closing succeeds too.
+bool has_elements(const std::filesystem::path& file, std::size_t count) {
+  struct Tag {
+    std::uint32_t type, bytes;
+  } tag{};
+  std::uintmax_t end = 128;  // of the header
+  std::ifstream in(file, std::ios::binary);
+  for (; count > 0; --count) {
+    in.seekg(static_cast<std::streamoff>(end));
+    if (!in.read(reinterpret_cast<char*>(&tag), sizeof tag)) return false;
+    end += sizeof tag + tag.bytes;
+  }
+  return std::filesystem::file_size(file) == end;
+}
+
+}  // namespace
 
 MatVariable::MatVariable(const std::string& name, std::vector<std::size_t> size, std::vector<float> values)
     : floats_(std::move(values)),
@@ -37,13 +58,15 @@ MatVariable::MatVariable(const std::string& name, std::vector<MatVariable> field
 void write_mat(const std::filesystem::path& file, const std::vector<MatVariable>& variables) {
   write_beside(file, [&](const std::filesystem::path& part) {
     // Left to itself it writes the date: the same result has the same bytes.
-    const std::unique_ptr<mat_t, decltype(&Mat_Close)> mat(
+    std::unique_ptr<mat_t, decltype(&Mat_Close)> mat(
         Mat_CreateVer(part.c_str(), "MATLAB 5.0 MAT-file, written by Emmetrope", MAT_FT_MAT5), &Mat_Close);
     return mat != nullptr &&
-           std::all_of(variables.begin(), variables.end(), [&](const MatVariable& variable) {
-             return variable.get() != nullptr &&
-                    Mat_VarWrite(mat.get(), variable.get(), MAT_COMPRESSION_NONE) == 0;
-           });
+           std::all_of(variables.begin(), variables.end(),
+                       [&](const MatVariable& variable) {
+                         return variable.get() != nullptr &&
+                                Mat_VarWrite(mat.get(), variable.get(), MAT_COMPRESSION_NONE) == 0;
+                       }) &&
+           Mat_Close(mat.release()) == 0 && has_elements(part, variables.size());
   });
 }
 

@@ -104,8 +104,7 @@ Answer run_cohort(const CohortOptions& options, const CommonOptions& common) {
   if (!is_whole) end_what_left_none(cohort, subjects);
   const std::vector<EyeRow> rows = read_rows(cohort, listed_subjects(cohort));
   if (!is_whole) write_results(cohort, rows, cohort.root());
-  std::vector<std::string> doubts = scans_named_twice(rows);
-  for (std::string& sentence : sexes_that_differ(rows)) doubts.push_back(std::move(sentence));
+  const std::vector<std::string> doubts = doubts_about(rows);
   for (const std::string& sentence : doubts) spdlog::warn("{}", sentence);
   const Outcomes outcomes = count_outcomes(rows);
   Answer answer;

@@ -40,10 +40,8 @@ Eigen::MatrixXd slopes_of(const Growth& growth) {
     at[i] = growth.eye.get(growth.parameters[static_cast<std::size_t>(i)]);
   return jacobian({at, growth.per_year.covariance}, [&](const VectorXd& values) {
     ParametricEye eye = growth.eye;
-    for (Index i = 0; i < values.size(); ++i) {
-      const std::string& name = growth.parameters[static_cast<std::size_t>(i)];
-      if (name.rfind("apex_", 0) != 0 && name.rfind("gaze_", 0) != 0) eye.set(name, values[i]);
-    }
+    for (Index i = 0; i < values.size(); ++i)
+      eye.set(growth.parameters[static_cast<std::size_t>(i)], values[i]);
     return quantities_of(eye);
   });
 }

@@ -61,10 +61,11 @@ std::vector<EyeMoment> pursuit(const ModelParameters& p, std::uint64_t /*seed*/)
 
 /// Places at rising times, a sample apart.
 std::vector<Displacement> brownian(double duration_s, double diffusion_arcmin2_s, std::mt19937_64& random) {
-  std::normal_distribution<double> step(0, std::sqrt(2 * diffusion_arcmin2_s * sample_s) / 60);
+  const double step_deg = std::sqrt(2 * diffusion_arcmin2_s * sample_s) / 60;
+  std::normal_distribution<double> normal;  // which may have no spread of 0, as without drift
   std::vector<Displacement> places{{0, 0}};
   for (double time_s = 0; time_s < duration_s + sample_s; time_s += sample_s) {
-    const double x = step(random), y = step(random);
+    const double x = step_deg * normal(random), y = step_deg * normal(random);
     places.push_back(places.back() + Displacement(x, y));
   }
   return places;

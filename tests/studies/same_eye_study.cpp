@@ -9,6 +9,7 @@
 #include <functional>
 #include <random>
 
+#include "pipeline/base/ends_with.hpp"
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/files.hpp"
 #include "pipeline/base/measured.hpp"
@@ -201,10 +202,6 @@ std::optional<Measured> quantity_of(const Json& eye, const StatedQuantity& quant
   const Json& stated = eye.at("stated");
   if (stated.is_null() || !stated.contains(at) || is_withheld(stated.at(at))) return std::nullopt;
   return stated.at(at).get<Measured>();
-}
-
-bool ends_with(const std::string& text, const std::string& end) {
-  return text.size() >= end.size() && text.compare(text.size() - end.size(), end.size(), end) == 0;
 }
 
 /// The largest of one kind, and where.

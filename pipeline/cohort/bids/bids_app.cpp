@@ -119,7 +119,7 @@ Answer run_participants(const BidsOptions& options, const CommonOptions& common)
                             fmt::join(of_the_machine, ", ")),
                 "see " + (cohort.root() / "ends").string() + "; then run the same again");
   const std::vector<EyeRow> rows = read_rows(cohort, names);
-  for (const std::string& sentence : sexes_that_differ(rows)) spdlog::warn("{}", sentence);
+  for (const std::string& sentence : doubts_about(rows)) spdlog::warn("{}", sentence);
   const Outcomes outcomes = count_outcomes(rows);
   Answer answer;
   answer.json = counted(outcomes);
@@ -153,7 +153,7 @@ Answer run_group(const BidsOptions& options) {
     measured.push_back(read_subject(cohort.subject_file(subject), subject));
   compare_with_table(whole_path(options.dataset), measured);
   const std::vector<EyeRow> rows = read_rows(cohort, subjects);
-  for (const std::string& sentence : sexes_that_differ(rows)) spdlog::warn("{}", sentence);
+  for (const std::string& sentence : doubts_about(rows)) spdlog::warn("{}", sentence);
   write_results(cohort, rows, derivatives.root());
   const Outcomes outcomes = count_outcomes(rows);
   Answer answer;

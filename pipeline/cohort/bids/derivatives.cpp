@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "pipeline/base/case_folder.hpp"
+#include "pipeline/base/ends_with.hpp"
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/files.hpp"
 #include "pipeline/base/laterality.hpp"
@@ -33,11 +34,6 @@ constexpr const char* readme =
     "Research use only. Not a medical device. Not for prescribing without an eye examination.\n";
 
 constexpr const char* ignored_by_bids = "emmetrope/\ncohort.*\n*.html\n*_eyes.tsv\neyes.json\n";
-
-bool ends_with(const std::string& text, const std::string& ending) {
-  return text.size() >= ending.size() &&
-         text.compare(text.size() - ending.size(), ending.size(), ending) == 0;
-}
 
 std::string without_extension(const std::string& image) {
   for (const char* extension : {".nii.gz", ".nii"})

@@ -114,10 +114,11 @@ std::vector<std::string> engine_words(const EngineOptions& options, const Common
 }
 
 std::string last_lines(const fs::path& log, std::size_t count) {
-  const std::string text = fs::exists(log) ? read_file(log) : "";
+  std::string text = fs::exists(log) ? read_file(log) : "";
+  if (!text.empty() && text.back() == '\n') text.pop_back();
   std::size_t from = text.size();
-  for (std::size_t lines = 0; from > 0 && lines <= count; --from)
-    if (text[from - 1] == '\n') ++lines;
+  for (; from > 0; --from)
+    if (text[from - 1] == '\n' && --count == 0) break;
   return text.substr(from);
 }
 

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <filesystem>
 #include <map>
+#include <set>
 
 #include "pipeline/base/files.hpp"
 #include "pipeline/base/version.hpp"
@@ -58,8 +59,8 @@ Section outcomes_section(const std::vector<EyeRow>& rows) {
                 {"no result", share(outcomes.no_result), "the images do not support any number"},
                 {"failed", share(outcomes.failed), "the study could not be read, or the machine failed"}};
   Section section{"outcomes", "What came of the eyes", {{table}}};
-  for (auto* doubts_of : {scans_named_twice, sexes_that_differ})
-    if (report::BulletList doubts{doubts_of(rows)}; !doubts.items.empty()) section.blocks.push_back({doubts});
+  if (report::BulletList doubts{doubts_about(rows)}; !doubts.items.empty())
+    section.blocks.push_back({doubts});
   return section;
 }
 
@@ -226,16 +227,16 @@ Section relations_section(const std::vector<EyeRow>& rows) {
   Section section{"relations", "Left and right, age and refraction", {}};
   std::vector<std::pair<double, double>> sides, by_age, by_refraction;
   const std::string column = "optical_axial_length";
-  for (std::size_t i = 0; i < rows.size(); ++i) {
-    const auto length = rows[i].numbers.find(column);
-    if (length == rows[i].numbers.end()) continue;
-    if (rows[i].age_years) by_age.emplace_back(*rows[i].age_years, length->second.value);
-    if (const auto m = rows[i].numbers.find("refraction_m"); m != rows[i].numbers.end())
+  for (const EyeRow& row : rows) {
+    const auto length = row.numbers.find(column);
+    if (length == row.numbers.end()) continue;
+    if (row.age_years) by_age.emplace_back(*row.age_years, length->second.value);
+    if (const auto m = row.numbers.find("refraction_m"); m != row.numbers.end())
       by_refraction.emplace_back(m->second.value, length->second.value);
-    if (rows[i].eye != Laterality::os || i == 0) continue;
-    if (const auto right = rows[i - 1].numbers.find(column); right != rows[i - 1].numbers.end())
-      sides.emplace_back(right->second.value, length->second.value);
   }
+  for (const auto& [right, left] : fellow_eyes(rows))
+    if (right->numbers.count(column) > 0 && left->numbers.count(column) > 0)
+      sides.emplace_back(right->numbers.at(column).value, left->numbers.at(column).value);
   FigureRow charts;
   for (const auto& figure :
        {scatter("sides", "Left against right", "right eye, mm", "left eye, mm", sides, true),
@@ -295,9 +296,11 @@ Section outliers_section(const CohortFolder& cohort, const std::vector<EyeRow>& 
 
 std::string cohort_page(const CohortFolder& cohort, const std::vector<EyeRow>& rows,
                         const fs::path& page_folder) {
+  std::set<std::string> subjects;
+  for (const EyeRow& row : rows) subjects.insert(row.subject);
   report::Document document;
   document.title = "Emmetrope cohort";
-  document.heading = {{"Subjects", std::to_string(rows.size() / 2)}, {"Software", "Emmetrope " + version()}};
+  document.heading = {{"Subjects", std::to_string(subjects.size())}, {"Software", "Emmetrope " + version()}};
   for (Section section : {outcomes_section(rows), failures_section(cohort, rows), numbers_section(rows),
                           relations_section(rows), outliers_section(cohort, rows, page_folder)})
     if (!section.blocks.empty()) document.sections.push_back(std::move(section));

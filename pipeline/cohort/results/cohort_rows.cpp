@@ -20,13 +20,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// A cell has no tabs and no line ends.
-std::string one_line(std::string text) {
-  std::replace_if(
-      text.begin(), text.end(), [](char c) { return c == '\t' || c == '\n' || c == '\r'; }, ' ');
-  return text;
-}
-
 std::string sex_of(const fs::path& case_folder) {
   const fs::path file = case_folder / "case.json";
   if (!fs::exists(file)) return {};
@@ -187,6 +180,16 @@ std::vector<EyeRow> read_rows(const CohortFolder& cohort, const std::vector<std:
   return rows;
 }
 
+std::vector<std::pair<const EyeRow*, const EyeRow*>> fellow_eyes(const std::vector<EyeRow>& rows) {
+  std::vector<std::pair<const EyeRow*, const EyeRow*>> fellows;
+  for (std::size_t i = 1; i < rows.size(); ++i) {
+    const EyeRow &right = rows[i - 1], &left = rows[i];
+    if (right.subject == left.subject && right.eye == Laterality::od && left.eye == Laterality::os)
+      fellows.emplace_back(&right, &left);
+  }
+  return fellows;
+}
+
 std::vector<std::string> scans_named_twice(const std::vector<EyeRow>& rows) {
   std::vector<std::string> sentences;
   std::map<std::string, const EyeRow*> whose;
@@ -218,6 +221,12 @@ std::vector<std::string> sexes_that_differ(const std::vector<EyeRow>& rows) {
   return sentences;
 }
 
+std::vector<std::string> doubts_about(const std::vector<EyeRow>& rows) {
+  std::vector<std::string> sentences = scans_named_twice(rows);
+  for (std::string& sentence : sexes_that_differ(rows)) sentences.push_back(std::move(sentence));
+  return sentences;
+}
+
 Outcomes count_outcomes(const std::vector<EyeRow>& rows) {
   const auto count = [&](Outcome outcome) {
     return static_cast<std::size_t>(
@@ -232,11 +241,10 @@ std::string table_text(const std::vector<EyeRow>& rows) {
   for (const Quantity& quantity : quantities())
     text += fmt::format("\t{0}\t{0}_low\t{0}_high\t{0}_source", quantity.column);
   text += "\n";
-  const auto cell = [](const std::string& value) { return value.empty() ? not_available : value; };
   for (const EyeRow& row : rows) {
     text += fmt::format("{}\t{}\t{}\t{}\t{}\t{}\t{}", row.subject, to_string(row.eye), to_string(row.outcome),
-                        cell(row.stage), cell(row.reason),
-                        row.age_years ? number(*row.age_years) : not_available, cell(row.sex));
+                        cell_text(row.stage), cell_text(row.reason),
+                        row.age_years ? number(*row.age_years) : not_available, cell_text(row.sex));
     for (const Quantity& quantity : quantities()) {
       if (const auto found = row.numbers.find(quantity.column); found != row.numbers.end()) {
         const Measured& measured = found->second;

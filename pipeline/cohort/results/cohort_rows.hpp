@@ -2,6 +2,7 @@
 #include <map>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "pipeline/base/laterality.hpp"
@@ -40,11 +41,17 @@ bool is_finished(const CohortFolder& cohort, const std::string& subject);
 /// \throw Error (input_invalid) naming a file that is broken
 std::vector<EyeRow> read_rows(const CohortFolder& cohort, const std::vector<std::string>& subjects);
 
+/// The right and the left eye of each subject with a row of both.
+std::vector<std::pair<const EyeRow*, const EyeRow*>> fellow_eyes(const std::vector<EyeRow>& rows);
+
 /// Eyes of different subjects with the same numbers to the last digit, one scan under two names: a sentence a pair.
 std::vector<std::string> scans_named_twice(const std::vector<EyeRow>& rows);
 
 /// Subjects whose images tell another sex than the table of participants: a sentence each.
 std::vector<std::string> sexes_that_differ(const std::vector<EyeRow>& rows);
+
+/// The sentences of both.
+std::vector<std::string> doubts_about(const std::vector<EyeRow>& rows);
 
 struct Outcomes {
   std::size_t measured = 0, partial = 0, no_result = 0, failed = 0;

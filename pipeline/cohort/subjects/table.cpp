@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <sstream>
 
 #include "pipeline/base/error.hpp"
@@ -22,6 +23,14 @@ std::vector<std::string> cells_of(const std::string& line) {
 }
 
 }  // namespace
+
+std::string one_line(std::string text) {
+  std::replace_if(
+      text.begin(), text.end(), [](char c) { return c == '\t' || c == '\n' || c == '\r'; }, ' ');
+  return text;
+}
+
+std::string cell_text(const std::string& text) { return text.empty() ? not_available : one_line(text); }
 
 std::string Table::cell(std::size_t row, const std::string& column) const {
   const auto found = columns.find(column);

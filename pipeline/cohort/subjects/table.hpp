@@ -9,6 +9,11 @@ namespace emmetrope::cohort {
 /// A cell that says nothing, as BIDS has it.
 inline constexpr const char* not_available = "n/a";
 
+/// Without tabs and line ends, which no cell has.
+std::string one_line(std::string text);
+/// The same, "n/a" where it is empty.
+std::string cell_text(const std::string& text);
+
 /// A table of tab-separated values with a header, as BIDS has them.
 struct Table {
   std::map<std::string, std::size_t> columns;

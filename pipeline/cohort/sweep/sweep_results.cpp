@@ -38,12 +38,6 @@ void add_numbers(const Json& json, const std::string& prefix, Cells& cells) {
   }
 }
 
-std::string one_cell(std::string text) {
-  std::replace_if(
-      text.begin(), text.end(), [](char c) { return c == '\t' || c == '\n' || c == '\r'; }, ' ');
-  return text.empty() ? not_available : text;
-}
-
 /// What is asked for by pointer.
 Cells asked_for(const Sweep& sweep, const Json& result) {
   Cells cells;
@@ -52,8 +46,8 @@ Cells asked_for(const Sweep& sweep, const Json& result) {
     if (!result.contains(at)) continue;
     const Json& value = result.at(at);
     cells.emplace_back(column, is_number(value)    ? number_text(value)
-                               : value.is_string() ? one_cell(value.get<std::string>())
-                                                   : one_cell(value.dump()));
+                               : value.is_string() ? cell_text(value.get<std::string>())
+                                                   : cell_text(value.dump()));
   }
   return cells;
 }
@@ -70,7 +64,7 @@ std::string sweep_table(const Sweep& sweep, const SweepFolder& folder,
     try {
       Cells cells{{"run", names[i]},
                   {"status", std::to_string(end.at("status").get<int>())},
-                  {"message", one_cell(end.at("message").get<std::string>())}};
+                  {"message", cell_text(end.at("message").get<std::string>())}};
       for (const Setting& setting : sweep.runs[i]) cells.emplace_back(setting.option, setting.text);
       const std::size_t given = cells.size();
       if (const Json& result = end.at("result"); result.is_object()) {
@@ -107,7 +101,7 @@ std::string sweep_table(const Sweep& sweep, const SweepFolder& folder,
     std::vector<std::string> cells;
     for (const std::string& column : columns) {
       const auto found = row.find(column);
-      cells.push_back(found == row.end() ? not_available : one_cell(found->second));
+      cells.push_back(found == row.end() ? not_available : cell_text(found->second));
     }
     text += fmt::format("{}\n", fmt::join(cells, "\t"));
   }

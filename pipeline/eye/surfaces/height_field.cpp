@@ -362,7 +362,6 @@ bool HeightField::outline(const Points& points) {
 }
 
 void HeightField::measure_deviation(const Points& points) {
-  fitted_vertices_ = static_cast<int>(points.size());
   double square = 0;
   for (const Eigen::Vector3d& p : points) {
     const double deviation_um = 1000 * (at(p.x(), p.y()).depth_mm - p.z());

@@ -38,11 +38,10 @@ class HeightField {
   /// The hit with a half line; nothing outside the outline.
   std::optional<ShapeHit> intersect(const Ray& ray_in_shape) const;
 
-  /// How far the surface passes from the vertices it was fitted to (along the axis, um), and how many those
-  /// are: vertices beyond a slope of 2.1 (65 degrees), a globe's equator say, are left out.
+  /// How far the surface passes from the vertices it was fitted to, along the axis, um: vertices beyond a slope
+  /// of 2.1 (65 degrees), a globe's equator say, are left out.
   double max_deviation_um() const { return max_deviation_um_; }
   double rms_deviation_um() const { return rms_deviation_um_; }
-  int fitted_vertices() const { return fitted_vertices_; }
 
   /// The grid, for devices: control value (column i, row j) at `controls_mm()[j * columns() + i]`.
   const Eigen::Vector2d& origin_mm() const { return origin_; }
@@ -73,7 +72,6 @@ class HeightField {
   double base_offset_ = 0, base_q_ = 0;
   Eigen::Matrix2d base_curvature_ = Eigen::Matrix2d::Zero();
   double max_deviation_um_ = 0, rms_deviation_um_ = 0;
-  int fitted_vertices_ = 0;
 };
 
 }  // namespace emmetrope

@@ -9,6 +9,7 @@
 #include <map>
 #include <random>
 
+#include "pipeline/base/ends_with.hpp"
 #include "pipeline/base/error.hpp"
 #include "pipeline/eye/population/population.hpp"
 
@@ -121,9 +122,6 @@ UncertainEye fitted_eye(ParametricEye fitted) {
 }
 
 void UncertainEye::add_scale_prior(double relative_sd) {
-  const auto ends_with = [](const std::string& name, const std::string& end) {
-    return name.size() >= end.size() && name.compare(name.size() - end.size(), end.size(), end) == 0;
-  };
   VectorXd along =
       VectorXd::Zero(eye_.covariance.rows());  // derivative of each parameter by the scale; its unit tells
   for (Index i = 0; i < along.size(); ++i) {

@@ -8,6 +8,7 @@
 #include <sstream>
 
 #include "pipeline/base/case_folder.hpp"
+#include "pipeline/base/ends_with.hpp"
 #include "pipeline/base/files.hpp"
 #include "pipeline/base/frames.hpp"
 
@@ -15,11 +16,6 @@ namespace emmetrope::report {
 namespace {
 
 namespace fs = std::filesystem;
-
-bool ends_with(const std::string& text, const std::string& ending) {
-  return text.size() >= ending.size() &&
-         text.compare(text.size() - ending.size(), ending.size(), ending) == 0;
-}
 
 bool names_a_unit(const std::string& key) {
   static constexpr std::array<const char*, 6> units{"_mm", "_um", "_deg", "_D", "_nm", "_s"};

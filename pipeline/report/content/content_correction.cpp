@@ -1,5 +1,6 @@
 #include <fmt/format.h>
 
+#include "pipeline/base/ends_with.hpp"
 #include "pipeline/report/content/content.hpp"
 #include "pipeline/report/content/content_tables.hpp"
 #include "pipeline/report/content/judgement.hpp"
@@ -7,11 +8,6 @@
 
 namespace emmetrope::report {
 namespace {
-
-bool ends_with(const std::string& text, const std::string& ending) {
-  return text.size() >= ending.size() &&
-         text.compare(text.size() - ending.size(), ending.size(), ending) == 0;
-}
 
 /// Columns of the sweep that are measures of sharpness: those without a unit.
 std::vector<std::size_t> measures_of(const Sweep& sweep) {

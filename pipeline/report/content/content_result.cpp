@@ -200,7 +200,7 @@ BulletList withheld_lines(const CaseData& data) {
   return lines;
 }
 
-/// Of which eyes' numbers a table tells: what the images or instruments gave, or what nothing but the population tells.
+/// What a table tells: what the images or instruments gave of any eye, or what nothing but the population tells.
 enum class Told { measured, assumed };
 
 /// The length that images show beside the one that biometers measure.
@@ -245,7 +245,10 @@ Table measured_table(const CaseData& data, const std::vector<BiometryRow>& rows,
       found_of_eyes.push_back(found);
     }
     const std::string source = source_of(found_of_eyes);
-    if (source.empty() || (source.rfind(source_name("prior"), 0) == 0) != (told == Told::assumed)) continue;
+    const bool is_assumed = std::all_of(found_of_eyes.begin(), found_of_eyes.end(), [](const Cells& found) {
+      return found.source.empty() || found.source == source_name("prior");
+    });
+    if (source.empty() || is_assumed != (told == Told::assumed)) continue;
     cells.insert(cells.end(), {source, normal_range(row)});
     table.rows.push_back(cells);
   }

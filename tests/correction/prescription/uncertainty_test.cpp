@@ -3,13 +3,16 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Cholesky>
+#include <algorithm>
 #include <cmath>
 #include <random>
 
 #include "correction/prescription/prescription.hpp"
+#include "meshing/optics.hpp"
 #include "pipeline/base/error.hpp"
 #include "pipeline/eye/optics/paraxial.hpp"
 #include "tests/support/measured_optics.hpp"
+#include "tests/support/random_eye.hpp"
 
 namespace emmetrope::correction {
 namespace {
@@ -38,13 +41,37 @@ TEST(Uncertainty, SensitivitiesAreThoseOfTheLiterature) {
 
 TEST(Uncertainty, BudgetAddsUpToTheTotal) {
   const UncertainOptics eye = uncertain_optics_from_json(measured_optics(), ".", 0.005);
-  const auto budget = uncertainty_budget(eye, refraction_sensitivity(eye, paraxial));
+  const Eigen::MatrixXd s = refraction_sensitivity(eye, paraxial);
+  const auto budget = uncertainty_budget(eye, s);
   double sum = 0;
   for (std::size_t i = 0; i + 1 < budget.size(); ++i) sum += budget[i].M_D * std::abs(budget[i].M_D);
   EXPECT_EQ(budget.back().source, "total");
   EXPECT_NEAR(sum, budget.back().M_D * budget.back().M_D, 1e-9);
   EXPECT_NEAR(budget[6].M_D, 155 * 0.005, 0.1);  // the lens index
-  EXPECT_NE(budget[7].M_D, 0);                   // correlations, as there are some
+  // Chamber and lens alone are correlated.
+  const Eigen::Index chamber = eye.known.index_of("anterior_chamber_depth_mm"),
+                     lens = eye.known.index_of("lens_thickness_mm");
+  EXPECT_NEAR(budget[7].M_D * std::abs(budget[7].M_D),
+              2 * s(0, chamber) * s(0, lens) * eye.known.eye().covariance(chamber, lens), 1e-9);
+}
+
+/// One that no group names, or two, would pass for correlations. Those of an irregular cornea are all that there are.
+TEST(Uncertainty, EachParameterIsInOneLineOfTheBudget) {
+  ParametricEye fitted = random_eye(5);
+  fitted.cornea_zernike_um.front() = 1;
+  UncertainOptics optics =
+      uncertain_optics_from_json(meshing::optics_json(fitted_eye(fitted), {}), ".", 0.005);
+  ParametricEye apart = optics.known.eye();
+  apart.covariance.setIdentity();
+  optics.known = UncertainEye(apart);
+  for (Eigen::Index i = 0; i < apart.covariance.rows(); ++i) {
+    Eigen::MatrixXd alone = Eigen::MatrixXd::Zero(3, apart.covariance.cols());
+    alone(0, i) = 1;
+    const auto budget = uncertainty_budget(optics, alone);
+    const auto of_it =
+        std::count_if(budget.begin(), budget.end() - 2, [](const BudgetLine& line) { return line.M_D > 0; });
+    EXPECT_EQ(of_it, 1) << apart.parameter_names[static_cast<std::size_t>(i)];
+  }
 }
 
 TEST(Uncertainty, LinearAgreesWithMonteCarlo) {

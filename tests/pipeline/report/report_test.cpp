@@ -139,6 +139,21 @@ TEST_F(ReportTest, AWithheldPrescriptionIsNone) {
   EXPECT_THAT(output("prescription.fhir.json"), Not(HasSubstr("right")));
 }
 
+TEST_F(ReportTest, WhatOneEyeHasMeasuredIsNoAssumption) {
+  test::make_fixture_case(folder_);
+  report();
+  EXPECT_THAT(table_of(output("report.html"), "Not measured here"), HasSubstr("Corneal thickness"));
+  const fs::path file = folder_ / "meshing" / "os" / "biometry.json";
+  Json biometry = read_json(file);
+  biometry["corneal_thickness_mm"]["source"] = "mri+prior";
+  write_json(file, biometry);
+  report();
+  const std::string html = output("report.html");
+  EXPECT_THAT(table_of(html, "Biometry"), HasSubstr("Corneal thickness"));
+  EXPECT_THAT(table_of(html, "Not measured here"),
+              AllOf(HasSubstr("Asphericity Q"), Not(HasSubstr("Corneal thickness"))));
+}
+
 /// Cases that were corrected before the correction stage said so hold no word of it.
 TEST_F(ReportTest, AnOlderCaseIsHeldToTheSameLimit) {
   test::make_fixture_case(folder_);

@@ -8,6 +8,7 @@
 #include "pipeline/base/case_folder.hpp"
 #include "pipeline/base/files.hpp"
 #include "pipeline/cohort/subjects/table.hpp"
+#include "tests/support/fixture_case.hpp"
 #include "tests/support/stand_in_stages.hpp"
 #include "tests/support/temporary_folder.hpp"
 
@@ -32,6 +33,14 @@ class BidsApp : public testing::Test {
     words.insert(words.begin(), {dataset().string(), out().string()});
     words.insert(words.end(), {"--json", "--quiet"});
     return stages_.run("bids", words);
+  }
+  /// What a run warns of, a line each.
+  std::string warnings(const std::vector<std::string>& words) const {
+    const Json answer = Json::parse(run(words).output);
+    std::string all;
+    for (const Json& warning : answer.value("warnings", Json::array()))
+      all += warning.get<std::string>() + "\n";
+    return all;
   }
   fs::path dataset() const { return temporary_.path() / "dataset"; }
   fs::path out() const { return dataset() / "derivatives" / "emmetrope"; }
@@ -70,13 +79,6 @@ TEST_F(BidsApp, AllAreMeasuredWhereNobodyIsNamed) {
 
 // The table of participants is the owner's, and may have changed since.
 TEST_F(BidsApp, SaysWhereTheTableOfParticipantsSaysOtherwise) {
-  const auto warnings = [&](const std::vector<std::string>& words) {
-    const Json answer = Json::parse(run(words).output);
-    std::string all;
-    for (const Json& warning : answer.value("warnings", Json::array()))
-      all += warning.get<std::string>() + "\n";
-    return all;
-  };
   EXPECT_THAT(warnings({"participant"}), HasSubstr("there is no study of \"sub-03\""));
   EXPECT_EQ(warnings({"group"}), "");
   write_file(dataset() / "participants.tsv", "participant_id\tage\nsub-01\t31\n");
@@ -84,6 +86,17 @@ TEST_F(BidsApp, SaysWhereTheTableOfParticipantsSaysOtherwise) {
   EXPECT_THAT(group, HasSubstr("line 2, column age: \"31\"; sub-01 was measured as of \"30\""));
   EXPECT_THAT(group, HasSubstr("sub-02_ses-a has no row"));
   EXPECT_THAT(warnings({"participant", "--participant-label", "02"}), HasSubstr("sub-02_ses-b has no row"));
+}
+
+TEST_F(BidsApp, WarnsOfOneScanUnderTwoNames) {
+  EXPECT_EQ(run({"participant"}).status, 0);
+  for (const char* visit : {"sub-01", "sub-02_ses-a"}) {
+    const fs::path measured = out() / "emmetrope" / "cases" / visit;
+    fs::remove_all(measured);
+    test::make_fixture_case(measured);
+  }
+  EXPECT_THAT(warnings({"group"}),
+              HasSubstr("OD (right) of sub-01 and of sub-02_ses-a have the same numbers"));
 }
 
 TEST_F(BidsApp, AgeOfTheSessionAndSexOfTheTableAreInTheRows) {

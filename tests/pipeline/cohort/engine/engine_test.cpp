@@ -207,6 +207,15 @@ TEST_F(CohortOnScripts, ThatTakesSomeJobsSaysWhichDidNotBegin) {
   }
 }
 
+TEST_F(CohortOnScripts, WhoseEngineFailsSaysItsLastLines) {
+  make_sbatch("nothing");
+  make("snakemake", "for i in 1 2 3 4 5 6 7; do echo line $i; done; exit 9");
+  const ProcessResult ended = run();
+  EXPECT_EQ(ended.status, 1);
+  EXPECT_EQ(Json::parse(ended.output)["error"]["message"],
+            "snakemake ended with 9: line 3\nline 4\nline 5\nline 6\nline 7");
+}
+
 TEST_F(CohortOnScripts, WithoutAControllerIsRefusedBeforeAnythingIsWritten) {
   make("scontrol", "echo 'Slurmctld(primary) at head is DOWN'; exit 1");
   make_sbatch("nothing");

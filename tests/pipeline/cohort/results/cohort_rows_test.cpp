@@ -124,10 +124,34 @@ TEST_F(CohortRows, SexIsThatOfTheImagesBeforeThatOfTheTable) {
 TEST_F(CohortRows, OfOneScanUnderTwoNamesAreTold) {
   std::vector<EyeRow> rows =
       read_rows(cohort_, listed_subjects(cohort_));  // "right" and "whole" are one fixture
-  EXPECT_THAT(scans_named_twice(rows),
+  EXPECT_THAT(doubts_about(rows),
               testing::ElementsAre(HasSubstr("OD (right) of right and of whole have the same numbers")));
   rows[4].numbers.begin()->second.value += 1e-9;
   EXPECT_THAT(scans_named_twice(rows), testing::IsEmpty());
+}
+
+TEST(FellowEyes, AreOfOneSubject) {
+  std::vector<EyeRow> rows;
+  const auto add = [&](const char* subject, Laterality eye) {
+    EyeRow& row = rows.emplace_back();
+    row.subject = subject;
+    row.eye = eye;
+  };
+  add("a", Laterality::od);
+  add("b", Laterality::os);
+  add("c", Laterality::od);
+  add("c", Laterality::os);
+  add("d", Laterality::os);
+  add("e", Laterality::os);
+  EXPECT_THAT(fellow_eyes(rows), testing::ElementsAre(testing::Pair(&rows[2], &rows[3])));
+}
+
+TEST_F(CohortRows, OfOneEyeAreASubjectToo) {
+  fs::create_directories(cohort_.root() / "subjects");
+  for (const char* subject : {"broken", "right"}) write_json(cohort_.subject_file(subject), {{"eyes", "od"}});
+  const std::vector<EyeRow> rows = read_rows(cohort_, listed_subjects(cohort_));
+  ASSERT_EQ(rows.size(), 4U);
+  EXPECT_THAT(cohort_page(cohort_, rows, cohort_.root()), HasSubstr("<dt>Subjects</dt><dd>3</dd>"));
 }
 
 TEST_F(CohortRows, OfTheTableAreTheNumbersOfTheCases) {
