@@ -182,11 +182,12 @@ void bind_eyes(py::module_& module) {
             const double at_nm = wavelength_of(eye, nm);
             const py::gil_scoped_release unlocked;
             const ChiefRays chief_rays(eye, at_nm);
-            return raytrace::retina_seeing(eye, chief_rays, {horizontal_deg, vertical_deg});
+            return raytrace::retina_seeing(chief_rays, {horizontal_deg, vertical_deg});
           },
           py::arg("horizontal_deg"), py::arg("vertical_deg"), wavelength,
           "Where the chief ray from a direction meets the retina, mm (3,); None where none does. Angles of the line "
-          "of sight towards +x and +y.")
+          "of sight towards +x and +y, below 90, or one up to 180 and 0. In front of the retina's equator x and y do not "
+          "tell the place: wavefront() and line_of_sight() take those behind it.")
       .def(
           "line_of_sight",
           [](const EyeModel& eye, double x_mm, double y_mm,

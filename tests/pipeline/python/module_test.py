@@ -96,7 +96,10 @@ class Eyes(unittest.TestCase):
         self.assertAlmostEqual(numpy.degrees(numpy.arctan2(sight[0], sight[2])), 30, places=8)
         self.assertAlmostEqual(numpy.degrees(numpy.arctan2(sight[1], sight[2])), -20, places=8)
         self.assertIsNone(eye.line_of_sight(13, 0))
+        self.assertGreater(eye.retina_seeing(95, 0)[2], eye.retina_seeing(75, 0)[2])
         self.assertIsNone(eye.retina_seeing(120, 0))
+        with self.assertRaisesRegex(emmetrope.UsageError, "horizontal_deg and vertical_deg: nan and 0"):
+            eye.retina_seeing(numpy.nan, 0)
 
 
 class Errors(unittest.TestCase):
