@@ -8,6 +8,7 @@
 #include "pipeline/base/files.hpp"
 #include "pipeline/eye/commands/describe_eye.hpp"
 #include "pipeline/eye/schematic/schematic_eyes.hpp"
+#include "tests/support/temporary_folder.hpp"
 
 namespace emmetrope {
 namespace {
@@ -42,6 +43,19 @@ TEST(EyeCommand, SaysThatAnEyeWithoutPowerHasNoCardinalPoints) {
   EXPECT_THAT(answer.text,
               testing::Not(testing::AnyOf(testing::HasSubstr("nan"), testing::HasSubstr("inf"))));
   EXPECT_NEAR(answer.json["refraction_D"].get<double>(), 1000 / 24.0, 1e-9);
+}
+
+TEST(EyeCommand, SaysThatAnEyeWithoutAStopHasNoPupils) {
+  const test::TemporaryFolder folder;
+  const std::filesystem::path file = folder.path() / "eye.json";
+  write_eye(file, without_stop(make_eye("navarro")));
+  EyeQuery query;
+  query.eye = file.string();
+  const Answer answer = describe_eye(query);
+  EXPECT_TRUE(answer.json["entrance_pupil"].is_null());
+  EXPECT_TRUE(answer.json["exit_pupil"].is_null());
+  EXPECT_THAT(answer.text, testing::HasSubstr("entrance pupil         none: the eye has no stop"));
+  EXPECT_THAT(answer.text, testing::Not(testing::HasSubstr("nan")));
 }
 
 TEST(EyeCommand, RefusesAWavelengthAtWhichAMediumHasNoIndex) {
