@@ -138,11 +138,17 @@ Answer describe_eye(const EyeQuery& query) {
       {"refraction", {{"M_D", refraction.M_D}, {"J0_D", refraction.J0_D}, {"J45_D", refraction.J45_D}}},
       {"refraction_D", refraction.M_D}};
   answer.text = text_of(eye, answer.json);
-  if (!query.output.empty())
-    for (const std::string& note : write_eye_file(query.output, eye)) {
+  if (!query.output.empty()) {
+    const WrittenEye written = write_eye_file(query.output, eye);
+    for (const std::filesystem::path& file : written.files) {
+      answer.text += "written: " + file.string() + "\n";
+      answer.json["files"].push_back(file.string());
+    }
+    for (const std::string& note : written.notes) {
       answer.text += "note: " + note + "\n";
       answer.json["notes"].push_back(note);
     }
+  }
   return answer;
 }
 
