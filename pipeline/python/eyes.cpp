@@ -12,6 +12,7 @@
 #include "pipeline/eye/optics/paraxial.hpp"
 #include "pipeline/eye/optics/retina_point.hpp"
 #include "pipeline/eye/population/limits.hpp"
+#include "pipeline/eye/population/population.hpp"
 #include "pipeline/eye/schematic/schematic_eyes.hpp"
 #include "pipeline/python/bindings.hpp"
 #include "raytrace/case/measured_eye.hpp"
@@ -33,6 +34,10 @@ EyeModel measured_eye(const std::string& case_folder, const std::string& lateral
                       const std::optional<double>& age_years, const std::optional<double>& lens_index,
                       bool lens_core, const std::optional<double>& retinal_depth_mm) {
   check_pupil(pupil_mm);
+  if (age_years) check_setting("age_years", *age_years, human_age_years, " years");
+  if (lens_index) check_setting("lens_index", *lens_index, human_lens_index);
+  if (retinal_depth_mm)
+    check_setting("retinal_depth_mm", *retinal_depth_mm, {0, most_retinal_depth_mm}, " mm");
   raytrace::MeasuredEyeOptions options;
   options.age_years = age_years;
   options.lens_index = lens_index;
