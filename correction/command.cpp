@@ -66,7 +66,8 @@ void declare_known_data(CLI::App& app, Flags& flags) {
 }
 
 void declare_what_if(CLI::App& app, WhatIfSettings& what_if) {
-  app.add_option("--age", what_if.age_years, "years; for the near point")->check(CLI::Range(0.0, 120.0));
+  app.add_option("--age", what_if.age_years, "years; for the near point")
+      ->check(CLI::Range(human_age_years.low, human_age_years.high));
   app.add_option("--iol-target", what_if.iol_target_D,
                  "refraction that an intra-ocular lens is to leave, D, 12 mm before the cornea")
       ->check(CLI::Range(-10.0, 5.0))

@@ -188,7 +188,7 @@ void declare_radiometry(CLI::App& app, Flags& flags) {
 
 void declare_measured_eye(CLI::App& app, Flags& flags) {
   app.add_option("--age", flags.measured.age_years, "Years, where the study does not say (CASE)")
-      ->check(CLI::Range(0.0, 120.0));
+      ->check(CLI::Range(human_age_years.low, human_age_years.high));
   app.add_option("--lens-index", flags.measured.lens_index, "Equivalent index of the lens (CASE)")
       ->check(CLI::Range(human_lens_index.low, human_lens_index.high));
   app.add_option("--lens-model", flags.lens_model,

@@ -48,17 +48,41 @@ std::string joined(int argc, char** argv) {
   return line;
 }
 
-/// "nan" and "inf" are read as numbers by the C library, and pass every range check.
-void require_finite_values(const CLI::App& app) {
-  for (const CLI::Option* option : app.get_options()) {
-    if (option->get_positional()) continue;
+[[noreturn]] void refuse_empty_value(const std::string& name) {
+  throw CLI::ValidationError(name, "is given an empty value");
+}
+
+/// CLI11 would take the next word for the value of "--option=".
+void require_values(int argc, char** argv) {
+  for (int i = 1; i < argc; ++i) {
+    const std::string_view word = argv[i];
+    if (word.rfind("--", 0) == 0 && word.find('=') == word.size() - 1)
+      refuse_empty_value(std::string(word.substr(0, word.size() - 1)));
+  }
+}
+
+/// An empty value, of a shell's variable that is not set, would be read as none. "nan" and "inf" are read as numbers by
+/// the C library, and pass every range check.
+void require_usable_values(const CLI::App& app) {
+  for (const CLI::Option* option : app.get_options())
     for (const std::string& value : option->results()) {
+      if (value.empty()) refuse_empty_value(option->get_name());
+      if (option->get_positional()) continue;
       char* end = nullptr;
       const double number = std::strtod(value.c_str(), &end);
       if (end != value.c_str() && *end == '\0' && !std::isfinite(number))
         throw CLI::ValidationError(option->get_name(), value + " is no finite number");
     }
+}
+
+/// CLI11 counts the values of an option that is given more than once.
+std::string told(const CLI::App& app, const CLI::ParseError& fault) {
+  for (const CLI::Option* option : app.get_options()) {
+    const int most = option->get_items_expected_max();  // 0: a flag
+    if (!option->get_positional() && most > 0 && option->results().size() > static_cast<std::size_t>(most))
+      return option->get_name() + " is given more than once";
   }
+  return fault.what();
 }
 
 std::uint64_t whole_number(const std::string& flag, const std::string& text) {
@@ -212,15 +236,16 @@ int run_command(int argc, char** argv, const Command& command) {
                         })
       ->group("");
   try {
+    require_values(argc, argv);
     app.parse(argc, argv);
-    require_finite_values(app);
+    require_usable_values(app);
   } catch (const CLI::Success& asked) {  // --help, --version
     return app.exit(asked);
   } catch (const CLI::ParseError& fault) {
     common.json = std::find(argv, argv + argc, std::string_view("--json")) != argv + argc;
     return report_failure(
         command.name, common,
-        Error(ExitStatus::usage, fault.what(), "see emmetrope " + command.name + " --help"));
+        Error(ExitStatus::usage, told(app, fault), "see emmetrope " + command.name + " --help"));
   }
   log_to_stderr(command.name, common.verbosity);
   const auto warnings = std::make_shared<spdlog::sinks::ringbuffer_sink_mt>(most_warnings);

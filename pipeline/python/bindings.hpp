@@ -27,7 +27,10 @@ void bind_corrections(py::module_& module);
 py::object to_python(const Json& json);
 Json from_python(const py::object& object);
 
-/// All cores where it is not positive.
+/// \throw Error (usage)
+void check_threads(int threads);
+/// All cores where it is 0.
+/// \throw Error (usage)
 int thread_count(int wanted);
 
 /// Raises a UserWarning, where there is anything to say; wants the interpreter's lock.

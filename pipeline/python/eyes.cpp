@@ -12,6 +12,7 @@
 #include "pipeline/eye/optics/paraxial.hpp"
 #include "pipeline/eye/optics/retina_point.hpp"
 #include "pipeline/eye/population/limits.hpp"
+#include "pipeline/eye/population/population.hpp"
 #include "pipeline/eye/schematic/schematic_eyes.hpp"
 #include "pipeline/python/bindings.hpp"
 #include "raytrace/case/measured_eye.hpp"
@@ -33,6 +34,10 @@ EyeModel measured_eye(const std::string& case_folder, const std::string& lateral
                       const std::optional<double>& age_years, const std::optional<double>& lens_index,
                       bool lens_core, const std::optional<double>& retinal_depth_mm) {
   check_pupil(pupil_mm);
+  if (age_years) check_setting("age_years", *age_years, human_age_years, " years");
+  if (lens_index) check_setting("lens_index", *lens_index, human_lens_index);
+  if (retinal_depth_mm)
+    check_setting("retinal_depth_mm", *retinal_depth_mm, {0, most_retinal_depth_mm}, " mm");
   raytrace::MeasuredEyeOptions options;
   options.age_years = age_years;
   options.lens_index = lens_index;
@@ -140,7 +145,8 @@ void bind_eyes(py::module_& module) {
       .def(
           "to_dict", [](const EyeModel& eye) { return to_python(to_json(eye)); }, "What eye.json would hold.")
       .def(
-          "write", [](const EyeModel& eye, const std::string& file) { return write_eye_file(file, eye); },
+          "write",
+          [](const EyeModel& eye, const std::string& file) { return write_eye_file(file, eye).notes; },
           py::arg("file"),
           "Writes an eye.json, or a lens of Zemax where the file ends in .zmx; returns what the format could not hold "
           "exactly.")
@@ -182,11 +188,12 @@ void bind_eyes(py::module_& module) {
             const double at_nm = wavelength_of(eye, nm);
             const py::gil_scoped_release unlocked;
             const ChiefRays chief_rays(eye, at_nm);
-            return raytrace::retina_seeing(eye, chief_rays, {horizontal_deg, vertical_deg});
+            return raytrace::retina_seeing(chief_rays, {horizontal_deg, vertical_deg});
           },
           py::arg("horizontal_deg"), py::arg("vertical_deg"), wavelength,
           "Where the chief ray from a direction meets the retina, mm (3,); None where none does. Angles of the line "
-          "of sight towards +x and +y.")
+          "of sight towards +x and +y, below 90, or one up to 180 and 0. In front of the retina's equator x and y do not "
+          "tell the place: wavefront() and line_of_sight() take those behind it.")
       .def(
           "line_of_sight",
           [](const EyeModel& eye, double x_mm, double y_mm,

@@ -2,6 +2,7 @@
 #include <thread>
 
 #include "pipeline/base/error.hpp"
+#include "pipeline/eye/population/limits.hpp"
 #include "pipeline/python/bindings.hpp"
 
 namespace emmetrope::python {
@@ -31,7 +32,10 @@ double wavelength_of(const EyeModel& eye, const std::optional<double>& wavelengt
   return nm;
 }
 
+void check_threads(int threads) { check_setting("threads", threads, {0, 1024}); }
+
 int thread_count(int wanted) {
+  check_threads(wanted);
   return wanted > 0 ? wanted : static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
 }
 

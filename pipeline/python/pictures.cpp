@@ -12,27 +12,34 @@ using namespace raytrace;
 
 using Pair = std::pair<double, double>;
 
-Projection projection_of(const std::string& name) {
+/// With hyphens, as --projection has it, or underscores, as stage.json has it.
+Projection projection_of(std::string name) {
+  std::replace(name.begin(), name.end(), '-', '_');
   for (const Projection projection :
        {Projection::retina_plane, Projection::retina_arc, Projection::visual_angle, Projection::perspective})
     if (name == to_string(projection)) return projection;
   throw usage_error("projection: \"" + name + "\" is unknown",
-                    "give retina_plane, retina_arc, visual_angle or perspective");
+                    "give retina-plane, retina-arc, visual-angle or perspective");
 }
 
-TraceSettings settings_of(const std::pair<int, int>& size, const Pair& field_mm,
+TraceSettings settings_of(const std::pair<int, int>& size, const std::optional<Pair>& field_mm,
                           const std::optional<Pair>& field_deg, const std::optional<std::string>& projection,
                           const Eigen::Vector2d& centre_mm, int samples,
                           const std::optional<double>& wavelength_nm, std::uint64_t seed) {
+  if (field_mm && field_deg)
+    throw usage_error("field_mm and field_deg exclude each other", "give one of them");
   TraceSettings settings;
-  settings.grid = {size.first, size.second, field_mm.first, field_mm.second, centre_mm};
+  settings.grid.width = size.first;
+  settings.grid.height = size.second;
+  settings.grid.centre_mm = centre_mm;
+  if (field_mm) std::tie(settings.grid.field_x_mm, settings.grid.field_y_mm) = *field_mm;
   if (field_deg) {
     settings.grid.projection = Projection::visual_angle;
     settings.grid.field_deg = {field_deg->first, field_deg->second};
   }
   if (projection) settings.grid.projection = projection_of(*projection);
   if (settings.grid.is_angular() != field_deg.has_value())
-    throw usage_error("field_deg belongs to the projections visual_angle and perspective, and they to it");
+    throw usage_error("field_deg belongs to the projections visual-angle and perspective, and they to it");
   settings.samples = samples;
   settings.wavelength_nm = wavelength_nm;
   settings.seed = seed;
@@ -164,36 +171,40 @@ void bind_pictures(py::module_& module) {
   bind_picture(module);
   bind_irradiance(module);
   py::class_<Tracer>(module, "Tracer", "OpenCL devices with their compiled kernels.")
-      .def(py::init([](const std::string& device, int threads) { return Tracer(device, threads); }),
+      .def(py::init([](const std::string& device, int threads) {
+             check_threads(threads);
+             return Tracer(device, threads);
+           }),
            py::arg("device") = "", py::arg("threads") = 0,
            "device: an index, a part of a name, or \"all\"; the first where it is empty.")
       .def_property_readonly("device_name", &Tracer::device_name)
       .def(
           "picture",
           [](const Tracer& tracer, const EyeModel& eye, const std::string& scene,
-             const std::pair<int, int>& size, const Pair& field_mm, const Eigen::Vector2d& centre_mm,
-             int samples, const std::optional<double>& wavelength_nm, std::uint64_t seed,
-             const std::optional<Pair>& field_deg, const std::optional<std::string>& projection) {
+             const std::pair<int, int>& size, const std::optional<Pair>& field_mm,
+             const Eigen::Vector2d& centre_mm, int samples, const std::optional<double>& wavelength_nm,
+             std::uint64_t seed, const std::optional<Pair>& field_deg,
+             const std::optional<std::string>& projection) {
             const TraceSettings settings =
                 settings_of(size, field_mm, field_deg, projection, centre_mm, samples, wavelength_nm, seed);
             const py::gil_scoped_release unlocked;
             return Picture{tracer.trace(eye, *make_scene(scene), settings), settings.grid};
           },
           py::arg("eye"), py::arg("scene") = "letters", py::arg("size") = std::pair(500, 500),
-          py::arg("field_mm") = std::pair(6.0, 6.0), py::arg("centre_mm") = Eigen::Vector2d(0, 0),
+          py::arg("field_mm") = py::none(), py::arg("centre_mm") = Eigen::Vector2d(0, 0),
           py::arg("samples") = 128, py::arg("wavelength_nm") = py::none(), py::arg("seed") = 1,
           py::arg("field_deg") = py::none(), py::arg("projection") = py::none(),
           "The retinal image of a scene, a chart NAME[:key=value,...] or a scene.json.\n\n"
-          "size: pixels (width, height); field_mm: on the retina; centre_mm: from the pole; samples: rays a pixel;\n"
-          "field_deg: instead of field_mm, of the visual field; projection: retina_plane, retina_arc, visual_angle or\n"
+          "size: pixels (width, height); field_mm: on the retina (6, 6); centre_mm: from the pole; samples: rays a pixel;\n"
+          "field_deg: instead of field_mm, of the visual field; projection: retina-plane, retina-arc, visual-angle or\n"
           "perspective.")
       .def(
           "irradiance",
           [](const Tracer& tracer, const EyeModel& eye, const std::string& scene,
-             const std::pair<int, int>& size, const Pair& field_mm, const Eigen::Vector2d& centre_mm,
-             int samples, std::uint64_t seed, const std::optional<Pair>& field_deg,
-             const std::optional<std::string>& projection, double luminance_cd_m2,
-             const std::tuple<double, double, double>& bands_nm,
+             const std::pair<int, int>& size, const std::optional<Pair>& field_mm,
+             const Eigen::Vector2d& centre_mm, int samples, std::uint64_t seed,
+             const std::optional<Pair>& field_deg, const std::optional<std::string>& projection,
+             double luminance_cd_m2, const std::tuple<double, double, double>& bands_nm,
              const std::optional<double>& media_age_years) {
             const TraceSettings settings =
                 settings_of(size, field_mm, field_deg, projection, centre_mm, samples, std::nullopt, seed);
@@ -206,7 +217,7 @@ void bind_pictures(py::module_& module) {
                               settings.grid};
           },
           py::arg("eye"), py::arg("scene") = "letters", py::arg("size") = std::pair(500, 500),
-          py::arg("field_mm") = std::pair(6.0, 6.0), py::arg("centre_mm") = Eigen::Vector2d(0, 0),
+          py::arg("field_mm") = py::none(), py::arg("centre_mm") = Eigen::Vector2d(0, 0),
           py::arg("samples") = 128, py::arg("seed") = 1, py::arg("field_deg") = py::none(),
           py::arg("projection") = py::none(), py::arg("luminance_cd_m2") = 100.0,
           py::arg("bands_nm") = std::tuple(400.0, 700.0, 10.0), py::arg("media_age_years") = py::none(),

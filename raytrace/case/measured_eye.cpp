@@ -93,7 +93,7 @@ MeasuredEye read_measured_eye(const std::filesystem::path& case_folder, Laterali
                               : fmt::format("age {:.0f} years{}", *age, of_study ? "" : " (--age)");
   // lens_index_at_age gives 1.441 at birth and 1.394 at 120 years.
   constexpr double least_usual = 1.39, most_usual = 1.45;
-  if (result.lens_index < human_lens_index.low || result.lens_index > human_lens_index.high)
+  if (!human_lens_index.contains(result.lens_index))
     throw usage_error(
         fmt::format("a lens of index {:.4f} is no human lens", result.lens_index),
         fmt::format("{} to {}; check --lens-index or --age", human_lens_index.low, human_lens_index.high));

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <set>
 #include <sstream>
 
 #include "pipeline/base/csv_cells.hpp"
@@ -71,16 +72,20 @@ constexpr double longest_model_s = 600;
 double between(double from, double to, double share) { return from + share * (to - from); }
 
 void check(const EyeMoment& moment, const std::string& name) {
-  const auto refuse = [&](const char* what, double value) {
+  const auto refuse = [&](const char* what, double value, const std::string& wanted) {
     throw input_error(
-        fmt::format("movement {}: {} {:g} at {:g} s is out of range", name, what, value, moment.time_s));
+        fmt::format("movement {}: {} {:g} at {:g} s is out of range", name, what, value, moment.time_s),
+        "give " + wanted);
   };
   for (const Laterality eye : both_eyes) {
     const Gaze gaze = moment.gaze_of(eye);
-    if (!(std::abs(gaze.horizontal_deg) <= 60)) refuse("horizontal_deg", gaze.horizontal_deg);
-    if (!(std::abs(gaze.vertical_deg) <= 60)) refuse("vertical_deg", gaze.vertical_deg);
+    if (!(std::abs(gaze.horizontal_deg) <= 60)) refuse("horizontal_deg", gaze.horizontal_deg, "-60 to 60");
+    if (!(std::abs(gaze.vertical_deg) <= 60)) refuse("vertical_deg", gaze.vertical_deg, "-60 to 60");
   }
-  if (moment.pupil_mm && !iris_aperture_mm.contains(*moment.pupil_mm)) refuse("pupil_mm", *moment.pupil_mm);
+  if (!(moment.accommodation_D >= 0)) refuse("accommodation_D", moment.accommodation_D, "0 or more");
+  if (moment.pupil_mm && !iris_aperture_mm.contains(*moment.pupil_mm))
+    refuse("pupil_mm", *moment.pupil_mm,
+           fmt::format("{:g} to {:g}", iris_aperture_mm.low, iris_aperture_mm.high));
 }
 
 /// \param text  ":key=value,..." or nothing
@@ -91,6 +96,7 @@ ModelParameters parameters_of(const MovementModel& model, const std::string& tex
   if (text == ":" || (!text.empty() && text.back() == ','))
     throw usage_error("--movement " + model.name + text + ": a key and a number are missing at the end",
                       remedy);
+  std::set<std::string> given;
   std::istringstream rest(text.empty() ? text : text.substr(1));
   for (std::string pair; std::getline(rest, pair, ',');) {
     const auto equals = std::min(pair.find('='), pair.size());
@@ -98,6 +104,9 @@ ModelParameters parameters_of(const MovementModel& model, const std::string& tex
     const auto value = typed_number(pair.substr(std::min(equals + 1, pair.size())));
     if (parameter == parameters.end() || !value)
       throw usage_error("--movement " + model.name + ": \"" + pair + "\" is no key and number of it", remedy);
+    if (!given.insert(parameter->first).second)
+      throw usage_error("--movement " + model.name + ": " + parameter->first + " is given twice",
+                        "give it once");
     parameter->second = *value;
   }
   for (const auto& [key, value] : parameters) {

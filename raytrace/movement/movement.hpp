@@ -25,8 +25,8 @@ struct EyeMoment {
 /// Gaze, vergence, accommodation and pupil against time: moments of rising time, straight lines between them.
 class Movement {
  public:
-  /// \throw Error (input_invalid) for fewer than two moments, times that do not rise, gaze beyond 60 degrees, or a pupil
-  ///   out of 0.5 to 9 mm
+  /// \throw Error (input_invalid) for fewer than two moments, times that do not rise, gaze beyond 60 degrees,
+  ///   accommodation below 0, or a pupil out of 0.5 to 9 mm
   Movement(std::string name, std::vector<EyeMoment> moments);
 
   const std::string& name() const { return name_; }

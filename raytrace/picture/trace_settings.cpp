@@ -44,6 +44,7 @@ void RetinalGrid::check() const {
                       "give 1x1 to 16384x16384");
   if (!is_angular() && !(field_x_mm > 0 && field_y_mm > 0 && std::isfinite(field_x_mm + field_y_mm)))
     throw usage_error("--field-mm: the field must be larger than 0");
+  if (!centre_mm.allFinite()) throw usage_error("centre_mm: two finite numbers are wanted");
   const double most_deg = projection == Projection::perspective ? 170 : 250;
   if (is_angular() && !(field_deg.minCoeff() > 0 && field_deg.maxCoeff() <= most_deg))
     throw usage_error("--field-deg: the field is out of range",
@@ -61,7 +62,7 @@ void TraceSettings::check() const {
                       "leave out --field-deg and --projection, or them");
   if (samples < 1 || samples > 1'000'000)
     throw usage_error("--samples: " + std::to_string(samples) + " is out of range", "give 1 to 1000000");
-  if (wavelength_nm && (*wavelength_nm < 380 || *wavelength_nm > 900))  // aberrometers use 840
+  if (wavelength_nm && !(*wavelength_nm >= 380 && *wavelength_nm <= 900))  // aberrometers use 840
     throw usage_error("--wavelength: " + std::to_string(*wavelength_nm) + " nm is out of range",
                       "give 380 to 900");
   if (!(stiles_crawford_per_mm2 >= 0 && stiles_crawford_per_mm2 <= 1))

@@ -74,8 +74,9 @@ struct SurfacesFile {
 /// What an eye wears.
 using Spectacle = std::variant<ThinLens, Meniscus, PlanoCylinder, SurfacesFile>;
 
-/// As `--spectacle` gives it: a file of surfaces (.json), or "S/CxA@V[,key=value...]": a thin lens, or with
-/// one of the keys base_D, thickness_mm, semi_diameter_mm, index, abbe a meniscus; prism=P@BASE with either.
+/// As `--spectacle` gives it: a file of surfaces (.json), or "S/CxA@V[,key=value...]", the prescription as
+/// parse_refraction() reads it: a thin lens, or with one of the keys base_D, thickness_mm, semi_diameter_mm, index, abbe
+/// a meniscus; prism=P@BASE with either.
 /// \throw Error (usage) naming what is wrong
 Spectacle parse_spectacle(const std::string& text);
 /// \throw Error (usage) where the eye wears a lens of that form already

@@ -1,6 +1,9 @@
+#include <algorithm>
 #include <cmath>
+#include <set>
 
 #include "pipeline/base/error.hpp"
+#include "pipeline/base/notation.hpp"
 #include "raytrace/spectacle/spectacle.hpp"
 #include "raytrace/spectacle/text_reader.hpp"
 
@@ -11,15 +14,15 @@ const char* const form =
     "write S/CxA@V[,key=value...], such as -2.25/-1.00x180@12,base_D=5,prism=2@90; without @V it stands at "
     "12 mm";
 
-/// Reads the text, or says what is wrong with it.
+/// Reads the keys behind the prescription, or says what is wrong with the text.
 class LensReader {
  public:
-  explicit LensReader(const std::string& text) : whole_(text), rest_(whole_) {}
+  /// \param keys  the end of `whole`
+  LensReader(const std::string& whole, std::string_view keys) : whole_(whole), rest_(keys) {}
 
   bool done() const { return rest_.done(); }
-  bool take(char expected) { return rest_.take(expected); }
   void need(char expected) {
-    if (!take(expected)) throw fault(std::string("'") + expected + "' is missing");
+    if (!rest_.take(expected)) throw fault(std::string("'") + expected + "' is missing");
   }
   double number() {
     if (const auto value = rest_.number()) return *value;
@@ -29,8 +32,8 @@ class LensReader {
     if (const auto name = rest_.until('=')) return std::string(*name);
     throw fault("key=value is missing");
   }
-  Error fault(const std::string& what) const {
-    return usage_error("--spectacle: \"" + whole_ + "\": " + what, form);
+  Error fault(const std::string& what, const std::string& remedy = form) const {
+    return usage_error("--spectacle: \"" + whole_ + "\": " + what, remedy);
   }
 
  private:
@@ -38,10 +41,23 @@ class LensReader {
   TextReader rest_;
 };
 
+StatedRefraction prescription_in(const std::string& text) {
+  try {
+    return parse_refraction(text);
+  } catch (const Error& error) {
+    throw Error(error.status(), std::string("--spectacle: ") + error.what(), error.remedy());
+  }
+}
+
 void read_keys(LensReader& reader, Meniscus& lens, bool& real) {
+  std::set<std::string> given;
   while (!reader.done()) {
     reader.need(',');
     const std::string key = reader.key();
+    if (!given.insert(key).second)
+      throw reader.fault(key + " is given twice",
+                         key == "prism" ? "two prisms are one, added as arrows: write 2@90 and 2@0 as 2.83@45"
+                                        : "give it once");
     const double value = reader.number();
     const auto check = [&](bool good, const char* range) {
       if (!good) throw reader.fault(key + " must be " + range);
@@ -67,6 +83,8 @@ void read_keys(LensReader& reader, Meniscus& lens, bool& real) {
       check(value >= 0 && value <= 30, "0 to 30, with its base: 2@90");
       reader.need('@');
       lens.prism.base_deg = reader.number();
+      if (!(lens.prism.base_deg >= 0 && lens.prism.base_deg <= 360))
+        throw reader.fault("the base of prism must be 0 to 360 degrees");
     } else {
       throw reader.fault("unknown key \"" + key +
                          "\"; known: base_D, thickness_mm, semi_diameter_mm, index, abbe, prism");
@@ -78,25 +96,20 @@ void read_keys(LensReader& reader, Meniscus& lens, bool& real) {
 
 Spectacle parse_spectacle(const std::string& text) {
   if (std::filesystem::path(text).extension() == ".json") return SurfacesFile{text};
-  LensReader reader(text);
-  SpheroCylinder power;
+  std::string compact = text;
+  compact.erase(std::remove(compact.begin(), compact.end(), ' '), compact.end());
+  const std::size_t keys_begin = std::min(compact.find(','), compact.size());
+  LensReader reader(compact, std::string_view(compact).substr(keys_begin));
+  const StatedRefraction stated = prescription_in(compact.substr(0, keys_begin));
+  if (stated.sigma_D) throw reader.fault("a lens has no accuracy", "leave +- and what follows it out");
+  if (stated.vertex_distance_mm == 0)
+    throw reader.fault("a spectacle does not stand on the cornea",
+                       "write @5 to @30; a contact lens is a file of surfaces");
   Meniscus lens;
+  lens.power = to_power_vector(stated.refraction);
+  lens.vertex_distance_mm = stated.vertex_distance_mm;
   bool real = false;  // any key of a ground lens makes it one
-  power.sphere_D = reader.number();
-  if (reader.take('/')) {
-    power.cylinder_D = reader.number();
-    reader.need('x');
-    power.axis_deg = reader.number();
-  }
-  if (std::abs(power.sphere_D) > 40 || std::abs(power.cylinder_D) > 40)
-    throw reader.fault("sphere and cylinder must be -40 to 40 D");
-  if (!(power.axis_deg >= 0 && power.axis_deg <= 180))
-    throw reader.fault("the axis must be 0 to 180 degrees");
-  if (reader.take('@')) lens.vertex_distance_mm = reader.number();
-  if (!(lens.vertex_distance_mm >= 5 && lens.vertex_distance_mm <= 50))
-    throw reader.fault("the vertex distance must be 5 to 50 mm");
   read_keys(reader, lens, real);
-  lens.power = to_power_vector(power);
   if (real) return lens;
   return ThinLens{lens.power, lens.vertex_distance_mm, lens.prism};
 }

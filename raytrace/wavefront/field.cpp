@@ -1,5 +1,7 @@
 #include "raytrace/wavefront/field.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -223,22 +225,27 @@ std::vector<Eigen::Vector2d> FieldGrid::directions_deg() const {
   return directions;
 }
 
-std::optional<Eigen::Vector3d> retina_seeing(const EyeModel& eye, const ChiefRays& chief_rays,
+std::optional<Eigen::Vector3d> retina_seeing(const ChiefRays& chief_rays,
                                              const Eigen::Vector2d& direction_deg) {
-  if (!(direction_deg.cwiseAbs().maxCoeff() < 90)) return std::nullopt;
+  const double most_deg = direction_deg.cwiseAbs().maxCoeff(),
+               least_deg = direction_deg.cwiseAbs().minCoeff();
+  if (!direction_deg.allFinite() || most_deg > 180 || (most_deg >= 90 && least_deg != 0))
+    throw usage_error(fmt::format("horizontal_deg and vertical_deg: {:g} and {:g} are no direction",
+                                  direction_deg.x(), direction_deg.y()),
+                      "give two angles below 90 degrees, or one up to 180 and 0");
+  const Eigen::Array2d angle = direction_deg.array() * degree;
+  const Eigen::Array2d sine = angle.sin(), cosine = angle.cos();
   const std::optional<RetinaPoint> image =
-      chief_rays.image_of({std::tan(direction_deg.x() * degree), std::tan(direction_deg.y() * degree), 1});
-  const auto behind_equator = image ? meet_retina(eye, image->position_mm.head<2>()) : std::nullopt;
-  if (!behind_equator || (behind_equator->position_mm - image->position_mm).norm() > 1e-6)
-    return std::nullopt;
-  return image->position_mm;
+      chief_rays.image_of({sine.x() * cosine.y(), cosine.x() * sine.y(), cosine.x() * cosine.y()});
+  return image ? std::optional(image->position_mm) : std::nullopt;
 }
 
 std::optional<FieldWavefront> wavefront_towards(const EyeModel& eye, const ChiefRays& chief_rays,
                                                 const Eigen::Vector2d& direction_deg,
                                                 WavefrontSettings settings) {
-  const std::optional<Eigen::Vector3d> image = retina_seeing(eye, chief_rays, direction_deg);
-  if (!image) return std::nullopt;
+  const std::optional<Eigen::Vector3d> image = retina_seeing(chief_rays, direction_deg);
+  const auto behind_equator = image ? meet_retina(eye, image->head<2>()) : std::nullopt;
+  if (!behind_equator || (behind_equator->position_mm - *image).norm() > 1e-6) return std::nullopt;
   settings.fovea_mm = image->head<2>();
   try {
     return FieldWavefront{direction_deg, *image, measure_wavefront(eye, settings)};

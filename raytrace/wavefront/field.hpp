@@ -19,8 +19,10 @@ struct FieldGrid {
   std::vector<Eigen::Vector2d> directions_deg() const;
 };
 
-/// Where the retina behind its equator sees a direction, eye frame; nothing where it does not.
-std::optional<Eigen::Vector3d> retina_seeing(const EyeModel& eye, const ChiefRays& chief_rays,
+/// Where the retina sees a direction, eye frame; nothing where it does not.
+/// \param direction_deg  as of FieldGrid; one of them may be up to 180 where the other is 0
+/// \throw Error (usage) where they are no direction
+std::optional<Eigen::Vector3d> retina_seeing(const ChiefRays& chief_rays,
                                              const Eigen::Vector2d& direction_deg);
 
 /// Where the retina sees a direction, and the wavefront of the light between.

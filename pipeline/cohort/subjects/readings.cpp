@@ -14,6 +14,7 @@
 #include "pipeline/base/notation.hpp"
 #include "pipeline/base/typed_number.hpp"
 #include "pipeline/eye/instruments/instruments.hpp"
+#include "pipeline/eye/population/limits.hpp"
 
 namespace emmetrope::cohort {
 namespace {
@@ -54,7 +55,7 @@ std::string age_in(const Table& table, std::size_t row) {
   if (!age.empty() && age.back() == '+') age.pop_back();
   if (age.empty()) return age;
   const auto years = typed_number(age);
-  if (!(years && *years >= 0 && *years <= 120))
+  if (!years || !human_age_years.contains(*years))
     throw input_error(fmt::format("{}: \"{}\" is no age", table.place(row, "age"), table.cell(row, "age")),
                       "years from 0 to 120, or n/a");
   return age;

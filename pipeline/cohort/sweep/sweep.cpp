@@ -1,9 +1,13 @@
 #include "pipeline/cohort/sweep/sweep.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <set>
 
 #include "pipeline/base/case_folder.hpp"
 #include "pipeline/base/files.hpp"
+#include "pipeline/base/process.hpp"
 #include "pipeline/cohort/subjects/stage_end.hpp"
 #include "pipeline/cohort/subjects/subject_plan.hpp"
 #include "pipeline/cohort/sweep/sweep_results.hpp"
@@ -13,6 +17,22 @@ namespace emmetrope::cohort {
 namespace {
 
 namespace fs = std::filesystem;
+
+/// An option that the command does not have would fail every run.
+void require_known_options(const Sweep& sweep, const fs::path& file) {
+  const ProcessResult said = run_process(executable_folder() / ("emmetrope-" + sweep.command),
+                                         {"--definition"}, ChildOutput::capture);
+  const Json definition = parse_json(said.output, "emmetrope " + sweep.command + " --definition");
+  std::set<std::string> known;
+  for (const Json& option : definition.at("options"))
+    for (const Json& name : option.at("names")) known.insert(name.get<std::string>());
+  for (const std::vector<Setting>& settings : {sweep.fixed, sweep.runs.front()})
+    for (const Setting& setting : settings)
+      if (known.count("--" + setting.option) == 0 && known.count(setting.option) == 0)
+        throw input_error(
+            fmt::format("{}: {} is no option of emmetrope {}", file.string(), setting.option, sweep.command),
+            "see emmetrope " + sweep.command + " --help");
+}
 
 /// \return names of the runs, in their order
 std::vector<std::string> write_plans(const Sweep& sweep, const SweepFolder& folder,
@@ -52,6 +72,7 @@ void end_runs_without_one(const SweepFolder& folder, const std::vector<std::stri
 Answer run_sweep(const SweepOptions& options, const CommonOptions& common) {
   require_engine(options.engine);
   const Sweep sweep = read_sweep(options.table);
+  require_known_options(sweep, options.table);
   const SweepFolder folder{fs::absolute(options.output).lexically_normal()};
   const CaseLock lock(folder.root, true);
   const std::vector<std::string> names = write_plans(sweep, folder, common);
@@ -62,7 +83,14 @@ Answer run_sweep(const SweepOptions& options, const CommonOptions& common) {
                     {}};
   for (const std::string& name : names) workflow.jobs.emplace(folder.end(name), folder.log(name));
   if (!run_workflow(workflow, options.engine, common)) end_runs_without_one(folder, names);
-  write_file(folder.root / "sweep.tsv", sweep_table(sweep, folder, names));
+  const SweepResults table = sweep_table(sweep, folder, names);
+  write_file(folder.root / "sweep.tsv", table.text);
+  if (!table.faults.empty())
+    throw input_error(
+        fmt::format("{}: {}", options.table.string(), fmt::join(table.faults, "; ")),
+        fmt::format("see \"result\" in a file of {}; {} has all else, and the next emmetrope sweep keeps "
+                    "the runs",
+                    (folder.root / "ends").string(), (folder.root / "sweep.tsv").string()));
   std::size_t failed = 0;
   for (const std::string& name : names)
     failed += gave_result(read_json(folder.end(name)).at("status")) ? 0 : 1;

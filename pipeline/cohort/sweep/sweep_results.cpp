@@ -39,25 +39,34 @@ void add_numbers(const Json& json, const std::string& prefix, Cells& cells) {
 }
 
 /// What is asked for by pointer.
-Cells asked_for(const Sweep& sweep, const Json& result) {
+/// \param there  cells that the row has already
+/// \param faults  by column, of what cannot be a cell
+Cells asked_for(const Sweep& sweep, const Json& result, const Cells& there,
+                std::map<std::string, std::string>& faults) {
   Cells cells;
   for (const auto& [column, pointer] : sweep.columns) {
     const Json::json_pointer at(pointer);
     if (!result.contains(at)) continue;
     const Json& value = result.at(at);
-    cells.emplace_back(column, is_number(value)    ? number_text(value)
-                               : value.is_string() ? cell_text(value.get<std::string>())
-                                                   : cell_text(value.dump()));
+    if (std::any_of(there.begin(), there.end(), [&](const auto& cell) { return cell.first == column; }))
+      faults[column] = "the table has that column already, give it another name";
+    else if (value.is_object())
+      faults[column] = pointer + " is an object, point to one of its values";
+    else
+      cells.emplace_back(column, is_number(value)    ? number_text(value)
+                                 : value.is_string() ? cell_text(value.get<std::string>())
+                                                     : cell_text(value.dump()));
   }
   return cells;
 }
 
 }  // namespace
 
-std::string sweep_table(const Sweep& sweep, const SweepFolder& folder,
-                        const std::vector<std::string>& names) {
+SweepResults sweep_table(const Sweep& sweep, const SweepFolder& folder,
+                         const std::vector<std::string>& names) {
   std::vector<std::string> columns;
   std::vector<std::map<std::string, std::string>> rows;
+  std::map<std::string, std::string> faults;
   bool any_result = false;
   for (std::size_t i = 0; i < names.size(); ++i) {
     const Json end = read_json(folder.end(names[i]));
@@ -70,12 +79,7 @@ std::string sweep_table(const Sweep& sweep, const SweepFolder& folder,
       if (const Json& result = end.at("result"); result.is_object()) {
         any_result = true;
         add_numbers(result, "", cells);
-        const Cells asked = asked_for(sweep, result);
-        for (const auto& [column, text] : asked)
-          for (const auto& [taken, value] : cells)
-            if (column == taken)
-              throw input_error(fmt::format("[columns] {}: the table has that column already", column),
-                                "give it another name");
+        const Cells asked = asked_for(sweep, result, cells, faults);
         cells.insert(cells.end(), asked.begin(), asked.end());
       }
       std::map<std::string, std::string> row;
@@ -94,18 +98,20 @@ std::string sweep_table(const Sweep& sweep, const SweepFolder& folder,
   }
   for (const auto& [column, pointer] : sweep.columns)
     if (any_result && std::find(columns.begin(), columns.end(), column) == columns.end())
-      throw input_error(fmt::format("[columns] {}: no result has {}", column, pointer),
-                        "see a JSON file in " + (folder.root / "results").string());
-  std::string text = fmt::format("{}\n", fmt::join(columns, "\t"));
+      faults.emplace(column, "no result has " + pointer);
+  SweepResults table;
+  for (const auto& [column, fault] : faults)
+    table.faults.push_back(fmt::format("[columns] {}: {}", column, fault));
+  table.text = fmt::format("{}\n", fmt::join(columns, "\t"));
   for (const auto& row : rows) {
     std::vector<std::string> cells;
     for (const std::string& column : columns) {
       const auto found = row.find(column);
       cells.push_back(found == row.end() ? not_available : cell_text(found->second));
     }
-    text += fmt::format("{}\n", fmt::join(cells, "\t"));
+    table.text += fmt::format("{}\n", fmt::join(cells, "\t"));
   }
-  return text;
+  return table;
 }
 
 }  // namespace emmetrope::cohort

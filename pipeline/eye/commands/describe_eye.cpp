@@ -24,7 +24,9 @@ namespace {
 /// Wider than any iris: a schematic eye's iris that stops nothing.
 constexpr double open_iris_mm = 20;
 
-Json to_json(const Pupil& pupil) {
+/// An eye without a stop has none.
+Json pupil_json(const EyeModel& eye, const Pupil& pupil) {
+  if (eye.stop() == nullptr) return nullptr;
   return {{"position_mm", pupil.position_mm}, {"diameter_mm", pupil.diameter_mm}};
 }
 
@@ -51,10 +53,6 @@ std::string pair_text(const Json& object, const Json& image) {
 
 std::string text_of(const EyeModel& eye, const Json& json) {
   const auto number = [&](const char* key) { return json[key].get<double>(); };
-  const Pupil in{json["entrance_pupil"]["position_mm"],
-                 json["entrance_pupil"]["diameter_mm"].is_number()
-                     ? json["entrance_pupil"]["diameter_mm"].get<double>()
-                     : NAN};
   std::string text = fmt::format("{} at {:g} nm (depths in mm behind the corneal vertex)\n", eye.name,
                                  number("wavelength_nm"));
   text += fmt::format("power             {:9.4f} D\n", plain(number("power_D")));
@@ -64,7 +62,11 @@ std::string text_of(const EyeModel& eye, const Json& json) {
     text +=
         fmt::format("{}  {}\n", label,
                     pair_text(json[fmt::format("object_{}_mm", key)], json[fmt::format("image_{}_mm", key)]));
-  text += fmt::format("entrance pupil    {:9.4f}, diameter {:.4f} mm\n", in.position_mm, in.diameter_mm);
+  const Json& pupil = json["entrance_pupil"];
+  text += pupil.is_null()
+              ? "entrance pupil         none: the eye has no stop\n"
+              : fmt::format("entrance pupil    {:9.4f}, diameter {:.4f} mm\n",
+                            pupil["position_mm"].get<double>(), pupil["diameter_mm"].get<double>());
   text += fmt::format("axial length      {:9.4f} mm\n", number("axial_length_mm"));
   const Json& r = json["refraction"];
   text += fmt::format("refraction        M {:+.4f}  J0 {:+.4f}  J45 {:+.4f} D at the corneal vertex\n",
@@ -115,6 +117,8 @@ Answer describe_eye(const EyeQuery& query) {
   const double nm = query.wavelength_nm.value_or(eye.reference_wavelength_nm);
   warn_of_extrapolation(eye, nm);
   if (const std::string doubt = implausible_eye(eye); !doubt.empty()) spdlog::warn("{}", doubt);
+  if (eye.stop() == nullptr)
+    spdlog::warn("{} has no stop and so no pupils: give it a surface of type \"stop\"", query.eye);
   const CardinalPoints points = cardinal_points(eye, nm);
   const PowerVector refraction = paraxial_refraction(eye, nm);
   Answer answer;
@@ -128,17 +132,23 @@ Answer describe_eye(const EyeQuery& query) {
       {"image_principal_mm", points.image_principal_mm},
       {"object_nodal_mm", points.object_nodal_mm},
       {"image_nodal_mm", points.image_nodal_mm},
-      {"entrance_pupil", to_json(entrance_pupil(eye, nm))},
-      {"exit_pupil", to_json(exit_pupil(eye, nm))},
+      {"entrance_pupil", pupil_json(eye, entrance_pupil(eye, nm))},
+      {"exit_pupil", pupil_json(eye, exit_pupil(eye, nm))},
       {"axial_length_mm", eye.axial_length_mm()},
       {"refraction", {{"M_D", refraction.M_D}, {"J0_D", refraction.J0_D}, {"J45_D", refraction.J45_D}}},
       {"refraction_D", refraction.M_D}};
   answer.text = text_of(eye, answer.json);
-  if (!query.output.empty())
-    for (const std::string& note : write_eye_file(query.output, eye)) {
+  if (!query.output.empty()) {
+    const WrittenEye written = write_eye_file(query.output, eye);
+    for (const std::filesystem::path& file : written.files) {
+      answer.text += "written: " + file.string() + "\n";
+      answer.json["files"].push_back(file.string());
+    }
+    for (const std::string& note : written.notes) {
       answer.text += "note: " + note + "\n";
       answer.json["notes"].push_back(note);
     }
+  }
   return answer;
 }
 

@@ -25,10 +25,10 @@ EyeModel read_eye_file(const std::filesystem::path& file) {
   }
 }
 
-std::vector<std::string> write_eye_file(const std::filesystem::path& file, const EyeModel& eye) {
-  if (is_zmx(file)) return write_zmx(file, eye);
+WrittenEye write_eye_file(const std::filesystem::path& file, const EyeModel& eye) {
+  if (is_zmx(file)) return {{file, glass_catalogue_beside(file)}, write_zmx(file, eye)};
   write_eye(file, eye);
-  return {};
+  return {{file}, {}};
 }
 
 }  // namespace emmetrope

@@ -11,8 +11,12 @@ namespace emmetrope {
 /// \throw Error (input_invalid, unsupported) naming the file
 EyeModel read_eye_file(const std::filesystem::path& file);
 
+struct WrittenEye {
+  std::vector<std::filesystem::path> files;
+  std::vector<std::string> notes;  ///< what the format could not hold exactly, one sentence each
+};
 /// Writes a lens of Zemax where the file ends so, else an eye.json.
-/// \return what the format could not hold exactly, one sentence each
-std::vector<std::string> write_eye_file(const std::filesystem::path& file, const EyeModel& eye);
+/// \throw Error as write_zmx()
+WrittenEye write_eye_file(const std::filesystem::path& file, const EyeModel& eye);
 
 }  // namespace emmetrope

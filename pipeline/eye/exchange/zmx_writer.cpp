@@ -22,6 +22,7 @@ namespace {
 /// How far from its vertex a surface without formula and clear aperture is told.
 constexpr double refracting_reach_mm = 5, retinal_reach_mm = 9;
 constexpr double gradient_step_mm = 0.02;
+constexpr const char* catalogue_begin = "CC media of ";
 
 /// What says the form of a surface, and the turn of its meridians about its axis.
 struct FormLines {
@@ -151,7 +152,7 @@ class ZmxWriter {
   }
 
   std::string catalogue() {
-    std::string text = fmt::format("CC media of {}\n", one_line(eye_.name));
+    std::string text = fmt::format("{}{}\n", catalogue_begin, one_line(eye_.name));
     for (const auto& [name, as_glass] : glasses_) {
       const CatalogueGlass glass = catalogue_glass(as_glass, eye_.medium(name), eye_.reference_wavelength_nm);
       if (glass.worst_index > 1e-9)
@@ -245,15 +246,26 @@ class ZmxWriter {
   int number_ = 0;
 };
 
+/// Nobody asked for this file by its name.
+void require_own_catalogue(const std::filesystem::path& file) {
+  if (std::filesystem::exists(file) && read_file(file).rfind(catalogue_begin, 0) != 0)
+    throw output_error(file.string() + " was not written by emmetrope, and the lens's glasses would go there",
+                       "move it elsewhere, or give the lens another name");
+}
+
 }  // namespace
+
+std::filesystem::path glass_catalogue_beside(std::filesystem::path zmx) {
+  return zmx.replace_extension(".agf");
+}
 
 std::vector<std::string> write_zmx(const std::filesystem::path& file, const EyeModel& eye) {
   std::vector<std::string> notes;
   ZmxWriter writer(eye, notes);
-  std::filesystem::path catalogue = file;
-  catalogue.replace_extension(".agf");
+  const std::filesystem::path catalogue = glass_catalogue_beside(file);
   const std::string lens = writer.lens(file.stem().string());
   const std::string glasses = writer.catalogue();
+  require_own_catalogue(catalogue);
   write_file(catalogue, glasses);
   write_file(file, lens);
   return notes;

@@ -298,6 +298,12 @@ void check_order(const EyeModel& eye) {
       if (surface.is_stop() && eye.surfaces[before].is_stop())
         throw input_error(place + ": key \"type\": an eye has one stop, and this is the second");
     }
+    if (surface.bearer == Bearer::head && surface.position_mm >= 0)
+      throw input_error(
+          fmt::format(
+              "{}: key \"position_mm\": a spectacle stands in front of the cornea, but it lies at depth {:g} mm",
+              place, surface.position_mm),
+          "write a negative depth; what is in the eye has a name that does not begin with \"spectacle\"");
     // A stop at a lens that is a mesh may have been put where its facets are.
     const double tolerance_mm =
         k > 0 && eye.surfaces[k - 1].is_stop() && mesh_of(surface) ? agreement_mm : 1e-9;

@@ -19,6 +19,8 @@ struct Range {
 inline constexpr Range iris_aperture_mm{0.5, 9};
 /// Distances of a spectacle from the cornea; others are in another unit.
 inline constexpr Range spectacle_distance_mm{5, 30};
+/// Ages that may be asked for.
+inline constexpr Range human_age_years{0, 120};
 /// Equivalent indices of a lens that may be asked for; others are of no human eye.
 inline constexpr Range human_lens_index{1.36, 1.5};
 

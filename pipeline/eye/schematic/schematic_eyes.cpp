@@ -1,5 +1,7 @@
 #include "pipeline/eye/schematic/schematic_eyes.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <array>
 #include <charconv>
@@ -335,7 +337,10 @@ EyeModel make_schematic(const Schematic& schematic, const EyeOptions& options) {
   const bool asked = options.accommodation_D != 0 || options.accommodation_parameter.value_or(0) != 0;
   if (asked && schematic.largest_parameter == 0)
     throw unsupported_error(std::string("the ") + schematic.name + " eye has no accommodation");
-  if (options.accommodation_D < 0) throw usage_error("--accommodation must not be negative");
+  if (options.accommodation_D < 0)
+    throw usage_error(
+        fmt::format("--accommodation {:g}: an eye at rest accommodates by 0 D", options.accommodation_D),
+        "give 0 or more");
   if (!options.accommodation_parameter)
     return schematic.make(options.accommodation_D == 0 ? 0
                                                        : parameter_for(schematic, options.accommodation_D));

@@ -24,7 +24,10 @@ Command command() {
   return {"try",
           "Tries.",
           "emmetrope try --radius 7.8",
-          [](CLI::App& app) { app.add_option("--radius", "Radius in mm")->check(CLI::PositiveNumber); },
+          [](CLI::App& app) {
+            app.add_option("--radius", "Radius in mm")->check(CLI::PositiveNumber);
+            app.add_option("--lens", "Lens");
+          },
           [](const CommonOptions& common) -> Answer {
             if (common.seed == 3) throw input_error("a.dcm lacks (0020,0032)", "export the series again");
             if (common.seed == 4) throw std::runtime_error("surprise");
@@ -92,6 +95,8 @@ TEST(CommandLine, TurnsWrongUsageIntoStatus2) {
                                                                  {"--threads", "-3"},
                                                                  {"--radius", "nan"},
                                                                  {"--radius", "inf"},
+                                                                 {"--lens", ""},
+                                                                 {"--device", ""},
                                                                  {"--seed", "-1"},
                                                                  {"--seed", "18446744073709551616"}}) {
     const Ended ended = run(words);
@@ -99,6 +104,13 @@ TEST(CommandLine, TurnsWrongUsageIntoStatus2) {
     EXPECT_EQ(ended.out, "") << words[0];
     EXPECT_THAT(ended.err, HasSubstr(words[0]));
   }
+}
+
+TEST(CommandLine, SaysWhatIsEmptyAndWhatIsGivenTwice) {
+  EXPECT_THAT(run({"--lens=", "--quiet"}).err, HasSubstr("--lens: is given an empty value"));
+  const Ended twice = run({"--quiet", "--quiet", "--lens", "a", "--lens", "b"});
+  EXPECT_EQ(twice.status, 2);
+  EXPECT_THAT(twice.err, HasSubstr("error: --lens is given more than once"));
 }
 
 TEST(CommandLine, WrongUsageIsJsonToo) {

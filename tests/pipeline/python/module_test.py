@@ -96,7 +96,10 @@ class Eyes(unittest.TestCase):
         self.assertAlmostEqual(numpy.degrees(numpy.arctan2(sight[0], sight[2])), 30, places=8)
         self.assertAlmostEqual(numpy.degrees(numpy.arctan2(sight[1], sight[2])), -20, places=8)
         self.assertIsNone(eye.line_of_sight(13, 0))
+        self.assertGreater(eye.retina_seeing(95, 0)[2], eye.retina_seeing(75, 0)[2])
         self.assertIsNone(eye.retina_seeing(120, 0))
+        with self.assertRaisesRegex(emmetrope.UsageError, "horizontal_deg and vertical_deg: nan and 0"):
+            eye.retina_seeing(numpy.nan, 0)
 
 
 class Errors(unittest.TestCase):
@@ -124,6 +127,10 @@ class Errors(unittest.TestCase):
                 with self.assertRaisesRegex(emmetrope.UsageError, "pupil_mm is .* mm, outside 0.5 to 9") as caught:
                     make(bad)
                 self.assertEqual(caught.exception.remedy, "give 0.5 to 9 mm")
+        for bad, said in (({"lens_index": float("nan")}, "lens_index is nan"), ({"age_years": -3}, "age_years is -3"),
+                          ({"retinal_depth_mm": 5}, "retinal_depth_mm is 5")):
+            with self.assertRaisesRegex(emmetrope.UsageError, said):
+                emmetrope.Eye.from_case("anywhere", **bad)
         wavefront = emmetrope.wavefront(eye)
         wavefront.at_vertex(wavefront.paraxial, 0)  # a contact lens
         for bad in (0.012, -12, 500, float("nan")):
@@ -133,6 +140,10 @@ class Errors(unittest.TestCase):
             emmetrope.Tracer("no such device")
         with self.assertRaises(emmetrope.UsageError):
             emmetrope.trace_rays(emmetrope.Eye("navarro"), numpy.zeros((4, 2)), numpy.zeros((4, 3)))
+        for make in (lambda: emmetrope.Tracer(threads=-1),
+                     lambda: emmetrope.trace_rays(eye, [[0, 0, 10]], [[0, 0, -1]], threads=-1)):
+            with self.assertRaisesRegex(emmetrope.UsageError, "threads is -1"):
+                make()
         along = numpy.tile([0.0, 0.0, -1.0], (3, 1))
         for row in ([0, 0, 0], [0, 0, numpy.nan], [0, numpy.inf, -1], [1e-200, 0, -1e-200]):
             bad = along.copy()
@@ -260,8 +271,14 @@ class Pictures(unittest.TestCase):
             self.assertEqual(pathlib.Path(own).read_bytes(), pathlib.Path(file).read_bytes())
         self.assertFalse(picture.seen[0, 0])
         self.assertTrue(picture.seen[24, 24])
-        with self.assertRaises(emmetrope.UsageError):
-            emmetrope.Tracer().picture(emmetrope.Eye("navarro"), projection="perspective")
+        for name in ("visual-angle", "visual_angle"):
+            again = emmetrope.Tracer().picture(emmetrope.Eye("navarro"), "perimeter", size=(48, 48), projection=name,
+                                               field_deg=(200, 200), samples=32)
+            numpy.testing.assert_array_equal(again.linear, picture.linear)
+        for bad in ({"projection": "perspective"}, {"field_mm": (6, 6), "field_deg": (60, 60)},
+                    {"wavelength_nm": numpy.nan}, {"centre_mm": (numpy.nan, 0)}):
+            with self.assertRaises(emmetrope.UsageError):
+                emmetrope.Tracer().picture(emmetrope.Eye("navarro"), **bad)
 
     def test_irradiance_is_that_of_trace(self):
         with tempfile.TemporaryDirectory() as folder:

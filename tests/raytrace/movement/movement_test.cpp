@@ -52,6 +52,7 @@ TEST(Movement, SaysWhatIsWrongWithATable) {
   EXPECT_THAT(fault("time_s\n0\n"), HasSubstr("two moments"));
   EXPECT_THAT(fault("time_s,horizontal_deg\n0,1\n1,61\n"), HasSubstr("61"));
   EXPECT_THAT(fault("time_s,pupil_mm\n0,3\n1,12\n"), HasSubstr("pupil_mm 12"));
+  EXPECT_THAT(fault("time_s,accommodation_D\n0,0\n1,-2\n"), HasSubstr("m.csv: accommodation_D -2"));
   EXPECT_THAT(fault(""), HasSubstr("unknown"));
 }
 
@@ -60,7 +61,7 @@ TEST(Movement, ModelsSayWhatTheyKnow) {
        {"saccades", "saccade:amplitude=3", "saccade:amplitude_deg=x", "saccade:amplitude_deg",
         "drift:diffusion_arcmin2_s=-1", "microsaccades:rate_hz=0", "fixation:rate_hz=7",
         "drift:duration_s=1e-5", "pursuit:duration_s=1e9", "saccade:", "saccade:amplitude_deg=3,",
-        "saccade:start_s=0.2", "pursuit:latency_s=3"}) {
+        "saccade:start_s=0.2", "pursuit:latency_s=3", "saccade:amplitude_deg=5,amplitude_deg=6"}) {
     try {
       make_movement(wrong, 1);
       ADD_FAILURE() << wrong;

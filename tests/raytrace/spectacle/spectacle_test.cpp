@@ -175,9 +175,36 @@ TEST(Spectacle, OfAFileMayBeAContactLensOrReplaceTheLens) {
     }
 }
 
+TEST(Spectacle, IsReadAsCorrectPrintsIt) {
+  const auto lens = [](const char* text) { return to_json(parse_spectacle(text)); };
+  EXPECT_EQ(lens("-2.00 / -1.00 x 090 @ 12, prism = 2@90"), lens("-2/-1x90@12,prism=2@90"));
+  EXPECT_EQ(lens("-2.00 DS"), lens("-2/0x0@12"));
+  EXPECT_EQ(lens("PL, base_D=5"), lens("0@12,base_D=5"));
+  EXPECT_NEAR(lens("+1/+2x90").at("power").at("M_D").get<double>(), 2, 1e-12);
+}
+
+TEST(Spectacle, KeysThatAreGivenTwiceAreRefusedByName) {
+  for (const auto& [text, key] :
+       {std::pair("0/0x0@12,prism=2@90,prism=2@0", "prism"), {"0/0x0@12,base_D=4,base_D=8", "base_D"}})
+    try {
+      parse_spectacle(text);
+      ADD_FAILURE() << text;
+    } catch (const Error& error) {
+      EXPECT_EQ(error.status(), ExitStatus::usage);
+      EXPECT_NE(std::string(error.what()).find(std::string(key) + " is given twice"), std::string::npos)
+          << error.what();
+    }
+  try {
+    parse_spectacle("0/0x0@12,prism=2@90,prism=2@0");
+  } catch (const Error& error) {
+    EXPECT_NE(error.remedy().find("2.83@45"), std::string::npos) << error.remedy();
+  }
+}
+
 TEST(Spectacle, OfBadTextIsRefused) {
-  for (const char* bad : {"", "abc", "-2/1", "-2/-1x", "-2@0", "-2@0.012", "-2@1", "-2@12,colour=3",
-                          "-2@12,index=9", "-2@12,prism=3", "-2@12 "})
+  for (const char* bad :
+       {"", "abc", "-2/1", "-2/-1x", "-2@0", "-2@0.012", "-2@1", "-2@12,colour=3", "-2@12,index=9",
+        "-2@12,prism=3", "-2@12,prism=2@400", "-2@12,prism=2@-1", "-2@12+-0.25"})
     try {
       parse_spectacle(bad);
       ADD_FAILURE() << bad;

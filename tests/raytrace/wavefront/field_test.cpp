@@ -46,6 +46,25 @@ TEST(Field, TheRetinaSeesADirectionWhereItsChiefRayMeetsIt) {
   }
 }
 
+TEST(Field, TheRetinaInFrontOfItsEquatorSeesToo) {
+  const EyeModel eye = make_eye("navarro");
+  const ChiefRays rays(eye, 555);
+  for (const double away_deg : {75.0, 95.0}) {
+    const auto seen = retina_seeing(rays, {away_deg, 0});
+    ASSERT_TRUE(seen) << away_deg;
+    EXPECT_LT(seen->x(), 0);
+    EXPECT_GT(seen->z(), retina_centre(eye).z());
+    const auto sight = rays.line_of_sight(*seen);
+    ASSERT_TRUE(sight) << away_deg;
+    EXPECT_NEAR(std::atan2(sight->direction.x(), sight->direction.z()) / degree, away_deg, 1e-6);
+    EXPECT_FALSE(
+        wavefront_towards(eye, rays, {away_deg, 0}, {}));  // known by x and y alone, as behind the equator
+  }
+  EXPECT_FALSE(retina_seeing(rays, {0, 130}));
+  for (const Vector2d& none : {Vector2d(NAN, 0), Vector2d(95, 20), Vector2d(181, 0)})
+    EXPECT_THROW(retina_seeing(rays, none), Error) << none.transpose();
+}
+
 TEST(Field, FilesHoldAnEntryForEveryDirection) {
   const test::TemporaryFolder folder;
   EyeModel eye = make_eye("navarro");

@@ -80,6 +80,23 @@ TEST_F(SweepOfEyes, AColumnIsNotCalledAsANumberIs) {
   EXPECT_THAT(ended.output, testing::HasSubstr("[columns] power_D: the table has that column already"));
 }
 
+TEST_F(SweepOfEyes, ColumnsThatCannotBeLeaveTheTableAllElse) {
+  const ProcessResult ended =
+      run("command = 'eye'\n[vary]\neye = ['navarro']\n[columns]\nall = '/refraction'\ncoma = '/coma'\n"
+          "M = '/refraction/M_D'\n");
+  EXPECT_EQ(ended.status, 3);
+  EXPECT_THAT(ended.output, testing::HasSubstr("[columns] all: /refraction is an object"));
+  EXPECT_THAT(ended.output, testing::HasSubstr("[columns] coma: no result has /coma"));
+  EXPECT_EQ(table().cell(0, "M"), table().cell(0, "refraction_M_D"));
+}
+
+TEST_F(SweepOfEyes, AnOptionThatTheCommandDoesNotHaveStartsNoRun) {
+  const ProcessResult ended = run("command = 'eye'\n[all]\npupils = 3\n[vary]\neye = ['navarro']\n");
+  EXPECT_EQ(ended.status, 3);
+  EXPECT_THAT(ended.output, testing::HasSubstr("sweep.toml: pupils is no option of emmetrope eye"));
+  EXPECT_FALSE(fs::exists(folder() / "out" / "ends"));
+}
+
 TEST_F(SweepOfEyes, TracesAreNumbersOfTheirWavefronts) {
   const ProcessResult ended =
       run("command = 'trace'\n[all]\neye = 'navarro'\nsize = '32x32'\nsamples = 32\nachromatic = true\n"

@@ -8,6 +8,7 @@
 #include "pipeline/base/files.hpp"
 #include "pipeline/eye/commands/describe_eye.hpp"
 #include "pipeline/eye/schematic/schematic_eyes.hpp"
+#include "tests/support/temporary_folder.hpp"
 
 namespace emmetrope {
 namespace {
@@ -44,6 +45,19 @@ TEST(EyeCommand, SaysThatAnEyeWithoutPowerHasNoCardinalPoints) {
   EXPECT_NEAR(answer.json["refraction_D"].get<double>(), 1000 / 24.0, 1e-9);
 }
 
+TEST(EyeCommand, SaysThatAnEyeWithoutAStopHasNoPupils) {
+  const test::TemporaryFolder folder;
+  const std::filesystem::path file = folder.path() / "eye.json";
+  write_eye(file, without_stop(make_eye("navarro")));
+  EyeQuery query;
+  query.eye = file.string();
+  const Answer answer = describe_eye(query);
+  EXPECT_TRUE(answer.json["entrance_pupil"].is_null());
+  EXPECT_TRUE(answer.json["exit_pupil"].is_null());
+  EXPECT_THAT(answer.text, testing::HasSubstr("entrance pupil         none: the eye has no stop"));
+  EXPECT_THAT(answer.text, testing::Not(testing::HasSubstr("nan")));
+}
+
 TEST(EyeCommand, RefusesAWavelengthAtWhichAMediumHasNoIndex) {
   EyeQuery query;
   query.eye = "arizona";  // whose Abbe numbers make formulas that grow without end
@@ -70,7 +84,9 @@ TEST(EyeCommand, WritesAnEyeThatGivesTheSameAnswer) {
   const std::filesystem::path file = std::filesystem::path(testing::TempDir()) /
                                      ("emmetrope-arizona-" + std::to_string(::getpid()) + ".json");
   query.output = file.string();
-  const Json first = describe_eye(query).json;
+  Json first = describe_eye(query).json;
+  EXPECT_EQ(first.at("files"), Json{file.string()});
+  first.erase("files");
   EyeQuery again;
   again.eye = file.string();
   again.wavelength_nm = 500;

@@ -293,5 +293,23 @@ TEST(Zmx, WhatEyesDoNotNeedIsRefusedByName) {
               testing::HasSubstr("an aperture of type SQAP"));
 }
 
+TEST(Zmx, AnotherProgramsCatalogueIsNotOverwritten) {
+  const TemporaryFolder folder;
+  const std::filesystem::path file = folder.path() / "mine.zmx", catalogue = folder.path() / "mine.agf";
+  write_file(catalogue, "CC glasses of the lab\n");
+  try {
+    write_eye_file(file, make_eye("navarro"));
+    ADD_FAILURE() << "written";
+  } catch (const Error& error) {
+    EXPECT_EQ(error.status(), ExitStatus::not_writable);
+    EXPECT_THAT(error.what(), testing::HasSubstr("mine.agf"));
+  }
+  EXPECT_EQ(read_file(catalogue), "CC glasses of the lab\n");
+  EXPECT_FALSE(std::filesystem::exists(file));
+  std::filesystem::remove(catalogue);
+  for (const char* name : {"navarro", "arizona"})  // its own is written anew
+    EXPECT_THAT(write_eye_file(file, make_eye(name)).files, testing::ElementsAre(file, catalogue));
+}
+
 }  // namespace
 }  // namespace emmetrope

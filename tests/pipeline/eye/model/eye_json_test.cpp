@@ -147,6 +147,13 @@ TEST(EyeJson, FaultsNameTheKey) {
                 j["surfaces"].insert(j["surfaces"].begin(), front);
               }),
               HasSubstr("no back surface"));
+  EXPECT_THAT(
+      with([](Json& j) {
+        const Json front{
+            {"name", "spectacle_front"}, {"type", "plane"}, {"position_mm", 12}, {"medium_after", "air"}};
+        j["surfaces"].insert(j["surfaces"].end() - 1, front);
+      }),
+      HasSubstr("(spectacle_front): key \"position_mm\": a spectacle stands in front of the cornea"));
   EXPECT_THAT(with([](Json& j) {
                 j["lps_from_eye"] = {{1, 0, 0, 0}, {0, 2, 0, 0}, {0, 0, 1, 0}, {0, 0, 0, 1}};
               }),
