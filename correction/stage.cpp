@@ -429,6 +429,9 @@ Answer correct_eye(const EyeModel& eye, const fs::path& output, CorrectionSettin
   if (!settings.known.empty())
     throw usage_error("measurements from elsewhere are learnt about a measured eye; --eye is known exactly",
                       "leave them out, or name a CASE");
+  if (settings.lens_index_sigma)
+    throw usage_error("--lens-index-sigma (lens_index_sigma) is of a measured eye; --eye is known exactly",
+                      "leave it out, or name a CASE");
   if (const std::string doubt = implausible_eye(eye); !doubt.empty()) spdlog::warn("{}", doubt);
   raytrace::make_scene(settings.picture.scene);  // where that fails, or the folder, at once
   const WholeOutput whole(output);

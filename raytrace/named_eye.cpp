@@ -96,9 +96,14 @@ void NamedEye::check() const {
 Answer trace_named(const NamedEye& named, const TraceOptions& options, const CommonOptions& common) {
   named.check();
   options.check();
-  if ((options.psf_grid || options.irradiance || options.movie) && named.output.has_extension() &&
-      !fs::is_directory(named.output))
-    throw usage_error("--psf-grid, --irradiance and --movement write several files", "give -o a folder");
+  if (named.output.has_extension() && !fs::is_directory(named.output)) {
+    if (options.psf_grid || options.irradiance || options.movie)
+      throw usage_error("--psf-grid, --irradiance and --movement write several files", "give -o a folder");
+    for (const auto& [eye, marks] : options.landmarks)
+      if (marks.disc || (marks.fovea && marks.fovea->sigma_mm > 0))
+        throw usage_error("--disc and the +- of --fovea are for visual-field.json, beside the picture",
+                          "give -o a folder");
+  }
   const auto scene = make_scene(options.scene);
   const Tracer tracer(common.device, common.threads);
   const std::vector<Laterality> eyes = eyes_of(options, common.laterality);

@@ -14,10 +14,8 @@ void TraceOptions::check() const {
   for (const auto& [eye, pose] : poses) pose.check();
   if (psf_grid) psf_grid->check();
   if (irradiance) irradiance->check();
-  if (movie) {
-    movie->check(settings);
-    exposure.check();
-  }
+  exposure.check();
+  if (movie) movie->check(settings);
   for (const auto& [eye, marks] : landmarks) {
     if (marks.fovea) marks.fovea->check("--fovea");
     if (marks.disc) marks.disc->check("--disc");

@@ -2,6 +2,7 @@
 
 #include <fmt/core.h>
 
+#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -12,6 +13,7 @@
 #include "pipeline/base/notation.hpp"
 #include "raytrace/scene/chart.hpp"
 #include "raytrace/scene/scene.hpp"
+#include "raytrace/wavefront/retinal_pencil.hpp"
 
 namespace emmetrope::correction {
 namespace {
@@ -46,14 +48,23 @@ std::shared_ptr<const raytrace::Scene> distant(const std::string& chart) {
   return std::make_shared<const raytrace::Scene>(raytrace::draw_chart(spec));
 }
 
-std::shared_ptr<const raytrace::Scene> scene_of(const PrescriptionSettings& settings) {
-  if (settings.chart.empty()) return refraction_chart();
+std::shared_ptr<const raytrace::Scene> read_chart(const std::string& chart) {
   try {
-    return distant(settings.chart);
+    return distant(chart);
   } catch (Error& error) {
     error.add_context("reading the scene of --chart");
     throw;
   }
+}
+
+/// Whether a scene at infinity has anything in a direction.
+bool shows_something(const raytrace::Scene& scene, const Eigen::Vector3d& direction) {
+  return std::any_of(scene.planes.begin(), scene.planes.end(), [&](const raytrace::TexturedPlane& plane) {
+    Eigen::Matrix3d edges_and_middle;
+    edges_and_middle << plane.right_mm, plane.up_mm, plane.centre_mm;
+    const Eigen::Vector3d shares = edges_and_middle.inverse() * direction;
+    return shares.z() > 0 && shares.head<2>().cwiseAbs().maxCoeff() <= shares.z();
+  });
 }
 
 std::vector<ImagingLevel> levels_of(const PrescriptionSettings& settings) {
@@ -156,6 +167,24 @@ PlanoCylinderResult best_plano_cylinder(const raytrace::Tracer& tracer,
 
 }  // namespace
 
+std::shared_ptr<const raytrace::Scene> judged_scene(const EyeModel& eye,
+                                                    const PrescriptionSettings& settings) {
+  const std::shared_ptr<const raytrace::Scene> given =
+      settings.chart.empty() ? nullptr : read_chart(settings.chart);
+  const Eigen::Vector3d towards =
+      raytrace::RetinalPencil(eye, settings.wavelength_nm, settings.fovea_mm).line_of_sight();
+  if (!given) return refraction_chart(towards);
+  if (!shows_something(*given, towards))
+    throw usage_error(
+        fmt::format(
+            "the retina at x = {:g}, y = {:g} mm from its pole looks past --chart {}: {:.1f} degrees off "
+            "the eye's axis",
+            settings.fovea_mm.x(), settings.fovea_mm.y(), settings.chart,
+            std::atan2(towards.head<2>().norm(), towards.z()) / degree),
+        "give it a larger extent_deg, or leave it out: the texture is where the retina looks");
+  return given;
+}
+
 void PrescriptionSettings::check() const {
   check_vertex_distance("--vertex-distance (vertex_distance_mm)", vertex_distance_mm);
   check_setting("--pupil (pupil_mm)", pupil_mm, iris_aperture_mm, " mm");
@@ -198,15 +227,18 @@ SearchResult sharpest_lens(const raytrace::Tracer& tracer, const EyeModel& eye,
   std::vector<Start> starts;
   for (const Eigen::Vector3d& start : {from_wavefront, Eigen::Vector3d(0, 0, 0), beyond})
     if (family.bounds.contain(start)) starts.push_back({family, start});
-  SearchResult search = find_sharpest(tracer, scene_of(settings), eye, levels_of(settings), starts);
+  SearchResult search = find_sharpest(tracer, judged_scene(eye, settings), eye, levels_of(settings), starts);
   if (!search.accepted) {
     const PowerVector near = family.power(search.best.lens);
+    std::string remedy;
+    if (!settings.chart.empty())
+      remedy = "leave out --chart: where the retina looks it may have too little detail";
+    else if (settings.pupil_mm > 3)
+      remedy =
+          "give a smaller --pupil: through a wide one an aberrated eye's image hardly depends on the lens";
     throw no_result_error(fmt::format("{} (near M {:.2f}, J0 {:.2f}, J45 {:.2f} D)", search.reason, near.M_D,
                                       near.J0_D, near.J45_D),
-                          settings.pupil_mm > 3
-                              ? "give a smaller --pupil: through a wide one an aberrated eye's image hardly "
-                                "depends on the lens"
-                              : "");
+                          remedy);
   }
   return search;
 }
@@ -215,7 +247,7 @@ Prescription prescribe(const raytrace::Tracer& tracer, const EyeModel& eye,
                        const PrescriptionSettings& settings) {
   Prescription result;
   result.settings = settings;
-  const auto scene = scene_of(settings);
+  const auto scene = judged_scene(eye, settings);
   Progress progress("looking for the sharpest lens", 3, settings.verbosity);
   const EyeModel seeing = with_pupil(eye, settings.pupil_mm);
   result.wavefront = raytrace::measure_wavefront(seeing, wavefront_settings(settings));

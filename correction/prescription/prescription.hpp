@@ -19,7 +19,7 @@ namespace emmetrope::correction {
 /// What is asked for.
 struct PrescriptionSettings {
   SharpnessCriterion criterion = SharpnessCriterion::gradient_energy;
-  std::string chart;  ///< scene to judge sharpness on; empty: the refraction chart
+  std::string chart;  ///< scene to judge sharpness on; empty: the refraction chart, where the retina looks
   double vertex_distance_mm = 12;
   double pupil_mm = 3;  ///< iris aperture
   double wavelength_nm = 589.3;
@@ -73,6 +73,12 @@ struct Prescription {
   /// Retinal images behind all of it; the sweep's pictures are a drawing and not among them.
   int images() const;
 };
+
+/// What sharpness is judged on: the settings' chart, or the refraction chart where their point of the retina looks.
+/// \throw Error (usage) for a chart that is near by, or that the point looks past; (input_invalid) where the retina
+/// does not reach; (no_result) where no light leaves the eye
+std::shared_ptr<const raytrace::Scene> judged_scene(const EyeModel& eye,
+                                                    const PrescriptionSettings& settings);
 
 /// The thin lens of the sharpest image.
 /// \throw Error (no_result) when none is found, or the wavefront asks for one beyond those that are sought, with the

@@ -190,13 +190,15 @@ Optimum ascend(const SharpnessFunction& sharpness, const Eigen::VectorXd& start,
   optimum.sharpness = value.value;
   optimum.gradient = value.gradient / value.value;
   optimum.evaluations = remembered.evaluations();
-  optimum.reason = summary.message;
   const double steepest_per_D = optimum.gradient.lpNorm<Eigen::Infinity>();
-  const bool flat = steepest_per_D <= settings.accepted_gradient_per_D;
-  if (!flat)
-    optimum.reason += fmt::format("; sharpness still changes by {:.2g} per dioptre there", steepest_per_D);
-  optimum.converged = summary.termination_type == ceres::CONVERGENCE && optimum.lens.allFinite() &&
-                      optimum.gradient.allFinite() && reached.contain(optimum.lens) && flat;
+  if (!reached.contain(optimum.lens) || !optimum.gradient.allFinite())
+    optimum.reason = "there is no sharpness where it ended";
+  else if (steepest_per_D > settings.accepted_gradient_per_D)
+    optimum.reason =
+        fmt::format("sharpness still changes by {:.2g} per dioptre where it ended", steepest_per_D);
+  else if (summary.termination_type != ceres::CONVERGENCE)
+    optimum.reason = "its steps led to no summit";
+  optimum.converged = optimum.reason.empty();
   return optimum;
 }
 

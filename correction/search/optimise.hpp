@@ -54,7 +54,7 @@ struct Optimum {
   Eigen::VectorXd gradient;  ///< of ln(sharpness)
   int evaluations = 0;
   bool converged = false;  ///< Ceres says CONVERGENCE; finite, inside the bounds, and flat
-  std::string reason;      ///< Ceres' message, or what is wrong
+  std::string reason;      ///< why not, for who asked for a lens
 };
 
 /// Ascends from `start` to a local maximum of sharpness with Ceres (BFGS, strong Wolfe line search). What is

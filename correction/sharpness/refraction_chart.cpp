@@ -1,5 +1,6 @@
 #include "correction/sharpness/refraction_chart.hpp"
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <opencv2/core.hpp>
@@ -27,7 +28,8 @@ double left_by_interpolation(int signed_bin) {
 
 }  // namespace
 
-std::shared_ptr<const raytrace::Scene> refraction_chart(double extent_deg, std::uint64_t seed) {
+std::shared_ptr<const raytrace::Scene> refraction_chart(const Eigen::Vector3d& towards, double extent_deg,
+                                                        std::uint64_t seed) {
   // White noise, filtered: the amplitude falls as f^-1.5 and ends at the finest frequency, steeply enough for
   // what an eye resolves to weigh the same when a lens magnifies it.
   std::mt19937_64 random(seed);
@@ -69,10 +71,12 @@ std::shared_ptr<const raytrace::Scene> refraction_chart(double extent_deg, std::
   const double half = std::tan(extent_deg / 2 * degree);
   raytrace::TexturedPlane plane;
   plane.at_infinity = true;
-  plane.centre_mm = {0, 0, 1};
+  plane.centre_mm = towards.normalized();
+  const Eigen::Vector3d left = Eigen::Vector3d::UnitY().cross(plane.centre_mm).normalized(),
+                        up = plane.centre_mm.cross(left);
   const double along = half * std::cos(turn_rad), across = half * std::sin(turn_rad);
-  plane.right_mm = {-along, across, 0};
-  plane.up_mm = {across, along, 0};
+  plane.right_mm = -along * left + across * up;
+  plane.up_mm = across * left + along * up;
   plane.texture = std::make_shared<const raytrace::Texture>(std::move(texture));
   auto scene = std::make_shared<raytrace::Scene>();
   scene->name = "refraction chart";

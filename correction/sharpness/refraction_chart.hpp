@@ -1,4 +1,5 @@
 #pragma once
+#include <Eigen/Core>
 #include <cstdint>
 #include <memory>
 
@@ -11,7 +12,10 @@ namespace emmetrope::correction {
 /// of frequency), from 0.1 to 25 cycles per degree. Unlike a chart of letters or bars it is band-limited, so
 /// that its image is a smooth function of the lens, and no repeated form can be mistaken for itself when it
 /// is blurred (spurious resolution).
+/// \param towards  from the eye to its middle, eye frame, z > 0: it stands upright across that direction
 /// \param extent_deg  width and height
-std::shared_ptr<const raytrace::Scene> refraction_chart(double extent_deg = 17, std::uint64_t seed = 1);
+std::shared_ptr<const raytrace::Scene> refraction_chart(
+    const Eigen::Vector3d& towards = Eigen::Vector3d::UnitZ(), double extent_deg = 17,
+    std::uint64_t seed = 1);
 
 }  // namespace emmetrope::correction

@@ -1,8 +1,6 @@
 #include "correction/prescription/prescription.hpp"
-#include "correction/sharpness/refraction_chart.hpp"
 #include "pipeline/base/error.hpp"
 #include "pipeline/python/bindings.hpp"
-#include "raytrace/retina/pupil_aim.hpp"
 
 namespace emmetrope::python {
 namespace {
@@ -54,10 +52,9 @@ RetinalSharpness sharpness_of(const raytrace::Tracer& tracer, const EyeModel& ey
                               const Eigen::Vector2d& retina_mm, std::uint64_t seed) {
   const PrescriptionSettings settings =
       settings_of(vertex_distance_mm, pupil_mm, criterion, wavelength_nm, retina_mm, seed);
-  raytrace::retina_point(eye, retina_mm.x(), retina_mm.y());  // where it does not reach, at once
   const ImagingLevel finest =
       imaging_levels(settings.criterion, pupil_mm, wavelength_nm, retina_mm, seed).back();
-  return {tracer, refraction_chart(), eye, thin_lens(vertex_distance_mm), finest};
+  return {tracer, judged_scene(eye, settings), eye, thin_lens(vertex_distance_mm), finest};
 }
 
 }  // namespace

@@ -18,6 +18,7 @@ namespace {
 constexpr int floats_a_plane = 20;  // PLANE in kernels/scene.cl
 constexpr double largest_relative_error = 0.005;
 constexpr int checked_rays = 128;
+constexpr const char* derivative_remedy = "use a smaller pupil, or a place nearer the eye's axis";
 
 /// What is tried: degree over the pupil, nodes across the field.
 constexpr std::array<std::array<int, 2>, 4> polynomial_sizes{{{3, 3}, {3, 5}, {5, 7}, {7, 9}}};
@@ -33,7 +34,7 @@ class OpenEye {
     const auto end = tracers_[wave].trace_end(ray);
     if (end.state != RayState::reached)
       throw unsupported_error("a derivative image: rays are lost on the way out of the eye",
-                              "use a smaller --pupil or --field-mm");
+                              derivative_remedy);
     return {end.position_mm, end.direction};
   }
 
@@ -140,21 +141,39 @@ class Change {
       const Ray out = eyes_[i](before ? *before : aims_[i](at, disc), wave);
       const double weight = (i % 2 == 0 ? 1 : -1) / steps_[i];
       for (Eigen::Index plane = 0; plane * eyes < result.size(); ++plane)
-        result.segment<2>(plane * eyes + i / 2 * 2) += weight * texture_place(out, plane);
+        result.segment<2>(plane * eyes + i / 2 * 2) += weight * meeting(out, plane).head<2>();
     }
     return result;
   }
 
+  /// Of each output, whether the ray falls on its plane.
+  Eigen::Array<bool, Eigen::Dynamic, 1> seen(const Eigen::Vector2d& at, const Eigen::Vector2d& disc,
+                                             int wave) const {
+    const Ray aimed = aims_.front()(at, disc);
+    const Ray out = eyes_.front()(bare_ ? (*bare_)(aimed, wave) : aimed, wave);
+    Eigen::Array<bool, Eigen::Dynamic, 1> result(outputs());
+    const auto eyes = static_cast<Eigen::Index>(eyes_.size());
+    for (Eigen::Index plane = 0; plane * eyes < result.size(); ++plane)
+      result.segment(plane * eyes, eyes).setConstant(falls_on(out, plane));
+    return result;
+  }
+
  private:
-  /// Texture coordinates where the ray meets a plane.
-  Eigen::Vector2d texture_place(const Ray& ray, Eigen::Index plane) const {
+  /// Texture coordinates where the ray meets a plane, and how far along it that is.
+  Eigen::Vector3d meeting(const Ray& ray, Eigen::Index plane) const {
     using Plane = Eigen::Matrix<float, floats_a_plane, 1>;
     const Eigen::Matrix<double, floats_a_plane, 1> p =
         Eigen::Map<const Plane>(&planes_[plane * floats_a_plane]).cast<double>();
     const Eigen::Vector3d from = p[12] * ray.origin;
     const double t = (p[3] - p.head<3>().dot(from)) / p.head<3>().dot(ray.direction);
     const Eigen::Vector3d hit = from + t * ray.direction;
-    return {p.segment<3>(4).dot(hit) + p[7], p.segment<3>(8).dot(hit) + p[11]};
+    return {p.segment<3>(4).dot(hit) + p[7], p.segment<3>(8).dot(hit) + p[11], t};
+  }
+  bool falls_on(const Ray& ray, Eigen::Index plane) const {
+    const Eigen::Vector3d met = meeting(ray, plane);
+    const float* last_texel = &planes_[plane * floats_a_plane + 13];
+    return met.z() > 0 && met.x() >= -0.5 && met.y() >= -0.5 && met.x() <= last_texel[0] + 0.5 &&
+           met.y() <= last_texel[1] + 0.5;
   }
 
   const std::vector<float>& planes_;
@@ -213,12 +232,13 @@ Table fit(const Change& change, const RetinalGrid& grid, const std::vector<doubl
   return table;
 }
 
-/// The largest of the outputs' rms errors, as a share of their rms changes.
+/// The largest of the outputs' rms errors, as a share of their rms changes, both over the rays that fall on the
+/// output's plane: of one that is seen edge on beside the field, or lies behind the eye, polynomials need not hold.
 double relative_error(const Table& table, const Change& change, const RetinalGrid& grid,
                       const std::vector<double>& wavelength_nm, int threads) {
   const auto terms = static_cast<Eigen::Index>((table.degree + 1) * (table.degree + 2) / 2);
   const Eigen::Index sets = wavelength_nm.size() > 1 ? 2 : 1;
-  Eigen::MatrixXd errors(change.outputs(), checked_rays), values(change.outputs(), checked_rays);
+  Eigen::MatrixXd errors = Eigen::MatrixXd::Zero(change.outputs(), checked_rays), values = errors;
   on_threads(threads, checked_rays, [&](std::size_t ray) {
     std::mt19937 random(static_cast<unsigned>(ray) + 1);
     const auto unit = [&] { return random() / 4294967296.0; };
@@ -230,8 +250,10 @@ double relative_error(const Table& table, const Change& change, const RetinalGri
                               table.at(place_of(share_x, table.nodes, 1), place_of(share_y, table.nodes, 1)),
                           power = powers(disc, table.degree);
     const auto column = static_cast<Eigen::Index>(ray);
-    values.col(column) = exact;
+    const auto seen = change.seen(field_point(grid, share_x, share_y), disc, wave);
     for (Eigen::Index k = 0; k < exact.size(); ++k) {
+      if (!seen[k]) continue;
+      values(k, column) = exact[k];
       double value = coefficients.segment(k * sets * terms, terms).dot(power);
       if (sets > 1)
         value +=
@@ -284,9 +306,11 @@ ImageChange make_image_change(const std::vector<EyeTangent>& tangents, const Dev
     return result;
   }
   throw unsupported_error(
-      fmt::format("a derivative image: its polynomials miss exactly traced rays by {:.2g} %", 100 * error),
-      "use a smaller --pupil or --field-mm: part of the field sees the scene past an edge within the eye, or "
-      "a plane edge on");
+      fmt::format(
+          "a derivative image: its polynomials miss exactly traced rays by {:.2g} %: part of the field "
+          "sees the scene past an edge within the eye, or a plane edge on",
+          100 * error),
+      derivative_remedy);
 }
 
 }  // namespace emmetrope::raytrace

@@ -91,7 +91,7 @@ RetinaPoint retina_point(const EyeModel& eye, double x_mm, double y_mm) {
   if (const std::optional<RetinaPoint> point = meet_retina(eye, {x_mm, y_mm})) return *point;
   throw input_error(
       fmt::format("the retina does not reach eye x = {:g}, y = {:g} mm from its pole", x_mm, y_mm),
-      "use a smaller --field-mm, or a --fovea nearer the pole");
+      "use a smaller field, or a --fovea nearer the pole");
 }
 
 PupilAim::PupilAim(const EyeModel& eye, const RetinalGrid& grid, double wavelength_nm, int threads)
@@ -114,7 +114,7 @@ PupilAim::PupilAim(const EyeModel& eye, const RetinalGrid& grid, double waveleng
       throw input_error(
           "eye \"" + eye.name + "\": no ray from the retina at x = " + std::to_string(at.x()) +
               ", y = " + std::to_string(at.y()) + " mm reaches the stop",
-          "check the surfaces' depths and radii with emmetrope ray, or use a smaller --field-mm");
+          "check the surfaces' depths and radii with emmetrope ray, or use a smaller field");
     nodes_[k] = *ellipse;
   });
 }

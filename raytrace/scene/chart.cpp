@@ -1,6 +1,7 @@
 #include "raytrace/scene/chart.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <charconv>
 #include <cmath>
@@ -146,17 +147,17 @@ double default_logmar(const std::string& name) { return name == "point" ? 0 : 0.
 
 /// Share of ink in every texel. A texel whose corners and centre agree holds no outline, as strokes are
 /// texels wide.
-std::vector<float> rasterise(const Ink& ink, int size, double extent) {
-  const double step = extent / size;
-  const auto x_at = [&](double column) { return (column - 0.5 * size) * step; };
-  const auto y_at = [&](double row) { return (0.5 * size - row) * step; };
-  std::vector<float> share(static_cast<std::size_t>(size) * size);
-  std::vector<char> above(size + 1), below(size + 1);
-  for (int i = 0; i <= size; ++i) below[i] = ink(x_at(i), y_at(0));
-  for (int j = 0; j < size; ++j) {
+std::vector<float> rasterise(const Ink& ink, int width, int height, const Eigen::Vector2d& extent) {
+  const double step_x = extent.x() / width, step_y = extent.y() / height;
+  const auto x_at = [&](double column) { return (column - 0.5 * width) * step_x; };
+  const auto y_at = [&](double row) { return (0.5 * height - row) * step_y; };
+  std::vector<float> share(static_cast<std::size_t>(width) * height);
+  std::vector<char> above(width + 1), below(width + 1);
+  for (int i = 0; i <= width; ++i) below[i] = ink(x_at(i), y_at(0));
+  for (int j = 0; j < height; ++j) {
     above.swap(below);
-    for (int i = 0; i <= size; ++i) below[i] = ink(x_at(i), y_at(j + 1));
-    for (int i = 0; i < size; ++i) {
+    for (int i = 0; i <= width; ++i) below[i] = ink(x_at(i), y_at(j + 1));
+    for (int i = 0; i < width; ++i) {
       const int corners = above[i] + above[i + 1] + below[i] + below[i + 1];
       const bool centre = ink(x_at(i + 0.5), y_at(j + 0.5));
       float value = centre ? 1.F : 0.F;
@@ -167,7 +168,7 @@ std::vector<float> rasterise(const Ink& ink, int size, double extent) {
                         y_at(j + (k * lattice_step % subsamples + 0.5) / subsamples));
         value = static_cast<float>(inside) / subsamples;
       }
-      share[static_cast<std::size_t>(j) * size + i] = value;
+      share[static_cast<std::size_t>(j) * width + i] = value;
     }
   }
   return share;
@@ -178,13 +179,12 @@ double number(const std::string& key, const std::string& text) {
   double value = 0;
   const auto [end, fault] = std::from_chars(text.data(), text.data() + text.size(), value);
   if (fault != std::errc() || end != text.data() + text.size())
-    throw usage_error("--scene: " + key + "=" + text + " is no number");
+    throw usage_error(key + "=" + text + " is no number");
   return value;
 }
 
 void check(bool good, const std::string& key, double value, const std::string& range) {
-  if (!good)
-    throw usage_error("--scene: " + key + "=" + std::to_string(value) + " is out of range", "give " + range);
+  if (!good) throw usage_error(fmt::format("{}={:g} is out of range", key, value), "give " + range);
 }
 
 }  // namespace
@@ -199,10 +199,10 @@ ChartSpec parse_chart(const std::string& text) {
   spec.name = text.substr(0, colon);
   const auto names = chart_names();
   if (std::find(names.begin(), names.end(), spec.name) == names.end()) {
-    std::string known;
-    for (const auto& name : names) known += name + ", ";
-    throw usage_error("--scene: no chart or file is called \"" + spec.name + "\"",
-                      "use a scene.json or one of " + known + "cards, perimeter, pyramids");
+    throw usage_error(
+        fmt::format("no chart is called \"{}\"", spec.name),
+        fmt::format("charts are {}; scenes of their own are cards, perimeter, pyramids and scene.json files",
+                    fmt::join(names, ", ")));
   }
   spec.logmar = default_logmar(spec.name);
   if (spec.name == "point") spec.extent_deg = 2;  // all else is dark anyway, and its texels are fine
@@ -212,12 +212,12 @@ ChartSpec parse_chart(const std::string& text) {
     const std::string pair = text.substr(at + 1, next == std::string::npos ? next : next - at - 1);
     const auto equals = pair.find('=');
     if (equals == std::string::npos)
-      throw usage_error("--scene: \"" + pair + "\" is no key=value", "write NAME:key=value,key=value");
+      throw usage_error("\"" + pair + "\" is no key=value", "write NAME:key=value,key=value");
     const std::string key = pair.substr(0, equals);
     const double value = number(key, pair.substr(equals + 1));
-    if (!given.insert(key).second) throw usage_error("--scene: " + key + " is given twice");
+    if (!given.insert(key).second) throw usage_error(key + " is given twice");
     if (key == "spokes" && spec.name != "siemens")
-      throw usage_error("--scene: spokes belong to siemens, not to " + spec.name);
+      throw usage_error("spokes belong to siemens, not to " + spec.name);
     if (key == "distance_mm")
       spec.distance_mm = value;
     else if (key == "logmar")
@@ -229,7 +229,7 @@ ChartSpec parse_chart(const std::string& text) {
     else if (key == "spokes")
       spec.spokes = value;
     else
-      throw usage_error("--scene: unknown key \"" + key + "\"",
+      throw usage_error(fmt::format("{} has no key \"{}\"", spec.name, key),
                         "known keys: distance_mm, logmar, extent_deg, contrast, spokes");
     at = next;
   }
@@ -244,7 +244,7 @@ ChartSpec parse_chart(const std::string& text) {
   return spec;
 }
 
-Scene draw_chart(const ChartSpec& spec) {
+Scene draw_chart(const ChartSpec& spec, const Eigen::Vector2d& shown) {
   // The chart is flat: minutes of arc are counted at its centre, and its edge lies where extent_deg / 2 is
   // seen.
   const double minute = std::tan(degree / 60);
@@ -262,8 +262,10 @@ Scene draw_chart(const ChartSpec& spec) {
 
   const bool bright = spec.name == "point";  // a star on a dark ground; all others are ink on paper
   Texture texture;
-  texture.width = texture.height = size;
-  texture.values = rasterise(ink_of(spec, extent), size, extent);
+  const auto texels_of = [&](double share) { return std::max(2, int(std::ceil(share * size))); };
+  texture.width = texels_of(shown.x());
+  texture.height = texels_of(shown.y());
+  texture.values = rasterise(ink_of(spec, extent), texture.width, texture.height, extent * shown);
   for (float& value : texture.values) value = bright ? value : 1 - static_cast<float>(spec.contrast) * value;
 
   Scene scene;
@@ -273,8 +275,8 @@ Scene draw_chart(const ChartSpec& spec) {
   plane.at_infinity = std::isinf(spec.distance_mm);
   const double distance = plane.at_infinity ? 1 : spec.distance_mm;
   plane.centre_mm = {0, 0, distance};
-  plane.right_mm = {-half * distance, 0, 0};
-  plane.up_mm = {0, half * distance, 0};
+  plane.right_mm = {-half * shown.x() * distance, 0, 0};
+  plane.up_mm = {0, half * shown.y() * distance, 0};
   plane.texture = std::make_shared<const Texture>(std::move(texture));
   scene.planes.push_back(std::move(plane));
   return scene;

@@ -25,6 +25,7 @@ ChartSpec parse_chart(const std::string& text);
 std::vector<std::string> chart_names();
 
 /// Draws the chart from its definition: the share of ink in every texel, from the exact outlines.
-Scene draw_chart(const ChartSpec& spec);
+/// \param shown  the middle part of its width and height that is drawn, above 0 to 1
+Scene draw_chart(const ChartSpec& spec, const Eigen::Vector2d& shown = {1, 1});
 
 }  // namespace emmetrope::raytrace

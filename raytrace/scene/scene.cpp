@@ -110,7 +110,7 @@ std::shared_ptr<const Scene> make_scene(const std::string& name_or_file) {
   if (name_or_file == "perimeter") return std::make_shared<const Scene>(perimeter());
   for (const std::string name : {"pyramids", "cards", "perimeter"})
     if (name_or_file.rfind(name + ":", 0) == 0)
-      throw usage_error(fmt::format("--scene: {} takes no keys, found \"{}\"", name, name_or_file),
+      throw usage_error(fmt::format("{} takes no keys, found \"{}\"", name, name_or_file),
                         fmt::format("write {}, or describe a scene of your own in a scene.json", name));
   return std::make_shared<const Scene>(draw_chart(parse_chart(name_or_file)));
 }

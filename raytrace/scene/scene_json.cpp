@@ -102,8 +102,8 @@ class Object {
     if (!json_[key].is_boolean()) throw fault(key, "true or false is needed");
     return json_[key].get<bool>();
   }
-  Error fault(const std::string& key, const std::string& what) const {
-    return input_error(place_ + ": key \"" + key + "\": " + what);
+  Error fault(const std::string& key, const std::string& what, const std::string& remedy = {}) const {
+    return input_error(place_ + ": key \"" + key + "\": " + what, remedy);
   }
 
  private:
@@ -161,6 +161,16 @@ void check_distance(const Object& object, const char* key, double distance_mm) {
                                    distance_mm, least_distance_mm));
 }
 
+/// A chart as on the command line, whose faults are the file's here.
+ChartSpec read_chart(const Object& object) {
+  try {
+    return parse_chart(object.text("chart"));
+  } catch (const Error& error) {
+    if (error.status() != ExitStatus::usage) throw;
+    throw object.fault("chart", error.what(), error.remedy());
+  }
+}
+
 TexturedPlane read_plane(const Object& object, const std::filesystem::path& folder,
                          std::vector<std::filesystem::path>& files) {
   if (object.has("picture") + object.has("chart") + object.has("radiance") != 1)
@@ -194,11 +204,12 @@ TexturedPlane read_plane(const Object& object, const std::filesystem::path& fold
       if (text.find(own) != std::string::npos)
         throw object.fault("chart",
                            std::string(own) + " is the plane's, by its centre_mm, right_mm and up_mm");
-    ChartSpec chart = parse_chart(text);
+    ChartSpec chart = read_chart(object);
     const double distance = plane.at_infinity ? plane.centre_mm.z() : plane.centre_mm.norm();
     chart.distance_mm = std::max(least_distance_mm, distance);
-    chart.extent_deg = 2 * std::atan2(std::max(plane.right_mm.norm(), plane.up_mm.norm()), distance) / degree;
-    plane.texture = draw_chart(chart).planes.front().texture;
+    const Eigen::Vector2d half_mm(plane.right_mm.norm(), plane.up_mm.norm());
+    chart.extent_deg = 2 * std::atan2(half_mm.maxCoeff(), distance) / degree;
+    plane.texture = draw_chart(chart, half_mm / half_mm.maxCoeff()).planes.front().texture;
   }
   return plane;
 }

@@ -282,6 +282,17 @@ TEST_F(CorrectStage, OfANamedEyeTheSettingsAreCheckedAsOfACase) {
   EXPECT_FALSE(fs::exists(folder() / "named"));
 }
 
+TEST_F(CorrectStage, ANamedEyesLensIndexIsKnown) {
+  settings_.lens_index_sigma = 0.01;
+  try {
+    correct_eye(make_eye("navarro"), folder() / "named", settings_, common_);
+    ADD_FAILURE() << "was accepted";
+  } catch (const Error& error) {
+    EXPECT_EQ(error.status(), ExitStatus::usage) << error.what();
+  }
+  EXPECT_FALSE(fs::exists(folder() / "named"));
+}
+
 TEST_F(CorrectStage, SettingsAreRefusedByFlagAndField) {
   const auto said = [](const auto& change) {
     CorrectionSettings settings;

@@ -101,6 +101,9 @@ TEST(TraceCommand, RefusesOptionsThatWouldBeIdle) {
   EXPECT_THROW(run("--eye navarro --achromatic --surfaces fast" + output), Error);
   EXPECT_THROW(run("--eye navarro --pupillary-distance 6.2" + output), Error);
   EXPECT_THROW(run("--eye navarro --psf-grid 30:5" + output), Error);
+  EXPECT_THROW(run("--eye navarro --disc 4,0" + output), Error);
+  EXPECT_THROW(run("--eye navarro --fovea 1,0+-0.3" + output), Error);
+  EXPECT_THROW(run("--eye navarro --exposure-steps 0" + output), Error);
   EXPECT_THROW(run("--eye navarro --psf-grid 95:5 -o " + folder.path().string()), Error);
   EXPECT_FALSE(std::filesystem::exists(folder.path() / "x.png"));
 }

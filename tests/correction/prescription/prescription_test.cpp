@@ -5,8 +5,11 @@
 
 #include "correction/sharpness/refraction_chart.hpp"
 #include "pipeline/base/error.hpp"
+#include "pipeline/base/frames.hpp"
+#include "pipeline/eye/optics/chief_ray.hpp"
 #include "pipeline/eye/optics/paraxial.hpp"
 #include "pipeline/eye/schematic/schematic_eyes.hpp"
+#include "raytrace/scene/scene_model.hpp"
 
 namespace emmetrope::correction {
 namespace {
@@ -57,6 +60,78 @@ TEST(SharpestLens, IsNotSoughtWhereNoneIsMade) {
     EXPECT_EQ(error.status(), ExitStatus::no_result);
     EXPECT_THAT(error.what(), testing::HasSubstr("by its wavefront this eye needs a lens of M -132"));
     EXPECT_THAT(error.what(), testing::HasSubstr("lenses are sought up to M 40, J 20 D"));
+  }
+}
+
+// The chart of 17 degrees stands where the retina looks, which 3 mm beside the pole is 10.5 degrees off the axis.
+TEST(SharpestLens, OfAPointOffTheAxisIsItsWavefronts) {
+  const EyeModel eye = make_eye("navarro", {});
+  const raytrace::Tracer tracer("", 0);
+  const auto sharpest_at = [&](const Eigen::Vector2d& retina_mm) {
+    PrescriptionSettings settings;
+    settings.verbosity.quiet = true;
+    settings.fovea_mm = retina_mm;
+    const SearchResult search = sharpest_lens(tracer, eye, settings);
+    raytrace::WavefrontSettings wavefront;
+    wavefront.wavelength_nm = settings.wavelength_nm;
+    wavefront.fovea_mm = retina_mm;
+    const Eigen::Vector3d by_wavefront =
+        as_vector(raytrace::refraction_by_wavefront(with_pupil(eye, settings.pupil_mm), wavefront,
+                                                    settings.vertex_distance_mm)
+                      .minimum_rms_wavefront);
+    EXPECT_LT((search.best.lens - by_wavefront).norm(), 0.1) << retina_mm.transpose();
+    return search.best.lens;
+  };
+  const Eigen::VectorXd beside = sharpest_at({3, 0}), below = sharpest_at({0, -3});
+  sharpest_at({4, 0});
+  // The eye is round: a quarter turn about its axis changes the sign of J0.
+  EXPECT_LT((beside - Eigen::Vector3d(below[0], -below[1], below[2])).norm(), 0.03);
+}
+
+TEST(JudgedScene, IsWhereTheRetinaLooks) {
+  const EyeModel eye = make_eye("navarro", {});
+  PrescriptionSettings settings;
+  for (const Eigen::Vector2d& retina_mm : {Eigen::Vector2d(3, 0), {1, -2}, {-4, 3}}) {
+    settings.fovea_mm = retina_mm;
+    const auto scene = judged_scene(eye, settings);
+    const raytrace::TexturedPlane& chart = scene->planes.front();
+    // From there a ray into the eye comes to that point.
+    const auto image = ChiefRays(eye, settings.wavelength_nm).image_of(chart.centre_mm);
+    ASSERT_TRUE(image);
+    EXPECT_LT((image->position_mm.head<2>() - retina_mm).norm(), 1e-6);
+    // Square across that direction, of 17 degrees, and turned about it from upright as it is on the axis.
+    const double half = std::tan(8.5 * degree);
+    EXPECT_NEAR(chart.right_mm.norm(), half, 1e-12);
+    EXPECT_NEAR(chart.up_mm.norm(), half, 1e-12);
+    EXPECT_NEAR(chart.right_mm.dot(chart.up_mm), 0, 1e-12);
+    EXPECT_LT((chart.up_mm.cross(chart.right_mm).normalized() - chart.centre_mm).norm(), 1e-12);
+    const double upright = 2 / (1 + std::sqrt(5.0));
+    EXPECT_NEAR((chart.right_mm - upright * chart.up_mm).y(), 0, 1e-12);
+  }
+  settings.fovea_mm = {0, 0};
+  const auto ahead = judged_scene(eye, settings), usual = refraction_chart();
+  EXPECT_EQ(ahead->planes.front().centre_mm, usual->planes.front().centre_mm);
+  EXPECT_EQ(ahead->planes.front().right_mm, usual->planes.front().right_mm);
+  EXPECT_EQ(ahead->planes.front().up_mm, usual->planes.front().up_mm);
+}
+
+// 4 mm beside the pole Navarro's eye looks 14.2 degrees off its axis.
+TEST(JudgedScene, OfAChartThatIsLookedPastIsAnError) {
+  const EyeModel eye = make_eye("navarro", {});
+  PrescriptionSettings settings;
+  settings.fovea_mm = {4, 0};
+  settings.chart = "landolt:extent_deg=28";
+  try {
+    judged_scene(eye, settings);
+    ADD_FAILURE() << "was accepted";
+  } catch (const Error& error) {
+    EXPECT_EQ(error.status(), ExitStatus::usage);
+    EXPECT_THAT(error.what(), testing::HasSubstr("looks past --chart landolt:extent_deg=28: 14.2 degrees"));
+    EXPECT_THAT(error.remedy(), testing::HasSubstr("larger extent_deg"));
+  }
+  for (const char* chart : {"landolt:extent_deg=29", "perimeter"}) {
+    settings.chart = chart;
+    EXPECT_NO_THROW(judged_scene(eye, settings)) << chart;
   }
 }
 

@@ -328,6 +328,9 @@ class Corrections(unittest.TestCase):
             sharpness([numpy.nan, 0, 0])
         with self.assertRaises(emmetrope.InputError):
             emmetrope.Sharpness(emmetrope.Tracer(), emmetrope.Eye("navarro"), retina_mm=(100, 0))
+        # The chart is where the retina looks, 14 degrees off the axis: a lens of -3 D blurs it.
+        aside = emmetrope.Sharpness(emmetrope.Tracer(), emmetrope.Eye("navarro"), retina_mm=(4, 0))
+        self.assertLess(aside([-3, 0, 0])[0], aside([0, 0, 0])[0] / 2)
 
     def test_is_the_commands(self):
         with tempfile.TemporaryDirectory() as folder:

@@ -165,6 +165,21 @@ TEST(Derivatives, EveryWayAndColourDrawsTheSame) {
   EXPECT_LT(spectral, 0.03);
 }
 
+// Of six faces around the eye it sees one; the others are edge on, or behind it.
+TEST(Derivatives, OfSurroundingsMatchDifferences) {
+  const EyeModel eye = make_eye("navarro", {0, {}, 4.0});
+  const auto longer = [&](double mm) {
+    EyeModel result = eye;
+    result.surfaces.back().position_mm += mm;
+    return result;
+  };
+  TraceSettings settings = small_settings();
+  settings.grid.field_x_mm = settings.grid.field_y_mm = 3;  // spokes begin 2 degrees off the middle
+  const double error = error_against_differences(longer, 0.1, *make_scene("perimeter"), settings);
+  std::printf("surroundings: relative error against differences %.4f\n", error);
+  EXPECT_LT(error, 0.03);
+}
+
 TEST(Derivatives, PolynomialsThatMissExactRaysAreRefused) {
   // At full accommodation and with a wide pupil rays pass beside Gullstrand's nucleus: no smooth change.
   const EyeModel eye = make_eye("gullstrand", {10.87, {}, 6.0});

@@ -54,6 +54,42 @@ TEST(Charts, AreDrawnAtTheirAngle) {
   EXPECT_TRUE(draw_chart(parse_chart("dial:distance_mm=inf")).planes.front().at_infinity);
 }
 
+// A point of logMAR 1 on a plane three times as wide as high, and on one as much higher: a disc of 10 minutes of arc
+// both ways.
+TEST(Charts, KeepTheirAnglesOnAPlaneThatIsNotSquare) {
+  ChartSpec spec = parse_chart("point:logmar=1,distance_mm=2000,extent_deg=1");
+  for (const Eigen::Vector2d& shown : {Eigen::Vector2d(1, 1.0 / 3), {1.0 / 3, 1}}) {
+    const TexturedPlane plane = draw_chart(spec, shown).planes.front();
+    const Texture& texture = *plane.texture;
+    EXPECT_NEAR(plane.right_mm.norm() / plane.up_mm.norm(), shown.x() / shown.y(), 1e-12);
+    Eigen::Vector2d widest_mm(0, 0);  // of all rows, of all columns
+    const Eigen::Vector2d texel_mm(2 * plane.right_mm.norm() / texture.width,
+                                   2 * plane.up_mm.norm() / texture.height);
+    for (int row = 0; row < texture.height; ++row) {
+      double sum = 0;
+      for (int column = 0; column < texture.width; ++column)
+        sum += texture.values[row * texture.width + column];
+      widest_mm.x() = std::max(widest_mm.x(), sum * texel_mm.x());
+    }
+    for (int column = 0; column < texture.width; ++column) {
+      double sum = 0;
+      for (int row = 0; row < texture.height; ++row) sum += texture.values[row * texture.width + column];
+      widest_mm.y() = std::max(widest_mm.y(), sum * texel_mm.y());
+    }
+    const double diameter_mm = 10 * std::tan(degree / 60) * 2000;
+    EXPECT_NEAR(widest_mm.x(), diameter_mm, 0.02 * diameter_mm);
+    EXPECT_NEAR(widest_mm.y(), diameter_mm, 0.02 * diameter_mm);
+  }
+  // It is the middle of the whole chart, of 64 x 64 texels.
+  spec.name = "siemens";
+  const auto whole = draw_chart(spec).planes.front().texture,
+             half = draw_chart(spec, {1, 0.5}).planes.front().texture;
+  ASSERT_EQ(half->width, whole->width);
+  ASSERT_EQ(2 * half->height, whole->height);
+  const auto first = whole->values.begin() + whole->width * (whole->height / 4);
+  EXPECT_TRUE(std::equal(half->values.begin(), half->values.end(), first));
+}
+
 TEST(Charts, APlaneOfNearly180DegreesHasTheFinestTexture) {
   for (const char* name : {"dial", "letters"}) {
     ChartSpec spec;
@@ -132,6 +168,20 @@ TEST(SceneFile, IsReadAndChecked) {
   EXPECT_EQ(changed("\"chart\"", "\"motion_mm\": [0, 0, 750], \"chart\""), ExitStatus::done);
   EXPECT_EQ(changed("logmar=1", "logmar=1,distance_mm=6000"), ExitStatus::input_invalid);
   EXPECT_EQ(changed("logmar=1", "logmar=1,extent_deg=5"), ExitStatus::input_invalid);
+  // A chart's own faults are the file's, and named with it.
+  EXPECT_EQ(changed("landolt:", "landoldt:"), ExitStatus::input_invalid);
+  EXPECT_EQ(changed("logmar=1", "foo=1"), ExitStatus::input_invalid);
+  EXPECT_EQ(changed("logmar=1", "logmar=9"), ExitStatus::input_invalid);
+  try {
+    make_scene(file);
+  } catch (const Error& error) {
+    EXPECT_EQ(error.what(), file + ": objects[0]: key \"chart\": logmar=9 is out of range");
+    EXPECT_EQ(error.remedy(), "give -1 to 3");
+  }
+  // Landolt rings of a card twice as high as wide: as many texels a millimetre both ways.
+  EXPECT_EQ(changed("[0, 40, 0]", "[0, 80, 0]"), ExitStatus::done);
+  const auto card = make_scene(file)->planes.front().texture;
+  EXPECT_NEAR(card->height, 2 * card->width, 1);
   std::filesystem::remove_all(folder);
 }
 
