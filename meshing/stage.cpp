@@ -65,8 +65,9 @@ SegmentedEye read_segmented(const fs::path& case_folder, Laterality eye) {
 OpticalDefaults optical_defaults(const fs::path& case_folder, double retinal_depth_mm) {
   OpticalDefaults defaults;
   defaults.retinal_depth_mm = retinal_depth_mm;
-  if (const auto age_years = subject_age_years(case_folder))
-    defaults.lens_index = lens_index_at_age(*age_years);
+  const LensIndex index = lens_index_at_age(subject_age_years(case_folder).value_or(usual_age_years));
+  defaults.lens_index = index.mean;
+  defaults.lens_index_sigma = index.sigma;
   return defaults;
 }
 

@@ -149,6 +149,13 @@ TEST_F(MeshStage, OpticsHaveTheLensOfTheSubjectsAge) {
   make_meshes(options_, {});
   const EyeModel eye = eye_from_json(read_json(mesh("os", "optics.json"))["eye"], ".");
   EXPECT_NEAR(eye.media.at("lens").index, 1.441 - 0.00039 * 60, 1e-12);
+
+  write_json(folder() / "case.json", {{"subject", {{"age_years", 100}}}});
+  make_meshes(options_, {});
+  const Json optics = read_json(mesh("os", "optics.json"));
+  EXPECT_EQ(optics["parameters"].back(), "lens_index");
+  EXPECT_NEAR(optics["values"].back(), 1.441 - 0.00039 * 70, 1e-12);
+  EXPECT_NEAR(optics["prior_sigmas"].back(), std::hypot(0.005, 0.00039 * 30), 1e-12);
 }
 
 TEST_F(MeshStage, MeasuredEyeTracesLikeItsFormulas) {
