@@ -626,6 +626,25 @@ TEST_F(ReportTest, FollowUpComparesThePatientsOfTheSourceStudies) {
   for (const auto& made : {later, first, second}) fs::remove_all(made);
 }
 
+TEST_F(ReportTest, FollowUpSaysThatTwoCasesAreOfOneScan) {
+  const fs::path later = two_visits(folder_);
+  Json case_json = read_json(later / "case.json");
+  case_json["series"][0].update({{"columns", 24}, {"rows", 20}, {"min", 0}, {"max", 900}, {"mean", 123.456}});
+  write_json(folder_ / "case.json", case_json);
+  case_json["subject"]["id"] = "another";
+  case_json["subject"]["age_years"] = 42;
+  CommonOptions common;
+  common.verbosity.quiet = true;
+  const auto said = [&] {
+    write_json(later / "case.json", case_json);
+    return write_comparison(folder_, later, common).json["remarks"].dump();
+  };
+  EXPECT_THAT(said(), HasSubstr("Both cases are of one scan"));
+  case_json["series"][0]["mean"] = 123.457;
+  EXPECT_THAT(said(), Not(HasSubstr("of one scan")));
+  fs::remove_all(later);
+}
+
 TEST_F(ReportTest, FollowUpRefusesOneCaseTwiceAndExplainsARefusedOne) {
   const fs::path later = two_visits(folder_);
   CommonOptions common;
