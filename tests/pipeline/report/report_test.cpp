@@ -261,6 +261,19 @@ TEST_F(ReportTest, AnAstigmatismThatMayBeNoneHasNoRule) {
   EXPECT_THAT(line_of("OS (left)"), ::testing::HasSubstr("axis not determined"));
   EXPECT_THAT(line_of("OS (left)"), ::testing::Not(::testing::HasSubstr("@")));
   EXPECT_THAT(line_of("OS (left)"), ::testing::Not(::testing::HasSubstr("with-the-rule")));
+  const auto has_dashes = [&](const std::string& id) {
+    const std::string html = output("report.html");
+    const auto at = html.find("<figure id=\"" + id + "\">");
+    return html.substr(at, html.find("</figure>", at) - at).find("stroke-dasharray") != std::string::npos;
+  };
+  EXPECT_TRUE(has_dashes("axial-power-od"));
+  EXPECT_FALSE(has_dashes("axial-power-os"));
+  EXPECT_THAT(text, ::testing::HasSubstr("Solid line: steep meridian"));
+  biometry = read_json(folder_ / "meshing" / "od" / "biometry.json");
+  biometry["keratometry"]["cylinder_D"]["ci95"][0] = 0.0;
+  write_json(folder_ / "meshing" / "od" / "biometry.json", biometry);
+  report();
+  EXPECT_THAT(visible_text(output("report.html")), ::testing::Not(::testing::HasSubstr("Solid line")));
 }
 
 TEST_F(ReportTest, APlanoCylinderOfAnEyeWithoutAnAxisHasNone) {
