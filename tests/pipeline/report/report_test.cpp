@@ -244,6 +244,20 @@ TEST_F(ReportTest, SameCaseGivesSameBytes) {
   fs::remove_all(moved);
 }
 
+TEST_F(ReportTest, SaysWhichPupilWavefrontAndPicturesAreOf) {
+  test::make_fixture_case(folder_);
+  const fs::path file = folder_ / "raytrace" / "stage.json";
+  Json stage = read_json(file);
+  stage["parameters"]["pupil_mm"] = 4.3;
+  write_json(file, stage);
+  report();
+  const std::string html = visible_text(output("report.html"));
+  for (const std::string& text : {html, pdf_text()})
+    EXPECT_THAT(text, HasSubstr("Wavefront of an iris aperture of 4.3 mm"));
+  EXPECT_THAT(html, HasSubstr("letters and pictures are those of an iris aperture of 4.3 mm"));
+  EXPECT_THAT(html, HasSubstr("vertex distance, an iris aperture of 3.0 mm"));
+}
+
 TEST_F(ReportTest, AnAstigmatismThatMayBeNoneHasNoRule) {
   test::make_fixture_case(folder_);
   const fs::path file = folder_ / "meshing" / "os" / "biometry.json";
