@@ -128,7 +128,8 @@ std::string summary(const Json& biometry) {
   const Json& k = biometry.at("keratometry");
   const Json& cylinder = k.at("cylinder_D");
   const bool may_be_sphere = !is_withheld(cylinder) && cylinder.get<Measured>().ci95[0] <= 0;
-  return line("axial length", biometry.at("axial_length_mm"), "mm") +
+  return line("axial length, optical", biometry.at("optical_axial_length_mm"), "mm") +
+         line("  to the inner retina", biometry.at("axial_length_mm"), "mm") +
          line("anterior chamber depth", biometry.at("anterior_chamber_depth_mm"), "mm") +
          line("lens thickness", biometry.at("lens_thickness_mm"), "mm") +
          line("flat K", k.at("flat").at("power_D"), "D") +

@@ -1,3 +1,4 @@
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -143,6 +144,15 @@ TEST_F(MeshStage, BiometryHasEveryKeyWithValueIntervalAndSource) {
   EXPECT_NEAR(json["interpupillary_distance_mm"]["value"], between, 1e-12);
   const Json warnings = read_json(folder() / "meshing" / "stage.json")["warnings"];
   EXPECT_THAT(warnings.dump(), testing::HasSubstr("rolled by 4.0 degrees"));
+}
+
+TEST_F(MeshStage, SaysWhereALengthEnds) {
+  const std::string said = make_meshes(options_, {}).text;
+  const Json biometry = read_json(mesh("od", "biometry.json"));
+  for (const auto& [name, key] : {std::pair("axial length, optical", "optical_axial_length_mm"),
+                                  {"  to the inner retina", "axial_length_mm"}})
+    EXPECT_THAT(said, testing::HasSubstr(
+                          fmt::format("  {:<26}{:8.2f} mm", name, biometry[key]["value"].get<double>())));
 }
 
 TEST_F(MeshStage, OpticsHaveTheLensOfTheSubjectsAge) {
