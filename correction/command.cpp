@@ -61,7 +61,8 @@ void declare_known_data(CLI::App& app, Flags& flags) {
       ->allow_extra_args(false);
   app.add_option(
          "--lens-index-sigma", flags.settings.lens_index_sigma,
-         "standard deviation of the lens index, 0: known; default 0.005, or 0 where trace had --lens-index")
+         "standard deviation of the lens index, 0: known; default 0.005 (more below 18 and above 70 years), or 0 "
+         "where trace had --lens-index")
       ->check(CLI::Range(0.0, 0.05));
 }
 

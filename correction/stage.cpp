@@ -105,9 +105,13 @@ void follow_trace_stage(const fs::path& case_folder, CorrectionSettings& setting
           fmt::format("give it to emmetrope trace: emmetrope trace {} --fovea {:g},{:g}",
                       case_folder.string(), settings.fovea_mm->x(), settings.fovea_mm->y()));
     settings.prescription.fovea_mm = traced_mm;
-    if (!parameters.at("lens_index").is_null() && !settings.lens_index_sigma) settings.lens_index_sigma = 0;
     if (!settings.what_if.age_years && parameters.at("age_years").is_number())
       settings.what_if.age_years = parameters.at("age_years").get<double>();
+    if (!settings.lens_index_sigma)
+      settings.lens_index_sigma =
+          parameters.at("lens_index").is_null()
+              ? lens_index_at_age(settings.what_if.age_years.value_or(usual_age_years)).sigma
+              : 0;
   } catch (const nlohmann::json::exception& fault) {
     throw input_error(std::string("raytrace/stage.json: ") + fault.what(),
                       "run \"emmetrope trace --force\" on the case");
@@ -316,8 +320,7 @@ KnownEye read_known_eye(const fs::path& case_folder, Laterality side, const Corr
   KnownEye known{read_eye(case_folder / "raytrace" / to_string(side) / "eye.json"), {}, {}};
   const fs::path optics = case_folder / "meshing" / to_string(side) / "optics.json";
   if (fs::exists(optics))
-    known.uncertain =
-        read_uncertain_optics(optics, settings.lens_index_sigma.value_or(usual_lens_index_sigma), known.eye);
+    known.uncertain = read_uncertain_optics(optics, settings.lens_index_sigma.value(), known.eye);
   const auto data = settings.known.find(side);
   if (data == settings.known.end()) return known;
   std::vector<std::string> warnings;

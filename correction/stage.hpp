@@ -36,8 +36,8 @@ struct CorrectionSettings {
   /// traced, of another eye the pole
   std::optional<Eigen::Vector2d> fovea_mm;
   PictureSettings picture;
-  /// Prior of a measured eye's lens index; where none is given 0.005, or 0 where the trace stage was told the
-  /// index
+  /// Prior of a measured eye's lens index; where none is given lens_index_at_age()'s, or 0 where the trace
+  /// stage was told the index
   std::optional<double> lens_index_sigma;
   WhatIfSettings what_if;                 ///< a case's own age where none is given
   std::map<Laterality, KnownData> known;  ///< of a case, by eye

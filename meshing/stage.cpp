@@ -65,8 +65,9 @@ SegmentedEye read_segmented(const fs::path& case_folder, Laterality eye) {
 OpticalDefaults optical_defaults(const fs::path& case_folder, double retinal_depth_mm) {
   OpticalDefaults defaults;
   defaults.retinal_depth_mm = retinal_depth_mm;
-  if (const auto age_years = subject_age_years(case_folder))
-    defaults.lens_index = lens_index_at_age(*age_years);
+  const LensIndex index = lens_index_at_age(subject_age_years(case_folder).value_or(usual_age_years));
+  defaults.lens_index = index.mean;
+  defaults.lens_index_sigma = index.sigma;
   return defaults;
 }
 
@@ -127,7 +128,8 @@ std::string summary(const Json& biometry) {
   const Json& k = biometry.at("keratometry");
   const Json& cylinder = k.at("cylinder_D");
   const bool may_be_sphere = !is_withheld(cylinder) && cylinder.get<Measured>().ci95[0] <= 0;
-  return line("axial length", biometry.at("axial_length_mm"), "mm") +
+  return line("axial length, optical", biometry.at("optical_axial_length_mm"), "mm") +
+         line("  to the inner retina", biometry.at("axial_length_mm"), "mm") +
          line("anterior chamber depth", biometry.at("anterior_chamber_depth_mm"), "mm") +
          line("lens thickness", biometry.at("lens_thickness_mm"), "mm") +
          line("flat K", k.at("flat").at("power_D"), "D") +

@@ -225,10 +225,9 @@ Answer trace_case(const fs::path& case_folder, const MeasuredEyeOptions& measure
         throw no_result_error("cornea or lens are withheld: light cannot be traced through this eye");
       const MeasuredEye own = read_measured_eye(case_folder, eye, measured);
       if (!own.warning.empty() && of_eyes.empty()) workspace.warn(own.warning);
-      const double index_sigma = measured.lens_index ? 0 : usual_lens_index_sigma;
       of_eyes[to_string(eye)] =
-          trace_eye(own, read_uncertain_optics(optics, index_sigma, own.eye), eye, of_subject, common, tracer,
-                    *scene, workspace.folder() / to_string(eye));
+          trace_eye(own, read_uncertain_optics(optics, own.lens_index_sigma, own.eye), eye, of_subject,
+                    common, tracer, *scene, workspace.folder() / to_string(eye));
     });
     workspace.provenance()["eyes"] = of_eyes;
     return verdict;

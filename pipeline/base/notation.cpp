@@ -137,9 +137,9 @@ StatedRefraction parse_refraction(const std::string& text) {
       !(stated.vertex_distance_mm >= least_vertex_mm && stated.vertex_distance_mm <= most_vertex_mm))
     reader.refuse("that vertex distance",
                   fmt::format("0, on the cornea, or {} to {} mm", least_vertex_mm, most_vertex_mm));
-  constexpr double most_sigma_D = 5;
-  if (stated.sigma_D && !(*stated.sigma_D > 0 && *stated.sigma_D <= most_sigma_D))
-    reader.refuse("that accuracy", fmt::format("above 0 and at most {} D", most_sigma_D));
+  constexpr double least_sigma_D = 0.01, most_sigma_D = 5;
+  if (stated.sigma_D && !(*stated.sigma_D >= least_sigma_D && *stated.sigma_D <= most_sigma_D))
+    reader.refuse("that accuracy", fmt::format("{} to {} D", least_sigma_D, most_sigma_D));
   if (stated.refraction.cylinder_D > 0) stated.refraction = transpose(stated.refraction);
   return stated;
 }

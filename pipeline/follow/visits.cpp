@@ -10,6 +10,7 @@
 #include <set>
 
 #include "pipeline/base/case_folder.hpp"
+#include "pipeline/base/case_scans.hpp"
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/files.hpp"
 #include "pipeline/eye/instruments/instruments.hpp"
@@ -102,6 +103,11 @@ void require_one_person(const Visits& visits, std::size_t k, std::size_t i) {
   if (visits.cases[i].subject() == visits.cases[k].subject() && visits.cases[i].subject() != "unknown")
     throw input_error(visits_named + " were made from one study (" + visits.cases[i].subject() + ")",
                       "name one case a visit");
+  // The same errors in both would pass for growth that is known.
+  if (share_a_scan(visits.cases[i].case_json, visits.cases[k].case_json))
+    throw input_error(
+        visits_named + " are one scan: their images have the same matrix, least, largest and mean value",
+        "name one case a visit");
   const std::string sex = subject(i).value("sex", ""), sex_before = subject(k).value("sex", "");
   if ((sex == "F" && sex_before == "M") || (sex == "M" && sex_before == "F"))
     throw input_error(

@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "pipeline/base/case_folder.hpp"
+#include "pipeline/base/case_scans.hpp"
 #include "pipeline/base/files.hpp"
 #include "pipeline/base/version.hpp"
 #include "pipeline/report/case/case_data.hpp"
@@ -163,6 +164,10 @@ std::vector<std::string> remarks_on(const Visit& earlier, const Visit& later) {
   if (earlier.data.subject() == later.data.subject() && later.data.subject() != "unknown")
     remarks.emplace_back(
         "Both cases were made from one study: differences are of the processing, not of the eye.");
+  else if (share_a_scan(earlier.data.case_json, later.data.case_json))
+    remarks.emplace_back(
+        "Both cases are of one scan, whose images have the same matrix, least, largest and mean value: differences are "
+        "of the processing, not of the eye.");
   for (const Visit* visit : {&earlier, &later})
     for (auto& refusal : refusals_in(*visit)) remarks.push_back(std::move(refusal));
   return remarks;

@@ -86,12 +86,15 @@ MeasuredEye read_measured_eye(const std::filesystem::path& case_folder, Laterali
   const std::optional<double> of_study = subject_age_years(case_folder),
                               age = of_study ? of_study : options.age_years;
   result.warning = age_warning(of_study, options.age_years);
-  result.lens_index = options.lens_index.value_or(lens_index_at_age(age.value_or(usual_age_years)));
+  const LensIndex index = options.lens_index ? LensIndex{*options.lens_index, 0}
+                                             : lens_index_at_age(age.value_or(usual_age_years));
+  result.lens_index = index.mean;
+  result.lens_index_sigma = index.sigma;
   result.lens_source = options.lens_core    ? "Gullstrand's cortex and core"
                        : options.lens_index ? "--lens-index"
                        : !age               ? fmt::format("age unknown, taken as {:g} years", usual_age_years)
                               : fmt::format("age {:.0f} years{}", *age, of_study ? "" : " (--age)");
-  // lens_index_at_age gives 1.441 at birth and 1.394 at 120 years.
+  // lens_index_at_age gives 1.434 to 1.414.
   constexpr double least_usual = 1.39, most_usual = 1.45;
   if (!human_lens_index.contains(result.lens_index))
     throw usage_error(

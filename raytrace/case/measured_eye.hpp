@@ -25,7 +25,7 @@ struct MeasuredEye {
   EyeModel eye;
   TriangleMesh photoreceptors_in_lps;  ///< what light ends on: the interface moved outward along the axis
   std::string warning;                 ///< of an age that is not the study's, of an unusual index; or nothing
-  double lens_index = 0;
+  double lens_index = 0, lens_index_sigma = 0;
   std::string lens_source;  ///< "--lens-index", "age 41 years", "age 40 years (unknown)", "cortex and core"
 };
 

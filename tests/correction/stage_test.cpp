@@ -138,6 +138,16 @@ TEST_F(CorrectStage, TheStudysAgeIsTheEyes) {
   EXPECT_EQ(warnings().find("is not used"), std::string::npos);
 }
 
+TEST_F(CorrectStage, ALensOlderThanAnyThatWasMeasuredIsLessKnown) {
+  const auto sigma_at = [&](double age_years) {
+    write_json(folder() / "case.json", {{"subject", {{"age_years", age_years}}}});
+    correct();
+    return read_json(folder() / "correction/stage.json")["parameters"]["lens_index_sigma"].get<double>();
+  };
+  EXPECT_EQ(sigma_at(70), 0.005);
+  EXPECT_NEAR(sigma_at(100), std::hypot(0.005, 0.00039 * 30), 1e-12);
+}
+
 // Of a chart at 0.4 m the prescription would be 2.5 D off.
 TEST_F(CorrectStage, APrescriptionIsForDistance) {
   for (const char* chart : {"siemens:distance_mm=400", "siemens:distance_mm=6000", "cards", "pyramids"}) {

@@ -1,3 +1,4 @@
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -145,10 +146,26 @@ TEST_F(MeshStage, BiometryHasEveryKeyWithValueIntervalAndSource) {
   EXPECT_THAT(warnings.dump(), testing::HasSubstr("rolled by 4.0 degrees"));
 }
 
+TEST_F(MeshStage, SaysWhereALengthEnds) {
+  const std::string said = make_meshes(options_, {}).text;
+  const Json biometry = read_json(mesh("od", "biometry.json"));
+  for (const auto& [name, key] : {std::pair("axial length, optical", "optical_axial_length_mm"),
+                                  {"  to the inner retina", "axial_length_mm"}})
+    EXPECT_THAT(said, testing::HasSubstr(
+                          fmt::format("  {:<26}{:8.2f} mm", name, biometry[key]["value"].get<double>())));
+}
+
 TEST_F(MeshStage, OpticsHaveTheLensOfTheSubjectsAge) {
   make_meshes(options_, {});
   const EyeModel eye = eye_from_json(read_json(mesh("os", "optics.json"))["eye"], ".");
   EXPECT_NEAR(eye.media.at("lens").index, 1.441 - 0.00039 * 60, 1e-12);
+
+  write_json(folder() / "case.json", {{"subject", {{"age_years", 100}}}});
+  make_meshes(options_, {});
+  const Json optics = read_json(mesh("os", "optics.json"));
+  EXPECT_EQ(optics["parameters"].back(), "lens_index");
+  EXPECT_NEAR(optics["values"].back(), 1.441 - 0.00039 * 70, 1e-12);
+  EXPECT_NEAR(optics["prior_sigmas"].back(), std::hypot(0.005, 0.00039 * 30), 1e-12);
 }
 
 TEST_F(MeshStage, MeasuredEyeTracesLikeItsFormulas) {

@@ -6,6 +6,7 @@
 #include <cstdlib>
 #include <sstream>
 
+#include "pipeline/base/case_scans.hpp"
 #include "pipeline/base/case_subject.hpp"
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/files.hpp"
@@ -20,11 +21,10 @@ namespace {
 
 namespace fs = std::filesystem;
 
-std::string sex_of(const fs::path& case_folder) {
+/// An empty object where segmentation left none.
+Json case_json_of(const fs::path& case_folder) {
   const fs::path file = case_folder / "case.json";
-  if (!fs::exists(file)) return {};
-  const Json subject = read_json(file).value("subject", Json::object());
-  return subject.is_object() ? subject.value("sex", "") : "";
+  return fs::exists(file) ? read_json(file) : Json::object();
 }
 
 /// Whether a stage left what its folder holds; else it is of an earlier run.
@@ -161,20 +161,24 @@ std::vector<EyeRow> read_rows(const CohortFolder& cohort, const std::vector<std:
     const fs::path case_folder = cohort.case_folder(subject);
     const Json plan = plan_of(cohort, subject);
     const std::optional<double> age_years = age_of(case_folder, plan);
-    const std::string sex = sex_of(case_folder), told_sex = plan.value("sex", "");
-    for (const Laterality eye : eyes_asked_for(plan)) {
-      EyeRow& row = rows.emplace_back();
-      row.subject = subject;
-      row.eye = eye;
-      row.age_years = age_years;
-      row.sex = sex.empty() ? told_sex : sex;
-      row.told_sex = told_sex;
-      try {
+    const std::string told_sex = plan.value("sex", "");
+    try {
+      const Json case_json = case_json_of(case_folder);
+      const std::string sex = case_json.value("subject", Json::object()).value("sex", "");
+      const std::set<std::string> scans = used_scans(case_json);
+      for (const Laterality eye : eyes_asked_for(plan)) {
+        EyeRow& row = rows.emplace_back();
+        row.subject = subject;
+        row.eye = eye;
+        row.age_years = age_years;
+        row.sex = sex.empty() ? told_sex : sex;
+        row.told_sex = told_sex;
+        row.scans = scans;
         read_numbers(row, cohort);
         judge(row, cohort);
-      } catch (const Json::exception& fault) {
-        throw input_error(case_folder.string() + ": " + fault.what(), "run emmetrope cohort --force");
       }
+    } catch (const Json::exception& fault) {
+      throw input_error(case_folder.string() + ": " + fault.what(), "run emmetrope cohort --force");
     }
   }
   return rows;
@@ -192,17 +196,24 @@ std::vector<std::pair<const EyeRow*, const EyeRow*>> fellow_eyes(const std::vect
 
 std::vector<std::string> scans_named_twice(const std::vector<EyeRow>& rows) {
   std::vector<std::string> sentences;
-  std::map<std::string, const EyeRow*> whose;
+  std::map<std::pair<Laterality, std::string>, const EyeRow*> whose;
   for (const EyeRow& row : rows) {
     if (row.numbers.empty()) continue;
-    std::string numbers = to_string(row.eye);
+    std::string numbers;
     for (const auto& [column, measured] : row.numbers)
       numbers += fmt::format(" {} {} {} {}", column, measured.value, measured.ci95[0], measured.ci95[1]);
-    const auto [other, is_new] = whose.emplace(std::move(numbers), &row);
-    if (!is_new)
+    const auto before = [&](const std::string& told) {
+      const EyeRow* first = whose.emplace(std::pair(row.eye, told), &row).first->second;
+      return first == &row ? nullptr : first;
+    };
+    const EyeRow *of_numbers = before(numbers), *of_voxels = nullptr;
+    for (const std::string& scan : row.scans)
+      if (const EyeRow* first = before(scan)) of_voxels = first;
+    if (of_voxels || of_numbers)
       sentences.push_back(
-          fmt::format("{} of {} and of {} have the same numbers to the last digit: one scan under two names?",
-                      clinical_name(row.eye), other->second->subject, row.subject));
+          fmt::format("{} of {} and of {} have {}: one scan under two names?", clinical_name(row.eye),
+                      (of_voxels ? of_voxels : of_numbers)->subject, row.subject,
+                      of_voxels ? "images with the same voxels" : "the same numbers to the last digit"));
   }
   return sentences;
 }

@@ -1,6 +1,7 @@
 #pragma once
 #include <map>
 #include <optional>
+#include <set>
 #include <string>
 #include <utility>
 #include <vector>
@@ -30,6 +31,7 @@ struct EyeRow {
   std::optional<double> age_years;
   std::string sex;                          ///< as the images say, else as the table of participants does
   std::string told_sex;                     ///< as the table does
+  std::set<std::string> scans;              ///< of the subject, as used_scans()
   std::map<std::string, Measured> numbers;  ///< by column of quantities(); what is withheld is not there
 };
 
@@ -44,7 +46,8 @@ std::vector<EyeRow> read_rows(const CohortFolder& cohort, const std::vector<std:
 /// The right and the left eye of each subject with a row of both.
 std::vector<std::pair<const EyeRow*, const EyeRow*>> fellow_eyes(const std::vector<EyeRow>& rows);
 
-/// Eyes of different subjects with the same numbers to the last digit, one scan under two names: a sentence a pair.
+/// Eyes of different subjects that were measured from images with the same voxels, or have the same numbers to the last
+/// digit, one scan under two names: a sentence a pair.
 std::vector<std::string> scans_named_twice(const std::vector<EyeRow>& rows);
 
 /// Subjects whose images tell another sex than the table of participants: a sentence each.

@@ -202,6 +202,9 @@ void add_readings(std::vector<Subject>& subjects, const Table& table, bool bids,
         spdlog::warn("{}: there is no study of \"{}\"", table.place(row, id_column), participant);
       continue;
     }
+    if (const std::string sex = table.cell(row, "sex"); !sex.empty() && sex_in(table, row).empty())
+      spdlog::warn("{}: \"{}\" is none of M, F, O, male, female, other and n/a: no sex is taken from it",
+                   table.place(row, "sex"), sex);
     for (Subject* subject : found->second) add_readings_of_row(*subject, table, row);
   }
 }

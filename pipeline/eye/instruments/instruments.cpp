@@ -52,8 +52,12 @@ ExternalMeasurement biometry(const char* quantity, Functional of_eye, double val
           MatrixXd::Constant(1, 1, sigma_mm * sigma_mm), quantity};
 }
 
-/// One standard deviation of a keratometer, topographer or biometer where none is typed.
-constexpr double power_sigma_D = 0.25, length_sigma_mm = 0.05;
+/// One standard deviation of an instrument's readings: where none is typed, and about the least that the best repeat.
+struct Accuracy {
+  double usual, least;
+};
+/// Of a keratometer or topographer, D, and of a biometer, mm.
+constexpr Accuracy of_powers{0.25, 0.01}, of_lengths{0.05, 0.005};
 
 VectorXd one(double value) { return VectorXd::Constant(1, value); }
 
@@ -64,7 +68,7 @@ struct EyeFlag {
   double sigma = 0;   ///< what was given, or the flag's default
 };
 
-EyeFlag parse_eye_flag(const std::string& flag, const std::string& text, double default_sigma) {
+EyeFlag parse_eye_flag(const std::string& flag, const std::string& text, const Accuracy& accuracy) {
   const std::string expected = "EYE:VALUE+-SIGMA, EYE being od or os";
   EyeFlag parsed;
   if (text.rfind("od:", 0) == 0)
@@ -75,14 +79,14 @@ EyeFlag parse_eye_flag(const std::string& flag, const std::string& text, double 
     throw misread(flag, text, expected);
   const auto sign = text.rfind("+-");
   parsed.value = text.substr(3, sign == std::string::npos ? sign : sign - 3);
-  parsed.sigma = default_sigma;
+  parsed.sigma = accuracy.usual;
   if (sign != std::string::npos) {
     const auto sigma = typed_number(text.substr(sign + 2));
     if (!sigma || !(*sigma > 0)) throw misread(flag, text, "a positive number after +-");
-    // Worse than any instrument, and than the images: hundredths of a unit.
-    constexpr double worst = 20;
-    if (*sigma > worst * default_sigma)
-      throw misread(flag, text, fmt::format("one standard deviation of at most {:g}", worst * default_sigma));
+    // More is worse than any instrument, and than the images: hundredths of a unit.
+    const double worst = 20 * accuracy.usual;
+    if (*sigma < accuracy.least || *sigma > worst)
+      throw misread(flag, text, fmt::format("one standard deviation of {:g} to {:g}", accuracy.least, worst));
     parsed.sigma = *sigma;
   }
   if (parsed.value.empty()) throw misread(flag, text, expected);
@@ -144,10 +148,10 @@ std::set<std::string> given_of(const Json& instruments, Laterality eye) {
 std::map<Laterality, EyeInstruments> parse_instruments(const InstrumentFlags& flags,
                                                        double retinal_depth_mm) {
   std::map<Laterality, EyeInstruments> by_eye;
-  const auto add = [&](const char* flag, const std::vector<std::string>& texts, double default_sigma,
+  const auto add = [&](const char* flag, const std::vector<std::string>& texts, const Accuracy& accuracy,
                        auto measurement) {
     for (const std::string& text : texts) {
-      const EyeFlag parsed = parse_eye_flag(flag, text, default_sigma);
+      const EyeFlag parsed = parse_eye_flag(flag, text, accuracy);
       ExternalMeasurement reading = measurement(parsed.value, parsed.sigma);
       std::vector<ExternalMeasurement>& readings = by_eye[parsed.eye].measurements;
       const auto is_this = [&](const ExternalMeasurement& other) {
@@ -161,14 +165,14 @@ std::map<Laterality, EyeInstruments> parse_instruments(const InstrumentFlags& fl
       readings.push_back(std::move(reading));
     }
   };
-  add("--keratometry", flags.keratometry, power_sigma_D, keratometry_measurement);
-  add("--axial-length", flags.axial_length, length_sigma_mm, [&](const std::string& text, double sigma_mm) {
+  add("--keratometry", flags.keratometry, of_powers, keratometry_measurement);
+  add("--axial-length", flags.axial_length, of_lengths, [&](const std::string& text, double sigma_mm) {
     return axial_length_measurement(text, sigma_mm, retinal_depth_mm);
   });
-  add("--acd", flags.anterior_chamber_depth, length_sigma_mm, anterior_chamber_measurement);
-  add("--lens-thickness", flags.lens_thickness, length_sigma_mm, lens_thickness_measurement);
+  add("--acd", flags.anterior_chamber_depth, of_lengths, anterior_chamber_measurement);
+  add("--lens-thickness", flags.lens_thickness, of_lengths, lens_thickness_measurement);
   for (const std::string& text : flags.topography) {
-    const EyeFlag parsed = parse_eye_flag("--topography", text, power_sigma_D);
+    const EyeFlag parsed = parse_eye_flag("--topography", text, of_powers);
     auto& topography = by_eye[parsed.eye].topography;
     if (topography)
       throw usage_error(fmt::format("--topography {}: that eye has one already", text),

@@ -8,7 +8,7 @@ namespace emmetrope {
 
 /// What light does not reveal to MRI.
 struct OpticalDefaults {
-  double lens_index = lens_index_at_age(usual_age_years);  ///< equivalent
+  double lens_index = lens_index_at_age(usual_age_years).mean;  ///< equivalent
   double lens_index_sigma = usual_lens_index_sigma;
   double retinal_depth_mm = usual_retinal_depth_mm;
   double pupil_mm = 3;  ///< iris aperture for a prescription

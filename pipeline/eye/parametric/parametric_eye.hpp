@@ -52,7 +52,7 @@ struct ParametricEye {
 
   double iris_diameter_mm = 4;
   /// Equivalent index of the lens: a population's, as no image shows it; fit.json has none.
-  double lens_index = lens_index_at_age(usual_age_years);
+  double lens_index = lens_index_at_age(usual_age_years).mean;
 
   /// Covariance of named parameters (the names in fit.json), and which are measured and which are priors.
   std::vector<std::string> parameter_names;

@@ -26,10 +26,15 @@ double tail_of(const std::string& parameter);
 
 inline constexpr double usual_age_years = 40;
 
-/// Equivalent index of a lens of that age (Dubbelman and van der Heijde 2001), and its spread between lenses
-/// of one age.
-double lens_index_at_age(double age_years);
+/// Between lenses of one age.
 inline constexpr double usual_lens_index_sigma = 0.005;
+
+/// Equivalent index of a lens of that age: a line from 18 to 70 years (Dubbelman and van der Heijde 2001). Outside them
+/// it is the nearer end's, and how far the line goes on from there is uncertain besides.
+struct LensIndex {
+  double mean = 0, sigma = usual_lens_index_sigma;
+};
+LensIndex lens_index_at_age(double age_years);
 
 /// Photoreceptors behind the vitreo-retinal interface.
 inline constexpr double usual_retinal_depth_mm = 0.20, most_retinal_depth_mm = 1.0;

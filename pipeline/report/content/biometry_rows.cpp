@@ -59,8 +59,8 @@ const std::vector<BiometryRow>& retina_rows() {
       {"retina/vertex_radius_mm/vertical", "Retinal vertex radius, vertical", {2, false, "mm"}},
       {"retina/q_240", "Retinal asphericity Q, 240\u00b0", {2, true, ""}},
       {"retina/q_120", "Retinal asphericity Q, 120\u00b0", {2, true, ""}},
-      {"retina/tilt_deg/horizontal", "Retinal tilt to the patient's left", {1, true, "deg"}},
-      {"retina/tilt_deg/vertical", "Retinal tilt upwards", {1, true, "deg"}},
+      {"retina/tilt_deg/horizontal", "Retinal tilt to the patient's left", {2, true, "deg"}},
+      {"retina/tilt_deg/vertical", "Retinal tilt upwards", {2, true, "deg"}},
       {"retina/area_mm2", "Retinal area, 240\u00b0", {0, false, "mm\u00b2"}},
       {"retina/volume_mm3", "Vitreous volume", {0, false, "mm\u00b3"}},
       {"retina/staphyloma_index", "Staphyloma index", {1, false, ""}}};

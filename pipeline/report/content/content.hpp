@@ -36,6 +36,9 @@ Section provenance_section(const CaseData& data);
 /// Where on the retina the refractions are of, for a sentence: "on the eye's own axis".
 std::string refracted_point(const CaseData& data);
 
+/// The pupil that wavefront and pictures are of, which may be another than the refraction's: "an iris aperture of 4.0 mm".
+std::string traced_pupil(const CaseData& data);
+
 /// Letters as each eye would see them at the estimate and at the end of its interval; none where that is narrow.
 FigureRow letters_at_the_ends(const CaseData& data);
 

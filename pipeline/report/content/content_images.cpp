@@ -6,6 +6,7 @@
 #include "pipeline/base/frames.hpp"
 #include "pipeline/report/case/series.hpp"
 #include "pipeline/report/content/content.hpp"
+#include "pipeline/report/content/first_page.hpp"
 #include "pipeline/report/document/numbers.hpp"
 #include "pipeline/report/figures/chart.hpp"
 #include "pipeline/report/figures/cornea_map.hpp"
@@ -191,9 +192,13 @@ std::optional<Figure> still_of(const EyeData& eye) {
   return figure;
 }
 
-double axis_at(const Json& biometry, const char* meridian) {
-  const Json keratometry = biometry.value("keratometry", Json::object());
-  return value_of(keratometry.value(meridian, Json::object()), "axis_deg").value_or(0);
+/// As the table of keratometry tells them: nothing of a cylinder that may be none.
+std::optional<Meridians> meridians_of(const Json& biometry) {
+  const auto flat = value_at(biometry, "/keratometry/flat/axis_deg"),
+             steep = value_at(biometry, "/keratometry/steep/axis_deg");
+  if (!flat || !steep || !has_axis(biometry.value(Json::json_pointer("/keratometry/cylinder_D"), Json())))
+    return std::nullopt;
+  return Meridians{*flat, *steep};
 }
 
 }  // namespace
@@ -258,6 +263,7 @@ Section images_section(const CaseData& data, Notes& notes) {
 Section cornea_section(const CaseData& data, Notes& notes) {
   Section section{"cornea", "Front of the cornea", {}};
   FigureRow powers, elevations;
+  bool has_lines = false;
   for (const auto& eye : data.eyes) {
     if (!eye.biometry.is_object() || !fs::exists(eye.mesh("cornea_anterior"))) continue;
     const CorneaGrid grid = cornea_grid(in_eye_frame(eye, "cornea_anterior"), map_half_width_mm, map_cells);
@@ -268,9 +274,6 @@ Section cornea_section(const CaseData& data, Notes& notes) {
     power.width_px = 400;
     power.height_px = 300;
     power.title = name + ", axial power";
-    powers.caption =
-        "Colours step by 1.5 D on a scale that is the same for all eyes. Solid line: steep meridian; dashed: "
-        "flat. A bow tie is regular astigmatism; asymmetry is irregular. N nasal, T temporal.";
     power.alt = "Colour map of the axial power of the cornea";
     Figure elevation = power;
     elevation.id = "elevation-" + eye.id();
@@ -279,14 +282,19 @@ Section cornea_section(const CaseData& data, Notes& notes) {
         "Red lies above the best-fit sphere, blue below. A toric cornea shows a saddle, a cone one red "
         "island.";
     elevation.alt = "Colour map of corneal elevation over the best-fit sphere";
-    const double flat = axis_at(eye.biometry, "flat"), steep = axis_at(eye.biometry, "steep");
-    const bool has_power = draw_axial_power(power, grid, flat, steep, is_right);
+    const std::optional<Meridians> meridians = meridians_of(eye.biometry);
+    has_lines = has_lines || meridians;
+    const bool has_power = draw_axial_power(power, grid, meridians, is_right);
     const bool has_elevation = draw_elevation(elevation, grid, is_right);
     if (has_power) powers.figures.push_back(power);
     if (has_elevation) elevations.figures.push_back(elevation);
     if (!has_power || !has_elevation)
       notes.push_back(name + ": corneal maps are missing, because gnuplot is not installed or failed.");
   }
+  powers.caption =
+      std::string("Colours step by 1.5 D on a scale that is the same for all eyes. ") +
+      (has_lines ? "Solid line: steep meridian; dashed: flat; none where the axis is not determined. " : "") +
+      "A bow tie is regular astigmatism; asymmetry is irregular. N nasal, T temporal.";
   if (!powers.figures.empty()) section.blocks.push_back({powers});
   if (!elevations.figures.empty()) section.blocks.push_back({elevations, Paper::if_room});
   return section;

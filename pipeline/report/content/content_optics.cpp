@@ -232,7 +232,8 @@ FigureRow letters_at_the_ends(const CaseData& data) {
   if (!row.figures.empty())
     row.caption =
         "The same letters through the same lens: as sharp as the estimate says, and as blurred as the 95 % interval "
-        "leaves open. Computed from the wavefront in one colour.";
+        "leaves open. Computed from the wavefront of " +
+        traced_pupil(data) + " in one colour.";
   return row;
 }
 
@@ -248,8 +249,9 @@ Section optics_section(const CaseData& data, Notes& notes) {
       "degree. Grey: the mean of healthy corrected eyes [{}] and the diffraction limit of this pupil.",
       reference_number("Watson 2013"));
   letters.caption =
-      "Sloan letters of logMAR 0.7, 0.5, 0.3, 0.2, 0.1 and 0.0, computed from the wavefront in one colour. "
-      "The smallest line whose letters can be told apart is about the acuity that the optics allow.";
+      "Sloan letters of logMAR 0.7, 0.5, 0.3, 0.2, 0.1 and 0.0, computed from the wavefront of " +
+      traced_pupil(data) +
+      " in one colour. The smallest line whose letters can be told apart is about the acuity that the optics allow.";
   spreads.caption = "A point of light on the retina; each picture is scaled to its own peak.";
   const std::array<double, 2> range_um = zernike_range_um(data);
   for (const auto& eye : data.eyes) {
@@ -272,7 +274,8 @@ Section optics_section(const CaseData& data, Notes& notes) {
     if (lens) show(*lens, "after", "with the lens");
   }
   if (eyes.empty()) return section;
-  section.blocks.push_back({eye_table("Wavefront", eyes, &EyeData::wavefront, wavefront_rows())});
+  section.blocks.push_back(
+      {eye_table("Wavefront of " + traced_pupil(data), eyes, &EyeData::wavefront, wavefront_rows())});
   for (FigureRow* row : {&zernike, &mtf, &letters})
     if (!row->figures.empty()) section.blocks.push_back({*row});
   section.blocks.push_back({spreads, Paper::if_room});

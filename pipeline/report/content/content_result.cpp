@@ -107,7 +107,8 @@ EyeCard card_of(const CaseData& data, const EyeData& eye) {
   card.before_png = page_png(eye.uncorrected_png);
   card.after_png = page_png(eye.corrected_png);
   card.picture_caption =
-      "The same chart on the retina of this eye, upright as the patient perceives it: before, with no lens; after, with "
+      "The same chart on the retina of this eye, through " + traced_pupil(data) +
+      ", upright as the patient perceives it: before, with no lens; after, with "
       "the best lens as if that were exact. Look at the smallest row that can be read, and at the direction of the "
       "blur.";
   return card;

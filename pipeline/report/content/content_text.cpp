@@ -46,7 +46,8 @@ std::string refraction_sentence(const CaseData& data) {
     if (!pupil || !vertex) continue;
     return fmt::format("Refraction is for distance at {:g} mm vertex distance, an iris aperture of {} mm{}. ",
                        *vertex, fixed(*pupil, 1),
-                       wavelength ? " and " + fixed(*wavelength, 1) + " nm" : std::string());
+                       wavelength ? " and " + fixed(*wavelength, 1) + " nm" : std::string()) +
+           "Wavefront, modulation transfer, letters and pictures are those of " + traced_pupil(data) + ". ";
   }
   return {};
 }
@@ -69,6 +70,14 @@ std::string refracted_point(const CaseData& data) {
   return "on the eye's own axis";
 }
 
+std::string traced_pupil(const CaseData& data) {
+  const StageData* traced = data.stage("raytrace");
+  const auto pupil_mm =
+      traced == nullptr ? std::nullopt : value_at(traced->provenance, "/parameters/pupil_mm");
+  return pupil_mm ? fmt::format("an iris aperture of {} mm", fixed(*pupil_mm, 1))
+                  : "the pupil that was traced";
+}
+
 Section review_section() {
   return {"review", "Review", {{SignatureLines{{"Comment", "Reviewed by, date, signature"}}}}};
 }
@@ -82,8 +91,8 @@ Section limits_section(const CaseData& data, const Notes& notes) {
         "radius is about 0.6 D, one tenth of a millimetre of axial length about 0.26 D: read "
         "every number with its interval.",
         "The lens's refractive index is not visible in MRI. It is taken from the age; its spread "
-        "of 0.005 alone moves the spherical equivalent by 0.8 D (one standard deviation) and is part of "
-        "the interval. Astigmatism hardly depends on it.",
+        "of 0.005 (more below 18 and above 70 years) alone moves the spherical equivalent by 0.8 D "
+        "(one standard deviation) and is part of the interval. Astigmatism hardly depends on it.",
         "The back of the cornea is taken as a fixed proportion of its front where the images do "
         "not resolve it.",
         "Images of the orbit may let a face be recognised even where no name is given."})

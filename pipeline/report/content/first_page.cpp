@@ -83,7 +83,7 @@ std::string images_of(const EyeData& eye) {
 
 std::string assumed_of(const EyeData& eye) {
   if (!eye.prescription.is_object()) return {};
-  std::string text = fmt::format("pupil {} mm; accommodation as in the scanner",
+  std::string text = fmt::format("iris aperture {} mm; accommodation as in the scanner",
                                  fixed(value_of(eye.prescription, "pupil_mm").value_or(3), 1));
   if (const auto index = value_of(eye.traced, "lens_index"))
     text += fmt::format("; lens index {}, {}", fixed(*index, 3),

@@ -11,6 +11,7 @@
 #include "pipeline/base/scratch_folder.hpp"
 #include "pipeline/report/case/case_data.hpp"
 #include "pipeline/report/content/content.hpp"
+#include "pipeline/report/dicom/object.hpp"
 #include "pipeline/report/dicom/write_objects.hpp"
 #include "pipeline/report/pdf/pdf.hpp"
 
@@ -27,6 +28,17 @@ struct DeidentifyFlags {
   std::string subject;
   bool keeps_age = false;
 };
+
+/// Empty where objects can carry it as it is.
+std::string patient_id(const std::string& text) {
+  const bool is_one =
+      !text.empty() && text.front() != ' ' && text.back() != ' ' && dicom_text(text, most_patient_id) == text;
+  return is_one ? ""
+                : fmt::format(
+                      "\"{}\" cannot be a PatientID: give 1 to {} characters, without \\, control characters "
+                      "and spaces at the ends",
+                      text, most_patient_id);
+}
 
 /// That there was a warning or a reason, and of which eye: the words themselves may quote the study's headers.
 std::string without_words(const std::string& text) {
@@ -124,8 +136,9 @@ Command deidentify_command() {
     app.add_option("CASE", flags->case_folder, "Case folder");
     app.add_option("-o,--output", flags->output, "Folder to make (CASE/deidentified)")->type_name("FOLDER");
     app.add_option(
-        "--subject", flags->subject,
-        "PatientID and PatientName instead of the case's pseudonym, which an archive can find again");
+           "--subject", flags->subject,
+           "PatientID and PatientName instead of the case's pseudonym, which an archive can find again")
+        ->check(patient_id);
     app.add_flag("--keep-age", flags->keeps_age, "Age and sex stay (Retain Patient Characteristics option)");
   };
   command.run = [flags](const CommonOptions& common) { return deidentify(*flags, common); };

@@ -45,8 +45,11 @@ std::string stable_uid(const std::string& text) {
 std::string dicom_text(const std::string& text, std::size_t most) {
   std::string clean = clean_utf8(text);
   std::replace(clean.begin(), clean.end(), '\\', '/');
-  std::size_t end = std::min(clean.size(), most);
-  while (end > 0 && end < clean.size() && (static_cast<unsigned char>(clean[end]) & 0xc0) == 0x80) --end;
+  std::size_t end = 0;
+  for (std::size_t characters = 0; end < clean.size(); ++end) {
+    const bool is_first_byte = (static_cast<unsigned char>(clean[end]) & 0xc0) != 0x80;
+    if (is_first_byte && characters++ == most) break;
+  }
   return clean.substr(0, end);
 }
 

@@ -16,6 +16,8 @@ std::string stable_uid(const std::string& text);
 
 /// Text for a short attribute: UTF-8, no control characters, no backslash, at most `most` characters.
 std::string dicom_text(const std::string& text, std::size_t most);
+/// Of a PatientID (VR LO), and of each part of a name.
+inline constexpr std::size_t most_patient_id = 64;
 
 /// How one object is named in its study.
 struct ObjectName {

@@ -171,8 +171,9 @@ SourceStudy SourceStudy::pseudonymous(const std::string& subject, const std::str
   for (const char c : study_date)
     if (c >= '0' && c <= '9') date += c;
   source.header_->putAndInsertString(DCM_SpecificCharacterSet, "ISO_IR 192");
-  source.header_->putAndInsertString(DCM_PatientName, dicom_text(subject, 60).c_str());
-  source.header_->putAndInsertString(DCM_PatientID, dicom_text(subject, 60).c_str());
+  const std::string name = dicom_text(subject, most_patient_id);
+  source.header_->putAndInsertString(DCM_PatientName, name.c_str());
+  source.header_->putAndInsertString(DCM_PatientID, name.c_str());
   source.header_->putAndInsertString(DCM_StudyDate, date.c_str());
   source.header_->putAndInsertString(DCM_StudyInstanceUID, stable_uid("study of " + subject + date).c_str());
   complete(*source.header_);

@@ -126,9 +126,15 @@ std::string axes(const CorneaGrid& grid, bool is_right_eye) {
   return examiner_axes(grid.half_width_mm, 2, "x (mm)", "y (mm)", is_right_eye);
 }
 
-std::string meridian(double axis_deg, double length_mm, const char* style) {
+std::string line_along(double axis_deg, double length_mm, const char* style) {
   const double x = length_mm * std::cos(axis_deg * degree), y = length_mm * std::sin(axis_deg * degree);
   return fmt::format("set arrow from {:.3f},{:.3f} to {:.3f},{:.3f} nohead front {}\n", -x, -y, x, y, style);
+}
+
+std::string lines_along(const Meridians& meridians, double length_mm) {
+  // gnuplot's SVG changes the dashes only with the colour, and black itself would follow the page's.
+  return line_along(meridians.flat_axis_deg, length_mm, "lw 1.2 dt '-' lc rgb '#000001'") +
+         line_along(meridians.steep_axis_deg, length_mm, "lw 1.2 dt solid lc rgb '#000002'");
 }
 
 }  // namespace
@@ -149,19 +155,16 @@ CorneaGrid cornea_grid(const TriangleMesh& mesh_in_eye, double half_width_mm, in
   return grid;
 }
 
-bool draw_axial_power(Figure& figure, const CorneaGrid& grid, double flat_axis_deg, double steep_axis_deg,
+bool draw_axial_power(Figure& figure, const CorneaGrid& grid, const std::optional<Meridians>& meridians,
                       bool is_right_eye) {
   // The absolute 1.5 D scale of the topographers, so that two maps compare by colour.
   return draw_chart(
-      figure,
-      data_block(grid.axial_power_D, grid) + axes(grid, is_right_eye) +
-          "set cbrange [36:51]\nset cbtics 3\nset cblabel 'Axial power (D)'\n"
-          "set palette maxcolors 10 defined (0 '#2c2a80', 2 '#2b83c6', 4 '#31b57b', 5 '#a6d96a', 6 "
-          "'#f3e04a', 8 '#ee7f1b', 10 '#a50f15')\n" +
-          // gnuplot's SVG changes the dashes only with the colour, and black itself would follow the page's.
-          meridian(flat_axis_deg, grid.half_width_mm, "lw 1.2 dt '-' lc rgb '#000001'") +
-          meridian(steep_axis_deg, grid.half_width_mm, "lw 1.2 dt solid lc rgb '#000002'") +
-          "plot $map using 1:2:3 with image\n");
+      figure, data_block(grid.axial_power_D, grid) + axes(grid, is_right_eye) +
+                  "set cbrange [36:51]\nset cbtics 3\nset cblabel 'Axial power (D)'\n"
+                  "set palette maxcolors 10 defined (0 '#2c2a80', 2 '#2b83c6', 4 '#31b57b', 5 '#a6d96a', 6 "
+                  "'#f3e04a', 8 '#ee7f1b', 10 '#a50f15')\n" +
+                  (meridians ? lines_along(*meridians, grid.half_width_mm) : std::string()) +
+                  "plot $map using 1:2:3 with image\n");
 }
 
 bool draw_elevation(Figure& figure, const CorneaGrid& grid, bool is_right_eye) {

@@ -1,5 +1,6 @@
 #pragma once
 #include <Eigen/Geometry>
+#include <optional>
 
 #include "pipeline/eye/meshes/triangle_mesh.hpp"
 #include "pipeline/report/document/document.hpp"
@@ -20,8 +21,12 @@ struct CorneaGrid {
 /// \param mesh_in_eye  eye frame, with normals
 CorneaGrid cornea_grid(const TriangleMesh& mesh_in_eye, double half_width_mm, int side);
 
-/// Axial power map with the flat and steep meridians; false where gnuplot is missing.
-bool draw_axial_power(Figure& figure, const CorneaGrid& grid, double flat_axis_deg, double steep_axis_deg,
+struct Meridians {
+  double flat_axis_deg = 0, steep_axis_deg = 0;
+};
+
+/// Axial power map, with its meridians where they are determined; false where gnuplot is missing.
+bool draw_axial_power(Figure& figure, const CorneaGrid& grid, const std::optional<Meridians>& meridians,
                       bool is_right_eye);
 bool draw_elevation(Figure& figure, const CorneaGrid& grid, bool is_right_eye);
 

@@ -50,10 +50,10 @@ LivingSubject subject_of(const CaseData& data, const EyeData& eye, const raytrac
   subject.name = eye.laterality == Laterality::od ? "OD (right)" : "OS (left)";
   subject.eye = read_eye(data.folder / "raytrace" / eye.id() / "eye.json");
   const fs::path optics_file = data.folder / "meshing" / eye.id() / "optics.json";
+  const double age_years = subject_age_years(data.folder).value_or(usual_age_years);
   std::optional<UncertainOptics> optics;
   if (fs::exists(optics_file))
-    optics = read_uncertain_optics(optics_file, usual_lens_index_sigma, subject.eye);
-  const double age_years = subject_age_years(data.folder).value_or(usual_age_years);
+    optics = read_uncertain_optics(optics_file, lens_index_at_age(age_years).sigma, subject.eye);
   subject.living =
       raytrace::living_measured_eye(subject.eye, optics ? &*optics : nullptr, age_years, settings);
   subject.has_prescription = false;

@@ -202,6 +202,13 @@ TEST_F(FollowCommand, RefusesTwoPersonsAndOneScanTwice) {
   set(noted, "/subject/age_years", 12);
   EXPECT_THAT(follow(second).output, testing::HasSubstr("41 and 12 years old"));
   set(noted, "/subject/age_years", 41);
+  for (const auto& [key, value] :
+       {std::pair("columns", 208.0), {"rows", 208.0}, {"min", 0.0}, {"max", 1492.0}, {"mean", 200.125}})
+    for (const fs::path& one : {first / "case.json", noted}) set(one, std::string("/series/0/") + key, value);
+  EXPECT_EQ(follow(second).status, 3);
+  EXPECT_THAT(follow(second).output, testing::HasSubstr("visits 1 and 2 are one scan: their images"));
+  set(noted, "/series/0/mean", 200.126);
+  EXPECT_EQ(follow(second).status, 0);
   set(noted, "/subject/id", "s-first");
   EXPECT_THAT(follow(second).output, testing::HasSubstr("made from one study"));
 }

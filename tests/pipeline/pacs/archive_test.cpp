@@ -253,8 +253,13 @@ TEST_F(ArchiveOrthanc, IsAskedForOneValue) {
           pacs({"pull", option, value, "--study-date", "20260314", "-o", (folder() / "pulled").string()});
       EXPECT_EQ(asked.status, 2) << option << " \"" << value << "\": " << asked.output;
     }
-  for (const char* date : {"2026-03-14", "2026", "20260314-2026", "-"})
-    EXPECT_EQ(pacs({"pull", "--study-date", date, "-o", (folder() / "pulled").string()}).status, 2) << date;
+  for (const char* date : {"2026-03-14", "2026", "20260314-2026", "-", "20261301", "20260229",
+                           "20260101-20261301", "20270101-20260101"}) {
+    const ProcessResult asked = pacs({"pull", "--study-date", date, "-o", (folder() / "pulled").string()});
+    EXPECT_EQ(asked.status, 2) << date;
+    EXPECT_THAT(asked.output,
+                testing::AllOf(HasSubstr("--study-date"), HasSubstr(date), HasSubstr("YYYYMMDD")));
+  }
   EXPECT_FALSE(fs::exists(folder() / "pulled"));
 }
 
@@ -275,6 +280,16 @@ TEST_F(ArchiveOrthanc, SaysWhatItDoesNotFind) {
       pacs({"pull", "--accession", "1", "-o", (folder() / "none").string()}, "wrong.json");
   EXPECT_EQ(misspelt.status, 3);
   EXPECT_THAT(misspelt.output, HasSubstr("tsl"));
+  for (const auto& [key, wrong] : {std::pair<const char*, Json>("port", "4242"),
+                                   {"host", 1},
+                                   {"timeout_s", "60"},
+                                   {"called_ae_title", true}}) {
+    write_settings("wrong.json", {{key, wrong}});
+    const ProcessResult mistyped =
+        pacs({"pull", "--accession", "1", "-o", (folder() / "none").string()}, "wrong.json");
+    EXPECT_EQ(mistyped.status, 3);
+    EXPECT_THAT(mistyped.output, HasSubstr(std::string("wrong.json: ") + key + " is "));
+  }
   write_settings("wrong.json", {{"port", 0}});
   EXPECT_EQ(pacs({"pull", "--accession", "1", "-o", (folder() / "none").string()}, "wrong.json").status, 3);
 }

@@ -125,6 +125,20 @@ TEST_F(Deidentify, ThatAStageHadAWarningIsSaid) {
   EXPECT_THAT(text, Not(HasSubstr("DOE")));
 }
 
+TEST_F(Deidentify, ASubjectIsTakenAsItIsOrRefused) {
+  for (const std::string& wrong : {std::string(), std::string(65, 'a'), std::string("A\\B"),
+                                   std::string(" A"), std::string("A\nB"), std::string("\xff")}) {
+    EXPECT_EQ(deidentify({"--subject", wrong}), 2) << wrong;
+    EXPECT_FALSE(fs::exists(output_folder()));
+  }
+  std::string longest(62, 'a');
+  longest += "\u00e9\u65e5";  // 64 characters in more bytes
+  ASSERT_EQ(deidentify({"--subject", longest}), 0);
+  const std::string dump = dumped(output_folder() / "report.dcm");
+  EXPECT_THAT(dump, HasSubstr("(0010,0010) PN [" + longest + "]"));
+  EXPECT_THAT(dump, HasSubstr("(0010,0020) LO [" + longest + "]"));
+}
+
 TEST_F(Deidentify, TwoStudiesOfASubjectStayTwo) {
   const auto study_uid = [&](const char* description) {
     Json json = read_json(folder_ / "case.json");

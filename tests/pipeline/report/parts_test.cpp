@@ -38,6 +38,14 @@ TEST(BiometryRow, ARangeWithAnOpenEndIsSaidInWords) {
   EXPECT_EQ(index->normal_text(), "up to 40.0");
 }
 
+/// Of a good fit, 0.05 degrees (95 %).
+TEST(BiometryRow, OfATiltShowsItsInterval) {
+  for (const BiometryRow& row : retina_rows())
+    if (row.style.unit == "deg") {
+      EXPECT_EQ(format_interval({-0.008, {-0.055, 0.039}, "mri"}, row.style), "\u00b1 0.05\u00b0") << row.key;
+    }
+}
+
 TEST(Numbers, AreWrittenWithoutLocaleAndWithoutMinusZero) {
   EXPECT_EQ(fixed(-0.0004, 2), "0.00");
   EXPECT_EQ(signed_fixed(0.004, 2), "0.00");

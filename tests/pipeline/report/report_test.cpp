@@ -244,6 +244,20 @@ TEST_F(ReportTest, SameCaseGivesSameBytes) {
   fs::remove_all(moved);
 }
 
+TEST_F(ReportTest, SaysWhichPupilWavefrontAndPicturesAreOf) {
+  test::make_fixture_case(folder_);
+  const fs::path file = folder_ / "raytrace" / "stage.json";
+  Json stage = read_json(file);
+  stage["parameters"]["pupil_mm"] = 4.3;
+  write_json(file, stage);
+  report();
+  const std::string html = visible_text(output("report.html"));
+  for (const std::string& text : {html, pdf_text()})
+    EXPECT_THAT(text, HasSubstr("Wavefront of an iris aperture of 4.3 mm"));
+  EXPECT_THAT(html, HasSubstr("letters and pictures are those of an iris aperture of 4.3 mm"));
+  EXPECT_THAT(html, HasSubstr("vertex distance, an iris aperture of 3.0 mm"));
+}
+
 TEST_F(ReportTest, AnAstigmatismThatMayBeNoneHasNoRule) {
   test::make_fixture_case(folder_);
   const fs::path file = folder_ / "meshing" / "os" / "biometry.json";
@@ -261,6 +275,19 @@ TEST_F(ReportTest, AnAstigmatismThatMayBeNoneHasNoRule) {
   EXPECT_THAT(line_of("OS (left)"), ::testing::HasSubstr("axis not determined"));
   EXPECT_THAT(line_of("OS (left)"), ::testing::Not(::testing::HasSubstr("@")));
   EXPECT_THAT(line_of("OS (left)"), ::testing::Not(::testing::HasSubstr("with-the-rule")));
+  const auto has_dashes = [&](const std::string& id) {
+    const std::string html = output("report.html");
+    const auto at = html.find("<figure id=\"" + id + "\">");
+    return html.substr(at, html.find("</figure>", at) - at).find("stroke-dasharray") != std::string::npos;
+  };
+  EXPECT_TRUE(has_dashes("axial-power-od"));
+  EXPECT_FALSE(has_dashes("axial-power-os"));
+  EXPECT_THAT(text, ::testing::HasSubstr("Solid line: steep meridian"));
+  biometry = read_json(folder_ / "meshing" / "od" / "biometry.json");
+  biometry["keratometry"]["cylinder_D"]["ci95"][0] = 0.0;
+  write_json(folder_ / "meshing" / "od" / "biometry.json", biometry);
+  report();
+  EXPECT_THAT(visible_text(output("report.html")), ::testing::Not(::testing::HasSubstr("Solid line")));
 }
 
 TEST_F(ReportTest, APlanoCylinderOfAnEyeWithoutAnAxisHasNone) {
@@ -624,6 +651,25 @@ TEST_F(ReportTest, FollowUpComparesThePatientsOfTheSourceStudies) {
     EXPECT_THAT(read_file(later / "comparison" / page),
                 AllOf(Not(HasSubstr("MRN-")), Not(HasSubstr("1961"))));
   for (const auto& made : {later, first, second}) fs::remove_all(made);
+}
+
+TEST_F(ReportTest, FollowUpSaysThatTwoCasesAreOfOneScan) {
+  const fs::path later = two_visits(folder_);
+  Json case_json = read_json(later / "case.json");
+  case_json["series"][0].update({{"columns", 24}, {"rows", 20}, {"min", 0}, {"max", 900}, {"mean", 123.456}});
+  write_json(folder_ / "case.json", case_json);
+  case_json["subject"]["id"] = "another";
+  case_json["subject"]["age_years"] = 42;
+  CommonOptions common;
+  common.verbosity.quiet = true;
+  const auto said = [&] {
+    write_json(later / "case.json", case_json);
+    return write_comparison(folder_, later, common).json["remarks"].dump();
+  };
+  EXPECT_THAT(said(), HasSubstr("Both cases are of one scan"));
+  case_json["series"][0]["mean"] = 123.457;
+  EXPECT_THAT(said(), Not(HasSubstr("of one scan")));
+  fs::remove_all(later);
 }
 
 TEST_F(ReportTest, FollowUpRefusesOneCaseTwiceAndExplainsARefusedOne) {

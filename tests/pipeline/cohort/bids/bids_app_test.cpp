@@ -88,6 +88,13 @@ TEST_F(BidsApp, SaysWhereTheTableOfParticipantsSaysOtherwise) {
   EXPECT_THAT(warnings({"participant", "--participant-label", "02"}), HasSubstr("sub-02_ses-b has no row"));
 }
 
+TEST_F(BidsApp, WarnsOfASexThatIsNone) {
+  write_file(dataset() / "participants.tsv", "participant_id\tsex\nsub-01\tW\nsub-02\tn/a\n");
+  const std::string said = warnings({"participant"});
+  EXPECT_THAT(said, HasSubstr("participants.tsv: line 2, column sex: \"W\" is none of"));
+  EXPECT_THAT(said, testing::Not(HasSubstr("line 3")));
+}
+
 TEST_F(BidsApp, WarnsOfOneScanUnderTwoNames) {
   EXPECT_EQ(run({"participant"}).status, 0);
   for (const char* visit : {"sub-01", "sub-02_ses-a"}) {

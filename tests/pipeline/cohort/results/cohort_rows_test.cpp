@@ -128,6 +128,24 @@ TEST_F(CohortRows, OfOneScanUnderTwoNamesAreTold) {
               testing::ElementsAre(HasSubstr("OD (right) of right and of whole have the same numbers")));
   rows[4].numbers.begin()->second.value += 1e-9;
   EXPECT_THAT(scans_named_twice(rows), testing::IsEmpty());
+  // Another age makes other numbers of the same images.
+  rows[2].scans = {"a", "b"};
+  rows[4].scans = {"b"};
+  EXPECT_THAT(
+      scans_named_twice(rows),
+      testing::ElementsAre(HasSubstr("OD (right) of right and of whole have images with the same voxels")));
+  rows[4].scans = {"c"};
+  EXPECT_THAT(scans_named_twice(rows), testing::IsEmpty());
+}
+
+TEST_F(CohortRows, KnowTheImagesThatWereUsed) {
+  const fs::path file = cohort_.case_folder("right") / "case.json";
+  Json case_json = read_json(file);
+  case_json["series"][0].update({{"columns", 24}, {"rows", 20}, {"min", 0}, {"max", 900}, {"mean", 123.456}});
+  write_json(file, case_json);
+  const std::vector<EyeRow> rows = read_rows(cohort_, listed_subjects(cohort_));
+  EXPECT_EQ(rows[2].scans.size(), 1U);
+  EXPECT_TRUE(rows[4].scans.empty());
 }
 
 TEST(FellowEyes, AreOfOneSubject) {

@@ -286,6 +286,22 @@ TEST(Instruments, FlagsAreReadOrRefused) {
     wrong.axial_length = {text};
     EXPECT_THROW(parse_instruments(wrong, 0.2), Error) << text;
   }
+  // Better than any instrument: to be believed, the images would have to be as exact.
+  InstrumentFlags exact;
+  exact.axial_length = {"od:23.6+-0.005"};
+  exact.keratometry = {"od:43.25@175/44.75@85+-0.01"};
+  EXPECT_NO_THROW(parse_instruments(exact, 0.2));
+  exact.axial_length = {"od:23.6+-0.0049"};
+  try {
+    parse_instruments(exact, 0.2);
+    ADD_FAILURE() << "was accepted";
+  } catch (const Error& error) {
+    EXPECT_EQ(error.status(), ExitStatus::usage);
+    EXPECT_NE(error.remedy().find("0.005 to 1"), std::string::npos) << error.remedy();
+  }
+  exact.axial_length = {};
+  exact.keratometry = {"od:43.25@175/44.75@85+-0.0099"};
+  EXPECT_THROW(parse_instruments(exact, 0.2), Error);
   for (const char* value : {"43.25", "43.25@175", "43.25/44.75", "43.25@175/44.75@100", "7.8@175/7.6@85"})
     EXPECT_THROW(keratometry_measurement(value, 0.25), Error) << value;
   const ExternalMeasurement k = keratometry_measurement("44.75@85/43.25@175", 0.25);
