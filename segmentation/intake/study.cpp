@@ -302,7 +302,10 @@ StudyInventory read_inventory(const fs::path& study, const IntakeOptions& option
   assign_damaged(damaged, series, inventory);
   for (auto& [uid, files] : series)
     for (auto& file : files) identity.remove_from(file.header);
-  for (auto& [uid, files] : series) inventory.series.push_back(judge(std::move(files), options, inventory));
+  for (auto& [uid, files] : series) {
+    SeriesInfo& info = inventory.series.emplace_back(judge(std::move(files), options, inventory));
+    for (const auto& warning : patients.warnings(uid)) info.warnings.push_back(warning);
+  }
   // A NIfTI volume beside them may be either's.
   if (const auto conflict = patients.conflict(); !conflict.empty())
     for (auto& info : inventory.series) refuse(info, conflict);

@@ -191,14 +191,13 @@ inline constexpr Tag of_data_set[] = {image_type,
                                       lossy_compression};
 
 /// Who and what else a free text may name (identity.hpp).
-inline constexpr Tag of_staff[] = {institution_name, station_name, referring_physician, performing_physician,
-                                   operators_name};
+inline constexpr Tag of_staff[] = {institution_name,     station_name,   referring_physician,
+                                   performing_physician, operators_name, issuer_of_patient_id};
 
 /// Read besides where a header alone is asked for: what objects of the same study must repeat.
 inline constexpr Tag of_study[] = {
-    study_time,     study_description, issuer_of_patient_id, patient_birth_time, patient_size,
-    patient_weight, ethnic_group,      patient_comments,     identity_removed,   deidentification_method,
-    study_id};
+    study_time,       study_description, patient_birth_time,      patient_size, patient_weight, ethnic_group,
+    patient_comments, identity_removed,  deidentification_method, study_id};
 
 /// Attributes of classic images that a legacy converted one may keep in its unassigned groups (PS3.3 C.7.6.16.2).
 inline constexpr Tag of_classic_images[] = {image_type,

@@ -396,7 +396,7 @@ TEST_F(IntakeTest, LateralityIsThatOfAllItsImages) {
 }
 
 TEST_F(IntakeTest, AnAgeThatIsNobodysIsWarnedOfAndNotUsed) {
-  for (const char* age : {"999Y", "-05Y", "38"}) {
+  for (const char* age : {"999Y", "111Y", "000Y", "000D", "-05Y", "38"}) {
     GeneratedSeries series;
     series.set_all(DCM_PatientAge, age);
     series.write(folder());
