@@ -150,6 +150,11 @@ void add_warnings(const std::vector<ScannedFile>& files, const std::vector<Serie
       files, [](const auto& file) { return file.end.extra_bytes > 0; },
       to_string(tag::pixel_data) + " is longer than its image; the rest is ignored", info);
   warn_of_files(
+      files, [](const auto& file) { return !file.header.has(tag::study_instance); },
+      to_string(tag::study_instance) +
+          " is absent: the report's DICOM objects will belong to a study of their own, under a pseudonym",
+      info);
+  warn_of_files(
       files, [](const auto& file) { return file.header.description_unreadable; },
       to_string(tag::series_description) + " is not in the character set " + to_string(tag::character_set) +
           ", or in one that cannot be converted; it is left out",

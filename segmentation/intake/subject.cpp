@@ -121,7 +121,9 @@ void Patients::add(const ScannedFile& file) {
   const auto& study = header.value(tag::study_instance);
   Subject& subject = subjects_[study];
   // Without PatientID: a short number could be found again by trying them all.
-  if (!study.empty() && subject.id.empty()) subject.id = sha256_of(study).substr(0, 16);
+  if (const auto& uid = study.empty() ? header.value(tag::series_instance) : study;
+      !uid.empty() && subject.id.empty())
+    subject.id = sha256_of(uid).substr(0, 16);
   if (!subject.age_years) subject.age_years = age_of(header);
   const auto& sex = header.value(tag::patient_sex);
   if (subject.sex.empty() && (sex == "M" || sex == "F" || sex == "O")) subject.sex = sex;

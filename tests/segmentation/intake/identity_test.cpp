@@ -159,5 +159,22 @@ TEST_F(IntakeTest, ThePseudonymDoesNotDependOnThePatientsNumber) {
   EXPECT_NE(pseudonym("1", "1.2.4"), one);
 }
 
+TEST_F(IntakeTest, AStudyWithoutAUidIsWarnedOfAndHasAPseudonymAllTheSame) {
+  const auto pseudonym = [&](const char* series_uid) {
+    GeneratedSeries series;
+    series.erase_all(DCM_StudyInstanceUID);
+    series.set_all(DCM_SeriesInstanceUID, series_uid);
+    series.write(folder());
+    const auto found = inventory();
+    EXPECT_TRUE(found.series.at(0).usable);
+    EXPECT_THAT(found.series[0].warnings,
+                testing::Contains(HasSubstr("(0020,000d) StudyInstanceUID is absent")));
+    return found.subject_of(found.series[0]).id;
+  };
+  const std::string one = pseudonym("1.2.3");
+  EXPECT_EQ(one.size(), 16U);
+  EXPECT_NE(pseudonym("1.2.4"), one);
+}
+
 }  // namespace
 }  // namespace emmetrope::test
