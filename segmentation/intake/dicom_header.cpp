@@ -264,7 +264,7 @@ ImageHeader read_header(const std::filesystem::path& file, DcmFileFormat& parsed
       if (auto text = text_of(data_set, wanted, request); !text.empty())
         header.data_set[wanted.keyword] = std::move(text);
     read_other_ids(data_set, header);
-    read_what_is_there(tag::of_staff, data_set, request, header);
+    read_what_is_there(tag::of_identity, data_set, request, header);
     if (request == Request::header) read_what_is_there(tag::of_study, data_set, request, header);
     if (data_set.tagExists(key(tag::modality_lut))) header.data_set[tag::modality_lut.keyword] = "present";
     read_description(data_set, header);
