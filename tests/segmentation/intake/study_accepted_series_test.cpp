@@ -143,6 +143,26 @@ TEST_F(IntakeTest, UnevenSlicesKeepTheirPositionsAndAreWarnedOf) {
   EXPECT_LT((read_only_series().slice_position[5] - GeneratedSeries::position(5.25)).norm(), 1e-6);
 }
 
+/// A slice moved by half the spacing made a grid of half the spacing, on which every second slice was missing.
+TEST_F(IntakeTest, ASliceBetweenThePlanesOfAllOthersIsNamed) {
+  for (const double place : {5.5, 5.25, 4.4}) {
+    GeneratedSeries series;
+    series.set_position(5, GeneratedSeries::position(place));
+    series.write(folder());
+    EXPECT_THAT(only_series().warnings,
+                Contains(AllOf(HasSubstr("uneven spacing: " + file_name(5) + ": (0020,0032)"),
+                               HasSubstr("off the grid of 2.000 mm on which all other slices lie"))));
+    EXPECT_THAT(only_series().warnings, Not(Contains(HasSubstr("missing"))));
+  }
+  // A slice that is missing elsewhere is said all the same.
+  GeneratedSeries series;
+  series.set_position(5, GeneratedSeries::position(5.5));
+  series.remove(8);
+  series.write(folder());
+  EXPECT_THAT(only_series().warnings, Contains(HasSubstr("uneven spacing: " + file_name(5))));
+  EXPECT_THAT(only_series().warnings, Contains(HasSubstr("1 slice is missing between")));
+}
+
 TEST_F(IntakeTest, RoundingOfPositionsIsNoUnevenness) {
   GeneratedSeries series;
   for (int slice = 0; slice < series.size(); ++slice)
