@@ -140,6 +140,36 @@ void warn_of_sparse_slices(SeriesInfo& info) {
                     *info.slice_thickness_mm, *info.slice_spacing_mm));
 }
 
+void warn_of_lost_slices(const std::vector<SeriesImage>& images, SeriesInfo& info) {
+  const auto stored = [](const SeriesImage& image) -> const FrameStatistics& {
+    return image.source->frames.at(static_cast<std::size_t>(image.frame));
+  };
+  const auto shows_something = [&](const SeriesImage& image) {
+    return stored(image).minimum != stored(image).maximum;
+  };
+  // Beyond the head scanners' images may be empty.
+  const auto first = std::find_if(images.begin(), images.end(), shows_something);
+  const auto last = std::find_if(images.rbegin(), images.rend(), shows_something).base();
+  std::map<std::size_t, const SeriesImage*> seen;
+  std::vector<std::string> constant, copies;
+  for (auto image = first; image < last; ++image) {
+    const auto [other, is_new] = seen.try_emplace(stored(*image).hash, &*image);
+    if (!shows_something(*image))
+      constant.push_back(image->name());
+    else if (!is_new)
+      copies.push_back(other->second->name() + " and " + image->name());
+  }
+  const auto warn = [&](const std::vector<std::string>& slices, const char* text) {
+    if (slices.empty()) return;
+    const std::string more = slices.size() > 1 ? fmt::format(", and {} more", slices.size() - 1) : "";
+    info.warnings.push_back(
+        fmt::format("{}{}: {}; give the study as the scanner sent it", slices.front(), more, text));
+  };
+  warn(constant,
+       "one value throughout between slices that show something, an image that was lost or blanked");
+  warn(copies, "the same pixels at two places, one of them not its own");
+}
+
 void add_warnings(const std::vector<ScannedFile>& files, const std::vector<SeriesImage>& images,
                   SeriesInfo& info) {
   const SeriesImage& first = images.front();

@@ -20,6 +20,10 @@ void warn_of_image_type(const std::vector<SeriesImage>& images, SeriesInfo& info
 /// Slices with more between them than planned gaps, a tenth to a half of their thickness.
 void warn_of_sparse_slices(SeriesInfo& info);
 
+/// Slices of one value throughout between others, and copies of others: what is missing there is no disease of the eye.
+/// \param images  in the order of their positions, with the statistics of their frames
+void warn_of_lost_slices(const std::vector<SeriesImage>& images, SeriesInfo& info);
+
 /// All that a series of files is warned of.
 /// \param images  of the files, at least one
 void add_warnings(const std::vector<ScannedFile>& files, const std::vector<SeriesImage>& images,

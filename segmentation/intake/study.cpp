@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <map>
 #include <set>
+#include <string_view>
 
 #include "pipeline/base/clean_text.hpp"
 #include "pipeline/base/files.hpp"
@@ -29,8 +30,10 @@ using SeriesFiles = std::map<std::string, std::vector<ScannedFile>>;  // by Seri
 
 FrameStatistics statistics_of(const std::vector<std::int32_t>& samples) {
   const auto [low, high] = std::minmax_element(samples.begin(), samples.end());
-  FrameStatistics statistics{*low, *high, 0, samples.size()};
+  FrameStatistics statistics{*low, *high, 0, samples.size(), 0};
   for (const auto sample : samples) statistics.sum += sample;
+  statistics.hash = std::hash<std::string_view>{}(
+      {reinterpret_cast<const char*>(samples.data()), samples.size() * sizeof samples[0]});
   return statistics;
 }
 

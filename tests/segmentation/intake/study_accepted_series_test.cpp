@@ -163,6 +163,23 @@ TEST_F(IntakeTest, ASliceBetweenThePlanesOfAllOthersIsNamed) {
   EXPECT_THAT(only_series().warnings, Contains(HasSubstr("1 slice is missing between")));
 }
 
+/// What is not seen there was taken for disease in both eyes.
+TEST_F(IntakeTest, LostSlicesAreNamed) {
+  const std::vector<Uint16> nothing(std::size_t{GeneratedSeries::rows} * GeneratedSeries::columns, 0);
+  GeneratedSeries series;
+  series.set_pixels(0, nothing);
+  series.set_pixels(11, nothing);
+  series.write(folder());
+  EXPECT_THAT(only_series().warnings, only_of_its_pixels);  // beyond the head
+  series.set_pixels(5, nothing);
+  series.write(folder());
+  EXPECT_THAT(only_series().warnings, Contains(HasSubstr(file_name(5) + ": one value throughout")));
+  series.set_pixels(5, GeneratedSeries::pixels(8));
+  series.write(folder());
+  EXPECT_THAT(only_series().warnings,
+              Contains(HasSubstr(file_name(5) + " and " + file_name(8) + ": the same pixels at two places")));
+}
+
 TEST_F(IntakeTest, RoundingOfPositionsIsNoUnevenness) {
   GeneratedSeries series;
   for (int slice = 0; slice < series.size(); ++slice)
