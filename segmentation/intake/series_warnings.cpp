@@ -102,6 +102,14 @@ void warn_of_lengths(const SeriesImage& first, SeriesInfo& info) {
         100 * std::abs(field_mm / diameter_mm - 1)));
 }
 
+void warn_of_times(SeriesInfo& info) {
+  const double echo_ms = info.echo_time_ms.value_or(0), repetition_ms = info.repetition_time_ms.value_or(0);
+  if (repetition_ms > 0 && echo_ms > repetition_ms)
+    info.warnings.push_back(fmt::format("{} is {:g} ms, longer than {}, {:g} ms: one of the two may be wrong",
+                                        to_string(tag::echo_time), echo_ms, to_string(tag::repetition_time),
+                                        repetition_ms));
+}
+
 void warn_of_phase(const SeriesImage& first, SeriesInfo& info) {
   if (component_of(first) == "PHASE")
     info.warnings.push_back(to_string(tag::image_type) + " says that these are phase images, not magnitudes");
@@ -216,6 +224,7 @@ void add_warnings(const std::vector<ScannedFile>& files, const std::vector<Serie
                   to_string(tag::patient_age), largest_age_years),
       info);
   warn_of_image_type(images, info);
+  warn_of_times(info);
   warn_of_lengths(first, info);
 }
 

@@ -111,6 +111,18 @@ TEST_F(Sidecar, PhaseEncodingAndThicknessAreAboutTheVolumeAsStored) {
   }
 }
 
+/// As seconds the times of a converter that writes milliseconds are those of no sequence.
+TEST_F(Sidecar, TimesInMillisecondsAreNotUsed) {
+  for (const char* text :
+       {R"({"EchoTime": 4.11, "RepetitionTime": 7.2, "InversionTime": 0.9, "FlipAngle": 9})",
+        R"({"EchoTime": 0.3, "RepetitionTime": 0.007, "FlipAngle": 9})"}) {
+    EXPECT_THAT(read(text), ElementsAre(Pair("FlipAngle", "9"))) << text;
+    EXPECT_THAT(warnings(), ElementsAre(AllOf(HasSubstr("Doe.json: EchoTime is"), HasSubstr("in seconds?"))));
+  }
+  EXPECT_THAT(read(R"({"EchoTime": 0.5})"), ElementsAre(Pair("EchoTime", "500")));
+  EXPECT_THAT(warnings(), IsEmpty());
+}
+
 TEST_F(Sidecar, WhatCannotBeReadIsLeftOutWithAWarning) {
   EXPECT_THAT(read(R"({"EchoTime": "short", "PixelBandwidth": -5, "MRAcquisitionType": "4D", "ImageType": [1],
                        "MagneticFieldStrength": 30000, "ImageOrientationPatientDICOM": [1], "FlipAngle": 9,

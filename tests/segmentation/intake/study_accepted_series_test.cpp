@@ -452,6 +452,17 @@ TEST_F(IntakeTest, AThicknessThatIsNoSlicesIsWarnedOfAndNotUsed) {
   EXPECT_NEAR(read_only_series().slice_thickness_mm, GeneratedSeries::slice_spacing_mm, 1e-6);
 }
 
+TEST_F(IntakeTest, AnEchoAfterTheRepetitionIsWarnedOf) {
+  GeneratedSeries series;
+  series.set_all(DCM_RepetitionTime, "7.2");
+  series.write(folder());
+  EXPECT_THAT(only_series().warnings,
+              Contains(HasSubstr("(0018,0081) EchoTime is 91 ms, longer than (0018,0080) RepetitionTime")));
+  series.set_all(DCM_RepetitionTime, "0");  // not told
+  series.write(folder());
+  EXPECT_THAT(only_series().warnings, only_of_its_pixels);
+}
+
 TEST_F(IntakeTest, AnotherBodyPartIsWarnedOf) {
   const auto warnings = [&](const char* part) {
     GeneratedSeries series;
