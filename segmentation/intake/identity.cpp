@@ -24,7 +24,7 @@ constexpr Tag numbers[] = {tag::study_id, tag::admission_id, tag::patient_teleph
                            tag::device_serial_number};
 constexpr Tag dates[] = {tag::patient_birth_date, tag::study_date};
 /// What operators type; the other texts that are kept are terms of the standard.
-constexpr Tag free_texts[] = {tag::body_part, tag::stack_id};
+constexpr Tag free_texts[] = {tag::body_part, tag::stack_id, tag::sequence_name};
 /// Lists of terms to which scanners and people add their own.
 constexpr Tag types[] = {tag::image_type, tag::frame_type};
 

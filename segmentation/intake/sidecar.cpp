@@ -83,6 +83,20 @@ class Sidecar {
     if (!codes.empty()) values[tag.keyword] = codes;
   }
 
+  /// What BIDS and converters call the sequence, in the attributes by which echo-planar ones are known.
+  void add_sequence(TagValues& values) const {
+    static const std::regex name(R"([A-Za-z0-9_*#]{1,16})"),
+        echo_planar(R"((.*[^A-Z])?EPI([^A-Z].*)?)", std::regex::icase);
+    const auto text = [&](const char* key) {
+      const Json* value = find(key);
+      return value != nullptr && value->is_string() ? value->get<std::string>().substr(0, 64) : std::string();
+    };
+    for (const char* key : {"PulseSequenceName", "SequenceName"})
+      if (const std::string told = text(key); std::regex_match(told, name))
+        values[tag::sequence_name.keyword] = told;
+    if (std::regex_match(text("PulseSequenceType"), echo_planar)) values[tag::echo_planar.keyword] = "YES";
+  }
+
   /// The value where it is one of these texts.
   std::optional<std::string> one_of(const char* key, const std::vector<std::string>& texts) const {
     const Json* value = find(key);
@@ -180,6 +194,7 @@ TagValues read_sidecar(const fs::path& volume, const Stack& geometry, std::vecto
     const Sidecar sidecar(file, json_of(file), warnings);
     for (const Tag& tag : {tag::modality, tag::image_type, tag::scanning_sequence, tag::body_part})
       sidecar.add_codes(tag, values);
+    sidecar.add_sequence(values);
     sidecar.add_times(values);
     sidecar.add_number(tag::field_strength, {least_field_T, largest_field_T}, 1, values);
     sidecar.add_number(tag::pixel_bandwidth, {least_bandwidth_Hz, largest_bandwidth_Hz}, 1, values);

@@ -57,6 +57,7 @@ inline constexpr Tag deidentification_method{0x0012, 0x0063, "DeidentificationMe
 inline constexpr Tag body_part{0x0018, 0x0015, "BodyPartExamined"};
 inline constexpr Tag scanning_sequence{0x0018, 0x0020, "ScanningSequence"};
 inline constexpr Tag acquisition_type{0x0018, 0x0023, "MRAcquisitionType"};
+inline constexpr Tag sequence_name{0x0018, 0x0024, "SequenceName"};
 inline constexpr Tag slice_thickness{0x0018, 0x0050, "SliceThickness"};
 inline constexpr Tag repetition_time{0x0018, 0x0080, "RepetitionTime"};
 inline constexpr Tag echo_time{0x0018, 0x0081, "EchoTime"};
@@ -149,6 +150,7 @@ inline constexpr Tag of_data_set[] = {image_type,
                                       patient_age,
                                       body_part,
                                       scanning_sequence,
+                                      sequence_name,
                                       echo_planar,
                                       acquisition_type,
                                       slice_thickness,
@@ -209,25 +211,16 @@ inline constexpr Tag of_study[] = {
     patient_comments, identity_removed,  deidentification_method, study_id};
 
 /// Attributes of classic images that a legacy converted one may keep in its unassigned groups (PS3.3 C.7.6.16.2).
-inline constexpr Tag of_classic_images[] = {image_type,
-                                            complex_image_component,
-                                            volume_calculation,
-                                            scanning_sequence,
-                                            acquisition_type,
-                                            repetition_time,
-                                            echo_time,
-                                            inversion_time,
-                                            echo_numbers,
-                                            field_strength,
-                                            pixel_bandwidth,
-                                            trigger_time,
-                                            reconstruction_diameter,
-                                            phase_encoding,
-                                            flip_angle,
-                                            acquisition_number,
-                                            series_laterality,
-                                            image_laterality,
-                                            temporal_position_identifier};
+inline constexpr Tag of_classic_images[] = {image_type,         complex_image_component,
+                                            volume_calculation, scanning_sequence,
+                                            sequence_name,      acquisition_type,
+                                            repetition_time,    echo_time,
+                                            inversion_time,     echo_numbers,
+                                            field_strength,     pixel_bandwidth,
+                                            trigger_time,       reconstruction_diameter,
+                                            phase_encoding,     flip_angle,
+                                            acquisition_number, series_laterality,
+                                            image_laterality,   temporal_position_identifier};
 
 struct FrameTag {
   Tag macro, attribute;

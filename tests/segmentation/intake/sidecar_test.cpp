@@ -66,6 +66,7 @@ TEST_F(Sidecar, TellsTheAcquisitionInUnitsOfDicom) {
           Pair("ScanningSequence", "GR\\IR"), Pair("BodyPartExamined", "BRAIN"),
           Pair("ImageType", "ORIGINAL\\PRIMARY\\\\IN_PHASE"), Pair("InPlanePhaseEncodingDirection", "COL")));
   EXPECT_THAT(warnings(), IsEmpty());
+  EXPECT_THAT(read(R"({"PulseSequenceType": "MPRAGE", "PulseSequenceName": "Doe, Jane"})"), IsEmpty());
   EXPECT_THAT(
       read(R"({"ScanningSequence": "EP_SE", "ImageType": "DERIVED_PRIMARY_MIP", "BodyPartExamined": ""})"),
       UnorderedElementsAre(Pair("ScanningSequence", "EP\\SE"), Pair("ImageType", "DERIVED\\PRIMARY\\MIP")));
@@ -253,7 +254,9 @@ TEST_F(Sidecar, AVolumeThatWasTurnedIsWhatItWas) {
 TEST_F(Sidecar, WhatIsNoSlicesAsAcquiredIsRefusedWithoutTheFilesName) {
   write_volume(axial());
   for (const char* json :
-       {R"({"ScanningSequence": "EP"})", R"({"ScanningSequence": "EP_GR"})", R"({"Modality": "CT"})",
+       {R"({"ScanningSequence": "EP"})", R"({"ScanningSequence": "EP_GR"})",
+        R"({"PulseSequenceType": "Gradient echo EPI"})", R"({"PulseSequenceName": "epi2"})",
+        R"({"SequenceName": "_ep2d"})", R"({"Modality": "CT"})",
         R"({"ImageType": ["DERIVED", "PRIMARY", "DIFFUSION", "ADC"]})"}) {
     write_sidecar(json);
     const auto info = only_series();

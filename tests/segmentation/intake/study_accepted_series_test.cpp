@@ -452,6 +452,18 @@ TEST_F(IntakeTest, AThicknessThatIsNoSlicesIsWarnedOfAndNotUsed) {
   EXPECT_NEAR(read_only_series().slice_thickness_mm, GeneratedSeries::slice_spacing_mm, 1e-6);
 }
 
+TEST_F(IntakeTest, SequencesWithoutDiffusionAndEchoPlanarReadoutAreRead) {
+  for (const char* name : {"*tse2d1_19", "*tfl3d1_16ns", "r73d4_ns", "step3d"}) {
+    GeneratedSeries series;
+    series.set_all(DCM_SequenceName, name);
+    for (int slice = 0; slice < series.size(); ++slice)
+      series[slice].putAndInsertFloat64(DCM_DiffusionBValue, 0);
+    series.write(folder());
+    EXPECT_TRUE(only_series().usable) << only_series().reason;
+    EXPECT_THAT(only_series().warnings, only_of_its_pixels);
+  }
+}
+
 TEST_F(IntakeTest, AnEchoAfterTheRepetitionIsWarnedOf) {
   GeneratedSeries series;
   series.set_all(DCM_RepetitionTime, "7.2");
