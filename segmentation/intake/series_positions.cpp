@@ -220,7 +220,7 @@ void judge_positions(std::vector<SeriesImage> images, SeriesInfo& info) {
                     to_string(tag::image_position), line.largest_residual_mm));
   compare_stated_spacing(images.front(), info);
   warn_of_sparse_slices(info);
-  warn_of_lost_slices(images, info);
+  warn_of_slices(images, info);
 }
 
 }  // namespace emmetrope::segmentation

@@ -115,6 +115,71 @@ void warn_of_phase(const SeriesImage& first, SeriesInfo& info) {
     info.warnings.push_back(to_string(tag::image_type) + " says that these are phase images, not magnitudes");
 }
 
+const FrameStatistics& stored_of(const SeriesImage& image) {
+  return image.source->frames.at(static_cast<std::size_t>(image.frame));
+}
+
+void warn_of_lost_slices(const std::vector<SeriesImage>& images, SeriesInfo& info) {
+  const auto shows_something = [&](const SeriesImage& image) {
+    return stored_of(image).minimum != stored_of(image).maximum;
+  };
+  // Beyond the head scanners' images may be empty.
+  const auto first = std::find_if(images.begin(), images.end(), shows_something);
+  const auto last = std::find_if(images.rbegin(), images.rend(), shows_something).base();
+  std::map<std::size_t, const SeriesImage*> seen;
+  std::vector<std::string> constant, copies;
+  for (auto image = first; image < last; ++image) {
+    const auto [other, is_new] = seen.try_emplace(stored_of(*image).hash, &*image);
+    if (!shows_something(*image))
+      constant.push_back(image->name());
+    else if (!is_new)
+      copies.push_back(other->second->name() + " and " + image->name());
+  }
+  const auto warn = [&](const std::vector<std::string>& slices, const char* text) {
+    if (slices.empty()) return;
+    const std::string more = slices.size() > 1 ? fmt::format(", and {} more", slices.size() - 1) : "";
+    info.warnings.push_back(
+        fmt::format("{}{}: {}; give the study as the scanner sent it", slices.front(), more, text));
+  };
+  warn(constant,
+       "one value throughout between slices that show something, an image that was lost or blanked");
+  warn(copies, "the same pixels at two places, one of them not its own");
+}
+
+double mean_of(const SeriesImage& image) {
+  const FrameStatistics& stored = stored_of(image);
+  return image.slope * static_cast<double>(stored.sum) / static_cast<double>(stored.count) + image.intercept;
+}
+
+/// Whether its scale sets a slice off from another, for which the stored values do not make up.
+bool outshines(const SeriesImage& image, const SeriesImage& other) {
+  constexpr double largest_usual_ratio = 1.5;
+  return image.slope > other.slope && mean_of(other) > 0 &&
+         mean_of(image) > largest_usual_ratio * mean_of(other);
+}
+
+/// A scale of each slice is Philips' way; that some lack one, or are brighter by it than both neighbours, is a header that
+/// was changed.
+void warn_of_scales(const std::vector<SeriesImage>& images, SeriesInfo& info) {
+  const auto has_scale = [](const SeriesImage& image) { return !image.value(tag::rescale_slope).empty(); };
+  const auto is_scaled = [](const SeriesImage& image) { return image.slope != 1 || image.intercept != 0; };
+  const auto with = std::find_if(images.begin(), images.end(), is_scaled);
+  const auto without = std::find_if_not(images.begin(), images.end(), has_scale);
+  if (with != images.end() && without != images.end())
+    info.warnings.push_back(fmt::format("{}, but {}: their grey values may not be comparable",
+                                        found(*with, tag::rescale_slope),
+                                        found(*without, tag::rescale_slope)));
+  for (std::size_t i = 1; i + 1 < images.size(); ++i) {
+    const SeriesImage &before = images[i - 1], &here = images[i], &after = images[i + 1];
+    const bool is_brighter = outshines(here, before) && outshines(here, after);
+    if (!is_brighter && !(outshines(before, here) && outshines(after, here))) continue;
+    info.warnings.push_back(
+        fmt::format("{}, and the slice is {} than both its neighbours; the scale may be wrong",
+                    found(here, tag::rescale_slope), is_brighter ? "brighter" : "darker"));
+    break;
+  }
+}
+
 }  // namespace
 
 std::string why_unfit(DixonPart part) {
@@ -148,34 +213,9 @@ void warn_of_sparse_slices(SeriesInfo& info) {
                     *info.slice_thickness_mm, *info.slice_spacing_mm));
 }
 
-void warn_of_lost_slices(const std::vector<SeriesImage>& images, SeriesInfo& info) {
-  const auto stored = [](const SeriesImage& image) -> const FrameStatistics& {
-    return image.source->frames.at(static_cast<std::size_t>(image.frame));
-  };
-  const auto shows_something = [&](const SeriesImage& image) {
-    return stored(image).minimum != stored(image).maximum;
-  };
-  // Beyond the head scanners' images may be empty.
-  const auto first = std::find_if(images.begin(), images.end(), shows_something);
-  const auto last = std::find_if(images.rbegin(), images.rend(), shows_something).base();
-  std::map<std::size_t, const SeriesImage*> seen;
-  std::vector<std::string> constant, copies;
-  for (auto image = first; image < last; ++image) {
-    const auto [other, is_new] = seen.try_emplace(stored(*image).hash, &*image);
-    if (!shows_something(*image))
-      constant.push_back(image->name());
-    else if (!is_new)
-      copies.push_back(other->second->name() + " and " + image->name());
-  }
-  const auto warn = [&](const std::vector<std::string>& slices, const char* text) {
-    if (slices.empty()) return;
-    const std::string more = slices.size() > 1 ? fmt::format(", and {} more", slices.size() - 1) : "";
-    info.warnings.push_back(
-        fmt::format("{}{}: {}; give the study as the scanner sent it", slices.front(), more, text));
-  };
-  warn(constant,
-       "one value throughout between slices that show something, an image that was lost or blanked");
-  warn(copies, "the same pixels at two places, one of them not its own");
+void warn_of_slices(const std::vector<SeriesImage>& images, SeriesInfo& info) {
+  warn_of_lost_slices(images, info);
+  warn_of_scales(images, info);
 }
 
 void add_warnings(const std::vector<ScannedFile>& files, const std::vector<SeriesImage>& images,

@@ -180,6 +180,31 @@ TEST_F(IntakeTest, LostSlicesAreNamed) {
               Contains(HasSubstr(file_name(5) + " and " + file_name(8) + ": the same pixels at two places")));
 }
 
+TEST_F(IntakeTest, ScalesThatContradictTheImagesAreWarnedOf) {
+  GeneratedSeries series;
+  for (int slice = 0; slice < series.size(); ++slice) {
+    // As Philips does: what the scale takes the stored values give.
+    const unsigned factor = slice % 2 == 0 ? 1 : 2;
+    auto words = GeneratedSeries::pixels(slice);
+    for (auto& word : words) word = static_cast<Uint16>(word / factor);
+    series.set_pixels(slice, words);
+    series.set(slice, DCM_RescaleSlope, std::to_string(factor));
+    series.set(slice, DCM_RescaleIntercept, "0");
+  }
+  series.write(folder());
+  EXPECT_THAT(only_series().warnings, only_of_its_pixels);
+  for (int slice = 0; slice < series.size(); ++slice)
+    series.set_pixels(slice, GeneratedSeries::pixels(slice));
+  series.write(folder());
+  EXPECT_THAT(only_series().warnings,
+              Contains(HasSubstr("(0028,1053) RescaleSlope is \"2\", and the slice is brighter")));
+  for (int slice = 0; slice < series.size(); slice += 2) series[slice].findAndDeleteElement(DCM_RescaleSlope);
+  series.write(folder());
+  EXPECT_THAT(only_series().warnings,
+              Contains(AllOf(HasSubstr(file_name(1) + ": (0028,1053) RescaleSlope is \"2\""),
+                             HasSubstr(file_name(0) + ": (0028,1053) RescaleSlope is absent"))));
+}
+
 TEST_F(IntakeTest, RoundingOfPositionsIsNoUnevenness) {
   GeneratedSeries series;
   for (int slice = 0; slice < series.size(); ++slice)
