@@ -102,6 +102,21 @@ void warn_of_lengths(const SeriesImage& first, SeriesInfo& info) {
         100 * std::abs(field_mm / diameter_mm - 1)));
 }
 
+/// Whether PatientOrientation, letters of where rows and columns run to, says the opposite of the cosines.
+bool is_contradicted(const ImageHeader& header) {
+  static const std::map<char, Eigen::Vector3d> directions{{'L', {1, 0, 0}}, {'R', {-1, 0, 0}},
+                                                          {'P', {0, 1, 0}}, {'A', {0, -1, 0}},
+                                                          {'H', {0, 0, 1}}, {'F', {0, 0, -1}}};
+  const auto letters = split_values(header.value(tag::patient_orientation));
+  const auto cosines = parse_numbers(header.value(tag::image_orientation), 6);
+  if (!cosines || letters.size() != 2) return false;
+  for (std::size_t i = 0; i < 2; ++i)
+    if (const auto told = directions.find(letters[i].empty() ? ' ' : letters[i][0]);
+        told != directions.end() && told->second.dot(Eigen::Vector3d(cosines->data() + 3 * i)) < 0)
+      return true;
+  return false;
+}
+
 void warn_of_times(SeriesInfo& info) {
   const double echo_ms = info.echo_time_ms.value_or(0), repetition_ms = info.repetition_time_ms.value_or(0);
   if (repetition_ms > 0 && echo_ms > repetition_ms)
@@ -205,12 +220,16 @@ void warn_of_image_type(const std::vector<SeriesImage>& images, SeriesInfo& info
 }
 
 void warn_of_sparse_slices(SeriesInfo& info) {
-  constexpr double largest_usual_ratio = 2;
-  if (info.slice_thickness_mm && info.slice_spacing_mm &&
-      *info.slice_spacing_mm > largest_usual_ratio * *info.slice_thickness_mm)
+  constexpr double largest_usual_ratio = 2, largest_usual_overlap = 5;
+  if (!info.slice_thickness_mm || !info.slice_spacing_mm) return;
+  const double thickness_mm = *info.slice_thickness_mm, spacing_mm = *info.slice_spacing_mm;
+  if (spacing_mm > largest_usual_ratio * thickness_mm)
     info.warnings.push_back(
         fmt::format("slices {:.3g} mm thick lie {:.3g} mm apart: what is between them is in no image",
-                    *info.slice_thickness_mm, *info.slice_spacing_mm));
+                    thickness_mm, spacing_mm));
+  if (thickness_mm > largest_usual_overlap * spacing_mm)
+    info.warnings.push_back(fmt::format("slices {:.3g} mm thick lie {:.3g} mm apart: {} may be wrong",
+                                        thickness_mm, spacing_mm, to_string(tag::slice_thickness)));
 }
 
 void warn_of_slices(const std::vector<SeriesImage>& images, SeriesInfo& info) {
@@ -231,6 +250,11 @@ void add_warnings(const std::vector<ScannedFile>& files, const std::vector<Serie
       files, [](const auto& file) { return !file.header.has(tag::study_instance); },
       to_string(tag::study_instance) +
           " is absent: the report's DICOM objects will belong to a study of their own, under a pseudonym",
+      info);
+  warn_of_files(
+      files, [](const auto& file) { return is_contradicted(file.header); },
+      fmt::format("{} contradicts {}, which is used: the head may be mirrored",
+                  to_string(tag::patient_orientation), to_string(tag::image_orientation)),
       info);
   warn_of_files(
       files, [](const auto& file) { return file.header.description_unreadable; },

@@ -17,7 +17,8 @@ bool shows_head(const std::string& body_part);
 /// Phase images, computed ones and parts of the signal; sets `computed` and `dixon_part` of `info`.
 void warn_of_image_type(const std::vector<SeriesImage>& images, SeriesInfo& info);
 
-/// Slices with more between them than planned gaps, a tenth to a half of their thickness.
+/// Slices with more between them than planned gaps, a tenth to a half of their thickness, or that overlap by more than
+/// interpolation does.
 void warn_of_sparse_slices(SeriesInfo& info);
 
 /// Slices of one value throughout between others, and copies of others: what is missing there is no disease of the eye.

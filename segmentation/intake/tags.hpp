@@ -83,6 +83,7 @@ inline constexpr Tag study_id{0x0020, 0x0010, "StudyID"};
 inline constexpr Tag series_number{0x0020, 0x0011, "SeriesNumber"};
 inline constexpr Tag acquisition_number{0x0020, 0x0012, "AcquisitionNumber"};
 inline constexpr Tag instance_number{0x0020, 0x0013, "InstanceNumber"};
+inline constexpr Tag patient_orientation{0x0020, 0x0020, "PatientOrientation"};
 inline constexpr Tag image_position{0x0020, 0x0032, "ImagePositionPatient"};
 inline constexpr Tag image_orientation{0x0020, 0x0037, "ImageOrientationPatient"};
 inline constexpr Tag frame_of_reference{0x0020, 0x0052, "FrameOfReferenceUID"};
@@ -172,6 +173,7 @@ inline constexpr Tag of_data_set[] = {image_type,
                                       series_number,
                                       acquisition_number,
                                       instance_number,
+                                      patient_orientation,
                                       image_position,
                                       image_orientation,
                                       frame_of_reference,

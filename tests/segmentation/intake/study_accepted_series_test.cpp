@@ -431,6 +431,39 @@ TEST_F(IntakeTest, SlicesFarApartAreWarnedOf) {
   EXPECT_THAT(only_series().warnings, Not(Contains(HasSubstr("apart"))));
 }
 
+TEST_F(IntakeTest, SlicesMuchThickerThanTheirSpacingAreWarnedOf) {
+  GeneratedSeries series;
+  series.set_all(DCM_SliceThickness, "12");
+  series.write(folder());
+  EXPECT_THAT(
+      only_series().warnings,
+      Contains(HasSubstr("slices 12 mm thick lie 2 mm apart: (0018,0050) SliceThickness may be wrong")));
+  series.set_all(DCM_SliceThickness, "8");
+  series.write(folder());
+  EXPECT_THAT(only_series().warnings, only_of_its_pixels);
+}
+
+/// Rows run to the left and somewhat to the back, columns to the feet.
+TEST_F(IntakeTest, AnOrientationInLettersThatContradictsTheCosinesIsWarnedOf) {
+  for (const auto& [letters, contradicts] : {std::pair{"L\\F", false},
+                                             {"LP\\F", false},
+                                             {"PL\\F", false},
+                                             {"R\\F", true},
+                                             {"L\\H", true},
+                                             {"", false}}) {
+    GeneratedSeries series;
+    series.set_all(DCM_PatientOrientation, letters);
+    series.write(folder());
+    EXPECT_TRUE(only_series().usable);
+    if (contradicts)
+      EXPECT_THAT(only_series().warnings,
+                  Contains(HasSubstr("(0020,0020) PatientOrientation contradicts (0020,0037)")))
+          << letters;
+    else
+      EXPECT_THAT(only_series().warnings, only_of_its_pixels) << letters;
+  }
+}
+
 TEST_F(IntakeTest, LossyCompressionIsWarnedOf) {
   GeneratedSeries series;
   series.set(3, DCM_LossyImageCompression, "01");
