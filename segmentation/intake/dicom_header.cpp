@@ -62,9 +62,9 @@ DcmItem& with_character_set(DcmItem& item) {
   return *told;
 }
 
-/// Japanese and simplified Chinese with escape sequences (PS3.5 6.1.2.5), for which the C library has no converter, as the
-/// extended Unix code of the country, which has none; nothing of other sequences.
-/// \param high_bytes  what stands before a byte above 127 outside of two-byte sets; none where such a byte means nothing
+/// Japanese and simplified Chinese with escape sequences (PS3.5 6.1.2.5), for which the C library has no
+/// converter, as the country's extended Unix code, which has none; nothing where there are other sequences.
+/// \param high_bytes  what stands before a byte above 127 outside of two-byte sets; null: such a byte means nothing
 std::optional<std::string> extended_unix_code(const std::string& text, const char* high_bytes) {
   enum class Set { one_byte, two_bytes, supplement };
   static const std::pair<std::string, Set> escapes[] = {

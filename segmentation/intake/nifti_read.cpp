@@ -265,8 +265,8 @@ void compare_voxel_sides(const Header& header, double to_mm, const std::string& 
   const bool is_told = told.minCoeff() > 0 && told.allFinite();
   if (is_told && difference > same_side)
     warnings.push_back(fmt::format(
-        "{}: pixdim is {:.4g} x {:.4g} x {:.4g} mm, but voxels of the sform are {:.4g} x {:.4g} x {:.4g} mm; the sform is used, "
-        "and where pixdim is right lengths are wrong by up to {:.0f} %",
+        "{}: pixdim is {:.4g} x {:.4g} x {:.4g} mm, but voxels of the sform are {:.4g} x {:.4g} x {:.4g} mm; "
+        "the sform is used, and where pixdim is right lengths are wrong by up to {:.0f} %",
         name, told.x(), told.y(), told.z(), used.x(), used.y(), used.z(), 100 * difference));
 }
 

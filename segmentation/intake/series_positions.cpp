@@ -208,7 +208,8 @@ void judge_positions(std::vector<SeriesImage> images, SeriesInfo& info) {
   warn_of_gaps(images, along_normal, stray ? stray->grid : grid, info);
   if (stray)
     info.warnings.push_back(fmt::format(
-        "uneven spacing: {}: {} is {:.3f} mm off the grid of {:.3f} mm on which all other slices lie; every slice keeps its own position",
+        "uneven spacing: {}: {} is {:.3f} mm off the grid of {:.3f} mm on which all other slices lie; "
+        "every slice keeps its own position",
         images[stray->index].name(), to_string(tag::image_position), stray->off_mm, stray->grid.spacing_mm));
   else if (grid.deviation_mm > on_grid_mm)
     info.warnings.push_back(fmt::format(
