@@ -95,7 +95,8 @@ Source source_of(const CaseData& data, const ReportOptions& options) {
       // Not what the error says: it names the folder, which may bear a person's name.
       note =
           "The DICOM objects carry the pseudonym and belong to a study of their own: the study's folder does not "
-          "hold the DICOM files that the case was made from, or it was made from NIfTI volumes, which name no patient.";
+          "hold the DICOM files that the case was made from, or it was made from NIfTI volumes, which name no patient, or "
+          "from files without StudyInstanceUID.";
     }
   }
   if (options.identified)

@@ -3,11 +3,13 @@
 #include <dcmtk/config/osconfig.h>
 #include <dcmtk/dcmdata/dcspchrs.h>
 #include <dcmtk/dcmdata/dctk.h>
+#include <dcmtk/ofstd/ofchrenc.h>
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <array>
 #include <fstream>
+#include <optional>
 
 #include "pipeline/base/clean_text.hpp"
 #include "pipeline/base/error.hpp"
@@ -52,24 +54,94 @@ bool is_text(DcmEVR vr) {
   }
 }
 
-/// From the data set's character set.
-bool convert_to_utf8(DcmItem& data_set, std::string& text) {
-  const bool is_ascii = std::all_of(text.begin(), text.end(), [](char letter) {
-    return static_cast<unsigned char>(letter) < 0x80 && letter != '\x1B';
-  });
-  if (is_ascii) return true;
-  DcmSpecificCharacterSet converter;
+/// The item itself or one around it, whose character set holds within.
+DcmItem& with_character_set(DcmItem& item) {
+  DcmItem* told = &item;
+  while (!told->tagExists(DCM_SpecificCharacterSet) && told->getParentItem() != nullptr)
+    told = told->getParentItem();
+  return *told;
+}
+
+/// Japanese and simplified Chinese with escape sequences (PS3.5 6.1.2.5), for which the C library has no
+/// converter, as the country's extended Unix code, which has none; nothing where there are other sequences.
+/// \param high_bytes  what stands before a byte above 127 outside of two-byte sets; null: such a byte means nothing
+std::optional<std::string> extended_unix_code(const std::string& text, const char* high_bytes) {
+  enum class Set { one_byte, two_bytes, supplement };
+  static const std::pair<std::string, Set> escapes[] = {
+      {"\x1B$B", Set::two_bytes}, {"\x1B$@", Set::two_bytes}, {"\x1B$(D", Set::supplement},
+      {"\x1B(B", Set::one_byte},  {"\x1B(J", Set::one_byte},  {"\x1B)I", Set::one_byte},
+      {"\x1B$)A", Set::one_byte}};
+  std::string code;
+  Set set = Set::one_byte;
+  for (std::size_t i = 0; i < text.size();) {
+    const auto* escape = std::find_if(std::begin(escapes), std::end(escapes), [&](const auto& one) {
+      return text.compare(i, one.first.size(), one.first) == 0;
+    });
+    if (escape != std::end(escapes)) {
+      set = escape->second;
+      i += escape->first.size();
+      continue;
+    }
+    const std::size_t bytes = set == Set::one_byte ? 1 : 2;
+    const bool is_high = (text[i] & 0x80) != 0;
+    if (text[i] == '\x1B' || i + bytes > text.size() || (is_high && high_bytes == nullptr)) return {};
+    if (set == Set::supplement) code += '\x8F';
+    if (set == Set::one_byte && is_high) code += high_bytes;
+    for (const std::size_t end = i + bytes; i < end; ++i)
+      code += static_cast<char>(set == Set::one_byte ? text[i] : text[i] | 0x80);
+  }
+  return code;
+}
+
+bool convert_extended_unix_code(const std::string& character_sets, std::string& text) {
+  const auto has = [&](const char* set) {
+    return ("\\" + character_sets + "\\").find(std::string("\\") + set + "\\") != std::string::npos;
+  };
+  const bool chinese = has("ISO 2022 IR 58"), katakana = has("ISO 2022 IR 13") || has("ISO_IR 13");
+  if (!chinese && !katakana && !has("ISO 2022 IR 87") && !has("ISO 2022 IR 159")) return false;
+  const auto code = extended_unix_code(text, chinese ? "" : katakana ? "\x8E" : nullptr);
+  OFCharacterEncoding converter;
   OFString utf8;
-  if (converter.selectCharacterSet(data_set).bad() ||
-      converter.convertString(OFString(text.c_str(), text.size()), utf8, "\\^=").bad())
+  if (!code || converter.selectEncoding(chinese ? "GB2312" : "EUC-JP", "UTF-8").bad() ||
+      converter.convertString(OFString(code->c_str(), code->size()), utf8).bad())
     return false;
   text.assign(utf8.c_str(), utf8.length());
   return true;
 }
 
+/// From the character set of the item, and clean; what it is where this fails is not told.
+bool convert_to_utf8(DcmItem& item, std::string& text) {
+  const bool is_ascii = std::all_of(text.begin(), text.end(), [](char letter) {
+    return static_cast<unsigned char>(letter) < 0x80 && letter != '\x1B';
+  });
+  if (is_ascii) return make_clean_utf8(text);
+  DcmItem& data_set = with_character_set(item);
+  DcmSpecificCharacterSet converter;
+  OFString utf8, character_sets;
+  // An escape sequence that is left over is of a set that was not told.
+  if (converter.selectCharacterSet(data_set).good() &&
+      converter.convertString(OFString(text.c_str(), text.size()), utf8, "\\^=").good() &&
+      utf8.find('\x1B') == OFString_npos) {
+    text.assign(utf8.c_str(), utf8.length());
+    return make_clean_utf8(text);
+  }
+  return data_set.findAndGetOFStringArray(DCM_SpecificCharacterSet, character_sets).good() &&
+         convert_extended_unix_code(character_sets.c_str(), text) && make_clean_utf8(text);
+}
+
+/// What is readable of a text that cannot be converted.
+std::string ascii_part(std::string text) {
+  text.resize(std::min(text.find('\x1B'), text.size()));
+  for (char& letter : text)
+    if ((letter & 0x80) != 0) letter = '?';
+  return text;
+}
+
 /// The element's value as text, empty when it is absent.
+/// \param request  of a header alone, which goes into other objects, what cannot be converted is left out; else what is
+///   ASCII stays, so that names are found in other texts
 /// \throw Error when its VR is of another kind than the standard's, so that its bytes mean something else
-std::string text_of(DcmItem& item, const Tag& tag) {
+std::string text_of(DcmItem& item, const Tag& tag, Request request = Request::everything) {
   DcmElement* element = nullptr;
   if (item.findAndGetElement(key(tag), element).bad() || element == nullptr) return {};
   const DcmEVR expected = DcmTag(key(tag)).getEVR();
@@ -83,8 +155,9 @@ std::string text_of(DcmItem& item, const Tag& tag) {
   while (!text.empty() && (text.back() == ' ' || text.back() == '\0')) text.pop_back();
   for (char& letter : text)
     if ((static_cast<unsigned char>(letter) < 0x20 && letter != '\x1B') || letter == 0x7F) letter = '?';
-  convert_to_utf8(item, text);  // escape sequences are part of some character sets
-  return clean_utf8(std::move(text));
+  std::string utf8 = text;  // escape sequences are part of some character sets
+  if (convert_to_utf8(item, utf8)) return utf8;
+  return request == Request::header ? std::string() : ascii_part(std::move(text));
 }
 
 void read_attribute(DcmItem& groups, const Tag& macro, const Tag& attribute, TagValues& values) {
@@ -128,10 +201,11 @@ bool nests_deeper(DcmObject& object, int levels) {
 
 /// Nothing of it is measured: what cannot be read is left out.
 template <std::size_t Count>
-void read_what_is_there(const Tag (&tags)[Count], DcmDataset& data_set, ImageHeader& header) {
+void read_what_is_there(const Tag (&tags)[Count], DcmDataset& data_set, Request request,
+                        ImageHeader& header) {
   for (const auto& wanted : tags) {
     try {
-      if (auto text = text_of(data_set, wanted); !text.empty())
+      if (auto text = text_of(data_set, wanted, request); !text.empty())
         header.data_set[wanted.keyword] = std::move(text);
     } catch (const Error&) {
     }
@@ -157,8 +231,9 @@ void read_description(DcmDataset& data_set, ImageHeader& header) {
   OFString raw;
   if (data_set.findAndGetOFStringArray(key(tag::series_description), raw).bad()) return;
   header.description = raw.c_str();
-  const bool converted = convert_to_utf8(data_set, header.description);
-  header.description_repaired = !make_clean_utf8(header.description) || !converted;
+  header.description_unreadable = !convert_to_utf8(data_set, header.description);
+  // Nobody's name is found in it.
+  if (header.description_unreadable) header.description.clear();
 }
 
 }  // namespace
@@ -186,11 +261,11 @@ ImageHeader read_header(const std::filesystem::path& file, DcmFileFormat& parsed
     if (nests_deeper(data_set, 2 * deepest_nesting))
       throw input_error(fmt::format("sequences are nested more than {} deep", deepest_nesting));
     for (const auto& wanted : tag::of_data_set)
-      if (auto text = text_of(data_set, wanted); !text.empty())
+      if (auto text = text_of(data_set, wanted, request); !text.empty())
         header.data_set[wanted.keyword] = std::move(text);
     read_other_ids(data_set, header);
-    read_what_is_there(tag::of_staff, data_set, header);
-    if (request == Request::header) read_what_is_there(tag::of_study, data_set, header);
+    read_what_is_there(tag::of_identity, data_set, request, header);
+    if (request == Request::header) read_what_is_there(tag::of_study, data_set, request, header);
     if (data_set.tagExists(key(tag::modality_lut))) header.data_set[tag::modality_lut.keyword] = "present";
     read_description(data_set, header);
     header.frames = read_frames(data_set);

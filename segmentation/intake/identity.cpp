@@ -1,23 +1,32 @@
 #include "segmentation/intake/identity.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <glib.h>
 
 #include <algorithm>
 #include <array>
 #include <memory>
 
+#include "segmentation/intake/tag_values.hpp"
+
 namespace emmetrope::segmentation {
 namespace {
 
-constexpr Tag names[] = {tag::patient_name,        tag::other_patient_names,  tag::patient_birth_name,
-                         tag::referring_physician, tag::performing_physician, tag::operators_name};
+constexpr Tag names[] = {tag::patient_name,       tag::other_patient_names,  tag::patient_birth_name,
+                         tag::mothers_birth_name, tag::referring_physician,  tag::performing_physician,
+                         tag::reading_physician,  tag::requesting_physician, tag::operators_name};
 /// Of these a word alone tells nothing: an eye hospital's is "eye".
-constexpr Tag whole_texts[] = {tag::patient_id, tag::other_patient_ids, tag::accession_number,
-                               tag::institution_name, tag::station_name};
+constexpr Tag whole_texts[] = {tag::patient_id,       tag::other_patient_ids, tag::accession_number,
+                               tag::institution_name, tag::station_name,      tag::patient_address};
+/// Of these the short ones are numbers like any other ("1", "100"), and what has no digit is a word ("HEAD").
+constexpr Tag numbers[] = {tag::study_id, tag::admission_id, tag::patient_telephone,
+                           tag::device_serial_number};
 constexpr Tag dates[] = {tag::patient_birth_date, tag::study_date};
 /// What operators type; the other texts that are kept are terms of the standard.
-constexpr Tag free_texts[] = {tag::body_part, tag::stack_id};
+constexpr Tag free_texts[] = {tag::body_part, tag::stack_id, tag::sequence_name};
+/// Lists of terms to which scanners and people add their own.
+constexpr Tag types[] = {tag::image_type, tag::frame_type};
 
 constexpr std::size_t shortest_name = 3, shortest_number = 3, telling_digits = 5, shortest_date = 6;
 /// Signs of a date's month, and between its numbers: "3 de setembro de 1985", "3 tháng 7 năm 1985".
@@ -192,6 +201,22 @@ std::vector<std::pair<std::size_t, std::size_t>> written_dates(const std::u32str
   return places;
 }
 
+/// Words of image types by which images are judged: they stay, whoever is called Norm or Map.
+bool is_term_of_types(const std::string& value) {
+  static const std::set<std::u32string> terms{
+      U"original", U"derived",    U"primary",  U"secondary", U"none",       U"norm",      U"dis2d",
+      U"dis3d",    U"mfsplit",    U"mosaic",   U"phase",     U"water",      U"fat",       U"opp",
+      U"out",      U"projection", U"image",    U"mip",       U"tmip",       U"minip",     U"tminip",
+      U"mnip",     U"max",        U"min",      U"mean",      U"vrt",        U"ssd",       U"volume",
+      U"surface",  U"render",     U"rendered", U"rendering", U"curved",     U"map",       U"adc",
+      U"eadc",     U"colfa",      U"trace",    U"tracew",    U"tensor",     U"diffusion", U"cbf",
+      U"cbv",      U"rcbf",       U"rcbv",     U"relcbf",    U"relcbv",     U"mtt",       U"rmtt",
+      U"relmtt",   U"ttp",        U"sub",      U"subtract",  U"subtraction"};
+  const auto words = runs_of(fold(value).letters, is_letter_or_digit);
+  return std::all_of(words.begin(), words.end(),
+                     [](const auto& word) { return word.size() < shortest_name || terms.count(word) > 0; });
+}
+
 }  // namespace
 
 void Identity::add_name(const std::string& name) {
@@ -260,9 +285,18 @@ void Identity::add_date(const std::string& date) {
   }
 }
 
+void Identity::add_number(const std::string& text) {
+  const std::u32string folded = fold(text).letters;
+  const auto telling = std::count_if(folded.begin(), folded.end(), is_letter_or_digit);
+  if (telling >= static_cast<std::ptrdiff_t>(telling_digits) &&
+      std::any_of(folded.begin(), folded.end(), is_digit))
+    add_whole(text);
+}
+
 void Identity::add(const ImageHeader& header) {
   for (const Tag& tag : names) add_name(header.value(tag));
   for (const Tag& tag : whole_texts) add_whole(header.value(tag));
+  for (const Tag& tag : numbers) add_number(header.value(tag));
   for (const Tag& tag : dates) add_date(header.value(tag));
 }
 
@@ -299,17 +333,29 @@ std::string Identity::removed_from(const std::string& text) const {
   return kept;
 }
 
+std::string Identity::removed_from_type(const std::string& type) const {
+  if (removed_from(type) == type) return type;
+  std::vector<std::string> values = split_values(type);
+  for (std::string& value : values)
+    if (!is_term_of_types(value)) value = removed_from(value);
+  return fmt::format("{}", fmt::join(values, "\\"));
+}
+
 void Identity::remove_from(ImageHeader& header) const {
   header.description = removed_from(header.description);
   const auto remove = [&](TagValues& values) {
     for (const Tag& tag : free_texts)
       if (const auto found = values.find(tag.keyword); found != values.end())
         found->second = removed_from(found->second);
+    for (const Tag& tag : types)
+      if (const auto found = values.find(tag.keyword); found != values.end())
+        found->second = removed_from_type(found->second);
   };
   remove(header.data_set);
   for (auto& frame : header.frames) remove(frame);
   for (const Tag& tag : names) header.data_set.erase(tag.keyword);
   for (const Tag& tag : whole_texts) header.data_set.erase(tag.keyword);
+  for (const Tag& tag : numbers) header.data_set.erase(tag.keyword);
   for (const Tag& tag : dates) header.data_set.erase(tag.keyword);
 }
 

@@ -12,21 +12,23 @@ namespace emmetrope::segmentation {
 /// out of its free texts: people type names and numbers into series descriptions.
 class Identity {
  public:
-  /// Notes names of patient, physicians and operators, patient and accession numbers, institution and station, the
-  /// dates of birth and of the study.
+  /// Notes names of patient, mother, physicians and operators, patient, accession, study, admission, telephone and
+  /// device numbers, address, institution and station, the dates of birth and of the study.
   void add(const ImageHeader& header);
   /// The text with "[removed]" in place of each part of a name (3 letters or more; 2 where letters are words), each
   /// number, institution and station as a whole, and the dates in their usual spellings, the month as a number or as a
   /// word of whatever language; whatever the case, with accents, without or spelt out (Müller, Muller, Mueller), and
   /// what has 5 letters and digits or more however it is punctuated.
   std::string removed_from(const std::string& text) const;
-  /// The same of the header's free texts; its own identifying values go.
+  /// The same of the header's free texts and of its image types, whose terms stay; its own identifying values go.
   void remove_from(ImageHeader& header) const;
 
  private:
   void add_name(const std::string& name);
   void add_whole(const std::string& text);
+  void add_number(const std::string& text);
   void add_date(const std::string& date);
+  std::string removed_from_type(const std::string& type) const;
   std::set<std::u32string> terms_;       ///< folded
   std::set<std::u32string> punctuated_;  ///< numbers and dates, found however a text punctuates them
   std::set<std::array<int, 3>> dates_;   ///< year, month, day

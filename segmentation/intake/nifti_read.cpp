@@ -255,10 +255,26 @@ Eigen::Matrix4d affine_of(const Header& header, const std::string& name) {
   return affine;
 }
 
+/// Sides of the voxels that an sform without a qform, whose they would be, contradicts.
+void compare_voxel_sides(const Header& header, double to_mm, const std::string& name,
+                         std::vector<std::string>& warnings) {
+  constexpr double same_side = 0.01;
+  const Eigen::Vector3d told = to_mm * Eigen::Vector3d(header.pixdim[1], header.pixdim[2], header.pixdim[3]),
+                        used = to_mm * header.sform.topLeftCorner<3, 3>().colwise().norm().transpose();
+  const double difference = (used.array() / told.array() - 1).abs().maxCoeff();
+  const bool is_told = told.minCoeff() > 0 && told.allFinite();
+  if (is_told && difference > same_side)
+    warnings.push_back(fmt::format(
+        "{}: pixdim is {:.4g} x {:.4g} x {:.4g} mm, but voxels of the sform are {:.4g} x {:.4g} x {:.4g} mm; "
+        "the sform is used, and where pixdim is right lengths are wrong by up to {:.0f} %",
+        name, told.x(), told.y(), told.z(), used.x(), used.y(), used.z(), 100 * difference));
+}
+
 /// What the codes of the forms say of lengths and sides.
 void judge_forms(const Header& header, const std::string& name, std::vector<std::string>& warnings) {
   const bool are_one = header.sform_code > 0 && header.qform_code > 0 &&
                        compare_forms(header, mm_of_unit(header, name), name, warnings);
+  if (header.qform_code <= 0) compare_voxel_sides(header, mm_of_unit(header, name), name, warnings);
   const bool by_sform = uses_sform(header) || (are_one && is_of_template(header.sform_code));
   if (const int code = by_sform ? header.sform_code : header.qform_code; is_of_template(code))
     warnings.push_back(

@@ -9,7 +9,7 @@ inline constexpr double least_spacing_mm = 0.05, largest_spacing_mm = 20;
 inline constexpr double least_slope = 1e-9, largest_slope = 1e9;
 /// In slopes; beyond it single precision does not tell neighbouring stored values apart.
 inline constexpr double largest_intercept = 1e6;
-inline constexpr double largest_age_years = 130;
+inline constexpr double largest_age_years = 110;
 inline constexpr double least_field_T = 0.01, largest_field_T = 20;
 inline constexpr double least_bandwidth_Hz = 1, largest_bandwidth_Hz = 20'000;  ///< of a pixel
 
@@ -18,6 +18,8 @@ inline bool is_plausible_field(double T) { return T >= least_field_T && T <= lar
 inline bool is_plausible_bandwidth(double Hz) {
   return Hz >= least_bandwidth_Hz && Hz <= largest_bandwidth_Hz;
 }
+/// Not 0, which headers say that tell none: a newborn's is in days.
+inline bool is_plausible_age(double years) { return years > 0 && years <= largest_age_years; }
 /// Positive: a negative slope turns T1 into T2.
 inline bool is_plausible_slope(double slope) { return slope >= least_slope && slope <= largest_slope; }
 inline bool is_plausible_intercept(double intercept, double slope) {

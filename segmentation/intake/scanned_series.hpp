@@ -16,6 +16,7 @@ struct FrameStatistics {
   std::int32_t minimum = 0, maximum = 0;
   std::int64_t sum = 0;
   std::uint64_t count = 0;
+  std::size_t hash = 0;  ///< of all in their order
 };
 
 /// One file as the decoding process told it.

@@ -38,17 +38,36 @@ bool is_mosaic(const ImageHeader& header) {
          (says(tag::private_creator_0019, "SIEMENS") && header.has(tag::mosaic_images));
 }
 
+/// As Siemens and others name it: "*ep2d1_128", "ep_b1000#2", "epfid2d1_64", "EPI".
+bool names_echo_planar(const std::string& sequence) {
+  static const std::regex name("[*_]?ep([_0-9]|i|fid|se).*", std::regex::icase);
+  return std::regex_match(sequence.substr(0, 16), name);
+}
+
 /// A file may be classic (one frame), enhanced (no ScanningSequence) or legacy converted (one of each frame).
 void check_echo_planar(const ScannedFile& file) {
   for (int frame = 0; frame < file.frame_count(); ++frame) {
     const auto sequence = split_values(file.header.value(tag::scanning_sequence, frame));
     const bool by_sequence = std::find(sequence.begin(), sequence.end(), "EP") != sequence.end();
-    if (by_sequence || file.header.value(tag::echo_planar, frame) == "YES")
+    const bool by_name = names_echo_planar(file.header.value(tag::sequence_name, frame));
+    if (by_sequence || by_name || file.header.value(tag::echo_planar, frame) == "YES")
       throw unsupported_error(
-          found(file, by_sequence ? tag::scanning_sequence : tag::echo_planar, frame) +
+          found(file,
+                by_sequence ? tag::scanning_sequence
+                : by_name   ? tag::sequence_name
+                            : tag::echo_planar,
+                frame) +
           ": echo-planar images (diffusion, perfusion, function) are distorted by millimetres near air, where "
           "eyes are");
   }
+}
+
+/// Of several weightings at one place that which is not weighted may have been chosen.
+void check_diffusion(const std::vector<SeriesImage>& images) {
+  for (const SeriesImage& image : images)
+    if (parse_number(image.value(tag::diffusion_b_value)).value_or(0) > 0)
+      throw unsupported_error(found(image, tag::diffusion_b_value) +
+                              ": images weighted by diffusion show no eye in detail");
 }
 
 /// What has no slices or no intensities of an acquisition, in the standard's words and the vendors'.
@@ -332,6 +351,7 @@ SeriesInfo judge_series(std::vector<ScannedFile> files, const IntakeOptions& opt
     judge_positions(images, info);
     check_contrast(images, info.uid);
     check_component(images, info.uid);
+    check_diffusion(images);
     info.usable = true;
   } catch (const Error& refusal) {
     if (refusal.status() == ExitStatus::usage) throw;

@@ -1,6 +1,8 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include <algorithm>
+#include <optional>
 #include <set>
 
 #include "pipeline/base/error.hpp"
@@ -105,6 +107,35 @@ PositionLine fit_line(const std::vector<SeriesImage>& images, const std::vector<
   return line;
 }
 
+/// A slice that alone is off the grid of all others.
+struct StraySlice {
+  std::size_t index;
+  double off_mm;
+  SliceGrid grid;  ///< of the others; the stray one on the nearest plane that is free
+};
+
+/// A finer grid, on which it lies and others are missing, explains no more.
+std::optional<StraySlice> find_stray_slice(const std::vector<double>& along_normal, const SliceGrid& grid) {
+  constexpr std::size_t fewest = 5;  // of fewer any may be the stray one
+  const double usual_mm = median_step_mm(along_normal);
+  const bool is_regular = grid.deviation_mm <= on_grid_mm && grid.spacing_mm > usual_mm - on_grid_mm;
+  if (is_regular || along_normal.size() < fewest) return {};
+  for (std::size_t i = 0; i < along_normal.size(); ++i) {
+    std::vector<double> others = along_normal;
+    others.erase(others.begin() + static_cast<std::ptrdiff_t>(i));
+    SliceGrid regular = slice_grid_of_step(others, usual_mm);
+    if (regular.deviation_mm > on_grid_mm) continue;
+    const double plane = (along_normal[i] - regular.start_mm) / regular.spacing_mm;
+    const std::vector<int>& planes = regular.plane;
+    const int first_free = i == 0 ? -1 : planes[i - 1] + 1,
+              last_free = i == 0 || i == planes.size() ? first_free : std::max(first_free, planes[i] - 1);
+    regular.plane.insert(regular.plane.begin() + static_cast<std::ptrdiff_t>(i),
+                         std::clamp(static_cast<int>(std::lround(plane)), first_free, last_free));
+    return StraySlice{i, std::abs(plane - std::round(plane)) * regular.spacing_mm, regular};
+  }
+  return {};
+}
+
 void warn_of_gaps(const std::vector<SeriesImage>& images, const std::vector<double>& along_normal,
                   const SliceGrid& grid, SeriesInfo& info) {
   for (std::size_t i = 1; i < images.size(); ++i) {
@@ -173,8 +204,14 @@ void judge_positions(std::vector<SeriesImage> images, SeriesInfo& info) {
   const SliceGrid grid = fit_slice_grid(along_normal);
   info.uniform =
       !grid.has_gaps() && grid.deviation_mm <= on_grid_mm && line.largest_residual_mm <= on_grid_mm;
-  warn_of_gaps(images, along_normal, grid, info);
-  if (grid.deviation_mm > on_grid_mm)
+  const auto stray = find_stray_slice(along_normal, grid);
+  warn_of_gaps(images, along_normal, stray ? stray->grid : grid, info);
+  if (stray)
+    info.warnings.push_back(fmt::format(
+        "uneven spacing: {}: {} is {:.3f} mm off the grid of {:.3f} mm on which all other slices lie; "
+        "every slice keeps its own position",
+        images[stray->index].name(), to_string(tag::image_position), stray->off_mm, stray->grid.spacing_mm));
+  else if (grid.deviation_mm > on_grid_mm)
     info.warnings.push_back(fmt::format(
         "uneven spacing: {} is up to {:.3f} mm off a grid of {:.3f} mm; every slice keeps its own position",
         to_string(tag::image_position), grid.deviation_mm, grid.spacing_mm));
@@ -184,6 +221,7 @@ void judge_positions(std::vector<SeriesImage> images, SeriesInfo& info) {
                     to_string(tag::image_position), line.largest_residual_mm));
   compare_stated_spacing(images.front(), info);
   warn_of_sparse_slices(info);
+  warn_of_slices(images, info);
 }
 
 }  // namespace emmetrope::segmentation

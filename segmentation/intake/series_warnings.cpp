@@ -102,9 +102,97 @@ void warn_of_lengths(const SeriesImage& first, SeriesInfo& info) {
         100 * std::abs(field_mm / diameter_mm - 1)));
 }
 
+/// Whether PatientOrientation, letters of where rows and columns run to, says the opposite of the cosines.
+bool is_contradicted(const ImageHeader& header) {
+  static const std::map<char, Eigen::Vector3d> directions{{'L', {1, 0, 0}}, {'R', {-1, 0, 0}},
+                                                          {'P', {0, 1, 0}}, {'A', {0, -1, 0}},
+                                                          {'H', {0, 0, 1}}, {'F', {0, 0, -1}}};
+  const auto letters = split_values(header.value(tag::patient_orientation));
+  const auto cosines = parse_numbers(header.value(tag::image_orientation), 6);
+  if (!cosines || letters.size() != 2) return false;
+  for (std::size_t i = 0; i < 2; ++i)
+    if (const auto told = directions.find(letters[i].empty() ? ' ' : letters[i][0]);
+        told != directions.end() && told->second.dot(Eigen::Vector3d(cosines->data() + 3 * i)) < 0)
+      return true;
+  return false;
+}
+
+void warn_of_times(SeriesInfo& info) {
+  const double echo_ms = info.echo_time_ms.value_or(0), repetition_ms = info.repetition_time_ms.value_or(0);
+  if (repetition_ms > 0 && echo_ms > repetition_ms)
+    info.warnings.push_back(fmt::format("{} is {:g} ms, longer than {}, {:g} ms: one of the two may be wrong",
+                                        to_string(tag::echo_time), echo_ms, to_string(tag::repetition_time),
+                                        repetition_ms));
+}
+
 void warn_of_phase(const SeriesImage& first, SeriesInfo& info) {
   if (component_of(first) == "PHASE")
     info.warnings.push_back(to_string(tag::image_type) + " says that these are phase images, not magnitudes");
+}
+
+const FrameStatistics& stored_of(const SeriesImage& image) {
+  return image.source->frames.at(static_cast<std::size_t>(image.frame));
+}
+
+void warn_of_lost_slices(const std::vector<SeriesImage>& images, SeriesInfo& info) {
+  const auto shows_something = [&](const SeriesImage& image) {
+    return stored_of(image).minimum != stored_of(image).maximum;
+  };
+  // Beyond the head scanners' images may be empty.
+  const auto first = std::find_if(images.begin(), images.end(), shows_something);
+  const auto last = std::find_if(images.rbegin(), images.rend(), shows_something).base();
+  std::map<std::size_t, const SeriesImage*> seen;
+  std::vector<std::string> constant, copies;
+  for (auto image = first; image < last; ++image) {
+    const auto [other, is_new] = seen.try_emplace(stored_of(*image).hash, &*image);
+    if (!shows_something(*image))
+      constant.push_back(image->name());
+    else if (!is_new)
+      copies.push_back(other->second->name() + " and " + image->name());
+  }
+  const auto warn = [&](const std::vector<std::string>& slices, const char* text) {
+    if (slices.empty()) return;
+    const std::string more = slices.size() > 1 ? fmt::format(", and {} more", slices.size() - 1) : "";
+    info.warnings.push_back(
+        fmt::format("{}{}: {}; give the study as the scanner sent it", slices.front(), more, text));
+  };
+  warn(constant,
+       "one value throughout between slices that show something, an image that was lost or blanked");
+  warn(copies, "the same pixels at two places, one of them not its own");
+}
+
+double mean_of(const SeriesImage& image) {
+  const FrameStatistics& stored = stored_of(image);
+  return image.slope * static_cast<double>(stored.sum) / static_cast<double>(stored.count) + image.intercept;
+}
+
+/// Whether its scale sets a slice off from another, for which the stored values do not make up.
+bool outshines(const SeriesImage& image, const SeriesImage& other) {
+  constexpr double largest_usual_ratio = 1.5;
+  return image.slope > other.slope && mean_of(other) > 0 &&
+         mean_of(image) > largest_usual_ratio * mean_of(other);
+}
+
+/// A scale of each slice is Philips' way; that some lack one, or are brighter by it than both neighbours, is a header that
+/// was changed.
+void warn_of_scales(const std::vector<SeriesImage>& images, SeriesInfo& info) {
+  const auto has_scale = [](const SeriesImage& image) { return !image.value(tag::rescale_slope).empty(); };
+  const auto is_scaled = [](const SeriesImage& image) { return image.slope != 1 || image.intercept != 0; };
+  const auto with = std::find_if(images.begin(), images.end(), is_scaled);
+  const auto without = std::find_if_not(images.begin(), images.end(), has_scale);
+  if (with != images.end() && without != images.end())
+    info.warnings.push_back(fmt::format("{}, but {}: their grey values may not be comparable",
+                                        found(*with, tag::rescale_slope),
+                                        found(*without, tag::rescale_slope)));
+  for (std::size_t i = 1; i + 1 < images.size(); ++i) {
+    const SeriesImage &before = images[i - 1], &here = images[i], &after = images[i + 1];
+    const bool is_brighter = outshines(here, before) && outshines(here, after);
+    if (!is_brighter && !(outshines(before, here) && outshines(after, here))) continue;
+    info.warnings.push_back(
+        fmt::format("{}, and the slice is {} than both its neighbours; the scale may be wrong",
+                    found(here, tag::rescale_slope), is_brighter ? "brighter" : "darker"));
+    break;
+  }
 }
 
 }  // namespace
@@ -132,12 +220,21 @@ void warn_of_image_type(const std::vector<SeriesImage>& images, SeriesInfo& info
 }
 
 void warn_of_sparse_slices(SeriesInfo& info) {
-  constexpr double largest_usual_ratio = 2;
-  if (info.slice_thickness_mm && info.slice_spacing_mm &&
-      *info.slice_spacing_mm > largest_usual_ratio * *info.slice_thickness_mm)
+  constexpr double largest_usual_ratio = 2, largest_usual_overlap = 5;
+  if (!info.slice_thickness_mm || !info.slice_spacing_mm) return;
+  const double thickness_mm = *info.slice_thickness_mm, spacing_mm = *info.slice_spacing_mm;
+  if (spacing_mm > largest_usual_ratio * thickness_mm)
     info.warnings.push_back(
         fmt::format("slices {:.3g} mm thick lie {:.3g} mm apart: what is between them is in no image",
-                    *info.slice_thickness_mm, *info.slice_spacing_mm));
+                    thickness_mm, spacing_mm));
+  if (thickness_mm > largest_usual_overlap * spacing_mm)
+    info.warnings.push_back(fmt::format("slices {:.3g} mm thick lie {:.3g} mm apart: {} may be wrong",
+                                        thickness_mm, spacing_mm, to_string(tag::slice_thickness)));
+}
+
+void warn_of_slices(const std::vector<SeriesImage>& images, SeriesInfo& info) {
+  warn_of_lost_slices(images, info);
+  warn_of_scales(images, info);
 }
 
 void add_warnings(const std::vector<ScannedFile>& files, const std::vector<SeriesImage>& images,
@@ -150,8 +247,19 @@ void add_warnings(const std::vector<ScannedFile>& files, const std::vector<Serie
       files, [](const auto& file) { return file.end.extra_bytes > 0; },
       to_string(tag::pixel_data) + " is longer than its image; the rest is ignored", info);
   warn_of_files(
-      files, [](const auto& file) { return file.header.description_repaired; },
-      to_string(tag::series_description) + " is not in the character set " + to_string(tag::character_set),
+      files, [](const auto& file) { return !file.header.has(tag::study_instance); },
+      to_string(tag::study_instance) +
+          " is absent: the report's DICOM objects will belong to a study of their own, under a pseudonym",
+      info);
+  warn_of_files(
+      files, [](const auto& file) { return is_contradicted(file.header); },
+      fmt::format("{} contradicts {}, which is used: the head may be mirrored",
+                  to_string(tag::patient_orientation), to_string(tag::image_orientation)),
+      info);
+  warn_of_files(
+      files, [](const auto& file) { return file.header.description_unreadable; },
+      to_string(tag::series_description) + " is not in the character set " + to_string(tag::character_set) +
+          ", or in one that cannot be converted; it is left out",
       info);
   warn_of_files(
       files, [](const auto& file) { return file.header.value(tag::lossy_compression) == "01"; },
@@ -176,10 +284,11 @@ void add_warnings(const std::vector<ScannedFile>& files, const std::vector<Serie
       [](const auto& file) {
         return file.header.has(tag::patient_age) && !parse_age_years(file.header.value(tag::patient_age));
       },
-      fmt::format("{} is no age below {:g} years and is not used; --age gives it",
+      fmt::format("{} is no age above 0 and of at most {:g} years, and is not used; --age gives it",
                   to_string(tag::patient_age), largest_age_years),
       info);
   warn_of_image_type(images, info);
+  warn_of_times(info);
   warn_of_lengths(first, info);
 }
 

@@ -17,8 +17,14 @@ bool shows_head(const std::string& body_part);
 /// Phase images, computed ones and parts of the signal; sets `computed` and `dixon_part` of `info`.
 void warn_of_image_type(const std::vector<SeriesImage>& images, SeriesInfo& info);
 
-/// Slices with more between them than planned gaps, a tenth to a half of their thickness.
+/// Slices with more between them than planned gaps, a tenth to a half of their thickness, or that overlap by more than
+/// interpolation does.
 void warn_of_sparse_slices(SeriesInfo& info);
+
+/// Slices of one value throughout between others, and copies of others: what is missing there is no disease of the eye.
+/// Scales that make slices brighter or darker than both their neighbours, or that some slices lack.
+/// \param images  in the order of their positions, with the statistics of their frames
+void warn_of_slices(const std::vector<SeriesImage>& images, SeriesInfo& info);
 
 /// All that a series of files is warned of.
 /// \param images  of the files, at least one

@@ -42,6 +42,27 @@ class Sidecar {
     values[tag.keyword] = fmt::format("{:.9g}", number);
   }
 
+  /// The times, in DICOM's unit; none of them where the echo is later than any is: milliseconds look like long seconds.
+  void add_times(TagValues& values) const {
+    constexpr double ms_per_s = 1000, longest_echo_s = 1;
+    constexpr Range times_ms{1e-3, 1e5};
+    const auto seconds = [&](const Tag& tag) {
+      const Json* value = find(tag.keyword);
+      return value != nullptr && value->is_number() ? value->get<double>() : 0;
+    };
+    const double echo_s = seconds(tag::echo_time), repetition_s = seconds(tag::repetition_time);
+    if (echo_s > longest_echo_s || (repetition_s > 0 && echo_s > repetition_s)) {
+      warnings_.push_back(
+          fmt::format("{}: EchoTime is {:g} s, longer than {}; no time of it is used: are they in seconds?",
+                      file_.string(), echo_s,
+                      echo_s > longest_echo_s ? fmt::format("{:g} s", longest_echo_s)
+                                              : fmt::format("RepetitionTime, {:g} s", repetition_s)));
+      return;
+    }
+    for (const Tag& tag : {tag::repetition_time, tag::echo_time, tag::inversion_time})
+      add_number(tag, times_ms, ms_per_s, values);
+  }
+
   /// Code strings: a list of them, or one text, in which some converters join them by "_".
   void add_codes(const Tag& tag, TagValues& values) const {
     constexpr std::size_t most = 64;
@@ -60,6 +81,20 @@ class Sidecar {
     }
     while (!codes.empty() && codes.back() == '\\') codes.pop_back();
     if (!codes.empty()) values[tag.keyword] = codes;
+  }
+
+  /// What BIDS and converters call the sequence, in the attributes by which echo-planar ones are known.
+  void add_sequence(TagValues& values) const {
+    static const std::regex name(R"([A-Za-z0-9_*#]{1,16})"),
+        echo_planar(R"((.*[^A-Z])?EPI([^A-Z].*)?)", std::regex::icase);
+    const auto text = [&](const char* key) {
+      const Json* value = find(key);
+      return value != nullptr && value->is_string() ? value->get<std::string>().substr(0, 64) : std::string();
+    };
+    for (const char* key : {"PulseSequenceName", "SequenceName"})
+      if (const std::string told = text(key); std::regex_match(told, name))
+        values[tag::sequence_name.keyword] = told;
+    if (std::regex_match(text("PulseSequenceType"), echo_planar)) values[tag::echo_planar.keyword] = "YES";
   }
 
   /// The value where it is one of these texts.
@@ -159,10 +194,8 @@ TagValues read_sidecar(const fs::path& volume, const Stack& geometry, std::vecto
     const Sidecar sidecar(file, json_of(file), warnings);
     for (const Tag& tag : {tag::modality, tag::image_type, tag::scanning_sequence, tag::body_part})
       sidecar.add_codes(tag, values);
-    constexpr double ms_per_s = 1000;
-    constexpr Range times_ms{1e-3, 1e5};
-    for (const Tag& tag : {tag::repetition_time, tag::echo_time, tag::inversion_time})
-      sidecar.add_number(tag, times_ms, ms_per_s, values);
+    sidecar.add_sequence(values);
+    sidecar.add_times(values);
     sidecar.add_number(tag::field_strength, {least_field_T, largest_field_T}, 1, values);
     sidecar.add_number(tag::pixel_bandwidth, {least_bandwidth_Hz, largest_bandwidth_Hz}, 1, values);
     sidecar.add_number(tag::flip_angle, {0.1, 360}, 1, values);

@@ -26,7 +26,11 @@ inline constexpr double on_grid_mm = 0.02;
 /// \param along_normal_mm  positions, ascending, at least two
 double median_step_mm(const std::vector<double>& along_normal_mm);
 
-/// Least-squares grid through slice positions: the coarsest whose step occurs between two slices and that has
+/// Least-squares grid through slice positions whose neighbours are multiples of a step apart, but for rounding.
+/// \param along_normal_mm  positions along the normal, ascending, at least two
+SliceGrid slice_grid_of_step(const std::vector<double>& along_normal_mm, double step_mm);
+
+/// The same of a step that is not told: the coarsest whose step occurs between two slices and that has
 /// all slices on it; of the median step where there is none.
 /// \param along_normal_mm  positions along the normal, ascending, at least one
 SliceGrid fit_slice_grid(const std::vector<double>& along_normal_mm);

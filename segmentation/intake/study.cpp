@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <map>
 #include <set>
+#include <string_view>
 
 #include "pipeline/base/clean_text.hpp"
 #include "pipeline/base/files.hpp"
@@ -29,8 +30,10 @@ using SeriesFiles = std::map<std::string, std::vector<ScannedFile>>;  // by Seri
 
 FrameStatistics statistics_of(const std::vector<std::int32_t>& samples) {
   const auto [low, high] = std::minmax_element(samples.begin(), samples.end());
-  FrameStatistics statistics{*low, *high, 0, samples.size()};
+  FrameStatistics statistics{*low, *high, 0, samples.size(), 0};
   for (const auto sample : samples) statistics.sum += sample;
+  statistics.hash = std::hash<std::string_view>{}(
+      {reinterpret_cast<const char*>(samples.data()), samples.size() * sizeof samples[0]});
   return statistics;
 }
 
@@ -87,7 +90,8 @@ void refuse(SeriesInfo& info, const std::string& reason) {
   info.refusal = ExitStatus::input_invalid;
 }
 
-SeriesInfo judge(std::vector<ScannedFile> files, const IntakeOptions& options, StudyInventory& inventory) {
+SeriesInfo judge(std::vector<ScannedFile> files, const IntakeOptions& options, const Patients& patients,
+                 StudyInventory& inventory) {
   const std::size_t all = files.size();
   const std::string fault = drop_copies(files, inventory.root, inventory);
   const std::size_t kept = files.size();
@@ -95,6 +99,7 @@ SeriesInfo judge(std::vector<ScannedFile> files, const IntakeOptions& options, S
   if (kept < all)
     info.warnings.push_back(fmt::format("{} of {} files are copies of others, {}; one of each is used",
                                         all - kept, all, to_string(tag::sop_instance)));
+  for (const auto& warning : patients.warnings(info.uid)) info.warnings.push_back(warning);
   if (!fault.empty()) refuse(info, fault);
   return info;
 }
@@ -302,7 +307,8 @@ StudyInventory read_inventory(const fs::path& study, const IntakeOptions& option
   assign_damaged(damaged, series, inventory);
   for (auto& [uid, files] : series)
     for (auto& file : files) identity.remove_from(file.header);
-  for (auto& [uid, files] : series) inventory.series.push_back(judge(std::move(files), options, inventory));
+  for (auto& [uid, files] : series)
+    inventory.series.push_back(judge(std::move(files), options, patients, inventory));
   // A NIfTI volume beside them may be either's.
   if (const auto conflict = patients.conflict(); !conflict.empty())
     for (auto& info : inventory.series) refuse(info, conflict);

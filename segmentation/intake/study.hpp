@@ -107,8 +107,8 @@ struct SkippedFile {
 
 /// The patient without identity.
 struct Subject {
-  /// Hash of the study's UID (of the bytes of a volume without study): the same study gives the same id, PatientID is not
-  /// in it
+  /// Hash of the study's UID (of a series' without one, of the bytes of a volume): the same study gives the same id,
+  /// PatientID is not in it
   std::string id;
   std::optional<double> age_years;  ///< PatientAge, or from the dates of birth and of the study
   std::string sex;                  ///< "M", "F", "O" or empty

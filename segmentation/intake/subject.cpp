@@ -9,6 +9,11 @@
 namespace emmetrope::segmentation {
 namespace {
 
+/// By less an age agrees with dates of which the year alone is told, as 1 January.
+constexpr double largest_contradiction_years = 2;
+/// Ages within a series: it may run into a birthday.
+constexpr double same_age_years = 1;
+
 /// A date YYYYMMDD in years.
 std::optional<double> years_of(const std::string& date) {
   if (date.size() != 8) return {};
@@ -18,12 +23,48 @@ std::optional<double> years_of(const std::string& date) {
   return *year + (*month - 1) / 12 + (*day - 1) / 365.25;
 }
 
-std::optional<double> age_of(const ImageHeader& header) {
-  if (const auto age = parse_age_years(header.value(tag::patient_age))) return age;
+/// From the date of birth to that of the study; of a person or not.
+std::optional<double> years_by_dates(const ImageHeader& header) {
   const auto born = years_of(header.value(tag::patient_birth_date)),
              studied = years_of(header.value(tag::study_date));
-  if (!born || !studied || *studied < *born || *studied - *born >= largest_age_years) return {};
-  return std::floor(*studied - *born);
+  if (!born || !studied) return {};
+  return *studied - *born;
+}
+
+std::optional<double> age_by_dates(const ImageHeader& header) {
+  const auto years = years_by_dates(header);
+  return years && is_plausible_age(*years) ? years : std::nullopt;
+}
+
+std::optional<double> age_of(const ImageHeader& header) {
+  if (const auto age = parse_age_years(header.value(tag::patient_age))) return age;
+  const auto by_dates = age_by_dates(header);
+  return by_dates ? std::optional(std::floor(*by_dates)) : std::nullopt;
+}
+
+/// What is wrong with the age, if anything; the dates, which identify, are not told.
+std::string oddity_of_age(const ScannedFile& file) {
+  const ImageHeader& header = file.header;
+  const std::string dates =
+      fmt::format("{} and {}", to_string(tag::patient_birth_date), to_string(tag::study_date));
+  const auto told = parse_age_years(header.value(tag::patient_age)), by_dates = age_by_dates(header);
+  if (!told && !by_dates && years_by_dates(header))
+    return fmt::format(
+        "{}: by {} the patient is not above 0 and at most {:g} years old; no age is taken from them, --age gives it",
+        file.name(), dates, largest_age_years);
+  // Those who take identity off write 89 or 90 for everybody older.
+  const bool is_capped = told && by_dates && (*told == 89 || *told == 90) && *by_dates > *told;
+  if (told && by_dates && !is_capped && std::abs(*told - *by_dates) > largest_contradiction_years)
+    return fmt::format("{}: {} contradicts {} by more than {:g} years; {} is used", file.name(),
+                       to_string(tag::patient_age), dates, largest_contradiction_years,
+                       to_string(tag::patient_age));
+  return {};
+}
+
+bool values_differ(const Tag& tag, const std::string& one, const std::string& other) {
+  if (std::string_view(tag.keyword) != tag::patient_age.keyword) return one != other;
+  const auto a = parse_age_years(one), b = parse_age_years(other);
+  return a && b && std::abs(*a - *b) > same_age_years;
 }
 
 }  // namespace
@@ -35,8 +76,8 @@ std::optional<double> parse_age_years(const std::string& text) {
                           : text[3] == 'M' ? 1.0 / 12
                           : text[3] == 'W' ? 7 / 365.25
                           : text[3] == 'D' ? 1 / 365.25
-                                           : -1;
-  if (!number || *number < 0 || in_years < 0 || *number * in_years >= largest_age_years) return {};
+                                           : 0;
+  if (!number || !is_plausible_age(*number * in_years)) return {};
   return *number * in_years;
 }
 
@@ -49,6 +90,23 @@ void Patients::compare(const Tag& tag, Found& first, const ScannedFile& file) {
                             first.file, file.name(), to_string(tag));
 }
 
+void Patients::compare_within_series(const ScannedFile& file) {
+  OfSeries& series = series_[file.header.value(tag::series_instance)];
+  if (const std::string warning = oddity_of_age(file); !warning.empty())
+    series.warnings.emplace("age", warning);
+  for (const Tag& tag : {tag::patient_sex, tag::patient_age, tag::issuer_of_patient_id, tag::study_date}) {
+    const auto& value = file.header.value(tag);
+    if (value.empty()) continue;
+    const Found& first = series.first.try_emplace(tag.keyword, Found{file.name(), value}).first->second;
+    if (values_differ(tag, first.value, value))
+      series.warnings.emplace(
+          tag.keyword,
+          fmt::format(
+              "{} and {}: {} differs within the series; where it is of two patients or visits, give one",
+              first.file, file.name(), to_string(tag)));
+  }
+}
+
 void Patients::add(const ScannedFile& file) {
   const ImageHeader& header = file.header;
   compare(tag::patient_id, first_id_, file);
@@ -59,16 +117,25 @@ void Patients::add(const ScannedFile& file) {
   else if (first_name_.value.empty())
     first_name_ = {file.name(), header.value(tag::patient_name)};
   compare(tag::patient_birth_date, first_birth_date_, file);
+  compare_within_series(file);
   const auto& study = header.value(tag::study_instance);
   Subject& subject = subjects_[study];
   // Without PatientID: a short number could be found again by trying them all.
-  if (!study.empty() && subject.id.empty()) subject.id = sha256_of(study).substr(0, 16);
+  if (const auto& uid = study.empty() ? header.value(tag::series_instance) : study;
+      !uid.empty() && subject.id.empty())
+    subject.id = sha256_of(uid).substr(0, 16);
   if (!subject.age_years) subject.age_years = age_of(header);
   const auto& sex = header.value(tag::patient_sex);
-  if (sex == "M" || sex == "F" || sex == "O") subject.sex = sex;
+  if (subject.sex.empty() && (sex == "M" || sex == "F" || sex == "O")) subject.sex = sex;
 }
 
 std::string Patients::conflict() const { return conflict_; }
+std::vector<std::string> Patients::warnings(const std::string& series_uid) const {
+  std::vector<std::string> texts;
+  if (const auto found = series_.find(series_uid); found != series_.end())
+    for (const auto& [subject, text] : found->second.warnings) texts.push_back(text);
+  return texts;
+}
 std::map<std::string, Subject> Patients::subjects() const { return subjects_; }
 
 }  // namespace emmetrope::segmentation

@@ -29,6 +29,7 @@ inline constexpr Tag modality{0x0008, 0x0060, "Modality"};
 inline constexpr Tag institution_name{0x0008, 0x0080, "InstitutionName"};
 inline constexpr Tag station_name{0x0008, 0x1010, "StationName"};
 inline constexpr Tag performing_physician{0x0008, 0x1050, "PerformingPhysicianName"};
+inline constexpr Tag reading_physician{0x0008, 0x1060, "NameOfPhysiciansReadingStudy"};
 inline constexpr Tag operators_name{0x0008, 0x1070, "OperatorsName"};
 inline constexpr Tag series_description{0x0008, 0x103e, "SeriesDescription"};
 inline constexpr Tag complex_image_component{0x0008, 0x9208, "ComplexImageComponent"};
@@ -46,6 +47,9 @@ inline constexpr Tag patient_birth_name{0x0010, 0x1005, "PatientBirthName"};
 inline constexpr Tag patient_age{0x0010, 0x1010, "PatientAge"};
 inline constexpr Tag patient_size{0x0010, 0x1020, "PatientSize"};
 inline constexpr Tag patient_weight{0x0010, 0x1030, "PatientWeight"};
+inline constexpr Tag patient_address{0x0010, 0x1040, "PatientAddress"};
+inline constexpr Tag mothers_birth_name{0x0010, 0x1060, "PatientMotherBirthName"};
+inline constexpr Tag patient_telephone{0x0010, 0x2154, "PatientTelephoneNumbers"};
 inline constexpr Tag ethnic_group{0x0010, 0x2160, "EthnicGroup"};
 inline constexpr Tag patient_comments{0x0010, 0x4000, "PatientComments"};
 inline constexpr Tag identity_removed{0x0012, 0x0062, "PatientIdentityRemoved"};
@@ -53,6 +57,7 @@ inline constexpr Tag deidentification_method{0x0012, 0x0063, "DeidentificationMe
 inline constexpr Tag body_part{0x0018, 0x0015, "BodyPartExamined"};
 inline constexpr Tag scanning_sequence{0x0018, 0x0020, "ScanningSequence"};
 inline constexpr Tag acquisition_type{0x0018, 0x0023, "MRAcquisitionType"};
+inline constexpr Tag sequence_name{0x0018, 0x0024, "SequenceName"};
 inline constexpr Tag slice_thickness{0x0018, 0x0050, "SliceThickness"};
 inline constexpr Tag repetition_time{0x0018, 0x0080, "RepetitionTime"};
 inline constexpr Tag echo_time{0x0018, 0x0081, "EchoTime"};
@@ -61,6 +66,7 @@ inline constexpr Tag echo_numbers{0x0018, 0x0086, "EchoNumbers"};
 inline constexpr Tag field_strength{0x0018, 0x0087, "MagneticFieldStrength"};
 inline constexpr Tag spacing_between_slices{0x0018, 0x0088, "SpacingBetweenSlices"};
 inline constexpr Tag pixel_bandwidth{0x0018, 0x0095, "PixelBandwidth"};
+inline constexpr Tag device_serial_number{0x0018, 0x1000, "DeviceSerialNumber"};
 inline constexpr Tag trigger_time{0x0018, 0x1060, "TriggerTime"};
 inline constexpr Tag reconstruction_diameter{0x0018, 0x1100, "ReconstructionDiameter"};
 inline constexpr Tag phase_encoding{0x0018, 0x1312, "InPlanePhaseEncodingDirection"};
@@ -77,6 +83,7 @@ inline constexpr Tag study_id{0x0020, 0x0010, "StudyID"};
 inline constexpr Tag series_number{0x0020, 0x0011, "SeriesNumber"};
 inline constexpr Tag acquisition_number{0x0020, 0x0012, "AcquisitionNumber"};
 inline constexpr Tag instance_number{0x0020, 0x0013, "InstanceNumber"};
+inline constexpr Tag patient_orientation{0x0020, 0x0020, "PatientOrientation"};
 inline constexpr Tag image_position{0x0020, 0x0032, "ImagePositionPatient"};
 inline constexpr Tag image_orientation{0x0020, 0x0037, "ImageOrientationPatient"};
 inline constexpr Tag frame_of_reference{0x0020, 0x0052, "FrameOfReferenceUID"};
@@ -100,6 +107,8 @@ inline constexpr Tag burned_in_annotation{0x0028, 0x0301, "BurnedInAnnotation"};
 inline constexpr Tag rescale_intercept{0x0028, 0x1052, "RescaleIntercept"};
 inline constexpr Tag rescale_slope{0x0028, 0x1053, "RescaleSlope"};
 inline constexpr Tag modality_lut{0x0028, 0x3000, "ModalityLUTSequence"};
+inline constexpr Tag requesting_physician{0x0032, 0x1032, "RequestingPhysician"};
+inline constexpr Tag admission_id{0x0038, 0x0010, "AdmissionID"};
 inline constexpr Tag private_creator_2005{0x2005, 0x0010, "PrivateCreator 2005"};
 inline constexpr Tag lossy_compression{0x0028, 0x2110, "LossyImageCompression"};
 inline constexpr Tag philips_scale_intercept{0x2005, 0x100d, "Philips ScaleIntercept"};
@@ -142,6 +151,7 @@ inline constexpr Tag of_data_set[] = {image_type,
                                       patient_age,
                                       body_part,
                                       scanning_sequence,
+                                      sequence_name,
                                       echo_planar,
                                       acquisition_type,
                                       slice_thickness,
@@ -163,6 +173,7 @@ inline constexpr Tag of_data_set[] = {image_type,
                                       series_number,
                                       acquisition_number,
                                       instance_number,
+                                      patient_orientation,
                                       image_position,
                                       image_orientation,
                                       frame_of_reference,
@@ -191,35 +202,27 @@ inline constexpr Tag of_data_set[] = {image_type,
                                       lossy_compression};
 
 /// Who and what else a free text may name (identity.hpp).
-inline constexpr Tag of_staff[] = {institution_name, station_name, referring_physician, performing_physician,
-                                   operators_name};
+inline constexpr Tag of_identity[] = {
+    institution_name,     station_name,   referring_physician, performing_physician, reading_physician,
+    requesting_physician, operators_name, mothers_birth_name,  patient_address,      patient_telephone,
+    issuer_of_patient_id, study_id,       admission_id,        device_serial_number};
 
 /// Read besides where a header alone is asked for: what objects of the same study must repeat.
 inline constexpr Tag of_study[] = {
-    study_time,     study_description, issuer_of_patient_id, patient_birth_time, patient_size,
-    patient_weight, ethnic_group,      patient_comments,     identity_removed,   deidentification_method,
-    study_id};
+    study_time,       study_description, patient_birth_time,      patient_size, patient_weight, ethnic_group,
+    patient_comments, identity_removed,  deidentification_method, study_id};
 
 /// Attributes of classic images that a legacy converted one may keep in its unassigned groups (PS3.3 C.7.6.16.2).
-inline constexpr Tag of_classic_images[] = {image_type,
-                                            complex_image_component,
-                                            volume_calculation,
-                                            scanning_sequence,
-                                            acquisition_type,
-                                            repetition_time,
-                                            echo_time,
-                                            inversion_time,
-                                            echo_numbers,
-                                            field_strength,
-                                            pixel_bandwidth,
-                                            trigger_time,
-                                            reconstruction_diameter,
-                                            phase_encoding,
-                                            flip_angle,
-                                            acquisition_number,
-                                            series_laterality,
-                                            image_laterality,
-                                            temporal_position_identifier};
+inline constexpr Tag of_classic_images[] = {image_type,         complex_image_component,
+                                            volume_calculation, scanning_sequence,
+                                            sequence_name,      acquisition_type,
+                                            repetition_time,    echo_time,
+                                            inversion_time,     echo_numbers,
+                                            field_strength,     pixel_bandwidth,
+                                            trigger_time,       reconstruction_diameter,
+                                            phase_encoding,     flip_angle,
+                                            acquisition_number, series_laterality,
+                                            image_laterality,   temporal_position_identifier};
 
 struct FrameTag {
   Tag macro, attribute;

@@ -44,10 +44,10 @@ using TagValues = std::map<std::string, std::string>;
 
 struct ImageHeader {
   FileKind kind = FileKind::not_dicom;
-  std::string reason{};               ///< why it is not an image
-  std::string transfer_syntax{};      ///< UID
-  std::string description{};          ///< SeriesDescription in UTF-8
-  bool description_repaired = false;  ///< it had bytes that its character set does not allow
+  std::string reason{};                 ///< why it is not an image
+  std::string transfer_syntax{};        ///< UID
+  std::string description{};            ///< SeriesDescription in UTF-8
+  bool description_unreadable = false;  ///< it is not in its character set, and left out
   TagValues data_set{};
   std::vector<TagValues> frames{};  ///< functional groups of each frame; one empty entry for a classic image
 

@@ -140,6 +140,10 @@ SourceStudy SourceStudy::read(const fs::path& study, const NotedStudy& noted) {
     if (source.images_.empty()) {
       if (noted.sha256.count(sha256_of_file(file)) == 0)
         throw input_error(file.string() + " was changed while it was read", "run it again");
+      if (!header.has(tag::study_instance))
+        throw input_error(fmt::format("{}: {} is absent: no object can belong to its study", file.string(),
+                                      to_string(tag::study_instance)),
+                          "without --study the objects carry the pseudonym");
       source.header_->putAndInsertString(DCM_SpecificCharacterSet, "ISO_IR 192");
       for (const auto& tag : study_tags)
         if (header.has(tag)) source.header_->putAndInsertString(key(tag), header.value(tag).c_str());

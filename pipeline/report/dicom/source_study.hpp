@@ -45,8 +45,8 @@ class SourceStudy {
  public:
   /// Reads the headers of the files that segmentation read, known by their bytes; others are not opened. A
   /// child process parses them (segmentation/intake/decoder.hpp).
-  /// \throw Error (input_invalid) when a file of a used series is not there as it was: it is another study, or
-  ///   another patient's
+  /// \throw Error (input_invalid) when a file of a used series is not there as it was (it is another study, or another
+  ///   patient's), or has no StudyInstanceUID
   static SourceStudy read(const std::filesystem::path& study, const NotedStudy& noted);
   /// Where the study is not at hand: a patient named by the pseudonym, a study of its own.
   static SourceStudy pseudonymous(const std::string& subject, const std::string& study_date);

@@ -342,6 +342,26 @@ TEST_F(OtherStudies, AVolumeThatWasReadIsNoPatients) {
   }
 }
 
+/// Objects without a study are none: they could not be written.
+TEST_F(OtherStudies, NoneWhereTheFilesTellNone) {
+  std::vector<std::string> words{"-nb", "-e", "(0020,000d)"};
+  for (const auto& entry : fs::directory_iterator(study_)) words.push_back(entry.path().string());
+  output_of("/usr/bin/dcmodify", words);
+  test::note_study(folder_, study_);
+  try {
+    report(study_);
+    ADD_FAILURE() << "objects of no study";
+  } catch (const Error& error) {
+    EXPECT_THAT(error.what(), HasSubstr("(0020,000d) StudyInstanceUID is absent"));
+  }
+  report({});
+  for (const char* name : {"report.dcm", "prescription.dcm", "biometry.dcm"}) {
+    EXPECT_THAT(dump(name), Not(HasSubstr("DOE"))) << name;
+    EXPECT_THAT(dump(name), HasSubstr("s-0a1b2c3d")) << name;
+    EXPECT_THAT(dump(name), HasSubstr("(0020,000d) UI [2.25.")) << name;
+  }
+}
+
 TEST_F(OtherStudies, AFileThatCameLaterIsNotOpened) {
   test::make_fixture_study(study_ / "later", "ROE^RICHARD");
   write_nested();

@@ -1,15 +1,18 @@
-// What enhanced multi-frame MR says in its functional groups counts as what classic images say.
+// What enhanced multi-frame MR says in its functional groups counts as what classic images say; texts come in UTF-8.
 #include "segmentation/intake/dicom_header.hpp"
 
 #include <dcmtk/dcmdata/dcuid.h>
 
+#include "segmentation/intake/decoder.hpp"
 #include "tests/segmentation/intake/intake_test.hpp"
 
 namespace emmetrope::test {
 namespace {
 
 using ::testing::AllOf;
+using ::testing::Contains;
 using ::testing::HasSubstr;
+using ::testing::Not;
 
 class FunctionalGroups : public IntakeTest {
  protected:
@@ -108,6 +111,59 @@ TEST_F(FunctionalGroups, OfALegacyConvertedImageMayBeShared) {
   EXPECT_EQ(series().echo_time_ms, 91);
   group->putAndInsertString(DCM_ScanningSequence, "EP");
   EXPECT_THAT(series().reason, HasSubstr("(0018,0020)"));
+}
+
+/// The C library has no converter for Japanese with escape sequences: the patient's name stood in the description as
+/// "$B;3ED(B", and so did it in the report's objects.
+TEST_F(IntakeTest, JapaneseWithEscapeSequencesIsConverted) {
+  struct Case {
+    const char *sets, *name, *description, *expected_name, *expected_description;
+  };
+  for (const Case& c :
+       {Case{"\\ISO 2022 IR 87", "Yamada^Tarou=\x1B$B;3ED\x1B(B^\x1B$BB@O:\x1B(B",
+             "\x1B$B;3ED\x1B(B axial T2 yamada", "Yamada^Tarou=\u5c71\u7530^\u592a\u90ce",
+             "[removed] axial T2 [removed]"},
+        Case{"ISO 2022 IR 13\\ISO 2022 IR 87", "\xD4\xCF\xC0^\xC0\xDB\xB3=\x1B$B;3ED\x1B(J^\x1B$BB@O:\x1B(J",
+             "\x1B$B;3ED\x1B(J \xBC\xDD T2",
+             "\uff94\uff8f\uff80^\uff80\uff9b\uff73=\u5c71\u7530^\u592a\u90ce", "[removed] \uff7c\uff9d T2"},
+        Case{"\\ISO 2022 IR 58", "Wang^XiaoDong=\x1B$)A\xCD\xF5^\x1B$)A\xD0\xA1\xB6\xAB",
+             "\x1B$)A\xD0\xA1\xB6\xAB T2", "Wang^XiaoDong=\u738b^\u5c0f\u4e1c", "[removed] T2"}}) {
+    GeneratedSeries series;
+    series.set_all(DCM_SpecificCharacterSet, c.sets);
+    series.set_all(DCM_PatientName, c.name);
+    series.set_all(DCM_SeriesDescription, c.description);
+    const auto files = series.write(folder());
+    EXPECT_EQ(only_series().description, c.expected_description) << c.sets;
+    EXPECT_THAT(only_series().warnings, Not(Contains(HasSubstr("(0008,103e)")))) << c.sets;
+    EXPECT_EQ(segmentation::Decoder({}).header(files[0]).value(segmentation::tag::patient_name),
+              c.expected_name);
+  }
+}
+
+TEST_F(IntakeTest, NoNameIsPassedOnThatIsNotConverted) {
+  struct Case {
+    const char *sets, *name, *description, *kept_description;
+  };
+  for (const Case& c :
+       {Case{"ISO_IR 100", "Yamada^T=\x1B$B;3ED\x1B(B", "T2 \x1B$B;3ED\x1B(B", ""},  // not told
+        Case{"",
+             "Sch\xE4"
+             "del^A",
+             "T2 Sch\xE4"
+             "del",
+             ""},
+        Case{"ISO 2022 IR 100\\ISO 2022 IR 87", "A^\x1B$B;3\x1B(", "T2 Yamada", "T2 Yamada"},
+        Case{"\\ISO 2022 IR 87", "Yamada^T=\x1B$(Q.!\x1B(B", "T2 yamada", "T2 [removed]"}}) {
+    GeneratedSeries series;
+    series.set_all(DCM_SpecificCharacterSet, c.sets);
+    series.set_all(DCM_PatientName, c.name);
+    series.set_all(DCM_SeriesDescription, c.description);
+    const auto files = series.write(folder());
+    const auto info = only_series();
+    EXPECT_EQ(info.description, c.kept_description) << c.name;
+    EXPECT_EQ(info.warnings.size(), std::string(c.kept_description).empty() ? 2U : 1U) << c.name;
+    EXPECT_FALSE(segmentation::Decoder({}).header(files[0]).has(segmentation::tag::patient_name)) << c.name;
+  }
 }
 
 }  // namespace

@@ -104,6 +104,55 @@ TEST_F(IntakeTest, DescriptionsNameNeitherStaffNorPlaceNorDate) {
   EXPECT_EQ(only_series().description, "eye T2 [removed] [removed] [removed] [removed] [removed] [removed]");
 }
 
+TEST_F(IntakeTest, DescriptionsNameNeitherFamilyNorNumbersOfTheVisit) {
+  GeneratedSeries series;
+  for (const auto& [tag, value] : {std::pair{DCM_PatientMotherBirthName, "Marple^Jane"},
+                                   {DCM_RequestingPhysician, "Poirot"},
+                                   {DCM_NameOfPhysiciansReadingStudy, "Hastings^A"},
+                                   {DCM_StudyID, "STID8876"},
+                                   {DCM_AdmissionID, "ADM-3344"},
+                                   {DCM_PatientTelephoneNumbers, "0931-555777"},
+                                   {DCM_PatientAddress, "12 Baker Street, London"},
+                                   {DCM_DeviceSerialNumber, "35235"}})
+    series.set_all(tag, value);
+  series.set_all(DCM_SeriesDescription,
+                 "T2 marple POIROT hastings stid8876 adm3344 0931 555777 12 baker street london 35235");
+  series.write(folder());
+  EXPECT_EQ(only_series().description,
+            "T2 [removed] [removed] [removed] [removed] [removed] [removed] [removed] [removed]");
+}
+
+TEST_F(IntakeTest, ShortNumbersAndWordsInTheirPlaceAreLeft) {
+  GeneratedSeries series;
+  series.set_all(DCM_StudyID, "100");
+  series.set_all(DCM_AdmissionID, "BRAIN");
+  series.set_all(DCM_SeriesDescription, "BRAIN TR 1000");
+  series.write(folder());
+  EXPECT_EQ(only_series().description, "BRAIN TR 1000");
+}
+
+TEST_F(IntakeTest, ImageTypesNameNobodyAndKeepTheirTerms) {
+  const auto type = [&](const char* name, const char* text) {
+    GeneratedSeries series;
+    series.set_all(DCM_PatientName, name);
+    series.set_all(DCM_ImageType, text);
+    series.write(folder());
+    return only_series().image_type;
+  };
+  EXPECT_EQ(type("Doyle^Arthur", "ORIGINAL\\PRIMARY\\M\\DOYLE_T2"), "ORIGINAL\\PRIMARY\\M\\[removed]_T2");
+  // Names that are parts of terms, or terms.
+  EXPECT_EQ(type("M^Mary^Norm", "ORIGINAL\\PRIMARY\\M\\NORM\\MARY"), "ORIGINAL\\PRIMARY\\M\\NORM\\[removed]");
+}
+
+TEST_F(IntakeTest, AMapIsRefusedWhateverThePatientIsCalled) {
+  GeneratedSeries series;
+  series.set_all(DCM_PatientName, "Map^Min");
+  series.set_all(DCM_ImageType, "DERIVED\\PRIMARY\\T2 MAP\\T2");
+  series.write(folder());
+  EXPECT_EQ(only_series().refusal, ExitStatus::unsupported);
+  EXPECT_THAT(only_series().reason, HasSubstr("T2 MAP"));
+}
+
 TEST_F(IntakeTest, WhatACaseKeepsNamesNobody) {
   GeneratedSeries series;
   series.set_all(DCM_SpecificCharacterSet, "ISO_IR 192");
@@ -157,6 +206,23 @@ TEST_F(IntakeTest, ThePseudonymDoesNotDependOnThePatientsNumber) {
   EXPECT_EQ(one.size(), 16U);
   EXPECT_EQ(pseudonym("2", "1.2.3"), one);
   EXPECT_NE(pseudonym("1", "1.2.4"), one);
+}
+
+TEST_F(IntakeTest, AStudyWithoutAUidIsWarnedOfAndHasAPseudonymAllTheSame) {
+  const auto pseudonym = [&](const char* series_uid) {
+    GeneratedSeries series;
+    series.erase_all(DCM_StudyInstanceUID);
+    series.set_all(DCM_SeriesInstanceUID, series_uid);
+    series.write(folder());
+    const auto found = inventory();
+    EXPECT_TRUE(found.series.at(0).usable);
+    EXPECT_THAT(found.series[0].warnings,
+                testing::Contains(HasSubstr("(0020,000d) StudyInstanceUID is absent")));
+    return found.subject_of(found.series[0]).id;
+  };
+  const std::string one = pseudonym("1.2.3");
+  EXPECT_EQ(one.size(), 16U);
+  EXPECT_NE(pseudonym("1.2.4"), one);
 }
 
 }  // namespace

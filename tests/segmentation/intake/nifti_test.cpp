@@ -1,5 +1,6 @@
 #include <cstring>
 #include <fstream>
+#include <limits>
 #include <random>
 
 #include "pipeline/base/files.hpp"
@@ -13,6 +14,7 @@ namespace emmetrope::test {
 namespace {
 
 using segmentation::Stack;
+using ::testing::AllOf;
 using ::testing::HasSubstr;
 
 /// An oblique stack, its slices at these numbers times 2 mm.
@@ -184,7 +186,31 @@ TEST_F(NiftiTest, ATemplatesCoordinatesGiveWayToTheScannersOrAreWarnedOf) {
   patch<std::int16_t>(path, 252, 0);
   warnings.clear();
   EXPECT_NEAR(segmentation::read_nifti(path, warnings).column_spacing_mm, 0.42, 1e-6);
-  EXPECT_THAT(warnings, testing::ElementsAre(HasSubstr("sform_code is 4, a template's coordinates")));
+  EXPECT_THAT(warnings, testing::ElementsAre(HasSubstr("pixdim is 0.4 x 0.5 x 2 mm"),
+                                             HasSubstr("sform_code is 4, a template's coordinates")));
+}
+
+/// Nothing tells which of the two is right: all lengths may be wrong.
+TEST_F(NiftiTest, AnSformThatContradictsPixdimIsWarnedOf) {
+  const auto path = sound();
+  const auto warnings = [&] {
+    std::vector<std::string> texts;
+    EXPECT_NEAR(segmentation::read_nifti(path, texts).column_spacing_mm, 0.4, 1e-6);
+    return texts;
+  };
+  patch<std::int16_t>(path, 252, 0);  // the sform alone
+  EXPECT_THAT(warnings(), testing::IsEmpty());
+  patch(path, 80, 0.4F * 1.005F);  // a rounded one
+  EXPECT_THAT(warnings(), testing::IsEmpty());
+  patch(path, 80, 0.4F / 1.05F);
+  EXPECT_THAT(warnings(),
+              testing::ElementsAre(AllOf(
+                  HasSubstr("pixdim is 0.381 x 0.5 x 2 mm, but voxels of the sform are 0.4 x 0.5 x 2 mm"),
+                  HasSubstr("wrong by up to 5 %"))));
+  for (const float nothing : {0.0F, std::numeric_limits<float>::quiet_NaN()}) {
+    patch(path, 80, nothing);
+    EXPECT_THAT(warnings(), testing::IsEmpty());
+  }
 }
 
 TEST_F(NiftiTest, FormsThatContradictEachOtherAboutLeftAndRightAreRefused) {

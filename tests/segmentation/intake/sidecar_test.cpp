@@ -66,6 +66,7 @@ TEST_F(Sidecar, TellsTheAcquisitionInUnitsOfDicom) {
           Pair("ScanningSequence", "GR\\IR"), Pair("BodyPartExamined", "BRAIN"),
           Pair("ImageType", "ORIGINAL\\PRIMARY\\\\IN_PHASE"), Pair("InPlanePhaseEncodingDirection", "COL")));
   EXPECT_THAT(warnings(), IsEmpty());
+  EXPECT_THAT(read(R"({"PulseSequenceType": "MPRAGE", "PulseSequenceName": "Doe, Jane"})"), IsEmpty());
   EXPECT_THAT(
       read(R"({"ScanningSequence": "EP_SE", "ImageType": "DERIVED_PRIMARY_MIP", "BodyPartExamined": ""})"),
       UnorderedElementsAre(Pair("ScanningSequence", "EP\\SE"), Pair("ImageType", "DERIVED\\PRIMARY\\MIP")));
@@ -109,6 +110,18 @@ TEST_F(Sidecar, PhaseEncodingAndThicknessAreAboutTheVolumeAsStored) {
     EXPECT_EQ(values.count("SliceThickness") > 0, c.thickness) << c.json;
     EXPECT_THAT(warnings(), IsEmpty());
   }
+}
+
+/// As seconds the times of a converter that writes milliseconds are those of no sequence.
+TEST_F(Sidecar, TimesInMillisecondsAreNotUsed) {
+  for (const char* text :
+       {R"({"EchoTime": 4.11, "RepetitionTime": 7.2, "InversionTime": 0.9, "FlipAngle": 9})",
+        R"({"EchoTime": 0.3, "RepetitionTime": 0.007, "FlipAngle": 9})"}) {
+    EXPECT_THAT(read(text), ElementsAre(Pair("FlipAngle", "9"))) << text;
+    EXPECT_THAT(warnings(), ElementsAre(AllOf(HasSubstr("Doe.json: EchoTime is"), HasSubstr("in seconds?"))));
+  }
+  EXPECT_THAT(read(R"({"EchoTime": 0.5})"), ElementsAre(Pair("EchoTime", "500")));
+  EXPECT_THAT(warnings(), IsEmpty());
 }
 
 TEST_F(Sidecar, WhatCannotBeReadIsLeftOutWithAWarning) {
@@ -241,7 +254,9 @@ TEST_F(Sidecar, AVolumeThatWasTurnedIsWhatItWas) {
 TEST_F(Sidecar, WhatIsNoSlicesAsAcquiredIsRefusedWithoutTheFilesName) {
   write_volume(axial());
   for (const char* json :
-       {R"({"ScanningSequence": "EP"})", R"({"ScanningSequence": "EP_GR"})", R"({"Modality": "CT"})",
+       {R"({"ScanningSequence": "EP"})", R"({"ScanningSequence": "EP_GR"})",
+        R"({"PulseSequenceType": "Gradient echo EPI"})", R"({"PulseSequenceName": "epi2"})",
+        R"({"SequenceName": "_ep2d"})", R"({"Modality": "CT"})",
         R"({"ImageType": ["DERIVED", "PRIMARY", "DIFFUSION", "ADC"]})"}) {
     write_sidecar(json);
     const auto info = only_series();

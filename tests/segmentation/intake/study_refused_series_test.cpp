@@ -64,6 +64,10 @@ constexpr auto diffusion = [](GeneratedSeries& series) {
     series[series.duplicate(slice)].putAndInsertFloat64(DCM_DiffusionBValue, 1000);
   }
 };
+constexpr auto one_diffusion_weight = [](GeneratedSeries& series) {
+  for (int slice = 0; slice < series.size(); ++slice)
+    series[slice].putAndInsertFloat64(DCM_DiffusionBValue, 1000);
+};
 constexpr auto alternating_echoes = [](GeneratedSeries& series) {
   for (int slice = 0; slice < GeneratedSeries::slices; ++slice)
     series.set(slice, DCM_EchoTime, slice % 2 == 0 ? "12" : "90");
@@ -207,6 +211,10 @@ const Defect defects[] = {
     {"EchoPlanar", SET_ALL(DCM_ScanningSequence, "EP\\SE"), "(0018,0020)", ExitStatus::unsupported},
     {"EchoPlanarOfEnhancedMr", SET_ALL(DCM_EchoPlanarPulseSequence, "YES"), "(0018,9018)",
      ExitStatus::unsupported},
+    {"EchoPlanarByItsName", SET_ALL(DCM_SequenceName, "*ep2d1_128"), "(0018,0024)", ExitStatus::unsupported},
+    {"DiffusionByItsName", SET_ALL(DCM_SequenceName, "ep_b1000#2"), "(0018,0024)", ExitStatus::unsupported},
+    {"EchoPlanarFunction", SET_ALL(DCM_SequenceName, "epfid2d1_64"), "(0018,0024)", ExitStatus::unsupported},
+    {"OneDiffusionWeight", one_diffusion_weight, "(0018,9087)", ExitStatus::unsupported},
 };
 
 INSTANTIATE_TEST_SUITE_P(TableA, RefusedSeries, ::testing::ValuesIn(defects),
