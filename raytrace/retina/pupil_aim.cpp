@@ -111,10 +111,9 @@ PupilAim::PupilAim(const EyeModel& eye, const RetinalGrid& grid, double waveleng
     const Eigen::Vector3d retina = retina_point(eye, at.x(), at.y()).position_mm;
     const auto ellipse = aim_ellipse(crossing, retina, plane_z_mm_);
     if (!ellipse)
-      throw input_error(
-          "eye \"" + eye.name + "\": no ray from the retina at x = " + std::to_string(at.x()) +
-              ", y = " + std::to_string(at.y()) + " mm reaches the stop",
-          "check the surfaces' depths and radii with emmetrope ray, or use a smaller field");
+      throw input_error("eye \"" + eye.name + "\": no ray from the retina at x = " + std::to_string(at.x()) +
+                            ", y = " + std::to_string(at.y()) + " mm reaches the stop",
+                        "check the surfaces' depths and radii with emmetrope ray, or use a smaller field");
     nodes_[k] = *ellipse;
   });
 }

@@ -3,8 +3,8 @@
 #include <optional>
 
 #include "segmentation/edges/edge_ellipsoid.hpp"
-#include "segmentation/intake/weighting.hpp"
 #include "segmentation/intake/volume.hpp"
+#include "segmentation/intake/weighting.hpp"
 
 /// A plain reader of an eye: half-level edges along rays, an ellipsoid through them, the lens by its contrast.
 /// It shares nothing with the fit of the image model but the image, so that its errors are of another kind.

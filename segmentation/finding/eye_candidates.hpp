@@ -2,8 +2,8 @@
 #include <Eigen/Core>
 #include <vector>
 
-#include "segmentation/intake/weighting.hpp"
 #include "segmentation/intake/volume.hpp"
+#include "segmentation/intake/weighting.hpp"
 
 namespace emmetrope::segmentation {
 

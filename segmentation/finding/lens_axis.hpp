@@ -3,8 +3,8 @@
 #include <optional>
 #include <vector>
 
-#include "segmentation/intake/weighting.hpp"
 #include "segmentation/intake/volume.hpp"
+#include "segmentation/intake/weighting.hpp"
 
 namespace emmetrope::segmentation {
 

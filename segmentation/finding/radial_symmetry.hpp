@@ -3,8 +3,8 @@
 #include <vector>
 
 #include "segmentation/finding/blanked_region.hpp"
-#include "segmentation/intake/weighting.hpp"
 #include "segmentation/intake/volume.hpp"
+#include "segmentation/intake/weighting.hpp"
 
 namespace emmetrope::segmentation {
 
