@@ -164,7 +164,7 @@ TEST_F(MeshStage, OpticsHaveTheLensOfTheSubjectsAge) {
   make_meshes(options_, {});
   const Json optics = read_json(mesh("os", "optics.json"));
   EXPECT_EQ(optics["parameters"].back(), "lens_index");
-  EXPECT_NEAR(optics["values"].back(), 1.441 - 0.00039 * 70, 1e-12);
+  EXPECT_NEAR(optics["values"].back(), 1.441 - 0.00039 * 100, 1e-12);
   EXPECT_NEAR(optics["prior_sigmas"].back(), std::hypot(0.005, 0.00039 * 30), 1e-12);
 }
 

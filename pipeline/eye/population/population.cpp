@@ -76,7 +76,7 @@ double tail_of(const std::string& parameter) { return parameter == "lens_index" 
 LensIndex lens_index_at_age(double age_years) {
   constexpr double at_age_0 = 1.441, per_year = -0.00039;
   const double known_years = std::clamp(age_years, youngest_years, oldest_years);
-  return {at_age_0 + per_year * known_years,
+  return {at_age_0 + per_year * age_years,
           std::hypot(usual_lens_index_sigma, per_year * (age_years - known_years))};
 }
 

@@ -29,8 +29,8 @@ inline constexpr double usual_age_years = 40;
 /// Between lenses of one age.
 inline constexpr double usual_lens_index_sigma = 0.005;
 
-/// Equivalent index of a lens of that age: a line from 18 to 70 years (Dubbelman and van der Heijde 2001). Outside them
-/// it is the nearer end's, and how far the line goes on from there is uncertain besides.
+/// Equivalent index of a lens of that age: a line (Dubbelman and van der Heijde 2001). Below 18 and above 70 years, where
+/// no lens was measured for it, what it adds is uncertain besides.
 struct LensIndex {
   double mean = 0, sigma = usual_lens_index_sigma;
 };
