@@ -161,13 +161,21 @@ void check_distance(const Object& object, const char* key, double distance_mm) {
                                    distance_mm, least_distance_mm));
 }
 
-/// A chart as on the command line, whose faults are the file's here.
-ChartSpec read_chart(const Object& object) {
+/// A chart as on the command line, whose faults are the file's here. Drawn for the angle under which the plane is seen
+/// from the apex; its place is the plane's.
+std::shared_ptr<const Texture> read_chart(const Object& object, const TexturedPlane& plane) {
   try {
-    return parse_chart(object.text("chart"));
+    ChartSpec chart = parse_chart(object.text("chart"));
+    const double distance = plane.at_infinity ? plane.centre_mm.z() : plane.centre_mm.norm();
+    chart.distance_mm = std::max(least_distance_mm, distance);
+    const Eigen::Vector2d half_mm(plane.right_mm.norm(), plane.up_mm.norm());
+    chart.extent_deg = 2 * std::atan2(half_mm.maxCoeff(), distance) / degree;
+    return draw_chart(chart, half_mm / half_mm.maxCoeff()).planes.front().texture;
   } catch (const Error& error) {
     if (error.status() != ExitStatus::usage) throw;
-    throw object.fault("chart", error.what(), error.remedy());
+    const bool is_too_fine = std::string(error.remedy()).find("extent_deg") != std::string::npos;
+    throw object.fault("chart", error.what(),
+                       is_too_fine ? "a smaller plane, or larger detail" : error.remedy());
   }
 }
 
@@ -198,18 +206,12 @@ TexturedPlane read_plane(const Object& object, const std::filesystem::path& fold
     if (plane.at_infinity && !(plane.centre_mm.z() > 0))
       throw object.fault("centre_mm",
                          "a chart at infinity is drawn for an eye that it faces: z must be above 0");
-    // Drawn for the angle under which the plane is seen from the apex; its place is the plane's.
     const std::string text = object.text("chart");
     for (const char* own : {"distance_mm", "extent_deg"})
       if (text.find(own) != std::string::npos)
         throw object.fault("chart",
                            std::string(own) + " is the plane's, by its centre_mm, right_mm and up_mm");
-    ChartSpec chart = read_chart(object);
-    const double distance = plane.at_infinity ? plane.centre_mm.z() : plane.centre_mm.norm();
-    chart.distance_mm = std::max(least_distance_mm, distance);
-    const Eigen::Vector2d half_mm(plane.right_mm.norm(), plane.up_mm.norm());
-    chart.extent_deg = 2 * std::atan2(half_mm.maxCoeff(), distance) / degree;
-    plane.texture = draw_chart(chart, half_mm / half_mm.maxCoeff()).planes.front().texture;
+    plane.texture = read_chart(object, plane);
   }
   return plane;
 }

@@ -342,8 +342,8 @@ FoundEyes find_eyes(const std::vector<const Stack*>& stacks, const std::vector<s
     StackChoice& choice = found.choices.emplace_back();
     choice.stack = s;
     if (const auto told = stacks[s]->told_weighting)
-      choice.reason +=
-          fmt::format(" as {} shows it, which its echo and repetition times tell", to_string(*told));
+      choice.reason += fmt::format(" as {} shows it, which its echo, repetition and inversion times tell",
+                                   to_string(*told));
   }
   const std::vector<Cluster> eyes = best_pair_or_globe(cluster_globes(stacks));
   compare_with_tags(eyes, stacks, laterality_tags);

@@ -6,6 +6,7 @@
 #include <array>
 #include <cmath>
 #include <iterator>
+#include <limits>
 #include <optional>
 
 #include "pipeline/base/error.hpp"
@@ -215,11 +216,16 @@ VectorXd globe_sigmas(const EyeFit& fit, double length_sigma_mm) {
 /// 16 eyes were covered to 81 % (docs/evidence/worlds.md).
 constexpr double unlike_along_axes = 2.0 / 3;
 
-/// In some stack.
-bool has_pixels_within(const std::vector<ObservedStack>& stacks, double most_mm) {
-  return std::any_of(stacks.begin(), stacks.end(), [&](const ObservedStack& o) {
-    return std::max(o.stack->row_spacing_mm, o.stack->column_spacing_mm) <= most_mm;
-  });
+double finest_pixel_mm(const std::vector<ObservedStack>& stacks) {
+  double finest = std::numeric_limits<double>::infinity();
+  for (const ObservedStack& o : stacks)
+    finest = std::min(finest, std::max(o.stack->row_spacing_mm, o.stack->column_spacing_mm));
+  return finest;
+}
+
+bool shows_layers_in_t2(const EyeFit& fit) {
+  constexpr double pixel_within_layer_mm = 0.5;
+  return finest_pixel_mm(fit.stacks) < pixel_within_layer_mm;
 }
 
 /// In T1, where voxels of 1 mm hardly tell a wall's bright inner layer, globes are too small by 0.3 mm (rms of length,
@@ -228,10 +234,9 @@ bool has_pixels_within(const std::vector<ObservedStack>& stacks, double most_mm)
 /// bright shell by itself, and they err by 0.4 mm (rms). In T2 walls with a thin inner layer come out too thick inwards, and
 /// the others outwards, by 0.1 mm (rms of 156 eyes, pixels of 0.6 mm), where no pixel lies within a layer.
 double error_of_layers_mm(const EyeFit& fit) {
-  constexpr double pixel_within_layer_mm = 0.5;
   if (fat_is_dark(fit.stacks)) return 0.4;
   if (fit.weighting == Weighting::t1) return 0.3;
-  return has_pixels_within(fit.stacks, pixel_within_layer_mm) ? 0 : 0.08;
+  return shows_layers_in_t2(fit) ? 0 : 0.08;
 }
 
 /// What a person's eyes err by alike in images of one contrast: the wall's layers, which move length and diameters together,
@@ -424,11 +429,18 @@ EyeFit fit_eye(const std::vector<const Stack*>& stacks, const EyeStart& start, W
   fit.iterations = best.solution.iterations;
   fit.start_costs = best.apex_costs;
   fit_to_all_voxels(fit, step_done);
-  if (fit.irregularity.found() && has_pixels_within(fit.stacks, CornealIrregularity::coarsest_pixel_mm)) {
+  if (fit.irregularity.found() && finest_pixel_mm(fit.stacks) <= CornealIrregularity::coarsest_pixel_mm) {
     make_cornea_irregular(fit);
     fit_to_all_voxels(fit, {});
   }
   return fit;
+}
+
+std::string alike_images(const EyeFit& fit) {
+  const char* more = fat_is_dark(fit.stacks)                                     ? ", dark fat"
+                     : fit.weighting == Weighting::t2 && shows_layers_in_t2(fit) ? ", fine pixels"
+                                                                                 : "";
+  return std::string(to_string(fit.weighting)) + more;
 }
 
 ParametricEye to_parametric_eye(const EyeFit& fit, Laterality laterality) {

@@ -105,6 +105,9 @@ EyeFit fit_eye(const std::vector<const Stack*>& stacks, const EyeStart& start, W
                const std::function<void()>& advance = {}, Evidence evidence = Evidence::intensities);
 inline constexpr int fit_steps = 4;
 
+/// Images that err alike (EyeFit::shared_covariance): "T1", "T1, dark fat", "T2" or "T2, fine pixels".
+std::string alike_images(const EyeFit& fit);
+
 /// The eye for the next stages: named parameters, covariance, priors and sources (Origin::of_images).
 ParametricEye to_parametric_eye(const EyeFit& fit, Laterality laterality);
 

@@ -200,8 +200,8 @@ void describe_acquisition(const SeriesInfo& info, Stack& stack) {
   stack.slices_are_encoded = is_told ? info.acquisition_type == "3D" : slices_are_thin(stack);
   // A volume may have been turned since it was acquired.
   stack.slices_are_told = !stack.slices_are_encoded && (is_told || !info.is_nifti());
-  stack.told_weighting = weighting_by_times(
-      {info.repetition_time_ms, info.echo_time_ms, info.inversion_time_ms, info.flip_angle_deg});
+  stack.told_weighting = weighting_by_times({info.repetition_time_ms, info.echo_time_ms,
+                                             info.inversion_time_ms, info.flip_angle_deg, info.sequence});
 }
 
 /// Each study's series can be used, but not together with another's.

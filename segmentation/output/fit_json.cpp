@@ -94,9 +94,7 @@ Json shared_error_json(const EyeFit& fit) {
   for (Eigen::Index i = 0; i < count; ++i)
     for (Eigen::Index k = 0; k < count; ++k)
       if (fit.shared_covariance(i, k) != 0) covariance[name(i)][name(k)] = fit.shared_covariance(i, k);
-  return {
-      {"images", fmt::format("{}{}", to_string(fit.weighting), fat_is_dark(fit.stacks) ? ", dark fat" : "")},
-      {"covariance", covariance}};
+  return {{"images", alike_images(fit)}, {"covariance", covariance}};
 }
 
 /// What images of the other contrast said by themselves, or with this one where they are joined; null: there are none.

@@ -118,7 +118,7 @@ TEST_P(BothContrasts, AnImageThatLooksUnlikeItsHeaderIsRefusedByName) {
   EXPECT_TRUE(found.eyes.empty());
   EXPECT_THAT(found.choices[0].reason,
               testing::EndsWith(std::string("as ") + to_string(*stack.told_weighting) +
-                                " shows it, which its echo and repetition times tell"));
+                                " shows it, which its echo, repetition and inversion times tell"));
 }
 
 TEST_P(BothContrasts, GlobesAreTheSameInEveryOrderOfTheVoxels) {

@@ -29,6 +29,10 @@ TEST(WeightingByTimes, IsToldWhereTheyLeaveNoDoubt) {
            {"MP2RAGE, second inversion", {5000, 2.98, 2500, 5}, {}},
            {"spoiled gradient echo", {20, 4.6, {}, 25}, {}},
            {"echo time alone", {{}, 91, {}, {}}, {}},
+           {"FLAIR, its inversion time not told", {9000, 90, {}, 150, "SE\\IR"}, {}},
+           {"TrueFISP in one slice, whose repetition is the shot's", {400, 1.5, {}, 70, "GR"}, {}},
+           {"MPRAGE, all told", {2300, 2.98, 900, 9, "GR\\IR"}, Weighting::t1},
+           {"turbo spin echo, all told", {4000, 91, {}, 150, "SE"}, Weighting::t2},
            {"nothing", {}, {}}})
     EXPECT_EQ(weighting_by_times(sequence.times), sequence.told) << sequence.name;
 }
