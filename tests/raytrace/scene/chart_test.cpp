@@ -3,6 +3,7 @@
 #include <unistd.h>
 
 #include <cmath>
+#include <cstddef>
 #include <filesystem>
 #include <numeric>
 
@@ -86,7 +87,7 @@ TEST(Charts, KeepTheirAnglesOnAPlaneThatIsNotSquare) {
              half = draw_chart(spec, {1, 0.5}).planes.front().texture;
   ASSERT_EQ(half->width, whole->width);
   ASSERT_EQ(2 * half->height, whole->height);
-  const auto first = whole->values.begin() + whole->width * (whole->height / 4);
+  const auto first = whole->values.begin() + static_cast<std::ptrdiff_t>(whole->width) * (whole->height / 4);
   EXPECT_TRUE(std::equal(half->values.begin(), half->values.end(), first));
 }
 
