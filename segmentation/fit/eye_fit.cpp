@@ -231,8 +231,8 @@ bool shows_layers_in_t2(const EyeFit& fit) {
 /// In T1, where voxels of 1 mm hardly tell a wall's bright inner layer, globes are too small by 0.3 mm (rms of length,
 /// width and height of 58 eyes: 0.30, 0.35, 0.42) in phantoms of a world that the model does not know, nearly alike along
 /// all axes (docs/evidence/worlds.md); phantoms of the model's own have them right. Where fat is dark the inner layer is a
-/// bright shell by itself, and they err by 0.4 mm (rms). In T2 walls with a thin inner layer come out too thick inwards, and
-/// the others outwards, by 0.1 mm (rms of 156 eyes, pixels of 0.6 mm), where no pixel lies within a layer.
+/// bright shell by itself, and they err by 0.4 mm (rms). In T2, where no pixel lies within a layer, how thick the inner
+/// one is trades against where it begins: 0.1 mm (rms of 156 eyes, pixels of 0.6 mm).
 double error_of_layers_mm(const EyeFit& fit) {
   if (fat_is_dark(fit.stacks)) return 0.4;
   if (fit.weighting == Weighting::t1) return 0.3;
