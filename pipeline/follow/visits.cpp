@@ -135,34 +135,82 @@ Json fit_of(const report::CaseData& data, Laterality eye) {
   return found == data.eyes.end() ? Json() : found->fit;
 }
 
+/// shared_error of a fit.json; null: not known.
+/// \throw Error (input_invalid) naming file and key where it is no symmetric matrix by parameters' names
+Json shared_error_in(const Json& fit, const fs::path& file) {
+  const auto require = [&](bool is_so, const std::string& key, const Json& found, const char* expected) {
+    if (!is_so)
+      throw input_error(
+          fmt::format("{}: {} is {}, expected {}", file.string(), key, found.dump().substr(0, 60), expected),
+          "run emmetrope segment again with --force");
+  };
+  const std::string key = "shared_error";
+  const Json shared = fit.value(key, Json());
+  if (shared.is_null()) return shared;
+  require(shared.is_object(), key, shared, "an object or null");
+  const Json images = shared.value("images", Json()), covariance = shared.value("covariance", Json());
+  require(images.is_string(), key + "/images", images, "what the images are");
+  require(covariance.is_object(), key + "/covariance", covariance, "rows by a parameter's name");
+  for (const auto& [name, row] : covariance.items())
+    require(row.is_object(), key + "/covariance/" + name, row, "numbers by a parameter's name");
+  for (const auto& [name, row] : covariance.items())
+    for (const auto& [other, number] : row.items()) {
+      const std::string place = fmt::format("{}/covariance/{}/{}", key, name, other);
+      require(number.is_number(), place, number, "a number in mm^2");
+      require(covariance.value(other, Json::object()).value(name, Json()) == number, place, number,
+              "that of the two names the other way round");
+    }
+  return shared;
+}
+
 /// Images and field that an eye was fitted to: "T1, dark fat, 3 T"; empty where that is not told, or whether others share
 /// an error with it.
-std::string images_of(const report::CaseData& data, const Json& fit) {
-  const Json shared = fit.value("shared_error", Json());
-  if (!shared.is_object()) return {};
-  const std::string contrast = fit.value("contrast", std::string());
+/// \param shared  its shared_error
+std::string images_of(const report::CaseData& data, const Json& fit, const Json& shared) {
+  if (shared.is_null()) return {};
+  const Json contrast = fit.value("contrast", Json());
   std::set<double> fields_T;
   for (const report::Series& series : report::used_series(data))
-    if (series.contrast == contrast) fields_T.insert(series.field_strength_T);
+    if (Json(series.contrast) == contrast) fields_T.insert(series.field_strength_T);
   if (fields_T.size() != 1 || !(*fields_T.begin() > 0)) return {};
   return fmt::format("{}, {:g} T", shared.at("images").get<std::string>(), *fields_T.begin());
+}
+
+/// Where one visit says of this error what cannot be, it stays in all: their growth would have it in part.
+void take_out_shared_errors(std::vector<ParametricEye>& fitted, const std::vector<Json>& shared_errors,
+                            Laterality eye, std::vector<std::string>& doubts) {
+  std::vector<ParametricEye> without;
+  for (std::size_t i = 0; i < fitted.size(); ++i) {
+    try {
+      without.push_back(without_shared_error(fitted[i], shared_errors[i].at("covariance")));
+    } catch (const Error& error) {
+      doubts.push_back(fmt::format(
+          "{}: at visit {} {}: what the images of all visits err by alike stays in the intervals of growth, "
+          "which are wider for it.",
+          clinical_name(eye), i + 1, error.what()));
+      return;
+    }
+  }
+  fitted = std::move(without);
 }
 
 }  // namespace
 
 ParametricEye without_shared_error(ParametricEye eye, const Json& shared) {
-  const auto count = static_cast<Eigen::Index>(eye.parameter_names.size());
-  for (Eigen::Index i = 0; i < count; ++i)
-    for (Eigen::Index k = 0; k < count; ++k) {
-      const auto row = shared.find(eye.parameter_names[static_cast<std::size_t>(i)]);
-      if (row == shared.end()) continue;
-      eye.covariance(i, k) -= row->value(eye.parameter_names[static_cast<std::size_t>(k)], 0.0);
-    }
+  const std::string remedy = "segment the study again";
+  const auto place_of = [&](const std::string& name) {
+    const auto at = std::find(eye.parameter_names.begin(), eye.parameter_names.end(), name);
+    if (at == eye.parameter_names.end())
+      throw input_error("shared_error of its fit.json has " + name + ", the eye has not", remedy);
+    return at - eye.parameter_names.begin();
+  };
+  for (const auto& [name, row] : shared.items())
+    for (const auto& [other, number] : row.items())
+      eye.covariance(place_of(name), place_of(other)) -= number.get<double>();
   const Eigen::VectorXd left = Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(eye.covariance).eigenvalues();
   constexpr double rounding = 1e-9;
-  if (count > 0 && left.minCoeff() < -rounding * left.cwiseAbs().maxCoeff())
-    throw input_error("shared_error of a fit.json is more than the eye's own covariance",
-                      "segment the study again");
+  if (left.size() > 0 && left.minCoeff() < -rounding * left.cwiseAbs().maxCoeff())
+    throw input_error("shared_error of its fit.json is more than the eye's own covariance", remedy);
   return eye;
 }
 
@@ -191,9 +239,10 @@ Visits read_visits(const std::vector<fs::path>& cases, const std::vector<double>
   return visits;
 }
 
-std::vector<EyeAtVisit> eyes_of(const Visits& visits, Laterality eye, std::string& reason) {
+EyeAtVisits eye_at_visits(const Visits& visits, Laterality eye) {
+  EyeAtVisits followed;
   std::vector<ParametricEye> fitted;
-  std::vector<Json> shared_error;
+  std::vector<Json> shared_errors;
   std::set<std::string> images;
   for (std::size_t i = 0; i < visits.cases.size(); ++i) {
     const report::CaseData& data = visits.cases[i];
@@ -201,23 +250,29 @@ std::vector<EyeAtVisit> eyes_of(const Visits& visits, Laterality eye, std::strin
     const bool is_there = fit.is_object() && fit.contains("eye");
     const Json withheld = is_there ? fit.value("withheld", Json::object()) : Json::object();
     if (!is_there || withheld.contains("fit") || withheld.contains("front")) {
-      reason = fmt::format("visit {}: {}", i + 1,
-                           !is_there                  ? "this eye was not fitted"
-                           : withheld.contains("fit") ? "the fit of this eye is withheld"
-                                                      : "the front of this eye is withheld");
-      return {};
+      followed.reason = fmt::format("visit {}: {}", i + 1,
+                                    !is_there                  ? "this eye was not fitted"
+                                    : withheld.contains("fit") ? "the fit of this eye is withheld"
+                                                               : "the front of this eye is withheld");
+      return followed;
     }
     fitted.push_back(parametric_eye_from_json(fit.at("eye")));
-    shared_error.push_back(fit.value("shared_error", Json()));
-    images.insert(images_of(data, fit));
+    shared_errors.push_back(shared_error_in(fit, data.folder / "segmentation" / to_string(eye) / "fit.json"));
+    images.insert(images_of(data, fit, shared_errors.back()));
   }
-  const bool are_alike = images.size() == 1 && !images.begin()->empty();
-  std::vector<EyeAtVisit> eyes;
-  for (std::size_t i = 0; i < fitted.size(); ++i)
-    eyes.push_back({fitted_eye(are_alike ? without_shared_error(fitted[i], shared_error[i].at("covariance"))
-                                         : fitted[i]),
-                    visits.years[i]});
-  return eyes;
+  if (images.size() == 1 && !images.begin()->empty())
+    take_out_shared_errors(fitted, shared_errors, eye, followed.doubts);
+  for (std::size_t i = 0; i < fitted.size(); ++i) {
+    const auto& names = fitted[i].parameter_names;
+    if (!std::is_permutation(names.begin(), names.end(), fitted[0].parameter_names.begin(),
+                             fitted[0].parameter_names.end()))
+      followed.doubts.push_back(fmt::format(
+          "{}: the fit of visit {} has other parameters than that of visit 1 (a cornea of free form?): "
+          "growth is of those that all have.",
+          clinical_name(eye), i + 1));
+    followed.eyes.push_back({fitted_eye(fitted[i]), visits.years[i]});
+  }
+  return followed;
 }
 
 std::string why_cornea_is_withheld(const Visits& visits, Laterality eye) {
