@@ -42,19 +42,39 @@ std::optional<double> years_between(const std::string& earlier, const std::strin
   return static_cast<double>((*second - *first).days()) / days_in_a_year;
 }
 
-/// --years against the dates of the studies, which may be made up.
+/// --years against the dates of the studies. One date for both is an anonymiser's, or two visits of one day.
+/// \throw Error (usage) where other dates contradict
 void compare_with_dates(Visits& visits) {
   constexpr double least_years = 0.1, share = 0.1;  // chosen: of what a reader rounds
   for (std::size_t i = 1; i < visits.cases.size(); ++i)
     for (std::size_t k = 0; k < i; ++k) {
       const double given = visits.years[i] - visits.years[k];
       const auto dated = years_between(visits.dates[k], visits.dates[i]);
-      if (dated && std::abs(given - *dated) > std::max(least_years, share * *dated))
-        visits.doubts.push_back(
-            fmt::format("By --years visit {} is {:.2f} years after visit {}, by the dates of their studies "
-                        "{:.2f}: the growth is that of --years.",
-                        i + 1, given, k + 1, *dated));
+      if (!dated || std::abs(given - *dated) <= std::max(least_years, share * *dated)) continue;
+      if (*dated != 0)
+        throw usage_error(
+            fmt::format("--years: visit {} is {:.2f} years after visit {}, by the dates of their studies "
+                        "{:.2f} ({} and {})",
+                        i + 1, given, k + 1, *dated, visits.dates[k], visits.dates[i]),
+            "give the years that lie between the visits, or leave --years out");
+      visits.doubts.push_back(fmt::format(
+          "By --years visit {} is {:.2f} years after visit {}, by their studies both were on {}: the "
+          "growth is that of --years.",
+          i + 1, given, k + 1, visits.dates[i]));
     }
+}
+
+/// What another version makes of the same images would pass for growth.
+void compare_versions(Visits& visits) {
+  std::set<std::string> versions;
+  for (const report::CaseData& data : visits.cases)
+    if (const report::StageData* stage = data.stage("segmentation"))
+      versions.insert(stage->provenance.value("version", Json()).dump());
+  if (versions.size() > 1)
+    visits.doubts.push_back(fmt::format(
+        "The visits were segmented by different versions of Emmetrope ({}): what these differ by would "
+        "pass for growth; segment all by one.",
+        fmt::join(versions, ", ")));
 }
 
 void set_years(Visits& visits, const std::vector<double>& years) {
@@ -92,7 +112,7 @@ void set_years(Visits& visits, const std::vector<double>& years) {
 }
 
 /// By what segmentation noted of two studies.
-/// \throw Error (input_invalid) where they are one, or of two persons
+/// \throw Error (input_invalid) where they are one, or of two persons; (usage) where --years contradict the ages
 void require_one_person(const Visits& visits, std::size_t k, std::size_t i) {
   constexpr double age_tolerance_years = 3;  // whole years, some typed in before the visit
   constexpr double capped_years = 89;        // what is older is made that old where names are taken out
@@ -117,15 +137,19 @@ void require_one_person(const Visits& visits, std::size_t k, std::size_t i) {
   const auto age = report::value_at(subject(i), "/age_years"),
              age_before = report::value_at(subject(k), "/age_years");
   const auto dated = years_between(visits.dates[k], visits.dates[i]);
-  if (!age || !age_before || std::max(*age, *age_before) >= capped_years || (!visits.are_dated && !dated))
+  const bool do_dates_tell = dated && *dated != 0;
+  if (!age || !age_before || std::max(*age, *age_before) >= capped_years ||
+      (!visits.are_dated && !do_dates_tell))
     return;
-  const double aged = *age - *age_before,
-               apart = visits.are_dated ? visits.years[i] - visits.years[k] : *dated;
-  if (std::abs(aged - apart) > age_tolerance_years &&
-      std::abs(aged - dated.value_or(apart)) > age_tolerance_years)
-    throw input_error(fmt::format("{} are of two persons: {:.0f} and {:.0f} years old, {:.1f} years apart",
-                                  visits_named, *age_before, *age, dated.value_or(apart)),
-                      "name cases of one person");
+  const double apart = do_dates_tell ? *dated : visits.years[i] - visits.years[k];
+  if (std::abs(*age - *age_before - apart) <= age_tolerance_years) return;
+  const std::string ages = fmt::format("{:.0f} and {:.0f} years old", *age_before, *age);
+  if (!do_dates_tell)
+    throw usage_error(
+        fmt::format("--years: {} are {:.1f} years apart, and of patients {}", visits_named, apart, ages),
+        "give the years that lie between the visits, or name cases of one person");
+  throw input_error(fmt::format("{} are of two persons: {}, {:.1f} years apart", visits_named, ages, apart),
+                    "name cases of one person");
 }
 
 /// fit.json of an eye, or null.
@@ -234,6 +258,7 @@ Visits read_visits(const std::vector<fs::path>& cases, const std::vector<double>
       if (std::find(list.begin(), list.end(), remark.text) == list.end()) list.push_back(remark.text);
     }
   set_years(visits, years);
+  compare_versions(visits);
   for (std::size_t i = 1; i < cases.size(); ++i)
     for (std::size_t k = 0; k < i; ++k) require_one_person(visits, k, i);
   return visits;

@@ -222,11 +222,16 @@ TEST_F(FollowCommand, ComparesYearsWithTheStudiesDates) {
     return Json::parse(run({first.string(), second.string(), "--years", years}).output).at("warnings").dump();
   };
   EXPECT_EQ(warnings("0,1.05"), "[]");
-  EXPECT_THAT(warnings("0,10"),
-              testing::HasSubstr("10.00 years after visit 1, by the dates of their studies 1.00"));
+  const ProcessResult mistyped = run({first.string(), second.string(), "--years", "0,10"});
+  EXPECT_EQ(mistyped.status, 2);
+  EXPECT_THAT(
+      mistyped.output,
+      testing::HasSubstr("10.00 years after visit 1, by the dates of their studies 1.00 (2026-03-14"));
   const ProcessResult turned = run({second.string(), first.string(), "--years", "0,1"});
-  EXPECT_THAT(Json::parse(turned.output).at("warnings").dump(),
-              testing::HasSubstr("by the dates of their studies -1.00"));
+  EXPECT_EQ(turned.status, 2);
+  EXPECT_THAT(turned.output, testing::HasSubstr("by the dates of their studies -1.00"));
+  set(second / "case.json", "/study_date", "2026-03-14");  // an anonymiser writes one date for all
+  EXPECT_THAT(warnings("0,2"), testing::HasSubstr("by their studies both were on 2026-03-14"));
   set(second / "case.json", "/study_date", "2027-02-30");
   EXPECT_EQ(warnings("0,2"), "[]");  // that is no date
 }
@@ -250,8 +255,31 @@ TEST_F(FollowCommand, StudiesWithoutDatesAreDatedByYears) {
   const ProcessResult ended = run({folders[0], folders[1], "--years", "0,5"});
   ASSERT_EQ(ended.status, 0) << ended.output;
   EXPECT_EQ(Json::parse(ended.output).at("warnings").size(), 0U);
-  EXPECT_THAT(run({folders[0], folders[1], "--years", "0,1"}).output,
-              testing::HasSubstr("7 and 12 years old"));
+  const ProcessResult mistyped = run({folders[0], folders[1], "--years", "0,1"});
+  EXPECT_EQ(mistyped.status, 2);
+  EXPECT_THAT(mistyped.output, testing::HasSubstr("1.0 years apart, and of patients 7 and 12 years old"));
+}
+
+TEST_F(FollowCommand, WarnsOfVisitsThatWereNotSegmentedAlike) {
+  const fs::path first = visit("first", 23.5), second = visit("second", 23.6);
+  set(second / "case.json", "/study_date", "2027-03-14");
+  const auto warnings = [&] {
+    return Json::parse(run({first.string(), second.string()}).output)
+        .at("warnings")
+        .get<std::vector<std::string>>();
+  };
+  EXPECT_THAT(warnings(), testing::IsEmpty());
+  set(second / "segmentation" / "stage.json", "/version", "0.2.0");
+  EXPECT_THAT(warnings(), testing::ElementsAre(testing::HasSubstr("(\"0.1.0+test\", \"0.2.0\")")));
+  set(second / "segmentation" / "stage.json", "/version", "0.1.0+test");
+  ParametricEye more = eye_of(23.6, 0.03);
+  more.parameter_names.emplace_back("lens_equator_radius_mm");
+  const auto count = static_cast<Eigen::Index>(more.parameter_names.size());
+  more.covariance.conservativeResizeLike(Eigen::MatrixXd::Zero(count, count));
+  more.covariance(count - 1, count - 1) = 0.01;
+  set(second / "segmentation" / "od" / "fit.json", "/eye", to_json(more));
+  EXPECT_THAT(warnings(), testing::ElementsAre(testing::HasSubstr(
+                              "OD (right): the fit of visit 2 has other parameters than that of visit 1")));
 }
 
 TEST_F(FollowCommand, TellsGrowthWithItsInterval) {
