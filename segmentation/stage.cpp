@@ -116,6 +116,14 @@ std::vector<JudgedEye> fit_all(const std::vector<FoundEye>& found, const StudyIm
   return eyes;
 }
 
+/// Where the image that was drawn on shows the eye, as the head moves between images; else where the best one does.
+const EyeView& view_drawn_on(const FoundEye& seen, std::size_t stack) {
+  for (const std::vector<EyeView>* views : {&seen.views, &seen.left_out})
+    for (const EyeView& view : *views)
+      if (view.stack == stack) return view;
+  return seen.views.front();
+}
+
 /// Labels beside what the images show without them.
 void compare_labels(std::vector<JudgedEye>& eyes, const FoundEyes& found, const StudyImages& images) {
   for (JudgedEye& eye : eyes) {
@@ -124,7 +132,10 @@ void compare_labels(std::vector<JudgedEye>& eyes, const FoundEyes& found, const 
         std::find_if(found.by_images.begin(), found.by_images.end(),
                      [&](const FoundEye& other) { return other.laterality == eye.found.laterality; });
     if (seen == found.by_images.end()) continue;  // who draws may see more than the finder
-    eye.gates.push_back(judge_labels(*eye.fit, *seen, read_edges_of(*seen, images.stacks()).front()));
+    const EyeView& view = view_drawn_on(*seen, eye.found.views.front().stack);
+    eye.gates.push_back(judge_labels(
+        *eye.fit, *seen,
+        read_eye(images.volumes[view.stack], {view.globe.centre, seen->axis}, view.globe.weighting)));
   }
 }
 

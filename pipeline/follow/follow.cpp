@@ -68,11 +68,12 @@ void require_own_scans(const FollowedEye& eye) {
 }
 
 FollowedEye followed(const Visits& visits, Laterality laterality, double scale_sigma) {
-  FollowedEye eye{laterality, "", {}, {}, {}, ""};
-  const std::vector<EyeAtVisit> at_visits = eyes_of(visits, laterality, eye.reason);
+  const EyeAtVisits at_visits = eye_at_visits(visits, laterality);
+  FollowedEye eye{laterality, at_visits.reason, {}, {}, at_visits.doubts, ""};
   if (!eye.reason.empty()) return eye;
-  eye.doubts = unused_readings(visits, laterality);
-  for (const EyeAtVisit& visit : at_visits) {
+  const std::vector<std::string> unused = unused_readings(visits, laterality);
+  eye.doubts.insert(eye.doubts.end(), unused.begin(), unused.end());
+  for (const EyeAtVisit& visit : at_visits.eyes) {
     const Eigen::VectorXd values = quantities_of(visit.eye.eye());
     eye.by_visit.emplace_back(values.data(), values.data() + values.size());
   }
@@ -81,7 +82,7 @@ FollowedEye followed(const Visits& visits, Laterality laterality, double scale_s
   if (!eye.cornea_withheld.empty())
     eye.doubts.push_back(fmt::format("{}: the growth of the cornea is withheld; {}.",
                                      clinical_name(laterality), eye.cornea_withheld));
-  const Growth growth = growth_of(at_visits, scale_sigma);
+  const Growth growth = growth_of(at_visits.eyes, scale_sigma);
   judge_differences(growth, visits.are_dated, eye);
   eye.per_year = growth_of_quantities(growth);
   return eye;

@@ -16,8 +16,9 @@ struct FollowOptions {
 
 /// Fits the visits of one person together and writes OUT/growth.json, growth.html and growth.pdf.
 /// \return done; partial where an eye could not be followed, no_result where none could
-/// \throw Error (usage) fewer than two visits, (input_invalid) a case that is not finished, visits of two persons, of one
-///   study or scan, or out of order, more than two visits whose dates nobody tells
+/// \throw Error (usage) fewer than two visits, years that contradict the studies' dates or ages, (input_invalid) a case
+///   that is not finished, visits of two persons, of one study or scan, or out of order, more than two visits whose dates
+///   nobody tells
 Answer run_follow(const FollowOptions& options, const CommonOptions& common);
 
 }  // namespace emmetrope::follow

@@ -42,19 +42,39 @@ std::optional<double> years_between(const std::string& earlier, const std::strin
   return static_cast<double>((*second - *first).days()) / days_in_a_year;
 }
 
-/// --years against the dates of the studies, which may be made up.
+/// --years against the dates of the studies. One date for both is an anonymiser's, or two visits of one day.
+/// \throw Error (usage) where other dates contradict
 void compare_with_dates(Visits& visits) {
   constexpr double least_years = 0.1, share = 0.1;  // chosen: of what a reader rounds
   for (std::size_t i = 1; i < visits.cases.size(); ++i)
     for (std::size_t k = 0; k < i; ++k) {
       const double given = visits.years[i] - visits.years[k];
       const auto dated = years_between(visits.dates[k], visits.dates[i]);
-      if (dated && std::abs(given - *dated) > std::max(least_years, share * *dated))
-        visits.doubts.push_back(
-            fmt::format("By --years visit {} is {:.2f} years after visit {}, by the dates of their studies "
-                        "{:.2f}: the growth is that of --years.",
-                        i + 1, given, k + 1, *dated));
+      if (!dated || std::abs(given - *dated) <= std::max(least_years, share * *dated)) continue;
+      if (*dated != 0)
+        throw usage_error(
+            fmt::format("--years: visit {} is {:.2f} years after visit {}, by the dates of their studies "
+                        "{:.2f} ({} and {})",
+                        i + 1, given, k + 1, *dated, visits.dates[k], visits.dates[i]),
+            "give the years that lie between the visits, or leave --years out");
+      visits.doubts.push_back(fmt::format(
+          "By --years visit {} is {:.2f} years after visit {}, by their studies both were on {}: the "
+          "growth is that of --years.",
+          i + 1, given, k + 1, visits.dates[i]));
     }
+}
+
+/// What another version makes of the same images would pass for growth.
+void compare_versions(Visits& visits) {
+  std::set<std::string> versions;
+  for (const report::CaseData& data : visits.cases)
+    if (const report::StageData* stage = data.stage("segmentation"))
+      versions.insert(stage->provenance.value("version", Json()).dump());
+  if (versions.size() > 1)
+    visits.doubts.push_back(fmt::format(
+        "The visits were segmented by different versions of Emmetrope ({}): what these differ by would "
+        "pass for growth; segment all by one.",
+        fmt::join(versions, ", ")));
 }
 
 void set_years(Visits& visits, const std::vector<double>& years) {
@@ -92,7 +112,7 @@ void set_years(Visits& visits, const std::vector<double>& years) {
 }
 
 /// By what segmentation noted of two studies.
-/// \throw Error (input_invalid) where they are one, or of two persons
+/// \throw Error (input_invalid) where they are one, or of two persons; (usage) where --years contradict the ages
 void require_one_person(const Visits& visits, std::size_t k, std::size_t i) {
   constexpr double age_tolerance_years = 3;  // whole years, some typed in before the visit
   constexpr double capped_years = 89;        // what is older is made that old where names are taken out
@@ -117,15 +137,19 @@ void require_one_person(const Visits& visits, std::size_t k, std::size_t i) {
   const auto age = report::value_at(subject(i), "/age_years"),
              age_before = report::value_at(subject(k), "/age_years");
   const auto dated = years_between(visits.dates[k], visits.dates[i]);
-  if (!age || !age_before || std::max(*age, *age_before) >= capped_years || (!visits.are_dated && !dated))
+  const bool do_dates_tell = dated && *dated != 0;
+  if (!age || !age_before || std::max(*age, *age_before) >= capped_years ||
+      (!visits.are_dated && !do_dates_tell))
     return;
-  const double aged = *age - *age_before,
-               apart = visits.are_dated ? visits.years[i] - visits.years[k] : *dated;
-  if (std::abs(aged - apart) > age_tolerance_years &&
-      std::abs(aged - dated.value_or(apart)) > age_tolerance_years)
-    throw input_error(fmt::format("{} are of two persons: {:.0f} and {:.0f} years old, {:.1f} years apart",
-                                  visits_named, *age_before, *age, dated.value_or(apart)),
-                      "name cases of one person");
+  const double apart = do_dates_tell ? *dated : visits.years[i] - visits.years[k];
+  if (std::abs(*age - *age_before - apart) <= age_tolerance_years) return;
+  const std::string ages = fmt::format("{:.0f} and {:.0f} years old", *age_before, *age);
+  if (!do_dates_tell)
+    throw usage_error(
+        fmt::format("--years: {} are {:.1f} years apart, and of patients {}", visits_named, apart, ages),
+        "give the years that lie between the visits, or name cases of one person");
+  throw input_error(fmt::format("{} are of two persons: {}, {:.1f} years apart", visits_named, ages, apart),
+                    "name cases of one person");
 }
 
 /// fit.json of an eye, or null.
@@ -135,34 +159,82 @@ Json fit_of(const report::CaseData& data, Laterality eye) {
   return found == data.eyes.end() ? Json() : found->fit;
 }
 
+/// shared_error of a fit.json; null: not known.
+/// \throw Error (input_invalid) naming file and key where it is no symmetric matrix by parameters' names
+Json shared_error_in(const Json& fit, const fs::path& file) {
+  const auto require = [&](bool is_so, const std::string& key, const Json& found, const char* expected) {
+    if (!is_so)
+      throw input_error(
+          fmt::format("{}: {} is {}, expected {}", file.string(), key, found.dump().substr(0, 60), expected),
+          "run emmetrope segment again with --force");
+  };
+  const std::string key = "shared_error";
+  const Json shared = fit.value(key, Json());
+  if (shared.is_null()) return shared;
+  require(shared.is_object(), key, shared, "an object or null");
+  const Json images = shared.value("images", Json()), covariance = shared.value("covariance", Json());
+  require(images.is_string(), key + "/images", images, "what the images are");
+  require(covariance.is_object(), key + "/covariance", covariance, "rows by a parameter's name");
+  for (const auto& [name, row] : covariance.items())
+    require(row.is_object(), key + "/covariance/" + name, row, "numbers by a parameter's name");
+  for (const auto& [name, row] : covariance.items())
+    for (const auto& [other, number] : row.items()) {
+      const std::string place = fmt::format("{}/covariance/{}/{}", key, name, other);
+      require(number.is_number(), place, number, "a number in mm^2");
+      require(covariance.value(other, Json::object()).value(name, Json()) == number, place, number,
+              "that of the two names the other way round");
+    }
+  return shared;
+}
+
 /// Images and field that an eye was fitted to: "T1, dark fat, 3 T"; empty where that is not told, or whether others share
 /// an error with it.
-std::string images_of(const report::CaseData& data, const Json& fit) {
-  const Json shared = fit.value("shared_error", Json());
-  if (!shared.is_object()) return {};
-  const std::string contrast = fit.value("contrast", std::string());
+/// \param shared  its shared_error
+std::string images_of(const report::CaseData& data, const Json& fit, const Json& shared) {
+  if (shared.is_null()) return {};
+  const Json contrast = fit.value("contrast", Json());
   std::set<double> fields_T;
   for (const report::Series& series : report::used_series(data))
-    if (series.contrast == contrast) fields_T.insert(series.field_strength_T);
+    if (Json(series.contrast) == contrast) fields_T.insert(series.field_strength_T);
   if (fields_T.size() != 1 || !(*fields_T.begin() > 0)) return {};
   return fmt::format("{}, {:g} T", shared.at("images").get<std::string>(), *fields_T.begin());
+}
+
+/// Where one visit says of this error what cannot be, it stays in all: their growth would have it in part.
+void take_out_shared_errors(std::vector<ParametricEye>& fitted, const std::vector<Json>& shared_errors,
+                            Laterality eye, std::vector<std::string>& doubts) {
+  std::vector<ParametricEye> without;
+  for (std::size_t i = 0; i < fitted.size(); ++i) {
+    try {
+      without.push_back(without_shared_error(fitted[i], shared_errors[i].at("covariance")));
+    } catch (const Error& error) {
+      doubts.push_back(fmt::format(
+          "{}: at visit {} {}: what the images of all visits err by alike stays in the intervals of growth, "
+          "which are wider for it.",
+          clinical_name(eye), i + 1, error.what()));
+      return;
+    }
+  }
+  fitted = std::move(without);
 }
 
 }  // namespace
 
 ParametricEye without_shared_error(ParametricEye eye, const Json& shared) {
-  const auto count = static_cast<Eigen::Index>(eye.parameter_names.size());
-  for (Eigen::Index i = 0; i < count; ++i)
-    for (Eigen::Index k = 0; k < count; ++k) {
-      const auto row = shared.find(eye.parameter_names[static_cast<std::size_t>(i)]);
-      if (row == shared.end()) continue;
-      eye.covariance(i, k) -= row->value(eye.parameter_names[static_cast<std::size_t>(k)], 0.0);
-    }
+  const std::string remedy = "segment the study again";
+  const auto place_of = [&](const std::string& name) {
+    const auto at = std::find(eye.parameter_names.begin(), eye.parameter_names.end(), name);
+    if (at == eye.parameter_names.end())
+      throw input_error("shared_error of its fit.json has " + name + ", the eye has not", remedy);
+    return at - eye.parameter_names.begin();
+  };
+  for (const auto& [name, row] : shared.items())
+    for (const auto& [other, number] : row.items())
+      eye.covariance(place_of(name), place_of(other)) -= number.get<double>();
   const Eigen::VectorXd left = Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(eye.covariance).eigenvalues();
   constexpr double rounding = 1e-9;
-  if (count > 0 && left.minCoeff() < -rounding * left.cwiseAbs().maxCoeff())
-    throw input_error("shared_error of a fit.json is more than the eye's own covariance",
-                      "segment the study again");
+  if (left.size() > 0 && left.minCoeff() < -rounding * left.cwiseAbs().maxCoeff())
+    throw input_error("shared_error of its fit.json is more than the eye's own covariance", remedy);
   return eye;
 }
 
@@ -186,14 +258,16 @@ Visits read_visits(const std::vector<fs::path>& cases, const std::vector<double>
       if (std::find(list.begin(), list.end(), remark.text) == list.end()) list.push_back(remark.text);
     }
   set_years(visits, years);
+  compare_versions(visits);
   for (std::size_t i = 1; i < cases.size(); ++i)
     for (std::size_t k = 0; k < i; ++k) require_one_person(visits, k, i);
   return visits;
 }
 
-std::vector<EyeAtVisit> eyes_of(const Visits& visits, Laterality eye, std::string& reason) {
+EyeAtVisits eye_at_visits(const Visits& visits, Laterality eye) {
+  EyeAtVisits followed;
   std::vector<ParametricEye> fitted;
-  std::vector<Json> shared_error;
+  std::vector<Json> shared_errors;
   std::set<std::string> images;
   for (std::size_t i = 0; i < visits.cases.size(); ++i) {
     const report::CaseData& data = visits.cases[i];
@@ -201,23 +275,29 @@ std::vector<EyeAtVisit> eyes_of(const Visits& visits, Laterality eye, std::strin
     const bool is_there = fit.is_object() && fit.contains("eye");
     const Json withheld = is_there ? fit.value("withheld", Json::object()) : Json::object();
     if (!is_there || withheld.contains("fit") || withheld.contains("front")) {
-      reason = fmt::format("visit {}: {}", i + 1,
-                           !is_there                  ? "this eye was not fitted"
-                           : withheld.contains("fit") ? "the fit of this eye is withheld"
-                                                      : "the front of this eye is withheld");
-      return {};
+      followed.reason = fmt::format("visit {}: {}", i + 1,
+                                    !is_there                  ? "this eye was not fitted"
+                                    : withheld.contains("fit") ? "the fit of this eye is withheld"
+                                                               : "the front of this eye is withheld");
+      return followed;
     }
     fitted.push_back(parametric_eye_from_json(fit.at("eye")));
-    shared_error.push_back(fit.value("shared_error", Json()));
-    images.insert(images_of(data, fit));
+    shared_errors.push_back(shared_error_in(fit, data.folder / "segmentation" / to_string(eye) / "fit.json"));
+    images.insert(images_of(data, fit, shared_errors.back()));
   }
-  const bool are_alike = images.size() == 1 && !images.begin()->empty();
-  std::vector<EyeAtVisit> eyes;
-  for (std::size_t i = 0; i < fitted.size(); ++i)
-    eyes.push_back({fitted_eye(are_alike ? without_shared_error(fitted[i], shared_error[i].at("covariance"))
-                                         : fitted[i]),
-                    visits.years[i]});
-  return eyes;
+  if (images.size() == 1 && !images.begin()->empty())
+    take_out_shared_errors(fitted, shared_errors, eye, followed.doubts);
+  for (std::size_t i = 0; i < fitted.size(); ++i) {
+    const auto& names = fitted[i].parameter_names;
+    if (!std::is_permutation(names.begin(), names.end(), fitted[0].parameter_names.begin(),
+                             fitted[0].parameter_names.end()))
+      followed.doubts.push_back(fmt::format(
+          "{}: the fit of visit {} has other parameters than that of visit 1 (a cornea of free form?): "
+          "growth is of those that all have.",
+          clinical_name(eye), i + 1));
+    followed.eyes.push_back({fitted_eye(fitted[i]), visits.years[i]});
+  }
+  return followed;
 }
 
 std::string why_cornea_is_withheld(const Visits& visits, Laterality eye) {

@@ -28,12 +28,18 @@ Visits read_visits(const std::vector<std::filesystem::path>& cases, const std::v
 /// The eye whose parameters are known but for the part of their errors that every fit to such images has: it is in every
 /// visit, and in no growth.
 /// \param shared  covariance of that part, by two parameters' names, as in fit.json
-/// \throw Error (input_invalid) where it is more than the eye's
+/// \throw Error (input_invalid) where it is more than the eye's, or of a parameter that the eye has not
 ParametricEye without_shared_error(ParametricEye eye, const Json& shared);
 
-/// The eye at every visit, or in `reason` why it cannot be followed. Where all were fitted to one contrast at one field,
-/// without the error that these share.
-std::vector<EyeAtVisit> eyes_of(const Visits& visits, Laterality eye, std::string& reason);
+/// An eye at every visit, or in `reason` why it cannot be followed.
+struct EyeAtVisits {
+  std::vector<EyeAtVisit> eyes;
+  std::string reason;
+  std::vector<std::string> doubts;  ///< what its growth is to be warned of
+};
+/// Where all were fitted to one contrast at one field, without the error that these share, if every visit tells it.
+/// \throw Error (input_invalid) naming file and key where a fit.json is broken
+EyeAtVisits eye_at_visits(const Visits& visits, Laterality eye);
 
 /// Why an eye that is followed has no growth of its cornea: at which visit it is withheld. Empty: it has one.
 std::string why_cornea_is_withheld(const Visits& visits, Laterality eye);

@@ -122,13 +122,18 @@ double unexplained_share(const Agreement& agreement) {
 Agreement agreement_of(const EyeFit& first, const EyeFit& second) {
   Agreement agreement;
   const MatrixXd of_first = distance_derivatives(first), of_second = distance_derivatives(second);
+  const bool err_alike = first.common_covariance.size() > 0 && second.common_covariance.size() > 0;
+  const auto variance_of = [&](const EyeFit& fit, const VectorXd& derivatives) {
+    const double variance = derivatives.dot(fit.covariance * derivatives);
+    return err_alike ? variance - derivatives.dot(fit.common_covariance * derivatives) : variance;
+  };
   double squares = 0;
   int compared = 0;
   for (int d = 0; d < distance_count; ++d) {
     const double apart_mm =
         of_first.col(d).dot(free_values(first)) - of_second.col(d).dot(free_values(second));
-    const double first_variance = of_first.col(d).dot(first.covariance * of_first.col(d)),
-                 second_variance = of_second.col(d).dot(second.covariance * of_second.col(d)),
+    const double first_variance = variance_of(first, of_first.col(d)),
+                 second_variance = variance_of(second, of_second.col(d)),
                  variance = first_variance + second_variance;
     if (first_variance <= 0 || second_variance <= 0) continue;  // not free
     const double sigmas = std::abs(apart_mm) / std::sqrt(variance);
@@ -145,6 +150,8 @@ void join_contrasts(EyeFit& first, EyeFit& second, Joined joined) {
   const SharedShape shared(first, second, joined);
   const MatrixXd in_first = shared.jacobian_of_a(first), in_second = shared.jacobian_of_b(second);
   const Agreement agreement = agreement_of(first, second);
+  // That both contrasts have it alike does not make it smaller: it is taken out of both, and put back after.
+  const WithoutSharedError compared(first, second, &EyeFit::common_covariance);
   const Shape of_first = shape_of(first, in_first), of_second = shape_of(second, in_second);
   Shape joint = joint_estimate(of_first, of_second, shared.prior(first));
   for (const auto& [shape, weight] :

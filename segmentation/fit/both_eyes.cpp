@@ -151,35 +151,14 @@ bool err_alike(const EyeFit& a, const EyeFit& b) {
   return a.weighting == b.weighting && a.shared_covariance.size() > 0 && b.shared_covariance.size() > 0;
 }
 
-/// While it lives the eyes' covariances are without what their images err by alike: their difference has none of that.
-class WithoutSharedError {
- public:
-  explicit WithoutSharedError(const std::array<EyeFit*, 2>& eyes) : eyes_(eyes) {
-    if (!err_alike(*eyes[0], *eyes[1])) return;
-    for (std::size_t e = 0; e < 2; ++e) {
-      shared_[e] = eyes_[e]->shared_covariance;
-      eyes_[e]->covariance -= shared_[e];
-    }
-  }
-  ~WithoutSharedError() {
-    for (std::size_t e = 0; e < 2; ++e)
-      if (shared_[e].size() > 0) eyes_[e]->covariance += shared_[e];
-  }
-  WithoutSharedError(const WithoutSharedError&) = delete;
-  WithoutSharedError& operator=(const WithoutSharedError&) = delete;
-
- private:
-  std::array<EyeFit*, 2> eyes_;
-  std::array<MatrixXd, 2> shared_;
-};
-
 }  // namespace
 
 bool couple_eyes(EyeFit& od, EyeFit& os) {
   // Ectasia is rarely alike in both eyes, and the prior that is replaced here is a regular cornea's.
   if (od.layout.irregular_cornea || os.layout.irregular_cornea) return false;
   const std::array<EyeFit*, 2> eyes{&od, &os};
-  const WithoutSharedError compared(eyes);
+  const WithoutSharedError compared(
+      od, os, err_alike(od, os) ? &EyeFit::shared_covariance : &EyeFit::common_covariance);
   std::vector<Shared> shared{corneal_curvature(eyes)};
   if (!agree(shared[0], eyes)) return false;
   for (const auto& others : {alike_lengths(eyes), same_images(eyes)})

@@ -19,9 +19,10 @@ inline constexpr double sharpness_difference = 0.01, fat_shift_difference_mm = 0
 /// is known, with the same spread of each eye alone. Eyes, chambers, lenses, corneas and lids are equally
 /// long, deep and thick but for the differences above; where both eyes were fitted to the same stacks, their
 /// tissues are also equally bright against the aqueous, and the stacks equally sharp with fat equally
-/// displaced. What images of one contrast err by alike (EyeFit::shared_covariance) tells neither eye anything of the other
-/// and stays as it is. Each of these counts where the eyes agree with it within three standard deviations. Exact for
-/// normal distributions; every parameter follows what is shared by its regression on it.
+/// displaced. What images of one contrast err by alike (EyeFit::shared_covariance), or those of any
+/// (EyeFit::common_covariance), tells neither eye anything of the other and stays as it is. Each of these
+/// counts where the eyes agree with it within three standard deviations. Exact for normal distributions; every
+/// parameter follows what is shared by its regression on it.
 /// \return false, and nothing is changed, where the corneal powers differ by more than three standard
 ///   deviations of what prior and images allow, or a cornea is irregular: a graft, a keratoconus
 bool couple_eyes(EyeFit& od, EyeFit& os);

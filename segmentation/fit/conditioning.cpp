@@ -16,4 +16,17 @@ void condition(EyeFit& fit, const MatrixXd& jacobian, const VectorXd& step, cons
   fit.covariance += slope * (covariance - own) * slope.transpose();
 }
 
+WithoutSharedError::WithoutSharedError(EyeFit& a, EyeFit& b, MatrixXd EyeFit::*error) : fits_{&a, &b} {
+  if ((a.*error).size() == 0 || (b.*error).size() == 0) return;
+  for (std::size_t i = 0; i < 2; ++i) {
+    taken_[i] = fits_[i]->*error;
+    fits_[i]->covariance -= taken_[i];
+  }
+}
+
+WithoutSharedError::~WithoutSharedError() {
+  for (std::size_t i = 0; i < 2; ++i)
+    if (taken_[i].size() > 0) fits_[i]->covariance += taken_[i];
+}
+
 }  // namespace emmetrope::segmentation

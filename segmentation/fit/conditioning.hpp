@@ -1,5 +1,6 @@
 #pragma once
 #include <Eigen/Core>
+#include <array>
 
 #include "segmentation/fit/eye_fit.hpp"
 
@@ -12,5 +13,20 @@ namespace emmetrope::segmentation {
 /// \param covariance  of the numbers, with what else is known
 void condition(EyeFit& fit, const Eigen::MatrixXd& jacobian, const Eigen::VectorXd& step,
                const Eigen::MatrixXd& covariance);
+
+/// While it lives the covariances of two fits are without an error that both have alike: their difference has none of that,
+/// and neither tells the other anything of it. Where one of them has none that is known, both stay as they are.
+class WithoutSharedError {
+ public:
+  /// \param error  EyeFit::shared_covariance or EyeFit::common_covariance
+  WithoutSharedError(EyeFit& a, EyeFit& b, Eigen::MatrixXd EyeFit::*error);
+  ~WithoutSharedError();
+  WithoutSharedError(const WithoutSharedError&) = delete;
+  WithoutSharedError& operator=(const WithoutSharedError&) = delete;
+
+ private:
+  std::array<EyeFit*, 2> fits_;
+  std::array<Eigen::MatrixXd, 2> taken_;
+};
 
 }  // namespace emmetrope::segmentation

@@ -239,16 +239,20 @@ double error_of_layers_mm(const EyeFit& fit) {
   return shows_layers_in_t2(fit) ? 0 : 0.08;
 }
 
-/// What a person's eyes err by alike in images of one contrast: the wall's layers, which move length and diameters together,
-/// and the lens's nucleus, which is drawn as 0.62 of its thickness: one of 0.4 to 0.8 moves that thickness by 0.03 mm (rms;
-/// docs/evidence/worlds.md).
-Eigen::MatrixXd shared_error(const EyeFit& fit) {
-  constexpr double of_nucleus_mm = 0.03;
-  const VectorXd together = globe_sigmas(fit, error_of_layers_mm(fit));
-  VectorXd apart = unlike_along_axes * together;
-  for (Eigen::Index i = 0; i < apart.size(); ++i)
-    if (fit.active[static_cast<std::size_t>(i)] == lens_thickness) apart[i] = of_nucleus_mm;
+/// What a person's eyes err by alike in images of one contrast: the wall's layers, which move length and diameters together.
+Eigen::MatrixXd error_of_layers(const EyeFit& fit) {
+  const VectorXd together = globe_sigmas(fit, error_of_layers_mm(fit)), apart = unlike_along_axes * together;
   return together * together.transpose() + Eigen::MatrixXd(apart.cwiseAbs2().asDiagonal());
+}
+
+/// And in images of any: the lens's nucleus, which is drawn as 0.62 of its thickness; one of 0.4 to 0.8 moves that thickness
+/// by 0.03 mm (rms; docs/evidence/worlds.md).
+Eigen::MatrixXd error_of_nucleus(const EyeFit& fit) {
+  constexpr double of_nucleus_mm = 0.03;
+  VectorXd sigmas = VectorXd::Zero(static_cast<Eigen::Index>(fit.active.size()));
+  for (Eigen::Index i = 0; i < sigmas.size(); ++i)
+    if (fit.active[static_cast<std::size_t>(i)] == lens_thickness) sigmas[i] = of_nucleus_mm;
+  return sigmas.cwiseAbs2().asDiagonal();
 }
 
 /// What a globe's length and diameters may be off by besides where the image is not what the model has: the share of the
@@ -272,7 +276,8 @@ void estimate_covariance(EyeFit& fit, const FitProblem& problem, const Basis& ba
     const DisplacedSlices displaced = displaced_slices(fit, problem, of_solution);
     fit.slice_displacement_mm = displaced.rms_mm;
     fit.covariance += displaced.covariance;
-    fit.shared_covariance = shared_error(fit);
+    fit.common_covariance = error_of_nucleus(fit);
+    fit.shared_covariance = error_of_layers(fit) + fit.common_covariance;
     fit.covariance += model_error(fit) + fit.shared_covariance;
   }
 }

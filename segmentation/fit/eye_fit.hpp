@@ -64,6 +64,9 @@ struct EyeFit {
   /// Of the covariance what images of this contrast at this field err by alike, those of the fellow eye too: neither growth
   /// nor the difference of two eyes has it. Empty where that is not known: of labels, and of an estimate from two contrasts.
   Eigen::MatrixXd shared_covariance = {};
+  /// What of that images of any contrast have alike: neither a second contrast nor the fellow eye makes it smaller. Empty: of
+  /// labels.
+  Eigen::MatrixXd common_covariance = {};
 
   double value(int parameter) const { return parameters[parameter]; }
   /// Brightness of the wall's inner layer, which the vitreous borders on.

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "pipeline/base/error.hpp"
+#include "pipeline/base/frames.hpp"
 #include "segmentation/finding/sampling.hpp"
 
 namespace emmetrope::segmentation {
@@ -171,6 +172,21 @@ EyeFit fit_eye_beside_mass(const std::vector<const Stack*>& stacks, const EyeSta
   }
   fit.unexplained = found.mass;
   return fit;
+}
+
+bool is_in_vitreous(const IntraocularMass& mass, const EyeFit& fit) {
+  const Eigen::Isometry3d eye_from_lps =
+      lps_from_eye(fit.parameters.segment<3>(apex_x),
+                   gaze_axis(fit.value(gaze_horizontal), fit.value(gaze_vertical)))
+          .inverse();
+  const Vector3d half_axes_mm = fit.parameters.segment<3>(globe_x),
+                 centre(0, 0, fit.value(globe_z) - fit.value(axial_length));
+  const double lens_back_mm = fit.value(anterior_chamber_depth) + fit.value(lens_thickness);
+  const auto inside = std::count_if(mass.voxels.begin(), mass.voxels.end(), [&](const Vector3d& lps) {
+    const Vector3d p = eye_from_lps * lps;
+    return -p.z() > lens_back_mm && (p - centre).cwiseQuotient(half_axes_mm).norm() < 1;
+  });
+  return 2 * static_cast<std::size_t>(inside) > mass.voxels.size();
 }
 
 }  // namespace emmetrope::segmentation

@@ -19,4 +19,8 @@ EyeFit fit_eye_beside_mass(const std::vector<const Stack*>& stacks, const EyeSta
                            Weighting weighting, const std::function<void()>& advance = {},
                            Evidence evidence = Evidence::intensities);
 
+/// Whether most of what a fit to other images found lies in the vitreous of this one, but for what the head moved between.
+/// \param mass  not none
+bool is_in_vitreous(const IntraocularMass& mass, const EyeFit& fit);
+
 }  // namespace emmetrope::segmentation

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <vector>
 
 #include "pipeline/eye/population/limits.hpp"
 
@@ -24,14 +25,34 @@ FatEdge fat_edge(const EyeFit& fit) {
   return {2 * fit.value(wall_lateral) + displaced_mm, fit.value(wall_axial) + displaced_mm, displaced_mm};
 }
 
-void consider(EdgeAgreement& agreement, const std::string& what, double edges_outside_mm, double fat_mm,
-              double sigma_mm) {
-  const double beyond_mm =
-      edges_outside_mm < 0 ? -edges_outside_mm : std::max(0.0, edges_outside_mm - fat_mm);
-  agreement.sigmas = std::max(agreement.sigmas, std::abs(edges_outside_mm) / sigma_mm);
-  if (beyond_mm / sigma_mm < agreement.sigmas_beyond_wall) return;
-  agreement.sigmas_beyond_wall = beyond_mm / sigma_mm;
-  agreement.largest = what;
+/// A number in which the edges differ from a fit.
+struct EdgeDifference {
+  std::string what;
+  double edges_outside_mm, fat_mm;
+  double sigma_mm;       ///< of both; rms of a distance in space
+  double within_sigmas;  ///< 95 % of such differences
+};
+
+std::vector<EdgeDifference> edge_differences(const EyeFit& fit, const ReadEye& read) {
+  // Quantiles of the normal distribution, and of the chi distribution with three degrees of freedom over its rms.
+  constexpr double of_length = 1.96, of_place = 1.614;
+  const EdgeBiometry& edges = read.biometry;
+  const FatEdge fat = fat_edge(fit);
+  const double apart_mm = (fit.globe_centre_lps() - read.reading.globe.centre).norm();
+  std::vector<EdgeDifference> list{{fmt::format("the globe's centres lie {:.1f} mm apart", apart_mm),
+                                    apart_mm, fat.centre_mm, std::sqrt(3.0) * edges.centre.sigma, of_place}};
+  const auto compare = [&](const char* what, double fitted_mm, double fitted_sigma_mm,
+                           const Estimate& by_edges, double fat_mm) {
+    list.push_back({fmt::format("{} {:.1f} mm, by the edges {:.1f} mm", what, fitted_mm, by_edges.value),
+                    by_edges.value - fitted_mm, fat_mm, std::hypot(fitted_sigma_mm, by_edges.sigma),
+                    of_length});
+  };
+  compare("width", 2 * fit.value(globe_x), 2 * fit.sigma(globe_x), edges.globe_width, fat.across_mm);
+  compare("height", 2 * fit.value(globe_y), 2 * fit.sigma(globe_y), edges.globe_height, fat.across_mm);
+  if (edges.axial_length)
+    compare("length", fit.value(axial_length), fit.pole_depth_sigma_mm(), *edges.axial_length,
+            fat.along_axis_mm);
+  return list;
 }
 
 }  // namespace
@@ -59,25 +80,28 @@ EdgeBiometry with_doubt(const ReadEye& read, const EyeFit& fit) {
   return biometry;
 }
 
-EdgeAgreement compare_with_edges(const EyeFit& fit, const ReadEye& read) {
-  const EdgeBiometry& edges = read.biometry;
-  const FatEdge fat = fat_edge(fit);
+EdgeAgreement compare_with_edges(const EyeFit& fit, const ReadEye& edges) {
   EdgeAgreement agreement;
-  const double apart_mm = (fit.globe_centre_lps() - read.reading.globe.centre).norm();
-  consider(agreement, fmt::format("the globe's centres lie {:.1f} mm apart", apart_mm), apart_mm,
-           fat.centre_mm, std::sqrt(3.0) * edges.centre.sigma);
-  const auto compare = [&](const char* what, double fitted_mm, double fitted_sigma_mm,
-                           const Estimate& by_edges, double fat_mm) {
-    consider(agreement, fmt::format("{} {:.1f} mm, by the edges {:.1f} mm", what, fitted_mm, by_edges.value),
-             by_edges.value - fitted_mm, fat_mm, std::hypot(fitted_sigma_mm, by_edges.sigma));
-  };
-  compare("width", 2 * fit.value(globe_x), 2 * fit.sigma(globe_x), edges.globe_width, fat.across_mm);
-  compare("height", 2 * fit.value(globe_y), 2 * fit.sigma(globe_y), edges.globe_height, fat.across_mm);
-  agreement.with_length = edges.axial_length.has_value();
-  if (edges.axial_length)
-    compare("length", fit.value(axial_length), fit.pole_depth_sigma_mm(), *edges.axial_length,
-            fat.along_axis_mm);
+  agreement.with_length = edges.biometry.axial_length.has_value();
+  for (const EdgeDifference& difference : edge_differences(fit, edges)) {
+    const double outside_mm = difference.edges_outside_mm,
+                 beyond_mm = outside_mm < 0 ? -outside_mm : std::max(0.0, outside_mm - difference.fat_mm);
+    agreement.sigmas = std::max(agreement.sigmas, std::abs(outside_mm) / difference.sigma_mm);
+    if (beyond_mm / difference.sigma_mm < agreement.sigmas_beyond_wall) continue;
+    agreement.sigmas_beyond_wall = beyond_mm / difference.sigma_mm;
+    agreement.largest = difference.what;
+  }
   return agreement;
+}
+
+LabelsBesideEdges compare_labels_with_edges(const EyeFit& drawn, const ReadEye& edges) {
+  LabelsBesideEdges labels;
+  for (const EdgeDifference& difference : edge_differences(drawn, edges)) {
+    const double over_ci95 =
+        std::abs(difference.edges_outside_mm) / (difference.within_sigmas * difference.sigma_mm);
+    if (over_ci95 > labels.over_ci95) labels = {over_ci95, difference.what};
+  }
+  return labels;
 }
 
 }  // namespace emmetrope::segmentation

@@ -23,6 +23,14 @@ struct EdgeAgreement {
 /// Compares centre, width, height and, where both know it, length.
 EdgeAgreement compare_with_edges(const EyeFit& fit, const ReadEye& edges);
 
+/// The largest difference between labels that were drawn on an image and its edges.
+struct LabelsBesideEdges {
+  double over_ci95 = 0;  ///< half the 95 % interval of such a difference, by the intervals of both
+  std::string largest;   ///< as EdgeAgreement's
+};
+/// \param drawn  the fit to the labels
+LabelsBesideEdges compare_labels_with_edges(const EyeFit& drawn, const ReadEye& edges);
+
 /// The edges of an eye whose fit, a globe at the same place, has its borders elsewhere: which of the two took the
 /// edge of displaced fat for the wall is not known, and the intervals reach to both.
 EdgeBiometry with_doubt(const ReadEye& edges, const EyeFit& fit);

@@ -510,10 +510,11 @@ QualityGate judge_labels(const EyeFit& drawn, const FoundEye& seen, const std::o
   Gates gates;
   constexpr const char* cause = "(labels of another study, or moved?)";
   if (edges) {
-    const EdgeAgreement agreement = compare_with_edges(drawn, *edges);
+    // A warning, unlike a refusal, is due where their 95 % intervals leave off.
+    const LabelsBesideEdges beside = compare_labels_with_edges(drawn, *edges);
     gates.warn_above(
-        "labels_by_edges", agreement.sigmas_beyond_wall, limits_of("edge_disagreement").accepted.high,
-        fmt::format("the labels and the edges in the image disagree: {} {}", agreement.largest, cause));
+        "labels_by_edges", beside.over_ci95, 1,
+        fmt::format("the labels and the edges in the image disagree: {} {}", beside.largest, cause));
   } else {
     constexpr double as_well_as_seen_mm = 3;  // chosen: the finder errs by one
     const double apart_mm = (drawn.globe_centre_lps() - seen.views.front().globe.centre).norm();

@@ -33,7 +33,7 @@ std::vector<QualityGate> judge_quality(const FoundEye& found, const EyeFit& fit,
 /// A fit to labels beside the edges of the image that they were drawn on: labels stand, as somebody drew them who may
 /// have known better, but not without a word.
 /// \param seen   the eye as it was found in the images
-/// \param edges  of it; none: its centre tells
+/// \param edges  of it, in the image that was drawn on; none: its centre tells
 QualityGate judge_labels(const EyeFit& drawn, const FoundEye& seen, const std::optional<ReadEye>& edges);
 /// Whether a gate failed that withholds this; and the reasons of those, once each.
 bool is_withheld(const std::vector<QualityGate>& gates, Withholds what);

@@ -5,11 +5,13 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <initializer_list>
 #include <optional>
 #include <utility>
 
 #include "pipeline/eye/population/limits.hpp"
 #include "segmentation/fit/both_contrasts.hpp"
+#include "segmentation/fit/intraocular_mass.hpp"
 
 namespace emmetrope::segmentation {
 namespace {
@@ -35,14 +37,35 @@ bool are_surer(const std::vector<JudgedEye>& others, const std::vector<JudgedEye
   return gained_mm2 > 0;
 }
 
+bool is_one_of(const QualityGate& gate, std::initializer_list<const char*> names) {
+  return std::any_of(names.begin(), names.end(), [&](const char* name) { return gate.name == name; });
+}
+
 /// What no healthy eye has.
 std::vector<QualityGate> illness_in(const JudgedEye& eye) {
   std::vector<QualityGate> found;
   for (const QualityGate& gate : eye.gates)
-    for (const char* illness : {"natural_lens_mm", "fluid_difference_t2", "intraocular_mass_mm3",
-                                "unexplained_in_vitreous_mm3", "intraocular_mass_seen_mm3"})
-      if (gate.name == illness && !gate.passed) found.push_back(gate);
+    if (!gate.passed && is_one_of(gate, {"natural_lens_mm", "fluid_difference_t2", "intraocular_mass_mm3",
+                                         "unexplained_in_vitreous_mm3", "intraocular_mass_seen_mm3"}))
+      found.push_back(gate);
   return found;
+}
+
+/// Whether a sign of illness in one reading tells of the eye, which another reading may have right. A fit that is refused
+/// has its globe or its front in the wrong place, and with it the lens's thickness and what it took for the aqueous; unless
+/// nothing refuses it but what oil, blood or a mass does. Of a mass the voxels are seen: of a globe in the wrong place they
+/// are wall, fat or lens, and lie in no vitreous by the other reading.
+bool tells_of_eye(const QualityGate& sign, const JudgedEye& seen_by, const JudgedEye& eye) {
+  if (seen_by.is_fitted()) return true;
+  if (is_one_of(sign, {"natural_lens_mm", "fluid_difference_t2"}))
+    return std::none_of(seen_by.gates.begin(), seen_by.gates.end(), [](const QualityGate& gate) {
+      return !gate.passed && gate.withholds == Withholds::fit &&
+             !is_one_of(gate, {"surroundings_over_vitreous_t2", "intraocular_mass_mm3",
+                               "unexplained_in_vitreous_mm3"});
+    });
+  const EyeFit& fit = *seen_by.fit;
+  const IntraocularMass& mass = sign.name == "unexplained_in_vitreous_mm3" ? fit.unexplained : fit.mass;
+  return !eye.is_fitted() || is_in_vitreous(mass, *eye.fit);
 }
 
 constexpr std::array<const char*, distance_count> distance_names{"axial length", "anterior chamber", "lens",
@@ -72,6 +95,7 @@ std::optional<QualityGate> contradiction_of_contrasts(const JudgedEye& a, const 
 void judge_together(JudgedEye& eye, JudgedEye& other) {
   const std::vector<QualityGate> ill = illness_in(other);
   for (QualityGate gate : ill) {
+    if (!tells_of_eye(gate, other, eye)) continue;
     gate.reason = fmt::format("in {}: {}", to_string(other.found.weighting), gate.reason);
     eye.gates.push_back(gate);
   }

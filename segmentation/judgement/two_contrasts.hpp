@@ -15,7 +15,8 @@ bool is_other_contrast_wanted(const JudgedEye& eye, const FoundEye& in_other_con
 /// the head moves between them. Where both know lens, chamber and length, they are joined (both_contrasts.hpp), the cornea
 /// only where both measured it; where one of these or the globe's width or height is more than three standard deviations of
 /// both apart, they contradict each other: a warning says so, and the intervals are wider for it. What one contrast shows
-/// that no healthy eye has (oil, blood, an implant, a mass) counts for both.
+/// that no healthy eye has (oil, blood, an implant, a mass) counts for both; what a fit shows that is refused for something
+/// else does not, but for a mass that lies in the vitreous of the reading that stands.
 void put_together(std::vector<JudgedEye>& eyes, std::vector<JudgedEye> in_other_contrast);
 
 /// Says of each stack of a contrast what became of it, and marks those that are used.

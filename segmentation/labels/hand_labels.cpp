@@ -10,7 +10,7 @@
 #include <optional>
 
 #include "pipeline/base/error.hpp"
-#include "pipeline/base/frames.hpp"
+#include "pipeline/base/even_points.hpp"
 #include "segmentation/finding/sampling.hpp"
 #include "segmentation/fit/observation.hpp"
 #include "segmentation/intake/decoder.hpp"
@@ -174,10 +174,7 @@ LabelledEye locate(const HandLabels& labels, const Stack& stack, Laterality late
   const Sampler sampler(stack);
   int inside = 0;
   for (int i = 0; i < directions; ++i) {
-    const double z = 1 - (2.0 * i + 1) / directions, r = std::sqrt(1 - z * z),
-                 angle = i * pi * (3 - std::sqrt(5.0));
-    const Vector3d wall =
-        eye.globe.centre + eye.globe.radius_mm * Vector3d(r * std::cos(angle), r * std::sin(angle), z);
+    const Vector3d wall = eye.globe.centre + eye.globe.radius_mm * fibonacci_direction(i, directions);
     inside += sampler.voxel_coordinates(wall) ? 1 : 0;
   }
   eye.globe.inside = static_cast<double>(inside) / directions;

@@ -201,6 +201,7 @@ void conclude(StudiedEye& eye) {
   if (!eye.judged->fit) return;
   eye.bound = eye.judged->fit;
   eye.bound->covariance = information_bound(*eye.judged->fit);
+  eye.bound->shared_covariance = eye.bound->common_covariance = {};  // it has no error of the model
 }
 
 /// The fit's figures in the record.

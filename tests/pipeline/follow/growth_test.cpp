@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cmath>
 #include <cstdlib>
 #include <tuple>
@@ -221,11 +222,16 @@ TEST_F(FollowCommand, ComparesYearsWithTheStudiesDates) {
     return Json::parse(run({first.string(), second.string(), "--years", years}).output).at("warnings").dump();
   };
   EXPECT_EQ(warnings("0,1.05"), "[]");
-  EXPECT_THAT(warnings("0,10"),
-              testing::HasSubstr("10.00 years after visit 1, by the dates of their studies 1.00"));
+  const ProcessResult mistyped = run({first.string(), second.string(), "--years", "0,10"});
+  EXPECT_EQ(mistyped.status, 2);
+  EXPECT_THAT(
+      mistyped.output,
+      testing::HasSubstr("10.00 years after visit 1, by the dates of their studies 1.00 (2026-03-14"));
   const ProcessResult turned = run({second.string(), first.string(), "--years", "0,1"});
-  EXPECT_THAT(Json::parse(turned.output).at("warnings").dump(),
-              testing::HasSubstr("by the dates of their studies -1.00"));
+  EXPECT_EQ(turned.status, 2);
+  EXPECT_THAT(turned.output, testing::HasSubstr("by the dates of their studies -1.00"));
+  set(second / "case.json", "/study_date", "2026-03-14");  // an anonymiser writes one date for all
+  EXPECT_THAT(warnings("0,2"), testing::HasSubstr("by their studies both were on 2026-03-14"));
   set(second / "case.json", "/study_date", "2027-02-30");
   EXPECT_EQ(warnings("0,2"), "[]");  // that is no date
 }
@@ -249,8 +255,31 @@ TEST_F(FollowCommand, StudiesWithoutDatesAreDatedByYears) {
   const ProcessResult ended = run({folders[0], folders[1], "--years", "0,5"});
   ASSERT_EQ(ended.status, 0) << ended.output;
   EXPECT_EQ(Json::parse(ended.output).at("warnings").size(), 0U);
-  EXPECT_THAT(run({folders[0], folders[1], "--years", "0,1"}).output,
-              testing::HasSubstr("7 and 12 years old"));
+  const ProcessResult mistyped = run({folders[0], folders[1], "--years", "0,1"});
+  EXPECT_EQ(mistyped.status, 2);
+  EXPECT_THAT(mistyped.output, testing::HasSubstr("1.0 years apart, and of patients 7 and 12 years old"));
+}
+
+TEST_F(FollowCommand, WarnsOfVisitsThatWereNotSegmentedAlike) {
+  const fs::path first = visit("first", 23.5), second = visit("second", 23.6);
+  set(second / "case.json", "/study_date", "2027-03-14");
+  const auto warnings = [&] {
+    return Json::parse(run({first.string(), second.string()}).output)
+        .at("warnings")
+        .get<std::vector<std::string>>();
+  };
+  EXPECT_THAT(warnings(), testing::IsEmpty());
+  set(second / "segmentation" / "stage.json", "/version", "0.2.0");
+  EXPECT_THAT(warnings(), testing::ElementsAre(testing::HasSubstr("(\"0.1.0+test\", \"0.2.0\")")));
+  set(second / "segmentation" / "stage.json", "/version", "0.1.0+test");
+  ParametricEye more = eye_of(23.6, 0.03);
+  more.parameter_names.emplace_back("lens_equator_radius_mm");
+  const auto count = static_cast<Eigen::Index>(more.parameter_names.size());
+  more.covariance.conservativeResizeLike(Eigen::MatrixXd::Zero(count, count));
+  more.covariance(count - 1, count - 1) = 0.01;
+  set(second / "segmentation" / "od" / "fit.json", "/eye", to_json(more));
+  EXPECT_THAT(warnings(), testing::ElementsAre(testing::HasSubstr(
+                              "OD (right): the fit of visit 2 has other parameters than that of visit 1")));
 }
 
 TEST_F(FollowCommand, TellsGrowthWithItsInterval) {
@@ -279,43 +308,89 @@ TEST_F(FollowCommand, ACorneaThatIsWithheldHasNoGrowth) {
               testing::HasSubstr("OD (right): the growth of the cornea is withheld"));
 }
 
-// Of two fits and the spread of growth beforehand: 1 / (1 / (2 sigma^2) + 1 / prior^2).
-TEST_F(FollowCommand, GrowthHasNoErrorThatBothVisitsShare) {
-  constexpr double own_mm = 0.08, shared_mm = 0.2;
-  std::vector<fs::path> visits{visit("first", 23.5), visit("second", 23.6)};
-  for (std::size_t i = 0; i < visits.size(); ++i) {
-    const fs::path file = visits[i] / "segmentation" / "od" / "fit.json";
-    Json fit = read_json(file);
-    fit["eye"] = to_json(eye_of(i == 0 ? 23.5 : 23.6, std::hypot(own_mm, shared_mm)));
-    fit["contrast"] = "T1";
-    fit["shared_error"] = {
-        {"images", "T1"},
-        {"covariance", {{"axial_length_mm", {{"axial_length_mm", shared_mm * shared_mm}}}}}};
-    write_json(file, fit);
-    set(visits[i] / "case.json", "/stacks/0/contrast", "T1");
+/// Two visits in T1 at one field; what such images share of the error of the right eye's length is known.
+class FollowAlikeImages : public FollowCommand {
+ protected:
+  static constexpr double own_mm = 0.08, shared_mm = 0.2;
+  void SetUp() override {
+    for (std::size_t i = 0; i < visits_.size(); ++i) {
+      Json fit = read_json(fit_file(i));
+      fit["eye"] = to_json(eye_of(i == 0 ? 23.5 : 23.6, std::hypot(own_mm, shared_mm)));
+      fit["contrast"] = "T1";
+      fit["shared_error"] = {
+          {"images", "T1"},
+          {"covariance", {{"axial_length_mm", {{"axial_length_mm", shared_mm * shared_mm}}}}}};
+      write_json(fit_file(i), fit);
+      set(visits_[i] / "case.json", "/stacks/0/contrast", "T1");
+    }
   }
-  const auto expect_sigma = [&](double of_fit_mm) {
-    const ProcessResult ended =
-        run({visits[0].string(), visits[1].string(), "--years", "0,1", "--scale-sd", "0"});
+  fs::path fit_file(std::size_t i) const { return visits_[i] / "segmentation" / "od" / "fit.json"; }
+  ProcessResult followed() const {
+    return run({visits_[0].string(), visits_[1].string(), "--years", "0,1", "--scale-sd", "0"});
+  }
+  /// Of two fits and the spread of growth beforehand: 1 / (1 / (2 sigma^2) + 1 / prior^2).
+  void expect_sigma(double of_fit_mm) const {
+    const ProcessResult ended = followed();
     ASSERT_EQ(ended.status, 0) << ended.output;
     const auto growth =
         Json::parse(ended.output).at("eyes").at("od").at("axial_length_mm").at("per_year").get<Measured>();
     const double prior = change_sigma("axial_length_mm");
     EXPECT_NEAR(growth.sigma(), 1 / std::sqrt(1 / (2 * of_fit_mm * of_fit_mm) + 1 / (prior * prior)), 1e-4);
-  };
+  }
+  const std::array<fs::path, 2> visits_{visit("first", 23.5), visit("second", 23.6)};
+};
+
+TEST_F(FollowAlikeImages, GrowthHasNoErrorThatBothVisitsShare) {
   expect_sigma(own_mm);
-  const fs::path later = visits[1] / "case.json";
+  const fs::path later = visits_[1] / "case.json";
   for (const double field_T : {1.5, 0.0}) {  // another scanner, or nobody knows
     set(later, "/series/0/field_strength_T", field_T);
     expect_sigma(std::hypot(own_mm, shared_mm));
   }
   set(later, "/series/0/field_strength_T", 3.0);
   expect_sigma(own_mm);
-  const fs::path later_fit = visits[1] / "segmentation" / "od" / "fit.json";
-  set(later_fit, "/shared_error/images", "T1, dark fat");  // which errs by something else
+  set(fit_file(1), "/shared_error/images", "T1, dark fat");  // which errs by something else
   expect_sigma(std::hypot(own_mm, shared_mm));
-  set(later_fit, "/shared_error", nullptr);  // T1 and T2 joined
+  set(fit_file(1), "/shared_error", nullptr);  // T1 and T2 joined
   expect_sigma(std::hypot(own_mm, shared_mm));
+}
+
+TEST_F(FollowAlikeImages, AnErrorThatCannotBeSharedStaysInTheInterval) {
+  const fs::path fit = fit_file(1);
+  for (const auto& [covariance, said] :
+       {std::pair{Json{{"axial_length_mm", {{"axial_length_mm", 1}}}}, "more than the eye's own covariance"},
+        {Json{{"nerve_mm", {{"nerve_mm", 1e-6}}}}, "shared_error of its fit.json has nerve_mm"}}) {
+    set(fit, "/shared_error/covariance", covariance);
+    expect_sigma(std::hypot(own_mm, shared_mm));
+    const Json answer = Json::parse(followed().output);
+    EXPECT_THAT(answer.at("warnings").dump(), testing::HasSubstr(std::string("OD (right): at visit 2 ")));
+    EXPECT_THAT(answer.at("warnings").dump(), testing::HasSubstr(said));
+    EXPECT_TRUE(answer.at("eyes").at("os").at("axial_length_mm").contains("per_year"));
+  }
+}
+
+TEST_F(FollowAlikeImages, ABrokenSharedErrorIsNamedByFileAndKey) {
+  const fs::path fit = fit_file(1);
+  const Json whole = read_json(fit).at("shared_error");
+  for (const auto& [pointer, broken, key] :
+       {std::tuple{"", Json("T1"), "shared_error is \"T1\""},
+        {"/images", Json(1), "shared_error/images is 1"},
+        {"/images", Json(), "shared_error/images is null"},
+        {"/covariance", Json::array({0.04}), "shared_error/covariance is [0.04]"},
+        {"/covariance/axial_length_mm", Json(0.04), "shared_error/covariance/axial_length_mm is 0.04"},
+        {"/covariance/axial_length_mm/axial_length_mm", Json("0.04"),
+         "shared_error/covariance/axial_length_mm/axial_length_mm is \"0.04\""},
+        {"/covariance/axial_length_mm/axial_length_mm", Json(std::nan("")),
+         "shared_error/covariance/axial_length_mm/axial_length_mm is null"},
+        {"/covariance/axial_length_mm/lens_thickness_mm", Json(0.01),
+         "shared_error/covariance/axial_length_mm/lens_thickness_mm is 0.01"}}) {
+    set(fit, "/shared_error", whole);
+    set(fit, std::string("/shared_error") + pointer, broken);
+    const ProcessResult ended = followed();
+    EXPECT_EQ(ended.status, 3) << key;
+    const std::string message = Json::parse(ended.output).at("error").at("message");
+    EXPECT_THAT(message, testing::AllOf(testing::StartsWith(fit.string() + ": "), testing::HasSubstr(key)));
+  }
 }
 
 TEST_F(FollowCommand, KnowsWhenTheVisitsWereFromTheirDates) {

@@ -3,6 +3,8 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/LU>
+#include <algorithm>
+#include <array>
 #include <cmath>
 #include <random>
 
@@ -147,6 +149,37 @@ TEST(BothContrasts, FitsThatContradictDoubtEachOther) {
   // Four standard deviations apart: as much wider.
   EXPECT_NEAR(t2.sigma(axial_length), 4 * 0.3, 1e-9);
   EXPECT_NEAR(t1.sigma(axial_length), 4 * 0.4, 1e-9);
+}
+
+/// An error of both contrasts is in neither's difference from the other, and is no smaller in their mean: fits that have it
+/// are joined as those without.
+TEST(BothContrasts, WhatBothErrByAlikeIsNotAveraged) {
+  std::mt19937 random(7);
+  const Prior prior = prior_of(shape);
+  const auto n = static_cast<Index>(shape.size());
+  std::array<EyeFit, 2> without{
+      fit_of({prior.mean + 0.05 * VectorXd::Random(n), random_information(n, random, 30)}, shape, prior.mean,
+             prior.information, Weighting::t2),
+      fit_of({prior.mean + 0.05 * VectorXd::Random(n), random_information(n, random, 60)}, shape, prior.mean,
+             prior.information, Weighting::t1)};
+  std::array<EyeFit, 2> with = without;
+  const Index lens = std::find(shape.begin(), shape.end(), lens_thickness) - shape.begin();
+  MatrixXd alike = MatrixXd::Zero(n, n);
+  alike(lens, lens) = 0.03 * 0.03;
+  for (EyeFit& fit : with) {
+    fit.common_covariance = fit.shared_covariance = alike;
+    fit.covariance += alike;
+  }
+  EXPECT_NEAR(agreement_of(with[0], with[1]).birge_ratio, agreement_of(without[0], without[1]).birge_ratio,
+              1e-9);
+  join_contrasts(without[0], without[1], Joined::all);
+  join_contrasts(with[0], with[1], Joined::all);
+  for (std::size_t i = 0; i < 2; ++i) {
+    EXPECT_NEAR((with[i].parameters - without[i].parameters).norm(), 0, 1e-9);
+    EXPECT_TRUE(with[i].covariance.isApprox(without[i].covariance + alike, 1e-9));
+    EXPECT_EQ(with[i].common_covariance, alike) << "the fellow eye has it, too";
+    EXPECT_EQ(with[i].shared_covariance.size(), 0);
+  }
 }
 
 /// A free form is no biconic's.

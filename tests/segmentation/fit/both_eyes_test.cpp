@@ -106,6 +106,21 @@ TEST(BothEyes, WhatBothEyesImagesShareTellsNothingOfTheOther) {
   EXPECT_EQ(os_with.shared_covariance, shared);
 }
 
+/// One eye in T1 and its fellow in T2, or both in both: their lenses' nuclei are alike all the same.
+TEST(BothEyes, WhatImagesOfAnyContrastShareTellsNothingOfTheOther) {
+  EyeFit od = fit_of(images(42.1, 0.8, 3.3)), os = fit_of(images(43.4, 1.3, 3.5));
+  EyeFit od_with = od, os_with = os;
+  const Eigen::MatrixXd common = 0.5 * od.covariance;
+  for (EyeFit* eye : {&od_with, &os_with}) {
+    eye->common_covariance = common;
+    eye->covariance += common;
+  }
+  ASSERT_TRUE(couple_eyes(od, os));
+  ASSERT_TRUE(couple_eyes(od_with, os_with));
+  EXPECT_NEAR((od_with.parameters - od.parameters).norm(), 0, 1e-12);
+  EXPECT_NEAR((os_with.covariance - os.covariance - common).norm(), 0, 1e-12);
+}
+
 /// Lengths of both eyes at once, with the correlated prior in one 2 x 2 matrix.
 TEST(BothEyes, LengthsOfOnePersonAreTheJointEstimate) {
   for (const auto& [parameter, difference_mm, sigma_mm] :

@@ -74,6 +74,9 @@ TEST(EyeFit, ALargerNucleusMovesTheLensWithinWhatIsStatedOfBothEyes) {
     const double error_mm = fits[e].value(lens_thickness) - head.eye(found[e].laterality).lens_thickness_mm;
     EXPECT_LT(std::abs(error_mm), 1.96 * fits[e].sigma(lens_thickness)) << error_mm;
     EXPECT_LT(fits[e].sigma(lens_thickness), 0.06);
+    const auto at =
+        std::find(fits[e].active.begin(), fits[e].active.end(), lens_thickness) - fits[e].active.begin();
+    EXPECT_NEAR(fits[e].common_covariance(at, at), 0.03 * 0.03, 1e-12) << "in images of any contrast";
   }
 }
 

@@ -87,5 +87,29 @@ TEST(IntraocularMass, IsLeftOutOfTheFit) {
   }
 }
 
+/// A lens is in the globe, and in no vitreous.
+TEST(IntraocularMass, IsInTheVitreousOfAnotherFitBehindItsLensAndWithinItsWall) {
+  const ParameterLayout layout;
+  EyeFit fit{layout, Weighting::t1, {}, ForwardModel(layout, {}, Eigen::Vector3d::Zero())};
+  fit.parameters = population_mean(layout);
+  fit.parameters.segment<3>(apex_x) << -31, -60, 4;
+  fit.parameters[gaze_horizontal] = 12;
+  const Eigen::Isometry3d lps =
+      lps_from_eye(fit.parameters.segment<3>(apex_x), gaze_axis(fit.value(gaze_horizontal), 0));
+  const auto is_in = [&](double behind_apex_mm, double aside_mm) {
+    IntraocularMass mass;
+    mass.voxels.assign(3, lps * Eigen::Vector3d(aside_mm, 0, -behind_apex_mm));
+    return is_in_vitreous(mass, fit);
+  };
+  const double lens_back_mm = fit.value(anterior_chamber_depth) + fit.value(lens_thickness),
+               middle_mm = fit.value(axial_length) - fit.value(globe_z);
+  EXPECT_FALSE(is_in(lens_back_mm - 0.5, 0));
+  EXPECT_TRUE(is_in(lens_back_mm + 0.5, 0));
+  EXPECT_TRUE(is_in(fit.value(axial_length) - 0.5, 0));
+  EXPECT_FALSE(is_in(fit.value(axial_length) + 0.5, 0));
+  EXPECT_TRUE(is_in(middle_mm, fit.value(globe_x) - 0.5));
+  EXPECT_FALSE(is_in(middle_mm, fit.value(globe_x) + 0.5));
+}
+
 }  // namespace
 }  // namespace emmetrope::segmentation

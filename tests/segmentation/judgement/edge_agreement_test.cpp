@@ -3,6 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
+
 namespace emmetrope::segmentation {
 namespace {
 
@@ -42,6 +44,23 @@ TEST(EdgesInDoubt, AGlobeElsewhereOrNoGlobeTellsNothingOfThem) {
   EXPECT_DOUBLE_EQ(with_doubt(read_at({8, 0, 0}, 26.2, 23.4), fit).globe_width.sigma, 0.6);
   EXPECT_DOUBLE_EQ(with_doubt(read_at(Vector3d::Zero(), 26.2, 23.4), globe_of({7, 7, 7})).globe_width.sigma,
                    0.6);
+}
+
+/// By the 95 % quantiles of the normal distribution (lengths) and of the chi distribution with three degrees of freedom
+/// (a place; its rms is the root of three deviations).
+TEST(LabelsBesideEdges, DifferBeyondTheIntervalsOfBoth) {
+  const EyeFit drawn = globe_of({11.5, 11.5, 11.5});
+  const auto over = [&](const Vector3d& centre, double width_mm) {
+    ReadEye read = read_at(centre, width_mm, 23);
+    read.biometry.centre.sigma = 0.4;
+    return compare_labels_with_edges(drawn, read);
+  };
+  EXPECT_NEAR(over({0, 0, 1.2}, 23).over_ci95, 1.2 / (std::sqrt(7.815) * 0.4), 1e-3);
+  EXPECT_GT(over({0, 0, 1.2}, 23).over_ci95, 1);
+  EXPECT_EQ(over({0, 0, 1.2}, 23).largest, "the globe's centres lie 1.2 mm apart");
+  EXPECT_NEAR(over({0, 0, 0}, 24.3).over_ci95, 1.3 / (1.96 * 0.6), 1e-9);
+  EXPECT_EQ(over({0, 0, 0}, 24.3).largest, "width 23.0 mm, by the edges 24.3 mm");
+  EXPECT_LT(over({0, 0, 0.9}, 24).over_ci95, 1);
 }
 
 }  // namespace

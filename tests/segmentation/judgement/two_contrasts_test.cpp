@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <string>
 
 namespace emmetrope::segmentation {
 namespace {
@@ -128,6 +129,40 @@ TEST(TwoContrasts, WhatNoHealthyEyeHasCountsForBoth) {
   EXPECT_FALSE(eye.has_front());
   EXPECT_FALSE(eye.is_joined);
   EXPECT_THAT(eye.reasons(), HasSubstr("in T2: the fluids are unlike"));
+}
+
+/// Of a fit in the wrong place lens and fluids are no eye's.
+TEST(TwoContrasts, WhatARefusedFitTookForLensAndFluidsTellsNothingOfTheOther) {
+  for (const char* sign : {"fluid_difference_t2", "natural_lens_mm"})
+    for (const bool is_filled_with_oil : {false, true}) {
+      JudgedEye refused = in_t2(24.0);
+      withhold(refused, Withholds::front, "no healthy eye's");
+      refused.gates[0].name = sign;
+      withhold(refused, Withholds::fit, "no fit");
+      refused.gates[1].name = is_filled_with_oil ? "surroundings_over_vitreous_t2" : "edge_disagreement";
+      const JudgedEye eye = put(refused, in_t1(24.0));
+      EXPECT_EQ(eye.found.weighting, Weighting::t1);
+      EXPECT_EQ(eye.is_measured(), !is_filled_with_oil) << sign;
+      EXPECT_FALSE(eye.is_joined);
+    }
+}
+
+/// What is wall to one fit may be a mass to a globe in the wrong place.
+TEST(TwoContrasts, AMassThatARefusedFitSawCountsWhereTheOtherHasItsVitreous) {
+  const JudgedEye good = in_t1(24.0);
+  const Eigen::Vector3d centre = good.fit->globe_centre_lps(), beside(good.fit->value(globe_x) + 0.5, 0, 0);
+  for (const char* sign : {"unexplained_in_vitreous_mm3", "intraocular_mass_mm3"})
+    for (const bool is_inside : {true, false}) {
+      JudgedEye refused = in_t2(24.0);
+      IntraocularMass& mass =
+          sign == std::string("intraocular_mass_mm3") ? refused.fit->mass : refused.fit->unexplained;
+      mass.voxels.assign(9, is_inside ? centre : centre + beside);
+      withhold(refused, Withholds::fit, "no vitreous");
+      refused.gates[0].name = sign;
+      const JudgedEye eye = put(refused, good);
+      EXPECT_EQ(eye.is_measured(), !is_inside) << sign;
+      EXPECT_EQ(eye.reasons(), is_inside ? "in T2: no vitreous" : "") << sign;
+    }
 }
 
 /// An eye that may be another is not made surer by images that were read once.
