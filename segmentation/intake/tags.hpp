@@ -208,9 +208,9 @@ inline constexpr Tag of_identity[] = {
     issuer_of_patient_id, study_id,       admission_id,        device_serial_number};
 
 /// Read besides where a header alone is asked for: what objects of the same study must repeat.
-inline constexpr Tag of_study[] = {
-    study_time,       study_description, patient_birth_time,      patient_size, patient_weight, ethnic_group,
-    patient_comments, identity_removed,  deidentification_method, study_id};
+inline constexpr Tag of_study[] = {study_time,       study_description, patient_birth_time,
+                                   patient_size,     patient_weight,    ethnic_group,
+                                   patient_comments, identity_removed,  deidentification_method};
 
 /// Attributes of classic images that a legacy converted one may keep in its unassigned groups (PS3.3 C.7.6.16.2).
 inline constexpr Tag of_classic_images[] = {image_type,         complex_image_component,
