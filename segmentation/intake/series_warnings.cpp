@@ -285,7 +285,7 @@ void add_warnings(const std::vector<ScannedFile>& files, const std::vector<Serie
         return file.header.has(tag::patient_age) && !parse_age_years(file.header.value(tag::patient_age));
       },
       fmt::format("{} is no age above 0 and of at most {:g} years, and is not used; --age gives it",
-                  to_string(tag::patient_age), largest_age_years),
+                  to_string(tag::patient_age), human_age_years.high),
       info);
   warn_of_image_type(images, info);
   warn_of_times(info);
