@@ -80,9 +80,7 @@ void warn_of_dixon_part(const std::vector<SeriesImage>& images, SeriesInfo& info
                                   [&](const SeriesImage& image) { return dixon_part_of(image) == part; });
   if (!is_one) return;
   info.dixon_part = part;
-  if (const std::string why = why_unfit(part); !why.empty())
-    info.warnings.push_back(
-        fmt::format("{} says {}; used only where --series names it", to_string(tag::image_type), why));
+  if (const std::string why = why_unfit(part); !why.empty()) info.warnings.push_back(why + used_on_demand);
 }
 
 /// A scanner's pixels are square and fill its field of view: what contradicts this may be a header that was changed.
@@ -200,9 +198,10 @@ void warn_of_scales(const std::vector<SeriesImage>& images, SeriesInfo& info) {
 std::string why_unfit(DixonPart part) {
   switch (part) {
     case DixonPart::fat:
-      return "that it shows fat alone, in which no eye is seen";
+      return to_string(tag::image_type) + " says that it shows fat alone, in which no eye is seen";
     case DixonPart::opposed_phase:
-      return "that water and fat are opposed in phase, so that their borders are black";
+      return to_string(tag::image_type) +
+             " says that water and fat are opposed in phase, so that their borders are black";
     default:
       return {};
   }

@@ -14,6 +14,7 @@
 #include "segmentation/intake/file_mention.hpp"
 #include "segmentation/intake/identity.hpp"
 #include "segmentation/intake/series_checks.hpp"
+#include "segmentation/intake/series_warnings.hpp"
 #include "segmentation/intake/sidecar.hpp"
 #include "segmentation/intake/slice_grid.hpp"
 #include "segmentation/intake/subject.hpp"
@@ -261,8 +262,18 @@ bool StudyInventory::any_usable() const {
   return std::any_of(series.begin(), series.end(), [](const SeriesInfo& info) { return info.usable; });
 }
 
+std::string StudyInventory::why_not_used(const SeriesInfo& info) const {
+  if (!info.usable) return info.reason;
+  const std::string unfit = why_unfit(info.dixon_part);
+  const bool is_named = std::any_of(choices.begin(), choices.end(),
+                                    [&](const SeriesChoice& choice) { return choice.series == info.uid; });
+  return unfit.empty() || is_named ? std::string() : unfit + used_on_demand;
+}
+
 ExitStatus StudyInventory::status() const {
-  if (any_usable()) return ExitStatus::done;
+  if (std::any_of(series.begin(), series.end(), [&](const auto& info) { return why_not_used(info).empty(); }))
+    return ExitStatus::done;
+  if (any_usable()) return ExitStatus::unsupported;
   const bool all_unsupported = std::all_of(series.begin(), series.end(), [](const SeriesInfo& info) {
     return info.refusal == ExitStatus::unsupported;
   });
@@ -274,6 +285,7 @@ StudyInventory read_inventory(const fs::path& study, const IntakeOptions& option
   auto list = list_files(study, options.limits);
   inventory.study = study;
   inventory.root = list.root;
+  inventory.choices = options.choices;
   inventory.skipped = std::move(list.skipped);
 
   SeriesFiles series;
