@@ -256,7 +256,8 @@ void add_warnings(const std::vector<ScannedFile>& files, const std::vector<Serie
                   to_string(tag::patient_orientation), to_string(tag::image_orientation)),
       info);
   warn_of_files(
-      files, [](const auto& file) { return file.header.description_unreadable; },
+      files,
+      [](const auto& file) { return file.header.unreadable.count(tag::series_description.keyword) > 0; },
       to_string(tag::series_description) + " is not in the character set " + to_string(tag::character_set) +
           ", or in one that cannot be converted; it is left out",
       info);
