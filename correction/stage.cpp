@@ -362,7 +362,8 @@ void CorrectionSettings::check() const {
   prescription.check();
   picture.check();
   if (lens_index_sigma) check_setting("--lens-index-sigma (lens_index_sigma)", *lens_index_sigma, {0, 0.05});
-  if (what_if.age_years) check_setting("--age (what_if.age_years)", *what_if.age_years, {0, 120}, " years");
+  if (what_if.age_years)
+    check_setting("--age (what_if.age_years)", *what_if.age_years, human_age_years, " years");
   check_setting("--iol-target (what_if.iol_target_D)", what_if.iol_target_D, {-10, 5}, " D");
   check_setting("--iol-a-constant (what_if.iol_a_constant)", what_if.iol_a_constant, {110, 125});
 }

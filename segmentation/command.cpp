@@ -3,6 +3,7 @@
 #include <CLI/CLI.hpp>
 #include <memory>
 
+#include "pipeline/eye/population/limits.hpp"
 #include "segmentation/stage.hpp"
 
 namespace emmetrope::segmentation {
@@ -30,7 +31,7 @@ void declare(CLI::App& app, Typed& typed) {
       ->allow_extra_args(false)
       ->type_name("FILE");
   app.add_option("--age", options.age_years, "Years, where the study does not say")
-      ->check(CLI::Range(0.0, SegmentOptions::oldest_years));
+      ->check(CLI::Range(human_age_years.low, human_age_years.high));
   app.add_flag("--any-modality", options.any_modality, "Also use series that do not say that they are MR");
 }
 

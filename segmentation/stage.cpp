@@ -282,9 +282,7 @@ Json parameters_of(const SegmentOptions& options, const CommonOptions& common) {
 void SegmentOptions::check() const {
   if (study.empty()) throw usage_error("STUDY: its folder is missing");
   if (case_folder.empty()) throw usage_error("--output: the case's folder is missing");
-  if (age_years && !(*age_years >= 0 && *age_years <= oldest_years))
-    throw usage_error(fmt::format("--age: {:g} years is no patient's", *age_years),
-                      fmt::format("expected 0 to {:g}", oldest_years));
+  if (age_years) check_setting("--age", *age_years, human_age_years, " years");
 }
 
 Answer segment(const SegmentOptions& options, const CommonOptions& common) {

@@ -17,7 +17,6 @@ struct SegmentOptions {
   /// label volumes corrected by hand, one a stack; never written to
   std::vector<std::filesystem::path> labels;
 
-  static constexpr double oldest_years = 120;
   /// \throw Error (usage) naming the field
   void check() const;
 };

@@ -170,8 +170,7 @@ void require_same_files(const SegmentOptions& options, const std::vector<StageIn
 
 std::string why_left_out(const SeriesInfo& info, const StudyInventory& inventory) {
   if (!info.usable) return {};
-  if (const std::string unfit = why_unfit(info.dixon_part); !unfit.empty())
-    return fmt::format("{} says {}", to_string(tag::image_type), unfit);
+  if (std::string unfit = why_unfit(info.dixon_part); !unfit.empty()) return unfit;
   if (const SeriesInfo* source = acquired_source_of(info, inventory); source != nullptr)
     return fmt::format(
         "{} says that it {}, from {} by frame of reference and contrast, which would count twice",

@@ -96,7 +96,7 @@ Source source_of(const CaseData& data, const ReportOptions& options) {
       note =
           "The DICOM objects carry the pseudonym and belong to a study of their own: the study's folder does not "
           "hold the DICOM files that the case was made from, or it was made from NIfTI volumes, which name no patient, or "
-          "from files without StudyInstanceUID.";
+          "from files without StudyInstanceUID or whose PatientID cannot be converted from its character set.";
     }
   }
   if (options.identified)
@@ -131,6 +131,7 @@ Answer write_report(const ReportOptions& options, const CommonOptions& common) t
   const auto work = [&](StageWorkspace& workspace) {
     Notes notes;
     if (!source.note.empty()) notes.push_back(source.note);
+    notes.insert(notes.end(), source.study.warnings().begin(), source.study.warnings().end());
     const Document document = make_document(
         data,
         {options.identified ? source.study.identity() : std::string(), study_date_of(data, source.study)},

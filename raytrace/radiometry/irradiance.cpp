@@ -8,6 +8,7 @@
 #include "pipeline/base/frames.hpp"
 #include "pipeline/eye/media/transmittance.hpp"
 #include "pipeline/eye/optics/paraxial.hpp"
+#include "pipeline/eye/population/limits.hpp"
 #include "pipeline/eye/population/population.hpp"
 #include "raytrace/radiometry/observer.hpp"
 #include "raytrace/radiometry/spectral_scene.hpp"
@@ -44,8 +45,7 @@ void IrradianceSettings::check() const {
   if (!(first_nm >= 380 && last_nm <= 900 && first_nm <= last_nm && step_nm >= 1 && step_nm <= 500))
     throw usage_error("--bands: wavelengths from 380 to 900 nm in steps of 1 to 500 are wanted",
                       "write 400:700:10");
-  if (age_years && !(*age_years >= 0 && *age_years <= 110))
-    throw usage_error(fmt::format("--media-age: {:g} years are out of range", *age_years), "give 0 to 110");
+  if (age_years) check_setting("--media-age", *age_years, human_age_years, " years");
 }
 
 RetinalIrradiance retinal_irradiance(const Tracer& tracer, const EyeModel& eye, const Scene& scene,

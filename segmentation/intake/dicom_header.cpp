@@ -137,11 +137,15 @@ std::string ascii_part(std::string text) {
   return text;
 }
 
+struct HeaderText {
+  /// Of one that cannot be converted what is ASCII, so that names are found in other texts
+  std::string utf8;
+  bool is_converted = true;
+};
+
 /// The element's value as text, empty when it is absent.
-/// \param request  of a header alone, which goes into other objects, what cannot be converted is left out; else what is
-///   ASCII stays, so that names are found in other texts
 /// \throw Error when its VR is of another kind than the standard's, so that its bytes mean something else
-std::string text_of(DcmItem& item, const Tag& tag, Request request = Request::everything) {
+HeaderText text_of(DcmItem& item, const Tag& tag) {
   DcmElement* element = nullptr;
   if (item.findAndGetElement(key(tag), element).bad() || element == nullptr) return {};
   const DcmEVR expected = DcmTag(key(tag)).getEVR();
@@ -156,14 +160,23 @@ std::string text_of(DcmItem& item, const Tag& tag, Request request = Request::ev
   for (char& letter : text)
     if ((static_cast<unsigned char>(letter) < 0x20 && letter != '\x1B') || letter == 0x7F) letter = '?';
   std::string utf8 = text;  // escape sequences are part of some character sets
-  if (convert_to_utf8(item, utf8)) return utf8;
-  return request == Request::header ? std::string() : ascii_part(std::move(text));
+  if (convert_to_utf8(item, utf8)) return {utf8};
+  return {ascii_part(std::move(text)), false};
+}
+
+/// A text of a header alone, which goes into other objects, is left out where it cannot be converted.
+void read_text(DcmDataset& data_set, const Tag& wanted, Request request, ImageHeader& header) {
+  HeaderText text = text_of(data_set, wanted);
+  if (!text.is_converted) header.unreadable.insert(wanted.keyword);
+  if (!text.utf8.empty() && (text.is_converted || request == Request::everything))
+    header.data_set[wanted.keyword] = std::move(text.utf8);
 }
 
 void read_attribute(DcmItem& groups, const Tag& macro, const Tag& attribute, TagValues& values) {
   DcmItem* item = nullptr;
   if (groups.findAndGetSequenceItem(key(macro), item, 0).bad() || item == nullptr) return;
-  if (auto value = text_of(*item, attribute); !value.empty()) values[attribute.keyword] = std::move(value);
+  if (auto value = text_of(*item, attribute).utf8; !value.empty())
+    values[attribute.keyword] = std::move(value);
 }
 
 void read_frame(DcmItem& groups, TagValues& values) {
@@ -205,8 +218,7 @@ void read_what_is_there(const Tag (&tags)[Count], DcmDataset& data_set, Request 
                         ImageHeader& header) {
   for (const auto& wanted : tags) {
     try {
-      if (auto text = text_of(data_set, wanted, request); !text.empty())
-        header.data_set[wanted.keyword] = std::move(text);
+      read_text(data_set, wanted, request, header);
     } catch (const Error&) {
     }
   }
@@ -218,7 +230,7 @@ void read_other_ids(DcmDataset& data_set, ImageHeader& header) {
   if (data_set.findAndGetSequence(DCM_OtherPatientIDsSequence, others).bad() || others == nullptr) return;
   for (auto* item = others->nextInContainer(nullptr); item != nullptr; item = others->nextInContainer(item)) {
     try {
-      const auto id = text_of(*dynamic_cast<DcmItem*>(item), tag::patient_id);
+      const auto id = text_of(*dynamic_cast<DcmItem*>(item), tag::patient_id).utf8;
       if (id.empty()) continue;
       std::string& ids = header.data_set[tag::other_patient_ids.keyword];
       ids += (ids.empty() ? "" : "\\") + id;
@@ -231,9 +243,9 @@ void read_description(DcmDataset& data_set, ImageHeader& header) {
   OFString raw;
   if (data_set.findAndGetOFStringArray(key(tag::series_description), raw).bad()) return;
   header.description = raw.c_str();
-  header.description_unreadable = !convert_to_utf8(data_set, header.description);
-  // Nobody's name is found in it.
-  if (header.description_unreadable) header.description.clear();
+  if (convert_to_utf8(data_set, header.description)) return;
+  header.unreadable.insert(tag::series_description.keyword);
+  header.description.clear();  // nobody's name is found in it
 }
 
 }  // namespace
@@ -260,9 +272,7 @@ ImageHeader read_header(const std::filesystem::path& file, DcmFileFormat& parsed
   try {
     if (nests_deeper(data_set, 2 * deepest_nesting))
       throw input_error(fmt::format("sequences are nested more than {} deep", deepest_nesting));
-    for (const auto& wanted : tag::of_data_set)
-      if (auto text = text_of(data_set, wanted, request); !text.empty())
-        header.data_set[wanted.keyword] = std::move(text);
+    for (const auto& wanted : tag::of_data_set) read_text(data_set, wanted, request, header);
     read_other_ids(data_set, header);
     read_what_is_there(tag::of_identity, data_set, request, header);
     if (request == Request::header) read_what_is_there(tag::of_study, data_set, request, header);

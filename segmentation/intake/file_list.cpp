@@ -9,7 +9,8 @@
 
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/files.hpp"
-#include "segmentation/intake/sidecar.hpp"
+#include "segmentation/intake/sidecar_files.hpp"
+#include "segmentation/intake/wire.hpp"
 
 namespace emmetrope::segmentation {
 namespace {
@@ -37,7 +38,11 @@ class Walker {
     // The copies of the images in a case made from this study would be fitted a second time.
     if (depth >= 0 && fs::exists(list_.root / folder / "case.json"))
       return skip(folder, "a case folder of Emmetrope, not images of a scanner");
-    std::sort(names.begin(), names.end());  // the first of two links to one file stays the same
+    // The first of two links to one file stays the same. Hidden ones come last: git-annex keeps the files themselves there.
+    std::sort(names.begin(), names.end(), [](const fs::path& a, const fs::path& b) {
+      const auto is_hidden = [](const fs::path& name) { return name.c_str()[0] == '.'; };
+      return std::pair(is_hidden(a), a) < std::pair(is_hidden(b), b);
+    });
     for (const auto& name : names) visit(folder / name, depth);
   }
 
@@ -55,7 +60,22 @@ class Walker {
     list_.files.push_back(path);
   }
 
+  void visit_sidecars() {
+    std::set<fs::path> known(list_.files.begin(), list_.files.end());
+    for (const SkippedFile& skipped : list_.skipped) known.insert(skipped.file);
+    for (const fs::path& file : std::vector(list_.files)) {
+      if (!is_nifti_name(file)) continue;
+      for (const fs::path& sidecar : sidecars_of(list_.root / file)) {
+        const fs::path relative = sidecar.lexically_relative(list_.root);
+        const fs::path& name = *relative.begin() == ".." ? sidecar : relative;
+        list_.sidecars[file].push_back(name);
+        if (known.insert(name).second) visit(name, 0);
+      }
+    }
+  }
+
   FileList take() {
+    visit_sidecars();
     std::sort(list_.files.begin(), list_.files.end());
     return std::move(list_);
   }
@@ -74,13 +94,11 @@ FileList list_files(const fs::path& study, const IntakeLimits& limits) {
   if (!fs::exists(study))
     throw input_error(study.string() + " does not exist", "give the folder of a DICOM study");
   if (!fs::is_directory(study)) {
-    Walker walker(study.parent_path(), limits);
+    Walker walker(fs::canonical(study.parent_path() / "."), limits);
     walker.visit(study.filename(), 0);
-    if (const fs::path sidecar = sidecar_of(study); is_nifti_name(study) && is_file(sidecar))
-      walker.visit(sidecar.filename(), 0);
     return walker.take();
   }
-  Walker walker(study, limits);
+  Walker walker(fs::canonical(study), limits);
   walker.visit("", -1);
   return walker.take();
 }

@@ -17,8 +17,9 @@ constexpr Tag names[] = {tag::patient_name,       tag::other_patient_names,  tag
                          tag::mothers_birth_name, tag::referring_physician,  tag::performing_physician,
                          tag::reading_physician,  tag::requesting_physician, tag::operators_name};
 /// Of these a word alone tells nothing: an eye hospital's is "eye".
-constexpr Tag whole_texts[] = {tag::patient_id,       tag::other_patient_ids, tag::accession_number,
-                               tag::institution_name, tag::station_name,      tag::patient_address};
+constexpr Tag whole_texts[] = {tag::patient_id,           tag::other_patient_ids, tag::accession_number,
+                               tag::issuer_of_patient_id, tag::institution_name,  tag::station_name,
+                               tag::patient_address};
 /// Of these the short ones are numbers like any other ("1", "100"), and what has no digit is a word ("HEAD").
 constexpr Tag numbers[] = {tag::study_id, tag::admission_id, tag::patient_telephone,
                            tag::device_serial_number};

@@ -13,12 +13,13 @@ namespace emmetrope::segmentation {
 class Identity {
  public:
   /// Notes names of patient, mother, physicians and operators, patient, accession, study, admission, telephone and
-  /// device numbers, address, institution and station, the dates of birth and of the study.
+  /// device numbers, address, institution, station and who issued the patient's number, the dates of birth and of the
+  /// study.
   void add(const ImageHeader& header);
   /// The text with "[removed]" in place of each part of a name (3 letters or more; 2 where letters are words), each
-  /// number, institution and station as a whole, and the dates in their usual spellings, the month as a number or as a
-  /// word of whatever language; whatever the case, with accents, without or spelt out (Müller, Muller, Mueller), and
-  /// what has 5 letters and digits or more however it is punctuated.
+  /// number, issuer, institution and station as a whole, and the dates in their usual spellings, the month as a number
+  /// or as a word of whatever language; whatever the case, with accents, without or spelt out (Müller, Muller, Mueller),
+  /// and what has 5 letters and digits or more however it is punctuated.
   std::string removed_from(const std::string& text) const;
   /// The same of the header's free texts and of its image types, whose terms stay; its own identifying values go.
   void remove_from(ImageHeader& header) const;

@@ -26,7 +26,8 @@ int main(int argc, char** argv) {
     options.choices = segmentation::parse_series_choices(choices);
     const auto inventory = segmentation::read_inventory(study, options);
     for (const auto& series : inventory.series)
-      if (!series.usable) spdlog::warn("{}: not usable: {}", series.name, series.reason);
+      if (const std::string why = inventory.why_not_used(series); !why.empty())
+        spdlog::warn("{}: not usable: {}", series.name, why);
     if (inventory.series.empty()) spdlog::warn("no DICOM images and no NIfTI volumes in {}", study);
     return Answer{inventory.status(), segmentation::to_json(inventory), segmentation::describe(inventory)};
   };

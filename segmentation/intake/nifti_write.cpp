@@ -11,7 +11,7 @@
 #include "pipeline/base/files.hpp"
 #include "pipeline/base/json.hpp"
 #include "segmentation/intake/nifti.hpp"
-#include "segmentation/intake/sidecar.hpp"
+#include "segmentation/intake/sidecar_files.hpp"
 #include "segmentation/intake/slice_grid.hpp"
 
 namespace emmetrope::segmentation {

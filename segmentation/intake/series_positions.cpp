@@ -159,6 +159,40 @@ void compare_stated_spacing(const SeriesImage& image, SeriesInfo& info) {
                     *info.slice_spacing_mm));
 }
 
+/// Sign and origin of SliceLocation are each vendor's, but along the normal it only rises or only falls, unless slices
+/// were exchanged. InstanceNumber is not compared: it may follow the order of acquisition, odd slices before even ones.
+void compare_slice_locations(const std::vector<SeriesImage>& images, const std::vector<double>& along_normal,
+                             SeriesInfo& info) {
+  struct Told {
+    std::size_t index;  ///< of the image, in the order of positions
+    double location_mm;
+  };
+  std::vector<Told> told;
+  for (std::size_t i = 0; i < images.size(); ++i)
+    if (const auto location = parse_number(images[i].value(tag::slice_location)))
+      told.push_back({i, *location});
+  std::size_t rises = 0, falls = 0;
+  for (std::size_t i = 1; i < told.size(); ++i) {
+    const double step = told[i].location_mm - told[i - 1].location_mm;
+    if (step > same_place_mm) ++rises;
+    if (step < -same_place_mm) ++falls;
+  }
+  if (rises == 0 || falls == 0) return;
+  const double sign = rises < falls ? -1 : 1;
+  std::vector<Told> by_location = told;
+  std::stable_sort(by_location.begin(), by_location.end(), [sign](const Told& a, const Told& b) {
+    return sign * a.location_mm < sign * b.location_mm;
+  });
+  const auto [here, there] = std::mismatch(told.begin(), told.end(), by_location.begin(),
+                                           [](const Told& a, const Told& b) { return a.index == b.index; });
+  info.warnings.push_back(fmt::format(
+      "{} and {}: {} is {:g} and {:g} mm, but by {} they lie at {:.6g} and {:.6g} mm along the normal, in another "
+      "order: slices may have been exchanged; the positions are used",
+      images[here->index].name(), images[there->index].name(), to_string(tag::slice_location),
+      here->location_mm, there->location_mm, to_string(tag::image_position), along_normal[here->index],
+      along_normal[there->index]));
+}
+
 }  // namespace
 
 std::string too_few_slices(int slices) {
@@ -220,6 +254,7 @@ void judge_positions(std::vector<SeriesImage> images, SeriesInfo& info) {
         fmt::format("{} is up to {:.3f} mm off one line along the normal; every slice keeps its own position",
                     to_string(tag::image_position), line.largest_residual_mm));
   compare_stated_spacing(images.front(), info);
+  compare_slice_locations(images, along_normal, info);
   warn_of_sparse_slices(info);
   warn_of_slices(images, info);
 }

@@ -80,9 +80,7 @@ void warn_of_dixon_part(const std::vector<SeriesImage>& images, SeriesInfo& info
                                   [&](const SeriesImage& image) { return dixon_part_of(image) == part; });
   if (!is_one) return;
   info.dixon_part = part;
-  if (const std::string why = why_unfit(part); !why.empty())
-    info.warnings.push_back(
-        fmt::format("{} says {}; used only where --series names it", to_string(tag::image_type), why));
+  if (const std::string why = why_unfit(part); !why.empty()) info.warnings.push_back(why + used_on_demand);
 }
 
 /// A scanner's pixels are square and fill its field of view: what contradicts this may be a header that was changed.
@@ -200,9 +198,10 @@ void warn_of_scales(const std::vector<SeriesImage>& images, SeriesInfo& info) {
 std::string why_unfit(DixonPart part) {
   switch (part) {
     case DixonPart::fat:
-      return "that it shows fat alone, in which no eye is seen";
+      return to_string(tag::image_type) + " says that it shows fat alone, in which no eye is seen";
     case DixonPart::opposed_phase:
-      return "that water and fat are opposed in phase, so that their borders are black";
+      return to_string(tag::image_type) +
+             " says that water and fat are opposed in phase, so that their borders are black";
     default:
       return {};
   }
@@ -257,7 +256,8 @@ void add_warnings(const std::vector<ScannedFile>& files, const std::vector<Serie
                   to_string(tag::patient_orientation), to_string(tag::image_orientation)),
       info);
   warn_of_files(
-      files, [](const auto& file) { return file.header.description_unreadable; },
+      files,
+      [](const auto& file) { return file.header.unreadable.count(tag::series_description.keyword) > 0; },
       to_string(tag::series_description) + " is not in the character set " + to_string(tag::character_set) +
           ", or in one that cannot be converted; it is left out",
       info);
@@ -285,7 +285,7 @@ void add_warnings(const std::vector<ScannedFile>& files, const std::vector<Serie
         return file.header.has(tag::patient_age) && !parse_age_years(file.header.value(tag::patient_age));
       },
       fmt::format("{} is no age above 0 and of at most {:g} years, and is not used; --age gives it",
-                  to_string(tag::patient_age), largest_age_years),
+                  to_string(tag::patient_age), human_age_years.high),
       info);
   warn_of_image_type(images, info);
   warn_of_times(info);

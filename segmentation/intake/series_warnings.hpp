@@ -8,8 +8,10 @@
 /// What is said of a series that is used all the same. Listed in docs/use/reading-dicom.md.
 namespace emmetrope::segmentation {
 
-/// What an image that is a part of the signal says for which no eye is measured in it; empty of others.
+/// By which tag a part of the signal says that no eye is measured in it, and why; empty of others.
 std::string why_unfit(DixonPart part);
+/// What follows it.
+inline constexpr const char* used_on_demand = "; used only where --series names it";
 
 /// Whether one of the text's words names a part of the head; of an absent text it is not denied.
 bool shows_head(const std::string& body_part);

@@ -5,12 +5,15 @@
 
 #include <algorithm>
 #include <array>
+#include <cctype>
 #include <cmath>
 #include <optional>
 #include <regex>
+#include <set>
 
 #include "pipeline/base/files.hpp"
 #include "segmentation/intake/plausible.hpp"
+#include "segmentation/intake/sidecar_files.hpp"
 
 namespace emmetrope::segmentation {
 namespace {
@@ -25,11 +28,17 @@ struct Range {
   double least, largest;
 };
 
-/// The values of a sidecar, and what is wrong with them.
-class Sidecar {
+struct SidecarFile {
+  fs::path file;
+  Json json;
+};
+
+/// The values of a volume's sidecars, and what is wrong with them.
+class Sidecars {
  public:
-  Sidecar(fs::path file, Json json, std::vector<std::string>& warnings)
-      : file_(std::move(file)), json_(std::move(json)), warnings_(warnings) {}
+  /// \param files  the nearest first: what one tells, the later ones do not
+  Sidecars(std::vector<SidecarFile> files, std::vector<std::string>& warnings)
+      : files_(std::move(files)), warnings_(warnings) {}
 
   /// \param unit  of the sidecar's number, in DICOM's
   void add_number(const Tag& tag, const Range& range, double unit, TagValues& values) const {
@@ -54,7 +63,7 @@ class Sidecar {
     if (echo_s > longest_echo_s || (repetition_s > 0 && echo_s > repetition_s)) {
       warnings_.push_back(
           fmt::format("{}: EchoTime is {:g} s, longer than {}; no time of it is used: are they in seconds?",
-                      file_.string(), echo_s,
+                      file_with(tag::echo_time.keyword)->file.string(), echo_s,
                       echo_s > longest_echo_s ? fmt::format("{:g} s", longest_echo_s)
                                               : fmt::format("RepetitionTime, {:g} s", repetition_s)));
       return;
@@ -124,17 +133,25 @@ class Sidecar {
   }
 
  private:
+  const SidecarFile* file_with(const char* key) const {
+    const auto found = std::find_if(files_.begin(), files_.end(),
+                                    [&](const SidecarFile& told) { return told.json.contains(key); });
+    return found == files_.end() ? nullptr : &*found;
+  }
   /// Null where there is none, or an empty one.
   const Json* find(const char* key) const {
-    const auto found = json_.find(key);
-    return found == json_.end() || found->is_null() || *found == "" ? nullptr : &*found;
+    const SidecarFile* told = file_with(key);
+    if (told == nullptr) return nullptr;
+    const Json& value = told->json.at(key);
+    return value.is_null() || value == "" ? nullptr : &value;
   }
+  /// \pre there is such a key
   void refuse(const char* key, const std::string& expected) const {
-    warnings_.push_back(fmt::format("{}: {} is not used: {} expected", file_.string(), key, expected));
+    warnings_.push_back(
+        fmt::format("{}: {} is not used: {} expected", file_with(key)->file.string(), key, expected));
   }
 
-  fs::path file_;
-  Json json_;
+  std::vector<SidecarFile> files_;
   std::vector<std::string>& warnings_;
 };
 
@@ -146,10 +163,10 @@ bool is_along(const Vector3d& a, const Vector3d& b) {
 /// InPlanePhaseEncodingDirection of the volume as stored; empty where it is not told.
 /// \param orientation  of the images that were converted: dcm2niix turns 3-D volumes, and what it then says of the
 ///   volume's axes may still be of those images'
-std::string phase_encoding_of(const Sidecar& sidecar,
+std::string phase_encoding_of(const Sidecars& sidecars,
                               const std::optional<std::array<Vector3d, 2>>& orientation, bool may_be_turned,
                               const Stack& geometry) {
-  const auto of_images = sidecar.one_of("InPlanePhaseEncodingDirectionDICOM", {"ROW", "COL"});
+  const auto of_images = sidecars.one_of("InPlanePhaseEncodingDirectionDICOM", {"ROW", "COL"});
   if (of_images && orientation) {
     const Vector3d readout = (*orientation)[*of_images == "ROW" ? 1 : 0];
     return is_along(readout, geometry.along_row)      ? "COL"
@@ -159,16 +176,43 @@ std::string phase_encoding_of(const Sidecar& sidecar,
   }
   if (may_be_turned) return {};
   for (const char* key : {"PhaseEncodingDirection", "PhaseEncodingAxis"})
-    if (const auto axis = sidecar.one_of(key, {"i", "i-", "j", "j-", "k", "k-"}))
+    if (const auto axis = sidecars.one_of(key, {"i", "i-", "j", "j-", "k", "k-"}))
       return (*axis)[0] == 'i' ? "ROW" : (*axis)[0] == 'j' ? "COL" : "";
   return {};
 }
 
+/// JSON has neither NaN nor infinities, which Python writes all the same: as `false`, which is no attribute's, each of
+/// them spoils its own field alone.
+std::string without_nan(const std::string& text) {
+  static const std::set<std::string> no_numbers{"nan", "inf", "infinity"};
+  const auto is_letter = [](char c) { return std::isalpha(static_cast<unsigned char>(c)) != 0; };
+  std::string json;
+  for (std::size_t first = 0, end = 0; first < text.size(); first = end) {
+    end = first + 1;
+    if (text[first] == '"') {
+      while (end < text.size() && text[end] != '"') end += text[end] == '\\' ? 2 : 1;
+      end = std::min(end + 1, text.size());
+    } else if (is_letter(text[first])) {
+      while (end < text.size() && is_letter(text[end])) ++end;
+    }
+    std::string word = text.substr(first, end - first), small = word;
+    std::transform(small.begin(), small.end(), small.begin(),
+                   [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+    if (no_numbers.count(small) > 0) {
+      word = "false";
+      if (!json.empty() && json.back() == '-') json.pop_back();
+    }
+    json += word;
+  }
+  return json;
+}
+
 /// What is wrong with the text is not told: it may be a person's name.
 Json json_of(const fs::path& file) {
+  if (!is_file(file)) throw input_error(file.string() + " is a link to nothing");
   if (fs::file_size(file) > largest_bytes)
     throw input_error(fmt::format("{} is larger than {} MB", file.string(), largest_bytes / 1'000'000));
-  const std::string text = read_file(file);
+  const std::string text = without_nan(read_file(file));
   Json json;
   try {
     json = parse_json(text, "");
@@ -181,38 +225,35 @@ Json json_of(const fs::path& file) {
 
 }  // namespace
 
-fs::path sidecar_of(fs::path volume) {
-  if (volume.extension() == ".gz") volume.replace_extension();
-  return volume.replace_extension(".json");
-}
-
 TagValues read_sidecar(const fs::path& volume, const Stack& geometry, std::vector<std::string>& warnings) {
-  const fs::path file = sidecar_of(volume);
-  if (!is_file(file)) return {};
-  TagValues values;
-  try {
-    const Sidecar sidecar(file, json_of(file), warnings);
-    for (const Tag& tag : {tag::modality, tag::image_type, tag::scanning_sequence, tag::body_part})
-      sidecar.add_codes(tag, values);
-    sidecar.add_sequence(values);
-    sidecar.add_times(values);
-    sidecar.add_number(tag::field_strength, {least_field_T, largest_field_T}, 1, values);
-    sidecar.add_number(tag::pixel_bandwidth, {least_bandwidth_Hz, largest_bandwidth_Hz}, 1, values);
-    sidecar.add_number(tag::flip_angle, {0.1, 360}, 1, values);
-    const auto type = sidecar.one_of(tag::acquisition_type.keyword, {"2D", "3D"});
-    if (type) values[tag::acquisition_type.keyword] = *type;
-    const auto orientation = sidecar.orientation();
-    const bool is_as_acquired =
-        orientation ? is_along((*orientation)[0].cross((*orientation)[1]), geometry.normal) : type == "2D";
-    // Slices of a volume that was turned are others than those that were acquired.
-    if (is_as_acquired)
-      sidecar.add_number(tag::slice_thickness, {least_spacing_mm, largest_spacing_mm}, 1, values);
-    if (const std::string phase = phase_encoding_of(sidecar, orientation, !is_as_acquired, geometry);
-        !phase.empty())
-      values[tag::phase_encoding.keyword] = phase;
-  } catch (const Error& fault) {
-    warnings.push_back(fault.what() + std::string(": nothing of it is used"));
+  std::vector<SidecarFile> files;
+  for (const fs::path& file : sidecars_of(volume)) {
+    try {
+      files.push_back({file, json_of(file)});
+    } catch (const Error& fault) {
+      warnings.push_back(fault.what() + std::string(": nothing of it is used"));
+    }
   }
+  TagValues values;
+  const Sidecars sidecars(std::move(files), warnings);
+  for (const Tag& tag : {tag::modality, tag::image_type, tag::scanning_sequence, tag::body_part})
+    sidecars.add_codes(tag, values);
+  sidecars.add_sequence(values);
+  sidecars.add_times(values);
+  sidecars.add_number(tag::field_strength, {least_field_T, largest_field_T}, 1, values);
+  sidecars.add_number(tag::pixel_bandwidth, {least_bandwidth_Hz, largest_bandwidth_Hz}, 1, values);
+  sidecars.add_number(tag::flip_angle, {0.1, 360}, 1, values);
+  const auto type = sidecars.one_of(tag::acquisition_type.keyword, {"2D", "3D"});
+  if (type) values[tag::acquisition_type.keyword] = *type;
+  const auto orientation = sidecars.orientation();
+  const bool is_as_acquired =
+      orientation ? is_along((*orientation)[0].cross((*orientation)[1]), geometry.normal) : type == "2D";
+  // Slices of a volume that was turned are others than those that were acquired.
+  if (is_as_acquired)
+    sidecars.add_number(tag::slice_thickness, {least_spacing_mm, largest_spacing_mm}, 1, values);
+  if (const std::string phase = phase_encoding_of(sidecars, orientation, !is_as_acquired, geometry);
+      !phase.empty())
+    values[tag::phase_encoding.keyword] = phase;
   return values;
 }
 

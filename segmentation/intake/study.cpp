@@ -14,7 +14,7 @@
 #include "segmentation/intake/file_mention.hpp"
 #include "segmentation/intake/identity.hpp"
 #include "segmentation/intake/series_checks.hpp"
-#include "segmentation/intake/sidecar.hpp"
+#include "segmentation/intake/series_warnings.hpp"
 #include "segmentation/intake/slice_grid.hpp"
 #include "segmentation/intake/subject.hpp"
 #include "segmentation/intake/tag_values.hpp"
@@ -109,13 +109,16 @@ std::string as_told(const std::string& path) {
   return Json::parse(Json(path).dump(-1, ' ', false, Json::error_handler_t::replace)).get<std::string>();
 }
 
+/// \param sidecars  the nearest first
 SeriesInfo judge_nifti(Decoder& decoder, const IntakeOptions& options, const fs::path& root,
-                       const fs::path& file) {
+                       const fs::path& file, const std::vector<fs::path>& sidecars) {
   SeriesInfo info;
   info.uid = nifti_uid_prefix + sha256_of_file(root / file).substr(0, 16);
   info.modality = "NIfTI";
   info.description = clean_utf8(file.string());
-  info.files = is_file(sidecar_of(root / file)) ? 2 : 1;
+  info.files = 1 + static_cast<std::size_t>(
+                       std::count_if(sidecars.begin(), sidecars.end(),
+                                     [&](const fs::path& sidecar) { return is_file(root / sidecar); }));
   try {
     const auto [stack, sidecar, warnings] = decoder.decode_volume(root / file);
     info.warnings = warnings;
@@ -145,7 +148,8 @@ SeriesInfo judge_nifti(Decoder& decoder, const IntakeOptions& options, const fs:
     info.mean = sum / count;
     if (!sidecar.empty()) {
       ScannedFile told;
-      told.file = sidecar_of(file);
+      // Which of several told what is not known here.
+      for (const fs::path& one : sidecars) told.file += (told.file.empty() ? "" : ", ") + one.string();
       told.header.data_set = sidecar;
       told.is_sidecar = true;
       judge_sidecar(told, options, info);
@@ -156,13 +160,16 @@ SeriesInfo judge_nifti(Decoder& decoder, const IntakeOptions& options, const fs:
     info.refusal = fault.status();
     info.damaged = info.refusal == ExitStatus::input_invalid;
   }
+  std::vector<std::pair<fs::path, const char*>> mentioned{{file, "the volume"}};
+  for (const fs::path& one : sidecars) mentioned.emplace_back(one, "the volume's sidecar");
   const auto mention_file = [&](std::string& text) {
-    for (const auto& [of_study, neutral] :
-         {std::pair{file, "the volume"}, std::pair{sidecar_of(file), "the volume's sidecar"}}) {
+    for (const auto& [of_study, neutral] : mentioned) {
       const std::string path = (root / of_study).string();
       for (const std::string& spelling : {path, as_told(path)})
-        if (const auto at = text.find(spelling); at != std::string::npos)
+        if (const auto at = text.find(spelling); at != std::string::npos) {
           text.replace(at, spelling.size(), mention(of_study, neutral));
+          return;
+        }
     }
   };
   for (auto& warning : info.warnings) mention_file(warning);
@@ -261,8 +268,18 @@ bool StudyInventory::any_usable() const {
   return std::any_of(series.begin(), series.end(), [](const SeriesInfo& info) { return info.usable; });
 }
 
+std::string StudyInventory::why_not_used(const SeriesInfo& info) const {
+  if (!info.usable) return info.reason;
+  const std::string unfit = why_unfit(info.dixon_part);
+  const bool is_named = std::any_of(choices.begin(), choices.end(),
+                                    [&](const SeriesChoice& choice) { return choice.series == info.uid; });
+  return unfit.empty() || is_named ? std::string() : unfit + used_on_demand;
+}
+
 ExitStatus StudyInventory::status() const {
-  if (any_usable()) return ExitStatus::done;
+  if (std::any_of(series.begin(), series.end(), [&](const auto& info) { return why_not_used(info).empty(); }))
+    return ExitStatus::done;
+  if (any_usable()) return ExitStatus::unsupported;
   const bool all_unsupported = std::all_of(series.begin(), series.end(), [](const SeriesInfo& info) {
     return info.refusal == ExitStatus::unsupported;
   });
@@ -274,6 +291,7 @@ StudyInventory read_inventory(const fs::path& study, const IntakeOptions& option
   auto list = list_files(study, options.limits);
   inventory.study = study;
   inventory.root = list.root;
+  inventory.choices = options.choices;
   inventory.skipped = std::move(list.skipped);
 
   SeriesFiles series;
@@ -284,13 +302,19 @@ StudyInventory read_inventory(const fs::path& study, const IntakeOptions& option
   Progress progress("reading the study", list.files.size(), options.verbosity);
   std::size_t number = 0;
   std::set<fs::path> sidecars;
-  for (const auto& file : list.files)
-    if (is_nifti_name(file)) sidecars.insert(sidecar_of(file));
+  for (const auto& [volume, files] : list.sidecars) sidecars.insert(files.begin(), files.end());
+  // A link to a file that is listed under another name is read all the same.
+  auto& skipped = inventory.skipped;
+  skipped.erase(std::remove_if(skipped.begin(), skipped.end(),
+                               [&](const SkippedFile& one) {
+                                 return sidecars.count(one.file) > 0 && is_file(inventory.root / one.file);
+                               }),
+                skipped.end());
   for (const auto& file : list.files) {
     progress.advance();
     if (sidecars.count(file) > 0) continue;  // read with its volume
     if (is_nifti_name(file)) {
-      inventory.series.push_back(judge_nifti(decoder, options, inventory.root, file));
+      inventory.series.push_back(judge_nifti(decoder, options, inventory.root, file, list.sidecars[file]));
       continue;
     }
     ScannedFile scanned = scan(decoder, inventory.root, file, ++number);

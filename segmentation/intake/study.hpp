@@ -120,6 +120,7 @@ struct StudyInventory {
   std::map<std::string, Subject> subjects;  ///< by StudyInstanceUID
   std::vector<SeriesInfo> series;           ///< by SeriesNumber, then UID
   std::vector<SkippedFile> skipped;         ///< by name
+  std::vector<SeriesChoice> choices;        ///< that it was read with
 
   /// \throw Error (input_invalid) listing the series that there are, when there is none with this UID
   const SeriesInfo& find(const std::string& uid) const;
@@ -127,8 +128,11 @@ struct StudyInventory {
   /// lie beside it.
   Subject subject_of(const SeriesInfo& info) const;
   bool any_usable() const;
-  /// Status of `inventory`: done when a series is usable, unsupported when all refusals are, else
-  /// input_invalid.
+  /// Why segmentation does not use the series: its reason, or of a part of the signal that no choice names, that it shows
+  /// no eye; empty of the others.
+  std::string why_not_used(const SeriesInfo& info) const;
+  /// Status of `inventory`: done when a series is used; unsupported when none is but all refusals are of that kind, or a
+  /// choice could name a part of the signal; else input_invalid.
   ExitStatus status() const;
 };
 

@@ -67,7 +67,12 @@ Json to_json(const Subject& subject) {
 
 Json to_json(const StudyInventory& inventory) {
   Json series = Json::array(), skipped = Json::array();
-  for (const auto& info : inventory.series) series.push_back(to_json(info));
+  for (const auto& info : inventory.series) {
+    const std::string why = inventory.why_not_used(info);
+    series.push_back(to_json(info));
+    series.back()["usable"] = why.empty();
+    series.back()["reason"] = why;
+  }
   for (const auto& file : inventory.skipped)
     skipped.push_back({{"file", file.file.string()}, {"reason", file.reason}});
   const Subject subject =
@@ -88,7 +93,8 @@ std::string describe(const StudyInventory& inventory) {
                         number(series.echo_time_ms), number(series.minimum), number(series.maximum),
                         number(series.mean));
     for (const auto& warning : series.warnings) text += "  warning: " + warning + "\n";
-    text += series.usable ? "  usable\n" : "  NOT usable: " + series.reason + "\n";
+    const std::string why = inventory.why_not_used(series);
+    text += why.empty() ? "  usable\n" : "  NOT usable: " + why + "\n";
   }
   if (inventory.series.empty()) text += "no series\n";
   if (!inventory.skipped.empty()) text += "skipped\n";

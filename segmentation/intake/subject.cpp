@@ -51,7 +51,7 @@ std::string oddity_of_age(const ScannedFile& file) {
   if (!told && !by_dates && years_by_dates(header))
     return fmt::format(
         "{}: by {} the patient is not above 0 and at most {:g} years old; no age is taken from them, --age gives it",
-        file.name(), dates, largest_age_years);
+        file.name(), dates, human_age_years.high);
   // Those who take identity off write 89 or 90 for everybody older.
   const bool is_capped = told && by_dates && (*told == 89 || *told == 90) && *by_dates > *told;
   if (told && by_dates && !is_capped && std::abs(*told - *by_dates) > largest_contradiction_years)

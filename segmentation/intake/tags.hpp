@@ -93,6 +93,7 @@ inline constexpr Tag temporal_position_identifier{0x0020, 0x0100, "TemporalPosit
 inline constexpr Tag frame_laterality{0x0020, 0x9072, "FrameLaterality"};
 inline constexpr Tag temporal_position_index{0x0020, 0x9128, "TemporalPositionIndex"};
 inline constexpr Tag stack_id{0x0020, 0x9056, "StackID"};
+inline constexpr Tag slice_location{0x0020, 0x1041, "SliceLocation"};
 inline constexpr Tag samples_per_pixel{0x0028, 0x0002, "SamplesPerPixel"};
 inline constexpr Tag photometric_interpretation{0x0028, 0x0004, "PhotometricInterpretation"};
 inline constexpr Tag number_of_frames{0x0028, 0x0008, "NumberOfFrames"};
@@ -180,6 +181,7 @@ inline constexpr Tag of_data_set[] = {image_type,
                                       series_laterality,
                                       image_laterality,
                                       temporal_position_identifier,
+                                      slice_location,
                                       samples_per_pixel,
                                       photometric_interpretation,
                                       number_of_frames,
@@ -208,9 +210,9 @@ inline constexpr Tag of_identity[] = {
     issuer_of_patient_id, study_id,       admission_id,        device_serial_number};
 
 /// Read besides where a header alone is asked for: what objects of the same study must repeat.
-inline constexpr Tag of_study[] = {
-    study_time,       study_description, patient_birth_time,      patient_size, patient_weight, ethnic_group,
-    patient_comments, identity_removed,  deidentification_method, study_id};
+inline constexpr Tag of_study[] = {study_time,       study_description, patient_birth_time,
+                                   patient_size,     patient_weight,    ethnic_group,
+                                   patient_comments, identity_removed,  deidentification_method};
 
 /// Attributes of classic images that a legacy converted one may keep in its unassigned groups (PS3.3 C.7.6.16.2).
 inline constexpr Tag of_classic_images[] = {image_type,         complex_image_component,
@@ -222,7 +224,8 @@ inline constexpr Tag of_classic_images[] = {image_type,         complex_image_co
                                             trigger_time,       reconstruction_diameter,
                                             phase_encoding,     flip_angle,
                                             acquisition_number, series_laterality,
-                                            image_laterality,   temporal_position_identifier};
+                                            image_laterality,   temporal_position_identifier,
+                                            slice_location};
 
 struct FrameTag {
   Tag macro, attribute;

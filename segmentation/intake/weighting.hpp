@@ -11,7 +11,7 @@ inline const char* to_string(Weighting weighting) { return weighting == Weightin
 /// Of a sequence, each where it is told.
 struct SequenceTimes {
   std::optional<double> repetition_ms, echo_ms, inversion_ms, flip_angle_deg;
-  std::string kinds = {};  ///< ScanningSequence: "SE", "GR", "IR", or several; empty: not told
+  std::string scanning_sequence = {};  ///< "SE", "GR", "IR", or several; empty: not told
 };
 
 /// What a sequence's times leave no doubt of, whatever fills the eye: T1 by spin echoes within 15 ms, repeated after 0.25

@@ -70,7 +70,7 @@ void to_json(Json& json, const ImageHeader& header) {
           {"reason", header.reason},
           {"transfer_syntax", header.transfer_syntax},
           {"description", header.description},
-          {"description_unreadable", header.description_unreadable},
+          {"unreadable", header.unreadable},
           {"data_set", header.data_set},
           {"frames", header.frames}};
 }
@@ -80,7 +80,7 @@ void from_json(const Json& json, ImageHeader& header) {
   json.at("reason").get_to(header.reason);
   json.at("transfer_syntax").get_to(header.transfer_syntax);
   json.at("description").get_to(header.description);
-  json.at("description_unreadable").get_to(header.description_unreadable);
+  json.at("unreadable").get_to(header.unreadable);
   json.at("data_set").get_to(header.data_set);
   json.at("frames").get_to(header.frames);
 }

@@ -2,6 +2,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <map>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -44,10 +45,11 @@ using TagValues = std::map<std::string, std::string>;
 
 struct ImageHeader {
   FileKind kind = FileKind::not_dicom;
-  std::string reason{};                 ///< why it is not an image
-  std::string transfer_syntax{};        ///< UID
-  std::string description{};            ///< SeriesDescription in UTF-8
-  bool description_unreadable = false;  ///< it is not in its character set, and left out
+  std::string reason{};           ///< why it is not an image
+  std::string transfer_syntax{};  ///< UID
+  std::string description{};      ///< SeriesDescription in UTF-8
+  /// Keywords of texts that are not in their character set, or in one that cannot be converted
+  std::set<std::string> unreadable{};
   TagValues data_set{};
   std::vector<TagValues> frames{};  ///< functional groups of each frame; one empty entry for a classic image
 

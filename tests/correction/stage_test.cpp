@@ -320,7 +320,7 @@ TEST_F(CorrectStage, SettingsAreRefusedByFlagAndField) {
   EXPECT_EQ(said([](auto& s) { s.lens_index_sigma = 1; }),
             "--lens-index-sigma (lens_index_sigma) is 1, outside 0 to 0.05");
   EXPECT_EQ(said([](auto& s) { s.what_if.age_years = 140; }),
-            "--age (what_if.age_years) is 140 years, outside 0 to 120");
+            "--age (what_if.age_years) is 140 years, outside 0 to 110");
   EXPECT_EQ(said([](auto& s) { s.what_if.iol_target_D = 6; }),
             "--iol-target (what_if.iol_target_D) is 6 D, outside -10 to 5");
   EXPECT_EQ(said([](auto& s) { s.what_if.iol_a_constant = 1; }),

@@ -13,6 +13,7 @@
 #include "pipeline/base/measured.hpp"
 #include "pipeline/eye/parametric/parametric_eye.hpp"
 #include "segmentation/intake/nifti.hpp"
+#include "segmentation/intake/plausible.hpp"
 #include "segmentation/intake/study.hpp"
 #include "tests/support/generated_series.hpp"
 #include "tests/support/phantom_eyes.hpp"
@@ -313,15 +314,20 @@ TEST(SegmentOptions, CheckNamesTheOption) {
   SegmentOptions options;
   options.study = "study";
   options.case_folder = "case";
-  options.age_years = 120;
+  // As old as a header may tell.
+  options.age_years = 110;
+  EXPECT_TRUE(is_plausible_age(110));
   EXPECT_NO_THROW(options.check());
-  options.age_years = -1;
-  try {
-    options.check();
-    ADD_FAILURE();
-  } catch (const Error& error) {
-    EXPECT_EQ(error.status(), ExitStatus::usage);
-    EXPECT_EQ(std::string(error.what()).rfind("--age", 0), 0U) << error.what();
+  for (const double years : {-1.0, 111.0}) {
+    EXPECT_FALSE(is_plausible_age(years));
+    options.age_years = years;
+    try {
+      options.check();
+      ADD_FAILURE() << years;
+    } catch (const Error& error) {
+      EXPECT_EQ(error.status(), ExitStatus::usage);
+      EXPECT_EQ(std::string(error.what()).rfind("--age", 0), 0U) << error.what();
+    }
   }
 }
 

@@ -56,8 +56,9 @@ std::string age_in(const Table& table, std::size_t row) {
   if (age.empty()) return age;
   const auto years = typed_number(age);
   if (!years || !human_age_years.contains(*years))
-    throw input_error(fmt::format("{}: \"{}\" is no age", table.place(row, "age"), table.cell(row, "age")),
-                      "years from 0 to 120, or n/a");
+    throw input_error(
+        fmt::format("{}: \"{}\" is no age", table.place(row, "age"), table.cell(row, "age")),
+        fmt::format("years from {:g} to {:g}, or n/a", human_age_years.low, human_age_years.high));
   return age;
 }
 

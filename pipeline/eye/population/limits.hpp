@@ -19,8 +19,9 @@ struct Range {
 inline constexpr Range iris_aperture_mm{0.5, 9};
 /// Distances of a spectacle from the cornea; others are in another unit.
 inline constexpr Range spectacle_distance_mm{5, 30};
-/// Ages that may be asked for.
-inline constexpr Range human_age_years{0, 120};
+/// Ages that a header may tell and that may be asked for; dates of birth that stand for removed ones (1900-01-01) are of
+/// older persons.
+inline constexpr Range human_age_years{0, 110};
 /// Equivalent indices of a lens that may be asked for; others are of no human eye.
 inline constexpr Range human_lens_index{1.36, 1.5};
 

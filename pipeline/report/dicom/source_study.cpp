@@ -3,6 +3,7 @@
 #include <dcmtk/config/osconfig.h>
 #include <dcmtk/dcmdata/dctk.h>
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <array>
@@ -81,6 +82,24 @@ SourceImage image_of(const ImageHeader& header) {
   return image;
 }
 
+bool is_unreadable(const ImageHeader& header, const segmentation::Tag& tag) {
+  return header.unreadable.count(tag.keyword) > 0;
+}
+
+std::string why_unreadable(const std::string& tags) {
+  return fmt::format("{}: not in the character set {}, or in one that cannot be converted", tags,
+                     to_string(tag::character_set));
+}
+
+/// Of attributes that an object cannot repeat; what they hold is not told.
+std::vector<std::string> warnings_of(const ImageHeader& header) {
+  std::vector<std::string> tags;
+  for (const auto& tag : study_tags)
+    if (is_unreadable(header, tag)) tags.push_back(to_string(tag));
+  if (tags.empty()) return {};
+  return {why_unreadable(fmt::format("{}", fmt::join(tags, ", "))) + "; the DICOM objects are without it"};
+}
+
 /// The files below a folder that segmentation read, each once.
 std::vector<fs::path> files_read(const fs::path& study, std::set<std::string> sha256) {
   const segmentation::FileList list = segmentation::list_files(study, {});
@@ -144,6 +163,11 @@ SourceStudy SourceStudy::read(const fs::path& study, const NotedStudy& noted) {
         throw input_error(fmt::format("{}: {} is absent: no object can belong to its study", file.string(),
                                       to_string(tag::study_instance)),
                           "without --study the objects carry the pseudonym");
+      if (is_unreadable(header, tag::patient_id))
+        throw input_error(fmt::format("{}: {}: no object can belong to its patient", file.string(),
+                                      why_unreadable(to_string(tag::patient_id))),
+                          "without --study the objects carry the pseudonym");
+      source.warnings_ = warnings_of(header);
       source.header_->putAndInsertString(DCM_SpecificCharacterSet, "ISO_IR 192");
       for (const auto& tag : study_tags)
         if (header.has(tag)) source.header_->putAndInsertString(key(tag), header.value(tag).c_str());
@@ -231,7 +255,8 @@ std::string SourceStudy::identity() const {
   const std::string born = text_of(copy, DCM_PatientBirthDate);
   std::string identity = name.c_str();
   if (born.size() == 8)
-    identity += ", born " + born.substr(0, 4) + "-" + born.substr(4, 2) + "-" + born.substr(6, 2);
+    identity += (identity.empty() ? "born " : ", born ") + born.substr(0, 4) + "-" + born.substr(4, 2) + "-" +
+                born.substr(6, 2);
   return identity;
 }
 

@@ -46,7 +46,7 @@ class SourceStudy {
   /// Reads the headers of the files that segmentation read, known by their bytes; others are not opened. A
   /// child process parses them (segmentation/intake/decoder.hpp).
   /// \throw Error (input_invalid) when a file of a used series is not there as it was (it is another study, or another
-  ///   patient's), or has no StudyInstanceUID
+  ///   patient's), or has no StudyInstanceUID, or a PatientID that cannot be converted
   static SourceStudy read(const std::filesystem::path& study, const NotedStudy& noted);
   /// Where the study is not at hand: a patient named by the pseudonym, a study of its own.
   static SourceStudy pseudonymous(const std::string& subject, const std::string& study_date);
@@ -61,6 +61,8 @@ class SourceStudy {
   /// Patient, Patient Study and General Study modules.
   const DcmItem& header() const { return *header_; }
   const std::vector<SourceImage>& images() const { return images_; }
+  /// What the objects lack of the patient and the study; values are not told.
+  const std::vector<std::string>& warnings() const { return warnings_; }
   std::string study_uid() const;
   /// YYYYMMDD; of the study, or empty where its header has none.
   std::string known_date() const;
@@ -80,6 +82,7 @@ class SourceStudy {
   std::string text(unsigned short group, unsigned short element) const;
   std::unique_ptr<DcmItem> header_;
   std::vector<SourceImage> images_;
+  std::vector<std::string> warnings_;
 };
 
 }  // namespace emmetrope::report

@@ -291,6 +291,18 @@ class OtherStudies : public DicomTest {
     output_of("/usr/bin/dcmodify", words);
   }
 
+  /// In bytes of a character set that is none.
+  void make_unreadable(const DcmTagKey& tag) const {
+    for (const auto& entry : fs::directory_iterator(study_)) {
+      DcmFileFormat format;
+      ASSERT_TRUE(format.loadFile(entry.path().c_str()).good());
+      format.getDataset()->putAndInsertString(DCM_SpecificCharacterSet, "ISO_IR 999");
+      format.getDataset()->putAndInsertString(tag, "D\xD6\x45^JANE");
+      ASSERT_TRUE(format.saveFile(entry.path().c_str(), EXS_LittleEndianExplicit).good());
+    }
+    test::note_study(folder_, study_);
+  }
+
   /// Sequences in sequences: what reads them by recursion does not survive it.
   void write_nested() const {
     std::string bytes(128, '\0');
@@ -359,6 +371,34 @@ TEST_F(OtherStudies, NoneWhereTheFilesTellNone) {
     EXPECT_THAT(dump(name), Not(HasSubstr("DOE"))) << name;
     EXPECT_THAT(dump(name), HasSubstr("s-0a1b2c3d")) << name;
     EXPECT_THAT(dump(name), HasSubstr("(0020,000d) UI [2.25.")) << name;
+  }
+}
+
+TEST_F(OtherStudies, ANameThatCannotBeConvertedIsLeftOutAndSaid) {
+  make_unreadable(DCM_PatientName);
+  report(study_);
+  EXPECT_THAT(dump("biometry.dcm"), HasSubstr("(0010,0010) PN (no value available)"));
+  EXPECT_THAT(dump("biometry.dcm"), HasSubstr("[MRN-4711]"));
+  const std::string warnings = read_json(folder_ / "report" / "stage.json").at("warnings").dump();
+  EXPECT_THAT(warnings, HasSubstr("(0010,0010) PatientName: not in the character set (0008,0005)"));
+  EXPECT_THAT(warnings, Not(HasSubstr("JANE")));
+}
+
+/// Without an ID an archive files the objects with those of anybody who has none.
+TEST_F(OtherStudies, AnIdThatCannotBeConvertedIsNobodys) {
+  make_unreadable(DCM_PatientID);
+  try {
+    report(study_);
+    ADD_FAILURE() << "objects of no patient";
+  } catch (const Error& error) {
+    EXPECT_EQ(error.status(), ExitStatus::input_invalid);
+    EXPECT_THAT(error.what(), HasSubstr("(0010,0020) PatientID: not in the character set (0008,0005)"));
+    EXPECT_THAT(error.what(), Not(HasSubstr("JANE")));
+  }
+  report({});
+  for (const char* name : {"report.dcm", "prescription.dcm", "biometry.dcm"}) {
+    EXPECT_THAT(dump(name), Not(HasSubstr("DOE"))) << name;
+    EXPECT_THAT(dump(name), HasSubstr("(0010,0020) LO [s-0a1b2c3d]")) << name;
   }
 }
 

@@ -135,8 +135,9 @@ TEST_F(IntakeTest, JapaneseWithEscapeSequencesIsConverted) {
     const auto files = series.write(folder());
     EXPECT_EQ(only_series().description, c.expected_description) << c.sets;
     EXPECT_THAT(only_series().warnings, Not(Contains(HasSubstr("(0008,103e)")))) << c.sets;
-    EXPECT_EQ(segmentation::Decoder({}).header(files[0]).value(segmentation::tag::patient_name),
-              c.expected_name);
+    const auto header = segmentation::Decoder({}).header(files[0]);
+    EXPECT_EQ(header.value(segmentation::tag::patient_name), c.expected_name);
+    EXPECT_THAT(header.unreadable, ::testing::IsEmpty());
   }
 }
 
@@ -162,7 +163,9 @@ TEST_F(IntakeTest, NoNameIsPassedOnThatIsNotConverted) {
     const auto info = only_series();
     EXPECT_EQ(info.description, c.kept_description) << c.name;
     EXPECT_EQ(info.warnings.size(), std::string(c.kept_description).empty() ? 2U : 1U) << c.name;
-    EXPECT_FALSE(segmentation::Decoder({}).header(files[0]).has(segmentation::tag::patient_name)) << c.name;
+    const auto header = segmentation::Decoder({}).header(files[0]);
+    EXPECT_FALSE(header.has(segmentation::tag::patient_name)) << c.name;
+    EXPECT_THAT(header.unreadable, Contains("PatientName")) << c.name;
   }
 }
 

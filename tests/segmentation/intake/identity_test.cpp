@@ -90,6 +90,25 @@ TEST(Identity, EveryOfSeveralNumbersIsTakenOut) {
   EXPECT_EQ(identity.removed_from("T2 ab12, T1 CD34, CD 3"), "T2 [removed], T1 [removed], CD 3");
 }
 
+TEST(Identity, NothingOfItStaysInTheHeader) {
+  ImageHeader header;
+  for (const auto& tag : segmentation::tag::of_identity) header.data_set[tag.keyword] = "Marple 12345";
+  Identity identity;
+  identity.add(header);
+  header.description = "T2 marple 12345";
+  identity.remove_from(header);
+  EXPECT_THAT(header.data_set, ::testing::IsEmpty());
+  EXPECT_EQ(header.description, "T2 [removed]");
+}
+
+TEST(Identity, TheIssuerOfTheNumberIsPartOfIt) {
+  ImageHeader header;
+  header.data_set = {{"IssuerOfPatientID", "St. Anna ADT"}};
+  Identity identity;
+  identity.add(header);
+  EXPECT_EQ(identity.removed_from("T2 ST ANNA ADT"), "T2 [removed]");
+}
+
 TEST_F(IntakeTest, DescriptionsNameNeitherStaffNorPlaceNorDate) {
   GeneratedSeries series;
   series.set_all(DCM_InstitutionName, "St. Anna Eye Hospital");

@@ -108,5 +108,33 @@ TEST_F(IntakeTest, CommandSaysWhyNothingIsUsable) {
   EXPECT_EQ(inventory_of("").status, 2);
 }
 
+/// As `segment` ends that refuses them.
+TEST_F(IntakeTest, CommandFindsNothingUsableInPartsOfASignal) {
+  GeneratedSeries fat, opposed("1.2.826.0.1.3680043.9.7.5", 2), whole("1.2.826.0.1.3680043.9.7.6", 3);
+  fat.set_all(DCM_ImageType, "DERIVED\\PRIMARY\\DIXON\\FAT");
+  opposed.set_all(DCM_ImageType, "ORIGINAL\\PRIMARY\\DIXON\\OPP_PHASE");
+  fat.write(folder() / "fat");
+  opposed.write(folder() / "opposed");
+  const auto outcome = inventory_of(folder().string());
+  EXPECT_EQ(outcome.status, 4);
+  EXPECT_THAT(
+      outcome.out,
+      ::testing::AllOf(::testing::HasSubstr("NOT usable: (0008,0008) ImageType says that it shows fat"),
+                       ::testing::HasSubstr("stack2: not usable: (0008,0008) ImageType says that water")));
+  const auto of_json = [&](const std::string& more) {
+    const std::string out = inventory_of("--quiet --json " + folder().string() + more).out;
+    return Json::parse(out.substr(out.find('{'))).at("series");  // warnings stand before it
+  };
+  EXPECT_FALSE(of_json("").at(0).at("usable").get<bool>());
+  EXPECT_THAT(of_json("").at(0).at("reason").get<std::string>(), ::testing::HasSubstr("only where --series"));
+  // What the user names is used.
+  const std::string named = " --series 1.2.826.0.1.3680043.9.7.1";
+  EXPECT_EQ(inventory_of("--quiet " + folder().string() + named).status, 0);
+  EXPECT_TRUE(of_json(named).at(0).at("usable").get<bool>());
+  EXPECT_FALSE(of_json(named).at(1).at("usable").get<bool>());
+  whole.write(folder() / "whole");
+  EXPECT_EQ(inventory_of("--quiet " + folder().string()).status, 0);
+}
+
 }  // namespace
 }  // namespace emmetrope::test

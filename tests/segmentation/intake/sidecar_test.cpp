@@ -144,6 +144,116 @@ TEST_F(Sidecar, WhatCannotBeReadIsLeftOutWithAWarning) {
   EXPECT_THAT(warnings(), ElementsAre(Not(HasSubstr("Mueller"))));
 }
 
+/// Python writes what JSON does not have.
+TEST_F(Sidecar, AFieldThatIsNoNumberIsLeftOutAlone) {
+  EXPECT_THAT(read(R"({"EchoTime": NaN, "RepetitionTime": 3, "FlipAngle": -Infinity, "PixelBandwidth": nan,
+                       "ImageType": ["ORIGINAL", NaN], "BodyPartExamined": NaN, "Unread": [NaN, 1],
+                       "PulseSequenceType": "NaN \"-Infinity\\", "ImageComments": "\\\" NaN", "MRAcquisitionType": "3D"})"),
+              UnorderedElementsAre(Pair("RepetitionTime", "3000"), Pair("MRAcquisitionType", "3D")));
+  EXPECT_EQ(warnings().size(), 5U);
+  for (const char* key : {"EchoTime", "FlipAngle", "PixelBandwidth", "ImageType", "BodyPartExamined"})
+    EXPECT_THAT(warnings(), Contains(AllOf(HasSubstr("Doe.json: " + std::string(key) + " is not used"),
+                                           HasSubstr("expected"))));
+}
+
+/// A volume in the dataset's `anat`, and what it inherits.
+class InheritedSidecar : public Sidecar {
+ protected:
+  void SetUp() override {
+    std::filesystem::create_directories(anat());
+    segmentation::write_nifti(anat() / "sub-Doe_T1w.nii", axial());
+    write_file(anat() / "sub-Doe_T1w.json", R"({"EchoTime": 0.003, "FlipAngle": 9})");
+    write_file(folder() / "dataset_description.json", "{}");
+    write_file(folder() / "T1w.json",
+               R"({"FlipAngle": 12, "MagneticFieldStrength": 3, "RepetitionTime": 2})");
+  }
+  std::filesystem::path anat() const { return folder() / "sub-Doe" / "anat"; }
+  static segmentation::SeriesInfo only_series_of(const std::filesystem::path& study) {
+    return segmentation::read_inventory(study, quiet()).series.at(0);
+  }
+};
+
+/// Also where the study is one visit's folder, as `emmetrope bids` reads it.
+TEST_F(InheritedSidecar, TellsWhatTheNearerOneDoesNot) {
+  for (const auto& study : {folder(), anat(), anat() / "sub-Doe_T1w.nii"}) {
+    const auto info = only_series_of(study);
+    EXPECT_EQ(info.flip_angle_deg, 9) << study;
+    EXPECT_EQ(info.echo_time_ms, 3) << study;
+    EXPECT_EQ(info.field_strength_T, 3) << study;
+    EXPECT_EQ(info.repetition_time_ms, 2000) << study;
+    EXPECT_EQ(info.files, 3U) << study;
+    // A case is stale once it changes.
+    const auto files = segmentation::list_files(study, {});
+    EXPECT_THAT(files.files, Contains(study == folder() ? "T1w.json" : folder() / "T1w.json")) << study;
+  }
+  EXPECT_THAT(inventory().skipped,
+              ElementsAre(testing::Field(&segmentation::SkippedFile::file, "dataset_description.json")));
+}
+
+TEST_F(InheritedSidecar, IsNamedWhereItIsWrong) {
+  write_file(folder() / "T1w.json", R"({"FlipAngle": "x", "MagneticFieldStrength": 30000})");
+  for (const auto& study : {folder(), anat()}) {
+    const auto info = only_series_of(study);
+    EXPECT_THAT(info.warnings, Contains(HasSubstr("T1w.json: MagneticFieldStrength is not used")));
+    EXPECT_THAT(info.warnings, Not(Contains(HasSubstr("FlipAngle"))));
+    EXPECT_THAT(info.kept.warnings,
+                Contains(HasSubstr("the volume's sidecar: MagneticFieldStrength is not")));
+    EXPECT_THAT(info.kept.warnings, Not(Contains(HasSubstr("T1w.json"))));
+  }
+  write_file(folder() / "T1w.json", R"({"ScanningSequence": "EP"})");
+  for (const auto& study : {folder(), anat()}) {
+    const auto info = only_series_of(study);
+    EXPECT_EQ(info.refusal, ExitStatus::unsupported);
+    EXPECT_THAT(info.reason, HasSubstr("T1w.json: (0018,0020) ScanningSequence is \"EP\""));
+    EXPECT_THAT(info.kept.reason,
+                AllOf(HasSubstr("the volume's sidecar: (0018,0020)"), Not(HasSubstr("Doe"))));
+  }
+}
+
+/// git-annex: names of a dataset are links to files that it keeps in a hidden folder, and there under other names.
+TEST_F(InheritedSidecar, MayBeALinkAsItsVolumeMay) {
+  const std::filesystem::path annex = folder() / ".git" / "annex";
+  std::filesystem::create_directories(annex / "a");
+  std::filesystem::create_directories(annex / "b");
+  const auto keep = [&](const char* name, const char* kept) {
+    std::filesystem::rename(anat() / name, annex / kept);
+    std::filesystem::create_symlink(annex / kept, anat() / name);
+  };
+  keep("sub-Doe_T1w.nii", "a/key.nii");
+  keep("sub-Doe_T1w.json", "b/key.json");
+  const auto info = only_series();
+  EXPECT_EQ(info.description, "sub-Doe/anat/sub-Doe_T1w.nii");
+  EXPECT_EQ(info.echo_time_ms, 3);
+  EXPECT_EQ(info.field_strength_T, 3);
+}
+
+TEST_F(Sidecar, SharedByLinksIsReadOfEachVolume) {
+  for (const char* name : {"one", "two"}) {
+    Stack stack = axial();
+    stack.slice_intensity[0][0] = name[0];
+    segmentation::write_nifti(folder() / (std::string(name) + ".nii"), stack);
+    std::filesystem::remove(folder() / (std::string(name) + ".json"));
+    std::filesystem::create_symlink("of_both", folder() / (std::string(name) + ".json"));
+  }
+  write_file(folder() / "of_both", R"({"EchoTime": 0.091})");
+  const auto found = inventory();
+  ASSERT_EQ(found.series.size(), 2U);
+  for (const auto& info : found.series) EXPECT_EQ(info.echo_time_ms, 91);
+  for (const auto& skipped : found.skipped) EXPECT_EQ(skipped.file, "of_both");
+}
+
+/// As of git-annex, whose contents were not fetched: of an echo-planar volume nothing would tell that it is one.
+TEST_F(Sidecar, ThatIsALinkToNothingIsSaid) {
+  write_volume(axial());
+  std::filesystem::remove(folder() / "Doe.json");
+  std::filesystem::create_symlink("nowhere", folder() / "Doe.json");
+  const auto info = only_series();
+  EXPECT_TRUE(info.usable);
+  EXPECT_EQ(info.files, 1U);
+  EXPECT_THAT(info.warnings, Contains(HasSubstr("Doe.json is a link to nothing: nothing of it is used")));
+  EXPECT_THAT(info.kept.warnings, Contains(HasSubstr("the volume's sidecar is a link to nothing")));
+}
+
 /// DICOM, and what a converter makes of it.
 TEST_F(Sidecar, AVolumeIsWhatItsHeadersWere) {
   GeneratedSeries series;

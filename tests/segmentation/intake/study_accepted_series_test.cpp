@@ -163,6 +163,35 @@ TEST_F(IntakeTest, ASliceBetweenThePlanesOfAllOthersIsNamed) {
   EXPECT_THAT(only_series().warnings, Contains(HasSubstr("1 slice is missing between")));
 }
 
+/// Its sign and origin are each vendor's; of slices that were exchanged it tells another order than the positions.
+TEST_F(IntakeTest, SlicesInAnotherOrderThanTheirLocationsAreNamed) {
+  const auto of_locations = HasSubstr("(0020,1041) SliceLocation");
+  for (const double sign : {1.0, -1.0}) {
+    GeneratedSeries series;
+    for (int slice = 0; slice < series.size(); ++slice)
+      series.set(slice, DCM_SliceLocation, fmt::format("{:.3f}", sign * 2 * slice - 31.5));
+    series.write(folder());
+    EXPECT_THAT(only_series().warnings, only_of_its_pixels);
+    series.set_position(3, GeneratedSeries::position(8));
+    series.set_position(8, GeneratedSeries::position(3));
+    series.write(folder());
+    const auto info = only_series();
+    EXPECT_TRUE(info.usable) << info.reason;
+    EXPECT_THAT(
+        info.warnings,
+        Contains(AllOf(HasSubstr(file_name(8) + " and " + file_name(3)), of_locations,
+                       HasSubstr(fmt::format("is {:g} and {:g} mm", sign * 16 - 31.5, sign * 6 - 31.5)),
+                       HasSubstr("(0020,0032)"), HasSubstr("exchanged"))));
+    // Where only some tell it, by those; where all tell the same, it tells nothing.
+    series[0].findAndDeleteElement(DCM_SliceLocation);
+    series.write(folder());
+    EXPECT_THAT(only_series().warnings, Contains(of_locations));
+    series.set_all(DCM_SliceLocation, "0");
+    series.write(folder());
+    EXPECT_THAT(only_series().warnings, only_of_its_pixels);
+  }
+}
+
 /// What is not seen there was taken for disease in both eyes.
 TEST_F(IntakeTest, LostSlicesAreNamed) {
   const std::vector<Uint16> nothing(std::size_t{GeneratedSeries::rows} * GeneratedSeries::columns, 0);
