@@ -67,7 +67,7 @@ void declare_known_data(CLI::App& app, Flags& flags) {
 }
 
 void declare_what_if(CLI::App& app, WhatIfSettings& what_if) {
-  app.add_option("--age", what_if.age_years, "years; for the near point")
+  app.add_option("--age", what_if.age_years, "years, for the near point; of a case as it was traced")
       ->check(CLI::Range(human_age_years.low, human_age_years.high));
   app.add_option("--iol-target", what_if.iol_target_D,
                  "refraction that an intra-ocular lens is to leave, D, 12 mm before the cornea")

@@ -67,6 +67,25 @@ Json parameters_of(const CorrectionSettings& settings, const CommonOptions& comm
             {"stiles_crawford_per_mm2", picture.stiles_crawford_per_mm2}}}};
 }
 
+/// The lens's index is that of the age at which the eye was traced: at another it would be another eye.
+void follow_traced_age(const fs::path& case_folder, const Json& parameters, CorrectionSettings& settings) {
+  const std::optional<double> given = settings.what_if.age_years, of_study = subject_age_years(case_folder);
+  std::optional<double> traced = of_study;
+  if (!traced && parameters.at("age_years").is_number()) traced = parameters.at("age_years").get<double>();
+  const double of_index_years = traced.value_or(usual_age_years);
+  const bool index_is_told = !parameters.at("lens_index").is_null();
+  const bool index_is_of_age = !index_is_told && !parameters.value("lens_core", false);
+  if (!of_study && given && index_is_of_age && std::abs(*given - of_index_years) > rounding_of_age_years)
+    throw usage_error(
+        fmt::format("--age {:g}: the case was traced at {:g} years{}, of which its lens's index is", *given,
+                    of_index_years, traced ? "" : ", as no age was known"),
+        fmt::format("give it to emmetrope trace: emmetrope trace {} --age {:g}", case_folder.string(),
+                    *given));
+  if (of_study || !given) settings.what_if.age_years = traced;
+  if (!settings.lens_index_sigma)
+    settings.lens_index_sigma = index_is_told ? 0 : lens_index_at_age(of_index_years).sigma;
+}
+
 /// What the trace stage decided: how its picture was made, and whether the lens index is known.
 void follow_trace_stage(const fs::path& case_folder, CorrectionSettings& settings) {
   const Json stage = read_json(case_folder / "raytrace" / "stage.json");
@@ -105,13 +124,7 @@ void follow_trace_stage(const fs::path& case_folder, CorrectionSettings& setting
           fmt::format("give it to emmetrope trace: emmetrope trace {} --fovea {:g},{:g}",
                       case_folder.string(), settings.fovea_mm->x(), settings.fovea_mm->y()));
     settings.prescription.fovea_mm = traced_mm;
-    if (!settings.what_if.age_years && parameters.at("age_years").is_number())
-      settings.what_if.age_years = parameters.at("age_years").get<double>();
-    if (!settings.lens_index_sigma)
-      settings.lens_index_sigma =
-          parameters.at("lens_index").is_null()
-              ? lens_index_at_age(settings.what_if.age_years.value_or(usual_age_years)).sigma
-              : 0;
+    follow_traced_age(case_folder, parameters, settings);
   } catch (const nlohmann::json::exception& fault) {
     throw input_error(std::string("raytrace/stage.json: ") + fault.what(),
                       "run \"emmetrope trace --force\" on the case");
@@ -372,10 +385,8 @@ Answer correct_case(const fs::path& case_folder, CorrectionSettings settings, co
   settings.check();
   const CaseLock lock(case_folder, false);
   const StageVerdict traced = read_verdict(case_folder, "raytrace");
-  const std::optional<double> of_study = subject_age_years(case_folder);
   const std::optional<double> given_years = settings.what_if.age_years;
-  const std::string warning_of_age = age_warning(of_study, given_years);
-  if (of_study) settings.what_if.age_years = of_study;
+  const std::string warning_of_age = age_warning(subject_age_years(case_folder), given_years);
   follow_trace_stage(case_folder, settings);
   const std::vector<Laterality> eyes = eyes_with(case_folder, "raytrace", "eye.json", common.laterality);
   if (eyes.size() > 1 && settings.prescription.fovea_mm.x() != 0)

@@ -39,7 +39,7 @@ struct CorrectionSettings {
   /// Prior of a measured eye's lens index; where none is given lens_index_at_age()'s, or 0 where the trace
   /// stage was told the index
   std::optional<double> lens_index_sigma;
-  WhatIfSettings what_if;                 ///< a case's own age where none is given
+  WhatIfSettings what_if;  ///< of a case at the age at which it was traced, where that is known
   std::map<Laterality, KnownData> known;  ///< of a case, by eye
   bool ablation_picture = false;  ///< what the eye sees after an ablation of its refraction: ablated.png
 
@@ -50,7 +50,7 @@ struct CorrectionSettings {
 /// CASE/correction/<eye>/: prescription.json, corrected.png, sweep.csv, sweep.svg, for every eye that was
 /// traced. An eye whose sharpest lens is not found gets no number; the reasons stand in stage.json.
 /// \throw Error (input_invalid) when the case, or the eye that is asked for, has not been traced; (usage) when it
-///   was traced of another fovea, or its picture shows more than the eye (a spectacle, a gaze)
+///   was traced of another fovea or at another age, or its picture shows more than the eye (a spectacle, a gaze)
 Answer correct_case(const std::filesystem::path& case_folder, CorrectionSettings settings,
                     const CommonOptions& common);
 

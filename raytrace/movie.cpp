@@ -10,6 +10,7 @@
 
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/json.hpp"
+#include "pipeline/base/log.hpp"
 #include "pipeline/base/scratch_folder.hpp"
 #include "pipeline/base/write_beside.hpp"
 #include "raytrace/eye_picture.hpp"
@@ -235,6 +236,9 @@ void write_movie(const Tracer& tracer, const EyeInState& eye_in_state, Lateralit
   of_frame.verbosity.quiet = true;
   const Filming filming(tracer, eye_in_state, side, scene, of_frame, exposure,
                         make_movement(settings.movement, trace.seed));
+  if (const double least_D = filming.movement().least_accommodation_D(); least_D < 0)
+    spdlog::warn("movement {}: accommodation_D down to {:g} is taken for 0: no eye is less than relaxed",
+                 filming.movement().name(), least_D);
   const int frames = frame_count(filming.movement(), settings.frame_rate_hz);
   const Studio studio(folder);
   const Json scale = scale_of(filming.eye_at(filming.movement().first_s()), trace);

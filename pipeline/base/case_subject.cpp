@@ -18,8 +18,7 @@ std::optional<double> subject_age_years(const std::filesystem::path& case_folder
 }
 
 std::string age_warning(std::optional<double> of_study, std::optional<double> given) {
-  constexpr double rounding_years = 1;
-  if (!of_study || !given || std::abs(*of_study - *given) <= rounding_years) return {};
+  if (!of_study || !given || std::abs(*of_study - *given) <= rounding_of_age_years) return {};
   return fmt::format("the age that was given, {:g} years, is not used: the study says {:g} years", *given,
                      *of_study);
 }

@@ -76,23 +76,27 @@ void require_own_outputs(const fs::path& case_folder, const std::string& stage, 
   require_no_strangers(case_folder, stage, outputs);
 }
 
-/// A stage made from results that have been made anew since would mix two eyes: checked up to the first
-/// stage.
+/// A stage made from results that have been made anew since would mix two eyes: checked from the first stage on, as what
+/// follows a stale one is to be made anew after it.
 void require_same_inputs(const fs::path& case_folder, const std::string& stage, const Json& inputs) {
   if (stage == pipeline_stages.front().folder)
     return;  // its inputs are the study's files, under the study's names
-  std::set<std::string> stages_before;
+  const auto top_of = [](const std::string& name) { return name.substr(0, name.find('/')); };
+  std::set<std::string> read;
+  for (const auto& [name, hash] : inputs.items()) read.insert(top_of(name));
+  for (const PipelineStage& before : pipeline_stages) {
+    if (stage == before.folder) break;
+    if (read.count(before.folder) > 0) read_verdict(case_folder, before.folder);
+  }
   for (const auto& [name, hash] : inputs.items()) {
-    const std::string top = name.substr(0, name.find('/'));
+    const std::string top = top_of(name);
     if (stage_of_folder(top) == nullptr) continue;
-    stages_before.insert(top);
     const fs::path file = case_folder / name;
     if (!fs::exists(file) || sha256_of_file(file) != hash.get<std::string>())
       throw input_error(fmt::format("{} was made from another {}: {} {}", stage, top, file.string(),
                                     fs::exists(file) ? "has changed since" : "is gone"),
                         "make it again with: " + command_for(stage, case_folder));
   }
-  for (const std::string& before : stages_before) read_verdict(case_folder, before);
 }
 
 }  // namespace

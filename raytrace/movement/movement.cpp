@@ -68,6 +68,9 @@ EyeMoment moment_of(const std::vector<std::string>& cells, const std::vector<con
 }
 
 constexpr double longest_model_s = 600;
+/// Refractors repeat to about this: a relaxed eye is recorded as that much less than relaxed. Beyond, it is another sign or
+/// another zero.
+constexpr double noise_of_accommodation_D = 0.5;
 
 double between(double from, double to, double share) { return from + share * (to - from); }
 
@@ -82,7 +85,10 @@ void check(const EyeMoment& moment, const std::string& name) {
     if (!(std::abs(gaze.horizontal_deg) <= 60)) refuse("horizontal_deg", gaze.horizontal_deg, "-60 to 60");
     if (!(std::abs(gaze.vertical_deg) <= 60)) refuse("vertical_deg", gaze.vertical_deg, "-60 to 60");
   }
-  if (!(moment.accommodation_D >= 0)) refuse("accommodation_D", moment.accommodation_D, "0 or more");
+  if (!(moment.accommodation_D >= -noise_of_accommodation_D))
+    refuse("accommodation_D", moment.accommodation_D,
+           fmt::format("0 or more from the relaxed eye; down to {:g} is taken for 0",
+                       -noise_of_accommodation_D));
   if (moment.pupil_mm && !iris_aperture_mm.contains(*moment.pupil_mm))
     refuse("pupil_mm", *moment.pupil_mm,
            fmt::format("{:g} to {:g}", iris_aperture_mm.low, iris_aperture_mm.high));
@@ -146,6 +152,8 @@ Movement::Movement(std::string name, std::vector<EyeMoment> moments)
     check(moments_[k], name_);
     if (k > 0 && !(moments_[k].time_s > moments_[k - 1].time_s))
       throw input_error(fmt::format("movement {}: time does not rise at {:g} s", name_, moments_[k].time_s));
+    least_accommodation_D_ = std::min(least_accommodation_D_, moments_[k].accommodation_D);
+    moments_[k].accommodation_D = std::max(0.0, moments_[k].accommodation_D);
   }
 }
 

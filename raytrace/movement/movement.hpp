@@ -26,7 +26,7 @@ struct EyeMoment {
 class Movement {
  public:
   /// \throw Error (input_invalid) for fewer than two moments, times that do not rise, gaze beyond 60 degrees,
-  ///   accommodation below 0, or a pupil out of 0.5 to 9 mm
+  ///   accommodation below -0.5 D, or a pupil out of 0.5 to 9 mm
   Movement(std::string name, std::vector<EyeMoment> moments);
 
   const std::string& name() const { return name_; }
@@ -36,11 +36,14 @@ class Movement {
   /// The first and last moment hold before and after.
   EyeMoment at(double time_s) const;
   bool accommodates() const;
+  /// As it was given; what is below 0 is a record's noise, for which the moments have 0.
+  double least_accommodation_D() const { return least_accommodation_D_; }
   const std::vector<EyeMoment>& moments() const { return moments_; }
 
  private:
   std::string name_;
   std::vector<EyeMoment> moments_;
+  double least_accommodation_D_ = 0;
 };
 
 /// A table: time_s and any of horizontal_deg, vertical_deg, vergence_deg, accommodation_D, pupil_mm, named in its first

@@ -138,6 +138,42 @@ TEST_F(CorrectStage, TheStudysAgeIsTheEyes) {
   EXPECT_EQ(warnings().find("is not used"), std::string::npos);
 }
 
+// The lens's index is of the age at which the eye was traced.
+TEST_F(CorrectStage, AtTheAgeAtWhichItWasTraced) {
+  const fs::path file = folder() / "raytrace/stage.json";
+  Json stage = read_json(file);
+  const auto trace_at = [&](const Json& age_years, const Json& lens_index) {
+    stage["parameters"]["age_years"] = age_years;
+    stage["parameters"]["lens_index"] = lens_index;
+    write_json(file, stage);
+  };
+  settings_.what_if.age_years = 100;
+  for (const auto& [traced, said] :
+       {std::pair<Json, std::string>(nullptr, "40 years, as no age was known"), {60, "60 years"}}) {
+    trace_at(traced, nullptr);
+    try {
+      correct();
+      ADD_FAILURE() << said;
+    } catch (const Error& error) {
+      EXPECT_EQ(error.status(), ExitStatus::usage);
+      EXPECT_NE(std::string(error.what()).find("--age 100: the case was traced at " + said),
+                std::string::npos)
+          << error.what();
+      EXPECT_NE(error.remedy().find("emmetrope trace " + folder().string() + " --age 100"),
+                std::string::npos);
+    }
+  }
+  const auto sigma = [&] {
+    return read_json(folder() / "correction/stage.json")["parameters"]["lens_index_sigma"].get<double>();
+  };
+  trace_at(100, nullptr);
+  EXPECT_EQ(prescription()["what_if"]["accommodation"]["age_years"], 100);
+  EXPECT_NEAR(sigma(), std::hypot(0.005, 0.00039 * 30), 1e-12);
+  trace_at(nullptr, 1.42);  // an index that is told is of no age
+  EXPECT_EQ(prescription()["what_if"]["accommodation"]["age_years"], 100);
+  EXPECT_EQ(sigma(), 0);
+}
+
 TEST_F(CorrectStage, ALensOlderThanAnyThatWasMeasuredIsLessKnown) {
   const auto sigma_at = [&](double age_years) {
     write_json(folder() / "case.json", {{"subject", {{"age_years", age_years}}}});

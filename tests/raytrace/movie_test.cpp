@@ -113,6 +113,8 @@ TEST(Movie, SaysWhenTheEyeCannotBeAsTheTableWants) {
   } catch (const Error& error) {
     EXPECT_NE(error.context().front().find("0.5 s"), std::string::npos);
   }
+  write_file(folder.path() / "m.csv", "time_s,accommodation_D\n0,-0.05\n0.5,1\n");
+  EXPECT_NO_THROW(require_states(&navarro, (folder.path() / "m.csv").string(), 1));
 }
 
 }  // namespace

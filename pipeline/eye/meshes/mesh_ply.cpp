@@ -200,7 +200,7 @@ void read_vertices(PlyReader& reader, const Element& element, TriangleMesh& mesh
 /// What a list of floating-point numbers holds may be none.
 int vertex_number(double value) {
   if (!(std::abs(value) <= std::numeric_limits<int>::max()) || value != std::floor(value))
-    throw input_error(fmt::format("{} is no number of a PLY vertex", value));
+    throw input_error(fmt::format("a PLY face names vertex {}: vertices have whole numbers", value));
   return static_cast<int>(value);
 }
 
@@ -215,6 +215,8 @@ void read_others(PlyReader& reader, const Element& element, TriangleMesh& mesh) 
       const double length = reader.next(*property.list_count);
       if (!(length >= 0 && length <= static_cast<double>(reader.left())))  // NaN is no length
         throw input_error("a PLY list is longer than the file");
+      if (length != std::floor(length))
+        throw input_error(fmt::format("a PLY list has {} entries: lists have whole lengths", length));
       const bool is_polygon =
           element.name == "face" && (property.name == "vertex_indices" || property.name == "vertex_index");
       corners.clear();

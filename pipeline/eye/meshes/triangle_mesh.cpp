@@ -112,7 +112,8 @@ MeshFile read_mesh(const std::filesystem::path& file) {
     normalise_normals(result.mesh);
     return result;
   } catch (const Error& error) {
-    throw Error(error.status(), file.string() + ": " + error.what(), error.remedy());
+    throw Error(error.status(), file.string() + ": " + error.what(),
+                error.remedy().empty() ? "copy or export the file again" : error.remedy());
   }
 }
 

@@ -278,6 +278,18 @@ TEST(Verdict, OfAStageMadeFromAnotherResultIsRefused) {
     }
   stage("raytrace", "meshing/retina.ply", "eye.json", "traced");  // another mesh, the same light: good
   EXPECT_EQ(read_verdict(folder.path(), "correction").status, ExitStatus::done);
+
+  // Of an edited mesh the mesh is what is stale: the trace, made anew, would refuse it.
+  write_file(folder.path() / "meshing/retina.ply", "edited");
+  for (const char* name : {"meshing", "raytrace", "correction"}) try {
+      read_verdict(folder.path(), name);
+      ADD_FAILURE() << name << " of an edited mesh";
+    } catch (const Error& error) {
+      EXPECT_EQ(error.status(), ExitStatus::input_invalid);
+      EXPECT_NE(std::string(error.what()).find("has been changed since meshing wrote it"), std::string::npos)
+          << error.what();
+      EXPECT_NE(error.remedy().find("emmetrope mesh"), std::string::npos) << error.remedy();
+    }
 }
 
 TEST_F(Stage, AnEditedOrRemovedOutputIsRefused) {

@@ -29,6 +29,21 @@ TEST(Movement, RunsStraightBetweenItsMoments) {
   EXPECT_DOUBLE_EQ(movement.at(-7).gaze.horizontal_deg, 0);
 }
 
+TEST(Movement, AccommodationBelowZeroIsARecordsNoise) {
+  const test::TemporaryFolder folder;
+  const auto recorded = [&](const std::string& text) {
+    write_file(folder.path() / "m.csv", text);
+    return make_movement((folder.path() / "m.csv").string(), 1);
+  };
+  const Movement relaxing = recorded("time_s,accommodation_D\n0,0.3\n1,-0.05\n2,-0.5\n");
+  EXPECT_EQ(relaxing.at(0.5).accommodation_D, 0.15);
+  EXPECT_EQ(relaxing.at(1.5).accommodation_D, 0);
+  EXPECT_EQ(relaxing.least_accommodation_D(), -0.5);
+  EXPECT_TRUE(relaxing.accommodates());
+  EXPECT_FALSE(recorded("time_s,accommodation_D\n0,-0.05\n1,0\n").accommodates());
+  EXPECT_EQ(recorded("time_s,accommodation_D\n0,0.05\n1,1\n").least_accommodation_D(), 0);
+}
+
 TEST(Movement, SaysWhatIsWrongWithATable) {
   const test::TemporaryFolder folder;
   const auto fault = [&](const std::string& text) -> std::string {
@@ -53,6 +68,7 @@ TEST(Movement, SaysWhatIsWrongWithATable) {
   EXPECT_THAT(fault("time_s,horizontal_deg\n0,1\n1,61\n"), HasSubstr("61"));
   EXPECT_THAT(fault("time_s,pupil_mm\n0,3\n1,12\n"), HasSubstr("pupil_mm 12"));
   EXPECT_THAT(fault("time_s,accommodation_D\n0,0\n1,-2\n"), HasSubstr("m.csv: accommodation_D -2"));
+  EXPECT_THAT(fault("time_s,accommodation_D\n0,0\n1,-0.51\n"), HasSubstr("m.csv: accommodation_D -0.51"));
   EXPECT_THAT(fault(""), HasSubstr("unknown"));
 }
 

@@ -290,6 +290,27 @@ TEST_F(ModelFile, ASceneKnowsTheFilesItWasReadFrom) {
   EXPECT_EQ(names, (std::set<std::string>{"quad.obj", "quad.mtl", "skin.png", "print.png"}));
 }
 
+// Assimp alone reads "3 0 1.7 2" as the vertices 0, 1, 0.
+TEST_F(ModelFile, PlyFacesNameWholeVertices) {
+  const auto model = [&](const std::string& face) {
+    return write(
+        "face.ply",
+        "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n"
+        "element face 1\nproperty list uchar int vertex_indices\nend_header\n"
+        "0 0 0\n1 0 0\n1 1 0\n0 1 0\n" +
+            face + "\n");
+  };
+  EXPECT_EQ(read_model(model("4 0 1 2 3")).at(0).triangles.size(), 2U);
+  for (const char* face : {"3 0 1 2.7", "3 0 1.7 2", "3.5 0 1 2 3", "3 0 1 two", "3 0 1 -1", "3 0 1 4"}) try {
+      read_model(model(face));
+      ADD_FAILURE() << face;
+    } catch (const Error& error) {
+      EXPECT_EQ(error.status(), ExitStatus::input_invalid) << face;
+      EXPECT_NE(std::string(error.what()).find("face.ply"), std::string::npos) << error.what();
+      EXPECT_EQ(error.remedy(), "copy or export the file again") << face;
+    }
+}
+
 TEST_F(ModelFile, BadScenesNameFileAndKey) {
   write("quad.mtl", "newmtl paint\n");
   write("quad.obj", quad_obj);
