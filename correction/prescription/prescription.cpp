@@ -30,8 +30,9 @@ bool lies_at_infinity(const raytrace::Scene& scene) {
                                              [](const auto& plane) { return plane.at_infinity; });
 }
 
-/// A chart by its name is drawn at infinity: from 6 m its own vergence, 0.17 D, would be in the lens.
-std::shared_ptr<const raytrace::Scene> distant(const std::string& chart) {
+/// A chart by its name is drawn at infinity: from 6 m its own vergence, 0.17 D, would be in the lens. It stands where the
+/// retina looks: off its middle a dial has strokes along one line only.
+std::shared_ptr<const raytrace::Scene> distant(const std::string& chart, const Eigen::Vector3d& towards) {
   const auto near_by = [&] {
     return usage_error("--chart " + chart + " is near by: a prescription is for distance",
                        "leave out distance_mm, or set \"at_infinity\" in a scene.json");
@@ -45,12 +46,14 @@ std::shared_ptr<const raytrace::Scene> distant(const std::string& chart) {
   raytrace::ChartSpec spec = raytrace::parse_chart(chart);
   if (chart.find("distance_mm") != std::string::npos && std::isfinite(spec.distance_mm)) throw near_by();
   spec.distance_mm = std::numeric_limits<double>::infinity();
-  return std::make_shared<const raytrace::Scene>(raytrace::draw_chart(spec));
+  raytrace::Scene scene = raytrace::draw_chart(spec);
+  scene.planes.front() = turned_towards(towards, scene.planes.front());
+  return std::make_shared<const raytrace::Scene>(std::move(scene));
 }
 
-std::shared_ptr<const raytrace::Scene> read_chart(const std::string& chart) {
+std::shared_ptr<const raytrace::Scene> read_chart(const std::string& chart, const Eigen::Vector3d& towards) {
   try {
-    return distant(chart);
+    return distant(chart, towards);
   } catch (Error& error) {
     error.add_context("reading the scene of --chart");
     throw;
@@ -169,11 +172,10 @@ PlanoCylinderResult best_plano_cylinder(const raytrace::Tracer& tracer,
 
 std::shared_ptr<const raytrace::Scene> judged_scene(const EyeModel& eye,
                                                     const PrescriptionSettings& settings) {
-  const std::shared_ptr<const raytrace::Scene> given =
-      settings.chart.empty() ? nullptr : read_chart(settings.chart);
   const Eigen::Vector3d towards =
       raytrace::RetinalPencil(eye, settings.wavelength_nm, settings.fovea_mm).line_of_sight();
-  if (!given) return refraction_chart(towards);
+  if (settings.chart.empty()) return refraction_chart(towards);
+  const std::shared_ptr<const raytrace::Scene> given = read_chart(settings.chart, towards);
   if (!shows_something(*given, towards))
     throw usage_error(
         fmt::format(
@@ -181,7 +183,7 @@ std::shared_ptr<const raytrace::Scene> judged_scene(const EyeModel& eye,
             "the eye's axis",
             settings.fovea_mm.x(), settings.fovea_mm.y(), settings.chart,
             std::atan2(towards.head<2>().norm(), towards.z()) / degree),
-        "give it a larger extent_deg, or leave it out: the texture is where the retina looks");
+        "widen its planes, or leave it out: the texture, like a chart by its name, is where the retina looks");
   return given;
 }
 

@@ -19,7 +19,8 @@ namespace emmetrope::correction {
 /// What is asked for.
 struct PrescriptionSettings {
   SharpnessCriterion criterion = SharpnessCriterion::gradient_energy;
-  std::string chart;  ///< scene to judge sharpness on; empty: the refraction chart, where the retina looks
+  std::string
+      chart;  ///< scene to judge sharpness on, where the retina looks if by its name; empty: refraction_chart
   double vertex_distance_mm = 12;
   double pupil_mm = 3;  ///< iris aperture
   double wavelength_nm = 589.3;
@@ -74,9 +75,10 @@ struct Prescription {
   int images() const;
 };
 
-/// What sharpness is judged on: the settings' chart, or the refraction chart where their point of the retina looks.
-/// \throw Error (usage) for a chart that is near by, or that the point looks past; (input_invalid) where the retina
-/// does not reach; (no_result) where no light leaves the eye
+/// What sharpness is judged on: the refraction chart or a chart by its name, where the settings' point of the retina
+/// looks; or a scene as it is.
+/// \throw Error (usage) for one that is near by, or that the point looks past; (input_invalid) where the retina does not
+/// reach; (no_result) where no light leaves the eye
 std::shared_ptr<const raytrace::Scene> judged_scene(const EyeModel& eye,
                                                     const PrescriptionSettings& settings);
 

@@ -71,18 +71,25 @@ std::shared_ptr<const raytrace::Scene> refraction_chart(const Eigen::Vector3d& t
   const double half = std::tan(extent_deg / 2 * degree);
   raytrace::TexturedPlane plane;
   plane.at_infinity = true;
-  plane.centre_mm = towards.normalized();
-  const Eigen::Vector3d left = Eigen::Vector3d::UnitY().cross(plane.centre_mm).normalized(),
-                        up = plane.centre_mm.cross(left);
+  plane.centre_mm = Eigen::Vector3d::UnitZ();
   const double along = half * std::cos(turn_rad), across = half * std::sin(turn_rad);
-  plane.right_mm = -along * left + across * up;
-  plane.up_mm = across * left + along * up;
+  plane.right_mm = {-along, across, 0};
+  plane.up_mm = {across, along, 0};
   plane.texture = std::make_shared<const raytrace::Texture>(std::move(texture));
   auto scene = std::make_shared<raytrace::Scene>();
   scene->name = "refraction chart";
   scene->background = Eigen::Vector3d::Constant(0.5);
-  scene->planes.push_back(std::move(plane));
+  scene->planes.push_back(turned_towards(towards, std::move(plane)));
   return scene;
+}
+
+raytrace::TexturedPlane turned_towards(const Eigen::Vector3d& direction, raytrace::TexturedPlane plane) {
+  const Eigen::Vector3d ahead = direction.normalized(),
+                        left = Eigen::Vector3d::UnitY().cross(ahead).normalized();
+  Eigen::Matrix3d turn;
+  turn << left, ahead.cross(left), ahead;
+  for (Eigen::Vector3d* side : {&plane.centre_mm, &plane.right_mm, &plane.up_mm}) *side = turn * *side;
+  return plane;
 }
 
 }  // namespace emmetrope::correction

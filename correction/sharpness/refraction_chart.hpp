@@ -3,7 +3,7 @@
 #include <cstdint>
 #include <memory>
 
-#include "raytrace/scene/scene.hpp"
+#include "raytrace/scene/scene_model.hpp"
 
 namespace emmetrope::correction {
 
@@ -17,5 +17,8 @@ namespace emmetrope::correction {
 std::shared_ptr<const raytrace::Scene> refraction_chart(
     const Eigen::Vector3d& towards = Eigen::Vector3d::UnitZ(), double extent_deg = 17,
     std::uint64_t seed = 1);
+
+/// What stands straight ahead, upright across another direction of the eye's frame, z > 0.
+raytrace::TexturedPlane turned_towards(const Eigen::Vector3d& direction, raytrace::TexturedPlane plane);
 
 }  // namespace emmetrope::correction

@@ -3,7 +3,9 @@
 #include <fmt/format.h>
 
 #include <Eigen/QR>
+#include <algorithm>
 #include <cmath>
+#include <limits>
 #include <optional>
 #include <random>
 
@@ -17,7 +19,8 @@ namespace {
 
 constexpr int floats_a_plane = 20;  // PLANE in kernels/scene.cl
 constexpr double largest_relative_error = 0.005;
-constexpr int checked_rays = 128;
+/// Rays are checked in rounds, until enough have fallen on each plane.
+constexpr int rays_a_round = 128, most_rounds = 32, enough_rays = 16;
 constexpr const char* derivative_remedy = "use a smaller pupil, or a place nearer the eye's axis";
 
 /// What is tried: degree over the pupil, nodes across the field.
@@ -190,6 +193,7 @@ double number_of(double wavelength_nm) { return std::pow(500 / wavelength_nm, 2)
 /// polynomial's, and with several wavelengths those of what is added per unit of the wavelength's number.
 struct Table {
   int degree, nodes;
+  Eigen::Index rows;             ///< of an output
   Eigen::MatrixXd coefficients;  ///< a column a node
   Eigen::VectorXd at(const Place& x, const Place& y) const {
     Eigen::VectorXd sum = Eigen::VectorXd::Zero(coefficients.rows());
@@ -217,7 +221,7 @@ Table fit(const Change& change, const RetinalGrid& grid, const std::vector<doubl
     }
   const Eigen::HouseholderQR<Eigen::MatrixXd> solver(design);
   const auto places = chebyshev_nodes(nodes);
-  Table table{degree, nodes, Eigen::MatrixXd(change.outputs() * sets * terms, nodes * nodes)};
+  Table table{degree, nodes, sets * terms, Eigen::MatrixXd(change.outputs() * sets * terms, nodes * nodes)};
   on_threads(threads, static_cast<std::size_t>(nodes) * nodes, [&](std::size_t node) {
     const Eigen::Vector2d at =
         field_point(grid, (places[node % nodes] + 1) / 2, (places[node / nodes] + 1) / 2);
@@ -232,40 +236,86 @@ Table fit(const Change& change, const RetinalGrid& grid, const std::vector<doubl
   return table;
 }
 
+/// A ray at random, exactly traced.
+struct CheckedRay {
+  double share_x, share_y;  ///< of the field
+  Eigen::Vector2d disc;
+  int wave;
+  Eigen::Array<bool, Eigen::Dynamic, 1> seen;  ///< of each output, whether the ray falls on its plane
+  Eigen::VectorXd exact = {};                  ///< outputs
+};
+
+CheckedRay random_ray(const Change& change, const RetinalGrid& grid, std::size_t waves, unsigned number) {
+  std::mt19937 random(number + 1);
+  const auto unit = [&] { return random() / 4294967296.0; };
+  const double share_x = unit(), share_y = unit(), radius = std::sqrt(unit()), angle = 2 * M_PI * unit();
+  const Eigen::Vector2d disc(radius * std::cos(angle), radius * std::sin(angle));
+  const int wave = static_cast<int>(unit() * static_cast<double>(waves));
+  return {share_x, share_y, disc, wave, change.seen(field_point(grid, share_x, share_y), disc, wave)};
+}
+
+/// Those of the first round, and of the others those on whose planes few had fallen.
+std::vector<CheckedRay> rays_to_check(const Change& change, const RetinalGrid& grid, std::size_t waves,
+                                      int threads) {
+  std::vector<CheckedRay> kept;
+  Eigen::ArrayXi hits = Eigen::ArrayXi::Zero(change.outputs());
+  for (int round = 0; round < most_rounds && (round == 0 || (hits < enough_rays).any()); ++round) {
+    std::vector<CheckedRay> rays(rays_a_round);
+    on_threads(threads, rays.size(), [&](std::size_t i) {
+      rays[i] = random_ray(change, grid, waves, static_cast<unsigned>(round * rays_a_round + i));
+    });
+    for (CheckedRay& ray : rays) {
+      if (round > 0 && !(ray.seen && hits < enough_rays).any()) continue;
+      hits += ray.seen.cast<int>();
+      kept.push_back(std::move(ray));
+    }
+  }
+  on_threads(threads, kept.size(), [&](std::size_t i) {
+    CheckedRay& ray = kept[i];
+    ray.exact = change(field_point(grid, ray.share_x, ray.share_y), ray.disc, ray.wave);
+  });
+  return kept;
+}
+
+/// Of planes that no ray falls on (edge on beside the field, behind the eye) polynomials need not hold. What falls there
+/// between the checked rays finds no change, rather than whatever they would make of it.
+void leave_unseen(Table& table, const std::vector<CheckedRay>& rays) {
+  for (Eigen::Index k = 0; k < rays.front().seen.size(); ++k)
+    if (std::none_of(rays.begin(), rays.end(), [&](const CheckedRay& ray) { return ray.seen[k]; }))
+      table.coefficients.middleRows(k * table.rows, table.rows).setZero();
+}
+
 /// The largest of the outputs' rms errors, as a share of their rms changes, both over the rays that fall on the
-/// output's plane: of one that is seen edge on beside the field, or lies behind the eye, polynomials need not hold.
-double relative_error(const Table& table, const Change& change, const RetinalGrid& grid,
+/// output's plane.
+double relative_error(const Table& table, const std::vector<CheckedRay>& rays,
                       const std::vector<double>& wavelength_nm, int threads) {
-  const auto terms = static_cast<Eigen::Index>((table.degree + 1) * (table.degree + 2) / 2);
-  const Eigen::Index sets = wavelength_nm.size() > 1 ? 2 : 1;
-  Eigen::MatrixXd errors = Eigen::MatrixXd::Zero(change.outputs(), checked_rays), values = errors;
-  on_threads(threads, checked_rays, [&](std::size_t ray) {
-    std::mt19937 random(static_cast<unsigned>(ray) + 1);
-    const auto unit = [&] { return random() / 4294967296.0; };
-    const double share_x = unit(), share_y = unit(), radius = std::sqrt(unit()), angle = 2 * M_PI * unit();
-    const Eigen::Vector2d disc(radius * std::cos(angle), radius * std::sin(angle));
-    const int wave = static_cast<int>(unit() * static_cast<double>(wavelength_nm.size()));
-    const Eigen::VectorXd exact = change(field_point(grid, share_x, share_y), disc, wave),
-                          coefficients =
-                              table.at(place_of(share_x, table.nodes, 1), place_of(share_y, table.nodes, 1)),
-                          power = powers(disc, table.degree);
-    const auto column = static_cast<Eigen::Index>(ray);
-    const auto seen = change.seen(field_point(grid, share_x, share_y), disc, wave);
-    for (Eigen::Index k = 0; k < exact.size(); ++k) {
-      if (!seen[k]) continue;
-      values(k, column) = exact[k];
-      double value = coefficients.segment(k * sets * terms, terms).dot(power);
+  const Eigen::Index sets = wavelength_nm.size() > 1 ? 2 : 1, terms = table.rows / sets,
+                     outputs = rays.front().seen.size();
+  Eigen::MatrixXd errors = Eigen::MatrixXd::Zero(outputs, static_cast<Eigen::Index>(rays.size())),
+                  values = errors;
+  on_threads(threads, rays.size(), [&](std::size_t i) {
+    const CheckedRay& ray = rays[i];
+    const Eigen::VectorXd coefficients = table.at(place_of(ray.share_x, table.nodes, 1),
+                                                  place_of(ray.share_y, table.nodes, 1)),
+                          power = powers(ray.disc, table.degree);
+    const auto column = static_cast<Eigen::Index>(i);
+    for (Eigen::Index k = 0; k < outputs; ++k) {
+      if (!ray.seen[k]) continue;
+      values(k, column) = ray.exact[k];
+      double value = coefficients.segment(k * table.rows, terms).dot(power);
       if (sets > 1)
-        value +=
-            number_of(wavelength_nm[wave]) * coefficients.segment((k * sets + 1) * terms, terms).dot(power);
-      errors(k, column) = value - exact[k];
+        value += number_of(wavelength_nm[ray.wave]) *
+                 coefficients.segment(k * table.rows + terms, terms).dot(power);
+      errors(k, column) = value - ray.exact[k];
     }
   });
   // u and v together: either may stand still
   double largest = 0;
-  for (Eigen::Index k = 0; k < change.outputs(); k += 2)
-    largest =
-        std::max(largest, errors.middleRows(k, 2).norm() / std::max(1e-12, values.middleRows(k, 2).norm()));
+  for (Eigen::Index k = 0; k < outputs; k += 2) {
+    const double error = errors.middleRows(k, 2).norm() / std::max(1e-12, values.middleRows(k, 2).norm());
+    if (!std::isfinite(error)) return std::numeric_limits<double>::infinity();
+    largest = std::max(largest, error);
+  }
   return largest;
 }
 
@@ -277,11 +327,13 @@ ImageChange make_image_change(const std::vector<EyeTangent>& tangents, const Dev
   std::vector<double> wavelengths(wavelength_nm.begin(), wavelength_nm.end());
   wavelengths.erase(std::unique(wavelengths.begin(), wavelengths.end()), wavelengths.end());
   const Change change(tangents, scene, grid, wavelengths, threads);
+  const std::vector<CheckedRay> rays = rays_to_check(change, grid, wavelengths.size(), threads);
   double error = 0;
   for (const auto& size : polynomial_sizes) {
     const int degree = size[0], nodes = size[1];
-    const Table table = fit(change, grid, wavelengths, degree, nodes, threads);
-    error = relative_error(table, change, grid, wavelengths, threads);
+    Table table = fit(change, grid, wavelengths, degree, nodes, threads);
+    leave_unseen(table, rays);
+    error = relative_error(table, rays, wavelengths, threads);
     if (!(error <= largest_relative_error)) continue;
     ImageChange result;
     result.degree = degree;

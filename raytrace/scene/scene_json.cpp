@@ -166,7 +166,7 @@ void check_distance(const Object& object, const char* key, double distance_mm) {
 std::shared_ptr<const Texture> read_chart(const Object& object, const TexturedPlane& plane) {
   try {
     ChartSpec chart = parse_chart(object.text("chart"));
-    const double distance = plane.at_infinity ? plane.centre_mm.z() : plane.centre_mm.norm();
+    const double distance = plane.centre_mm.norm();
     chart.distance_mm = std::max(least_distance_mm, distance);
     const Eigen::Vector2d half_mm(plane.right_mm.norm(), plane.up_mm.norm());
     chart.extent_deg = 2 * std::atan2(half_mm.maxCoeff(), distance) / degree;

@@ -5,11 +5,13 @@
 
 #include "correction/sharpness/refraction_chart.hpp"
 #include "pipeline/base/error.hpp"
+#include "pipeline/base/files.hpp"
 #include "pipeline/base/frames.hpp"
 #include "pipeline/eye/optics/chief_ray.hpp"
 #include "pipeline/eye/optics/paraxial.hpp"
 #include "pipeline/eye/schematic/schematic_eyes.hpp"
 #include "raytrace/scene/scene_model.hpp"
+#include "tests/support/temporary_folder.hpp"
 
 namespace emmetrope::correction {
 namespace {
@@ -115,24 +117,51 @@ TEST(JudgedScene, IsWhereTheRetinaLooks) {
   EXPECT_EQ(ahead->planes.front().up_mm, usual->planes.front().up_mm);
 }
 
+// Off its middle a dial has strokes along one line only.
+TEST(JudgedScene, OfAChartByItsNameIsWhereTheRetinaLooks) {
+  const EyeModel eye = make_eye("navarro", {});
+  PrescriptionSettings settings;
+  settings.fovea_mm = {-4, 3};
+  const raytrace::TexturedPlane texture = judged_scene(eye, settings)->planes.front();
+  settings.chart = "dial:extent_deg=10";
+  const raytrace::TexturedPlane dial = judged_scene(eye, settings)->planes.front();
+  EXPECT_LT((dial.centre_mm - texture.centre_mm).norm(), 1e-12);
+  EXPECT_NEAR(dial.up_mm.norm(), std::tan(5 * degree), 1e-12);
+  EXPECT_NEAR(dial.right_mm.norm(), std::tan(5 * degree), 1e-12);
+  EXPECT_NEAR(dial.right_mm.y(), 0, 1e-12);  // upright
+  EXPECT_LT((dial.up_mm.cross(dial.right_mm).normalized() - dial.centre_mm).norm(), 1e-12);
+}
+
 // 4 mm beside the pole Navarro's eye looks 14.2 degrees off its axis.
 TEST(JudgedScene, OfAChartThatIsLookedPastIsAnError) {
   const EyeModel eye = make_eye("navarro", {});
+  const test::TemporaryFolder folder;
   PrescriptionSettings settings;
   settings.fovea_mm = {4, 0};
-  settings.chart = "landolt:extent_deg=28";
+  settings.chart = (folder.path() / "scene.json").string();
+  const auto chart_of_half = [&](double half_deg) {
+    const double half = std::tan(half_deg * degree);
+    write_json(settings.chart, {{"objects",
+                                 {{{"type", "plane"},
+                                   {"chart", "landolt"},
+                                   {"at_infinity", true},
+                                   {"centre_mm", {0, 0, 1}},
+                                   {"right_mm", {-half, 0, 0}},
+                                   {"up_mm", {0, half, 0}}}}}});
+  };
+  chart_of_half(14);
   try {
     judged_scene(eye, settings);
     ADD_FAILURE() << "was accepted";
   } catch (const Error& error) {
     EXPECT_EQ(error.status(), ExitStatus::usage);
-    EXPECT_THAT(error.what(), testing::HasSubstr("looks past --chart landolt:extent_deg=28: 14.2 degrees"));
-    EXPECT_THAT(error.remedy(), testing::HasSubstr("larger extent_deg"));
+    EXPECT_THAT(error.what(), testing::HasSubstr("looks past --chart " + settings.chart + ": 14.2 degrees"));
+    EXPECT_THAT(error.remedy(), testing::HasSubstr("widen its planes"));
   }
-  for (const char* chart : {"landolt:extent_deg=29", "perimeter"}) {
-    settings.chart = chart;
-    EXPECT_NO_THROW(judged_scene(eye, settings)) << chart;
-  }
+  chart_of_half(14.5);
+  EXPECT_NO_THROW(judged_scene(eye, settings));
+  settings.chart = "perimeter";
+  EXPECT_NO_THROW(judged_scene(eye, settings));
 }
 
 /// Of the library the fields are set, of the command the flags.

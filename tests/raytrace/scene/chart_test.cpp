@@ -1,4 +1,5 @@
 // Charts and scene files.
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 #include <unistd.h>
 
@@ -12,6 +13,7 @@
 #include "pipeline/base/frames.hpp"
 #include "raytrace/scene/chart.hpp"
 #include "raytrace/scene/optotypes.hpp"
+#include "tests/support/temporary_folder.hpp"
 
 namespace emmetrope::raytrace {
 namespace {
@@ -184,6 +186,22 @@ TEST(SceneFile, IsReadAndChecked) {
   const auto card = make_scene(file)->planes.front().texture;
   EXPECT_NEAR(card->height, 2 * card->width, 1);
   std::filesystem::remove_all(folder);
+}
+
+// Of directions, too, the angle is that between the lines of sight, 11 degrees here, and not that of tangents on a plane
+// ahead: a dial 37 degrees aside has the strokes of one straight ahead.
+TEST(SceneFile, AChartIsDrawnForItsAngleWhereverItStands) {
+  const test::TemporaryFolder folder;
+  const auto dial = [&](const char* centre, const char* right, const char* at_infinity) {
+    write_file(folder.path() / "scene.json",
+               fmt::format(R"({{"objects": [{{"type": "plane", "chart": "dial:logmar=1", "at_infinity": {}, )"
+                           R"("centre_mm": {}, "right_mm": {}, "up_mm": [0, 50, 0]}}]}})",
+                           at_infinity, centre, right));
+    return make_scene((folder.path() / "scene.json").string())->planes.front().texture->values;
+  };
+  const auto ahead = dial("[0, 0, 500]", "[-50, 0, 0]", "true");
+  EXPECT_TRUE(dial("[300, 0, 400]", "[-40, 0, 30]", "true") == ahead);
+  EXPECT_TRUE(dial("[300, 0, 400]", "[-40, 0, 30]", "false") == ahead);
 }
 
 }  // namespace
