@@ -159,6 +159,39 @@ Command command() {
   command.declare = [flags](CLI::App& app) { declare(app, *flags); };
   command.run = [flags](const CommonOptions& common) { return run(*flags, common); };
   command.check = [flags](const CommonOptions& common) { read_flags(*flags, common).check(); };
+  command.result_keys = {"laterality",
+                         "vertex_distance_mm",
+                         "pupil_mm",
+                         "wavelength_nm",
+                         "fovea_mm",
+                         "criterion",
+                         "chart",
+                         "withheld",
+                         "estimate",
+                         "sphere_D",
+                         "cylinder_D",
+                         "axis_deg",
+                         "M_D",
+                         "J0_D",
+                         "J45_D",
+                         "text",
+                         "plus_cylinder_text",
+                         "rounded",
+                         "contact_lens",
+                         "lenses",
+                         "sharpest_lens",
+                         "plano_cylinder",
+                         "wavefront_check",
+                         "difference",
+                         "sharpness",
+                         "images",
+                         "search",
+                         "budget",
+                         "if_measured",
+                         "peripheral",
+                         "learnt_from",
+                         "notice",
+                         "what_if"};
   return command;
 }
 

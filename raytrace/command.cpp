@@ -507,6 +507,22 @@ Command command() {
   command.declare = [flags](CLI::App& app) { declare(app, *flags); };
   command.run = [flags](const CommonOptions& common) { return run(*flags, common); };
   command.check = [flags](const CommonOptions& common) { check_case_options(*flags, common); };
+  command.result_keys = {"pupil_mm",
+                         "pupil_position_mm",
+                         "pupil_rim_mm",
+                         "stiles_crawford_per_mm2",
+                         "wavelength_nm",
+                         "zernike_um",
+                         "rms_um",
+                         "higher_order_rms_um",
+                         "fit_residual_rms_um",
+                         "line_of_sight_deg",
+                         "tangential_deg",
+                         "spot",
+                         "strehl",
+                         "vsotf",
+                         "mtf",
+                         "psf"};
   return command;
 }
 

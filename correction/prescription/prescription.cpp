@@ -30,8 +30,8 @@ bool lies_at_infinity(const raytrace::Scene& scene) {
                                              [](const auto& plane) { return plane.at_infinity; });
 }
 
-/// A chart by its name is drawn at infinity: from 6 m its own vergence, 0.17 D, would be in the lens. It stands where the
-/// retina looks: off its middle a dial has strokes along one line only.
+/// A chart by its name is drawn at infinity: from 6 m its own vergence, 0.17 D, would be in the lens. It stands where
+/// the retina looks: off its middle a dial has strokes along one line only.
 std::shared_ptr<const raytrace::Scene> distant(const std::string& chart, const Eigen::Vector3d& towards) {
   const auto near_by = [&] {
     return usage_error("--chart " + chart + " is near by: a prescription is for distance",

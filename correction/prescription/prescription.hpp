@@ -77,8 +77,8 @@ struct Prescription {
 
 /// What sharpness is judged on: the refraction chart or a chart by its name, where the settings' point of the retina
 /// looks; or a scene as it is.
-/// \throw Error (usage) for one that is near by, or that the point looks past; (input_invalid) where the retina does not
-/// reach; (no_result) where no light leaves the eye
+/// \throw Error (usage) for one that is near by, or that the point looks past; (input_invalid) where the retina does
+/// not reach; (no_result) where no light leaves the eye
 std::shared_ptr<const raytrace::Scene> judged_scene(const EyeModel& eye,
                                                     const PrescriptionSettings& settings);
 

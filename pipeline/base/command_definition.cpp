@@ -44,7 +44,8 @@ Json command_definition(const CLI::App& app, const Command& command) {
   return {{"name", command.name},
           {"summary", command.summary},
           {"example", command.example},
-          {"options", options}};
+          {"options", options},
+          {"result_keys", command.result_keys}};
 }
 
 }  // namespace emmetrope

@@ -2,6 +2,7 @@
 #include <cstdint>
 #include <functional>
 #include <string>
+#include <vector>
 
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/json.hpp"
@@ -45,6 +46,8 @@ struct Command {
   std::function<Answer(const CommonOptions&)> run;
   /// Throws what `run` would refuse of the options before it looks into a case, beyond what their declarations check.
   std::function<void(const CommonOptions&)> check = {};
+  /// Of the JSON of one eye that it answers or writes, for who asks for parts of it before it runs.
+  std::vector<std::string> result_keys = {};
 };
 
 /// Parses, runs (with the hidden flag --check-options: only checks the options, for who is to run it later), prints the

@@ -76,8 +76,8 @@ void require_own_outputs(const fs::path& case_folder, const std::string& stage, 
   require_no_strangers(case_folder, stage, outputs);
 }
 
-/// A stage made from results that have been made anew since would mix two eyes: checked from the first stage on, as what
-/// follows a stale one is to be made anew after it.
+/// A stage made from results that have been made anew since would mix two eyes: checked from the first stage on, as
+/// what follows a stale one is to be made anew after it.
 void require_same_inputs(const fs::path& case_folder, const std::string& stage, const Json& inputs) {
   if (stage == pipeline_stages.front().folder)
     return;  // its inputs are the study's files, under the study's names

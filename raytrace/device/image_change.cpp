@@ -277,8 +277,8 @@ std::vector<CheckedRay> rays_to_check(const Change& change, const RetinalGrid& g
   return kept;
 }
 
-/// Of planes that no ray falls on (edge on beside the field, behind the eye) polynomials need not hold. What falls there
-/// between the checked rays finds no change, rather than whatever they would make of it.
+/// Of planes that no ray falls on (edge on beside the field, behind the eye) polynomials need not hold. What falls
+/// there between the checked rays finds no change, rather than whatever they would make of it.
 void leave_unseen(Table& table, const std::vector<CheckedRay>& rays) {
   for (Eigen::Index k = 0; k < rays.front().seen.size(); ++k)
     if (std::none_of(rays.begin(), rays.end(), [&](const CheckedRay& ray) { return ray.seen[k]; }))

@@ -20,8 +20,8 @@ struct ImageChange {
   std::vector<float> by_wave;  ///< what multiplies a second polynomial, for each of the wavelengths
 };
 
-/// Fits the polynomials to exactly traced rays (float64) and checks them against others at random, of each plane that is
-/// seen; on one that none of some thousand rays meets nothing moves.
+/// Fits the polynomials to exactly traced rays (float64) and checks them against others at random, of each plane that
+/// is seen; on one that none of some thousand rays meets nothing moves.
 /// \throw Error (unsupported) where they miss those by more than 0.5 % (rms): parts of the field see the
 ///   scene past an edge within the eye, or a plane edge on
 ImageChange make_image_change(const std::vector<EyeTangent>& tangents, const DeviceScene& scene,

@@ -68,8 +68,8 @@ EyeMoment moment_of(const std::vector<std::string>& cells, const std::vector<con
 }
 
 constexpr double longest_model_s = 600;
-/// Refractors repeat to about this: a relaxed eye is recorded as that much less than relaxed. Beyond, it is another sign or
-/// another zero.
+/// Refractors repeat to about this: a relaxed eye is recorded as that much less than relaxed. Beyond, it is another
+/// sign or another zero.
 constexpr double noise_of_accommodation_D = 0.5;
 
 double between(double from, double to, double share) { return from + share * (to - from); }

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include <algorithm>
 #include <set>
 
 #include "pipeline/base/case_folder.hpp"
@@ -18,11 +19,15 @@ namespace {
 
 namespace fs = std::filesystem;
 
+/// What the command says of itself.
+Json definition_of(const std::string& command) {
+  const ProcessResult said =
+      run_process(executable_folder() / ("emmetrope-" + command), {"--definition"}, ChildOutput::capture);
+  return parse_json(said.output, "emmetrope " + command + " --definition");
+}
+
 /// An option that the command does not have would fail every run.
-void require_known_options(const Sweep& sweep, const fs::path& file) {
-  const ProcessResult said = run_process(executable_folder() / ("emmetrope-" + sweep.command),
-                                         {"--definition"}, ChildOutput::capture);
-  const Json definition = parse_json(said.output, "emmetrope " + sweep.command + " --definition");
+void require_known_options(const Sweep& sweep, const Json& definition, const fs::path& file) {
   std::set<std::string> known;
   for (const Json& option : definition.at("options"))
     for (const Json& name : option.at("names")) known.insert(name.get<std::string>());
@@ -32,6 +37,26 @@ void require_known_options(const Sweep& sweep, const fs::path& file) {
         throw input_error(
             fmt::format("{}: {} is no option of emmetrope {}", file.string(), setting.option, sweep.command),
             "see emmetrope " + sweep.command + " --help");
+}
+
+/// A column that no result can have would be told after the hours of all runs.
+void require_known_columns(const Sweep& sweep, const Json& definition, const fs::path& file) {
+  const auto keys = definition.at("result_keys").get<std::vector<std::string>>();
+  const auto is_key = [&](const std::string& name) {
+    return std::find(keys.begin(), keys.end(), name) != keys.end();
+  };
+  for (const auto& [column, pointer] : sweep.columns) {
+    Json::json_pointer top(pointer);
+    while (!top.parent_pointer().empty()) top.pop_back();
+    const std::string place = fmt::format("{}: [columns] {}: ", file.string(), column);
+    if (!is_key(top.back()))
+      throw input_error(
+          fmt::format("{}a result of emmetrope {} has no key \"{}\"", place, sweep.command, top.back()),
+          fmt::format("its keys are {}", fmt::join(keys, ", ")));
+    if (is_key(column) && pointer != "/" + column)
+      throw input_error(fmt::format("{}the result has a {} of its own", place, column),
+                        "give it another name");
+  }
 }
 
 /// \return names of the runs, in their order
@@ -72,7 +97,9 @@ void end_runs_without_one(const SweepFolder& folder, const std::vector<std::stri
 Answer run_sweep(const SweepOptions& options, const CommonOptions& common) {
   require_engine(options.engine);
   const Sweep sweep = read_sweep(options.table);
-  require_known_options(sweep, options.table);
+  const Json definition = definition_of(sweep.command);
+  require_known_options(sweep, definition, options.table);
+  require_known_columns(sweep, definition, options.table);
   const SweepFolder folder{fs::absolute(options.output).lexically_normal()};
   const CaseLock lock(folder.root, true);
   const std::vector<std::string> names = write_plans(sweep, folder, common);

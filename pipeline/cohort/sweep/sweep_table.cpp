@@ -83,6 +83,15 @@ void require_pointer(const fs::path& file, const toml::node& node, const std::st
   throw input_error(place(file, node, key) + ": expected a JSON pointer", key + " = \"/zernike_um/8\"");
 }
 
+/// \throw Error (input_invalid) where the table has a column of that name by itself
+void require_free(const fs::path& file, const toml::node& node, const std::string& key, const Sweep& sweep) {
+  const std::vector<Setting>& varied = sweep.runs.front();
+  if (key == "run" || key == "status" || key == "message" ||
+      std::any_of(varied.begin(), varied.end(),
+                  [&](const Setting& setting) { return setting.option == key; }))
+    throw input_error(place(file, node, key) + ": the table has that column already", "give it another name");
+}
+
 const toml::table* table_in(const fs::path& file, const toml::table& root, std::string_view name) {
   const toml::node* node = root.get(name);
   if (node == nullptr) return nullptr;
@@ -219,6 +228,7 @@ Sweep read_sweep(const fs::path& file) {
     for (const auto& [key, node] : in_order(*columns)) {
       const auto pointer = node->value<std::string>();
       require_pointer(file, *node, key, pointer);
+      require_free(file, *node, key, sweep);
       sweep.columns.emplace_back(key, *pointer);
     }
   return sweep;

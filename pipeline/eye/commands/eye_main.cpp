@@ -26,6 +26,20 @@ int main(int argc, char** argv) {
     app.add_option("-o,--output", query.output, "Write the eye as eye.json, or as a lens of Zemax (.zmx)")
         ->type_name("FILE");
   };
+  command.result_keys = {"name",
+                         "wavelength_nm",
+                         "power_D",
+                         "object_focal_mm",
+                         "image_focal_mm",
+                         "object_principal_mm",
+                         "image_principal_mm",
+                         "object_nodal_mm",
+                         "image_nodal_mm",
+                         "entrance_pupil",
+                         "exit_pupil",
+                         "axial_length_mm",
+                         "refraction",
+                         "refraction_D"};
   command.run = [&](const CommonOptions& common) {
     if (common.laterality == LateralityChoice::os) query.options.laterality = Laterality::os;
     return describe_eye(query);

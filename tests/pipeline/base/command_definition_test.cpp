@@ -22,8 +22,9 @@ TEST(CommandDefinition, TellsWhatACommandTakes) {
   app.add_option("--label", labels, "Whose")->type_name("LABEL ...");
   app.add_flag("--deep", deep, "Everything")->group("Common options");
   app.add_flag("--secret", deep, "Not shown")->group("");
-  const Json definition = command_definition(app, {"look", "Looks.", "look here", {}, {}});
+  const Json definition = command_definition(app, {"look", "Looks.", "look here", {}, {}, {}, {"seen"}});
   EXPECT_EQ(definition.at("name"), "look");
+  EXPECT_EQ(definition.at("result_keys"), Json({"seen"}));
   const Json& options = definition.at("options");
   std::vector<std::string> first_names;
   for (const Json& option : options) first_names.push_back(option.at("names").at(0));

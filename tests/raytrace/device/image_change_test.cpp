@@ -181,8 +181,8 @@ TEST(Derivatives, OfSurroundingsMatchDifferences) {
   EXPECT_LT(error, 0.03);
 }
 
-// A wall that recedes from 4.8 to 3.6 degrees aside and would, longer, pass edge on through the middle of the field, where
-// its coordinates have a pole: what polynomials make of it is a hundred thousand times any change.
+// A wall that recedes from 4.8 to 3.6 degrees aside and would, longer, pass edge on through the middle of the field,
+// where its coordinates have a pole: what polynomials make of it is a hundred thousand times any change.
 TEST(Derivatives, PolynomialsOfAPlaneThatFewRaysMeetAreCheckedToo) {
   const EyeModel eye = make_eye("navarro", {0, {}, 4.0});
   EyeModel ahead = eye, behind = eye;

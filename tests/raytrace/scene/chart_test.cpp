@@ -188,8 +188,8 @@ TEST(SceneFile, IsReadAndChecked) {
   std::filesystem::remove_all(folder);
 }
 
-// Of directions, too, the angle is that between the lines of sight, 11 degrees here, and not that of tangents on a plane
-// ahead: a dial 37 degrees aside has the strokes of one straight ahead.
+// Of directions, too, the angle is that between the lines of sight, 11 degrees here, and not that of tangents on a
+// plane ahead: a dial 37 degrees aside has the strokes of one straight ahead.
 TEST(SceneFile, AChartIsDrawnForItsAngleWhereverItStands) {
   const test::TemporaryFolder folder;
   const auto dial = [&](const char* centre, const char* right, const char* at_infinity) {

@@ -101,6 +101,10 @@ TEST_F(SweepTable, SaysWhereItIsWrong) {
   EXPECT_THAT(refusal("command = 'trace'\n[very]\npupil = [1]\n"), HasSubstr("line 2, very"));
   EXPECT_THAT(refusal("command = 'trace'\n[all]\npupil = 2001-01-01\n"), HasSubstr("expected a number"));
   EXPECT_THAT(refusal("command = 'trace'\n[columns]\ncoma = 'x'\n"), HasSubstr("JSON pointer"));
+  for (const char* column : {"pupil", "run", "status", "message"})
+    EXPECT_THAT(
+        refusal(fmt::format("command = 'trace'\n[vary]\npupil = [2]\n[columns]\n{} = '/rms_um'\n", column)),
+        HasSubstr(fmt::format("line 5, {}: the table has that column already", column)));
   std::string many = "command = 'trace'\n[vary]\n";
   for (const char* key : {"a", "b", "c", "d", "e", "f"})
     many += std::string(key) + " = [0,1,2,3,4,5,6,7,8,9]\n";

@@ -75,18 +75,19 @@ TEST_F(SweepOfEyes, WhatACommandWarnsOfIsInItsRow) {
 
 TEST_F(SweepOfEyes, AColumnIsNotCalledAsANumberIs) {
   const ProcessResult ended =
-      run("command = 'eye'\n[vary]\neye = ['navarro', 'le-grand']\n[columns]\npower_D = '/refraction_D'\n");
+      run("command = 'eye'\n[vary]\neye = ['navarro', 'le-grand']\n[columns]\nrefraction_M_D = '/power_D'\n");
   EXPECT_EQ(ended.status, 3);
-  EXPECT_THAT(ended.output, testing::HasSubstr("[columns] power_D: the table has that column already"));
+  EXPECT_THAT(ended.output,
+              testing::HasSubstr("[columns] refraction_M_D: the table has that column already"));
 }
 
 TEST_F(SweepOfEyes, ColumnsThatCannotBeLeaveTheTableAllElse) {
-  const ProcessResult ended =
-      run("command = 'eye'\n[vary]\neye = ['navarro']\n[columns]\nall = '/refraction'\ncoma = '/coma'\n"
-          "M = '/refraction/M_D'\n");
+  const ProcessResult ended = run(
+      "command = 'eye'\n[vary]\neye = ['navarro']\n[columns]\nall = '/refraction'\ncoma = '/refraction/coma'\n"
+      "M = '/refraction/M_D'\n");
   EXPECT_EQ(ended.status, 3);
   EXPECT_THAT(ended.output, testing::HasSubstr("[columns] all: /refraction is an object"));
-  EXPECT_THAT(ended.output, testing::HasSubstr("[columns] coma: no result has /coma"));
+  EXPECT_THAT(ended.output, testing::HasSubstr("[columns] coma: no result has /refraction/coma"));
   EXPECT_EQ(table().cell(0, "M"), table().cell(0, "refraction_M_D"));
 }
 
@@ -95,6 +96,40 @@ TEST_F(SweepOfEyes, AnOptionThatTheCommandDoesNotHaveStartsNoRun) {
   EXPECT_EQ(ended.status, 3);
   EXPECT_THAT(ended.output, testing::HasSubstr("sweep.toml: pupils is no option of emmetrope eye"));
   EXPECT_FALSE(fs::exists(folder() / "out" / "ends"));
+}
+
+TEST_F(SweepOfEyes, AColumnThatNoResultHasStartsNoRun) {
+  for (const auto& [column, said] :
+       {std::pair("coma = '/coma/um'", "[columns] coma: a result of emmetrope eye has no key \\\"coma\\\""),
+        {"power_D = '/refraction_D'", "[columns] power_D: the result has a power_D of its own"}}) {
+    const ProcessResult ended = run("command = 'eye'\n[vary]\neye = ['navarro', 'le-grand']\n[columns]\n" +
+                                    std::string(column) + "\n");
+    EXPECT_EQ(ended.status, 3);
+    EXPECT_THAT(ended.output, testing::HasSubstr(said));
+    EXPECT_FALSE(fs::exists(folder() / "out"));
+  }
+}
+
+// By which columns are refused before the runs.
+TEST_F(SweepOfEyes, ResultsHaveTheKeysThatTheirCommandsTell) {
+  const auto keys_of = [](const Json& result) {
+    std::vector<std::string> keys;
+    for (const auto& [key, value] : result.items()) keys.push_back(key);
+    return keys;
+  };
+  const auto told = [&](const std::string& command) {
+    return by_hand(command, {"--definition"}).at("result_keys").get<std::vector<std::string>>();
+  };
+  const std::string out = (folder() / "out").string();
+  auto of_answer = told("eye");
+  of_answer.emplace_back("status");  // as every answer
+  EXPECT_THAT(keys_of(by_hand("eye", {"navarro", "--json"})), testing::UnorderedElementsAreArray(of_answer));
+  by_hand("trace", {"--eye", "navarro", "--size", "8x8", "--samples", "1", "-o", out, "--json", "--quiet"});
+  EXPECT_THAT(keys_of(read_json(folder() / "out/wavefront.json")),
+              testing::UnorderedElementsAreArray(told("trace")));
+  by_hand("correct", {"--eye", "navarro", "--samples", "1", "-o", out, "--json", "--quiet"});
+  EXPECT_THAT(keys_of(read_json(folder() / "out/prescription.json")),
+              testing::UnorderedElementsAreArray(told("correct")));
 }
 
 TEST_F(SweepOfEyes, TracesAreNumbersOfTheirWavefronts) {
