@@ -249,6 +249,8 @@ std::string summary(const std::string& who, const EyeResult& result) {
   const Prescription& p = result.prescription;
   const Eigen::Vector3d sigma = result.uncertainty.covariance.diagonal().cwiseSqrt();
   const Measured M = Measured::from_sigma(p.refraction.M_D, sigma[0], result.uncertainty.origins[0]);
+  const std::string contradiction = contradiction_in(result.uncertainty);
+  if (!contradiction.empty()) return fmt::format("{}: no prescription. {}\n", who, contradiction);
   const std::string withheld = reason_to_withhold(M);
   const std::string doubt = withheld.empty() ? reason_not_to_dispense(M) : withheld;
   const auto shown = [](double power_D) { return without_negative_zero(power_D, 2); };

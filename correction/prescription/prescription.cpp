@@ -7,6 +7,7 @@
 #include <cmath>
 #include <limits>
 
+#include "correction/prescription/withholding.hpp"
 #include "correction/sharpness/refraction_chart.hpp"
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/frames.hpp"
@@ -284,6 +285,10 @@ PowerVector refraction_by_spot(const EyeModel& eye, const PrescriptionSettings& 
   const raytrace::Wavefront wavefront =
       raytrace::measure_wavefront(with_pupil(eye, settings.pupil_mm), wavefront_settings(settings));
   return raytrace::at_vertex(wavefront, wavefront.minimum_rms_spot, settings.vertex_distance_mm);
+}
+
+std::string contradiction_in(const PrescriptionUncertainty& uncertainty) {
+  return uncertainty.calibration ? reason_of_contradiction(uncertainty.calibration->innovation_sigma) : "";
 }
 
 PrescriptionUncertainty uncertainty_of(const Prescription& prescription, const UncertainOptics* optics,

@@ -173,10 +173,11 @@ void add_conditions(Json& json, const PrescriptionSettings& settings) {
 }
 
 /// The refraction in every notation, with intervals, and whether it may stand as a prescription.
-void add_refraction(Json& json, const PowerVector& refraction, const RefractionIntervals& intervals) {
+void add_refraction(Json& json, const PowerVector& refraction, const RefractionIntervals& intervals,
+                    const std::string& contradiction) {
   const auto reason = [&](const std::string& text) { return text.empty() ? Json(nullptr) : Json(text); };
   const SpheroCylinder notation = to_sphero_cylinder(refraction);
-  json["withheld"] = reason(reason_to_withhold(intervals.M_D));
+  json["withheld"] = reason(contradiction.empty() ? reason_to_withhold(intervals.M_D) : contradiction);
   json["estimate"] = reason(reason_not_to_dispense(intervals.M_D));
   json["sphere_D"] = intervals.sphere_D;
   json["cylinder_D"] = intervals.cylinder_D;
@@ -198,7 +199,8 @@ Json to_json(const Prescription& prescription, const PrescriptionUncertainty& un
   json["laterality"] = laterality.empty() ? Json(nullptr) : Json(laterality);
   add_conditions(json, settings);
   add_refraction(json, prescription.refraction,
-                 refraction_intervals(prescription.refraction, uncertainty.covariance, uncertainty.origins));
+                 refraction_intervals(prescription.refraction, uncertainty.covariance, uncertainty.origins),
+                 contradiction_in(uncertainty));
   json["contact_lens"] = contact_lens_json(prescription);
   json["lenses"] = lenses_json(prescription.lenses, settings.spectacle);
   json["sharpest_lens"] = name_sharpest(prescription.lenses);

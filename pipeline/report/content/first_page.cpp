@@ -192,6 +192,7 @@ bool has_axis(const Json& cylinder_D) {
 }
 
 std::string headline_of(const EyeData& eye, const Judgement& judgement) {
+  if (is_contradicted(eye.prescription)) return "Given and images contradict: check eye and sign";
   if (!judgement.has_refraction) return {};
   const Json& prescription = eye.prescription;
   const double M_D = value_of(prescription, "M_D").value_or(0);
@@ -250,6 +251,7 @@ std::string next_step(const EyeData& eye, const Judgement& judgement) {
                          fixed(remedy->half_width_D, 1));
     return "Confirm by a subjective refraction.";
   }
+  if (is_contradicted(eye.prescription)) return judgement.reasons.front().to_do;
   if (judgement.light != Light::red || judgement.verdict.find("not asked for") != std::string::npos)
     return "Run this eye too (--laterality both).";
   if (judgement.verdict.find("has not been run") != std::string::npos)

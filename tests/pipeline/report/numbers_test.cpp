@@ -363,6 +363,33 @@ TEST_F(NumbersTest, AnEstimateIsOneInEveryForm) {
   }
 }
 
+/// Who takes a lens out of an object finds first, beside it, why it is not to be taken as it is.
+TEST_F(NumbersTest, DoubtsStandBesideTheLensTheyAreOf) {
+  test::make_fixture_case(folder_);
+  const fs::path file = folder_ / "correction/od/prescription.json",
+                 fit = folder_ / "segmentation/od/fit.json";
+  Json prescription = read_json(file), fitted = read_json(fit);
+  prescription["M_D"]["ci95"] = {-2.87 - 2.1, -2.87 + 2.1};
+  prescription["estimate"] = "An estimate, do not dispense.";
+  write_json(file, prescription);
+  fitted["quality"].push_back({{"name", "converged"},
+                               {"passed", false},
+                               {"withholds", "nothing"},
+                               {"reason", "the fit has not converged"}});
+  write_json(fit, fitted);
+  report();
+  const Json lenses = Json::parse(output("prescription.fhir.json")).at("lensSpecification");
+  EXPECT_THAT(lenses.at(0).at("note").at(0).at("text").get<std::string>(),
+              testing::AllOf(testing::StartsWith("An estimate, do not dispense."),
+                             HasSubstr("the fit has not converged.")));
+  const std::string elements = dump("prescription.dcm");
+  const std::size_t right = elements.find("Right Eye Rx"),
+                    said = elements.find("An estimate, do not dispense.");
+  EXPECT_LT(right, said);
+  EXPECT_LT(said, elements.find("[Sphere]"));
+  EXPECT_THAT(elements, HasSubstr("the fit has not converged."));
+}
+
 TEST_F(NumbersTest, ARefractionWithoutAnIntervalIsAnEstimateInEveryForm) {
   test::make_fixture_case(folder_);
   const fs::path file = folder_ / "correction/od/prescription.json";

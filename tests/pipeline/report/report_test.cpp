@@ -792,10 +792,19 @@ TEST_F(ReportTest, AGivenRefractionStandsBesideWhatTheImagesSay) {
   EXPECT_NE(agreeing.find("Supported, with the refraction that was given"), std::string::npos);
   EXPECT_EQ(agreeing.find("standard deviations"), std::string::npos);
 
-  const std::string contradicted = with_surprise(4.4);
-  EXPECT_NE(contradicted.find("differ by 4.4 standard deviations"), std::string::npos);
-  EXPECT_EQ(contradicted.find("Supported by the data"), std::string::npos);
-  EXPECT_NE(pdf_text().find("-9.00 DS"), std::string::npos);
+  // No mean of two that contradict: both refractions, and no lens in any form.
+  const std::string contradicted = visible_text("<body>" + with_surprise(4.4)), page = output("report.html");
+  for (const std::string& text : {contradicted, pdf_text()})
+    EXPECT_THAT(text, AllOf(HasSubstr("-9.00"), HasSubstr("-1.62")));
+  EXPECT_THAT(contradicted, AllOf(HasSubstr("Given and images contradict: check eye and sign"),
+                                  HasSubstr("differ by 4.4 standard deviations"),
+                                  HasSubstr("No prescription: given and images contradict"),
+                                  Not(HasSubstr("-2.25 / -1.00 x 175")), Not(HasSubstr("SE \u00b1"))));
+  EXPECT_THAT(table_of(page, "Best lens of each kind"), AllOf(HasSubstr("OS"), Not(HasSubstr("OD"))));
+  EXPECT_FALSE(
+      read_json(folder_ / "report/stage.json").at("answer").at("eyes").at("od").contains("prescription"));
+  EXPECT_THAT(dump("prescription.dcm"), AllOf(HasSubstr("Left Eye Rx"), Not(HasSubstr("Right Eye Rx"))));
+  EXPECT_THAT(output("prescription.fhir.json"), AllOf(HasSubstr("left"), Not(HasSubstr("right"))));
 }
 
 /// A topography, a scene, a lens, movements: their hashes are among those of the inputs.
