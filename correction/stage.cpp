@@ -347,9 +347,12 @@ KnownEye read_known_eye(const fs::path& case_folder, Laterality side, const Corr
     throw said_of(side, error);
   }
   for (const std::string& warning : warnings) warn(warning);
-  warn(
-      "what was measured elsewhere is in the prescription and in corrected.png, not in the meshes and "
-      "uncorrected.png; give it to the mesh stage to have it there too");
+  warn(std::string(
+           "what was measured elsewhere is in the prescription and in corrected.png, not in the meshes, "
+           "wavefront.json and uncorrected.png") +
+       (data->second.has_instruments()
+            ? "; give readings of instruments to the mesh stage to have them there too"
+            : ""));
   return known;
 }
 

@@ -106,10 +106,14 @@ EyeCard card_of(const CaseData& data, const EyeData& eye) {
   if (!judgement.has_prescription) return card;
   card.before_png = page_png(eye.uncorrected_png);
   card.after_png = page_png(eye.corrected_png);
+  const std::string before_is_of =
+      prescription.value("learnt_from", Json::array()).empty()
+          ? ""
+          : ", the eye as the images alone show it, without what was given to the correction";
   card.picture_caption =
       "The same chart on the retina of this eye, through " + traced_pupil(data) +
-      ", upright as the patient perceives it: before, with no lens; after, with "
-      "the best lens as if that were exact. Look at the smallest row that can be read, and at the direction of the "
+      ", upright as the patient perceives it: before, with no lens" + before_is_of +
+      "; after, with the best lens as if that were exact. Look at the smallest row that can be read, and at the direction of the "
       "blur.";
   return card;
 }

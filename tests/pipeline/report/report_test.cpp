@@ -7,7 +7,9 @@
 #include "pipeline/base/case_folder.hpp"
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/measured.hpp"
+#include "pipeline/base/power_vector.hpp"
 #include "pipeline/report/comparison.hpp"
+#include "pipeline/report/document/numbers.hpp"
 #include "pipeline/report/page/viewer.hpp"
 #include "pipeline/report/pdf/pdf.hpp"
 #include "tests/pipeline/report/report_fixture.hpp"
@@ -805,6 +807,46 @@ TEST_F(ReportTest, AGivenRefractionStandsBesideWhatTheImagesSay) {
       read_json(folder_ / "report/stage.json").at("answer").at("eyes").at("od").contains("prescription"));
   EXPECT_THAT(dump("prescription.dcm"), AllOf(HasSubstr("Left Eye Rx"), Not(HasSubstr("Right Eye Rx"))));
   EXPECT_THAT(output("prescription.fhir.json"), AllOf(HasSubstr("left"), Not(HasSubstr("right"))));
+}
+
+/// What is shown with the lens is of the eye that the lens was found for.
+TEST_F(ReportTest, TheWavefrontFollowsAGivenRefraction) {
+  test::make_fixture_case(folder_);
+  const fs::path file = folder_ / "correction/od/prescription.json";
+  Json prescription = read_json(file);
+  const auto power = [&](double M_D) {
+    return PowerVector{M_D, prescription["J0_D"]["value"].get<double>(),
+                       prescription["J45_D"]["value"].get<double>()};
+  };
+  const double before_D = prescription["M_D"]["value"], now_D = before_D - 1.73;
+  Json alone = Json::object();
+  for (const char* key : {"M_D", "J0_D", "J45_D"}) alone[key] = prescription[key];
+  prescription["M_D"] = Measured::from_sigma(now_D, 0.2, "refraction");
+  prescription["learnt_from"] = {"refraction"};
+  prescription["calibration"] = {{"surprise_sigma", 0.8}, {"surprise_limit_sigma", 3}, {"without_it", alone}};
+  write_json(file, prescription);
+  report();
+  // 12 mm before an eye whose pupil lies 3 mm behind its cornea; W = -M r^2 / (4 sqrt 3).
+  const Json wavefront = read_json(folder_ / "raytrace/od/wavefront.json");
+  const double radius_mm = wavefront["pupil_mm"].get<double>() / 2,
+               moved_D = move_towards_eye(power(now_D), 15).M_D - move_towards_eye(power(before_D), 15).M_D,
+               defocus_um = wavefront["zernike_um"][4].get<double>() -
+                            moved_D * radius_mm * radius_mm / (4 * std::sqrt(3.0));
+  EXPECT_THAT(table_of(output("report.html"), "Zernike coefficients"),
+              HasSubstr(format(defocus_um, {4, true, "\u00b5m"})));
+  const std::string page = visible_text(output("report.html"));
+  EXPECT_THAT(page, HasSubstr("OD: the wavefront is of the eye after the refraction that was given"));
+  EXPECT_THAT(page, HasSubstr("before, with no lens, the eye as the images alone show it"));
+  EXPECT_THAT(page, Not(HasSubstr("OS: the wavefront is of the eye")));
+
+  // Readings of instruments have moved it by an amount that no file tells.
+  prescription["learnt_from"] = {"keratometry", "refraction"};
+  write_json(file, prescription);
+  report();
+  const std::string html = output("report.html");
+  EXPECT_THAT(html, AllOf(HasSubstr("letters-before-od"), HasSubstr("letters-after-os"),
+                          Not(HasSubstr("letters-after-od")),
+                          HasSubstr("OD: the wavefront is of the eye as it was traced")));
 }
 
 /// A topography, a scene, a lens, movements: their hashes are among those of the inputs.
