@@ -809,6 +809,52 @@ TEST_F(ReportTest, AGivenRefractionStandsBesideWhatTheImagesSay) {
   EXPECT_THAT(output("prescription.fhir.json"), AllOf(HasSubstr("left"), Not(HasSubstr("right"))));
 }
 
+/// Whoever gave a refraction is not told to refract, nor that the index is the age's.
+TEST_F(ReportTest, ACardAfterAGivenRefractionTellsWhatItChanged) {
+  test::make_fixture_case(folder_);
+  Json stage = read_json(folder_ / "raytrace/stage.json");
+  stage["eyes"]["od"]["lens_index"] = 1.4254;
+  stage["eyes"]["od"]["lens_index_from"] = "age 40 years";
+  write_json(folder_ / "raytrace/stage.json", stage);
+  const fs::path file = folder_ / "correction/od/prescription.json";
+  Json prescription = read_json(file);
+  prescription["M_D"] = Measured::from_sigma(-4, 0.24, "refraction");
+  prescription["calibration"] = {{"surprise_sigma", 0.8},
+                                 {"surprise_limit_sigma", 3},
+                                 {"lens_index_after", Measured{1.4312, {1.4250, 1.4374}, "refraction"}}};
+  write_json(file, prescription);
+  report();
+  const std::string html = output("report.html");
+  const std::size_t at = html.find("id=\"card-od\"");
+  const std::string card = visible_text("<body>" + html.substr(at, html.find("</article>", at) - at));
+  EXPECT_THAT(card, AllOf(HasSubstr("the refraction that was given"),
+                          HasSubstr("lens index 1.431 (1.425 to 1.437), from the refraction that was given"),
+                          HasSubstr("Try the lens in a trial frame before it is dispensed.")));
+  EXPECT_THAT(card, AllOf(Not(HasSubstr("age 40 years")), Not(HasSubstr("no MR image shows")),
+                          Not(HasSubstr("Confirm by a subjective refraction"))));
+  const std::string page = visible_text(html);
+  EXPECT_THAT(page, AllOf(HasSubstr("By the refraction that was given it is 1.431 in OD."),
+                          HasSubstr("alone moves the spherical equivalent by 0.78 D in OS (one standard")));
+}
+
+/// Two eyes of +-1.61 D each: 2.3 D apart at least, or nothing is said.
+TEST_F(ReportTest, ADifferenceBetweenTheEyesIsTheIntervalsToo) {
+  test::make_fixture_case(folder_);
+  const auto with_sigma = [&](double sigma_D) {
+    for (const char* eye : {"od", "os"}) {
+      const fs::path file = folder_ / "correction" / eye / "prescription.json";
+      Json prescription = read_json(file);
+      prescription["M_D"] = Measured::from_sigma(prescription["M_D"]["value"], sigma_D, "mri");
+      write_json(file, prescription);
+    }
+    report();
+    return visible_text(output("report.html"));
+  };
+  // M is -2.87 and +0.12 D: 1.96 sqrt(2) sigma is 1.1 and 3.3 D.
+  EXPECT_THAT(with_sigma(0.4), HasSubstr("The eyes differ by 3.0 \u00b1 1.1 D of spherical equivalent"));
+  EXPECT_THAT(with_sigma(1.2), Not(HasSubstr("The eyes differ")));
+}
+
 /// What is shown with the lens is of the eye that the lens was found for.
 TEST_F(ReportTest, TheWavefrontFollowsAGivenRefraction) {
   test::make_fixture_case(folder_);
