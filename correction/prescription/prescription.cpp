@@ -309,6 +309,10 @@ PrescriptionUncertainty uncertainty_of(const Prescription& prescription, const U
     result.budget = uncertainty_budget(*optics, sensitivity);
     result.budget.pop_back();  // the total follows with the sampling in it
     result.covariance = sensitivity * optics->known.eye().covariance * sensitivity.transpose();
+    if (calibration)
+      for (int i = 0; i < 3; ++i)
+        result.origins[i] =
+            with_refraction(result.origins[i], calibration->covariance_before(i, i), result.covariance(i, i));
     const auto add = [&](const std::string& name, const PlannedObservation& measurement) {
       const Eigen::Vector3d sigma =
           (sensitivity * covariance_after(optics->known.eye().covariance, measurement) *

@@ -78,6 +78,9 @@ Json calibration_json(const Calibration& calibration) {
   const RefractionIntervals alone =
       refraction_intervals(calibration.before, calibration.covariance_before, {"mri", "mri", "mri"});
   Json without_it = notation_json(calibration.before);
+  without_it["sphere_D"] = alone.sphere_D;
+  without_it["cylinder_D"] = alone.cylinder_D;
+  without_it["axis_deg"] = alone.axis_deg;
   without_it["M_D"] = alone.M_D;
   without_it["J0_D"] = alone.J0_D;
   without_it["J45_D"] = alone.J45_D;

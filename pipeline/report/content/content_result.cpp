@@ -18,7 +18,8 @@ namespace emmetrope::report {
 namespace {
 
 std::string rounded_prescription(const Json& prescription) {
-  return refraction_of(prescription.value("rounded", Json::object()), "");
+  const std::string rounded = refraction_of(prescription.value("rounded", Json::object()), "");
+  return has_axis(prescription.value("cylinder_D", Json())) ? rounded : without_axis(rounded);
 }
 
 /// "name, value, 95 % interval, source" of a key that may be missing.
@@ -68,10 +69,7 @@ Table details_of(const Json& prescription, const Judgement& judgement, const std
       {}};
   const NumberStyle dioptres{2, true, "D"};
   if (judgement.has_prescription) {
-    details.rows.push_back({has_axis(prescription.value("cylinder_D", Json()))
-                                ? "Rounded"
-                                : "Rounded; its axis is not determined",
-                            rounded_prescription(prescription), ""});
+    details.rows.push_back({"Rounded", rounded_prescription(prescription), ""});
     add_measured(details, prescription, "sphere_D", "Sphere", dioptres);
     add_measured(details, prescription, "cylinder_D", "Cylinder", dioptres);
     add_axis(details, prescription);

@@ -75,8 +75,8 @@ Finding contradiction_of(const Json& calibration) {
 Findings sphere_reasons(const EyeData& eye, const std::string& withheld) {
   const double half_width_D = half_width(eye.prescription, "M_D");
   if (!withheld.empty()) return {{withheld + " The estimate is for information.", "Refract."}};
-  if (!measured_in(eye.prescription, "M_D"))
-    return {{estimate_because(eye.prescription), "Refract before dispensing."}};
+  if (const std::string why = estimate_because(eye.prescription); !why.empty())
+    return {{why, "Refract before dispensing."}};
   if (limits_of("M_half_width_D").normal.contains(half_width_D)) return {};
   return {{"The spherical equivalent's 95 % interval is \u00b1" + fixed(half_width_D, 1) +
                " D; clinical refraction is expected to repeat within \u00b10.5 D.",
@@ -197,7 +197,7 @@ std::string estimate_because(const Json& prescription) {
     return "The spherical equivalent's interval is unknown: an estimate, do not dispense.";
   if (prescription.contains("estimate")) {
     const Json& said = prescription.at("estimate");
-    return said.is_string() ? said.get<std::string>() : std::string();
+    return said.is_string() ? with_symbols(said.get<std::string>()) : std::string();
   }
   // Of a case that was corrected before the stage said so.
   if (limits_of("M_half_width_D").plausible.contains(half_width(prescription, "M_D"))) return {};
@@ -205,9 +205,10 @@ std::string estimate_because(const Json& prescription) {
 }
 
 std::string doubts_of(const EyeData& eye, const Judgement& judgement) {
-  std::string text = estimate_because(eye.prescription);
+  const std::string estimate = estimate_because(eye.prescription);
+  std::string text = estimate;
   for (const Finding& finding : judgement.reasons) {
-    if (finding.what == text) continue;
+    if (finding.what == estimate) continue;
     text += (text.empty() ? "" : " ") + finding.what;
     if (text.back() != '.') text += '.';  // gates end without a full stop, sentences with one
   }

@@ -309,6 +309,16 @@ TEST_F(ReportTest, APlanoCylinderOfAnEyeWithoutAnAxisHasNone) {
               AllOf(HasSubstr("Radius"), Not(HasSubstr("Axis"))));
 }
 
+TEST_F(ReportTest, NoFormOfALensHasAnAxisWhereTheCylinderMayBeNone) {
+  test::make_fixture_case(folder_);  // the left eye's
+  report();
+  const std::string html = output("report.html"), lenses = table_of(html, "Best lens of each kind");
+  EXPECT_THAT(lenses, AllOf(HasSubstr("-2.31 / -1.12 x 176"), HasSubstr("+0.31 / -0.38 x \u2013"),
+                            HasSubstr("-2.00 / -0.75 x \u2013"), Not(HasSubstr("x 092"))));
+  EXPECT_THAT(table_of(html, "Best lens before rounding, OS"),
+              AllOf(HasSubstr("+0.25 / -0.50 x \u2013"), Not(HasSubstr("x 090"))));
+}
+
 TEST_F(ReportTest, SecondRunIsSkippedUntilAResultChanges) {
   test::make_fixture_case(folder_);
   report();
