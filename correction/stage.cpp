@@ -249,6 +249,8 @@ std::string summary(const std::string& who, const EyeResult& result) {
   const Prescription& p = result.prescription;
   const Eigen::Vector3d sigma = result.uncertainty.covariance.diagonal().cwiseSqrt();
   const Measured M = Measured::from_sigma(p.refraction.M_D, sigma[0], result.uncertainty.origins[0]);
+  const std::string contradiction = contradiction_in(result.uncertainty);
+  if (!contradiction.empty()) return fmt::format("{}: no prescription. {}\n", who, contradiction);
   const std::string withheld = reason_to_withhold(M);
   const std::string doubt = withheld.empty() ? reason_not_to_dispense(M) : withheld;
   const auto shown = [](double power_D) { return without_negative_zero(power_D, 2); };
@@ -345,9 +347,12 @@ KnownEye read_known_eye(const fs::path& case_folder, Laterality side, const Corr
     throw said_of(side, error);
   }
   for (const std::string& warning : warnings) warn(warning);
-  warn(
-      "what was measured elsewhere is in the prescription and in corrected.png, not in the meshes and "
-      "uncorrected.png; give it to the mesh stage to have it there too");
+  warn(std::string(
+           "what was measured elsewhere is in the prescription and in corrected.png, not in the meshes, "
+           "wavefront.json and uncorrected.png") +
+       (data->second.has_instruments()
+            ? "; give readings of instruments to the mesh stage to have them there too"
+            : ""));
   return known;
 }
 

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <limits>
 
+#include "correction/prescription/withholding.hpp"
 #include "correction/sharpness/refraction_chart.hpp"
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/frames.hpp"
@@ -288,6 +289,10 @@ PowerVector refraction_by_spot(const EyeModel& eye, const PrescriptionSettings& 
   return raytrace::at_vertex(wavefront, wavefront.minimum_rms_spot, settings.vertex_distance_mm);
 }
 
+std::string contradiction_in(const PrescriptionUncertainty& uncertainty) {
+  return uncertainty.calibration ? reason_of_contradiction(uncertainty.calibration->innovation_sigma) : "";
+}
+
 PrescriptionUncertainty uncertainty_of(const Prescription& prescription, const UncertainOptics* optics,
                                        const std::optional<Calibration>& calibration) {
   PrescriptionUncertainty result;
@@ -306,6 +311,10 @@ PrescriptionUncertainty uncertainty_of(const Prescription& prescription, const U
     result.budget = uncertainty_budget(*optics, sensitivity);
     result.budget.pop_back();  // the total follows with the sampling in it
     result.covariance = sensitivity * optics->known.eye().covariance * sensitivity.transpose();
+    if (calibration)
+      for (int i = 0; i < 3; ++i)
+        result.origins[i] =
+            with_refraction(result.origins[i], calibration->covariance_before(i, i), result.covariance(i, i));
     const auto add = [&](const std::string& name, const PlannedObservation& measurement) {
       const Eigen::Vector3d sigma =
           (sensitivity * covariance_after(optics->known.eye().covariance, measurement) *

@@ -122,6 +122,8 @@ struct PrescriptionUncertainty {
   std::vector<std::string> data;  ///< what the eye was learnt from beside its images, in order
   std::optional<Calibration> calibration;
 };
+/// reason_of_contradiction() of the refraction that was given; empty where none was.
+std::string contradiction_in(const PrescriptionUncertainty& uncertainty);
 /// \param eye  what is known of it by now; null for a schematic eye, whose geometry is exact: what is left is
 ///   the image's sampling
 PrescriptionUncertainty uncertainty_of(const Prescription& prescription, const UncertainOptics* optics,

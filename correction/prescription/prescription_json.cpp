@@ -78,6 +78,9 @@ Json calibration_json(const Calibration& calibration) {
   const RefractionIntervals alone =
       refraction_intervals(calibration.before, calibration.covariance_before, {"mri", "mri", "mri"});
   Json without_it = notation_json(calibration.before);
+  without_it["sphere_D"] = alone.sphere_D;
+  without_it["cylinder_D"] = alone.cylinder_D;
+  without_it["axis_deg"] = alone.axis_deg;
   without_it["M_D"] = alone.M_D;
   without_it["J0_D"] = alone.J0_D;
   without_it["J45_D"] = alone.J45_D;
@@ -173,10 +176,11 @@ void add_conditions(Json& json, const PrescriptionSettings& settings) {
 }
 
 /// The refraction in every notation, with intervals, and whether it may stand as a prescription.
-void add_refraction(Json& json, const PowerVector& refraction, const RefractionIntervals& intervals) {
+void add_refraction(Json& json, const PowerVector& refraction, const RefractionIntervals& intervals,
+                    const std::string& contradiction) {
   const auto reason = [&](const std::string& text) { return text.empty() ? Json(nullptr) : Json(text); };
   const SpheroCylinder notation = to_sphero_cylinder(refraction);
-  json["withheld"] = reason(reason_to_withhold(intervals.M_D));
+  json["withheld"] = reason(contradiction.empty() ? reason_to_withhold(intervals.M_D) : contradiction);
   json["estimate"] = reason(reason_not_to_dispense(intervals.M_D));
   json["sphere_D"] = intervals.sphere_D;
   json["cylinder_D"] = intervals.cylinder_D;
@@ -198,7 +202,8 @@ Json to_json(const Prescription& prescription, const PrescriptionUncertainty& un
   json["laterality"] = laterality.empty() ? Json(nullptr) : Json(laterality);
   add_conditions(json, settings);
   add_refraction(json, prescription.refraction,
-                 refraction_intervals(prescription.refraction, uncertainty.covariance, uncertainty.origins));
+                 refraction_intervals(prescription.refraction, uncertainty.covariance, uncertainty.origins),
+                 contradiction_in(uncertainty));
   json["contact_lens"] = contact_lens_json(prescription);
   json["lenses"] = lenses_json(prescription.lenses, settings.spectacle);
   json["sharpest_lens"] = name_sharpest(prescription.lenses);

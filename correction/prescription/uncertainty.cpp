@@ -103,6 +103,13 @@ Eigen::MatrixXd covariance_after(const Eigen::MatrixXd& covariance, const Planne
   return keep * covariance * keep.transpose() + gain * measurement.noise_covariance * gain.transpose();
 }
 
+Origin with_refraction(Origin origin, double variance_before, double variance_after) {
+  constexpr double noticeable_share = 0.1;
+  if (origin.source != "refraction" && variance_after < (1 - noticeable_share) * variance_before)
+    origin.source += "+refraction";
+  return origin;
+}
+
 RefractionIntervals refraction_intervals(const PowerVector& refraction, const Eigen::Matrix3d& covariance,
                                          const std::array<Origin, 3>& origins) {
   const auto interval = [&](double value, int i) {

@@ -43,6 +43,11 @@ PlannedObservation known_refraction(const Eigen::MatrixXd& refraction_sensitivit
 /// Covariance of the parameters after the measurement (Kalman).
 Eigen::MatrixXd covariance_after(const Eigen::MatrixXd& covariance, const PlannedObservation& measurement);
 
+/// Where a number comes from of which a given refraction has taken a part of the variance: its own source where that is
+/// below a tenth, as an image's share that is not told; both between, "mri+refraction"; above half it is "refraction"
+/// already (UncertainEye::origin_of).
+Origin with_refraction(Origin origin, double variance_before, double variance_after);
+
 /// 95 % intervals of a refraction in every notation.
 struct RefractionIntervals {
   Measured M_D, J0_D, J45_D, sphere_D, cylinder_D, axis_deg;

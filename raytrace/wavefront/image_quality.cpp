@@ -18,16 +18,6 @@ constexpr int highest_weighted_cpd = 60;
 using LensPowers = Eigen::Vector3d;
 PowerVector power_from(const LensPowers& lens) { return {lens[0], lens[1], lens[2]}; }
 
-/// The lens as part of the wavefront: c = power r^2 / (4 sqrt 3), r^2 / (2 sqrt 6).
-Wavefront with_lens(Wavefront wavefront, const PowerVector& lens) {
-  const double square = wavefront.pupil_mm * wavefront.pupil_mm / 4;
-  wavefront.zernike_um.resize(std::max<std::size_t>(wavefront.zernike_um.size(), 6), 0);
-  wavefront.zernike_um[3] += lens.J45_D * square / (2 * std::sqrt(6.0));
-  wavefront.zernike_um[4] += lens.M_D * square / (4 * std::sqrt(3.0));
-  wavefront.zernike_um[5] += lens.J0_D * square / (2 * std::sqrt(6.0));
-  return wavefront;
-}
-
 /// Of the wavefront's terms from the second order, um per mm.
 Eigen::Vector2d slope_at(const Wavefront& wavefront, const Eigen::Vector2d& place_mm) {
   const double radius_mm = wavefront.pupil_mm / 2;
@@ -123,6 +113,16 @@ Json spot_json(const Wavefront& wavefront) {
 }
 
 }  // namespace
+
+// c = power r^2 / (4 sqrt 3), r^2 / (2 sqrt 6).
+Wavefront with_lens(Wavefront wavefront, const PowerVector& lens_in_pupil) {
+  const double square = wavefront.pupil_mm * wavefront.pupil_mm / 4;
+  wavefront.zernike_um.resize(std::max<std::size_t>(wavefront.zernike_um.size(), 6), 0);
+  wavefront.zernike_um[3] += lens_in_pupil.J45_D * square / (2 * std::sqrt(6.0));
+  wavefront.zernike_um[4] += lens_in_pupil.M_D * square / (4 * std::sqrt(3.0));
+  wavefront.zernike_um[5] += lens_in_pupil.J0_D * square / (2 * std::sqrt(6.0));
+  return wavefront;
+}
 
 ImageQuality image_quality(const Wavefront& uncorrected, const PowerVector& lens_in_pupil) {
   const Wavefront wavefront = with_lens(uncorrected, lens_in_pupil);

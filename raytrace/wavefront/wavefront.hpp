@@ -82,6 +82,10 @@ inline PupilRim rim_of(const Wavefront& wavefront) {
 /// \throw Error (usage) for settings beyond their range; (no_result) when too few rays reach the air to say anything
 Wavefront measure_wavefront(const EyeModel& eye, const WavefrontSettings& settings = {});
 
+/// The wavefront behind a thin lens in the entrance pupil plane, which moves the terms of second order.
+/// \param lens_in_pupil  what it corrects, the sign of a prescription
+Wavefront with_lens(Wavefront wavefront, const PowerVector& lens_in_pupil);
+
 /// Image quality in monochromatic light with the wavefront as it is (tilt removed) or with a lens in the
 /// entrance pupil.
 struct ImageQuality {

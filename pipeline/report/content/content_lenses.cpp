@@ -43,6 +43,15 @@ std::string name_of(std::string kind, const Eyes& eyes) {
   return fmt::format("{} at {} mm", kind, fmt::join(distances, " / "));
 }
 
+bool has_refraction_axis(const EyeData& eye) {
+  return has_axis(eye.prescription.value("cylinder_D", Json()));
+}
+
+/// A lens of the eye, whose axis is told where the eye's refraction has one.
+std::string told_of(const EyeData& eye, const std::string& lens) {
+  return has_refraction_axis(eye) ? lens : without_axis(lens);
+}
+
 /// Each lens that was searched for its own sharpest image, and the conversion to the corneal plane.
 Table lens_table(const Eyes& eyes) {
   Table table{"Best lens of each kind, before and after rounding", {"Lens"}, {}};
@@ -56,8 +65,9 @@ Table lens_table(const Eyes& eyes) {
       const auto sharpness = value_of(lens, "sharpness");
       const std::string rounded =
           lens.is_object() ? lens.value("rounded_text", std::string()) : std::string();
-      row.insert(row.end(), {refraction_of(lens), rounded.empty() ? "\u2013" : rounded,
-                             sharpness ? fixed(*sharpness, 4) : "\u2013"});
+      row.insert(row.end(),
+                 {told_of(*eye, refraction_of(lens)), rounded.empty() ? "\u2013" : told_of(*eye, rounded),
+                  sharpness ? fixed(*sharpness, 4) : "\u2013"});
     }
     table.rows.push_back(row);
   }
@@ -65,7 +75,8 @@ Table lens_table(const Eyes& eyes) {
   for (const auto* eye : eyes) {
     const Json lens = eye->prescription.value("contact_lens", Json());
     const Json rounded = lens.is_object() ? lens.value("rounded", Json()) : Json();
-    converted.insert(converted.end(), {refraction_of(lens), refraction_of(rounded), "\u2013"});
+    converted.insert(converted.end(),
+                     {told_of(*eye, refraction_of(lens)), told_of(*eye, refraction_of(rounded)), "\u2013"});
   }
   if (std::any_of(converted.begin() + 1, converted.end(),
                   [](const std::string& cell) { return cell != "\u2013"; }))
@@ -99,10 +110,6 @@ Table meniscus_table(const Eyes& eyes) {
     if (is_known) table.rows.push_back(cells);
   }
   return table;
-}
-
-bool has_refraction_axis(const EyeData& eye) {
-  return has_axis(eye.prescription.value("cylinder_D", Json()));
 }
 
 const std::vector<EyeRow>& cylinder_rows() {

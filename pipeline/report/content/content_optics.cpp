@@ -39,15 +39,73 @@ std::optional<raytrace::Wavefront> wavefront_of(const EyeData& eye) {
   return wavefront;
 }
 
-/// The prescription where it acts on the wavefront: moved from the spectacle plane to the entrance pupil.
-std::optional<PowerVector> lens_in_pupil(const CaseData& data, const EyeData& eye,
-                                         const raytrace::Wavefront& wavefront) {
-  if (!judge(data, eye).has_refraction) return std::nullopt;
-  const auto M = value_of(eye.prescription, "M_D"), J0 = value_of(eye.prescription, "J0_D"),
-             J45 = value_of(eye.prescription, "J45_D");
+/// What the correction stage has learnt of an eye since its wavefront was traced.
+enum class Learnt { nothing, refraction, readings };
+Learnt learnt_since_traced(const EyeData& eye) {
+  if (!eye.prescription.is_object()) return Learnt::nothing;
+  const Json from = eye.prescription.value("learnt_from", Json::array());
+  if (from.empty()) return Learnt::nothing;
+  return from == Json::array({"refraction"}) ? Learnt::refraction : Learnt::readings;
+}
+
+/// A refraction of prescription.json where it acts on the wavefront: moved from the spectacle plane to the entrance pupil.
+std::optional<PowerVector> refraction_in_pupil(const EyeData& eye, const raytrace::Wavefront& wavefront,
+                                               const std::string& at) {
+  const auto M = value_at(eye.prescription, at + "/M_D"), J0 = value_at(eye.prescription, at + "/J0_D"),
+             J45 = value_at(eye.prescription, at + "/J45_D");
   if (!M || !J0 || !J45) return std::nullopt;
   return raytrace::in_pupil(wavefront, {*M, *J0, *J45},
                             value_of(eye.prescription, "vertex_distance_mm").value_or(12));
+}
+
+/// Nothing where the wavefront is not of the eye that the lens was found for.
+std::optional<PowerVector> lens_in_pupil(const CaseData& data, const EyeData& eye,
+                                         const raytrace::Wavefront& wavefront) {
+  if (!judge(data, eye).has_refraction || learnt_since_traced(eye) == Learnt::readings) return std::nullopt;
+  return refraction_in_pupil(eye, wavefront, "");
+}
+
+/// Where a given refraction has moved the eye, the wavefront of the eye as it was corrected: the difference of the
+/// sharpest lenses without and with it is added to the second order; higher orders stay.
+void add_given_refraction(const CaseData& data, EyeData& eye) {
+  const auto traced = wavefront_of(eye);
+  if (!traced || learnt_since_traced(eye) != Learnt::refraction || !judge(data, eye).has_refraction) return;
+  const auto before = refraction_in_pupil(eye, *traced, "/calibration/without_it"),
+             now = refraction_in_pupil(eye, *traced, "");
+  if (!before || !now) return;
+  const raytrace::Wavefront moved = raytrace::with_lens(
+      *traced, {before->M_D - now->M_D, before->J0_D - now->J0_D, before->J45_D - now->J45_D});
+  const raytrace::ImageQuality quality = raytrace::image_quality(moved);
+  eye.wavefront.update(
+      {{"zernike_um", moved.zernike_um},
+       {"strehl", quality.strehl},
+       {"vsotf", quality.vsotf},
+       {"mtf",
+        {{"cpd", quality.cpd}, {"tangential", quality.mtf_tangential}, {"sagittal", quality.mtf_sagittal}}}});
+  eye.wavefront.erase("rms_um");  // of rays, which are not at hand
+}
+
+CaseData as_corrected(CaseData data) {
+  for (EyeData& eye : data.eyes) add_given_refraction(data, eye);
+  return data;
+}
+
+/// Which eye the wavefront is of, where it is not simply the traced one.
+std::string seen_eye(const EyeData& eye) {
+  switch (learnt_since_traced(eye)) {
+    case Learnt::nothing:
+      return {};
+    case Learnt::refraction:
+      return short_name(eye) +
+             ": the wavefront is of the eye after the refraction that was given was taken into account: the second "
+             "order has moved by as much as the refraction, higher orders are as traced.";
+    case Learnt::readings:
+      return short_name(eye) +
+             ": the wavefront is of the eye as it was traced, without what other instruments measured, and the lens is "
+             "of the eye with it; so nothing is shown with the lens. Readings that are given to emmetrope mesh are in "
+             "both.";
+  }
+  return {};
 }
 
 Figure chart_figure(const EyeData& eye, const std::string& name, const std::string& title) {
@@ -209,7 +267,8 @@ Table zernike_table(const Eyes& eyes) {
 
 }  // namespace
 
-FigureRow letters_at_the_ends(const CaseData& data) {
+FigureRow letters_at_the_ends(const CaseData& traced) {
+  const CaseData data = as_corrected(traced);
   FigureRow row;
   for (const auto& eye : data.eyes) {
     const auto wavefront = wavefront_of(eye);
@@ -237,7 +296,8 @@ FigureRow letters_at_the_ends(const CaseData& data) {
   return row;
 }
 
-Section optics_section(const CaseData& data, Notes& notes) {
+Section optics_section(const CaseData& traced, Notes& notes) {
+  const CaseData data = as_corrected(traced);
   Section section{"optics", "What the eye does to light", {}};
   Eyes eyes;
   FigureRow zernike, mtf, letters, spreads;
@@ -276,6 +336,9 @@ Section optics_section(const CaseData& data, Notes& notes) {
   if (eyes.empty()) return section;
   section.blocks.push_back(
       {eye_table("Wavefront of " + traced_pupil(data), eyes, &EyeData::wavefront, wavefront_rows())});
+  for (const auto* eye : eyes)
+    if (const std::string sentence = seen_eye(*eye); !sentence.empty() && judge(data, *eye).has_refraction)
+      section.blocks.push_back({Paragraph{sentence}});
   for (FigureRow* row : {&zernike, &mtf, &letters})
     if (!row->figures.empty()) section.blocks.push_back({*row});
   section.blocks.push_back({spreads, Paper::if_room});

@@ -18,7 +18,8 @@ namespace emmetrope::report {
 namespace {
 
 std::string rounded_prescription(const Json& prescription) {
-  return refraction_of(prescription.value("rounded", Json::object()), "");
+  const std::string rounded = refraction_of(prescription.value("rounded", Json::object()), "");
+  return has_axis(prescription.value("cylinder_D", Json())) ? rounded : without_axis(rounded);
 }
 
 /// "name, value, 95 % interval, source" of a key that may be missing.
@@ -68,10 +69,7 @@ Table details_of(const Json& prescription, const Judgement& judgement, const std
       {}};
   const NumberStyle dioptres{2, true, "D"};
   if (judgement.has_prescription) {
-    details.rows.push_back({has_axis(prescription.value("cylinder_D", Json()))
-                                ? "Rounded"
-                                : "Rounded; its axis is not determined",
-                            rounded_prescription(prescription), ""});
+    details.rows.push_back({"Rounded", rounded_prescription(prescription), ""});
     add_measured(details, prescription, "sphere_D", "Sphere", dioptres);
     add_measured(details, prescription, "cylinder_D", "Cylinder", dioptres);
     add_axis(details, prescription);
@@ -106,10 +104,14 @@ EyeCard card_of(const CaseData& data, const EyeData& eye) {
   if (!judgement.has_prescription) return card;
   card.before_png = page_png(eye.uncorrected_png);
   card.after_png = page_png(eye.corrected_png);
+  const std::string before_is_of =
+      prescription.value("learnt_from", Json::array()).empty()
+          ? ""
+          : ", the eye as the images alone show it, without what was given to the correction";
   card.picture_caption =
       "The same chart on the retina of this eye, through " + traced_pupil(data) +
-      ", upright as the patient perceives it: before, with no lens; after, with "
-      "the best lens as if that were exact. Look at the smallest row that can be read, and at the direction of the "
+      ", upright as the patient perceives it: before, with no lens" + before_is_of +
+      "; after, with the best lens as if that were exact. Look at the smallest row that can be read, and at the direction of the "
       "blur.";
   return card;
 }

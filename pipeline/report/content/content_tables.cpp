@@ -1,6 +1,7 @@
 #include "pipeline/report/content/content_tables.hpp"
 
 #include "pipeline/base/notation.hpp"
+#include "pipeline/report/content/first_page.hpp"
 
 #include <fmt/format.h>
 
@@ -67,9 +68,17 @@ void PowerTable::add(const std::string& name, const std::vector<Json>& powers) {
 
 std::string refraction_of(const Json& notation, const std::string& otherwise) {
   const auto sphere = value_of(notation, "sphere_D");
-  return sphere ? format_refraction({*sphere, value_of(notation, "cylinder_D").value_or(0),
-                                     value_of(notation, "axis_deg").value_or(180)})
-                : otherwise;
+  if (!sphere) return otherwise;
+  const std::string text = format_refraction(
+      {*sphere, value_of(notation, "cylinder_D").value_or(0), value_of(notation, "axis_deg").value_or(180)});
+  return has_axis(notation.value("cylinder_D", Json())) ? text : without_axis(text);
+}
+
+std::string without_axis(std::string refraction) {
+  const std::string before_axis = " x ";
+  if (const auto at = refraction.find(before_axis); at != std::string::npos)
+    refraction.replace(at + before_axis.size(), std::string::npos, none);
+  return refraction;
 }
 
 }  // namespace emmetrope::report

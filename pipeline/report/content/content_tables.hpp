@@ -43,7 +43,11 @@ class PowerTable {
   NumberStyle style_;
 };
 
-/// "-2.25 / -1.00 x 180" of what has sphere_D, cylinder_D and axis_deg; `otherwise` where it has no sphere.
+/// "-2.25 / -1.00 x 180" of what has sphere_D, cylinder_D and axis_deg, without_axis() where the cylinder's interval holds
+/// zero; `otherwise` where it has no sphere.
 std::string refraction_of(const Json& notation, const std::string& otherwise = "\u2013");
+
+/// A refraction whose cylinder may be none: "-0.75 / -0.50 x \u2013".
+std::string without_axis(std::string refraction);
 
 }  // namespace emmetrope::report

@@ -5,6 +5,9 @@
 #include "pipeline/base/version.hpp"
 #include "pipeline/report/case/series.hpp"
 #include "pipeline/report/content/content.hpp"
+#include "pipeline/report/content/content_tables.hpp"
+#include "pipeline/report/content/first_page.hpp"
+#include "pipeline/report/content/judgement.hpp"
 #include "pipeline/report/content/references.hpp"
 #include "pipeline/report/document/numbers.hpp"
 
@@ -35,6 +38,31 @@ std::string images_sentence(const CaseData& data) {
   if (stacks.empty()) return "The images were examined with Emmetrope " + version() + ". ";
   return fmt::format("The eyes were measured with Emmetrope {} in {} MR series ({}). ", version(),
                      used.size(), fmt::join(stacks, "; "));
+}
+
+/// What the lens index leaves unknown, with the case's own numbers.
+std::string limit_of_index(const CaseData& data) {
+  std::vector<std::string> by_age, given;
+  for (const auto& eye : data.eyes) {
+    if (!judge(data, eye).has_refraction) continue;
+    if (const auto index = given_lens_index(eye)) {
+      given.push_back(fmt::format("{} in {}", fixed(index->value, 3), short_name(eye)));
+      continue;
+    }
+    for (const auto& line : eye.prescription.value("budget", Json::array()))
+      if (const double M_D = value_of(line, "M_D").value_or(0);
+          M_D > 0 && line.value("source", std::string()).rfind("lens index", 0) == 0)
+        by_age.push_back(fmt::format("{} D in {}", fixed(M_D, 2), short_name(eye)));
+  }
+  std::string text = "The lens's refractive index is not visible in MRI. ";
+  if (!by_age.empty())
+    text += fmt::format(
+        "It is taken from the age; its spread of 0.005 (more below 18 and above 70 years) alone moves the spherical "
+        "equivalent by {} (one standard deviation) and is part of the interval. ",
+        fmt::join(by_age, " and "));
+  if (!given.empty())
+    text += fmt::format("By the refraction that was given it is {}. ", fmt::join(given, " and "));
+  return text + "Astigmatism hardly depends on it.";
 }
 
 /// The conditions of the refraction.
@@ -90,13 +118,11 @@ Section limits_section(const CaseData& data, const Notes& notes) {
        {"MRI shows the eye at a fraction of a millimetre. One tenth of a millimetre of corneal "
         "radius is about 0.6 D, one tenth of a millimetre of axial length about 0.26 D: read "
         "every number with its interval.",
-        "The lens's refractive index is not visible in MRI. It is taken from the age; its spread "
-        "of 0.005 (more below 18 and above 70 years) alone moves the spherical equivalent by 0.8 D "
-        "(one standard deviation) and is part of the interval. Astigmatism hardly depends on it.",
         "The back of the cornea is taken as a fixed proportion of its front where the images do "
         "not resolve it.",
         "Images of the orbit may let a face be recognised even where no name is given."})
     general.items.emplace_back(limit);
+  general.items.insert(general.items.begin() + 2, limit_of_index(data));
   general.items.push_back("The retina's fovea is not visible: the refraction is given " +
                           refracted_point(data) + ", which may lie a few degrees from the line of sight.");
   section.blocks.push_back({general});

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "pipeline/base/notation.hpp"
 #include "pipeline/eye/population/limits.hpp"
@@ -51,6 +52,7 @@ std::optional<std::pair<std::string, double>> largest_source(const EyeData& eye)
 
 std::string limit_of(const EyeData& eye) {
   const auto M = measured_in(eye.prescription, "M_D");
+  if (M && M->source == "refraction") return "the refraction that was given";
   const auto source = largest_source(eye);
   if (!M || !source) return {};
   std::string shown = source->first == "lens index" ? "lens index, which no MR image shows" : source->first;
@@ -85,7 +87,10 @@ std::string assumed_of(const EyeData& eye) {
   if (!eye.prescription.is_object()) return {};
   std::string text = fmt::format("iris aperture {} mm; accommodation as in the scanner",
                                  fixed(value_of(eye.prescription, "pupil_mm").value_or(3), 1));
-  if (const auto index = value_of(eye.traced, "lens_index"))
+  if (const auto index = given_lens_index(eye))
+    text += fmt::format("; lens index {} ({}), from the refraction that was given", fixed(index->value, 3),
+                        format_interval(*index, {3, false, ""}));
+  else if (const auto index = value_of(eye.traced, "lens_index"))
     text += fmt::format("; lens index {}, {}", fixed(*index, 3),
                         eye.traced.value("lens_index_from", std::string("given")));
   return text;
@@ -130,6 +135,17 @@ std::string lens_difference(const CaseData& data, double rest_D) {
                      fixed(std::abs(change_D), 1));
 }
 
+/// Of the 95 % interval of the eyes' difference of M, as if their errors were independent: what both share (the scanner's
+/// scale, the index at their age) makes it smaller, by how much is not known. Infinite where one has no interval.
+double difference_half_width_D(const CaseData& data) {
+  double square = 0;
+  for (const EyeData& eye : data.eyes) {
+    const auto M = measured_in(eye.prescription, "M_D");
+    square += M ? std::pow(half_width(*M), 2) : std::numeric_limits<double>::infinity();
+  }
+  return std::sqrt(square);
+}
+
 std::optional<std::string> between_the_eyes(const CaseData& data) {
   if (std::any_of(data.eyes.begin(), data.eyes.end(),
                   [&](const EyeData& eye) { return !judge(data, eye).has_refraction; }))
@@ -138,6 +154,8 @@ std::optional<std::string> between_the_eyes(const CaseData& data) {
              length = pair_of(data, &EyeData::biometry, "/optical_axial_length_mm"),
              cornea = pair_of(data, &EyeData::biometry, "/astigmatism/M_D");
   if (!M || !length || !cornea || std::abs(M->difference()) < worth_explaining_D) return std::nullopt;
+  const double reach_D = difference_half_width_D(data);
+  if (std::abs(M->difference()) <= reach_D) return std::nullopt;
   const double by_length_D = per_mm_of_length * length->difference(),
                by_cornea_D = per_D_of_cornea * cornea->difference(),
                rest_D = M->difference() - by_length_D - by_cornea_D;
@@ -158,8 +176,8 @@ std::optional<std::string> between_the_eyes(const CaseData& data) {
             : by_lens);
   }
   if (cause.empty()) return std::nullopt;
-  return fmt::format("The eyes differ by {} D of spherical equivalent: from {}.",
-                     fixed(std::abs(M->difference()), 1), cause);
+  return fmt::format("The eyes differ by {} \u00b1 {} D of spherical equivalent: from {}.",
+                     fixed(std::abs(M->difference()), 1), fixed(reach_D, 1), cause);
 }
 
 /// Refraction against length: what else makes the eye more or less myopic than its length alone.
@@ -185,6 +203,11 @@ std::optional<std::string> against_length(const EyeData& eye) {
 
 }  // namespace
 
+std::optional<Measured> given_lens_index(const EyeData& eye) {
+  if (!eye.prescription.is_object() || is_contradicted(eye.prescription)) return std::nullopt;
+  return measured_in(eye.prescription.value("calibration", Json()), "lens_index_after");
+}
+
 bool has_axis(const Json& cylinder_D) {
   if (!cylinder_D.is_object() || !cylinder_D.contains("ci95")) return true;
   const auto measured = cylinder_D.get<Measured>();
@@ -192,6 +215,7 @@ bool has_axis(const Json& cylinder_D) {
 }
 
 std::string headline_of(const EyeData& eye, const Judgement& judgement) {
+  if (is_contradicted(eye.prescription)) return "Given and images contradict: check eye and sign";
   if (!judgement.has_refraction) return {};
   const Json& prescription = eye.prescription;
   const double M_D = value_of(prescription, "M_D").value_or(0);
@@ -248,8 +272,10 @@ std::string next_step(const EyeData& eye, const Judgement& judgement) {
                              ? "Refract, and give what was found (--refraction)"
                              : "Measure " + remedy->measurement,
                          fixed(remedy->half_width_D, 1));
-    return "Confirm by a subjective refraction.";
+    return M && M->source == "refraction" ? "Try the lens in a trial frame before it is dispensed."
+                                          : "Confirm by a subjective refraction.";
   }
+  if (is_contradicted(eye.prescription)) return judgement.reasons.front().to_do;
   if (judgement.light != Light::red || judgement.verdict.find("not asked for") != std::string::npos)
     return "Run this eye too (--laterality both).";
   if (judgement.verdict.find("has not been run") != std::string::npos)

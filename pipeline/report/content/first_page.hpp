@@ -1,4 +1,5 @@
 #pragma once
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -14,6 +15,9 @@ std::string headline_of(const EyeData& eye, const Judgement& judgement);
 
 /// Whether the cylinder's interval leaves one: else it has no axis, here and in every table and sentence.
 bool has_axis(const Json& cylinder_D);
+
+/// What a given refraction made of the lens index; nothing where none was given, or where the index was known.
+std::optional<Measured> given_lens_index(const EyeData& eye);
 
 /// Beside the verdict: axial length, what limits the result, the images, what is assumed.
 std::vector<std::pair<std::string, std::string>> facts_of(const EyeData& eye, const Judgement& judgement);

@@ -60,24 +60,23 @@ const StageData* stage_of_other_eye(const CaseData& data, const EyeData& eye) {
   return found == data.stages.end() ? nullptr : &*found;
 }
 
-/// A refraction that was given and hardly belongs to this eye.
-Findings contradictions(const EyeData& eye) {
-  const auto surprise = value_at(eye.prescription, "/calibration/surprise_sigma"),
-             limit = value_at(eye.prescription, "/calibration/surprise_limit_sigma");
-  if (!surprise || !limit || *surprise <= *limit) return {};
+/// Both refractions, of which no mean is told.
+Finding contradiction_of(const Json& calibration) {
+  const Json alone = calibration.value("without_it", Json());
   return {
-      {"The refraction that was given and the images differ by " + fixed(*surprise, 1) +
-           " standard deviations: it may be another eye's, have the wrong sign, or one of the two is wrong. "
-           "What is combined from them is not to be relied on.",
-       "Check whose refraction it is, which eye's, and its sign; run correct again without it."}};
+      "The refraction that was given, " + refraction_of(calibration.value("given", Json())) +
+          ", and what the images alone say, " + refraction_of(alone) + ", differ by " +
+          fixed(value_of(calibration, "surprise_sigma").value_or(0), 1) +
+          " standard deviations: it may be another eye's, have the wrong sign, or one of the two is wrong.",
+      "Check whose refraction it is, which eye's, and its sign; run correct again without it."};
 }
 
 /// What is to be said of a spherical equivalent with that interval.
 Findings sphere_reasons(const EyeData& eye, const std::string& withheld) {
   const double half_width_D = half_width(eye.prescription, "M_D");
   if (!withheld.empty()) return {{withheld + " The estimate is for information.", "Refract."}};
-  if (!measured_in(eye.prescription, "M_D"))
-    return {{estimate_because(eye.prescription), "Refract before dispensing."}};
+  if (const std::string why = estimate_because(eye.prescription); !why.empty())
+    return {{why, "Refract before dispensing."}};
   if (limits_of("M_half_width_D").normal.contains(half_width_D)) return {};
   return {{"The spherical equivalent's 95 % interval is \u00b1" + fixed(half_width_D, 1) +
                " D; clinical refraction is expected to repeat within \u00b10.5 D.",
@@ -114,7 +113,7 @@ Findings head_roll_reasons(const EyeData& eye) {
 Findings reasons_of_refraction(const CaseData& data, const EyeData& eye, const Findings& gates,
                                const std::string& withheld) {
   const Findings sphere = sphere_reasons(eye, withheld);
-  Findings reasons = contradictions(eye);
+  Findings reasons;
   const auto add = [&](const Findings& more) { reasons.insert(reasons.end(), more.begin(), more.end()); };
   if (!withheld.empty()) add(sphere);
   add(gates);
@@ -139,6 +138,14 @@ Judgement refused(const CaseData& data, const EyeData& eye, Findings reasons) {
   if (reasons.empty())
     reasons.push_back({"The stages before this report gave no prescription for this eye.", ""});
   return no_prescription("No prescription: the images do not support one", std::move(reasons));
+}
+
+Judgement contradicted(const CaseData& data, const EyeData& eye, const Findings& gates) {
+  Findings reasons{contradiction_of(eye.prescription.at("calibration"))};
+  for (const Findings& more : {gates, unusual_findings(eye), head_roll_reasons(eye)})
+    reasons.insert(reasons.end(), more.begin(), more.end());
+  add_stage_reasons(data, eye, reasons);
+  return no_prescription("No prescription: given and images contradict", std::move(reasons));
 }
 
 /// Of a refraction that was found.
@@ -169,6 +176,12 @@ Judgement judge_refraction(const CaseData& data, const EyeData& eye, const Findi
 
 }  // namespace
 
+bool is_contradicted(const Json& prescription) {
+  const auto surprise = value_at(prescription, "/calibration/surprise_sigma"),
+             limit = value_at(prescription, "/calibration/surprise_limit_sigma");
+  return surprise && limit && *surprise > *limit;
+}
+
 std::string withheld_because(const EyeData& eye) {
   const Json said = eye.prescription.value("withheld", Json());
   if (said.is_string()) return with_symbols(said.get<std::string>());
@@ -184,11 +197,22 @@ std::string estimate_because(const Json& prescription) {
     return "The spherical equivalent's interval is unknown: an estimate, do not dispense.";
   if (prescription.contains("estimate")) {
     const Json& said = prescription.at("estimate");
-    return said.is_string() ? said.get<std::string>() : std::string();
+    return said.is_string() ? with_symbols(said.get<std::string>()) : std::string();
   }
   // Of a case that was corrected before the stage said so.
   if (limits_of("M_half_width_D").plausible.contains(half_width(prescription, "M_D"))) return {};
   return "The spherical equivalent is not known well enough: an estimate, do not dispense.";
+}
+
+std::string doubts_of(const EyeData& eye, const Judgement& judgement) {
+  const std::string estimate = estimate_because(eye.prescription);
+  std::string text = estimate;
+  for (const Finding& finding : judgement.reasons) {
+    if (finding.what == estimate) continue;
+    text += (text.empty() ? "" : " ") + finding.what;
+    if (text.back() != '.') text += '.';  // gates end without a full stop, sentences with one
+  }
+  return text;
 }
 
 std::vector<std::string> unusual_values(const EyeData& eye) {
@@ -219,6 +243,7 @@ Judgement judge(const CaseData& data, const EyeData& eye) {
     return no_prescription("No prescription: the correction stage has not been run", gates);
   if (is_incomplete || !eye.prescription.is_object() || !value_of(eye.prescription, "sphere_D"))
     return refused(data, eye, gates);
+  if (is_contradicted(eye.prescription)) return contradicted(data, eye, gates);
   return judge_refraction(data, eye, gates);
 }
 

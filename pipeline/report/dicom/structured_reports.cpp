@@ -142,25 +142,14 @@ std::string interval_sentence(const std::string& name, const Json& value, const 
          source_name(measured.source);
 }
 
-/// The sphere, cylinder and axis that are dispensed, and the measured ones as a comment.
-void add_eye(Tree& tree, const EyeData& eye) {
-  const bool is_right = eye.laterality == Laterality::od;
-  const Json rounded = eye.prescription.value("rounded", Json::object());
-  tree.container({is_right ? "111688" : "111689", "DCM", is_right ? "Right Eye Rx" : "Left Eye Rx"});
-  tree.number({"251795007", "SCT", "Sphere"}, value_of(rounded, "sphere_D").value_or(0), "D");
-  const double cylinder = value_of(rounded, "cylinder_D").value_or(0);
-  if (cylinder != 0) {
-    tree.number({"251797004", "SCT", "Cylinder"}, cylinder, "D");
-    tree.number({"251799001", "SCT", "Axis"}, value_of(rounded, "axis_deg").value_or(180), "deg");
-  }
-  tree.up();
-}
-
-std::string prescription_comment(const CaseData& data, const EyeData& eye) {
+/// What coded powers do not say, the doubts first.
+std::string prescription_comment(const CaseData& data, const EyeData& eye, const Judgement& judgement) {
   const NumberStyle dioptres{2, true, "D"};
-  std::string text = fmt::format("{}: vertex distance {:g} mm, {}. {}", clinical_name(eye.laterality),
-                                 value_of(eye.prescription, "vertex_distance_mm").value_or(12),
-                                 refracted_point(data), conditions_of(eye.prescription));
+  std::string text = doubts_of(eye, judgement);
+  text += fmt::format("{}{}: vertex distance {:g} mm, {}. {}", text.empty() ? "" : " ",
+                      clinical_name(eye.laterality),
+                      value_of(eye.prescription, "vertex_distance_mm").value_or(12), refracted_point(data),
+                      conditions_of(eye.prescription));
   for (const auto& [key, name, style] :
        {std::tuple{"sphere_D", "Sphere", dioptres}, std::tuple{"cylinder_D", "Cylinder", dioptres},
         std::tuple{"axis_deg", "Axis", NumberStyle{0, false, "deg"}}}) {
@@ -171,8 +160,23 @@ std::string prescription_comment(const CaseData& data, const EyeData& eye) {
     const std::string interval = interval_sentence(name, eye.prescription[key], style);
     if (value && !interval.empty()) text += interval + ", value " + format(*value, style) + ". ";
   }
-  if (const std::string why = estimate_because(eye.prescription); !why.empty()) text += why + " ";
-  return dicom_text(text, 1000);
+  constexpr std::size_t most_characters = 10000;
+  return dicom_text(text, most_characters);
+}
+
+/// The comment, then the sphere, cylinder and axis of the rounded lens.
+void add_eye(Tree& tree, const EyeData& eye, const std::string& comment) {
+  const bool is_right = eye.laterality == Laterality::od;
+  const Json rounded = eye.prescription.value("rounded", Json::object());
+  tree.container({is_right ? "111688" : "111689", "DCM", is_right ? "Right Eye Rx" : "Left Eye Rx"});
+  tree.text({"121106", "DCM", "Comment"}, comment);
+  tree.number({"251795007", "SCT", "Sphere"}, value_of(rounded, "sphere_D").value_or(0), "D");
+  const double cylinder = value_of(rounded, "cylinder_D").value_or(0);
+  if (cylinder != 0) {
+    tree.number({"251797004", "SCT", "Cylinder"}, cylinder, "D");
+    tree.number({"251799001", "SCT", "Axis"}, value_of(rounded, "axis_deg").value_or(180), "deg");
+  }
+  tree.up();
 }
 
 void describe_document(DSRDocument& document, const SourceStudy& source) {
@@ -258,16 +262,15 @@ std::string prescription_object(const SourceStudy& source, const CaseData& data,
   describe_document(document, source);
   Tree tree(document.getTree());
   tree.root({"111671", "DCM", "Spectacle Prescription Report"}, "2020");
-  std::string comment = std::string(research_notice) + " ";
   bool any = false;
   for (const auto& eye : data.eyes) {
-    if (!judge(data, eye).has_prescription || is_of_contact_lens(eye)) continue;
+    const Judgement judgement = judge(data, eye);
+    if (!judgement.has_prescription || is_of_contact_lens(eye)) continue;
     any = true;
-    add_eye(tree, eye);
-    comment += prescription_comment(data, eye);
+    add_eye(tree, eye, prescription_comment(data, eye, judgement));
   }
   if (!any) return {};
-  tree.text({"121106", "DCM", "Comment"}, comment);
+  tree.text({"121106", "DCM", "Comment"}, research_notice);
   ObjectName name;
   name.role = "prescription";
   name.modality = "SR";

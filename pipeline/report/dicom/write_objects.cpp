@@ -117,13 +117,23 @@ void write_structure_sets(const fs::path& folder, const CaseData& data, const So
   }
 }
 
-/// "Spherical equivalent +-2.5 D (95 %). ", and why it is not to be dispensed.
+/// "Spherical equivalent +-2.5 D (95 %). "
 std::string uncertainty_of(const Json& prescription) {
-  std::string text;
-  if (const auto M = measured_in(prescription, "M_D"))
-    text = fmt::format("Spherical equivalent +-{:.1f} D (95 %). ", (M->ci95[1] - M->ci95[0]) / 2);
-  if (const std::string why = estimate_because(prescription); !why.empty()) text += why + " ";
-  return text;
+  const auto M = measured_in(prescription, "M_D");
+  return M ? fmt::format("Spherical equivalent +-{:.1f} D (95 %). ", (M->ci95[1] - M->ci95[0]) / 2)
+           : std::string();
+}
+
+/// What is not to be overlooked first.
+Json fhir_notes(const CaseData& data, const EyeData& eye, const Judgement& judgement) {
+  Json notes = Json::array();
+  if (const std::string doubts = doubts_of(eye, judgement); !doubts.empty())
+    notes.push_back({{"text", doubts}});
+  const double vertex_mm = value_of(eye.prescription, "vertex_distance_mm").value_or(12);
+  notes.push_back({{"text", fmt::format("Vertex distance {:g} mm, {}. {}{}{}", vertex_mm,
+                                        refracted_point(data), uncertainty_of(eye.prescription),
+                                        conditions_of(eye.prescription), research_notice)}});
+  return notes;
 }
 
 }  // namespace
@@ -131,9 +141,9 @@ std::string uncertainty_of(const Json& prescription) {
 Json fhir_prescription(const CaseData& data, const std::string& study_date) {
   Json lenses = Json::array();
   for (const auto& eye : data.eyes) {
-    if (!judge(data, eye).has_prescription) continue;
+    const Judgement judgement = judge(data, eye);
+    if (!judgement.has_prescription) continue;
     const Json rounded = eye.prescription.value("rounded", Json::object());
-    const double vertex_mm = value_of(eye.prescription, "vertex_distance_mm").value_or(12);
     Json lens{{"product",
                {{"coding",
                  {{{"system", "http://terminology.hl7.org/CodeSystem/ex-visionprescriptionproduct"},
@@ -144,9 +154,7 @@ Json fhir_prescription(const CaseData& data, const std::string& study_date) {
       lens["cylinder"] = cylinder;
       lens["axis"] = std::lround(value_of(rounded, "axis_deg").value_or(180));
     }
-    lens["note"] = {{{"text", fmt::format("Vertex distance {:g} mm, {}. {}{}{}", vertex_mm,
-                                          refracted_point(data), uncertainty_of(eye.prescription),
-                                          conditions_of(eye.prescription), research_notice)}}};
+    lens["note"] = fhir_notes(data, eye, judgement);
     lenses.push_back(lens);
   }
   if (lenses.empty()) return nullptr;

@@ -43,17 +43,16 @@ std::string format_range(const Range& range, int decimals) {
 
 std::string source_name(const std::string& source) {
   static const std::map<std::string, std::string> names{{"mri", "MRI"},
-                                                        {"mri+prior", "MRI and prior"},
-                                                        {"prior", "prior"},
                                                         {"labels", "labels by hand"},
-                                                        {"labels+prior", "labels by hand and prior"},
-                                                        {"keratometry", "keratometry"},
                                                         {"topography", "corneal topography"},
                                                         {"axial_length", "optical biometry"},
                                                         {"biometry", "optical biometry"},
                                                         {"refraction", "known refraction"}};
-  const auto found = names.find(source);
-  return found == names.end() ? source : found->second;
+  const std::size_t plus = source.find('+');
+  const std::string first = source.substr(0, plus);
+  const auto found = names.find(first);
+  const std::string name = found == names.end() ? first : found->second;
+  return plus == std::string::npos ? name : name + " and " + source_name(source.substr(plus + 1));
 }
 
 }  // namespace emmetrope::report

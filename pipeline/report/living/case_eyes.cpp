@@ -92,7 +92,8 @@ CaseEyes living_eyes_of(const CaseData& data, int threads, std::uint64_t seed) {
       const LivingSubject subject = subject_of(data, eye, settings);
       result.eyes.push_back(living_json(subject, threads));
       result.notes.push_back(name + ", its map: " + subject.living.map.note() + ".");
-      if (eye.prescription.is_object() && eye.prescription.contains("calibration"))
+      if (eye.prescription.is_object() && eye.prescription.contains("calibration") &&
+          !is_contradicted(eye.prescription))
         result.notes.push_back(
             name +
             " looks as the images alone show it: the refraction that was given has changed the "

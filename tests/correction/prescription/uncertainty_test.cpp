@@ -192,6 +192,12 @@ TEST(Uncertainty, IntervalsInEveryNotation) {
   EXPECT_NEAR(at.sphere_D.sigma(), std::sqrt(0.26), 1e-9);
 }
 
+TEST(Uncertainty, WhatAGivenRefractionNarrowedIsOfBoth) {
+  EXPECT_EQ(with_refraction("mri", 0.048, 0.028).source, "mri+refraction");
+  EXPECT_EQ(with_refraction("mri", 0.048, 0.046).source, "mri");
+  EXPECT_EQ(with_refraction("refraction", 1.3, 0.06).source, "refraction");
+}
+
 TEST(Uncertainty, AnAstigmatismThatMayBeNoneHasAnyAxis) {
   const Eigen::Matrix3d covariance = Eigen::Vector3d(0.25, 0.01, 0.01).asDiagonal();
   const std::array<Origin, 3> sources{"mri", "mri", "mri"};

@@ -19,6 +19,11 @@ TEST(Withholding, AnIntervalFromNoLensToHighMyopiaIsNoPrescription) {
   EXPECT_NE(reason_to_withhold(with_half_width(std::numeric_limits<double>::quiet_NaN())), "");
 }
 
+TEST(Withholding, AMeanOfTwoThatContradictIsNoPrescription) {
+  EXPECT_EQ(reason_of_contradiction(3), "");
+  EXPECT_THAT(reason_of_contradiction(4.32), testing::HasSubstr("differ by 4.3 standard deviations"));
+}
+
 TEST(Withholding, AnIntervalThatMayMakeALensWorseThanTheWornIsAnEstimate) {
   EXPECT_EQ(reason_not_to_dispense(with_half_width(1)), "");
   for (const double half_width_D : {1.25, 3.25})

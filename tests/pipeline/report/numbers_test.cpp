@@ -3,6 +3,7 @@
 
 #include "pipeline/base/notation.hpp"
 #include "pipeline/report/content/biometry_rows.hpp"
+#include "pipeline/report/content/content_tables.hpp"
 #include "tests/pipeline/report/report_fixture.hpp"
 
 // Every clinical number on the pages and in the objects is the JSON's.
@@ -118,7 +119,7 @@ void NumbersTest::expect_refraction() const {
     const Json& rounded = prescription.at("rounded");
     const std::string text =
         format_refraction({rounded.at("sphere_D"), rounded.at("cylinder_D"), rounded.at("axis_deg")});
-    EXPECT_THAT(page, HasSubstr(text));
+    EXPECT_THAT(page, HasSubstr(may_be_none(prescription.at("cylinder_D")) ? without_axis(text) : text));
     // The headline of both media: its interval is too wide for more than the spherical equivalent.
     const auto M_D = prescription.at("M_D").get<Measured>();
     const std::string headline = "SE " + format(M_D.value, {1, true, "D"}) + ", " +
@@ -227,7 +228,8 @@ void make_distinct(Json& json, const std::string& pointer, int& count, std::vect
   if (!is_clinical(pointer)) return;
   const auto step = [&] { return 0.0137 * ++count; };
   if (json.is_object() && json.contains("ci95")) {
-    const double by = step();
+    // The refraction's cylinder stays one that has an axis, which then stands in every form.
+    const double by = pointer == "/cylinder_D" ? -step() : step();
     json["value"] = json["value"].get<double>() + by;
     leaves.push_back({pointer, json["value"]});
     for (auto& end : json["ci95"]) end = end.get<double>() + by;
@@ -360,7 +362,37 @@ TEST_F(NumbersTest, AnEstimateIsOneInEveryForm) {
     for (const std::string& text :
          {visible_text(output("report.html")), output("prescription.fhir.json"), output("prescription.dcm")})
       EXPECT_THAT(text, HasSubstr("do not dispense")) << is_said;
+    EXPECT_THAT(
+        read_json(folder_ / "report/stage.json").at("answer").at("eyes").at("od").at("reasons").dump(),
+        HasSubstr("do not dispense"));
   }
+}
+
+/// Who takes a lens out of an object finds first, beside it, why it is not to be taken as it is.
+TEST_F(NumbersTest, DoubtsStandBesideTheLensTheyAreOf) {
+  test::make_fixture_case(folder_);
+  const fs::path file = folder_ / "correction/od/prescription.json",
+                 fit = folder_ / "segmentation/od/fit.json";
+  Json prescription = read_json(file), fitted = read_json(fit);
+  prescription["M_D"]["ci95"] = {-2.87 - 2.1, -2.87 + 2.1};
+  prescription["estimate"] = "An estimate, do not dispense.";
+  write_json(file, prescription);
+  fitted["quality"].push_back({{"name", "converged"},
+                               {"passed", false},
+                               {"withholds", "nothing"},
+                               {"reason", "the fit has not converged"}});
+  write_json(fit, fitted);
+  report();
+  const Json lenses = Json::parse(output("prescription.fhir.json")).at("lensSpecification");
+  EXPECT_THAT(lenses.at(0).at("note").at(0).at("text").get<std::string>(),
+              testing::AllOf(testing::StartsWith("An estimate, do not dispense."),
+                             HasSubstr("the fit has not converged.")));
+  const std::string elements = dump("prescription.dcm");
+  const std::size_t right = elements.find("Right Eye Rx"),
+                    said = elements.find("An estimate, do not dispense.");
+  EXPECT_LT(right, said);
+  EXPECT_LT(said, elements.find("[Sphere]"));
+  EXPECT_THAT(elements, HasSubstr("the fit has not converged."));
 }
 
 TEST_F(NumbersTest, ARefractionWithoutAnIntervalIsAnEstimateInEveryForm) {
