@@ -316,6 +316,28 @@ TEST_F(NumbersTest, FollowTheJsonAndNotAStoredText) {
   EXPECT_THAT(output("prescription.fhir.json"), HasSubstr("Spherical equivalent +-"));
 }
 
+/// In the PDF too; without an axis where the cylinder may be none, and not at all where there is no prescription.
+TEST_F(NumbersTest, TheFirstPageHasCylinderAndAxisWithTheirIntervals) {
+  test::make_fixture_case(folder_);
+  const fs::path file = folder_ / "correction/od/prescription.json";
+  Json prescription = read_json(file);
+  prescription["cylinder_D"] = Measured{-2.53, {-3.39, -1.67}, "mri"};
+  prescription["axis_deg"] = Measured{1.8, {-4.5, 8.2}, "mri"};
+  write_json(file, prescription);
+  report();
+  const std::string right = "-2.5 D (-3.4 to -1.7), axis 2\u00b0 \u00b1 6\u00b0";
+  for (const std::string& text : {visible_text(output("report.html")), pdf_text()}) {
+    EXPECT_THAT(text, HasSubstr(right));
+    EXPECT_THAT(text, HasSubstr("-0.4 D (-1.0 to +0.2), axis not"));  // of the left eye
+  }
+  prescription["withheld"] = "The interval does not support a prescription.";
+  prescription["M_D"]["ci95"] = {-2.87 - 3.2, -2.87 + 3.2};
+  write_json(file, prescription);
+  report();
+  for (const std::string& text : {visible_text(output("report.html")), pdf_text()})
+    EXPECT_THAT(text, testing::Not(HasSubstr(right)));
+}
+
 /// How the refraction was made is where it is told.
 TEST_F(NumbersTest, TheConditionsOfTheRefractionAreTold) {
   test::make_fixture_case(folder_);
