@@ -245,7 +245,10 @@ void make_distinct(Json& json, const std::string& pointer, int& count, std::vect
     // A minus cylinder, and one that is written: below 0.125 D there is none.
     const bool is_cylinder = pointer.substr(pointer.rfind('/') + 1) == "cylinder_D";
     json = is_cylinder ? -0.2 - std::abs(json.get<double>()) - step() : json.get<double>() + step();
-    leaves.push_back({pointer, json});
+    // The sign of a direction in the visual field is told by a word.
+    const bool is_direction =
+        pointer.find("/peripheral/") != std::string::npos && pointer.find("_deg") != std::string::npos;
+    leaves.push_back({pointer, is_direction ? std::abs(json.get<double>()) : json.get<double>()});
   }
 }
 
