@@ -209,6 +209,28 @@ TEST_F(ReportTest, FilesThatNoStageWroteAreNotShown) {
     for (const fs::path& file : eye.overlays) EXPECT_NE(file.filename().string().front(), '.');
 }
 
+/// Every colour that an overlay may have (segmentation/output/overlay.hpp), and the slices' are among them.
+TEST_F(ReportTest, TheColoursOfAnOverlayAreNamedBelowIt) {
+  test::make_fixture_case(folder_);
+  const fs::path eye = folder_ / "segmentation" / "od";
+  for (const char* name : {"overlay_stack1.png", "residual_stack1.png", "overlay_stack2.png"})
+    cv::imwrite((eye / name).string(), cv::Mat(288, 288, CV_8UC3, cv::Scalar(90, 90, 90)));
+  report();
+  const std::string html = output("report.html");
+  int captions = 0;
+  for (std::size_t at = html.find("<figure id=\"overlay-od-"); at != std::string::npos;
+       at = html.find("<figure id=\"overlay-od-", at + 1)) {
+    const std::string figure = html.substr(at, html.find("</figure>", at) - at);
+    if (figure.find("residuals of the fit") != std::string::npos) continue;
+    ++captions;
+    EXPECT_THAT(figure,
+                HasSubstr("cornea cyan, iris violet, lens orange, inner wall green, outer wall yellow; red"));
+    EXPECT_THAT(figure, AllOf(HasSubstr("withheld is grey"), HasSubstr("blue is the globe by edges")));
+  }
+  EXPECT_EQ(captions, 2);
+  EXPECT_THAT(visible_text(html), HasSubstr("cornea cyan, lens orange, inner retina green"));
+}
+
 TEST_F(ReportTest, TheFirstPageNamesTheLensIndexAndTheAge) {
   test::make_fixture_case(folder_);
   const fs::path file = folder_ / "raytrace" / "stage.json";
