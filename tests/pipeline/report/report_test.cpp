@@ -67,6 +67,25 @@ TEST_F(ReportTest, APageThatIsNeededBeyondFourIsFilled) {
   EXPECT_THAT(text, AllOf(HasSubstr("there is room for this"), Not(HasSubstr("For want of room"))));
 }
 
+/// Wherever the end of the line comes.
+TEST_F(ReportTest, ThePdfBreaksNoOption) {
+  Document document;
+  document.sections.push_back({"options", "Options", {}});
+  std::string before;
+  for (int i = 0; i < 24; ++i) {
+    before += "wide ";
+    document.sections.front().blocks.push_back({Paragraph{before + "(--keratometry)."}});
+  }
+  fs::create_directories(folder_);
+  write_file(folder_ / "options.pdf", render_pdf(document).bytes);
+  const std::string text = output_of("/usr/bin/pdftotext", {(folder_ / "options.pdf").string(), "-"});
+  std::size_t whole = 0;
+  for (std::size_t at = text.find("(--keratometry)."); at != std::string::npos;
+       at = text.find("(--keratometry).", at + 1))
+    ++whole;
+  EXPECT_EQ(whole, 24U) << text;
+}
+
 /// A card's list in the page, unfolded part first.
 std::string list_after(const std::string& html, const std::string& mark) {
   const std::size_t start = html.find(mark);
