@@ -445,6 +445,21 @@ TEST_F(NumbersTest, AnImplantsPowerHasItsOwnInterval) {
   EXPECT_THAT(visible_text(output("report.html")), HasSubstr("but for the intraocular lens"));
 }
 
+TEST_F(NumbersTest, WhatIsNoPlanForSurgerySaysSoBeforeItsNumbers) {
+  test::make_fixture_case(folder_);
+  report();
+  const std::string html = output("report.html");
+  const std::size_t section = html.find("<section id=\"lenses\"");
+  ASSERT_NE(section, std::string::npos);
+  const std::size_t caveat = html.find("Nothing here is a plan for surgery", section);
+  EXPECT_LT(caveat, html.find("<table", section));
+  EXPECT_LT(html.find("Where the result above is an estimate, nothing here is to be ordered.", section),
+            html.find("<table", section));
+  // In the PDF tables stand alone.
+  for (const char* table : {"Intraocular lens for a target refraction", "Laser ablation for this refraction"})
+    EXPECT_THAT(html, HasSubstr(std::string("<caption>") + table + ", for information, no plan for surgery"));
+}
+
 /// What dsrdump prints of one NUM item.
 struct Number {
   double value = 0, upper = -1, lower = -1;
