@@ -2,6 +2,7 @@
 #include <string>
 
 #include "pipeline/report/case/case_data.hpp"
+#include "pipeline/report/content/references.hpp"
 #include "pipeline/report/document/document.hpp"
 
 namespace emmetrope::report {
@@ -20,16 +21,17 @@ Document make_document(const CaseData& data, const ContentOptions& options, Note
 
 // Its sections, in the order in which they are read.
 Section result_section(const CaseData& data);
-Section measured_section(const CaseData& data);
+Section measured_section(const CaseData& data, Citations& citations);
 Section images_section(const CaseData& data, Notes& notes);
 Section cornea_section(const CaseData& data, Notes& notes);
 Section retina_section(const CaseData& data, Notes& notes);
-Section optics_section(const CaseData& data, Notes& notes);
+Section optics_section(const CaseData& data, Notes& notes, Citations& citations);
 Section correction_section(const CaseData& data, Notes& notes);
 Section peripheral_section(const CaseData& data);
 Section lenses_section(const CaseData& data);
 Section limits_section(const CaseData& data, const Notes& notes);
-Section methods_section(const CaseData& data);
+/// \param citations  of the sections before; it lists them
+Section methods_section(const CaseData& data, Citations& citations);
 Section review_section();
 Section provenance_section(const CaseData& data);
 

@@ -7,7 +7,6 @@
 #include "pipeline/report/content/content.hpp"
 #include "pipeline/report/content/content_tables.hpp"
 #include "pipeline/report/content/judgement.hpp"
-#include "pipeline/report/content/references.hpp"
 #include "pipeline/report/figures/chart.hpp"
 #include "pipeline/report/figures/encoding.hpp"
 #include "pipeline/report/figures/letter_chart.hpp"
@@ -237,17 +236,13 @@ FigureRow letters_at_the_ends(const CaseData& data) {
   return row;
 }
 
-Section optics_section(const CaseData& data, Notes& notes) {
+Section optics_section(const CaseData& data, Notes& notes, Citations& citations) {
   Section section{"optics", "What the eye does to light", {}};
   Eyes eyes;
   FigureRow zernike, mtf, letters, spreads;
   zernike.caption =
       "2,0 is defocus, 2,\u00b12 astigmatism, 3,\u00b11 coma, 4,0 spherical aberration. Second order is what "
       "a lens corrects; the rest stays.";
-  mtf.caption = fmt::format(
-      "Contrast that reaches the retina, by fineness of detail; letters of 20/20 need about 30 cycles per "
-      "degree. Grey: the mean of healthy corrected eyes [{}] and the diffraction limit of this pupil.",
-      reference_number("Watson 2013"));
   letters.caption =
       "Sloan letters of logMAR 0.7, 0.5, 0.3, 0.2, 0.1 and 0.0, computed from the wavefront of " +
       traced_pupil(data) +
@@ -274,6 +269,11 @@ Section optics_section(const CaseData& data, Notes& notes) {
     if (lens) show(*lens, "after", "with the lens");
   }
   if (eyes.empty()) return section;
+  if (!mtf.figures.empty())
+    mtf.caption = fmt::format(
+        "Contrast that reaches the retina, by fineness of detail; letters of 20/20 need about 30 cycles per "
+        "degree. Grey: the mean of healthy corrected eyes [{}] and the diffraction limit of this pupil.",
+        citations.number_of("Watson 2013"));
   section.blocks.push_back(
       {eye_table("Wavefront of " + traced_pupil(data), eyes, &EyeData::wavefront, wavefront_rows())});
   for (FigureRow* row : {&zernike, &mtf, &letters})

@@ -5,7 +5,6 @@
 #include "pipeline/base/version.hpp"
 #include "pipeline/report/case/series.hpp"
 #include "pipeline/report/content/content.hpp"
-#include "pipeline/report/content/references.hpp"
 #include "pipeline/report/document/numbers.hpp"
 
 namespace emmetrope::report {
@@ -120,8 +119,12 @@ Section limits_section(const CaseData& data, const Notes& notes) {
   return section;
 }
 
-Section methods_section(const CaseData& data) {
+Section methods_section(const CaseData& data, Citations& citations) {
   Section section{"methods", "Methods", {}};
+  // One by one: arguments may be evaluated in any order.
+  const int wei = citations.number_of("Wei et al. 2014"), thibos = citations.number_of("Thibos et al. 1997"),
+            ansi = citations.number_of("ANSI Z80.28"),
+            dubbelman = citations.number_of("Dubbelman and van der Heijde 2001, index");
   section.blocks.push_back({Paragraph{
       images_sentence(data) + refraction_sentence(data) +
       fmt::format("The eyes are found in the MR volumes by radial symmetry and paired by the patient's "
@@ -131,15 +134,13 @@ Section methods_section(const CaseData& data) {
                   "backward from the retina through them [{}]. The lens is the one that makes the retinal "
                   "image sharpest; refractions are averaged and compared as power vectors [{}], wavefronts "
                   "follow [{}], the lens index [{}]. This text may be copied into a paper.",
-                  reference_number("Wei et al. 2014"), reference_number("Thibos et al. 1997"),
-                  reference_number("ANSI Z80.28"),
-                  reference_number("Dubbelman and van der Heijde 2001, index"))}});
+                  wei, thibos, ansi, dubbelman)}});
   section.blocks.push_back(
       {Paragraph{
            "Frames: light is described in the eye's frame, x to the examiner's right, y up, z out of "
            "the eye; origin at the corneal apex. Wavefront maps and axes are as the examiner sees them."},
        Paper::never});
-  section.blocks.push_back({BulletList{numbered_references(), true}});
+  section.blocks.push_back({BulletList{citations.list(), true}});
   return section;
 }
 

@@ -1,4 +1,5 @@
 #include <regex>
+#include <set>
 #include <sstream>
 
 #include "pipeline/base/notation.hpp"
@@ -421,6 +422,36 @@ TEST_F(NumbersTest, ACitationNamesTheWorkThatIsMeant) {
   expect_cited("the lens index", "Dubbelman M, van der Heijde GL. The shape of the aging human lens");
   if (!find_program("gnuplot")) GTEST_SKIP() << "gnuplot is not installed: no chart of the MTF";
   expect_cited("healthy corrected eyes", "Watson AB.");
+}
+
+/// Numbers in brackets on the page, and those of the list of references.
+std::pair<std::set<int>, std::set<int>> cited_and_listed(const std::string& page) {
+  const auto numbers_of = [&](const std::string& text, const std::string& pattern) {
+    std::set<int> numbers;
+    const std::regex number(pattern);
+    for (auto found = std::sregex_iterator(text.begin(), text.end(), number); found != std::sregex_iterator();
+         ++found)
+      numbers.insert(std::stoi((*found)[1]));
+    return numbers;
+  };
+  const std::size_t list = page.find("<ul class=\"small\">");
+  return {numbers_of(visible_text(page), R"re(\[(\d+)\])re"),
+          numbers_of(page.substr(list, page.find("</ul>", list) - list), R"re(<li>(\d+)\. )re")};
+}
+
+/// Of a report with numbers and of one without.
+TEST_F(NumbersTest, TheListHoldsWhatIsCitedAndNothingElse) {
+  for (const bool is_refused : {false, true}) {
+    fs::remove_all(folder_);
+    test::FixtureOptions options;
+    options.refused = is_refused;
+    test::make_fixture_case(folder_, options);
+    report();
+    const auto [cited, listed] = cited_and_listed(output("report.html"));
+    EXPECT_GE(cited.size(), 4U);
+    EXPECT_EQ(cited, listed);
+    EXPECT_EQ(*listed.rbegin(), static_cast<int>(listed.size()));  // from 1, without gaps
+  }
 }
 
 /// A table says by which criterion its refractions are, where it is not this report's.
