@@ -41,6 +41,9 @@ std::string refracted_point(const CaseData& data);
 /// The pupil that wavefront and pictures are of, which may be another than the refraction's: "an iris aperture of 4.0 mm".
 std::string traced_pupil(const CaseData& data);
 
+/// What the rows of letters are of the chart that was traced, a sentence with a space before it; empty of another scene.
+std::string chart_rows(const CaseData& data);
+
 /// Letters as each eye would see them at the estimate and at the end of its interval; none where that is narrow.
 FigureRow letters_at_the_ends(const CaseData& data);
 

@@ -109,7 +109,8 @@ EyeCard card_of(const CaseData& data, const EyeData& eye) {
       "The same chart on the retina of this eye, through " + traced_pupil(data) +
       ", upright as the patient perceives it: before, with no lens; after, with "
       "the best lens as if that were exact. Look at the smallest row that can be read, and at the direction of the "
-      "blur.";
+      "blur." +
+      chart_rows(data);
   return card;
 }
 

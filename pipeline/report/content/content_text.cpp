@@ -1,11 +1,15 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 
+#include "pipeline/base/error.hpp"
+#include "pipeline/base/frames.hpp"
 #include "pipeline/base/version.hpp"
 #include "pipeline/report/case/series.hpp"
 #include "pipeline/report/content/content.hpp"
 #include "pipeline/report/document/numbers.hpp"
+#include "raytrace/scene/chart.hpp"
 
 namespace emmetrope::report {
 namespace {
@@ -75,6 +79,30 @@ std::string traced_pupil(const CaseData& data) {
       traced == nullptr ? std::nullopt : value_at(traced->provenance, "/parameters/pupil_mm");
   return pupil_mm ? fmt::format("an iris aperture of {} mm", fixed(*pupil_mm, 1))
                   : "the pupil that was traced";
+}
+
+std::string chart_rows(const CaseData& data) {
+  const StageData* traced = data.stage("raytrace");
+  if (traced == nullptr) return {};
+  const Json parameters = traced->provenance.value("parameters", Json::object());
+  if (!parameters.is_object() || !parameters.contains("scene") || !parameters["scene"].is_string()) return {};
+  std::vector<double> logmar;
+  try {
+    logmar = raytrace::logmar_of_rows(raytrace::parse_chart(parameters["scene"].get<std::string>()));
+  } catch (const Error&) {
+    return {};  // a scene of its own
+  }
+  if (logmar.empty()) return {};
+  std::string text = logmar.size() == 1
+                         ? fmt::format(" The letters are of logMAR {}", fixed(logmar.front(), 1))
+                         : fmt::format(" Rows go from logMAR {} at the top down to {}, 0.1 a row",
+                                       fixed(logmar.front(), 1), fixed(logmar.back(), 1));
+  // A pixel ends what the picture shows, whatever the eye; 17 mm from the nodal point an angle is known well enough.
+  const auto field_mm = value_at(parameters, "/field_mm/0"), pixels = value_at(parameters, "/size/0");
+  if (field_mm && pixels && *field_mm > 0 && *pixels > 0)
+    text += fmt::format("; strokes below logMAR {} are finer than a pixel",
+                        fixed(std::log10(*field_mm / *pixels / 17 / degree * 60), 1));
+  return text + ".";
 }
 
 Section review_section() {

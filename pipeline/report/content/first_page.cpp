@@ -14,7 +14,7 @@
 namespace emmetrope::report {
 namespace {
 
-const NumberStyle coarse_dioptres{1, true, "D"}, millimetres{2, false, "mm"}, degrees{0, false, "deg"};
+const NumberStyle coarse_dioptres{1, true, "D"}, millimetres{2, false, "mm"};
 
 double half_width(const Measured& measured) { return (measured.ci95[1] - measured.ci95[0]) / 2; }
 
@@ -93,6 +93,7 @@ std::string assumed_of(const EyeData& eye) {
 
 /// "-2.5 D (-3.4 to -1.7), axis 2 deg +- 6 deg"
 std::string cylinder_of(const Json& prescription) {
+  const NumberStyle degrees{0, false, "deg"};
   const auto cylinder = measured_in(prescription, "cylinder_D");
   if (!cylinder) return {};
   const std::string power = fmt::format("{} ({})", format(cylinder->value, coarse_dioptres),

@@ -228,6 +228,24 @@ TEST_F(ReportTest, FilesThatNoStageWroteAreNotShown) {
     for (const fs::path& file : eye.overlays) EXPECT_NE(file.filename().string().front(), '.');
 }
 
+/// 6 mm of retina over 500 pixels are 2.4 minutes of arc each.
+TEST_F(ReportTest, TheRowsOfTheFirstPagesChartHaveTheirAcuities) {
+  test::make_fixture_case(folder_);
+  const fs::path file = folder_ / "raytrace" / "stage.json";
+  Json stage = read_json(file);
+  stage["parameters"] = {{"scene", "letters"}, {"field_mm", {6.0, 6.0}}, {"size", {500, 500}}};
+  write_json(file, stage);
+  report();
+  EXPECT_THAT(
+      visible_text(output("report.html")),
+      HasSubstr(
+          "Rows go from logMAR 1.4 at the top down to 0.0, 0.1 a row; strokes below logMAR 0.4 are finer than a pixel."));
+  stage["parameters"]["scene"] = "a scene of its own.json";
+  write_json(file, stage);
+  report();
+  EXPECT_THAT(visible_text(output("report.html")), Not(HasSubstr("logMAR 1.4")));
+}
+
 /// Every colour that an overlay may have (segmentation/output/overlay.hpp), and the slices' are among them.
 TEST_F(ReportTest, TheColoursOfAnOverlayAreNamedBelowIt) {
   test::make_fixture_case(folder_);
