@@ -119,10 +119,11 @@ std::string stack_of(const fs::path& file) {
   return underscore == std::string::npos ? std::string() : ", " + stem.substr(underscore + 1);
 }
 
+/// Of segmentation/output/overlay.cpp.
 constexpr const char* overlay_colours =
-    "cornea cyan, iris violet, lens orange, inner wall green, outer wall yellow; red surrounds what lies in the vitreous "
-    "and is none. What is withheld is grey; blue is the globe by edges, with crosses on its axis, where these are told "
-    "instead.";
+    "cornea cyan, iris violet, lens orange, inner wall green, outer wall yellow; red surrounds what lies in "
+    "the vitreous and is none. What is withheld is grey; blue is the globe by edges, with crosses on its "
+    "axis, where these are told instead.";
 
 /// Pictures that segmentation left of an eye, as figures.
 FigureRow overlays_of(const EyeData& eye) {

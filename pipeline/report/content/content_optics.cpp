@@ -73,7 +73,7 @@ Figure zernike_figure(const EyeData& eye, const raytrace::Wavefront& wavefront,
       "EOD\nset style fill solid 0.85\nset boxwidth 0.7\nunset key\nset xzeroaxis lt 1 lc rgb '{0}'\n"
       "set yrange [{2:.3f}:{3:.3f}]\nset ylabel 'Coefficient (\u00b5m)'\nset xlabel 'Zernike term n,m "
       "(OSA/ANSI)' offset 0,-0.5\n"
-      "set tics scale 0.4\nset xtics rotate by -70 font ',9'\nplot $bars using 1:2:xtic(3) with boxes lc rgb "
+      "set tics scale 0.4\nset xtics rotate by -70\nplot $bars using 1:2:xtic(3) with boxes lc rgb "
       "'{1}'\n",
       quiet_colour, first_colour, range_um[0], range_um[1]);
   return draw_chart(figure, script) ? figure : Figure();
@@ -116,7 +116,7 @@ Figure mtf_figure(const EyeData& eye, const raytrace::Wavefront& wavefront,
   }
   script += fmt::format(
       "set xlabel 'Spatial frequency (cycles per degree)'\nset ylabel 'Modulation transfer'\n"
-      "set xrange [0:60]\nset yrange [0:1]\nset key above maxrows 2 samplen 2 font ',9'\n"
+      "set xrange [0:60]\nset yrange [0:1]\nset key above maxrows 3 samplen 2 width -3\n"
       "plot $mtf using 1:4 with lines dt 3 lw 1.5 lc rgb '{2}' title 'diffraction limit', "
       "$mtf using 1:5 with lines lw 1.5 lc rgb '{2}' title 'healthy corrected eyes', "
       "$mtf using 1:2 with lines lw 2 lc rgb '{0}' title 'no lens, tangential', "
@@ -276,8 +276,9 @@ Section optics_section(const CaseData& data, Notes& notes, Citations& citations)
         citations.number_of("Watson 2013"));
   section.blocks.push_back(
       {eye_table("Wavefront of " + traced_pupil(data), eyes, &EyeData::wavefront, wavefront_rows())});
-  for (FigureRow* row : {&zernike, &mtf, &letters})
-    if (!row->figures.empty()) section.blocks.push_back({*row});
+  for (const auto& [row, paper] : {std::pair{&zernike, Paper::if_room}, std::pair{&mtf, Paper::always},
+                                   std::pair{&letters, Paper::first_if_room}})
+    if (!row->figures.empty()) section.blocks.push_back({*row, paper});
   section.blocks.push_back({spreads, Paper::if_room});
   section.blocks.push_back({zernike_table(eyes), Paper::never});
   return section;

@@ -67,6 +67,31 @@ TEST_F(ReportTest, APageThatIsNeededBeyondFourIsFilled) {
   EXPECT_THAT(text, AllOf(HasSubstr("there is room for this"), Not(HasSubstr("For want of room"))));
 }
 
+/// 11 of 400 pixels: at least 5.5 pt from the tops to the feet of its letters, at the price of a page.
+TEST_F(ReportTest, ChartsInThePdfDoNotShrinkBelowWhatCanBeRead) {
+  Figure chart;
+  chart.width_px = 400;
+  chart.height_px = 300;
+  chart.svg =
+      "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 400 300\"><text x=\"20\" y=\"20\" "
+      "font-family=\"DejaVu Sans\" font-size=\"11\">lettering</text></svg>";
+  Document document;
+  document.sections.push_back({"charts", "Charts", {}});
+  for (int i = 0; i < 20; ++i) document.sections.front().blocks.push_back({FigureRow{{chart, chart}, ""}});
+  const Pdf pdf = render_pdf(document);
+  EXPECT_EQ(pdf.pages, 5);
+  fs::create_directories(folder_);
+  write_file(folder_ / "charts.pdf", pdf.bytes);
+  const std::string words =
+      output_of("/usr/bin/pdftotext", {"-bbox", (folder_ / "charts.pdf").string(), "-"});
+  const std::regex lettering("yMin=\"([0-9.]+)\" xMax=\"[0-9.]+\" yMax=\"([0-9.]+)\">lettering<");
+  int found = 0;
+  for (auto word = std::sregex_iterator(words.begin(), words.end(), lettering);
+       word != std::sregex_iterator(); ++word, ++found)
+    EXPECT_GT(std::stod((*word)[2]) - std::stod((*word)[1]), 5.5);
+  EXPECT_EQ(found, 40);
+}
+
 /// Wherever the end of the line comes.
 TEST_F(ReportTest, ThePdfBreaksNoOption) {
   Document document;
