@@ -53,22 +53,28 @@ Ink even_rows(Optotype optotype, double detail, double extent) {
   };
 }
 
+/// Of a chart of optotypes.
+struct ChartRow {
+  double centre, height;  ///< minutes of arc
+};
+
 /// ETDRS layout (Ferris 1982): five optotypes a row, gaps of one optotype, rows of falling size a row's
 /// height apart, as many as the chart holds; logMAR falls by 0.1 a row.
-Ink falling_rows(Optotype optotype, double extent) {
+std::vector<ChartRow> falling_rows(double extent) {
   const double ratio = std::pow(10, -0.1);
   // rows of height h r^k with gaps of the lower row's height: (h + h r) / (1 - r) high altogether
   const double first = std::min(extent / 9.8, extent * 0.97 * (1 - ratio) / (1 + ratio));
-  struct Row {
-    double centre, height;
-  };
-  std::vector<Row> rows;
+  std::vector<ChartRow> rows;
   double top = 0.485 * extent, height = first;
   while (height > 5 && rows.size() < 40) {
     rows.push_back({top - height / 2, height});
     top -= height * (1 + ratio);
     height *= ratio;
   }
+  return rows;
+}
+
+Ink in_rows(Optotype optotype, const std::vector<ChartRow>& rows) {
   return [=](double x, double y) {
     for (std::size_t k = 0; k < rows.size(); ++k) {
       const auto& row = rows[k];
@@ -123,7 +129,7 @@ bool dashes(int i, int j, double x, double y) {
 Ink ink_of(const ChartSpec& spec, double extent) {
   const double detail = std::pow(10, spec.logmar);
   const auto rows = [&](Optotype optotype) {
-    return spec.logmar_given ? even_rows(optotype, detail, extent) : falling_rows(optotype, extent);
+    return spec.logmar_given ? even_rows(optotype, detail, extent) : in_rows(optotype, falling_rows(extent));
   };
   // NOLINTBEGIN(clang-analyzer-cplusplus.NewDeleteLeaks): the analyser loses sight of what std::function
   // owns.
@@ -140,6 +146,11 @@ Ink ink_of(const ChartSpec& spec, double extent) {
     const auto near_line = [&](double v) { return std::abs(v - 60 * std::round(v / 60)) <= detail / 2; };
     return near_line(x) || near_line(y);
   };
+}
+
+/// The chart is flat: minutes of arc are counted at its centre, and its edge lies where extent_deg / 2 is seen.
+double extent_arcmin(const ChartSpec& spec) {
+  return 2 * std::tan(0.5 * spec.extent_deg * degree) / std::tan(degree / 60);
 }
 
 /// Detail that a chart has where none is asked for, logMAR: what a 20 degree field of 500 pixels shows.
@@ -244,12 +255,17 @@ ChartSpec parse_chart(const std::string& text) {
   return spec;
 }
 
+std::vector<double> logmar_of_rows(const ChartSpec& spec) {
+  if (spec.name != "letters" && spec.name != "landolt" && spec.name != "tumbling-e") return {};
+  if (spec.logmar_given) return {spec.logmar};
+  std::vector<double> logmar;
+  for (const ChartRow& row : falling_rows(extent_arcmin(spec))) logmar.push_back(std::log10(row.height / 5));
+  return logmar;
+}
+
 Scene draw_chart(const ChartSpec& spec, const Eigen::Vector2d& shown) {
-  // The chart is flat: minutes of arc are counted at its centre, and its edge lies where extent_deg / 2 is
-  // seen.
-  const double minute = std::tan(degree / 60);
   const double half = std::tan(0.5 * spec.extent_deg * degree);
-  const double extent = 2 * half / minute;
+  const double extent = extent_arcmin(spec);
   const double detail = spec.logmar_given || spec.name != "letters" ? std::pow(10, spec.logmar) : 1;
   // A double until it is clamped: a plane of a scene file may be wider than an int has texels for.
   const int size = int(std::clamp(std::ceil(extent * texels_per_detail / detail), 64.0, largest_texture));

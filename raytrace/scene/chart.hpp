@@ -24,6 +24,9 @@ struct ChartSpec {
 ChartSpec parse_chart(const std::string& text);
 std::vector<std::string> chart_names();
 
+/// Of the rows of optotypes, from the top; one where all have one size; none on a chart without optotypes.
+std::vector<double> logmar_of_rows(const ChartSpec& spec);
+
 /// Draws the chart from its definition: the share of ink in every texel, from the exact outlines.
 /// \param shown  the middle part of its width and height that is drawn, above 0 to 1
 Scene draw_chart(const ChartSpec& spec, const Eigen::Vector2d& shown = {1, 1});

@@ -146,7 +146,7 @@ class Tile {
 
 // Blue, green, red.
 const cv::Vec3b lens_colour(0, 140, 255), cornea_colour(230, 210, 0), inner_wall_colour(80, 220, 60),
-    grey_border(150, 150, 150);
+    edges_colour(255, 120, 40), grey_border(150, 150, 150);
 
 cv::Vec3b colour_between(Label a, Label b) {
   const auto either = [&](Label l) { return a == l || b == l; };
@@ -199,13 +199,13 @@ void draw_edges(cv::Mat& tile_image, const Tile& tile, const ToldEdges& told) {
     const Vector3d in_axes = globe.axes.transpose() * (position - centre);
     return in_axes.cwiseQuotient(globe.half_axes).squaredNorm() < 1 ? 1 : 0;
   };
-  draw_borders(tile_image, tile, is_inside, [](int, int) { return inner_wall_colour; });
+  draw_borders(tile_image, tile, is_inside, [](int, int) { return edges_colour; });
   if (!told.with_axis || !told.reading.axial) return;
   const AxialEdges& axial = *told.reading.axial;
   for (const auto& [along_mm, colour] : {std::pair{axial.inner_cornea_mm, cornea_colour},
                                          {axial.lens_front_mm, lens_colour},
                                          {axial.lens_back_mm, lens_colour},
-                                         {axial.inner_wall_mm, inner_wall_colour}}) {
+                                         {axial.inner_wall_mm, edges_colour}}) {
     const Vector3d place = centre + along_mm * globe.axes.col(2);
     if (tile.distance_mm(place) < between_tiles_mm / 2 + tile.stack().slice_spacing_mm() / 2)
       cv::drawMarker(tile_image, tile.pixel_of(place), colour, cv::MARKER_TILTED_CROSS, 9, 1, cv::LINE_AA);
@@ -289,7 +289,7 @@ Vector3d outward_of(const EyeFit& fit) {
   return gaze_axis(fit.value(gaze_horizontal), fit.value(gaze_vertical));
 }
 
-constexpr const char* edges_note = "green: edges";
+constexpr const char* edges_note = "blue: edges";
 
 std::vector<std::string> lines_of(const OverlayNotes& notes) {
   std::vector<std::string> lines;

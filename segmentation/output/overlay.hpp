@@ -23,7 +23,7 @@ struct OverlayNotes {
 
 /// Six slices of a stack through the eye, cropped to it, with the fitted borders in colour: cornea cyan, iris
 /// violet, lens orange, inner wall green, outer wall yellow; in red what lies in the vitreous and is none. Borders
-/// that are withheld are grey; of edges that are told instead the globe is green, crosses lie on its axis, and the
+/// that are withheld are grey; of edges that are told instead the globe is blue, crosses lie on its axis, and the
 /// slices say so.
 /// \throw Error (not_writable)
 void write_overlay(const std::filesystem::path& file, const EyeFit& fit, std::size_t view,

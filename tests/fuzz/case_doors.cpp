@@ -93,8 +93,10 @@ test::FixtureOptions of_one_eye() {
 void read_a_case(const fs::path& whole) {
   try {
     const report::CaseData data = report::read_case(whole, LateralityChoice::both);
-    for (const auto section : {report::measured_section, report::peripheral_section, report::lenses_section,
-                               report::methods_section, report::provenance_section})
+    report::Citations citations;
+    for (const auto section : {report::measured_section, report::methods_section}) section(data, citations);
+    for (const auto section :
+         {report::peripheral_section, report::lenses_section, report::provenance_section})
       section(data);
     report::limits_section(data, {});
     for (const report::EyeData& eye : data.eyes) {

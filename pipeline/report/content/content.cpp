@@ -18,17 +18,18 @@ Document make_document(const CaseData& data, const ContentOptions& options, Note
     document.heading.emplace_back("Age", fixed(*age, 0) + " years");
   document.heading.emplace_back("Software", "Emmetrope " + version());
 
+  Citations citations;
   document.sections.push_back(result_section(data));
-  document.sections.push_back(measured_section(data));
+  document.sections.push_back(measured_section(data, citations));
   document.sections.push_back(images_section(data, notes));
   document.sections.push_back(cornea_section(data, notes));
   document.sections.push_back(retina_section(data, notes));
-  document.sections.push_back(optics_section(data, notes));
+  document.sections.push_back(optics_section(data, notes, citations));
   document.sections.push_back(correction_section(data, notes));
   document.sections.push_back(peripheral_section(data));
   document.sections.push_back(lenses_section(data));
   document.sections.push_back(limits_section(data, notes));
-  document.sections.push_back(methods_section(data));
+  document.sections.push_back(methods_section(data, citations));
   document.sections.push_back(provenance_section(data));
   document.sections.push_back(review_section());
   const auto is_empty = [](const Section& section) { return section.blocks.empty(); };

@@ -2,6 +2,7 @@
 #include <string>
 
 #include "pipeline/report/case/case_data.hpp"
+#include "pipeline/report/content/references.hpp"
 #include "pipeline/report/document/document.hpp"
 
 namespace emmetrope::report {
@@ -20,16 +21,17 @@ Document make_document(const CaseData& data, const ContentOptions& options, Note
 
 // Its sections, in the order in which they are read.
 Section result_section(const CaseData& data);
-Section measured_section(const CaseData& data);
+Section measured_section(const CaseData& data, Citations& citations);
 Section images_section(const CaseData& data, Notes& notes);
 Section cornea_section(const CaseData& data, Notes& notes);
 Section retina_section(const CaseData& data, Notes& notes);
-Section optics_section(const CaseData& data, Notes& notes);
+Section optics_section(const CaseData& data, Notes& notes, Citations& citations);
 Section correction_section(const CaseData& data, Notes& notes);
 Section peripheral_section(const CaseData& data);
 Section lenses_section(const CaseData& data);
 Section limits_section(const CaseData& data, const Notes& notes);
-Section methods_section(const CaseData& data);
+/// \param citations  of the sections before; it lists them
+Section methods_section(const CaseData& data, Citations& citations);
 Section review_section();
 Section provenance_section(const CaseData& data);
 
@@ -38,6 +40,9 @@ std::string refracted_point(const CaseData& data);
 
 /// The pupil that wavefront and pictures are of, which may be another than the refraction's: "an iris aperture of 4.0 mm".
 std::string traced_pupil(const CaseData& data);
+
+/// What the rows of letters are of the chart that was traced, a sentence with a space before it; empty of another scene.
+std::string chart_rows(const CaseData& data);
 
 /// Letters as each eye would see them at the estimate and at the end of its interval; none where that is narrow.
 FigureRow letters_at_the_ends(const CaseData& data);

@@ -50,7 +50,7 @@ Figure sharpness_figure(const EyeData& eye) {
   }
   const bool is_radius = ends_with(sweep.names[0], "_mm");
   script += fmt::format(
-      "EOD\nset xlabel '{}'\nset ylabel 'Sharpness, relative'\nset key above samplen 2 font ',9'\n",
+      "EOD\nset xlabel '{}'\nset ylabel 'Sharpness, relative'\nset key above samplen 2 width -3\n",
       is_radius ? "Radius of the back surface (mm)" : words(sweep.names[0]));
   script += "set yrange [0:1.05]\n";
   if (is_positive) script += "set logscale x\nset xtics (20, 50, 100, 200, 500)\n";

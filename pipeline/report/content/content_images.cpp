@@ -27,11 +27,12 @@ constexpr int map_cells = 81;
 struct SurfaceStyle {
   const char *name, *colour, *label;
 };
-constexpr std::array<SurfaceStyle, 5> surfaces{{{"cornea_anterior", "#56c2ff", "cornea front (blue)"},
-                                                {"cornea_posterior", "#56c2ff", "cornea back (blue)"},
-                                                {"lens_anterior", "#ffb000", "lens front (orange)"},
-                                                {"lens_posterior", "#ffb000", "lens back (orange)"},
-                                                {"retina", "#ff5d8f", "retina (pink)"}}};
+// The colours of the overlays (segmentation/output/overlay.cpp).
+constexpr std::array<SurfaceStyle, 5> surfaces{{{"cornea_anterior", "#00d2e6", "cornea front (cyan)"},
+                                                {"cornea_posterior", "#00d2e6", "cornea back (cyan)"},
+                                                {"lens_anterior", "#ff8c00", "lens front (orange)"},
+                                                {"lens_posterior", "#ff8c00", "lens back (orange)"},
+                                                {"retina", "#3cdc50", "retina (green)"}}};
 
 std::vector<Contour> contours_of(const EyeData& eye) {
   std::vector<Contour> contours;
@@ -118,6 +119,12 @@ std::string stack_of(const fs::path& file) {
   return underscore == std::string::npos ? std::string() : ", " + stem.substr(underscore + 1);
 }
 
+/// Of segmentation/output/overlay.cpp.
+constexpr const char* overlay_colours =
+    "cornea cyan, iris violet, lens orange, inner wall green, outer wall yellow; red surrounds what lies in "
+    "the vitreous and is none. What is withheld is grey; blue is the globe by edges, with crosses on its "
+    "axis, where these are told instead.";
+
 /// Pictures that segmentation left of an eye, as figures.
 FigureRow overlays_of(const EyeData& eye) {
   FigureRow row;
@@ -138,10 +145,10 @@ FigureRow overlays_of(const EyeData& eye) {
             ? "Measured minus modelled signal in units of the noise. It should look like noise; a rim "
               "of one colour is an edge that was missed."
         : is_fitted
-            ? "The fit's contours on the slices as they were acquired. Of a fit that is withheld they are "
-              "grey; where edges stand instead, green is the globe by them."
-            : "Not fitted to. Green is the globe by edges, where these are told; what other stacks show is "
-              "placed where the globe was found in this one, to about a millimetre.";
+            ? std::string("The fit's contours on the slices as they were acquired: ") + overlay_colours
+            : "Not fitted to. What other stacks show is placed where the globe was found in this one, to about a "
+              "millimetre: " +
+                  std::string(overlay_colours);
     if (is_residual) add_scale(figure);
     figure.alt =
         is_residual ? "Residuals of the fit on the MR slices" : "Contours of the eye on the MR slices";
@@ -178,12 +185,12 @@ TriangleMesh in_eye_frame(const EyeData& eye, const std::string& surface) {
 
 /// Nothing where an eye has no surfaces.
 std::optional<Figure> still_of(const EyeData& eye) {
-  constexpr std::array<double, 3> blue{0.34, 0.76, 1.0}, orange{1.0, 0.69, 0.0}, pink{1.0, 0.36, 0.56};
+  constexpr std::array<double, 3> cyan{0.0, 0.82, 0.9}, orange{1.0, 0.55, 0.0}, green{0.24, 0.86, 0.31};
   if (!eye.biometry.is_object() || !fs::exists(eye.mesh("retina"))) return std::nullopt;
   std::vector<StillSurface> bodies;
   for (const auto& [name, rgb, opacity, is_cut] :
-       {std::tuple{"cornea_anterior", blue, 0.45, true}, std::tuple{"lens_anterior", orange, 0.85, false},
-        std::tuple{"lens_posterior", orange, 0.85, false}, std::tuple{"retina", pink, 1.0, true}})
+       {std::tuple{"cornea_anterior", cyan, 0.45, true}, std::tuple{"lens_anterior", orange, 0.85, false},
+        std::tuple{"lens_posterior", orange, 0.85, false}, std::tuple{"retina", green, 1.0, true}})
     if (fs::exists(eye.mesh(name))) bodies.push_back({in_eye_frame(eye, name), rgb, opacity, is_cut});
   Figure figure =
       still_figure(bodies, eye.laterality, value_of(eye.biometry, "axial_length_mm").value_or(24));
@@ -217,7 +224,7 @@ Section images_section(const CaseData& data, Notes& notes) {
   const bool any_surface = std::any_of(data.eyes.begin(), data.eyes.end(),
                                        [](const EyeData& eye) { return fs::exists(eye.mesh("retina")); });
   const std::string look =
-      any_surface ? "Contours should follow the edges: cornea blue, lens orange, inner retina pink." : "";
+      any_surface ? "Contours should follow the edges: cornea cyan, lens orange, inner retina green." : "";
   if (const Table series = series_table(data); !series.rows.empty())
     section.blocks.push_back({series, Paper::if_room});
   FigureRow printed{{}, look, true}, more{{}, look, true};
@@ -235,7 +242,7 @@ Section images_section(const CaseData& data, Notes& notes) {
   if (!more.figures.empty()) section.blocks.push_back({more, Paper::if_room});
   FigureRow stills;
   stills.caption =
-      "Cornea blue, lens orange, inner retina pink, seen from the temporal side, somewhat from the front and "
+      "Cornea cyan, lens orange, inner retina green, seen from the temporal side, somewhat from the front and "
       "above; the temporal half of cornea and retina is cut away.";
   for (const auto& eye : data.eyes)
     if (auto still = still_of(eye)) stills.figures.push_back(std::move(*still));

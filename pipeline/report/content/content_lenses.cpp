@@ -139,7 +139,8 @@ const std::vector<EyeRow>& implant_rows() {
 
 /// The powers with the intervals that stand beside them: "srkt_D" and "srkt_ci95_D".
 Table implant_table(const Eyes& eyes) {
-  Table table{"Intraocular lens for a target refraction, for information", {"Quantity"}, {}};
+  Table table{
+      "Intraocular lens for a target refraction, for information, no plan for surgery", {"Quantity"}, {}};
   for (const auto* eye : eyes)
     for (const char* column : {"", " 95 % interval"}) table.header.push_back(short_name(*eye) + column);
   for (const EyeRow& row : implant_rows()) {
@@ -223,17 +224,22 @@ Section lenses_section(const CaseData& data) {
   add(meniscus_table(prescribed), Paper::never);
   add(rows("Best plano-cylinder", prescribed, cylinder_rows()), Paper::never);
   add(implant_table(prescribed), Paper::if_room);
-  add(rows("Laser ablation for this refraction", prescribed, ablation_rows()), Paper::never);
+  add(rows("Laser ablation for this refraction, for information, no plan for surgery", prescribed,
+           ablation_rows()),
+      Paper::never);
   add(pupil_table(refracted), Paper::never);
   add(rows("Accommodation", refracted, accommodation_rows()), Paper::never);
+  // Before the numbers, so that none is read without it.
   if (!section.blocks.empty())
-    section.blocks.push_back(
-        {Paragraph{
-             "Each form shares the interval of the spherical equivalent above, but for the intraocular lens: it takes "
-             "the place of the eye's own, and its power is as uncertain as length and cornea make it; how well a "
-             "formula tells where it comes to stand is not in that. Nothing here is a plan for surgery: formulas want "
-             "optical biometry and the surgeon's own constants. Amplitudes are Hofstetter's (1950)."},
-         Paper::never});
+    section.blocks.insert(
+        section.blocks.begin(),
+        SectionBlock{
+            Paragraph{
+                "Nothing here is a plan for surgery: formulas want optical biometry and the surgeon's own constants. "
+                "Where the result above is an estimate, nothing here is to be ordered. Each form shares the interval of the spherical equivalent above, but for the intraocular lens: it takes "
+                "the place of the eye's own, and its power is as uncertain as length and cornea make it; how well a "
+                "formula tells where it comes to stand is not in that. Amplitudes are Hofstetter's (1950)."},
+            Paper::never});
   return section;
 }
 

@@ -7,7 +7,6 @@
 #include "pipeline/report/content/content.hpp"
 #include "pipeline/report/content/content_tables.hpp"
 #include "pipeline/report/content/judgement.hpp"
-#include "pipeline/report/content/references.hpp"
 #include "pipeline/report/figures/chart.hpp"
 #include "pipeline/report/figures/encoding.hpp"
 #include "pipeline/report/figures/letter_chart.hpp"
@@ -132,7 +131,7 @@ Figure zernike_figure(const EyeData& eye, const raytrace::Wavefront& wavefront,
       "EOD\nset style fill solid 0.85\nset boxwidth 0.7\nunset key\nset xzeroaxis lt 1 lc rgb '{0}'\n"
       "set yrange [{2:.3f}:{3:.3f}]\nset ylabel 'Coefficient (\u00b5m)'\nset xlabel 'Zernike term n,m "
       "(OSA/ANSI)' offset 0,-0.5\n"
-      "set tics scale 0.4\nset xtics rotate by -70 font ',9'\nplot $bars using 1:2:xtic(3) with boxes lc rgb "
+      "set tics scale 0.4\nset xtics rotate by -70\nplot $bars using 1:2:xtic(3) with boxes lc rgb "
       "'{1}'\n",
       quiet_colour, first_colour, range_um[0], range_um[1]);
   return draw_chart(figure, script) ? figure : Figure();
@@ -175,7 +174,7 @@ Figure mtf_figure(const EyeData& eye, const raytrace::Wavefront& wavefront,
   }
   script += fmt::format(
       "set xlabel 'Spatial frequency (cycles per degree)'\nset ylabel 'Modulation transfer'\n"
-      "set xrange [0:60]\nset yrange [0:1]\nset key above maxrows 2 samplen 2 font ',9'\n"
+      "set xrange [0:60]\nset yrange [0:1]\nset key above maxrows 3 samplen 2 width -3\n"
       "plot $mtf using 1:4 with lines dt 3 lw 1.5 lc rgb '{2}' title 'diffraction limit', "
       "$mtf using 1:5 with lines lw 1.5 lc rgb '{2}' title 'healthy corrected eyes', "
       "$mtf using 1:2 with lines lw 2 lc rgb '{0}' title 'no lens, tangential', "
@@ -296,7 +295,7 @@ FigureRow letters_at_the_ends(const CaseData& traced) {
   return row;
 }
 
-Section optics_section(const CaseData& traced, Notes& notes) {
+Section optics_section(const CaseData& traced, Notes& notes, Citations& citations) {
   const CaseData data = as_corrected(traced);
   Section section{"optics", "What the eye does to light", {}};
   Eyes eyes;
@@ -304,10 +303,6 @@ Section optics_section(const CaseData& traced, Notes& notes) {
   zernike.caption =
       "2,0 is defocus, 2,\u00b12 astigmatism, 3,\u00b11 coma, 4,0 spherical aberration. Second order is what "
       "a lens corrects; the rest stays.";
-  mtf.caption = fmt::format(
-      "Contrast that reaches the retina, by fineness of detail; letters of 20/20 need about 30 cycles per "
-      "degree. Grey: the mean of healthy corrected eyes [{}] and the diffraction limit of this pupil.",
-      reference_number("Watson 2013"));
   letters.caption =
       "Sloan letters of logMAR 0.7, 0.5, 0.3, 0.2, 0.1 and 0.0, computed from the wavefront of " +
       traced_pupil(data) +
@@ -334,13 +329,19 @@ Section optics_section(const CaseData& traced, Notes& notes) {
     if (lens) show(*lens, "after", "with the lens");
   }
   if (eyes.empty()) return section;
+  if (!mtf.figures.empty())
+    mtf.caption = fmt::format(
+        "Contrast that reaches the retina, by fineness of detail; letters of 20/20 need about 30 cycles per "
+        "degree. Grey: the mean of healthy corrected eyes [{}] and the diffraction limit of this pupil.",
+        citations.number_of("Watson 2013"));
   section.blocks.push_back(
       {eye_table("Wavefront of " + traced_pupil(data), eyes, &EyeData::wavefront, wavefront_rows())});
   for (const auto* eye : eyes)
     if (const std::string sentence = seen_eye(*eye); !sentence.empty() && judge(data, *eye).has_refraction)
       section.blocks.push_back({Paragraph{sentence}});
-  for (FigureRow* row : {&zernike, &mtf, &letters})
-    if (!row->figures.empty()) section.blocks.push_back({*row});
+  for (const auto& [row, paper] : {std::pair{&zernike, Paper::if_room}, std::pair{&mtf, Paper::always},
+                                   std::pair{&letters, Paper::first_if_room}})
+    if (!row->figures.empty()) section.blocks.push_back({*row, paper});
   section.blocks.push_back({spreads, Paper::if_room});
   section.blocks.push_back({zernike_table(eyes), Paper::never});
   return section;

@@ -1,5 +1,7 @@
 #include <fmt/format.h>
 
+#include <cmath>
+
 #include "pipeline/report/content/content.hpp"
 #include "pipeline/report/content/content_tables.hpp"
 #include "pipeline/report/content/judgement.hpp"
@@ -85,18 +87,30 @@ FigureRow maps_of(const Eyes& eyes) {
   return row;
 }
 
+/// "30.0 deg nasal, 10.0 deg superior": a sign would be the patient's left, which is nasal of one eye and temporal of the
+/// other.
+std::string direction_of(const Json& point, Laterality eye) {
+  const double leftwards_deg = value_of(point, "horizontal_deg").value_or(0),
+               up_deg = value_of(point, "vertical_deg").value_or(0);
+  const bool is_nasal = (leftwards_deg > 0) == (eye == Laterality::od);
+  std::string text;
+  for (const auto& [angle_deg, side] : {std::pair{leftwards_deg, is_nasal ? "nasal" : "temporal"},
+                                        {up_deg, up_deg > 0 ? "superior" : "inferior"}})
+    if (angle_deg != 0)
+      text += fmt::format("{}{} {}", text.empty() ? "" : ", ", format(std::abs(angle_deg), {1, false, "deg"}),
+                          side);
+  return text.empty() ? "on the axis" : text;
+}
+
 /// The numbers behind the colours.
 Table peripheral_table(const EyeData& eye) {
   Table table{std::string("Refraction of least spot away from the axis, ") + clinical_name(eye.laterality) +
                   ", in the plane of the entrance pupil",
-              {"Horizontal, vertical", "M", "J0", "J45"},
+              {"In the visual field", "M", "J0", "J45"},
               {},
               true};
   for (const auto& point : eye.prescription.value("peripheral", Json::array())) {
-    const auto angle = [&](const char* key) {
-      return format(value_of(point, key).value_or(0), {1, true, "deg"});
-    };
-    std::vector<std::string> row{angle("horizontal_deg") + ", " + angle("vertical_deg")};
+    std::vector<std::string> row{direction_of(point, eye.laterality)};
     for (const char* key : {"M_D", "J0_D", "J45_D"}) {
       const auto value = value_of(point, key);
       row.push_back(value ? format(*value, {2, true, "D"}) : "\u2013");

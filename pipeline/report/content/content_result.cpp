@@ -10,7 +10,6 @@
 #include "pipeline/report/content/content_tables.hpp"
 #include "pipeline/report/content/first_page.hpp"
 #include "pipeline/report/content/judgement.hpp"
-#include "pipeline/report/content/references.hpp"
 #include "pipeline/report/document/numbers.hpp"
 #include "pipeline/report/figures/encoding.hpp"
 
@@ -112,13 +111,14 @@ EyeCard card_of(const CaseData& data, const EyeData& eye) {
       "The same chart on the retina of this eye, through " + traced_pupil(data) +
       ", upright as the patient perceives it: before, with no lens" + before_is_of +
       "; after, with the best lens as if that were exact. Look at the smallest row that can be read, and at the direction of the "
-      "blur.";
+      "blur." +
+      chart_rows(data);
   return card;
 }
 
-std::string normal_range(const BiometryRow& row) {
+std::string normal_range(const BiometryRow& row, Citations& citations) {
   if (!row.normal().is_limited()) return "\u2013";
-  return fmt::format("{} [{}]", row.normal_text(), reference_number(limits_of(row.key).normal_reference));
+  return fmt::format("{} [{}]", row.normal_text(), citations.number_of(limits_of(row.key).normal_reference));
 }
 
 struct Cells {
@@ -226,7 +226,7 @@ std::string inner_lengths(const CaseData& data) {
 }
 
 Table measured_table(const CaseData& data, const std::vector<BiometryRow>& rows, const std::string& caption,
-                     Told told = Told::measured) {
+                     Citations& citations, Told told = Told::measured) {
   Table table;
   table.caption = caption;
   table.header = {"Quantity"};
@@ -252,7 +252,7 @@ Table measured_table(const CaseData& data, const std::vector<BiometryRow>& rows,
       return found.source.empty() || found.source == source_name("prior");
     });
     if (source.empty() || is_assumed != (told == Told::assumed)) continue;
-    cells.insert(cells.end(), {source, normal_range(row)});
+    cells.insert(cells.end(), {source, normal_range(row, citations)});
     table.rows.push_back(cells);
   }
   return table;
@@ -287,14 +287,16 @@ Section result_section(const CaseData& data) {
   return section;
 }
 
-Section measured_section(const CaseData& data) {
+Section measured_section(const CaseData& data, Citations& citations) {
   Section section{"measured", "What was measured", {}};
-  const Table biometry = measured_table(data, biometry_rows(), "Biometry");
-  const Table keratometry = measured_table(data, keratometry_rows(), "Keratometry and corneal astigmatism");
-  const Table retina = measured_table(data, retina_rows(), "Shape of the back of the eye");
+  const Table biometry = measured_table(data, biometry_rows(), "Biometry", citations);
+  const Table keratometry =
+      measured_table(data, keratometry_rows(), "Keratometry and corneal astigmatism", citations);
+  const Table retina = measured_table(data, retina_rows(), "Shape of the back of the eye", citations);
   std::vector<BiometryRow> all;
   for (const auto* rows : measured_rows()) all.insert(all.end(), rows->begin(), rows->end());
-  Table assumed = measured_table(data, all, "Not measured here: what the population tells", Told::assumed);
+  Table assumed =
+      measured_table(data, all, "Not measured here: what the population tells", citations, Told::assumed);
   assumed.folded = true;
   const std::initializer_list<const Table*> tables{&biometry, &keratometry, &retina, &assumed};
   if (std::all_of(tables.begin(), tables.end(), [](const Table* table) { return table->rows.empty(); }))

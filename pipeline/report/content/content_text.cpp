@@ -1,15 +1,18 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 
+#include "pipeline/base/error.hpp"
+#include "pipeline/base/frames.hpp"
 #include "pipeline/base/version.hpp"
 #include "pipeline/report/case/series.hpp"
 #include "pipeline/report/content/content.hpp"
 #include "pipeline/report/content/content_tables.hpp"
 #include "pipeline/report/content/first_page.hpp"
 #include "pipeline/report/content/judgement.hpp"
-#include "pipeline/report/content/references.hpp"
 #include "pipeline/report/document/numbers.hpp"
+#include "raytrace/scene/chart.hpp"
 
 namespace emmetrope::report {
 namespace {
@@ -106,6 +109,30 @@ std::string traced_pupil(const CaseData& data) {
                   : "the pupil that was traced";
 }
 
+std::string chart_rows(const CaseData& data) {
+  const StageData* traced = data.stage("raytrace");
+  if (traced == nullptr) return {};
+  const Json parameters = traced->provenance.value("parameters", Json::object());
+  if (!parameters.is_object() || !parameters.contains("scene") || !parameters["scene"].is_string()) return {};
+  std::vector<double> logmar;
+  try {
+    logmar = raytrace::logmar_of_rows(raytrace::parse_chart(parameters["scene"].get<std::string>()));
+  } catch (const Error&) {
+    return {};  // a scene of its own
+  }
+  if (logmar.empty()) return {};
+  std::string text = logmar.size() == 1
+                         ? fmt::format(" The letters are of logMAR {}", fixed(logmar.front(), 1))
+                         : fmt::format(" Rows go from logMAR {} at the top down to {}, 0.1 a row",
+                                       fixed(logmar.front(), 1), fixed(logmar.back(), 1));
+  // A pixel ends what the picture shows, whatever the eye; 17 mm from the nodal point an angle is known well enough.
+  const auto field_mm = value_at(parameters, "/field_mm/0"), pixels = value_at(parameters, "/size/0");
+  if (field_mm && pixels && *field_mm > 0 && *pixels > 0)
+    text += fmt::format("; strokes below logMAR {} are finer than a pixel",
+                        fixed(std::log10(*field_mm / *pixels / 17 / degree * 60), 1));
+  return text + ".";
+}
+
 Section review_section() {
   return {"review", "Review", {{SignatureLines{{"Comment", "Reviewed by, date, signature"}}}}};
 }
@@ -146,8 +173,12 @@ Section limits_section(const CaseData& data, const Notes& notes) {
   return section;
 }
 
-Section methods_section(const CaseData& data) {
+Section methods_section(const CaseData& data, Citations& citations) {
   Section section{"methods", "Methods", {}};
+  // One by one: arguments may be evaluated in any order.
+  const int wei = citations.number_of("Wei et al. 2014"), thibos = citations.number_of("Thibos et al. 1997"),
+            ansi = citations.number_of("ANSI Z80.28"),
+            dubbelman = citations.number_of("Dubbelman and van der Heijde 2001, index");
   section.blocks.push_back({Paragraph{
       images_sentence(data) + refraction_sentence(data) +
       fmt::format("The eyes are found in the MR volumes by radial symmetry and paired by the patient's "
@@ -157,15 +188,13 @@ Section methods_section(const CaseData& data) {
                   "backward from the retina through them [{}]. The lens is the one that makes the retinal "
                   "image sharpest; refractions are averaged and compared as power vectors [{}], wavefronts "
                   "follow [{}], the lens index [{}]. This text may be copied into a paper.",
-                  reference_number("Wei et al. 2014"), reference_number("Thibos et al. 1997"),
-                  reference_number("ANSI Z80.28"),
-                  reference_number("Dubbelman and van der Heijde 2001, index"))}});
+                  wei, thibos, ansi, dubbelman)}});
   section.blocks.push_back(
       {Paragraph{
            "Frames: light is described in the eye's frame, x to the examiner's right, y up, z out of "
            "the eye; origin at the corneal apex. Wavefront maps and axes are as the examiner sees them."},
        Paper::never});
-  section.blocks.push_back({BulletList{numbered_references(), true}});
+  section.blocks.push_back({BulletList{citations.list(), true}});
   return section;
 }
 

@@ -96,6 +96,20 @@ std::string assumed_of(const EyeData& eye) {
   return text;
 }
 
+/// "-2.5 D (-3.4 to -1.7), axis 2 deg +- 6 deg"
+std::string cylinder_of(const Json& prescription) {
+  const NumberStyle degrees{0, false, "deg"};
+  const auto cylinder = measured_in(prescription, "cylinder_D");
+  if (!cylinder) return {};
+  const std::string power = fmt::format("{} ({})", format(cylinder->value, coarse_dioptres),
+                                        format_interval(*cylinder, coarse_dioptres));
+  if (!has_axis(prescription.at("cylinder_D"))) return power + ", axis not determined";
+  const auto axis = measured_in(prescription, "axis_deg");
+  return axis ? fmt::format("{}, axis {} {}", power, format(axis->value, degrees),
+                            format_interval(*axis, degrees))
+              : power;
+}
+
 /// Of numbers that are there for both eyes.
 struct Pair {
   double right = 0, left = 0;
@@ -241,6 +255,7 @@ std::vector<std::pair<std::string, std::string>> facts_of(const EyeData& eye, co
   const auto add = [&](const char* name, const std::string& text) {
     if (!text.empty()) facts.emplace_back(name, text);
   };
+  if (judgement.has_prescription) add("Cylinder", cylinder_of(eye.prescription));
   if (const auto length = measured_in(eye.biometry, "optical_axial_length_mm"))
     add("Axial length",
         format(length->value, millimetres) + " (" + format_interval(*length, millimetres) + ")");

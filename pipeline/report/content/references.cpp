@@ -45,33 +45,31 @@ constexpr Reference references[] = {
      "staphyloma. BMC Ophthalmology 2024;24 (doi 10.1186/s12886-024-03321-z)."},
     {"Watson 2013",
      "Watson AB. A formula for the mean human optical modulation transfer function as a function of "
-     "pupil size. Journal of Vision 2013;13(6):18."},
-    {"Mannos and Sakrison 1974",
-     "Mannos JL, Sakrison DJ. The effects of a visual fidelity criterion on the encoding of images. "
-     "IEEE Transactions on Information Theory 1974;20:525-536 (contrast sensitivity that weighs the VSOTF)."},
-    {"Flitcroft et al. 2019",
-     "Flitcroft DI et al. IMI - Defining and classifying myopia. Investigative Ophthalmology and Visual "
-     "Science 2019;60:M20-M30."},
-    {"Blendowske 2015",
-     "Blendowske R. Unaided visual acuity and blur: a simple model. Optometry and Vision Science "
-     "2015;92:e121-e125."}};
+     "pupil size. Journal of Vision 2013;13(6):18."}};
 
-}  // namespace
-
-std::vector<std::string> numbered_references() {
-  std::vector<std::string> list;
-  for (const Reference& reference : references)
-    list.push_back(std::to_string(list.size() + 1) + ". " + reference.text);
-  return list;
-}
-
-int reference_number(const std::string& authors_and_year) {
+const char* reference_text(const std::string& authors_and_year) {
   const auto* found =
       std::find_if(std::begin(references), std::end(references),
                    [&](const Reference& reference) { return reference.cited_as == authors_and_year; });
   if (found == std::end(references))
     throw Error(ExitStatus::fault, "no reference is called " + authors_and_year);
-  return static_cast<int>(found - std::begin(references)) + 1;
+  return found->text;
+}
+
+}  // namespace
+
+int Citations::number_of(const std::string& authors_and_year) {
+  reference_text(authors_and_year);
+  auto found = std::find(cited_.begin(), cited_.end(), authors_and_year);
+  if (found == cited_.end()) found = cited_.insert(cited_.end(), authors_and_year);
+  return static_cast<int>(found - cited_.begin()) + 1;
+}
+
+std::vector<std::string> Citations::list() const {
+  std::vector<std::string> list;
+  for (const std::string& work : cited_)
+    list.push_back(std::to_string(list.size() + 1) + ". " + reference_text(work));
+  return list;
 }
 
 }  // namespace emmetrope::report

@@ -35,6 +35,8 @@ void put_common(DcmItem& dataset, const SourceStudy& source, const ObjectName& n
 /// its own.
 void put_identity(DcmItem& dataset, const SourceStudy& source, const ObjectName& name);
 void put(DcmItem& item, unsigned short group, unsigned short element, const std::string& value);
+/// Scheme of codes that no standard has.
+inline constexpr const char* own_scheme = "99EMMETROPE";
 /// A sequence with one coded entry.
 void put_code(DcmItem& item, unsigned short group, unsigned short element, const char* value,
               const char* scheme, const char* meaning);

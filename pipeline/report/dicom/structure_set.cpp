@@ -1,4 +1,4 @@
-// RT Structure Set (PS3.3 A.19.3): outlines of the lens and of the eye's inner surface on the images they were measured in.
+// RT Structure Set (PS3.3 A.19.3): outlines of the lens and of the eye within its wall on the images they were measured in.
 #include <dcmtk/config/osconfig.h>
 #include <dcmtk/dcmdata/dctk.h>
 #include <fmt/format.h>
@@ -14,25 +14,31 @@ namespace {
 
 /// A body, by the sheets of its surface.
 struct Body {
-  const char* name;         ///< TG-263 without the side
+  const char* name;         ///< without the side; TG-263's where it has one
   const char* description;  ///< what its outline is
   std::vector<const char*> surfaces;
-  const char *code, *meaning;  ///< SNOMED CT
+  const char *code, *scheme, *meaning;
+  const char* interpreted_type;
   const char* colour;
 };
 const std::vector<Body>& bodies() {
   static const std::vector<Body> list{
-      {"Eye",
-       "Inner surface: vitreo-retinal interface and anterior cornea, straight between their rims",
+      // TG-263's Eye is the whole globe, of which no surface says where the wall ends.
+      {"Eye_inner",
+       "Without retina, choroid and sclera: vitreo-retinal interface and anterior cornea, straight between their rims",
        {"retina", "cornea_anterior"},
-       "79652003",
-       "Eyeball",
+       "EYE_INNER",
+       own_scheme,
+       "Eyeball within its wall",
+       "CAVITY",
        "80\\160\\255"},
       {"Lens",
        "Anterior and posterior surface of the lens",
        {"lens_anterior", "lens_posterior"},
        "78076003",
+       "SCT",
        "Lens of eye",
+       "ORGAN",
        "255\\200\\60"}};
   return list;
 }
@@ -124,8 +130,9 @@ void put_region(DcmItem& dataset, const Region& region, const std::string& frame
   put_text(observation, DCM_ObservationNumber, std::to_string(number));
   put_text(observation, DCM_ReferencedROINumber, std::to_string(number));
   put_code(observation, DCM_RTROIIdentificationCodeSequence.getGroup(),
-           DCM_RTROIIdentificationCodeSequence.getElement(), region.body->code, "SCT", region.body->meaning);
-  put_text(observation, DCM_RTROIInterpretedType, "ORGAN");
+           DCM_RTROIIdentificationCodeSequence.getElement(), region.body->code, region.body->scheme,
+           region.body->meaning);
+  put_text(observation, DCM_RTROIInterpretedType, region.body->interpreted_type);
   observation.insertEmptyElement(DCM_ROIInterpreter);
 }
 

@@ -19,7 +19,6 @@
 namespace emmetrope::report {
 namespace {
 
-constexpr const char* own_scheme = "99EMMETROPE";
 constexpr const char* biometry_notice =
     "Research use only. Not a medical device. Uncertainties are the distances of the 95 % limits from the "
     "value. A measurement whose method is a prior is the population's value, not this patient's.";

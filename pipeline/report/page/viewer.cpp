@@ -235,10 +235,10 @@ Json volume_entry(const CaseData& data, const fs::path& file, int step, Face fac
 Json mesh_entries(const CaseData& data) {
   Json meshes = Json::array();
   for (const auto& eye : data.eyes)
-    for (const auto& [surface, colour] : {std::pair{"cornea_anterior", std::array<int, 3>{86, 194, 255}},
-                                          std::pair{"lens_anterior", std::array<int, 3>{255, 176, 0}},
-                                          std::pair{"lens_posterior", std::array<int, 3>{255, 176, 0}},
-                                          std::pair{"retina", std::array<int, 3>{255, 93, 143}}})
+    for (const auto& [surface, colour] : {std::pair{"cornea_anterior", std::array<int, 3>{0, 210, 230}},
+                                          std::pair{"lens_anterior", std::array<int, 3>{255, 140, 0}},
+                                          std::pair{"lens_posterior", std::array<int, 3>{255, 140, 0}},
+                                          std::pair{"retina", std::array<int, 3>{60, 220, 80}}})
       if (fs::exists(eye.mesh(surface)))
         meshes.push_back({{"name", eye.id() + "_" + surface},
                           {"colour", colour},

@@ -87,7 +87,8 @@ int pages_of(const Document& document, const Fit& fit, pdf::TextHeights& heights
 }
 
 /// Figures shrink a little; then what may be left out is, the last first, until the rest fits, and what fits
-/// after all comes back; only then figures shrink more. What must stand may need more pages all the same.
+/// after all comes back; only then figures shrink more, charts as long as they can be read. What must stand may need
+/// more pages all the same.
 Fit fit_within(const Document& document, int most_pages, pdf::TextHeights& heights) {
   Fit fit;
   const auto fits_at = [&](double scale) {

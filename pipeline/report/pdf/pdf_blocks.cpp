@@ -128,11 +128,16 @@ struct FigureLine {
   double width_of_one = 0;
 };
 
+/// Lettering of 11 pixels in a chart 400 wide is 5.6 pt high then.
+constexpr double least_chart_scale = 0.8;
+
 FigureLine figure_line(const Pages& pages, const FigureRow& row) {
-  const std::size_t count = row.figures.front().width_px >= 400 ? 2 : 4;  // charts have small lettering
+  const bool is_chart = row.figures.front().width_px >= 400;  // has small lettering
+  const std::size_t count = is_chart ? 2 : 4;
   const double share =
       (text_width - figure_gap * static_cast<double>(count - 1)) / static_cast<double>(count);
-  return {count, share * pages.figure_scale()};
+  return {count,
+          share * (is_chart ? std::max(pages.figure_scale(), least_chart_scale) : pages.figure_scale())};
 }
 
 void draw_figures(Pages& pages, const FigureRow& row) {

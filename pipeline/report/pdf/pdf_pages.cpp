@@ -4,6 +4,8 @@
 #include <librsvg/rsvg.h>
 #include <pango/pangocairo.h>
 
+#include <algorithm>
+
 #include "pipeline/base/clean_text.hpp"
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/version.hpp"
@@ -18,6 +20,22 @@ struct FreeByGObject {
 using Layout = std::unique_ptr<PangoLayout, FreeByGObject>;
 using Svg = std::unique_ptr<RsvgHandle, FreeByGObject>;
 
+/// An option of a command is one word, which Pango would break behind its dashes: "--keratometry".
+void keep_options_whole(PangoLayout* layout, const std::string& text) {
+  PangoAttrList* attributes = pango_attr_list_new();
+  for (std::size_t start = text.find("--"); start != std::string::npos;) {
+    const std::size_t end =
+        std::min(text.find_first_not_of("-abcdefghijklmnopqrstuvwxyz", start), text.size());
+    PangoAttribute* whole = pango_attr_allow_breaks_new(FALSE);
+    whole->start_index = static_cast<guint>(start);
+    whole->end_index = static_cast<guint>(end);
+    pango_attr_list_insert(attributes, whole);
+    start = text.find("--", end);
+  }
+  pango_layout_set_attributes(layout, attributes);
+  pango_attr_list_unref(attributes);
+}
+
 Layout layout_of(cairo_t* context, const std::string& text, double width, const Face& face) {
   Layout layout(pango_cairo_create_layout(context));
   PangoFontDescription* font = pango_font_description_from_string("DejaVu Sans");
@@ -29,6 +47,7 @@ Layout layout_of(cairo_t* context, const std::string& text, double width, const 
   pango_layout_set_wrap(layout.get(), PANGO_WRAP_WORD_CHAR);
   const std::string clean = clean_utf8(text);
   pango_layout_set_text(layout.get(), clean.c_str(), static_cast<int>(clean.size()));
+  keep_options_whole(layout.get(), clean);
   return layout;
 }
 

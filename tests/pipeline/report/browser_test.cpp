@@ -59,6 +59,12 @@ TEST(Browser, ShowsMovesAndPrintsThePageWithoutNetwork) {
   for (const char* window : {"desktop", "narrow"})
     EXPECT_THAT(findings.at("layout").at(window), IsEmpty()) << window;
 
+  // Slices and letters, two of each eye: never three in a line and one of the left eye below.
+  for (const auto& [width, rows] : findings.at("panels_a_line").items()) {
+    EXPECT_GE(rows.size(), 2U) << width;
+    for (const Json& panels : rows) EXPECT_TRUE(panels == 2 || panels == 4) << width << " " << panels;
+  }
+
   // WebGL prints as a black box. The viewer is as wide as the page, the widest picture on paper less than
   // half of it.
   EXPECT_FALSE(findings.at("canvas_printed"));

@@ -113,6 +113,38 @@ TEST_F(PeripheralMap, NamesTheSidesOfTheField) {
   EXPECT_THAT(figure("os"), HasSubstr("temporal +0.62 D, nasal +0.10 D"));
 }
 
+// In the table too, where a sign would be the patient's left.
+TEST_F(PeripheralMap, TheTableNamesTheSidesOfTheField) {
+  test::make_fixture_case(folder_);
+  report();
+  const std::string html = output("report.html");
+  for (const auto& [eye, name, of_the_left, of_the_right] :
+       {std::tuple{"od", "OD (right)", "nasal", "temporal"},
+        std::tuple{"os", "OS (left)", "temporal", "nasal"}}) {
+    const std::size_t start =
+        html.find(std::string("<caption>Refraction of least spot away from the axis, ") + name);
+    ASSERT_NE(start, std::string::npos);
+    const std::string table = html.substr(start, html.find("</table>", start) - start);
+    const auto row_of = [&](const std::string& direction) {
+      const std::size_t at = table.find(">" + direction + "<");
+      return at == std::string::npos ? "" : table.substr(at, table.find("</tr>", at) - at);
+    };
+    for (const Json& point : field_of(eye)) {
+      const double leftwards_deg = point.at("horizontal_deg"), up_deg = point.at("vertical_deg");
+      std::string direction;
+      if (leftwards_deg != 0)
+        direction =
+            fixed(std::abs(leftwards_deg), 1) + "\u00b0 " + (leftwards_deg > 0 ? of_the_left : of_the_right);
+      if (up_deg != 0)
+        direction += (direction.empty() ? "" : ", ") + fixed(std::abs(up_deg), 1) + "\u00b0 " +
+                     (up_deg > 0 ? "superior" : "inferior");
+      EXPECT_THAT(row_of(direction.empty() ? "on the axis" : direction),
+                  HasSubstr(">" + signed_fixed(point.at("M_D").get<double>(), 2) + " D<"))
+          << eye << " " << direction;
+    }
+  }
+}
+
 // The line's length is the cylinder, on one scale with the key; its direction is the minus cylinder's axis,
 // counted by the examiner from his right, which is the left of the map.
 TEST_F(PeripheralMap, LinesAreTheMinusCylinders) {

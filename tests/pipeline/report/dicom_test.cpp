@@ -18,6 +18,7 @@
 namespace emmetrope::report {
 namespace {
 
+using ::testing::AllOf;
 using ::testing::HasSubstr;
 using ::testing::Not;
 
@@ -139,14 +140,19 @@ TEST_F(DicomTest, StructureSetOutlinesTheEyesOnTheirImages) {
     regions.getItem(i).getROIName(name);
     names.emplace_back(name.c_str());
   }
-  EXPECT_THAT(names, ::testing::ElementsAre("Eye_R", "Lens_R", "Eye_L", "Lens_L"));
+  EXPECT_THAT(names, ::testing::ElementsAre("Eye_inner_R", "Lens_R", "Eye_inner_L", "Lens_L"));
 
-  // Every point lies in a plane of the images, and but for the straight parts on one of the meshes: on Eye_R the retina.
+  // Every point lies in a plane of the images, and but for the straight parts on one of the meshes: on Eye_inner_R the retina.
   const TriangleMesh retina = read_mesh(folder_ / "meshing" / "od" / "retina.ply").mesh;
   const TriangleMesh cornea = read_mesh(folder_ / "meshing" / "od" / "cornea_anterior.ply").mesh;
   ASSERT_EQ(structures.getROIContourSequence().getNumberOfItems(), names.size());
   const auto outlines = outlines_of(structures, 0);
   EXPECT_GT(outlines.size(), 5U);
+  // Without the wall it is no eyeball, and no organ whose dose a planner would ask for.
+  const std::string dumped = dump("structures.dcm");
+  EXPECT_THAT(dumped, AllOf(HasSubstr("[EYE_INNER]"), HasSubstr("[CAVITY]"),
+                            HasSubstr("Without retina, choroid and sclera")));
+  EXPECT_THAT(dumped, Not(HasSubstr("79652003")));
   for (const auto& outline : outlines) {
     ASSERT_GE(outline.size(), 3U);
     for (const Eigen::Vector3d& point : outline) {

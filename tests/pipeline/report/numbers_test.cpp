@@ -1,4 +1,5 @@
 #include <regex>
+#include <set>
 #include <sstream>
 
 #include "pipeline/base/notation.hpp"
@@ -247,7 +248,10 @@ void make_distinct(Json& json, const std::string& pointer, int& count, std::vect
     // A minus cylinder, and one that is written: below 0.125 D there is none.
     const bool is_cylinder = pointer.substr(pointer.rfind('/') + 1) == "cylinder_D";
     json = is_cylinder ? -0.2 - std::abs(json.get<double>()) - step() : json.get<double>() + step();
-    leaves.push_back({pointer, json});
+    // The sign of a direction in the visual field is told by a word.
+    const bool is_direction =
+        pointer.find("/peripheral/") != std::string::npos && pointer.find("_deg") != std::string::npos;
+    leaves.push_back({pointer, is_direction ? std::abs(json.get<double>()) : json.get<double>()});
   }
 }
 
@@ -316,6 +320,28 @@ TEST_F(NumbersTest, FollowTheJsonAndNotAStoredText) {
   EXPECT_THAT(dump("prescription.dcm"), HasSubstr("[-7.5000]"));
   EXPECT_THAT(output("prescription.fhir.json"), HasSubstr("\"sphere\": -7.5"));
   EXPECT_THAT(output("prescription.fhir.json"), HasSubstr("Spherical equivalent +-"));
+}
+
+/// In the PDF too; without an axis where the cylinder may be none, and not at all where there is no prescription.
+TEST_F(NumbersTest, TheFirstPageHasCylinderAndAxisWithTheirIntervals) {
+  test::make_fixture_case(folder_);
+  const fs::path file = folder_ / "correction/od/prescription.json";
+  Json prescription = read_json(file);
+  prescription["cylinder_D"] = Measured{-2.53, {-3.39, -1.67}, "mri"};
+  prescription["axis_deg"] = Measured{1.8, {-4.5, 8.2}, "mri"};
+  write_json(file, prescription);
+  report();
+  const std::string right = "-2.5 D (-3.4 to -1.7), axis 2\u00b0 \u00b1 6\u00b0";
+  for (const std::string& text : {visible_text(output("report.html")), pdf_text()}) {
+    EXPECT_THAT(text, HasSubstr(right));
+    EXPECT_THAT(text, HasSubstr("-0.4 D (-1.0 to +0.2), axis not"));  // of the left eye
+  }
+  prescription["withheld"] = "The interval does not support a prescription.";
+  prescription["M_D"]["ci95"] = {-2.87 - 3.2, -2.87 + 3.2};
+  write_json(file, prescription);
+  report();
+  for (const std::string& text : {visible_text(output("report.html")), pdf_text()})
+    EXPECT_THAT(text, testing::Not(HasSubstr(right)));
 }
 
 /// How the refraction was made is where it is told.
@@ -430,6 +456,36 @@ TEST_F(NumbersTest, ACitationNamesTheWorkThatIsMeant) {
   expect_cited("healthy corrected eyes", "Watson AB.");
 }
 
+/// Numbers in brackets on the page, and those of the list of references.
+std::pair<std::set<int>, std::set<int>> cited_and_listed(const std::string& page) {
+  const auto numbers_of = [&](const std::string& text, const std::string& pattern) {
+    std::set<int> numbers;
+    const std::regex number(pattern);
+    for (auto found = std::sregex_iterator(text.begin(), text.end(), number); found != std::sregex_iterator();
+         ++found)
+      numbers.insert(std::stoi((*found)[1]));
+    return numbers;
+  };
+  const std::size_t list = page.find("<ul class=\"small\">");
+  return {numbers_of(visible_text(page), R"re(\[(\d+)\])re"),
+          numbers_of(page.substr(list, page.find("</ul>", list) - list), R"re(<li>(\d+)\. )re")};
+}
+
+/// Of a report with numbers and of one without.
+TEST_F(NumbersTest, TheListHoldsWhatIsCitedAndNothingElse) {
+  for (const bool is_refused : {false, true}) {
+    fs::remove_all(folder_);
+    test::FixtureOptions options;
+    options.refused = is_refused;
+    test::make_fixture_case(folder_, options);
+    report();
+    const auto [cited, listed] = cited_and_listed(output("report.html"));
+    EXPECT_GE(cited.size(), 4U);
+    EXPECT_EQ(cited, listed);
+    EXPECT_EQ(*listed.rbegin(), static_cast<int>(listed.size()));  // from 1, without gaps
+  }
+}
+
 /// A table says by which criterion its refractions are, where it is not this report's.
 TEST_F(NumbersTest, RefractionsOfTheLeastSpotAreCalledThat) {
   test::make_fixture_case(folder_);
@@ -450,6 +506,21 @@ TEST_F(NumbersTest, AnImplantsPowerHasItsOwnInterval) {
   EXPECT_THAT(rows, have_row({"SRK/T", "+18.03 D", interval, "+18.03 D", interval}));
   EXPECT_THAT(rows, have_row({"A constant", "118.4", "", "118.4", ""}));
   EXPECT_THAT(visible_text(output("report.html")), HasSubstr("but for the intraocular lens"));
+}
+
+TEST_F(NumbersTest, WhatIsNoPlanForSurgerySaysSoBeforeItsNumbers) {
+  test::make_fixture_case(folder_);
+  report();
+  const std::string html = output("report.html");
+  const std::size_t section = html.find("<section id=\"lenses\"");
+  ASSERT_NE(section, std::string::npos);
+  const std::size_t caveat = html.find("Nothing here is a plan for surgery", section);
+  EXPECT_LT(caveat, html.find("<table", section));
+  EXPECT_LT(html.find("Where the result above is an estimate, nothing here is to be ordered.", section),
+            html.find("<table", section));
+  // In the PDF tables stand alone.
+  for (const char* table : {"Intraocular lens for a target refraction", "Laser ablation for this refraction"})
+    EXPECT_THAT(html, HasSubstr(std::string("<caption>") + table + ", for information, no plan for surgery"));
 }
 
 /// What dsrdump prints of one NUM item.

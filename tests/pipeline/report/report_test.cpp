@@ -69,6 +69,50 @@ TEST_F(ReportTest, APageThatIsNeededBeyondFourIsFilled) {
   EXPECT_THAT(text, AllOf(HasSubstr("there is room for this"), Not(HasSubstr("For want of room"))));
 }
 
+/// 11 of 400 pixels: at least 5.5 pt from the tops to the feet of its letters, at the price of a page.
+TEST_F(ReportTest, ChartsInThePdfDoNotShrinkBelowWhatCanBeRead) {
+  Figure chart;
+  chart.width_px = 400;
+  chart.height_px = 300;
+  chart.svg =
+      "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 400 300\"><text x=\"20\" y=\"20\" "
+      "font-family=\"DejaVu Sans\" font-size=\"11\">lettering</text></svg>";
+  Document document;
+  document.sections.push_back({"charts", "Charts", {}});
+  for (int i = 0; i < 20; ++i) document.sections.front().blocks.push_back({FigureRow{{chart, chart}, ""}});
+  const Pdf pdf = render_pdf(document);
+  EXPECT_EQ(pdf.pages, 5);
+  fs::create_directories(folder_);
+  write_file(folder_ / "charts.pdf", pdf.bytes);
+  const std::string words =
+      output_of("/usr/bin/pdftotext", {"-bbox", (folder_ / "charts.pdf").string(), "-"});
+  const std::regex lettering("yMin=\"([0-9.]+)\" xMax=\"[0-9.]+\" yMax=\"([0-9.]+)\">lettering<");
+  int found = 0;
+  for (auto word = std::sregex_iterator(words.begin(), words.end(), lettering);
+       word != std::sregex_iterator(); ++word, ++found)
+    EXPECT_GT(std::stod((*word)[2]) - std::stod((*word)[1]), 5.5);
+  EXPECT_EQ(found, 40);
+}
+
+/// Wherever the end of the line comes.
+TEST_F(ReportTest, ThePdfBreaksNoOption) {
+  Document document;
+  document.sections.push_back({"options", "Options", {}});
+  std::string before;
+  for (int i = 0; i < 24; ++i) {
+    before += "wide ";
+    document.sections.front().blocks.push_back({Paragraph{before + "(--keratometry)."}});
+  }
+  fs::create_directories(folder_);
+  write_file(folder_ / "options.pdf", render_pdf(document).bytes);
+  const std::string text = output_of("/usr/bin/pdftotext", {(folder_ / "options.pdf").string(), "-"});
+  std::size_t whole = 0;
+  for (std::size_t at = text.find("(--keratometry)."); at != std::string::npos;
+       at = text.find("(--keratometry).", at + 1))
+    ++whole;
+  EXPECT_EQ(whole, 24U) << text;
+}
+
 /// A card's list in the page, unfolded part first.
 std::string list_after(const std::string& html, const std::string& mark) {
   const std::size_t start = html.find(mark);
@@ -209,6 +253,46 @@ TEST_F(ReportTest, FilesThatNoStageWroteAreNotShown) {
   for (const fs::path& file : data.overlays) EXPECT_NE(file.filename().string().front(), '.');
   for (const EyeData& eye : data.eyes)
     for (const fs::path& file : eye.overlays) EXPECT_NE(file.filename().string().front(), '.');
+}
+
+/// 6 mm of retina over 500 pixels are 2.4 minutes of arc each.
+TEST_F(ReportTest, TheRowsOfTheFirstPagesChartHaveTheirAcuities) {
+  test::make_fixture_case(folder_);
+  const fs::path file = folder_ / "raytrace" / "stage.json";
+  Json stage = read_json(file);
+  stage["parameters"] = {{"scene", "letters"}, {"field_mm", {6.0, 6.0}}, {"size", {500, 500}}};
+  write_json(file, stage);
+  report();
+  EXPECT_THAT(
+      visible_text(output("report.html")),
+      HasSubstr(
+          "Rows go from logMAR 1.4 at the top down to 0.0, 0.1 a row; strokes below logMAR 0.4 are finer than a pixel."));
+  stage["parameters"]["scene"] = "a scene of its own.json";
+  write_json(file, stage);
+  report();
+  EXPECT_THAT(visible_text(output("report.html")), Not(HasSubstr("logMAR 1.4")));
+}
+
+/// Every colour that an overlay may have (segmentation/output/overlay.hpp), and the slices' are among them.
+TEST_F(ReportTest, TheColoursOfAnOverlayAreNamedBelowIt) {
+  test::make_fixture_case(folder_);
+  const fs::path eye = folder_ / "segmentation" / "od";
+  for (const char* name : {"overlay_stack1.png", "residual_stack1.png", "overlay_stack2.png"})
+    cv::imwrite((eye / name).string(), cv::Mat(288, 288, CV_8UC3, cv::Scalar(90, 90, 90)));
+  report();
+  const std::string html = output("report.html");
+  int captions = 0;
+  for (std::size_t at = html.find("<figure id=\"overlay-od-"); at != std::string::npos;
+       at = html.find("<figure id=\"overlay-od-", at + 1)) {
+    const std::string figure = html.substr(at, html.find("</figure>", at) - at);
+    if (figure.find("residuals of the fit") != std::string::npos) continue;
+    ++captions;
+    EXPECT_THAT(figure,
+                HasSubstr("cornea cyan, iris violet, lens orange, inner wall green, outer wall yellow; red"));
+    EXPECT_THAT(figure, AllOf(HasSubstr("withheld is grey"), HasSubstr("blue is the globe by edges")));
+  }
+  EXPECT_EQ(captions, 2);
+  EXPECT_THAT(visible_text(html), HasSubstr("cornea cyan, lens orange, inner retina green"));
 }
 
 TEST_F(ReportTest, TheFirstPageNamesTheLensIndexAndTheAge) {

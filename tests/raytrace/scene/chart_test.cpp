@@ -44,6 +44,17 @@ TEST(Optotypes, HaveTheirDefinedAreas) {
   }
 }
 
+// The chart is 2 tan(10.5 deg) / tan(1') = 1274.3 minutes wide; the largest row takes 9.8 letters of that, 26.0 minutes a
+// stroke; the smallest letters are above 5 minutes high.
+TEST(Charts, TellTheAcuityOfTheirRows) {
+  const auto logmar = logmar_of_rows(parse_chart("letters"));
+  ASSERT_EQ(logmar.size(), 15U);
+  EXPECT_NEAR(logmar.front(), std::log10(1274.3 / 9.8 / 5), 1e-4);
+  for (std::size_t row = 1; row < logmar.size(); ++row) EXPECT_NEAR(logmar[row - 1] - logmar[row], 0.1, 1e-9);
+  EXPECT_EQ(logmar_of_rows(parse_chart("landolt:logmar=0.3")), std::vector<double>{0.3});
+  EXPECT_TRUE(logmar_of_rows(parse_chart("dial")).empty());
+}
+
 TEST(Charts, AreDrawnAtTheirAngle) {
   // A point of logMAR 1: a disc of 10 minutes of arc.
   const Scene scene = draw_chart(parse_chart("point:logmar=1,distance_mm=2000,extent_deg=1"));

@@ -98,7 +98,7 @@ class QualityGates : public testing::Test {
     const fs::path eye = folder_ / "case" / "segmentation" / "od";
     const Json edges = read_json(eye / "fit.json").at("edges");
     const fs::path picture = eye / "overlay_stack1.png";
-    EXPECT_GT(test::pixels_of(picture, {80, 220, 60}), 500) << "the globe";
+    EXPECT_GT(test::pixels_of(picture, {255, 120, 40}), 500) << "the globe";
     EXPECT_GT(test::pixels_of(picture, {150, 150, 150}), 100) << "what is withheld";
     EXPECT_EQ(test::pixels_of(picture, {230, 80, 200}), 0) << "an iris as of a fit that stands";
     for (const auto& [name, truth_mm] : {std::pair{"globe_width_mm", 2 * head_.od.globe_semi_x_mm},

@@ -68,7 +68,7 @@ Outline outline_of(const std::filesystem::path& file, const cv::Vec3b& colour) {
   return outline;
 }
 
-const cv::Vec3b green(80, 220, 60), orange(0, 140, 255);
+const cv::Vec3b blue(255, 120, 40), orange(0, 140, 255), green_of_a_fit(80, 220, 60);
 
 class EdgeOverlay : public testing::Test {
  protected:
@@ -83,18 +83,23 @@ class EdgeOverlay : public testing::Test {
 };
 
 TEST_F(EdgeOverlay, DrawsTheGlobeWhereItWasRead) {
-  const Outline outline = outline_of(of({sphere_of(11), {0, 0, 0}, false}), green);
+  const Outline outline = outline_of(of({sphere_of(11), {0, 0, 0}, false}), blue);
   // Slices lie at whole millimetres: the one shown 1.6 mm below the middle is at -2.
   EXPECT_NEAR(outline.radius_mm, std::sqrt(11.0 * 11 - 2 * 2), pixel_mm);
   EXPECT_LT(outline.largest_error_mm, 1.5 * pixel_mm);
   EXPECT_GT(outline.pixels, 400);
 }
 
+/// Nobody takes it for the inner wall of a fit.
+TEST_F(EdgeOverlay, HasALookOfItsOwn) {
+  EXPECT_EQ(test::pixels_of(of({sphere_of(11), {0, 0, 0}, true}), green_of_a_fit), 0);
+}
+
 /// The picture is about the globe where the head has it, and of slices there.
 TEST_F(EdgeOverlay, MovesWithTheHead) {
   const Vector3d shift(3, -2, 4);
   const std::filesystem::path file = of({sphere_of(11), shift, false});
-  const Outline outline = outline_of(file, green);
+  const Outline outline = outline_of(file, blue);
   EXPECT_NEAR(outline.radius_mm, std::sqrt(11.0 * 11 - 2 * 2), pixel_mm);
   EXPECT_LT(outline.largest_error_mm, 1.5 * pixel_mm);
   // The bar lies at the shifted globe's centre, 1.5 mm behind the middle of a picture whose slice shows it.

@@ -118,6 +118,14 @@ async function violations(page) {
   findings.contours_hide = shown && !(await contours());
   await page.locator(".contours input").check();
   findings.layout.desktop = await page.evaluate(sticking_out);
+  findings.panels_a_line = {};
+  for (const width of [700, 1000, 1200, 1600]) {
+    await page.setViewportSize({ width, height: 900 });
+    findings.panels_a_line[width] = await page.evaluate(() => [...document.querySelectorAll(".figures")]
+      .filter((row) => row.children.length === 4 && row.checkVisibility())
+      .map((row) => getComputedStyle(row).gridTemplateColumns.split(" ").length));
+  }
+  await page.setViewportSize({ width: 1280, height: 900 });
   findings.light = await page.evaluate(luminance);
   await page.evaluate(() => scrollTo(0, 0));
   await photograph(page, "desktop");
