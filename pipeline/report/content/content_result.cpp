@@ -110,8 +110,8 @@ EyeCard card_of(const CaseData& data, const EyeData& eye) {
   card.picture_caption =
       "The same chart on the retina of this eye, through " + traced_pupil(data) +
       ", upright as the patient perceives it: before, with no lens" + before_is_of +
-      "; after, with the best lens as if that were exact. Look at the smallest row that can be read, and at the direction of the "
-      "blur." +
+      "; after, with the best lens as if that were exact. Look at the smallest row that can be read, and at the "
+      "direction of the blur." +
       chart_rows(data);
   return card;
 }
