@@ -1,5 +1,7 @@
 #include <fmt/format.h>
 
+#include <algorithm>
+
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/frames.hpp"
 #include "pipeline/eye/population/limits.hpp"
@@ -336,6 +338,13 @@ Section optics_section(const CaseData& traced, Notes& notes, Citations& citation
         citations.number_of("Watson 2013"));
   section.blocks.push_back(
       {eye_table("Wavefront of " + traced_pupil(data), eyes, &EyeData::wavefront, wavefront_rows())});
+  const bool has_one_index = std::any_of(eyes.begin(), eyes.end(), [](const EyeData* eye) {
+    return value_of(eye->traced, "lens_index").has_value();
+  });
+  if (has_one_index)
+    section.blocks.push_back({Paragraph{
+        "Higher orders follow mostly from the lens, which is taken to have one refractive index and whose asphericity "
+        "images hardly show: a living lens, whose index rises towards its core, has less spherical aberration."}});
   for (const auto* eye : eyes)
     if (const std::string sentence = seen_eye(*eye); !sentence.empty() && judge(data, *eye).has_refraction)
       section.blocks.push_back({Paragraph{sentence}});

@@ -39,7 +39,8 @@ constexpr Reference references[] = {
     {"Dodgson 2004",
      "Dodgson NA. Variation and extrema of human interpupillary distance. Proc. SPIE 2004;5291:36-46."},
     {"Handan Eye Study",
-     "Corneal Q value of 1,683 adults in the Handan Eye Study (PMC5436654): -0.28 -+ 0.18 over 5 mm."},
+     "Corneal Q value of 1,683 adults in the Handan Eye Study (PMC5436654): mean -0.28, standard deviation 0.18, over "
+     "5 mm."},
     {"BMC Ophthalmology 2024;24",
      "Radius of the steepest curvature of the retinal pigment epithelium in 268 eyes with and without posterior "
      "staphyloma. BMC Ophthalmology 2024;24 (doi 10.1186/s12886-024-03321-z)."},

@@ -305,6 +305,8 @@ TEST_F(ReportTest, TheFirstPageNamesTheLensIndexAndTheAge) {
   report();
   EXPECT_THAT(visible_text(output("report.html")), HasSubstr("lens index 1.423, usual at the age of 47"));
   EXPECT_THAT(pdf_text(), HasSubstr("lens index 1.423, usual at the"));
+  EXPECT_THAT(visible_text(output("report.html")),
+              HasSubstr("a living lens, whose index rises towards its core"));
 }
 
 TEST_F(ReportTest, SameCaseGivesSameBytes) {
