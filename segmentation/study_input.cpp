@@ -129,8 +129,10 @@ const SeriesInfo* acquired_source_of(const SeriesInfo& info, const StudyInventor
   if ((!is_water && !info.computed) || info.frame_of_reference_uid.empty()) return nullptr;
   const auto source =
       std::find_if(inventory.series.begin(), inventory.series.end(), [&](const SeriesInfo& other) {
-        const bool is_whole = other.dixon_part == DixonPart::in_phase ||
-                              (other.dixon_part == DixonPart::all && !other.computed);
+        // What was computed is never the source of what was acquired, or each would be left out for the other.
+        const bool is_whole =
+            (other.dixon_part == DixonPart::in_phase && (info.computed || !other.computed)) ||
+            (other.dixon_part == DixonPart::all && !other.computed);
         const bool is_acquired = !other.computed && why_unfit(other.dixon_part).empty();
         const bool is_source = (is_water && is_whole) || (info.computed && is_acquired);
         return other.usable && is_source && !other.is_nifti() && other.study_uid == info.study_uid &&

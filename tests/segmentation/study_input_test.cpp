@@ -107,6 +107,13 @@ TEST_F(DixonSeries, OfWaterThatWasReformattedIsNotUsedBesideTheAcquiredOne) {
   EXPECT_EQ(used(), "stack1 ");
 }
 
+TEST_F(DixonSeries, OfWaterThatWasAcquiredIsUsedBesideAComputedInPhaseOne) {
+  add(DixonPart::water);
+  add(DixonPart::in_phase);
+  study_.series.back().computed = true;
+  EXPECT_EQ(used(), "stack1 ");
+}
+
 TEST_F(DixonSeries, OfFatAloneIsUsedOnDemandOnly) {
   add(DixonPart::fat);
   try {
