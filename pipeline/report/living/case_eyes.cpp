@@ -44,13 +44,20 @@ std::vector<NamedLens> lenses_of(const Json& prescription, bool has_prescription
   return lenses;
 }
 
+/// As the eye was traced: of the study, else what trace was told.
+double age_years_of(const CaseData& data) {
+  const StageData* traced = data.stage("raytrace");
+  const auto told = traced == nullptr ? std::nullopt : value_at(traced->provenance, "/parameters/age_years");
+  return subject_age_years(data.folder).value_or(told.value_or(usual_age_years));
+}
+
 LivingSubject subject_of(const CaseData& data, const EyeData& eye, const raytrace::EyeMapSettings& settings) {
   LivingSubject subject;
   subject.id = eye.id();
   subject.name = eye.laterality == Laterality::od ? "OD (right)" : "OS (left)";
   subject.eye = read_eye(data.folder / "raytrace" / eye.id() / "eye.json");
   const fs::path optics_file = data.folder / "meshing" / eye.id() / "optics.json";
-  const double age_years = subject_age_years(data.folder).value_or(usual_age_years);
+  const double age_years = age_years_of(data);
   std::optional<UncertainOptics> optics;
   if (fs::exists(optics_file))
     optics = read_uncertain_optics(optics_file, lens_index_at_age(age_years).sigma, subject.eye);
