@@ -10,7 +10,7 @@ namespace {
 
 using Eigen::Vector3d;
 
-/// A globe of these half axes about the origin of LPS, looking ahead.
+/// A globe of these half axes about the origin of LPS, looking ahead, certain of all of it.
 EyeFit globe_of(const Vector3d& half_axes_mm) {
   const ParameterLayout layout;
   Eigen::VectorXd parameters = population_mean(layout);
@@ -18,6 +18,8 @@ EyeFit globe_of(const Vector3d& half_axes_mm) {
   parameters[apex_y] = -(parameters[axial_length] - parameters[globe_z]);
   EyeFit fit{layout, Weighting::t1, {}, ForwardModel(layout, {}, Vector3d::Zero())};
   fit.parameters = parameters;
+  for (int i = 0; i < layout.size(); ++i) fit.active.push_back(i);
+  fit.covariance = Eigen::MatrixXd::Zero(layout.size(), layout.size());
   return fit;
 }
 
