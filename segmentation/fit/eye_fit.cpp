@@ -20,6 +20,7 @@
 #include "segmentation/fit/globe_starts.hpp"
 #include "segmentation/fit/residual_judgement.hpp"
 #include "segmentation/fit/slice_displacement.hpp"
+#include "segmentation/fit/wall_layers.hpp"
 
 namespace emmetrope::segmentation {
 namespace {
@@ -223,22 +224,6 @@ double finest_pixel_mm(const std::vector<ObservedStack>& stacks) {
   return finest;
 }
 
-bool shows_layers_in_t2(const EyeFit& fit) {
-  constexpr double pixel_within_layer_mm = 0.5;
-  return finest_pixel_mm(fit.stacks) < pixel_within_layer_mm;
-}
-
-/// In T1, where voxels of 1 mm hardly tell a wall's bright inner layer, globes are too small by 0.3 mm (rms of length,
-/// width and height of 58 eyes: 0.30, 0.35, 0.42) in phantoms of a world that the model does not know, nearly alike along
-/// all axes (docs/evidence/worlds.md); phantoms of the model's own have them right. Where fat is dark the inner layer is a
-/// bright shell by itself, and they err by 0.4 mm (rms). In T2, where no pixel lies within a layer, how thick the inner
-/// one is trades against where it begins: 0.1 mm (rms of 156 eyes, pixels of 0.6 mm).
-double error_of_layers_mm(const EyeFit& fit) {
-  if (fat_is_dark(fit.stacks)) return 0.4;
-  if (fit.weighting == Weighting::t1) return 0.3;
-  return shows_layers_in_t2(fit) ? 0 : 0.08;
-}
-
 /// What a person's eyes err by alike in images of one contrast: the wall's layers, which move length and diameters together.
 Eigen::MatrixXd error_of_layers(const EyeFit& fit) {
   const VectorXd together = globe_sigmas(fit, error_of_layers_mm(fit)), apart = unlike_along_axes * together;
@@ -262,8 +247,11 @@ Eigen::MatrixXd error_of_nucleus(const EyeFit& fit) {
 Eigen::MatrixXd model_error(const EyeFit& fit) {
   constexpr double of_unexplained_mm = 0.3, round_rim_mm = 0.24;
   VectorXd sigmas = globe_sigmas(fit, of_unexplained_mm * (1 - 1 / std::max(1.0, fit.chi2_per_voxel)));
-  for (Eigen::Index i = 0; i < sigmas.size(); ++i)
-    if (fit.active[static_cast<std::size_t>(i)] == lens_equator_radius) sigmas[i] = round_rim_mm;
+  for (Eigen::Index i = 0; i < sigmas.size(); ++i) {
+    const int parameter = fit.active[static_cast<std::size_t>(i)];
+    if (parameter == lens_equator_radius) sigmas[i] = round_rim_mm;
+    if (parameter == anterior_chamber_depth) sigmas[i] = error_of_chamber_mm(fit);
+  }
   return sigmas.cwiseAbs2().asDiagonal();
 }
 
@@ -442,10 +430,7 @@ EyeFit fit_eye(const std::vector<const Stack*>& stacks, const EyeStart& start, W
 }
 
 std::string alike_images(const EyeFit& fit) {
-  const char* more = fat_is_dark(fit.stacks)                                     ? ", dark fat"
-                     : fit.weighting == Weighting::t2 && shows_layers_in_t2(fit) ? ", fine pixels"
-                                                                                 : "";
-  return std::string(to_string(fit.weighting)) + more;
+  return std::string(to_string(fit.weighting)) + images_of_layers(fit);
 }
 
 ParametricEye to_parametric_eye(const EyeFit& fit, Laterality laterality) {

@@ -108,7 +108,8 @@ EyeFit fit_eye(const std::vector<const Stack*>& stacks, const EyeStart& start, W
                const std::function<void()>& advance = {}, Evidence evidence = Evidence::intensities);
 inline constexpr int fit_steps = 4;
 
-/// Images that err alike (EyeFit::shared_covariance): "T1", "T1, dark fat", "T2" or "T2, fine pixels".
+/// Images that err alike (EyeFit::shared_covariance): "T1", "T1, dark fat", "T2", "T2, fine pixels"
+/// or "T2, soft edges".
 std::string alike_images(const EyeFit& fit);
 
 /// The eye for the next stages: named parameters, covariance, priors and sources (Origin::of_images).

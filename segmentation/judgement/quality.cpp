@@ -14,6 +14,7 @@
 #include "segmentation/finding/blanked_region.hpp"
 #include "segmentation/finding/lens_axis.hpp"
 #include "segmentation/finding/sampling.hpp"
+#include "segmentation/fit/wall_layers.hpp"
 #include "segmentation/judgement/edge_agreement.hpp"
 
 namespace emmetrope::segmentation {
@@ -262,6 +263,15 @@ void judge_cornea_and_length(const EyeFit& fit, Gates& gates) {
         "label_pixel_mm", pixel_mm,
         fmt::format("labels in pixels of {:.2f} mm do not tell a cornea's curvature: it is thinner",
                     pixel_mm),
+        Withholds::cornea);
+  }
+  if (!t1) {
+    const double soft_as_mm = resolved_mm(fit);
+    gates.refuse_above(
+        "resolved_t2_mm", soft_as_mm,
+        fmt::format("edges as soft as those of pixels of {:.1f} mm (filtered by the scanner?) do not tell a "
+                    "cornea's curvature: it is thinner",
+                    soft_as_mm),
         Withholds::cornea);
   }
   const double power_sigma_D = keratometric_D_mm * fit.sigma(cornea_c);

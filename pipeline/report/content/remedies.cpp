@@ -41,6 +41,7 @@ std::string remedy_of_gate(const std::string& gate) {
        "Use a T2-weighted series, or have a radiologist look at what fills the globe."},
       {"cornea_sigma_over_prior", measure_cornea},
       {"label_pixel_mm", measure_cornea},
+      {"resolved_t2_mm", measure_cornea},
       {"chamber_of_unseen_cornea_mm", rescan},
       {"keratometry_plausible_D", measure_cornea},
       {"keratometry_plausible_upper_D", measure_cornea},

@@ -571,6 +571,22 @@ TEST(QualityOfShapes, CoarseLabelsTellNoCornea) {
   EXPECT_TRUE(gate_of(fit, "label_pixel_mm").passed);
 }
 
+/// A filter of the scanner makes pixels of 0.6 mm as coarse as those of 1.1 mm.
+TEST(QualityOfShapes, EdgesThatWereSoftenedTellNoCorneaInT2) {
+  ParameterLayout layout;
+  layout.stacks = 1;
+  EyeFit fit = fit_at(layout, population_mean(layout), Weighting::t2);
+  Stack stack;
+  stack.column_spacing_mm = stack.row_spacing_mm = stack.slice_thickness_mm = 0.6;
+  fit.stacks.resize(1);
+  fit.stacks[0].stack = &stack;
+  EXPECT_TRUE(gate_of(fit, "resolved_t2_mm").passed);
+  fit.parameters[layout.stack(0) + log_sharpness] = std::log(0.55);
+  EXPECT_EQ(gate_of(fit, "resolved_t2_mm").withholds, Withholds::cornea);
+  EXPECT_NEAR(gate_of(fit, "resolved_t2_mm").value, 0.6 / 0.55, 1e-9);
+  EXPECT_FALSE(gate_of(fit, "resolved_t2_mm").passed);
+}
+
 /// Fat before the eye was taken for aqueous, a lid for the lens: it is brighter than the vitreous only.
 TEST(QualityOfShapes, ALensDiffersFromBothFluids) {
   const ParameterLayout layout;
