@@ -176,7 +176,7 @@ std::shared_ptr<const raytrace::Scene> judged_scene(const EyeModel& eye,
   const Eigen::Vector3d towards =
       raytrace::RetinalPencil(eye, settings.wavelength_nm, settings.fovea_mm).line_of_sight();
   if (settings.chart.empty()) return refraction_chart(towards);
-  const std::shared_ptr<const raytrace::Scene> given = read_chart(settings.chart, towards);
+  std::shared_ptr<const raytrace::Scene> given = read_chart(settings.chart, towards);
   if (!shows_something(*given, towards))
     throw usage_error(
         fmt::format(
