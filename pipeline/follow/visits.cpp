@@ -169,14 +169,15 @@ Json shared_error_in(const Json& fit, const fs::path& file) {
           "run emmetrope segment again with --force");
   };
   const std::string key = "shared_error";
-  const Json shared = fit.value(key, Json());
+  Json shared = fit.value(key, Json());
   if (shared.is_null()) return shared;
   require(shared.is_object(), key, shared, "an object or null");
   const Json images = shared.value("images", Json()), covariance = shared.value("covariance", Json());
   require(images.is_string(), key + "/images", images, "what the images are");
   require(covariance.is_object(), key + "/covariance", covariance, "rows by a parameter's name");
   for (const auto& [name, row] : covariance.items())
-    require(row.is_object(), key + "/covariance/" + name, row, "numbers by a parameter's name");
+    require(row.is_object(), fmt::format("{}/covariance/{}", key, name), row,
+            "numbers by a parameter's name");
   for (const auto& [name, row] : covariance.items())
     for (const auto& [other, number] : row.items()) {
       const std::string place = fmt::format("{}/covariance/{}/{}", key, name, other);
