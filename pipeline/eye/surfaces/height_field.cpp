@@ -358,7 +358,14 @@ bool HeightField::outline(const Points& points) {
     reach_ = std::max(reach_, a.norm());
     inner_reach_ = std::min(inner_reach_, inside_distance(a, b, {0, 0}));
   }
-  return inner_reach_ > 0;
+  if (!(inner_reach_ > 0)) return false;
+  const auto angle_rad = [](const Eigen::Vector2d& corner) { return std::atan2(corner.y(), corner.x()); };
+  std::rotate(outline_.begin(),
+              std::min_element(outline_.begin(), outline_.end(),
+                               [&](const auto& a, const auto& b) { return angle_rad(a) < angle_rad(b); }),
+              outline_.end());
+  for (const Eigen::Vector2d& corner : outline_) outline_angles_rad_.push_back(angle_rad(corner));
+  return true;
 }
 
 void HeightField::measure_deviation(const Points& points) {
@@ -379,9 +386,12 @@ bool HeightField::covers(double x_mm, double y_mm) const {
   const double radius = std::hypot(x_mm, y_mm);
   if (radius <= inner_reach_) return true;
   if (radius > reach_) return false;
-  for (std::size_t k = 0; k < outline_.size(); ++k)
-    if (inside_distance(outline_[k], outline_[(k + 1) % outline_.size()], {x_mm, y_mm}) < 0) return false;
-  return true;
+  // Of a convex outline about the origin only the side in the point's direction can part the two.
+  const auto next =
+      std::upper_bound(outline_angles_rad_.begin(), outline_angles_rad_.end(), std::atan2(y_mm, x_mm)) -
+      outline_angles_rad_.begin();
+  const std::size_t n = outline_.size(), k = static_cast<std::size_t>(next) % n;
+  return inside_distance(outline_[(k + n - 1) % n], outline_[k], {x_mm, y_mm}) >= 0;
 }
 
 std::optional<ShapeHit> HeightField::intersect(const Ray& ray) const {

@@ -67,7 +67,8 @@ class HeightField {
   double spacing_ = 1;
   int columns_ = 0, rows_ = 0;
   std::vector<double> controls_;
-  std::vector<Eigen::Vector2d> outline_;  ///< convex, counter-clockwise
+  std::vector<Eigen::Vector2d> outline_;    ///< convex about the origin, counter-clockwise
+  std::vector<double> outline_angles_rad_;  ///< its corners' polar angles, ascending
   double reach_ = 0, inner_reach_ = 0;
   double base_offset_ = 0, base_q_ = 0;
   Eigen::Matrix2d base_curvature_ = Eigen::Matrix2d::Zero();

@@ -2,6 +2,7 @@
 
 #include <gmock/gmock.h>
 
+#include <array>
 #include <random>
 
 #include "pipeline/eye/model/mesh_shape.hpp"
@@ -98,6 +99,34 @@ TEST(HeightField, CoversItsOutlineAndHitsOnlyThere) {
   EXPECT_FALSE(field.covers(4.5, 4.5));
   EXPECT_TRUE(field.intersect({{3, 3, 10}, {0, 0, -1}}));
   EXPECT_FALSE(field.intersect({{4.5, 4.5, 10}, {0, 0, -1}}));
+}
+
+TEST(HeightField, CoversAnOutlineWithCornersFromEverySide) {
+  // A triangle whose vertex is well off its middle.
+  const std::array<Eigen::Vector2d, 3> corners{Eigen::Vector2d(4, -1), {-1, 4.5}, {-1.5, -2}};
+  const auto beyond_mm = [&](const Eigen::Vector2d& p) {
+    double most = -10;
+    for (std::size_t k = 0; k < 3; ++k) {
+      const Eigen::Vector2d along = (corners[(k + 1) % 3] - corners[k]).normalized(), to = p - corners[k];
+      most = std::max(most, along.y() * to.x() - along.x() * to.y());
+    }
+    return most;
+  };
+  TriangleMesh mesh;
+  for (const Eigen::Vector3d& v : jittered_sheet(*make_sphere(7.8), 5, 3000, 1).vertices)
+    if (beyond_mm(v.head<2>()) <= 0) mesh.vertices.push_back(v);
+  const HeightField field = *HeightField::fit(mesh);
+  std::mt19937 random(3);
+  std::uniform_real_distribution<double> within(-5, 5);
+  std::uniform_int_distribution<std::size_t> any(0, mesh.vertices.size() - 1);
+  for (int i = 0; i < 2000; ++i) {
+    const Eigen::Vector2d p(within(random), within(random));
+    if (beyond_mm(p) > 0) {
+      EXPECT_FALSE(field.covers(p.x(), p.y())) << p.transpose();
+    }
+    const Eigen::Vector2d between = (mesh.vertices[any(random)] + mesh.vertices[any(random)]).head<2>() / 2;
+    EXPECT_TRUE(field.covers(between.x(), between.y())) << between.transpose();
+  }
 }
 
 }  // namespace
