@@ -17,10 +17,13 @@ namespace {
 
 namespace fs = std::filesystem;
 
+/// A picture by itself. What is there as a folder is one, whatever its name.
+bool is_picture(const fs::path& output) { return output.has_extension() && !fs::is_directory(output); }
+
 /// Where a named eye's picture goes: the path itself, or with two eyes one beside the other.
 fs::path output_of(const fs::path& output, Laterality laterality, bool two_eyes) {
   if (!two_eyes) return output;
-  if (!output.has_extension()) return output / to_string(laterality);
+  if (!is_picture(output)) return output / to_string(laterality);
   fs::path name = output.stem();
   name += std::string("-") + to_string(laterality) + output.extension().string();
   return output.parent_path() / name;
@@ -31,7 +34,7 @@ fs::path output_of(const fs::path& output, Laterality laterality, bool two_eyes)
 fs::path write_output(const fs::path& output, const EyeModel& eye, const TraceSettings& settings,
                       const Landmarks& landmarks, const TraceOptions& options, const CommonOptions& common,
                       const LinearImage& picture, std::optional<RetinalIrradiance> light) {
-  const std::string ending = output.extension().string();
+  const std::string ending = is_picture(output) ? output.extension().string() : "";
   if (ending == ".png") {
     write_png(output, picture);
     return output;
@@ -86,9 +89,8 @@ std::vector<Laterality> eyes_of(const TraceOptions& options, LateralityChoice wa
 void NamedEye::check() const {
   if (output.empty()) throw usage_error("--eye needs -o: where to write", "add -o FOLDER or -o image.png");
   const std::string ending = output.extension().string();
-  const bool known =
-      ending.empty() || ending == ".png" || ending == ".exr" || ending == ".tif" || ending == ".tiff";
-  if (!known && !fs::is_directory(output))
+  const bool known = ending == ".png" || ending == ".exr" || ending == ".tif" || ending == ".tiff";
+  if (is_picture(output) && !known)
     throw usage_error("-o: a picture cannot be written as " + ending,
                       "give .png, .exr or .tif (float), or a folder without an ending");
 }
@@ -96,7 +98,7 @@ void NamedEye::check() const {
 Answer trace_named(const NamedEye& named, const TraceOptions& options, const CommonOptions& common) {
   named.check();
   options.check();
-  if (named.output.has_extension() && !fs::is_directory(named.output)) {
+  if (is_picture(named.output)) {
     if (options.psf_grid || options.irradiance || options.movie)
       throw usage_error("--psf-grid, --irradiance and --movement write several files", "give -o a folder");
     for (const auto& [eye, marks] : options.landmarks)

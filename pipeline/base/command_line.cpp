@@ -75,8 +75,11 @@ void require_usable_values(const CLI::App& app) {
     }
 }
 
-/// CLI11 counts the values of an option that is given more than once.
+/// CLI11 takes the value of an option that it does not know for a positional, which others may exclude, and counts the
+/// values of an option that is given more than once.
 std::string told(const CLI::App& app, const CLI::ParseError& fault) {
+  for (const std::string& word : app.remaining())
+    if (word.rfind('-', 0) == 0 && word != "--") return word + " is no option of " + app.get_name();
   for (const CLI::Option* option : app.get_options()) {
     const int most = option->get_items_expected_max();  // 0: a flag
     if (!option->get_positional() && most > 0 && option->results().size() > static_cast<std::size_t>(most))

@@ -10,11 +10,18 @@ namespace emmetrope::python {
 py::object to_python(const Json& json) { return py::module_::import("json").attr("loads")(json.dump()); }
 
 Json from_python(const py::object& object) {
+  // Numbers and arrays of numpy are not json's; they have a method that makes Python's of them.
+  const py::cpp_function plain([](const py::object& value) -> py::object {
+    if (!py::hasattr(value, "tolist"))
+      throw py::type_error("a " + py::str(py::type::of(value).attr("__name__")).cast<std::string>());
+    return value.attr("tolist")();
+  });
   try {
-    return Json::parse(
-        py::module_::import("json").attr("dumps")(object, py::arg("allow_nan") = false).cast<std::string>());
+    return Json::parse(py::module_::import("json")
+                           .attr("dumps")(object, py::arg("allow_nan") = false, py::arg("default") = plain)
+                           .cast<std::string>());
   } catch (const py::error_already_set& fault) {
-    throw input_error(std::string("the dictionary is no JSON: ") + fault.what());
+    throw input_error("the dictionary is no JSON: " + py::str(fault.value()).cast<std::string>());
   } catch (const Json::exception& fault) {
     throw input_error(std::string("the dictionary is no JSON: ") + fault.what());
   }

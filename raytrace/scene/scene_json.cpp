@@ -384,6 +384,9 @@ Scene read_scene(const std::filesystem::path& file) {
   }
   // Of what lies at infinity the first in order is seen.
   std::move(behind.begin(), behind.end(), std::back_inserter(scene.planes));
+  for (const char* key : {"lights", "ambient"})
+    if (top.has(key) && scene.meshes.empty())
+      throw top.fault(key, "nothing answers it: a mesh is needed, or \"lit\": true in a plane");
   if (top.has("lights"))
     for (std::size_t i = 0; i < list("lights").size(); ++i)
       scene.lights.push_back(read_light(json["lights"][i], entry("lights", i)));

@@ -81,6 +81,18 @@ TEST(TraceCommand, GoesToTheRetinasEquatorAndSaysWhereItEnds) {
             std::string::npos);
 }
 
+TEST(TraceCommand, AFolderIsOneWhateverItsName) {
+  const test::TemporaryFolder folder;
+  const std::string small = "--eye navarro --size 8x8 --samples 32 -o ", one = "/iris-0.5mm",
+                    two = "/pair.png";
+  for (const std::string& name : {one, two}) std::filesystem::create_directory(folder.path().string() + name);
+  run(small + folder.path().string() + one);
+  run(small + folder.path().string() + two + " --pupillary-distance 62");
+  EXPECT_TRUE(std::filesystem::exists(folder.path().string() + one + "/wavefront.json"));
+  for (const char* eye : {"/od", "/os"})
+    EXPECT_TRUE(std::filesystem::exists(folder.path().string() + two + eye + "/wavefront.json"));
+}
+
 TEST(TraceCommand, RefusesAnIrisInAnotherUnit) {
   const test::TemporaryFolder folder;
   for (const char* pupil : {"0.003", "0.3", "15", "30"})

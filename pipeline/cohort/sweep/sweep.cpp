@@ -4,7 +4,7 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
-#include <set>
+#include <map>
 
 #include "pipeline/base/case_folder.hpp"
 #include "pipeline/base/files.hpp"
@@ -26,17 +26,37 @@ Json definition_of(const std::string& command) {
   return parse_json(said.output, "emmetrope " + command + " --definition");
 }
 
-/// An option that the command does not have would fail every run.
+/// \throw Error (input_invalid) where an option takes no value, needs one, or takes one alone, and is given otherwise
+void require_fitting_values(const Setting& setting, const Json& option, const std::string& place) {
+  if (setting.words.empty()) return;  // false: left out
+  const bool has_value = setting.words.size() > 1 || setting.words.front() != "--" + setting.option;
+  if (option.at("value") == "" && has_value)
+    throw input_error(place + " takes no value, found " + setting.text, "write true or false");
+  if (option.at("value") != "" && !has_value)
+    throw input_error(place + " needs a value, found none", "false leaves it out");
+  if (setting.words.size() > 2 && !option.at("takes_many").get<bool>())
+    throw input_error(place + " takes one value, found a list of several: " + setting.text,
+                      "write a text, as the command line has it");
+}
+
+/// An option that the command does not have, or not with such values, would fail every run.
 void require_known_options(const Sweep& sweep, const Json& definition, const fs::path& file) {
-  std::set<std::string> known;
+  std::map<std::string, const Json*> known;
   for (const Json& option : definition.at("options"))
-    for (const Json& name : option.at("names")) known.insert(name.get<std::string>());
-  for (const std::vector<Setting>& settings : {sweep.fixed, sweep.runs.front()})
-    for (const Setting& setting : settings)
-      if (known.count("--" + setting.option) == 0 && known.count(setting.option) == 0)
+    for (const Json& name : option.at("names")) known.emplace(name.get<std::string>(), &option);
+  const auto require = [&](const std::vector<Setting>& settings) {
+    for (const Setting& setting : settings) {
+      auto found = known.find("--" + setting.option);
+      if (found == known.end()) found = known.find(setting.option);
+      if (found == known.end())
         throw input_error(
             fmt::format("{}: {} is no option of emmetrope {}", file.string(), setting.option, sweep.command),
             "see emmetrope " + sweep.command + " --help");
+      require_fitting_values(setting, *found->second, fmt::format("{}: {}", file.string(), setting.option));
+    }
+  };
+  require(sweep.fixed);
+  for (const std::vector<Setting>& settings : sweep.runs) require(settings);
 }
 
 /// A column that no result can have would be told after the hours of all runs.

@@ -26,6 +26,7 @@ Command command() {
           "emmetrope try --radius 7.8",
           [](CLI::App& app) {
             app.add_option("--radius", "Radius in mm")->check(CLI::PositiveNumber);
+            app.add_option("--eye", "Eye")->excludes(app.add_option("CASE", "Case"));
             app.add_option("--lens", "Lens");
           },
           [](const CommonOptions& common) -> Answer {
@@ -111,6 +112,13 @@ TEST(CommandLine, SaysWhatIsEmptyAndWhatIsGivenTwice) {
   const Ended twice = run({"--quiet", "--quiet", "--lens", "a", "--lens", "b"});
   EXPECT_EQ(twice.status, 2);
   EXPECT_THAT(twice.err, HasSubstr("error: --lens is given more than once"));
+}
+
+TEST(CommandLine, NamesTheUnknownOptionWhoseValueCouldBeAPositional) {
+  const Ended ended = run({"--eye", "navarro", "--pupl", "3"});
+  EXPECT_EQ(ended.status, 2);
+  EXPECT_THAT(ended.err, HasSubstr("error: --pupl is no option of emmetrope try\n"));
+  EXPECT_THAT(run({"--eye", "navarro", "--", "case"}).err, HasSubstr("excludes"));
 }
 
 TEST(CommandLine, WrongUsageIsJsonToo) {

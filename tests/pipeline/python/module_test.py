@@ -68,6 +68,16 @@ class Eyes(unittest.TestCase):
         self.assertEqual(emmetrope.Eye.from_dict(eye.to_dict()).refraction().M_D, eye.refraction().M_D)
         self.assertEqual(eye.with_pupil(2).entrance_pupil()[1] / 2, eye.entrance_pupil()[1] / 3)
 
+    def test_may_be_described_by_numbers_of_numpy(self):
+        described, of_numpy = emmetrope.Eye("atchison:-4").to_dict(), emmetrope.Eye("atchison:-4").to_dict()
+        described["surfaces"][-1]["radius_mm"] = [-12, -13]
+        of_numpy["surfaces"][-1]["radius_mm"] = numpy.array([-12, -13])
+        described["surfaces"][0]["radius_mm"] = 7.75
+        of_numpy["surfaces"][0]["radius_mm"] = numpy.float32(7.75)
+        self.assertEqual(emmetrope.Eye.from_dict(of_numpy).to_dict(), emmetrope.Eye.from_dict(described).to_dict())
+        with self.assertRaisesRegex(emmetrope.InputError, "^the dictionary is no JSON: a set$"):
+            emmetrope.Eye.from_dict({"name": {"no", "JSON"}})
+
     def test_a_lens_corrects(self):
         eye = emmetrope.Eye("atchison:-4")
         corrected = eye.with_spectacle("-4/0x0@12")

@@ -352,6 +352,10 @@ TEST_F(ModelFile, BadScenesNameFileAndKey) {
   fails(mesh + R"(}], "lights": [{"type": "spot", "position_mm": [0, 0, 0]}]})", "lights[0]: type");
   fails(mesh + R"(}], "lights": [{"direction": [0, 0, 1]}]})", "lights[0]");
   fails(mesh + R"(}], "lights": [{"type": "directional", "direction": [0, 0, 0]}]})", "direction");
+  const std::string unlit = R"({"objects": [{"type": "plane", "chart": "grid", "centre_mm": [0, 0, 300],
+                                "right_mm": [-9, 0, 0], "up_mm": [0, 9, 0]}], )";
+  fails(unlit + R"("lights": [{"type": "directional", "direction": [0, 0, 1]}]})", "key \"lights\"");
+  fails(unlit + R"("ambient": [0, 0, 0]})", "key \"ambient\"");
   for (const char* file : {"none.obj", "broken.ply", "short.ply", "binary.ply", "index.obj", "short.gltf",
                            "empty.obj", "scene.json"})
     fails(R"({"objects": [{"type": "mesh", "position_mm": [0, 0, 1], "file": ")" + std::string(file) +

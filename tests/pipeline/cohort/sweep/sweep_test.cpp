@@ -98,6 +98,20 @@ TEST_F(SweepOfEyes, AnOptionThatTheCommandDoesNotHaveStartsNoRun) {
   EXPECT_FALSE(fs::exists(folder() / "out" / "ends"));
 }
 
+// As words of a command line the first would take the next option for its value, the last 2 for a case.
+TEST_F(SweepOfEyes, ValuesThatAnOptionDoesNotTakeStartNoRun) {
+  for (const auto& [setting, said] :
+       {std::pair("pupil = true", "pupil needs a value, found none"),
+        {"achromatic = 3", "achromatic takes no value, found 3"},
+        {"fovea = [1, 2]", "fovea takes one value, found a list of several: 1 2"}}) {
+    const ProcessResult ended =
+        run("command = 'trace'\n[all]\n" + std::string(setting) + "\n[vary]\neye = ['navarro']\n");
+    EXPECT_EQ(ended.status, 3);
+    EXPECT_THAT(ended.output, testing::HasSubstr(said));
+    EXPECT_FALSE(fs::exists(folder() / "out"));
+  }
+}
+
 TEST_F(SweepOfEyes, AColumnThatNoResultHasStartsNoRun) {
   for (const auto& [column, said] :
        {std::pair("coma = '/coma/um'", "[columns] coma: a result of emmetrope eye has no key \\\"coma\\\""),
