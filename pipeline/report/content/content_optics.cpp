@@ -9,6 +9,7 @@
 #include "pipeline/report/content/content.hpp"
 #include "pipeline/report/content/content_tables.hpp"
 #include "pipeline/report/content/judgement.hpp"
+#include "pipeline/report/content/learnt.hpp"
 #include "pipeline/report/figures/chart.hpp"
 #include "pipeline/report/figures/encoding.hpp"
 #include "pipeline/report/figures/letter_chart.hpp"
@@ -38,15 +39,6 @@ std::optional<raytrace::Wavefront> wavefront_of(const EyeData& eye) {
   wavefront.zernike_um = eye.wavefront["zernike_um"].get<std::vector<double>>();
   wavefront.zernike_um.resize(std::max<std::size_t>(wavefront.zernike_um.size(), 6), 0);
   return wavefront;
-}
-
-/// What the correction stage has learnt of an eye since its wavefront was traced.
-enum class Learnt { nothing, refraction, readings };
-Learnt learnt_since_traced(const EyeData& eye) {
-  if (!eye.prescription.is_object()) return Learnt::nothing;
-  const Json from = eye.prescription.value("learnt_from", Json::array());
-  if (from.empty()) return Learnt::nothing;
-  return from == Json::array({"refraction"}) ? Learnt::refraction : Learnt::readings;
 }
 
 /// A refraction of prescription.json where it acts on the wavefront: moved from the spectacle plane to the entrance pupil.
