@@ -275,6 +275,7 @@ TEST(LivingPage, ShowsWhatTheTracerShowsOfAMeasuredEye) {
   const test::TemporaryFolder folder;
   const Json findings = read_page(page, folder.path() / "page", "brief");
   expect_quiet(findings);
+  EXPECT_EQ(findings.at("on_cornea"), 0);
   EXPECT_EQ(findings.at("worn"), Json({"best", "refused"}));
   const Json& sharpness = findings.at("worn_sharpness");
   EXPECT_EQ(sharpness.at("worn"), sharpness.at("powers"));
