@@ -1020,6 +1020,25 @@ TEST_F(ReportTest, TheWavefrontFollowsAGivenRefraction) {
                           HasSubstr("OD: the wavefront is of the eye as it was traced")));
 }
 
+/// Two dioptres more of spectacles are not two in the pupil: 0.22 D fewer here.
+TEST_F(ReportTest, LettersAtTheEndAreOfTheLensThatIsSoFarOff) {
+  test::make_fixture_case(folder_);
+  constexpr double reach_D = 2;
+  const auto letters = [&](double M_D, const std::string& kind) {
+    const fs::path file = folder_ / "correction/od/prescription.json";
+    Json prescription = read_json(file);
+    prescription["M_D"] = Measured{M_D, {M_D - reach_D, M_D + reach_D}, "mri"};
+    write_json(file, prescription);
+    report();
+    const std::string html = output("report.html");
+    const std::size_t figure = html.find("letters-" + kind + "-od\"");
+    EXPECT_NE(figure, std::string::npos) << kind;
+    const std::size_t picture = html.find("base64,", figure);
+    return html.substr(picture, html.find('"', picture) - picture);
+  };
+  EXPECT_EQ(letters(-5, "end"), letters(-5 + reach_D, "estimate"));
+}
+
 /// A topography, a scene, a lens, movements: their hashes are among those of the inputs.
 TEST_F(ReportTest, NamesOfFilesThatWereTypedAreNowhere) {
   test::make_fixture_case(folder_);
