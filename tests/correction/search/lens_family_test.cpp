@@ -258,6 +258,17 @@ TEST(Traced, AnEyeWithoutAstigmatismHasNoAxisToLookFor) {
   EXPECT_LT(plano.radius_curvature_per_mm2, 0);
 }
 
+TEST(Traced, APlusCylinderWithoutAnAxisToLookForIsAt180DegreesToo) {
+  PrescriptionSettings settings;
+  settings.verbosity.quiet = true;
+  EyeModel hyperopic = make_eye("navarro");
+  hyperopic.surface("retina").position_mm -= 1;
+  const PlanoCylinderResult plano = prescribe(tracer(), hyperopic, settings).plano_cylinder;
+  EXPECT_EQ(plano.axis_from, AxisFrom::convention);
+  EXPECT_GT(plano.lens.power_D, 1);
+  EXPECT_NEAR(std::remainder(plano.lens.axis_deg, 180), 0, 1e-9);
+}
+
 TEST(Traced, ClosedLoopsClose) {
   // The first of the 200 eyes of closed-loop-study, and one behind a known lens.
   const ClosedLoop random = closed_loop(tracer(), random_eye(1), 12);
