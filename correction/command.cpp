@@ -139,12 +139,13 @@ CorrectionSettings read_flags(const Flags& flags, const CommonOptions& common) {
 }
 
 Answer run(const Flags& flags, const CommonOptions& common) {
-  const CorrectionSettings settings = read_flags(flags, common);
+  CorrectionSettings settings = read_flags(flags, common);
   if (!flags.case_folder.empty()) return correct_case(flags.case_folder, settings, common);
   if (flags.eye.empty()) throw usage_error("neither CASE nor --eye is given");
   if (flags.output.empty()) throw usage_error("--eye needs -o FOLDER for its results");
   EyeOptions options;
   options.accommodation_D = flags.accommodation_D;
+  settings.what_if.accommodation_D = flags.accommodation_D;
   return correct_eye(make_eye(flags.eye, options), flags.output, settings, common);
 }
 

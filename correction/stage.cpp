@@ -218,7 +218,7 @@ void write_pictures(const fs::path& folder, const raytrace::Tracer& tracer, cons
                         raytrace::trace_exposure(tracer, model, *scene, trace, exposure).image);
   };
   write_picture("corrected.png",
-                raytrace::with_thin_lens(seeing, prescription.refraction, p.vertex_distance_mm));
+                thin_lens(p.vertex_distance_mm).before(seeing, as_vector(prescription.refraction)));
   if (!settings.ablation_picture) return;
   const PowerVector at_cornea = move_towards_eye(prescription.refraction, p.vertex_distance_mm);
   try {

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "pipeline/base/error.hpp"
+#include "pipeline/eye/media/ocular_media.hpp"
 
 namespace emmetrope::correction {
 namespace {
@@ -60,13 +61,16 @@ Calibration calibrate(const raytrace::Tracer& tracer, const EyeModel& traced, Un
       uncertain, [&](const EyeModel& eye) { return refraction_by_spot(eye, settings); });
   calibration.covariance_before = sensitivity * uncertain.known.eye().covariance * sensitivity.transpose();
 
-  // The least-squares fit of ray slopes moves with the eye as the sharpest lens does.
+  // The least-squares fit of ray slopes moves with the eye as the sharpest lens does; refractions are of sodium light,
+  // whatever light the lens is sought in.
+  PrescriptionSettings in_sodium_light = settings;
+  in_sodium_light.wavelength_nm = sodium_nm;
   const Eigen::Vector3d start = as_vector(refraction_by_spot(uncertain.model, settings));
   calibration.innovation_sigma = learn(
       uncertain, "refraction",
       [&](const Eigen::VectorXd& values) -> Eigen::VectorXd {
         return as_vector(calibration.before) - start +
-               as_vector(refraction_by_spot(eye_at(uncertain, values), settings));
+               as_vector(refraction_by_spot(eye_at(uncertain, values), in_sodium_light));
       },
       as_vector(calibration.given), Eigen::Matrix3d::Identity() * calibration.sigma_D * calibration.sigma_D);
   const Eigen::Index index = uncertain.known.index_of("lens_index");
@@ -76,9 +80,9 @@ Calibration calibrate(const raytrace::Tracer& tracer, const EyeModel& traced, Un
   if (!(calibration.index_after.value > 1.36 && calibration.index_after.value < 1.5))
     throw no_result_error(
         fmt::format(
-            "the given refraction is {:+.2f} D from what the eye's geometry says and would need a lens "
-            "of index {:.3f}",
-            calibration.given.M_D - calibration.before.M_D, calibration.index_after.value),
+            "the given refraction, {:+.2f} D of spherical equivalent, and what the eye's geometry says would need a "
+            "lens of index {:.3f}",
+            calibration.given.M_D, calibration.index_after.value),
         "check the refraction's eye and sign, and the axial length");
   return calibration;
 }

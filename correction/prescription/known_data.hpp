@@ -32,7 +32,7 @@ Json to_json(const std::map<Laterality, KnownData>& known);
 
 /// The clinic's refraction enters as one more measurement of the eye: all that is uncertain about it moves,
 /// the lens index most where it is free, so that the sharpest lens comes to lie between what the images say
-/// and what was given, nearer to the more accurate.
+/// and what was given, nearer to the more accurate. What was given is of 589.3 nm.
 ///
 /// \param traced  the eye whose sharpest lens is compared with the refraction
 /// \throw Error (no_result) when that would need a lens index outside 1.36 to 1.50

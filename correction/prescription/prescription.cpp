@@ -104,7 +104,8 @@ struct ExpectedCylinder {
 ExpectedCylinder expected_cylinder(const PowerVector& full, int sign, double depth_of_focus_D) {
   const double J_D = std::hypot(full.J0_D, full.J45_D);
   const double half_power_D = (sign * full.M_D + J_D) / 2, left_D = std::abs(sign * full.M_D - J_D);
-  if (2 * J_D < least_cylinder_D) return {{1, 0}, half_power_D, AxisFrom::convention};
+  // A plus cylinder at 180 degrees is a minus cylinder at 90.
+  if (2 * J_D < least_cylinder_D) return {{-sign, 0}, half_power_D, AxisFrom::convention};
   // Where more is left than half of what is corrected, or much against the depth of focus, blur along one
   // line is all that a turn changes, and what detail the chart happens to have across it would choose the
   // axis (10 degrees off at 4.8 D left).

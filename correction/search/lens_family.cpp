@@ -16,7 +16,29 @@ PowerVector cylinder_power(int sign, const Eigen::VectorXd& lens) {
   return {sign * std::hypot(lens[0], lens[1]), lens[0], lens[1]};
 }
 
+/// Before the cornea by as much as is asked for, clear of it in any case.
+double standing_mm(const EyeModel& eye, double distance_mm) {
+  constexpr double farthest_reach_mm = 1;  // of a cornea in front of its vertex
+  return distance_mm > farthest_reach_mm ? distance_mm : std::max(distance_mm, clear_of_cornea_mm(eye));
+}
+
 }  // namespace
+
+double clear_of_cornea_mm(const EyeModel& eye) {
+  constexpr double clearance_mm = 1e-3, radius_mm = 2;
+  constexpr int rings = 20, spokes = 24;
+  const Surface& cornea = eye.surfaces.front();
+  const Eigen::Isometry3d eye_from_cornea = cornea.eye_from_surface();
+  double foremost_mm = 0;
+  for (int i = 1; i <= rings; ++i)
+    for (int k = 0; k < spokes; ++k) {
+      const double r = radius_mm * i / rings, angle = 2 * pi * k / spokes;
+      const double x = r * std::cos(angle), y = r * std::sin(angle);
+      if (const auto depth = cornea.shape->depth_mm(x, y))
+        foremost_mm = std::max(foremost_mm, (eye_from_cornea * Eigen::Vector3d(x, y, -*depth)).z());
+    }
+  return foremost_mm + clearance_mm;
+}
 
 std::vector<raytrace::EyeTangent> LensFamily::tangents(const EyeModel& eye,
                                                        const Eigen::VectorXd& lens) const {
@@ -38,7 +60,7 @@ LensFamily thin_lens(double vertex_distance_mm) {
           {Eigen::Vector3d(-strongest_D, -strongest_D / 2, -strongest_D / 2),
            Eigen::Vector3d(strongest_D, strongest_D / 2, strongest_D / 2)},
           [=](const EyeModel& eye, const Eigen::VectorXd& lens) {
-            return raytrace::with_thin_lens(eye, power(lens), vertex_distance_mm);
+            return raytrace::with_thin_lens(eye, power(lens), standing_mm(eye, vertex_distance_mm));
           },
           power};
 }
@@ -49,8 +71,8 @@ LensFamily plano_cylinder(int sign, double distance_mm, double index) {
           {Eigen::Vector2d(-largest_D, -largest_D), Eigen::Vector2d(largest_D, largest_D)},
           [=](const EyeModel& eye, const Eigen::VectorXd& lens) {
             const PlanoCylinder cylinder = plano_cylinder_of(sign, lens, index);
-            return raytrace::with_plano_cylinder(eye, cylinder.radius_mm, cylinder.axis_deg, distance_mm,
-                                                 index);
+            return raytrace::with_plano_cylinder(eye, cylinder.radius_mm, cylinder.axis_deg,
+                                                 standing_mm(eye, distance_mm), index);
           },
           [=](const Eigen::VectorXd& lens) { return cylinder_power(sign, lens); }};
 }

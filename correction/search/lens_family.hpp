@@ -26,7 +26,12 @@ struct LensFamily {
   std::vector<raytrace::EyeTangent> tangents(const EyeModel& eye, const Eigen::VectorXd& lens) const;
 };
 
-/// Thin sphero-cylindrical lens; parameters M, J0, J45 (D) at the vertex distance; 0 is a contact lens.
+/// Where a lens on the cornea stands: just clear of all that reaches in front of the cornea's vertex, as an irregular or
+/// a tilted cornea does beside it.
+double clear_of_cornea_mm(const EyeModel& eye);
+
+/// Thin sphero-cylindrical lens; parameters M, J0, J45 (D) at the vertex distance; 0 is a contact lens, which is clear of
+/// the cornea.
 LensFamily thin_lens(double vertex_distance_mm);
 
 /// The paper's spectacle: plano-cylinder of either sign. Parameters J0, J45 (D) of the lens; its M is -|J|

@@ -2,10 +2,8 @@
 
 #include <algorithm>
 #include <array>
-#include <cmath>
 
 #include "pipeline/base/error.hpp"
-#include "pipeline/base/frames.hpp"
 #include "pipeline/base/notation.hpp"
 #include "raytrace/spectacle/base_curve.hpp"
 #include "raytrace/spectacle/spectacle.hpp"
@@ -26,22 +24,6 @@ constexpr std::array<LensMaterial, 7> materials{{{"cr39", 1.498, 58},
 constexpr double reach_D = 3;
 
 PowerVector as_power(const Eigen::VectorXd& lens) { return {lens[0], lens[1], lens[2]}; }
-
-/// Where a thin lens on the cornea stands: just clear of it. An irregular cornea reaches in front of its
-/// vertex beside the axis.
-double in_front_of_cornea_mm(const EyeModel& eye) {
-  constexpr double clearance_mm = 1e-3, radius_mm = 2;
-  constexpr int rings = 20, spokes = 24;
-  const Surface& cornea = eye.surfaces.front();
-  double foremost = 0;
-  for (int i = 1; i <= rings; ++i)
-    for (int k = 0; k < spokes; ++k) {
-      const double r = radius_mm * i / rings, angle = 2 * pi * k / spokes;
-      if (const auto depth = cornea.shape->depth_mm(r * std::cos(angle), r * std::sin(angle)))
-        foremost = std::max(foremost, -cornea.position_mm - *depth);
-    }
-  return foremost + clearance_mm;
-}
 
 RealLens ascend_from(const raytrace::Tracer& tracer, const std::shared_ptr<const raytrace::Scene>& scene,
                      const EyeModel& eye, const ImagingLevel& level, const LensFamily& family,
@@ -70,6 +52,8 @@ LensMaterial lens_material(const std::string& name) {
 
 LensFamily toric_meniscus(const EyeModel& eye, const SpectacleSettings& spectacle, double vertex_distance_mm,
                           const PowerVector& about) {
+  if (vertex_distance_mm == 0)
+    throw usage_error("a toric meniscus is a spectacle lens, and none stands on the cornea");
   raytrace::Meniscus lens;
   lens.power = about;
   lens.vertex_distance_mm = vertex_distance_mm;
@@ -114,7 +98,7 @@ std::vector<RealLens> sharpest_real_lenses(const raytrace::Tracer& tracer,
   }
   meniscus.vertex_distance_mm = vertex_distance_mm;
   const PowerVector at_cornea = move_towards_eye(thin, vertex_distance_mm);
-  LensFamily contact = thin_lens(in_front_of_cornea_mm(eye));
+  LensFamily contact = thin_lens(0);
   contact.name = "contact lens";
   // A strong plus lens is stronger yet on the cornea than any that is sought in front of it.
   contact.bounds = {as_vector(at_cornea).array() - reach_D, as_vector(at_cornea).array() + reach_D};

@@ -39,7 +39,7 @@ struct RealLens {
 };
 
 /// A family of toric menisci that differ in the back surface only, about a power.
-/// \throw Error (usage) where no such lens can be ground
+/// \throw Error (usage) where no such lens can be ground, or it would stand on the cornea
 LensFamily toric_meniscus(const EyeModel& eye, const SpectacleSettings& spectacle, double vertex_distance_mm,
                           const PowerVector& about);
 

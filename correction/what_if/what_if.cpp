@@ -28,9 +28,11 @@ double iol_radius_mm(double power_D) {
   return 1e3 * (iol_index - aqueous_index) / face_D;
 }
 
-double mean_refraction_at_cornea_D(const EyeModel& eye, double wavelength_nm) {
+double mean_refraction_at_cornea_D(const EyeModel& eye, double wavelength_nm,
+                                   const Eigen::Vector2d& fovea_mm) {
   raytrace::WavefrontSettings settings;
   settings.wavelength_nm = wavelength_nm;
+  settings.fovea_mm = fovea_mm;
   const raytrace::Wavefront wavefront = raytrace::measure_wavefront(eye, settings);
   return raytrace::at_vertex(wavefront, wavefront.minimum_rms_spot, 0).M_D;
 }
@@ -52,6 +54,23 @@ Json pupil_json(const EyeModel& eye, const PrescriptionSettings& settings) {
     }
   }
   return rows;
+}
+
+/// Whether anything behind the iris bends light.
+bool has_lens(const EyeModel& eye) { return !eye.surfaces.at(eye.surfaces.size() - 2).is_stop(); }
+
+/// Far and near point of an eye that has taken up a part of its amplitude.
+Json accommodation_json(const PowerVector& at_cornea, const PrescriptionSettings& settings,
+                        const PowerVector& lens, double age_years, double accommodation_D) {
+  const Amplitude amplitude = accommodation_amplitude(age_years);
+  const double left_D = amplitude.average_D - accommodation_D;
+  return {{"age_years", age_years},
+          {"amplitude_D", amplitude.average_D},
+          {"minimum_amplitude_D", amplitude.minimum_D},
+          {"far_point_mm", finite_or_null(near_point_mm(at_cornea.M_D, -accommodation_D))},
+          {"near_point_mm", finite_or_null(near_point_mm(at_cornea.M_D, left_D))},
+          {"near_point_with_lens_mm",
+           finite_or_null(near_point_with_lens_mm(at_cornea, left_D, lens, settings.vertex_distance_mm))}};
 }
 
 /// Mean keratometric power 1.5 mm from the apex, over two perpendicular meridians.
@@ -90,7 +109,7 @@ Eigen::VectorXd iol_sigmas_D(const UncertainOptics& measured, double ray_traced_
   const auto left_D = [&](const EyeModel& eye, const IolBiometry& biometry, double power_D) {
     const double position_mm = srkt_eye(biometry, what_if.iol_a_constant).lens_mm;
     return mean_refraction_at_cornea_D(with_iol(with_pupil(eye, settings.pupil_mm), power_D, position_mm),
-                                       settings.wavelength_nm);
+                                       settings.wavelength_nm, settings.fovea_mm);
   };
   constexpr double step_D = 0.5;
   const IolBiometry at_mean = iol_biometry(measured.model, measured.known.eye().axial_length_mm);
@@ -117,7 +136,7 @@ Json iol_json(const EyeModel& eye, const PrescriptionSettings& settings, const W
                target_at_cornea_D = move_towards_eye({what_if.iol_target_D, 0, 0}, vertex_mm).M_D;
   Eigen::VectorXd powers_D(iol_methods.size()), sigmas_D;
   powers_D << ray_traced_iol_D(with_pupil(eye, settings.pupil_mm), position_mm, target_at_cornea_D,
-                               settings.wavelength_nm),
+                               settings.wavelength_nm, settings.fovea_mm),
       iol_formula_powers_D(biometry, what_if);
   if (measured) sigmas_D = iol_sigmas_D(*measured, powers_D[0], settings, what_if);
   Json json{{"target_M_D", what_if.iol_target_D},
@@ -165,18 +184,10 @@ Json what_if_json(const EyeModel& eye, const PrescriptionSettings& settings, con
   const PowerVector at_cornea = move_towards_eye(refraction, settings.vertex_distance_mm);
   Json json;
   json["pupil"] = pupil_json(eye, settings);
-  if (what_if.age_years) {
-    const Amplitude amplitude = accommodation_amplitude(*what_if.age_years);
-    json["accommodation"] = {
-        {"age_years", *what_if.age_years},
-        {"amplitude_D", amplitude.average_D},
-        {"minimum_amplitude_D", amplitude.minimum_D},
-        {"far_point_mm", finite_or_null(near_point_mm(at_cornea.M_D, 0))},
-        {"near_point_mm", finite_or_null(near_point_mm(at_cornea.M_D, amplitude.average_D))},
-        {"near_point_with_lens_mm",
-         finite_or_null(near_point_with_lens_mm(at_cornea, amplitude.average_D, refraction,
-                                                settings.vertex_distance_mm))}};
-  }
+  if (what_if.age_years)
+    json["accommodation"] = has_lens(eye) ? accommodation_json(at_cornea, settings, refraction,
+                                                               *what_if.age_years, what_if.accommodation_D)
+                                          : Json{{"reason", "an eye without a lens does not accommodate"}};
   const auto or_reason = [](const std::function<Json()>& what) -> Json {
     try {
       return what();
@@ -238,9 +249,9 @@ EyeModel with_iol(EyeModel eye, double power_D, double position_mm) {
 }
 
 double ray_traced_iol_D(const EyeModel& eye, double position_mm, double target_at_cornea_D,
-                        double wavelength_nm) {
+                        double wavelength_nm, const Eigen::Vector2d& fovea_mm) {
   const auto error_D = [&](double power_D) {
-    return mean_refraction_at_cornea_D(with_iol(eye, power_D, position_mm), wavelength_nm) -
+    return mean_refraction_at_cornea_D(with_iol(eye, power_D, position_mm), wavelength_nm, fovea_mm) -
            target_at_cornea_D;
   };
   double low_D = -10, high_D = 50;  // more power makes the eye more myopic

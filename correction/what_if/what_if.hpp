@@ -24,13 +24,15 @@ double near_point_with_lens_mm(const PowerVector& at_cornea, double amplitude_D,
 /// A symmetric biconvex IOL of index 1.46, 0.8 mm thick.
 /// \param position_mm  its middle behind the corneal vertex
 EyeModel with_iol(EyeModel eye, double power_D, double position_mm);
-/// Power of that IOL that gives the eye `target` mean refraction at the corneal vertex, by ray tracing.
+/// Power of that IOL that gives a point of the retina, from its pole, `target` mean refraction at the corneal vertex, by
+/// ray tracing.
 /// \throw Error (no_result) when no power from -10 to 50 D does
 double ray_traced_iol_D(const EyeModel& eye, double position_mm, double target_at_cornea_D,
-                        double wavelength_nm);
+                        double wavelength_nm, const Eigen::Vector2d& fovea_mm = {0, 0});
 
 struct WhatIfSettings {
   std::optional<double> age_years;  ///< for the near point
+  double accommodation_D = 0;       ///< that the eye has taken up already, of its amplitude
   double iol_target_D = 0;          ///< refraction that an IOL is to leave, 12 mm before the cornea
   double iol_a_constant = 118.4;    ///< of the IOL, for the formulas and for its place
 };

@@ -274,6 +274,28 @@ TEST_F(CorrectStage, AKnownLensIndexStaysAndTheRestMoves) {
   EXPECT_LT(refraction_by_spot(uncertain.model, settings_.prescription).M_D, spot.M_D - 0.2);
 }
 
+TEST_F(CorrectStage, AKnownRefractionIsOfSodiumLight) {
+  // Media that disperse as water does: in blue the eye is a dioptre more myopic, and a refraction that says what the eye
+  // is in sodium light changes nothing.
+  Json optics = measured_optics();
+  for (Json& medium : optics["eye"]["media"]) medium["abbe"] = {medium["index"], 55};
+  UncertainOptics uncertain = uncertain_optics_from_json(optics, ".", 0.005);
+  const EyeModel eye = uncertain.model;
+  PrescriptionSettings in_blue = settings_.prescription;
+  in_blue.wavelength_nm = 450;
+  const PowerVector sodium = refraction_by_spot(eye, settings_.prescription),
+                    blue = refraction_by_spot(eye, in_blue);
+  EXPECT_LT(blue.M_D, sodium.M_D - 0.5);
+  StatedRefraction stated;
+  stated.refraction = to_sphero_cylinder(sodium);
+  stated.sigma_D = 0.1;
+  const raytrace::Tracer tracer("", 2);
+  const Calibration calibration = calibrate(tracer, eye, uncertain, stated, in_blue);
+  EXPECT_NEAR(calibration.index_after.value, calibration.index_before, 0.001);
+  EXPECT_NEAR(calibration.before.M_D, blue.M_D, 0.2);
+  EXPECT_NEAR(refraction_by_spot(uncertain.model, in_blue).M_D, blue.M_D, 0.2);
+}
+
 TEST_F(CorrectStage, AnEyeThatWasNotTracedIsNamedAndTheCaseLeftAsItIs) {
   common_.laterality = LateralityChoice::os;
   fs::create_directories(folder() / "correction/od");

@@ -9,6 +9,7 @@
 #include "pipeline/report/content/content.hpp"
 #include "pipeline/report/content/content_tables.hpp"
 #include "pipeline/report/content/judgement.hpp"
+#include "pipeline/report/content/learnt.hpp"
 #include "pipeline/report/figures/chart.hpp"
 #include "pipeline/report/figures/encoding.hpp"
 #include "pipeline/report/figures/letter_chart.hpp"
@@ -40,30 +41,22 @@ std::optional<raytrace::Wavefront> wavefront_of(const EyeData& eye) {
   return wavefront;
 }
 
-/// What the correction stage has learnt of an eye since its wavefront was traced.
-enum class Learnt { nothing, refraction, readings };
-Learnt learnt_since_traced(const EyeData& eye) {
-  if (!eye.prescription.is_object()) return Learnt::nothing;
-  const Json from = eye.prescription.value("learnt_from", Json::array());
-  if (from.empty()) return Learnt::nothing;
-  return from == Json::array({"refraction"}) ? Learnt::refraction : Learnt::readings;
-}
-
 /// A refraction of prescription.json where it acts on the wavefront: moved from the spectacle plane to the entrance pupil.
+/// \param more_D  added to its spherical equivalent, in the spectacle plane
 std::optional<PowerVector> refraction_in_pupil(const EyeData& eye, const raytrace::Wavefront& wavefront,
-                                               const std::string& at) {
+                                               const std::string& at, double more_D = 0) {
   const auto M = value_at(eye.prescription, at + "/M_D"), J0 = value_at(eye.prescription, at + "/J0_D"),
              J45 = value_at(eye.prescription, at + "/J45_D");
   if (!M || !J0 || !J45) return std::nullopt;
-  return raytrace::in_pupil(wavefront, {*M, *J0, *J45},
+  return raytrace::in_pupil(wavefront, {*M + more_D, *J0, *J45},
                             value_of(eye.prescription, "vertex_distance_mm").value_or(12));
 }
 
 /// Nothing where the wavefront is not of the eye that the lens was found for.
 std::optional<PowerVector> lens_in_pupil(const CaseData& data, const EyeData& eye,
-                                         const raytrace::Wavefront& wavefront) {
+                                         const raytrace::Wavefront& wavefront, double more_D = 0) {
   if (!judge(data, eye).has_refraction || learnt_since_traced(eye) == Learnt::readings) return std::nullopt;
-  return refraction_in_pupil(eye, wavefront, "");
+  return refraction_in_pupil(eye, wavefront, "", more_D);
 }
 
 /// Where a given refraction has moved the eye, the wavefront of the eye as it was corrected: the difference of the
@@ -274,19 +267,18 @@ FigureRow letters_at_the_ends(const CaseData& traced) {
   for (const auto& eye : data.eyes) {
     const auto wavefront = wavefront_of(eye);
     if (!wavefront) continue;
-    const auto lens = lens_in_pupil(data, eye, *wavefront);
     const Json M = eye.prescription.is_object() ? eye.prescription.value("M_D", Json()) : Json();
-    if (!lens || !M.is_object() || !M.contains("ci95")) continue;
+    if (!M.is_object() || !M.contains("ci95")) continue;
     const auto measured = M.get<Measured>();
     const double reach_D = (measured.ci95[1] - measured.ci95[0]) / 2;
     if (limits_of("M_half_width_D").normal.contains(reach_D)) continue;
-    for (const auto& [change_D, kind] : {std::pair{0.0, "estimate"}, {reach_D, "end"}}) {
-      PowerVector power = *lens;
-      power.M_D += change_D;
-      const std::string title = change_D == 0
+    for (const auto& [off_D, kind] : {std::pair{0.0, "estimate"}, {reach_D, "end"}}) {
+      const auto lens = lens_in_pupil(data, eye, *wavefront, off_D);
+      if (!lens) continue;
+      const std::string title = off_D == 0
                                     ? "with the lens, if it is right"
                                     : "if the eye is at the interval's end, " + fixed(reach_D, 1) + " D off";
-      row.figures.push_back(letters_figure(eye, raytrace::point_spread(*wavefront, power), kind, title));
+      row.figures.push_back(letters_figure(eye, raytrace::point_spread(*wavefront, *lens), kind, title));
     }
   }
   if (!row.figures.empty())

@@ -10,6 +10,7 @@
 #include "pipeline/report/content/content_tables.hpp"
 #include "pipeline/report/content/first_page.hpp"
 #include "pipeline/report/content/judgement.hpp"
+#include "pipeline/report/content/learnt.hpp"
 #include "pipeline/report/document/numbers.hpp"
 #include "pipeline/report/figures/encoding.hpp"
 
@@ -43,21 +44,21 @@ void add_axis(Table& table, const Json& prescription) {
     table.rows.push_back({"Axis", "not determined", "any"});
 }
 
-/// Side by side what was given, what the images say, and what has been combined from them.
-void add_calibration(EyeCard& card, const Json& prescription) {
+/// Side by side what was given, what it is combined with, and what has come of them.
+/// \param with  combined_with()
+void add_calibration(EyeCard& card, const Json& prescription, const std::string& with) {
   const Json calibration = prescription.value("calibration", Json());
   if (!calibration.is_object()) return;
   const NumberStyle dioptres{2, true, "D"};
   const Json given = calibration.value("given", Json()), alone = calibration.value("without_it", Json());
   const double half_width_D =
       Measured::from_sigma(0, value_of(calibration, "sigma_D").value_or(0), "").ci95[1];
-  card.note += ". Combined from the refraction that was given, " + refraction_of(given) +
-               ", and what the images alone say, " + refraction_of(alone) +
-               ", each by its accuracy: no independent measurement";
+  card.note += ". Combined from the refraction that was given, " + refraction_of(given) + ", and what " +
+               with + " say, " + refraction_of(alone) + ", each by its accuracy: no independent measurement";
   card.details.rows.push_back(
       {"Given", refraction_of(given), "\u00b1" + fixed(half_width_D, 2) + " D in M, J0 and J45"});
-  card.details.rows.push_back({"Images alone", refraction_of(alone), ""});
-  add_measured(card.details, alone, "M_D", "M, images alone", dioptres);
+  card.details.rows.push_back({"By " + with, refraction_of(alone), ""});
+  add_measured(card.details, alone, "M_D", "M by " + with, dioptres);
 }
 
 /// Before rounding, to the last decimal; of an eye without a prescription nothing that has the form of one.
@@ -98,15 +99,15 @@ EyeCard card_of(const CaseData& data, const EyeData& eye) {
                           value_of(prescription, "vertex_distance_mm").value_or(12),
                           card.headline.find(" x ") != std::string::npos ? "minus cylinder, " : "");
   card.details = details_of(prescription, judgement, card.eye);
-  add_calibration(card, prescription);
+  add_calibration(card, prescription, combined_with(data, eye));
   // Letters that are sharp would sell a lens that nobody is to wear.
   if (!judgement.has_prescription) return card;
   card.before_png = page_png(eye.uncorrected_png);
   card.after_png = page_png(eye.corrected_png);
   const std::string before_is_of =
-      prescription.value("learnt_from", Json::array()).empty()
+      learnt_since_traced(eye) == Learnt::nothing
           ? ""
-          : ", the eye as the images alone show it, without what was given to the correction";
+          : ", the eye as " + meshed_from(data, eye) + " show it, without what was given to the correction";
   card.picture_caption =
       "The same chart on the retina of this eye, through " + traced_pupil(data) +
       ", upright as the patient perceives it: before, with no lens" + before_is_of +

@@ -4,6 +4,7 @@
 #include "pipeline/report/content/biometry_rows.hpp"
 #include "pipeline/report/content/content_tables.hpp"
 #include "pipeline/report/content/first_page.hpp"
+#include "pipeline/report/content/learnt.hpp"
 #include "pipeline/report/content/remedies.hpp"
 
 namespace emmetrope::report {
@@ -61,11 +62,12 @@ const StageData* stage_of_other_eye(const CaseData& data, const EyeData& eye) {
 }
 
 /// Both refractions, of which no mean is told.
-Finding contradiction_of(const Json& calibration) {
+/// \param with  combined_with()
+Finding contradiction_of(const Json& calibration, const std::string& with) {
   const Json alone = calibration.value("without_it", Json());
   return {
-      "The refraction that was given, " + refraction_of(calibration.value("given", Json())) +
-          ", and what the images alone say, " + refraction_of(alone) + ", differ by " +
+      "The refraction that was given, " + refraction_of(calibration.value("given", Json())) + ", and what " +
+          with + " say, " + refraction_of(alone) + ", differ by " +
           fixed(value_of(calibration, "surprise_sigma").value_or(0), 1) +
           " standard deviations: it may be another eye's, have the wrong sign, or one of the two is wrong.",
       "Check whose refraction it is, which eye's, and its sign; run correct again without it."};
@@ -141,7 +143,7 @@ Judgement refused(const CaseData& data, const EyeData& eye, Findings reasons) {
 }
 
 Judgement contradicted(const CaseData& data, const EyeData& eye, const Findings& gates) {
-  Findings reasons{contradiction_of(eye.prescription.at("calibration"))};
+  Findings reasons{contradiction_of(eye.prescription.at("calibration"), combined_with(data, eye))};
   for (const Findings& more : {gates, unusual_findings(eye), head_roll_reasons(eye)})
     reasons.insert(reasons.end(), more.begin(), more.end());
   add_stage_reasons(data, eye, reasons);

@@ -258,6 +258,17 @@ TEST(Traced, AnEyeWithoutAstigmatismHasNoAxisToLookFor) {
   EXPECT_LT(plano.radius_curvature_per_mm2, 0);
 }
 
+TEST(Traced, APlusCylinderWithoutAnAxisToLookForIsAt180DegreesToo) {
+  PrescriptionSettings settings;
+  settings.verbosity.quiet = true;
+  EyeModel hyperopic = make_eye("navarro");
+  hyperopic.surface("retina").position_mm -= 1;
+  const PlanoCylinderResult plano = prescribe(tracer(), hyperopic, settings).plano_cylinder;
+  EXPECT_EQ(plano.axis_from, AxisFrom::convention);
+  EXPECT_GT(plano.lens.power_D, 1);
+  EXPECT_NEAR(std::remainder(plano.lens.axis_deg, 180), 0, 1e-9);
+}
+
 TEST(Traced, ClosedLoopsClose) {
   // The first of the 200 eyes of closed-loop-study, and one behind a known lens.
   const ClosedLoop random = closed_loop(tracer(), random_eye(1), 12);
@@ -411,6 +422,35 @@ TEST(Traced, RealLensesAreThoseOfTheThinOneWhereTheyMustBe) {
   spectacle.semi_diameter_mm = 45;  // a front of 56 mm radius and a back of 37 mm
   EXPECT_FALSE(
       sharpest_real_lenses(tracer(), refraction_chart(), eye, level, spectacle, thin, 12)[0].reason.empty());
+}
+
+TEST(Traced, ALensOnATiltedCorneaIsClearOfIt) {
+  // A sphere of radius R that is turned about its vertex by t reaches R (1 / cos t - 1) in front of it, R tan t beside.
+  EyeModel eye = make_eye("atchison:-6");
+  Surface& cornea = eye.surface("cornea_anterior");
+  constexpr double radius_mm = 7.8, tilt_deg = 3;
+  cornea.shape = make_sphere(radius_mm);
+  EXPECT_NEAR(clear_of_cornea_mm(eye), 0.001, 1e-9);
+  cornea.tilt_deg = {tilt_deg, 0};
+  const double reach_mm = radius_mm * (1 / std::cos(tilt_deg * degree) - 1);
+  EXPECT_NEAR(clear_of_cornea_mm(eye), reach_mm + 0.001, 2e-4);
+  EXPECT_GT(clear_of_cornea_mm(eye), reach_mm);
+  ImagingLevel level = small_level();
+  level.pupil_mm = 2;
+  const std::vector<RealLens> lenses =
+      sharpest_real_lenses(tracer(), refraction_chart(), eye, level, {}, {-6, 0, 0}, 12);
+  for (const RealLens& lens : lenses) EXPECT_TRUE(lens.reason.empty()) << lens.reason;
+  EXPECT_NEAR(lenses[1].power.M_D, move_towards_eye(lenses[0].power, 12).M_D, 0.05);
+}
+
+TEST(Traced, NoMeniscusStandsOnTheCornea) {
+  ImagingLevel level = small_level();
+  level.pupil_mm = 2;
+  const std::vector<RealLens> lenses =
+      sharpest_real_lenses(tracer(), refraction_chart(), make_eye("atchison:-6"), level, {}, {-5.6, 0, 0}, 0);
+  EXPECT_EQ(lenses[0].kind, "toric meniscus");
+  EXPECT_EQ(lenses[0].reason, "a toric meniscus is a spectacle lens, and none stands on the cornea");
+  EXPECT_TRUE(lenses[1].reason.empty()) << lenses[1].reason;
 }
 
 TEST(Traced, SpectacleMagnificationIsTheClosedForm) {

@@ -118,6 +118,17 @@ TEST(WhatIf, IolLeavesTheTargetRefraction) {
     EXPECT_NEAR(iol[formula].get<double>() - emmetropic[formula].get<double>(), 2.7, 0.3) << formula;
 }
 
+TEST(WhatIf, IolLeavesTheTargetWhereTheRetinaLooks) {
+  // 2.2 mm beside the pole the eye with that lens is 0.07 D more myopic than on its axis.
+  const EyeModel eye = make_eye("navarro");
+  PrescriptionSettings settings;
+  settings.fovea_mm = {2, 1};
+  const Json iol = what_if_json(eye, settings, {}, {})["intra_ocular_lens"];
+  const EyeModel operated = with_iol(eye, iol["ray_traced_D"], iol["position_mm"]);
+  EXPECT_NEAR(refraction_by_spot(operated, settings).M_D, 0, 0.01);
+  EXPECT_GT(refraction_by_spot(operated, {}).M_D, 0.04);
+}
+
 /// A measured eye with a spherical cornea, of which one parameter, and the index of its own lens, are uncertain.
 UncertainOptics uncertain_in(const std::string& parameter, double sigma) {
   Json json = measured_optics();
@@ -199,6 +210,29 @@ PrescriptionSettings at_cornea() {
   PrescriptionSettings settings;
   settings.vertex_distance_mm = 0;
   return settings;
+}
+
+TEST(WhatIf, AccommodationThatIsTakenUpIsNotThereTwice) {
+  // At 40 years 6.5 D (Hofstetter); an eye of -0.5 D that has taken up 2 D has -2.5 D: from 2 m to 1 m / 7, and with a
+  // lens of -2.5 D to 1 m / 4.5.
+  WhatIfSettings what_if;
+  what_if.age_years = 40;
+  what_if.accommodation_D = 2;
+  const Json range = what_if_json(make_eye("navarro"), at_cornea(), {-2.5, 0, 0}, what_if)["accommodation"];
+  EXPECT_NEAR(range["amplitude_D"], 6.5, 1e-9);
+  EXPECT_NEAR(range["far_point_mm"], 2000, 1e-6);
+  EXPECT_NEAR(range["near_point_mm"], 1000 / 7.0, 1e-6);
+  EXPECT_NEAR(range["near_point_with_lens_mm"], 1000 / 4.5, 1e-6);
+}
+
+TEST(WhatIf, AnEyeWithoutALensDoesNotAccommodate) {
+  EyeModel aphakic = make_eye("navarro");
+  aphakic.surfaces.erase(aphakic.surfaces.end() - 3, aphakic.surfaces.end() - 1);
+  ASSERT_TRUE(aphakic.surfaces.at(aphakic.surfaces.size() - 2).is_stop());
+  WhatIfSettings what_if;
+  what_if.age_years = 40;
+  EXPECT_EQ(what_if_json(aphakic, {}, {11, 0, 0}, what_if)["accommodation"],
+            Json({{"reason", "an eye without a lens does not accommodate"}}));
 }
 
 TEST(WhatIf, MunnerlynLeavesTheNewSphereThatMuchDeeper) {

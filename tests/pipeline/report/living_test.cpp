@@ -9,6 +9,7 @@
 #include "pipeline/base/notation.hpp"
 #include "pipeline/base/process.hpp"
 #include "pipeline/eye/schematic/schematic_eyes.hpp"
+#include "pipeline/report/living/case_eyes.hpp"
 #include "pipeline/report/living/living_panel.hpp"
 #include "raytrace/picture/spectrum.hpp"
 #include "raytrace/scene/scene.hpp"
@@ -26,6 +27,7 @@ namespace {
 
 namespace fs = std::filesystem;
 using ::testing::AllOf;
+using ::testing::Contains;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 using ::testing::MatchesRegex;
@@ -273,6 +275,7 @@ TEST(LivingPage, ShowsWhatTheTracerShowsOfAMeasuredEye) {
   const test::TemporaryFolder folder;
   const Json findings = read_page(page, folder.path() / "page", "brief");
   expect_quiet(findings);
+  EXPECT_EQ(findings.at("on_cornea"), 0);
   EXPECT_EQ(findings.at("worn"), Json({"best", "refused"}));
   const Json& sharpness = findings.at("worn_sharpness");
   EXPECT_EQ(sharpness.at("worn"), sharpness.at("powers"));
@@ -281,6 +284,50 @@ TEST(LivingPage, ShowsWhatTheTracerShowsOfAMeasuredEye) {
   EXPECT_NEAR(sharpest.at(0).get<double>(), refraction.M_D, 0.06);
   EXPECT_NEAR(sharpest.at(1).get<double>(), refraction.J0_D, 0.06);
   EXPECT_NEAR(sharpest.at(2).get<double>(), refraction.J45_D, 0.06);
+}
+
+/// A case whose right eye, as formulas, has been corrected.
+CaseData corrected_case(const fs::path& folder, double lens_index_sigma, const Json& learnt_from) {
+  const Json optics = measured_optics();
+  fs::create_directories(folder / "meshing/od");
+  fs::create_directories(folder / "raytrace/od");
+  write_json(folder / "meshing/od/optics.json", optics);
+  write_json(folder / "raytrace/od/eye.json", optics["eye"]);
+  EyeData eye;
+  const Json lens{{"sphere_D", -2.0}, {"cylinder_D", -1.0}, {"axis_deg", 20.0}};
+  eye.prescription = lens;
+  eye.prescription["rounded"] = lens;
+  eye.prescription["M_D"] = Measured::from_sigma(-2.5, 0.4, "mri");
+  eye.prescription["learnt_from"] = learnt_from;
+  CaseData data;
+  data.folder = folder;
+  const auto done = [](const char* stage, const Json& parameters) {
+    return StageData{stage, ExitStatus::done, {}, {}, Json{{"parameters", parameters}}};
+  };
+  data.stages = {done("raytrace", {{"age_years", 40}}),
+                 done("correction", {{"lens_index_sigma", lens_index_sigma}})};
+  data.eyes = {eye};
+  return data;
+}
+
+TEST(CaseEyes, HaveTheUncertaintyAndTheLensesOfTheEyeThatLooks) {
+  const test::TemporaryFolder folder;
+  const CaseEyes as_traced = living_eyes_of(corrected_case(folder.path(), 0.005, Json::array()), 2, 1),
+                 learnt =
+                     living_eyes_of(corrected_case(folder.path(), 0, Json::array({"keratometry"})), 2, 1);
+  ASSERT_EQ(as_traced.eyes.size(), 1U);
+  ASSERT_EQ(learnt.eyes.size(), 1U);
+  // A known index of the lens is not among what is not known; 155 D per unit otherwise.
+  const auto reach_D = [](const CaseEyes& eyes) {
+    return eyes.eyes.front().at("bands").at(0).at("M_D").get<double>();
+  };
+  const double by_index_D = 1.96 * 0.005 * 155;
+  EXPECT_NEAR(std::pow(reach_D(as_traced), 2) - std::pow(reach_D(learnt), 2), std::pow(by_index_D, 2),
+              0.3 * std::pow(by_index_D, 2));
+  // The best lens of the eye with a keratometer's reading is not that of the eye that was traced.
+  EXPECT_EQ(as_traced.eyes.front().at("lenses").size(), 2U);
+  EXPECT_EQ(learnt.eyes.front().at("lenses").size(), 0U);
+  EXPECT_THAT(learnt.notes, Contains(HasSubstr("OD looks as the images alone show it")));
 }
 
 TEST(LivingPage, KeepsNamesFromEndingItsScript) {

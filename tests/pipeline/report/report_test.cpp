@@ -905,6 +905,35 @@ TEST_F(ReportTest, AGivenRefractionStandsBesideWhatTheImagesSay) {
   EXPECT_THAT(output("prescription.fhir.json"), AllOf(HasSubstr("left"), Not(HasSubstr("right"))));
 }
 
+TEST_F(ReportTest, AGivenRefractionIsCombinedWithReadingsToo) {
+  test::make_fixture_case(folder_);
+  Json meshing = read_json(folder_ / "meshing/stage.json");
+  meshing["parameters"]["instruments"]["od"] = {{"measurements", {{{"quantity", "keratometry"}}}}};
+  write_json(folder_ / "meshing/stage.json", meshing);
+  for (const char* eye : {"od", "os"}) {
+    const fs::path file = folder_ / "correction" / eye / "prescription.json";
+    Json prescription = read_json(file);
+    prescription["M_D"] = Measured::from_sigma(-4, 0.24, "refraction");
+    prescription["learnt_from"] = {"refraction"};
+    prescription["calibration"] = {
+        {"given", {{"sphere_D", -4.0}, {"cylinder_D", 0.0}, {"axis_deg", 0.0}}},
+        {"sigma_D", 0.25},
+        {"surprise_sigma", 1},
+        {"surprise_limit_sigma", 3},
+        {"without_it", {{"sphere_D", -3.5}, {"cylinder_D", 0.0}, {"axis_deg", 0.0}}}};
+    write_json(file, prescription);
+  }
+  report();
+  const std::string html = output("report.html");
+  const auto card = [&](const std::string& eye) {
+    const std::size_t at = html.find("id=\"card-" + eye + "\"");
+    return visible_text("<body>" + html.substr(at, html.find("</article>", at) - at));
+  };
+  EXPECT_THAT(card("od"), AllOf(HasSubstr("what images and other instruments say, -3.50 DS"),
+                                Not(HasSubstr("images alone"))));
+  EXPECT_THAT(card("os"), HasSubstr("what the images alone say, -3.50 DS"));
+}
+
 /// Whoever gave a refraction is not told to refract, nor that the index is the age's.
 TEST_F(ReportTest, ACardAfterAGivenRefractionTellsWhatItChanged) {
   test::make_fixture_case(folder_);
@@ -989,6 +1018,25 @@ TEST_F(ReportTest, TheWavefrontFollowsAGivenRefraction) {
   EXPECT_THAT(html, AllOf(HasSubstr("letters-before-od"), HasSubstr("letters-after-os"),
                           Not(HasSubstr("letters-after-od")),
                           HasSubstr("OD: the wavefront is of the eye as it was traced")));
+}
+
+/// Two dioptres more of spectacles are not two in the pupil: 0.22 D fewer here.
+TEST_F(ReportTest, LettersAtTheEndAreOfTheLensThatIsSoFarOff) {
+  test::make_fixture_case(folder_);
+  constexpr double reach_D = 2;
+  const auto letters = [&](double M_D, const std::string& kind) {
+    const fs::path file = folder_ / "correction/od/prescription.json";
+    Json prescription = read_json(file);
+    prescription["M_D"] = Measured{M_D, {M_D - reach_D, M_D + reach_D}, "mri"};
+    write_json(file, prescription);
+    report();
+    const std::string html = output("report.html");
+    const std::size_t figure = html.find("letters-" + kind + "-od\"");
+    EXPECT_NE(figure, std::string::npos) << kind;
+    const std::size_t picture = html.find("base64,", figure);
+    return html.substr(picture, html.find('"', picture) - picture);
+  };
+  EXPECT_EQ(letters(-5, "end"), letters(-5 + reach_D, "estimate"));
 }
 
 /// A topography, a scene, a lens, movements: their hashes are among those of the inputs.

@@ -121,7 +121,7 @@ class Controls {
   wear(name) {
     const eye = this.eye();
     let lens = eye.lenses.find((one) => one.name === name);
-    // A schematic eye has no prescription; what is sharpest at this distance is found here.
+    // Of an eye without a prescription of its own (schematic, or other than corrected) what is sharpest at this distance is found here.
     if (!lens && name === "best") lens = { ...fromPower(this.numbers.bestFor(eye, this.living.current).power), vertex_distance_mm: this.living.current.vertex_distance_mm };
     if (this.living.shownEyes().every((one) => hasLens(one, name))) return this.set({ prism_D: 0, is_thick: false, worn: name });
     if (lens) this.set({ prism_D: 0, is_thick: false, sphere_D: lens.sphere_D, cylinder_D: lens.cylinder_D, axis_deg: lens.axis_deg, vertex_distance_mm: lens.vertex_distance_mm });
@@ -183,7 +183,7 @@ class Controls {
     this.panel.querySelector(".living-ground").hidden = !state.is_thick;
     const shown = this.living.shownEyes();
     for (const button of this.panel.querySelectorAll("[data-lens]"))
-      button.disabled = !shown.every((one) => hasLens(one, button.dataset.lens) || (button.dataset.lens === "best" && one.has_prescription));
+      button.disabled = !shown.every((one) => hasLens(one, button.dataset.lens) || (button.dataset.lens === "best" && shown.length === 1 && one.has_prescription));
     const withheld = this.panel.querySelector(".living-withheld"), without = shown.find((one) => one.withheld);
     withheld.textContent = without ? `No prescription, so no best lens to put on: ${without.withheld}` : "";
     withheld.hidden = !without;

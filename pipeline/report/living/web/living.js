@@ -75,7 +75,7 @@ const nextTask = (() => {
 /// What may be set: [least, most] of a number, a list of what is known, or a test. What depends on the eyes: rangesOf.
 const isSwitch = (value) => typeof value === "boolean";
 const allowed = { eye: null, scene: null, distance_mm: [100, Infinity], field_mm: [0, Infinity], field_x_mm: [-10, 10], field_y_mm: [-10, 10], sphere_D: [-30, 30],
-  cylinder_D: [-15, 15], axis_deg: [0, 360], vertex_distance_mm: [2, 50], prism_D: [0, 20], prism_base_deg: [0, 360], is_thick: isSwitch, base_D: [-5, 20],
+  cylinder_D: [-15, 15], axis_deg: [0, 360], vertex_distance_mm: [0, 50], prism_D: [0, 20], prism_base_deg: [0, 360], is_thick: isSwitch, base_D: [-5, 20],
   index: [1.3, 2.5], accommodation_D: [0, Infinity], band: (value) => [0, 1, 2].includes(value), band_share: [-1, 1], wavelength_nm: [390, 700], stiles_crawford_per_mm2: [0, 1], diffraction: isSwitch,
   pupil_mm: [0, Infinity], samples: [1, 65536], scene_follows_gaze: isSwitch, worn: [null, "best", "rounded", "known"],
   gaze_deg: (value) => Array.isArray(value) && value.length === 2 && value.every((angle) => Number.isFinite(angle) && Math.abs(angle) <= 45) };

@@ -100,6 +100,11 @@ if (timed) {
     const { sphere_D, cylinder_D, axis_deg, vertex_distance_mm } = lens;
     return { worn: sharpness({ worn: "best" }), powers: sharpness({ sphere_D, cylinder_D, axis_deg, vertex_distance_mm }), none: sharpness({}) };
   });
+  // A lens on the cornea can be worn, and then be another.
+  findings.on_cornea = await page.evaluate(() => {
+    window.emmetrope.set({ sphere_D: -1, vertex_distance_mm: 0 });
+    return window.emmetrope.state().vertex_distance_mm;
+  });
   // A lens that the eye does not have cannot be worn, and the state says what is.
   findings.worn = await page.evaluate(() => ["best", "known"].map((name) => {
     try { window.emmetrope.set({ worn: name }); } catch { return "refused"; }
