@@ -173,20 +173,26 @@ ForwardModel::AtParameters::Edge ForwardModel::AtParameters::edge(const EyeSurfa
   // Where a surface is parallel to the slice the slice alone blurs it; the floor keeps the ratio finite.
   const double slope = std::max(exact, is_encoded ? 0 : 0.01 * c) + 1e-12;
   RoundedMaximum blur{std::max(axes.inverse_kx, axes.inverse_ky), {0.5, 0.5, 0}};
+  Vector3d of_axes_squared = blur.share;  // k_c n_i / k_i
   if (exact > 1e-9) {
-    blur = rounded_maximum({a * axes.inverse_kx, b * axes.inverse_ky, c * axes.inverse_kz});
+    const Vector3d by_axis(a * axes.inverse_kx, b * axes.inverse_ky, c * axes.inverse_kz);
+    blur = rounded_maximum(by_axis);
+    of_axes_squared = (by_axis / blur.value).cwiseAbs2();
     blur.value /= exact;
   }
+  const double askew_squared = std::max(0.0, of_axes_squared.sum() - 1);
   const double per_f = 2 / (blur.value * slope);
   const double half = is_encoded ? 0 : sampling.thickness_mm / sampling.subslices / 2;
   // Within a sub-slice a curved surface lies on the average this far (in F) inside its tangent plane.
   const double bend = half * half / 6 * axes.normal.dot(surface.hessian * axes.normal);
-  const EdgeValue e = averaged_edge(per_f * (surface.f + bend), per_f * half * c, axes.filter);
+  const EdgeValue e = averaged_edge(per_f * (surface.f + bend), per_f * half * c, axes.filter, askew_squared);
+  const Vector3d d_log_k = blur.share * e.scale_derivative +
+                           2 * e.askew_derivative * (blur.share * (1 + askew_squared) - of_axes_squared);
   return {e.value,
           e.derivative * per_f,
-          (1 - blur.share[2]) * e.scale_derivative,
-          (blur.share[0] - blur.share[1]) / 2 * e.scale_derivative,
-          blur.share[2] * e.scale_derivative,
+          d_log_k[0] + d_log_k[1],
+          (d_log_k[0] - d_log_k[1]) / 2,
+          d_log_k[2],
           e.filter_derivative + log_cutoff_per_filter * e.scale_derivative};
 }
 

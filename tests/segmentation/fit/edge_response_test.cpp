@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <Eigen/Core>
+#include <algorithm>
 #include <cmath>
 
 #include "pipeline/base/frames.hpp"
@@ -55,6 +57,28 @@ TEST(EdgeResponse, DerivativesMatchDifferences) {
       }
 }
 
+TEST(EdgeResponse, DerivativesOfAnEdgeAskewMatchDifferences) {
+  const double step = 1e-4, wider = 1 + step, narrower = 1 - step;
+  for (const double t : {-3.0, -0.3, 0.1, 1.7})
+    for (const double h : {0.001, 0.3})
+      for (const double askew : {0.2, 1.3}) {
+        const auto at = [](double edge, double stretch, double f, double askew_squared) {
+          return averaged_edge(edge, stretch, f, askew_squared).value;
+        };
+        constexpr double f = 0.7;
+        const EdgeValue e = averaged_edge(t, h, f, askew);
+        EXPECT_NEAR(e.derivative, (at(t + step, h, f, askew) - at(t - step, h, f, askew)) / (2 * step), 1e-4);
+        EXPECT_NEAR(
+            e.scale_derivative,
+            (at(t * wider, h * wider, f, askew) - at(t * narrower, h * narrower, f, askew)) / (2 * step),
+            1e-4);
+        EXPECT_NEAR(e.filter_derivative, (at(t, h, f + step, askew) - at(t, h, f - step, askew)) / (2 * step),
+                    1e-6);
+        EXPECT_NEAR(e.askew_derivative, (at(t, h, f, askew + step) - at(t, h, f, askew - step)) / (2 * step),
+                    1e-4);
+      }
+}
+
 /// An edge whose frequencies up to the cut-off are damped: 1/2 + the sum of W(k) sin(pi k t) / (pi k).
 double damped_edge(double t, double (*window)(double)) {
   const int steps = 20000;
@@ -71,6 +95,41 @@ TEST(EdgeResponse, OfAFilterOfOneIsThatOfAHannWindow) {
     EXPECT_NEAR(averaged_edge(t, 0, 1).value,
                 damped_edge(t, [](double k) { return 0.5 + 0.5 * std::cos(pi * k); }), 1e-6)
         << t;
+}
+
+/// A plane edge askew to three axes that are each cut off at 1/mm and filtered by f: 1/2 + the integral of the product of the
+/// windows, each at k n_i, times sin(2 pi k s) / (pi k), up to where the first of them ends.
+double filtered_along_each_axis(double within_mm, const Eigen::Vector3d& normal, double f) {
+  const double cutoff = 1 / normal.maxCoeff();
+  const int steps = 4000;
+  double sum = 0;
+  for (int i = 0; i < steps; ++i) {
+    const double k = cutoff * (i + 0.5) / steps;
+    double window = 1;
+    for (const double n : normal) window *= 1 - f / 2 + f / 2 * std::cos(pi * k * n);
+    sum += window * std::sin(2 * pi * k * within_mm) / (pi * k) * cutoff / steps;
+  }
+  return 0.5 + sum;
+}
+
+TEST(EdgeResponse, AskewToTheAxesIsFilteredByAllOfThem) {
+  for (const Eigen::Vector3d& direction :
+       {Eigen::Vector3d(1, 0, 0), {1, 1, 0}, {3, 2, 0}, {1, 1, 1}, {3, 2, 1}, {1, 0.2, 0.1}})
+    for (const double f : {0.25, 0.6, 1.0}) {
+      const Eigen::Vector3d n = direction.normalized();
+      const double cutoff = 1 / n.maxCoeff(), askew_squared = cutoff * cutoff - 1;
+      double largest = 0, of_one_axis = 0;
+      for (double s = -1.5; s <= 1.5; s += 0.05) {
+        const double filtered = filtered_along_each_axis(s, n, f), t = 2 * cutoff * s;
+        largest = std::max(largest, std::abs(averaged_edge(t, 0, f, askew_squared).value - filtered));
+        of_one_axis = std::max(of_one_axis, std::abs(averaged_edge(t, 0, f).value - filtered));
+      }
+      // Two filters beside the first move the image by several distances, one by one.
+      EXPECT_LT(largest, direction.minCoeff() > 0.5 ? 0.025 : 0.01) << direction.transpose() << ", f " << f;
+      if (askew_squared > 0.9) {
+        EXPECT_GT(of_one_axis, 3 * largest) << direction.transpose() << ", f " << f;
+      }
+    }
 }
 
 // The signal's decay along an echo train to exp(-1) has a cusp in the middle, which no window of this form has.
