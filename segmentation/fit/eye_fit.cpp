@@ -229,9 +229,17 @@ double finest_pixel_mm(const std::vector<ObservedStack>& stacks) {
   return finest;
 }
 
+/// Of the globe's semi-axis along the eye's in T2, whose front is none that is seen: a scanner's filters and echo train, which
+/// differ between the image's axes, move the retina's asphericity by 0.03 (rms of 48 eyes; docs/evidence/worlds.md).
+constexpr double of_semi_axis_z_t2_mm = 0.12;
+
 /// What a person's eyes err by alike in images of one contrast: the wall's layers, which move length and diameters together.
 Eigen::MatrixXd error_of_layers(const EyeFit& fit) {
-  const VectorXd together = globe_sigmas(fit, error_of_layers_mm(fit)), apart = unlike_along_axes * together;
+  const VectorXd together = globe_sigmas(fit, error_of_layers_mm(fit));
+  VectorXd apart = unlike_along_axes * together;
+  for (Eigen::Index i = 0; i < apart.size(); ++i)
+    if (fit.weighting == Weighting::t2 && fit.active[static_cast<std::size_t>(i)] == globe_z && apart[i] > 0)
+      apart[i] = std::hypot(apart[i], of_semi_axis_z_t2_mm);
   return together * together.transpose() + Eigen::MatrixXd(apart.cwiseAbs2().asDiagonal());
 }
 

@@ -69,6 +69,9 @@ bool is_intensity(int index) { return index >= vitreous && index <= surround; }
 constexpr double cornea_like_wall = 0.08;  ///< relative
 /// Of the vitreous' brightness: two real eyes have 0.6 (docs/evidence/real-scans.md), phantoms 0 or 0.4; chosen.
 constexpr double layering_mean_t2 = 0.2, layering_sigma_t2 = 0.15;
+/// Retina and choroid lose their signal within a tenth of a second, the vitreous in more than one. Two real eyes have 0.7,
+/// phantoms 0.6; chosen.
+constexpr double brightest_inner_layer_t2 = 0.8;
 constexpr double curvature_per_axial_length = -0.4 * per_mm_of_keratometric_D;
 constexpr double coil_sigma = 0.3, gain_sigma = 0.3;
 constexpr double shift_sigma_mm = 3;     ///< the head moves 1 to 3 mm between series
@@ -144,6 +147,7 @@ Priors population_priors(const ParameterLayout& layout, const Eigen::VectorXd& s
   } else {
     priors.mean[wall_layering] = layering_mean_t2;
     priors.sigma[wall_layering] = layering_sigma_t2;
+    priors.brightest_inner_layer = brightest_inner_layer_t2;
   }
   for (int s = 0; s < layout.stacks; ++s) {
     const int at = layout.stack(s);

@@ -117,6 +117,8 @@ struct Priors {
   Eigen::VectorXd mean = {}, sigma = {};
   /// Cornea and wall are equally bright but for this, in the unit of intensities; infinite: not asked for.
   double cornea_like_wall_sigma = std::numeric_limits<double>::infinity();
+  /// How bright the wall's inner layer may be, over the vitreous; infinite: not asked.
+  double brightest_inner_layer = std::numeric_limits<double>::infinity();
   /// By how much the mean of cornea_c changes with the axial length, 1/mm per mm: longer eyes have flatter
   /// corneas.
   double curvature_per_axial_length = 0;

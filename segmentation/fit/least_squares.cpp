@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <utility>
 
 #include "pipeline/base/error.hpp"
 #include "segmentation/fit/rician.hpp"
@@ -202,6 +203,28 @@ void add_inverted_layering(const Priors& priors, const VectorXd& parameters, boo
   out.hessian(wall_layering, wall_layering) += information;
 }
 
+/// An inner layer as bright as the vitreous has no border to it: the globe would be smaller by as much as one likes.
+void add_bright_inner_layer(const Priors& priors, const VectorXd& parameters, bool derivatives,
+                            NormalEquations& out) {
+  constexpr double sigma = 0.03;
+  const double outer_share = 1 - parameters[wall_inner_share], layering = parameters[wall_layering];
+  const double excess =
+      (parameters[wall] + outer_share * layering - priors.brightest_inner_layer * parameters[vitreous]) /
+      sigma;
+  if (!(excess > 0)) return;
+  out.cost += excess * excess / 2;
+  if (!derivatives) return;
+  const std::array<std::pair<int, double>, 4> slopes{{{wall_inner_share, -layering / sigma},
+                                                      {vitreous, -priors.brightest_inner_layer / sigma},
+                                                      {wall, 1 / sigma},
+                                                      {wall_layering, outer_share / sigma}}};
+  for (const auto& [i, by_i] : slopes) {
+    out.gradient[i] += excess * by_i;
+    for (const auto& [j, by_j] : slopes)
+      if (i >= j) out.hessian(i, j) += by_i * by_j;
+  }
+}
+
 void add_priors(const FitProblem& problem, const VectorXd& parameters, bool derivatives,
                 NormalEquations& out) {
   const Priors& priors = problem.priors;
@@ -298,6 +321,7 @@ NormalEquations evaluate(const FitProblem& problem, const VectorXd& parameters, 
   }
   add_priors(problem, parameters, derivatives, out);
   add_inverted_layering(problem.priors, parameters, derivatives, out);
+  add_bright_inner_layer(problem.priors, parameters, derivatives, out);
   return out;
 }
 

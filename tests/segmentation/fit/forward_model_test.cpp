@@ -369,7 +369,9 @@ ForwardModel model_of_one_stack() {
 FitProblem of_priors_alone(const ForwardModel& model) {
   FitProblem problem;
   problem.model = &model;
-  problem.priors = population_priors(model.layout(), population_mean(model.layout()), Weighting::t2);
+  VectorXd start = population_mean(model.layout());
+  start[vitreous] = 1;
+  problem.priors = population_priors(model.layout(), start, Weighting::t2);
   problem.limbus_sigma_mm = 0;
   return problem;
 }
@@ -404,7 +406,8 @@ TEST(Priors, LongerEyesHaveFlatterCorneas) {
 /// By how much the wall's inner layer is brighter than the outer one.
 class GradientOfTheCost : public testing::TestWithParam<double> {};
 
-/// The condensed problem's cost and gradient are those of the voxels, where the wall's layers are inverted too.
+/// The condensed problem's cost and gradient are those of the voxels, where the wall's layers are inverted or its inner one
+/// is as bright as the vitreous too.
 TEST_P(GradientOfTheCost, MatchesDifferences) {
   const ForwardModel model = test_model();
   VectorXd a = test_parameters(2);
@@ -422,8 +425,8 @@ TEST_P(GradientOfTheCost, MatchesDifferences) {
   problem.priors = population_priors(model.layout(), a, Weighting::t2);
   problem.rician = true;
   const NormalEquations equations = evaluate(problem, a, true);
-  for (const int i : {int(vitreous), int(wall_layering), int(lens), int(cornea), model.layout().stack(0) + 2,
-                      int(lid_thickness), int(pupil_radius)}) {
+  for (const int i : {int(vitreous), int(wall), int(wall_layering), int(wall_inner_share), int(lens),
+                      int(cornea), model.layout().stack(0) + 2, int(lid_thickness), int(pupil_radius)}) {
     VectorXd more = a, less = a;
     more[i] += 1e-5;
     less[i] -= 1e-5;
@@ -432,7 +435,7 @@ TEST_P(GradientOfTheCost, MatchesDifferences) {
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(LeastSquares, GradientOfTheCost, testing::Values(0.15, -0.03));
+INSTANTIATE_TEST_SUITE_P(LeastSquares, GradientOfTheCost, testing::Values(0.15, -0.03, 1.2));
 
 /// Where the layers of the wall change places the prior has neither a step nor a kink, and it is narrow beyond.
 TEST(Priors, OfTheWallsLayersAreSmoothWhereTheyChangePlaces) {
@@ -449,6 +452,25 @@ TEST(Priors, OfTheWallsLayersAreSmoothWhereTheyChangePlaces) {
   EXPECT_NEAR(at(0.1).gradient[wall_layering], (0.1 - mean) / (sigma * sigma), 1e-9);
   EXPECT_NEAR(at(-0.04).gradient[wall_layering], -mean / (sigma * sigma) - 0.04 / (0.02 * 0.02), 1e-9);
   EXPECT_NEAR(at(-0.04).hessian(wall_layering, wall_layering), 1 / (0.02 * 0.02), 1e-9);
+}
+
+/// Else a globe might be as small as one likes, what is before its wall being called its inner layer.
+TEST(Priors, OfT2AskForAnInnerLayerDarkerThanTheVitreous) {
+  const ForwardModel model = model_of_one_stack();
+  const FitProblem problem = of_priors_alone(model);
+  VectorXd a = problem.priors.mean;
+  a[wall] = 0.3;
+  a[wall_inner_share] = 0.5;
+  const auto by_its_brightness = [&](double inner_layer) {
+    const double known = evaluate(problem, a, false).cost, layering = a[wall_layering];
+    a[wall_layering] = 2 * (inner_layer - a[wall]);
+    const double mean = problem.priors.mean[wall_layering], sigma = problem.priors.sigma[wall_layering];
+    const double of_layering =
+        (std::pow(a[wall_layering] - mean, 2) - std::pow(layering - mean, 2)) / (2 * sigma * sigma);
+    return evaluate(problem, a, false).cost - known - of_layering;
+  };
+  EXPECT_NEAR(by_its_brightness(0.75), 0, 1e-9);
+  EXPECT_GT(by_its_brightness(1.0), 20);
 }
 
 /// Whatever number of samples there is, which are summed by blocks.
