@@ -35,7 +35,7 @@ struct JudgedEye {
   /// How much of the fit stands.
   int rank() const { return is_measured() ? 3 : has_front() ? 2 : is_fitted() ? 1 : 0; }
   /// The edges that stand in for a fit that is withheld.
-  bool is_read() const { return !is_fitted() && main_edges(); }
+  bool is_read() const;
   /// Of the best view.
   std::optional<ReadEye> main_edges() const { return edges.empty() ? std::nullopt : edges.front(); }
   /// What they tell, doubted where the fit contradicts; nobody saw how deep a globe is whose numbers along the axis are

@@ -15,6 +15,7 @@
 #include "segmentation/finding/lens_axis.hpp"
 #include "segmentation/finding/sampling.hpp"
 #include "segmentation/fit/wall_layers.hpp"
+#include "segmentation/judgement/clipped_values.hpp"
 #include "segmentation/judgement/edge_agreement.hpp"
 
 namespace emmetrope::segmentation {
@@ -172,6 +173,20 @@ void judge_blanking(const FoundEye& found, const EyeFit& fit, Gates& gates) {
                   100 * blanked));
 }
 
+/// Half the height of an edge is not known where one of its sides was cut off.
+void judge_clipping(const ClippedValues& clipped, Gates& gates) {
+  gates.warn_above(
+      "clipped_about_eye", clipped.about_eye.share,
+      fmt::format("grey values are clipped at {:g}, which {:.0f} % of the voxels about the eye have "
+                  "(a windowed export?)",
+                  clipped.about_eye.value, 100 * clipped.about_eye.share));
+  gates.refuse_above(
+      "clipped_vitreous", clipped.vitreous.share,
+      fmt::format("grey values are clipped at {:g}, which {:.0f} % of the vitreous has (a windowed "
+                  "export?): the globe's edges are not where they seem",
+                  clipped.vitreous.value, 100 * clipped.vitreous.share));
+}
+
 /// Against where the header has the face.
 void judge_gaze(const EyeFit& fit, Gates& gates) {
   const double deg = from_ahead_deg(gaze_axis(fit.value(gaze_horizontal), fit.value(gaze_vertical)));
@@ -210,7 +225,13 @@ void judge_vitreous(const EyeFit& fit, Gates& gates) {
           around));
 }
 
-void judge_lens(const EyeFit& fit, Gates& gates) {
+void judge_lens(const EyeFit& fit, const ClippedShare& clipped, Gates& gates) {
+  gates.refuse_above(
+      "clipped_lens", clipped.share,
+      fmt::format("grey values are clipped at {:g}, which {:.0f} % of the lens has (a windowed "
+                  "export?): it looks thicker, and the chamber shallower, than they are",
+                  clipped.value, 100 * clipped.share),
+      Withholds::front);
   gates.refuse_below("lens_contrast", lens_contrast(fit),
                      "the lens is not visible: nothing between aqueous and vitreous differs from both");
   const double off_axis_mm = std::hypot(fit.value(lens_decentre_x), fit.value(lens_decentre_y));
@@ -490,6 +511,8 @@ std::vector<QualityGate> judge_quality(const FoundEye& found, const EyeFit& fit,
   }
   judge_globe(found, gates);
   judge_blanking(found, fit, gates);
+  const ClippedValues clipped = clipped_values(fit);
+  judge_clipping(clipped, gates);
   judge_gaze(fit, gates);
   judge_vitreous(fit, gates);
   if (fit.front_is_blanked()) {
@@ -497,7 +520,7 @@ std::vector<QualityGate> judge_quality(const FoundEye& found, const EyeFit& fit,
                    "the front of the eye was blanked in the images (a defaced head): no cornea, no lens, no "
                    "length");
   } else {
-    judge_lens(fit, gates);
+    judge_lens(fit, clipped.lens, gates);
     judge_cornea_and_length(fit, gates);
   }
   if (fit.weighting == Weighting::t1) {

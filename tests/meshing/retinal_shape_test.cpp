@@ -71,6 +71,10 @@ TEST(RetinalShape, IntervalsOfBestEllipsoidsHoldWhatDrawnEyesHave) {
       expect_held("/vertex_radius_120_mm/vertical",
                   [](const Best& narrow, const Best&) { return narrow.vertex_radius_mm.y(); });
       expect_held("/axis_240_deg/vertical", [](const Best&, const Best& wide) { return wide.axis_deg.y(); });
+      expect_held("/axis_120_deg/horizontal",
+                  [](const Best& narrow, const Best&) { return narrow.axis_deg.x(); });
+      expect_held("/axis_120_deg/vertical",
+                  [](const Best& narrow, const Best&) { return narrow.axis_deg.y(); });
     }
   }
 }

@@ -11,6 +11,8 @@ constexpr const char* keep_still = "Rescan with the head still, in fewer minutes
 // Where the fit is withheld no other instrument helps.
 constexpr const char* rescan = "Rescan this eye, still, in T2 of 0.5 mm in plane.";
 constexpr const char* before_defacing = "Use the images from before the face was taken off.";
+constexpr const char* all_grey_values =
+    "Use the scanner's own images, not what a viewer saved of its window.";
 constexpr const char* ask_radiologist = "Have a radiologist look at what is in the globe.";
 constexpr const char* measure_cornea = "Measure the cornea, and give it (--keratometry).";
 
@@ -21,6 +23,9 @@ std::string remedy_of_gate(const std::string& gate) {
       {"globe_inside_stack", "Rescan with the whole globe inside the slices."},
       {"front_is_blanked", before_defacing},
       {"wall_blanked", before_defacing},
+      {"clipped_about_eye", all_grey_values},
+      {"clipped_lens", all_grey_values},
+      {"clipped_vitreous", all_grey_values},
       {"gaze_from_ahead_deg",
        "Look at the contours; use the scanner's own file, or one whose orientation is the head's."},
       {"globe_flattening_mm", "Use the images as the scanner made them, not resampled to a template."},
