@@ -18,14 +18,14 @@ using Eigen::Vector3d;
 
 constexpr int tile_px = 288, tiles_across = 3, tiles = 6;
 constexpr double tile_mm = 36, pixel_mm = tile_mm / tile_px;
-constexpr double reach_mm = 8, between_tiles_mm = 2 * reach_mm / (tiles - 1);
+constexpr double tile_reach_mm = 8, between_tiles_mm = 2 * tile_reach_mm / (tiles - 1);
 
 /// The slices that are shown: evenly through the globe, each nearest to its place.
 std::vector<int> slices_through(const Stack& stack, const Vector3d& centre) {
   std::vector<int> chosen;
   const double middle = stack.normal.dot(centre);
   for (int i = 0; i < tiles; ++i) {
-    const double wanted = middle - reach_mm + i * between_tiles_mm;
+    const double wanted = middle - tile_reach_mm + i * between_tiles_mm;
     int best = 0;
     for (int s = 1; s < stack.slices(); ++s)
       if (std::abs(stack.normal.dot(stack.slice_position[s]) - wanted) <
