@@ -339,6 +339,22 @@ TEST(QualityOfShapes, ABulgeAtThePoleCounts) {
   EXPECT_FALSE(gate.passed);
 }
 
+/// The mean of two meridians may be an eye's where neither of them is.
+TEST(QualityOfShapes, AMeridianThatNoEyeHasWithholdsTheCornea) {
+  const ParameterLayout layout;
+  Eigen::VectorXd parameters = population_mean(layout);
+  for (const auto& [half_cylinder_D, stands] : {std::pair{0.5, true}, {12.0, true}, {18.0, false}}) {
+    parameters[cornea_j0] = half_cylinder_D * per_mm_of_keratometric_D;
+    const EyeFit fit = fit_at(layout, parameters, Weighting::t2);
+    EXPECT_TRUE(gate_of(fit, "keratometry_D_upper").passed) << "the mean";
+    for (const char* name : {"keratometry_flat_D", "keratometry_steep_D"}) {
+      const QualityGate gate = gate_of(fit, name);
+      EXPECT_EQ(gate.passed, stands) << name << " " << gate.value;
+      EXPECT_EQ(gate.withholds, Withholds::cornea);
+    }
+  }
+}
+
 /// What is dark behind the globe may have been taken for its wall: said, but the eye is measured.
 TEST(QualityOfShapes, AWallTwiceAnEyesIsSaid) {
   const ParameterLayout layout;
