@@ -13,6 +13,7 @@
 #include "segmentation/intake/file_list.hpp"
 #include "segmentation/intake/file_mention.hpp"
 #include "segmentation/intake/identity.hpp"
+#include "segmentation/intake/repeated_planes.hpp"
 #include "segmentation/intake/series_checks.hpp"
 #include "segmentation/intake/series_warnings.hpp"
 #include "segmentation/intake/slice_grid.hpp"
@@ -104,6 +105,22 @@ SeriesInfo judge(std::vector<ScannedFile> files, const IntakeOptions& options, c
   return info;
 }
 
+/// A NIfTI volume tells where its first voxel lies, and no more: what lies behind a plane too many is in another place.
+/// \throw Error (input_invalid) naming the planes
+void judge_repeated_planes(const Stack& stack, const std::string& name, std::vector<std::string>& warnings) {
+  for (const RepeatedPlanes& repeated : find_repeated_planes(stack)) {
+    const std::string planes = described(repeated, stack);
+    if (!repeated.throughout)
+      throw input_error(
+          fmt::format("{}: {}, hold the same voxels, which no two that were acquired do: lengths "
+                      "across them cannot be told",
+                      name, planes));
+    warnings.push_back(
+        fmt::format("{}: its voxels were repeated to enlarge it ({}): it tells no more than it did before",
+                    name, planes));
+  }
+}
+
 /// As the decoding process, which tells its words in UTF-8, spells a path.
 std::string as_told(const std::string& path) {
   return Json::parse(Json(path).dump(-1, ' ', false, Json::error_handler_t::replace)).get<std::string>();
@@ -131,6 +148,7 @@ SeriesInfo judge_nifti(Decoder& decoder, const IntakeOptions& options, const fs:
     info.uniform = !fit_slice_grid(stack).has_gaps();
     if (std::string few = too_few_slices(stack.slices()); !few.empty())
       info.warnings.push_back(std::move(few));
+    judge_repeated_planes(stack, (root / file).string(), info.warnings);
     for (int i = 0; i < 3; ++i) {
       info.orientation[i] = stack.along_row[i];
       info.orientation[i + 3] = stack.along_column[i];

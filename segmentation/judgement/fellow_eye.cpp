@@ -246,38 +246,58 @@ void compare_fellow_eyes(JudgedEye& od, JudgedEye& os, const std::vector<const S
 
 namespace {
 
-/// Extent of the interface along an axis of the globe, as it is told.
-Estimate extent_of(const EyeFit& fit, Distance extent) {
-  const Eigen::VectorXd derivatives = distance_derivatives(fit).col(extent);
+/// Extent of the interface along an axis of the globe.
+struct Extent {
+  Distance of_fit;
+  Parameter half_axis;
+  Estimate EdgeBiometry::*by_edges;
+  const char* dimension;
+};
+
+/// As it is told: by the fit, or by the edges that stand in for it.
+Estimate told(const JudgedEye& eye, const Extent& extent) {
+  if (!eye.is_fitted()) return eye.stated_edges().*extent.by_edges;
+  const EyeFit& fit = *eye.fit;
+  const Eigen::VectorXd derivatives = distance_derivatives(fit).col(extent.of_fit);
   double extent_mm = 0;
   for (std::size_t i = 0; i < fit.active.size(); ++i)
     extent_mm += derivatives[static_cast<Eigen::Index>(i)] * fit.value(fit.active[i]);
   return {extent_mm, std::sqrt(derivatives.dot(fit.covariance * derivatives))};
 }
 
-/// Globes of a person are about equally wide and high. Where fits differ by more, one was misread, or the eyes do
-/// differ: which is not known, so that the interval of each reaches to the other.
+/// \param by_mm  a standard deviation that is added to the extent's
+void widen(JudgedEye& eye, const Extent& extent, double by_mm) {
+  if (!eye.is_fitted()) {
+    Estimate& by_edges = eye.edges.front()->biometry.*extent.by_edges;
+    by_edges.sigma = std::hypot(by_edges.sigma, by_mm);
+    return;
+  }
+  const std::vector<int>& active = eye.fit->active;
+  const auto i = std::find(active.begin(), active.end(), static_cast<int>(extent.half_axis)) - active.begin();
+  eye.fit->covariance(i, i) += std::pow(by_mm / 2, 2);
+}
+
+/// Globes of a person are about equally wide and high. Where they are told to differ by more, one was misread, or the
+/// eyes do differ: which is not known, so that the interval of each reaches to the other.
 void doubt_unlike_globes(JudgedEye& od, JudgedEye& os) {
   // Standard deviation of the difference; chosen (docs/method/segmentation.md, "Two eyes of one person").
   constexpr double difference_mm = 0.4;
   const char* name = "globe_difference";
   const Range allowed = limits_of(name).plausible;
-  for (const auto& [extent, half_axis, dimension] :
-       {std::tuple{globe_width, globe_x, "wide"}, {globe_height, globe_y, "high"}}) {
-    const Estimate of_od = extent_of(*od.fit, extent), of_os = extent_of(*os.fit, extent);
-    const double apart_mm = of_od.value - of_os.value,
-                 sigmas = std::abs(apart_mm) / std::hypot(difference_mm, of_od.sigma, of_os.sigma);
+  for (const Extent& extent : {Extent{globe_width, globe_x, &EdgeBiometry::globe_width, "wide"},
+                               {globe_height, globe_y, &EdgeBiometry::globe_height, "high"}}) {
+    const Estimate of_od = told(od, extent), of_os = told(os, extent);
+    const double apart_mm = std::abs(of_od.value - of_os.value),
+                 sigmas = apart_mm / std::hypot(difference_mm, of_od.sigma, of_os.sigma);
     if (allowed.contains(sigmas)) continue;
     for (JudgedEye* eye : {&od, &os}) {
-      const std::vector<int>& active = eye->fit->active;
-      const auto i = std::find(active.begin(), active.end(), static_cast<int>(half_axis)) - active.begin();
-      eye->fit->covariance(i, i) += std::pow(apart_mm / 4, 2);  // half the difference, of an extent
+      widen(*eye, extent, apart_mm / 2);
       eye->gates.push_back(failed(
           name, sigmas, allowed.high, Withholds::nothing,
           fmt::format(
               "the right globe is {:.1f} mm {}, the left {:.1f} mm: one was misread, or the eyes differ more "
               "than a person's do; the intervals of both reach to the other",
-              of_od.value, dimension, of_os.value)));
+              of_od.value, extent.dimension, of_os.value)));
     }
   }
 }
@@ -305,9 +325,10 @@ bool couple_fellow_eyes(JudgedEye& od, JudgedEye& os) {
   if (coupled && od.rival && os.rival) couple_eyes(od.rival->fit, os.rival->fit);
   for (JudgedEye* eye : {&od, &os})
     if (eye->rival) mix_in(*eye->fit, *eye->rival);
-  if (od.is_fitted() && os.is_fitted() && od.evidence == Evidence::intensities &&
-      os.evidence == Evidence::intensities)
-    doubt_unlike_globes(od, os);
+  const auto is_told_by_images = [](const JudgedEye& eye) {
+    return eye.evidence == Evidence::intensities && (eye.is_fitted() || eye.is_read());
+  };
+  if (is_told_by_images(od) && is_told_by_images(os)) doubt_unlike_globes(od, os);
   return coupled;
 }
 

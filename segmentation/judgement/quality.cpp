@@ -9,6 +9,7 @@
 
 #include "pipeline/base/even_points.hpp"
 #include "pipeline/base/frames.hpp"
+#include "pipeline/eye/parametric/corneal_metrics.hpp"
 #include "pipeline/eye/population/limits.hpp"
 #include "pipeline/eye/population/population.hpp"
 #include "segmentation/finding/blanked_region.hpp"
@@ -430,12 +431,28 @@ bool edges_confirm_chamber(const EyeFit& fit, const std::optional<ReadEye>& edge
   return limits_of("edge_disagreement").plausible.contains(sigmas);
 }
 
+/// As they are told: of the cornea with its free form, beyond what its mean power shows.
+void judge_meridians(const ParametricEye& eye, Gates& gates) {
+  const CornealPower power = corneal_power(anterior_cornea(eye));
+  const double half_cylinder_D = std::hypot(power.J0_D, power.J45_D);
+  const double flat_D = power.M_D - half_cylinder_D, steep_D = power.M_D + half_cylinder_D;
+  const auto no_meridian = [](const char* meridian, double power_D) {
+    return fmt::format("a cornea of {:.1f} D in its {} meridian is no eye's: its shape was not found",
+                       power_D, meridian);
+  };
+  gates.refuse_below({"keratometry_flat_D", "keratometry/flat/power_D"}, flat_D, no_meridian("flat", flat_D),
+                     Withholds::cornea);
+  gates.refuse_above({"keratometry_steep_D", "keratometry/steep/power_D"}, steep_D,
+                     no_meridian("steep", steep_D), Withholds::cornea);
+}
+
 void judge_dimensions(const FoundEye& found, const EyeFit& fit, const std::optional<ReadEye>& edges,
                       Gates& gates) {
   const char *length = "axial_length_mm", *power = "astigmatism/M_D";
   const Range plausible_mm = limits_of(length).plausible, plausible_D = limits_of(power).plausible;
   // As it is told: to the interface on the axis, a bulge there included.
-  const double length_mm = to_parametric_eye(fit, found.laterality).pole_depth_mm();
+  const ParametricEye eye = to_parametric_eye(fit, found.laterality);
+  const double length_mm = eye.pole_depth_mm();
   const double power_D = keratometric_D_mm * fit.value(cornea_c);
   const std::string no_length = fmt::format("an axial length of {:.1f} mm is no eye's", length_mm);
   gates.refuse_below({"axial_length_mm_lower", length}, length_mm, no_length);
@@ -452,6 +469,7 @@ void judge_dimensions(const FoundEye& found, const EyeFit& fit, const std::optio
                    fmt::format("corneal power {:.1f} D is below {:g} D", power_D, plausible_D.low));
   gates.warn_above({"keratometry_plausible_upper_D", power}, power_D,
                    fmt::format("corneal power {:.1f} D is above {:g} D", power_D, plausible_D.high));
+  judge_meridians(eye, gates);
   const double chamber_mm = fit.value(anterior_chamber_depth);
   gates.refuse_below("anterior_chamber_depth_mm", chamber_mm,
                      fmt::format("an anterior chamber of {:.1f} mm is no eye's", chamber_mm));

@@ -49,7 +49,8 @@ constexpr const char *hoffmann = "Hoffmann and Huetz 2010", *cataract_patients =
                      *handan = "Handan Eye Study", *lens_thickness = "Dubbelman et al. 2001",
                      *lens_radii = "Dubbelman and van der Heijde 2001", *dodgson = "Dodgson 2004",
                      *staphyloma = "BMC Ophthalmology 2024;24";
-constexpr Range plausible_corneal_power_D{38, 50}, normal_corneal_power_D{40.91, 47.34};
+constexpr Range accepted_corneal_power_D{30, 60}, plausible_corneal_power_D{38, 50},
+    normal_corneal_power_D{40.91, 47.34};
 
 std::vector<Limits> biometry() {
   return {
@@ -72,13 +73,15 @@ std::vector<Limits> biometry() {
       // Beyond this astigmatic axes, which are given against the scanner, are not the patient's own.
       Row("head_roll_deg", "deg").warn_outside({-3, 3}),
       Row("astigmatism/M_D", "D")
-          .refuse_outside({30, 60})
+          .refuse_outside(accepted_corneal_power_D)
           .warn_outside(plausible_corneal_power_D)
           .normal(normal_corneal_power_D, hoffmann),
       Row("keratometry/flat/power_D", "D")
+          .refuse_outside(accepted_corneal_power_D)
           .warn_outside(plausible_corneal_power_D)
           .normal(normal_corneal_power_D, hoffmann),
       Row("keratometry/steep/power_D", "D")
+          .refuse_outside(accepted_corneal_power_D)
           .warn_outside(plausible_corneal_power_D)
           .normal(normal_corneal_power_D, hoffmann),
       Row("keratometry/cylinder_D", "D").warn_outside({0, 6}),

@@ -48,6 +48,8 @@ std::string remedy_of_gate(const std::string& gate) {
       {"label_pixel_mm", measure_cornea},
       {"resolved_t2_mm", measure_cornea},
       {"chamber_of_unseen_cornea_mm", rescan},
+      {"keratometry_flat_D", measure_cornea},
+      {"keratometry_steep_D", measure_cornea},
       {"keratometry_plausible_D", measure_cornea},
       {"keratometry_plausible_upper_D", measure_cornea},
       {"apex_sigma_mm", rescan},

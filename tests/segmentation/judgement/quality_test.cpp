@@ -339,6 +339,22 @@ TEST(QualityOfShapes, ABulgeAtThePoleCounts) {
   EXPECT_FALSE(gate.passed);
 }
 
+/// The mean of two meridians may be an eye's where neither of them is.
+TEST(QualityOfShapes, AMeridianThatNoEyeHasWithholdsTheCornea) {
+  const ParameterLayout layout;
+  Eigen::VectorXd parameters = population_mean(layout);
+  for (const auto& [half_cylinder_D, stands] : {std::pair{0.5, true}, {12.0, true}, {18.0, false}}) {
+    parameters[cornea_j0] = half_cylinder_D * per_mm_of_keratometric_D;
+    const EyeFit fit = fit_at(layout, parameters, Weighting::t2);
+    EXPECT_TRUE(gate_of(fit, "keratometry_D_upper").passed) << "the mean";
+    for (const char* name : {"keratometry_flat_D", "keratometry_steep_D"}) {
+      const QualityGate gate = gate_of(fit, name);
+      EXPECT_EQ(gate.passed, stands) << name << " " << gate.value;
+      EXPECT_EQ(gate.withholds, Withholds::cornea);
+    }
+  }
+}
+
 /// What is dark behind the globe may have been taken for its wall: said, but the eye is measured.
 TEST(QualityOfShapes, AWallTwiceAnEyesIsSaid) {
   const ParameterLayout layout;
@@ -768,6 +784,40 @@ TEST_F(FellowEyes, UnlikeGlobesReachToEachOther) {
     EXPECT_NEAR(2 * eye->fit->sigma(globe_y), 1.15, 0.01);
     EXPECT_LE(eye->fit->sigma(globe_x), before_mm);
   }
+}
+
+/// Also where edges stand in for the fit of one eye, or of both: a head with a plane stored four times had 27.9 mm by
+/// edges beside 25.1 mm by a fit.
+TEST_F(FellowEyes, UnlikeGlobesByEdgesReachToEachOther) {
+  const auto by_edges = [&](double width_mm) {
+    JudgedEye judged = eye(0);
+    ReadEye read = edges_with_length(24);
+    read.biometry.globe_width = {width_mm, 0.65};
+    read.biometry.globe_height = {2 * judged.fit->value(globe_y), 0.65};
+    judged.edges = {read};
+    judged.fit.reset();
+    return judged;
+  };
+  const auto compared = [&](double wider_mm, JudgedEye os) {
+    JudgedEye od = by_edges(2 * eye(0).fit->value(globe_x) + wider_mm);
+    couple_fellow_eyes(od, os);
+    EXPECT_EQ(od.gates.size(), os.gates.size());
+    if (!os.gates.empty()) {
+      EXPECT_NEAR(od.stated_edges().globe_width.sigma, std::hypot(0.65, wider_mm / 2), 0.01);
+      EXPECT_NEAR(od.stated_edges().globe_height.sigma, 0.65, 0.01);
+    }
+    return os;
+  };
+  EXPECT_TRUE(compared(1.8, eye(0)).gates.empty());
+  const JudgedEye fitted = compared(2.7, eye(0));
+  ASSERT_EQ(fitted.gates.size(), 1U);
+  EXPECT_EQ(fitted.gates[0].name, "globe_difference");
+  EXPECT_NEAR(fitted.gates[0].value, 2.7 / std::hypot(0.4, 0.65), 0.01);
+  EXPECT_TRUE(fitted.is_measured());
+  EXPECT_NEAR(2 * fitted.fit->sigma(globe_x), 1.35, 0.01);
+  // Two that are known as little may differ by as much.
+  EXPECT_TRUE(compared(2.3, by_edges(2 * eye(0).fit->value(globe_x))).gates.empty());
+  EXPECT_EQ(compared(2.7, by_edges(2 * eye(0).fit->value(globe_x))).gates.size(), 1U);
 }
 
 /// Old fits with fat displaced by 1.1 and -0.8 mm; of the new ones some agree, some leave less.
