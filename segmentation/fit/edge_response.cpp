@@ -128,7 +128,7 @@ double edge_response(double t) { return table()(t).edge; }
 EdgeValue averaged_edge(double t, double h, double filter, double askew_squared) {
   const EdgeValue middle = straight_edge(t, h, filter);
   constexpr double least_squared = 1e-3;  // moves no value by more than that
-  if (filter == 0 || askew_squared < least_squared) return middle;
+  if (askew_squared < least_squared) return middle;
   const double s = std::sqrt(askew_squared), aside = filter / 4, along = 1 - filter / 2;
   const EdgeValue ahead = straight_edge(t + s, h, filter), behind = straight_edge(t - s, h, filter);
   const auto sum = [&](double EdgeValue::*of) {

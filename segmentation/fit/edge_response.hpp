@@ -16,7 +16,7 @@ namespace emmetrope::segmentation {
 /// Rows, columns and encoded slices are filtered each, and an edge askew to them by all: k n_i / k_i is what each sees of
 /// a frequency k along the normal n. The axis along which k_c is reached first moves the image by one unit, the others
 /// together as one filter of the same curvature would, by s units, s^2 + 1 the sum of (k_c n_i / k_i)^2: within 0.01 of the
-/// product of three windows for f from 0.25 to 1, towards the box's corner 0.023 (by one axis alone: 0.05 to 0.09).
+/// product of three windows for f from 0.25 to 1, towards the box's corner 0.023 (by one axis alone: 0.08 to 0.13 there).
 ///
 /// The average over [t - h, t + h] is (EI(t + h) - EI(t - h)) / 2h with EI the antiderivative of E: exact for
 /// a plane surface at any inclination to the slice, so that a thick slice needs few sub-slices.

@@ -229,17 +229,9 @@ double finest_pixel_mm(const std::vector<ObservedStack>& stacks) {
   return finest;
 }
 
-/// Of the globe's semi-axis along the eye's in T2, whose front is none that is seen: a scanner's filters and echo train, which
-/// differ between the image's axes, move the retina's asphericity by 0.03 (rms of 48 eyes; docs/evidence/worlds.md).
-constexpr double of_semi_axis_z_t2_mm = 0.12;
-
 /// What a person's eyes err by alike in images of one contrast: the wall's layers, which move length and diameters together.
 Eigen::MatrixXd error_of_layers(const EyeFit& fit) {
-  const VectorXd together = globe_sigmas(fit, error_of_layers_mm(fit));
-  VectorXd apart = unlike_along_axes * together;
-  for (Eigen::Index i = 0; i < apart.size(); ++i)
-    if (fit.weighting == Weighting::t2 && fit.active[static_cast<std::size_t>(i)] == globe_z && apart[i] > 0)
-      apart[i] = std::hypot(apart[i], of_semi_axis_z_t2_mm);
+  const VectorXd together = globe_sigmas(fit, error_of_layers_mm(fit)), apart = unlike_along_axes * together;
   return together * together.transpose() + Eigen::MatrixXd(apart.cwiseAbs2().asDiagonal());
 }
 
@@ -256,14 +248,18 @@ Eigen::MatrixXd error_of_nucleus(const EyeFit& fit) {
 /// What a globe's length and diameters may be off by besides where the image is not what the model has: the share of the
 /// residuals that noise does not explain, times what fits of real heads differ by from independent readings, and
 /// of one person in T1 and T2 (docs/evidence/real-scans.md). And the radius at which a lens ends, which is drawn as a sharp
-/// rim and is a round one: rms of what it errs by in phantoms (docs/evidence/accuracy.md).
+/// rim and is a round one: rms of what it errs by in phantoms (docs/evidence/accuracy.md). And in T2, where pixels do not
+/// show the wall's layers, the globe's semi-axis along the eye's: filters and echo trains, which differ between an image's
+/// axes, move the retina's asphericity by 0.03 (rms of 48 eyes of `scanner`; docs/evidence/worlds.md).
 Eigen::MatrixXd model_error(const EyeFit& fit) {
-  constexpr double of_unexplained_mm = 0.3, round_rim_mm = 0.24;
+  constexpr double of_unexplained_mm = 0.3, round_rim_mm = 0.24, of_echo_train_mm = 0.12;
+  const bool is_coarse_t2 = fit.weighting == Weighting::t2 && error_of_layers_mm(fit) > 0;
   VectorXd sigmas = globe_sigmas(fit, of_unexplained_mm * (1 - 1 / std::max(1.0, fit.chi2_per_voxel)));
   for (Eigen::Index i = 0; i < sigmas.size(); ++i) {
     const int parameter = fit.active[static_cast<std::size_t>(i)];
     if (parameter == lens_equator_radius) sigmas[i] = round_rim_mm;
     if (parameter == anterior_chamber_depth) sigmas[i] = error_of_chamber_mm(fit);
+    if (parameter == globe_z && is_coarse_t2) sigmas[i] = std::hypot(sigmas[i], of_echo_train_mm);
   }
   return sigmas.cwiseAbs2().asDiagonal();
 }

@@ -206,6 +206,7 @@ void add_inverted_layering(const Priors& priors, const VectorXd& parameters, boo
 /// An inner layer as bright as the vitreous has no border to it: the globe would be smaller by as much as one likes.
 void add_bright_inner_layer(const Priors& priors, const VectorXd& parameters, bool derivatives,
                             NormalEquations& out) {
+  if (!std::isfinite(priors.brightest_inner_layer)) return;
   constexpr double sigma = 0.03;
   const double outer_share = 1 - parameters[wall_inner_share], layering = parameters[wall_layering];
   const double excess =

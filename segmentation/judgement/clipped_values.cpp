@@ -66,12 +66,12 @@ ClippedValues clipped_values(const EyeFit& fit) {
     const GreyRange range(stack);
     Count about, lens, vitreous;
     for_each_voxel_near(stack, centre, about_mm, [&](int c, int r, int s, const Vector3d& position) {
+      if (blanked.holds_voxel(c, r, s)) return;
       const float value = stack.at(c, r, s);
       about.add(value, range);
       const Vector3d in_eye = at.to_eye(position, static_cast<int>(k));
       if ((in_eye - lens_centre).cwiseQuotient(lens_half_axes_mm).norm() < 1) lens.add(value, range);
-      if ((position - centre).norm() < vitreous_mm && !blanked.holds_voxel(c, r, s))
-        vitreous.add(value, range);
+      if ((position - centre).norm() < vitreous_mm) vitreous.add(value, range);
     });
     keep_larger(clipped.about_eye, about.share_highest(range));
     keep_larger(clipped.lens, lens.share_of_either(range));

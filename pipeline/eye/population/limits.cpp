@@ -113,7 +113,7 @@ std::vector<Limits> fit_quality() {
       // Shares of voxels that have the highest value of the image; in lens and vitreous the lowest, too. Of 39 eyes of
       // real scans two have the highest about them, of an image that was clipped (0.025); lenses have up to 0.02 of
       // either, a vitreous 0.01, 0.08 where dark values were set to 0. Of a T1 head saved with ever lower ceilings
-      // chamber and lens moved by 0.9 standard deviations with 0.32 of the lens clipped, chambers by 0.3 and 0.4 mm
+      // chamber and lens moved by 0.1 and 0.2 mm with 0.32 of the lens clipped, chambers by 0.3 and 0.4 mm
       // with 0.48, by 0.7 and 1.0 mm with 0.74. Of a T2 head whose vitreous was clipped whole, edges had globes 0.3 to
       // 1.1 mm too large.
       Row("clipped_about_eye", "").warn_outside(at_most(0.01)),

@@ -5,6 +5,7 @@
 #include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "pipeline/base/frames.hpp"
 #include "segmentation/fit/rician.hpp"
@@ -61,11 +62,10 @@ TEST(EdgeResponse, DerivativesOfAnEdgeAskewMatchDifferences) {
   const double step = 1e-4, wider = 1 + step, narrower = 1 - step;
   for (const double t : {-3.0, -0.3, 0.1, 1.7})
     for (const double h : {0.001, 0.3})
-      for (const double askew : {0.2, 1.3}) {
+      for (const auto& [askew, f] : {std::pair{0.2, 0.7}, {1.3, 0.7}, {1.3, 0.0}, {0.5, -0.4}}) {
         const auto at = [](double edge, double stretch, double f, double askew_squared) {
           return averaged_edge(edge, stretch, f, askew_squared).value;
         };
-        constexpr double f = 0.7;
         const EdgeValue e = averaged_edge(t, h, f, askew);
         EXPECT_NEAR(e.derivative, (at(t + step, h, f, askew) - at(t - step, h, f, askew)) / (2 * step), 1e-4);
         EXPECT_NEAR(

@@ -103,6 +103,12 @@ class ClippedEye : public testing::Test {
   Stack stack_;
 };
 
+TEST_F(ClippedEye, ABlankedFaceIsNotClipped) {
+  const double lens_back_y = fit_.globe_centre_lps().y() - 4;
+  set_values([&](const Vector3d& at, float value) { return at.y() < lens_back_y ? 0.0 : value; });
+  EXPECT_EQ(failed(judged()), 0);
+}
+
 TEST_F(ClippedEye, AScannersGreyValuesAreWhole) {
   EXPECT_EQ(failed(judged()), 0);
   clip(0, 950);  // above all but little of the fat

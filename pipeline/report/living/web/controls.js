@@ -9,7 +9,7 @@ const notationOf = ({ sphere_D, cylinder_D, axis_deg }) =>
 /// key, label, least, most, step, reading
 const sliders = {
   lens: [["sphere_D", "Sphere", -15, 15, 0.25, (v) => `${signed(v)} D`], ["cylinder_D", "Cylinder", -8, 8, 0.25, (v) => `${signed(v)} D`],
-    ["axis_deg", "Axis", 0, 179, 1, (v) => `${Math.round(v)}\u00b0`], ["vertex_distance_mm", "Vertex distance", 5, 20, 0.5, (v) => `${v} mm`],
+    ["axis_deg", "Axis", 0, 179, 1, (v) => `${Math.round(v)}\u00b0`], ["vertex_distance_mm", "Vertex distance", 0, 20, 0.5, (v) => `${v} mm`],
     ["prism_D", "Prism", 0, 10, 0.25, (v) => `${v} \u0394`], ["prism_base_deg", "Base of the prism", 0, 360, 5, (v) => `${v}\u00b0`]],
   ground: [["base_D", "Front surface", 0, 10, 0.5, (v) => `${signed(v, 1)} D`], ["index", "Index of the glass", 1.49, 1.9, 0.01, (v) => v.toFixed(2)]],
   eye: [["pupil_mm", "Pupil (iris)", 1, 6, 0.1, (v) => `${v.toFixed(1)} mm`], ["accommodation_D", "Accommodation", 0, 8, 0.1, (v) => `${v.toFixed(1)} D`],
