@@ -16,6 +16,7 @@
 #include "segmentation/fit/both_eyes.hpp"
 #include "segmentation/judgement/fellow_eye.hpp"
 #include "segmentation/judgement/one_head.hpp"
+#include "segmentation/judgement/plane_step_gate.hpp"
 #include "segmentation/judgement/two_contrasts.hpp"
 #include "segmentation/labels/hand_labels.hpp"
 #include "segmentation/output/boundary.hpp"
@@ -113,6 +114,9 @@ std::vector<JudgedEye> fit_all(const std::vector<FoundEye>& found, const StudyIm
   if (eyes.size() == 2 && images.labels.empty())
     compare_fellow_eyes(eyes[0], eyes[1], images.stacks(), images.subject.age_years, common.thread_count(),
                         common.verbosity);
+  for (JudgedEye& eye : eyes)
+    for (const EyeView& view : eye.found.views)
+      if (images.series[view.stack]->is_nifti()) judge_plane_steps(eye, view, images.volumes[view.stack]);
   return eyes;
 }
 

@@ -1,10 +1,8 @@
 #include "segmentation/intake/repeated_planes.hpp"
 
-#include <fmt/format.h>
-
 #include <algorithm>
-#include <array>
-#include <tuple>
+
+#include "segmentation/intake/named_planes.hpp"
 
 namespace emmetrope::segmentation {
 namespace {
@@ -14,7 +12,6 @@ class Planes {
  public:
   Planes(const Stack& stack, int axis) : stack_(stack), axis_(axis) {}
 
-  int count() const { return std::array{stack_.columns, stack_.rows, stack_.slices()}[axis_]; }
   bool are_same(int a, int b) const {
     return all_of([&](int u, int v) { return at(a, u, v) == at(b, u, v); });
   }
@@ -60,7 +57,7 @@ std::vector<RepeatedPlanes> find_repeated_planes(const Stack& stack) {
   std::vector<RepeatedPlanes> found;
   for (int axis = 0; axis < 3; ++axis) {
     const Planes planes(stack, axis);
-    int first = 0, last = planes.count() - 1;
+    int first = 0, last = count_planes(stack, axis) - 1;
     while (first < last && (!planes.shows_something(first) || planes.are_same(first, first + 1))) ++first;
     while (first < last && (!planes.shows_something(last) || planes.are_same(last - 1, last))) --last;
     RepeatedPlanes repeated;
@@ -74,24 +71,12 @@ std::vector<RepeatedPlanes> find_repeated_planes(const Stack& stack) {
 }
 
 std::string described(const RepeatedPlanes& repeated, const Stack& stack) {
-  struct Normal {
-    const char *planes, *low_side;
-  };
-  constexpr std::array<Normal, 3> normals{{{"sagittal", "right"}, {"coronal", "front"}, {"axial", "feet"}}};
-  const Eigen::Vector3d direction =
-      std::array{stack.along_row, stack.along_column, stack.normal}[repeated.axis];
-  Eigen::Index lps = 0;
-  direction.cwiseAbs().maxCoeff(&lps);
-  const int count = Planes(stack, repeated.axis).count();
   const std::vector<int>& same = repeated.same_as_next;
   // The first place of several.
   std::size_t end = 1;
   while (end < same.size() && same[end] == same[end - 1] + 1) ++end;
-  int low = same.front() + 1, high = same[end - 1] + 2;
-  if (direction[lps] < 0) std::tie(low, high) = std::pair{count + 1 - high, count + 1 - low};
-  return fmt::format("{} planes {} {} {} of {}, counted from the patient's {}{}", normals[lps].planes, low,
-                     high == low + 1 ? "and" : "to", high, count, normals[lps].low_side,
-                     end < same.size() ? ", and others" : "");
+  return planes_in_words(stack, repeated.axis, same.front(), same[end - 1] + 1) +
+         (end < same.size() ? ", and others" : "");
 }
 
 }  // namespace emmetrope::segmentation

@@ -58,6 +58,8 @@ std::string remedy_of_gate(const std::string& gate) {
       {"axial_length_mm_upper", rescan},
       {"slice_spacing_t1_mm", "Rescan in T2, or in T1 of 1 mm."},
       {"slice_displacement_mm", keep_still},
+      {"plane_step_ratio",
+       "Convert the scanner's images again, all of them, or use its DICOM, which tells where each lies."},
       {"head_shift_mm", keep_still},
   };
   const auto found = remedies.find(gate);
