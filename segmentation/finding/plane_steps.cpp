@@ -34,10 +34,14 @@ cv::Mat smoothed_plane(const Stack& stack, int axis, int plane) {
   return image;
 }
 
-/// One minus the correlation where either shows something; none of a cut-out that shows little but the eye.
+/// One minus the correlation where either shows something; none of a cut-out that shows little but the eye, nor where a
+/// head begins to be blanked.
 double change_between(const cv::Mat& a, const cv::Mat& b, double background, int fewest_pixels) {
+  constexpr double blanked = 0.7;
   const cv::Mat shown = (a > background) | (b > background);
-  if (cv::countNonZero(shown) < fewest_pixels) return std::numeric_limits<double>::quiet_NaN();
+  const auto [less, more] = std::minmax({cv::countNonZero(a > background), cv::countNonZero(b > background)});
+  if (cv::countNonZero(shown) < fewest_pixels || less < blanked * more)
+    return std::numeric_limits<double>::quiet_NaN();
   cv::Scalar mean_a, mean_b, sigma_a, sigma_b;
   cv::meanStdDev(a, mean_a, sigma_a, shown);
   cv::meanStdDev(b, mean_b, sigma_b, shown);

@@ -428,7 +428,7 @@ TEST(Traced, ALensOnATiltedCorneaIsClearOfIt) {
   // A sphere of radius R that is turned about its vertex by t reaches R (1 / cos t - 1) in front of it, R tan t beside.
   EyeModel eye = make_eye("atchison:-6");
   Surface& cornea = eye.surface("cornea_anterior");
-  constexpr double radius_mm = 7.8, tilt_deg = 3;
+  constexpr double radius_mm = 7.8, tilt_deg = 1.5;
   cornea.shape = make_sphere(radius_mm);
   EXPECT_NEAR(clear_of_cornea_mm(eye), 0.001, 1e-9);
   cornea.tilt_deg = {tilt_deg, 0};

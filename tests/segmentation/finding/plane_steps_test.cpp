@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <random>
@@ -103,6 +104,13 @@ TEST_F(PlaneSteps, AreLookedForAcrossTheEyeOnly) {
 TEST_F(PlaneSteps, AreNoGapsThatAreTold) {
   Stack stack = image({1, 1, 1}, 2, 42);
   for (int s = 42; s < stack.slices(); ++s) stack.slice_position[s].z() += 1;
+  EXPECT_LT(ratio(largest_plane_step(stack, {40, 40, 40}, 12)), limit_);
+}
+
+TEST_F(PlaneSteps, AreNoneWhereAFaceWasTakenOff) {
+  Stack stack = image({1, 1, 1}, 2, -1);
+  for (int s = 44; s < stack.slices(); ++s)
+    std::fill(stack.slice_intensity[s].begin(), stack.slice_intensity[s].end(), 0.0F);
   EXPECT_LT(ratio(largest_plane_step(stack, {40, 40, 40}, 12)), limit_);
 }
 

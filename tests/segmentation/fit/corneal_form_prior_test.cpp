@@ -90,7 +90,9 @@ TEST(CornealFormPrior, EntersTheFit) {
   FitProblem problem;
   problem.model = &model;
   problem.limbus_sigma_mm = 0;
-  problem.priors = irregular_cornea_priors(population_priors({}, population_mean({}), Weighting::t2), layout);
+  VectorXd start = population_mean({});
+  start[vitreous] = 1;
+  problem.priors = irregular_cornea_priors(population_priors({}, start, Weighting::t2), layout);
   VectorXd parameters = problem.priors.mean;
   const VectorXd form = VectorXd::LinSpaced(corneal_form_terms, -2, 3);
   parameters.segment(layout.corneal_form(), corneal_form_terms) += form;
