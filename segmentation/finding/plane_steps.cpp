@@ -37,7 +37,7 @@ cv::Mat smoothed_plane(const Stack& stack, int axis, int plane) {
 /// One minus the correlation where either shows something; none of a cut-out that shows little but the eye, nor where a
 /// head begins to be blanked.
 double change_between(const cv::Mat& a, const cv::Mat& b, double background, int fewest_pixels) {
-  constexpr double blanked = 0.7;
+  constexpr double blanked = 0.7;  // chosen: neighbouring planes of a head show nearly as much
   const cv::Mat shown = (a > background) | (b > background);
   const auto [less, more] = std::minmax({cv::countNonZero(a > background), cv::countNonZero(b > background)});
   if (cv::countNonZero(shown) < fewest_pixels || less < blanked * more)

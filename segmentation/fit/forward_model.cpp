@@ -173,7 +173,7 @@ ForwardModel::AtParameters::Edge ForwardModel::AtParameters::edge(const EyeSurfa
   // Where a surface is parallel to the slice the slice alone blurs it; the floor keeps the ratio finite.
   const double slope = std::max(exact, is_encoded ? 0 : 0.01 * c) + 1e-12;
   RoundedMaximum blur{std::max(axes.inverse_kx, axes.inverse_ky), {0.5, 0.5, 0}};
-  Vector3d of_axes_squared = blur.share;  // k_c n_i / k_i
+  Vector3d of_axes_squared = blur.share;  // (k_c n_i / k_i)^2; their sum is 1 where one axis filters
   if (exact > 1e-9) {
     const Vector3d by_axis(a * axes.inverse_kx, b * axes.inverse_ky, c * axes.inverse_kz);
     blur = rounded_maximum(by_axis);

@@ -203,7 +203,8 @@ void add_inverted_layering(const Priors& priors, const VectorXd& parameters, boo
   out.hessian(wall_layering, wall_layering) += information;
 }
 
-/// An inner layer as bright as the vitreous has no border to it: the globe would be smaller by as much as one likes.
+/// An inner layer as bright as the vitreous has no border to it: the globe would be smaller by as much as one likes. How far
+/// beyond its limit it may be, in the unit of intensities, was chosen.
 void add_bright_inner_layer(const Priors& priors, const VectorXd& parameters, bool derivatives,
                             NormalEquations& out) {
   if (!std::isfinite(priors.brightest_inner_layer)) return;
