@@ -12,6 +12,7 @@
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/frames.hpp"
 #include "pipeline/base/measured.hpp"
+#include "pipeline/eye/population/population.hpp"
 #include "segmentation/fit/acquired_resolution.hpp"
 #include "segmentation/fit/curved_edges.hpp"
 #include "segmentation/fit/eye_distances.hpp"
@@ -250,16 +251,20 @@ Eigen::MatrixXd error_of_nucleus(const EyeFit& fit) {
 /// of one person in T1 and T2 (docs/evidence/real-scans.md). And the radius at which a lens ends, which is drawn as a sharp
 /// rim and is a round one: rms of what it errs by in phantoms (docs/evidence/accuracy.md). And in T2, where pixels do not
 /// show the wall's layers, the globe's semi-axis along the eye's: filters and echo trains, which differ between an image's
-/// axes, move the retina's asphericity by 0.03 (rms of 48 eyes of `scanner`; docs/evidence/worlds.md).
+/// axes, move the retina's asphericity by 0.03 (rms of 48 eyes of `scanner`; docs/evidence/worlds.md) and leave corneas 0.5 D
+/// too steep (mean of 57).
 Eigen::MatrixXd model_error(const EyeFit& fit) {
-  constexpr double of_unexplained_mm = 0.3, round_rim_mm = 0.24, of_echo_train_mm = 0.12;
+  constexpr double of_unexplained_mm = 0.3, round_rim_mm = 0.24, of_echo_train_mm = 0.12,
+                   of_corneal_power_D = 0.5;
   const bool is_coarse_t2 = fit.weighting == Weighting::t2 && error_of_layers_mm(fit) > 0;
   VectorXd sigmas = globe_sigmas(fit, of_unexplained_mm * (1 - 1 / std::max(1.0, fit.chi2_per_voxel)));
   for (Eigen::Index i = 0; i < sigmas.size(); ++i) {
     const int parameter = fit.active[static_cast<std::size_t>(i)];
     if (parameter == lens_equator_radius) sigmas[i] = round_rim_mm;
     if (parameter == anterior_chamber_depth) sigmas[i] = error_of_chamber_mm(fit);
-    if (parameter == globe_z && is_coarse_t2) sigmas[i] = std::hypot(sigmas[i], of_echo_train_mm);
+    if (!is_coarse_t2) continue;
+    if (parameter == globe_z) sigmas[i] = std::hypot(sigmas[i], of_echo_train_mm);
+    if (parameter == cornea_c) sigmas[i] = of_corneal_power_D * per_mm_of_keratometric_D;
   }
   return sigmas.cwiseAbs2().asDiagonal();
 }
