@@ -6,7 +6,6 @@
 #include <array>
 #include <cmath>
 #include <iterator>
-#include <limits>
 #include <optional>
 
 #include "pipeline/base/error.hpp"
@@ -222,13 +221,6 @@ VectorXd globe_sigmas(const EyeFit& fit, double length_sigma_mm) {
 /// What differs between the axes of the error below, as a share of it: without it the retina's radii and asphericity of
 /// 16 eyes were covered to 81 % (docs/evidence/worlds.md).
 constexpr double unlike_along_axes = 2.0 / 3;
-
-double finest_pixel_mm(const std::vector<ObservedStack>& stacks) {
-  double finest = std::numeric_limits<double>::infinity();
-  for (const ObservedStack& o : stacks)
-    finest = std::min(finest, std::max(o.stack->row_spacing_mm, o.stack->column_spacing_mm));
-  return finest;
-}
 
 /// What a person's eyes err by alike in images of one contrast: the wall's layers, which move length and diameters together.
 Eigen::MatrixXd error_of_layers(const EyeFit& fit) {

@@ -3,6 +3,7 @@
 #include <Eigen/QR>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/frames.hpp"
@@ -219,6 +220,13 @@ bool front_is_blanked(const std::vector<ObservedStack>& stacks) {
 
 bool fat_is_dark(const std::vector<ObservedStack>& stacks) {
   return std::any_of(stacks.begin(), stacks.end(), [](const ObservedStack& o) { return o.fat_is_dark; });
+}
+
+double finest_pixel_mm(const std::vector<ObservedStack>& stacks) {
+  double finest = std::numeric_limits<double>::infinity();
+  for (const ObservedStack& o : stacks)
+    finest = std::min(finest, std::max(o.stack->row_spacing_mm, o.stack->column_spacing_mm));
+  return finest;
 }
 
 TissueLevels tissue_levels(const Stack& stack, const EyeStart& start, Weighting weighting) {

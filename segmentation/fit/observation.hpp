@@ -79,6 +79,9 @@ bool front_is_blanked(const std::vector<ObservedStack>& stacks);
 /// Whether fat is dark in one of them.
 bool fat_is_dark(const std::vector<ObservedStack>& stacks);
 
+/// Side of the pixels in the stack where they are smallest; the longer one where they are no squares.
+double finest_pixel_mm(const std::vector<ObservedStack>& stacks);
+
 /// Typical intensities of the tissues of an eye in one stack, in its own unit.
 struct TissueLevels {
   double vitreous = 0, wall = 0, lens = 0, lid = 0, air = 0, surround = 0, fat = 0;

@@ -249,14 +249,6 @@ void judge_lens(const EyeFit& fit, const ClippedShare& clipped, Gates& gates) {
       Withholds::front);
 }
 
-double finest_pixel_mm(const EyeFit& fit) {
-  double finest_mm = std::numeric_limits<double>::infinity();
-  for (const ObservedStack& observed : fit.stacks)
-    finest_mm =
-        std::min(finest_mm, std::max(observed.stack->row_spacing_mm, observed.stack->column_spacing_mm));
-  return finest_mm;
-}
-
 void judge_cornea_and_length(const EyeFit& fit, Gates& gates) {
   // As dark as the wall: 1; as bright as the fluid: 0.
   if (fit.weighting == Weighting::t2)
@@ -280,7 +272,7 @@ void judge_cornea_and_length(const EyeFit& fit, Gates& gates) {
         "the cornea was not found: what was taken for the iris is darker than the water around it",
         Withholds::front);
   if (fit.evidence == Evidence::labels) {
-    const double pixel_mm = finest_pixel_mm(fit);
+    const double pixel_mm = finest_pixel_mm(fit.stacks);
     gates.refuse_above(
         "label_pixel_mm", pixel_mm,
         fmt::format("labels in pixels of {:.2f} mm do not tell a cornea's curvature: it is thinner",

@@ -58,6 +58,15 @@ Voxels voxels_of(ObservedStack observed, const Selection& selection = {}) {
   return voxels;
 }
 
+TEST(Observation, TheFinestPixelIsTheOneWhoseLongerSideIsShortest) {
+  Stack square = stack_of(0.8, 2), oblong = stack_of(0.5, 2);
+  oblong.row_spacing_mm = 0.9;
+  std::vector<ObservedStack> stacks(2);
+  stacks[0].stack = &square;
+  stacks[1].stack = &oblong;
+  EXPECT_DOUBLE_EQ(finest_pixel_mm(stacks), 0.8);
+}
+
 TEST(Voxels, OfTheCorneaEndBeforeTheLimbus) {
   const Stack fine = stack_of(0.4, 1.2), coarse = stack_of(1, 1);
   const auto farthest = [](const Stack& stack) {
