@@ -15,6 +15,7 @@
 #include "segmentation/finding/find_eyes.hpp"
 #include "segmentation/fit/both_eyes.hpp"
 #include "segmentation/judgement/fellow_eye.hpp"
+#include "segmentation/judgement/lost_slice_gate.hpp"
 #include "segmentation/judgement/one_head.hpp"
 #include "segmentation/judgement/plane_step_gate.hpp"
 #include "segmentation/judgement/two_contrasts.hpp"
@@ -116,7 +117,8 @@ std::vector<JudgedEye> fit_all(const std::vector<FoundEye>& found, const StudyIm
                         common.verbosity);
   for (JudgedEye& eye : eyes)
     for (const EyeView& view : eye.found.views)
-      if (images.series[view.stack]->is_nifti()) judge_plane_steps(eye, view, images.volumes[view.stack]);
+      (images.series[view.stack]->is_nifti() ? judge_plane_steps : judge_lost_slices)(
+          eye, view, images.volumes[view.stack]);
   return eyes;
 }
 

@@ -56,8 +56,12 @@ Json pupil_json(const EyeModel& eye, const PrescriptionSettings& settings) {
   return rows;
 }
 
-/// Whether anything behind the iris bends light.
-bool has_lens(const EyeModel& eye) { return !eye.surfaces.at(eye.surfaces.size() - 2).is_stop(); }
+/// Whether anything between cornea and retina bends light.
+bool has_lens(const EyeModel& eye) {
+  return std::any_of(eye.surfaces.begin(), eye.surfaces.end() - 1, [](const Surface& surface) {
+    return !surface.is_stop() && surface.name.rfind("cornea", 0) != 0;
+  });
+}
 
 /// Far and near point of an eye that has taken up a part of its amplitude.
 Json accommodation_json(const PowerVector& at_cornea, const PrescriptionSettings& settings,
@@ -90,15 +94,45 @@ IolBiometry iol_biometry(const EyeModel& eye, double axial_length_mm) {
   return {axial_length_mm, mean_keratometry_D(eye), eye.surface("lens_anterior").position_mm};
 }
 
-/// How the IOL's power is found: rays first, then the formulas.
-constexpr std::array iol_methods{"ray_traced", "srkt", "holladay_1", "hoffer_q", "haigis"};
+using IolEye = ThinLensEye (*)(const IolBiometry&, double a_constant);
 
-Eigen::Vector4d iol_formula_powers_D(const IolBiometry& biometry, const WhatIfSettings& what_if) {
-  const double a_constant = what_if.iol_a_constant, target_D = what_if.iol_target_D;
-  return {iol_power_D(srkt_eye(biometry, a_constant), target_D),
-          iol_power_D(holladay_eye(biometry, a_constant), target_D),
-          iol_power_D(hoffer_q_eye(biometry, a_constant), target_D),
-          iol_power_D(haigis_eye(biometry, a_constant), target_D)};
+struct IolFormula {
+  const char* name;
+  IolEye eye;
+};
+
+constexpr std::array iol_formulas{IolFormula{"srkt", srkt_eye}, IolFormula{"holladay_1", holladay_eye},
+                                  IolFormula{"hoffer_q", hoffer_q_eye}, IolFormula{"haigis", haigis_eye}};
+
+/// How the IOL's power is found: rays first, then the formulas.
+const char* iol_method(std::size_t i) { return i == 0 ? "ray_traced" : iol_formulas.at(i - 1).name; }
+
+double or_nan(const std::function<double()>& power) {
+  try {
+    return power();
+  } catch (const Error& error) {
+    if (error.status() != ExitStatus::no_result) throw;
+    return std::numeric_limits<double>::quiet_NaN();
+  }
+}
+
+/// Says where rays meet the implant. SRK/T has no place for it behind a steep cornea (keratoconus from about 50 D);
+/// Holladay's formula, which takes no radius below 7 mm, has.
+IolEye placing_formula(const IolBiometry& biometry, double a_constant) {
+  return std::isfinite(or_nan([&] { return srkt_eye(biometry, a_constant).lens_mm; })) ? srkt_eye
+                                                                                       : holladay_eye;
+}
+
+/// By all methods; NaN where one has no answer.
+Eigen::VectorXd iol_powers_D(const std::function<double()>& ray_traced_D, const IolBiometry& biometry,
+                             const WhatIfSettings& what_if) {
+  Eigen::VectorXd powers_D(iol_formulas.size() + 1);
+  powers_D[0] = or_nan(ray_traced_D);
+  for (std::size_t i = 0; i < iol_formulas.size(); ++i)
+    powers_D[static_cast<Eigen::Index>(i + 1)] = or_nan([&] {
+      return iol_power_D(iol_formulas.at(i).eye(biometry, what_if.iol_a_constant), what_if.iol_target_D);
+    });
+  return powers_D;
 }
 
 /// Standard deviations of the powers by what is known of the eye. They are wider than the refraction's may be: a
@@ -106,13 +140,14 @@ Eigen::Vector4d iol_formula_powers_D(const IolBiometry& biometry, const WhatIfSe
 /// power moves as what a fixed IOL leaves, over what a dioptre of it changes.
 Eigen::VectorXd iol_sigmas_D(const UncertainOptics& measured, double ray_traced_D,
                              const PrescriptionSettings& settings, const WhatIfSettings& what_if) {
+  const IolBiometry at_mean = iol_biometry(measured.model, measured.known.eye().axial_length_mm);
+  const IolEye placing = placing_formula(at_mean, what_if.iol_a_constant);
   const auto left_D = [&](const EyeModel& eye, const IolBiometry& biometry, double power_D) {
-    const double position_mm = srkt_eye(biometry, what_if.iol_a_constant).lens_mm;
+    const double position_mm = placing(biometry, what_if.iol_a_constant).lens_mm;
     return mean_refraction_at_cornea_D(with_iol(with_pupil(eye, settings.pupil_mm), power_D, position_mm),
                                        settings.wavelength_nm, settings.fovea_mm);
   };
   constexpr double step_D = 0.5;
-  const IolBiometry at_mean = iol_biometry(measured.model, measured.known.eye().axial_length_mm);
   const double left_per_D = (left_D(measured.model, at_mean, ray_traced_D + step_D) -
                              left_D(measured.model, at_mean, ray_traced_D - step_D)) /
                             (2 * step_D);
@@ -120,11 +155,13 @@ Eigen::VectorXd iol_sigmas_D(const UncertainOptics& measured, double ray_traced_
   const Eigen::MatrixXd slopes = jacobian(numbers, [&](const Eigen::VectorXd& values) -> Eigen::VectorXd {
     const EyeModel eye = eye_at(measured, values);
     const IolBiometry biometry = iol_biometry(eye, measured.known.at(values).axial_length_mm);
-    Eigen::VectorXd powers_D(iol_methods.size());
-    powers_D << -left_D(eye, biometry, ray_traced_D) / left_per_D, iol_formula_powers_D(biometry, what_if);
-    return powers_D;
+    return iol_powers_D([&] { return -left_D(eye, biometry, ray_traced_D) / left_per_D; }, biometry, what_if);
   });
-  return (slopes * numbers.covariance * slopes.transpose()).diagonal().cwiseMax(0).cwiseSqrt();
+  Eigen::VectorXd sigmas_D =
+      (slopes * numbers.covariance * slopes.transpose()).diagonal().cwiseMax(0).cwiseSqrt();
+  for (Eigen::Index i = 0; i < sigmas_D.size(); ++i)
+    if (!slopes.row(i).allFinite()) sigmas_D[i] = std::numeric_limits<double>::quiet_NaN();
+  return sigmas_D;
 }
 
 Json iol_json(const EyeModel& eye, const PrescriptionSettings& settings, const WhatIfSettings& what_if,
@@ -132,23 +169,31 @@ Json iol_json(const EyeModel& eye, const PrescriptionSettings& settings, const W
   constexpr double vertex_mm = 12;
   const IolBiometry biometry =
       iol_biometry(eye, measured ? measured->known.eye().axial_length_mm : eye.axial_length_mm());
-  const double position_mm = srkt_eye(biometry, what_if.iol_a_constant).lens_mm,
+  const double position_mm =
+                   placing_formula(biometry, what_if.iol_a_constant)(biometry, what_if.iol_a_constant)
+                       .lens_mm,
                target_at_cornea_D = move_towards_eye({what_if.iol_target_D, 0, 0}, vertex_mm).M_D;
-  Eigen::VectorXd powers_D(iol_methods.size()), sigmas_D;
-  powers_D << ray_traced_iol_D(with_pupil(eye, settings.pupil_mm), position_mm, target_at_cornea_D,
-                               settings.wavelength_nm, settings.fovea_mm),
-      iol_formula_powers_D(biometry, what_if);
-  if (measured) sigmas_D = iol_sigmas_D(*measured, powers_D[0], settings, what_if);
+  const double ray_traced_D = ray_traced_iol_D(with_pupil(eye, settings.pupil_mm), position_mm,
+                                               target_at_cornea_D, settings.wavelength_nm, settings.fovea_mm);
+  const Eigen::VectorXd powers_D = iol_powers_D([&] { return ray_traced_D; }, biometry, what_if);
+  Eigen::VectorXd sigmas_D;
+  if (measured) sigmas_D = iol_sigmas_D(*measured, ray_traced_D, settings, what_if);
   Json json{{"target_M_D", what_if.iol_target_D},
             {"target_vertex_distance_mm", vertex_mm},
             {"a_constant", what_if.iol_a_constant},
             {"axial_length_mm", biometry.axial_length_mm},
             {"position_mm", position_mm}};
   for (Eigen::Index i = 0; i < powers_D.size(); ++i) {
-    const std::string method = iol_methods[static_cast<std::size_t>(i)];
+    const std::string method = iol_method(static_cast<std::size_t>(i));
+    if (!std::isfinite(powers_D[i])) continue;
     json[method + "_D"] = powers_D[i];
-    if (measured) json[method + "_ci95_D"] = Measured::from_sigma(powers_D[i], sigmas_D[i], "").ci95;
+    if (measured && std::isfinite(sigmas_D[i]))
+      json[method + "_ci95_D"] = Measured::from_sigma(powers_D[i], sigmas_D[i], "").ci95;
   }
+  if (!json.contains("srkt_D"))
+    json["srkt_reason"] =
+        "SRK/T has no corneal height for this length and keratometry; the implant is put where "
+        "Holladay's formula expects it";
   return json;
 }
 

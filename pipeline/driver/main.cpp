@@ -26,10 +26,11 @@ std::string overview() {
   return text + "\nExample: emmetrope run study -o case\n" + emmetrope::research_notice + "\n";
 }
 
-bool is_known(const std::string& name) {
+/// Whether it is a command of the overview, or a lesser program beside them.
+bool is_known(const std::string& name, const std::string& program) {
   for (const auto& command : emmetrope::driver::commands)
     if (name == command.name) return true;
-  return false;
+  return name.find('/') == std::string::npos && ::access(program.c_str(), X_OK) == 0;
 }
 
 int fail(ExitStatus status, const std::string& message) {
@@ -54,11 +55,11 @@ int main(int argc, char** argv) {
     std::cout << overview();
     return 0;
   }
-  if (!is_known(words[0]))
+  const std::string program = (emmetrope::executable_folder() / ("emmetrope-" + words[0])).string();
+  if (!is_known(words[0], program))
     return fail(ExitStatus::usage,
                 "unknown command \"" + words[0] + "\"\n  remedy: emmetrope --help lists them");
 
-  const std::string program = (emmetrope::executable_folder() / ("emmetrope-" + words[0])).string();
   std::vector<char*> arguments{const_cast<char*>(program.c_str())};
   for (std::size_t i = 1; i < words.size(); ++i) arguments.push_back(words[i].data());
   arguments.push_back(nullptr);

@@ -28,7 +28,10 @@ int main(int argc, char** argv) {
     for (const auto& series : inventory.series)
       if (const std::string why = inventory.why_not_used(series); !why.empty())
         spdlog::warn("{}: not usable: {}", series.name, why);
-    if (inventory.series.empty()) spdlog::warn("no DICOM images and no NIfTI volumes in {}", study);
+    if (inventory.series.empty())
+      spdlog::warn(
+          "no DICOM images and no NIfTI volumes in {}: give the folder that the scanner's or the archive's export filled",
+          study);
     return Answer{inventory.status(), segmentation::to_json(inventory), segmentation::describe(inventory)};
   };
   return run_command(argc, argv, command);

@@ -22,6 +22,9 @@ std::string planes_in_words(const Stack& stack, int axis, int first, int last) {
   const int count = count_planes(stack, axis);
   int low = first + 1, high = last + 1;
   if (direction[lps] < 0) std::tie(low, high) = std::pair{count - last, count - first};
+  if (high == low)
+    return fmt::format("{} plane {} of {}, counted from the patient's {}", normals[lps].planes, low, count,
+                       normals[lps].low_side);
   return fmt::format("{} planes {} {} {} of {}, counted from the patient's {}", normals[lps].planes, low,
                      high == low + 1 ? "and" : "to", high, count, normals[lps].low_side);
 }

@@ -64,20 +64,29 @@ ClippedValues clipped_values(const EyeFit& fit) {
     const Vector3d centre = fit.globe_centre_lps() - fit.head_shift_lps(k);
     const BlankedRegion blanked(stack, centre, about_mm);
     const GreyRange range(stack);
-    Count about, lens, vitreous;
+    Count about, lens;
     for_each_voxel_near(stack, centre, about_mm, [&](int c, int r, int s, const Vector3d& position) {
       if (blanked.holds_voxel(c, r, s)) return;
       const float value = stack.at(c, r, s);
       about.add(value, range);
       const Vector3d in_eye = at.to_eye(position, static_cast<int>(k));
       if ((in_eye - lens_centre).cwiseQuotient(lens_half_axes_mm).norm() < 1) lens.add(value, range);
-      if ((position - centre).norm() < vitreous_mm) vitreous.add(value, range);
     });
     keep_larger(clipped.about_eye, about.share_highest(range));
     keep_larger(clipped.lens, lens.share_of_either(range));
-    keep_larger(clipped.vitreous, vitreous.share_of_either(range));
+    keep_larger(clipped.vitreous, clipped_vitreous(stack, centre));
   }
   return clipped;
+}
+
+ClippedShare clipped_vitreous(const Stack& stack, const Vector3d& globe_centre_lps) {
+  const BlankedRegion blanked(stack, globe_centre_lps, about_mm);
+  const GreyRange range(stack);
+  Count vitreous;
+  for_each_voxel_near(stack, globe_centre_lps, vitreous_mm, [&](int c, int r, int s, const Vector3d&) {
+    if (!blanked.holds_voxel(c, r, s)) vitreous.add(stack.at(c, r, s), range);
+  });
+  return vitreous.share_of_either(range);
 }
 
 }  // namespace emmetrope::segmentation

@@ -18,5 +18,7 @@ struct ClippedValues {
 };
 /// Of the stack that has most of them in each place; none where labels are the evidence.
 ClippedValues clipped_values(const EyeFit& fit);
+/// Of the vitreous of a globe, which needs no fit.
+ClippedShare clipped_vitreous(const Stack& stack, const Eigen::Vector3d& globe_centre_lps);
 
 }  // namespace emmetrope::segmentation

@@ -38,12 +38,10 @@ void fit_once(JudgedEye& eye, const std::vector<const Stack*>& images,
     eye.gates = judge_quality(eye.found, *eye.fit, eye.main_edges());
   } catch (const Error& error) {
     if (error.status() != ExitStatus::no_result) throw;
-    QualityGate fitted;
-    fitted.name = "fit";
-    fitted.limit = 1;
-    fitted.passed = false;
-    fitted.reason = error.what();
-    eye.gates = {fitted};
+    std::vector<Eigen::Vector3d> centres;
+    for (std::size_t v = 0; v < stacks.size(); ++v) centres.push_back(start.in_stack(v).globe_centre);
+    eye.gates = judge_without_fit(
+        error.what(), eye.evidence == Evidence::labels ? std::vector<const Stack*>() : stacks, centres);
   }
 }
 

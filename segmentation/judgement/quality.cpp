@@ -175,17 +175,21 @@ void judge_blanking(const FoundEye& found, const EyeFit& fit, Gates& gates) {
 }
 
 /// Half the height of an edge is not known where one of its sides was cut off.
+void judge_vitreous_clipping(const ClippedShare& clipped, Gates& gates) {
+  gates.refuse_above(
+      "clipped_vitreous", clipped.share,
+      fmt::format("grey values are clipped at {:g}, which {:.0f} % of the vitreous has (a windowed "
+                  "export?): the globe's edges are not where they seem",
+                  clipped.value, 100 * clipped.share));
+}
+
 void judge_clipping(const ClippedValues& clipped, Gates& gates) {
   gates.warn_above(
       "clipped_about_eye", clipped.about_eye.share,
       fmt::format("grey values are clipped at {:g}, which {:.0f} % of the voxels about the eye have "
                   "(a windowed export?)",
                   clipped.about_eye.value, 100 * clipped.about_eye.share));
-  gates.refuse_above(
-      "clipped_vitreous", clipped.vitreous.share,
-      fmt::format("grey values are clipped at {:g}, which {:.0f} % of the vitreous has (a windowed "
-                  "export?): the globe's edges are not where they seem",
-                  clipped.vitreous.value, 100 * clipped.vitreous.share));
+  judge_vitreous_clipping(clipped.vitreous, gates);
 }
 
 /// Against where the header has the face.
@@ -546,6 +550,19 @@ std::vector<QualityGate> judge_quality(const FoundEye& found, const EyeFit& fit,
     judge_corneal_form(fit, gates);
   }
   judge_head_motion(fit, gates);
+  return gates.take();
+}
+
+std::vector<QualityGate> judge_without_fit(const std::string& reason, const std::vector<const Stack*>& stacks,
+                                           const std::vector<Eigen::Vector3d>& globe_centres_lps) {
+  Gates gates;
+  gates.withhold("fit", Withholds::fit, reason);
+  ClippedShare clipped;
+  for (std::size_t i = 0; i < stacks.size(); ++i)
+    if (const ClippedShare here = clipped_vitreous(*stacks[i], globe_centres_lps[i]);
+        here.share > clipped.share)
+      clipped = here;
+  judge_vitreous_clipping(clipped, gates);
   return gates.take();
 }
 

@@ -30,6 +30,10 @@ struct QualityGate {
 /// the globe alone.
 std::vector<QualityGate> judge_quality(const FoundEye& found, const EyeFit& fit,
                                        const std::optional<ReadEye>& edges);
+/// Where no fit came to an end: the reason, and what is told of the images without one.
+/// \param globe_centres_lps  in each of the stacks
+std::vector<QualityGate> judge_without_fit(const std::string& reason, const std::vector<const Stack*>& stacks,
+                                           const std::vector<Eigen::Vector3d>& globe_centres_lps);
 /// A fit to labels beside the edges of the image that they were drawn on: labels stand, as somebody drew them who may
 /// have known better, but not without a word.
 /// \param seen   the eye as it was found in the images

@@ -172,6 +172,8 @@ std::vector<Limits> fit_quality() {
       Row("slice_displacement_mm", "mm").warn_outside(at_most(0.25)).refuse_outside(at_most(0.5)),
       // Of 748 steps of 20 real scans across the eyes up to 1.23, where one plane was taken out in 97.9 % of 576 more.
       Row("plane_step_ratio", "").refuse_outside(at_most(1.284)),
+      // No two slices that were acquired have the same noise.
+      Row("lost_slices", "").refuse_outside(at_most(0)),
       Row("outlier_share", "").refuse_outside(at_most(0.35)),
       // Standard deviations between the fit and the edges; within the first they confirm each other. Chosen.
       Row("edge_disagreement", "").refuse_outside(at_most(2.5)).warn_outside(at_most(1.5)),

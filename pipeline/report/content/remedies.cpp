@@ -60,6 +60,8 @@ std::string remedy_of_gate(const std::string& gate) {
       {"slice_displacement_mm", keep_still},
       {"plane_step_ratio",
        "Convert the scanner's images again, all of them, or use its DICOM, which tells where each lies."},
+      {"lost_slices",
+       "Ask the archive for the series again, as the scanner sent it, or name the others by --series."},
       {"head_shift_mm", keep_still},
   };
   const auto found = remedies.find(gate);

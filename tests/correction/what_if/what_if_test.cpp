@@ -118,6 +118,42 @@ TEST(WhatIf, IolLeavesTheTargetRefraction) {
     EXPECT_NEAR(iol[formula].get<double>() - emmetropic[formula].get<double>(), 2.7, 0.3) << formula;
 }
 
+TEST(WhatIf, SteepCorneaHidesOnlyTheFormulaThatHasNoAnswer) {
+  EyeModel eye = make_eye("navarro");
+  eye.surface("cornea_anterior").shape = make_sphere(6.0);  // 56 D, keratoconus
+  EXPECT_THROW(srkt_eye({24, 56.25, 3.4}, 118.4), Error);
+  const Json iol = what_if_json(eye, {}, {}, {})["intra_ocular_lens"];
+  EXPECT_FALSE(iol.contains("srkt_D"));
+  EXPECT_NE(iol.at("srkt_reason").get<std::string>().find("SRK/T"), std::string::npos);
+  const EyeModel operated = with_iol(eye, iol.at("ray_traced_D"), iol.at("position_mm"));
+  EXPECT_NEAR(refraction_by_spot(operated, {}).M_D, 0, 0.005);
+  EXPECT_LT(iol.at("holladay_1_D").get<double>(), 20);
+}
+
+TEST(WhatIf, LensIsKnownByItsFacesNotByTheIrissPlace) {
+  WhatIfSettings what_if;
+  what_if.age_years = 40;
+  const auto accommodation = [&](const EyeModel& eye) {
+    return what_if_json(eye, {}, {}, what_if)["accommodation"];
+  };
+  EyeModel eye = make_eye("navarro");
+  EXPECT_TRUE(accommodation(eye).contains("far_point_mm"));
+  // Aphakic, the iris on the cornea's front (as an entrance pupil may be written).
+  auto& surfaces = eye.surfaces;
+  surfaces.erase(std::remove_if(surfaces.begin(), surfaces.end(),
+                                [](const Surface& s) { return s.name.rfind("lens", 0) == 0; }),
+                 surfaces.end());
+  EXPECT_TRUE(accommodation(eye).contains("reason"));
+  const auto iris =
+      std::find_if(surfaces.begin(), surfaces.end(), [](const Surface& s) { return s.is_stop(); });
+  Surface in_front = *iris;
+  in_front.position_mm = -1;
+  in_front.medium_after = "air";
+  surfaces.erase(iris);
+  surfaces.insert(surfaces.begin(), in_front);
+  EXPECT_TRUE(accommodation(eye).contains("reason"));
+}
+
 TEST(WhatIf, IolLeavesTheTargetWhereTheRetinaLooks) {
   // 2.2 mm beside the pole the eye with that lens is 0.07 D more myopic than on its axis.
   const EyeModel eye = make_eye("navarro");

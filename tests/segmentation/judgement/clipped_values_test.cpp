@@ -143,6 +143,25 @@ TEST_F(ClippedEye, ABlackVitreousLosesTheGlobe) {
   EXPECT_NE(eye.reasons().find("clipped at 300"), std::string::npos) << eye.reasons();
 }
 
+/// A fit that came to no end says nothing of it, and edges would stand.
+TEST_F(ClippedEye, ABlackVitreousIsToldWithoutAFit) {
+  clip(300, 5000);
+  JudgedEye eye;
+  eye.edges = {edges_with_length()};
+  eye.gates = judge_without_fit("no end", {&stack_}, {fit_.globe_centre_lps()});
+  EXPECT_NE(eye.reasons().find("no end"), std::string::npos);
+  EXPECT_NE(eye.reasons().find("clipped at 300"), std::string::npos) << eye.reasons();
+  EXPECT_FALSE(eye.is_read());
+}
+
+TEST_F(ClippedEye, EdgesStandWithoutAFitWhereNothingWasClipped) {
+  JudgedEye eye;
+  eye.edges = {edges_with_length()};
+  eye.gates = judge_without_fit("no end", {&stack_}, {fit_.globe_centre_lps()});
+  EXPECT_EQ(eye.reasons(), "no end");
+  EXPECT_TRUE(eye.is_read());
+}
+
 /// Labels are few values by themselves.
 TEST_F(ClippedEye, LabelsAreNotClipped) {
   clip(300, 500);

@@ -1,0 +1,80 @@
+// A DICOM slice that was lost: another one's pixels, or none, lie in its place.
+#include "segmentation/judgement/lost_slice_gate.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <random>
+#include <vector>
+
+#include "segmentation/intake/lost_slices.hpp"
+
+namespace emmetrope::segmentation {
+namespace {
+
+using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::IsEmpty;
+
+/// Slices of noise, 2 mm apart, along the patient's axis.
+Stack acquired_slices(int count) {
+  std::mt19937 random(7);
+  std::uniform_int_distribution<int> grey(0, 4000);
+  Stack stack;
+  stack.name = "stack1";
+  stack.columns = stack.rows = 8;
+  stack.along_row = Eigen::Vector3d::UnitX();
+  stack.along_column = Eigen::Vector3d::UnitY();
+  stack.normal = Eigen::Vector3d::UnitZ();
+  stack.column_spacing_mm = stack.row_spacing_mm = 1;
+  stack.slice_thickness_mm = 2;
+  for (int s = 0; s < count; ++s) {
+    stack.slice_position.emplace_back(0, 0, 2 * s);
+    std::vector<float>& slice = stack.slice_intensity.emplace_back(64);
+    for (float& value : slice) value = static_cast<float>(grey(random));
+  }
+  return stack;
+}
+
+EyeView eye_at(double z_mm) {
+  EyeView view;
+  view.globe.centre = {4, 4, z_mm};
+  view.globe.radius_mm = 12;
+  return view;
+}
+
+TEST(LostSlices, AreNoneOfWhatWasAcquired) {
+  Stack stack = acquired_slices(20);
+  EXPECT_THAT(find_lost_slices(stack), IsEmpty());
+  for (const int beyond_head : {0, 1, 18, 19}) stack.slice_intensity[beyond_head].assign(64, 0);
+  EXPECT_THAT(find_lost_slices(stack), IsEmpty());
+}
+
+TEST(LostSlices, AreCopiesWhereverTheyLieAndBlankedOnes) {
+  Stack stack = acquired_slices(20);
+  stack.slice_intensity[15] = stack.slice_intensity[4];
+  stack.slice_intensity[7].assign(64, 12);
+  EXPECT_THAT(find_lost_slices(stack), ElementsAre(4, 7, 15));
+}
+
+TEST(LostSlices, WithholdTheEyeThatTheyCross) {
+  Stack stack = acquired_slices(40);
+  stack.slice_intensity[21] = stack.slice_intensity[20];
+  JudgedEye eye;
+  eye.edges = {std::nullopt};
+  judge_lost_slices(eye, eye_at(14), stack);  // to 26 mm; the first of the two lies at 40 mm
+  EXPECT_THAT(eye.gates, IsEmpty());
+  EXPECT_EQ(eye.edges.size(), 1U);
+  judge_lost_slices(eye, eye_at(30), stack);
+  ASSERT_EQ(eye.gates.size(), 1U);
+  EXPECT_FALSE(eye.gates[0].passed);
+  EXPECT_EQ(eye.gates[0].withholds, Withholds::fit);
+  EXPECT_EQ(eye.gates[0].value, 2);
+  EXPECT_THAT(
+      eye.gates[0].reason,
+      HasSubstr("in place of axial plane 21 of 40, counted from the patient's feet, of stack1 (and 1 more)"));
+  EXPECT_THAT(eye.edges, IsEmpty());
+}
+
+}  // namespace
+}  // namespace emmetrope::segmentation
