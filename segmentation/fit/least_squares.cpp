@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <utility>
 
 #include "pipeline/base/error.hpp"
@@ -47,7 +48,7 @@ struct Limit {
   int parameter;
   double lower, upper;
 };
-constexpr std::array<Limit, 19> limits{{{cornea_c, 1 / 12.0, 1 / 5.0},
+constexpr std::array<Limit, 20> limits{{{cornea_c, 1 / 12.0, 1 / 5.0},
                                         {cornea_q, -1.5, 1},
                                         {cornea_q_split, -0.4, 0.4},
                                         {cornea_thickness, 0.2, 1.2},
@@ -65,7 +66,9 @@ constexpr std::array<Limit, 19> limits{{{cornea_c, 1 / 12.0, 1 / 5.0},
                                         {wall_axial, 0.2, 4},
                                         {wall_inner_share, 0.1, 0.9},
                                         {iris_half_thickness, 0.05, 0.4},
-                                        {pupil_radius, 0.4, 5}}};
+                                        {pupil_radius, 0.4, 5},
+                                        // A thin lid far darker than air passes for a thicker cornea.
+                                        {lid, -0.05, std::numeric_limits<double>::infinity()}}};
 
 VectorXd within_limits(VectorXd parameters) {
   for (const Limit& limit : limits)
