@@ -39,7 +39,8 @@ Json landmarks_json(const TraceOptions& options) {
   };
   Json json = Json::object();
   for (const auto& [eye, marks] : options.landmarks)
-    json[to_string(eye)] = {{"fovea", mark(marks.fovea)}, {"disc", mark(marks.disc)}};
+    if (marks.fovea || marks.disc)  // an eye that has none is left out, asked for or not
+      json[to_string(eye)] = {{"fovea", mark(marks.fovea)}, {"disc", mark(marks.disc)}};
   return json;
 }
 

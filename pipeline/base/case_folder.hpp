@@ -98,6 +98,13 @@ StageOutcome run_stage(const std::filesystem::path& case_folder, const StageSpec
 ///   results would be of no eye), naming the command that makes it again
 StageVerdict read_verdict(const std::filesystem::path& case_folder, const std::string& stage);
 
+/// Whether a stage's result is there, all of it as the stage wrote it, and nothing that it did not write beside it.
+bool is_as_written(const std::filesystem::path& case_folder, const std::string& stage);
+
+/// Removes what a stage wrote; what somebody has put there or edited since stays.
+/// \throw Error (not_writable)
+void remove_result(const std::filesystem::path& case_folder, const std::string& stage);
+
 /// All regular files below a folder of the case, sorted, named relative to the case: the inputs a stage
 /// declares.
 std::vector<StageInput> inputs_below(const std::filesystem::path& case_folder, const std::string& subfolder);

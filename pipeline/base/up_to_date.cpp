@@ -2,7 +2,9 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <set>
+#include <vector>
 
 #include "pipeline/base/files.hpp"
 #include "pipeline/base/log.hpp"
@@ -32,11 +34,15 @@ std::vector<std::string> warnings_from(const Json& stage_json) {
   return stage_json.at("warnings").get<std::vector<std::string>>();
 }
 
+/// Whether one eye is asked for, and a stored result is of both.
+bool is_part_of(const Json& stored, const Json& key) {
+  const auto laterality = [](const Json& of) { return of.at("parameters").value("laterality", "both"); };
+  return laterality(key) != "both" && laterality(stored) == "both";
+}
+
 /// Whether a stored result was made from the key, or for both eyes from the same where the key asks for one.
 bool answers(const Json& stored, Json key) {
-  const auto laterality = [](const Json& of) { return of.at("parameters").value("laterality", "both"); };
-  const bool is_part = laterality(key) != "both" && laterality(stored) == "both";
-  if (is_part) {
+  if (is_part_of(stored, key)) {
     key["parameters"]["laterality"] = "both";
     for (const auto& [name, hash] : key["inputs"].items())
       if (stored.at("inputs").value(name, "") != hash) return false;
@@ -123,6 +129,8 @@ std::optional<StageOutcome> finished(const fs::path& case_folder, const std::str
   try {
     Json stored = read_json(file);
     if (!answers(stored, key)) return std::nullopt;
+    // The other eye's part stands in the way of what follows where the stage before has dropped that eye.
+    if (is_part_of(stored, key)) require_same_inputs(case_folder, stage, stored.at("inputs"));
     for (const auto& [name, hash] : stored.at("outputs").items())
       if (sha256_of_file(case_folder / name) != hash.get<std::string>()) return std::nullopt;
     for (const auto& warning : warnings_from(stored)) spdlog::warn("{}", warning);
@@ -153,6 +161,39 @@ StageVerdict read_verdict(const fs::path& case_folder, const std::string& stage)
   } catch (const Error& fault) {
     if (!fault.remedy().empty()) throw;
     throw broken(fault);
+  }
+}
+
+bool is_as_written(const fs::path& case_folder, const std::string& stage) {
+  const fs::path file = case_folder / stage / stage_file;
+  if (!fs::exists(file)) return false;
+  try {
+    require_own_outputs(case_folder, stage, read_json(file).value("outputs", Json::object()));
+    return true;
+  } catch (const Error&) {
+    return false;
+  }
+}
+
+void remove_result(const fs::path& case_folder, const std::string& stage) {
+  const fs::path folder = case_folder / stage, file = folder / stage_file;
+  if (!fs::exists(file)) return;
+  try {
+    const Json stage_json = Json::parse(read_file(file), nullptr, false);
+    const Json outputs =
+        stage_json.is_object() ? stage_json.value("outputs", Json::object()) : Json::object();
+    for (const auto& [name, hash] : outputs.items())
+      if (fs::exists(case_folder / name) && Json(sha256_of_file(case_folder / name)) == hash)
+        fs::remove(case_folder / name);
+    fs::remove(file);
+    std::vector<fs::path> folders{folder};
+    for (const auto& entry : fs::recursive_directory_iterator(folder))
+      if (entry.is_directory()) folders.push_back(entry.path());
+    std::sort(folders.rbegin(), folders.rend());  // what lies deeper first
+    for (const fs::path& inner : folders)
+      if (fs::is_empty(inner)) fs::remove(inner);
+  } catch (const fs::filesystem_error& fault) {
+    throw output_error("cannot remove the outdated " + folder.string() + ": " + fault.code().message());
   }
 }
 

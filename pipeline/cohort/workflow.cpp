@@ -20,36 +20,25 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// What is written into the studies would be a study of the next run.
+/// What is written into the studies would be a study of the next run, and a case may take no study's place.
 void require_apart(const CohortFolder& cohort, const CohortOptions& options,
                    const std::vector<Subject>& subjects) {
   const auto lies_in = [&](const fs::path& folder) {
     const fs::path inner = fs::weakly_canonical(cohort.root()), outer = fs::canonical(folder);
     return std::mismatch(outer.begin(), outer.end(), inner.begin(), inner.end()).first == outer.end();
   };
+  for (const Subject& subject : subjects) {
+    const fs::path study = fs::canonical(subject.study),
+                   cases = fs::weakly_canonical(cohort.case_folder(subject.id).parent_path());
+    if (std::mismatch(cases.begin(), cases.end(), study.begin(), study.end()).first == cases.end())
+      throw usage_error("-o: the study " + subject.study.string() + " lies among its cases",
+                        "name another folder, or another one's studies");
+  }
   const bool is_inside = (fs::is_directory(options.studies) && lies_in(options.studies)) ||
                          std::any_of(subjects.begin(), subjects.end(),
                                      [&](const Subject& subject) { return lies_in(subject.study); });
   if (is_inside)
     throw usage_error("-o: " + options.output.string() + " lies in the studies", "name a folder beside them");
-}
-
-/// A fault of the machine is tried again by each run, and so is what followed another plan (a job may have been running
-/// when the plan was changed), and what comes after it: Snakemake makes a file that is missing only where one that follows
-/// is missing too.
-void forget_what_does_not_hold(const CohortFolder& cohort, const std::vector<Subject>& subjects) {
-  for (const Subject& subject : subjects) {
-    bool is_to_be_redone = false;
-    const std::string plan = plan_hash(cohort, subject.id);
-    for (const PipelineStage& stage : pipeline_stages) {
-      const fs::path file = cohort.end_file(subject.id, stage.command);
-      if (!fs::exists(file)) continue;
-      const StageEnd end = read_end(cohort, subject.id, stage.command);
-      is_to_be_redone = is_to_be_redone || end.plan != plan || (end.status && is_of_the_machine(*end.status));
-      if (is_to_be_redone) fs::remove(file);
-    }
-    if (is_to_be_redone) fs::remove(cohort.root() / "cohort.tsv");
-  }
 }
 
 void write_plan(const CohortFolder& cohort, const std::vector<Subject>& subjects,
@@ -91,7 +80,9 @@ Answer run_cohort(const CohortOptions& options, const CommonOptions& common) {
   require_apart(cohort, options, subjects);
   const CaseLock lock(cohort.root(), true);
   write_plan(cohort, subjects, common);
-  forget_what_does_not_hold(cohort, subjects);
+  for (const Subject& subject : subjects)
+    // Snakemake makes a file that is missing only where one that follows is missing too.
+    if (forget_ends_that_do_not_hold(cohort, subject.id)) fs::remove(cohort.root() / "cohort.tsv");
   Workflow workflow{data_folder() / "pipeline/cohort/Snakefile",
                     cohort.root(),
                     fmt::format("{} subjects", subjects.size()),

@@ -8,7 +8,6 @@
 #include "pipeline/base/files.hpp"
 #include "pipeline/base/log.hpp"
 #include "pipeline/base/process.hpp"
-#include "pipeline/driver/stale_results.hpp"
 
 namespace emmetrope::driver {
 namespace {
@@ -178,7 +177,8 @@ Answer run_pipeline(const RunOptions& options, const CommonOptions& common) {
   bool has_ended = false;  // a stage gave nothing for those after it
   for (const Stage& stage : stages) {
     if (has_ended && stage.command != "report") {
-      remove_stale_results(options.case_folder, stage.folder);
+      // What it left in an earlier run would contradict the new report.
+      remove_result(options.case_folder, stage.folder);
       continue;
     }
     spdlog::info("{} ...", stage.command);

@@ -36,7 +36,7 @@ class Walker {
     }
     if (failed) skip(folder, "cannot be listed: " + failed.message());
     // The copies of the images in a case made from this study would be fitted a second time.
-    if (depth >= 0 && fs::exists(list_.root / folder / "case.json"))
+    if (std::error_code hidden; depth >= 0 && fs::exists(list_.root / folder / "case.json", hidden))
       return skip(folder, "a case folder of Emmetrope, not images of a scanner");
     // The first of two links to one file stays the same. Hidden ones come last: git-annex keeps the files themselves there.
     std::sort(names.begin(), names.end(), [](const fs::path& a, const fs::path& b) {

@@ -96,6 +96,7 @@ Answer run_participants(const BidsOptions& options, const CommonOptions& common)
   for (const Subject& subject : subjects) {
     const CaseLock alone(cohort.case_folder(subject.id), true);
     write_subject(cohort, subject, common);
+    forget_ends_that_do_not_hold(cohort, subject.id);
     bool is_whole = true;
     for (const PipelineStage& stage : pipeline_stages) {
       const int status =

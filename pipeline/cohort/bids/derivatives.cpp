@@ -13,6 +13,7 @@
 #include "pipeline/base/laterality.hpp"
 #include "pipeline/base/version.hpp"
 #include "pipeline/cohort/results/cohort_rows.hpp"
+#include "pipeline/cohort/subjects/stage_end.hpp"
 #include "pipeline/cohort/subjects/subject_plan.hpp"
 
 namespace emmetrope::cohort {
@@ -163,7 +164,9 @@ void Derivatives::publish(const Subject& subject, const fs::path& dataset) const
   const fs::path case_folder = cohort().case_folder(subject.id), folder = root_ / folder_of(subject);
   fs::create_directories(folder);
   remove_published(folder, subject.id);
-  const std::vector<LabelledStack> stacks = labelled_stacks(case_folder, subject);
+  const std::vector<LabelledStack> stacks = has_come_to_its_end(cohort(), subject.id, "segment")
+                                                ? labelled_stacks(case_folder, subject)
+                                                : std::vector<LabelledStack>();
   for (const LabelledStack& stack : stacks) {
     const std::string image = stack.image.filename().string();
     const bool is_alone =
@@ -177,7 +180,7 @@ void Derivatives::publish(const Subject& subject, const fs::path& dataset) const
   }
   write_file(folder / (subject.id + rows_ending), table_text(read_rows(cohort(), {subject.id})));
   const fs::path report = case_folder / "report" / "report.html", page = root_ / (subject.id + ".html");
-  if (fs::exists(report))
+  if (has_come_to_its_end(cohort(), subject.id, "report") && fs::exists(report))
     link_or_copy(report, page);
   else
     fs::remove(page);

@@ -11,6 +11,7 @@
 #include "pipeline/base/files.hpp"
 #include "pipeline/base/version.hpp"
 #include "pipeline/cohort/results/quantities.hpp"
+#include "pipeline/cohort/subjects/stage_end.hpp"
 #include "pipeline/eye/population/limits.hpp"
 #include "pipeline/report/document/document.hpp"
 #include "pipeline/report/document/numbers.hpp"
@@ -68,6 +69,7 @@ Section outcomes_section(const std::vector<EyeRow>& rows) {
 fs::path overlay_of(const CohortFolder& cohort, const EyeRow& row) {
   const fs::path folder = cohort.case_folder(row.subject) / "segmentation" / to_string(row.eye);
   std::vector<fs::path> pictures;
+  if (!has_come_to_its_end(cohort, row.subject, "segment")) return {};
   std::error_code missing;
   for (const auto& entry : fs::directory_iterator(folder, missing))
     if (entry.path().filename().string().rfind("overlay", 0) == 0) pictures.push_back(entry.path());
@@ -257,7 +259,9 @@ const Measured* measured_in(const EyeRow& row, const Quantity& quantity) {
 /// Where a page in `folder` finds the report of a subject, as a relative URL; empty where there is none.
 std::string link_to_report(const CohortFolder& cohort, const std::string& subject, const fs::path& folder) {
   const fs::path report = cohort.case_folder(subject) / "report" / "report.html";
-  return fs::exists(report) ? report.lexically_relative(folder).generic_string() : "";
+  return has_come_to_its_end(cohort, subject, "report") && fs::exists(report)
+             ? report.lexically_relative(folder).generic_string()
+             : "";
 }
 
 /// Eyes further than 3.5 robust standard deviations from the median (Iglewicz and Hoaglin 1993).

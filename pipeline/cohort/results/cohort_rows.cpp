@@ -3,9 +3,13 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstdlib>
+#include <functional>
+#include <iterator>
 #include <sstream>
 
+#include "pipeline/base/case_folder.hpp"
 #include "pipeline/base/case_scans.hpp"
 #include "pipeline/base/case_subject.hpp"
 #include "pipeline/base/error.hpp"
@@ -22,25 +26,42 @@ namespace {
 namespace fs = std::filesystem;
 
 /// An empty object where segmentation left none.
-Json case_json_of(const fs::path& case_folder) {
-  const fs::path file = case_folder / "case.json";
-  return fs::exists(file) ? read_json(file) : Json::object();
+Json case_json_of(const CohortFolder& cohort, const std::string& subject) {
+  const fs::path file = cohort.case_folder(subject) / "case.json";
+  const bool is_of_this_run = has_come_to_its_end(cohort, subject, pipeline_stages.front().command);
+  return is_of_this_run && fs::exists(file) ? read_json(file) : Json::object();
 }
 
-/// Whether a stage left what its folder holds; else it is of an earlier run.
-bool has_result(const CohortFolder& cohort, const std::string& subject, const std::string& folder) {
-  const StageEnd end = read_end(cohort, subject, stage_of_folder(folder)->command);
-  return end.status && gave_result(*end.status);
-}
+/// What the stages of a subject left, by the stage's command.
+class Left {
+ public:
+  Left(const CohortFolder& cohort, const std::string& subject) {
+    for (const PipelineStage& stage : pipeline_stages) {
+      StageEnd& end = ends_[stage.command] = read_end(cohort, subject, stage.command);
+      if (stage.command == std::string("report") || !end.status || !gave_result(*end.status)) continue;
+      try {
+        read_verdict(cohort.case_folder(subject), stage.folder);
+      } catch (const Error& fault) {
+        end = {static_cast<int>(fault.status()), std::string(fault.what()) + " (" + fault.remedy() + ")"};
+      }
+    }
+  }
+  const StageEnd& end(const std::string& command) const { return ends_.at(command); }
+  /// Whether a stage left what its folder holds; else it is of an earlier run, or somebody's.
+  bool has_result(const std::string& folder) const {
+    const StageEnd& of_stage = end(stage_of_folder(folder)->command);
+    return of_stage.status && gave_result(*of_stage.status);
+  }
 
-void read_numbers(EyeRow& row, const CohortFolder& cohort) {
+ private:
+  std::map<std::string, StageEnd> ends_;
+};
+
+void read_numbers(EyeRow& row, const CohortFolder& cohort, const Left& left) {
   const fs::path case_folder = cohort.case_folder(row.subject);
-  std::map<std::string, bool> is_made;
   std::map<fs::path, Json> files;
   for (const Quantity& quantity : quantities()) {
-    if (is_made.count(quantity.stage) == 0)
-      is_made[quantity.stage] = has_result(cohort, row.subject, quantity.stage);
-    if (!is_made.at(quantity.stage)) continue;
+    if (!left.has_result(quantity.stage)) continue;
     const fs::path file = case_folder / quantity.stage / to_string(row.eye) / quantity.file;
     if (files.count(file) == 0) files[file] = fs::exists(file) ? read_json(file) : Json();
     const Json& json = files.at(file);
@@ -82,21 +103,26 @@ void note_reservation_about_refraction(EyeRow& row, const CohortFolder& cohort) 
   }
 }
 
-/// The first stage that gave less than all, of what concerns the eye.
-void judge(EyeRow& row, const CohortFolder& cohort) {
+/// The stage that failed; else the first that gave less than all, of what concerns the eye.
+void judge(EyeRow& row, const CohortFolder& cohort, const Left& left) {
   const bool has_refraction = row.numbers.count("refraction_m") > 0;
   row.outcome = has_refraction        ? Outcome::measured
                 : row.numbers.empty() ? Outcome::no_result
                                       : Outcome::partial;
   for (const PipelineStage& stage : pipeline_stages) {
-    const StageEnd end = read_end(cohort, row.subject, stage.command);
-    if (!end.status || *end.status == static_cast<int>(ExitStatus::done)) continue;
-    const bool is_result = *end.status == static_cast<int>(ExitStatus::partial) ||
-                           *end.status == static_cast<int>(ExitStatus::no_result);
-    if (!is_result && (row.outcome == Outcome::no_result || stage.command == std::string("report")))
+    const StageEnd& end = left.end(stage.command);
+    if (!end.status || came_to_its_end(*end.status)) continue;
+    if (row.outcome == Outcome::no_result || stage.command == std::string("report"))
       row.outcome = Outcome::failed;
+    row.stage = stage.command;
+    row.reason = one_line(said_of_eye(end.message, row.eye));
+    return;
+  }
+  for (const PipelineStage& stage : pipeline_stages) {
+    const StageEnd& end = left.end(stage.command);
+    if (!end.status || *end.status == static_cast<int>(ExitStatus::done)) continue;
     const std::string reason = said_of_eye(end.message, row.eye);
-    const bool is_of_the_other = is_result && (has_refraction || (reason.empty() && !end.message.empty()));
+    const bool is_of_the_other = has_refraction || (reason.empty() && !end.message.empty());
     if (is_of_the_other) continue;
     row.stage = stage.command;
     row.reason = one_line(reason);
@@ -118,11 +144,62 @@ std::vector<Laterality> eyes_asked_for(const Json& plan) {
   return {both_eyes.begin(), both_eyes.end()};
 }
 
-/// At the examination, as the images say, else as the table of participants does.
-std::optional<double> age_of(const fs::path& case_folder, const Json& plan) {
-  if (const std::optional<double> age_years = subject_age_years(case_folder)) return age_years;
+std::optional<double> told_age(const Json& plan) {
   const std::string told = plan.value("age", "");
   return told.empty() ? std::nullopt : std::optional(std::strtod(told.c_str(), nullptr));
+}
+
+/// \throw Error, Json::exception where a file is broken
+std::vector<EyeRow> rows_of(const CohortFolder& cohort, const std::string& subject, const Json& plan) {
+  const Left left(cohort, subject);
+  const Json case_json = case_json_of(cohort, subject), who = case_json.value("subject", Json::object());
+  EyeRow of_subject;
+  of_subject.subject = subject;
+  of_subject.told_age_years = told_age(plan);
+  const Json age = who.value("age_years", Json());
+  of_subject.age_years = age.is_number() ? std::optional(age.get<double>()) : of_subject.told_age_years;
+  of_subject.told_sex = plan.value("sex", "");
+  of_subject.sex = who.value("sex", "");
+  const bool is_untold = of_subject.sex.empty() || of_subject.sex == "O";  // which anonymisers write
+  if (is_untold && !of_subject.told_sex.empty()) of_subject.sex = of_subject.told_sex;
+  of_subject.study = who.value("id", "");
+  of_subject.scans = used_scans(case_json);
+  std::vector<EyeRow> rows;
+  for (const Laterality eye : eyes_asked_for(plan)) {
+    EyeRow& row = rows.emplace_back(of_subject);
+    row.eye = eye;
+    read_numbers(row, cohort, left);
+    judge(row, cohort, left);
+  }
+  return rows;
+}
+
+/// Of a subject whose files cannot be read.
+std::vector<EyeRow> failed_rows(const std::string& subject, const Json& plan, const std::string& why) {
+  std::vector<EyeRow> rows;
+  for (const Laterality eye : eyes_asked_for(plan)) {
+    EyeRow& row = rows.emplace_back();
+    row.subject = subject;
+    row.eye = eye;
+    row.outcome = Outcome::failed;
+    row.stage = "cohort-table";
+    row.reason = one_line(why);
+  }
+  return rows;
+}
+
+/// A sentence of each subject whose rows the predicate has.
+std::vector<std::string> of_subjects(const std::vector<EyeRow>& rows,
+                                     const std::function<std::string(const EyeRow&)>& sentence_of) {
+  std::vector<std::string> sentences;
+  std::string before;
+  for (const EyeRow& row : rows) {
+    if (row.subject != before)
+      if (std::string sentence = sentence_of(row); !sentence.empty())
+        sentences.push_back(std::move(sentence));
+    before = row.subject;
+  }
+  return sentences;
 }
 
 std::string number(double value) { return fmt::format("{:.6g}", value); }
@@ -143,8 +220,10 @@ const char* to_string(Outcome outcome) {
 }
 
 bool is_finished(const CohortFolder& cohort, const std::string& subject) {
+  const std::string plan = plan_hash(cohort, subject);
   return std::all_of(pipeline_stages.begin(), pipeline_stages.end(), [&](const PipelineStage& stage) {
-    return fs::exists(cohort.end_file(subject, stage.command));
+    return fs::exists(cohort.end_file(subject, stage.command)) &&
+           read_end(cohort, subject, stage.command).plan == plan;
   });
 }
 
@@ -158,28 +237,16 @@ std::vector<std::string> listed_subjects(const CohortFolder& cohort) {
 std::vector<EyeRow> read_rows(const CohortFolder& cohort, const std::vector<std::string>& subjects) {
   std::vector<EyeRow> rows;
   for (const std::string& subject : subjects) {
-    const fs::path case_folder = cohort.case_folder(subject);
     const Json plan = plan_of(cohort, subject);
-    const std::optional<double> age_years = age_of(case_folder, plan);
-    const std::string told_sex = plan.value("sex", "");
+    std::vector<EyeRow> own;
     try {
-      const Json case_json = case_json_of(case_folder);
-      const std::string sex = case_json.value("subject", Json::object()).value("sex", "");
-      const std::set<std::string> scans = used_scans(case_json);
-      for (const Laterality eye : eyes_asked_for(plan)) {
-        EyeRow& row = rows.emplace_back();
-        row.subject = subject;
-        row.eye = eye;
-        row.age_years = age_years;
-        row.sex = sex.empty() ? told_sex : sex;
-        row.told_sex = told_sex;
-        row.scans = scans;
-        read_numbers(row, cohort);
-        judge(row, cohort);
-      }
+      own = rows_of(cohort, subject, plan);
+    } catch (const Error& fault) {
+      own = failed_rows(subject, plan, fault.what());
     } catch (const Json::exception& fault) {
-      throw input_error(case_folder.string() + ": " + fault.what(), "run emmetrope cohort --force");
+      own = failed_rows(subject, plan, cohort.case_folder(subject).string() + ": " + fault.what());
     }
+    std::move(own.begin(), own.end(), std::back_inserter(rows));
   }
   return rows;
 }
@@ -219,22 +286,40 @@ std::vector<std::string> scans_named_twice(const std::vector<EyeRow>& rows) {
 }
 
 std::vector<std::string> sexes_that_differ(const std::vector<EyeRow>& rows) {
-  std::vector<std::string> sentences;
-  std::string before;
-  for (const EyeRow& row : rows) {
-    const bool is_told_by_both = !row.told_sex.empty() && row.sex != "O";  // which anonymisers write
-    if (row.subject != before && is_told_by_both && row.told_sex != row.sex)
-      sentences.push_back(fmt::format(
-          "{}: the images are of sex {}, by the table of participants it is {}: another person's images?",
-          row.subject, row.sex, row.told_sex));
-    before = row.subject;
-  }
-  return sentences;
+  return of_subjects(rows, [](const EyeRow& row) {
+    if (row.told_sex.empty() || row.told_sex == row.sex) return std::string();
+    return fmt::format(
+        "{}: the images are of sex {}, by the table of participants it is {}: another person's images?",
+        row.subject, row.sex, row.told_sex);
+  });
+}
+
+std::vector<std::string> ages_that_differ(const std::vector<EyeRow>& rows) {
+  return of_subjects(rows, [](const EyeRow& row) {
+    if (!row.told_age_years || std::abs(*row.told_age_years - *row.age_years) <= rounding_of_age_years)
+      return std::string();
+    return fmt::format(
+        "{}: the images tell an age of {:g}, the table of participants {:g}: another person's images?",
+        row.subject, *row.age_years, *row.told_age_years);
+  });
+}
+
+std::vector<std::string> studies_named_twice(const std::vector<EyeRow>& rows) {
+  std::map<std::string, std::string> whose;
+  return of_subjects(rows, [&](const EyeRow& row) {
+    const auto& [first, is_new] = whose.emplace(row.study, row.subject);
+    if (row.study.empty() || is_new) return std::string();
+    return fmt::format(
+        "{} and {} are images of one study, whose eyes count twice: is a study's folder given for "
+        "one of studies?",
+        first->second, row.subject);
+  });
 }
 
 std::vector<std::string> doubts_about(const std::vector<EyeRow>& rows) {
-  std::vector<std::string> sentences = scans_named_twice(rows);
-  for (std::string& sentence : sexes_that_differ(rows)) sentences.push_back(std::move(sentence));
+  std::vector<std::string> sentences;
+  for (const auto& doubts : {scans_named_twice, studies_named_twice, sexes_that_differ, ages_that_differ})
+    for (std::string& sentence : doubts(rows)) sentences.push_back(std::move(sentence));
   return sentences;
 }
 

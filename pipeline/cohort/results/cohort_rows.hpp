@@ -26,21 +26,23 @@ struct EyeRow {
   std::string subject;
   Laterality eye = Laterality::od;
   Outcome outcome = Outcome::failed;
-  std::string stage;   ///< the command that gave less than all; empty for none
-  std::string reason;  ///< in one line; without a stage a caution
-  std::optional<double> age_years;
-  std::string sex;                          ///< as the images say, else as the table of participants does
-  std::string told_sex;                     ///< as the table does
-  std::set<std::string> scans;              ///< of the subject, as used_scans()
+  std::string stage;                     ///< the command that gave less than all; empty for none
+  std::string reason;                    ///< in one line; without a stage a caution
+  std::optional<double> age_years;       ///< as the images say, else as the table of participants does
+  std::optional<double> told_age_years;  ///< as the table does
+  std::string sex;              ///< as the images say, else (and where theirs is "O") as the table does
+  std::string told_sex;         ///< as the table does
+  std::string study;            ///< pseudonym of the study; empty where there is no case
+  std::set<std::string> scans;  ///< of the subject, as used_scans()
   std::map<std::string, Measured> numbers;  ///< by column of quantities(); what is withheld is not there
 };
 
 /// The subjects of subjects.txt.
 std::vector<std::string> listed_subjects(const CohortFolder& cohort);
-/// Whether every stage of a subject has ended.
+/// Whether every stage of a subject has ended, by its plan.
 bool is_finished(const CohortFolder& cohort, const std::string& subject);
-/// A row for each eye that was asked for.
-/// \throw Error (input_invalid) naming a file that is broken
+/// A row for each eye that was asked for. A case that is not as the stages left it, one made from another than lies beside
+/// it, or a file that is broken is a failure of its subject.
 std::vector<EyeRow> read_rows(const CohortFolder& cohort, const std::vector<std::string>& subjects);
 
 /// The right and the left eye of each subject with a row of both.
@@ -53,7 +55,13 @@ std::vector<std::string> scans_named_twice(const std::vector<EyeRow>& rows);
 /// Subjects whose images tell another sex than the table of participants: a sentence each.
 std::vector<std::string> sexes_that_differ(const std::vector<EyeRow>& rows);
 
-/// The sentences of both.
+/// Subjects whose images tell another age than the table of participants.
+std::vector<std::string> ages_that_differ(const std::vector<EyeRow>& rows);
+
+/// Subjects with images of one study: its series, each taken for a study.
+std::vector<std::string> studies_named_twice(const std::vector<EyeRow>& rows);
+
+/// The sentences of all.
 std::vector<std::string> doubts_about(const std::vector<EyeRow>& rows);
 
 struct Outcomes {

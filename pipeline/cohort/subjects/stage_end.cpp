@@ -12,6 +12,7 @@
 #include "pipeline/base/files.hpp"
 #include "pipeline/base/process.hpp"
 #include "pipeline/base/stages.hpp"
+#include "pipeline/base/up_to_date.hpp"
 
 namespace emmetrope::cohort {
 namespace {
@@ -36,19 +37,38 @@ bool has_work(const CohortFolder& cohort, const std::string& subject, std::size_
   return true;
 }
 
-/// Whether a stage before failed for the machine's sake, so that what this one left earlier may hold still.
+bool is_there(const CohortFolder& cohort, const std::string& subject, const PipelineStage& stage) {
+  return std::filesystem::exists(cohort.case_folder(subject) / stage.folder / stage_file);
+}
+
+/// Whether a stage before failed and left the case as it was, so that what this one left earlier may hold still.
 bool is_interrupted_before(const CohortFolder& cohort, const std::string& subject, std::size_t stage) {
   for (std::size_t before = 0; before < stage; ++before) {
     const StageEnd end = read_end(cohort, subject, pipeline_stages[before].command);
-    if (end.status && is_of_the_machine(*end.status)) return true;
+    if (!end.status || came_to_its_end(*end.status)) continue;
+    if (is_of_the_machine(*end.status) || is_there(cohort, subject, pipeline_stages[before])) return true;
   }
   return false;
+}
+
+bool holds(const CohortFolder& cohort, const std::string& subject, const PipelineStage& stage,
+           const std::string& plan) {
+  try {
+    const StageEnd end = read_end(cohort, subject, stage.command);
+    if (end.plan != plan) return false;
+    if (!end.status) return true;
+    if (is_of_the_machine(*end.status)) return false;
+    // Of data at fault nothing is left.
+    return came_to_its_end(*end.status) == is_there(cohort, subject, stage);
+  } catch (const Error&) {
+    return false;
+  }
 }
 
 std::string message_of(const ProcessResult& ended, const std::filesystem::path& case_folder,
                        const char* folder) {
   if (ended.status == 0) return {};
-  if (ended.status == no_result || gave_result(ended.status))
+  if (came_to_its_end(ended.status))
     return fmt::format("{}", fmt::join(read_verdict(case_folder, folder).reasons, "\n"));
   return message_of_failure(ended);
 }
@@ -58,6 +78,8 @@ std::string message_of(const ProcessResult& ended, const std::filesystem::path& 
 bool gave_result(int status) {
   return status == static_cast<int>(ExitStatus::done) || status == static_cast<int>(ExitStatus::partial);
 }
+
+bool came_to_its_end(int status) { return gave_result(status) || status == no_result; }
 
 bool was_interrupted(int status) {
   return status == static_cast<int>(ExitStatus::interrupted) ||
@@ -69,6 +91,15 @@ std::string message_of_failure(const ProcessResult& ended) {
   const Json answer = Json::parse(ended.output, nullptr, false);
   const Json said = answer.is_object() ? answer.value("error", Json::object()) : Json::object();
   return said.value("message", fmt::format("ended with status {}", ended.status));
+}
+
+bool has_come_to_its_end(const CohortFolder& cohort, const std::string& subject, std::string_view stage) {
+  try {
+    const StageEnd end = read_end(cohort, subject, stage);
+    return end.status && came_to_its_end(*end.status);
+  } catch (const Error&) {  // broken, or not there
+    return false;
+  }
 }
 
 std::string plan_hash(const CohortFolder& cohort, const std::string& subject) {
@@ -99,6 +130,18 @@ StageEnd read_end(const CohortFolder& cohort, const std::string& subject, std::s
   }
 }
 
+bool forget_ends_that_do_not_hold(const CohortFolder& cohort, const std::string& subject) {
+  bool has_forgotten = false;
+  const std::string plan = plan_hash(cohort, subject);
+  for (const PipelineStage& stage : pipeline_stages) {
+    const std::filesystem::path file = cohort.end_file(subject, stage.command);
+    if (!std::filesystem::exists(file)) continue;
+    has_forgotten = has_forgotten || !holds(cohort, subject, stage, plan);
+    if (has_forgotten) std::filesystem::remove(file);
+  }
+  return has_forgotten;
+}
+
 int run_stage_of(const CohortFolder& cohort, const std::string& subject, const std::string& stage,
                  const Attempt& attempt) {
   const std::size_t place = place_of(stage);
@@ -107,7 +150,7 @@ int run_stage_of(const CohortFolder& cohort, const std::string& subject, const s
   const std::string plan = plan_hash(cohort, subject);
   if (!has_work(cohort, subject, place)) {
     if (!is_interrupted_before(cohort, subject, place))  // what is there is of an earlier run
-      std::filesystem::remove_all(cohort.case_folder(subject) / pipeline_stages[place].folder);
+      remove_result(cohort.case_folder(subject), pipeline_stages[place].folder);
     write_json(end_file, to_json(StageEnd{std::nullopt, "", plan}));
     return 0;
   }
@@ -128,12 +171,9 @@ int run_stage_of(const CohortFolder& cohort, const std::string& subject, const s
   boost::replace_all(message, asked.study.string(), "the study");  // a folder may be named after the patient
   boost::replace_all(message, "the case " + case_folder.string(), "the case");
   boost::replace_all(message, case_folder.string(), "the case");
-  const bool is_of_the_data =
-      !gave_result(ended.status) && ended.status != no_result && !is_of_the_machine(ended.status);
-  if (is_of_the_data) {  // what an earlier run left is of another input
-    std::filesystem::remove_all(case_folder / folder);
-    if (place == 0) std::filesystem::remove(case_folder / "case.json");
-  }
+  const bool is_of_the_data = !came_to_its_end(ended.status) && !is_of_the_machine(ended.status);
+  if (is_of_the_data && is_as_written(case_folder, folder))  // what an earlier run left is of another input
+    remove_result(case_folder, folder);
   write_json(end_file, to_json(StageEnd{ended.status, message, plan}));
   return 0;
 }

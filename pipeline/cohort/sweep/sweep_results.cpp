@@ -48,7 +48,8 @@ Cells asked_for(const Sweep& sweep, const Json& result, const Cells& there,
     const Json::json_pointer at(pointer);
     if (!result.contains(at)) continue;
     const Json& value = result.at(at);
-    if (std::any_of(there.begin(), there.end(), [&](const auto& cell) { return cell.first == column; }))
+    if (std::any_of(there.begin(), there.end(),
+                    [&, &name = column](const auto& cell) { return cell.first == name; }))
       faults[column] = "the table has that column already, give it another name";
     else if (value.is_object())
       faults[column] = pointer + " is an object, point to one of its values";
@@ -102,7 +103,9 @@ SweepResults sweep_table(const Sweep& sweep, const SweepFolder& folder,
   SweepResults table;
   for (const auto& [column, fault] : faults)
     table.faults.push_back(fmt::format("[columns] {}: {}", column, fault));
-  table.text = fmt::format("{}\n", fmt::join(columns, "\t"));
+  std::vector<std::string> header;
+  for (const std::string& column : columns) header.push_back(cell_text(column));
+  table.text = fmt::format("{}\n", fmt::join(header, "\t"));
   for (const auto& row : rows) {
     std::vector<std::string> cells;
     for (const std::string& column : columns) {

@@ -16,9 +16,10 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// The eye of `emmetrope eye` has no option.
+/// The eye of `emmetrope eye` has no option; what looks like one is a file's name.
 std::vector<std::string> words_of(const std::string& command, const Setting& setting) {
-  if (command == "eye" && setting.option == "eye") return {setting.text};
+  if (command == "eye" && setting.option == "eye")
+    return {setting.text.rfind('-', 0) == 0 ? "./" + setting.text : setting.text};
   return setting.words;
 }
 

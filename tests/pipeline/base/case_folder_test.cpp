@@ -116,6 +116,62 @@ TEST_F(Stage, OneEyeOfAResultForBothIsThereAlready) {
   EXPECT_FALSE(run_for(LateralityChoice::both).skipped);
 }
 
+/// A stage before that was made anew for one eye has dropped the other: what was made from that one is of no eye any more.
+TEST_F(Stage, OneEyeOfAResultForBothIsNotThereWhereTheOtherEyesInputIsGone) {
+  const auto run_for = [&](LateralityChoice eyes) {
+    common.laterality = eyes;
+    StageSpec one{"correction", {{"laterality", to_string(eyes)}}, {}, false, {}};
+    for (const Laterality eye : both_eyes)
+      if (includes(eyes, eye)) {
+        const std::string name = std::string("raytrace/") + to_string(eye) + "/eye.json";
+        one.inputs.push_back({name, case_folder / name});
+      }
+    return run_stage(case_folder, one, common, [&](StageWorkspace&) { return StageVerdict{}; });
+  };
+  StageSpec before{"raytrace", Json::object(), {}, false, {}};
+  run_stage(case_folder, before, common, [&](StageWorkspace& workspace) {
+    for (const char* eye : {"od", "os"}) {
+      fs::create_directories(workspace.folder() / eye);
+      write_file(workspace.folder() / eye / "eye.json", eye);
+    }
+    return StageVerdict{};
+  });
+  EXPECT_FALSE(run_for(LateralityChoice::both).skipped);
+  EXPECT_TRUE(run_for(LateralityChoice::os).skipped);
+  common.force = true;
+  run_stage(case_folder, before, common, [&](StageWorkspace& workspace) {
+    fs::create_directories(workspace.folder() / "os");
+    write_file(workspace.folder() / "os" / "eye.json", "os");
+    return StageVerdict{};
+  });
+  common.force = false;
+  EXPECT_FALSE(run_for(LateralityChoice::os).skipped);
+  EXPECT_NO_THROW(read_verdict(case_folder, "correction"));
+}
+
+TEST_F(Stage, WhatAStageDidNotWriteOutlivesItsResult) {
+  run();
+  EXPECT_TRUE(is_as_written(case_folder, "meshing"));
+  write_file(case_folder / "meshing/od/notes.txt", "mine");
+  EXPECT_FALSE(is_as_written(case_folder, "meshing"));
+  remove_result(case_folder, "meshing");
+  EXPECT_EQ(read_file(case_folder / "meshing/od/notes.txt"), "mine");
+  EXPECT_FALSE(fs::exists(case_folder / "meshing/od/out.txt"));
+  EXPECT_FALSE(fs::exists(case_folder / "meshing/stage.json"));
+  EXPECT_FALSE(fs::exists(case_folder / "case.json"));
+  EXPECT_FALSE(is_as_written(case_folder, "meshing"));
+}
+
+TEST_F(Stage, AnEditedResultOutlivesItsStageAndAnUntouchedOneLeavesNothing) {
+  run();
+  write_file(case_folder / "case.json", "edited");
+  EXPECT_FALSE(is_as_written(case_folder, "meshing"));
+  remove_result(case_folder, "meshing");
+  EXPECT_EQ(read_file(case_folder / "case.json"), "edited");
+  EXPECT_FALSE(fs::exists(case_folder / "meshing"));
+  EXPECT_NO_THROW(remove_result(case_folder, "meshing"));  // nothing is there
+}
+
 TEST_F(Stage, IsRedoneWhenAnOutputWasTouched) {
   run();
   std::ofstream(case_folder / "meshing/od/out.txt") << "edited";

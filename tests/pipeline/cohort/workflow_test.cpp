@@ -147,6 +147,58 @@ TEST_F(Workflow, NothingOfAnEarlierRunIsLeftOfAStudyThatFailsNow) {
   EXPECT_EQ(read_table(folder() / "out" / "cohort.tsv", {}).cell(4, "age"), "");
 }
 
+/// A stage refuses to write over what somebody put among its results: that is no fault of the data.
+TEST_F(Workflow, ARefusalCostsNothingThatSomebodyPutIntoACase) {
+  EXPECT_EQ(run().status, 6);
+  const fs::path good = folder() / "out" / "cases" / "good", notes = good / "segmentation" / "notes.txt";
+  write_file(notes, "mine");
+  write_file(studies() / "good" / "another", "image");
+  stages_.tell("good", "segment", "3");
+  EXPECT_EQ(run().status, 6);
+  EXPECT_EQ(read_file(notes), "mine");
+  for (const PipelineStage& stage : pipeline_stages)
+    EXPECT_TRUE(fs::exists(good / stage.folder / "stage.json")) << stage.folder;
+  EXPECT_EQ(read_table(folder() / "out" / "cohort.tsv", {}).cell(4, "outcome"), "failed");
+  fs::remove(notes);
+  stages_.forget("good", "segment");
+  EXPECT_EQ(run().status, 6);
+  EXPECT_EQ(read_table(folder() / "out" / "cohort.tsv", {}).cell(4, "outcome"), "no_result");
+  EXPECT_EQ(stages_.runs().at("report good"), 2);
+}
+
+TEST_F(Workflow, ACaseThatIsGoneIsMadeAgain) {
+  EXPECT_EQ(run().status, 6);
+  fs::remove_all(folder() / "out" / "cases" / "good");
+  EXPECT_EQ(run().status, 6);
+  EXPECT_EQ(stages_.runs().at("segment good"), 2);
+  EXPECT_EQ(stages_.runs().at("report good"), 2);
+  EXPECT_EQ(stages_.runs().at("segment late"), 1);
+}
+
+TEST_F(Workflow, ABrokenFileIsAFailureOfItsSubject) {
+  EXPECT_EQ(run().status, 6);
+  write_file(folder() / "out" / "cases" / "good" / "case.json", "{ broken");
+  const Table table = [&] {
+    EXPECT_EQ(stages_.run("cohort-table", {(folder() / "out").string()}).status, 0);
+    return read_table(folder() / "out" / "cohort.tsv", {});
+  }();
+  ASSERT_EQ(table.rows.size(), 8U);
+  EXPECT_EQ(table.cell(4, "outcome"), "failed");
+  EXPECT_THAT(table.cell(4, "reason"), testing::HasSubstr("case.json"));
+  EXPECT_EQ(table.cell(0, "outcome"), "no_result");
+  write_file(folder() / "out" / "ends" / "late" / "mesh.json", "{ broken");
+  EXPECT_EQ(run().status, 6);  // which makes it again
+  EXPECT_EQ(stages_.runs().at("mesh late"), 2);
+}
+
+TEST_F(Workflow, ItsCasesAreNotItsStudies) {
+  EXPECT_EQ(run().status, 6);
+  const fs::path cases = folder() / "out" / "cases";
+  write_file(cases / "good" / "segmentation" / "mine", "");
+  EXPECT_EQ(stages_.run("cohort", {cases.string(), "-o", (folder() / "out").string(), "--quiet"}).status, 2);
+  EXPECT_TRUE(fs::exists(cases / "good" / "segmentation" / "mine"));
+}
+
 TEST_F(Workflow, IsNotWrittenIntoTheStudies) {
   for (const char* out : {"studies", "studies/out", "studies/good/out"}) {
     EXPECT_EQ(run(out).status, 2) << out;

@@ -88,6 +88,20 @@ TEST_F(BidsApp, SaysWhereTheTableOfParticipantsSaysOtherwise) {
   EXPECT_THAT(warnings({"participant", "--participant-label", "02"}), HasSubstr("sub-02_ses-b has no row"));
 }
 
+/// Stages of two plans are of no eye.
+TEST_F(BidsApp, AVisitThatIsHalfMeasuredAnewIsNotFinished) {
+  EXPECT_EQ(run({"participant"}).status, 0);
+  write_file(dataset() / "participants.tsv", "participant_id\tage\nsub-01\t31\n");
+  stages_.tell("sub-01", "trace", "kill");
+  EXPECT_NE(run({"participant", "--participant-label", "01"}).status, 0);
+  EXPECT_THAT(warnings({"group"}), HasSubstr("1 visits are left out"));
+  const Table table = read_table(out() / "cohort.tsv", {"participant_id"});
+  EXPECT_EQ(table.cell(0, "participant_id"), "sub-02_ses-a");
+  stages_.forget("sub-01", "trace");
+  EXPECT_EQ(run({"participant", "--participant-label", "01"}).status, 0);
+  EXPECT_THAT(warnings({"group"}), testing::Not(HasSubstr("left out")));
+}
+
 TEST_F(BidsApp, WarnsOfASexThatIsNone) {
   write_file(dataset() / "participants.tsv", "participant_id\tsex\nsub-01\tW\nsub-02\tn/a\n");
   const std::string said = warnings({"participant"});

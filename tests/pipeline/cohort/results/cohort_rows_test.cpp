@@ -125,7 +125,8 @@ TEST_F(CohortRows, OfOneScanUnderTwoNamesAreTold) {
   std::vector<EyeRow> rows =
       read_rows(cohort_, listed_subjects(cohort_));  // "right" and "whole" are one fixture
   EXPECT_THAT(doubts_about(rows),
-              testing::ElementsAre(HasSubstr("OD (right) of right and of whole have the same numbers")));
+              testing::ElementsAre(HasSubstr("OD (right) of right and of whole have the same numbers"),
+                                   HasSubstr("right and whole are images of one study")));
   rows[4].numbers.begin()->second.value += 1e-9;
   EXPECT_THAT(scans_named_twice(rows), testing::IsEmpty());
   // Another age makes other numbers of the same images.
@@ -136,6 +137,57 @@ TEST_F(CohortRows, OfOneScanUnderTwoNamesAreTold) {
       testing::ElementsAre(HasSubstr("OD (right) of right and of whole have images with the same voxels")));
   rows[4].scans = {"c"};
   EXPECT_THAT(scans_named_twice(rows), testing::IsEmpty());
+}
+
+TEST_F(CohortRows, OfOneStudyTakenForSeveralAreTold) {
+  std::vector<EyeRow> rows = read_rows(cohort_, listed_subjects(cohort_));
+  EXPECT_THAT(studies_named_twice(rows),
+              testing::ElementsAre(HasSubstr("right and whole are images of one study")));
+  for (EyeRow& row : rows)
+    if (row.subject == "whole") row.study = "another";
+  EXPECT_THAT(studies_named_twice(rows), testing::IsEmpty());
+}
+
+TEST_F(CohortRows, AgesThatDifferAndSexesThatAnonymisersWrite) {
+  fs::create_directories(cohort_.root() / "subjects");
+  const fs::path file = cohort_.case_folder("right") / "case.json";
+  Json case_json = read_json(file);
+  case_json["subject"]["age_years"] = 38;
+  case_json["subject"]["sex"] = "O";
+  write_json(file, case_json);
+  write_json(cohort_.subject_file("right"), {{"sex", "F"}, {"age", "60"}});
+  std::vector<EyeRow> rows = read_rows(cohort_, {"right"});
+  EXPECT_EQ(rows[0].sex, "F");
+  EXPECT_THAT(sexes_that_differ(rows), testing::IsEmpty());
+  EXPECT_EQ(rows[0].age_years, 38);
+  EXPECT_THAT(
+      doubts_about(rows),
+      testing::ElementsAre(HasSubstr("right: the images tell an age of 38, the table of participants 60")));
+  write_json(cohort_.subject_file("right"), {{"age", "38.6"}});  // rounded otherwise
+  EXPECT_THAT(doubts_about(read_rows(cohort_, {"right"})), testing::IsEmpty());
+}
+
+/// Numbers of a stage that somebody has edited, or that was made from another than lies beside it, are none.
+TEST_F(CohortRows, AreOfCasesAsTheStagesLeftThem) {
+  const fs::path case_folder = cohort_.case_folder("right"),
+                 biometry = case_folder / "meshing/od/biometry.json";
+  const auto note = [&](const char* stage, const char* what, const std::string& name) {
+    const fs::path file = case_folder / stage / "stage.json";
+    Json json = read_json(file);
+    json[what] = {{name, sha256_of_file(case_folder / name)}};
+    write_json(file, json);
+  };
+  for (const char* stage : {"raytrace", "correction"}) note(stage, "inputs", "meshing/od/biometry.json");
+  EXPECT_EQ(read_rows(cohort_, {"right"})[0].outcome, Outcome::measured);
+  Json json = read_json(biometry);
+  json["axial_length_mm"]["value"] = 30;
+  write_json(biometry, json);
+  const EyeRow mixed = read_rows(cohort_, {"right"})[0];
+  EXPECT_NE(mixed.outcome, Outcome::measured);
+  EXPECT_EQ(mixed.stage, "trace");
+  EXPECT_THAT(mixed.reason, HasSubstr("raytrace was made from another meshing"));
+  EXPECT_THAT(mixed.reason, HasSubstr("emmetrope trace"));
+  EXPECT_EQ(mixed.numbers.at("axial_length").value, 30);
 }
 
 TEST_F(CohortRows, KnowTheImagesThatWereUsed) {

@@ -91,6 +91,18 @@ TEST_F(SweepOfEyes, ColumnsThatCannotBeLeaveTheTableAllElse) {
   EXPECT_EQ(table().cell(0, "M"), table().cell(0, "refraction_M_D"));
 }
 
+/// An eye that looks like an option is a file that is not there.
+TEST_F(SweepOfEyes, NeitherAnEyeNorAColumnBreaksTheTable) {
+  const ProcessResult ended = run(
+      "command = 'eye'\n[vary]\neye = ['navarro', '-h', '--version']\n[columns]\n\"a\\tb\" = '/power_D'\n");
+  EXPECT_EQ(ended.status, 8) << ended.output;
+  const Table found = table();
+  ASSERT_EQ(found.rows.size(), 3U);
+  EXPECT_EQ(found.cell(0, "a b"), found.cell(0, "power_D"));
+  EXPECT_EQ(found.cell(1, "status"), "2");
+  EXPECT_EQ(found.cell(2, "status"), "2");
+}
+
 TEST_F(SweepOfEyes, AnOptionThatTheCommandDoesNotHaveStartsNoRun) {
   const ProcessResult ended = run("command = 'eye'\n[all]\npupils = 3\n[vary]\neye = ['navarro']\n");
   EXPECT_EQ(ended.status, 3);
