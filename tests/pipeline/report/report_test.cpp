@@ -674,6 +674,29 @@ TEST_F(ReportTest, FollowUpComparesNoAxisOfACylinderThatMayBeNone) {
   fs::remove_all(later);
 }
 
+// The fixture's corneal thickness is the population's; here that of the left eye was measured once.
+TEST_F(ReportTest, FollowUpJudgesNoValuesOfThePopulation) {
+  const fs::path later = two_visits(folder_);
+  const auto set_thickness = [&](const char* eye, const Measured& thickness) {
+    const fs::path file = later / "meshing" / eye / "biometry.json";
+    Json biometry = read_json(file);
+    biometry["corneal_thickness_mm"] = thickness;
+    write_json(file, biometry);
+  };
+  set_thickness("od", Measured::from_sigma(0.65, 0.03, "prior"));
+  set_thickness("os", Measured::from_sigma(0.65, 0.01, "mri"));
+  CommonOptions common;
+  common.verbosity.quiet = true;
+  write_comparison(folder_, later, common);
+  const std::string page = visible_text(read_file(later / "comparison" / "comparison.html"));
+  const std::size_t left_from = page.rfind("OS (left)");
+  const std::regex unmeasured("Corneal thickness\\s+0.55 mm\\s+0.65 mm\\s+\u2013\\s+\u2013\\s+not measured"),
+      measured("Corneal thickness\\s+0.55 mm\\s+0.65 mm\\s+.0.10 mm");
+  EXPECT_TRUE(std::regex_search(page.substr(0, left_from), unmeasured)) << page;
+  EXPECT_TRUE(std::regex_search(page.substr(left_from), measured)) << page;
+  fs::remove_all(later);
+}
+
 // -10 D at 12 mm are -8.93 D at the cornea: no change.
 TEST_F(ReportTest, FollowUpComparesRefractionsThatWereMadeAlike) {
   const fs::path later = two_visits(folder_);
