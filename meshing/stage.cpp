@@ -50,7 +50,7 @@ SegmentedEye read_segmented(const fs::path& case_folder, Laterality eye) {
     const Json fit = read_json(file);
     const Json& withheld = fit.at("withheld");
     if (fit.at("status") == "refused")
-      throw no_result_error("refused by segmentation: " + withheld.at("fit").get<std::string>());
+      throw no_result_error(refused_by_segmentation + withheld.at("fit").get<std::string>());
     if (withheld.contains("fit")) return {fit, std::nullopt};
     return {fit, FittedEye{fit, fitted_eye(parametric_eye_from_json(fit.at("eye"))), std::nullopt,
                            withheld.value("cornea", std::string()), withheld.value("front", std::string())}};

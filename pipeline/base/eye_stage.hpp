@@ -28,6 +28,9 @@ StageVerdict work_eye_by_eye(const std::vector<Laterality>& eyes, const StageVer
 /// The same error, said of an eye.
 Error said_of(Laterality eye, const Error& error);
 
+/// Before segmentation's own words, where a later stage quotes why there is nothing of an eye.
+inline constexpr const char* refused_by_segmentation = "refused by segmentation: ";
+
 /// A warning of what other instruments measured of an eye that the run does not work on.
 std::string readings_not_used(Laterality eye);
 

@@ -32,7 +32,7 @@ std::optional<Measured> measured_at(const Json& json, const std::string& path) {
   return json.at(pointer).get<Measured>();
 }
 
-constexpr const char *changed = "changed", *undetermined = "not determined";
+constexpr const char *changed = "changed", *undetermined = "not determined", *unmeasured = "not measured";
 
 /// b - a; for angles of an axis the shorter way round.
 double difference_of(const Measured& a, const Measured& b, const NumberStyle& style) {
@@ -48,6 +48,11 @@ void add_row(Table& table, const Json& earlier, const Json& later, const Biometr
     table.rows.push_back({row.name, is_in_a ? format(a->value, row.style) : undetermined,
                           is_in_b ? format(b->value, row.style) : undetermined, "\u2013", "\u2013",
                           undetermined});
+    return;
+  }
+  if (a->source == "prior" && b->source == "prior") {  // the population's values tell nothing of this eye
+    table.rows.push_back(
+        {row.name, format(a->value, row.style), format(b->value, row.style), "\u2013", "\u2013", unmeasured});
     return;
   }
   const double difference = difference_of(*a, *b, row.style);

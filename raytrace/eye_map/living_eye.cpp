@@ -17,21 +17,24 @@ namespace {
 
 constexpr double sigmas_to_95 = 1.96;
 constexpr double least_reach_D = 0.05;  ///< of a band that anybody would see
-constexpr double usual_pupil_mm = 4;
 
-Eigen::Vector3d refraction_of(EyeModel eye) {
-  eye.set_stop_diameter(usual_pupil_mm);
-  return as_vector(measure_wavefront(eye).minimum_rms_spot);
+Eigen::Vector3d refraction_of(EyeModel eye, const BandRefraction& told) {
+  eye.set_stop_diameter(told.pupil_mm);
+  WavefrontSettings settings;
+  settings.wavelength_nm = told.wavelength_nm;
+  const Wavefront wavefront = measure_wavefront(eye, settings);
+  return as_vector(at_vertex(wavefront, wavefront.minimum_rms_spot, told.vertex_distance_mm));
 }
 
 double paraxial_mean_D(const EyeModel& eye) {
   return paraxial_refraction(eye, eye.reference_wavelength_nm).M_D;
 }
 
-std::vector<EyeBand> bands_of(const UncertainOptics& optics, const EyeMapSettings& settings) {
+std::vector<EyeBand> bands_of(const UncertainOptics& optics, const EyeMapSettings& settings,
+                              const BandRefraction& told) {
   const NormalDistribution known = optics.known.parameters();
   const Eigen::MatrixXd slopes = jacobian(known, [&](const Eigen::VectorXd& values) -> Eigen::VectorXd {
-    return refraction_of(eye_at(optics, values));
+    return refraction_of(eye_at(optics, values), told);
   });
   const Eigen::Matrix3d covariance = slopes * known.covariance * slopes.transpose();
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> axes(covariance);
@@ -134,7 +137,7 @@ LivingEye living_schematic_eye(const std::string& name_or_file, const EyeMapSett
 }
 
 LivingEye living_measured_eye(const EyeModel& eye, const UncertainOptics* optics, double age_years,
-                              const EyeMapSettings& settings) {
+                              const EyeMapSettings& settings, const BandRefraction& refraction) {
   LivingEye living{widest_eye_map({[&](double) { return eye; }, 0}, settings), {}};
   if (!optics) return living;
   EyeMapSettings same = settings;
@@ -158,7 +161,7 @@ LivingEye living_measured_eye(const EyeModel& eye, const UncertainOptics* optics
       living.map = with_accommodation_of(living.map, make_eye_map(formulas, same));
       living.accommodating = accommodating(formulas);
     });
-  if_possible("the interval", [&] { living.bands = bands_of(*optics, same); });
+  if_possible("the interval", [&] { living.bands = bands_of(*optics, same, refraction); });
   return living;
 }
 

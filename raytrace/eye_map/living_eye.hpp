@@ -31,6 +31,13 @@ struct RetinaRefraction {
 };
 RetinaRefraction retina_refraction(const EyeModel& eye, int threads);
 
+/// How the refraction of a band is told: as that of the lens beside it.
+struct BandRefraction {
+  double pupil_mm = 4;  ///< iris aperture
+  double vertex_distance_mm = 12;
+  std::optional<double> wavelength_nm = std::nullopt;  ///< default: the eye's reference wavelength
+};
+
 /// An eye as a page shows it.
 struct LivingEye {
   EyeMap map;
@@ -48,7 +55,7 @@ LivingEye living_schematic_eye(const std::string& name_or_file, const EyeMapSett
 /// of that age; that and the band are those of the eye as formulas, added to the map of its meshes. Without `optics`
 /// it has neither.
 LivingEye living_measured_eye(const EyeModel& eye, const UncertainOptics* optics, double age_years,
-                              const EyeMapSettings& settings);
+                              const EyeMapSettings& settings, const BandRefraction& refraction = {});
 
 /// The parameters of an eye whose refraction has changed by so much: for each dioptre of stimulus its lens gains 0.0077
 /// and 0.0043 /mm of curvature in front and behind, 0.058 - 0.0005 age mm of thickness and 0.0013 of equivalent index,

@@ -11,6 +11,7 @@
 #include "pipeline/base/ends_with.hpp"
 #include "pipeline/base/files.hpp"
 #include "pipeline/base/frames.hpp"
+#include "pipeline/base/iso_date.hpp"
 
 namespace emmetrope::report {
 namespace {
@@ -181,13 +182,8 @@ std::string CaseData::subject() const {
 std::string CaseData::study_date() const {
   std::string date = text_of(case_json, {"study_date", "date"});
   if (date.empty()) date = text_of(case_json.value("study", Json::object()), {"date", "study_date"});
-  const auto is_digits = [](const std::string& text) {
-    return std::all_of(text.begin(), text.end(), [](unsigned char c) { return c >= '0' && c <= '9'; });
-  };
-  if (date.size() == 8 && is_digits(date))
-    return date.substr(0, 4) + "-" + date.substr(4, 2) + "-" + date.substr(6, 2);
-  const bool is_iso = date.size() == 10 && date[4] == '-' && date[7] == '-';
-  return is_iso && is_digits(date.substr(0, 4) + date.substr(5, 2) + date.substr(8)) ? date : "";
+  const bool has_dashes = date.size() == 10 && date[4] == '-' && date[7] == '-';
+  return iso_date(has_dashes ? date.substr(0, 4) + date.substr(5, 2) + date.substr(8) : date);
 }
 
 CaseData read_case(const fs::path& folder, LateralityChoice eyes) {

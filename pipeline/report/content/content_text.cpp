@@ -11,6 +11,7 @@
 #include "pipeline/report/content/content_tables.hpp"
 #include "pipeline/report/content/first_page.hpp"
 #include "pipeline/report/content/judgement.hpp"
+#include "pipeline/report/content/said.hpp"
 #include "pipeline/report/document/numbers.hpp"
 #include "raytrace/scene/chart.hpp"
 
@@ -158,10 +159,18 @@ Section limits_section(const CaseData& data, const Notes& notes) {
     if (std::find(found.items.begin(), found.items.end(), item) == found.items.end())
       found.items.push_back(item);
   };
+  std::vector<std::string> said;
   for (const auto& stage : data.stages) {
-    for (const auto& warning : stage.warnings) add_once(stage.name + ": " + warning);
-    if (stage.status != ExitStatus::done)
-      for (const auto& reason : stage.reasons) add_once(stage.name + ": " + reason);
+    for (const auto& warning : stage.warnings) {
+      add_once(stage.name + ": " + warning);
+      said.push_back(warning);
+    }
+    if (stage.status == ExitStatus::done) continue;
+    for (const auto& reason : stage.reasons) {
+      if (is_said(reason, said)) continue;
+      found.items.push_back(stage.name + ": " + reason);
+      said.push_back(reason);
+    }
   }
   for (const auto& note : notes) found.items.push_back("report: " + note);
   if (!found.items.empty()) {

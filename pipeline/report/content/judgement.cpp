@@ -6,6 +6,7 @@
 #include "pipeline/report/content/first_page.hpp"
 #include "pipeline/report/content/learnt.hpp"
 #include "pipeline/report/content/remedies.hpp"
+#include "pipeline/report/content/said.hpp"
 
 namespace emmetrope::report {
 namespace {
@@ -32,23 +33,19 @@ Findings failed_gates(const EyeData& eye) {
   return withholding;
 }
 
-/// Whether all that a reason says, "one thing; another", stands among the findings.
-bool is_said(const std::string& reason, const Findings& findings) {
-  std::string left = reason;
-  for (const Finding& finding : findings)
-    if (const auto at = left.find(finding.what); at != std::string::npos) left.erase(at, finding.what.size());
-  return left.find_first_not_of("; ") == std::string::npos;
-}
-
 /// Reasons that a stage gave, once each and without those that only concern the other eye.
 void add_stage_reasons(const CaseData& data, const EyeData& eye, Findings& reasons) {
   const Laterality other = eye.laterality == Laterality::od ? Laterality::os : Laterality::od;
   const std::string own = std::string(clinical_name(eye.laterality)) + ": ";
+  std::vector<std::string> said;
+  for (const Finding& finding : reasons) said.push_back(finding.what);
   for (const auto& stage : data.stages)
     for (const auto& given : stage.reasons) {
       if (given.rfind(to_string(other), 0) == 0 || given.rfind(clinical_name(other), 0) == 0) continue;
       const std::string reason = given.rfind(own, 0) == 0 ? given.substr(own.size()) : given;
-      if (!is_said(reason, reasons)) reasons.push_back({reason, remedy_of_stage(stage.name)});
+      if (is_said(reason, said)) continue;
+      said.push_back(reason);
+      reasons.push_back({reason, remedy_of_reason(stage.name, reason)});
     }
 }
 

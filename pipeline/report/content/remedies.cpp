@@ -68,7 +68,11 @@ std::string remedy_of_gate(const std::string& gate) {
   return found == remedies.end() ? look : found->second;
 }
 
-std::string remedy_of_stage(const std::string& stage) {
+std::string remedy_of_reason(const std::string& stage, const std::string& reason) {
+  if (reason.rfind("no such eye was found", 0) == 0)
+    return "Look whether the images show this eye; where they do not, rescan with it inside the slices.";
+  if (reason.rfind("one eye only is seen", 0) == 0)
+    return "Check which eye it is; --laterality takes that one alone.";
   return stage == "segmentation" ? look : "See \"Limits and warnings\" below.";
 }
 

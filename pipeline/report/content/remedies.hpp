@@ -7,6 +7,6 @@ namespace emmetrope::report {
 std::string remedy_of_gate(const std::string& gate);
 
 /// About something that a stage said in words of its own.
-std::string remedy_of_stage(const std::string& stage);
+std::string remedy_of_reason(const std::string& stage, const std::string& reason);
 
 }  // namespace emmetrope::report

@@ -37,11 +37,12 @@ std::string mesh_object(const SourceStudy& source, const TriangleMesh& mesh_lps,
 std::string picture_object(const SourceStudy& source, const std::string& rgb, int rows, int columns,
                            Laterality eye, const std::string& title, int number, const std::string& result);
 
-/// Segmentation (SEG) of one stack's label volume, a segment per label, coded and with laterality.
+/// Segmentation (SEG) of one stack's label volume, a segment per label of these eyes, coded and with laterality; empty
+/// where it has none.
 /// \param series_uid  whose images the stack was made of; empty where it is not known
 std::string segmentation_object(const SourceStudy& source, const std::filesystem::path& label_nifti,
-                                const Json& labels_json, const std::string& series_uid, int number,
-                                const std::string& result);
+                                const Json& labels_json, const std::vector<EyeData>& eyes,
+                                const std::string& series_uid, int number, const std::string& result);
 
 /// RT Structure Set: closed outlines of lens and eye on the images of one series, sub-voxel, from the meshes; empty where
 /// the series is not in the source or no mesh meets its images.

@@ -51,11 +51,17 @@ struct Label {
   bool is_left() const { return name.rfind("left", 0) == 0; }
 };
 
-/// {"labels": [{"value", "name"}]}
-std::vector<Label> labels_of(const Json& json) {
+/// Those of {"labels": [{"value", "name"}]} that are of these eyes, or of no side.
+std::vector<Label> labels_of(const Json& json, const std::vector<EyeData>& eyes) {
+  const auto has = [&](Laterality side) {
+    return std::any_of(eyes.begin(), eyes.end(), [&](const EyeData& eye) { return eye.laterality == side; });
+  };
   std::vector<Label> labels;
-  for (const Json& entry : json.at("labels"))
-    labels.push_back({entry.at("value").get<int>(), entry.at("name").get<std::string>()});
+  for (const Json& entry : json.at("labels")) {
+    const Label label{entry.at("value").get<int>(), entry.at("name").get<std::string>()};
+    if ((label.is_right() && !has(Laterality::od)) || (label.is_left() && !has(Laterality::os))) continue;
+    labels.push_back(label);
+  }
   std::sort(labels.begin(), labels.end(), [](const Label& a, const Label& b) { return a.value < b.value; });
   return labels;
 }
@@ -188,8 +194,8 @@ bool fill_mask(std::vector<Uint8>& mask, const Volume& volume, int slice, int la
 }  // namespace
 
 std::string segmentation_object(const SourceStudy& source, const std::filesystem::path& label_nifti,
-                                const Json& labels_json, const std::string& series_uid, int number,
-                                const std::string& result) {
+                                const Json& labels_json, const std::vector<EyeData>& eyes,
+                                const std::string& series_uid, int number, const std::string& result) {
   const Volume volume(label_nifti);
   const Eigen::Vector3i size = volume.size();
   const PlaneGrid grid = grid_of(volume.lps_from_voxel());
@@ -198,7 +204,7 @@ std::string segmentation_object(const SourceStudy& source, const std::filesystem
   add_dimensions(*object, stable_uid("dimensions " + source.study_uid()));
   bool any = false;
   std::vector<Uint8> mask(static_cast<std::size_t>(size.x()) * static_cast<std::size_t>(size.y()));
-  for (const auto& label : labels_of(labels_json)) {
+  for (const auto& label : labels_of(labels_json, eyes)) {
     Uint16 segment = 0;
     for (int k = 0; k < size.z(); ++k) {
       if (!fill_mask(mask, volume, k, label.value)) continue;

@@ -10,6 +10,7 @@
 
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/files.hpp"
+#include "pipeline/base/iso_date.hpp"
 #include "pipeline/report/dicom/object.hpp"
 #include "segmentation/intake/decoder.hpp"
 #include "segmentation/intake/file_list.hpp"
@@ -91,13 +92,30 @@ std::string why_unreadable(const std::string& tags) {
                      to_string(tag::character_set));
 }
 
-/// Of attributes that an object cannot repeat; what they hold is not told.
+/// What is wrong with a date or a time, which objects could not be written with; empty where nothing is.
+std::string oddity_of(const ImageHeader& header, const segmentation::Tag& tag) {
+  const std::string& value = header.value(tag);
+  const DcmEVR representation = DcmTag(key(tag)).getEVR();
+  const bool is_odd = (representation == EVR_DA && iso_date(value).empty()) ||
+                      (representation == EVR_TM && DcmTime::checkStringValue(value.c_str(), "1").bad());
+  if (value.empty() || !is_odd) return {};
+  constexpr unsigned short group_of_patient = 0x0010;
+  return fmt::format("{} is no {}{}: it is taken as unknown", to_string(tag),
+                     representation == EVR_DA ? "date" : "time",
+                     tag.group == group_of_patient ? "" : ", but " + segmentation::in_quotes(value));
+}
+
+/// Of attributes that an object cannot repeat; what those of the patient hold is not told.
 std::vector<std::string> warnings_of(const ImageHeader& header) {
-  std::vector<std::string> tags;
-  for (const auto& tag : study_tags)
+  std::vector<std::string> tags, warnings;
+  for (const auto& tag : study_tags) {
     if (is_unreadable(header, tag)) tags.push_back(to_string(tag));
-  if (tags.empty()) return {};
-  return {why_unreadable(fmt::format("{}", fmt::join(tags, ", "))) + "; the DICOM objects are without it"};
+    if (const std::string oddity = oddity_of(header, tag); !oddity.empty()) warnings.push_back(oddity);
+  }
+  if (!tags.empty())
+    warnings.push_back(why_unreadable(fmt::format("{}", fmt::join(tags, ", "))) +
+                       "; the DICOM objects are without it");
+  return warnings;
 }
 
 /// The files below a folder that segmentation read, each once.
@@ -170,7 +188,8 @@ SourceStudy SourceStudy::read(const fs::path& study, const NotedStudy& noted) {
       source.warnings_ = warnings_of(header);
       source.header_->putAndInsertString(DCM_SpecificCharacterSet, "ISO_IR 192");
       for (const auto& tag : study_tags)
-        if (header.has(tag)) source.header_->putAndInsertString(key(tag), header.value(tag).c_str());
+        if (header.has(tag) && oddity_of(header, tag).empty())
+          source.header_->putAndInsertString(key(tag), header.value(tag).c_str());
     }
     source.images_.push_back(image);
   }
@@ -234,10 +253,7 @@ std::string SourceStudy::text(unsigned short group, unsigned short element) cons
 }
 
 std::string SourceStudy::study_uid() const { return text(0x0020, 0x000d); }
-std::string SourceStudy::known_date() const {
-  const std::string date = text(0x0008, 0x0020);
-  return date.size() == 8 ? date : "";
-}
+std::string SourceStudy::known_date() const { return text(0x0008, 0x0020); }
 std::string SourceStudy::date() const {
   const std::string date = known_date();
   return date.empty() ? "20000101" : date;
@@ -252,11 +268,9 @@ std::string SourceStudy::identity() const {
   copy.convertToUTF8();
   OFString name;
   DcmPersonName::getFormattedNameFromString(text_of(copy, DCM_PatientName).c_str(), name);
-  const std::string born = text_of(copy, DCM_PatientBirthDate);
+  const std::string born = iso_date(text_of(copy, DCM_PatientBirthDate));
   std::string identity = name.c_str();
-  if (born.size() == 8)
-    identity += (identity.empty() ? "born " : ", born ") + born.substr(0, 4) + "-" + born.substr(4, 2) + "-" +
-                born.substr(6, 2);
+  if (!born.empty()) identity += (identity.empty() ? "born " : ", born ") + born;
   return identity;
 }
 

@@ -58,10 +58,10 @@ class SourceStudy {
   SourceStudy& operator=(SourceStudy&&) noexcept;
   ~SourceStudy();
 
-  /// Patient, Patient Study and General Study modules.
+  /// Patient, Patient Study and General Study modules; dates and times that are none are left out.
   const DcmItem& header() const { return *header_; }
   const std::vector<SourceImage>& images() const { return images_; }
-  /// What the objects lack of the patient and the study; values are not told.
+  /// What the objects lack of the patient and the study; the patient's values are not told.
   const std::vector<std::string>& warnings() const { return warnings_; }
   std::string study_uid() const;
   /// YYYYMMDD; of the study, or empty where its header has none.

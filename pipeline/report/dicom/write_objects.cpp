@@ -8,6 +8,7 @@
 #include <set>
 
 #include "pipeline/base/files.hpp"
+#include "pipeline/base/iso_date.hpp"
 #include "pipeline/base/measured.hpp"
 #include "pipeline/base/version.hpp"
 #include "pipeline/report/content/content.hpp"
@@ -22,6 +23,7 @@ namespace fs = std::filesystem;
 /// Everything that an object may tell, as one hash: the same result gives the same instances.
 std::string result_hash(const CaseData& data) {
   std::string all;
+  for (const auto& eye : data.eyes) all += eye.id();
   for (const auto& stage : data.stages)
     all += stage.provenance.dump(-1, ' ', false, Json::error_handler_t::replace);
   return sha256_of(all);
@@ -84,20 +86,25 @@ std::string series_of(const CaseData& data, const std::string& stack_name) {
   return {};
 }
 
+/// One a stack that has labels of these eyes; one that cannot be written takes no other with it.
 void write_segmentations(const fs::path& folder, const CaseData& data, const SourceStudy& source,
-                         const std::string& result) {
+                         const std::string& result, Notes& notes) {
   const fs::path names = data.folder / "segmentation" / "labels.json";
   if (!fs::exists(names)) return;
-  int number = 0;
+  int number = 1;
   for (const auto& stack : data.stacks) {
     const std::string name = stack.filename().string().substr(0, stack.filename().string().size() - 7);
     const fs::path labels = data.folder / "segmentation" / (name + "_labels.nii.gz");
     if (!fs::exists(labels)) continue;
-    ++number;
-    const std::string file =
-        number == 1 ? "segmentation.dcm" : "segmentation_" + std::to_string(number) + ".dcm";
-    write_if_any(folder / file, segmentation_object(source, labels, read_json(names), series_of(data, name),
-                                                    number, result));
+    const std::string file = number == 1 ? "segmentation.dcm" : fmt::format("segmentation_{}.dcm", number);
+    bool is_empty = false;
+    attempt(notes, file, [&] {
+      const std::string bytes = segmentation_object(source, labels, read_json(names), data.eyes,
+                                                    series_of(data, name), number, result);
+      is_empty = bytes.empty();
+      write_if_any(folder / file, bytes);
+    });
+    if (!is_empty) ++number;
   }
 }
 
@@ -177,8 +184,7 @@ Json fhir_prescription(const CaseData& data, const std::string& study_date) {
 
 std::string study_date_of(const CaseData& data, const SourceStudy& source) {
   if (!data.study_date().empty() || source.images().empty()) return data.study_date();
-  const std::string date = source.known_date();
-  return date.empty() ? "" : date.substr(0, 4) + "-" + date.substr(4, 2) + "-" + date.substr(6, 2);
+  return iso_date(source.known_date());
 }
 
 void write_objects(const fs::path& folder, const CaseData& data, const SourceStudy& source,
@@ -193,7 +199,7 @@ void write_objects(const fs::path& folder, const CaseData& data, const SourceStu
           [&] { write_if_any(folder / "prescription.dcm", prescription_object(source, data, result)); });
   attempt(notes, "biometry.dcm",
           [&] { write_if_any(folder / "biometry.dcm", biometry_object(source, data, result)); });
-  attempt(notes, "segmentation.dcm", [&] { write_segmentations(folder, data, source, result); });
+  write_segmentations(folder, data, source, result, notes);
   attempt(notes, "structures.dcm", [&] { write_structure_sets(folder, data, source, result); });
   attempt(notes, "A surface mesh as DICOM", [&] { write_meshes(more, data, source, result); });
   attempt(notes, "A retinal image as DICOM", [&] { write_pictures(more, data, source, result); });

@@ -67,6 +67,16 @@ double lens_index_sigma_of(const CaseData& data) {
              : lens_index_at_age(age_years_of(data)).sigma;
 }
 
+/// As the prescription beside the picture is.
+raytrace::BandRefraction band_refraction_of(const Json& prescription) {
+  raytrace::BandRefraction refraction;
+  refraction.pupil_mm = value_of(prescription, "pupil_mm").value_or(refraction.pupil_mm);
+  refraction.vertex_distance_mm =
+      value_of(prescription, "vertex_distance_mm").value_or(refraction.vertex_distance_mm);
+  refraction.wavelength_nm = value_of(prescription, "wavelength_nm");
+  return refraction;
+}
+
 LivingSubject subject_of(const CaseData& data, const EyeData& eye, const raytrace::EyeMapSettings& settings) {
   LivingSubject subject;
   subject.id = eye.id();
@@ -77,8 +87,8 @@ LivingSubject subject_of(const CaseData& data, const EyeData& eye, const raytrac
   std::optional<UncertainOptics> optics;
   if (fs::exists(optics_file))
     optics = read_uncertain_optics(optics_file, lens_index_sigma_of(data), subject.eye);
-  subject.living =
-      raytrace::living_measured_eye(subject.eye, optics ? &*optics : nullptr, age_years, settings);
+  subject.living = raytrace::living_measured_eye(subject.eye, optics ? &*optics : nullptr, age_years,
+                                                 settings, band_refraction_of(eye.prescription));
   subject.has_prescription = false;
   if (eye.prescription.is_object()) {
     const Judgement judgement = judge(data, eye);

@@ -112,6 +112,13 @@ TEST_F(Deidentify, ThePdfHasNeitherDateNorAge) {
   EXPECT_THAT(text, Not(HasSubstr("s-0a1b2c3d")));
 }
 
+TEST_F(Deidentify, OfOneEyeNothingTellsOfTheOther) {
+  ASSERT_EQ(deidentify({"--laterality", "od"}), 0);
+  const std::string dump = dumped(output_folder() / "segmentation.dcm");
+  EXPECT_THAT(dump, HasSubstr("[right lens]"));
+  EXPECT_THAT(dump, Not(HasSubstr("[left ")));
+}
+
 /// Without their words, which may quote headers, but not as if there had been none.
 TEST_F(Deidentify, ThatAStageHadAWarningIsSaid) {
   Json stage = read_json(folder_ / "correction" / "stage.json");

@@ -11,6 +11,7 @@
 
 #include "pipeline/eye/meshes/triangle_mesh.hpp"
 #include "pipeline/report/dicom/plane_cut.hpp"
+#include "pipeline/report/dicom/write_objects.hpp"
 #include "tests/pipeline/report/report_fixture.hpp"
 
 // The DICOM objects, read back by other programs: dciodvfy and dcmdump.
@@ -309,6 +310,17 @@ class OtherStudies : public DicomTest {
     test::note_study(folder_, study_);
   }
 
+  /// As a header may have it, valid or not.
+  void put_in_all(const DcmTagKey& tag, const std::string& value) const {
+    for (const auto& entry : fs::directory_iterator(study_)) {
+      DcmFileFormat format;
+      ASSERT_TRUE(format.loadFile(entry.path().c_str()).good());
+      format.getDataset()->putAndInsertString(tag, value.c_str());
+      ASSERT_TRUE(format.saveFile(entry.path().c_str(), EXS_LittleEndianExplicit).good());
+    }
+    test::note_study(folder_, study_);
+  }
+
   /// Sequences in sequences: what reads them by recursion does not survive it.
   void write_nested() const {
     std::string bytes(128, '\0');
@@ -388,6 +400,35 @@ TEST_F(OtherStudies, ANameThatCannotBeConvertedIsLeftOutAndSaid) {
   const std::string warnings = read_json(folder_ / "report" / "stage.json").at("warnings").dump();
   EXPECT_THAT(warnings, HasSubstr("(0010,0010) PatientName: not in the character set (0008,0005)"));
   EXPECT_THAT(warnings, Not(HasSubstr("JANE")));
+}
+
+TEST_F(OtherStudies, DatesAndTimesThatAreNoneAreUnknown) {
+  Json case_json = read_json(folder_ / "case.json");
+  case_json["study_date"] = nullptr;
+  write_json(folder_ / "case.json", case_json);
+  put_in_all(DCM_PatientBirthDate, "19500230");
+  put_in_all(DCM_StudyTime, "25:00");
+  for (const std::string date : {"20261399", "2026.01.01"}) {
+    put_in_all(DCM_StudyDate, date);
+    report(study_, true);
+    for (const char* name :
+         {"report.dcm", "prescription.dcm", "biometry.dcm", "segmentation.dcm", "structures.dcm"}) {
+      EXPECT_THAT(dump(name), HasSubstr("(0008,0020) DA (no value available)")) << name;
+      EXPECT_THAT(dump(name), HasSubstr("(0008,0030) TM (no value available)")) << name;
+      EXPECT_THAT(dump(name), HasSubstr("(0010,0030) DA (no value available)")) << name;
+    }
+    const Json fhir = read_json(folder_ / "report" / "prescription.fhir.json");
+    EXPECT_FALSE(fhir.contains("created")) << date;
+    EXPECT_TRUE(fhir.contains("_created")) << date;
+    const std::string page = visible_text(output("report.html"));
+    EXPECT_THAT(page, AllOf(Not(HasSubstr("2026-13-99")), Not(HasSubstr("1950-02-30")),
+                            Not(HasSubstr("Study date"))));
+    const std::string warnings = read_json(folder_ / "report" / "stage.json").at("warnings").dump();
+    EXPECT_THAT(warnings,
+                AllOf(HasSubstr("(0008,0020) StudyDate is no date"), HasSubstr(date),
+                      HasSubstr("(0008,0030) StudyTime is no time"),
+                      HasSubstr("(0010,0030) PatientBirthDate is no date"), Not(HasSubstr("1950"))));
+  }
 }
 
 /// Without an ID an archive files the objects with those of anybody who has none.
@@ -567,6 +608,42 @@ TEST_F(DicomTest, ObjectsHoldWhatTheCaseHolds) {
   expect_every_labelled_voxel();
   expect_the_mesh();
   expect_the_picture();
+}
+
+TEST_F(DicomTest, ASegmentationThatCannotBeWrittenTakesNoOtherWithIt) {
+  test::make_fixture_case(folder_);
+  fs::copy_file(folder_ / "segmentation" / "stack1.nii.gz", folder_ / "segmentation" / "stack0.nii.gz");
+  write_file(folder_ / "segmentation" / "stack0_labels.nii.gz", "no volume");
+  const CaseData data = read_case(folder_, LateralityChoice::both);
+  const fs::path objects = folder_ / "objects";
+  Notes notes;
+  write_objects(objects, data, SourceStudy::pseudonymous(data.subject(), data.study_date()), "%PDF", false,
+                notes);
+  EXPECT_THAT(notes, ::testing::ElementsAre(HasSubstr("segmentation.dcm was not written")));
+  EXPECT_FALSE(fs::exists(objects / "segmentation.dcm"));
+  EXPECT_TRUE(fs::exists(objects / "segmentation_2.dcm"));
+}
+
+TEST_F(DicomTest, SegmentationsAreOfTheEyesThatAreAskedFor) {
+  test::make_fixture_case(folder_);
+  CommonOptions common;
+  common.verbosity.quiet = true;
+  common.laterality = LateralityChoice::od;
+  write_report({folder_, {}, false}, common);
+  EXPECT_THAT(dump("segmentation.dcm"), AllOf(HasSubstr("[right lens]"), Not(HasSubstr("[left "))));
+
+  // Of a stack with labels of one eye alone the other has no file.
+  const CaseData left = read_case(folder_, LateralityChoice::os);
+  const fs::path names = folder_ / "segmentation" / "labels.json";
+  Json labels = read_json(names);
+  for (Json& label : labels["labels"]) label["name"] = "right eye";
+  write_json(names, labels);
+  Notes notes;
+  write_objects(folder_ / "objects", left, SourceStudy::pseudonymous(left.subject(), ""), "%PDF", false,
+                notes);
+  EXPECT_TRUE(fs::exists(folder_ / "objects" / "biometry.dcm"));
+  EXPECT_FALSE(fs::exists(folder_ / "objects" / "segmentation.dcm"));
+  EXPECT_THAT(notes, ::testing::IsEmpty());
 }
 
 }  // namespace

@@ -468,6 +468,48 @@ TEST_F(ReportTest, OneEyeIsReportedAndTheOtherNamedAsMissing) {
   EXPECT_THAT(html, HasSubstr("the left eye is not in the images"));
 }
 
+/// What a stage ended with.
+void set_reasons(const fs::path& folder, const char* stage, const std::vector<std::string>& reasons) {
+  const fs::path file = folder / stage / "stage.json";
+  Json json = read_json(file);
+  json["verdict"] = {{"status", 8}, {"reasons", reasons}};
+  write_json(file, json);
+}
+
+TEST_F(ReportTest, AnEyeThatIsNotThereNeedsNoLabels) {
+  test::FixtureOptions options;
+  options.only_right = true;
+  test::make_fixture_case(folder_, options);
+  set_reasons(
+      folder_, "segmentation",
+      {"OS (left): no such eye was found in the images",
+       "one eye only is seen; its side is taken from its place, 35 mm to the patient's right of the scanner's "
+       "centre"});
+  report();
+  const std::string html = visible_text(output("report.html"));
+  EXPECT_THAT(html, HasSubstr("Look whether the images show this eye"));
+  EXPECT_THAT(html, HasSubstr("Check which eye it is; --laterality takes that one alone."));
+  EXPECT_THAT(html, Not(HasSubstr("correct the labels")));
+}
+
+TEST_F(ReportTest, ACauseStandsOnceWhateverStagesCarryItAlong) {
+  test::FixtureOptions options;
+  options.only_right = true;
+  test::make_fixture_case(folder_, options);
+  const std::string cause = "the left globe is 35.2 mm across", other = "its cornea is not visible";
+  const std::string segmented = "OS (left): " + cause + "; " + other,
+                    quoted = "OS (left): refused by segmentation: " + cause;
+  set_reasons(folder_, "segmentation", {segmented});
+  for (const char* stage : {"meshing", "raytrace", "correction"})
+    set_reasons(folder_, stage, {segmented, quoted});
+  const Json eyes = report().json.at("eyes");
+  EXPECT_EQ(eyes.at("os").at("reasons"), Json({cause + "; " + other}));
+  const std::string html = visible_text(output("report.html"));
+  const std::string limits = html.substr(html.rfind("In this case:"));
+  EXPECT_EQ(limits.find(cause), limits.rfind(cause)) << limits;
+  EXPECT_THAT(limits, Not(HasSubstr("refused by segmentation")));
+}
+
 TEST_F(ReportTest, HostileTextsStayTexts) {
   test::FixtureOptions options;
   options.subject = "<script>alert(1)</script>{{{style}}}%n\"'&";
@@ -671,6 +713,29 @@ TEST_F(ReportTest, FollowUpComparesNoAxisOfACylinderThatMayBeNone) {
   EXPECT_TRUE(has_row(right, "Steep axis | 88\u00b0" + not_compared)) << right;
   for (const char* row : {"Axis", "Flat axis", "Steep axis"})
     EXPECT_TRUE(has_row(left, row + std::string(" | not determined") + not_compared)) << row << left;
+  fs::remove_all(later);
+}
+
+// The fixture's corneal thickness is the population's; here that of the left eye was measured once.
+TEST_F(ReportTest, FollowUpJudgesNoValuesOfThePopulation) {
+  const fs::path later = two_visits(folder_);
+  const auto set_thickness = [&](const char* eye, const Measured& thickness) {
+    const fs::path file = later / "meshing" / eye / "biometry.json";
+    Json biometry = read_json(file);
+    biometry["corneal_thickness_mm"] = thickness;
+    write_json(file, biometry);
+  };
+  set_thickness("od", Measured::from_sigma(0.65, 0.03, "prior"));
+  set_thickness("os", Measured::from_sigma(0.65, 0.01, "mri"));
+  CommonOptions common;
+  common.verbosity.quiet = true;
+  write_comparison(folder_, later, common);
+  const std::string page = visible_text(read_file(later / "comparison" / "comparison.html"));
+  const std::size_t left_from = page.rfind("OS (left)");
+  const std::regex unmeasured("Corneal thickness\\s+0.55 mm\\s+0.65 mm\\s+\u2013\\s+\u2013\\s+not measured"),
+      measured("Corneal thickness\\s+0.55 mm\\s+0.65 mm\\s+.0.10 mm");
+  EXPECT_TRUE(std::regex_search(page.substr(0, left_from), unmeasured)) << page;
+  EXPECT_TRUE(std::regex_search(page.substr(left_from), measured)) << page;
   fs::remove_all(later);
 }
 

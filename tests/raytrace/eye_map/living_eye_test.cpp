@@ -81,6 +81,33 @@ TEST(LivingEye, TheEndsOfItsBandAreTheEndsOfItsRefraction) {
   }
 }
 
+// Of a short-sighted eye an interval at the spectacle's 12 mm is a fifth wider than in the pupil.
+TEST(LivingEye, ItsBandIsThatOfTheLensBesideIt) {
+  Json long_eye = measured_optics();
+  constexpr double length_mm = 26.5;
+  long_eye["eye"]["surfaces"].back()["position_mm"] = length_mm;
+  long_eye["values"][10] = length_mm;
+  const UncertainOptics known = uncertain_optics_from_json(long_eye, ".", 0.005);
+  const NormalDistribution numbers = known.known.parameters();
+  const BandRefraction told{3, 12, 589.3};
+  const Eigen::MatrixXd slopes = jacobian(numbers, [&](const Eigen::VectorXd& values) -> Eigen::VectorXd {
+    EyeModel eye = eye_at(known, values);
+    eye.set_stop_diameter(told.pupil_mm);
+    WavefrontSettings settings;
+    settings.wavelength_nm = told.wavelength_nm;
+    const Wavefront wavefront = measure_wavefront(eye, settings);
+    return as_vector(at_vertex(wavefront, wavefront.minimum_rms_spot, told.vertex_distance_mm));
+  });
+  const double half_width_D = 1.96 * std::sqrt((slopes * numbers.covariance * slopes.transpose())(0, 0));
+  EyeMapSettings settings;
+  settings.threads = 2;
+  double reach_squared = 0;
+  for (const EyeBand& band :
+       living_measured_eye(eye_at(known, numbers.mean), &known, 40, settings, told).bands)
+    reach_squared += band.reach_D.M_D * band.reach_D.M_D;
+  EXPECT_NEAR(std::sqrt(reach_squared), half_width_D, 0.02);
+}
+
 TEST(LivingEye, WithoutOpticsItHasNeitherBandNorAccommodation) {
   const UncertainOptics known = optics();
   const LivingEye living = living_measured_eye(eye_at(known, known.known.parameters().mean), nullptr, 40, {});
