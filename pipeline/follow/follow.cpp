@@ -203,7 +203,11 @@ Answer run_follow(const FollowOptions& options, const CommonOptions& common) {
       std::count_if(eyes.begin(), eyes.end(), [](const FollowedEye& eye) { return eye.reason.empty(); }));
   for (const std::string& doubt : doubts_of(eyes, visits)) spdlog::warn("{}", doubt);
   const Json json = json_of(eyes, visits);
-  fs::create_directories(options.output);
+  std::error_code fault;
+  fs::create_directories(options.output, fault);
+  if (fault)
+    throw output_error("cannot make the folder " + options.output.string() + ": " + fault.message(),
+                       "name a folder, or a place where one can be made, with -o");
   const report::Document document = document_of(eyes, visits);
   write_file(options.output / "growth.html", report::render_html(document, {}, {}));
   write_file(options.output / "growth.pdf", report::render_pdf(document).bytes);

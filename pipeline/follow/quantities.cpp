@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "pipeline/eye/parametric/analytic_eye.hpp"
+#include "pipeline/eye/parametric/corneal_metrics.hpp"
 #include "pipeline/eye/parametric/retinal_metrics.hpp"
 
 namespace emmetrope::follow {
@@ -27,7 +28,7 @@ VectorXd quantities_of(const ParametricEye& eye) {
   VectorXd values(static_cast<Index>(followed_quantities().size()));
   values << eye.pole_depth_mm(), eye.pole_depth_mm() - lens.back_mm, lens.front_mm,
       lens.back_mm - lens.front_mm, globe_extent_mm(interface, Eigen::Vector3d::UnitX()),
-      globe_extent_mm(interface, Eigen::Vector3d::UnitY()), keratometric_D_mm * eye.cornea_c_per_mm;
+      globe_extent_mm(interface, Eigen::Vector3d::UnitY()), corneal_power(anterior_cornea(eye)).M_D;
   return values;
 }
 

@@ -81,7 +81,9 @@ void set_years(Visits& visits, const std::vector<double>& years) {
   const std::size_t count = visits.cases.size();
   if (!years.empty()) {
     if (years.size() != count)
-      throw usage_error(fmt::format("--years: {} numbers for {} visits", years.size(), count), "one a visit");
+      throw usage_error(fmt::format("--years: {} {} for {} visits", years.size(),
+                                    years.size() == 1 ? "number" : "numbers", count),
+                        "give one number a visit, the first visit first, such as --years 0,1.1");
     for (const double year : years) visits.years.push_back(year - years.front());
     visits.are_dated = true;
     compare_with_dates(visits);
@@ -245,8 +247,8 @@ Visits read_visits(const std::vector<fs::path>& cases, const std::vector<double>
   Visits visits;
   std::vector<std::optional<report::SourceStudy>> sources;
   for (const fs::path& folder : cases) {
+    visits.cases.push_back(report::read_case(folder, eyes, report::CaseExtent::until_meshing));
     read_verdict(folder, "meshing");  // finished, and of one piece
-    visits.cases.push_back(report::read_case(folder, eyes));
     sources.push_back(report::source_study_of(visits.cases.back()));
     visits.dates.push_back(sources.back() ? report::study_date_of(visits.cases.back(), *sources.back())
                                           : visits.cases.back().study_date());

@@ -146,7 +146,11 @@ void bind_eyes(py::module_& module) {
           "to_dict", [](const EyeModel& eye) { return to_python(to_json(eye)); }, "What eye.json would hold.")
       .def(
           "write",
-          [](const EyeModel& eye, const std::string& file) { return write_eye_file(file, eye).notes; },
+          [](const EyeModel& eye, const std::string& file) {
+            WrittenEye written = write_eye_file(file, eye);
+            if (!written.warning.empty()) written.notes.push_back(written.warning);
+            return written.notes;
+          },
           py::arg("file"),
           "Writes an eye.json, or a lens of Zemax where the file ends in .zmx; returns what the format could not hold "
           "exactly.")

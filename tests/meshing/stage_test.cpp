@@ -234,6 +234,7 @@ TEST_F(MeshStage, IrreconcilableInstrumentsAreRefused) {
     EXPECT_EQ(error.status(), ExitStatus::input_invalid);
     EXPECT_THAT(error.what(), testing::HasSubstr("OD (right): biometry and the images differ by"));
     EXPECT_THAT(error.what(), testing::HasSubstr("cannot both be of this eye"));
+    EXPECT_THAT(error.what(), testing::ContainsRegex("\\(--axial-length 29.00 mm, the images [0-9.]+ mm\\)"));
   }
   EXPECT_EQ(sha256_of_file(mesh("od", "biometry.json")), before);
 }

@@ -140,6 +140,7 @@ Answer describe_eye(const EyeQuery& query) {
   answer.text = text_of(eye, answer.json);
   if (!query.output.empty()) {
     const WrittenEye written = write_eye_file(query.output, eye);
+    if (!written.warning.empty()) spdlog::warn("{}", written.warning);
     for (const std::filesystem::path& file : written.files) {
       answer.text += "written: " + file.string() + "\n";
       answer.json["files"].push_back(file.string());

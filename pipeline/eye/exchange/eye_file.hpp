@@ -14,6 +14,7 @@ EyeModel read_eye_file(const std::filesystem::path& file);
 struct WrittenEye {
   std::vector<std::filesystem::path> files;
   std::vector<std::string> notes;  ///< what the format could not hold exactly, one sentence each
+  std::string warning;             ///< that what was written is another eye, by how many dioptres; or empty
 };
 /// Writes a lens of Zemax where the file ends so, else an eye.json.
 /// \throw Error as write_zmx()

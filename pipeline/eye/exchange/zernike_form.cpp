@@ -28,9 +28,22 @@ bool reaches(const Shape& shape, double radius_mm) {
   return true;
 }
 
-double sphere_depth(double curvature, double radius_mm) {
-  const double square = radius_mm * radius_mm;
-  return curvature * square / (1 + std::sqrt(1 - curvature * curvature * square));
+/// The asphericity of the conic of this vertex curvature through the rim (its mean depth there): what is left to the
+/// Zernike terms is then small at both ends. A sphere's slope is infinite where the surface may be far from its own end,
+/// which no polynomial follows.
+double rim_asphericity(const Shape& shape, double curvature, double radius) {
+  double rim_depth = 0;
+  for (int spoke = 0; spoke < spokes; ++spoke) {
+    const Eigen::Vector2d at = on_disc(radius, spoke);
+    rim_depth += shape.depth_mm(at.x(), at.y()).value() / spokes;
+  }
+  if (!(rim_depth * curvature > 0)) return -1;  // no conic bends back; a paraboloid reaches everywhere
+  return (2 * rim_depth / curvature - radius * radius) / (rim_depth * rim_depth) - 1;
+}
+
+double conic_depth(double curvature, double q, double radius) {
+  const double square = radius * radius;
+  return curvature * square / (1 + std::sqrt(std::max(0.0, 1 - (1 + q) * curvature * curvature * square)));
 }
 
 }  // namespace
@@ -39,10 +52,10 @@ ZernikeForm zernike_form(const Shape& shape, double radius_mm) {
   ZernikeForm form;
   form.curvature_per_mm = shape.vertex_curvature().trace() / 2;
   double radius = radius_mm;
-  if (form.curvature_per_mm != 0) radius = std::min(radius, 0.98 / std::abs(form.curvature_per_mm));
   while (radius > smallest_mm && !reaches(shape, radius)) radius -= step_mm;
   if (radius <= smallest_mm) throw unsupported_error("the surface reaches less than 1 mm from its vertex");
   form.norm_radius_mm = radius;
+  form.q = rim_asphericity(shape, form.curvature_per_mm, radius);
   Eigen::MatrixXd terms(rings * spokes, zernike_count(order));
   Eigen::VectorXd depth(rings * spokes);
   for (int ring = 0; ring < rings; ++ring)
@@ -54,7 +67,7 @@ ZernikeForm zernike_form(const Shape& shape, double radius_mm) {
       terms.row(row) = zernike_values(order, at.x(), at.y()).transpose();
       const auto here = shape.depth_mm(radius * at.x(), radius * at.y());
       if (!here) throw unsupported_error("the surface has a hole within " + std::to_string(radius) + " mm");
-      depth(row) = *here - sphere_depth(form.curvature_per_mm, rho * radius);
+      depth(row) = *here - conic_depth(form.curvature_per_mm, form.q, rho * radius);
     }
   const Eigen::VectorXd coefficients = terms.colPivHouseholderQr().solve(depth);
   form.coefficients_mm.assign(coefficients.begin(), coefficients.end());

@@ -5,9 +5,10 @@
 
 namespace emmetrope {
 
-/// A surface as a sphere with Zernike terms upon it, for programs that know neither meshes nor toric bases.
+/// A surface as a conic with Zernike terms upon it, for programs that know neither meshes nor toric bases.
 struct ZernikeForm {
-  double curvature_per_mm = 0;  ///< of the sphere, textbook sign
+  double curvature_per_mm = 0;  ///< of the conic at its vertex, textbook sign
+  double q = 0;                 ///< its asphericity
   double norm_radius_mm = 0;
   std::vector<double> coefficients_mm;  ///< of depth; OSA order
   double worst_um = 0;                  ///< the largest departure from the surface within the norm radius

@@ -58,11 +58,12 @@ std::string zernike_lines(double norm_radius_mm, const std::vector<double>& coef
 FormLines fitted_lines(const Surface& surface, double reach_mm, std::vector<std::string>& notes) {
   const ZernikeForm form = zernike_form(*surface.shape, reach_mm);
   notes.push_back(fmt::format(
-      "{}: a {} is no surface of Zemax; written as Zernike terms upon a sphere, which depart from it by at most "
+      "{}: a {} is no surface of Zemax; written as Zernike terms upon a conic, which depart from it by at most "
       "{:.2g} um within {:.2f} mm of its vertex",
       surface.name, surface.shape->type(), form.worst_um, form.norm_radius_mm));
-  return {"SZERNSAG", zernike_lines(form.norm_radius_mm, form.coefficients_mm), form.curvature_per_mm, 0,
-          form.norm_radius_mm};
+  return {"SZERNSAG",
+          fmt::format("  CONI {}\n{}", form.q, zernike_lines(form.norm_radius_mm, form.coefficients_mm)),
+          form.curvature_per_mm, 0, form.norm_radius_mm};
 }
 
 /// One overload for each formula.

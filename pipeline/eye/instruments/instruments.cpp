@@ -201,14 +201,31 @@ InstrumentReadings read_instruments(const EyeInstruments& instruments) {
   return readings;
 }
 
+namespace {
+
+/// " (--axial-length 23.60 mm, the images 24.10 mm)"; of a cornea its mean power.
+std::string both_values(const ExternalMeasurement& reading, const ParametricEye& by_images) {
+  std::string option = reading.quantity == "anterior_chamber_depth" ? "acd" : reading.quantity;
+  std::replace(option.begin(), option.end(), '_', '-');
+  const bool is_length = reading.source == "biometry";
+  const char* unit = is_length ? "mm" : "D";
+  return fmt::format(" (--{} {}{:.2f} {}, the images {:.2f} {})", option, is_length ? "" : "mean power ",
+                     reading.value[0], unit, reading.of_eye(by_images)[0], unit);
+}
+
+}  // namespace
+
 std::vector<std::string> learn(UncertainEye& eye, const InstrumentReadings& readings) {
   std::vector<std::string> warnings;
   const auto add = [&](std::string warning) {
     if (!warning.empty()) warnings.push_back(std::move(warning));
   };
+  const ParametricEye by_images = eye.eye();
   if (readings.topography) add(alignment_warning(*readings.topography));
-  for (const ExternalMeasurement& measurement : readings.measurements)
-    add(judge_innovation(measurement.source, eye.learn(measurement)));
+  for (const ExternalMeasurement& measurement : readings.measurements) {
+    const std::string values = both_values(measurement, by_images);
+    add(judge_innovation(measurement.source, eye.learn(measurement), values));
+  }
   return warnings;
 }
 

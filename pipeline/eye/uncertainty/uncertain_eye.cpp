@@ -263,9 +263,9 @@ std::vector<std::string> UncertainEye::learnt_from() const {
   return sources;
 }
 
-std::string judge_innovation(const std::string& reading, double innovation_sigma) {
-  const std::string text =
-      fmt::format("{} and the images differ by {:.1f} standard deviations", reading, innovation_sigma);
+std::string judge_innovation(const std::string& reading, double innovation_sigma, const std::string& values) {
+  const std::string text = fmt::format("{} and the images differ by {:.1f} standard deviations{}", reading,
+                                       innovation_sigma, values);
   if (innovation_sigma > irreconcilable_innovation_sigma)
     throw input_error(
         text + ": they cannot both be of this eye",

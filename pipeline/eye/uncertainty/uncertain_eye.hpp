@@ -112,8 +112,10 @@ inline constexpr double irreconcilable_innovation_sigma = 5;
 
 /// The one rule for a reading that contradicts what is known.
 /// \param reading  such as "keratometry"
+/// \param values  what is put behind it: its value and that of the images, with units
 /// \return a warning, or an empty text
 /// \throw Error (input_invalid) beyond irreconcilable_innovation_sigma
-std::string judge_innovation(const std::string& reading, double innovation_sigma);
+std::string judge_innovation(const std::string& reading, double innovation_sigma,
+                             const std::string& values = "");
 
 }  // namespace emmetrope

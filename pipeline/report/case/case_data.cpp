@@ -101,7 +101,7 @@ std::vector<fs::path> pictures_in(const fs::path& folder) {
   return pictures;
 }
 
-EyeData read_eye_data(const fs::path& folder, Laterality laterality) {
+EyeData read_eye_data(const fs::path& folder, Laterality laterality, CaseExtent extent) {
   EyeData eye;
   eye.laterality = laterality;
   const std::string id = eye.id();
@@ -109,6 +109,8 @@ EyeData read_eye_data(const fs::path& folder, Laterality laterality) {
   eye.meshes = folder / "meshing" / id;
   eye.biometry = json_if_there(eye.meshes / "biometry.json");
   eye.optics = json_if_there(eye.meshes / "optics.json");
+  eye.overlays = pictures_in(folder / "segmentation" / id);
+  if (extent == CaseExtent::until_meshing) return eye;
   eye.wavefront = json_if_there(folder / "raytrace" / id / "wavefront.json");
   const Json tracing = json_if_there(folder / "raytrace" / "stage.json");
   if (const Json::json_pointer of_eye("/eyes/" + id); tracing.is_object() && tracing.contains(of_eye))
@@ -117,7 +119,6 @@ EyeData read_eye_data(const fs::path& folder, Laterality laterality) {
   eye.prescription = json_if_there(folder / "correction" / id / "prescription.json");
   eye.corrected_png = path_if_there(folder / "correction" / id / "corrected.png");
   eye.sweep = read_sweep(folder / "correction" / id / "sweep.csv");
-  eye.overlays = pictures_in(folder / "segmentation" / id);
   return eye;
 }
 
@@ -186,7 +187,7 @@ std::string CaseData::study_date() const {
   return iso_date(has_dashes ? date.substr(0, 4) + date.substr(5, 2) + date.substr(8) : date);
 }
 
-CaseData read_case(const fs::path& folder, LateralityChoice eyes) {
+CaseData read_case(const fs::path& folder, LateralityChoice eyes, CaseExtent extent) {
   if (!fs::is_directory(folder))
     throw input_error("the case folder " + folder.string() + " does not exist",
                       "make it with: emmetrope run STUDY -o " + folder.string());
@@ -195,6 +196,7 @@ CaseData read_case(const fs::path& folder, LateralityChoice eyes) {
   for (const PipelineStage& stage : pipeline_stages) {
     if (stage.folder == std::string_view("report")) continue;
     if (auto read = read_stage(folder, stage.folder)) data.stages.push_back(std::move(*read));
+    if (extent == CaseExtent::until_meshing && stage.folder == std::string_view("meshing")) break;
   }
   if (data.stage("segmentation") == nullptr)
     throw input_error("the case has no finished segmentation: " +
@@ -203,7 +205,7 @@ CaseData read_case(const fs::path& folder, LateralityChoice eyes) {
   data.case_json = json_if_there(folder / "case.json");
   if (!data.case_json.is_object()) data.case_json = Json::object();
   for (const Laterality eye : both_eyes)
-    if (includes(eyes, eye)) data.eyes.push_back(read_eye_data(folder, eye));
+    if (includes(eyes, eye)) data.eyes.push_back(read_eye_data(folder, eye, extent));
   for (const auto& entry : fs::directory_iterator(folder / "segmentation")) {
     const std::string name = entry.path().filename().string();
     if (ends_with(name, ".nii.gz") && !ends_with(name, "_labels.nii.gz") && !is_hidden(name))

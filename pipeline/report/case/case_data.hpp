@@ -58,8 +58,12 @@ struct CaseData {
   std::string study_date() const;
 };
 
-/// \throw Error (input_invalid) when the case lacks case.json or segmentation, or a file is broken
-CaseData read_case(const std::filesystem::path& folder, LateralityChoice eyes);
+/// What of a case is read: all, or no more than segmentation and meshing made.
+enum class CaseExtent { whole, until_meshing };
+
+/// \throw Error (input_invalid) when the case lacks case.json or segmentation, or a file that is read is broken
+CaseData read_case(const std::filesystem::path& folder, LateralityChoice eyes,
+                   CaseExtent extent = CaseExtent::whole);
 
 /// Middle of the eye (LPS, mm): the globe's centre from the fit, else the middle of its axis; nothing for an
 /// eye that was not found.

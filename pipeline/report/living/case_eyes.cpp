@@ -119,6 +119,7 @@ CaseEyes living_eyes_of(const CaseData& data, int threads, std::uint64_t seed) {
     if (!fs::exists(data.folder / "raytrace" / eye.id() / "eye.json")) {
       result.notes.push_back(
           name + " looks out of no picture: it was not traced (without cornea or lens there is none).");
+      result.not_traced.push_back(result.notes.back());
       continue;
     }
     try {

@@ -1,5 +1,6 @@
 #include "pipeline/report/living/view_command.hpp"
 
+#include <spdlog/spdlog.h>
 #include <CLI/CLI.hpp>
 #include <memory>
 
@@ -58,7 +59,10 @@ Answer view_case(const Flags& flags, const CommonOptions& common) {
   const fs::path output = flags.output.empty() ? flags.case_folder / "view.html" : flags.output;
   write_file(output, render_living_page("What the eyes of " + data.subject() + " see",
                                         make_living_panel(eyes.eyes, eyes.notes)));
-  return {ExitStatus::done, {{"html", output.string()}, {"notes", eyes.notes}}, output.string() + "\n"};
+  for (const std::string& why : eyes.not_traced) spdlog::warn("{}", why);
+  return {eyes.eyes.size() == data.eyes.size() ? ExitStatus::done : ExitStatus::partial,
+          {{"html", output.string()}, {"notes", eyes.notes}},
+          output.string() + "\n"};
 }
 
 }  // namespace

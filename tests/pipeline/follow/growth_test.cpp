@@ -86,6 +86,15 @@ TEST(Growth, TheScannersScaleMakesLengthsLessCertain) {
   EXPECT_GT(more, 0.8 * whole);
 }
 
+// As biometry.json tells it: R = sqrt(R0^2 - Q 1.5^2), not at the apex.
+TEST(Quantities, CornealPowerIsKeratometric) {
+  ParametricEye eye = eye_of(23.5, 0.05);
+  eye.cornea_c_per_mm = 1 / 7.8;
+  eye.cornea_q = -0.25;
+  eye.cornea_j0_per_mm = eye.cornea_j45_per_mm = 0;
+  EXPECT_NEAR(quantities_of(eye)[6], 337.5 / std::sqrt(7.8 * 7.8 + 0.25 * 1.5 * 1.5), 1e-6);
+}
+
 // An error that is in every fit is in no difference: what is left are the covariances of each fit's own error.
 TEST(Visits, WhatImagesShareIsTakenOutOfTheCovariance) {
   ParametricEye eye = eye_of(24, 0.15);
@@ -222,6 +231,9 @@ TEST_F(FollowCommand, ComparesYearsWithTheStudiesDates) {
     return Json::parse(run({first.string(), second.string(), "--years", years}).output).at("warnings").dump();
   };
   EXPECT_EQ(warnings("0,1.05"), "[]");
+  const ProcessResult too_few = run({first.string(), second.string(), "--years", "0"});
+  EXPECT_EQ(too_few.status, 2);
+  EXPECT_THAT(too_few.output, testing::HasSubstr("--years: 1 number for 2 visits"));
   const ProcessResult mistyped = run({first.string(), second.string(), "--years", "0,10"});
   EXPECT_EQ(mistyped.status, 2);
   EXPECT_THAT(
@@ -292,6 +304,26 @@ TEST_F(FollowCommand, TellsGrowthWithItsInterval) {
   EXPECT_EQ(growth.at("visits").size(), 2U);
   EXPECT_TRUE(fs::exists(temporary_.path() / "out" / "growth.html"));
   EXPECT_TRUE(fs::exists(temporary_.path() / "out" / "growth.pdf"));
+}
+
+TEST_F(FollowCommand, DoesNotReadWhatLaterStagesMade) {
+  const fs::path first = visit("first", 23.5), second = visit("second", 23.8);
+  write_file(second / "raytrace" / "stage.json", "{");
+  write_file(second / "correction" / "od" / "prescription.json", "edited");
+  const ProcessResult ended = run({first.string(), second.string(), "--years", "0,1"});
+  EXPECT_EQ(ended.status, 0) << ended.output;
+}
+
+TEST_F(FollowCommand, SaysWhatIsWrongWithItsFolders) {
+  const fs::path first = visit("first", 23.5), second = visit("second", 23.8),
+                 missing = temporary_.path() / "none";
+  const ProcessResult no_case = run({first.string(), missing.string(), "--years", "0,1"});
+  EXPECT_EQ(no_case.status, 3);
+  EXPECT_THAT(no_case.output, testing::HasSubstr("the case folder " + missing.string() + " does not exist"));
+  write_file(temporary_.path() / "out", "a file where the folder is to be");
+  const ProcessResult no_folder = run({first.string(), second.string(), "--years", "0,1"});
+  EXPECT_EQ(no_folder.status, 5);
+  EXPECT_THAT(no_folder.output, testing::HasSubstr("cannot make the folder"));
 }
 
 TEST_F(FollowCommand, ACorneaThatIsWithheldHasNoGrowth) {

@@ -310,6 +310,16 @@ CaseData corrected_case(const fs::path& folder, double lens_index_sigma, const J
   return data;
 }
 
+TEST(CaseEyes, AnEyeThatWasNotTracedIsTold) {
+  const test::TemporaryFolder folder;
+  CaseData data = corrected_case(folder.path(), 0.005, Json::array());
+  data.eyes.push_back(EyeData{});
+  data.eyes.back().laterality = Laterality::os;
+  const CaseEyes eyes = living_eyes_of(data, 2, 1);
+  EXPECT_EQ(eyes.eyes.size(), 1U);
+  EXPECT_THAT(eyes.not_traced, testing::ElementsAre(HasSubstr("OS looks out of no picture")));
+}
+
 TEST(CaseEyes, HaveTheUncertaintyAndTheLensesOfTheEyeThatLooks) {
   const test::TemporaryFolder folder;
   const CaseEyes as_traced = living_eyes_of(corrected_case(folder.path(), 0.005, Json::array()), 2, 1),

@@ -207,6 +207,37 @@ TEST(Zmx, ASurfaceWithoutFormulaIsFittedAndItsErrorSaid) {
   }
 }
 
+// A steep lens without rim, fitted nearly to where a sphere of its radius ends: what is a micrometre there is not to be a
+// dioptre on the axis.
+TEST(Zmx, AFittedSteepLensKeepsPowerAndRefraction) {
+  const TemporaryFolder folder;
+  EyeModel eye = make_eye("navarro");
+  for (const double q : {-1.2, -0.8, -0.2})
+    for (const double radius_mm : {-5.2, -6.0}) {
+      eye.surface("lens_posterior").shape =
+          make_zernike(radius_mm, radius_mm - 0.1, q, q, 20, 5, {0, 0, 0, 0, 0, 0, 0.5});
+      const WrittenEye written = write_eye_file(folder.path() / "steep.zmx", eye);
+      EXPECT_THAT(written.notes, testing::Contains(testing::HasSubstr("lens_posterior")));
+      EXPECT_EQ(written.warning, "");
+      const EyeModel again = read_zmx(folder.path() / "steep.zmx");
+      const double nm = eye.reference_wavelength_nm;
+      EXPECT_NEAR(cardinal_points(again, nm).power_D, cardinal_points(eye, nm).power_D, 0.02) << radius_mm;
+      EXPECT_NEAR(paraxial_refraction(again, nm).M_D, paraxial_refraction(eye, nm).M_D, 0.02) << radius_mm;
+    }
+}
+
+TEST(Zmx, AnEyeWhosePowerIsLostIsWarnedOfInDioptres) {
+  const TemporaryFolder folder;
+  EyeModel eye = make_eye("navarro");
+  std::vector<double> ripples(113, 0);  // of order 14, beyond the order that is fitted
+  ripples.back() = 0.5;
+  eye.surface("cornea_anterior").shape = make_zernike(7.8, 7.7, -0.2, -0.2, 0, 4, ripples);
+  EXPECT_THAT(
+      write_eye_file(folder.path() / "rippled.zmx", eye).warning,
+      testing::MatchesRegex(".*rippled.zmx is not quite this eye: its power is .* D and not .* D, its "
+                            "refraction M .* D and not .* D .*"));
+}
+
 // A lens of one tilted surface: Zemax's manual turns about the new axes in the order x, y, z.
 TEST(Zmx, CoordinateBreaksTurnAsTheManualSays) {
   const TemporaryFolder folder;
