@@ -64,6 +64,15 @@ void compare_with_dates(Visits& visits) {
     }
 }
 
+/// A case that tells a day which no calendar has does not tell when the visit was, and is not one without a date either.
+/// \throw Error (input_invalid) naming it
+void require_possible_dates(const Visits& visits) {
+  for (const report::CaseData& data : visits.cases)
+    if (const std::string told = data.case_json.value("study_date", "");
+        !told.empty() && data.study_date().empty())
+      throw input_error("the date \"" + told + "\" of a visit is none", "give --years");
+}
+
 /// What another version makes of the same images would pass for growth.
 void compare_versions(Visits& visits) {
   std::set<std::string> versions;
@@ -79,6 +88,7 @@ void compare_versions(Visits& visits) {
 
 void set_years(Visits& visits, const std::vector<double>& years) {
   const std::size_t count = visits.cases.size();
+  if (years.empty()) require_possible_dates(visits);
   if (!years.empty()) {
     if (years.size() != count)
       throw usage_error(fmt::format("--years: {} {} for {} visits", years.size(),

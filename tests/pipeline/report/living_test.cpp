@@ -8,6 +8,7 @@
 #include "pipeline/base/files.hpp"
 #include "pipeline/base/notation.hpp"
 #include "pipeline/base/process.hpp"
+#include "pipeline/eye/optics/paraxial.hpp"
 #include "pipeline/eye/schematic/schematic_eyes.hpp"
 #include "pipeline/report/living/case_eyes.hpp"
 #include "pipeline/report/living/living_panel.hpp"
@@ -327,11 +328,19 @@ TEST(CaseEyes, HaveTheUncertaintyAndTheLensesOfTheEyeThatLooks) {
                      living_eyes_of(corrected_case(folder.path(), 0, Json::array({"keratometry"})), 2, 1);
   ASSERT_EQ(as_traced.eyes.size(), 1U);
   ASSERT_EQ(learnt.eyes.size(), 1U);
-  // A known index of the lens is not among what is not known; 155 D per unit otherwise.
+  // A known index of the lens is not among what is not known.
   const auto reach_D = [](const CaseEyes& eyes) {
     return eyes.eyes.front().at("bands").at(0).at("M_D").get<double>();
   };
-  const double by_index_D = 1.96 * 0.005 * 155;
+  constexpr double sigma = 0.005, vertex_distance_mm = 12;
+  const auto refraction_D = [](double lens_index) {
+    Json eye = measured_optics()["eye"];
+    eye["media"]["lens"]["index"] = lens_index;
+    return move_towards_eye(paraxial_refraction(eye_from_json(eye, "."), eye["reference_wavelength_nm"]),
+                            -vertex_distance_mm)
+        .M_D;
+  };
+  const double by_index_D = 1.96 * (refraction_D(1.4254 - sigma) - refraction_D(1.4254 + sigma)) / 2;
   EXPECT_NEAR(std::pow(reach_D(as_traced), 2) - std::pow(reach_D(learnt), 2), std::pow(by_index_D, 2),
               0.3 * std::pow(by_index_D, 2));
   // The best lens of the eye with a keratometer's reading is not that of the eye that was traced.
