@@ -137,11 +137,11 @@ Eigen::VectorXd iol_powers_D(const std::function<double()>& ray_traced_D, const 
 
 /// Standard deviations of the powers by what is known of the eye. They are wider than the refraction's may be: a
 /// refraction that was given tells of cornea, lens and length together, and an IOL takes the lens's place. The ray-traced
-/// power moves as what a fixed IOL leaves, over what a dioptre of it changes.
-Eigen::VectorXd iol_sigmas_D(const UncertainOptics& measured, double ray_traced_D,
+/// power moves as what a fixed IOL leaves, over what a dioptre of it changes. NaN where a formula has no answer for eyes as
+/// near as these.
+Eigen::VectorXd iol_sigmas_D(const UncertainOptics& measured, double ray_traced_D, IolEye placing,
                              const PrescriptionSettings& settings, const WhatIfSettings& what_if) {
   const IolBiometry at_mean = iol_biometry(measured.model, measured.known.eye().axial_length_mm);
-  const IolEye placing = placing_formula(at_mean, what_if.iol_a_constant);
   const auto left_D = [&](const EyeModel& eye, const IolBiometry& biometry, double power_D) {
     const double position_mm = placing(biometry, what_if.iol_a_constant).lens_mm;
     return mean_refraction_at_cornea_D(with_iol(with_pupil(eye, settings.pupil_mm), power_D, position_mm),
@@ -161,6 +161,8 @@ Eigen::VectorXd iol_sigmas_D(const UncertainOptics& measured, double ray_traced_
       (slopes * numbers.covariance * slopes.transpose()).diagonal().cwiseMax(0).cwiseSqrt();
   for (Eigen::Index i = 0; i < sigmas_D.size(); ++i)
     if (!slopes.row(i).allFinite()) sigmas_D[i] = std::numeric_limits<double>::quiet_NaN();
+  if (std::isnan(sigmas_D[0]) && placing != holladay_eye)
+    sigmas_D[0] = iol_sigmas_D(measured, ray_traced_D, holladay_eye, settings, what_if)[0];
   return sigmas_D;
 }
 
@@ -169,15 +171,14 @@ Json iol_json(const EyeModel& eye, const PrescriptionSettings& settings, const W
   constexpr double vertex_mm = 12;
   const IolBiometry biometry =
       iol_biometry(eye, measured ? measured->known.eye().axial_length_mm : eye.axial_length_mm());
-  const double position_mm =
-                   placing_formula(biometry, what_if.iol_a_constant)(biometry, what_if.iol_a_constant)
-                       .lens_mm,
+  const IolEye placing = placing_formula(biometry, what_if.iol_a_constant);
+  const double position_mm = placing(biometry, what_if.iol_a_constant).lens_mm,
                target_at_cornea_D = move_towards_eye({what_if.iol_target_D, 0, 0}, vertex_mm).M_D;
   const double ray_traced_D = ray_traced_iol_D(with_pupil(eye, settings.pupil_mm), position_mm,
                                                target_at_cornea_D, settings.wavelength_nm, settings.fovea_mm);
   const Eigen::VectorXd powers_D = iol_powers_D([&] { return ray_traced_D; }, biometry, what_if);
   Eigen::VectorXd sigmas_D;
-  if (measured) sigmas_D = iol_sigmas_D(*measured, ray_traced_D, settings, what_if);
+  if (measured) sigmas_D = iol_sigmas_D(*measured, ray_traced_D, placing, settings, what_if);
   Json json{{"target_M_D", what_if.iol_target_D},
             {"target_vertex_distance_mm", vertex_mm},
             {"a_constant", what_if.iol_a_constant},

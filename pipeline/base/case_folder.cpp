@@ -70,6 +70,7 @@ StageOutcome run_stage(const fs::path& case_folder, const StageSpec& spec, const
   const Json key = key_of(spec, common);
   if (!common.force)
     if (auto stored = finished(case_folder, spec.stage, key)) return std::move(*stored);
+  if (!common.force) require_own_folder(case_folder, spec.stage);
 
   const fs::path folder = case_folder / (".writing-" + spec.stage);
   const RemoveOnInterrupt guard(folder);

@@ -87,7 +87,7 @@ struct StageOutcome {
 /// there already. The result and its stage.json (program version, command line, parameters, seed, SHA-256 of
 /// every input and output, OpenCL device, wall seconds, warnings, verdict) appear together or not at all.
 /// `work` returns done, partial or no_result; when it throws, the case stays as it was.
-/// \throw Error (input_invalid) when an input changed meanwhile
+/// \throw Error (input_invalid) when an input changed meanwhile; unless forced, when somebody put a file among its results
 StageOutcome run_stage(const std::filesystem::path& case_folder, const StageSpec& spec,
                        const CommonOptions& common, const std::function<StageVerdict(StageWorkspace&)>& work);
 

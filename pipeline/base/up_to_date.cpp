@@ -105,6 +105,11 @@ void require_same_inputs(const fs::path& case_folder, const std::string& stage, 
   }
 }
 
+/// A forged stage.json may name any file.
+bool lies_in_case(const fs::path& name) {
+  return name.is_relative() && std::find(name.begin(), name.end(), "..") == name.end();
+}
+
 }  // namespace
 
 Json key_of(const StageSpec& spec, const CommonOptions& common) {
@@ -120,6 +125,14 @@ void require_unchanged(const std::vector<StageInput>& inputs, const Json& noted)
       throw input_error(fmt::format("{} {} while it was read", input.path.string(),
                                     fs::exists(input.path) ? "changed" : "was removed"),
                         "run it again when nothing writes there any more");
+}
+
+void require_own_folder(const fs::path& case_folder, const std::string& stage) {
+  const fs::path file = case_folder / stage / stage_file;
+  const Json stage_json =
+      fs::exists(file) ? Json::parse(read_file(file), nullptr, false) : Json{{"outputs", {}}};
+  if (stage_json.is_object() && stage_json.contains("outputs"))  // else nothing tells what it wrote
+    require_no_strangers(case_folder, stage, stage_json.at("outputs"));
 }
 
 std::optional<StageOutcome> finished(const fs::path& case_folder, const std::string& stage, const Json& key) {
@@ -172,6 +185,8 @@ bool is_as_written(const fs::path& case_folder, const std::string& stage) {
     return true;
   } catch (const Error&) {
     return false;
+  } catch (const Json::exception&) {  // somebody's stage.json
+    return false;
   }
 }
 
@@ -183,7 +198,8 @@ void remove_result(const fs::path& case_folder, const std::string& stage) {
     const Json outputs =
         stage_json.is_object() ? stage_json.value("outputs", Json::object()) : Json::object();
     for (const auto& [name, hash] : outputs.items())
-      if (fs::exists(case_folder / name) && Json(sha256_of_file(case_folder / name)) == hash)
+      if (lies_in_case(name) && fs::is_regular_file(case_folder / name) &&
+          Json(sha256_of_file(case_folder / name)) == hash)
         fs::remove(case_folder / name);
     fs::remove(file);
     std::vector<fs::path> folders{folder};

@@ -18,6 +18,10 @@ Json key_of(const StageSpec& spec, const CommonOptions& common);
 /// \throw Error (input_invalid) naming the first input that is not what was noted
 void require_unchanged(const std::vector<StageInput>& inputs, const Json& noted);
 
+/// That a stage's folder, which is about to be replaced, holds nothing that the stage did not write: it would be lost.
+/// \throw Error (input_invalid) naming the file
+void require_own_folder(const std::filesystem::path& case_folder, const std::string& stage);
+
 /// The stored outcome of a stage, if it answers the key and its outputs are still what was written; its
 /// warnings are told again.
 /// \throw Error (input_invalid) naming a file in the stage's folder that the stage did not write

@@ -67,9 +67,8 @@ void compare_with_dates(Visits& visits) {
 /// A case that tells a day which no calendar has does not tell when the visit was, and is not one without a date either.
 /// \throw Error (input_invalid) naming it
 void require_possible_dates(const Visits& visits) {
-  for (const report::CaseData& data : visits.cases)
-    if (const std::string told = data.case_json.value("study_date", "");
-        !told.empty() && data.study_date().empty())
+  for (std::size_t i = 0; i < visits.cases.size(); ++i)
+    if (const std::string told = visits.cases[i].told_study_date(); !told.empty() && visits.dates[i].empty())
       throw input_error("the date \"" + told + "\" of a visit is none", "give --years");
 }
 

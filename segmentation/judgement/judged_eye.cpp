@@ -41,7 +41,7 @@ void fit_once(JudgedEye& eye, const std::vector<const Stack*>& images,
     std::vector<Eigen::Vector3d> centres;
     for (std::size_t v = 0; v < stacks.size(); ++v) centres.push_back(start.in_stack(v).globe_centre);
     eye.gates = judge_without_fit(
-        error.what(), eye.evidence == Evidence::labels ? std::vector<const Stack*>() : stacks, centres);
+        error.what(), eye.evidence == Evidence::labels ? std::vector<const Stack*>() : images, centres);
   }
 }
 

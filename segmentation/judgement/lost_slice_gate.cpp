@@ -12,7 +12,9 @@
 namespace emmetrope::segmentation {
 
 void judge_lost_slices(JudgedEye& eye, const EyeView& view, const Stack& stack) {
-  const double reach_mm = view.globe.radius_mm + stack.slice_spacing_mm() / 2;
+  constexpr double beyond_mm =
+      2.5;  // of the vitreous, which the finder sees: the wall, and the cornea before it
+  const double reach_mm = view.globe.radius_mm + beyond_mm + stack.slice_spacing_mm() / 2;
   std::vector<int> lost = find_lost_slices(stack);
   lost.erase(std::remove_if(lost.begin(), lost.end(),
                             [&](int slice) {

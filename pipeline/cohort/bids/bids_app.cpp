@@ -132,26 +132,28 @@ Answer run_participants(const BidsOptions& options, const CommonOptions& common)
 Answer run_group(const BidsOptions& options) {
   const Derivatives derivatives(whole_path(options.output));
   const CohortFolder cohort = derivatives.cohort();
-  std::vector<std::string> subjects;
+  std::vector<Subject> measured;
   std::error_code missing;
   std::size_t unfinished = 0;
   for (const auto& entry : fs::directory_iterator(cohort.root() / "subjects", missing)) {
     if (entry.path().extension() != ".json") continue;
     const std::string subject = entry.path().stem().string();
-    if (is_finished(cohort, subject))
-      subjects.push_back(subject);
-    else
-      ++unfinished;
+    try {
+      if (is_finished(cohort, subject))
+        measured.push_back(read_subject(cohort.subject_file(subject), subject));
+    } catch (const Error& broken) {
+      spdlog::warn("{}", broken.what());
+    }
+    if (measured.empty() || measured.back().id != subject) ++unfinished;
   }
-  if (subjects.empty())
+  if (measured.empty())
     throw input_error(derivatives.root().string() + " holds no participant that is finished",
                       "run emmetrope bids BIDS_DIR OUT participant before");
   if (unfinished > 0)
     spdlog::warn("{} visits are left out: their participant level is not finished", unfinished);
-  std::sort(subjects.begin(), subjects.end());
-  std::vector<Subject> measured;
-  for (const std::string& subject : subjects)
-    measured.push_back(read_subject(cohort.subject_file(subject), subject));
+  std::sort(measured.begin(), measured.end(), [](const Subject& a, const Subject& b) { return a.id < b.id; });
+  std::vector<std::string> subjects;
+  for (const Subject& subject : measured) subjects.push_back(subject.id);
   compare_with_table(whole_path(options.dataset), measured);
   const std::vector<EyeRow> rows = read_rows(cohort, subjects);
   for (const std::string& sentence : doubts_about(rows)) spdlog::warn("{}", sentence);

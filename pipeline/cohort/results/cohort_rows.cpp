@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <boost/algorithm/string/replace.hpp>
 #include <cmath>
 #include <cstdlib>
 #include <functional>
@@ -32,6 +33,13 @@ Json case_json_of(const CohortFolder& cohort, const std::string& subject) {
   return is_of_this_run && fs::exists(file) ? read_json(file) : Json::object();
 }
 
+/// A table may be handed on: where it was made is nobody's business.
+std::string in_the_case(const CohortFolder& cohort, const std::string& subject, std::string text) {
+  boost::replace_all(text, cohort.case_folder(subject).string(), "the case");
+  boost::replace_all(text, cohort.root().string() + "/", "");
+  return text;
+}
+
 /// What the stages of a subject left, by the stage's command.
 class Left {
  public:
@@ -42,7 +50,8 @@ class Left {
       try {
         read_verdict(cohort.case_folder(subject), stage.folder);
       } catch (const Error& fault) {
-        end = {static_cast<int>(fault.status()), std::string(fault.what()) + " (" + fault.remedy() + ")"};
+        end = {static_cast<int>(fault.status()), in_the_case(cohort, subject, fault.what()) +
+                                                     " (remove the case: the next run makes it again)"};
       }
     }
   }
@@ -222,8 +231,11 @@ const char* to_string(Outcome outcome) {
 bool is_finished(const CohortFolder& cohort, const std::string& subject) {
   const std::string plan = plan_hash(cohort, subject);
   return std::all_of(pipeline_stages.begin(), pipeline_stages.end(), [&](const PipelineStage& stage) {
-    return fs::exists(cohort.end_file(subject, stage.command)) &&
-           read_end(cohort, subject, stage.command).plan == plan;
+    try {
+      return read_end(cohort, subject, stage.command).plan == plan;
+    } catch (const Error&) {  // not there, or broken
+      return false;
+    }
   });
 }
 
@@ -237,14 +249,13 @@ std::vector<std::string> listed_subjects(const CohortFolder& cohort) {
 std::vector<EyeRow> read_rows(const CohortFolder& cohort, const std::vector<std::string>& subjects) {
   std::vector<EyeRow> rows;
   for (const std::string& subject : subjects) {
-    const Json plan = plan_of(cohort, subject);
     std::vector<EyeRow> own;
+    Json plan = Json::object();
     try {
+      plan = plan_of(cohort, subject);
       own = rows_of(cohort, subject, plan);
-    } catch (const Error& fault) {
-      own = failed_rows(subject, plan, fault.what());
-    } catch (const Json::exception& fault) {
-      own = failed_rows(subject, plan, cohort.case_folder(subject).string() + ": " + fault.what());
+    } catch (const std::exception& fault) {  // of a broken file, or of the file system
+      own = failed_rows(subject, plan, in_the_case(cohort, subject, fault.what()));
     }
     std::move(own.begin(), own.end(), std::back_inserter(rows));
   }

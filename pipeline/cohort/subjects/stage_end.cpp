@@ -149,8 +149,10 @@ int run_stage_of(const CohortFolder& cohort, const std::string& subject, const s
   std::filesystem::create_directories(end_file.parent_path());
   const std::string plan = plan_hash(cohort, subject);
   if (!has_work(cohort, subject, place)) {
-    if (!is_interrupted_before(cohort, subject, place))  // what is there is of an earlier run
-      remove_result(cohort.case_folder(subject), pipeline_stages[place].folder);
+    const std::filesystem::path earlier = cohort.case_folder(subject);
+    const char* folder = pipeline_stages[place].folder;
+    if (!is_interrupted_before(cohort, subject, place) && is_as_written(earlier, folder))
+      remove_result(earlier, folder);
     write_json(end_file, to_json(StageEnd{std::nullopt, "", plan}));
     return 0;
   }

@@ -203,14 +203,17 @@ InstrumentReadings read_instruments(const EyeInstruments& instruments) {
 
 namespace {
 
-/// " (--axial-length 23.60 mm, the images 24.10 mm)"; of a cornea its mean power.
+/// " (--axial-length 23.60 mm, the images 24.10 mm)"; of a cornea M, J0 and J45.
 std::string both_values(const ExternalMeasurement& reading, const ParametricEye& by_images) {
   std::string option = reading.quantity == "anterior_chamber_depth" ? "acd" : reading.quantity;
   std::replace(option.begin(), option.end(), '_', '-');
-  const bool is_length = reading.source == "biometry";
-  const char* unit = is_length ? "mm" : "D";
-  return fmt::format(" (--{} {}{:.2f} {}, the images {:.2f} {})", option, is_length ? "" : "mean power ",
-                     reading.value[0], unit, reading.of_eye(by_images)[0], unit);
+  const auto in_words = [](const VectorXd& value) {
+    return value.size() < 3
+               ? fmt::format("{:.2f} mm", value[0])
+               : fmt::format("M {:.2f}, J0 {:+.2f}, J45 {:+.2f} D", value[0], value[1], value[2]);
+  };
+  return fmt::format(" (--{} {}, the images {})", option, in_words(reading.value),
+                     in_words(reading.of_eye(by_images)));
 }
 
 }  // namespace

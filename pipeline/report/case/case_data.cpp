@@ -180,9 +180,13 @@ std::string CaseData::subject() const {
   return id.empty() ? "unknown" : id;
 }
 
+std::string CaseData::told_study_date() const {
+  const std::string date = text_of(case_json, {"study_date", "date"});
+  return date.empty() ? text_of(case_json.value("study", Json::object()), {"date", "study_date"}) : date;
+}
+
 std::string CaseData::study_date() const {
-  std::string date = text_of(case_json, {"study_date", "date"});
-  if (date.empty()) date = text_of(case_json.value("study", Json::object()), {"date", "study_date"});
+  const std::string date = told_study_date();
   const bool has_dashes = date.size() == 10 && date[4] == '-' && date[7] == '-';
   return iso_date(has_dashes ? date.substr(0, 4) + date.substr(5, 2) + date.substr(8) : date);
 }

@@ -56,6 +56,8 @@ struct CaseData {
   std::string subject() const;
   /// Study date as YYYY-MM-DD, or empty.
   std::string study_date() const;
+  /// What case.json has for it, be it a date or not; empty where it has none.
+  std::string told_study_date() const;
 };
 
 /// What of a case is read: all, or no more than segmentation and meshing made.

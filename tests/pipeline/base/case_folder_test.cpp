@@ -162,6 +162,44 @@ TEST_F(Stage, WhatAStageDidNotWriteOutlivesItsResult) {
   EXPECT_FALSE(is_as_written(case_folder, "meshing"));
 }
 
+TEST_F(Stage, WritesNotOverWhatSomebodyPutAmongItsResults) {
+  run();
+  const fs::path notes = case_folder / "meshing/od/notes.txt";
+  write_file(notes, "mine");
+  write_file(input, "two");
+  const auto refused = [&] {
+    try {
+      run();
+    } catch (const Error& error) {
+      return std::string(error.what());
+    }
+    return std::string();
+  };
+  EXPECT_NE(refused().find("notes.txt was not written by meshing"), std::string::npos) << refused();
+  remove_result(case_folder, "meshing");
+  EXPECT_NE(refused().find("notes.txt"), std::string::npos);
+  EXPECT_EQ(read_file(notes), "mine");
+  fs::rename(notes, folder.path() / "notes.txt");
+  EXPECT_FALSE(run().skipped);
+  write_file(notes, "mine");
+  common.force = true;
+  EXPECT_FALSE(run().skipped);
+}
+
+TEST_F(Stage, AForgedResultRemovesNothingOutsideItsCase) {
+  run();
+  const fs::path outside = folder.path() / "outside.txt", file = case_folder / "meshing/stage.json";
+  write_file(outside, "mine");
+  Json stage = read_json(file);
+  for (const std::string& name :
+       {std::string("../outside.txt"), std::string("meshing/../../outside.txt"), outside.string()})
+    stage["outputs"][name] = sha256_of("mine");
+  write_json(file, stage);
+  remove_result(case_folder, "meshing");
+  EXPECT_EQ(read_file(outside), "mine");
+  EXPECT_FALSE(fs::exists(file));
+}
+
 TEST_F(Stage, AnEditedResultOutlivesItsStageAndAnUntouchedOneLeavesNothing) {
   run();
   write_file(case_folder / "case.json", "edited");

@@ -62,18 +62,24 @@ TEST(LostSlices, WithholdTheEyeThatTheyCross) {
   stack.slice_intensity[21] = stack.slice_intensity[20];
   JudgedEye eye;
   eye.edges = {std::nullopt};
-  judge_lost_slices(eye, eye_at(14), stack);  // to 26 mm; the first of the two lies at 40 mm
+  judge_lost_slices(eye, eye_at(24),
+                    stack);  // to 36 mm, its cornea and wall to 39; the first of the two lies at 40 mm
   EXPECT_THAT(eye.gates, IsEmpty());
   EXPECT_EQ(eye.edges.size(), 1U);
-  judge_lost_slices(eye, eye_at(30), stack);
+  judge_lost_slices(eye, eye_at(26), stack);  // through its cornea alone, or its wall
   ASSERT_EQ(eye.gates.size(), 1U);
   EXPECT_FALSE(eye.gates[0].passed);
   EXPECT_EQ(eye.gates[0].withholds, Withholds::fit);
-  EXPECT_EQ(eye.gates[0].value, 2);
+  EXPECT_EQ(eye.gates[0].value, 1);
   EXPECT_THAT(
       eye.gates[0].reason,
-      HasSubstr("in place of axial plane 21 of 40, counted from the patient's feet, of stack1 (and 1 more)"));
+      HasSubstr("in place of axial plane 21 of 40, counted from the patient's feet, of stack1 stand"));
   EXPECT_THAT(eye.edges, IsEmpty());
+  JudgedEye other;
+  judge_lost_slices(other, eye_at(30), stack);
+  ASSERT_EQ(other.gates.size(), 1U);
+  EXPECT_EQ(other.gates[0].value, 2);
+  EXPECT_THAT(other.gates[0].reason, HasSubstr("of stack1 (and 1 more) stand"));
 }
 
 }  // namespace

@@ -102,6 +102,15 @@ TEST_F(BidsApp, AVisitThatIsHalfMeasuredAnewIsNotFinished) {
   EXPECT_THAT(warnings({"group"}), testing::Not(HasSubstr("left out")));
 }
 
+TEST_F(BidsApp, ABrokenFileLeavesOneVisitOut) {
+  EXPECT_EQ(run({"participant"}).status, 0);
+  write_file(out() / "emmetrope" / "ends" / "sub-01" / "mesh.json", "{ broken");
+  EXPECT_THAT(warnings({"group"}), HasSubstr("1 visits are left out"));
+  write_file(out() / "emmetrope" / "subjects" / "sub-02_ses-a.json", "{ broken");
+  EXPECT_THAT(warnings({"group"}), HasSubstr("2 visits are left out"));
+  EXPECT_EQ(read_table(out() / "cohort.tsv", {}).cell(0, "participant_id"), "sub-02_ses-b");
+}
+
 TEST_F(BidsApp, WarnsOfASexThatIsNone) {
   write_file(dataset() / "participants.tsv", "participant_id\tsex\nsub-01\tW\nsub-02\tn/a\n");
   const std::string said = warnings({"participant"});
