@@ -11,7 +11,8 @@ double resolved_mm(const EyeFit& fit);
 /// and of one sign in a person's eyes (docs/evidence/worlds.md).
 double error_of_layers_mm(const EyeFit& fit);
 
-/// What a window of the scanner that hides the cornea leaves unknown of where its back lies (standard deviation).
+/// What a cornea that is hardly seen, in T1 or behind a window of the scanner, leaves unknown of the chamber's depth (standard
+/// deviation).
 double error_of_chamber_mm(const EyeFit& fit);
 
 /// What tells images apart that err otherwise, after the contrast's name: ", dark fat", ", fine pixels", ", soft edges" or
