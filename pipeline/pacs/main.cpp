@@ -1,9 +1,8 @@
 #include <CLI/CLI.hpp>
-#include <boost/date_time/gregorian/gregorian.hpp>
 #include <regex>
-#include <stdexcept>
 
 #include "pipeline/base/command_line.hpp"
+#include "pipeline/base/iso_date.hpp"
 #include "pipeline/pacs/command.hpp"
 
 namespace {
@@ -15,15 +14,6 @@ std::string one_value(const std::string& text) {
   return is_one ? "" : "give one value, without * ? \\ and without spaces at its ends";
 }
 
-bool is_calendar_date(const std::string& date) {
-  try {
-    boost::gregorian::from_undelimited_string(date);
-    return true;
-  } catch (const std::out_of_range&) {
-    return false;
-  }
-}
-
 /// One in another form archives read as they like; one that no calendar has, or a range that ends before it begins, has no
 /// studies.
 std::string date_or_range(const std::string& text) {
@@ -31,7 +21,7 @@ std::string date_or_range(const std::string& text) {
   std::smatch dates;
   bool is_valid = std::regex_match(text, dates, form);
   for (std::size_t i = 1; i < dates.size(); ++i)
-    is_valid = is_valid && (!dates[i].matched || is_calendar_date(dates[i]));
+    is_valid = is_valid && (!dates[i].matched || !emmetrope::iso_date(dates[i]).empty());
   if (is_valid && dates[2].matched && dates[3].matched) is_valid = dates[2] <= dates[3];
   return is_valid ? ""
                   : "\"" + text + "\": expected a date YYYYMMDD, or two with - between, the earlier first";
