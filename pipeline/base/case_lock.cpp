@@ -71,8 +71,7 @@ bool looks_like_a_case(const fs::path& folder) {
 CaseLock::CaseLock(const fs::path& case_folder, bool create) : folder_(case_folder) {
   std::error_code fault;
   if (create) created_ = fs::create_directories(case_folder, fault);
-  if (fault)
-    throw output_error("cannot make the case folder " + case_folder.string() + ": " + fault.message());
+  if (fault) throw output_error("cannot make the folder " + case_folder.string() + ": " + fault.message());
   if (!fs::is_directory(case_folder))
     throw input_error("the case folder " + case_folder.string() + " does not exist",
                       "make it with: emmetrope segment STUDY -o " + case_folder.string());
@@ -87,12 +86,11 @@ CaseLock::CaseLock(const fs::path& case_folder, bool create) : folder_(case_fold
   }
   descriptor_ = ::open(lock_file.c_str(), O_RDWR | O_CREAT, 0644);
   if (descriptor_ < 0)
-    throw output_error("cannot write in the case folder " + case_folder.string() + ": " +
-                       std::strerror(errno));
+    throw output_error("cannot write in the folder " + case_folder.string() + ": " + std::strerror(errno));
   // A lock on a file that its last holder has just removed would keep nobody out.
   if (!lock_soon(descriptor_) || !is_same_file(descriptor_, lock_file)) {
     ::close(descriptor_);
-    throw output_error("the case " + case_folder.string() + " is in use by another run",
+    throw output_error(case_folder.string() + " is in use by another run",
                        "wait for it to end, or write to another folder");
   }
   ::setenv(lock_variable, std::to_string(descriptor_).c_str(), 1);

@@ -65,11 +65,15 @@ Check check_opencl(const CommonOptions& common) {
 Check check_disk() {
   constexpr double needed_GB = 1;  // a case with its report is 50 to 300 MB
   std::error_code fault;
-  const auto space = fs::space(fs::current_path(), fault);
+  const fs::path here = fs::current_path(fault);
+  if (fault)
+    return {"disk", false, "the current folder: " + fault.message(), "work in a folder of yours",
+            ExitStatus::not_writable};
+  const auto space = fs::space(here, fault);
   const double free_GB = fault ? 0 : static_cast<double>(space.available) / 1e9;
-  const std::string found = fmt::format("{:.1f} GB free in {}", free_GB, fs::current_path().string());
+  const std::string found = fmt::format("{:.1f} GB free in {}", free_GB, here.string());
   if (::access(".", W_OK) != 0)
-    return {"disk", false, fs::current_path().string() + " is not writable", "work in a folder of yours",
+    return {"disk", false, here.string() + " is not writable", "work in a folder of yours",
             ExitStatus::not_writable};
   if (free_GB < needed_GB)
     return {"disk", false, found, "free some disk space: 1 GB", ExitStatus::not_writable};

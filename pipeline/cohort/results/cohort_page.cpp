@@ -175,9 +175,12 @@ std::optional<Figure> scatter(const std::string& id, const std::string& title, c
                               const std::string& y_label,
                               const std::vector<std::pair<double, double>>& points, bool with_diagonal) {
   if (points.size() < 2) return std::nullopt;
+  const auto [low, high] = std::minmax_element(points.begin(), points.end());  // by x
+  const std::string range =  // gnuplot would doubt an empty one on the terminal
+      low->first < high->first ? "" : fmt::format("set xrange [{}:{}]\n", low->first - 1, low->first + 1);
   return chart(
       id, title,
-      block(points) + "set xlabel '" + x_label + "'\nset ylabel '" + y_label + "'\nplot " +
+      block(points) + range + "set xlabel '" + x_label + "'\nset ylabel '" + y_label + "'\nplot " +
           (with_diagonal ? fmt::format("x with lines dashtype 2 lc rgb '{}' notitle, ", report::quiet_colour)
                          : "") +
           fmt::format("$points with points pt 7 ps 0.6 lc rgb '{}' notitle\n", report::first_colour));

@@ -4,6 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <random>
 #include <vector>
 
@@ -55,6 +56,16 @@ TEST(LostSlices, AreCopiesWhereverTheyLieAndBlankedOnes) {
   stack.slice_intensity[15] = stack.slice_intensity[4];
   stack.slice_intensity[7].assign(64, 12);
   EXPECT_THAT(find_lost_slices(stack), ElementsAre(4, 7, 15));
+}
+
+TEST(LostSlices, AreCopiesUnderAnotherScaleToo) {
+  Stack stack = acquired_slices(20);
+  for (std::size_t i = 0; i < 64; ++i)  // as stored in 12 bits with half of the rescale slope
+    stack.slice_intensity[12][i] = std::round(0.5F * stack.slice_intensity[9][i]) + 20;
+  EXPECT_THAT(find_lost_slices(stack), ElementsAre(9, 12));
+  for (std::size_t i = 0; i < 64; ++i)  // what noise of one part in a hundred leaves alike is no copy
+    stack.slice_intensity[12][i] = stack.slice_intensity[9][i] + (i % 2 == 0 ? 12 : -12);
+  EXPECT_THAT(find_lost_slices(stack), IsEmpty());
 }
 
 TEST(LostSlices, WithholdTheEyeThatTheyCross) {
