@@ -58,8 +58,11 @@ EdgeBiometry edge_biometry(const EdgeReading& reading, const Stack& stack, Weigh
   const double across_mm = std::hypot(sigma_mm, reading.rule_spread_mm);
   EdgeBiometry biometry;
   biometry.centre = {0, std::hypot(0.3, sigma_mm)};
-  biometry.globe_width = without_bias(2 * reading.globe.half_axes[0], bias.across, across_mm);
-  biometry.globe_height = without_bias(2 * reading.globe.half_axes[1], bias.across, across_mm);
+  // Half of what lies past the ellipsoid's ends: an interval reaches to both.
+  biometry.globe_width = without_bias(2 * reading.globe.half_axes[0], bias.across,
+                                      std::hypot(across_mm, 0.5 * reading.wider_mm));
+  biometry.globe_height = without_bias(2 * reading.globe.half_axes[1], bias.across,
+                                       std::hypot(across_mm, 0.5 * reading.higher_mm));
   biometry.globe_depth =
       without_bias(2 * reading.globe.half_axes[2], bias.across,
                    std::hypot(across_mm, reading.axial ? 0 : depth_sigma_without_front_mm));

@@ -242,6 +242,24 @@ std::optional<AxialEdges> read_axis(const Stack& stack, const EdgeReading& readi
   return edges;
 }
 
+/// How far edges about both ends of an axis of the globe lie outside of it.
+double past_ends_mm(const EdgeEllipsoid& globe, int axis, const std::vector<Vector3d>& edges) {
+  constexpr double cone_deg = 15;
+  constexpr std::size_t fewest = 8;
+  double both_ends = 0;
+  for (const double end : {-1.0, 1.0}) {
+    std::vector<double> outside;
+    for (const Vector3d& edge : edges) {
+      const Vector3d from_centre = globe.axes.transpose() * (edge - globe.centre);
+      if (end * from_centre[axis] > std::cos(cone_deg * degree) * from_centre.norm())
+        outside.push_back(from_centre.norm() * (1 - 1 / from_centre.cwiseQuotient(globe.half_axes).norm()));
+    }
+    if (outside.size() < fewest) return 0;
+    both_ends += quantile(outside, 0.5);
+  }
+  return std::max(both_ends, 0.0);
+}
+
 double across_mm(const EdgeEllipsoid& globe) { return globe.half_axes[0] + globe.half_axes[1]; }
 
 }  // namespace
@@ -274,6 +292,9 @@ std::optional<EdgeReading> read_edges(const Stack& stack, const EdgeSeed& seed, 
     reading.globe = fit_ellipsoid(edges.points(from, PlaceRule::half_level), start);
     if (reading.globe.kept_share == 0) return std::nullopt;
     if (is_last) {
+      const std::vector<Vector3d> points = edges.points(from, PlaceRule::half_level);
+      reading.wider_mm = past_ends_mm(reading.globe, 0, points);
+      reading.higher_mm = past_ends_mm(reading.globe, 1, points);
       for (const PlaceRule rule : {PlaceRule::steepest, PlaceRule::fixed_half_level}) {
         const EdgeEllipsoid other = fit_ellipsoid(edges.points(from, rule), start);
         reading.rule_spread_mm =

@@ -32,6 +32,9 @@ struct EdgeReading {
   /// within it. Where fat is displaced away from the eye it leaves no signal, and the edge is the fat's.
   double rays_over_void = 0;
   double rule_spread_mm = 0;  ///< largest difference of a diameter across the axis between three rules
+  /// By how much the eye is wider, higher than the ellipsoid by the edges about its ends (both together): no ellipsoid
+  /// follows every eye. 0 where they lie inside, as those of ghosts and lids do, or are too few.
+  double wider_mm = 0, higher_mm = 0;
   double lens_to_centre_mm() const { return (lens_centre - globe.centre).norm(); }
 };
 

@@ -36,10 +36,11 @@ int main(int argc, char** argv) {
           }
           const Eigen::Vector3d c = r->globe.centre, l = r->lens_centre, s = 2 * r->globe.half_axes;
           fmt::print(
-              "  {} {} centre {:7.2f} {:7.2f} {:7.2f} lens {:7.2f} {:7.2f} {:7.2f} d {:.2f} width {:.2f} height {:.2f} depth {:.2f} kept {:.2f} edge {:.2f} in {:.2f} rms {:.2f} rule {:.2f} contrast {:.2f} void {:.2f}",
+              "  {} {} centre {:7.2f} {:7.2f} {:7.2f} lens {:7.2f} {:7.2f} {:7.2f} d {:.2f} width {:.2f} height {:.2f} depth {:.2f} kept {:.2f} edge {:.2f} in {:.2f} rms {:.2f} rule {:.2f} contrast {:.2f} void {:.2f} wider {:.2f} higher {:.2f}",
               to_string(eye.laterality), to_string(eye.weighting), c.x(), c.y(), c.z(), l.x(), l.y(), l.z(),
               r->lens_to_centre_mm(), s.x(), s.y(), s.z(), r->globe.kept_share, r->rays_with_edge,
-              r->rays_inside, r->globe.rms_mm, r->rule_spread_mm, r->wall_contrast, r->rays_over_void);
+              r->rays_inside, r->globe.rms_mm, r->rule_spread_mm, r->wall_contrast, r->rays_over_void,
+              r->wider_mm, r->higher_mm);
           const std::filesystem::path truth = std::filesystem::path(argv[i]).parent_path() / "truth.json";
           if (std::filesystem::exists(truth)) {
             const Json t = read_json(truth)["eyes"][to_string(eye.laterality)];

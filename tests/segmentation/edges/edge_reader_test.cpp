@@ -27,6 +27,7 @@ struct DrawnEye {
   Vector3d axis = gaze_axis(6, -14);
   double fluid = 200, wall = 900, lens = 950, fat = 1000;  // T1
   Vector3d fat_shift{0, 0, 0};                             ///< in the frame of the axes, mm
+  double tip_mm = 0;  ///< by which its upper and lower end stand out of the ellipsoid
 
   double at(const Vector3d& lps) const {
     Eigen::Matrix3d axes;
@@ -34,13 +35,14 @@ struct DrawnEye {
     axes.col(0) = Vector3d::UnitZ().cross(axis).normalized();
     axes.col(1) = axis.cross(axes.col(0));
     const Vector3d p = axes.transpose() * (lps - centre);
+    const Vector3d ends = half_axes + Vector3d(0, tip_mm * std::pow(std::abs(p.y()) / p.norm(), 8), 0);
     const Vector3d lens_at(0, 0, 8);
     if ((p - lens_at).cwiseQuotient(Vector3d(4.6, 4.6, 1.9)).norm() < 1) return lens;
     const Vector3d chamber_at(0, 0, 8);  // the cornea bulges
-    const bool inside = p.cwiseQuotient(half_axes).norm() < 1 || (p - chamber_at).norm() < 5.4;
+    const bool inside = p.cwiseQuotient(ends).norm() < 1 || (p - chamber_at).norm() < 5.4;
     if (inside) return fluid;
     const auto in_wall = [&](const Vector3d& q) {
-      return q.cwiseQuotient(half_axes + Vector3d::Constant(1.2)).norm() < 1;
+      return q.cwiseQuotient(ends + Vector3d::Constant(1.2)).norm() < 1;
     };
     return (in_wall(p) ? wall : 0) + (in_wall(p - fat_shift) ? 0 : fat);
   }
@@ -201,6 +203,26 @@ TEST(EdgeBiometry, DoesNotKnowTheDepthWithoutAFront) {
   EXPECT_NEAR(without.globe_depth.sigma, std::hypot(with.globe_depth.sigma, 2), 1e-12);
   EXPECT_EQ(without.globe_width.sigma, with.globe_width.sigma);
   EXPECT_EQ(without.globe_depth.value, with.globe_depth.value);
+}
+
+/// No ellipsoid reaches the ends of a globe whose section is a lozenge.
+TEST(EdgeBiometry, ReachesToTheEndsOfAGlobeThatIsNoEllipsoid) {
+  DrawnEye eye;
+  const Stack round = drawn(eye, axial);
+  const auto of_round = read_edges(round, rough_seed(eye), Weighting::t1);
+  ASSERT_TRUE(of_round);
+  EXPECT_LT(of_round->higher_mm, 0.2);
+  EXPECT_LT(of_round->wider_mm, 0.2);
+  eye.tip_mm = 1.2;
+  const Stack pointed = drawn(eye, axial);
+  const auto of_pointed = read_edges(pointed, rough_seed(eye), Weighting::t1);
+  ASSERT_TRUE(of_pointed);
+  EXPECT_LT(of_pointed->wider_mm, 0.2);
+  EXPECT_GT(of_pointed->higher_mm, 1);
+  const Estimate before = edge_biometry(*of_round, round, Weighting::t1).globe_height;
+  const Estimate height = edge_biometry(*of_pointed, pointed, Weighting::t1).globe_height;
+  EXPECT_GT(height.sigma, before.sigma + 0.05);
+  EXPECT_LT(std::abs(height.value - 2 * (eye.half_axes.y() + eye.tip_mm)), 1.96 * height.sigma);
 }
 
 class RealEdges : public testing::TestWithParam<HandReading> {};
