@@ -2,6 +2,7 @@
 
 #include <fmt/core.h>
 
+#include <boost/algorithm/string/predicate.hpp>
 #include <charconv>
 #include <cmath>
 #include <string_view>
@@ -46,7 +47,7 @@ class Reader {
     return value;
   }
   bool take(std::string_view sign) {
-    if (rest_.substr(0, sign.size()) != sign) return false;
+    if (!boost::algorithm::istarts_with(rest_, sign)) return false;
     rest_.remove_prefix(sign.size());
     return true;
   }
@@ -114,7 +115,8 @@ StatedRefraction parse_refraction(const std::string& text) {
     if (c != ' ') compact += c;
   Reader reader(compact);
   StatedRefraction stated;
-  if (!reader.take("PL")) stated.refraction.sphere_D = reader.number("a sphere in dioptres");
+  if (!reader.take("PLANO") && !reader.take("PL"))
+    stated.refraction.sphere_D = reader.number("a sphere in dioptres");
   if (reader.take("/")) {
     stated.refraction.cylinder_D = reader.number("a cylinder in dioptres");
     if (!reader.take("x")) reader.fail("x and the axis in degrees");

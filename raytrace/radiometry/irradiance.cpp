@@ -7,11 +7,11 @@
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/frames.hpp"
 #include "pipeline/eye/media/transmittance.hpp"
-#include "pipeline/eye/optics/paraxial.hpp"
 #include "pipeline/eye/population/limits.hpp"
 #include "pipeline/eye/population/population.hpp"
 #include "raytrace/radiometry/observer.hpp"
 #include "raytrace/radiometry/spectral_scene.hpp"
+#include "raytrace/wavefront/seen_pupil.hpp"
 
 namespace emmetrope::raytrace {
 namespace {
@@ -57,8 +57,7 @@ RetinalIrradiance retinal_irradiance(const Tracer& tracer, const EyeModel& eye, 
   RetinalIrradiance result;
   result.cones = blank_image(trace.grid, 3);
   result.trolands = blank_image(trace.grid, 1);
-  const double diameter_mm = entrance_pupil(without_spectacle(eye), eye.reference_wavelength_nm).diameter_mm;
-  result.pupil_area_mm2 = pi * diameter_mm * diameter_mm / 4;
+  result.pupil_area_mm2 = seen_pupil_area_mm2(without_spectacle(eye), eye.reference_wavelength_nm);
   result.white_trolands = settings.luminance_cd_m2 * result.pupil_area_mm2;
   const std::vector<double> wavelengths_nm = settings.wavelengths_nm();
   // A pixel is one point of the retina in every band: transverse chromatic aberration stays.

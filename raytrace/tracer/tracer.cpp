@@ -6,8 +6,8 @@
 #include <thread>
 
 #include "pipeline/base/error.hpp"
+#include "pipeline/base/frames.hpp"
 #include "pipeline/eye/model/mesh_shape.hpp"
-#include "pipeline/eye/optics/paraxial.hpp"
 #include "raytrace/device/image_change.hpp"
 #include "raytrace/device/shared_picture.hpp"
 #include "raytrace/picture/airy.hpp"
@@ -18,6 +18,7 @@
 #include "raytrace/system/optical_system.hpp"
 #include "raytrace/system/paper_method.hpp"
 #include "raytrace/system/sheet_mesh.hpp"
+#include "raytrace/wavefront/seen_pupil.hpp"
 
 namespace emmetrope::raytrace {
 namespace {
@@ -34,14 +35,16 @@ double seconds_since(std::chrono::steady_clock::time_point begin) {
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
 }
 
-/// Diameter of the entrance pupil of the eye without what it wears.
-double entrance_pupil_mm(const EyeModel& eye) {
-  return entrance_pupil(without_spectacle(eye), eye.reference_wavelength_nm).diameter_mm;
+/// The Stiles-Crawford weight at the pupil's rim is 2 to the minus this. It is of the eye's pupil, whatever it wears.
+double pupil_falloff(const EyeModel& eye, const TraceSettings& settings) {
+  const double area_mm2 = seen_pupil_area_mm2(without_spectacle(eye), eye.reference_wavelength_nm);
+  return std::log2(10.0) * settings.stiles_crawford_per_mm2 * area_mm2 / pi;
 }
 
-/// The Stiles-Crawford weight at the pupil's rim is 2 to the minus this.
-double pupil_falloff(const EyeModel& eye, const TraceSettings& settings) {
-  return std::log2(10.0) * settings.stiles_crawford_per_mm2 * std::pow(entrance_pupil_mm(eye) / 2, 2);
+/// Rays are bent where they have left the spectacle, by the pupil that is seen through it.
+std::vector<float> airy_table_of(const EyeModel& eye, const Spectrum& spectrum) {
+  const double area_mm2 = seen_pupil_area_mm2(eye, eye.reference_wavelength_nm);
+  return airy_table(spectrum.wavelength_nm, 2 * std::sqrt(area_mm2 / pi));
 }
 
 Representation chosen(const EyeModel& eye, const TraceSettings& settings) {
@@ -146,7 +149,7 @@ PictureJob picture_job(const EyeModel& eye, const Scene& scene, const TraceSetti
   if (paper) job.cap = aim_cap(eye, job.system.operation_of);
   if (settings.stiles_crawford_per_mm2 > 0)
     job.pupil_falloff = static_cast<float>(pupil_falloff(eye, settings));
-  if (settings.diffraction) job.airy = airy_table(spectrum.wavelength_nm, entrance_pupil_mm(eye));
+  if (settings.diffraction) job.airy = airy_table_of(eye, spectrum);
   job.form.channels = job.view.channels;
   job.form.spectral = spectral;
   job.form.illuminance = settings.illuminance;

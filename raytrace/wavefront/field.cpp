@@ -156,7 +156,7 @@ Json field_json(const EyeModel& eye, const FieldGrid& grid, const std::vector<Fi
           {"strehl", of([](const Entry& e) { return e.quality.strehl; })},
           {"vsotf", of([](const Entry& e) { return e.quality.vsotf; })},
           {"tangential_deg", of_wavefront([](const Wavefront& w) {
-             return std::atan2(w.tangential.y(), w.tangential.x()) / degree;
+             return normalise_axis_deg(std::atan2(w.tangential.y(), w.tangential.x()) / degree);
            })},
           {"mtf", mtf_columns(entries)},
           {"psf",

@@ -76,7 +76,7 @@ PupilFunction::PupilFunction(const Wavefront& wavefront, int samples_across, dou
       const Eigen::Vector2d place_mm = step_mm_ * (column * right + row * up);
       const double covered = coverage(rim, place_mm, step_mm_);
       if (covered == 0) continue;
-      const double weight = std::pow(10, -wavefront.stiles_crawford_per_mm2 * place_mm.squaredNorm());
+      const double weight = wavefront.receptor_weight(place_mm);
       const Eigen::VectorXd z = zernike_values(order, place_mm.x() / radius_mm_, place_mm.y() / radius_mm_);
       const int index = ((row + size_) % size_) * size_ + (column + size_) % size_;
       points_.push_back({index, covered * std::sqrt(weight), coefficients.dot(z), z[4], z[5], z[3]});

@@ -10,6 +10,7 @@
 #include "pipeline/eye/optics/paraxial.hpp"
 #include "pipeline/eye/surfaces/zernike.hpp"
 #include "raytrace/wavefront/retinal_pencil.hpp"
+#include "raytrace/wavefront/seen_pupil.hpp"
 
 namespace emmetrope::raytrace {
 namespace {
@@ -167,8 +168,12 @@ Eigen::Vector2d Wavefront::tilt_mrad() const {
   return 4 / pupil_mm * Eigen::Vector2d(c[2], c[1]);
 }
 
+double Wavefront::receptor_weight(const Eigen::Vector2d& place_mm) const {
+  return std::pow(10, -stiles_crawford_per_mm2 * (place_mm / pupil_magnification).squaredNorm());
+}
+
 double Wavefront::light_share(const PupilRay& ray) const {
-  return ray.area_share * std::pow(10, -stiles_crawford_per_mm2 * ray.place_mm.squaredNorm());
+  return ray.area_share * receptor_weight(ray.place_mm);
 }
 
 Eigen::Vector2d Wavefront::mean_slope() const {
@@ -207,6 +212,7 @@ Wavefront measure_wavefront(const EyeModel& eye, const WavefrontSettings& settin
   result.stiles_crawford_per_mm2 = settings.stiles_crawford_per_mm2;
   const Pupil pupil = entrance_pupil(eye, result.wavelength_nm);
   result.pupil_position_mm = pupil.position_mm;
+  result.pupil_magnification = pupil_magnification_of_spectacle(eye, result.wavelength_nm);
   const RetinalPencil pencil(eye, result.wavelength_nm, settings.fovea_mm);
   result.rim = pupil_rim(eye, pencil, settings, pupil.diameter_mm);
   const double radius_mm = result.rim.largest_mm();

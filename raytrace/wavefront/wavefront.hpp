@@ -26,7 +26,8 @@ struct WavefrontSettings {
   std::optional<double> entrance_pupil_mm;  ///< a circle instead of what the eye's stop lets through
   int order = 8;                            ///< highest radial order of the Zernike terms, 2 to 12
   Eigen::Vector2d fovea_mm{0, 0};           ///< on the retina from the pole, eye x and y
-  /// Stiles-Crawford effect: light weighs 10^(-this r^2), r mm from the pupil's centre; 0: none
+  /// Stiles-Crawford effect: light weighs 10^(-this r^2), r mm from the centre of the eye's pupil, not as a spectacle
+  /// magnifies it; 0: none
   double stiles_crawford_per_mm2 = 0;
 };
 
@@ -35,6 +36,7 @@ struct Wavefront {
   double pupil_mm = 0;  ///< diameter of the Zernike terms' circle in the entrance pupil plane
   PupilRim rim;         ///< empty: that circle
   double stiles_crawford_per_mm2 = 0;
+  double pupil_magnification = 1;         ///< of what the eye wears: its own pupil is as much smaller
   double pupil_position_mm = 0;           ///< depth of that plane behind the corneal vertex
   Eigen::Vector2d pupil_centre_mm{0, 0};  ///< where the line of sight crosses it, eye x and y
   std::vector<double> zernike_um;         ///< OSA index order from 0; [0] is 0
@@ -59,6 +61,8 @@ struct Wavefront {
   double rms_um() const { return rms_beyond_order_um(1); }
   /// Without what a lens corrects.
   double higher_order_rms_um() const { return rms_beyond_order_um(2); }
+  /// Of the light through a place of the pupil, by the Stiles-Crawford effect: 1 in its middle.
+  double receptor_weight(const Eigen::Vector2d& place_mm) const;
   /// The share of the light that a ray stands for.
   double light_share(const PupilRay& ray) const;
   /// Of the best plane through the wavefront over the pupil, towards x and y: the middle of point_spread() lies

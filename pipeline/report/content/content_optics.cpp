@@ -33,6 +33,7 @@ std::optional<raytrace::Wavefront> wavefront_of(const EyeData& eye) {
   wavefront.wavelength_nm = *wavelength;
   wavefront.rim.radius_mm = eye.wavefront.value("pupil_rim_mm", std::vector<double>());
   wavefront.stiles_crawford_per_mm2 = value_of(eye.wavefront, "stiles_crawford_per_mm2").value_or(0);
+  wavefront.pupil_magnification = value_of(eye.wavefront, "pupil_magnification").value_or(1);
   const double tangential = value_of(eye.wavefront, "tangential_deg").value_or(90) * degree;
   wavefront.tangential = {std::cos(tangential), std::sin(tangential)};
   wavefront.pupil_position_mm = value_of(eye.wavefront, "pupil_position_mm").value_or(3);

@@ -98,7 +98,9 @@ TEST(Notation, ReadsWhatPeopleType) {
   EXPECT_EQ(plus.refraction.cylinder_D, -0.5);
   EXPECT_EQ(plus.refraction.axis_deg, 0);
   EXPECT_EQ(plus.vertex_distance_mm, 12);
-  EXPECT_EQ(parse_refraction("PL").refraction.sphere_D, 0);
+  for (const char* plano : {"PL", "pl", "plano", "Plano DS"})
+    EXPECT_EQ(parse_refraction(plano).refraction.sphere_D, 0) << plano;
+  EXPECT_EQ(parse_refraction("-2.25/-1.00X175").refraction.axis_deg, 175);
   EXPECT_EQ(parse_refraction("-3").refraction.sphere_D, -3);
   EXPECT_EQ(parse_refraction(format_refraction({-3, 0, 0}) + " @ 14").vertex_distance_mm, 14);
   EXPECT_EQ(parse_refraction(format_refraction({-7.5, -2.25, 45})).refraction.axis_deg, 45);

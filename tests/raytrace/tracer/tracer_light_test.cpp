@@ -1,4 +1,5 @@
 // Diffraction and the Stiles-Crawford effect against closed forms, in eyes of one surface.
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -7,6 +8,7 @@
 #include "pipeline/base/frames.hpp"
 #include "pipeline/eye/optics/paraxial.hpp"
 #include "raytrace/scene/scene_model.hpp"
+#include "raytrace/spectacle/spectacle.hpp"
 #include "raytrace/tracer/tracer.hpp"
 #include "raytrace/wavefront/wavefront.hpp"
 
@@ -89,6 +91,37 @@ TEST(Diffraction, BlursAnEdgeAsThePupilsMtfSays) {
     if (std::abs(column - 20) > 1) {
       EXPECT_NEAR(profile(geometric, column), column > 20 ? 1 : 0, 0.01) << column;
     }
+  }
+}
+
+/// On the retina of a sharp eye diffraction is of the eye's exit pupil, which no spectacle changes.
+TEST(Diffraction, OnTheRetinaIsTheSameThroughASpectacle) {
+  const EyeModel myope = perfect_eye(focus_mm + 10, 2);
+  const double ametropia_D = paraxial_refraction(myope, 550).M_D;
+  const double vertex_mm = 12;
+  const double lens_D = ametropia_D / (1 + ametropia_D * vertex_mm / 1000);
+  ASSERT_LT(lens_D, -8);
+  const EyeModel worn =
+      with_spectacle(myope, parse_spectacle(fmt::format("{:.6f}/0x0@{}", lens_D, vertex_mm)));
+  constexpr int texels = 2048;
+  std::vector<float> halves;
+  for (int i = 0; i < 2 * texels; ++i) halves.push_back(i % texels < texels / 2 ? 0.F : 1.F);
+  TraceSettings settings;
+  settings.grid = {41, 8, 0.02, 0.004, {0, 0}};
+  settings.samples = 8192;
+  settings.wavelength_nm = 550;
+  settings.diffraction = true;
+  settings.verbosity.quiet = true;
+  const LinearImage image =
+      Tracer("").trace(worn, at_infinity(texels, 2, halves, 2 * degree), settings).image;
+  const Pupil exit = exit_pupil(myope, 550);
+  const double cutoff_per_mm =
+      index * exit.diameter_mm / (550e-6 * (myope.axial_length_mm() - exit.position_mm));
+  for (int column = 0; column < 41; column += 2) {
+    double mean = 0;
+    for (int row = 0; row < 8; ++row) mean += image.at(column, row, 1) / 8;
+    const double place_mm = 0.02 * ((column + 0.5) / 41 - 0.5);
+    EXPECT_NEAR(mean, edge_response(place_mm, cutoff_per_mm), 0.012) << column;
   }
 }
 

@@ -198,6 +198,13 @@ TEST(OffAxisWavefront, TheStilesCrawfordEffectWeighsRaysAndNarrowsTheSpot) {
               1e-12);
   EXPECT_LT(weighted.spot_rms_arcmin(), 0.95 * even.spot_rms_arcmin());
   EXPECT_EQ(weighted.zernike_um, even.zernike_um);
+  // A spectacle makes the pupil look larger or smaller; a place in the stop has its receptors' weight all the same.
+  const double rim = weighted.receptor_weight({weighted.pupil_mm / 2, 0});
+  for (const char* lens : {"-10/0x0@12", "+10/0x0@12"}) {
+    const Wavefront worn = measure_wavefront(with_spectacle(eye, parse_spectacle(lens)), settings);
+    EXPECT_GT(std::abs(worn.pupil_mm / weighted.pupil_mm - 1), 0.1);
+    EXPECT_NEAR(worn.receptor_weight({worn.pupil_mm / 2, 0}), rim, 0.02 * rim) << lens;
+  }
   // A perfect pupil with amplitude exp(-a r^2 / 2), a = 0.05 ln 10, so wide that its rim is dark: the overlap of
   // two such Gaussians falls as exp(-a s^2 / 4).
   Wavefront perfect;

@@ -97,6 +97,19 @@ class Beam {
     return this.lens ? this.lens.pass(head) : head;
   }
 
+  /// By how much the spectacle enlarges the pupil that is seen through it: it narrows the angles between the lines of sight of
+  /// neighbouring points of the retina as much (Lagrange's invariant). The mean of both directions.
+  pupilMagnification(x_mm, y_mm) {
+    if (!this.lens) return 1;
+    const step_mm = 0.1, apart = (one, other) => Math.hypot(...unit(one.to).map((value, i) => value - unit(other.to)[i]));
+    const bare = (x, y) => this.map.ray(this.bundle.polynomialAt(x, y), 0, 0), worn = (x, y) => this.ray(x, y, 0, 0);
+    const along = (dx, dy) => {
+      const ends = [[x_mm + dx, y_mm + dy], [x_mm - dx, y_mm - dy]], seen = ends.map((end) => worn(...end));
+      return seen.every((ray) => ray) ? apart(...ends.map((end) => bare(...end))) / apart(...seen) : 1;
+    };
+    return Math.sqrt(along(step_mm, 0) * along(0, step_mm));
+  }
+
   /// At a point of the retina: x, y on the plane, slopes, for each of the places.
   values(x_mm, y_mm) {
     const bare = this.bundle.at(x_mm, y_mm);

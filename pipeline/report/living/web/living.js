@@ -44,8 +44,9 @@ class Eye {
     const mesh = (nm) => this.kept(key("mesh", nm, tolerance_arcmin), () => beam(nm).mesh(field, state.accommodation_D, tolerance_arcmin));
     const entrance_mm = state.pupil_mm * this.entrance_pupil_magnification;
     const falloff = state.stiles_crawford_per_mm2 * Math.log2(10) * (entrance_mm / 2) ** 2;
+    const seen_mm = (nm) => entrance_mm * this.kept(key("magnification", nm), () => beam(nm).pupilMagnification(field.x_mm, field.y_mm));
     const drawn = (wave, difference) => ({ matrix: wave.matrix, difference,
-      airy_angle: state.diffraction ? wave.nm * 1e-6 / (Math.PI * entrance_mm) : 0 });
+      airy_angle: state.diffraction ? wave.nm * 1e-6 / (Math.PI * seen_mm(wave.nm)) : 0 });
     if (!together) return waves.map((wave) => ({ mesh: mesh(wave.nm), scene, falloff, waves: [drawn(wave)] }));
     const middle = waves[waves.length >> 1].nm;
     return [{ mesh: mesh(middle), scene, falloff, waves: waves.map((wave) => drawn(wave, waves.length > 1
