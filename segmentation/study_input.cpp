@@ -84,6 +84,17 @@ void require_one_study(const std::vector<const SeriesInfo*>& chosen) {
                     "give the folder of one study, or choose series of one with --series");
 }
 
+/// Nor are those of which one header says that they are of another person or visit.
+void require_one_visit(const StudyInventory& inventory, const std::vector<const SeriesInfo*>& chosen) {
+  const auto is_chosen = [&](const std::string& uid) {
+    return std::any_of(chosen.begin(), chosen.end(),
+                       [&](const SeriesInfo* info) { return info->uid == uid; });
+  };
+  for (const SeriesContradiction& two : inventory.contradictions)
+    if (is_chosen(two.uid) && is_chosen(two.other_uid))
+      throw input_error(two.reason, "give the study of one, or choose its series with --series");
+}
+
 /// Names of the series that are NIfTI volumes, or of the others.
 std::vector<std::string> names_of(const std::vector<const SeriesInfo*>& series, bool nifti) {
   std::vector<std::string> names;
@@ -210,6 +221,7 @@ std::vector<const SeriesInfo*> choose_series(const StudyInventory& inventory,
                 "emmetrope inventory STUDY lists what is wrong with each");
   }
   require_one_study(chosen);
+  require_one_visit(inventory, chosen);
   return chosen;
 }
 

@@ -244,6 +244,27 @@ void compare_with_tags(const std::vector<Cluster>& eyes, const std::vector<const
   }
 }
 
+/// Headers of orbit protocols may name the eye that was asked about in images of both.
+std::vector<std::string> notes_on_tags(const std::vector<Cluster>& eyes,
+                                       const std::vector<const Stack*>& stacks,
+                                       const std::vector<std::string>& laterality_tags) {
+  std::vector<std::string> notes;
+  for (std::size_t s = 0; s < stacks.size(); ++s) {
+    const auto is_shown = [&](const Cluster& eye) {
+      return std::any_of(eye.views.begin(), eye.views.end(),
+                         [&](const EyeView& view) { return view.stack == s; });
+    };
+    if (eyes.size() == 2 && std::all_of(eyes.begin(), eyes.end(), is_shown) &&
+        (laterality_tags[s] == "R" || laterality_tags[s] == "L"))
+      notes.push_back(fmt::format(
+          "{}: (0020,0062) ImageLaterality, (0020,0060) Laterality or (0020,9072) FrameLaterality "
+          "says {}, but both eyes are seen; their sides are those of (0020,0032) "
+          "ImagePositionPatient",
+          stacks[s]->name, laterality_tags[s]));
+  }
+  return notes;
+}
+
 /// Which eye a globe is that is seen alone.
 /// \param note  receives how that was decided
 /// \throw Error (input_invalid) where nothing tells
@@ -347,6 +368,7 @@ FoundEyes find_eyes(const std::vector<const Stack*>& stacks, const std::vector<s
   }
   const std::vector<Cluster> eyes = best_pair_or_globe(cluster_globes(stacks));
   compare_with_tags(eyes, stacks, laterality_tags);
+  found.notes = notes_on_tags(eyes, stacks, laterality_tags);
   const std::map<std::size_t, std::size_t> again = find_stored_again(eyes, stacks);
   for (std::size_t e = 0; e < eyes.size(); ++e) {
     FoundEye eye;

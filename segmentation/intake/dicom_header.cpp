@@ -8,11 +8,13 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <fstream>
 #include <optional>
 
 #include "pipeline/base/clean_text.hpp"
 #include "pipeline/base/error.hpp"
+#include "segmentation/intake/tag_values.hpp"
 
 namespace emmetrope::segmentation {
 namespace {
@@ -35,6 +37,13 @@ Guess guess_format(const std::filesystem::path& file) {
   const bool little = (start[0] == 2 || start[0] == 8) && start[1] == 0 && start[3] == 0 && start[2] < 0x20;
   const bool big = start[0] == 0 && start[1] == 8 && start[2] == 0 && start[3] < 0x20;
   return little || big ? Guess::bare_data_set : Guess::other;
+}
+
+std::string what_else(const std::filesystem::path& file) {
+  std::string start(4, '\0');
+  std::ifstream(file, std::ios::binary).read(start.data(), 4);
+  const bool is_packed = start == "PK\3\4" || start.substr(0, 2) == "\x1F\x8B" || start == "7z\xBC\xAF";
+  return is_packed ? "an archive: unpack it" : "not a DICOM file";
 }
 
 bool is_text(DcmEVR vr) {
@@ -185,7 +194,30 @@ void read_frame(DcmItem& groups, TagValues& values) {
   for (const auto& [macro, attribute] : tag::of_frames) read_attribute(groups, macro, attribute, values);
 }
 
-/// Functional groups of each frame, the shared ones below its own; one empty entry for a classic image.
+/// "0.80\\0.80" is "0.8\\0.8".
+bool is_same_value(const std::string& one, const std::string& other) {
+  const auto parts = split_values(one), others = split_values(other);
+  return std::equal(parts.begin(), parts.end(), others.begin(), others.end(),
+                    [](const std::string& a, const std::string& b) {
+                      const auto x = parse_number(a), y = parse_number(b);
+                      return a == b || (x && y && std::abs(*x - *y) <= 1e-6 * std::abs(*x));
+                    });
+}
+
+/// A macro is shared or a frame's own, never both (PS3.3 C.7.6.16.1.1): of two that differ one was forgotten by who
+/// changed the other.
+void require_one_place(const TagValues& shared, const TagValues& own) {
+  for (const Tag& tag :
+       {tag::image_orientation, tag::image_position, tag::pixel_spacing, tag::slice_thickness,
+        tag::rescale_slope, tag::rescale_intercept, tag::frame_laterality}) {
+    const auto for_all = shared.find(tag.keyword), of_frame = own.find(tag.keyword);
+    if (for_all != shared.end() && of_frame != own.end() && !is_same_value(for_all->second, of_frame->second))
+      throw input_error(fmt::format("{} is {} in the shared functional groups and {} in those of a frame",
+                                    to_string(tag), in_quotes(for_all->second), in_quotes(of_frame->second)));
+  }
+}
+
+/// Functional groups of each frame, the shared ones where it has none; one empty entry for a classic image.
 std::vector<TagValues> read_frames(DcmDataset& data_set) {
   TagValues shared;
   DcmItem* groups = nullptr;
@@ -199,8 +231,11 @@ std::vector<TagValues> read_frames(DcmDataset& data_set) {
   std::vector<TagValues> frames;
   for (auto* item = per_frame->nextInContainer(nullptr); item != nullptr;
        item = per_frame->nextInContainer(item)) {
-    frames.push_back(shared);
-    read_frame(*dynamic_cast<DcmItem*>(item), frames.back());
+    TagValues own;
+    read_frame(*dynamic_cast<DcmItem*>(item), own);
+    require_one_place(shared, own);
+    own.insert(shared.begin(), shared.end());
+    frames.push_back(std::move(own));
   }
   return frames;
 }
@@ -254,7 +289,7 @@ ImageHeader read_header(const std::filesystem::path& file, DcmFileFormat& parsed
   ImageHeader header;
   const Guess guess = guess_format(file);
   if (guess == Guess::other) {
-    header.reason = "not a DICOM file";
+    header.reason = what_else(file);
     return header;
   }
   const OFCondition loaded = parsed.loadFile(file.c_str());

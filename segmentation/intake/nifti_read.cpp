@@ -88,7 +88,7 @@ struct Header {
   int datatype = 0, bits = 0;
   std::int64_t offset = 0;
   double slope = 0, intercept = 0;
-  int qform_code = 0, sform_code = 0, units = 0;
+  int qform_code = 0, sform_code = 0, units = 0, intent = 0;
   std::array<double, 3> quaternion{}, q_offset{};
   Eigen::Matrix4d sform = Eigen::Matrix4d::Identity();
 };
@@ -96,10 +96,10 @@ struct Header {
 /// Offsets of the fields; Int, Real and Code are the types of dim, of real numbers and of the form codes.
 struct Offsets {
   std::size_t dim, pixdim, datatype, bitpix, offset, slope, quaternion, q_offset, qform_code, sform_code,
-      srow, units;
+      srow, units, intent;
 };
-constexpr Offsets nifti1{40, 76, 70, 72, 108, 112, 256, 268, 252, 254, 280, 123};
-constexpr Offsets nifti2{16, 80, 12, 14, 168, 176, 352, 376, 344, 348, 400, 500};
+constexpr Offsets nifti1{40, 76, 70, 72, 108, 112, 256, 268, 252, 254, 280, 123, 68};
+constexpr Offsets nifti2{16, 104, 12, 14, 168, 176, 352, 376, 344, 348, 400, 500, 504};
 
 template <typename Int, typename Real, typename Code>
 void read_fields(const Fields& fields, const Offsets& at, Header& header) {
@@ -113,6 +113,7 @@ void read_fields(const Fields& fields, const Offsets& at, Header& header) {
   header.intercept = fields.at<Real>(at.slope + sizeof(Real));
   header.qform_code = fields.at<Code>(at.qform_code);
   header.sform_code = fields.at<Code>(at.sform_code);
+  header.intent = fields.at<Code>(at.intent);
   for (std::size_t i = 0; i < 3; ++i) {
     header.quaternion[i] = fields.at<Real>(at.quaternion + i * sizeof(Real));
     header.q_offset[i] = fields.at<Real>(at.q_offset + i * sizeof(Real));
@@ -216,10 +217,21 @@ double mm_of_unit(const Header& header, const std::string& name) {
 /// Whether a form's coordinates are Talairach's, MNI's or another template's.
 bool is_of_template(int form_code) { return form_code >= 3; }
 
+/// The form that is nearer to the scanner: its own coordinates (1), those of another scan (2), a template's (3 and more);
+/// what was aligned may have been scaled. Of two alike the sform.
 bool uses_sform(const Header& header) {
-  const bool sform_alone = header.sform_code > 0 && header.qform_code <= 0;
-  return sform_alone || (header.sform_code > 0 &&
-                         !(is_of_template(header.sform_code) && !is_of_template(header.qform_code)));
+  const auto far_from_scanner = [](int code) { return std::min(code, 3); };
+  return header.sform_code > 0 && (header.qform_code <= 0 || far_from_scanner(header.sform_code) <=
+                                                                 far_from_scanner(header.qform_code));
+}
+
+/// NIfTI's intent codes (nifti1.h) name statistics (2 to 24) and estimates, labels, vectors and shapes (1001 to 1011), whose
+/// values are no signal. Labels that are given as such have them by right.
+void judge_intent(const Header& header, const std::string& name, std::vector<std::string>& warnings) {
+  const int code = header.intent;
+  if ((code >= 2 && code <= 24) || (code >= 1001 && code <= 1011))
+    warnings.push_back(fmt::format(
+        "{}: intent_code is {}, a statistic's, a label's or a map's, which is no image", name, code));
 }
 
 /// Whether the header's two forms are one, but for rounding; what differs is warned of.
@@ -239,7 +251,10 @@ bool compare_forms(const Header& header, double to_mm, const std::string& name,
   if (distance < 0.1) return true;
   warnings.push_back(
       fmt::format("{}: sform and qform differ by {:.2f} mm; the {}", name, distance,
-                  uses_sform(header) ? "sform is used" : "qform is used, as the sform is a template's"));
+                  uses_sform(header) ? "sform is used"
+                  : is_of_template(header.sform_code)
+                      ? "qform is used, as the sform is a template's"
+                      : "qform is used, the scanner's own; the sform is aligned to another scan"));
   return false;
 }
 
@@ -255,7 +270,7 @@ Eigen::Matrix4d affine_of(const Header& header, const std::string& name) {
   return affine;
 }
 
-/// Sides of the voxels that an sform without a qform, whose they would be, contradicts.
+/// Sides of the voxels, which are the qform's, that an sform contradicts.
 void compare_voxel_sides(const Header& header, double to_mm, const std::string& name,
                          std::vector<std::string>& warnings) {
   constexpr double same_side = 0.01;
@@ -274,7 +289,7 @@ void compare_voxel_sides(const Header& header, double to_mm, const std::string& 
 void judge_forms(const Header& header, const std::string& name, std::vector<std::string>& warnings) {
   const bool are_one = header.sform_code > 0 && header.qform_code > 0 &&
                        compare_forms(header, mm_of_unit(header, name), name, warnings);
-  if (header.qform_code <= 0) compare_voxel_sides(header, mm_of_unit(header, name), name, warnings);
+  if (uses_sform(header)) compare_voxel_sides(header, mm_of_unit(header, name), name, warnings);
   const bool by_sform = uses_sform(header) || (are_one && is_of_template(header.sform_code));
   if (const int code = by_sform ? header.sform_code : header.qform_code; is_of_template(code))
     warnings.push_back(
@@ -356,7 +371,8 @@ Stack geometry_of(const Header& header, const Eigen::Matrix4d& affine, const std
   const double shear = std::acos(std::min(1.0, std::abs(k.normalized().dot(stack.normal)))) / degree;
   if (std::abs(skew) > 1e-3 || shear > largest_shear_deg)
     throw input_error(
-        fmt::format("{}: its axes are not at right angles (slices {:.2f} degrees off)", name, shear));
+        fmt::format("{}: its axes are not at right angles (rows {:.2f}, slices {:.2f} degrees off)", name,
+                    std::abs(std::asin(std::clamp(skew, -1.0, 1.0))) / degree, shear));
   return stack;
 }
 
@@ -379,6 +395,7 @@ Stack read_nifti(const std::filesystem::path& file, std::vector<std::string>& wa
   const Eigen::Matrix4d affine = affine_of(header, name);
   Stack stack = geometry_of(header, affine, name);
   judge_forms(header, name, warnings);
+  judge_intent(header, name, warnings);
   stack.name = "volume";
 
   const std::size_t voxels = static_cast<std::size_t>(stack.rows) * static_cast<std::size_t>(stack.columns);

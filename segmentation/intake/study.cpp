@@ -355,6 +355,11 @@ StudyInventory read_inventory(const fs::path& study, const IntakeOptions& option
   if (const auto conflict = patients.conflict(); !conflict.empty())
     for (auto& info : inventory.series) refuse(info, conflict);
   inventory.subjects = patients.subjects();
+  inventory.contradictions = patients.contradictions();
+  for (const SeriesContradiction& two : inventory.contradictions)
+    for (auto& info : inventory.series)
+      if (info.usable && (info.uid == two.uid || info.uid == two.other_uid))
+        info.warnings.push_back(two.reason + ": they are not used together");
   warn_of_studies(inventory.series);
   warn_of_volumes(inventory.series);
 

@@ -105,6 +105,12 @@ struct SkippedFile {
   std::string reason;
 };
 
+/// Two series of one study by whose headers they are of two people, or of two visits.
+struct SeriesContradiction {
+  std::string uid, other_uid;
+  std::string reason;  ///< mentions of the files and the tag; the values are not told
+};
+
 /// The patient without identity.
 struct Subject {
   /// Hash of the study's UID (of a series' without one, of the bytes of a volume): the same study gives the same id,
@@ -118,9 +124,10 @@ struct StudyInventory {
   std::filesystem::path study;              ///< as given
   std::filesystem::path root;               ///< what `file` paths are relative to
   std::map<std::string, Subject> subjects;  ///< by StudyInstanceUID
-  std::vector<SeriesInfo> series;           ///< by SeriesNumber, then UID
-  std::vector<SkippedFile> skipped;         ///< by name
-  std::vector<SeriesChoice> choices;        ///< that it was read with
+  std::vector<SeriesContradiction> contradictions;
+  std::vector<SeriesInfo> series;     ///< by SeriesNumber, then UID
+  std::vector<SkippedFile> skipped;   ///< by name
+  std::vector<SeriesChoice> choices;  ///< that it was read with
 
   /// \throw Error (input_invalid) listing the series that there are, when there is none with this UID
   const SeriesInfo& find(const std::string& uid) const;

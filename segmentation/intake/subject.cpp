@@ -2,6 +2,12 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <boost/algorithm/string.hpp>
+#include <cmath>
+#include <iterator>
+#include <set>
+
 #include "pipeline/base/files.hpp"
 #include "segmentation/intake/plausible.hpp"
 #include "segmentation/intake/tag_values.hpp"
@@ -13,6 +19,8 @@ namespace {
 constexpr double largest_contradiction_years = 2;
 /// Ages within a series: it may run into a birthday.
 constexpr double same_age_years = 1;
+/// A series acquired by more before or after the date of its study is another visit's, or the date is not its own.
+constexpr double same_visit_years = 1;
 
 /// A date YYYYMMDD in years.
 std::optional<double> years_of(const std::string& date) {
@@ -61,11 +69,53 @@ std::string oddity_of_age(const ScannedFile& file) {
   return {};
 }
 
+/// Anonymisers and archives may write a date of their own into the study alone.
+std::string oddity_of_date(const ScannedFile& file) {
+  const auto studied = years_of(file.header.value(tag::study_date));
+  for (const Tag& tag : {tag::acquisition_date, tag::series_date})
+    if (const auto other = years_of(file.header.value(tag));
+        studied && other && std::abs(*studied - *other) > same_visit_years)
+      return fmt::format(
+          "{}: {} contradicts {} by more than {:g} year; reports, and an age by dates, have the first",
+          file.name(), to_string(tag::study_date), to_string(tag), same_visit_years);
+  return {};
+}
+
+/// Two spellings of a person's name share a part; of another script nothing can be said.
+bool names_differ(const std::string& one, const std::string& other) {
+  const auto parts_of = [](const std::string& name) {
+    std::set<std::string> parts;
+    boost::algorithm::split(parts, boost::algorithm::to_upper_copy(name.substr(0, name.find('='))),
+                            boost::algorithm::is_any_of("^ ,.-"));
+    parts.erase("");
+    return parts;
+  };
+  const auto is_latin = [](const std::string& name) {
+    return std::all_of(name.begin(), name.end(), [](unsigned char c) { return c < 0x80; });
+  };
+  std::vector<std::string> shared;
+  const auto a = parts_of(one), b = parts_of(other);
+  std::set_intersection(a.begin(), a.end(), b.begin(), b.end(), std::back_inserter(shared));
+  return is_latin(one) && is_latin(other) && shared.empty();
+}
+
 bool values_differ(const Tag& tag, const std::string& one, const std::string& other) {
+  if (std::string_view(tag.keyword) == tag::patient_name.keyword) return names_differ(one, other);
   if (std::string_view(tag.keyword) != tag::patient_age.keyword) return one != other;
   const auto a = parse_age_years(one), b = parse_age_years(other);
   return a && b && std::abs(*a - *b) > same_age_years;
 }
+
+/// A date that some scanners take from the series.
+bool is_over_midnight(const Tag& tag, const std::string& one, const std::string& other) {
+  const auto a = years_of(one), b = years_of(other);
+  return std::string_view(tag.keyword) == tag::study_date.keyword && a && b &&
+         std::abs(*a - *b) < 1.5 / 365.25;
+}
+
+/// What a person has one of at a visit.
+constexpr Tag of_one_visit[] = {tag::patient_sex, tag::patient_age, tag::issuer_of_patient_id,
+                                tag::study_date, tag::patient_name};
 
 }  // namespace
 
@@ -94,7 +144,9 @@ void Patients::compare_within_series(const ScannedFile& file) {
   OfSeries& series = series_[file.header.value(tag::series_instance)];
   if (const std::string warning = oddity_of_age(file); !warning.empty())
     series.warnings.emplace("age", warning);
-  for (const Tag& tag : {tag::patient_sex, tag::patient_age, tag::issuer_of_patient_id, tag::study_date}) {
+  if (const std::string warning = oddity_of_date(file); !warning.empty())
+    series.warnings.emplace("date", warning);
+  for (const Tag& tag : of_one_visit) {
     const auto& value = file.header.value(tag);
     if (value.empty()) continue;
     const Found& first = series.first.try_emplace(tag.keyword, Found{file.name(), value}).first->second;
@@ -104,6 +156,28 @@ void Patients::compare_within_series(const ScannedFile& file) {
           fmt::format(
               "{} and {}: {} differs within the series; where it is of two patients or visits, give one",
               first.file, file.name(), to_string(tag)));
+  }
+}
+
+void Patients::compare_within_study(const ScannedFile& file) {
+  const std::string& study = file.header.value(tag::study_instance);
+  const std::string& series = file.header.value(tag::series_instance);
+  if (study.empty()) return;
+  for (const Tag& tag : of_one_visit) {
+    const auto& value = file.header.value(tag);
+    if (value.empty()) continue;
+    const OfStudy& first =
+        studies_.try_emplace({study, tag.keyword}, OfStudy{{file.name(), value}, series}).first->second;
+    const auto is_known = [&](const SeriesContradiction& known) {
+      return known.uid == first.series_uid && known.other_uid == series;
+    };
+    if (first.series_uid != series && values_differ(tag, first.value, value) &&
+        !is_over_midnight(tag, first.value, value) &&
+        std::none_of(contradictions_.begin(), contradictions_.end(), is_known))
+      contradictions_.push_back(
+          {first.series_uid, series,
+           fmt::format("{} and {}: {} differs within the study; they are of two patients or visits",
+                       first.file, file.name(), to_string(tag))});
   }
 }
 
@@ -118,6 +192,7 @@ void Patients::add(const ScannedFile& file) {
     first_name_ = {file.name(), header.value(tag::patient_name)};
   compare(tag::patient_birth_date, first_birth_date_, file);
   compare_within_series(file);
+  compare_within_study(file);
   const auto& study = header.value(tag::study_instance);
   Subject& subject = subjects_[study];
   // Without PatientID: a short number could be found again by trying them all.

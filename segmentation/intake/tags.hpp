@@ -21,6 +21,8 @@ inline constexpr Tag image_type{0x0008, 0x0008, "ImageType"};
 inline constexpr Tag sop_class{0x0008, 0x0016, "SOPClassUID"};
 inline constexpr Tag sop_instance{0x0008, 0x0018, "SOPInstanceUID"};
 inline constexpr Tag study_date{0x0008, 0x0020, "StudyDate"};
+inline constexpr Tag series_date{0x0008, 0x0021, "SeriesDate"};
+inline constexpr Tag acquisition_date{0x0008, 0x0022, "AcquisitionDate"};
 inline constexpr Tag study_time{0x0008, 0x0030, "StudyTime"};
 inline constexpr Tag referring_physician{0x0008, 0x0090, "ReferringPhysicianName"};
 inline constexpr Tag study_description{0x0008, 0x1030, "StudyDescription"};
@@ -50,6 +52,7 @@ inline constexpr Tag patient_weight{0x0010, 0x1030, "PatientWeight"};
 inline constexpr Tag patient_address{0x0010, 0x1040, "PatientAddress"};
 inline constexpr Tag mothers_birth_name{0x0010, 0x1060, "PatientMotherBirthName"};
 inline constexpr Tag patient_telephone{0x0010, 0x2154, "PatientTelephoneNumbers"};
+inline constexpr Tag patient_species{0x0010, 0x2201, "PatientSpeciesDescription"};
 inline constexpr Tag ethnic_group{0x0010, 0x2160, "EthnicGroup"};
 inline constexpr Tag patient_comments{0x0010, 0x4000, "PatientComments"};
 inline constexpr Tag identity_removed{0x0012, 0x0062, "PatientIdentityRemoved"};
@@ -140,6 +143,8 @@ inline constexpr Tag of_data_set[] = {image_type,
                                       sop_class,
                                       sop_instance,
                                       study_date,
+                                      series_date,
+                                      acquisition_date,
                                       accession_number,
                                       modality,
                                       patient_name,
@@ -150,6 +155,7 @@ inline constexpr Tag of_data_set[] = {image_type,
                                       patient_birth_date,
                                       patient_sex,
                                       patient_age,
+                                      patient_species,
                                       body_part,
                                       scanning_sequence,
                                       sequence_name,

@@ -261,6 +261,29 @@ TEST_F(SegmentStage, SeriesOfTwoStudiesAreNotOneEye) {
 }
 
 /// DICOM names its patient, NIfTI nobody: what is measured of both is nobody's by name, and only on demand.
+/// Whoever copies a visit's series into another's study gives both one UID.
+TEST_F(SegmentStage, SeriesOfTwoVisitsUnderOneStudyAreRefused) {
+  test::GeneratedSeries first, second("1.2.826.0.1.3680043.9.7.5", 2);
+  first.set_all(DCM_StudyDate, "20260101");
+  second.set_all(DCM_StudyDate, "20290101");
+  first.write(folder_ / "study" / "a");
+  second.write(folder_ / "study" / "b");
+  try {
+    run(folder_ / "study", "case");
+    ADD_FAILURE();
+  } catch (const Error& error) {
+    EXPECT_EQ(error.status(), ExitStatus::input_invalid);
+    EXPECT_NE(std::string(error.what()).find("(0008,0020) StudyDate differs within the study"),
+              std::string::npos)
+        << error.what();
+  }
+  SegmentOptions options;
+  options.study = folder_ / "study";
+  options.case_folder = folder_ / "case";
+  options.series = {parse_series_choice("2")};
+  EXPECT_EQ(segment(options, common_).status, ExitStatus::no_result);
+}
+
 TEST_F(SegmentStage, ANiftiVolumeIsNotTheDicomPatients) {
   test::GeneratedSeries series;
   series.write(folder_ / "study");

@@ -304,7 +304,11 @@ TEST(Finding, ATagOfTheOtherSideIsRefused) {
   expect_side_refused({&only_right, &only_left}, {"L", "R"});
   EXPECT_EQ(find_eyes({&only_right, &only_left}, {"R", "L"}).eyes.size(), 2U);
   const Stack both = axial_stack({right, left}, Weighting::t2, 5);
-  EXPECT_EQ(find_eyes({&both}, {"R"}).eyes.size(), 2U);
+  const FoundEyes found = find_eyes({&both}, {"R"});
+  EXPECT_EQ(found.eyes.size(), 2U);
+  ASSERT_EQ(found.notes.size(), 1U);
+  EXPECT_NE(found.notes.front().find("says R, but both eyes are seen"), std::string::npos);
+  EXPECT_TRUE(find_eyes({&both}, {"B"}).notes.empty());
 }
 
 TEST_P(BothContrasts, AHeaderByWhichEyesLookAwayFromTheFaceIsRefused) {

@@ -38,6 +38,27 @@ TEST_F(FunctionalGroups, TellTheSide) {
   EXPECT_EQ(series_with(DCM_FrameAnatomySequence, DCM_FrameLaterality, "L", "R").image_laterality, "B");
 }
 
+/// Whoever changes the one may forget the other: sides were swapped, scales were wrong.
+TEST_F(FunctionalGroups, OfOneMacroThatIsSharedAndAFramesOwnAreOne) {
+  DcmItem* shared = nullptr;
+  DcmItem* measures = nullptr;
+  ASSERT_TRUE(
+      file_->getDataset()->findOrCreateSequenceItem(DCM_SharedFunctionalGroupsSequence, shared, 0).good());
+  ASSERT_TRUE(shared->findOrCreateSequenceItem(DCM_PixelMeasuresSequence, measures, 0).good());
+  OFString spacing;
+  ASSERT_TRUE(measures->findAndGetOFStringArray(DCM_PixelSpacing, spacing).good());
+  for (int frame = 0; frame < frames; ++frame)
+    group(frame, DCM_PixelMeasuresSequence).putAndInsertOFStringArray(DCM_PixelSpacing, spacing);
+  EXPECT_TRUE(series().usable);
+  for (int frame = 0; frame < frames; ++frame)
+    group(frame, DCM_PixelMeasuresSequence).putAndInsertString(DCM_PixelSpacing, "0.84\\0.84");
+  const auto info = series();
+  EXPECT_FALSE(info.usable);
+  EXPECT_THAT(info.reason, HasSubstr("(0028,0030) PixelSpacing is"));
+  EXPECT_THAT(info.reason,
+              HasSubstr("in the shared functional groups and \"0.84\\0.84\" in those of a frame"));
+}
+
 /// By both a fit knows how far, and along which axis, fat is displaced.
 TEST_F(FunctionalGroups, TellBandwidthAndPhaseEncoding) {
   series_with(DCM_MRFOVGeometrySequence, DCM_InPlanePhaseEncodingDirection, "COLUMN", "COLUMN");

@@ -97,6 +97,79 @@ TEST_F(NiftiTest, QuaternionAndMatrixSayTheSame) {
   expect_same(segmentation::read_nifti(path), oblique_stack({0, 1, 2, 3}), 1e-4);
 }
 
+/// nifti2.h: what lies where.
+std::string as_nifti2(const std::string& first) {
+  std::string second(544, '\0');
+  const auto put = [&](std::size_t offset, auto value) {
+    std::memcpy(second.data() + offset, &value, sizeof value);
+  };
+  const auto get = [&](std::size_t offset, auto value) {
+    std::memcpy(&value, first.data() + offset, sizeof value);
+    return value;
+  };
+  put(0, std::int32_t{540});
+  std::memcpy(second.data() + 4, "n+2\0\r\n\032\n", 8);
+  put(12, get(70, std::int16_t{}));
+  put(14, get(72, std::int16_t{}));
+  for (std::size_t i = 0; i < 8; ++i) {
+    put(16 + 8 * i, static_cast<std::int64_t>(get(40 + 2 * i, std::int16_t{})));
+    put(104 + 8 * i, static_cast<double>(get(76 + 4 * i, 0.F)));
+  }
+  for (std::size_t i = 0; i < 3; ++i) put(80 + 8 * i, 0.84);  // parameters of an intent, no sides of voxels
+  put(168, std::int64_t{544});
+  put(176, static_cast<double>(get(112, 0.F)));
+  put(184, static_cast<double>(get(116, 0.F)));
+  put(344, static_cast<std::int32_t>(get(252, std::int16_t{})));
+  put(348, static_cast<std::int32_t>(get(254, std::int16_t{})));
+  for (std::size_t i = 0; i < 6; ++i) put(352 + 8 * i, static_cast<double>(get(256 + 4 * i, 0.F)));
+  for (std::size_t i = 0; i < 12; ++i) put(400 + 8 * i, static_cast<double>(get(280 + 4 * i, 0.F)));
+  put(500, static_cast<std::int32_t>(first[123]));
+  return second + first.substr(static_cast<std::size_t>(get(108, 0.F)));
+}
+
+TEST_F(NiftiTest, OfTheSecondVersionIsTheSame) {
+  std::ofstream(file("second.nii"), std::ios::binary) << as_nifti2(read_file(sound()));
+  const Stack stack = oblique_stack({0, 1, 2, 3});
+  for (const std::int32_t sform_code : {1, 0}) {
+    patch<std::int32_t>(file("second.nii"), 348, sform_code);
+    std::vector<std::string> warnings;
+    expect_same(segmentation::read_nifti(file("second.nii"), warnings), stack, 1e-4);
+    EXPECT_THAT(warnings, testing::IsEmpty()) << sform_code;
+  }
+}
+
+/// An sform that is aligned to another scan may be scaled; the scanner's own form is not.
+TEST_F(NiftiTest, TheScannersOwnFormGoesBeforeAnAlignedOne) {
+  const auto path = sound();
+  patch<std::int16_t>(path, 252, 1);
+  patch<std::int16_t>(path, 254, 2);
+  std::string bytes = read_file(path);
+  for (std::size_t row = 0; row < 3; ++row)
+    for (std::size_t column = 0; column < 3; ++column) {
+      float value = 0;
+      std::memcpy(&value, bytes.data() + 280 + 16 * row + 4 * column, 4);
+      patch<float>(path, 280 + 16 * row + 4 * column, 1.05F * value);
+    }
+  std::vector<std::string> warnings;
+  expect_same(segmentation::read_nifti(path, warnings), oblique_stack({0, 1, 2, 3}), 1e-4);
+  EXPECT_THAT(warnings, testing::Contains(testing::HasSubstr("the qform is used, the scanner's own")));
+  patch<std::int16_t>(path, 254, 1);  // both the scanner's: one of them is wrong
+  warnings.clear();
+  EXPECT_NEAR(segmentation::read_nifti(path, warnings).slice_thickness_mm, 2.1, 1e-5);
+  EXPECT_THAT(warnings, testing::Contains(testing::HasSubstr("lengths are wrong by up to 5 %")));
+}
+
+TEST_F(NiftiTest, SaysWhereValuesAreLabelsOrStatistics) {
+  const auto path = sound();
+  for (const auto& [code, is_image] :
+       {std::pair<std::int16_t, bool>{0, true}, {1002, false}, {5, false}, {2001, true}}) {
+    patch<std::int16_t>(path, 68, code);
+    std::vector<std::string> warnings;
+    segmentation::read_nifti(path, warnings);
+    EXPECT_EQ(warnings.empty(), is_image) << code;
+  }
+}
+
 TEST_F(NiftiTest, IsRasPlus) {
   // The first voxel's LPS (-40, -70, 30) is RAS (40, 70, 30).
   const std::string bytes = read_file(sound());

@@ -73,6 +73,53 @@ TEST_F(Subjects, AreAsOldAsToldWhereDatesContradict) {
   EXPECT_THAT(told("19860101", "20260101", "089Y").warnings, contradicts);
 }
 
+/// Anonymisers may shift the one and forget the other.
+TEST_F(Subjects, ADateOfTheStudyThatIsNotTheAcquisitionsIsTold) {
+  const auto contradicts =
+      Contains(HasSubstr("(0008,0020) StudyDate contradicts (0008,0022) AcquisitionDate"));
+  series_.set_all(DCM_AcquisitionDate, "20160101");
+  EXPECT_THAT(told("19870412", "20260101").warnings, contradicts);
+  EXPECT_THAT(told("19870412", "20160103").warnings, Not(contradicts));
+}
+
+/// Two series under one StudyInstanceUID.
+TEST_F(IntakeTest, SeriesOfTwoPeopleOrVisitsUnderOneStudyAreNotUsedTogether) {
+  struct Case {
+    DcmTagKey tag;
+    const char *one, *other, *named;
+    bool differs;
+  };
+  for (const Case& c : {Case{DCM_PatientSex, "F", "M", "(0010,0040)", true},
+                        Case{DCM_PatientAge, "038Y", "041Y", "(0010,1010)", true},
+                        Case{DCM_PatientAge, "038Y", "039Y", "(0010,1010)", false},
+                        Case{DCM_StudyDate, "20240503", "20270503", "(0008,0020)", true},
+                        Case{DCM_StudyDate, "20240503", "20240504", "(0008,0020)", false},
+                        Case{DCM_PatientName, "Doe^Jane", "OTHER^ANN", "(0010,0010)", true},
+                        Case{DCM_PatientName, "Doe^Jane", "SMITH^JANE", "(0010,0010)", false}}) {
+    GeneratedSeries one, other;
+    one.set_all(c.tag, c.one);
+    other.set_all(c.tag, c.other);
+    other.set_all(DCM_SeriesInstanceUID, "1.2.3.99");
+    for (int i = 0; i < GeneratedSeries::slices; ++i)
+      other.set(i, DCM_SOPInstanceUID, ("1.2.3.99." + std::to_string(i + 1)).c_str());
+    std::filesystem::create_directories(folder() / "a");
+    std::filesystem::create_directories(folder() / "b");
+    one.write(folder() / "a");
+    other.write(folder() / "b");
+    const auto found = inventory();
+    ASSERT_EQ(found.series.size(), 2U) << c.named;
+    EXPECT_EQ(found.contradictions.size(), c.differs ? 1U : 0U) << c.named << " " << c.other;
+    for (const auto& info : found.series) {
+      EXPECT_TRUE(info.usable) << info.reason;
+      const auto told = Contains(AllOf(HasSubstr(c.named), HasSubstr("they are not used together"),
+                                       Not(HasSubstr(c.one)), Not(HasSubstr(c.other))));
+      if (c.differs) {
+        EXPECT_THAT(info.warnings, told) << c.named;
+      }
+    }
+  }
+}
+
 TEST_F(IntakeTest, FilesThatDifferInThePatientOrTheDateAreNamed) {
   struct Case {
     DcmTagKey tag;
