@@ -15,21 +15,33 @@ namespace {
 
 constexpr Tag names[] = {tag::patient_name,       tag::other_patient_names,  tag::patient_birth_name,
                          tag::mothers_birth_name, tag::referring_physician,  tag::performing_physician,
-                         tag::reading_physician,  tag::requesting_physician, tag::operators_name};
+                         tag::reading_physician,  tag::requesting_physician, tag::operators_name,
+                         tag::responsible_person, tag::consulting_physician};
 /// Of these a word alone tells nothing: an eye hospital's is "eye".
-constexpr Tag whole_texts[] = {tag::patient_id,           tag::other_patient_ids, tag::accession_number,
-                               tag::issuer_of_patient_id, tag::institution_name,  tag::station_name,
-                               tag::patient_address};
+constexpr Tag whole_texts[] = {tag::patient_id,           tag::other_patient_ids,      tag::accession_number,
+                               tag::issuer_of_patient_id, tag::institution_name,       tag::station_name,
+                               tag::patient_address,      tag::medical_record_locator, tag::trial_subject_id,
+                               tag::trial_reading_id,     tag::department_name};
 /// Of these the short ones are numbers like any other ("1", "100"), and what has no digit is a word ("HEAD").
-constexpr Tag numbers[] = {tag::study_id, tag::admission_id, tag::patient_telephone,
-                           tag::device_serial_number};
-constexpr Tag dates[] = {tag::patient_birth_date, tag::study_date};
+constexpr Tag numbers[] = {tag::study_id,
+                           tag::admission_id,
+                           tag::patient_telephone,
+                           tag::device_serial_number,
+                           tag::placer_order_number,
+                           tag::filler_order_number,
+                           tag::requested_procedure_id,
+                           tag::performed_step_id};
+constexpr Tag dates[] = {tag::patient_birth_date, tag::study_date, tag::series_date, tag::acquisition_date};
 /// What operators type; the other texts that are kept are terms of the standard.
 constexpr Tag free_texts[] = {tag::body_part, tag::stack_id, tag::sequence_name};
 /// Lists of terms to which scanners and people add their own.
 constexpr Tag types[] = {tag::image_type, tag::frame_type};
 
-constexpr std::size_t shortest_name = 3, shortest_number = 3, telling_digits = 5, shortest_date = 6;
+/// Of a part of a name alone, and of one beside another: "LI" and "AX" are words of protocols, "NG LI" is a person.
+constexpr std::size_t shortest_name = 3, shortest_in_pair = 2;
+/// Family, given and middle name, prefix and suffix stand together in any order.
+constexpr std::size_t parts_of_name = 5;
+constexpr std::size_t shortest_number = 3, telling_digits = 5, shortest_date = 6;
 /// Signs of a date's month, and between its numbers: "3 de setembro de 1985", "3 tháng 7 năm 1985".
 constexpr std::size_t shortest_month = 3, widest_month = 20, widest_between_numbers = 8;
 
@@ -58,7 +70,8 @@ std::u32string without_marks(gunichar letter, const char* spelling) {
   letter = g_unichar_tolower(letter);
   std::array<gunichar, G_UNICHAR_MAX_DECOMPOSITION_LENGTH> parts{};
   g_unichar_fully_decompose(letter, FALSE, parts.data(), parts.size());
-  std::u32string plain(1, static_cast<char32_t>(parts[0]));
+  // A Korean syllable falls apart into letters, none of which is a mark.
+  std::u32string plain(1, static_cast<char32_t>(g_unichar_isalpha(parts[1]) ? letter : parts[0]));
   std::string spelt;
   for (const Stroked& one : stroked)
     if (one.letter == letter) {
@@ -122,6 +135,40 @@ std::vector<std::u32string> runs_of(const std::u32string& letters, const Test& h
 bool is_letter(char32_t letter) { return g_unichar_isalpha(letter); }
 bool is_digit(char32_t letter) { return letter >= U'0' && letter <= U'9'; }
 bool is_letter_or_digit(char32_t letter) { return g_unichar_isalnum(letter); }
+
+/// Of a script whose words are of several letters: there a name begins and ends where a word does.
+bool is_spelling_letter(char32_t letter) { return is_letter(letter) && !g_unichar_iswide(letter); }
+
+/// The runs of letters as they are written.
+std::vector<std::string> words_of(const std::string& text) {
+  const Folded folded = fold(text);
+  std::vector<std::string> words;
+  for (std::size_t first = 0; first < folded.letters.size(); ++first) {
+    std::size_t end = first;
+    while (end < folded.letters.size() && is_letter(folded.letters[end])) ++end;
+    if (end > first)
+      words.push_back(text.substr(folded.starts[first], folded.ends[end - 1] - folded.starts[first]));
+    first = end;
+  }
+  return words;
+}
+
+/// Letters of a part of a name, one more where each is a word: many a Chinese or Korean name has two.
+std::size_t length_of_name(const std::string& part) {
+  const std::u32string letters = fold(part).letters;
+  return letters.size() + (g_unichar_iswide(letters[0]) ? 1 : 0);
+}
+
+void add_spellings(const std::string& text, std::set<std::u32string>& terms) {
+  for (const char* spelling : spellings) terms.insert(fold(text, spelling).letters);
+}
+
+/// Whether a run of what a test holds for goes on across a place, nothing having been dropped there.
+template <typename Test>
+bool goes_on(const Folded& text, std::size_t at, const Test& holds) {
+  return at > 0 && at < text.letters.size() && text.ends[at - 1] >= text.starts[at] &&
+         holds(text.letters[at - 1]) && holds(text.letters[at]);
+}
 
 /// What is left where what stands between letters and digits is dropped.
 Folded unpunctuated(const Folded& text) {
@@ -202,7 +249,8 @@ std::vector<std::pair<std::size_t, std::size_t>> written_dates(const std::u32str
   return places;
 }
 
-/// Words of image types by which images are judged: they stay, whoever is called Norm or Map.
+/// Whether a value has words of image types by which images are judged, and short ones at most besides: it stays,
+/// whoever is called Norm or Map.
 bool is_term_of_types(const std::string& value) {
   static const std::set<std::u32string> terms{
       U"original", U"derived",    U"primary",  U"secondary", U"none",       U"norm",      U"dis2d",
@@ -214,22 +262,25 @@ bool is_term_of_types(const std::string& value) {
       U"cbv",      U"rcbf",       U"rcbv",     U"relcbf",    U"relcbv",     U"mtt",       U"rmtt",
       U"relmtt",   U"ttp",        U"sub",      U"subtract",  U"subtraction"};
   const auto words = runs_of(fold(value).letters, is_letter_or_digit);
-  return std::all_of(words.begin(), words.end(),
-                     [](const auto& word) { return word.size() < shortest_name || terms.count(word) > 0; });
+  const auto is_term = [](const auto& word) { return terms.count(word) > 0; };
+  return std::any_of(words.begin(), words.end(), is_term) &&
+         std::all_of(words.begin(), words.end(),
+                     [&](const auto& word) { return word.size() < shortest_name || is_term(word); });
 }
 
 }  // namespace
 
 void Identity::add_name(const std::string& name) {
-  const Folded folded = fold(name);
-  for (std::size_t first = 0; first < folded.letters.size(); ++first) {
-    std::size_t end = first;
-    while (end < folded.letters.size() && is_letter(folded.letters[end])) ++end;
-    if (end - first >= (g_unichar_iswide(folded.letters[first]) ? 2 : shortest_name)) {
-      const std::string part = name.substr(folded.starts[first], folded.ends[end - 1] - folded.starts[first]);
-      for (const char* spelling : spellings) terms_.insert(fold(part, spelling).letters);
+  const std::vector<std::string> parts = words_of(name);
+  for (std::size_t i = 0; i < parts.size(); ++i) {
+    const std::size_t length = length_of_name(parts[i]);
+    if (length >= shortest_name) add_spellings(parts[i], terms_);
+    for (std::size_t j = i + 1; j < std::min(i + parts_of_name, parts.size()); ++j) {
+      const std::size_t shorter = std::min(length, length_of_name(parts[j]));
+      if (shorter < shortest_in_pair || shorter >= shortest_name) continue;
+      add_spellings(parts[i] + parts[j], pairs_);
+      add_spellings(parts[j] + parts[i], pairs_);
     }
-    first = end;
   }
 }
 
@@ -303,23 +354,23 @@ void Identity::add(const ImageHeader& header) {
 
 std::string Identity::removed_from(const std::string& text) const {
   std::vector<bool> covered(text.size(), false);
-  const auto digit_at = [&](std::size_t at) {
-    return at < text.size() && is_digit(static_cast<unsigned char>(text[at]));
-  };
-  const auto cover = [&](const Folded& written, const std::set<std::u32string>& terms, bool whole_numbers) {
+  const auto cover = [&](const Folded& written, const std::set<std::u32string>& terms, const auto& of_run) {
     for (const auto& term : terms)
       for (auto at = written.letters.find(term); at != std::u32string::npos;
            at = written.letters.find(term, at + 1)) {
-        const std::size_t from = written.starts[at], to = written.ends[at + term.size() - 1];
-        const bool begins_inside = from > 0 && digit_at(from - 1) && digit_at(from);
-        if (whole_numbers && (begins_inside || (digit_at(to - 1) && digit_at(to)))) continue;
-        std::fill(covered.begin() + static_cast<std::ptrdiff_t>(from),
-                  covered.begin() + static_cast<std::ptrdiff_t>(to), true);
+        const std::size_t end = at + term.size();
+        if (goes_on(written, at, of_run) || goes_on(written, end, of_run)) continue;
+        std::fill(covered.begin() + static_cast<std::ptrdiff_t>(written.starts[at]),
+                  covered.begin() + static_cast<std::ptrdiff_t>(written.ends[end - 1]), true);
       }
   };
-  for (const char* spelling : spellings) cover(fold(text, spelling), terms_, false);
+  for (const char* spelling : spellings) {
+    const Folded written = fold(text, spelling);
+    cover(written, terms_, [](char32_t) { return false; });
+    cover(unpunctuated(written), pairs_, is_spelling_letter);
+  }
   const Folded plain = fold(text);
-  cover(unpunctuated(plain), punctuated_, true);
+  cover(unpunctuated(plain), punctuated_, is_digit);
   for (const auto& date : dates_)
     for (const auto& [first, end] : written_dates(plain.letters, date))
       std::fill(covered.begin() + static_cast<std::ptrdiff_t>(plain.starts[first]),

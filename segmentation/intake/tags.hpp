@@ -25,11 +25,13 @@ inline constexpr Tag series_date{0x0008, 0x0021, "SeriesDate"};
 inline constexpr Tag acquisition_date{0x0008, 0x0022, "AcquisitionDate"};
 inline constexpr Tag study_time{0x0008, 0x0030, "StudyTime"};
 inline constexpr Tag referring_physician{0x0008, 0x0090, "ReferringPhysicianName"};
+inline constexpr Tag consulting_physician{0x0008, 0x009c, "ConsultingPhysicianName"};
 inline constexpr Tag study_description{0x0008, 0x1030, "StudyDescription"};
 inline constexpr Tag accession_number{0x0008, 0x0050, "AccessionNumber"};
 inline constexpr Tag modality{0x0008, 0x0060, "Modality"};
 inline constexpr Tag institution_name{0x0008, 0x0080, "InstitutionName"};
 inline constexpr Tag station_name{0x0008, 0x1010, "StationName"};
+inline constexpr Tag department_name{0x0008, 0x1040, "InstitutionalDepartmentName"};
 inline constexpr Tag performing_physician{0x0008, 0x1050, "PerformingPhysicianName"};
 inline constexpr Tag reading_physician{0x0008, 0x1060, "NameOfPhysiciansReadingStudy"};
 inline constexpr Tag operators_name{0x0008, 0x1070, "OperatorsName"};
@@ -51,10 +53,14 @@ inline constexpr Tag patient_size{0x0010, 0x1020, "PatientSize"};
 inline constexpr Tag patient_weight{0x0010, 0x1030, "PatientWeight"};
 inline constexpr Tag patient_address{0x0010, 0x1040, "PatientAddress"};
 inline constexpr Tag mothers_birth_name{0x0010, 0x1060, "PatientMotherBirthName"};
+inline constexpr Tag medical_record_locator{0x0010, 0x1090, "MedicalRecordLocator"};
 inline constexpr Tag patient_telephone{0x0010, 0x2154, "PatientTelephoneNumbers"};
 inline constexpr Tag patient_species{0x0010, 0x2201, "PatientSpeciesDescription"};
 inline constexpr Tag ethnic_group{0x0010, 0x2160, "EthnicGroup"};
+inline constexpr Tag responsible_person{0x0010, 0x2297, "ResponsiblePerson"};
 inline constexpr Tag patient_comments{0x0010, 0x4000, "PatientComments"};
+inline constexpr Tag trial_subject_id{0x0012, 0x0040, "ClinicalTrialSubjectID"};
+inline constexpr Tag trial_reading_id{0x0012, 0x0042, "ClinicalTrialSubjectReadingID"};
 inline constexpr Tag identity_removed{0x0012, 0x0062, "PatientIdentityRemoved"};
 inline constexpr Tag deidentification_method{0x0012, 0x0063, "DeidentificationMethod"};
 inline constexpr Tag body_part{0x0018, 0x0015, "BodyPartExamined"};
@@ -113,6 +119,10 @@ inline constexpr Tag rescale_slope{0x0028, 0x1053, "RescaleSlope"};
 inline constexpr Tag modality_lut{0x0028, 0x3000, "ModalityLUTSequence"};
 inline constexpr Tag requesting_physician{0x0032, 0x1032, "RequestingPhysician"};
 inline constexpr Tag admission_id{0x0038, 0x0010, "AdmissionID"};
+inline constexpr Tag performed_step_id{0x0040, 0x0253, "PerformedProcedureStepID"};
+inline constexpr Tag requested_procedure_id{0x0040, 0x1001, "RequestedProcedureID"};
+inline constexpr Tag placer_order_number{0x0040, 0x2016, "PlacerOrderNumberImagingServiceRequest"};
+inline constexpr Tag filler_order_number{0x0040, 0x2017, "FillerOrderNumberImagingServiceRequest"};
 inline constexpr Tag private_creator_2005{0x2005, 0x0010, "PrivateCreator 2005"};
 inline constexpr Tag lossy_compression{0x0028, 0x2110, "LossyImageCompression"};
 inline constexpr Tag philips_scale_intercept{0x2005, 0x100d, "Philips ScaleIntercept"};
@@ -210,10 +220,15 @@ inline constexpr Tag of_data_set[] = {image_type,
                                       lossy_compression};
 
 /// Who and what else a free text may name (identity.hpp).
-inline constexpr Tag of_identity[] = {
-    institution_name,     station_name,   referring_physician, performing_physician, reading_physician,
-    requesting_physician, operators_name, mothers_birth_name,  patient_address,      patient_telephone,
-    issuer_of_patient_id, study_id,       admission_id,        device_serial_number};
+inline constexpr Tag of_identity[] = {institution_name,     station_name,           referring_physician,
+                                      performing_physician, reading_physician,      requesting_physician,
+                                      operators_name,       mothers_birth_name,     patient_address,
+                                      patient_telephone,    issuer_of_patient_id,   study_id,
+                                      admission_id,         device_serial_number,   responsible_person,
+                                      consulting_physician, medical_record_locator, trial_subject_id,
+                                      trial_reading_id,     department_name,        placer_order_number,
+                                      filler_order_number,  requested_procedure_id, performed_step_id,
+                                      series_date,          acquisition_date};
 
 /// Read besides where a header alone is asked for: what objects of the same study must repeat.
 inline constexpr Tag of_study[] = {study_time,       study_description, patient_birth_time,

@@ -82,6 +82,33 @@ TEST(Identity, LeavesWhatOnlyResemblesIt) {
   kept("", "", "19850703", "0.3 mm, 1985 ms");
 }
 
+TEST(Identity, PartsTooShortToTellAloneAreTakenOutWhereTheyStandTogether) {
+  const auto removed = [](const char* name, const std::string& text) {
+    EXPECT_EQ(of_patient(name, "", "").removed_from("T2 " + text + " orbit"), "T2 [removed] orbit")
+        << name << ": " << text;
+  };
+  for (const char* text : {"\u738b\u4f1f", "\u738b \u4f1f", "\u4f1f^\u738b"}) {
+    removed("\u738b^\u4f1f", text);
+    removed("Wang^Wei=\u738b^\u4f1f", text);
+  }
+  removed("\u91d1^\u4fca=\uae40^\uc900", "\uae40\uc900");
+  removed("\u91d1^\u4fca=\uae40^\uc900", "\u91d1\u4fca");
+  removed("\u68ee^\u5065", "\u68ee\u5065");
+  removed("\u738b^\u5c0f\u4e1c", "\u738b\u5c0f\u4e1c");
+  for (const char* text : {"NG LI", "li, ng", "Ng^Li", "NgLi"}) removed("Ng^Li", text);
+  for (const char* text : {"WU^JO", "Jo Wu", "WU_JO"}) removed("Wu^Jo", text);
+  removed("Ng^Li^Jo", "li jo ng");
+  removed("Hudson^Jo", "JO HUDSON");
+}
+
+TEST(Identity, ShortPartsOfANameAreWordsOfProtocolsWhereTheyStandAlone) {
+  for (const char* text : {"T2 AX LI TSE", "t1 li orbit", "NG T1 LI", "English", "sing li"})
+    EXPECT_EQ(of_patient("Ng^Li", "", "").removed_from(text), text);
+  EXPECT_EQ(of_patient("\u738b^\u4f1f", "", "").removed_from("\u738b T2"), "\u738b T2");
+  // Syllables that begin with the same letters.
+  EXPECT_EQ(of_patient("\uae40\uc900", "", "").removed_from("\uac00\uc871 T2"), "\uac00\uc871 T2");
+}
+
 TEST(Identity, EveryOfSeveralNumbersIsTakenOut) {
   ImageHeader header;
   header.data_set = {{"OtherPatientIDs", "AB-12 \\ CD34"}};
@@ -141,13 +168,40 @@ TEST_F(IntakeTest, DescriptionsNameNeitherFamilyNorNumbersOfTheVisit) {
             "T2 [removed] [removed] [removed] [removed] [removed] [removed] [removed] [removed]");
 }
 
+TEST_F(IntakeTest, DescriptionsNameNeitherGuardianNorTrialNorOrder) {
+  GeneratedSeries series;
+  for (const auto& [tag, value] : {std::pair{DCM_ResponsiblePerson, "Holmes^Mycroft"},
+                                   {DCM_ConsultingPhysicianName, "Lestrade^G"},
+                                   {DCM_RETIRED_MedicalRecordLocator, "LOCATOR-77"},
+                                   {DCM_ClinicalTrialSubjectID, "SUBJ-0042"},
+                                   {DCM_ClinicalTrialSubjectReadingID, "READ-0043"},
+                                   {DCM_PlacerOrderNumberImagingServiceRequest, "PLC123456"},
+                                   {DCM_FillerOrderNumberImagingServiceRequest, "FIL-654321"},
+                                   {DCM_RequestedProcedureID, "RP-10017"},
+                                   {DCM_PerformedProcedureStepID, "PPS20018"},
+                                   {DCM_InstitutionalDepartmentName, "Orbital Radiology"},
+                                   {DCM_AcquisitionDate, "20240504"},
+                                   {DCM_SeriesDate, "20240505"}})
+    series.set_all(tag, value);
+  series.set_all(
+      DCM_SeriesDescription,
+      "holmes, LESTRADE, locator 77, subj0042, read-0043, plc123456, fil654321, rp10017, pps-20018, "
+      "orbital radiology, 4 May 2024, 2024-05-05");
+  series.write(folder());
+  EXPECT_EQ(only_series().description,
+            "[removed], [removed], [removed], [removed], [removed], [removed], [removed], [removed], "
+            "[removed], [removed], [removed], [removed]");
+}
+
 TEST_F(IntakeTest, ShortNumbersAndWordsInTheirPlaceAreLeft) {
   GeneratedSeries series;
   series.set_all(DCM_StudyID, "100");
   series.set_all(DCM_AdmissionID, "BRAIN");
-  series.set_all(DCM_SeriesDescription, "BRAIN TR 1000");
+  series.set_all(DCM_RequestedProcedureID, "1");
+  series.set_all(DCM_PerformedProcedureStepID, "12");
+  series.set_all(DCM_SeriesDescription, "BRAIN TR 1000 3D 12ch");
   series.write(folder());
-  EXPECT_EQ(only_series().description, "BRAIN TR 1000");
+  EXPECT_EQ(only_series().description, "BRAIN TR 1000 3D 12ch");
 }
 
 TEST_F(IntakeTest, ImageTypesNameNobodyAndKeepTheirTerms) {
@@ -159,6 +213,7 @@ TEST_F(IntakeTest, ImageTypesNameNobodyAndKeepTheirTerms) {
     return only_series().image_type;
   };
   EXPECT_EQ(type("Doyle^Arthur", "ORIGINAL\\PRIMARY\\M\\DOYLE_T2"), "ORIGINAL\\PRIMARY\\M\\[removed]_T2");
+  EXPECT_EQ(type("Ng^Li", "ORIGINAL\\PRIMARY\\M\\NG_LI"), "ORIGINAL\\PRIMARY\\M\\[removed]");
   // Names that are parts of terms, or terms.
   EXPECT_EQ(type("M^Mary^Norm", "ORIGINAL\\PRIMARY\\M\\NORM\\MARY"), "ORIGINAL\\PRIMARY\\M\\NORM\\[removed]");
 }
