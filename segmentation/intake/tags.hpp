@@ -220,15 +220,13 @@ inline constexpr Tag of_data_set[] = {image_type,
                                       lossy_compression};
 
 /// Who and what else a free text may name (identity.hpp).
-inline constexpr Tag of_identity[] = {institution_name,     station_name,           referring_physician,
-                                      performing_physician, reading_physician,      requesting_physician,
-                                      operators_name,       mothers_birth_name,     patient_address,
-                                      patient_telephone,    issuer_of_patient_id,   study_id,
-                                      admission_id,         device_serial_number,   responsible_person,
-                                      consulting_physician, medical_record_locator, trial_subject_id,
-                                      trial_reading_id,     department_name,        placer_order_number,
-                                      filler_order_number,  requested_procedure_id, performed_step_id,
-                                      series_date,          acquisition_date};
+inline constexpr Tag of_identity[] = {
+    institution_name,       station_name,         referring_physician,    performing_physician,
+    reading_physician,      requesting_physician, operators_name,         mothers_birth_name,
+    patient_address,        patient_telephone,    issuer_of_patient_id,   study_id,
+    admission_id,           device_serial_number, responsible_person,     consulting_physician,
+    medical_record_locator, trial_subject_id,     trial_reading_id,       department_name,
+    placer_order_number,    filler_order_number,  requested_procedure_id, performed_step_id};
 
 /// Read besides where a header alone is asked for: what objects of the same study must repeat.
 inline constexpr Tag of_study[] = {study_time,       study_description, patient_birth_time,
