@@ -13,6 +13,7 @@
 #include "pipeline/base/parallel.hpp"
 #include "pipeline/eye/population/limits.hpp"
 #include "segmentation/finding/find_eyes.hpp"
+#include "segmentation/finding/mirrored_stacks.hpp"
 #include "segmentation/fit/both_eyes.hpp"
 #include "segmentation/judgement/fellow_eye.hpp"
 #include "segmentation/judgement/lost_slice_gate.hpp"
@@ -240,6 +241,7 @@ StageVerdict segment_study(const SegmentOptions& options, const CommonOptions& c
 
   FoundEyes found = find_eyes_in(images, common.laterality);
   warn_of_stored_again(found, stacks, workspace);
+  require_no_mirrored_stack(found, stacks);
   std::vector<JudgedEye> eyes;
   const bool is_seen = std::any_of(found.eyes.begin(), found.eyes.end(), [&](const FoundEye& eye) {
     return includes(common.laterality, eye.laterality);
