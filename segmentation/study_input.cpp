@@ -84,15 +84,12 @@ void require_one_study(const std::vector<const SeriesInfo*>& chosen) {
                     "give the folder of one study, or choose series of one with --series");
 }
 
-/// Nor are those of which one header says that they are of another person or visit.
+/// Nor are those of one study whose headers say so.
 void require_one_visit(const StudyInventory& inventory, const std::vector<const SeriesInfo*>& chosen) {
-  const auto is_chosen = [&](const std::string& uid) {
-    return std::any_of(chosen.begin(), chosen.end(),
-                       [&](const SeriesInfo* info) { return info->uid == uid; });
-  };
-  for (const SeriesContradiction& two : inventory.contradictions)
-    if (is_chosen(two.uid) && is_chosen(two.other_uid))
-      throw input_error(two.reason, "give the study of one, or choose its series with --series");
+  for (auto one = chosen.begin(); one != chosen.end(); ++one)
+    for (auto other = std::next(one); other != chosen.end(); ++other)
+      if (const std::string reason = inventory.contradiction(**one, **other); !reason.empty())
+        throw input_error(reason, "give the study of one visit, or choose its series with --series");
 }
 
 /// Names of the series that are NIfTI volumes, or of the others.

@@ -1,5 +1,6 @@
 #include "raytrace/wavefront/seen_pupil.hpp"
 
+#include "pipeline/base/error.hpp"
 #include "pipeline/base/frames.hpp"
 #include "pipeline/eye/optics/paraxial.hpp"
 #include "raytrace/wavefront/retinal_pencil.hpp"
@@ -7,8 +8,12 @@
 namespace emmetrope::raytrace {
 
 double seen_pupil_area_mm2(const EyeModel& eye, double wavelength_nm) {
-  const RetinalPencil pencil(eye, wavelength_nm, {0, 0});
-  if (pencil.has_stop()) return pencil.rim().area_mm2();
+  try {
+    const RetinalPencil pencil(eye, wavelength_nm, {0, 0});
+    if (pencil.has_stop()) return pencil.rim().area_mm2();
+  } catch (const Error& error) {
+    if (error.status() != ExitStatus::no_result) throw;
+  }
   const double diameter_mm = entrance_pupil(eye, wavelength_nm).diameter_mm;
   return pi * diameter_mm * diameter_mm / 4;
 }

@@ -158,6 +158,8 @@ PupilRim pupil_rim(const EyeModel& eye, const RetinalPencil& pencil, const Wavef
 
 }  // namespace
 
+constexpr double largest_pupil_mm = 100;
+
 double Wavefront::rms_beyond_order_um(int order) const {
   return fit_zernike(rays, pupil_mm / 2, order).residual_rms_um;
 }
@@ -217,6 +219,10 @@ Wavefront measure_wavefront(const EyeModel& eye, const WavefrontSettings& settin
   result.rim = pupil_rim(eye, pencil, settings, pupil.diameter_mm);
   const double radius_mm = result.rim.largest_mm();
   result.pupil_mm = 2 * radius_mm;
+  if (result.pupil_mm > largest_pupil_mm)
+    throw no_result_error(
+        fmt::format("through what it wears the eye's pupil is seen {:.0f} mm wide: its focus lies nearby",
+                    result.pupil_mm));
   result.pupil_centre_mm = pencil.centre().head<2>();
   result.tangential = pencil.tangential();
   const std::optional<PlaneCrossing> chief = pencil.through({0, 0});

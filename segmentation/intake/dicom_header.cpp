@@ -11,6 +11,7 @@
 #include <cmath>
 #include <fstream>
 #include <optional>
+#include <regex>
 
 #include "pipeline/base/clean_text.hpp"
 #include "pipeline/base/error.hpp"
@@ -40,10 +41,8 @@ Guess guess_format(const std::filesystem::path& file) {
 }
 
 std::string what_else(const std::filesystem::path& file) {
-  std::string start(4, '\0');
-  std::ifstream(file, std::ios::binary).read(start.data(), 4);
-  const bool is_packed = start == "PK\3\4" || start.substr(0, 2) == "\x1F\x8B" || start == "7z\xBC\xAF";
-  return is_packed ? "an archive: unpack it" : "not a DICOM file";
+  static const std::regex packed(R"(.*\.(zip|tar|tgz|gz|7z|rar))", std::regex::icase);
+  return std::regex_match(file.filename().string(), packed) ? "an archive: unpack it" : "not a DICOM file";
 }
 
 bool is_text(DcmEVR vr) {
@@ -194,13 +193,13 @@ void read_frame(DcmItem& groups, TagValues& values) {
   for (const auto& [macro, attribute] : tag::of_frames) read_attribute(groups, macro, attribute, values);
 }
 
-/// "0.80\\0.80" is "0.8\\0.8".
+/// As far as it matters: exporters round, and write -0 or 2e-10 for 0.
 bool is_same_value(const std::string& one, const std::string& other) {
   const auto parts = split_values(one), others = split_values(other);
   return std::equal(parts.begin(), parts.end(), others.begin(), others.end(),
                     [](const std::string& a, const std::string& b) {
                       const auto x = parse_number(a), y = parse_number(b);
-                      return a == b || (x && y && std::abs(*x - *y) <= 1e-6 * std::abs(*x));
+                      return a == b || (x && y && std::abs(*x - *y) <= 1e-3 * (1 + std::abs(*x)));
                     });
 }
 
@@ -209,7 +208,7 @@ bool is_same_value(const std::string& one, const std::string& other) {
 void require_one_place(const TagValues& shared, const TagValues& own) {
   for (const Tag& tag :
        {tag::image_orientation, tag::image_position, tag::pixel_spacing, tag::slice_thickness,
-        tag::rescale_slope, tag::rescale_intercept, tag::frame_laterality}) {
+        tag::spacing_between_slices, tag::rescale_slope, tag::rescale_intercept}) {
     const auto for_all = shared.find(tag.keyword), of_frame = own.find(tag.keyword);
     if (for_all != shared.end() && of_frame != own.end() && !is_same_value(for_all->second, of_frame->second))
       throw input_error(fmt::format("{} is {} in the shared functional groups and {} in those of a frame",

@@ -21,7 +21,7 @@ constexpr Tag names[] = {tag::patient_name,       tag::other_patient_names,  tag
 constexpr Tag whole_texts[] = {tag::patient_id,           tag::other_patient_ids,      tag::accession_number,
                                tag::issuer_of_patient_id, tag::institution_name,       tag::station_name,
                                tag::patient_address,      tag::medical_record_locator, tag::trial_subject_id,
-                               tag::trial_reading_id,     tag::department_name};
+                               tag::trial_reading_id};
 /// Of these the short ones are numbers like any other ("1", "100"), and what has no digit is a word ("HEAD").
 constexpr Tag numbers[] = {tag::study_id,
                            tag::admission_id,

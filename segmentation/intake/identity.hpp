@@ -13,7 +13,7 @@ namespace emmetrope::segmentation {
 class Identity {
  public:
   /// Notes names of patient, mother, responsible person, physicians and operators, numbers of patient, record, trial
-  /// subject, accession, study, admission, order, procedure, telephone and device, address, institution, department,
+  /// subject, accession, study, admission, order, procedure, telephone and device, address, institution,
   /// station and who issued the patient's number, the dates of birth, study, series and acquisition.
   void add(const ImageHeader& header);
   /// The text with "[removed]" in place of each part of a name (3 letters or more; 2 where letters are words; one

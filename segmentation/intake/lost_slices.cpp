@@ -33,11 +33,7 @@ std::vector<int> find_lost_slices(const Stack& stack) {
   const auto first = std::find_if(slices.begin(), slices.end(), shows_something);
   const auto last = std::find_if(slices.rbegin(), slices.rend(), shows_something).base();
   std::vector<int> lost;
-  struct Seen {
-    int number;
-    Eigen::ArrayXf values;
-  };
-  std::multimap<double, Seen> by_skewness;  // whole slices are compared only where it is about the same
+  std::multimap<double, int> by_skewness;  // whole slices are compared only where it is about the same
   for (auto slice = first; slice < last; ++slice) {
     const auto number = static_cast<int>(slice - slices.begin());
     if (!shows_something(*slice)) {
@@ -49,8 +45,9 @@ std::vector<int> find_lost_slices(const Stack& stack) {
     const double unlike = 1e-3 * (1 + std::abs(skewness));
     const auto end = by_skewness.upper_bound(skewness + unlike);
     for (auto other = by_skewness.lower_bound(skewness - unlike); other != end; ++other)
-      if (are_copies(values, other->second.values)) lost.insert(lost.end(), {other->second.number, number});
-    by_skewness.emplace(skewness, Seen{number, values});
+      if (are_copies(values, standardised(slices[static_cast<std::size_t>(other->second)])))
+        lost.insert(lost.end(), {other->second, number});
+    by_skewness.emplace(skewness, number);
   }
   std::sort(lost.begin(), lost.end());
   lost.erase(std::unique(lost.begin(), lost.end()), lost.end());

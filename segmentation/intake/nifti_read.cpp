@@ -217,19 +217,29 @@ double mm_of_unit(const Header& header, const std::string& name) {
 /// Whether a form's coordinates are Talairach's, MNI's or another template's.
 bool is_of_template(int form_code) { return form_code >= 3; }
 
-/// The form that is nearer to the scanner: its own coordinates (1), those of another scan (2), a template's (3 and more);
-/// what was aligned may have been scaled. Of two alike the sform.
+/// Largest relative difference of the voxels' sides in the sform from pixdim, which is the qform's; 0 where that is none.
+double sides_differ_by(const Header& header) {
+  const Eigen::Vector3d told(header.pixdim[1], header.pixdim[2], header.pixdim[3]),
+      used = header.sform.topLeftCorner<3, 3>().colwise().norm().transpose();
+  return told.minCoeff() > 0 && told.allFinite() ? (used.array() / told.array() - 1).abs().maxCoeff() : 0;
+}
+constexpr double same_side = 0.01;
+
+/// The sform, where there is one; but the scanner's own qform before a template's, and before one that is aligned to
+/// another scan (2) and scaled.
 bool uses_sform(const Header& header) {
-  const auto far_from_scanner = [](int code) { return std::min(code, 3); };
-  return header.sform_code > 0 && (header.qform_code <= 0 || far_from_scanner(header.sform_code) <=
-                                                                 far_from_scanner(header.qform_code));
+  if (header.sform_code <= 0 || header.qform_code <= 0) return header.sform_code > 0;
+  const bool is_templates = is_of_template(header.sform_code) && !is_of_template(header.qform_code);
+  const bool is_scaled =
+      header.sform_code == 2 && header.qform_code == 1 && sides_differ_by(header) > same_side;
+  return !is_templates && !is_scaled;
 }
 
-/// NIfTI's intent codes (nifti1.h) name statistics (2 to 24) and estimates, labels, vectors and shapes (1001 to 1011), whose
+/// NIfTI's intent codes (nifti1.h) name statistics (2 to 24) and estimates, labels, vectors and shapes (1001 to 1010), whose
 /// values are no signal. Labels that are given as such have them by right.
 void judge_intent(const Header& header, const std::string& name, std::vector<std::string>& warnings) {
   const int code = header.intent;
-  if ((code >= 2 && code <= 24) || (code >= 1001 && code <= 1011))
+  if ((code >= 2 && code <= 24) || (code >= 1001 && code <= 1010))
     warnings.push_back(fmt::format(
         "{}: intent_code is {}, a statistic's, a label's or a map's, which is no image", name, code));
 }
@@ -249,12 +259,12 @@ bool compare_forms(const Header& header, double to_mm, const std::string& name,
   const double distance =
       to_mm * std::max((difference * far).head<3>().norm(), difference.col(3).head<3>().norm());
   if (distance < 0.1) return true;
-  warnings.push_back(
-      fmt::format("{}: sform and qform differ by {:.2f} mm; the {}", name, distance,
-                  uses_sform(header) ? "sform is used"
-                  : is_of_template(header.sform_code)
-                      ? "qform is used, as the sform is a template's"
-                      : "qform is used, the scanner's own; the sform is aligned to another scan"));
+  warnings.push_back(fmt::format(
+      "{}: sform and qform differ by {:.2f} mm; the {}", name, distance,
+      uses_sform(header) ? "sform is used"
+      : is_of_template(header.sform_code)
+          ? "qform is used, as the sform is a template's"
+          : "qform is used, the scanner's own, as the sform is aligned to another scan and scaled"));
   return false;
 }
 
@@ -270,19 +280,17 @@ Eigen::Matrix4d affine_of(const Header& header, const std::string& name) {
   return affine;
 }
 
-/// Sides of the voxels, which are the qform's, that an sform contradicts.
+/// Sides of the voxels that an sform contradicts, which is used.
 void compare_voxel_sides(const Header& header, double to_mm, const std::string& name,
                          std::vector<std::string>& warnings) {
-  constexpr double same_side = 0.01;
+  const double difference = sides_differ_by(header);
+  if (difference <= same_side) return;
   const Eigen::Vector3d told = to_mm * Eigen::Vector3d(header.pixdim[1], header.pixdim[2], header.pixdim[3]),
                         used = to_mm * header.sform.topLeftCorner<3, 3>().colwise().norm().transpose();
-  const double difference = (used.array() / told.array() - 1).abs().maxCoeff();
-  const bool is_told = told.minCoeff() > 0 && told.allFinite();
-  if (is_told && difference > same_side)
-    warnings.push_back(fmt::format(
-        "{}: pixdim is {:.4g} x {:.4g} x {:.4g} mm, but voxels of the sform are {:.4g} x {:.4g} x {:.4g} mm; "
-        "the sform is used, and where pixdim is right lengths are wrong by up to {:.0f} %",
-        name, told.x(), told.y(), told.z(), used.x(), used.y(), used.z(), 100 * difference));
+  warnings.push_back(fmt::format(
+      "{}: pixdim is {:.4g} x {:.4g} x {:.4g} mm, but voxels of the sform are {:.4g} x {:.4g} x {:.4g} mm; "
+      "the sform is used, and where pixdim is right lengths are wrong by up to {:.0f} %",
+      name, told.x(), told.y(), told.z(), used.x(), used.y(), used.z(), 100 * difference));
 }
 
 /// What the codes of the forms say of lengths and sides.

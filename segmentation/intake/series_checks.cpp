@@ -84,13 +84,6 @@ void check_modality(const ScannedFile& file) {
     throw unsupported_error(found(file, tag::modality) + "; MR is required (--any-modality overrides)");
 }
 
-/// The prior, the schematic eyes and the limits are of people.
-void check_species(const ScannedFile& file) {
-  static const std::regex people("\\s*(|homo( sapiens)?|humans?)\\s*", std::regex::icase);
-  if (!std::regex_match(file.header.value(tag::patient_species), people))
-    throw unsupported_error(found(file, tag::patient_species) + "; the eyes of people are measured");
-}
-
 /// A storage class of the standard other than MR's. Vendors' own classes are judged by the modality.
 bool is_other_image(const std::string& sop_class) {
   return sop_class.rfind(uid::image_storage, 0) == 0 && sop_class != uid::mr_image &&
@@ -108,7 +101,6 @@ void check_kind(const Files& files, bool any_modality) {
     if (!header.has(tag::series_instance))
       throw input_error(found(file, tag::series_instance) + "; its series is unknown");
     if (!any_modality) check_modality(file);
-    check_species(file);
     if (!any_modality && is_other_image(sop_class))
       throw unsupported_error(found(file, tag::sop_class) +
                               ", a secondary capture or another modality's image; an MR image is required "

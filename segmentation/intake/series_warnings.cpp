@@ -264,6 +264,11 @@ void add_warnings(const std::vector<ScannedFile>& files, const std::vector<Serie
   warn_of_files(
       files, [](const auto& file) { return file.header.value(tag::lossy_compression) == "01"; },
       to_string(tag::lossy_compression) + " says that the image was compressed with loss", info);
+  static const std::regex people("|.*(human|homo|person|patient).*", std::regex::icase);
+  warn_of_files(
+      files,
+      [](const auto& file) { return !std::regex_match(file.header.value(tag::patient_species), people); },
+      to_string(tag::patient_species) + " names no human: priors, limits and reports are of people", info);
   if (!shows_head(info.body_part))
     info.warnings.push_back(to_string(tag::body_part) + " is " + in_quotes(info.body_part) +
                             ", not the head");

@@ -243,6 +243,17 @@ void warn_of_studies(std::vector<SeriesInfo>& series) {
           to_string(tag::study_instance), in_quotes(info.study_uid), studies.size()));
 }
 
+/// Of two people or visits under one StudyInstanceUID each series can be used, but not with the other's.
+void warn_of_visits(StudyInventory& inventory) {
+  for (auto& info : inventory.series)
+    for (const auto& other : inventory.series)
+      if (const std::string reason = inventory.contradiction(info, other);
+          info.usable && other.usable && !reason.empty()) {
+        info.warnings.push_back(reason + "; they are not used together, --series chooses");
+        break;
+      }
+}
+
 /// DICOM names its patient, NIfTI does not.
 void warn_of_volumes(std::vector<SeriesInfo>& series) {
   const bool has_dicom = std::any_of(series.begin(), series.end(),
@@ -355,25 +366,30 @@ StudyInventory read_inventory(const fs::path& study, const IntakeOptions& option
   if (const auto conflict = patients.conflict(); !conflict.empty())
     for (auto& info : inventory.series) refuse(info, conflict);
   inventory.subjects = patients.subjects();
-  inventory.contradictions = patients.contradictions();
-  for (const SeriesContradiction& two : inventory.contradictions)
-    for (auto& info : inventory.series)
-      if (info.usable && (info.uid == two.uid || info.uid == two.other_uid))
-        info.warnings.push_back(two.reason + ": they are not used together");
+  inventory.visits = patients.visits();
   warn_of_studies(inventory.series);
   warn_of_volumes(inventory.series);
 
   std::sort(inventory.series.begin(), inventory.series.end(), [](const SeriesInfo& a, const SeriesInfo& b) {
     return std::tie(a.number, a.uid) < std::tie(b.number, b.uid);
   });
-  for (std::size_t i = 0; i < inventory.series.size(); ++i) {
+  for (std::size_t i = 0; i < inventory.series.size(); ++i)
     inventory.series[i].name = fmt::format("stack{}", i + 1);
-    separate_file_names(inventory.series[i]);
-  }
+  warn_of_visits(inventory);
+  for (auto& info : inventory.series) separate_file_names(info);
   for (const SeriesChoice& choice : options.choices) inventory.find(choice.series);
   std::sort(inventory.skipped.begin(), inventory.skipped.end(),
             [](const SkippedFile& a, const SkippedFile& b) { return a.file < b.file; });
   return inventory;
+}
+
+std::string StudyInventory::contradiction(const SeriesInfo& one, const SeriesInfo& other) const {
+  const auto a = visits.find(one.uid), b = visits.find(other.uid);
+  if (one.study_uid != other.study_uid || a == visits.end() || b == visits.end()) return {};
+  const std::string tag = segmentation::contradiction(a->second, b->second);
+  return tag.empty() ? tag
+                     : fmt::format("{} and {} of one study are of two people or visits: {} differs", one.name,
+                                   other.name, tag);
 }
 
 Stack read_series(const StudyInventory& inventory, const std::string& uid, const IntakeOptions& options) {

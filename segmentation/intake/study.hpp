@@ -105,12 +105,6 @@ struct SkippedFile {
   std::string reason;
 };
 
-/// Two series of one study by whose headers they are of two people, or of two visits.
-struct SeriesContradiction {
-  std::string uid, other_uid;
-  std::string reason;  ///< mentions of the files and the tag; the values are not told
-};
-
 /// The patient without identity.
 struct Subject {
   /// Hash of the study's UID (of a series' without one, of the bytes of a volume): the same study gives the same id,
@@ -124,7 +118,11 @@ struct StudyInventory {
   std::filesystem::path study;              ///< as given
   std::filesystem::path root;               ///< what `file` paths are relative to
   std::map<std::string, Subject> subjects;  ///< by StudyInstanceUID
-  std::vector<SeriesContradiction> contradictions;
+  /// Why two series of one study are not of one person at one visit, by their names and the tag; empty where none says so.
+  std::string contradiction(const SeriesInfo& one, const SeriesInfo& other) const;
+
+  /// By SeriesInstanceUID and keyword, see Patients: identity, never told.
+  std::map<std::string, std::map<std::string, std::string>> visits;
   std::vector<SeriesInfo> series;     ///< by SeriesNumber, then UID
   std::vector<SkippedFile> skipped;   ///< by name
   std::vector<SeriesChoice> choices;  ///< that it was read with

@@ -4,11 +4,13 @@
 
 #include <algorithm>
 #include <boost/algorithm/string.hpp>
+#include <boost/date_time/gregorian/gregorian.hpp>
 #include <cmath>
 #include <iterator>
 #include <set>
 
 #include "pipeline/base/files.hpp"
+#include "pipeline/base/iso_date.hpp"
 #include "segmentation/intake/plausible.hpp"
 #include "segmentation/intake/tag_values.hpp"
 
@@ -96,7 +98,7 @@ bool names_differ(const std::string& one, const std::string& other) {
   std::vector<std::string> shared;
   const auto a = parts_of(one), b = parts_of(other);
   std::set_intersection(a.begin(), a.end(), b.begin(), b.end(), std::back_inserter(shared));
-  return is_latin(one) && is_latin(other) && shared.empty();
+  return is_latin(one) && is_latin(other) && !a.empty() && !b.empty() && shared.empty();
 }
 
 bool values_differ(const Tag& tag, const std::string& one, const std::string& other) {
@@ -106,11 +108,20 @@ bool values_differ(const Tag& tag, const std::string& one, const std::string& ot
   return a && b && std::abs(*a - *b) > same_age_years;
 }
 
-/// A date that some scanners take from the series.
-bool is_over_midnight(const Tag& tag, const std::string& one, const std::string& other) {
-  const auto a = years_of(one), b = years_of(other);
-  return std::string_view(tag.keyword) == tag::study_date.keyword && a && b &&
-         std::abs(*a - *b) < 1.5 / 365.25;
+/// Past midnight some scanners write the next day.
+bool are_days_apart(const std::string& one, const std::string& other) {
+  const std::string a = iso_date(one), b = iso_date(other);
+  return !a.empty() && !b.empty() &&
+         std::abs((boost::gregorian::from_string(a) - boost::gregorian::from_string(b)).days()) > 1;
+}
+
+/// Beyond how one person's sex (O is also for what is not known), age and date may be written at one visit.
+bool is_of_two_visits(const Tag& tag, const std::string& one, const std::string& other) {
+  const std::string_view keyword = tag.keyword;
+  if (keyword == tag::study_date.keyword) return are_days_apart(one, other);
+  if (keyword == tag::patient_sex.keyword)
+    return (one == "M" && other == "F") || (one == "F" && other == "M");
+  return values_differ(tag, one, other);
 }
 
 /// What a person has one of at a visit.
@@ -159,28 +170,6 @@ void Patients::compare_within_series(const ScannedFile& file) {
   }
 }
 
-void Patients::compare_within_study(const ScannedFile& file) {
-  const std::string& study = file.header.value(tag::study_instance);
-  const std::string& series = file.header.value(tag::series_instance);
-  if (study.empty()) return;
-  for (const Tag& tag : of_one_visit) {
-    const auto& value = file.header.value(tag);
-    if (value.empty()) continue;
-    const OfStudy& first =
-        studies_.try_emplace({study, tag.keyword}, OfStudy{{file.name(), value}, series}).first->second;
-    const auto is_known = [&](const SeriesContradiction& known) {
-      return known.uid == first.series_uid && known.other_uid == series;
-    };
-    if (first.series_uid != series && values_differ(tag, first.value, value) &&
-        !is_over_midnight(tag, first.value, value) &&
-        std::none_of(contradictions_.begin(), contradictions_.end(), is_known))
-      contradictions_.push_back(
-          {first.series_uid, series,
-           fmt::format("{} and {}: {} differs within the study; they are of two patients or visits",
-                       first.file, file.name(), to_string(tag))});
-  }
-}
-
 void Patients::add(const ScannedFile& file) {
   const ImageHeader& header = file.header;
   compare(tag::patient_id, first_id_, file);
@@ -192,7 +181,6 @@ void Patients::add(const ScannedFile& file) {
     first_name_ = {file.name(), header.value(tag::patient_name)};
   compare(tag::patient_birth_date, first_birth_date_, file);
   compare_within_series(file);
-  compare_within_study(file);
   const auto& study = header.value(tag::study_instance);
   Subject& subject = subjects_[study];
   // Without PatientID: a short number could be found again by trying them all.
@@ -212,5 +200,20 @@ std::vector<std::string> Patients::warnings(const std::string& series_uid) const
   return texts;
 }
 std::map<std::string, Subject> Patients::subjects() const { return subjects_; }
+std::map<std::string, TagValues> Patients::visits() const {
+  std::map<std::string, TagValues> visits;
+  for (const auto& [uid, series] : series_)
+    for (const auto& [keyword, found] : series.first) visits[uid][keyword] = found.value;
+  return visits;
+}
+
+std::string contradiction(const TagValues& one, const TagValues& other) {
+  for (const Tag& tag : {tag::patient_sex, tag::patient_age, tag::study_date}) {
+    const auto a = one.find(tag.keyword), b = other.find(tag.keyword);
+    if (a != one.end() && b != other.end() && is_of_two_visits(tag, a->second, b->second))
+      return to_string(tag);
+  }
+  return {};
+}
 
 }  // namespace emmetrope::segmentation

@@ -13,6 +13,9 @@ namespace emmetrope::segmentation {
 /// age ("000Y", more than 110 years).
 std::optional<double> parse_age_years(const std::string& text);
 
+/// The tag by which two series are not of one person at one visit; empty where none says so.
+std::string contradiction(const TagValues& one, const TagValues& other);
+
 /// Collects who the files are about. Identity stays in here: only names of files come out.
 class Patients {
  public:
@@ -22,8 +25,8 @@ class Patients {
   /// What is odd of the patient in the files of a series: an age that is no person's or contradicts the dates; sexes,
   /// ages, issuers of PatientID or dates of the study that differ. The values are not told.
   std::vector<std::string> warnings(const std::string& series_uid) const;
-  /// Series of one study of which no one person at one visit can be, to be told of each, and not to be used together.
-  const std::vector<SeriesContradiction>& contradictions() const { return contradictions_; }
+  /// By SeriesInstanceUID: who was scanned when, which is compared and not told.
+  std::map<std::string, TagValues> visits() const;
   /// By StudyInstanceUID: between two visits the patient grows older.
   std::map<std::string, Subject> subjects() const;
 
@@ -31,9 +34,6 @@ class Patients {
   struct Found {
     std::string file;  ///< a mention
     std::string value;
-  };
-  struct OfStudy : Found {
-    std::string series_uid;
   };
   struct OfSeries {
     std::map<std::string, Found> first;           ///< by keyword
@@ -44,13 +44,9 @@ class Patients {
   std::string conflict_;
   std::map<std::string, Subject> subjects_;
   std::map<std::string, OfSeries> series_;  ///< by SeriesInstanceUID
-  std::map<std::pair<std::string, std::string>, OfStudy>
-      studies_;  ///< the first by StudyInstanceUID and keyword
-  std::vector<SeriesContradiction> contradictions_;
 
   void compare(const Tag& tag, Found& first, const ScannedFile& file);
   void compare_within_series(const ScannedFile& file);
-  void compare_within_study(const ScannedFile& file);
 };
 
 }  // namespace emmetrope::segmentation

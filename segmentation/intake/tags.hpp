@@ -31,7 +31,6 @@ inline constexpr Tag accession_number{0x0008, 0x0050, "AccessionNumber"};
 inline constexpr Tag modality{0x0008, 0x0060, "Modality"};
 inline constexpr Tag institution_name{0x0008, 0x0080, "InstitutionName"};
 inline constexpr Tag station_name{0x0008, 0x1010, "StationName"};
-inline constexpr Tag department_name{0x0008, 0x1040, "InstitutionalDepartmentName"};
 inline constexpr Tag performing_physician{0x0008, 0x1050, "PerformingPhysicianName"};
 inline constexpr Tag reading_physician{0x0008, 0x1060, "NameOfPhysiciansReadingStudy"};
 inline constexpr Tag operators_name{0x0008, 0x1070, "OperatorsName"};
@@ -221,12 +220,12 @@ inline constexpr Tag of_data_set[] = {image_type,
 
 /// Who and what else a free text may name (identity.hpp).
 inline constexpr Tag of_identity[] = {
-    institution_name,       station_name,         referring_physician,    performing_physician,
-    reading_physician,      requesting_physician, operators_name,         mothers_birth_name,
-    patient_address,        patient_telephone,    issuer_of_patient_id,   study_id,
-    admission_id,           device_serial_number, responsible_person,     consulting_physician,
-    medical_record_locator, trial_subject_id,     trial_reading_id,       department_name,
-    placer_order_number,    filler_order_number,  requested_procedure_id, performed_step_id};
+    institution_name,       station_name,           referring_physician,  performing_physician,
+    reading_physician,      requesting_physician,   operators_name,       mothers_birth_name,
+    patient_address,        patient_telephone,      issuer_of_patient_id, study_id,
+    admission_id,           device_serial_number,   responsible_person,   consulting_physician,
+    medical_record_locator, trial_subject_id,       trial_reading_id,     placer_order_number,
+    filler_order_number,    requested_procedure_id, performed_step_id};
 
 /// Read besides where a header alone is asked for: what objects of the same study must repeat.
 inline constexpr Tag of_study[] = {study_time,       study_description, patient_birth_time,

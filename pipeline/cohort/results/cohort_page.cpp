@@ -175,9 +175,14 @@ std::optional<Figure> scatter(const std::string& id, const std::string& title, c
                               const std::string& y_label,
                               const std::vector<std::pair<double, double>>& points, bool with_diagonal) {
   if (points.size() < 2) return std::nullopt;
-  const auto [low, high] = std::minmax_element(points.begin(), points.end());  // by x
-  const std::string range =  // gnuplot would doubt an empty one on the terminal
-      low->first < high->first ? "" : fmt::format("set xrange [{}:{}]\n", low->first - 1, low->first + 1);
+  std::string range;  // gnuplot would doubt an empty one on the terminal
+  for (const auto& [axis, value] :
+       {std::pair{"x", &std::pair<double, double>::first}, {"y", &std::pair<double, double>::second}}) {
+    const double first = points.front().*value;
+    if (std::all_of(points.begin(), points.end(),
+                    [&, &value = value](const auto& p) { return p.*value == first; }))
+      range += fmt::format("set {}range [{}:{}]\n", axis, first - 1, first + 1);
+  }
   return chart(
       id, title,
       block(points) + range + "set xlabel '" + x_label + "'\nset ylabel '" + y_label + "'\nplot " +

@@ -179,18 +179,17 @@ TEST_F(IntakeTest, DescriptionsNameNeitherGuardianNorTrialNorOrder) {
                                    {DCM_FillerOrderNumberImagingServiceRequest, "FIL-654321"},
                                    {DCM_RequestedProcedureID, "RP-10017"},
                                    {DCM_PerformedProcedureStepID, "PPS20018"},
-                                   {DCM_InstitutionalDepartmentName, "Orbital Radiology"},
                                    {DCM_AcquisitionDate, "20240504"},
                                    {DCM_SeriesDate, "20240505"}})
     series.set_all(tag, value);
   series.set_all(
       DCM_SeriesDescription,
       "holmes, LESTRADE, locator 77, subj0042, read-0043, plc123456, fil654321, rp10017, pps-20018, "
-      "orbital radiology, 4 May 2024, 2024-05-05");
+      "4 May 2024, 2024-05-05");
   series.write(folder());
   EXPECT_EQ(only_series().description,
             "[removed], [removed], [removed], [removed], [removed], [removed], [removed], [removed], "
-            "[removed], [removed], [removed], [removed]");
+            "[removed], [removed], [removed]");
 }
 
 TEST_F(IntakeTest, ShortNumbersAndWordsInTheirPlaceAreLeft) {

@@ -123,6 +123,7 @@ std::string as_nifti2(const std::string& first) {
   put(348, static_cast<std::int32_t>(get(254, std::int16_t{})));
   for (std::size_t i = 0; i < 6; ++i) put(352 + 8 * i, static_cast<double>(get(256 + 4 * i, 0.F)));
   for (std::size_t i = 0; i < 12; ++i) put(400 + 8 * i, static_cast<double>(get(280 + 4 * i, 0.F)));
+  put(504, static_cast<std::int32_t>(get(68, std::int16_t{})));
   put(500, static_cast<std::int32_t>(first[123]));
   return second + first.substr(static_cast<std::size_t>(get(108, 0.F)));
 }
@@ -152,7 +153,7 @@ TEST_F(NiftiTest, TheScannersOwnFormGoesBeforeAnAlignedOne) {
     }
   std::vector<std::string> warnings;
   expect_same(segmentation::read_nifti(path, warnings), oblique_stack({0, 1, 2, 3}), 1e-4);
-  EXPECT_THAT(warnings, testing::Contains(testing::HasSubstr("the qform is used, the scanner's own")));
+  EXPECT_THAT(warnings, testing::Contains(testing::HasSubstr("aligned to another scan and scaled")));
   patch<std::int16_t>(path, 254, 1);  // both the scanner's: one of them is wrong
   warnings.clear();
   EXPECT_NEAR(segmentation::read_nifti(path, warnings).slice_thickness_mm, 2.1, 1e-5);
@@ -162,10 +163,14 @@ TEST_F(NiftiTest, TheScannersOwnFormGoesBeforeAnAlignedOne) {
 TEST_F(NiftiTest, SaysWhereValuesAreLabelsOrStatistics) {
   const auto path = sound();
   for (const auto& [code, is_image] :
-       {std::pair<std::int16_t, bool>{0, true}, {1002, false}, {5, false}, {2001, true}}) {
+       {std::pair<std::int16_t, bool>{0, true}, {1002, false}, {1011, true}, {5, false}, {2001, true}}) {
     patch<std::int16_t>(path, 68, code);
     std::vector<std::string> warnings;
     segmentation::read_nifti(path, warnings);
+    EXPECT_EQ(warnings.empty(), is_image) << code;
+    std::ofstream(file("second.nii"), std::ios::binary) << as_nifti2(read_file(path));
+    warnings.clear();
+    segmentation::read_nifti(file("second.nii"), warnings);
     EXPECT_EQ(warnings.empty(), is_image) << code;
   }
 }

@@ -178,8 +178,6 @@ const Defect defects[] = {
      ExitStatus::unsupported},
     {"Palette", SET_ALL(DCM_PhotometricInterpretation, "PALETTE COLOR"), "(0028,0004)",
      ExitStatus::unsupported},
-    {"Animal", SET_ALL(DCM_PatientSpeciesDescription, "Canis lupus familiaris"), "(0010,2201)",
-     ExitStatus::unsupported},
     {"Colour", SET_ALL(DCM_PhotometricInterpretation, "RGB"), "(0028,0004)", ExitStatus::unsupported},
     {"ThreeSamples", SET_ALL(DCM_SamplesPerPixel, "3"), "(0028,0002)", ExitStatus::unsupported},
     {"SecondaryCapture", SET_ALL(DCM_SOPClassUID, UID_SecondaryCaptureImageStorage), "(0008,0016)",

@@ -82,7 +82,7 @@ TEST_F(Subjects, ADateOfTheStudyThatIsNotTheAcquisitionsIsTold) {
   EXPECT_THAT(told("19870412", "20160103").warnings, Not(contradicts));
 }
 
-/// Two series under one StudyInstanceUID.
+/// Three series under one StudyInstanceUID, of which the first says nothing.
 TEST_F(IntakeTest, SeriesOfTwoPeopleOrVisitsUnderOneStudyAreNotUsedTogether) {
   struct Case {
     DcmTagKey tag;
@@ -90,33 +90,49 @@ TEST_F(IntakeTest, SeriesOfTwoPeopleOrVisitsUnderOneStudyAreNotUsedTogether) {
     bool differs;
   };
   for (const Case& c : {Case{DCM_PatientSex, "F", "M", "(0010,0040)", true},
+                        Case{DCM_PatientSex, "F", "O", "(0010,0040)", false},
                         Case{DCM_PatientAge, "038Y", "041Y", "(0010,1010)", true},
                         Case{DCM_PatientAge, "038Y", "039Y", "(0010,1010)", false},
                         Case{DCM_StudyDate, "20240503", "20270503", "(0008,0020)", true},
-                        Case{DCM_StudyDate, "20240503", "20240504", "(0008,0020)", false},
-                        Case{DCM_PatientName, "Doe^Jane", "OTHER^ANN", "(0010,0010)", true},
-                        Case{DCM_PatientName, "Doe^Jane", "SMITH^JANE", "(0010,0010)", false}}) {
-    GeneratedSeries one, other;
-    one.set_all(c.tag, c.one);
-    other.set_all(c.tag, c.other);
-    other.set_all(DCM_SeriesInstanceUID, "1.2.3.99");
-    for (int i = 0; i < GeneratedSeries::slices; ++i)
-      other.set(i, DCM_SOPInstanceUID, ("1.2.3.99." + std::to_string(i + 1)).c_str());
-    std::filesystem::create_directories(folder() / "a");
-    std::filesystem::create_directories(folder() / "b");
-    one.write(folder() / "a");
-    other.write(folder() / "b");
-    const auto found = inventory();
-    ASSERT_EQ(found.series.size(), 2U) << c.named;
-    EXPECT_EQ(found.contradictions.size(), c.differs ? 1U : 0U) << c.named << " " << c.other;
-    for (const auto& info : found.series) {
-      EXPECT_TRUE(info.usable) << info.reason;
-      const auto told = Contains(AllOf(HasSubstr(c.named), HasSubstr("they are not used together"),
-                                       Not(HasSubstr(c.one)), Not(HasSubstr(c.other))));
-      if (c.differs) {
-        EXPECT_THAT(info.warnings, told) << c.named;
-      }
+                        Case{DCM_StudyDate, "20240228", "20240301", "(0008,0020)", true},
+                        Case{DCM_StudyDate, "20260228", "20260301", "(0008,0020)", false},
+                        Case{DCM_StudyDate, "20240503", "2024.05.03", "(0008,0020)", false}}) {
+    int number = 0;
+    for (const char* value : {"", c.one, c.other}) {
+      ++number;
+      GeneratedSeries series("1.2.3.9" + std::to_string(number), number);
+      series.set_all(c.tag, value);
+      std::filesystem::create_directories(folder() / std::to_string(number));
+      series.write(folder() / std::to_string(number));
     }
+    const auto found = inventory();
+    ASSERT_EQ(found.series.size(), 3U) << c.named;
+    const auto told = [&](const char* other) {
+      return Contains(AllOf(HasSubstr(c.named), HasSubstr(other), HasSubstr("they are not used together"),
+                            Not(HasSubstr(c.one)), Not(HasSubstr("im"))));
+    };
+    EXPECT_THAT(found.series[0].warnings, Not(told("stack"))) << c.named;
+    if (c.differs) {
+      EXPECT_THAT(found.series[1].warnings, told("stack3")) << c.named;
+      EXPECT_THAT(found.series[2].warnings, told("stack2")) << c.named;
+    } else {
+      EXPECT_THAT(found.series[1].warnings, Not(told("stack"))) << c.named << " " << c.other;
+    }
+    EXPECT_EQ(found.contradiction(found.series[1], found.series[2]).empty(), !c.differs);
+  }
+}
+
+TEST_F(IntakeTest, AnAnimalIsWarnedOf) {
+  for (const auto& [species, is_told] :
+       {std::pair{"Canis lupus familiaris", true}, {"Homo sapiens (organism)", false}, {"HUMAN", false}}) {
+    GeneratedSeries series;
+    series.set_all(DCM_PatientSpeciesDescription, species);
+    series.write(folder());
+    const auto warned = Contains(HasSubstr("(0010,2201) PatientSpeciesDescription names no human"));
+    if (is_told)
+      EXPECT_THAT(only_series().warnings, warned) << species;
+    else
+      EXPECT_THAT(only_series().warnings, Not(warned)) << species;
   }
 }
 

@@ -105,9 +105,9 @@ class Beam {
     const bare = (x, y) => this.map.ray(this.bundle.polynomialAt(x, y), 0, 0), worn = (x, y) => this.ray(x, y, 0, 0);
     const along = (dx, dy) => {
       const ends = [[x_mm + dx, y_mm + dy], [x_mm - dx, y_mm - dy]], seen = ends.map((end) => worn(...end));
-      return seen.every((ray) => ray) ? apart(...ends.map((end) => bare(...end))) / apart(...seen) : 1;
+      return seen.every((ray) => ray) ? apart(...ends.map((end) => bare(...end))) / apart(...seen) : NaN;
     };
-    return Math.sqrt(along(step_mm, 0) * along(0, step_mm));
+    return Math.sqrt(along(step_mm, 0) * along(0, step_mm)) || 1;  // 1 where the rim of the lens is in the way
   }
 
   /// At a point of the retina: x, y on the plane, slopes, for each of the places.

@@ -155,7 +155,7 @@ class Numbers {
 
   drawContrast(eye, state, rays) {
     const finest = 60, cpd = Array.from({ length: 61 }, (_, k) => k * finest / 60);
-    const nm = state.wavelength_nm ?? eye.map.reference_nm, entrance_mm = state.pupil_mm * eye.entrance_pupil_magnification;
+    const nm = state.wavelength_nm ?? eye.map.reference_nm, entrance_mm = state.pupil_mm * eye.entrance_pupil_magnification * new Beam(eye, state, nm).pupilMagnification(state.field_x_mm, state.field_y_mm);
     const cutoff = entrance_mm * 1e-3 / (nm * 1e-9) * radian;
     const diffraction = cpd.map((f) => { const s = Math.min(1, f / cutoff); return 2 / Math.PI * (Math.acos(s) - s * Math.sqrt(1 - s * s)); });
     const along = (turn) => cpd.map((f, k) => diffraction[k] * transfer(rays, f, [-Math.cos(turn), Math.sin(turn)]));
