@@ -511,6 +511,7 @@ Command command() {
                          "pupil_position_mm",
                          "pupil_rim_mm",
                          "stiles_crawford_per_mm2",
+                         "pupil_magnification",
                          "wavelength_nm",
                          "zernike_um",
                          "rms_um",

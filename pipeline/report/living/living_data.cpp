@@ -7,12 +7,12 @@
 
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/frames.hpp"
-#include "pipeline/eye/optics/paraxial.hpp"
 #include "pipeline/report/figures/encoding.hpp"
 #include "raytrace/picture/airy.hpp"
 #include "raytrace/picture/gaze.hpp"
 #include "raytrace/picture/spectrum.hpp"
 #include "raytrace/scene/chart.hpp"
+#include "raytrace/wavefront/seen_pupil.hpp"
 
 namespace emmetrope::report {
 namespace {
@@ -174,7 +174,9 @@ Json living_json(const LivingSubject& subject, int threads) {
   const EyeModel& eye = subject.eye;
   const double wavelength_nm = subject.living.map.reference_nm;
   const Surface* stop = eye.stop();
-  const Pupil entrance = entrance_pupil(eye, wavelength_nm);
+  EyeModel seeing = eye;
+  seeing.set_stop_diameter(subject.pupil_mm);
+  const double seen_pupil_mm = 2 * std::sqrt(raytrace::seen_pupil_area_mm2(seeing, wavelength_nm) / pi);
   Json json{{"id", subject.id},
             {"name", subject.name},
             {"withheld", subject.withheld},
@@ -185,7 +187,7 @@ Json living_json(const LivingSubject& subject, int threads) {
             {"pupil_mm", subject.pupil_mm},
             {"stop_depth_mm", stop->position_mm},
             {"rotation_centre_mm", raytrace::EyePose().rotation_centre_mm},
-            {"entrance_pupil_magnification", entrance.diameter_mm / stop->stop_diameter_mm}};
+            {"entrance_pupil_magnification", seen_pupil_mm / subject.pupil_mm}};
   json["bands"] = Json::array();
   for (const auto& band : subject.living.bands)
     json["bands"].push_back({{"M_D", band.reach_D.M_D},
@@ -196,8 +198,6 @@ Json living_json(const LivingSubject& subject, int threads) {
   json["outlines"] = Json::array();
   for (const auto& surface : eye.surfaces)
     if (!surface.is_stop()) json["outlines"].push_back(outline_json(surface, subject.living.accommodating));
-  EyeModel seeing = eye;
-  seeing.set_stop_diameter(subject.pupil_mm);
   json["retina"] = retina_json(raytrace::retina_refraction(seeing, threads));
   json["lenses"] = Json::array();
   for (const auto& lens : subject.lenses) json["lenses"].push_back(lens_json(lens));

@@ -17,6 +17,7 @@
 #include "raytrace/spectacle/spectacle.hpp"
 #include "raytrace/tracer/exposure.hpp"
 #include "raytrace/tracer/tracer.hpp"
+#include "raytrace/wavefront/seen_pupil.hpp"
 #include "raytrace/wavefront/wavefront.hpp"
 #include "tests/support/measured_optics.hpp"
 #include "tests/support/temporary_folder.hpp"
@@ -246,6 +247,12 @@ TEST(LivingPage, ShowsWhatTheTracerShowsOfASchematicEye) {
   const Json findings = read_page(page, folder.path() / "page", "whole");
   expect_quiet(findings);
   expect_readable(findings);
+  for (const auto& [lens, shown] : {std::pair{"-8/0x0@12", 0}, {"+8/0x0@12", 1}}) {
+    const EyeModel worn = raytrace::with_spectacle(eye(0), raytrace::parse_spectacle(lens));
+    EXPECT_NEAR(findings.at("pupil_magnification").at(shown).get<double>(),
+                raytrace::pupil_magnification_of_spectacle(worn, worn.reference_wavelength_nm), 0.003)
+        << lens;
+  }
   EXPECT_EQ(findings.at("worn"), Json({"refused", "refused"}));
   // `emmetrope correct --eye navarro`: docs/evidence/accuracy-refraction.md
   EXPECT_NEAR(findings.at("sharpest").at("eye").at(0).get<double>(), -0.256, 0.06);

@@ -77,6 +77,11 @@ if (timed) {
       pupil_mm: 3, wavelength_nm: 589.3 }).sharpness;
     return [eye.id, sharpestLens(value, [0, 0, 0], 1, 0.005).power];
   })));
+  findings.pupil_magnification = await page.evaluate(() => {
+    const living = window.emmetrope, eye = living.eyes[0];
+    return [-8, 8].map((sphere_D) => new Beam(eye, { ...living.opening, gaze_deg: [0, 0], prism_D: 0, cylinder_D: 0, is_thick: false, vertex_distance_mm: 12, sphere_D },
+      eye.map.reference_nm).pupilMagnification(0, 0));
+  });
   // What is drawn follows exact rays: a mesh's corner polynomials against single rays through eye, gaze and lens.
   findings.beam_arcmin = await page.evaluate(() => {
     const living = window.emmetrope, eye = living.eyes[0];
