@@ -3,6 +3,8 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
+#include <boost/algorithm/string/predicate.hpp>
 #include <cmath>
 #include <map>
 #include <regex>
@@ -121,6 +123,14 @@ void warn_of_times(SeriesInfo& info) {
     info.warnings.push_back(fmt::format("{} is {:g} ms, longer than {}, {:g} ms: one of the two may be wrong",
                                         to_string(tag::echo_time), echo_ms, to_string(tag::repetition_time),
                                         repetition_ms));
+}
+
+/// As it is typed: "Homo sapiens (organism)", "HUMAN". No regular expression, as a hostile text may be of any length.
+bool is_persons(const std::string& species) {
+  constexpr std::array words{"human", "homo", "person", "patient"};
+  return species.empty() || std::any_of(words.begin(), words.end(), [&](const char* word) {
+           return boost::algorithm::icontains(species, word);
+         });
 }
 
 void warn_of_phase(const SeriesImage& first, SeriesInfo& info) {
@@ -264,10 +274,8 @@ void add_warnings(const std::vector<ScannedFile>& files, const std::vector<Serie
   warn_of_files(
       files, [](const auto& file) { return file.header.value(tag::lossy_compression) == "01"; },
       to_string(tag::lossy_compression) + " says that the image was compressed with loss", info);
-  static const std::regex people("|.*(human|homo|person|patient).*", std::regex::icase);
   warn_of_files(
-      files,
-      [](const auto& file) { return !std::regex_match(file.header.value(tag::patient_species), people); },
+      files, [](const auto& file) { return !is_persons(file.header.value(tag::patient_species)); },
       to_string(tag::patient_species) + " names no human: priors, limits and reports are of people", info);
   if (!shows_head(info.body_part))
     info.warnings.push_back(to_string(tag::body_part) + " is " + in_quotes(info.body_part) +
