@@ -86,8 +86,9 @@ void require_one_study(const std::vector<const SeriesInfo*>& chosen) {
 
 /// Nor are those of one study whose headers say so.
 void require_one_visit(const StudyInventory& inventory, const std::vector<const SeriesInfo*>& chosen) {
-  for (auto one = chosen.begin(); one != chosen.end(); ++one)
-    for (auto other = std::next(one); other != chosen.end(); ++other)
+  const std::vector<const SeriesInfo*> visits = inventory.one_of_each_visit(chosen);
+  for (auto one = visits.begin(); one != visits.end(); ++one)
+    for (auto other = std::next(one); other != visits.end(); ++other)
       if (const std::string reason = inventory.contradiction(**one, **other); !reason.empty())
         throw input_error(reason, "give the study of one visit, or choose its series with --series");
 }

@@ -245,10 +245,14 @@ void warn_of_studies(std::vector<SeriesInfo>& series) {
 
 /// Of two people or visits under one StudyInstanceUID each series can be used, but not with the other's.
 void warn_of_visits(StudyInventory& inventory) {
+  std::vector<const SeriesInfo*> usable;
+  for (const auto& info : inventory.series)
+    if (info.usable) usable.push_back(&info);
+  const std::vector<const SeriesInfo*> visits = inventory.one_of_each_visit(usable);
   for (auto& info : inventory.series)
-    for (const auto& other : inventory.series)
-      if (const std::string reason = inventory.contradiction(info, other);
-          info.usable && other.usable && !reason.empty()) {
+    for (const SeriesInfo* other : visits)
+      if (const std::string reason = info.usable ? inventory.contradiction(info, *other) : "";
+          !reason.empty()) {
         info.warnings.push_back(reason + "; they are not used together, --series chooses");
         break;
       }
@@ -381,6 +385,17 @@ StudyInventory read_inventory(const fs::path& study, const IntakeOptions& option
   std::sort(inventory.skipped.begin(), inventory.skipped.end(),
             [](const SkippedFile& a, const SkippedFile& b) { return a.file < b.file; });
   return inventory;
+}
+
+std::vector<const SeriesInfo*> StudyInventory::one_of_each_visit(
+    const std::vector<const SeriesInfo*>& series) const {
+  std::set<std::pair<std::string, std::map<std::string, std::string>>> seen;
+  std::vector<const SeriesInfo*> first;
+  for (const SeriesInfo* info : series) {
+    const auto visit = visits.find(info->uid);
+    if (visit != visits.end() && seen.emplace(info->study_uid, visit->second).second) first.push_back(info);
+  }
+  return first;
 }
 
 std::string StudyInventory::contradiction(const SeriesInfo& one, const SeriesInfo& other) const {

@@ -120,6 +120,8 @@ struct StudyInventory {
   std::map<std::string, Subject> subjects;  ///< by StudyInstanceUID
   /// Why two series of one study are not of one person at one visit, by their names and the tag; empty where none says so.
   std::string contradiction(const SeriesInfo& one, const SeriesInfo& other) const;
+  /// The first of the series for each study and visit that headers tell, as pairs of thousands of series take minutes.
+  std::vector<const SeriesInfo*> one_of_each_visit(const std::vector<const SeriesInfo*>& series) const;
 
   /// By SeriesInstanceUID and keyword, see Patients: identity, never told.
   std::map<std::string, std::map<std::string, std::string>> visits;

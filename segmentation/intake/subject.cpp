@@ -110,19 +110,19 @@ bool values_differ(const Tag& tag, const std::string& one, const std::string& ot
 
 /// Past midnight some scanners write the next day.
 bool are_days_apart(const std::string& one, const std::string& other) {
-  const std::string a = iso_date(one), b = iso_date(other);
-  return !a.empty() && !b.empty() &&
-         std::abs((boost::gregorian::from_string(a) - boost::gregorian::from_string(b)).days()) > 1;
+  return std::abs((boost::gregorian::from_string(one) - boost::gregorian::from_string(other)).days()) > 1;
 }
 
-/// Beyond how one person's sex (O is also for what is not known), age and date may be written at one visit.
-bool is_of_two_visits(const Tag& tag, const std::string& one, const std::string& other) {
+/// What a value says of a visit: a date as ISO 8601 writes it, F or M (O is also for what is not known), an age; or nothing.
+std::string said_of_visit(const Tag& tag, const std::string& value) {
   const std::string_view keyword = tag.keyword;
-  if (keyword == tag::study_date.keyword) return are_days_apart(one, other);
-  if (keyword == tag::patient_sex.keyword)
-    return (one == "M" && other == "F") || (one == "F" && other == "M");
-  return values_differ(tag, one, other);
+  if (keyword == tag::study_date.keyword) return iso_date(value);
+  if (keyword == tag::patient_sex.keyword) return value == "F" || value == "M" ? value : "";
+  return parse_age_years(value) ? value : "";
 }
+
+/// By which series of one study are told apart.
+constexpr Tag of_contradictions[] = {tag::patient_sex, tag::patient_age, tag::study_date};
 
 /// What a person has one of at a visit.
 constexpr Tag of_one_visit[] = {tag::patient_sex, tag::patient_age, tag::issuer_of_patient_id,
@@ -203,14 +203,19 @@ std::map<std::string, Subject> Patients::subjects() const { return subjects_; }
 std::map<std::string, TagValues> Patients::visits() const {
   std::map<std::string, TagValues> visits;
   for (const auto& [uid, series] : series_)
-    for (const auto& [keyword, found] : series.first) visits[uid][keyword] = found.value;
+    for (const Tag& tag : of_contradictions)
+      if (const auto found = series.first.find(tag.keyword); found != series.first.end())
+        if (std::string said = said_of_visit(tag, found->second.value); !said.empty())
+          visits[uid][tag.keyword] = std::move(said);
   return visits;
 }
 
 std::string contradiction(const TagValues& one, const TagValues& other) {
-  for (const Tag& tag : {tag::patient_sex, tag::patient_age, tag::study_date}) {
+  for (const Tag& tag : of_contradictions) {
     const auto a = one.find(tag.keyword), b = other.find(tag.keyword);
-    if (a != one.end() && b != other.end() && is_of_two_visits(tag, a->second, b->second))
+    if (a == one.end() || b == other.end() || a->second == b->second) continue;
+    const bool is_date = std::string_view(tag.keyword) == tag::study_date.keyword;
+    if (is_date ? are_days_apart(a->second, b->second) : values_differ(tag, a->second, b->second))
       return to_string(tag);
   }
   return {};

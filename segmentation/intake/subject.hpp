@@ -25,7 +25,7 @@ class Patients {
   /// What is odd of the patient in the files of a series: an age that is no person's or contradicts the dates; sexes,
   /// ages, issuers of PatientID or dates of the study that differ. The values are not told.
   std::vector<std::string> warnings(const std::string& series_uid) const;
-  /// By SeriesInstanceUID: who was scanned when, which is compared and not told.
+  /// By SeriesInstanceUID and keyword: who was scanned when, as far as headers say, which is compared and not told.
   std::map<std::string, TagValues> visits() const;
   /// By StudyInstanceUID: between two visits the patient grows older.
   std::map<std::string, Subject> subjects() const;
