@@ -138,15 +138,23 @@ std::optional<StraySlice> find_stray_slice(const std::vector<double>& along_norm
 
 void warn_of_gaps(const std::vector<SeriesImage>& images, const std::vector<double>& along_normal,
                   const SliceGrid& grid, SeriesInfo& info) {
+  constexpr int told_singly = 4;
+  int gaps = 0, missing_more = 0;
   for (std::size_t i = 1; i < images.size(); ++i) {
     const int missing = grid.plane[i] - grid.plane[i - 1] - 1;
-    if (missing > 0)
-      info.warnings.push_back(fmt::format(
-          "{} {} missing between {} and {}: {} are {:.3f} mm apart where {:.3f} mm is usual; nothing is "
-          "filled in",
-          missing, missing == 1 ? "slice is" : "slices are", images[i - 1].name(), images[i].name(),
-          to_string(tag::image_position), along_normal[i] - along_normal[i - 1], grid.spacing_mm));
+    if (missing <= 0) continue;
+    if (++gaps > told_singly) {
+      missing_more += missing;
+      continue;
+    }
+    info.warnings.push_back(fmt::format(
+        "{} {} missing between {} and {}: {} are {:.3f} mm apart where {:.3f} mm is usual; nothing is "
+        "filled in",
+        missing, missing == 1 ? "slice is" : "slices are", images[i - 1].name(), images[i].name(),
+        to_string(tag::image_position), along_normal[i] - along_normal[i - 1], grid.spacing_mm));
   }
+  if (gaps > told_singly)
+    info.warnings.push_back(fmt::format("missing slices in other gaps: {}", missing_more));
 }
 
 void compare_stated_spacing(const SeriesImage& image, SeriesInfo& info) {

@@ -246,9 +246,36 @@ void warn_of_slices(const std::vector<SeriesImage>& images, SeriesInfo& info) {
   warn_of_scales(images, info);
 }
 
+namespace {
+
+/// Parts of one multi-frame image in files of their own (PS3.3 C.7.6.16.1.3): how many there are, each tells, or the
+/// highest number does.
+void warn_of_missing_parts(const std::vector<ScannedFile>& files, SeriesInfo& info) {
+  struct Parts {
+    std::set<double> here;
+    double told = 0;
+  };
+  std::map<std::string, Parts> of_concatenation;
+  for (const auto& file : files) {
+    const auto part = number_of(file, tag::in_concatenation);
+    if (!part || !file.header.has(tag::concatenation)) continue;
+    Parts& parts = of_concatenation[file.header.value(tag::concatenation)];
+    parts.here.insert(*part);
+    parts.told = std::max({parts.told, *part, number_of(file, tag::in_concatenation_total).value_or(0)});
+  }
+  for (const auto& [uid, parts] : of_concatenation)
+    if (const auto here = static_cast<double>(parts.here.size()); here < parts.told)
+      info.warnings.push_back(fmt::format(
+          "{:g} of the {:g} files that one image was divided into are here, {} and {}: slices are missing",
+          here, parts.told, to_string(tag::in_concatenation), to_string(tag::in_concatenation_total)));
+}
+
+}  // namespace
+
 void add_warnings(const std::vector<ScannedFile>& files, const std::vector<SeriesImage>& images,
                   SeriesInfo& info) {
   const SeriesImage& first = images.front();
+  warn_of_missing_parts(files, info);
   warn_of_files(
       files, [](const auto& file) { return file.end.stray_bits; },
       "samples have bits set outside " + to_string(tag::bits_stored) + "; they are masked", info);

@@ -101,6 +101,9 @@ inline constexpr Tag temporal_position_identifier{0x0020, 0x0100, "TemporalPosit
 inline constexpr Tag frame_laterality{0x0020, 0x9072, "FrameLaterality"};
 inline constexpr Tag temporal_position_index{0x0020, 0x9128, "TemporalPositionIndex"};
 inline constexpr Tag stack_id{0x0020, 0x9056, "StackID"};
+inline constexpr Tag concatenation{0x0020, 0x9161, "ConcatenationUID"};
+inline constexpr Tag in_concatenation{0x0020, 0x9162, "InConcatenationNumber"};
+inline constexpr Tag in_concatenation_total{0x0020, 0x9163, "InConcatenationTotalNumber"};
 inline constexpr Tag slice_location{0x0020, 0x1041, "SliceLocation"};
 inline constexpr Tag samples_per_pixel{0x0028, 0x0002, "SamplesPerPixel"};
 inline constexpr Tag photometric_interpretation{0x0028, 0x0004, "PhotometricInterpretation"};
@@ -196,6 +199,9 @@ inline constexpr Tag of_data_set[] = {image_type,
                                       series_laterality,
                                       image_laterality,
                                       temporal_position_identifier,
+                                      concatenation,
+                                      in_concatenation,
+                                      in_concatenation_total,
                                       slice_location,
                                       samples_per_pixel,
                                       photometric_interpretation,

@@ -2,6 +2,7 @@
 #include <dcmtk/dcmdata/dcuid.h>
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <fstream>
 
 #include "pipeline/base/files.hpp"
@@ -161,6 +162,19 @@ TEST_F(IntakeTest, ASliceBetweenThePlanesOfAllOthersIsNamed) {
   series.write(folder());
   EXPECT_THAT(only_series().warnings, Contains(HasSubstr("uneven spacing: " + file_name(5))));
   EXPECT_THAT(only_series().warnings, Contains(HasSubstr("1 slice is missing between")));
+}
+
+TEST_F(IntakeTest, OfManyGapsTheFirstAreToldSinglyAndTheRestTogether) {
+  GeneratedSeries series;
+  for (int slice = 6; slice < GeneratedSeries::slices; ++slice)
+    series.set_position(slice, GeneratedSeries::position(3.0 * slice - 12));
+  series.write(folder());
+  const auto warnings = only_series().warnings;
+  EXPECT_EQ(
+      std::count_if(warnings.begin(), warnings.end(),
+                    [](const auto& text) { return text.find("slices are missing between") != text.npos; }),
+      4);
+  EXPECT_THAT(warnings, Contains("missing slices in other gaps: 2"));
 }
 
 /// Its sign and origin are each vendor's; of slices that were exchanged it tells another order than the positions.
@@ -694,6 +708,22 @@ TEST_P(EnhancedSeries, IsOneVolume) {
 }
 INSTANTIATE_TEST_SUITE_P(TableA, EnhancedSeries, ::testing::Bool(),
                          [](const auto& row) { return row.param ? "SharedGroups" : "PerFrameGroups"; });
+
+/// A concatenation of which a part did not arrive.
+TEST_F(IntakeTest, AFileOfAnImageInSeveralThatIsNotHereIsSaid) {
+  const auto warnings = [&](Uint16 part, Uint16 parts) {
+    const auto file = enhanced_series(true);
+    file->getDataset()->putAndInsertString(DCM_ConcatenationUID, "1.2.826.0.1.3680043.9.7.9");
+    file->getDataset()->putAndInsertUint16(DCM_InConcatenationNumber, part);
+    if (parts > 0) file->getDataset()->putAndInsertUint16(DCM_InConcatenationTotalNumber, parts);
+    EXPECT_TRUE(file->saveFile((folder() / "IM_0001").c_str(), EXS_LittleEndianExplicit).good());
+    EXPECT_TRUE(only_series().usable);
+    return only_series().warnings;
+  };
+  EXPECT_THAT(warnings(1, 1), Not(Contains(HasSubstr("(0020,9162)"))));
+  EXPECT_THAT(warnings(1, 2), Contains(HasSubstr("1 of the 2 files")));
+  EXPECT_THAT(warnings(3, 0), Contains(HasSubstr("1 of the 3 files")));
+}
 
 TEST_F(IntakeTest, SeveralVolumesInOneEnhancedFileAreRefusedUnlessOneIsChosen) {
   const auto file = enhanced_series(true);
