@@ -64,6 +64,28 @@ Matrix3d squares(const Quadric& c) {
   return a;
 }
 
+/// What the quadric's coefficients are multiplied by at a point.
+Quadric terms(const Vector3d& p) {
+  Quadric row;
+  row << p.x() * p.x(), p.y() * p.y(), p.z() * p.z(), 2 * p.x() * p.y(), 2 * p.x() * p.z(), 2 * p.y() * p.z(),
+      p;
+  return row;
+}
+
+Vector3d gradient_at(const Quadric& quadric, const Vector3d& p) {
+  return 2 * squares(quadric) * p + quadric.tail<3>();
+}
+
+/// Of points to the quadric, to first order.
+double squared_distances(const Quadric& quadric, const std::vector<Vector3d>& points,
+                         const std::vector<Share>& shares) {
+  double sum = 0;
+  for (std::size_t i = 0; i < points.size(); ++i)
+    sum += shares[i].solid_angle * std::pow(quadric.dot(terms(points[i])) - 1, 2) /
+           gradient_at(quadric, points[i]).squaredNorm();
+  return sum;
+}
+
 /// Unit vector of the plane across an axis that lies in the meridian of `along`.
 Vector3d in_meridian(const Vector3d& along, const Vector3d& axis) {
   return (along - along.dot(axis) * axis).normalized();
@@ -118,25 +140,41 @@ Quadric best_quadric(const InterfaceDistance& interface, double cap_deg) {
   const std::vector<Share> shares = cap(cap_deg);
   std::vector<Vector3d> points;
   for (const Share& share : shares) points.push_back(point(interface, share.direction));
-  // Distances to first order: what is left of the equation over the gradient, whose size is that of the round before.
-  Quadric found = Quadric::Zero();
-  std::vector<double> weight(points.size(), 1);
-  for (int round = 0; round < 4; ++round) {
-    Eigen::Matrix<double, 9, 9> normal = Eigen::Matrix<double, 9, 9>::Zero();
-    Quadric right = Quadric::Zero();
+  using Normal = Eigen::Matrix<double, 9, 9>;
+  // To start with the gradient's size counts for nothing, which favours steep quadrics.
+  Normal squared = Normal::Zero();
+  Quadric right = Quadric::Zero();
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    const Quadric row = terms(points[i]);
+    squared += shares[i].solid_angle * row * row.transpose();
+    right += shares[i].solid_angle * row;
+  }
+  Quadric found = squared.ldlt().solve(right);
+  // Gauss-Newton on the distances, which are what is left of the equation over the size of its gradient.
+  double sum = squared_distances(found, points, shares);
+  for (int round = 0; round < 100; ++round) {
+    Normal normal = Normal::Zero();
+    Quadric downhill = Quadric::Zero();
     for (std::size_t i = 0; i < points.size(); ++i) {
-      const Vector3d& p = points[i];
-      Quadric row;
-      row << p.x() * p.x(), p.y() * p.y(), p.z() * p.z(), 2 * p.x() * p.y(), 2 * p.x() * p.z(),
-          2 * p.y() * p.z(), p;
-      const double w = weight[i] * shares[i].solid_angle;
-      normal += w * row * row.transpose();
-      right += w * row;
+      const Quadric row = terms(points[i]);
+      const Vector3d gradient = gradient_at(found, points[i]);
+      const double steepness = gradient.norm(), left = found.dot(row) - 1;
+      Quadric slope = row / steepness;
+      for (int k = 0; k < 9; ++k)
+        slope[k] -= left / std::pow(steepness, 3) * gradient.dot(gradient_at(Quadric::Unit(k), points[i]));
+      normal += shares[i].solid_angle * slope * slope.transpose();
+      downhill -= shares[i].solid_angle * left / steepness * slope;
     }
-    found = normal.ldlt().solve(right);
-    const Matrix3d a = squares(found);
-    for (std::size_t i = 0; i < points.size(); ++i)
-      weight[i] = 1 / (2 * a * points[i] + found.tail<3>()).squaredNorm();
+    Quadric step = normal.ldlt().solve(downhill);
+    double then = squared_distances(found + step, points, shares);
+    for (int half = 0; half < 30 && !(then <= sum); ++half) {
+      step /= 2;
+      then = squared_distances(found + step, points, shares);
+    }
+    if (!(then <= sum)) break;
+    found += step;
+    sum = then;
+    if (step.norm() < 1e-10 * found.norm()) break;
   }
   return found;
 }

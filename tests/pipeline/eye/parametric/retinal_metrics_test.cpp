@@ -3,9 +3,11 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <cmath>
 
 #include "pipeline/base/frames.hpp"
+#include "tests/support/nelder_mead.hpp"
 
 namespace emmetrope {
 namespace {
@@ -85,6 +87,36 @@ TEST(RetinalMetrics, FindTheAxisOfATiltedEllipsoidThatIsOffCentre) {
     EXPECT_NEAR(best.axis_deg.y(), 5, 1e-3);
     EXPECT_NEAR(best.q, std::pow(11.2 / 12.4, 2) - 1, 1e-6);
     EXPECT_NEAR(best.vertex_radius_mm.x(), 11.2 * 11.2 / 12.4, 1e-5);
+  }
+}
+
+/// A surface of revolution that is no ellipsoid: of all spheroids about the axis that with the least mean square of
+/// distances, sought without derivatives.
+TEST(RetinalMetrics, TheBestEllipsoidOfAWavyInterfaceIsTheNearest) {
+  for (const double wave_mm : {-0.15, 0.1}) {
+    const auto distance_mm = [&](double from_pole_rad) {
+      return 11.5 + 0.4 * std::cos(2 * from_pole_rad) + wave_mm * std::cos(6 * from_pole_rad);
+    };
+    const InterfaceDistance interface = [&](const Vector3d& d) {
+      return distance_mm(std::acos(std::clamp(-d.normalized().z(), -1.0, 1.0)));
+    };
+    // Of the half axes across and along, and the centre.
+    const auto squared = [&](const Eigen::VectorXd& spheroid) {
+      constexpr int rings = 400;
+      double sum = 0;
+      for (int i = 0; i < rings; ++i) {
+        const double from_pole = (i + 0.5) / rings * 60 * degree, reach = distance_mm(from_pole);
+        const double x = reach * std::sin(from_pole), z = -reach * std::cos(from_pole) - spheroid[2];
+        const double a = 1 / (spheroid[0] * spheroid[0]), c = 1 / (spheroid[1] * spheroid[1]);
+        const double left = a * x * x + c * z * z - 1;
+        sum += std::sin(from_pole) * left * left / (4 * (a * a * x * x + c * c * z * z));
+      }
+      return sum;
+    };
+    const auto nearest = correction::nelder_mead(squared, Vector3d(11.5, 11.9, 0), 0.5, 1e-8).position;
+    const BestEllipsoid best = best_ellipsoid(interface, 120);
+    EXPECT_NEAR(best.q, std::pow(nearest[0] / nearest[1], 2) - 1, 0.02) << wave_mm;
+    EXPECT_NEAR(best.vertex_radius_mm.x(), nearest[0] * nearest[0] / nearest[1], 0.02) << wave_mm;
   }
 }
 
