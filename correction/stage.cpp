@@ -148,7 +148,7 @@ std::optional<Calibration> learn_known_data(const raytrace::Tracer& tracer, EyeM
   }
   if (!known.refraction) return {};
   Calibration calibration = calibrate(tracer, eye, uncertain, *known.refraction, settings);
-  const std::string warning = judge_innovation("the given refraction", calibration.innovation_sigma);
+  const std::string warning = judge_innovation({"the given refraction", calibration.innovation_sigma});
   if (!warning.empty()) warnings.push_back(warning);
   eye = uncertain.model;
   return calibration;

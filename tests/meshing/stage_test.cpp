@@ -221,6 +221,25 @@ TEST_F(MeshStage, InstrumentsOfOneEyeLeaveTheOtherAlone) {
   EXPECT_NO_THROW(make_meshes(options_, {}));
 }
 
+/// Two readings of which the images exclude neither: it is not the images that contradict.
+TEST_F(MeshStage, InstrumentsThatContradictEachOtherAreToldAsSuch) {
+  make_meshes(options_, {});
+  const double length_mm =
+      read_json(mesh("od", "biometry.json"))["optical_axial_length_mm"]["value"].get<double>();
+  instruments_.axial_length = {fmt::format("od:{:.3f}+-0.02", length_mm),
+                               fmt::format("od:{:.3f}+-0.02", length_mm + 0.3)};
+  options_.instruments = parse_instruments(instruments_, options_.retinal_depth_mm);
+  try {
+    make_meshes(options_, {});
+    FAIL() << "taken";
+  } catch (const Error& error) {
+    EXPECT_THAT(error.what(),
+                testing::HasSubstr("biometry and the images with the readings before it differ by"));
+    EXPECT_THAT(error.what(), testing::HasSubstr(
+                                  fmt::format("--axial-length {:.2f} mm, the images with", length_mm + 0.3)));
+  }
+}
+
 /// A length that the images exclude: no mean of the two would be near either.
 TEST_F(MeshStage, IrreconcilableInstrumentsAreRefused) {
   make_meshes(options_, {});

@@ -204,7 +204,8 @@ InstrumentReadings read_instruments(const EyeInstruments& instruments) {
 namespace {
 
 /// " (--axial-length 23.60 mm, the images 24.10 mm)"; of a cornea M, J0 and J45.
-std::string both_values(const ExternalMeasurement& reading, const ParametricEye& by_images) {
+std::string both_values(const ExternalMeasurement& reading, const char* others,
+                        const ParametricEye& by_others) {
   std::string option = reading.quantity == "anterior_chamber_depth" ? "acd" : reading.quantity;
   std::replace(option.begin(), option.end(), '_', '-');
   const auto in_words = [](const VectorXd& value) {
@@ -212,8 +213,8 @@ std::string both_values(const ExternalMeasurement& reading, const ParametricEye&
                ? fmt::format("{:.2f} mm", value[0])
                : fmt::format("M {:.2f}, J0 {:+.2f}, J45 {:+.2f} D", value[0], value[1], value[2]);
   };
-  return fmt::format(" (--{} {}, the images {})", option, in_words(reading.value),
-                     in_words(reading.of_eye(by_images)));
+  return fmt::format(" (--{} {}, {} {})", option, in_words(reading.value), others,
+                     in_words(reading.of_eye(by_others)));
 }
 
 }  // namespace
@@ -223,11 +224,19 @@ std::vector<std::string> learn(UncertainEye& eye, const InstrumentReadings& read
   const auto add = [&](std::string warning) {
     if (!warning.empty()) warnings.push_back(std::move(warning));
   };
-  const ParametricEye by_images = eye.eye();
+  const UncertainEye by_images = eye;
   if (readings.topography) add(alignment_warning(*readings.topography));
   for (const ExternalMeasurement& measurement : readings.measurements) {
-    const std::string values = both_values(measurement, by_images);
-    add(judge_innovation(measurement.source, eye.learn(measurement), values));
+    const ParametricEye before = eye.eye();
+    UncertainEye of_images_alone = by_images;
+    const double from_images_sigma = of_images_alone.learn(measurement),
+                 from_all_sigma = eye.learn(measurement);
+    // What the images contradict less, another reading does more.
+    const bool is_of_images = from_images_sigma >= from_all_sigma;
+    const char* others = is_of_images ? "the images" : "the images with the readings before it";
+    add(judge_innovation({measurement.source, std::max(from_images_sigma, from_all_sigma),
+                          both_values(measurement, others, is_of_images ? by_images.eye() : before),
+                          others}));
   }
   return warnings;
 }
@@ -244,6 +253,9 @@ ExternalMeasurement keratometry_measurement(const std::string& text, double sigm
   const Meridian& flat = a.power_D <= b.power_D ? a : b;
   const Meridian& steep = a.power_D <= b.power_D ? b : a;
   const double half = (steep.power_D - flat.power_D) / 2;
+  // Both tell the axis: the flat meridian's own, and that square to the steep one.
+  const double turn_deg = std::remainder(steep.axis_deg - 90 - flat.axis_deg, 180),
+               flat_deg = flat.axis_deg + turn_deg / 2;
   // Mean and half difference of two independent powers: sigma/sqrt 2 each; the second astigmatic component
   // alike.
   return {"keratometry",
@@ -251,8 +263,8 @@ ExternalMeasurement keratometry_measurement(const std::string& text, double sigm
             const CornealPower power = corneal_power(anterior_cornea(eye));
             return Vector3d(power.M_D, power.J0_D, power.J45_D);
           },
-          Vector3d((flat.power_D + steep.power_D) / 2, half * std::cos(2 * flat.axis_deg * degree),
-                   half * std::sin(2 * flat.axis_deg * degree)),
+          Vector3d((flat.power_D + steep.power_D) / 2, half * std::cos(2 * flat_deg * degree),
+                   half * std::sin(2 * flat_deg * degree)),
           Matrix3d::Identity() * sigma_D* sigma_D / 2};
 }
 

@@ -130,8 +130,7 @@ Fit fit_toric(const ElevationMap& map) {
 /// What a toric conicoid leaves of a map, as Zernike terms.
 struct Departure {
   VectorXd coefficients_um;
-  double noise_um = 0;  ///< of a point
-  double rms_um = 0, rms_sigma_um = 0;
+  double noise_um = 0;         ///< of a point
   double largest_left_um = 0;  ///< of a point, beside the terms
   double term_sigma_um = 0;    ///< of a coefficient, rms of all
 };
@@ -164,23 +163,41 @@ Departure depart(const ElevationMap& map, const Fit& fit, double radius_mm) {
       departure.noise_um *
       std::sqrt(solver.solve(MatrixXd::Identity(terms.cols(), terms.cols())).trace() / count);
   const VectorXd smooth_um = terms * departure.coefficients_um;
-  // The terms share the noise of the points, which makes their sum of squares larger.
-  departure.rms_sigma_um = departure.noise_um * std::sqrt(count / points);
-  departure.rms_um = std::sqrt(
-      std::max(0.0, smooth_um.squaredNorm() / points - departure.rms_sigma_um * departure.rms_sigma_um));
   departure.largest_left_um = (left_um - smooth_um).cwiseAbs().maxCoeff();
   return departure;
 }
 
 /// A cornea as a map of points spread evenly over a disc.
-ElevationMap sampled(const CornealDepth& cornea, double radius_mm) {
+/// \param is_seen  whether a point of the disc is taken
+template <typename IsSeen>
+ElevationMap sampled(const CornealDepth& cornea, double radius_mm, const IsSeen& is_seen) {
   constexpr int count = 600;
   std::vector<ElevationPoint> points;
-  for (int i = 0; i < count; ++i) {
-    const Vector2d at = radius_mm * sunflower_point(i, count);
-    points.push_back({at.x(), at.y(), cornea(at.x(), at.y())});
-  }
+  for (int i = 0; i < count; ++i)
+    if (const Vector2d at = radius_mm * sunflower_point(i, count); is_seen(at))
+      points.push_back({at.x(), at.y(), cornea(at.x(), at.y())});
   return elevation_map(points);
+}
+
+ElevationMap sampled(const CornealDepth& cornea, double radius_mm) {
+  return sampled(cornea, radius_mm, [](const Vector2d&) { return true; });
+}
+
+/// The smooth surface of a map, each area of what is seen counting alike: the points of rings crowd in the middle, and
+/// the best conicoid of crowded points is another.
+ElevationMap evened(const ElevationMap& map, double radius_mm) {
+  const Fit fit = fit_toric(map);
+  const VectorXd terms_um = depart(map, fit, radius_mm).coefficients_um;
+  const double usual_gap_mm = radius_mm * std::sqrt(pi / static_cast<double>(map.depth_mm.size()));
+  const double reach_mm = std::max(0.5, 1.5 * usual_gap_mm);
+  const auto depth_mm = [&](double x_mm, double y_mm) {
+    return conicoid_depths(fit, Eigen::RowVector2d(x_mm, y_mm))[0] +
+           1e-3 * terms_um.dot(zernike_values(departure_order, x_mm / radius_mm, y_mm / radius_mm));
+  };
+  return sampled(depth_mm, radius_mm, [&](const Vector2d& at) {
+    return (map.position_mm.rowwise() - at.transpose()).rowwise().squaredNorm().minCoeff() <
+           reach_mm * reach_mm;
+  });
 }
 
 /// The eye with what a topographer's toric part describes: an irregular cornea gives way to its best toric
@@ -217,7 +234,7 @@ LaidOnApex laid_on_apex(const ElevationMap& map) {
     if (centre.depth_mm.size() < fewest_elevations)
       throw input_error(
           fmt::format("the elevation map has fewer than {} points in its central 8 mm", fewest_elevations));
-    const Vector2d shift_mm = fit_toric(centre).segment<2>(5);
+    const Vector2d shift_mm = fit_toric(evened(centre, fit_radius_mm)).segment<2>(5);
     laid.apex_mm += shift_mm;
     if (!(laid.apex_mm.norm() <= most_alignment_mm))
       throw input_error(
@@ -308,7 +325,7 @@ Topography analyse_topography(const ElevationMap& map, double sigma_D) {
   const ElevationMap centre = within(about_apex, irregularity_radius_mm);
   check_that_the_apex_is_seen(centre);
   const ElevationMap fitted = within(about_apex, fit_radius_mm);
-  const Fit fit = fit_toric(fitted);
+  const Fit fit = fit_toric(evened(fitted, fit_radius_mm));
   check_what_lies_beyond(about_apex, fit, radius_mm);
   const Departure whole = depart(within(about_apex, radius_mm), fit, radius_mm);
   if (whole.largest_left_um > largest_residual_um)
@@ -319,7 +336,7 @@ Topography analyse_topography(const ElevationMap& map, double sigma_D) {
         map_remedy);
   result.departure_um = whole.coefficients_um;
 
-  result.toric.source = "topography";
+  result.toric.source = result.toric.quantity = "topography";
   result.toric.of_eye = toric_functional;
   result.toric.value = toric_functional(toric_conicoid(fit));
   result.toric.covariance = covariance_of_noise(fit, fitted.position_mm, 1e-3 * whole.noise_um);
@@ -332,11 +349,17 @@ Topography analyse_topography(const ElevationMap& map, double sigma_D) {
   result.toric.covariance.diagonal().segment<2>(1).array() += flatter_D * flatter_D / 4;
   result.toric.covariance(3, 3) += asphericity_sigma * asphericity_sigma;
 
-  const Departure irregular = depart(centre, fit_toric(centre), irregularity_radius_mm);
+  const ElevationMap even_centre = evened(centre, irregularity_radius_mm);
+  const Fit of_centre = fit_toric(even_centre);
+  const double term_sigma_um = depart(centre, of_centre, irregularity_radius_mm).term_sigma_um;
+  const VectorXd terms_um = depart(even_centre, of_centre, irregularity_radius_mm).coefficients_um;
+  // The terms share the noise of the points, which makes their sum of squares larger.
+  const double noise_um = term_sigma_um * std::sqrt(static_cast<double>(terms_um.size()));
   result.coma_sigma_um = coma_um_per_mm_off_apex * std::max(alignment_mm, result.apex_mm.norm());
-  result.term_noise_um = irregular.term_sigma_um;
-  result.irregularity_um = Measured::from_sigma(
-      irregular.rms_um, std::hypot(irregular.rms_sigma_um, result.coma_sigma_um), "topography");
+  result.term_noise_um = term_sigma_um;
+  result.irregularity_um =
+      Measured::from_sigma(std::sqrt(std::max(0.0, terms_um.squaredNorm() - noise_um * noise_um)),
+                           std::hypot(noise_um, result.coma_sigma_um), "topography");
   result.irregularity_um.ci95[0] = std::max(0.0, result.irregularity_um.ci95[0]);
   return result;
 }

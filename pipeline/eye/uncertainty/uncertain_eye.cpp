@@ -263,14 +263,14 @@ std::vector<std::string> UncertainEye::learnt_from() const {
   return sources;
 }
 
-std::string judge_innovation(const std::string& reading, double innovation_sigma, const std::string& values) {
-  const std::string text = fmt::format("{} and the images differ by {:.1f} standard deviations{}", reading,
-                                       innovation_sigma, values);
-  if (innovation_sigma > irreconcilable_innovation_sigma)
+std::string judge_innovation(const Surprise& surprise) {
+  const std::string text = fmt::format("{} and {} differ by {:.1f} standard deviations{}", surprise.reading,
+                                       surprise.others, surprise.innovation_sigma, surprise.values);
+  if (surprise.innovation_sigma > irreconcilable_innovation_sigma)
     throw input_error(
         text + ": they cannot both be of this eye",
         "check eye, sign, unit and digits of the measurement; without it the images speak alone");
-  return innovation_sigma > doubtful_innovation_sigma ? text : "";
+  return surprise.innovation_sigma > doubtful_innovation_sigma ? text : "";
 }
 
 }  // namespace emmetrope

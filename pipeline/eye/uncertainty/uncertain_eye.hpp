@@ -110,12 +110,17 @@ inline constexpr double doubtful_innovation_sigma = 3;
 /// it is given.
 inline constexpr double irreconcilable_innovation_sigma = 5;
 
+/// A reading that may contradict what is known.
+struct Surprise {
+  std::string reading;          ///< such as "keratometry"
+  double innovation_sigma = 0;  ///< how far the reading lies from what else is known
+  std::string values = "";      ///< what is put behind it: its value and that of the others, with units
+  std::string others = "the images";
+};
+
 /// The one rule for a reading that contradicts what is known.
-/// \param reading  such as "keratometry"
-/// \param values  what is put behind it: its value and that of the images, with units
 /// \return a warning, or an empty text
 /// \throw Error (input_invalid) beyond irreconcilable_innovation_sigma
-std::string judge_innovation(const std::string& reading, double innovation_sigma,
-                             const std::string& values = "");
+std::string judge_innovation(const Surprise& surprise);
 
 }  // namespace emmetrope

@@ -141,6 +141,42 @@ TEST_F(TopographyFile, RegularCorneaHasNoIrregularity) {
   EXPECT_NEAR(found.toric.value[0], corneal_power(depth).M_D, 0.01);
 }
 
+/// A toric cornea with one Zernike term over 6 mm, sampled on a grid or on rings, whose points crowd in the middle.
+std::string map_with_term(int term, double um, bool on_rings) {
+  ParametricEye eye = Patient().eye;
+  std::string map = "x_mm,y_mm,elevation_um\n";
+  const auto add = [&](double x, double y) {
+    map +=
+        fmt::format("{},{},{}\n", x, y,
+                    -1e3 * eye.cornea_anterior_depth_mm(x, y) - um * zernike_values(4, x / 3, y / 3)[term]);
+  };
+  if (on_rings) {
+    for (int ring = 1; ring <= 22; ++ring)
+      for (int spoke = 0; spoke < 36; ++spoke)
+        add(0.2 * ring * std::cos(spoke * 10 * degree), 0.2 * ring * std::sin(spoke * 10 * degree));
+  } else {
+    for (double y = -4.4; y < 4.5; y += 0.2)
+      for (double x = -4.4; x < 4.5; x += 0.2)
+        if (std::hypot(x, y) <= 4.4) add(x, y);
+  }
+  return map;
+}
+
+/// The coefficient of a normalised term is what it leaves of the best toric conicoid, wherever the points lie.
+TEST_F(TopographyFile, IrregularityIsTheSurfacesAndNotThePoints) {
+  for (const auto& [term, um] : {std::pair{6, 8.0}, {9, 2.0}, {14, 5.0}, {10, 2.0}}) {  // trefoil, quadrafoil
+    Eigen::Vector4d toric[2];
+    for (const bool on_rings : {false, true}) {
+      const Topography found =
+          analyse_topography(read_elevation_map(write("term.csv", map_with_term(term, um, on_rings))), 0.25);
+      EXPECT_NEAR(found.irregularity_um.value, um, 0.04 * um) << term << " " << on_rings;
+      toric[on_rings ? 1 : 0] = found.toric.value;
+    }
+    EXPECT_NEAR((toric[1] - toric[0]).head<3>().norm(), 0, 0.03) << term;
+    EXPECT_NEAR(toric[1][3], toric[0][3], 0.02) << term;
+  }
+}
+
 /// A cornea that lies in its map shifted, or turned about its apex.
 std::string map_off_apex(const ParametricEye& eye, double shift_mm, double turn_rad) {
   std::string map = "x_mm,y_mm,elevation_um\n";

@@ -308,6 +308,12 @@ TEST(Instruments, FlagsAreReadOrRefused) {
   EXPECT_NEAR(k.value[0], 44, 1e-12);
   EXPECT_NEAR(k.value[1], 0.75 * std::cos(350 * degree), 1e-12);
   EXPECT_NEAR(k.value[2], 0.75 * std::sin(350 * degree), 1e-12);
+  // Meridians that are not quite square tell of the axis both: 177.5 here.
+  for (const char* askew : {"43@175/46@90", "43@180/46@85", "46@85/43@0", "43@0/46@85"}) {
+    const ExternalMeasurement both = keratometry_measurement(askew, 0.25);
+    EXPECT_NEAR(both.value[1], 1.5 * std::cos(355 * degree), 1e-12) << askew;
+    EXPECT_NEAR(both.value[2], 1.5 * std::sin(355 * degree), 1e-12) << askew;
+  }
 }
 
 TEST(Plausibility, FlagsWhatNoEyeHas) {
