@@ -60,6 +60,7 @@ Region region_of(const Body& body, const EyeData& eye, const std::vector<const S
     sheets.push_back(read_mesh(eye.mesh(surface)).mesh);
     for (Eigen::Vector3d& vertex : sheets.back().vertices) vertex -= head_shift_mm;
   }
+  if (sheets.size() == 2) sheets.push_back(between_rims(sheets[0], sheets[1]));
   for (const SourceImage* image : images) {
     std::vector<Polyline> pieces;
     for (const TriangleMesh& sheet : sheets)

@@ -9,6 +9,7 @@
 #include <set>
 #include <sstream>
 
+#include "pipeline/base/frames.hpp"
 #include "pipeline/eye/meshes/triangle_mesh.hpp"
 #include "pipeline/report/dicom/plane_cut.hpp"
 #include "pipeline/report/dicom/write_objects.hpp"
@@ -149,6 +150,12 @@ TEST_F(DicomTest, StructureSetOutlinesTheEyesOnTheirImages) {
   ASSERT_EQ(structures.getROIContourSequence().getNumberOfItems(), names.size());
   const auto outlines = outlines_of(structures, 0);
   EXPECT_GT(outlines.size(), 5U);
+  const auto by_y = [](const Eigen::Vector3d& a, const Eigen::Vector3d& b) { return a.y() < b.y(); };
+  const double cornea_ends_y =
+                   std::max_element(cornea.vertices.begin(), cornea.vertices.end(), by_y)->y() - 0.5,
+               retina_begins_y =
+                   std::min_element(retina.vertices.begin(), retina.vertices.end(), by_y)->y() + 0.5;
+  ASSERT_GT(retina_begins_y, cornea_ends_y + 2);
   // Without the wall it is no eyeball, and no organ whose dose a planner would ask for.
   const std::string dumped = dump("structures.dcm");
   EXPECT_THAT(dumped, AllOf(HasSubstr("[EYE_INNER]"), HasSubstr("[CAVITY]"),
@@ -161,7 +168,11 @@ TEST_F(DicomTest, StructureSetOutlinesTheEyesOnTheirImages) {
       double least = 1e9;
       for (const TriangleMesh* mesh : {&retina, &cornea})
         for (const Eigen::Vector3d& vertex : mesh->vertices) least = std::min(least, (vertex - point).norm());
-      EXPECT_LT(least, 1.5);  // within an edge of a triangle
+      // Within an edge of a triangle, or on the straight way from the cornea's rim (in front) to the retina's.
+      if (least >= 1.5) {
+        EXPECT_GT(point.y(), cornea_ends_y);
+        EXPECT_LT(point.y(), retina_begins_y);
+      }
     }
   }
   fs::remove_all(study);
@@ -256,6 +267,47 @@ TEST(PlaneCut, OfASphereInTwoSheetsIsACircle) {
   EXPECT_NEAR(length, 2 * 3.14159265358979 * radius, 0.1);
   EXPECT_TRUE(cut_by_plane(cap(1), Eigen::Vector3d(0, 11, 0), Eigen::Vector3d::UnitY()).empty());
   EXPECT_TRUE(joined_outline({}).empty());
+}
+
+/// Two sheets of a sphere with a wide belt between their rims, which the body spans straight.
+TEST(PlaneCut, BetweenTheRimsTheBodyIsStraight) {
+  const auto cap = [](double sign, int sectors) {
+    TriangleMesh mesh;
+    constexpr int rings = 20;
+    for (int ring = 0; ring <= rings; ++ring)
+      for (int sector = 0; sector < sectors; ++sector) {
+        const double theta = pi / 3 * ring / rings, phi = 2 * pi * sector / sectors;
+        mesh.vertices.push_back(10 * Eigen::Vector3d(std::sin(theta) * std::cos(phi),
+                                                     std::sin(theta) * std::sin(phi),
+                                                     sign * std::cos(theta)));
+      }
+    for (int ring = 0; ring < rings; ++ring)
+      for (int sector = 0; sector < sectors; ++sector) {
+        const int a = ring * sectors + sector, b = ring * sectors + (sector + 1) % sectors;
+        mesh.triangles.push_back({a, b, a + sectors});
+        mesh.triangles.push_back({b, b + sectors, a + sectors});
+      }
+    return mesh;
+  };
+  std::vector<TriangleMesh> sheets{cap(1, 120), cap(-1, 90)};
+  sheets.push_back(between_rims(sheets[0], sheets[1]));
+  const auto area_mm2 = [&](const Eigen::Vector3d& point, const Eigen::Vector3d& normal) {
+    std::vector<Polyline> pieces;
+    for (const TriangleMesh& sheet : sheets)
+      for (Polyline& piece : cut_by_plane(sheet, point, normal)) pieces.push_back(std::move(piece));
+    const Polyline outline = joined_outline(std::move(pieces));
+    Eigen::Vector3d twice = Eigen::Vector3d::Zero();
+    for (std::size_t i = 0; i < outline.size(); ++i)
+      twice += outline[i].cross(outline[(i + 1) % outline.size()]);
+    return std::abs(twice.dot(normal)) / 2;
+  };
+  const double rim_mm = 10 * std::sin(pi / 3);
+  // Across the belt the body is a cylinder; along the axis a rectangle between two segments of a circle.
+  for (const double z_mm : {-4.0, 0.3, 3.0})
+    EXPECT_NEAR(area_mm2({0, 0, z_mm}, Eigen::Vector3d::UnitZ()), pi * rim_mm * rim_mm, 1) << z_mm;
+  EXPECT_NEAR(area_mm2({0, 1e-3, 0}, Eigen::Vector3d::UnitY()),
+              2 * rim_mm * 10 + 100 * (2 * pi / 3 - std::sin(2 * pi / 3)), 1);
+  EXPECT_TRUE(between_rims({}, sheets[0]).triangles.empty());
 }
 
 /// A study that is not, or no longer, the one that the case was made from.
