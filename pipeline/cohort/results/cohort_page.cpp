@@ -6,7 +6,9 @@
 #include <cmath>
 #include <filesystem>
 #include <map>
+#include <numeric>
 #include <set>
+#include <utility>
 
 #include "pipeline/base/files.hpp"
 #include "pipeline/base/version.hpp"
@@ -29,12 +31,25 @@ using report::Section;
 
 using Numbers = std::vector<double>;
 
-Numbers values_of(const std::vector<EyeRow>& rows, const std::string& column) {
-  Numbers values;
+/// A number that tells of the eye, not of the population.
+const Measured* measured_in(const EyeRow& row, const Quantity& quantity) {
+  const auto found = row.numbers.find(quantity.column);
+  return found == row.numbers.end() || found->second.source == "prior" ? nullptr : &found->second;
+}
+
+/// Of which the eyes of a person have one.
+bool is_of_the_person(const Quantity& quantity) { return quantity.column == "interpupillary_distance"; }
+
+/// The measured ones: an eye of whose quantity a prior alone tells is not among them.
+std::vector<std::pair<const EyeRow*, const Measured*>> measured_of(const std::vector<EyeRow>& rows,
+                                                                   const Quantity& quantity) {
+  std::vector<std::pair<const EyeRow*, const Measured*>> found;
+  std::set<std::string> persons;
   for (const EyeRow& row : rows)
-    if (const auto found = row.numbers.find(column); found != row.numbers.end())
-      values.push_back(found->second.value);
-  return values;
+    if (const Measured* measured = measured_in(row, quantity))
+      if (!is_of_the_person(quantity) || persons.insert(row.subject).second)
+        found.emplace_back(&row, measured);
+  return found;
 }
 
 double quantile(Numbers sorted, double share) {
@@ -199,17 +214,22 @@ std::string id_of(std::string column) {
 Section numbers_section(const std::vector<EyeRow>& rows) {
   Section section{"numbers", "Distributions", {}};
   report::Table table;
-  table.caption = "Numbers of the eyes";
+  const auto children =
+      std::count_if(rows.begin(), rows.end(), [](const EyeRow& row) { return is_child(row.age_years); });
+  table.caption = "Numbers of the eyes, without those that a prior alone tells";
+  if (children > 0)
+    table.caption +=
+        fmt::format("; {} of {} eyes are children's, whose normal ranges are others", children, rows.size());
   table.header = {"Quantity", "Eyes", "Median", "5 to 95 %", "Normal adult", "Median half interval"};
   FigureRow charts;
   charts.caption = "Dashed: ends of the normal adult range, where there is one.";
   for (const Quantity& quantity : quantities()) {
-    const Numbers values = values_of(rows, quantity.column);
+    Numbers values, half;
+    for (const auto& [row, measured] : measured_of(rows, quantity)) {
+      values.push_back(measured->value);
+      half.push_back((measured->ci95[1] - measured->ci95[0]) / 2);
+    }
     if (values.empty() || quantity.unit == "deg") continue;  // an axis of 178 degrees is close to one of 2
-    Numbers half;
-    for (const EyeRow& row : rows)
-      if (const auto found = row.numbers.find(quantity.column); found != row.numbers.end())
-        half.push_back((found->second.ci95[1] - found->second.ci95[0]) / 2);
     const std::string key = quantity.key.substr(1);
     const Limits* limits = quantity.stage == "meshing" ? find_limits(key) : nullptr;
     const bool has_normal = limits != nullptr && limits->normal.is_limited();
@@ -258,12 +278,6 @@ Section relations_section(const std::vector<EyeRow>& rows) {
   return section;
 }
 
-/// A number that tells of the eye, not of the population.
-const Measured* measured_in(const EyeRow& row, const Quantity& quantity) {
-  const auto found = row.numbers.find(quantity.column);
-  return found == row.numbers.end() || found->second.source == "prior" ? nullptr : &found->second;
-}
-
 /// Where a page in `folder` finds the report of a subject, as a relative URL; empty where there is none.
 std::string link_to_report(const CohortFolder& cohort, const std::string& subject, const fs::path& folder) {
   const fs::path report = cohort.case_folder(subject) / "report" / "report.html";
@@ -272,32 +286,41 @@ std::string link_to_report(const CohortFolder& cohort, const std::string& subjec
              : "";
 }
 
-/// Eyes further than 3.5 robust standard deviations from the median (Iglewicz and Hoaglin 1993).
+/// Robust standard deviation by the distances from the median (Iglewicz and Hoaglin 1993): by their median, or by their
+/// mean where more than half of them are none.
+double robust_sigma(const Numbers& away) {
+  constexpr double sigma_of_median = 1.4826, sigma_of_mean = 1.2533;
+  const double by_median = sigma_of_median * quantile(away, 0.5);
+  if (by_median > 0) return by_median;
+  return sigma_of_mean * std::accumulate(away.begin(), away.end(), 0.0) / static_cast<double>(away.size());
+}
+
+/// Eyes further than 3.5 robust standard deviations from the median.
 Section outliers_section(const CohortFolder& cohort, const std::vector<EyeRow>& rows,
                          const fs::path& page_folder) {
-  constexpr double far = 3.5, sigma_of_mad = 1.4826;
+  constexpr double far = 3.5;
   constexpr std::size_t fewest = 8;
   Section section{"outliers", "Eyes far from the others", {}};
   report::Table table;
   table.caption = "More than 3.5 robust standard deviations from the median: to be looked at";
   table.header = {"Eye", "Quantity", "Value", "Median"};
   for (const Quantity& quantity : quantities()) {
+    const auto found = measured_of(rows, quantity);
     Numbers values;
-    for (const EyeRow& row : rows)
-      if (const Measured* measured = measured_in(row, quantity)) values.push_back(measured->value);
+    for (const auto& [row, measured] : found) values.push_back(measured->value);
     if (values.size() < fewest || quantity.unit == "deg") continue;
     const double median = quantile(values, 0.5);
     Numbers away;
     for (const double value : values) away.push_back(std::abs(value - median));
-    const double sigma = sigma_of_mad * quantile(away, 0.5);
+    const double sigma = robust_sigma(away);
     if (!(sigma > 0)) continue;
-    for (const EyeRow& row : rows) {
-      const Measured* measured = measured_in(row, quantity);
-      if (measured == nullptr || std::abs(measured->value - median) < far * sigma) continue;
-      table.rows.push_back({row.subject + " " + to_string(row.eye), quantity.column,
-                            fmt::format("{:.4g} {}", measured->value, quantity.unit),
-                            fmt::format("{:.4g}", median)});
-      table.links.push_back(link_to_report(cohort, row.subject, page_folder));
+    for (const auto& [row, measured] : found) {
+      if (std::abs(measured->value - median) < far * sigma) continue;
+      table.rows.push_back(
+          {row->subject + (is_of_the_person(quantity) ? "" : std::string(" ") + to_string(row->eye)),
+           quantity.column, fmt::format("{:.4g} {}", measured->value, quantity.unit),
+           fmt::format("{:.4g}", median)});
+      table.links.push_back(link_to_report(cohort, row->subject, page_folder));
     }
   }
   if (!table.rows.empty()) section.blocks.push_back({table});

@@ -8,6 +8,7 @@
 #include <cstdlib>
 #include <functional>
 #include <iterator>
+#include <set>
 #include <sstream>
 
 #include "pipeline/base/case_folder.hpp"
@@ -343,15 +344,28 @@ Outcomes count_outcomes(const std::vector<EyeRow>& rows) {
           count(Outcome::failed)};
 }
 
+namespace {
+
+/// "fit", "edges", or "fit+edges"; empty where no number tells.
+std::string method_of(const EyeRow& row) {
+  std::set<std::string> methods;
+  for (const auto& [column, measured] : row.numbers)
+    if (!measured.method.empty()) methods.insert(measured.method);
+  return methods.size() > 1 ? "fit+edges" : methods.empty() ? "" : *methods.begin();
+}
+
+}  // namespace
+
 std::string table_text(const std::vector<EyeRow>& rows) {
-  std::string text = "participant_id\teye\toutcome\tstage\treason\tage\tsex";
+  std::string text = "participant_id\teye\toutcome\tstage\treason\tage\tsex\tmethod";
   for (const Quantity& quantity : quantities())
     text += fmt::format("\t{0}\t{0}_low\t{0}_high\t{0}_source", quantity.column);
   text += "\n";
   for (const EyeRow& row : rows) {
-    text += fmt::format("{}\t{}\t{}\t{}\t{}\t{}\t{}", row.subject, to_string(row.eye), to_string(row.outcome),
-                        cell_text(row.stage), cell_text(row.reason),
-                        row.age_years ? number(*row.age_years) : not_available, cell_text(row.sex));
+    text += fmt::format("{}\t{}\t{}\t{}\t{}\t{}\t{}\t{}", row.subject, to_string(row.eye),
+                        to_string(row.outcome), cell_text(row.stage), cell_text(row.reason),
+                        row.age_years ? number(*row.age_years) : not_available, cell_text(row.sex),
+                        cell_text(method_of(row)));
     for (const Quantity& quantity : quantities()) {
       if (const auto found = row.numbers.find(quantity.column); found != row.numbers.end()) {
         const Measured& measured = found->second;
@@ -380,7 +394,13 @@ Json table_dictionary() {
       {"stage", {{"Description", "The command that gave less than all"}}},
       {"reason", {{"Description", "Why"}}},
       {"age", {{"Description", "At the examination"}, {"Units", "year"}}},
-      {"sex", {{"Levels", {{"M", "male"}, {"F", "female"}, {"O", "other"}}}}}};
+      {"sex", {{"Levels", {{"M", "male"}, {"F", "female"}, {"O", "other"}}}}},
+      {"method",
+       {{"Description", "How the eye's images were read"},
+        {"Levels",
+         {{"fit", "by the fit of an eye to the voxels"},
+          {"edges", "by a plain reading of edges, where the fit is withheld: wider intervals"},
+          {"fit+edges", "some numbers by each"}}}}}};
   for (const Quantity& quantity : quantities()) {
     Json& value = dictionary[quantity.column];
     value = {{"Description", quantity.description}};

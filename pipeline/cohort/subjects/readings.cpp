@@ -3,12 +3,14 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <boost/algorithm/string/case_conv.hpp>
 #include <cctype>
 #include <map>
 #include <regex>
 #include <set>
 
 #include "pipeline/base/error.hpp"
+#include "pipeline/base/json.hpp"
 #include "pipeline/base/laterality.hpp"
 #include "pipeline/base/log.hpp"
 #include "pipeline/base/notation.hpp"
@@ -49,17 +51,53 @@ std::string person_of(const Subject& subject, bool bids) {
   return bids ? subject.id.substr(0, subject.id.find("_ses-")) : subject.id;
 }
 
+/// The unit of a table's ages.
+struct AgeUnit {
+  const char* name = "years";
+  double years = 1;
+};
+
+/// What a table's sidecar says of its column of ages (BIDS: JSON of the table's name; inherited by tables of sessions).
+AgeUnit age_unit(const std::vector<std::filesystem::path>& sidecars) {
+  const auto sidecar = std::find_if(sidecars.begin(), sidecars.end(),
+                                    [](const auto& file) { return std::filesystem::exists(file); });
+  if (sidecar == sidecars.end()) return {};
+  const Json told = read_json(*sidecar);
+  const Json column = told.is_object() ? told.value("age", Json()) : Json();
+  const Json units = column.is_object() ? column.value("Units", Json()) : Json();
+  if (units.is_null()) return {};
+  const std::string unit = units.is_string() ? boost::algorithm::to_lower_copy(units.get<std::string>()) : "";
+  static const std::map<std::string, AgeUnit> known = [] {
+    std::map<std::string, AgeUnit> of;
+    const auto add = [&](const AgeUnit& unit, std::initializer_list<const char*> names) {
+      for (const char* name : names) of[name] = unit;
+    };
+    add({}, {"year", "years", "yr", "yrs", "y", "a"});
+    add({"months", 1.0 / 12}, {"month", "months", "mo", "mos", "mth"});
+    add({"weeks", 7 / 365.25}, {"week", "weeks", "wk", "wks"});
+    add({"days", 1 / 365.25}, {"day", "days", "d"});
+    return of;
+  }();
+  if (const auto found = known.find(unit); found != known.end()) return found->second;
+  throw input_error(fmt::format("{}: the ages' Units are {}", sidecar->string(), units.dump()),
+                    "year, month, week and day are read");
+}
+
+std::filesystem::path sidecar_of(const std::filesystem::path& table) {
+  return std::filesystem::path(table).replace_extension(".json");
+}
+
 /// Years; BIDS has "89+" for all who are older.
-std::string age_in(const Table& table, std::size_t row) {
+std::string age_in(const Table& table, std::size_t row, const AgeUnit& unit) {
   std::string age = table.cell(row, "age");
   if (!age.empty() && age.back() == '+') age.pop_back();
   if (age.empty()) return age;
-  const auto years = typed_number(age);
-  if (!years || !human_age_years.contains(*years))
-    throw input_error(
-        fmt::format("{}: \"{}\" is no age", table.place(row, "age"), table.cell(row, "age")),
-        fmt::format("years from {:g} to {:g}, or n/a", human_age_years.low, human_age_years.high));
-  return age;
+  const auto number = typed_number(age);
+  if (!number || !human_age_years.contains(*number * unit.years))
+    throw input_error(fmt::format("{}: \"{}\" is no age", table.place(row, "age"), table.cell(row, "age")),
+                      fmt::format("{} from {:g} to {:g}, or n/a", unit.name, human_age_years.low / unit.years,
+                                  human_age_years.high / unit.years));
+  return unit.years == 1 ? age : fmt::format("{:.6g}", *number * unit.years);
 }
 
 /// "M", "F" or "O", as DICOM has it, of a letter or the word, as BIDS has them; empty of all else.
@@ -83,13 +121,14 @@ SaidAge age_at_session(const std::filesystem::path& dataset, const std::string& 
   const std::filesystem::path file = dataset / person / (person + "_sessions.tsv");
   if (person == visit || !std::filesystem::exists(file)) return {};
   const Table table = read_table(file, {session_column});
+  const AgeUnit unit = age_unit({sidecar_of(file), dataset / "sessions.json"});
   SaidAge said;
   for (std::size_t row = 0; row < table.rows.size(); ++row) {
     if (person + "_" + table.cell(row, session_column) != visit) continue;
     if (!said.place.empty())
       throw input_error(table.place(row, session_column) + ": the session has a row already",
                         "give each one row");
-    said = {age_in(table, row), table.place(row, "age")};
+    said = {age_in(table, row, unit), table.place(row, "age")};
   }
   return said;
 }
@@ -143,12 +182,12 @@ void require_reading(const Reading& reading, const std::string& text, const std:
 }
 
 /// What a row says is put into a subject and its options.
-void add_readings_of_row(Subject& subject, const Table& table, std::size_t row) {
+void add_readings_of_row(Subject& subject, const Table& table, std::size_t row, const AgeUnit& unit) {
   const auto add = [&](const char* command, const char* option, const std::string& value) {
     std::vector<std::string>& words = subject.options[command];
     words.insert(words.end(), {option, value});
   };
-  subject.age = age_in(table, row);
+  subject.age = age_in(table, row, unit);
   subject.sex = sex_in(table, row);
   for (const Reading& reading : readings)
     for (const Laterality eye : both_eyes)
@@ -193,6 +232,7 @@ void require_distinct_rows(const Table& table, bool bids) {
 void add_readings(std::vector<Subject>& subjects, const Table& table, bool bids, bool all_are_here) {
   require_distinct_rows(table, bids);
   require_known_columns(table, bids);
+  const AgeUnit unit = age_unit({sidecar_of(table.file)});
   std::map<std::string, std::vector<Subject*>> of_person;
   for (Subject& subject : subjects) of_person[person_of(subject, bids)].push_back(&subject);
   for (std::size_t row = 0; row < table.rows.size(); ++row) {
@@ -206,7 +246,7 @@ void add_readings(std::vector<Subject>& subjects, const Table& table, bool bids,
     if (const std::string sex = table.cell(row, "sex"); !sex.empty() && sex_in(table, row).empty())
       spdlog::warn("{}: \"{}\" is none of M, F, O, male, female, other and n/a: no sex is taken from it",
                    table.place(row, "sex"), sex);
-    for (Subject* subject : found->second) add_readings_of_row(*subject, table, row);
+    for (Subject* subject : found->second) add_readings_of_row(*subject, table, row, unit);
   }
 }
 
@@ -229,6 +269,7 @@ void add_ages_to_options(std::vector<Subject>& subjects) {
 std::vector<std::string> contradictions(const std::vector<Subject>& subjects, const Table& table) {
   const std::map<std::string, std::size_t> row_of = rows_of_persons(table, true);
   const std::filesystem::path dataset = table.file.parent_path();
+  const AgeUnit unit = age_unit({sidecar_of(table.file)});
   std::vector<std::string> sentences;
   for (const Subject& subject : subjects) {
     const auto found = row_of.find(person_of(subject, true));
@@ -237,7 +278,7 @@ std::vector<std::string> contradictions(const std::vector<Subject>& subjects, co
       continue;
     }
     SaidAge said = age_at_session(dataset, subject.id);
-    if (said.years.empty()) said = {age_in(table, found->second), table.place(found->second, "age")};
+    if (said.years.empty()) said = {age_in(table, found->second, unit), table.place(found->second, "age")};
     // The tables of sessions lie among the images, which may have been taken away.
     const std::string person = person_of(subject, true);
     const bool may_be_the_sessions = person != subject.id && !std::filesystem::exists(dataset / person);
@@ -246,9 +287,9 @@ std::vector<std::string> contradictions(const std::vector<Subject>& subjects, co
           fmt::format("{}: \"{}\"; {} was measured as of \"{}\" years: run its participant level again",
                       said.place, said.years, subject.id, subject.age));
     if (const std::string sex = sex_in(table, found->second); sex != subject.sex)
-      sentences.push_back(
-          fmt::format("{}: \"{}\"; {} was measured as of sex \"{}\": run its participant level again",
-                      table.place(found->second, "sex"), sex, subject.id, subject.sex));
+      sentences.push_back(fmt::format(
+          "{}: \"{}\"; {} was measured as of sex \"{}\": run its participant level again",
+          table.place(found->second, "sex"), table.cell(found->second, "sex"), subject.id, subject.sex));
   }
   return sentences;
 }

@@ -3,6 +3,7 @@
 #include <fmt/core.h>
 
 #include <algorithm>
+#include <iterator>
 
 #include "pipeline/base/error.hpp"
 
@@ -234,6 +235,28 @@ const Limits* find_limits(const std::string& quantity) {
   const auto found = std::find_if(limits_table().begin(), limits_table().end(),
                                   [&](const Limits& limits) { return limits.quantity == quantity; });
   return found == limits_table().end() ? nullptr : &*found;
+}
+
+Normal normal_at_age(const std::string& quantity, std::optional<double> age_years) {
+  if (!is_child(age_years)) {
+    const Limits* limits = find_limits(quantity);
+    return limits == nullptr ? Normal{} : Normal{limits->normal, limits->normal_reference};
+  }
+  if (quantity != "optical_axial_length_mm") return {};
+  // Means and standard deviations of 12 386 European children; that at 15 years stands until 18.
+  struct AtAge {
+    double years, mean_mm, sd_mm;
+  };
+  constexpr AtAge of_children[] = {{6, 22.36, 0.75}, {9, 23.10, 0.84}, {15, 23.41, 0.86}, {18, 23.41, 0.86}};
+  for (std::size_t i = 1; i < std::size(of_children); ++i) {
+    const AtAge &younger = of_children[i - 1], &older = of_children[i];
+    if (*age_years < younger.years || *age_years > older.years) continue;
+    const double along = (*age_years - younger.years) / (older.years - younger.years);
+    const double mean_mm = younger.mean_mm + along * (older.mean_mm - younger.mean_mm),
+                 sd_mm = younger.sd_mm + along * (older.sd_mm - younger.sd_mm);
+    return {{mean_mm - 2 * sd_mm, mean_mm + 2 * sd_mm}, "Tideman et al. 2018"};
+  }
+  return {};
 }
 
 const Limits& limits_of(const std::string& quantity) {

@@ -1,5 +1,6 @@
 #pragma once
 #include <limits>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -46,6 +47,16 @@ struct Limits {
 const std::vector<Limits>& limits_table();
 /// \return null for a quantity that has no limits
 const Limits* find_limits(const std::string& quantity);
+/// From here on the normal ranges of adults hold.
+inline constexpr double adult_years = 18;
+inline bool is_child(std::optional<double> age_years) { return age_years && *age_years < adult_years; }
+/// What is normal at an age, and where that is from.
+struct Normal {
+  Range range;  ///< not limited where nothing is known
+  std::string reference;
+};
+/// \param age_years  of an adult, or unknown: the table's range; of a child a range of that age or none
+Normal normal_at_age(const std::string& quantity, std::optional<double> age_years);
 /// \throw Error (fault) for a quantity that has none
 const Limits& limits_of(const std::string& quantity);
 

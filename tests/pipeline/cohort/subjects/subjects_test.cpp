@@ -156,6 +156,24 @@ TEST_F(Subjects, AreNamedByATable) {
   EXPECT_THAT(ids(folder() / "people.tsv"), ElementsAre("first"));
 }
 
+/// BIDS tells a column's unit in the table's sidecar.
+TEST_F(Subjects, AgesAreOfTheUnitThatTheSidecarNames) {
+  add("bids/sub-01/anat/x.nii.gz");
+  write_file(folder() / "bids" / "dataset_description.json", "{}");
+  write_file(folder() / "bids" / "participants.tsv", "participant_id\tage\nsub-01\t18\n");
+  const auto age_in = [&](const std::string& units) {
+    write_file(folder() / "bids" / "participants.json", "{\"age\": {\"Units\": " + units + "}}");
+    return find_subjects(folder() / "bids").at(0).age;
+  };
+  EXPECT_EQ(age_in("\"years\""), "18");
+  EXPECT_EQ(age_in("null"), "18");
+  EXPECT_EQ(age_in("\"Month\""), "1.5");
+  EXPECT_NEAR(std::stod(age_in("\"weeks\"")), 18 * 7 / 365.25, 1e-5);
+  EXPECT_NEAR(std::stod(age_in("\"days\"")), 18 / 365.25, 1e-6);
+  write_file(folder() / "bids" / "participants.json", "{\"age\": {\"Units\": \"decades\"}}");
+  EXPECT_THAT(refusal(folder() / "bids"), AllOf(HasSubstr("participants.json"), HasSubstr("decades")));
+}
+
 TEST_F(Subjects, OfBidsHaveImagesOfTheirOwn) {
   add("bids/sub-10/ses-1/anat/sub-10_ses-1_T1w.nii.gz");
   write_file(folder() / "bids" / "dataset_description.json", "{}");

@@ -76,6 +76,22 @@ TEST(Settings, MetresAreRefusedByNameAndAContactLensIsNot) {
   }
 }
 
+TEST(NormalAtAge, IsOfAdultsOrOfChildrenOfThatAgeOrNone) {
+  const auto length = [](std::optional<double> years) {
+    return normal_at_age("optical_axial_length_mm", years);
+  };
+  EXPECT_EQ(length({}).reference, "Hoffmann and Huetz 2010");
+  EXPECT_EQ(length(18).reference, "Hoffmann and Huetz 2010");
+  EXPECT_EQ(length(17.9).reference, "Tideman et al. 2018");
+  EXPECT_NEAR(length(6).range.low, 22.36 - 1.5, 1e-9);
+  EXPECT_NEAR(length(9).range.high, 23.10 + 1.68, 1e-9);
+  EXPECT_NEAR(length(12).range.low + length(12).range.high, 23.10 + 23.41, 1e-9);
+  EXPECT_FALSE(length(3).range.is_limited());
+  EXPECT_FALSE(normal_at_age("lens_thickness_mm", 9).range.is_limited());
+  EXPECT_TRUE(normal_at_age("lens_thickness_mm", 40).range.is_limited());
+  EXPECT_FALSE(normal_at_age("no_such_quantity", {}).range.is_limited());
+}
+
 TEST(Range, HoldsItsEndsAndNoNumberThatIsNone) {
   const Range range{1.8, 5};
   EXPECT_TRUE(range.contains(1.8) && range.contains(5.0));
