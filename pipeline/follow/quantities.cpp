@@ -1,5 +1,6 @@
 #include "pipeline/follow/quantities.hpp"
 
+#include <algorithm>
 #include <cmath>
 
 #include "pipeline/eye/parametric/analytic_eye.hpp"
@@ -53,9 +54,16 @@ std::vector<Measured> growth_of_quantities(const Growth& growth) {
   const Eigen::MatrixXd slopes = slopes_of(growth);
   const VectorXd value = slopes * growth.per_year.mean;
   const Eigen::MatrixXd covariance = slopes * growth.per_year.covariance * slopes.transpose();
+  VectorXd expected_sigma(growth.per_year.mean.size());
+  for (Index i = 0; i < expected_sigma.size(); ++i)
+    expected_sigma[i] = change_sigma(growth.parameters[static_cast<std::size_t>(i)]);
+  const VectorXd expected_variance = (slopes * expected_sigma.asDiagonal()).rowwise().squaredNorm();
   std::vector<Measured> quantities;
-  for (Index i = 0; i < value.size(); ++i)
-    quantities.push_back(Measured::from_sigma(value[i], std::sqrt(covariance(i, i)), "mri", "fit"));
+  for (Index i = 0; i < value.size(); ++i) {
+    const double share = std::clamp(1 - covariance(i, i) / expected_variance[i], 0.0, 1.0);
+    quantities.push_back(
+        Measured::from_sigma(value[i], std::sqrt(covariance(i, i)), Origin::of_images("mri", share), "fit"));
+  }
   return quantities;
 }
 

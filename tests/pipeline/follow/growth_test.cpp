@@ -67,6 +67,30 @@ TEST(Growth, IsTheSlopeOfARegressionWithAPrior) {
   EXPECT_NEAR(deviation, std::sqrt(variance), 1e-6);
 }
 
+/// Children are seen every few months: what was measured of the globe is not drawn towards no growth.
+TEST(Growth, OfAGlobeOverMonthsIsTheDifferenceOverTheTime) {
+  for (const double years : {0.25, 0.5, 1.0}) {
+    const std::vector<EyeAtVisit> visits{{fitted_eye(eye_of(23.5, 0.1)), 0},
+                                         {fitted_eye(eye_of(23.7, 0.1)), years}};
+    const Growth growth = growth_of(visits, 0);
+    const auto [mean, deviation] = change_of(growth, "axial_length_mm");
+    EXPECT_NEAR(mean, 0.2 / years, 0.02 / years) << years;
+    EXPECT_NEAR(deviation, std::sqrt(2) * 0.1 / years, 0.01 / years) << years;
+  }
+}
+
+/// What the images say of a growth is named as of any other number.
+TEST(Growth, ItsSourceIsTheImagesShare) {
+  const auto length_over = [](double years) {
+    return growth_of_quantities(
+               growth_of({{fitted_eye(eye_of(23.5, 0.1)), 0}, {fitted_eye(eye_of(23.7, 0.1)), years}}, 0))
+        .front();
+  };
+  EXPECT_EQ(length_over(1).source, "mri");
+  EXPECT_GT(length_over(1).image_share.value(), 0.99);
+  EXPECT_EQ(length_over(0.005).source, "prior");
+}
+
 TEST(Growth, OfWhatAnEyeDoesNotChangeIsHeld) {
   const std::vector<EyeAtVisit> visits{{fitted_eye(eye_of(23.5, 0.05, 3.3)), 0},
                                        {fitted_eye(eye_of(23.5, 0.05, 3.5)), 1}};
