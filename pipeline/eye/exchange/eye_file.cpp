@@ -16,18 +16,21 @@ namespace {
 
 bool is_zmx(const std::filesystem::path& file) { return capitals(file.extension().string()) == ".ZMX"; }
 
-/// What a fitted surface departs by in depth says little of its curvature, and so of the eye's power.
+/// What a fitted surface departs by in depth says little of its curvature, and so of the eye's power; and media may be
+/// others in other light: the lines F and C, the ends of most of what is looked at.
 std::string change_of_power(const EyeModel& eye, const std::filesystem::path& written) {
-  constexpr double allowed_D = 0.02;
+  constexpr double allowed_D = 0.02, blue_nm = 486.13, red_nm = 656.27;
   const EyeModel again = read_zmx(written);
-  const double nm = eye.reference_wavelength_nm;
-  const double power = cardinal_points(eye, nm).power_D, power_again = cardinal_points(again, nm).power_D;
-  const double M = paraxial_refraction(eye, nm).M_D, M_again = paraxial_refraction(again, nm).M_D;
-  if (std::abs(power_again - power) <= allowed_D && std::abs(M_again - M) <= allowed_D) return {};
-  return fmt::format(
-      "{} is not quite this eye: its power is {:.2f} D and not {:.2f} D, its refraction M {:+.2f} D and not {:+.2f} D "
-      "(paraxial).",
-      written.string(), power_again, power, M_again, M);
+  for (const double nm : {eye.reference_wavelength_nm, blue_nm, red_nm}) {
+    const double power = cardinal_points(eye, nm).power_D, power_again = cardinal_points(again, nm).power_D;
+    const double M = paraxial_refraction(eye, nm).M_D, M_again = paraxial_refraction(again, nm).M_D;
+    if (std::abs(power_again - power) <= allowed_D && std::abs(M_again - M) <= allowed_D) continue;
+    return fmt::format(
+        "{} is not quite this eye: its power is {:.2f} D and not {:.2f} D, its refraction M {:+.2f} D and not {:+.2f} D "
+        "(paraxial, at {:g} nm).",
+        written.string(), power_again, power, M_again, M, nm);
+  }
+  return {};
 }
 
 }  // namespace

@@ -245,6 +245,8 @@ Pupil entrance_pupil(const EyeModel& eye, double wavelength_nm) {
 Pupil exit_pupil(const EyeModel& eye, double wavelength_nm) {
   const AxialSystem system(eye, wavelength_nm, true);
   const StopPlace stop = stop_place(eye);
+  if (stop.surface > system.last())
+    return {stop.position_mm, stop.diameter_mm};  // nothing refracts behind it
   const Matrix4 m = system.to_last(stop.surface, stop.position_mm);
   const double n_image = system.index(system.last(), 0);
   return {system.position(system.last()) - n_image * m(0, 2) / m(2, 2), stop.diameter_mm / m(2, 2)};

@@ -159,6 +159,14 @@ TEST(Zmx, DispersionIsKeptWithinWhatTheNotesSay) {
           << medium << nm;
 }
 
+/// At its reference wavelength such an eye comes back exactly.
+TEST(Zmx, AnEyeThatIsAnotherInOtherLightIsWarnedOf) {
+  const TemporaryFolder folder;
+  EXPECT_THAT(write_eye_file(folder.path() / "lb.zmx", make_eye("liou-brennan")).warning,
+              testing::HasSubstr("at 486.13 nm"));
+  EXPECT_EQ(write_eye_file(folder.path() / "navarro.zmx", make_eye("navarro")).warning, "");
+}
+
 TEST(Zmx, MeasuredEyesComeBackWithTiltsAndToricCorneas) {
   int reached = 0;
   for (unsigned seed = 1; seed <= 10; ++seed) {

@@ -174,6 +174,17 @@ TEST(SchematicEyes, EntrancePupilOfAReducedCorneaIsTheClosedForm) {
   EXPECT_NEAR(pupil.diameter_mm, 4 * image * 1.336 / 3.6, 1e-9);
 }
 
+TEST(SchematicEyes, BehindWhoseStopNothingRefractsHaveTheStopAsExitPupil) {
+  EyeModel eye = make_eye("gullstrand");
+  const auto stop = std::find_if(eye.surfaces.begin(), eye.surfaces.end(),
+                                 [](const Surface& surface) { return surface.is_stop(); });
+  ASSERT_NE(stop, eye.surfaces.end());
+  eye.surfaces.erase(std::next(stop), std::prev(eye.surfaces.end()));
+  const Pupil pupil = exit_pupil(eye, 589.3);
+  EXPECT_NEAR(pupil.position_mm, eye.surfaces[eye.surfaces.size() - 2].position_mm, 1e-12);
+  EXPECT_NEAR(pupil.diameter_mm, eye.surfaces[eye.surfaces.size() - 2].stop_diameter_mm, 1e-12);
+}
+
 TEST(SchematicEyes, ExitPupilIsTheEntrancePupilsImage) {
   // Both are images of the stop, so that the whole eye images one into the other: Newton's x x' = f f'.
   for (const char* name : {"gullstrand", "navarro", "liou-brennan", "arizona", "atchison:-4"}) {
