@@ -60,6 +60,8 @@ Calibration calibrate(const raytrace::Tracer& tracer, const EyeModel& traced, Un
   const Eigen::MatrixXd sensitivity = refraction_sensitivity(
       uncertain, [&](const EyeModel& eye) { return refraction_by_spot(eye, settings); });
   calibration.covariance_before = sensitivity * uncertain.known.eye().covariance * sensitivity.transpose();
+  for (Eigen::Index i = 0; i < 3; ++i)
+    calibration.origins_before[static_cast<std::size_t>(i)] = uncertain.known.origin_of(sensitivity.row(i));
 
   // The least-squares fit of ray slopes moves with the eye as the sharpest lens does; refractions are of sodium light,
   // whatever light the lens is sought in.

@@ -107,6 +107,7 @@ struct Calibration {
   bool index_was_known = false;  ///< it has then stayed, and the eye's shape has moved
   PowerVector before;            ///< what the eye said without it
   Eigen::Matrix3d covariance_before = Eigen::Matrix3d::Zero();
+  std::array<Origin, 3> origins_before{"model", "model", "model"};  ///< of its M, J0, J45
 };
 
 /// Where the numbers' uncertainty comes from.

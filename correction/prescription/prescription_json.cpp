@@ -76,7 +76,7 @@ Json difference_json(const Prescription& prescription) {
 /// What was given and what the images say, from which the result has been combined.
 Json calibration_json(const Calibration& calibration) {
   const RefractionIntervals alone =
-      refraction_intervals(calibration.before, calibration.covariance_before, {"mri", "mri", "mri"});
+      refraction_intervals(calibration.before, calibration.covariance_before, calibration.origins_before);
   Json without_it = notation_json(calibration.before);
   without_it["sphere_D"] = alone.sphere_D;
   without_it["cylinder_D"] = alone.cylinder_D;
@@ -99,7 +99,7 @@ Json calibration_json(const Calibration& calibration) {
       {"lens_index_after", calibration.index_was_known ? Json(after) : Json(calibration.index_after)},
       {"without_it", std::move(without_it)},
       {"text",
-       "The given refraction has been combined with what the images say, each by its accuracy: the result "
+       "The given refraction has been combined with what is known without it, each by its accuracy: the result "
        "is no independent measurement. " +
            moved}};
 }

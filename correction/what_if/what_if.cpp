@@ -183,6 +183,8 @@ Json iol_json(const EyeModel& eye, const PrescriptionSettings& settings, const W
             {"target_vertex_distance_mm", vertex_mm},
             {"a_constant", what_if.iol_a_constant},
             {"axial_length_mm", biometry.axial_length_mm},
+            {"keratometry_D", biometry.keratometry_D},
+            {"anterior_chamber_depth_mm", biometry.anterior_chamber_depth_mm},
             {"position_mm", position_mm}};
   for (Eigen::Index i = 0; i < powers_D.size(); ++i) {
     const std::string method = iol_method(static_cast<std::size_t>(i));

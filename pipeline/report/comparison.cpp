@@ -37,12 +37,19 @@ constexpr const char *changed = "changed", *undetermined = "not determined", *un
 /// b - a; for angles of an axis the shorter way round.
 double difference_of(const Measured& a, const Measured& b, const NumberStyle& style) {
   const double difference = b.value - a.value;
-  return style.unit == "deg" ? std::remainder(difference, 180) : difference;
+  return style.unit == "axis" ? std::remainder(difference, 180) : difference;
 }
 
 void add_row(Table& table, const Json& earlier, const Json& later, const BiometryRow& row) {
   const auto a = measured_at(earlier, row.key), b = measured_at(later, row.key);
-  if (!a || !b) return;
+  if (!a && !b) return;
+  if (!a || !b) {
+    const Measured& known = a ? *a : *b;
+    if (known.source == "prior") return;
+    table.rows.push_back({row.name, a ? format(a->value, row.style) : unmeasured,
+                          b ? format(b->value, row.style) : unmeasured, "\u2013", "\u2013", unmeasured});
+    return;
+  }
   const bool is_in_a = row.is_determined(earlier), is_in_b = row.is_determined(later);
   if (!is_in_a || !is_in_b) {
     table.rows.push_back({row.name, is_in_a ? format(a->value, row.style) : undetermined,
@@ -59,8 +66,9 @@ void add_row(Table& table, const Json& earlier, const Json& later, const Biometr
   // Of unequal halves those that face each other.
   const double limit = difference > 0 ? std::hypot(a->ci95[1] - a->value, b->value - b->ci95[0])
                                       : std::hypot(a->value - a->ci95[0], b->ci95[1] - b->value);
-  const NumberStyle with_sign{row.style.decimals, true, row.style.unit},
-      without_sign{row.style.decimals, false, row.style.unit};
+  const std::string unit =
+      row.style.unit == "axis" ? "deg" : row.style.unit;  // of axes that are alike it is 0
+  const NumberStyle with_sign{row.style.decimals, true, unit}, without_sign{row.style.decimals, false, unit};
   table.rows.push_back({row.name, format(a->value, row.style), format(b->value, row.style),
                         format(difference, with_sign), "\u00b1 " + format(limit, without_sign),
                         std::abs(difference) > limit ? changed : "within the intervals"});
@@ -75,7 +83,7 @@ std::vector<BiometryRow> refraction_rows() {
     row.key = key;
     row.name = name;
     const bool is_axis = row.key == "axis_deg";
-    row.style = NumberStyle{is_axis ? 0 : 2, !is_axis, is_axis ? "deg" : "D"};
+    row.style = NumberStyle{is_axis ? 0 : 2, !is_axis, is_axis ? "axis" : "D"};
     if (is_axis) row.cylinder = "cylinder_D";
     rows.push_back(row);
   }

@@ -180,6 +180,10 @@ std::string CaseData::subject() const {
   return id.empty() ? "unknown" : id;
 }
 
+std::optional<double> CaseData::age_years() const {
+  return value_of(case_json.value("subject", Json::object()), "age_years");
+}
+
 std::string CaseData::told_study_date() const {
   const std::string date = text_of(case_json, {"study_date", "date"});
   return date.empty() ? text_of(case_json.value("study", Json::object()), {"date", "study_date"}) : date;

@@ -54,6 +54,8 @@ struct CaseData {
   const StageData* stage(const std::string& name) const;
   /// Pseudonym of the subject; "unknown" where case.json has none.
   std::string subject() const;
+  /// Of the subject, where it is known.
+  std::optional<double> age_years() const;
   /// Study date as YYYY-MM-DD, or empty.
   std::string study_date() const;
   /// What case.json has for it, be it a date or not; empty where it has none.

@@ -1,5 +1,7 @@
 #include "pipeline/report/content/biometry_rows.hpp"
 
+#include <cmath>
+
 #include "pipeline/report/content/first_page.hpp"
 
 namespace emmetrope::report {
@@ -9,12 +11,14 @@ bool BiometryRow::is_determined(const Json& document) const {
          has_axis(document.value(Json::json_pointer(std::string("/") + cylinder), Json()));
 }
 
-Range BiometryRow::normal() const {
-  const Limits* limits = find_limits(key);
-  return limits == nullptr ? Range{} : limits->normal;
-}
+Normal BiometryRow::normal(std::optional<double> age_years) const { return normal_at_age(key, age_years); }
 
-std::string BiometryRow::normal_text() const { return format_range(normal(), style.decimals); }
+bool BiometryRow::is_normal(double value, std::optional<double> age_years) const {
+  const Range range = normal(age_years).range;
+  const double digit = std::pow(10, -style.decimals), half = digit / 2;
+  return std::round(value / digit) * digit >= range.low - half &&
+         std::round(value / digit) * digit <= range.high + half;
+}
 
 const std::vector<BiometryRow>& biometry_rows() {
   static const std::vector<BiometryRow> rows{
@@ -35,10 +39,10 @@ const std::vector<BiometryRow>& keratometry_rows() {
   static const std::vector<BiometryRow> rows{
       {"keratometry/flat/power_D", "Flat meridian K1", {2, false, "D"}},
       {"keratometry/flat/radius_mm", "Flat radius", {2, false, "mm"}},
-      {"keratometry/flat/axis_deg", "Flat axis", {0, false, "deg"}, "keratometry/cylinder_D"},
+      {"keratometry/flat/axis_deg", "Flat axis", {0, false, "axis"}, "keratometry/cylinder_D"},
       {"keratometry/steep/power_D", "Steep meridian K2", {2, false, "D"}},
       {"keratometry/steep/radius_mm", "Steep radius", {2, false, "mm"}},
-      {"keratometry/steep/axis_deg", "Steep axis", {0, false, "deg"}, "keratometry/cylinder_D"},
+      {"keratometry/steep/axis_deg", "Steep axis", {0, false, "axis"}, "keratometry/cylinder_D"},
       {"keratometry/cylinder_D", "Corneal cylinder (steep - flat)", {2, false, "D"}},
       {"keratometry/asphericity_q", "Asphericity Q", {2, true, ""}},
       {"astigmatism/M_D", "Corneal mean power M", {2, false, "D"}},
@@ -65,6 +69,20 @@ const std::vector<BiometryRow>& retina_rows() {
       {"retina/volume_mm3", "Vitreous volume", {0, false, "mm\u00b3"}},
       {"retina/staphyloma_index", "Staphyloma index", {1, false, ""}}};
   return rows;
+}
+
+std::map<std::string, std::string> withheld_quantities(const Json& biometry) {
+  std::map<std::string, std::string> quantities;
+  const auto add = [&](const BiometryRow& row, const std::string& name) {
+    const Json::json_pointer at("/" + row.key);
+    if (!biometry.is_object() || !biometry.contains(at) || !is_withheld(biometry.at(at))) return;
+    std::string& list = quantities[biometry.at(at).at("withheld").get<std::string>()];
+    if (list.find(name) == std::string::npos) list += (list.empty() ? "" : "; ") + name;
+  };
+  for (const BiometryRow& row : biometry_rows()) add(row, row.name);
+  for (const BiometryRow& row : keratometry_rows()) add(row, "Keratometry and corneal astigmatism");
+  for (const BiometryRow& row : retina_rows()) add(row, row.name);
+  return quantities;
 }
 
 std::array<const std::vector<BiometryRow>*, 3> measured_rows() {

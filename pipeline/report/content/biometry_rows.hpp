@@ -1,5 +1,7 @@
 #pragma once
 #include <array>
+#include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -17,11 +19,10 @@ struct BiometryRow {
 
   /// Whether a document's number means something: an axis of a cylinder that may be none does not.
   bool is_determined(const Json& document) const;
-  /// What is normal in adults; not limited where nothing is known.
-  Range normal() const;
-  /// "22.1 to 26.0", "up to 40", in the style's decimals without its unit.
-  /// \pre normal() is limited
-  std::string normal_text() const;
+  /// What is normal at that age (normal_at_age).
+  Normal normal(std::optional<double> age_years) const;
+  /// Whether a value is, both in the style's decimals: a text "7.5 is outside 7.5 to 13.2" would be none.
+  bool is_normal(double value, std::optional<double> age_years) const;
 };
 
 /// Of the axial length that tables tell in a note: the optical one stands for both.
@@ -30,6 +31,8 @@ inline constexpr const char* inner_axial_length_key = "axial_length_mm";
 const std::vector<BiometryRow>& biometry_rows();
 const std::vector<BiometryRow>& keratometry_rows();
 const std::vector<BiometryRow>& retina_rows();
+/// Names of what biometry.json withholds, by reason.
+std::map<std::string, std::string> withheld_quantities(const Json& biometry);
 /// The three in this order.
 std::array<const std::vector<BiometryRow>*, 3> measured_rows();
 

@@ -116,7 +116,7 @@ const std::vector<EyeRow>& cylinder_rows() {
   static const std::vector<EyeRow> rows{
       {"/plano_cylinder/radius_mm", "Radius of the back surface", {1, true, "mm"}},
       {"/plano_cylinder/power_D", "Power", dioptres},
-      {"/plano_cylinder/axis_deg", "Axis (meridian without power)", {0, false, "deg"}, has_refraction_axis},
+      {"/plano_cylinder/axis_deg", "Axis (meridian without power)", {0, false, "axis"}, has_refraction_axis},
       {"/plano_cylinder/index", "Refractive index", {3, false, ""}},
       {"/plano_cylinder/vertex_distance_mm", "In front of the cornea", {1, false, "mm"}},
       {"/plano_cylinder/sharpness", "Sharpness reached", {4, false, ""}}};
@@ -133,6 +133,12 @@ const std::vector<EyeRow>& implant_rows() {
       {"/what_if/intra_ocular_lens/target_M_D", "Target spherical equivalent", dioptres},
       {"/what_if/intra_ocular_lens/target_vertex_distance_mm", "Target's vertex distance", {1, false, "mm"}},
       {"/what_if/intra_ocular_lens/a_constant", "A constant", {1, false, ""}},
+      // With a refraction that was given these are not the biometry's: it has moved the eye.
+      {"/what_if/intra_ocular_lens/keratometry_D", "Mean K that the formulas took", {2, false, "D"}},
+      {"/what_if/intra_ocular_lens/axial_length_mm", "Axial length that they took", {2, false, "mm"}},
+      {"/what_if/intra_ocular_lens/anterior_chamber_depth_mm",
+       "Chamber depth that they took",
+       {2, false, "mm"}},
       {"/what_if/intra_ocular_lens/position_mm", "Lens plane behind the cornea", {2, false, "mm"}}};
   return rows;
 }

@@ -37,7 +37,7 @@ void add_measured(Table& table, const Json& json, const std::string& key, const 
 
 /// An axis only where there is a cylinder.
 void add_axis(Table& table, const Json& prescription) {
-  const NumberStyle degrees{0, false, "deg"};
+  const NumberStyle degrees{0, false, "axis"};
   if (has_axis(prescription.value("cylinder_D", Json())))
     add_measured(table, prescription, "axis_deg", "Axis", degrees);
   else
@@ -53,8 +53,10 @@ void add_calibration(EyeCard& card, const Json& prescription, const std::string&
   const Json given = calibration.value("given", Json()), alone = calibration.value("without_it", Json());
   const double half_width_D =
       Measured::from_sigma(0, value_of(calibration, "sigma_D").value_or(0), "").ci95[1];
-  card.note += ". Combined from the refraction that was given, " + refraction_of(given) + ", and what " +
-               with + " say, " + refraction_of(alone) + ", each by its accuracy: no independent measurement";
+  card.note += ". Combined from the refraction that was given, " + refraction_of(given) +
+               light_of(prescription, " (of 589.3 nm)") + ", and what " + with + " say, " +
+               refraction_of(alone) + light_of(prescription, " (of {:g} nm)") +
+               ", each by its accuracy: no independent measurement";
   card.details.rows.push_back(
       {"Given", refraction_of(given), "\u00b1" + fixed(half_width_D, 2) + " D in M, J0 and J45"});
   card.details.rows.push_back({"By " + with, refraction_of(alone), ""});
@@ -95,9 +97,10 @@ EyeCard card_of(const CaseData& data, const EyeData& eye) {
 
   const Json& prescription = eye.prescription;
   if (judgement.has_prescription) card.prescription = rounded_prescription(prescription);
-  card.note = fmt::format("vertex distance {:g} mm, {}for distance",
+  card.note = fmt::format("vertex distance {:g} mm, {}for distance{}",
                           value_of(prescription, "vertex_distance_mm").value_or(12),
-                          card.headline.find(" x ") != std::string::npos ? "minus cylinder, " : "");
+                          card.headline.find(" x ") != std::string::npos ? "minus cylinder, " : "",
+                          light_of(prescription, ", in light of {:g} nm"));
   card.details = details_of(prescription, judgement, card.eye);
   add_calibration(card, prescription, combined_with(data, eye));
   // Letters that are sharp would sell a lens that nobody is to wear.
@@ -117,9 +120,11 @@ EyeCard card_of(const CaseData& data, const EyeData& eye) {
   return card;
 }
 
-std::string normal_range(const BiometryRow& row, Citations& citations) {
-  if (!row.normal().is_limited()) return "\u2013";
-  return fmt::format("{} [{}]", row.normal_text(), citations.number_of(limits_of(row.key).normal_reference));
+std::string normal_range(const BiometryRow& row, std::optional<double> age_years, Citations& citations) {
+  const Normal normal = row.normal(age_years);
+  if (!normal.range.is_limited()) return "\u2013";
+  return fmt::format("{} [{}]", format_range(normal.range, row.style.decimals),
+                     citations.number_of(normal.reference));
 }
 
 struct Cells {
@@ -127,7 +132,7 @@ struct Cells {
   std::optional<double> image_share = {};
 };
 
-Cells cells_of(const EyeData& eye, const BiometryRow& row) {
+Cells cells_of(const EyeData& eye, const BiometryRow& row, std::optional<double> age_years) {
   const Json::json_pointer pointer("/" + row.key);
   if (!eye.biometry.is_object() || !eye.biometry.contains(pointer) || eye.biometry.at(pointer).is_null())
     return {"\u2013", "", ""};
@@ -135,7 +140,7 @@ Cells cells_of(const EyeData& eye, const BiometryRow& row) {
   if (is_withheld(found)) return {"withheld", "", ""};
   if (found.is_number()) return {format(found.get<double>(), row.style), "", "exact"};
   const auto measured = found.get<Measured>();
-  return {format(measured.value, row.style) + (row.normal().contains(measured.value) ? "" : " (!)"),
+  return {format(measured.value, row.style) + (row.is_normal(measured.value, age_years) ? "" : " (!)"),
           format_interval(measured, row.style),
           source_name(measured.source) + (measured.method == "edges" ? ", edges" : ""), measured.image_share};
 }
@@ -162,7 +167,7 @@ BulletList keratometer_lines(const CaseData& data) {
       const auto value = value_at(eye.biometry, pointer);
       return value ? format(*value, style) : std::string("\u2013");
     };
-    const NumberStyle power{2, false, "D"}, axis{0, false, "deg"};
+    const NumberStyle power{2, false, "D"}, axis{0, false, "axis"};
     if (!value_at(eye.biometry, "/keratometry/flat/power_D")) continue;
     const bool is_toric = has_axis(eye.biometry.value(cylinder_at, Json()));
     const auto meridian = [&](const std::string& pointer) {
@@ -185,22 +190,10 @@ BulletList keratometer_lines(const CaseData& data) {
 /// What is not told of each eye, and why.
 BulletList withheld_lines(const CaseData& data) {
   BulletList lines;
-  for (const auto& eye : data.eyes) {
-    std::map<std::string, std::string> quantities;  // by reason
-    const auto add = [&](const BiometryRow& row, const std::string& name) {
-      const Json::json_pointer at("/" + row.key);
-      if (!eye.biometry.is_object() || !eye.biometry.contains(at) || !is_withheld(eye.biometry.at(at)))
-        return;
-      std::string& list = quantities[eye.biometry.at(at).at("withheld").get<std::string>()];
-      if (list.find(name) == std::string::npos) list += (list.empty() ? "" : "; ") + name;
-    };
-    for (const BiometryRow& row : biometry_rows()) add(row, row.name);
-    for (const BiometryRow& row : keratometry_rows()) add(row, "Keratometry and corneal astigmatism");
-    for (const BiometryRow& row : retina_rows()) add(row, row.name);
-    for (const auto& [reason, list] : quantities)
+  for (const auto& eye : data.eyes)
+    for (const auto& [reason, list] : withheld_quantities(eye.biometry))
       lines.items.push_back(
           fmt::format("{}: withheld, since {}: {}.", clinical_name(eye.laterality), reason, list));
-  }
   return lines;
 }
 
@@ -234,13 +227,18 @@ Table measured_table(const CaseData& data, const std::vector<BiometryRow>& rows,
   for (const auto& eye : data.eyes)
     for (const char* column : {"", " 95 % interval"})
       table.header.push_back((eye.laterality == Laterality::od ? "OD" : "OS") + std::string(column));
-  table.header.insert(table.header.end(), {"Source (images' share)", "Normal adult"});
+  const std::optional<double> age_years = data.age_years();
+  const bool is_of_child = is_child(age_years);
+  table.header.insert(
+      table.header.end(),
+      {"Source (images' share)",
+       is_of_child ? "Normal at " + fixed(std::floor(*age_years), 0) + " years" : "Normal adult"});
   for (const auto& row : rows) {
     if (row.key == inner_axial_length_key) continue;
     std::vector<std::string> cells{row.name};
     std::vector<Cells> found_of_eyes;
     for (const auto& eye : data.eyes) {
-      Cells found = cells_of(eye, row);
+      Cells found = cells_of(eye, row, age_years);
       if (!found.source.empty() && !row.is_determined(eye.biometry)) {
         found.value = "not determined";
         found.interval = "any";
@@ -253,7 +251,7 @@ Table measured_table(const CaseData& data, const std::vector<BiometryRow>& rows,
       return found.source.empty() || found.source == source_name("prior");
     });
     if (source.empty() || is_assumed != (told == Told::assumed)) continue;
-    cells.insert(cells.end(), {source, normal_range(row, citations)});
+    cells.insert(cells.end(), {source, normal_range(row, age_years, citations)});
     table.rows.push_back(cells);
   }
   return table;
@@ -310,8 +308,10 @@ Section measured_section(const CaseData& data, Citations& citations) {
     section.blocks.push_back({lines});
   section.blocks.push_back({Paragraph{
       inner_lengths(data) +
-      "(!) marks a value outside the normal adult range of the numbered source, in most rows mean \u00b1 2 "
-      "standard deviations. A prior is the population's knowledge and no measurement of this patient: its "
+      "(!) marks a value outside the normal range of the numbered source, in most rows mean \u00b1 2 "
+      "standard deviations" +
+      (is_child(data.age_years()) ? ", at this age; ranges of adults are not a child's" : "") +
+      ". A prior is the population's knowledge and no measurement of this patient: its "
       "interval is that of the population. Keratometric powers are 337.5 / R, 1.5 mm from the apex; axes are "
       "counter-clockwise from the examiner's right (TABO), the same for both eyes. Radii and Q of the retina are those "
       "of the best ellipsoid over so wide a cap as seen from the globe's centre; Q is above 0 where it is wider than "

@@ -7,6 +7,7 @@
 #include <limits>
 
 #include "pipeline/base/notation.hpp"
+#include "pipeline/eye/media/ocular_media.hpp"
 #include "pipeline/eye/population/limits.hpp"
 #include "pipeline/report/content/content_tables.hpp"
 #include "pipeline/report/content/remedies.hpp"
@@ -98,7 +99,7 @@ std::string assumed_of(const EyeData& eye) {
 
 /// "-2.5 D (-3.4 to -1.7), axis 2 deg +- 6 deg"
 std::string cylinder_of(const Json& prescription) {
-  const NumberStyle degrees{0, false, "deg"};
+  const NumberStyle degrees{0, false, "axis"};
   const auto cylinder = measured_in(prescription, "cylinder_D");
   if (!cylinder) return {};
   const std::string power = fmt::format("{} ({})", format(cylinder->value, coarse_dioptres),
@@ -226,6 +227,11 @@ bool has_axis(const Json& cylinder_D) {
   if (!cylinder_D.is_object() || !cylinder_D.contains("ci95")) return true;
   const auto measured = cylinder_D.get<Measured>();
   return measured.ci95[0] * measured.ci95[1] > 0;
+}
+
+std::string light_of(const Json& prescription, const std::string& text) {
+  const double nm = value_of(prescription, "wavelength_nm").value_or(sodium_nm);
+  return nm == sodium_nm ? std::string() : fmt::format(fmt::runtime(text), nm);
 }
 
 std::string headline_of(const EyeData& eye, const Judgement& judgement) {

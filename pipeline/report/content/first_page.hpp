@@ -16,6 +16,10 @@ std::string headline_of(const EyeData& eye, const Judgement& judgement);
 /// Whether the cylinder's interval leaves one: else it has no axis, here and in every table and sentence.
 bool has_axis(const Json& cylinder_D);
 
+/// `text` with the wavelength put in where the prescription is of another light than refractions are (sodium's); else
+/// nothing.
+std::string light_of(const Json& prescription, const std::string& text);
+
 /// What a given refraction made of the lens index; nothing where none was given, or where the index was known.
 std::optional<Measured> given_lens_index(const EyeData& eye);
 

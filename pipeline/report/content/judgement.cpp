@@ -60,11 +60,14 @@ const StageData* stage_of_other_eye(const CaseData& data, const EyeData& eye) {
 
 /// Both refractions, of which no mean is told.
 /// \param with  combined_with()
-Finding contradiction_of(const Json& calibration, const std::string& with) {
+Finding contradiction_of(const Json& prescription, const std::string& with) {
+  const Json calibration = prescription.at("calibration");
   const Json alone = calibration.value("without_it", Json());
   return {
       "The refraction that was given, " + refraction_of(calibration.value("given", Json())) + ", and what " +
-          with + " say, " + refraction_of(alone) + ", differ by " +
+          with + " say, " + refraction_of(alone) +
+          fmt::format(", both brought to a vertex distance of {:g} mm, differ by ",
+                      value_of(prescription, "vertex_distance_mm").value_or(12)) +
           fixed(value_of(calibration, "surprise_sigma").value_or(0), 1) +
           " standard deviations: it may be another eye's, have the wrong sign, or one of the two is wrong.",
       "Check whose refraction it is, which eye's, and its sign; run correct again without it."};
@@ -93,9 +96,9 @@ Findings cylinder_reasons(const EyeData& eye) {
            "Take cylinder and axis from refraction or keratometry."}};
 }
 
-Findings unusual_findings(const EyeData& eye) {
+Findings unusual_findings(const CaseData& data, const EyeData& eye) {
   Findings findings;
-  for (const std::string& sentence : unusual_values(eye))
+  for (const std::string& sentence : unusual_values(data, eye))
     findings.push_back({sentence, "Look whether the contours on the slices bear it out."});
   return findings;
 }
@@ -118,7 +121,7 @@ Findings reasons_of_refraction(const CaseData& data, const EyeData& eye, const F
   add(gates);
   if (withheld.empty()) add(sphere);
   add(cylinder_reasons(eye));
-  add(unusual_findings(eye));
+  add(unusual_findings(data, eye));
   add(head_roll_reasons(eye));
   add_stage_reasons(data, eye, reasons);
   return reasons;
@@ -140,8 +143,8 @@ Judgement refused(const CaseData& data, const EyeData& eye, Findings reasons) {
 }
 
 Judgement contradicted(const CaseData& data, const EyeData& eye, const Findings& gates) {
-  Findings reasons{contradiction_of(eye.prescription.at("calibration"), combined_with(data, eye))};
-  for (const Findings& more : {gates, unusual_findings(eye), head_roll_reasons(eye)})
+  Findings reasons{contradiction_of(eye.prescription, combined_with(data, eye))};
+  for (const Findings& more : {gates, unusual_findings(data, eye), head_roll_reasons(eye)})
     reasons.insert(reasons.end(), more.begin(), more.end());
   add_stage_reasons(data, eye, reasons);
   return no_prescription("No prescription: given and images contradict", std::move(reasons));
@@ -214,15 +217,17 @@ std::string doubts_of(const EyeData& eye, const Judgement& judgement) {
   return text;
 }
 
-std::vector<std::string> unusual_values(const EyeData& eye) {
+std::vector<std::string> unusual_values(const CaseData& data, const EyeData& eye) {
+  const std::optional<double> age_years = data.age_years();
+  const char* whose = is_child(age_years) ? "that age's" : "the adult";
   std::vector<std::string> sentences;
   for (const auto* rows : measured_rows())
     for (const auto& row : *rows) {
       const auto value = value_at(eye.biometry, "/" + row.key);
-      const Range normal = row.normal();
-      if (value && !normal.contains(*value))
-        sentences.push_back(row.name + " " + format(*value, row.style) + " is outside the adult range of " +
-                            row.normal_text() + (row.style.unit.empty() ? "" : " " + row.style.unit) + ".");
+      if (value && !row.is_normal(*value, age_years))
+        sentences.push_back(row.name + " " + format(*value, row.style) + " is outside " + whose +
+                            " range of " + format_range(row.normal(age_years).range, row.style.decimals) +
+                            (row.style.unit.empty() ? "" : " " + row.style.unit) + ".");
     }
   return sentences;
 }

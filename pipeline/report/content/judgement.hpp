@@ -22,8 +22,8 @@ Judgement judge(const CaseData& data, const EyeData& eye);
 /// Whether a refraction was given that hardly belongs to this eye: what is combined from it and the images is of neither.
 bool is_contradicted(const Json& prescription);
 
-/// Values outside the range that is normal in adults: one sentence each.
-std::vector<std::string> unusual_values(const EyeData& eye);
+/// Values outside the range that is normal at the person's age: one sentence each.
+std::vector<std::string> unusual_values(const CaseData& data, const EyeData& eye);
 
 /// Why no prescription is given; empty where one is.
 /// \pre the eye has a refraction

@@ -36,6 +36,9 @@ constexpr Reference references[] = {
     {"Dubbelman and van der Heijde 2001",
      "Dubbelman M, van der Heijde GL. Vision Research 2001;41:1867-1877, radii at 20 to 70 years; within 0.4 mm of "
      "Navarro R. Adaptive model of the aging emmetropic eye. Journal of Vision 2014;14(13):21."},
+    {"Tideman et al. 2018",
+     "Tideman JWL, Polling JR, Vingerling JR, Jaddoe VWV, Williams C, Guggenheim JA, Klaver CCW. Axial length growth "
+     "and the risk of developing myopia in European children. Acta Ophthalmologica 2018;96:301-309."},
     {"Dodgson 2004",
      "Dodgson NA. Variation and extrema of human interpupillary distance. Proc. SPIE 2004;5291:36-46."},
     {"Handan Eye Study",

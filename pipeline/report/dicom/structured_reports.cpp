@@ -19,6 +19,7 @@
 namespace emmetrope::report {
 namespace {
 
+constexpr std::size_t most_characters_of_text = 10000;
 constexpr const char* biometry_notice =
     "Research use only. Not a medical device. Uncertainties are the distances of the 95 % limits from the "
     "value. A measurement whose method is a prior is the population's value, not this patient's.";
@@ -31,7 +32,7 @@ std::string decimal_string(double value) {
 
 DSRCodedEntryValue unit_code(const std::string& unit) {
   if (unit == "D") return {"[diop]", "UCUM", "diopter"};
-  if (unit == "deg") return {"deg", "UCUM", "degree"};
+  if (unit == "deg" || unit == "axis") return {"deg", "UCUM", "degree"};
   if (unit == "mm") return {"mm", "UCUM", "mm"};
   if (unit == "\u00b5m") return {"um", "UCUM", "um"};
   if (unit == "mm\u00b2") return {"mm2", "UCUM", "mm2"};
@@ -90,13 +91,15 @@ class Tree {
 };
 
 /// How a number came about, as TID 300's measurement method.
-DSRCodedEntryValue method_code(const std::string& source) {
+DSRCodedEntryValue method_code(const Measured& measured) {
+  const std::string source = measured.source + (measured.method == "edges" ? " edges" : "");
   if (source == "mri") return {"113091000", "SCT", "Magnetic resonance imaging"};
   std::string code;
   for (const char c : source)
     if (std::isalnum(static_cast<unsigned char>(c)) != 0)
       code += static_cast<char>(std::toupper(static_cast<unsigned char>(c)));
-  return {code.substr(0, 16).c_str(), own_scheme, source_name(source).c_str()};
+  return {code.substr(0, 16).c_str(), own_scheme,
+          (source_name(measured.source) + (measured.method == "edges" ? ", edges" : "")).c_str()};
 }
 
 /// A number of the report.
@@ -136,7 +139,9 @@ void add_uncertainties(DSRDocumentTree& tree, const std::vector<ReportedNumber>&
 std::string interval_sentence(const std::string& name, const Json& value, const NumberStyle& style) {
   if (!value.is_object()) return {};
   const auto measured = value.get<Measured>();
-  const std::string unit = style.unit == "deg" ? "" : " " + style.unit;  // an angle's interval has its sign
+  const std::string unit = style.unit == "deg" || style.unit == "axis"
+                               ? ""
+                               : " " + style.unit;  // an angle's interval has its sign
   return name + ": 95 % interval " + format_interval(measured, style) + unit + ", " +
          source_name(measured.source);
 }
@@ -151,7 +156,7 @@ std::string prescription_comment(const CaseData& data, const EyeData& eye, const
                       conditions_of(eye.prescription));
   for (const auto& [key, name, style] :
        {std::tuple{"sphere_D", "Sphere", dioptres}, std::tuple{"cylinder_D", "Cylinder", dioptres},
-        std::tuple{"axis_deg", "Axis", NumberStyle{0, false, "deg"}}}) {
+        std::tuple{"axis_deg", "Axis", NumberStyle{0, false, "axis"}}}) {
     const bool is_undetermined =
         key == std::string("axis_deg") && !has_axis(eye.prescription.value("cylinder_D", Json()));
     if (is_undetermined || !eye.prescription.contains(key)) continue;
@@ -159,8 +164,7 @@ std::string prescription_comment(const CaseData& data, const EyeData& eye, const
     const std::string interval = interval_sentence(name, eye.prescription[key], style);
     if (value && !interval.empty()) text += interval + ", value " + format(*value, style) + ". ";
   }
-  constexpr std::size_t most_characters = 10000;
-  return dicom_text(text, most_characters);
+  return dicom_text(text, most_characters_of_text);
 }
 
 /// The comment, then the sphere, cylinder and axis of the rounded lens.
@@ -217,8 +221,11 @@ std::string biometry_comment(const EyeData& eye) {
   const auto& rows = keratometry_rows();
   const bool is_toric =
       std::all_of(rows.begin(), rows.end(), [&](const auto& row) { return row.is_determined(eye.biometry); });
-  return (is_toric ? "" : "The corneal cylinder may be none: its axes are not determined. ") +
-         std::string(biometry_notice);
+  std::string text = biometry_notice;
+  if (!is_toric) text += " The corneal cylinder may be none: its axes are not determined.";
+  for (const auto& [reason, list] : withheld_quantities(eye.biometry))
+    text += fmt::format(" Withheld, since {}: {}.", reason, list);
+  return dicom_text(text, most_characters_of_text);
 }
 
 /// Writes an eye's biometry into its group, and lists what has been written.
@@ -235,8 +242,7 @@ void add_measurements(MeasurementGroup& group, const EyeData& eye, std::vector<R
             row.key);
       const Json& found = eye.biometry.at(Json::json_pointer("/" + row.key));
       const auto measured = found.is_object() ? std::optional(found.get<Measured>()) : std::nullopt;
-      if (measured)
-        check(group.getMeasurement().setMeasurementMethod(method_code(measured->source)), row.key);
+      if (measured) check(group.getMeasurement().setMeasurementMethod(method_code(*measured)), row.key);
       numbers.push_back({measured, row.style.unit});
     }
 }
@@ -251,9 +257,7 @@ std::string conditions_of(const Json& prescription) {
   std::string text;
   if (!has_axis(prescription.value("cylinder_D", Json())))
     text += "The cylinder may be none: its axis is not determined. ";
-  if (const double nm = value_of(prescription, "wavelength_nm").value_or(sodium_nm); nm != sodium_nm)
-    text += fmt::format("In light of {:g} nm. ", nm);
-  return text;
+  return text + light_of(prescription, "In light of {:g} nm. ");
 }
 
 std::string prescription_object(const SourceStudy& source, const CaseData& data, const std::string& result) {

@@ -156,7 +156,8 @@ Json fhir_prescription(const CaseData& data, const std::string& study_date) {
                  {{{"system", "http://terminology.hl7.org/CodeSystem/ex-visionprescriptionproduct"},
                    {"code", is_of_contact_lens(eye) ? "contact" : "lens"}}}}}},
               {"eye", eye.laterality == Laterality::od ? "right" : "left"},
-              {"sphere", value_of(rounded, "sphere_D").value_or(0)}};
+              // FHIR R4: sphere is a spectacle lens's power
+              {is_of_contact_lens(eye) ? "power" : "sphere", value_of(rounded, "sphere_D").value_or(0)}};
     if (const double cylinder = value_of(rounded, "cylinder_D").value_or(0); cylinder != 0) {
       lens["cylinder"] = cylinder;
       lens["axis"] = std::lround(value_of(rounded, "axis_deg").value_or(180));

@@ -22,12 +22,13 @@ std::string signed_fixed(double value, int decimals) {
 std::string format(double value, const NumberStyle& style) {
   if (!std::isfinite(value)) return "not determined";
   std::string number = style.with_sign ? signed_fixed(value, style.decimals) : fixed(value, style.decimals);
+  if (style.unit == "axis") return (std::stod(number) == 0 ? fixed(180, style.decimals) : number) + "\u00b0";
   if (style.unit.empty()) return number;
   return style.unit == "deg" ? number + "\u00b0" : number + " " + style.unit;
 }
 
 std::string format_interval(const Measured& measured, const NumberStyle& style) {
-  if (style.unit == "deg") {  // an axis turns on at 180
+  if (style.unit == "deg" || style.unit == "axis") {  // an axis turns on at 180
     const double half_width = (measured.ci95[1] - measured.ci95[0]) / 2;
     return half_width >= 90 ? "any" : "\u00b1 " + fixed(half_width, style.decimals) + "\u00b0";
   }

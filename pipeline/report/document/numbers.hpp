@@ -18,7 +18,9 @@ std::string signed_fixed(double value, int decimals);
 struct NumberStyle {
   int decimals = 2;
   bool with_sign = false;
-  std::string unit;  ///< after the number, with a space before it; "deg" becomes the degree sign without one
+  std::string
+      unit;  ///< after the number, with a space before it; "deg" becomes the degree sign without one, and "axis",
+             ///< of a cylinder, where 180 stands for 0
 };
 
 std::string format(double value, const NumberStyle& style);

@@ -97,7 +97,7 @@ void NumbersTest::expect_biometry() const {
       if (row.key == inner_axial_length_key) continue;  // in the note below (OfEachResultFileStandOnThePage)
       Row expected{row.name};
       for (const char* eye : {"od", "os"}) {
-        if (row.key.rfind("keratometry/", 0) == 0 && row.style.unit == "deg" &&
+        if (row.key.rfind("keratometry/", 0) == 0 && row.style.unit == "axis" &&
             may_be_none(json_of("meshing", eye, "biometry.json")["keratometry"]["cylinder_D"])) {
           expected.insert(expected.end(), {"not determined", "any"});
           continue;
@@ -105,7 +105,7 @@ void NumbersTest::expect_biometry() const {
         const auto measured =
             json_of("meshing", eye, "biometry.json").at(Json::json_pointer("/" + row.key)).get<Measured>();
         expected.push_back(format(measured.value, row.style) +
-                           (row.normal().contains(measured.value) ? "" : " (!)"));
+                           (row.normal({}).range.contains(measured.value) ? "" : " (!)"));
         expected.push_back(format_interval(measured, row.style));
       }
       EXPECT_THAT(html, have_row(expected));
@@ -132,7 +132,7 @@ void NumbersTest::expect_refraction() const {
           std::pair{"M_D", "M"}, std::pair{"J0_D", "J0"}, std::pair{"J45_D", "J45"}}) {
       const auto measured = prescription.at(key).get<Measured>();
       const NumberStyle style =
-          std::string(key) == "axis_deg" ? NumberStyle{0, false, "deg"} : NumberStyle{2, true, "D"};
+          std::string(key) == "axis_deg" ? NumberStyle{0, false, "axis"} : NumberStyle{2, true, "D"};
       if (std::string(key) == "axis_deg" && may_be_none(prescription.at("cylinder_D")))
         EXPECT_THAT(html, have_row({name, "not determined", "any"}));
       else
@@ -361,6 +361,7 @@ TEST_F(NumbersTest, TheConditionsOfTheRefractionAreTold) {
   set(12.5, {0, 0});
   EXPECT_THAT(visible_text(output("report.html")), HasSubstr("vertex distance 12.5 mm"));
   EXPECT_THAT(visible_text(output("report.html")), HasSubstr("own axis. The fovea"));
+  EXPECT_THAT(visible_text(output("report.html")), HasSubstr("in light of 555 nm"));
   EXPECT_THAT(output("prescription.fhir.json"), HasSubstr("Vertex distance 12.5 mm, on the eye's own axis."));
   EXPECT_THAT(output("prescription.fhir.json"), HasSubstr("\"code\": \"lens\""));
   EXPECT_THAT(output("prescription.fhir.json"), HasSubstr("In light of 555 nm."));
@@ -370,7 +371,33 @@ TEST_F(NumbersTest, TheConditionsOfTheRefractionAreTold) {
   EXPECT_THAT(visible_text(output("report.html")), HasSubstr("at (-1.5, 0) mm from the pole"));
   EXPECT_THAT(visible_text(output("report.html")), testing::Not(HasSubstr("own axis")));
   EXPECT_THAT(output("prescription.fhir.json"), HasSubstr("\"code\": \"contact\""));
+  const Json lens = Json::parse(output("prescription.fhir.json")).at("lensSpecification").at(0);
+  EXPECT_TRUE(lens.contains("power"));  // FHIR's sphere is a spectacle lens's
+  EXPECT_FALSE(lens.contains("sphere"));
   EXPECT_FALSE(fs::exists(folder_ / "report" / "prescription.dcm"));
+}
+
+/// No range of adults stands beside a child's numbers, and none is called unusual by it.
+TEST_F(NumbersTest, OfAChildAreComparedWithChildrens) {
+  test::make_fixture_case(folder_);
+  const auto page_at = [&](const Json& age_years) {
+    Json case_json = read_json(folder_ / "case.json");
+    case_json["subject"]["age_years"] = age_years;
+    write_json(folder_ / "case.json", case_json);
+    report();
+    return visible_text(output("report.html"));
+  };
+  const std::string of_adult = page_at(30), of_child = page_at(8), of_infant = page_at(2.5);
+  EXPECT_THAT(of_adult, HasSubstr("Normal adult"));
+  EXPECT_THAT(of_child, HasSubstr("Normal at 8 years"));
+  EXPECT_THAT(of_child, HasSubstr("21.23 to 24.47"));
+  EXPECT_THAT(of_child, HasSubstr("Tideman JWL"));
+  EXPECT_THAT(of_infant, HasSubstr("Normal at 2 years"));
+  for (const std::string& page : {of_child, of_infant}) {
+    EXPECT_THAT(page, testing::Not(HasSubstr("Normal adult")));
+    EXPECT_THAT(page, testing::Not(HasSubstr("adult range")));
+    EXPECT_THAT(page, testing::Not(HasSubstr("Hoffmann PC")));
+  }
 }
 
 TEST_F(NumbersTest, AnEstimateIsOneInEveryForm) {
@@ -570,9 +597,9 @@ TEST_F(NumbersTest, BiometryObjectHoldsEveryNumberWithItsInterval) {
   report();
   const auto numbers =
       numbers_of(output_of("/usr/bin/dsrdump", {(folder_ / "report" / "biometry.dcm").string()}));
-  const std::map<std::string, std::string> units{{"mm", "mm"},      {"D", "[diop]"},     {"deg", "deg"},
-                                                 {"\u00b5m", "um"}, {"mm\u00b2", "mm2"}, {"mm\u00b3", "mm3"},
-                                                 {"", "1"}};
+  const std::map<std::string, std::string> units{{"mm", "mm"},        {"D", "[diop]"},   {"deg", "deg"},
+                                                 {"axis", "deg"},     {"\u00b5m", "um"}, {"mm\u00b2", "mm2"},
+                                                 {"mm\u00b3", "mm3"}, {"", "1"}};
   constexpr double half_digit = 0.5e-4 + 1e-9;
   for (const char* eye : {"od", "os"}) {
     const Json biometry = json_of("meshing", eye, "biometry.json");

@@ -28,14 +28,14 @@ namespace {
 TEST(BiometryRow, ARangeWithAnOpenEndIsSaidInWords) {
   for (const auto* rows : measured_rows())
     for (const BiometryRow& row : *rows)
-      if (row.normal().is_limited()) {
-        EXPECT_EQ(row.normal_text().find("inf"), std::string::npos) << row.key;
+      if (const Range range = row.normal({}).range; range.is_limited()) {
+        EXPECT_EQ(format_range(range, row.style.decimals).find("inf"), std::string::npos) << row.key;
       }
   const auto index = std::find_if(retina_rows().begin(), retina_rows().end(), [](const BiometryRow& row) {
     return row.key == "retina/staphyloma_index";
   });
   ASSERT_NE(index, retina_rows().end());
-  EXPECT_EQ(index->normal_text(), "up to 40.0");
+  EXPECT_EQ(format_range(index->normal({}).range, index->style.decimals), "up to 40.0");
 }
 
 /// Of a good fit, 0.05 degrees (95 %).
@@ -139,6 +139,25 @@ TEST(LetterChart, BlurKeepsTheInk) {
   const double sharp = ink(blurred_letters(spread_of(3, 0), lines, 80));
   EXPECT_GT(sharp, 100);
   EXPECT_NEAR(ink(blurred_letters(spread_of(3, 1), lines, 80)) / sharp, 1, 0.01);
+}
+
+TEST(Numbers, AnAxisIsFrom1To180Degrees) {
+  const NumberStyle axis{0, false, "axis"};
+  EXPECT_EQ(format(0.3, axis), "180\u00b0");
+  EXPECT_EQ(format(179.7, axis), "180\u00b0");
+  EXPECT_EQ(format(12.2, axis), "12\u00b0");
+  EXPECT_EQ(format(0.3, {0, true, "deg"}), "0\u00b0");  // a tilt may be none
+}
+
+/// A text "7.5 mm is outside 7.5 to 13.2 mm" would be none.
+TEST(Numbers, AreJudgedAsTheyAreWritten) {
+  const auto& rows = biometry_rows();
+  const auto row = std::find_if(rows.begin(), rows.end(),
+                                [](const BiometryRow& r) { return r.key == "lens_anterior_radius_mm"; });
+  ASSERT_NE(row, rows.end());
+  EXPECT_TRUE(row->is_normal(7.4996, 40));
+  EXPECT_FALSE(row->is_normal(7.44, 40));
+  EXPECT_TRUE(row->is_normal(7.44, 9));  // of children nothing is known
 }
 
 TEST(ReferenceMtf, EndsAtTheCutOffAndHealthyEyesLieBelowDiffraction) {
