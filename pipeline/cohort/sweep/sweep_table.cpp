@@ -145,12 +145,15 @@ std::string command_in(const fs::path& file, const toml::table& root) {
 
 constexpr std::string_view byte_order_mark = "\xEF\xBB\xBF";
 
-/// TOML has letters beyond ASCII in texts and comments alone; on some of them elsewhere toml++ 3.3 is undefined.
+/// TOML has letters beyond ASCII in texts and comments alone; on some of them elsewhere toml++ 3.3 is undefined. Keys of
+/// tens of thousands of parts (a.a.a...) it nests as deep, beyond the stack.
 /// \throw Error (input_invalid) with the line
-void require_ascii_outside_texts(const fs::path& file, const std::string& toml) {
+void require_readable(const fs::path& file, const std::string& toml) {
   const auto starts = [&](std::size_t at, std::string_view with) {
     return toml.compare(at, with.size(), with) == 0;
   };
+  constexpr int most_parts_of_a_key = 100;
+  int dots = 0;
   std::string closing;  // of the text or comment that we are in
   std::size_t line = 1;
   const std::size_t begin = starts(0, byte_order_mark) ? byte_order_mark.size() : 0;
@@ -172,6 +175,11 @@ void require_ascii_outside_texts(const fs::path& file, const std::string& toml) 
     if (static_cast<unsigned char>(c) > 127)
       throw input_error(fmt::format("{}: line {}: a letter beyond ASCII outside a text", file.string(), line),
                         "write texts in quotes");
+    if (std::string_view("\n,={[").find(c) != std::string_view::npos) dots = 0;
+    if (c == '.' && ++dots >= most_parts_of_a_key)
+      throw input_error(
+          fmt::format("{}: line {}: a key of more than {} parts", file.string(), line, most_parts_of_a_key),
+          "a key has the names that docs/use/sweep.md tells");
     if (c == '#') closing = "\n";
     for (const char* quotes : {"\"\"\"", "'''", "\"", "'"})
       if (closing.empty() && starts(i, quotes)) closing = quotes;
@@ -190,7 +198,7 @@ toml::table parsed(const fs::path& file, const std::string& text) {
 
 toml::table parsed(const fs::path& file) {
   const std::string text = read_file(file);
-  require_ascii_outside_texts(file, text);
+  require_readable(file, text);
   // What is a text to us, and none to toml++ as something is wrong before it, is refused here without those letters.
   std::string ascii;
   for (const char c : text)

@@ -62,6 +62,17 @@ TEST_F(SweepTable, AListInAListIsSeveralWords) {
   EXPECT_THAT(sweep.runs[0][0].words, ElementsAre("--disc", "od:4,0", "os:-4,0"));
 }
 
+/// toml++ 3.3 nests the tables of a dotted key as deep as it is long, beyond the stack (found by fuzzing).
+TEST_F(SweepTable, AKeyOfManyPartsIsRefused) {
+  std::string key = "a", numbers = "0.5";
+  for (int i = 0; i < 100'000; ++i) key += ".a";
+  for (int i = 1; i < 400; ++i) numbers += fmt::format(", {}.5", i);
+  EXPECT_THAT(refusal(key + " = 1\n"), HasSubstr("line 1: a key of more than 100 parts"));
+  EXPECT_THAT(refusal("command = 'trace'\n[" + key + "]\n"),
+              HasSubstr("line 2: a key of more than 100 parts"));
+  EXPECT_EQ(read("command = 'trace'\n[vary]\npupil = [" + numbers + "]\n").runs.size(), 400U);
+}
+
 /// On U+0150 outside a text toml++ 3.3 is undefined (found by fuzzing).
 TEST_F(SweepTable, LettersBeyondAsciiStandInTextsAndComments) {
   for (const char* quote : {"'", "\"", "'''", "\"\"\""}) {
