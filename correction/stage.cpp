@@ -147,8 +147,10 @@ std::optional<Calibration> learn_known_data(const raytrace::Tracer& tracer, EyeM
     eye = uncertain.model;
   }
   if (!known.refraction) return {};
+  const bool is_of_images = uncertain.known.learnt_from().empty();
   Calibration calibration = calibrate(tracer, eye, uncertain, *known.refraction, settings);
-  const std::string warning = judge_innovation({"the given refraction", calibration.innovation_sigma});
+  const std::string warning =
+      judge_innovation({"the given refraction", calibration.innovation_sigma, "", is_of_images});
   if (!warning.empty()) warnings.push_back(warning);
   eye = uncertain.model;
   return calibration;

@@ -72,31 +72,41 @@ Fit fit_of(const EyeAtVisit& visit, const std::vector<std::string>& parameters, 
 
 }  // namespace
 
-double change_sigma(const std::string& parameter) {
-  // By the beginning of a name. The globe grows, mostly along its axis (Atchison 2004), an infant's by 4 mm in a year
-  // (Larsen 1971): what is expected of it must not draw what was measured over months towards none. Corneas of schoolchildren and
-  // adults stay within 0.25 D, lenses within 0.05 mm a year (Mutti 2012).
-  struct Spread {
-    const char* beginning;
-    double sigma;
-  };
-  static constexpr std::array<Spread, 13> spreads{{{"axial_length", 5},
-                                                   {"globe_semi_axis", 2.5},
-                                                   {"displacement_", 0.03},
-                                                   {"cornea_c_", 0.25 * per_mm_of_keratometric_D},
-                                                   {"cornea_j", 0.25 * per_mm_of_keratometric_D},
-                                                   {"cornea_zernike", 1},
-                                                   {"anterior_chamber", 0.1},
-                                                   {"lens_thickness", 0.1},
-                                                   {"lens_anterior_radius", 0.3},
-                                                   {"lens_posterior_radius", 0.3},
-                                                   {"lens_tilt", 1},
-                                                   {"lens_", 0.1},
-                                                   {"cornea_", 0.02}}};
-  for (const Spread& spread : spreads)
-    if (parameter.rfind(spread.beginning, 0) == 0) return spread.sigma;
-  return 0.1;
+namespace {
+
+struct Spread {
+  const char* beginning;  ///< of a parameter's name
+  double prior, plausible;
+};
+
+/// Corneas of schoolchildren and adults stay within 0.25 D, lenses within 0.05 mm a year (Mutti 2012). The globe grows,
+/// mostly along its axis (Atchison 2004), an infant's by 4 mm in a year (Larsen 1971): what is expected of it must not draw
+/// what was measured over months towards none, while a child's who is old enough to lie still in a scanner grows by less
+/// than a millimetre.
+const Spread& spread_of(const std::string& parameter) {
+  static constexpr std::array<Spread, 14> spreads{
+      {{"axial_length", 5, 1},
+       {"globe_semi_axis", 2.5, 0.5},
+       {"displacement_", 0.03, 0.03},
+       {"cornea_c_", 0.25 * per_mm_of_keratometric_D, 0.25 * per_mm_of_keratometric_D},
+       {"cornea_j", 0.25 * per_mm_of_keratometric_D, 0.25 * per_mm_of_keratometric_D},
+       {"cornea_zernike", 1, 1},
+       {"anterior_chamber", 0.1, 0.1},
+       {"lens_thickness", 0.1, 0.1},
+       {"lens_anterior_radius", 0.3, 0.3},
+       {"lens_posterior_radius", 0.3, 0.3},
+       {"lens_tilt", 1, 1},
+       {"lens_", 0.1, 0.1},
+       {"cornea_", 0.02, 0.02},
+       {"", 0.1, 0.1}}};
+  return *std::find_if(spreads.begin(), spreads.end(),
+                       [&](const Spread& spread) { return parameter.rfind(spread.beginning, 0) == 0; });
 }
+
+}  // namespace
+
+double change_sigma(const std::string& parameter) { return spread_of(parameter).prior; }
+double plausible_change_sigma(const std::string& parameter) { return spread_of(parameter).plausible; }
 
 Growth growth_of(const std::vector<EyeAtVisit>& visits, double scale_sigma) {
   const std::vector<std::string> parameters = common_parameters(visits);
@@ -117,17 +127,22 @@ Growth growth_of(const std::vector<EyeAtVisit>& visits, double scale_sigma) {
   const MatrixXd expected = model * model.transpose() + noise;  // what changes has a spread of 1
   const MatrixXd gain = expected.ldlt().solve(model).transpose();
   VectorXd unit(count);
-  for (Index i = 0; i < count; ++i) unit[i] = change_sigma(parameters[static_cast<std::size_t>(i)]);
+  VectorXd plausible(count);
+  for (Index i = 0; i < count; ++i) {
+    unit[i] = change_sigma(parameters[static_cast<std::size_t>(i)]);
+    plausible[i] = plausible_change_sigma(parameters[static_cast<std::size_t>(i)]);
+  }
   Growth growth;
   growth.parameters = parameters;
   growth.per_year.mean = unit.asDiagonal() * (gain * change);
   growth.per_year.covariance =
       unit.asDiagonal() * positive(MatrixXd::Identity(count, count) - gain * model) * unit.asDiagonal();
-  for (Index k = 0; k < later; ++k)
-    growth.differences.push_back(
-        {unit.asDiagonal() * change.segment(k * count, count),
-         unit.asDiagonal() * positive(expected.block(k * count, k * count, count, count)) *
-             unit.asDiagonal()});
+  for (Index k = 0; k < later; ++k) {
+    MatrixXd covariance =
+        unit.asDiagonal() * positive(noise.block(k * count, k * count, count, count)) * unit.asDiagonal();
+    covariance.diagonal() += (visits[static_cast<std::size_t>(k + 1)].years * plausible).cwiseAbs2();
+    growth.differences.push_back({unit.asDiagonal() * change.segment(k * count, count), covariance});
+  }
   growth.eye = visits.front().eye.eye();
   mean /= static_cast<double>(later + 1);
   for (Index i = 0; i < count; ++i)

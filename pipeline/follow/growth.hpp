@@ -32,7 +32,10 @@ struct Growth {
 /// \throw Error (input_invalid) where the fits have too few parameters in common
 Growth growth_of(const std::vector<EyeAtVisit>& visits, double scale_sigma);
 
-/// Standard deviation of what a parameter may change in a year.
+/// Standard deviation of what a parameter may change in a year: beforehand, as wide as leaves the globe's growth to the
+/// images.
 double change_sigma(const std::string& parameter);
+/// The same of eyes that are followed: by more than a few of them two visits are of two eyes, or one is misread.
+double plausible_change_sigma(const std::string& parameter);
 
 }  // namespace emmetrope::follow

@@ -46,8 +46,12 @@ void add_row(Table& table, const Json& earlier, const Json& later, const Biometr
   if (!a || !b) {
     const Measured& known = a ? *a : *b;
     if (known.source == "prior") return;
-    table.rows.push_back({row.name, a ? format(a->value, row.style) : unmeasured,
-                          b ? format(b->value, row.style) : unmeasured, "\u2013", "\u2013", unmeasured});
+    const auto told = [&](const std::optional<Measured>& measured, const Json& document) -> std::string {
+      return !measured                     ? unmeasured
+             : row.is_determined(document) ? format(measured->value, row.style)
+                                           : undetermined;
+    };
+    table.rows.push_back({row.name, told(a, earlier), told(b, later), "\u2013", "\u2013", unmeasured});
     return;
   }
   const bool is_in_a = row.is_determined(earlier), is_in_b = row.is_determined(later);

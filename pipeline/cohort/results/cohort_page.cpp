@@ -214,12 +214,12 @@ std::string id_of(std::string column) {
 Section numbers_section(const std::vector<EyeRow>& rows) {
   Section section{"numbers", "Distributions", {}};
   report::Table table;
-  const auto children =
-      std::count_if(rows.begin(), rows.end(), [](const EyeRow& row) { return is_child(row.age_years); });
+  const auto children = std::count_if(rows.begin(), rows.end(), [](const EyeRow& row) {
+    return is_child(row.age_years) && !row.numbers.empty();
+  });
   table.caption = "Numbers of the eyes, without those that a prior alone tells";
   if (children > 0)
-    table.caption +=
-        fmt::format("; {} of {} eyes are children's, whose normal ranges are others", children, rows.size());
+    table.caption += fmt::format("; {} are of children, whose normal ranges are others", children);
   table.header = {"Quantity", "Eyes", "Median", "5 to 95 %", "Normal adult", "Median half interval"};
   FigureRow charts;
   charts.caption = "Dashed: ends of the normal adult range, where there is one.";

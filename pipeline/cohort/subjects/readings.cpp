@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <boost/algorithm/string/case_conv.hpp>
 #include <cctype>
 #include <map>
 #include <regex>
@@ -57,30 +56,46 @@ struct AgeUnit {
   double years = 1;
 };
 
-/// What a table's sidecar says of its column of ages (BIDS: JSON of the table's name; inherited by tables of sessions).
-AgeUnit age_unit(const std::vector<std::filesystem::path>& sidecars) {
-  const auto sidecar = std::find_if(sidecars.begin(), sidecars.end(),
-                                    [](const auto& file) { return std::filesystem::exists(file); });
-  if (sidecar == sidecars.end()) return {};
-  const Json told = read_json(*sidecar);
-  const Json column = told.is_object() ? told.value("age", Json()) : Json();
-  const Json units = column.is_object() ? column.value("Units", Json()) : Json();
-  if (units.is_null()) return {};
-  const std::string unit = units.is_string() ? boost::algorithm::to_lower_copy(units.get<std::string>()) : "";
-  static const std::map<std::string, AgeUnit> known = [] {
-    std::map<std::string, AgeUnit> of;
-    const auto add = [&](const AgeUnit& unit, std::initializer_list<const char*> names) {
-      for (const char* name : names) of[name] = unit;
-    };
-    add({}, {"year", "years", "yr", "yrs", "y", "a"});
-    add({"months", 1.0 / 12}, {"month", "months", "mo", "mos", "mth"});
-    add({"weeks", 7 / 365.25}, {"week", "weeks", "wk", "wks"});
-    add({"days", 1 / 365.25}, {"day", "days", "d"});
-    return of;
-  }();
-  if (const auto found = known.find(unit); found != known.end()) return found->second;
-  throw input_error(fmt::format("{}: the ages' Units are {}", sidecar->string(), units.dump()),
+/// A unit as people write it: "Year(s)", "[months]", " yrs old"; nothing where none is named.
+std::optional<AgeUnit> unit_named(const std::string& text, const std::string& place) {
+  std::string letters;
+  for (const char c : text)
+    if (std::isalpha(static_cast<unsigned char>(c)) != 0)
+      letters += static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  if (letters.empty() || letters == "na") return {};
+  const std::pair<const char*, AgeUnit> units[] = {{"y", {}},
+                                                   {"mo", {"months", 1.0 / 12}},
+                                                   {"mth", {"months", 1.0 / 12}},
+                                                   {"w", {"weeks", 7 / 365.25}},
+                                                   {"d", {"days", 1 / 365.25}}};
+  if (letters == "a") return AgeUnit{};  // UCUM's year
+  for (const auto& [beginning, unit] : units)
+    if (letters.rfind(beginning, 0) == 0 && letters != "decades") return unit;
+  throw input_error(fmt::format("{}: the ages' Units are \"{}\"", place, text),
                     "year, month, week and day are read");
+}
+
+/// What a table's sidecar says of its column of ages (BIDS: JSON of the table's name; inherited by tables of sessions).
+/// \param sidecars  the nearest first
+AgeUnit age_unit(const Table& table, const std::vector<std::filesystem::path>& sidecars) {
+  if (table.columns.count("age") == 0) return {};
+  for (const std::filesystem::path& sidecar : sidecars) {
+    if (!std::filesystem::exists(sidecar)) continue;
+    Json told;
+    try {
+      told = read_json(sidecar);
+    } catch (const Error& error) {
+      spdlog::warn("{}; ages are taken for years", error.what());
+      continue;
+    }
+    Json units = told.is_object() ? told.value("/age/Units"_json_pointer, Json()) : Json();
+    if (units.is_array() && units.size() == 1) units = Json(units[0]);
+    if (units.is_null()) continue;
+    if (const auto unit =
+            unit_named(units.is_string() ? units.get<std::string>() : units.dump(), sidecar.string()))
+      return *unit;
+  }
+  return {};
 }
 
 std::filesystem::path sidecar_of(const std::filesystem::path& table) {
@@ -121,7 +136,7 @@ SaidAge age_at_session(const std::filesystem::path& dataset, const std::string& 
   const std::filesystem::path file = dataset / person / (person + "_sessions.tsv");
   if (person == visit || !std::filesystem::exists(file)) return {};
   const Table table = read_table(file, {session_column});
-  const AgeUnit unit = age_unit({sidecar_of(file), dataset / "sessions.json"});
+  const AgeUnit unit = age_unit(table, {sidecar_of(file), dataset / "sessions.json"});
   SaidAge said;
   for (std::size_t row = 0; row < table.rows.size(); ++row) {
     if (person + "_" + table.cell(row, session_column) != visit) continue;
@@ -232,7 +247,7 @@ void require_distinct_rows(const Table& table, bool bids) {
 void add_readings(std::vector<Subject>& subjects, const Table& table, bool bids, bool all_are_here) {
   require_distinct_rows(table, bids);
   require_known_columns(table, bids);
-  const AgeUnit unit = age_unit({sidecar_of(table.file)});
+  const AgeUnit unit = age_unit(table, {sidecar_of(table.file)});
   std::map<std::string, std::vector<Subject*>> of_person;
   for (Subject& subject : subjects) of_person[person_of(subject, bids)].push_back(&subject);
   for (std::size_t row = 0; row < table.rows.size(); ++row) {
@@ -269,7 +284,7 @@ void add_ages_to_options(std::vector<Subject>& subjects) {
 std::vector<std::string> contradictions(const std::vector<Subject>& subjects, const Table& table) {
   const std::map<std::string, std::size_t> row_of = rows_of_persons(table, true);
   const std::filesystem::path dataset = table.file.parent_path();
-  const AgeUnit unit = age_unit({sidecar_of(table.file)});
+  const AgeUnit unit = age_unit(table, {sidecar_of(table.file)});
   std::vector<std::string> sentences;
   for (const Subject& subject : subjects) {
     const auto found = row_of.find(person_of(subject, true));

@@ -204,7 +204,7 @@ InstrumentReadings read_instruments(const EyeInstruments& instruments) {
 namespace {
 
 /// " (--axial-length 23.60 mm, the images 24.10 mm)"; of a cornea M, J0 and J45.
-std::string both_values(const ExternalMeasurement& reading, const char* others,
+std::string both_values(const ExternalMeasurement& reading, const std::string& others,
                         const ParametricEye& by_others) {
   std::string option = reading.quantity == "anterior_chamber_depth" ? "acd" : reading.quantity;
   std::replace(option.begin(), option.end(), '_', '-');
@@ -233,10 +233,10 @@ std::vector<std::string> learn(UncertainEye& eye, const InstrumentReadings& read
                  from_all_sigma = eye.learn(measurement);
     // What the images contradict less, another reading does more.
     const bool is_of_images = from_images_sigma >= from_all_sigma;
-    const char* others = is_of_images ? "the images" : "the images with the readings before it";
-    add(judge_innovation({measurement.source, std::max(from_images_sigma, from_all_sigma),
-                          both_values(measurement, others, is_of_images ? by_images.eye() : before),
-                          others}));
+    add(judge_innovation(
+        {measurement.source, std::max(from_images_sigma, from_all_sigma),
+         both_values(measurement, others_of(is_of_images), is_of_images ? by_images.eye() : before),
+         is_of_images}));
   }
   return warnings;
 }

@@ -132,8 +132,17 @@ struct Departure {
   VectorXd coefficients_um;
   double noise_um = 0;         ///< of a point
   double largest_left_um = 0;  ///< of a point, beside the terms
-  double term_sigma_um = 0;    ///< of a coefficient, rms of all
+  MatrixXd covariance_um2;     ///< of the coefficients, by the noise of the points
 };
+
+/// The terms' values, a row a point.
+MatrixXd terms_at(const ElevationMap& map, double radius_mm) {
+  MatrixXd terms(map.position_mm.rows(), zernike_count(departure_order));
+  for (Index i = 0; i < terms.rows(); ++i)
+    terms.row(i) =
+        zernike_values(departure_order, map.position_mm(i, 0) / radius_mm, map.position_mm(i, 1) / radius_mm);
+  return terms;
+}
 
 /// \pre more points than terms
 Departure depart(const ElevationMap& map, const Fit& fit, double radius_mm) {
@@ -142,10 +151,7 @@ Departure depart(const ElevationMap& map, const Fit& fit, double radius_mm) {
     throw input_error(
         "the elevation map is no cornea: a point lies outside the conicoid that fits its centre", map_remedy);
   const auto points = static_cast<double>(left_um.size());
-  MatrixXd terms(left_um.size(), zernike_count(departure_order));
-  for (Index i = 0; i < left_um.size(); ++i)
-    terms.row(i) =
-        zernike_values(departure_order, map.position_mm(i, 0) / radius_mm, map.position_mm(i, 1) / radius_mm);
+  const MatrixXd terms = terms_at(map, radius_mm);
   const auto count = static_cast<double>(terms.cols());
   const VectorXd closest_um = terms * terms.completeOrthogonalDecomposition().solve(left_um);
   Departure departure;
@@ -159,9 +165,8 @@ Departure depart(const ElevationMap& map, const Fit& fit, double radius_mm) {
   normal.diagonal().array() += ridge;
   const Eigen::LDLT<MatrixXd> solver(normal);
   departure.coefficients_um = solver.solve(terms.transpose() * left_um);
-  departure.term_sigma_um =
-      departure.noise_um *
-      std::sqrt(solver.solve(MatrixXd::Identity(terms.cols(), terms.cols())).trace() / count);
+  departure.covariance_um2 =
+      departure.noise_um * departure.noise_um * solver.solve(MatrixXd::Identity(terms.cols(), terms.cols()));
   const VectorXd smooth_um = terms * departure.coefficients_um;
   departure.largest_left_um = (left_um - smooth_um).cwiseAbs().maxCoeff();
   return departure;
@@ -351,14 +356,17 @@ Topography analyse_topography(const ElevationMap& map, double sigma_D) {
 
   const ElevationMap even_centre = evened(centre, irregularity_radius_mm);
   const Fit of_centre = fit_toric(even_centre);
-  const double term_sigma_um = depart(centre, of_centre, irregularity_radius_mm).term_sigma_um;
-  const VectorXd terms_um = depart(even_centre, of_centre, irregularity_radius_mm).coefficients_um;
+  const MatrixXd covariance_um2 = depart(centre, of_centre, irregularity_radius_mm).covariance_um2;
+  // Over what is seen: behind a lid the terms would tell anything.
+  const MatrixXd terms = terms_at(even_centre, irregularity_radius_mm);
+  const auto points = static_cast<double>(terms.rows());
+  const VectorXd smooth_um = terms * depart(even_centre, of_centre, irregularity_radius_mm).coefficients_um;
   // The terms share the noise of the points, which makes their sum of squares larger.
-  const double noise_um = term_sigma_um * std::sqrt(static_cast<double>(terms_um.size()));
+  const double noise_um = std::sqrt((terms * covariance_um2).cwiseProduct(terms).sum() / points);
   result.coma_sigma_um = coma_um_per_mm_off_apex * std::max(alignment_mm, result.apex_mm.norm());
-  result.term_noise_um = term_sigma_um;
+  result.term_noise_um = std::sqrt(covariance_um2.trace() / static_cast<double>(terms.cols()));
   result.irregularity_um =
-      Measured::from_sigma(std::sqrt(std::max(0.0, terms_um.squaredNorm() - noise_um * noise_um)),
+      Measured::from_sigma(std::sqrt(std::max(0.0, smooth_um.squaredNorm() / points - noise_um * noise_um)),
                            std::hypot(noise_um, result.coma_sigma_um), "topography");
   result.irregularity_um.ci95[0] = std::max(0.0, result.irregularity_um.ci95[0]);
   return result;

@@ -263,13 +263,21 @@ std::vector<std::string> UncertainEye::learnt_from() const {
   return sources;
 }
 
+std::string others_of(bool is_of_images) {
+  return is_of_images ? "the images" : "the images with the readings before it";
+}
+
 std::string judge_innovation(const Surprise& surprise) {
-  const std::string text = fmt::format("{} and {} differ by {:.1f} standard deviations{}", surprise.reading,
-                                       surprise.others, surprise.innovation_sigma, surprise.values);
+  const std::string text =
+      fmt::format("{} and {} differ by {:.1f} standard deviations{}", surprise.reading,
+                  others_of(surprise.is_of_images), surprise.innovation_sigma, surprise.values);
   if (surprise.innovation_sigma > irreconcilable_innovation_sigma)
-    throw input_error(
-        text + ": they cannot both be of this eye",
-        "check eye, sign, unit and digits of the measurement; without it the images speak alone");
+    throw input_error(text + ": they cannot both be of this eye",
+                      surprise.is_of_images
+                          ? "check eye, sign, unit and digits of the measurement; without it the "
+                            "images speak alone"
+                          : "check eye, sign, unit and digits of each reading; leave out the one "
+                            "that is not this eye's");
   return surprise.innovation_sigma > doubtful_innovation_sigma ? text : "";
 }
 

@@ -115,8 +115,12 @@ struct Surprise {
   std::string reading;          ///< such as "keratometry"
   double innovation_sigma = 0;  ///< how far the reading lies from what else is known
   std::string values = "";      ///< what is put behind it: its value and that of the others, with units
-  std::string others = "the images";
+  /// True: of the images alone; else other readings are among what it is compared with.
+  bool is_of_images = true;
 };
+
+/// "the images", or with what was read before.
+std::string others_of(bool is_of_images);
 
 /// The one rule for a reading that contradicts what is known.
 /// \return a warning, or an empty text

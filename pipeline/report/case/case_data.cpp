@@ -181,7 +181,13 @@ std::string CaseData::subject() const {
 }
 
 std::optional<double> CaseData::age_years() const {
-  return value_of(case_json.value("subject", Json::object()), "age_years");
+  if (const auto of_study = value_of(case_json.value("subject", Json::object()), "age_years"))
+    return of_study;
+  for (const auto& [name, key] :
+       {std::pair{"correction", "/parameters/age_given_years"}, {"raytrace", "/parameters/age_years"}})
+    if (const StageData* later = stage(name))
+      if (const auto told = value_at(later->provenance, key)) return told;
+  return {};
 }
 
 std::string CaseData::told_study_date() const {

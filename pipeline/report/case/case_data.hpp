@@ -54,7 +54,7 @@ struct CaseData {
   const StageData* stage(const std::string& name) const;
   /// Pseudonym of the subject; "unknown" where case.json has none.
   std::string subject() const;
-  /// Of the subject, where it is known.
+  /// Of the subject as the study or `segment --age` says, else as a later stage was told.
   std::optional<double> age_years() const;
   /// Study date as YYYY-MM-DD, or empty.
   std::string study_date() const;

@@ -13,7 +13,7 @@ Document make_document(const CaseData& data, const ContentOptions& options, Note
   if (!options.identity.empty()) document.heading.emplace_back("Patient", options.identity);
   document.heading.emplace_back("Subject", data.subject());
   if (!document.date_iso.empty()) document.heading.emplace_back("Study date", document.date_iso);
-  if (const auto age = data.age_years()) document.heading.emplace_back("Age", fixed(*age, 0) + " years");
+  if (const auto age = data.age_years()) document.heading.emplace_back("Age", age_text(*age));
   document.heading.emplace_back("Software", "Emmetrope " + version());
 
   Citations citations;

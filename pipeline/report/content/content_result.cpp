@@ -1,7 +1,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <map>
 #include <optional>
 
 #include "pipeline/base/notation.hpp"
@@ -54,7 +53,7 @@ void add_calibration(EyeCard& card, const Json& prescription, const std::string&
   const double half_width_D =
       Measured::from_sigma(0, value_of(calibration, "sigma_D").value_or(0), "").ci95[1];
   card.note += ". Combined from the refraction that was given, " + refraction_of(given) +
-               light_of(prescription, " (of 589.3 nm)") + ", and what " + with + " say, " +
+               light_of(prescription, sodium_light()) + ", and what " + with + " say, " +
                refraction_of(alone) + light_of(prescription, " (of {:g} nm)") +
                ", each by its accuracy: no independent measurement";
   card.details.rows.push_back(
@@ -231,8 +230,7 @@ Table measured_table(const CaseData& data, const std::vector<BiometryRow>& rows,
   const bool is_of_child = is_child(age_years);
   table.header.insert(
       table.header.end(),
-      {"Source (images' share)",
-       is_of_child ? "Normal at " + fixed(std::floor(*age_years), 0) + " years" : "Normal adult"});
+      {"Source (images' share)", is_of_child ? "Normal at " + age_text(*age_years) : "Normal adult"});
   for (const auto& row : rows) {
     if (row.key == inner_axial_length_key) continue;
     std::vector<std::string> cells{row.name};
@@ -310,7 +308,9 @@ Section measured_section(const CaseData& data, Citations& citations) {
       inner_lengths(data) +
       "(!) marks a value outside the normal range of the numbered source, in most rows mean \u00b1 2 "
       "standard deviations" +
-      (is_child(data.age_years()) ? ", at this age; ranges of adults are not a child's" : "") +
+      (is_child(data.age_years())
+           ? ", at this age; without one a child's values are not judged, as ranges of adults are not a child's"
+           : "") +
       ". A prior is the population's knowledge and no measurement of this patient: its "
       "interval is that of the population. Keratometric powers are 337.5 / R, 1.5 mm from the apex; axes are "
       "counter-clockwise from the examiner's right (TABO), the same for both eyes. Radii and Q of the retina are those "

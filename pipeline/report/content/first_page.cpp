@@ -234,6 +234,8 @@ std::string light_of(const Json& prescription, const std::string& text) {
   return nm == sodium_nm ? std::string() : fmt::format(fmt::runtime(text), nm);
 }
 
+std::string sodium_light() { return fmt::format(" (of {:g} nm)", sodium_nm); }
+
 std::string headline_of(const EyeData& eye, const Judgement& judgement) {
   if (is_contradicted(eye.prescription)) return "Given and images contradict: check eye and sign";
   if (!judgement.has_refraction) return {};

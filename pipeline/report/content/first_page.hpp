@@ -19,6 +19,8 @@ bool has_axis(const Json& cylinder_D);
 /// `text` with the wavelength put in where the prescription is of another light than refractions are (sodium's); else
 /// nothing.
 std::string light_of(const Json& prescription, const std::string& text);
+/// " (of 589.3 nm)": refractions that are given are
+std::string sodium_light();
 
 /// What a given refraction made of the lens index; nothing where none was given, or where the index was known.
 std::optional<Measured> given_lens_index(const EyeData& eye);

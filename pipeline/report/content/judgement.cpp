@@ -1,5 +1,7 @@
 #include "pipeline/report/content/judgement.hpp"
 
+#include <fmt/format.h>
+
 #include "pipeline/eye/population/limits.hpp"
 #include "pipeline/report/content/biometry_rows.hpp"
 #include "pipeline/report/content/content_tables.hpp"
@@ -64,8 +66,9 @@ Finding contradiction_of(const Json& prescription, const std::string& with) {
   const Json calibration = prescription.at("calibration");
   const Json alone = calibration.value("without_it", Json());
   return {
-      "The refraction that was given, " + refraction_of(calibration.value("given", Json())) + ", and what " +
-          with + " say, " + refraction_of(alone) +
+      "The refraction that was given, " + refraction_of(calibration.value("given", Json())) +
+          light_of(prescription, sodium_light()) + ", and what " + with + " say, " + refraction_of(alone) +
+          light_of(prescription, " (of {:g} nm)") +
           fmt::format(", both brought to a vertex distance of {:g} mm, differ by ",
                       value_of(prescription, "vertex_distance_mm").value_or(12)) +
           fixed(value_of(calibration, "surprise_sigma").value_or(0), 1) +

@@ -72,6 +72,7 @@ TriangleMesh between_rims(const TriangleMesh& one, const TriangleMesh& other) {
   for (const Eigen::Vector3d& point : rims[0]) centre += point / static_cast<double>(rims[0].size());
   for (std::size_t i = 0; i < rims[0].size(); ++i)
     axis += (rims[0][i] - centre).cross(rims[0][(i + 1) % rims[0].size()] - centre);
+  if (!(axis.norm() > 0)) return {};
   const Eigen::Vector3d x = axis.unitOrthogonal(), y = axis.normalized().cross(x);
   struct AtAngle {
     double angle_rad;

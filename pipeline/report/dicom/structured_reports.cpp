@@ -8,7 +8,6 @@
 
 #include "pipeline/base/files.hpp"
 #include "pipeline/base/version.hpp"
-#include "pipeline/eye/media/ocular_media.hpp"
 #include "pipeline/report/content/biometry_rows.hpp"
 #include "pipeline/report/content/content.hpp"
 #include "pipeline/report/content/first_page.hpp"

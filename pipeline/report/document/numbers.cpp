@@ -36,6 +36,11 @@ std::string format_interval(const Measured& measured, const NumberStyle& style) 
   return format(measured.ci95[0], bare) + " to " + format(measured.ci95[1], bare);
 }
 
+std::string age_text(double age_years) {
+  return age_years < 2 ? fixed(std::floor(12 * age_years), 0) + " months"
+                       : fixed(std::floor(age_years), 0) + " years";
+}
+
 std::string format_range(const Range& range, int decimals) {
   if (!std::isfinite(range.low)) return "up to " + fixed(range.high, decimals);
   if (!std::isfinite(range.high)) return "from " + fixed(range.low, decimals);

@@ -168,6 +168,15 @@ void set(const fs::path& file, const std::string& pointer, const Json& value) {
   write_json(file, json);
 }
 
+/// However freely growth is measured: 3 mm in some months are another eye.
+TEST(Growth, OfMillimetresInMonthsIsNoOneEyes) {
+  const Growth growth =
+      growth_of({{fitted_eye(eye_of(27.7, 0.2)), 0}, {fitted_eye(eye_of(24.4, 0.2)), 0.2}}, 0);
+  const Difference length = differences_of_quantities(growth).front().front();
+  EXPECT_NEAR(length.value, -3.3, 1e-6);
+  EXPECT_NEAR(length.sigma, std::sqrt(2 * 0.2 * 0.2 + 0.2 * 0.2), 1e-3);
+}
+
 // The errors of both fits, 0.05 mm each, and what a chamber may change, 0.1 mm a year.
 TEST(Growth, DifferencesAreComparedWithWhatBothFitsAndGrowthAllow) {
   for (const double years : {1.0, 3.0}) {

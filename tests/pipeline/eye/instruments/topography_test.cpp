@@ -177,6 +177,27 @@ TEST_F(TopographyFile, IrregularityIsTheSurfacesAndNotThePoints) {
   }
 }
 
+/// Of a cornea that a lid hides in part it is that of what is seen, and no lid makes an irregular cornea a regular one.
+TEST_F(TopographyFile, BehindALidNothingIsIrregular) {
+  std::istringstream whole(map_with_term(6, 4, false));
+  std::string seen, line;
+  std::getline(whole, line);
+  seen = line + "\n";
+  std::mt19937 random(3);
+  std::normal_distribution<double> noise_um(0, 1);
+  while (std::getline(whole, line)) {
+    std::istringstream words(line);
+    double x = 0, y = 0, elevation_um = 0;
+    char comma = ',';
+    words >> x >> comma >> y >> comma >> elevation_um;
+    if (y > -2 && y < 1.2) seen += fmt::format("{},{},{}\n", x, y, elevation_um + noise_um(random));
+  }
+  const Measured irregularity =
+      analyse_topography(read_elevation_map(write("seen.csv", seen)), 0.25).irregularity_um;
+  EXPECT_GT(irregularity.ci95[0], 0.5);
+  EXPECT_LT(irregularity.ci95[1], 4.5);
+}
+
 /// A cornea that lies in its map shifted, or turned about its apex.
 std::string map_off_apex(const ParametricEye& eye, double shift_mm, double turn_rad) {
   std::string map = "x_mm,y_mm,elevation_um\n";
