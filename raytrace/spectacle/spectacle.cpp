@@ -77,20 +77,30 @@ EyeModel with_lens(const EyeModel& eye, const Lens& lens) {
   return result;
 }
 
-/// Least thickness within the rim: front and back along 36 half meridians.
-double least_thickness_mm(const Shape& front, const Shape& back, double centre_mm, double rim_mm,
-                          double slope) {
-  double least = centre_mm;
-  for (int k = 0; k < 36; ++k) {
-    const double x = rim_mm * std::cos(10 * k * degree), y = rim_mm * std::sin(10 * k * degree);
-    const auto d = front.depth_mm(x, y), e = back.depth_mm(x, y);
-    if (!d || !e)
-      throw usage_error(fmt::format("the {} of the spectacle ends within its semi-diameter of {} mm",
-                                    d ? "back" : "front", rim_mm),
-                        "use a flatter base curve, a lower power or a smaller lens");
-    least = std::min(least, centre_mm + *e - *d);
-  }
-  return least - slope * rim_mm;
+/// A lens that is ground, without its material.
+struct Blank {
+  const Shape &front, &back;
+  double centre_mm = 0, rim_mm = 0;
+  double slope = 0, base_rad = 0;  ///< of the prism's wedge, thick towards its base
+};
+
+/// Least thickness within the rim: of the centre and of ten rings of 36 places.
+double least_thickness_mm(const Blank& blank) {
+  double least = blank.centre_mm;
+  constexpr int rings = 10;
+  for (int ring = 1; ring <= rings; ++ring)
+    for (int k = 0; k < 36; ++k) {
+      const double from_centre = blank.rim_mm * ring / rings, x = from_centre * std::cos(10 * k * degree),
+                   y = from_centre * std::sin(10 * k * degree);
+      const auto d = blank.front.depth_mm(x, y), e = blank.back.depth_mm(x, y);
+      if (!d || !e)
+        throw usage_error(fmt::format("the {} of the spectacle ends within its semi-diameter of {} mm",
+                                      d ? "back" : "front", blank.rim_mm),
+                          "use a flatter base curve, a lower power or a smaller lens");
+      const double towards_base = x * std::cos(blank.base_rad) + y * std::sin(blank.base_rad);
+      least = std::min(least, blank.centre_mm + *e - *d + blank.slope * towards_base);
+    }
+  return least;
 }
 
 }  // namespace
@@ -145,18 +155,21 @@ EyeModel with_meniscus(const EyeModel& eye, const Meniscus& meniscus) {
     return make_biconic(radius(power.sphere_D), radius(power.sphere_D + power.cylinder_D), 0, 0,
                         power.axis_deg);
   };
-  const double slope = std::tan(tilt_rad(meniscus.prism, index));
+  const auto least_of = [&](double thickness_mm) {
+    const ShapePtr its_back = back_of(thickness_mm);
+    return least_thickness_mm({*front, *its_back, thickness_mm, meniscus.semi_diameter_mm,
+                               std::tan(tilt_rad(meniscus.prism, index)), meniscus.prism.base_deg * degree});
+  };
   double thickness = meniscus.centre_thickness_mm.value_or(usual_thickness_mm);
   // The back follows from the thickness, and weakly: a few rounds settle both to a micrometre.
   for (int round = 0; round < 8 && !meniscus.centre_thickness_mm; ++round)
-    thickness = std::max(usual_thickness_mm, thickness + least_edge_mm -
-                                                 least_thickness_mm(*front, *back_of(thickness), thickness,
-                                                                    meniscus.semi_diameter_mm, slope));
+    thickness = std::max(usual_thickness_mm, thickness + least_edge_mm - least_of(thickness));
   const ShapePtr back = back_of(thickness);
-  if (!(least_thickness_mm(*front, *back, thickness, meniscus.semi_diameter_mm, slope) > 0))
-    throw usage_error(fmt::format("a spectacle {} mm thick has no edge left at {} mm from its centre",
-                                  thickness, meniscus.semi_diameter_mm),
-                      "make it thicker or smaller");
+  if (!(least_of(thickness) > 0))
+    throw usage_error(
+        fmt::format("a spectacle {} mm thick at its centre has no glass left somewhere within {} mm of it",
+                    thickness, meniscus.semi_diameter_mm),
+        "make it thicker or smaller");
   Lens lens;
   lens.front = front;
   lens.back = back;

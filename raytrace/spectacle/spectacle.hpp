@@ -37,7 +37,7 @@ struct Meniscus {
   PowerVector power;  ///< back vertex power at 589.3 nm
   double vertex_distance_mm = 12;
   double base_D = 4;  ///< front surface power (n - 1) / R, in the lens's own index
-  /// Default: 2 mm, or what leaves `least_edge_mm` at the rim.
+  /// Default: 2 mm, or what leaves `least_edge_mm` where it is thinnest.
   std::optional<double> centre_thickness_mm;
   double semi_diameter_mm = 30;
   double index = 1.5;          ///< n_d

@@ -54,6 +54,8 @@ struct CaseData {
   const StageData* stage(const std::string& name) const;
   /// Pseudonym of the subject; "unknown" where case.json has none.
   std::string subject() const;
+  /// False where the age was taken away: a normal range would be one for an age.
+  bool has_normal_ranges = true;
   /// Of the subject as the study or `segment --age` says, else as a later stage was told.
   std::optional<double> age_years() const;
   /// Study date as YYYY-MM-DD, or empty.

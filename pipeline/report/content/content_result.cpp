@@ -131,7 +131,7 @@ struct Cells {
   std::optional<double> image_share = {};
 };
 
-Cells cells_of(const EyeData& eye, const BiometryRow& row, std::optional<double> age_years) {
+Cells cells_of(const CaseData& data, const EyeData& eye, const BiometryRow& row) {
   const Json::json_pointer pointer("/" + row.key);
   if (!eye.biometry.is_object() || !eye.biometry.contains(pointer) || eye.biometry.at(pointer).is_null())
     return {"\u2013", "", ""};
@@ -139,7 +139,8 @@ Cells cells_of(const EyeData& eye, const BiometryRow& row, std::optional<double>
   if (is_withheld(found)) return {"withheld", "", ""};
   if (found.is_number()) return {format(found.get<double>(), row.style), "", "exact"};
   const auto measured = found.get<Measured>();
-  return {format(measured.value, row.style) + (row.is_normal(measured.value, age_years) ? "" : " (!)"),
+  const bool is_unusual = data.has_normal_ranges && !row.is_normal(measured.value, data.age_years());
+  return {format(measured.value, row.style) + (is_unusual ? " (!)" : ""),
           format_interval(measured, row.style),
           source_name(measured.source) + (measured.method == "edges" ? ", edges" : ""), measured.image_share};
 }
@@ -228,15 +229,15 @@ Table measured_table(const CaseData& data, const std::vector<BiometryRow>& rows,
       table.header.push_back((eye.laterality == Laterality::od ? "OD" : "OS") + std::string(column));
   const std::optional<double> age_years = data.age_years();
   const bool is_of_child = is_child(age_years);
-  table.header.insert(
-      table.header.end(),
-      {"Source (images' share)", is_of_child ? "Normal at " + age_text(*age_years) : "Normal adult"});
+  table.header.emplace_back("Source (images' share)");
+  if (data.has_normal_ranges)
+    table.header.push_back(is_of_child ? "Normal at " + age_text(*age_years) : "Normal adult");
   for (const auto& row : rows) {
     if (row.key == inner_axial_length_key) continue;
     std::vector<std::string> cells{row.name};
     std::vector<Cells> found_of_eyes;
     for (const auto& eye : data.eyes) {
-      Cells found = cells_of(eye, row, age_years);
+      Cells found = cells_of(data, eye, row);
       if (!found.source.empty() && !row.is_determined(eye.biometry)) {
         found.value = "not determined";
         found.interval = "any";
@@ -249,7 +250,8 @@ Table measured_table(const CaseData& data, const std::vector<BiometryRow>& rows,
       return found.source.empty() || found.source == source_name("prior");
     });
     if (source.empty() || is_assumed != (told == Told::assumed)) continue;
-    cells.insert(cells.end(), {source, normal_range(row, age_years, citations)});
+    cells.push_back(source);
+    if (data.has_normal_ranges) cells.push_back(normal_range(row, age_years, citations));
     table.rows.push_back(cells);
   }
   return table;
@@ -304,14 +306,19 @@ Section measured_section(const CaseData& data, Citations& citations) {
   if (const BulletList lines = withheld_lines(data); !lines.items.empty()) section.blocks.push_back({lines});
   if (const BulletList lines = keratometer_lines(data); !lines.items.empty())
     section.blocks.push_back({lines});
+  const std::string of_marks =
+      !data.has_normal_ranges
+          ? ""
+          : std::string(
+                "(!) marks a value outside the normal range of the numbered source, in most rows mean "
+                "\u00b1 2 standard deviations") +
+                (is_child(data.age_years())
+                     ? ", at this age; without one a child's values are not judged, as ranges of adults are not a "
+                       "child's. "
+                     : ". ");
   section.blocks.push_back({Paragraph{
-      inner_lengths(data) +
-      "(!) marks a value outside the normal range of the numbered source, in most rows mean \u00b1 2 "
-      "standard deviations" +
-      (is_child(data.age_years())
-           ? ", at this age; without one a child's values are not judged, as ranges of adults are not a child's"
-           : "") +
-      ". A prior is the population's knowledge and no measurement of this patient: its "
+      inner_lengths(data) + of_marks +
+      "A prior is the population's knowledge and no measurement of this patient: its "
       "interval is that of the population. Keratometric powers are 337.5 / R, 1.5 mm from the apex; axes are "
       "counter-clockwise from the examiner's right (TABO), the same for both eyes. Radii and Q of the retina are those "
       "of the best ellipsoid over so wide a cap as seen from the globe's centre; Q is above 0 where it is wider than "

@@ -221,6 +221,7 @@ std::string doubts_of(const EyeData& eye, const Judgement& judgement) {
 }
 
 std::vector<std::string> unusual_values(const CaseData& data, const EyeData& eye) {
+  if (!data.has_normal_ranges) return {};
   const std::optional<double> age_years = data.age_years();
   const char* whose = is_child(age_years) ? "that age's" : "the adult";
   std::vector<std::string> sentences;

@@ -20,7 +20,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr const char* left_out = "a remark, left out here as it may quote the study's headers";
+constexpr const char* left_out = "A remark, left out here as it may quote the study's headers";
 
 /// As it is typed.
 struct DeidentifyFlags {
@@ -49,7 +49,8 @@ std::string without_words(const std::string& text) {
 }
 
 /// The case without what the profile takes away and the pages would tell: dates, texts of the study's headers (in
-/// descriptions, warnings and reasons), digests of its files, age and sex, and the lens index, which follows from age.
+/// descriptions, warnings and reasons), digests of its files, age and sex, and what follows from age: the lens index and
+/// normal ranges.
 CaseData without_identity(CaseData data, const DeidentifyFlags& flags) {
   Json& json = data.case_json;
   for (const char* key : {"study_date", "date", "study"}) json.erase(key);
@@ -70,7 +71,11 @@ CaseData without_identity(CaseData data, const DeidentifyFlags& flags) {
           eye.optics.is_object() && eye.optics.contains(lens))
         eye.optics[lens].erase("index");
       eye.traced = Json();
+      if (eye.prescription.is_object() && eye.prescription.contains("calibration"))
+        for (const char* key : {"lens_index_before", "lens_index_after", "text"})
+          eye.prescription["calibration"].erase(key);
     }
+  data.has_normal_ranges = flags.keeps_age;
   Json subject;
   subject["id"] = flags.subject.empty() ? data.subject() : flags.subject;
   if (flags.keeps_age)

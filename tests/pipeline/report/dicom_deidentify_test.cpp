@@ -110,6 +110,24 @@ TEST_F(Deidentify, ThePdfHasNeitherDateNorAge) {
   EXPECT_THAT(text, Not(HasSubstr("Age:")));
   EXPECT_THAT(text, Not(HasSubstr("lens index 1.")));
   EXPECT_THAT(text, Not(HasSubstr("s-0a1b2c3d")));
+  EXPECT_THAT(text, Not(HasSubstr("Normal adult")));  // nor whether it is a child's
+}
+
+/// A refraction that was given makes of the index that an age has another, which follows from the age as well.
+TEST_F(Deidentify, TheIndexByAGivenRefractionIsLeftOut) {
+  const fs::path file = folder_ / "correction" / "od" / "prescription.json";
+  Json prescription = read_json(file);
+  prescription["calibration"] = {{"given", prescription.at("rounded")},
+                                 {"without_it", prescription.at("rounded")},
+                                 {"sigma_D", 0.25},
+                                 {"surprise_sigma", 1},
+                                 {"lens_index_after", Json(Measured{1.4362, {1.428, 1.444}, "prior"})}};
+  write_json(file, prescription);
+  ASSERT_EQ(deidentify(), 0);
+  EXPECT_THAT(pdf_words(), Not(HasSubstr("1.436")));
+  fs::remove_all(output_folder());
+  ASSERT_EQ(deidentify({"--keep-age"}), 0);
+  EXPECT_THAT(pdf_words(), HasSubstr("1.436"));
 }
 
 TEST_F(Deidentify, OfOneEyeNothingTellsOfTheOther) {

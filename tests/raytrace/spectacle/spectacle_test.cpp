@@ -1,6 +1,8 @@
 // Spectacle lenses against closed forms: vertex power, prism, Prentice's rule, thickness, gaze.
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <fstream>
 
@@ -109,6 +111,26 @@ TEST(Prism, FollowsPrentice) {
   const EyeModel eye = with_thin_lens(bare(), {-4, 0, 0}, 12);
   const Eigen::Vector3d d = behind(eye, 5, 0);
   EXPECT_NEAR(100 * d.x() / -d.z(), 4 * 0.5, 0.02);  // minus lens: base at the rim, light goes there
+}
+
+/// The wedge of a prism takes glass from the apex and gives it to the base: a minus lens, thick at its rim, bears one.
+TEST(Spectacle, APrismThinsTheLensAtItsApexAlone) {
+  const auto centre_of = [](const EyeModel& eye) {
+    return eye.surface("spectacle_back").position_mm - eye.surface("spectacle_front").position_mm;
+  };
+  for (const double base_deg : {0.0, 200.0}) {
+    const std::string prism = fmt::format("prism=4@{:g}", base_deg);
+    EXPECT_NO_THROW(
+        with_spectacle(bare(), parse_spectacle("-6/-2x30@14,base_D=3,index=1.6,thickness_mm=1.5," + prism)));
+    EXPECT_NEAR(centre_of(with_spectacle(bare(), parse_spectacle("-6/-2x30@14,base_D=3,index=1.6," + prism))),
+                2, 1e-9);
+    // Of a plate the apex lies 30 mm from the centre: 4 cm/m over n - 1 times that is lost.
+    const double plate =
+        centre_of(with_spectacle(bare(), parse_spectacle("0@14,base_D=0,index=1.6," + prism)));
+    EXPECT_NEAR(plate, std::max(2.0, least_edge_mm + 30 * 0.04 / 0.6), 0.02);
+  }
+  EXPECT_THROW(with_spectacle(bare(), parse_spectacle("0@14,base_D=0,index=1.6,thickness_mm=1.5,prism=4@90")),
+               Error);
 }
 
 TEST(Spectacle, StaysWithTheHeadWhenTheEyeTurns) {
