@@ -191,6 +191,11 @@ TexturedPlane read_plane(const Object& object, const std::filesystem::path& fold
   plane.right_mm = object.vector("right_mm");
   plane.up_mm = object.vector("up_mm");
   plane.motion_mm = object.vector("motion_mm", plane.motion_mm);
+  constexpr double largest_mm =
+      1e15;  // a tenth of a light year; squares of longer ones are no numbers any more
+  for (const auto& [key, half] : {std::pair{"right_mm", &plane.right_mm}, {"up_mm", &plane.up_mm}})
+    if (!(half->cwiseAbs().maxCoeff() <= largest_mm))
+      throw object.fault(key, fmt::format("longer than {:g} mm", largest_mm));
   if (!(plane.right_mm.cross(plane.up_mm).norm() > 0))
     throw object.fault("up_mm", "right_mm and up_mm span no plane");
   if (!plane.at_infinity) check_distance(object, "centre_mm", distance_mm(plane));

@@ -63,14 +63,22 @@ std::optional<AgeUnit> unit_named(const std::string& text, const std::string& pl
     if (std::isalpha(static_cast<unsigned char>(c)) != 0)
       letters += static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
   if (letters.empty() || letters == "na") return {};
-  const std::pair<const char*, AgeUnit> units[] = {{"y", {}},
-                                                   {"mo", {"months", 1.0 / 12}},
-                                                   {"mth", {"months", 1.0 / 12}},
-                                                   {"w", {"weeks", 7 / 365.25}},
-                                                   {"d", {"days", 1 / 365.25}}};
-  if (letters == "a") return AgeUnit{};  // UCUM's year
-  for (const auto& [beginning, unit] : units)
-    if (letters.rfind(beginning, 0) == 0 && letters != "decades") return unit;
+  struct Named {
+    AgeUnit unit;
+    std::set<std::string> abbreviations;
+    std::vector<const char*> words;
+  };
+  static const std::vector<Named> units{{{}, {"y", "a", "yo"}, {"year", "yr"}},
+                                        {{"months", 1.0 / 12}, {"mo", "mos", "mth", "mths"}, {"month"}},
+                                        {{"weeks", 7 / 365.25}, {"w"}, {"week", "wk"}},
+                                        {{"days", 1 / 365.25}, {"d"}, {"day"}}};
+  std::vector<AgeUnit> named;
+  for (const Named& one : units)
+    if (one.abbreviations.count(letters) > 0 ||
+        std::any_of(one.words.begin(), one.words.end(),
+                    [&](const char* word) { return letters.find(word) != std::string::npos; }))
+      named.push_back(one.unit);
+  if (named.size() == 1) return named.front();
   throw input_error(fmt::format("{}: the ages' Units are \"{}\"", place, text),
                     "year, month, week and day are read");
 }
@@ -88,7 +96,8 @@ AgeUnit age_unit(const Table& table, const std::vector<std::filesystem::path>& s
       spdlog::warn("{}; ages are taken for years", error.what());
       continue;
     }
-    Json units = told.is_object() ? told.value("/age/Units"_json_pointer, Json()) : Json();
+    const Json column = told.is_object() ? told.value("age", Json()) : Json();
+    Json units = column.is_object() ? column.value("Units", Json()) : Json();
     if (units.is_array() && units.size() == 1) units = Json(units[0]);
     if (units.is_null()) continue;
     if (const auto unit =

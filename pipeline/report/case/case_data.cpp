@@ -181,8 +181,7 @@ std::string CaseData::subject() const {
 }
 
 std::optional<double> CaseData::age_years() const {
-  if (const auto of_study = value_of(case_json.value("subject", Json::object()), "age_years"))
-    return of_study;
+  if (const auto of_study = value_at(case_json, "/subject/age_years")) return of_study;
   for (const auto& [name, key] :
        {std::pair{"correction", "/parameters/age_given_years"}, {"raytrace", "/parameters/age_years"}})
     if (const StageData* later = stage(name))

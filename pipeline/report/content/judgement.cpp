@@ -63,7 +63,7 @@ const StageData* stage_of_other_eye(const CaseData& data, const EyeData& eye) {
 /// Both refractions, of which no mean is told.
 /// \param with  combined_with()
 Finding contradiction_of(const Json& prescription, const std::string& with) {
-  const Json calibration = prescription.at("calibration");
+  const Json& calibration = prescription.at("calibration");
   const Json alone = calibration.value("without_it", Json());
   return {
       "The refraction that was given, " + refraction_of(calibration.value("given", Json())) +

@@ -64,6 +64,8 @@ CaseData without_identity(CaseData data, const DeidentifyFlags& flags) {
     for (std::string& warning : stage.warnings) warning = without_words(warning);
     for (std::string& reason : stage.reasons) reason = without_words(reason);
     stage.provenance.erase("inputs_sha256");
+    if (!flags.keeps_age && stage.provenance.contains("parameters"))
+      for (const char* key : {"age_years", "age_given_years"}) stage.provenance["parameters"].erase(key);
   }
   if (!flags.keeps_age)
     for (EyeData& eye : data.eyes) {

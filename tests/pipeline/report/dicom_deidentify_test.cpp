@@ -103,6 +103,10 @@ TEST_F(Deidentify, ObjectsConform) {
 }
 
 TEST_F(Deidentify, ThePdfHasNeitherDateNorAge) {
+  // An age that a study does not tell may have been given to a stage.
+  Json stage = read_json(folder_ / "raytrace" / "stage.json");
+  stage["parameters"]["age_years"] = 43;
+  write_json(folder_ / "raytrace" / "stage.json", stage);
   ASSERT_EQ(deidentify({"--subject", "S 7"}), 0);
   const std::string text = pdf_words();
   EXPECT_THAT(text, HasSubstr("Subject: S 7"));

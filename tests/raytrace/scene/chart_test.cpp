@@ -215,5 +215,24 @@ TEST(SceneFile, AChartIsDrawnForItsAngleWhereverItStands) {
   EXPECT_TRUE(dial("[300, 0, 400]", "[-40, 0, 30]", "false") == ahead);
 }
 
+/// The square of such a length is no number, and the chart's size in texels was none (found by fuzzing).
+TEST(SceneFile, APlaneBeyondTheStarsIsRefused) {
+  const test::TemporaryFolder folder;
+  const std::string file = (folder.path() / "scene.json").string();
+  for (const auto& [right, is_drawn] : {std::pair{"-3e307", false}, {"1e16", false}, {"-3e7", true}}) {
+    write_file(file,
+               fmt::format(R"({{"objects": [{{"type": "plane", "chart": "letters:logmar=0.5", )"
+                           R"("centre_mm": [0, 0, 400], "right_mm": [{}, 0, 0], "up_mm": [0, 20, 0]}}]}})",
+                           right));
+    try {
+      make_scene(file);
+      EXPECT_TRUE(is_drawn) << right;
+    } catch (const Error& error) {
+      EXPECT_FALSE(is_drawn) << right;
+      EXPECT_NE(std::string(error.what()).find("right_mm"), std::string::npos) << error.what();
+    }
+  }
+}
+
 }  // namespace
 }  // namespace emmetrope::raytrace

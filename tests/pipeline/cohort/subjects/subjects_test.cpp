@@ -169,13 +169,22 @@ TEST_F(Subjects, AgesAreOfTheUnitThatTheSidecarNames) {
   for (const char* unsaid :
        {"null", "\"\"", "\"n/a\"", "\"Year(s)\"", "\" years old\"", "[\"years\"]", "\"yo\"", "\"a\""})
     EXPECT_EQ(age_in(unsaid), "18") << unsaid;
+  EXPECT_EQ(age_in("\"decimal years\""), "18");
   EXPECT_EQ(age_in("\"Month\""), "1.5");
+  EXPECT_EQ(age_in("\"decimal months\""), "1.5");
   EXPECT_NEAR(std::stod(age_in("\"weeks\"")), 18 * 7 / 365.25, 1e-5);
   EXPECT_NEAR(std::stod(age_in("\"days\"")), 18 / 365.25, 1e-6);
   write_file(folder() / "bids" / "participants.json", "{\"age\": {\"Units\": \"month\"},}");
   EXPECT_EQ(find_subjects(folder() / "bids").at(0).age, "18") << "a file that is no JSON is warned of";
   write_file(folder() / "bids" / "participants.json", "{\"age\": {\"Units\": \"decades\"}}");
   EXPECT_THAT(refusal(folder() / "bids"), AllOf(HasSubstr("participants.json"), HasSubstr("decades")));
+  write_file(folder() / "bids" / "participants.json", "{\"age\": {\"Units\": \"years and months\"}}");
+  EXPECT_THAT(refusal(folder() / "bids"), HasSubstr("years and months"));
+  for (const char* odd :
+       {"[1]", "{\"age\": [\"years\"]}", "{\"age\": \"years\"}", "{\"age\": {\"Units\": []}}"}) {
+    write_file(folder() / "bids" / "participants.json", odd);
+    EXPECT_NO_THROW(find_subjects(folder() / "bids")) << odd;
+  }
 }
 
 TEST_F(Subjects, OfBidsHaveImagesOfTheirOwn) {
