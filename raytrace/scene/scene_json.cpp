@@ -191,8 +191,7 @@ TexturedPlane read_plane(const Object& object, const std::filesystem::path& fold
   plane.right_mm = object.vector("right_mm");
   plane.up_mm = object.vector("up_mm");
   plane.motion_mm = object.vector("motion_mm", plane.motion_mm);
-  constexpr double largest_mm =
-      1e15;  // a tenth of a light year; squares of longer ones are no numbers any more
+  constexpr double largest_mm = 1e15;  // 1e9 km; squares of much longer ones are no numbers any more
   for (const auto& [key, half] : {std::pair{"right_mm", &plane.right_mm}, {"up_mm", &plane.up_mm}})
     if (!(half->cwiseAbs().maxCoeff() <= largest_mm))
       throw object.fault(key, fmt::format("longer than {:g} mm", largest_mm));

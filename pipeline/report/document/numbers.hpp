@@ -27,7 +27,7 @@ std::string format(double value, const NumberStyle& style);
 /// "23.55 to 23.67", no unit; of an angle "+- 6 deg", or "any" when nothing is known of it
 std::string format_interval(const Measured& measured, const NumberStyle& style);
 
-/// Completed years, below two completed months: "8 years", "15 months"
+/// Completed years, and months below two years: "8 years", "15 months"
 std::string age_text(double age_years);
 
 /// "22.1 to 26.0", "up to 40", "from 2"

@@ -230,27 +230,27 @@ TEST_F(DicomTest, StructureSetsOfTwoSeriesAreNumbered) {
   fs::remove_all(study);
 }
 
+/// A cap of a sphere of radius 10 about the z axis, to an angle from its pole.
+TriangleMesh cap_of_sphere(double sign, double widest_rad, int rings, int sectors) {
+  TriangleMesh mesh;
+  for (int ring = 0; ring <= rings; ++ring)
+    for (int sector = 0; sector < sectors; ++sector) {
+      const double theta = widest_rad * ring / rings, phi = 2 * pi * sector / sectors;
+      mesh.vertices.push_back(10 * Eigen::Vector3d(std::sin(theta) * std::cos(phi),
+                                                   std::sin(theta) * std::sin(phi), sign * std::cos(theta)));
+    }
+  for (int ring = 0; ring < rings; ++ring)
+    for (int sector = 0; sector < sectors; ++sector) {
+      const int a = ring * sectors + sector, b = ring * sectors + (sector + 1) % sectors;
+      mesh.triangles.push_back({a, b, a + sectors});
+      mesh.triangles.push_back({b, b + sectors, a + sectors});
+    }
+  return mesh;
+}
+
 TEST(PlaneCut, OfASphereInTwoSheetsIsACircle) {
-  // Two caps of a sphere of radius 10 that leave a belt of 2 mm out.
-  const auto cap = [](double sign) {
-    TriangleMesh mesh;
-    constexpr int rings = 60, sectors = 120;
-    const double widest = std::acos(0.1);
-    for (int ring = 0; ring <= rings; ++ring)
-      for (int sector = 0; sector < sectors; ++sector) {
-        const double theta = widest * ring / rings, phi = 2 * 3.14159265358979 * sector / sectors;
-        mesh.vertices.push_back(10 * Eigen::Vector3d(std::sin(theta) * std::cos(phi),
-                                                     std::sin(theta) * std::sin(phi),
-                                                     sign * std::cos(theta)));
-      }
-    for (int ring = 0; ring < rings; ++ring)
-      for (int sector = 0; sector < sectors; ++sector) {
-        const int a = ring * sectors + sector, b = ring * sectors + (sector + 1) % sectors;
-        mesh.triangles.push_back({a, b, a + sectors});
-        mesh.triangles.push_back({b, b + sectors, a + sectors});
-      }
-    return mesh;
-  };
+  // Two caps that leave a belt of 2 mm out.
+  const auto cap = [](double sign) { return cap_of_sphere(sign, std::acos(0.1), 60, 120); };
   const Eigen::Vector3d point(0.3, 3, 0.2), normal = Eigen::Vector3d(0.1, 1, 0.05).normalized();
   std::vector<Polyline> pieces;
   for (const double sign : {-1.0, 1.0})
@@ -271,25 +271,7 @@ TEST(PlaneCut, OfASphereInTwoSheetsIsACircle) {
 
 /// Two sheets of a sphere with a wide belt between their rims, which the body spans straight.
 TEST(PlaneCut, BetweenTheRimsTheBodyIsStraight) {
-  const auto cap = [](double sign, int sectors) {
-    TriangleMesh mesh;
-    constexpr int rings = 20;
-    for (int ring = 0; ring <= rings; ++ring)
-      for (int sector = 0; sector < sectors; ++sector) {
-        const double theta = pi / 3 * ring / rings, phi = 2 * pi * sector / sectors;
-        mesh.vertices.push_back(10 * Eigen::Vector3d(std::sin(theta) * std::cos(phi),
-                                                     std::sin(theta) * std::sin(phi),
-                                                     sign * std::cos(theta)));
-      }
-    for (int ring = 0; ring < rings; ++ring)
-      for (int sector = 0; sector < sectors; ++sector) {
-        const int a = ring * sectors + sector, b = ring * sectors + (sector + 1) % sectors;
-        mesh.triangles.push_back({a, b, a + sectors});
-        mesh.triangles.push_back({b, b + sectors, a + sectors});
-      }
-    return mesh;
-  };
-  std::vector<TriangleMesh> sheets{cap(1, 120), cap(-1, 90)};
+  std::vector<TriangleMesh> sheets{cap_of_sphere(1, pi / 3, 20, 120), cap_of_sphere(-1, pi / 3, 20, 90)};
   sheets.push_back(between_rims(sheets[0], sheets[1]));
   const auto area_mm2 = [&](const Eigen::Vector3d& point, const Eigen::Vector3d& normal) {
     std::vector<Polyline> pieces;
