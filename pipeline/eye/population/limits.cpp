@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <iterator>
+#include <string_view>
 
 #include "pipeline/base/error.hpp"
 
@@ -201,6 +202,39 @@ std::vector<Limits> fit_quality() {
   };
 }
 
+struct AtAge {
+  double years, mean, sd;
+};
+struct GrowthCurve {
+  std::string_view quantity;
+  const char* reference;
+  AtAge at[4];
+};
+// Axial length: means and standard deviations of 12 386 European children at 6, 9 and 15 years. All else: means of girls
+// and boys alike at 4, 10 and 17 years, of 1907 German children (aqueous depth 2.795, 3.075 and 3.13 mm behind a cornea of
+// 0.552 mm; radius 7.795 and 7.835 mm, as power 337.5 / radius), with the standard deviations of 257 German children (of
+// both sexes together: 0.178, 0.27, 0.0325 and 0.237 mm). The last value stands until 18.
+constexpr AtAge power_at_4{4, 43.30, 1.32}, power_at_10{10, 43.08, 1.30}, power_at_17{17, 43.08, 1.30},
+    power_at_18{18, 43.08, 1.30};
+constexpr const char *tideman = "Tideman et al. 2018", *rauscher = "Rauscher et al. 2021";
+constexpr GrowthCurve growth_curves[] = {
+    {"optical_axial_length_mm",
+     tideman,
+     {{6, 22.36, 0.75}, {9, 23.10, 0.84}, {15, 23.41, 0.86}, {18, 23.41, 0.86}}},
+    {"corneal_thickness_mm",
+     rauscher,
+     {{4, 0.552, 0.0325}, {10, 0.552, 0.0325}, {17, 0.552, 0.0325}, {18, 0.552, 0.0325}}},
+    {"anterior_chamber_depth_mm",
+     rauscher,
+     {{4, 3.347, 0.27}, {10, 3.627, 0.27}, {17, 3.682, 0.27}, {18, 3.682, 0.27}}},
+    {"lens_thickness_mm",
+     rauscher,
+     {{4, 3.74, 0.178}, {10, 3.455, 0.178}, {17, 3.51, 0.178}, {18, 3.51, 0.178}}},
+    {"astigmatism/M_D", rauscher, {power_at_4, power_at_10, power_at_17, power_at_18}},
+    {"keratometry/flat/power_D", rauscher, {power_at_4, power_at_10, power_at_17, power_at_18}},
+    {"keratometry/steep/power_D", rauscher, {power_at_4, power_at_10, power_at_17, power_at_18}},
+};
+
 }  // namespace
 
 bool Range::is_limited() const { return !contains(Range{}); }
@@ -242,19 +276,16 @@ Normal normal_at_age(const std::string& quantity, std::optional<double> age_year
     const Limits* limits = find_limits(quantity);
     return limits == nullptr ? Normal{} : Normal{limits->normal, limits->normal_reference};
   }
-  if (quantity != "optical_axial_length_mm") return {};
-  // Means and standard deviations of 12 386 European children; that at 15 years stands until 18.
-  struct AtAge {
-    double years, mean_mm, sd_mm;
-  };
-  constexpr AtAge of_children[] = {{6, 22.36, 0.75}, {9, 23.10, 0.84}, {15, 23.41, 0.86}, {18, 23.41, 0.86}};
-  for (std::size_t i = 1; i < std::size(of_children); ++i) {
-    const AtAge &younger = of_children[i - 1], &older = of_children[i];
+  const auto found = std::find_if(std::begin(growth_curves), std::end(growth_curves),
+                                  [&](const GrowthCurve& curve) { return curve.quantity == quantity; });
+  if (found == std::end(growth_curves)) return {};
+  for (std::size_t i = 1; i < std::size(found->at); ++i) {
+    const AtAge &younger = found->at[i - 1], &older = found->at[i];
     if (*age_years < younger.years || *age_years > older.years) continue;
-    const double along = (*age_years - younger.years) / (older.years - younger.years);
-    const double mean_mm = younger.mean_mm + along * (older.mean_mm - younger.mean_mm),
-                 sd_mm = younger.sd_mm + along * (older.sd_mm - younger.sd_mm);
-    return {{mean_mm - 2 * sd_mm, mean_mm + 2 * sd_mm}, "Tideman et al. 2018"};
+    const double along = (*age_years - younger.years) / (older.years - younger.years),
+                 mean = younger.mean + along * (older.mean - younger.mean),
+                 sd = younger.sd + along * (older.sd - younger.sd);
+    return {{mean - 2 * sd, mean + 2 * sd}, found->reference};
   }
   return {};
 }

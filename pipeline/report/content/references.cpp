@@ -39,6 +39,10 @@ constexpr Reference references[] = {
     {"Tideman et al. 2018",
      "Tideman JWL, Polling JR, Vingerling JR, Jaddoe VWV, Williams C, Guggenheim JA, Klaver CCW. Axial length growth "
      "and the risk of developing myopia in European children. Acta Ophthalmologica 2018;96:301-309."},
+    {"Rauscher et al. 2021",
+     "Rauscher FG et al. Ocular biometry in children and adolescents from 4 to 17 years: a cross-sectional study in "
+     "central Germany. Ophthalmic and Physiological Optics 2021;41:496-511 (means); standard deviations of Kaymak H "
+     "et al. Die Ophthalmologie 2022;119, Suppl. 1 (doi 10.1007/s00347-021-01427-z)."},
     {"Dodgson 2004",
      "Dodgson NA. Variation and extrema of human interpupillary distance. Proc. SPIE 2004;5291:36-46."},
     {"Handan Eye Study",

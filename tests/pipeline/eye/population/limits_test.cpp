@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 #include <gtest/gtest.h>
+#include <cmath>
 
 #include <limits>
 #include <regex>
@@ -87,7 +88,24 @@ TEST(NormalAtAge, IsOfAdultsOrOfChildrenOfThatAgeOrNone) {
   EXPECT_NEAR(length(9).range.high, 23.10 + 1.68, 1e-9);
   EXPECT_NEAR(length(12).range.low + length(12).range.high, 23.10 + 23.41, 1e-9);
   EXPECT_FALSE(length(3).range.is_limited());
-  EXPECT_FALSE(normal_at_age("lens_thickness_mm", 9).range.is_limited());
+  // Rauscher's girls and boys of 4 and 10 years, Kaymak's deviations within and between the sexes.
+  const Normal lens_at_7 = normal_at_age("lens_thickness_mm", 7);
+  const double between_sexes = (3.48 - 3.46) / 2, sd = std::hypot((0.18 + 0.17) / 2, between_sexes);
+  EXPECT_EQ(lens_at_7.reference, "Rauscher et al. 2021");
+  EXPECT_NEAR(lens_at_7.range.low, (3.75 + 3.73 + 3.47 + 3.44) / 4 - 2 * sd, 0.006);
+  EXPECT_NEAR(lens_at_7.range.high, (3.75 + 3.73 + 3.47 + 3.44) / 4 + 2 * sd, 0.006);
+  EXPECT_FALSE(normal_at_age("lens_thickness_mm", 3.9).range.is_limited());
+  const Normal chamber_at_10 = normal_at_age("anterior_chamber_depth_mm", 10);
+  EXPECT_NEAR(chamber_at_10.range.low + chamber_at_10.range.high,
+              2.73 + 6 * 0.046 + 0.550 + 2.86 + 6 * 0.047 + 0.554, 0.005);
+  for (const char* power : {"astigmatism/M_D", "keratometry/flat/power_D", "keratometry/steep/power_D"}) {
+    const Range of_child = normal_at_age(power, 12).range;
+    const double radius_mm = (7.78 + 7.89) / 2,
+                 radius_sd_mm = std::hypot((0.23 + 0.22) / 2, (7.89 - 7.74) / 2);
+    EXPECT_NEAR(of_child.low, 337.5 / (radius_mm + 2 * radius_sd_mm), 0.2);
+    EXPECT_NEAR(of_child.high, 337.5 / (radius_mm - 2 * radius_sd_mm), 0.2);
+  }
+  EXPECT_FALSE(normal_at_age("keratometry/asphericity_q", 9).range.is_limited());
   EXPECT_TRUE(normal_at_age("lens_thickness_mm", 40).range.is_limited());
   EXPECT_FALSE(normal_at_age("no_such_quantity", {}).range.is_limited());
 }
