@@ -92,12 +92,12 @@ std::string folder_name(const StackPlan& plan, std::size_t index) {
 
 void check_target(const fs::path& out, bool replace) {
   if (!fs::exists(out) || (fs::is_directory(out) && fs::is_empty(out))) return;
-  if (!replace)
-    throw output_error(fmt::format("{} exists", out.string()), "choose another folder or use --force");
   if (!fs::exists(out / "truth.json"))
     throw output_error(
         fmt::format("{} is no phantom study (it has no truth.json), so it is not replaced", out.string()),
         "choose another folder");
+  if (!replace)
+    throw output_error(fmt::format("{} exists", out.string()), "choose another folder or use --force");
 }
 
 /// An earlier study gives way, whatever else lies in its folder stays.

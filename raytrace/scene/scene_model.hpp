@@ -26,7 +26,7 @@ struct SpectralPicture {
   std::vector<Texture> pages;
   /// Linear between pages, 0 outside them.
   Texture at(double nm) const;
-  /// As a display shows it, sRGB, the brightest texel of luminance 1.
+  /// As a display shows it, linear sRGB, the strongest channel of all texels 1; what no display shows is cut to its gamut.
   Texture coloured() const;
 };
 

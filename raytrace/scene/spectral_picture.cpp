@@ -25,21 +25,24 @@ Texture SpectralPicture::at(double nm) const {
 Texture SpectralPicture::coloured() const {
   const Eigen::Matrix3d rgb_from_xyz = srgb_from_xyz();
   Texture result{pages.front().width, pages.front().height, 3, {}};
-  std::vector<Eigen::Vector3d> xyz(pages.front().values.size(), Eigen::Vector3d::Zero());
+  std::vector<Eigen::Vector3d> colours(pages.front().values.size(), Eigen::Vector3d::Zero());
   for (std::size_t page = 0; page < pages.size(); ++page) {
     // Trapezia over the wavelengths that there are.
     const double before = page > 0 ? wavelength_nm[page] - wavelength_nm[page - 1] : 0,
                  after = page + 1 < pages.size() ? wavelength_nm[page + 1] - wavelength_nm[page] : 0;
     const Eigen::Vector3d observer =
         (pages.size() > 1 ? 0.5 * (before + after) : 1) * cie_1931(wavelength_nm[page]);
-    for (std::size_t i = 0; i < xyz.size(); ++i) xyz[i] += pages[page].values[i] * observer;
+    for (std::size_t i = 0; i < colours.size(); ++i) colours[i] += pages[page].values[i] * observer;
   }
   double brightest = 0;
-  for (const Eigen::Vector3d& value : xyz) brightest = std::max(brightest, value.y());
-  for (const Eigen::Vector3d& value : xyz) {
-    const Eigen::Vector3d rgb = rgb_from_xyz * (value / std::max(brightest, 1e-30));
-    for (int c = 0; c < 3; ++c) result.values.push_back(static_cast<float>(std::clamp(rgb[c], 0.0, 1.0)));
+  for (Eigen::Vector3d& value : colours) {
+    value = rgb_from_xyz * value;
+    brightest = std::max(brightest, value.maxCoeff());
   }
+  // All texels by one factor: a channel cut off would be another colour.
+  for (const Eigen::Vector3d& rgb : colours)
+    for (int c = 0; c < 3; ++c)
+      result.values.push_back(static_cast<float>(std::max(rgb[c], 0.0) / std::max(brightest, 1e-30)));
   return result;
 }
 

@@ -144,6 +144,24 @@ bool BlankedRegion::holds_front(const Stack& stack, const Vector3d& globe_centre
   return share_lost(8, 3.5) > 0.25 && share_lost(12.5, 1.5) > 0.8;
 }
 
+double BlankedRegion::share_before(const Stack& stack, const Vector3d& apex, const Vector3d& axis) const {
+  constexpr double nearest_mm = 0.3, farthest_mm = 1.3, radius_mm = 2.5;
+  constexpr int depths = 4, points = 50;
+  if (core_.empty()) return 0;
+  const Sampler sampler(stack);
+  const Vector3d across = axis.unitOrthogonal(), upright = axis.cross(across);
+  BlankShare before;
+  for (int depth = 0; depth < depths; ++depth)
+    for (int i = 0; i < points; ++i) {
+      const double along_mm = nearest_mm + (farthest_mm - nearest_mm) * depth / (depths - 1);
+      const Eigen::Vector2d beside_mm = radius_mm * sunflower_point(i, points);
+      ++before.voxels;
+      before.blank +=
+          is_lost(sampler, apex + along_mm * axis + beside_mm.x() * across + beside_mm.y() * upright) ? 1 : 0;
+    }
+  return before.share();
+}
+
 BlankedRegion blanked_front(const Stack& stack, const Vector3d& globe_centre, const Vector3d& axis,
                             double radius_mm) {
   BlankedRegion region(stack, globe_centre, radius_mm);

@@ -31,6 +31,9 @@ class BlankedRegion {
   /// a lens that is dark in a whole head has a bright chamber or lid before it.
   bool holds_front(const Stack& stack, const Eigen::Vector3d& globe_centre,
                    const Eigen::Vector3d& axis) const;
+  /// How much of what lies right before a cornea's apex was blanked: a disc 5 mm wide, 0.3 to 1.3 mm before it. The lid is
+  /// there, or air that no image without a mask has as nothing.
+  double share_before(const Stack& stack, const Eigen::Vector3d& apex, const Eigen::Vector3d& axis) const;
 
  private:
   /// Of so many voxels from the first on.

@@ -293,6 +293,26 @@ void compare_voxel_sides(const Header& header, double to_mm, const std::string& 
       name, told.x(), told.y(), told.z(), used.x(), used.y(), used.z(), 100 * difference));
 }
 
+/// Whether the voxels are those in which programs write what they registered to a template, along its axes, whatever their
+/// codes say: FSL's in 1 and 2 mm, MNI 2009c, SPM's bounding box, MNI305, CAT12.
+bool lies_on_template_grid(const Header& header) {
+  struct Grid {
+    std::array<int, 3> voxels;
+    double side_mm;
+  };
+  constexpr Grid grids[] = {{{182, 218, 182}, 1},   {{91, 109, 91}, 2},   {{193, 229, 193}, 1},
+                            {{197, 233, 189}, 1},   {{181, 217, 181}, 1}, {{79, 95, 79}, 2},
+                            {{121, 145, 121}, 1.5}, {{157, 189, 156}, 1}, {{113, 137, 113}, 1.5}};
+  const Eigen::Matrix3d axes = affine_of(header, "").topLeftCorner<3, 3>();
+  for (const Grid& grid : grids) {
+    const bool same_voxels =
+        header.dim[1] == grid.voxels[0] && header.dim[2] == grid.voxels[1] && header.dim[3] == grid.voxels[2];
+    const Eigen::Matrix3d along = axes.cwiseAbs() - grid.side_mm * Eigen::Matrix3d::Identity();
+    if (same_voxels && along.cwiseAbs().maxCoeff() < 1e-3) return true;
+  }
+  return false;
+}
+
 /// What the codes of the forms say of lengths and sides.
 void judge_forms(const Header& header, const std::string& name, std::vector<std::string>& warnings) {
   const bool are_one = header.sform_code > 0 && header.qform_code > 0 &&
@@ -304,6 +324,11 @@ void judge_forms(const Header& header, const std::string& name, std::vector<std:
         fmt::format("{}: {} is {}, a template's coordinates (Talairach, MNI): where the head was "
                     "scaled to fit it, every length is the template's and not the person's",
                     name, by_sform ? "sform_code" : "qform_code", code));
+  else if (lies_on_template_grid(header))
+    warnings.push_back(fmt::format(
+        "{}: its {} x {} x {} voxels along the axes are those of the MNI template: where the head was "
+        "scaled to fit it, every length is the template's and not the person's",
+        name, header.dim[1], header.dim[2], header.dim[3]));
 }
 
 template <typename T>

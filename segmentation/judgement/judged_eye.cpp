@@ -89,17 +89,18 @@ std::string JudgedEye::edges_on_axis_withheld() const {
   const bool in_thick_slices = failed_gate(gates, "slice_spacing_t1_mm") != nullptr;
   for (const QualityGate& gate : gates) {
     // In slices that thick a fit is no witness: two fits of one eye's lens had a contrast of 0.67 and of -0.09.
-    if (in_thick_slices && gate.name != "front_is_blanked" && gate.name != "clipped_lens" &&
-        gate.name != "globe_flattening_mm")
+    if (in_thick_slices && gate.name != "front_is_blanked" && gate.name != "blanked_before_cornea" &&
+        gate.name != "clipped_lens" && gate.name != "globe_flattening_mm")
       continue;
     // A fit that knows the length better than edges claim to does not speak against them.
     if (gate.name == "axial_length_sigma_mm" && gate.value < edges_sigma_mm) continue;
     // A flat fit of a globe that is not flat by its edges was misread.
     if (gate.name == "globe_flattening_mm" && !is_flattened(read)) continue;
     for (const char* on_axis :
-         {"front_is_blanked", "clipped_lens", "globe_flattening_mm", "apex_sigma_mm", "axial_length_sigma_mm",
-          "lens_contrast", "lens_off_axis_mm", "natural_lens_mm", "intraocular_mass_mm3",
-          "unexplained_in_vitreous_mm3", "fluid_difference_t2", "surroundings_over_vitreous_t2"})
+         {"front_is_blanked", "blanked_before_cornea", "clipped_lens", "globe_flattening_mm", "apex_sigma_mm",
+          "axial_length_sigma_mm", "lens_contrast", "lens_off_axis_mm", "natural_lens_mm",
+          "intraocular_mass_mm3", "unexplained_in_vitreous_mm3", "fluid_difference_t2",
+          "surroundings_over_vitreous_t2"})
       if (gate.name == on_axis && !gate.passed) return gate.reason;
   }
   return {};

@@ -152,6 +152,38 @@ void judge_shape(const EyeFit& fit, Gates& gates) {
                   width_mm, depth_mm));
 }
 
+/// A gap between slices that was left out of their spacing, or a head that was stretched, makes an eye of another form.
+void judge_aspect(const EyeFit& fit, Gates& gates) {
+  const double width_mm = 2 * fit.value(globe_x), height_mm = 2 * fit.value(globe_y);
+  Eigen::VectorXd difference = Eigen::VectorXd::Zero(fit.layout.size());
+  difference[globe_x] = 2;
+  difference[globe_y] = -2;
+  gates.warn_above(
+      "globe_aspect_mm", std::max(0.0, std::abs(width_mm - height_mm) - 2 * sigma_of(fit, difference)),
+      fmt::format(
+          "the globe is {:.1f} mm wide and {:.1f} mm high, further apart than an eye's usually are: are "
+          "the voxel sizes right (a gap between slices left out, a head stretched)?",
+          width_mm, height_mm));
+}
+
+/// Where a face was taken off between cornea and lens the cut looks like a cornea.
+void judge_before_cornea(const EyeFit& fit, Gates& gates) {
+  constexpr double globe_radius_mm = 12, reach_mm = 16;
+  const Eigen::Vector3d apex = fit.parameters.segment<3>(apex_x),
+                        axis = gaze_axis(fit.value(gaze_horizontal), fit.value(gaze_vertical));
+  double blanked = fit.stacks.empty() ? 0 : 1;
+  for (const ObservedStack& o : fit.stacks)
+    blanked = std::min(
+        blanked,
+        BlankedRegion(*o.stack, apex - globe_radius_mm * axis, reach_mm).share_before(*o.stack, apex, axis));
+  gates.refuse_above(
+      "blanked_before_cornea", blanked,
+      fmt::format("{:.0f} % of what lies right before the cornea was blanked in the images (a defaced head): "
+                  "what looks like the cornea may be the cut",
+                  100 * blanked),
+      Withholds::front);
+}
+
 void judge_globe(const FoundEye& found, Gates& gates) {
   const double inside = share_inside_stack(found);
   gates.refuse_below(
@@ -486,8 +518,11 @@ void judge_corneal_form(const EyeFit& fit, Gates& gates) {
       fit.layout.irregular_cornea
           ? "irregular cornea (keratoconus, a scar, surgery?): no biconic describes it, "
             "score {:.0f} (limit {:.0f}); a free form was fitted"
-          : "no regular cornea describes what is at its place, score {:.0f} (limit {:.0f}), and "
-            "the voxels are too coarse to tell an irregular one from a lid or an artefact";
+      : finest_pixel_mm(fit.stacks) > CornealIrregularity::coarsest_pixel_mm
+          ? "no regular cornea describes what is at its place, score {:.0f} (limit {:.0f}), and "
+            "the voxels are too coarse to tell an irregular one from a lid or an artefact"
+          : "no regular cornea describes what is at its place, score {:.0f} (limit {:.0f}), but slices lie beside "
+            "their places, which looks like an irregular one";
   gates.warn_above("corneal_irregularity_chi2", fit.irregularity.chi2, limit,
                    fmt::format(fmt::runtime(reason), fit.irregularity.chi2, limit));
 }
@@ -534,6 +569,7 @@ std::vector<QualityGate> judge_quality(const FoundEye& found, const EyeFit& fit,
                    "the front of the eye was blanked in the images (a defaced head): no cornea, no lens, no "
                    "length");
   } else {
+    judge_before_cornea(fit, gates);
     judge_lens(fit, clipped.lens, gates);
     judge_cornea_and_length(fit, gates);
   }
@@ -545,6 +581,7 @@ std::vector<QualityGate> judge_quality(const FoundEye& found, const EyeFit& fit,
   if (!fit.front_is_blanked()) judge_apex(fit, gates);
   judge_residuals(fit, gates, confirmed);
   if (!fit.front_is_blanked()) {
+    judge_aspect(fit, gates);
     judge_shape(fit, gates);  // of a blanked head the depth is not known
     judge_dimensions(found, fit, edges, gates);
     judge_corneal_form(fit, gates);

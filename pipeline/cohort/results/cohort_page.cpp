@@ -15,6 +15,7 @@
 #include "pipeline/cohort/results/quantities.hpp"
 #include "pipeline/cohort/subjects/stage_end.hpp"
 #include "pipeline/eye/population/limits.hpp"
+#include "pipeline/report/content/biometry_rows.hpp"
 #include "pipeline/report/document/document.hpp"
 #include "pipeline/report/document/numbers.hpp"
 #include "pipeline/report/figures/chart.hpp"
@@ -170,12 +171,14 @@ std::optional<Figure> histogram(const std::string& column, const std::string& ke
   std::map<long, int> counts;
   for (const double value : values) ++counts[std::lround(std::floor((value - *low) / bin))];
   std::vector<std::pair<double, double>> bars;
+  int most = 0;
+  for (const auto& [place, count] : counts) most = std::max(most, count);
   for (const auto& [place, count] : counts)
     bars.emplace_back(*low + (static_cast<double>(place) + 0.5) * bin, count);
-  std::string script = block(bars) + "set style fill solid 0.7\nset boxwidth " +
-                       fmt::format("{:.6g}", 0.95 * bin) + "\nset xlabel '" +
-                       (unit.empty() ? title : title + ", " + unit) +
-                       "'\nset ylabel 'eyes'\nset yrange [0:*]\n";
+  std::string script =
+      block(bars) + "set style fill solid 0.7\nset boxwidth " + fmt::format("{:.6g}", 0.95 * bin) +
+      "\nset xlabel '" + (unit.empty() ? title : title + ", " + unit) +
+      "'\nset ylabel 'eyes'\nset yrange [0:*]\n" + fmt::format("set ytics {}\n", (most + 4) / 5);
   if (const Limits* limits = find_limits(key); limits != nullptr && limits->normal.is_limited())
     for (const double end : {limits->normal.low, limits->normal.high})
       if (std::isfinite(end))
@@ -211,6 +214,32 @@ std::string id_of(std::string column) {
   return column;
 }
 
+/// A quantity's name and how it is written: as in the report, what that has not by its unit.
+report::BiometryRow written(const Quantity& quantity) {
+  const std::string key = quantity.key.substr(1);
+  if (quantity.stage == "meshing")
+    for (const auto* rows : report::measured_rows())
+      for (const report::BiometryRow& row : *rows)
+        if (row.key == key) return row;
+  static const std::map<std::string, const char*> refraction{{"refraction_m", "Spherical equivalent"},
+                                                             {"refraction_j0", "Refraction's J0"},
+                                                             {"refraction_j45", "Refraction's J45"}};
+  const auto named = refraction.find(quantity.column);
+  return {key,
+          named != refraction.end() ? named->second : quantity.description,
+          {quantity.unit == "mm2" || quantity.unit == "mm3" ? 0 : 2,
+           quantity.unit == "D" && quantity.stage != "meshing", quantity.unit}};
+}
+
+/// Where nine of ten of many values lie, or all of few.
+std::string spread(const Numbers& values, const report::NumberStyle& style) {
+  constexpr std::size_t many = 20;
+  if (values.size() < 2) return "\u2013";
+  const double tail = values.size() < many ? 0 : 0.05;
+  return report::format(quantile(values, tail), style) + " to " +
+         report::format(quantile(values, 1 - tail), style) + (tail > 0 ? "" : " (all)");
+}
+
 Section numbers_section(const std::vector<EyeRow>& rows) {
   Section section{"numbers", "Distributions", {}};
   report::Table table;
@@ -233,11 +262,14 @@ Section numbers_section(const std::vector<EyeRow>& rows) {
     const std::string key = quantity.key.substr(1);
     const Limits* limits = quantity.stage == "meshing" ? find_limits(key) : nullptr;
     const bool has_normal = limits != nullptr && limits->normal.is_limited();
-    const std::string normal = has_normal ? report::format_range(limits->normal, 2) : "\u2013";
-    const std::string name = quantity.unit.empty() ? quantity.column : quantity.column + ", " + quantity.unit;
-    table.rows.push_back({name, std::to_string(values.size()), fmt::format("{:.4g}", quantile(values, 0.5)),
-                          fmt::format("{:.4g} to {:.4g}", quantile(values, 0.05), quantile(values, 0.95)),
-                          normal, fmt::format("{:.2g}", quantile(half, 0.5))});
+    const report::BiometryRow row = written(quantity);
+    report::NumberStyle plain = row.style;
+    plain.unit.clear();
+    table.rows.push_back({row.style.unit.empty() ? row.name : row.name + ", " + row.style.unit,
+                          std::to_string(values.size()), report::format(quantile(values, 0.5), plain),
+                          spread(values, plain),
+                          has_normal ? report::format_range(limits->normal, plain.decimals) : "\u2013",
+                          fmt::format("{:.{}f}", quantile(half, 0.5), plain.decimals)});
     static const std::map<std::string, const char*> drawn{
         {"optical_axial_length", "Optical axial length"},
         {"refraction_m", "Spherical equivalent"},
@@ -310,6 +342,7 @@ Section outliers_section(const CohortFolder& cohort, const std::vector<EyeRow>& 
     for (const auto& [row, measured] : found) values.push_back(measured->value);
     if (values.size() < fewest || quantity.unit == "deg") continue;
     const double median = quantile(values, 0.5);
+    const report::BiometryRow written_as = written(quantity);
     Numbers away;
     for (const double value : values) away.push_back(std::abs(value - median));
     const double sigma = robust_sigma(away);
@@ -318,8 +351,8 @@ Section outliers_section(const CohortFolder& cohort, const std::vector<EyeRow>& 
       if (std::abs(measured->value - median) < far * sigma) continue;
       table.rows.push_back(
           {row->subject + (is_of_the_person(quantity) ? "" : std::string(" ") + to_string(row->eye)),
-           quantity.column, fmt::format("{:.4g} {}", measured->value, quantity.unit),
-           fmt::format("{:.4g}", median)});
+           written_as.name, report::format(measured->value, written_as.style),
+           report::format(median, written_as.style)});
       table.links.push_back(link_to_report(cohort, row->subject, page_folder));
     }
   }

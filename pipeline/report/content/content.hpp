@@ -41,6 +41,10 @@ std::string refracted_point(const CaseData& data);
 /// The pupil that wavefront and pictures are of, which may be another than the refraction's: "an iris aperture of 4.0 mm".
 std::string traced_pupil(const CaseData& data);
 
+/// Through what the pictures of the trace stage were seen: "a spectacle of -2.25 DS at 12 mm"; empty: nothing. Wavefronts
+/// are of the eye alone.
+std::string worn_while_traced(const CaseData& data);
+
 /// What the rows of letters are of the chart that was traced, a sentence with a space before it; empty of another scene.
 std::string chart_rows(const CaseData& data);
 

@@ -96,10 +96,12 @@ EyeCard card_of(const CaseData& data, const EyeData& eye) {
 
   const Json& prescription = eye.prescription;
   if (judgement.has_prescription) card.prescription = rounded_prescription(prescription);
-  card.note = fmt::format("vertex distance {:g} mm, {}for distance{}",
-                          value_of(prescription, "vertex_distance_mm").value_or(12),
-                          card.headline.find(" x ") != std::string::npos ? "minus cylinder, " : "",
-                          light_of(prescription, ", in light of {:g} nm"));
+  const double vertex_distance_mm = value_of(prescription, "vertex_distance_mm").value_or(12);
+  card.note = fmt::format(
+      "{}, {}for distance{}",
+      vertex_distance_mm == 0 ? "contact lens" : fmt::format("vertex distance {:g} mm", vertex_distance_mm),
+      card.headline.find(" x ") != std::string::npos ? "minus cylinder, " : "",
+      light_of(prescription, ", in light of {:g} nm"));
   card.details = details_of(prescription, judgement, card.eye);
   add_calibration(card, prescription, combined_with(data, eye));
   // Letters that are sharp would sell a lens that nobody is to wear.

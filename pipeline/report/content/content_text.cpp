@@ -5,6 +5,8 @@
 
 #include "pipeline/base/error.hpp"
 #include "pipeline/base/frames.hpp"
+#include "pipeline/base/notation.hpp"
+#include "pipeline/base/power_vector.hpp"
 #include "pipeline/base/version.hpp"
 #include "pipeline/report/case/series.hpp"
 #include "pipeline/report/content/content.hpp"
@@ -76,8 +78,10 @@ std::string refraction_sentence(const CaseData& data) {
                wavelength = value_of(eye.prescription, "wavelength_nm"),
                vertex = value_of(eye.prescription, "vertex_distance_mm");
     if (!pupil || !vertex) continue;
-    return fmt::format("Refraction is for distance at {:g} mm vertex distance, an iris aperture of {} mm{}. ",
-                       *vertex, fixed(*pupil, 1),
+    return fmt::format("Refraction is for distance {}, an iris aperture of {} mm{}. ",
+                       *vertex == 0 ? "at the cornea, of a contact lens"
+                                    : fmt::format("at {:g} mm vertex distance", *vertex),
+                       fixed(*pupil, 1),
                        wavelength ? " and " + fixed(*wavelength, 1) + " nm" : std::string()) +
            "Wavefront, modulation transfer, letters and pictures are those of " + traced_pupil(data) + ". ";
   }
@@ -108,6 +112,28 @@ std::string traced_pupil(const CaseData& data) {
       traced == nullptr ? std::nullopt : value_at(traced->provenance, "/parameters/pupil_mm");
   return pupil_mm ? fmt::format("an iris aperture of {} mm", fixed(*pupil_mm, 1))
                   : "the pupil that was traced";
+}
+
+std::string worn_while_traced(const CaseData& data) {
+  const StageData* traced = data.stage("raytrace");
+  if (traced == nullptr) return {};
+  const Json parameters = traced->provenance.value("parameters", Json::object());
+  const auto is_given = [&](const char* key) {
+    return parameters.is_object() && parameters.contains(key) && !parameters[key].is_null();
+  };
+  if (is_given("plano_cylinder")) return "a plano-cylinder";
+  if (!is_given("spectacle")) return {};
+  const auto of_spectacle = [&](const std::string& key) { return value_at(parameters, "/spectacle/" + key); };
+  std::string worn = "a spectacle";
+  const auto M_D = of_spectacle("power/M_D"), J0_D = of_spectacle("power/J0_D"),
+             J45_D = of_spectacle("power/J45_D");
+  if (M_D && J0_D && J45_D) worn += " of " + format_refraction(to_sphero_cylinder({*M_D, *J0_D, *J45_D}));
+  if (const auto distance_mm = of_spectacle("vertex_distance_mm"))
+    worn += fmt::format(" at {:g} mm", *distance_mm);
+  const auto prism = of_spectacle("prism/dioptres"), base_deg = of_spectacle("prism/base_deg");
+  if (prism && base_deg)
+    worn += fmt::format(" with {:g} prism dioptres, base at {:g} degrees", *prism, *base_deg);
+  return worn;
 }
 
 std::string chart_rows(const CaseData& data) {
@@ -177,27 +203,35 @@ Section limits_section(const CaseData& data, const Notes& notes) {
     section.blocks.push_back({Paragraph{"In this case:"}});
     section.blocks.push_back({found});
   } else {
-    section.blocks.push_back({Paragraph{"In this case no stage had an error or a warning to report."}});
+    section.blocks.push_back(
+        {Paragraph{"In this case no stage before the report had an error or a warning."}});
   }
   return section;
 }
 
 Section methods_section(const CaseData& data, Citations& citations) {
   Section section{"methods", "Methods", {}};
-  // One by one: arguments may be evaluated in any order.
-  const int wei = citations.number_of("Wei et al. 2014"), thibos = citations.number_of("Thibos et al. 1997"),
-            ansi = citations.number_of("ANSI Z80.28"),
-            dubbelman = citations.number_of("Dubbelman and van der Heijde 2001, index");
-  section.blocks.push_back({Paragraph{
-      images_sentence(data) + refraction_sentence(data) +
-      fmt::format("The eyes are found in the MR volumes by radial symmetry and paired by the patient's "
-                  "coordinates. A parametric eye (biconic cornea, two-conic lens, ellipsoid globe with a "
-                  "smooth displacement) is fitted to the voxels through a model of the acquisition; the "
-                  "covariance of the fit gives the intervals. The surfaces are meshed and light is traced "
-                  "backward from the retina through them [{}]. The lens is the one that makes the retinal "
-                  "image sharpest; refractions are averaged and compared as power vectors [{}], wavefronts "
-                  "follow [{}], the lens index [{}]. This text may be copied into a paper.",
-                  wei, thibos, ansi, dubbelman)}});
+  const std::string refraction = refraction_sentence(data);
+  const bool is_traced = std::any_of(data.eyes.begin(), data.eyes.end(),
+                                     [](const EyeData& eye) { return eye.wavefront.is_object(); });
+  std::string text =
+      images_sentence(data) + refraction +
+      "The eyes are found in the MR volumes by radial symmetry and paired by the patient's coordinates. A "
+      "parametric eye (biconic cornea, two-conic lens, ellipsoid globe with a smooth displacement) is fitted to the "
+      "voxels through a model of the acquisition; the covariance of the fit gives the intervals. The surfaces are "
+      "meshed";
+  if (is_traced)
+    text += fmt::format(
+        " and light is traced backward from the retina through them [{}]. Wavefronts follow [{}], the lens index "
+        "[{}]",
+        citations.number_of("Wei et al. 2014"), citations.number_of("ANSI Z80.28"),
+        citations.number_of("Dubbelman and van der Heijde 2001, index"));
+  if (!refraction.empty())
+    text += fmt::format(
+        ". The lens is the one that makes the retinal image sharpest; refractions are averaged and compared as power "
+        "vectors [{}]",
+        citations.number_of("Thibos et al. 1997"));
+  section.blocks.push_back({Paragraph{text + ". This text may be copied into a paper."}});
   section.blocks.push_back(
       {Paragraph{
            "Frames: light is described in the eye's frame, x to the examiner's right, y up, z out of "

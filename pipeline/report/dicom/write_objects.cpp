@@ -60,11 +60,13 @@ void write_meshes(const fs::path& folder, const CaseData& data, const SourceStud
 
 void write_pictures(const fs::path& folder, const CaseData& data, const SourceStudy& source,
                     const std::string& result) {
+  const std::string worn = worn_while_traced(data);
   int number = 0;
   for (const auto& eye : data.eyes)
     for (const auto& [name, file, title] :
-         {std::tuple{"uncorrected", eye.uncorrected_png, "Retinal image without a lens"},
-          std::tuple{"corrected", eye.corrected_png, "Retinal image with the lens"}}) {
+         {std::tuple{"uncorrected", eye.uncorrected_png,
+                     "Retinal image " + (worn.empty() ? "without a lens" : "through " + worn)},
+          std::tuple{"corrected", eye.corrected_png, std::string("Retinal image with the lens")}}) {
       ++number;
       if (file.empty()) continue;
       const cv::Mat image = cv::imread(file.string(), cv::IMREAD_COLOR);

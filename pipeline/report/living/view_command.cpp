@@ -83,6 +83,9 @@ Command view_command() {
         ->type_name("FILE.html");
   };
   command.run = [flags](const CommonOptions& common) {
+    if (const std::string ending = flags->output.extension();
+        !flags->output.empty() && ending != ".html" && ending != ".htm")
+      throw usage_error("--output: " + flags->output.string() + " is to be a page, whose name ends in .html");
     if (flags->eye.empty() && !flags->case_folder.empty() && !fs::is_directory(flags->case_folder))
       flags->eye = flags->case_folder.string();
     if (!flags->eye.empty()) return view_named(*flags, common);

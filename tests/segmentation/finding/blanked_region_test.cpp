@@ -42,6 +42,18 @@ TEST(BlankedRegion, HoldsWhatLiesBeforeAPlaneAndWhatReachesIntoIt) {
   EXPECT_TRUE(blanked.holds_front(stack, Vector3d::Zero(), ahead));
 }
 
+/// A cut behind the lid, or through the chamber, looks like a cornea where one ends.
+TEST(BlankedRegion, BeforeAnApexIsTheCutOrALid) {
+  const Stack cut = noisy_stack([](const Vector3d& p) { return p.y() < -12; });
+  const BlankedRegion blanked(cut, Vector3d::Zero(), 20);
+  EXPECT_GT(blanked.share_before(cut, {0, -12.3, 0}, ahead), 0.9);
+  EXPECT_GT(blanked.share_before(cut, {0, -12.7, 0}, ahead), 0.9);
+  EXPECT_EQ(blanked.share_before(cut, {0, -9, 0}, ahead), 0);
+  const Stack whole = noisy_stack([](const Vector3d& p) { return p.y() < -15; });  // a lid of 2 mm, then air
+  EXPECT_LT(BlankedRegion(whole, Vector3d::Zero(), 20).share_before(whole, {0, -12.5, 0}, ahead), 0.3);
+  EXPECT_EQ(BlankedRegion().share_before(whole, {0, -12.5, 0}, ahead), 0);
+}
+
 /// A rescale, or a normalisation, makes another value of zero.
 TEST(BlankedRegion, IsKnownByTheLowestValueToo) {
   Stack stack = noisy_stack([](const Vector3d& p) { return p.y() < -6; });

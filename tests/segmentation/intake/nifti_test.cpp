@@ -268,6 +268,31 @@ TEST_F(NiftiTest, ATemplatesCoordinatesGiveWayToTheScannersOrAreWarnedOf) {
                                              HasSubstr("sform_code is 4, a template's coordinates")));
 }
 
+/// What was registered to a template often keeps the scanner's codes: then its voxels tell.
+TEST_F(NiftiTest, VoxelsOfATemplateAreWarnedOf) {
+  const auto warnings_of = [&](double side_mm, double turn_rad) {
+    Stack stack;
+    stack.columns = 79;
+    stack.rows = 95;
+    stack.along_row = {-std::cos(turn_rad), std::sin(turn_rad), 0};
+    stack.along_column = {-std::sin(turn_rad), -std::cos(turn_rad), 0};
+    stack.normal = stack.along_row.cross(stack.along_column);
+    stack.column_spacing_mm = stack.row_spacing_mm = stack.slice_thickness_mm = side_mm;
+    for (int slice = 0; slice < 79; ++slice) {
+      stack.slice_position.emplace_back(78, 112, -70 + side_mm * slice);
+      stack.slice_intensity.emplace_back(79 * 95, static_cast<float>(slice % 7));
+    }
+    segmentation::write_nifti(file("grid.nii"), stack);
+    std::vector<std::string> warnings;
+    segmentation::read_nifti(file("grid.nii"), warnings);
+    return warnings;
+  };
+  EXPECT_THAT(warnings_of(2, 0),
+              testing::Contains(HasSubstr("79 x 95 x 79 voxels along the axes are those of the MNI")));
+  for (const auto& [side_mm, turn_rad] : {std::pair{2.1, 0.0}, std::pair{2.0, 0.05}})
+    EXPECT_THAT(warnings_of(side_mm, turn_rad), testing::Each(testing::Not(HasSubstr("MNI"))));
+}
+
 /// Nothing tells which of the two is right: all lengths may be wrong.
 TEST_F(NiftiTest, AnSformThatContradictsPixdimIsWarnedOf) {
   const auto path = sound();

@@ -526,6 +526,19 @@ TEST(QualityOfShapes, AFlattenedGlobeIsNoEyes) {
   EXPECT_NEAR(gate.value, 4.6, 1e-9);
 }
 
+/// A gap between slices that was left out of their spacing makes a globe of 23 mm 19 mm high.
+TEST(QualityOfShapes, AGlobeFarLowerThanWideIsWarnedOf) {
+  const ParameterLayout layout;
+  Eigen::VectorXd parameters = population_mean(layout);
+  for (int i = vitreous; i <= surround; ++i) parameters[i] = 0.5;
+  EXPECT_TRUE(gate_of(fit_at(layout, parameters, Weighting::t2), "globe_aspect_mm").passed);
+  parameters[globe_y] = parameters[globe_x] / 1.2;
+  const QualityGate gate = gate_of(fit_at(layout, parameters, Weighting::t2), "globe_aspect_mm");
+  EXPECT_FALSE(gate.passed);
+  EXPECT_EQ(gate.withholds, Withholds::nothing);
+  EXPECT_NE(gate.reason.find("a gap between slices"), std::string::npos);
+}
+
 TEST(QualityOfShapes, WhatTheFinderSawBlankedIsSaid) {
   const ParameterLayout layout;
   Eigen::VectorXd parameters = population_mean(layout);

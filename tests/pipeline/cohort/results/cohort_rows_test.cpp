@@ -275,7 +275,7 @@ TEST_F(CohortRows, OfTheTableAreTheNumbersOfTheCases) {
 
 TEST_F(CohortRows, MakeAPageThatTellsThemWithoutANetwork) {
   const std::string page = cohort_page(cohort_, read_rows(cohort_, listed_subjects(cohort_)), cohort_.root());
-  for (const char* text : {"slice 3 is missing", "no such eye in the images", "axial_length, mm"})
+  for (const char* text : {"slice 3 is missing", "no such eye in the images", "Axial length, optical, mm"})
     EXPECT_THAT(page, HasSubstr(text));
   EXPECT_FALSE(std::regex_search(page, std::regex("(src|href)=\"https?:")));
 }
