@@ -42,10 +42,23 @@ struct SegmentedEye {
   std::optional<FittedEye> fitted;
 };
 
+/// False where `segment --laterality` named the other eye.
+bool was_asked_for(const fs::path& case_folder, Laterality eye) {
+  const fs::path file = case_folder / "segmentation" / "stage.json";
+  if (!fs::exists(file)) return true;
+  const Json stage = read_json(file);
+  const Json::json_pointer at("/parameters/laterality");
+  if (!stage.is_object() || !stage.contains(at) || !stage.at(at).is_string()) return true;
+  const std::string asked = stage.at(at).get<std::string>();
+  return asked == "both" || asked == to_string(eye);
+}
+
 /// \throw Error (no_result) where segmentation knows nothing of the eye, with the reason
 SegmentedEye read_segmented(const fs::path& case_folder, Laterality eye) {
   const fs::path file = case_folder / "segmentation" / to_string(eye) / "fit.json";
-  if (!fs::exists(file)) throw no_result_error("segmentation found no such eye");
+  if (!fs::exists(file))
+    throw no_result_error(was_asked_for(case_folder, eye) ? "segmentation found no such eye"
+                                                          : "segmentation was asked for the other eye alone");
   try {
     const Json fit = read_json(file);
     const Json& withheld = fit.at("withheld");

@@ -277,6 +277,19 @@ TEST_F(MeshStage, InstrumentsOfAnEyeThatIsNotAskedForAreNamed) {
               testing::HasSubstr("OS (left): what was measured of it elsewhere is not used"));
 }
 
+/// `segment --laterality os` saw both eyes and wrote one.
+TEST_F(MeshStage, AnEyeThatSegmentationWasNotAskedForIsNoLostOne) {
+  fs::remove_all(folder() / "segmentation" / "od");
+  EXPECT_THAT(make_meshes(options_, {}).text, testing::HasSubstr("segmentation found no such eye"));
+  Json stage = read_json(folder() / "segmentation" / "stage.json");
+  stage["parameters"]["laterality"] = "os";
+  write_json(folder() / "segmentation" / "stage.json", stage);
+  CommonOptions again;
+  again.force = true;
+  EXPECT_THAT(make_meshes(options_, again).text,
+              testing::HasSubstr("segmentation was asked for the other eye alone"));
+}
+
 TEST_F(MeshStage, RefusedEyeIsNotMeshed) {
   write_fit(Laterality::os, {{"fit", "lens not visible"}});
   const Answer answer = make_meshes(options_, {});
