@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "pipeline/base/even_points.hpp"
+#include "pipeline/base/frames.hpp"
 #include "segmentation/finding/sampling.hpp"
 
 namespace emmetrope::segmentation {
@@ -144,22 +145,44 @@ bool BlankedRegion::holds_front(const Stack& stack, const Vector3d& globe_centre
   return share_lost(8, 3.5) > 0.25 && share_lost(12.5, 1.5) > 0.8;
 }
 
-double BlankedRegion::share_before(const Stack& stack, const Vector3d& apex, const Vector3d& axis) const {
+std::optional<double> BlankedRegion::share_cut_before(const Stack& stack, const Vector3d& apex,
+                                                      const Vector3d& axis) const {
   constexpr double nearest_mm = 0.3, farthest_mm = 1.3, radius_mm = 2.5;
   constexpr int depths = 4, points = 50;
-  if (core_.empty()) return 0;
   const Sampler sampler(stack);
   const Vector3d across = axis.unitOrthogonal(), upright = axis.cross(across);
+  const auto place = [&](const Eigen::Vector2d& beside_mm, double before_mm) -> Vector3d {
+    return apex + before_mm * axis + beside_mm.x() * across + beside_mm.y() * upright;
+  };
   BlankShare before;
   for (int depth = 0; depth < depths; ++depth)
     for (int i = 0; i < points; ++i) {
-      const double along_mm = nearest_mm + (farthest_mm - nearest_mm) * depth / (depths - 1);
-      const Eigen::Vector2d beside_mm = radius_mm * sunflower_point(i, points);
+      const Vector3d at = place(radius_mm * sunflower_point(i, points),
+                                nearest_mm + (farthest_mm - nearest_mm) * depth / (depths - 1));
+      if (!sampler.interpolate(at)) continue;
       ++before.voxels;
-      before.blank +=
-          is_lost(sampler, apex + along_mm * axis + beside_mm.x() * across + beside_mm.y() * upright) ? 1 : 0;
+      before.blank += is_lost(sampler, at) ? 1 : 0;
     }
-  return before.share();
+  if (2 * before.voxels < depths * points) return std::nullopt;
+
+  // How far behind the apex the blank ends.
+  constexpr double first_mm = -2, last_mm = 4, step_mm = 0.1;
+  const auto end_of_blank_mm = [&](const Eigen::Vector2d& beside_mm) {
+    double behind_mm = first_mm;
+    while (behind_mm < last_mm && is_lost(sampler, place(beside_mm, -behind_mm))) behind_mm += step_mm;
+    return behind_mm;
+  };
+  constexpr double beside_mm = 5, receding_mm = 1;
+  constexpr int directions = 24;
+  std::vector<double> around_mm;
+  for (int i = 0; i < directions; ++i) {
+    const double angle = 2 * pi * i / directions;
+    around_mm.push_back(end_of_blank_mm(beside_mm * Eigen::Vector2d(std::cos(angle), std::sin(angle))));
+  }
+  // Lids cover a part of the ring.
+  std::nth_element(around_mm.begin(), around_mm.begin() + 3 * directions / 4, around_mm.end());
+  const bool is_plane = around_mm[3 * directions / 4] - end_of_blank_mm({0, 0}) < receding_mm;
+  return is_plane ? before.share() : 0;
 }
 
 BlankedRegion blanked_front(const Stack& stack, const Vector3d& globe_centre, const Vector3d& axis,

@@ -1,5 +1,6 @@
 #pragma once
 #include <Eigen/Core>
+#include <optional>
 #include <vector>
 
 #include "segmentation/finding/sampling.hpp"
@@ -31,9 +32,12 @@ class BlankedRegion {
   /// a lens that is dark in a whole head has a bright chamber or lid before it.
   bool holds_front(const Stack& stack, const Eigen::Vector3d& globe_centre,
                    const Eigen::Vector3d& axis) const;
-  /// How much of what lies right before a cornea's apex was blanked: a disc 5 mm wide, 0.3 to 1.3 mm before it. The lid is
-  /// there, or air that no image without a mask has as nothing.
-  double share_before(const Stack& stack, const Eigen::Vector3d& apex, const Eigen::Vector3d& axis) const;
+  /// Whether the image was cut off at what was taken for a cornea: a disc 5 mm wide, 0.3 to 1.3 mm before its apex, where
+  /// the lid is, is blank, and the blank ends in a plane. Air that was masked before an open eye ends on the cornea, which
+  /// lies 1.7 mm further back 5 mm beside its apex.
+  /// \return the disc's blank share, 0 where it does not end in a plane; nothing where less than half of it is in the stack
+  std::optional<double> share_cut_before(const Stack& stack, const Eigen::Vector3d& apex,
+                                         const Eigen::Vector3d& axis) const;
 
  private:
   /// Of so many voxels from the first on.

@@ -128,6 +128,24 @@ Priors priors_about(const ImagedEye& eye, const VectorXd& start) {
   return priors;
 }
 
+/// Whether pixels are no finer than a cornea is thick: a dark line in T2, which looks as wide as the image is sharp. Where that
+/// differs between axes corneas were fitted 0.07 mm too thin in the mean of 32 eyes of `scanner`, up to 0.19
+/// (docs/evidence/worlds.md).
+/// Labels show it as it was drawn.
+bool hides_thickness(Weighting weighting, Evidence evidence, const std::vector<ObservedStack>& stacks) {
+  constexpr double thin_mm = 0.5;
+  return weighting == Weighting::t2 && evidence == Evidence::intensities &&
+         finest_pixel_mm(stacks) >= thin_mm;
+}
+
+/// While an eye is sought.
+Priors held_where_unseen(Priors priors, Weighting weighting, Evidence evidence,
+                         const std::vector<ObservedStack>& stacks) {
+  constexpr double held_mm = 0.003;
+  if (hides_thickness(weighting, evidence, stacks)) priors.sigma[cornea_thickness] = held_mm;
+  return priors;
+}
+
 /// Those on the way to the eye, too.
 Priors priors_on_the_way(const ImagedEye& eye, const VectorXd& start) {
   Priors priors = priors_about(eye, start);
@@ -178,7 +196,7 @@ FitProblem complete(Candidate& candidate, const ImagedEye& eye) {
   front.rear = false;
   FitProblem problem;
   problem.model = &eye.model;
-  problem.priors = candidate.priors;
+  problem.priors = held_where_unseen(candidate.priors, eye.weighting, eye.evidence, eye.stacks);
   if (eye.weighting == Weighting::t2) problem.priors.sigma[iris_slope] = steadied_iris_slope_sigma_t2;
   const auto prepare = [&](const Selection& selection) -> const VectorXd& {
     const VectorXd& start = candidate.solution.parameters;
@@ -238,42 +256,43 @@ Eigen::MatrixXd error_of_nucleus(const EyeFit& fit) {
   return sigmas.cwiseAbs2().asDiagonal();
 }
 
-bool is_coarse_t2(const EyeFit& fit) { return fit.weighting == Weighting::t2 && error_of_layers_mm(fit) > 0; }
-
-/// Priors while the eye is sought. A cornea is a dark line of a pixel's width in T2: how wide it looks is how sharp the image
-/// is, and where that differs between axes corneas were fitted 0.07 mm too thin in the mean of 32 eyes of `scanner`, up to
-/// 0.19 (docs/evidence/worlds.md).
-Priors held_where_unseen(const EyeFit& fit) {
-  constexpr double held_mm = 0.003;
-  Priors priors = fit.priors;
-  if (is_coarse_t2(fit)) priors.sigma[cornea_thickness] = held_mm;
-  return priors;
-}
-
 /// What a globe's length and diameters may be off by besides where the image is not what the model has: the share of the
 /// residuals that noise does not explain, times what fits of real heads differ by from independent readings, and
 /// of one person in T1 and T2 (docs/evidence/real-scans.md). And the radius at which a lens ends, which is drawn as a sharp
 /// rim and is a round one: rms of what it errs by in phantoms (docs/evidence/accuracy.md). And in T2, where pixels do not
 /// show the wall's layers, the globe's semi-axis along the eye's: filters and echo trains, which differ between an image's
 /// axes, move the retina's asphericity by 0.03 (rms of 48 eyes of `scanner`; docs/evidence/worlds.md) and leave corneas 0.5 D
-/// too steep (mean of 57); how thick those are nobody has seen (held_where_unseen()). In finer T2 corneas are 0.01 mm off beside their noise (`orbit`, 92 by the
-/// surface coil).
+/// too steep (mean of 57); how thick those are nobody sees (hides_thickness()). In finer T2 corneas are 0.01 mm off beside
+/// their noise (`orbit`, 92 by the surface coil).
 Eigen::MatrixXd model_error(const EyeFit& fit) {
   constexpr double of_unexplained_mm = 0.3, round_rim_mm = 0.24, of_echo_train_mm = 0.12,
-                   of_corneal_power_D = 0.5, of_unseen_thickness_mm = 0.02, of_resolved_thickness_mm = 0.01;
-  const bool is_coarse = is_coarse_t2(fit);
+                   of_corneal_power_D = 0.5, of_blurred_thickness_mm = 0.025, of_resolved_thickness_mm = 0.01;
+  const bool is_coarse = fit.weighting == Weighting::t2 && error_of_layers_mm(fit) > 0;
   VectorXd sigmas = globe_sigmas(fit, of_unexplained_mm * (1 - 1 / std::max(1.0, fit.chi2_per_voxel)));
   for (Eigen::Index i = 0; i < sigmas.size(); ++i) {
     const int parameter = fit.active[static_cast<std::size_t>(i)];
     if (parameter == lens_equator_radius) sigmas[i] = round_rim_mm;
     if (parameter == anterior_chamber_depth) sigmas[i] = error_of_chamber_mm(fit);
-    if (parameter == cornea_thickness && fit.weighting == Weighting::t2)
-      sigmas[i] = is_coarse ? of_unseen_thickness_mm : of_resolved_thickness_mm;
+    if (parameter == cornea_thickness && fit.weighting == Weighting::t2 &&
+        !hides_thickness(fit.weighting, fit.evidence, fit.stacks))
+      sigmas[i] = is_coarse ? of_blurred_thickness_mm : of_resolved_thickness_mm;
     if (!is_coarse) continue;
     if (parameter == globe_z) sigmas[i] = std::hypot(sigmas[i], of_echo_train_mm);
     if (parameter == cornea_c) sigmas[i] = of_corneal_power_D * per_mm_of_keratometric_D;
   }
   return sigmas.cwiseAbs2().asDiagonal();
+}
+
+/// What an eye whose cornea is as thick as a prior says may be off by for it, the other parameters with it as far as the
+/// images tie them to the thickness.
+/// \param of_solution  with the thickness held
+Eigen::MatrixXd error_of_held_thickness(const EyeFit& fit, const Eigen::MatrixXd& of_solution) {
+  const auto found = std::find(fit.active.begin(), fit.active.end(), cornea_thickness);
+  if (found == fit.active.end()) return Eigen::MatrixXd::Zero(of_solution.rows(), of_solution.cols());
+  const auto at = found - fit.active.begin();
+  const VectorXd with_thickness = of_solution.col(at) / of_solution(at, at);
+  const double prior_mm = fit.priors.sigma[cornea_thickness];
+  return (prior_mm * prior_mm - of_solution(at, at)) * with_thickness * with_thickness.transpose();
 }
 
 /// The covariance at the fit's solution, widened by what noise does not explain.
@@ -288,6 +307,8 @@ void estimate_covariance(EyeFit& fit, const FitProblem& problem, const Basis& ba
     fit.common_covariance = error_of_nucleus(fit);
     fit.shared_covariance = error_of_layers(fit) + fit.common_covariance;
     fit.covariance += model_error(fit) + fit.shared_covariance;
+    if (hides_thickness(fit.weighting, fit.evidence, fit.stacks))
+      fit.covariance += error_of_held_thickness(fit, of_solution);
   }
 }
 
@@ -297,7 +318,7 @@ void estimate_covariance(EyeFit& fit, const FitProblem& problem, const Basis& ba
 void fit_to_all_voxels(EyeFit& fit, const std::function<void()>& step_done) {
   FitProblem problem;
   problem.model = &fit.model;
-  problem.priors = held_where_unseen(fit);
+  problem.priors = held_where_unseen(fit.priors, fit.weighting, fit.evidence, fit.stacks);
   set_final_loss(problem, fit.evidence);
   const Basis basis = select_parameters(fit.layout.size(), fit.active);
   const bool faint_wall = fit.weighting == Weighting::t1 && fit.evidence == Evidence::intensities;
@@ -328,7 +349,6 @@ void fit_to_all_voxels(EyeFit& fit, const std::function<void()>& step_done) {
   // Closer than intervals need: where a fit stops on the way depends on where it began.
   pass({100, 1e-9});
   if (step_done) step_done();
-  problem.priors = fit.priors;
   estimate_covariance(fit, problem, basis);
   // Labels are no smooth surface: what they depart from a biconic is how they were drawn.
   if (!fit.layout.irregular_cornea && fit.evidence == Evidence::intensities && !fit.front_is_blanked())

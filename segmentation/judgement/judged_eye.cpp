@@ -86,6 +86,11 @@ std::string JudgedEye::edges_on_axis_withheld() const {
     return "cornea or lens have no edges of their own along the eye's axis";
   const EdgeBiometry& read = edges.front()->biometry;
   const double edges_sigma_mm = read.axial_length->sigma;
+  if (read.anterior_chamber_depth &&
+      !limits_of("edge_chamber_mm").accepted.contains(read.anterior_chamber_depth->value))
+    return fmt::format(
+        "by edges the chamber would be {:.1f} mm deep: what was taken for the cornea may be the lid",
+        read.anterior_chamber_depth->value);
   const bool in_thick_slices = failed_gate(gates, "slice_spacing_t1_mm") != nullptr;
   for (const QualityGate& gate : gates) {
     // In slices that thick a fit is no witness: two fits of one eye's lens had a contrast of 0.67 and of -0.09.

@@ -6,6 +6,7 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <optional>
 
 #include "pipeline/base/even_points.hpp"
 #include "pipeline/base/frames.hpp"
@@ -171,11 +172,16 @@ void judge_before_cornea(const EyeFit& fit, Gates& gates) {
   constexpr double globe_radius_mm = 12, reach_mm = 16;
   const Eigen::Vector3d apex = fit.parameters.segment<3>(apex_x),
                         axis = gaze_axis(fit.value(gaze_horizontal), fit.value(gaze_vertical));
-  double blanked = fit.stacks.empty() ? 0 : 1;
-  for (const ObservedStack& o : fit.stacks)
-    blanked = std::min(
-        blanked,
-        BlankedRegion(*o.stack, apex - globe_radius_mm * axis, reach_mm).share_before(*o.stack, apex, axis));
+  std::optional<double> least;  // of the stacks that show the place
+  for (std::size_t k = 0; k < fit.stacks.size(); ++k) {
+    const Stack& stack = *fit.stacks[k].stack;
+    Eigen::Vector3d in_stack = apex;
+    if (k > 0) in_stack -= fit.head_shift_lps(k);
+    const auto share = BlankedRegion(stack, in_stack - globe_radius_mm * axis, reach_mm)
+                           .share_cut_before(stack, in_stack, axis);
+    if (share) least = std::min(least.value_or(1), *share);
+  }
+  const double blanked = least.value_or(0);
   gates.refuse_above(
       "blanked_before_cornea", blanked,
       fmt::format("{:.0f} % of what lies right before the cornea was blanked in the images (a defaced head): "
@@ -580,8 +586,8 @@ std::vector<QualityGate> judge_quality(const FoundEye& found, const EyeFit& fit,
   }
   if (!fit.front_is_blanked()) judge_apex(fit, gates);
   judge_residuals(fit, gates, confirmed);
+  judge_aspect(fit, gates);
   if (!fit.front_is_blanked()) {
-    judge_aspect(fit, gates);
     judge_shape(fit, gates);  // of a blanked head the depth is not known
     judge_dimensions(found, fit, edges, gates);
     judge_corneal_form(fit, gates);

@@ -249,7 +249,8 @@ Section numbers_section(const std::vector<EyeRow>& rows) {
   table.caption = "Numbers of the eyes, without those that a prior alone tells";
   if (children > 0)
     table.caption += fmt::format("; {} are of children, whose normal ranges are others", children);
-  table.header = {"Quantity", "Eyes", "Median", "5 to 95 %", "Normal adult", "Median half interval"};
+  table.header = {
+      "Quantity", "Eyes", "Median", "5 to 95 %, or all of few", "Normal adult", "Median half interval"};
   FigureRow charts;
   charts.caption = "Dashed: ends of the normal adult range, where there is one.";
   for (const Quantity& quantity : quantities()) {

@@ -131,7 +131,7 @@ std::string worn_while_traced(const CaseData& data) {
   if (const auto distance_mm = of_spectacle("vertex_distance_mm"))
     worn += fmt::format(" at {:g} mm", *distance_mm);
   const auto prism = of_spectacle("prism/dioptres"), base_deg = of_spectacle("prism/base_deg");
-  if (prism && base_deg)
+  if (prism && base_deg && *prism > 0)
     worn += fmt::format(" with {:g} prism dioptres, base at {:g} degrees", *prism, *base_deg);
   return worn;
 }

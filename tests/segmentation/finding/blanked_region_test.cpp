@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <functional>
 #include <random>
 
@@ -42,16 +43,26 @@ TEST(BlankedRegion, HoldsWhatLiesBeforeAPlaneAndWhatReachesIntoIt) {
   EXPECT_TRUE(blanked.holds_front(stack, Vector3d::Zero(), ahead));
 }
 
-/// A cut behind the lid, or through the chamber, looks like a cornea where one ends.
-TEST(BlankedRegion, BeforeAnApexIsTheCutOrALid) {
+/// A cut through the chamber looks like a cornea where one ends; a lid, and air that was masked before an open eye, do not.
+TEST(BlankedRegion, BeforeAnApexIsACutOnlyWhereTheBlankEndsInAPlane) {
+  const auto share = [](const Stack& stack, const Vector3d& apex) {
+    return BlankedRegion(stack, Vector3d::Zero(), 20).share_cut_before(stack, apex, ahead);
+  };
   const Stack cut = noisy_stack([](const Vector3d& p) { return p.y() < -12; });
-  const BlankedRegion blanked(cut, Vector3d::Zero(), 20);
-  EXPECT_GT(blanked.share_before(cut, {0, -12.3, 0}, ahead), 0.9);
-  EXPECT_GT(blanked.share_before(cut, {0, -12.7, 0}, ahead), 0.9);
-  EXPECT_EQ(blanked.share_before(cut, {0, -9, 0}, ahead), 0);
-  const Stack whole = noisy_stack([](const Vector3d& p) { return p.y() < -15; });  // a lid of 2 mm, then air
-  EXPECT_LT(BlankedRegion(whole, Vector3d::Zero(), 20).share_before(whole, {0, -12.5, 0}, ahead), 0.3);
-  EXPECT_EQ(BlankedRegion().share_before(whole, {0, -12.5, 0}, ahead), 0);
+  EXPECT_GT(share(cut, {0, -12.3, 0}).value(), 0.9);
+  EXPECT_GT(share(cut, {0, -12.7, 0}).value(), 0.9);
+  EXPECT_EQ(share(cut, {0, -9, 0}).value(), 0);
+  const Stack lid = noisy_stack([](const Vector3d& p) { return p.y() < -15; });  // of 2 mm, then air
+  EXPECT_LT(share(lid, {0, -12.5, 0}).value(), 0.3);
+  // A cornea of 7.8 mm radius without a lid, on a globe; lids cover a third of what is around it.
+  const Stack open = noisy_stack([](const Vector3d& p) {
+    const bool is_eye = (p - Vector3d(0, -4.7, 0)).norm() < 7.8 || p.norm() < 11.5;
+    return p.y() < -4 && !is_eye && (p.y() < -12 || std::abs(p.z()) < 4.3);
+  });
+  EXPECT_EQ(share(open, {0, -12.5, 0}).value(), 0);
+  // Slices that do not reach to the front tell nothing.
+  EXPECT_FALSE(share(cut, {0, -32, 0}).has_value());
+  EXPECT_EQ(BlankedRegion().share_cut_before(lid, {0, -12.5, 0}, ahead).value(), 0);
 }
 
 /// A rescale, or a normalisation, makes another value of zero.

@@ -917,6 +917,18 @@ TEST_F(FellowEyes, AFitInThickSlicesIsNoWitness) {
   EXPECT_EQ(judged.edges_on_axis_withheld(), "flat");
 }
 
+/// No eye has such a chamber: the lid's front was taken for the cornea's.
+TEST_F(FellowEyes, AChamberByEdgesThatNoEyeHasIsNotTold) {
+  JudgedEye judged = eye(0);
+  ReadEye read = edges_with_length(24);
+  read.biometry.anterior_chamber_depth = Estimate{4.4, 0.35};
+  judged.edges = {read};
+  EXPECT_EQ(judged.edges_on_axis_withheld(), "");
+  judged.edges.front()->biometry.anterior_chamber_depth->value = 5.1;
+  EXPECT_NE(judged.edges_on_axis_withheld().find("5.1 mm deep: what was taken for the cornea may be the lid"),
+            std::string::npos);
+}
+
 /// Of an eye that is full of oil, or of something else, edges along the axis are not what they are in others.
 TEST_F(FellowEyes, WhatFillsTheGlobeSpeaksAgainstEdgesOnTheAxis) {
   JudgedEye judged = eye(0);

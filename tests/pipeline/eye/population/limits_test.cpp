@@ -92,8 +92,8 @@ TEST(NormalAtAge, IsOfAdultsOrOfChildrenOfThatAgeOrNone) {
   const Normal lens_at_7 = normal_at_age("lens_thickness_mm", 7);
   const double between_sexes = (3.48 - 3.46) / 2, sd = std::hypot((0.18 + 0.17) / 2, between_sexes);
   EXPECT_EQ(lens_at_7.reference, "Rauscher et al. 2021");
-  EXPECT_NEAR(lens_at_7.range.low, (3.75 + 3.73 + 3.47 + 3.44) / 4 - 2 * sd, 0.006);
-  EXPECT_NEAR(lens_at_7.range.high, (3.75 + 3.73 + 3.47 + 3.44) / 4 + 2 * sd, 0.006);
+  EXPECT_NEAR(lens_at_7.range.low, (3.75 + 3.73 + 3.47 + 3.44) / 4 - 2 * sd, 0.002);
+  EXPECT_NEAR(lens_at_7.range.high, (3.75 + 3.73 + 3.47 + 3.44) / 4 + 2 * sd, 0.002);
   EXPECT_FALSE(normal_at_age("lens_thickness_mm", 3.9).range.is_limited());
   const Normal chamber_at_10 = normal_at_age("anterior_chamber_depth_mm", 10);
   EXPECT_NEAR(chamber_at_10.range.low + chamber_at_10.range.high,
