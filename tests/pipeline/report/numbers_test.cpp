@@ -4,6 +4,7 @@
 
 #include "pipeline/base/notation.hpp"
 #include "pipeline/report/content/biometry_rows.hpp"
+#include "pipeline/report/content/content.hpp"
 #include "pipeline/report/content/content_tables.hpp"
 #include "tests/pipeline/report/report_fixture.hpp"
 
@@ -516,6 +517,23 @@ TEST_F(NumbersTest, TheListHoldsWhatIsCitedAndNothingElse) {
     EXPECT_GE(cited.size(), 4U);
     EXPECT_EQ(*listed.rbegin(), static_cast<int>(listed.size()));  // from 1, without gaps
   }
+}
+
+/// A picture that was seen through a spectacle is not called one without a lens.
+TEST(WornWhileTraced, IsWhatTheTraceStageSays) {
+  CaseData data;
+  data.stages = {{"raytrace", ExitStatus::done, {}, {}, {}}};
+  Json& parameters = data.stages[0].provenance["parameters"];
+  parameters = {{"spectacle", nullptr}, {"plano_cylinder", nullptr}};
+  EXPECT_EQ(worn_while_traced(data), "");
+  parameters["spectacle"] = {{"power", {{"M_D", -2.75}, {"J0_D", 0.5}, {"J45_D", 0.0}}},
+                             {"vertex_distance_mm", 12.0},
+                             {"prism", {{"dioptres", 0.0}, {"base_deg", 0.0}}}};
+  EXPECT_EQ(worn_while_traced(data), "a spectacle of -2.25 / -1.00 x 180 at 12 mm");
+  parameters["spectacle"]["prism"] = {{"dioptres", 3.0}, {"base_deg", 90.0}};
+  EXPECT_EQ(worn_while_traced(data),
+            "a spectacle of -2.25 / -1.00 x 180 at 12 mm with 3 prism dioptres, base at 90 degrees");
+  EXPECT_EQ(worn_while_traced(CaseData{}), "");
 }
 
 /// A table says by which criterion its refractions are, where it is not this report's.
