@@ -1,5 +1,7 @@
 #include "segmentation/judgement/judged_eye.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 
