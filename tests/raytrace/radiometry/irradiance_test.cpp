@@ -224,6 +224,17 @@ TEST(Irradiance, ConesSeeAGratingWithTheContrastThatPlainRaysGive) {
   EXPECT_GT(expected[0], 2 * expected[2]);  // chromatic aberration takes the short wavelengths' detail
 }
 
+/// CIE 1931 has (1.0622, 0.6310, 0.0008) at 600 nm: linear sRGB 2.47, 0.154 and below 0, whatever the luminance.
+TEST(SpectralPicture, HasOneColourAtEveryLuminance) {
+  const Texture shown = SpectralPicture{{600}, {{2, 1, 1, {1.0F, 0.25F}}}}.coloured();
+  EXPECT_NEAR(shown.values[0], 1, 1e-6);
+  EXPECT_NEAR(shown.values[3], 0.25, 1e-6);
+  for (const std::size_t texel : {0U, 3U}) {
+    EXPECT_NEAR(shown.values[texel + 1] / shown.values[texel], 0.154 / 2.47, 0.01);
+    EXPECT_EQ(shown.values[texel + 2], 0);
+  }
+}
+
 TEST(Irradiance, OfASpectralPictureFollowsItsSpectrum) {
   EyeModel eye = make_eye("navarro");
   const Texture dim{2, 2, 1, {0.01F, 0.01F, 0.01F, 0.01F}}, bright{2, 2, 1, {0.03F, 0.03F, 0.03F, 0.03F}};
