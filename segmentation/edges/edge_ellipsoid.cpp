@@ -42,12 +42,23 @@ void solve(EdgeEllipsoid& ellipsoid, const std::vector<Vector3d>& points) {
   ceres::Solver::Options options;
   options.linear_solver_type = ceres::DENSE_NORMAL_CHOLESKY;
   options.logging_type = ceres::SILENT;
-  options.max_num_iterations = 30;
+  options.max_num_iterations = 60;
+  options.function_tolerance = 1e-12;
+  options.parameter_tolerance = 1e-10;
   ceres::Solver::Summary summary;
   ceres::Solve(options, &problem, &summary);
 }
 
 }  // namespace
+
+EdgeEllipsoid along(const Eigen::Matrix3d& axes, const EdgeEllipsoid& ellipsoid) {
+  EdgeEllipsoid turned = ellipsoid;
+  turned.axes = axes;
+  for (int i = 0; i < 3; ++i)
+    turned.half_axes[i] =
+        1 / Vector3d(ellipsoid.axes.transpose() * axes.col(i)).cwiseQuotient(ellipsoid.half_axes).norm();
+  return turned;
+}
 
 EdgeEllipsoid fit_ellipsoid(const std::vector<Vector3d>& points, const EdgeEllipsoid& start) {
   EdgeEllipsoid ellipsoid = start;

@@ -13,6 +13,9 @@ struct EdgeEllipsoid {
   double rms_mm = 0;      ///< of the kept points' radial residuals
 };
 
+/// The extents of an ellipsoid along other axes.
+EdgeEllipsoid along(const Eigen::Matrix3d& axes, const EdgeEllipsoid& ellipsoid);
+
 /// Fits centre and half axes to points, with a soft-L1 loss of 0.3 mm and four rounds of trimming at 2.5 robust
 /// standard deviations (at least 0.25 mm).
 /// \param start  axes are kept

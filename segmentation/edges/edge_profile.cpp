@@ -74,7 +74,7 @@ Profile sample_profile(const Stack& stack, const Tube& tube, double first_mm, do
   const Sampler sampler(stack);
   Profile profile;
   profile.first_mm = first_mm;
-  const Vector3d u = tube.direction.unitOrthogonal(), v = tube.direction.cross(u);
+  const auto [u, v] = across(stack, tube.direction);
   const int lines = tube.radius_mm > 0 ? 9 : 1;
   for (int i = 0; profile.at_mm(i) <= last_mm + 1e-9; ++i) {
     double sum = 0;

@@ -24,10 +24,11 @@ constexpr double blanked_reach_mm = last_mm + 6;  ///< the seed may be some mm o
 constexpr int fewest_rounds = 4, most_rounds = 16;
 constexpr double settled_mm = 1e-3;  ///< of the centre: where it ends does not depend on where it began
 
-Matrix3d axes_about(const Vector3d& outward) {
+/// \param up  of the head
+Matrix3d axes_about(const Vector3d& outward, const Vector3d& up) {
   Matrix3d axes;
   axes.col(2) = outward;
-  axes.col(0) = Vector3d::UnitZ().cross(outward).normalized();
+  axes.col(0) = up.cross(outward).normalized();
   axes.col(1) = outward.cross(axes.col(0));
   return axes;
 }
@@ -142,8 +143,9 @@ WallEdges wall_edges(const std::vector<Ray>& rays, double step) {
 Vector3d find_lens(const Stack& stack, const Vector3d& start, double vitreous, double step, double sign) {
   constexpr double lens_ball_mm = 3.5;
   const Sampler sampler(stack);
+  const Matrix3d axes = axes_of_voxels(stack);
   Vector3d centre = start;
-  for (int i = 0; i < 30; ++i) {
+  for (int i = 0; i < 200; ++i) {
     Vector3d sum = Vector3d::Zero();
     double weights = 0;
     constexpr double grid_mm = 0.5;
@@ -151,8 +153,8 @@ Vector3d find_lens(const Stack& stack, const Vector3d& start, double vitreous, d
     for (int x = -reach; x <= reach; ++x)
       for (int y = -reach; y <= reach; ++y)
         for (int z = -reach; z <= reach; ++z) {
-          const Vector3d at = grid_mm * Vector3d(x, y, z);
-          if (at.norm() > lens_ball_mm) continue;
+          if (grid_mm * Vector3d(x, y, z).norm() > lens_ball_mm) continue;
+          const Vector3d at = grid_mm * axes * Vector3d(x, y, z);
           const auto value = sampler.interpolate(centre + at);
           if (!value) continue;
           const double weight = std::clamp(sign * *value - vitreous, 0.0, step);
@@ -162,7 +164,7 @@ Vector3d find_lens(const Stack& stack, const Vector3d& start, double vitreous, d
     if (weights <= 0) break;
     const Vector3d move = sum / weights;
     centre += move;
-    if (move.norm() < 0.01) break;
+    if (move.norm() < 1e-5) break;
   }
   return centre;
 }
@@ -269,6 +271,7 @@ std::optional<EdgeReading> read_edges(const Stack& stack, const EdgeSeed& seed, 
   EdgeReading reading;
   reading.globe.centre = seed.globe_centre;
   Vector3d axis = seed.axis;
+  const Vector3d up = axes_of_voxels(stack).col(2);
   const BlankedRegion blanked = blanked_front(stack, seed.globe_centre, seed.axis, blanked_reach_mm);
   reading.front_is_blanked = blanked.holds_front(stack, seed.globe_centre, seed.axis);
   double step = 0;
@@ -287,7 +290,7 @@ std::optional<EdgeReading> read_edges(const Stack& stack, const EdgeSeed& seed, 
     if (weighting == Weighting::t1) reading.rays_over_void = edges.over_void;
     EdgeEllipsoid start;
     start.centre = reading.globe.centre;
-    start.axes = axes_about(axis);
+    start.axes = axes_about(axis, up);
     const Vector3d from = reading.globe.centre;
     reading.globe = fit_ellipsoid(edges.points(from, PlaceRule::half_level), start);
     if (reading.globe.kept_share == 0) return std::nullopt;
@@ -314,6 +317,8 @@ std::optional<EdgeReading> read_edges(const Stack& stack, const EdgeSeed& seed, 
     if (!reading.front_is_blanked) reading.axial = read_axis(stack, reading, edges, from, step, sign);
     break;
   }
+  reading.half_axes_along_voxels = reading.globe.half_axes;
+  reading.globe = along(axes_about(reading.globe.axes.col(2), Vector3d::UnitZ()), reading.globe);
   return reading;
 }
 

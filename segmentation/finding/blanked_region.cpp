@@ -150,9 +150,10 @@ std::optional<double> BlankedRegion::share_cut_before(const Stack& stack, const 
   constexpr double nearest_mm = 0.3, farthest_mm = 1.3, radius_mm = 2.5;
   constexpr int depths = 4, points = 50;
   const Sampler sampler(stack);
-  const Vector3d across = axis.unitOrthogonal(), upright = axis.cross(across);
-  const auto place = [&](const Eigen::Vector2d& beside_mm, double before_mm) -> Vector3d {
-    return apex + before_mm * axis + beside_mm.x() * across + beside_mm.y() * upright;
+  const auto [aside, upright] = across(stack, axis);
+  const auto place = [&, aside = aside, upright = upright](const Eigen::Vector2d& beside_mm,
+                                                           double before_mm) -> Vector3d {
+    return apex + before_mm * axis + beside_mm.x() * aside + beside_mm.y() * upright;
   };
   BlankShare before;
   for (int depth = 0; depth < depths; ++depth)

@@ -16,11 +16,14 @@ using Eigen::Vector3d;
 constexpr double usual_globe_radius_mm = 11.4;
 constexpr double farthest_gaze_deg = 60;  ///< from straight ahead
 
+/// The direction h degrees to the left and v degrees up from straight ahead, of a head with these axes.
+Vector3d direction_at(const Eigen::Matrix3d& axes, double h, double v) { return axes * gaze_axis(h, v); }
+
 /// Mean over a disc across an axis.
 /// \param scale  of the globe, by which distance and radius are multiplied
 double disc_mean(const GlobeInStack& view, double scale, const Vector3d& axis, double distance,
                  double radius) {
-  const Vector3d u = axis.unitOrthogonal(), v = axis.cross(u);
+  const auto [u, v] = across(*view.stack, axis);
   const Sampler sampler(*view.stack);
   double sum = 0;
   int count = 0;
@@ -44,7 +47,7 @@ class LensContrast {
       : views_(views),
         scale_(globe_radius_mm / usual_globe_radius_mm),
         sign_(weighting == Weighting::t2 ? 1 : -1) {
-    const Vector3d ahead = -Vector3d::UnitY();
+    const Vector3d ahead = direction_at(axes_of_voxels(*views.front().stack), 0, 0);
     for (const GlobeInStack& view : views) {
       const double vitreous = disc_mean(view, scale_, ahead, 2.0, 4.0);
       units_.push_back(weighting == Weighting::t2
@@ -105,25 +108,20 @@ class LensContrast {
   std::vector<double> units_;
 };
 
-/// The direction h degrees to the left and v degrees up from straight ahead.
-Vector3d direction_at(double h, double v) {
-  return Vector3d(std::sin(h * degree) * std::cos(v * degree), -std::cos(h * degree) * std::cos(v * degree),
-                  std::sin(v * degree));
-}
-
 struct ScoredAxis {
   Vector3d axis;
   double score;
 };
-/// The best axis on a grid of 4 degrees, refined to 1 degree.
+/// The best axis on a grid of 4 degrees about straight ahead, refined to 1 degree.
+/// \param axes  of the voxels
 template <typename Score>
-ScoredAxis best_axis(const Score& score) {
+ScoredAxis best_axis(const Eigen::Matrix3d& axes, const Score& score) {
   double best_h = 0, best_v = 0, best = -1e9;
   const auto search_about = [&](double centre_h, double centre_v, double reach, double step) {
     for (double h = centre_h - reach; h <= centre_h + reach + 1e-9; h += step) {
       for (double v = centre_v - reach; v <= centre_v + reach + 1e-9; v += step) {
         if (std::hypot(h, v) > farthest_gaze_deg) continue;
-        const double s = score(direction_at(h, v));
+        const double s = score(direction_at(axes, h, v));
         if (s > best) {
           best = s;
           best_h = h;
@@ -134,14 +132,14 @@ ScoredAxis best_axis(const Score& score) {
   };
   search_about(0, 0, 56, 4);
   search_about(best_h, best_v, 3, 1);
-  return {direction_at(best_h, best_v), best};
+  return {direction_at(axes, best_h, best_v), best};
 }
 
 bool is_front_blanked(const std::vector<GlobeInStack>& views) {
   return std::all_of(views.begin(), views.end(), [](const GlobeInStack& view) {
     constexpr double reach_mm = 20;
     return BlankedRegion(*view.stack, view.centre, reach_mm)
-        .holds_front(*view.stack, view.centre, direction_at(0, 0));
+        .holds_front(*view.stack, view.centre, direction_at(axes_of_voxels(*view.stack), 0, 0));
   });
 }
 
@@ -152,12 +150,14 @@ double from_ahead_deg(const Vector3d& axis_lps) {
 }
 
 LensAxis find_lens_axis(const std::vector<GlobeInStack>& views, double globe_radius_mm, Weighting weighting) {
-  if (is_front_blanked(views)) return {direction_at(0, 0), 0};
+  const Eigen::Matrix3d axes = axes_of_voxels(*views.front().stack);
+  if (is_front_blanked(views)) return {direction_at(axes, 0, 0), 0};
   const LensContrast contrast(views, globe_radius_mm, weighting);
-  const ScoredAxis usual = best_axis([&](const Vector3d& axis) { return contrast.usual(axis); });
+  const ScoredAxis usual = best_axis(axes, [&](const Vector3d& axis) { return contrast.usual(axis); });
   LensAxis found{usual.axis, usual.score};
   if (weighting == Weighting::t1) {
-    const Vector3d other = best_axis([&](const Vector3d& axis) { return contrast.displaced(axis); }).axis;
+    const Vector3d other =
+        best_axis(axes, [&](const Vector3d& axis) { return contrast.displaced(axis); }).axis;
     if (other.dot(found.axis) < std::cos(10 * degree)) found.other_axis = other;
   }
   return found;

@@ -82,7 +82,7 @@ void for_each_voxel_near(const Stack& stack, const Vector3d& centre, double radi
   }
 }
 
-std::vector<Vector3d> directions_along(const Stack& stack, int count) {
+Eigen::Matrix3d axes_of_voxels(const Stack& stack) {
   std::array<Vector3d, 3> axes_of{stack.along_row, stack.along_column, stack.normal};
   // Whichever order they are stored in: that nearest to up and down last, of the others that nearest to right and left
   // first.
@@ -92,7 +92,21 @@ std::vector<Vector3d> directions_along(const Stack& stack, int count) {
   std::iter_swap(std::max_element(axes_of.begin(), axes_of.end(), is_less(2)), axes_of.end() - 1);
   std::iter_swap(std::max_element(axes_of.begin(), axes_of.end() - 1, is_less(0)), axes_of.begin());
   Eigen::Matrix3d axes;
-  axes << axes_of[0], axes_of[1], axes_of[2];
+  for (Eigen::Index lps = 0; lps < 3; ++lps) {
+    const Vector3d& axis = axes_of[static_cast<std::size_t>(lps)];
+    axes.col(lps) = axis[lps] < 0 ? Vector3d(-axis) : axis;
+  }
+  return axes;
+}
+
+std::array<Vector3d, 2> across(const Stack& stack, const Vector3d& direction) {
+  const Eigen::Matrix3d axes = axes_of_voxels(stack);
+  const Vector3d first = axes * Vector3d(axes.transpose() * direction).unitOrthogonal();
+  return {first, direction.cross(first)};
+}
+
+std::vector<Vector3d> directions_along(const Stack& stack, int count) {
+  const Eigen::Matrix3d axes = axes_of_voxels(stack);
   std::vector<Vector3d> directions = mirrored_directions(count);
   for (Vector3d& direction : directions) direction = axes * direction;
   return directions;

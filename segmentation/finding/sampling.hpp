@@ -1,5 +1,6 @@
 #pragma once
 #include <Eigen/Core>
+#include <array>
 #include <functional>
 #include <optional>
 #include <vector>
@@ -33,6 +34,13 @@ class Sampler {
 /// Calls `visit(column, row, slice, position)` for each voxel with its centre within `radius_mm` of `centre`.
 void for_each_voxel_near(const Stack& stack, const Eigen::Vector3d& centre, double radius_mm,
                          const std::function<void(int, int, int, const Eigen::Vector3d&)>& visit);
+
+/// Columns: the stack's axes that lie nearest to the patient's left, back and top, in whatever order and direction they
+/// are stored. What is sampled along them is the same voxels' in a header turned a little.
+Eigen::Matrix3d axes_of_voxels(const Stack& stack);
+
+/// Two directions across one, at right angles: the same in voxels whose header is turned a little.
+std::array<Eigen::Vector3d, 2> across(const Stack& stack, const Eigen::Vector3d& direction);
 
 /// About `count` directions, even over the sphere, along the stack's axes in whatever order they are stored: in a mirrored
 /// stack the mirrored ones, in one turned a little, so that each axis stays the nearest to up or to the right, the turned

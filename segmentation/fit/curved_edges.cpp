@@ -86,8 +86,7 @@ class StackImage {
         row_(stack.along_row, stack.column_spacing_mm, drawn_mm + fading_mm_),
         column_(stack.along_column, stack.row_spacing_mm, drawn_mm + fading_mm_),
         slice_(stack.normal, stack.slice_spacing_mm(), drawn_mm + fading_mm_),
-        globe_(a.segment<3>(apex_x) -
-               (a[axial_length] - a[globe_z]) * gaze_axis(a[gaze_horizontal], a[gaze_vertical]) -
+        globe_(a.segment<3>(apex_x) - (a[axial_length] - a[globe_z]) * model.axis(a) -
                a.segment<3>(model.layout().stack(index) + shift_first)),
         slice_mm_(slice_mm_of(model, index)),
         layers_(layers_of(model, index)),

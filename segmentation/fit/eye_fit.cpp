@@ -12,12 +12,14 @@
 #include "pipeline/base/frames.hpp"
 #include "pipeline/base/measured.hpp"
 #include "pipeline/eye/population/population.hpp"
+#include "segmentation/finding/sampling.hpp"
 #include "segmentation/fit/acquired_resolution.hpp"
 #include "segmentation/fit/curved_edges.hpp"
 #include "segmentation/fit/eye_distances.hpp"
 #include "segmentation/fit/fit_passes.hpp"
 #include "segmentation/fit/globe_candidates.hpp"
 #include "segmentation/fit/globe_starts.hpp"
+#include "segmentation/fit/patient_frame.hpp"
 #include "segmentation/fit/residual_judgement.hpp"
 #include "segmentation/fit/slice_displacement.hpp"
 #include "segmentation/fit/wall_layers.hpp"
@@ -75,7 +77,8 @@ void check_voxels(const std::vector<Sample>& samples, const std::vector<Observed
         independent, samples.size(), fewest_independent_voxels));
 }
 
-/// An eye in its images, and what is known of it before they are seen.
+/// An eye in its images, and what is known of it before they are seen. It is sought along the voxels' axes: which of several
+/// minima is found does not hang on how the header turns them.
 struct ImagedEye {
   Weighting weighting;
   Evidence evidence;
@@ -93,13 +96,14 @@ ImagedEye imaged_eye(const std::vector<const Stack*>& stacks, const EyeStart& st
   std::vector<ObservedStack> observed = observe(stacks, start, weighting, evidence);
   std::vector<StackSampling> sampling;
   for (const ObservedStack& o : observed) sampling.push_back(o.sampling);
-  return {weighting,
-          evidence,
-          start.age_years,
-          start.fellow,
-          start.fellows_chamber_mm,
-          std::move(observed),
-          ForwardModel(layout, std::move(sampling), start.globe_centre)};
+  return {
+      weighting,
+      evidence,
+      start.age_years,
+      start.fellow,
+      start.fellows_chamber_mm,
+      std::move(observed),
+      ForwardModel(layout, std::move(sampling), start.globe_centre).along(axes_of_voxels(*stacks.front()))};
 }
 
 Priors priors_about(const ImagedEye& eye, const VectorXd& start) {
@@ -320,11 +324,12 @@ void fit_to_all_voxels(EyeFit& fit, const std::function<void()>& step_done) {
   problem.model = &fit.model;
   problem.priors = held_where_unseen(fit.priors, fit.weighting, fit.evidence, fit.stacks);
   set_final_loss(problem, fit.evidence);
-  const Basis basis = select_parameters(fit.layout.size(), fit.active);
+  const Basis basis = select_parameters(fit.layout.size(), fit.active),
+              along_head = select_along_head(fit.model, fit.active);
   const bool faint_wall = fit.weighting == Weighting::t1 && fit.evidence == Evidence::intensities;
   const auto pass = [&](const SolveLimits& stop) {
     if (faint_wall) add_curved_edges(problem.samples, fit.model, fit.parameters, fit.stacks);
-    SolveResult result = solve(problem, fit.parameters, basis, stop);
+    SolveResult result = solve(problem, fit.parameters, along_head, stop);
     fit.parameters = std::move(result.parameters);
     fit.iterations += result.iterations;
     fit.converged = result.converged;
@@ -409,7 +414,7 @@ EyeStart start_at(const FoundEye& eye, const ViewEdges& edges, std::optional<dou
   const EdgeReading& read = edges.front()->reading;
   start.axis = read.globe.axes.col(2);
   start.other_axis.reset();
-  start.globe_half_axes_mm = read.globe.half_axes;
+  start.globe_half_axes_mm = read.half_axes_along_voxels;
   if (read.axial) start.apex_distance_mm = apex_distance_mm(*read.axial);
   return start;
 }
@@ -464,6 +469,8 @@ EyeFit fit_eye(const std::vector<const Stack*>& stacks, const EyeStart& start, W
   fit.iterations = best.solution.iterations;
   fit.start_costs = best.apex_costs;
   fit_to_all_voxels(fit, step_done);
+  fit.half_axes_along_voxels = fit.parameters.segment<3>(globe_x);
+  fit = along_patient(std::move(fit));
   if (fit.irregularity.found() && finest_pixel_mm(fit.stacks) <= CornealIrregularity::coarsest_pixel_mm &&
       fit.slice_displacement_mm <= CornealIrregularity::most_displaced_mm) {
     make_cornea_irregular(fit);

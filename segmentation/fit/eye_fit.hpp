@@ -68,6 +68,9 @@ struct EyeFit {
   /// labels.
   Eigen::MatrixXd common_covariance = {};
 
+  /// Of the globe, its horizontal that of the voxels: what its fellow starts from, whatever turns the header.
+  Eigen::Vector3d half_axes_along_voxels = {0, 0, 0};
+
   double value(int parameter) const { return parameters[parameter]; }
   /// Brightness of the wall's inner layer, which the vitreous borders on.
   double inner_wall() const { return value(wall) + (1 - value(wall_inner_share)) * value(wall_layering); }
@@ -80,8 +83,7 @@ struct EyeFit {
   /// Centre of the globe's ellipsoid.
   Eigen::Vector3d globe_centre_lps() const {
     return parameters.segment<3>(apex_x) -
-           (parameters[axial_length] - parameters[globe_z]) *
-               gaze_axis(parameters[gaze_horizontal], parameters[gaze_vertical]);
+           (parameters[axial_length] - parameters[globe_z]) * model.axis(parameters);
   }
   /// Standard deviation; of a frozen parameter its prior's, 0 where it is fixed by definition.
   double sigma(int parameter) const;

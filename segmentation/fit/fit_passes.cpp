@@ -74,9 +74,9 @@ std::vector<int> open_parameters(const ParameterLayout& layout, std::vector<int>
 
 /// The direction that slides cornea and lid along the axis: the apex moves out, all that lies behind keeps
 /// its place.
-VectorXd apex_slide(const VectorXd& parameters) {
+VectorXd apex_slide(const ForwardModel& model, const VectorXd& parameters) {
   VectorXd slide = VectorXd::Zero(parameters.size());
-  slide.segment<3>(apex_x) = gaze_axis(parameters[gaze_horizontal], parameters[gaze_vertical]);
+  slide.segment<3>(apex_x) = model.axis(parameters);
   for (const int depth : {int(axial_length), int(anterior_chamber_depth)}) slide[depth] = 1;
   return slide;
 }
@@ -98,6 +98,20 @@ bool is_cornea_fluid(const VectorXd& parameters) {
 }
 
 }  // namespace
+
+Basis select_along_head(const ForwardModel& model, const std::vector<int>& active) {
+  const ParameterLayout& layout = model.layout();
+  Basis axes(layout.size(), layout.size());
+  axes.setIdentity();
+  std::vector<int> places{apex_x};
+  for (int s = 1; s < layout.stacks; ++s)
+    append(places, {layout.stack(s) + shift_first, layout.stack(s) + turn_first});
+  for (const int place : places)
+    for (int row = 0; row < 3; ++row)
+      for (int column = 0; column < 3; ++column)
+        axes.coeffRef(place + row, place + column) = model.head_axes()(row, column);
+  return axes * select_parameters(layout.size(), active);
+}
 
 VectorXd freeze_deviations(FitProblem& problem, const VectorXd& parameters) {
   const ForwardModel::AtParameters at(*problem.model, parameters);
@@ -145,7 +159,7 @@ SolveResult fit_globe(FitProblem& problem, const VectorXd& start, Evidence evide
   }
   problem.loss_scale = 6;
   SolveResult result = solve(
-      problem, start, select_parameters(layout.size(), open_parameters(layout, active, evidence)), {16});
+      problem, start, select_along_head(*problem.model, open_parameters(layout, active, evidence)), {16});
   problem.priors = kept;
   return result;
 }
@@ -157,7 +171,7 @@ SolveResult fit_cornea(FitProblem& problem, const VectorXd& start, Evidence evid
                       {cornea_c, lid_thickness, lid_tilt_x, lid_tilt_y, lid_xx, lid_yy, lid_xy, aqueous,
                        cornea, lid, air, iris, iris_slope, pupil_radius, lens},
                       evidence);
-  const VectorXd slide = apex_slide(start);
+  const VectorXd slide = apex_slide(*problem.model, start);
   const Basis basis = select_parameters_and_direction(active, slide);
 
   problem.loss_scale = 3;
@@ -191,7 +205,7 @@ SolveResult fit_whole_eye(FitProblem& problem, const VectorXd& start, Evidence e
                    active.begin(), active.end(),
                    [](int parameter) { return parameter == iris_half_thickness || parameter == iris_slope; }),
                active.end());
-  return solve(problem, start, select_parameters(problem.model->layout().size(), active), {20});
+  return solve(problem, start, select_along_head(*problem.model, active), {20});
 }
 
 void set_final_loss(FitProblem& problem, Evidence evidence) {

@@ -8,6 +8,9 @@
 /// is its own (free parameters, loss, tighter priors) and leaves its priors as they were.
 namespace emmetrope::segmentation {
 
+/// Selected parameters, places and turns of them along the head's axes: how far a step goes does not hang on the header.
+Basis select_along_head(const ForwardModel& model, const std::vector<int>& active);
+
 /// Freezes each sample's deviation for a pass: the noise of a Rician magnitude at the model's signal, widened
 /// for each stack by what the model does not explain (median of the residuals), so that the loss sees
 /// outliers of the misfit and not of the noise alone.

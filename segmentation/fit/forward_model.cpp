@@ -76,12 +76,32 @@ ForwardModel ForwardModel::with_irregular_cornea() const {
   return irregular;
 }
 
+ForwardModel ForwardModel::along(const Matrix3d& head_axes) const {
+  ForwardModel model = *this;
+  model.head_axes_ = head_axes;
+  return model;
+}
+
+Vector3d ForwardModel::axis(const VectorXd& parameters) const {
+  return head_axes_ * gaze_axis(parameters[gaze_horizontal], parameters[gaze_vertical]);
+}
+
+Vector2d ForwardModel::gaze_deg(const Vector3d& axis_in_lps) const {
+  return emmetrope::gaze_deg(head_axes_.transpose() * axis_in_lps);
+}
+
+Vector3d ForwardModel::horizontal(const VectorXd& parameters) const {
+  return head_axes_ *
+         eye_axes(parameters[gaze_horizontal] * degree, parameters[gaze_vertical] * degree).col(0);
+}
+
 ForwardModel::AtParameters::AtParameters(const ForwardModel& model, const VectorXd& parameters)
     : model_(model), a_(parameters) {
   const double h = a_[gaze_horizontal] * degree, v = a_[gaze_vertical] * degree;
-  eye_from_lps_ = eye_axes(h, v).transpose();
-  d_eye_from_lps_d_horizontal_ = d_eye_axes_d_horizontal(h, v).transpose() * degree;
-  d_eye_from_lps_d_vertical_ = d_eye_axes_d_vertical(h, v).transpose() * degree;
+  const Matrix3d head_from_lps = model.head_axes_.transpose();
+  eye_from_lps_ = eye_axes(h, v).transpose() * head_from_lps;
+  d_eye_from_lps_d_horizontal_ = d_eye_axes_d_horizontal(h, v).transpose() * head_from_lps * degree;
+  d_eye_from_lps_d_vertical_ = d_eye_axes_d_vertical(h, v).transpose() * head_from_lps * degree;
   for (std::size_t s = 0; s < model.stacks_.size(); ++s) {
     const StackSampling& stack = model.stacks_[s];
     const int at = model.layout_.stack(static_cast<int>(s));
@@ -196,15 +216,18 @@ ForwardModel::AtParameters::Edge ForwardModel::AtParameters::edge(const EyeSurfa
           e.filter_derivative + log_cutoff_per_filter * e.scale_derivative};
 }
 
-std::array<double, coil_count> ForwardModel::AtParameters::coil_terms(const Vector3d& position) const {
-  const Vector3d x = (position - model_.coil_reference_) / coil_length_mm;
+std::array<double, coil_count> ForwardModel::AtParameters::coil_terms(const Sample& sample) const {
+  const StackSampling& stack = model_.stacks_[sample.stack];
+  const Vector3d from_middle = (sample.position - model_.coil_reference_) / coil_length_mm;
+  const Vector3d x(stack.along_row.dot(from_middle), stack.along_column.dot(from_middle),
+                   stack.normal.dot(from_middle));
   return {x.x(),         x.y(),         x.z(),         x.x() * x.x(), x.y() * x.y(),
           x.z() * x.z(), x.x() * x.y(), x.y() * x.z(), x.z() * x.x()};
 }
 
 double ForwardModel::AtParameters::coil(const Sample& sample) const {
   const int at = model_.layout_.stack(sample.stack);
-  const std::array<double, coil_count> terms = coil_terms(sample.position);
+  const std::array<double, coil_count> terms = coil_terms(sample);
   double log_coil = a_[at + log_gain];
   for (int i = 0; i < coil_count; ++i) log_coil += a_[at + coil_first + i] * terms[i];
   return std::exp(log_coil);

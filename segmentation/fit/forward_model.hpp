@@ -112,6 +112,17 @@ class ForwardModel {
  public:
   ForwardModel(ParameterLayout layout, std::vector<StackSampling> stacks, Eigen::Vector3d coil_reference);
 
+  /// The same model whose gaze and whose eye's horizontal are counted along other axes than the patient's: columns towards
+  /// the head's left, back and top, in LPS.
+  ForwardModel along(const Eigen::Matrix3d& head_axes) const;
+  const Eigen::Matrix3d& head_axes() const { return head_axes_; }
+  /// Of the eye, out of it; LPS.
+  Eigen::Vector3d axis(const Eigen::VectorXd& parameters) const;
+  /// Across it, towards the head's left where the eye looks ahead; LPS.
+  Eigen::Vector3d horizontal(const Eigen::VectorXd& parameters) const;
+  /// Horizontal and vertical angle by which the eye has an axis.
+  Eigen::Vector2d gaze_deg(const Eigen::Vector3d& axis_in_lps) const;
+
   /// The same model of an eye whose cornea has a free form.
   ForwardModel with_irregular_cornea() const;
 
@@ -160,7 +171,7 @@ class ForwardModel {
 
    private:
     std::optional<CorneaField> cornea_field(const Eigen::Vector3d& p) const;
-    std::array<double, coil_count> coil_terms(const Eigen::Vector3d& position) const;
+    std::array<double, coil_count> coil_terms(const Sample& sample) const;
     /// A surface's edge response, averaged through a sub-slice.
     struct Edge {
       double value = 1;  ///< 0 far outside, 1 far inside
@@ -188,6 +199,7 @@ class ForwardModel {
   ParameterLayout layout_;
   std::vector<StackSampling> stacks_;
   Eigen::Vector3d coil_reference_;
+  Eigen::Matrix3d head_axes_ = Eigen::Matrix3d::Identity();
   std::vector<Eigen::Vector3d> bumps_;
 };
 

@@ -20,7 +20,7 @@ double find_apex_distance(const std::vector<const Stack*>& stacks, const EyeStar
   constexpr double first = 8.8, last = 15.5, step = 0.2;
   const int count = static_cast<int>((last - first) / step) + 1;
   VectorXd profile = VectorXd::Zero(count);
-  const Vector3d across = start.axis.unitOrthogonal(), other = start.axis.cross(across);
+  const auto [across_axis, other] = across(*stacks.front(), start.axis);
   std::vector<Sampler> samplers;
   for (const Stack* stack : stacks) samplers.emplace_back(*stack);
   for (int i = 0; i < count; ++i) {
@@ -29,7 +29,7 @@ double find_apex_distance(const std::vector<const Stack*>& stacks, const EyeStar
       for (int ring = 0; ring < 9; ++ring) {
         const double angle = ring * 2 * pi / 8, radius = ring == 8 ? 0 : 1.0;
         const Vector3d x = start.in_stack(k).globe_centre + (first + i * step) * start.axis +
-                           radius * (std::cos(angle) * across + std::sin(angle) * other);
+                           radius * (std::cos(angle) * across_axis + std::sin(angle) * other);
         if (const auto value = samplers[k].interpolate(x)) {
           profile[i] += *value;
           ++values;
@@ -58,13 +58,14 @@ void set_stack_shifts(VectorXd& a, const ParameterLayout& layout, const EyeStart
     a.segment<3>(layout.stack(static_cast<int>(k)) + shift_first) = start.stack_shift[k];
 }
 
-VectorXd start_parameters(const ParameterLayout& layout, const std::vector<const Stack*>& stacks,
+VectorXd start_parameters(const ForwardModel& model, const std::vector<const Stack*>& stacks,
                           const EyeStart& start, Weighting weighting, Evidence evidence) {
+  const ParameterLayout& layout = model.layout();
   VectorXd a = population_mean(layout);
   const double apex =
       start.apex_distance_mm ? *start.apex_distance_mm : find_apex_distance(stacks, start, weighting);
   a.segment<3>(apex_x) = start.globe_centre + apex * start.axis;
-  a.segment<2>(gaze_horizontal) = gaze_deg(start.axis);
+  a.segment<2>(gaze_horizontal) = model.gaze_deg(start.axis);
   a.segment<3>(globe_x) = start.globe_half_axes_mm.value_or(Vector3d::Constant(start.globe_radius_mm));
   a[axial_length] = apex + a[globe_z];
 
@@ -97,7 +98,8 @@ VectorXd start_parameters(const ParameterLayout& layout, const std::vector<const
 }
 
 /// The fellow eye, at this one's place: sizes, tissues, sharpness and the displacement of fat.
-VectorXd like_fellow(const ParameterLayout& layout, const EyeStart& start) {
+VectorXd like_fellow(const ForwardModel& model, const EyeStart& start) {
+  const ParameterLayout& layout = model.layout();
   VectorXd a = population_mean(layout);
   for (const Parameter size :
        {anterior_chamber_depth, lens_thickness, lens_anterior_radius, lens_posterior_radius, axial_length,
@@ -105,7 +107,7 @@ VectorXd like_fellow(const ParameterLayout& layout, const EyeStart& start) {
     a[size] = start.fellow[size];
   a.segment<surround - vitreous + 1>(vitreous) = start.fellow.segment<surround - vitreous + 1>(vitreous);
   a.segment<3>(apex_x) = start.globe_centre + (a[axial_length] - a[globe_z]) * start.axis;
-  a.segment<2>(gaze_horizontal) = gaze_deg(start.axis);
+  a.segment<2>(gaze_horizontal) = model.gaze_deg(start.axis);
   for (int s = 0; s < layout.stacks; ++s) {
     const int at = layout.stack(s);
     for (const int resolution : {log_sharpness, log_sharpness_ratio, log_sharpness_through, k_space_filter})
@@ -134,8 +136,8 @@ void move_off_fat(VectorXd& a, const ForwardModel& model, int stack, const Vecto
 std::vector<VectorXd> starts_beside_fellow(const ForwardModel& model, const std::vector<const Stack*>& stacks,
                                            const EyeStart& start, Weighting weighting, Evidence evidence) {
   const ParameterLayout& layout = model.layout();
-  std::vector<VectorXd> starts{like_fellow(layout, start),
-                               start_parameters(layout, stacks, start, weighting, evidence)};
+  std::vector<VectorXd> starts{like_fellow(model, start),
+                               start_parameters(model, stacks, start, weighting, evidence)};
   for (int s = 0; s < layout.stacks; ++s) {
     const int at = layout.stack(s) + fat_shift_first;
     starts[1].segment<2>(at) = start.fellow.segment<2>(at);
@@ -153,12 +155,12 @@ std::vector<VectorXd> starts_along_axis(const ForwardModel& model, const std::ve
                                         const EyeStart& start, Weighting weighting, Evidence evidence) {
   const ParameterLayout& layout = model.layout();
   if (start.fellow.size() > 0) return starts_beside_fellow(model, stacks, start, weighting, evidence);
-  std::vector<VectorXd> starts{start_parameters(layout, stacks, start, weighting, evidence)};
+  std::vector<VectorXd> starts{start_parameters(model, stacks, start, weighting, evidence)};
   if (weighting != Weighting::t1 || evidence == Evidence::labels) return starts;
   if (start.globe_half_axes_mm) return starts;
   EyeStart smaller = start;
   smaller.globe_radius_mm -= 1;
-  starts.push_back(start_parameters(layout, stacks, smaller, weighting, evidence));
+  starts.push_back(start_parameters(model, stacks, smaller, weighting, evidence));
   for (const VectorXd& still : std::vector<VectorXd>(starts)) {
     for (int s = 0; s < layout.stacks; ++s) {
       for (const int along : {0, 1}) {

@@ -329,7 +329,7 @@ std::vector<ObservedStack> observe(const std::vector<const Stack*>& stacks, cons
 std::vector<Sample> select_samples(const ForwardModel& model, const VectorXd& a,
                                    const std::vector<ObservedStack>& stacks, const Selection& selection) {
   const ForwardModel::AtParameters at(model, a);
-  const Vector3d axis = gaze_axis(a[gaze_horizontal], a[gaze_vertical]);
+  const Vector3d axis = model.axis(a);
   std::vector<Sample> samples;
   for (std::size_t k = 0; k < stacks.size(); ++k) {
     const Vector3d apex =

@@ -220,7 +220,7 @@ class ForwardModel::AtParameters::SignalSum {
     row_->add(at_stack() + log_sharpness_ratio, d_log_sharpness_ratio_);
     row_->add(at_stack() + log_sharpness_through, d_log_sharpness_through_);
     row_->add(at_stack() + k_space_filter, d_filter_);
-    const std::array<double, coil_count> terms = eye_.coil_terms(sample_.position);
+    const std::array<double, coil_count> terms = eye_.coil_terms(sample_);
     for (int i = 0; i < coil_count; ++i) row_->add(at_stack() + coil_first + i, signal_ * terms[i]);
     row_->add(at_stack() + log_gain, signal_);
   }

@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstdlib>
 #include <filesystem>
 
@@ -39,6 +40,21 @@ void expect_same(const EyeFit& a, const EyeFit& b) {
   EXPECT_NEAR(keratometric_D_mm * a.value(cornea_c), keratometric_D_mm * b.value(cornea_c), 0.05);
 }
 
+/// Width, height and the cylinder's axis are told across the header's horizontal.
+void expect_same_but_across(const EyeFit& a, const EyeFit& b) {
+  for (const Parameter length : {axial_length, globe_z, anterior_chamber_depth, lens_thickness}) {
+    EXPECT_NEAR(a.value(length), b.value(length), 0.02) << a.layout.name(length);
+    EXPECT_NEAR(a.sigma(length), b.sigma(length), 0.02 * b.sigma(length)) << a.layout.name(length);
+  }
+  EXPECT_NEAR(keratometric_D_mm * a.value(cornea_c), keratometric_D_mm * b.value(cornea_c), 0.05);
+  EXPECT_NEAR(keratometric_D_mm * std::hypot(a.value(cornea_j0), a.value(cornea_j45)),
+              keratometric_D_mm * std::hypot(b.value(cornea_j0), b.value(cornea_j45)), 0.05);
+}
+
+Stack turned_a_little(Stack stack) {
+  return turned_header(std::move(stack), 5 * degree, Eigen::Vector3d(1, 2, 3).normalized());
+}
+
 // A whole head in T1, its voxels cubes of 1.6 mm.
 TEST(StoredOtherwise, ARealHeadHasTheSameEye) {
   const char* scans = std::getenv("EMMETROPE_REAL_SCANS");
@@ -50,6 +66,7 @@ TEST(StoredOtherwise, ARealHeadHasTheSameEye) {
   for (const Storage& storage : {Storage{{~0, 1, ~2}}, Storage{{2, ~1, 0}}, Storage{{1, 2, 0}, {4, 6, 0}}})
     expect_same(right_eye(stored_otherwise(plain, storage)), as_it_is);
   expect_same(eye_of(in_mirror(plain), Laterality::os), as_it_is);
+  expect_same_but_across(right_eye(turned_a_little(plain)), as_it_is);
 }
 
 /// A phantom's, in T2.
@@ -78,6 +95,10 @@ TEST(StoredOtherwise, VoxelsATenthLargerAreAnEyeATenthLarger) {
   for (const Parameter length : {anterior_chamber_depth, lens_thickness})
     EXPECT_NEAR(larger.value(length), scale * its_right_eye().value(length), 2 * larger.sigma(length))
         << larger.layout.name(length);
+}
+
+TEST(StoredOtherwise, AHeaderTurnedALittleHasTheSameEye) {
+  expect_same_but_across(right_eye(turned_a_little(small_head())), its_right_eye());
 }
 
 TEST(StoredOtherwise, TheMirroredHeadHasTheSameEyeOnTheOtherSide) {

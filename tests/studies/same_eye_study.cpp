@@ -29,6 +29,7 @@ struct Way {
   std::string name;
   std::function<Scan(const Scan&)> of;
   bool mirrored = false;  ///< the right eye is the left one
+  bool turned = false;    ///< the header has the patient's horizontal elsewhere
 };
 
 Scan with_each_stack(const Scan& scan, const std::function<Stack(const Stack&)>& change) {
@@ -165,7 +166,7 @@ const std::vector<Way>& ways_to_store() {
                                      {"flipped", stored_as({{~0, 1, ~2}})},
                                      {"turned-axes", stored_as({{2, ~1, 0}})},
                                      {"brighter", each(brighter)},
-                                     {"turned-head", each(turned)},
+                                     {"turned-head", each(turned), false, true},
                                      {"nifti", as_nifti}};
   return ways;
 }
@@ -215,18 +216,31 @@ struct Largest {
   }
 };
 
+/// Whether it is told along the patient's horizontal or upright, which a turned header has elsewhere in the eye.
+bool is_told_across(const std::string& quantity) {
+  constexpr std::array<const char*, 6> across{"width", "height", "R across", "R upright", "J0", "J45"};
+  return std::any_of(across.begin(), across.end(),
+                     [&](const char* word) { return quantity.find(word) != std::string::npos; });
+}
+
 /// Both eyes of a scan in one way against the way it is.
 void print_difference(const std::string& scan, const Way& way, const Json& before, const Json& after) {
   for (const char* laterality : {"od", "os"}) {
     const bool is_right = std::string(laterality) == "od";
     const Json &was = before.at(laterality), &is = after.at(is_right != way.mirrored ? "od" : "os");
-    Largest mm, dioptres, interval;
+    Largest mm, dioptres, interval, across_mm, across_D;
     int withheld = 0;
     for (const StatedQuantity& quantity : stated_quantities) {
       const auto a = quantity_of(was, quantity), b = quantity_of(is, quantity);
       if (a.has_value() != b.has_value()) ++withheld;
       if (!a || !b) continue;
       const std::string name = quantity.name;
+      if (way.turned && is_told_across(name)) {
+        const double apart = std::abs(a->value - b->value);
+        if (ends_with(name, ", mm")) across_mm.consider(apart, name);
+        if (ends_with(name, ", D")) across_D.consider(apart, name);
+        continue;
+      }
       const double sign = way.mirrored && name.find("J45") != std::string::npos ? -1 : 1;
       const double apart = std::abs(a->value - sign * b->value);
       if (ends_with(name, ", mm")) mm.consider(apart, name);
@@ -239,6 +253,9 @@ void print_difference(const std::string& scan, const Way& way, const Json& befor
                    ? is.value("by", "none")
                    : was.value("by", "none") + " " + is.value("by", "none"),
                withheld, mm.value, mm.of, dioptres.value, dioptres.of, 100 * interval.value, interval.of);
+    if (way.turned)
+      fmt::print("| {} | {}, along the header's horizontal | {} | | | {:.3f} {} | {:.3f} {} | |\n", scan,
+                 way.name, laterality, across_mm.value, across_mm.of, across_D.value, across_D.of);
   }
 }
 
