@@ -145,7 +145,7 @@ Vector3d find_lens(const Stack& stack, const Vector3d& start, double vitreous, d
   const Sampler sampler(stack);
   const Matrix3d axes = axes_of_voxels(stack);
   Vector3d centre = start;
-  for (int i = 0; i < 200; ++i) {
+  for (int i = 0; i < 30; ++i) {
     Vector3d sum = Vector3d::Zero();
     double weights = 0;
     constexpr double grid_mm = 0.5;
@@ -164,7 +164,7 @@ Vector3d find_lens(const Stack& stack, const Vector3d& start, double vitreous, d
     if (weights <= 0) break;
     const Vector3d move = sum / weights;
     centre += move;
-    if (move.norm() < 1e-5) break;
+    if (move.norm() < 0.01) break;
   }
   return centre;
 }
