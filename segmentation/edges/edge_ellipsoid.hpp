@@ -13,7 +13,8 @@ struct EdgeEllipsoid {
   double rms_mm = 0;      ///< of the kept points' radial residuals
 };
 
-/// The extents of an ellipsoid along other axes.
+/// The ellipsoid along other axes through the same centre that has the same intercepts with them (mm): another surface, but of
+/// a sphere. Residuals are those of the ellipsoid given.
 EdgeEllipsoid along(const Eigen::Matrix3d& axes, const EdgeEllipsoid& ellipsoid);
 
 /// Fits centre and half axes to points, with a soft-L1 loss of 0.3 mm and four rounds of trimming at 2.5 robust

@@ -317,7 +317,7 @@ std::optional<EdgeReading> read_edges(const Stack& stack, const EdgeSeed& seed, 
     if (!reading.front_is_blanked) reading.axial = read_axis(stack, reading, edges, from, step, sign);
     break;
   }
-  reading.half_axes_along_voxels = reading.globe.half_axes;
+  reading.half_axes_along_voxels_mm = reading.globe.half_axes;
   reading.globe = along(axes_about(reading.globe.axes.col(2), Vector3d::UnitZ()), reading.globe);
   return reading;
 }

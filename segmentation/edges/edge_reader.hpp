@@ -24,7 +24,7 @@ struct EdgeReading {
   /// Inner wall, by half levels between vitreous and plateau; its horizontal is the patient's.
   EdgeEllipsoid globe;
   /// Of the same wall, its horizontal that of the voxels: what a fit starts from, whatever turns the header.
-  Eigen::Vector3d half_axes_along_voxels = {12, 12, 12};
+  Eigen::Vector3d half_axes_along_voxels_mm = {12, 12, 12};
   bool front_is_blanked = false;  ///< then the axis is the seed's, and a lens is where it usually is
   Eigen::Vector3d lens_centre;
   std::optional<AxialEdges> axial;

@@ -37,21 +37,35 @@ class SharedShape {
   struct Prior {
     VectorXd mean;
     MatrixXd whitening;
+    VectorXd mean_of_b;  ///< what b's fit began with, the mean unless b was turned
+    MatrixXd of_b;       ///< and its whitened covariance, the identity unless b was turned
+    MatrixXd lost_b;     ///< what of the prior's b's turn has lost: patterns of the wall that it cannot tell
   };
-  Prior prior(const EyeFit& a) const {
-    Prior prior{VectorXd(size()), MatrixXd::Zero(size(), size())};
+  Prior prior(const EyeFit& a, const EyeFit& b) const {
+    Prior prior{VectorXd(size()), MatrixXd::Zero(size(), size()), VectorXd(size()), {}, {}};
     Index curvature = -1, length = -1;
     for (Index i = 0; i < size(); ++i) {
       const int parameter = a.active[in_a_[static_cast<std::size_t>(i)]];
       if (parameter == cornea_c) curvature = i;
       if (parameter == axial_length) length = i;
       prior.mean[i] = a.priors.mean[parameter];
+      prior.mean_of_b[i] = b.priors.mean[b.active[in_b_[static_cast<std::size_t>(i)]]];
       prior.whitening(i, i) = 1 / a.priors.sigma[parameter];
     }
     // A longer eye has a flatter cornea.
     if (curvature >= 0 && length >= 0)
       prior.whitening(curvature, length) =
           -a.priors.curvature_per_axial_length * prior.whitening(curvature, curvature);
+    prior.of_b = MatrixXd::Identity(size(), size());
+    prior.lost_b = MatrixXd::Zero(size(), size());
+    if (b.turned_by.size() > 0) {
+      const MatrixXd in_b = jacobian_of_b(b), turn = prior.whitening * in_b * b.turned_by * in_b.transpose() *
+                                                     prior.whitening.inverse();
+      const Eigen::SelfAdjointEigenSolver<MatrixXd> turned(turn * turn.transpose());
+      prior.lost_b = turned.eigenvectors() * (1 - turned.eigenvalues().array()).max(0).matrix().asDiagonal() *
+                     turned.eigenvectors().transpose();
+      prior.of_b = turn * turn.transpose() + prior.lost_b;
+    }
     return prior;
   }
 
@@ -92,20 +106,22 @@ Shape shape_of(const EyeFit& fit, const MatrixXd& jacobian) {
   return {jacobian * free_values(fit), jacobian * fit.covariance * jacobian.transpose()};
 }
 
-/// The joint estimate: what the images of b say, which is its fit less the prior, added to the fit of a.
+/// The joint estimate: what the images of b say, which is its fit less the prior that it began with, added to the fit of a.
 Shape joint_estimate(const Shape& a, const Shape& b, const SharedShape::Prior& prior) {
   const MatrixXd& whitening = prior.whitening;
   const MatrixXd back = whitening.inverse();
-  const Eigen::SelfAdjointEigenSolver<MatrixXd> seen(whitening * b.covariance * whitening.transpose());
-  const VectorXd of_b = seen.eigenvectors().transpose() * (whitening * (b.mean - prior.mean));
+  const Eigen::GeneralizedSelfAdjointEigenSolver<MatrixXd> seen(
+      whitening * b.covariance * whitening.transpose() + prior.lost_b, prior.of_b);
+  const MatrixXd& axes = seen.eigenvectors();
+  const VectorXd of_b = axes.transpose() * (whitening * (b.mean - prior.mean)),
+                 expected = axes.transpose() * (whitening * (prior.mean_of_b - prior.mean));
   VectorXd information = VectorXd::Zero(of_b.size()), information_mean = information;
   for (Index i = 0; i < of_b.size(); ++i) {
     const double share_left = seen.eigenvalues()[i];  // of the prior's variance
     if (share_left >= 1) continue;
     information[i] = 1 / share_left - 1;
-    information_mean[i] = of_b[i] / share_left;
+    information_mean[i] = of_b[i] / share_left - expected[i];
   }
-  const MatrixXd& axes = seen.eigenvectors();
   const MatrixXd own = (whitening * a.covariance * whitening.transpose()).inverse(),
                  covariance = (own + axes * information.asDiagonal() * axes.transpose()).inverse();
   const VectorXd mean = covariance * (own * (whitening * (a.mean - prior.mean)) + axes * information_mean);
@@ -153,7 +169,7 @@ void join_contrasts(EyeFit& first, EyeFit& second, Joined joined) {
   // That both contrasts have it alike does not make it smaller: it is taken out of both, and put back after.
   const WithoutSharedError compared(first, second, &EyeFit::common_covariance);
   const Shape of_first = shape_of(first, in_first), of_second = shape_of(second, in_second);
-  Shape joint = joint_estimate(of_first, of_second, shared.prior(first));
+  Shape joint = joint_estimate(of_first, of_second, shared.prior(first, second));
   for (const auto& [shape, weight] :
        {std::pair{&of_first, agreement.weight_of_first}, {&of_second, 1 - agreement.weight_of_first}}) {
     const VectorXd apart = shape->mean - joint.mean;

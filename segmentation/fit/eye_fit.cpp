@@ -414,7 +414,7 @@ EyeStart start_at(const FoundEye& eye, const ViewEdges& edges, std::optional<dou
   const EdgeReading& read = edges.front()->reading;
   start.axis = read.globe.axes.col(2);
   start.other_axis.reset();
-  start.globe_half_axes_mm = read.half_axes_along_voxels;
+  start.globe_half_axes_mm = read.half_axes_along_voxels_mm;
   if (read.axial) start.apex_distance_mm = apex_distance_mm(*read.axial);
   return start;
 }
@@ -469,7 +469,7 @@ EyeFit fit_eye(const std::vector<const Stack*>& stacks, const EyeStart& start, W
   fit.iterations = best.solution.iterations;
   fit.start_costs = best.apex_costs;
   fit_to_all_voxels(fit, step_done);
-  fit.half_axes_along_voxels = fit.parameters.segment<3>(globe_x);
+  fit.half_axes_along_voxels_mm = fit.parameters.segment<3>(globe_x);
   fit = along_patient(std::move(fit));
   if (fit.irregularity.found() && finest_pixel_mm(fit.stacks) <= CornealIrregularity::coarsest_pixel_mm &&
       fit.slice_displacement_mm <= CornealIrregularity::most_displaced_mm) {

@@ -107,7 +107,8 @@ class SparseRow {
 /// H_fat is H_outer displaced by the chemical shift: the fat of what surrounds the globe lies over the wall
 /// on one side and leaves a gap on the other, muscle stays in its place. surround(n) tells their shares:
 /// muscle is as bright as the wall (in T2 darker, muscle_under_wall), fat as its brightest surroundings. The coil
-/// multiplies by exp(log_gain + polynomial in ((x, y, z) - reference) / 12 mm without constant).
+/// multiplies by exp(log_gain + polynomial in (position - reference) / 12 mm along the stack's row, column and normal,
+/// without constant).
 class ForwardModel {
  public:
   ForwardModel(ParameterLayout layout, std::vector<StackSampling> stacks, Eigen::Vector3d coil_reference);

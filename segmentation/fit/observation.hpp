@@ -23,11 +23,11 @@ struct EyeStart {
   std::optional<double> age_years;  ///< of the patient; the lens changes with it
   std::optional<Laterality> laterality;
   /// Parameters of the person's other eye, fitted to the same stacks, to start from too; fat is displaced here as it
-  /// is there. Empty: none.
+  /// is there. The globe's half axes are those along the voxels, all else is along the patient's axes. Empty: none.
   Eigen::VectorXd fellow = {};
   /// Where its front was found: on the way this one's is about as deep.
   std::optional<double> fellows_chamber_mm = {};
-  /// Where half-level edges told them: the interface's half axes, and the apex' distance from the centre.
+  /// Where half-level edges told them: the interface's half axes along the voxels, and the apex' distance from the centre.
   std::optional<Eigen::Vector3d> globe_half_axes_mm = {};
   std::optional<double> apex_distance_mm = {};
   std::vector<EyeStart> others = {};     ///< to start from too: what explains the images best is taken

@@ -115,8 +115,12 @@ EyeFit along_patient(EyeFit fit) {
   }
   for (MatrixXd* covariance : {&fit.covariance, &fit.shared_covariance, &fit.common_covariance})
     if (covariance->size() > 0) *covariance = derivatives * *covariance * derivatives.transpose();
-  fit.priors.mean.segment<2>(gaze_horizontal) = gaze_deg(fit.model.axis(fit.priors.mean));
+  const Eigen::Vector2d gaze_expected = gaze_deg(fit.model.axis(fit.priors.mean));
+  fit.priors.mean.segment<2>(gaze_horizontal) = fit.parameters.segment<2>(gaze_horizontal);
+  fit.priors.mean = turn(std::move(fit.priors.mean));
+  fit.priors.mean.segment<2>(gaze_horizontal) = gaze_expected;
   fit.parameters = turned;
+  fit.turned_by = std::move(derivatives);
   fit.model = fit.model.along(Matrix3d::Identity());
   return fit;
 }

@@ -96,17 +96,25 @@ DisplacedSlices displaced_slices(const EyeFit& fit, const FitProblem& problem, c
   const Basis place = select_parameters(fit.layout.size(), {apex_x, apex_y, apex_z});
   const double mean_square = mean_square_displacement(fit, problem, place, slice_of, slices);
 
-  const Matrix2Xd d_place =
-      d_place_in_plane(fit, problem, linearise(problem, fit.parameters, place).jacobian);
-  const Information information = information_of(d_place, slice_of, slices);
+  const RowMatrix d_place = linearise(problem, fit.parameters, place).jacobian;
+  const Matrix2Xd in_plane = d_place_in_plane(fit, problem, d_place);
+  const Information information = information_of(in_plane, slice_of, slices);
   const RowMatrix jacobian =
       linearise(problem, fit.parameters, select_parameters(fit.layout.size(), fit.active)).jacobian;
-  MatrixXd cross_information = MatrixXd::Zero(covariance.rows(), 2 * slices);  // J'P
-  for (std::size_t i = 0; i < slice_of.size(); ++i)
-    for (RowMatrix::InnerIterator entry(jacobian, static_cast<Index>(i)); entry; ++entry)
+  MatrixXd cross_information = MatrixXd::Zero(covariance.rows(), 2 * slices);  // J'P, in plane
+  MatrixXd cross_along_normal = MatrixXd::Zero(covariance.rows(), slices);
+  for (std::size_t i = 0; i < slice_of.size(); ++i) {
+    const auto row = static_cast<Index>(i);
+    const double along_normal =
+        Vector3d(d_place.row(row).transpose()).dot(fit.stacks[problem.samples[i].stack].stack->normal);
+    for (RowMatrix::InnerIterator entry(jacobian, row); entry; ++entry) {
       cross_information.block<1, 2>(entry.col(), Index{2} * slice_of[i]) +=
-          entry.value() * d_place.col(static_cast<Index>(i)).transpose();
+          entry.value() * in_plane.col(row).transpose();
+      cross_along_normal(entry.col(), slice_of[i]) += entry.value() * along_normal;
+    }
+  }
   const MatrixXd response = covariance * cross_information;  // of the solution
+  const MatrixXd response_along_normal = covariance * cross_along_normal;
 
   MatrixXd remaining = -cross_information.transpose() * response;  // A
   double seen = 0, all = 0, noise = 0;
@@ -123,7 +131,9 @@ DisplacedSlices displaced_slices(const EyeFit& fit, const FitProblem& problem, c
   // Still phantoms are at 0.6 to 1.2 times what noise makes.
   const double beyond_noise =
       seen > 0 ? std::max(0.0, (mean_square - 2 * noise / (all / 2)) * all / seen) : 0;
-  found.covariance = beyond_noise / 2 * response * response.transpose();
+  found.covariance =
+      beyond_noise / 2 *
+      (response * response.transpose() + response_along_normal * response_along_normal.transpose());
   return found;
 }
 

@@ -18,7 +18,9 @@ struct DisplacedSlices {
 /// with N_s = P_s'P_s, A_st = N_s [s = t] - P_s'J_s C J_t'P_t, so that the mean square over the slices,
 /// weighted by N, is divided by sum tr(A_st' N_s^-1 A_st) / sum tr N_s. The solution moved by -C J_s'P_s d_s,
 /// corneal power and astigmatism, which few slices tell, most. Twice the mean square that noise alone makes,
-/// sum tr(N_s^-1 A_ss), widens nothing.
+/// sum tr(N_s^-1 A_ss), widens nothing. What a head moves by along a slice's normal is hardly seen in the slice and moves
+/// the solution all the same: as much is taken as along each axis in its plane, but for encoded slices, which are acquired
+/// at once.
 ///
 /// \param covariance  C, of the solution
 /// \pre fit.parameters solve the problem, which has samples

@@ -101,7 +101,7 @@ JudgedEye fitted_again(const JudgedEye& eye, const JudgedEye& fellow, const std:
   again.edges = eye.edges;
   EyeStart start = start_of(eye.found, eye.edges, age_years);
   start.fellow = fellow.fit->parameters;
-  start.fellow.segment<3>(globe_x) = fellow.fit->half_axes_along_voxels;
+  start.fellow.segment<3>(globe_x) = fellow.fit->half_axes_along_voxels_mm;
   if (fellow.has_front()) start.fellows_chamber_mm = fellow.fit->value(anterior_chamber_depth);
   start.others.clear();  // the fellow's sizes are tried instead of a sphere
   fit_and_judge(again, views_of(eye.found, stacks), start, advance);

@@ -47,11 +47,13 @@ std::vector<JudgedEye> judge(const Scan& scan) {
   return eyes;
 }
 
-Json stated_biometry(const JudgedEye& eye) {
+Json stated_biometry(const JudgedEye& eye, double scale_sd) {
   if (!eye.is_fitted() && !eye.is_read()) return nullptr;
   const Json fit = fit_json(eye, 0.0);
   if (eye.is_read()) return meshing::edge_biometry_json(fit, eye.found.laterality, usual_retinal_depth_mm);
-  Json biometry = meshing::biometry_json(fitted_eye(parametric_eye_from_json(fit.at("eye"))), {});
+  UncertainEye estimate = fitted_eye(parametric_eye_from_json(fit.at("eye")));
+  estimate.add_scale_prior(scale_sd);
+  Json biometry = meshing::biometry_json(estimate, {});
   const Json& withheld = fit.at("withheld");
   if (withheld.contains("cornea"))
     meshing::withhold_cornea(biometry, withheld.at("cornea").get<std::string>());

@@ -32,6 +32,7 @@ std::vector<JudgedEye> judge(const Scan& scan);
 
 /// What the stages `segment` and `mesh` would state of the eye: the fit's quantities, without the cornea's where
 /// that is withheld, or those of edges; null where it is refused.
-Json stated_biometry(const JudgedEye& eye);
+/// \param scale_sd  of the scanner's scale, a fraction; 0: its millimetres are known
+Json stated_biometry(const JudgedEye& eye, double scale_sd);
 
 }  // namespace emmetrope::segmentation

@@ -192,7 +192,7 @@ Json eyes_of(const std::string& name, const std::filesystem::path& cache, const 
                                              {"by", eye.is_fitted() ? "fit"
                                                     : eye.is_read() ? "edges"
                                                                     : "none"},
-                                             {"stated", stated_biometry(eye)},
+                                             {"stated", stated_biometry(eye, 0)},
                                              {"reasons", eye.reasons()}};
   write_json(file, eyes);
   return eyes;

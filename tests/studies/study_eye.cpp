@@ -301,9 +301,11 @@ std::vector<Json> study_head(const StudyProtocol& wanted, unsigned long long see
   if (eyes[0].is_measured() && eyes[1].is_measured()) couple_eyes(*eyes[0].bound, *eyes[1].bound);
   if (eyes[0].judged && eyes[1].judged) couple_fellow_eyes(*eyes[0].judged, *eyes[1].judged);
   std::vector<Json> records;
+  // Where a scanner's millimetres are wrong, what `mesh` adds for it is added.
+  const double scale_sd = protocol.disturbances.scale_error != 0 ? 0.003 : 0;
   for (StudiedEye& eye : eyes) {
     eye.record["verdict"] = eye.judged ? eye.judged->status() : "not found";
-    if (eye.judged) eye.record["stated"] = stated_biometry(*eye.judged);
+    if (eye.judged) eye.record["stated"] = stated_biometry(*eye.judged, scale_sd);
     if (eye.bound) write_down(eye);
     records.push_back(std::move(eye.record));
   }

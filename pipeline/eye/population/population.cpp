@@ -41,7 +41,7 @@ const std::vector<PopulationValue>& population_values() {
       {"cornea_j45_per_mm", 0, 0.4 * D, astigmatism},
       {"cornea_q", -0.2, 0.12, "Atchison 2006; Dubbelman, Sicam and van der Heijde 2006"},
       {"cornea_q_split", 0, 0.05, "Zhang et al. 2011, 1052 subjects"},
-      {"cornea_thickness_mm", 0.55, 0.035, "Doughty and Zaman 2000: 0.535 +- 0.031 mm"},
+      {"cornea_thickness_mm", 0.55, 0.035, "chosen, above Doughty and Zaman 2000: 0.535 +- 0.031 mm"},
       {"cornea_back_ratio", 0.83, 0.015, "Dubbelman, Sicam and van der Heijde 2006: 0.81 to 0.84"},
       {"anterior_chamber_depth_mm", 3.5, 0.6, weak},
       {"lens_thickness_mm", 3.9, 0.6, weak},

@@ -2,11 +2,15 @@
 
 #include <gtest/gtest.h>
 
+#include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <random>
+
+#include "pipeline/base/frames.hpp"
+#include "segmentation/fit/patient_frame.hpp"
 
 namespace emmetrope::segmentation {
 namespace {
@@ -218,6 +222,55 @@ TEST(BothContrasts, BirgesRatioIsOfAllDistances) {
   }
   EXPECT_NEAR(agreement_of(a, b).sigmas, 0.9 / std::hypot(0.3, 0.3), 1e-9);
   EXPECT_NEAR(agreement_of(a, b).birge_ratio, 0.9 / std::hypot(0.3, 0.3) / std::sqrt(2.0), 1e-9);
+}
+
+/// An eye along voxels that lie turned by so much about its axis, told along the patient's: its images tell every figure of
+/// its shape to so much, in standard deviations of its prior.
+EyeFit turned_fit(double by_deg, double images_sigmas) {
+  ParameterLayout layout;
+  layout.bumps = static_cast<int>(bump_directions().size());
+  const Eigen::Matrix3d axes =
+      Eigen::AngleAxisd(by_deg * degree, Eigen::Vector3d::UnitY()).toRotationMatrix();
+  EyeFit fit{layout, Weighting::t2, {}, ForwardModel(layout, {}, Eigen::Vector3d::Zero()).along(axes)};
+  fit.parameters = population_mean(layout);
+  fit.priors = population_priors(layout, fit.parameters, Weighting::t2);
+  for (int i = anterior_chamber_depth; i <= globe_z; ++i) fit.active.push_back(i);
+  for (int i = 0; i < layout.bumps; ++i) fit.active.push_back(layout.displacement() + i);
+  VectorXd variances(static_cast<Index>(fit.active.size()));
+  for (Index i = 0; i < variances.size(); ++i)
+    variances[i] = std::pow(fit.priors.sigma[fit.active[static_cast<std::size_t>(i)]], 2) /
+                   (1 + std::pow(images_sigmas, -2));
+  fit.covariance = variances.asDiagonal();
+  return along_patient(std::move(fit));
+}
+
+/// What one contrast's images do not say, another's fit is not surer of: the prior of either is that of its own voxels' axes.
+TEST(BothContrasts, AContrastThatSawNothingTellsNothing) {
+  constexpr double nothing = 1e6;
+  for (const auto& [first_deg, second_deg] :
+       {std::pair{0.0, 5.0}, {0.0, 10.0}, {0.0, 30.0}, {10.0, 10.0}, {5.0, 0.0}}) {
+    EyeFit first = turned_fit(first_deg, 0.5), second = turned_fit(second_deg, nothing);
+    const EyeFit alone = first;
+    join_contrasts(first, second, Joined::all);
+    for (const int parameter : first.active)
+      EXPECT_NEAR(first.sigma(parameter), alone.sigma(parameter), 1e-3 * alone.sigma(parameter))
+          << parameter << " turned by " << first_deg << " and " << second_deg;
+    EXPECT_LT((first.parameters - alone.parameters).norm(), 1e-3);
+  }
+}
+
+/// Two contrasts along the same turned voxels: joined and turned is turned and joined, but for what a turn loses of patterns.
+TEST(BothContrasts, AreAsSureTogetherHoweverTheVoxelsLie) {
+  for (const double by_deg : {0.0, 2.0, 5.0}) {
+    EyeFit first = turned_fit(by_deg, 0.5), second = turned_fit(by_deg, 0.5);
+    join_contrasts(first, second, Joined::all);
+    const EyeFit expected = turned_fit(by_deg, 0.5 / std::sqrt(2));
+    for (const int parameter : {int(globe_x), int(globe_y), int(globe_z), int(axial_length)}) {
+      const double ratio = first.sigma(parameter) / expected.sigma(parameter);
+      EXPECT_GT(ratio, 0.99) << parameter << " turned by " << by_deg;
+      EXPECT_LT(ratio, 1.05) << parameter << " turned by " << by_deg;
+    }
+  }
 }
 
 }  // namespace

@@ -93,7 +93,40 @@ TEST_P(AlongPatient, WhatHasNoDirectionAcrossTheEyeIsAsSure) {
   EXPECT_NEAR(after.sigma(cornea_j0), before.sigma(cornea_j0), 1e-4);
 }
 
-INSTANTIATE_TEST_SUITE_P(TurnedBy, AlongPatient, testing::Values(0, 5, 20, 40));
+/// Against eyes drawn as the covariance has it and turned one by one.
+TEST_P(AlongPatient, TheCovarianceIsThatOfTurnedEyes) {
+  constexpr int eyes = 500;
+  EyeFit before = fit(3);
+  before.active = {globe_x, globe_y, globe_z, cornea_j0, cornea_j45, lens_tilt_x, lens_tilt_y};
+  for (int i = 0; i < layout().bumps; ++i) before.active.push_back(layout().displacement() + i);
+  const auto count = static_cast<Eigen::Index>(before.active.size());
+  VectorXd sigmas = VectorXd::Constant(count, 0.05);
+  sigmas.head<7>() << 0.02, 0.05, 0.03, 5e-4, 2e-4, 1, 0.3;
+  before.covariance = sigmas.cwiseAbs2().asDiagonal();
+  const EyeFit after = along_patient(before);
+  std::mt19937 random(1);
+  std::normal_distribution<double> normal;
+  Eigen::MatrixXd drawn(eyes, count);
+  for (int e = 0; e < eyes; ++e) {
+    EyeFit eye = before;
+    eye.active.clear();
+    eye.covariance.resize(0, 0);
+    for (Eigen::Index i = 0; i < count; ++i)
+      eye.parameters[before.active[static_cast<std::size_t>(i)]] += sigmas[i] * normal(random);
+    eye = along_patient(std::move(eye));
+    for (Eigen::Index i = 0; i < count; ++i)
+      drawn(e, i) = eye.value(before.active[static_cast<std::size_t>(i)]);
+  }
+  const Eigen::MatrixXd apart = drawn.rowwise() - drawn.colwise().mean(),
+                        covariance = apart.transpose() * apart / (eyes - 1);
+  for (Eigen::Index i = 0; i < count; ++i)
+    for (Eigen::Index j = 0; j < count; ++j) {
+      const double scale = std::sqrt(after.covariance(i, i) * after.covariance(j, j));
+      EXPECT_NEAR(covariance(i, j), after.covariance(i, j), 5.5 / std::sqrt(eyes) * scale) << i << ' ' << j;
+    }
+}
+
+INSTANTIATE_TEST_SUITE_P(TurnedBy, AlongPatient, testing::Values(5, 20, 40));
 
 }  // namespace
 }  // namespace emmetrope::segmentation
