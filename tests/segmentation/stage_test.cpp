@@ -85,6 +85,19 @@ TEST_F(SegmentStage, AnEyeThatIsAskedForAloneIsTheSame) {
   EXPECT_TRUE(fs::exists(both / "os" / "fit.json"));
 }
 
+/// Every key is on the page, but for the names of parameters that are numbered.
+void expect_documented(const Json& json, const std::string& page) {
+  if (json.is_array() && !json.empty()) expect_documented(json.front(), page);
+  if (!json.is_object()) return;
+  for (const auto& [key, value] : json.items()) {
+    const bool is_numbered = key.find("_0") != std::string::npos || key.find("_1") != std::string::npos;
+    EXPECT_TRUE(is_numbered || page.find('`' + key + '`') != std::string::npos ||
+                page.find('"' + key + '"') != std::string::npos)
+        << key;
+    expect_documented(value, page);
+  }
+}
+
 /// Both contrasts of a session tell of one eye.
 TEST_F(SegmentStage, T1AndT2AreJoined) {
   phantom::HeadGeometry head = phantom::random_head(3), moved = head;
@@ -93,11 +106,15 @@ TEST_F(SegmentStage, T1AndT2AreJoined) {
   write_nifti(folder_ / "study" / "t2.nii.gz", small_scan(head));
   write_nifti(folder_ / "study" / "t1.nii.gz", small_scan(moved, "t1"));
   ASSERT_EQ(run(folder_ / "study", "both").status, ExitStatus::done);
+  const std::string page = read_file(data_folder() / "docs/use/stage-files.md");
+  expect_documented(read_json(folder_ / "both" / "case.json"), page);
   for (const Json& stack : read_json(folder_ / "both" / "case.json").at("stacks"))
     EXPECT_TRUE(stack.at("used").get<bool>()) << stack;
   for (const Laterality laterality : both_eyes) {
     const fs::path files = folder_ / "both" / "segmentation" / to_string(laterality);
-    const Json other = read_json(files / "fit.json").at("other_contrast");
+    const Json fit = read_json(files / "fit.json");
+    expect_documented(fit, page);
+    const Json& other = fit.at("other_contrast");
     EXPECT_EQ(other.at("contrast"), "T1");
     EXPECT_TRUE(other.at("joined").get<bool>()) << other;
     for (const char* stack : {"stack1", "stack2"})
