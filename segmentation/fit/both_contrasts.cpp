@@ -37,7 +37,7 @@ class SharedShape {
   struct Prior {
     VectorXd mean;
     MatrixXd whitening;
-    VectorXd mean_of_b;  ///< what b's fit began with, the mean unless b was turned
+    VectorXd mean_of_b;  ///< what b's fit began with, the mean unless one of them was turned
     MatrixXd of_b;       ///< and its whitened covariance, the identity unless b was turned
     MatrixXd lost_b;     ///< what of the prior's b's turn has lost: patterns of the wall that it cannot tell
   };

@@ -363,13 +363,14 @@ void fit_to_all_voxels(EyeFit& fit, const std::function<void()>& step_done) {
   fit.samples = std::move(problem.samples);
 }
 
-/// Frees the cornea's form.
+/// Frees the cornea's form, for another fit.
 void make_cornea_irregular(EyeFit& fit) {
   fit.model = fit.model.with_irregular_cornea();
   fit.layout = fit.model.layout();
   fit.parameters = with_free_form(fit.parameters, fit.layout);
   for (int i = fit.layout.corneal_form(); i < fit.layout.size(); ++i) fit.active.push_back(i);
   fit.priors = irregular_cornea_priors(fit.priors, fit.layout);
+  fit.turned_by = {};  // the eye is fitted again, along the patient's axes
 }
 
 }  // namespace

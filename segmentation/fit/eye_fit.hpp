@@ -68,8 +68,8 @@ struct EyeFit {
   /// labels.
   Eigen::MatrixXd common_covariance = {};
 
-  /// Derivatives of the free parameters along the patient's axes by those that were fitted, which the priors are of
-  /// (patient_frame.hpp). Empty: they are the same.
+  /// Derivatives of the free parameters along the patient's axes by those that were fitted, which the priors' standard
+  /// deviations are of (patient_frame.hpp). Empty: they are the same.
   Eigen::MatrixXd turned_by = {};
   /// Of the globe, its horizontal that of the voxels: what its fellow starts from, whatever turns the header.
   Eigen::Vector3d half_axes_along_voxels_mm = {0, 0, 0};

@@ -105,8 +105,10 @@ DisplacedSlices displaced_slices(const EyeFit& fit, const FitProblem& problem, c
   MatrixXd cross_along_normal = MatrixXd::Zero(covariance.rows(), slices);
   for (std::size_t i = 0; i < slice_of.size(); ++i) {
     const auto row = static_cast<Index>(i);
+    const ObservedStack& observed = fit.stacks[problem.samples[i].stack];
+    const bool is_encoded = observed.sampling.slice_cutoff_per_mm > 0;  // all slices are acquired at once
     const double along_normal =
-        Vector3d(d_place.row(row).transpose()).dot(fit.stacks[problem.samples[i].stack].stack->normal);
+        is_encoded ? 0 : Vector3d(d_place.row(row).transpose()).dot(observed.stack->normal);
     for (RowMatrix::InnerIterator entry(jacobian, row); entry; ++entry) {
       cross_information.block<1, 2>(entry.col(), Index{2} * slice_of[i]) +=
           entry.value() * in_plane.col(row).transpose();

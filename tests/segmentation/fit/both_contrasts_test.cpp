@@ -224,9 +224,9 @@ TEST(BothContrasts, BirgesRatioIsOfAllDistances) {
   EXPECT_NEAR(agreement_of(a, b).birge_ratio, 0.9 / std::hypot(0.3, 0.3) / std::sqrt(2.0), 1e-9);
 }
 
-/// An eye along voxels that lie turned by so much about its axis, told along the patient's: its images tell every figure of
-/// its shape to so much, in standard deviations of its prior.
-EyeFit turned_fit(double by_deg, double images_sigmas) {
+/// An eye along voxels that lie turned by so much about its axis: its images tell every figure of its shape to so much, in
+/// standard deviations of its prior, and have each so much off its mean.
+EyeFit fit_along_voxels(double by_deg, double images_sigmas, double off_sigmas = 0) {
   ParameterLayout layout;
   layout.bumps = static_cast<int>(bump_directions().size());
   const Eigen::Matrix3d axes =
@@ -237,11 +237,18 @@ EyeFit turned_fit(double by_deg, double images_sigmas) {
   for (int i = anterior_chamber_depth; i <= globe_z; ++i) fit.active.push_back(i);
   for (int i = 0; i < layout.bumps; ++i) fit.active.push_back(layout.displacement() + i);
   VectorXd variances(static_cast<Index>(fit.active.size()));
-  for (Index i = 0; i < variances.size(); ++i)
-    variances[i] = std::pow(fit.priors.sigma[fit.active[static_cast<std::size_t>(i)]], 2) /
-                   (1 + std::pow(images_sigmas, -2));
+  for (Index i = 0; i < variances.size(); ++i) {
+    const int parameter = fit.active[static_cast<std::size_t>(i)];
+    variances[i] = std::pow(fit.priors.sigma[parameter], 2) / (1 + std::pow(images_sigmas, -2));
+    fit.parameters[parameter] += off_sigmas * std::sin(1.7 * parameter) * fit.priors.sigma[parameter];
+  }
   fit.covariance = variances.asDiagonal();
-  return along_patient(std::move(fit));
+  return fit;
+}
+
+/// The same, told along the patient's axes.
+EyeFit turned_fit(double by_deg, double images_sigmas) {
+  return along_patient(fit_along_voxels(by_deg, images_sigmas));
 }
 
 /// What one contrast's images do not say, another's fit is not surer of: the prior of either is that of its own voxels' axes.
@@ -270,6 +277,19 @@ TEST(BothContrasts, AreAsSureTogetherHoweverTheVoxelsLie) {
       EXPECT_GT(ratio, 0.99) << parameter << " turned by " << by_deg;
       EXPECT_LT(ratio, 1.05) << parameter << " turned by " << by_deg;
     }
+  }
+}
+
+TEST(BothContrasts, ComeToTheSameEyeHoweverTheVoxelsLie) {
+  for (const double by_deg : {5.0, 20.0}) {
+    EyeFit along = fit_along_voxels(by_deg, 0.5, 0.2), along_too = fit_along_voxels(by_deg, 0.7, -0.3),
+           first = along_patient(along), second = along_patient(along_too);
+    join_contrasts(along, along_too, Joined::all);
+    const EyeFit expected = along_patient(std::move(along));
+    join_contrasts(first, second, Joined::all);
+    for (const int parameter : first.active)
+      EXPECT_NEAR(first.value(parameter), expected.value(parameter), 0.1 * expected.priors.sigma[parameter])
+          << parameter << " turned by " << by_deg;
   }
 }
 
