@@ -285,7 +285,7 @@ TEST(BothContrasts, ComeToTheSameEyeHoweverTheVoxelsLie) {
     EyeFit along = fit_along_voxels(by_deg, 0.5, 0.2), along_too = fit_along_voxels(by_deg, 0.7, -0.3),
            first = along_patient(along), second = along_patient(along_too);
     join_contrasts(along, along_too, Joined::all);
-    const EyeFit expected = along_patient(std::move(along));
+    const EyeFit expected = along_patient(along);
     join_contrasts(first, second, Joined::all);
     for (const int parameter : first.active)
       EXPECT_NEAR(first.value(parameter), expected.value(parameter), 0.1 * expected.priors.sigma[parameter])
