@@ -13,7 +13,7 @@ const std::vector<Distribution>& population() {
       {"corneal_j45_D", 0, 0, 0.30, -1.2, 1.2, chosen},
       {"cornea_q", -0.20, 0, 0.09, -0.5, 0.1, chosen},
       {"cornea_q_of_meridian", 0, 0, 0.03, -0.1, 0.1, chosen},
-      {"cornea_thickness_mm", 0.545, 0, 0.033, 0.45, 0.65, "Doughty and Zaman 2000"},
+      {"cornea_thickness_mm", 0.545, 0, 0.033, 0.45, 0.65, "chosen, near Doughty and Zaman 2000"},
       {"cornea_back_ratio", 0.83, 0, 0.015, 0.78, 0.88, "the prior of the fit"},
       {"limbus_radius_mm", 5.85, 0, 0.20, 5.4, 6.3, "Rufer et al. 2005: diameter 11.71, 0.42"},
       {"anterior_chamber_depth_mm", 3.47, -0.010, 0.22, 2.7, 4.2, dubbelman},
