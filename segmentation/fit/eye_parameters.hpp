@@ -12,7 +12,8 @@
 namespace emmetrope::segmentation {
 
 /// Places in the parameter vector. Names, units and frames are those of pipeline/eye/parametric/parametric_eye.hpp where
-/// it has them, while an eye is fitted along its model's head axes; intensities are relative to the reference intensity of the study.
+/// it has them, while an eye is fitted along its model's head axes; intensities are relative to the reference intensity of
+/// the study.
 enum Parameter : int {
   apex_x,
   apex_y,
@@ -70,8 +71,7 @@ enum Parameter : int {
 
 /// What each stack adds to the vector, relative to its first place.
 enum StackParameter : int {
-  coil_first =
-      0,  ///< 9 coefficients of a second-order polynomial along row, column and normal, see ForwardModel
+  coil_first = 0,  ///< 9 coefficients of a second-order polynomial in row, column, normal: ForwardModel
   coil_count = 9,
   coil_second_order = 3,  ///< the first of them that is not linear
   log_gain = 9,           ///< against the first stack

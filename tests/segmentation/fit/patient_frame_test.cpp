@@ -126,7 +126,7 @@ TEST_P(AlongPatient, TheCovarianceIsThatOfTurnedEyes) {
     }
 }
 
-INSTANTIATE_TEST_SUITE_P(TurnedBy, AlongPatient, testing::Values(5, 20, 40));
+INSTANTIATE_TEST_SUITE_P(TurnedBy, AlongPatient, testing::Values(0, 5, 20, 40));
 
 }  // namespace
 }  // namespace emmetrope::segmentation
